@@ -1,0 +1,118 @@
+# SpiD toolkit.  make deps | make | make check | make bench | make demo |
+# make install | make clean.  Everything generated goes under build/.
+
+PREFIX  ?= /usr/local
+DESTDIR ?=
+BUILD   := build$(if $(SANITIZE),/sanitize)
+VERSION := 0.1.0
+
+CC  ?= cc
+CXX ?= c++
+WARN := -Wall -Wextra -Wshadow -Wpointer-arith -Wvla -Wwrite-strings \
+        $(if $(CI),-Werror)
+CWARN := -Wstrict-prototypes -Wmissing-prototypes
+# Contraction is off so that every instruction set rounds as written; kernels
+# that want fused multiply-add say so (see TMPL_* below).
+OPT ?= -O2 -g
+BASE := $(OPT) $(WARN) -I. -I$(BUILD)/gen -MMD -MP -pthread -fopenmp \
+        -ffp-contract=off -fno-math-errno -fno-trapping-math \
+        -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' \
+        -DSPID_DATADIR='"$(PREFIX)/share/spid"'
+ifneq ($(SANITIZE),)
+BASE += -fsanitize=$(SANITIZE) -fno-omit-frame-pointer -fno-sanitize-recover=all
+endif
+CFLAGS_ALL   := -std=gnu17 $(CWARN) $(BASE) $(CFLAGS)
+CXXFLAGS_ALL := -std=c++17 $(BASE) $(CXXFLAGS)
+
+# ---- libraries: a program that uses nothing of one does not link it --------
+
+HAVE_PKG = $(shell pkg-config --exists $(1) 2>/dev/null && echo 1)
+OPENCV_CFLAGS := $(shell pkg-config --cflags opencv4 2>/dev/null)
+OIIO_CFLAGS   := $(shell pkg-config --cflags OpenImageIO 2>/dev/null)
+JSON_CFLAGS   := $(shell pkg-config --cflags libcjson 2>/dev/null)
+MPI := $(call HAVE_PKG,ompi-c)
+ifeq ($(MPI),1)
+MPI_CFLAGS := -DSPID_MPI $(shell pkg-config --cflags ompi-c)
+MPI_LIBS   := $(shell pkg-config --libs ompi-c)
+endif
+CFLAGS_ALL   += $(JSON_CFLAGS)
+CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
+        -lOpenImageIO_Util -lopencv_core -lopencv_imgproc -lopencv_imgcodecs \
+        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf \
+        $(MPI_LIBS) -lm
+
+# ---- sources: a new file is found by where it lies -------------------------
+
+LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c) cmd/cli.c)
+LIB_CC  := $(sort $(wildcard formats/*.cc))
+TMPL_C  := $(filter %_tmpl.c,$(LIB_C))
+PLAIN_C := $(filter-out %_tmpl.c,$(LIB_C))
+PROGRAMS := $(patsubst cmd/%.c,$(BUILD)/bin/%,\
+              $(sort $(wildcard cmd/spid.c cmd/spid-*.c)))
+UNIT    := $(patsubst tests/%.c,$(BUILD)/tests/%,\
+              $(sort $(wildcard tests/unit/*.c)))
+GOLDEN_C := $(sort $(wildcard tests/golden/*.c))
+
+# x_tmpl.c is compiled once per instruction set; ISA(name) appends the suffix.
+ISAS := baseline
+ifneq ($(filter x86_64 amd64,$(shell uname -m)),)
+ISAS += avx2 avx512
+endif
+TMPL_baseline := -DISA_BASELINE
+TMPL_avx2     := -DISA_AVX2 -mavx2 -mfma -mf16c -mbmi2 -ffp-contract=fast
+TMPL_avx512   := -DISA_AVX512 -mavx512f -mavx512bw -mavx512vl -mavx512dq \
+                 -mavx512vnni -mavx512bf16 -mavx2 -mfma -mf16c -mbmi2 \
+                 -mprefer-vector-width=512 -ffp-contract=fast
+
+OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
+        $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
+LIB  := $(BUILD)/libspid.a
+
+all: $(PROGRAMS)
+
+$(BUILD)/obj/%.o: %.c
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS_ALL) $(MPI_CFLAGS) -c $< -o $@
+
+$(BUILD)/obj/%.o: %.cc
+	@mkdir -p $(@D)
+	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+
+define tmpl_rule
+$(BUILD)/obj/%.$(1).o: %.c
+	@mkdir -p $$(@D)
+	$$(CC) $$(CFLAGS_ALL) -O3 $$(TMPL_$(1)) -DISA_NAME=$(1) -c $$< -o $$@
+endef
+$(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
+
+$(LIB): $(OBJS)
+	@rm -f $@
+	ar rcs $@ $^
+
+$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(LIB)
+	@mkdir -p $(@D)
+	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
+
+$(BUILD)/tests/unit/%: $(BUILD)/obj/tests/unit/%.o $(LIB)
+	@mkdir -p $(@D)
+	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
+
+$(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
+	@mkdir -p $(@D)
+	$(CXX) $(BASE) $(LDFLAGS) $(filter %.o,$^) $(LIB) $(LIBS) -o $@
+
+.SECONDARY:
+-include $(shell find $(BUILD)/obj -name '*.d' 2>/dev/null)
+
+# ---- what people call ------------------------------------------------------
+
+tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
+
+check: tests
+	BUILD=$(BUILD) tests/run
+
+clean:
+	rm -rf build
+
+.PHONY: all tests check clean

@@ -1,0 +1,79 @@
+/* What every program shares: options, messages, exit codes, progress. */
+#ifndef SPID_CMD_CLI_H
+#define SPID_CMD_CLI_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <sysexits.h>
+
+#include "lib/base/error.h"
+
+/* The options every program has; cli_parse fills this. */
+struct cli {
+    const char *program;    /* "spid-flame" */
+    const char *output;     /* -o, "-" by default */
+    const char *model;      /* -m, or NULL: the search order of spid(1) */
+    const char *stats;      /* --stats FILE, or NULL */
+    int threads;            /* -j; set for OpenMP already */
+    bool quiet;             /* -q */
+};
+extern struct cli cli;
+
+enum cli_kind {
+    CLI_FLAG,               /* bool *dest = true */
+    CLI_INT,                /* long *dest, between min and max */
+    CLI_FLOAT,              /* double *dest, between min and max */
+    CLI_STRING,             /* const char **dest */
+    CLI_CALL,               /* parse(value, dest) returns 0, or -1 and *err */
+};
+
+/* One row of a program's option table; the table ends with name == NULL. */
+struct cli_option {
+    const char *name;       /* long name, without the dashes */
+    char letter;            /* short name, or 0 */
+    enum cli_kind kind;
+    void *dest;
+    double min, max;        /* CLI_INT, CLI_FLOAT */
+    const char *arg;        /* "N", "FILE"; NULL for a flag */
+    const char *help;       /* one line */
+    int (*parse)(const char *value, void *dest, struct error *err);
+};
+
+struct cli_usage {
+    const char *program;
+    const char *synopsis;   /* as in the manual page, after the name */
+    const char *purpose;    /* one line */
+    const struct cli_option *options;
+};
+
+/* Parse; the shared options (--help --version -o -j -m -q --stats) are added.
+ * --help and --version exit 0, misuse exits EX_USAGE naming option, value and
+ * what would do.  Returns the index of the first operand in argv. */
+int cli_parse(const struct cli_usage *usage, int argc, char **argv);
+
+/* "program: text", then exit with code.  Never returns. */
+void die(int code, const char *format, ...)
+    __attribute__((format(printf, 2, 3), noreturn));
+/* die with the error's own code (EX_SOFTWARE when it has none). */
+void die_error(const struct error *err) __attribute__((noreturn));
+/* "program: warning: text" unless -q. */
+void warn(const char *format, ...) __attribute__((format(printf, 1, 2)));
+
+/* A bar on stderr when that is a terminal and the work is long; total 0 when
+ * unknown.  note (may be NULL) is shown at the end of the line. */
+void progress(const char *what, size_t done, size_t total, const char *note);
+void progress_end(void);
+
+/* Per-stage times for --stats, as TSV: stage, calls, total, mean, median, p95
+ * (ms).  stats_begin returns the clock; stats_end adds to the named stage. */
+double stats_begin(void);
+void stats_end(const char *stage, double begun);
+void stats_write(void);     /* at exit of a program; no-op without --stats */
+
+/* The model search order: -m, $SPID_MODEL, $XDG_DATA_HOME/spid, datadir/spid
+ * (and examples/model beside an uninstalled binary).  Fills path with the
+ * file `name` found there; -1 and *err listing what was tried. */
+int cli_find_model(const char *name, char *path, size_t size,
+                   struct error *err);
+
+#endif

@@ -1,0 +1,71 @@
+/* safetensors files: named arrays and a string-to-string metadata map.  Files
+ * are hostile input: header length, offsets, overlaps, shapes and dtypes are
+ * checked before anything is used. */
+#ifndef SPID_FORMATS_SAFETENSORS_H
+#define SPID_FORMATS_SAFETENSORS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+enum st_dtype {
+    ST_U8, ST_I8, ST_I32, ST_I64, ST_F16, ST_BF16, ST_F32, ST_F64
+};
+
+size_t st_dtype_size(enum st_dtype t);
+const char *st_dtype_name(enum st_dtype t);  /* "F32", as in the file */
+
+struct st_tensor {
+    const char *name;
+    enum st_dtype dtype;
+    int ndim;                 /* 0 to 8 */
+    size_t dim[8];
+    size_t count;             /* product of dims */
+    const void *data;         /* into the mapped file, read-only; aligned to
+                               * 8 bytes only when the writer aligned it */
+};
+
+struct safetensors;           /* an open, mapped file */
+
+/* Map and check a file.  NULL on failure; *err names path and tensor. */
+struct safetensors *st_open(const char *path, struct error *err);
+void st_close(struct safetensors *st);          /* NULL is allowed */
+const char *st_path(const struct safetensors *st);
+
+size_t st_count(const struct safetensors *st);
+const struct st_tensor *st_at(const struct safetensors *st, size_t i);
+const struct st_tensor *st_find(const struct safetensors *st,
+                                const char *name);     /* NULL: absent */
+/* Value of a __metadata__ key, or NULL. */
+const char *st_meta(const struct safetensors *st, const char *key);
+/* The i-th metadata pair; 0 past the end. */
+int st_meta_at(const struct safetensors *st, size_t i, const char **key,
+               const char **value);
+
+/* Convert a tensor to float (any floating or integer dtype) into out[count].
+ * Fails on NaN or infinity, naming the tensor and the index. */
+int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
+              float *out, struct error *err);
+
+/* The tensor that must be there with this shape (a dimension of 0 accepts any
+ * size), as freshly allocated floats (the caller frees).  NULL on failure,
+ * *err names file, tensor, expected and found shape. */
+float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
+                   const size_t *dims, size_t *count, struct error *err);
+/* The same for integer tensors (I32, I64, U8), range-checked to int32. */
+int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
+                     const size_t *dims, size_t *count, struct error *err);
+
+/* Write a file (beside its final name, then renamed).  Tensors keep the given
+ * order; data start 64-byte aligned.  meta is key, value, key, value, NULL. */
+int st_save(const char *path, const struct st_tensor *tensors, size_t count,
+            const char *const *meta, struct error *err);
+
+/* IEEE half and bfloat16 conversions, round to nearest even. */
+float half_to_float(uint16_t h);
+uint16_t float_to_half(float f);
+float bf16_to_float(uint16_t h);
+uint16_t float_to_bf16(float f);
+
+#endif

@@ -1,0 +1,23 @@
+/* Which instruction set the kernels may use, decided once. */
+#ifndef SPID_BASE_CPU_H
+#define SPID_BASE_CPU_H
+
+enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
+
+/* Highest level this processor and system support, capped by $SPID_CPU
+ * ("baseline", "avx2", "avx512") so that tests can run every version. */
+enum cpu_level cpu_level(void);
+
+const char *cpu_level_name(enum cpu_level level);
+
+/* Marketing name of the processor from /proc/cpuinfo, or "unknown". */
+const char *cpu_name(void);
+
+/* Flush denormals to zero (FTZ, DAZ) in the calling thread and in every
+ * OpenMP worker; called once by cli_parse. */
+void cpu_flush_denormals(void);
+
+/* Seconds of a monotonic clock. */
+double cpu_seconds(void);
+
+#endif

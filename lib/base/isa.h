@@ -1,0 +1,17 @@
+/* Names for code compiled once per instruction set (files *_tmpl.c):
+ * ISA(splat_blend) is splat_blend_baseline, _avx2 or _avx512. */
+#ifndef SPID_BASE_ISA_H
+#define SPID_BASE_ISA_H
+
+#ifdef ISA_NAME
+#define ISA_PASTE2(a, b) a##_##b
+#define ISA_PASTE(a, b) ISA_PASTE2(a, b)
+#define ISA(name) ISA_PASTE(name, ISA_NAME)
+#endif
+
+/* SPID_X86 is set where the AVX2 and AVX-512 versions exist. */
+#if defined(__x86_64__)
+#define SPID_X86 1
+#endif
+
+#endif
