@@ -1,0 +1,41 @@
+/* Phi_S and Phi_M: three 3x3 convolutions (ReLU) and a 1x1 on a feature image
+ * with gamma(n) appended to every pixel; one Gaussian per pixel.
+ * Tensors "<prefix>gaussian_conv.{0,2,4,6}.{weight,bias}", inputs ordered
+ * [features, gamma]. */
+#ifndef SPID_NET_CONV_DECODER_H
+#define SPID_NET_CONV_DECODER_H
+
+#include "lib/net/gaussian_head.h"
+#include "lib/nn/nn.h"
+#include "lib/nn/params.h"
+
+struct conv_decoder_impl;
+
+struct conv_decoder {
+    struct gaussian_head head;
+    size_t in;                    /* channels without gamma */
+    size_t width;                 /* 128 in the paper */
+    size_t batch, height, image_w;
+    struct conv_decoder_impl *impl;
+};
+
+int conv_decoder_init(struct conv_decoder *d, struct params *ps,
+                      const char *prefix, size_t in, size_t width,
+                      struct gaussian_head head, struct error *err);
+int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
+                      size_t width, struct nn_options opt, struct error *err);
+void conv_decoder_update(struct conv_decoder *d);
+void conv_decoder_release(struct conv_decoder *d);
+
+/* out (B,h*w,...) from features (B,h,w,in), dir (B,3) the viewing direction,
+ * rgb_logit (B,h*w,3) or NULL. */
+void conv_decoder_forward(struct gaussian_out *out, const float *features,
+                          const float *dir, const float *rgb_logit,
+                          struct conv_decoder *d);
+/* dfeatures (B,h,w,in), drgb_logit (B,h*w,3), ddir (B,3): written, or NULL. */
+void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
+                           const struct gaussian_out *dout,
+                           const float *dir, const float *rgb_logit,
+                           struct conv_decoder *d);
+
+#endif

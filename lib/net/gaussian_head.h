@@ -1,0 +1,53 @@
+/* From a decoder's raw numbers to the attributes of Gaussians (section 3.2):
+ * colour's first three and opacity through a sigmoid, scale 0.05 sigmoid,
+ * rotation normalised, position sigmoid (static) or an offset (mouth). */
+#ifndef SPID_NET_GAUSSIAN_HEAD_H
+#define SPID_NET_GAUSSIAN_HEAD_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+/* A view of caller's memory; N Gaussians. */
+struct gaussian_out {
+    float *color;      /* (N,colors) */
+    float *opacity;    /* (N) */
+    float *scale;      /* (N,3) */
+    float *quat;       /* (N,4) w first, unit */
+    float *position;   /* (N,positions); NULL when positions is 0 */
+};
+
+/* What the last numbers of a row are. */
+enum gaussian_position {
+    GAUSSIAN_POSITION_NONE,    /* dynamic: on its vertex */
+    GAUSSIAN_POSITION_DEPTH,   /* static: p in [0,1], one number, sigmoid */
+    GAUSSIAN_POSITION_OFFSET   /* mouth: q, three numbers, as they are */
+};
+
+struct gaussian_head {
+    size_t colors;                   /* 32; the first three are RGB */
+    enum gaussian_position position;
+    /* The public base code's slips (golden README, 5.2 and 5.3): the first
+     * three image columns' sigmoid (width > 0 is the image's), or rotation
+     * normalised over the points of an item.  False does what was meant. */
+    bool quirk_columns, quirk_rotation;
+};
+
+/* Numbers in a raw row: colors, opacity, scale 3, rotation 4, position. */
+size_t gaussian_head_width(const struct gaussian_head *h);
+
+/* out <- raw (B,N,width of the head), stride floats from row to row.
+ *   rgb_logit (B,N,3) is added to the RGB logits, or NULL (rgb_skip off)
+ *   image_w  columns of the image the N points are, for quirk_columns */
+void gaussian_head_forward(struct gaussian_out *out, const float *raw,
+                           const float *rgb_logit,
+                           const struct gaussian_head *h, size_t B, size_t N,
+                           size_t stride, size_t image_w);
+/* draw (B,N,stride) is written; drgb_logit (B,N,3) too unless NULL.  dout's
+ * fields hold gradients (NULL: zero); raw and rgb_logit as in the forward. */
+void gaussian_head_backward(float *draw, float *drgb_logit,
+                            const struct gaussian_out *dout, const float *raw,
+                            const float *rgb_logit,
+                            const struct gaussian_head *h, size_t B, size_t N,
+                            size_t stride, size_t image_w);
+
+#endif

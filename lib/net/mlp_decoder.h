@@ -1,0 +1,42 @@
+/* Phi_D: the dynamic branch's decoder.  Four linear layers (ReLU between),
+ * gamma(n) appended, then for colour, opacity, scale and rotation a hidden
+ * layer of its own.  Tensors "<prefix>feature_layers.{0,2,4,6}.*",
+ * "<prefix>{color,opacity,scale,rotation}_layers.{0,2}.*". */
+#ifndef SPID_NET_MLP_DECODER_H
+#define SPID_NET_MLP_DECODER_H
+
+#include "lib/net/gaussian_head.h"
+#include "lib/nn/nn.h"
+#include "lib/nn/params.h"
+
+struct mlp_decoder_impl;
+
+struct mlp_decoder {
+    struct gaussian_head head;    /* position is GAUSSIAN_POSITION_NONE */
+    size_t in;                    /* numbers per point: [h_k, d_k, ...] */
+    size_t width;                 /* 256 in the paper */
+    size_t hidden;                /* 128 in the paper: of each attribute */
+    size_t batch, points;
+    struct mlp_decoder_impl *impl;
+};
+
+int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
+                     const char *prefix, size_t in, size_t width,
+                     size_t hidden, struct gaussian_head head,
+                     struct error *err);
+int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
+                     struct nn_options opt, struct error *err);
+void mlp_decoder_update(struct mlp_decoder *d);
+void mlp_decoder_release(struct mlp_decoder *d);
+
+/* out (B,N,...) from features (B,N,in), dir (B,3), rgb_logit (B,N,3) or NULL;
+ * features must stay as they are until the backward. */
+void mlp_decoder_forward(struct gaussian_out *out, const float *features,
+                         const float *dir, const float *rgb_logit,
+                         struct mlp_decoder *d);
+void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
+                          const struct gaussian_out *dout,
+                          const float *dir, const float *rgb_logit,
+                          struct mlp_decoder *d);
+
+#endif

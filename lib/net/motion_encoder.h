@@ -1,0 +1,49 @@
+/* E_m: MobileNetV3 on the face crop and six linear heads (Eqs. rot to eye).
+ * Tensors: "<prefix>encoder.*" (timm's names) and
+ * "<prefix>{rot,trans,exp,jaw,lid,eye}.{weight,bias}". */
+#ifndef SPID_NET_MOTION_ENCODER_H
+#define SPID_NET_MOTION_ENCODER_H
+
+#include "lib/net/mobilenet.h"
+
+#define MOTION_ENCODER_SIZE 224
+
+/* Where each head lies in a row of the output. */
+enum motion_out {
+    MOTION_ROT = 0,     /* 6: two rows of R before Gram-Schmidt */
+    MOTION_TRANS = 6,   /* 3: relative to the crop (design.md, 3) */
+    MOTION_EXP = 9,     /* 100 */
+    MOTION_JAW = 109,   /* 3: axis-angle */
+    MOTION_LID = 112,   /* 2: after the sigmoid, 0 open .. 1 closed */
+    MOTION_EYE = 114,   /* 6: two axis-angles, left and right */
+    MOTION_OUT = 120
+};
+
+struct motion_encoder {
+    struct mobilenet net;
+    struct params *ps;
+    size_t head_w[6], head_b[6];  /* tensor indices in ps */
+    size_t batch;
+    float *pooled, *dpooled;      /* (B,features) */
+    float *out;                   /* (B,120): kept for the lids' backward */
+};
+
+int motion_encoder_init(struct motion_encoder *m, struct params *ps,
+                        const char *prefix, const char *variant,
+                        struct error *err);
+/* After params_randomise: heads start at zero weights times a tenth of the
+ * usual size and the biases of a frontal face in the middle of its crop
+ * (rotation (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
+void motion_encoder_start(struct motion_encoder *m);
+int motion_encoder_plan(struct motion_encoder *m, size_t batch,
+                        struct nn_options opt, struct error *err);
+void motion_encoder_update(struct motion_encoder *m);
+void motion_encoder_release(struct motion_encoder *m);
+
+/* out (B,120), see enum motion_out; rgb (B,224,224,3) in [0,1]. */
+void motion_encoder_forward(float *out, const float *rgb,
+                            struct motion_encoder *m);
+void motion_encoder_backward(float *drgb, const float *dout,
+                             struct motion_encoder *m);
+
+#endif

@@ -1,0 +1,34 @@
+/* Phi_init: three 3x3 convolutions on [features, coverage], tanh, times
+ * delta_max: how far each cell of the plane moves (Eq. for Delta U).
+ * Tensors "<prefix>{0,2,4}.{weight,bias}"; the last layer starts at zero. */
+#ifndef SPID_NET_PLANE_INIT_H
+#define SPID_NET_PLANE_INIT_H
+
+#include "lib/nn/nn.h"
+#include "lib/nn/params.h"
+
+#define PLANE_INIT_MAX 0.05f
+
+struct plane_init_impl;
+
+struct plane_init {
+    size_t in;                    /* features + 1 */
+    size_t width;                 /* of the two hidden layers */
+    size_t batch, height, image_w;
+    struct plane_init_impl *impl;
+};
+
+int plane_init_init(struct plane_init *p, struct params *ps,
+                    const char *prefix, size_t in, size_t width,
+                    struct error *err);
+int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
+                    size_t width, struct nn_options opt, struct error *err);
+void plane_init_update(struct plane_init *p);
+void plane_init_release(struct plane_init *p);
+
+/* delta (B,h,w,2), x then y, in [-0.05, 0.05]; in (B,h,w,in). */
+void plane_init_forward(float *delta, const float *in, struct plane_init *p);
+void plane_init_backward(float *din, const float *ddelta,
+                         struct plane_init *p);
+
+#endif

@@ -1,0 +1,43 @@
+/* Eq. SR: from the splatted feature image to the final picture.  Two kinds:
+ * "narrow", which ships (works at a quarter of the size, added to the coarse
+ * RGB), and "style_unet" (GAGAvatar's layout, lib/net/style_unet.h). */
+#ifndef SPID_NET_REFINER_H
+#define SPID_NET_REFINER_H
+
+#include "lib/nn/nn.h"
+#include "lib/nn/params.h"
+
+enum refiner_type { REFINER_NARROW, REFINER_STYLE_UNET };
+
+struct refiner_config {
+    enum refiner_type type;
+    size_t channels;     /* of the feature image, 32 */
+    size_t width;        /* NARROW: channels at a quarter of the size, 32 */
+    float multiplier;    /* STYLE_UNET: of every width, 1 in the paper */
+};
+
+struct refiner_impl;
+
+struct refiner {
+    struct refiner_config config;
+    size_t batch, height, width;
+    struct refiner_impl *impl;
+};
+
+int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
+                 const struct refiner_config *config, struct error *err);
+/* NARROW: height and width multiples of 32.  STYLE_UNET: a power of two. */
+int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
+                 struct nn_options opt, struct error *err);
+void refiner_update(struct refiner *r);
+void refiner_release(struct refiner *r);
+
+/* rgb (B,H,W,3) from feat (B,H,W,channels), whose first three channels are
+ * the coarse RGB.  NARROW is not clamped (a trainer wants the gradient; a
+ * writer clamps); STYLE_UNET ends in a sigmoid.  feat must stay as it is
+ * until the backward. */
+void refiner_forward(float *rgb, const float *feat, struct refiner *r);
+/* dfeat (B,H,W,channels) is written. */
+void refiner_backward(float *dfeat, const float *drgb, struct refiner *r);
+
+#endif

@@ -1,0 +1,35 @@
+/* E_beta: MobileNetV3-large minimal on the face crop, 960 -> 300 (Eq. beta).
+ * Tensors: "<prefix>encoder.*" (timm's names), "<prefix>shape.{weight,bias}". */
+#ifndef SPID_NET_SHAPE_ENCODER_H
+#define SPID_NET_SHAPE_ENCODER_H
+
+#include "lib/net/mobilenet.h"
+
+#define SHAPE_ENCODER_SIZE 224
+#define SHAPE_ENCODER_OUT 300
+
+struct shape_encoder {
+    struct mobilenet net;
+    struct params *ps;
+    size_t weight, bias;          /* tensor indices in ps */
+    size_t batch;
+    float *pooled, *dpooled;      /* (B,features) */
+};
+
+int shape_encoder_init(struct shape_encoder *s, struct params *ps,
+                       const char *prefix, const char *variant,
+                       struct error *err);
+/* After params_randomise: a small last layer, so that beta starts near 0. */
+void shape_encoder_start(struct shape_encoder *s);
+int shape_encoder_plan(struct shape_encoder *s, size_t batch,
+                       struct nn_options opt, struct error *err);
+void shape_encoder_update(struct shape_encoder *s);
+void shape_encoder_release(struct shape_encoder *s);
+
+/* beta (B,300); rgb (B,224,224,3) in [0,1]. */
+void shape_encoder_forward(float *beta, const float *rgb,
+                           struct shape_encoder *s);
+void shape_encoder_backward(float *drgb, const float *dbeta,
+                            struct shape_encoder *s);
+
+#endif

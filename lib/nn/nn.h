@@ -1,0 +1,48 @@
+/* What every network has in common: how it is planned and run.
+ *
+ * The life of a network X is the same for all of lib/net:
+ *   X_init(&x, ps, prefix, ...)   declares its tensors in ps (before
+ *                                 params_allocate); keeps the pointer ps
+ *   X_plan(&x, sizes, opt, err)   after params_allocate: buffers, primitives
+ *   X_update(&x)                  the weights in ps changed: fold and reorder
+ *                                 (X_plan calls it once; a trainer calls it
+ *                                 after every optimiser step)
+ *   X_forward(out, in, &x)        one pass; never allocates, cannot fail
+ *   X_backward(din, dout, &x)     after a forward planned for training: adds
+ *                                 to the gradients in ps->g, writes din (not
+ *                                 added; NULL where nobody wants it)
+ *   X_release(&x)                 an all-zero struct is fine, twice is fine
+ * Activations are rows of channels (NHWC) at every border.  A network is not
+ * for two threads at once, and not for use inside an OpenMP region; it runs
+ * on omp_get_max_threads() threads with the same bits for any number. */
+#ifndef SPID_NN_NN_H
+#define SPID_NN_NN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+
+/* The type activations and weights have inside a network; its borders are
+ * float always.  NN_BF16 is for inference; where the processor has no such
+ * instructions oneDNN emulates them, slower and with the same meaning. */
+enum nn_type { NN_F32, NN_BF16 };
+
+enum nn_mode {
+    NN_INFER,   /* batch norm folded into the weights, no backward */
+    NN_TRAIN,   /* batch statistics, running statistics are updated */
+    NN_FROZEN   /* as NN_INFER in what it computes, but with a backward */
+};
+
+struct nn_options {
+    enum nn_mode mode;
+    enum nn_type type;      /* NN_BF16 only with NN_INFER */
+};
+
+/* "f32", "bf16"; -1 for any other word. */
+int nn_type_parse(enum nn_type *type, const char *word);
+const char *nn_type_name(enum nn_type type);
+/* Whether the processor computes this type natively. */
+bool nn_type_native(enum nn_type type);
+
+#endif
