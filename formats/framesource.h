@@ -1,0 +1,54 @@
+/* Frames in: video files, picture files, folders and lists of pictures,
+ * Y4M/PAM/PPM/PNG streams (files or standard input), cameras. */
+#ifndef SPID_FORMATS_FRAMESOURCE_H
+#define SPID_FORMATS_FRAMESOURCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+struct framesource_options {
+    double rate;            /* frames a second where the input has no times;
+                             * 0: 25 */
+    bool bt601;             /* Y4M matrix (BT.709 otherwise) */
+    size_t max_pixels;      /* of a frame; 0: IMAGE_MAX_PIXELS */
+};
+
+struct frame {
+    size_t width, height;
+    const uint8_t *rgb;     /* [height, width, 3]; valid until the next read */
+    uint64_t index;         /* from 0, in the order delivered */
+    double time;            /* seconds from the first frame */
+};
+
+struct framesource;
+
+/* Open the inputs, read one after the other as one clip: "-" is a stream on
+ * standard input, a directory means its pictures in natural order, "@FILE" a
+ * list with one name per line, "camera:N" a device.  NULL on failure.  A
+ * picture without frames and an empty stream are EX_DATAERR. */
+struct framesource *framesource_open(const char *const *paths, size_t count,
+                                     const struct framesource_options *opt,
+                                     struct error *err);
+
+/* Next frame.  1: *f is filled.  0: the end.  -1: the input is damaged or
+ * short; every frame before the fault has been delivered and *err names the
+ * file and the frame (EX_DATAERR). */
+int framesource_read(struct framesource *s, struct frame *f,
+                     struct error *err);
+
+/* Frames a second as a fraction, known after the first frame; {25, 1} when
+ * the input does not say. */
+void framesource_rate(const struct framesource *s, int *num, int *den);
+
+/* Number of frames if it can be known, else 0 (for progress bars). */
+size_t framesource_total(const struct framesource *s);
+
+/* Name of the input the last frame came from, for messages. */
+const char *framesource_name(const struct framesource *s);
+
+void framesource_close(struct framesource *s);    /* NULL is allowed */
+
+#endif

@@ -1,0 +1,44 @@
+/* Pictures from files: anything OpenImageIO reads, as 8-bit RGB the way a
+ * person sees it (orientation applied, sRGB values). */
+#ifndef SPID_FORMATS_IMAGE_H
+#define SPID_FORMATS_IMAGE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+/* Largest picture that is read, in pixels, and the longest side. */
+#define IMAGE_MAX_PIXELS ((size_t)100 << 20)
+#define IMAGE_MAX_SIDE 32768
+
+struct image {
+    size_t width, height;
+    uint8_t *rgb;           /* [height, width, 3], sRGB */
+    uint8_t *alpha;         /* [height, width] straight; NULL: opaque */
+};
+
+/* Read a picture.  Grey is spread over the channels, 16 bits are rounded to
+ * 8, floating point (taken as linear unless the file says otherwise) is
+ * encoded as sRGB, alpha is kept apart and made straight.  Refused with
+ * EX_DATAERR: CMYK, more pixels than the limits above (checked before
+ * anything is allocated), zero size, damaged files.  EX_NOINPUT: cannot be
+ * opened.  The caller releases *im; on failure it is zeroed. */
+int image_read(struct image *im, const char *path, struct error *err);
+
+/* The same from bytes in memory, as read from a pipe; name is for messages. */
+int image_read_memory(struct image *im, const void *data, size_t size,
+                      const char *name, struct error *err);
+
+void image_release(struct image *im);
+
+/* Size in the pixels of the oriented picture, without reading them. */
+int image_size(const char *path, size_t *width, size_t *height,
+               struct error *err);
+
+/* Write an 8-bit PNG beside its final name and rename it.  channels: 1 grey,
+ * 2 grey + alpha, 3 RGB, 4 RGBA (straight). */
+int image_write_png(const char *path, const uint8_t *pixel, size_t width,
+                    size_t height, int channels, struct error *err);
+
+#endif
