@@ -1,0 +1,68 @@
+/* Eq. C in double precision, plainly: the truth that kernels are held
+ * against, and what spid-splat --exact draws. */
+#ifndef SPID_SPLAT_REFERENCE_H
+#define SPID_SPLAT_REFERENCE_H
+
+#include "lib/splat/splat.h"
+
+/* Everything in double, so that finite differences make sense. */
+struct splat_truth {
+    int width, height, channels;
+    enum splat_rules rules;
+    double near, alpha_cut, t_cut;
+    size_t n;
+    double *mean, *scale, *quat, *opacity, *color;   /* owned; (N,3) (N,3)
+                                                      * (N,4) (N) (N,C) */
+    double rt[12], fx, fy, cx, cy;
+    double background[SPLAT_MAX_CHANNELS];
+    uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
+                            * (finite differences); owned by the caller */
+};
+
+/* Copy and widen g and cam; branches as in splat_options.  Defaults of the
+ * rules: near 0.2 (EXACT 0.01), alpha_cut 1/255, t_cut 1e-4. */
+int splat_truth_init(struct splat_truth *t, const struct gaussians *g,
+                     const struct splat_camera *cam, int width, int height,
+                     int channels, enum splat_rules rules,
+                     unsigned branches, struct error *err);
+void splat_truth_release(struct splat_truth *t);
+
+/* One Gaussian on the screen. */
+struct splat_point {
+    bool front;            /* z > near */
+    double x, y, z;        /* centre in pixels, camera depth */
+    double cov3[6];        /* xx xy xz yy yz zz of R S S R^T, world */
+    double cov[3];         /* xx xy yy, pixels^2, with the 0.3 */
+    double conic[3];       /* its inverse: A, B, C */
+    double det, det_sharp; /* determinant of cov with and without the 0.3 */
+    int tile[4];           /* DGR: columns and rows [x0,x1) [y0,y1) */
+};
+void splat_truth_project(struct splat_point *p, const struct splat_truth *t,
+                         size_t i);
+
+/* Draw.  image (H,W,C), alpha and depth (H,W) or NULL; ambiguous u8 (H,W) or
+ * NULL: 1 where a cut-off is within 1e-5 relative of being decided the other
+ * way.  Under EXACT a term below 1e-18 is left out. */
+int splat_reference_forward(double *image, double *alpha, double *depth,
+                            uint8_t *ambiguous, const struct splat_truth *t,
+                            struct error *err);
+
+/* Gradients, overwritten; sizes as in struct splat_truth, C = channels.
+ * conic (N,3) and center (N,2) are those on the screen; each may be NULL. */
+struct splat_truth_gradients {
+    double *mean, *scale, *quat, *opacity, *color, *rt, *center, *conic;
+};
+int splat_reference_backward(const struct splat_truth_gradients *g,
+                             const struct splat_truth *t,
+                             const double *d_image, const double *d_alpha,
+                             struct error *err);
+
+/* The plain float renderer, Gaussian by Gaussian over its bounding box: what
+ * the kernels' speed is compared with.  GSPLAT rules.  image (H,W,C), alpha
+ * (H,W). */
+int splat_plain_forward(float *image, float *alpha, const struct gaussians *g,
+                        const struct splat_camera *cam, int width,
+                        int height, int channels, const float *background,
+                        struct error *err);
+
+#endif
