@@ -1,0 +1,585 @@
+#include "formats/safetensors.h"
+
+#include <cjson/cJSON.h>
+#include <errno.h>
+#include <fcntl.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
+
+struct safetensors {
+    char *path;
+    void *map;
+    size_t bytes;
+    cJSON *json;            /* owns the names and the metadata */
+    const cJSON *meta;
+    struct st_tensor *tensor;
+    size_t count;
+};
+
+static const struct {
+    const char *name;
+    size_t size;
+} dtypes[] = {
+    [ST_U8] = {"U8", 1},     [ST_I8] = {"I8", 1},   [ST_I32] = {"I32", 4},
+    [ST_I64] = {"I64", 8},   [ST_F16] = {"F16", 2}, [ST_BF16] = {"BF16", 2},
+    [ST_F32] = {"F32", 4},   [ST_F64] = {"F64", 8},
+};
+#define DTYPES (sizeof dtypes / sizeof *dtypes)
+
+size_t st_dtype_size(enum st_dtype t)
+{
+    return dtypes[t].size;
+}
+
+const char *st_dtype_name(enum st_dtype t)
+{
+    return dtypes[t].name;
+}
+
+/* ---- opening: the file is hostile until every entry has been checked ---- */
+
+/* A JSON number that is a whole number a size_t and a double both hold. */
+static bool json_size(const cJSON *j, size_t *out)
+{
+    if (!cJSON_IsNumber(j) || j->valuedouble < 0 ||
+        j->valuedouble > 9007199254740991.0 ||
+        j->valuedouble != floor(j->valuedouble))
+        return false;
+    *out = (size_t)j->valuedouble;
+    return true;
+}
+
+static int parse_shape(struct st_tensor *t, const cJSON *shape,
+                       const char *path, struct error *err)
+{
+    t->count = 1;
+    for (const cJSON *d = shape->child; d; d = d->next) {
+        size_t n;
+        if (t->ndim == 8 || !json_size(d, &n))
+            return error_set(err, EX_DATAERR,
+                             "%s: tensor '%s': bad shape (expected up to 8 "
+                             "whole numbers)", path, t->name);
+        if (n && t->count > SIZE_MAX / 16 / n)
+            return error_set(err, EX_DATAERR,
+                             "%s: tensor '%s': shape is too large", path,
+                             t->name);
+        t->dim[t->ndim++] = n;
+        t->count *= n;
+    }
+    return 0;
+}
+
+static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
+                       const char *path, struct error *err)
+{
+    for (size_t i = 0; cJSON_IsString(dtype) && i < DTYPES; i++)
+        if (!strcmp(dtype->valuestring, dtypes[i].name)) {
+            t->dtype = (enum st_dtype)i;
+            return 0;
+        }
+    return error_set(err, EX_DATAERR,
+                     "%s: tensor '%s': dtype '%.20s' is not supported", path,
+                     t->name, cJSON_IsString(dtype) ? dtype->valuestring : "");
+}
+
+static int parse_tensor(struct st_tensor *t, const cJSON *j,
+                        const char *data, size_t room, const char *path,
+                        struct error *err)
+{
+    const cJSON *shape = cJSON_GetObjectItemCaseSensitive(j, "shape");
+    const cJSON *offs = cJSON_GetObjectItemCaseSensitive(j, "data_offsets");
+    size_t from, to;
+
+    t->name = j->string;
+    if (parse_dtype(t, cJSON_GetObjectItemCaseSensitive(j, "dtype"), path,
+                    err))
+        return -1;
+    if (!cJSON_IsArray(shape) || !cJSON_IsArray(offs) ||
+        cJSON_GetArraySize(offs) != 2 || !json_size(offs->child, &from) ||
+        !json_size(offs->child->next, &to))
+        return error_set(err, EX_DATAERR,
+                         "%s: tensor '%s': no shape or data_offsets", path,
+                         t->name);
+    if (parse_shape(t, shape, path, err))
+        return -1;
+    if (from > to || to > room ||
+        to - from != t->count * dtypes[t->dtype].size)
+        return error_set(err, EX_DATAERR,
+                         "%s: tensor '%s': offsets %zu to %zu do not fit "
+                         "(expected %zu bytes inside %zu)", path, t->name,
+                         from, to, t->count * dtypes[t->dtype].size, room);
+    t->data = data + from;
+    return 0;
+}
+
+static int by_place(const void *a, const void *b)
+{
+    const struct st_tensor *x = *(const struct st_tensor *const *)a;
+    const struct st_tensor *y = *(const struct st_tensor *const *)b;
+    return (x->data > y->data) - (x->data < y->data);
+}
+
+/* Two tensors that share bytes are refused: no writer makes them. */
+static int check_overlap(const struct safetensors *st, struct error *err)
+{
+    const struct st_tensor **order =
+        malloc((st->count + 1) * sizeof *order);
+    int rc = 0;
+
+    if (!order)
+        return error_set(err, EX_OSERR, "%s: out of memory", st->path);
+    size_t n = 0;
+    for (size_t i = 0; i < st->count; i++)
+        if (st->tensor[i].count)
+            order[n++] = &st->tensor[i];
+    qsort(order, n, sizeof *order, by_place);
+    for (size_t i = 1; i < n && !rc; i++) {
+        const struct st_tensor *a = order[i - 1], *b = order[i];
+        const char *end = (const char *)a->data +
+                          a->count * dtypes[a->dtype].size;
+        if (end > (const char *)b->data)
+            rc = error_set(err, EX_DATAERR,
+                           "%s: tensors '%s' and '%s' overlap", st->path,
+                           a->name, b->name);
+    }
+    free(order);
+    return rc;
+}
+
+static int parse_metadata(struct safetensors *st, struct error *err)
+{
+    const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
+                                                      "__metadata__");
+    if (m && !cJSON_IsObject(m))
+        return error_set(err, EX_DATAERR, "%s: __metadata__ is not a map",
+                         st->path);
+    for (const cJSON *v = m ? m->child : NULL; v; v = v->next)
+        if (!cJSON_IsString(v))
+            return error_set(err, EX_DATAERR,
+                             "%s: metadata '%s' is not a string", st->path,
+                             v->string);
+    st->meta = m;
+    return 0;
+}
+
+
+
+static int parse_header(struct safetensors *st, uint64_t n,
+                        struct error *err)
+{
+    const char *text = (const char *)st->map + 8;
+    const char *data = text + n;
+    size_t room = st->bytes - 8 - (size_t)n;
+
+    st->json = cJSON_ParseWithLength(text, (size_t)n);
+    if (!cJSON_IsObject(st->json))
+        return error_set(err, EX_DATAERR,
+                         "%s: header is not JSON (is this a safetensors "
+                         "file?)", st->path);
+    if (parse_metadata(st, err))
+        return -1;
+    size_t entries = (size_t)cJSON_GetArraySize(st->json);
+    st->tensor = calloc(entries + 1, sizeof *st->tensor);
+    if (!st->tensor)
+        return error_set(err, EX_OSERR, "%s: out of memory", st->path);
+    for (const cJSON *j = st->json->child; j; j = j->next) {
+        if (!strcmp(j->string, "__metadata__"))
+            continue;
+        if (st_find(st, j->string))
+            return error_set(err, EX_DATAERR, "%s: tensor '%s' occurs twice",
+                             st->path, j->string);
+        if (parse_tensor(&st->tensor[st->count], j, data, room, st->path,
+                         err))
+            return -1;
+        st->count++;
+    }
+    return check_overlap(st, err);
+}
+
+static int map_file(struct safetensors *st, struct error *err)
+{
+    struct stat sb;
+    int fd = open(st->path, O_RDONLY | O_CLOEXEC);
+
+    if (fd < 0)
+        return error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT,
+                         "%s: %s", st->path, strerror(errno));
+    if (fstat(fd, &sb) || !S_ISREG(sb.st_mode)) {
+        close(fd);
+        return error_set(err, EX_NOINPUT, "%s: not a regular file", st->path);
+    }
+    st->bytes = (size_t)sb.st_size;
+    st->map = st->bytes ? mmap(NULL, st->bytes, PROT_READ, MAP_PRIVATE, fd, 0)
+                        : MAP_FAILED;
+    close(fd);
+    if (st->map == MAP_FAILED) {
+        st->map = NULL;
+        return error_set(err, EX_DATAERR, "%s: empty or unreadable",
+                         st->path);
+    }
+    return 0;
+}
+
+struct safetensors *st_open(const char *path, struct error *err)
+{
+    struct safetensors *st = calloc(1, sizeof *st);
+    uint64_t n = 0;
+
+    if (!st || !(st->path = strdup(path))) {
+        error_set(err, EX_OSERR, "%s: out of memory", path);
+        goto out;
+    }
+    if (map_file(st, err))
+        goto out;
+    if (st->bytes >= 8)
+        memcpy(&n, st->map, 8);
+    if (st->bytes < 8 || n > HEADER_MAX || n > st->bytes - 8) {
+        error_set(err, EX_DATAERR,
+                  "%s: header of %" PRIu64 " bytes in a file of %zu (is this "
+                  "a safetensors file?)", path, n, st->bytes);
+        goto out;
+    }
+    if (parse_header(st, n, err))
+        goto out;
+    return st;
+out:
+    st_close(st);
+    return NULL;
+}
+
+void st_close(struct safetensors *st)
+{
+    if (!st)
+        return;
+    if (st->map)
+        munmap(st->map, st->bytes);
+    cJSON_Delete(st->json);
+    free(st->tensor);
+    free(st->path);
+    free(st);
+}
+
+/* ---- looking things up -------------------------------------------------- */
+
+const char *st_path(const struct safetensors *st)
+{
+    return st->path;
+}
+
+size_t st_count(const struct safetensors *st)
+{
+    return st->count;
+}
+
+const struct st_tensor *st_at(const struct safetensors *st, size_t i)
+{
+    return i < st->count ? &st->tensor[i] : NULL;
+}
+
+const struct st_tensor *st_find(const struct safetensors *st,
+                                const char *name)
+{
+    for (size_t i = 0; i < st->count; i++)
+        if (!strcmp(st->tensor[i].name, name))
+            return &st->tensor[i];
+    return NULL;
+}
+
+const char *st_meta(const struct safetensors *st, const char *key)
+{
+    const cJSON *v = cJSON_GetObjectItemCaseSensitive(st->meta, key);
+    return v ? v->valuestring : NULL;
+}
+
+int st_meta_at(const struct safetensors *st, size_t i, const char **key,
+               const char **value)
+{
+    const cJSON *v = st->meta ? st->meta->child : NULL;
+    for (; v && i; i--)
+        v = v->next;
+    if (!v)
+        return 0;
+    *key = v->string;
+    *value = v->valuestring;
+    return 1;
+}
+
+/* "[3, 4]", with 0 printed as "any" where wanted. */
+static const char *shape_text(char *out, size_t size, int ndim,
+                              const size_t *dim, bool any)
+{
+    size_t n = (size_t)snprintf(out, size, "[");
+    for (int i = 0; i < ndim && n < size; i++)
+        n += any && !dim[i]
+                 ? (size_t)snprintf(out + n, size - n, "%sany", i ? ", " : "")
+                 : (size_t)snprintf(out + n, size - n, "%s%zu", i ? ", " : "",
+                                    dim[i]);
+    if (n < size)
+        snprintf(out + n, size - n, "]");
+    return out;
+}
+
+static const struct st_tensor *require(const struct safetensors *st,
+                                       const char *name, int ndim,
+                                       const size_t *dims, struct error *err)
+{
+    const struct st_tensor *t = st_find(st, name);
+    char want[200], have[200];
+    bool same = t && t->ndim == ndim;
+
+    for (int i = 0; same && i < ndim; i++)
+        same = !dims[i] || dims[i] == t->dim[i];
+    if (same)
+        return t;
+    shape_text(want, sizeof want, ndim, dims, true);
+    if (!t)
+        error_set(err, EX_DATAERR, "%s: no tensor '%s' (expected %s)",
+                  st->path, name, want);
+    else
+        error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected %s)",
+                  st->path, name,
+                  shape_text(have, sizeof have, t->ndim, t->dim, false),
+                  want);
+    return NULL;
+}
+
+/* ---- converting ---------------------------------------------------------- */
+
+float bf16_to_float(uint16_t h)
+{
+    uint32_t u = (uint32_t)h << 16;
+    float f;
+    memcpy(&f, &u, 4);
+    return f;
+}
+
+uint16_t float_to_bf16(float f)
+{
+    uint32_t u;
+    memcpy(&u, &f, 4);
+    if ((u & 0x7fffffff) > 0x7f800000)           /* NaN stays NaN */
+        return (uint16_t)(u >> 16 | 0x40);
+    return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
+}
+
+float half_to_float(uint16_t h)
+{
+    uint32_t sign = (uint32_t)(h & 0x8000) << 16, u;
+    int e = h >> 10 & 31;
+    uint32_t m = h & 0x3ff;
+    float f;
+
+    if (e == 0) {                                /* zero and subnormals */
+        f = ldexpf((float)m, -24);
+        return sign ? -f : f;
+    }
+    u = e == 31 ? 0x7f800000 | m << 13
+                : ((uint32_t)e + 112) << 23 | m << 13;
+    u |= sign;
+    memcpy(&f, &u, 4);
+    return f;
+}
+
+uint16_t float_to_half(float f)
+{
+    uint32_t u;
+    memcpy(&u, &f, 4);
+    uint16_t sign = (uint16_t)(u >> 16 & 0x8000);
+    u &= 0x7fffffff;
+    if (u > 0x7f800000)                          /* NaN */
+        return sign | 0x7e00;
+    if (u >= 0x477ff000)                         /* rounds to infinity */
+        return sign | 0x7c00;
+    if (u < 0x38800000) {                        /* subnormal in half */
+        float a;
+        memcpy(&a, &u, 4);
+        return sign | (uint16_t)lrintf(ldexpf(a, 24));
+    }
+    u += 0xfff + (u >> 13 & 1);
+    return sign | (uint16_t)((u - 0x38000000) >> 13);
+}
+
+/* Element i as a double; unaligned data are legal in a file. */
+static double element(const struct st_tensor *t, size_t i)
+{
+    const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
+    union {
+        uint8_t u8; int8_t i8; int32_t i32; int64_t i64; uint16_t h;
+        float f; double d;
+    } v;
+
+    memcpy(&v, p, dtypes[t->dtype].size);
+    switch (t->dtype) {
+    case ST_U8: return v.u8;
+    case ST_I8: return v.i8;
+    case ST_I32: return v.i32;
+    case ST_I64: return (double)v.i64;
+    case ST_F16: return half_to_float(v.h);
+    case ST_BF16: return bf16_to_float(v.h);
+    case ST_F32: return v.f;
+    case ST_F64: return v.d;
+    }
+    return 0;
+}
+
+int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
+              float *out, struct error *err)
+{
+    if (t->dtype == ST_F32)
+        memcpy(out, t->data, t->count * sizeof *out);
+    else
+        for (size_t i = 0; i < t->count; i++)
+            out[i] = (float)element(t, i);
+    for (size_t i = 0; i < t->count; i++)
+        if (!isfinite(out[i]))
+            return error_set(err, EX_DATAERR,
+                             "%s: tensor '%s' is not finite at index %zu",
+                             st->path, t->name, i);
+    return 0;
+}
+
+float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
+                   const size_t *dims, size_t *count, struct error *err)
+{
+    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    float *out = t ? malloc((t->count + 1) * sizeof *out) : NULL;
+
+    if (!t)
+        return NULL;
+    if (!out) {
+        error_set(err, EX_OSERR, "%s: out of memory for '%s'", st->path, name);
+        return NULL;
+    }
+    if (st_to_f32(st, t, out, err)) {
+        free(out);
+        return NULL;
+    }
+    if (count)
+        *count = t->count;
+    return out;
+}
+
+int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
+                     const size_t *dims, size_t *count, struct error *err)
+{
+    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    if (!t)
+        return NULL;
+    if (t->dtype != ST_I32 && t->dtype != ST_I64 && t->dtype != ST_U8) {
+        error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected I32)",
+                  st->path, name, dtypes[t->dtype].name);
+        return NULL;
+    }
+    int32_t *out = malloc((t->count + 1) * sizeof *out);
+    if (!out) {
+        error_set(err, EX_OSERR, "%s: out of memory for '%s'", st->path, name);
+        return NULL;
+    }
+    for (size_t i = 0; i < t->count; i++) {
+        double v = element(t, i);
+        if (v < INT32_MIN || v > INT32_MAX) {
+            error_set(err, EX_DATAERR,
+                      "%s: tensor '%s' at index %zu is %.0f (expected a "
+                      "32-bit number)", st->path, name, i, v);
+            free(out);
+            return NULL;
+        }
+        out[i] = (int32_t)v;
+    }
+    if (count)
+        *count = t->count;
+    return out;
+}
+
+/* ---- writing ------------------------------------------------------------- */
+
+static cJSON *describe(const struct st_tensor *tensors, size_t count,
+                       const char *const *meta)
+{
+    cJSON *root = cJSON_CreateObject();
+    size_t at = 0;
+
+    if (meta && meta[0]) {
+        cJSON *m = cJSON_AddObjectToObject(root, "__metadata__");
+        for (; meta[0]; meta += 2)
+            cJSON_AddStringToObject(m, meta[0], meta[1]);
+    }
+    for (size_t i = 0; i < count; i++) {
+        const struct st_tensor *t = &tensors[i];
+        size_t bytes = t->count * dtypes[t->dtype].size;
+        cJSON *j = cJSON_AddObjectToObject(root, t->name);
+        cJSON_AddStringToObject(j, "dtype", dtypes[t->dtype].name);
+        cJSON *shape = cJSON_AddArrayToObject(j, "shape");
+        for (int d = 0; d < t->ndim; d++)
+            cJSON_AddItemToArray(shape,
+                                 cJSON_CreateNumber((double)t->dim[d]));
+        cJSON *offs = cJSON_AddArrayToObject(j, "data_offsets");
+        cJSON_AddItemToArray(offs, cJSON_CreateNumber((double)at));
+        cJSON_AddItemToArray(offs, cJSON_CreateNumber((double)(at + bytes)));
+        at += bytes;
+    }
+    return root;
+}
+
+/* Blanks after the JSON put the first tensor on a 64-byte boundary. */
+static bool write_all(FILE *f, const char *json,
+                      const struct st_tensor *tensors, size_t count)
+{
+    size_t len = strlen(json);
+    uint64_t n = (len + 8 + 63) / 64 * 64 - 8;
+    bool ok = fwrite(&n, 8, 1, f) == 1 && fwrite(json, 1, len, f) == len;
+
+    for (size_t i = len; ok && i < n; i++)
+        ok = putc(' ', f) != EOF;
+    for (size_t i = 0; ok && i < count; i++) {
+        size_t bytes = tensors[i].count * dtypes[tensors[i].dtype].size;
+        ok = !bytes || fwrite(tensors[i].data, 1, bytes, f) == bytes;
+    }
+    return ok && !fflush(f) && !fsync(fileno(f));
+}
+
+int st_save(const char *path, const struct st_tensor *tensors, size_t count,
+            const char *const *meta, struct error *err)
+{
+    size_t len = strlen(path) + 6;
+    char *part = malloc(len), *json = NULL;
+    cJSON *root = describe(tensors, count, meta);
+    FILE *f = NULL;
+    int rc = -1;
+
+    if (!part || !root || !(json = cJSON_PrintUnformatted(root))) {
+        error_set(err, EX_OSERR, "%s: out of memory", path);
+        goto out;
+    }
+    snprintf(part, len, "%s.part", path);
+    f = fopen(part, "wb");
+    if (!f) {
+        error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
+        goto out;
+    }
+    bool ok = write_all(f, json, tensors, count);
+    int why = errno;
+    ok = !fclose(f) && ok;
+    if (!ok || rename(part, path)) {
+        error_set(err, EX_IOERR, "%s: %s", path,
+                  strerror(ok ? errno : why));
+        remove(part);
+        goto out;
+    }
+    rc = 0;
+out:
+    cJSON_Delete(root);
+    cJSON_free(json);
+    free(part);
+    return rc;
+}
