@@ -39,6 +39,10 @@ struct record {
     double time;               /* seconds from the clip's start */
     int count;                 /* of arrays */
     struct array array[STREAM_MAX_ARRAYS];
+    /* Set by stream_read, for stream_copy; payload NULL in a hand-made one. */
+    const void *payload;
+    size_t payload_bytes;
+    uint64_t payload_hash;
 };
 
 /* True when the record's type is the four letters given. */
@@ -53,6 +57,12 @@ const struct array *record_find(const struct record *rec, const char *name);
 const void *record_get(const struct record *rec, const char *name,
                        enum dtype dtype, int ndim, const size_t *dims,
                        struct error *err);
+
+/* Copy to out the arrays of rec whose names are not in known (NULL ends the
+ * list): what a stage hands on although it does not know it.  out has room for
+ * STREAM_MAX_ARRAYS - used more; returns how many were copied. */
+int record_others(struct array *out, int used, const struct record *rec,
+                  const char *const *known);
 
 /* 0, or -1 with record, array and index of the first NaN or infinity among
  * the record's floating-point arrays. */
@@ -72,6 +82,13 @@ struct stream_options {
 struct stream_reader *stream_open(const char *path,
                                   const struct stream_options *opt,
                                   struct error *err);
+
+/* Read from memory: data is the caller's, 64-byte aligned, and outlives the
+ * reader. */
+struct stream_reader *stream_open_memory(const void *data, size_t bytes,
+                                         const char *name,
+                                         const struct stream_options *opt,
+                                         struct error *err);
 
 /* Next record.  1: *rec is filled; its data stay valid until the next call.
  * 0: END was read.  -1: short read, bad magic or checksum, too large, or no
@@ -98,7 +115,8 @@ int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
                  double time, const struct array *arrays, int count,
                  struct error *err);
 
-/* Pass a record on unchanged. */
+/* Pass a record on as it was read; changes made to rec->array since then are
+ * not seen (write those with stream_write). */
 int stream_copy(struct stream_writer *w, const struct record *rec,
                 struct error *err);
 

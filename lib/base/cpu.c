@@ -1,0 +1,109 @@
+#include "lib/base/cpu.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <time.h>
+
+#include "lib/base/isa.h"
+
+#ifdef SPID_X86
+#include <cpuid.h>
+#include <immintrin.h>
+#endif
+
+static const char *const level_names[] = { "baseline", "avx2", "avx512" };
+
+/* What the kernels' AVX-512 flags may emit (Makefile, TMPL_avx512) must all
+ * be there, or the level is AVX2. */
+static enum cpu_level detect(void)
+{
+#ifdef SPID_X86
+    unsigned a, b, c, d;
+    int bf16 = 0;
+
+    __builtin_cpu_init();
+    if (!__builtin_cpu_supports("avx2") || !__builtin_cpu_supports("fma") ||
+        !__builtin_cpu_supports("bmi2") || !__builtin_cpu_supports("avx"))
+        return CPU_BASELINE;
+    if (!__get_cpuid(1, &a, &b, &c, &d) || !(c & bit_F16C))
+        return CPU_BASELINE;
+    if (__get_cpuid_count(7, 1, &a, &b, &c, &d))
+        bf16 = (a >> 5) & 1;
+    if (bf16 && __builtin_cpu_supports("avx512f") &&
+        __builtin_cpu_supports("avx512bw") &&
+        __builtin_cpu_supports("avx512vl") &&
+        __builtin_cpu_supports("avx512dq") &&
+        __builtin_cpu_supports("avx512vnni"))
+        return CPU_AVX512;
+    return CPU_AVX2;
+#else
+    return CPU_BASELINE;
+#endif
+}
+
+static enum cpu_level capped(void)
+{
+    enum cpu_level found = detect();
+    const char *cap = getenv("SPID_CPU");
+
+    for (int i = 0; cap && i < 3; i++)
+        if (strcmp(cap, level_names[i]) == 0 && i < (int)found)
+            found = (enum cpu_level)i;
+    return found;
+}
+
+enum cpu_level cpu_level(void)
+{
+    static int known = -1; /* every thread would store the same value */
+    int level = __atomic_load_n(&known, __ATOMIC_RELAXED);
+
+    if (level < 0) {
+        level = (int)capped();
+        __atomic_store_n(&known, level, __ATOMIC_RELAXED);
+    }
+    return (enum cpu_level)level;
+}
+
+const char *cpu_level_name(enum cpu_level level)
+{
+    return level_names[level];
+}
+
+const char *cpu_name(void)
+{
+    static char name[128];
+    char line[256], *value;
+    FILE *f;
+
+    if (name[0])
+        return name;
+    f = fopen("/proc/cpuinfo", "r");
+    while (f && !name[0] && fgets(line, sizeof line, f)) {
+        if (strncmp(line, "model name", 10) || !(value = strchr(line, ':')))
+            continue;
+        value += 1 + strspn(value + 1, " \t");
+        value[strcspn(value, "\n")] = '\0';
+        snprintf(name, sizeof name, "%.*s", (int)sizeof name - 1, value);
+    }
+    if (f)
+        fclose(f);
+    return name[0] ? name : strcpy(name, "unknown");
+}
+
+void cpu_flush_denormals(void)
+{
+#ifdef SPID_X86
+    _mm_setcsr(_mm_getcsr() | 0x8040); /* FTZ and DAZ */
+    #pragma omp parallel
+    _mm_setcsr(_mm_getcsr() | 0x8040);
+#endif
+}
+
+double cpu_seconds(void)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}

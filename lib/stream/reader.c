@@ -1,0 +1,343 @@
+/* Reading records: from a mapped file in place, from a pipe in large blocks,
+ * hashing each block while it is still in the cache. */
+#include "lib/stream/stream.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include "lib/stream/layout.h"
+
+#define BLOCK ((size_t)1 << 20)    /* smallest buffer, and the pipe's size */
+#define CHUNK ((size_t)256 << 10)  /* most bytes of one read(): fits in L2 */
+#define RELEASE ((size_t)64 << 20) /* mapped bytes kept after use */
+
+enum source { SOURCE_PIPE, SOURCE_MAP, SOURCE_MEMORY };
+
+/* Bytes begin..end of base are data not yet handed out; the record handed out
+ * last starts at begin and takes `held` bytes until the next call. */
+struct stream_reader {
+    enum source source;
+    int fd;
+    char *name;
+    unsigned char *base;
+    size_t begin, end, room, held;
+    size_t released;           /* SOURCE_MAP: pages before this are dropped */
+    size_t max_bytes;
+    bool trust, ended;
+    uint64_t records;          /* read so far */
+    uint64_t last_frame;       /* of the last good record */
+    XXH3_state_t *hash;
+};
+
+const char *stream_name(const struct stream_reader *r)
+{
+    return r->name;
+}
+
+static struct stream_reader *reader_new(const char *name,
+                                        const struct stream_options *opt,
+                                        struct error *err)
+{
+    struct stream_reader *r = calloc(1, sizeof *r);
+
+    if (r) {
+        r->fd = -1;
+        r->name = strdup(name);
+        r->hash = XXH3_createState();
+        r->max_bytes = opt && opt->max_bytes ? opt->max_bytes
+                                             : STREAM_MAX_BYTES;
+        r->trust = opt && opt->trust;
+    }
+    if (!r || !r->name || !r->hash) {
+        stream_close(r);
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    return r;
+}
+
+void stream_close(struct stream_reader *r)
+{
+    if (!r)
+        return;
+    if (r->source != SOURCE_MEMORY && r->base)
+        munmap(r->base, r->room);
+    if (r->fd > STDIN_FILENO)
+        close(r->fd);
+    if (r->hash)
+        XXH3_freeState(r->hash);
+    free(r->name);
+    free(r);
+}
+
+/* Map the rest of a regular file.  0 also when mapping is not possible: the
+ * file is then read like a pipe. */
+static void map_file(struct stream_reader *r, const struct stat *st)
+{
+    off_t at = lseek(r->fd, 0, SEEK_CUR);
+    void *p;
+
+    if (at < 0 || at % STREAM_ALIGN || at >= st->st_size)
+        return;
+    p = mmap(NULL, (size_t)st->st_size, PROT_READ, MAP_PRIVATE, r->fd, 0);
+    if (p == MAP_FAILED)
+        return;
+    madvise(p, (size_t)st->st_size, MADV_SEQUENTIAL);
+    r->source = SOURCE_MAP;
+    r->base = p;
+    r->begin = (size_t)at;
+    r->end = r->room = (size_t)st->st_size;
+}
+
+static int open_source(struct stream_reader *r, const char *path,
+                       struct error *err)
+{
+    bool standard = strcmp(path, "-") == 0;
+    struct stat st;
+
+    r->fd = standard ? STDIN_FILENO : open(path, O_RDONLY | O_CLOEXEC);
+    if (r->fd < 0 || fstat(r->fd, &st))
+        return error_set(err, EX_NOINPUT, "cannot open: %s", strerror(errno));
+    if (S_ISDIR(st.st_mode))
+        return error_set(err, EX_NOINPUT, "is a directory (expected a "
+                         "stream)");
+    if (isatty(r->fd))
+        return error_set(err, EX_USAGE, "is a terminal (expected a stream "
+                         "from a file or a pipe)");
+    if (S_ISREG(st.st_mode))
+        map_file(r, &st);
+    else if (S_ISFIFO(st.st_mode))
+        (void)!fcntl(r->fd, F_SETPIPE_SZ, (int)BLOCK); /* a wish only */
+    return 0;
+}
+
+struct stream_reader *stream_open(const char *path,
+                                  const struct stream_options *opt,
+                                  struct error *err)
+{
+    const char *name = strcmp(path, "-") ? path : "<stdin>";
+    struct stream_reader *r = reader_new(name, opt, err);
+
+    if (r && open_source(r, path, err)) {
+        error_prefix(err, "%s", name);
+        stream_close(r);
+        r = NULL;
+    }
+    return r;
+}
+
+struct stream_reader *stream_open_memory(const void *data, size_t bytes,
+                                         const char *name,
+                                         const struct stream_options *opt,
+                                         struct error *err)
+{
+    struct stream_reader *r;
+
+    if ((uintptr_t)data % STREAM_ALIGN) {
+        error_set(err, EX_SOFTWARE, "%s: memory is not aligned", name);
+        return NULL;
+    }
+    r = reader_new(name, opt, err);
+    if (r) {
+        r->source = SOURCE_MEMORY;
+        r->base = (unsigned char *)(uintptr_t)data; /* is only read */
+        r->end = r->room = bytes;
+    }
+    return r;
+}
+
+/* Make room for need bytes from r->begin on, but never much more than twice
+ * what has really arrived: a header's word alone allocates nothing. */
+static int make_room(struct stream_reader *r, size_t need, struct error *err)
+{
+    size_t have = r->end - r->begin;
+    size_t room = r->room;
+    void *p;
+
+    if (r->begin && (have == 0 || r->begin + need > r->room)) {
+        memmove(r->base, r->base + r->begin, have);
+        r->begin = 0;
+        r->end = have;
+    }
+    if (r->end < r->room)
+        return 0;
+    room = room ? 2 * room : BLOCK;
+    if (room > layout_align(need) && need > BLOCK)
+        room = (need + 4095) & ~(size_t)4095;
+    if (r->base)
+        p = mremap(r->base, r->room, room, MREMAP_MAYMOVE);
+    else
+        p = mmap(NULL, room, PROT_READ | PROT_WRITE,
+                 MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (p == MAP_FAILED)
+        return error_set(err, EX_OSERR, "no memory for a record of %zu bytes",
+                         need);
+    r->base = p;
+    r->room = room;
+    return 0;
+}
+
+/* Read some bytes towards need from r->begin on.  1, 0 at the end, -1. */
+static int fill(struct stream_reader *r, size_t need, struct error *err)
+{
+    size_t want;
+    ssize_t n;
+
+    if (r->source != SOURCE_PIPE)
+        return 0;
+    if (make_room(r, need, err))
+        return -1;
+    want = r->room - r->end;
+    if (need > BLOCK && want > need - (r->end - r->begin))
+        want = need - (r->end - r->begin); /* large: stop where it ends */
+    do
+        n = read(r->fd, r->base + r->end, want < CHUNK ? want : CHUNK);
+    while (n < 0 && errno == EINTR);
+    if (n < 0)
+        return error_set(err, EX_IOERR, "cannot read: %s", strerror(errno));
+    r->end += (size_t)n;
+    return n > 0;
+}
+
+/* At least need bytes from r->begin on.  1, 0 when the data end before, -1. */
+static int ensure(struct stream_reader *r, size_t need, struct error *err)
+{
+    int rc = 1;
+
+    while (rc > 0 && r->end - r->begin < need)
+        rc = fill(r, need, err);
+    return rc;
+}
+
+/* Let go of the record handed out last. */
+static void advance(struct stream_reader *r)
+{
+    r->begin += r->held;
+    r->held = 0;
+    if (r->source == SOURCE_MAP && r->begin - r->released >= RELEASE) {
+        size_t upto = r->begin & ~(size_t)65535;
+
+        madvise(r->base + r->released, upto - r->released, MADV_DONTNEED);
+        r->released = upto;
+    }
+}
+
+static int cut_short(struct stream_reader *r, const char *what, size_t need,
+                     struct error *err)
+{
+    return error_set(err, EX_DATAERR, "%s cut short: %zu of %zu bytes, the "
+                     "writer stopped early", what, r->end - r->begin, need);
+}
+
+/* Wait for the payload behind the header at r->begin, hashing what arrives. */
+static int read_payload(struct stream_reader *r, const struct record *rec,
+                        struct error *err)
+{
+    size_t need = HEADER_BYTES + rec->payload_bytes, done = HEADER_BYTES;
+    uint64_t hash;
+    int rc = 1;
+
+    XXH3_64bits_reset(r->hash);
+    for (;;) {
+        size_t have = r->end - r->begin < need ? r->end - r->begin : need;
+
+        if (!r->trust && have > done)
+            XXH3_64bits_update(r->hash, r->base + r->begin + done,
+                               have - done);
+        done = have;
+        if (done == need)
+            break;
+        if ((rc = fill(r, need, err)) < 0)
+            return -1;
+        if (rc == 0)
+            return cut_short(r, rec->type, need, err);
+    }
+    hash = r->trust ? rec->payload_hash : XXH3_64bits_digest(r->hash);
+    if (hash != rec->payload_hash)
+        return error_set(err, EX_DATAERR, "frame %llu: %s checksum %016llx "
+                         "does not match its payload (%016llx)",
+                         (unsigned long long)rec->frame, rec->type,
+                         (unsigned long long)rec->payload_hash,
+                         (unsigned long long)hash);
+    return 0;
+}
+
+/* END counts the records before it and nothing follows it. */
+static int read_end(struct stream_reader *r, const struct record *rec,
+                    struct error *err)
+{
+    int rc;
+
+    if (rec->count || rec->payload_bytes)
+        return error_set(err, EX_DATAERR, "END has a payload");
+    if (rec->frame != r->records)
+        return error_set(err, EX_DATAERR, "END counts %llu records (expected "
+                         "%llu)", (unsigned long long)rec->frame,
+                         (unsigned long long)r->records);
+    rc = ensure(r, HEADER_BYTES + 1, err);
+    if (rc > 0)
+        return error_set(err, EX_DATAERR, "data follow the END record");
+    r->ended = rc == 0;
+    return rc;
+}
+
+static int read_record(struct stream_reader *r, struct record *rec,
+                       struct error *err)
+{
+    int rc = ensure(r, HEADER_BYTES, err);
+    size_t table;
+
+    if (rc < 0)
+        return -1;
+    if (rc == 0 && r->end > r->begin)
+        return cut_short(r, "header", HEADER_BYTES, err);
+    if (rc == 0)
+        return r->records
+                   ? error_set(err, EX_DATAERR, "no END record, the writer "
+                               "stopped early")
+                   : error_set(err, EX_DATAERR, "empty input (expected a "
+                               "stream)");
+    if (layout_get_header(rec, (void *)(r->base + r->begin), r->max_bytes,
+                          err))
+        return -1;
+    table = HEADER_BYTES + (size_t)rec->count * ENTRY_BYTES;
+    if (r->source != SOURCE_PIPE &&
+        r->end - r->begin - HEADER_BYTES < rec->payload_bytes)
+        return cut_short(r, rec->type, HEADER_BYTES + rec->payload_bytes,
+                         err);
+    if ((rc = ensure(r, table, err)) <= 0)
+        return rc ? -1 : cut_short(r, rec->type, table, err);
+    if (layout_get_table(rec, (void *)(r->base + r->begin + HEADER_BYTES),
+                         err) ||
+        read_payload(r, rec, err) ||
+        layout_attach(rec, r->base + r->begin + HEADER_BYTES, err))
+        return -1;
+    if (record_is(rec, "END "))
+        return read_end(r, rec, err);
+    r->held = HEADER_BYTES + rec->payload_bytes;
+    r->last_frame = rec->frame;
+    r->records++;
+    return 1;
+}
+
+int stream_read(struct stream_reader *r, struct record *rec,
+                struct error *err)
+{
+    int rc;
+
+    if (r->ended)
+        return 0;
+    advance(r);
+    rc = read_record(r, rec, err);
+    if (rc < 0 && r->records)
+        return error_prefix(err, "%s: after frame %llu", r->name,
+                            (unsigned long long)r->last_frame);
+    return rc < 0 ? error_prefix(err, "%s", r->name) : rc;
+}

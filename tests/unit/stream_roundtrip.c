@@ -1,0 +1,146 @@
+/* What is written is read back, from memory, a file and a pipe. */
+#include "lib/stream/stream.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#define CHECK(x)                                                            \
+    do {                                                                    \
+        if (!(x)) {                                                         \
+            printf("%s:%d: %s: %s\n", __FILE__, __LINE__, #x, err.text);    \
+            exit(1);                                                        \
+        }                                                                   \
+    } while (0)
+
+#define RECORDS 5
+#define BIG 3000001            /* bytes of the large array: odd on purpose */
+
+static unsigned char *big;
+static float mean[20][3];
+static int32_t one = -7;
+static double half = 0.5;
+static struct error err;
+
+static void write_all(const char *path)
+{
+    struct stream_writer *w = stream_create(path, &err);
+
+    CHECK(w);
+    for (uint64_t f = 0; f < RECORDS; f++) {
+        struct array a[] = {
+            array_make("mean", DTYPE_F32, mean, 2, 20, 3, 0, 0),
+            array_make("big", DTYPE_U8, big, 1, f == 3 ? BIG : f, 0, 0, 0),
+            array_make("one", DTYPE_I32, &one, 1, 1, 0, 0, 0),
+            array_make("scalar", DTYPE_F64, &half, 0, 0, 0, 0, 0),
+        };
+
+        CHECK(stream_write(w, f == 2 ? "WHAT" : "GAUS", f, (double)f / 30, a,
+                           4, &err) == 0);
+    }
+    CHECK(stream_finish(w, &err) == 0);
+}
+
+static void check_record(const struct record *rec, uint64_t f)
+{
+    static const size_t any[2] = { 0, 3 };
+    const struct array *a;
+
+    CHECK(record_is(rec, f == 2 ? "WHAT" : "GAUS"));
+    CHECK(rec->frame == f && rec->time == (double)f / 30 && rec->count == 4);
+    const float *m = record_get(rec, "mean", DTYPE_F32, 2, any, &err);
+    CHECK(m && memcmp(m, mean, sizeof mean) == 0);
+    CHECK((uintptr_t)m % STREAM_ALIGN == 0);
+    a = record_find(rec, "big");
+    CHECK(a && a->dim[0] == (f == 3 ? BIG : f));
+    CHECK(memcmp(a->data, big, a->dim[0]) == 0);
+    a = record_find(rec, "scalar");
+    CHECK(a && a->ndim == 0 && memcmp(a->data, &half, sizeof half) == 0);
+    CHECK(!record_find(rec, "none"));
+    CHECK(!record_get(rec, "mean", DTYPE_F64, 2, any, &err));
+    CHECK(record_check_finite(rec, &err) == 0);
+}
+
+static void read_all(struct stream_reader *r, const char *copy)
+{
+    struct stream_writer *w = NULL;
+    struct record rec;
+    uint64_t f = 0;
+    int rc;
+
+    CHECK(r);
+    if (copy)
+        CHECK((w = stream_create(copy, &err)));
+    while ((rc = stream_read(r, &rec, &err)) > 0) {
+        check_record(&rec, f++);
+        if (w)
+            CHECK(stream_copy(w, &rec, &err) == 0);
+    }
+    CHECK(rc == 0 && f == RECORDS);
+    CHECK(stream_read(r, &rec, &err) == 0);
+    if (w)
+        CHECK(stream_finish(w, &err) == 0);
+    stream_close(r);
+}
+
+static unsigned char *slurp(const char *path, size_t *bytes)
+{
+    struct stat st;
+    unsigned char *p;
+    FILE *f = fopen(path, "rb");
+
+    CHECK(f && stat(path, &st) == 0);
+    *bytes = (size_t)st.st_size;
+    p = aligned_alloc(64, (*bytes + 63) / 64 * 64);
+    CHECK(p && fread(p, 1, *bytes, f) == *bytes);
+    fclose(f);
+    return p;
+}
+
+int main(void)
+{
+    char dir[] = "/tmp/spid-test-XXXXXX", a[64], b[64], command[200];
+    size_t na, nb;
+
+    CHECK(mkdtemp(dir));
+    snprintf(a, sizeof a, "%s/a", dir);
+    snprintf(b, sizeof b, "%s/b", dir);
+    big = malloc(BIG);
+    CHECK(big);
+    for (size_t i = 0; i < BIG; i++)
+        big[i] = (unsigned char)(i * i >> 7);
+    for (int i = 0; i < 60; i++)
+        mean[i / 3][i % 3] = (float)i - 30.5f;
+
+    write_all(a);
+    snprintf(command, sizeof command, "%s.part", a);
+    CHECK(access(command, F_OK) != 0);
+    read_all(stream_open(a, NULL, &err), b);     /* mapped */
+    unsigned char *pa = slurp(a, &na), *pb = slurp(b, &nb);
+    CHECK(na == nb && memcmp(pa, pb, na) == 0);
+    printf("file and copy: %zu bytes, same\n", na);
+    read_all(stream_open_memory(pa, na, "memory", NULL, &err), NULL);
+
+    /* Through a fifo, so that the pipe path is taken. */
+    snprintf(b, sizeof b, "%s/fifo", dir);
+    CHECK(mkfifo(b, 0600) == 0);
+    pid_t child = fork();
+    CHECK(child >= 0);
+    if (child == 0) {
+        write_all(b);
+        _exit(0);
+    }
+    read_all(stream_open(b, NULL, &err), NULL);
+    int status;
+    CHECK(waitpid(child, &status, 0) == child && status == 0);
+    printf("memory and pipe: same\n");
+
+    free(pa);
+    free(pb);
+    free(big);
+    snprintf(command, sizeof command, "rm -r %s", dir);
+    return system(command) != 0;
+}
