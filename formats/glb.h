@@ -1,0 +1,80 @@
+/* glTF 2.0 binary files (tinygltf): Gaussians by KHR_gaussian_splatting, and
+ * the head as a skinned, morphed, animated mesh.  Lengths in metres, axes x to
+ * the subject's left, y up, z to the front: the head model's own, which are
+ * also glTF's.  Same input, same bytes. */
+#ifndef SPID_FORMATS_GLB_H
+#define SPID_FORMATS_GLB_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define GLB_JOINTS 5          /* root, neck, jaw, left eye, right eye */
+#define GLB_MAX_TARGETS 200
+
+/* Gaussians, borrowed for the call.  Rows of color are `channels` long, the
+ * first three are display sRGB. */
+struct glb_splats {
+    size_t n;
+    int channels;
+    const float *mean;        /* (N,3) metres */
+    const float *scale;       /* (N,3) standard deviations, metres */
+    const float *quat;        /* (N,4) w,x,y,z, unit */
+    const float *opacity;     /* (N) 0 to 1 */
+    const float *color;       /* (N,channels) */
+};
+
+/* Write one set of Gaussians.  The file takes its name when complete.
+ * -1: EX_DATAERR when N is 0 or a number is not finite, EX_IOERR. */
+int glb_write_splats(const char *path, const struct glb_splats *s,
+                     struct error *err);
+
+/* The animated head, borrowed for the call. */
+struct glb_head {
+    size_t V, F;
+    const float *position;    /* (V,3) with the identity folded in */
+    const float *normal;      /* (V,3) unit */
+    const int32_t *faces;     /* (F,3) counter-clockwise from outside */
+    const float *joints;      /* (5,3) */
+    const int32_t *parents;   /* (5) -1 for the root */
+    const float *weights;     /* (V,5) rows sum to 1 */
+    const float *uv;          /* (V,2) or NULL: no texture */
+    const uint8_t *png;       /* the texture as a PNG file, or NULL */
+    size_t png_bytes;
+    size_t targets;           /* up to GLB_MAX_TARGETS */
+    const char *const *target_name;   /* (targets) */
+    const float *const *target_delta; /* (targets) of (V,3) */
+    const char *clip;         /* the animation's name */
+    size_t frames;            /* 0: no animation */
+    const float *time;        /* (frames) seconds, strictly increasing */
+    const float *target_weight;       /* (frames,targets) */
+    const float *rotation;    /* (frames,5,4) x,y,z,w of each joint */
+    const float *translation; /* (frames,3) of the root joint */
+    float yfov;               /* of the camera at the origin, radians; the
+                               * driven root moves before it */
+};
+
+int glb_write_head(const char *path, const struct glb_head *h,
+                   struct error *err);
+
+/* Say what a viewer would trip over in a GLB or glTF file, a line per finding
+ * through say(context, text).  Returns the number of findings, or -1 when the
+ * file can't be read as glTF at all. */
+int glb_lint(const char *path, void (*say)(void *context, const char *text),
+             void *context, struct error *err);
+
+/* Read the Gaussians of the first primitive with KHR_gaussian_splatting; all
+ * arrays are one block that the caller frees through *block.  color has three
+ * channels of display sRGB. */
+int glb_read_splats(struct glb_splats *s, void **block, const char *path,
+                    struct error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
