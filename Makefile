@@ -107,12 +107,58 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 
 # ---- what people call ------------------------------------------------------
 
+DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
+        libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
+        libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg \
+        bats mandoc man-db python3 python3-numpy clang
+STAGES := $(patsubst lib/bench/bench_%.c,%,$(wildcard lib/bench/bench_*.c))
+
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 
+# make check T="stream dump" runs only the tests with these words in the name.
 check: tests
-	BUILD=$(BUILD) tests/run
+	BUILD=$(BUILD) tests/run $(T)
+
+bench: all
+	@set -e; for s in $(STAGES); do $(BUILD)/bin/spid-bench $$s; done
+
+demo: all
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/demo.sh $(BUILD)/demo
+
+# Debian packages; nothing is printed or asked when all are there.
+deps:
+	@[ "$$(dpkg-query -W -f '$${db:Status-Status}\n' $(DEPS) 2>&1 | \
+	  grep -cx installed)" = $(words $(DEPS)) ] || { \
+	sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
+	$$sudo apt-get update -q && $$sudo env DEBIAN_FRONTEND=noninteractive \
+	  apt-get install -y -q --no-install-recommends $(DEPS); }
+
+install: all
+	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \
+	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5"
+	install $(PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
+	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
+	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
+	for f in $(BUILD)/share/spid/* examples/model/*.safetensors; do \
+	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \
+	done
+
+# libFuzzer over the readers, FUZZ_SECONDS each; what it finds is kept in
+# tests/fuzz/found and replayed by make check.
+FUZZ_SECONDS ?= 120
+fuzz: $(patsubst tests/fuzz/%.c,$(BUILD)/fuzz/%,$(wildcard tests/fuzz/*.c))
+	set -e; for f in $^; do mkdir -p $$f.corpus tests/fuzz/found; \
+	  $$f -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=512 -timeout=5 \
+	    -artifact_prefix=tests/fuzz/found/$$(basename $$f)- $$f.corpus; done
+
+$(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch] \
+                 formats/safetensors.[ch] formats/npy.[ch])
+	@mkdir -p $(@D)
+	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) -fopenmp=libgomp \
+	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
+	  $(filter %.c,$^) -lxxhash -lcjson -lm -o $@
 
 clean:
 	rm -rf build
 
-.PHONY: all tests check clean
+.PHONY: all tests check bench demo deps install fuzz clean
