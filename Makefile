@@ -110,7 +110,7 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
         libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg \
-        bats mandoc man-db python3 python3-numpy clang
+        bats mandoc python3 python3-numpy
 STAGES := $(patsubst lib/bench/bench_%.c,%,$(wildcard lib/bench/bench_*.c))
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
