@@ -1,0 +1,154 @@
+/* The plain double-precision posing the tests compare with: vertex by vertex,
+ * one sum after the other, nothing skipped. */
+#include "lib/head/lbs.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/geom/rotation.h"
+#include "lib/head/lbs_kernel.h"
+
+#define ROW (3 * HEAD_BLOCK)
+
+/* Component c of vertex v in direction k of a block layout of n directions. */
+static double at(const float *dirs, size_t n, size_t k, size_t v, int c)
+{
+    return dirs[(v / HEAD_BLOCK * n + k) * ROW + (size_t)c * HEAD_BLOCK +
+                v % HEAD_BLOCK];
+}
+
+static void chain_d(struct lbs_chain *c, const struct head *h,
+                    const struct head_motion_d *m)
+{
+    for (int j = 0; j < HEAD_JOINTS; j++) {
+        if (m->eps)
+            rotation_rodrigues_eps_d(c->R[j], m->pose + 3 * j);
+        else
+            rotation_exp_d(c->R[j], m->pose + 3 * j);
+        for (int i = 0; i < 3; i++) {
+            double x = h->joint_template[3 * j + i];
+
+            for (size_t k = 0; k < h->nshape; k++)
+                x += m->beta[k] * h->joint_shape[15 * k + 3 * j + i];
+            for (size_t k = 0; k < h->nexp; k++)
+                x += m->exp[k] * h->joint_exp[15 * k + 3 * j + i];
+            c->J[j][i] = x;
+        }
+    }
+    lbs_chain_forward(c, h->parents);
+}
+
+/* Vertex v before skinning: T + B_S + B_E + B_P. */
+static void rest_d(double p[3], const struct head *h, const struct lbs_chain *c,
+                   const struct head_motion_d *m, size_t v)
+{
+    for (int i = 0; i < 3; i++) {
+        p[i] = h->v_template[3 * v + i];
+        for (size_t k = 0; k < h->nshape; k++)
+            p[i] += m->beta[k] * at(h->shape_dirs, h->nshape, k, v, i);
+        for (size_t k = 0; k < h->nexp; k++)
+            p[i] += m->exp[k] * at(h->exp_dirs, h->nexp, k, v, i);
+        for (int k = 0; k < HEAD_POSE_DIRS; k++)
+            p[i] += (c->R[1 + k / 9][k % 9] - (k % 9 % 4 == 0)) *
+                    at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
+    }
+}
+
+static void blend_d(double M[12], const struct head *h,
+                    const struct lbs_chain *c, size_t v)
+{
+    for (int i = 0; i < 12; i++) {
+        M[i] = 0;
+        for (int j = 0; j < HEAD_JOINTS; j++)
+            M[i] += h->weights[HEAD_JOINTS * v + j] * c->A[j][i];
+    }
+}
+
+int head_pose_d(double *verts, double *joints, const struct head *h,
+                const struct head_motion_d *m)
+{
+    struct lbs_chain c;
+
+    chain_d(&c, h, m);
+    for (size_t v = 0; v < h->V; v++) {
+        double p[3], M[12];
+
+        rest_d(p, h, &c, m, v);
+        blend_d(M, h, &c, v);
+        for (int i = 0; i < 3; i++)
+            verts[3 * v + i] = M[4 * i] * p[0] + M[4 * i + 1] * p[1] +
+                               M[4 * i + 2] * p[2] + M[4 * i + 3] +
+                               m->lid[0] * h->l_eyelid[3 * v + i] +
+                               m->lid[1] * h->r_eyelid[3 * v + i];
+    }
+    for (int i = 0; joints && i < 3 * HEAD_JOINTS; i++)
+        joints[i] = c.tg[i / 3][i % 3];
+    return 0;
+}
+
+/* One vertex of the backward pass: dA, dfeature, coefficients, lids. */
+static void vertex_backward_d(struct head_motion_grad_d *g,
+                              double dA[HEAD_JOINTS][12],
+                              double feature[HEAD_POSE_DIRS],
+                              const double dv[3], const struct head *h,
+                              const struct lbs_chain *c,
+                              const struct head_motion_d *m, size_t v)
+{
+    double p[3], M[12];
+
+    rest_d(p, h, c, m, v);
+    blend_d(M, h, c, v);
+    for (int i = 0; i < 3; i++) {
+        double dp = M[i] * dv[0] + M[4 + i] * dv[1] + M[8 + i] * dv[2];
+
+        g->lid[0] += dv[i] * h->l_eyelid[3 * v + i];
+        g->lid[1] += dv[i] * h->r_eyelid[3 * v + i];
+        for (int j = 0; j < HEAD_JOINTS; j++) {
+            double w = h->weights[HEAD_JOINTS * v + j];
+
+            for (int k = 0; k < 3; k++)
+                dA[j][4 * i + k] += w * dv[i] * p[k];
+            dA[j][4 * i + 3] += w * dv[i];
+        }
+        for (size_t k = 0; g->exp && k < h->nexp; k++)
+            g->exp[k] += dp * at(h->exp_dirs, h->nexp, k, v, i);
+        for (size_t k = 0; g->beta && k < h->nshape; k++)
+            g->beta[k] += dp * at(h->shape_dirs, h->nshape, k, v, i);
+        for (int k = 0; k < HEAD_POSE_DIRS; k++)
+            feature[k] += dp * at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v,
+                                  i);
+    }
+}
+
+int head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
+                         const double *djoints, const struct head *h,
+                         const struct head_motion_d *m)
+{
+    double dA[HEAD_JOINTS][12] = {{0}}, dR[HEAD_JOINTS][9] = {{0}};
+    double dJ[HEAD_JOINTS][3] = {{0}}, dtg[HEAD_JOINTS][3] = {{0}};
+    double feature[HEAD_POSE_DIRS] = {0};
+    struct lbs_chain c;
+
+    chain_d(&c, h, m);
+    for (size_t v = 0; v < h->V; v++)
+        vertex_backward_d(g, dA, feature, dverts + 3 * v, h, &c, m, v);
+    for (int k = 0; k < HEAD_POSE_DIRS; k++)
+        dR[1 + k / 9][k % 9] = feature[k];
+    for (int i = 0; djoints && i < 3 * HEAD_JOINTS; i++)
+        dtg[i / 3][i % 3] = djoints[i];
+    lbs_chain_backward(dR, dJ, dA, dtg, &c, h->parents);
+    for (int j = 0; j < HEAD_JOINTS; j++) {
+        if (m->eps)
+            rotation_rodrigues_eps_backward_d(g->pose + 3 * j, dR[j],
+                                              m->pose + 3 * j);
+        else
+            rotation_exp_backward_d(g->pose + 3 * j, dR[j], m->pose + 3 * j);
+    }
+    for (int i = 0; i < 3 * HEAD_JOINTS; i++) {
+        for (size_t k = 0; g->exp && k < h->nexp; k++)
+            g->exp[k] += dJ[i / 3][i % 3] * h->joint_exp[15 * k + i];
+        for (size_t k = 0; g->beta && k < h->nshape; k++)
+            g->beta[k] += dJ[i / 3][i % 3] * h->joint_shape[15 * k + i];
+    }
+    return 0;
+}

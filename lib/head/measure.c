@@ -1,0 +1,126 @@
+/* Landmarks, lips and normals of a posed head. */
+#include "lib/head/head.h"
+
+#include <math.h>
+#include <string.h>
+
+void head_landmarks(float *lmk, const struct head *h, const float *verts)
+{
+    for (int i = 0; i < HEAD_LANDMARKS; i++) {
+        const int32_t *f = h->f + 3 * (size_t)h->landmark_faces[i];
+        const float *w = h->landmark_bary + 3 * i;
+
+        for (int c = 0; c < 3; c++)
+            lmk[3 * i + c] = w[0] * verts[3 * (size_t)f[0] + c] +
+                             w[1] * verts[3 * (size_t)f[1] + c] +
+                             w[2] * verts[3 * (size_t)f[2] + c];
+    }
+}
+
+void head_landmarks_backward(float *dverts, const float *dlmk,
+                             const struct head *h)
+{
+    for (int i = 0; i < HEAD_LANDMARKS; i++) {
+        const int32_t *f = h->f + 3 * (size_t)h->landmark_faces[i];
+
+        for (int k = 0; k < 3; k++)
+            for (int c = 0; c < 3; c++)
+                dverts[3 * (size_t)f[k] + c] +=
+                    h->landmark_bary[3 * i + k] * dlmk[3 * i + c];
+    }
+}
+
+/* The mean position of the inner lip ring: the paper's l-bar. */
+void head_lip_centroid(float c[3], const struct head *h, const float *verts)
+{
+    double sum[3] = {0};
+
+    for (size_t i = 0; i < h->nlip_inner; i++)
+        for (int k = 0; k < 3; k++)
+            sum[k] += verts[3 * (size_t)h->lip_inner[i] + k];
+    for (int k = 0; k < 3; k++)
+        c[k] = (float)(sum[k] / (double)h->nlip_inner);
+}
+
+void head_lip_centroid_backward(float *dverts, const float dc[3],
+                                const struct head *h)
+{
+    for (size_t i = 0; i < h->nlip_inner; i++)
+        for (int k = 0; k < 3; k++)
+            dverts[3 * (size_t)h->lip_inner[i] + k] +=
+                dc[k] / (float)h->nlip_inner;
+}
+
+/* Range of coordinate c over a list of vertices. */
+static float range(const int32_t *list, size_t n, const float *verts, int c)
+{
+    float lo = INFINITY, hi = -INFINITY;
+
+    for (size_t i = 0; i < n; i++) {
+        lo = fminf(lo, verts[3 * (size_t)list[i] + c]);
+        hi = fmaxf(hi, verts[3 * (size_t)list[i] + c]);
+    }
+    return n ? hi - lo : 0;
+}
+
+void head_mouth(struct head_mouth *m, const struct head *h,
+                const float *verts)
+{
+    double up = 0, down = 0;
+    size_t nup = 0, ndown = 0;
+
+    memset(m, 0, sizeof *m);
+    if (h->nlip_inner == 0)
+        return;
+    head_lip_centroid(m->centre, h, verts);
+    float half = 0.25f * range(h->lip_inner, h->nlip_inner, verts, 0);
+    for (size_t i = 0; i < h->nlip_inner; i++) {
+        const float *v = verts + 3 * (size_t)h->lip_inner[i];
+        float x = v[0] - m->centre[0], y = v[1] - m->centre[1];
+
+        m->radius = fmaxf(m->radius, fmaxf(fabsf(x), fabsf(y)));
+        /* the opening, away from the corners where the lips meet */
+        if (fabsf(x) > half)
+            continue;
+        if (y > 0) {
+            up += y;
+            nup++;
+        } else {
+            down += y;
+            ndown++;
+        }
+    }
+    m->gap = (float)((nup ? up / (double)nup : 0) -
+                     (ndown ? down / (double)ndown : 0));
+    m->bowl = range(h->lip_inner, h->nlip_inner, verts, 2);
+    m->lip = range(h->lip_upper_outer, h->nlip_upper_outer, verts, 2);
+}
+
+void head_normals(float *normals, const struct head *h, const float *verts)
+{
+    memset(normals, 0, 3 * h->V * sizeof *normals);
+    for (size_t i = 0; i < h->F; i++) {
+        const int32_t *f = h->f + 3 * i;
+        const float *a = verts + 3 * (size_t)f[0];
+        const float *b = verts + 3 * (size_t)f[1];
+        const float *c = verts + 3 * (size_t)f[2];
+        float u[3], v[3];
+
+        for (int k = 0; k < 3; k++) {
+            u[k] = b[k] - a[k];
+            v[k] = c[k] - a[k];
+        }
+        float n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                      u[0] * v[1] - u[1] * v[0]};
+        for (int j = 0; j < 3; j++)
+            for (int k = 0; k < 3; k++)
+                normals[3 * (size_t)f[j] + k] += n[k];
+    }
+    for (size_t v = 0; v < h->V; v++) {
+        float *n = normals + 3 * v;
+        float len = sqrtf(n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+
+        for (int k = 0; k < 3; k++)
+            n[k] = len > 1e-20f ? n[k] / len : 0;
+    }
+}
