@@ -68,6 +68,10 @@ static int check_arrays(const struct head_arrays *a, struct error *err)
     if (V == 0 || a->F == 0 || V > 10000000 || a->F > 40000000)
         return error_set(err, EX_DATAERR, "head has %zu vertices and %zu "
                          "faces (expected at least one of each)", V, a->F);
+    if (a->nexp > HEAD_MAX_EXP)
+        return error_set(err, EX_DATAERR, "head has %zu expression "
+                         "directions (expected at most %d)", a->nexp,
+                         HEAD_MAX_EXP);
     if (a->scale < 0 || !isfinite(a->scale))
         return error_set(err, EX_DATAERR, "head scale is %f (expected a "
                          "positive number)", (double)a->scale);

@@ -30,6 +30,7 @@
 #define HEAD_JOINTS 5
 #define HEAD_POSE_DIRS 36
 #define HEAD_LANDMARKS 68
+#define HEAD_MAX_EXP 512   /* expression directions at most */
 #define HEAD_BLOCK 32      /* vertices of one block of the posing layout */
 
 enum head_joint {

@@ -9,7 +9,6 @@
 #include "lib/head/lbs_kernel.h"
 
 #define ROW (3 * HEAD_BLOCK)
-#define EXP_MAX 512     /* directions one pass takes; more are added after */
 
 /* ---- the joint chain --------------------------------------------------- */
 
@@ -166,7 +165,8 @@ static void chain_of(struct lbs_chain *c, const struct identity *id,
     lbs_chain_forward(c, h->parents);
 }
 
-/* The active directions and matrices; index and value hold EXP_MAX. */
+/* The active directions and matrices; index and value hold
+ * HEAD_MAX_EXP. */
 static void frame_of(struct lbs_frame *fr, int *index, float *value,
                      const struct lbs_chain *c, const struct identity *id,
                      const struct head_motion *m)
@@ -177,7 +177,7 @@ static void frame_of(struct lbs_frame *fr, int *index, float *value,
     fr->exp_index = index;
     fr->exp_value = value;
     fr->nexp = fr->npose = 0;
-    for (size_t k = 0; m->exp && k < h->nexp && fr->nexp < EXP_MAX; k++)
+    for (size_t k = 0; m->exp && k < h->nexp; k++)
         if (m->exp[k] != 0) {
             index[fr->nexp] = (int)k;
             value[fr->nexp++] = m->exp[k];
@@ -205,8 +205,8 @@ void head_pose(float *verts, const struct identity *id,
 {
     struct lbs_chain c;
     struct lbs_frame fr;
-    int index[EXP_MAX];
-    float value[EXP_MAX];
+    int index[HEAD_MAX_EXP];
+    float value[HEAD_MAX_EXP];
 
     chain_of(&c, id, m);
     frame_of(&fr, index, value, &c, id, m);
@@ -260,8 +260,8 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
     struct lbs_chain c;
     struct lbs_frame fr;
     struct lbs_sums s = {.exp = g->exp, .beta = g->beta};
-    int index[EXP_MAX];
-    float value[EXP_MAX];
+    int index[HEAD_MAX_EXP];
+    float value[HEAD_MAX_EXP];
 
     chain_of(&c, id, m);
     frame_of(&fr, index, value, &c, id, m);

@@ -64,7 +64,7 @@ static void blend_d(double M[12], const struct head *h,
     }
 }
 
-int head_pose_d(double *verts, double *joints, const struct head *h,
+void head_pose_d(double *verts, double *joints, const struct head *h,
                 const struct head_motion_d *m)
 {
     struct lbs_chain c;
@@ -83,7 +83,6 @@ int head_pose_d(double *verts, double *joints, const struct head *h,
     }
     for (int i = 0; joints && i < 3 * HEAD_JOINTS; i++)
         joints[i] = c.tg[i / 3][i % 3];
-    return 0;
 }
 
 /* One vertex of the backward pass: dA, dfeature, coefficients, lids. */
@@ -120,7 +119,7 @@ static void vertex_backward_d(struct head_motion_grad_d *g,
     }
 }
 
-int head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
+void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
                          const double *djoints, const struct head *h,
                          const struct head_motion_d *m)
 {
@@ -150,5 +149,4 @@ int head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
         for (size_t k = 0; g->beta && k < h->nshape; k++)
             g->beta[k] += dJ[i / 3][i % 3] * h->joint_shape[15 * k + i];
     }
-    return 0;
 }

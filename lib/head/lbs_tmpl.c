@@ -120,9 +120,9 @@ void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
 
 /* ---- backward ---------------------------------------------------------- */
 
-static inline float sum16(vec v)
+static inline float sum16(const vec *v)
 {
-    const float *x = (const float *)&v;
+    const float *x = (const float *)v;
     float s[4];
 
     for (int i = 0; i < 4; i++)
@@ -137,8 +137,10 @@ static inline void dot_rows(float *out, const float *rows, const vec g[NV],
     for (size_t k = 0; k < n; k++) {
         const vec *d = (const vec *)(rows + k * ROW);
 
-        out[k] += sum16(d[0] * g[0] + d[1] * g[1] + d[2] * g[2] +
-                        d[3] * g[3] + d[4] * g[4] + d[5] * g[5]);
+        vec s = d[0] * g[0] + d[1] * g[1] + d[2] * g[2] + d[3] * g[3] +
+                d[4] * g[4] + d[5] * g[5];
+
+        out[k] += sum16(&s);
     }
 }
 
@@ -161,9 +163,12 @@ static inline void skin_back(vec dp[NV], struct lbs_sums *s, const vec dq[NV],
             for (int i = 0; i < 3; i++) {
                 vec wd = skin[2 * j + half] * dq[2 * i + half];
 
-                for (int c = 0; c < 3; c++)
-                    s->A[j][4 * i + c] += sum16(wd * p[2 * c + half]);
-                s->A[j][4 * i + 3] += sum16(wd);
+                for (int c = 0; c < 3; c++) {
+                    vec t = wd * p[2 * c + half];
+
+                    s->A[j][4 * i + c] += sum16(&t);
+                }
+                s->A[j][4 * i + 3] += sum16(&wd);
             }
     }
 }
