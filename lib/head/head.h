@@ -69,6 +69,9 @@ struct head {
     size_t V, F, nshape, nexp;
     size_t blocks;              /* ceil(V / HEAD_BLOCK) */
     float scale;                /* head units per metre */
+    int public_rodrigues;       /* rotate by the public FLAME code's formula
+                                 * (rotation.h) instead of the exact map; off
+                                 * unless set after loading */
     char hash[17];              /* hex, of the numbers above: same head, same
                                  * hash, whatever file it came from */
     float *v_template;          /* (V,3) */

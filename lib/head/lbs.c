@@ -153,7 +153,10 @@ static void chain_of(struct lbs_chain *c, const struct identity *id,
         const float *r = joint_angle(m, j);
         double rd[3] = {r[0], r[1], r[2]};
 
-        rotation_exp_d(c->R[j], rd);
+        if (h->public_rodrigues)
+            rotation_rodrigues_eps_d(c->R[j], rd);
+        else
+            rotation_exp_d(c->R[j], rd);
         for (int i = 0; i < 3; i++)
             c->J[j][i] = id->joints[3 * j + i];
     }
@@ -280,7 +283,10 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
         const float *r = joint_angle(m, j);
         double rd[3] = {r[0], r[1], r[2]}, back[3] = {0};
 
-        rotation_exp_backward_d(back, dR[j], rd);
+        if (h->public_rodrigues)
+            rotation_rodrigues_eps_backward_d(back, dR[j], rd);
+        else
+            rotation_exp_backward_d(back, dR[j], rd);
         for (int i = 0; i < 3; i++)
             dr[j][i] += (float)back[i];
     }

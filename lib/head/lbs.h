@@ -60,13 +60,11 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
 /* ---- double-precision reference --------------------------------------- */
 
 /* Parameters in double: beta (nshape), exp (nexp), pose (15) = root, neck,
- * jaw, left eye, right eye; lid (2).  eps selects Rodrigues' formula of the
- * public code instead of the exact exponential map. */
+ * jaw, left eye, right eye; lid (2). */
 struct head_motion_d {
     const double *beta, *exp;
     double pose[3 * HEAD_JOINTS];
     double lid[2];
-    int eps;
 };
 struct head_motion_grad_d {
     double *beta, *exp;             /* (nshape), (nexp); may be NULL */

@@ -21,7 +21,7 @@ static void chain_d(struct lbs_chain *c, const struct head *h,
                     const struct head_motion_d *m)
 {
     for (int j = 0; j < HEAD_JOINTS; j++) {
-        if (m->eps)
+        if (h->public_rodrigues)
             rotation_rodrigues_eps_d(c->R[j], m->pose + 3 * j);
         else
             rotation_exp_d(c->R[j], m->pose + 3 * j);
@@ -137,7 +137,7 @@ void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
         dtg[i / 3][i % 3] = djoints[i];
     lbs_chain_backward(dR, dJ, dA, dtg, &c, h->parents);
     for (int j = 0; j < HEAD_JOINTS; j++) {
-        if (m->eps)
+        if (h->public_rodrigues)
             rotation_rodrigues_eps_backward_d(g->pose + 3 * j, dR[j],
                                               m->pose + 3 * j);
         else

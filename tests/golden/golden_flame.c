@@ -7,7 +7,7 @@
 #include "lib/head/lbs.h"
 #include "tests/golden/golden.h"
 
-#define V 5023
+#define NV 5023
 #define NSHAPE 300
 #define NEXP 100
 #define K (NSHAPE + NEXP)
@@ -25,15 +25,15 @@ static void make_regressor(float *J, uint64_t seed)
         for (int k = 0; k < 12; k++) {
             double u = golden_u("flame.J_index", seed,
                                 (uint64_t)(12 * j + k));
-            int v = (j * 977 + k * 401 + (int)(400 * u)) % V;
-            J[j * V + v] += (float)(w[k] / sum);
+            int v = (j * 977 + k * 401 + (int)(400 * u)) % NV;
+            J[j * NV + v] += (float)(w[k] / sum);
         }
     }
 }
 
 static void make_weights(float *w, uint64_t seed)
 {
-    for (int v = 0; v < V; v++) {
+    for (int v = 0; v < NV; v++) {
         double raw[5], sum = 0;
 
         for (int j = 0; j < 5; j++) {
@@ -52,28 +52,28 @@ static void make_weights(float *w, uint64_t seed)
 
 static float *transpose_posedirs(const float *p)
 {
-    float *t = malloc((size_t)V * 3 * 36 * sizeof *t);
+    float *t = malloc((size_t)NV * 3 * 36 * sizeof *t);
 
     for (size_t k = 0; k < 36; k++)
-        for (size_t i = 0; i < 3 * V; i++)
-            t[i * 36 + k] = p[k * 3 * V + i];
+        for (size_t i = 0; i < 3 * NV; i++)
+            t[i * 36 + k] = p[k * 3 * NV + i];
     return t;
 }
 
 static void make_head(struct head *h, struct golden *g)
 {
     static const int32_t parents[5] = {-1, 0, 1, 1, 1}, face[3] = {0, 1, 2};
-    float *template = golden_array("flame.v_template", g->seed, 3 * V, 0, 0.1);
-    float *dirs = golden_array("flame.shapedirs", g->seed, (size_t)3 * V * K,
+    float *template = golden_array("flame.v_template", g->seed, 3 * NV, 0, 0.1);
+    float *dirs = golden_array("flame.shapedirs", g->seed, (size_t)3 * NV * K,
                                0, 0.002);
-    float *posed = golden_array("flame.posedirs", g->seed, (size_t)36 * 3 * V,
+    float *posed = golden_array("flame.posedirs", g->seed, (size_t)36 * 3 * NV,
                                 0, 0.002);
-    float *l = golden_array("flame.l_eyelid", g->seed, 3 * V, 0, 0.01);
-    float *r = golden_array("flame.r_eyelid", g->seed, 3 * V, 0, 0.01);
-    float *J = calloc(5 * V, sizeof *J), *w = calloc(5 * V, sizeof *w);
+    float *l = golden_array("flame.l_eyelid", g->seed, 3 * NV, 0, 0.01);
+    float *r = golden_array("flame.r_eyelid", g->seed, 3 * NV, 0, 0.01);
+    float *J = calloc(5 * NV, sizeof *J), *w = calloc(5 * NV, sizeof *w);
     float *pt = transpose_posedirs(posed);
     struct head_arrays a = {
-        .V = V, .F = 1, .nshape = NSHAPE, .nexp = NEXP, .scale = 1,
+        .V = NV, .F = 1, .nshape = NSHAPE, .nexp = NEXP, .scale = 1,
         .v_template = template, .f = face, .shapedirs = dirs, .posedirs = pt,
         .J_regressor = J, .weights = w, .parents = parents,
         .l_eyelid = l, .r_eyelid = r, .lip_inner = face, .nlip_inner = 3,
@@ -115,15 +115,15 @@ static void check_d(struct golden *g, const char *pose, const char *what,
     golden_compare_f64(g, name, x, n, rel);
 }
 
-/* The float path: beta folded, exact rotations. */
+/* The float path: beta folded. */
 static void run_float(struct golden *g, const char *pose, const float *angles,
                       const float *lid, const float *betas,
                       const struct identity *id)
 {
     struct head_motion m = {.exp = betas + NSHAPE};
-    float *verts = malloc(3 * V * sizeof *verts), joints[15];
-    float *probe = golden_probe_array(g->seed, 3 * V);
-    float *zero = calloc(3 * V, sizeof *zero);
+    float *verts = malloc(3 * NV * sizeof *verts), joints[15];
+    float *probe = golden_probe_array(g->seed, 3 * NV);
+    float *zero = calloc(3 * NV, sizeof *zero);
 
     memcpy(m.global, angles, sizeof m.global);
     memcpy(m.neck, angles + 3, sizeof m.neck);
@@ -132,7 +132,7 @@ static void run_float(struct golden *g, const char *pose, const float *angles,
     memcpy(m.lid, lid, sizeof m.lid);
     head_pose(verts, id, &m);
     head_pose_joints(joints, id, &m);
-    check(g, pose, "vertices", verts, 3 * V);
+    check(g, pose, "vertices", verts, 3 * NV);
     check(g, pose, "joints", joints, 15);
     for (int of_joints = 0; of_joints < 2; of_joints++) {
         float db[K] = {0}, dp[15];
@@ -154,26 +154,26 @@ static void run_float(struct golden *g, const char *pose, const float *angles,
     free(zero);
 }
 
-/* The double reference with the public code's Rodrigues formula. */
+/* The double reference. */
 static void run_double(struct golden *g, const char *pose,
                        const float *angles, const float *lid,
                        const float *betas, const struct head *h)
 {
     double b[K], joints[15];
-    double *verts = calloc(3 * V, sizeof *verts);
-    double *probe = calloc(3 * V, sizeof *probe);
-    double *zero = calloc(3 * V, sizeof *zero);
-    struct head_motion_d m = {.beta = b, .exp = b + NSHAPE, .eps = 1,
+    double *verts = calloc(3 * NV, sizeof *verts);
+    double *probe = calloc(3 * NV, sizeof *probe);
+    double *zero = calloc(3 * NV, sizeof *zero);
+    struct head_motion_d m = {.beta = b, .exp = b + NSHAPE,
                               .lid = {lid[0], lid[1]}};
 
     for (int i = 0; i < K; i++)
         b[i] = betas[i];
     for (int i = 0; i < 15; i++)
         m.pose[i] = angles[i];
-    for (size_t i = 0; i < 3 * V; i++)
+    for (size_t i = 0; i < 3 * NV; i++)
         probe[i] = golden_probe(g->seed, i);
     head_pose_d(verts, joints, h, &m);
-    check_d(g, pose, "vertices", verts, 3 * V, 1e-7);
+    check_d(g, pose, "vertices", verts, 3 * NV, 1e-7);
     check_d(g, pose, "joints", joints, 15, 1e-7);
     for (int of_joints = 0; of_joints < 2; of_joints++) {
         double db[K] = {0};
@@ -200,6 +200,7 @@ static void run_flame(struct golden *g)
     float *betas = golden_array("input.betas", g->seed, K, 0, 1);
 
     make_head(&h, g);
+    h.public_rodrigues = 1;
     if (head_fold(&id, &h, betas, NSHAPE, &err))
         exit(1);
     for (size_t i = 0; i < st_count(g->st); i++) {
