@@ -20,7 +20,7 @@ struct splat_truth {
 };
 
 /* Copy and widen g and cam; branches as in splat_options.  Defaults of the
- * rules: near 0.2 (EXACT 0.01), alpha_cut 1/255, t_cut 1e-4. */
+ * rules: near 0.01 (DGR 0.2), alpha_cut 1/255, t_cut 1e-4. */
 int splat_truth_init(struct splat_truth *t, const struct gaussians *g,
                      const struct splat_camera *cam, int width, int height,
                      int channels, enum splat_rules rules,
@@ -42,7 +42,8 @@ void splat_truth_project(struct splat_point *p, const struct splat_truth *t,
 
 /* Draw.  image (H,W,C), alpha and depth (H,W) or NULL; ambiguous u8 (H,W) or
  * NULL: 1 where a cut-off is within 1e-5 relative of being decided the other
- * way.  Under EXACT a term below 1e-18 is left out. */
+ * way.  Under EXACT a term with e^-sigma below
+ * 1e-18 is left out. */
 int splat_reference_forward(double *image, double *alpha, double *depth,
                             uint8_t *ambiguous, const struct splat_truth *t,
                             struct error *err);

@@ -46,7 +46,7 @@ struct splat_camera splat_camera_square(const float rt[12], int size,
 enum splat_rules {
     SPLAT_GSPLAT,   /* quaternions normalised; alpha = min(0.99, o e^-s);
                      * skipped under alpha_cut; dropped with all behind it
-                     * when T (1 - alpha) <= t_cut; near plane z > 0.2 */
+                     * when T (1 - alpha) <= t_cut; near plane z > 0.01 */
     SPLAT_DGR,      /* as the public CUDA rasteriser: quaternions as they
                      * are, whole 16x16 tiles at 3 sigma, near plane 0.2 */
     SPLAT_EXACT     /* no clamp, no cut-offs, near plane 0.01: double only */
@@ -57,7 +57,7 @@ struct splat_options {
     int channels;                 /* drawn: the first 1..32 of the colours */
     enum splat_rules rules;       /* GSPLAT or DGR for the fast kernels */
     int threads;                  /* 0: what OpenMP gives */
-    float near;                   /* drawn if z > near; default 0.2 */
+    float near;                   /* drawn if z > near; 0: as the rules say */
     float alpha_cut;              /* default 1/255; at least 2^-24 */
     float t_cut;                  /* default 1e-4; 0: no early stop */
     int exp_degree;               /* of the exp2 polynomial, 2 to 5; default
