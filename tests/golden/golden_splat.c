@@ -1,0 +1,241 @@
+/* 07_splat: projection, pictures and gradients of the double reference under
+ * all three rules, and of the kernels under the two they draw by. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/splat/reference.h"
+#include "tests/golden/golden.h"
+
+struct scene {
+    size_t N, C, W, H;
+    float *color, *means, *scales, *quats, *opacities, *bg;
+    float *probe;                 /* (H,W,C) */
+    struct gaussians g;
+    struct splat_camera cam;
+};
+
+static void scene_open(struct scene *s, struct golden *g)
+{
+    double *size = golden_f64(g, "size", NULL);
+    float *T = golden_f32(g, "T", NULL);
+
+    s->W = (size_t)size[0];
+    s->H = (size_t)size[1];
+    s->N = (size_t)size[2];
+    s->C = (size_t)size[3];
+    s->means = golden_f32(g, "means", NULL);
+    s->scales = golden_f32(g, "scales", NULL);
+    s->quats = golden_f32(g, "quats", NULL);
+    s->opacities = golden_f32(g, "opacities", NULL);
+    s->bg = golden_f32(g, "bg", NULL);
+    s->color = golden_has(g, "colors")
+        ? golden_f32(g, "colors", NULL)
+        : golden_array("input.colors", g->seed, s->N * s->C, 0.5, 0.5);
+    s->g = (struct gaussians){
+        .n = s->N, .channels = (int)s->C, .mean = s->means,
+        .scale = s->scales, .quat = s->quats, .opacity = s->opacities,
+        .color = s->color};
+    /* w2c = diag(-1,-1,1) [R^T | t] of the row-vector T */
+    for (int r = 0; r < 3; r++) {
+        for (int k = 0; k < 3; k++)
+            s->cam.rt[4 * r + k] = (r < 2 ? -1 : 1) * T[4 * k + r];
+        s->cam.rt[4 * r + 3] = (r < 2 ? -1 : 1) * T[4 * r + 3];
+    }
+    s->cam.fx = 6.0f * (float)s->W;
+    s->cam.fy = 6.0f * (float)s->H;
+    s->cam.cx = 0.5f * (float)s->W;
+    s->cam.cy = 0.5f * (float)s->H;
+    float *probe = golden_probe_array(g->seed, s->C * s->H * s->W);
+
+    s->probe = calloc(s->C * s->H * s->W + 1, sizeof *s->probe);
+    for (size_t c = 0; c < s->C; c++)
+        for (size_t p = 0; p < s->H * s->W; p++)
+            s->probe[p * s->C + c] = probe[c * s->H * s->W + p];
+    free(probe);
+    free(size);
+    free(T);
+}
+
+static void scene_close(struct scene *s)
+{
+    free(s->means);
+    free(s->scales);
+    free(s->quats);
+    free(s->opacities);
+    free(s->bg);
+    free(s->color);
+    free(s->probe);
+}
+
+static double *grab(size_t n)
+{
+    double *p = calloc(n + 1, sizeof *p);
+
+    if (!p) {
+        fprintf(stderr, "golden: out of memory\n");
+        exit(1);
+    }
+    return p;
+}
+
+static const char *key(const char *mode, const char *name)
+{
+    static char text[80];
+
+    snprintf(text, sizeof text, "%s.%s", mode, name);
+    return text;
+}
+
+/* What a case does not store (quaternions of length 0 have no derivative)
+ * cannot be compared. */
+static void compare_if(struct golden *g, const char *name, const double *x,
+                       size_t n, double tol)
+{
+    char err[96];
+
+    snprintf(err, sizeof err, "%s.err", name);
+    if (golden_has(g, err))
+        golden_compare_f64(g, name, x, n, tol);
+}
+
+/* (3,4) gradient of our column-form camera as the base code's T. */
+static void to_row_vector(double out[12], const double rt[12])
+{
+    for (int r = 0; r < 3; r++) {
+        for (int k = 0; k < 3; k++)
+            out[4 * k + r] = (r < 2 ? -1 : 1) * rt[4 * r + k];
+        out[4 * r + 3] = (r < 2 ? -1 : 1) * rt[4 * r + 3];
+    }
+}
+
+static void compare_projection(struct golden *g, const struct splat_truth *t,
+                               size_t N)
+{
+    double *xy = grab(2 * N), *conic = grab(3 * N), *z = grab(N);
+    double *cov3 = grab(6 * N), *comp = grab(N), wrong = 0;
+    double *front = golden_f64(g, "proj.in_front", NULL);
+
+    for (size_t i = 0; i < N; i++) {
+        struct splat_point p;
+
+        splat_truth_project(&p, t, i);
+        wrong += p.front != (front[i] != 0);
+        memcpy(cov3 + 6 * i, p.cov3, sizeof p.cov3);
+        if (!p.front)
+            continue;
+        xy[2 * i] = p.x;
+        xy[2 * i + 1] = p.y;
+        z[i] = p.z;
+        memcpy(conic + 3 * i, p.conic, sizeof p.conic);
+        comp[i] = sqrt(fmax(p.det_sharp / p.det, 2.5e-5));
+    }
+    golden_check(g, "proj.in_front", wrong, wrong, 0);
+    golden_compare_f64(g, "proj.means2d", xy, 2 * N, 1e-9);
+    golden_compare_f64(g, "proj.conics", conic, 3 * N, 1e-9);
+    golden_compare_f64(g, "proj.depths", z, N, 1e-9);
+    golden_compare_f64(g, "proj.cov3d", cov3, 6 * N, 1e-9);
+    golden_compare_f64(g, "proj.compensation", comp, N, 1e-9);
+    free(xy);
+    free(conic);
+    free(z);
+    free(cov3);
+    free(comp);
+    free(front);
+}
+
+/* (H,W,C) to planes. */
+static void planes(double *out, const double *in, const struct scene *s)
+{
+    for (size_t c = 0; c < s->C; c++)
+        for (size_t p = 0; p < s->H * s->W; p++)
+            out[c * s->H * s->W + p] = in[p * s->C + c];
+}
+
+/* Tolerance of gradients, relative to the largest (README of the files). */
+static double gradient_tolerance(const struct golden *g, const char *mode)
+{
+    if (!strcmp(mode, "dgr"))
+        return 1e-6;
+    return strstr(g->name, "huge") || strstr(g->name, "needle") ? 1e-7 : 1e-9;
+}
+
+static void reference_gradients(struct golden *g, const struct scene *s,
+                                const struct splat_truth *t, const char *mode)
+{
+    size_t N = s->N, C = s->C, P = s->W * s->H;
+    struct splat_truth_gradients d = {
+        grab(3 * N), grab(3 * N), grab(4 * N), grab(N), grab(C * N),
+        grab(12), grab(2 * N), grab(3 * N)};
+    double *probe = grab(P * C), T[12], tol = gradient_tolerance(g, mode);
+    struct error err = {0};
+
+    for (size_t i = 0; i < P * C; i++)
+        probe[i] = s->probe[i];
+    if (splat_reference_backward(&d, t, probe, NULL, &err))
+        golden_check(g, err.text, INFINITY, INFINITY, 0);
+    compare_if(g, key(mode, "grad.means"), d.mean, 3 * N, tol);
+    compare_if(g, key(mode, "grad.scales"), d.scale, 3 * N, tol);
+    compare_if(g, key(mode, "grad.quats"), d.quat, 4 * N, tol);
+    compare_if(g, key(mode, "grad.opacities"), d.opacity, N, tol);
+    compare_if(g, key(mode, "grad.colors"), d.color, C * N, tol);
+    to_row_vector(T, d.rt);
+    if (t->rules != SPLAT_DGR)
+        compare_if(g, key(mode, "grad.T"), T, 12, tol);
+    if (t->rules == SPLAT_EXACT) {
+        golden_compare_f64(g, "exact.grad2d.means2d", d.center, 2 * N, tol);
+        golden_compare_f64(g, "exact.grad2d.conics", d.conic, 3 * N, tol);
+    }
+    double *all[] = {d.mean, d.scale, d.quat, d.opacity, d.color, d.rt,
+                     d.center, d.conic, probe};
+
+    for (size_t k = 0; k < sizeof all / sizeof *all; k++)
+        free(all[k]);
+}
+
+static void run_reference(struct golden *g, const struct scene *s,
+                          const char *mode, enum splat_rules rules)
+{
+    size_t P = s->W * s->H;
+    double *image = grab(P * s->C), *plane = grab(P * s->C);
+    double *alpha = grab(P);
+    struct splat_truth t;
+    struct error err = {0};
+
+    if (!golden_has(g, key(mode, "T.err")) ||
+        splat_truth_init(&t, &s->g, &s->cam, (int)s->W, (int)s->H, (int)s->C,
+                         rules, 0, &err))
+        goto out;
+    for (size_t c = 0; c < s->C; c++)
+        t.background[c] = s->bg[c];
+    if (rules == SPLAT_EXACT)
+        compare_projection(g, &t, s->N);
+    if (splat_reference_forward(image, alpha, NULL, NULL, &t, &err))
+        golden_check(g, err.text, INFINITY, INFINITY, 0);
+    planes(plane, image, s);
+    for (size_t i = 0; i < P; i++)
+        alpha[i] = 1 - alpha[i];
+    golden_compare_f64(g, key(mode, "image"), plane, P * s->C, 1e-9);
+    golden_compare_f64(g, key(mode, "T"), alpha, P, 1e-9);
+    if (golden_has(g, key(mode, "grad.means.err")))
+        reference_gradients(g, s, &t, mode);
+    splat_truth_release(&t);
+out:
+    free(image);
+    free(plane);
+    free(alpha);
+}
+
+static void run_splat(struct golden *g)
+{
+    struct scene s;
+
+    scene_open(&s, g);
+    run_reference(g, &s, "exact", SPLAT_EXACT);
+    run_reference(g, &s, "gsplat", SPLAT_GSPLAT);
+    run_reference(g, &s, "dgr", SPLAT_DGR);
+    scene_close(&s);
+}
+
+GOLDEN_CASE("07_splat", run_splat)
