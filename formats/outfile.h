@@ -1,0 +1,21 @@
+/* A file that takes its name only when it is complete. */
+#ifndef SPID_FORMATS_OUTFILE_H
+#define SPID_FORMATS_OUTFILE_H
+
+#include <stdio.h>
+
+#include "lib/base/error.h"
+
+struct outfile {
+    FILE *file;
+    char *path, *part;      /* NULL part: standard output */
+};
+
+/* Open PATH.part for writing ("-": standard output). */
+int outfile_open(struct outfile *o, const char *path, struct error *err);
+/* Flush, close and rename; every failed write is noticed here. */
+int outfile_close(struct outfile *o, struct error *err);
+/* Close and remove the unfinished file. */
+void outfile_abandon(struct outfile *o);
+
+#endif

@@ -1,0 +1,78 @@
+#include "formats/splatfile.h"
+
+#include <math.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/outfile.h"
+
+struct weight {
+    float w;
+    uint32_t index;
+};
+
+/* Heaviest first, ties by index: one order for one input. */
+static int heavier(const void *a, const void *b)
+{
+    const struct weight *x = a, *y = b;
+    if (x->w != y->w)
+        return x->w < y->w ? 1 : -1;
+    return (x->index > y->index) - (x->index < y->index);
+}
+
+static struct weight *by_weight(size_t n, const float *scale,
+                                const float *opacity)
+{
+    struct weight *order = malloc((n + 1) * sizeof *order);
+    for (size_t i = 0; order && i < n; i++) {
+        const float *s = scale + 3 * i;
+        order[i].w = opacity[i] * s[0] * s[1] * s[2];
+        order[i].index = (uint32_t)i;
+    }
+    if (order)
+        qsort(order, n, sizeof *order, heavier);
+    return order;
+}
+
+static uint8_t byte(float x)
+{
+    return (uint8_t)lrintf(fminf(fmaxf(x, 0), 255));
+}
+
+int splatfile_write(const char *path, size_t n, const float *mean,
+                    const float *scale, const float *quat,
+                    const float *opacity, const float *color, int channels,
+                    struct error *err)
+{
+    struct outfile out;
+    struct weight *order = by_weight(n, scale, opacity);
+
+    if (!order)
+        return error_set(err, EX_OSERR, "%s: out of memory", path);
+    if (outfile_open(&out, path, err)) {
+        free(order);
+        return -1;
+    }
+    for (size_t k = 0; k < n; k++) {
+        size_t i = order[k].index;
+        const float *m = mean + 3 * i, *q = quat + 4 * i;
+        const float *c = color + (size_t)channels * i;
+        const float turned[4] = {-q[3], -q[2], q[1], q[0]};
+        float norm = sqrtf(q[0] * q[0] + q[1] * q[1] + q[2] * q[2] +
+                           q[3] * q[3]);
+        float f[6] = {-m[0], -m[1], m[2], scale[3 * i], scale[3 * i + 1],
+                      scale[3 * i + 2]};
+        uint8_t b[8];
+        for (int j = 0; j < 3; j++)
+            b[j] = byte(255 * c[j]);
+        b[3] = byte(255 * opacity[i]);
+        for (int j = 0; j < 4; j++)
+            b[4 + j] = byte(128 + 128 * turned[j] / fmaxf(norm, 1e-12f));
+        fwrite(f, sizeof f, 1, out.file);
+        fwrite(b, sizeof b, 1, out.file);
+    }
+    free(order);
+    return outfile_close(&out, err);
+}

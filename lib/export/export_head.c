@@ -1,0 +1,240 @@
+#include "lib/export/export_head.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+
+#define LIDS 2
+
+/* Unpack rows of a posing-layout direction, in metres. */
+static void unblock(float *out, const struct head *h, const float *blocks,
+                    size_t per_block, size_t k)
+{
+    for (size_t v = 0; v < h->V; v++) {
+        const float *b = blocks + (v / HEAD_BLOCK * per_block + k) *
+                                      (3 * HEAD_BLOCK);
+        for (size_t c = 0; c < 3; c++)
+            out[3 * v + c] = b[c * HEAD_BLOCK + v % HEAD_BLOCK] / h->scale;
+    }
+}
+
+static void fill_targets(struct export_head *e)
+{
+    const struct head *h = e->head;
+    size_t at = 0;
+
+    for (size_t k = 0; k < e->opt.expressions; k++, at++) {
+        snprintf(e->name[at], sizeof *e->name, "exp_%03zu", k);
+        unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp, k);
+    }
+    for (size_t k = 0; k < LIDS; k++, at++) {
+        snprintf(e->name[at], sizeof *e->name, "eyelid_%s",
+                 k ? "right" : "left");
+        unblock(e->delta + 3 * h->V * at, h, h->lids, LIDS, k);
+    }
+    static const char *const joint[] = {"neck", "jaw", "eye_left",
+                                        "eye_right"};
+    for (size_t k = 0; e->opt.correctives && k < HEAD_POSE_DIRS; k++, at++) {
+        snprintf(e->name[at], sizeof *e->name, "pose_%s_%zu", joint[k / 9],
+                 k % 9);
+        unblock(e->delta + 3 * h->V * at, h, h->pose_dirs, HEAD_POSE_DIRS, k);
+    }
+}
+
+int export_head_init(struct export_head *e, const struct identity *id,
+                     const struct export_head_options *opt,
+                     struct error *err)
+{
+    const struct head *h = id->head;
+
+    memset(e, 0, sizeof *e);
+    e->head = h;
+    e->opt = *opt;
+    if (e->opt.expressions > h->nexp)
+        e->opt.expressions = h->nexp;
+    e->targets = e->opt.expressions + LIDS +
+                 (opt->correctives ? HEAD_POSE_DIRS : 0);
+    if (e->targets > GLB_MAX_TARGETS)
+        return error_set(err, EX_USAGE,
+                         "%zu morph targets (expected at most %d)",
+                         e->targets, GLB_MAX_TARGETS);
+    e->position = malloc(3 * h->V * sizeof(float));
+    e->normal = malloc(3 * h->V * sizeof(float));
+    e->delta = malloc(e->targets * 3 * h->V * sizeof(float));
+    e->name = malloc(e->targets * sizeof *e->name);
+    if (!e->position || !e->normal || !e->delta || !e->name) {
+        export_head_release(e);
+        return error_set(err, EX_OSERR, "out of memory for %zu targets",
+                         e->targets);
+    }
+    unblock(e->position, h, id->shaped, 1, 0);
+    head_normals(e->normal, h, e->position);
+    for (size_t v = 0; v < h->V; v++) {        /* a vertex of no face */
+        float *n = e->normal + 3 * v;
+        if (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] < 0.5f)
+            n[2] = 1;
+    }
+    for (size_t i = 0; i < 3 * GLB_JOINTS; i++)
+        e->joints[i] = id->joints[i] / h->scale;
+    fill_targets(e);
+    return 0;
+}
+
+void export_head_release(struct export_head *e)
+{
+    free(e->position);
+    free(e->normal);
+    free(e->delta);
+    free(e->name);
+    free(e->uv);
+    free(e->png);
+    free(e->time);
+    free(e->weight);
+    free(e->rotation);
+    free(e->translation);
+    memset(e, 0, sizeof *e);
+}
+
+int export_head_texture(struct export_head *e, const float *verts,
+                        const float cam[12], uint8_t *png, size_t bytes,
+                        struct error *err)
+{
+    size_t V = e->head->V;
+
+    free(e->png);
+    e->png = png;
+    e->png_bytes = bytes;
+    if (!e->uv)
+        e->uv = malloc(2 * V * sizeof *e->uv);
+    if (!e->uv)
+        return error_set(err, EX_OSERR, "out of memory for the texture");
+    /* in a picture of size 1 a pixel position is a texture coordinate */
+    camera_project(e->uv, NULL, cam, 1, verts, V);
+    return 0;
+}
+
+static int grow(struct export_head *e, struct error *err)
+{
+    size_t room = e->room ? 2 * e->room : 256;
+    float **field[] = {&e->time, &e->weight, &e->rotation, &e->translation};
+    size_t width[] = {1, e->targets, 4 * GLB_JOINTS, 3};
+
+    if (e->frames < e->room)
+        return 0;
+    for (size_t i = 0; i < 4; i++) {
+        float *p = realloc(*field[i], room * width[i] * sizeof *p);
+        if (!p)
+            return error_set(err, EX_OSERR, "out of memory for %zu frames",
+                             room);
+        *field[i] = p;
+    }
+    e->room = room;
+    return 0;
+}
+
+/* glTF order x,y,z,w. */
+static void store_quat(float *out, const float R[9])
+{
+    float q[4];
+    rotation_to_quat(q, R);
+    out[0] = q[1];
+    out[1] = q[2];
+    out[2] = q[3];
+    out[3] = q[0];
+}
+
+/* The camera moves the root before a fixed glTF camera (right, up, backward):
+ * p = D (R v + t), D = diag(1,-1,-1).  The skin turns about the root joint J,
+ * so the root's translation is D (R J + t). */
+static void store_root(float *rotation, float *translation,
+                       const struct export_head *e, const float cam[12])
+{
+    static const float flip[3] = {1, -1, -1};
+    float R[9];
+
+    for (int i = 0; i < 3; i++) {
+        float t = cam[4 * i + 3] / e->head->scale;
+        for (int j = 0; j < 3; j++) {
+            R[3 * i + j] = flip[i] * cam[4 * i + j];
+            t += cam[4 * i + j] * e->joints[j];
+        }
+        translation[i] = flip[i] * t;
+    }
+    store_quat(rotation, R);
+}
+
+static void store_weights(float *w, const struct export_head *e,
+                          const struct head_motion *m, float (*R)[9])
+{
+    size_t at = 0;
+    for (size_t k = 0; k < e->opt.expressions; k++)
+        w[at++] = m->exp ? m->exp[k] : 0;
+    w[at++] = m->lid[0];
+    w[at++] = m->lid[1];
+    for (size_t k = 0; e->opt.correctives && k < HEAD_POSE_DIRS; k++)
+        w[at++] = R[1 + k / 9][k % 9] - (k % 9 % 4 == 0);
+}
+
+int export_head_frame(struct export_head *e, const struct export_motion *m,
+                      struct error *err)
+{
+    size_t t = e->frames;
+    float R[GLB_JOINTS][9];
+
+    if (t && !((float)m->time > e->time[t - 1]))
+        return error_set(err, EX_DATAERR,
+                         "time %g follows %g (expected increasing times)",
+                         m->time, e->time[t - 1]);
+    if (grow(e, err))
+        return -1;
+    rotation_exp(R[JOINT_NECK], m->pose.neck);
+    rotation_exp(R[JOINT_JAW], m->pose.jaw);
+    rotation_exp(R[JOINT_EYE_LEFT], m->pose.eye);
+    rotation_exp(R[JOINT_EYE_RIGHT], m->pose.eye + 3);
+    float *q = e->rotation + 4 * GLB_JOINTS * t;
+    store_root(q, e->translation + 3 * t, e, m->cam);
+    for (size_t j = 1; j < GLB_JOINTS; j++)
+        store_quat(q + 4 * j, R[j]);
+    store_weights(e->weight + e->targets * t, e, &m->pose, R);
+    e->time[t] = (float)m->time;
+    e->frames++;
+    return 0;
+}
+
+int export_head_write(const struct export_head *e, const char *path,
+                      struct error *err)
+{
+    const struct head *h = e->head;
+    const float **delta = malloc((e->targets + 1) * sizeof *delta);
+    const char **name = malloc((e->targets + 1) * sizeof *name);
+    int rc = -1;
+
+    if (!delta || !name) {
+        error_set(err, EX_OSERR, "%s: out of memory", path);
+        goto out;
+    }
+    for (size_t k = 0; k < e->targets; k++) {
+        delta[k] = e->delta + 3 * h->V * k;
+        name[k] = e->name[k];
+    }
+    const struct glb_head g = {
+        .V = h->V, .F = h->F, .position = e->position, .normal = e->normal,
+        .faces = h->f, .joints = e->joints, .parents = h->parents,
+        .weights = h->weights, .uv = e->uv, .png = e->png,
+        .png_bytes = e->png_bytes, .targets = e->targets,
+        .target_name = name, .target_delta = delta,
+        .clip = e->opt.clip ? e->opt.clip : "clip", .frames = e->frames,
+        .time = e->time, .target_weight = e->weight,
+        .rotation = e->rotation, .translation = e->translation,
+        .yfov = 2 * atanf(1 / CAMERA_FOCAL)};
+    rc = glb_write_head(path, &g, err);
+out:
+    free(delta);
+    free(name);
+    return rc;
+}
