@@ -32,7 +32,7 @@ struct export_head {
     float *position, *normal;           /* (V,3) metres; unit */
     float joints[3 * GLB_JOINTS];       /* metres */
     float *delta;                       /* (targets, V, 3) metres */
-    char (*name)[24];                   /* (targets) */
+    char (*name)[32];                   /* (targets) */
     float *uv;                          /* (V,2) or NULL */
     uint8_t *png;
     size_t png_bytes;
