@@ -1,0 +1,348 @@
+#include "lib/train/data.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/stream/stream.h"
+
+struct data_reader {
+    const char *const *files;
+    size_t count, at;          /* file being read */
+    double margin;
+    struct stream_reader *in;
+    uint64_t people;           /* SHAP records seen in this pass */
+    uint64_t ever;             /* frames read, over all passes */
+    size_t size;               /* side of the pictures, once known */
+    int have_shape, id;
+    float shape[DATA_SHAPE];
+    int have_motion;
+    struct data_frame next;    /* truth read, picture to come */
+};
+
+static void frame_release(struct data_frame *f)
+{
+    free(f->rgba);
+    f->rgba = NULL;
+}
+
+void data_person_release(struct data_person *p)
+{
+    for (size_t i = 0; i < p->count; i++)
+        frame_release(&p->frame[i]);
+    free(p->frame);
+    memset(p, 0, sizeof *p);
+}
+
+struct data_reader *data_open(const char *const *files, size_t count,
+                              double margin, struct error *err)
+{
+    struct data_reader *r;
+
+    if (count == 0) {
+        error_set(err, EX_USAGE, "no training data (expected streams of "
+                  "spid-synth, or - for standard input)");
+        return NULL;
+    }
+    r = calloc(1, sizeof *r);
+    if (!r) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    r->files = files;
+    r->count = count;
+    r->margin = margin;
+    return r;
+}
+
+void data_close(struct data_reader *r)
+{
+    if (!r)
+        return;
+    stream_close(r->in);
+    free(r);
+}
+
+/* ---- records ----------------------------------------------------------- */
+
+static int copy_array(float *out, const struct record *rec, const char *name,
+                      int ndim, size_t d0, size_t d1, struct error *err)
+{
+    size_t dims[4] = {d0, d1, 0, 0};
+    const void *p = record_get(rec, name, DTYPE_F32, ndim, dims, err);
+
+    if (!p)
+        return -1;
+    memcpy(out, p, d0 * (ndim > 1 ? d1 : 1) * sizeof *out);
+    return 0;
+}
+
+static int take_shape(struct data_reader *r, const struct record *rec,
+                      struct error *err)
+{
+    const struct array *id = record_find(rec, "person");
+
+    if (record_check_finite(rec, err) ||
+        copy_array(r->shape, rec, "shape", 1, DATA_SHAPE, 0, err))
+        return -1;
+    r->id = (int)r->people++;
+    if (id && id->dtype == DTYPE_I32 && array_count(id) == 1)
+        memcpy(&r->id, id->data, sizeof r->id);
+    r->have_shape = 1;
+    r->have_motion = 0;
+    return 0;
+}
+
+static int take_motion(struct data_reader *r, const struct record *rec,
+                       struct error *err)
+{
+    struct data_motion *m = &r->next.motion;
+
+    if (record_check_finite(rec, err) ||
+        copy_array(m->rot, rec, "rot", 2, 3, 3, err) ||
+        copy_array(m->trans, rec, "trans", 1, 3, 0, err) ||
+        copy_array(m->exp, rec, "exp", 1, DATA_EXP, 0, err) ||
+        copy_array(m->jaw, rec, "jaw", 1, 3, 0, err) ||
+        copy_array(m->lid, rec, "lid", 1, 2, 0, err) ||
+        copy_array(m->eye, rec, "eye", 1, 6, 0, err) ||
+        copy_array(&r->next.lmk[0][0], rec, "lmk", 2, 68, 2, err))
+        return -1;
+    r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
+    r->have_motion = 1;
+    return 0;
+}
+
+static size_t clamp_edge(double x, size_t size)
+{
+    return x < 0 ? 0 : x > (double)size ? size : (size_t)x;
+}
+
+/* The part of the picture to keep. */
+static void choose_part(struct data_frame *f, size_t size, double margin)
+{
+    double half = 0.5 * margin * f->crop.size;
+
+    f->size = size;
+    f->x0 = f->y0 = 0;
+    f->width = f->height = size;
+    if (margin <= 0)
+        return;
+    f->x0 = clamp_edge(floor(f->crop.x - half), size);
+    f->y0 = clamp_edge(floor(f->crop.y - half), size);
+    f->width = clamp_edge(ceil(f->crop.x + half), size) - f->x0;
+    f->height = clamp_edge(ceil(f->crop.y + half), size) - f->y0;
+}
+
+static int take_picture(struct data_reader *r, const struct record *rec,
+                        struct error *err)
+{
+    struct data_frame *f = &r->next;
+    size_t dims[3] = {0, 0, 3}, size;
+    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, dims, err), *m;
+    uint8_t *to;
+
+    if (!rgb)
+        return -1;
+    size = record_find(rec, "rgb")->dim[0];
+    dims[0] = dims[1] = size;
+    m = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
+    if (!m || !record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
+        return -1;
+    if (r->size && size != r->size)
+        return error_set(err, EX_DATAERR, "picture of %zux%zu among pictures "
+                         "of %zux%zu (expected one size)", size, size,
+                         r->size, r->size);
+    r->size = size;
+    choose_part(f, size, r->margin);
+    if (!f->width || !f->height)
+        return error_set(err, EX_DATAERR, "the face lies outside the "
+                         "picture");
+    to = f->rgba = malloc(4 * f->width * f->height);
+    if (!f->rgba)
+        return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
+                         size, size);
+    for (size_t y = f->y0; y < f->y0 + f->height; y++)
+        for (size_t x = f->x0; x < f->x0 + f->width; x++, to += 4) {
+            memcpy(to, rgb + 3 * (y * size + x), 3);
+            to[3] = m[y * size + x];
+        }
+    return 0;
+}
+
+static int keep_frame(struct data_person *p, struct data_frame *f,
+                      struct error *err)
+{
+    if (p->count == p->room) {
+        size_t room = p->room ? 2 * p->room : 16;
+        struct data_frame *grown = realloc(p->frame, room * sizeof *grown);
+        if (!grown)
+            return error_set(err, EX_OSERR, "out of memory");
+        p->frame = grown;
+        p->room = room;
+    }
+    p->frame[p->count++] = *f;
+    f->rgba = NULL;
+    return 0;
+}
+
+/* ---- people ------------------------------------------------------------ */
+
+static int open_file(struct data_reader *r, struct error *err)
+{
+    struct stream_options opt = {.trust = true};
+
+    if (r->at == r->count) {
+        if (!r->ever)
+            return error_set(err, EX_DATAERR, "%s: no person with frames "
+                             "(expected SHAP, MOTN and IMAG records)",
+                             r->files[0]);
+        r->at = 0;
+        r->people = 0;
+        if (r->count == 1 && !strcmp(r->files[0], "-"))
+            return error_set(err, EX_NOINPUT, "<stdin>: the data ended "
+                             "(expected people for every step)");
+    }
+    r->have_shape = r->have_motion = 0;
+    r->in = stream_open(r->files[r->at], &opt, err);
+    return r->in ? 0 : -1;
+}
+
+static int locate(struct data_reader *r, const struct record *rec,
+                  struct error *err)
+{
+    return error_prefix(err, "%s: frame %llu: %s: ", stream_name(r->in),
+                        (unsigned long long)rec->frame, rec->type);
+}
+
+/* Handle one record of a person; look false leaves pictures alone. */
+static int take_record(struct data_reader *r, const struct record *rec,
+                       struct data_person *p, int look, struct error *err)
+{
+    if (record_is(rec, "MOTN")) {
+        if (!look)
+            return 0;
+        return take_motion(r, rec, err) ? locate(r, rec, err) : 0;
+    }
+    if (!record_is(rec, "IMAG"))
+        return 0;
+    r->ever++;
+    if (!look) {
+        p->count++;            /* counted only: see data_skip */
+        return 0;
+    }
+    if (!r->have_motion) {
+        error_set(err, EX_DATAERR, "picture without its true motion "
+                  "(expected a MOTN record before it)");
+        return locate(r, rec, err);
+    }
+    r->have_motion = 0;
+    if (take_picture(r, rec, err) || keep_frame(p, &r->next, err)) {
+        frame_release(&r->next);
+        return locate(r, rec, err);
+    }
+    return 0;
+}
+
+/* Read to the end of the next person that has frames. */
+static int read_person(struct data_reader *r, struct data_person *p,
+                       int look, struct error *err)
+{
+    struct record rec;
+    int rc, mine = 0;          /* p's shape has been set */
+
+    for (;;) {
+        if (!r->in && open_file(r, err))
+            return -1;
+        if (r->have_shape && !mine) {
+            memcpy(p->shape, r->shape, sizeof p->shape);
+            p->id = r->id;
+            mine = 1;
+        }
+        rc = stream_read(r->in, &rec, err);
+        if (rc < 0)
+            return -1;
+        if (rc == 0) {
+            stream_close(r->in);
+            r->in = NULL;
+            r->at++;
+            if (p->count)
+                return 0;
+            mine = 0;
+        } else if (record_is(&rec, "SHAP")) {
+            if (take_shape(r, &rec, err))
+                return locate(r, &rec, err);
+            if (p->count)
+                return 0;      /* the new shape waits in r */
+            mine = 0;
+        } else if (r->have_shape) {
+            if (take_record(r, &rec, p, look, err))
+                return -1;
+        } else if (record_is(&rec, "IMAG")) {
+            error_set(err, EX_DATAERR, "picture of nobody (expected a SHAP "
+                      "record before it)");
+            return locate(r, &rec, err);
+        }
+    }
+}
+
+int data_next(struct data_reader *r, struct data_person *p,
+              struct error *err)
+{
+    memset(p, 0, sizeof *p);
+    if (read_person(r, p, 1, err)) {
+        data_person_release(p);
+        return -1;
+    }
+    return 0;
+}
+
+int data_skip(struct data_reader *r, uint64_t n, struct error *err)
+{
+    for (uint64_t i = 0; i < n; i++) {
+        struct data_person p = {0};
+        if (read_person(r, &p, 0, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- the pool ---------------------------------------------------------- */
+
+int data_pool_init(struct data_pool *pool, struct data_reader *reader,
+                   size_t size, uint64_t read, struct error *err)
+{
+    pool->reader = reader;
+    pool->size = size;
+    pool->read = read > size ? read - size : 0;
+    pool->person = calloc(size, sizeof *pool->person);
+    if (!pool->person)
+        return error_set(err, EX_OSERR, "out of memory (%zu people)", size);
+    if (data_skip(reader, pool->read, err) ||
+        data_pool_advance(pool, read > size ? read : size, err)) {
+        data_pool_release(pool);
+        return -1;
+    }
+    return 0;
+}
+
+void data_pool_release(struct data_pool *pool)
+{
+    for (size_t i = 0; pool->person && i < pool->size; i++)
+        data_person_release(&pool->person[i]);
+    free(pool->person);
+    pool->person = NULL;
+}
+
+int data_pool_advance(struct data_pool *pool, uint64_t read,
+                      struct error *err)
+{
+    while (pool->read < read) {
+        struct data_person *slot = &pool->person[pool->read % pool->size];
+        data_person_release(slot);
+        if (data_next(pool->reader, slot, err))
+            return -1;
+        pool->read++;
+    }
+    return 0;
+}

@@ -1,0 +1,184 @@
+#include "lib/train/motion_loss.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+#include "lib/net/motion_encoder.h"
+
+const char *const motion_term_name[TERM_COUNT] = {
+    "vertex", "rotation", "translation", "eye",
+    "landmark", "exp", "jaw", "lid"};
+
+void motion_decode(struct motion_state *s, const float *out,
+                   const struct data_frame *f, struct square q,
+                   const struct identity *id)
+{
+    double t[3], tnet[3];
+
+    for (int i = 0; i < 3; i++)
+        tnet[i] = out[MOTION_TRANS + i];
+    rotation_6d(s->R, out + MOTION_ROT);
+    crop_translation(t, tnet, q, (double)f->size,
+                     camera_focal((float)f->size));
+    for (int i = 0; i < 3; i++)
+        s->t[i] = (float)t[i];
+    camera_make(s->cam, s->R, s->t);
+    memset(&s->motion, 0, sizeof s->motion);
+    s->motion.exp = out + MOTION_EXP;
+    memcpy(s->motion.jaw, out + MOTION_JAW, sizeof s->motion.jaw);
+    memcpy(s->motion.eye, out + MOTION_EYE, sizeof s->motion.eye);
+    memcpy(s->motion.lid, out + MOTION_LID, sizeof s->motion.lid);
+    head_pose(s->verts, id, &s->motion);
+}
+
+void motion_decode_backward(float *dout, const float *dverts,
+                            const float *dcam, const struct motion_state *s,
+                            const float *out, const struct data_frame *f,
+                            struct square q, const struct identity *id)
+{
+    struct head_motion_grad g = {.exp = dout + MOTION_EXP};
+
+    if (dverts) {
+        head_pose_backward(&g, dverts, NULL, id, &s->motion);
+        for (int i = 0; i < 3; i++)
+            dout[MOTION_JAW + i] += g.jaw[i];
+        for (int i = 0; i < 6; i++)
+            dout[MOTION_EYE + i] += g.eye[i];
+        for (int i = 0; i < 2; i++)
+            dout[MOTION_LID + i] += g.lid[i];
+    }
+    if (dcam) {
+        float dR[9];
+        double dt[3], dtnet[3] = {0}, dcrop[3] = {0}, tnet[3];
+        for (int i = 0; i < 3; i++) {
+            memcpy(dR + 3 * i, dcam + 4 * i, 3 * sizeof *dR);
+            dt[i] = dcam[4 * i + 3];
+            tnet[i] = out[MOTION_TRANS + i];
+        }
+        rotation_6d_backward(dout + MOTION_ROT, dR, out + MOTION_ROT);
+        crop_translation_backward(dtnet, dcrop, dt, tnet, q,
+                                  (double)f->size,
+                                  camera_focal((float)f->size));
+        for (int i = 0; i < 3; i++)
+            dout[MOTION_TRANS + i] += (float)dtnet[i];
+    }
+}
+
+int motion_loss_init(struct motion_loss *l, const struct head *h,
+                     struct error *err)
+{
+    memset(l, 0, sizeof *l);
+    l->verts = malloc(3 * 3 * h->V * sizeof *l->verts);
+    if (!l->verts)
+        return error_set(err, EX_OSERR, "out of memory (%zu vertices)",
+                         h->V);
+    l->truth = l->verts + 3 * h->V;
+    l->dverts = l->truth + 3 * h->V;
+    return 0;
+}
+
+void motion_loss_release(struct motion_loss *l)
+{
+    free(l->verts);
+    memset(l, 0, sizeof *l);
+}
+
+/* weight * mean |b - a|; db += scale * gradient. */
+static double mean_l1(float *db, const float *b, const float *a, size_t n,
+                      double weight, double scale)
+{
+    double sum = 0;
+    float g = (float)(weight * scale / (double)n);
+
+    for (size_t i = 0; i < n; i++) {
+        float d = b[i] - a[i];
+        sum += fabsf(d);
+        db[i] += d > 0 ? g : d < 0 ? -g : 0;
+    }
+    return weight * sum / (double)n;
+}
+
+/* Landmarks of the posed head in the picture; gradients for dverts, dcam. */
+static double landmark_term(float *dverts, float dcam[12],
+                            const struct motion_state *s,
+                            const struct data_frame *f,
+                            const struct motion_weights *w, double scale,
+                            const struct motion_loss *l)
+{
+    const struct head *h = l->id->head;
+    float x[68 * 3], uv[68 * 2], duv[68 * 2], dx[68 * 3] = {0};
+    double unit = 512.0 / (64.0 * (double)f->size), sum = 0;
+    double weight = w->term[TERM_LANDMARK];
+
+    head_landmarks(x, h, s->verts);
+    camera_project(uv, NULL, s->cam, (float)f->size, x, 68);
+    for (int i = 0; i < 68; i++) {
+        double a = (uv[2 * i] - f->lmk[i][0]) * unit;
+        double b = (uv[2 * i + 1] - f->lmk[i][1]) * unit;
+        double r2 = a * a + b * b, r = sqrt(r2 + 1e-8);
+        double k = weight * scale * unit / 68;
+        sum += w->square_landmarks ? r2 : r;
+        k *= w->square_landmarks ? 2 : 1 / r;
+        duv[2 * i] = (float)(k * a);
+        duv[2 * i + 1] = (float)(k * b);
+    }
+    camera_project_backward(dx, dcam, duv, NULL, s->cam, (float)f->size, x,
+                            68);
+    head_landmarks_backward(dverts, dx, h);
+    return weight * sum / 68;
+}
+
+double motion_loss(float *dout, double *parts, struct motion_state *s,
+                   const float *out, const struct data_frame *f,
+                   struct square q, const struct motion_weights *w,
+                   double scale, struct motion_loss *l)
+{
+    const struct data_motion *m = &f->motion;
+    const struct head *h = l->id->head;
+    struct head_motion truth = {.exp = m->exp};
+    float dcam[12] = {0}, dR[9] = {0}, tnet[3];
+    double t[3], before = 0, after = 0;
+
+    for (int i = 0; i < TERM_COUNT; i++)
+        before += parts[i];
+    memcpy(truth.jaw, m->jaw, sizeof truth.jaw);
+    memcpy(truth.eye, m->eye, sizeof truth.eye);
+    memcpy(truth.lid, m->lid, sizeof truth.lid);
+    head_pose(l->truth, l->id, &truth);
+    s->verts = l->verts;
+    motion_decode(s, out, f, q, l->id);
+
+    memset(l->dverts, 0, 3 * h->V * sizeof *l->dverts);
+    parts[TERM_VERTEX] += mean_l1(l->dverts, s->verts, l->truth, 3 * h->V,
+                                  w->term[TERM_VERTEX], scale);
+    parts[TERM_ROTATION] += mean_l1(dR, s->R, m->rot, 9,
+                                    w->term[TERM_ROTATION], scale);
+    for (int i = 0; i < 9; i++)
+        dcam[i / 3 * 4 + i % 3] += dR[i];
+    if (h->has_landmarks && w->term[TERM_LANDMARK] > 0)
+        parts[TERM_LANDMARK] += landmark_term(l->dverts, dcam, s, f, w,
+                                              scale, l);
+    motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
+
+    data_net_translation(t, f, q);
+    for (int i = 0; i < 3; i++)
+        tnet[i] = (float)t[i];
+    parts[TERM_TRANSLATION] += mean_l1(dout + MOTION_TRANS,
+                                       out + MOTION_TRANS, tnet, 3,
+                                       w->term[TERM_TRANSLATION], scale);
+    parts[TERM_EYE] += mean_l1(dout + MOTION_EYE, out + MOTION_EYE, m->eye,
+                               6, w->term[TERM_EYE], scale);
+    parts[TERM_EXP] += mean_l1(dout + MOTION_EXP, out + MOTION_EXP, m->exp,
+                               DATA_EXP, w->term[TERM_EXP], scale);
+    parts[TERM_JAW] += mean_l1(dout + MOTION_JAW, out + MOTION_JAW, m->jaw,
+                               3, w->term[TERM_JAW], scale);
+    parts[TERM_LID] += mean_l1(dout + MOTION_LID, out + MOTION_LID, m->lid,
+                               2, w->term[TERM_LID], scale);
+    for (int i = 0; i < TERM_COUNT; i++)
+        after += parts[i];
+    return after - before;
+}

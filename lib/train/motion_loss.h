@@ -1,0 +1,69 @@
+/* L_aux and L_lmk of Section 3.3: how far a motion predicted by E_m is from
+ * the true one, in head, camera and picture, with the gradient for the
+ * encoder's 120 numbers. */
+#ifndef SPID_TRAIN_MOTION_LOSS_H
+#define SPID_TRAIN_MOTION_LOSS_H
+
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/train/data.h"
+
+/* Terms, in the order of the log. */
+enum motion_term {
+    TERM_VERTEX,        /* mean |V_d - V_d*| per coordinate, head units */
+    TERM_ROTATION,      /* mean |R - R*| per entry */
+    TERM_TRANSLATION,   /* mean |t' - t'*| per coordinate, of the crop */
+    TERM_EYE,           /* mean |theta_eye - theta_eye*| */
+    TERM_LANDMARK,      /* 68 points, pixels of a 512 picture over 64: mean
+                         * distance, or its square (square_landmarks) */
+    TERM_EXP,           /* mean |psi - psi*| */
+    TERM_JAW,           /* mean |theta_jaw - theta_jaw*| */
+    TERM_LID,           /* mean |e_lid - e_lid*| */
+    TERM_COUNT
+};
+
+extern const char *const motion_term_name[TERM_COUNT];
+
+struct motion_weights {
+    float term[TERM_COUNT];     /* paper: 100, 10, 5, 10, and 1 with squares */
+    int square_landmarks;
+};
+
+/* A predicted motion put together: what drives the avatar. */
+struct motion_state {
+    float R[9], t[3], cam[12];  /* of the portrait window */
+    struct head_motion motion;  /* exp points into out */
+    float *verts;               /* (V,3), the caller's */
+};
+
+/* Turn the encoder's row out (120), seen through crop q of f, into a motion;
+ * s->verts is posed. */
+void motion_decode(struct motion_state *s, const float *out,
+                   const struct data_frame *f, struct square q,
+                   const struct identity *id);
+
+/* dout (120) += gradients of verts (V,3, or NULL) and cam (3,4, or NULL). */
+void motion_decode_backward(float *dout, const float *dverts,
+                            const float *dcam, const struct motion_state *s,
+                            const float *out, const struct data_frame *f,
+                            struct square q, const struct identity *id);
+
+struct motion_loss {
+    const struct identity *id;  /* of this frame: the true shape */
+    float *verts, *truth, *dverts;      /* (V,3) each, one block */
+};
+
+int motion_loss_init(struct motion_loss *l, const struct head *h,
+                     struct error *err);
+void motion_loss_release(struct motion_loss *l);
+
+/* Weighted terms into parts[TERM_COUNT] (added), their sum returned; dout
+ * (120) += scale * gradient.  s receives the decoded motion. */
+double motion_loss(float *dout, double *parts, struct motion_state *s,
+                   const float *out, const struct data_frame *f,
+                   struct square q, const struct motion_weights *w,
+                   double scale, struct motion_loss *l);
+
+#endif
