@@ -4,6 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+#include <unistd.h>
 
 static void release(struct outfile *o)
 {
@@ -21,6 +22,12 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
     if (!o->path)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
     if (!strcmp(path, "-")) {
+        if (isatty(STDOUT_FILENO)) {
+            release(o);
+            return error_set(err, EX_USAGE, "<stdout>: refusing to write "
+                             "binary data to a terminal (use -o FILE or a "
+                             "pipe)");
+        }
         o->file = stdout;
         return 0;
     }
@@ -66,4 +73,10 @@ void outfile_abandon(struct outfile *o)
         remove(o->part);
     }
     release(o);
+}
+
+int outfile_error(const struct outfile *o, struct error *err)
+{
+    return error_set(err, EX_IOERR, "%s: cannot write: %s", o->path,
+                     strerror(errno ? errno : EIO));
 }

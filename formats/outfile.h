@@ -11,11 +11,14 @@ struct outfile {
     char *path, *part;      /* NULL part: standard output */
 };
 
-/* Open PATH.part for writing ("-": standard output). */
+/* Open PATH.part for writing ("-": standard output, refused when it is a
+ * terminal). */
 int outfile_open(struct outfile *o, const char *path, struct error *err);
 /* Flush, close and rename; every failed write is noticed here. */
 int outfile_close(struct outfile *o, struct error *err);
-/* Close and remove the unfinished file. */
+/* Close and remove the unfinished file; a zeroed *o is allowed. */
 void outfile_abandon(struct outfile *o);
+/* "path: cannot write: why" from errno, EX_IOERR; returns -1. */
+int outfile_error(const struct outfile *o, struct error *err);
 
 #endif

@@ -1,0 +1,41 @@
+/* Rendered colours to bytes: the inner loops of framesink_compose. */
+#ifndef SPID_FORMATS_COMPOSE_H
+#define SPID_FORMATS_COMPOSE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/isa.h"
+
+/* out (n,3) = round(255 clamp(color + (1 - alpha) bg)) for n pixels.
+ *   color (n,3)  in  0..1, alpha-weighted; NaN becomes 0
+ *   alpha (n)    in  0..1
+ *   bg    (n,3)  in  0..255, or one (3) for all when bg_step is 0 (else 3)
+ * Versions agree within one level: tests/unit/framesink_compose.c. */
+typedef void compose_fn(uint8_t *out, const float *color, const float *alpha,
+                        const uint8_t *bg, size_t bg_step, size_t n);
+/* out (n) = round(255 clamp(x)). */
+typedef void compose_quantise_fn(uint8_t *out, const float *x, size_t n);
+/* out (n) = IEEE half of x, to nearest even. */
+typedef void compose_half_fn(uint16_t *out, const float *x, size_t n);
+
+void compose_c(uint8_t *out, const float *color, const float *alpha,
+               const uint8_t *bg, size_t bg_step, size_t n);
+void compose_quantise_c(uint8_t *out, const float *x, size_t n);
+void compose_half_c(uint16_t *out, const float *x, size_t n);
+
+#ifdef SPID_X86
+compose_fn compose_avx2, compose_avx512;
+compose_quantise_fn compose_quantise_avx2, compose_quantise_avx512;
+compose_half_fn compose_half_avx2, compose_half_avx512;
+#endif
+
+/* The versions for this machine. */
+struct compose_table {
+    compose_fn *blend;
+    compose_quantise_fn *quantise;
+    compose_half_fn *half;
+};
+const struct compose_table *compose_table(void);
+
+#endif

@@ -1,0 +1,642 @@
+#include "formats/framesink.h"
+
+#include <ctype.h>
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/compose.h"
+#include "formats/exr.h"
+#include "formats/outfile.h"
+#include "formats/png.h"
+#include "formats/video.h"
+#include "formats/y4m.h"
+
+#define MAX_CHANNELS 32
+
+struct framesink {
+    struct framesink_options opt;
+    char *path;
+    char *part;                    /* of a video */
+    size_t count;                  /* frames written */
+    size_t width, height;          /* of the first */
+    struct outfile out;            /* Y4M, PAM, PNG to one file or stdout */
+    struct stream_writer *stream;
+    struct video_writer *video;
+    struct y4m y4m;
+    uint8_t *pixel;                /* composed frame */
+    uint8_t *planes;               /* Y4M */
+    float *plane;                  /* EXR */
+    uint16_t *half;                /* FEAT in f16 */
+    size_t half_count;
+};
+
+/* ---- choosing --------------------------------------------------------- */
+
+int framesink_parse_format(const char *value, void *format,
+                           struct error *err)
+{
+    static const struct {
+        const char *name;
+        enum framesink_format format;
+    } names[] = {
+        {"stream", FRAMESINK_STREAM}, {"y4m", FRAMESINK_Y4M},
+        {"png", FRAMESINK_PNG}, {"pam", FRAMESINK_PAM},
+        {"exr", FRAMESINK_EXR}, {"mp4", FRAMESINK_VIDEO},
+    };
+
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        if (strcmp(value, names[i].name) == 0) {
+            *(enum framesink_format *)format = names[i].format;
+            return 0;
+        }
+    return error_set(err, EX_USAGE, "unknown format (expected stream, y4m, "
+                     "png, pam, exr or mp4)");
+}
+
+static enum framesink_format format_of(const char *path)
+{
+    static const struct {
+        const char *end;
+        enum framesink_format format;
+    } names[] = {
+        {".mp4", FRAMESINK_VIDEO}, {".mkv", FRAMESINK_VIDEO},
+        {".avi", FRAMESINK_VIDEO}, {".mov", FRAMESINK_VIDEO},
+        {".webm", FRAMESINK_VIDEO}, {".m4v", FRAMESINK_VIDEO},
+        {".y4m", FRAMESINK_Y4M}, {".png", FRAMESINK_PNG},
+        {".pam", FRAMESINK_PAM}, {".ppm", FRAMESINK_PAM},
+        {".exr", FRAMESINK_EXR},
+    };
+    const char *dot = strrchr(path, '.');
+
+    for (size_t i = 0; dot && i < sizeof names / sizeof *names; i++)
+        if (strcasecmp(dot, names[i].end) == 0)
+            return names[i].format;
+    return FRAMESINK_STREAM;
+}
+
+/* A pattern is a name with one %d, %5d or %05d; %% is a percent sign. */
+static int is_pattern(const char *path)
+{
+    int found = 0;
+
+    for (const char *p = path; (p = strchr(p, '%')) != NULL; p++) {
+        const char *q = p + 1;
+        if (*q == '%') {
+            p = q;
+            continue;
+        }
+        q += strspn(q, "0123456789");
+        if (*q != 'd' || q - p > 3)
+            return -1;
+        found++;
+    }
+    return found;
+}
+
+/* The name of frame n; the caller frees. */
+static char *pattern_name(const char *path, uint64_t n)
+{
+    size_t size = strlen(path) + 128, at = 0;
+    char *name = malloc(size);
+
+    for (const char *p = path; name && *p; p++) {
+        if (p[0] != '%') {
+            name[at++] = *p;
+        } else if (p[1] == '%') {
+            name[at++] = *++p;
+        } else {
+            int zero = p[1] == '0', width = atoi(p + 1);
+            at += (size_t)snprintf(name + at, size - at,
+                                   zero ? "%0*llu" : "%*llu", width,
+                                   (unsigned long long)n);
+            p = strchr(p, 'd');
+        }
+    }
+    if (name)
+        name[at] = 0;
+    return name;
+}
+
+static int check_options(const struct framesink_options *o,
+                         struct error *err)
+{
+    int pipe = strcmp(o->path, "-") == 0, pattern = is_pattern(o->path);
+
+    if (pattern < 0 || pattern > 1)
+        return error_set(err, EX_USAGE, "%s: bad pattern (expected one %%d "
+                         "such as %%05d; %%%% for a percent sign)", o->path);
+    if (pattern == 1 && o->format != FRAMESINK_PNG
+        && o->format != FRAMESINK_EXR && o->format != FRAMESINK_PAM)
+        return error_set(err, EX_USAGE, "%s: a pattern makes pictures, not a"
+                         " stream or video (expected --format png, pam or "
+                         "exr)", o->path);
+    if (pipe && (o->format == FRAMESINK_EXR || o->format == FRAMESINK_VIDEO))
+        return error_set(err, EX_USAGE, "<stdout>: %s cannot be written to a"
+                         " pipe (use -o FILE, or --format y4m)",
+                         o->format == FRAMESINK_EXR ? "EXR" : "a video file");
+    if (o->alpha && (o->format == FRAMESINK_Y4M
+                     || o->format == FRAMESINK_VIDEO))
+        return error_set(err, EX_USAGE, "%s: no alpha in %s (expected "
+                         "--format png, pam or exr)", o->path,
+                         o->format == FRAMESINK_Y4M ? "Y4M" : "a video");
+    return 0;
+}
+
+/* "dir/out.mp4" is written as "dir/out.part.mp4": the writer goes by the
+ * extension. */
+static char *video_part(const char *path)
+{
+    const char *dot = strrchr(path, '.'), *slash = strrchr(path, '/');
+    size_t n = strlen(path), stem = n;
+    char *part = malloc(n + sizeof ".part.mp4");
+
+    if (!part)
+        return NULL;
+    if (dot && (!slash || dot > slash))
+        stem = (size_t)(dot - path);
+    memcpy(part, path, stem);
+    strcpy(part + stem, ".part");
+    strcat(part, stem < n ? path + stem : ".mp4");
+    return part;
+}
+
+struct framesink *framesink_open(const struct framesink_options *opt,
+                                 struct error *err)
+{
+    struct framesink *s = calloc(1, sizeof *s);
+
+    if (s) {
+        s->opt = *opt;
+        s->path = strdup(opt->path);
+    }
+    if (!s || !s->path) {
+        free(s);
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    s->opt.path = s->path;
+    if (s->opt.format == FRAMESINK_AUTO)
+        s->opt.format = format_of(s->path);
+    if (check_options(&s->opt, err) != 0)
+        goto failed;
+    if (s->opt.format == FRAMESINK_STREAM) {
+        s->stream = stream_create(s->path, err);
+        if (!s->stream)
+            goto failed;
+    } else if (strcmp(s->path, "-") == 0
+               && outfile_open(&s->out, "-", err) != 0) {
+        goto failed;
+    }
+    return s;
+failed:
+    framesink_abandon(s);
+    return NULL;
+}
+
+struct stream_writer *framesink_stream(struct framesink *s)
+{
+    return s->stream;
+}
+
+void framesink_set_rate(struct framesink *s, int num, int den)
+{
+    if (s->count == 0 && s->opt.rate_num <= 0 && num > 0 && den > 0) {
+        s->opt.rate_num = num;
+        s->opt.rate_den = den;
+    }
+}
+
+/* ---- composing -------------------------------------------------------- */
+
+/* The first three channels of row y as packed floats in row [width,3]. */
+static const float *color_row(float *row, const struct framesink_frame *f,
+                              size_t y)
+{
+    const size_t W = f->width, C = (size_t)f->channels;
+
+    if (f->color && C == 3)
+        return f->color + y * W * 3;
+    if (f->color) {
+        const float *c = f->color + y * W * C;
+        for (size_t x = 0; x < W; x++, c += C)
+            for (size_t k = 0; k < 3; k++)
+                row[3 * x + k] = c[k];
+    } else {
+        const uint8_t *c = f->rgb + y * W * 3;
+        for (size_t i = 0; i < 3 * W; i++)
+            row[i] = (float)c[i] * (1.0f / 255.0f);
+    }
+    return row;
+}
+
+/* Row y of the background picture, resized to cover the frame (nearest to
+ * the wanted place, averaged over four samples). */
+static void background_row(uint8_t *row, const struct background *bg,
+                           size_t W, size_t H, size_t y)
+{
+    double sx = (double)bg->width / (double)W;
+    double sy = (double)bg->height / (double)H;
+    double s = sx < sy ? sx : sy;
+    double ox = ((double)bg->width - s * (double)W) / 2;
+    double oy = ((double)bg->height - s * (double)H) / 2;
+    size_t top = bg->height - 1, end = bg->width - 1;
+    size_t y0 = (size_t)(oy + s * ((double)y + 0.25));
+    size_t y1 = (size_t)(oy + s * ((double)y + 0.75));
+
+    y0 = y0 < top ? y0 : top;
+    y1 = y1 < top ? y1 : top;
+    for (size_t x = 0; x < W; x++) {
+        size_t x0 = (size_t)(ox + s * ((double)x + 0.25));
+        size_t x1 = (size_t)(ox + s * ((double)x + 0.75));
+        const uint8_t *a = bg->rgb + y0 * bg->width * 3;
+        const uint8_t *b = bg->rgb + y1 * bg->width * 3;
+        x0 = 3 * (x0 < end ? x0 : end);
+        x1 = 3 * (x1 < end ? x1 : end);
+        for (size_t k = 0; k < 3; k++)
+            row[3 * x + k] = (uint8_t)((a[x0 + k] + a[x1 + k] + b[x0 + k]
+                                        + b[x1 + k] + 2) / 4);
+    }
+}
+
+void framesink_compose(uint8_t *out, const struct framesink_frame *f,
+                       const struct background *bg)
+{
+    static const struct background black;
+    const struct compose_table *t = compose_table();
+    const size_t W = f->width;
+    float *row = NULL;
+    uint8_t *back = NULL;
+
+    if (!bg)
+        bg = &black;
+    if (f->rgb && !f->color && !f->alpha) {
+        memcpy(out, f->rgb, 3 * W * f->height);
+        return;
+    }
+    if (f->channels != 3 || !f->color)
+        row = malloc(3 * W * sizeof *row);
+    if (bg->rgb && f->alpha)
+        back = malloc(3 * W);
+    for (size_t y = 0; y < f->height; y++) {
+        const float *c = color_row(row, f, y);
+        uint8_t *o = out + 3 * W * y;
+        if (!f->alpha) {
+            t->quantise(o, c, 3 * W);
+        } else if (back) {
+            if (bg->width == W && bg->height == f->height)
+                memcpy(back, bg->rgb + 3 * W * y, 3 * W);
+            else
+                background_row(back, bg, W, f->height, y);
+            t->blend(o, c, f->alpha + y * W, back, 3, W);
+        } else {
+            t->blend(o, c, f->alpha + y * W, bg->color, 0, W);
+        }
+    }
+    free(row);
+    free(back);
+}
+
+void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
+{
+    const size_t W = f->width;
+    float *row = malloc(3 * W * sizeof *row);
+
+    for (size_t y = 0; row && y < f->height; y++) {
+        const float *c = color_row(row, f, y);
+        for (size_t x = 0; x < W; x++, out += 4) {
+            float a = f->alpha ? f->alpha[y * W + x] : 1.0f;
+            float s = a > 0 ? 1 / a : 0;
+            float v[4] = {c[3 * x] * s, c[3 * x + 1] * s, c[3 * x + 2] * s,
+                          a};
+            compose_quantise_c(out, v, 4);
+        }
+    }
+    free(row);
+}
+
+/* ---- writing one frame ------------------------------------------------ */
+
+static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
+                     size_t channels)
+{
+    fprintf(fp, "P7\nWIDTH %zu\nHEIGHT %zu\nDEPTH %zu\nMAXVAL 255\nTUPLTYPE "
+            "%s\nENDHDR\n", W, H, channels,
+            channels == 4 ? "RGB_ALPHA" : "RGB");
+    return fwrite(pixel, channels, W * H, fp) == W * H ? 0 : -1;
+}
+
+static int write_y4m(struct framesink *s)
+{
+    FILE *fp = s->out.file;
+    size_t n;
+
+    if (s->count == 0) {
+        char line[128];
+        s->y4m = (struct y4m){
+            .width = s->width, .height = s->height, .chroma = Y4M_444,
+            .rate_num = s->opt.rate_num, .rate_den = s->opt.rate_den,
+            .aspect_num = 1, .aspect_den = 1, .bt601 = s->opt.bt601,
+        };
+        s->planes = malloc(y4m_frame_bytes(&s->y4m));
+        if (!s->planes) {
+            errno = ENOMEM;
+            return -1;
+        }
+        n = y4m_header(line, sizeof line, &s->y4m);
+        if (fwrite(line, 1, n, fp) != n)
+            return -1;
+    }
+    n = y4m_frame_bytes(&s->y4m);
+    y4m_from_rgb(s->planes, s->pixel, &s->y4m);
+    return fputs("FRAME\n", fp) >= 0 && fwrite(s->planes, 1, n, fp) == n
+        ? 0 : -1;
+}
+
+static int write_video(struct framesink *s, struct error *err)
+{
+    if (s->count == 0) {
+        s->part = video_part(s->path);
+        if (!s->part)
+            return error_set(err, EX_OSERR, "out of memory");
+        s->video = video_create(s->part, s->width, s->height,
+                                (double)s->opt.rate_num / s->opt.rate_den,
+                                err);
+        if (!s->video) {
+            unlink(s->part);
+            return -1;
+        }
+    }
+    return video_write(s->video, s->pixel, err);
+}
+
+/* Names: R G B, then 03 to 31, A and Z. */
+static int write_exr(struct framesink *s, const char *path,
+                     const struct framesink_frame *f, struct error *err)
+{
+    static char text[MAX_CHANNELS][8];
+    const char *names[MAX_CHANNELS + 2];
+    const size_t C = f->color ? (size_t)f->channels : 3;
+    const size_t N = f->width * f->height;
+    const size_t all = C + (f->alpha != NULL) + (f->depth != NULL);
+    char *part;
+    int rc;
+
+    for (size_t k = 0; k < C; k++) {
+        snprintf(text[k], sizeof text[k], k < 3 ? "%c" : "feat.%02zu",
+                 k < 3 ? (size_t)"RGB"[k] : k);
+        if (k < 3)
+            text[k][1] = 0;
+        names[k] = text[k];
+    }
+    if (f->alpha)
+        names[C] = "A";
+    if (f->depth)
+        names[C + (f->alpha != NULL)] = "Z";
+    free(s->plane);
+    s->plane = malloc(N * all * sizeof *s->plane);
+    part = malloc(strlen(path) + sizeof ".part");
+    if (!s->plane || !part) {
+        free(part);
+        return error_set(err, EX_OSERR, "out of memory");
+    }
+    for (size_t i = 0; i < N; i++) {
+        float *p = s->plane + i * all;
+        for (size_t k = 0; k < C; k++)
+            *p++ = f->color ? f->color[i * C + k]
+                            : (float)f->rgb[3 * i + k] / 255.0f;
+        if (f->alpha)
+            *p++ = f->alpha[i];
+        if (f->depth)
+            *p = f->depth[i];
+    }
+    strcat(strcpy(part, path), ".part");
+    rc = exr_write(part, s->plane, f->width, f->height, (int)all, names, err);
+    if (rc == 0 && rename(part, path) != 0)
+        rc = error_set(err, EX_CANTCREAT, "%s: cannot rename: %s", path,
+                       strerror(errno));
+    if (rc != 0)
+        unlink(part);
+    free(part);
+    return rc;
+}
+
+static int write_imag(struct framesink *s, const struct framesink_frame *f,
+                      struct error *err)
+{
+    struct array a[2];
+    int n = 1;
+
+    a[0] = array_make("rgb", DTYPE_U8, s->pixel, 3, f->height, f->width, 3,
+                      0);
+    if (s->opt.alpha && f->alpha)
+        a[n++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
+                            f->width, 0, 0);
+    return stream_write(s->stream, "IMAG", f->frame, f->time, a, n, err);
+}
+
+static int write_feat(struct framesink *s, const struct framesink_frame *f,
+                      struct error *err)
+{
+    const size_t C = (size_t)f->channels, n = f->width * f->height * C;
+    struct array a[3];
+    int count = 1;
+
+    if (s->opt.record == FRAMESINK_FEAT_F16) {
+        if (n > s->half_count) {
+            free(s->half);
+            s->half = malloc(n * sizeof *s->half);
+            s->half_count = s->half ? n : 0;
+        }
+        if (!s->half)
+            return error_set(err, EX_OSERR, "out of memory");
+        compose_table()->half(s->half, f->color, n);
+        a[0] = array_make("feat", DTYPE_F16, s->half, 3, f->height, f->width,
+                          C, 0);
+    } else {
+        a[0] = array_make("feat", DTYPE_F32, f->color, 3, f->height,
+                          f->width, C, 0);
+    }
+    if (f->alpha)
+        a[count++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
+                                f->width, 0, 0);
+    if (f->depth)
+        a[count++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
+                                f->width, 0, 0);
+    return stream_write(s->stream, "FEAT", f->frame, f->time, a, count, err);
+}
+
+/* IMAG of an RGBA output: straight colours without their alpha. */
+static void drop_alpha(uint8_t *pixel, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        memmove(pixel + 3 * i, pixel + 4 * i, 3);
+}
+
+static int write_picture(struct framesink *s,
+                         const struct framesink_frame *f, struct error *err)
+{
+    const int C = s->opt.alpha ? 4 : 3;
+    struct outfile one = {0}, *o = &s->out;
+    const int own = o->file != stdout && s->opt.format != FRAMESINK_Y4M
+                    && is_pattern(s->path) == 1;
+    int rc;
+
+    if (own) {
+        char *name = pattern_name(s->path, f->frame);
+        rc = name ? outfile_open(&one, name, err)
+                  : error_set(err, EX_OSERR, "out of memory");
+        free(name);
+        if (rc != 0)
+            return -1;
+        o = &one;
+    } else if (!o->file && outfile_open(o, s->path, err) != 0) {
+        return -1;
+    }
+    errno = 0;
+    if (s->opt.format == FRAMESINK_PNG)
+        rc = png_write(o->file, s->pixel, f->width, f->height, C, err);
+    else if (s->opt.format == FRAMESINK_PAM)
+        rc = write_pam(o->file, s->pixel, f->width, f->height, (size_t)C);
+    else
+        rc = write_y4m(s);
+    if (rc == 0 && ferror(o->file))
+        rc = -1;
+    if (rc != 0 && s->opt.format != FRAMESINK_PNG)
+        outfile_error(o, err);
+    if (own && rc == 0)
+        return outfile_close(&one, err);
+    if (own)
+        outfile_abandon(&one);
+    return rc;
+}
+
+static int write_any(struct framesink *s, const struct framesink_frame *f,
+                     struct error *err)
+{
+    if (s->opt.format == FRAMESINK_STREAM)
+        return s->opt.record == FRAMESINK_IMAG ? write_imag(s, f, err)
+                                               : write_feat(s, f, err);
+    if (s->opt.format == FRAMESINK_VIDEO)
+        return write_video(s, err);
+    if (s->opt.format == FRAMESINK_EXR) {
+        char *name = pattern_name(s->path, f->frame);
+        int rc = name ? write_exr(s, name, f, err)
+                      : error_set(err, EX_OSERR, "out of memory");
+        free(name);
+        return rc;
+    }
+    return write_picture(s, f, err);
+}
+
+/* Only one frame fits in a plain .png or .exr, and only one size in a video. */
+static int check_frame(const struct framesink *s,
+                       const struct framesink_frame *f, struct error *err)
+{
+    const enum framesink_format k = s->opt.format;
+
+    if (s->count == 0)
+        return 0;
+    if ((k == FRAMESINK_EXR || (k == FRAMESINK_PNG && s->out.file != stdout))
+        && is_pattern(s->path) == 0)
+        return error_set(err, EX_USAGE, "%s: frame %llu: the file holds one "
+                         "picture (expected a pattern such as "
+                         "frame-%%05d.%s)", s->path,
+                         (unsigned long long)f->frame,
+                         k == FRAMESINK_EXR ? "exr" : "png");
+    if ((k == FRAMESINK_Y4M || k == FRAMESINK_VIDEO)
+        && (f->width != s->width || f->height != s->height))
+        return error_set(err, EX_DATAERR, "%s: frame %llu: %zu x %zu pixels "
+                         "(expected %zu x %zu, as the frames before)",
+                         s->path, (unsigned long long)f->frame, f->width,
+                         f->height, s->width, s->height);
+    return 0;
+}
+
+int framesink_write(struct framesink *s, const struct framesink_frame *f,
+                    struct error *err)
+{
+    const enum framesink_format k = s->opt.format;
+    const int raw = k == FRAMESINK_EXR || (k == FRAMESINK_STREAM
+                    && s->opt.record != FRAMESINK_IMAG);
+
+    if (check_frame(s, f, err) != 0)
+        return -1;
+    if (s->opt.rate_num <= 0 || s->opt.rate_den <= 0) {
+        s->opt.rate_num = 25;
+        s->opt.rate_den = 1;
+    }
+    if (!raw && (s->count == 0 || f->width * f->height
+                                  != s->width * s->height)) {
+        free(s->pixel);
+        s->pixel = malloc(4 * f->width * f->height);
+        if (!s->pixel)
+            return error_set(err, EX_OSERR, "out of memory for a picture of "
+                             "%zu x %zu pixels", f->width, f->height);
+    }
+    s->width = f->width;
+    s->height = f->height;
+    if (!raw && s->opt.alpha)
+        framesink_compose_rgba(s->pixel, f);
+    else if (!raw)
+        framesink_compose(s->pixel, f, s->opt.background);
+    if (s->opt.alpha && k == FRAMESINK_STREAM && !raw)
+        drop_alpha(s->pixel, f->width * f->height);
+    if (write_any(s, f, err) != 0)
+        return -1;
+    s->count++;
+    return 0;
+}
+
+/* ---- ending ----------------------------------------------------------- */
+
+static void release(struct framesink *s)
+{
+    free(s->pixel);
+    free(s->planes);
+    free(s->plane);
+    free(s->half);
+    free(s->part);
+    free(s->path);
+    free(s);
+}
+
+int framesink_finish(struct framesink *s, struct error *err)
+{
+    int rc = 0;
+
+    if (s->stream)
+        rc = stream_finish(s->stream, err);
+    s->stream = NULL;
+    if (s->out.file)
+        rc = outfile_close(&s->out, err);
+    if (s->video) {
+        rc = video_finish(s->video, err);
+        s->video = NULL;
+        if (rc == 0 && rename(s->part, s->path) != 0)
+            rc = error_set(err, EX_CANTCREAT, "%s: cannot rename '%s': %s",
+                           s->path, s->part, strerror(errno));
+        if (rc != 0)
+            unlink(s->part);
+    }
+    release(s);
+    return rc;
+}
+
+void framesink_abandon(struct framesink *s)
+{
+    if (!s)
+        return;
+    if (s->stream)
+        stream_abandon(s->stream);
+    outfile_abandon(&s->out);
+    if (s->video) {
+        video_abandon(s->video);
+        unlink(s->part);
+    }
+    release(s);
+}

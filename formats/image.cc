@@ -1,0 +1,311 @@
+extern "C" {
+#include "formats/exr.h"
+#include "formats/image.h"
+}
+
+#include <sysexits.h>
+
+#include <cerrno>
+#include <cmath>
+#include <cstdio>
+#include <cstdlib>
+#include <cstring>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include <OpenImageIO/filesystem.h>
+#include <OpenImageIO/imageio.h>
+
+/* ---- what the file holds, checked before its pixels are read ---------- */
+
+/* Number of components of a JPEG's first frame header, 0 if there is none:
+ * OpenImageIO converts CMYK without saying so. */
+static int jpeg_components(OIIO::Filesystem::IOProxy &io)
+{
+    unsigned char b[10];
+    int64_t at = 2;
+
+    if (io.pread(b, 2, 0) != 2 || b[0] != 0xff || b[1] != 0xd8)
+        return 0;
+    while (io.pread(b, 10, at) == 10 && b[0] == 0xff) {
+        int marker = b[1];
+        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4
+            && marker != 0xc8 && marker != 0xcc)
+            return b[9];
+        if (marker == 0xff)
+            at += 1;
+        else if (marker == 0xda || marker == 0xd9)
+            return 0;
+        else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8))
+            at += 2;
+        else
+            at += 2 + ((b[2] << 8) | b[3]);
+    }
+    return 0;
+}
+
+static bool is_cmyk(const OIIO::ImageSpec &spec, OIIO::Filesystem::IOProxy &io)
+{
+    std::string space = spec.get_string_attribute("tiff:ColorSpace");
+
+    for (const char *key : {"oiio:ColorSpace", "psd:ColorMode"})
+        space += spec.get_string_attribute(key);
+    if (space.find("CMYK") != std::string::npos)
+        return true;
+    if (spec.get_int_attribute("tiff:PhotometricInterpretation") == 5)
+        return true;
+    if (spec.nchannels >= 4 && (spec.channelnames[0] == "C"
+                                || spec.channelnames[0] == "Cyan"))
+        return true;
+    return jpeg_components(io) == 4;
+}
+
+static int check_spec(const OIIO::ImageSpec &spec,
+                      OIIO::Filesystem::IOProxy &io, const char *name,
+                      struct error *err)
+{
+    const int w = spec.width, h = spec.height;
+
+    if (w < 1 || h < 1)
+        return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels has "
+                         "no content", name, w, h);
+    if (w > IMAGE_MAX_SIDE || h > IMAGE_MAX_SIDE
+        || (size_t)w * (size_t)h > IMAGE_MAX_PIXELS || spec.depth > 1)
+        return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels is "
+                         "too large (at most %d a side and %zu in all)",
+                         name, w, h, IMAGE_MAX_SIDE, IMAGE_MAX_PIXELS);
+    if (is_cmyk(spec, io))
+        return error_set(err, EX_DATAERR, "%s: CMYK picture (expected grey "
+                         "or RGB; convert it with its colour profile first)",
+                         name);
+    if (spec.nchannels < 1 || spec.nchannels > 64)
+        return error_set(err, EX_DATAERR, "%s: %d channels (expected grey or "
+                         "RGB, with or without alpha)", name,
+                         spec.nchannels);
+    return 0;
+}
+
+/* ---- pixels ----------------------------------------------------------- */
+
+static uint8_t encode_srgb(float v)
+{
+    if (!(v > 0))
+        return 0;
+    if (v >= 1)
+        return 255;
+    v = v <= 0.0031308f ? 12.92f * v
+                        : 1.055f * std::pow(v, 1 / 2.4f) - 0.055f;
+    return (uint8_t)(v * 255 + 0.5f);
+}
+
+/* All channels as 8 bits, [h,w,nchannels]. */
+static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
+                       const char *name, struct error *err)
+{
+    const OIIO::ImageSpec &spec = in.spec();
+    const size_t n = (size_t)spec.width * (size_t)spec.height
+                     * (size_t)spec.nchannels;
+    const bool linear = spec.format.is_floating_point()
+        && spec.get_string_attribute("oiio:ColorSpace", "Linear") == "Linear";
+
+    out.resize(n);
+    if (!linear) {
+        if (in.read_image(0, 0, 0, -1, OIIO::TypeDesc::UINT8, out.data()))
+            return 0;
+    } else {
+        std::vector<float> f(n);
+        if (in.read_image(0, 0, 0, -1, OIIO::TypeDesc::FLOAT, f.data())) {
+            for (size_t i = 0; i < n; i++) {
+                bool a = (int)(i % (size_t)spec.nchannels)
+                         == spec.alpha_channel;
+                float v = f[i] > 0 ? f[i] < 1 ? f[i] : 1 : 0;
+                out[i] = a ? (uint8_t)(v * 255 + 0.5f) : encode_srgb(f[i]);
+            }
+            return 0;
+        }
+    }
+    return error_set(err, EX_DATAERR, "%s: damaged picture: %s", name,
+                     in.geterror().c_str());
+}
+
+/* Where pixel (x, y) of the stored picture goes in the oriented one. */
+static size_t oriented(size_t x, size_t y, size_t W, size_t H, int o)
+{
+    switch (o) {
+    case 2: return y * W + (W - 1 - x);
+    case 3: return (H - 1 - y) * W + (W - 1 - x);
+    case 4: return (H - 1 - y) * W + x;
+    case 5: return x * H + y;
+    case 6: return x * H + (H - 1 - y);
+    case 7: return (W - 1 - x) * H + (H - 1 - y);
+    case 8: return (W - 1 - x) * H + y;
+    default: return y * W + x;
+    }
+}
+
+static int fill(struct image *im, const std::vector<uint8_t> &pix,
+                const OIIO::ImageSpec &spec, struct error *err)
+{
+    const size_t W = (size_t)spec.width, H = (size_t)spec.height;
+    const size_t C = (size_t)spec.nchannels;
+    const int o = spec.get_int_attribute("Orientation", 1);
+    size_t ac = spec.alpha_channel >= 0 ? (size_t)spec.alpha_channel : C;
+    bool grey = C < 3, opaque = true;
+
+    if (ac == C && (C == 2 || C == 4))
+        ac = C - 1;
+    im->width = o >= 5 && o <= 8 ? H : W;
+    im->height = o >= 5 && o <= 8 ? W : H;
+    im->rgb = (uint8_t *)malloc(3 * W * H);
+    im->alpha = ac < C ? (uint8_t *)malloc(W * H) : nullptr;
+    if (!im->rgb || (ac < C && !im->alpha))
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t y = 0; y < H; y++)
+        for (size_t x = 0; x < W; x++) {
+            const uint8_t *p = pix.data() + (y * W + x) * C;
+            size_t to = oriented(x, y, W, H, o);
+            for (size_t k = 0; k < 3; k++)
+                im->rgb[3 * to + k] = p[grey ? 0 : k];
+            if (im->alpha) {
+                im->alpha[to] = p[ac];
+                opaque = opaque && p[ac] == 255;
+            }
+        }
+    if (im->alpha && opaque) {
+        free(im->alpha);
+        im->alpha = nullptr;
+    }
+    return 0;
+}
+
+static OIIO::ImageSpec straight_alpha()
+{
+    OIIO::ImageSpec config;
+    config.attribute("oiio:UnassociatedAlpha", 1);
+    config.attribute("oiio:reorient", 0);
+    return config;
+}
+
+static int read_any(struct image *im, const char *path,
+                    OIIO::Filesystem::IOProxy &io, struct error *err)
+{
+    OIIO::ImageSpec config = straight_alpha();
+    std::vector<uint8_t> pix;
+    auto in = OIIO::ImageInput::open(path, &config, &io);
+
+    if (!in) {
+        /* formats without proxies, from the file itself */
+        (void)OIIO::geterror();
+        in = OIIO::ImageInput::open(path, &config);
+    }
+    if (!in) {
+        (void)OIIO::geterror();
+        return error_set(err, EX_DATAERR, "%s: not a picture that can be "
+                         "read", path);
+    }
+    if (check_spec(in->spec(), io, path, err) != 0
+        || read_levels(pix, *in, path, err) != 0)
+        return -1;
+    return fill(im, pix, in->spec(), err);
+}
+
+int image_read(struct image *im, const char *path, struct error *err)
+{
+    std::memset(im, 0, sizeof *im);
+    FILE *fp = std::fopen(path, "rb");
+    if (!fp)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         std::strerror(errno));
+    std::fclose(fp);
+    try {
+        OIIO::Filesystem::IOFile io(path,
+                                    OIIO::Filesystem::IOProxy::Mode::Read);
+        if (io.size() == 0)
+            return error_set(err, EX_DATAERR, "%s: empty file (expected a "
+                             "picture)", path);
+        if (read_any(im, path, io, err) == 0)
+            return 0;
+    } catch (const std::exception &e) {
+        error_set(err, EX_DATAERR, "%s: %s", path, e.what());
+    }
+    image_release(im);
+    return -1;
+}
+
+/* The name OpenImageIO picks its reader by, from the first bytes. */
+static const char *type_of(const unsigned char *b, size_t n)
+{
+    if (n > 3 && b[0] == 0xff && b[1] == 0xd8)
+        return "memory.jpg";
+    if (n > 8 && std::memcmp(b, "\x89PNG", 4) == 0)
+        return "memory.png";
+    return "memory.tif";
+}
+
+int image_read_memory(struct image *im, const void *data, size_t size,
+                      const char *name, struct error *err)
+{
+    std::memset(im, 0, sizeof *im);
+    try {
+        const unsigned char *b = (const unsigned char *)data;
+        OIIO::Filesystem::IOMemReader io((void *)data, size);
+        if (read_any(im, type_of(b, size), io, err) == 0)
+            return 0;
+        error_prefix(err, "%s", name);
+    } catch (const std::exception &e) {
+        error_set(err, EX_DATAERR, "%s: %s", name, e.what());
+    }
+    image_release(im);
+    return -1;
+}
+
+int image_size(const char *path, size_t *width, size_t *height,
+               struct error *err)
+{
+    try {
+        auto in = OIIO::ImageInput::open(path);
+        if (!in)
+            return error_set(err, EX_DATAERR, "%s: not a picture that can be "
+                             "read", path);
+        const OIIO::ImageSpec &s = in->spec();
+        int o = s.get_int_attribute("Orientation", 1);
+        *width = (size_t)(o >= 5 && o <= 8 ? s.height : s.width);
+        *height = (size_t)(o >= 5 && o <= 8 ? s.width : s.height);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_DATAERR, "%s: %s", path, e.what());
+    }
+}
+
+void image_release(struct image *im)
+{
+    free(im->rgb);
+    free(im->alpha);
+    std::memset(im, 0, sizeof *im);
+}
+
+/* ---- EXR -------------------------------------------------------------- */
+
+int exr_write(const char *path, const float *pixel, size_t width,
+              size_t height, int channels, const char *const *names,
+              struct error *err)
+{
+    try {
+        OIIO::ImageSpec spec((int)width, (int)height, channels,
+                             OIIO::TypeDesc::FLOAT);
+        spec.channelnames.assign(names, names + channels);
+        spec.attribute("compression", "zip");
+        spec.attribute("oiio:ColorSpace", "sRGB");
+        auto out = OIIO::ImageOutput::create("exr");
+        if (!out || !out->open(path, spec))
+            return error_set(err, EX_CANTCREAT, "%s: cannot create: %s", path,
+                             out ? out->geterror().c_str() : "no EXR writer");
+        if (!out->write_image(OIIO::TypeDesc::FLOAT, pixel) || !out->close())
+            return error_set(err, EX_IOERR, "%s: cannot write: %s", path,
+                             out->geterror().c_str());
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_IOERR, "%s: %s", path, e.what());
+    }
+}

@@ -1,0 +1,21 @@
+/* PNG by libpng, to an open file: one picture after the other. */
+#ifndef SPID_FORMATS_PNG_H
+#define SPID_FORMATS_PNG_H
+
+#include <stdint.h>
+#include <stdio.h>
+
+#include "lib/base/error.h"
+
+/* Write pixel [height,width,channels] (1 grey, 2 grey + alpha, 3 RGB, 4 RGBA
+ * straight), tagged sRGB.  EX_IOERR with libpng's text. */
+int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
+              int channels, struct error *err);
+
+/* Read the next PNG of fp as RGB [height,width,3] and, where the file has it,
+ * alpha; both are for the caller to free.  16 bits are rounded to 8.  Size
+ * limits as in image.h. */
+int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
+                  size_t *height, struct error *err);
+
+#endif

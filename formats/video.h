@@ -1,0 +1,39 @@
+/* Video files and cameras by OpenCV, behind a C edge. */
+#ifndef SPID_FORMATS_VIDEO_H
+#define SPID_FORMATS_VIDEO_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+struct video_reader;
+
+/* Open a file, or "camera:N".  EX_NOINPUT when it is not there, EX_DATAERR
+ * when no decoder takes it. */
+struct video_reader *video_open(const char *path, struct error *err);
+/* Frames a second; 0 when unknown. */
+double video_rate(const struct video_reader *v);
+/* Frames the container announces; 0 when unknown. */
+size_t video_frames(const struct video_reader *v);
+/* Next frame as RGB: 1 and *rgb (valid until the next call), the size and the
+ * time in seconds; 0 at the end of what can be decoded; -1 on a fault. */
+int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,
+               size_t *height, double *time, struct error *err);
+void video_close(struct video_reader *v);         /* NULL is allowed */
+
+struct video_writer;
+
+/* Write path (the container by its extension) as H.264, or MPEG-4 part 2 or
+ * Motion JPEG where there is no encoder for it.  Odd sizes get one more column
+ * or row.  The file is complete after video_finish. */
+struct video_writer *video_create(const char *path, size_t width,
+                                  size_t height, double rate,
+                                  struct error *err);
+int video_write(struct video_writer *v, const uint8_t *rgb,
+                struct error *err);
+/* Close, open again and count: -1 when the file cannot be read back. */
+int video_finish(struct video_writer *v, struct error *err);
+void video_abandon(struct video_writer *v);       /* NULL is allowed */
+
+#endif

@@ -1,0 +1,281 @@
+#include "formats/y4m.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/image.h"
+
+/* ---- the header ------------------------------------------------------- */
+
+static int parse_chroma(struct y4m *y, const char *v, size_t n)
+{
+    static const struct {
+        const char *name;
+        enum y4m_chroma chroma;
+        double x, y;
+    } kinds[] = {
+        {"420jpeg", Y4M_420, 0.5, 0.5}, {"420", Y4M_420, 0.5, 0.5},
+        {"420mpeg2", Y4M_420, 0, 0.5}, {"420paldv", Y4M_420, 0, 0},
+        {"422", Y4M_422, 0, 0}, {"444", Y4M_444, 0, 0},
+        {"mono", Y4M_MONO, 0, 0},
+    };
+
+    for (size_t i = 0; i < sizeof kinds / sizeof *kinds; i++) {
+        if (strlen(kinds[i].name) != n || strncmp(kinds[i].name, v, n))
+            continue;
+        y->chroma = kinds[i].chroma;
+        y->site_x = kinds[i].x;
+        y->site_y = kinds[i].y;
+        return 0;
+    }
+    return -1;
+}
+
+static int parse_ratio(const char *v, int *num, int *den)
+{
+    int a, b;
+
+    if (sscanf(v, "%d:%d", &a, &b) != 2 || a < 0 || b < 0)
+        return -1;
+    *num = a;
+    *den = b;
+    return 0;
+}
+
+static int parse_side(const char *v, size_t *side)
+{
+    char *end;
+    long n = strtol(v, &end, 10);
+
+    if (end == v || (*end && *end != ' ') || n < 1 || n > IMAGE_MAX_SIDE)
+        return -1;
+    *side = (size_t)n;
+    return 0;
+}
+
+static int parse_field(struct y4m *y, const char *p, size_t n)
+{
+    switch (*p) {
+    case 'W': return parse_side(p + 1, &y->width);
+    case 'H': return parse_side(p + 1, &y->height);
+    case 'C': return parse_chroma(y, p + 1, n - 1);
+    case 'F': return parse_ratio(p + 1, &y->rate_num, &y->rate_den);
+    case 'A': return parse_ratio(p + 1, &y->aspect_num, &y->aspect_den);
+    case 'X':
+        if (n == 16 && strncmp(p, "XCOLORRANGE=FULL", n) == 0)
+            y->full = true;
+        return 0;
+    default: return 0;
+    }
+}
+
+int y4m_parse(struct y4m *y, const char *line, struct error *err)
+{
+    const char *p = line;
+
+    memset(y, 0, sizeof *y);
+    y->rate_num = 25;
+    y->rate_den = 1;
+    y->chroma = Y4M_420;
+    y->site_x = y->site_y = 0.5;
+    if (strncmp(p, "YUV4MPEG2", 9) != 0)
+        return error_set(err, EX_DATAERR, "not a Y4M header (expected "
+                         "'YUV4MPEG2')");
+    for (p += 9; *p; ) {
+        size_t n;
+        p += strspn(p, " ");
+        n = strcspn(p, " ");
+        if (n && parse_field(y, p, n) != 0)
+            return error_set(err, EX_DATAERR, "Y4M field '%.*s' cannot be "
+                             "used (8 bits; 420jpeg, 420mpeg2, 420paldv, 422,"
+                             " 444 or mono; sides 1 to %d)", (int)n, p,
+                             IMAGE_MAX_SIDE);
+        p += n;
+    }
+    if (!y->width || !y->height)
+        return error_set(err, EX_DATAERR, "Y4M header has no %s",
+                         y->width ? "height" : "width");
+    if (y->rate_num < 1 || y->rate_den < 1) {
+        y->rate_num = 25;
+        y->rate_den = 1;
+    }
+    return 0;
+}
+
+size_t y4m_header(char *line, size_t size, const struct y4m *y)
+{
+    return (size_t)snprintf(
+        line, size, "YUV4MPEG2 W%zu H%zu F%d:%d Ip A%d:%d C%s "
+        "XCOLORRANGE=%s\n", y->width, y->height, y->rate_num, y->rate_den,
+        y->aspect_num, y->aspect_den,
+        y->chroma == Y4M_444 ? "444" : "420jpeg",
+        y->full ? "FULL" : "LIMITED");
+}
+
+static size_t chroma_width(const struct y4m *y)
+{
+    switch (y->chroma) {
+    case Y4M_444: return y->width;
+    case Y4M_MONO: return 0;
+    default: return (y->width + 1) / 2;
+    }
+}
+
+static size_t chroma_height(const struct y4m *y)
+{
+    return y->chroma == Y4M_420 ? (y->height + 1) / 2 : y->height;
+}
+
+size_t y4m_frame_bytes(const struct y4m *y)
+{
+    return y->width * y->height + 2 * chroma_width(y) * chroma_height(y);
+}
+
+/* ---- the colours ------------------------------------------------------ */
+
+/* Luma weights, and the ranges of luma and chroma in levels. */
+struct matrix {
+    double kr, kb, y0, ys, cs;
+};
+
+static struct matrix matrix_of(const struct y4m *y)
+{
+    struct matrix m = {0.2126, 0.0722, 16, 219, 224};
+
+    if (y->bt601) {
+        m.kr = 0.299;
+        m.kb = 0.114;
+    }
+    if (y->full) {
+        m.y0 = 0;
+        m.ys = m.cs = 255;
+    }
+    return m;
+}
+
+#define FIX 16                 /* fraction bits of the integer arithmetic */
+
+static int fix(double v)
+{
+    return (int)lrint(v * (1 << FIX));
+}
+
+static uint8_t byte(int v)
+{
+    v >>= FIX;
+    return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
+}
+
+void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
+{
+    const struct matrix m = matrix_of(y);
+    const double ys = m.ys / 255, cs = m.cs / 255;
+    const double b2 = cs / (2 * (1 - m.kb)), r2 = cs / (2 * (1 - m.kr));
+    const int half = 1 << (FIX - 1);
+    const int yr = fix(m.kr * ys), yb = fix(m.kb * ys);
+    const int yg = fix(ys) - yr - yb;
+    const int br = fix(-m.kr * b2), bb = fix(cs / 2), bg = -br - bb;
+    const int rb = fix(-m.kb * r2), rr = fix(cs / 2), rg = -rr - rb;
+    const int y0 = fix(m.y0) + half, c0 = fix(128) + half;
+    const size_t W = y->width, H = y->height, N = W * H;
+    uint8_t *cb = planes + N, *cr = cb + chroma_width(y) * chroma_height(y);
+
+    for (size_t i = 0; i < N; i++) {
+        const uint8_t *p = rgb + 3 * i;
+        planes[i] = byte(yr * p[0] + yg * p[1] + yb * p[2] + y0);
+        if (y->chroma == Y4M_444) {
+            cb[i] = byte(br * p[0] + bg * p[1] + bb * p[2] + c0);
+            cr[i] = byte(rr * p[0] + rg * p[1] + rb * p[2] + c0);
+        }
+    }
+    if (y->chroma != Y4M_420)
+        return;
+    for (size_t v = 0; v < H; v += 2)
+        for (size_t u = 0; u < W; u += 2) {
+            size_t u1 = u + 1 < W ? u + 1 : u, v1 = v + 1 < H ? v + 1 : v;
+            const uint8_t *p = rgb + 3 * (v * W + u);
+            const uint8_t *q = rgb + 3 * (v * W + u1);
+            const uint8_t *r = rgb + 3 * (v1 * W + u);
+            const uint8_t *s = rgb + 3 * (v1 * W + u1);
+            int t[3];
+            for (int k = 0; k < 3; k++)
+                t[k] = p[k] + q[k] + r[k] + s[k];
+            *cb++ = byte((br * t[0] + bg * t[1] + bb * t[2]) / 4 + c0);
+            *cr++ = byte((rr * t[0] + rg * t[1] + rb * t[2]) / 4 + c0);
+        }
+}
+
+/* Where chroma is for luma position i: the lower sample and the weight of the
+ * next in 1/4 (sites are multiples of half a luma pixel). */
+static size_t chroma_at(size_t i, double site, size_t n, int *weight)
+{
+    double c = ((double)i - site) / 2;
+    size_t k;
+
+    if (c <= 0) {
+        *weight = 0;
+        return 0;
+    }
+    k = (size_t)c;
+    if (k + 1 >= n) {
+        *weight = 0;
+        return n - 1;
+    }
+    *weight = (int)lrint((c - (double)k) * 4);
+    return k;
+}
+
+/* Part of a row of chroma (luma columns u0 to u1) at luma resolution, in 1/16
+ * levels. */
+static void chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
+                       size_t v, size_t u0, size_t u1)
+{
+    const size_t cw = chroma_width(y), ch = chroma_height(y);
+    int wy = 0, wx;
+    size_t r = y->chroma == Y4M_420 ? chroma_at(v, y->site_y, ch, &wy) : v;
+    const uint8_t *a = plane + r * cw, *b = wy ? a + cw : a;
+
+    for (size_t u = u0; u < u1; u++) {
+        size_t c = u, d;
+        wx = 0;
+        if (y->chroma != Y4M_444)
+            c = chroma_at(u, y->site_x, cw, &wx);
+        d = wx ? c + 1 : c;
+        *out++ = (a[c] * (4 - wx) + a[d] * wx) * (4 - wy)
+               + (b[c] * (4 - wx) + b[d] * wx) * wy;
+    }
+}
+
+void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
+{
+    const struct matrix m = matrix_of(y);
+    const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
+    const int half = 1 << (FIX - 1), ys = fix(255 / m.ys);
+    const int rv = fix(2 * (1 - m.kr) * c), bu = fix(2 * (1 - m.kb) * c);
+    const int gu = fix(-2 * (1 - m.kb) * m.kb / kg * c);
+    const int gv = fix(-2 * (1 - m.kr) * m.kr / kg * c);
+    const size_t W = y->width, H = y->height;
+    const size_t plane = chroma_width(y) * chroma_height(y);
+    const uint8_t *cb = planes + W * H, *cr = cb + plane;
+    int u[256] = {0}, v[256] = {0};
+
+    for (size_t i = 0; i < W * H; i++, rgb += 3) {
+        const size_t x = i % W, k = x % 256;
+        int l = (planes[i] - (int)m.y0) * ys + half, a = 0, b = 0;
+        if (plane) {
+            if (k == 0) {
+                size_t end = x + 256 < W ? x + 256 : W;
+                chroma_row(u, cb, y, i / W, x, end);
+                chroma_row(v, cr, y, i / W, x, end);
+            }
+            a = u[k] - 128 * 16;
+            b = v[k] - 128 * 16;
+        }
+        rgb[0] = byte(l + rv * b);
+        rgb[1] = byte(l + gu * a + gv * b);
+        rgb[2] = byte(l + bu * a);
+    }
+}
