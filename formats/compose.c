@@ -1,5 +1,8 @@
 #include "formats/compose.h"
 
+#include <string.h>
+
+#include "formats/framesink.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
 
@@ -52,4 +55,117 @@ const struct compose_table *compose_table(void)
     }
 #endif
     return &plain;
+}
+
+/* ---- whole frames ----------------------------------------------------- */
+
+#define RUN 256                /* pixels composed at a time */
+
+/* The first three channels of n pixels from number `at` on, packed: in place
+ * where they are, else in run [n,3]. */
+static const float *color_run(float *run, const struct framesink_frame *f,
+                              size_t at, size_t n)
+{
+    const size_t C = (size_t)f->channels;
+
+    if (f->color && C == 3)
+        return f->color + at * 3;
+    if (f->color) {
+        const float *c = f->color + at * C;
+        for (size_t x = 0; x < n; x++, c += C)
+            for (size_t k = 0; k < 3; k++)
+                run[3 * x + k] = c[k];
+    } else {
+        const uint8_t *c = f->rgb + at * 3;
+        for (size_t i = 0; i < 3 * n; i++)
+            run[i] = (float)c[i] * (1.0f / 255.0f);
+    }
+    return run;
+}
+
+static size_t clamped(double v, size_t top)
+{
+    return v < (double)top ? (size_t)v : top;
+}
+
+/* n pixels of row y from column x on of the background picture, resized to
+ * cover a W x H frame (four samples a pixel). */
+static void background_run(uint8_t *run, const struct background *bg,
+                           size_t W, size_t H, size_t x, size_t y, size_t n)
+{
+    const double sx = (double)bg->width / (double)W;
+    const double sy = (double)bg->height / (double)H;
+    const double s = sx < sy ? sx : sy;
+    const double ox = ((double)bg->width - s * (double)W) / 2;
+    const double oy = ((double)bg->height - s * (double)H) / 2;
+    const size_t top = bg->height - 1, end = bg->width - 1;
+    const uint8_t *a = bg->rgb + 3 * bg->width
+                       * clamped(oy + s * ((double)y + 0.25), top);
+    const uint8_t *b = bg->rgb + 3 * bg->width
+                       * clamped(oy + s * ((double)y + 0.75), top);
+
+    for (size_t i = 0; i < n; i++, run += 3) {
+        size_t u = 3 * clamped(ox + s * ((double)(x + i) + 0.25), end);
+        size_t v = 3 * clamped(ox + s * ((double)(x + i) + 0.75), end);
+        for (size_t k = 0; k < 3; k++)
+            run[k] = (uint8_t)((a[u + k] + a[v + k] + b[u + k] + b[v + k]
+                                + 2) / 4);
+    }
+}
+
+/* n pixels from column x of row y on. */
+static void compose_run(uint8_t *out, const struct framesink_frame *f,
+                        const struct background *bg, size_t x, size_t y,
+                        size_t n)
+{
+    const struct compose_table *t = compose_table();
+    const size_t at = y * f->width + x;
+    float run[3 * RUN];
+    uint8_t back[3 * RUN];
+    const float *c = color_run(run, f, at, n);
+
+    if (!f->alpha) {
+        t->quantise(out, c, 3 * n);
+    } else if (!bg->rgb) {
+        t->blend(out, c, f->alpha + at, bg->color, 0, n);
+    } else if (bg->width == f->width && bg->height == f->height) {
+        t->blend(out, c, f->alpha + at, bg->rgb + 3 * at, 3, n);
+    } else {
+        background_run(back, bg, f->width, f->height, x, y, n);
+        t->blend(out, c, f->alpha + at, back, 3, n);
+    }
+}
+
+void framesink_compose(uint8_t *out, const struct framesink_frame *f,
+                       const struct background *bg)
+{
+    static const struct background black;
+
+    if (!f->color && !f->alpha) {
+        memcpy(out, f->rgb, 3 * f->width * f->height);
+        return;
+    }
+    for (size_t y = 0; y < f->height; y++)
+        for (size_t x = 0; x < f->width; x += RUN) {
+            size_t n = f->width - x < RUN ? f->width - x : RUN;
+            compose_run(out + 3 * (y * f->width + x), f, bg ? bg : &black, x,
+                        y, n);
+        }
+}
+
+void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
+{
+    const size_t N = f->width * f->height;
+    float run[3 * RUN];
+
+    for (size_t at = 0; at < N; at += RUN) {
+        size_t n = N - at < RUN ? N - at : RUN;
+        const float *c = color_run(run, f, at, n);
+        for (size_t i = 0; i < n; i++, out += 4, c += 3) {
+            float a = f->alpha ? f->alpha[at + i] : 1.0f;
+            float s = a > 0 ? 1 / a : 0;
+            float v[4] = {c[0] * s, c[1] * s, c[2] * s, a};
+            compose_quantise_c(out, v, 4);
+        }
+    }
 }

@@ -211,114 +211,6 @@ void framesink_set_rate(struct framesink *s, int num, int den)
     }
 }
 
-/* ---- composing -------------------------------------------------------- */
-
-/* The first three channels of row y as packed floats in row [width,3]. */
-static const float *color_row(float *row, const struct framesink_frame *f,
-                              size_t y)
-{
-    const size_t W = f->width, C = (size_t)f->channels;
-
-    if (f->color && C == 3)
-        return f->color + y * W * 3;
-    if (f->color) {
-        const float *c = f->color + y * W * C;
-        for (size_t x = 0; x < W; x++, c += C)
-            for (size_t k = 0; k < 3; k++)
-                row[3 * x + k] = c[k];
-    } else {
-        const uint8_t *c = f->rgb + y * W * 3;
-        for (size_t i = 0; i < 3 * W; i++)
-            row[i] = (float)c[i] * (1.0f / 255.0f);
-    }
-    return row;
-}
-
-/* Row y of the background picture, resized to cover the frame (nearest to
- * the wanted place, averaged over four samples). */
-static void background_row(uint8_t *row, const struct background *bg,
-                           size_t W, size_t H, size_t y)
-{
-    double sx = (double)bg->width / (double)W;
-    double sy = (double)bg->height / (double)H;
-    double s = sx < sy ? sx : sy;
-    double ox = ((double)bg->width - s * (double)W) / 2;
-    double oy = ((double)bg->height - s * (double)H) / 2;
-    size_t top = bg->height - 1, end = bg->width - 1;
-    size_t y0 = (size_t)(oy + s * ((double)y + 0.25));
-    size_t y1 = (size_t)(oy + s * ((double)y + 0.75));
-
-    y0 = y0 < top ? y0 : top;
-    y1 = y1 < top ? y1 : top;
-    for (size_t x = 0; x < W; x++) {
-        size_t x0 = (size_t)(ox + s * ((double)x + 0.25));
-        size_t x1 = (size_t)(ox + s * ((double)x + 0.75));
-        const uint8_t *a = bg->rgb + y0 * bg->width * 3;
-        const uint8_t *b = bg->rgb + y1 * bg->width * 3;
-        x0 = 3 * (x0 < end ? x0 : end);
-        x1 = 3 * (x1 < end ? x1 : end);
-        for (size_t k = 0; k < 3; k++)
-            row[3 * x + k] = (uint8_t)((a[x0 + k] + a[x1 + k] + b[x0 + k]
-                                        + b[x1 + k] + 2) / 4);
-    }
-}
-
-void framesink_compose(uint8_t *out, const struct framesink_frame *f,
-                       const struct background *bg)
-{
-    static const struct background black;
-    const struct compose_table *t = compose_table();
-    const size_t W = f->width;
-    float *row = NULL;
-    uint8_t *back = NULL;
-
-    if (!bg)
-        bg = &black;
-    if (f->rgb && !f->color && !f->alpha) {
-        memcpy(out, f->rgb, 3 * W * f->height);
-        return;
-    }
-    if (f->channels != 3 || !f->color)
-        row = malloc(3 * W * sizeof *row);
-    if (bg->rgb && f->alpha)
-        back = malloc(3 * W);
-    for (size_t y = 0; y < f->height; y++) {
-        const float *c = color_row(row, f, y);
-        uint8_t *o = out + 3 * W * y;
-        if (!f->alpha) {
-            t->quantise(o, c, 3 * W);
-        } else if (back) {
-            if (bg->width == W && bg->height == f->height)
-                memcpy(back, bg->rgb + 3 * W * y, 3 * W);
-            else
-                background_row(back, bg, W, f->height, y);
-            t->blend(o, c, f->alpha + y * W, back, 3, W);
-        } else {
-            t->blend(o, c, f->alpha + y * W, bg->color, 0, W);
-        }
-    }
-    free(row);
-    free(back);
-}
-
-void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
-{
-    const size_t W = f->width;
-    float *row = malloc(3 * W * sizeof *row);
-
-    for (size_t y = 0; row && y < f->height; y++) {
-        const float *c = color_row(row, f, y);
-        for (size_t x = 0; x < W; x++, out += 4) {
-            float a = f->alpha ? f->alpha[y * W + x] : 1.0f;
-            float s = a > 0 ? 1 / a : 0;
-            float v[4] = {c[3 * x] * s, c[3 * x + 1] * s, c[3 * x + 2] * s,
-                          a};
-            compose_quantise_c(out, v, 4);
-        }
-    }
-    free(row);
-}
-
 /* ---- writing one frame ------------------------------------------------ */
 
 static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
@@ -360,9 +252,15 @@ static int write_y4m(struct framesink *s)
 static int write_video(struct framesink *s, struct error *err)
 {
     if (s->count == 0) {
+        FILE *fp;
         s->part = video_part(s->path);
         if (!s->part)
             return error_set(err, EX_OSERR, "out of memory");
+        fp = fopen(s->part, "wb");     /* the writer would not say why not */
+        if (!fp)
+            return error_set(err, EX_CANTCREAT, "%s: cannot create: %s",
+                             s->path, strerror(errno));
+        fclose(fp);
         s->video = video_create(s->part, s->width, s->height,
                                 (double)s->opt.rate_num / s->opt.rate_den,
                                 err);
@@ -374,11 +272,12 @@ static int write_video(struct framesink *s, struct error *err)
     return video_write(s->video, s->pixel, err);
 }
 
-/* Names: R G B, then 03 to 31, A and Z. */
+/* Names: R G B, then f.03 to f.31, A and Z. */
 static int write_exr(struct framesink *s, const char *path,
                      const struct framesink_frame *f, struct error *err)
 {
-    static char text[MAX_CHANNELS][8];
+    char text[MAX_CHANNELS][8];
+    static const char *const rgb[3] = {"R", "G", "B"};
     const char *names[MAX_CHANNELS + 2];
     const size_t C = f->color ? (size_t)f->channels : 3;
     const size_t N = f->width * f->height;
@@ -387,11 +286,8 @@ static int write_exr(struct framesink *s, const char *path,
     int rc;
 
     for (size_t k = 0; k < C; k++) {
-        snprintf(text[k], sizeof text[k], k < 3 ? "%c" : "feat.%02zu",
-                 k < 3 ? (size_t)"RGB"[k] : k);
-        if (k < 3)
-            text[k][1] = 0;
-        names[k] = text[k];
+        snprintf(text[k], sizeof text[k], "f.%02zu", k % 100);
+        names[k] = k < 3 ? rgb[k] : text[k];
     }
     if (f->alpha)
         names[C] = "A";

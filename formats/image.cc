@@ -107,6 +107,7 @@ static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
     const size_t n = (size_t)spec.width * (size_t)spec.height
                      * (size_t)spec.nchannels;
     const bool linear = spec.format.is_floating_point()
+        && spec.get_string_attribute("spid:encoding") != "sRGB"
         && spec.get_string_attribute("oiio:ColorSpace", "Linear") == "Linear";
 
     out.resize(n);
@@ -296,7 +297,7 @@ int exr_write(const char *path, const float *pixel, size_t width,
                              OIIO::TypeDesc::FLOAT);
         spec.channelnames.assign(names, names + channels);
         spec.attribute("compression", "zip");
-        spec.attribute("oiio:ColorSpace", "sRGB");
+        spec.attribute("spid:encoding", "sRGB");
         auto out = OIIO::ImageOutput::create("exr");
         if (!out || !out->open(path, spec))
             return error_set(err, EX_CANTCREAT, "%s: cannot create: %s", path,

@@ -132,12 +132,11 @@ static bool open_writer(video_writer *v, double rate)
         cv::VideoWriter::fourcc('a', 'v', 'c', '1'),
         cv::VideoWriter::fourcc('V', 'P', '9', '0'),
         cv::VideoWriter::fourcc('m', 'p', '4', 'v'),
-        cv::VideoWriter::fourcc('M', 'J', 'P', 'G'),
     };
     const bool webm = v->path.size() > 5
         && v->path.compare(v->path.size() - 5, 5, ".webm") == 0;
 
-    for (int i = webm ? 1 : 0; i < 4; i++) {
+    for (int i = webm ? 1 : 0; i < 3; i++) {
         if (i == 1 && !webm)
             continue;
         if (v->writer.open(v->path, cv::CAP_FFMPEG, code[i], rate,

@@ -24,9 +24,9 @@ void video_close(struct video_reader *v);         /* NULL is allowed */
 
 struct video_writer;
 
-/* Write path (the container by its extension) as H.264, or MPEG-4 part 2 or
- * Motion JPEG where there is no encoder for it.  Odd sizes get one more column
- * or row.  The file is complete after video_finish. */
+/* Write path (the container by its extension) as H.264, or MPEG-4 part 2
+ * where there is no encoder for it (.webm: VP9).  Odd sizes get one more
+ * column or row.  The file is complete after video_finish. */
 struct video_writer *video_create(const char *path, size_t width,
                                   size_t height, double rate,
                                   struct error *err);

@@ -1,0 +1,120 @@
+/* framesink_compose: every instruction set against the plain loop, and the
+ * formulas on values worked by hand. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/compose.h"
+#include "formats/framesink.h"
+#include "lib/base/cpu.h"
+#include "lib/base/random.h"
+
+#define N 1031
+
+static int failed;
+
+static void expect(int ok, const char *what)
+{
+    printf("%-52s %s\n", what, ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+static int worst(const uint8_t *a, const uint8_t *b, size_t n)
+{
+    int most = 0;
+
+    for (size_t i = 0; i < n; i++)
+        if (abs(a[i] - b[i]) > most)
+            most = abs(a[i] - b[i]);
+    return most;
+}
+
+static void test_versions(void)
+{
+    static float color[3 * N], alpha[N];
+    static uint8_t bg[3 * N], a[3 * N + 8], b[3 * N + 8];
+    static uint16_t h[3 * N], g[3 * N];
+    const struct compose_table *t = compose_table();
+    struct random r;
+    int most = 0, over = 0, half = 0;
+
+    random_init(&r, 7, "compose");
+    for (size_t i = 0; i < 3 * N; i++) {
+        color[i] = (float)random_range(&r, -0.2, 1.2);
+        bg[i] = (uint8_t)random_below(&r, 256);
+    }
+    for (size_t i = 0; i < N; i++)
+        alpha[i] = (float)random_uniform(&r);
+    color[5] = NAN;
+    color[6] = INFINITY;
+    color[17] = -INFINITY;
+    for (size_t n = 0; n <= N; n = n < 40 ? n + 1 : n + 331)
+        for (size_t step = 0; step <= 3; step += 3) {
+            memset(a, 0xa5, sizeof a);
+            memset(b, 0xa5, sizeof b);
+            compose_c(a, color, alpha, bg, step, n);
+            t->blend(b, color, alpha, bg, step, n);
+            most = fmax(most, worst(a, b, 3 * n));
+            over += memcmp(b + 3 * n, a + 3 * n, 8) != 0;
+        }
+    compose_quantise_c(a, color, 3 * N);
+    t->quantise(b, color, 3 * N);
+    most = fmax(most, worst(a, b, 3 * N));
+    color[5] = 0;
+    compose_half_c(h, color, 3 * N);
+    t->half(g, color, 3 * N);
+    half = memcmp(h, g, sizeof h);
+    printf("%s against plain: largest difference %d level\n",
+           cpu_level_name(cpu_level()), most);
+    expect(most <= 1, "versions agree within one level");
+    expect(over == 0, "nothing is written past the end");
+    expect(half == 0, "halves are the same bits");
+}
+
+static void test_formulas(void)
+{
+    float color[2 * 32] = {0}, alpha[2] = {1, 0.5f};
+    uint8_t picture[6] = {10, 20, 30, 200, 100, 50}, out[6], rgba[8];
+    struct framesink_frame f = {
+        .width = 2, .height = 1, .channels = 32, .color = color,
+        .alpha = alpha
+    };
+    struct background bg = {.rgb = picture, .width = 2, .height = 1};
+
+    color[0] = 1;
+    color[32 + 1] = 0.5f;
+    framesink_compose(out, &f, &bg);
+    expect(out[0] == 255 && out[1] == 0 && out[2] == 0,
+           "an opaque pixel hides the background");
+    expect(out[3] == 100 && out[4] == 178 && out[5] == 25,
+           "half alpha adds half of the background");
+    framesink_compose_rgba(rgba, &f);
+    expect(rgba[4] == 0 && rgba[5] == 255 && rgba[7] == 128,
+           "straight alpha divides the colour by alpha");
+    f.alpha = NULL;
+    framesink_compose(out, &f, &bg);
+    expect(out[3] == 0 && out[4] == 128, "without alpha nothing shows");
+}
+
+static void test_background(void)
+{
+    struct background bg = {0};
+    struct error err = {0};
+
+    expect(background_parse("255,128,0", &bg, &err) == 0
+           && bg.color[1] == 128, "R,G,B is read");
+    expect(background_parse("#102030", &bg, &err) == 0 && bg.color[2] == 48,
+           "#RRGGBB is read");
+    expect(background_parse("256,0,0", &bg, &err) != 0
+           && strstr(err.text, "expected"), "256 is refused");
+    background_release(&bg);
+}
+
+int main(void)
+{
+    test_versions();
+    test_formulas();
+    test_background();
+    return failed;
+}
