@@ -104,10 +104,11 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
     if (!id->shaped)
         return error_set(err, EX_OSERR, "no memory for an identity");
     id->head = h;
-    memcpy(id->joints, h->joint_template, sizeof id->joints);
+    for (int i = 0; i < 3 * HEAD_JOINTS; i++)
+        id->joints[i] = h->joint_template[i];
     for (size_t k = 0; k < nbeta; k++)
         for (int i = 0; i < 3 * HEAD_JOINTS; i++)
-            id->joints[i] += beta[k] * h->joint_shape[15 * k + i];
+            id->joints[i] += (double)beta[k] * h->joint_shape[15 * k + i];
     for (size_t b = 0; b < h->blocks; b++) {
         double sum[ROW];
         const float *t = h->template_blocks + b * ROW;

@@ -17,7 +17,7 @@
 struct identity {
     const struct head *head;
     float *shaped;                  /* (blocks, 96) template + B_S(beta) */
-    float joints[HEAD_JOINTS * 3];  /* regressed from it */
+    double joints[HEAD_JOINTS * 3]; /* regressed from it */
 };
 
 /* One frame's parameters.  exp may be NULL (no expression). */
