@@ -1,0 +1,157 @@
+/* spid-flame: motion parameters in, driven head meshes out.  Eqs. M, T_d and
+ * V_d of the paper. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "lib/avatar/records.h"
+#include "lib/head/lbs.h"
+#include "lib/stream/stream.h"
+
+static const char *head_path, *identity_path;
+static bool keep_motion;
+
+static const struct cli_option options[] = {
+    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
+     "take the shape from this identity's SHAP record", NULL},
+    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
+     "head model (default head.safetensors beside the model)", NULL},
+    {"keep-motion", 0, CLI_FLAG, &keep_motion, 0, 0, NULL,
+     "pass each MOTN record on in front of its MESH", NULL},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-flame", "[-i FILE] [--head FILE] [--keep-motion] [-o FILE] [-j N] "
+    "[-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "pose the head model for every MOTN record", options
+};
+
+struct flame {
+    struct head head;
+    struct identity id;
+    struct person person;
+    float *verts;
+    int meshes;             /* written so far: the first has the faces */
+};
+
+static void open_head(struct flame *f, const char *path)
+{
+    struct error err = {0};
+    char found[4096];
+
+    if (!path && cli_find_model("head.safetensors", found, sizeof found,
+                                &err))
+        die_error(&err);
+    if (head_load(&f->head, path ? path : found, &err))
+        die_error(&err);
+    f->verts = malloc(3 * f->head.V * sizeof *f->verts);
+    if (!f->verts)
+        die(EX_OSERR, "no memory for %zu vertices", f->head.V);
+}
+
+/* beta into the template: of the identity file, or of the stream so far; the
+ * mean head without either. */
+static void fold_identity(struct flame *f)
+{
+    struct error err = {0};
+
+    identity_release(&f->id);
+    if (person_fold(&f->id, &f->head, &f->person, &err)) {
+        if (identity_path)
+            error_prefix(&err, "%s", identity_path);
+        die_error(&err);
+    }
+}
+
+static void open_identity(struct flame *f, const char *path)
+{
+    struct error err = {0};
+
+    if (path && person_load(&f->person, path, f->head.nexp, &err))
+        die_error(&err);
+    fold_identity(f);
+}
+
+/* The line that is this program: V_d and T_d of one frame. */
+static int write_mesh(struct stream_writer *out, struct flame *f,
+                      const struct record *rec, struct error *err)
+{
+    static const char *const known[] = {"rot", "trans", "exp", "jaw", "lid",
+                                        "eye", "crop", NULL};
+    struct array others[STREAM_MAX_ARRAYS];
+    struct motion m;
+    float cam[12];
+
+    if (motion_read(&m, rec, f->head.nexp, err))
+        return -1;
+    double begun = stats_begin();
+    head_pose(f->verts, &f->id, &m.pose);
+    motion_camera(cam, &m);
+    stats_end("flame", begun);
+    if (keep_motion && stream_copy(out, rec, err))
+        return -1;
+    int n = record_others(others, 4, rec, known);
+    return mesh_write(out, rec->frame, rec->time, &f->head, f->verts, cam,
+                      f->meshes++ == 0, others, n, err);
+}
+
+/* One record of the input; -1 and *err when it is damaged or cannot be
+ * written. */
+static int pass_record(struct stream_writer *out, struct flame *f,
+                       const struct record *rec, struct error *err)
+{
+    if (record_is(rec, "MOTN"))
+        return write_mesh(out, f, rec, err);
+    if (!identity_path && (record_is(rec, "SHAP") || record_is(rec, "CONF"))) {
+        int taken = person_take(&f->person, rec, f->head.nexp, err);
+
+        if (taken < 0)
+            return -1;
+        if (record_is(rec, "SHAP"))
+            fold_identity(f);
+    }
+    return stream_copy(out, rec, err);
+}
+
+int main(int argc, char **argv)
+{
+    struct flame f = {0};
+    struct error err = {0};
+    struct record rec;
+    int rc;
+
+    int first = cli_parse(&usage, argc, argv);
+    if (argc - first > 1)
+        die(EX_USAGE, "%s: one stream at a time (expected at most one "
+            "operand)", argv[first + 1]);
+    const char *input = first < argc ? argv[first] : "-";
+    open_head(&f, head_path);
+    open_identity(&f, identity_path);
+    struct stream_reader *in = stream_open(input, NULL, &err);
+    if (!in)
+        die_error(&err);
+    struct stream_writer *out = stream_create(cli.output, &err);
+    if (!out)
+        die_error(&err);
+    while ((rc = stream_read(in, &rec, &err)) > 0)
+        if (pass_record(out, &f, &rec, &err)) {
+            error_prefix(&err, "%s: frame %llu", stream_name(in),
+                         (unsigned long long)rec.frame);
+            rc = -1;
+            break;
+        }
+    if (rc < 0) {               /* no END: the next program knows */
+        stream_abandon(out);
+        die_error(&err);
+    }
+    if (stream_finish(out, &err))
+        die_error(&err);
+    stats_write();
+    stream_close(in);
+    person_release(&f.person);
+    identity_release(&f.id);
+    head_release(&f.head);
+    free(f.verts);
+    return 0;
+}
