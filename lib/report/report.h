@@ -1,0 +1,26 @@
+/* spid report: a run's folder as one HTML page.
+ *
+ * A run is a folder; every file in it is optional and a missing one is named
+ * on the page:
+ *   source.png                      the source photograph
+ *   driver.*  avatar.*  star.*      clips (mp4, y4m, ...): what drove, the
+ *                                   result, the result without refiner
+ *   dynamic.* static.* mouth.*      the branches apart
+ *   motion.spid                     MOTN records of the run
+ *   truth.spid                      MOTN records of the truth
+ *   stats.tsv                       times of --stats
+ *   metrics.json                    spid-eval's figures */
+#ifndef SPID_REPORT_REPORT_H
+#define SPID_REPORT_REPORT_H
+
+#include <stdio.h>
+
+#include "lib/base/error.h"
+
+#define REPORT_FRAMES 6        /* pictures of each clip on the page */
+
+/* Write the page of the run in folder dir to f.  -1 when dir is no folder or
+ * a file in it is damaged (*err names it). */
+int report_write(FILE *f, const char *dir, struct error *err);
+
+#endif
