@@ -1,0 +1,36 @@
+/* Edge-midpoint subdivision: v_mid(i,j) = (v_i + v_j) / 2 for every edge of
+ * the triangle mesh.  Edges are found once per head. */
+#ifndef SPID_AVATAR_DENSIFY_H
+#define SPID_AVATAR_DENSIFY_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+struct densify {
+    size_t V, E;            /* vertices, edges */
+    int32_t *edge;          /* (E,2) ends, smaller first, sorted */
+};
+
+/* From faces (F,3) with indices under V. */
+int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
+                 struct error *err);
+void densify_release(struct densify *d);
+
+/* out (V+E,C) = x (V,C), then the mean of the ends of every edge. */
+void densify_forward(float *out, const float *x, const struct densify *d,
+                     size_t C);
+/* Only the midpoints: out (E,C). */
+void densify_midpoints(float *out, const float *x, const struct densify *d,
+                       size_t C);
+/* dx (V,C) += gradient of dout (V+E,C). */
+void densify_backward(float *dx, const float *dout, const struct densify *d,
+                      size_t C);
+
+/* spacing (V+E): mean distance of a densified vertex of x (V,3) to its
+ * neighbours on the subdivided mesh (half the edges at a vertex, half its own
+ * edge at a midpoint). */
+void densify_spacing(float *spacing, const float *x, const struct densify *d);
+
+#endif
