@@ -211,7 +211,7 @@ static int open_file(struct data_reader *r, struct error *err)
 static int locate(struct data_reader *r, const struct record *rec,
                   struct error *err)
 {
-    return error_prefix(err, "%s: frame %llu: %s: ", stream_name(r->in),
+    return error_prefix(err, "%s: frame %llu: %s", stream_name(r->in),
                         (unsigned long long)rec->frame, rec->type);
 }
 

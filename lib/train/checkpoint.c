@@ -1,0 +1,220 @@
+#include "lib/train/checkpoint.h"
+
+#include <inttypes.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/safetensors.h"
+#include "lib/base/random.h"
+
+static uint64_t fold(uint64_t h, uint64_t x)
+{
+    return random_mix(h ^ x);
+}
+
+void checkpoint_fingerprint(char text[17], const struct train_config *c,
+                            const struct params *ps)
+{
+    uint64_t h = fold(random_name(train_stage_name(c->stage)),
+                      (uint64_t)c->seed);
+
+    h = fold(h, (uint64_t)c->batch);
+    h = fold(h, (uint64_t)c->micro);
+    h = fold(h, (uint64_t)c->pool);
+    h = fold(h, (uint64_t)(c->people_per_step * 1e6));
+    for (size_t i = 0; i < ps->count; i++) {
+        const struct param *p = &ps->tensor[i];
+        h = fold(h, random_name(p->name));
+        h = fold(h, p->frozen);
+        for (int k = 0; k < p->ndim; k++)
+            h = fold(h, p->dim[k]);
+    }
+    snprintf(text, 17, "%016" PRIx64, h);
+}
+
+static struct st_tensor block(const char *name, const float *x, size_t n)
+{
+    struct st_tensor t = {.name = name, .dtype = ST_F32, .ndim = 1,
+                          .dim = {n}, .count = n, .data = x};
+    return t;
+}
+
+int checkpoint_save(const char *path, const struct params *ps,
+                    const struct adam *a, uint64_t step, uint64_t skipped,
+                    const char *fingerprint, struct error *err)
+{
+    struct st_tensor t[4];
+    char s[24], k[24], u[24];
+    const char *meta[] = {"spid-train", fingerprint, "step", s, "skipped", k,
+                          "updates", u, NULL};
+    size_t n = 0;
+
+    snprintf(s, sizeof s, "%" PRIu64, step);
+    snprintf(k, sizeof k, "%" PRIu64, skipped);
+    snprintf(u, sizeof u, "%" PRIu64, a->step);
+    t[n++] = block("w", ps->w, ps->total);
+    t[n++] = block("m", a->m, a->total);
+    t[n++] = block("v", a->v, a->total);
+    if (a->average)
+        t[n++] = block("average", a->average, a->total);
+    return st_save(path, t, n, meta, err);
+}
+
+static int take(float *out, const struct safetensors *st, const char *name,
+                size_t n, struct error *err)
+{
+    const struct st_tensor *t = st_find(st, name);
+
+    if (!t || t->dtype != ST_F32 || t->count != n)
+        return error_set(err, EX_DATAERR, "%s: tensor %s is missing or of "
+                         "another size (expected F32 [%zu])", st_path(st),
+                         name, n);
+    memcpy(out, t->data, n * sizeof *out);
+    return 0;
+}
+
+static uint64_t number(const struct safetensors *st, const char *key)
+{
+    const char *s = st_meta(st, key);
+
+    return s ? strtoull(s, NULL, 10) : 0;
+}
+
+int checkpoint_load(const char *path, struct params *ps, struct adam *a,
+                    uint64_t *step, uint64_t *skipped,
+                    const char *fingerprint, struct error *err)
+{
+    struct safetensors *st;
+    const char *print;
+    int rc = -1;
+
+    if (access(path, F_OK))
+        return 0;
+    st = st_open(path, err);
+    if (!st)
+        return -1;
+    print = st_meta(st, "spid-train");
+    if (!print || strcmp(print, fingerprint)) {
+        error_set(err, EX_CONFIG, "%s: checkpoint of another configuration "
+                  "(%s, expected %s)", path, print ? print : "none",
+                  fingerprint);
+        goto out;
+    }
+    if (take(ps->w, st, "w", ps->total, err) ||
+        take(a->m, st, "m", a->total, err) ||
+        take(a->v, st, "v", a->total, err) ||
+        (a->average && take(a->average, st, "average", a->total, err)))
+        goto out;
+    *step = number(st, "step");
+    *skipped = number(st, "skipped");
+    a->step = number(st, "updates");
+    rc = 1;
+out:
+    st_close(st);
+    return rc;
+}
+
+int checkpoint_import(struct params *ps, const char *path, const char *prefix,
+                      struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    int rc;
+
+    if (!st)
+        return -1;
+    rc = params_load(ps, st, prefix, err);
+    st_close(st);
+    return rc;
+}
+
+/* ---- joining ----------------------------------------------------------- */
+
+struct joined {
+    struct st_tensor *t;
+    size_t count, room;
+};
+
+/* The tensor as dtype, in memory of its own. */
+static int convert(struct st_tensor *to, const struct safetensors *st,
+                   const struct st_tensor *from, enum st_dtype dtype,
+                   struct error *err)
+{
+    float *f = malloc((from->count + 1) * sizeof *f);
+    uint16_t *h;
+
+    *to = *from;
+    to->dtype = dtype;
+    to->data = f;
+    if (!f)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (st_to_f32(st, from, f, err))
+        return -1;
+    if (dtype == ST_F32)
+        return 0;
+    h = malloc((from->count + 1) * sizeof *h);
+    if (!h)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t i = 0; i < from->count; i++)
+        h[i] = dtype == ST_F16 ? float_to_half(f[i]) : float_to_bf16(f[i]);
+    free(f);
+    to->data = h;
+    return 0;
+}
+
+static int add_tensor(struct joined *j, const struct safetensors *st,
+                      const struct st_tensor *t, enum st_dtype dtype,
+                      struct error *err)
+{
+    size_t i = 0;
+
+    while (i < j->count && strcmp(j->t[i].name, t->name))
+        i++;
+    if (i < j->count) {
+        free((void *)(uintptr_t)j->t[i].data);
+        j->t[i].data = NULL;
+    } else if (i == j->room) {
+        size_t room = j->room ? 2 * j->room : 256;
+        struct st_tensor *grown = realloc(j->t, room * sizeof *grown);
+        if (!grown)
+            return error_set(err, EX_OSERR, "out of memory");
+        j->t = grown;
+        j->room = room;
+    }
+    if (i == j->count) {
+        memset(&j->t[i], 0, sizeof j->t[i]);
+        j->count++;
+    }
+    return convert(&j->t[i], st, t, dtype, err);
+}
+
+int checkpoint_join(const char *path, const char *const *parts, size_t count,
+                    enum st_dtype dtype, const char *spid, struct error *err)
+{
+    const char *meta[] = {"spid", spid, NULL};
+    struct safetensors **open = calloc(count + 1, sizeof *open);
+    struct joined j = {0};
+    int rc = -1;
+
+    if (!open)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t k = 0; k < count; k++) {
+        open[k] = st_open(parts[k], err);
+        if (!open[k])
+            goto out;
+        for (size_t i = 0; i < st_count(open[k]); i++)
+            if (add_tensor(&j, open[k], st_at(open[k], i), dtype, err))
+                goto out;
+    }
+    rc = st_save(path, j.t, j.count, spid ? meta : NULL, err);
+out:
+    for (size_t i = 0; i < j.count; i++)
+        free((void *)(uintptr_t)j.t[i].data);
+    free(j.t);
+    for (size_t k = 0; k < count; k++)
+        st_close(open[k]);
+    free(open);
+    return rc;
+}

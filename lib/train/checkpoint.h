@@ -1,0 +1,42 @@
+/* The state of a run on disk: weights, Adam's moments, average, step.  What a
+ * step draws depends on seed and step alone, so this is everything. */
+#ifndef SPID_TRAIN_CHECKPOINT_H
+#define SPID_TRAIN_CHECKPOINT_H
+
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/nn/params.h"
+#include "lib/train/adam.h"
+#include "lib/train/config.h"
+
+/* Hex digest of what a checkpoint must share with a run: stage, seed, batch,
+ * micro, pool, people_per_step and every tensor's name, shape and freeze. */
+void checkpoint_fingerprint(char text[17], const struct train_config *c,
+                            const struct params *ps);
+
+/* Write PATH beside its final name, then rename: a failure or a kill at any
+ * moment leaves the last one.  step is the next step to do. */
+int checkpoint_save(const char *path, const struct params *ps,
+                    const struct adam *a, uint64_t step, uint64_t skipped,
+                    const char *fingerprint, struct error *err);
+
+/* 1 and *step set when read; 0 when PATH does not exist; -1 on a damaged file
+ * or one of another configuration. */
+int checkpoint_load(const char *path, struct params *ps, struct adam *a,
+                    uint64_t *step, uint64_t *skipped,
+                    const char *fingerprint, struct error *err);
+
+/* Fill tensors of ps from a model file: those whose name starts with prefix
+ * must all be there. */
+int checkpoint_import(struct params *ps, const char *path, const char *prefix,
+                      struct error *err);
+
+/* Several model files' tensors in one file of dtype; the metadata key "spid"
+ * (may be NULL) is written.  A later file's tensor replaces an earlier one of
+ * the same name. */
+int checkpoint_join(const char *path, const char *const *parts, size_t count,
+                    enum st_dtype dtype, const char *spid,
+                    struct error *err);
+
+#endif

@@ -1,0 +1,54 @@
+/* The configuration of a training run: JSON, unknown keys refused. */
+#ifndef SPID_TRAIN_CONFIG_H
+#define SPID_TRAIN_CONFIG_H
+
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/train/data.h"
+#include "lib/train/motion_loss.h"
+
+#define TRAIN_PATH 400
+
+enum train_stage { STAGE_SHAPE, STAGE_MOTION, STAGE_AVATAR, STAGE_ALL };
+
+struct train_config {
+    enum train_stage stage;     /* "shape" "motion" "avatar" "all" */
+    int64_t seed, steps;
+    int64_t batch, micro;       /* items of a step; of one pass (batch norm
+                                 * sees these): micro divides batch */
+    double rate, rate_end;      /* Adam's, falling by a half cosine */
+    int64_t warmup;             /* steps in which it rises */
+    double clip, average;       /* gradient norm; averaging of the weights */
+    int64_t pool;               /* people in memory */
+    double people_per_step;     /* new ones read */
+    int64_t image;              /* side of the splatted picture */
+    int64_t targets;            /* driven frames for each source */
+    struct data_augment augment;
+    struct motion_weights geometry;
+    double anchor_start, anchor_end; /* factor on the geometric terms ... */
+    int64_t anchor_steps;       /* ... over this many steps (lambda_3) */
+    double coarse, refined;     /* L1 of the two pictures (lambda_1) */
+    double face;                /* factor of the face crop's terms */
+    double perceptual;          /* pyramid L1 of the face crop (lambda_2) */
+    double silhouette;          /* alpha against the mask */
+    int64_t log_every, sheet_every, checkpoint_every, held_every, held_people;
+    char *model;                /* JSON of the model's configuration */
+};
+
+/* Fill c from text (path names it in messages).  Errors are EX_CONFIG and
+ * name the key, what was found and what was expected. */
+int train_config_parse(struct train_config *c, const char *text,
+                       const char *path, struct error *err);
+int train_config_load(struct train_config *c, const char *path,
+                      struct error *err);
+void train_config_release(struct train_config *c);
+
+const char *train_stage_name(enum train_stage stage);
+
+/* Adam's rate at a step. */
+double train_rate(const struct train_config *c, uint64_t step);
+/* lambda_3 at a step. */
+double train_anchor(const struct train_config *c, uint64_t step);
+
+#endif

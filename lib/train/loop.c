@@ -1,0 +1,379 @@
+#include "lib/train/loop.h"
+
+#include <errno.h>
+#include <inttypes.h>
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "lib/base/cpu.h"
+#include "lib/train/checkpoint.h"
+
+/* One run's working state. */
+struct run {
+    struct loop *l;
+    struct adam adam;
+    struct data_pool pool;
+    float *base, *sum;      /* running statistics before the step, and their
+                             * sum over its passes: laid out as ps.w */
+    FILE *log, *held;
+    char fingerprint[17];
+    uint64_t skipped_row;   /* bad steps in a row */
+    double begun;
+    uint64_t first;         /* step of this process */
+};
+
+static void path_in(char *out, size_t size, const struct loop *l,
+                    const char *name)
+{
+    snprintf(out, size, "%s/%s", l->folder, name);
+}
+
+static bool running(const struct param *p)
+{
+    return p->frozen && strstr(p->name, ".running_");
+}
+
+/* For every running statistic: which 0 base = w, 1 w = base, 2 sum += w,
+ * 3 w = sum / passes. */
+static void statistics(struct run *r, int which, double passes)
+{
+    struct params *ps = &r->l->task->ps;
+
+    for (size_t k = 0; k < ps->count; k++) {
+        const struct param *p = &ps->tensor[k];
+        float *w = ps->w + p->offset, *b = r->base + p->offset;
+        float *s = r->sum + p->offset;
+        if (!running(p))
+            continue;
+        for (size_t i = 0; i < p->count; i++) {
+            if (which == 0) {
+                b[i] = w[i];
+                s[i] = 0;
+            } else if (which == 1) {
+                w[i] = b[i];
+            } else if (which == 2) {
+                s[i] += w[i];
+            } else {
+                w[i] = (float)(s[i] / passes);
+            }
+        }
+    }
+}
+
+/* ---- files -------------------------------------------------------------- */
+
+static FILE *open_log(const struct loop *l, const char *name, int fresh,
+                      struct error *err)
+{
+    char path[TRAIN_PATH];
+    FILE *f;
+
+    path_in(path, sizeof path, l, name);
+    f = fopen(path, fresh ? "w" : "a");
+    if (!f)
+        error_set(err, EX_CANTCREAT, "%s: %s", path, strerror(errno));
+    return f;
+}
+
+static int open_logs(struct run *r, struct error *err)
+{
+    const struct task *t = r->l->task;
+    int fresh = r->l->step == 0;
+
+    if (r->l->group->rank)
+        return 0;
+    r->log = open_log(r->l, "log.tsv", fresh, err);
+    r->held = r->log ? open_log(r->l, "held.tsv", fresh, err) : NULL;
+    if (!r->held)
+        return -1;
+    if (!fresh)
+        return 0;
+    fprintf(r->log, "step\tloss");
+    for (int i = 0; i < t->nparts; i++)
+        fprintf(r->log, "\t%s", t->part_name[i]);
+    fprintf(r->log, "\tnorm\trate\tseconds\n");
+    fprintf(r->held, "step");
+    for (int i = 0; i < t->nfigures; i++)
+        fprintf(r->held, "\t%s", t->held_name[i]);
+    fprintf(r->held, "\n");
+    return 0;
+}
+
+static void swap_average(struct run *r)
+{
+    float *w = r->l->task->ps.w;
+
+    if (r->adam.average) {
+        r->l->task->ps.w = r->adam.average;
+        r->adam.average = w;
+    }
+}
+
+static int save(struct run *r, struct error *err)
+{
+    struct loop *l = r->l;
+    char path[TRAIN_PATH];
+    const char *meta[] = {"spid-stage", train_stage_name(l->config->stage),
+                          NULL};
+    int rc;
+
+    if (l->group->rank)
+        return 0;
+    path_in(path, sizeof path, l, "checkpoint.safetensors");
+    if (checkpoint_save(path, &l->task->ps, &r->adam, l->step, l->skipped,
+                        r->fingerprint, err))
+        return -1;
+    path_in(path, sizeof path, l, "model.safetensors");
+    swap_average(r);
+    rc = params_save(&l->task->ps, path, ST_F32, meta, err);
+    swap_average(r);
+    return rc;
+}
+
+static int judge(struct run *r, struct error *err)
+{
+    struct loop *l = r->l;
+    int rc;
+
+    if (l->group->rank || !l->task->nheld)
+        return 0;
+    swap_average(r);
+    rc = l->task->type->held(l->task, l->held, err);
+    swap_average(r);
+    if (rc)
+        return -1;
+    fprintf(r->held, "%" PRIu64, l->step);
+    for (int i = 0; i < l->task->nfigures; i++)
+        fprintf(r->held, "\t%.5g", l->held[i]);
+    fprintf(r->held, "\n");
+    fflush(r->held);
+    return 0;
+}
+
+static int draw_sheet(struct run *r, struct error *err)
+{
+    struct loop *l = r->l;
+    char path[TRAIN_PATH], name[40];
+    uint8_t *rgb = NULL;
+    size_t H, W;
+    int rc;
+
+    if (l->group->rank || !l->write_png || !l->task->nheld)
+        return 0;
+    snprintf(name, sizeof name, "sheet-%06" PRIu64 ".png", l->step);
+    path_in(path, sizeof path, l, name);
+    swap_average(r);
+    rc = l->task->type->sheet(l->task, &rgb, &H, &W, err);
+    swap_average(r);
+    if (!rc)
+        rc = l->write_png(path, rgb, H, W, err);
+    free(rgb);
+    return rc;
+}
+
+/* ---- a step ------------------------------------------------------------- */
+
+/* Losses and gradients of the whole batch, over all processes. */
+static int gather(struct run *r, double *parts, struct error *err)
+{
+    struct loop *l = r->l;
+    struct params *ps = &l->task->ps;
+    size_t passes = (size_t)(l->config->batch / l->config->micro);
+
+    memset(ps->g, 0, ps->total * sizeof *ps->g);
+    memset(parts, 0, TASK_PARTS * sizeof *parts);
+    statistics(r, 0, 0);
+    for (size_t k = 0; k < passes; k++) {
+        if (k % (size_t)l->group->size != (size_t)l->group->rank)
+            continue;
+        statistics(r, 1, 0);
+        if (l->task->type->pass(l->task, parts, l->step, k, err))
+            return -1;
+        statistics(r, 2, 0);
+    }
+    if (group_sum(l->group, ps->g, ps->total, err) ||
+        group_sum(l->group, r->sum, ps->total, err) ||
+        group_sum_double(l->group, parts, TASK_PARTS, err))
+        return -1;
+    statistics(r, 3, (double)passes);
+    return 0;
+}
+
+/* A step whose numbers are not finite is undone; too many end the run. */
+static int skip(struct run *r, const char *what, const char *name,
+                struct error *err)
+{
+    struct loop *l = r->l;
+    char text[200];
+
+    statistics(r, 1, 0);
+    l->skipped++;
+    snprintf(text, sizeof text, "step %" PRIu64 ": %s %s is not finite; the "
+             "step is skipped", l->step, what, name);
+    if (l->warn && !l->group->rank)
+        l->warn(text);
+    if (++r->skipped_row >= LOOP_MOST_BAD)
+        return error_set(err, EX_SOFTWARE, "%s, the %dth in a row", text,
+                         LOOP_MOST_BAD);
+    return 0;
+}
+
+static int step(struct run *r, double *parts, double *loss, double *norm,
+                struct error *err)
+{
+    struct loop *l = r->l;
+    struct params *ps = &l->task->ps;
+    size_t bad;
+
+    if (gather(r, parts, err))
+        return -1;
+    *loss = 0;
+    for (int i = 0; i < l->task->nparts; i++)
+        *loss += parts[i];
+    *norm = adam_norm(ps);
+    if (!isfinite(*norm)) {
+        bad = adam_first_bad(ps, 0);
+        return skip(r, "gradient of",
+                    bad < ps->count ? ps->tensor[bad].name : "all", err);
+    }
+    if (!isfinite(*loss))
+        return skip(r, "the", "loss", err);
+    r->skipped_row = 0;
+    adam_update(&r->adam, ps, train_rate(l->config, l->step), *norm);
+    l->task->type->update(l->task);
+    return 0;
+}
+
+static void write_log(struct run *r, const double *parts, double loss,
+                      double norm)
+{
+    struct loop *l = r->l;
+    double now = cpu_seconds() - r->begun;
+    double done = (double)(l->step - r->first + 1);
+    struct loop_report rep = {
+        .step = l->step, .steps = (uint64_t)l->config->steps, .loss = loss,
+        .norm = norm, .rate = train_rate(l->config, l->step),
+        .seconds = now, .parts = parts, .task = l->task,
+        .items_per_second = done * (double)l->config->batch / now,
+        .left = ((double)l->config->steps - (double)l->step - 1) * now / done,
+    };
+
+    if (l->group->rank)
+        return;
+    if (l->report)
+        l->report(&rep);
+    if (l->step % (uint64_t)l->config->log_every)
+        return;
+    fprintf(r->log, "%" PRIu64 "\t%.9g", l->step, loss);
+    for (int i = 0; i < l->task->nparts; i++)
+        fprintf(r->log, "\t%.6g", parts[i]);
+    fprintf(r->log, "\t%.5g\t%.4g\t%.2f\n", norm, rep.rate, now);
+    fflush(r->log);
+}
+
+static bool due(int64_t every, uint64_t at)
+{
+    return every > 0 && at % (uint64_t)every == 0;
+}
+
+static int steps(struct run *r, struct error *err)
+{
+    struct loop *l = r->l;
+    const struct train_config *c = l->config;
+    double parts[TASK_PARTS], loss = 0, norm = 0;
+
+    while (l->step < (uint64_t)c->steps) {
+        uint64_t want = (uint64_t)c->pool +
+                        (uint64_t)((double)l->step * c->people_per_step);
+        bool stop = l->stop && *l->stop;
+
+        if (group_any(l->group, &stop, err))
+            return -1;
+        if (stop)
+            break;
+        if (data_pool_advance(&r->pool, want, err) ||
+            step(r, parts, &loss, &norm, err))
+            return -1;
+        write_log(r, parts, loss, norm);
+        l->step++;
+        if (due(c->held_every, l->step) && judge(r, err))
+            return -1;
+        if (due(c->sheet_every, l->step) && draw_sheet(r, err))
+            return -1;
+        if (due(c->checkpoint_every, l->step) && save(r, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- the run ------------------------------------------------------------ */
+
+static int start(struct run *r, struct error *err)
+{
+    struct loop *l = r->l;
+    struct params *ps = &l->task->ps;
+    char path[TRAIN_PATH];
+    uint64_t people;
+    int rc;
+
+    if (mkdir(l->folder, 0777) && errno != EEXIST)
+        return error_set(err, EX_CANTCREAT, "%s: %s", l->folder,
+                         strerror(errno));
+    for (size_t i = 0; i < l->ninit; i++)
+        if (checkpoint_import(ps, l->init_files[i], l->init_prefix[i], err))
+            return -1;
+    if (adam_init(&r->adam, ps, (float)l->config->clip,
+                  (float)l->config->average, err))
+        return -1;
+    checkpoint_fingerprint(r->fingerprint, l->config, ps);
+    path_in(path, sizeof path, l, "checkpoint.safetensors");
+    rc = checkpoint_load(path, ps, &r->adam, &l->step, &l->skipped,
+                         r->fingerprint, err);
+    if (rc < 0)
+        return -1;
+    l->task->type->update(l->task);
+    people = (uint64_t)l->config->pool;
+    if (l->step)
+        people += (uint64_t)((double)(l->step - 1) *
+                             l->config->people_per_step);
+    if (data_pool_init(&r->pool, l->reader, (size_t)l->config->pool, people,
+                       err))
+        return -1;
+    l->task->pool = &r->pool;
+    r->base = calloc(ps->total + 1, sizeof *r->base);
+    r->sum = calloc(ps->total + 1, sizeof *r->sum);
+    if (!r->base || !r->sum)
+        return error_set(err, EX_OSERR, "out of memory");
+    return open_logs(r, err);
+}
+
+int loop_run(struct loop *l, struct error *err)
+{
+    struct run r = {.l = l};
+    int rc = start(&r, err);
+
+    r.begun = cpu_seconds();
+    r.first = l->step;
+    if (!rc && l->step == 0)
+        rc = draw_sheet(&r, err);
+    if (!rc)
+        rc = steps(&r, err);
+    if (!rc && (rc = save(&r, err)) == 0 && l->step > r.first) {
+        rc = judge(&r, err);
+        if (!rc && l->step == (uint64_t)l->config->steps)
+            rc = draw_sheet(&r, err);
+    }
+    if (r.log)
+        fclose(r.log);
+    if (r.held)
+        fclose(r.held);
+    data_pool_release(&r.pool);
+    adam_release(&r.adam);
+    free(r.base);
+    free(r.sum);
+    return rc;
+}

@@ -1,0 +1,72 @@
+/* What is trained, as the loop sees it: a model with parameters that turns a
+ * part of a step's batch into losses and gradients. */
+#ifndef SPID_TRAIN_TASK_H
+#define SPID_TRAIN_TASK_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/head/head.h"
+#include "lib/nn/params.h"
+#include "lib/train/config.h"
+#include "lib/train/data.h"
+
+#define TASK_PARTS 16
+
+struct task;
+
+struct task_type {
+    const char *prefixes;       /* of its tensors, for messages */
+    double margin;              /* of the pictures it wants: see data_open */
+    void (*release)(struct task *t);
+    /* Pass `micro` of a step: adds losses to parts, divided by the number of
+     * passes, and gradients to ps->g likewise. */
+    int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
+                struct error *err);
+    /* The weights changed. */
+    void (*update)(struct task *t);
+    /* Figures on people never trained on: names in held_name. */
+    int (*held)(struct task *t, double *figures, struct error *err);
+    /* A contact sheet of what it does, as rgb (H,W,3) bytes, malloced. */
+    int (*sheet)(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
+                 struct error *err);
+};
+
+struct task {
+    const struct task_type *type;
+    const struct train_config *config;
+    const struct head *head;
+    struct data_pool *pool;     /* people to train on */
+    struct data_person *held;   /* people to be judged by */
+    size_t nheld;
+    struct params ps;
+    int nparts, nfigures;
+    const char *part_name[TASK_PARTS];
+    const char *held_name[TASK_PARTS];
+    void *impl;
+};
+
+/* Make the task of the configuration's stage: declares, allocates and fills
+ * its tensors from the seed.  pool and held are set by the caller before the
+ * first pass. */
+int task_init(struct task *t, const struct train_config *c,
+              const struct head *h, struct error *err);
+void task_release(struct task *t);
+
+/* The stages' constructors; t->config and t->head are set. */
+int task_motion_init(struct task *t, struct error *err);
+int task_shape_init(struct task *t, struct error *err);
+int task_avatar_init(struct task *t, struct error *err);
+
+/* Networks of the model in the configuration: the string at model.OBJECT.net,
+ * or normal. */
+const char *task_net(char *out, size_t size, const struct train_config *c,
+                     const char *object, const char *normal);
+
+/* The frame that item k of a step draws, and whose it is. */
+const struct data_frame *task_draw(const struct task *t,
+                                   const struct data_person **who,
+                                   struct random *r);
+
+#endif

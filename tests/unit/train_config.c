@@ -1,0 +1,62 @@
+/* Configurations that must be refused, and what the message names. */
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+
+#include "lib/train/config.h"
+
+static int failed;
+
+static void refuse(const char *text, const char *names)
+{
+    struct train_config c;
+    struct error err = {0};
+    int rc = train_config_parse(&c, text, "c.json", &err);
+    int ok = rc == -1 && strstr(err.text, names) && err.code;
+
+    printf("%-50s -> %s%s\n", text, err.text, ok ? "" : "  WRONG");
+    if (!ok)
+        failed = 1;
+    if (!rc)
+        train_config_release(&c);
+}
+
+int main(void)
+{
+    struct train_config c;
+    struct error err = {0};
+
+    refuse("{", "not JSON");
+    refuse("[]", "object");
+    refuse("{}", "stage: missing");
+    refuse("{\"stage\":\"moton\"}", "moton");
+    refuse("{\"stage\":\"motion\",\"setps\":3}", "setps: unknown");
+    refuse("{\"stage\":\"motion\",\"loss\":{\"vertx\":3}}", "loss.vertx");
+    refuse("{\"stage\":\"motion\",\"steps\":-1}", "steps: -1");
+    refuse("{\"stage\":\"motion\",\"steps\":1.5}", "whole number");
+    refuse("{\"stage\":\"motion\",\"steps\":\"9\"}", "steps: not a number");
+    refuse("{\"stage\":\"motion\",\"batch\":8,\"micro\":3}", "divide");
+    refuse("{\"stage\":\"avatar\",\"image\":100}", "multiple");
+    refuse("{\"stage\":\"motion\",\"model\":3}", "model: expected");
+    refuse("{\"stage\":\"motion\",\"loss\":{\"square_landmarks\":1}}",
+           "true or false");
+    if (train_config_parse(&c, "{\"stage\":\"motion\",\"steps\":100,"
+                           "\"rate\":1.0,\"rate_end\":0.0,\"warmup\":10,"
+                           "\"loss\":{\"anchor_end\":0,\"anchor_steps\":50},"
+                           "\"model\":{\"motion\":{\"net\":\"x\"}}}",
+                           "c.json", &err)) {
+        printf("refused: %s\n", err.text);
+        return 1;
+    }
+    printf("rate: %.3f %.3f %.3f, anchor: %.3f %.3f\n", train_rate(&c, 0),
+           train_rate(&c, 10), train_rate(&c, 100), train_anchor(&c, 25),
+           train_anchor(&c, 80));
+    if (fabs(train_rate(&c, 0) - 0.1) > 1e-9 ||
+        fabs(train_rate(&c, 10) - 1) > 1e-9 ||
+        fabs(train_rate(&c, 55) - 0.5) > 1e-9 || train_rate(&c, 100) > 1e-9 ||
+        fabs(train_anchor(&c, 25) - 0.5) > 1e-9 ||
+        train_anchor(&c, 80) != 0)
+        failed = 1;
+    train_config_release(&c);
+    return failed;
+}
