@@ -1,0 +1,51 @@
+/* The Gaussians a stream describes at this moment: the last GAUS record with
+ * the GMOV records after it applied. */
+#ifndef SPID_SPLAT_SCENE_H
+#define SPID_SPLAT_SCENE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/splat/splat.h"
+#include "lib/stream/stream.h"
+
+enum scene_change {
+    SCENE_NONE,         /* the record was neither GAUS nor GMOV */
+    SCENE_LOADED,       /* GAUS: everything is new */
+    SCENE_MOVED         /* GMOV: the camera, and the ranges below */
+};
+
+struct scene {
+    struct gaussians g; /* current values; arrays owned by the scene */
+    float cam[12];      /* [R|t] of the last record that had one */
+    int has_cam;
+    size_t first, count;        /* centres set by the last GMOV */
+    size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
+    float shift[3];     /* of the mouth sheet against its GAUS centres */
+    int shifted;        /* the last GMOV carried a shift */
+
+    /* owned */
+    float *mean, *loaded, *scale, *quat, *opacity, *color;
+    uint16_t *color_half;
+    uint8_t *branch;
+};
+
+/* A zeroed struct scene is empty and valid. */
+void scene_release(struct scene *s);
+
+/* Apply a record.  Returns which change it was, or -1 and *err naming record,
+ * array and index: a GMOV before any GAUS, lengths that differ, numbers that
+ * are not finite, a mouth branch that is not one range. */
+int scene_apply(struct scene *s, const struct record *rec,
+                struct error *err);
+
+/* Hand the change to a renderer: splat_load after SCENE_LOADED, splat_update
+ * and splat_shift after SCENE_MOVED. */
+int scene_to_splat(struct splat *out, const struct scene *s,
+                   enum scene_change change, struct error *err);
+
+/* First three channels of Gaussian i. */
+void scene_rgb(float rgb[3], const struct scene *s, size_t i);
+
+#endif
