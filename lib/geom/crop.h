@@ -62,8 +62,14 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
 void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
                      size_t H, struct square q);
 
+/* out [H/2,W/2,3] = means of 2 x 2 pixels: done before crop_sample_u8 while
+ * the square has more than two pixels for one of the crop. */
+void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
+                size_t stride);
+
 /* The square of an 8-bit picture as n x n 8-bit pixels, antialiased when it
- * shrinks, black outside: the portrait window and the source crop. */
+ * shrinks, black outside: the portrait window and the source crop.  channels
+ * is 1 to 4.  -1 when out of memory. */
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                    size_t H, size_t stride, int channels, struct square q);
 

@@ -1,0 +1,258 @@
+/* The face crop: sampling against the double reference, gradients against
+ * finite differences, and a known head through any crop and back. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/random.h"
+#include "lib/geom/crop.h"
+
+static int failed;
+
+static void expect(int ok, const char *what, double value, double limit)
+{
+    printf("%-56s %.3g (limit %.3g) %s\n", what, value, limit,
+           ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+static struct square some_square(struct random *r, size_t W, size_t H)
+{
+    return (struct square){
+        random_range(r, -0.3 * (double)W, 1.3 * (double)W),
+        random_range(r, -0.3 * (double)H, 1.3 * (double)H),
+        exp(random_range(r, log(0.01), log(3.0 * (double)(W + H))))
+    };
+}
+
+static void test_sampling(void)
+{
+    struct random r;
+    double most = 0, most_f = 0, over = 0;
+
+    random_init(&r, 3, "crop");
+    for (int t = 0; t < 300; t++) {
+        size_t W = 1 + random_below(&r, 70), H = 1 + random_below(&r, 70);
+        size_t n = 1 + random_below(&r, 40), stride = 3 * W + 5;
+        uint8_t *u = malloc(H * stride);
+        double *d = malloc(3 * W * H * sizeof *d);
+        float *f = malloc(3 * W * H * sizeof *f);
+        double *want = malloc(3 * n * n * sizeof *want);
+        float *got = malloc((3 * n * n + 1) * sizeof *got);
+        struct square q = some_square(&r, W, H);
+        for (size_t y = 0; y < H; y++)
+            for (size_t x = 0; x < 3 * W; x++) {
+                u[y * stride + x] = (uint8_t)random_below(&r, 256);
+                d[y * 3 * W + x] = u[y * stride + x] / 255.0;
+                f[y * 3 * W + x] = (float)d[y * 3 * W + x];
+            }
+        crop_sample_ref(want, n, d, W, H, q);
+        got[3 * n * n] = 77;
+        crop_sample_u8(got, n, u, W, H, stride, q);
+        over += got[3 * n * n] != 77;
+        for (size_t i = 0; i < 3 * n * n; i++)
+            most = fmax(most, fabs(got[i] - want[i]));
+        crop_sample(got, n, f, W, H, q);
+        for (size_t i = 0; i < 3 * n * n; i++)
+            most_f = fmax(most_f, fabs(got[i] - want[i]));
+        free(u);
+        free(d);
+        free(f);
+        free(want);
+        free(got);
+    }
+    printf("instruction set %s\n", cpu_level_name(cpu_level()));
+    expect(most <= 1e-6, "8-bit sampling against double", most, 1e-6);
+    expect(most_f <= 1e-6, "float sampling against double", most_f, 1e-6);
+    expect(over == 0, "writes past the end", over, 0);
+}
+
+/* L(q, rgb) = sum probe crop. */
+static double loss(const double *rgb, const float *probe, size_t n, size_t W,
+                   size_t H, struct square q)
+{
+    double *out = malloc(3 * n * n * sizeof *out), sum = 0;
+
+    crop_sample_ref(out, n, rgb, W, H, q);
+    for (size_t i = 0; i < 3 * n * n; i++)
+        sum += out[i] * probe[i];
+    free(out);
+    return sum;
+}
+
+static void test_gradient(void)
+{
+    enum { W = 23, H = 19, n = 11 };
+    static double d[3 * W * H];
+    static float f[3 * W * H], probe[3 * n * n], g[3 * W * H];
+    struct square q = {10.3, 9.2, 14.7}, a, b;
+    double gq[3] = {0}, worst = 0, worst_q = 0;
+    const double h = 1e-6;
+    struct random r;
+
+    random_init(&r, 5, "crop gradient");
+    for (size_t i = 0; i < 3 * W * H; i++)
+        d[i] = f[i] = (float)random_uniform(&r);
+    for (size_t i = 0; i < 3 * n * n; i++)
+        probe[i] = (float)random_range(&r, -1, 1);
+    crop_sample_backward(g, gq, probe, n, f, W, H, q);
+    for (size_t i = 0; i < 3 * W * H; i += 7) {
+        double keep = d[i], up, down;
+        d[i] = keep + h;
+        up = loss(d, probe, n, W, H, q);
+        d[i] = keep - h;
+        down = loss(d, probe, n, W, H, q);
+        d[i] = keep;
+        worst = fmax(worst, fabs(g[i] - (up - down) / (2 * h)));
+    }
+    for (int k = 0; k < 3; k++) {
+        double num;
+        a = b = q;
+        (k == 0 ? &a.x : k == 1 ? &a.y : &a.size)[0] += h;
+        (k == 0 ? &b.x : k == 1 ? &b.y : &b.size)[0] -= h;
+        num = (loss(d, probe, n, W, H, a) - loss(d, probe, n, W, H, b))
+              / (2 * h);
+        worst_q = fmax(worst_q, fabs(gq[k] - num) / fmax(1, fabs(num)));
+    }
+    expect(worst < 1e-6, "gradient with respect to the picture", worst, 1e-6);
+    expect(worst_q < 1e-5, "gradient with respect to the square", worst_q,
+           1e-5);
+}
+
+static void project(double uv[2], const double x[3], const double t[3],
+                    double S, double f)
+{
+    for (int k = 0; k < 2; k++)
+        uv[k] = S / 2 + f * (x[k] + t[k]) / (x[2] + t[2]);
+}
+
+/* A head's points by the window's camera, and through the network's
+ * translation for some crop, stored as floats in between. */
+static void test_translation(void)
+{
+    const double S = 512, f = 12 * S / 2;
+    double worst = 0, origin = 0, worst_g = 0;
+    struct random r;
+
+    random_init(&r, 9, "crop translation");
+    for (int i = 0; i < 2000; i++) {
+        struct square c = {random_range(&r, 0, S), random_range(&r, 0, S),
+                           random_range(&r, 40, 700)};
+        double t[3] = {random_range(&r, -1, 1), random_range(&r, -1, 1),
+                       random_range(&r, 6, 30)}, n[3], b[3], u[2], v[2];
+        double x[3] = {random_range(&r, -0.7, 0.7),
+                       random_range(&r, -0.7, 0.7),
+                       random_range(&r, -0.6, 0.6)};
+        double zero[3] = {0};
+        crop_translation_inverse(n, t, c, S, f);
+        for (int k = 0; k < 3; k++)
+            n[k] = (float)n[k];
+        crop_translation(b, n, c, S, f);
+        project(u, x, t, S, f);
+        project(v, x, b, S, f);
+        worst = fmax(worst, hypot(u[0] - v[0], u[1] - v[1]));
+        /* the head's origin: the crop's own picture, mapped back */
+        project(u, zero, t, S, f);
+        project(v, zero, n, S, f);
+        for (int k = 0; k < 2; k++)
+            v[k] = (k ? c.y : c.x) + (v[k] - S / 2) * c.size / S;
+        origin = fmax(origin, hypot(u[0] - v[0], u[1] - v[1]));
+    }
+    expect(worst <= 0.01, "a head through any crop and back, pixels", worst,
+           0.01);
+    expect(origin <= 0.01, "its origin in the crop's own picture, pixels",
+           origin, 0.01);
+    for (int k = 0; k < 6; k++) {
+        double tn[3] = {0.1, -0.2, 7}, gt[3] = {0.3, -0.7, 0.9};
+        double p[6] = {0.1, -0.2, 7, 200, 300, 280}, g[6] = {0}, h = 1e-5;
+        double l[2], t[3];
+        struct square c = {200, 300, 280};
+        crop_translation_backward(g, g + 3, gt, tn, c, S, f);
+        for (int s = 0; s < 2; s++) {
+            double m[6];
+            memcpy(m, p, sizeof m);
+            m[k] += s ? h : -h;
+            c = (struct square){m[3], m[4], m[5]};
+            crop_translation(t, m, c, S, f);
+            l[s] = t[0] * gt[0] + t[1] * gt[1] + t[2] * gt[2];
+        }
+        worst_g = fmax(worst_g, fabs((l[1] - l[0]) / (2 * h) - g[k]));
+    }
+    expect(worst_g < 1e-7, "gradient of the translation", worst_g, 1e-7);
+}
+
+static void test_squares(void)
+{
+    struct square w = {300, 200, 440}, q = {310, 222, 180}, p;
+    float xy[6] = {10, 20, 30, 25, 15, 60};
+
+    p = square_out_of(square_into(q, w, 512), w, 512);
+    expect(fabs(p.x - q.x) + fabs(p.y - q.y) + fabs(p.size - q.size) < 1e-9,
+           "a square into a window and out again",
+           fabs(p.x - q.x) + fabs(p.size - q.size), 1e-9);
+    p = crop_from_landmarks(xy, 3);
+    expect(p.x == 20 && p.y == 40 && fabs(p.size - 64) < 1e-9,
+           "the landmarks' square", p.size, 64);
+    p = window_from_crop(crop_from_detection(q));
+    expect(fabs(p.x - q.x) + fabs(p.y - q.y) < 1e-9
+           && fabs(p.size - CROP_WINDOW * q.size) < 1e-9,
+           "the window is about the detector's face", p.size,
+           CROP_WINDOW * q.size);
+}
+
+static void test_resize(void)
+{
+    enum { W = 90, H = 60, n = 20 };
+    static uint8_t rgb[3 * W * H], out[3 * n * n], same[3 * n * n];
+    int flat = 0, exact = 0;
+    struct square q = {45, 30, 40}, one = {30, 30, 20}, far = {-500, 0, 40};
+
+    memset(rgb, 137, sizeof rgb);
+    crop_resize_u8(out, n, rgb, W, H, 3 * W, 3, q);
+    for (size_t i = 0; i < sizeof out; i++)
+        flat |= out[i] != 137;
+    expect(!flat, "a flat picture stays flat when it shrinks", flat, 0);
+    for (size_t i = 0; i < sizeof rgb; i++)
+        rgb[i] = (uint8_t)(i * 7);
+    crop_resize_u8(same, n, rgb, W, H, 3 * W, 3, one);
+    for (size_t y = 0; y < n; y++)
+        exact |= memcmp(same + 3 * n * y, rgb + 3 * ((20 + y) * W + 20),
+                        3 * n) != 0;
+    expect(!exact, "at scale one the pixels are the picture's", exact, 0);
+    crop_resize_u8(out, n, rgb, W, H, 3 * W, 3, far);
+    flat = 0;
+    for (size_t i = 0; i < sizeof out; i++)
+        flat |= out[i];
+    expect(!flat, "outside is black", flat, 0);
+}
+
+static void time_crop(void)
+{
+    size_t W = 512, H = 512;
+    uint8_t *u = calloc(3, W * H);
+    float *out = malloc((3 * CROP_NET * CROP_NET) * sizeof *out);
+    double best = 1;
+
+    for (int i = 0; i < 40; i++) {
+        double t = cpu_seconds();
+        crop_sample_u8(out, CROP_NET, u, W, H, 3 * W,
+                       (struct square){250, 270, 287});
+        best = fmin(best, cpu_seconds() - t);
+    }
+    printf("face crop 287 -> 224: %.3f ms\n", best * 1e3);
+    free(u);
+    free(out);
+}
+
+int main(void)
+{
+    test_sampling();
+    test_gradient();
+    test_translation();
+    test_squares();
+    test_resize();
+    time_crop();
+    return failed;
+}
