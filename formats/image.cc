@@ -1,6 +1,7 @@
 extern "C" {
 #include "formats/exr.h"
 #include "formats/image.h"
+#include "formats/png.h"
 }
 
 #include <sysexits.h>
@@ -218,6 +219,14 @@ int image_read(struct image *im, const char *path, struct error *err)
     if (!fp)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          std::strerror(errno));
+    int first = std::getc(fp);
+    if (first == 0x89) {               /* PNG, by the reader of the pipes */
+        std::rewind(fp);
+        int rc = png_read_next(fp, &im->rgb, &im->alpha, &im->width,
+                               &im->height, err);
+        std::fclose(fp);
+        return rc == 0 ? 0 : error_prefix(err, "%s", path);
+    }
     std::fclose(fp);
     try {
         OIIO::Filesystem::IOFile io(path,

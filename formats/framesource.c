@@ -1,0 +1,529 @@
+#include "formats/framesource.h"
+
+#include <dirent.h>
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/image.h"
+#include "formats/png.h"
+#include "formats/pnm.h"
+#include "formats/video.h"
+#include "formats/y4m.h"
+
+enum kind { KIND_NONE, KIND_IMAGE, KIND_VIDEO, KIND_Y4M, KIND_PNM, KIND_PNG };
+
+struct framesource {
+    struct framesource_options opt;
+    char **path;                   /* inputs, folders and lists spelled out */
+    size_t count, room, next;      /* next: the one to open */
+    enum kind kind;                /* of the open one */
+    FILE *fp;
+    struct video_reader *video;
+    struct y4m y4m;
+    const char *name;
+    uint64_t frames;               /* delivered */
+    size_t here;                   /* of the open input */
+    double start, last;            /* time of the open input's first frame,
+                                    * of the last one delivered */
+    int num, den;                  /* rate */
+    uint8_t *rgb, *planes;
+    size_t rgb_room, planes_room;
+};
+
+/* ---- the list of inputs ----------------------------------------------- */
+
+static int add_path(struct framesource *s, const char *path,
+                    struct error *err)
+{
+    if (s->count == s->room) {
+        size_t room = s->room ? 2 * s->room : 16;
+        char **p = realloc(s->path, room * sizeof *p);
+        if (!p)
+            return error_set(err, EX_OSERR, "out of memory");
+        s->path = p;
+        s->room = room;
+    }
+    s->path[s->count] = strdup(path);
+    if (!s->path[s->count])
+        return error_set(err, EX_OSERR, "out of memory");
+    s->count++;
+    return 0;
+}
+
+static int is_picture_name(const char *name)
+{
+    static const char *const end[] = {
+        "png", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "exr", "ppm",
+        "pgm", "pam", "pnm", "tga", "hdr", "jp2", "gif", "heic", "psd", "dpx"
+    };
+    const char *dot = strrchr(name, '.');
+
+    if (!dot || name[0] == '.')
+        return 0;
+    for (size_t i = 0; i < sizeof end / sizeof *end; i++)
+        if (strcasecmp(dot + 1, end[i]) == 0)
+            return 1;
+    return 0;
+}
+
+static int picture_filter(const struct dirent *e)
+{
+    return is_picture_name(e->d_name);
+}
+
+/* The pictures of a folder as a person counts them: 2 before 10. */
+static int add_folder(struct framesource *s, const char *path,
+                      struct error *err)
+{
+    struct dirent **entry;
+    int n = scandir(path, &entry, picture_filter, versionsort), rc = 0;
+
+    if (n < 0)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         strerror(errno));
+    if (n == 0)
+        rc = error_set(err, EX_DATAERR, "%s: no pictures in this directory "
+                       "(expected names such as 0001.png)", path);
+    for (int i = 0; i < n; i++) {
+        size_t size = strlen(path) + strlen(entry[i]->d_name) + 2;
+        char *full = malloc(size);
+        if (!full)
+            rc = error_set(err, EX_OSERR, "out of memory");
+        if (rc == 0) {
+            snprintf(full, size, "%s/%s", path, entry[i]->d_name);
+            rc = add_path(s, full, err);
+        }
+        free(full);
+        free(entry[i]);
+    }
+    free(entry);
+    return rc;
+}
+
+static int add_list(struct framesource *s, const char *path,
+                    struct error *err)
+{
+    FILE *fp = fopen(path, "r");
+    char *line = NULL;
+    size_t size = 0;
+    ssize_t n;
+    int rc = 0;
+
+    if (!fp)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         strerror(errno));
+    while (rc == 0 && (n = getline(&line, &size, fp)) >= 0) {
+        while (n > 0 && (line[n - 1] == '\n' || line[n - 1] == '\r'))
+            line[--n] = 0;
+        if (n > 0)
+            rc = add_path(s, line, err);
+    }
+    free(line);
+    fclose(fp);
+    return rc;
+}
+
+static int add_input(struct framesource *s, const char *path,
+                     struct error *err)
+{
+    struct stat st;
+
+    if (path[0] == '@')
+        return add_list(s, path + 1, err);
+    if (strcmp(path, "-") != 0 && strncmp(path, "camera:", 7) != 0
+        && stat(path, &st) == 0 && S_ISDIR(st.st_mode))
+        return add_folder(s, path, err);
+    return add_path(s, path, err);
+}
+
+struct framesource *framesource_open(const char *const *paths, size_t count,
+                                     const struct framesource_options *opt,
+                                     struct error *err)
+{
+    struct framesource *s = calloc(1, sizeof *s);
+
+    if (!s) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    if (opt)
+        s->opt = *opt;
+    if (s->opt.max_pixels == 0)
+        s->opt.max_pixels = IMAGE_MAX_PIXELS;
+    s->name = "<no input>";
+    for (size_t i = 0; i < count; i++)
+        if (add_input(s, paths[i], err) != 0) {
+            framesource_close(s);
+            return NULL;
+        }
+    if (s->count == 0) {
+        error_set(err, EX_DATAERR, "no input frames");
+        framesource_close(s);
+        return NULL;
+    }
+    return s;
+}
+
+/* ---- opening one input ------------------------------------------------ */
+
+/* Rate as a fraction: 30000/1001 and its kind, else thousandths. */
+static void set_rate(struct framesource *s, double rate)
+{
+    double whole = round(rate), ntsc = whole * 1000 / 1001;
+
+    if (s->frames > 0 || !(rate > 0))
+        return;
+    if (fabs(rate - whole) < 1e-3) {
+        s->num = (int)whole;
+        s->den = 1;
+    } else if (fabs(rate - ntsc) < 1e-3) {
+        s->num = (int)whole * 1000;
+        s->den = 1001;
+    } else {
+        s->num = (int)lrint(rate * 1000);
+        s->den = 1000;
+    }
+}
+
+static enum kind kind_of_bytes(const unsigned char *b, size_t n)
+{
+    if (n >= 9 && memcmp(b, "YUV4MPEG2", 9) == 0)
+        return KIND_Y4M;
+    if (n >= 2 && b[0] == 'P' && b[1] >= '5' && b[1] <= '7')
+        return KIND_PNM;
+    if (n >= 4 && memcmp(b, "\x89PNG", 4) == 0)
+        return KIND_PNG;
+    return KIND_NONE;
+}
+
+static int open_y4m(struct framesource *s, struct error *err)
+{
+    char line[512];
+    size_t bytes;
+
+    if (!fgets(line, sizeof line, s->fp))
+        return error_set(err, EX_DATAERR, "%s: no Y4M header", s->name);
+    line[strcspn(line, "\n")] = 0;
+    if (y4m_parse(&s->y4m, line, err) != 0)
+        return error_prefix(err, "%s", s->name);
+    s->y4m.bt601 = s->opt.bt601;
+    if (s->y4m.width * s->y4m.height > s->opt.max_pixels)
+        return error_set(err, EX_DATAERR, "%s: frames of %zu x %zu pixels "
+                         "(at most %zu pixels)", s->name, s->y4m.width,
+                         s->y4m.height, s->opt.max_pixels);
+    if (s->frames == 0) {
+        s->num = s->y4m.rate_num;
+        s->den = s->y4m.rate_den;
+    }
+    bytes = y4m_frame_bytes(&s->y4m);
+    if (bytes > s->planes_room) {
+        free(s->planes);
+        s->planes = malloc(bytes);
+        s->planes_room = s->planes ? bytes : 0;
+    }
+    bytes = 3 * s->y4m.width * s->y4m.height;
+    if (bytes > s->rgb_room) {
+        free(s->rgb);
+        s->rgb = malloc(bytes);
+        s->rgb_room = s->rgb ? bytes : 0;
+    }
+    if (!s->planes || !s->rgb)
+        return error_set(err, EX_OSERR, "%s: out of memory", s->name);
+    return 0;
+}
+
+static int open_stdin(struct framesource *s, struct error *err)
+{
+    unsigned char b[1];
+    int c;
+
+    if (isatty(STDIN_FILENO))
+        return error_set(err, EX_USAGE, "<stdin>: a terminal (expected Y4M, "
+                         "PAM, PPM or PNG frames through a pipe)");
+    s->name = "<stdin>";
+    s->fp = stdin;
+    c = getc(stdin);
+    if (c == EOF)
+        return error_set(err, EX_DATAERR, "<stdin>: empty (expected Y4M, PAM,"
+                         " PPM or PNG frames)");
+    ungetc(c, stdin);
+    b[0] = (unsigned char)c;
+    s->kind = b[0] == 'Y' ? KIND_Y4M : b[0] == 'P' ? KIND_PNM
+              : b[0] == 0x89 ? KIND_PNG : KIND_NONE;
+    if (s->kind == KIND_NONE)
+        return error_set(err, EX_DATAERR, "<stdin>: not Y4M, PAM, PPM or PNG"
+                         " frames (decode other formats with ffmpeg, or name "
+                         "the file)");
+    return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+}
+
+static int open_file(struct framesource *s, const char *path,
+                     struct error *err)
+{
+    unsigned char b[16];
+    size_t n;
+    FILE *fp = fopen(path, "rb");
+
+    if (!fp)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         strerror(errno));
+    n = fread(b, 1, sizeof b, fp);
+    if (n == 0) {
+        fclose(fp);
+        return error_set(err, EX_DATAERR, "%s: empty file (expected frames)",
+                         path);
+    }
+    s->kind = kind_of_bytes(b, n);
+    if (s->kind == KIND_Y4M || s->kind == KIND_PNM) {
+        rewind(fp);
+        s->fp = fp;
+        return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+    }
+    fclose(fp);
+    if (s->kind == KIND_PNG || is_picture_name(path)) {
+        s->kind = KIND_IMAGE;
+        return 0;
+    }
+    s->kind = KIND_VIDEO;
+    s->video = video_open(path, err);
+    if (!s->video)
+        return -1;
+    set_rate(s, video_rate(s->video));
+    return 0;
+}
+
+static int open_next(struct framesource *s, struct error *err)
+{
+    const char *path = s->path[s->next++];
+
+    s->name = path;
+    s->here = 0;
+    s->kind = KIND_NONE;
+    if (strcmp(path, "-") == 0)
+        return open_stdin(s, err);
+    if (strncmp(path, "camera:", 7) != 0)
+        return open_file(s, path, err);
+    s->kind = KIND_VIDEO;
+    s->video = video_open(path, err);
+    return s->video ? 0 : -1;
+}
+
+static void close_input(struct framesource *s)
+{
+    if (s->fp && s->fp != stdin)
+        fclose(s->fp);
+    s->fp = NULL;
+    video_close(s->video);
+    s->video = NULL;
+    s->kind = KIND_NONE;
+}
+
+/* ---- reading ---------------------------------------------------------- */
+
+static int read_y4m(struct framesource *s, struct frame *f,
+                    struct error *err)
+{
+    size_t bytes = y4m_frame_bytes(&s->y4m), got;
+    char line[512];
+
+    if (!fgets(line, sizeof line, s->fp)) {
+        if (s->here == 0)
+            return error_set(err, EX_DATAERR, "%s: Y4M without frames",
+                             s->name);
+        return 0;
+    }
+    if (strncmp(line, "FRAME", 5) != 0)
+        return error_set(err, EX_DATAERR, "%s: frame %zu: no FRAME line",
+                         s->name, s->here);
+    got = fread(s->planes, 1, bytes, s->fp);
+    if (got != bytes)
+        return error_set(err, EX_DATAERR, "%s: frame %zu: cut short after "
+                         "%zu of %zu bytes", s->name, s->here, got, bytes);
+    y4m_to_rgb(s->rgb, s->planes, &s->y4m);
+    f->rgb = s->rgb;
+    f->width = s->y4m.width;
+    f->height = s->y4m.height;
+    return 1;
+}
+
+static int read_pnm(struct framesource *s, struct frame *f,
+                    struct error *err)
+{
+    int rc = pnm_read(s->fp, &s->rgb, &s->rgb_room, &f->width, &f->height,
+                      err);
+
+    if (rc < 0)
+        return error_prefix(err, "%s: frame %zu", s->name, s->here);
+    f->rgb = s->rgb;
+    return rc;
+}
+
+static int read_png(struct framesource *s, struct frame *f,
+                    struct error *err)
+{
+    uint8_t *alpha;
+    int c = getc(s->fp);
+
+    if (c == EOF)
+        return 0;
+    ungetc(c, s->fp);
+    free(s->rgb);
+    s->rgb_room = 0;
+    if (png_read_next(s->fp, &s->rgb, &alpha, &f->width, &f->height, err)
+        != 0)
+        return error_prefix(err, "%s: frame %zu", s->name, s->here);
+    free(alpha);
+    s->rgb_room = 3 * f->width * f->height;
+    f->rgb = s->rgb;
+    return 1;
+}
+
+static int read_image(struct framesource *s, struct frame *f,
+                      struct error *err)
+{
+    struct image im;
+
+    if (s->here > 0)
+        return 0;
+    if (image_read(&im, s->name, err) != 0)
+        return -1;
+    free(im.alpha);
+    free(s->rgb);
+    s->rgb = im.rgb;
+    s->rgb_room = 3 * im.width * im.height;
+    f->rgb = im.rgb;
+    f->width = im.width;
+    f->height = im.height;
+    return 1;
+}
+
+/* Decoders stop at a fault as they do at the end: compare with what the
+ * container promised (its estimate may be off by a frame or two). */
+static int check_video_end(struct framesource *s, struct error *err)
+{
+    size_t all = video_frames(s->video);
+
+    if (s->here == 0)
+        return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
+                         s->name);
+    if (all > s->here + 2 + all / 100)
+        return error_set(err, EX_DATAERR, "%s: frame %zu: damaged or cut "
+                         "short (%zu frames announced)", s->name, s->here,
+                         all);
+    return 0;
+}
+
+static int read_video(struct framesource *s, struct frame *f,
+                      struct error *err)
+{
+    int rc = video_read(s->video, &f->rgb, &f->width, &f->height, &f->time,
+                        err);
+
+    if (rc == 0)
+        return check_video_end(s, err);
+    if (rc == 1 && f->width * f->height > s->opt.max_pixels)
+        return error_set(err, EX_DATAERR, "%s: frames of %zu x %zu pixels "
+                         "(at most %zu pixels)", s->name, f->width,
+                         f->height, s->opt.max_pixels);
+    return rc;
+}
+
+static int read_any(struct framesource *s, struct frame *f,
+                    struct error *err)
+{
+    switch (s->kind) {
+    case KIND_IMAGE: return read_image(s, f, err);
+    case KIND_VIDEO: return read_video(s, f, err);
+    case KIND_Y4M: return read_y4m(s, f, err);
+    case KIND_PNM: return read_pnm(s, f, err);
+    case KIND_PNG: return read_png(s, f, err);
+    default: return 0;
+    }
+}
+
+/* Times: the video's own, shifted to follow the inputs before; otherwise by
+ * the rate. */
+static void stamp(struct framesource *s, struct frame *f)
+{
+    double step;
+
+    if (s->num <= 0) {
+        set_rate(s, s->opt.rate > 0 ? s->opt.rate : 25);
+        if (s->num <= 0) {
+            s->num = 25;
+            s->den = 1;
+        }
+    }
+    step = (double)s->den / s->num;
+    if (s->kind != KIND_VIDEO)
+        f->time = s->frames ? s->last + step : 0;
+    else if (s->here == 0)
+        s->start = f->time - (s->frames ? s->last + step : 0);
+    if (s->kind == KIND_VIDEO)
+        f->time -= s->start;
+    /* multiples of the frame time, not sums of rounding errors */
+    if (s->kind != KIND_VIDEO && s->next == 1)
+        f->time = (double)s->frames * s->den / s->num;
+    f->index = s->frames++;
+    s->last = f->time;
+    s->here++;
+}
+
+int framesource_read(struct framesource *s, struct frame *f,
+                     struct error *err)
+{
+    for (;;) {
+        int rc;
+        if (s->kind == KIND_NONE) {
+            if (s->next == s->count)
+                return 0;
+            if (open_next(s, err) != 0)
+                return -1;
+        }
+        memset(f, 0, sizeof *f);
+        rc = read_any(s, f, err);
+        if (rc > 0)
+            stamp(s, f);
+        if (rc != 0)
+            return rc;
+        close_input(s);
+    }
+}
+
+void framesource_rate(const struct framesource *s, int *num, int *den)
+{
+    *num = s->num > 0 ? s->num : 25;
+    *den = s->num > 0 ? s->den : 1;
+}
+
+size_t framesource_total(const struct framesource *s)
+{
+    if (s->kind == KIND_VIDEO && s->count == 1)
+        return video_frames(s->video);
+    return s->kind == KIND_IMAGE ? s->count : 0;
+}
+
+const char *framesource_name(const struct framesource *s)
+{
+    return s->name;
+}
+
+void framesource_close(struct framesource *s)
+{
+    if (!s)
+        return;
+    close_input(s);
+    for (size_t i = 0; i < s->count; i++)
+        free(s->path[i]);
+    free(s->path);
+    free(s->rgb);
+    free(s->planes);
+    free(s);
+}

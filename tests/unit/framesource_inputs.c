@@ -1,0 +1,277 @@
+/* Frames in: every kind of input, its times, and what happens at a fault. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/framesink.h"
+#include "formats/framesource.h"
+#include "formats/image.h"
+
+static int failed;
+static char dir[] = "/tmp/spid-framesource-XXXXXX";
+
+static void expect(int ok, const char *what, const struct error *err)
+{
+    printf("%-56s %s%s%s\n", what, ok ? "ok" : "FAILED",
+           err && err->code ? ": " : "", err && err->code ? err->text : "");
+    failed |= !ok;
+}
+
+static const char *at(const char *name)
+{
+    static char path[4][256];
+    static int turn;
+
+    turn = (turn + 1) % 4;
+    snprintf(path[turn], sizeof path[turn], "%s/%s", dir, name);
+    return path[turn];
+}
+
+/* n frames whose grey level is 10 times their number, plus a texture of so
+ * many levels. */
+static void make(const char *path, size_t W, size_t H, uint64_t n,
+                 uint32_t texture)
+{
+    struct framesink_options opt = {.path = path, .rate_num = 30,
+                                    .rate_den = 1};
+    struct error err = {0};
+    struct framesink *s = framesink_open(&opt, &err);
+    uint8_t *rgb = malloc(3 * W * H);
+    struct framesink_frame f = {.width = W, .height = H, .rgb = rgb};
+    int rc = s ? 0 : -1;
+
+    for (f.frame = 0; rc == 0 && f.frame < n; f.frame++) {
+        for (size_t i = 0; i < 3 * W * H; i++)
+            rgb[i] = (uint8_t)(10 * f.frame
+                               + ((uint32_t)i * 2654435761u >> 20) % texture);
+        rc = framesink_write(s, &f, &err);
+    }
+    if (rc != 0 || framesink_finish(s, &err) != 0)
+        expect(0, path, &err);
+    free(rgb);
+}
+
+struct seen {
+    size_t frames, width, height;
+    int first, last;           /* level of pixel 0 */
+    double time;               /* of the last */
+    int rc, num, den;
+    struct error err;
+};
+
+static struct seen see(const char *const *paths, size_t count)
+{
+    struct framesource_options opt = {.rate = 10};
+    struct seen r = {0};
+    struct frame f;
+    struct framesource *s = framesource_open(paths, count, &opt, &r.err);
+
+    if (!s) {
+        r.rc = -1;
+        return r;
+    }
+    while ((r.rc = framesource_read(s, &f, &r.err)) == 1) {
+        if (r.frames++ == 0)
+            r.first = f.rgb[0];
+        r.last = f.rgb[0];
+        r.time = f.time;
+        r.width = f.width;
+        r.height = f.height;
+    }
+    framesource_rate(s, &r.num, &r.den);
+    framesource_close(s);
+    return r;
+}
+
+static struct seen see_one(const char *name)
+{
+    const char *path = at(name);
+
+    return see(&path, 1);
+}
+
+static void cut(const char *from, const char *to, double part)
+{
+    char *data = malloc(1 << 22);
+    FILE *in = fopen(at(from), "rb"), *out = fopen(at(to), "wb");
+    size_t n = fread(data, 1, 1 << 22, in);
+
+    fwrite(data, 1, (size_t)((double)n * part), out);
+    fclose(in);
+    fclose(out);
+    free(data);
+}
+
+static void test_kinds(void)
+{
+    static const char *const name[] = {"a.y4m", "a.ppm", "a.avi", "a.mp4",
+                                       "folder"};
+    struct seen r;
+
+    make(at("a.y4m"), 31, 21, 12, 7);
+    make(at("a.ppm"), 31, 21, 12, 7);
+    make(at("a.avi"), 64, 48, 12, 7);
+    make(at("a.mp4"), 64, 48, 12, 7);
+    mkdir(at("folder"), 0777);
+    make(at("folder/x%d.png"), 31, 21, 12, 7);
+    for (int i = 0; i < 5; i++) {
+        double rate = i == 1 || i == 4 ? 10 : 30;
+        r = see_one(name[i]);
+        printf("%s: %zu frames of %zu x %zu, levels %d to %d, %d/%d, last at "
+               "%.4f s\n", name[i], r.frames, r.width, r.height, r.first,
+               r.last, r.num, r.den, r.time);
+        expect(r.rc == 0 && r.frames == 12 && abs(r.first) <= 6
+               && abs(r.last - 110) <= 6 && fabs(r.time - 11 / rate) < 1e-6
+               && r.num == (int)rate, name[i], &r.err);
+    }
+}
+
+static void test_lists(void)
+{
+    const char *two[2] = {at("a.y4m"), at("folder")}, *list;
+    struct seen r = see(two, 2);
+    FILE *fp;
+
+    expect(r.rc == 0 && r.frames == 24
+           && fabs(r.time - 23 / 30.0) < 1e-6, "two inputs make one clip",
+           &r.err);
+    fp = fopen(at("list"), "w");
+    fprintf(fp, "%s\n%s\n", at("folder/x3.png"), at("folder/x11.png"));
+    fclose(fp);
+    list = at("list");
+    {
+        char name[300];
+        snprintf(name, sizeof name, "@%s", list);
+        list = name;
+        r = see(&list, 1);
+    }
+    expect(r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
+           "a list of pictures", &r.err);
+}
+
+static void test_faults(void)
+{
+    static const struct {
+        const char *from, *to;
+        double part;
+    } t[] = {
+        {"a.y4m", "cut.y4m", 0.6}, {"a.ppm", "cut.ppm", 0.6},
+        {"b.avi", "cut.avi", 0.7},
+    };
+    struct seen r;
+
+    make(at("b.avi"), 320, 240, 12, 120);
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        cut(t[i].from, t[i].to, t[i].part);
+        r = see_one(t[i].to);
+        printf("%s: %zu frames before the fault\n", t[i].to, r.frames);
+        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 3
+               && r.frames < 12, t[i].to, &r.err);
+    }
+    cut("a.mp4", "cut.mp4", 0.5);
+    r = see_one("cut.mp4");
+    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a video without its index",
+           &r.err);
+    cut("a.mp4", "empty.mp4", 0);
+    r = see_one("empty.mp4");
+    expect(r.rc == -1 && r.err.code == EX_DATAERR, "an empty file", &r.err);
+    r = see_one("none.mp4");
+    expect(r.rc == -1 && r.err.code == EX_NOINPUT, "a missing file", &r.err);
+    mkdir(at("bare"), 0777);
+    r = see_one("bare");
+    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a folder without pictures",
+           &r.err);
+}
+
+static void write_text(const char *name, const char *text, size_t n)
+{
+    FILE *fp = fopen(at(name), "wb");
+
+    fwrite(text, 1, n, fp);
+    fclose(fp);
+}
+
+static void test_hostile(void)
+{
+    static const struct {
+        const char *name, *text;
+    } t[] = {
+        {"h1.ppm", "P6 99999 99999 255\n"}, {"h2.ppm", "P6 0 5 255\n"},
+        {"h3.ppm", "P6 5 5 0\n"}, {"h4.pam", "P7\nWIDTH 4\nHEIGHT 4\n"},
+        {"h5.y4m", "YUV4MPEG2 W0 H5\n"}, {"h6.y4m", "YUV4MPEG2 W9\n"},
+        {"h7.y4m", "YUV4MPEG2 W30000 H30000\nFRAME\n"},
+        {"h8.y4m", "YUV4MPEG2 W8 H8 C420p10\nFRAME\n"},
+        {"h9.y4m", "YUV4MPEG2 W8 H8\n"}, {"h10.png", "\x89PNG\r\n\x1a\nxx"},
+        {"h11.jpg", "\xff\xd8\xff\xe0 nothing"}, {"h12.mp4", "garbage"},
+    };
+
+    for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
+        struct seen r;
+        write_text(t[i].name, t[i].text, strlen(t[i].text));
+        r = see_one(t[i].name);
+        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames == 0,
+               t[i].name, &r.err);
+    }
+}
+
+static void test_images(void)
+{
+    struct image im = {0};
+    struct error err = {0};
+    uint8_t px[2 * 3 * 4] = {200, 100, 50, 128, 10, 20, 30, 255,
+                             1, 2, 3, 0, 4, 5, 6, 7};
+    char cmd[1024];
+
+    image_write_png(at("rgba.png"), px, 2, 3, 4, &err);
+    expect(image_read(&im, at("rgba.png"), &err) == 0 && im.alpha
+           && im.rgb[0] == 200 && im.rgb[2] == 50 && im.alpha[0] == 128,
+           "alpha stays straight", &err);
+    image_release(&im);
+    image_write_png(at("grey.png"), px, 2, 3, 1, &err);
+    expect(image_read(&im, at("grey.png"), &err) == 0 && !im.alpha
+           && im.rgb[0] == 200 && im.rgb[1] == 200 && im.rgb[2] == 200,
+           "grey is spread", &err);
+    image_release(&im);
+    if (system("command -v convert >/dev/null 2>&1") != 0) {
+        printf("no convert here: orientation, 16 bits, CMYK left out\n");
+        return;
+    }
+    snprintf(cmd, sizeof cmd, "cd %s && convert -size 4x2 xc:red -fill blue "
+             "-draw 'point 0,0' -orient RightTop -quality 100 "
+             "-sampling-factor 4:4:4 turned.tif && "
+             "convert -size 4x2 xc:red -colorspace CMYK cmyk.jpg && "
+             "convert -size 4x2 xc:red -colorspace CMYK cmyk.tif && "
+             "convert -size 4x2 xc:'#80008000ffff' -depth 16 deep.png", dir);
+    if (system(cmd) != 0)
+        return;
+    expect(image_read(&im, at("turned.tif"), &err) == 0 && im.width == 2
+           && im.height == 4 && im.rgb[0] == 255 && im.rgb[5] == 255,
+           "an orientation tag is applied", &err);
+    image_release(&im);
+    expect(image_read(&im, at("deep.png"), &err) == 0 && im.rgb[0] == 128
+           && im.rgb[2] == 255, "16 bits are rounded", &err);
+    image_release(&im);
+    expect(image_read(&im, at("cmyk.jpg"), &err) != 0
+           && strstr(err.text, "CMYK"), "CMYK JPEG is refused", &err);
+    expect(image_read(&im, at("cmyk.tif"), &err) != 0
+           && strstr(err.text, "CMYK"), "CMYK TIFF is refused", &err);
+}
+
+int main(void)
+{
+    char cmd[64];
+
+    if (!mkdtemp(dir))
+        return 77;
+    test_kinds();
+    test_lists();
+    test_faults();
+    test_hostile();
+    test_images();
+    snprintf(cmd, sizeof cmd, "rm -rf %s", dir);
+    return system(cmd) | failed;
+}
