@@ -1,0 +1,328 @@
+#include "lib/export/export.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/obj.h"
+#include "formats/ply.h"
+#include "formats/png.h"
+#include "formats/splatfile.h"
+
+/* ---- names ---------------------------------------------------------------- */
+
+/* How many %d-like conversions (%d, %06d) the name has; -1: another % in it. */
+static int conversions(const char *name)
+{
+    int n = 0;
+    for (const char *p = name; (p = strchr(p, '%')); p++) {
+        const char *q = p + 1 + strspn(p + 1, "0123456789");
+        if (*q != 'd' || q - p > 4)
+            return -1;
+        n++;
+    }
+    return n;
+}
+
+static int check_name(const char *option, const char *name, bool pattern,
+                      struct error *err)
+{
+    int n = name ? conversions(name) : 0;
+    if (n < 0 || n > (pattern ? 1 : 0))
+        return error_set(err, EX_USAGE,
+                         "%s=%s: bad file name (expected %s)", option, name,
+                         pattern ? "at most one %d or %06d" : "no %");
+    return 0;
+}
+
+/* True when this frame goes into the file; path is then its name. */
+static bool wanted(char *path, size_t size, const struct export *x,
+                   const char *name, const struct record *rec, const bool *done)
+{
+    if (!name)
+        return false;
+    if (conversions(name) == 1) {
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wformat-nonliteral"
+        snprintf(path, size, name, (int)rec->frame);
+#pragma GCC diagnostic pop
+        return true;
+    }
+    snprintf(path, size, "%s", name);
+    return !*done &&
+           (x->opt.frame < 0 || (size_t)x->opt.frame == rec->frame);
+}
+
+/* ---- Gaussians ------------------------------------------------------------- */
+
+/* Scene values as plain float arrays in metres (unit 1 / head scale). */
+struct flat {
+    float *mean, *scale, *color;
+};
+
+static void flat_release(struct flat *f)
+{
+    free(f->mean);
+    free(f->scale);
+    free(f->color);
+}
+
+static int flat_init(struct flat *f, const struct scene *s, float unit,
+                     struct error *err)
+{
+    size_t n = s->g.n;
+
+    f->mean = malloc((3 * n + 1) * sizeof(float));
+    f->scale = malloc((3 * n + 1) * sizeof(float));
+    f->color = malloc((3 * n + 1) * sizeof(float));
+    if (!f->mean || !f->scale || !f->color)
+        return error_set(err, EX_OSERR, "out of memory for %zu Gaussians",
+                         n);
+    for (size_t i = 0; i < 3 * n; i++) {
+        f->mean[i] = s->mean[i] * unit;
+        f->scale[i] = s->scale[i] * unit;
+    }
+    for (size_t i = 0; i < n; i++)
+        scene_rgb(f->color + 3 * i, s, i);
+    return 0;
+}
+
+static int write_ply(struct export *x, const char *path, struct error *err)
+{
+    return ply_write(path, &x->scene.g, !x->opt.model_space, err);
+}
+
+static int write_splat(struct export *x, const char *path, struct error *err)
+{
+    struct flat f = {0};
+    int rc = flat_init(&f, &x->scene, 1, err);
+    if (!rc)
+        rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale,
+                             x->scene.quat, x->scene.opacity, f.color, 3,
+                             err);
+    flat_release(&f);
+    return rc;
+}
+
+static int write_glb(struct export *x, const char *path, struct error *err)
+{
+    struct flat f = {0};
+    float scale = x->has_head ? x->head.scale : 5;
+    int rc = flat_init(&f, &x->scene, 1 / scale, err);
+    if (!rc) {
+        const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
+                                     x->scene.quat, x->scene.opacity,
+                                     f.color};
+        rc = glb_write_splats(path, &g, err);
+    }
+    flat_release(&f);
+    return rc;
+}
+
+static int write_gaussians(struct export *x, const struct record *rec,
+                           struct error *err)
+{
+    struct {
+        const char *name;
+        int (*write)(struct export *, const char *, struct error *);
+        bool *done;
+    } kind[] = {{x->opt.ply, write_ply, &x->done.ply},
+                {x->opt.splat, write_splat, &x->done.splat},
+                {x->opt.glb_splats, write_glb, &x->done.glb_splats}};
+    char path[4096];
+
+    for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
+        if (!wanted(path, sizeof path, x, kind[i].name, rec, kind[i].done))
+            continue;
+        if (kind[i].write(x, path, err))
+            return -1;
+        *kind[i].done = true;
+        x->files++;
+        x->coarse |= x->scene.g.channels > 3;
+    }
+    return 0;
+}
+
+/* ---- the head ---------------------------------------------------------------- */
+
+static int fold(struct export *x, struct error *err)
+{
+    if (x->folded)
+        return 0;
+    if (person_fold(&x->id, &x->head, &x->person, err))
+        return -1;
+    x->folded = true;
+    if (!x->opt.glb_head)
+        return 0;
+    return export_head_init(&x->skinned, &x->id, &x->opt.head, err);
+}
+
+/* The source picture becomes the texture once its motion is known. */
+static int add_texture(struct export *x, struct error *err)
+{
+    struct person *p = &x->person;
+    float cam[12], *verts = NULL;
+    char *png = NULL;
+    size_t bytes = 0;
+    FILE *memory;
+    int rc = -1;
+
+    if (!p->rgb || !p->has_source || x->skinned.uv)
+        return 0;
+    verts = malloc(3 * x->head.V * sizeof *verts);
+    memory = open_memstream(&png, &bytes);
+    if (!verts || !memory) {
+        error_set(err, EX_OSERR, "out of memory for the texture");
+        goto out;
+    }
+    rc = png_write(memory, p->rgb, p->size, p->size, 3, err);
+    fclose(memory);
+    memory = NULL;
+    if (rc)
+        goto out;
+    head_pose(verts, &x->id, &p->source.pose);
+    motion_camera(cam, &p->source);
+    rc = export_head_texture(&x->skinned, verts, cam, (uint8_t *)png, bytes,
+                             err);
+    png = NULL;
+out:
+    if (memory)
+        fclose(memory);
+    free(png);
+    free(verts);
+    return rc;
+}
+
+static int take_motion(struct export *x, const struct record *rec,
+                       struct error *err)
+{
+    struct motion m;
+    struct export_motion e = {.time = rec->time};
+
+    if (motion_read(&m, rec, x->head.nexp, err) || fold(x, err) ||
+        add_texture(x, err))
+        return -1;
+    e.pose = m.pose;
+    motion_camera(e.cam, &m);
+    if (export_head_frame(&x->skinned, &e, err))
+        return -1;
+    x->frames++;
+    return 0;
+}
+
+static int write_obj(struct export *x, const struct record *rec,
+                     struct error *err)
+{
+    const size_t dims[2] = {x->head.V, 3};
+    char path[4096];
+    int rc = -1;
+
+    if (!wanted(path, sizeof path, x, x->opt.obj, rec, &x->done.obj))
+        return 0;
+    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, dims, err);
+    float *metres = malloc(6 * x->head.V * sizeof *metres);
+    if (verts && metres) {
+        for (size_t i = 0; i < 3 * x->head.V; i++)
+            metres[i] = verts[i] / x->head.scale;
+        head_normals(metres + 3 * x->head.V, &x->head, metres);
+        rc = obj_write(path, metres, metres + 3 * x->head.V, NULL, x->head.V,
+                       x->head.f, x->head.F, err);
+    } else if (verts) {
+        error_set(err, EX_OSERR, "out of memory for a mesh");
+    }
+    x->done.obj = true;
+    x->files++;
+    free(metres);
+    return rc;
+}
+
+/* ---- records in, files out ---------------------------------------------------- */
+
+bool export_needs_head(const struct export_options *opt)
+{
+    return opt->obj || opt->glb_head;
+}
+
+int export_init(struct export *x, const struct export_options *opt,
+                const char *head_path, struct error *err)
+{
+    memset(x, 0, sizeof *x);
+    x->opt = *opt;
+    if (check_name("--ply", opt->ply, true, err) ||
+        check_name("--splat", opt->splat, true, err) ||
+        check_name("--glb-splats", opt->glb_splats, true, err) ||
+        check_name("--obj", opt->obj, true, err) ||
+        check_name("--glb-head", opt->glb_head, false, err))
+        return -1;
+    if (!export_needs_head(opt))
+        return 0;
+    if (head_load(&x->head, head_path, err))
+        return -1;
+    x->has_head = true;
+    return 0;
+}
+
+void export_release(struct export *x)
+{
+    export_head_release(&x->skinned);
+    identity_release(&x->id);
+    person_release(&x->person);
+    scene_release(&x->scene);
+    head_release(&x->head);
+}
+
+int export_record(struct export *x, const struct record *rec,
+                  struct error *err)
+{
+    int change = scene_apply(&x->scene, rec, err);
+
+    if (change < 0)
+        return -1;
+    if (change != SCENE_NONE)
+        return write_gaussians(x, rec, err);
+    if (!x->has_head)
+        return 0;
+    /* before any mesh or Gaussian, MOTN beside SRCI is the source's own */
+    bool own = record_is(rec, "MOTN") && x->person.rgb &&
+               !x->person.has_source;
+    int taken = 0;
+    if (own || !record_is(rec, "MOTN"))
+        taken = person_take(&x->person, rec, x->head.nexp, err);
+    if (taken)
+        return taken < 0 ? -1 : 0;
+    if (record_is(rec, "MOTN") && x->opt.glb_head)
+        return take_motion(x, rec, err);
+    if (record_is(rec, "MESH") && x->opt.obj)
+        return write_obj(x, rec, err);
+    return 0;
+}
+
+static int lacking(const char *option, bool asked, bool done,
+                   const char *record, struct error *err)
+{
+    if (!asked || done)
+        return 0;
+    return error_set(err, EX_DATAERR,
+                     "nothing for %s in this stream (expected %s records%s)",
+                     option, record, ", of the frame chosen if any");
+}
+
+int export_finish(struct export *x, struct error *err)
+{
+    const struct export_options *o = &x->opt;
+
+    if (o->glb_head) {
+        if (fold(x, err) || add_texture(x, err) ||
+            export_head_write(&x->skinned, o->glb_head, err))
+            return -1;
+        x->files++;
+    }
+    if (lacking("--ply", o->ply, x->done.ply, "GAUS", err) ||
+        lacking("--splat", o->splat, x->done.splat, "GAUS", err) ||
+        lacking("--glb-splats", o->glb_splats, x->done.glb_splats, "GAUS",
+                err) ||
+        lacking("--obj", o->obj, x->done.obj, "MESH", err))
+        return -1;
+    return 0;
+}

@@ -1,0 +1,55 @@
+/* spid-export's work: a stream's Gaussians, meshes and motion as files that
+ * other programs open. */
+#ifndef SPID_EXPORT_EXPORT_H
+#define SPID_EXPORT_EXPORT_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/avatar/records.h"
+#include "lib/export/export_head.h"
+#include "lib/splat/scene.h"
+#include "lib/stream/stream.h"
+
+/* Where to write; NULL: not asked for.  A name with a %d conversion (such as
+ * face_%06d.ply) makes a file per frame; any other holds the frame chosen. */
+struct export_options {
+    const char *ply, *splat, *glb_splats, *obj, *glb_head;
+    long frame;             /* the frame for names without %d; -1: the first */
+    bool model_space;       /* PLY: not turned to y down */
+    struct export_head_options head;
+};
+
+struct export {
+    struct export_options opt;
+    struct head head;       /* loaded when meshes or the head are wanted */
+    struct identity id;
+    struct person person;
+    struct scene scene;
+    struct export_head skinned;
+    bool has_head, folded;
+    size_t files, frames;   /* written; keyframes of the animation */
+    bool coarse;            /* feature channels were left behind */
+    struct {                /* a file of the kind has been written */
+        bool ply, splat, glb_splats, obj;
+    } done;
+};
+
+/* Check the options (EX_USAGE) and load the head from head_path when --obj or
+ * --glb-head ask for it. */
+int export_init(struct export *x, const struct export_options *opt,
+                const char *head_path, struct error *err);
+void export_release(struct export *x);
+
+/* True when the options need the head model. */
+bool export_needs_head(const struct export_options *opt);
+
+/* Take one record; writes the files that are complete with it. */
+int export_record(struct export *x, const struct record *rec,
+                  struct error *err);
+
+/* Write what needs the whole stream (the animated head); -1 also when a file
+ * that was asked for could not be made of this stream, naming what lacked. */
+int export_finish(struct export *x, struct error *err);
+
+#endif
