@@ -1,0 +1,391 @@
+#include "formats/npy.h"
+
+#include <errno.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#define MAGIC "\x93NUMPY"
+#define PREAMBLE 10            /* magic, version, u16 length: version 1 */
+#define HEADER 128             /* preamble and text of the files we write */
+#define TEXT_MAX 65536         /* longest header text we agree to parse */
+
+/* ---- writing ---------------------------------------------------------- */
+
+struct npy_writer {
+    FILE *f;
+    char *path, *part;
+    enum dtype dtype;
+    int ndim;
+    size_t dim[4];
+    bool stack;
+    size_t rows, bytes;        /* bytes of one row */
+};
+
+static const char *const descr[] = { "|u1", "<i4", "<f2", "<f4", "<f8" };
+
+/* The header has a fixed size, so it can be written again at the end. */
+static int put_header(struct npy_writer *w, struct error *err)
+{
+    char head[HEADER + 1], shape[100] = "";
+    size_t n = 0;
+
+    if (w->stack)
+        n += (size_t)snprintf(shape, sizeof shape, "%zu,", w->rows);
+    for (int k = 0; k < w->ndim; k++)
+        n += (size_t)snprintf(shape + n, sizeof shape - n, "%s%zu,",
+                              n ? " " : "", w->dim[k]);
+    if (n && strchr(shape, ' '))
+        shape[n - 1] = '\0';   /* (3, 4) but (3,) */
+    memset(head, ' ', sizeof head);
+    memcpy(head, MAGIC "\1\0", 8);
+    head[8] = HEADER - PREAMBLE;
+    head[9] = 0;
+    n = PREAMBLE + (size_t)snprintf(
+        head + PREAMBLE, HEADER - PREAMBLE,
+        "{'descr': '%s', 'fortran_order': False, 'shape': (%s), }",
+        descr[w->dtype], shape);
+    head[n] = ' ';
+    head[HEADER - 1] = '\n';
+    if (fseek(w->f, 0, SEEK_SET) || fwrite(head, HEADER, 1, w->f) != 1)
+        return error_set(err, EX_IOERR, "%s: cannot write: %s", w->part,
+                         strerror(errno));
+    return 0;
+}
+
+void npy_abandon(struct npy_writer *w)
+{
+    if (!w)
+        return;
+    if (w->f) {
+        fclose(w->f);
+        unlink(w->part);
+    }
+    free(w->path);
+    free(w->part);
+    free(w);
+}
+
+struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
+                              const size_t *dims, bool stack,
+                              struct error *err)
+{
+    struct npy_writer *w = calloc(1, sizeof *w);
+
+    if (!w || !(w->path = strdup(path)) ||
+        asprintf(&w->part, "%s.part", path) < 0) {
+        error_set(err, EX_OSERR, "out of memory");
+        goto fail;
+    }
+    w->dtype = dtype;
+    w->ndim = ndim;
+    w->stack = stack;
+    w->bytes = dtype_size(dtype);
+    for (int k = 0; k < ndim; k++) {
+        w->dim[k] = dims[k];
+        w->bytes *= dims[k];
+    }
+    if (!(w->f = fopen(w->part, "wb"))) {
+        error_set(err, EX_CANTCREAT, "%s: cannot create: %s", w->part,
+                  strerror(errno));
+        goto fail;
+    }
+    if (put_header(w, err) == 0)
+        return w;
+fail:
+    npy_abandon(w);
+    return NULL;
+}
+
+int npy_append(struct npy_writer *w, const void *data, struct error *err)
+{
+    if (w->bytes && fwrite(data, w->bytes, 1, w->f) != 1)
+        return error_set(err, EX_IOERR, "%s: cannot write: %s", w->part,
+                         strerror(errno));
+    w->rows++;
+    return 0;
+}
+
+int npy_finish(struct npy_writer *w, struct error *err)
+{
+    int rc;
+    FILE *f;
+
+    if (!w)
+        return 0;
+    rc = put_header(w, err);
+    f = w->f;
+    if (rc == 0) {
+        w->f = NULL;
+        if (fclose(f) || rename(w->part, w->path))
+            rc = error_set(err, EX_IOERR, "%s: cannot write: %s", w->path,
+                           strerror(errno));
+    }
+    npy_abandon(w);
+    return rc;
+}
+
+int npy_save(const char *path, const struct array *a, struct error *err)
+{
+    struct npy_writer *w = npy_create(path, a->dtype, a->ndim, a->dim, false,
+                                      err);
+
+    if (!w)
+        return -1;
+    if (npy_append(w, a->data, err)) {
+        npy_abandon(w);
+        return -1;
+    }
+    return npy_finish(w, err);
+}
+
+/* ---- reading ---------------------------------------------------------- */
+
+/* What the header says of the elements in the file. */
+struct element {
+    char kind;                 /* b i u f */
+    size_t size;
+    bool swap, fortran;
+};
+
+/* Text after 'key': in a header, or NULL. */
+static const char *after_key(const char *text, const char *key)
+{
+    char quoted[32];
+    const char *p;
+
+    snprintf(quoted, sizeof quoted, "'%s'", key);
+    p = strstr(text, quoted);
+    if (!p)
+        return NULL;
+    p += strlen(quoted);
+    p += strspn(p, " \t");
+    if (*p != ':')
+        return NULL;
+    p++;
+    return p + strspn(p, " \t");
+}
+
+static int parse_descr(struct element *e, enum dtype *dtype, const char *p)
+{
+    static const struct {
+        char kind;
+        size_t size;
+        enum dtype dtype;
+    } known[] = {
+        { 'b', 1, DTYPE_U8 },  { 'u', 1, DTYPE_U8 },  { 'i', 1, DTYPE_I32 },
+        { 'i', 2, DTYPE_I32 }, { 'u', 2, DTYPE_I32 }, { 'i', 4, DTYPE_I32 },
+        { 'i', 8, DTYPE_I32 }, { 'f', 2, DTYPE_F16 }, { 'f', 4, DTYPE_F32 },
+        { 'f', 8, DTYPE_F64 },
+    };
+
+    if (!p || p[0] != '\'' || !strchr("<>|=", p[1]) || !p[1] || !p[2] ||
+        p[3] < '0' || p[3] > '9' || p[4] != '\'')
+        return -1;
+    e->swap = p[1] == '>';
+    e->kind = p[2];
+    e->size = (size_t)(p[3] - '0');
+    for (size_t i = 0; i < sizeof known / sizeof *known; i++)
+        if (known[i].kind == e->kind && known[i].size == e->size) {
+            *dtype = known[i].dtype;
+            return 0;
+        }
+    return -1;
+}
+
+/* The tuple after 'shape':; count is the product, refused over limit. */
+static int parse_shape(struct npy *a, size_t *count, const char *p,
+                       size_t limit)
+{
+    unsigned __int128 n = 1;
+    bool empty = false;
+
+    if (!p || *p++ != '(')
+        return -1;
+    for (;;) {
+        char *end;
+        unsigned long long d;
+
+        p += strspn(p, " ");
+        if (*p == ')')
+            break;
+        if (*p < '0' || *p > '9' || a->ndim == 5)
+            return -1;
+        errno = 0;
+        d = strtoull(p, &end, 10);
+        if (errno || (*end != ',' && *end != ')'))
+            return -1;
+        a->dim[a->ndim++] = (size_t)d;
+        if (d == 0)
+            empty = true;
+        else if ((n *= d) > limit)
+            n = (unsigned __int128)limit + 1;
+        p = *end == ',' ? end + 1 : end;
+    }
+    *count = empty ? 0 : (size_t)n;
+    return !empty && n > limit ? -1 : 0;
+}
+
+/* Read the header text of f; NULL when this is not an npy file. */
+static char *read_text(FILE *f)
+{
+    unsigned char head[12];
+    size_t size;
+    char *text;
+
+    if (fread(head, PREAMBLE, 1, f) != 1 || memcmp(head, MAGIC, 6) != 0 ||
+        head[6] < 1 || head[6] > 3)
+        return NULL;
+    size = head[8] | (size_t)head[9] << 8;
+    if (head[6] > 1) {
+        if (fread(head + 10, 2, 1, f) != 1)
+            return NULL;
+        size |= (size_t)head[10] << 16 | (size_t)head[11] << 24;
+    }
+    if (size > TEXT_MAX || !(text = calloc(1, size + 1)))
+        return NULL;
+    if (size && fread(text, size, 1, f) != 1) {
+        free(text);
+        return NULL;
+    }
+    return text;
+}
+
+static void swap_bytes(unsigned char *p, size_t size, size_t count)
+{
+    for (; count; count--, p += size)
+        for (size_t i = 0; i < size / 2; i++) {
+            unsigned char t = p[i];
+
+            p[i] = p[size - 1 - i];
+            p[size - 1 - i] = t;
+        }
+}
+
+/* Place in the file of row-major element i of a column-major array. */
+static size_t column_major(const struct npy *a, size_t i)
+{
+    size_t at = 0, stride = 1;
+    size_t index[5];
+
+    for (int k = a->ndim - 1; k >= 0; k--) {
+        index[k] = i % a->dim[k];
+        i /= a->dim[k];
+    }
+    for (int k = 0; k < a->ndim; k++) {
+        at += index[k] * stride;
+        stride *= a->dim[k];
+    }
+    return at;
+}
+
+static int64_t integer_at(const unsigned char *p, char kind, size_t size)
+{
+    uint64_t v = 0;
+
+    memcpy(&v, p, size);
+    if (kind == 'i' && size < 8 && v >> (8 * size - 1))
+        v |= ~(uint64_t)0 << (8 * size);
+    return (int64_t)v;
+}
+
+/* File elements to ours: transposed, integers widened or range-checked. */
+static int convert(struct npy *a, const struct element *e,
+                   const unsigned char *raw, size_t count, struct error *err)
+{
+    size_t size = dtype_size(a->dtype);
+
+    if (!e->fortran && e->size == size) {
+        memcpy(a->data, raw, count * size);
+        return 0;
+    }
+    for (size_t i = 0; i < count; i++) {
+        size_t at = e->fortran ? column_major(a, i) : i;
+        const unsigned char *p = raw + at * e->size;
+
+        if (a->dtype == DTYPE_I32) {
+            int64_t v = integer_at(p, e->kind, e->size);
+
+            if (v < INT32_MIN || v > INT32_MAX)
+                return error_set(err, EX_DATAERR, "value %lld at %zu does "
+                                 "not fit i32", (long long)v, i);
+            ((int32_t *)a->data)[i] = (int32_t)v;
+        } else {
+            memcpy((char *)a->data + i * size, p, size);
+        }
+    }
+    return 0;
+}
+
+static int load(struct npy *a, FILE *f, struct error *err)
+{
+    struct element e = { 0 };
+    struct stat st;
+    size_t count = 0, left;
+    unsigned char *raw = NULL;
+    char *text = read_text(f);
+    const char *order;
+    int rc = -1;
+
+    if (!text || fstat(fileno(f), &st) || !S_ISREG(st.st_mode))
+        return error_set(err, EX_DATAERR, "not an npy file"), free(text), -1;
+    left = (size_t)(st.st_size - ftell(f));
+    if (parse_descr(&e, &a->dtype, after_key(text, "descr"))) {
+        error_set(err, EX_DATAERR, "dtype is not supported (expected bool, "
+                  "u1, u2, i1 to i8, f2, f4 or f8)");
+        goto out;
+    }
+    order = after_key(text, "fortran_order");
+    e.fortran = order && strncmp(order, "True", 4) == 0;
+    if (parse_shape(a, &count, after_key(text, "shape"), left) ||
+        count > left / e.size) {
+        error_set(err, EX_DATAERR, "shape does not fit the %zu bytes of data",
+                  left);
+        goto out;
+    }
+    raw = malloc(count * e.size + 1);
+    a->data = calloc(count + 1, dtype_size(a->dtype));
+    if (!raw || !a->data) {
+        error_set(err, EX_OSERR, "out of memory");
+        goto out;
+    }
+    if (count && fread(raw, e.size, count, f) != count) {
+        error_set(err, EX_IOERR, "cannot read: %s", strerror(errno));
+        goto out;
+    }
+    if (e.swap)
+        swap_bytes(raw, e.size, count);
+    rc = convert(a, &e, raw, count, err);
+out:
+    free(raw);
+    free(text);
+    return rc;
+}
+
+int npy_load(struct npy *a, const char *path, struct error *err)
+{
+    FILE *f = fopen(path, "rb");
+    int rc;
+
+    *a = (struct npy){ 0 };
+    if (!f)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         strerror(errno));
+    rc = load(a, f, err);
+    fclose(f);
+    if (rc) {
+        npy_release(a);
+        return error_prefix(err, "%s", path);
+    }
+    return 0;
+}
+
+void npy_release(struct npy *a)
+{
+    free(a->data);
+    *a = (struct npy){ 0 };
+}

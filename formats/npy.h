@@ -1,0 +1,43 @@
+/* NumPy's .npy files, versions 1 and 2: one array each. */
+#ifndef SPID_FORMATS_NPY_H
+#define SPID_FORMATS_NPY_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "lib/stream/stream.h"
+
+/* An array in memory of its own. */
+struct npy {
+    enum dtype dtype;
+    int ndim;                  /* 0 to 5 */
+    size_t dim[5];
+    void *data;                /* row-major; npy_release frees it */
+};
+
+/* Read a file of booleans, u1, i1, i2, u2, i4, i8 (the values must fit i32),
+ * f2, f4 or f8, either byte order; column-major ones are transposed.  Wrong
+ * files are refused before anything large is allocated.  Objects (pickles)
+ * are never read. */
+int npy_load(struct npy *a, const char *path, struct error *err);
+void npy_release(struct npy *a);
+
+/* A file that grows along a new first axis: open, append rows, close. */
+struct npy_writer;
+struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
+                              const size_t *dims, bool stack,
+                              struct error *err);
+/* Append one array of dims (without stack: exactly one). */
+int npy_append(struct npy_writer *w, const void *data, struct error *err);
+/* Complete the header and take the final name; frees w (NULL is allowed). */
+int npy_finish(struct npy_writer *w, struct error *err);
+void npy_abandon(struct npy_writer *w);      /* nothing is left; NULL is fine */
+
+/* One array to one file. */
+int npy_save(const char *path, const struct array *a, struct error *err);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,298 @@
+#include "formats/recordfile.h"
+
+#include <cjson/cJSON.h>
+#include <ctype.h>
+#include <errno.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "formats/npy.h"
+#include "formats/safetensors.h"
+
+#define INDEX_KEY "spid.records"
+#define PATH_ROOM 4096
+
+static const enum st_dtype to_st[] = { ST_U8, ST_I32, ST_F16, ST_F32, ST_F64 };
+
+/* One npy file being written: the latest of its type and name. */
+struct column {
+    char type[5];
+    struct array like;         /* name, dtype and shape of a row */
+    struct npy_writer *w;
+    char file[160];
+    int number;                /* how often the shape has changed */
+    size_t rows;
+};
+
+struct recordfile {
+    char *path;
+    bool npy;
+    cJSON *index;
+    uint64_t records;
+    struct st_tensor *tensor;  /* safetensors: copies of all arrays */
+    size_t tensors, room;
+    struct column *column;     /* npy */
+    size_t columns;
+};
+
+static struct recordfile *create(const char *path, bool npy,
+                                 struct error *err)
+{
+    struct recordfile *w = calloc(1, sizeof *w);
+
+    if (w) {
+        w->path = strdup(path);
+        w->npy = npy;
+        w->index = cJSON_CreateArray();
+    }
+    if (!w || !w->path || !w->index) {
+        recordfile_abandon(w);
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    return w;
+}
+
+struct recordfile *recordfile_create_st(const char *path, struct error *err)
+{
+    return create(path, false, err);
+}
+
+struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
+{
+    struct stat st;
+
+    if (mkdir(dir, 0777) && errno != EEXIST) {
+        error_set(err, EX_CANTCREAT, "%s: cannot create: %s", dir,
+                  strerror(errno));
+        return NULL;
+    }
+    if (stat(dir, &st) || !S_ISDIR(st.st_mode)) {
+        error_set(err, EX_CANTCREAT, "%s: not a directory", dir);
+        return NULL;
+    }
+    return create(dir, true, err);
+}
+
+void recordfile_abandon(struct recordfile *w)
+{
+    if (!w)
+        return;
+    for (size_t i = 0; i < w->tensors; i++) {
+        free((void *)(uintptr_t)w->tensor[i].name);
+        free((void *)(uintptr_t)w->tensor[i].data);
+    }
+    for (size_t i = 0; i < w->columns; i++)
+        npy_abandon(w->column[i].w);
+    free(w->tensor);
+    free(w->column);
+    cJSON_Delete(w->index);
+    free(w->path);
+    free(w);
+}
+
+static int add_tensor(struct recordfile *w, const struct record *rec,
+                      const struct array *a, struct error *err)
+{
+    size_t bytes = array_bytes(a);
+    struct st_tensor *t;
+    char *name = NULL;
+    void *data;
+
+    if (w->tensors == w->room) {
+        size_t room = w->room ? 2 * w->room : 64;
+
+        t = realloc(w->tensor, room * sizeof *t);
+        if (!t)
+            return error_set(err, EX_OSERR, "out of memory");
+        w->tensor = t;
+        w->room = room;
+    }
+    data = malloc(bytes + 1);
+    if (!data || asprintf(&name, "%06llu.%s.%s",
+                          (unsigned long long)w->records, rec->type,
+                          a->name) < 0) {
+        free(data);
+        return error_set(err, EX_OSERR, "out of memory (%zu tensors so far; "
+                         "see --frames)", w->tensors);
+    }
+    t = &w->tensor[w->tensors++];
+    *t = (struct st_tensor){ .name = name, .dtype = to_st[a->dtype],
+                             .ndim = a->ndim, .count = array_count(a),
+                             .data = memcpy(data, a->data, bytes) };
+    for (int k = 0; k < a->ndim; k++)
+        t->dim[k] = a->dim[k];
+    return 0;
+}
+
+/* ---- npy directories: writing ------------------------------------------ */
+
+/* Letters that are safe in a file name; others become %XX. */
+static void put_safe(char *out, size_t size, const char *text)
+{
+    size_t n = strlen(out);
+
+    for (; *text && n + 4 < size; text++) {
+        unsigned char c = (unsigned char)*text;
+
+        n += (size_t)snprintf(out + n, size - n,
+                              isalnum(c) || c == '_' || c == '-' ? "%c"
+                                                                 : "%%%02X",
+                              c);
+    }
+}
+
+static bool same_row(const struct array *a, const struct array *b)
+{
+    return a->dtype == b->dtype && a->ndim == b->ndim &&
+           memcmp(a->dim, b->dim, sizeof a->dim) == 0;
+}
+
+static int open_column(struct recordfile *w, struct column *c,
+                       const struct array *a, struct error *err)
+{
+    char path[PATH_ROOM];
+    size_t n;
+
+    c->like = *a;
+    c->rows = 0;
+    c->file[0] = '\0';
+    put_safe(c->file, sizeof c->file, c->type);
+    strcat(c->file, ".");
+    put_safe(c->file, sizeof c->file - 24, a->name);
+    n = strlen(c->file);
+    if (c->number)
+        snprintf(c->file + n, sizeof c->file - n, ".%d.npy", c->number);
+    else
+        snprintf(c->file + n, sizeof c->file - n, ".npy");
+    snprintf(path, sizeof path, "%s/%s", w->path, c->file);
+    c->w = npy_create(path, a->dtype, a->ndim, a->dim, true, err);
+    return c->w ? 0 : -1;
+}
+
+/* The open file for this array, newly made when there is none. */
+static struct column *find_column(struct recordfile *w,
+                                  const struct record *rec,
+                                  const struct array *a, struct error *err)
+{
+    struct column *c = w->column;
+
+    while (c < w->column + w->columns &&
+           (strcmp(c->type, rec->type) || strcmp(c->like.name, a->name)))
+        c++;
+    if (c == w->column + w->columns) {
+        size_t at = w->columns;
+
+        c = realloc(w->column, (at + 1) * sizeof *c);
+        if (!c) {
+            error_set(err, EX_OSERR, "out of memory");
+            return NULL;
+        }
+        w->column = c;
+        c += at;
+        memset(c, 0, sizeof *c);
+        strcpy(c->type, rec->type);
+        w->columns++;
+        return open_column(w, c, a, err) ? NULL : c;
+    }
+    if (same_row(&c->like, a))
+        return c;
+    struct npy_writer *full = c->w;
+
+    c->w = NULL;
+    c->number++;
+    return npy_finish(full, err) || open_column(w, c, a, err) ? NULL : c;
+}
+
+static int add_row(struct recordfile *w, cJSON *arrays,
+                   const struct record *rec, const struct array *a,
+                   struct error *err)
+{
+    struct column *c = find_column(w, rec, a, err);
+    cJSON *place;
+
+    if (!c || npy_append(c->w, a->data, err))
+        return -1;
+    place = cJSON_AddArrayToObject(arrays, a->name);
+    if (!place)
+        return error_set(err, EX_OSERR, "out of memory");
+    cJSON_AddItemToArray(place, cJSON_CreateString(c->file));
+    cJSON_AddItemToArray(place, cJSON_CreateNumber((double)c->rows++));
+    return 0;
+}
+
+/* ---- both --------------------------------------------------------------- */
+
+int recordfile_add(struct recordfile *w, const struct record *rec,
+                   struct error *err)
+{
+    cJSON *row = cJSON_CreateObject(), *arrays;
+    char time[40], frame[24];
+
+    if (!row)
+        return error_set(err, EX_OSERR, "out of memory");
+    cJSON_AddItemToArray(w->index, row);
+    cJSON_AddStringToObject(row, "type", rec->type);
+    snprintf(frame, sizeof frame, "%llu", (unsigned long long)rec->frame);
+    snprintf(time, sizeof time, "%.17g", rec->time);
+    cJSON_AddRawToObject(row, "frame", frame);
+    cJSON_AddRawToObject(row, "time", time);
+    arrays = w->npy ? cJSON_AddObjectToObject(row, "arrays")
+                    : cJSON_AddArrayToObject(row, "arrays");
+    for (int i = 0; i < rec->count; i++) {
+        const struct array *a = &rec->array[i];
+
+        if (!w->npy)
+            cJSON_AddItemToArray(arrays, cJSON_CreateString(a->name));
+        if (w->npy ? add_row(w, arrays, rec, a, err)
+                   : add_tensor(w, rec, a, err))
+            return -1;
+    }
+    w->records++;
+    return 0;
+}
+
+static int finish_npy(struct recordfile *w, struct error *err)
+{
+    char path[PATH_ROOM], *text;
+    FILE *f;
+    int bad;
+
+    for (size_t i = 0; i < w->columns; i++) {
+        struct npy_writer *open = w->column[i].w;
+
+        w->column[i].w = NULL;
+        if (npy_finish(open, err))
+            return -1;
+    }
+    snprintf(path, sizeof path, "%s/records.json", w->path);
+    text = cJSON_PrintUnformatted(w->index);
+    f = fopen(path, "w");
+    bad = !text || !f || fprintf(f, "%s\n", text) < 0;
+    bad = (f && fclose(f)) || bad;
+    cJSON_free(text);
+    return bad ? error_set(err, EX_IOERR, "%s: cannot write: %s", path,
+                           strerror(errno)) : 0;
+}
+
+int recordfile_finish(struct recordfile *w, struct error *err)
+{
+    char *text = NULL;
+    int rc;
+
+    if (w->npy) {
+        rc = finish_npy(w, err);
+    } else if ((text = cJSON_PrintUnformatted(w->index))) {
+        const char *meta[] = { INDEX_KEY, text, NULL };
+
+        rc = st_save(w->path, w->tensor, w->tensors, meta, err);
+    } else {
+        rc = error_set(err, EX_OSERR, "out of memory");
+    }
+    cJSON_free(text);
+    recordfile_abandon(w);
+    return rc;
+}

@@ -1,0 +1,123 @@
+#include "lib/stream/schema.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+static const struct schema table[] = {
+    { "CONF", "json", "u8", "*", true, "JSON text: producer, units, camera" },
+    { "SRCI", "rgb", "u8", "H,W,3", true, "sRGB source crop" },
+    { "SRCI", "matte", "u8", "H,W", true, "coverage, 255 is the person" },
+    { "SRCI", "crop", "f32", "3", true, "centre x, y and size, pixels" },
+    { "SHAP", "shape", "f32", "*", true, "beta, standard deviations" },
+    { "SHAP", "person", "i32", "1", false, "number of the person" },
+    { "MOTN", "rot", "f32", "3,3", true, "R of x_cam = R x + t" },
+    { "MOTN", "trans", "f32", "3", true, "t, head units" },
+    { "MOTN", "exp", "f32", "*", true, "psi, standard deviations" },
+    { "MOTN", "jaw", "f32", "3", true, "axis-angle, radians" },
+    { "MOTN", "lid", "f32", "2", true, "0 open to 1 closed, left, right" },
+    { "MOTN", "eye", "f32", "6", true, "axis-angle, radians, left, right" },
+    { "MOTN", "crop", "f32", "3", false, "face crop, portrait pixels" },
+    { "MOTN", "lmk", "f32", "68,2", false, "landmarks, portrait pixels" },
+    { "MESH", "verts", "f32", "V,3", true, "vertices, head units" },
+    { "MESH", "cam", "f32", "3,4", true, "[R|t], head units" },
+    { "MESH", "lip", "f32", "3", true, "inner-lip centroid, head units" },
+    { "MESH", "faces", "i32", "F,3", false, "triangles, vertex numbers" },
+    { "GAUS", "mean", "f32", "N,3", true, "centres, head units" },
+    { "GAUS", "scale", "f32", "N,3", true, "standard deviations, head units" },
+    { "GAUS", "quat", "f32", "N,4", true, "w, x, y, z" },
+    { "GAUS", "opacity", "f32", "N", true, "0 to 1" },
+    { "GAUS", "color", "f16 f32", "N,C", true, "first three: sRGB, 0 to 1" },
+    { "GAUS", "branch", "u8", "N", false, "0 dynamic, 1 static, 2 mouth" },
+    { "GAUS", "cam", "f32", "3,4", false, "[R|t], head units" },
+    { "GMOV", "cam", "f32", "3,4", false, "[R|t], head units" },
+    { "GMOV", "first", "i32", "1", false, "number of the first of mean" },
+    { "GMOV", "mean", "f32", "M,3", false, "new centres, head units" },
+    { "GMOV", "shift", "f32", "3", false, "of the mouth sheet, head units" },
+    { "FEAT", "feat", "f16 f32", "H,W,C", true, "first three: sRGB, 0 to 1" },
+    { "FEAT", "alpha", "f32", "H,W", true, "0 to 1" },
+    { "FEAT", "depth", "f32", "H,W", false, "camera z, head units" },
+    { "IMAG", "rgb", "u8", "H,W,3", true, "sRGB" },
+    { "IMAG", "alpha", "u8", "H,W", false, "coverage" },
+    { "IMAG", "mask", "u8", "H,W", false, "true coverage of the person" },
+    { "IMAG", "label", "u8", "H,W", false, "region numbers" },
+    { 0 }
+};
+
+const struct schema *schema_table(void)
+{
+    return table;
+}
+
+const struct schema *schema_find(const char *type, const char *name)
+{
+    for (const struct schema *s = table; s->type; s++)
+        if (strcmp(s->type, type) == 0 && strcmp(s->name, name) == 0)
+            return s;
+    return NULL;
+}
+
+/* Match one shape, binding letters to sizes in bound[26]. */
+static bool shape_matches(const char *shape, const struct array *a,
+                          size_t *bound, bool *known)
+{
+    int k = 0;
+
+    for (const char *p = shape; *p; k++) {
+        char *end = (char *)(uintptr_t)p + 1;
+
+        if (k == a->ndim)
+            return false;
+        if (*p >= '0' && *p <= '9') {
+            if (strtoul(p, &end, 10) != a->dim[k])
+                return false;
+        } else if (*p != '*') {
+            int letter = *p - 'A';
+
+            if (known[letter] && bound[letter] != a->dim[k])
+                return false;
+            known[letter] = true;
+            bound[letter] = a->dim[k];
+        }
+        p = *end == ',' ? end + 1 : end;
+    }
+    return k == a->ndim;
+}
+
+static int check_array(const struct schema *s, const struct record *rec,
+                       size_t *bound, bool *known, struct error *err)
+{
+    const struct array *a = record_find(rec, s->name);
+    char found[100];
+    int n;
+
+    if (!a && !s->required)
+        return 0;
+    if (!a)
+        return error_set(err, EX_DATAERR, "frame %llu: %s has no array '%s' "
+                         "(expected %s[%s])", (unsigned long long)rec->frame,
+                         rec->type, s->name, s->dtypes, s->shape);
+    if (strstr(s->dtypes, dtype_name(a->dtype)) &&
+        shape_matches(s->shape, a, bound, known))
+        return 0;
+    n = snprintf(found, sizeof found, "%s[", dtype_name(a->dtype));
+    for (int k = 0; k < a->ndim; k++)
+        n += snprintf(found + n, sizeof found - (size_t)n, "%s%zu",
+                      k ? "," : "", a->dim[k]);
+    return error_set(err, EX_DATAERR, "frame %llu: %s %s is %s] (expected "
+                     "%s[%s])", (unsigned long long)rec->frame, rec->type,
+                     s->name, found, s->dtypes, s->shape);
+}
+
+int schema_check(const struct record *rec, struct error *err)
+{
+    size_t bound[26];
+    bool known[26] = { false };
+
+    for (const struct schema *s = table; s->type; s++)
+        if (record_is(rec, s->type) &&
+            check_array(s, rec, bound, known, err))
+            return -1;
+    return 0;
+}
