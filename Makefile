@@ -71,35 +71,50 @@ LIB  := $(BUILD)/libspid.a
 
 all: $(PROGRAMS)
 
+# make V=1 shows the commands themselves.
+ifeq ($(V),)
+SAY := @printf '%-4s%s\n'
+MAKEFLAGS += --silent
+else
+SAY := @:
+endif
+
 $(BUILD)/obj/%.o: %.c
 	@mkdir -p $(@D)
+	$(SAY) CC $@
 	$(CC) $(CFLAGS_ALL) $(MPI_CFLAGS) -c $< -o $@
 
 $(BUILD)/obj/%.o: %.cc
 	@mkdir -p $(@D)
+	$(SAY) CXX $@
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 
 define tmpl_rule
 $(BUILD)/obj/%.$(1).o: %.c
 	@mkdir -p $$(@D)
+	$$(SAY) CC $$@
 	$$(CC) $$(CFLAGS_ALL) -O3 $$(TMPL_$(1)) -DISA_NAME=$(1) -c $$< -o $$@
 endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 
 $(LIB): $(OBJS)
 	@rm -f $@
+	$(SAY) AR $@
 	ar rcs $@ $^
 
 $(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(LIB)
 	@mkdir -p $(@D)
+	$(SAY) LD $@
 	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
 
 $(BUILD)/tests/unit/%: $(BUILD)/obj/tests/unit/%.o $(LIB)
 	@mkdir -p $(@D)
+	$(SAY) LD $@
 	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
 
 $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 	@mkdir -p $(@D)
+	$(SAY) LD $@
 	$(CXX) $(BASE) $(LDFLAGS) $(filter %.o,$^) $(LIB) $(LIBS) -o $@
 
 .SECONDARY:

@@ -11,6 +11,7 @@
 #include <unistd.h>
 
 #include "lib/base/cpu.h"
+#include "lib/stream/stream.h"
 
 struct cli cli = { .program = "spid", .output = "-" };
 
@@ -72,7 +73,26 @@ static double option_threads(void)
     return n < 1 ? 1 : (double)n;
 }
 
+/* "64M" and the like, for --max-bytes. */
+static int parse_bytes(const char *value, void *dest, struct error *err)
+{
+    static const char units[] = "KMGT";
+    char *end;
+    double v = strtod(value, &end);
+    const char *unit = *end ? strchr(units, *end) : NULL;
+
+    if (unit)
+        for (end++; unit >= units; unit--)
+            v *= 1024.0;
+    if (end == value || *end || !(v >= 64.0 && v <= 0x1p46))
+        return error_set(err, EX_USAGE, "not a size (expected bytes, or a "
+                         "number with K, M or G)");
+    *(size_t *)dest = (size_t)v;
+    return 0;
+}
+
 static long threads;
+static size_t max_bytes;
 static const struct cli_option shared[] = {
     { "output", 'o', CLI_STRING, &cli.output, 0, 0, "FILE",
       "write to FILE (\"-\": standard output, the default)", NULL },
@@ -84,6 +104,8 @@ static const struct cli_option shared[] = {
       "no warnings, no progress", NULL },
     { "stats", 0, CLI_STRING, &cli.stats, 0, 0, "FILE",
       "write per-stage times to FILE as TSV", NULL },
+    { "max-bytes", 0, CLI_CALL, &max_bytes, 0, 0, "SIZE",
+      "refuse larger records (default 1G)", parse_bytes },
     { "help", 0, CLI_FLAG, NULL, 0, 0, NULL, "this text", NULL },
     { "version", 0, CLI_FLAG, NULL, 0, 0, NULL, "the version", NULL },
     { 0 }
@@ -226,6 +248,8 @@ static void apply_shared(void)
     else
         cli.threads = (int)option_threads();
     omp_set_num_threads(cli.threads);
+    if (max_bytes)
+        stream_set_limit(max_bytes);
     cpu_flush_denormals();
 }
 

@@ -53,8 +53,20 @@ static struct array *next_array(struct record *rec, const char *name,
 
 /* ---- safetensors -------------------------------------------------------- */
 
+/* A tensor by name, tried first where the writer put it. */
+static const struct st_tensor *find(const struct safetensors *st,
+                                    const char *name, size_t *next)
+{
+    size_t i = (*next)++;
+
+    if (i < st_count(st) && strcmp(st_at(st, i)->name, name) == 0)
+        return st_at(st, i);
+    return st_find(st, name);
+}
+
 static int st_array(struct record *rec, const struct safetensors *st,
-                    size_t number, const char *name, struct error *err)
+                    size_t number, const char *name, size_t *next,
+                    struct error *err)
 {
     struct array *a = next_array(rec, name, err);
     const struct st_tensor *t;
@@ -63,7 +75,7 @@ static int st_array(struct record *rec, const struct safetensors *st,
     if (!a)
         return -1;
     snprintf(full, sizeof full, "%06zu.%s.%s", number, rec->type, name);
-    t = st_find(st, full);
+    t = find(st, full, next);
     if (!t)
         return error_set(err, EX_DATAERR, "no tensor '%s'", full);
     switch (t->dtype) {
@@ -88,8 +100,8 @@ static int st_array(struct record *rec, const struct safetensors *st,
 }
 
 static int st_record(const struct safetensors *st, size_t number,
-                     const cJSON *row, record_sink sink, void *context,
-                     struct error *err)
+                     const cJSON *row, size_t *next, record_sink sink,
+                     void *context, struct error *err)
 {
     const cJSON *names = cJSON_GetObjectItem(row, "arrays");
     struct record rec;
@@ -97,7 +109,8 @@ static int st_record(const struct safetensors *st, size_t number,
     if (get_head(&rec, row, err))
         return -1;
     for (const cJSON *n = names ? names->child : NULL; n; n = n->next)
-        if (st_array(&rec, st, number, cJSON_GetStringValue(n), err))
+        if (st_array(&rec, st, number, cJSON_GetStringValue(n), next,
+                     err))
             return -1;
     return sink(&rec, context, err);
 }
@@ -108,7 +121,7 @@ int recordfile_read_st(const char *path, record_sink sink, void *context,
     struct safetensors *st = st_open(path, err);
     const char *text = st ? st_meta(st, "spid.records") : NULL;
     cJSON *index = text ? cJSON_Parse(text) : NULL;
-    size_t number = 0;
+    size_t number = 0, next = 0;
     int rc = 0;
 
     if (!st)
@@ -117,7 +130,7 @@ int recordfile_read_st(const char *path, record_sink sink, void *context,
         rc = error_set(err, EX_DATAERR, "no list of records in its metadata");
     for (const cJSON *row = index ? index->child : NULL; row && rc == 0;
          row = row->next)
-        rc = st_record(st, number++, row, sink, context, err);
+        rc = st_record(st, number++, row, &next, sink, context, err);
     cJSON_Delete(index);
     st_close(st);
     return rc ? error_prefix(err, "%s", path) : 0;

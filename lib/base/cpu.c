@@ -100,6 +100,13 @@ void cpu_flush_denormals(void)
 #endif
 }
 
+void cpu_keep_denormals(void)
+{
+#ifdef SPID_X86
+    _mm_setcsr(_mm_getcsr() & ~0x8040u);
+#endif
+}
+
 double cpu_seconds(void)
 {
     struct timespec t;

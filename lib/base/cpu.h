@@ -16,6 +16,8 @@ const char *cpu_name(void);
 /* Flush denormals to zero (FTZ, DAZ) in the calling thread and in every
  * OpenMP worker; called once by cli_parse. */
 void cpu_flush_denormals(void);
+/* Undo it in the calling thread: for programs that print and convert. */
+void cpu_keep_denormals(void);
 
 /* Seconds of a monotonic clock. */
 double cpu_seconds(void);

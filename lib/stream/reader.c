@@ -36,6 +36,18 @@ struct stream_reader {
     XXH3_state_t *hash;
 };
 
+static size_t limit = STREAM_MAX_BYTES; /* set once, before any thread */
+
+void stream_set_limit(size_t max_bytes)
+{
+    limit = max_bytes;
+}
+
+size_t stream_limit(void)
+{
+    return limit;
+}
+
 const char *stream_name(const struct stream_reader *r)
 {
     return r->name;
@@ -52,7 +64,7 @@ static struct stream_reader *reader_new(const char *name,
         r->name = strdup(name);
         r->hash = XXH3_createState();
         r->max_bytes = opt && opt->max_bytes ? opt->max_bytes
-                                             : STREAM_MAX_BYTES;
+                                             : limit;
         r->trust = opt && opt->trust;
     }
     if (!r || !r->name || !r->hash) {

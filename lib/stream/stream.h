@@ -73,9 +73,14 @@ int record_check_finite(const struct record *rec, struct error *err);
 struct stream_reader;
 
 struct stream_options {
-    size_t max_bytes;          /* of one payload; 0: STREAM_MAX_BYTES */
+    size_t max_bytes;          /* of one payload; 0: stream_set_limit's */
     bool trust;                /* skip the payload checksum */
 };
+
+/* Largest payload that readers opened from now on accept, unless their options
+ * say otherwise; STREAM_MAX_BYTES at start.  --max-bytes sets it. */
+void stream_set_limit(size_t max_bytes);
+size_t stream_limit(void);
 
 /* Open path ("-" is standard input).  A regular file is mapped, a pipe read in
  * large blocks.  Refuses a directory, and a terminal.  NULL on failure. */

@@ -1,0 +1,252 @@
+/* spid-dump: what a stream holds, as text, JSON or standard array files. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/recordfile.h"
+#include "formats/recordjson.h"
+#include "lib/base/cpu.h"
+#include "lib/stream/schema.h"
+#include "lib/stream/stats.h"
+#include "lib/stream/stream.h"
+
+struct range {
+    uint64_t first, end;       /* half open */
+};
+
+static bool check, json, values;
+static const char *st_path, *npy_dir, *only;
+static struct range frames = { 0, UINT64_MAX };
+
+/* "A:B", "A:", ":B" or "A". */
+static int parse_frames(const char *value, void *dest, struct error *err)
+{
+    struct range *r = dest;
+    char none[] = " ";
+    char *end = (char *)(uintptr_t)value;
+
+    *r = (struct range){ 0, UINT64_MAX };
+    if (*value >= '0' && *value <= '9') {
+        r->first = strtoull(value, &end, 10);
+        r->end = r->first + 1;
+    }
+    if (*end == ':') {
+        r->end = UINT64_MAX;
+        value = end + 1;
+        end++;
+        if (*value >= '0' && *value <= '9')
+            r->end = strtoull(value, &end, 10);
+    } else if (end == value) {
+        end = none;
+    }
+    if (*end || r->end <= r->first)
+        return error_set(err, EX_USAGE, "not a range of frames (expected "
+                         "FIRST:END, the frames from FIRST up to END - 1)");
+    return 0;
+}
+
+static const struct cli_option options[] = {
+    { "check", 'c', CLI_FLAG, &check, 0, 0, NULL,
+      "only validate: structure, checksums, shapes, numbers", NULL },
+    { "json", 0, CLI_FLAG, &json, 0, 0, NULL,
+      "one JSON object per record and line", NULL },
+    { "values", 0, CLI_FLAG, &values, 0, 0, NULL,
+      "with --json: every element, for spid-pack", NULL },
+    { "safetensors", 0, CLI_STRING, &st_path, 0, 0, "FILE",
+      "write all arrays to one safetensors file", NULL },
+    { "npy", 0, CLI_STRING, &npy_dir, 0, 0, "DIR",
+      "write all arrays to npy files, frames stacked", NULL },
+    { "frames", 0, CLI_CALL, &frames, 0, 0, "A:B",
+      "only frames A to B - 1", parse_frames },
+    { "only", 0, CLI_STRING, &only, 0, 0, "TYPE",
+      "only records of this type, or of several: MOTN,MESH", NULL },
+    { 0 }
+};
+
+static const struct cli_usage usage = {
+    "spid-dump", "[-cq] [--json [--values]] [--safetensors FILE] [--npy DIR] "
+    "[--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] [STREAM]",
+    "show or convert what a stream holds", options
+};
+
+/* What has gone by. */
+struct tally {
+    uint64_t records, bytes, first, last;
+};
+
+struct outputs {
+    FILE *text;
+    struct recordfile *st, *npy;
+};
+
+static void open_outputs(struct outputs *out)
+{
+    struct error err = { 0 };
+
+    if (st_path && !(out->st = recordfile_create_st(st_path, &err)))
+        die_error(&err);
+    if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, &err)))
+        die_error(&err);
+    out->text = stdout;
+    if (strcmp(cli.output, "-") && !(out->text = fopen(cli.output, "w")))
+        die(EX_CANTCREAT, "%s: cannot create: %s", cli.output,
+            strerror(errno));
+}
+
+static bool is_wanted(const struct record *rec)
+{
+    const char *p = only;
+
+    if (rec->frame < frames.first || rec->frame >= frames.end)
+        return false;
+    for (; p && *p; p += strcspn(p, ","), p += *p == ',')
+        if (strncmp(p, rec->type, strcspn(p, ",")) == 0 &&
+            strcspn(p, ",") == strcspn(rec->type, " "))
+            return true;
+    return !only;
+}
+
+/* A `json` array as it is, unprintable bytes as '.'. */
+static void print_text(FILE *f, const struct array *a)
+{
+    const unsigned char *s = a->data;
+
+    fputs("    ", f);
+    for (size_t i = 0; i < array_count(a); i++)
+        putc(s[i] < ' ' || s[i] == 127 ? '.' : s[i], f);
+    putc('\n', f);
+}
+
+static void print_array(FILE *f, const struct array *a)
+{
+    char shape[80] = "";
+    struct array_stats s;
+    int n = 0;
+
+    for (int k = 0; k < a->ndim; k++)
+        n += snprintf(shape + n, sizeof shape - (size_t)n, "%s%zu",
+                      k ? "," : "", a->dim[k]);
+    n = fprintf(f, "  %-8s %s[%s]", a->name, dtype_name(a->dtype), shape);
+    fprintf(f, "%*s", n < 28 ? 28 - n : 1, "");
+    array_stats(&s, a);
+    if (array_count(a) > s.nonfinite)
+        fprintf(f, "min %-12.6g mean %-12.6g max %.6g", s.min, s.mean,
+                s.max);
+    if (s.nonfinite)
+        fprintf(f, " %zu not finite", s.nonfinite);
+    putc('\n', f);
+    if (a->dtype == DTYPE_U8 && strcmp(a->name, "json") == 0)
+        print_text(f, a);
+}
+
+static void print_record(FILE *f, const struct record *rec)
+{
+    fprintf(f, "%s frame %llu, %.6g s: %d array%s, %zu bytes\n", rec->type,
+            (unsigned long long)rec->frame, rec->time, rec->count,
+            rec->count == 1 ? "" : "s", rec->payload_bytes);
+    for (int i = 0; i < rec->count; i++)
+        print_array(f, &rec->array[i]);
+}
+
+/* The lines that are this program. */
+static int dump_record(struct outputs *out, const struct record *rec,
+                       struct error *err)
+{
+    if (check)
+        return schema_check(rec, err) || record_check_finite(rec, err) ? -1
+                                                                       : 0;
+    if (json)
+        recordjson_write(out->text, rec, values);
+    else if (!out->st && !out->npy)
+        print_record(out->text, rec);
+    if (ferror(out->text) || fflush(out->text))
+        return error_set(err, EX_IOERR, "%s: cannot write: %s",
+                         out->text == stdout ? "<stdout>" : cli.output,
+                         strerror(errno));
+    if (out->st && recordfile_add(out->st, rec, err))
+        return -1;
+    return out->npy ? recordfile_add(out->npy, rec, err) : 0;
+}
+
+static void count_record(struct tally *t, const struct record *rec)
+{
+    if (t->records == 0 || rec->frame < t->first)
+        t->first = rec->frame;
+    if (t->records == 0 || rec->frame > t->last)
+        t->last = rec->frame;
+    t->records++;
+    t->bytes += 64 + rec->payload_bytes;
+}
+
+/* Every record; the result of the last stream_read. */
+static int dump_stream(struct stream_reader *in, struct outputs *out,
+                       struct tally *tally, struct error *err)
+{
+    struct record rec;
+    int rc;
+
+    while ((rc = stream_read(in, &rec, err)) > 0) {
+        if (!is_wanted(&rec))
+            continue;
+        if (dump_record(out, &rec, err)) {
+            if (err->code == EX_DATAERR)
+                error_prefix(err, "%s", stream_name(in));
+            return -1;
+        }
+        count_record(tally, &rec);
+        if (!check)
+            progress("record", tally->records, 0, NULL);
+    }
+    progress_end();
+    return rc;
+}
+
+/* Complete the files even of a damaged stream: what was read is kept. */
+static void close_outputs(struct outputs *out)
+{
+    struct error err = { 0 };
+
+    if (out->st && recordfile_finish(out->st, &err))
+        die_error(&err);
+    if (out->npy && recordfile_finish(out->npy, &err))
+        die_error(&err);
+    if (fclose(out->text))
+        die(EX_IOERR, "%s: cannot write: %s", out->text == stdout
+            ? "<stdout>" : cli.output, strerror(errno));
+}
+
+int main(int argc, char **argv)
+{
+    struct outputs out = { 0 };
+    struct tally tally = { 0 };
+    struct error err = { 0 };
+    struct stream_reader *in;
+    int rc, first = cli_parse(&usage, argc, argv);
+
+    if (argc - first > 1)
+        die(EX_USAGE, "%s: one stream at a time (expected at most one "
+            "operand)", argv[first + 1]);
+    if (values && !json)
+        die(EX_USAGE, "--values needs --json");
+    cpu_keep_denormals();
+    in = stream_open(first < argc ? argv[first] : "-", NULL, &err);
+    if (!in)
+        die_error(&err);
+    open_outputs(&out);
+    rc = dump_stream(in, &out, &tally, &err);
+    if (check && rc == 0 && !cli.quiet)
+        fprintf(out.text, "%s: %llu records, frames %llu to %llu, %llu "
+                "bytes: ok\n", stream_name(in),
+                (unsigned long long)tally.records,
+                (unsigned long long)tally.first,
+                (unsigned long long)tally.last,
+                (unsigned long long)tally.bytes + 64);
+    close_outputs(&out);
+    stream_close(in);
+    if (rc < 0)
+        die_error(&err);
+    stats_write();
+    return 0;
+}

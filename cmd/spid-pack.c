@@ -1,0 +1,285 @@
+/* spid-pack: any records from standard array files, JSON or other streams. */
+#include <ctype.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+
+#include "cmd/cli.h"
+#include "formats/npy.h"
+#include "formats/recordfile.h"
+#include "formats/recordjson.h"
+#include "formats/safetensors.h"
+#include "lib/base/cpu.h"
+#include "lib/stream/stream.h"
+
+static const char *type;
+static bool stack, raw;
+static double fps = 25.0;
+static long first_frame;
+
+static const struct cli_option options[] = {
+    { "type", 't', CLI_STRING, &type, 0, 0, "TYPE",
+      "type of the record made from plain arrays", NULL },
+    { "stack", 's', CLI_FLAG, &stack, 0, 0, NULL,
+      "the arrays' first axis is time: one record each", NULL },
+    { "frame", 0, CLI_INT, &first_frame, 0, 1e15, "N",
+      "number of the first such record (default 0)", NULL },
+    { "fps", 0, CLI_FLOAT, &fps, 1e-3, 1e6, "N",
+      "frames a second, for times not given (default 25)", NULL },
+    { "raw", 0, CLI_FLAG, &raw, 0, 0, NULL,
+      "do not put a CONF record in front", NULL },
+    { 0 }
+};
+
+static const struct cli_usage usage = {
+    "spid-pack", "[-q] [--raw] [--fps N] [-t TYPE [-s] [--frame N]] "
+    "[--max-bytes SIZE] [-o FILE] SOURCE ...",
+    "make a stream from JSON, npy and safetensors files, or streams\n\n"
+    "SOURCE is a stream, a .json file, a directory or .safetensors file of\n"
+    "spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy, FILE.safetensors.",
+    options
+};
+
+#define CONF_TEXT "{\"producer\":\"spid-pack " SPID_VERSION "\"," \
+    "\"units\":\"metres times 5\"}"
+
+/* Plain arrays from npy and safetensors files, kept until the end. */
+struct plain {
+    struct array like;         /* of one record: without the stacked axis */
+    size_t rows;               /* 1 unless stacked */
+    void *data;                /* owned */
+};
+
+struct pack {
+    struct stream_writer *out;
+    uint64_t records;
+    struct plain plain[STREAM_MAX_ARRAYS];
+    int plains;
+};
+
+static int put_conf(struct pack *p, struct error *err)
+{
+    struct array a = array_make("json", DTYPE_U8, CONF_TEXT, 1,
+                                strlen(CONF_TEXT), 0, 0, 0);
+
+    return stream_write(p->out, "CONF", 0, 0.0, &a, 1, err);
+}
+
+/* The sink of every source: records go out as they come. */
+static int put_record(const struct record *rec, void *context,
+                      struct error *err)
+{
+    struct pack *p = context;
+
+    if (p->records++ == 0 && !raw && !record_is(rec, "CONF") &&
+        put_conf(p, err))
+        return -1;
+    progress("record", p->records, 0, NULL);
+    return stream_copy(p->out, rec, err);
+}
+
+/* ---- plain arrays ------------------------------------------------------- */
+
+/* Keep data (owned from here on) of ndim dims under name. */
+static int keep_plain(struct pack *p, const char *name, enum dtype dtype,
+                      int ndim, const size_t *dims, void *data,
+                      struct error *err)
+{
+    struct plain *a = &p->plain[p->plains];
+    size_t n = strlen(name);
+
+    if (p->plains == STREAM_MAX_ARRAYS)
+        return error_set(err, EX_DATAERR, "more than %d arrays",
+                         STREAM_MAX_ARRAYS);
+    a->data = data;
+    p->plains++;               /* main's exit frees it from now on */
+    if (n == 0 || n >= STREAM_NAME)
+        return error_set(err, EX_DATAERR, "array name '%s' (expected 1 to %d "
+                         "letters)", name, STREAM_NAME - 1);
+    if (stack && ndim == 0)
+        return error_set(err, EX_DATAERR, "%s is a single number (expected "
+                         "a first axis to take apart, see --stack)", name);
+    a->rows = stack ? dims[0] : 1;
+    if (stack && a->rows != p->plain[0].rows)
+        return error_set(err, EX_DATAERR, "%s has %zu rows (expected %zu as "
+                         "%s)", name, a->rows, p->plain[0].rows,
+                         p->plain[0].like.name);
+    dims += stack;
+    ndim -= stack;
+    if (ndim > 4)
+        return error_set(err, EX_DATAERR, "%s has %d dimensions (expected at "
+                         "most 4)", name, ndim);
+    a->like = array_make(name, dtype, NULL, ndim, ndim > 0 ? dims[0] : 0,
+                         ndim > 1 ? dims[1] : 0, ndim > 2 ? dims[2] : 0,
+                         ndim > 3 ? dims[3] : 0);
+    return 0;
+}
+
+/* NAME=FILE.npy, or FILE.npy whose name is the array's. */
+static int add_npy(struct pack *p, const char *source, struct error *err)
+{
+    const char *path = strchr(source, '='), *base;
+    char name[256];
+    struct npy a;
+
+    path = path ? path + 1 : source;
+    base = strrchr(path, '/');
+    base = base ? base + 1 : path;
+    if (path != source)
+        snprintf(name, sizeof name, "%.*s", (int)(path - source - 1), source);
+    else
+        snprintf(name, sizeof name, "%.*s", (int)strlen(base) - 4, base);
+    if (npy_load(&a, path, err))
+        return -1;
+    return keep_plain(p, name, a.dtype, a.ndim, a.dim, a.data, err)
+               ? error_prefix(err, "%s", path) : 0;
+}
+
+/* One tensor; i64 must fit i32, bf16 becomes f32. */
+static int add_tensor(struct pack *p, const struct safetensors *st,
+                      const struct st_tensor *t, struct error *err)
+{
+    enum dtype dtype = DTYPE_F32;
+    size_t bytes = t->count * st_dtype_size(t->dtype);
+    void *data;
+
+    if (t->dtype == ST_I64 || t->dtype == ST_I8 || t->dtype == ST_I32) {
+        dtype = DTYPE_I32;
+        data = st_load_i32(st, t->name, t->ndim, t->dim, NULL, err);
+        if (!data)
+            return -1;
+        return keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err);
+    }
+    if (t->dtype == ST_BF16)
+        bytes = t->count * sizeof(float);
+    data = malloc(bytes + 1);
+    if (!data)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (t->dtype == ST_BF16) {
+        for (size_t i = 0; i < t->count; i++) {
+            uint16_t h;
+
+            memcpy(&h, (const char *)t->data + 2 * i, sizeof h);
+            ((float *)data)[i] = bf16_to_float(h);
+        }
+    } else {
+        memcpy(data, t->data, bytes);
+        dtype = t->dtype == ST_U8 ? DTYPE_U8 : t->dtype == ST_F16 ? DTYPE_F16
+                : t->dtype == ST_F32 ? DTYPE_F32 : DTYPE_F64;
+    }
+    return keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err);
+}
+
+static int add_safetensors(struct pack *p, const char *path,
+                           struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    bool dumped = st && st_meta(st, "spid.records");
+    int rc = st ? 0 : -1;
+
+    for (size_t i = 0; rc == 0 && !dumped && i < st_count(st); i++)
+        if ((rc = add_tensor(p, st, st_at(st, i), err)))
+            error_prefix(err, "%s", path);
+    st_close(st);
+    return dumped ? recordfile_read_st(path, put_record, p, err) : rc;
+}
+
+/* The records of the plain arrays: one, or one per row. */
+static int put_plain(struct pack *p, struct error *err)
+{
+    struct record rec = { .count = p->plains };
+    size_t rows = p->plains ? p->plain[0].rows : 0;
+
+    if (p->plains == 0)
+        return 0;
+    if (!type || strlen(type) < 3 || strlen(type) > 4)
+        return error_set(err, EX_USAGE, "--type=%s: not a record type "
+                         "(expected four letters, such as MOTN)",
+                         type ? type : "");
+    for (int i = 0; i < 4; i++)
+        rec.type[i] = *type ? *type++ : ' ';
+    for (size_t row = 0; row < rows; row++) {
+        rec.frame = (uint64_t)first_frame + row;
+        rec.time = (double)rec.frame / fps;
+        for (int i = 0; i < p->plains; i++) {
+            const struct plain *a = &p->plain[i];
+
+            rec.array[i] = a->like;
+            rec.array[i].data = (const char *)a->data +
+                                row * array_bytes(&a->like);
+        }
+        if (put_record(&rec, p, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- sources ------------------------------------------------------------ */
+
+static int add_stream(struct pack *p, const char *path, struct error *err)
+{
+    struct stream_reader *in = stream_open(path, NULL, err);
+    struct record rec;
+    int rc = -1;
+
+    while (in && (rc = stream_read(in, &rec, err)) > 0)
+        if (put_record(&rec, p, err)) {
+            rc = -1;
+            break;
+        }
+    stream_close(in);
+    return rc;
+}
+
+static bool ends_in(const char *s, const char *end)
+{
+    size_t n = strlen(s), m = strlen(end);
+
+    return n > m && strcmp(s + n - m, end) == 0;
+}
+
+static int add_source(struct pack *p, const char *source, struct error *err)
+{
+    struct stat st;
+
+    if (ends_in(source, ".npy"))
+        return add_npy(p, source, err);
+    if (ends_in(source, ".safetensors"))
+        return add_safetensors(p, source, err);
+    if (ends_in(source, ".json") || ends_in(source, ".jsonl"))
+        return recordjson_read(source, fps, stream_limit(), put_record, p,
+                               err);
+    if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))
+        return recordfile_read_npy(source, put_record, p, err);
+    return add_stream(p, source, err);
+}
+
+int main(int argc, char **argv)
+{
+    struct pack p = { 0 };
+    struct error err = { 0 };
+    int rc = 0, first = cli_parse(&usage, argc, argv);
+
+    if (first == argc)
+        die(EX_USAGE, "nothing to pack (expected SOURCE ..., see --help)");
+    cpu_keep_denormals();
+    p.out = stream_create(cli.output, &err);
+    if (!p.out)
+        die_error(&err);
+    for (int i = first; i < argc && rc == 0; i++)
+        rc = add_source(&p, argv[i], &err);
+    if (rc == 0)
+        rc = put_plain(&p, &err);
+    progress_end();
+    for (int i = 0; i < p.plains; i++)
+        free(p.plain[i].data);
+    if (rc) {
+        stream_abandon(p.out);
+        die_error(&err);
+    }
+    if (stream_finish(p.out, &err))
+        die_error(&err);
+    stats_write();
+    return 0;
+}
