@@ -5,6 +5,7 @@
 #define SPID_NET_MOTION_ENCODER_H
 
 #include "lib/net/mobilenet.h"
+#include "lib/nn/plan.h"
 
 #define MOTION_ENCODER_SIZE 224
 
@@ -24,16 +25,17 @@ struct motion_encoder {
     struct params *ps;
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
     size_t batch;
+    struct nn_plan plan;
     float *pooled, *dpooled;      /* (B,features) */
-    float *out;                   /* (B,120): kept for the lids' backward */
+    float *out, *dout;            /* (B,120) */
 };
 
 int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         const char *prefix, const char *variant,
                         struct error *err);
-/* After params_randomise: heads start at zero weights times a tenth of the
- * usual size and the biases of a frontal face in the middle of its crop
- * (rotation (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
+/* After params_randomise, which gives the heads a tenth of the usual weights:
+ * the biases of a frontal face in the middle of its crop (rotation
+ * (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
 void motion_encoder_start(struct motion_encoder *m);
 int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err);

@@ -4,6 +4,7 @@
 #define SPID_NET_SHAPE_ENCODER_H
 
 #include "lib/net/mobilenet.h"
+#include "lib/nn/plan.h"
 
 #define SHAPE_ENCODER_SIZE 224
 #define SHAPE_ENCODER_OUT 300
@@ -13,14 +14,13 @@ struct shape_encoder {
     struct params *ps;
     size_t weight, bias;          /* tensor indices in ps */
     size_t batch;
+    struct nn_plan plan;
     float *pooled, *dpooled;      /* (B,features) */
 };
 
 int shape_encoder_init(struct shape_encoder *s, struct params *ps,
                        const char *prefix, const char *variant,
                        struct error *err);
-/* After params_randomise: a small last layer, so that beta starts near 0. */
-void shape_encoder_start(struct shape_encoder *s);
 int shape_encoder_plan(struct shape_encoder *s, size_t batch,
                        struct nn_options opt, struct error *err);
 void shape_encoder_update(struct shape_encoder *s);

@@ -1,0 +1,461 @@
+#include "lib/net/mobilenet.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/nn/depthwise.h"
+#include "lib/nn/squeeze.h"
+
+#define BLOCKS 18
+
+/* One block as the table describes it; stage 255 ends the table.  expand 0 is
+ * a depthwise-separable block, kernel 0 the last 1x1. */
+struct row {
+    unsigned char stage, kernel, stride;
+    bool hs, se;                  /* hardswish instead of ReLU */
+    unsigned short expand, out;
+};
+
+static const struct row small_100[] = {
+    { 0, 3, 2, false, true, 0, 16 },
+    { 1, 3, 2, false, false, 72, 24 }, { 1, 3, 1, false, false, 88, 24 },
+    { 2, 5, 2, true, true, 96, 40 }, { 2, 5, 1, true, true, 240, 40 },
+    { 2, 5, 1, true, true, 240, 40 },
+    { 3, 5, 1, true, true, 120, 48 }, { 3, 5, 1, true, true, 144, 48 },
+    { 4, 5, 2, true, true, 288, 96 }, { 4, 5, 1, true, true, 576, 96 },
+    { 4, 5, 1, true, true, 576, 96 },
+    { 5, 0, 1, true, false, 0, 576 }, { .stage = 255 }
+};
+
+static const struct row small_minimal[] = {
+    { 0, 3, 2, false, false, 0, 16 },
+    { 1, 3, 2, false, false, 72, 24 }, { 1, 3, 1, false, false, 88, 24 },
+    { 2, 3, 2, false, false, 96, 40 }, { 2, 3, 1, false, false, 240, 40 },
+    { 2, 3, 1, false, false, 240, 40 },
+    { 3, 3, 1, false, false, 120, 48 }, { 3, 3, 1, false, false, 144, 48 },
+    { 4, 3, 2, false, false, 288, 96 }, { 4, 3, 1, false, false, 576, 96 },
+    { 4, 3, 1, false, false, 576, 96 },
+    { 5, 0, 1, false, false, 0, 576 }, { .stage = 255 }
+};
+
+static const struct row large_minimal[] = {
+    { 0, 3, 1, false, false, 0, 16 },
+    { 1, 3, 2, false, false, 64, 24 }, { 1, 3, 1, false, false, 72, 24 },
+    { 2, 3, 2, false, false, 72, 40 }, { 2, 3, 1, false, false, 120, 40 },
+    { 2, 3, 1, false, false, 120, 40 },
+    { 3, 3, 2, false, false, 240, 80 }, { 3, 3, 1, false, false, 200, 80 },
+    { 3, 3, 1, false, false, 184, 80 }, { 3, 3, 1, false, false, 184, 80 },
+    { 4, 3, 1, false, false, 480, 112 }, { 4, 3, 1, false, false, 672, 112 },
+    { 5, 3, 2, false, false, 672, 160 }, { 5, 3, 1, false, false, 960, 160 },
+    { 5, 3, 1, false, false, 960, 160 },
+    { 6, 0, 1, false, false, 0, 960 }, { .stage = 255 }
+};
+
+static const struct variant {
+    const char *name;
+    const struct row *rows;
+    bool stem_hs, same;           /* SAME padding, eps 1e-3: the tf ones */
+    signed char stage[5];         /* after which stage golden 01 looks */
+} variants[] = {
+    { "mobilenetv3_small_100", small_100, true, false, { -1, 0, 1, 3, 5 } },
+    { "tf_mobilenetv3_small_minimal_100", small_minimal, false, true,
+      { -1, 0, 1, 3, 5 } },
+    { "tf_mobilenetv3_large_minimal_100", large_minimal, false, true,
+      { 0, 1, 2, 4, 6 } },
+};
+
+/* A convolution, its batch norm, its activation. */
+struct unit {
+    bool depthwise;
+    struct conv conv;
+    struct depthwise dw;
+    struct batch_norm bn;
+    enum nn_act act;
+    size_t C, h, w;               /* of the output */
+    float *z, *y;                 /* before and after norm and activation */
+};
+
+struct block {
+    bool expand, se, residual, last;
+    unsigned char stage;
+    struct unit up, dw, down;
+    struct squeeze squeeze;
+    float *gated;                 /* the squeeze's output */
+    const float *in;
+};
+
+struct mobilenet_impl {
+    const struct variant *v;
+    struct nn_plan plan;
+    struct unit stem;
+    struct block block[BLOCKS];
+    size_t blocks;
+    const float *rgb;
+    float *mean_part;
+    float *grad[3];               /* gradients on their way */
+};
+
+/* ---- declaring ------------------------------------------------------------
+ */
+
+static void unit_init(struct unit *u, struct mobilenet_impl *im,
+                      struct params *ps, const char *at, const char *conv,
+                      const char *bn, size_t in, size_t out, size_t kernel,
+                      size_t stride, enum nn_act act, bool depthwise)
+{
+    char name[120];
+    enum conv_pad pad = im->v->same ? CONV_SAME : CONV_HALF;
+    u->depthwise = depthwise;
+    u->C = out;
+    u->act = act;
+    nn_name(name, "%s%s", at, conv);
+    if (depthwise) {
+        depthwise_init(&u->dw, ps, name, out, kernel, stride);
+        u->dw.pad = pad;
+    } else {
+        conv_init(&u->conv, ps, name, in, out, kernel, stride, false);
+        u->conv.pad = pad;
+    }
+    nn_name(name, "%s%s", at, bn);
+    batch_norm_init(&u->bn, ps, name, out, im->v->same ? 1e-3f : 1e-5f);
+    u->bn.act = act;
+}
+
+static size_t squeeze_width(size_t C)
+{
+    size_t n = (C / 4 + 4) / 8 * 8;
+    n = n < 8 ? 8 : n;
+    return 10 * n < 9 * (C / 4) ? n + 8 : n;
+}
+
+static void block_init(struct block *b, struct mobilenet_impl *im,
+                       struct params *ps, const char *at, const struct row *r,
+                       size_t in)
+{
+    char name[120];
+    enum nn_act act = r->hs ? ACT_HARDSWISH : ACT_RELU;
+    size_t mid = r->expand ? r->expand : in;
+    b->stage = r->stage;
+    b->expand = r->expand;
+    b->se = r->se;
+    b->last = r->kernel == 0;
+    b->residual = !b->last && r->stride == 1 && in == r->out;
+    if (b->last) {
+        unit_init(&b->down, im, ps, at, "conv", "bn1", in, r->out, 1, 1, act,
+                  false);
+        return;
+    }
+    if (b->expand)
+        unit_init(&b->up, im, ps, at, "conv_pw", "bn1", in, mid, 1, 1, act,
+                  false);
+    unit_init(&b->dw, im, ps, at, "conv_dw", b->expand ? "bn2" : "bn1", mid,
+              mid, r->kernel, r->stride, act, true);
+    if (b->se)
+        squeeze_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
+                     squeeze_width(mid));
+    unit_init(&b->down, im, ps, at, b->expand ? "conv_pwl" : "conv_pw",
+              b->expand ? "bn3" : "bn2", mid, r->out, 1, 1, ACT_NONE, false);
+}
+
+int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
+                   const char *variant, struct error *err)
+{
+    char at[120];
+    const struct variant *v = NULL;
+    memset(m, 0, sizeof *m);
+    for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
+        if (!strcmp(variants[i].name, variant))
+            v = &variants[i];
+    if (!v)
+        return error_set(err, EX_CONFIG, "unknown network '%s' (expected "
+                         "mobilenetv3_small_100, tf_mobilenetv3_small_minimal"
+                         "_100 or tf_mobilenetv3_large_minimal_100)",
+                         variant);
+    struct mobilenet_impl *im = calloc(1, sizeof *im);
+    if (!im)
+        return error_set(err, EX_OSERR, "out of memory");
+    m->impl = im;
+    im->v = v;
+    unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, 16, 3, 2,
+              v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
+    size_t in = 16, index = 0;
+    for (const struct row *r = v->rows; r->stage != 255; r++) {
+        index = r > v->rows && r->stage == r[-1].stage ? index + 1 : 0;
+        nn_name(at, "%sblocks.%d.%zu.", prefix, r->stage, index);
+        block_init(&im->block[im->blocks++], im, ps, at, r, in);
+        in = r->out;
+    }
+    m->features = in;
+    return 0;
+}
+
+void mobilenet_release(struct mobilenet *m)
+{
+    struct mobilenet_impl *im = m->impl;
+    if (!im)
+        return;
+    conv_release(&im->stem.conv);
+    for (size_t i = 0; i < im->blocks; i++) {
+        conv_release(&im->block[i].up.conv);
+        conv_release(&im->block[i].down.conv);
+    }
+    nn_plan_release(&im->plan);
+    free(im);
+    memset(m, 0, sizeof *m);
+}
+
+/* ---- planning -------------------------------------------------------------
+ */
+
+static void unit_plan(struct unit *u, struct nn_plan *p, size_t batch,
+                      size_t h, size_t w, bool add)
+{
+    bool train = nn_plan_backward(p);
+    if (u->depthwise) {
+        u->dw.act = train ? ACT_NONE : u->act;
+        depthwise_plan(&u->dw, p, batch, h, w);
+        u->h = u->dw.oh;
+        u->w = u->dw.ow;
+    } else {
+        u->conv.act = train ? ACT_NONE : u->act;
+        u->conv.add = !train && add;
+        conv_plan(&u->conv, p, batch, h, w);
+        u->h = u->conv.oh;
+        u->w = u->conv.ow;
+    }
+    size_t rows = batch * u->h * u->w;
+    if (train) {
+        batch_norm_plan(&u->bn, p, rows);
+        u->z = nn_plan_map_floats(p, rows * u->C);
+    }
+    if (!train && add)
+        return;                   /* added to the block's input in place */
+    u->y = nn_plan_map_floats(p, rows * u->C);
+}
+
+/* Returns the largest map of the block, in floats. */
+static size_t block_plan(struct block *b, struct nn_plan *p, size_t batch,
+                         size_t *h, size_t *w, float **x)
+{
+    size_t most = 0, n;
+    float *in = *x;
+    b->in = in;
+    if (b->last) {
+        unit_plan(&b->down, p, batch, *h, *w, false);
+        *x = b->down.y;
+        return batch * *h * *w * b->down.C;
+    }
+    if (b->expand) {
+        unit_plan(&b->up, p, batch, *h, *w, false);
+        most = batch * *h * *w * b->up.C;
+    }
+    unit_plan(&b->dw, p, batch, *h, *w, false);
+    if (b->expand)
+        nn_plan_give(p, b->up.y);
+    *h = b->dw.h;
+    *w = b->dw.w;
+    n = batch * *h * *w * b->dw.C;
+    most = n > most ? n : most;
+    b->gated = b->dw.y;
+    if (b->se) {
+        squeeze_plan(&b->squeeze, p, batch, *h * *w);
+        if (nn_plan_backward(p))
+            b->gated = nn_plan_map_floats(p, n);
+    }
+    unit_plan(&b->down, p, batch, *h, *w, b->residual);
+    nn_plan_give(p, b->dw.y);
+    if (!nn_plan_backward(p) && b->residual)
+        b->down.y = in;
+    else
+        nn_plan_give(p, in);
+    *x = b->down.y;
+    return most;
+}
+
+int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
+                   size_t width, struct nn_options opt, struct error *err)
+{
+    struct mobilenet_impl *im = m->impl;
+    struct nn_plan *p = &im->plan;
+    if (opt.type != NN_F32)
+        return error_set(err, EX_CONFIG, "%s runs in f32 only", im->v->name);
+    nn_plan_release(p);
+    nn_plan_init(p, opt);
+    m->batch = batch;
+    m->height = height;
+    m->width = width;
+    unit_plan(&im->stem, p, batch, height, width, false);
+    size_t h = im->stem.h, w = im->stem.w, most = batch * h * w * 16;
+    float *x = im->stem.y;
+    for (size_t i = 0; i < im->blocks; i++) {
+        size_t n = block_plan(&im->block[i], p, batch, &h, &w, &x);
+        most = n > most ? n : most;
+    }
+    m->out_h = h;
+    m->out_w = w;
+    im->mean_part = nn_plan_floats(p, batch * NN_PARTS * m->features);
+    if (nn_plan_backward(p))
+        for (size_t i = 0; i < 3; i++)
+            im->grad[i] = nn_plan_floats(p, most);
+    if (nn_plan_finish(p, err))
+        return -1;
+    mobilenet_update(m);
+    return 0;
+}
+
+static void unit_update(struct unit *u, bool fold)
+{
+    if (u->depthwise)
+        depthwise_update(&u->dw, fold ? &u->bn : NULL);
+    else
+        conv_update(&u->conv, fold ? &u->bn : NULL);
+}
+
+void mobilenet_update(struct mobilenet *m)
+{
+    struct mobilenet_impl *im = m->impl;
+    bool fold = !nn_plan_backward(&im->plan);
+    unit_update(&im->stem, fold);
+    for (size_t i = 0; i < im->blocks; i++) {
+        struct block *b = &im->block[i];
+        if (b->expand)
+            unit_update(&b->up, fold);
+        if (!b->last)
+            unit_update(&b->dw, fold);
+        unit_update(&b->down, fold);
+    }
+}
+
+/* ---- one pass -------------------------------------------------------------
+ */
+
+/* Returns the unit's output; res (or NULL) is added to it. */
+static float *unit_forward(struct unit *u, const float *x, const float *res,
+                           bool train)
+{
+    float *z = train ? u->z : u->y;
+    if (u->depthwise)
+        depthwise_forward(z, x, &u->dw);
+    else
+        conv_forward(z, x, &u->conv);
+    if (train)
+        batch_norm_forward(u->y, z, res, &u->bn);
+    return u->y;
+}
+
+static const float *block_forward(struct block *b, const float *x, bool train)
+{
+    const float *in = x;
+    b->in = x;
+    if (b->last)
+        return unit_forward(&b->down, x, NULL, train);
+    if (b->expand)
+        x = unit_forward(&b->up, x, NULL, train);
+    x = unit_forward(&b->dw, x, NULL, train);
+    if (b->se) {
+        squeeze_forward(b->gated, x, &b->squeeze);
+        x = b->gated;
+    }
+    return unit_forward(&b->down, x, b->residual ? in : NULL, train);
+}
+
+void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m)
+{
+    struct mobilenet_impl *im = m->impl;
+    bool train = nn_plan_backward(&im->plan);
+    im->rgb = rgb;
+    const float *x = unit_forward(&im->stem, rgb, NULL, train);
+    for (size_t i = 0; i < im->blocks; i++)
+        x = block_forward(&im->block[i], x, train);
+    spatial_mean_forward(pooled, im->mean_part, x, m->batch,
+                         m->out_h * m->out_w, m->features);
+}
+
+/* dy is overwritten; dx (or NULL) is written. */
+static void unit_backward(float *dx, float *dy, const float *x, struct unit *u)
+{
+    batch_norm_backward(dy, dy, u->z, &u->bn);
+    if (u->depthwise)
+        depthwise_backward(dx, dy, x, &u->dw);
+    else
+        conv_backward(dx, dy, u->z, x, &u->conv);
+}
+
+/* g[0] holds the gradient of the block's output; on return, of its input.
+ * The three buffers change places. */
+static void block_backward(float *g[3], struct block *b)
+{
+    float *dy = g[0], *s = g[1], *t = g[2];
+    size_t n = b->down.C * b->down.h * b->down.w;
+    if (b->last) {
+        unit_backward(s, dy, b->in, &b->down);
+        g[0] = s;
+        g[1] = dy;
+        return;
+    }
+    if (b->residual) {            /* dy is needed again at the end */
+        n *= b->down.bn.rows / (b->down.h * b->down.w);
+        memcpy(t, dy, n * sizeof *t);
+        unit_backward(s, t, b->gated, &b->down);
+    } else {
+        unit_backward(s, dy, b->gated, &b->down);
+    }
+    if (b->se)
+        squeeze_backward(s, s, b->dw.y, &b->squeeze);
+    if (b->expand) {
+        unit_backward(t, s, b->up.y, &b->dw);
+        unit_backward(s, t, b->in, &b->up);
+    } else {
+        unit_backward(t, s, b->in, &b->dw);
+        float *swap = s;
+        s = t;
+        t = swap;
+    }
+    if (b->residual)
+        for (size_t i = 0; i < n; i++)
+            s[i] += dy[i];
+    g[0] = s;
+    g[1] = t;
+    g[2] = dy;
+}
+
+/* im->grad[0] holds the gradient of the last stage's map. */
+static void backward(float *drgb, struct mobilenet *m)
+{
+    struct mobilenet_impl *im = m->impl;
+    for (size_t i = im->blocks; i-- > 0;)
+        block_backward(im->grad, &im->block[i]);
+    unit_backward(drgb, im->grad[0], im->rgb, &im->stem);
+}
+
+void mobilenet_backward(float *drgb, const float *dpooled,
+                        struct mobilenet *m)
+{
+    spatial_mean_backward(m->impl->grad[0], dpooled, m->batch,
+                          m->out_h * m->out_w, m->features);
+    backward(drgb, m);
+}
+
+void mobilenet_backward_features(float *drgb, const float *dfeatures,
+                                 struct mobilenet *m)
+{
+    memcpy(m->impl->grad[0], dfeatures, m->batch * m->out_h * m->out_w *
+           m->features * sizeof *dfeatures);
+    backward(drgb, m);
+}
+
+const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
+                             int stage)
+{
+    const struct mobilenet_impl *im = m->impl;
+    const struct unit *u = &im->stem;
+    for (size_t i = 0; i < im->blocks; i++)
+        if (im->block[i].stage <= im->v->stage[stage])
+            u = &im->block[i].down;
+    shape[0] = m->batch;
+    shape[1] = u->h;
+    shape[2] = u->w;
+    shape[3] = u->C;
+    return u->y;
+}

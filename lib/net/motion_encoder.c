@@ -1,0 +1,125 @@
+#include "lib/net/motion_encoder.h"
+
+#include <string.h>
+
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+
+static const struct {
+    const char *name;
+    size_t at, n;
+} heads[6] = {
+    { "rot", MOTION_ROT, 6 },   { "trans", MOTION_TRANS, 3 },
+    { "exp", MOTION_EXP, 100 }, { "jaw", MOTION_JAW, 3 },
+    { "lid", MOTION_LID, 2 },   { "eye", MOTION_EYE, 6 }
+};
+
+int motion_encoder_init(struct motion_encoder *m, struct params *ps,
+                        const char *prefix, const char *variant,
+                        struct error *err)
+{
+    char name[120];
+    memset(m, 0, sizeof *m);
+    m->ps = ps;
+    nn_name(name, "%sencoder.", prefix);
+    if (mobilenet_init(&m->net, ps, name, variant, err))
+        return -1;
+    for (int i = 0; i < 6; i++) {
+        size_t dims[2] = { heads[i].n, m->net.features };
+        nn_name(name, "%s%s.weight", prefix, heads[i].name);
+        m->head_w[i] = params_add(ps, name, 2, dims, PARAM_HE, 0.1f);
+        nn_name(name, "%s%s.bias", prefix, heads[i].name);
+        m->head_b[i] = params_add(ps, name, 1, dims, PARAM_ZERO, 0.0f);
+    }
+    return 0;
+}
+
+void motion_encoder_start(struct motion_encoder *m)
+{
+    static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
+    float *b = param_w(m->ps, m->head_b[0]);
+    memcpy(b, rot, sizeof rot);
+    param_w(m->ps, m->head_b[1])[2] = 7.0f;
+    b = param_w(m->ps, m->head_b[4]);
+    b[0] = b[1] = -2.0f;          /* sigmoid 0.12 */
+}
+
+int motion_encoder_plan(struct motion_encoder *m, size_t batch,
+                        struct nn_options opt, struct error *err)
+{
+    size_t S = MOTION_ENCODER_SIZE;
+    nn_plan_release(&m->plan);
+    nn_plan_init(&m->plan, opt);
+    m->batch = batch;
+    m->pooled = nn_plan_floats(&m->plan, batch * m->net.features);
+    m->dpooled = nn_plan_floats(&m->plan, batch * m->net.features);
+    m->out = nn_plan_floats(&m->plan, batch * MOTION_OUT);
+    m->dout = nn_plan_floats(&m->plan, batch * MOTION_OUT);
+    if (nn_plan_finish(&m->plan, err))
+        return -1;
+    return mobilenet_plan(&m->net, batch, S, S, opt, err);
+}
+
+void motion_encoder_update(struct motion_encoder *m)
+{
+    mobilenet_update(&m->net);
+}
+
+void motion_encoder_release(struct motion_encoder *m)
+{
+    mobilenet_release(&m->net);
+    nn_plan_release(&m->plan);
+    memset(m, 0, sizeof *m);
+}
+
+void motion_encoder_forward(float *out, const float *rgb,
+                            struct motion_encoder *m)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t F = m->net.features;
+    mobilenet_forward(m->pooled, rgb, &m->net);
+    for (size_t n = 0; n < m->batch; n++) {
+        float *row = m->out + n * MOTION_OUT;
+        for (int i = 0; i < 6; i++)
+            k->gemv(row + heads[i].at, param_w(m->ps, m->head_w[i]),
+                    m->pooled + n * F, param_w(m->ps, m->head_b[i]),
+                    heads[i].n, F);
+        k->act_forward(row + MOTION_LID, row + MOTION_LID, ACT_SIGMOID, 2);
+    }
+    memcpy(out, m->out, m->batch * MOTION_OUT * sizeof *out);
+}
+
+/* In the forward pass, for each head: out = W pooled + b. */
+static void head_backward(struct motion_encoder *m, int i)
+{
+    size_t F = m->net.features;
+    const float *w = param_w(m->ps, m->head_w[i]);
+    float *dw = param_g(m->ps, m->head_w[i]);
+    float *db = param_g(m->ps, m->head_b[i]);
+    for (size_t n = 0; n < m->batch; n++)
+        for (size_t o = 0; o < heads[i].n; o++) {
+            float g = m->dout[n * MOTION_OUT + heads[i].at + o];
+            const float *x = m->pooled + n * F;
+            float *dx = m->dpooled + n * F;
+            db[o] += g;
+            for (size_t f = 0; f < F; f++) {
+                dw[o * F + f] += g * x[f];
+                dx[f] += g * w[o * F + f];
+            }
+        }
+}
+
+void motion_encoder_backward(float *drgb, const float *dout,
+                             struct motion_encoder *m)
+{
+    memcpy(m->dout, dout, m->batch * MOTION_OUT * sizeof *dout);
+    for (size_t n = 0; n < m->batch; n++) {
+        size_t at = n * MOTION_OUT + MOTION_LID;
+        act_backward_out(m->dout + at, m->dout + at, m->out + at, ACT_SIGMOID,
+                         2);
+    }
+    memset(m->dpooled, 0, m->batch * m->net.features * sizeof *m->dpooled);
+    for (int i = 0; i < 6; i++)
+        head_backward(m, i);
+    mobilenet_backward(drgb, m->dpooled, &m->net);
+}

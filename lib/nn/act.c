@@ -1,0 +1,102 @@
+#include "lib/nn/act.h"
+
+#include <math.h>
+
+#include "lib/nn/kernels.h"
+
+#define CHUNK 16384
+
+void act_forward(float *y, const float *x, enum nn_act act, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static) if (n > CHUNK)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->act_forward(y + i, x + i, (int)act, n - i < CHUNK ? n - i : CHUNK);
+}
+
+void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
+                  size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static) if (n > CHUNK)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->act_backward(dx + i, dy + i, x + i, (int)act,
+                        n - i < CHUNK ? n - i : CHUNK);
+}
+
+void act_backward_out(float *dx, const float *dy, const float *y,
+                      enum nn_act act, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static) if (n > CHUNK)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->act_backward_out(dx + i, dy + i, y + i, (int)act,
+                            n - i < CHUNK ? n - i : CHUNK);
+}
+
+void act_bias_backward(float *db, float *dout, float *part, const float *out,
+                       enum nn_act act, size_t rows, size_t C)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t parts = rows < 8 * NN_SUMS ? 1 : NN_SUMS;
+    if (!db && act == ACT_NONE)
+        return;
+#pragma omp parallel for schedule(static) if (parts > 1)
+    for (size_t i = 0; i < parts; i++) {
+        size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+        k->act_sums(part + i * C, dout + r0 * C, out ? out + r0 * C : dout,
+                    (int)act, r1 - r0, C);
+    }
+    if (!db)
+        return;
+    for (size_t i = 0; i < parts; i++)
+        for (size_t c = 0; c < C; c++)
+            db[c] += part[i * C + c];
+}
+
+double act_value(enum nn_act act, double x)
+{
+    double t = fmin(fmax(x + 3, 0), 6) / 6;
+    switch (act) {
+    case ACT_RELU:
+        return x > 0 ? x : 0;
+    case ACT_LRELU:
+        return x > 0 ? x : (double)ACT_SLOPE * x;
+    case ACT_HARDSWISH:
+        return x * t;
+    case ACT_HARDSIGMOID:
+        return t;
+    case ACT_SIGMOID:
+        return 1 / (1 + exp(-x));
+    case ACT_TANH:
+        return tanh(x);
+    case ACT_GELU:
+        return 0.5 * x * (1 + erf(x * sqrt(0.5)));
+    default:
+        return x;
+    }
+}
+
+double act_slope(enum nn_act act, double x)
+{
+    double y = act_value(act, x);
+    switch (act) {
+    case ACT_RELU:
+        return x > 0;
+    case ACT_LRELU:
+        return x > 0 ? 1 : (double)ACT_SLOPE;
+    case ACT_HARDSWISH:
+        return x <= -3 ? 0 : x < 3 ? (2 * x + 3) / 6 : 1;
+    case ACT_HARDSIGMOID:
+        return x > -3 && x < 3 ? 1.0 / 6 : 0;
+    case ACT_SIGMOID:
+        return y * (1 - y);
+    case ACT_TANH:
+        return 1 - y * y;
+    case ACT_GELU:
+        return 0.5 * (1 + erf(x * sqrt(0.5))) +
+               x * exp(-0.5 * x * x) * 0.39894228040143268;
+    default:
+        return 1;
+    }
+}

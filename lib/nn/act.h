@@ -1,0 +1,41 @@
+/* Activations, and what goes with them: bias gradients. */
+#ifndef SPID_NN_ACT_H
+#define SPID_NN_ACT_H
+
+#include "lib/nn/plan.h"
+
+enum nn_act {
+    ACT_NONE,
+    ACT_RELU,
+    ACT_LRELU,        /* slope 0.2 */
+    ACT_HARDSWISH,    /* x clamp(x+3,0,6)/6 */
+    ACT_HARDSIGMOID,  /* clamp(x+3,0,6)/6 */
+    ACT_SIGMOID,
+    ACT_TANH,
+    ACT_GELU          /* the exact, erf form */
+};
+
+#define ACT_SLOPE 0.2f
+
+/* y = act(x), n values; y may be x. */
+void act_forward(float *y, const float *x, enum nn_act act, size_t n);
+/* dx = dy act'(x); dx may be dy. */
+void act_backward(float *dx, const float *dy, const float *x, enum nn_act act,
+                  size_t n);
+/* The same from the output y instead of x: ACT_NONE, ACT_RELU, ACT_LRELU,
+ * ACT_SIGMOID and ACT_TANH only. */
+void act_backward_out(float *dx, const float *dy, const float *y,
+                      enum nn_act act, size_t n);
+
+/* db (C) += column sums of dz (rows,C), where dz = dout act'(.) is written
+ * over dout first (act as act_backward_out; out is not read for ACT_NONE).
+ * db may be NULL; part is scratch of NN_SUMS * C floats.  Fixed split: the
+ * same bits for any number of threads. */
+void act_bias_backward(float *db, float *dout, float *part, const float *out,
+                       enum nn_act act, size_t rows, size_t C);
+
+/* One value, in double: the reference of the tests. */
+double act_value(enum nn_act act, double x);
+double act_slope(enum nn_act act, double x);
+
+#endif

@@ -1,0 +1,69 @@
+/* Convolutions and linear layers through oneDNN (and Winograd of our own
+ * where the table says so); activations are NHWC. */
+#ifndef SPID_NN_CONV_H
+#define SPID_NN_CONV_H
+
+#include "lib/nn/act.h"
+#include "lib/nn/norm.h"
+#include "lib/nn/params.h"
+#include "lib/nn/plan.h"
+
+#define NN_NONE ((size_t)-1)
+
+enum conv_pad {
+    CONV_HALF,     /* kernel/2 on every side */
+    CONV_SAME      /* TensorFlow's: the odd one goes right and down */
+};
+
+struct conv_impl;
+
+struct conv {
+    /* as declared */
+    struct params *ps;
+    size_t weight, bias;          /* tensors in ps; bias may be NN_NONE */
+    size_t in, out, kernel, stride;
+    enum conv_pad pad;
+    /* set between _init and _plan */
+    enum nn_act act;              /* applied to the output; plans with a
+                                   * backward: NONE, RELU, LRELU */
+    bool add;                     /* forward adds to what out holds (before
+                                   * act); its backward passes dout on */
+    bool no_din;                  /* nobody asks for din */
+    bool out_f32;                 /* a bf16 plan's last layer gives floats */
+    size_t in_data;               /* channels in memory if more than `in`
+                                   * (the rest is zero), else 0 */
+    /* as planned */
+    size_t batch, h, w, oh, ow;
+    struct nn_plan *plan;
+    struct conv_impl *impl;
+};
+
+/* Declare "<name>.weight" (out,in,k,k) and, with bias, "<name>.bias". */
+void conv_init(struct conv *c, struct params *ps, const char *name, size_t in,
+               size_t out, size_t kernel, size_t stride, bool bias);
+/* The same as a linear layer: the weight is (out,in), kernel 1; plan it with
+ * h = rows, w = 1. */
+void linear_init(struct conv *c, struct params *ps, const char *name,
+                 size_t in, size_t out, bool bias);
+void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
+               size_t w);
+void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);
+/* Weights changed.  bn (or NULL) is folded in. */
+void conv_update(struct conv *c, const struct batch_norm *bn);
+void conv_release(struct conv *c);
+
+/* out (B,oh,ow,out) = act(conv(in (B,h,w,in))), plan's type. */
+void conv_forward(void *out, const void *in, struct conv *c);
+/* din (B,h,w,in) is written unless NULL; weight and bias gradients are added
+ * to ps->g; dout is overwritten by the gradient before the activation. */
+void conv_backward(float *din, float *dout, const float *out, const float *in,
+                   struct conv *c);
+
+/* Name of oneDNN's implementation of the forward, for benches. */
+const char *conv_kernel(const struct conv *c);
+
+/* buf <- formatted name. */
+const char *nn_name(char buf[120], const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+
+#endif

@@ -1,0 +1,125 @@
+#include "lib/nn/depthwise.h"
+
+#include <assert.h>
+#include <math.h>
+#include <omp.h>
+#include <string.h>
+
+#include "lib/nn/kernels.h"
+
+void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
+                    size_t channels, size_t kernel, size_t stride)
+{
+    char buf[120];
+    size_t dims[4] = { channels, 1, kernel, kernel };
+    assert((kernel == 3 || kernel == 5) && (stride == 1 || stride == 2));
+    *d = (struct depthwise){ .ps = ps, .channels = channels,
+                             .kernel = kernel, .stride = stride };
+    d->weight = params_add(ps, nn_name(buf, "%s.weight", name), 4, dims,
+                           PARAM_HE, 1.0f);
+}
+
+static size_t out_size(size_t *before, size_t size, const struct depthwise *d)
+{
+    size_t out = (size + d->stride - 1) / d->stride;
+    size_t need = (out - 1) * d->stride + d->kernel;
+    size_t total = need > size ? need - size : 0;
+    *before = d->pad == CONV_SAME ? total / 2 : d->kernel / 2;
+    return out;
+}
+
+void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
+                    size_t h, size_t w)
+{
+    size_t C = d->channels, K = d->kernel, S = d->stride;
+    size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS;
+    d->plan = p;
+    d->batch = batch;
+    d->h = h;
+    d->w = w;
+    d->oh = out_size(&d->top, h, d);
+    d->ow = out_size(&d->left, w, d);
+    d->taps = nn_plan_floats(p, K * K * C);
+    d->bias = nn_plan_floats(p, C);
+    size_t wide = (d->ow + T) * S + w + T + 2 * K;
+    size_t piece = ((R - 1) * S + K) * wide + (R + K) * (w + T + 2 * K);
+    d->pad_size = (piece + R * wide) * DEPTHWISE_LANES;
+    nn_plan_scratch(p, d->pad_size * sizeof(float) *
+                           (size_t)omp_get_max_threads());
+    if (!nn_plan_backward(p))
+        return;
+    d->flipped = nn_plan_floats(p, K * K * C);
+    d->dw = nn_plan_floats(p, batch * K * K * C);
+}
+
+void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
+{
+    const struct params *ps = d->ps;
+    const float *w = param_w(ps, d->weight);
+    size_t C = d->channels, taps = d->kernel * d->kernel;
+    for (size_t c = 0; c < C; c++) {
+        float scale = 1.0f, bias = 0.0f;
+        if (bn) {
+            scale = param_w(ps, bn->weight)[c] /
+                    sqrtf(param_w(ps, bn->var)[c] + bn->eps);
+            bias = param_w(ps, bn->bias)[c] -
+                   param_w(ps, bn->mean)[c] * scale;
+        }
+        d->bias[c] = bias;
+        for (size_t i = 0; i < taps; i++) {
+            d->taps[i * C + c] = w[c * taps + i] * scale;
+            if (d->flipped)
+                d->flipped[(taps - 1 - i) * C + c] = w[c * taps + i] * scale;
+        }
+    }
+}
+
+static float *thread_pad(const struct depthwise *d)
+{
+    return (float *)(void *)d->plan->scratch +
+           (size_t)omp_get_thread_num() * d->pad_size;
+}
+
+void depthwise_forward(void *out, const void *in, struct depthwise *d)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;
+    size_t blocks = (d->channels + L - 1) / L, bands = (d->oh + R - 1) / R;
+#pragma omp parallel for collapse(3) schedule(static)
+    for (size_t n = 0; n < d->batch; n++)
+        for (size_t b = 0; b < bands; b++)
+            for (size_t c = 0; c < blocks; c++)
+                k->depthwise_forward(out, in, thread_pad(d), d, n, c * L,
+                                     b * R,
+                                     b + 1 < bands ? (b + 1) * R : d->oh);
+}
+
+/* In the forward pass this was, per channel, with S the stride:
+ *   out[y][x] = sum_{ky,kx} taps[ky][kx] in[y S + ky - top][x S + kx - left] */
+void depthwise_backward(float *din, const float *dout, const float *in,
+                        struct depthwise *d)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES, C = d->channels;
+    size_t blocks = (C + L - 1) / L, bands = (d->h + R - 1) / R;
+    size_t taps = d->kernel * d->kernel;
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t n = 0; n < d->batch; n++)
+        for (size_t c = 0; c < blocks; c++)
+            k->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
+                                          thread_pad(d), d, n, c * L);
+    float *g = param_g(d->ps, d->weight);
+    for (size_t n = 0; n < d->batch; n++)
+        for (size_t i = 0; i < taps; i++)
+            for (size_t c = 0; c < C; c++)
+                g[c * taps + i] += d->dw[(n * taps + i) * C + c];
+    if (!din)
+        return;
+#pragma omp parallel for collapse(3) schedule(static)
+    for (size_t n = 0; n < d->batch; n++)
+        for (size_t b = 0; b < bands; b++)
+            for (size_t c = 0; c < blocks; c++)
+                k->depthwise_backward_data(
+                    din, dout, thread_pad(d), d, n, c * L, b * R,
+                    b + 1 < bands ? (b + 1) * R : d->h);
+}

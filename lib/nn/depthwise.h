@@ -1,0 +1,45 @@
+/* Depthwise convolutions, 3x3 and 5x5, stride 1 and 2, NHWC: kernels of our
+ * own, because oneDNN's weight gradients are slow (performance.md). */
+#ifndef SPID_NN_DEPTHWISE_H
+#define SPID_NN_DEPTHWISE_H
+
+#include "lib/nn/conv.h"
+
+/* Channels the kernels handle at once, whatever the vector length. */
+#define DEPTHWISE_LANES 16
+/* Output columns computed together. */
+#define DEPTHWISE_COLUMNS 7
+/* Rows of the output to a piece of work. */
+#define DEPTHWISE_ROWS 14
+
+struct depthwise {
+    struct params *ps;
+    size_t weight;                /* (C,1,k,k) in ps */
+    size_t channels, kernel, stride;
+    enum conv_pad pad;
+    enum nn_act act;              /* of NN_INFER plans, with the folded norm */
+    /* as planned */
+    size_t batch, h, w, oh, ow;
+    size_t top, left;
+    struct nn_plan *plan;
+    float *taps, *flipped;        /* (k*k,C) */
+    float *bias;                  /* (C) */
+    float *pads;                  /* per thread: a padded piece of 16 channels */
+    size_t pad_size;              /* floats of one */
+    float *dw;                    /* (batch,k*k,C) */
+};
+
+void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
+                    size_t channels, size_t kernel, size_t stride);
+void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
+                    size_t h, size_t w);
+/* Weights changed; bn (or NULL) is folded in. */
+void depthwise_update(struct depthwise *d, const struct batch_norm *bn);
+
+/* out (B,oh,ow,C) from in (B,h,w,C), of the plan's type. */
+void depthwise_forward(void *out, const void *in, struct depthwise *d);
+/* din is written; the weights' gradient is added to ps->g. */
+void depthwise_backward(float *din, const float *dout, const float *in,
+                        struct depthwise *d);
+
+#endif

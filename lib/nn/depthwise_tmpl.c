@@ -1,0 +1,271 @@
+/* Depthwise convolution of 16 channels at a time.  The input piece is first
+ * copied into a padded buffer (row, column, 16 lanes), so that the arithmetic
+ * has no borders: seven output columns of sixteen channels in registers. */
+#include "lib/nn/depthwise.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/math.h"
+#include "lib/nn/vector.h"
+
+#define T DEPTHWISE_COLUMNS
+#define LANES DEPTHWISE_LANES
+
+/* A picture (h,w,C) whose channels [c0,c0+m) are read. */
+struct source {
+    const void *data;
+    bool bf16;
+    size_t h, w, C, c0, m;
+};
+
+/* One row of the picture into to (w, 16 lanes), step lanes apart. */
+V16_INLINE void copy_row(float *to, size_t step, const struct source *s,
+                         size_t y)
+{
+    size_t at = y * s->w * s->C + s->c0;
+    if (s->bf16) {
+        const uint16_t *p = (const uint16_t *)s->data + at;
+        for (size_t x = 0; x < s->w; x++, p += s->C, to += step) {
+            uint16_t lane[LANES] = { 0 };
+            memcpy(lane, p, s->m * sizeof *p);
+            v16_store(to, v16_load_bf16(lane));
+        }
+        return;
+    }
+    const float *p = (const float *)s->data + at;
+    if (s->m == LANES)
+        for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
+            v16_store(to, v16_load(p));
+    else if (s->m == LANES / 2)
+        for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
+            memcpy(to, p, LANES / 2 * sizeof *p);
+    else
+        for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
+            memcpy(to, p, s->m * sizeof *p);
+}
+
+/* pad (rows,cols,16) <- the picture from row y0 and column x0 on (either may
+ * be negative), its pixels `dilate` apart, zeros elsewhere. */
+static void fill(float *pad, const struct source *s, ptrdiff_t y0,
+                 size_t rows, ptrdiff_t x0, size_t cols, size_t dilate)
+{
+    ptrdiff_t d = (ptrdiff_t)dilate;
+    for (size_t r = 0; r < rows; r++) {
+        ptrdiff_t y = y0 + (ptrdiff_t)r;
+        float *row = pad + r * cols * LANES;
+        bool inside = y >= 0 && y % d == 0 && y / d < (ptrdiff_t)s->h;
+        size_t left = (size_t)-x0, used = (s->w - 1) * dilate + 1;
+        if (!inside || dilate > 1) {
+            memset(row, 0, cols * LANES * sizeof *row);
+        } else {
+            memset(row, 0, left * LANES * sizeof *row);
+            if (left + used < cols)
+                memset(row + (left + used) * LANES, 0,
+                       (cols - left - used) * LANES * sizeof *row);
+        }
+        if (inside)
+            copy_row(row + left * LANES, dilate * LANES, s, (size_t)(y / d));
+    }
+}
+
+/* seven columns of one row: acc = bias + sum of taps */
+V16_INLINE void seven(v16 acc[T], const float *pad, const float *taps,
+                      size_t C, v16 bias, size_t cols, int K, int S)
+{
+    for (int t = 0; t < T; t++)
+        acc[t] = bias;
+    for (int ky = 0; ky < K; ky++)
+        for (int kx = 0; kx < K; kx++) {
+            v16 w = v16_load(taps + (size_t)(ky * K + kx) * C);
+            const float *p = pad + ((size_t)ky * cols + (size_t)kx) * LANES;
+            for (int t = 0; t < T; t++)
+                acc[t] += w * v16_load(p + t * S * LANES);
+        }
+}
+
+/* Where results go: (ow,C) rows, channels [c0,c0+m). */
+struct target {
+    void *data;
+    bool bf16;
+    size_t w, C, c0, m;
+};
+
+V16_INLINE void put(const struct target *o, size_t y, size_t x, v16 v, int act)
+{
+    float lane[LANES];
+    size_t at = (y * o->w + x) * o->C + o->c0;
+    v16_store(lane, v);
+    if (act != ACT_NONE)
+        for (int i = 0; i < LANES; i++)
+            lane[i] = math_act(lane[i], act);
+    if (o->bf16) {
+        uint16_t half[LANES];
+        v16_store_bf16(half, v16_load(lane));
+        memcpy((uint16_t *)o->data + at, half, o->m * sizeof *half);
+    } else if (o->m == LANES) {
+        v16_store((float *)o->data + at, v16_load(lane));
+    } else if (o->m == LANES / 2) {
+        memcpy((float *)o->data + at, lane, LANES / 2 * sizeof *lane);
+    } else {
+        memcpy((float *)o->data + at, lane, o->m * sizeof *lane);
+    }
+}
+
+/* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
+ * taps (K*K, 16 used of C); bias 16 lanes. */
+V16_INLINE void rows_of(const struct target *o, const float *pad,
+                        const float *taps, size_t C, const float *bias,
+                        size_t y0, size_t y1, size_t cols, int K, int S,
+                        int act)
+{
+    v16 acc[T], b = v16_load(bias);
+    for (size_t y = y0; y < y1; y++)
+        for (size_t x = 0; x < o->w; x += T) {
+            seven(acc, pad + ((y - y0) * cols + x) * (size_t)S * LANES, taps,
+                  C, b, cols, K, S);
+            size_t n = o->w - x < T ? o->w - x : T;
+            for (size_t t = 0; t < T; t++)
+                if (t < n)
+                    put(o, y, x + t, acc[t], act);
+        }
+}
+
+static void rows_any(const struct target *o, const float *pad,
+                     const float *taps, size_t C, const float *bias,
+                     size_t y0, size_t y1, size_t cols, size_t K, size_t S,
+                     int act)
+{
+#define LOOP(A)                                                              \
+    if (K == 3 && S == 1)                                                    \
+        rows_of(o, pad, taps, C, bias, y0, y1, cols, 3, 1, A);               \
+    else if (K == 3)                                                         \
+        rows_of(o, pad, taps, C, bias, y0, y1, cols, 3, 2, A);               \
+    else if (S == 1)                                                         \
+        rows_of(o, pad, taps, C, bias, y0, y1, cols, 5, 1, A);               \
+    else                                                                     \
+        rows_of(o, pad, taps, C, bias, y0, y1, cols, 5, 2, A);
+    switch (act) {
+    case ACT_RELU: LOOP(ACT_RELU) break;
+    case ACT_HARDSWISH: LOOP(ACT_HARDSWISH) break;
+    default: LOOP(ACT_NONE) break;
+    }
+#undef LOOP
+}
+
+/* The taps of 16 channels, zeros beyond the last channel. */
+static void sixteen(float *to, const float *taps, const struct depthwise *d,
+                    size_t c0, size_t m)
+{
+    size_t n = d->kernel * d->kernel;
+    memset(to, 0, n * LANES * sizeof *to);
+    for (size_t i = 0; i < n; i++)
+        memcpy(to + i * LANES, taps + i * d->channels + c0, m * sizeof *to);
+}
+
+static size_t columns(size_t w, size_t S, size_t K)
+{
+    return ((w + T - 1) / T * T - 1) * S + K;
+}
+
+/* Rows [y0,y1) of channels c0.. of one image; pad is the thread's buffer. */
+void ISA(depthwise_forward)(void *out, const void *in, float *pad,
+                            const struct depthwise *d, size_t image,
+                            size_t c0, size_t y0, size_t y1)
+{
+    size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
+    bool bf16 = d->plan->opt.type == NN_BF16;
+    size_t size = bf16 ? 2 : 4;
+    float taps[25 * LANES], bias[LANES] = { 0 };
+    struct source s = {
+        (const char *)in + image * d->h * d->w * C * size, bf16, d->h, d->w,
+        C, c0, m
+    };
+    struct target o = {
+        (char *)out + image * d->oh * d->ow * C * size, bf16, d->ow, C, c0, m
+    };
+    size_t cols = columns(d->ow, d->stride, d->kernel);
+    sixteen(taps, d->taps, d, c0, m);
+    memcpy(bias, d->bias + c0, m * sizeof *bias);
+    fill(pad, &s, (ptrdiff_t)(y0 * d->stride) - (ptrdiff_t)d->top,
+         (y1 - y0 - 1) * d->stride + d->kernel, -(ptrdiff_t)d->left, cols, 1);
+    rows_any(&o, pad, taps, LANES, bias, y0, y1, cols, d->kernel, d->stride,
+             (int)d->act);
+}
+
+/* Rows [y0,y1) of din: a convolution of the dilated dout, taps flipped. */
+void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
+                                  const struct depthwise *d, size_t image,
+                                  size_t c0, size_t y0, size_t y1)
+{
+    size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
+    float taps[25 * LANES], zero[LANES] = { 0 };
+    struct source s = { dout + image * d->oh * d->ow * C, false, d->oh, d->ow,
+                        C, c0, m };
+    struct target o = { din + image * d->h * d->w * C, false, d->w, C, c0, m };
+    size_t cols = columns(d->w, 1, d->kernel), K = d->kernel;
+    size_t used = K - 1 - d->left + (d->ow - 1) * d->stride + 1;
+    if (cols < used)
+        cols = used;
+    sixteen(taps, d->flipped, d, c0, m);
+    fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1), y1 - y0 + K - 1,
+         (ptrdiff_t)d->left - (ptrdiff_t)(K - 1), cols, d->stride);
+    rows_any(&o, pad, taps, LANES, zero, y0, y1, cols, K, 1, ACT_NONE);
+}
+
+/* acc[K] += one row of dout times the K shifted rows of the input */
+V16_INLINE void row_taps(v16 *acc, const float *pad, const float *g, size_t w,
+                         int K, int S)
+{
+    for (size_t x = 0; x < w; x++) {
+        v16 dy = v16_load(g + x * LANES);
+        const float *p = pad + x * (size_t)S * LANES;
+        for (int k = 0; k < K; k++)
+            acc[k] += dy * v16_load(p + k * LANES);
+    }
+}
+
+V16_INLINE void weights_of(float *sum, const float *pad, const float *g,
+                           size_t rows, size_t w, size_t cols, int K, int S)
+{
+    for (int ky = 0; ky < K; ky++) {
+        v16 acc[5];
+        for (int k = 0; k < K; k++)
+            acc[k] = v16_load(sum + (ky * K + k) * LANES);
+        for (size_t y = 0; y < rows; y++)
+            row_taps(acc, pad + (y * (size_t)S + (size_t)ky) * cols * LANES,
+                     g + y * w * LANES, w, K, S);
+        for (int k = 0; k < K; k++)
+            v16_store(sum + (ky * K + k) * LANES, acc[k]);
+    }
+}
+
+/* dw (k*k,C), channels c0..: one image's share of the weight gradient. */
+void ISA(depthwise_backward_weights)(float *dw, const float *dout,
+                                     const float *in, float *pad,
+                                     const struct depthwise *d, size_t image,
+                                     size_t c0)
+{
+    size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
+    size_t K = d->kernel, S = d->stride, cols = columns(d->ow, S, K);
+    float sum[25 * LANES] = { 0 };
+    struct source s = { in + image * d->h * d->w * C, false, d->h, d->w, C,
+                        c0, m };
+    struct source g = { dout + image * d->oh * d->ow * C, false, d->oh, d->ow,
+                        C, c0, m };
+    float *rows = pad + ((DEPTHWISE_ROWS - 1) * S + K) * cols * LANES;
+    for (size_t y0 = 0; y0 < d->oh; y0 += DEPTHWISE_ROWS) {
+        size_t n = d->oh - y0 < DEPTHWISE_ROWS ? d->oh - y0 : DEPTHWISE_ROWS;
+        fill(pad, &s, (ptrdiff_t)(y0 * S) - (ptrdiff_t)d->top,
+             (n - 1) * S + K, -(ptrdiff_t)d->left, cols, 1);
+        for (size_t y = 0; y < n; y++)
+            copy_row(rows + y * d->ow * LANES, LANES, &g, y0 + y);
+        if (K == 3 && S == 1)
+            weights_of(sum, pad, rows, n, d->ow, cols, 3, 1);
+        else if (K == 3)
+            weights_of(sum, pad, rows, n, d->ow, cols, 3, 2);
+        else if (S == 1)
+            weights_of(sum, pad, rows, n, d->ow, cols, 5, 1);
+        else
+            weights_of(sum, pad, rows, n, d->ow, cols, 5, 2);
+    }
+    for (size_t i = 0; i < K * K; i++)
+        memcpy(dw + i * C + c0, sum + i * LANES, m * sizeof *dw);
+}

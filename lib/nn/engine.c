@@ -1,0 +1,112 @@
+#include "lib/nn/engine.h"
+
+#include <assert.h>
+#include <pthread.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/isa.h"
+
+static pthread_once_t once = PTHREAD_ONCE_INIT;
+static dnnl_engine_t engine;
+static dnnl_stream_t stream;
+
+/* oneDNN obeys $SPID_CPU too. */
+static void start(void)
+{
+#ifdef SPID_X86
+    if (cpu_level() < CPU_AVX512)
+        dnnl_set_max_cpu_isa(cpu_level() == CPU_AVX2 ? dnnl_cpu_isa_avx2
+                                                     : dnnl_cpu_isa_sse41);
+#endif
+    if (dnnl_engine_create(&engine, dnnl_cpu, 0) != dnnl_success) {
+        engine = NULL;
+        return;
+    }
+    if (dnnl_stream_create(&stream, engine, dnnl_stream_default_flags) !=
+        dnnl_success)
+        engine = NULL;
+}
+
+dnnl_engine_t nn_engine(void)
+{
+    pthread_once(&once, start);
+    return engine;
+}
+
+bool nn_type_native(enum nn_type type)
+{
+    if (type == NN_F32)
+        return true;
+    dnnl_cpu_isa_t isa = dnnl_get_effective_cpu_isa();
+    return isa == dnnl_cpu_isa_avx512_core_bf16 ||
+           isa == dnnl_cpu_isa_avx512_core_amx;
+}
+
+void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,
+                  struct nn_plan *p)
+{
+    memset(c, 0, sizeof *c);
+    if (p->err.code)
+        return;
+    if (dnnl_primitive_create(&c->prim, pd) != dnnl_success)
+        nn_plan_fail(p, EX_OSERR, "oneDNN could not make a primitive");
+}
+
+void nn_call_share(struct nn_call *c, const struct nn_call *from)
+{
+    memset(c, 0, sizeof *c);
+    c->prim = from->prim;
+    c->shared = true;
+}
+
+void nn_call_release(struct nn_call *c)
+{
+    for (int i = 0; i < c->count; i++)
+        dnnl_memory_destroy(c->arg[i].memory);
+    if (c->prim && !c->shared)
+        dnnl_primitive_destroy(c->prim);
+    memset(c, 0, sizeof *c);
+}
+
+int nn_call_arg(struct nn_call *c, int id, const dnnl_memory_desc_t *md,
+                struct nn_plan *p)
+{
+    if (p->err.code)
+        return 0;
+    assert(c->count < NN_ARGS);
+    c->arg[c->count].arg = id;
+    if (dnnl_memory_create(&c->arg[c->count].memory, md, nn_engine(),
+                           DNNL_MEMORY_NONE) != dnnl_success) {
+        nn_plan_fail(p, EX_OSERR, "oneDNN could not describe an argument");
+        return 0;
+    }
+    return c->count++;
+}
+
+size_t nn_call_scratch(struct nn_call *c, const_dnnl_primitive_desc_t pd,
+                       struct nn_plan *p)
+{
+    const dnnl_memory_desc_t *md =
+        dnnl_primitive_desc_query_md(pd, dnnl_query_scratchpad_md, 0);
+    size_t size = md ? dnnl_memory_desc_get_size(md) : 0;
+    nn_call_arg(c, DNNL_ARG_SCRATCHPAD, md, p);
+    return size;
+}
+
+void nn_call_set(struct nn_call *c, int i, const void *data)
+{
+    if (c->data[i] == data)
+        return;
+    c->data[i] = (void *)data;
+    dnnl_memory_set_data_handle(c->arg[i].memory, (void *)data);
+}
+
+void nn_call_run(struct nn_call *c)
+{
+    dnnl_status_t status =
+        dnnl_primitive_execute(c->prim, stream, c->count, c->arg);
+    assert(status == dnnl_success);
+    (void)status;
+}

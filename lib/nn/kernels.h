@@ -1,0 +1,76 @@
+/* The kernels of lib/nn that are compiled once per instruction set, as one
+ * table filled at first use.  Private to lib/nn; each is described where it
+ * is written (*_tmpl.c). */
+#ifndef SPID_NN_KERNELS_H
+#define SPID_NN_KERNELS_H
+
+#include <stddef.h>
+
+#include "lib/base/isa.h"
+
+struct depthwise;
+
+/* Result type, name, arguments. */
+#define NN_KERNELS(X)                                                        \
+    X(void, act_forward, (float *y, const float *x, int act, size_t n))      \
+    X(void, act_backward, (float *dx, const float *dy, const float *x,       \
+                           int act, size_t n))                               \
+    X(void, act_backward_out, (float *dx, const float *dy, const float *y,   \
+                               int act, size_t n))                           \
+    X(void, act_sums, (float *sum, float *dout, const float *out, int act,   \
+                       size_t rows, size_t C))                               \
+    X(void, norm_sums, (float *sum, const float *x, const float *shift,      \
+                        size_t rows, size_t C))                              \
+    X(void, norm_apply, (float *y, const float *x, const float *res,         \
+                         const float *scale, const float *shift, int act,    \
+                         size_t period, size_t n))                           \
+    X(void, norm_backward_sums, (float *sum, float *dz, const float *dy,     \
+                                 const float *x, const float *scale,         \
+                                 const float *shift, const float *mean,      \
+                                 int act, size_t rows, size_t C))            \
+    X(void, norm_backward_apply, (float *dx, const float *dz,                \
+                                  const float *x, const float *abcm,         \
+                                  size_t period, size_t n))                  \
+    X(void, layer_norm_forward, (float *y, float *mean, float *rstd,         \
+                                 const float *x, const float *w,             \
+                                 const float *b, float eps, size_t rows,     \
+                                 size_t C))                                  \
+    X(void, layer_norm_backward, (float *dx, float *sum, const float *dy,    \
+                                  const float *x, const float *mean,         \
+                                  const float *rstd, const float *w,         \
+                                  size_t rows, size_t C))                    \
+    X(void, depthwise_forward, (void *out, const void *in, float *pad,       \
+                                const struct depthwise *d, size_t image,     \
+                                size_t c0, size_t y0, size_t y1))            \
+    X(void, depthwise_backward_data, (float *din, const float *dout,         \
+                                      float *pad, const struct depthwise *d, \
+                                      size_t image, size_t c0, size_t y0,    \
+                                      size_t y1))                            \
+    X(void, depthwise_backward_weights, (float *dw, const float *dout,       \
+                                         const float *in, float *pad,        \
+                                         const struct depthwise *d,          \
+                                         size_t image, size_t c0))           \
+    X(void, gemv, (float *y, const float *w, const float *x, const float *b, \
+                   size_t out, size_t in))                                   \
+    X(void, channel_scale, (float *y, const float *x, const float *gate,     \
+                            const float *add, size_t rows, size_t C))        \
+    X(void, channel_dot, (float *sum, const float *a, const float *b,        \
+                          size_t rows, size_t C))
+
+struct nn_kernels {
+#define X(type, name, args) type (*name) args;
+    NN_KERNELS(X)
+#undef X
+    size_t lanes;        /* floats in a vector */
+};
+
+const struct nn_kernels *nn_kernels(void);
+
+#define X(type, name, args)                                                  \
+    type name##_baseline args;                                               \
+    type name##_avx2 args;                                                   \
+    type name##_avx512 args;
+NN_KERNELS(X)
+#undef X
+
+#endif

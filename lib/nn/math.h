@@ -1,0 +1,131 @@
+/* Elementary functions as plain arithmetic, so that loops over them become
+ * vector code.  Private to lib/nn's kernels. */
+#ifndef SPID_NN_MATH_H
+#define SPID_NN_MATH_H
+
+#include <math.h>
+#include <stdint.h>
+#include <string.h>
+
+#include "lib/nn/act.h"
+
+/* e^x to 2 units in the last place; saturates at +-87. */
+static inline float math_exp(float x)
+{
+    x = x < -87.0f ? -87.0f : x;
+    x = x > 87.0f ? 87.0f : x;
+    /* 1.5 * 2^23: adding it rounds to an integer */
+    float magic = 12582912.0f;
+    float n = (x * 1.44269504f + magic) - magic;
+    float r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
+    float p = 1.9875691500e-4f;
+    p = p * r + 1.3981999507e-3f;
+    p = p * r + 8.3334519073e-3f;
+    p = p * r + 4.1665795894e-2f;
+    p = p * r + 1.6666665459e-1f;
+    p = p * r + 5.0000001201e-1f;
+    p = p * r * r + r + 1.0f;
+    union { int32_t i; float f; } s = { ((int32_t)n + 127) << 23 };
+    return p * s.f;
+}
+
+static inline float math_sigmoid(float x)
+{
+    return 1.0f / (1.0f + math_exp(-x));
+}
+
+static inline float math_tanh(float x)
+{
+    return 1.0f - 2.0f / (1.0f + math_exp(2.0f * x));
+}
+
+/* act(x); act is a constant where this is inlined. */
+static inline __attribute__((always_inline)) float math_act(float x, int act)
+{
+    switch (act) {
+    case ACT_RELU:
+        return x > 0.0f ? x : 0.0f;
+    case ACT_LRELU:
+        return x > 0.0f ? x : ACT_SLOPE * x;
+    case ACT_HARDSWISH:
+    case ACT_HARDSIGMOID: {
+        float t = x + 3.0f;
+        t = t < 0.0f ? 0.0f : t;
+        t = t > 6.0f ? 6.0f : t;
+        return act == ACT_HARDSWISH ? x * t * (1.0f / 6) : t * (1.0f / 6);
+    }
+    case ACT_SIGMOID:
+        return math_sigmoid(x);
+    case ACT_TANH:
+        return math_tanh(x);
+    case ACT_GELU:
+        return 0.5f * x * (1.0f + erff(x * 0.70710678f));
+    default:
+        return x;
+    }
+}
+
+/* act'(x) */
+static inline __attribute__((always_inline)) float math_slope(float x, int act)
+{
+    switch (act) {
+    case ACT_RELU:
+        return x > 0.0f ? 1.0f : 0.0f;
+    case ACT_LRELU:
+        return x > 0.0f ? 1.0f : ACT_SLOPE;
+    case ACT_HARDSWISH: {
+        float in = x > -3.0f ? (2.0f * x + 3.0f) * (1.0f / 6) : 0.0f;
+        return x < 3.0f ? in : 1.0f;
+    }
+    case ACT_HARDSIGMOID: {
+        float in = x > -3.0f ? 1.0f / 6 : 0.0f;
+        return x < 3.0f ? in : 0.0f;
+    }
+    case ACT_SIGMOID: {
+        float y = math_sigmoid(x);
+        return y * (1.0f - y);
+    }
+    case ACT_TANH: {
+        float y = math_tanh(x);
+        return 1.0f - y * y;
+    }
+    case ACT_GELU:
+        return 0.5f * (1.0f + erff(x * 0.70710678f)) +
+               x * 0.39894228f * math_exp(-0.5f * x * x);
+    default:
+        return 1.0f;
+    }
+}
+
+/* act' from the output y */
+static inline __attribute__((always_inline)) float math_slope_out(float y,
+                                                                  int act)
+{
+    switch (act) {
+    case ACT_RELU:
+        return y > 0.0f ? 1.0f : 0.0f;
+    case ACT_LRELU:
+        return y > 0.0f ? 1.0f : ACT_SLOPE;
+    case ACT_SIGMOID:
+        return y * (1.0f - y);
+    case ACT_TANH:
+        return 1.0f - y * y;
+    default:
+        return 1.0f;
+    }
+}
+
+/* switch (act) outside a loop, the activation a constant inside it */
+#define MATH_FOR_ACT(act, LOOP)                                              \
+    switch (act) {                                                           \
+    case ACT_NONE: LOOP(ACT_NONE) break;                                     \
+    case ACT_RELU: LOOP(ACT_RELU) break;                                     \
+    case ACT_LRELU: LOOP(ACT_LRELU) break;                                   \
+    case ACT_HARDSWISH: LOOP(ACT_HARDSWISH) break;                           \
+    case ACT_HARDSIGMOID: LOOP(ACT_HARDSIGMOID) break;                       \
+    case ACT_SIGMOID: LOOP(ACT_SIGMOID) break;                               \
+    case ACT_TANH: LOOP(ACT_TANH) break;                                     \
+    case ACT_GELU: LOOP(ACT_GELU) break;                                     \
+    }
+
+#endif

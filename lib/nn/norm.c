@@ -1,0 +1,201 @@
+#include "lib/nn/norm.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+
+#define PERIOD 128
+#define MOMENTUM 0.1f
+
+void batch_norm_init(struct batch_norm *n, struct params *ps,
+                     const char *name, size_t channels, float eps)
+{
+    char buf[120];
+    memset(n, 0, sizeof *n);
+    n->ps = ps;
+    n->channels = channels;
+    n->eps = eps;
+    n->weight = params_add(ps, nn_name(buf, "%s.weight", name), 1, &channels,
+                           PARAM_ONE, 1.0f);
+    n->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &channels,
+                         PARAM_ZERO, 0.0f);
+    n->mean = params_add(ps, nn_name(buf, "%s.running_mean", name), 1,
+                         &channels, PARAM_ZERO, 0.0f);
+    n->var = params_add(ps, nn_name(buf, "%s.running_var", name), 1,
+                        &channels, PARAM_ONE, 1.0f);
+    ps->tensor[n->mean].frozen = ps->tensor[n->var].frozen = true;
+}
+
+void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows)
+{
+    size_t C = n->channels;
+    n->plan = p;
+    n->rows = rows;
+    n->period = C * ((PERIOD + C - 1) / C);
+    n->batch_mean = nn_plan_floats(p, C);
+    n->rstd = nn_plan_floats(p, C);
+    n->scale = nn_plan_floats(p, n->period);
+    n->shift = nn_plan_floats(p, n->period);
+    n->coef = nn_plan_floats(p, 4 * n->period);
+    n->part = nn_plan_floats(p, NN_SUMS * 2 * C);
+}
+
+static size_t part_count(size_t rows)
+{
+    return rows < 8 * NN_SUMS ? 1 : NN_SUMS;
+}
+
+/* a (period) holds C values: repeat them. */
+static void repeat_channels(float *a, size_t C, size_t period)
+{
+    for (size_t i = C; i < period; i++)
+        a[i] = a[i - C];
+}
+
+/* Statistics of x, and the running ones moved towards them. */
+static void batch_statistics(struct batch_norm *n, const float *x)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t C = n->channels, rows = n->rows, parts = part_count(rows);
+    float *run_mean = param_w(n->ps, n->mean);
+    float *run_var = param_w(n->ps, n->var);
+#pragma omp parallel for schedule(static) if (parts > 1)
+    for (size_t i = 0; i < parts; i++) {
+        size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+        /* any value of the channel serves as origin */
+        k->norm_sums(n->part + i * 2 * C, x + r0 * C, x, r1 - r0, C);
+    }
+    for (size_t c = 0; c < C; c++) {
+        double s = 0, q = 0, count = (double)rows;
+        for (size_t i = 0; i < parts; i++) {
+            s += (double)n->part[i * 2 * C + c];
+            q += (double)n->part[i * 2 * C + C + c];
+        }
+        double mean = s / count, var = q / count - mean * mean;
+        if (var < 0)
+            var = 0;
+        n->batch_mean[c] = (float)((double)x[c] + mean);
+        n->rstd[c] = (float)(1 / sqrt(var + (double)n->eps));
+        double unbiased = rows > 1 ? var * count / (count - 1) : var;
+        run_mean[c] += MOMENTUM * (n->batch_mean[c] - run_mean[c]);
+        run_var[c] += MOMENTUM * ((float)unbiased - run_var[c]);
+    }
+}
+
+/* Rows [r0,r1) of chunk i; chunks begin at whole periods. */
+static size_t chunk_rows(const struct batch_norm *n)
+{
+    size_t rep = n->period / n->channels;
+    size_t rows = 8192 / n->period * rep;
+    return rows ? rows : rep;
+}
+
+void batch_norm_forward(float *y, const float *x, const float *res,
+                        struct batch_norm *n)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t C = n->channels, step = chunk_rows(n);
+    const float *w = param_w(n->ps, n->weight), *b = param_w(n->ps, n->bias);
+    if (n->plan->opt.mode == NN_TRAIN) {
+        batch_statistics(n, x);
+    } else {
+        for (size_t c = 0; c < C; c++) {
+            n->batch_mean[c] = param_w(n->ps, n->mean)[c];
+            n->rstd[c] = 1 / sqrtf(param_w(n->ps, n->var)[c] + n->eps);
+        }
+    }
+    for (size_t c = 0; c < C; c++) {
+        n->scale[c] = w[c] * n->rstd[c];
+        n->shift[c] = b[c] - n->batch_mean[c] * n->scale[c];
+    }
+    repeat_channels(n->scale, C, n->period);
+    repeat_channels(n->shift, C, n->period);
+#pragma omp parallel for schedule(static)
+    for (size_t r = 0; r < n->rows; r += step) {
+        size_t m = n->rows - r < step ? n->rows - r : step;
+        k->norm_apply(y + r * C, x + r * C, res ? res + r * C : NULL,
+                      n->scale, n->shift, (int)n->act, n->period, m * C);
+    }
+}
+
+/* In the forward pass this was, with hat = (x - mean) rstd:
+ *   y = act(hat weight + bias)                                              */
+void batch_norm_backward(float *dx, const float *dy, const float *x,
+                         struct batch_norm *n)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t C = n->channels, rows = n->rows, parts = part_count(rows);
+    size_t P = n->period, step = chunk_rows(n);
+#pragma omp parallel for schedule(static) if (parts > 1)
+    for (size_t i = 0; i < parts; i++) {
+        size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+        k->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C, dy + r0 * C,
+                              x + r0 * C, n->scale, n->shift, n->batch_mean,
+                              (int)n->act, r1 - r0, C);
+    }
+    float *dw = param_g(n->ps, n->weight), *db = param_g(n->ps, n->bias);
+    float *coef = n->coef;
+    bool train = n->plan->opt.mode == NN_TRAIN;
+    for (size_t c = 0; c < C; c++) {
+        double s = 0, q = 0, count = (double)rows, rstd = (double)n->rstd[c];
+        for (size_t i = 0; i < parts; i++) {
+            s += (double)n->part[i * 2 * C + c];
+            q += (double)n->part[i * 2 * C + C + c];
+        }
+        dw[c] += (float)(q * rstd);
+        db[c] += (float)s;
+        double a = (double)n->scale[c];
+        coef[c] = (float)a;
+        coef[P + c] = train ? (float)(-a * rstd * rstd * q / count) : 0.0f;
+        coef[2 * P + c] = train ? (float)(-a * s / count) : 0.0f;
+        coef[3 * P + c] = n->batch_mean[c];
+    }
+    for (size_t i = 0; i < 4; i++)
+        repeat_channels(coef + i * P, C, P);
+#pragma omp parallel for schedule(static)
+    for (size_t r = 0; r < rows; r += step) {
+        size_t m = rows - r < step ? rows - r : step;
+        k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, coef, P,
+                               m * C);
+    }
+}
+
+#define LN_ROWS 32
+
+void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
+                        const float *weight, const float *bias, float eps,
+                        size_t rows, size_t C)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static)
+    for (size_t r = 0; r < rows; r += LN_ROWS) {
+        size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
+        k->layer_norm_forward(y + r * C, mean ? mean + r : NULL,
+                              rstd ? rstd + r : NULL, x + r * C, weight, bias,
+                              eps, m, C);
+    }
+}
+
+void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
+                         const float *dy, const float *x, const float *mean,
+                         const float *rstd, const float *weight, size_t rows,
+                         size_t C)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t parts = part_count(rows);
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < parts; i++) {
+        size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;
+        k->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C,
+                               x + r * C, mean + r, rstd + r, weight, m, C);
+    }
+    for (size_t i = 0; i < parts; i++)
+        for (size_t c = 0; c < C; c++) {
+            if (dweight)
+                dweight[c] += part[i * 2 * C + c];
+            if (dbias)
+                dbias[c] += part[i * 2 * C + C + c];
+        }
+}

@@ -1,0 +1,51 @@
+/* Batch and layer normalisation.  Sums run over a fixed split. */
+#ifndef SPID_NN_NORM_H
+#define SPID_NN_NORM_H
+
+#include "lib/nn/act.h"
+#include "lib/nn/params.h"
+#include "lib/nn/plan.h"
+
+struct batch_norm {
+    struct params *ps;
+    size_t weight, bias, mean, var;  /* tensors in ps; mean and var frozen */
+    size_t channels;
+    float eps;
+    enum nn_act act;                 /* applied after the normalisation */
+    /* as planned */
+    struct nn_plan *plan;
+    size_t rows;                     /* B*h*w */
+    float *batch_mean, *rstd;        /* (C) of the last forward */
+    size_t period;                   /* channels repeated to a long row */
+    float *scale, *shift;            /* (period): y = act(x scale + shift) */
+    float *coef;                     /* (4,period) of the backward */
+    float *part;                     /* (NN_SUMS,2,C) */
+};
+
+/* Declare "<name>.weight", ".bias", ".running_mean", ".running_var". */
+void batch_norm_init(struct batch_norm *n, struct params *ps,
+                     const char *name, size_t channels, float eps);
+void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows);
+
+/* y (rows,C) = act((x - mean) / sqrt(var + eps) * weight + bias) (+ res, or
+ * NULL), with the batch's statistics in NN_TRAIN plans, which also move the
+ * running ones by 0.1, and the running ones in NN_FROZEN plans. */
+void batch_norm_forward(float *y, const float *x, const float *res,
+                        struct batch_norm *n);
+/* dx (rows,C) from dy; dx may be dy.  x as in the forward. */
+void batch_norm_backward(float *dx, const float *dy, const float *x,
+                         struct batch_norm *n);
+
+/* y (rows,C) = (x - mean) rstd weight + bias over each row; mean and rstd
+ * (rows) are kept for the backward, NULL where nobody wants them. */
+void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
+                        const float *weight, const float *bias, float eps,
+                        size_t rows, size_t C);
+/* dx is written; dweight and dbias (C) are added to, NULL skips them; part
+ * is scratch of NN_SUMS * 2 * C floats. */
+void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
+                         const float *dy, const float *x, const float *mean,
+                         const float *rstd, const float *weight, size_t rows,
+                         size_t C);
+
+#endif

@@ -1,0 +1,200 @@
+/* Normalisation: sums per channel, and the elementwise passes.  Channel
+ * parameters come repeated to a period of at least NORM_PERIOD values. */
+#include "lib/nn/kernels.h"
+#include "lib/nn/math.h"
+
+#define SHORT 64
+
+/* How many rows of C make a row worth a vector loop. */
+static size_t repeat(size_t C)
+{
+    return C < SHORT ? (SHORT + C - 1) / C : 1;
+}
+
+/* sum (2,C) = sums of x - shift and of its square over rows of C. */
+void ISA(norm_sums)(float *sum, const float *x, const float *shift,
+                    size_t rows, size_t C)
+{
+    float s1[2 * SHORT], s2[2 * SHORT], k[2 * SHORT];
+    size_t rep = repeat(C), L = rep * C;
+    float *restrict a = rep > 1 ? s1 : sum, *restrict b = rep > 1 ? s2
+                                                                : sum + C;
+    const float *restrict m = shift;
+    for (size_t c = 0; c < L; c++)
+        a[c] = b[c] = 0.0f;
+    if (rep > 1) {
+        for (size_t c = 0; c < L; c++)
+            k[c] = shift[c % C];
+        m = k;
+    }
+    for (size_t r = 0; r < rows; r += rep) {
+        size_t n = rows - r < rep ? (rows - r) * C : L;
+        const float *restrict p = x + r * C;
+        for (size_t c = 0; c < n; c++) {
+            float d = p[c] - m[c];
+            a[c] += d;
+            b[c] += d * d;
+        }
+    }
+    if (rep == 1)
+        return;
+    for (size_t c = 0; c < C; c++) {
+        sum[c] = a[c];
+        sum[C + c] = b[c];
+        for (size_t i = 1; i < rep; i++) {
+            sum[c] += a[i * C + c];
+            sum[C + c] += b[i * C + c];
+        }
+    }
+}
+
+/* y = act(x scale + shift) (+ res). */
+void ISA(norm_apply)(float *y, const float *x, const float *res,
+                     const float *scale, const float *shift, int act,
+                     size_t period, size_t n)
+{
+#define LOOP(A)                                                              \
+    for (size_t i = 0; i < n; i += period) {                                 \
+        size_t m = n - i < period ? n - i : period;                          \
+        float *restrict to = y + i;                                          \
+        const float *restrict from = x + i;                                  \
+        for (size_t c = 0; c < m; c++)                                       \
+            to[c] = math_act(from[c] * scale[c] + shift[c], A);              \
+    }
+    MATH_FOR_ACT(act, LOOP)
+#undef LOOP
+    if (res)
+        for (size_t i = 0; i < n; i++)
+            y[i] += res[i];
+}
+
+/* dz = dy act'(x scale + shift); sum (2,C) = sums of dz and dz (x - mean).
+ * scale and shift are read over one period of repeat(C) rows. */
+void ISA(norm_backward_sums)(float *sum, float *dz, const float *dy,
+                             const float *x, const float *scale,
+                             const float *shift, const float *mean, int act,
+                             size_t rows, size_t C)
+{
+    float s1[2 * SHORT], s2[2 * SHORT], k[2 * SHORT];
+    size_t rep = repeat(C), L = rep * C;
+    float *restrict a = rep > 1 ? s1 : sum, *restrict b = rep > 1 ? s2
+                                                                : sum + C;
+    const float *restrict m = mean;
+    for (size_t c = 0; c < L; c++)
+        a[c] = b[c] = 0.0f;
+    if (rep > 1) {
+        for (size_t c = 0; c < L; c++)
+            k[c] = mean[c % C];
+        m = k;
+    }
+#define LOOP(A)                                                              \
+    for (size_t r = 0; r < rows; r += rep) {                                 \
+        size_t n = rows - r < rep ? (rows - r) * C : L;                      \
+        const float *restrict p = x + r * C;                                 \
+        const float *q = dy + r * C;                                         \
+        float *d = dz + r * C;                                               \
+        _Pragma("GCC ivdep")                                                 \
+        for (size_t c = 0; c < n; c++) {                                     \
+            float g = q[c] * math_slope(p[c] * scale[c] + shift[c], A);      \
+            d[c] = g;                                                        \
+            a[c] += g;                                                       \
+            b[c] += g * (p[c] - m[c]);                                       \
+        }                                                                    \
+    }
+    MATH_FOR_ACT(act, LOOP)
+#undef LOOP
+    if (rep == 1)
+        return;
+    for (size_t c = 0; c < C; c++) {
+        sum[c] = a[c];
+        sum[C + c] = b[c];
+        for (size_t i = 1; i < rep; i++) {
+            sum[c] += a[i * C + c];
+            sum[C + c] += b[i * C + c];
+        }
+    }
+}
+
+/* dx = a dz + b (x - m) + c; abcm (4,period). */
+void ISA(norm_backward_apply)(float *dx, const float *dz, const float *x,
+                              const float *abcm, size_t period, size_t n)
+{
+    const float *restrict a = abcm, *restrict b = abcm + period;
+    const float *restrict k = abcm + 2 * period, *restrict m = k + period;
+    for (size_t i = 0; i < n; i += period) {
+        size_t len = n - i < period ? n - i : period;
+        float *to = dx + i;
+        const float *from = dz + i;
+        const float *restrict p = x + i;
+#pragma GCC ivdep
+        for (size_t c = 0; c < len; c++)
+            to[c] = a[c] * from[c] + b[c] * (p[c] - m[c]) + k[c];
+    }
+}
+
+/* Sum of n values in 16 lanes, folded in a fixed order. */
+static inline float lane_fold(const float *lane)
+{
+    float s = 0.0f;
+    for (int i = 0; i < 16; i++)
+        s += lane[i];
+    return s;
+}
+
+/* See norm.h; mean and rstd may be NULL. */
+void ISA(layer_norm_forward)(float *y, float *mean, float *rstd,
+                             const float *x, const float *w, const float *b,
+                             float eps, size_t rows, size_t C)
+{
+    for (size_t r = 0; r < rows; r++) {
+        const float *restrict p = x + r * C;
+        float *restrict q = y + r * C;
+        float s[16] = { 0 }, v[16] = { 0 };
+        for (size_t c = 0; c < C; c += 16)
+            for (size_t i = 0; i < 16; i++)
+                s[i] += c + i < C ? p[c + i] : 0.0f;
+        float m = lane_fold(s) / (float)C;
+        for (size_t c = 0; c < C; c += 16)
+            for (size_t i = 0; i < 16; i++) {
+                float d = c + i < C ? p[c + i] - m : 0.0f;
+                v[i] += d * d;
+            }
+        float k = 1.0f / sqrtf(lane_fold(v) / (float)C + eps);
+        for (size_t c = 0; c < C; c++)
+            q[c] = (p[c] - m) * k * w[c] + b[c];
+        if (mean) {
+            mean[r] = m;
+            rstd[r] = k;
+        }
+    }
+}
+
+/* dx written; sum (2,C) += dweight and dbias of these rows. */
+void ISA(layer_norm_backward)(float *dx, float *sum, const float *dy,
+                              const float *x, const float *mean,
+                              const float *rstd, const float *w, size_t rows,
+                              size_t C)
+{
+    for (size_t c = 0; c < 2 * C; c++)
+        sum[c] = 0.0f;
+    for (size_t r = 0; r < rows; r++) {
+        const float *restrict p = x + r * C, *g = dy + r * C;
+        float *d = dx + r * C, m = mean[r], k = rstd[r];
+        float *restrict dw = sum, *restrict db = sum + C;
+        float s[16] = { 0 }, t[16] = { 0 };
+        for (size_t c = 0; c < C; c += 16)
+            for (size_t i = 0; i < 16 && c + i < C; i++) {
+                float h = g[c + i] * w[c + i];
+                s[i] += h;
+                t[i] += h * (p[c + i] - m) * k;
+            }
+        float s1 = lane_fold(s) / (float)C, s2 = lane_fold(t) / (float)C;
+#pragma GCC ivdep
+        for (size_t c = 0; c < C; c++) {
+            float hat = (p[c] - m) * k, gy = g[c];
+            dw[c] += gy * hat;
+            db[c] += gy;
+            d[c] = (gy * w[c] - s1 - hat * s2) * k;
+        }
+    }
+}

@@ -1,0 +1,156 @@
+#include "lib/nn/plan.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/nn/engine.h"
+
+int nn_type_parse(enum nn_type *type, const char *word)
+{
+    for (int i = NN_F32; i <= NN_BF16; i++)
+        if (!strcmp(word, nn_type_name((enum nn_type)i))) {
+            *type = (enum nn_type)i;
+            return 0;
+        }
+    return -1;
+}
+
+const char *nn_type_name(enum nn_type type)
+{
+    return type == NN_BF16 ? "bf16" : "f32";
+}
+
+void nn_plan_init(struct nn_plan *p, struct nn_options opt)
+{
+    memset(p, 0, sizeof *p);
+    p->opt = opt;
+    if (opt.type == NN_BF16 && opt.mode != NN_INFER)
+        nn_plan_fail(p, EX_SOFTWARE, "bf16 is for inference only");
+}
+
+void nn_plan_release(struct nn_plan *p)
+{
+    for (size_t i = 0; i < p->chunks; i++)
+        free(p->chunk[i].data);
+    free(p->chunk);
+    free(p->scratch);
+    memset(p, 0, sizeof *p);
+}
+
+void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
+{
+    if (p->err.code)
+        return;
+    va_list ap;
+    va_start(ap, format);
+    vsnprintf(p->err.text, sizeof p->err.text, format, ap);
+    va_end(ap);
+    p->err.code = code;
+}
+
+static void *aligned_zeros(size_t bytes)
+{
+    size_t size = (bytes + 63) & ~(size_t)63;
+    void *data = bytes <= SIZE_MAX - 63 ? aligned_alloc(64, size) : NULL;
+    if (data)
+        memset(data, 0, size);
+    return data;
+}
+
+/* The smallest idle chunk that is large enough. */
+static struct nn_chunk *idle_chunk(struct nn_plan *p, size_t bytes)
+{
+    struct nn_chunk *best = NULL;
+    for (size_t i = 0; i < p->chunks; i++) {
+        struct nn_chunk *c = &p->chunk[i];
+        if (c->idle && c->size >= bytes && (!best || c->size < best->size))
+            best = c;
+    }
+    return best;
+}
+
+void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
+{
+    if (p->err.code)
+        return NULL;
+    if (p->chunks == p->room) {
+        size_t room = p->room ? 2 * p->room : 64;
+        void *grown = realloc(p->chunk, room * sizeof *p->chunk);
+        if (!grown) {
+            nn_plan_fail(p, EX_OSERR, "out of memory");
+            return NULL;
+        }
+        p->chunk = grown;
+        p->room = room;
+    }
+    void *data = aligned_zeros(bytes ? bytes : 64);
+    if (!data) {
+        nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
+        return NULL;
+    }
+    p->chunk[p->chunks++] = (struct nn_chunk){ data, bytes, false };
+    return data;
+}
+
+float *nn_plan_floats(struct nn_plan *p, size_t count)
+{
+    return nn_plan_bytes(p, count * sizeof(float));
+}
+
+static void *reusable(struct nn_plan *p, size_t bytes)
+{
+    struct nn_chunk *c = p->err.code ? NULL : idle_chunk(p, bytes);
+    if (!c)
+        return nn_plan_bytes(p, bytes);
+    c->idle = false;
+    return c->data;
+}
+
+void *nn_plan_map(struct nn_plan *p, size_t count)
+{
+    return reusable(p, count * nn_type_size(p->opt.type));
+}
+
+float *nn_plan_map_floats(struct nn_plan *p, size_t count)
+{
+    return reusable(p, count * sizeof(float));
+}
+
+void nn_plan_give_back(struct nn_plan *p, void *map)
+{
+    for (size_t i = 0; i < p->chunks; i++)
+        if (p->chunk[i].data == map)
+            p->chunk[i].idle = true;
+}
+
+void nn_plan_give(struct nn_plan *p, void *map)
+{
+    if (!nn_plan_backward(p))
+        nn_plan_give_back(p, map);
+}
+
+void nn_plan_scratch(struct nn_plan *p, size_t bytes)
+{
+    if (bytes > p->scratch_size)
+        p->scratch_size = bytes;
+}
+
+int nn_plan_finish(struct nn_plan *p, struct error *err)
+{
+    if (!p->err.code) {
+        free(p->scratch);
+        p->scratch = aligned_zeros(p->scratch_size + 64);
+        if (!p->scratch)
+            nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes of scratch)",
+                         p->scratch_size);
+    }
+    if (p->err.code) {
+        if (err)
+            *err = p->err;
+        return -1;
+    }
+    return 0;
+}

@@ -1,0 +1,70 @@
+/* A plan: the memory of one network, and the first thing that went wrong
+ * while its layers were being planned (one check at the end, not one per
+ * layer).  Layers keep a pointer to it; it lives as long as they do. */
+#ifndef SPID_NN_PLAN_H
+#define SPID_NN_PLAN_H
+
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/nn/nn.h"
+
+/* Sums over threads are made from this many parts, whatever the number of
+ * threads, and added in order: the same bits for any -j. */
+#define NN_PARTS 4
+/* The same for sums over rows of cheap kernels. */
+#define NN_SUMS 16
+
+struct nn_chunk {
+    void *data;
+    size_t size;
+    bool idle;
+};
+
+struct nn_plan {
+    struct nn_options opt;
+    struct error err;              /* code 0: all well so far */
+    struct nn_chunk *chunk;
+    size_t chunks, room;
+    size_t scratch_size;
+    char *scratch;                 /* shared by all layers, one at a time */
+};
+
+void nn_plan_init(struct nn_plan *p, struct nn_options opt);
+void nn_plan_release(struct nn_plan *p);
+
+/* A zero-filled buffer, aligned to 64 bytes, owned by the plan, of its own:
+ * for weights and whatever else must last from pass to pass.  NULL after a
+ * failure (which the plan remembers). */
+void *nn_plan_bytes(struct nn_plan *p, size_t bytes);
+float *nn_plan_floats(struct nn_plan *p, size_t count);
+
+/* A buffer for one pass: activations or gradients, count values of the plan's
+ * type or floats.  It may have been another layer's before, given back. */
+void *nn_plan_map(struct nn_plan *p, size_t count);
+float *nn_plan_map_floats(struct nn_plan *p, size_t count);
+/* The map's content is dead from here on in the order of planning.  Only
+ * inference gives anything back; nn_plan_give_back always does (gradients on
+ * their way). */
+void nn_plan_give(struct nn_plan *p, void *map);
+void nn_plan_give_back(struct nn_plan *p, void *map);
+/* Some layer needs this much scratch while it runs. */
+void nn_plan_scratch(struct nn_plan *p, size_t bytes);
+/* Remember a failure; the first one stays. */
+void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
+    __attribute__((format(printf, 3, 4)));
+/* All layers are planned: allocate the scratch; -1 with the first failure. */
+int nn_plan_finish(struct nn_plan *p, struct error *err);
+
+/* Whether layers keep what their backward needs. */
+static inline bool nn_plan_backward(const struct nn_plan *p)
+{
+    return p->opt.mode != NN_INFER;
+}
+
+static inline size_t nn_type_size(enum nn_type t)
+{
+    return t == NN_BF16 ? 2 : 4;
+}
+
+#endif

@@ -1,0 +1,54 @@
+/* Small products with per-channel vectors. */
+#include "lib/nn/act.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/vector.h"
+
+/* y (out) = W (out,in) x + b; b may be NULL. */
+void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
+               size_t out, size_t in)
+{
+    size_t whole = in / 16 * 16;
+    for (size_t o = 0; o < out; o++) {
+        const float *row = w + o * in;
+        v16 acc = { 0 };
+        float lane[16], sum = b ? b[o] : 0.0f;
+        for (size_t i = 0; i < whole; i += 16)
+            acc += v16_load(row + i) * v16_load(x + i);
+        v16_store(lane, acc);
+        for (size_t i = 0; i < 16; i++)
+            sum += lane[i];
+        for (size_t i = whole; i < in; i++)
+            sum += row[i] * x[i];
+        y[o] = sum;
+    }
+}
+
+/* y = x gate + add, rows of C; add may be NULL. */
+void ISA(channel_scale)(float *y, const float *x, const float *gate,
+                        const float *add, size_t rows, size_t C)
+{
+    for (size_t r = 0; r < rows; r++) {
+        const float *p = x + r * C;
+        float *q = y + r * C;
+        if (add)
+#pragma GCC ivdep
+            for (size_t c = 0; c < C; c++)
+                q[c] = p[c] * gate[c] + add[c];
+        else
+#pragma GCC ivdep
+            for (size_t c = 0; c < C; c++)
+                q[c] = p[c] * gate[c];
+    }
+}
+
+/* sum (C) = column sums of a b. */
+void ISA(channel_dot)(float *sum, const float *a, const float *b, size_t rows,
+                      size_t C)
+{
+    float *restrict s = sum;
+    for (size_t c = 0; c < C; c++)
+        s[c] = 0.0f;
+    for (size_t r = 0; r < rows; r++)
+        for (size_t c = 0; c < C; c++)
+            s[c] += a[r * C + c] * b[r * C + c];
+}

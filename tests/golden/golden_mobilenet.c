@@ -1,0 +1,123 @@
+/* Case 01: MobileNetV3 features, forward and backward. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/net/mobilenet.h"
+#include "tests/golden/golden.h"
+
+/* (B,C,h,w) <- (B,h,w,C), fresh. */
+static float *planes(const float *x, const size_t s[4])
+{
+    size_t pixels = s[1] * s[2];
+    float *out = malloc(s[0] * pixels * s[3] * sizeof *out);
+    for (size_t n = 0; n < s[0]; n++)
+        for (size_t i = 0; i < pixels; i++)
+            for (size_t c = 0; c < s[3]; c++)
+                out[(n * s[3] + c) * pixels + i] =
+                    x[(n * pixels + i) * s[3] + c];
+    return out;
+}
+
+/* (B,h,w,C) <- (B,C,h,w), fresh. */
+static float *rows(const float *x, const size_t s[4])
+{
+    size_t t[4] = { s[0], s[3], 1, s[1] * s[2] };
+    return planes(x, t);
+}
+
+static void compare(struct golden *g, const char *name, const float *x,
+                    const size_t s[4], bool l2)
+{
+    float *p = planes(x, s);
+    (l2 ? golden_compare_l2 : golden_compare)(g, name, p,
+                                              s[0] * s[1] * s[2] * s[3]);
+    free(p);
+}
+
+static void compare_stages(struct golden *g, struct mobilenet *m)
+{
+    static const char *const names[] = { "stage0", "stage1", "stage2",
+                                         "stage3", "features" };
+    size_t s[4];
+    for (int i = 0; i < 5; i++) {
+        const float *x = mobilenet_stage(s, m, i);
+        compare(g, names[i], x, s, false);
+    }
+}
+
+static void gradients(struct golden *g, struct mobilenet *m,
+                      struct params *ps, const struct golden_weights *w,
+                      const size_t in[4])
+{
+    size_t s[4], n = in[0] * in[1] * in[2] * in[3];
+    mobilenet_stage(s, m, 4);
+    float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
+    float *dout = rows(probe, s), *drgb = malloc(n * sizeof *drgb);
+    mobilenet_backward_features(drgb, dout, m);
+    compare(g, "grad.input", drgb, in, true);
+    size_t stem = params_find(ps, "conv_stem.weight");
+    golden_compare_l2(g, "grad.conv_stem.weight", param_g(ps, stem),
+                      ps->tensor[stem].count);
+    golden_weights_gradients(g, ps, w, "");
+    free(probe);
+    free(dout);
+    free(drgb);
+}
+
+/* Mode by mode: the folded network must give the same pooled features. */
+static void run_mode(struct golden *g, struct mobilenet *m, struct params *ps,
+                     const struct golden_weights *w, const float *rgb,
+                     const size_t in[4], enum nn_mode mode)
+{
+    struct error err = { 0 };
+    struct nn_options opt = { mode, NN_F32 };
+    if (mobilenet_plan(m, in[0], in[1], in[2], opt, &err)) {
+        printf("%s: %s\n", g->name, err.text);
+        g->failed++;
+        return;
+    }
+    float *pooled = malloc(in[0] * m->features * sizeof *pooled);
+    mobilenet_forward(pooled, rgb, m);
+    golden_compare(g, "pooled", pooled, in[0] * m->features);
+    free(pooled);
+    if (mode != NN_FROZEN)
+        return;
+    compare_stages(g, m);
+    gradients(g, m, ps, w, in);
+}
+
+static void run_mobilenet(struct golden *g)
+{
+    struct mobilenet m;
+    struct params ps;
+    struct golden_weights w;
+    struct error err = { 0 };
+    cJSON *shape = golden_json(g, "input_shape");
+    size_t in[4];
+    for (int i = 0; i < 4; i++)
+        in[i] = (size_t)cJSON_GetArrayItem(shape, (i == 3 ? 1 : i ? i + 1 : 0))
+                    ->valuedouble;
+    cJSON_Delete(shape);
+    params_init(&ps);
+    if (mobilenet_init(&m, &ps, "", golden_meta(g, "network"), &err) ||
+        params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
+        printf("%s: %s\n", g->name, err.text);
+        g->failed++;
+        return;
+    }
+    golden_weights_open(&w, g, NULL);
+    golden_weights_fill(&ps, &w, g, "");
+    float *image = golden_image("input.image", g->seed, in[0] * in[3], in[1],
+                                in[2], false);
+    float *rgb = rows(image, in);
+    run_mode(g, &m, &ps, &w, rgb, in, NN_INFER);
+    run_mode(g, &m, &ps, &w, rgb, in, NN_FROZEN);
+    free(image);
+    free(rgb);
+    golden_weights_close(&w);
+    mobilenet_release(&m);
+    params_release(&ps);
+}
+
+GOLDEN_CASE("01_mobilenet", run_mobilenet)
