@@ -1,7 +1,6 @@
 #include "lib/report/report.h"
 
 #include <cjson/cJSON.h>
-#include <dirent.h>
 #include <errno.h>
 #include <math.h>
 #include <stdlib.h>
@@ -9,105 +8,19 @@
 #include <sys/stat.h>
 #include <sysexits.h>
 
-#include "formats/framesource.h"
 #include "formats/image.h"
 #include "lib/metric/motion.h"
+#include "lib/report/clips.h"
 #include "lib/report/html.h"
 #include "lib/stream/stream.h"
 
-/* ---- finding --------------------------------------------------------------- */
-
-/* Path of dir/name, or of dir/name.anything; 0 when there is none. */
-static int find(char *path, size_t size, const char *dir, const char *name)
-{
-    DIR *d = opendir(dir);
-    size_t n = strlen(name);
-    int found = 0;
-
-    for (struct dirent *e; d && !found && (e = readdir(d));)
-        if (!strncmp(e->d_name, name, n) &&
-            (!e->d_name[n] || e->d_name[n] == '.') &&
-            !strstr(e->d_name, ".part")) {
-            snprintf(path, size, "%s/%s", dir, e->d_name);
-            found = 1;
-        }
-    if (d)
-        closedir(d);
-    return found;
-}
+/* ---- pictures -------------------------------------------------------------- */
 
 static void missing(FILE *f, const char *name)
 {
     fputs("<p><em>", f);
     html_text(f, name);
     fputs(": not in this run</em></p>\n", f);
-}
-
-/* ---- pictures -------------------------------------------------------------- */
-
-/* A few frames of a clip, spread evenly. */
-struct clip {
-    size_t count, width, height;
-    size_t index[REPORT_FRAMES];
-    uint8_t *rgb[REPORT_FRAMES];
-};
-
-static void clip_release(struct clip *c)
-{
-    for (size_t i = 0; i < c->count; i++)
-        free(c->rgb[i]);
-    memset(c, 0, sizeof *c);
-}
-
-static size_t count_frames(const char *path, struct error *err)
-{
-    struct framesource_options opt = {0};
-    struct framesource *s = framesource_open(&path, 1, &opt, err);
-    struct frame frame;
-    size_t n = 0;
-
-    while (s && framesource_read(s, &frame, err) > 0)
-        n++;
-    framesource_close(s);
-    return n;
-}
-
-static int keep(struct clip *c, const struct frame *f)
-{
-    size_t bytes = f->width * f->height * 3;
-    uint8_t *rgb = malloc(bytes);
-    if (!rgb)
-        return -1;
-    memcpy(rgb, f->rgb, bytes);
-    c->width = f->width;
-    c->height = f->height;
-    c->index[c->count] = f->index;
-    c->rgb[c->count++] = rgb;
-    return 0;
-}
-
-static int clip_read(struct clip *c, const char *path, struct error *err)
-{
-    struct framesource_options opt = {0};
-    size_t total = count_frames(path, err), n = 0;
-    struct framesource *s = framesource_open(&path, 1, &opt, err);
-    struct frame frame;
-    int rc = s ? 0 : -1;
-
-    memset(c, 0, sizeof *c);
-    while (!rc && c->count < REPORT_FRAMES && n < total &&
-           framesource_read(s, &frame, err) > 0) {
-        size_t due = c->count * (total > 1 ? total - 1 : 0) /
-                     (REPORT_FRAMES - 1);
-        if (n++ == due && keep(c, &frame))
-            rc = error_set(err, EX_OSERR, "%s: out of memory", path);
-    }
-    framesource_close(s);
-    if (!rc && !c->count)
-        rc = err && err->code ? -1
-                              : error_set(err, EX_DATAERR, "%s: no frames",
-                                          path);
-    return rc;
 }
 
 static int show_clip(FILE *f, const struct clip *c, struct error *err)
@@ -168,7 +81,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
         struct clip other = {0};
         struct clip *c = i == 0 ? &driver : i == 1 ? &result : &other;
         html_section(f, part[i].title, NULL);
-        if (find(path, sizeof path, dir, part[i].name)) {
+        if (run_find(path, sizeof path, dir, part[i].name)) {
             rc = clip_read(c, path, err);
             if (!rc)
                 rc = show_clip(f, c, err);
@@ -192,7 +105,7 @@ static int write_source(FILE *f, const char *dir, struct error *err)
     int rc;
 
     html_section(f, "Source", NULL);
-    if (!find(path, sizeof path, dir, "source")) {
+    if (!run_find(path, sizeof path, dir, "source")) {
         missing(f, "source.png");
         return 0;
     }
@@ -290,7 +203,7 @@ static int write_motion(FILE *f, const char *dir, const char *file,
     int rc = 0;
 
     html_section(f, title, NULL);
-    if (!find(path, sizeof path, dir, file)) {
+    if (!run_find(path, sizeof path, dir, file)) {
         missing(f, file);
         return 0;
     }
@@ -324,7 +237,7 @@ static int write_times(FILE *f, const char *dir)
     FILE *in = NULL;
 
     html_section(f, "Latency per frame", "Medians, from --stats.");
-    if (find(path, sizeof path, dir, "stats.tsv"))
+    if (run_find(path, sizeof path, dir, "stats.tsv"))
         in = fopen(path, "r");
     if (!in) {
         missing(f, "stats.tsv");
@@ -385,7 +298,7 @@ static int write_metrics(FILE *f, const char *dir, struct error *err)
     char path[4096];
 
     html_section(f, "Metrics", "As defined in spid-eval(1).");
-    if (!find(path, sizeof path, dir, "metrics.json")) {
+    if (!run_find(path, sizeof path, dir, "metrics.json")) {
         missing(f, "metrics.json");
         return 0;
     }

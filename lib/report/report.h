@@ -19,6 +19,12 @@
 
 #define REPORT_FRAMES 6        /* pictures of each clip on the page */
 
+/* Contact sheet of the run's clips as a PNG: a row for each clip that is there
+ * (source, driver, star, avatar, dynamic, static, mouth), REPORT_FRAMES cells
+ * of REPORT_CELL pixels, over black. */
+#define REPORT_CELL 192
+int report_sheet(const char *path, const char *dir, struct error *err);
+
 /* Write the page of the run in folder dir to f.  -1 when dir is no folder or
  * a file in it is damaged (*err names it). */
 int report_write(FILE *f, const char *dir, struct error *err);

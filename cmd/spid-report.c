@@ -1,0 +1,39 @@
+/* spid-report: a run's folder as one self-contained HTML page. */
+#include "cmd/cli.h"
+#include "formats/outfile.h"
+#include "lib/report/report.h"
+
+static const char *sheet;
+
+static const struct cli_option options[] = {
+    {"sheet", 0, CLI_STRING, &sheet, 0, 0, "FILE",
+     "also write a contact sheet (PNG)", NULL},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-report", "[--sheet FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] RUN",
+    "write one HTML page of a run: pictures, errors, motion, times, metrics",
+    options};
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    struct outfile out;
+    int at = cli_parse(&usage, argc, argv);
+
+    if (at != argc - 1)
+        die(EX_USAGE, "%s (expected one folder)",
+            at == argc ? "no run named" : "more than one operand");
+    if (sheet && report_sheet(sheet, argv[at], &err))
+        die_error(&err);
+    if (outfile_open(&out, cli.output, &err))
+        die_error(&err);
+    if (report_write(out.file, argv[at], &err)) {
+        outfile_abandon(&out);
+        die_error(&err);
+    }
+    if (outfile_close(&out, &err))
+        die_error(&err);
+    return EX_OK;
+}
