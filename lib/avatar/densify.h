@@ -11,6 +11,7 @@
 struct densify {
     size_t V, E;            /* vertices, edges */
     int32_t *edge;          /* (E,2) ends, smaller first, sorted */
+    int32_t *degree;        /* (V) edges at each vertex */
 };
 
 /* From faces (F,3) with indices under V. */

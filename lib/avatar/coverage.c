@@ -1,0 +1,219 @@
+#include "lib/avatar/coverage.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/geom/camera.h"
+
+#define SUB 8   /* sample rows and columns of a cell: one byte holds a row */
+
+/* A triangle's corners in cells (x, y) and camera depth; 0 when a corner is
+ * not in front of the camera. */
+struct corner {
+    float x, y, z;
+};
+
+static int triangle(struct corner c[3], const float *verts,
+                    const int32_t *f, const float cam[12], size_t n)
+{
+    for (int k = 0; k < 3; k++) {
+        float uv[2], z;
+
+        camera_project(uv, &z, cam, (float)n, verts + 3 * (size_t)f[k], 1);
+        if (!(z > CAMERA_NEAR))
+            return 0;
+        c[k] = (struct corner){uv[0], uv[1], z};
+    }
+    return 1;
+}
+
+/* Where the triangle meets the horizontal line y: x from lo to hi; 0 when it
+ * does not. */
+static int span(float *lo, float *hi, const struct corner c[3], float y)
+{
+    *lo = INFINITY;
+    *hi = -INFINITY;
+    for (int k = 0; k < 3; k++) {
+        const struct corner *a = &c[k], *b = &c[(k + 1) % 3];
+
+        if ((a->y <= y) == (b->y <= y))
+            continue;
+        float x = a->x + (y - a->y) / (b->y - a->y) * (b->x - a->x);
+        *lo = fminf(*lo, x);
+        *hi = fmaxf(*hi, x);
+    }
+    return *lo < *hi;
+}
+
+/* First index i >= 0 whose centre (i + 0.5) is at or beyond x, at most n. */
+static size_t first_centre(float x, size_t n)
+{
+    float i = ceilf(x - 0.5f);
+
+    return i <= 0 ? 0 : i >= (float)n ? n : (size_t)i;
+}
+
+/* Set bits a..b-1 of a row of bytes. */
+static void set_bits(uint8_t *row, size_t a, size_t b)
+{
+    for (; a < b && a % SUB; a++)
+        row[a / SUB] |= (uint8_t)(1 << a % SUB);
+    if (b > a + SUB) {
+        memset(row + a / SUB, 0xff, b / SUB - a / SUB);
+        a = b / SUB * SUB;
+    }
+    for (; a < b; a++)
+        row[a / SUB] |= (uint8_t)(1 << a % SUB);
+}
+
+size_t coverage_scratch(size_t n)
+{
+    size_t bits = SUB * n * n, blur = 2 * n * n * sizeof(float);
+
+    return bits > blur ? bits : blur;
+}
+
+void coverage_fraction(float *C, const float *verts, size_t V,
+                       const int32_t *faces, size_t F, const float cam[12],
+                       size_t n, void *scratch)
+{
+    uint8_t *bits = scratch;
+    size_t m = SUB * n;
+
+    (void)V;
+    memset(bits, 0, m * n);
+    for (size_t f = 0; f < F; f++) {
+        struct corner c[3];
+        float lo, hi;
+
+        if (!triangle(c, verts, faces + 3 * f, cam, n))
+            continue;
+        for (int k = 0; k < 3; k++) {
+            c[k].x *= SUB;
+            c[k].y *= SUB;
+        }
+        size_t y0 = first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), m);
+        size_t y1 = first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), m);
+        for (size_t y = y0; y < y1; y++)
+            if (span(&lo, &hi, c, (float)y + 0.5f))
+                set_bits(bits + y * n, first_centre(lo, m),
+                         first_centre(hi, m));
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            int count = 0;
+
+            for (size_t s = 0; s < SUB; s++)
+                count += __builtin_popcount(bits[(i * SUB + s) * n + j]);
+            C[i * n + j] = (float)count / (SUB * SUB);
+        }
+}
+
+/* One pass of the separable filter: rows of x into columns of out. */
+static void blur_pass(float *out, const float *x, size_t n, const float *w,
+                      int r)
+{
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++) {
+            float sum = 0;
+
+            for (int k = -r; k <= r; k++) {
+                long at = (long)j + k;
+                if (at >= 0 && at < (long)n)
+                    sum += w[k + r] * x[i * n + (size_t)at];
+            }
+            out[j * n + i] = sum;
+        }
+}
+
+void coverage_blur(float *out, const float *x, size_t n, float sigma,
+                   float *tmp)
+{
+    enum { MAX = 32 };
+    float w[2 * MAX + 1], sum = 0;
+    int r = (int)ceilf(3 * sigma);
+
+    r = r < 1 ? 1 : r > MAX ? MAX : r;
+    for (int k = -r; k <= r; k++)
+        sum += w[k + r] = expf(-0.5f * (float)(k * k) / (sigma * sigma));
+    for (int k = 0; k <= 2 * r; k++)
+        w[k] /= sum;
+    blur_pass(tmp, x, n, w, r);
+    blur_pass(out, tmp, n, w, r);
+}
+
+void coverage_map(float *C, const float *verts, size_t V,
+                  const int32_t *faces, size_t F, const float cam[12],
+                  size_t n, void *scratch)
+{
+    float *fraction = scratch;
+
+    coverage_fraction(C, verts, V, faces, F, cam, n, scratch);
+    memcpy(fraction, C, n * n * sizeof *C);
+    coverage_blur(C, fraction, n, 1, fraction + n * n);
+    for (size_t i = 0; i < n * n; i++)
+        C[i] = fminf(C[i], 1);
+}
+
+void coverage_depth(float *z, const float *verts, size_t V,
+                    const int32_t *faces, size_t F, const float cam[12],
+                    size_t n)
+{
+    (void)V;
+    for (size_t i = 0; i < n * n; i++)
+        z[i] = INFINITY;
+    for (size_t f = 0; f < F; f++) {
+        struct corner c[3];
+        float lo, hi;
+
+        if (!triangle(c, verts, faces + 3 * f, cam, n))
+            continue;
+        /* 1/z is linear on the screen: 1/z = a + gx x + gy y */
+        float x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y;
+        float x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
+        float det = x1 * y2 - x2 * y1, a = 1 / c[0].z;
+        float d1 = 1 / c[1].z - a, d2 = 1 / c[2].z - a;
+        if (det == 0)
+            continue;
+        float gx = (d1 * y2 - d2 * y1) / det, gy = (x1 * d2 - x2 * d1) / det;
+        size_t r0 = first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), n);
+        size_t r1 = first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), n);
+        for (size_t i = r0; i < r1; i++) {
+            float y = (float)i + 0.5f;
+
+            if (!span(&lo, &hi, c, y))
+                continue;
+            for (size_t j = first_centre(lo, n); j < first_centre(hi, n);
+                 j++) {
+                float x = (float)j + 0.5f;
+                float d = 1 / (a + gx * (x - c[0].x) + gy * (y - c[0].y));
+
+                if (d < z[i * n + j])
+                    z[i * n + j] = d;
+            }
+        }
+    }
+}
+
+void coverage_seen(float *seen, const float *x, size_t N, const float *z,
+                   size_t n, const float cam[12], float slack)
+{
+    for (size_t k = 0; k < N; k++) {
+        float uv[2], depth, sum = 0;
+
+        camera_project(uv, &depth, cam, (float)n, x + 3 * k, 1);
+        seen[k] = 0;
+        if (!(depth > CAMERA_NEAR) || !(uv[0] >= 0) || !(uv[1] >= 0) ||
+            !(uv[0] <= (float)n) || !(uv[1] <= (float)n))
+            continue;
+        float fx = floorf(uv[0] - 0.5f), fy = floorf(uv[1] - 0.5f);
+        for (int q = 0; q < 4; q++) {
+            long j = (long)fx + (q & 1), i = (long)fy + (q >> 1);
+
+            j = j < 0 ? 0 : j >= (long)n ? (long)n - 1 : j;
+            i = i < 0 ? 0 : i >= (long)n ? (long)n - 1 : i;
+            sum += depth <= z[(size_t)i * n + (size_t)j] + slack;
+        }
+        seen[k] = 0.25f * sum;
+    }
+}
