@@ -49,7 +49,8 @@ void dynamic_project(float *ndc, const float *x, size_t N,
 
 /* rgb (N,3) of hidden points from their neighbours on the mesh: a point keeps
  * its colour as far as weight (N) in [0,1] says, the rest spreads from the
- * shown ones, ring by ring, then is smoothed.  level holds V ints. */
+ * shown ones, ring by ring, then is smoothed.  level holds V ints, tmp 7 V
+ * floats. */
 void dynamic_spread(float *rgb, const float *weight, const struct densify *d,
                     int *level, float *tmp);
 
@@ -104,7 +105,7 @@ struct avatar_scratch {
     float *dynamic_in, *ddynamic_in;        /* (D,in) */
     float *dynamic_logit;           /* (D,3) */
     float *weight;                  /* (D) trust in the sampled colour */
-    float *tmp;                     /* (V,4) */
+    float *tmp;                     /* (V,7) */
     int *level;                     /* (V) */
     /* mouth */
     float *sheet;                   /* (M,3) g */
