@@ -12,7 +12,7 @@ static const char style[] =
     "h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2.2rem;"
     "border-bottom:1px solid #ddd}"
     ".row{display:flex;flex-wrap:wrap;gap:.6rem}"
-    "figure{margin:0}figure img{display:block;width:12rem;height:auto;"
+    "figure{margin:0}figure img{display:block;width:10.8rem;height:auto;"
     "background:#000;border-radius:4px}"
     "figcaption{font-size:.8rem;color:#555;text-align:center}"
     "table{border-collapse:collapse}td,th{padding:.15rem .8rem;"
