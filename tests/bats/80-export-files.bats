@@ -1,0 +1,101 @@
+#!/usr/bin/env bats
+# spid-export: what it writes is what others read.
+
+setup() {
+    cd "$BATS_TEST_TMPDIR"
+    cat >make.py <<'PY'
+import numpy as np
+rng = np.random.default_rng(3)
+n = 400
+np.save("mean.npy", rng.uniform(-.5, .5, (n, 3)).astype("f4"))
+np.save("scale.npy", rng.uniform(.005, .03, (n, 3)).astype("f4"))
+q = rng.normal(size=(n, 4))
+np.save("quat.npy", (q / np.linalg.norm(q, axis=1)[:, None]).astype("f4"))
+np.save("opacity.npy", rng.uniform(.1, .95, n).astype("f4"))
+np.save("color.npy", rng.uniform(0, 1, (n, 5)).astype("f4"))
+np.save("branch.npy", np.zeros(n, "u1"))
+np.save("cam.npy", np.array([[1, 0, 0, 0], [0, -1, 0, 0], [0, 0, -1, 12]], "f4"))
+PY
+    /usr/bin/python3 -c 'import numpy' 2>/dev/null || skip "no numpy"
+    /usr/bin/python3 make.py
+    spid-pack -t GAUS mean.npy scale.npy quat.npy opacity.npy color.npy \
+        branch.npy cam.npy -o scene.spid
+}
+
+@test "a PLY comes back as the Gaussians it was made of" {
+    spid-export -q scene.spid --ply face.ply
+    cat >read.py <<'PY'
+import numpy as np
+head, data = open("face.ply", "rb").read().split(b"end_header\n", 1)
+names = [l.split()[2] for l in head.decode().splitlines() if l.startswith("property float")]
+assert len(names) == 17, names
+x = np.frombuffer(data, "<f4").reshape(-1, 17)
+col = {k: x[:, i] for i, k in enumerate(names)}
+mean = np.load("mean.npy")
+assert np.allclose(col["x"], -mean[:, 0]) and np.allclose(col["y"], -mean[:, 1])
+assert np.allclose(np.exp(col["scale_1"]), np.load("scale.npy")[:, 1], rtol=1e-5)
+assert np.allclose(1 / (1 + np.exp(-col["opacity"])), np.load("opacity.npy"), atol=1e-5)
+c = .5 + .28209479177387814 * col["f_dc_2"]
+assert np.allclose(c, np.load("color.npy")[:, 2], atol=1e-6)
+assert np.allclose(sum(col[f"rot_{k}"] ** 2 for k in range(4)), 1, atol=1e-5)
+PY
+    /usr/bin/python3 read.py
+    spid-export --lint face.ply
+}
+
+@test "feature channels that cannot be carried are announced" {
+    run spid-export scene.spid --splat face.splat
+    [ "$status" -eq 0 ]
+    [[ "$output" == *"first three channels"* ]]
+    [ "$(stat -c %s face.splat)" -eq $((400 * 32)) ]
+}
+
+@test "the same input gives the same bytes" {
+    spid-export -q scene.spid --ply a.ply --glb-splats a.glb
+    spid-export -q scene.spid --ply b.ply --glb-splats b.glb
+    cmp a.ply b.ply
+    cmp a.glb b.glb
+}
+
+@test "a GLB of Gaussians is clean to our lint and to the Khronos validator" {
+    spid-export -q scene.spid --glb-splats face.glb
+    spid-export --lint face.glb
+    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (make npm)"
+    node "$TOP/tests/npm/validate.cjs" face.glb
+}
+
+@test "lint explains a PLY with linear opacities" {
+    spid-export -q scene.spid --ply face.ply
+    cat >break.py <<'PY'
+import numpy as np
+head, data = open("face.ply", "rb").read().split(b"end_header\n", 1)
+x = np.frombuffer(data, "<f4").reshape(-1, 17).copy()
+x[:, 9] = .5
+open("bad.ply", "wb").write(head + b"end_header\n" + x.tobytes())
+PY
+    /usr/bin/python3 break.py
+    run spid-export --lint bad.ply
+    [ "$status" -eq 65 ]
+    [[ "$output" == *"logits"* ]]
+}
+
+@test "a stream without Gaussians says what it lacked and leaves no file" {
+    spid-pack -t SHAP shape=opacity.npy -o shape.spid
+    run spid-export -q shape.spid --ply face.ply
+    [ "$status" -eq 65 ]
+    [[ "$output" == *"GAUS"* ]]
+    [ ! -e face.ply ] && [ ! -e face.ply.part ]
+}
+
+@test "a truncated stream is reported and the exit is 65" {
+    head -c 9000 scene.spid >cut.spid
+    run spid-export -q cut.spid --ply face.ply
+    [ "$status" -eq 65 ]
+    [ ! -e face.ply ]
+}
+
+@test "a name with another conversion is refused" {
+    run spid-export scene.spid --ply 'face_%s.ply'
+    [ "$status" -eq 64 ]
+    [[ "$output" == *"%s"* ]]
+}
