@@ -387,6 +387,7 @@ void add_camera(Model &m, const glb_head *h)
     camera.perspective.yfov = h->yfov;
     camera.perspective.aspectRatio = 1;
     camera.perspective.znear = 0.01;
+    camera.perspective.zfar = 100;
     m.cameras.push_back(camera);
     node.name = "camera";
     node.camera = 0;
