@@ -137,7 +137,10 @@ check: tests
 bench: all
 	@set -e; for s in $(STAGES); do $(BUILD)/bin/spid-bench $$s; done
 
-demo: all
+# The libraries' flags are read when make starts: deps first, then a new make.
+demo:
+	$(MAKE) deps
+	$(MAKE) all
 	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/demo.sh $(BUILD)/demo
 
 # Debian packages; nothing is printed or asked when all are there.
@@ -147,6 +150,10 @@ deps:
 	sudo=; [ "$$(id -u)" = 0 ] || sudo=sudo; \
 	$$sudo apt-get update -q && $$sudo env DEBIAN_FRONTEND=noninteractive \
 	  apt-get install -y -q --no-install-recommends $(DEPS); }
+	@! command -v npm >/dev/null || [ -d build/npm/node_modules ] || { \
+	  mkdir -p build/npm; cp tests/npm/package.json build/npm/; \
+	  npm install --silent --no-audit --no-fund --prefix build/npm || \
+	  echo "make deps: npm installed nothing; tests that compare with it skip"; }
 
 install: all
 	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \

@@ -43,6 +43,16 @@ PY
     spid-export --lint face.ply
 }
 
+@test "an independent reader opens the PLY" {
+    spid-export -q scene.spid --ply face.ply
+    [ -d "$TOP/build/npm/node_modules/@loaders.gl/ply" ] || skip "no loaders.gl (make deps with npm)"
+    /usr/bin/python3 -c 'import numpy as n
+m = n.load("mean.npy") * [-1, -1, 1]
+print("400 vertices, mean %.5f" % m.mean())' >expected
+    node "$TOP/tests/npm/read_ply.cjs" face.ply | sed 's/.$//' >found
+    cmp expected found
+}
+
 @test "feature channels that cannot be carried are announced" {
     run spid-export scene.spid --splat face.splat
     [ "$status" -eq 0 ]
@@ -60,7 +70,7 @@ PY
 @test "a GLB of Gaussians is clean to our lint and to the Khronos validator" {
     spid-export -q scene.spid --glb-splats face.glb
     spid-export --lint face.glb
-    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (make npm)"
+    [ -d "$TOP/build/npm/node_modules/gltf-validator" ] || skip "no gltf-validator (make deps with npm)"
     node "$TOP/tests/npm/validate.cjs" face.glb
 }
 
