@@ -144,6 +144,7 @@ static int judge(struct run *r, struct error *err)
     swap_average(r);
     rc = l->task->type->held(l->task, l->held, err);
     swap_average(r);
+    l->task->type->update(l->task);
     if (rc)
         return -1;
     fprintf(r->held, "%" PRIu64, l->step);
@@ -169,6 +170,7 @@ static int draw_sheet(struct run *r, struct error *err)
     swap_average(r);
     rc = l->task->type->sheet(l->task, &rgb, &H, &W, err);
     swap_average(r);
+    l->task->type->update(l->task);
     if (!rc)
         rc = l->write_png(path, rgb, H, W, err);
     free(rgb);

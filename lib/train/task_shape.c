@@ -221,7 +221,6 @@ int task_shape_init(struct task *t, struct error *err)
         params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    shape_encoder_start(&m->net);
     if (shape_encoder_plan(&m->net, B, opt, err))
         return -1;
     return judge_init(t, net, err);

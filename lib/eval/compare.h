@@ -1,0 +1,37 @@
+/* Two clips against each other, frame by frame: pictures and motions. */
+#ifndef SPID_EVAL_COMPARE_H
+#define SPID_EVAL_COMPARE_H
+
+#include <stddef.h>
+#include <stdio.h>
+
+#include "lib/base/error.h"
+#include "lib/eval/table.h"
+#include "lib/head/head.h"
+
+/* Receives a line per frame (may be NULL): name of the pair, frame, values in
+ * the order of the columns the call used. */
+struct compare_log {
+    FILE *tsv;
+    const char *pair;
+};
+
+/* Compare the frames of two inputs (see framesource_open) into row `row` of
+ * t: columns psnr ssim msssim l1 flicker.  ms-ssim of pictures under 161
+ * pixels counts as failed, as does the psnr of equal frames (infinite).  -1
+ * when sizes or numbers of frames differ or a file cannot be read; what was
+ * measured until then stays in the table. */
+int compare_frames(struct table *t, size_t row, const char *truth,
+                   const char *result, const struct compare_log *log,
+                   struct error *err);
+
+/* Compare the MOTN records of two streams: columns akd aed apd (pixels of a
+ * 512 picture) pose_deg yaw_deg pitch_deg roll_deg landmark_pct jaw_corr
+ * blink_corr.  Landmarks are the records' `lmk` where there are any, else
+ * those of head h (may be NULL: then akd, aed, apd fail) posed and projected,
+ * with the stream's SHAP. */
+int compare_motions(struct table *t, size_t row, const char *truth,
+                    const char *result, const struct head *h,
+                    const struct compare_log *log, struct error *err);
+
+#endif

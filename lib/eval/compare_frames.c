@@ -1,0 +1,136 @@
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/framesource.h"
+#include "lib/eval/compare.h"
+#include "lib/metric/image.h"
+
+enum { PSNR, SSIM, MSSSIM, L1, FLICKER, COUNT };
+static const char *const name[COUNT] = {"psnr", "ssim", "msssim", "l1",
+                                        "flicker"};
+static const int better[COUNT] = {1, 1, 1, -1, -1};
+
+/* Two clips and the planar pictures of this frame and the last. */
+struct pair {
+    struct framesource *in[2];      /* truth, result */
+    float *now[2], *last[2];        /* (3,H,W) */
+    size_t H, W, frames;
+};
+
+static int take(struct pair *p, int k, const struct frame *f,
+                struct error *err)
+{
+    if (!p->H) {
+        p->H = f->height;
+        p->W = f->width;
+    }
+    if (f->height != p->H || f->width != p->W)
+        return error_set(err, EX_DATAERR, "%s: frame %zu: %zux%zu pixels "
+                         "(expected %zux%zu)", framesource_name(p->in[k]),
+                         p->frames, f->width, f->height, p->W, p->H);
+    if (!p->now[0]) {
+        size_t n = 3 * p->H * p->W;
+        p->now[0] = malloc(4 * n * sizeof(float));
+        if (!p->now[0])
+            return error_set(err, EX_OSERR, "out of memory");
+        p->now[1] = p->now[0] + n;
+        p->last[0] = p->now[0] + 2 * n;
+        p->last[1] = p->now[0] + 3 * n;
+    }
+    metric_planar_u8(p->now[k], f->rgb, p->H * p->W);
+    return 0;
+}
+
+/* Next frame of both.  1, 0 at the end of both, -1. */
+static int next(struct pair *p, struct error *err)
+{
+    struct frame f;
+    int rc[2];
+
+    for (int k = 0; k < 2; k++) {
+        rc[k] = framesource_read(p->in[k], &f, err);
+        if (rc[k] < 0 || (rc[k] && take(p, k, &f, err)))
+            return -1;
+    }
+    if (rc[0] != rc[1])
+        return error_set(err, EX_DATAERR, "%s ends after %zu frames, the "
+                         "other goes on (expected as many frames)",
+                         framesource_name(p->in[rc[0] ? 1 : 0]), p->frames);
+    return rc[0];
+}
+
+static int measure(double v[COUNT], const struct pair *p, struct error *err)
+{
+    size_t n = 3 * p->H * p->W;
+    struct metric_ssim s;
+    struct metric_msssim m;
+
+    v[L1] = metric_l1(p->now[0], p->now[1], n);
+    v[PSNR] = metric_psnr(metric_mse(p->now[0], p->now[1], n));
+    v[SSIM] = v[MSSSIM] = v[FLICKER] = NAN;
+    if (p->H >= 11 && p->W >= 11) {
+        if (metric_ssim(&s, NULL, NULL, p->now[0], p->now[1], 3, p->H, p->W,
+                        err))
+            return -1;
+        v[SSIM] = s.mean;
+    }
+    if (p->H >= METRIC_MSSSIM_MIN && p->W >= METRIC_MSSSIM_MIN) {
+        if (metric_msssim(&m, NULL, p->now[0], p->now[1], 3, p->H, p->W,
+                          err))
+            return -1;
+        v[MSSSIM] = m.mean;
+    }
+    if (p->frames)
+        v[FLICKER] = metric_flicker(p->last[0], p->now[0], p->last[1],
+                                    p->now[1], n);
+    return 0;
+}
+
+static void record(struct table *t, size_t row, const double v[COUNT],
+                   size_t frame, const struct compare_log *log)
+{
+    for (int k = 0; k < COUNT; k++)
+        if (k != FLICKER || frame)
+            table_add(t, row, table_column(t, name[k], better[k]), v[k]);
+    if (!log || !log->tsv)
+        return;
+    fprintf(log->tsv, "%s\t%zu", log->pair, frame);
+    for (int k = 0; k < COUNT; k++)
+        fprintf(log->tsv, "\t%.9g", v[k]);
+    fputc('\n', log->tsv);
+}
+
+int compare_frames(struct table *t, size_t row, const char *truth,
+                   const char *result, const struct compare_log *log,
+                   struct error *err)
+{
+    const char *path[2] = {truth, result};
+    struct pair p = {0};
+    double v[COUNT];
+    int rc = -1;
+
+    for (int k = 0; k < 2; k++) {
+        p.in[k] = framesource_open(&path[k], 1, NULL, err);
+        if (!p.in[k])
+            goto out;
+    }
+    if (log && log->tsv)
+        fprintf(log->tsv, "pair\tframe\tpsnr\tssim\tmsssim\tl1\tflicker\n");
+    while ((rc = next(&p, err)) > 0) {
+        if (measure(v, &p, err)) {
+            rc = -1;
+            break;
+        }
+        record(t, row, v, p.frames++, log);
+        memcpy(p.last[0], p.now[0], 6 * p.H * p.W * sizeof(float));
+    }
+    if (!rc && !p.frames)
+        rc = error_set(err, EX_DATAERR, "%s: no frames", truth);
+out:
+    free(p.now[0]);
+    framesource_close(p.in[0]);
+    framesource_close(p.in[1]);
+    return rc;
+}

@@ -1,0 +1,241 @@
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/avatar/records.h"
+#include "lib/eval/compare.h"
+#include "lib/geom/camera.h"
+#include "lib/metric/motion.h"
+
+enum { AKD, AED, APD, POSE, YAW, PITCH, ROLL, LANDMARK, JAW, BLINK, COUNT };
+static const char *const name[COUNT] = {
+    "akd", "aed", "apd", "pose_deg", "yaw_deg", "pitch_deg", "roll_deg",
+    "landmark_pct", "jaw_corr", "blink_corr"};
+static const int better[COUNT] = {-1, -1, -1, -1, -1, -1, -1, -1, 1, 1};
+
+/* One motion: what is compared of it. */
+struct pose {
+    float R[9], jaw[3], lid[2], lmk[68][2];
+    int has_lmk;
+};
+
+struct clip {
+    struct pose *pose;
+    size_t count, room;
+};
+
+/* Reading state of one stream. */
+struct side {
+    struct clip clip;
+    const struct head *head;
+    struct identity id;
+    float *verts;
+    double size;            /* of the pictures lmk is given in */
+};
+
+static int keep(struct clip *c, const struct pose *p, struct error *err)
+{
+    if (c->count == c->room) {
+        size_t room = c->room ? 2 * c->room : 64;
+        struct pose *grown = realloc(c->pose, room * sizeof *grown);
+        if (!grown)
+            return error_set(err, EX_OSERR, "out of memory");
+        c->pose = grown;
+        c->room = room;
+    }
+    c->pose[c->count++] = *p;
+    return 0;
+}
+
+static int fold(struct side *s, const struct record *rec, struct error *err)
+{
+    const struct array *a = record_find(rec, "shape");
+
+    if (!s->head || !a || a->dtype != DTYPE_F32 || a->ndim != 1 ||
+        a->dim[0] > s->head->nshape)
+        return 0;
+    identity_release(&s->id);
+    return head_fold(&s->id, s->head, a->data, a->dim[0], err);
+}
+
+/* Landmarks of the head with this motion, pixels of a 512 picture. */
+static int project(struct side *s, struct pose *p, const struct motion *m,
+                   struct error *err)
+{
+    float cam[12], x[68 * 3];
+
+    if (!s->head || !s->head->has_landmarks)
+        return 0;
+    if (!s->verts)
+        s->verts = malloc(3 * s->head->V * sizeof *s->verts);
+    if (!s->verts)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (!s->id.head && head_fold(&s->id, s->head, NULL, 0, err))
+        return -1;
+    motion_camera(cam, m);
+    head_pose(s->verts, &s->id, &m->pose);
+    head_landmarks(x, s->head, s->verts);
+    camera_project(&p->lmk[0][0], NULL, cam, 512, x, 68);
+    p->has_lmk = 1;
+    return 0;
+}
+
+static int take(struct side *s, const struct record *rec, struct error *err)
+{
+    size_t nexp = s->head ? s->head->nexp : 100;
+    const struct array *lmk = record_find(rec, "lmk");
+    struct motion m;
+    struct pose p = {.has_lmk = 0};
+
+    if (motion_read(&m, rec, nexp, err))
+        return -1;
+    memcpy(p.R, m.R, sizeof p.R);
+    memcpy(p.jaw, m.pose.jaw, sizeof p.jaw);
+    memcpy(p.lid, m.pose.lid, sizeof p.lid);
+    if (lmk && lmk->dtype == DTYPE_F32 && array_count(lmk) == 136) {
+        memcpy(p.lmk, lmk->data, sizeof p.lmk);
+        for (int i = 0; i < 68; i++)
+            for (int k = 0; k < 2; k++)
+                p.lmk[i][k] *= (float)(512 / s->size);
+        p.has_lmk = 1;
+    } else if (project(s, &p, &m, err)) {
+        return -1;
+    }
+    return keep(&s->clip, &p, err);
+}
+
+static int read_clip(struct side *s, const char *path, struct error *err)
+{
+    struct stream_reader *in = stream_open(path, NULL, err);
+    struct record rec;
+    int rc = -1;
+
+    if (!in)
+        return -1;
+    s->size = 512;
+    while ((rc = stream_read(in, &rec, err)) > 0) {
+        const struct array *rgb = record_find(&rec, "rgb");
+        if (record_is(&rec, "IMAG") && rgb && rgb->ndim == 3 && s->size !=
+            (double)rgb->dim[0]) {
+            /* The size is known only now: bring what came before to 512. */
+            double k = s->size / (double)rgb->dim[0];
+            for (size_t i = 0; i < s->clip.count; i++)
+                for (int j = 0; j < 136; j++)
+                    (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
+            s->size = (double)rgb->dim[0];
+        }
+        if ((record_is(&rec, "SHAP") && fold(s, &rec, err)) ||
+            (record_is(&rec, "MOTN") && take(s, &rec, err))) {
+            rc = error_prefix(err, "%s: frame %llu", path,
+                              (unsigned long long)rec.frame);
+            break;
+        }
+    }
+    stream_close(in);
+    if (!rc && !s->clip.count)
+        return error_set(err, EX_DATAERR, "%s: no MOTN records", path);
+    return rc;
+}
+
+static void side_release(struct side *s)
+{
+    identity_release(&s->id);
+    free(s->verts);
+    free(s->clip.pose);
+}
+
+static void measure(double v[COUNT], const struct pose *a,
+                    const struct pose *b)
+{
+    struct metric_points m;
+    double ea[3], eb[3];
+
+    for (int k = 0; k < COUNT; k++)
+        v[k] = NAN;
+    if (a->has_lmk && b->has_lmk) {
+        const float(*pa)[2] = (const float(*)[2])a->lmk;
+        metric_points(&m, pa, (const float(*)[2])b->lmk);
+        v[AKD] = m.akd;
+        v[AED] = m.aed;
+        v[APD] = m.apd;
+        v[LANDMARK] = 100 * m.akd / metric_eye_distance(pa);
+    }
+    v[POSE] = metric_rotation_degrees(a->R, b->R);
+    metric_euler_degrees(ea, a->R);
+    metric_euler_degrees(eb, b->R);
+    for (int k = 0; k < 3; k++)
+        v[YAW + k] = fabs(remainder(ea[k] - eb[k], 360));
+}
+
+/* Correlations over the whole clip: one value each. */
+static int curves(double v[COUNT], const struct clip *a, const struct clip *b,
+                  struct error *err)
+{
+    size_t n = a->count;
+    double *x = malloc(4 * n * sizeof *x);
+
+    if (!x)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t i = 0; i < n; i++) {
+        const struct pose *p[2] = {&a->pose[i], &b->pose[i]};
+        for (int k = 0; k < 2; k++) {
+            x[(size_t)k * n + i] = metric_jaw_open(p[k]->jaw);
+            x[(size_t)(2 + k) * n + i] = 0.5 * (p[k]->lid[0] + p[k]->lid[1]);
+        }
+    }
+    v[JAW] = metric_correlation(x, x + n, n);
+    v[BLINK] = metric_correlation(x + 2 * n, x + 3 * n, n);
+    free(x);
+    return 0;
+}
+
+static int compare(struct table *t, size_t row, const struct clip *a,
+                   const struct clip *b, const struct compare_log *log,
+                   struct error *err)
+{
+    double v[COUNT];
+
+    for (size_t i = 0; i < a->count; i++) {
+        measure(v, &a->pose[i], &b->pose[i]);
+        for (int k = 0; k < JAW; k++)
+            table_add(t, row, table_column(t, name[k], better[k]), v[k]);
+        if (!log || !log->tsv)
+            continue;
+        if (i == 0) {
+            fprintf(log->tsv, "pair\tframe");
+            for (int k = 0; k < JAW; k++)
+                fprintf(log->tsv, "\t%s", name[k]);
+            fputc('\n', log->tsv);
+        }
+        fprintf(log->tsv, "%s\t%zu", log->pair, i);
+        for (int k = 0; k < JAW; k++)
+            fprintf(log->tsv, "\t%.9g", v[k]);
+        fputc('\n', log->tsv);
+    }
+    if (curves(v, a, b, err))
+        return -1;
+    for (int k = JAW; k < COUNT; k++)
+        table_add(t, row, table_column(t, name[k], better[k]), v[k]);
+    return 0;
+}
+
+int compare_motions(struct table *t, size_t row, const char *truth,
+                    const char *result, const struct head *h,
+                    const struct compare_log *log, struct error *err)
+{
+    struct side a = {.head = h}, b = {.head = h};
+    int rc = -1;
+
+    if (read_clip(&a, truth, err) || read_clip(&b, result, err))
+        goto out;
+    if (a.clip.count != b.clip.count)
+        error_set(err, EX_DATAERR, "%s: %zu motions, %s: %zu (expected as "
+                  "many)", truth, a.clip.count, result, b.clip.count);
+    else
+        rc = compare(t, row, &a.clip, &b.clip, log, err);
+out:
+    side_release(&a);
+    side_release(&b);
+    return rc;
+}

@@ -1,0 +1,231 @@
+#include "lib/eval/table.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+void table_init(struct table *t)
+{
+    memset(t, 0, sizeof *t);
+}
+
+void table_release(struct table *t)
+{
+    free(t->row);
+    memset(t, 0, sizeof *t);
+}
+
+size_t table_column(struct table *t, const char *name, int better)
+{
+    for (size_t i = 0; i < t->columns; i++)
+        if (!strcmp(t->column[i], name))
+            return i;
+    if (t->columns == TABLE_COLUMNS)
+        return (size_t)-1;
+    snprintf(t->column[t->columns], TABLE_NAME, "%s", name);
+    t->better[t->columns] = better;
+    return t->columns++;
+}
+
+size_t table_row(struct table *t, const char *name)
+{
+    char cut[TABLE_NAME];
+
+    snprintf(cut, sizeof cut, "%s", name);
+    for (size_t i = 0; i < t->rows; i++)
+        if (!strcmp(t->row[i].name, cut))
+            return i;
+    if (t->rows == t->room) {
+        size_t room = t->room ? 2 * t->room : 8;
+        struct table_row *grown = realloc(t->row, room * sizeof *grown);
+        if (!grown)
+            return (size_t)-1;
+        t->row = grown;
+        t->room = room;
+    }
+    memset(&t->row[t->rows], 0, sizeof *t->row);
+    memcpy(t->row[t->rows].name, cut, sizeof cut);
+    return t->rows++;
+}
+
+void table_add(struct table *t, size_t row, size_t column, double value)
+{
+    struct table_cell *c;
+
+    if (row >= t->rows || column >= t->columns)
+        return;
+    c = &t->row[row].cell[column];
+    if (!isfinite(value)) {
+        c->failed++;
+    } else {
+        c->sum += value;
+        c->count++;
+    }
+}
+
+double table_mean(const struct table *t, size_t row, size_t column)
+{
+    const struct table_cell *c;
+
+    if (row >= t->rows || column >= t->columns)
+        return NAN;
+    c = &t->row[row].cell[column];
+    return c->count ? c->sum / (double)c->count : NAN;
+}
+
+int table_format_parse(enum table_format *f, const char *word)
+{
+    static const char *const words[] = {"text", "tsv", "json", "latex"};
+
+    for (int i = 0; i < 4; i++)
+        if (!strcmp(word, words[i])) {
+            *f = (enum table_format)i;
+            return 0;
+        }
+    return -1;
+}
+
+/* Most failures in any cell of a row: frames that could not be judged. */
+static size_t row_failed(const struct table *t, size_t row)
+{
+    size_t most = 0;
+
+    for (size_t c = 0; c < t->columns; c++)
+        if (t->row[row].cell[c].failed > most)
+            most = t->row[row].cell[c].failed;
+    return most;
+}
+
+static size_t row_count(const struct table *t, size_t row)
+{
+    size_t most = 0;
+
+    for (size_t c = 0; c < t->columns; c++)
+        if (t->row[row].cell[c].count > most)
+            most = t->row[row].cell[c].count;
+    return most;
+}
+
+static void number(FILE *f, double x, const char *missing)
+{
+    if (isnan(x))
+        fputs(missing, f);
+    else
+        fprintf(f, fabs(x) >= 10 ? "%.2f" : fabs(x) >= 0.1 ? "%.3f" : "%.4f",
+                x);
+}
+
+static void write_text(FILE *f, const struct table *t, int tsv)
+{
+    fprintf(f, tsv ? "method" : "%-18s", "method");
+    for (size_t c = 0; c < t->columns; c++)
+        fprintf(f, tsv ? "\t%s" : " %11s", t->column[c]);
+    fprintf(f, tsv ? "\tframes\tfailed\n" : "  frames  failed\n");
+    for (size_t r = 0; r < t->rows; r++) {
+        fprintf(f, tsv ? "%s" : "%-18s", t->row[r].name);
+        for (size_t c = 0; c < t->columns; c++) {
+            double x = table_mean(t, r, c);
+            char cell[40] = "-";
+            if (!isnan(x))
+                snprintf(cell, sizeof cell, tsv ? "%.9g"
+                         : fabs(x) >= 10        ? "%.2f"
+                         : fabs(x) >= 0.1       ? "%.3f"
+                                                : "%.4f", x);
+            fprintf(f, tsv ? "\t%s" : " %11s", cell);
+        }
+        fprintf(f, tsv ? "\t%zu\t%zu\n" : " %7zu %7zu\n", row_count(t, r),
+                row_failed(t, r));
+    }
+}
+
+static void json_string(FILE *f, const char *s)
+{
+    fputc('"', f);
+    for (; *s; s++) {
+        if (*s == '"' || *s == '\\')
+            fprintf(f, "\\%c", *s);
+        else if ((unsigned char)*s < 32)
+            fprintf(f, "\\u%04x", *s);
+        else
+            fputc(*s, f);
+    }
+    fputc('"', f);
+}
+
+static void write_json(FILE *f, const struct table *t)
+{
+    fputs("{", f);
+    for (size_t r = 0; r < t->rows; r++) {
+        fputs(r ? ",\n " : "\n ", f);
+        json_string(f, t->row[r].name);
+        fputs(": {", f);
+        for (size_t c = 0; c < t->columns; c++) {
+            double x = table_mean(t, r, c);
+            json_string(f, t->column[c]);
+            if (isnan(x))
+                fputs(": null, ", f);
+            else
+                fprintf(f, ": %.9g, ", x);
+        }
+        fprintf(f, "\"frames\": %zu, \"failed\": %zu}", row_count(t, r),
+                row_failed(t, r));
+    }
+    fputs("\n}\n", f);
+}
+
+static void latex_string(FILE *f, const char *s)
+{
+    for (; *s; s++) {
+        if (strchr("_&%#$", *s))
+            fputc('\\', f);
+        fputc(*s, f);
+    }
+}
+
+static int is_best(const struct table *t, size_t row, size_t col)
+{
+    double x = table_mean(t, row, col);
+
+    if (isnan(x) || !t->better[col])
+        return 0;
+    for (size_t r = 0; r < t->rows; r++)
+        if (table_mean(t, r, col) * t->better[col] > x * t->better[col])
+            return 0;
+    return 1;
+}
+
+static void write_latex(FILE *f, const struct table *t)
+{
+    fputs("\\begin{tabular}{l", f);
+    for (size_t c = 0; c < t->columns; c++)
+        fputc('c', f);
+    fputs("}\n\\toprule\nMethod", f);
+    for (size_t c = 0; c < t->columns; c++) {
+        fputs(" & ", f);
+        latex_string(f, t->column[c]);
+        if (t->better[c])
+            fputs(t->better[c] > 0 ? "$\\uparrow$" : "$\\downarrow$", f);
+    }
+    fputs(" \\\\\n\\midrule\n", f);
+    for (size_t r = 0; r < t->rows; r++) {
+        latex_string(f, t->row[r].name);
+        for (size_t c = 0; c < t->columns; c++) {
+            int best = is_best(t, r, c);
+            fputs(best ? " & \\textbf{" : " & ", f);
+            number(f, table_mean(t, r, c), "--");
+            fputs(best ? "}" : "", f);
+        }
+        fputs(" \\\\\n", f);
+    }
+    fputs("\\bottomrule\n\\end{tabular}\n", f);
+}
+
+void table_write(FILE *f, const struct table *t, enum table_format format)
+{
+    if (format == TABLE_JSON)
+        write_json(f, t);
+    else if (format == TABLE_LATEX)
+        write_latex(f, t);
+    else
+        write_text(f, t, format == TABLE_TSV);
+}

@@ -1,0 +1,80 @@
+/* The avatar, its renderer and refiner as one thing that learns from
+ * pictures: source -> Gaussians -> features -> picture -> loss, and back. */
+#ifndef SPID_TRAIN_TRAINEE_H
+#define SPID_TRAIN_TRAINEE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/avatar/avatar.h"
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/net/refiner.h"
+#include "lib/splat/splat.h"
+#include "lib/train/config.h"
+#include "lib/train/data.h"
+#include "lib/train/losses.h"
+
+/* L_img and L_perc, in the order of the log. */
+enum picture_term {
+    PICTURE_COARSE, PICTURE_COARSE_FACE, PICTURE_FINAL, PICTURE_FINAL_FACE,
+    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_COUNT
+};
+extern const char *const picture_term_name[PICTURE_COUNT];
+
+struct trainee {
+    const struct head *head;
+    struct avatar_config config;
+    struct avatar avatar;
+    struct refiner refiner;         /* when config.has_refiner */
+    struct splat splat;
+    size_t image, channels;         /* side of the picture; C */
+    /* One block of floats: */
+    float *feat, *dfeat;            /* (image,image,C) */
+    float *alpha, *dalpha;          /* (image,image) */
+    float *rgb, *drgb;              /* (image,image,3) after the refiner */
+    float *coarse, *dcoarse;        /* (image,image,3) before it */
+    float *target, *mask;           /* (image,image,3), (image,image) */
+    float *moved;                   /* (V+E,3) */
+    float *verts, *dverts;          /* (V,3) driven */
+    float *source;                  /* (V,3) V_s */
+    float *tmp;                     /* of loss_pyramid */
+    float dcam[12];                 /* gradient for the frame's [R|t] */
+    uint8_t *bytes, *matte;         /* (S,S,3), (S,S): the source */
+};
+
+/* Declare avatar and refiner in ps. */
+int trainee_init(struct trainee *t, struct params *ps,
+                 const struct avatar_config *config, const struct head *h,
+                 struct error *err);
+/* After params_allocate and params_randomise; fresh starts the biases. */
+int trainee_plan(struct trainee *t, size_t image, int fresh,
+                 struct nn_options opt, struct error *err);
+void trainee_update(struct trainee *t);
+void trainee_release(struct trainee *t);
+
+/* Phase A from a frame (which holds its whole picture, of config.size),
+ * with motion m (NULL: its true one) of identity id. */
+int trainee_bake(struct trainee *t, const struct data_frame *f,
+                 const struct identity *id, const struct head_motion *m,
+                 const float *cam, struct error *err);
+/* Phase B: verts and cam to feat, alpha, coarse and rgb. */
+int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
+                 struct error *err);
+/* Losses of what was drawn against frame f: terms (PICTURE_COUNT) are added;
+ * the gradients wait in dcoarse, drgb, dalpha, times scale. */
+int trainee_losses(struct trainee *t, double *terms,
+                   const struct data_frame *f, const struct train_config *c,
+                   double scale, struct error *err);
+/* Back to the Gaussians (kept for trainee_bake_backward), to dverts and to
+ * dcam, which are overwritten. */
+int trainee_draw_backward(struct trainee *t, struct error *err);
+void trainee_bake_backward(struct trainee *t);
+
+/* The true motion and camera of a frame. */
+void trainee_truth(struct head_motion *m, float cam[12],
+                   const struct data_frame *f);
+/* f's face crop in a picture of `image` pixels. */
+struct box trainee_face(const struct data_frame *f, size_t image);
+
+#endif
