@@ -165,18 +165,25 @@ install: all
 	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \
 	done
 
-# libFuzzer over the readers, FUZZ_SECONDS each; what it finds is kept in
-# tests/fuzz/found and replayed by make check.
+# libFuzzer over the readers, FUZZ_SECONDS each.  What it finds is kept in
+# tests/fuzz/found and goes through its target again in make check.  Needs
+# Debian's clang.
 FUZZ_SECONDS ?= 120
-fuzz: $(patsubst tests/fuzz/%.c,$(BUILD)/fuzz/%,$(wildcard tests/fuzz/*.c))
-	set -e; for f in $^; do mkdir -p $$f.corpus tests/fuzz/found; \
-	  $$f -max_total_time=$(FUZZ_SECONDS) -rss_limit_mb=512 -timeout=5 \
-	    -artifact_prefix=tests/fuzz/found/$$(basename $$f)- $$f.corpus; done
+FUZZ := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
+fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
+	set -e; mkdir -p tests/fuzz/found; for f in $(FUZZ); do \
+	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus; \
+	  $(BUILD)/fuzz/$$f -max_total_time=$(FUZZ_SECONDS) -timeout=5 \
+	    -rss_limit_mb=1024 -artifact_prefix=tests/fuzz/found/$$f- \
+	    -print_final_stats=1 -verbosity=0 \
+	    $(BUILD)/fuzz/$$f.corpus tests/fuzz/seed/$$f; done
 
-$(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch] \
-                 formats/safetensors.[ch] formats/npy.[ch])
+$(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
+                 $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
+                   formats/npy.[ch]) tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
-	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) -fopenmp=libgomp \
+	$(SAY) FUZZ $@
+	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  $(filter %.c,$^) -lxxhash -lcjson -lm -o $@
 

@@ -127,6 +127,8 @@ static int get_dtype(enum dtype *dtype, const char *type, const char *name,
     const char *text = cJSON_GetStringValue(given);
 
     *dtype = DTYPE_F32;
+    if (!text && s && strstr(s->dtypes, "f32"))
+        return 0;
     for (int t = DTYPE_U8; t <= DTYPE_F64; t++) {
         const char *known = dtype_name((enum dtype)t);
 

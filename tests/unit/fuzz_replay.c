@@ -1,0 +1,70 @@
+/* Every input that fuzzing ever found (tests/fuzz/found) and every seed
+ * (tests/fuzz/seed) goes through its target again. */
+#include <glob.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define LLVMFuzzerTestOneInput fuzz_stream
+#include "tests/fuzz/fuzz_stream.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_npy
+#include "tests/fuzz/fuzz_npy.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_json
+#define take take_json
+#include "tests/fuzz/fuzz_json.c"
+#undef take
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_safetensors
+#define take take_safetensors
+#include "tests/fuzz/fuzz_safetensors.c"
+#undef take
+#undef LLVMFuzzerTestOneInput
+
+static const struct {
+    const char *name;
+    int (*run)(const uint8_t *data, size_t size);
+} targets[] = { { "fuzz_stream", fuzz_stream },
+                { "fuzz_npy", fuzz_npy },
+                { "fuzz_json", fuzz_json },
+                { "fuzz_safetensors", fuzz_safetensors } };
+
+static int replay(const char *path, int (*run)(const uint8_t *, size_t))
+{
+    static uint8_t data[1 << 20];
+    FILE *f = fopen(path, "rb");
+    size_t n;
+
+    if (!f)
+        return 1;
+    n = fread(data, 1, sizeof data, f);
+    fclose(f);
+    return run(data, n);
+}
+
+int main(void)
+{
+    int bad = 0;
+    size_t files = 0;
+
+    for (size_t t = 0; t < sizeof targets / sizeof *targets; t++) {
+        char pattern[100];
+        glob_t g = { 0 };
+
+        snprintf(pattern, sizeof pattern, "tests/fuzz/found/%s-*",
+                 targets[t].name);
+        glob(pattern, 0, NULL, &g);
+        snprintf(pattern, sizeof pattern, "tests/fuzz/seed/%s/*",
+                 targets[t].name);
+        glob(pattern, GLOB_APPEND, NULL, &g);
+        for (size_t i = 0; i < g.gl_pathc; i++)
+            bad += replay(g.gl_pathv[i], targets[t].run);
+        files += g.gl_pathc;
+        globfree(&g);
+    }
+    printf("%zu inputs, %d refused to end well\n", files, bad);
+    return bad || files == 0;
+}
