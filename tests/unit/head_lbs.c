@@ -1,0 +1,240 @@
+/* Posing: float kernels of every instruction set against the double
+ * reference, gradients of the reference against central differences, float
+ * gradients against the reference. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/random.h"
+#include "lib/head/lbs.h"
+
+#define NS 7
+#define NE 5
+
+static int failed;
+
+static void check(const char *what, size_t V, double value, double limit)
+{
+    int ok = value <= limit;
+
+    printf("%-9s V=%-5zu %-40s %.2e  limit %.0e  %s\n",
+           cpu_level_name(cpu_level()), V, what, value, limit,
+           ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+static float *numbers(struct random *r, size_t n, double bound)
+{
+    float *x = malloc((n + 1) * sizeof *x);
+
+    for (size_t i = 0; i < n; i++)
+        x[i] = (float)random_range(r, -bound, bound);
+    return x;
+}
+
+/* A head of V random vertices, everything non-zero. */
+static void make_head(struct head *h, struct random *r, size_t V)
+{
+    static const int32_t parents[5] = {-1, 0, 1, 1, 1}, face[3] = {0, 0, 0};
+    struct head_arrays a = {
+        .V = V, .F = 1, .nshape = NS, .nexp = NE, .f = face,
+        .v_template = numbers(r, 3 * V, 0.1), .parents = parents,
+        .shapedirs = numbers(r, 3 * V * (NS + NE), 0.01),
+        .posedirs = numbers(r, 3 * V * 36, 0.01),
+        .l_eyelid = numbers(r, 3 * V, 0.01),
+        .r_eyelid = numbers(r, 3 * V, 0.01),
+        .lip_inner = face, .nlip_inner = 1
+    };
+    float *w = numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
+    struct error err;
+
+    for (size_t v = 0; v < V; v++) {
+        float sum = 0;
+
+        for (int j = 0; j < 5; j++)
+            sum += w[5 * v + j] = fabsf(w[5 * v + j]);
+        for (int j = 0; j < 5; j++)
+            w[5 * v + j] /= sum;
+    }
+    for (size_t j = 0; j < 5; j++)
+        J[j * V + j * 7 % V] = 1;
+    a.weights = w;
+    a.J_regressor = J;
+    if (head_init(h, &a, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    free((void *)a.v_template);
+    free((void *)a.shapedirs);
+    free((void *)a.posedirs);
+    free((void *)a.l_eyelid);
+    free((void *)a.r_eyelid);
+    free(w);
+    free(J);
+}
+
+/* One set of parameters in both precisions. */
+struct params_pair {
+    float beta[NS], exp[NE];
+    double beta_d[NS], exp_d[NE];
+    struct head_motion m;
+    struct head_motion_d d;
+};
+
+static void draw(struct params_pair *p, struct random *r, double angle)
+{
+    memset(p, 0, sizeof *p);
+    for (int i = 0; i < NS; i++)
+        p->beta_d[i] = p->beta[i] = (float)random_range(r, -2, 2);
+    for (int i = 0; i < NE; i++)
+        p->exp_d[i] = p->exp[i] = i == 2 ? 0 : (float)random_range(r, -2, 2);
+    float *at[5] = {p->m.global, p->m.neck, p->m.jaw, p->m.eye, p->m.eye + 3};
+    for (int i = 0; i < 15; i++)
+        p->d.pose[i] = at[i / 3][i % 3] =
+            i / 3 == 1 ? 0 : (float)random_range(r, -angle, angle);
+    for (int i = 0; i < 2; i++)
+        p->d.lid[i] = p->m.lid[i] = (float)random_uniform(r);
+    p->m.exp = p->exp;
+    p->d.beta = p->beta_d;
+    p->d.exp = p->exp_d;
+}
+
+static void forward(const struct head *h, struct random *r, double angle)
+{
+    size_t V = h->V;
+    float *verts = malloc((3 * V + 8) * sizeof *verts);
+    double *ref = malloc(3 * V * sizeof *ref), worst = 0;
+    struct params_pair p;
+    struct identity id;
+    struct error err;
+
+    draw(&p, r, angle);
+    for (int i = 0; i < 8; i++)
+        verts[3 * V + (size_t)i] = 12345;
+    head_fold(&id, h, p.beta, NS, &err);
+    head_pose(verts, &id, &p.m);
+    head_pose_d(ref, NULL, h, &p.d);
+    for (size_t i = 0; i < 3 * V; i++)
+        worst = fmax(worst, fabs(verts[i] - ref[i]));
+    for (int i = 0; i < 8; i++)
+        worst = verts[3 * V + (size_t)i] == 12345 ? worst : INFINITY;
+    /* the head is about 1 unit: a few float roundings */
+    check("vertices against double", V, worst, 5e-7);
+    identity_release(&id);
+    free(verts);
+    free(ref);
+}
+
+static double loss(const struct head *h, const struct params_pair *p,
+                   const double *probe)
+{
+    size_t n = 3 * h->V;
+    double *v = malloc(n * sizeof *v), joints[15], sum = 0;
+
+    head_pose_d(v, joints, h, &p->d);
+    for (size_t i = 0; i < n; i++)
+        sum += probe[i] * v[i];
+    for (size_t i = 0; i < 15; i++)
+        sum += probe[n + i] * joints[i];
+    free(v);
+    return sum;
+}
+
+static void gradients(const struct head *h, struct random *r, double angle)
+{
+    size_t n = 3 * h->V + 15;
+    double *probe = malloc(n * sizeof *probe), gb[NS] = {0}, ge[NE] = {0};
+    float *probe_f = malloc(n * sizeof *probe_f);
+    float fb[NS] = {0}, fe[NE] = {0};
+    struct head_motion_grad_d g = {.beta = gb, .exp = ge};
+    struct head_motion_grad gf = {.beta = fb, .exp = fe};
+    struct params_pair p;
+    struct identity id;
+    struct error err;
+    double worst = 0, f32 = 0, size = 1;
+
+    draw(&p, r, angle);
+    for (size_t i = 0; i < n; i++)
+        probe_f[i] = (float)(probe[i] = (float)random_range(r, -1, 1));
+    head_pose_backward_d(&g, probe, probe + n - 15, h, &p.d);
+    head_fold(&id, h, p.beta, NS, &err);
+    head_pose_backward(&gf, probe_f, probe_f + n - 15, &id, &p.m);
+    struct {
+        double *x, *g;
+        float *f;
+        int n;
+    } part[] = {
+        {p.beta_d, gb, fb, NS}, {p.exp_d, ge, fe, NE},
+        {p.d.pose, g.pose, gf.global, 3}, {p.d.pose + 3, g.pose + 3,
+         gf.neck, 3}, {p.d.pose + 6, g.pose + 6, gf.jaw, 3},
+        {p.d.pose + 9, g.pose + 9, gf.eye, 6}, {p.d.lid, g.lid, gf.lid, 2}
+    };
+    for (size_t k = 0; k < sizeof part / sizeof *part; k++)
+        for (int i = 0; i < part[k].n; i++)
+            size = fmax(size, fabs(part[k].g[i]));
+    for (size_t k = 0; k < sizeof part / sizeof *part; k++)
+        for (int i = 0; i < part[k].n; i++) {
+            double keep = part[k].x[i], step = 1e-5;
+
+            part[k].x[i] = keep + step;
+            double up = loss(h, &p, probe);
+            part[k].x[i] = keep - step;
+            double d = (up - loss(h, &p, probe)) / (2 * step);
+            part[k].x[i] = keep;
+            worst = fmax(worst, fabs(d - part[k].g[i]) / size);
+            f32 = fmax(f32, fabs(part[k].f[i] - part[k].g[i]) / size);
+        }
+    check("double gradients by differences", h->V, worst, 1e-8);
+    check("float gradients against double", h->V, f32, 2e-6);
+    identity_release(&id);
+    free(probe);
+    free(probe_f);
+}
+
+static int run(void)
+{
+    static const size_t sizes[] = {1, 31, 32, 33, 500, 5023};
+    static const double angles[] = {0, 1e-6, 0.3, 1.81};
+    struct random r;
+
+    random_init(&r, 10, "head_lbs");
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) {
+        struct head h;
+
+        make_head(&h, &r, sizes[i]);
+        for (size_t k = 0; k < 4; k++) {
+            forward(&h, &r, angles[k]);
+            if (sizes[i] <= 500)
+                gradients(&h, &r, angles[k]);
+        }
+        head_release(&h);
+    }
+    return failed;
+}
+
+/* One child per instruction set: the level is decided once per process. */
+int main(void)
+{
+    static const char *const level[] = {"baseline", "avx2", "avx512"};
+    int bad = 0;
+
+    for (int i = 0; i < 3; i++) {
+        int status = 1;
+
+        fflush(stdout);
+        pid_t pid = fork();
+        if (pid == 0) {
+            setenv("SPID_CPU", level[i], 1);
+            status = run();
+            fflush(stdout);
+            _exit(status);
+        }
+        waitpid(pid, &status, 0);
+        bad |= status != 0;
+    }
+    return bad;
+}
