@@ -1,41 +1,47 @@
 /* Posing in one pass over memory, compiled per instruction set.  A block is
- * 32 vertices as x[32] y[32] z[32] = six vectors of 16; its directions lie
- * one after the other, so the six sums stay in registers while memory is read
- * front to back. */
+ * 32 vertices as x[32] y[32] z[32]; its directions lie one after the other,
+ * so the sums stay in registers while memory is read front to back. */
 #include "lib/head/lbs_kernel.h"
 
 #include <string.h>
 
+#if defined(ISA_AVX512)
+#define W 16            /* floats of a vector */
+#elif defined(ISA_AVX2)
+#define W 8
+#else
+#define W 4
+#endif
 #define B HEAD_BLOCK
 #define ROW (3 * B)
+#define HV (B / W)      /* vectors of one coordinate */
+#define NV (3 * HV)     /* vectors of a row: all x, all y, all z */
+#define CHUNK (NV < 12 ? NV : 12)   /* sums held in registers at once */
 
-/* The compiler splits a vector where the registers are narrower. */
-typedef float vec __attribute__((vector_size(64), aligned(64), may_alias));
-#define NV (ROW / 16)   /* vectors of a row: x x y y z z */
+typedef float vec __attribute__((vector_size(4 * W), may_alias));
 
 /* a += value[i] * rows[index[i]] */
 static inline void add_rows(vec a[NV], const float *rows, const int *index,
                             const float *value, size_t n)
 {
-    vec s0 = a[0], s1 = a[1], s2 = a[2], s3 = a[3], s4 = a[4], s5 = a[5];
+    for (int c = 0; c < NV; c += CHUNK) {
+        vec s[CHUNK];
 
-    for (size_t i = 0; i < n; i++) {
-        const vec *d = (const vec *)(rows + (size_t)index[i] * ROW);
-        float c = value[i];
+#pragma GCC unroll 12
+        for (int k = 0; k < CHUNK; k++)
+            s[k] = a[c + k];
+        for (size_t i = 0; i < n; i++) {
+            const vec *d = (const vec *)(rows + (size_t)index[i] * ROW) + c;
+            float v = value[i];
 
-        s0 += c * d[0];
-        s1 += c * d[1];
-        s2 += c * d[2];
-        s3 += c * d[3];
-        s4 += c * d[4];
-        s5 += c * d[5];
+#pragma GCC unroll 12
+            for (int k = 0; k < CHUNK; k++)
+                s[k] += v * d[k];
+        }
+#pragma GCC unroll 12
+        for (int k = 0; k < CHUNK; k++)
+            a[c + k] = s[k];
     }
-    a[0] = s0;
-    a[1] = s1;
-    a[2] = s2;
-    a[3] = s3;
-    a[4] = s4;
-    a[5] = s5;
 }
 
 /* p = T + B_S + B_E + B_P of block b. */
@@ -52,7 +58,7 @@ static inline void rest_block(vec p[NV], const struct lbs_frame *fr, size_t b)
              fr->pose_value, fr->npose);
 }
 
-/* M (12) = sum_j w_j A_j for half s (16 vertices) of the block. */
+/* M (12) = sum_j w_j A_j for vector s of the block. */
 static inline void blend(vec M[12], const struct lbs_frame *fr,
                          const vec *skin, int s)
 {
@@ -61,7 +67,7 @@ static inline void blend(vec M[12], const struct lbs_frame *fr,
     for (int k = 0; k < 12; k++)
         M[k] = w * fr->A[0][k];
     for (int j = 1; j < HEAD_JOINTS; j++) {
-        w = skin[2 * j + s];
+        w = skin[HV * j + s];
         for (int k = 0; k < 12; k++)
             M[k] += w * fr->A[j][k];
     }
@@ -73,13 +79,13 @@ static inline void skin_block(vec q[NV], const vec p[NV],
     const struct head *h = fr->id->head;
     const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
 
-    for (int s = 0; s < 2; s++) {
+    for (int s = 0; s < HV; s++) {
         vec M[12];
 
         blend(M, fr, skin, s);
         for (int i = 0; i < 3; i++)
-            q[2 * i + s] = M[4 * i] * p[s] + M[4 * i + 1] * p[2 + s] +
-                           M[4 * i + 2] * p[4 + s] + M[4 * i + 3];
+            q[HV * i + s] = M[4 * i] * p[s] + M[4 * i + 1] * p[HV + s] +
+                            M[4 * i + 2] * p[2 * HV + s] + M[4 * i + 3];
     }
 }
 
@@ -120,13 +126,14 @@ void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
 
 /* ---- backward ---------------------------------------------------------- */
 
-static inline float sum16(const vec *v)
+/* Sum of a vector's lanes, in one order for every width. */
+static inline float lanes(const vec *v)
 {
     const float *x = (const float *)v;
-    float s[4];
+    float s[4] = {0};
 
-    for (int i = 0; i < 4; i++)
-        s[i] = (x[i] + x[i + 4]) + (x[i + 8] + x[i + 12]);
+    for (int i = 0; i < W; i++)
+        s[i % 4] += x[i];
     return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
@@ -137,10 +144,12 @@ static inline void dot_rows(float *out, const float *rows, const vec g[NV],
     for (size_t k = 0; k < n; k++) {
         const vec *d = (const vec *)(rows + k * ROW);
 
-        vec s = d[0] * g[0] + d[1] * g[1] + d[2] * g[2] + d[3] * g[3] +
-                d[4] * g[4] + d[5] * g[5];
+        vec s = d[0] * g[0];
 
-        out[k] += sum16(&s);
+#pragma GCC unroll 24
+        for (int i = 1; i < NV; i++)
+            s += d[i] * g[i];
+        out[k] += lanes(&s);
     }
 }
 
@@ -152,23 +161,23 @@ static inline void skin_back(vec dp[NV], struct lbs_sums *s, const vec dq[NV],
     const struct head *h = fr->id->head;
     const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
 
-    for (int half = 0; half < 2; half++) {
+    for (int o = 0; o < HV; o++) {
         vec M[12];
 
-        blend(M, fr, skin, half);
+        blend(M, fr, skin, o);
         for (int c = 0; c < 3; c++)
-            dp[2 * c + half] = M[c] * dq[half] + M[4 + c] * dq[2 + half] +
-                               M[8 + c] * dq[4 + half];
+            dp[HV * c + o] = M[c] * dq[o] + M[4 + c] * dq[HV + o] +
+                             M[8 + c] * dq[2 * HV + o];
         for (int j = 0; j < HEAD_JOINTS; j++)
             for (int i = 0; i < 3; i++) {
-                vec wd = skin[2 * j + half] * dq[2 * i + half];
+                vec wd = skin[HV * j + o] * dq[HV * i + o];
 
                 for (int c = 0; c < 3; c++) {
-                    vec t = wd * p[2 * c + half];
+                    vec t = wd * p[HV * c + o];
 
-                    s->A[j][4 * i + c] += sum16(&t);
+                    s->A[j][4 * i + c] += lanes(&t);
                 }
-                s->A[j][4 * i + 3] += sum16(&wd);
+                s->A[j][4 * i + 3] += lanes(&wd);
             }
     }
 }
