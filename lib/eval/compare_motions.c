@@ -52,11 +52,14 @@ static int fold(struct side *s, const struct record *rec, struct error *err)
 {
     const struct array *a = record_find(rec, "shape");
 
-    if (!s->head || !a || a->dtype != DTYPE_F32 || a->ndim != 1 ||
-        a->dim[0] > s->head->nshape)
+    size_t n = a && s->head && a->dim[0] > s->head->nshape ? s->head->nshape
+               : a                                         ? a->dim[0]
+                                                           : 0;
+
+    if (!s->head || !a || a->dtype != DTYPE_F32 || a->ndim != 1)
         return 0;
     identity_release(&s->id);
-    return head_fold(&s->id, s->head, a->data, a->dim[0], err);
+    return head_fold(&s->id, s->head, a->data, n, err);
 }
 
 /* Landmarks of the head with this motion, pixels of a 512 picture. */

@@ -1,0 +1,62 @@
+/* Means, failures and the four ways to write a table. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/eval/table.h"
+
+static int failed;
+
+static void expect(const char *what, int ok)
+{
+    printf("%-50s %s\n", what, ok ? "ok" : "WRONG");
+    failed |= !ok;
+}
+
+static void expect_text(const struct table *t, enum table_format f,
+                        const char *part)
+{
+    char text[4000] = "";
+    FILE *m = fmemopen(text, sizeof text - 1, "w");
+
+    table_write(m, t, f);
+    fclose(m);
+    printf("%s", text);
+    expect(part, strstr(text, part) != NULL);
+}
+
+int main(void)
+{
+    struct table t;
+    enum table_format f;
+    size_t a, b, psnr, l1;
+
+    table_init(&t);
+    psnr = table_column(&t, "psnr", 1);
+    l1 = table_column(&t, "l1_x", -1);
+    a = table_row(&t, "one \"way\"");
+    b = table_row(&t, "other_way");
+    expect("the same name is the same column", table_column(&t, "psnr", 1) ==
+                                                   psnr);
+    expect("the same name is the same row", table_row(&t, "other_way") == b);
+    table_add(&t, a, psnr, 20);
+    table_add(&t, a, psnr, 30);
+    table_add(&t, a, psnr, INFINITY);
+    table_add(&t, b, psnr, 24);
+    table_add(&t, b, l1, 0.03);
+    expect("mean over what was measured", table_mean(&t, a, psnr) == 25);
+    expect("failures are counted apart", t.row[a].cell[psnr].failed == 1);
+    expect("nothing measured is NaN", isnan(table_mean(&t, a, l1)));
+    expect("no such cell is NaN", isnan(table_mean(&t, 9, 9)));
+    expect("unknown format", table_format_parse(&f, "xml") == -1);
+    expect_text(&t, TABLE_TSV, "one \"way\"\t25\t-\t2\t1\n");
+    expect_text(&t, TABLE_JSON, "\"one \\\"way\\\"\": {\"psnr\": 25, "
+                                "\"l1_x\": null, \"frames\": 2, "
+                                "\"failed\": 1}");
+    expect_text(&t, TABLE_LATEX, "\\textbf{25.00} & --");
+    expect_text(&t, TABLE_LATEX, "l1\\_x$\\downarrow$");
+    expect_text(&t, TABLE_TEXT, "24.00");
+    table_release(&t);
+    return failed;
+}
