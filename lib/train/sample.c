@@ -88,16 +88,18 @@ static void make_taps(struct tap *t, size_t n, double centre, double side,
     }
 }
 
-static void add_pixel(float out[4], const struct data_frame *f, long y,
-                      long x, float w)
-{
-    const uint8_t *p;
+typedef float float4 __attribute__((vector_size(16)));
+typedef uint8_t byte4 __attribute__((vector_size(4)));
 
-    if (x < 0 || y < 0)
-        return;
-    p = f->rgba + 4 * ((size_t)y * f->width + (size_t)x);
-    for (int c = 0; c < 4; c++)
-        out[c] += w * (1.0f / 255) * p[c];
+/* The four numbers of a pixel, 0 to 255; zeros outside. */
+static inline float4 pixel(const struct data_frame *f, long y, long x)
+{
+    byte4 p = {0, 0, 0, 0};
+
+    if (x >= 0 && y >= 0)
+        memcpy(&p, f->rgba + 4 * ((size_t)y * f->width + (size_t)x),
+               sizeof p);
+    return __builtin_convertvector(p, float4);
 }
 
 /* Colours and mask (n,n,4) of the square, black outside. */
@@ -106,15 +108,18 @@ static void sample_plain(float *out, size_t n, const struct data_frame *f,
 {
     make_taps(tx, n, q.x, q.size, f->x0, f->width);
     make_taps(ty, n, q.y, q.size, f->y0, f->height);
-    memset(out, 0, 4 * n * n * sizeof *out);
-    for (size_t y = 0; y < n; y++)
+    for (size_t y = 0; y < n; y++) {
+        float wy = ty[y].w;
         for (size_t x = 0; x < n; x++) {
-            float *o = out + 4 * (y * n + x), wx = tx[x].w, wy = ty[y].w;
-            add_pixel(o, f, ty[y].a, tx[x].a, (1 - wx) * (1 - wy));
-            add_pixel(o, f, ty[y].a, tx[x].b, wx * (1 - wy));
-            add_pixel(o, f, ty[y].b, tx[x].a, (1 - wx) * wy);
-            add_pixel(o, f, ty[y].b, tx[x].b, wx * wy);
+            float wx = tx[x].w;
+            float4 top = pixel(f, ty[y].a, tx[x].a) * (1 - wx) +
+                         pixel(f, ty[y].a, tx[x].b) * wx;
+            float4 low = pixel(f, ty[y].b, tx[x].a) * (1 - wx) +
+                         pixel(f, ty[y].b, tx[x].b) * wx;
+            float4 v = (top * (1 - wy) + low * wy) * (1.0f / 255);
+            memcpy(out + 4 * (y * n + x), &v, sizeof v);
         }
+    }
 }
 
 static void replace_background(float *rgba, size_t n, struct random *r)
@@ -153,13 +158,13 @@ static void change_colours(float *rgb, size_t n, float amount,
     for (size_t i = 0; i < n; i++) {
         float *p = rgb + 3 * i, luma = 0.3f * p[0] + 0.59f * p[1] +
                                        0.11f * p[2];
+        uint64_t dice = noise > 0 ? random_mix(key + i) : 0;
         for (int c = 0; c < 3; c++) {
             float x = clamp01((p[c] + grey * (luma - p[c])) * gain[c]);
             x += curve * x * (1 - x);
             if (noise > 0)
-                x += noise * ((float)(random_mix(key + 3 * i +
-                                                 (uint64_t)c) >> 40) /
-                              8388608.0f - 1);
+                x += noise * ((float)(dice >> (21 * c) & 0x1fffff) *
+                              (1.0f / 1048576) - 1);
             p[c] = clamp01(x);
         }
     }
