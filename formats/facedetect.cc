@@ -1,0 +1,163 @@
+extern "C" {
+#include "formats/facedetect.h"
+}
+
+#include <sysexits.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <string>
+#include <vector>
+
+#include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/objdetect.hpp>
+
+struct facedetect {
+    cv::CascadeClassifier frontal, profile;
+};
+
+/* The longest side a picture is searched at. */
+static const double SEARCH_SIDE = 480;
+
+static bool load(cv::CascadeClassifier &c, const char *name,
+                 std::string &tried)
+{
+    const char *own = std::getenv("SPID_CASCADES");
+    const std::string places[] = {
+        own ? own : "", "/usr/share/opencv4/haarcascades",
+        "/usr/share/opencv/haarcascades",
+        "/usr/local/share/opencv4/haarcascades",
+    };
+
+    for (const std::string &p : places) {
+        if (p.empty())
+            continue;
+        std::string path = p + "/" + name;
+        tried += (tried.empty() ? "" : ", ") + path;
+        if (FILE *fp = std::fopen(path.c_str(), "r")) {
+            std::fclose(fp);
+            if (c.load(path))
+                return true;
+        }
+    }
+    return false;
+}
+
+struct facedetect *facedetect_open(struct error *err)
+{
+    facedetect *d = nullptr;
+
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    try {
+        std::string tried;
+        d = new facedetect;
+        if (load(d->frontal, "haarcascade_frontalface_alt2.xml", tried)) {
+            load(d->profile, "haarcascade_profileface.xml", tried);
+            return d;
+        }
+        error_set(err, EX_UNAVAILABLE, "no face detector (install "
+                  "opencv-data, or give --crop X,Y,SIZE; tried %s)",
+                  tried.c_str());
+    } catch (const std::exception &e) {
+        error_set(err, EX_UNAVAILABLE, "face detector: %s", e.what());
+    }
+    delete d;
+    return nullptr;
+}
+
+void facedetect_close(struct facedetect *d)
+{
+    delete d;
+}
+
+static bool largest(cv::CascadeClassifier &c, cv::Rect &box,
+                    const cv::Mat &grey, int neighbours)
+{
+    std::vector<cv::Rect> found;
+    int least = std::max(24, std::min(grey.cols, grey.rows) / 12);
+
+    if (c.empty() || grey.cols < least || grey.rows < least)
+        return false;
+    c.detectMultiScale(grey, found, 1.1, neighbours, 0,
+                       cv::Size(least, least));
+    if (found.empty())
+        return false;
+    box = *std::max_element(found.begin(), found.end(),
+                            [](const cv::Rect &a, const cv::Rect &b) {
+                                return a.area() < b.area();
+                            });
+    return true;
+}
+
+/* Frontal, then the profile cascade (which knows one side) both ways.  A
+ * profile box lies further back: it is moved towards the nose by nothing, the
+ * networks correct it. */
+static bool find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
+{
+    if (largest(d->frontal, box, grey, 4))
+        return true;
+    if (largest(d->profile, box, grey, 4))
+        return true;
+    cv::Mat turned;
+    cv::flip(grey, turned, 1);
+    if (!largest(d->profile, box, turned, 4))
+        return largest(d->frontal, box, grey, 2);
+    box.x = grey.cols - box.x - box.width;
+    return true;
+}
+
+int facedetect_find(struct facedetect *d, struct square *face,
+                    const uint8_t *rgb, size_t W, size_t H, size_t stride)
+{
+    if (W == 0 || H == 0)
+        return 0;
+    try {
+        cv::Mat in((int)H, (int)W, CV_8UC3, const_cast<uint8_t *>(rgb),
+                   stride), grey, small;
+        double k = std::min(1.0, SEARCH_SIDE / (double)std::max(W, H));
+        cv::Rect box;
+        if (k < 1)
+            cv::resize(in, small, cv::Size(), k, k, cv::INTER_AREA);
+        else
+            small = in;
+        cv::cvtColor(small, grey, cv::COLOR_RGB2GRAY);
+        cv::equalizeHist(grey, grey);
+        if (!find(d, box, grey))
+            return 0;
+        k = (double)small.cols / (double)W;
+        face->x = (box.x + box.width / 2.0) / k;
+        face->y = (box.y + box.height / 2.0) / k;
+        face->size = std::max(box.width, box.height) / k;
+        return 1;
+    } catch (const std::exception &) {
+        return 0;
+    }
+}
+
+int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride, struct square q)
+{
+    const int n = 96;
+    std::vector<float> crop((size_t)(3 * n * n));
+    std::vector<cv::Rect> found;
+
+    try {
+        q.size *= 1.15;                /* Haar wants some room */
+        crop_sample_u8(crop.data(), (size_t)n, rgb, W, H, stride, q);
+        cv::Mat in(n, n, CV_32FC3, crop.data()), grey;
+        cv::cvtColor(in, grey, cv::COLOR_RGB2GRAY);
+        grey.convertTo(grey, CV_8U, 255);
+        cv::equalizeHist(grey, grey);
+        d->frontal.detectMultiScale(grey, found, 1.15, 1, 0,
+                                    cv::Size(n * 2 / 5, n * 2 / 5));
+        for (const cv::Rect &b : found)
+            if (std::abs(b.x + b.width / 2 - n / 2) < n / 4
+                && std::abs(b.y + b.height / 2 - n / 2) < n / 4)
+                return 1;
+    } catch (const std::exception &) {
+    }
+    return 0;
+}

@@ -1,0 +1,29 @@
+/* The first crop: faces by the Haar cascades of Debian's opencv-data. */
+#ifndef SPID_FORMATS_FACEDETECT_H
+#define SPID_FORMATS_FACEDETECT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+
+struct facedetect;
+
+/* Load the cascades: $SPID_CASCADES, then the places distributions use.
+ * EX_UNAVAILABLE names what was tried. */
+struct facedetect *facedetect_open(struct error *err);
+void facedetect_close(struct facedetect *d);     /* NULL is allowed */
+
+/* The largest face of the picture [H,W,3], stride bytes a row: frontal
+ * first, then profile of either side.  1 and *face (the detector's box, in
+ * picture pixels); 0: none. */
+int facedetect_find(struct facedetect *d, struct square *face,
+                    const uint8_t *rgb, size_t W, size_t H, size_t stride);
+
+/* Is there a frontal face in about the middle of the square q (a face crop),
+ * about as large as its face should be?  Cheap: works on 96 x 96 pixels. */
+int facedetect_confirm(struct facedetect *d, const uint8_t *rgb, size_t W,
+                       size_t H, size_t stride, struct square q);
+
+#endif

@@ -1,0 +1,210 @@
+extern "C" {
+#include "formats/matte.h"
+}
+
+#include <sysexits.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/photo.hpp>
+
+/* GrabCut works at this side: its cost grows faster than the pixels. */
+static const int WORK = 256;
+
+static cv::Mat disc(int side)
+{
+    return cv::getStructuringElement(cv::MORPH_ELLIPSE,
+                                     cv::Size(side | 1, side | 1));
+}
+
+/* Seeds from the head's silhouette: labels of cv::grabCut. */
+static cv::Mat seeds(const cv::Mat &head, const cv::Mat &inside)
+{
+    const int n = head.rows;
+    cv::Rect box = cv::boundingRect(head);
+    const int size = std::max(box.width, box.height);
+    cv::Mat label(n, n, CV_8U, cv::Scalar(cv::GC_BGD)), core, hair;
+
+    /* hair and headgear reach about a third of the head beyond it */
+    cv::dilate(head, hair, disc(size * 2 / 3));
+    label.setTo(cv::GC_PR_BGD, hair);
+    cv::dilate(head, hair, disc(size / 5));
+    label.setTo(cv::GC_PR_FGD, hair);
+    cv::erode(head, core, disc(std::max(3, size / 12)));
+    label.setTo(cv::GC_FGD, core);
+    /* neck and shoulders: a widening region below the chin */
+    const int chin = box.y + box.height * 3 / 4, cx = box.x + box.width / 2;
+    for (int y = chin; y < n; y++) {
+        int reach = box.width / 2 + (y - chin) * 2, tight = box.width / 3;
+        for (int x = 0; x < n; x++) {
+            uchar &l = label.at<uchar>(y, x);
+            int d = std::abs(x - cx);
+            if (l == cv::GC_BGD && d < reach)
+                l = cv::GC_PR_FGD;
+            if (d < tight && y > box.y + box.height
+                && l != cv::GC_FGD)
+                l = cv::GC_PR_FGD;
+        }
+    }
+    /* the upper border shows no one as long as the head is away from it */
+    const int margin = std::max(2, n / 64);
+    if (box.y > n / 6)
+        label.rowRange(0, margin).setTo(cv::GC_BGD);
+    label.setTo(cv::GC_BGD, inside == 0);
+    label.setTo(cv::GC_FGD, core);
+    return label;
+}
+
+/* Keep the piece that holds the head; fill holes inside it. */
+static void clean(cv::Mat &fg, const cv::Mat &head)
+{
+    cv::Mat label, stats, centres;
+    int n = cv::connectedComponentsWithStats(fg, label, stats, centres, 8);
+    int best = 0, most = 0;
+
+    for (int i = 1; i < n; i++) {
+        int in = cv::countNonZero((label == i) & (head > 0));
+        if (in > most) {
+            most = in;
+            best = i;
+        }
+    }
+    fg = label == best;
+    if (best == 0)
+        fg.setTo(0);
+    cv::Mat bg = fg == 0;
+    n = cv::connectedComponentsWithStats(bg, label, stats, centres, 4);
+    for (int i = 1; i < n; i++)
+        if (stats.at<int>(i, cv::CC_STAT_AREA) < fg.rows * fg.cols / 50
+            && stats.at<int>(i, cv::CC_STAT_TOP) > 0
+            && stats.at<int>(i, cv::CC_STAT_LEFT) > 0)
+            fg.setTo(255, label == i);
+}
+
+/* Soft border that follows the picture's edges: a guided filter of the mask,
+ * with the picture's luminance as guide (He et al. 2010, local lines). */
+static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
+{
+    const int r = std::max(3, mask.rows / 100);
+    const cv::Size k(2 * r + 1, 2 * r + 1);
+    cv::Mat I, p, mI, mp, mIp, mII, a, b;
+
+    cv::cvtColor(rgb, I, cv::COLOR_RGB2GRAY);
+    I.convertTo(I, CV_32F, 1 / 255.0);
+    mask.convertTo(p, CV_32F, 1 / 255.0);
+    cv::blur(I, mI, k);
+    cv::blur(p, mp, k);
+    cv::blur(I.mul(p), mIp, k);
+    cv::blur(I.mul(I), mII, k);
+    cv::divide(mIp - mI.mul(mp), mII - mI.mul(mI) + 1e-4, a);
+    b = mp - a.mul(mI);
+    cv::blur(a, a, k);
+    cv::blur(b, b, k);
+    cv::Mat q = a.mul(I) + b, out;
+    /* only the border may be soft */
+    cv::Mat inner, outer;
+    cv::erode(mask, inner, disc(2 * r));
+    cv::dilate(mask, outer, disc(2 * r));
+    q = (q - 0.1) / 0.8;
+    q.convertTo(out, CV_8U, 255);
+    out.setTo(255, inner);
+    out.setTo(0, outer == 0);
+    return out;
+}
+
+static void soft_disc(cv::Mat &matte, const cv::Mat &head)
+{
+    cv::Mat m;
+
+    cv::dilate(head, m, disc(head.rows / 12));
+    cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
+}
+
+int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
+                  const uint8_t *head, const uint8_t *inside, size_t n,
+                  struct error *err)
+{
+    *fallback = 0;
+    try {
+        const int N = (int)n, w = std::min(N, WORK);
+        cv::Mat out(N, N, CV_8U, matte);
+        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
+        cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
+        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), bgm, fgm, small, sh, si;
+        if (inside)
+            std::memcpy(in.data, inside, n * n);
+        cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+        cv::resize(hd, sh, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+        cv::resize(in, si, cv::Size(w, w), 0, 0, cv::INTER_NEAREST);
+        sh = sh > 127;
+        if (cv::countNonZero(sh) == 0)
+            return error_set(err, EX_DATAERR, "the head lies outside the "
+                             "picture (give --crop X,Y,SIZE or --mask FILE)");
+        cv::Mat label = seeds(sh, si);
+        cv::theRNG().state = 0x5eed;
+        cv::setRNGSeed(1);
+        cv::grabCut(small, label, cv::Rect(), bgm, fgm, 5,
+                    cv::GC_INIT_WITH_MASK);
+        cv::Mat fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
+        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, disc(3));
+        clean(fg, sh);
+        int area = cv::countNonZero(fg), ha = cv::countNonZero(sh);
+        if (area < ha * 8 / 10 || area > w * w * 97 / 100) {
+            *fallback = 1;
+            soft_disc(out, hd);
+            return 0;
+        }
+        cv::Mat big;
+        cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
+        cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
+        refine(big > 127, pic).copyTo(out);
+        out.setTo(0, in == 0);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
+    }
+}
+
+int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
+               size_t n, struct error *err)
+{
+    try {
+        const int N = (int)n, w = std::max(16, N / 4);
+        cv::Mat out(N, N, CV_8UC3, background);
+        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
+        cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
+        cv::Mat small, hole, filled, big, soft;
+        cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+        cv::dilate(mat > 8, hole, disc(N / 32));
+        cv::resize(hole, hole, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+        hole = hole > 0;
+        if (cv::countNonZero(hole) == w * w)
+            filled = cv::Mat(w, w, CV_8UC3, cv::mean(small));
+        else
+            cv::inpaint(small, hole, filled, w / 20.0, cv::INPAINT_TELEA);
+        cv::Mat blur;
+        cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
+        blur.copyTo(filled, hole);
+        cv::resize(filled, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
+        /* the real picture where it shows the background */
+        cv::dilate(mat > 8, hole, disc(N / 32));
+        cv::GaussianBlur(hole, soft, cv::Size(), N / 128.0);
+        cv::max(soft, hole, soft);
+        for (int y = 0; y < N; y++)
+            for (int x = 0; x < N; x++) {
+                int a = soft.at<uchar>(y, x);
+                for (int k = 0; k < 3; k++)
+                    out.at<cv::Vec3b>(y, x)[k] = (uchar)(
+                        (big.at<cv::Vec3b>(y, x)[k] * a
+                         + pic.at<cv::Vec3b>(y, x)[k] * (255 - a) + 127)
+                        / 255);
+            }
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "background: %s", e.what());
+    }
+}

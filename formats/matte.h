@@ -1,0 +1,30 @@
+/* Who is in the picture: the source's matte, and its background without the
+ * person. */
+#ifndef SPID_FORMATS_MATTE_H
+#define SPID_FORMATS_MATTE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+
+/* Matte [n,n] (255 person, 0 background, soft at the border) of rgb [n,n,3]
+ * by GrabCut, from what the projected head says:
+ *   head [n,n]  255 where the head model's mesh lands, 0 elsewhere
+ *   inside [n,n] 0 where the square lies outside the picture (black); may be
+ *                NULL
+ * Certainly person: the head, a little smaller; certainly background: far
+ * from the head above the shoulders; everything between is for the colours to
+ * decide.  Deterministic.  When the result is absurd (almost nothing or almost
+ * all), a soft disc about the head is returned instead and *fallback set. */
+int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
+                  const uint8_t *head, const uint8_t *inside, size_t n,
+                  struct error *err);
+
+/* background [n,n,3] = rgb with the person (and a rim about him) filled in
+ * from his surroundings, by OpenCV's inpainting (Telea) at a quarter of the
+ * size, blurred as a lens would blur what is behind. */
+int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
+               size_t n, struct error *err);
+
+#endif
