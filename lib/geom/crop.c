@@ -27,9 +27,9 @@ struct square crop_from_landmarks(const float *xy, size_t n)
 
 /* The detector's box runs from the middle of the forehead to below the lips;
  * the landmarks from the brows to the chin, which is as wide as 0.86 of it
- * and sits lower by 0.08. */
+ * and sits lower by 0.14. */
 #define DETECTION_SIDE (CROP_GROW * 0.86)
-#define DETECTION_DOWN 0.08
+#define DETECTION_DOWN 0.14
 
 struct square crop_from_detection(struct square face)
 {

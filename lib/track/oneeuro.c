@@ -1,0 +1,54 @@
+#include "lib/track/oneeuro.h"
+
+#include <assert.h>
+#include <math.h>
+#include <string.h>
+
+#define TWO_PI 6.283185307179586
+#define SPEED_CUTOFF 1.0        /* Hz, of the derivative */
+
+void oneeuro_init(struct oneeuro *f, double cutoff)
+{
+    memset(f, 0, sizeof *f);
+    f->cutoff = cutoff;
+}
+
+void oneeuro_reset(struct oneeuro *f)
+{
+    f->started = 0;
+}
+
+/* Weight of the new sample after dt seconds of an exponential filter. */
+static double weight(double cutoff, double dt)
+{
+    double r = TWO_PI * cutoff * dt;
+
+    return r / (r + 1);
+}
+
+void oneeuro_step(struct oneeuro *f, float *x, const float *beta, size_t n,
+                  double time)
+{
+    double dt = time - f->time;
+
+    assert(n <= ONEEURO_MAX);
+    if (f->cutoff <= 0)
+        return;
+    f->time = time;
+    if (!f->started) {
+        memcpy(f->x, x, n * sizeof *x);
+        memset(f->dx, 0, sizeof f->dx);
+        f->started = 1;
+        return;
+    }
+    if (!(dt > 1e-6))
+        dt = 1e-6;
+    for (size_t i = 0; i < n; i++) {
+        double v = ((double)x[i] - f->x[i]) / dt;
+        double a = weight(SPEED_CUTOFF, dt);
+        f->dx[i] = (float)(a * v + (1 - a) * f->dx[i]);
+        a = weight(f->cutoff + beta[i] * fabs(f->dx[i]), dt);
+        f->x[i] = (float)(a * x[i] + (1 - a) * f->x[i]);
+        x[i] = f->x[i];
+    }
+}

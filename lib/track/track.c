@@ -1,0 +1,475 @@
+#include "lib/track/track.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/facedetect.h"
+#include "lib/base/cpu.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+
+#define FIRST_PASSES 4         /* network runs that settle the first crop */
+#define CHECK_EVERY 30         /* frames between looks by the detector */
+#define CHECK_AGAIN 5          /* and after one that failed */
+#define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
+#define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
+
+int track_init(struct track *t, const struct identity *id,
+               struct motion_encoder *net, const struct track_options *opt,
+               struct error *err)
+{
+    memset(t, 0, sizeof *t);
+    t->opt = *opt;
+    t->head = id->head;
+    t->net = net;
+    oneeuro_init(&t->filter, opt->smooth);
+    if (landmarks_init(&t->landmarks, id, err) != 0)
+        return -1;
+    t->input = malloc(3 * CROP_NET * CROP_NET * sizeof *t->input);
+    if (t->input)
+        return 0;
+    track_release(t);
+    return error_set(err, EX_OSERR, "no memory for the face crop");
+}
+
+void track_release(struct track *t)
+{
+    landmarks_release(&t->landmarks);
+    facedetect_close(t->detector);
+    free(t->input);
+    free(t->half);
+    memset(t, 0, sizeof *t);
+}
+
+/* ---- the crop --------------------------------------------------------- */
+
+/* The part of the picture about q at half size, until two pixels of it or
+ * fewer make one of the crop.  Updates picture, sizes and q. */
+static int shrink(struct track *t, const uint8_t **rgb, size_t *W, size_t *H,
+                  size_t *stride, struct square *q)
+{
+    while (q->size > 2 * CROP_NET && *W > 1 && *H > 1) {
+        double l = floor(q->x - q->size / 2) - 4;
+        double u = floor(q->y - q->size / 2) - 4;
+        size_t x0 = l > 0 ? (size_t)fmin(l, (double)*W) / 2 * 2 : 0;
+        size_t y0 = u > 0 ? (size_t)fmin(u, (double)*H) / 2 * 2 : 0;
+        double r = q->x + q->size / 2 + 4, b = q->y + q->size / 2 + 4;
+        size_t x1 = r < (double)*W ? (size_t)fmax(r, (double)x0) : *W;
+        size_t y1 = b < (double)*H ? (size_t)fmax(b, (double)y0) : *H;
+        size_t w = (x1 - x0) / 2, h = (y1 - y0) / 2;
+        uint8_t *out;
+        if (w == 0 || h == 0)
+            return 0;
+        /* the first step writes the buffer, the others shrink in place */
+        if (3 * w * h > t->half_room) {
+            uint8_t *grown = malloc(3 * w * h);
+            if (!grown)
+                return -1;
+            free(t->half);
+            t->half = grown;
+            t->half_room = 3 * w * h;
+        }
+        out = t->half;
+        crop_halve(out, *rgb + y0 * *stride + 3 * x0, 2 * w, 2 * h, *stride);
+        *rgb = out;
+        *stride = 3 * w;
+        *W = w;
+        *H = h;
+        q->x = (q->x - (double)x0) / 2;
+        q->y = (q->y - (double)y0) / 2;
+        q->size /= 2;
+    }
+    return 0;
+}
+
+/* Fill t->input from the crop (window pixels) of the picture. */
+static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
+                     struct square crop, struct error *err)
+{
+    struct square q = square_out_of(crop, t->window, t->opt.size);
+    size_t stride = 3 * W;
+
+    if (shrink(t, &rgb, &W, &H, &stride, &q) != 0)
+        return error_set(err, EX_OSERR, "no memory to shrink a frame");
+    crop_sample_u8(t->input, CROP_NET, rgb, W, H, stride, q);
+    return 0;
+}
+
+/* ---- what the network says -------------------------------------------- */
+
+/* Gram-Schmidt gives no rotation where a1 is (nearly) zero or a2 (nearly)
+ * parallel to it.  Then: a1 falls back to (1,0,0), a2 to the axis among
+ * (0,-1,0), (0,0,1) that is further from a1's line. */
+static void decode_rotation(float R[9], const float x[6])
+{
+    float v[6];
+    double n1, n2, dot;
+
+    for (int i = 0; i < 6; i++)
+        v[i] = isfinite(x[i]) ? x[i] : 0;
+    n1 = hypot(hypot(v[0], v[1]), v[2]);
+    if (n1 < 1e-6) {
+        v[0] = 1;
+        v[1] = v[2] = 0;
+        n1 = 1;
+    }
+    n2 = hypot(hypot(v[3], v[4]), v[5]);
+    dot = ((double)v[0] * v[3] + (double)v[1] * v[4] + (double)v[2] * v[5])
+          / n1;
+    if (n2 < 1e-6 || n2 * n2 - dot * dot < 1e-8 * n2 * n2) {
+        v[3] = 0;
+        v[4] = fabs(v[1]) < 0.8 * n1 ? -1 : 0;
+        v[5] = v[4] == 0 ? 1 : 0;
+    }
+    rotation_6d(R, v);
+}
+
+void track_decode(struct motion *m, const float out[MOTION_OUT],
+                  struct square crop, double size)
+{
+    const double tn[3] = {out[MOTION_TRANS], out[MOTION_TRANS + 1],
+                          out[MOTION_TRANS + 2]};
+    double tw[3];
+
+    memset(m, 0, sizeof *m);
+    decode_rotation(m->R, out + MOTION_ROT);
+    crop_translation(tw, tn, crop, size, camera_focal((float)size));
+    for (int i = 0; i < 3; i++) {
+        m->t[i] = (float)tw[i];
+        m->pose.jaw[i] = out[MOTION_JAW + i];
+    }
+    memcpy(m->exp, out + MOTION_EXP, (MOTION_JAW - MOTION_EXP) * sizeof *out);
+    memcpy(m->pose.lid, out + MOTION_LID, sizeof m->pose.lid);
+    memcpy(m->pose.eye, out + MOTION_EYE, sizeof m->pose.eye);
+    m->crop[0] = (float)crop.x;
+    m->crop[1] = (float)crop.y;
+    m->crop[2] = (float)crop.size;
+}
+
+void track_project(float *uv, struct track *t, const struct motion *m)
+{
+    float lmk[3 * HEAD_LANDMARKS], cam[12];
+    struct head_motion pose = m->pose;
+
+    pose.exp = m->exp;
+    landmarks_pose(lmk, &t->landmarks, &pose);
+    camera_make(cam, m->R, m->t);
+    camera_project(uv, NULL, cam, (float)t->opt.size, lmk, HEAD_LANDMARKS);
+}
+
+/* The crop that the projected head asks for. */
+static struct square crop_of(struct track *t, const struct motion *m)
+{
+    float uv[2 * HEAD_LANDMARKS];
+
+    track_project(uv, t, m);
+    return crop_from_landmarks(uv, HEAD_LANDMARKS);
+}
+
+/* The paper's line: motion of the picture in one crop. */
+static int encode(struct track *t, struct track_result *r,
+                  const uint8_t *rgb, size_t W, size_t H, struct square crop,
+                  struct error *err)
+{
+    float out[MOTION_OUT];
+    double t0 = cpu_seconds(), t1, t2;
+
+    if (take_crop(t, rgb, W, H, crop, err) != 0)
+        return -1;
+    t1 = cpu_seconds();
+    motion_encoder_forward(out, t->input, t->net);
+    t2 = cpu_seconds();
+    track_decode(&r->motion, out, crop, t->opt.size);
+    r->crop_s += t1 - t0;
+    r->network_s += t2 - t1;
+    r->heads_s += cpu_seconds() - t2;
+    return 0;
+}
+
+/* ---- doubts ----------------------------------------------------------- */
+
+/* Mean-free grey picture of the crop, unit length; returns its standard
+ * deviation before. */
+static double make_thumb(float *thumb, const float *input)
+{
+    const size_t n = TRACK_THUMB, cell = CROP_NET / n;
+    double sum = 0, square = 0, scale;
+
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            float v = 0;
+            for (size_t i = 0; i < cell; i += 2) {
+                const float *p = input + 3 * ((y * cell + i) * CROP_NET
+                                              + x * cell);
+                for (size_t k = 0; k < 3 * cell; k++)
+                    v += p[k];
+            }
+            thumb[y * n + x] = v / (float)(3 * cell * cell / 2);
+            sum += thumb[y * n + x];
+        }
+    sum /= (double)(n * n);
+    for (size_t i = 0; i < n * n; i++) {
+        thumb[i] -= (float)sum;
+        square += (double)thumb[i] * thumb[i];
+    }
+    scale = square > 0 ? 1 / sqrt(square) : 0;
+    for (size_t i = 0; i < n * n; i++)
+        thumb[i] *= (float)scale;
+    return sqrt(square / (double)(n * n));
+}
+
+/* Area of the crop that lies inside the picture, as a fraction. */
+static double visible(const struct track *t, struct square crop, size_t W,
+                      size_t H)
+{
+    struct square q = square_out_of(crop, t->window, t->opt.size);
+    double w = fmin(q.x + q.size / 2, (double)W) - fmax(q.x - q.size / 2, 0);
+    double h = fmin(q.y + q.size / 2, (double)H) - fmax(q.y - q.size / 2, 0);
+
+    return w > 0 && h > 0 ? w * h / (q.size * q.size) : 0;
+}
+
+/* NULL, or why this cannot be the head that the last frame had. */
+static const char *implausible(const struct track *t, const struct motion *m,
+                               struct square next, struct square used,
+                               size_t W, size_t H)
+{
+    double move = hypot(next.x - used.x, next.y - used.y);
+
+    if (!isfinite(next.x) || !isfinite(next.y) || !isfinite(next.size)
+        || !(m->t[2] > 1))
+        return "no sensible position";
+    if (move > 0.5 * used.size)
+        return "it jumped";
+    if (next.size > 1.6 * used.size || next.size < used.size / 1.6)
+        return "its size jumped";
+    if (-m->R[8] < -0.2)
+        return "it turned away";
+    if (visible(t, next, W, H) < 0.4)
+        return "it left the picture";
+    return NULL;
+}
+
+/* Whether the detector, asked now and then, still sees a face where a frontal
+ * one is claimed. */
+static const char *doubtful(struct track *t, const struct motion *m,
+                            const uint8_t *rgb, size_t W, size_t H)
+{
+    struct square q;
+
+    if (t->opt.has_crop || !t->detector || ++t->since_check < CHECK_EVERY)
+        return NULL;
+    t->since_check = 0;
+    if (-m->R[8] < 0.85)               /* a profile: the detector cannot say */
+        return NULL;
+    q = square_out_of(t->crop, t->window, t->opt.size);
+    if (facedetect_confirm(t->detector, rgb, W, H, 3 * W, q)) {
+        t->misses = 0;
+        return NULL;
+    }
+    t->since_check = CHECK_EVERY - CHECK_AGAIN;
+    return ++t->misses >= 3 ? "no face where it was" : NULL;
+}
+
+/* ---- detection -------------------------------------------------------- */
+
+/* The detector's crop in picture pixels: 1, 0 none, -1 no detector. */
+static int detect(struct track *t, struct track_result *r,
+                  struct square *crop, const uint8_t *rgb, size_t W,
+                  size_t H, struct error *err)
+{
+    double begun = cpu_seconds();
+    struct square face;
+    int found;
+
+    if (!t->detector && !(t->detector = facedetect_open(err)))
+        return -1;
+    found = facedetect_find(t->detector, &face, rgb, W, H, 3 * W);
+    if (found)
+        *crop = crop_from_detection(face);
+    r->detect_s += cpu_seconds() - begun;
+    return found;
+}
+
+/* Run the network on a first guess (window pixels) until its own projection
+ * agrees; a projection far from the guess is not followed. */
+static int settle(struct track *t, struct track_result *r,
+                  const uint8_t *rgb, size_t W, size_t H,
+                  struct square guess, struct error *err)
+{
+    struct square crop = guess;
+
+    for (int i = 0; i < FIRST_PASSES; i++) {
+        struct square next;
+        if (encode(t, r, rgb, W, H, crop, err) != 0)
+            return -1;
+        next = crop_of(t, &r->motion);
+        if (implausible(t, &r->motion, next, guess, W, H))
+            break;
+        if (hypot(next.x - crop.x, next.y - crop.y)
+            + fabs(next.size - crop.size) < 0.01 * crop.size)
+            break;
+        crop = next;
+    }
+    t->crop = crop;
+    t->last = r->motion;
+    t->has_thumb = make_thumb(t->thumb, t->input) > FLAT_DEVIATION;
+    t->since_check = t->misses = 0;
+    return 0;
+}
+
+/* ---- smoothing -------------------------------------------------------- */
+
+/* R, t, exp, jaw, lid, eye in one row, smoothed.  Rotations are filtered as
+ * two rows and made orthonormal again. */
+static void smooth(struct track *t, struct motion *m, double time)
+{
+    enum { R6 = 6, ALL = 6 + 3 + 100 + 3 + 2 + 6 };
+    float x[ALL], beta[ALL];
+    const float kind[6] = {2, 4, 0.7f, 1.5f, 6, 2};
+    const size_t end[6] = {6, 9, 109, 112, 114, 120};
+
+    if (t->filter.cutoff <= 0)
+        return;
+    for (size_t i = 0, k = 0; i < ALL; i++) {
+        k += i == end[k];
+        beta[i] = kind[k];
+    }
+    rotation_to_6d(x, m->R);
+    memcpy(x + R6, m->t, sizeof m->t);
+    x[8] /= 10;                        /* depth is known less well */
+    memcpy(x + 9, m->exp, 100 * sizeof *x);
+    memcpy(x + 109, m->pose.jaw, 3 * sizeof *x);
+    memcpy(x + 112, m->pose.lid, 2 * sizeof *x);
+    memcpy(x + 114, m->pose.eye, 6 * sizeof *x);
+    oneeuro_step(&t->filter, x, beta, ALL, time);
+    decode_rotation(m->R, x);
+    memcpy(m->t, x + R6, sizeof m->t);
+    m->t[2] *= 10;
+    memcpy(m->exp, x + 9, 100 * sizeof *x);
+    memcpy(m->pose.jaw, x + 109, 3 * sizeof *x);
+    memcpy(m->pose.lid, x + 112, 2 * sizeof *x);
+    memcpy(m->pose.eye, x + 114, 6 * sizeof *x);
+}
+
+/* ---- frames ----------------------------------------------------------- */
+
+static void clear(struct track_result *r)
+{
+    memset(r, 0, sizeof *r);
+}
+
+/* Copies of a motion point at their own expression. */
+static void deliver(struct track *t, struct track_result *r, double time)
+{
+    if (!t->lost)
+        smooth(t, &r->motion, time);
+    r->motion.pose.exp = r->motion.exp;
+    r->lost = t->lost;
+}
+
+int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
+                size_t W, size_t H, double time, struct error *err)
+{
+    struct square crop = t->opt.crop;
+
+    clear(r);
+    if (W == 0 || H == 0)
+        return 0;
+    if (!t->opt.has_crop) {
+        int found = detect(t, r, &crop, rgb, W, H, err);
+        if (found <= 0)
+            return found;
+    }
+    t->window = t->opt.has_window ? t->opt.window : window_from_crop(crop);
+    crop = square_into(crop, t->window, t->opt.size);
+    if (t->opt.has_crop) {
+        if (encode(t, r, rgb, W, H, crop, err) != 0)
+            return -1;
+        t->crop = crop;
+        t->last = r->motion;
+    } else if (settle(t, r, rgb, W, H, crop, err) != 0) {
+        return -1;
+    }
+    t->started = true;
+    deliver(t, r, time);
+    return 1;
+}
+
+/* Look for the face again; hold the last motion when there is none. */
+static int search(struct track *t, struct track_result *r,
+                  const uint8_t *rgb, size_t W, size_t H, double time,
+                  const char *why, struct error *err)
+{
+    struct square crop;
+    struct error none = {0};
+    int found = 0;
+
+    /* every frame at first, then every sixth: looking costs 30 ms */
+    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0)
+        found = detect(t, r, &crop, rgb, W, H, &none) == 1;
+    if (found) {
+        crop = square_into(crop, t->window, t->opt.size);
+        found = crop.x > 0 && crop.y > 0 && crop.x < t->opt.size
+                && crop.y < t->opt.size && crop.size > t->opt.size / 32;
+    }
+    if (!found) {
+        r->motion = t->last;
+        r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
+        r->why = why;
+        t->lost = true;
+        t->lost_frames++;
+        t->has_thumb = false;
+        deliver(t, r, time);
+        return 0;
+    }
+    if (settle(t, r, rgb, W, H, crop, err) != 0)
+        return -1;
+    if (t->lost) {
+        r->event = TRACK_FOUND;
+        oneeuro_reset(&t->filter);
+    }
+    t->lost = false;
+    t->lost_frames = 0;
+    deliver(t, r, time);
+    return 0;
+}
+
+int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
+               size_t W, size_t H, double time, struct error *err)
+{
+    float thumb[TRACK_THUMB * TRACK_THUMB];
+    struct square next;
+    const char *why = NULL;
+    double same = 0, contrast;
+
+    clear(r);
+    if (t->lost)
+        return search(t, r, rgb, W, H, time, "still no face", err);
+    if (encode(t, r, rgb, W, H, t->crop, err) != 0)
+        return -1;
+    if (!t->opt.has_crop) {
+        next = crop_of(t, &r->motion);
+        contrast = make_thumb(thumb, t->input);
+        for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
+            same += (double)thumb[i] * t->thumb[i];
+        if (contrast < FLAT_DEVIATION)
+            why = "the picture is blank there";
+        else if (t->has_thumb && same < CUT_CORRELATION)
+            why = "the scene changed";
+        else
+            why = implausible(t, &r->motion, next, t->crop, W, H);
+        if (!why)
+            why = doubtful(t, &r->motion, rgb, W, H);
+        if (why)
+            return search(t, r, rgb, W, H, time, why, err);
+        memcpy(t->thumb, thumb, sizeof thumb);
+        t->has_thumb = true;
+        t->crop = next;
+    }
+    t->last = r->motion;
+    deliver(t, r, time);
+    return 0;
+}

@@ -1,0 +1,92 @@
+/* From frames to motion (Phase B's first half): which crop the motion encoder
+ * sees, what its output means, and what happens when the face is lost.  The
+ * crop of a frame comes from the last frame's projected head; the detector is
+ * for the start, for doubts, and after a loss.  spid-motion, spid-shape and
+ * spid animate all call this, so that they see the same. */
+#ifndef SPID_TRACK_TRACK_H
+#define SPID_TRACK_TRACK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/avatar/records.h"
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+#include "lib/head/lbs.h"
+#include "lib/net/motion_encoder.h"
+#include "lib/track/landmarks.h"
+#include "lib/track/oneeuro.h"
+
+#define TRACK_THUMB 28          /* side of the picture that cuts are seen in */
+
+struct track_options {
+    double size;                /* S of the portrait window: 512 */
+    bool has_crop, has_window;
+    struct square crop;         /* fixed face crop, picture pixels */
+    struct square window;       /* portrait window, picture pixels */
+    double smooth;              /* one-euro cut-off, Hz; 0: off */
+};
+
+enum track_event {
+    TRACK_NOTHING,
+    TRACK_LOST,                 /* this frame is the first without a face */
+    TRACK_FOUND                 /* and the first with one again */
+};
+
+/* What a frame gave. */
+struct track_result {
+    struct motion motion;       /* held when lost; crop is the one used */
+    bool lost;
+    enum track_event event;
+    const char *why;            /* of TRACK_LOST */
+    double crop_s, network_s, heads_s, detect_s;    /* seconds spent */
+};
+
+struct facedetect;
+
+struct track {
+    struct track_options opt;
+    const struct head *head;
+    struct motion_encoder *net;
+    struct landmarks landmarks;
+    struct facedetect *detector;        /* NULL until it is needed */
+    struct square window;               /* picture pixels */
+    struct square crop;                 /* next one, window pixels */
+    bool started, lost, has_thumb;
+    size_t since_check, misses, lost_frames;
+    struct motion last;                 /* as the network said it */
+    struct oneeuro filter;
+    float thumb[TRACK_THUMB * TRACK_THUMB];
+    float *input;                       /* (224,224,3) */
+    uint8_t *half;                      /* shrunken part of the picture */
+    size_t half_room;
+};
+
+/* id: the head the landmarks are projected of (the mean head when nobody is
+ * known); borrowed, like net, which must be planned for a batch of 1. */
+int track_init(struct track *t, const struct identity *id,
+               struct motion_encoder *net, const struct track_options *opt,
+               struct error *err);
+void track_release(struct track *t);
+
+/* Find the face in a first frame [H,W,3] and fix the portrait window.  1:
+ * found, *r filled; 0: no face (try the next frame); -1: an error, such as no
+ * detector installed. */
+int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
+                size_t W, size_t H, double time, struct error *err);
+
+/* The next frame, after track_start has found one.  0; -1 only when memory is
+ * short. */
+int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
+               size_t W, size_t H, double time, struct error *err);
+
+/* Motion from one row of the encoder's output and the crop it saw: 6D to R
+ * (always a rotation: see track.c for parallel or tiny columns), t' to t. */
+void track_decode(struct motion *m, const float out[MOTION_OUT],
+                  struct square crop, double size);
+
+/* The landmarks of a motion in window pixels, (68,2). */
+void track_project(float *uv, struct track *t, const struct motion *m);
+
+#endif
