@@ -5,6 +5,7 @@
 
 #include "formats/framesink.h"
 #include "formats/image.h"
+#include "formats/matte.h"
 
 static int parse_color(const char *value, uint8_t color[3])
 {
@@ -63,4 +64,53 @@ void background_release(struct background *bg)
 {
     free(bg->rgb);
     memset(bg, 0, sizeof *bg);
+}
+
+int background_from_source(struct background *bg, const uint8_t *rgb,
+                           const uint8_t *matte, size_t n, struct error *err)
+{
+    uint8_t *out = malloc(3 * n * n);
+
+    if (!out)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    if (matte_fill(out, rgb, matte, n, err) != 0) {
+        free(out);
+        return -1;
+    }
+    background_release(bg);
+    bg->rgb = out;
+    bg->width = bg->height = n;
+    return 0;
+}
+
+int background_from_identity(struct background *bg, const char *path,
+                             struct error *err)
+{
+    const size_t dims[3] = {0, 0, 3};
+    struct stream_reader *in = stream_open(path, NULL, err);
+    struct record rec;
+    int rc = -1, found = 0;
+
+    while (in && !found && (rc = stream_read(in, &rec, err)) > 0) {
+        const struct array *a = record_find(&rec, "rgb");
+        const uint8_t *rgb, *matte;
+        size_t n;
+        if (!record_is(&rec, "SRCI"))
+            continue;
+        found = 1;
+        n = a ? a->dim[0] : 0;
+        rgb = record_get(&rec, "rgb", DTYPE_U8, 3, dims, err);
+        matte = rgb ? record_get(&rec, "matte", DTYPE_U8, 2,
+                                 (size_t[]){n, n}, err) : NULL;
+        if (!matte || n == 0 || a->dim[1] != n)
+            rc = rgb && matte ? error_set(err, EX_DATAERR, "SRCI rgb is not "
+                                          "square") : -1;
+        else
+            rc = background_from_source(bg, rgb, matte, n, err);
+    }
+    if (in && rc == 0 && !found)
+        rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity"
+                       " from spid-shape)");
+    stream_close(in);
+    return rc < 0 ? error_prefix(err, "%s", path) : 0;
 }

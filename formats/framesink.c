@@ -1,6 +1,6 @@
 #include "formats/framesink.h"
 
-#include <ctype.h>
+#include <cjson/cJSON.h>
 #include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -211,6 +211,22 @@ void framesink_set_rate(struct framesink *s, int num, int den)
     }
 }
 
+void framesink_take_conf(struct framesink *s, const struct record *conf)
+{
+    const struct array *a = record_find(conf, "json");
+    cJSON *json = a && a->dtype == DTYPE_U8
+        ? cJSON_ParseWithLength(a->data, array_count(a)) : NULL;
+    const cJSON *fps = cJSON_GetObjectItem(json, "fps");
+    const cJSON *den = cJSON_GetArrayItem(fps, 1);
+
+    if (cJSON_IsNumber(fps))
+        framesink_set_rate(s, (int)(fps->valuedouble * 1000 + 0.5), 1000);
+    else if (cJSON_IsArray(fps) && den)
+        framesink_set_rate(s, cJSON_GetArrayItem(fps, 0)->valueint,
+                           den->valueint);
+    cJSON_Delete(json);
+}
+
 /* ---- writing one frame ------------------------------------------------ */
 
 static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
@@ -321,17 +337,29 @@ static int write_exr(struct framesink *s, const char *path,
     return rc;
 }
 
+/* RGBA in place to RGB, and the alphas apart. */
+static void split_alpha(uint8_t *pixel, uint8_t *alpha, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        alpha[i] = pixel[4 * i + 3];
+        memmove(pixel + 3 * i, pixel + 4 * i, 3);
+    }
+}
+
 static int write_imag(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
 {
+    const size_t N = f->width * f->height;
     struct array a[2];
     int n = 1;
 
     a[0] = array_make("rgb", DTYPE_U8, s->pixel, 3, f->height, f->width, 3,
                       0);
-    if (s->opt.alpha && f->alpha)
-        a[n++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
-                            f->width, 0, 0);
+    if (s->opt.alpha) {
+        split_alpha(s->pixel, s->pixel + 4 * N, N);
+        a[n++] = array_make("alpha", DTYPE_U8, s->pixel + 4 * N, 2,
+                            f->height, f->width, 0, 0);
+    }
     return stream_write(s->stream, "IMAG", f->frame, f->time, a, n, err);
 }
 
@@ -364,13 +392,6 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
         a[count++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                                 f->width, 0, 0);
     return stream_write(s->stream, "FEAT", f->frame, f->time, a, count, err);
-}
-
-/* IMAG of an RGBA output: straight colours without their alpha. */
-static void drop_alpha(uint8_t *pixel, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        memmove(pixel + 3 * i, pixel + 4 * i, 3);
 }
 
 static int write_picture(struct framesink *s,
@@ -469,7 +490,7 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
     if (!raw && (s->count == 0 || f->width * f->height
                                   != s->width * s->height)) {
         free(s->pixel);
-        s->pixel = malloc(4 * f->width * f->height);
+        s->pixel = malloc(5 * f->width * f->height);
         if (!s->pixel)
             return error_set(err, EX_OSERR, "out of memory for a picture of "
                              "%zu x %zu pixels", f->width, f->height);
@@ -480,8 +501,6 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
         framesink_compose_rgba(s->pixel, f);
     else if (!raw)
         framesink_compose(s->pixel, f, s->opt.background);
-    if (s->opt.alpha && k == FRAMESINK_STREAM && !raw)
-        drop_alpha(s->pixel, f->width * f->height);
     if (write_any(s, f, err) != 0)
         return -1;
     s->count++;

@@ -20,7 +20,7 @@ enum framesink_format {
 
 /* What FRAMESINK_STREAM writes. */
 enum framesink_record {
-    FRAMESINK_IMAG,         /* rgb u8 (and alpha f32 with .alpha) */
+    FRAMESINK_IMAG,         /* rgb u8 (straight, and alpha u8 with .alpha) */
     FRAMESINK_FEAT_F16, FRAMESINK_FEAT_F32  /* feat, alpha, depth */
 };
 
@@ -41,6 +41,14 @@ struct background {
  * option tables' CLI_CALL: dest is a struct background. */
 int background_parse(const char *value, void *dest, struct error *err);
 void background_release(struct background *bg);
+/* --background source: the picture of an identity file (its SRCI record)
+ * with the person filled in from around him. */
+int background_from_identity(struct background *bg, const char *path,
+                             struct error *err);
+/* The same from the picture rgb [n,n,3] and its matte [n,n]. */
+int background_from_source(struct background *bg, const uint8_t *rgb,
+                           const uint8_t *matte, size_t n,
+                           struct error *err);
 
 struct framesink_options {
     const char *path;       /* "-": standard output; for PNG and EXR a
@@ -83,6 +91,9 @@ struct stream_writer *framesink_stream(struct framesink *s);
 /* Set the rate before the first frame (from CONF); ignored afterwards and
  * when the options gave one. */
 void framesink_set_rate(struct framesink *s, int num, int den);
+
+/* The rate as CONF's "fps" gives it: [numerator, denominator] or a number. */
+void framesink_take_conf(struct framesink *s, const struct record *conf);
 
 /* Compose and write one frame.  All frames of a Y4M or video must have the
  * size of the first. */

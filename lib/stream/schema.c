@@ -20,6 +20,7 @@ static const struct schema table[] = {
     { "MOTN", "eye", "f32", "6", true, "axis-angle, radians, left, right" },
     { "MOTN", "crop", "f32", "3", false, "face crop, portrait pixels" },
     { "MOTN", "lmk", "f32", "68,2", false, "landmarks, portrait pixels" },
+    { "MOTN", "lost", "u8", "1", false, "1: no face, the last motion held" },
     { "MESH", "verts", "f32", "V,3", true, "vertices, head units" },
     { "MESH", "cam", "f32", "3,4", true, "[R|t], head units" },
     { "MESH", "lip", "f32", "3", true, "inner-lip centroid, head units" },

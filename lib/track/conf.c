@@ -1,0 +1,74 @@
+#include "lib/track/conf.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/camera.h"
+
+static cJSON *pair(double a, double b)
+{
+    const double v[2] = {a, b};
+
+    return cJSON_CreateDoubleArray(v, 2);
+}
+
+static char *print(const struct conf *c)
+{
+    cJSON *j = cJSON_CreateObject(), *camera;
+    char *text;
+
+    cJSON_AddStringToObject(j, "producer", c->producer);
+    cJSON_AddStringToObject(j, "version", SPID_VERSION);
+    cJSON_AddStringToObject(j, "units", "head");
+    cJSON_AddNumberToObject(j, "scale", c->head->scale);
+    camera = cJSON_AddObjectToObject(j, "camera");
+    cJSON_AddNumberToObject(camera, "size", (double)c->config->size);
+    cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
+    if (c->fps_num > 0)
+        cJSON_AddItemToObject(j, "fps", pair(c->fps_num, c->fps_den));
+    if (c->width)
+        cJSON_AddItemToObject(j, "picture", pair((double)c->width,
+                                                 (double)c->height));
+    if (c->window) {
+        const double q[3] = {c->window->x, c->window->y, c->window->size};
+        cJSON_AddItemToObject(j, "window", cJSON_CreateDoubleArray(q, 3));
+    }
+    cJSON_AddStringToObject(j, "head_hash", c->head->hash);
+    if (c->model_hash)
+        cJSON_AddStringToObject(j, "model_hash", c->model_hash);
+    text = cJSON_PrintUnformatted(j);
+    cJSON_Delete(j);
+    return text;
+}
+
+int conf_write(struct stream_writer *w, const struct conf *c,
+               struct error *err)
+{
+    char *text = print(c);
+    struct array a;
+    int rc;
+
+    if (!text)
+        return error_set(err, EX_OSERR, "no memory for CONF");
+    a = array_make("json", DTYPE_U8, text, 1, strlen(text), 0, 0, 0);
+    rc = stream_write(w, "CONF", 0, 0, &a, 1, err);
+    free(text);
+    return rc;
+}
+
+int square_parse(const char *value, void *dest, struct error *err)
+{
+    struct square *q = dest;
+    char rest;
+
+    if (sscanf(value, "%lf,%lf,%lf%c", &q->x, &q->y, &q->size, &rest) == 3
+        && fabs(q->x) <= 1e6 && fabs(q->y) <= 1e6 && q->size >= 1
+        && q->size <= 1e5)
+        return 0;
+    return error_set(err, EX_USAGE, "not a square (expected X,Y,SIZE: centre "
+                     "and side in pixels, side 1 to 100000)");
+}

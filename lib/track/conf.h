@@ -1,0 +1,34 @@
+/* The CONF record of the programs that begin a stream, and squares as people
+ * type them. */
+#ifndef SPID_TRACK_CONF_H
+#define SPID_TRACK_CONF_H
+
+#include <stddef.h>
+
+#include "lib/avatar/config.h"
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+#include "lib/head/head.h"
+#include "lib/stream/stream.h"
+
+struct conf {
+    const char *producer;           /* "spid-motion" */
+    const struct head *head;
+    const struct avatar_config *config;
+    const char *model_hash;
+    int fps_num, fps_den;           /* 0: left out */
+    const struct square *window;    /* picture pixels; NULL: left out */
+    size_t width, height;           /* of the picture */
+};
+
+/* Write CONF: {"producer","version","units":"head","scale","camera":{"size",
+ * "focal"},"fps":[n,d],"picture":[w,h],"window":[x,y,size],"head_hash",
+ * "model_hash"}. */
+int conf_write(struct stream_writer *w, const struct conf *c,
+               struct error *err);
+
+/* "X,Y,SIZE": centre and side in pixels, side 1 to 100000.  dest is a struct
+ * square. */
+int square_parse(const char *value, void *dest, struct error *err);
+
+#endif

@@ -1,0 +1,58 @@
+/* A driving clip: frames in, one motion per frame out.  spid-motion and
+ * spid animate both read their driver through this. */
+#ifndef SPID_TRACK_DRIVER_H
+#define SPID_TRACK_DRIVER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/framesource.h"
+#include "lib/base/error.h"
+#include "lib/track/track.h"
+
+#define DRIVER_PATIENCE 1000   /* frames looked through for a first face */
+
+/* The next frame: 1, 0 at the end, -1 (framesource_read with its source as
+ * ctx, or a live source's own). */
+typedef int driver_read_fn(void *ctx, struct frame *f, struct error *err);
+
+struct driver {
+    struct track *track;        /* borrowed; CONF needs its window */
+    driver_read_fn *read;
+    void *ctx;
+    size_t patience;
+    struct frame first;         /* the frame with the first face */
+    struct track_result found;
+    double *early;              /* times of the frames before it */
+    size_t early_count, early_next, early_room;
+    bool started, first_given;
+};
+
+struct driver_frame {
+    struct frame picture;       /* rgb is NULL for the frames before the first
+                                 * face, which are delivered late */
+    struct track_result r;
+    double decode_s;
+};
+
+void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
+                 void *ctx);
+void driver_release(struct driver *d);
+
+/* Read on until a face is found, so that the window is known (CONF is written
+ * before the first motion).  seen, when not NULL, is called for every frame
+ * looked through in vain.  0; -1: EX_DATAERR with what was tried when there
+ * is no face in the clip or in its first `patience` frames. */
+int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
+                 void *seen_ctx, struct error *err);
+
+/* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
+ * fault have been delivered).  Frames before the first face come first, marked
+ * lost, with the first motion. */
+int driver_next(struct driver *d, struct driver_frame *f, struct error *err);
+
+/* framesource_read with the signature of driver_read_fn. */
+int driver_read_source(void *source, struct frame *f, struct error *err);
+
+#endif
