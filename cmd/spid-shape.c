@@ -1,0 +1,209 @@
+/* spid-shape: a picture in, an identity out.  Phase A of the paper up to beta:
+ * crop, E_beta (Eq. beta), the source's own motion by E_m, and the matte. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/draw.h"
+#include "formats/image.h"
+#include "lib/stream/stream.h"
+#include "lib/track/conf.h"
+#include "lib/track/encoders.h"
+#include "lib/track/overlay.h"
+#include "lib/track/source.h"
+
+static struct track_options track_options;
+static const char *head_path, *mask_path, *overlay_path;
+static enum nn_type precision = NN_F32;
+
+static int parse_crop(const char *value, void *dest, struct error *err)
+{
+    track_options.has_crop = true;
+    return square_parse(value, dest, err);
+}
+
+static int parse_window(const char *value, void *dest, struct error *err)
+{
+    track_options.has_window = true;
+    return square_parse(value, dest, err);
+}
+
+static int parse_precision(const char *value, void *dest, struct error *err)
+{
+    if (nn_type_parse(dest, value) == 0)
+        return 0;
+    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
+                     "bf16)");
+}
+
+static const struct cli_option options[] = {
+    {"crop", 0, CLI_CALL, &track_options.crop, 0, 0, "X,Y,SIZE",
+     "face crop: centre and side in pixels of the picture", parse_crop},
+    {"window", 0, CLI_CALL, &track_options.window, 0, 0, "X,Y,SIZE",
+     "portrait window (default: about the face)", parse_window},
+    {"mask", 0, CLI_STRING, &mask_path, 0, 0, "FILE",
+     "matte: a picture of the same size, white where the person is", NULL},
+    {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE.png",
+     "write crop, matte, mesh and landmarks drawn on the picture", NULL},
+    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
+     "head model (default head.safetensors beside the model)", NULL},
+    {"precision", 0, CLI_CALL, &precision, 0, 0, "TYPE",
+     "f32 or bf16 inside the networks (default f32)", parse_precision},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-shape", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--mask FILE] "
+    "[--overlay FILE.png] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
+    "[-m MODEL] [-q] [--stats FILE] PICTURE",
+    "make an identity from one picture of a person", options
+};
+
+struct program {
+    struct head head;
+    struct encoders nets;
+    struct image picture, mask;
+    struct source source;
+};
+
+static void open_model(struct program *p)
+{
+    struct error err = {0};
+    char model[4096], head[4096];
+
+    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+        || (!head_path && cli_find_model("head.safetensors", head,
+                                         sizeof head, &err))
+        || head_load(&p->head, head_path ? head_path : head, &err)
+        || encoders_open(&p->nets, model, true, precision, &err))
+        die_error(&err);
+    track_options.size = (double)p->nets.config.size;
+}
+
+static void read_pictures(struct program *p, const char *path)
+{
+    struct error err = {0};
+    double begun = stats_begin();
+
+    if (image_read(&p->picture, path, &err)
+        || (mask_path && image_read(&p->mask, mask_path, &err)))
+        die_error(&err);
+    stats_end("decode", begun);
+}
+
+/* The lines that are this program. */
+static void make_identity(struct program *p, const char *path)
+{
+    struct error err = {0};
+    struct source *s = &p->source;
+    double now;
+
+    if (source_make(s, &p->picture, mask_path ? &p->mask : NULL, &p->head,
+                    &p->nets, &track_options, &err)) {
+        error_prefix(&err, "%s", path);
+        die_error(&err);
+    }
+    now = stats_begin();
+    stats_end("detect", now - s->detect_s);
+    stats_end("crop", now - s->crop_s);
+    stats_end("motion", now - s->motion_s);
+    stats_end("shape", now - s->shape_s);
+    stats_end("matte", now - s->matte_s);
+    if (s->how == SOURCE_DISC)
+        warn("%s: no outline of the person found: the matte is a disc about "
+             "the head (--mask FILE gives a better one)", path);
+}
+
+static void write_identity(const struct program *p)
+{
+    struct error err = {0};
+    double begun = stats_begin();
+    struct stream_writer *out = stream_create(cli.output, &err);
+    struct conf conf = {
+        .producer = "spid-shape", .head = &p->head,
+        .config = &p->nets.config, .model_hash = p->nets.model_hash,
+        .window = &p->source.window, .width = p->picture.width,
+        .height = p->picture.height
+    };
+
+    if (!out)
+        die_error(&err);
+    if (conf_write(out, &conf, &err)
+        || source_write(out, &p->source, p->head.nexp, &err)) {
+        stream_abandon(out);
+        die_error(&err);
+    }
+    if (stream_finish(out, &err))
+        die_error(&err);
+    stats_end("encode", begun);
+}
+
+/* Dim what the matte says is background, then draw the rest on top. */
+static void dim_background(uint8_t *rgb, const struct program *p)
+{
+    const size_t W = p->picture.width, H = p->picture.height;
+    const size_t S = p->source.size;
+    const double k = (double)S / p->source.window.size;
+
+    memcpy(rgb, p->picture.rgb, 3 * W * H);
+    for (size_t y = 0; y < H; y++)
+        for (size_t x = 0; x < W; x++) {
+            double u = ((double)x + 0.5 - p->source.window.x) * k + S / 2.0;
+            double v = ((double)y + 0.5 - p->source.window.y) * k + S / 2.0;
+            uint8_t *q = rgb + 3 * (y * W + x);
+            int a = u >= 0 && v >= 0 && u < (double)S && v < (double)S
+                ? p->source.matte[(size_t)v * S + (size_t)u] : 0;
+            for (int c = 0; c < 3; c++)
+                q[c] = (uint8_t)((q[c] * (64 + a * 3 / 4)) >> 8);
+        }
+}
+
+static void write_overlay(const struct program *p)
+{
+    const size_t W = p->picture.width, H = p->picture.height;
+    struct error err = {0};
+    struct identity id;
+    struct overlay o;
+    uint8_t *dim = malloc(3 * W * H);
+    const uint8_t *drawn = NULL;
+
+    if (head_fold(&id, &p->head, p->source.shape, p->source.nshape, &err)
+        || overlay_init(&o, &id, &err))
+        die_error(&err);
+    if (dim) {
+        dim_background(dim, p);
+        drawn = overlay_draw(&o, dim, W, H, &p->source.motion, false,
+                             p->source.window, (double)p->source.size,
+                             source_matte_name(p->source.how));
+    }
+    if (!drawn)
+        die(EX_OSERR, "no memory for the overlay");
+    if (image_write_png(overlay_path, drawn, W, H, 3, &err))
+        die_error(&err);
+    overlay_release(&o);
+    identity_release(&id);
+    free(dim);
+}
+
+int main(int argc, char **argv)
+{
+    static struct program p;
+
+    int first = cli_parse(&usage, argc, argv);
+    if (argc - first != 1)
+        die(EX_USAGE, "%d pictures (expected one)", argc - first);
+    open_model(&p);
+    read_pictures(&p, argv[first]);
+    make_identity(&p, argv[first]);
+    write_identity(&p);
+    if (overlay_path)
+        write_overlay(&p);
+    stats_write();
+    source_release(&p.source);
+    image_release(&p.picture);
+    image_release(&p.mask);
+    encoders_release(&p.nets);
+    head_release(&p.head);
+    return 0;
+}

@@ -1,0 +1,220 @@
+#include "lib/track/source.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/matte.h"
+#include "lib/base/cpu.h"
+#include "lib/track/overlay.h"
+
+const char *source_matte_name(enum source_matte how)
+{
+    static const char *const name[] = {
+        "the file's alpha", "the mask file", "GrabCut", "a disc about the "
+        "head (GrabCut found no outline)"
+    };
+
+    return name[how];
+}
+
+/* The face and its motion, with the mean head's landmarks for the crop. */
+static int find_face(struct source *s, struct track *t,
+                     const struct image *im, struct error *err)
+{
+    struct track_result r;
+    int found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
+
+    if (found < 0)
+        return -1;
+    if (!found)
+        return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
+                         "pixels (looked for frontal and profile faces from "
+                         "a twelfth of the picture up; --crop X,Y,SIZE says "
+                         "where it is)", im->width, im->height);
+    s->motion = r.motion;
+    s->motion.pose.exp = s->motion.exp;
+    s->window = t->window;
+    s->crop[0] = (float)t->window.x;
+    s->crop[1] = (float)t->window.y;
+    s->crop[2] = (float)t->window.size;
+    s->crop_s = r.crop_s;
+    s->motion_s = r.network_s + r.heads_s;
+    s->detect_s = r.detect_s;
+    return 0;
+}
+
+/* beta of the crop the motion encoder last saw (track's input). */
+static void find_shape(struct source *s, const struct track *t,
+                       const struct head *head, struct encoders *nets)
+{
+    double begun = cpu_seconds();
+    float beta[SHAPE_ENCODER_OUT];
+
+    shape_encoder_forward(beta, t->input, &nets->shape);
+    s->nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
+                                                 : SHAPE_ENCODER_OUT;
+    memcpy(s->shape, beta, s->nshape * sizeof *beta);
+    s->shape_s = cpu_seconds() - begun;
+}
+
+static int cut_window(struct source *s, const struct image *im,
+                      struct error *err)
+{
+    const size_t S = s->size;
+    double begun = cpu_seconds();
+    int rc;
+
+    s->rgb = malloc(3 * S * S);
+    s->matte = malloc(S * S);
+    if (!s->rgb || !s->matte)
+        return error_set(err, EX_OSERR, "no memory for the source crop");
+    rc = crop_resize_u8(s->rgb, S, im->rgb, im->width, im->height,
+                        3 * im->width, 3, s->window);
+    s->crop_s += cpu_seconds() - begun;
+    return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory to resize");
+}
+
+/* The matte from a channel of the picture's size. */
+static int matte_from(struct source *s, const uint8_t *plane, size_t W,
+                      size_t H, size_t step, struct error *err)
+{
+    uint8_t *one = malloc(W * H);
+    int rc = -1;
+
+    if (one) {
+        for (size_t i = 0; i < W * H; i++)
+            one[i] = plane[i * step];
+        rc = crop_resize_u8(s->matte, s->size, one, W, H, W, 1, s->window);
+    }
+    free(one);
+    return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
+}
+
+/* Where the window lies inside the picture. */
+static void inside_mask(uint8_t *inside, const struct source *s,
+                        const struct image *im)
+{
+    const double k = s->window.size / (double)s->size;
+    const double x0 = s->window.x - s->window.size / 2;
+    const double y0 = s->window.y - s->window.size / 2;
+
+    for (size_t y = 0; y < s->size; y++)
+        for (size_t x = 0; x < s->size; x++) {
+            double u = x0 + ((double)x + 0.5) * k;
+            double v = y0 + ((double)y + 0.5) * k;
+            inside[y * s->size + x] = u >= 0 && v >= 0
+                && u < (double)im->width && v < (double)im->height ? 255 : 0;
+        }
+}
+
+static int matte_from_colours(struct source *s, const struct image *im,
+                              const struct head *head, struct error *err)
+{
+    uint8_t *silhouette = malloc(2 * s->size * s->size);
+    struct identity id = {0};
+    struct overlay o = {0};
+    int fallback = 0, rc = -1;
+
+    if (!silhouette) {
+        error_set(err, EX_OSERR, "no memory for the matte");
+        goto out;
+    }
+    if (head_fold(&id, head, s->shape, s->nshape, err) != 0
+        || overlay_init(&o, &id, err) != 0)
+        goto out;
+    overlay_silhouette(silhouette, &o, &s->motion, s->size);
+    inside_mask(silhouette + s->size * s->size, s, im);
+    rc = matte_grabcut(s->matte, &fallback, s->rgb, silhouette,
+                       silhouette + s->size * s->size, s->size, err);
+    s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
+out:
+    overlay_release(&o);
+    identity_release(&id);
+    free(silhouette);
+    return rc;
+}
+
+static int make_matte(struct source *s, const struct image *im,
+                      const struct image *mask, const struct head *head,
+                      struct error *err)
+{
+    double begun = cpu_seconds();
+    int rc;
+
+    if (mask) {
+        if (mask->width != im->width || mask->height != im->height)
+            return error_set(err, EX_DATAERR, "mask of %zu x %zu pixels "
+                             "(expected %zu x %zu, as the picture)",
+                             mask->width, mask->height, im->width,
+                             im->height);
+        s->how = SOURCE_MASK;
+        rc = mask->alpha
+            ? matte_from(s, mask->alpha, im->width, im->height, 1, err)
+            : matte_from(s, mask->rgb, im->width, im->height, 3, err);
+    } else if (im->alpha) {
+        s->how = SOURCE_ALPHA;
+        rc = matte_from(s, im->alpha, im->width, im->height, 1, err);
+    } else {
+        rc = matte_from_colours(s, im, head, err);
+    }
+    s->matte_s = cpu_seconds() - begun;
+    return rc;
+}
+
+int source_make(struct source *s, const struct image *im,
+                const struct image *mask, const struct head *head,
+                struct encoders *nets, const struct track_options *opt,
+                struct error *err)
+{
+    struct identity mean = {0};
+    struct track t = {0};
+    int rc = -1;
+
+    memset(s, 0, sizeof *s);
+    s->size = (size_t)opt->size;
+    if (im->width < 16 || im->height < 16)
+        return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
+                         "(expected at least 16 x 16)", im->width,
+                         im->height);
+    if (head_fold(&mean, head, NULL, 0, err) != 0
+        || track_init(&t, &mean, &nets->motion, opt, err) != 0
+        || find_face(s, &t, im, err) != 0)
+        goto out;
+    find_shape(s, &t, head, nets);
+    if (cut_window(s, im, err) != 0
+        || make_matte(s, im, mask, head, err) != 0)
+        goto out;
+    rc = 0;
+out:
+    track_release(&t);
+    identity_release(&mean);
+    if (rc != 0)
+        source_release(s);
+    return rc;
+}
+
+void source_release(struct source *s)
+{
+    free(s->rgb);
+    free(s->matte);
+    memset(s, 0, sizeof *s);
+}
+
+int source_write(struct stream_writer *w, const struct source *s, size_t nexp,
+                 struct error *err)
+{
+    struct array a[3] = {
+        array_make("rgb", DTYPE_U8, s->rgb, 3, s->size, s->size, 3, 0),
+        array_make("matte", DTYPE_U8, s->matte, 2, s->size, s->size, 0, 0),
+        array_make("crop", DTYPE_F32, s->crop, 1, 3, 0, 0, 0)
+    };
+    struct array shape = array_make("shape", DTYPE_F32, s->shape, 1,
+                                    s->nshape, 0, 0, 0);
+
+    if (stream_write(w, "SRCI", 0, 0, a, 3, err)
+        || stream_write(w, "SHAP", 0, 0, &shape, 1, err)
+        || motion_write(w, 0, 0, &s->motion, nexp, NULL, 0, err))
+        return -1;
+    return 0;
+}

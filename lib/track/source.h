@@ -1,0 +1,51 @@
+/* The source picture of an identity: its face found, cropped to the portrait
+ * window, its matte, shape and own motion (Phase A up to beta). */
+#ifndef SPID_TRACK_SOURCE_H
+#define SPID_TRACK_SOURCE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/image.h"
+#include "lib/base/error.h"
+#include "lib/stream/stream.h"
+#include "lib/track/encoders.h"
+#include "lib/track/track.h"
+
+enum source_matte {
+    SOURCE_ALPHA,               /* the file's own alpha */
+    SOURCE_MASK,                /* a mask file */
+    SOURCE_GRABCUT,             /* from colours, seeded by the head */
+    SOURCE_DISC                 /* GrabCut failed: about the head */
+};
+
+struct source {
+    size_t size;                /* S */
+    uint8_t *rgb;               /* (S,S,3) the portrait window */
+    uint8_t *matte;             /* (S,S) */
+    float crop[3];              /* the window in the picture: centre, size */
+    float shape[SHAPE_ENCODER_OUT];
+    size_t nshape;              /* as many as the head has */
+    struct motion motion;
+    enum source_matte how;
+    struct square window;
+    double crop_s, motion_s, shape_s, matte_s, detect_s;
+};
+
+/* From a picture (and mask, NULL or of the same size; its red channel counts)
+ * with the head it is for; `opt` may fix crop and window.  EX_DATAERR with
+ * what was tried when there is no face. */
+int source_make(struct source *s, const struct image *im,
+                const struct image *mask, const struct head *head,
+                struct encoders *nets, const struct track_options *opt,
+                struct error *err);
+void source_release(struct source *s);
+
+/* SRCI, SHAP and MOTN (frame 0), in this order. */
+int source_write(struct stream_writer *w, const struct source *s, size_t nexp,
+                 struct error *err);
+
+const char *source_matte_name(enum source_matte how);
+
+#endif
