@@ -192,7 +192,8 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
             continue;
         if (dump_record(out, &rec, err)) {
             if (err->code == EX_DATAERR)
-                error_prefix(err, "%s", stream_name(in));
+                error_prefix(err, "%s: frame %llu", stream_name(in),
+                             (unsigned long long)rec.frame);
             return -1;
         }
         count_record(tally, &rec);

@@ -90,9 +90,8 @@ const void *record_get(const struct record *rec, const char *name,
 
     shape_text(expected, sizeof expected, dtype, ndim, dims, true);
     if (!a) {
-        error_set(err, EX_DATAERR, "frame %llu: %s has no array '%s' "
-                  "(expected %s)", (unsigned long long)rec->frame, rec->type,
-                  name, expected);
+        error_set(err, EX_DATAERR, "%s has no array '%s' (expected %s)",
+                  rec->type, name, expected);
         return NULL;
     }
     same = a->dtype == dtype && a->ndim == ndim;
@@ -100,9 +99,8 @@ const void *record_get(const struct record *rec, const char *name,
         same = dims[k] == 0 || dims[k] == a->dim[k];
     if (!same) {
         shape_text(found, sizeof found, a->dtype, a->ndim, a->dim, false);
-        error_set(err, EX_DATAERR, "frame %llu: %s %s is %s (expected %s)",
-                  (unsigned long long)rec->frame, rec->type, name, found,
-                  expected);
+        error_set(err, EX_DATAERR, "%s %s is %s (expected %s)", rec->type,
+                  name, found, expected);
         return NULL;
     }
     return a->data;
@@ -162,8 +160,7 @@ int record_check_finite(const struct record *rec, struct error *err)
         else if (a->dtype == DTYPE_F64)
             at = first_bad64(a->data, n);
         if (at < n)
-            return error_set(err, EX_DATAERR, "frame %llu: %s %s[%zu] is not "
-                             "finite", (unsigned long long)rec->frame,
+            return error_set(err, EX_DATAERR, "%s %s[%zu] is not finite",
                              rec->type, a->name, at);
     }
     return 0;

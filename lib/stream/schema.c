@@ -96,9 +96,8 @@ static int check_array(const struct schema *s, const struct record *rec,
     if (!a && !s->required)
         return 0;
     if (!a)
-        return error_set(err, EX_DATAERR, "frame %llu: %s has no array '%s' "
-                         "(expected %s[%s])", (unsigned long long)rec->frame,
-                         rec->type, s->name, s->dtypes, s->shape);
+        return error_set(err, EX_DATAERR, "%s has no array '%s' (expected "
+                         "%s[%s])", rec->type, s->name, s->dtypes, s->shape);
     if (strstr(s->dtypes, dtype_name(a->dtype)) &&
         shape_matches(s->shape, a, bound, known))
         return 0;
@@ -106,9 +105,8 @@ static int check_array(const struct schema *s, const struct record *rec,
     for (int k = 0; k < a->ndim; k++)
         n += snprintf(found + n, sizeof found - (size_t)n, "%s%zu",
                       k ? "," : "", a->dim[k]);
-    return error_set(err, EX_DATAERR, "frame %llu: %s %s is %s] (expected "
-                     "%s[%s])", (unsigned long long)rec->frame, rec->type,
-                     s->name, found, s->dtypes, s->shape);
+    return error_set(err, EX_DATAERR, "%s %s is %s] (expected %s[%s])",
+                     rec->type, s->name, found, s->dtypes, s->shape);
 }
 
 int schema_check(const struct record *rec, struct error *err)

@@ -53,7 +53,8 @@ const struct array *record_find(const struct record *rec, const char *name);
 
 /* The data of an array that must be there with this dtype and shape; a
  * dimension of 0 in dims accepts any size.  On a mismatch returns NULL and
- * *err says which array, what was found and what was expected. */
+ * *err says which array, what was found and what was expected; file and frame
+ * are the caller's to put in front (error_prefix). */
 const void *record_get(const struct record *rec, const char *name,
                        enum dtype dtype, int ndim, const size_t *dims,
                        struct error *err);

@@ -1,0 +1,61 @@
+# Shared by all pipe tests: a directory of its own for each test, the programs
+# of this build, one thread.
+TOP=${TOP:-$(cd "$BATS_TEST_DIRNAME/../.." && pwd)}
+PATH=$TOP/${BUILD:-build}/bin:$PATH
+export OMP_NUM_THREADS=${OMP_NUM_THREADS:-1} OMP_WAIT_POLICY=passive
+
+setup() {
+    cd "$BATS_TEST_TMPDIR" || exit 1
+    if declare -F prepare >/dev/null; then prepare; fi
+}
+
+# status CODE COMMAND...: the command ends with exactly this exit status; its
+# output is in $output, stderr included.
+status() {
+    local want=$1
+    shift
+    run "$@"
+    [ "$status" -eq "$want" ] || {
+        echo "exit status $status (expected $want): $*"
+        echo "$output"
+        return 1
+    }
+}
+
+# has TEXT: $output contains it.
+has() {
+    [[ $output == *"$1"* ]] || {
+        echo "not in the output: $1"
+        echo "$output"
+        return 1
+    }
+}
+
+# one_line: $output is a single line.
+one_line() {
+    [ "${#lines[@]}" -eq 1 ] || {
+        echo "${#lines[@]} lines:"
+        echo "$output"
+        return 1
+    }
+}
+
+# motion N [FILE]: a motion stream of N frames whose jaw opens.
+motion() {
+    local zeros i
+    zeros=$(printf '0,%.0s' {1..99})0
+    for ((i = 0; i < $1; i++)); do
+        echo '{"type":"MOTN","arrays":{"rot":[[1,0,0],[0,-1,0],[0,0,-1]],' \
+            '"trans":[0,0,12],"exp":['"$zeros"'],"jaw":[0.0'"$i"',0,0],' \
+            '"lid":[0,0],"eye":[0,0,0,0,0,0]}}'
+    done >motion-src.json
+    spid-pack motion-src.json -o "${2:-motion.spid}"
+}
+
+# python: one with numpy, or the test is skipped.
+need_numpy() {
+    for PYTHON in python3 /usr/bin/python3; do
+        "$PYTHON" -c 'import numpy' 2>/dev/null && return
+    done
+    skip "no numpy"
+}
