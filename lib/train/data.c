@@ -1,14 +1,19 @@
 #include "lib/train/data.h"
 
+#include <glob.h>
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/stat.h>
 #include <sysexits.h>
 
 #include "lib/stream/stream.h"
 
 struct data_reader {
-    const char *const *files;
+    const char *const *names;  /* as given: files, folders, "-" */
+    size_t nnames;
+    char **files;              /* what they stand for in this pass */
     size_t count, at;          /* file being read */
     double margin;
     struct stream_reader *in;
@@ -35,7 +40,58 @@ void data_person_release(struct data_person *p)
     memset(p, 0, sizeof *p);
 }
 
-struct data_reader *data_open(const char *const *files, size_t count,
+static void forget_files(struct data_reader *r)
+{
+    for (size_t i = 0; i < r->count; i++)
+        free(r->files[i]);
+    free(r->files);
+    r->files = NULL;
+    r->count = r->at = 0;
+}
+
+static int remember_file(struct data_reader *r, const char *name,
+                         struct error *err)
+{
+    char **grown = realloc(r->files, (r->count + 1) * sizeof *grown);
+
+    if (grown)
+        r->files = grown;
+    if (!grown || !(r->files[r->count] = strdup(name)))
+        return error_set(err, EX_OSERR, "out of memory");
+    r->count++;
+    return 0;
+}
+
+/* The files that the names stand for now: a folder may grow from one pass to
+ * the next. */
+static int list_files(struct data_reader *r, struct error *err)
+{
+    forget_files(r);
+    for (size_t i = 0; i < r->nnames; i++) {
+        struct stat st;
+        char pattern[1000];
+        glob_t g;
+        int rc = 0;
+
+        if (stat(r->names[i], &st) || !S_ISDIR(st.st_mode)) {
+            if (remember_file(r, r->names[i], err))
+                return -1;
+            continue;
+        }
+        snprintf(pattern, sizeof pattern, "%s/*.spid", r->names[i]);
+        if (glob(pattern, 0, NULL, &g))
+            return error_set(err, EX_NOINPUT, "%s: no streams (expected "
+                             "*.spid)", r->names[i]);
+        for (size_t k = 0; k < g.gl_pathc && !rc; k++)
+            rc = remember_file(r, g.gl_pathv[k], err);
+        globfree(&g);
+        if (rc)
+            return -1;
+    }
+    return 0;
+}
+
+struct data_reader *data_open(const char *const *names, size_t count,
                               double margin, struct error *err)
 {
     struct data_reader *r;
@@ -50,9 +106,13 @@ struct data_reader *data_open(const char *const *files, size_t count,
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
-    r->files = files;
-    r->count = count;
+    r->names = names;
+    r->nnames = count;
     r->margin = margin;
+    if (list_files(r, err)) {
+        data_close(r);
+        return NULL;
+    }
     return r;
 }
 
@@ -61,6 +121,7 @@ void data_close(struct data_reader *r)
     if (!r)
         return;
     stream_close(r->in);
+    forget_files(r);
     free(r);
 }
 
@@ -196,12 +257,13 @@ static int open_file(struct data_reader *r, struct error *err)
         if (!r->ever)
             return error_set(err, EX_DATAERR, "%s: no person with frames "
                              "(expected SHAP, MOTN and IMAG records)",
-                             r->files[0]);
-        r->at = 0;
+                             r->names[0]);
         r->people = 0;
-        if (r->count == 1 && !strcmp(r->files[0], "-"))
+        if (r->nnames == 1 && !strcmp(r->names[0], "-"))
             return error_set(err, EX_NOINPUT, "<stdin>: the data ended "
                              "(expected people for every step)");
+        if (list_files(r, err))
+            return -1;
     }
     r->have_shape = r->have_motion = 0;
     r->in = stream_open(r->files[r->at], &opt, err);
