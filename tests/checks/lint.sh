@@ -1,0 +1,50 @@
+#!/usr/bin/env bash
+# Form: no tabs, no trailing blanks, 80 columns; manual pages that mandoc
+# accepts, one for every program, whose SYNOPSIS is the usage line of --help.
+set -uo pipefail
+cd "${TOP:-$(dirname "$0")/../..}"
+bin=${BUILD:-build}/bin
+export LC_ALL=C.UTF-8
+fail=0
+bad() { sed "s/^/FAILED $1: /"; fail=1; }
+# report WHAT: a failure for every line on standard input.
+report() { local lines; lines=$(cat); [ -z "$lines" ] || bad "$1" <<<"$lines"; }
+
+files=$(git ls-files 2>/dev/null || find . -type f -not -path './build/*' -not -path './.git/*')
+files=$(grep -E '\.(c|h|cc|hh|sh|bats|bash|py|[15]|md)$|^Makefile$|^tests/run$|^\.ci/run$' <<<"$files" |
+    while read -r f; do [ -e "$f" ] && echo "$f"; done)
+report "tab" < <(grep -vE '^Makefile$' <<<"$files" | xargs grep -nP '\t')
+report "trailing blank" < <(xargs grep -nE '[[:blank:]]+$' <<<"$files")
+report "over 80 columns" < <(grep -E '\.(c|h|cc|hh)$' <<<"$files" | xargs grep -nE '^.{81,}$' | cut -c 1-70)
+report "longer than 700 lines" < <(grep -E '\.(c|cc)$' <<<"$files" | xargs wc -l | awk '$1 > 700 && $2 != "total" { print $2, $1 }')
+
+# The words of SYNOPSIS on one line, as --help prints them after "Usage:".
+synopsis() {
+    mandoc -T utf8 -O width=1000 "$1" | col -bx | sed 's/‐/-/g' |
+        sed -n '/^SYNOPSIS$/,/^[A-Z]/{/^ /p}' | tr -s ' \n' ' ' | sed 's/^ //; s/ $//'
+}
+
+usage() {
+    "$1" --help | sed -n '/^Usage: /,/^$/p' | sed 's/^Usage: //' | tr -s ' \n' ' ' | sed 's/^ //; s/ $//'
+}
+
+for page in man/*.[15]; do
+    report "mandoc" < <(mandoc -T lint -W warning "$page")
+done
+for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
+    page=man/$program.1
+    [ -e "$page" ] || { bad "$program" <<<"has no manual page"; continue; }
+    for section in NAME SYNOPSIS DESCRIPTION OPTIONS "EXIT STATUS" EXAMPLES "SEE ALSO"; do
+        grep -qiE "^\.S[hH] \"?$section\"?$" "$page" || bad "$page" <<<"has no section $section"
+    done
+    [ -x "$bin/$program" ] || { bad "$program" <<<"is not built"; continue; }
+    a=$(synopsis "$page") b=$(usage "$bin/$program")
+    [ "$a" = "$b" ] || printf '%s\n' "SYNOPSIS: $a" "   --help: $b" | bad "$page"
+    # Every long option of --help is in the page (shared ones are in spid.1).
+    for option in $("$bin/$program" --help | grep -oE '^  (-., |    )--[a-z0-9-]+' | grep -oE '[a-z0-9][a-z0-9-]+$'); do
+        case $option in output|threads|model|quiet|stats|max-bytes|help|version) continue ;; esac
+        sed 's/\\-/-/g' "$page" | grep -qE -e "(Fl |--|-)$option" || bad "$page" <<<"does not have --$option"
+    done
+done
+echo "$(wc -l <<<"$files") files, $(ls man/*.[15] | wc -l) pages"
+exit $fail
