@@ -22,7 +22,7 @@ int components(int type)
     return GetNumComponentsInType(static_cast<uint32_t>(type));
 }
 
-/* ---- reading ---------------------------------------------------------------- */
+/* ---- reading ------------------------------------------------------------ */
 
 /* Pictures are not decoded: their bytes are none of our business here. */
 bool keep_image(Image *, const int, std::string *, std::string *, int, int,
@@ -141,7 +141,7 @@ int read_splats(glb_splats *s, void **block, const char *path,
     return 0;
 }
 
-/* ---- lint -------------------------------------------------------------------- */
+/* ---- lint --------------------------------------------------------------- */
 
 struct lint {
     void (*say)(void *, const char *);

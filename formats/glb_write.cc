@@ -129,7 +129,7 @@ double to_linear(double c)
     return c <= 0.04045 ? c / 12.92 : std::pow((c + 0.055) / 1.055, 2.4);
 }
 
-/* ---- Gaussians ------------------------------------------------------------ */
+/* ---- Gaussians ---------------------------------------------------------- */
 
 void splat_attributes(Model &m, Primitive &p, const glb_splats *s)
 {
@@ -207,7 +207,7 @@ int write_splats(const char *path, const glb_splats *s, struct error *err)
     return save(m, path, err);
 }
 
-/* ---- the head -------------------------------------------------------------- */
+/* ---- the head ----------------------------------------------------------- */
 
 /* The four largest weights of each vertex, renormalised; an unused slot names
  * joint 0 with weight 0. */

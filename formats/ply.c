@@ -11,7 +11,7 @@
 #include "formats/outfile.h"
 #include "formats/safetensors.h"
 
-/* ---- writing ---------------------------------------------------------------- */
+/* ---- writing ------------------------------------------------------------ */
 
 enum { FIELDS = 17 };
 
@@ -97,7 +97,7 @@ int ply_write(const char *path, const struct gaussians *g, bool turn,
     return outfile_close(&out, err);
 }
 
-/* ---- reading the header ------------------------------------------------------- */
+/* ---- reading the header ------------------------------------------------- */
 
 enum { MAX_PROPERTIES = 256, MAX_REST = 45, LINE = 256 };
 
@@ -230,7 +230,7 @@ static double number(const char *row, const struct property *p)
     }
 }
 
-/* ---- reading the scene --------------------------------------------------------- */
+/* ---- reading the scene -------------------------------------------------- */
 
 /* The 14 fields a Gaussian must have, normals left out, and f_rest. */
 struct layout {
@@ -391,7 +391,7 @@ void ply_release(struct ply_scene *s)
     memset(s, 0, sizeof *s);
 }
 
-/* ---- spherical harmonics -------------------------------------------------------- */
+/* ---- spherical harmonics ------------------------------------------------ */
 
 /* Real spherical harmonics of degrees 1 to 3 in the order and with the signs
  * of the 3DGS files. */
@@ -447,7 +447,7 @@ void ply_shade(struct ply_scene *s, const float eye[3])
     }
 }
 
-/* ---- lint --------------------------------------------------------------------- */
+/* ---- lint --------------------------------------------------------------- */
 
 struct lint {
     void (*say)(void *context, const char *text);

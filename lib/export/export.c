@@ -10,7 +10,7 @@
 #include "formats/png.h"
 #include "formats/splatfile.h"
 
-/* ---- names ---------------------------------------------------------------- */
+/* ---- names -------------------------------------------------------------- */
 
 /* How many %d-like conversions (%d, %06d) the name has; -1: another % in it. */
 static int conversions(const char *name)
@@ -54,7 +54,7 @@ static bool wanted(char *path, size_t size, const struct export *x,
            (x->opt.frame < 0 || (size_t)x->opt.frame == rec->frame);
 }
 
-/* ---- Gaussians ------------------------------------------------------------- */
+/* ---- Gaussians ---------------------------------------------------------- */
 
 /* Scene values as plain float arrays in metres (unit 1 / head scale). */
 struct flat {
@@ -144,7 +144,7 @@ static int write_gaussians(struct export *x, const struct record *rec,
     return 0;
 }
 
-/* ---- the head ---------------------------------------------------------------- */
+/* ---- the head ----------------------------------------------------------- */
 
 static int fold(struct export *x, struct error *err)
 {
@@ -237,7 +237,7 @@ static int write_obj(struct export *x, const struct record *rec,
     return rc;
 }
 
-/* ---- records in, files out ---------------------------------------------------- */
+/* ---- records in, files out ---------------------------------------------- */
 
 bool export_needs_head(const struct export_options *opt)
 {

@@ -86,7 +86,7 @@ int clip_read(struct clip *c, const char *path, struct error *err)
 }
 
 
-/* ---- the sheet --------------------------------------------------------------- */
+/* ---- the sheet ---------------------------------------------------------- */
 
 enum { CELL = REPORT_CELL };
 

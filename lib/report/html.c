@@ -114,7 +114,7 @@ int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
     return rc;
 }
 
-/* ---- charts ---------------------------------------------------------------- */
+/* ---- charts ------------------------------------------------------------- */
 
 enum { WIDE = 900, HIGH = 220, LEFT = 60, RIGHT = 20, TOP = 26, FOOT = 40 };
 
@@ -221,7 +221,7 @@ void html_bars(FILE *f, const char *title, const char *unit,
     fputs("</svg>\n", f);
 }
 
-/* ---- tables ---------------------------------------------------------------- */
+/* ---- tables ------------------------------------------------------------- */
 
 static void table_row(FILE *f, const char *tag, const char *const *cells,
                       size_t n)

@@ -14,7 +14,7 @@
 #include "lib/report/html.h"
 #include "lib/stream/stream.h"
 
-/* ---- pictures -------------------------------------------------------------- */
+/* ---- pictures ----------------------------------------------------------- */
 
 static void missing(FILE *f, const char *name)
 {
@@ -118,7 +118,7 @@ static int write_source(FILE *f, const char *dir, struct error *err)
     return rc;
 }
 
-/* ---- motion curves --------------------------------------------------------- */
+/* ---- motion curves ------------------------------------------------------ */
 
 enum { YAW, PITCH, ROLL, JAW, LID_LEFT, LID_RIGHT, CURVES };
 
@@ -222,7 +222,7 @@ static int write_motion(FILE *f, const char *dir, const char *file,
     return rc;
 }
 
-/* ---- times and figures ------------------------------------------------------ */
+/* ---- times and figures -------------------------------------------------- */
 
 /* stats.tsv: stage, calls, then times in ms with a header line naming them;
  * the median is shown. */

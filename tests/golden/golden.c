@@ -302,7 +302,7 @@ void golden_compare_l2(struct golden *g, const char *name, const float *x,
     free(t.v);
 }
 
-/* ---- weights -------------------------------------------------------------- */
+/* ---- weights ------------------------------------------------------------ */
 
 static char *read_text(const char *path)
 {
@@ -469,7 +469,7 @@ void golden_weights_gradients(struct golden *g, const struct params *ps,
     free(f32);
 }
 
-/* ---- finding and running -------------------------------------------------- */
+/* ---- finding and running ------------------------------------------------ */
 
 static struct {
     const char *name;
