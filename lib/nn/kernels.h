@@ -9,6 +9,7 @@
 #include "lib/base/isa.h"
 
 struct depthwise;
+struct resize;
 
 /* Result type, name, arguments. */
 #define NN_KERNELS(X)                                                        \
@@ -55,7 +56,18 @@ struct depthwise;
     X(void, channel_scale, (float *y, const float *x, const float *gate,     \
                             const float *add, size_t rows, size_t C))        \
     X(void, channel_dot, (float *sum, const float *a, const float *b,        \
-                          size_t rows, size_t C))
+                          size_t rows, size_t C))                            \
+    X(void, resize_line, (float *out, float *line, const float *in,          \
+                          const struct resize *r, size_t o))                 \
+    X(void, resize_line_backward, (float *din, float *line,                  \
+                                   const float *dout,                        \
+                                   const struct resize *r, size_t i))        \
+    X(void, sft_forward, (float *y, const float *x, const float *st,         \
+                          float one, size_t rows, size_t C))                 \
+    X(void, sft_backward, (float *dx, float *dst, const float *dy,           \
+                           const float *x, const float *st, float one,       \
+                           size_t rows, size_t C))                           \
+    X(void, add, (float *y, const float *x, size_t n))
 
 struct nn_kernels {
 #define X(type, name, args) type (*name) args;

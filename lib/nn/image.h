@@ -1,0 +1,37 @@
+/* Elementwise work on feature images, NHWC. */
+#ifndef SPID_NN_IMAGE_H
+#define SPID_NN_IMAGE_H
+
+#include <stddef.h>
+
+/* y += x, n values. */
+void image_add(float *y, const float *x, size_t n);
+
+/* Spatial feature transform: y (rows,C) = x (one + s) + t, st (rows,2C) holds
+ * s then t; one is 0 or 1.  dx may be dy. */
+void sft_forward(float *y, const float *x, const float *st, float one,
+                 size_t rows, size_t C);
+void sft_backward(float *dx, float *dst, const float *dy, const float *x,
+                  const float *st, float one, size_t rows, size_t C);
+
+/* out (rows,C) = [a (rows,A), b (rows / group,Bc), 0]: one row of b for every
+ * `group` rows (the pixels of an image). */
+void concat_forward(float *out, const float *a, const float *b, size_t rows,
+                    size_t A, size_t Bc, size_t C, size_t group);
+/* da (rows,A) written, or NULL; db (rows / group,Bc) added to, or NULL. */
+void concat_backward(float *da, float *db, const float *dout, size_t rows,
+                     size_t A, size_t Bc, size_t C, size_t group);
+
+/* out (B,h/f,w/f,f*f*C): out[..][(dy f + dx) C + c] = (in - mean[c]) scale. */
+void space_to_depth(float *out, const float *in, const float *mean,
+                    float scale, size_t B, size_t h, size_t w, size_t C,
+                    size_t f);
+/* out (B,h f,w f,C) = base (..., base_C's first C) + in (B,h,w,f*f*C). */
+void depth_to_space_add(float *out, const float *base, size_t base_C,
+                        const float *in, size_t B, size_t h, size_t w,
+                        size_t C, size_t f);
+/* din (B,h,w,f*f*C) from dout (B,h f,w f,C). */
+void depth_to_space_backward(float *din, const float *dout, size_t B,
+                             size_t h, size_t w, size_t C, size_t f);
+
+#endif

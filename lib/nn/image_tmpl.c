@@ -1,0 +1,109 @@
+/* Kernels on feature images: resizing, feature transforms, concatenation. */
+#include "lib/nn/kernels.h"
+#include "lib/nn/resize.h"
+#include "lib/nn/vector.h"
+
+/* to = sum_k w[k] rows[k], rows n values long and `stride` apart. */
+V16_INLINE void weighted(float *restrict to, const float *restrict from,
+                         const float *w, size_t taps, size_t stride, size_t n)
+{
+    if (taps == 2) {
+        float a = w[0], b = w[1];
+        for (size_t i = 0; i < n; i++)
+            to[i] = a * from[i] + b * from[stride + i];
+        return;
+    }
+    for (size_t i = 0; i < n; i++)
+        to[i] = w[0] * from[i];
+    for (size_t k = 1; k < taps; k++)
+        for (size_t i = 0; i < n; i++)
+            to[i] += w[k] * from[k * stride + i];
+}
+
+/* Row o of one image; line is a scratch row. */
+void ISA(resize_line)(float *out, float *line, const float *in,
+                      const struct resize *r, size_t o)
+{
+    const struct resize_axis *y = &r->y, *x = &r->x;
+    size_t C = r->C, row = x->in * C;
+    weighted(line, in + (size_t)y->first[o] * row, y->weight + o * y->taps,
+             y->taps, row, row);
+    if (C % 16 == 0 && x->taps == 2) {
+        for (size_t j = 0; j < x->out; j++) {
+            const float *p = line + (size_t)x->first[j] * C;
+            v16 a = v16_set(x->weight[2 * j]), b = v16_set(x->weight[2 * j + 1]);
+            for (size_t c = 0; c < C; c += 16)
+                v16_store(out + j * C + c,
+                          a * v16_load(p + c) + b * v16_load(p + C + c));
+        }
+        return;
+    }
+    for (size_t j = 0; j < x->out; j++)
+        weighted(out + j * C, line + (size_t)x->first[j] * C,
+                 x->weight + j * x->taps, x->taps, C, C);
+}
+
+/* Row i of the input's gradient. */
+void ISA(resize_line_backward)(float *din, float *line, const float *dout,
+                               const struct resize *r, size_t i)
+{
+    const struct resize_axis *y = &r->y, *x = &r->x;
+    size_t C = r->C, row = x->out * C;
+    float *restrict t = line;
+    for (size_t k = 0; k < row; k++)
+        t[k] = 0.0f;
+    for (int32_t j = y->start[i]; j < y->start[i + 1]; j++) {
+        const float *restrict p = dout + (size_t)y->from[j] * row;
+        float w = y->tweight[j];
+        for (size_t k = 0; k < row; k++)
+            t[k] += w * p[k];
+    }
+    for (size_t k = 0; k < x->in; k++) {
+        float *restrict d = din + k * C;
+        for (size_t c = 0; c < C; c++)
+            d[c] = 0.0f;
+        for (int32_t j = x->start[k]; j < x->start[k + 1]; j++) {
+            const float *restrict p = t + (size_t)x->from[j] * C;
+            float w = x->tweight[j];
+            for (size_t c = 0; c < C; c++)
+                d[c] += w * p[c];
+        }
+    }
+}
+
+/* y = x (one + s) + t; st rows hold s (C) then t (C). */
+void ISA(sft_forward)(float *y, const float *x, const float *st, float one,
+                      size_t rows, size_t C)
+{
+    for (size_t r = 0; r < rows; r++) {
+        const float *p = x + r * C, *s = st + 2 * r * C, *t = s + C;
+        float *q = y + r * C;
+#pragma GCC ivdep
+        for (size_t c = 0; c < C; c++)
+            q[c] = p[c] * (one + s[c]) + t[c];
+    }
+}
+
+/* dx = dy (one + s); dst = [dy x, dy].  dx may be dy. */
+void ISA(sft_backward)(float *dx, float *dst, const float *dy, const float *x,
+                       const float *st, float one, size_t rows, size_t C)
+{
+    for (size_t r = 0; r < rows; r++) {
+        const float *p = x + r * C, *s = st + 2 * r * C, *g = dy + r * C;
+        float *d = dx + r * C, *ds = dst + 2 * r * C, *dt = ds + C;
+#pragma GCC ivdep
+        for (size_t c = 0; c < C; c++) {
+            float v = g[c];
+            ds[c] = v * p[c];
+            dt[c] = v;
+            d[c] = v * (one + s[c]);
+        }
+    }
+}
+
+/* y += x */
+void ISA(add)(float *y, const float *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        y[i] += x[i];
+}

@@ -1,0 +1,193 @@
+#include "lib/nn/resize.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/nn/kernels.h"
+
+/* Which inputs output o reads: indices may repeat and lie outside. */
+struct taps {
+    int n;
+    long index[64];
+    double weight[64];
+};
+
+static double cubic(double t)
+{
+    double A = -0.75, x = fabs(t);
+    if (x <= 1)
+        return ((A + 2) * x - (A + 3)) * x * x + 1;
+    return x < 2 ? ((A * x - 5 * A) * x + 8 * A) * x - 4 * A : 0;
+}
+
+static void antialias(struct taps *t, size_t n, double scale, size_t o)
+{
+    double support = scale > 1 ? scale : 1, sum = 0;
+    double c = scale * ((double)o + 0.5);
+    long lo = (long)(c - support + 0.5), hi = (long)(c + support + 0.5);
+    lo = lo < 0 ? 0 : lo;
+    hi = hi > (long)n ? (long)n : hi;
+    for (long j = lo; j < hi && t->n < 64; j++) {
+        double w = 1 - fabs(((double)j - c + 0.5) / support);
+        if (w <= 0)
+            continue;
+        t->index[t->n] = j;
+        t->weight[t->n++] = w;
+        sum += w;
+    }
+    for (int i = 0; i < t->n; i++)
+        t->weight[i] /= sum;
+}
+
+static void find_taps(struct taps *t, enum resize_mode mode, size_t n,
+                      size_t m, double scale, size_t o)
+{
+    t->n = 0;
+    if (mode == RESIZE_ANTIALIAS) {
+        antialias(t, n, scale, o);
+        return;
+    }
+    double src = ((double)o + 0.5) * scale - 0.5;
+    if (mode == RESIZE_ALIGNED)
+        src = m > 1 ? (double)o * (double)(n - 1) / (double)(m - 1) : 0;
+    if (mode != RESIZE_BICUBIC && src < 0)
+        src = 0;
+    long i0 = (long)floor(src);
+    double f = src - (double)i0;
+    int lo = mode == RESIZE_BICUBIC ? -1 : 0;
+    int hi = mode == RESIZE_BICUBIC ? 2 : 1;
+    for (int k = lo; k <= hi; k++) {
+        double w = mode == RESIZE_BICUBIC ? cubic(f - k) : k ? f : 1 - f;
+        t->index[t->n] = i0 + k;
+        t->weight[t->n++] = w;
+    }
+}
+
+static long clamp_to(long i, size_t n)
+{
+    return i < 0 ? 0 : i >= (long)n ? (long)n - 1 : i;
+}
+
+/* The transposed lists, output order ascending. */
+static void transpose(struct resize_axis *a)
+{
+    for (size_t o = 0; o < a->out; o++)
+        for (size_t k = 0; k < a->taps; k++)
+            if (a->weight[o * a->taps + k] != 0)
+                a->start[a->first[o] + (int32_t)k + 1]++;
+    for (size_t i = 0; i < a->in; i++)
+        a->start[i + 1] += a->start[i];
+    for (size_t i = 0; i < a->in; i++) {
+        int32_t at = a->start[i];
+        for (size_t o = 0; o < a->out && at < a->start[i + 1]; o++) {
+            long k = (long)i - a->first[o];
+            if (k < 0 || k >= (long)a->taps)
+                continue;
+            float w = a->weight[o * a->taps + (size_t)k];
+            if (w != 0) {
+                a->from[at] = (int32_t)o;
+                a->tweight[at++] = w;
+            }
+        }
+    }
+}
+
+static void plan_axis(struct resize_axis *a, struct nn_plan *p,
+                      enum resize_mode mode, size_t in, size_t out,
+                      double scale)
+{
+    struct taps t;
+    *a = (struct resize_axis){ .in = in, .out = out, .taps = 1 };
+    for (size_t o = 0; o < out; o++) {
+        long lo = (long)in, hi = 0;
+        find_taps(&t, mode, in, out, scale, o);
+        for (int i = 0; i < t.n; i++) {
+            long j = clamp_to(t.index[i], in);
+            lo = j < lo ? j : lo;
+            hi = j > hi ? j : hi;
+        }
+        if ((size_t)(hi - lo + 1) > a->taps)
+            a->taps = (size_t)(hi - lo + 1);
+    }
+    a->first = nn_plan_bytes(p, out * sizeof *a->first);
+    a->weight = nn_plan_floats(p, out * a->taps);
+    a->start = nn_plan_bytes(p, (in + 1) * sizeof *a->start);
+    a->from = nn_plan_bytes(p, out * a->taps * sizeof *a->from);
+    a->tweight = nn_plan_floats(p, out * a->taps);
+    if (p->err.code)
+        return;
+    for (size_t o = 0; o < out; o++) {
+        long lo = (long)in;
+        find_taps(&t, mode, in, out, scale, o);
+        for (int i = 0; i < t.n; i++)
+            lo = clamp_to(t.index[i], in) < lo ? clamp_to(t.index[i], in) : lo;
+        if (lo + (long)a->taps > (long)in)
+            lo = (long)in - (long)a->taps;
+        a->first[o] = (int32_t)lo;
+        for (int i = 0; i < t.n; i++)
+            a->weight[o * a->taps +
+                      (size_t)(clamp_to(t.index[i], in) - lo)] +=
+                (float)t.weight[i];
+    }
+    transpose(a);
+}
+
+static void plan_rest(struct resize *r, struct nn_plan *p, size_t batch,
+                      size_t C)
+{
+    r->batch = batch;
+    r->C = C;
+    r->plan = p;
+    size_t wide = r->x.in > r->x.out ? r->x.in : r->x.out;
+    r->line = (wide * C + 15) / 16 * 16;
+    nn_plan_scratch(p, r->line * sizeof(float) *
+                           (size_t)omp_get_max_threads());
+}
+
+void resize_plan(struct resize *r, struct nn_plan *p, enum resize_mode mode,
+                 size_t batch, size_t h, size_t w, size_t oh, size_t ow,
+                 size_t C)
+{
+    plan_axis(&r->y, p, mode, h, oh, (double)h / (double)oh);
+    plan_axis(&r->x, p, mode, w, ow, (double)w / (double)ow);
+    plan_rest(r, p, batch, C);
+}
+
+void resize_plan_factor(struct resize *r, struct nn_plan *p, size_t batch,
+                        size_t h, size_t w, size_t oh, size_t ow,
+                        double factor_y, double factor_x, size_t C)
+{
+    plan_axis(&r->y, p, RESIZE_BICUBIC, h, oh, 1 / factor_y);
+    plan_axis(&r->x, p, RESIZE_BICUBIC, w, ow, 1 / factor_x);
+    plan_rest(r, p, batch, C);
+}
+
+static float *thread_line(const struct resize *r)
+{
+    return (float *)(void *)r->plan->scratch +
+           (size_t)omp_get_thread_num() * r->line;
+}
+
+void resize_forward(float *out, const float *in, struct resize *r)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t n = 0; n < r->batch; n++)
+        for (size_t o = 0; o < r->y.out; o++)
+            k->resize_line(out + (n * r->y.out + o) * r->x.out * r->C,
+                           thread_line(r),
+                           in + n * r->y.in * r->x.in * r->C, r, o);
+}
+
+void resize_backward(float *din, const float *dout, struct resize *r)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t n = 0; n < r->batch; n++)
+        for (size_t i = 0; i < r->y.in; i++)
+            k->resize_line_backward(
+                din + (n * r->y.in + i) * r->x.in * r->C, thread_line(r),
+                dout + n * r->y.out * r->x.out * r->C, r, i);
+}
