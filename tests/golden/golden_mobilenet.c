@@ -4,35 +4,12 @@
 #include <string.h>
 
 #include "lib/net/mobilenet.h"
-#include "tests/golden/golden.h"
-
-/* (B,C,h,w) <- (B,h,w,C), fresh. */
-static float *planes(const float *x, const size_t s[4])
-{
-    size_t pixels = s[1] * s[2];
-    float *out = malloc(s[0] * pixels * s[3] * sizeof *out);
-    for (size_t n = 0; n < s[0]; n++)
-        for (size_t i = 0; i < pixels; i++)
-            for (size_t c = 0; c < s[3]; c++)
-                out[(n * s[3] + c) * pixels + i] =
-                    x[(n * pixels + i) * s[3] + c];
-    return out;
-}
-
-/* (B,h,w,C) <- (B,C,h,w), fresh. */
-static float *rows(const float *x, const size_t s[4])
-{
-    size_t t[4] = { s[0], s[3], 1, s[1] * s[2] };
-    return planes(x, t);
-}
+#include "tests/golden/layout.h"
 
 static void compare(struct golden *g, const char *name, const float *x,
                     const size_t s[4], bool l2)
 {
-    float *p = planes(x, s);
-    (l2 ? golden_compare_l2 : golden_compare)(g, name, p,
-                                              s[0] * s[1] * s[2] * s[3]);
-    free(p);
+    layout_compare(g, name, x, s[0], s[1] * s[2], s[3], l2);
 }
 
 static void compare_stages(struct golden *g, struct mobilenet *m)
@@ -53,7 +30,7 @@ static void gradients(struct golden *g, struct mobilenet *m,
     size_t s[4], n = in[0] * in[1] * in[2] * in[3];
     mobilenet_stage(s, m, 4);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
-    float *dout = rows(probe, s), *drgb = malloc(n * sizeof *drgb);
+    float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]), *drgb = malloc(n * sizeof *drgb);
     mobilenet_backward_features(drgb, dout, m);
     compare(g, "grad.input", drgb, in, true);
     size_t stem = params_find(ps, "conv_stem.weight");
@@ -110,7 +87,7 @@ static void run_mobilenet(struct golden *g)
     golden_weights_fill(&ps, &w, g, "");
     float *image = golden_image("input.image", g->seed, in[0] * in[3], in[1],
                                 in[2], false);
-    float *rgb = rows(image, in);
+    float *rgb = layout_rows(image, in[0], in[1] * in[2], in[3]);
     run_mode(g, &m, &ps, &w, rgb, in, NN_INFER);
     run_mode(g, &m, &ps, &w, rgb, in, NN_FROZEN);
     free(image);

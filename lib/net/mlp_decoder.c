@@ -1,0 +1,216 @@
+#include "lib/net/mlp_decoder.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/net/harmonic.h"
+#include "lib/nn/conv.h"
+#include "lib/nn/image.h"
+
+static const char *const attribute[4] = { "color", "opacity", "scale",
+                                          "rotation" };
+
+struct mlp_decoder_impl {
+    struct nn_plan plan;
+    struct conv trunk[4], inner[4], outer[4];
+    size_t padded;               /* width + gamma, a multiple of 16 */
+    const float *features;
+    float *gamma, *dgamma;       /* (B,27) */
+    float *y[4];                 /* (B,N,width) */
+    float *x;                    /* (B,N,padded) */
+    float *h[4], *o[4];          /* (B,N,hidden), (B,N,attribute) */
+    float *raw, *draw;           /* (B,N,colors + 8) */
+    float *grad[2], *dx, *dsum;
+};
+
+/* Numbers of attribute i. */
+static size_t attribute_width(const struct mlp_decoder *d, int i)
+{
+    return i == 0 ? d->head.colors : i == 1 ? 1 : i == 2 ? 3 : 4;
+}
+
+int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
+                     const char *prefix, size_t in, size_t width,
+                     size_t hidden, struct gaussian_head head,
+                     struct error *err)
+{
+    char name[120];
+    memset(d, 0, sizeof *d);
+    d->impl = calloc(1, sizeof *d->impl);
+    if (!d->impl)
+        return error_set(err, EX_OSERR, "out of memory");
+    struct mlp_decoder_impl *im = d->impl;
+    d->head = head;
+    d->in = in;
+    d->width = width;
+    d->hidden = hidden;
+    for (int i = 0; i < 4; i++) {
+        nn_name(name, "%sfeature_layers.%d", prefix, 2 * i);
+        linear_init(&im->trunk[i], ps, name, i ? width : in, width, true);
+        im->trunk[i].act = i < 3 ? ACT_RELU : ACT_NONE;
+        ps->tensor[im->trunk[i].weight].gain = i < 3 ? 1.4142135f : 1.0f;
+    }
+    for (int i = 0; i < 4; i++) {
+        nn_name(name, "%s%s_layers.0", prefix, attribute[i]);
+        linear_init(&im->inner[i], ps, name, width + HARMONIC_OUT, hidden,
+                    true);
+        im->inner[i].act = ACT_RELU;
+        ps->tensor[im->inner[i].weight].gain = 1.4142135f;
+        nn_name(name, "%s%s_layers.2", prefix, attribute[i]);
+        linear_init(&im->outer[i], ps, name, hidden, attribute_width(d, i),
+                    true);
+        ps->tensor[im->outer[i].weight].gain = 0.3f;
+    }
+    return 0;
+}
+
+static void plan_gradients(struct mlp_decoder *d, size_t rows)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    struct nn_plan *p = &im->plan;
+    size_t most = d->width > d->hidden ? d->width : d->hidden;
+    most = most > d->head.colors ? most : d->head.colors;
+    im->grad[0] = nn_plan_floats(p, rows * most);
+    im->grad[1] = nn_plan_floats(p, rows * most);
+    im->dx = nn_plan_floats(p, rows * im->padded);
+    im->dsum = nn_plan_floats(p, rows * im->padded);
+    im->draw = nn_plan_floats(p, rows * (d->head.colors + 8));
+    im->dgamma = nn_plan_floats(p, d->batch * HARMONIC_OUT);
+}
+
+int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
+                     struct nn_options opt, struct error *err)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    struct nn_plan *p = &im->plan;
+    size_t rows = batch * points;
+    nn_plan_release(p);
+    opt.type = NN_F32;
+    nn_plan_init(p, opt);
+    d->batch = batch;
+    d->points = points;
+    im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
+    im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
+    im->raw = nn_plan_floats(p, rows * (d->head.colors + 8));
+    for (int i = 0; i < 4; i++) {
+        im->y[i] = nn_plan_map_floats(p, rows * d->width);
+        linear_plan(&im->trunk[i], p, rows);
+        if (i)
+            nn_plan_give(p, im->y[i - 1]);
+    }
+    im->x = nn_plan_map_floats(p, rows * im->padded);
+    for (int i = 0; i < 4; i++) {
+        im->inner[i].in_data = im->padded;
+        im->h[i] = nn_plan_map_floats(p, rows * d->hidden);
+        linear_plan(&im->inner[i], p, rows);
+        im->o[i] = nn_plan_map_floats(p, rows * attribute_width(d, i));
+        linear_plan(&im->outer[i], p, rows);
+        nn_plan_give(p, im->h[i]);
+    }
+    if (nn_plan_backward(p))
+        plan_gradients(d, rows);
+    if (nn_plan_finish(p, err))
+        return -1;
+    mlp_decoder_update(d);
+    return 0;
+}
+
+void mlp_decoder_update(struct mlp_decoder *d)
+{
+    for (int i = 0; i < 4; i++) {
+        conv_update(&d->impl->trunk[i], NULL);
+        conv_update(&d->impl->inner[i], NULL);
+        conv_update(&d->impl->outer[i], NULL);
+    }
+}
+
+void mlp_decoder_release(struct mlp_decoder *d)
+{
+    if (!d->impl)
+        return;
+    for (int i = 0; i < 4; i++) {
+        conv_release(&d->impl->trunk[i]);
+        conv_release(&d->impl->inner[i]);
+        conv_release(&d->impl->outer[i]);
+    }
+    nn_plan_release(&d->impl->plan);
+    free(d->impl);
+    memset(d, 0, sizeof *d);
+}
+
+/* raw (rows,colors+8) <-> the four attributes' own arrays. */
+static void gather(struct mlp_decoder *d, float *const part[4], bool back)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    size_t rows = d->batch * d->points, row = d->head.colors + 8, at = 0;
+    for (int i = 0; i < 4; i++) {
+        size_t n = attribute_width(d, i);
+#pragma omp parallel for schedule(static)
+        for (size_t r = 0; r < rows; r++) {
+            if (back)
+                memcpy(part[i] + r * n, im->draw + r * row + at,
+                       n * sizeof(float));
+            else
+                memcpy(im->raw + r * row + at, part[i] + r * n,
+                       n * sizeof(float));
+        }
+        at += n;
+    }
+}
+
+void mlp_decoder_forward(struct gaussian_out *out, const float *features,
+                         const float *dir, const float *rgb_logit,
+                         struct mlp_decoder *d)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    im->features = features;
+    conv_forward(im->y[0], features, &im->trunk[0]);
+    for (int i = 1; i < 4; i++)
+        conv_forward(im->y[i], im->y[i - 1], &im->trunk[i]);
+    harmonic_forward(im->gamma, dir, d->batch);
+    concat_forward(im->x, im->y[3], im->gamma, d->batch * d->points, d->width,
+                   HARMONIC_OUT, im->padded, d->points);
+    for (int i = 0; i < 4; i++) {
+        conv_forward(im->h[i], im->x, &im->inner[i]);
+        conv_forward(im->o[i], im->h[i], &im->outer[i]);
+    }
+    gather(d, im->o, false);
+    gaussian_head_forward(out, im->raw, rgb_logit, &d->head, d->batch,
+                          d->points, d->head.colors + 8, d->points);
+}
+
+void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
+                          const struct gaussian_out *dout,
+                          const float *dir, const float *rgb_logit,
+                          struct mlp_decoder *d)
+{
+    struct mlp_decoder_impl *im = d->impl;
+    size_t rows = d->batch * d->points;
+    float *a = im->grad[0], *b = im->grad[1];
+    gaussian_head_backward(im->draw, drgb_logit, dout, im->raw, rgb_logit,
+                           &d->head, d->batch, d->points, d->head.colors + 8,
+                           d->points);
+    gather(d, im->o, true);       /* o[i] holds its gradient now */
+    for (int i = 0; i < 4; i++) {
+        conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
+        conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,
+                      &im->inner[i]);
+        if (i)
+            image_add(im->dsum, im->dx, rows * im->padded);
+    }
+    memset(im->dgamma, 0, d->batch * HARMONIC_OUT * sizeof *im->dgamma);
+    concat_backward(a, ddir ? im->dgamma : NULL, im->dsum, rows, d->width,
+                    HARMONIC_OUT, im->padded, d->points);
+    if (ddir) {
+        memset(ddir, 0, 3 * d->batch * sizeof *ddir);
+        harmonic_backward(ddir, im->dgamma, dir, d->batch);
+    }
+    for (int i = 3; i > 0; i--) {
+        conv_backward(b, a, im->y[i], im->y[i - 1], &im->trunk[i]);
+        float *swap = a;
+        a = b;
+        b = swap;
+    }
+    conv_backward(dfeatures, a, im->y[0], im->features, &im->trunk[0]);
+}
