@@ -35,17 +35,26 @@ void compose_half_c(uint16_t *out, const float *x, size_t n)
         out[i] = float_to_half(x[i]);
 }
 
+void compose_widen_c(float *out, const uint16_t *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        out[i] = half_to_float(x[i]);
+}
+
 const struct compose_table *compose_table(void)
 {
     static const struct compose_table plain = {
-        compose_c, compose_quantise_c, compose_half_c
+        compose_c, compose_quantise_c, compose_half_c,
+        compose_widen_c
     };
 #ifdef SPID_X86
     static const struct compose_table avx2 = {
-        compose_avx2, compose_quantise_avx2, compose_half_avx2
+        compose_avx2, compose_quantise_avx2, compose_half_avx2,
+        compose_widen_avx2
     };
     static const struct compose_table avx512 = {
-        compose_avx512, compose_quantise_avx512, compose_half_avx512
+        compose_avx512, compose_quantise_avx512, compose_half_avx512,
+        compose_widen_avx512
     };
 
     switch (cpu_level()) {

@@ -18,16 +18,20 @@ typedef void compose_fn(uint8_t *out, const float *color, const float *alpha,
 typedef void compose_quantise_fn(uint8_t *out, const float *x, size_t n);
 /* out (n) = IEEE half of x, to nearest even. */
 typedef void compose_half_fn(uint16_t *out, const float *x, size_t n);
+/* out (n) = the float of IEEE half x. */
+typedef void compose_widen_fn(float *out, const uint16_t *x, size_t n);
 
 void compose_c(uint8_t *out, const float *color, const float *alpha,
                const uint8_t *bg, size_t bg_step, size_t n);
 void compose_quantise_c(uint8_t *out, const float *x, size_t n);
 void compose_half_c(uint16_t *out, const float *x, size_t n);
+void compose_widen_c(float *out, const uint16_t *x, size_t n);
 
 #ifdef SPID_X86
 compose_fn compose_avx2, compose_avx512;
 compose_quantise_fn compose_quantise_avx2, compose_quantise_avx512;
 compose_half_fn compose_half_avx2, compose_half_avx512;
+compose_widen_fn compose_widen_avx2, compose_widen_avx512;
 #endif
 
 /* The versions for this machine. */
@@ -35,6 +39,7 @@ struct compose_table {
     compose_fn *blend;
     compose_quantise_fn *quantise;
     compose_half_fn *half;
+    compose_widen_fn *widen;
 };
 const struct compose_table *compose_table(void);
 

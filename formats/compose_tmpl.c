@@ -80,4 +80,15 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
     compose_half_c(out + i, x + i, n - i);
 }
 
+void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
+{
+    size_t i = 0;
+
+    for (; i + 8 <= n; i += 8) {
+        __m128i v = _mm_loadu_si128((const __m128i *)(x + i));
+        _mm256_storeu_ps(out + i, _mm256_cvtph_ps(v));
+    }
+    compose_widen_c(out + i, x + i, n - i);
+}
+
 #endif

@@ -548,10 +548,17 @@ void framesink_abandon(struct framesink *s)
         return;
     if (s->stream)
         stream_abandon(s->stream);
-    outfile_abandon(&s->out);
     if (s->video) {
-        video_abandon(s->video);
-        unlink(s->part);
+        video_finish(s->video, NULL);
+        if (s->count == 0)
+            unlink(s->part);
     }
+    if (s->out.part && s->count > 0) {
+        fclose(s->out.file);           /* complete frames: .part stays */
+        free(s->out.part);
+        free(s->out.path);
+        memset(&s->out, 0, sizeof s->out);
+    }
+    outfile_abandon(&s->out);
     release(s);
 }

@@ -104,8 +104,8 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
  * did not arrive. */
 int framesink_finish(struct framesink *s, struct error *err);
 
-/* Give up; complete PNG/EXR files stay, unfinished ones are removed (a stream
- * keeps its .part).  Frees s; NULL is allowed. */
+/* Give up, keeping complete frames: PNG and EXR files stay, a stream, Y4M or
+ * PAM as PATH.part, a video as NAME.part.EXT.  Frees s; NULL is allowed. */
 void framesink_abandon(struct framesink *s);
 
 /* The frame as 8-bit sRGB over the background into out [height, width, 3]:

@@ -1,0 +1,269 @@
+#include "lib/refine/refine.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/compose.h"
+#include "formats/safetensors.h"
+#include "lib/track/encoders.h"
+
+int refine_open(struct refine *r, const char *path, enum nn_type type,
+                bool roi, struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    int rc;
+
+    memset(r, 0, sizeof *r);
+    if (!st)
+        return -1;
+    rc = model_config(&r->config, st, err);
+    st_close(st);
+    if (rc != 0)
+        return -1;
+    if (!r->config.has_refiner)
+        return error_set(err, EX_CONFIG, "%s: the model has no refiner "
+                         "(spid-splat -o FILE writes its pictures without "
+                         "one)", path);
+    r->type = type;
+    r->roi = roi;
+    r->path = strdup(path);
+    return r->path ? 0 : error_set(err, EX_OSERR, "out of memory");
+}
+
+static void plan_release(struct refine_plan *p)
+{
+    refiner_release(&p->net);
+    params_release(&p->ps);
+    memset(p, 0, sizeof *p);
+}
+
+void refine_release(struct refine *r)
+{
+    plan_release(&r->plan);
+    free(r->path);
+    free(r->part);
+    free(r->out);
+    memset(r, 0, sizeof *r);
+}
+
+/* A network of this size, with the model's weights. */
+static int plan_make(struct refine_plan *p, const struct refine *r,
+                     size_t height, size_t width, struct error *err)
+{
+    const struct nn_options opt = {NN_INFER, r->type};
+    struct safetensors *st = st_open(r->path, err);
+    int rc = -1;
+
+    memset(p, 0, sizeof *p);
+    if (!st)
+        return -1;
+    params_init(&p->ps);
+    if (refiner_init(&p->net, &p->ps, "refine.", &r->config.refiner, err)
+            == 0
+        && params_allocate(&p->ps, err) == 0
+        && params_load(&p->ps, st, "refine.", err) == 0
+        && refiner_plan(&p->net, 1, height, width, opt, err) == 0)
+        rc = 0;
+    st_close(st);
+    if (rc != 0) {
+        plan_release(p);
+        return -1;
+    }
+    p->height = height;
+    p->width = width;
+    return 0;
+}
+
+/* ---- which part ------------------------------------------------------- */
+
+struct part {
+    size_t top, left, height, width;
+};
+
+static size_t round_up(size_t n)
+{
+    return (n + REFINE_STEP - 1) / REFINE_STEP * REFINE_STEP;
+}
+
+/* Rows or columns from lo to hi (end) with margin, as a multiple of the step
+ * inside n (itself rounded up). */
+static void grow(size_t *start, size_t *size, size_t lo, size_t hi, size_t n)
+{
+    size_t a = lo > REFINE_MARGIN ? lo - REFINE_MARGIN : 0;
+    size_t b = hi + REFINE_MARGIN;
+
+    a = a / REFINE_STEP * REFINE_STEP;
+    b = round_up(b) < round_up(n) ? round_up(b) : round_up(n);
+    *start = a;
+    *size = b - a;
+}
+
+/* The box of alpha above one level; the whole picture without alpha. */
+static struct part find_part(const struct refine *r,
+                             const struct refine_input *in)
+{
+    const bool style = r->config.refiner.type == REFINER_STYLE_UNET;
+    struct part p = {0, 0, in->height, in->width};
+    size_t x0 = in->width, x1 = 0, y0 = in->height, y1 = 0;
+
+    if (!style) {
+        p.height = round_up(p.height);
+        p.width = round_up(p.width);
+    }
+    if (!r->roi || !in->alpha || style)
+        return p;
+    for (size_t y = 0; y < in->height; y++) {
+        const float *a = in->alpha + y * in->width;
+        size_t x = 0, e = in->width;
+        while (x < e && !(a[x] > 1.0f / 255))
+            x++;
+        if (x == e)
+            continue;
+        while (!(a[e - 1] > 1.0f / 255))
+            e--;
+        x0 = x < x0 ? x : x0;
+        x1 = e > x1 ? e : x1;
+        y0 = y < y0 ? y : y0;
+        y1 = y + 1;
+    }
+    if (x0 >= x1)
+        x0 = y0 = 0, x1 = y1 = 1;      /* nothing to see */
+    grow(&p.left, &p.width, x0, x1, in->width);
+    grow(&p.top, &p.height, y0, y1, in->height);
+    return p;
+}
+
+/* Use the planned size if the part fits into it, placed so that it covers the
+ * part; otherwise plan one that fits this and the last. */
+static int fit(struct refine *r, const struct refine_input *in,
+               struct error *err)
+{
+    struct part p = find_part(r, in);
+    struct refine_plan made;
+    size_t h = p.height, w = p.width;
+    const bool fits = r->plan.height >= h && r->plan.width >= w
+        && (r->roi || (r->plan.height == h && r->plan.width == w));
+
+    if (!fits) {
+        if (r->roi && r->plan.height > h
+            && r->plan.height <= round_up(in->height))
+            h = r->plan.height;
+        if (r->roi && r->plan.width > w
+            && r->plan.width <= round_up(in->width))
+            w = r->plan.width;
+        if (plan_make(&made, r, h, w, err) != 0)
+            return -1;
+        plan_release(&r->plan);
+        r->plan = made;
+        r->plans++;
+    }
+    h = round_up(in->height);
+    w = round_up(in->width);
+    r->top = p.top;
+    r->left = p.left;
+    if (r->top + r->plan.height > h)
+        r->top = h > r->plan.height ? h - r->plan.height : 0;
+    if (r->left + r->plan.width > w)
+        r->left = w > r->plan.width ? w - r->plan.width : 0;
+    return 0;
+}
+
+/* ---- one frame -------------------------------------------------------- */
+
+static int make_room(float **p, size_t *room, size_t n, struct error *err)
+{
+    if (n <= *room)
+        return 0;
+    free(*p);
+    *p = aligned_alloc(64, (n * sizeof **p + 63) / 64 * 64);
+    *room = *p ? n : 0;
+    return *p ? 0 : error_set(err, EX_OSERR, "no memory for a part of %zu "
+                              "numbers", n);
+}
+
+/* The part's features as floats, zero outside the picture. */
+static void copy_part(struct refine *r, const struct refine_input *in)
+{
+    const size_t C = in->channels, h = r->plan.height, w = r->plan.width;
+    const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
+
+#pragma omp parallel for schedule(static)
+    for (size_t y = 0; y < h; y++) {
+        float *to = r->part + y * w * C;
+        size_t from = ((y + r->top) * in->width + r->left) * C;
+        if (y + r->top >= in->height) {
+            memset(to, 0, w * C * sizeof *to);
+            continue;
+        }
+        if (in->f32)
+            memcpy(to, in->f32 + from, cols * C * sizeof *to);
+        else
+            compose_table()->widen(to, in->f16 + from, cols * C);
+        memset(to + cols * C, 0, (w - cols) * C * sizeof *to);
+    }
+}
+
+/* First three channels of what lies outside the part. */
+static void copy_coarse(float *rgb, const struct refine *r,
+                        const struct refine_input *in)
+{
+    const size_t C = in->channels;
+
+    for (size_t y = 0; y < in->height; y++) {
+        const bool row = y >= r->top && y < r->top + r->plan.height;
+        for (size_t x = 0; x < in->width; x++) {
+            size_t i = y * in->width + x;
+            if (row && x >= r->left && x < r->left + r->plan.width)
+                continue;
+            for (size_t k = 0; k < 3; k++)
+                rgb[3 * i + k] = in->f32 ? in->f32[i * C + k]
+                                         : half_to_float(in->f16[i * C + k]);
+        }
+    }
+}
+
+static void copy_back(float *rgb, const struct refine *r,
+                      const struct refine_input *in)
+{
+    const size_t w = r->plan.width;
+    const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
+
+    for (size_t y = 0; y < r->plan.height && y + r->top < in->height; y++)
+        memcpy(rgb + ((y + r->top) * in->width + r->left) * 3,
+               r->out + y * w * 3, cols * 3 * sizeof *rgb);
+}
+
+int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+                 struct error *err)
+{
+    bool whole;
+
+    if (in->channels != r->config.refiner.channels)
+        return error_set(err, EX_DATAERR, "FEAT has %zu channels (expected "
+                         "%zu, the refiner's; spid-splat --channels %zu)",
+                         in->channels, r->config.refiner.channels,
+                         r->config.refiner.channels);
+    if (in->height == 0 || in->width == 0)
+        return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels (expected"
+                         " at least one)", in->width, in->height);
+    if (fit(r, in, err) != 0)
+        return -1;
+    whole = r->plan.height == in->height && r->plan.width == in->width;
+    if (whole && in->f32) {            /* nothing to copy */
+        refiner_forward(rgb, in->f32, &r->plan.net);
+        return 0;
+    }
+    if (make_room(&r->part, &r->part_room,
+                  r->plan.height * r->plan.width * in->channels, err)
+        || make_room(&r->out, &r->out_room,
+                     r->plan.height * r->plan.width * 3, err))
+        return -1;
+    copy_part(r, in);
+    refiner_forward(whole ? rgb : r->out, r->part, &r->plan.net);
+    if (!whole) {
+        copy_coarse(rgb, r, in);
+        copy_back(rgb, r, in);
+    }
+    return 0;
+}

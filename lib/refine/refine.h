@@ -1,0 +1,58 @@
+/* Eq. SR on frames of a stream: from FEAT to the final picture, all of it or
+ * only where the head is. */
+#ifndef SPID_REFINE_REFINE_H
+#define SPID_REFINE_REFINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/avatar/config.h"
+#include "lib/base/error.h"
+#include "lib/net/refiner.h"
+#include "lib/nn/params.h"
+
+#define REFINE_STEP 32         /* sides of what is refined are multiples */
+#define REFINE_MARGIN 24       /* pixels about the head that count too */
+
+/* One planned network for one size. */
+struct refine_plan {
+    struct params ps;
+    struct refiner net;
+    size_t height, width;       /* 0: none */
+};
+
+struct refine {
+    char *path;                 /* of the model */
+    struct avatar_config config;
+    enum nn_type type;
+    bool roi;
+    struct refine_plan plan;
+    size_t top, left;           /* of the part that is refined */
+    float *part, *out;          /* its features and colours */
+    size_t part_room, out_room;
+    size_t plans;               /* how often a size was planned */
+};
+
+/* A feature image: f16 or f32 [height,width,channels], alpha [height,width]
+ * or NULL. */
+struct refine_input {
+    size_t height, width, channels;
+    const float *f32;
+    const uint16_t *f16;        /* if f32 is NULL */
+    const float *alpha;
+};
+
+/* Open the refiner of a model file.  EX_CONFIG when it has none. */
+int refine_open(struct refine *r, const char *path, enum nn_type type,
+                bool roi, struct error *err);
+void refine_release(struct refine *r);
+
+/* rgb [height,width,3] from the features.  The network is planned at the
+ * first frame, and again when the size changes or the head outgrows the part
+ * (roi).  Outside the part the coarse colours stay.  EX_DATAERR when the
+ * channels are not the refiner's. */
+int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+                 struct error *err);
+
+#endif
