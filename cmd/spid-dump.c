@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "cmd/cli.h"
+#include "formats/outfile.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
 #include "lib/base/cpu.h"
@@ -77,7 +78,8 @@ struct tally {
 };
 
 struct outputs {
-    FILE *text;
+    FILE *text;                /* standard output, or file's */
+    struct outfile file;
     struct recordfile *st, *npy;
 };
 
@@ -90,9 +92,11 @@ static void open_outputs(struct outputs *out)
     if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, &err)))
         die_error(&err);
     out->text = stdout;
-    if (strcmp(cli.output, "-") && !(out->text = fopen(cli.output, "w")))
-        die(EX_CANTCREAT, "%s: cannot create: %s", cli.output,
-            strerror(errno));
+    if (strcmp(cli.output, "-")) {
+        if (outfile_open(&out->file, cli.output, &err))
+            die_error(&err);
+        out->text = out->file.file;
+    }
 }
 
 static bool is_wanted(const struct record *rec)
@@ -185,12 +189,21 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
                        struct tally *tally, struct error *err)
 {
     struct record rec;
+    double begun;
     int rc;
 
-    while ((rc = stream_read(in, &rec, err)) > 0) {
+    for (;;) {
+        begun = stats_begin();
+        rc = stream_read(in, &rec, err);
+        stats_end("read", begun);
+        if (rc <= 0)
+            break;
         if (!is_wanted(&rec))
             continue;
-        if (dump_record(out, &rec, err)) {
+        begun = stats_begin();
+        rc = dump_record(out, &rec, err);
+        stats_end(check ? "check" : "write", begun);
+        if (rc) {
             if (err->code == EX_DATAERR)
                 error_prefix(err, "%s: frame %llu", stream_name(in),
                              (unsigned long long)rec.frame);
@@ -213,9 +226,10 @@ static void close_outputs(struct outputs *out)
         die_error(&err);
     if (out->npy && recordfile_finish(out->npy, &err))
         die_error(&err);
-    if (fclose(out->text))
-        die(EX_IOERR, "%s: cannot write: %s", out->text == stdout
-            ? "<stdout>" : cli.output, strerror(errno));
+    if (out->text != stdout && outfile_close(&out->file, &err))
+        die_error(&err);
+    if (fclose(stdout))
+        die(EX_IOERR, "<stdout>: cannot write: %s", strerror(errno));
 }
 
 int main(int argc, char **argv)

@@ -76,7 +76,10 @@ static int put_record(const struct record *rec, void *context,
         put_conf(p, err))
         return -1;
     progress("record", p->records, 0, NULL);
-    return stream_copy(p->out, rec, err);
+    double begun = stats_begin();
+    int rc = stream_copy(p->out, rec, err);
+    stats_end("write", begun);
+    return rc;
 }
 
 /* ---- plain arrays ------------------------------------------------------- */

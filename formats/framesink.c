@@ -15,6 +15,7 @@
 #include "formats/png.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
+#include "lib/base/file.h"
 
 #define MAX_CHANNELS 32
 
@@ -328,7 +329,7 @@ static int write_exr(struct framesink *s, const char *path,
     }
     strcat(strcpy(part, path), ".part");
     rc = exr_write(part, s->plane, f->width, f->height, (int)all, names, err);
-    if (rc == 0 && rename(part, path) != 0)
+    if (rc == 0 && file_rename(part, path) != 0)
         rc = error_set(err, EX_CANTCREAT, "%s: cannot rename: %s", path,
                        strerror(errno));
     if (rc != 0)
@@ -532,7 +533,7 @@ int framesink_finish(struct framesink *s, struct error *err)
     if (s->video) {
         rc = video_finish(s->video, err);
         s->video = NULL;
-        if (rc == 0 && rename(s->part, s->path) != 0)
+        if (rc == 0 && file_rename(s->part, s->path) != 0)
             rc = error_set(err, EX_CANTCREAT, "%s: cannot rename '%s': %s",
                            s->path, s->part, strerror(errno));
         if (rc != 0)

@@ -11,6 +11,7 @@
 #include <vector>
 
 #include "formats/glb_guard.hh"
+#include "lib/base/file.h"
 
 using namespace tinygltf;
 
@@ -103,7 +104,7 @@ int save(Model &m, const char *path, struct error *err)
         part = "/dev/stdout";
     bool ok = writer.WriteGltfSceneToFile(&m, part, true, true, false, true);
     if (ok && std::strcmp(path, "-"))
-        ok = !std::rename(part.c_str(), path);
+        ok = !file_rename(part.c_str(), path);
     if (ok)
         return 0;
     int rc = error_set(err, EX_IOERR, "%s: cannot be written", path);

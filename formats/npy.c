@@ -9,6 +9,8 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "lib/base/file.h"
+
 #define MAGIC "\x93NUMPY"
 #define PREAMBLE 10            /* magic, version, u16 length: version 1 */
 #define HEADER 128             /* preamble and text of the files we write */
@@ -121,7 +123,7 @@ int npy_finish(struct npy_writer *w, struct error *err)
     f = w->f;
     if (rc == 0) {
         w->f = NULL;
-        if (fclose(f) || rename(w->part, w->path))
+        if (fclose(f) || file_rename(w->part, w->path))
             rc = error_set(err, EX_IOERR, "%s: cannot write: %s", w->path,
                            strerror(errno));
     }

@@ -6,6 +6,8 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "lib/base/file.h"
+
 static void release(struct outfile *o)
 {
     free(o->path);
@@ -31,8 +33,9 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
         o->file = stdout;
         return 0;
     }
-    o->part = malloc(n);
-    if (o->part) {
+    if (file_is_special(path)) { /* a device or a fifo: written in place */
+        o->file = fopen(path, "wb");
+    } else if ((o->part = malloc(n))) {
         snprintf(o->part, n, "%s.part", path);
         o->file = fopen(o->part, "wb");
     }
@@ -48,18 +51,16 @@ int outfile_close(struct outfile *o, struct error *err)
     int bad = fflush(o->file) || ferror(o->file);
     int why = errno, rc = 0;
 
-    if (o->part) {
-        if (fclose(o->file) && !bad) {
-            bad = 1;
-            why = errno;
-        }
-        if (!bad && rename(o->part, o->path)) {
-            bad = 1;
-            why = errno;
-        }
-        if (bad)
-            remove(o->part);
+    if (o->file != stdout && fclose(o->file) && !bad) {
+        bad = 1;
+        why = errno;
     }
+    if (o->part && !bad && file_rename(o->part, o->path)) {
+        bad = 1;
+        why = errno;
+    }
+    if (o->part && bad)
+        remove(o->part);
     if (bad)
         rc = error_set(err, EX_IOERR, "%s: %s", o->path, strerror(why));
     release(o);
@@ -68,10 +69,10 @@ int outfile_close(struct outfile *o, struct error *err)
 
 void outfile_abandon(struct outfile *o)
 {
-    if (o->part) {
+    if (o->file && o->file != stdout)
         fclose(o->file);
+    if (o->part)
         remove(o->part);
-    }
     release(o);
 }
 

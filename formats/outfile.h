@@ -8,7 +8,7 @@
 
 struct outfile {
     FILE *file;
-    char *path, *part;      /* NULL part: standard output */
+    char *path, *part;      /* part NULL: written in place */
 };
 
 /* Open PATH.part for writing ("-": standard output, refused when it is a

@@ -14,6 +14,8 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "lib/base/file.h"
+
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
 
 struct safetensors {
@@ -561,7 +563,8 @@ int st_save(const char *path, const struct st_tensor *tensors, size_t count,
         error_set(err, EX_OSERR, "%s: out of memory", path);
         goto out;
     }
-    snprintf(part, len, "%s.part", path);
+    bool special = file_is_special(path); /* written in place */
+    snprintf(part, len, "%s%s", path, special ? "" : ".part");
     f = fopen(part, "wb");
     if (!f) {
         error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
@@ -570,10 +573,11 @@ int st_save(const char *path, const struct st_tensor *tensors, size_t count,
     bool ok = write_all(f, json, tensors, count);
     int why = errno;
     ok = !fclose(f) && ok;
-    if (!ok || rename(part, path)) {
+    if (!ok || (!special && file_rename(part, path))) {
         error_set(err, EX_IOERR, "%s: %s", path,
                   strerror(ok ? errno : why));
-        remove(part);
+        if (!special)
+            remove(part);
         goto out;
     }
     rc = 0;

@@ -73,6 +73,25 @@ assert abs(jaw["max"] - 0.01) < 1e-8'
     has '--threads=0: out of range (expected a whole number, 1 to 1024)'
 }
 
+@test "--stats writes a table of times" {
+    status 0 spid-dump -cq --stats times.tsv motion.spid
+    [ "$(head -n 1 times.tsv | tr '\t' ' ')" = \
+        "stage calls total_ms mean_ms median_ms p95_ms" ]
+    grep -q '^read.7.' times.tsv
+    grep -q '^check.6.' times.tsv
+}
+
+@test "a named output replaces its input only when complete, no device ever" {
+    cp motion.spid a
+    spid-dump -o a a
+    grep -q '^MOTN frame 4' a
+    ln -s /dev/null nothing
+    spid-dump -o nothing --safetensors nothing motion.spid
+    [ -c /dev/null ] && [ -L nothing ] && [ ! -e nothing.part ]
+    spid-pack motion.spid -o nothing
+    [ -c /dev/null ] && [ -L nothing ] && [ ! -e nothing.part ]
+}
+
 @test "--help and --version end well on standard output" {
     for p in spid-dump spid-pack; do
         status 0 $p --help

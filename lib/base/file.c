@@ -1,0 +1,21 @@
+#include "lib/base/file.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <sys/stat.h>
+
+bool file_is_special(const char *path)
+{
+    struct stat st;
+
+    return stat(path, &st) == 0 && !S_ISREG(st.st_mode);
+}
+
+int file_rename(const char *part, const char *path)
+{
+    if (file_is_special(path)) {
+        errno = EEXIST;
+        return -1;
+    }
+    return rename(part, path);
+}

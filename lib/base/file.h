@@ -1,0 +1,23 @@
+/* Files that take their name when they are complete, and what must not be
+ * replaced by one. */
+#ifndef SPID_BASE_FILE_H
+#define SPID_BASE_FILE_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include <stdbool.h>
+
+/* The path exists and is not a regular file: a device, a fifo, a directory.
+ * Such a thing is written in place or not at all. */
+bool file_is_special(const char *path);
+
+/* rename(2), but fails with EEXIST rather than replace something special.
+ * 0, or -1 and errno. */
+int file_rename(const char *part, const char *path);
+
+#ifdef __cplusplus
+}
+#endif
+#endif
