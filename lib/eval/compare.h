@@ -8,6 +8,7 @@
 #include "lib/base/error.h"
 #include "lib/eval/table.h"
 #include "lib/head/head.h"
+#include "lib/metric/lpips.h"
 
 /* Receives a line per frame (may be NULL): name of the pair, frame, values in
  * the order of the columns the call used. */
@@ -17,13 +18,13 @@ struct compare_log {
 };
 
 /* Compare the frames of two inputs (see framesource_open) into row `row` of
- * t: columns psnr ssim msssim l1 flicker.  ms-ssim of pictures under 161
- * pixels counts as failed, as does the psnr of equal frames (infinite).  -1
- * when sizes or numbers of frames differ or a file cannot be read; what was
- * measured until then stays in the table. */
+ * t: columns psnr ssim msssim l1 flicker and, lpips given, lpips.  ms-ssim of
+ * pictures under 161 pixels counts as failed, as does the psnr of equal frames
+ * (infinite).  -1 when sizes or numbers of frames differ or a file cannot be
+ * read; what was measured until then stays in the table. */
 int compare_frames(struct table *t, size_t row, const char *truth,
-                   const char *result, const struct compare_log *log,
-                   struct error *err);
+                   const char *result, struct lpips *lpips,
+                   const struct compare_log *log, struct error *err);
 
 /* Compare the MOTN records of two streams: columns akd aed apd (pixels of a
  * 512 picture) pose_deg yaw_deg pitch_deg roll_deg landmark_pct jaw_corr

@@ -7,16 +7,17 @@
 #include "lib/eval/compare.h"
 #include "lib/metric/image.h"
 
-enum { PSNR, SSIM, MSSSIM, L1, FLICKER, COUNT };
+enum { PSNR, SSIM, MSSSIM, L1, FLICKER, LPIPS, COUNT };
 static const char *const name[COUNT] = {"psnr", "ssim", "msssim", "l1",
-                                        "flicker"};
-static const int better[COUNT] = {1, 1, 1, -1, -1};
+                                        "flicker", "lpips"};
+static const int better[COUNT] = {1, 1, 1, -1, -1, -1};
 
 /* Two clips and the planar pictures of this frame and the last. */
 struct pair {
     struct framesource *in[2];      /* truth, result */
     float *now[2], *last[2];        /* (3,H,W) */
     size_t H, W, frames;
+    struct lpips *lpips;            /* or NULL */
 };
 
 static int take(struct pair *p, int k, const struct frame *f,
@@ -69,7 +70,7 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
 
     v[L1] = metric_l1(p->now[0], p->now[1], n);
     v[PSNR] = metric_psnr(metric_mse(p->now[0], p->now[1], n));
-    v[SSIM] = v[MSSSIM] = v[FLICKER] = NAN;
+    v[SSIM] = v[MSSSIM] = v[FLICKER] = v[LPIPS] = NAN;
     if (p->H >= 11 && p->W >= 11) {
         if (metric_ssim(&s, NULL, NULL, p->now[0], p->now[1], 3, p->H, p->W,
                         err))
@@ -82,6 +83,10 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
             return -1;
         v[MSSSIM] = m.mean;
     }
+    if (p->lpips && p->H >= 64 && p->W >= 64 &&
+        lpips_distance(&v[LPIPS], p->lpips, p->now[0], p->now[1], p->H, p->W,
+                       err))
+        return -1;
     if (p->frames)
         v[FLICKER] = metric_flicker(p->last[0], p->now[0], p->last[1],
                                     p->now[1], n);
@@ -89,10 +94,12 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
 }
 
 static void record(struct table *t, size_t row, const double v[COUNT],
-                   size_t frame, const struct compare_log *log)
+                   const struct pair *p, const struct compare_log *log)
 {
+    size_t frame = p->frames;
+
     for (int k = 0; k < COUNT; k++)
-        if (k != FLICKER || frame)
+        if ((k != FLICKER || frame) && (k != LPIPS || p->lpips))
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
     if (!log || !log->tsv)
         return;
@@ -103,11 +110,11 @@ static void record(struct table *t, size_t row, const double v[COUNT],
 }
 
 int compare_frames(struct table *t, size_t row, const char *truth,
-                   const char *result, const struct compare_log *log,
-                   struct error *err)
+                   const char *result, struct lpips *lpips,
+                   const struct compare_log *log, struct error *err)
 {
     const char *path[2] = {truth, result};
-    struct pair p = {0};
+    struct pair p = {.lpips = lpips};
     double v[COUNT];
     int rc = -1;
 
@@ -117,13 +124,15 @@ int compare_frames(struct table *t, size_t row, const char *truth,
             goto out;
     }
     if (log && log->tsv)
-        fprintf(log->tsv, "pair\tframe\tpsnr\tssim\tmsssim\tl1\tflicker\n");
+        fprintf(log->tsv, "pair\tframe\tpsnr\tssim\tmsssim\tl1\tflicker"
+                "\tlpips\n");
     while ((rc = next(&p, err)) > 0) {
         if (measure(v, &p, err)) {
             rc = -1;
             break;
         }
-        record(t, row, v, p.frames++, log);
+        record(t, row, v, &p, log);
+        p.frames++;
         memcpy(p.last[0], p.now[0], 6 * p.H * p.W * sizeof(float));
     }
     if (!rc && !p.frames)

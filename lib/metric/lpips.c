@@ -1,0 +1,228 @@
+#include "lib/metric/lpips.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <string.h>
+#include <sysexits.h>
+
+/* AlexNet's convolutions: where each lies in "features", its geometry, and
+ * whether a 3x3 maximum of stride 2 goes before it. */
+static const struct {
+    int index, pool;
+    size_t in, out, kernel, stride, pad;
+} stage[LPIPS_STAGES] = {
+    {0, 0, 3, 64, 11, 4, 2},   {3, 1, 64, 192, 5, 1, 2},
+    {6, 1, 192, 384, 3, 1, 1}, {8, 0, 384, 256, 3, 1, 1},
+    {10, 0, 256, 256, 3, 1, 1},
+};
+
+static void declare(struct lpips *l)
+{
+    char name[40];
+
+    params_init(&l->ps);
+    for (int i = 0; i < LPIPS_STAGES; i++) {
+        size_t k = stage[i].kernel, c = stage[i].out;
+        size_t w[4] = {c, stage[i].in, k, k}, lin[4] = {1, c, 1, 1};
+        snprintf(name, sizeof name, "features.%d.weight", stage[i].index);
+        params_add(&l->ps, name, 4, w, PARAM_ZERO, 1);
+        snprintf(name, sizeof name, "features.%d.bias", stage[i].index);
+        params_add(&l->ps, name, 1, &c, PARAM_ZERO, 1);
+        snprintf(name, sizeof name, "lin%d.model.1.weight", i);
+        l->lin[i] = params_add(&l->ps, name, 4, lin, PARAM_ZERO, 1);
+    }
+}
+
+int lpips_init(struct lpips *l, const char *path, struct error *err)
+{
+    struct safetensors *st = st_open(path, err);
+    int rc = -1;
+
+    memset(l, 0, sizeof *l);
+    if (!st)
+        return -1;
+    declare(l);
+    if (!params_allocate(&l->ps, err) && !params_load(&l->ps, st, "", err))
+        rc = 0;
+    st_close(st);
+    if (rc)
+        lpips_release(l);
+    return rc;
+}
+
+static void drop_plan(struct lpips *l)
+{
+    if (!l->H)
+        return;
+    for (int i = 0; i < LPIPS_STAGES; i++)
+        conv_release(&l->conv[i]);
+    nn_plan_release(&l->plan);
+    l->H = l->W = 0;
+}
+
+void lpips_release(struct lpips *l)
+{
+    drop_plan(l);
+    params_release(&l->ps);
+    memset(l, 0, sizeof *l);
+}
+
+static size_t conv_size(int i, size_t n)
+{
+    return (n + 2 * stage[i].pad - stage[i].kernel) / stage[i].stride + 1;
+}
+
+static size_t pool_size(size_t n)
+{
+    return (n - 3) / 2 + 1;
+}
+
+/* Layers are linear over patches of k*k*in numbers: the weight tensor
+ * (out,in,k,k) read as (out, in*k*k). */
+static int plan(struct lpips *l, size_t H, size_t W, struct error *err)
+{
+    struct nn_options opt = {NN_INFER, NN_F32};
+    size_t h = H, w = W, patches = 0, in = 3 * H * W;
+
+    drop_plan(l);
+    nn_plan_init(&l->plan, opt);
+    for (int i = 0; i < LPIPS_STAGES; i++) {
+        struct conv *c = &l->conv[i];
+        size_t k2 = stage[i].kernel * stage[i].kernel;
+        if (stage[i].pool) {
+            h = pool_size(h);
+            w = pool_size(w);
+        }
+        if (h * w * stage[i].in > in)
+            in = h * w * stage[i].in;
+        l->h[i] = h = conv_size(i, h);
+        l->w[i] = w = conv_size(i, w);
+        if (h * w * k2 * stage[i].in > patches)
+            patches = h * w * k2 * stage[i].in;
+        memset(c, 0, sizeof *c);
+        c->ps = &l->ps;
+        c->weight = 3 * (size_t)i;
+        c->bias = 3 * (size_t)i + 1;
+        c->in = stage[i].in * k2;
+        c->out = stage[i].out;
+        c->kernel = c->stride = 1;
+        c->act = ACT_RELU;
+        linear_plan(c, &l->plan, h * w);
+        for (int k = 0; k < 2; k++)
+            l->out[k][i] = nn_plan_floats(&l->plan, h * w * stage[i].out);
+    }
+    l->patches = nn_plan_floats(&l->plan, patches);
+    l->in = nn_plan_floats(&l->plan, in);
+    l->H = H;
+    l->W = W;
+    if (nn_plan_finish(&l->plan, err)) {
+        drop_plan(l);
+        return -1;
+    }
+    for (int i = 0; i < LPIPS_STAGES; i++)
+        conv_update(&l->conv[i], NULL);
+    return 0;
+}
+
+/* out (h,w,C) = maximum of 3x3, stride 2, of in (H,W,C). */
+static void pool(float *out, const float *in, size_t H, size_t W, size_t C)
+{
+    size_t h = pool_size(H), w = pool_size(W);
+
+    for (size_t i = 0; i < h * w; i++)
+        for (size_t c = 0; c < C; c++) {
+            float best = -INFINITY;
+            for (size_t k = 0; k < 9; k++) {
+                size_t y = 2 * (i / w) + k / 3, x = 2 * (i % w) + k % 3;
+                best = fmaxf(best, in[(y * W + x) * C + c]);
+            }
+            out[i * C + c] = best;
+        }
+}
+
+/* Patches (h*w, C*k*k), channel slowest as in the weights, zeros outside. */
+static void unfold(float *out, const float *in, size_t H, size_t W, int i,
+                   size_t h, size_t w)
+{
+    size_t k = stage[i].kernel, C = stage[i].in;
+
+    for (size_t p = 0; p < h * w; p++) {
+        long y0 = (long)(p / w * stage[i].stride) - (long)stage[i].pad;
+        long x0 = (long)(p % w * stage[i].stride) - (long)stage[i].pad;
+        float *o = out + p * C * k * k;
+        for (size_t t = 0; t < k * k; t++) {
+            long y = y0 + (long)(t / k), x = x0 + (long)(t % k);
+            int inside = y >= 0 && x >= 0 && y < (long)H && x < (long)W;
+            const float *s = inside ? in + ((size_t)y * W + (size_t)x) * C
+                                    : NULL;
+            for (size_t c = 0; c < C; c++)
+                o[c * k * k + t] = s ? s[c] : 0;
+        }
+    }
+}
+
+/* The five feature maps of a picture into l->out[which]. */
+static void features(struct lpips *l, int which, const float *rgb)
+{
+    static const float shift[3] = {-0.030f, -0.088f, -0.188f};
+    static const float scale[3] = {0.458f, 0.448f, 0.450f};
+    size_t n = l->H * l->W, h = l->H, w = l->W;
+    const float *x = l->in;
+
+    for (size_t i = 0; i < n; i++)
+        for (size_t c = 0; c < 3; c++)
+            l->in[3 * i + c] = (2 * rgb[c * n + i] - 1 - shift[c]) / scale[c];
+    for (int i = 0; i < LPIPS_STAGES; i++) {
+        if (stage[i].pool) {
+            pool(l->in, x, h, w, stage[i].in);
+            h = pool_size(h);
+            w = pool_size(w);
+            x = l->in;
+        }
+        unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
+        conv_forward(l->out[which][i], l->patches, &l->conv[i]);
+        h = l->h[i];
+        w = l->w[i];
+        x = l->out[which][i];
+    }
+}
+
+/* Mean over places of sum_c w_c (a_c/|a| - b_c/|b|)^2. */
+static double stage_distance(const float *a, const float *b, const float *w,
+                             size_t n, size_t C)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        double na = 0, nb = 0;
+        for (size_t c = 0; c < C; c++) {
+            na += (double)a[i * C + c] * a[i * C + c];
+            nb += (double)b[i * C + c] * b[i * C + c];
+        }
+        na = 1 / (sqrt(na) + 1e-10);
+        nb = 1 / (sqrt(nb) + 1e-10);
+        for (size_t c = 0; c < C; c++) {
+            double d = a[i * C + c] * na - b[i * C + c] * nb;
+            sum += w[c] * d * d;
+        }
+    }
+    return sum / (double)n;
+}
+
+int lpips_distance(double *distance, struct lpips *l, const float *a,
+                   const float *b, size_t H, size_t W, struct error *err)
+{
+    if (H < 64 || W < 64)
+        return error_set(err, EX_DATAERR, "lpips of %zux%zu pixels (expected "
+                         "sides of 64 or more)", W, H);
+    if ((H != l->H || W != l->W) && plan(l, H, W, err))
+        return -1;
+    features(l, 0, a);
+    features(l, 1, b);
+    *distance = 0;
+    for (int i = 0; i < LPIPS_STAGES; i++)
+        *distance += stage_distance(l->out[0][i], l->out[1][i],
+                                    param_w(&l->ps, l->lin[i]),
+                                    l->h[i] * l->w[i], stage[i].out);
+    return 0;
+}
