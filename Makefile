@@ -69,7 +69,15 @@ OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
 
-all: $(PROGRAMS)
+HEAD := $(BUILD)/share/spid/head.safetensors
+
+all: $(PROGRAMS) $(HEAD)
+
+# The head model: sculpted from tables, the same bytes every time.
+$(HEAD): $(BUILD)/bin/spid-head
+	@mkdir -p $(@D)
+	$(SAY) HEAD $@
+	$< -o $@
 
 # make V=1 shows the commands themselves.
 ifeq ($(V),)
