@@ -188,12 +188,14 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
-                   formats/npy.[ch]) tests/fuzz/memory_file.h
+                   formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
+                   formats/png.[ch] formats/outfile.[ch]) \
+                 tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	  $(filter %.c,$^) -lxxhash -lcjson -lm -o $@
+	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lm -o $@
 
 clean:
 	rm -rf build

@@ -357,7 +357,7 @@ static int read_pnm(struct framesource *s, struct frame *f,
                     struct error *err)
 {
     int rc = pnm_read(s->fp, &s->rgb, &s->rgb_room, &f->width, &f->height,
-                      err);
+                      s->opt.max_pixels, err);
 
     if (rc < 0)
         return error_prefix(err, "%s: frame %zu", s->name, s->here);
@@ -376,8 +376,8 @@ static int read_png(struct framesource *s, struct frame *f,
     ungetc(c, s->fp);
     free(s->rgb);
     s->rgb_room = 0;
-    if (png_read_next(s->fp, &s->rgb, &alpha, &f->width, &f->height, err)
-        != 0)
+    if (png_read_next(s->fp, &s->rgb, &alpha, &f->width, &f->height,
+                      s->opt.max_pixels, err) != 0)
         return error_prefix(err, "%s: frame %zu", s->name, s->here);
     free(alpha);
     s->rgb_room = 3 * f->width * f->height;

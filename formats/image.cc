@@ -223,7 +223,7 @@ int image_read(struct image *im, const char *path, struct error *err)
     if (first == 0x89) {               /* PNG, by the reader of the pipes */
         std::rewind(fp);
         int rc = png_read_next(fp, &im->rgb, &im->alpha, &im->width,
-                               &im->height, err);
+                               &im->height, IMAGE_MAX_PIXELS, err);
         std::fclose(fp);
         return rc == 0 ? 0 : error_prefix(err, "%s", path);
     }

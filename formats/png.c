@@ -69,11 +69,12 @@ struct reading {
     png_structp png;
     png_infop info;
     uint8_t *rgba;
+    png_bytepp rows;
     struct error e;
 };
 
 static void read_pixels(struct reading *r, FILE *fp, size_t *width,
-                        size_t *height)
+                        size_t *height, size_t most)
 {
     png_structp png = r->png;
     size_t W, H;
@@ -83,7 +84,7 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
     png_read_info(png, r->info);
     W = png_get_image_width(png, r->info);
     H = png_get_image_height(png, r->info);
-    if (W * H > IMAGE_MAX_PIXELS)
+    if (W * H > most)
         png_error(png, "too many pixels");
     png_set_expand(png);
     png_set_scale_16(png);
@@ -94,15 +95,12 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
     if (png_get_rowbytes(png, r->info) != 4 * W)
         png_error(png, "unexpected row size");
     r->rgba = malloc(4 * W * H);
-    if (!r->rgba)
+    r->rows = malloc(H * sizeof *r->rows);
+    if (!r->rgba || !r->rows)
         png_error(png, "out of memory");
-    {
-        png_bytepp rows = png_malloc(png, H * sizeof *rows);
-        for (size_t y = 0; y < H; y++)
-            rows[y] = r->rgba + 4 * W * y;
-        png_read_image(png, rows);
-        png_free(png, rows);
-    }
+    for (size_t y = 0; y < H; y++)
+        r->rows[y] = r->rgba + 4 * W * y;
+    png_read_image(png, r->rows);
     png_read_end(png, NULL);
     *width = W;
     *height = H;
@@ -110,7 +108,7 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
 
 /* read_pixels with libpng's way of failing turned into a return value. */
 static int read_rgba(struct reading *r, FILE *fp, size_t *width,
-                     size_t *height)
+                     size_t *height, size_t most)
 {
     r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r->e, on_error,
                                     on_warning);
@@ -119,18 +117,18 @@ static int read_rgba(struct reading *r, FILE *fp, size_t *width,
         return error_set(&r->e, EX_OSERR, "png: out of memory");
     if (setjmp(png_jmpbuf(r->png)))
         return -1;
-    read_pixels(r, fp, width, height);
+    read_pixels(r, fp, width, height, most);
     return 0;
 }
 
 int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
-                  size_t *height, struct error *err)
+                  size_t *height, size_t most, struct error *err)
 {
     struct reading r = {0};
     int seen = 0, rc = -1;
 
     *rgb = *alpha = NULL;
-    if (read_rgba(&r, fp, width, height) != 0) {
+    if (read_rgba(&r, fp, width, height, most) != 0) {
         error_set(err, r.e.code, "%s", r.e.text);
         goto out;
     }
@@ -156,6 +154,7 @@ out:
     }
     png_destroy_read_struct(&r.png, &r.info, NULL);
     free(r.rgba);
+    free(r.rows);
     return rc;
 }
 

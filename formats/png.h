@@ -13,9 +13,9 @@ int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
               int channels, struct error *err);
 
 /* Read the next PNG of fp as RGB [height,width,3] and, where the file has it,
- * alpha; both are for the caller to free.  16 bits are rounded to 8.  Size
- * limits as in image.h. */
+ * alpha; both are for the caller to free.  16 bits are rounded to 8.  most:
+ * pixels at most. */
 int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
-                  size_t *height, struct error *err);
+                  size_t *height, size_t most, struct error *err);
 
 #endif

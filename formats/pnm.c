@@ -54,7 +54,8 @@ static int read_pam(FILE *fp, struct header *h)
 }
 
 /* 1: filled; 0: end of file; -1. */
-static int read_header(FILE *fp, struct header *h, struct error *err)
+static int read_header(FILE *fp, struct header *h, size_t most,
+                       struct error *err)
 {
     int p = getc(fp), k;
 
@@ -75,11 +76,11 @@ static int read_header(FILE *fp, struct header *h, struct error *err)
     }
     if (!h->width || !h->height || h->width > IMAGE_MAX_SIDE
         || h->height > IMAGE_MAX_SIDE
-        || h->width * h->height > IMAGE_MAX_PIXELS)
+        || h->width * h->height > most)
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected 1 to %d a side and at most %zu in all)",
                          h->width, h->height, IMAGE_MAX_SIDE,
-                         IMAGE_MAX_PIXELS);
+                         most);
     if (h->maxval < 1 || h->maxval > 65535 || h->depth < 1 || h->depth > 4)
         return error_set(err, EX_DATAERR, "picture with depth %zu and maximal"
                          " value %zu (expected 1 to 4 and 1 to 65535)",
@@ -98,12 +99,12 @@ static uint8_t sample(const uint8_t *p, const struct header *h)
 }
 
 int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
-             size_t *height, struct error *err)
+             size_t *height, size_t most, struct error *err)
 {
     struct header h;
     uint8_t *line, *out;
     size_t bytes, row;
-    int rc = read_header(fp, &h, err);
+    int rc = read_header(fp, &h, most, err);
 
     if (rc <= 0)
         return rc;

@@ -24,13 +24,18 @@
 #undef take
 #undef LLVMFuzzerTestOneInput
 
+#define LLVMFuzzerTestOneInput fuzz_frames
+#include "tests/fuzz/fuzz_frames.c"
+#undef LLVMFuzzerTestOneInput
+
 static const struct {
     const char *name;
     int (*run)(const uint8_t *data, size_t size);
 } targets[] = { { "fuzz_stream", fuzz_stream },
                 { "fuzz_npy", fuzz_npy },
                 { "fuzz_json", fuzz_json },
-                { "fuzz_safetensors", fuzz_safetensors } };
+                { "fuzz_safetensors", fuzz_safetensors },
+                { "fuzz_frames", fuzz_frames } };
 
 static int replay(const char *path, int (*run)(const uint8_t *, size_t))
 {
