@@ -5,8 +5,6 @@
 
 #include "lib/base/random.h"
 
-double sculpt_jaw_weight(const struct half *h, int src, struct vec p);
-
 void field_pull(struct vec *d, const struct full *m, const struct pull *p,
                 enum half_side side, double strength)
 {

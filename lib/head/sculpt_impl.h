@@ -148,6 +148,9 @@ struct full {
 int sculpt_full_init(struct full *m, const struct half *h);
 void sculpt_full_release(struct full *m);
 
+/* How much the jaw carries vertex src of the half, at p in the whole. */
+double sculpt_jaw_weight(const struct half *h, int src, struct vec p);
+
 /* Fill s->shapedirs (both halves), weights, joints, pose correctives. */
 int sculpt_shapes(struct sculpt *s, const struct full *m);
 int sculpt_expressions(struct sculpt *s, const struct full *m);
