@@ -1,0 +1,273 @@
+#include "lib/net/narrow_refiner.h"
+
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/nn/image.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/squeeze.h"
+
+#define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
+
+static void declare(struct conv *c, struct params *ps, const char *prefix,
+                    const char *what, size_t in, size_t out, size_t kernel,
+                    size_t stride, enum nn_act act)
+{
+    char name[120];
+    nn_name(name, "%s%s", prefix, what);
+    conv_init(c, ps, name, in, out, kernel, stride, true);
+    c->act = act;
+    ps->tensor[c->weight].gain = act == ACT_LRELU ? LRELU_GAIN : 0.1f;
+}
+
+void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
+                         const char *prefix, size_t channels, size_t width)
+{
+    size_t w0 = width, w1 = width * 3 / 2, w2 = 2 * width;
+    memset(r, 0, sizeof *r);
+    r->ps = ps;
+    r->channels = channels;
+    r->width = width;
+    declare(&r->fold0, ps, prefix, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU);
+    declare(&r->fold1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU);
+    declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2, ACT_LRELU);
+    declare(&r->down2, ps, prefix, "down.2", w1, w2, 3, 2, ACT_LRELU);
+    declare(&r->mid, ps, prefix, "mid", w2, w2, 3, 1, ACT_LRELU);
+    r->mid.add = true;
+    declare(&r->style1, ps, prefix, "style.0", w2, w2, 1, 1, ACT_LRELU);
+    declare(&r->style2, ps, prefix, "style.1", w2, w2, 1, 1, ACT_NONE);
+    declare(&r->up2, ps, prefix, "up.2", w2, w1, 3, 1, ACT_LRELU);
+    declare(&r->cond1, ps, prefix, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE);
+    declare(&r->body1, ps, prefix, "body.1", w1, w1, 3, 1, ACT_LRELU);
+    declare(&r->up1, ps, prefix, "up.1", w1, w0, 1, 1, ACT_LRELU);
+    declare(&r->cond0, ps, prefix, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE);
+    declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1, ACT_LRELU);
+    declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
+    /* training starts from the coarse picture */
+    ps->tensor[r->rgb.weight].init = PARAM_ZERO;
+}
+
+/* Every convolution of the network, NULL at the end. */
+static void convs(struct conv *c[15], struct narrow_refiner *r)
+{
+    struct conv *all[15] = {
+        &r->fold0, &r->fold1, &r->down1, &r->down2, &r->mid, &r->style1,
+        &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
+        &r->body0, &r->rgb, NULL
+    };
+    memcpy(c, all, sizeof all);
+}
+
+static void plan_forward(struct narrow_refiner *r)
+{
+    struct nn_plan *p = &r->plan;
+    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
+    size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
+    r->f0 = nn_plan_map_floats(p, 4 * a0 * (w0 / 2));
+    conv_plan(&r->fold0, p, B, h, w);
+    r->e0 = nn_plan_map_floats(p, a0 * w0);
+    conv_plan(&r->fold1, p, B, h / 2, w / 2);
+    nn_plan_give(p, r->f0);
+    r->e1 = nn_plan_map_floats(p, a1 * w1);
+    conv_plan(&r->down1, p, B, h / 4, w / 4);
+    r->e2 = nn_plan_map_floats(p, a2 * w2);
+    conv_plan(&r->down2, p, B, h / 8, w / 8);
+    r->m = nn_plan_map_floats(p, a2 * w2);
+    conv_plan(&r->mid, p, B, h / 16, w / 16);
+    r->pool = nn_plan_floats(p, B * w2);
+    r->part = nn_plan_floats(p, B * NN_PARTS * w2);
+    r->s1 = nn_plan_floats(p, B * w2);
+    r->s2 = nn_plan_floats(p, B * w2);
+    linear_plan(&r->style1, p, B);
+    linear_plan(&r->style2, p, B);
+    r->ms = nn_plan_map_floats(p, a2 * w2);
+    r->c1 = nn_plan_map_floats(p, a2 * w1);
+    conv_plan(&r->up2, p, B, h / 16, w / 16);
+    r->r1 = nn_plan_map_floats(p, a1 * w1);
+    resize_plan(&r->grow1, p, RESIZE_BILINEAR, B, h / 16, w / 16, h / 8, w / 8,
+                w1);
+    r->t1 = nn_plan_map_floats(p, a1 * 2 * w1);
+    conv_plan(&r->cond1, p, B, h / 8, w / 8);
+    r->y1 = nn_plan_map_floats(p, a1 * w1);
+    r->z1 = nn_plan_map_floats(p, a1 * w1);
+    conv_plan(&r->body1, p, B, h / 8, w / 8);
+    r->c0 = nn_plan_map_floats(p, a1 * w0);
+    conv_plan(&r->up1, p, B, h / 8, w / 8);
+    r->r0 = nn_plan_map_floats(p, a0 * w0);
+    resize_plan(&r->grow0, p, RESIZE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
+                w0);
+    r->t0 = nn_plan_map_floats(p, a0 * 2 * w0);
+    conv_plan(&r->cond0, p, B, h / 4, w / 4);
+    r->y0 = nn_plan_map_floats(p, a0 * w0);
+    r->z0 = nn_plan_map_floats(p, a0 * w0);
+    conv_plan(&r->body0, p, B, h / 4, w / 4);
+    r->d = nn_plan_map_floats(p, a0 * 48);
+    conv_plan(&r->rgb, p, B, h / 4, w / 4);
+}
+
+static void plan_backward(struct narrow_refiner *r)
+{
+    struct nn_plan *p = &r->plan;
+    size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0;
+    size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
+    for (int i = 0; i < 3; i++) {
+        r->g0[i] = nn_plan_floats(p, a0 * w0);
+        r->g2[i] = nn_plan_floats(p, a2 * w2);
+        r->dsv[i] = nn_plan_floats(p, r->batch * w2);
+    }
+    for (int i = 0; i < 4; i++)
+        r->g1[i] = nn_plan_floats(p, a1 * w1);
+    r->dst0 = nn_plan_floats(p, a0 * 2 * w0);
+    r->dst1 = nn_plan_floats(p, a1 * 2 * w1);
+    r->df = nn_plan_floats(p, 4 * a0 * (w0 / 2));
+    r->dd = nn_plan_floats(p, a0 * 48);
+}
+
+int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
+                        size_t w, struct nn_options opt, struct error *err)
+{
+    if (h % 32 || w % 32 || !h || !w)
+        return error_set(err, EX_DATAERR, "the refiner cannot take %zux%zu "
+                         "pixels (expected multiples of 32)", w, h);
+    nn_plan_release(&r->plan);
+    nn_plan_init(&r->plan, opt);
+    r->batch = batch;
+    r->h = h;
+    r->w = w;
+    plan_forward(r);
+    if (nn_plan_backward(&r->plan))
+        plan_backward(r);
+    if (nn_plan_finish(&r->plan, err))
+        return -1;
+    narrow_refiner_update(r);
+    return 0;
+}
+
+void narrow_refiner_update(struct narrow_refiner *r)
+{
+    struct conv *c[15];
+    convs(c, r);
+    for (int i = 0; c[i]; i++)
+        conv_update(c[i], NULL);
+}
+
+void narrow_refiner_release(struct narrow_refiner *r)
+{
+    struct conv *c[15];
+    convs(c, r);
+    for (int i = 0; c[i]; i++)
+        conv_release(c[i]);
+    nn_plan_release(&r->plan);
+    memset(r, 0, sizeof *r);
+}
+
+/* ms = m (1 + s), s a vector per image: the style. */
+static void style_forward(struct narrow_refiner *r)
+{
+    size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
+    spatial_mean_forward(r->pool, r->part, r->m, r->batch, pixels, w2);
+    conv_forward(r->s1, r->pool, &r->style1);
+    conv_forward(r->s2, r->s1, &r->style2);
+    for (size_t i = 0; i < r->batch * w2; i++)
+        r->s2[i] += 1.0f;
+    for (size_t n = 0; n < r->batch; n++)
+        nn_kernels()->channel_scale(r->ms + n * pixels * w2,
+                                    r->m + n * pixels * w2, r->s2 + n * w2,
+                                    NULL, pixels, w2);
+}
+
+/* dm (written, may be dms) from dms. */
+static void style_backward(float *dm, const float *dms,
+                           struct narrow_refiner *r)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
+    float *ds2 = r->dsv[0], *ds1 = r->dsv[1], *dpool = r->dsv[2];
+    for (size_t n = 0; n < r->batch; n++)
+        k->channel_dot(ds2 + n * w2, dms + n * pixels * w2,
+                       r->m + n * pixels * w2, pixels, w2);
+    conv_backward(ds1, ds2, r->s2, r->s1, &r->style2);
+    conv_backward(dpool, ds1, r->s1, r->pool, &r->style1);
+    for (size_t i = 0; i < r->batch * w2; i++)
+        dpool[i] /= (float)pixels;
+    for (size_t n = 0; n < r->batch; n++)
+        k->channel_scale(dm + n * pixels * w2, dms + n * pixels * w2,
+                         r->s2 + n * w2, dpool + n * w2, pixels, w2);
+}
+
+void narrow_refiner_forward(float *rgb, const float *feat,
+                            struct narrow_refiner *r)
+{
+    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
+    size_t a0 = B * h * w / 16, a2 = a0 / 16;
+    r->feat = feat;
+    /* down */
+    conv_forward(r->f0, feat, &r->fold0);
+    conv_forward(r->e0, r->f0, &r->fold1);
+    conv_forward(r->e1, r->e0, &r->down1);
+    conv_forward(r->e2, r->e1, &r->down2);
+    memcpy(r->m, r->e2, a2 * 2 * w0 * sizeof(float));
+    conv_forward(r->m, r->e2, &r->mid);             /* lrelu(e2 + conv e2) */
+    style_forward(r);
+    /* up, conditioned on the encoder's maps */
+    conv_forward(r->c1, r->ms, &r->up2);
+    resize_forward(r->r1, r->c1, &r->grow1);
+    conv_forward(r->t1, r->e1, &r->cond1);
+    sft_forward(r->y1, r->r1, r->t1, 1.0f, a0 / 4, w1);
+    conv_forward(r->z1, r->y1, &r->body1);
+    conv_forward(r->c0, r->z1, &r->up1);
+    resize_forward(r->r0, r->c0, &r->grow0);
+    conv_forward(r->t0, r->e0, &r->cond0);
+    sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
+    conv_forward(r->z0, r->y0, &r->body0);
+    /* sixteen pixels' corrections per place */
+    conv_forward(r->d, r->z0, &r->rgb);
+    depth_to_space_add(rgb, feat, r->channels, r->d, B, h / 4, w / 4, 3, 4);
+}
+
+/* The forward pass's lines from the last to the first. */
+static void decoder_backward(float *de0, float *de1, float *dm,
+                             const float *drgb, struct narrow_refiner *r)
+{
+    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
+    size_t a0 = B * h * w / 16, a1 = a0 / 4;
+    float *dz0 = r->g0[1], *dy0 = r->g0[2];
+    depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
+    conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
+    conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
+    sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
+    conv_backward(de0, r->dst0, r->t0, r->e0, &r->cond0);
+    float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
+    resize_backward(dc0, dy0, &r->grow0);
+    conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
+    conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
+    sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
+    conv_backward(de1, r->dst1, r->t1, r->e1, &r->cond1);
+    resize_backward(r->g2[1], dy1, &r->grow1);
+    conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
+}
+
+void narrow_refiner_backward(float *dfeat, const float *drgb,
+                             struct narrow_refiner *r)
+{
+    size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0, C = r->channels;
+    size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
+    float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
+    decoder_backward(de0, de1, dm, drgb, r);
+    style_backward(dm, dm, r);
+    conv_backward(de2, dm, r->m, r->e2, &r->mid);
+    image_add(de2, dm, a2 * w2);
+    conv_backward(r->g1[1], de2, r->e2, r->e1, &r->down2);
+    image_add(de1, r->g1[1], a1 * w1);
+    conv_backward(r->g0[1], de1, r->e1, r->e0, &r->down1);
+    image_add(de0, r->g0[1], a0 * w0);
+    conv_backward(r->df, de0, r->e0, r->f0, &r->fold1);
+    conv_backward(dfeat, r->df, r->f0, r->feat, &r->fold0);
+    if (!dfeat)
+        return;
+    /* rgb = feat's first three + correction */
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < r->batch * r->h * r->w; i++)
+        for (size_t c = 0; c < 3; c++)
+            dfeat[i * C + c] += drgb[i * 3 + c];
+}

@@ -1,0 +1,38 @@
+/* The small convolutional backbone: an encoder-decoder with skips, five
+ * levels n, n/2 .. n/16 of 2w, 3w, 6w, 8w, 8w channels, ReLU, no norms.
+ * 3.7 GMAC at n = 296, w = 16.  Behind lib/net/backbone.h. */
+#ifndef SPID_NET_SMALL_BACKBONE_H
+#define SPID_NET_SMALL_BACKBONE_H
+
+#include "lib/nn/conv.h"
+#include "lib/nn/resize.h"
+
+#define SMALL_LEVELS 5
+
+struct small_backbone {
+    struct nn_plan plan;
+    size_t features, size, batch, input;
+    size_t channels[SMALL_LEVELS], side[SMALL_LEVELS];
+    struct conv down[SMALL_LEVELS];   /* 0: the stem */
+    struct conv same[SMALL_LEVELS];   /* 1..4: residual */
+    struct conv up[SMALL_LEVELS];     /* 3..0 */
+    struct resize enlarge, grow[SMALL_LEVELS];
+    float *large, *x;                 /* (B,2n,2n,3), (B,n,n,12) */
+    float *a[SMALL_LEVELS], *b[SMALL_LEVELS];
+    float *u[SMALL_LEVELS], *v[SMALL_LEVELS];
+    float *da[SMALL_LEVELS], *db[SMALL_LEVELS], *dv[SMALL_LEVELS], *dx;
+};
+
+void small_backbone_init(struct small_backbone *s, struct params *ps,
+                         const char *prefix, size_t features, size_t size,
+                         size_t width);
+int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
+                        struct nn_options opt, struct error *err);
+void small_backbone_update(struct small_backbone *s);
+void small_backbone_release(struct small_backbone *s);
+void small_backbone_forward(float *features, const float *rgb,
+                            struct small_backbone *s);
+void small_backbone_backward(const float *dfeatures,
+                             struct small_backbone *s);
+
+#endif

@@ -1,0 +1,235 @@
+/* Whole networks: for every tensor, and for the input, the derivative of a
+ * random linear loss along the gradient against a central difference.  The
+ * forward is float, so the tolerance is a few per cent: this finds a wrong or
+ * missing term in some tensor's gradient; the layers' own tests (nn_*.c) and
+ * the golden cases hold the digits. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/net/backbone.h"
+#include "lib/net/motion_encoder.h"
+#include "lib/net/plane_init.h"
+#include "lib/net/refiner.h"
+#include "lib/net/shape_encoder.h"
+
+struct subject {
+    const char *name;
+    void (*update)(void *net);
+    void (*forward)(float *out, const float *in, void *net);
+    void (*backward)(float *din, const float *dout, void *net);
+    void *self;
+    struct params *ps;
+    size_t in, out;
+    float lo, hi;                /* range of the input */
+};
+
+static int failures;
+
+static double loss(const struct subject *n, const float *in, float *out,
+                   const float *probe)
+{
+    double sum = 0;
+    n->update(n->self);
+    n->forward(out, in, n->self);
+    for (size_t i = 0; i < n->out; i++)
+        sum += (double)out[i] * (double)probe[i];
+    return sum;
+}
+
+/* Central difference of the loss along g (count values at w). */
+static void check(const struct subject *n, const char *what, float *w,
+                  const float *g, size_t count, const float *in, float *out,
+                  const float *probe, double step)
+{
+    double norm = 0, size = 0;
+    for (size_t i = 0; i < count; i++) {
+        norm += (double)g[i] * (double)g[i];
+        size += (double)w[i] * (double)w[i];
+    }
+    norm = sqrt(norm);
+    /* a bias under a batch norm has no gradient but rounding */
+    if (norm < 1e-5)
+        return;
+    float *keep = malloc(count * sizeof *keep);
+    memcpy(keep, w, count * sizeof *keep);
+    double found = 0, error = 1;
+    /* kinks and rounding ask for different steps: one of eight must do */
+    for (int k = 0; k < 8 && error > 0.03; k++, step *= 0.25) {
+        double eps = step * (sqrt(size) + 1e-2 * sqrt((double)count)), l[2];
+        for (int s = 0; s < 2; s++) {
+            for (size_t i = 0; i < count; i++)
+                w[i] = keep[i] + (float)((s ? -eps : eps) * (double)g[i] /
+                                         norm);
+            l[s] = loss(n, in, out, probe);
+        }
+        found = (l[0] - l[1]) / (2 * eps);
+        error = fabs(found - norm) / norm;
+    }
+    memcpy(w, keep, count * sizeof *keep);
+    free(keep);
+    if (error > 0.03) {
+        printf("%s %s: difference %.6g, gradient %.6g\n", n->name, what,
+               found, norm);
+        failures++;
+    }
+}
+
+static void run(const struct subject *n)
+{
+    struct random r;
+    struct params *ps = n->ps;
+    float *in = malloc(n->in * sizeof *in), *din = malloc(n->in * sizeof *in);
+    float *out = malloc(n->out * sizeof *out);
+    float *probe = malloc(n->out * sizeof *probe);
+    random_init(&r, 7, n->name);
+    for (size_t i = 0; i < n->in; i++)
+        in[i] = (float)random_range(&r, (double)n->lo, (double)n->hi);
+    for (size_t i = 0; i < n->out; i++)
+        probe[i] = (float)random_normal(&r);
+    /* zero-initialised tensors would hide what lies before them */
+    for (size_t t = 0; t < ps->count; t++)
+        for (size_t i = 0; i < ps->tensor[t].count; i++)
+            if (!ps->tensor[t].frozen && param_w(ps, t)[i] == 0)
+                param_w(ps, t)[i] = 0.05f * (float)random_normal(&r);
+    loss(n, in, out, probe);
+    memset(ps->g, 0, ps->total * sizeof *ps->g);
+    memcpy(out, probe, n->out * sizeof *out);
+    n->backward(din, out, n->self);
+    for (size_t t = 0; t < ps->count; t++)
+        if (!ps->tensor[t].frozen)
+            check(n, ps->tensor[t].name, param_w(ps, t), param_g(ps, t),
+                  ps->tensor[t].count, in, out, probe, 0.02);
+    if (n->lo < n->hi && strcmp(n->name, "backbone"))
+        check(n, "input", in, din, n->in, in, out, probe, 0.02);
+    printf("%s: %zu tensors compared\n", n->name, ps->count);
+    free(in);
+    free(din);
+    free(out);
+    free(probe);
+}
+
+#define ADAPT(net)                                                           \
+    static void net##_up(void *s)                                            \
+    {                                                                        \
+        net##_update(s);                                                     \
+    }                                                                        \
+    static void net##_fwd(float *out, const float *in, void *s)              \
+    {                                                                        \
+        net##_forward(out, in, s);                                           \
+    }
+
+ADAPT(backbone)
+ADAPT(refiner)
+ADAPT(plane_init)
+ADAPT(motion_encoder)
+ADAPT(shape_encoder)
+
+static void backbone_bwd(float *din, const float *dout, void *s)
+{
+    (void)din;
+    backbone_backward(dout, s);
+}
+
+static void refiner_bwd(float *din, const float *dout, void *s)
+{
+    refiner_backward(din, dout, s);
+}
+
+static void plane_init_bwd(float *din, const float *dout, void *s)
+{
+    plane_init_backward(din, dout, s);
+}
+
+static void motion_encoder_bwd(float *din, const float *dout, void *s)
+{
+    motion_encoder_backward(din, dout, s);
+}
+
+static void shape_encoder_bwd(float *din, const float *dout, void *s)
+{
+    shape_encoder_backward(din, dout, s);
+}
+
+static const struct nn_options train = { NN_TRAIN, NN_F32 };
+static struct error err;
+
+static void ready(struct params *ps, int rc)
+{
+    if (rc || params_allocate(ps, &err) ||
+        params_allocate_gradients(ps, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    params_randomise(ps, 3);
+}
+
+#define RUN(net, lo_, hi_, in_, out_)                                        \
+    do {                                                                     \
+        struct subject n = { #net, net##_up, net##_fwd, net##_bwd, &net, &ps,    \
+                         in_, out_, lo_, hi_ };                              \
+        run(&n);                                                             \
+        net##_release(&net);                                                 \
+        params_release(&ps);                                                 \
+    } while (0)
+
+static void planned(int rc)
+{
+    if (rc) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+}
+
+static void small_nets(void)
+{
+    struct params ps;
+    struct backbone backbone;
+    struct backbone_config bc = { .type = BACKBONE_SMALL, .features = 8,
+                                  .size = 20, .width = 4 };
+    params_init(&ps);
+    ready(&ps, backbone_init(&backbone, &ps, "b.", &bc, &err));
+    planned(backbone_plan(&backbone, 2, 32, train, &err));
+    RUN(backbone, 0, 1, 2 * 32 * 32 * 3, 2 * 20 * 20 * 8);
+
+    struct refiner refiner;
+    struct refiner_config rc = { REFINER_NARROW, 12, 16, 1 };
+    params_init(&ps);
+    ready(&ps, refiner_init(&refiner, &ps, "r.", &rc, &err));
+    planned(refiner_plan(&refiner, 2, 64, 32, train, &err));
+    RUN(refiner, -1, 1, 2 * 64 * 32 * 12, 2 * 64 * 32 * 3);
+
+    struct plane_init plane_init;
+    params_init(&ps);
+    ready(&ps, plane_init_init(&plane_init, &ps, "p.", 9, 16, &err));
+    planned(plane_init_plan(&plane_init, 1, 11, 13, train, &err));
+    RUN(plane_init, -1, 1, 11 * 13 * 9, 11 * 13 * 2);
+}
+
+static void encoders(void)
+{
+    struct params ps;
+    struct motion_encoder motion_encoder;
+    struct shape_encoder shape_encoder;
+    size_t in = 2 * 224 * 224 * 3;
+    params_init(&ps);
+    ready(&ps, motion_encoder_init(&motion_encoder, &ps, "m.",
+                                   "tf_mobilenetv3_small_minimal_100", &err));
+    planned(motion_encoder_plan(&motion_encoder, 2, train, &err));
+    RUN(motion_encoder, 0, 1, in, 2 * MOTION_OUT);
+    params_init(&ps);
+    ready(&ps, shape_encoder_init(&shape_encoder, &ps, "s.",
+                                  "mobilenetv3_small_100", &err));
+    planned(shape_encoder_plan(&shape_encoder, 2, train, &err));
+    RUN(shape_encoder, 0, 1, in, 2 * SHAPE_ENCODER_OUT);
+}
+
+int main(void)
+{
+    small_nets();
+    encoders();
+    printf("%d gradients differ\n", failures);
+    return failures != 0;
+}
