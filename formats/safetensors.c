@@ -547,7 +547,8 @@ static bool write_all(FILE *f, const char *json,
         size_t bytes = tensors[i].count * dtypes[tensors[i].dtype].size;
         ok = !bytes || fwrite(tensors[i].data, 1, bytes, f) == bytes;
     }
-    return ok && !fflush(f) && !fsync(fileno(f));
+    /* A device or a pipe has nothing to sync (EINVAL). */
+    return ok && !fflush(f) && (!fsync(fileno(f)) || errno == EINVAL);
 }
 
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,

@@ -95,8 +95,6 @@ void cpu_flush_denormals(void)
 {
 #ifdef SPID_X86
     _mm_setcsr(_mm_getcsr() | 0x8040); /* FTZ and DAZ */
-    #pragma omp parallel
-    _mm_setcsr(_mm_getcsr() | 0x8040);
 #endif
 }
 
