@@ -101,7 +101,8 @@ define tmpl_rule
 $(BUILD)/obj/%.$(1).o: %.c
 	@mkdir -p $$(@D)
 	$$(SAY) CC $$@
-	$$(CC) $$(CFLAGS_ALL) -O3 $$(TMPL_$(1)) -DISA_NAME=$(1) -c $$< -o $$@
+	$$(CC) $$(CFLAGS_ALL) -O3 -Wno-psabi -fno-var-tracking-assignments \
+	    $$(TMPL_$(1)) -DISA_NAME=$(1) -c $$< -o $$@
 endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 

@@ -65,8 +65,10 @@ struct splat_options {
     bool fixed16;                 /* over 4 channels: Q15 products */
     bool depth;                   /* splat_forward may be asked for depth */
     bool gradients;               /* splat_backward will be called */
-    float prune;                  /* drop Gaussians whose opacity times area
-                                   * bounds their weight below this; 0: none */
+    float prune;                  /* Gaussians of a lower opacity are left
+                                   * out; default 0: none.  Each changes a
+                                   * pixel by less than this times the range
+                                   * of the colours */
     unsigned branches;            /* bit b set: branch b is drawn; 0: all */
 };
 

@@ -227,6 +227,100 @@ out:
     free(alpha);
 }
 
+/* The kernels at their most exact settings. */
+static bool kernel_draw(struct splat *r, float *image, float *alpha,
+                        const struct scene *s, enum splat_rules rules,
+                        struct golden *g)
+{
+    struct splat_options opt =
+        splat_defaults((int)s->W, (int)s->H, (int)s->C);
+    struct error err = {0};
+
+    opt.rules = rules;
+    opt.exp_degree = 5;
+    opt.fixed16 = false;
+    opt.gradients = true;
+    if (!splat_init(r, &opt, &err) && !splat_load(r, &s->g, &err) &&
+        !splat_forward(r, image, alpha, NULL, &s->cam, s->bg, &err))
+        return true;
+    golden_check(g, err.text, INFINITY, INFINITY, 0);
+    return false;
+}
+
+static void compare_l2_if(struct golden *g, const char *name, const float *x,
+                          size_t n)
+{
+    char err[96];
+
+    snprintf(err, sizeof err, "%s.err", name);
+    if (golden_has(g, err))
+        golden_compare_l2(g, name, x, n);
+}
+
+static void kernel_gradients(struct golden *g, struct splat *r,
+                             const struct scene *s, const char *mode)
+{
+    size_t N = s->N, C = s->C;
+    float *all = calloc(N * (11 + C) + 12, sizeof *all);
+    struct splat_gradients d = {all, all + 3 * N, all + 6 * N, all + 10 * N,
+                                all + 11 * N, all + (11 + C) * N};
+    double rt[12], T[12];
+    float Tf[12];
+    struct error err = {0};
+
+    if (splat_backward(r, &d, s->probe, NULL, &err))
+        golden_check(g, err.text, INFINITY, INFINITY, 0);
+    compare_l2_if(g, key(mode, "grad.means"), d.mean, 3 * N);
+    compare_l2_if(g, key(mode, "grad.scales"), d.scale, 3 * N);
+    compare_l2_if(g, key(mode, "grad.quats"), d.quat, 4 * N);
+    compare_l2_if(g, key(mode, "grad.opacities"), d.opacity, N);
+    compare_l2_if(g, key(mode, "grad.colors"), d.color, C * N);
+    for (int k = 0; k < 12; k++)
+        rt[k] = d.rt[k];
+    to_row_vector(T, rt);
+    for (int k = 0; k < 12; k++)
+        Tf[k] = (float)T[k];
+    compare_l2_if(g, key(mode, "grad.T"), Tf, 12);
+    free(all);
+}
+
+static void run_kernels(struct golden *g, const struct scene *s,
+                        const char *mode, enum splat_rules rules)
+{
+    size_t P = s->W * s->H;
+    float *image = calloc(P * s->C + 1, sizeof *image);
+    float *plane = calloc(P * s->C + 1, sizeof *plane);
+    float *T = calloc(P + 1, sizeof *T);
+    struct splat r = {0};
+    uint8_t *skip = calloc(P + 1, 1);
+
+    if (!golden_has(g, key(mode, "T.err")))
+        goto out;
+    double *ambiguous = golden_f64(g, key(mode, "ambiguous"), NULL);
+
+    for (size_t p = 0; p < P; p++)
+        skip[p] = ambiguous[p] != 0;
+    free(ambiguous);
+    if (kernel_draw(&r, image, T, s, rules, g)) {
+        for (size_t p = 0; p < P; p++) {
+            T[p] = 1 - T[p];
+            for (size_t c = 0; c < s->C; c++)
+                plane[c * P + p] = image[p * s->C + c];
+        }
+        golden_compare_masked(g, key(mode, "image"), plane, P * s->C, skip,
+                              P);
+        golden_compare_masked(g, key(mode, "T"), T, P, skip, P);
+        if (golden_has(g, key(mode, "grad.means.err")))
+            kernel_gradients(g, &r, s, mode);
+    }
+out:
+    splat_release(&r);
+    free(image);
+    free(plane);
+    free(T);
+    free(skip);
+}
+
 static void run_splat(struct golden *g)
 {
     struct scene s;
@@ -235,6 +329,8 @@ static void run_splat(struct golden *g)
     run_reference(g, &s, "exact", SPLAT_EXACT);
     run_reference(g, &s, "gsplat", SPLAT_GSPLAT);
     run_reference(g, &s, "dgr", SPLAT_DGR);
+    run_kernels(g, &s, "gsplat", SPLAT_GSPLAT);
+    run_kernels(g, &s, "dgr", SPLAT_DGR);
     scene_close(&s);
 }
 

@@ -1,0 +1,207 @@
+/* Inside the kernels: the next CHUNK entries of a tile's list, laid out for
+ * the blocks that will read them.  Included by *_tmpl.c only. */
+#ifndef SPID_SPLAT_CHUNK_H
+#define SPID_SPLAT_CHUNK_H
+
+#include "lib/splat/state.h"
+#include "lib/splat/vec.h"
+
+#define BLOCKS 16
+#define COLUMN (CHUNK + 16)    /* floats between columns of the chunk */
+
+/* Columns of a chunk. */
+enum {
+    K0, K1, K2, KYY, KXY, KXX,             /* q as a polynomial in (x, y) ... */
+    DX = K0, DY, DA, DB, DC, DTOP,         /* ... or as distance and conic */
+    RED, GREEN, BLUE, FOURTH,
+    COLUMNS
+};
+
+/* One thread's scratch. */
+struct splat_work {
+    float chunk[COLUMNS][COLUMN];
+    uint32_t index[COLUMN];                /* Gaussian of each entry */
+    uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
+    uint32_t count[BLOCKS];
+    uint32_t alive[BLOCKS];                /* pixels still taking light */
+    float T[BLOCKS][VEC];
+    float color[BLOCKS][4][VEC];
+    float weight[COLUMN + 2][VEC];         /* of one block, wide path */
+    uint32_t used[COLUMN + 2];             /* Gaussian of each weight row */
+    float depth[BLOCKS][VEC], weight_sum[BLOCKS][VEC];
+    float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
+    float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
+    float rest[BLOCKS][VEC];               /* backward: light still behind */
+    float worth[COLUMN][VEC];              /* backward: color . g */
+    float pair[COLUMN][VEC];               /* backward: sums of each entry */
+    float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
+};
+
+/* Columns and rows of a 4 x 4 block's pixels. */
+VEC_INLINE vf block_x(void)
+{
+    return (vf){0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
+}
+
+VEC_INLINE vf block_y(void)
+{
+    return (vf){0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+}
+
+/* Sixteen list entries by column: r[k] = field k of struct record. */
+VEC_INLINE void gather(vf r[16], const struct record *record,
+                       const uint32_t *list, uint32_t n)
+{
+    for (uint32_t k = 0; k < VEC; k++) {
+        uint32_t at = list[k < n ? k : 0];
+
+        r[k] = vf_load((const float *)&record[at]);
+    }
+    vf_transpose(r);
+}
+
+/* Least of a x^2 + b x y + c y^2 over the block, for sixteen Gaussians.  The
+ * minimum is on an edge that faces the centre: try the nearer vertical and the
+ * nearer horizontal one. */
+struct edges {
+    vf fixed[4];               /* distance to the nearer edge, 0 inside */
+    vf free[4];                /* where the other coordinate would stop */
+    vf own[4], mixed[4];       /* a e^2 and b e */
+};
+
+VEC_INLINE void edge_init(struct edges *e, vf u, vf other, vf slope, vf own,
+                          vf mixed)
+{
+    for (int k = 0; k < 4; k++) {
+        vf lo = vf_set(-7.5f + 4 * (float)k), hi = lo + vf_set(3);
+        vf d = vf_clamp(u, lo, hi) - u;
+
+        e->fixed[k] = d;
+        e->free[k] = vf_fma(slope, d, other);
+        e->own[k] = own * d * d;
+        e->mixed[k] = mixed * d;
+    }
+}
+
+VEC_INLINE vf edge_value(const struct edges *e, int k, vf center, vf curve,
+                         int other)
+{
+    vf lo = vf_set(-7.5f + 4 * (float)other), hi = lo + vf_set(3);
+    vf d = vf_clamp(e->free[k], lo, hi) - center;
+
+    return vf_fma(vf_fma(curve, d, e->mixed[k]), d, e->own[k]);
+}
+
+/* Which of sixteen Gaussians reach which blocks; the entries are appended to
+ * the blocks' lists. */
+VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
+                      uint32_t at, uint32_t valid, float cut)
+{
+    struct edges ex, ey;
+    vf room = r[5] - vf_set(cut - 1e-3f);
+    vi entry = vi_iota() + vi_set((int32_t)at);
+    vm here = vm_from_bits(valid);
+
+    edge_init(&ex, ux, uy, r[6], r[2], r[3]);
+    edge_init(&ey, uy, ux, r[7], r[4], r[3]);
+#pragma GCC unroll 4
+    for (int y = 0; y < 4; y++)
+#pragma GCC unroll 4
+        for (int x = 0; x < 4; x++) {
+            int b = 4 * y + x;
+
+            if (!w->alive[b])
+                continue;
+            vf least = vf_min(edge_value(&ex, x, uy, r[4], y),
+                              edge_value(&ey, y, ux, r[2], x));
+            vm hit = vf_gt_and(here, room, least);
+
+            w->count[b] += vi_compress(w->list[b] + w->count[b], hit, entry);
+        }
+}
+
+/* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  polynomial: q
+ * about the tile's centre, else distances; fourth: record.z, else colour 3. */
+VEC_INLINE void chunk_build(struct splat_work *w, const struct splat_state *s,
+                            const uint32_t *list, uint32_t n, float cx,
+                            float cy, const int polynomial, const int fourth)
+{
+    for (int b = 0; b < BLOCKS; b++)
+        w->count[b] = 0;
+    for (uint32_t i = 0; i < n; i += VEC) {
+        uint32_t left = n - i;
+        vf r[16];
+
+        gather(r, s->record, list + i, left);
+        vf ux = r[0] - vf_set(cx), uy = r[1] - vf_set(cy);
+        vf a = r[2], b = r[3], c = r[4], top = r[5];
+        float *out = &w->chunk[0][i];
+
+        if (polynomial) {
+            vf ax = a * ux, cy2 = c * uy, bx = b * ux, by = b * uy;
+
+            vf_store(out + K0 * COLUMN,
+                     top - (ux * (ax + by) + uy * cy2));
+            vf_store(out + K1 * COLUMN, ax + ax + by);
+            vf_store(out + K2 * COLUMN, cy2 + cy2 + bx);
+            vf_store(out + KXX * COLUMN, -a);
+            vf_store(out + KXY * COLUMN, -b);
+            vf_store(out + KYY * COLUMN, -c);
+        } else {
+            vf_store(out + DX * COLUMN, ux);
+            vf_store(out + DY * COLUMN, uy);
+            vf_store(out + DA * COLUMN, a);
+            vf_store(out + DB * COLUMN, b);
+            vf_store(out + DC * COLUMN, c);
+            vf_store(out + DTOP * COLUMN, top);
+        }
+        vf_store(out + RED * COLUMN, r[12]);
+        vf_store(out + GREEN * COLUMN, r[13]);
+        vf_store(out + BLUE * COLUMN, r[14]);
+        vf_store(out + FOURTH * COLUMN, fourth ? r[8] : r[15]);
+        sieve(w, r, ux, uy, i, left < VEC ? (1u << left) - 1 : 0xffff,
+              s->view.cut);
+    }
+}
+
+/* alpha of one entry at the block's pixels, 0 where it is cut off. */
+struct pixels {
+    vf x, y, xx, xy, yy;       /* of the block, about the tile's centre */
+};
+
+VEC_INLINE void pixels_init(struct pixels *p, int b)
+{
+    p->x = block_x() + vf_set(4 * (float)(b & 3) - 7.5f);
+    p->y = block_y() + vf_set(4 * (float)(b >> 2) - 7.5f);
+    p->xx = p->x * p->x;
+    p->xy = p->x * p->y;
+    p->yy = p->y * p->y;
+}
+
+VEC_INLINE vf exponent(const float *k, const struct pixels *p,
+                       const int polynomial)
+{
+    if (polynomial) {
+        vf q = vf_set(k[K0 * COLUMN]);
+
+        q = vf_fma(p->x, vf_set(k[K1 * COLUMN]), q);
+        q = vf_fma(p->xx, vf_set(k[KXX * COLUMN]), q);
+        q = vf_fma(p->y, vf_set(k[K2 * COLUMN]), q);
+        q = vf_fma(p->xy, vf_set(k[KXY * COLUMN]), q);
+        return vf_fma(p->yy, vf_set(k[KYY * COLUMN]), q);
+    }
+    vf dx = p->x - vf_set(k[DX * COLUMN]), dy = p->y - vf_set(k[DY * COLUMN]);
+    vf q = vf_fma(vf_set(k[DB * COLUMN]), dy, vf_set(k[DA * COLUMN]) * dx);
+
+    q = vf_fnma(q, dx, vf_set(k[DTOP * COLUMN]));
+    return vf_fnma(vf_set(k[DC * COLUMN]) * dy, dy, q);
+}
+
+VEC_INLINE vf alpha_of(vf q, vf cut, const int degree)
+{
+    vf alpha = vf_min(vf_exp2(q, degree), vf_set(0.99f));
+
+    return vf_keep(vf_ge(q, cut), alpha);
+}
+
+#endif

@@ -1,0 +1,120 @@
+/* Inside the rasteriser: its memory, and the kernels each instruction set
+ * provides.  Not for other modules. */
+#ifndef SPID_SPLAT_STATE_H
+#define SPID_SPLAT_STATE_H
+
+#include "lib/base/cpu.h"
+#include "lib/splat/splat.h"
+
+#define TILE 16                /* pixels; a tile is 4 x 4 blocks of 4 x 4 */
+#define CHUNK 128              /* list entries a tile works on at a time */
+#define HIDDEN UINT32_MAX      /* key of a Gaussian that is not drawn */
+#define SPLAT_MAX_THREADS 64
+
+/* A Gaussian on the screen, one cache line.  alpha at pixel distance (dx,dy)
+ * is 2^q, q = top - (a dx^2 + b dx dy + c dy^2): the conic and the opacity
+ * carry log2 e. */
+struct record {
+    float x, y;                /* centre, pixels */
+    float a, b, c, top;
+    float sx, sy;              /* -b/2c and -b/2a: where q is greatest along a
+                                * vertical, a horizontal line */
+    float z;                   /* camera depth */
+    float spare[3];
+    float color[4];            /* the first channels; [3] is free for z */
+};
+
+/* Tiles [x0,x1) x [y0,y1) that a Gaussian may touch. */
+struct rect {
+    uint16_t x0, x1, y0, y1;
+};
+
+/* What a camera means to the kernels. */
+struct view {
+    float rt[12], fx, fy, cx, cy;
+    float limx, limy;          /* 1.3 tan(half field of view) */
+    float near, eps;           /* eps: DGR adds 1e-7 to z */
+    float cut;                 /* log2 of alpha_cut */
+    float t_cut;
+    int width, height, tx, ty; /* pixels; tiles across and down */
+    bool dgr;
+};
+
+/* Gaussians, one array per number, padded to 16. */
+struct cloud {
+    float *mean[3];            /* as loaded and moved */
+    float *scale[3], *quat[4]; /* quat normalised unless DGR */
+    float *top;                /* log2 opacity; -1e30 for 0 */
+};
+
+struct splat_gradient_state;
+
+struct splat_state {
+    enum cpu_level level;
+    int threads;
+    struct view view;
+    struct splat_camera camera;
+    bool projected;            /* record, key, rect are of this camera ... */
+    size_t dirty0, dirty1;     /* ... but for these Gaussians */
+
+    /* one block, sized by N in splat_load */
+    void *block;
+    struct cloud cloud;
+    struct record *record;     /* (N) */
+    uint32_t *key;             /* (N) bits of z, or HIDDEN */
+    struct rect *rect;         /* (N) */
+    uint64_t *sort0, *sort1;   /* (N) key << 32 | index */
+    uint32_t *order;           /* (N) front to back */
+    float *loaded_mean;        /* (N,3), for splat_shift */
+    float *table;              /* (N, row) colours of more than 4 channels */
+    int16_t *fixed;            /* (N, 32) the same in Q15 of fixed_scale */
+    float fixed_scale[SPLAT_MAX_CHANNELS];
+    int row;                   /* floats in a row of table: 16 or 32 */
+
+    /* one block, sized by the picture in splat_init */
+    void *screen;
+    uint32_t *start, *end;     /* (tiles) list of each tile */
+    uint32_t *zorder;          /* (tiles) in Z order */
+    int32_t *count;            /* (threads, tiles + border) */
+    uint32_t *histogram;       /* (threads, 2048) */
+    void *work;                /* (threads) struct work, of the kernels */
+
+    uint32_t *list;            /* (tile, Gaussian) pairs */
+    size_t list_room;
+
+    struct splat_gradient_state *gradient;
+};
+
+/* Where a frame goes. */
+struct target {
+    float *image;
+    uint16_t *half;
+    float *alpha, *depth;
+    float *final_T, *bare;     /* for backward: T, image without background */
+    const float *background;
+};
+
+struct splat_work;
+
+/* One table per instruction set. */
+struct splat_kernels {
+    /* Project Gaussians first .. last - 1 (multiples of 16; padded). */
+    void (*project)(struct splat_state *s, size_t first, size_t last,
+                    size_t n);
+    /* Draw tile number t (of row-major order). */
+    void (*tile)(const struct splat *s, struct splat_work *w, uint32_t t,
+                 const struct target *out);
+    /* Gradients of tile t's pixels into the pair records. */
+    void (*tile_backward)(const struct splat *s, struct splat_work *w,
+                          uint32_t t, const float *d_image,
+                          const float *d_alpha);
+    /* From screen to parameters for Gaussians first .. last - 1. */
+    void (*gaussian_backward)(const struct splat *s, size_t first,
+                              size_t last, const struct splat_gradients *g,
+                              double *rt);
+};
+
+const struct splat_kernels *splat_kernels(enum cpu_level level);
+size_t splat_work_size(void);
+
+#endif

@@ -1,0 +1,341 @@
+/* Sixteen lanes for the rasteriser's kernels: AVX-512 by intrinsics, any other
+ * instruction set by the compiler's vectors.  A mask is vm; its bit or lane i
+ * belongs to lane i. */
+#ifndef SPID_SPLAT_VEC_H
+#define SPID_SPLAT_VEC_H
+
+#include <stdint.h>
+#include <string.h>
+
+#ifdef ISA_AVX512
+#include <immintrin.h>
+#endif
+
+#pragma GCC diagnostic ignored "-Wpsabi"
+
+#define VEC 16
+#define VEC_INLINE static inline __attribute__((always_inline, unused))
+
+typedef float vf __attribute__((vector_size(64), may_alias));
+typedef int32_t vi __attribute__((vector_size(64), may_alias));
+typedef uint32_t vu __attribute__((vector_size(64), may_alias));
+
+VEC_INLINE vf vf_set(float x)
+{
+    return (vf){x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x};
+}
+
+VEC_INLINE vi vi_set(int32_t x)
+{
+    return (vi){x, x, x, x, x, x, x, x, x, x, x, x, x, x, x, x};
+}
+
+VEC_INLINE vf vf_load(const float *p)
+{
+    vf v;
+
+    memcpy(&v, p, sizeof v);
+    return v;
+}
+
+VEC_INLINE void vf_store(float *p, vf v)
+{
+    memcpy(p, &v, sizeof v);
+}
+
+VEC_INLINE void vi_store(void *p, vi v)
+{
+    memcpy(p, &v, sizeof v);
+}
+
+VEC_INLINE vi vi_iota(void)
+{
+    return (vi){0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15};
+}
+
+#ifdef ISA_AVX512
+
+typedef __mmask16 vm;
+
+#define VM_ALL ((vm)0xffff)
+
+VEC_INLINE vf vf_fma(vf a, vf b, vf c)
+{
+    return (vf)_mm512_fmadd_ps((__m512)a, (__m512)b, (__m512)c);
+}
+
+VEC_INLINE vf vf_fnma(vf a, vf b, vf c)      /* c - a b */
+{
+    return (vf)_mm512_fnmadd_ps((__m512)a, (__m512)b, (__m512)c);
+}
+
+VEC_INLINE vf vf_min(vf a, vf b)
+{
+    return (vf)_mm512_min_ps((__m512)a, (__m512)b);
+}
+
+VEC_INLINE vf vf_max(vf a, vf b)
+{
+    return (vf)_mm512_max_ps((__m512)a, (__m512)b);
+}
+
+VEC_INLINE vf vf_sqrt(vf a)
+{
+    return (vf)_mm512_sqrt_ps((__m512)a);
+}
+
+VEC_INLINE vm vf_gt(vf a, vf b)
+{
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GT_OQ);
+}
+
+VEC_INLINE vm vf_ge(vf a, vf b)
+{
+    return _mm512_cmp_ps_mask((__m512)a, (__m512)b, _CMP_GE_OQ);
+}
+
+VEC_INLINE vm vf_gt_and(vm m, vf a, vf b)
+{
+    return _mm512_mask_cmp_ps_mask(m, (__m512)a, (__m512)b, _CMP_GT_OQ);
+}
+
+VEC_INLINE vm vm_and(vm a, vm b)
+{
+    return (vm)(a & b);
+}
+
+VEC_INLINE vm vm_not(vm a)
+{
+    return (vm)~a;
+}
+
+VEC_INLINE vf vf_sel(vm m, vf a, vf b)       /* m ? a : b */
+{
+    return (vf)_mm512_mask_mov_ps((__m512)b, m, (__m512)a);
+}
+
+VEC_INLINE vf vf_keep(vm m, vf a)            /* m ? a : 0 */
+{
+    return (vf)_mm512_maskz_mov_ps(m, (__m512)a);
+}
+
+VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)  /* m ? a b : 0 */
+{
+    return (vf)_mm512_maskz_mul_ps(m, (__m512)a, (__m512)b);
+}
+
+VEC_INLINE uint32_t vm_bits(vm m)
+{
+    return m;
+}
+
+VEC_INLINE vm vm_from_bits(uint32_t bits)
+{
+    return (vm)bits;
+}
+
+VEC_INLINE vi vf_round(vf a)                 /* to nearest integer */
+{
+    return (vi)_mm512_cvtps_epi32((__m512)a);
+}
+
+/* Lanes of v picked by m to p, in order; returns how many.  16 are written. */
+VEC_INLINE uint32_t vi_compress(void *p, vm m, vi v)
+{
+    _mm512_storeu_si512(p, _mm512_maskz_compress_epi32(m, (__m512i)v));
+    return (uint32_t)__builtin_popcount(m);
+}
+
+/* r[i] lane j <-> r[j] lane i */
+VEC_INLINE void vf_transpose(vf r[16])
+{
+    __m512 t[16];
+
+    for (int i = 0; i < 16; i += 2) {
+        t[i] = _mm512_unpacklo_ps((__m512)r[i], (__m512)r[i + 1]);
+        t[i + 1] = _mm512_unpackhi_ps((__m512)r[i], (__m512)r[i + 1]);
+    }
+    __m512 u[16];
+
+    for (int i = 0; i < 16; i += 4) {
+        u[i] = _mm512_shuffle_ps(t[i], t[i + 2], 0x44);
+        u[i + 1] = _mm512_shuffle_ps(t[i], t[i + 2], 0xee);
+        u[i + 2] = _mm512_shuffle_ps(t[i + 1], t[i + 3], 0x44);
+        u[i + 3] = _mm512_shuffle_ps(t[i + 1], t[i + 3], 0xee);
+    }
+    for (int i = 0; i < 4; i++) {
+        t[i] = _mm512_shuffle_f32x4(u[i], u[i + 4], 0x88);
+        t[i + 4] = _mm512_shuffle_f32x4(u[i], u[i + 4], 0xdd);
+        t[i + 8] = _mm512_shuffle_f32x4(u[i + 8], u[i + 12], 0x88);
+        t[i + 12] = _mm512_shuffle_f32x4(u[i + 8], u[i + 12], 0xdd);
+    }
+    for (int i = 0; i < 4; i++) {
+        r[i] = (vf)_mm512_shuffle_f32x4(t[i], t[i + 8], 0x88);
+        r[i + 4] = (vf)_mm512_shuffle_f32x4(t[i + 4], t[i + 12], 0x88);
+        r[i + 8] = (vf)_mm512_shuffle_f32x4(t[i], t[i + 8], 0xdd);
+        r[i + 12] = (vf)_mm512_shuffle_f32x4(t[i + 4], t[i + 12], 0xdd);
+    }
+}
+
+#else
+
+typedef vi vm;
+
+#define VM_ALL vi_set(-1)
+
+VEC_INLINE vf vf_fma(vf a, vf b, vf c)
+{
+    return a * b + c;
+}
+
+VEC_INLINE vf vf_fnma(vf a, vf b, vf c)
+{
+    return c - a * b;
+}
+
+VEC_INLINE vf vf_sel(vm m, vf a, vf b)
+{
+    return (vf)((m & (vi)a) | (~m & (vi)b));
+}
+
+VEC_INLINE vf vf_keep(vm m, vf a)
+{
+    return (vf)(m & (vi)a);
+}
+
+VEC_INLINE vm vf_gt(vf a, vf b)
+{
+    return a > b;
+}
+
+VEC_INLINE vm vf_ge(vf a, vf b)
+{
+    return a >= b;
+}
+
+VEC_INLINE vm vf_gt_and(vm m, vf a, vf b)
+{
+    return m & (a > b);
+}
+
+VEC_INLINE vf vf_min(vf a, vf b)
+{
+    return vf_sel(a < b, a, b);
+}
+
+VEC_INLINE vf vf_max(vf a, vf b)
+{
+    return vf_sel(a > b, a, b);
+}
+
+VEC_INLINE vf vf_sqrt(vf a)
+{
+    for (int i = 0; i < VEC; i++)
+        a[i] = __builtin_sqrtf(a[i]);
+    return a;
+}
+
+VEC_INLINE vm vm_and(vm a, vm b)
+{
+    return a & b;
+}
+
+VEC_INLINE vm vm_not(vm a)
+{
+    return ~a;
+}
+
+VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)
+{
+    return vf_keep(m, a * b);
+}
+
+VEC_INLINE uint32_t vm_bits(vm m)
+{
+    uint32_t bits = 0;
+
+    for (int i = 0; i < VEC; i++)
+        bits |= (uint32_t)(m[i] & 1) << i;
+    return bits;
+}
+
+VEC_INLINE vm vm_from_bits(uint32_t bits)
+{
+    return -((vi_set((int32_t)bits) >> vi_iota()) & 1);
+}
+
+VEC_INLINE vi vf_round(vf a)
+{
+    for (int i = 0; i < VEC; i++)
+        a[i] = __builtin_rintf(a[i]);
+    return __builtin_convertvector(a, vi);
+}
+
+VEC_INLINE uint32_t vi_compress(void *p, vm m, vi v)
+{
+    int32_t *out = p;
+    uint32_t n = 0;
+
+    for (int i = 0; i < VEC; i++) {
+        out[n] = v[i];
+        n += (uint32_t)(m[i] & 1);
+    }
+    return n;
+}
+
+VEC_INLINE void vf_transpose(vf r[16])
+{
+    float t[16][16];
+
+    for (int i = 0; i < 16; i++)
+        for (int j = 0; j < 16; j++)
+            t[j][i] = r[i][j];
+    memcpy(r, t, sizeof t);
+}
+
+#endif
+
+VEC_INLINE vf vf_abs(vf a)
+{
+    return (vf)((vi)a & 0x7fffffff);
+}
+
+VEC_INLINE vf vf_clamp(vf a, vf lo, vf hi)
+{
+    return vf_min(vf_max(a, lo), hi);
+}
+
+/* Sum of the lanes, always in the same order. */
+VEC_INLINE float vf_sum(vf a)
+{
+    float s[16];
+
+    vf_store(s, a);
+    for (int w = 8; w; w /= 2)
+        for (int i = 0; i < w; i++)
+            s[i] += s[i + w];
+    return s[0];
+}
+
+/* 2^q for q in about [-100, 0].  degree of the polynomial on [-1/2, 1/2], fitted
+ * for the smallest relative error: 2: 1.7e-3, 3: 7.5e-5, 4: 2.6e-6, 5: 7.5e-8
+ * (float's own rounding). */
+VEC_INLINE vf vf_exp2(vf q, const int degree)
+{
+    static const float c[4][6] = {
+        {1.00044314f, 0.703448041f, 0.238428941f},
+        {0.999928073f, 0.693260986f, 0.242611128f, 0.0551716698f},
+        {0.999999261f, 0.693121815f, 0.240247448f, 0.0559178612f,
+         0.00957010199f},
+        {1.00000007f, 0.693146967f, 0.240221197f, 0.0555071327f,
+         0.00967554143f, 0.00132764721f}};
+    const float magic = 12582912.0f;         /* 1.5 * 2^23: rounds */
+    vf t = q + magic, f = q - (t - magic), p = vf_set(c[degree - 2][degree]);
+
+#pragma GCC unroll 5
+    for (int k = degree - 1; k >= 0; k--)
+        p = vf_fma(p, f, vf_set(c[degree - 2][k]));
+    return (vf)((vi)p + ((vi)t << 23));
+}
+
+#endif
