@@ -29,27 +29,29 @@ static void sum_pairs(float out[16], const struct splat *s, size_t i,
     struct rect r = st->rect[i];
     int C = s->opt.channels;
     float color[SPLAT_MAX_CHANNELS] = {0};
+    double sum[MOMENTS] = {0};
     size_t at = b->base[i];
 
-    memset(out, 0, 16 * sizeof *out);
     for (int y = r.y0; y < r.y1; y++)
         for (int x = r.x0; x < r.x1; x++, at++) {
             const float *p = b->pair + at * (size_t)b->stride;
 
             if (!b->seen[at])
                 continue;
-            float u = st->record[i].x - (float)(16 * x + 8);
-            float v = st->record[i].y - (float)(16 * y + 8);
+            double u = st->record[i].x - (double)(16 * x + 8);
+            double v = st->record[i].y - (double)(16 * y + 8);
 
-            out[0] += p[0];
-            out[1] += p[1] - u * p[0];
-            out[2] += p[2] - v * p[0];
-            out[3] += p[3] - 2 * u * p[1] + u * u * p[0];
-            out[4] += p[4] - u * p[2] - v * p[1] + u * v * p[0];
-            out[5] += p[5] - 2 * v * p[2] + v * v * p[0];
+            sum[0] += p[0];
+            sum[1] += p[1] - u * p[0];
+            sum[2] += p[2] - v * p[0];
+            sum[3] += p[3] - 2 * u * p[1] + u * u * p[0];
+            sum[4] += p[4] - u * p[2] - v * p[1] + u * v * p[0];
+            sum[5] += p[5] - 2 * v * p[2] + v * v * p[0];
             for (int c = 0; c < C; c++)
                 color[c] += p[MOMENTS + c];
         }
+    for (int k = 0; k < MOMENTS; k++)
+        out[k] = (float)sum[k];
     for (int c = 0; d_color && c < C; c++)
         d_color[i * (size_t)C + (size_t)c] += color[c];
 }

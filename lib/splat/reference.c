@@ -406,35 +406,46 @@ static void sum_pixel(double *image, double *alpha, double *depth,
         *depth = weight > 0 ? sum_z / weight : 0;
 }
 
+static void draw_row(double *image, double *alpha, double *depth,
+                     uint8_t *ambiguous, const struct walk *w,
+                     struct hit *hit, int y)
+{
+    const struct splat_truth *t = w->truth;
+
+    for (int x = 0; x < t->width; x++) {
+        size_t at = (size_t)y * (size_t)t->width + (size_t)x;
+        uint8_t flag = 0;
+        double T;
+        size_t hits = walk_pixel(hit, &T, ambiguous ? &flag : NULL, w, x, y);
+
+        sum_pixel(image + at * (size_t)t->channels,
+                  alpha ? alpha + at : NULL, depth ? depth + at : NULL, hit,
+                  hits, T, w);
+        if (ambiguous)
+            ambiguous[at] = flag;
+    }
+}
+
 int splat_reference_forward(double *image, double *alpha, double *depth,
                             uint8_t *ambiguous, const struct splat_truth *t,
                             struct error *err)
 {
     struct walk w;
-    struct hit *hit;
+    int failed = 0;
 
     if (walk_init(&w, t, err))
         return -1;
-    hit = malloc((walk_longest(&w) + 1) * sizeof *hit);
-    if (!hit) {
-        walk_release(&w);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
-    for (int y = 0; y < t->height; y++)
-        for (int x = 0; x < t->width; x++) {
-            size_t at = (size_t)y * (size_t)t->width + (size_t)x;
-            uint8_t flag = 0;
-            double T;
-            size_t hits = walk_pixel(hit, &T, ambiguous ? &flag : NULL, &w,
-                                     x, y);
+#pragma omp parallel reduction(| : failed)
+    {
+        struct hit *hit = malloc((walk_longest(&w) + 1) * sizeof *hit);
 
-            sum_pixel(image + at * (size_t)t->channels,
-                      alpha ? alpha + at : NULL, depth ? depth + at : NULL,
-                      hit, hits, T, &w);
-            if (ambiguous)
-                ambiguous[at] = flag;
-        }
-    free(hit);
+        failed = !hit;
+#pragma omp for schedule(dynamic, 1)
+        for (int y = 0; y < t->height; y++)
+            if (hit)
+                draw_row(image, alpha, depth, ambiguous, &w, hit, y);
+        free(hit);
+    }
     walk_release(&w);
-    return 0;
+    return failed ? error_set(err, EX_OSERR, "out of memory") : 0;
 }

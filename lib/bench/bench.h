@@ -1,0 +1,96 @@
+/* Time against error: what spid-bench's stages share.  A stage is
+ *     int bench_STAGE(struct bench *b, struct error *err)
+ * in lib/bench/bench_STAGE.c: it times calls with bench_time, adds rows with
+ * bench_add, and marks the Pareto front with bench_pareto.  To add one,
+ * declare it at the end of this file and list it in cmd/spid-bench.c. */
+#ifndef SPID_BENCH_BENCH_H
+#define SPID_BENCH_BENCH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+
+struct bench_row {
+    char stage[16];
+    char config[96];          /* "512x512 N=108658 C=3 f32" */
+    char knob[64];            /* "default", "alpha cut 1/128" */
+    int threads;
+    double ms_min, ms_median, ms_p95;
+    double max_abs, psnr_db;  /* against the truth; NaN: nothing to compare */
+    bool pareto;
+};
+
+struct bench_pair {           /* "fps": {"spid_star": 190.2} */
+    char object[16], key[24];
+    double value;
+};
+
+struct bench {
+    /* set by the program */
+    double seconds;           /* about how long one stage may take */
+    int threads;
+    const char *model;        /* -m, or NULL */
+    const char *scene;        /* --scene FILE, or NULL */
+
+    /* filled by the stages */
+    struct bench_row *row;
+    size_t rows;
+    struct bench_pair *pair;
+    size_t pairs;
+    char *notes;              /* lines for people, after the table */
+    size_t notes_length;
+};
+
+void bench_init(struct bench *b);
+void bench_release(struct bench *b);
+
+/* Times of repeated calls, milliseconds. */
+struct bench_times {
+    size_t runs;
+    double min, median, p95;
+};
+
+/* Call repeatedly for about `seconds`, at least `least` times (after one that
+ * is not counted).  -1 when a call fails. */
+int bench_time(struct bench_times *t, double seconds, size_t least,
+               int (*call)(void *context, struct error *err), void *context,
+               struct error *err);
+
+/* Append a row; NULL when there is no memory. */
+struct bench_row *bench_add(struct bench *b, const char *stage,
+                            const char *config, const char *knob, int threads,
+                            const struct bench_times *t, double max_abs,
+                            double psnr_db);
+
+/* Mark, among rows first .. with the same stage, config and threads, those that no
+ * other beats in both ms_min and psnr_db. */
+void bench_pareto(struct bench *b, size_t first);
+
+/* A line after the table; a number for the JSON's "fps" or "ms". */
+void bench_note(struct bench *b, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+void bench_number(struct bench *b, const char *object, const char *key,
+                  double value);
+
+/* Straight line y = at_zero + slope x by least squares; r2 is the share of the
+ * variance explained. */
+struct bench_line {
+    double at_zero, slope, r2;
+};
+struct bench_line bench_fit(const double *x, const double *y, size_t n);
+
+/* Greatest difference, and PSNR with a peak of 1, of n values. */
+void bench_compare(double *max_abs, double *psnr_db, const float *x,
+                   const double *truth, size_t n);
+
+/* The table for people, or the JSON of design.md section 5, as text the caller
+ * frees; NULL when there is no memory. */
+char *bench_table(const struct bench *b);
+char *bench_json(const struct bench *b);
+
+/* ---- the stages ----------------------------------------------------------- */
+
+int bench_splat(struct bench *b, struct error *err);
+
+#endif

@@ -1,0 +1,294 @@
+#include "lib/bench/bench.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/safetensors.h"
+#include "lib/bench/bench_splat.h"
+#include "lib/bench/testscene.h"
+#include "lib/splat/reference.h"
+
+#define SIZE 512
+
+/* The scene, and two truths of its picture with all channels: no cut-offs,
+ * and the same rules in double. */
+struct stage {
+    struct bench *b;
+    struct testscene scene;
+    struct splat_camera cam;
+    double *exact, *ruled;
+    double part;                    /* seconds for one row */
+};
+
+struct knob {
+    const char *name;
+    int channels;
+    float alpha_cut, t_cut;         /* 0: default; negative: 0 */
+    int degree;                     /* 0: default */
+    int fixed16;                    /* 0: default, 1: on, -1: off */
+    bool half;                      /* half-precision image */
+    float prune;
+};
+
+static const struct knob knobs[] = {
+    {"default", 3, 0, 0, 0, 0, false, 0},
+    {"exact f32 (exp degree 5)", 3, 0, 0, 5, 0, false, 0},
+    {"exp degree 4", 3, 0, 0, 4, 0, false, 0},
+    {"exp degree 2", 3, 0, 0, 2, 0, false, 0},
+    {"alpha cut 1/4096, no T cut", 3, 1.0f / 4096, -1, 5, 0, false, 0},
+    {"alpha cut 1/1024", 3, 1.0f / 1024, 0, 0, 0, false, 0},
+    {"alpha cut 1/128", 3, 1.0f / 128, 0, 0, 0, false, 0},
+    {"alpha cut 1/64", 3, 1.0f / 64, 0, 0, 0, false, 0},
+    {"no T cut", 3, 0, -1, 0, 0, false, 0},
+    {"T cut 1e-3", 3, 0, 1e-3f, 0, 0, false, 0},
+    {"T cut 1e-2", 3, 0, 1e-2f, 0, 0, false, 0},
+    {"f16 image", 3, 0, 0, 0, 0, true, 0},
+    {"prune opacity < 0.1", 3, 0, 0, 0, 0, false, 0.1f},
+    {"prune opacity < 0.2", 3, 0, 0, 0, 0, false, 0.2f},
+    {"default (16-bit products)", 32, 0, 0, 0, 1, false, 0},
+    {"f32 products", 32, 0, 0, 0, -1, false, 0},
+    {"f32, exp degree 5", 32, 0, 0, 5, -1, false, 0},
+    {"alpha cut 1/128", 32, 1.0f / 128, 0, 0, 1, false, 0},
+    {"f16 image", 32, 0, 0, 0, 1, true, 0},
+};
+
+/* One renderer with its picture, as bench_time calls it. */
+struct frame {
+    struct splat s;
+    const struct splat_camera *cam;
+    float *image, *alpha;
+    uint16_t *half;
+    float turn;                     /* moves the camera: all is drawn anew */
+};
+
+static int draw_frame(void *context, struct error *err)
+{
+    struct frame *f = context;
+    struct splat_camera cam = *f->cam;
+
+    /* a camera that moves by less than anybody can see, as in a clip */
+    f->turn = f->turn > 0 ? 0 : 1e-6f;
+    cam.rt[3] += f->turn;
+    if (f->half)
+        return splat_forward_half(&f->s, f->half, f->alpha, NULL, &cam, NULL,
+                                  err);
+    return splat_forward(&f->s, f->image, f->alpha, NULL, &cam, NULL, err);
+}
+
+static int frame_open(struct frame *f, const struct splat_options *opt,
+                      const struct testscene *scene,
+                      const struct splat_camera *cam, bool half,
+                      struct error *err)
+{
+    size_t pixels = (size_t)opt->width * (size_t)opt->height;
+    size_t values = pixels * (size_t)opt->channels;
+
+    memset(f, 0, sizeof *f);
+    f->cam = cam;
+    if (splat_init(&f->s, opt, err) || splat_load(&f->s, &scene->g, err))
+        return -1;
+    f->image = calloc(values, sizeof *f->image);
+    f->alpha = calloc(pixels, sizeof *f->alpha);
+    f->half = half ? calloc(values, sizeof *f->half) : NULL;
+    if (!f->image || !f->alpha || (half && !f->half))
+        return error_set(err, EX_OSERR, "out of memory");
+    return 0;
+}
+
+static void frame_close(struct frame *f)
+{
+    splat_release(&f->s);
+    free(f->image);
+    free(f->alpha);
+    free(f->half);
+}
+
+/* Error of the frame against the first channels of a 32-channel truth. */
+static int frame_error(double *max_abs, double *psnr, struct frame *f,
+                       const double *truth, struct error *err)
+{
+    size_t C = (size_t)f->s.opt.channels;
+    size_t pixels = (size_t)f->s.opt.width * (size_t)f->s.opt.height;
+    double *want = malloc(pixels * C * sizeof *want);
+
+    if (!want)
+        return error_set(err, EX_OSERR, "out of memory");
+    f->turn = 1;                    /* the next frame has the true camera */
+    if (draw_frame(f, err)) {
+        free(want);
+        return -1;
+    }
+    for (size_t p = 0; p < pixels; p++)
+        for (size_t c = 0; c < C; c++)
+            want[p * C + c] = truth[p * 32 + c];
+    for (size_t i = 0; f->half && i < pixels * C; i++)
+        f->image[i] = half_to_float(f->half[i]);
+    bench_compare(max_abs, psnr, f->image, want, pixels * C);
+    free(want);
+    return 0;
+}
+
+static struct splat_options options(const struct knob *k, int threads)
+{
+    struct splat_options o = splat_defaults(SIZE, SIZE, k->channels);
+
+    o.threads = threads;
+    if (k->alpha_cut > 0)
+        o.alpha_cut = k->alpha_cut;
+    if (k->t_cut != 0)
+        o.t_cut = fmaxf(k->t_cut, 0);
+    if (k->degree)
+        o.exp_degree = k->degree;
+    if (k->fixed16)
+        o.fixed16 = k->fixed16 > 0;
+    o.prune = k->prune;
+    return o;
+}
+
+static int knob_row(struct stage *st, const struct knob *k, int threads,
+                    struct error *err)
+{
+    struct splat_options o = options(k, threads);
+    struct bench_times t;
+    struct frame f;
+    char config[96];
+    double worst, psnr, worst_ruled, psnr_ruled;
+    int rc = -1;
+
+    snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", SIZE, SIZE,
+             st->scene.g.n, k->channels);
+    if (frame_open(&f, &o, &st->scene, &st->cam, k->half, err) ||
+        bench_time(&t, st->part, 10, draw_frame, &f, err) ||
+        frame_error(&worst, &psnr, &f, st->exact, err) ||
+        frame_error(&worst_ruled, &psnr_ruled, &f, st->ruled, err))
+        goto out;
+    bench_add(st->b, "splat", config, k->name, threads, &t, worst, psnr);
+    if (!strncmp(k->name, "default", 7))
+        bench_note(st->b, "splat C=%d, %d thread%s: %.1f dB against double "
+                   "with the same rules, %.1f dB against exact; %zu drawn, "
+                   "%zu tile pairs; %zu frames", k->channels, threads,
+                   threads > 1 ? "s" : "", psnr_ruled, psnr, f.s.drawn,
+                   f.s.pairs, t.runs);
+    rc = 0;
+out:
+    frame_close(&f);
+    return rc;
+}
+
+static int make_truth(double **out, struct stage *st, enum splat_rules rules,
+                      struct error *err)
+{
+    struct splat_truth t;
+    int rc;
+
+    *out = malloc((size_t)SIZE * SIZE * 32 * sizeof **out);
+    if (!*out)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (splat_truth_init(&t, &st->scene.g, &st->cam, SIZE, SIZE, 32, rules, 0,
+                         err))
+        return -1;
+    rc = splat_reference_forward(*out, NULL, NULL, NULL, &t, err);
+    splat_truth_release(&t);
+    return rc;
+}
+
+/* ---- the plain renderer ---------------------------------------------------- */
+
+struct plain {
+    const struct stage *st;
+    float *image, *alpha;
+};
+
+static int draw_plain(void *context, struct error *err)
+{
+    struct plain *p = context;
+
+    return splat_plain_forward(p->image, p->alpha, &p->st->scene.g,
+                               &p->st->cam, SIZE, SIZE, 3, NULL, err);
+}
+
+static int plain_row(struct stage *st, struct error *err)
+{
+    size_t pixels = (size_t)SIZE * SIZE;
+    struct plain p = {st, calloc(pixels * 3, sizeof(float)),
+                      calloc(pixels, sizeof(float))};
+    struct bench_times t;
+    double *want = malloc(pixels * 3 * sizeof *want), worst, psnr;
+    char config[96];
+    int rc = -1;
+
+    if (!p.image || !p.alpha || !want) {
+        error_set(err, EX_OSERR, "out of memory");
+        goto out;
+    }
+    if (bench_time(&t, st->part, 3, draw_plain, &p, err))
+        goto out;
+    for (size_t i = 0; i < pixels * 3; i++)
+        want[i] = st->exact[i / 3 * 32 + i % 3];
+    bench_compare(&worst, &psnr, p.image, want, pixels * 3);
+    snprintf(config, sizeof config, "%dx%d N=%zu C=3 f32", SIZE, SIZE,
+             st->scene.g.n);
+    bench_add(st->b, "splat", config, "plain scalar renderer", 1, &t, worst,
+              psnr);
+    for (size_t i = 0; i < st->b->rows; i++) {
+        const struct bench_row *r = &st->b->row[i];
+
+        if (r->threads == 1 && !strcmp(r->knob, "default") &&
+            !strcmp(r->config, config))
+            bench_note(st->b, "splat C=3, 1 thread: %.1f times as fast as "
+                       "the plain scalar renderer", t.min / r->ms_min);
+    }
+    rc = 0;
+out:
+    free(p.image);
+    free(p.alpha);
+    free(want);
+    return rc;
+}
+
+/* ---- the stage --------------------------------------------------------------- */
+
+static int all_knobs(struct stage *st, struct error *err)
+{
+    size_t first = st->b->rows;
+
+    for (int pass = 0; pass < (st->b->threads > 1 ? 2 : 1); pass++)
+        for (size_t k = 0; k < sizeof knobs / sizeof *knobs; k++)
+            if (knob_row(st, &knobs[k], pass ? st->b->threads : 1, err))
+                return -1;
+    if (plain_row(st, err))
+        return -1;
+    bench_pareto(st->b, first);
+    return 0;
+}
+
+int bench_splat(struct bench *b, struct error *err)
+{
+    struct stage st = {.b = b};
+    int rc = -1;
+
+    if (b->scene ? testscene_load(&st.scene, b->scene, err)
+                 : testscene_make(&st.scene, TESTSCENE_N, 2026, err))
+        return -1;
+    st.cam = splat_camera_square(st.scene.cam, SIZE, 12);
+    st.part = b->seconds / (4.0 * sizeof knobs / sizeof *knobs);
+    bench_note(b, "splat scene: %s, %zu Gaussians, %zu (pixel, Gaussian) "
+               "pairs with alpha >= 1/255", b->scene ? b->scene : "seed 2026",
+               st.scene.g.n, testscene_pairs(&st.scene, SIZE, err));
+    if (make_truth(&st.exact, &st, SPLAT_EXACT, err) ||
+        make_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
+        all_knobs(&st, err) ||
+        bench_splat_backward(b, st.part, err) ||
+        bench_splat_scaling(b, st.part, err) ||
+        bench_splat_hard(b, st.part, err))
+        goto out;
+    rc = 0;
+out:
+    free(st.exact);
+    free(st.ruled);
+    testscene_release(&st.scene);
+    return rc;
+}

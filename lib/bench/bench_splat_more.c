@@ -1,0 +1,289 @@
+#include "lib/bench/bench_splat.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/random.h"
+#include "lib/bench/testscene.h"
+#include "lib/splat/reference.h"
+
+/* A renderer with all its buffers, as bench_time calls it. */
+struct job {
+    struct splat s;
+    struct testscene scene;
+    struct splat_camera cam;
+    float *image, *alpha, *d_image, *gradient;
+    struct splat_gradients g;
+    float turn;
+};
+
+static int job_open(struct job *j, const struct splat_options *opt,
+                    struct error *err)
+{
+    size_t pixels = (size_t)opt->width * (size_t)opt->height;
+    size_t C = (size_t)opt->channels, N = j->scene.g.n;
+    struct random r;
+
+    j->cam = splat_camera_square(j->scene.cam, opt->width, 12);
+    j->image = calloc(pixels * C, sizeof *j->image);
+    j->alpha = calloc(pixels, sizeof *j->alpha);
+    j->d_image = calloc(pixels * C, sizeof *j->d_image);
+    j->gradient = calloc(N * (11 + C) + 12, sizeof *j->gradient);
+    if (!j->image || !j->alpha || !j->d_image || !j->gradient)
+        return error_set(err, EX_OSERR, "out of memory");
+    j->g = (struct splat_gradients){
+        j->gradient, j->gradient + 3 * N, j->gradient + 6 * N,
+        j->gradient + 10 * N, j->gradient + 11 * N,
+        j->gradient + (11 + C) * N};
+    random_init(&r, 1, "bench gradient");
+    for (size_t i = 0; i < pixels * C; i++)
+        j->d_image[i] = (float)random_range(&r, -1, 1);
+    if (splat_init(&j->s, opt, err) || splat_load(&j->s, &j->scene.g, err))
+        return -1;
+    return 0;
+}
+
+static void job_close(struct job *j)
+{
+    splat_release(&j->s);
+    testscene_release(&j->scene);
+    free(j->image);
+    free(j->alpha);
+    free(j->d_image);
+    free(j->gradient);
+    memset(j, 0, sizeof *j);
+}
+
+static int draw(void *context, struct error *err)
+{
+    struct job *j = context;
+    struct splat_camera cam = j->cam;
+
+    j->turn = j->turn > 0 ? 0 : 1e-6f;
+    cam.rt[3] += j->turn;
+    return splat_forward(&j->s, j->image, j->alpha, NULL, &cam, NULL, err);
+}
+
+static int draw_and_back(void *context, struct error *err)
+{
+    struct job *j = context;
+
+    return draw(j, err) ||
+           splat_backward(&j->s, &j->g, j->d_image, NULL, err);
+}
+
+/* ---- backward ------------------------------------------------------------- */
+
+/* ||x - t|| / ||t|| */
+static double relative(const float *x, const double *t, size_t n)
+{
+    double d = 0, s = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        d += (x[i] - t[i]) * (x[i] - t[i]);
+        s += t[i] * t[i];
+    }
+    return sqrt(d) / fmax(sqrt(s), 1e-300);
+}
+
+static int gradient_note(struct bench *b, struct job *j, const char *config,
+                         struct error *err)
+{
+    size_t N = j->scene.g.n, C = (size_t)j->s.opt.channels;
+    size_t all = N * (11 + C) + 12;
+    size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * C;
+    double *t = calloc(all, sizeof *t), *d = calloc(values, sizeof *d);
+    struct splat_truth truth = {0};
+    int rc = -1;
+
+    if (!t || !d) {
+        error_set(err, EX_OSERR, "out of memory");
+        goto out;
+    }
+    struct splat_truth_gradients g = {t, t + 3 * N, t + 6 * N, t + 10 * N,
+                                      t + 11 * N, t + (11 + C) * N, NULL,
+                                      NULL};
+
+    for (size_t i = 0; i < values; i++)
+        d[i] = j->d_image[i];
+    memset(j->gradient, 0, all * sizeof *j->gradient);
+    j->turn = 1;
+    if (draw_and_back(j, err) ||
+        splat_truth_init(&truth, &j->scene.g, &j->cam, j->s.opt.width,
+                         j->s.opt.height, (int)C, SPLAT_GSPLAT, 0, err) ||
+        splat_reference_backward(&g, &truth, d, NULL, err))
+        goto out;
+    bench_note(b, "splat %s gradients, relative L2 against double: mean %.1e "
+               "scale %.1e quat %.1e opacity %.1e color %.1e camera %.1e",
+               config, relative(j->g.mean, g.mean, 3 * N),
+               relative(j->g.scale, g.scale, 3 * N),
+               relative(j->g.quat, g.quat, 4 * N),
+               relative(j->g.opacity, g.opacity, N),
+               relative(j->g.color, g.color, C * N),
+               relative(j->g.rt, g.rt, 12));
+    rc = 0;
+out:
+    splat_truth_release(&truth);
+    free(t);
+    free(d);
+    return rc;
+}
+
+static int backward_row(struct bench *b, double seconds, size_t n, int size,
+                        int channels, struct error *err)
+{
+    struct splat_options opt = splat_defaults(size, size, channels);
+    struct bench_times t;
+    struct job j = {0};
+    char config[96];
+    int rc = -1;
+
+    opt.gradients = true;
+    opt.fixed16 = false;
+    opt.threads = b->threads;
+    snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", size, size, n,
+             channels);
+    if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
+        bench_time(&t, seconds, 10, draw, &j, err))
+        goto out;
+    bench_add(b, "splat", config, "forward", b->threads, &t, NAN, NAN);
+    if (bench_time(&t, seconds, 10, draw_and_back, &j, err))
+        goto out;
+    bench_add(b, "splat", config, "forward + backward", b->threads, &t, NAN,
+              NAN);
+    rc = gradient_note(b, &j, config, err);
+out:
+    job_close(&j);
+    return rc;
+}
+
+int bench_splat_backward(struct bench *b, double seconds, struct error *err)
+{
+    static const struct { size_t n; int size, channels; } row[] = {
+        {30000, 128, 3}, {30000, 256, 3}, {30000, 128, 32},
+        {30000, 256, 32}, {TESTSCENE_N, 512, 3}, {TESTSCENE_N, 512, 32}};
+
+    for (size_t i = 0; i < sizeof row / sizeof *row; i++)
+        if (backward_row(b, seconds, row[i].n, row[i].size, row[i].channels,
+                         err))
+            return -1;
+    return 0;
+}
+
+/* ---- scaling --------------------------------------------------------------- */
+
+static int scale_row(struct bench *b, double seconds, size_t n, int size,
+                     double *ms, struct error *err)
+{
+    struct splat_options opt = splat_defaults(size, size, 3);
+    struct bench_times t;
+    struct job j = {0};
+    char config[96];
+    int rc = -1;
+
+    opt.threads = b->threads;
+    snprintf(config, sizeof config, "%dx%d N=%zu C=3 f32", size, size, n);
+    if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
+        bench_time(&t, seconds, 5, draw, &j, err))
+        goto out;
+    bench_add(b, "splat", config, "scaling", b->threads, &t, NAN, NAN);
+    *ms = t.min;
+    rc = 0;
+out:
+    job_close(&j);
+    return rc;
+}
+
+int bench_splat_scaling(struct bench *b, double seconds, struct error *err)
+{
+    static const size_t counts[] = {10000, 30000, 100000, 300000, 1000000,
+                                    2000000};
+    static const int sizes[] = {128, 256, 512, 1024, 2048};
+    double x[6], ms[6];
+    struct bench_line l;
+
+    for (int i = 0; i < 6; i++) {
+        x[i] = (double)counts[i];
+        if (scale_row(b, seconds, counts[i], 512, &ms[i], err))
+            return -1;
+    }
+    l = bench_fit(x, ms, 6);
+    bench_note(b, "splat over Gaussians at 512x512: %.2f ms + %.2f ms per "
+               "100,000 (r2 %.4f)", l.at_zero, l.slope * 1e5, l.r2);
+    for (int i = 0; i < 5; i++) {
+        x[i] = (double)sizes[i] * sizes[i];
+        if (scale_row(b, seconds, TESTSCENE_N, sizes[i], &ms[i], err))
+            return -1;
+    }
+    l = bench_fit(x, ms, 5);
+    bench_note(b, "splat over pixels with %d Gaussians: %.2f ms + %.2f ms per "
+               "megapixel (r2 %.4f)", TESTSCENE_N, l.at_zero, l.slope * 1e6,
+               l.r2);
+    return 0;
+}
+
+/* ---- hard cases -------------------------------------------------------------- */
+
+/* Error against double under the same rules, and whether all is finite. */
+static int hard_error(double *worst, double *psnr, struct job *j,
+                      struct error *err)
+{
+    size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * 3;
+    double *want = malloc(values * sizeof *want);
+    struct splat_truth t = {0};
+    int rc = -1;
+
+    j->turn = 1;
+    if (!want)
+        error_set(err, EX_OSERR, "out of memory");
+    else if (!draw(j, err) &&
+             !splat_truth_init(&t, &j->scene.g, &j->cam, j->s.opt.width,
+                               j->s.opt.height, 3, SPLAT_GSPLAT, 0, err) &&
+             !splat_reference_forward(want, NULL, NULL, NULL, &t, err)) {
+        bench_compare(worst, psnr, j->image, want, values);
+        rc = 0;
+    }
+    splat_truth_release(&t);
+    free(want);
+    return rc;
+}
+
+int bench_splat_hard(struct bench *b, double seconds, struct error *err)
+{
+    enum { N = 10000, HARD_SIZE = 256 };
+    struct splat_options opt = splat_defaults(HARD_SIZE, HARD_SIZE, 3);
+    double ordinary = 0;
+
+    opt.threads = b->threads;
+    for (int kind = -1; kind < HARD_COUNT; kind++) {
+        const char *name = kind < 0 ? "ordinary" : testscene_hard_name(
+                                                       (unsigned)kind);
+        struct job j = {0};
+        struct bench_times t;
+        char config[96];
+        double worst, psnr;
+        int rc = testscene_make(&j.scene, N, 2026, err);
+
+        if (!rc && kind >= 0)
+            testscene_harden(&j.scene, (unsigned)kind, 2026);
+        rc = rc || job_open(&j, &opt, err) ||
+             bench_time(&t, seconds, 5, draw, &j, err) ||
+             hard_error(&worst, &psnr, &j, err);
+        size_t pairs = j.s.pairs;
+
+        job_close(&j);
+        if (rc)
+            return -1;
+        snprintf(config, sizeof config, "%dx%d N=%d hard", HARD_SIZE,
+                 HARD_SIZE, N);
+        bench_add(b, "splat", config, name, b->threads, &t, worst, psnr);
+        if (kind < 0)
+            ordinary = t.min;
+        bench_note(b, "splat hard: %-22s %5.2f times the ordinary scene, %zu "
+                   "tile pairs", name, t.min / ordinary, pairs);
+    }
+    return 0;
+}
