@@ -45,9 +45,10 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Mat &inside)
             int d = std::abs(x - cx);
             if (l == cv::GC_BGD && d < reach)
                 l = cv::GC_PR_FGD;
-            if (d < tight && y > box.y + box.height
-                && l != cv::GC_FGD)
-                l = cv::GC_PR_FGD;
+            /* nobody is without shoulders: their colours are needed */
+            int below = y - (box.y + box.height * 9 / 10);
+            if (below > 0 && d < std::min(tight + below, box.width * 9 / 10))
+                l = cv::GC_FGD;
         }
     }
     /* the upper border shows no one as long as the head is away from it */
