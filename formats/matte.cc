@@ -170,6 +170,47 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
     }
 }
 
+/* The part of a source crop that lies in its picture: outside it is black to
+ * the last level. */
+static cv::Rect picture_part(const cv::Mat &rgb)
+{
+    cv::Mat grey, some;
+
+    cv::reduce(rgb.reshape(1, rgb.rows * rgb.cols), grey, 1, cv::REDUCE_MAX);
+    cv::findNonZero(grey.reshape(1, rgb.rows), some);
+    cv::Rect all(0, 0, rgb.cols, rgb.rows);
+    if (some.empty())
+        return all;
+    /* without the pixels that resizing mixed with black */
+    cv::Rect r = cv::boundingRect(some);
+    int l = r.x ? 3 : 0, t = r.y ? 3 : 0;
+    r.width -= l + (r.x + r.width < all.width ? 3 : 0);
+    r.height -= t + (r.y + r.height < all.height ? 3 : 0);
+    r.x += l;
+    r.y += t;
+    return r.width > 8 && r.height > 8 ? r : all;
+}
+
+/* rgb without the masked part, at its own size; colours run on beyond the
+ * part of the picture. */
+static cv::Mat fill_small(const cv::Mat &rgb, const cv::Mat &hole,
+                          cv::Rect part)
+{
+    const int w = rgb.cols;
+    cv::Mat in = rgb(part), h = hole(part), filled, blur, all, soft;
+
+    if (cv::countNonZero(h) == part.area())
+        return cv::Mat(w, w, CV_8UC3, cv::mean(in));
+    cv::inpaint(in, h, filled, w / 20.0, cv::INPAINT_TELEA);
+    cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
+    blur.copyTo(filled, h);
+    cv::copyMakeBorder(filled, all, part.y, w - part.y - part.height, part.x,
+                       w - part.x - part.width, cv::BORDER_REPLICATE);
+    cv::GaussianBlur(all, soft, cv::Size(), w / 16.0);
+    filled.copyTo(soft(part));
+    return soft;
+}
+
 int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
                size_t n, struct error *err)
 {
@@ -178,23 +219,24 @@ int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
         cv::Mat out(N, N, CV_8UC3, background);
         cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
         cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
-        cv::Mat small, hole, filled, big, soft;
+        cv::Mat small, hole, wide, big, soft;
         cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        cv::dilate(mat > 8, hole, disc(N / 32));
-        cv::resize(hole, hole, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        hole = hole > 0;
-        if (cv::countNonZero(hole) == w * w)
-            filled = cv::Mat(w, w, CV_8UC3, cv::mean(small));
-        else
-            cv::inpaint(small, hole, filled, w / 20.0, cv::INPAINT_TELEA);
-        cv::Mat blur;
-        cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
-        blur.copyTo(filled, hole);
+        cv::Rect part = picture_part(pic), sp;
+        sp.x = (part.x * w + N - 1) / N;       /* whole small pixels inside */
+        sp.y = (part.y * w + N - 1) / N;
+        sp.width = std::max(1, (part.x + part.width) * w / N - sp.x);
+        sp.height = std::max(1, (part.y + part.height) * w / N - sp.y);
+        sp &= cv::Rect(0, 0, w, w);
+        cv::dilate(mat > 8, wide, disc(N / 32));
+        cv::resize(wide, hole, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+        cv::Mat filled = fill_small(small, hole > 0, sp);
         cv::resize(filled, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
         /* the real picture where it shows the background */
-        cv::dilate(mat > 8, hole, disc(N / 32));
-        cv::GaussianBlur(hole, soft, cv::Size(), N / 128.0);
-        cv::max(soft, hole, soft);
+        cv::Mat outside(N, N, CV_8U, cv::Scalar(255));
+        outside(part).setTo(0);
+        cv::max(wide, outside, wide);
+        cv::GaussianBlur(wide, soft, cv::Size(), N / 128.0);
+        cv::max(soft, wide, soft);
         for (int y = 0; y < N; y++)
             for (int x = 0; x < N; x++) {
                 int a = soft.at<uchar>(y, x);
