@@ -248,14 +248,29 @@ static int cut_short(struct stream_reader *r, const char *what, size_t need,
                      "writer stopped early", what, r->end - r->begin, need);
 }
 
+static int check_hash(const struct record *rec, uint64_t hash,
+                      struct error *err)
+{
+    if (hash == rec->payload_hash)
+        return 0;
+    return error_set(err, EX_DATAERR, "frame %llu: %s checksum %016llx does "
+                     "not match its payload (%016llx)",
+                     (unsigned long long)rec->frame, rec->type,
+                     (unsigned long long)rec->payload_hash,
+                     (unsigned long long)hash);
+}
+
 /* Wait for the payload behind the header at r->begin, hashing what arrives. */
 static int read_payload(struct stream_reader *r, const struct record *rec,
                         struct error *err)
 {
     size_t need = HEADER_BYTES + rec->payload_bytes, done = HEADER_BYTES;
-    uint64_t hash;
     int rc = 1;
 
+    if (r->end - r->begin >= need) /* all of it is here: one call */
+        return check_hash(rec, r->trust ? rec->payload_hash :
+                          XXH3_64bits(r->base + r->begin + done, need - done),
+                          err);
     XXH3_64bits_reset(r->hash);
     for (;;) {
         size_t have = r->end - r->begin < need ? r->end - r->begin : need;
@@ -271,14 +286,8 @@ static int read_payload(struct stream_reader *r, const struct record *rec,
         if (rc == 0)
             return cut_short(r, rec->type, need, err);
     }
-    hash = r->trust ? rec->payload_hash : XXH3_64bits_digest(r->hash);
-    if (hash != rec->payload_hash)
-        return error_set(err, EX_DATAERR, "frame %llu: %s checksum %016llx "
-                         "does not match its payload (%016llx)",
-                         (unsigned long long)rec->frame, rec->type,
-                         (unsigned long long)rec->payload_hash,
-                         (unsigned long long)hash);
-    return 0;
+    return check_hash(rec, r->trust ? rec->payload_hash :
+                      XXH3_64bits_digest(r->hash), err);
 }
 
 /* END counts the records before it and nothing follows it. */

@@ -115,7 +115,7 @@ int schema_check(const struct record *rec, struct error *err)
     bool known[26] = { false };
 
     for (const struct schema *s = table; s->type; s++)
-        if (record_is(rec, s->type) &&
+        if (memcmp(rec->type, s->type, 4) == 0 &&
             check_array(s, rec, bound, known, err))
             return -1;
     return 0;
