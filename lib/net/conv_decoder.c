@@ -49,7 +49,6 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     struct nn_plan *p = &im->plan;
     size_t pixels = batch * height * width, raw = gaussian_head_width(&d->head);
     nn_plan_release(p);
-    opt.type = NN_F32;
     nn_plan_init(p, opt);
     d->batch = batch;
     d->height = height;
@@ -57,10 +56,10 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     im->padded = (d->in + HARMONIC_OUT + 15) / 16 * 16;
     im->conv[0].in_data = im->padded;
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
-    im->x = nn_plan_map_floats(p, pixels * im->padded);
+    im->x = nn_plan_map(p, pixels * im->padded);
     for (int i = 0; i < 4; i++) {
         float **y = i < 3 ? &im->y[i] : &im->raw;
-        *y = nn_plan_map_floats(p, pixels * (i < 3 ? d->width : raw));
+        *y = nn_plan_map(p, pixels * (i < 3 ? d->width : raw));
         conv_plan(&im->conv[i], p, batch, height, width);
         nn_plan_give(p, i ? im->y[i - 1] : im->x);
     }

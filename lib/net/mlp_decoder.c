@@ -86,7 +86,6 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     struct nn_plan *p = &im->plan;
     size_t rows = batch * points;
     nn_plan_release(p);
-    opt.type = NN_F32;
     nn_plan_init(p, opt);
     d->batch = batch;
     d->points = points;
@@ -94,17 +93,17 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
     im->raw = nn_plan_floats(p, rows * (d->head.colors + 8));
     for (int i = 0; i < 4; i++) {
-        im->y[i] = nn_plan_map_floats(p, rows * d->width);
+        im->y[i] = nn_plan_map(p, rows * d->width);
         linear_plan(&im->trunk[i], p, rows);
         if (i)
             nn_plan_give(p, im->y[i - 1]);
     }
-    im->x = nn_plan_map_floats(p, rows * im->padded);
+    im->x = nn_plan_map(p, rows * im->padded);
     for (int i = 0; i < 4; i++) {
         im->inner[i].in_data = im->padded;
-        im->h[i] = nn_plan_map_floats(p, rows * d->hidden);
+        im->h[i] = nn_plan_map(p, rows * d->hidden);
         linear_plan(&im->inner[i], p, rows);
-        im->o[i] = nn_plan_map_floats(p, rows * attribute_width(d, i));
+        im->o[i] = nn_plan_map(p, rows * attribute_width(d, i));
         linear_plan(&im->outer[i], p, rows);
         nn_plan_give(p, im->h[i]);
     }

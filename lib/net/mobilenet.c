@@ -227,11 +227,11 @@ static void unit_plan(struct unit *u, struct nn_plan *p, size_t batch,
     size_t rows = batch * u->h * u->w;
     if (train) {
         batch_norm_plan(&u->bn, p, rows);
-        u->z = nn_plan_map_floats(p, rows * u->C);
+        u->z = nn_plan_map(p, rows * u->C);
     }
     if (!train && add)
         return;                   /* added to the block's input in place */
-    u->y = nn_plan_map_floats(p, rows * u->C);
+    u->y = nn_plan_map(p, rows * u->C);
 }
 
 /* Returns the largest map of the block, in floats. */
@@ -261,7 +261,7 @@ static size_t block_plan(struct block *b, struct nn_plan *p, size_t batch,
     if (b->se) {
         squeeze_plan(&b->squeeze, p, batch, *h * *w);
         if (nn_plan_backward(p))
-            b->gated = nn_plan_map_floats(p, n);
+            b->gated = nn_plan_map(p, n);
     }
     unit_plan(&b->down, p, batch, *h, *w, b->residual);
     nn_plan_give(p, b->dw.y);
@@ -278,8 +278,6 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
 {
     struct mobilenet_impl *im = m->impl;
     struct nn_plan *p = &im->plan;
-    if (opt.type != NN_F32)
-        return error_set(err, EX_CONFIG, "%s runs in f32 only", im->v->name);
     nn_plan_release(p);
     nn_plan_init(p, opt);
     m->batch = batch;

@@ -63,16 +63,16 @@ static void plan_forward(struct narrow_refiner *r)
     struct nn_plan *p = &r->plan;
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
     size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
-    r->f0 = nn_plan_map_floats(p, 4 * a0 * (w0 / 2));
+    r->f0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
     conv_plan(&r->fold0, p, B, h, w);
-    r->e0 = nn_plan_map_floats(p, a0 * w0);
+    r->e0 = nn_plan_map(p, a0 * w0);
     conv_plan(&r->fold1, p, B, h / 2, w / 2);
     nn_plan_give(p, r->f0);
-    r->e1 = nn_plan_map_floats(p, a1 * w1);
+    r->e1 = nn_plan_map(p, a1 * w1);
     conv_plan(&r->down1, p, B, h / 4, w / 4);
-    r->e2 = nn_plan_map_floats(p, a2 * w2);
+    r->e2 = nn_plan_map(p, a2 * w2);
     conv_plan(&r->down2, p, B, h / 8, w / 8);
-    r->m = nn_plan_map_floats(p, a2 * w2);
+    r->m = nn_plan_map(p, a2 * w2);
     conv_plan(&r->mid, p, B, h / 16, w / 16);
     r->pool = nn_plan_floats(p, B * w2);
     r->part = nn_plan_floats(p, B * NN_PARTS * w2);
@@ -80,28 +80,28 @@ static void plan_forward(struct narrow_refiner *r)
     r->s2 = nn_plan_floats(p, B * w2);
     linear_plan(&r->style1, p, B);
     linear_plan(&r->style2, p, B);
-    r->ms = nn_plan_map_floats(p, a2 * w2);
-    r->c1 = nn_plan_map_floats(p, a2 * w1);
+    r->ms = nn_plan_map(p, a2 * w2);
+    r->c1 = nn_plan_map(p, a2 * w1);
     conv_plan(&r->up2, p, B, h / 16, w / 16);
-    r->r1 = nn_plan_map_floats(p, a1 * w1);
+    r->r1 = nn_plan_map(p, a1 * w1);
     resize_plan(&r->grow1, p, RESIZE_BILINEAR, B, h / 16, w / 16, h / 8, w / 8,
                 w1);
-    r->t1 = nn_plan_map_floats(p, a1 * 2 * w1);
+    r->t1 = nn_plan_map(p, a1 * 2 * w1);
     conv_plan(&r->cond1, p, B, h / 8, w / 8);
-    r->y1 = nn_plan_map_floats(p, a1 * w1);
-    r->z1 = nn_plan_map_floats(p, a1 * w1);
+    r->y1 = nn_plan_map(p, a1 * w1);
+    r->z1 = nn_plan_map(p, a1 * w1);
     conv_plan(&r->body1, p, B, h / 8, w / 8);
-    r->c0 = nn_plan_map_floats(p, a1 * w0);
+    r->c0 = nn_plan_map(p, a1 * w0);
     conv_plan(&r->up1, p, B, h / 8, w / 8);
-    r->r0 = nn_plan_map_floats(p, a0 * w0);
+    r->r0 = nn_plan_map(p, a0 * w0);
     resize_plan(&r->grow0, p, RESIZE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
                 w0);
-    r->t0 = nn_plan_map_floats(p, a0 * 2 * w0);
+    r->t0 = nn_plan_map(p, a0 * 2 * w0);
     conv_plan(&r->cond0, p, B, h / 4, w / 4);
-    r->y0 = nn_plan_map_floats(p, a0 * w0);
-    r->z0 = nn_plan_map_floats(p, a0 * w0);
+    r->y0 = nn_plan_map(p, a0 * w0);
+    r->z0 = nn_plan_map(p, a0 * w0);
     conv_plan(&r->body0, p, B, h / 4, w / 4);
-    r->d = nn_plan_map_floats(p, a0 * 48);
+    r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
 }
 

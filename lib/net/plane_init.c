@@ -44,7 +44,6 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     struct nn_plan *pl = &im->plan;
     size_t pixels = batch * height * width;
     nn_plan_release(pl);
-    opt.type = NN_F32;
     nn_plan_init(pl, opt);
     p->batch = batch;
     p->height = height;

@@ -76,7 +76,6 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     struct nn_plan *p = &s->plan;
     size_t n = s->size;
     nn_plan_release(p);
-    opt.type = NN_F32;
     nn_plan_init(p, opt);
     s->batch = batch;
     s->input = input;

@@ -10,6 +10,7 @@
 #include <sysexits.h>
 
 #include "lib/nn/engine.h"
+#include "lib/nn/image.h"
 #include "lib/nn/winograd.h"
 
 /* One share of the weight gradient: some images, or a band of one. */
@@ -27,6 +28,7 @@ struct conv_impl {
     float *bias;                 /* (out), folded */
     float *stage;                /* (out,in_data,k,k), folded or padded */
     float *sums;                 /* (NN_SUMS,out): bias gradient's parts */
+    size_t half_at;              /* of the input as bf16, in the scratch */
     size_t parts, dw_count;
     size_t scratch;              /* bytes for one part */
     struct part part[NN_PARTS];
@@ -48,7 +50,7 @@ static void declare(struct conv *c, struct params *ps, const char *name,
     char buf[120];
     memset(c, 0, sizeof *c);
     *c = (struct conv){ .ps = ps, .in = in, .out = out, .kernel = kernel,
-                        .stride = stride, .bias = NN_NONE };
+                        .stride = stride, .bias = NN_NONE, .gamma = NN_NONE };
     size_t dims[4] = { out, in, kernel, kernel };
     c->weight = params_add(ps, nn_name(buf, "%s.weight", name), ndim, dims,
                            PARAM_HE, 1.0f);
@@ -108,7 +110,7 @@ struct mds {
 };
 
 static void describe(struct mds *m, const struct conv *c,
-                     const struct shape *s, enum nn_type t, enum nn_type tout)
+                     const struct shape *s, enum nn_type t)
 {
     dnnl_dims_t src = { s->n, c->in_data, s->h, s->w };
     dnnl_dims_t wei = { c->out, c->in_data, c->kernel, c->kernel };
@@ -119,7 +121,7 @@ static void describe(struct mds *m, const struct conv *c,
     dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, data_type(t),
                                  dnnl_format_tag_any);
     dnnl_memory_desc_init_by_tag(&m->bia, 1, bia, dnnl_f32, dnnl_a);
-    dnnl_memory_desc_init_by_tag(&m->dst, 4, dst, data_type(tout), dnnl_nhwc);
+    dnnl_memory_desc_init_by_tag(&m->dst, 4, dst, dnnl_f32, dnnl_nhwc);
     m->stride[0] = m->stride[1] = c->stride;
     m->pad0[0] = s->top;
     m->pad0[1] = s->left;
@@ -164,7 +166,7 @@ static dnnl_primitive_desc_t primitive(const struct conv *c, enum kind kind,
     dnnl_primitive_desc_t pd = NULL, hint = NULL;
     enum nn_type t = p->opt.type;
     bool bwd = nn_plan_backward(p);
-    describe(&m, c, s, t, c->out_f32 ? NN_F32 : t);
+    describe(&m, c, s, t);
     dnnl_primitive_attr_t attr = attributes(c, kind == FORWARD);
     dnnl_status_t ok = dnnl_convolution_forward_desc_init(
         &d, bwd ? dnnl_forward_training : dnnl_forward_inference,
@@ -251,7 +253,11 @@ static void plan_forward(struct conv *c, const struct shape *s)
     nn_call_arg(&im->fwd, DNNL_ARG_BIAS,
                 dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1), p);
     nn_call_arg(&im->fwd, DNNL_ARG_DST, query(pd, dnnl_query_dst_md), p);
-    nn_plan_scratch(p, nn_call_scratch(&im->fwd, pd, p));
+    size_t scratch = nn_call_scratch(&im->fwd, pd, p);
+    im->half_at = (scratch + 4095) & ~(size_t)4095;
+    size_t values = c->batch * c->h * c->w * c->in_data;
+    nn_plan_scratch(p, p->opt.type == NN_BF16 ? im->half_at + 2 * values
+                                              : scratch);
     const dnnl_memory_desc_t *md = query(pd, dnnl_query_weights_md);
     im->w_fwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
     plan_reorder(&im->to_fwd, c, md, false);
@@ -434,11 +440,14 @@ static const float *staged_weights(struct conv *c, const struct batch_norm *bn)
     size_t taps = c->kernel * c->kernel;
     for (size_t o = 0; o < c->out; o++)
         im->bias[o] = b ? b[o] : 0.0f;
-    if (!bn && c->in_data == c->in)
+    if (!bn && c->in_data == c->in && c->gamma == NN_NONE)
         return w;
     for (size_t o = 0; o < c->out; o++) {
         float scale = 1.0f;
-        if (bn) {
+        if (c->gamma != NN_NONE) {
+            scale = param_w(c->ps, c->gamma)[o];
+            im->bias[o] *= scale;
+        } else if (bn) {
             const struct params *ps = c->ps;
             scale = param_w(ps, bn->weight)[o] /
                     sqrtf(param_w(ps, bn->var)[o] + bn->eps);
@@ -473,14 +482,20 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
         reorder(&im->to_bwd, im->w_bwd, w, c->plan->scratch);
 }
 
-void conv_forward(void *out, const void *in, struct conv *c)
+void conv_forward(float *out, const float *in, struct conv *c)
 {
     struct conv_impl *im = c->impl;
+    const void *src = in;
     if (!im->fwd.prim) {
         winograd_forward(out, in, &im->wino);
         return;
     }
-    nn_call_set(&im->fwd, 0, in);
+    if (c->plan->opt.type == NN_BF16) {
+        uint16_t *half = (uint16_t *)(void *)(c->plan->scratch + im->half_at);
+        image_to_bf16(half, in, c->batch * c->h * c->w * c->in_data);
+        src = half;
+    }
+    nn_call_set(&im->fwd, 0, src);
     nn_call_set(&im->fwd, 1, im->w_fwd);
     nn_call_set(&im->fwd, 2, im->bias);
     nn_call_set(&im->fwd, 3, out);

@@ -1,5 +1,6 @@
 /* Convolutions and linear layers through oneDNN (and Winograd of our own
- * where the table says so); activations are NHWC. */
+ * where the table says so); activations are NHWC floats.  In an NN_BF16 plan
+ * the products are of bfloat16 values, summed in float. */
 #ifndef SPID_NN_CONV_H
 #define SPID_NN_CONV_H
 
@@ -29,7 +30,8 @@ struct conv {
     bool add;                     /* forward adds to what out holds (before
                                    * act); its backward passes dout on */
     bool no_din;                  /* nobody asks for din */
-    bool out_f32;                 /* a bf16 plan's last layer gives floats */
+    size_t gamma;                 /* tensor (out) in ps that scales the whole
+                                   * output, folded; or NN_NONE.  NN_INFER */
     size_t in_data;               /* channels in memory if more than `in`
                                    * (the rest is zero), else 0 */
     /* as planned */
@@ -52,8 +54,8 @@ void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);
 void conv_update(struct conv *c, const struct batch_norm *bn);
 void conv_release(struct conv *c);
 
-/* out (B,oh,ow,out) = act(conv(in (B,h,w,in))), plan's type. */
-void conv_forward(void *out, const void *in, struct conv *c);
+/* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))). */
+void conv_forward(float *out, const float *in, struct conv *c);
 /* din (B,h,w,in) is written unless NULL; weight and bias gradients are added
  * to ps->g; dout is overwritten by the gradient before the activation. */
 void conv_backward(float *din, float *dout, const float *out, const float *in,

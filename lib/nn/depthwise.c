@@ -80,7 +80,7 @@ static float *thread_pad(const struct depthwise *d)
            (size_t)omp_get_thread_num() * d->pad_size;
 }
 
-void depthwise_forward(void *out, const void *in, struct depthwise *d)
+void depthwise_forward(float *out, const float *in, struct depthwise *d)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t R = DEPTHWISE_ROWS, L = DEPTHWISE_LANES;

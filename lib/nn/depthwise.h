@@ -36,8 +36,8 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
 /* Weights changed; bn (or NULL) is folded in. */
 void depthwise_update(struct depthwise *d, const struct batch_norm *bn);
 
-/* out (B,oh,ow,C) from in (B,h,w,C), of the plan's type. */
-void depthwise_forward(void *out, const void *in, struct depthwise *d);
+/* out (B,oh,ow,C) from in (B,h,w,C). */
+void depthwise_forward(float *out, const float *in, struct depthwise *d);
 /* din is written; the weights' gradient is added to ps->g. */
 void depthwise_backward(float *din, const float *dout, const float *in,
                         struct depthwise *d);

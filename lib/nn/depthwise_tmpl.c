@@ -11,8 +11,7 @@
 
 /* A picture (h,w,C) whose channels [c0,c0+m) are read. */
 struct source {
-    const void *data;
-    bool bf16;
+    const float *data;
     size_t h, w, C, c0, m;
 };
 
@@ -21,16 +20,7 @@ V16_INLINE void copy_row(float *to, size_t step, const struct source *s,
                          size_t y)
 {
     size_t at = y * s->w * s->C + s->c0;
-    if (s->bf16) {
-        const uint16_t *p = (const uint16_t *)s->data + at;
-        for (size_t x = 0; x < s->w; x++, p += s->C, to += step) {
-            uint16_t lane[LANES] = { 0 };
-            memcpy(lane, p, s->m * sizeof *p);
-            v16_store(to, v16_load_bf16(lane));
-        }
-        return;
-    }
-    const float *p = (const float *)s->data + at;
+    const float *p = s->data + at;
     if (s->m == LANES)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
             v16_store(to, v16_load(p));
@@ -83,8 +73,7 @@ V16_INLINE void seven(v16 acc[T], const float *pad, const float *taps,
 
 /* Where results go: (ow,C) rows, channels [c0,c0+m). */
 struct target {
-    void *data;
-    bool bf16;
+    float *data;
     size_t w, C, c0, m;
 };
 
@@ -96,17 +85,12 @@ V16_INLINE void put(const struct target *o, size_t y, size_t x, v16 v, int act)
     if (act != ACT_NONE)
         for (int i = 0; i < LANES; i++)
             lane[i] = math_act(lane[i], act);
-    if (o->bf16) {
-        uint16_t half[LANES];
-        v16_store_bf16(half, v16_load(lane));
-        memcpy((uint16_t *)o->data + at, half, o->m * sizeof *half);
-    } else if (o->m == LANES) {
-        v16_store((float *)o->data + at, v16_load(lane));
-    } else if (o->m == LANES / 2) {
-        memcpy((float *)o->data + at, lane, LANES / 2 * sizeof *lane);
-    } else {
-        memcpy((float *)o->data + at, lane, o->m * sizeof *lane);
-    }
+    if (o->m == LANES)
+        v16_store(o->data + at, v16_load(lane));
+    else if (o->m == LANES / 2)
+        memcpy(o->data + at, lane, LANES / 2 * sizeof *lane);
+    else
+        memcpy(o->data + at, lane, o->m * sizeof *lane);
 }
 
 /* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
@@ -166,21 +150,14 @@ static size_t columns(size_t w, size_t S, size_t K)
 }
 
 /* Rows [y0,y1) of channels c0.. of one image; pad is the thread's buffer. */
-void ISA(depthwise_forward)(void *out, const void *in, float *pad,
+void ISA(depthwise_forward)(float *out, const float *in, float *pad,
                             const struct depthwise *d, size_t image,
                             size_t c0, size_t y0, size_t y1)
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
-    bool bf16 = d->plan->opt.type == NN_BF16;
-    size_t size = bf16 ? 2 : 4;
     float taps[25 * LANES], bias[LANES] = { 0 };
-    struct source s = {
-        (const char *)in + image * d->h * d->w * C * size, bf16, d->h, d->w,
-        C, c0, m
-    };
-    struct target o = {
-        (char *)out + image * d->oh * d->ow * C * size, bf16, d->ow, C, c0, m
-    };
+    struct source s = { in + image * d->h * d->w * C, d->h, d->w, C, c0, m };
+    struct target o = { out + image * d->oh * d->ow * C, d->ow, C, c0, m };
     size_t cols = columns(d->ow, d->stride, d->kernel);
     sixteen(taps, d->taps, d, c0, m);
     memcpy(bias, d->bias + c0, m * sizeof *bias);
@@ -197,9 +174,9 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
     float taps[25 * LANES], zero[LANES] = { 0 };
-    struct source s = { dout + image * d->oh * d->ow * C, false, d->oh, d->ow,
-                        C, c0, m };
-    struct target o = { din + image * d->h * d->w * C, false, d->w, C, c0, m };
+    struct source s = { dout + image * d->oh * d->ow * C, d->oh, d->ow, C, c0,
+                        m };
+    struct target o = { din + image * d->h * d->w * C, d->w, C, c0, m };
     size_t cols = columns(d->w, 1, d->kernel), K = d->kernel;
     size_t used = K - 1 - d->left + (d->ow - 1) * d->stride + 1;
     if (cols < used)
@@ -246,9 +223,9 @@ void ISA(depthwise_backward_weights)(float *dw, const float *dout,
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
     size_t K = d->kernel, S = d->stride, cols = columns(d->ow, S, K);
     float sum[25 * LANES] = { 0 };
-    struct source s = { in + image * d->h * d->w * C, false, d->h, d->w, C,
+    struct source s = { in + image * d->h * d->w * C, d->h, d->w, C,
                         c0, m };
-    struct source g = { dout + image * d->oh * d->ow * C, false, d->oh, d->ow,
+    struct source g = { dout + image * d->oh * d->ow * C, d->oh, d->ow,
                         C, c0, m };
     float *rows = pad + ((DEPTHWISE_ROWS - 1) * S + K) * cols * LANES;
     for (size_t y0 = 0; y0 < d->oh; y0 += DEPTHWISE_ROWS) {

@@ -14,6 +14,14 @@ void image_add(float *y, const float *x, size_t n)
         k->add(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
+void image_to_bf16(uint16_t *y, const float *x, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static) if (n > CHUNK)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->to_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
+}
+
 void sft_forward(float *y, const float *x, const float *st, float one,
                  size_t rows, size_t C)
 {

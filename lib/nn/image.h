@@ -3,9 +3,13 @@
 #define SPID_NN_IMAGE_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 /* y += x, n values. */
 void image_add(float *y, const float *x, size_t n);
+
+/* y <- x as bfloat16, rounded to nearest even. */
+void image_to_bf16(uint16_t *y, const float *x, size_t n);
 
 /* Spatial feature transform: y (rows,C) = x (one + s) + t, st (rows,2C) holds
  * s then t; one is 0 or 1.  dx may be dy. */

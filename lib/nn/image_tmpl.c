@@ -107,3 +107,27 @@ void ISA(add)(float *y, const float *x, size_t n)
     for (size_t i = 0; i < n; i++)
         y[i] += x[i];
 }
+
+/* y <- x as bfloat16 */
+void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
+{
+    size_t whole = n / 16 * 16;
+    for (size_t i = 0; i < whole; i += 16)
+        v16_store_bf16(y + i, v16_load(x + i));
+    for (size_t i = whole; i < n; i++) {
+        float lane[16] = { x[i] };
+        uint16_t half[16];
+        v16_store_bf16(half, v16_load(lane));
+        y[i] = half[0];
+    }
+}
+
+/* y = x + gamma p, rows of C */
+void ISA(scale_add)(float *y, const float *x, const float *p,
+                    const float *gamma, size_t rows, size_t C)
+{
+    for (size_t r = 0; r < rows; r++)
+#pragma GCC ivdep
+        for (size_t c = 0; c < C; c++)
+            y[r * C + c] = x[r * C + c] + gamma[c] * p[r * C + c];
+}

@@ -5,11 +5,13 @@
 #define SPID_NN_KERNELS_H
 
 #include <stddef.h>
+#include <stdint.h>
 
 #include "lib/base/isa.h"
 
 struct depthwise;
 struct resize;
+struct winograd;
 
 /* Result type, name, arguments. */
 #define NN_KERNELS(X)                                                        \
@@ -40,7 +42,7 @@ struct resize;
                                   const float *x, const float *mean,         \
                                   const float *rstd, const float *w,         \
                                   size_t rows, size_t C))                    \
-    X(void, depthwise_forward, (void *out, const void *in, float *pad,       \
+    X(void, depthwise_forward, (float *out, const float *in, float *pad,     \
                                 const struct depthwise *d, size_t image,     \
                                 size_t c0, size_t y0, size_t y1))            \
     X(void, depthwise_backward_data, (float *din, const float *dout,         \
@@ -67,7 +69,25 @@ struct resize;
     X(void, sft_backward, (float *dx, float *dst, const float *dy,           \
                            const float *x, const float *st, float one,       \
                            size_t rows, size_t C))                           \
-    X(void, add, (float *y, const float *x, size_t n))
+    X(void, add, (float *y, const float *x, size_t n))                       \
+    X(void, to_bf16, (uint16_t *y, const float *x, size_t n))                \
+    X(void, softmax_backward, (float *dp, const float *p, size_t rows,       \
+                               size_t n, size_t ld, float scale))            \
+    X(void, scale_add, (float *y, const float *x, const float *p,            \
+                        const float *gamma, size_t rows, size_t C))          \
+    X(void, gemm_pack, (float *packed, const float *B, size_t rs, size_t cs, \
+                        size_t K, size_t N))                                 \
+    X(void, gemm, (float *C, size_t ldc, const float *A, size_t rs,          \
+                   size_t cs, const float *packed, size_t M, size_t N,       \
+                   size_t K, int accumulate))                                \
+    X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
+                      float scale))                                          \
+    X(void, winograd_input, (float *v, const float *in,                      \
+                             const struct winograd *g, size_t slot,          \
+                             ptrdiff_t y0, ptrdiff_t x0))                    \
+    X(void, winograd_output, (float *out, const float *m,                    \
+                              const struct winograd *g, size_t slot,         \
+                              size_t y0, size_t x0))
 
 struct nn_kernels {
 #define X(type, name, args) type (*name) args;

@@ -23,9 +23,10 @@
 
 #include "lib/base/error.h"
 
-/* The type activations and weights have inside a network; its borders are
- * float always.  NN_BF16 is for inference; where the processor has no such
- * instructions oneDNN emulates them, slower and with the same meaning. */
+/* The type of what convolutions and linear layers multiply; sums, other
+ * layers and all borders are float always.  NN_BF16 is for inference; where
+ * the processor has no such instructions oneDNN emulates them, slower and with
+ * the same meaning. */
 enum nn_type { NN_F32, NN_BF16 };
 
 enum nn_mode {

@@ -100,23 +100,14 @@ float *nn_plan_floats(struct nn_plan *p, size_t count)
     return nn_plan_bytes(p, count * sizeof(float));
 }
 
-static void *reusable(struct nn_plan *p, size_t bytes)
+float *nn_plan_map(struct nn_plan *p, size_t count)
 {
+    size_t bytes = count * sizeof(float);
     struct nn_chunk *c = p->err.code ? NULL : idle_chunk(p, bytes);
     if (!c)
         return nn_plan_bytes(p, bytes);
     c->idle = false;
     return c->data;
-}
-
-void *nn_plan_map(struct nn_plan *p, size_t count)
-{
-    return reusable(p, count * nn_type_size(p->opt.type));
-}
-
-float *nn_plan_map_floats(struct nn_plan *p, size_t count)
-{
-    return reusable(p, count * sizeof(float));
 }
 
 void nn_plan_give_back(struct nn_plan *p, void *map)

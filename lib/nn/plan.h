@@ -39,10 +39,9 @@ void nn_plan_release(struct nn_plan *p);
 void *nn_plan_bytes(struct nn_plan *p, size_t bytes);
 float *nn_plan_floats(struct nn_plan *p, size_t count);
 
-/* A buffer for one pass: activations or gradients, count values of the plan's
- * type or floats.  It may have been another layer's before, given back. */
-void *nn_plan_map(struct nn_plan *p, size_t count);
-float *nn_plan_map_floats(struct nn_plan *p, size_t count);
+/* A buffer for one pass, activations or gradients.  It may have been another
+ * layer's before, given back. */
+float *nn_plan_map(struct nn_plan *p, size_t count);
 /* The map's content is dead from here on in the order of planning.  Only
  * inference gives anything back; nn_plan_give_back always does (gradients on
  * their way). */
@@ -60,11 +59,6 @@ int nn_plan_finish(struct nn_plan *p, struct error *err);
 static inline bool nn_plan_backward(const struct nn_plan *p)
 {
     return p->opt.mode != NN_INFER;
-}
-
-static inline size_t nn_type_size(enum nn_type t)
-{
-    return t == NN_BF16 ? 2 : 4;
 }
 
 #endif

@@ -1,19 +1,118 @@
 #include "lib/nn/winograd.h"
 
+#include <omp.h>
+#include <string.h>
+
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/tune.h"
+
+static int forced;
+
+void winograd_force(int how)
+{
+    forced = how;
+}
+
 bool winograd_wanted(const struct conv *c)
 {
-    (void)c;
-    return false;
+    if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
+        c->act > ACT_LRELU || c->plan->opt.type != NN_F32)
+        return false;
+    if (forced)
+        return forced > 0;
+    return tune_winograd(c->in_data, c->out, c->oh, c->ow);
 }
+
+/* As many tiles as keep a thread's share of the second-level cache, but enough
+ * for the weights to be worth their way from memory. */
+static size_t tile_count(size_t in, size_t out)
+{
+    size_t n = 262144 / (36 * (in + out)) / 12 * 12;
+    return n < 48 ? 48 : n > 120 ? 120 : n;
+}
+
 void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
 {
-    (void)g; (void)c; (void)p;
+    *g = (struct winograd){ .batch = c->batch, .h = c->h, .w = c->w,
+                            .in = c->in_data, .out = c->out, .act = c->act,
+                            .add = c->add, .plan = p };
+    g->tiles = tile_count(g->in, g->out);
+    g->u_size = g->in * ((g->out + 31) / 32 * 32);
+    g->u = nn_plan_floats(p, 36 * g->u_size);
+    g->bias = nn_plan_floats(p, g->out);
+    g->work = 36 * g->tiles * (g->in + g->out);
+    nn_plan_scratch(p, g->work * sizeof(float) *
+                           (size_t)omp_get_max_threads());
 }
+
+/* u (6,6) = G w G^T, in double. */
+static void transform_weight(double u[36], const float *w)
+{
+    static const double G[6][3] = {
+        { 1.0 / 4, 0, 0 },
+        { -1.0 / 6, -1.0 / 6, -1.0 / 6 }, { -1.0 / 6, 1.0 / 6, -1.0 / 6 },
+        { 1.0 / 24, 1.0 / 12, 1.0 / 6 }, { 1.0 / 24, -1.0 / 12, 1.0 / 6 },
+        { 0, 0, 1 }
+    };
+    double t[6][3];
+    for (int i = 0; i < 6; i++)
+        for (int x = 0; x < 3; x++)
+            t[i][x] = G[i][0] * (double)w[x] + G[i][1] * (double)w[3 + x] +
+                      G[i][2] * (double)w[6 + x];
+    for (int i = 0; i < 6; i++)
+        for (int j = 0; j < 6; j++)
+            u[6 * i + j] = t[i][0] * G[j][0] + t[i][1] * G[j][1] +
+                           t[i][2] * G[j][2];
+}
+
 void winograd_update(struct winograd *g, const float *w, const float *bias)
 {
-    (void)g; (void)w; (void)bias;
+    size_t in = g->in, out = g->out;
+    memcpy(g->bias, bias, out * sizeof *bias);
+#pragma omp parallel for schedule(static)
+    for (size_t o = 0; o < out; o++)
+        for (size_t i = 0; i < in; i++) {
+            double u[36];
+            transform_weight(u, w + (o * in + i) * 9);
+            /* as gemm_pack lays it out: panels of 32 columns */
+            size_t at = (o / 32 * in + i) * 32 + o % 32;
+            for (size_t k = 0; k < 36; k++)
+                g->u[k * g->u_size + at] = (float)u[k];
+        }
 }
+
+/* Tiles [t0, t0 + n) of all images' tiles. */
+static void group(float *out, const float *in, const struct winograd *g,
+                  float *v, size_t t0, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t across = (g->w + 3) / 4, image = across * ((g->h + 3) / 4);
+    float *m = v + 36 * g->tiles * g->in;
+    for (size_t i = 0; i < n; i++) {
+        size_t b = (t0 + i) / image, t = (t0 + i) % image;
+        k->winograd_input(v, in + b * g->h * g->w * g->in, g, i,
+                          (ptrdiff_t)(t / across * 4) - 1,
+                          (ptrdiff_t)(t % across * 4) - 1);
+    }
+    for (size_t j = 0; j < 36; j++)
+        k->gemm(m + j * g->tiles * g->out, g->out,
+                v + j * g->tiles * g->in, g->in, 1, g->u + j * g->u_size, n,
+                g->out, g->in, 0);
+    for (size_t i = 0; i < n; i++) {
+        size_t b = (t0 + i) / image, t = (t0 + i) % image;
+        k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,
+                           t / across * 4, t % across * 4);
+    }
+}
+
 void winograd_forward(float *out, const float *in, struct winograd *g)
 {
-    (void)out; (void)in; (void)g;
+    size_t all = g->batch * ((g->w + 3) / 4) * ((g->h + 3) / 4);
+#pragma omp parallel for schedule(static)
+    for (size_t t = 0; t < all; t += g->tiles) {
+        float *v = (float *)(void *)g->plan->scratch +
+                   (size_t)omp_get_thread_num() * g->work;
+        group(out, in, g, v, t, all - t < g->tiles ? all - t : g->tiles);
+    }
 }

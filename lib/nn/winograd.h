@@ -3,24 +3,33 @@
 #ifndef SPID_NN_WINOGRAD_H
 #define SPID_NN_WINOGRAD_H
 
+#include "lib/nn/act.h"
 #include "lib/nn/plan.h"
 
 struct conv;
 
 struct winograd {
-    const struct conv *c;
-    float *u;                /* (36,in,out) transformed weights, packed */
-    float *bias;
-    float *work;             /* per thread */
-    size_t work_size;
+    size_t batch, h, w, in, out;
+    size_t tiles;            /* computed together by one thread */
+    enum nn_act act;
+    bool add;
+    float *u;                /* 36 packed (in,out) matrices */
+    size_t u_size;           /* floats of one */
+    float *bias;             /* (out) */
+    struct nn_plan *plan;
+    size_t work;             /* floats of one thread: (36,tiles,in + out) */
 };
 
-/* Whether the table of `make tune` prefers it for this layer (3x3, stride 1,
- * float, enough channels); depends on the layer's sizes only. */
+/* Whether Winograd serves this layer: 3x3, stride 1, float, multiples of 16
+ * channels, and the table of `make tune` says that it is faster.  Depends on
+ * the layer's sizes only, never on a clock, so that two runs agree. */
 bool winograd_wanted(const struct conv *c);
+/* The same without the table, for tests and for `make tune` itself: -1 never,
+ * 0 as the table says, 1 wherever it is possible. */
+void winograd_force(int how);
 void winograd_plan(struct winograd *g, const struct conv *c,
                    struct nn_plan *p);
-/* w (out,in_data,3,3), bias (out) */
+/* w (out,in,3,3), bias (out) */
 void winograd_update(struct winograd *g, const float *w, const float *bias);
 void winograd_forward(float *out, const float *in, struct winograd *g);
 

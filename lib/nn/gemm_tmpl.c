@@ -1,0 +1,152 @@
+/* Small matrix products in one thread: the inner loop of Winograd and of
+ * attention, where oneDNN's own would start threads.  B is packed once into
+ * panels of 32 columns. */
+#include "lib/nn/kernels.h"
+#include "lib/nn/math.h"
+#include "lib/nn/vector.h"
+
+#define PANEL 32
+#if defined(ISA_AVX512)
+#define ROWS 12          /* 24 accumulators */
+#define WIDE 2
+#elif defined(ISA_AVX2)
+#define ROWS 6           /* 12 accumulators of 8 */
+#define WIDE 1
+#else
+#define ROWS 3
+#define WIDE 1
+#endif
+
+/* packed (N/32 up, K, 32) <- B, element (k,n) at B[k rs + n cs]; zeros fill
+ * the last panel. */
+void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
+                    size_t K, size_t N)
+{
+    for (size_t n0 = 0; n0 < N; n0 += PANEL) {
+        size_t n = N - n0 < PANEL ? N - n0 : PANEL;
+        for (size_t k = 0; k < K; k++, packed += PANEL) {
+            const float *p = B + k * rs + n0 * cs;
+            for (size_t j = 0; j < n; j++)
+                packed[j] = p[j * cs];
+            for (size_t j = n; j < PANEL; j++)
+                packed[j] = 0.0f;
+        }
+    }
+}
+
+/* C block of `rows` (a constant) by 16 WIDE columns */
+V16_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
+                      size_t cs, const float *B, size_t K, size_t n,
+                      int accumulate, const int rows)
+{
+    v16 acc[ROWS][WIDE];
+    for (int r = 0; r < rows; r++)
+        for (int j = 0; j < WIDE; j++)
+            acc[r][j] = (v16){ 0 };
+    for (size_t k = 0; k < K; k++) {
+        v16 b[WIDE];
+        for (int j = 0; j < WIDE; j++)
+            b[j] = v16_load(B + k * PANEL + 16 * j);
+        for (int r = 0; r < rows; r++) {
+            float a = A[(size_t)r * rs + k * cs];
+            for (int j = 0; j < WIDE; j++)
+                acc[r][j] += a * b[j];
+        }
+    }
+    for (int r = 0; r < rows; r++)
+        for (int j = 0; j < WIDE; j++) {
+            float *c = C + (size_t)r * ldc + 16 * j, lane[16];
+            size_t left = n > 16 * (size_t)j ? n - 16 * (size_t)j : 0;
+            if (left >= 16) {
+                if (accumulate)
+                    acc[r][j] += v16_load(c);
+                v16_store(c, acc[r][j]);
+                continue;
+            }
+            v16_store(lane, acc[r][j]);
+            for (size_t i = 0; i < left; i++)
+                c[i] = accumulate ? c[i] + lane[i] : lane[i];
+        }
+}
+
+/* The rows that are left over: any number below ROWS. */
+static void block_few(float *C, size_t ldc, const float *A, size_t rs,
+                      size_t cs, const float *B, size_t K, size_t n,
+                      int accumulate, size_t rows)
+{
+    for (; rows >= 3; rows -= 3, C += 3 * ldc, A += 3 * rs)
+        block(C, ldc, A, rs, cs, B, K, n, accumulate, 3);
+    for (; rows; rows--, C += ldc, A += rs)
+        block(C, ldc, A, rs, cs, B, K, n, accumulate, 1);
+}
+
+/* C (M,N), rows ldc apart, = or += A B; A's element (m,k) at A[m rs + k cs],
+ * B from gemm_pack. */
+void ISA(gemm)(float *C, size_t ldc, const float *A, size_t rs, size_t cs,
+               const float *packed, size_t M, size_t N, size_t K,
+               int accumulate)
+{
+    for (size_t n0 = 0; n0 < N; n0 += 16 * WIDE) {
+        const float *B = packed + n0 / PANEL * PANEL * K + n0 % PANEL;
+        size_t n = N - n0 < 16 * WIDE ? N - n0 : 16 * WIDE, m = 0;
+        for (; m + ROWS <= M; m += ROWS)
+            block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
+                  accumulate, ROWS);
+        block_few(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
+                  accumulate, M - m);
+    }
+}
+
+/* Each row of n values (rows ld apart) <- softmax(scale row). */
+void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
+{
+    for (size_t r = 0; r < rows; r++) {
+        float *restrict row = p + r * ld;
+        float lane[16], sum = 0.0f, most;
+        size_t whole = n / 16 * 16;
+        for (int i = 0; i < 16; i++)
+            lane[i] = row[0];
+        for (size_t k = 0; k < whole; k += 16)
+            for (int i = 0; i < 16; i++)
+                lane[i] = row[k + (size_t)i] > lane[i] ? row[k + (size_t)i]
+                                                       : lane[i];
+        most = lane[0];
+        for (int i = 1; i < 16; i++)
+            most = lane[i] > most ? lane[i] : most;
+        for (size_t k = whole; k < n; k++)
+            most = row[k] > most ? row[k] : most;
+        for (size_t k = 0; k < n; k++)
+            row[k] = math_exp((row[k] - most) * scale);
+        for (int i = 0; i < 16; i++)
+            lane[i] = 0.0f;
+        for (size_t k = 0; k < whole; k += 16)
+            for (int i = 0; i < 16; i++)
+                lane[i] += row[k + (size_t)i];
+        for (int i = 0; i < 16; i++)
+            sum += lane[i];
+        for (size_t k = whole; k < n; k++)
+            sum += row[k];
+        float unit = 1.0f / sum;
+        for (size_t k = 0; k < n; k++)
+            row[k] *= unit;
+    }
+}
+
+/* dp <- scale p (dp - sum over the row of p dp): from the gradient of the
+ * probabilities to that of the logits. */
+void ISA(softmax_backward)(float *dp, const float *p, size_t rows, size_t n,
+                           size_t ld, float scale)
+{
+    for (size_t r = 0; r < rows; r++) {
+        float *restrict d = dp + r * ld;
+        const float *restrict q = p + r * ld;
+        float lane[16] = { 0 }, sum = 0.0f;
+        for (size_t k = 0; k < n; k += 16)
+            for (size_t i = 0; i < 16 && k + i < n; i++)
+                lane[i] += d[k + i] * q[k + i];
+        for (int i = 0; i < 16; i++)
+            sum += lane[i];
+        for (size_t k = 0; k < n; k++)
+            d[k] = scale * q[k] * (d[k] - sum);
+    }
+}

@@ -1,0 +1,33 @@
+#include "lib/nn/tune.h"
+
+#include <math.h>
+
+/* Time of Winograd over time of the direct convolution, per layer. */
+static const struct {
+    unsigned short in, out, side;
+    float ratio;
+} table[] = {
+#include "lib/nn/tune_table.h"
+};
+
+/* Distance of two layers: how many doublings apart. */
+static double apart(double a, double b)
+{
+    return fabs(log2(a / b));
+}
+
+bool tune_winograd(size_t in, size_t out, size_t h, size_t w)
+{
+    double best = INFINITY;
+    bool wanted = false;
+    for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
+        double d = apart((double)in, table[i].in) +
+                   apart((double)out, table[i].out) +
+                   apart(sqrt((double)h * (double)w), table[i].side);
+        if (d < best) {
+            best = d;
+            wanted = table[i].ratio < 1.0f;
+        }
+    }
+    return wanted;
+}

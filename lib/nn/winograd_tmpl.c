@@ -1,0 +1,106 @@
+/* Winograd F(4x4,3x3): the transforms (Lavin and Gray 2016), for tiles of 6x6
+ * that overlap by two.  The products between them are gemm's. */
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/math.h"
+#include "lib/nn/vector.h"
+#include "lib/nn/winograd.h"
+
+/* t = B^T d for six values `step` apart, any arithmetic type */
+#define INPUT_SIX(t, d)                                                      \
+    do {                                                                     \
+        t[0] = 4.0f * d[0] - 5.0f * d[2] + d[4];                             \
+        t[1] = (d[4] - 4.0f * d[2]) + (d[3] - 4.0f * d[1]);                  \
+        t[2] = (d[4] - 4.0f * d[2]) - (d[3] - 4.0f * d[1]);                  \
+        t[3] = (d[4] - d[2]) + 2.0f * (d[3] - d[1]);                         \
+        t[4] = (d[4] - d[2]) - 2.0f * (d[3] - d[1]);                         \
+        t[5] = 4.0f * d[1] - 5.0f * d[3] + d[5];                             \
+    } while (0)
+
+/* t = A^T m: six values to four */
+#define OUTPUT_SIX(t, m)                                                     \
+    do {                                                                     \
+        t[0] = m[0] + (m[1] + m[2]) + (m[3] + m[4]);                         \
+        t[1] = (m[1] - m[2]) + 2.0f * (m[3] - m[4]);                         \
+        t[2] = (m[1] + m[2]) + 4.0f * (m[3] + m[4]);                         \
+        t[3] = (m[1] - m[2]) + 8.0f * (m[3] - m[4]) + m[5];                  \
+    } while (0)
+
+/* v (36, T, C): tile `slot` of T <- the 6x6 input pixels at (y0,x0) of one
+ * image (h,w,C), zeros outside. */
+void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
+                         size_t slot, ptrdiff_t y0, ptrdiff_t x0)
+{
+    ptrdiff_t h = (ptrdiff_t)g->h, w = (ptrdiff_t)g->w;
+    size_t C = g->in, plane = g->tiles * C;
+    for (size_t c = 0; c < C; c += 16) {
+        v16 t[6][6];
+        for (int x = 0; x < 6; x++) {
+            v16 d[6], col[6];
+            for (int y = 0; y < 6; y++) {
+                ptrdiff_t yy = y0 + y, xx = x0 + x;
+                d[y] = (v16){ 0 };
+                if (yy >= 0 && yy < h && xx >= 0 && xx < w)
+                    d[y] = v16_load(in + (size_t)(yy * w + xx) * C + c);
+            }
+            INPUT_SIX(col, d);
+            for (int y = 0; y < 6; y++)
+                t[y][x] = col[y];
+        }
+        for (int y = 0; y < 6; y++) {
+            v16 row[6];
+            INPUT_SIX(row, t[y]);
+            for (int x = 0; x < 6; x++)
+                v16_store(v + (size_t)(6 * y + x) * plane + slot * C + c,
+                          row[x]);
+        }
+    }
+}
+
+V16_INLINE v16 activate(v16 x, enum nn_act act)
+{
+    float lane[16];
+    if (act == ACT_NONE)
+        return x;
+    v16_store(lane, x);
+    if (act == ACT_RELU)
+        for (int i = 0; i < 16; i++)
+            lane[i] = math_act(lane[i], ACT_RELU);
+    else
+        for (int i = 0; i < 16; i++)
+            lane[i] = math_act(lane[i], ACT_LRELU);
+    return v16_load(lane);
+}
+
+/* out (h,w,C) at (y0,x0), 4x4 pixels or what is left of the image <- act of
+ * tile `slot` of m (36, T, C) plus bias (plus what out holds: add). */
+void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
+                          size_t slot, size_t y0, size_t x0)
+{
+    size_t C = g->out, plane = g->tiles * C;
+    size_t ny = g->h - y0 < 4 ? g->h - y0 : 4;
+    size_t nx = g->w - x0 < 4 ? g->w - x0 : 4;
+    for (size_t c = 0; c < C; c += 16) {
+        v16 t[4][6], bias = v16_load(g->bias + c);
+        for (int x = 0; x < 6; x++) {
+            v16 d[6], col[4];
+            for (int y = 0; y < 6; y++)
+                d[y] = v16_load(m + (size_t)(6 * y + x) * plane + slot * C +
+                                c);
+            OUTPUT_SIX(col, d);
+            for (int y = 0; y < 4; y++)
+                t[y][x] = col[y];
+        }
+        for (size_t y = 0; y < ny; y++) {
+            v16 row[4];
+            OUTPUT_SIX(row, t[y]);
+            for (size_t x = 0; x < nx; x++) {
+                float *to = out + ((y0 + y) * g->w + x0 + x) * C + c;
+                v16 r = row[x] + bias;
+                if (g->add)
+                    r += v16_load(to);
+                v16_store(to, activate(r, g->act));
+            }
+        }
+    }
+}
