@@ -17,24 +17,31 @@ struct dinov2_impl;
 struct dinov2 {
     struct dinov2_config config;
     size_t batch, grid_h, grid_w;
+    size_t tokens;     /* of an item: 1 + grid_h * grid_w, class token first */
     struct dinov2_impl *impl;
 };
 
+/* frozen: nothing of it is trained (params' frozen flag). */
 int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
-                const struct dinov2_config *config, struct error *err);
+                const struct dinov2_config *config, bool frozen,
+                struct error *err);
 /* height and width are multiples of the patch. */
 int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
                 struct nn_options opt, struct error *err);
 void dinov2_update(struct dinov2 *d);
 void dinov2_release(struct dinov2 *d);
 
-/* One pass on rgb (B,H,W,3), already normalised; results by dinov2_patches. */
+/* One pass on rgb (B,H,W,3), already normalised; results by dinov2_tokens. */
 void dinov2_forward(const float *rgb, struct dinov2 *d);
-/* Patch tokens of the k-th given-out block after the final norm,
- * (B, 1 + gh*gw, embed) with the class token first. */
+/* The k-th given-out block after the final norm, (B,tokens,embed). */
 const float *dinov2_tokens(const struct dinov2 *d, size_t k);
-/* drgb and the weights' gradients from dtokens[k] (as dinov2_tokens; NULL:
- * zero).  NN_FROZEN or NN_TRAIN plans only. */
+/* Before any block (k = 0) or after block k-1, (B,tokens,embed), not
+ * normalised; plans with a backward only. */
+const float *dinov2_raw(const struct dinov2 *d, size_t k);
+/* The position embedding as resized, (tokens,embed). */
+const float *dinov2_position(const struct dinov2 *d);
+/* drgb (or NULL) and the weights' gradients from dtokens[k], as dinov2_tokens
+ * (NULL: zero).  NN_FROZEN or NN_TRAIN plans only. */
 void dinov2_backward(float *drgb, const float *const *dtokens,
                      struct dinov2 *d);
 

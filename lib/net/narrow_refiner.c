@@ -17,6 +17,7 @@ static void declare(struct conv *c, struct params *ps, const char *prefix,
     nn_name(name, "%s%s", prefix, what);
     conv_init(c, ps, name, in, out, kernel, stride, true);
     c->act = act;
+    c->pad = kernel == 2 ? CONV_NONE : CONV_HALF;
     ps->tensor[c->weight].gain = act == ACT_LRELU ? LRELU_GAIN : 0.1f;
 }
 
@@ -84,7 +85,7 @@ static void plan_forward(struct narrow_refiner *r)
     r->c1 = nn_plan_map(p, a2 * w1);
     conv_plan(&r->up2, p, B, h / 16, w / 16);
     r->r1 = nn_plan_map(p, a1 * w1);
-    resize_plan(&r->grow1, p, RESIZE_BILINEAR, B, h / 16, w / 16, h / 8, w / 8,
+    rescale_plan(&r->grow1, p, RESCALE_BILINEAR, B, h / 16, w / 16, h / 8, w / 8,
                 w1);
     r->t1 = nn_plan_map(p, a1 * 2 * w1);
     conv_plan(&r->cond1, p, B, h / 8, w / 8);
@@ -94,7 +95,7 @@ static void plan_forward(struct narrow_refiner *r)
     r->c0 = nn_plan_map(p, a1 * w0);
     conv_plan(&r->up1, p, B, h / 8, w / 8);
     r->r0 = nn_plan_map(p, a0 * w0);
-    resize_plan(&r->grow0, p, RESIZE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
+    rescale_plan(&r->grow0, p, RESCALE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
                 w0);
     r->t0 = nn_plan_map(p, a0 * 2 * w0);
     conv_plan(&r->cond0, p, B, h / 4, w / 4);
@@ -211,12 +212,12 @@ void narrow_refiner_forward(float *rgb, const float *feat,
     style_forward(r);
     /* up, conditioned on the encoder's maps */
     conv_forward(r->c1, r->ms, &r->up2);
-    resize_forward(r->r1, r->c1, &r->grow1);
+    rescale_forward(r->r1, r->c1, &r->grow1);
     conv_forward(r->t1, r->e1, &r->cond1);
     sft_forward(r->y1, r->r1, r->t1, 1.0f, a0 / 4, w1);
     conv_forward(r->z1, r->y1, &r->body1);
     conv_forward(r->c0, r->z1, &r->up1);
-    resize_forward(r->r0, r->c0, &r->grow0);
+    rescale_forward(r->r0, r->c0, &r->grow0);
     conv_forward(r->t0, r->e0, &r->cond0);
     sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
     conv_forward(r->z0, r->y0, &r->body0);
@@ -238,12 +239,12 @@ static void decoder_backward(float *de0, float *de1, float *dm,
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
     conv_backward(de0, r->dst0, r->t0, r->e0, &r->cond0);
     float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
-    resize_backward(dc0, dy0, &r->grow0);
+    rescale_backward(dc0, dy0, &r->grow0);
     conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
     conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
     sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
     conv_backward(de1, r->dst1, r->t1, r->e1, &r->cond1);
-    resize_backward(r->g2[1], dy1, &r->grow1);
+    rescale_backward(r->g2[1], dy1, &r->grow1);
     conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
 }
 

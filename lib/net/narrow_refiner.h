@@ -6,7 +6,7 @@
 #define SPID_NET_NARROW_REFINER_H
 
 #include "lib/nn/conv.h"
-#include "lib/nn/resize.h"
+#include "lib/nn/rescale.h"
 
 struct narrow_refiner {
     struct nn_plan plan;
@@ -16,7 +16,7 @@ struct narrow_refiner {
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
-    struct resize grow1, grow0;
+    struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
     float *f0, *e0, *e1, *e2, *m, *pool, *part, *s1, *s2, *ms;

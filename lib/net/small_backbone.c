@@ -62,7 +62,7 @@ static void plan_levels(struct small_backbone *s)
     s->v[L - 1] = s->b[L - 1];
     for (size_t i = L - 1; i-- > 0;) {
         n = s->side[i];
-        resize_plan(&s->grow[i], p, RESIZE_BILINEAR, B, s->side[i + 1],
+        rescale_plan(&s->grow[i], p, RESCALE_BILINEAR, B, s->side[i + 1],
                     s->side[i + 1], n, n, s->channels[i]);
         s->u[i] = nn_plan_floats(p, B * n * n * s->channels[i]);
         s->v[i] = i ? nn_plan_floats(p, B * n * n * s->channels[i - 1]) : NULL;
@@ -79,7 +79,7 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     nn_plan_init(p, opt);
     s->batch = batch;
     s->input = input;
-    resize_plan(&s->enlarge, p, RESIZE_ANTIALIAS, batch, input, input, 2 * n,
+    rescale_plan(&s->enlarge, p, RESCALE_ANTIALIAS, batch, input, input, 2 * n,
                 2 * n, 3);
     s->large = nn_plan_floats(p, batch * 4 * n * n * 3);
     s->x = nn_plan_floats(p, batch * n * n * 12);
@@ -129,7 +129,7 @@ void small_backbone_forward(float *features, const float *rgb,
 {
     static const float mean[3] = { 0.45f, 0.45f, 0.45f };
     size_t n = 2 * s->size;
-    resize_forward(s->large, rgb, &s->enlarge);
+    rescale_forward(s->large, rgb, &s->enlarge);
     space_to_depth(s->x, s->large, mean, 4.0f, s->batch, n, n, 3, 2);
     conv_forward(s->a[0], s->x, &s->down[0]);
     for (size_t i = 1; i < L; i++) {
@@ -138,7 +138,7 @@ void small_backbone_forward(float *features, const float *rgb,
         conv_forward(s->b[i], s->a[i], &s->same[i]);   /* relu(a + conv a) */
     }
     for (size_t i = L - 1; i-- > 0;) {
-        resize_forward(s->u[i], s->v[i + 1], &s->grow[i]);
+        rescale_forward(s->u[i], s->v[i + 1], &s->grow[i]);
         image_add(s->u[i], s->b[i], level_size(s, i));
         conv_forward(i ? s->v[i] : features, s->u[i], &s->up[i]);
     }
@@ -153,7 +153,7 @@ void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
     for (size_t i = 0; i + 1 < L; i++) {
         /* u = b[i] + grow(v[i+1]); v[i] = conv u */
         conv_backward(s->db[i], s->dv[i], s->v[i], s->u[i], &s->up[i]);
-        resize_backward(i + 2 < L ? s->dv[i + 1] : s->db[i + 1], s->db[i],
+        rescale_backward(i + 2 < L ? s->dv[i + 1] : s->db[i + 1], s->db[i],
                         &s->grow[i]);
     }
     for (size_t i = L - 1; i > 0; i--) {

@@ -5,7 +5,7 @@
 #define SPID_NET_SMALL_BACKBONE_H
 
 #include "lib/nn/conv.h"
-#include "lib/nn/resize.h"
+#include "lib/nn/rescale.h"
 
 #define SMALL_LEVELS 5
 
@@ -16,7 +16,7 @@ struct small_backbone {
     struct conv down[SMALL_LEVELS];   /* 0: the stem */
     struct conv same[SMALL_LEVELS];   /* 1..4: residual */
     struct conv up[SMALL_LEVELS];     /* 3..0 */
-    struct resize enlarge, grow[SMALL_LEVELS];
+    struct rescale enlarge, grow[SMALL_LEVELS];
     float *large, *x;                 /* (B,2n,2n,3), (B,n,n,12) */
     float *a[SMALL_LEVELS], *b[SMALL_LEVELS];
     float *u[SMALL_LEVELS], *v[SMALL_LEVELS];

@@ -91,8 +91,7 @@ static void pad_axis(size_t *before, size_t *after, size_t *out, size_t size,
         *before = total / 2;
         *after = total - *before;
     } else {
-        /* a patch convolution (stride = even kernel) has no padding */
-        *before = k % 2 ? k / 2 : 0;
+        *before = c->pad == CONV_HALF ? k / 2 : 0;
         *out = (size + 2 * *before - k) / s + 1;
         size_t need = (*out - 1) * s + k;
         *after = need > size + *before ? need - size - *before : 0;

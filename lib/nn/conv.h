@@ -13,7 +13,8 @@
 
 enum conv_pad {
     CONV_HALF,     /* kernel/2 on every side */
-    CONV_SAME      /* TensorFlow's: the odd one goes right and down */
+    CONV_SAME,     /* TensorFlow's: the odd one goes right and down */
+    CONV_NONE      /* no padding: patches */
 };
 
 struct conv_impl;

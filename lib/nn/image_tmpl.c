@@ -1,6 +1,6 @@
 /* Kernels on feature images: resizing, feature transforms, concatenation. */
 #include "lib/nn/kernels.h"
-#include "lib/nn/resize.h"
+#include "lib/nn/rescale.h"
 #include "lib/nn/vector.h"
 
 /* to = sum_k w[k] rows[k], rows n values long and `stride` apart. */
@@ -21,10 +21,10 @@ V16_INLINE void weighted(float *restrict to, const float *restrict from,
 }
 
 /* Row o of one image; line is a scratch row. */
-void ISA(resize_line)(float *out, float *line, const float *in,
-                      const struct resize *r, size_t o)
+void ISA(rescale_line)(float *out, float *line, const float *in,
+                      const struct rescale *r, size_t o)
 {
-    const struct resize_axis *y = &r->y, *x = &r->x;
+    const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->in * C;
     weighted(line, in + (size_t)y->first[o] * row, y->weight + o * y->taps,
              y->taps, row, row);
@@ -44,10 +44,10 @@ void ISA(resize_line)(float *out, float *line, const float *in,
 }
 
 /* Row i of the input's gradient. */
-void ISA(resize_line_backward)(float *din, float *line, const float *dout,
-                               const struct resize *r, size_t i)
+void ISA(rescale_line_backward)(float *din, float *line, const float *dout,
+                               const struct rescale *r, size_t i)
 {
-    const struct resize_axis *y = &r->y, *x = &r->x;
+    const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->out * C;
     float *restrict t = line;
     for (size_t k = 0; k < row; k++)

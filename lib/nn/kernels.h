@@ -10,7 +10,7 @@
 #include "lib/base/isa.h"
 
 struct depthwise;
-struct resize;
+struct rescale;
 struct winograd;
 
 /* Result type, name, arguments. */
@@ -59,11 +59,11 @@ struct winograd;
                             const float *add, size_t rows, size_t C))        \
     X(void, channel_dot, (float *sum, const float *a, const float *b,        \
                           size_t rows, size_t C))                            \
-    X(void, resize_line, (float *out, float *line, const float *in,          \
-                          const struct resize *r, size_t o))                 \
-    X(void, resize_line_backward, (float *din, float *line,                  \
+    X(void, rescale_line, (float *out, float *line, const float *in,          \
+                          const struct rescale *r, size_t o))                 \
+    X(void, rescale_line_backward, (float *din, float *line,                  \
                                    const float *dout,                        \
-                                   const struct resize *r, size_t i))        \
+                                   const struct rescale *r, size_t i))        \
     X(void, sft_forward, (float *y, const float *x, const float *st,         \
                           float one, size_t rows, size_t C))                 \
     X(void, sft_backward, (float *dx, float *dst, const float *dy,           \

@@ -1,4 +1,4 @@
-#include "lib/nn/resize.h"
+#include "lib/nn/rescale.h"
 
 #include <math.h>
 #include <omp.h>
@@ -41,25 +41,25 @@ static void antialias(struct taps *t, size_t n, double scale, size_t o)
         t->weight[i] /= sum;
 }
 
-static void find_taps(struct taps *t, enum resize_mode mode, size_t n,
+static void find_taps(struct taps *t, enum rescale_mode mode, size_t n,
                       size_t m, double scale, size_t o)
 {
     t->n = 0;
-    if (mode == RESIZE_ANTIALIAS) {
+    if (mode == RESCALE_ANTIALIAS) {
         antialias(t, n, scale, o);
         return;
     }
     double src = ((double)o + 0.5) * scale - 0.5;
-    if (mode == RESIZE_ALIGNED)
+    if (mode == RESCALE_ALIGNED)
         src = m > 1 ? (double)o * (double)(n - 1) / (double)(m - 1) : 0;
-    if (mode != RESIZE_BICUBIC && src < 0)
+    if (mode != RESCALE_BICUBIC && src < 0)
         src = 0;
     long i0 = (long)floor(src);
     double f = src - (double)i0;
-    int lo = mode == RESIZE_BICUBIC ? -1 : 0;
-    int hi = mode == RESIZE_BICUBIC ? 2 : 1;
+    int lo = mode == RESCALE_BICUBIC ? -1 : 0;
+    int hi = mode == RESCALE_BICUBIC ? 2 : 1;
     for (int k = lo; k <= hi; k++) {
-        double w = mode == RESIZE_BICUBIC ? cubic(f - k) : k ? f : 1 - f;
+        double w = mode == RESCALE_BICUBIC ? cubic(f - k) : k ? f : 1 - f;
         t->index[t->n] = i0 + k;
         t->weight[t->n++] = w;
     }
@@ -71,7 +71,7 @@ static long clamp_to(long i, size_t n)
 }
 
 /* The transposed lists, output order ascending. */
-static void transpose(struct resize_axis *a)
+static void transpose(struct rescale_axis *a)
 {
     for (size_t o = 0; o < a->out; o++)
         for (size_t k = 0; k < a->taps; k++)
@@ -94,12 +94,12 @@ static void transpose(struct resize_axis *a)
     }
 }
 
-static void plan_axis(struct resize_axis *a, struct nn_plan *p,
-                      enum resize_mode mode, size_t in, size_t out,
+static void plan_axis(struct rescale_axis *a, struct nn_plan *p,
+                      enum rescale_mode mode, size_t in, size_t out,
                       double scale)
 {
     struct taps t;
-    *a = (struct resize_axis){ .in = in, .out = out, .taps = 1 };
+    *a = (struct rescale_axis){ .in = in, .out = out, .taps = 1 };
     for (size_t o = 0; o < out; o++) {
         long lo = (long)in, hi = 0;
         find_taps(&t, mode, in, out, scale, o);
@@ -134,7 +134,7 @@ static void plan_axis(struct resize_axis *a, struct nn_plan *p,
     transpose(a);
 }
 
-static void plan_rest(struct resize *r, struct nn_plan *p, size_t batch,
+static void plan_rest(struct rescale *r, struct nn_plan *p, size_t batch,
                       size_t C)
 {
     r->batch = batch;
@@ -146,7 +146,7 @@ static void plan_rest(struct resize *r, struct nn_plan *p, size_t batch,
                            (size_t)omp_get_max_threads());
 }
 
-void resize_plan(struct resize *r, struct nn_plan *p, enum resize_mode mode,
+void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
                  size_t batch, size_t h, size_t w, size_t oh, size_t ow,
                  size_t C)
 {
@@ -155,39 +155,39 @@ void resize_plan(struct resize *r, struct nn_plan *p, enum resize_mode mode,
     plan_rest(r, p, batch, C);
 }
 
-void resize_plan_factor(struct resize *r, struct nn_plan *p, size_t batch,
+void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
                         size_t h, size_t w, size_t oh, size_t ow,
                         double factor_y, double factor_x, size_t C)
 {
-    plan_axis(&r->y, p, RESIZE_BICUBIC, h, oh, 1 / factor_y);
-    plan_axis(&r->x, p, RESIZE_BICUBIC, w, ow, 1 / factor_x);
+    plan_axis(&r->y, p, RESCALE_BICUBIC, h, oh, 1 / factor_y);
+    plan_axis(&r->x, p, RESCALE_BICUBIC, w, ow, 1 / factor_x);
     plan_rest(r, p, batch, C);
 }
 
-static float *thread_line(const struct resize *r)
+static float *thread_line(const struct rescale *r)
 {
     return (float *)(void *)r->plan->scratch +
            (size_t)omp_get_thread_num() * r->line;
 }
 
-void resize_forward(float *out, const float *in, struct resize *r)
+void rescale_forward(float *out, const float *in, struct rescale *r)
 {
     const struct nn_kernels *k = nn_kernels();
 #pragma omp parallel for collapse(2) schedule(static)
     for (size_t n = 0; n < r->batch; n++)
         for (size_t o = 0; o < r->y.out; o++)
-            k->resize_line(out + (n * r->y.out + o) * r->x.out * r->C,
+            k->rescale_line(out + (n * r->y.out + o) * r->x.out * r->C,
                            thread_line(r),
                            in + n * r->y.in * r->x.in * r->C, r, o);
 }
 
-void resize_backward(float *din, const float *dout, struct resize *r)
+void rescale_backward(float *din, const float *dout, struct rescale *r)
 {
     const struct nn_kernels *k = nn_kernels();
 #pragma omp parallel for collapse(2) schedule(static)
     for (size_t n = 0; n < r->batch; n++)
         for (size_t i = 0; i < r->y.in; i++)
-            k->resize_line_backward(
+            k->rescale_line_backward(
                 din + (n * r->y.in + i) * r->x.in * r->C, thread_line(r),
                 dout + n * r->y.out * r->x.out * r->C, r, i);
 }

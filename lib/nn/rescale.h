@@ -1,22 +1,22 @@
 /* Resizing feature images, NHWC, as a sparse matrix per axis: every mode is
  * the same two passes with other weights, and so is every backward. */
-#ifndef SPID_NN_RESIZE_H
-#define SPID_NN_RESIZE_H
+#ifndef SPID_NN_RESCALE_H
+#define SPID_NN_RESCALE_H
 
 #include <stdint.h>
 
 #include "lib/nn/plan.h"
 
-enum resize_mode {
-    RESIZE_BILINEAR,    /* align_corners=false: src = (dst+0.5) n/m - 0.5 */
-    RESIZE_ALIGNED,     /* align_corners=true: src = dst (n-1)/(m-1) */
-    RESIZE_ANTIALIAS,   /* triangle as wide as an output pixel */
-    RESIZE_BICUBIC      /* A = -0.75, borders clamped, no antialias */
+enum rescale_mode {
+    RESCALE_BILINEAR,    /* align_corners=false: src = (dst+0.5) n/m - 0.5 */
+    RESCALE_ALIGNED,     /* align_corners=true: src = dst (n-1)/(m-1) */
+    RESCALE_ANTIALIAS,   /* triangle as wide as an output pixel */
+    RESCALE_BICUBIC      /* A = -0.75, borders clamped, no antialias */
 };
 
 /* out[o] = sum_k weight[o][k] in[first[o]+k], and the same transposed:
  * din[i] = sum over j in [start[i], start[i+1]) of tweight[j] dout[from[j]] */
-struct resize_axis {
+struct rescale_axis {
     size_t in, out, taps;
     int32_t *first;      /* (out) */
     float *weight;       /* (out,taps) */
@@ -25,24 +25,24 @@ struct resize_axis {
     float *tweight;      /* (entries) */
 };
 
-struct resize {
+struct rescale {
     size_t batch, C;
-    struct resize_axis y, x;
+    struct rescale_axis y, x;
     struct nn_plan *plan;
     size_t line;         /* floats of one thread's row */
 };
 
 /* h x w -> oh x ow. */
-void resize_plan(struct resize *r, struct nn_plan *p, enum resize_mode mode,
+void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
                  size_t batch, size_t h, size_t w, size_t oh, size_t ow,
                  size_t C);
-/* RESIZE_BICUBIC with explicit factors: src = (dst+0.5)/factor - 0.5. */
-void resize_plan_factor(struct resize *r, struct nn_plan *p, size_t batch,
+/* RESCALE_BICUBIC with explicit factors: src = (dst+0.5)/factor - 0.5. */
+void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
                         size_t h, size_t w, size_t oh, size_t ow,
                         double factor_y, double factor_x, size_t C);
 /* out (B,oh,ow,C) from in (B,h,w,C). */
-void resize_forward(float *out, const float *in, struct resize *r);
+void rescale_forward(float *out, const float *in, struct rescale *r);
 /* din is written. */
-void resize_backward(float *din, const float *dout, struct resize *r);
+void rescale_backward(float *din, const float *dout, struct rescale *r);
 
 #endif

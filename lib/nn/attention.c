@@ -1,0 +1,112 @@
+#include "lib/nn/attention.h"
+
+#include <math.h>
+#include <omp.h>
+#include <string.h>
+
+#include "lib/nn/kernels.h"
+
+#define ROWS 48        /* queries at once */
+
+/* One thread's scratch: packed matrices and two blocks of probabilities. */
+struct work {
+    float *kt, *v, *k, *vt, *block, *p, *dp;
+    size_t ld;
+};
+
+static size_t up(size_t n, size_t to)
+{
+    return (n + to - 1) / to * to;
+}
+
+void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
+                    size_t tokens, size_t heads, size_t dim)
+{
+    *a = (struct attention){ .batch = batch, .tokens = tokens,
+                             .heads = heads, .dim = dim, .plan = p };
+    size_t T = up(tokens, 32), d = up(dim, 32);
+    a->work = 2 * T * d + ROWS * T;
+    if (nn_plan_backward(p))
+        a->work += 2 * T * d + ROWS * T + ROWS * d;
+    nn_plan_scratch(p, a->work * sizeof(float) *
+                           (size_t)omp_get_max_threads());
+}
+
+static struct work thread_work(const struct attention *a)
+{
+    size_t T = up(a->tokens, 32), d = up(a->dim, 32);
+    float *at = (float *)(void *)a->plan->scratch +
+                (size_t)omp_get_thread_num() * a->work;
+    struct work w = { .ld = T };
+    w.kt = at;
+    w.v = w.kt + T * d;
+    w.p = w.v + T * d;
+    w.k = w.p + ROWS * T;
+    w.vt = w.k + T * d;
+    w.dp = w.vt + T * d;
+    w.block = w.dp + ROWS * T;
+    return w;
+}
+
+static void one_forward(float *out, const float *q, const struct attention *a)
+{
+    const struct nn_kernels *k = nn_kernels();
+    struct work w = thread_work(a);
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+    k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
+    k->gemm_pack(w.v, q + 2 * E, 3 * E, 1, T, d);
+    for (size_t m = 0; m < T; m += ROWS) {
+        size_t n = T - m < ROWS ? T - m : ROWS;
+        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
+        k->softmax(w.p, n, T, w.ld, 1.0f / sqrtf((float)d));
+        k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, 0);
+    }
+}
+
+void attention_forward(float *out, const float *qkv, struct attention *a)
+{
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t b = 0; b < a->batch; b++)
+        for (size_t h = 0; h < a->heads; h++)
+            one_forward(out + b * T * E + h * d,
+                        qkv + b * T * 3 * E + h * d, a);
+}
+
+/* In the forward pass, for a block of queries: p = softmax(q k^T scale),
+ * out = p v. */
+static void one_backward(float *dq, const float *dout, const float *q,
+                         const struct attention *a)
+{
+    const struct nn_kernels *k = nn_kernels();
+    struct work w = thread_work(a);
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+    float scale = 1.0f / sqrtf((float)d);
+    k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
+    k->gemm_pack(w.vt, q + 2 * E, 1, 3 * E, d, T);
+    k->gemm_pack(w.k, q + E, 3 * E, 1, T, d);
+    for (size_t m = 0; m < T; m += ROWS) {
+        size_t n = T - m < ROWS ? T - m : ROWS;
+        k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
+        k->softmax(w.p, n, T, w.ld, scale);
+        k->gemm(w.dp, w.ld, dout + m * E, E, 1, w.vt, n, T, d, 0);
+        k->gemm_pack(w.block, dout + m * E, E, 1, n, d);
+        k->gemm(dq + 2 * E, 3 * E, w.p, 1, w.ld, w.block, T, d, n, m > 0);
+        k->softmax_backward(w.dp, w.p, n, T, w.ld, scale);
+        k->gemm(dq + m * 3 * E, 3 * E, w.dp, w.ld, 1, w.k, n, d, T, 0);
+        k->gemm_pack(w.block, q + m * 3 * E, 3 * E, 1, n, d);
+        k->gemm(dq + E, 3 * E, w.dp, 1, w.ld, w.block, T, d, n, m > 0);
+    }
+}
+
+void attention_backward(float *dqkv, const float *dout, const float *qkv,
+                        struct attention *a)
+{
+    size_t T = a->tokens, d = a->dim, E = a->heads * d;
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t b = 0; b < a->batch; b++)
+        for (size_t h = 0; h < a->heads; h++)
+            one_backward(dqkv + b * T * 3 * E + h * d,
+                         dout + b * T * E + h * d,
+                         qkv + b * T * 3 * E + h * d, a);
+}

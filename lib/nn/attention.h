@@ -1,0 +1,21 @@
+/* Softmax attention over the tokens of each item, heads apart. */
+#ifndef SPID_NN_ATTENTION_H
+#define SPID_NN_ATTENTION_H
+
+#include "lib/nn/plan.h"
+
+struct attention {
+    size_t batch, tokens, heads, dim;    /* dim of one head */
+    struct nn_plan *plan;
+    size_t work;                         /* floats of scratch per thread */
+};
+
+void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
+                    size_t tokens, size_t heads, size_t dim);
+/* out (B,T,heads*dim) = softmax(q k^T / sqrt(dim)) v, qkv (B,T,3,heads,dim) */
+void attention_forward(float *out, const float *qkv, struct attention *a);
+/* dqkv is written; the probabilities are computed again. */
+void attention_backward(float *dqkv, const float *dout, const float *qkv,
+                        struct attention *a);
+
+#endif
