@@ -4,6 +4,7 @@
 
 #include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
 /* ---- relaxation of the half --------------------------------------------- */
 
@@ -140,8 +141,7 @@ static void put_quad(struct full *m, const int *q, const int *mir)
         return;
     }
     int s = norm(sub(p[q[0]], p[q[2]])) > norm(sub(p[q[1]], p[q[3]])) + 1e-9;
-    int a = q[s], b = q[s + 1], c = q[s + 2 - (s + 2 > 3 ? 4 : 0)],
-        d = q[(s + 3) % 4];
+    int a = q[s], b = q[s + 1], c = q[s + 2], d = q[(s + 3) % 4];
     put_triangle(m, a, b, c);
     put_triangle(m, a, c, d);
     put_triangle(m, mir[a], mir[c], mir[b]);
@@ -276,14 +276,22 @@ static int allocate(struct sculpt *s, const struct full *m)
            s->hair && s->uv ? 0 : -1;
 }
 
-static void copy_mesh(struct sculpt *s, const struct full *m)
+/* Positions of both sides from the half. */
+static void copy_positions(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
-        s->v_template[v * 3] = (float)(m->p[v].x * 1e-3);
-        s->v_template[v * 3 + 1] = (float)(m->p[v].y * 1e-3);
-        s->v_template[v * 3 + 2] = (float)(m->p[v].z * 1e-3);
-        s->mirror[v] = m->mirror[v];
+        struct vec p = m->h->p[m->src[v]];
+        s->v_template[v * 3] = (float)(m->side[v] * p.x * 1e-3);
+        s->v_template[v * 3 + 1] = (float)(p.y * 1e-3);
+        s->v_template[v * 3 + 2] = (float)(p.z * 1e-3);
     }
+}
+
+static void copy_mesh(struct sculpt *s, const struct full *m)
+{
+    copy_positions(s, m);
+    for (int v = 0; v < m->nv; v++)
+        s->mirror[v] = m->mirror[v];
     for (int i = 0; i < m->nf; i++)
         for (int k = 0; k < 3; k++)
             s->f[i * 3 + k] = m->f[i][k];
@@ -299,11 +307,13 @@ int sculpt_make(struct sculpt *s, struct error *err)
     if (rc == 0) {
         copy_mesh(s, &m);
         rc = sculpt_labels(s, &m) || sculpt_rig(s, &m) ||
-             sculpt_shapes(s, &m) || sculpt_expressions(s, &m) ? -1 : 0;
+             sculpt_shapes(s, &m) || sculpt_expressions(s, &m) ||
+             sculpt_finish(h) ? -1 : 0;
+        copy_positions(s, &m);
     }
     sculpt_full_release(&m);
     free(h);
-    return rc ? error_set(err, 71, "out of memory sculpting the head") : 0;
+    return rc ? error_set(err, EX_OSERR, "out of memory sculpting the head") : 0;
 }
 
 void sculpt_release(struct sculpt *s)

@@ -130,6 +130,9 @@ void sculpt_nostril(struct half *h);
 #define EYE_CENTRE vec(31.5, 25, 68)
 #define EYE_RADIUS 12.0
 
+/* The last few millimetres, after directions and weights were made. */
+int sculpt_finish(struct half *h);
+
 /* The lid vertices' movement when the left eye closes, mm. */
 void sculpt_eyelid(const struct half *h, struct vec *delta);
 
