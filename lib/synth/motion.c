@@ -1,0 +1,177 @@
+#include "lib/synth/motion.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/synth/vec.h"
+
+/* Random number 0..1 of track `name` in slot i. */
+static float slot(const struct person *p, uint64_t name, int64_t i)
+{
+    uint64_t u = random_mix(random_mix(p->key ^ name) + (uint64_t)i);
+    return (float)(u >> 40) * (1.0f / 16777216.0f);
+}
+
+/* Smooth noise in -1..1 that takes a new value every `period` seconds. */
+static float wander(const struct person *p, uint64_t name, double time,
+                    double period)
+{
+    double x = time / period + 1000 + slot(p, name, -7);
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i), y[4];
+    for (int k = 0; k < 4; k++)
+        y[k] = 2 * slot(p, name, i - 1 + k) - 1;
+    /* cubic B-spline: two continuous derivatives */
+    float g = 1 - f, f2 = f * f, f3 = f2 * f;
+    return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
+                    + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
+}
+
+/* Holds a value for `period` seconds and then moves on within `move` of it;
+ * in 0..1, the same value with chance `keep`. */
+static float jump(const struct person *p, uint64_t name, double time,
+                  double period, double move)
+{
+    double x = time / period + 1000;
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i);
+    float start = slot(p, name ^ 0x51, i) * (1 - (float)move);
+    return lerpf(slot(p, name, i - 1), slot(p, name, i),
+                 ramp(start, start + (float)move, f));
+}
+
+/* An event now and then: rises to 1 and falls again.  chance is that of a
+ * slot of `period` seconds to have one, width its share of the slot. */
+static float pulse(const struct person *p, uint64_t name, double time,
+                   double period, float chance, float width)
+{
+    double x = time / period + 1000;
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i);
+    if (slot(p, name, i) > chance)
+        return 0;
+    float half = 0.5f * width * (0.7f + 0.6f * slot(p, name ^ 9, i));
+    float mid = half + (1 - 2 * half) * slot(p, name ^ 5, i);
+    float d = fabsf(f - mid) / half;
+    return d < 1 ? ramp(1, 0.25f, d) : 0;
+}
+
+static uint64_t track(const char *name, int i)
+{
+    return random_mix(random_name(name) + (uint64_t)i);
+}
+
+/* The first directions come and go as whole expressions: each is strong in
+ * few slots only; the next ones tremble a little. */
+static void sample_expression(struct synth_motion *m, const struct person *p,
+                              double time, size_t nexp)
+{
+    for (size_t i = 0; i < nexp && i < MOTION_EXP_MAX; i++) {
+        uint64_t name = track("exp", (int)i);
+        float v = 0;
+        if (i < 16) {
+            float on = pulse(p, name, time, 2.8, 0.32f, 1.0f);
+            float size = 2 * slot(p, name ^ 3, (int64_t)(time / 2.8 + 1000))
+                         - 1;
+            size = (size < 0 ? -1 : 1) * (0.35f + 1.15f * fabsf(size));
+            v = on * size * p->lively
+                + 0.12f * wander(p, name ^ 1, time, 1.1);
+        } else if (i < 40) {
+            v = 0.25f * wander(p, name, time, 1.7);
+        }
+        m->exp[i] = clampf(v, -2, 2);
+    }
+}
+
+/* Speech: syllables at four to six a second inside phrases. */
+static void sample_jaw(struct synth_motion *m, const struct person *p,
+                       double time)
+{
+    uint64_t name = track("speech", 0);
+    float phrase = pulse(p, name, time, 3.1, 0.65f, 1.0f);
+    float rate = 0.17f + 0.08f * slot(p, name, -3);
+    float syllable = 0.5f + 0.5f * wander(p, name ^ 2, time, rate);
+    float open = 0.22f * phrase * syllable * p->lively;
+    open += 0.42f * pulse(p, track("yawn", 0), time, 4.3, 0.28f, 0.7f)
+            * (0.4f + 0.6f * slot(p, name, (int64_t)(time / 4.3)));
+    m->jaw[0] = clampf(open, 0, 0.42f);
+    m->jaw[1] = 0.06f * wander(p, track("jaw", 1), time, 0.9)
+                * ramp(0, 0.1f, open);
+    m->jaw[2] = 0.02f * wander(p, track("jaw", 2), time, 0.9)
+                * ramp(0, 0.1f, open);
+    /* the lips shape the sounds: the first directions, quickly */
+    for (int i = 0; i < 8; i++)
+        m->exp[i] += 0.45f * phrase * wander(p, track("viseme", i), time, rate);
+}
+
+static void sample_eyes(struct synth_motion *m, const struct person *p,
+                        double time)
+{
+    float yaw = 2 * jump(p, track("gaze", 0), time, 0.9, 0.07) - 1;
+    float pitch = 2 * jump(p, track("gaze", 1), time, 0.9, 0.07) - 1;
+    float camera = jump(p, track("gaze", 2), time, 1.9, 0.05);
+    float keep = camera > 0.5f ? 1 : 0.25f;
+    /* often the eyes hold the camera while the head turns */
+    yaw = 0.42f * yaw * keep - (camera > 0.5f ? 0 : 0.55f * m->yaw);
+    pitch = 0.24f * pitch * keep - (camera > 0.5f ? 0 : 0.5f * m->pitch);
+    yaw = clampf(yaw, -0.45f, 0.45f);
+    pitch = clampf(pitch, -0.3f, 0.3f);
+    float verge = 0.03f * slot(p, track("verge", 0), 0);
+    m->eye[0] = m->eye[3] = pitch;
+    m->eye[1] = yaw - verge;
+    m->eye[4] = yaw + verge;
+    float blink = pulse(p, track("blink", 0), time, 2.3, 0.75f, 0.13f);
+    float doze = 0.5f * pulse(p, track("doze", 0), time, 5.1, 0.25f, 0.8f);
+    float down = clampf(pitch * 0.9f, -0.1f, 0.3f);
+    float base = clampf(0.06f + 0.10f * wander(p, track("lid", 0), time, 2)
+                        + down, 0, 1);
+    float both = base + (1 - base) * fmaxf(blink, doze);
+    for (int k = 0; k < 2; k++) {
+        float wink = pulse(p, track("wink", k), time, 6.7, 0.22f, 0.2f);
+        m->lid[k] = clampf(fmaxf(both, wink), 0, 1);
+    }
+}
+
+/* R = diag(1,-1,-1) for a face to the camera; yaw turns it to its left. */
+static void face_rotation(float rot[9], float yaw, float pitch, float roll)
+{
+    static const float front[9] = { 1, 0, 0, 0, -1, 0, 0, 0, -1 };
+    float a[9], b[9], c[9], t[9];
+    axis33(a, 1, yaw);
+    axis33(b, 0, pitch);
+    axis33(c, 2, roll);
+    mul33(t, a, b);
+    mul33(b, c, t);
+    mul33(rot, front, b);
+}
+
+void synth_motion(struct synth_motion *m, const struct person *p, double time,
+                  size_t nexp)
+{
+    float pose[3], size[3] = { 0.62f, 0.34f, 0.27f }, drift[3];
+    memset(m, 0, sizeof *m);
+    for (int k = 0; k < 3; k++) {
+        float slow = wander(p, track("pose", k), time, 2.2);
+        float fast = wander(p, track("nod", k), time, 0.7);
+        pose[k] = size[k] * p->lively * (slow * fabsf(slow) * 0.6f
+                                         + slow * 0.4f + 0.12f * fast);
+        drift[k] = wander(p, track("drift", k), time, 3.1);
+    }
+    m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
+    m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);
+    m->roll = clampf(p->roll + pose[2], -MOTION_ROLL, MOTION_ROLL);
+    face_rotation(m->rot, m->yaw, m->pitch, m->roll);
+    face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
+                  0.1f * m->roll);
+    m->trans[0] = p->rest[0] + 0.05f * drift[0] + 0.06f * m->yaw;
+    m->trans[1] = p->rest[1] + 0.03f * drift[1] + 0.05f * m->pitch;
+    m->trans[2] = p->rest[2] * (1 + 0.02f * drift[2]);
+    /* the shoulders sit still below the neck, wherever the head leans */
+    m->body_trans[0] = m->trans[0] - 0.10f * m->roll;
+    m->body_trans[1] = m->trans[1];
+    m->body_trans[2] = m->trans[2];
+    sample_expression(m, p, time, nexp);
+    sample_jaw(m, p, time);
+    sample_eyes(m, p, time);
+}

@@ -1,0 +1,34 @@
+/* How a synthetic person moves: every parameter is a smooth function of time
+ * that depends on the person only, so any frame can be asked for at once. */
+#ifndef SPID_SYNTH_MOTION_H
+#define SPID_SYNTH_MOTION_H
+
+#include <stddef.h>
+
+#include "lib/synth/person.h"
+
+#define MOTION_EXP_MAX 512
+
+/* Radians of the widest head pose. */
+#define MOTION_YAW 0.785f
+#define MOTION_PITCH 0.436f
+#define MOTION_ROLL 0.349f
+
+struct synth_motion {
+    float rot[9], trans[3];      /* camera: x_cam = rot x + trans */
+    float body[9], body_trans[3];/* the same for the shoulders */
+    float exp[MOTION_EXP_MAX];
+    float jaw[3], lid[2], eye[6];
+    float yaw, pitch, roll;
+};
+
+/* Motion of person p at `time` seconds; nexp expression directions.
+ *
+ * Ranges: yaw +-45, pitch +-25, roll +-20 degrees; jaw opens 0..0.42 rad,
+ * sideways +-0.06; gaze +-0.45 rad across, +-0.3 up and down; lids 0..1;
+ * exp[0..15] sparse, mostly within +-1.6; exp[16..39] within +-0.35; the
+ * rest 0. */
+void synth_motion(struct synth_motion *m, const struct person *p, double time,
+                  size_t nexp);
+
+#endif

@@ -1,0 +1,348 @@
+#include "lib/synth/person.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/synth/vec.h"
+
+static float range(struct random *r, double lo, double hi)
+{
+    return (float)random_range(r, lo, hi);
+}
+static float normal(struct random *r)
+{
+    return clampf((float)random_normal(r), -2.5f, 2.5f);
+}
+static int chance(struct random *r, double p)
+{
+    return random_uniform(r) < p;
+}
+/* sRGB 0..255 to linear light */
+static void linear(float out[3], const float srgb[3])
+{
+    for (int k = 0; k < 3; k++) {
+        float v = srgb[k] / 255;
+        out[k] = v <= 0.04045f ? v / 12.92f
+                               : powf((v + 0.055f) / 1.055f, 2.4f);
+    }
+}
+/* Linear colour at place t (0..1) of a row of n sRGB colours. */
+static void palette(float out[3], const float (*row)[3], int n, float t)
+{
+    float a[3], b[3], x = clampf(t, 0, 1) * (float)(n - 1);
+    int i = (int)x;
+    i = i > n - 2 ? n - 2 : i;
+    linear(a, row[i]);
+    linear(b, row[i + 1]);
+    lerp3(out, a, b, x - (float)i);
+}
+static void jitter(struct random *r, float c[3], float s)
+{
+    float all = 1 + s * normal(r);
+    for (int k = 0; k < 3; k++)
+        c[k] = clampf(c[k] * (all + 0.35f * s * normal(r)), 0.003f, 0.95f);
+}
+/* Any colour: hue anywhere, saturation and brightness within bounds. */
+static void any_color(struct random *r, float c[3], float sat, float lo,
+                      float hi)
+{
+    float h = range(r, 0, 6), s = sat * range(r, 0, 1) * range(r, 0.3, 1);
+    float v = range(r, lo, hi);
+    for (int k = 0; k < 3; k++) {
+        float d = fabsf(fmodf(h + 2 * (float)k, 6) - 3) - 1;
+        c[k] = v * lerpf(1, clampf(d, 0, 1), s);
+        c[k] = powf(clampf(c[k], 0.01f, 1), 2.2f);
+    }
+}
+
+static void sample_shape(struct person *p, uint64_t key, size_t nshape)
+{
+    struct random r;
+    random_init(&r, key, "shape");
+    p->nbeta = nshape < PERSON_SHAPE_MAX ? nshape : PERSON_SHAPE_MAX;
+    for (size_t i = 0; i < p->nbeta; i++)
+        p->beta[i] = normal(&r) * (i < 50 ? 0.9f : 0.4f);
+}
+
+static const float skin_row[7][3] = {
+    { 240, 208, 192 }, { 228, 188, 166 }, { 214, 168, 142 },
+    { 190, 140, 110 }, { 150, 104, 78 },  { 108, 72, 54 }, { 70, 47, 38 }
+};
+
+static void sample_skin(struct person *p, uint64_t key)
+{
+    struct random r;
+    struct shade_skin *s = &p->skin;
+    random_init(&r, key, "skin");
+    p->tone = clampf(range(&r, 0, 1) * range(&r, 0.35, 1.1), 0, 1);
+    palette(s->base, skin_row, 7, p->tone);
+    jitter(&r, s->base, 0.05f);
+    for (int k = 0; k < 3; k++)
+        s->shift[k] = range(&r, 0, 4000) - 2000;
+    s->blotch = range(&r, 0.08, 0.3);
+    s->freckle = chance(&r, 0.25) && p->tone < 0.35f ? range(&r, 0.3, 1) : 0;
+    s->pores = range(&r, 0.02, 0.055) + 0.04f * p->age;
+    s->oil = range(&r, 0.25, 0.9);
+    s->wrinkle = p->age;
+    float red[3] = { 176, 92, 88 }, lip[3];
+    linear(lip, red);
+    for (int k = 0; k < 3; k++)
+        s->lip[k] = lerpf(lip[k], s->base[k] * (k ? 0.55f : 0.78f),
+                          range(&r, 0.45, 0.85));
+    s->gloss = range(&r, 0.3, 1.2);
+    p->makeup = p->male < 0.5f && chance(&r, 0.4) ? range(&r, 0.3, 1) : 0;
+    if (p->makeup > 0) {
+        float stick[3] = { range(&r, 130, 210), range(&r, 25, 90),
+                           range(&r, 45, 100) }, c[3];
+        linear(c, stick);
+        lerp3(s->lip, s->lip, c, p->makeup * 0.75f);
+    }
+}
+
+static const float hair_row[8][3] = {
+    { 18, 15, 14 }, { 34, 25, 20 }, { 52, 37, 27 }, { 82, 58, 40 },
+    { 112, 82, 54 }, { 152, 116, 76 }, { 188, 156, 108 }, { 206, 180, 138 }
+};
+
+static void sample_hair(struct person *p, uint64_t key)
+{
+    static const float male[HAIR_STYLES] = { 4, 10, 24, 20, 16, 5, 2, 2, 6, 4,
+                                             1, 9 };
+    static const float female[HAIR_STYLES] = { 1, 1, 5, 5, 2, 18, 24, 20, 8,
+                                               5, 14, 0 };
+    struct hair_look *h = &p->hair;
+    struct random r;
+    random_init(&r, key, "hair");
+    float total = 0, pick = range(&r, 0, 1);
+    const float *odds = p->male > 0.5f ? male : female;
+    for (int i = 0; i < HAIR_STYLES; i++)
+        total += odds[i];
+    for (int i = 0; i < HAIR_STYLES; i++) {
+        h->style = (enum hair_style)i;
+        pick -= odds[i] / total;
+        if (pick < 0)
+            break;
+    }
+    float light = range(&r, 0, 1) * clampf(1.15f - 1.8f * p->tone, 0.12f, 1);
+    palette(h->color, hair_row, 8, light);
+    float red[3], gray[3], rs[3] = { 118, 58, 30 }, gs[3] = { 168, 166, 164 };
+    linear(red, rs);
+    linear(gray, gs);
+    if (chance(&r, 0.08) && p->tone < 0.4f)
+        lerp3(h->color, h->color, red, range(&r, 0.4, 1));
+    h->gray = clampf((p->age - 0.55f) * 2.2f * range(&r, 0.2, 1.2), 0, 0.95f);
+    lerp3(h->color, h->color, gray, h->gray);
+    jitter(&r, h->color, 0.08f);
+    h->spread = range(&r, 0.18, 0.4);
+    h->gloss = range(&r, 0.4, 1.4);
+    h->length = range(&r, 0.7, 1.35);
+    h->volume = range(&r, 0.6, 1.4);
+    h->curl = range(&r, 0, 1);
+    h->part = chance(&r, 0.35) ? range(&r, -0.03, 0.03)
+                               : (chance(&r, 0.5) ? 1 : -1) * range(&r, .1, .2);
+    h->fringe = chance(&r, p->male > 0.5f ? 0.15 : 0.3);
+    copy3(p->skin.hair, h->color);
+    p->skin.shaved = h->style == HAIR_SHAVED ? range(&r, 0.55, 1) : 0;
+}
+
+static void sample_face(struct person *p, uint64_t key)
+{
+    struct random r;
+    random_init(&r, key, "face");
+    p->brow_weight = range(&r, 0.5, 1) * lerpf(0.75f, 1.1f, p->male);
+    p->brow_arch = range(&r, -0.3, 1);
+    for (int k = 0; k < 3; k++) {
+        float c = lerpf(p->hair.color[k], 0.02f, 0.35f);
+        p->brow_color[k] = p->skin.brow[k] = c;
+        p->beard_color[k] = p->hair.color[k] * 0.9f;
+    }
+    p->lash = range(&r, 0.5, 0.9) + (p->male < 0.5f ? 0.5f : 0)
+              * range(&r, 0.3, 1);
+    if (p->male > 0.5f) {
+        p->skin.stubble = range(&r, 0.1, 1) * range(&r, 0.3, 0.9);
+        int kind = (int)random_below(&r, 10);
+        if (kind < 3) {
+            p->beard = range(&r, 0.5, 1);
+            p->moustache = 1;
+            p->beard_length = range(&r, 0.015, 0.05);
+        } else if (kind < 5) {
+            p->beard = p->moustache = range(&r, 0.3, 0.8);
+            p->beard_length = range(&r, 0.006, 0.014);
+        } else if (kind == 5) {
+            p->moustache = range(&r, 0.6, 1);
+            p->beard_length = range(&r, 0.02, 0.04);
+        }
+    }
+    float yellow = range(&r, 0, 0.25);
+    float tooth[3] = { 0.72f, 0.70f - 0.1f * yellow, 0.64f - 0.5f * yellow };
+    float gum[3] = { 0.40f, 0.12f, 0.12f }, tongue[3] = { 0.42f, .13f, .13f };
+    copy3(p->tooth, tooth);
+    copy3(p->gum, gum);
+    copy3(p->tongue, tongue);
+    p->glasses = chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
+    p->frame_width = p->glasses == 3 ? range(&r, 0.006, 0.009)
+                                     : range(&r, 0.01, 0.024);
+    if (chance(&r, 0.6))
+        p->frame_color[0] = p->frame_color[1] = p->frame_color[2] = 0.015f;
+    else
+        any_color(&r, p->frame_color, 0.8f, 0.1f, 0.6f);
+}
+
+static const float iris_row[7][3] = {
+    { 58, 36, 22 }, { 84, 54, 30 }, { 116, 82, 44 }, { 112, 106, 62 },
+    { 98, 118, 98 }, { 104, 132, 148 }, { 88, 124, 164 }
+};
+
+static void sample_eyes(struct person *p, uint64_t key)
+{
+    struct random r;
+    struct shade_eye *e = &p->eye;
+    random_init(&r, key, "eyes");
+    float t = p->tone > 0.4f || chance(&r, 0.4) ? range(&r, 0, 0.3)
+                                                : range(&r, 0.2, 1);
+    palette(e->iris, iris_row, 7, t);
+    jitter(&r, e->iris, 0.12f);
+    for (int k = 0; k < 3; k++) {
+        e->ring[k] = e->iris[k] * (k == 0 ? 0.6f : 0.65f);
+        e->shift[k] = range(&r, 0, 4000) - 2000;
+    }
+    e->iris_radius = range(&r, 0.47, 0.53);
+    e->pupil = range(&r, 0.15, 0.27);
+    float white = range(&r, 0.62, 0.78);
+    e->white[0] = white;
+    e->white[1] = white * 0.95f;
+    e->white[2] = white * 0.92f;
+    e->vein = range(&r, 0.2, 1);
+}
+
+static void sample_clothes(struct person *p, uint64_t key)
+{
+    struct random r;
+    struct shade_cloth *c = &p->cloth;
+    random_init(&r, key, "clothes");
+    p->collar = (enum collar)random_below(&r, COLLARS);
+    if (p->collar == COLLAR_WIDE && p->male > 0.5f)
+        p->collar = COLLAR_CREW;
+    *c = (struct shade_cloth){ .weave = CLOTH_PLAIN };
+    if (chance(&r, 0.5))
+        c->weave = (enum cloth_weave)random_below(&r, CLOTH_WEAVES);
+    if (c->weave == CLOTH_PLAID && p->collar != COLLAR_SHIRT)
+        c->weave = CLOTH_KNIT;
+    any_color(&r, c->base, chance(&r, 0.5) ? 0.25f : 0.9f, 0.08f, 0.85f);
+    any_color(&r, c->second, 0.7f, 0.1f, 0.9f);
+    if (c->weave == CLOTH_PLAIN || c->weave == CLOTH_KNIT)
+        for (int k = 0; k < 3; k++)
+            c->second[k] = c->base[k] * 1.25f;
+    c->scale = c->weave == CLOTH_KNIT ? range(&r, 9, 16) : range(&r, 4, 9);
+    c->bump = range(&r, 0.15, 0.45);
+    c->gloss = range(&r, 0, 0.15);
+    c->grain = range(&r, 0.02, 0.12);
+    for (int k = 0; k < 3; k++)
+        c->shift[k] = range(&r, 0, 4000) - 2000;
+    p->shoulder = range(&r, 0.92, 1.08) * lerpf(0.9f, 1.06f, p->male);
+    p->build = range(&r, 0.85, 1.2);
+}
+
+static void aim(float dir[3], float azimuth, float height)
+{
+    dir[0] = sinf(azimuth) * cosf(height);
+    dir[1] = -sinf(height);
+    dir[2] = -cosf(azimuth) * cosf(height);
+}
+
+/* Warm to cool white of the given brightness. */
+static void white_light(float rgb[3], float warmth, float power)
+{
+    rgb[0] = power * (1 + 0.22f * warmth);
+    rgb[1] = power;
+    rgb[2] = power * (1 - 0.30f * warmth);
+}
+
+static void sample_light(struct person *p, struct random *r)
+{
+    struct shade_env *e = &p->env;
+    float side = chance(r, 0.5) ? 1 : -1, key = range(r, 0.5, 2.1);
+    int studio = chance(r, 0.35);
+    aim(e->light[0].dir, side * range(r, 0.1, studio ? 0.7 : 1.35),
+        range(r, 0.15, 1.0));
+    white_light(e->light[0].rgb, range(r, -0.5, 0.9), key);
+    aim(e->light[1].dir, -side * range(r, 0.4, 1.4), range(r, -0.1, 0.6));
+    white_light(e->light[1].rgb, range(r, -0.8, 0.5), key * range(r, 0, .45));
+    aim(e->light[2].dir, (chance(r, 0.5) ? 1 : -1) * range(r, 2.1, 2.7),
+        range(r, 0.1, 0.7));
+    white_light(e->light[2].rgb, range(r, -0.8, 0.8),
+                chance(r, 0.5) ? key * range(r, 0.2, 1.2) : 0);
+    float amb = range(r, 0.25, 0.7), warm = range(r, -0.6, 0.6);
+    static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
+    for (int k = 0; k < 6; k++)
+        white_light(e->cube[k], warm + range(r, -0.2, 0.2),
+                    amb * faces[k] * range(r, 0.7, 1.3));
+    /* -y is up: the sky; +y gives back the warm floor and the clothes */
+    white_light(e->cube[3], warm + 0.4f, amb * range(r, 0.25, 0.6));
+}
+
+void person_relight(struct person *p, int k)
+{
+    struct random r;
+    random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
+    sample_light(p, &r);
+    aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
+        k % 3 == 2 ? 0.1f : 0.5f);
+}
+
+static void sample_lens(struct person *p, uint64_t key, float effects)
+{
+    struct random r;
+    struct lens_look *l = &p->lens;
+    random_init(&r, key, "lens");
+    *l = (struct lens_look){ .gamma = 1, .contrast = 1, .low = 1,
+                             .exposure = 1, .saturation = 1,
+                             .balance = { 1, 1, 1 } };
+    float e = effects, warm = normal(&r) * 0.06f * e;
+    l->exposure = expf(normal(&r) * 0.16f * e);
+    l->gamma = expf(normal(&r) * 0.08f * e);
+    l->contrast = 1 + 0.10f * e * normal(&r);
+    l->saturation = clampf(0.92f + 0.13f * e * normal(&r), 0.3f, 1.3f);
+    l->balance[0] = expf(warm);
+    l->balance[2] = expf(-warm + normal(&r) * 0.03f * e);
+    l->noise = range(&r, 0, 1) * range(&r, 0, 0.03) * e;
+    l->blur = chance(&r, 0.3) ? range(&r, 0, 0.9) * e : 0;
+    l->vignette = range(&r, 0, 0.35) * e;
+    l->shutter = chance(&r, 0.4) ? range(&r, 0, 0.03) * e : 0;
+    l->jpeg = chance(&r, 0.45 * e) ? (int)range(&r, 45, 95) : 0;
+    l->low = chance(&r, 0.15 * e) ? range(&r, 0.4, 0.8) : 1;
+    l->occluder = chance(&r, 0.10 * e) ? 1 + (int)random_below(&r, 3) : 0;
+}
+
+void person_sample(struct person *p, uint64_t seed, uint64_t index,
+                   size_t nshape, float effects)
+{
+    struct random r;
+    memset(p, 0, sizeof *p);
+    random_init(&r, seed, "synth.person");
+    p->key = random_mix(r.key ^ random_mix(index));
+    random_init(&r, p->key, "kind");
+    p->age = range(&r, 0, 1) * range(&r, 0.3, 1);
+    p->male = chance(&r, 0.5) ? range(&r, 0.6, 1) : range(&r, 0, 0.4);
+    sample_shape(p, p->key, nshape);
+    sample_skin(p, p->key);
+    sample_hair(p, p->key);
+    sample_face(p, p->key);
+    sample_eyes(p, p->key);
+    sample_clothes(p, p->key);
+    random_init(&r, p->key, "light");
+    sample_light(p, &r);
+    sample_lens(p, p->key, effects);
+    random_init(&r, p->key, "framing");
+    p->backdrop = (int)random_below(&r, 6);
+    any_color(&r, p->wall, 0.45f, 0.2f, 0.9f);
+    any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
+    p->rest[0] = normal(&r) * 0.06f;
+    p->rest[1] = normal(&r) * 0.05f - 0.02f;
+    p->rest[2] = 12 * expf(normal(&r) * 0.07f);
+    p->yaw = normal(&r) * 0.14f;
+    p->pitch = normal(&r) * 0.07f;
+    p->roll = normal(&r) * 0.05f;
+    p->lively = range(&r, 0.7, 1.25);
+}
