@@ -7,14 +7,14 @@
 #include "lib/synth/vec.h"
 
 /* Random number 0..1 of track `name` in slot i. */
-static float slot(const struct person *p, uint64_t name, int64_t i)
+static float slot(const struct persona *p, uint64_t name, int64_t i)
 {
     uint64_t u = random_mix(random_mix(p->key ^ name) + (uint64_t)i);
     return (float)(u >> 40) * (1.0f / 16777216.0f);
 }
 
 /* Smooth noise in -1..1 that takes a new value every `period` seconds. */
-static float wander(const struct person *p, uint64_t name, double time,
+static float wander(const struct persona *p, uint64_t name, double time,
                     double period)
 {
     double x = time / period + 1000 + slot(p, name, -7);
@@ -30,7 +30,7 @@ static float wander(const struct person *p, uint64_t name, double time,
 
 /* Holds a value for `period` seconds and then moves on within `move` of it;
  * in 0..1, the same value with chance `keep`. */
-static float jump(const struct person *p, uint64_t name, double time,
+static float jump(const struct persona *p, uint64_t name, double time,
                   double period, double move)
 {
     double x = time / period + 1000;
@@ -43,7 +43,7 @@ static float jump(const struct person *p, uint64_t name, double time,
 
 /* An event now and then: rises to 1 and falls again.  chance is that of a
  * slot of `period` seconds to have one, width its share of the slot. */
-static float pulse(const struct person *p, uint64_t name, double time,
+static float pulse(const struct persona *p, uint64_t name, double time,
                    double period, float chance, float width)
 {
     double x = time / period + 1000;
@@ -64,7 +64,7 @@ static uint64_t track(const char *name, int i)
 
 /* The first directions come and go as whole expressions: each is strong in
  * few slots only; the next ones tremble a little. */
-static void sample_expression(struct synth_motion *m, const struct person *p,
+static void sample_expression(struct synth_motion *m, const struct persona *p,
                               double time, size_t nexp)
 {
     for (size_t i = 0; i < nexp && i < MOTION_EXP_MAX; i++) {
@@ -85,7 +85,7 @@ static void sample_expression(struct synth_motion *m, const struct person *p,
 }
 
 /* Speech: syllables at four to six a second inside phrases. */
-static void sample_jaw(struct synth_motion *m, const struct person *p,
+static void sample_jaw(struct synth_motion *m, const struct persona *p,
                        double time)
 {
     uint64_t name = track("speech", 0);
@@ -105,7 +105,7 @@ static void sample_jaw(struct synth_motion *m, const struct person *p,
         m->exp[i] += 0.45f * phrase * wander(p, track("viseme", i), time, rate);
 }
 
-static void sample_eyes(struct synth_motion *m, const struct person *p,
+static void sample_eyes(struct synth_motion *m, const struct persona *p,
                         double time)
 {
     float yaw = 2 * jump(p, track("gaze", 0), time, 0.9, 0.07) - 1;
@@ -146,7 +146,7 @@ static void face_rotation(float rot[9], float yaw, float pitch, float roll)
     mul33(rot, front, b);
 }
 
-void synth_motion(struct synth_motion *m, const struct person *p, double time,
+void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp)
 {
     float pose[3], size[3] = { 0.62f, 0.34f, 0.27f }, drift[3];

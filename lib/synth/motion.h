@@ -5,7 +5,7 @@
 
 #include <stddef.h>
 
-#include "lib/synth/person.h"
+#include "lib/synth/persona.h"
 
 #define MOTION_EXP_MAX 512
 
@@ -28,7 +28,7 @@ struct synth_motion {
  * sideways +-0.06; gaze +-0.45 rad across, +-0.3 up and down; lids 0..1;
  * exp[0..15] sparse, mostly within +-1.6; exp[16..39] within +-0.35; the
  * rest 0. */
-void synth_motion(struct synth_motion *m, const struct person *p, double time,
+void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp);
 
 #endif

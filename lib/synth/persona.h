@@ -1,14 +1,14 @@
 /* Who a synthetic person is and what their picture is taken with: numbers
  * only, all drawn from (seed, index). */
-#ifndef SPID_SYNTH_PERSON_H
-#define SPID_SYNTH_PERSON_H
+#ifndef SPID_SYNTH_PERSONA_H
+#define SPID_SYNTH_PERSONA_H
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "lib/synth/shade.h"
 
-#define PERSON_SHAPE_MAX 512
+#define PERSONA_SHAPE_MAX 512
 
 enum hair_style {
     HAIR_SHAVED, HAIR_BUZZ, HAIR_SHORT, HAIR_SIDE, HAIR_QUIFF, HAIR_MEDIUM,
@@ -37,9 +37,9 @@ struct lens_look {
                                           * 3 strand */
 };
 
-struct person {
+struct persona {
     uint64_t key;                        /* of all its random sequences */
-    float beta[PERSON_SHAPE_MAX];
+    float beta[PERSONA_SHAPE_MAX];
     size_t nbeta;
     float age, male;                     /* 0..1, what the looks go by */
     float tone;                          /* 0 fair to 1 dark */
@@ -67,10 +67,10 @@ struct person {
 
 /* Draw person `index` of `seed` for a head with nshape directions.  effects
  * (0..1) scales what the camera does to the picture. */
-void person_sample(struct person *p, uint64_t seed, uint64_t index,
+void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
                    size_t nshape, float effects);
 
 /* Light number k (0..11) of the sheet, for the same person. */
-void person_relight(struct person *p, int k);
+void persona_relight(struct persona *p, int k);
 
 #endif

@@ -1,4 +1,4 @@
-#include "lib/synth/person.h"
+#include "lib/synth/persona.h"
 
 #include <math.h>
 #include <string.h>
@@ -56,11 +56,11 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
     }
 }
 
-static void sample_shape(struct person *p, uint64_t key, size_t nshape)
+static void sample_shape(struct persona *p, uint64_t key, size_t nshape)
 {
     struct random r;
     random_init(&r, key, "shape");
-    p->nbeta = nshape < PERSON_SHAPE_MAX ? nshape : PERSON_SHAPE_MAX;
+    p->nbeta = nshape < PERSONA_SHAPE_MAX ? nshape : PERSONA_SHAPE_MAX;
     for (size_t i = 0; i < p->nbeta; i++)
         p->beta[i] = normal(&r) * (i < 50 ? 0.9f : 0.4f);
 }
@@ -70,7 +70,7 @@ static const float skin_row[7][3] = {
     { 190, 140, 110 }, { 150, 104, 78 },  { 108, 72, 54 }, { 70, 47, 38 }
 };
 
-static void sample_skin(struct person *p, uint64_t key)
+static void sample_skin(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_skin *s = &p->skin;
@@ -105,7 +105,7 @@ static const float hair_row[8][3] = {
     { 112, 82, 54 }, { 152, 116, 76 }, { 188, 156, 108 }, { 206, 180, 138 }
 };
 
-static void sample_hair(struct person *p, uint64_t key)
+static void sample_hair(struct persona *p, uint64_t key)
 {
     static const float male[HAIR_STYLES] = { 4, 10, 24, 20, 16, 5, 2, 2, 6, 4,
                                              1, 9 };
@@ -146,7 +146,7 @@ static void sample_hair(struct person *p, uint64_t key)
     p->skin.shaved = h->style == HAIR_SHAVED ? range(&r, 0.55, 1) : 0;
 }
 
-static void sample_face(struct person *p, uint64_t key)
+static void sample_face(struct persona *p, uint64_t key)
 {
     struct random r;
     random_init(&r, key, "face");
@@ -194,7 +194,7 @@ static const float iris_row[7][3] = {
     { 98, 118, 98 }, { 104, 132, 148 }, { 88, 124, 164 }
 };
 
-static void sample_eyes(struct person *p, uint64_t key)
+static void sample_eyes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_eye *e = &p->eye;
@@ -216,7 +216,7 @@ static void sample_eyes(struct person *p, uint64_t key)
     e->vein = range(&r, 0.2, 1);
 }
 
-static void sample_clothes(struct person *p, uint64_t key)
+static void sample_clothes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_cloth *c = &p->cloth;
@@ -259,7 +259,7 @@ static void white_light(float rgb[3], float warmth, float power)
     rgb[2] = power * (1 - 0.30f * warmth);
 }
 
-static void sample_light(struct person *p, struct random *r)
+static void sample_light(struct persona *p, struct random *r)
 {
     struct shade_env *e = &p->env;
     float side = chance(r, 0.5) ? 1 : -1, key = range(r, 0.5, 2.1);
@@ -282,7 +282,7 @@ static void sample_light(struct person *p, struct random *r)
     white_light(e->cube[3], warm + 0.4f, amb * range(r, 0.25, 0.6));
 }
 
-void person_relight(struct person *p, int k)
+void persona_relight(struct persona *p, int k)
 {
     struct random r;
     random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
@@ -291,7 +291,7 @@ void person_relight(struct person *p, int k)
         k % 3 == 2 ? 0.1f : 0.5f);
 }
 
-static void sample_lens(struct person *p, uint64_t key, float effects)
+static void sample_lens(struct persona *p, uint64_t key, float effects)
 {
     struct random r;
     struct lens_look *l = &p->lens;
@@ -315,7 +315,7 @@ static void sample_lens(struct person *p, uint64_t key, float effects)
     l->occluder = chance(&r, 0.10 * e) ? 1 + (int)random_below(&r, 3) : 0;
 }
 
-void person_sample(struct person *p, uint64_t seed, uint64_t index,
+void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
                    size_t nshape, float effects)
 {
     struct random r;
