@@ -97,12 +97,15 @@ $(BUILD)/obj/%.o: %.cc
 	$(SAY) CXX $@
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
 
+# Pictures of spid-synth are the same bytes on every processor.
+$(BUILD)/obj/lib/synth/%: TMPL_LAST := -ffp-contract=off
+
 define tmpl_rule
 $(BUILD)/obj/%.$(1).o: %.c
 	@mkdir -p $$(@D)
 	$$(SAY) CC $$@
 	$$(CC) $$(CFLAGS_ALL) -O3 -Wno-psabi -fno-var-tracking-assignments \
-	    $$(TMPL_$(1)) -DISA_NAME=$(1) -c $$< -o $$@
+	    $$(TMPL_$(1)) $$(TMPL_LAST) -DISA_NAME=$(1) -c $$< -o $$@
 endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 

@@ -70,13 +70,13 @@ static void sample_expression(struct synth_motion *m, const struct persona *p,
     for (size_t i = 0; i < nexp && i < MOTION_EXP_MAX; i++) {
         uint64_t name = track("exp", (int)i);
         float v = 0;
-        if (i < 16) {
-            float on = pulse(p, name, time, 2.8, 0.32f, 1.0f);
+        if (i < 28) {
+            float on = pulse(p, name, time, 2.8, 0.20f, 1.0f);
             float size = 2 * slot(p, name ^ 3, (int64_t)(time / 2.8 + 1000))
                          - 1;
             size = (size < 0 ? -1 : 1) * (0.35f + 1.15f * fabsf(size));
             v = on * size * p->lively
-                + 0.12f * wander(p, name ^ 1, time, 1.1);
+                + 0.10f * wander(p, name ^ 1, time, 1.1);
         } else if (i < 40) {
             v = 0.25f * wander(p, name, time, 1.7);
         }
@@ -164,13 +164,16 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     face_rotation(m->rot, m->yaw, m->pitch, m->roll);
     face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
                   0.1f * m->roll);
-    m->trans[0] = p->rest[0] + 0.05f * drift[0] + 0.06f * m->yaw;
-    m->trans[1] = p->rest[1] + 0.03f * drift[1] + 0.05f * m->pitch;
-    m->trans[2] = p->rest[2] * (1 + 0.02f * drift[2]);
-    /* the shoulders sit still below the neck, wherever the head leans */
-    m->body_trans[0] = m->trans[0] - 0.10f * m->roll;
-    m->body_trans[1] = m->trans[1];
-    m->body_trans[2] = m->trans[2];
+    /* the shoulders drift a little; the head turns about the neck's top */
+    for (int k = 0; k < 2; k++)
+        m->body_trans[k] = p->rest[k] + 0.035f * drift[k];
+    m->body_trans[2] = p->rest[2] * (1 + 0.02f * drift[2]);
+    static const float pivot[3] = { 0, -0.50f, -0.16f };
+    float a[3], b[3];
+    rot3(a, m->body, pivot);
+    rot3(b, m->rot, pivot);
+    for (int k = 0; k < 3; k++)
+        m->trans[k] = m->body_trans[k] + a[k] - b[k];
     sample_expression(m, p, time, nexp);
     sample_jaw(m, p, time);
     sample_eyes(m, p, time);

@@ -26,7 +26,7 @@ struct synth_motion {
  *
  * Ranges: yaw +-45, pitch +-25, roll +-20 degrees; jaw opens 0..0.42 rad,
  * sideways +-0.06; gaze +-0.45 rad across, +-0.3 up and down; lids 0..1;
- * exp[0..15] sparse, mostly within +-1.6; exp[16..39] within +-0.35; the
+ * exp[0..27] (the named ones) sparse, within +-2; exp[28..39] within +-0.35; the
  * rest 0. */
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp);

@@ -90,7 +90,7 @@ static void triangle(struct raster *r, const struct raster_vertex *a,
 {
     float area = (b->x - a->x) * (c->y - a->y) - (c->x - a->x) * (b->y - a->y);
     int flip = area < 0;
-    if (area == 0 || (flip && cull) || a->q <= 0 || b->q <= 0 || c->q <= 0)
+    if (area == 0 || (!flip && cull) || a->q <= 0 || b->q <= 0 || c->q <= 0)
         return;
     float ymin = fminf(a->y, fminf(b->y, c->y));
     float ymax = fmaxf(a->y, fmaxf(b->y, c->y));

@@ -30,8 +30,8 @@ int raster_init(struct raster *r, int w, int h, struct error *err);
 void raster_release(struct raster *r);
 void raster_clear(struct raster *r);
 
-/* Draw faces [count,3]; face i gets id base + i.  Corners run clockwise on the
- * screen (y down) when seen from outside; cull drops the others.  A triangle
+/* Draw faces [count,3]; face i gets id base + i.  Corners run counter-clockwise
+ * on the screen when seen from outside; cull drops the others.  A triangle
  * with a corner behind the camera is not drawn. */
 void raster_triangles(struct raster *r, const struct raster_vertex *v,
                       const int32_t *faces, size_t count, uint32_t base,

@@ -1,0 +1,201 @@
+/* spid-synth: synthetic people with their true parameters. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/framesink.h"
+#include "lib/avatar/records.h"
+#include "lib/synth/synth.h"
+
+static long people = 1, frames = 1, seed = 1, first, size = 512;
+static double fps = 25, effects = 1;
+static const char *head_path;
+static bool without_mesh;
+static enum framesink_format format = FRAMESINK_AUTO;
+
+static int parse_without(const char *value, void *dest, struct error *err)
+{
+    if (strcmp(value, "mesh"))
+        return error_set(err, EX_USAGE, "'%s' cannot be left out "
+                         "(expected mesh)", value);
+    *(bool *)dest = true;
+    return 0;
+}
+
+static const struct cli_option options[] = {
+    {"people", 'n', CLI_INT, &people, 1, 1e9, "N",
+     "how many people (default 1)", NULL},
+    {"frames", 0, CLI_INT, &frames, 1, 1e9, "N",
+     "frames of each person (default 1)", NULL},
+    {"seed", 's', CLI_INT, &seed, 0, 9e15, "N",
+     "which people: the same seed, the same bytes (default 1)", NULL},
+    {"first", 0, CLI_INT, &first, 0, 1e9, "N",
+     "number of the first person (default 0)", NULL},
+    {"size", 0, CLI_INT, &size, SYNTH_SIZE_MIN, SYNTH_SIZE_MAX, "PIXELS",
+     "side of the picture (default 512)", NULL},
+    {"fps", 0, CLI_FLOAT, &fps, 0.01, 1000, "RATE",
+     "frames per second of a person's time (default 25)", NULL},
+    {"effects", 0, CLI_FLOAT, &effects, 0, 1, "X",
+     "what the camera adds: 0 nothing to 1 everything (default 1)", NULL},
+    {"without", 0, CLI_CALL, &without_mesh, 0, 0, "mesh",
+     "leave out the MESH records", parse_without},
+    {"format", 0, CLI_CALL, &format, 0, 0, "NAME",
+     "stream, y4m, png, pam or mp4 instead of what -o's name says",
+     framesink_parse_format},
+    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
+     "head model (default head.safetensors beside the model)", NULL},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
+    "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
+    "[--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "make people: pictures with their true parameters", options
+};
+
+static void open_head(struct head *head)
+{
+    struct error err = {0};
+    char found[4096];
+
+    if (!head_path && cli_find_model("head.safetensors", found, sizeof found,
+                                     &err))
+        die_error(&err);
+    if (head_load(head, head_path ? head_path : found, &err))
+        die_error(&err);
+}
+
+static int write_conf(struct stream_writer *w, const struct head *head,
+                      struct error *err)
+{
+    char json[512];
+    int n = snprintf(json, sizeof json,
+                     "{\"producer\":\"spid-synth\",\"version\":\"%s\","
+                     "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":"
+                     "%ld,\"focal\":12},\"fps\":%.9g,\"seed\":%ld,"
+                     "\"head_hash\":\"%s\"}", SPID_VERSION,
+                     (double)head->scale, size, fps, seed, head->hash);
+    struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
+
+    return stream_write(w, "CONF", 0, 0, &a, 1, err);
+}
+
+static int write_person(struct stream_writer *w, const struct synth_frame *f,
+                        uint64_t number, struct error *err)
+{
+    int32_t who = (int32_t)f->person;
+    struct array a[2] = {
+        array_make("shape", DTYPE_F32, f->beta, 1, f->nbeta, 0, 0, 0),
+        array_make("person", DTYPE_I32, &who, 1, 1, 0, 0, 0)
+    };
+
+    return stream_write(w, "SHAP", number, (double)number / fps, a, 2, err);
+}
+
+/* MOTN, MESH and IMAG of one frame. */
+static int write_frame(struct stream_writer *w, const struct head *head,
+                       const struct synth_frame *f, uint64_t number,
+                       struct error *err)
+{
+    const struct synth_motion *t = f->motion;
+    double time = (double)number / fps;
+    size_t n = (size_t)size;
+    struct motion m = {0};
+    float cam[12];
+    struct array lmk = array_make("lmk", DTYPE_F32, f->lmk, 2, 68, 2, 0, 0);
+    struct array image[3] = {
+        array_make("rgb", DTYPE_U8, f->rgb, 3, n, n, 3, 0),
+        array_make("mask", DTYPE_U8, f->mask, 2, n, n, 0, 0),
+        array_make("label", DTYPE_U8, f->label, 2, n, n, 0, 0)
+    };
+
+    memcpy(m.R, t->rot, sizeof m.R);
+    memcpy(m.t, t->trans, sizeof m.t);
+    memcpy(m.exp, t->exp, head->nexp * sizeof *m.exp);
+    memcpy(m.pose.jaw, t->jaw, sizeof m.pose.jaw);
+    memcpy(m.pose.lid, t->lid, sizeof m.pose.lid);
+    memcpy(m.pose.eye, t->eye, sizeof m.pose.eye);
+    memcpy(m.crop, f->crop, sizeof m.crop);
+    if (motion_write(w, number, time, &m, head->nexp, &lmk, 1, err))
+        return -1;
+    motion_camera(cam, &m);
+    if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
+                               number == 0, NULL, 0, err))
+        return -1;
+    return stream_write(w, "IMAG", number, time, image, 3, err);
+}
+
+/* Frames into a stream with their truth, or as pictures alone. */
+static int put(struct framesink *sink, const struct head *head,
+               const struct synth_frame *f, uint64_t number,
+               struct error *err)
+{
+    struct stream_writer *w = framesink_stream(sink);
+    struct framesink_frame picture = {
+        .width = (size_t)size, .height = (size_t)size, .channels = 3,
+        .rgb = f->rgb, .frame = number, .time = (double)number / fps
+    };
+
+    if (!w)
+        return framesink_write(sink, &picture, err);
+    if (number == 0 && write_conf(w, head, err))
+        return -1;
+    if (f->frame == 0 && write_person(w, f, number, err))
+        return -1;
+    return write_frame(w, head, f, number, err);
+}
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    struct head head;
+    struct synth_frame f;
+    uint64_t number = 0;
+    int rc;
+
+    int operand = cli_parse(&usage, argc, argv);
+    if (operand < argc)
+        die(EX_USAGE, "%s: nothing is read (expected no operand)",
+            argv[operand]);
+    open_head(&head);
+    if (head.nexp > HEAD_MAX_EXP)
+        die(EX_DATAERR, "head has %zu expression directions (expected at "
+            "most %d)", head.nexp, HEAD_MAX_EXP);
+    struct synth_options opt = {
+        .seed = (uint64_t)seed, .first = (uint64_t)first,
+        .people = (uint64_t)people, .frames = (uint64_t)frames,
+        .size = (int)size, .fps = fps, .effects = (float)effects,
+        .threads = cli.threads
+    };
+    struct framesink_options out = {
+        .path = cli.output, .format = format,
+        .rate_num = (int)lrint(fps * 1000), .rate_den = 1000
+    };
+    struct framesink *sink = framesink_open(&out, &err);
+    if (!sink)
+        die_error(&err);
+    opt.mesh = framesink_stream(sink) && !without_mesh;
+    struct synth *s = synth_open(&head, &opt, &err);
+    double begun = stats_begin();
+    while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
+        stats_end("synth", begun);
+        if ((rc = put(sink, &head, &f, number, &err)))
+            break;
+        progress("frames", ++number, (size_t)(opt.people * opt.frames), NULL);
+        begun = stats_begin();
+    }
+    if (rc < 0) {
+        framesink_abandon(sink);
+        die_error(&err);
+    }
+    progress_end();
+    synth_close(s);
+    head_release(&head);
+    if (framesink_finish(sink, &err))
+        die_error(&err);
+    stats_write();
+    return 0;
+}

@@ -1,0 +1,183 @@
+#include "lib/synth/lens.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/synth/noise.h"
+#include "lib/synth/vec.h"
+
+/* sRGB-encoded value of linear x (0..1), from a table over the square root. */
+static float srgb_table[1026];
+
+static float encode(float x)
+{
+    float t = sqrtf(clampf(x, 0, 1)) * 1024;
+    int i = (int)t;
+    return lerpf(srgb_table[i], srgb_table[i + 1], t - (float)i);
+}
+
+void lens_init(void)
+{
+    for (int i = 0; i < 1026; i++) {
+        float r = (float)i / 1024, x = r * r;
+        srgb_table[i] = x <= 0.0031308f
+                        ? 12.92f * x : 1.055f * powf(x, 1 / 2.4f) - 0.055f;
+    }
+}
+
+/* Highlights roll off instead of clipping. */
+static float shoulder(float x)
+{
+    return x < 0.55f ? x : 0.55f + 0.45f * (1 - 1 / (1 + (x - 0.55f) * 2.2f));
+}
+
+/* Separable blur of (n,n,3) by a Gaussian of sigma pixels, in place. */
+static void soften(float *img, float *tmp, int n, float sigma)
+{
+    int r = (int)ceilf(2.5f * sigma);
+    float w[16], sum = 0;
+    r = r < 1 ? 1 : r > 7 ? 7 : r;
+    for (int i = -r; i <= r; i++)
+        sum += w[i + r] = expf(-0.5f * (float)(i * i) / (sigma * sigma));
+    for (int i = 0; i <= 2 * r; i++)
+        w[i] /= sum;
+    for (int pass = 0; pass < 2; pass++) {
+        const float *in = pass ? tmp : img;
+        float *out = pass ? img : tmp;
+        for (int y = 0; y < n; y++) {
+            memset(out + 3 * y * n, 0, 3 * (size_t)n * sizeof *out);
+            for (int i = -r; i <= r; i++)
+                for (int x = 0; x < n; x++) {
+                    int u = pass ? x : x + i, v = pass ? y + i : y;
+                    u = u < 0 ? 0 : u >= n ? n - 1 : u;
+                    v = v < 0 ? 0 : v >= n ? n - 1 : v;
+                    for (int k = 0; k < 3; k++)
+                        out[3 * (y * n + x) + k]
+                            += w[i + r] * in[3 * (v * n + u) + k];
+                }
+        }
+    }
+}
+
+/* Mean along a short straight way: a hand-held or moving head. */
+static void smear(float *img, float *tmp, int n, float dx, float dy)
+{
+    int taps = (int)ceilf(fmaxf(fabsf(dx), fabsf(dy))) + 1;
+    taps = taps > 9 ? 9 : taps;
+    memset(tmp, 0, 3 * (size_t)n * (size_t)n * sizeof *tmp);
+    for (int i = 0; i < taps; i++) {
+        float t = taps > 1 ? (float)i / (float)(taps - 1) - 0.5f : 0;
+        int u = (int)lrintf(t * dx), v = (int)lrintf(t * dy);
+        for (int y = 0; y < n; y++)
+            for (int x = 0; x < n; x++) {
+                int p = x + u, q = y + v;
+                p = p < 0 ? 0 : p >= n ? n - 1 : p;
+                q = q < 0 ? 0 : q >= n ? n - 1 : q;
+                for (int k = 0; k < 3; k++)
+                    tmp[3 * (y * n + x) + k]
+                        += img[3 * (q * n + p) + k] / (float)taps;
+            }
+    }
+    memcpy(img, tmp, 3 * (size_t)n * (size_t)n * sizeof *img);
+}
+
+/* A coarser sensor: means over cells of 1/low pixels, read back bilinear. */
+static void coarsen(float *img, float *tmp, int n, float low)
+{
+    int m = (int)((float)n * low);
+    m = m < 8 ? 8 : m;
+    float step = (float)n / (float)m;
+    for (int y = 0; y < m; y++)
+        for (int x = 0; x < m; x++)
+            for (int k = 0; k < 3; k++) {
+                int u = (int)(((float)x + 0.25f) * step);
+                int v = (int)(((float)y + 0.25f) * step);
+                int u1 = (int)(((float)x + 0.75f) * step);
+                int v1 = (int)(((float)y + 0.75f) * step);
+                tmp[3 * (y * m + x) + k]
+                    = 0.25f * (img[3 * (v * n + u) + k]
+                               + img[3 * (v * n + u1) + k]
+                               + img[3 * (v1 * n + u) + k]
+                               + img[3 * (v1 * n + u1) + k]);
+            }
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float fu = clampf(((float)x + 0.5f) / step - 0.5f, 0,
+                              (float)(m - 1) - 0.001f);
+            float fv = clampf(((float)y + 0.5f) / step - 0.5f, 0,
+                              (float)(m - 1) - 0.001f);
+            int u = (int)fu, v = (int)fv;
+            for (int k = 0; k < 3; k++) {
+                const float *p = tmp + 3 * (v * m + u) + k;
+                img[3 * (y * n + x) + k]
+                    = lerpf(lerpf(p[0], p[3], fu - (float)u),
+                            lerpf(p[3 * m], p[3 * m + 3], fu - (float)u),
+                            fv - (float)v);
+            }
+        }
+}
+
+/* Linear light to encoded colours: balance, vignette, tone, saturation. */
+static void develop(float *img, int n, const struct lens_look *l)
+{
+    float half = 0.5f * (float)n;
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float *p = img + 3 * (y * n + x), v[3], gray;
+            float dx = ((float)x - half) / half, dy = ((float)y - half) / half;
+            float e = l->exposure * (1 - l->vignette * 0.35f
+                                         * (dx * dx + dy * dy));
+            for (int k = 0; k < 3; k++)
+                v[k] = encode(shoulder(p[k] * e * l->balance[k]));
+            gray = 0.30f * v[0] + 0.59f * v[1] + 0.11f * v[2];
+            for (int k = 0; k < 3; k++) {
+                float c = gray + (v[k] - gray) * l->saturation;
+                c = 0.45f + (c - 0.45f) * l->contrast;
+                c = clampf(c, 0, 1);
+                p[k] = l->gamma == 1 ? c
+                                     : c + (l->gamma - 1) * c * (c - 1) * 1.2f;
+            }
+        }
+}
+
+static void finish(struct stage *s, const float *img, const struct persona *p,
+                   uint64_t frame)
+{
+    size_t n = (size_t)s->size * (size_t)s->size;
+    uint64_t key = random_mix(p->key ^ random_mix(frame + 0x6e6f));
+    for (size_t i = 0; i < n; i++) {
+        uint64_t h = random_mix(key + i);
+        for (int k = 0; k < 3; k++) {
+            /* sum of two bytes: close enough to a bell */
+            int g = (int)(h >> (16 * k) & 255) + (int)(h >> (16 * k + 8) & 255);
+            float v = img[3 * i + (size_t)k];
+            v += p->lens.noise * ((float)g - 255) * (1 / 104.0f)
+                 * (1.3f - 0.8f * v);
+            s->rgb[3 * i + (size_t)k]
+                = (uint8_t)(clampf(v, 0, 1) * 255 + 0.5f);
+        }
+        s->mask[i] = (uint8_t)(s->cover[i] * 255 + 0.5f);
+    }
+}
+
+void lens_expose(struct stage *s, const struct persona *p, const float *wall,
+                 uint64_t frame, float blur_x, float blur_y)
+{
+    size_t n = (size_t)s->size * (size_t)s->size;
+    const struct lens_look *l = &p->lens;
+    float *img = s->light;
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < 3; k++)
+            img[3 * i + k] += wall[3 * i + k] * (1 - s->cover[i]);
+    if (l->shutter > 0 && fabsf(blur_x) + fabsf(blur_y) > 1)
+        smear(img, s->scratch, s->size, blur_x, blur_y);
+    float blur = (0.42f + l->blur) * (float)s->size / 256;
+    soften(img, s->scratch, s->size, blur);
+    develop(img, s->size, l);
+    if (l->low < 0.95f)
+        coarsen(img, s->scratch, s->size, l->low);
+    finish(s, img, p, frame);
+    if (l->jpeg)
+        jpeg_damage(s->rgb, s->scratch, s->size, l->jpeg);
+}

@@ -1,0 +1,27 @@
+/* What the camera makes of the light: background, exposure, tone, colour,
+ * blur, noise, coarse sensors and JPEG. */
+#ifndef SPID_SYNTH_LENS_H
+#define SPID_SYNTH_LENS_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/synth/persona.h"
+#include "lib/synth/stage.h"
+
+/* Tables; once, before the first parallel region. */
+void lens_init(void);
+
+/* Linear background (n,n,3) of a persona, the same in all its frames. */
+void backdrop_paint(float *wall, const struct persona *p, int n);
+
+/* rgb (n,n,3) and mask (n,n) of the stage from light over wall.  frame selects
+ * the noise; blur_x, blur_y is the motion during the exposure, pixels. */
+void lens_expose(struct stage *s, const struct persona *p, const float *wall,
+                 uint64_t frame, float blur_x, float blur_y);
+
+/* The picture rgb (n,n,3) after compression at quality 1..100 and back:
+ * 8x8 cosine blocks, chroma at half the resolution.  scratch (n,n,3). */
+void jpeg_damage(uint8_t *rgb, float *scratch, int n, int quality);
+
+#endif

@@ -1,0 +1,233 @@
+#include "lib/synth/synth.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include <omp.h>
+
+#include "lib/geom/crop.h"
+#include "lib/synth/lens.h"
+#include "lib/synth/noise.h"
+#include "lib/synth/stage.h"
+
+/* A batch of frames is made in parallel, one frame a worker, and handed out
+ * in order.  `slots` people are ready at a time. */
+struct cast {                   /* a person and the background behind them */
+    struct actor actor;
+    float *wall;
+    uint64_t index;             /* of the person; UINT64_MAX: none */
+};
+
+struct shot {                   /* a finished frame */
+    uint64_t number;            /* person * frames + frame */
+    struct synth_motion motion;
+    struct cast *cast;
+    float lmk[68][2];
+    float crop[3];
+    float *verts;
+    uint8_t *rgb, *mask, *label;
+};
+
+struct synth {
+    struct synth_options opt;
+    const struct head *head;
+    size_t slots, batch, made, given;
+    uint64_t next, total;
+    struct cast *cast;          /* (slots) */
+    struct shot *shot;          /* (batch) */
+    struct stage *stage;        /* (threads) */
+};
+
+static int shot_init(struct shot *t, const struct synth *s)
+{
+    size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
+    t->rgb = malloc(3 * n);
+    t->mask = malloc(n);
+    t->label = malloc(n);
+    t->verts = s->opt.mesh ? malloc(3 * s->head->V * sizeof(float)) : NULL;
+    return t->rgb && t->mask && t->label && (t->verts || !s->opt.mesh) ? 0
+                                                                        : -1;
+}
+
+struct synth *synth_open(const struct head *head,
+                         const struct synth_options *opt, struct error *err)
+{
+    struct synth *s = calloc(1, sizeof *s);
+    size_t n = (size_t)opt->size * (size_t)opt->size;
+    if (!s)
+        goto memory;
+    s->opt = *opt;
+    s->head = head;
+    s->opt.threads = opt->threads < 1 ? 1 : opt->threads;
+    s->slots = (size_t)s->opt.threads * 2;
+    s->batch = (size_t)s->opt.threads * 4;
+    s->total = opt->people * opt->frames;
+    s->cast = calloc(s->slots, sizeof *s->cast);
+    s->shot = calloc(s->batch, sizeof *s->shot);
+    s->stage = calloc((size_t)s->opt.threads, sizeof *s->stage);
+    if (!s->cast || !s->shot || !s->stage)
+        goto memory;
+    for (size_t i = 0; i < s->slots; i++) {
+        s->cast[i].index = UINT64_MAX;
+        s->cast[i].wall = malloc(3 * n * sizeof(float));
+        if (!s->cast[i].wall)
+            goto memory;
+    }
+    for (size_t i = 0; i < s->batch; i++)
+        if (shot_init(&s->shot[i], s))
+            goto memory;
+    for (int i = 0; i < s->opt.threads; i++)
+        if (stage_init(&s->stage[i], opt->size, err))
+            goto out;
+    noise_lattice();
+    lens_init();
+    return s;
+memory:
+    error_set(err, EX_OSERR, "out of memory for pictures of %d pixels",
+              opt->size);
+out:
+    synth_close(s);
+    return NULL;
+}
+
+void synth_close(struct synth *s)
+{
+    if (!s)
+        return;
+    for (size_t i = 0; s->cast && i < s->slots; i++) {
+        actor_release(&s->cast[i].actor);
+        free(s->cast[i].wall);
+    }
+    for (size_t i = 0; s->shot && i < s->batch; i++) {
+        free(s->shot[i].rgb);
+        free(s->shot[i].mask);
+        free(s->shot[i].label);
+        free(s->shot[i].verts);
+    }
+    for (int i = 0; s->stage && i < s->opt.threads; i++)
+        stage_release(&s->stage[i]);
+    free(s->cast);
+    free(s->shot);
+    free(s->stage);
+    free(s);
+}
+
+/* Person `index` onto their slot. */
+static int dress(struct synth *s, uint64_t index, struct error *err)
+{
+    struct cast *c = &s->cast[index % s->slots];
+    struct persona p;
+    if (c->index == index)
+        return 0;
+    if (c->index != UINT64_MAX)
+        actor_release(&c->actor);
+    c->index = UINT64_MAX;
+    persona_sample(&p, s->opt.seed, s->opt.first + index, s->head->nshape,
+                   s->opt.effects);
+    if (actor_init(&c->actor, s->head, &p, err))
+        return -1;
+    backdrop_paint(c->wall, &p, s->opt.size);
+    c->index = index;
+    return 0;
+}
+
+static int shoot(struct synth *s, struct shot *t, struct stage *stage,
+                 struct error *err)
+{
+    uint64_t person = t->number / s->opt.frames;
+    uint64_t frame = t->number % s->opt.frames;
+    struct cast *c = &s->cast[person % s->slots];
+    const struct persona *p = &c->actor.look;
+    struct synth_motion before;
+    size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
+    double time = (double)frame / s->opt.fps;
+    float f = 6 * (float)s->opt.size / 12;
+    synth_motion(&t->motion, p, time, s->head->nexp);
+    if (stage_render(stage, &c->actor, &t->motion, err))
+        return -1;
+    synth_motion(&before, p, time - (double)p->lens.shutter, s->head->nexp);
+    float dx = t->motion.trans[0] - before.trans[0]
+               + 0.45f * (t->motion.yaw - before.yaw);
+    float dy = t->motion.trans[1] - before.trans[1]
+               + 0.45f * (t->motion.pitch - before.pitch);
+    lens_expose(stage, p, c->wall, frame, dx * f, dy * f);
+    memcpy(t->lmk, stage->lmk, sizeof t->lmk);
+    struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
+    t->crop[0] = (float)q.x;
+    t->crop[1] = (float)q.y;
+    t->crop[2] = (float)q.size;
+    t->cast = c;
+    memcpy(t->rgb, stage->rgb, 3 * n);
+    memcpy(t->mask, stage->mask, n);
+    memcpy(t->label, stage->label, n);
+    if (t->verts)
+        memcpy(t->verts, stage->verts, 3 * s->head->V * sizeof(float));
+    return 0;
+}
+
+/* Make the next batch: first its people, then its frames. */
+static int make_batch(struct synth *s, struct error *err)
+{
+    uint64_t left = s->total - s->next;
+    uint64_t first = s->next / s->opt.frames, room;
+    int failed = 0;
+    struct error e = { 0 };
+    s->made = left < s->batch ? (size_t)left : s->batch;
+    /* no more people than slots */
+    room = (first + s->slots) * s->opt.frames - s->next;
+    s->made = room < s->made ? (size_t)room : s->made;
+    uint64_t last = (s->next + s->made - 1) / s->opt.frames;
+#pragma omp parallel num_threads(s->opt.threads)
+    {
+#pragma omp for schedule(dynamic, 1)
+        for (uint64_t i = first; i <= last; i++) {
+            struct error mine = { 0 };
+            if (dress(s, i, &mine))
+#pragma omp critical(synth_failed)
+            {
+                failed = 1;
+                e = mine;
+            }
+        }
+#pragma omp for schedule(dynamic, 1)
+        for (size_t i = 0; i < s->made; i++) {
+            struct error mine = { 0 };
+            s->shot[i].number = s->next + i;
+            if (!failed && shoot(s, &s->shot[i],
+                                 &s->stage[omp_get_thread_num()], &mine))
+#pragma omp critical(synth_failed)
+            {
+                failed = 1;
+                e = mine;
+            }
+        }
+    }
+    s->next += s->made;
+    s->given = 0;
+    if (failed) {
+        s->made = 0;
+        *err = e;
+    }
+    return failed ? -1 : 0;
+}
+
+int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
+{
+    if (s->given == s->made) {
+        if (s->next == s->total)
+            return 0;
+        if (make_batch(s, err))
+            return -1;
+    }
+    const struct shot *t = &s->shot[s->given++];
+    *frame = (struct synth_frame){
+        .person = s->opt.first + t->number / s->opt.frames,
+        .frame = t->number % s->opt.frames,
+        .beta = t->cast->actor.look.beta, .nbeta = t->cast->actor.look.nbeta,
+        .motion = &t->motion, .lmk = &t->lmk[0][0], .verts = t->verts,
+        .rgb = t->rgb, .mask = t->mask, .label = t->label
+    };
+    memcpy(frame->crop, t->crop, sizeof t->crop);
+    return 1;
+}
