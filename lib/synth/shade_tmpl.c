@@ -1,7 +1,6 @@
 /* The shaders, compiled once per instruction set.  Every loop runs over the
  * lanes of a block without branches, so that the compiler can vectorise it;
- * contraction is off so that all versions round alike. */
-
+ * the Makefile turns contraction off so that all versions round alike. */
 #include "lib/synth/shade.h"
 
 #include <math.h>
@@ -14,6 +13,11 @@
 #define LANES for (int i = 0; i < N; i++)
 
 typedef float lane[N];
+
+shade_skin_fn ISA(shade_skin);
+shade_eye_fn ISA(shade_eye);
+shade_cloth_fn ISA(shade_cloth);
+shade_strand_fn ISA(shade_strand);
 
 static inline float clamp01(float x)
 {
