@@ -327,6 +327,7 @@ static int settle(struct track *t, struct track_result *r,
 static void smooth(struct track *t, struct motion *m, double time)
 {
     enum { R6 = 6, ALL = 6 + 3 + 100 + 3 + 2 + 6 };
+    const int first = !t->filter.started;
     float x[ALL], beta[ALL];
     const float kind[6] = {2, 4, 0.7f, 1.5f, 6, 2};
     const size_t end[6] = {6, 9, 109, 112, 114, 120};
@@ -345,6 +346,8 @@ static void smooth(struct track *t, struct motion *m, double time)
     memcpy(x + 112, m->pose.lid, 2 * sizeof *x);
     memcpy(x + 114, m->pose.eye, 6 * sizeof *x);
     oneeuro_step(&t->filter, x, beta, ALL, time);
+    if (first)
+        return;                        /* as it is, to the bit */
     decode_rotation(m->R, x);
     memcpy(m->t, x + R6, sizeof m->t);
     m->t[2] *= 10;

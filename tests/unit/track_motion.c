@@ -1,12 +1,17 @@
 /* Tracking without a face to look at: what the encoder's numbers mean, the
- * landmarks' small head against the whole one, smoothing, a fixed crop. */
+ * landmarks' small head against the whole one, smoothing, a fixed crop.
+ *     track_motion --model FILE
+ * writes an untrained model for the pipe tests: encoders that see a frontal
+ * face filling its crop. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/config.h"
 #include "lib/base/random.h"
 #include "lib/geom/rotation.h"
+#include "lib/net/shape_encoder.h"
 #include "lib/track/oneeuro.h"
 #include "lib/track/track.h"
 
@@ -282,9 +287,51 @@ static void test_fixed_crop(const struct head *h)
     free(small);
 }
 
-int main(void)
+static int write_model(const char *path)
+{
+    struct params ps;
+    struct motion_encoder net = {0};
+    struct shape_encoder shape = {0};
+    struct avatar_config config;
+    struct error err = {0};
+    const char *meta[3] = {"spid", NULL, NULL};
+    char *json;
+    float *bias;
+
+    avatar_config_shipped(&config);
+    config.has_refiner = false;
+    params_init(&ps);
+    if (motion_encoder_init(&net, &ps, "motion.", config.motion_net, &err)
+        || shape_encoder_init(&shape, &ps, "shape.", config.shape_net, &err)
+        || params_allocate(&ps, &err)) {
+        printf("%s\n", err.text);
+        return 1;
+    }
+    params_randomise(&ps, 1);
+    motion_encoder_start(&net);
+    bias = param_w(&ps, params_find(&ps, "motion.trans.bias"));
+    bias[0] = 0;                       /* the built-in head's face, centred */
+    bias[1] = -0.109f;
+    bias[2] = 6.98f;
+    json = avatar_config_print(&config);
+    meta[1] = json;
+    if (!json || params_save(&ps, path, ST_F32, meta, &err)) {
+        printf("%s\n", err.text);
+        return 1;
+    }
+    free(json);
+    motion_encoder_release(&net);
+    shape_encoder_release(&shape);
+    params_release(&ps);
+    return 0;
+}
+
+int main(int argc, char **argv)
 {
     struct head h;
+
+    if (argc == 3 && strcmp(argv[1], "--model") == 0)
+        return write_model(argv[2]);
 
     test_rotation();
     test_oneeuro();

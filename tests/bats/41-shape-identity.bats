@@ -1,0 +1,92 @@
+#!/usr/bin/env bats
+# spid-shape: a picture in, an identity out.
+load helper
+
+prepare() {
+    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model model.safetensors
+    export SPID_MODEL=$PWD/model.safetensors
+}
+
+# picture KIND W H BYTE: a PAM of one value, KIND RGB or RGB_ALPHA.
+picture() {
+    local depth=3
+    [ "$1" = RGB ] || depth=4
+    printf 'P7\nWIDTH %d\nHEIGHT %d\nDEPTH %d\nMAXVAL 255\nTUPLTYPE %s\n' \
+        "$2" "$3" "$depth" "$1"
+    printf 'ENDHDR\n'
+    yes "$4" | tr -d '\n' | head -c $(($2 * $3 * depth))
+}
+
+# ppm W H BYTE
+ppm() {
+    printf 'P6 %d %d 255\n' "$1" "$2"
+    yes "$3" | tr -d '\n' | head -c $((3 * $1 * $2))
+}
+
+crop=--crop=50,40,30
+
+@test "an identity is CONF, SRCI, SHAP, MOTN and END" {
+    ppm 100 80 abcdefg >me.ppm
+    ppm 100 80 '~' >mask.ppm
+    spid-shape $crop --mask mask.ppm me.ppm -o me.spid
+    spid-dump --check me.spid
+    run spid-dump --json me.spid
+    types=$(grep -o '"type":"[A-Z]*"' <<<"$output" | cut -d'"' -f4)
+    [ "$(echo $types)" = "CONF SRCI SHAP MOTN" ]
+    has '"shape":[512,512,3]'
+    has head_hash
+}
+
+@test "the matte is the mask where the picture is, and empty outside" {
+    ppm 100 80 abcdefg >me.ppm
+    printf 'P5 100 80 255\n' >mask.pgm
+    head -c 8000 /dev/zero | tr '\0' '\377' >>mask.pgm
+    spid-shape $crop --window 50,40,160 --mask mask.pgm me.ppm -o me.spid
+    run spid-dump --json --only SRCI me.spid
+    # 100 x 80 of 160 x 160 pixels are inside
+    mean=$(grep -o '"name":"matte"[^}]*' <<<"$output" |
+        grep -o '"mean":[0-9.]*' | cut -d: -f2)
+    awk -v m="$mean" 'BEGIN { exit !(m > 78.5 && m < 80.8) }'
+}
+
+@test "a mask of another size is refused" {
+    ppm 100 80 abcdefg >me.ppm
+    ppm 50 80 a >mask.ppm
+    status 65 spid-shape $crop --mask mask.ppm me.ppm -o me.spid
+    one_line
+    has 'mask of 50 x 80 pixels (expected 100 x 80, as the picture)'
+}
+
+@test "the same picture gives the same bytes, whatever the threads" {
+    ppm 100 80 'a quick brown fox' >me.ppm
+    spid-shape -q $crop -j 1 me.ppm -o a.spid
+    spid-shape -q $crop -j 2 me.ppm -o b.spid
+    cmp a.spid b.spid
+}
+
+@test "the overlay is a PNG of the picture's size" {
+    ppm 100 80 'a quick brown fox' >me.ppm
+    spid-shape $crop --mask me.ppm me.ppm -o me.spid --overlay seen.png
+    [ "$(head -c 4 seen.png | tail -c 3)" = PNG ]
+    [ "$(od -An -tu1 -j16 -N8 seen.png | xargs)" = "0 0 0 100 0 0 0 80" ]
+}
+
+@test "pictures that cannot be are refused in one line" {
+    ppm 1 1 abc >dot.ppm
+    status 65 spid-shape $crop dot.ppm -o x.spid
+    one_line
+    has '1 x 1 pixels (expected at least 16 x 16)'
+    printf 'P6 20000 20000 255\n' >huge.ppm
+    status 65 spid-shape $crop huge.ppm -o x.spid
+    one_line
+    ppm 64 64 x >flat.ppm
+    status 65 spid-shape flat.ppm -o x.spid
+    one_line
+    has 'no face'
+    has '--crop X,Y,SIZE'
+    : >empty.png
+    status 65 spid-shape $crop empty.png -o x.spid
+    status 66 spid-shape $crop missing.png -o x.spid
+    status 64 spid-shape $crop -o x.spid
+    [ ! -e x.spid ]
+}
