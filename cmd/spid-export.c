@@ -1,0 +1,136 @@
+/* spid-export: Gaussians, meshes and motion of a stream as PLY, .splat, glTF
+ * and OBJ; and a check of other people's files. */
+#include <stdio.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/glb.h"
+#include "formats/ply.h"
+#include "lib/export/export.h"
+
+static struct export_options opt = {.frame = -1};
+static const char *identity_path, *head_path, *lint_path;
+static long expressions = 50;
+
+static const struct cli_option options[] = {
+    {"ply", 0, CLI_STRING, &opt.ply, 0, 0, "FILE",
+     "3DGS PLY; name_%06d.ply for every frame", NULL},
+    {"splat", 0, CLI_STRING, &opt.splat, 0, 0, "FILE",
+     ".splat of the web viewers", NULL},
+    {"glb-splats", 0, CLI_STRING, &opt.glb_splats, 0, 0, "FILE",
+     "GLB with KHR_gaussian_splatting", NULL},
+    {"glb-head", 0, CLI_STRING, &opt.glb_head, 0, 0, "FILE",
+     "GLB of the head: skin, morph targets, the motion as animation", NULL},
+    {"obj", 0, CLI_STRING, &opt.obj, 0, 0, "FILE",
+     "OBJ of one frame's mesh; name_%06d.obj for every frame", NULL},
+    {"frame", 0, CLI_INT, &opt.frame, 0, 1e9, "N",
+     "the frame for names without %d (default: the first)", NULL},
+    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
+     "shape and source picture from this identity", NULL},
+    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
+     "head model (default head.safetensors beside the model)", NULL},
+    {"expressions", 0, CLI_INT, &expressions, 0, 198, "N",
+     "expression directions kept as morph targets (default 50)", NULL},
+    {"correctives", 0, CLI_FLAG, &opt.head.correctives, 0, 0, NULL,
+     "pose correctives as morph targets", NULL},
+    {"model-space", 0, CLI_FLAG, &opt.model_space, 0, 0, NULL,
+     "PLY: keep y up instead of turning to y down", NULL},
+    {"lint", 0, CLI_STRING, &lint_path, 0, 0, "FILE",
+     "say what a viewer would trip over in a PLY or GLB", NULL},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-export",
+    "[--ply FILE] [--splat FILE] [--glb-splats FILE] [--glb-head FILE] "
+    "[--obj FILE] [--frame N] [-i FILE] [--head FILE] [--expressions N] "
+    "[--correctives] [--model-space] [-o FILE] [-j N] [-m MODEL] [-q] "
+    "[--stats FILE] [STREAM] | --lint FILE",
+    "write Gaussians and the driven head for other programs", options
+};
+
+static void print_finding(void *context, const char *text)
+{
+    printf("%s: %s\n", (const char *)context, text);
+}
+
+static bool ends_with(const char *s, const char *end)
+{
+    size_t n = strlen(s), m = strlen(end);
+    return n >= m && !strcmp(s + n - m, end);
+}
+
+/* Exit 0 for a clean file, EX_DATAERR with a line per finding. */
+static int lint(const char *path)
+{
+    struct error err = {0};
+    int found = ends_with(path, ".ply")
+                    ? ply_lint(path, print_finding, (void *)path, &err)
+                    : glb_lint(path, print_finding, (void *)path, &err);
+    if (found < 0)
+        die_error(&err);
+    if (!found)
+        printf("%s: nothing a viewer would trip over\n", path);
+    return found ? EX_DATAERR : EX_OK;
+}
+
+static void open_export(struct export *x)
+{
+    struct error err = {0};
+    char path[4096] = "";
+
+    if (!opt.ply && !opt.splat && !opt.glb_splats && !opt.glb_head &&
+        !opt.obj)
+        die(EX_USAGE, "nothing to write (expected --ply, --splat, "
+            "--glb-splats, --glb-head or --obj)");
+    opt.head.expressions = (size_t)expressions;
+    opt.head.clip = "driven";
+    if (export_needs_head(&opt) && !head_path &&
+        cli_find_model("head.safetensors", path, sizeof path, &err))
+        die_error(&err);
+    if (export_init(x, &opt, head_path ? head_path : path, &err))
+        die_error(&err);
+    if (identity_path && x->has_head &&
+        person_load(&x->person, identity_path, x->head.nexp, &err))
+        die_error(&err);
+}
+
+static void export_stream(struct export *x, const char *input)
+{
+    struct stream_options so = {0};
+    struct error err = {0};
+    struct record rec;
+    struct stream_reader *in = stream_open(input, &so, &err);
+    int rc = in ? 1 : -1;
+
+    while (rc > 0 && (rc = stream_read(in, &rec, &err)) > 0)
+        if (export_record(x, &rec, &err)) {
+            error_prefix(&err, "%s: frame %llu", stream_name(in),
+                         (unsigned long long)rec.frame);
+            rc = -1;
+        }
+    if (rc < 0)
+        die_error(&err);
+    stream_close(in);
+    if (export_finish(x, &err))
+        die_error(&err);
+}
+
+int main(int argc, char **argv)
+{
+    static struct export x;
+    int at = cli_parse(&usage, argc, argv);
+
+    if (argc - at > 1)
+        die(EX_USAGE, "more than one stream");
+    if (lint_path)
+        return lint(lint_path);
+    open_export(&x);
+    export_stream(&x, at < argc ? argv[at] : "-");
+    if (x.coarse)
+        warn("only the first three channels were written: the coarse picture "
+             "without the refiner");
+    export_release(&x);
+    stats_write();
+    return EX_OK;
+}
