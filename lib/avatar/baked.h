@@ -1,0 +1,65 @@
+/* An avatar as Phase B needs it: the baked Gaussians, which vertex each
+ * dynamic one sits on, and where the source's lips were.  No networks: made
+ * by avatar_bake or read from a GAUS record, and then only moved. */
+#ifndef SPID_AVATAR_BAKED_H
+#define SPID_AVATAR_BAKED_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/avatar/avatar.h"
+#include "lib/avatar/densify.h"
+#include "lib/base/error.h"
+#include "lib/splat/splat.h"
+#include "lib/stream/stream.h"
+
+/* Opening of the inner lips, head units, under which they hide the sheet:
+ * 0.5 mm at five units a metre. */
+#define BAKED_CLOSED 0.0025f
+
+struct baked {
+    size_t N, C;            /* Gaussians, channels */
+    size_t dynamic;         /* the first Gaussians: branch 0 */
+    size_t mouth;           /* the last ones: branch 2 */
+    float *mean, *scale, *quat, *opacity, *color;
+    uint8_t *branch;
+    int32_t *vertex;        /* (dynamic) densified vertex of each */
+    float lip[3];           /* l_s */
+    float *block;           /* what the float arrays are part of */
+};
+
+/* A copy of what avatar_bake made. */
+int baked_from_avatar(struct baked *b, const struct avatar *a,
+                      struct error *err);
+/* From a GAUS record: checks order of branches, sizes, finite numbers, and
+ * that vertex indices are under `vertices` (V + E; 0: unknown).  A record
+ * without `vertex` has its dynamic Gaussians in order. */
+int baked_read(struct baked *b, const struct record *rec, size_t vertices,
+               struct error *err);
+/* As a GAUS record; means: other centres (N,3) or NULL; cam NULL: none is
+ * written, so that nothing is drawn. */
+int baked_write(struct stream_writer *w, uint64_t frame, double time,
+                const struct baked *b, const float *means, const float *cam,
+                struct error *err);
+void baked_release(struct baked *b);
+
+/* The Gaussians as a renderer takes them. */
+struct gaussians baked_set(const struct baked *b);
+
+/* Keep Gaussian i where keep[i] is not 0; order stays. */
+void baked_keep(struct baked *b, const uint8_t *keep);
+/* Drop what the rules never draw, opacity under 1/255; returns how many. */
+size_t baked_drop_clear(struct baked *b);
+
+/* One frame.  moved (dynamic,3) centres on the densified driven vertices;
+ * shift = l_d - l_s of the mouth sheet, or a way behind the camera when gap,
+ * the opening of the driven lips, is under closed (0: never hidden). */
+void baked_drive(float *moved, float shift[3], const struct baked *b,
+                 const struct densify *d, const float *verts,
+                 const float lip[3], float gap, float closed,
+                 const float cam[12]);
+/* All centres (N,3) of the frame from the two. */
+void baked_means(float *means, const struct baked *b, const float *moved,
+                 const float shift[3]);
+
+#endif
