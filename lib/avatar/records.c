@@ -84,14 +84,14 @@ int mesh_write(struct stream_writer *w, uint64_t frame, double time,
                struct error *err)
 {
     struct array a[STREAM_MAX_ARRAYS];
-    float lip[3] = {0};
+    struct head_mouth mouth;
     int n = 0;
 
-    if (h->nlip_inner)
-        head_lip_centroid(lip, h, verts);
+    head_mouth(&mouth, h, verts);
     a[n++] = array_make("verts", DTYPE_F32, verts, 2, h->V, 3, 0, 0);
     a[n++] = array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0);
-    a[n++] = array_make("lip", DTYPE_F32, lip, 1, 3, 0, 0, 0);
+    a[n++] = array_make("lip", DTYPE_F32, mouth.centre, 1, 3, 0, 0, 0);
+    a[n++] = array_make("gap", DTYPE_F32, &mouth.gap, 1, 1, 0, 0, 0);
     if (with_faces)
         a[n++] = array_make("faces", DTYPE_I32, h->f, 2, h->F, 3, 0, 0);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)

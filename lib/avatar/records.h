@@ -29,8 +29,9 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
 /* cam (3,4) = [R|t]. */
 void motion_camera(float cam[12], const struct motion *m);
 
-/* Write a MESH record: verts (V,3), cam, the lip centroid; faces when
- * with_faces is set (the first one of a stream); others appended. */
+/* Write a MESH record: verts (V,3), cam, the inner lips' centroid and
+ * opening; faces when with_faces is set (the first one of a stream); others
+ * appended. */
 int mesh_write(struct stream_writer *w, uint64_t frame, double time,
                const struct head *h, const float *verts, const float cam[12],
                int with_faces, const struct array *others, int nothers,

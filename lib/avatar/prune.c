@@ -1,0 +1,207 @@
+#include "lib/avatar/prune.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/cpu.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+
+enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };
+
+struct prune {
+    const struct baked *b;
+    size_t size;
+    float *verts;           /* (POSES, V, 3) */
+    float *means;           /* (N,3) */
+    float *full;            /* (VIEWS, size, size, 3) of the full set */
+    float *image;           /* (size, size, 3) */
+    float *ones;            /* (size, size) */
+    float *weight;          /* (N) of one view */
+    double *most;           /* (N) over all views */
+    double ms[VIEWS];
+};
+
+/* The camera of view v, turned about the head's origin at distance 12. */
+static void view_camera(float cam[12], size_t v)
+{
+    const float degree = 0.01745329f, t[3] = {0, 0, 12};
+    float yaw = ((float)(v % YAWS) - 2) * 20 * degree;
+    float nod = ((float)(v / YAWS % NODS) - 1) * 20 * degree;
+    float Y[9], X[9], R[9], F[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1}, A[9];
+
+    rotation_exp(Y, (const float[3]){0, yaw, 0});
+    rotation_exp(X, (const float[3]){nod, 0, 0});
+    mat3_mul(A, X, Y);
+    mat3_mul(R, F, A);
+    camera_make(cam, R, t);
+}
+
+static int by_value(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* Draw view v of b; the time in ms is kept. */
+static int draw(struct prune *p, struct splat *s, const struct densify *d,
+                const struct head *h, float *image, size_t v,
+                struct error *err)
+{
+    const float *verts = p->verts + v / (YAWS * NODS) * 3 * h->V;
+    struct head_mouth m;
+    float cam[12], shift[3];
+
+    view_camera(cam, v);
+    head_mouth(&m, h, verts);
+    baked_drive(p->means, shift, p->b, d, verts, m.centre, m.gap, 0, cam);
+    struct splat_camera c = splat_camera_square(cam, (int)p->size,
+                                                CAMERA_FOCAL);
+    double begun = cpu_seconds();
+    if (splat_update(s, p->means, 0, p->b->dynamic, err) ||
+        splat_shift(s, shift, p->b->N - p->b->mouth, p->b->mouth, err) ||
+        splat_forward(s, image, NULL, NULL, &c, NULL, err))
+        return -1;
+    p->ms[v] = 1e3 * (cpu_seconds() - begun);
+    return 0;
+}
+
+static int open_renderer(struct splat *s, const struct prune *p, int channels,
+                         int gradients, struct error *err)
+{
+    struct splat_options opt = splat_defaults((int)p->size, (int)p->size,
+                                              channels);
+    struct gaussians g = baked_set(p->b);
+
+    opt.gradients = gradients;
+    if (splat_init(s, &opt, err))
+        return -1;
+    if (splat_load(s, &g, err)) {
+        splat_release(s);
+        return -1;
+    }
+    return 0;
+}
+
+/* Largest summed weight of every Gaussian over the views. */
+static int weigh(struct prune *p, const struct densify *d,
+                 const struct head *h, struct error *err)
+{
+    struct splat_gradients g = {.color = p->weight};
+    struct splat s = {0};
+    int rc = open_renderer(&s, p, 1, 1, err);
+
+    for (size_t v = 0; rc == 0 && v < VIEWS; v++) {
+        memset(p->weight, 0, p->b->N * sizeof *p->weight);
+        rc = draw(p, &s, d, h, p->image, v, err);
+        /* the gradient of the picture's sum by a colour is its weight */
+        if (rc == 0)
+            rc = splat_backward(&s, &g, p->ones, NULL, err);
+        for (size_t i = 0; i < p->b->N; i++)
+            p->most[i] = fmax(p->most[i], p->weight[i]);
+    }
+    splat_release(&s);
+    return rc;
+}
+
+/* Draw all views into images, or compare with them. */
+static int draw_all(struct prune *p, const struct densify *d,
+                    const struct head *h, struct prune_report *r,
+                    double *median, struct error *err)
+{
+    size_t n = 3 * p->size * p->size;
+    struct splat s = {0};
+    int rc = open_renderer(&s, p, 3, 0, err);
+
+    for (size_t v = 0; rc == 0 && v < VIEWS; v++) {
+        float *full = p->full + v * n;
+        double sum = 0;
+
+        rc = draw(p, &s, d, h, r ? p->image : full, v, err);
+        for (size_t i = 0; r && i < n; i++) {
+            double e = fabs((double)p->image[i] - full[i]);
+
+            sum += e * e;
+            r->max_abs = fmax(r->max_abs, e);
+        }
+        if (r)
+            r->psnr = fmin(r->psnr, -10 * log10(sum / (double)n + 1e-20));
+    }
+    splat_release(&s);
+    qsort(p->ms, VIEWS, sizeof *p->ms, by_value);
+    *median = p->ms[VIEWS / 2];
+    return rc;
+}
+
+static int allocate(struct prune *p, size_t V, struct error *err)
+{
+    size_t pixels = p->size * p->size;
+
+    p->verts = malloc(POSES * 3 * V * sizeof(float));
+    p->means = malloc((3 * p->b->N + 1) * sizeof(float));
+    p->full = malloc(VIEWS * 3 * pixels * sizeof(float));
+    p->image = malloc(3 * pixels * sizeof(float));
+    p->ones = malloc(pixels * sizeof(float));
+    p->weight = malloc((p->b->N + 1) * sizeof(float));
+    p->most = calloc(p->b->N + 1, sizeof(double));
+    if (!p->verts || !p->means || !p->full || !p->image || !p->ones ||
+        !p->weight || !p->most)
+        return error_set(err, EX_OSERR, "no memory for %d views", VIEWS);
+    for (size_t i = 0; i < pixels; i++)
+        p->ones[i] = 1;
+    return 0;
+}
+
+static void release(struct prune *p)
+{
+    free(p->verts);
+    free(p->means);
+    free(p->full);
+    free(p->image);
+    free(p->ones);
+    free(p->weight);
+    free(p->most);
+}
+
+static void count(size_t n[3], const struct baked *b)
+{
+    n[0] = n[1] = n[2] = 0;
+    for (size_t i = 0; i < b->N; i++)
+        n[b->branch[i]]++;
+}
+
+int prune_views(struct baked *b, struct prune_report *r,
+                const struct densify *d, const struct identity *id,
+                size_t size, double eps, struct error *err)
+{
+    struct prune p = {.b = b, .size = size};
+    struct head_motion open = {.jaw = {0.35f, 0, 0}}, rest = {0};
+    uint8_t *keep = malloc(b->N + 1);
+    int rc = -1;
+
+    *r = (struct prune_report){.views = VIEWS, .psnr = INFINITY};
+    if (!keep) {
+        error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
+        goto out;
+    }
+    if (allocate(&p, id->head->V, err))
+        goto out;
+    head_pose(p.verts, id, &rest);
+    head_pose(p.verts + 3 * id->head->V, id, &open);
+    count(r->before, b);
+    if (weigh(&p, d, id->head, err) ||
+        draw_all(&p, d, id->head, NULL, &r->ms_full, err))
+        goto out;
+    for (size_t i = 0; i < b->N; i++)
+        keep[i] = p.most[i] > 0 && p.most[i] >= eps;
+    baked_keep(b, keep);
+    count(r->after, b);
+    rc = draw_all(&p, d, id->head, r, &r->ms_kept, err);
+out:
+    free(keep);
+    release(&p);
+    return rc;
+}
