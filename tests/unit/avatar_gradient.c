@@ -1,0 +1,332 @@
+/* The whole avatar on a small configuration: geometry against a double
+ * reference written again here, and the gradient of a random linear function
+ * of all Gaussians' numbers against central differences, by weight tensor and
+ * by driven vertex. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/avatar/branches.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+#include "lib/head/lbs.h"
+#include "tests/unit/sphere_head.h"
+
+#define S 64
+
+static int failed;
+
+static void check(const char *what, double value, double limit)
+{
+    int ok = value <= limit;
+
+    printf("%-56s %.2e  limit %.0e  %s\n", what, value, limit,
+           ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+struct world {
+    struct head head;
+    struct params ps;
+    struct avatar a;
+    struct identity id;
+    float *verts, *driven;
+    uint8_t rgb[3 * S * S], matte[S * S];
+    float cam[12];
+    float *probe;           /* for every number of the set, fixed */
+    float *means;           /* of the driven frame */
+};
+
+static void configure(struct avatar_config *c, bool skip)
+{
+    avatar_config_shipped(c);
+    c->size = S;
+    c->plane = 24;
+    c->mouth = 6;
+    c->channels = 5;
+    c->feature = 8;
+    c->backbone.features = 8;
+    c->backbone.size = 24;
+    c->backbone.width = 4;
+    c->init_width = 4;
+    c->static_width = 8;
+    c->dynamic_width = 8;
+    c->dynamic_hidden = 8;
+    c->vertex_width = 4;
+    c->mouth_width = 8;
+    c->rgb_skip = skip;
+    c->has_refiner = false;
+}
+
+static void make(struct world *w, bool skip, unsigned without)
+{
+    struct avatar_config c;
+    struct error err = {0};
+    struct random r;
+    float beta[2] = {0.5f, -1}, turn[3] = {0.1f, 0.4f, 0.05f}, R[9];
+    const float t[3] = {0.05f, -0.02f, 12}, F[9] = {1, 0, 0, 0, -1, 0,
+                                                    0, 0, -1};
+    float exp[SPHERE_EXP] = {0.3f, -0.5f};
+    struct head_motion m = {.jaw = {0.1f}}, d = {.exp = exp, .jaw = {0.3f}};
+
+    memset(w, 0, sizeof *w);
+    random_init(&r, 3, "avatar_gradient");
+    sphere_head(&w->head, 9, 14);
+    configure(&c, skip);
+    params_init(&w->ps);
+    if (avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
+        params_allocate(&w->ps, &err) ||
+        params_allocate_gradients(&w->ps, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    params_randomise(&w->ps, 7);
+    avatar_start(&w->a);
+    /* the last layer of Phi_init starts at zero: move the plane a little */
+    for (size_t i = 0; i < w->ps.count; i++)
+        for (size_t k = 0; strncmp(w->ps.tensor[i].name, "init.4", 6) == 0 &&
+             k < w->ps.tensor[i].count; k++)
+            param_w(&w->ps, i)[k] = (float)random_range(&r, -0.2, 0.2);
+    w->a.without = without;
+    if (avatar_plan(&w->a, (struct nn_options){NN_FROZEN, NN_F32}, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    size_t V = w->head.V;
+    w->verts = calloc(3 * V, sizeof(float));
+    w->driven = calloc(3 * V, sizeof(float));
+    head_fold(&w->id, &w->head, beta, 2, &err);
+    head_pose(w->verts, &w->id, &m);
+    head_pose(w->driven, &w->id, &d);
+    rotation_exp(R, turn);
+    float Q[9];
+    mat3_mul(Q, F, R);
+    camera_make(w->cam, Q, t);
+    for (size_t i = 0; i < 3 * S * S; i++) {    /* smooth, so that steps of
+                                                 * the plane see a slope */
+        size_t x = i / 3 % S, y = i / 3 / S;
+        w->rgb[i] = (uint8_t)(128 + 90 * sin(0.11 * (double)(x + i % 3 * 9)) *
+                              cos(0.07 * (double)y));
+    }
+    memset(w->matte, 255, sizeof w->matte);
+    w->probe = malloc(64 * 4096 * sizeof(float));
+    for (size_t i = 0; i < 64 * 4096; i++)
+        w->probe[i] = (float)random_range(&r, -1, 1);
+    w->means = malloc(3 * 4096 * sizeof(float));
+}
+
+static void release(struct world *w)
+{
+    avatar_release(&w->a);
+    params_release(&w->ps);
+    identity_release(&w->id);
+    head_release(&w->head);
+    free(w->verts);
+    free(w->driven);
+    free(w->probe);
+    free(w->means);
+}
+
+/* sum probe . (means of the driven frame, scale, quat, opacity, colour). */
+static double loss(struct world *w)
+{
+    struct avatar_source src = {w->rgb, w->matte, w->verts, w->cam};
+    double sum = 0;
+    const float *p = w->probe;
+
+    avatar_update(&w->a);
+    avatar_bake(&w->a, &src);
+    avatar_drive_all(w->means, &w->a, w->driven);
+    const struct gaussians *g = &w->a.set;
+    const float *part[5] = {w->means, g->scale, g->quat, g->opacity,
+                            g->color};
+    size_t width[5] = {3, 3, 4, 1, (size_t)g->channels};
+    /* scales are 0.05 at most: weigh them up */
+    static const double factor[5] = {1, 20, 1, 1, 1};
+    for (int k = 0; k < 5; k++)
+        for (size_t i = 0; i < g->n * width[k]; i++)
+            sum += factor[k] * (double)*p++ * part[k][i];
+    return sum;
+}
+
+static void backward(struct world *w, float *dverts)
+{
+    struct splat_gradients d = avatar_gradients(&w->a);
+    size_t n = w->a.set.n, C = (size_t)w->a.set.channels;
+    const float *p = w->probe;
+
+    for (size_t i = 0; i < 3 * n; i++)
+        d.mean[i] = *p++;
+    for (size_t i = 0; i < 3 * n; i++)
+        d.scale[i] = 20 * *p++;
+    for (size_t i = 0; i < 4 * n; i++)
+        d.quat[i] = *p++;
+    for (size_t i = 0; i < n; i++)
+        d.opacity[i] = *p++;
+    for (size_t i = 0; i < C * n; i++)
+        d.color[i] = *p++;
+    avatar_drive_backward(dverts, &w->a);
+    avatar_bake_backward(&w->a);
+}
+
+/* Along the gradient of one group of tensors, normalised: the derivative
+ * must be its length. */
+static void direction(struct world *w, const char *prefix)
+{
+    double norm = 0, h = 2e-3;
+    size_t total = w->ps.total;
+    float *keep = malloc(total * sizeof *keep), *g = calloc(total, sizeof *g);
+
+    memcpy(keep, w->ps.w, total * sizeof *keep);
+    for (size_t i = 0; i < w->ps.count; i++)
+        if (strncmp(w->ps.tensor[i].name, prefix, strlen(prefix)) == 0)
+            memcpy(g + w->ps.tensor[i].offset, param_g(&w->ps, i),
+                   w->ps.tensor[i].count * sizeof *g);
+    for (size_t i = 0; i < total; i++)
+        norm += (double)g[i] * g[i];
+    norm = sqrt(norm);
+    double value[2];
+    for (int s = 0; s < 2; s++) {
+        for (size_t i = 0; i < total; i++)
+            w->ps.w[i] = keep[i] + (float)((s ? -h : h) * g[i] / norm);
+        value[s] = loss(w);
+    }
+    memcpy(w->ps.w, keep, total * sizeof *keep);
+    double slope = (value[0] - value[1]) / (2 * h);
+    char what[96];
+    snprintf(what, sizeof what, "%s: |g| %.4g, slope along it %.4g", prefix,
+             norm, slope);
+    /* float sums of some 10^4 terms, and kinks of relu and bilinear steps
+     * inside the step of 2e-3 */
+    check(what, norm > 0 ? fabs(slope - norm) / norm : 1, 2e-2);
+    free(keep);
+    free(g);
+}
+
+/* Driven vertices: the loss is linear in them, so differences are exact. */
+static void vertices(struct world *w, const float *dverts)
+{
+    double worst = 0, size = 1;
+
+    for (size_t i = 0; i < 3 * w->head.V; i++)
+        size = fmax(size, fabs(dverts[i]));
+    for (size_t i = 0; i < 3 * w->head.V; i += 7) {
+        float keep = w->driven[i];
+        double h = 0.25, value[2];
+
+        for (int s = 0; s < 2; s++) {
+            double sum = 0;
+
+            w->driven[i] = keep + (float)(s ? -h : h);
+            avatar_drive_all(w->means, &w->a, w->driven);
+            for (size_t k = 0; k < 3 * w->a.set.n; k++)
+                sum += (double)w->probe[k] * w->means[k];
+            value[s] = sum;
+        }
+        w->driven[i] = keep;
+        worst = fmax(worst, fabs((value[0] - value[1]) / (2 * h) -
+                                 dverts[i]) / size);
+    }
+    check("driven vertices: gradient by differences", worst, 1e-5);
+}
+
+/* Means of the driven frame, worked again in double from the equations. */
+static void reference(struct world *w)
+{
+    const struct avatar *a = &w->a;
+    const struct avatar_scratch *s = a->scratch;
+    double worst = 0, ls[3] = {0}, ld[3] = {0};
+
+    loss(w);
+    for (size_t e = 0; e < a->first[1] - w->head.V; e++)
+        for (size_t c = 0; c < 3; c++) {
+            double m = 0.5 * (w->driven[3 * (size_t)a->dense.edge[2 * e] + c]
+                              + w->driven[3 * (size_t)a->dense.edge[2 * e + 1]
+                                          + c]);
+            worst = fmax(worst, fabs(m - w->means[3 * (w->head.V + e) + c]));
+        }
+    check("dynamic: midpoints of driven vertices", worst, 1e-6);
+    worst = 0;
+    for (size_t k = 0; k < s->n2 && a->first[2] > a->first[1]; k++) {
+        double rise = a->config.rgb_skip ? s->surface[k] : 0;
+        double z = w->cam[11] - rise, mu[3];
+
+        for (int c = 0; c < 3; c++) {
+            double o = 0, ray = 0;
+
+            for (int i = 0; i < 3; i++)
+                o -= (double)w->cam[4 * i + c] * w->cam[4 * i + 3];
+            ray = w->cam[c] * (double)s->U[2 * k] / 12 +
+                  w->cam[4 + c] * (double)s->U[2 * k + 1] / 12 +
+                  w->cam[8 + c];
+            mu[c] = o + z * ray - (2.0 * s->p[k] - 1 - rise) * w->cam[8 + c];
+            worst = fmax(worst, fabs(mu[c] -
+                                     w->means[3 * (a->first[1] + k) + c]));
+        }
+    }
+    check("static: o_s + d_s r_k + (2p - 1) n_s", worst, 5e-6);
+    for (size_t i = 0; i < w->head.nlip_inner; i++)
+        for (int c = 0; c < 3; c++) {
+            ls[c] += w->verts[3 * w->head.lip_inner[i] + c] /
+                     (double)w->head.nlip_inner;
+            ld[c] += w->driven[3 * w->head.lip_inner[i] + c] /
+                     (double)w->head.nlip_inner;
+        }
+    worst = 0;
+    for (size_t k = 0; k < a->first[3] - a->first[2]; k++) {
+        double uv[2] = {(double)(2 * (k % s->K) + 1) / (double)s->K - 1,
+                        1 - (double)(2 * (k / s->K) + 1) / (double)s->K};
+
+        for (int c = 0; c < 3; c++) {
+            double q = s->q[3 * k + (size_t)c];
+
+            if (c == 2)
+                q = fmin(fmax(q, -a->cap), a->cap);
+            double g = ls[c] + (c < 2 ? a->mouth.radius * uv[c] : 0);
+            worst = fmax(worst, fabs(g - ls[c] + ld[c] + q -
+                                     w->means[3 * (a->first[2] + k) +
+                                              (size_t)c]));
+        }
+    }
+    check("mouth: g - l_s + l_d + q", worst, 1e-6);
+}
+
+static void run(bool skip, unsigned without)
+{
+    static const char *const groups[] = {"backbone.", "init.", "static.",
+                                         "dynamic.", "dynamic.head_base",
+                                         "mouth."};
+    struct world w;
+
+    printf("-- rgb_skip %d, without %u\n", skip, without);
+    make(&w, skip, without);
+    float *dverts = calloc(3 * w.head.V, sizeof *dverts);
+    reference(&w);
+    memset(w.ps.g, 0, w.ps.total * sizeof *w.ps.g);
+    loss(&w);
+    backward(&w, dverts);
+    for (size_t i = 0; i < 6; i++) {
+        if ((i == 1 && without & (WITHOUT_DEFORM | WITHOUT_STATIC)) ||
+            (i == 2 && without & WITHOUT_STATIC) ||
+            ((i == 3 || i == 4) && without & WITHOUT_DYNAMIC) ||
+            (i == 5 && without & WITHOUT_MOUTH))
+            continue;
+        direction(&w, groups[i]);
+    }
+    vertices(&w, dverts);
+    free(dverts);
+    release(&w);
+}
+
+int main(void)
+{
+    run(true, 0);
+    run(false, 0);
+    run(true, WITHOUT_INTERP);
+    run(true, WITHOUT_DEFORM);
+    run(true, WITHOUT_STATIC);
+    run(true, WITHOUT_DYNAMIC);
+    run(true, WITHOUT_MOUTH);
+    return failed;
+}
