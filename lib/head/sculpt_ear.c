@@ -117,7 +117,7 @@ void sculpt_ear(struct half *h)
 /* Nostril: an oval on the underside of the nose, three loops inwards. */
 void sculpt_nostril(struct half *h)
 {
-    static const double up[NOS_RINGS + 1] = { 0, 2.5, 5.5, 8.5 };
+    static const double up[NOS_RINGS + 1] = { 0, 1.2, 4.0, 7.0 };
     static const double size[NOS_RINGS + 1] = { 1, 0.80, 0.62, 0.40 };
     const struct vec c = vec(7.0, -20.0, 97.5);
     const struct vec along = unit(vec(-0.42, 0.10, 1));      /* to the tip */
@@ -131,8 +131,9 @@ void sculpt_nostril(struct half *h)
             if (k == 0)
                 q = sculpt_surface_ray(vec(q.x, -60, q.z), vec(0, 1, 0));
             else
-                q = vec(q.x + 0.1 * up[k], h->p[h->nostril[0][i]].y + up[k],
-                        q.z - 0.45 * up[k]);
+                q = vec(q.x + 0.2 * up[k],
+                        h->p[h->nostril[0][i]].y * 0.5 + 0.5 * c.y + up[k],
+                        q.z - 0.35 * up[k]);
             int v = h->nostril[k][i];
             h->p[v] = q;
             h->hold[v] = k ? 1 : 0.9;

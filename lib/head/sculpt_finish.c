@@ -62,6 +62,7 @@ static double freedom(const struct half *h, int v)
     case PART_EYE: return k < 4 ? 1 : k == 4 ? 0.6 : k == 5 ? 0.3 : 0;
     case PART_MOUTH: return k < 3 ? 1 : 0;
     case PART_EAR: return 0;
+    case PART_NOSTRIL: return 0;
     default: return 1;
     }
 }
@@ -89,6 +90,24 @@ static void even_out(struct half *h, struct vec *next, const int (*nbr)[2],
         }
     }
     free(weight);
+}
+
+/* The nostrils' walls rise from their rims. */
+static void deepen_nostrils(struct half *h)
+{
+    static const double up[NOS_RINGS + 1] = { 0, 2.0, 5.0, 8.0 };
+    struct vec middle = vec(0, 0, 0);
+    for (int i = 0; i < NOS_N; i++)
+        middle = add(middle, mul(h->p[h->nostril[0][i]], 1.0 / NOS_N));
+    for (int k = 1; k <= NOS_RINGS; k++)
+        for (int i = 0; i < NOS_N; i++) {
+            struct vec rim = h->p[h->nostril[0][i]];
+            struct vec q = lerp(rim, middle, 0.14 * k);
+            h->p[h->nostril[k][i]] = add(q, vec(0.1 * up[k], up[k],
+                                                -0.45 * up[k]));
+        }
+    h->p[h->nostril_fill[1][1]] =
+        add(middle, vec(0.9, up[NOS_RINGS] + 0.5, -0.5 * up[NOS_RINGS]));
 }
 
 int sculpt_finish(struct half *h)
@@ -127,6 +146,7 @@ int sculpt_finish(struct half *h)
     }
     for (int v = 0; v < h->nv; v++)
         h->p[v] = add(h->p[v], next[v]);
+    deepen_nostrils(h);
     free(nbr);
     free(next);
     return 0;
