@@ -6,9 +6,11 @@
 
 #include "cmd/cli.h"
 #include "formats/outfile.h"
+#include "formats/ply.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
 #include "lib/base/cpu.h"
+#include "lib/splat/scene.h"
 #include "lib/stream/schema.h"
 #include "lib/stream/stats.h"
 #include "lib/stream/stream.h"
@@ -18,7 +20,7 @@ struct range {
 };
 
 static bool check, json, values;
-static const char *st_path, *npy_dir, *only;
+static const char *st_path, *npy_dir, *ply_path, *only;
 static struct range frames = { 0, UINT64_MAX };
 
 /* "A:B", "A:", ":B" or "A". */
@@ -59,6 +61,8 @@ static const struct cli_option options[] = {
       "write all arrays to one safetensors file", NULL },
     { "npy", 0, CLI_STRING, &npy_dir, 0, 0, "DIR",
       "write all arrays to npy files, frames stacked", NULL },
+    { "ply", 0, CLI_STRING, &ply_path, 0, 0, "FILE",
+      "write the Gaussians as of the last record chosen", NULL },
     { "frames", 0, CLI_CALL, &frames, 0, 0, "A:B",
       "only frames A to B - 1", parse_frames },
     { "only", 0, CLI_STRING, &only, 0, 0, "TYPE",
@@ -68,7 +72,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-dump", "[-cq] [--json [--values]] [--safetensors FILE] [--npy DIR] "
-    "[--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] [STREAM]",
+    "[--ply FILE] [--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] [STREAM]",
     "show or convert what a stream holds", options
 };
 
@@ -81,6 +85,7 @@ struct outputs {
     FILE *text;                /* standard output, or file's */
     struct outfile file;
     struct recordfile *st, *npy;
+    struct scene scene;        /* for --ply */
 };
 
 static void open_outputs(struct outputs *out)
@@ -161,9 +166,11 @@ static int dump_record(struct outputs *out, const struct record *rec,
     if (check)
         return schema_check(rec, err) || record_check_finite(rec, err) ? -1
                                                                        : 0;
+    if (ply_path && scene_apply(&out->scene, rec, err) < 0)
+        return -1;
     if (json)
         recordjson_write(out->text, rec, values);
-    else if (!out->st && !out->npy)
+    else if (!out->st && !out->npy && !ply_path)
         print_record(out->text, rec);
     if (ferror(out->text) || fflush(out->text))
         return error_set(err, EX_IOERR, "%s: cannot write: %s",
@@ -226,6 +233,11 @@ static void close_outputs(struct outputs *out)
         die_error(&err);
     if (out->npy && recordfile_finish(out->npy, &err))
         die_error(&err);
+    if (ply_path && !out->scene.mean)
+        die(EX_DATAERR, "no Gaussians for --ply (expected a GAUS record)");
+    if (ply_path && ply_write(ply_path, &out->scene.g, true, &err))
+        die_error(&err);
+    scene_release(&out->scene);
     if (out->text != stdout && outfile_close(&out->file, &err))
         die_error(&err);
     if (fclose(stdout))

@@ -9,11 +9,13 @@
 #include "formats/npy.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
+#include "formats/recordply.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
 #include "lib/stream/stream.h"
 
-static const char *type;
+static const char *type, *ply_path;
+static struct recordply_options ply;
 static bool stack, raw;
 static double fps = 25.0;
 static long first_frame;
@@ -29,14 +31,22 @@ static const struct cli_option options[] = {
       "frames a second, for times not given (default 25)", NULL },
     { "raw", 0, CLI_FLAG, &raw, 0, 0, NULL,
       "do not put a CONF record in front", NULL },
+    { "ply", 0, CLI_STRING, &ply_path, 0, 0, "FILE",
+      "a Gaussian scene as a GAUS record, as SOURCE.ply does", NULL },
+    { "eye", 0, CLI_CALL, &ply, 0, 0, "X,Y,Z",
+      "where its spherical harmonics are seen from", recordply_parse_eye },
+    { "flat", 0, CLI_FLAG, &ply.flat, 0, 0, NULL,
+      "drop spherical harmonics above degree 0", NULL },
+    { "model-space", 0, CLI_FLAG, &ply.model_space, 0, 0, NULL,
+      "the PLY has y up: do not turn it", NULL },
     { 0 }
 };
 
 static const struct cli_usage usage = {
     "spid-pack", "[-q] [--raw] [--fps N] [-t TYPE [-s] [--frame N]] "
-    "[--max-bytes SIZE] [-o FILE] SOURCE ...",
+    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--max-bytes SIZE] [-o FILE] SOURCE ...",
     "make a stream from JSON, npy and safetensors files, or streams\n\n"
-    "SOURCE is a stream, a .json file, a directory or .safetensors file of\n"
+    "SOURCE is a stream, a .json or .ply file, a directory or .safetensors file of\n"
     "spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy, FILE.safetensors.",
     options
 };
@@ -250,6 +260,8 @@ static int add_source(struct pack *p, const char *source, struct error *err)
         return add_npy(p, source, err);
     if (ends_in(source, ".safetensors"))
         return add_safetensors(p, source, err);
+    if (ends_in(source, ".ply"))
+        return recordply_read(source, &ply, put_record, p, err);
     if (ends_in(source, ".json") || ends_in(source, ".jsonl"))
         return recordjson_read(source, fps, stream_limit(), put_record, p,
                                err);
@@ -264,12 +276,14 @@ int main(int argc, char **argv)
     struct error err = { 0 };
     int rc = 0, first = cli_parse(&usage, argc, argv);
 
-    if (first == argc)
+    if (first == argc && !ply_path)
         die(EX_USAGE, "nothing to pack (expected SOURCE ..., see --help)");
     cpu_keep_denormals();
     p.out = stream_create(cli.output, &err);
     if (!p.out)
         die_error(&err);
+    if (ply_path)
+        rc = recordply_read(ply_path, &ply, put_record, &p, &err);
     for (int i = first; i < argc && rc == 0; i++)
         rc = add_source(&p, argv[i], &err);
     if (rc == 0)

@@ -109,3 +109,39 @@ PY
     [ "$status" -eq 64 ]
     [[ "$output" == *"%s"* ]]
 }
+
+@test "spid-dump --ply and spid-pack bring a scene back" {
+    spid-dump -q --ply face.ply scene.spid
+    spid-pack face.ply -o back.spid
+    spid-dump --npy back back.spid
+    cat >compare.py <<'PY'
+import numpy as np
+for name, tol in (("mean", 0), ("scale", 1e-6), ("opacity", 1e-5)):
+    a, b = np.load(name + ".npy"), np.load(f"back/GAUS.{name}.npy")[0]
+    assert np.abs(a - b).max() <= tol, name
+a, b = np.load("color.npy")[:, :3], np.load("back/GAUS.color.npy")[0]
+assert np.abs(a - b).max() < 1e-6
+a, b = np.load("quat.npy"), np.load("back/GAUS.quat.npy")[0]
+assert (np.abs((a * b).sum(1)) > 1 - 1e-5).all()
+PY
+    /usr/bin/python3 compare.py
+}
+
+@test "spherical harmonics are evaluated for an eye, dropped, or refused" {
+    cat >sh.py <<'PY'
+import numpy as np
+names = "x y z f_dc_0 f_dc_1 f_dc_2".split() + [f"f_rest_{i}" for i in range(9)] + \
+    "opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3".split()
+row = dict.fromkeys(names, 0.); row["rot_0"] = 1; row["f_rest_1"] = .5   # red, band z
+open("sh.ply", "wb").write(("ply\nformat binary_little_endian 1.0\nelement vertex 1\n" +
+    "".join(f"property float {n}\n" for n in names) + "end_header\n").encode() +
+    np.array([row[n] for n in names], "<f4").tobytes())
+PY
+    /usr/bin/python3 sh.py
+    run spid-pack sh.ply -o x.spid
+    [ "$status" -eq 65 ]
+    [[ "$output" == *"degree 1"* ]]
+    spid-pack --flat sh.ply | spid-dump --only GAUS | grep -q 'color.*min 0.5 .*max 0.5'
+    # seen along +z the red channel gains sqrt(3/4pi) / 2
+    spid-pack --eye 0,0,-3 sh.ply | spid-dump --only GAUS | grep -q 'color.*max 0.7443'
+}
