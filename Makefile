@@ -138,7 +138,6 @@ DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
         libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg \
         bats mandoc python3 python3-numpy
-STAGES := $(patsubst lib/bench/bench_%.c,%,$(wildcard lib/bench/bench_*.c))
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 
@@ -147,7 +146,7 @@ check: tests
 	BUILD=$(BUILD) tests/run $(T)
 
 bench: all
-	@set -e; for s in $(STAGES); do $(BUILD)/bin/spid-bench $$s; done
+	$(BUILD)/bin/spid-bench all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:

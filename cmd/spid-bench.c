@@ -32,6 +32,7 @@ static const struct stage {
     int (*run)(struct bench *b, struct error *err);
 } stages[] = {
     { "splat", bench_splat },
+    { "stream", bench_stream },
 };
 
 static const struct stage *find_stage(const char *name)
@@ -44,7 +45,28 @@ static const struct stage *find_stage(const char *name)
         strcat(known, i ? " " : "");
         strcat(known, stages[i].name);
     }
-    die(EX_USAGE, "%s: no such stage (expected one of: %s)", name, known);
+    die(EX_USAGE, "%s: no such stage (expected all, or one of: %s)", name,
+        known);
+}
+
+/* Run a stage, or all of them; of all, one that finds no model or input is
+ * only noted. */
+static void run_stage(struct bench *b, const char *name)
+{
+    bool all = !strcmp(name, "all");
+    struct error err = {0};
+
+    if (!all) {
+        if (find_stage(name)->run(b, &err))
+            die_error(&err);
+        return;
+    }
+    for (size_t i = 0; i < sizeof stages / sizeof *stages; i++)
+        if (stages[i].run(b, &err)) {
+            if (err.code != EX_NOINPUT)
+                die_error(&err);
+            bench_note(b, "%s: left out: %s", stages[i].name, err.text);
+        }
 }
 
 static void write_report(const struct bench *b)
@@ -65,21 +87,20 @@ static void write_report(const struct bench *b)
 int main(int argc, char **argv)
 {
     struct bench b;
-    struct error err = {0};
     int at = cli_parse(&usage, argc, argv);
 
     if (at == argc)
         die(EX_USAGE, "no stage given (see spid-bench --help)");
     for (int i = at; i < argc; i++)
-        find_stage(argv[i]);
+        if (strcmp(argv[i], "all"))
+            find_stage(argv[i]);
     bench_init(&b);
     b.seconds = seconds;
     b.threads = cli.threads;
     b.model = cli.model;
     b.scene = scene;
     for (int i = at; i < argc; i++)
-        if (find_stage(argv[i])->run(&b, &err))
-            die_error(&err);
+        run_stage(&b, argv[i]);
     write_report(&b);
     bench_release(&b);
     stats_write();

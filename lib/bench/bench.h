@@ -92,5 +92,6 @@ char *bench_json(const struct bench *b);
 /* ---- the stages ----------------------------------------------------------- */
 
 int bench_splat(struct bench *b, struct error *err);
+int bench_stream(struct bench *b, struct error *err);
 
 #endif
