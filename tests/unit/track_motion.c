@@ -2,7 +2,7 @@
  * landmarks' small head against the whole one, smoothing, a fixed crop.
  *     track_motion --model FILE
  * writes an untrained model for the pipe tests: encoders that see a frontal
- * face filling its crop. */
+ * face filling its crop, and the shipped refiner. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -11,6 +11,7 @@
 #include "lib/avatar/config.h"
 #include "lib/base/random.h"
 #include "lib/geom/rotation.h"
+#include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/track/oneeuro.h"
 #include "lib/track/track.h"
@@ -287,11 +288,26 @@ static void test_fixed_crop(const struct head *h)
     free(small);
 }
 
+/* Layers that start at zero would hide what the tests look for. */
+static void fill_zero_layers(struct params *ps)
+{
+    for (size_t i = 0; i < ps->count; i++) {
+        struct random r;
+        if (strncmp(ps->tensor[i].name, "refine.", 7) != 0
+            || ps->tensor[i].init != PARAM_ZERO)
+            continue;
+        random_init(&r, 3, ps->tensor[i].name);
+        for (size_t k = 0; k < ps->tensor[i].count; k++)
+            param_w(ps, i)[k] = (float)random_range(&r, -0.03, 0.03);
+    }
+}
+
 static int write_model(const char *path)
 {
     struct params ps;
     struct motion_encoder net = {0};
     struct shape_encoder shape = {0};
+    struct refiner refiner = {0};
     struct avatar_config config;
     struct error err = {0};
     const char *meta[3] = {"spid", NULL, NULL};
@@ -299,16 +315,17 @@ static int write_model(const char *path)
     float *bias;
 
     avatar_config_shipped(&config);
-    config.has_refiner = false;
     params_init(&ps);
     if (motion_encoder_init(&net, &ps, "motion.", config.motion_net, &err)
         || shape_encoder_init(&shape, &ps, "shape.", config.shape_net, &err)
+        || refiner_init(&refiner, &ps, "refine.", &config.refiner, &err)
         || params_allocate(&ps, &err)) {
         printf("%s\n", err.text);
         return 1;
     }
     params_randomise(&ps, 1);
     motion_encoder_start(&net);
+    fill_zero_layers(&ps);
     bias = param_w(&ps, params_find(&ps, "motion.trans.bias"));
     bias[0] = 0;                       /* the built-in head's face, centred */
     bias[1] = -0.109f;
@@ -322,6 +339,7 @@ static int write_model(const char *path)
     free(json);
     motion_encoder_release(&net);
     shape_encoder_release(&shape);
+    refiner_release(&refiner);
     params_release(&ps);
     return 0;
 }

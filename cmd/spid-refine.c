@@ -1,0 +1,256 @@
+/* spid-refine: splatted features in, finished pictures out.  Eq. SR. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/framesink.h"
+#include "lib/refine/refine.h"
+#include "lib/stream/stream.h"
+
+static enum nn_type precision = NN_F32;
+static struct framesink_options sink_options;
+static struct background background;
+static const char *background_text, *identity_path;
+static double fps;
+static bool roi;
+
+static int parse_precision(const char *value, void *dest, struct error *err)
+{
+    if (nn_type_parse(dest, value) == 0)
+        return 0;
+    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
+                     "bf16)");
+}
+
+static const struct cli_option options[] = {
+    {"precision", 0, CLI_CALL, &precision, 0, 0, "TYPE",
+     "f32 or bf16 inside the network (default f32)", parse_precision},
+    {"roi", 0, CLI_FLAG, &roi, 0, 0, NULL,
+     "refine only the part of the picture where the head is", NULL},
+    {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
+     "stream, y4m, png, pam, exr or mp4 (default by the output's name)",
+     framesink_parse_format},
+    {"background", 0, CLI_STRING, &background_text, 0, 0, "WHAT",
+     "R,G,B, #RRGGBB, a name, a picture, or source (default black)", NULL},
+    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
+     "identity whose picture --background source means", NULL},
+    {"alpha", 0, CLI_FLAG, &sink_options.alpha, 0, 0, NULL,
+     "keep transparency: straight RGBA (png, pam, exr, stream)", NULL},
+    {"fps", 0, CLI_FLOAT, &fps, 0.001, 100000, "RATE",
+     "frames a second of y4m and mp4 (default CONF's, else 25)", NULL},
+    {"bt601", 0, CLI_FLAG, &sink_options.bt601, 0, 0, NULL,
+     "write Y4M in BT.601 (default BT.709)", NULL},
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-refine", "[--precision TYPE] [--roi] [--format FORMAT] "
+    "[--background WHAT] [-i FILE] [--alpha] [--fps RATE] [--bt601] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "refine splatted feature images into pictures", options
+};
+
+struct program {
+    struct refine refine;
+    struct stream_reader *in;
+    struct framesink *out;
+    float *rgb;
+    size_t room;                /* floats in rgb */
+    bool compared;
+};
+
+static void open_model(struct program *p)
+{
+    struct error err = {0};
+    char model[4096];
+
+    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+        || refine_open(&p->refine, model, precision, roi, &err))
+        die_error(&err);
+}
+
+static void open_background(void)
+{
+    struct error err = {0};
+    int rc = 0;
+
+    if (!background_text)
+        return;
+    if (strcmp(background_text, "source") != 0) {
+        rc = background_parse(background_text, &background, &err);
+    } else if (!identity_path) {
+        die(EX_USAGE, "--background=source: whose picture (expected "
+            "-i FILE)");
+    } else {
+        rc = background_from_identity(&background, identity_path, &err);
+    }
+    if (rc) {
+        error_prefix(&err, "--background=%s", background_text);
+        die_error(&err);
+    }
+}
+
+static void open_streams(struct program *p, const char *input)
+{
+    struct error err = {0};
+
+    p->in = stream_open(input, NULL, &err);
+    if (!p->in)
+        die_error(&err);
+    sink_options.path = cli.output;
+    sink_options.background = &background;
+    if (fps > 0) {
+        sink_options.rate_num = (int)lrint(fps * 1000);
+        sink_options.rate_den = 1000;
+    }
+    p->out = framesink_open(&sink_options, &err);
+    if (!p->out)
+        die_error(&err);
+}
+
+/* The arrays of a FEAT record. */
+static int take_features(struct refine_input *in, const struct record *rec,
+                         struct error *err)
+{
+    const struct array *a = record_find(rec, "feat");
+    const size_t dims[3] = {0, 0, 0};
+
+    memset(in, 0, sizeof *in);
+    if (a && a->dtype == DTYPE_F16)
+        in->f16 = record_get(rec, "feat", DTYPE_F16, 3, dims, err);
+    else
+        in->f32 = record_get(rec, "feat", DTYPE_F32, 3, dims, err);
+    if (!in->f16 && !in->f32)
+        return -1;
+    in->height = a->dim[0];
+    in->width = a->dim[1];
+    in->channels = a->dim[2];
+    if (record_find(rec, "alpha")
+        && !(in->alpha = record_get(rec, "alpha", DTYPE_F32, 2, a->dim,
+                                    err)))
+        return -1;
+    return record_check_finite(rec, err);
+}
+
+/* What --precision and --roi cost, on the first frame. */
+static void compare(const struct program *p, const struct refine_input *in)
+{
+    const size_t n = in->height * in->width * 3;
+    struct error err = {0};
+    struct refine full;
+    float *want = malloc(n * sizeof *want);
+    double most = 0, square = 0;
+
+    if (!want || refine_open(&full, p->refine.path, NN_F32, false, &err)
+        || refine_frame(want, &full, in, &err)) {
+        free(want);
+        return;
+    }
+    for (size_t i = 0; i < n; i++) {
+        double a = fmin(1, fmax(0, want[i])), b = fmin(1, fmax(0, p->rgb[i]));
+        most = fmax(most, fabs(a - b));
+        square += (a - b) * (a - b);
+    }
+    square /= (double)n;
+    if (!cli.quiet)
+        fprintf(stderr, "%s: %s%s, %zu x %zu of %zu x %zu pixels refined: "
+                "largest error %.2g, %.1f dB against all of it in f32 (first "
+                "frame)\n", cli.program, nn_type_name(precision),
+                roi ? ", --roi" : "", p->refine.plan.width,
+                p->refine.plan.height, in->width, in->height, most,
+                square > 0 ? -10 * log10(square) : INFINITY);
+    refine_release(&full);
+    free(want);
+}
+
+/* The line that is this program: I' = SR(F). */
+static int write_picture(struct program *p, const struct record *rec,
+                         struct error *err)
+{
+    struct refine_input in;
+    struct framesink_frame f = {
+        .channels = 3, .frame = rec->frame, .time = rec->time
+    };
+    double begun;
+
+    if (take_features(&in, rec, err))
+        return -1;
+    if (in.height * in.width * 3 > p->room) {
+        free(p->rgb);
+        p->room = in.height * in.width * 3;
+        p->rgb = malloc(p->room * sizeof *p->rgb);
+        if (!p->rgb)
+            return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
+                             in.width, in.height);
+    }
+    begun = stats_begin();
+    if (refine_frame(p->rgb, &p->refine, &in, err))
+        return -1;
+    stats_end("refine", begun);
+    if (!p->compared && (roi || precision != NN_F32))
+        compare(p, &in);
+    p->compared = true;
+    f.height = in.height;
+    f.width = in.width;
+    f.color = p->rgb;
+    f.alpha = in.alpha;
+    begun = stats_begin();
+    if (framesink_write(p->out, &f, err))
+        return -1;
+    stats_end("encode", begun);
+    progress("frames", rec->frame + 1, 0, NULL);
+    return 0;
+}
+
+static int pass_record(struct program *p, const struct record *rec,
+                       struct error *err)
+{
+    struct stream_writer *out = framesink_stream(p->out);
+
+    if (record_is(rec, "FEAT"))
+        return write_picture(p, rec, err);
+    if (record_is(rec, "CONF"))
+        framesink_take_conf(p->out, rec);
+    return out ? stream_copy(out, rec, err) : 0;
+}
+
+int main(int argc, char **argv)
+{
+    static struct program p;
+    struct error err = {0};
+    struct record rec;
+    double begun;
+    int rc;
+
+    int first = cli_parse(&usage, argc, argv);
+    if (argc - first > 1)
+        die(EX_USAGE, "%s: one stream at a time (expected at most one "
+            "operand)", argv[first + 1]);
+    open_model(&p);
+    open_background();
+    open_streams(&p, first < argc ? argv[first] : "-");
+    while (begun = stats_begin(), (rc = stream_read(p.in, &rec, &err)) > 0) {
+        stats_end("decode", begun);
+        if (pass_record(&p, &rec, &err)) {
+            error_prefix(&err, "%s: frame %llu", stream_name(p.in),
+                         (unsigned long long)rec.frame);
+            rc = -1;
+            break;
+        }
+    }
+    progress_end();
+    if (rc < 0) {               /* a stream gets no END */
+        framesink_abandon(p.out);
+        die_error(&err);
+    }
+    if (framesink_finish(p.out, &err))
+        die_error(&err);
+    stats_write();
+    stream_close(p.in);
+    refine_release(&p.refine);
+    background_release(&background);
+    free(p.rgb);
+    return 0;
+}

@@ -1,0 +1,130 @@
+#!/usr/bin/env bats
+# spid-refine: feature images in, finished pictures out.
+load helper
+
+prepare() {
+    need_numpy
+    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model model.safetensors
+    export SPID_MODEL=$PWD/model.safetensors
+    features 64 32
+}
+
+# features SIZE CHANNELS [DTYPE]: feat.spid, a soft spot in the middle.
+features() {
+    "$PYTHON" - "$1" "$2" "${3:-f4}" <<'PY'
+import sys
+import numpy as np
+S, C, t = int(sys.argv[1]), int(sys.argv[2]), sys.argv[3]
+y, x = np.mgrid[0:S, 0:S] / S
+a = np.clip(1.5 - 8 * np.hypot(x - .5, y - .5), 0, 1).astype('f4')
+f = np.random.default_rng(1).normal(size=(S, S, C)) * .1
+f[..., 0], f[..., 1], f[..., 2] = .8, .6 * x, .5 * y
+np.save('feat.npy', (f * a[..., None]).astype(t))
+np.save('alpha.npy', a)
+PY
+    spid-pack -t FEAT feat.npy alpha.npy -o feat.spid
+}
+
+@test "a feature record becomes a picture, the rest passes" {
+    spid-refine feat.spid -o out.spid
+    spid-dump --check out.spid
+    run spid-dump --json out.spid
+    has '"type":"IMAG"'
+    has '"shape":[64,64,3]'
+    motion 1
+    spid-refine motion.spid -o same.spid
+    spid-dump --json --only MOTN motion.spid >a
+    spid-dump --json --only MOTN same.spid >b
+    cmp a b
+}
+
+@test "half and single precision features give nearly the same picture" {
+    spid-refine feat.spid --format pam -o a.pam
+    features 64 32 f2
+    spid-refine feat.spid --format pam -o b.pam
+    "$PYTHON" - <<'PY'
+import numpy as np
+a, b = (np.fromfile(n, 'u1')[-64 * 64 * 3:].astype(int) for n in ('a.pam', 'b.pam'))
+assert abs(a - b).max() <= 1, abs(a - b).max()
+PY
+}
+
+@test "every format holds the same picture" {
+    spid-refine feat.spid -o a.pam
+    spid-refine feat.spid -o f-%03d.png
+    spid-refine --format pam <feat.spid >b.pam
+    cmp a.pam b.pam
+    spid-refine feat.spid -o a.exr
+    spid-refine feat.spid -o a.y4m
+    spid-refine feat.spid -o a.mp4
+    [ -s f-000.png ] && [ -s a.exr ] && [ -s a.mp4 ]
+    head -c 9 a.y4m | grep -q YUV4MPEG2
+    [ "$(ls ./*.part* 2>/dev/null | wc -l)" -eq 0 ]
+}
+
+@test "pure red stays red through Y4M and ffmpeg" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    "$PYTHON" - <<'PY'
+import numpy as np
+np.save('feat.npy', np.zeros((128, 128, 32), 'f4'))
+np.save('alpha.npy', np.zeros((128, 128), 'f4'))
+PY
+    spid-pack -t FEAT feat.npy alpha.npy -o feat.spid
+    spid-refine --roi -q --background 255,0,0 feat.spid -o red.y4m
+    ffmpeg -v error -i red.y4m -vf scale=in_color_matrix=bt709 -f rawvideo \
+        -pix_fmt rgb24 red.rgb
+    # the last pixel lies outside what --roi refines
+    read -r r g b < <(tail -c 3 red.rgb | od -An -tu1)
+    [ "$r" -ge 253 ] && [ "$g" -le 2 ] && [ "$b" -le 2 ]
+}
+
+@test "the background shows where alpha is 0, or alpha is kept" {
+    features 256 32
+    spid-refine --roi -q --background '#10c020' feat.spid -o a.pam
+    [ "$(tail -c 3 a.pam | od -An -tu1 | xargs)" = "16 192 32" ]
+    spid-refine --roi -q --alpha feat.spid -o b.pam
+    grep -aq RGB_ALPHA b.pam
+    [ "$(tail -c 1 b.pam | od -An -tu1 | xargs)" = 0 ]
+    status 64 spid-refine --alpha feat.spid -o c.mp4
+    status 64 spid-refine --background source feat.spid -o c.png
+    status 66 spid-refine --background nowhere.png feat.spid -o c.png
+}
+
+@test "what bf16 and --roi cost is reported" {
+    run spid-refine --precision bf16 --roi feat.spid -o a.spid
+    [ "$status" -eq 0 ]
+    has 'largest error'
+    has 'dB against all of it in f32'
+}
+
+@test "one thread and two give the same bits" {
+    spid-refine -j 1 feat.spid -o a.spid
+    spid-refine -j 2 feat.spid -o b.spid
+    cmp a.spid b.spid
+}
+
+@test "features that are not the refiner's are refused" {
+    features 64 3
+    status 65 spid-refine feat.spid -o out.spid
+    one_line
+    has 'feat.spid: frame 0: FEAT has 3 channels (expected 32'
+    [ ! -e out.spid ]
+}
+
+@test "a stream that breaks off keeps the pictures before" {
+    cat feat.spid >two.spid
+    head -c -64 feat.spid >cut.spid
+    status 65 spid-refine cut.spid -o out-%d.png
+    [ -s out-0.png ]
+    has 'no END record'
+}
+
+@test "a size that is no multiple of the network's is refined whole" {
+    features 50 32
+    spid-refine feat.spid -o a.pam
+    grep -aq 'WIDTH 50' a.pam
+}
+
+@test "a full disk is noticed" {
+    status 74 bash -c 'spid-refine --format pam feat.spid >/dev/full'
+}
