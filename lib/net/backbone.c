@@ -4,19 +4,27 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/net/dino_base.h"
 #include "lib/net/small_backbone.h"
+
+#define GRID 37      /* of DINOv2's position embeddings */
 
 struct backbone_impl {
     struct small_backbone small;
+    struct dino_base dino;
 };
+
+static bool is_small(const struct backbone *b)
+{
+    return b->config.type == BACKBONE_SMALL;
+}
 
 int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
                   const struct backbone_config *config, struct error *err)
 {
     memset(b, 0, sizeof *b);
-    if (config->type != BACKBONE_SMALL)
-        return error_set(err, EX_CONFIG, "unknown backbone");
-    if (!config->width || !config->features || !config->size)
+    if (!config->features || !config->size ||
+        (config->type == BACKBONE_SMALL && !config->width))
         return error_set(err, EX_CONFIG, "backbone of width %zu, %zu features,"
                          " size %zu (expected numbers above 0)",
                          config->width, config->features, config->size);
@@ -24,39 +32,65 @@ int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
     if (!b->impl)
         return error_set(err, EX_OSERR, "out of memory");
     b->config = *config;
-    small_backbone_init(&b->impl->small, ps, prefix, config->features,
-                        config->size, config->width);
-    return 0;
+    if (is_small(b)) {
+        small_backbone_init(&b->impl->small, ps, prefix, config->features,
+                            config->size, config->width);
+        return 0;
+    }
+    struct dinov2_config vit = { config->embed, config->depth, config->heads,
+                                 config->patch, GRID, DINO_LEVELS };
+    if (!config->patch || config->image % config->patch || !config->image)
+        return error_set(err, EX_CONFIG, "backbone image %zu, patch %zu "
+                         "(expected a multiple)", config->image,
+                         config->patch);
+    return dino_base_init(&b->impl->dino, ps, prefix, &vit, config->features,
+                          err);
 }
 
 int backbone_plan(struct backbone *b, size_t batch, size_t input,
                   struct nn_options opt, struct error *err)
 {
+    size_t image = b->config.image;
     b->batch = batch;
     b->input = input;
-    return small_backbone_plan(&b->impl->small, batch, input, opt, err);
+    if (is_small(b))
+        return small_backbone_plan(&b->impl->small, batch, input, opt, err);
+    return dino_base_plan(&b->impl->dino, batch, input, input, image, image,
+                          b->config.size, opt, err);
 }
 
 void backbone_update(struct backbone *b)
 {
-    small_backbone_update(&b->impl->small);
+    if (is_small(b))
+        small_backbone_update(&b->impl->small);
+    else
+        dino_base_update(&b->impl->dino);
 }
 
 void backbone_release(struct backbone *b)
 {
     if (!b->impl)
         return;
-    small_backbone_release(&b->impl->small);
+    if (is_small(b))
+        small_backbone_release(&b->impl->small);
+    else
+        dino_base_release(&b->impl->dino);
     free(b->impl);
     memset(b, 0, sizeof *b);
 }
 
 void backbone_forward(float *features, const float *rgb, struct backbone *b)
 {
-    small_backbone_forward(features, rgb, &b->impl->small);
+    if (is_small(b))
+        small_backbone_forward(features, rgb, &b->impl->small);
+    else
+        dino_base_forward(features, rgb, &b->impl->dino);
 }
 
 void backbone_backward(const float *dfeatures, struct backbone *b)
 {
-    small_backbone_backward(dfeatures, &b->impl->small);
+    if (is_small(b))
+        small_backbone_backward(dfeatures, &b->impl->small);
+    else
+        dino_base_backward(dfeatures, &b->impl->dino);
 }

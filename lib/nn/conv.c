@@ -27,7 +27,7 @@ struct conv_impl {
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
     float *bias;                 /* (out), folded */
     float *stage;                /* (out,in_data,k,k), folded or padded */
-    float *sums;                 /* (NN_SUMS,out): bias gradient's parts */
+    float *sums;                 /* (NN_SUMS+1,out): bias gradient's parts */
     size_t half_at;              /* of the input as bf16, in the scratch */
     size_t parts, dw_count;
     size_t scratch;              /* bytes for one part */
@@ -69,6 +69,20 @@ void linear_init(struct conv *c, struct params *ps, const char *name,
                  size_t in, size_t out, bool bias)
 {
     declare(c, ps, name, in, out, 1, 1, bias, 2);
+}
+
+void deconv_init(struct conv *c, struct params *ps, const char *name,
+                 size_t in, size_t out, size_t f)
+{
+    char buf[120];
+    size_t dims[4] = { in, out, f, f };
+    memset(c, 0, sizeof *c);
+    *c = (struct conv){ .ps = ps, .in = in, .out = f * f * out, .kernel = 1,
+                        .stride = 1, .shuffle = f, .gamma = NN_NONE };
+    c->weight = params_add(ps, nn_name(buf, "%s.weight", name), 4, dims,
+                           PARAM_HE, (float)f);
+    c->bias = params_add(ps, nn_name(buf, "%s.bias", name), 1, &out,
+                         PARAM_ZERO, 0.0f);
 }
 
 /* ---- describing the work to oneDNN ----------------------------------------
@@ -394,7 +408,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     im->bias = nn_plan_floats(p, c->out);
     im->stage = nn_plan_floats(p, c->out * c->in_data * c->kernel * c->kernel);
     if (nn_plan_backward(p)) {
-        im->sums = nn_plan_floats(p, NN_SUMS * c->out);
+        im->sums = nn_plan_floats(p, (NN_SUMS + 1) * c->out);
         if (!c->no_din)
             plan_backward_data(c, &s);
         plan_backward_weights(c, &s);
@@ -429,6 +443,31 @@ const char *conv_kernel(const struct conv *c)
 
 /* ---- running --------------------------------------------------------------
  */
+
+/* stage (f*f*O,in) <-> w (in,O,f,f) of a transposed convolution; back adds. */
+static void shuffle_weights(const struct conv *c, float *w, bool back)
+{
+    size_t ff = c->shuffle * c->shuffle, O = c->out / ff;
+    for (size_t d = 0; d < ff; d++)
+        for (size_t o = 0; o < O; o++)
+            for (size_t i = 0; i < c->in; i++) {
+                float *s = c->impl->stage + (d * O + o) * c->in + i;
+                float *p = w + (i * O + o) * ff + d;
+                if (back)
+                    *p += *s;
+                else
+                    *s = *p;
+            }
+}
+
+static const float *shuffled_weights(struct conv *c)
+{
+    size_t O = c->out / (c->shuffle * c->shuffle);
+    for (size_t o = 0; o < c->out; o++)
+        c->impl->bias[o] = param_w(c->ps, c->bias)[o % O];
+    shuffle_weights(c, param_w(c->ps, c->weight), false);
+    return c->impl->stage;
+}
 
 /* stage <- weights with the norm's scale, channels padded to in_data. */
 static const float *staged_weights(struct conv *c, const struct batch_norm *bn)
@@ -472,7 +511,7 @@ static void reorder(struct nn_call *call, void *to, const void *from,
 void conv_update(struct conv *c, const struct batch_norm *bn)
 {
     struct conv_impl *im = c->impl;
-    const float *w = staged_weights(c, bn);
+    const float *w = c->shuffle ? shuffled_weights(c) : staged_weights(c, bn);
     if (im->fwd.prim)
         reorder(&im->to_fwd, im->w_fwd, w, c->plan->scratch);
     else
@@ -520,14 +559,16 @@ static void weight_gradient(struct conv *c, const float *dout, const float *in)
         for (size_t k = 0; k < im->dw_count; k++)
             sum[k] += im->part[i].dw[k];
     float *g = param_g(c->ps, c->weight);
-    if (c->in_data == c->in) {
+    if (c->in_data == c->in && !c->shuffle) {
         reorder(&im->add_dw, g, sum, c->plan->scratch);
         return;
     }
     size_t taps = c->kernel * c->kernel;
     memset(im->stage, 0, c->out * c->in_data * taps * sizeof *im->stage);
     reorder(&im->add_dw, im->stage, sum, c->plan->scratch);
-    for (size_t o = 0; o < c->out; o++)
+    if (c->shuffle)
+        shuffle_weights(c, g, true);
+    for (size_t o = 0; o < c->out && !c->shuffle; o++)
         for (size_t k = 0; k < c->in * taps; k++)
             g[o * c->in * taps + k] += im->stage[o * c->in_data * taps + k];
     memset(im->stage, 0, c->out * c->in_data * taps * sizeof *im->stage);
@@ -538,8 +579,17 @@ void conv_backward(float *din, float *dout, const float *out, const float *in,
 {
     struct conv_impl *im = c->impl;
     float *db = c->bias == NN_NONE ? NULL : param_g(c->ps, c->bias);
+    float *each = im->sums + NN_SUMS * c->out;
+    if (c->shuffle) {
+        memset(each, 0, c->out * sizeof *each);
+        db = each;
+    }
     act_bias_backward(db, dout, im->sums, out, c->act,
                       c->batch * c->oh * c->ow, c->out);
+    if (c->shuffle)
+        for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
+             o < c->out; o++)
+            param_g(c->ps, c->bias)[o % O] += each[o];
     if (!c->ps->tensor[c->weight].frozen)
         weight_gradient(c, dout, in);
     if (!din)

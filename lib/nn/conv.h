@@ -33,6 +33,8 @@ struct conv {
     bool no_din;                  /* nobody asks for din */
     size_t gamma;                 /* tensor (out) in ps that scales the whole
                                    * output, folded; or NN_NONE.  NN_INFER */
+    size_t shuffle;               /* factor of a transposed convolution, or 0:
+                                   * `out` then counts its pixels too */
     size_t in_data;               /* channels in memory if more than `in`
                                    * (the rest is zero), else 0 */
     /* as planned */
@@ -48,6 +50,11 @@ void conv_init(struct conv *c, struct params *ps, const char *name, size_t in,
  * h = rows, w = 1. */
 void linear_init(struct conv *c, struct params *ps, const char *name,
                  size_t in, size_t out, bool bias);
+/* A transposed convolution whose kernel is its stride f: the weight is
+ * (in,out,f,f); the forward gives (B,h,w,f*f*out), which
+ * depth_to_space (lib/nn/image.h) lays out as (B,h f,w f,out). */
+void deconv_init(struct conv *c, struct params *ps, const char *name,
+                 size_t in, size_t out, size_t f);
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w);
 void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);

@@ -2,6 +2,7 @@
 
 #include <string.h>
 
+#include "lib/nn/act.h"
 #include "lib/nn/kernels.h"
 
 #define CHUNK 16384
@@ -77,6 +78,33 @@ void concat_backward(float *da, float *db, const float *dout, size_t rows,
         }
 }
 
+void concat_rows(float *out, const float *a, const float *b, size_t rows,
+                 size_t A, size_t Bc, size_t C)
+{
+    concat_forward(out, a, b, rows, A, Bc, C, 1);
+}
+
+void concat_rows_backward(float *db, const float *dout, size_t rows, size_t A,
+                          size_t Bc, size_t C)
+{
+#pragma omp parallel for schedule(static)
+    for (size_t r = 0; r < rows; r++)
+        memcpy(db + r * Bc, dout + r * C + A, Bc * sizeof *db);
+}
+
+void relu_copy(float *y, const float *x, size_t n)
+{
+    act_forward(y, x, ACT_RELU, n);
+}
+
+void relu_add_backward(float *dx, const float *dy, const float *y, size_t n)
+{
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < n; i++)
+        if (y[i] > 0.0f)
+            dx[i] += dy[i];
+}
+
 void space_to_depth(float *out, const float *in, const float *mean,
                     float scale, size_t B, size_t h, size_t w, size_t C,
                     size_t f)
@@ -95,6 +123,19 @@ void space_to_depth(float *out, const float *in, const float *mean,
                             (p[i] - (mean ? mean[i % C] : 0.0f)) * scale;
                 }
             }
+}
+
+void depth_to_space(float *out, const float *in, size_t B, size_t h, size_t w,
+                    size_t C, size_t f)
+{
+#pragma omp parallel for collapse(2) schedule(static)
+    for (size_t n = 0; n < B; n++)
+        for (size_t y = 0; y < h * f; y++) {
+            const float *p = in + ((n * h + y / f) * w * f + y % f) * f * C;
+            float *to = out + (n * h * f + y) * w * f * C;
+            for (size_t x = 0; x < w; x++, p += f * f * C, to += f * C)
+                memcpy(to, p, f * C * sizeof *to);
+        }
 }
 
 void depth_to_space_add(float *out, const float *base, size_t base_C,
