@@ -110,7 +110,8 @@ static void measure(struct actor *a)
     for (size_t i = 0; i < h->V; i++)
         for (int k = 0; k < 3; k++) {
             float v = a->neutral[3 * i + (size_t)k];
-            if (a->neutral[3 * i + 1] > lowest + 0.12f)
+            float y = a->neutral[3 * i + 1] - lowest;
+            if (y < 0.08f || y > 0.24f)
                 continue;
             lo[k] = v < lo[k] ? v : lo[k];
             hi[k] = v > hi[k] ? v : hi[k];
@@ -121,6 +122,12 @@ static void measure(struct actor *a)
     a->neck_radius[0] = 0.5f * (hi[0] - lo[0]);
     a->neck_radius[1] = 0.5f * (hi[2] - lo[2]);
     measure_skull(a);
+    /* brows are flatter than the model's bone, to each person's taste */
+    float flat = 0.45f * (1 - 0.6f * a->look.brow_arch);
+    for (int i = 17; i < 27; i++) {
+        float peak = a->lmk[i < 22 ? 19 : 24][1];
+        a->lmk[i][1] += flat * (peak - a->lmk[i][1]) - 0.014f;
+    }
 }
 
 /* The head model's own faces and how much of its neck follows the body. */

@@ -17,9 +17,9 @@ static void torso(const struct actor *a, float p[3], float t, float phi)
 {
     const float *b = a->neck_base;
     float wide = 0.98f * a->look.shoulder, u = clampf(t, 0, 1);
-    float neck_x = a->neck_radius[0] * 0.97f, neck_z = a->neck_radius[1];
-    neck_z = fminf(neck_z, neck_x * 1.15f) * 0.97f;
-    float flare = u * u * (1.6f - 0.6f * u);
+    float neck_x = a->neck_radius[0] * 0.86f;
+    float neck_z = a->neck_radius[1] * 0.84f;
+    float flare = u * (0.55f + 0.45f * u);
     float rx = lerpf(neck_x, wide, flare);
     float rz = lerpf(neck_z, 0.46f * a->look.build, ramp(0, 0.8f, u));
     float s = sinf(phi), c = cosf(phi);
@@ -28,8 +28,9 @@ static void torso(const struct actor *a, float p[3], float t, float phi)
     p[2] = b[2] - 0.04f * u + rz * copysignf(powf(fabsf(c), e), c);
     /* the trapezius runs down to the shoulder; chest and back drop sooner */
     float side = fabsf(s);
-    float fall = 0.30f * powf(u, 0.9f) + (1 - side) * 0.22f * u;
-    p[1] = b[1] + 0.20f * (1 - ramp(0, 0.15f, u)) + 0.02f - fall;
+    float fall = 0.36f * powf(u, 0.85f) + (1 - side) * 0.20f * u;
+    float back = 0.5f - 0.5f * c;
+    p[1] = b[1] + 0.06f + 0.12f * fmaxf(back, side * 0.9f) - fall;
     if (t > 1)
         p[1] -= (t - 1) * 1.6f;
     if (c > 0)                       /* chest */
@@ -98,9 +99,14 @@ static void body_vertex(struct actor *a, size_t i, float t, float phi)
         up += (noise_sum(q[0], q[1] * 0.6f, q[2], 3) * 0.020f + 0.004f)
               * ramp(0.02f, 0.3f, d);
     }
-    if (a->look.collar == COLLAR_TURTLE && t < 0.12f)
-        p[1] += 0.16f * (1 - t / 0.12f);
     mad3(p, p, n, up);
+    if (a->look.collar == COLLAR_TURTLE && t < 0.16f) {
+        float x = 1 - t / 0.16f;     /* a tube up the neck */
+        float wide = 1.15f + 0.12f * (1 - x);
+        p[0] = a->neck_base[0] + sinf(phi) * a->neck_radius[0] * wide;
+        p[2] = a->neck_base[2] + cosf(phi) * a->neck_radius[1] * wide;
+        p[1] += 0.13f * x;
+    }
     copy3(a->paint[i].c, p);
     a->anchor[i] = ANCHOR_BODY;
     struct paint *k = &a->paint[i];

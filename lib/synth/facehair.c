@@ -74,8 +74,8 @@ static float brow_at(const struct actor *a, const float p[3], int first,
     if (first != 22)
         for (int k = 0; k < 3; k++)
             dir[k] = -dir[k];
-    dir[1] += lerpf(0.1f, 0.9f, inner * inner);
-    float wide = 0.030f * a->look.brow_weight * lerpf(0.45f, 1, inner);
+    dir[1] += lerpf(0.05f, 0.6f, inner * inner);
+    float wide = 0.027f * a->look.brow_weight * lerpf(0.55f, 1, inner);
     return ramp(wide, wide * 0.4f, best);
 }
 
@@ -109,7 +109,7 @@ static int grow_brows(struct actor *a, struct random *r)
             for (int k = 0; k < 3; k++)
                 dir[k] += (float)random_range(r, -0.3, 0.3);
             if (plant(a, STRAND_BROW, f, s, t, dir,
-                      (float)random_range(r, 0.025, 0.05), 0.0019f,
+                      (float)random_range(r, 0.025, 0.045), 0.0017f,
                       (float)random_range(r, -1, 1), 0.007f))
                 return -1;
         }
@@ -136,7 +136,7 @@ static int grow_beard(struct actor *a, struct random *r)
         sub3(e, a->neutral + 3 * v[1], o);
         sub3(g, a->neutral + 3 * v[2], o);
         cross3(n, e, g);
-        int whole = (int)(length3(n) * 0.5f * 9000 * d + random_uniform(r));
+        int whole = (int)(length3(n) * 0.5f * 17000 * d + random_uniform(r));
         for (int i = 0; i < whole; i++) {
             float s = (float)random_uniform(r), t = (float)random_uniform(r);
             if (s + t > 1) {
@@ -147,7 +147,7 @@ static int grow_beard(struct actor *a, struct random *r)
                              + (upper > 0 ? copysignf(0.8f, o[0]) : 0), -1,
                              (float)random_range(r, -.2, .3) };
             if (plant(a, STRAND_BEARD, f, s, t, dir,
-                      l * (float)random_range(r, 0.6, 1.3), 0.0024f,
+                      l * (float)random_range(r, 0.6, 1.3), 0.0017f,
                       (float)random_range(r, -1, 1), l * 0.6f))
                 return -1;
         }
@@ -161,12 +161,12 @@ static int grow_lashes(struct actor *a, struct random *r)
 {
     static const int upper[2][4] = { { 36, 37, 38, 39 }, { 42, 43, 44, 45 } };
     for (int eye = 0; eye < 2; eye++)
-        for (int i = 0; i < 64; i++) {
+        for (int i = 0; i < 90; i++) {
             float x = (float)random_range(r, 0, 2.999), t, p[3], d[3];
             int k = (int)x;
             t = x - (float)k;
             struct strand_point *q = actor_strand(
-                a, STRAND_LASH, 4, 0.0022f * a->look.lash, 0.25f);
+                a, STRAND_LASH, 4, 0.0011f * a->look.lash, 0.3f);
             if (!q)
                 return -1;
             struct strand *s = &a->strand[a->nstrand - 1];
@@ -175,7 +175,7 @@ static int grow_lashes(struct actor *a, struct random *r)
             s->random = t;
             lerp3(p, a->lmk[upper[eye][k]], a->lmk[upper[eye][k] + 1], t);
             sub3(d, p, a->eye[eye == 0 ? 1 : 0]);
-            float side = d[0], l = (float)random_range(r, 0.028, 0.045);
+            float side = d[0], l = (float)random_range(r, 0.018, 0.030);
             for (int j = 0; j < 4; j++) {
                 float u = (float)j / 3;
                 /* relative to the lid's edge */

@@ -26,8 +26,8 @@ static const struct cut cuts[HAIR_STYLES] = {
     [HAIR_SIDE]     = { 8000, 8, .0040f, .30f, .09f, .40f, .15f, 1.f, .22f, .10f },
     [HAIR_QUIFF]    = { 8000, 8, .0040f, .28f, .08f, .75f, .1f, .9f, .25f, .15f },
     [HAIR_MEDIUM]   = { 6500, 12, .0055f, .62f, .45f, .25f, .5f, .8f, .25f, .12f },
-    [HAIR_LONG]     = { 6000, 18, .0065f, 1.45f, 1.25f, .12f, .9f, .7f, .12f, .10f },
-    [HAIR_WAVY]     = { 6000, 20, .0065f, 1.35f, 1.15f, .2f, .7f, .7f, .5f, .15f },
+    [HAIR_LONG]     = { 6000, 18, .0065f, 1.45f, 1.25f, .12f, 1.f, .7f, .10f, .07f },
+    [HAIR_WAVY]     = { 6000, 20, .0065f, 1.35f, 1.15f, .15f, 1.f, .7f, .45f, .10f },
     [HAIR_CURLY]    = { 6500, 14, .0055f, .50f, .40f, .6f, .45f, .4f, 1.1f, .20f },
     [HAIR_AFRO]     = { 8500, 9, .0055f, .26f, .22f, 1.f, 0, .1f, 1.3f, .22f },
     [HAIR_BUN]      = { 6500, 10, .0045f, .70f, .60f, .1f, 0, 1.2f, .08f, .05f },
@@ -44,10 +44,13 @@ static float skull_place(const struct actor *a, float d[3], const float p[3])
     return length3(d);
 }
 
-static void keep_outside(const struct actor *a, float p[3], float room)
+static void keep_outside(const struct actor *a, float p[3], float room,
+                         float slack)
 {
     float d[3], r = skull_place(a, d, p), want = 1.0f + room;
-    if (r >= want || r < 1e-4f)
+    if (r > want + slack && d[1] > -0.35f)
+        want = lerpf(r, want + slack, 0.6f);
+    else if (r >= want || r < 1e-4f)
         return;
     float s = want / r;
     for (int k = 0; k < 3; k++)
@@ -110,8 +113,9 @@ static void flow(const struct actor *a, float f[3], const float p[3])
         break;
     }
     case HAIR_MEDIUM: case HAIR_LONG: case HAIR_WAVY: case HAIR_CURLY:
-        f[0] = side * (0.4f + 0.6f * top);
-        f[2] = -0.35f * (1 - 0.5f * top);
+        f[0] = side * ramp(-0.25f, 0.6f, (p[1] - a->skull[1])
+                                         / a->skull_radius[1]);
+        f[2] = -0.35f * (1 - 0.5f * top) * f[0] * side;
         if (h->fringe && front > 0.45f && fabsf(p[0]) < 0.22f) {
             f[0] *= 0.4f;
             f[2] = 1.0f;
@@ -144,9 +148,10 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
         float t = (float)i / (float)(n - 1);
         copy3(q[i].p, p);
         flow(a, f, p);
-        float s[3] = { root[0] * 9, root[1] * 9 + 3 * t, root[2] * 9 };
+        float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t, root[2] * 9 };
         noise4(w, s);
-        float fine[4], s2[3] = { root[0] * 31, root[1] * 31, root[2] * 31 + 5 * t };
+        float fine[4], s2[3] = { root[0] * 31, root[1] * 31,
+                                 root[2] * 31 + 9 * length * t };
         noise4(fine, s2);
         for (int k = 0; k < 3; k++)
             d[k] = 0.55f * d[k] + cut->lift * normal[k] * (1 - t)
@@ -160,7 +165,8 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
         }
         unit3(d);
         mad3(p, p, d, step);
-        keep_outside(a, p, room * ramp(0, 0.35f, t + 0.1f));
+        keep_outside(a, p, room * ramp(0, 0.35f, t + 0.1f),
+                     cut->lift * cut->lift * 0.25f + 0.02f);
         if (length > 0.3f && !fringe)
             keep_clear(a, p, depth);
     }

@@ -66,13 +66,13 @@ void stage_shadow(struct stage *s, const struct actor *a,
     raster_triangles(&s->sun, s->spot, a->faces, a->nf, 0, 0);
     for (size_t i = 0; i < a->nstrand; i++) {
         const struct strand *t = &a->strand[i];
-        if (t->kind != STRAND_HAIR && t->kind != STRAND_FRAME)
+        if (t->kind != STRAND_HAIR || i % 2)
             continue;
         for (int j = 0; j < t->points; j++)
             s->tuft_spot[t->first + (size_t)j]
                 = sun_vertex(w, s->tuft + 3 * (t->first + (size_t)j));
         raster_strand(&s->sun, s->tuft_spot + t->first, t->points, t->first,
-                      t->half * w->scale, 1);
+                      2 * t->half * w->scale, 1);
     }
     for (size_t i = 0; i < n; i++) {
         float h = s->sun.q[i] > 0 ? s->sun.q[i] - 8 : -2;

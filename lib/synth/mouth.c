@@ -45,7 +45,7 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
 {
     size_t v0, f0, nv = ARCH * ARCH_ROWS;
     float w = mouth_half(a) * 1.02f, *m = a->mouth;
-    float edge = up > 0 ? 0.010f : -0.004f, tall = up > 0 ? 0.050f : 0.042f;
+    float edge = up > 0 ? 0.022f : 0.0f, tall = up > 0 ? 0.060f : 0.045f;
     if (actor_grow(a, nv, 2 * (ARCH - 1) * (ARCH_ROWS - 1), &v0, &f0, err))
         return -1;
     for (int r = 0; r < ARCH_ROWS; r++)
@@ -61,7 +61,7 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
                    - 0.006f * t;
             copy3(a->paint[i].c, p);
             a->anchor[i] = (uint8_t)anchor;
-            a->paint[i].k[PAINT_SHUT] = clampf(0.25f + 0.6f * s * s, 0, 0.9f);
+            a->paint[i].k[PAINT_SHUT] = clampf(0.02f + 0.6f * s * s, 0, 0.9f);
             /* which is tooth, which is gum, is told by the row */
             a->paint[i].k[PAINT_LIP] = r >= 4;
             float cell = s * 4.25f - floorf(s * 4.25f);

@@ -66,8 +66,8 @@ static void sample_shape(struct persona *p, uint64_t key, size_t nshape)
 }
 
 static const float skin_row[7][3] = {
-    { 240, 208, 192 }, { 228, 188, 166 }, { 214, 168, 142 },
-    { 190, 140, 110 }, { 150, 104, 78 },  { 108, 72, 54 }, { 70, 47, 38 }
+    { 232, 190, 170 }, { 222, 174, 150 }, { 208, 156, 130 },
+    { 186, 132, 104 }, { 150, 102, 76 },  { 110, 72, 54 }, { 78, 51, 41 }
 };
 
 static void sample_skin(struct persona *p, uint64_t key)
@@ -80,10 +80,10 @@ static void sample_skin(struct persona *p, uint64_t key)
     jitter(&r, s->base, 0.05f);
     for (int k = 0; k < 3; k++)
         s->shift[k] = range(&r, 0, 4000) - 2000;
-    s->blotch = range(&r, 0.08, 0.3);
-    s->freckle = chance(&r, 0.25) && p->tone < 0.35f ? range(&r, 0.3, 1) : 0;
+    s->blotch = range(&r, 0.06, 0.22);
+    s->freckle = chance(&r, 0.2) && p->tone < 0.35f ? range(&r, 0.2, 0.8) : 0;
     s->pores = range(&r, 0.02, 0.055) + 0.04f * p->age;
-    s->oil = range(&r, 0.25, 0.9);
+    s->oil = range(&r, 0.4, 1.3);
     s->wrinkle = p->age;
     float red[3] = { 176, 92, 88 }, lip[3];
     linear(lip, red);
@@ -166,9 +166,11 @@ static void sample_face(struct persona *p, uint64_t key)
             p->beard = range(&r, 0.5, 1);
             p->moustache = 1;
             p->beard_length = range(&r, 0.015, 0.05);
+            p->skin.stubble = 0.85f;
         } else if (kind < 5) {
             p->beard = p->moustache = range(&r, 0.3, 0.8);
             p->beard_length = range(&r, 0.006, 0.014);
+            p->skin.stubble = 0.6f;
         } else if (kind == 5) {
             p->moustache = range(&r, 0.6, 1);
             p->beard_length = range(&r, 0.02, 0.04);
@@ -240,7 +242,7 @@ static void sample_clothes(struct persona *p, uint64_t key)
     c->grain = range(&r, 0.02, 0.12);
     for (int k = 0; k < 3; k++)
         c->shift[k] = range(&r, 0, 4000) - 2000;
-    p->shoulder = range(&r, 0.92, 1.08) * lerpf(0.9f, 1.06f, p->male);
+    p->shoulder = range(&r, 0.95, 1.1) * lerpf(0.98f, 1.16f, p->male);
     p->build = range(&r, 0.85, 1.2);
 }
 
@@ -259,6 +261,25 @@ static void white_light(float rgb[3], float warmth, float power)
     rgb[2] = power * (1 - 0.30f * warmth);
 }
 
+/* Scale all light so that a face to the camera receives `want`: what a
+ * camera's exposure does. */
+static void meter(struct shade_env *e, float want)
+{
+    float got = 0.7f * e->cube[4][1] + 0.15f * (e->cube[0][1] + e->cube[1][1]);
+    for (int i = 0; i < SHADE_LIGHTS; i++) {
+        const float *d = e->light[i].dir;
+        float face = fmaxf(-0.85f * d[2] - 0.25f * d[1] + 0.3f * fabsf(d[0]),
+                           0);
+        got += e->light[i].rgb[1] * face;
+    }
+    for (int k = 0; k < 3; k++) {
+        for (int i = 0; i < SHADE_LIGHTS; i++)
+            e->light[i].rgb[k] *= want / got;
+        for (int i = 0; i < 6; i++)
+            e->cube[i][k] *= want / got;
+    }
+}
+
 static void sample_light(struct persona *p, struct random *r)
 {
     struct shade_env *e = &p->env;
@@ -273,13 +294,14 @@ static void sample_light(struct persona *p, struct random *r)
         range(r, 0.1, 0.7));
     white_light(e->light[2].rgb, range(r, -0.8, 0.8),
                 chance(r, 0.5) ? key * range(r, 0.2, 1.2) : 0);
-    float amb = range(r, 0.25, 0.7), warm = range(r, -0.6, 0.6);
+    float amb = range(r, 0.2, 0.6), warm = range(r, -0.6, 0.6);
     static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
     for (int k = 0; k < 6; k++)
         white_light(e->cube[k], warm + range(r, -0.2, 0.2),
                     amb * faces[k] * range(r, 0.7, 1.3));
     /* -y is up: the sky; +y gives back the warm floor and the clothes */
     white_light(e->cube[3], warm + 0.4f, amb * range(r, 0.25, 0.6));
+    meter(e, (0.86f + 0.28f * p->tone) * expf(normal(r) * 0.16f));
 }
 
 void persona_relight(struct persona *p, int k)
@@ -340,7 +362,7 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
     any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
     p->rest[0] = normal(&r) * 0.06f;
     p->rest[1] = normal(&r) * 0.05f - 0.02f;
-    p->rest[2] = 12 * expf(normal(&r) * 0.07f);
+    p->rest[2] = clampf(11.2f * expf(normal(&r) * 0.12f), 8.6f, 14.5f);
     p->yaw = normal(&r) * 0.14f;
     p->pitch = normal(&r) * 0.07f;
     p->roll = normal(&r) * 0.05f;

@@ -195,7 +195,7 @@ static void skin_light(lane out[3], const lane n[3], const lane lit,
 
 static void skin_albedo(lane a[3], const struct shade_block *b,
                         const struct shade_skin *s, const lane low[4],
-                        const lane mid[4])
+                        const lane mid[4], const lane spots)
 {
     static const float blood[3] = { 1.06f, 0.74f, 0.72f };
     static const float shade[3] = { 0.80f, 0.66f, 0.62f };
@@ -206,7 +206,8 @@ static void skin_albedo(lane a[3], const struct shade_block *b,
             float x = s->base[c] * (1 + 0.05f * low[1][i] + 0.05f * mid[0][i]);
             x *= mixf(1, blood[c], clamp01(red));
             x *= mixf(1, shade[c], b->k[PAINT_DARK][i]);
-            float spot = clamp01((mid[1][i] - 0.30f) * 3) * s->freckle;
+            float spot = clamp01((spots[i] - 0.42f) * 4) * s->freckle
+                         * clamp01(0.15f + 1.6f * b->k[PAINT_RED][i]);
             x *= 1 - spot * (0.25f + 0.15f * (float)c);
             float chin = b->k[PAINT_BEARD][i] * (0.8f + 0.4f * mid[2][i]);
             x = mixf(x, x * shaven[c] + 0.06f * s->hair[c],
@@ -234,7 +235,7 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
     noise_block(fine, b->c, s->shift, 170);
     unit_block(b->n);
     view_block(v, b);
-    skin_albedo(a, b, s, low, mid);
+    skin_albedo(a, b, s, low, mid, fine[2]);
     for (int k = 0; k < 3; k++)
         LANES n[k][i] = b->n[k][i] + s->pores * (fine[k + 1][i]
                         + 0.7f * mid[k + 1][i]) + 0.02f * low[k + 1][i];

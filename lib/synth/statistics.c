@@ -1,0 +1,151 @@
+#include "lib/synth/statistics.h"
+
+#include <math.h>
+#include <string.h>
+
+struct tally {
+    char name[24];
+    double n, sum, square, lo, hi;
+};
+#define TALLIES 128
+
+struct table {
+    struct tally row[TALLIES];
+    int count;
+};
+
+static void add(struct table *t, const char *name, double v)
+{
+    int i = 0;
+    while (i < t->count && strcmp(t->row[i].name, name))
+        i++;
+    if (i == TALLIES)
+        return;
+    struct tally *r = &t->row[i];
+    if (i == t->count) {
+        t->count++;
+        *r = (struct tally){ .lo = v, .hi = v };
+        snprintf(r->name, sizeof r->name, "%s", name);
+    }
+    r->n++;
+    r->sum += v;
+    r->square += v * v;
+    r->lo = v < r->lo ? v : r->lo;
+    r->hi = v > r->hi ? v : r->hi;
+}
+
+static void add_row(struct table *t, const char *name, const float *v, int n)
+{
+    char full[24];
+    for (int i = 0; i < n; i++) {
+        snprintf(full, sizeof full, "%s[%d]", name, i);
+        add(t, full, (double)v[i]);
+    }
+}
+
+static void add_persona(struct table *t, const struct persona *p)
+{
+    double beta = 0, rest = 0;
+    for (size_t i = 0; i < p->nbeta; i++)
+        *(i < 50 ? &beta : &rest) += (double)p->beta[i] * (double)p->beta[i];
+    add_row(t, "beta", p->beta, p->nbeta < 4 ? (int)p->nbeta : 4);
+    add(t, "beta rms 0..49", sqrt(beta / 50));
+    if (p->nbeta > 50)
+        add(t, "beta rms 50..", sqrt(rest / (double)(p->nbeta - 50)));
+    add(t, "age", (double)p->age);
+    add(t, "male", (double)p->male);
+    add(t, "skin tone", (double)p->tone);
+    add_row(t, "skin", p->skin.base, 3);
+    add_row(t, "lip", p->skin.lip, 3);
+    add_row(t, "hair", p->hair.color, 3);
+    add(t, "hair style", p->hair.style);
+    add(t, "hair gray", (double)p->hair.gray);
+    add_row(t, "iris", p->eye.iris, 3);
+    add(t, "pupil", (double)p->eye.pupil);
+    add(t, "beard", (double)p->beard);
+    add(t, "makeup", (double)p->makeup);
+    add(t, "glasses", p->glasses != 0);
+    add(t, "collar", p->collar);
+    add_row(t, "cloth", p->cloth.base, 3);
+    add_row(t, "key light", p->env.light[0].rgb, 3);
+    add_row(t, "key from", p->env.light[0].dir, 3);
+    add(t, "backdrop", p->backdrop);
+    add(t, "exposure", (double)p->lens.exposure);
+    add(t, "gamma", (double)p->lens.gamma);
+    add(t, "noise", (double)p->lens.noise);
+    add(t, "jpeg quality", p->lens.jpeg);
+    add(t, "low resolution", (double)p->lens.low);
+    add(t, "occluder", p->lens.occluder != 0);
+}
+
+static void add_motion(struct table *t, const struct synth_motion *m,
+                       size_t nexp)
+{
+    const float degrees = 57.29578f;
+    double small = 0, named = 0, rest = 0;
+    add(t, "yaw degrees", (double)(m->yaw * degrees));
+    add(t, "pitch degrees", (double)(m->pitch * degrees));
+    add(t, "roll degrees", (double)(m->roll * degrees));
+    add_row(t, "trans", m->trans, 3);
+    for (size_t i = 0; i < nexp; i++)
+        *(i < 28 ? &named : i < 40 ? &small : &rest)
+            += (double)m->exp[i] * (double)m->exp[i];
+    add_row(t, "exp", m->exp, nexp < 4 ? (int)nexp : 4);
+    add(t, "exp rms 0..27", sqrt(named / 28));
+    add(t, "exp rms 28..39", sqrt(small / 12));
+    add(t, "exp rms 40..", sqrt(rest / 60));
+    add_row(t, "jaw", m->jaw, 3);
+    add_row(t, "lid", m->lid, 2);
+    add_row(t, "eye", m->eye, 6);
+}
+
+int synth_statistics(FILE *out, const struct head *head,
+                     const struct synth_options *opt)
+{
+    static struct table t;
+    static struct persona p;
+    static struct synth_motion m;
+    t.count = 0;
+    for (uint64_t i = 0; i < opt->people; i++) {
+        persona_sample(&p, opt->seed, opt->first + i, head->nshape,
+                       opt->effects);
+        add_persona(&t, &p);
+        for (uint64_t f = 0; f < opt->frames; f++) {
+            synth_motion(&m, &p, (double)f / opt->fps, head->nexp);
+            add_motion(&t, &m, head->nexp);
+        }
+    }
+    fprintf(out, "%-18s %9s %9s %9s %9s %9s\n", "parameter", "mean",
+            "deviation", "least", "most", "values");
+    for (int i = 0; i < t.count; i++) {
+        const struct tally *r = &t.row[i];
+        double mean = r->sum / r->n, var = r->square / r->n - mean * mean;
+        fprintf(out, "%-18s %9.4f %9.4f %9.4f %9.4f %9.0f\n", r->name, mean,
+                sqrt(var > 0 ? var : 0), r->lo, r->hi, r->n);
+    }
+    return ferror(out) ? -1 : 0;
+}
+
+void picture_figures(struct picture_figures *f, const unsigned char *rgb,
+                     int w, int h)
+{
+    double n = (double)w * h, m = (double)(w - 1) * (h - 1);
+    *f = (struct picture_figures){ 0 };
+    for (int i = 0; i < w * h; i++)
+        for (int k = 0; k < 3; k++) {
+            double v = rgb[3 * i + k];
+            f->mean[k] += v / n;
+            f->deviation[k] += v * v / n;
+        }
+    for (int k = 0; k < 3; k++)
+        f->deviation[k] = sqrt(fmax(f->deviation[k] - f->mean[k] * f->mean[k],
+                                    0));
+    for (int y = 0; y + 1 < h; y++)
+        for (int x = 0; x + 1 < w; x++) {
+            const unsigned char *p = rgb + 3 * (y * w + x) + 1;
+            double g = hypot(p[3] - p[0], p[3 * w] - p[0]);
+            int b = g < 1 ? 0 : 1 + (int)floor(log2(g));
+            f->edge += g / m;
+            f->bin[b > 7 ? 7 : b] += 1 / m;
+        }
+}
