@@ -153,9 +153,10 @@ crop=--crop=32,24,40
 }
 
 @test "--stats tells the stages apart" {
+    t=$(printf "\t")
     clip 3 | spid-motion $crop --stats times.tsv -o out.spid
     for stage in decode crop network heads encode; do
-        grep -q "^$stage	3	" times.tsv || [ $stage = decode ]
+        grep -q "^$stage$t" times.tsv
     done
     grep -q ^decode times.tsv
 }
