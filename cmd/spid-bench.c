@@ -33,6 +33,8 @@ static const struct stage {
 } stages[] = {
     { "splat", bench_splat },
     { "stream", bench_stream },
+    { "motion", bench_motion },
+    { "shape", bench_shape },
 };
 
 static const struct stage *find_stage(const char *name)

@@ -93,5 +93,7 @@ char *bench_json(const struct bench *b);
 
 int bench_splat(struct bench *b, struct error *err);
 int bench_stream(struct bench *b, struct error *err);
+int bench_motion(struct bench *b, struct error *err);
+int bench_shape(struct bench *b, struct error *err);
 
 #endif
