@@ -72,7 +72,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-dump", "[-cq] [--json [--values]] [--safetensors FILE] [--npy DIR] "
-    "[--ply FILE] [--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] [STREAM]",
+    "[--ply FILE] [--frames A:B] [--only TYPE] [--max-bytes SIZE] [-o FILE] "
+    "[STREAM]",
     "show or convert what a stream holds", options
 };
 

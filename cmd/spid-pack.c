@@ -44,10 +44,12 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-pack", "[-q] [--raw] [--fps N] [-t TYPE [-s] [--frame N]] "
-    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--max-bytes SIZE] [-o FILE] SOURCE ...",
+    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--max-bytes SIZE] "
+    "[-o FILE] SOURCE ...",
     "make a stream from JSON, npy and safetensors files, or streams\n\n"
-    "SOURCE is a stream, a .json or .ply file, a directory or .safetensors file of\n"
-    "spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy, FILE.safetensors.",
+    "SOURCE is a stream, a .json or .ply file, a directory or .safetensors\n"
+    "file of spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy,\n"
+    "FILE.safetensors.",
     options
 };
 

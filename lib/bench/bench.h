@@ -89,7 +89,7 @@ void bench_compare(double *max_abs, double *psnr_db, const float *x,
 char *bench_table(const struct bench *b);
 char *bench_json(const struct bench *b);
 
-/* ---- the stages ----------------------------------------------------------- */
+/* ---- the stages ---------------------------------------------------------- */
 
 int bench_splat(struct bench *b, struct error *err);
 int bench_stream(struct bench *b, struct error *err);

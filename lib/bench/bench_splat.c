@@ -195,7 +195,7 @@ static int make_truth(double **out, struct stage *st, enum splat_rules rules,
     return rc;
 }
 
-/* ---- the plain renderer ---------------------------------------------------- */
+/* ---- the plain renderer -------------------------------------------------- */
 
 struct plain {
     const struct stage *st;
@@ -249,7 +249,7 @@ out:
     return rc;
 }
 
-/* ---- the stage --------------------------------------------------------------- */
+/* ---- the stage ----------------------------------------------------------- */
 
 static int all_knobs(struct stage *st, struct error *err)
 {

@@ -75,7 +75,7 @@ static int draw_and_back(void *context, struct error *err)
            splat_backward(&j->s, &j->g, j->d_image, NULL, err);
 }
 
-/* ---- backward ------------------------------------------------------------- */
+/* ---- backward ------------------------------------------------------------ */
 
 /* ||x - t|| / ||t|| */
 static double relative(const float *x, const double *t, size_t n)
@@ -173,7 +173,7 @@ int bench_splat_backward(struct bench *b, double seconds, struct error *err)
     return 0;
 }
 
-/* ---- scaling --------------------------------------------------------------- */
+/* ---- scaling ------------------------------------------------------------- */
 
 static int scale_row(struct bench *b, double seconds, size_t n, int size,
                      double *ms, struct error *err)
@@ -225,7 +225,7 @@ int bench_splat_scaling(struct bench *b, double seconds, struct error *err)
     return 0;
 }
 
-/* ---- hard cases -------------------------------------------------------------- */
+/* ---- hard cases ---------------------------------------------------------- */
 
 /* Error against double under the same rules, and whether all is finite. */
 static int hard_error(double *worst, double *psnr, struct job *j,

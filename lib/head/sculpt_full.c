@@ -244,7 +244,7 @@ void sculpt_full_release(struct full *m)
     memset(m, 0, sizeof *m);
 }
 
-/* ---- the file's arrays ---------------------------------------------------- */
+/* ---- the file's arrays --------------------------------------------------- */
 
 static void *array(size_t n, size_t size)
 {

@@ -59,7 +59,7 @@ static void lip_list(int32_t *list, size_t *n, const struct full *m, int ring,
         list[(*n)++] = m->mirror[h->mouth[ring][j]];
 }
 
-/* ---- landmarks -------------------------------------------------------------- */
+/* ---- landmarks ----------------------------------------------------------- */
 
 static int nearest(const struct full *m, struct vec q, int parts)
 {

@@ -33,7 +33,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
         .fixed16 = channels > 4};
 }
 
-/* ---- kernels -------------------------------------------------------------- */
+/* ---- kernels ------------------------------------------------------------- */
 
 #define DECLARE(isa)                                                      \
     void splat_project_##isa(struct splat_state *, size_t, size_t,        \
@@ -74,7 +74,7 @@ size_t splat_work_size(void)
     return splat_work_size_baseline();
 }
 
-/* ---- memory ---------------------------------------------------------------- */
+/* ---- memory -------------------------------------------------------------- */
 
 /* Large blocks ask for huge pages: the records are read in tile order. */
 static void *block_alloc(size_t bytes)
@@ -144,7 +144,7 @@ static size_t cloud_layout(struct splat *s, char *base, size_t n)
     return used;
 }
 
-/* ---- init ------------------------------------------------------------------ */
+/* ---- init ---------------------------------------------------------------- */
 
 static int check_options(const struct splat_options *o, struct error *err)
 {
@@ -258,7 +258,7 @@ void splat_release(struct splat *s)
     memset(s, 0, sizeof *s);
 }
 
-/* ---- load ------------------------------------------------------------------- */
+/* ---- load ---------------------------------------------------------------- */
 
 static int check_array(const float *x, size_t n, size_t row, const char *name,
                        float lo, float hi, const char *expected,
@@ -407,7 +407,7 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
     return 0;
 }
 
-/* ---- moving ------------------------------------------------------------------ */
+/* ---- moving -------------------------------------------------------------- */
 
 static int check_range(const struct splat *s, size_t first, size_t count,
                        struct error *err)
@@ -459,7 +459,7 @@ int splat_shift(struct splat *s, const float shift[3], size_t first,
     return 0;
 }
 
-/* ---- drawing ----------------------------------------------------------------- */
+/* ---- drawing ------------------------------------------------------------- */
 
 static int check_camera(const struct splat_camera *cam, struct error *err)
 {

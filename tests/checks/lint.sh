@@ -1,12 +1,12 @@
 #!/usr/bin/env bash
-# Form: no tabs, no trailing blanks, 80 columns; manual pages that mandoc
+# Form: no tabs, no trailing blanks, short lines; manual pages that mandoc
 # accepts, one for every program, whose SYNOPSIS is the usage line of --help.
 set -uo pipefail
 cd "${TOP:-$(dirname "$0")/../..}"
 bin=${BUILD:-build}/bin
 export LC_ALL=C.UTF-8
 fail=0
-bad() { sed "s/^/FAILED $1: /"; fail=1; }
+bad() { sed "s|^|FAILED $1: |"; fail=1; }
 # report WHAT: a failure for every line on standard input.
 report() { local lines; lines=$(cat); [ -z "$lines" ] || bad "$1" <<<"$lines"; }
 
@@ -15,7 +15,11 @@ files=$(grep -E '\.(c|h|cc|hh|sh|bats|bash|py|[15]|md)$|^Makefile$|^tests/run$|^
     while read -r f; do [ -e "$f" ] && echo "$f"; done)
 report "tab" < <(grep -vE '^Makefile$' <<<"$files" | xargs grep -nP '\t')
 report "trailing blank" < <(xargs grep -nE '[[:blank:]]+$' <<<"$files")
-report "over 80 columns" < <(grep -E '\.(c|h|cc|hh)$' <<<"$files" | xargs grep -nE '^.{81,}$' | cut -c 1-70)
+# 80 columns is the aim: under 1 % of lines longer, none over 100.
+sources=$(grep -E '\.(c|h|cc|hh)$' <<<"$files")
+report "over 100 columns" < <(xargs grep -nE '^.{101,}$' <<<"$sources" | cut -c 1-70)
+long=$(xargs cat <<<"$sources" | grep -cE '^.{81,}$') all=$(xargs cat <<<"$sources" | wc -l)
+[ $((100 * long)) -lt "$all" ] || bad "over 80 columns" <<<"$long of $all lines (expected under 1 %)"
 report "longer than 700 lines" < <(grep -E '\.(c|cc)$' <<<"$files" | xargs wc -l | awk '$1 > 700 && $2 != "total" { print $2, $1 }')
 
 # The words of SYNOPSIS on one line, as --help prints them after "Usage:".
@@ -46,5 +50,5 @@ for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
         sed 's/\\-/-/g' "$page" | grep -qE -e "(Fl |--|-)$option" || bad "$page" <<<"does not have --$option"
     done
 done
-echo "$(wc -l <<<"$files") files, $(ls man/*.[15] | wc -l) pages"
+echo "$(wc -l <<<"$files") files, $all lines of C and C++ ($long over 80 columns), $(ls man/*.[15] | wc -l) pages"
 exit $fail
