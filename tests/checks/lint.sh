@@ -42,7 +42,8 @@ for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
         grep -qiE "^\.S[hH] \"?$section\"?$" "$page" || bad "$page" <<<"has no section $section"
     done
     [ -x "$bin/$program" ] || { bad "$program" <<<"is not built"; continue; }
-    a=$(synopsis "$page") b=$(usage "$bin/$program")
+    # A second form is a line of its own in the page, behind " | " in --help.
+    a=$(synopsis "$page" | sed "s/ $program / | /g") b=$(usage "$bin/$program")
     [ "$a" = "$b" ] || printf '%s\n' "SYNOPSIS: $a" "   --help: $b" | bad "$page"
     # Every long option of --help is in the page (shared ones are in spid.1).
     for option in $("$bin/$program" --help | grep -oE '^  (-., |    )--[a-z0-9-]+' | grep -oE '[a-z0-9][a-z0-9-]+$'); do
