@@ -12,7 +12,8 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-report", "[--sheet FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] RUN",
+    "spid-report",
+    "[--sheet FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] RUN",
     "write one HTML page of a run: pictures, errors, motion, times, metrics",
     options};
 

@@ -21,7 +21,7 @@ const double SH0 = 0.28209479177387814;   /* Y_0^0 */
 const char EXTENSION[] = "KHR_gaussian_splatting";
 const float STILL = 1e-7f;                /* metres: a vertex that stays */
 
-/* ---- building blocks ----------------------------------------------------- */
+/* ---- building blocks ---------------------------------------------------- */
 
 /* Append bytes to the one buffer as a view of their own, 4-byte aligned. */
 int add_view(Model &m, const void *data, size_t bytes, int target)

@@ -355,7 +355,7 @@ static const struct st_tensor *require(const struct safetensors *st,
     return NULL;
 }
 
-/* ---- converting ---------------------------------------------------------- */
+/* ---- converting --------------------------------------------------------- */
 
 float bf16_to_float(uint16_t h)
 {
@@ -503,7 +503,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
     return out;
 }
 
-/* ---- writing ------------------------------------------------------------- */
+/* ---- writing ------------------------------------------------------------ */
 
 static cJSON *describe(const struct st_tensor *tensors, size_t count,
                        const char *const *meta)

@@ -151,7 +151,7 @@ float *golden_f32(const struct golden *g, const char *name, size_t *count)
     return out;
 }
 
-/* ---- comparing ----------------------------------------------------------- */
+/* ---- comparing ---------------------------------------------------------- */
 
 void golden_check(struct golden *g, const char *name, double max_abs,
                   double relative, double tolerance)

@@ -78,7 +78,7 @@ static void splats_round_trip(struct random *r)
     free((void *)s.color);
 }
 
-/* ---- the head ------------------------------------------------------------ */
+/* ---- the head ----------------------------------------------------------- */
 
 struct toy {
     struct head head;
