@@ -20,21 +20,7 @@ static enum nn_type precision = NN_F32;
 
 static int parse_without(const char *value, void *dest, struct error *err)
 {
-    char word[16];
-
-    while (*value) {
-        size_t n = strcspn(value, ",");
-
-        snprintf(word, sizeof word, "%.*s", (int)(n < 15 ? n : 15), value);
-        unsigned bit = avatar_without_parse(word);
-        if (!bit)
-            return error_set(err, EX_USAGE, "unknown part \"%s\" (expected "
-                             "dynamic, static, mouth, interp or deform)",
-                             word);
-        *(unsigned *)dest |= bit;
-        value += n + (value[n] == ',');
-    }
-    return 0;
+    return avatar_without_list(dest, value, err);
 }
 
 static int parse_precision(const char *value, void *dest, struct error *err)

@@ -1,5 +1,6 @@
 #include "lib/avatar/avatar.h"
 
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -16,6 +17,24 @@ unsigned avatar_without_parse(const char *word)
     for (unsigned i = 0; i < 5; i++)
         if (strcmp(word, words[i]) == 0)
             return 1u << i;
+    return 0;
+}
+
+int avatar_without_list(unsigned *bits, const char *words, struct error *err)
+{
+    while (*words) {
+        size_t n = strcspn(words, ",");
+        char word[16];
+
+        snprintf(word, sizeof word, "%.*s", (int)(n < 15 ? n : 15), words);
+        unsigned bit = avatar_without_parse(word);
+        if (!bit)
+            return error_set(err, EX_USAGE, "unknown part \"%s\" (expected "
+                             "dynamic, static, mouth, interp or deform)",
+                             word);
+        *bits |= bit;
+        words += n + (words[n] == ',');
+    }
     return 0;
 }
 
@@ -120,7 +139,7 @@ void avatar_start(struct avatar *a)
     set_bias(a, bias, C, 1, 2.5f);
     set_bias(a, bias, C + 1, 3, scale_bias(a, 0.25f / (float)c->mouth));
     set_bias(a, bias, C + 4, 1, 1);
-    set_bias(a, bias, C + 10, 1, -0.04f);   /* behind the lips */
+    set_bias(a, bias, C + 10, 1, -0.06f);   /* 12 mm behind the lips */
     scale_tensor(a, "dynamic.color_layers.2.weight", 0.1f);
     scale_tensor(a, "dynamic.opacity_layers.2.weight", 0.1f);
     scale_tensor(a, "dynamic.scale_layers.2.weight", 0.1f);
@@ -163,6 +182,7 @@ static int allocate(struct avatar *a, struct error *err)
     size_t mi = mouth_inputs(c), C = c->channels;
     const struct slice slices[] = {
         {&s->rgb, 3 * s->S * s->S, 0}, {&s->rgba, 4 * s->S * s->S, 0},
+        {(float **)&s->bled, s->S * s->S / 4 + 1, 0},
         {&s->features, n2 * Cf, 0}, {&s->dfeatures, n2 * Cf, 1},
         {&s->coverage, n2, 0}, {&s->zbuffer, n2, 0},
         {&s->raster, coverage_scratch(s->n) / sizeof(float) + 1, 0},
@@ -272,6 +292,8 @@ void avatar_release(struct avatar *a)
     memset(a, 0, sizeof *a);
 }
 
+#define BLEED 12    /* pixels that colours run on over the matte's edge */
+
 /* ---- Phase A ----------------------------------------------------------- */
 
 static void count_gaussians(struct avatar *a)
@@ -290,10 +312,58 @@ static void count_gaussians(struct avatar *a)
     }
 }
 
-/* The picture as floats: over black for the backbone, and with its matte. */
-static void take_picture(struct avatar_scratch *s,
-                         const struct avatar_source *src)
+/* Whether pixel i and all within two pixels are the person's: lenses and
+ * codecs smear colours over the edge. */
+static uint8_t wholly(const float *rgba, size_t S, size_t i)
 {
+    for (int k = 0; k < 25; k++) {
+        long y = (long)(i / S) + k / 5 - 2, x = (long)(i % S) + k % 5 - 2;
+
+        if (y < 0 || x < 0 || y >= (long)S || x >= (long)S)
+            continue;
+        if (rgba[4 * ((size_t)y * S + (size_t)x) + 3] <= 0.95f)
+            return 0;
+    }
+    return 1;
+}
+
+/* One step of colours outwards over the matte's edge: a pixel that is not
+ * wholly the person's takes the mean of its neighbours that are, or became so
+ * in an earlier step.  done (S,S) is the step a pixel got its colour in. */
+static void bleed_step(float *rgba, uint8_t *done, size_t S, uint8_t step)
+{
+    for (size_t i = 0; i < S * S; i++) {
+        float sum[3] = {0}, n = 0;
+
+        if (done[i])
+            continue;
+        for (int k = 0; k < 9; k++) {
+            long y = (long)(i / S) + k / 3 - 1, x = (long)(i % S) + k % 3 - 1;
+
+            if (y < 0 || x < 0 || y >= (long)S || x >= (long)S)
+                continue;
+            size_t j = (size_t)y * S + (size_t)x;
+            if (!done[j] || done[j] > step)
+                continue;
+            for (size_t c = 0; c < 3; c++)
+                sum[c] += rgba[4 * j + c];
+            n++;
+        }
+        if (n == 0)
+            continue;
+        for (size_t c = 0; c < 3; c++)
+            rgba[4 * i + c] = sum[c] / n;
+        done[i] = (uint8_t)(step + 1);
+    }
+}
+
+/* The picture as floats: over black for the backbone, and with its matte,
+ * the person's colours running on beyond the edge so that no background is
+ * sampled there. */
+static void take_picture(struct avatar *a, const struct avatar_source *src)
+{
+    struct avatar_scratch *s = a->scratch;
+
     for (size_t i = 0; i < s->S * s->S; i++) {
         float m = src->matte ? (float)src->matte[i] / 255 : 1;
 
@@ -305,6 +375,10 @@ static void take_picture(struct avatar_scratch *s,
         }
         s->rgba[4 * i + 3] = m;
     }
+    for (size_t i = 0; i < s->S * s->S; i++)
+        s->bled[i] = wholly(s->rgba, s->S, i);
+    for (uint8_t step = 1; step <= BLEED && a->config.rgb_skip; step++)
+        bleed_step(s->rgba, s->bled, s->S, step);
 }
 
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
@@ -315,7 +389,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     count_gaussians(a);
     memcpy(s->cam, src->cam, sizeof s->cam);
     static_normal(a->normal, src->cam);
-    take_picture(s, src);
+    take_picture(a, src);
     backbone_forward(s->features, s->rgb, &a->backbone);
     coverage_map(s->coverage, src->verts, h->V, h->f, h->F, src->cam, s->n,
                  s->raster);

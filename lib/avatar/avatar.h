@@ -50,6 +50,10 @@ enum avatar_without {
 /* The bit for "dynamic", "static", "mouth", "interp" or "deform"; 0 for any
  * other word. */
 unsigned avatar_without_parse(const char *word);
+/* The same for words with commas between, added to *bits; -1 and EX_USAGE
+ * naming the one that is unknown. */
+int avatar_without_list(unsigned *bits, const char *words,
+                        struct error *err);
 
 /* The three decoders' numbers beyond the paper's with rgb_skip. */
 #define AVATAR_STATIC_EXTRA 4   /* coverage, matte, surface depth, surface? */

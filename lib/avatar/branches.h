@@ -78,6 +78,7 @@ struct avatar_scratch {
     float *block;                   /* everything below */
     float *rgb;                     /* (S,S,3) over black, for the backbone */
     float *rgba;                    /* (S,S,4) as it is, and the matte */
+    uint8_t *bled;                  /* (S,S) */
     float *features, *dfeatures;    /* (n,n,Cf) */
     float *coverage;                /* (n,n) */
     float *zbuffer;                 /* (n,n) camera depth of the mesh */

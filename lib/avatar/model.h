@@ -6,7 +6,6 @@
 #include "lib/avatar/records.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/net/refiner.h"
 
 struct avatar_model {
     struct avatar_config config;
@@ -29,15 +28,5 @@ void avatar_model_release(struct avatar_model *m);
  * was made with another model or head. */
 int avatar_model_bake(struct avatar_model *m, float *verts,
                       const struct person *p, struct error *err);
-
-/* The refiner alone, planned for the picture's size; EX_CONFIG when the model
- * has none. */
-struct refiner_model {
-    struct params ps;
-    struct refiner net;
-};
-int refiner_model_open(struct refiner_model *m, const char *path,
-                       enum nn_type type, struct error *err);
-void refiner_model_release(struct refiner_model *m);
 
 #endif

@@ -1,0 +1,295 @@
+#include "lib/animate/animate.h"
+
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/avatar/records.h"
+#include "lib/base/cpu.h"
+#include "lib/geom/camera.h"
+
+/* ---- workers ----------------------------------------------------------- */
+
+static int open_renderer(struct animate_worker *w, int channels, int threads,
+                         struct error *err)
+{
+    const struct animate *a = w->owner;
+    struct splat_options opt = splat_defaults((int)a->opt.size,
+                                              (int)a->opt.size, channels);
+    struct gaussians g = baked_set(a->baked);
+
+    opt.threads = threads;
+    return splat_init(&w->splat, &opt, err) ||
+           splat_load(&w->splat, &g, err) ? -1 : 0;
+}
+
+static int open_worker(struct animate_worker *w, struct error *err)
+{
+    const struct animate *a = w->owner;
+    size_t pixels = a->opt.size * a->opt.size;
+    int channels = a->opt.star ? 3 : (int)a->baked->C;
+    int threads = a->opt.workers > 1 ? 1 : 0;
+
+    w->verts = malloc(3 * a->id->head->V * sizeof *w->verts);
+    w->moved = malloc((3 * a->baked->dynamic + 1) * sizeof *w->moved);
+    w->image = aligned_alloc(64, (3 * pixels * sizeof(float) + 63) / 64 * 64);
+    w->alpha = malloc(pixels * sizeof *w->alpha);
+    size_t drawn = a->opt.star ? 0 : pixels * (size_t)channels;
+    if (a->opt.half)
+        w->features_half = malloc((drawn + 1) * sizeof *w->features_half);
+    else
+        w->features = malloc((drawn + 1) * sizeof *w->features);
+    if (!w->verts || !w->moved || !w->image || !w->alpha ||
+        (!w->features && !w->features_half))
+        return error_set(err, EX_OSERR, "no memory for a picture of %zu "
+                         "pixels", a->opt.size);
+    if (open_renderer(w, channels, threads, err))
+        return -1;
+    if (a->opt.star)
+        return 0;
+    return refine_open(&w->refine, a->opt.model, a->opt.precision,
+                       a->opt.roi, err);
+}
+
+int animate_init(struct animate *a, const struct animate_options *opt,
+                 const struct identity *id, const struct baked *baked,
+                 const struct densify *dense, struct error *err)
+{
+    memset(a, 0, sizeof *a);
+    a->opt = *opt;
+    a->id = id;
+    a->baked = baked;
+    a->dense = dense;
+    if (a->opt.workers < 1)
+        a->opt.workers = 1;
+    pthread_mutex_init(&a->in, NULL);
+    pthread_mutex_init(&a->out, NULL);
+    pthread_cond_init(&a->turn, NULL);
+    a->worker = calloc((size_t)a->opt.workers, sizeof *a->worker);
+    if (!a->worker)
+        return error_set(err, EX_OSERR, "no memory for %d workers",
+                         a->opt.workers);
+    for (int i = 0; i < a->opt.workers; i++) {
+        a->worker[i].owner = a;
+        if (open_worker(&a->worker[i], err)) {
+            animate_release(a);
+            return -1;
+        }
+    }
+    return 0;
+}
+
+void animate_release(struct animate *a)
+{
+    for (int i = 0; a->worker && i < a->opt.workers; i++) {
+        struct animate_worker *w = &a->worker[i];
+
+        splat_release(&w->splat);
+        refine_release(&w->refine);
+        free(w->verts);
+        free(w->moved);
+        free(w->image);
+        free(w->alpha);
+        free(w->features);
+        free(w->features_half);
+    }
+    if (a->worker) {
+        pthread_mutex_destroy(&a->in);
+        pthread_mutex_destroy(&a->out);
+        pthread_cond_destroy(&a->turn);
+    }
+    free(a->worker);
+    memset(a, 0, sizeof *a);
+}
+
+/* ---- a frame ----------------------------------------------------------- */
+
+/* Eq. SR on what was drawn. */
+static int refine(struct animate_worker *w, struct error *err)
+{
+    const struct animate *a = w->owner;
+    struct refine_input in = {
+        .height = a->opt.size, .width = a->opt.size, .channels = a->baked->C,
+        .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha
+    };
+
+    return refine_frame(w->image, &w->refine, &in, err);
+}
+
+int animate_draw(struct animate_worker *w, struct animate_times *t,
+                 const struct motion *m, struct error *err)
+{
+    const struct animate *a = w->owner;
+    const struct baked *b = a->baked;
+    struct head_mouth mouth;
+    float cam[12], shift[3];
+    double t0 = cpu_seconds();
+
+    head_pose(w->verts, a->id, &m->pose);               /* V_d */
+    motion_camera(cam, m);                              /* T_d */
+    head_mouth(&mouth, a->id->head, w->verts);
+    double t1 = cpu_seconds();
+    baked_drive(w->moved, shift, b, a->dense, w->verts, mouth.centre,
+                mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
+    double t2 = cpu_seconds();
+    struct splat_camera c = splat_camera_square(cam, (int)a->opt.size,
+                                                CAMERA_FOCAL);
+    if (splat_update(&w->splat, w->moved, 0, b->dynamic, err) ||
+        (b->mouth && splat_shift(&w->splat, shift, b->N - b->mouth, b->mouth,
+                                 err)))
+        return -1;
+    float *image = a->opt.star ? w->image : w->features;
+    if (image ? splat_forward(&w->splat, image, w->alpha, NULL, &c, NULL, err)
+              : splat_forward_half(&w->splat, w->features_half, w->alpha,
+                                   NULL, &c, NULL, err))
+        return -1;
+    double t3 = cpu_seconds();
+    if (!a->opt.star && refine(w, err))
+        return -1;
+    t->flame = t1 - t0;
+    t->branches = t2 - t1;
+    t->splat = t3 - t2;
+    t->refine = a->opt.star ? 0 : cpu_seconds() - t3;
+    return 0;
+}
+
+/* ---- a clip ------------------------------------------------------------ */
+
+/* The first fault wins; nothing more is read. */
+static void fail(struct animate *a, const struct error *err)
+{
+    pthread_mutex_lock(&a->out);
+    if (!a->failed)
+        a->err = *err;
+    a->failed = true;
+    pthread_cond_broadcast(&a->turn);
+    pthread_mutex_unlock(&a->out);
+}
+
+/* Take the next frame and track it: 1, or 0 when there is none.  *ticket is
+ * its place in the order. */
+static int take(struct animate *a, struct driver_frame *f, uint64_t *ticket,
+                double *arrived)
+{
+    struct error err = {0};
+    int rc = 0;
+
+    pthread_mutex_lock(&a->in);
+    if (!a->ended) {
+        rc = driver_next(a->driver, f, &err);
+        a->ended = rc <= 0;
+        *ticket = a->next_in;
+        a->next_in += rc == 1;
+        *arrived = a->live ? live_arrived(a->live) : 0;
+    }
+    pthread_mutex_unlock(&a->in);
+    if (rc < 0) {
+        /* let the frames before it out first */
+        pthread_mutex_lock(&a->out);
+        while (a->next_out < *ticket && !a->failed)
+            pthread_cond_wait(&a->turn, &a->out);
+        pthread_mutex_unlock(&a->out);
+        fail(a, &err);
+    }
+    return rc == 1;
+}
+
+/* Wait for the frame's turn and write it; -1 when it or an earlier one
+ * failed. */
+static int give(struct animate_worker *w, struct driver_frame *f,
+                struct animate_times *t, uint64_t ticket, double arrived)
+{
+    struct animate *a = w->owner;
+    struct framesink_frame g = {
+        .width = a->opt.size, .height = a->opt.size, .channels = 3,
+        .color = w->image, .alpha = w->alpha, .frame = f->picture.index,
+        .time = f->picture.time
+    };
+    struct error err = {0};
+    int rc = 0;
+
+    pthread_mutex_lock(&a->out);
+    while (a->next_out != ticket && !a->failed)
+        pthread_cond_wait(&a->turn, &a->out);
+    if (a->failed)
+        rc = -1;
+    double begun = cpu_seconds();
+    if (rc == 0 && framesink_write(a->sink, &g, &err)) {
+        a->err = err;
+        a->failed = true;
+        rc = -1;
+    }
+    t->encode = cpu_seconds() - begun;
+    if (rc == 0 && a->done) {
+        struct animate_frame r = {
+            .index = f->picture.index, .time = f->picture.time,
+            .track = &f->r, .t = *t,
+            .latency = a->live ? cpu_seconds() - arrived : 0
+        };
+        a->done(a->ctx, &r);
+    }
+    a->next_out++;
+    pthread_cond_broadcast(&a->turn);
+    pthread_mutex_unlock(&a->out);
+    return rc;
+}
+
+static void *work(void *arg)
+{
+    struct animate_worker *w = arg;
+    struct animate *a = w->owner;
+    struct driver_frame f;
+    uint64_t ticket;
+    double arrived;
+
+    if (a->opt.workers > 1)
+        omp_set_num_threads(1);
+    cpu_flush_denormals();
+    while (!a->failed && take(a, &f, &ticket, &arrived)) {
+        struct animate_times t = {
+            .decode = f.decode_s, .crop = f.r.crop_s,
+            .network = f.r.network_s, .heads = f.r.heads_s
+        };
+        struct error err = {0};
+
+        f.r.motion.pose.exp = f.r.motion.exp;
+        if (animate_draw(w, &t, &f.r.motion, &err)) {
+            fail(a, &err);
+            break;
+        }
+        if (give(w, &f, &t, ticket, arrived))
+            break;
+    }
+    return NULL;
+}
+
+int animate_run(struct animate *a, struct driver *d, struct live *live,
+                struct framesink *sink,
+                void (*done)(void *ctx, const struct animate_frame *f),
+                void *ctx, struct error *err)
+{
+    int started = 0;
+
+    a->driver = d;
+    a->live = live;
+    a->sink = sink;
+    a->done = done;
+    a->ctx = ctx;
+    a->next_in = a->next_out = 0;
+    a->ended = a->failed = false;
+    if (a->opt.workers == 1)
+        work(&a->worker[0]);
+    for (int i = 0; a->opt.workers > 1 && i < a->opt.workers; i++)
+        started += pthread_create(&a->worker[i].thread, NULL, work,
+                                  &a->worker[i]) == 0;
+    for (int i = 0; i < started; i++)
+        pthread_join(a->worker[i].thread, NULL);
+    if (a->opt.workers > 1 && started == 0)
+        return error_set(err, EX_OSERR, "cannot start a thread");
+    if (a->failed) {
+        *err = a->err;
+        return -1;
+    }
+    return 0;
+}

@@ -1,0 +1,108 @@
+/* The whole of Phase B in one process: frames in, pictures out.  Frames are
+ * the unit of parallel work: tracking is one after the other, because a crop
+ * comes from the frame before; posing, moving, drawing and refining run on as
+ * many frames at once as there are workers, each on one core and without
+ * barriers; pictures leave in order.  No more frames are in flight than there
+ * are workers.  The same library calls as the piped programs make, so the
+ * same bytes. */
+#ifndef SPID_ANIMATE_ANIMATE_H
+#define SPID_ANIMATE_ANIMATE_H
+
+#include <pthread.h>
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/framesink.h"
+#include "lib/animate/live.h"
+#include "lib/avatar/baked.h"
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/net/refiner.h"
+#include "lib/refine/refine.h"
+#include "lib/splat/splat.h"
+#include "lib/track/driver.h"
+
+struct animate_options {
+    size_t size;                /* of the picture, pixels */
+    const char *model;          /* path, for the refiner; NULL with star */
+    bool star;                  /* SpiD*: three channels, no refiner */
+    bool roi;                   /* refine only where the head is */
+    bool half;                  /* features in half precision between drawing
+                                 * and refining, as FEAT records with --f16 */
+    enum nn_type precision;     /* of the refiner */
+    int workers;                /* frames in flight; at least 1 */
+    float closed;               /* as in baked_drive */
+};
+
+/* Seconds a frame spent in each stage. */
+struct animate_times {
+    double decode, crop, network, heads, flame, branches, splat, refine,
+           encode;
+};
+
+/* What became of one frame, reported in order. */
+struct animate_frame {
+    uint64_t index;
+    double time;                /* of the clip */
+    const struct track_result *track;
+    struct animate_times t;
+    double latency;             /* from its arrival, 0 unless live */
+};
+
+struct animate_worker {
+    struct splat splat;
+    struct refine refine;
+    float *verts;               /* (V,3) */
+    float *moved;               /* (dynamic,3) */
+    float *image;               /* (S,S,3) drawn, or refined */
+    float *features;            /* (S,S,C) unless star */
+    uint16_t *features_half;    /* (S,S,C) instead of features with half */
+    float *alpha;               /* (S,S) */
+    pthread_t thread;
+    struct animate *owner;
+};
+
+struct animate {
+    struct animate_options opt;
+    const struct identity *id;          /* borrowed, with its head */
+    const struct baked *baked;
+    const struct densify *dense;
+    struct animate_worker *worker;
+
+    /* a run */
+    struct driver *driver;
+    struct live *live;
+    struct framesink *sink;
+    void (*done)(void *ctx, const struct animate_frame *f);
+    void *ctx;
+    pthread_mutex_t in, out;
+    pthread_cond_t turn;
+    uint64_t next_in, next_out;
+    bool ended;
+    _Atomic bool failed;
+    struct error err;
+};
+
+/* Prepare the workers: each loads the Gaussians and, unless star, the model's
+ * refiner.  id, baked and dense are borrowed until animate_release. */
+int animate_init(struct animate *a, const struct animate_options *opt,
+                 const struct identity *id, const struct baked *baked,
+                 const struct densify *dense, struct error *err);
+void animate_release(struct animate *a);
+
+/* From the driver's frames (driver_start was called) to the sink, which stays
+ * the caller's to finish.  live is NULL, or what the driver reads from.  done
+ * (may be NULL) is called for every frame, in order, one call at a time.
+ * -1 and *err: all frames before the fault have been written. */
+int animate_run(struct animate *a, struct driver *d, struct live *live,
+                struct framesink *sink,
+                void (*done)(void *ctx, const struct animate_frame *f),
+                void *ctx, struct error *err);
+
+/* One frame of one worker, without reading and writing: the motion's picture
+ * into w->image (S,S,3) and w->alpha. */
+int animate_draw(struct animate_worker *w, struct animate_times *t,
+                 const struct motion *m, struct error *err);
+
+#endif

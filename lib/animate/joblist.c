@@ -1,0 +1,123 @@
+#include "lib/animate/joblist.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#define LIST_MAX ((size_t)64 << 20)
+
+/* The whole file, NUL-terminated. */
+static char *slurp(const char *path, struct error *err)
+{
+    FILE *f = strcmp(path, "-") ? fopen(path, "r") : stdin;
+    char *text = NULL;
+    size_t n = 0, room = 0;
+
+    if (!f) {
+        error_set(err, EX_NOINPUT, "%s: cannot be opened", path);
+        return NULL;
+    }
+    for (;;) {
+        if (n + 1 >= room) {
+            char *p = room < LIST_MAX ? realloc(text, room += 65536) : NULL;
+
+            if (!p) {
+                error_set(err, EX_DATAERR, "%s: too long for a list", path);
+                free(text);
+                text = NULL;
+                break;
+            }
+            text = p;
+        }
+        size_t got = fread(text + n, 1, room - n - 1, f);
+        n += got;
+        text[n] = 0;
+        if (got == 0)
+            break;
+    }
+    if (f != stdin)
+        fclose(f);
+    return text;
+}
+
+/* Cut one line into its three fields. */
+static int cut(struct job *j, char *line)
+{
+    char *a = strchr(line, '\t'), *b = a ? strchr(a + 1, '\t') : NULL;
+
+    if (!a || !b || strchr(b + 1, '\t') || a == line || b == a + 1 || !b[1])
+        return -1;
+    *a = *b = 0;
+    *j = (struct job){line, a + 1, b + 1};
+    return 0;
+}
+
+static int by_out(const void *a, const void *b)
+{
+    return strcmp((*(const struct job *const *)a)->out,
+                  (*(const struct job *const *)b)->out);
+}
+
+static int check_outputs(const struct joblist *l, const char *path,
+                         struct error *err)
+{
+    const struct job **sorted = malloc((l->count + 1) * sizeof *sorted);
+    int rc = 0;
+
+    if (!sorted)
+        return error_set(err, EX_OSERR, "no memory for a list");
+    for (size_t i = 0; i < l->count; i++)
+        sorted[i] = &l->job[i];
+    qsort(sorted, l->count, sizeof *sorted, by_out);
+    for (size_t i = 1; i < l->count && rc == 0; i++)
+        if (strcmp(sorted[i]->out, sorted[i - 1]->out) == 0)
+            rc = error_set(err, EX_DATAERR, "%s: output %s stands on two "
+                           "lines", path, sorted[i]->out);
+    free(sorted);
+    return rc;
+}
+
+int joblist_read(struct joblist *l, const char *path, struct error *err)
+{
+    size_t number = 0, room = 0;
+    char *rest;
+
+    memset(l, 0, sizeof *l);
+    l->text = rest = slurp(path, err);
+    if (!rest)
+        return -1;
+    for (char *line; (line = strsep(&rest, "\n"));) {
+        number++;
+        line[strcspn(line, "\r")] = 0;
+        if (!*line || *line == '#')
+            continue;
+        if (l->count == room) {
+            room = room ? 2 * room : 64;
+            struct job *p = realloc(l->job, room * sizeof *p);
+            if (!p) {
+                joblist_release(l);
+                return error_set(err, EX_OSERR, "no memory for a list");
+            }
+            l->job = p;
+        }
+        if (cut(&l->job[l->count++], line)) {
+            joblist_release(l);
+            return error_set(err, EX_DATAERR, "%s: line %zu: not three "
+                             "fields (expected SOURCE, DRIVER and OUT with "
+                             "tabs between)", path, number);
+        }
+    }
+    if (check_outputs(l, path, err)) {
+        joblist_release(l);
+        return -1;
+    }
+    return 0;
+}
+
+void joblist_release(struct joblist *l)
+{
+    free(l->job);
+    free(l->text);
+    memset(l, 0, sizeof *l);
+}

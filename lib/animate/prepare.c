@@ -1,0 +1,169 @@
+#include "lib/animate/prepare.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/image.h"
+#include "lib/base/cpu.h"
+#include "lib/track/source.h"
+
+int prepare_open(struct prepare *p, const char *model, const char *head,
+                 struct error *err)
+{
+    snprintf(p->model_path, sizeof p->model_path, "%s", model);
+    if (head_load(&p->head, head, err) ||
+        densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err) ||
+        encoders_open(&p->nets, model, true, p->precision, err))
+        return -1;
+    return 0;
+}
+
+void prepare_release(struct prepare *p)
+{
+    if (p->has_model)
+        avatar_model_release(&p->model);
+    encoders_release(&p->nets);
+    densify_release(&p->dense);
+    head_release(&p->head);
+    memset(p, 0, sizeof *p);
+}
+
+/* ---- reading a source -------------------------------------------------- */
+
+/* True for a record stream: its first four letters are the magic. */
+static bool is_stream(const char *path)
+{
+    char magic[4] = "";
+    FILE *f = fopen(path, "rb");
+
+    if (!f)
+        return false;
+    size_t n = fread(magic, 1, sizeof magic, f);
+    fclose(f);
+    return n == sizeof magic && memcmp(magic, "SPID", 4) == 0;
+}
+
+/* Identity and, when there is one, the baked GAUS of a stream. */
+static int read_stream(struct prepared *s, struct prepare *p,
+                       const char *path, struct error *err)
+{
+    struct record rec;
+    int rc;
+
+    if (person_load(&s->person, path, p->head.nexp, err))
+        return -1;
+    struct stream_reader *in = stream_open(path, NULL, err);
+    if (!in)
+        return -1;
+    while ((rc = stream_read(in, &rec, err)) > 0)
+        if (record_is(&rec, "GAUS")) {
+            rc = baked_read(&s->baked, &rec, p->dense.V + p->dense.E, err);
+            if (rc)
+                error_prefix(err, "%s", path);
+            break;
+        }
+    stream_close(in);
+    return rc;
+}
+
+/* The picture's face, shape, motion and matte, as spid-shape makes them. */
+static int read_picture(struct prepared *s, struct prepare *p,
+                        const char *path, const char *mask_path,
+                        struct error *err)
+{
+    const struct track_options opt = {.size = (double)p->nets.config.size};
+    struct image picture = {0}, mask = {0};
+    struct source src = {0};
+    struct person *q = &s->person;
+    int rc = -1;
+
+    if (image_read(&picture, path, err) ||
+        (mask_path && image_read(&mask, mask_path, err)))
+        goto out;
+    if (source_make(&src, &picture, mask_path ? &mask : NULL, &p->head,
+                    &p->nets, &opt, err)) {
+        error_prefix(err, "%s", path);
+        goto out;
+    }
+    s->disc = src.how == SOURCE_DISC;
+    q->shape = malloc((src.nshape + 1) * sizeof *q->shape);
+    if (!q->shape) {
+        error_set(err, EX_OSERR, "no memory for an identity");
+        goto out;
+    }
+    memcpy(q->shape, src.shape, src.nshape * sizeof *q->shape);
+    q->nshape = src.nshape;
+    q->rgb = src.rgb;           /* handed over */
+    q->matte = src.matte;
+    q->size = src.size;
+    src.rgb = src.matte = NULL;
+    memcpy(q->crop, src.crop, sizeof q->crop);
+    q->source = src.motion;
+    q->source.pose.exp = q->source.exp;
+    q->has_source = 1;
+    rc = 0;
+out:
+    source_release(&src);
+    image_release(&picture);
+    image_release(&mask);
+    return rc;
+}
+
+/* ---- baking ------------------------------------------------------------ */
+
+static int bake(struct prepared *s, struct prepare *p, struct error *err)
+{
+    if (!p->has_model && avatar_model_open(&p->model, p->model_path,
+                                           &p->head, p->without,
+                                           p->precision, err))
+        return -1;
+    p->has_model = true;
+    float *verts = malloc(3 * p->head.V * sizeof *verts);
+    if (!verts)
+        return error_set(err, EX_OSERR, "no memory for a mesh");
+    int rc = avatar_model_bake(&p->model, verts, &s->person, err) ||
+             baked_from_avatar(&s->baked, &p->model.avatar, err) ? -1 : 0;
+    free(verts);
+    if (rc == 0 && !p->keep_clear)
+        baked_drop_clear(&s->baked);
+    if (rc == 0 && p->prune >= 0)
+        rc = prune_views(&s->baked, &s->report, &p->dense, &s->id,
+                         p->nets.config.size, p->prune, err);
+    return rc;
+}
+
+int prepare_source(struct prepared *s, struct prepare *p, const char *path,
+                   const char *mask, struct error *err)
+{
+    double begun = cpu_seconds();
+
+    memset(s, 0, sizeof *s);
+    if (is_stream(path) ? read_stream(s, p, path, err)
+                        : read_picture(s, p, path, mask, err))
+        goto fail;
+    /* a copied motion points at the numbers it was copied from */
+    s->person.source.pose.exp = s->person.source.exp;
+    if (person_fold(&s->id, &p->head, &s->person, err)) {
+        error_prefix(err, "%s", path);
+        goto fail;
+    }
+    s->shape_s = cpu_seconds() - begun;
+    begun = cpu_seconds();
+    if (s->baked.N == 0 && bake(s, p, err))
+        goto fail;
+    s->bake_s = cpu_seconds() - begun;
+    return 0;
+fail:
+    prepared_release(s);
+    return -1;
+}
+
+void prepared_release(struct prepared *s)
+{
+    identity_release(&s->id);
+    baked_release(&s->baked);
+    person_release(&s->person);
+    memset(s, 0, sizeof *s);
+}

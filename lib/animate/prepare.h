@@ -1,0 +1,51 @@
+/* Phase A for spid animate: a source of any kind becomes a baked avatar. */
+#ifndef SPID_ANIMATE_PREPARE_H
+#define SPID_ANIMATE_PREPARE_H
+
+#include <stdbool.h>
+
+#include "lib/avatar/baked.h"
+#include "lib/avatar/densify.h"
+#include "lib/avatar/model.h"
+#include "lib/avatar/prune.h"
+#include "lib/avatar/records.h"
+#include "lib/track/encoders.h"
+#include "lib/track/track.h"
+
+/* What every clip shares: model files, loaded once. */
+struct prepare {
+    char model_path[4096];
+    struct head head;
+    struct densify dense;
+    struct encoders nets;       /* E_m and E_beta */
+    struct avatar_model model;  /* loaded by the first source that needs it */
+    bool has_model;
+    enum nn_type precision;
+    unsigned without;           /* enum avatar_without */
+    double prune;               /* negative: no pruning */
+    bool keep_clear;
+};
+
+/* One source. */
+struct prepared {
+    struct person person;
+    struct identity id;         /* beta folded */
+    struct baked baked;
+    struct prune_report report; /* views is 0 without pruning */
+    double shape_s, bake_s;     /* Phase A: crop to beta; branches */
+    bool disc;                  /* no outline found: the matte is a disc */
+};
+
+/* head NULL: head.safetensors beside the model.  The flags of p are set by
+ * the caller before. */
+int prepare_open(struct prepare *p, const char *model, const char *head,
+                 struct error *err);
+void prepare_release(struct prepare *p);
+
+/* From a picture (mask: path or NULL), an identity or an avatar (a stream,
+ * told by its magic). */
+int prepare_source(struct prepared *s, struct prepare *p, const char *path,
+                   const char *mask, struct error *err);
+void prepared_release(struct prepared *s);
+
+#endif

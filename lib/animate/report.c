@@ -1,0 +1,138 @@
+#include "lib/animate/report.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+
+/* Stages in the order of the pipeline; the paper's figure in ms on an A100, 0
+ * where it gives none.  Its motion encoder and heads are one number. */
+static const struct {
+    const char *name;
+    double paper;
+} stage[REPORT_STAGES] = {
+    {"decode", 0}, {"crop", 0.2}, {"encoder", 2.1}, {"heads", 0},
+    {"mesh", 1.3}, {"update", 0}, {"render", 1.5}, {"refine", 0},
+    {"encode", 0}
+};
+
+static void stage_times(double t[REPORT_STAGES],
+                        const struct animate_times *a)
+{
+    const double in_order[REPORT_STAGES] = {
+        a->decode, a->crop, a->network, a->heads, a->flame, a->branches,
+        a->splat, a->refine, a->encode
+    };
+
+    memcpy(t, in_order, sizeof in_order);
+}
+
+void animate_report_frame(struct animate_report *r,
+                          const struct animate_frame *f)
+{
+    double t[REPORT_STAGES];
+    float **list[REPORT_STAGES + 1];
+
+    for (int i = 0; i < REPORT_STAGES; i++)
+        list[i] = &r->ms[i];
+    list[REPORT_STAGES] = &r->latency;
+    if (r->frames == r->room) {
+        size_t room = r->room ? 2 * r->room : 1024;
+
+        for (int i = 0; i <= REPORT_STAGES; i++) {
+            float *p = realloc(*list[i], room * sizeof *p);
+
+            if (!p)
+                return;
+            *list[i] = p;
+        }
+        r->room = room;
+    }
+    stage_times(t, &f->t);
+    for (int i = 0; i < REPORT_STAGES; i++)
+        r->ms[i][r->frames] = (float)(1e3 * t[i]);
+    r->latency[r->frames] = (float)(1e3 * f->latency);
+    r->lost += f->track->lost;
+    r->ended = cpu_seconds();
+    if (r->frames++ == 0)
+        r->begun = r->ended;
+}
+
+void animate_report_times(double (*begin)(void),
+                          void (*end)(const char *stage, double begun),
+                          const struct animate_frame *f)
+{
+    double t[REPORT_STAGES];
+
+    stage_times(t, &f->t);
+    for (int i = 0; i < REPORT_STAGES; i++)
+        end(stage[i].name, begin() - t[i]);
+}
+
+static int by_value(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+
+    return (x > y) - (x < y);
+}
+
+static double quantile(float *x, size_t n, double q)
+{
+    qsort(x, n, sizeof *x, by_value);
+    return n ? (double)x[(size_t)(q * (double)(n - 1) + 0.5)] : 0;
+}
+
+static void print_stages(FILE *to, struct animate_report *r,
+                         const struct prepared *s)
+{
+    double sum = 0;
+
+    fprintf(to, "  Phase A: crop, shape, motion, matte %.0f ms; branches "
+            "%.0f ms, %zu Gaussians\n", 1e3 * s->shape_s, 1e3 * s->bake_s,
+            s->baked.N);
+    if (s->report.views)
+        fprintf(to, "  pruned: %.1f dB in the worst of %zu views, largest "
+                "difference %.2g\n", s->report.psnr, s->report.views,
+                s->report.max_abs);
+    fprintf(to, "  %-10s %9s %9s %12s\n", "stage", "median", "p95",
+            "paper, A100");
+    for (int i = 0; i < REPORT_STAGES; i++) {
+        double median = quantile(r->ms[i], r->frames, 0.5);
+
+        fprintf(to, "  %-10s %9.3f %9.3f", stage[i].name, median,
+                quantile(r->ms[i], r->frames, 0.95));
+        if (stage[i].paper > 0)
+            fprintf(to, " %12.1f", stage[i].paper);
+        fputc('\n', to);
+        sum += i == 0 || i == REPORT_STAGES - 1 ? 0 : median;
+    }
+    fprintf(to, "  driving pipeline, one core after the other: %.3f ms "
+            "(paper 6.1 ms without refiner)\n", sum);
+}
+
+void animate_report_print(FILE *to, struct animate_report *r,
+                          const struct prepared *s, bool stages, bool live)
+{
+    double seconds = r->ended - r->begun;
+
+    fprintf(to, "spid-animate: %zu frames, %.1f a second", r->frames,
+            r->frames > 1 && seconds > 0
+                ? (double)(r->frames - 1) / seconds : 0.0);
+    if (r->lost)
+        fprintf(to, ", %zu without a face", r->lost);
+    if (live)
+        fprintf(to, ", %zu dropped; latency p50 %.1f ms, p95 %.1f ms",
+                r->dropped, quantile(r->latency, r->frames, 0.5),
+                quantile(r->latency, r->frames, 0.95));
+    fputc('\n', to);
+    if (stages)
+        print_stages(to, r, s);
+}
+
+void animate_report_release(struct animate_report *r)
+{
+    for (int i = 0; i < REPORT_STAGES; i++)
+        free(r->ms[i]);
+    free(r->latency);
+    memset(r, 0, sizeof *r);
+}
