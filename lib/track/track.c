@@ -401,6 +401,22 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     return 1;
 }
 
+/* While the face is lost: does the last crop look unlike the frame before? */
+static bool changed(struct track *t, const uint8_t *rgb, size_t W, size_t H)
+{
+    float thumb[TRACK_THUMB * TRACK_THUMB];
+    const bool had = t->has_thumb;
+    double same = 0;
+
+    if (take_crop(t, rgb, W, H, t->crop, NULL) != 0)
+        return false;
+    t->has_thumb = make_thumb(thumb, t->input) > FLAT_DEVIATION;
+    for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
+        same += (double)thumb[i] * t->thumb[i];
+    memcpy(t->thumb, thumb, sizeof thumb);
+    return t->has_thumb && (!had || same < CUT_CORRELATION);
+}
+
 /* Look for the face again; hold the last motion when there is none. */
 static int search(struct track *t, struct track_result *r,
                   const uint8_t *rgb, size_t W, size_t H, double time,
@@ -410,8 +426,10 @@ static int search(struct track *t, struct track_result *r,
     struct error none = {0};
     int found = 0;
 
-    /* every frame at first, then every sixth: looking costs 30 ms */
-    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0)
+    /* every frame at first, then every sixth, or when something happens:
+     * looking costs 30 ms and more */
+    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0
+        || changed(t, rgb, W, H))
         found = detect(t, r, &crop, rgb, W, H, &none) == 1;
     if (found) {
         crop = square_into(crop, t->window, t->opt.size);
@@ -422,9 +440,10 @@ static int search(struct track *t, struct track_result *r,
         r->motion = t->last;
         r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
         r->why = why;
+        if (!t->lost)
+            t->has_thumb = false;
         t->lost = true;
         t->lost_frames++;
-        t->has_thumb = false;
         deliver(t, r, time);
         return 0;
     }

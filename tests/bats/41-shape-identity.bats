@@ -2,9 +2,10 @@
 # spid-shape: a picture in, an identity out.
 load helper
 
-prepare() {
-    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model model.safetensors
-    export SPID_MODEL=$PWD/model.safetensors
+setup_file() {
+    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model \
+        "$BATS_FILE_TMPDIR/model.safetensors"
+    export SPID_MODEL=$BATS_FILE_TMPDIR/model.safetensors
 }
 
 # picture KIND W H BYTE: a PAM of one value, KIND RGB or RGB_ALPHA.
@@ -89,4 +90,19 @@ crop=--crop=50,40,30
     status 66 spid-shape $crop missing.png -o x.spid
     status 64 spid-shape $crop -o x.spid
     [ ! -e x.spid ]
+}
+
+@test "a made person is found, and its matte is about what was drawn" {
+    spid-synth -q --size 512 --effects 0 -s 3 --without mesh -o true.spid
+    spid-synth -q --size 512 --effects 0 -s 3 --format png -o me.png
+    spid-shape me.png -o me.spid --window 256,256,512
+    mean() {
+        spid-dump --json --only "$2" "$1" | grep -o "\"name\":\"$3\"[^}]*" |
+            grep -o '"mean":[0-9.]*' | cut -d: -f2
+    }
+    a=$(mean me.spid SRCI matte)
+    b=$(mean true.spid IMAG mask)
+    echo "matte $a, true mask $b (of 255)"
+    awk -v a="$a" -v b="$b" \
+        'BEGIN { if (b <= 1) b *= 255; exit !(a > .75 * b && a < 1.3 * b) }'
 }

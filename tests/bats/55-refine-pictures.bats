@@ -2,10 +2,14 @@
 # spid-refine: feature images in, finished pictures out.
 load helper
 
+setup_file() {
+    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model \
+        "$BATS_FILE_TMPDIR/model.safetensors"
+    export SPID_MODEL=$BATS_FILE_TMPDIR/model.safetensors
+}
+
 prepare() {
     need_numpy
-    "$TOP/${BUILD:-build}/tests/unit/track_motion" --model model.safetensors
-    export SPID_MODEL=$PWD/model.safetensors
     features 64 32
 }
 
