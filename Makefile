@@ -166,6 +166,18 @@ deps:
 	  npm install --silent --no-audit --no-fund --prefix build/npm || \
 	  echo "make deps: npm installed nothing; tests that compare with it skip"; }
 
+# The shipped model from its seeds (hours; see spid-train(1)), and how it does
+# on people it has never seen.
+model: all
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/train-model.sh $(BUILD)/train
+
+SEED   ?= 77
+PEOPLE ?= 40
+FRAMES ?= 25
+eval-model: all
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/eval-model.sh \
+	  $(BUILD)/eval $(SEED) $(PEOPLE) $(FRAMES)
+
 install: all
 	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \
 	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5"
@@ -203,4 +215,4 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
 clean:
 	rm -rf build
 
-.PHONY: all tests check bench demo deps install fuzz clean
+.PHONY: all tests check bench model eval-model demo deps install fuzz clean

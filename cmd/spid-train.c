@@ -1,0 +1,260 @@
+/* spid-train: from people and their true motions to a model. */
+#include <signal.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "formats/image.h"
+#include "lib/avatar/config.h"
+#include "lib/head/head.h"
+#include "lib/train/checkpoint.h"
+#include "lib/train/loop.h"
+
+#define MOST_PARTS 16
+
+static struct {
+    const char *config, *head, *held, *join;
+    const char *init[MOST_PARTS], *prefix[MOST_PARTS];
+    size_t ninit;
+    long steps;
+} opt = {.steps = -1};
+
+static volatile sig_atomic_t stop;
+
+static void on_signal(int number)
+{
+    (void)number;
+    stop = 1;
+}
+
+/* FILE or FILE:PREFIX */
+static int parse_init(const char *value, void *dest, struct error *err)
+{
+    char *copy = strdup(value), *colon;
+
+    (void)dest;
+    if (opt.ninit == MOST_PARTS || !copy) {
+        free(copy);
+        return error_set(err, EX_USAGE, "more than %d files", MOST_PARTS);
+    }
+    colon = strrchr(copy, ':');
+    if (colon)
+        *colon++ = 0;
+    opt.init[opt.ninit] = copy;
+    opt.prefix[opt.ninit++] = colon ? colon : "";
+    return 0;
+}
+
+static const struct cli_option options[] = {
+    {.name = "config", .letter = 'c', .kind = CLI_STRING, .dest = &opt.config,
+     .arg = "FILE", .help = "JSON configuration of the run (required)"},
+    {.name = "held", .kind = CLI_STRING, .dest = &opt.held, .arg = "FILE",
+     .help = "people the run is judged by, never trained on"},
+    {.name = "head", .kind = CLI_STRING, .dest = &opt.head, .arg = "FILE",
+     .help = "head model (default: head.safetensors beside the model)"},
+    {.name = "init", .kind = CLI_CALL, .parse = parse_init,
+     .arg = "FILE[:PREFIX]",
+     .help = "start the tensors called PREFIX... from FILE; repeatable"},
+    {.name = "join", .kind = CLI_STRING, .dest = &opt.join, .arg = "FILE",
+     .help = "no training: join model files into FILE, half precision"},
+    {.name = "steps", .kind = CLI_INT, .dest = &opt.steps, .min = 0,
+     .max = 1e9, .arg = "N", .help = "instead of the configuration's steps"},
+    {.name = NULL},
+};
+
+static const struct cli_usage usage = {
+    .program = "spid-train",
+    .synopsis = "-c CONFIG -o DIR [OPTION ...] [STREAM ...]",
+    .purpose = "train the encoders and the avatar through the renderer",
+    .options = options,
+};
+
+static void show(const struct loop_report *r)
+{
+    char note[300];
+    int at = snprintf(note, sizeof note, "loss %.4f", r->loss);
+    long left = (long)r->left;
+
+    for (int i = 0; i < r->task->nparts && at < 200; i++)
+        at += snprintf(note + at, sizeof note - (size_t)at, " %.4s %.3f",
+                       r->task->part_name[i], r->parts[i]);
+    snprintf(note + at, sizeof note - (size_t)at,
+             " %.1f items/s, %ld:%02ld:%02ld left", r->items_per_second,
+             left / 3600, left / 60 % 60, left % 60);
+    progress(train_stage_name(r->task->config->stage), (size_t)r->step + 1,
+             (size_t)r->steps, note);
+}
+
+static void say(const char *text)
+{
+    warn("%s", text);
+}
+
+static int write_png(const char *path, const uint8_t *rgb, size_t H, size_t W,
+                     struct error *err)
+{
+    return image_write_png(path, rgb, W, H, 3, err);
+}
+
+static void load_head(struct head *h)
+{
+    struct error err = {0};
+    char path[TRAIN_PATH];
+
+    if (opt.head)
+        snprintf(path, sizeof path, "%s", opt.head);
+    else if (cli_find_model("head.safetensors", path, sizeof path, &err))
+        die_error(&err);
+    if (head_load(h, path, &err))
+        die_error(&err);
+}
+
+static void load_held(struct task *t, const struct train_config *c)
+{
+    struct error err = {0};
+    struct data_reader *r;
+
+    if (!opt.held)
+        return;
+    r = data_open(&opt.held, 1, t->type->margin, &err);
+    t->held = calloc((size_t)c->held_people, sizeof *t->held);
+    if (!r || !t->held)
+        die_error(&err);
+    for (; t->nheld < (size_t)c->held_people; t->nheld++)
+        if (data_next(r, &t->held[t->nheld], &err))
+            die_error(&err);
+    data_close(r);
+}
+
+static void release_held(struct task *t)
+{
+    for (size_t i = 0; i < t->nheld; i++)
+        data_person_release(&t->held[i]);
+    free(t->held);
+    t->held = NULL;
+    t->nheld = 0;
+}
+
+/* The metadata of a model: its configuration, with the head it is for. */
+static char *describe(const struct train_config *c)
+{
+    struct error err = {0};
+    struct avatar_config model;
+    struct head head;
+    char *text;
+
+    avatar_config_shipped(&model);
+    if (c->model && avatar_config_parse(&model, c->model, &err))
+        die_error(&err);
+    load_head(&head);
+    memcpy(model.head_hash, head.hash, sizeof model.head_hash);
+    head_release(&head);
+    text = avatar_config_print(&model);
+    if (!text)
+        die(EX_OSERR, "out of memory");
+    return text;
+}
+
+static int join(const struct train_config *c, char **parts, int count)
+{
+    struct error err = {0};
+    char *spid;
+
+    if (count < 1)
+        die(EX_USAGE, "--join: no model files (expected at least one)");
+    spid = describe(c);
+    if (checkpoint_join(opt.join, (const char *const *)parts, (size_t)count,
+                        ST_F16, spid, &err))
+        die_error(&err);
+    free(spid);
+    return EX_OK;
+}
+
+static void say_what(const struct task *t, const struct train_config *c)
+{
+    size_t learning = 0;
+
+    if (cli.quiet)
+        return;
+    for (size_t i = 0; i < t->ps.count; i++)
+        learning += t->ps.tensor[i].frozen ? 0 : t->ps.tensor[i].count;
+    fprintf(stderr, "spid-train: stage %s, %zu weights learn, batch %lld\n",
+            train_stage_name(c->stage), learning, (long long)c->batch);
+    if (c->stage >= STAGE_AVATAR)
+        fprintf(stderr, "spid-train: no perceptual network is given: a "
+                "Laplacian pyramid stands in for L_perc\n");
+    if (c->stage == STAGE_MOTION || c->stage == STAGE_ALL)
+        fprintf(stderr, "spid-train: no alignment network is given: "
+                "projected landmarks stand in for L_lmk\n");
+}
+
+/* Returns the exit code. */
+static int train(const struct train_config *c, const char *const *files,
+                 size_t count, struct group *group)
+{
+    struct error err = {0};
+    struct head head = {0};
+    struct task task = {0};
+    struct loop loop = {
+        .config = c, .task = &task, .group = group, .folder = cli.output,
+        .init_files = opt.init, .init_prefix = opt.prefix,
+        .ninit = opt.ninit, .stop = &stop, .warn = say,
+        .report = cli.quiet ? NULL : show, .write_png = write_png,
+    };
+    int rc;
+
+    load_head(&head);
+    rc = task_init(&task, c, &head, &err);
+    if (!rc) {
+        load_held(&task, c);
+        if (!group->rank)
+            say_what(&task, c);
+        loop.reader = data_open(files, count, task.type->margin, &err);
+        rc = loop.reader ? loop_run(&loop, &err) : -1;
+    }
+    progress_end();
+    if (rc) {
+        fprintf(stderr, "spid-train: %s\n", err.text);
+        group_abort(group, err.code);
+    } else if (loop.step < (uint64_t)c->steps) {
+        warn("stopped after step %llu; the same command goes on",
+             (unsigned long long)loop.step);
+    }
+    data_close(loop.reader);
+    release_held(&task);
+    task_release(&task);
+    head_release(&head);
+    return rc ? (err.code ? err.code : EX_SOFTWARE) : EX_OK;
+}
+
+int main(int argc, char **argv)
+{
+    struct error err = {0};
+    struct train_config config;
+    struct group group;
+    int first, rc;
+
+    if (group_init(&group, &err))
+        die_error(&err);
+    first = cli_parse(&usage, argc, argv);
+    if (!opt.config)
+        die(EX_USAGE, "no configuration (expected -c FILE)");
+    if (train_config_load(&config, opt.config, &err))
+        die_error(&err);
+    if (opt.steps >= 0)
+        config.steps = opt.steps;
+    if (opt.join) {
+        rc = join(&config, argv + first, argc - first);
+    } else {
+        if (!strcmp(cli.output, "-"))
+            die(EX_USAGE, "no folder for the model (expected -o DIR)");
+        signal(SIGINT, on_signal);
+        signal(SIGTERM, on_signal);
+        rc = train(&config, (const char *const *)argv + first,
+                   (size_t)(argc - first), &group);
+    }
+    train_config_release(&config);
+    group_release(&group);
+    return rc;
+}

@@ -1,0 +1,99 @@
+# spid-train: stages run, stop and go on; bad input is named.
+
+setup_file() {
+    export DIR=$BATS_FILE_TMPDIR
+    spid-synth --people 3 --frames 4 --size 96 --seed 5 -q -o "$DIR/p.spid"
+    cat > "$DIR/m.json" <<'J'
+{"stage":"motion","steps":4,"batch":4,"micro":2,"rate":1e-3,"pool":2,
+ "people_per_step":0.5,"checkpoint_every":1,"log_every":1,"held_every":4,
+ "held_people":1,"sheet_every":4}
+J
+    export HEAD=$TOP/$BUILD/share/spid/head.safetensors
+}
+
+train() {
+    spid-train --head "$HEAD" "$@"
+}
+
+@test "the motion encoder learns from synthetic people" {
+    train -q -c "$DIR/m.json" -o "$DIR/a" --held "$DIR/p.spid" "$DIR/p.spid"
+    [ -s "$DIR/a/model.safetensors" ]
+    [ -s "$DIR/a/sheet-000004.png" ]
+    [ "$(wc -l < "$DIR/a/log.tsv")" = 5 ]
+    [ "$(wc -l < "$DIR/a/held.tsv")" -ge 2 ]
+}
+
+@test "people may come from a pipe" {
+    train -q -c "$DIR/m.json" -o "$DIR/pipe" --steps 2 - < "$DIR/p.spid"
+    [ -s "$DIR/pipe/checkpoint.safetensors" ]
+}
+
+@test "a run killed at any moment goes on to the same bytes" {
+    train -q -c "$DIR/m.json" -o "$DIR/whole" --steps 12 "$DIR/p.spid"
+    for wait in 0.3 0.5 0.4; do
+        timeout -s KILL $wait spid-train --head "$HEAD" -q -c "$DIR/m.json" \
+            -o "$DIR/cut" --steps 12 "$DIR/p.spid" || true
+    done
+    train -q -c "$DIR/m.json" -o "$DIR/cut" --steps 12 "$DIR/p.spid"
+    cmp "$DIR/whole/checkpoint.safetensors" "$DIR/cut/checkpoint.safetensors"
+    cmp "$DIR/whole/model.safetensors" "$DIR/cut/model.safetensors"
+}
+
+@test "two processes give the loss curve of one" {
+    command -v mpirun || skip "no mpirun"
+    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
+    train -q -c "$DIR/m.json" -o "$DIR/one" "$DIR/p.spid"
+    mpirun --allow-run-as-root --oversubscribe -n 2 spid-train --head "$HEAD" \
+        -q -c "$DIR/m.json" -o "$DIR/two" "$DIR/p.spid"
+    paste "$DIR/one/log.tsv" "$DIR/two/log.tsv" | awk -v m=13 'NR > 1 {
+        n = NF / 2; d = ($2 - $(n + 2)) / $2; if (d < 0) d = -d
+        print $2, $(n + 2); if (d > 1e-3) bad = 1 } END { exit bad }'
+}
+
+@test "an unknown key of the configuration is named" {
+    echo '{"stage":"motion","setps":1}' > "$DIR/bad.json"
+    run train -c "$DIR/bad.json" -o "$DIR/x" "$DIR/p.spid"
+    [ "$status" = 78 ]
+    [[ $output == *bad.json:\ setps:\ unknown\ key* ]]
+}
+
+@test "a checkpoint of another configuration is refused" {
+    train -q -c "$DIR/m.json" -o "$DIR/other" --steps 1 "$DIR/p.spid"
+    sed 's/"batch":4/"batch":6/' "$DIR/m.json" > "$DIR/b6.json"
+    run train -q -c "$DIR/b6.json" -o "$DIR/other" "$DIR/p.spid"
+    [ "$status" = 78 ]
+    [[ $output == *another\ configuration* ]]
+}
+
+@test "data without truth records are refused" {
+    spid-flame --help > /dev/null
+    head -c 64 "$DIR/p.spid" > "$DIR/short.spid"
+    run train -q -c "$DIR/m.json" -o "$DIR/y" "$DIR/short.spid"
+    [ "$status" = 65 ]
+    [[ $output == *short.spid* ]]
+}
+
+@test "pictures of mixed sizes are refused" {
+    spid-synth --people 1 --frames 2 --size 64 --seed 6 -q -o "$DIR/q.spid"
+    run train -q -c "$DIR/m.json" -o "$DIR/z" "$DIR/q.spid" "$DIR/p.spid"
+    [ "$status" = 65 ]
+    [[ $output == *96x96*64x64* ]]
+}
+
+@test "a full disk leaves the last checkpoint" {
+    train -q -c "$DIR/m.json" -o "$DIR/full" --steps 1 "$DIR/p.spid"
+    cp "$DIR/full/checkpoint.safetensors" "$DIR/before"
+    run bash -c "ulimit -f 1000; trap '' XFSZ; spid-train --head '$HEAD' -q \
+        -c '$DIR/m.json' -o '$DIR/full' --steps 2 '$DIR/p.spid'"
+    [ "$status" != 0 ]
+    cmp "$DIR/full/checkpoint.safetensors" "$DIR/before"
+}
+
+@test "no folder, no configuration, no data: misuse" {
+    run train -c "$DIR/m.json" "$DIR/p.spid"
+    [ "$status" = 64 ]
+    run train -o "$DIR/w" "$DIR/p.spid"
+    [ "$status" = 64 ]
+    run train -q -c "$DIR/m.json" -o "$DIR/w"
+    [ "$status" = 64 ]
+}
