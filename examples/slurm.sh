@@ -1,0 +1,19 @@
+#!/usr/bin/env bash
+#SBATCH --job-name=spid
+#SBATCH --array=0-99%8
+#SBATCH --cpus-per-task=4
+#SBATCH --mem=2G
+# sbatch slurm.sh LIST: task i of the array makes the lines i, i + N, i + 2N,
+# ... of LIST (SOURCE, DRIVER, OUT with tabs between), N tasks in all.  The
+# list may be longer or shorter than the array.
+set -euo pipefail
+here=${SPID_EXAMPLES:-$(cd "$(dirname "$0")" && pwd)}
+list=$1 bad=0 i=0
+id=${SLURM_ARRAY_TASK_ID:-0} tasks=${SLURM_ARRAY_TASK_COUNT:-1}
+export OMP_NUM_THREADS=${SLURM_CPUS_PER_TASK:-1}
+while IFS=$'\t' read -r source driver out; do
+    if (( i++ % tasks == id )); then
+        "$here/one.sh" "$source" "$driver" "$out" < /dev/null || bad=1
+    fi
+done < "$list"
+exit $bad

@@ -1,0 +1,24 @@
+# What the tests of avatars share: a head, an untrained small model, a source
+# picture and a driving clip of the synthetic people.
+animate_files() {
+    local build=$TOP/${BUILD:-build}
+    HEAD=$build/share/spid/head.safetensors
+    [ -e "$HEAD" ] || skip "no head model built"
+    [ -x "$build/tests/unit/avatar_model" ] || skip "no model maker built"
+    local dir=$BATS_FILE_TMPDIR
+    if [ ! -e "$dir/ready" ]; then
+        mkdir -p "$dir/model"
+        "$build/tests/unit/avatar_model" "$dir/model/model.safetensors" \
+            small "$HEAD"
+        cp "$HEAD" "$dir/model/"
+        spid-synth -q -n 1 --frames 4 -s 5 --size 256 --head "$HEAD" \
+            -o "$dir/drive.y4m"
+        spid-synth -q -n 1 --frames 1 -s 5 --size 256 --head "$HEAD" \
+            -o "$dir/source.png"
+        spid-shape -q -m "$dir/model" "$dir/source.png" -o "$dir/me.spid"
+        spid-branches -q -m "$dir/model" --bake "$dir/me.spid" \
+            -o "$dir/avatar.spid"
+        touch "$dir/ready"
+    fi
+    ln -s "$dir"/{model,drive.y4m,source.png,me.spid,avatar.spid} .
+}
