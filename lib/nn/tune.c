@@ -7,7 +7,7 @@ static const struct {
     unsigned short in, out, side;
     float ratio;
 } table[] = {
-#include "lib/nn/tune_table.h"
+#include "lib/nn/tune_table.inc"
 };
 
 /* Distance of two layers: how many doublings apart. */

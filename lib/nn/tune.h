@@ -1,5 +1,5 @@
 /* Which 3x3 convolutions run by Winograd: measured once by `make tune` and
- * kept in lib/nn/tune_table.h. */
+ * kept in lib/nn/tune_table.inc. */
 #ifndef SPID_NN_TUNE_H
 #define SPID_NN_TUNE_H
 
