@@ -1,4 +1,5 @@
 /* spid-synth: synthetic people with their true parameters. */
+#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -6,12 +7,16 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
+#include "formats/image.h"
 #include "lib/avatar/records.h"
+#include "lib/synth/sheet.h"
+#include "lib/synth/statistics.h"
 #include "lib/synth/synth.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
-static const char *head_path;
+static const char *head_path, *sheet_path;
+static bool statistics;
 static bool without_mesh;
 static enum framesink_format format = FRAMESINK_AUTO;
 
@@ -44,6 +49,10 @@ static const struct cli_option options[] = {
     {"format", 0, CLI_CALL, &format, 0, 0, "NAME",
      "stream, y4m, png, pam or mp4 instead of what -o's name says",
      framesink_parse_format},
+    {"sheet", 0, CLI_STRING, &sheet_path, 0, 0, "FILE",
+     "write a contact sheet (PNG) of people, expressions and lights", NULL},
+    {"statistics", 0, CLI_FLAG, &statistics, 0, 0, NULL,
+     "print mean and spread of every parameter instead", NULL},
     {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
      "head model (default head.safetensors beside the model)", NULL},
     {0}
@@ -52,7 +61,7 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
     "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
-    "[--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "[--sheet FILE] [--statistics] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE...]",
     "make people: pictures with their true parameters", options
 };
 
@@ -148,43 +157,71 @@ static int put(struct framesink *sink, const struct head *head,
     return write_frame(w, head, f, number, err);
 }
 
-int main(int argc, char **argv)
+static void write_sheet(const struct head *head, struct synth_options *opt)
 {
     struct error err = {0};
-    struct head head;
+    size_t w = SHEET_COLUMNS * (size_t)opt->size;
+    size_t h = SHEET_ROWS * (size_t)opt->size;
+    uint8_t *rgb = malloc(3 * w * h);
+
+    if (!rgb)
+        die(EX_OSERR, "no memory for a sheet of %zu x %zu pixels", w, h);
+    if (synth_sheet(rgb, head, opt, &err)
+        || image_write_png(sheet_path, rgb, w, h, 3, &err))
+        die_error(&err);
+    free(rgb);
+}
+
+/* The tables of --statistics; pictures to compare with, named by people. */
+static void write_statistics(const struct head *head,
+                             const struct synth_options *opt, char **picture,
+                             int count)
+{
+    struct error err = {0};
+    struct picture_figures f;
+    struct image im;
+
+    synth_statistics(stdout, head, opt);
+    printf("\n");
+    picture_print(stdout, "picture", NULL);
+    if (synth_figures(&f, head, opt, &err))
+        die_error(&err);
+    picture_print(stdout, "people (mean)", &f);
+    for (int i = 0; i < count; i++) {
+        if (image_read(&im, picture[i], &err))
+            die_error(&err);
+        picture_figures(&f, im.rgb, (int)im.width, (int)im.height);
+        picture_print(stdout, picture[i], &f);
+        image_release(&im);
+    }
+    if (fflush(stdout) || ferror(stdout))
+        die(EX_IOERR, "standard output: %s", strerror(errno));
+}
+
+/* Every frame of opt into the sink. */
+static void write_frames(const struct head *head, struct synth_options *opt)
+{
+    struct error err = {0};
     struct synth_frame f;
     uint64_t number = 0;
     int rc;
-
-    int operand = cli_parse(&usage, argc, argv);
-    if (operand < argc)
-        die(EX_USAGE, "%s: nothing is read (expected no operand)",
-            argv[operand]);
-    open_head(&head);
-    if (head.nexp > HEAD_MAX_EXP)
-        die(EX_DATAERR, "head has %zu expression directions (expected at "
-            "most %d)", head.nexp, HEAD_MAX_EXP);
-    struct synth_options opt = {
-        .seed = (uint64_t)seed, .first = (uint64_t)first,
-        .people = (uint64_t)people, .frames = (uint64_t)frames,
-        .size = (int)size, .fps = fps, .effects = (float)effects,
-        .threads = cli.threads
-    };
     struct framesink_options out = {
         .path = cli.output, .format = format,
         .rate_num = (int)lrint(fps * 1000), .rate_den = 1000
     };
     struct framesink *sink = framesink_open(&out, &err);
+
     if (!sink)
         die_error(&err);
-    opt.mesh = framesink_stream(sink) && !without_mesh;
-    struct synth *s = synth_open(&head, &opt, &err);
+    opt->mesh = framesink_stream(sink) && !without_mesh;
+    struct synth *s = synth_open(head, opt, &err);
     double begun = stats_begin();
     while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
         stats_end("synth", begun);
-        if ((rc = put(sink, &head, &f, number, &err)))
+        if ((rc = put(sink, head, &f, number, &err)))
             break;
-        progress("frames", ++number, (size_t)(opt.people * opt.frames), NULL);
+        progress("frames", ++number, (size_t)(opt->people * opt->frames),
+                 NULL);
         begun = stats_begin();
     }
     if (rc < 0) {
@@ -193,9 +230,37 @@ int main(int argc, char **argv)
     }
     progress_end();
     synth_close(s);
-    head_release(&head);
     if (framesink_finish(sink, &err))
         die_error(&err);
+}
+
+int main(int argc, char **argv)
+{
+    struct head head;
+
+    int operand = cli_parse(&usage, argc, argv);
+    if (operand < argc && !statistics)
+        die(EX_USAGE, "%s: nothing is read (expected no "
+            "operand without --statistics)",
+            argv[operand]);
+    open_head(&head);
+    if (head.nexp > HEAD_MAX_EXP || head.nexp > MOTION_EXP_MAX)
+        die(EX_DATAERR, "head has %zu expression directions (expected at "
+            "most %d)", head.nexp, HEAD_MAX_EXP);
+    struct synth_options opt = {
+        .seed = (uint64_t)seed, .first = (uint64_t)first,
+        .people = (uint64_t)people, .frames = (uint64_t)frames,
+        .size = (int)size, .fps = fps, .effects = (float)effects,
+        .threads = cli.threads
+    };
+    if (statistics) {
+        write_statistics(&head, &opt, argv + operand, argc - operand);
+    } else if (sheet_path) {
+        write_sheet(&head, &opt);
+    } else {
+        write_frames(&head, &opt);
+    }
+    head_release(&head);
     stats_write();
     return 0;
 }

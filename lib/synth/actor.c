@@ -126,7 +126,7 @@ static void measure(struct actor *a)
     float flat = 0.45f * (1 - 0.6f * a->look.brow_arch);
     for (int i = 17; i < 27; i++) {
         float peak = a->lmk[i < 22 ? 19 : 24][1];
-        a->lmk[i][1] += flat * (peak - a->lmk[i][1]) - 0.014f;
+        a->lmk[i][1] += flat * (peak - a->lmk[i][1]) - 0.026f;
     }
 }
 

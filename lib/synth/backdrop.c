@@ -22,7 +22,8 @@ static void bokeh_at(float c[3], const struct persona *p, float u, float v)
 {
     float s = p->skin.shift[1];
     for (int k = 0; k < 3; k++)
-        c[k] = p->wall[k] * (0.35f + 0.35f * noise_sum(u + s, v, (float)k, 2));
+        c[k] = p->wall[k] * (0.40f + 0.28f * noise_sum(u + s, v, 1, 2)
+                             + 0.07f * noise_sum(u, v + s, (float)k, 1));
     for (int i = 0; i < 14; i++) {
         uint64_t h = random_mix(p->key + (uint64_t)i * 31);
         float x = (float)(h & 1023) / 512 - 1, y = (float)(h >> 10 & 1023) / 512

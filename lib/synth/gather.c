@@ -103,7 +103,8 @@ static void take(struct gather *g, size_t at, uint32_t id, float ao)
         queue = g->a->material[id];
     i = g->count[queue]++;
     g->at[queue][i] = (uint32_t)at;
-    g->block[queue].ao[i] = ao;
+    /* teeth are lit through the lips as well */
+    g->block[queue].ao[i] = queue == MATERIAL_TEETH ? 0.45f + 0.55f * ao : ao;
     if (id & RASTER_STRAND)
         gather_strand(g, queue, i, at, point);
     else

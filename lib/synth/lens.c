@@ -162,7 +162,7 @@ static void finish(struct stage *s, const float *img, const struct persona *p,
 }
 
 void lens_expose(struct stage *s, const struct persona *p, const float *wall,
-                 uint64_t frame, float blur_x, float blur_y)
+                 uint64_t frame, double time, float blur_x, float blur_y)
 {
     size_t n = (size_t)s->size * (size_t)s->size;
     const struct lens_look *l = &p->lens;
@@ -170,6 +170,7 @@ void lens_expose(struct stage *s, const struct persona *p, const float *wall,
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++)
             img[3 * i + k] += wall[3 * i + k] * (1 - s->cover[i]);
+    occluder_draw(s, p, time);
     if (l->shutter > 0 && fabsf(blur_x) + fabsf(blur_y) > 1)
         smear(img, s->scratch, s->size, blur_x, blur_y);
     float blur = (0.42f + l->blur) * (float)s->size / 256;

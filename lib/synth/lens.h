@@ -16,9 +16,13 @@ void lens_init(void);
 void backdrop_paint(float *wall, const struct persona *p, int n);
 
 /* rgb (n,n,3) and mask (n,n) of the stage from light over wall.  frame selects
- * the noise; blur_x, blur_y is the motion during the exposure, pixels. */
+ * the noise, time moves an occluder; blur_x, blur_y is the motion during the exposure, pixels. */
 void lens_expose(struct stage *s, const struct persona *p, const float *wall,
-                 uint64_t frame, float blur_x, float blur_y);
+                 uint64_t frame, double time, float blur_x, float blur_y);
+
+/* Draw the persona's occluder, if any, over light; takes it out of cover and
+ * labels it. */
+void occluder_draw(struct stage *s, const struct persona *p, double time);
 
 /* The picture rgb (n,n,3) after compression at quality 1..100 and back:
  * 8x8 cosine blocks, chroma at half the resolution.  scratch (n,n,3). */

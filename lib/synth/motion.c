@@ -124,7 +124,7 @@ static void sample_eyes(struct synth_motion *m, const struct persona *p,
     float blink = pulse(p, track("blink", 0), time, 2.3, 0.75f, 0.13f);
     float doze = 0.5f * pulse(p, track("doze", 0), time, 5.1, 0.25f, 0.8f);
     float down = clampf(pitch * 0.9f, -0.1f, 0.3f);
-    float base = clampf(0.06f + 0.10f * wander(p, track("lid", 0), time, 2)
+    float base = clampf(0.13f + 0.08f * wander(p, track("lid", 0), time, 2)
                         + down, 0, 1);
     float both = base + (1 - base) * fmaxf(blink, doze);
     for (int k = 0; k < 2; k++) {
@@ -146,6 +146,27 @@ static void face_rotation(float rot[9], float yaw, float pitch, float roll)
     mul33(rot, front, b);
 }
 
+/* Shoulders at place `at`; the head turns about the top of the neck. */
+static void stand(struct synth_motion *m, const float at[3])
+{
+    static const float pivot[3] = { 0, -0.50f, -0.16f };
+    float a[3], b[3];
+    face_rotation(m->rot, m->yaw, m->pitch, m->roll);
+    rot3(a, m->body, pivot);
+    rot3(b, m->rot, pivot);
+    for (int k = 0; k < 3; k++) {
+        m->body_trans[k] = at[k];
+        m->trans[k] = at[k] + a[k] - b[k];
+    }
+}
+
+void synth_still(struct synth_motion *m, const struct persona *p)
+{
+    m->yaw = m->pitch = m->roll = 0;
+    face_rotation(m->body, 0, 0, 0);
+    stand(m, p->rest);
+}
+
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp)
 {
@@ -161,19 +182,12 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
     m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);
     m->roll = clampf(p->roll + pose[2], -MOTION_ROLL, MOTION_ROLL);
-    face_rotation(m->rot, m->yaw, m->pitch, m->roll);
     face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
                   0.1f * m->roll);
-    /* the shoulders drift a little; the head turns about the neck's top */
-    for (int k = 0; k < 2; k++)
-        m->body_trans[k] = p->rest[k] + 0.035f * drift[k];
-    m->body_trans[2] = p->rest[2] * (1 + 0.02f * drift[2]);
-    static const float pivot[3] = { 0, -0.50f, -0.16f };
-    float a[3], b[3];
-    rot3(a, m->body, pivot);
-    rot3(b, m->rot, pivot);
+    /* the shoulders drift a little */
     for (int k = 0; k < 3; k++)
-        m->trans[k] = m->body_trans[k] + a[k] - b[k];
+        drift[k] = p->rest[k] + drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);
+    stand(m, drift);
     sample_expression(m, p, time, nexp);
     sample_jaw(m, p, time);
     sample_eyes(m, p, time);

@@ -31,4 +31,7 @@ struct synth_motion {
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp);
 
+/* Turn m to the camera: head and shoulders upright, nothing else changed. */
+void synth_still(struct synth_motion *m, const struct persona *p);
+
 #endif

@@ -85,11 +85,10 @@ static void sample_skin(struct persona *p, uint64_t key)
     s->pores = range(&r, 0.02, 0.055) + 0.04f * p->age;
     s->oil = range(&r, 0.4, 1.3);
     s->wrinkle = p->age;
-    float red[3] = { 176, 92, 88 }, lip[3];
+    float red[3] = { 184, 88, 86 }, lip[3], blend = range(&r, 0.3, 0.8);
     linear(lip, red);
     for (int k = 0; k < 3; k++)
-        s->lip[k] = lerpf(lip[k], s->base[k] * (k ? 0.55f : 0.78f),
-                          range(&r, 0.45, 0.85));
+        s->lip[k] = lerpf(lip[k], s->base[k] * (k ? 0.50f : 0.90f), blend);
     s->gloss = range(&r, 0.3, 1.2);
     p->makeup = p->male < 0.5f && chance(&r, 0.4) ? range(&r, 0.3, 1) : 0;
     if (p->makeup > 0) {

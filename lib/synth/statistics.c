@@ -149,3 +149,47 @@ void picture_figures(struct picture_figures *f, const unsigned char *rgb,
             f->bin[b > 7 ? 7 : b] += 1 / m;
         }
 }
+
+int synth_figures(struct picture_figures *f, const struct head *head,
+                  const struct synth_options *opt, struct error *err)
+{
+    struct synth_options o = *opt;
+    struct synth_frame frame;
+    struct picture_figures one;
+    double n = (double)(o.people = o.people < 64 ? o.people : 64);
+    int rc;
+    o.frames = 1;
+    o.mesh = false;
+    struct synth *s = synth_open(head, &o, err);
+    if (!s)
+        return -1;
+    *f = (struct picture_figures){ 0 };
+    while ((rc = synth_next(s, &frame, err)) > 0) {
+        picture_figures(&one, frame.rgb, o.size, o.size);
+        for (int k = 0; k < 3; k++) {
+            f->mean[k] += one.mean[k] / n;
+            f->deviation[k] += one.deviation[k] / n;
+        }
+        f->edge += one.edge / n;
+        for (int k = 0; k < 8; k++)
+            f->bin[k] += one.bin[k] / n;
+    }
+    synth_close(s);
+    return rc;
+}
+
+void picture_print(FILE *out, const char *name,
+                   const struct picture_figures *f)
+{
+    if (!f) {
+        fprintf(out, "%-24s %17s %17s %6s %s\n", name, "mean r g b",
+                "deviation", "edge", "% of gradients <1 <2 <4 ... <64, more");
+        return;
+    }
+    fprintf(out, "%-24s %5.1f %5.1f %5.1f %5.1f %5.1f %5.1f %6.2f", name,
+            f->mean[0], f->mean[1], f->mean[2], f->deviation[0],
+            f->deviation[1], f->deviation[2], f->edge);
+    for (int k = 0; k < 8; k++)
+        fprintf(out, " %5.1f", 100 * f->bin[k]);
+    fputc('\n', out);
+}

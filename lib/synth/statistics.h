@@ -21,4 +21,11 @@ struct picture_figures {
 void picture_figures(struct picture_figures *f, const unsigned char *rgb,
                      int w, int h);
 
+/* The same for the first frame of up to 64 people of opt, their mean. */
+int synth_figures(struct picture_figures *f, const struct head *head,
+                  const struct synth_options *opt, struct error *err);
+/* One line of figures; without f the line of headings. */
+void picture_print(FILE *out, const char *name,
+                   const struct picture_figures *f);
+
 #endif

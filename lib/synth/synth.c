@@ -151,7 +151,7 @@ static int shoot(struct synth *s, struct shot *t, struct stage *stage,
                + 0.45f * (t->motion.yaw - before.yaw);
     float dy = t->motion.trans[1] - before.trans[1]
                + 0.45f * (t->motion.pitch - before.pitch);
-    lens_expose(stage, p, c->wall, frame, dx * f, dy * f);
+    lens_expose(stage, p, c->wall, frame, time, dx * f, dy * f);
     memcpy(t->lmk, stage->lmk, sizeof t->lmk);
     struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
     t->crop[0] = (float)q.x;
