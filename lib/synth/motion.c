@@ -190,5 +190,7 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     stand(m, drift);
     sample_expression(m, p, time, nexp);
     sample_jaw(m, p, time);
+    for (size_t i = 0; i < 8 && i < nexp; i++)
+        m->exp[i] = clampf(m->exp[i], -2.2f, 2.2f);
     sample_eyes(m, p, time);
 }

@@ -300,7 +300,7 @@ static void sample_light(struct persona *p, struct random *r)
                     amb * faces[k] * range(r, 0.7, 1.3));
     /* -y is up: the sky; +y gives back the warm floor and the clothes */
     white_light(e->cube[3], warm + 0.4f, amb * range(r, 0.25, 0.6));
-    meter(e, (0.86f + 0.28f * p->tone) * expf(normal(r) * 0.16f));
+    meter(e, (1.0f + 0.3f * p->tone) * expf(normal(r) * 0.16f));
 }
 
 void persona_relight(struct persona *p, int k)
@@ -357,7 +357,7 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
     sample_lens(p, p->key, effects);
     random_init(&r, p->key, "framing");
     p->backdrop = (int)random_below(&r, 6);
-    any_color(&r, p->wall, 0.45f, 0.2f, 0.9f);
+    any_color(&r, p->wall, 0.4f, 0.3f, 1.0f);
     any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
     p->rest[0] = normal(&r) * 0.06f;
     p->rest[1] = normal(&r) * 0.05f - 0.02f;

@@ -95,15 +95,13 @@ static int fit(struct stage *s, const struct actor *a, struct error *err)
     return 0;
 }
 
-/* Faces of the head are closed surfaces: their backs are culled.  Ours are
- * sheets seen from both sides. */
+/* Backs are drawn too: our sheets are seen from both sides, and at the corner
+ * of an eye one looks into the head. */
 static void draw(struct stage *s, const struct actor *a)
 {
     float focal = camera_focal((float)s->eye.w);
     raster_clear(&s->eye);
-    raster_triangles(&s->eye, s->spot, a->faces, a->head->F, 0, 1);
-    raster_triangles(&s->eye, s->spot, a->faces + 3 * a->head->F,
-                     a->nf - a->head->F, (uint32_t)a->head->F, 0);
+    raster_triangles(&s->eye, s->spot, a->faces, a->nf, 0, 0);
     for (size_t i = 0; i < a->nstrand; i++) {
         const struct strand *t = &a->strand[i];
         const struct raster_vertex *v = s->tuft_spot + t->first;

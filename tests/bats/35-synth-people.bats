@@ -1,0 +1,59 @@
+#!/usr/bin/env bats
+load helper
+
+@test "the same seed gives the same bytes for any number of threads" {
+    spid-synth -n 2 --frames 2 --size 64 -s 5 -j 1 -o "$BATS_TEST_TMPDIR/a"
+    spid-synth -n 2 --frames 2 --size 64 -s 5 -j 2 -o "$BATS_TEST_TMPDIR/b"
+    cmp "$BATS_TEST_TMPDIR/a" "$BATS_TEST_TMPDIR/b"
+}
+
+@test "another instruction set gives the same pictures" {
+    SPID_CPU=baseline spid-synth --size 64 -s 5 --without mesh \
+        -o "$BATS_TEST_TMPDIR/a.png"
+    spid-synth --size 64 -s 5 --without mesh -o "$BATS_TEST_TMPDIR/b.png"
+    cmp "$BATS_TEST_TMPDIR/a.png" "$BATS_TEST_TMPDIR/b.png"
+}
+
+@test "people are numbered on from --first" {
+    spid-synth -n 3 --size 32 --without mesh -o "$BATS_TEST_TMPDIR/all"
+    spid-synth -n 1 --first 2 --size 32 --without mesh \
+        -o "$BATS_TEST_TMPDIR/last"
+    spid-dump --json "$BATS_TEST_TMPDIR/all" > "$BATS_TEST_TMPDIR/all.json"
+    spid-dump --json "$BATS_TEST_TMPDIR/last" > "$BATS_TEST_TMPDIR/last.json"
+    grep -q SHAP "$BATS_TEST_TMPDIR/last.json"
+    [ "$(grep -c SHAP "$BATS_TEST_TMPDIR/all.json")" -ge 1 ]
+}
+
+@test "the stream is whole and finite" {
+    spid-synth -n 2 --frames 2 --size 48 -o "$BATS_TEST_TMPDIR/s"
+    spid-dump --check "$BATS_TEST_TMPDIR/s"
+}
+
+@test "sizes and counts past the limits are refused" {
+    for bad in --size=0 --size=100000 --size=abc --people=-1 --people=0 \
+               --frames=-3 --effects=2 --without=mask --nothing; do
+        run spid-synth "$bad" -o /dev/null
+        [ "$status" -eq 64 ]
+        [ "${#lines[@]}" -ge 1 ]
+    done
+    run spid-synth operand
+    [ "$status" -eq 64 ]
+}
+
+@test "a missing head is named" {
+    run spid-synth --head "$BATS_TEST_TMPDIR/none" -o /dev/null
+    [ "$status" -eq 66 ]
+    [[ "$output" == *none* ]]
+}
+
+@test "a closed pipe ends it quietly" {
+    spid-synth -n 8 --size 48 2> "$BATS_TEST_TMPDIR/err" | head -c 1000 \
+        > /dev/null
+    [ ! -s "$BATS_TEST_TMPDIR/err" ]
+}
+
+@test "statistics of people are printed" {
+    spid-synth --statistics -n 4 --size 32 > "$BATS_TEST_TMPDIR/t"
+    grep -q '^yaw degrees' "$BATS_TEST_TMPDIR/t"
+    grep -q '^people (mean)' "$BATS_TEST_TMPDIR/t"
+}
