@@ -19,8 +19,9 @@ struct facedetect {
     cv::CascadeClassifier frontal, profile;
 };
 
-/* The longest side a picture is searched at. */
-static const double SEARCH_SIDE = 480;
+/* The longest side a picture is searched at: small for a portrait's large
+ * face, then larger for whatever else there may be. */
+static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
 
 static bool load(cv::CascadeClassifier &c, const char *name,
                  std::string &tried)
@@ -73,11 +74,12 @@ void facedetect_close(struct facedetect *d)
     delete d;
 }
 
+/* The largest face no smaller than a `part`-th of the shorter side. */
 static bool largest(cv::CascadeClassifier &c, cv::Rect &box,
-                    const cv::Mat &grey, int neighbours)
+                    const cv::Mat &grey, int neighbours, int part = 12)
 {
     std::vector<cv::Rect> found;
-    int least = std::max(24, std::min(grey.cols, grey.rows) / 12);
+    int least = std::max(24, std::min(grey.cols, grey.rows) / part);
 
     if (c.empty() || grey.cols < least || grey.rows < least)
         return false;
@@ -92,9 +94,7 @@ static bool largest(cv::CascadeClassifier &c, cv::Rect &box,
     return true;
 }
 
-/* Frontal, then the profile cascade (which knows one side) both ways.  A
- * profile box lies further back: it is moved towards the nose by nothing, the
- * networks correct it. */
+/* Frontal, then the profile cascade (which knows one side) both ways. */
 static bool find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
 {
     if (largest(d->frontal, box, grey, 4))
@@ -109,6 +109,20 @@ static bool find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
     return true;
 }
 
+/* The picture in grey with its longest side at most `side`; returns the
+ * scale. */
+static double shrink_grey(cv::Mat &grey, const cv::Mat &in, double side)
+{
+    double k = std::min(1.0, side / std::max(in.cols, in.rows));
+    cv::Mat small = in;
+
+    if (k < 1)
+        cv::resize(in, small, cv::Size(), k, k, cv::INTER_AREA);
+    cv::cvtColor(small, grey, cv::COLOR_RGB2GRAY);
+    cv::equalizeHist(grey, grey);
+    return (double)small.cols / (double)in.cols;
+}
+
 int facedetect_find(struct facedetect *d, struct square *face,
                     const uint8_t *rgb, size_t W, size_t H, size_t stride)
 {
@@ -116,18 +130,14 @@ int facedetect_find(struct facedetect *d, struct square *face,
         return 0;
     try {
         cv::Mat in((int)H, (int)W, CV_8UC3, const_cast<uint8_t *>(rgb),
-                   stride), grey, small;
-        double k = std::min(1.0, SEARCH_SIDE / (double)std::max(W, H));
+                   stride), grey;
         cv::Rect box;
-        if (k < 1)
-            cv::resize(in, small, cv::Size(), k, k, cv::INTER_AREA);
-        else
-            small = in;
-        cv::cvtColor(small, grey, cv::COLOR_RGB2GRAY);
-        cv::equalizeHist(grey, grey);
-        if (!find(d, box, grey))
-            return 0;
-        k = (double)small.cols / (double)W;
+        double k = shrink_grey(grey, in, QUICK_SIDE);
+        if (!largest(d->frontal, box, grey, 4, 5)) {
+            k = shrink_grey(grey, in, SEARCH_SIDE);
+            if (!find(d, box, grey))
+                return 0;
+        }
         face->x = (box.x + box.width / 2.0) / k;
         face->y = (box.y + box.height / 2.0) / k;
         face->size = std::max(box.width, box.height) / k;
