@@ -35,6 +35,9 @@ static const struct stage {
     { "stream", bench_stream },
     { "motion", bench_motion },
     { "shape", bench_shape },
+    { "flame", bench_flame },
+    { "branches", bench_branches },
+    { "pipeline", bench_pipeline },
 };
 
 static const struct stage *find_stage(const char *name)

@@ -1,0 +1,160 @@
+/* Baking and driving where it is hard: source at the picture's border, a
+ * profile, a closed mouth, huge expressions, an empty matte, a camera inside
+ * the head.  Everything stays finite and within its range. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/avatar/baked.h"
+#include "lib/avatar/branches.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+#include "lib/head/lbs.h"
+#include "tests/unit/sphere_head.h"
+
+#define S 64
+
+static int failed;
+
+static void check(const char *what, int ok)
+{
+    printf("%-64s %s\n", what, ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+static int all_finite(const float *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!isfinite(x[i]))
+            return 0;
+    return 1;
+}
+
+static int within(const float *x, size_t n, float lo, float hi)
+{
+    for (size_t i = 0; i < n; i++)
+        if (!(x[i] >= lo && x[i] <= hi))
+            return 0;
+    return 1;
+}
+
+static int sound(const struct gaussians *g, const float *means)
+{
+    size_t n = g->n, C = (size_t)g->channels;
+
+    return all_finite(means, 3 * n) && all_finite(g->mean, 3 * n) &&
+           all_finite(g->quat, 4 * n) && all_finite(g->color, C * n) &&
+           within(g->opacity, n, 0, 1) && within(g->scale, 3 * n, 0, 0.05001f);
+}
+
+struct world {
+    struct head head;
+    struct params ps;
+    struct avatar a;
+    struct identity id;
+    float *verts, *means;
+    uint8_t rgb[3 * S * S], matte[S * S];
+};
+
+/* Bake at a pose and camera, drive to another; all numbers sound? */
+static int try(struct world *w, const struct head_motion *at,
+               const float turn[3], const float t[3],
+               const struct head_motion *to)
+{
+    const float F[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+    float R[9], Q[9], cam[12];
+
+    rotation_exp(R, turn);
+    mat3_mul(Q, F, R);
+    camera_make(cam, Q, t);
+    head_pose(w->verts, &w->id, at);
+    avatar_bake(&w->a, &(struct avatar_source){w->rgb, w->matte, w->verts,
+                                               cam});
+    head_pose(w->verts, &w->id, to);
+    avatar_drive_all(w->means, &w->a, w->verts);
+    return sound(&w->a.set, w->means);
+}
+
+static void make(struct world *w)
+{
+    struct avatar_config c;
+    struct error err = {0};
+
+    memset(w, 0, sizeof *w);
+    sphere_head(&w->head, 9, 14);
+    avatar_config_shipped(&c);
+    c.size = S;
+    c.plane = c.backbone.size = 24;
+    c.mouth = 6;
+    c.channels = 5;
+    c.feature = c.backbone.features = 8;
+    c.backbone.width = 4;
+    params_init(&w->ps);
+    if (avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
+        params_allocate(&w->ps, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    params_randomise(&w->ps, 7);
+    avatar_start(&w->a);
+    if (avatar_plan(&w->a, (struct nn_options){NN_INFER, NN_F32}, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    head_fold(&w->id, &w->head, NULL, 0, &err);
+    w->verts = calloc(3 * w->head.V, sizeof(float));
+    w->means = calloc(3 * 4096, sizeof(float));
+    for (size_t i = 0; i < sizeof w->rgb; i++)
+        w->rgb[i] = (uint8_t)(i * 7);
+    memset(w->matte, 255, sizeof w->matte);
+}
+
+int main(void)
+{
+    static struct world w;
+    const float none[3] = {0}, front[3] = {0, 0, 12};
+    const float profile[3] = {0, 1.5708f, 0}, border[3] = {1, 0.8f, 12};
+    const float outside[3] = {5, 5, 12}, inside[3] = {0, 0, 0.1f};
+    const float far[3] = {0, 0, 1e4f};
+    float huge_exp[SPHERE_EXP] = {500, -500, 500, 500};
+    struct head_motion rest = {0}, wide = {.exp = huge_exp, .jaw = {3.1f}};
+    struct head_motion open = {.jaw = {0.5f}};
+
+    make(&w);
+    check("frontal source", try(&w, &rest, none, front, &open));
+    check("profile source, half the vertices hidden",
+          try(&w, &rest, profile, front, &open));
+    size_t hidden = 0;
+    for (size_t k = 0; k < w.a.scratch->D; k++)
+        hidden += w.a.scratch->weight[k] < 0.5f;
+    check("  and the hidden ones are known",
+          hidden > w.a.scratch->D / 3 && hidden < w.a.scratch->D);
+    check("source at the picture's border", try(&w, &rest, none, border,
+                                                &open));
+    check("source outside the picture", try(&w, &rest, none, outside, &rest));
+    check("camera inside the head", try(&w, &rest, none, inside, &rest));
+    check("camera far away", try(&w, &rest, none, far, &rest));
+    check("huge expressions, jaw near pi", try(&w, &open, none, front,
+                                               &wide));
+    check("source with huge expressions", try(&w, &wide, none, front, &rest));
+    memset(w.matte, 0, sizeof w.matte);
+    check("empty matte", try(&w, &rest, none, front, &open));
+    check("  and the plane is clear", within(w.a.set.opacity + w.a.first[1],
+                                             w.a.first[2] - w.a.first[1], 0,
+                                             0));
+    memset(w.matte, 255, sizeof w.matte);
+    /* all lip vertices on one point: r_lip = 0 */
+    for (size_t i = 0; i < w.head.nlip_inner; i++)
+        w.head.lip_inner[i] = w.head.lip_inner[0];
+    check("lips pressed to a point", try(&w, &rest, none, front, &open));
+    check("  and the sheet keeps a finite size",
+          w.a.mouth.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
+    avatar_release(&w.a);
+    params_release(&w.ps);
+    identity_release(&w.id);
+    head_release(&w.head);
+    free(w.verts);
+    free(w.means);
+    return failed;
+}
