@@ -45,11 +45,16 @@ for program in $(ls cmd/spid*.c | sed 's/.*\///; s/\.c$//'); do
     # A second form is a line of its own in the page, behind " | " in --help.
     a=$(synopsis "$page" | sed "s/ $program / | /g") b=$(usage "$bin/$program")
     [ "$a" = "$b" ] || printf '%s\n' "SYNOPSIS: $a" "   --help: $b" | bad "$page"
+    text=$(mandoc -T utf8 -O width=1000 "$page" | col -bx | sed 's/‐/-/g')
     # Every long option of --help is in the page (shared ones are in spid.1).
     for option in $("$bin/$program" --help | grep -oE '^  (-., |    )--[a-z0-9-]+' | grep -oE '[a-z0-9][a-z0-9-]+$'); do
         case $option in output|threads|model|quiet|stats|max-bytes|help|version) continue ;; esac
-        sed 's/\\-/-/g' "$page" | grep -qE -e "(Fl |--|-)$option" || bad "$page" <<<"does not have --$option"
+        grep -qE -e "--$option( |=|,|$|\\]|\\))" <<<"$text" || bad "$page" <<<"does not have --$option"
     done
 done
+# What spid.1 lists is there, and the other way round.
+report "man/spid.1" < <(diff <(grep -oE '^\.It Xr spid-[a-z]+' man/spid.1 | sed 's/.* //' | sort) \
+    <(ls cmd/spid-*.c | sed 's/.*\///; s/\.c$//' | sort) | grep '^[<>]' |
+    sed 's/^</listed but not there:/; s/^>/not listed:/')
 echo "$(wc -l <<<"$files") files, $all lines of C and C++ ($long over 80 columns), $(ls man/*.[15] | wc -l) pages"
 exit $fail
