@@ -42,7 +42,8 @@ static void garden_at(float c[3], const struct persona *p, float u, float v)
 {
     float s = p->skin.shift[2], n = noise_sum(u * 3 + s, v * 3, 1, 4);
     float sky = ramp(0.1f, -0.8f, v + 0.3f * n);
-    float green[3] = { 0.10f + 0.08f * n, 0.18f + 0.13f * n, 0.05f + 0.03f * n };
+    float green[3] = { 0.10f + 0.08f * n, 0.18f + 0.13f * n,
+                       0.05f + 0.03f * n };
     float blue[3] = { 0.50f, 0.66f, 0.85f };
     for (int k = 0; k < 3; k++)
         c[k] = lerpf(fmaxf(green[k], 0.01f), blue[k], sky);

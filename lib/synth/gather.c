@@ -116,7 +116,7 @@ static void take(struct gather *g, size_t at, uint32_t id, float ao)
 static void prepare(struct gather *g)
 {
     const struct persona *p = &g->a->look;
-    g->teeth = (struct shade_cloth){ .gloss = 1.2f, .wet = 1, .grain = 0.02f,
+    g->teeth = (struct shade_cloth){ .gloss = 0.35f, .wet = 1, .grain = 0.02f,
                                      .scale = 1 };
     copy3(g->teeth.base, p->tooth);
     copy3(g->teeth.second, p->tooth);

@@ -22,16 +22,25 @@ struct cut {
 static const struct cut cuts[HAIR_STYLES] = {
     [HAIR_SHAVED]   = { 0, 2, 0, 0, 0, 0, 0, 0, 0, 0 },
     [HAIR_BUZZ]     = { 9000, 3, .0030f, .035f, .025f, .9f, 0, .5f, .3f, .03f },
-    [HAIR_SHORT]    = { 8000, 7, .0040f, .17f, .07f, .55f, .1f, .9f, .35f, .09f },
-    [HAIR_SIDE]     = { 8000, 8, .0040f, .30f, .09f, .40f, .15f, 1.f, .22f, .10f },
-    [HAIR_QUIFF]    = { 8000, 8, .0040f, .28f, .08f, .75f, .1f, .9f, .25f, .15f },
-    [HAIR_MEDIUM]   = { 6500, 12, .0055f, .62f, .45f, .25f, .5f, .8f, .25f, .12f },
-    [HAIR_LONG]     = { 6000, 18, .0065f, 1.45f, 1.25f, .12f, 1.f, .7f, .10f, .07f },
-    [HAIR_WAVY]     = { 6000, 20, .0065f, 1.35f, 1.15f, .15f, 1.f, .7f, .45f, .10f },
-    [HAIR_CURLY]    = { 6500, 14, .0055f, .50f, .40f, .6f, .45f, .4f, 1.1f, .20f },
+    [HAIR_SHORT] = { 8000, 7, .0040f, .17f, .07f,
+        .55f, .1f, .9f, .35f, .09f },
+    [HAIR_SIDE] = { 8000, 8, .0040f, .30f, .09f,
+        .40f, .15f, 1.f, .22f, .10f },
+    [HAIR_QUIFF] = { 8000, 8, .0040f, .28f, .08f,
+        .75f, .1f, .9f, .25f, .15f },
+    [HAIR_MEDIUM] = { 6500, 12, .0055f, .62f, .45f,
+        .25f, .5f, .8f, .25f, .12f },
+    [HAIR_LONG] = { 6000, 18, .0065f, 1.45f, 1.25f,
+        .12f, 1.f, .7f, .10f, .07f },
+    [HAIR_WAVY] = { 6000, 20, .0065f, 1.35f, 1.15f,
+        .15f, 1.f, .7f, .45f, .10f },
+    [HAIR_CURLY] = { 6500, 14, .0055f, .50f, .40f,
+        .6f, .45f, .4f, 1.1f, .20f },
     [HAIR_AFRO]     = { 8500, 9, .0055f, .26f, .22f, 1.f, 0, .1f, 1.3f, .22f },
-    [HAIR_BUN]      = { 6500, 10, .0045f, .70f, .60f, .1f, 0, 1.2f, .08f, .05f },
-    [HAIR_RECEDING] = { 5500, 6, .0038f, .11f, .07f, .45f, .1f, .8f, .3f, .06f },
+    [HAIR_BUN] = { 6500, 10, .0045f, .70f, .60f,
+        .1f, 0, 1.2f, .08f, .05f },
+    [HAIR_RECEDING] = { 5500, 6, .0038f, .11f, .07f,
+        .45f, .1f, .8f, .3f, .06f },
 };
 
 /* Place of p in the skull's ellipsoid: its radius, 1 on the surface. */
@@ -148,7 +157,8 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
         float t = (float)i / (float)(n - 1);
         copy3(q[i].p, p);
         flow(a, f, p);
-        float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t, root[2] * 9 };
+        float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t,
+                       root[2] * 9 };
         noise4(w, s);
         float fine[4], s2[3] = { root[0] * 31, root[1] * 31,
                                  root[2] * 31 + 9 * length * t };

@@ -52,8 +52,9 @@ static void round_plane(float *plane, int n, int quality, int chroma)
             }
             cosine(b, a, c, 1);
             for (int i = 0; i < 64; i++) {
-                int base = chroma ? (i % 8 + i / 8 < 4 ? 20 + 8 * (i % 8 + i / 8)
-                                                       : 99) : luma_table[i];
+                int low = i % 8 + i / 8, base = luma_table[i];
+                if (chroma)
+                    base = low < 4 ? 20 + 8 * low : 99;
                 float q = (float)((base * scale + 50) / 100);
                 q = q < 1 ? 1 : q;
                 b[i] = rintf(b[i] / q) * q;

@@ -16,7 +16,8 @@ void lens_init(void);
 void backdrop_paint(float *wall, const struct persona *p, int n);
 
 /* rgb (n,n,3) and mask (n,n) of the stage from light over wall.  frame selects
- * the noise, time moves an occluder; blur_x, blur_y is the motion during the exposure, pixels. */
+ * the noise, time moves an occluder; blur_x, blur_y is the motion during the
+ * exposure, pixels. */
 void lens_expose(struct stage *s, const struct persona *p, const float *wall,
                  uint64_t frame, double time, float blur_x, float blur_y);
 

@@ -54,7 +54,6 @@ void stage_shadow(struct stage *s, const struct actor *a,
     cross3(w->u, up, w->w);
     unit3(w->u);
     cross3(w->v, w->w, w->u);
-    copy3(w->centre, s->place + 3 * a->head->landmark_faces[0]);
     for (int k = 0; k < 3; k++)
         w->centre[k] = 0;
     for (size_t i = 0; i < a->head->V; i += 16)

@@ -186,7 +186,8 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   0.1f * m->roll);
     /* the shoulders drift a little */
     for (int k = 0; k < 3; k++)
-        drift[k] = p->rest[k] + drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);
+        drift[k] = p->rest[k]
+                   + drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);
     stand(m, drift);
     sample_expression(m, p, time, nexp);
     sample_jaw(m, p, time);

@@ -26,8 +26,8 @@ struct synth_motion {
  *
  * Ranges: yaw +-45, pitch +-25, roll +-20 degrees; jaw opens 0..0.42 rad,
  * sideways +-0.06; gaze +-0.48 rad across, +-0.3 up and down; lids 0..1;
- * exp[0..27] (the named ones) sparse, within +-2.2; exp[28..39] within +-0.35; the
- * rest 0. */
+ * exp[0..27] (the named ones) sparse, within +-2.2; exp[28..39] within
+ * +-0.35; the rest 0. */
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp);
 

@@ -142,7 +142,8 @@ static int bowl_build(struct actor *a, struct error *err)
                           : a->head->lip_inner[i];
             int32_t q = r ? (int32_t)(v0 + (r - 1) * n + j)
                           : a->head->lip_inner[j];
-            int32_t s = (int32_t)(v0 + r * n + i), t = (int32_t)(v0 + r * n + j);
+            int32_t s = (int32_t)(v0 + r * n + i);
+            int32_t t = (int32_t)(v0 + r * n + j);
             int32_t quad[6] = { p, q, s, q, t, s };
             for (int k = 0; k < 6; k++)
                 a->faces[3 * f + (size_t)k] = quad[k];

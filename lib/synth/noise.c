@@ -19,7 +19,8 @@ const uint32_t *noise_lattice(void)
 static uint32_t cell(int x, int y, int z)
 {
     int m = NOISE_N - 1;
-    return noise_lattice_data[((z & m) * NOISE_N + (y & m)) * NOISE_N + (x & m)];
+    int at = ((z & m) * NOISE_N + (y & m)) * NOISE_N + (x & m);
+    return noise_lattice_data[at];
 }
 
 void noise4(float out[4], const float p[3])

@@ -176,7 +176,7 @@ static void sample_face(struct persona *p, uint64_t key)
         }
     }
     float yellow = range(&r, 0, 0.25);
-    float tooth[3] = { 0.72f, 0.70f - 0.1f * yellow, 0.64f - 0.5f * yellow };
+    float tooth[3] = { 0.74f, 0.69f - 0.1f * yellow, 0.58f - 0.5f * yellow };
     float gum[3] = { 0.40f, 0.12f, 0.12f }, tongue[3] = { 0.42f, .13f, .13f };
     copy3(p->tooth, tooth);
     copy3(p->gum, gum);
