@@ -212,7 +212,16 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lm -o $@
 
+# The table of Winograd against direct convolutions (lib/nn/tune.c).
+$(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)
+	@mkdir -p $(@D)
+	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
+
+tune: $(BUILD)/tests/tune
+	OMP_NUM_THREADS=1 $< > $(BUILD)/tune_table.inc
+	mv $(BUILD)/tune_table.inc lib/nn/tune_table.inc
+
 clean:
 	rm -rf build
 
-.PHONY: all tests check bench model eval-model demo deps install fuzz clean
+.PHONY: tune all tests check bench model eval-model demo deps install fuzz clean

@@ -20,7 +20,7 @@ void avatar_config_paper(struct avatar_config *c)
         .dynamic_hidden = 128, .vertex_width = 256, .mouth_width = 128,
         .has_refiner = true,
         .refiner = {.type = REFINER_STYLE_UNET, .channels = 32, .width = 32,
-                    .multiplier = 1}
+                    .multiplier = 1, .size = 512}
     };
 }
 
@@ -143,6 +143,7 @@ static int take_refiner(struct avatar_config *c, const cJSON *root,
                          "is no number in (0,16]");
     c->refiner.type = type[0] == 'n' ? REFINER_NARROW : REFINER_STYLE_UNET;
     c->refiner.channels = c->channels;
+    c->refiner.size = c->size;
     c->refiner.multiplier = m ? (float)m->valuedouble : 1;
     return 0;
 }

@@ -5,10 +5,17 @@
 #include <sysexits.h>
 
 #include "lib/net/narrow_refiner.h"
+#include "lib/net/style_unet.h"
 
 struct refiner_impl {
     struct narrow_refiner narrow;
+    struct style_unet unet;
 };
+
+static bool is_narrow(const struct refiner *r)
+{
+    return r->config.type == REFINER_NARROW;
+}
 
 int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
                  const struct refiner_config *config, struct error *err)
@@ -19,12 +26,14 @@ int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
         return error_set(err, EX_CONFIG, "refiner width %zu for %zu channels "
                          "(expected a multiple of 8, and 3 channels or more)",
                          config->width, config->channels);
-    if (config->type != REFINER_NARROW)
-        return error_set(err, EX_CONFIG, "unknown refiner");
     r->impl = calloc(1, sizeof *r->impl);
     if (!r->impl)
         return error_set(err, EX_OSERR, "out of memory");
     r->config = *config;
+    if (!is_narrow(r))
+        return style_unet_init(&r->impl->unet, ps, prefix, config->channels,
+                               config->size, config->size, config->multiplier,
+                               err);
     narrow_refiner_init(&r->impl->narrow, ps, prefix, config->channels,
                         config->width);
     return 0;
@@ -36,30 +45,48 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
     r->batch = batch;
     r->height = height;
     r->width = width;
-    return narrow_refiner_plan(&r->impl->narrow, batch, height, width, opt,
-                               err);
+    if (is_narrow(r))
+        return narrow_refiner_plan(&r->impl->narrow, batch, height, width,
+                                   opt, err);
+    if (height != r->config.size || width != r->config.size)
+        return error_set(err, EX_DATAERR, "the refiner cannot take %zux%zu "
+                         "pixels (expected %zux%zu)", width, height,
+                         r->config.size, r->config.size);
+    return style_unet_plan(&r->impl->unet, batch, opt, err);
 }
 
 void refiner_update(struct refiner *r)
 {
-    narrow_refiner_update(&r->impl->narrow);
+    if (is_narrow(r))
+        narrow_refiner_update(&r->impl->narrow);
+    else
+        style_unet_update(&r->impl->unet);
 }
 
 void refiner_release(struct refiner *r)
 {
     if (!r->impl)
         return;
-    narrow_refiner_release(&r->impl->narrow);
+    if (is_narrow(r))
+        narrow_refiner_release(&r->impl->narrow);
+    else
+        style_unet_release(&r->impl->unet);
     free(r->impl);
     memset(r, 0, sizeof *r);
 }
 
 void refiner_forward(float *rgb, const float *feat, struct refiner *r)
 {
-    narrow_refiner_forward(rgb, feat, &r->impl->narrow);
+    if (is_narrow(r))
+        narrow_refiner_forward(rgb, feat, &r->impl->narrow);
+    else
+        style_unet_forward(rgb, feat, &r->impl->unet);
 }
 
 void refiner_backward(float *dfeat, const float *drgb, struct refiner *r)
 {
-    narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
+    if (is_narrow(r))
+        narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
+    else
+        style_unet_backward(dfeat, drgb, &r->impl->unet);
 }

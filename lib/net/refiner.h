@@ -14,6 +14,8 @@ struct refiner_config {
     size_t channels;     /* of the feature image, 32 */
     size_t width;        /* NARROW: channels at a quarter of the size, 32 */
     float multiplier;    /* STYLE_UNET: of every width, 1 in the paper */
+    size_t size;         /* STYLE_UNET: pixels of a side, a power of two; its
+                          * number of levels follows from it */
 };
 
 struct refiner_impl;
@@ -26,7 +28,7 @@ struct refiner {
 
 int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
                  const struct refiner_config *config, struct error *err);
-/* NARROW: height and width multiples of 32.  STYLE_UNET: a power of two. */
+/* NARROW: height and width multiples of 32.  STYLE_UNET: config's size. */
 int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
                  struct nn_options opt, struct error *err);
 void refiner_update(struct refiner *r);

@@ -11,6 +11,7 @@
 
 #include "lib/nn/engine.h"
 #include "lib/nn/image.h"
+#include "lib/nn/patch.h"
 #include "lib/nn/winograd.h"
 
 /* One share of the weight gradient: some images, or a band of one. */
@@ -20,9 +21,14 @@ struct part {
     float *dw;                   /* in oneDNN's layout */
 };
 
+/* Who computes the forward. */
+enum method { ONEDNN, WINOGRAD, PATCH };
+
 struct conv_impl {
+    enum method kind;
     struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;
-    struct winograd wino;        /* used instead of fwd when planned */
+    struct winograd wino;
+    struct patch patch;
     const char *name;
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
     float *bias;                 /* (out), folded */
@@ -399,7 +405,12 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->oh = s.oh;
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
-    if (winograd_wanted(c)) {
+    if (patch_wanted(c)) {
+        patch_plan(&im->patch, c, p);
+        im->kind = PATCH;
+        im->name = "patch";
+    } else if (winograd_wanted(c)) {
+        im->kind = WINOGRAD;
         winograd_plan(&im->wino, c, p);
         im->name = "winograd";
     } else {
@@ -512,10 +523,12 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
 {
     struct conv_impl *im = c->impl;
     const float *w = c->shuffle ? shuffled_weights(c) : staged_weights(c, bn);
-    if (im->fwd.prim)
+    if (im->kind == ONEDNN)
         reorder(&im->to_fwd, im->w_fwd, w, c->plan->scratch);
-    else
+    else if (im->kind == WINOGRAD)
         winograd_update(&im->wino, w, im->bias);
+    else
+        patch_update(&im->patch, w, im->bias);
     if (im->bwd_data.prim)
         reorder(&im->to_bwd, im->w_bwd, w, c->plan->scratch);
 }
@@ -524,8 +537,12 @@ void conv_forward(float *out, const float *in, struct conv *c)
 {
     struct conv_impl *im = c->impl;
     const void *src = in;
-    if (!im->fwd.prim) {
+    if (im->kind == WINOGRAD) {
         winograd_forward(out, in, &im->wino);
+        return;
+    }
+    if (im->kind == PATCH) {
+        patch_forward(out, in, &im->patch);
         return;
     }
     if (c->plan->opt.type == NN_BF16) {

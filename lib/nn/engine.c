@@ -37,7 +37,7 @@ dnnl_engine_t nn_engine(void)
 
 bool nn_type_native(enum nn_type type)
 {
-    if (type == NN_F32)
+    if (type != NN_BF16)
         return true;
     dnnl_cpu_isa_t isa = dnnl_get_effective_cpu_isa();
     return isa == dnnl_cpu_isa_avx512_core_bf16 ||

@@ -27,7 +27,12 @@
  * layers and all borders are float always.  NN_BF16 is for inference; where
  * the processor has no such instructions oneDNN emulates them, slower and with
  * the same meaning. */
-enum nn_type { NN_F32, NN_BF16 };
+enum nn_type {
+    NN_F32,
+    NN_BF16,
+    NN_FAST     /* float, but 3x3 convolutions by Winograd where that is
+                 * faster: an error of about 1e-5 of the largest value */
+};
 
 enum nn_mode {
     NN_INFER,   /* batch norm folded into the weights, no backward */
@@ -37,10 +42,10 @@ enum nn_mode {
 
 struct nn_options {
     enum nn_mode mode;
-    enum nn_type type;      /* NN_BF16 only with NN_INFER */
+    enum nn_type type;      /* NN_F32 unless NN_INFER */
 };
 
-/* "f32", "bf16"; -1 for any other word. */
+/* "f32", "bf16", "fast"; -1 for any other word. */
 int nn_type_parse(enum nn_type *type, const char *word);
 const char *nn_type_name(enum nn_type type);
 /* Whether the processor computes this type natively. */

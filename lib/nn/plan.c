@@ -10,7 +10,7 @@
 
 int nn_type_parse(enum nn_type *type, const char *word)
 {
-    for (int i = NN_F32; i <= NN_BF16; i++)
+    for (int i = NN_F32; i <= NN_FAST; i++)
         if (!strcmp(word, nn_type_name((enum nn_type)i))) {
             *type = (enum nn_type)i;
             return 0;
@@ -20,15 +20,16 @@ int nn_type_parse(enum nn_type *type, const char *word)
 
 const char *nn_type_name(enum nn_type type)
 {
-    return type == NN_BF16 ? "bf16" : "f32";
+    return type == NN_BF16 ? "bf16" : type == NN_FAST ? "fast" : "f32";
 }
 
 void nn_plan_init(struct nn_plan *p, struct nn_options opt)
 {
     memset(p, 0, sizeof *p);
     p->opt = opt;
-    if (opt.type == NN_BF16 && opt.mode != NN_INFER)
-        nn_plan_fail(p, EX_SOFTWARE, "bf16 is for inference only");
+    if (opt.type != NN_F32 && opt.mode != NN_INFER)
+        nn_plan_fail(p, EX_SOFTWARE, "%s is for inference only",
+                     nn_type_name(opt.type));
 }
 
 void nn_plan_release(struct nn_plan *p)

@@ -17,7 +17,7 @@ void winograd_force(int how)
 bool winograd_wanted(const struct conv *c)
 {
     if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
-        c->act > ACT_LRELU || c->plan->opt.type != NN_F32)
+        c->act > ACT_LRELU || c->plan->opt.type != NN_FAST)
         return false;
     if (forced)
         return forced > 0;

@@ -20,8 +20,8 @@ struct winograd {
     size_t work;             /* floats of one thread: (36,tiles,in + out) */
 };
 
-/* Whether Winograd serves this layer: 3x3, stride 1, float, multiples of 16
- * channels, and the table of `make tune` says that it is faster.  Depends on
+/* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST, multiples of
+ * 16 channels, and the table of `make tune` says that it is faster.  Depends on
  * the layer's sizes only, never on a clock, so that two runs agree. */
 bool winograd_wanted(const struct conv *c);
 /* The same without the table, for tests and for `make tune` itself: -1 never,

@@ -1,0 +1,78 @@
+/* StyleUNet as GAGAvatar lays it out: an encoder-decoder of residual blocks
+ * whose maps condition (scale and shift) a StyleGAN2 decoder, whose style is
+ * coded from the innermost map.  Tensors have GAGAvatar's names.  Behind
+ * lib/net/refiner.h. */
+#ifndef SPID_NET_STYLE_UNET_H
+#define SPID_NET_STYLE_UNET_H
+
+#include "lib/nn/style.h"
+
+#define STYLE_LEVELS 9       /* up to 2048 pixels */
+
+/* h = lrelu(conv1 x); h = rs(h, f); h = lrelu(conv2 h); h + skip(rs(x, f)) */
+struct style_res {
+    struct conv conv1, conv2, skip;
+    bool up;
+    size_t h, w;                 /* of the input */
+    struct rescale move_h, move_x;
+    float *h1, *h1s, *h2, *xs, *sx, *out;
+};
+
+/* conv, lrelu, conv */
+struct style_condition {
+    struct conv a, b;
+    float *h, *out;
+};
+
+struct style_level {
+    struct style_res down, up;
+    struct style_condition scale, shift;
+    struct style_conv enlarge, same;
+    struct to_rgb rgb;
+    size_t side;                 /* of the decoder's maps */
+    float *f;                    /* up's input: f + down */
+    float *sft;                  /* enlarge's output, transformed */
+    float *ddown;
+};
+
+struct style_unet {
+    struct nn_plan plan;
+    struct params *ps;
+    size_t channels, in_size, out_size, levels, latent;
+    float multiplier;
+    bool halve;                  /* in_size > out_size */
+    size_t batch, side;          /* of the picture given */
+    struct conv first, final_conv, final_linear, mlp[8];
+    struct style_res first_res;
+    size_t constant;             /* tensor (1,C,4,4) */
+    struct style_conv conv1;
+    struct to_rgb rgb1;
+    struct style_level level[STYLE_LEVELS];
+    struct rescale enlarge;
+    const float *feat;
+    float *in, *x0, *inner, *flat, *code, *normal, *style[8];
+    float *constants, *image;
+    /* gradients */
+    float *g[5], *dlatent, *dstyle, *dflat, *drgb[2];
+};
+
+/* in_size and out_size: powers of two, in_size at most 2 out_size; multiplier
+ * scales every width. */
+int style_unet_init(struct style_unet *s, struct params *ps,
+                    const char *prefix, size_t channels, size_t in_size,
+                    size_t out_size, float multiplier, struct error *err);
+int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
+                    struct error *err);
+void style_unet_update(struct style_unet *s);
+void style_unet_release(struct style_unet *s);
+/* image (B,out,out,3) = sigmoid of s's last rgb, from feat (B,in,in,C). */
+void style_unet_forward(float *image, const float *feat,
+                        struct style_unet *s);
+/* dfeat is written, or NULL. */
+void style_unet_backward(float *dfeat, const float *dimage,
+                         struct style_unet *s);
+/* The latent style (B,latent) and, before the sigmoid, the picture. */
+const float *style_unet_latent(const struct style_unet *s);
+const float *style_unet_logits(const struct style_unet *s);
+
+#endif
