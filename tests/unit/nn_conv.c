@@ -1,0 +1,292 @@
+/* Convolutions and depthwise convolutions of odd sizes against plain loops in
+ * double: output, input gradient, weight and bias gradients; and the same bits
+ * for 1, 2 and 7 threads.  Errors are relative to the largest value: 1e-5 for
+ * sums in float, 6e-5 for Winograd. */
+#include <math.h>
+#include <omp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/nn/depthwise.h"
+#include "lib/nn/winograd.h"
+
+struct shape {
+    size_t B, h, w, in, out, k, s;
+    enum conv_pad pad;
+    enum nn_act act;
+    bool depthwise;
+};
+
+static const struct shape shapes[] = {
+    { 1, 5, 7, 3, 8, 3, 2, CONV_HALF, ACT_RELU, false },
+    { 2, 9, 6, 16, 24, 3, 1, CONV_HALF, ACT_LRELU, false },
+    { 5, 4, 4, 8, 5, 1, 1, CONV_HALF, ACT_NONE, false },
+    { 1, 33, 1, 27, 40, 1, 1, CONV_HALF, ACT_RELU, false },
+    { 3, 11, 8, 3, 16, 3, 2, CONV_SAME, ACT_NONE, false },
+    { 1, 16, 24, 12, 16, 2, 2, CONV_NONE, ACT_LRELU, false },
+    { 1, 8, 8, 256, 32, 3, 1, CONV_HALF, ACT_LRELU, false },
+    { 2, 13, 10, 20, 20, 3, 1, CONV_HALF, ACT_NONE, true },
+    { 1, 15, 9, 24, 24, 5, 2, CONV_HALF, ACT_NONE, true },
+    { 4, 7, 7, 40, 40, 5, 1, CONV_SAME, ACT_NONE, true },
+    { 1, 12, 31, 16, 16, 3, 2, CONV_SAME, ACT_NONE, true },
+};
+
+static int failures;
+
+/* What one layer gives, as floats or doubles. */
+struct result {
+    size_t out_n, in_n, w_n, b_n;
+    double *out, *din, *dw, *db;
+};
+
+static void reserve(struct result *r)
+{
+    r->out = calloc(r->out_n, sizeof(double));
+    r->din = calloc(r->in_n, sizeof(double));
+    r->dw = calloc(r->w_n, sizeof(double));
+    r->db = calloc(r->b_n + 1, sizeof(double));
+}
+
+static void drop(struct result *r)
+{
+    free(r->out);
+    free(r->din);
+    free(r->dw);
+    free(r->db);
+}
+
+static void sides(const struct shape *s, size_t n, size_t *o, long *before)
+{
+    if (s->pad == CONV_SAME) {
+        *o = (n + s->s - 1) / s->s;
+        long need = (long)((*o - 1) * s->s + s->k) - (long)n;
+        *before = need > 0 ? need / 2 : 0;
+    } else {
+        *before = s->pad == CONV_HALF ? (long)s->k / 2 : 0;
+        *o = (n + 2 * (size_t)*before - s->k) / s->s + 1;
+    }
+}
+
+/* One tap: x in the input, w in the weight; -1 outside. */
+static long tap(const struct shape *s, long py, long px, size_t b, size_t y,
+                size_t x, size_t ky, size_t kx, size_t c)
+{
+    long yy = (long)(y * s->s + ky) - py, xx = (long)(x * s->s + kx) - px;
+    if (yy < 0 || yy >= (long)s->h || xx < 0 || xx >= (long)s->w)
+        return -1;
+    return (long)(((b * s->h + (size_t)yy) * s->w + (size_t)xx) * s->in + c);
+}
+
+/* Plain loops: the forward when dout is NULL, else the backward. */
+static void reference(struct result *r, const float *in, const float *w,
+                      const float *bias, const float *dout,
+                      const struct shape *s, size_t oh, size_t ow)
+{
+    size_t o_, group = s->depthwise ? 1 : s->in;
+    long py, px;
+    sides(s, s->h, &o_, &py);
+    sides(s, s->w, &o_, &px);
+    for (size_t i = 0; i < r->out_n; i++) {
+        size_t o = i % s->out, x = i / s->out % ow;
+        size_t y = i / s->out / ow % oh, b = i / s->out / ow / oh;
+        double sum = bias ? (double)bias[o] : 0, g = 0;
+        if (dout)
+            g = (double)dout[i] * act_slope(s->act, r->out[i]);
+        for (size_t ci = 0; ci < group; ci++)
+            for (size_t t = 0; t < s->k * s->k; t++) {
+                size_t c = s->depthwise ? o : ci;
+                long at = tap(s, py, px, b, y, x, t / s->k, t % s->k, c);
+                size_t wi = (o * group + ci) * s->k * s->k + t;
+                if (at < 0)
+                    continue;
+                sum += (double)in[at] * (double)w[wi];
+                r->din[at] += g * (double)w[wi];
+                r->dw[wi] += g * (double)in[at];
+            }
+        r->db[o] += g;
+        if (!dout)
+            r->out[i] = act_value(s->act, sum);
+    }
+}
+
+static void compare(const char *what, const struct shape *s, const float *x,
+                    const double *truth, size_t n, double tolerance)
+{
+    double worst = 0, most = 1e-30;
+    for (size_t i = 0; i < n; i++) {
+        worst = fmax(worst, fabs((double)x[i] - truth[i]));
+        most = fmax(most, fabs(truth[i]));
+    }
+    bool bad = !(worst <= tolerance * most);
+    if (bad)
+        printf("%s of %zux%zux%zux%zu -> %zu, kernel %zu, stride %zu: error "
+               "%.2g of the largest\n", what, s->B, s->h, s->w, s->in, s->out,
+               s->k, s->s, worst / most);
+    failures += bad;
+}
+
+static uint64_t bits(uint64_t sum, const float *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        uint32_t u;
+        memcpy(&u, x + i, sizeof u);
+        sum = random_mix(sum ^ u);
+    }
+    return sum;
+}
+
+static float *noise(size_t n, uint64_t seed)
+{
+    struct random r;
+    float *x = malloc(n * sizeof *x);
+    random_init(&r, seed, "nn_conv");
+    for (size_t i = 0; i < n; i++)
+        x[i] = (float)random_range(&r, -1, 1);
+    return x;
+}
+
+/* Run the layer; its gradients stay in ps->g.  Returns a hash of all bits. */
+static uint64_t run(float *out, float *din, struct params *ps, const float *in,
+                    const float *dout, const struct shape *s, size_t oh,
+                    size_t ow)
+{
+    struct conv c;
+    struct depthwise d;
+    struct nn_plan p;
+    struct error err = { 0 };
+    size_t n = s->B * oh * ow * s->out;
+    float *g = malloc(n * sizeof *g);
+    memcpy(g, dout, n * sizeof *g);
+    nn_plan_init(&p, (struct nn_options){ NN_TRAIN, NN_F32 });
+    params_init(ps);
+    if (s->depthwise)
+        depthwise_init(&d, ps, "c", s->in, s->k, s->s);
+    else
+        conv_init(&c, ps, "c", s->in, s->out, s->k, s->s, true);
+    if (params_allocate(ps, &err) || params_allocate_gradients(ps, &err))
+        exit(1);
+    params_randomise(ps, 5);
+    if (s->depthwise) {
+        d.pad = s->pad;
+        depthwise_plan(&d, &p, s->B, s->h, s->w);
+    } else {
+        c.pad = s->pad;
+        c.act = s->act;
+        conv_plan(&c, &p, s->B, s->h, s->w);
+    }
+    if (nn_plan_finish(&p, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    if (s->depthwise) {
+        depthwise_update(&d, NULL);
+        depthwise_forward(out, in, &d);
+        depthwise_backward(din, g, in, &d);
+    } else {
+        conv_update(&c, NULL);
+        conv_forward(out, in, &c);
+        conv_backward(din, g, out, in, &c);
+        conv_release(&c);
+    }
+    nn_plan_release(&p);
+    free(g);
+    uint64_t sum = bits(bits(0, out, n), din, s->B * s->h * s->w * s->in);
+    return bits(sum, ps->g, ps->total);
+}
+
+static void check(const struct shape *s)
+{
+    size_t oh, ow;
+    long unused;
+    struct params ps;
+    sides(s, s->h, &oh, &unused);
+    sides(s, s->w, &ow, &unused);
+    struct result r = { .out_n = s->B * oh * ow * s->out,
+                        .in_n = s->B * s->h * s->w * s->in,
+                        .w_n = s->out * (s->depthwise ? 1 : s->in) * s->k *
+                               s->k, .b_n = s->out };
+    reserve(&r);
+    float *in = noise(r.in_n, 1), *dout = noise(r.out_n, 2);
+    float *out = malloc(r.out_n * sizeof *out);
+    float *din = malloc(r.in_n * sizeof *din);
+    uint64_t first = 0;
+    static const int threads[] = { 1, 2, 7 };
+    for (int i = 0; i < 3; i++) {
+        omp_set_num_threads(threads[i]);
+        uint64_t hash = run(out, din, &ps, in, dout, s, oh, ow);
+        if (i && hash != first) {
+            printf("%zux%zux%zu -> %zu, kernel %zu: other bits with %d "
+                   "threads\n", s->h, s->w, s->in, s->out, s->k, threads[i]);
+            failures++;
+        }
+        first = i ? first : hash;
+        if (i < 2)
+            params_release(&ps);
+    }
+    const float *w = param_w(&ps, 0);
+    const float *b = s->depthwise ? NULL : param_w(&ps, 1);
+    reference(&r, in, w, b, NULL, s, oh, ow);
+    compare("output", s, out, r.out, r.out_n, 1e-5);
+    memset(r.din, 0, r.in_n * sizeof(double));
+    memset(r.dw, 0, r.w_n * sizeof(double));
+    reference(&r, in, w, b, dout, s, oh, ow);
+    compare("input gradient", s, din, r.din, r.in_n, 1e-5);
+    compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, 1e-5);
+    if (b)
+        compare("bias gradient", s, param_g(&ps, 1), r.db, r.b_n, 1e-5);
+    params_release(&ps);
+    drop(&r);
+    free(in);
+    free(dout);
+    free(out);
+    free(din);
+}
+
+/* Winograd against the direct convolution. */
+static void check_winograd(size_t h, size_t w, size_t in, size_t out)
+{
+    struct shape s = { 2, h, w, in, out, 3, 1, CONV_HALF, ACT_LRELU, false };
+    struct params ps;
+    struct conv c;
+    struct nn_plan p;
+    struct error err = { 0 };
+    struct result r = { 2 * h * w * out, 2 * h * w * in, 9 * in * out, out,
+                        NULL, NULL, NULL, NULL };
+    reserve(&r);
+    float *x = noise(r.in_n, 3), *y = malloc(r.out_n * sizeof *y);
+    params_init(&ps);
+    conv_init(&c, &ps, "c", in, out, 3, 1, true);
+    c.act = ACT_LRELU;
+    if (params_allocate(&ps, &err))
+        exit(1);
+    params_randomise(&ps, 5);
+    winograd_force(1);
+    nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_FAST });
+    conv_plan(&c, &p, 2, h, w);
+    if (nn_plan_finish(&p, &err))
+        exit(1);
+    conv_update(&c, NULL);
+    conv_forward(y, x, &c);
+    reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h, w);
+    compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
+    winograd_force(0);
+    conv_release(&c);
+    nn_plan_release(&p);
+    params_release(&ps);
+    drop(&r);
+    free(x);
+    free(y);
+}
+
+int main(void)
+{
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
+        check(&shapes[i]);
+    check_winograd(9, 14, 32, 48);
+    check_winograd(4, 3, 16, 16);
+    printf("%zu convolutions against plain loops, %d differences\n",
+           sizeof shapes / sizeof *shapes, failures);
+    return failures != 0;
+}
