@@ -48,6 +48,9 @@ struct sculpt {
 int sculpt_make(struct sculpt *s, struct error *err);
 void sculpt_release(struct sculpt *s);
 
+/* The same as head_init takes it; points into s. */
+void sculpt_arrays(struct head_arrays *a, const struct sculpt *s);
+
 /* Write it as a safetensors file under FLAME's names. */
 int sculpt_save(const struct sculpt *s, const char *path, struct error *err);
 

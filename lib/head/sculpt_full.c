@@ -123,7 +123,7 @@ static int sculpt_half(struct half *h)
     return 0;
 }
 
-/* ---- the whole ----------------------------------------------------------- */
+/* ---- the whole -------------------------------------------------------- */
 
 static void put_triangle(struct full *m, int a, int b, int c)
 {
@@ -313,7 +313,7 @@ int sculpt_make(struct sculpt *s, struct error *err)
     }
     sculpt_full_release(&m);
     free(h);
-    return rc ? error_set(err, EX_OSERR, "out of memory sculpting the head") : 0;
+    return rc ? error_set(err, EX_OSERR, "out of memory for the head") : 0;
 }
 
 void sculpt_release(struct sculpt *s)

@@ -11,6 +11,24 @@ static struct st_tensor tensor(const char *name, enum st_dtype type,
     return t;
 }
 
+void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
+{
+    *a = (struct head_arrays){
+        .V = s->nv, .F = s->nf, .nshape = SCULPT_SHAPES,
+        .nexp = SCULPT_EXPRESSIONS, .v_template = s->v_template, .f = s->f,
+        .shapedirs = s->shapedirs, .posedirs = s->posedirs,
+        .J_regressor = s->j_regressor, .weights = s->weights,
+        .parents = s->parents, .l_eyelid = s->l_eyelid,
+        .r_eyelid = s->r_eyelid, .lip_inner = s->lip_inner,
+        .lip_upper_outer = s->lip_upper_outer,
+        .nlip_inner = s->n_lip_inner,
+        .nlip_upper_outer = s->n_lip_upper_outer,
+        .landmark_faces = s->landmark_face,
+        .landmark_bary = s->landmark_bary, .region = s->region,
+        .hair = s->hair, .uv = s->uv,
+    };
+}
+
 int sculpt_save(const struct sculpt *s, const char *path, struct error *err)
 {
     static const char *const meta[] = { "format", "spid-head", "scale", "5",
