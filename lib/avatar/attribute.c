@@ -7,9 +7,9 @@
 
 float attribute_shift(float x, float s)
 {
-    float e = expf(s);
+    float e = expf(s), y = x * e / (1 - x + x * e);
 
-    return x * e / (1 - x + x * e);
+    return y < 1 ? y : 1;       /* rounding may pass 1 */
 }
 
 float attribute_shift_backward(float dy, float x, float s)

@@ -39,7 +39,7 @@ static int plan(struct subject *s, struct error *err)
 {
     struct nn_options opt = {NN_INFER, NN_F32};
 
-    return trainee_plan(&s->tr, s->config.size, 0, opt, err) ||
+    return trainee_plan(&s->tr, s->config.size, 0, 0, opt, err) ||
                    motion_encoder_plan(&s->motion, 1, opt, err) ||
                    shape_encoder_plan(&s->shape, 1, opt, err)
                ? -1

@@ -57,6 +57,7 @@ static const struct key keys[] = {
     {"loss.face", KIND_DOUBLE, AT(face), 0, 1e6, 1},
     {"loss.perceptual", KIND_DOUBLE, AT(perceptual), 0, 1e6, 1},
     {"loss.silhouette", KIND_DOUBLE, AT(silhouette), 0, 1e6, 0},
+    {"loss.smooth", KIND_BOOL, AT(smooth), 0, 1, 0},
     {"log_every", KIND_INT, AT(log_every), 1, 1e9, 10},
     {"sheet_every", KIND_INT, AT(sheet_every), 0, 1e9, 0},
     {"checkpoint_every", KIND_INT, AT(checkpoint_every), 1, 1e9, 500},

@@ -373,7 +373,7 @@ int task_avatar_init(struct task *t, struct error *err)
         params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    if (trainee_plan(&m->tr, (size_t)c->image, 1, train, err))
+    if (trainee_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
         return -1;
     if (!m->with_motion)
         return 0;

@@ -56,7 +56,7 @@ static int allocate(struct trainee *t, struct error *err)
     return 0;
 }
 
-int trainee_plan(struct trainee *t, size_t image, int fresh,
+int trainee_plan(struct trainee *t, size_t image, int fresh, int smooth,
                  struct nn_options opt, struct error *err)
 {
     struct splat_options so = splat_defaults((int)image, (int)image,
@@ -65,6 +65,10 @@ int trainee_plan(struct trainee *t, size_t image, int fresh,
     t->image = image;
     so.gradients = opt.mode != NN_INFER;
     so.exp_degree = 5;
+    if (smooth) {
+        so.alpha_cut = 1.0f / (1 << 24);
+        so.t_cut = 0;
+    }
     if (fresh)
         avatar_start(&t->avatar);
     if (allocate(t, err) || avatar_plan(&t->avatar, opt, err) ||
@@ -168,6 +172,20 @@ struct box trainee_face(const struct data_frame *f, size_t image)
     return (struct box){a[0], a[1], b[0], b[1]};
 }
 
+/* Mean square instead, of the whole picture: see train_config.smooth. */
+static void smooth_losses(struct trainee *t, double *terms,
+                          const struct train_config *c, double scale)
+{
+    size_t n = t->image * t->image;
+
+    terms[PICTURE_COARSE] += loss_l2(t->dcoarse, t->coarse, t->target, 3 * n,
+                                     c->coarse * scale);
+    terms[PICTURE_FINAL] += loss_l2(t->drgb, t->rgb, t->target, 3 * n,
+                                    c->refined * scale);
+    terms[PICTURE_MASK] += loss_mask(t->dalpha, t->alpha, t->mask, n,
+                                     c->silhouette * scale);
+}
+
 int trainee_losses(struct trainee *t, double *terms,
                    const struct data_frame *f, const struct train_config *c,
                    double scale, struct error *err)
@@ -180,6 +198,10 @@ int trainee_losses(struct trainee *t, double *terms,
     memset(t->dcoarse, 0, 3 * n * sizeof *t->dcoarse);
     memset(t->drgb, 0, 3 * n * sizeof *t->drgb);
     memset(t->dalpha, 0, n * sizeof *t->dalpha);
+    if (c->smooth) {
+        smooth_losses(t, terms, c, scale);
+        return 0;
+    }
     terms[PICTURE_COARSE] += loss_l1(t->dcoarse, t->coarse, t->target, S, S,
                                      NULL, c->coarse * scale);
     terms[PICTURE_COARSE_FACE] += loss_l1(t->dcoarse, t->coarse, t->target,

@@ -47,8 +47,9 @@ struct trainee {
 int trainee_init(struct trainee *t, struct params *ps,
                  const struct avatar_config *config, const struct head *h,
                  struct error *err);
-/* After params_allocate and params_randomise; fresh starts the biases. */
-int trainee_plan(struct trainee *t, size_t image, int fresh,
+/* After params_allocate and params_randomise; fresh starts the biases, smooth
+ * renders without cut-offs (see train_config). */
+int trainee_plan(struct trainee *t, size_t image, int fresh, int smooth,
                  struct nn_options opt, struct error *err);
 void trainee_update(struct trainee *t);
 void trainee_release(struct trainee *t);
