@@ -244,7 +244,6 @@ VEC_INLINE void chunk_backward(struct splat_work *w,
                                float cy, const int degree, const int row)
 {
     chunk_build(w, st, list, n, cx, cy, degree < 5, 0);
-    memcpy(w->index, list, n * sizeof *list);
     memset(w->pair, 0, n * sizeof w->pair[0]);
     if (row)
         memset(w->dcolor, 0, n * sizeof w->dcolor[0]);

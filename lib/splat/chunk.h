@@ -7,7 +7,8 @@
 #include "lib/splat/vec.h"
 
 #define BLOCKS 16
-#define COLUMN (CHUNK + 16)    /* floats between columns of the chunk */
+#define COLUMN (CHUNK + 48)    /* floats between columns of the chunk */
+#define AHEAD 32               /* entries whose records are fetched early */
 
 /* Columns of a chunk. */
 enum {
@@ -50,13 +51,11 @@ VEC_INLINE vf block_y(void)
 
 /* Sixteen list entries by column: r[k] = field k of struct record. */
 VEC_INLINE void gather(vf r[16], const struct record *record,
-                       const uint32_t *list, uint32_t n)
+                       const uint32_t *list)
 {
-    for (uint32_t k = 0; k < VEC; k++) {
-        uint32_t at = list[k < n ? k : 0];
-
-        r[k] = vf_load((const float *)&record[at]);
-    }
+#pragma GCC unroll 16
+    for (uint32_t k = 0; k < VEC; k++)
+        r[k] = vf_load((const float *)&record[list[k]]);
     vf_transpose(r);
 }
 
@@ -128,11 +127,16 @@ VEC_INLINE void chunk_build(struct splat_work *w, const struct splat_state *s,
 {
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
+    memcpy(w->index, list, n * sizeof *list);
+    for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
+        w->index[n + k] = list[0];
     for (uint32_t i = 0; i < n; i += VEC) {
         uint32_t left = n - i;
         vf r[16];
 
-        gather(r, s->record, list + i, left);
+        for (uint32_t k = 0; k < VEC && i + AHEAD < n; k++)
+            __builtin_prefetch(&s->record[w->index[i + AHEAD + k]]);
+        gather(r, s->record, w->index + i);
         vf ux = r[0] - vf_set(cx), uy = r[1] - vf_set(cy);
         vf a = r[2], b = r[3], c = r[4], top = r[5];
         float *out = &w->chunk[0][i];
@@ -162,6 +166,10 @@ VEC_INLINE void chunk_build(struct splat_work *w, const struct splat_state *s,
         sieve(w, r, ux, uy, i, left < VEC ? (1u << left) - 1 : 0xffff,
               s->view.cut);
     }
+    /* lists end with entries that add nothing, for loops that take four */
+    w->chunk[polynomial ? K0 : DTOP][CHUNK] = -1e30f;
+    for (int b = 0; b < BLOCKS; b++)
+        vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
 }
 
 /* alpha of one entry at the block's pixels, 0 where it is cut off. */

@@ -10,6 +10,62 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
                      const struct target *out);
 size_t ISA(splat_work_size)(void);
 
+/* Light passing through a block's pixels.  T is 0 where a pixel has been
+ * finished; kept then holds its last transmittance. */
+struct light {
+    vf T, kept, cut, stop;
+    vm done;
+};
+
+VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
+                           const struct view *v)
+{
+    l->kept = vf_load(w->T[b]);
+    l->done = vm_not(vm_from_bits(w->alive[b]));
+    l->T = vf_sel(l->done, vf_set(0), l->kept);
+    l->cut = vf_set(v->cut);
+    l->stop = vf_set(v->t_cut);
+}
+
+VEC_INLINE void light_store(struct splat_work *w, int b,
+                            const struct light *l)
+{
+    w->alive[b] = ~vm_bits(l->done) & 0xffff;
+    vf_store(w->T[b], vf_sel(l->done, l->kept, l->T));
+}
+
+/* Weights of four Gaussians.  Nearly always no pixel is finished by them, so
+ * the products run ahead unchecked; when one is, they are done again with the
+ * rule: T (1 - alpha) <= t_cut drops the Gaussian and all behind it. */
+VEC_INLINE void pass_four(vf weight[4], struct light *l, const vf alpha[4])
+{
+    vf t[5];
+
+    t[0] = l->T;
+#pragma GCC unroll 4
+    for (int k = 0; k < 4; k++)
+        t[k + 1] = vf_fnma(alpha[k], t[k], t[k]);
+    if (__builtin_expect(vm_all_either(vf_gt(t[4], l->stop), l->done), 1)) {
+#pragma GCC unroll 4
+        for (int k = 0; k < 4; k++)
+            weight[k] = alpha[k] * t[k];
+        l->T = t[4];
+        return;
+    }
+    vm alive = vm_not(l->done);
+
+    for (int k = 0; k < 4; k++) {
+        vf next = vf_fnma(alpha[k], l->T, l->T);
+        vm goes_on = vf_gt_and(alive, next, l->stop);
+
+        l->kept = vf_sel(goes_on, next, vf_sel(alive, l->T, l->kept));
+        weight[k] = vf_mul_keep(goes_on, alpha[k], l->T);
+        l->T = vf_keep(goes_on, next);
+        alive = goes_on;
+    }
+    l->done = vm_not(alive);
+}
+
 /* Blend a block's list: T and up to 4 channels stay in registers. */
 VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
                       const int degree, const int channels)
@@ -17,32 +73,35 @@ VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b];
     struct pixels p;
-    vf T = vf_load(w->T[b]), c[4], cut = vf_set(v->cut);
-    vf stop = vf_set(v->t_cut);
-    vm alive = vm_from_bits(w->alive[b]);
+    struct light l;
+    vf c[4];
 
     pixels_init(&p, b);
+    light_init(&l, w, b, v);
     for (int k = 0; k < channels; k++)
         c[k] = vf_load(w->color[b][k]);
-    for (uint32_t j = 0; j < n; j++) {
-        const float *k = w->chunk[0] + list[j];
-        vf alpha = alpha_of(exponent(k, &p, degree < 5), cut, degree);
-        vf next = vf_fnma(alpha, T, T);
+    for (uint32_t j = 0; j < n; j += 4) {
+        const float *k[4];
+        vf alpha[4], weight[4];
 
-        alive = vf_gt_and(alive, next, stop);
-        vf weight = vf_mul_keep(alive, alpha, T);
-
-        T = vf_sel(alive, next, T);
 #pragma GCC unroll 4
-        for (int m = 0; m < channels; m++)
-            c[m] = vf_fma(weight, vf_set(k[(RED + m) * COLUMN]), c[m]);
-        if ((j & 3) == 3 && !vm_bits(alive))
+        for (int i = 0; i < 4; i++) {
+            k[i] = w->chunk[0] + list[j + (uint32_t)i];
+            alpha[i] = alpha_of(exponent(k[i], &p, degree < 5), l.cut, degree);
+        }
+        pass_four(weight, &l, alpha);
+#pragma GCC unroll 4
+        for (int i = 0; i < 4; i++)
+#pragma GCC unroll 4
+            for (int m = 0; m < channels; m++)
+                c[m] = vf_fma(weight[i], vf_set(k[i][(RED + m) * COLUMN]),
+                              c[m]);
+        if (vm_bits(l.done) == 0xffff)
             break;
     }
     for (int k = 0; k < channels; k++)
         vf_store(w->color[b][k], c[k]);
-    vf_store(w->T[b], T);
-    w->alive[b] = vm_bits(alive);
+    light_store(w, b, &l);
 }
 
 /* Weights of a block's list into w->weight; rows that are all 0 are dropped.
@@ -53,30 +112,34 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], rows = 0;
     struct pixels p;
-    vf T = vf_load(w->T[b]), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
+    struct light l;
     vf depth = vf_load(w->depth[b]);
-    vm alive = vm_from_bits(w->alive[b]);
 
     pixels_init(&p, b);
-    for (uint32_t j = 0; j < n; j++) {
-        const float *k = w->chunk[0] + list[j];
-        vf alpha = alpha_of(exponent(k, &p, degree < 5), cut, degree);
-        vf next = vf_fnma(alpha, T, T);
+    light_init(&l, w, b, v);
+    for (uint32_t j = 0; j < n; j += 4) {
+        vf alpha[4], weight[4];
 
-        alive = vf_gt_and(alive, next, stop);
-        vf weight = vf_mul_keep(alive, alpha, T);
+#pragma GCC unroll 4
+        for (int i = 0; i < 4; i++)
+            alpha[i] = alpha_of(
+                exponent(w->chunk[0] + list[j + (uint32_t)i], &p, degree < 5),
+                l.cut, degree);
+        pass_four(weight, &l, alpha);
+#pragma GCC unroll 4
+        for (uint32_t i = 0; i < 4; i++) {
+            uint32_t e = list[j + i];
 
-        T = vf_sel(alive, next, T);
-        depth = vf_fma(weight, vf_set(k[FOURTH * COLUMN]), depth);
-        vf_store(w->weight[rows], weight);
-        w->used[rows] = w->index[list[j]];
-        rows += vm_bits(vf_gt(weight, vf_set(0))) != 0;
-        if ((j & 3) == 3 && !vm_bits(alive))
+            depth = vf_fma(weight[i], vf_set(w->chunk[FOURTH][e]), depth);
+            vf_store(w->weight[rows], weight[i]);
+            w->used[rows] = w->index[e < CHUNK ? e : 0];
+            rows += vm_bits(vf_gt(weight[i], vf_set(0))) != 0;
+        }
+        if (vm_bits(l.done) == 0xffff)
             break;
     }
     vf_store(w->depth[b], depth);
-    vf_store(w->T[b], T);
-    w->alive[b] = vm_bits(alive);
+    light_store(w, b, &l);
     return rows;
 }
 
@@ -172,7 +235,6 @@ VEC_INLINE void wide_chunk(const struct splat *s, struct splat_work *w,
     const struct splat_state *st = s->state;
 
     chunk_build(w, st, list, n, cx, cy, degree < 5, 1);
-    memcpy(w->index, list, n * sizeof *list);
     for (int b = 0; b < BLOCKS; b++) {
         uint32_t rows;
 
@@ -237,55 +299,102 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
         memset(w->wide, 0, sizeof w->wide);
 }
 
-/* Channel c of pixel p of block b. */
-VEC_INLINE float value(const struct splat_work *w, bool wide, int b, int p,
-                       int c)
+/* Row y of the tile: 16 pixels of an array kept block by block. */
+VEC_INLINE void tile_row(float out[16], float (*blocks)[VEC], size_t step,
+                         int y)
 {
-    return wide ? w->wide[16 * b + p][c] : w->color[b][c][p];
+    for (int x = 0; x < 4; x++)
+        memcpy(out + 4 * x,
+               blocks[(size_t)(4 * (y >> 2) + x) * step] + 4 * (y & 3),
+               4 * sizeof *out);
 }
 
-static void put_pixel(const struct splat_work *w, const struct splat *s,
-                      const struct target *out, size_t at, int b, int p)
+/* n pixels of up to 4 channels from planes to (n, C). */
+VEC_INLINE void interleave(float *out, float (*row)[16], int n, const int C)
 {
-    int C = s->opt.channels;
-    bool wide = s->state->row != 0;
-    float T = w->T[b][p];
-    size_t to = at * (size_t)C;
-
-    for (int c = 0; c < C; c++) {
-        float x = value(w, wide, b, p, c);
-
-        if (out->bare)
-            out->bare[to + (size_t)c] = x;
-        if (out->background)
-            x += T * out->background[c];
-        if (out->half)
-            out->half[to + (size_t)c] = float_to_half(x);
-        else
-            out->image[to + (size_t)c] = x;
-    }
-    if (out->alpha)
-        out->alpha[at] = 1 - T;
-    if (out->final_T)
-        out->final_T[at] = T;
-    if (out->depth) {
-        float z = wide ? w->depth[b][p] : w->color[b][3][p];
-
-        out->depth[at] = T < 1 ? z / (1 - T) : 0;
-    }
+    for (int x = 0; x < n; x++)
+        for (int c = 0; c < C; c++)
+            out[x * C + c] = row[c][x];
 }
 
-static void finish(const struct splat_work *w, const struct splat *s,
+static void put_colors(float *out, float (*row)[16], int n, int C)
+{
+    if (C == 3 && n == 16)
+        interleave(out, row, 16, 3);
+    else if (C == 3)
+        interleave(out, row, n, 3);
+    else
+        interleave(out, row, n, C);
+}
+
+static void to_half(uint16_t *out, const float *in, size_t n)
+{
+#if defined(ISA_AVX512) || defined(ISA_AVX2)
+    for (; n >= 8; n -= 8, in += 8, out += 8) {
+        __m128i h = _mm256_cvtps_ph(_mm256_loadu_ps(in), 0);
+
+        _mm_storeu_si128((__m128i *)out, h);
+    }
+#endif
+    for (size_t i = 0; i < n; i++)
+        out[i] = float_to_half(in[i]);
+}
+
+/* Colours of row y: without background into bare (or NULL), with it into the
+ * picture. */
+static void finish_colors(struct splat_work *w, const struct splat *s,
+                          const struct target *out, size_t at, int y, int n,
+                          const float *T)
+{
+    float row[4][16], line[16 * SPLAT_MAX_CHANNELS];
+    size_t C = (size_t)s->opt.channels, values = (size_t)n * C;
+    float *to = out->half ? line : out->image + at * C;
+
+    if (s->state->row) {
+        for (int x = 0; x < n; x++) {
+            int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (y & 3) + (x & 3);
+
+            memcpy(to + (size_t)x * C, w->wide[pixel], C * sizeof *to);
+        }
+    } else {
+        for (size_t c = 0; c < C; c++)
+            tile_row(row[c], &w->color[0][c], 4, y);
+        put_colors(to, row, n, (int)C);
+    }
+    if (out->bare)
+        memcpy(out->bare + at * C, to, values * sizeof *to);
+    if (out->background)
+        for (int x = 0; x < n; x++)
+            for (size_t c = 0; c < C; c++)
+                to[(size_t)x * C + c] += T[x] * out->background[c];
+    if (out->half)
+        to_half(out->half + at * C, line, values);
+}
+
+static void finish(struct splat_work *w, const struct splat *s,
                    const struct target *out, int x0, int y0)
 {
-    for (int y = 0; y < TILE && y0 + y < s->opt.height; y++)
-        for (int x = 0; x < TILE && x0 + x < s->opt.width; x++) {
-            size_t at = (size_t)(y0 + y) * (size_t)s->opt.width +
-                        (size_t)(x0 + x);
+    int n = s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE;
 
-            put_pixel(w, s, out, at, 4 * (y >> 2) + (x >> 2),
-                      4 * (y & 3) + (x & 3));
-        }
+    for (int y = 0; y < TILE && y0 + y < s->opt.height; y++) {
+        size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
+        float T[16], z[16];
+
+        tile_row(T, w->T, 1, y);
+        finish_colors(w, s, out, at, y, n, T);
+        if (out->final_T)
+            memcpy(out->final_T + at, T, (size_t)n * sizeof *T);
+        for (int x = 0; out->alpha && x < n; x++)
+            out->alpha[at + (size_t)x] = 1 - T[x];
+        if (!out->depth)
+            continue;
+        if (s->state->row)
+            tile_row(z, w->depth, 1, y);
+        else
+            tile_row(z, &w->color[0][3], 4, y);
+        for (int x = 0; x < n; x++)
+            out->depth[at + (size_t)x] = T[x] < 1 ? z[x] / (1 - T[x]) : 0;
+    }
 }
 
 static bool any_alive(const struct splat_work *w)

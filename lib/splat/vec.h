@@ -7,7 +7,7 @@
 #include <stdint.h>
 #include <string.h>
 
-#ifdef ISA_AVX512
+#if defined(ISA_AVX512) || defined(ISA_AVX2)
 #include <immintrin.h>
 #endif
 
@@ -132,6 +132,12 @@ VEC_INLINE uint32_t vm_bits(vm m)
 VEC_INLINE vm vm_from_bits(uint32_t bits)
 {
     return (vm)bits;
+}
+
+/* Is every lane in a or in b? */
+VEC_INLINE int vm_all_either(vm a, vm b)
+{
+    return _kortestc_mask16_u8(a, b);
 }
 
 VEC_INLINE vi vf_round(vf a)                 /* to nearest integer */
@@ -262,6 +268,11 @@ VEC_INLINE uint32_t vm_bits(vm m)
 VEC_INLINE vm vm_from_bits(uint32_t bits)
 {
     return -((vi_set((int32_t)bits) >> vi_iota()) & 1);
+}
+
+VEC_INLINE int vm_all_either(vm a, vm b)
+{
+    return vm_bits(a | b) == 0xffff;
 }
 
 VEC_INLINE vi vf_round(vf a)
