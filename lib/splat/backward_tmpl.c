@@ -25,8 +25,8 @@ static void load_pixels(struct splat_work *w, const struct splat *s,
     for (int k = 0; k < BLOCKS; k++) {
         w->alive[k] = 0;
         for (int p = 0; p < VEC; p++) {
-            int x = x0 + 4 * (k & 3) + (p & 3);
-            int y = y0 + 4 * (k >> 2) + (p >> 2);
+            int x = x0 + 4 * (k & 3) + PIXEL_X(p);
+            int y = y0 + 4 * (k >> 2) + PIXEL_Y(p);
             float sum = 0, behind = 0;
 
             w->T[k][p] = 1;
@@ -62,8 +62,7 @@ VEC_INLINE vf inverse(vf x)
 }
 
 /* worth[j] = color_j . g at the block's pixels, for all entries of its list. */
-VEC_INLINE void worths(struct splat_work *w, int b, const float *table,
-                       const int row)
+static void worths(struct splat_work *w, int b, const float *table, int row)
 {
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b];
@@ -94,26 +93,25 @@ VEC_INLINE void worths(struct splat_work *w, int b, const float *table,
  * Gaussians, d[p] pixel p.  (bx, by) is the block's centre. */
 VEC_INLINE void moments(vf m[MOMENTS], const vf d[16], float bx, float by)
 {
-    vf row0[4], row1[4], row2[4];
+    vf sum[4], first[4], second[4];        /* of columns: 1, y, yy */
 
 #pragma GCC unroll 4
-    for (int y = 0; y < 4; y++) {
-        vf outer = d[4 * y] + d[4 * y + 3], inner = d[4 * y + 1] + d[4 * y + 2];
-        vf wide = d[4 * y + 3] - d[4 * y], thin = d[4 * y + 2] - d[4 * y + 1];
+    for (int x = 0; x < 4; x++) {
+        vf outer = d[4 * x] + d[4 * x + 3], inner = d[4 * x + 1] + d[4 * x + 2];
+        vf wide = d[4 * x + 3] - d[4 * x], thin = d[4 * x + 2] - d[4 * x + 1];
 
-        row0[y] = outer + inner;
-        row1[y] = vf_set(1.5f) * wide + vf_set(0.5f) * thin;
-        row2[y] = vf_set(2.25f) * outer + vf_set(0.25f) * inner;
+        sum[x] = outer + inner;
+        first[x] = vf_set(1.5f) * wide + vf_set(0.5f) * thin;
+        second[x] = vf_set(2.25f) * outer + vf_set(0.25f) * inner;
     }
-    vf zero = row0[0] + row0[1] + row0[2] + row0[3];
-    vf x = row1[0] + row1[1] + row1[2] + row1[3];
-    vf y = vf_set(1.5f) * (row0[3] - row0[0]) +
-           vf_set(0.5f) * (row0[2] - row0[1]);
-    vf xy = vf_set(1.5f) * (row1[3] - row1[0]) +
-            vf_set(0.5f) * (row1[2] - row1[1]);
-    vf yy = vf_set(2.25f) * (row0[3] + row0[0]) +
-            vf_set(0.25f) * (row0[2] + row0[1]);
-    vf xx = row2[0] + row2[1] + row2[2] + row2[3];
+    vf zero = sum[0] + sum[1] + sum[2] + sum[3];
+    vf y = first[0] + first[1] + first[2] + first[3];
+    vf yy = second[0] + second[1] + second[2] + second[3];
+    vf x = vf_set(1.5f) * (sum[3] - sum[0]) + vf_set(0.5f) * (sum[2] - sum[1]);
+    vf xx = vf_set(2.25f) * (sum[3] + sum[0]) +
+            vf_set(0.25f) * (sum[2] + sum[1]);
+    vf xy = vf_set(1.5f) * (first[3] - first[0]) +
+            vf_set(0.5f) * (first[2] - first[1]);
     vf X = vf_set(bx), Y = vf_set(by);
 
     m[0] = zero;
@@ -155,8 +153,7 @@ VEC_INLINE void flush(struct splat_work *w, int b, const uint32_t *list,
 }
 
 /* dcolor (entry, row) += weight (entry, 16 pixels) g (16 pixels, row). */
-VEC_INLINE void color_backward(struct splat_work *w, int b, uint32_t n,
-                               const int row)
+static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
 {
     for (int part = 0; part < row; part += VEC) {
         vf g[16];
@@ -180,19 +177,17 @@ VEC_INLINE void color_backward(struct splat_work *w, int b, uint32_t n,
  * color_backward. */
 VEC_INLINE void block_backward(struct splat_work *w, int b,
                                const struct splat_state *st, const int degree,
-                               const int row)
+                               const int wide)
 {
     const struct view *v = &st->view;
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], j = 0;
-    struct pixels p;
-    vf T = vf_load(w->T[b]), rest = vf_load(w->rest[b]), g[3];
+    vf x = block_x(b), T = vf_load(w->T[b]), rest = vf_load(w->rest[b]), g[3];
     vf cut = vf_set(v->cut), stop = vf_set(v->t_cut), clamp = vf_set(0.99f);
     vm alive = vm_from_bits(w->alive[b]);
 
-    pixels_init(&p, b);
-    if (row)
-        worths(w, b, st->table, row);
+    if (wide)
+        worths(w, b, st->table, st->row);
     for (int c = 0; c < 3; c++)
         g[c] = vf_load(w->g[b][c]);
     while (j < n && vm_bits(alive)) {
@@ -201,11 +196,11 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
 
         for (uint32_t i = 0; i < m; i++) {
             const float *k = w->chunk[0] + list[j + i];
-            vf q = exponent(k, &p, degree < 5);
+            vf q = exponent(w, list[j + i], b, x);
             vf e = vf_keep(vf_ge(q, cut), vf_exp2(q, degree));
             vf alpha = vf_min(e, clamp), next = vf_fnma(alpha, T, T), worth;
 
-            if (row)
+            if (wide)
                 worth = vf_load(w->worth[j + i]);
             else
                 worth = vf_fma(vf_set(k[RED * COLUMN]), g[0],
@@ -223,54 +218,47 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
             dq[i] = vf_mul_keep(free, da, alpha * vf_set(LN2));
             T = vf_sel(alive, next, T);
             keep[i] = weight;
-            if (row)
+            if (wide)
                 vf_store(w->weight[j + i], weight);
         }
         for (uint32_t i = m; i < VEC; i++)
             dq[i] = keep[i] = vf_set(0);
-        flush(w, b, list + j, m, dq, keep, row ? 32 : 3);
+        flush(w, b, list + j, m, dq, keep, wide ? 32 : 3);
         j += m;
     }
-    if (row)
-        color_backward(w, b, j, row);
+    if (wide)
+        color_backward(w, b, j, st->row);
     vf_store(w->T[b], T);
     vf_store(w->rest[b], rest);
     w->alive[b] = vm_bits(alive);
 }
 
-VEC_INLINE void chunk_backward(struct splat_work *w,
-                               const struct splat_state *st,
-                               const uint32_t *list, uint32_t n, float cx,
-                               float cy, const int degree, const int row)
+/* Each combination is compiled apart. */
+static void block(struct splat_work *w, int b, const struct splat_state *st,
+                  int degree)
 {
-    chunk_build(w, st, list, n, cx, cy, degree < 5, 0);
-    memset(w->pair, 0, n * sizeof w->pair[0]);
-    if (row)
-        memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
-    for (int b = 0; b < BLOCKS; b++)
-        if (w->count[b])
-            block_backward(w, b, st, degree, row);
+    switch (degree * 2 + (st->row > 0)) {
+    case 4: block_backward(w, b, st, 2, 0); return;
+    case 5: block_backward(w, b, st, 2, 1); return;
+    case 6: block_backward(w, b, st, 3, 0); return;
+    case 7: block_backward(w, b, st, 3, 1); return;
+    case 8: block_backward(w, b, st, 4, 0); return;
+    case 9: block_backward(w, b, st, 4, 1); return;
+    case 10: block_backward(w, b, st, 5, 0); return;
+    default: block_backward(w, b, st, 5, 1); return;
+    }
 }
 
 static void chunk(struct splat_work *w, const struct splat *s,
                   const uint32_t *list, uint32_t n, float cx, float cy)
 {
-    const struct splat_state *st = s->state;
-
-    switch (s->opt.exp_degree * 4 + st->row / 16) {
-    case 8: chunk_backward(w, st, list, n, cx, cy, 2, 0); return;
-    case 9: chunk_backward(w, st, list, n, cx, cy, 2, 16); return;
-    case 10: chunk_backward(w, st, list, n, cx, cy, 2, 32); return;
-    case 12: chunk_backward(w, st, list, n, cx, cy, 3, 0); return;
-    case 13: chunk_backward(w, st, list, n, cx, cy, 3, 16); return;
-    case 14: chunk_backward(w, st, list, n, cx, cy, 3, 32); return;
-    case 16: chunk_backward(w, st, list, n, cx, cy, 4, 0); return;
-    case 17: chunk_backward(w, st, list, n, cx, cy, 4, 16); return;
-    case 18: chunk_backward(w, st, list, n, cx, cy, 4, 32); return;
-    case 20: chunk_backward(w, st, list, n, cx, cy, 5, 0); return;
-    case 21: chunk_backward(w, st, list, n, cx, cy, 5, 16); return;
-    default: chunk_backward(w, st, list, n, cx, cy, 5, 32); return;
-    }
+    chunk_build(w, s->state, list, n, cx, cy, false);
+    memset(w->pair, 0, n * sizeof w->pair[0]);
+    if (s->state->row)
+        memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
+    for (int b = 0; b < BLOCKS; b++)
+        if (w->count[b])
+            block(w, b, s->state, s->opt.exp_degree);
 }
 
 /* The chunk's sums to their pairs' places. */

@@ -11,15 +11,12 @@
 #define AHEAD 32               /* entries whose records are fetched early */
 
 /* Columns of a chunk. */
-enum {
-    K0, K1, K2, KYY, KXY, KXX,             /* q as a polynomial in (x, y) ... */
-    DX = K0, DY, DA, DB, DC, DTOP,         /* ... or as distance and conic */
-    RED, GREEN, BLUE, FOURTH,
-    COLUMNS
-};
+enum { ROOT, RED, GREEN, BLUE, FOURTH, COLUMNS };
 
 /* One thread's scratch. */
 struct splat_work {
+    /* for each of the tile's rows: q = high - (root x - shift)^2 */
+    float high[CHUNK + 1][TILE], shift[CHUNK + 1][TILE];
     float chunk[COLUMNS][COLUMN];
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
@@ -38,15 +35,16 @@ struct splat_work {
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
-/* Columns and rows of a 4 x 4 block's pixels. */
-VEC_INLINE vf block_x(void)
-{
-    return (vf){0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3, 0, 1, 2, 3};
-}
+/* Lane p of a block is the pixel in column p / 4 and row p % 4. */
+#define PIXEL_X(p) ((p) >> 2)
+#define PIXEL_Y(p) ((p) & 3)
 
-VEC_INLINE vf block_y(void)
+/* Columns of block b's pixels, about the tile's centre. */
+VEC_INLINE vf block_x(int b)
 {
-    return (vf){0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+    vf x = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+
+    return x + vf_set(4 * (float)(b & 3) - 7.5f);
 }
 
 /* Sixteen list entries by column: r[k] = field k of struct record. */
@@ -119,12 +117,26 @@ VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
         }
 }
 
-/* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  polynomial: q
- * about the tile's centre, else distances; fourth: record.z, else colour 3. */
-VEC_INLINE void chunk_build(struct splat_work *w, const struct splat_state *s,
-                            const uint32_t *list, uint32_t n, float cx,
-                            float cy, const int polynomial, const int fourth)
+/* high and shift of one entry for the tile centred on (cx, cy). */
+VEC_INLINE void rows_build(struct splat_work *w, uint32_t e,
+                           const struct record *r, float cx, vf row)
 {
+    vf dy = row - vf_set(r->y), x = vf_set(r->x - cx), root = vf_set(r->root);
+
+    vf_store(w->high[e], vf_fnma(vf_set(r->fall) * dy, dy, vf_set(r->top)));
+    vf_store(w->shift[e], vf_fma(vf_set(r->sy), dy, x) * root);
+}
+
+/* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  fourth:
+ * record.z stands for colour 3. */
+static __attribute__((noinline)) void
+chunk_build(struct splat_work *w, const struct splat_state *s,
+            const uint32_t *list, uint32_t n, float cx, float cy, bool fourth)
+{
+    const vf row = {-7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
+                    0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
+    vf y = row + vf_set(cy);
+
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
     memcpy(w->index, list, n * sizeof *list);
@@ -132,79 +144,41 @@ VEC_INLINE void chunk_build(struct splat_work *w, const struct splat_state *s,
         w->index[n + k] = list[0];
     for (uint32_t i = 0; i < n; i += VEC) {
         uint32_t left = n - i;
+        float *out = &w->chunk[0][i];
         vf r[16];
 
         for (uint32_t k = 0; k < VEC && i + AHEAD < n; k++)
             __builtin_prefetch(&s->record[w->index[i + AHEAD + k]]);
+        for (uint32_t k = 0; k < VEC && k < left; k++)
+            rows_build(w, i + k, &s->record[w->index[i + k]], cx, y);
         gather(r, s->record, w->index + i);
-        vf ux = r[0] - vf_set(cx), uy = r[1] - vf_set(cy);
-        vf a = r[2], b = r[3], c = r[4], top = r[5];
-        float *out = &w->chunk[0][i];
-
-        if (polynomial) {
-            vf ax = a * ux, cy2 = c * uy, bx = b * ux, by = b * uy;
-
-            vf_store(out + K0 * COLUMN,
-                     top - (ux * (ax + by) + uy * cy2));
-            vf_store(out + K1 * COLUMN, ax + ax + by);
-            vf_store(out + K2 * COLUMN, cy2 + cy2 + bx);
-            vf_store(out + KXX * COLUMN, -a);
-            vf_store(out + KXY * COLUMN, -b);
-            vf_store(out + KYY * COLUMN, -c);
-        } else {
-            vf_store(out + DX * COLUMN, ux);
-            vf_store(out + DY * COLUMN, uy);
-            vf_store(out + DA * COLUMN, a);
-            vf_store(out + DB * COLUMN, b);
-            vf_store(out + DC * COLUMN, c);
-            vf_store(out + DTOP * COLUMN, top);
-        }
+        vf_store(out + ROOT * COLUMN, r[10]);
         vf_store(out + RED * COLUMN, r[12]);
         vf_store(out + GREEN * COLUMN, r[13]);
         vf_store(out + BLUE * COLUMN, r[14]);
         vf_store(out + FOURTH * COLUMN, fourth ? r[8] : r[15]);
-        sieve(w, r, ux, uy, i, left < VEC ? (1u << left) - 1 : 0xffff,
-              s->view.cut);
+        sieve(w, r, r[0] - vf_set(cx), r[1] - vf_set(cy), i,
+              left < VEC ? (1u << left) - 1 : 0xffff, s->view.cut);
     }
     /* lists end with entries that add nothing, for loops that take four */
-    w->chunk[polynomial ? K0 : DTOP][CHUNK] = -1e30f;
+    vf_store(w->high[CHUNK], vf_set(-1e30f));
+    vf_store(w->shift[CHUNK], vf_set(0));
+    for (int k = 0; k < COLUMNS; k++)
+        w->chunk[k][CHUNK] = 0;
     for (int b = 0; b < BLOCKS; b++)
         vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
 }
 
+/* q of entry e at block b's pixels; x of block_x(b). */
+VEC_INLINE vf exponent(const struct splat_work *w, uint32_t e, int b, vf x)
+{
+    vf d = vf_fma(x, vf_set(w->chunk[ROOT][e]),
+                  -vf_repeat(w->shift[e] + 4 * (b >> 2)));
+
+    return vf_fnma(d, d, vf_repeat(w->high[e] + 4 * (b >> 2)));
+}
+
 /* alpha of one entry at the block's pixels, 0 where it is cut off. */
-struct pixels {
-    vf x, y, xx, xy, yy;       /* of the block, about the tile's centre */
-};
-
-VEC_INLINE void pixels_init(struct pixels *p, int b)
-{
-    p->x = block_x() + vf_set(4 * (float)(b & 3) - 7.5f);
-    p->y = block_y() + vf_set(4 * (float)(b >> 2) - 7.5f);
-    p->xx = p->x * p->x;
-    p->xy = p->x * p->y;
-    p->yy = p->y * p->y;
-}
-
-VEC_INLINE vf exponent(const float *k, const struct pixels *p,
-                       const int polynomial)
-{
-    if (polynomial) {
-        vf q = vf_set(k[K0 * COLUMN]);
-
-        q = vf_fma(p->x, vf_set(k[K1 * COLUMN]), q);
-        q = vf_fma(p->xx, vf_set(k[KXX * COLUMN]), q);
-        q = vf_fma(p->y, vf_set(k[K2 * COLUMN]), q);
-        q = vf_fma(p->xy, vf_set(k[KXY * COLUMN]), q);
-        return vf_fma(p->yy, vf_set(k[KYY * COLUMN]), q);
-    }
-    vf dx = p->x - vf_set(k[DX * COLUMN]), dy = p->y - vf_set(k[DY * COLUMN]);
-    vf q = vf_fma(vf_set(k[DB * COLUMN]), dy, vf_set(k[DA * COLUMN]) * dx);
-
-    q = vf_fnma(q, dx, vf_set(k[DTOP * COLUMN]));
-    return vf_fnma(vf_set(k[DC * COLUMN]) * dy, dy, q);
-}
-
 VEC_INLINE vf alpha_of(vf q, vf cut, const int degree)
 {
     vf alpha = vf_min(vf_exp2(q, degree), vf_set(0.99f));

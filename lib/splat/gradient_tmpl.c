@@ -69,19 +69,20 @@ VEC_INLINE void screen_backward(struct lanes *d, const vf m[16], vf a, vf b,
 }
 
 /* dL/dcov2d as S = (xx, xy, yy) with dL = S0 dxx + 2 S1 dxy + S2 dyy, from
- * (a, b, c) = log2e (A/2, B, C/2), conic = cov^-1: S = -K G K. */
-VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, vf a, vf b, vf c)
+ * (a, b, c) = log2e (A/2, B, C/2), conic K = cov^-1: S = -K G K.  K as
+ * L^T L, L = (root, -root sy; 0, sqrt(fall)), which needles need. */
+VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, const vf r[16])
 {
-    vf l = vf_set(0.5f * LOG2E), k = vf_set(1 / LOG2E), half = vf_set(0.5f);
-    vf A = (k + k) * a, B = k * b, C = (k + k) * c;
-    vf g0 = l * d->a, g1 = l * d->b, g2 = l * d->c;   /* G, symmetric */
-    vf t00 = A * g0 + B * g1, t01 = A * g1 + B * g2;
-    vf t10 = B * g0 + C * g1, t11 = B * g1 + C * g2;
+    vf sy = r[7], fall = r[9], root = r[10], flat = vf_sqrt(fall);
+    vf f = vf_set(-2 / LOG2E), two = vf_set(2);
+    vf mix = d->b - sy * d->c;
+    vf h00 = root * root * (d->a - sy * (d->b + mix));
+    vf h01 = root * flat * mix, h11 = fall * d->c;
+    vf tilt = root * sy;
 
-    (void)half;
-    S[0] = -(t00 * A + t01 * B);
-    S[1] = -(t00 * B + t01 * C);
-    S[2] = -(t10 * B + t11 * C);
+    S[0] = f * root * root * h00;
+    S[1] = f * root * (flat * h01 - tilt * h00);
+    S[2] = f * (tilt * tilt * h00 - two * tilt * flat * h01 + fall * h11);
 }
 
 VEC_INLINE void rotation(vf R[3][3], const vf q[4])
@@ -260,7 +261,7 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
         vf_transpose(m);
         vf_transpose(r);
         screen_backward(&d, m, r[2], r[3], r[4]);
-        cov_backward(S, &d, r[2], r[3], r[4]);
+        cov_backward(S, &d, r);
         memcpy(before, d.P, sizeof before);
         parameters(&d, st, i, S);
         vm on = vm_from_bits(bits);

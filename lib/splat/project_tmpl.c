@@ -176,7 +176,9 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
         row[6] = vf_keep(sane, l.xy / l.xx);     /* -b / 2c */
         row[7] = vf_keep(sane, l.xy / l.yy);     /* -b / 2a */
         row[8] = l.z;
-        for (int k = 9; k < 16; k++)
+        row[9] = vf_keep(sane, vf_set(0.5f * LOG2E) / l.yy);
+        row[10] = vf_sqrt(row[2]);
+        for (int k = 11; k < 16; k++)
             row[k] = zero;
         vm ok = vm_and(l.ok, vf_ge(room, zero));
 

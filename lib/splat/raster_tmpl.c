@@ -72,11 +72,9 @@ VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
 {
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b];
-    struct pixels p;
     struct light l;
-    vf c[4];
+    vf c[4], x = block_x(b);
 
-    pixels_init(&p, b);
     light_init(&l, w, b, v);
     for (int k = 0; k < channels; k++)
         c[k] = vf_load(w->color[b][k]);
@@ -86,8 +84,10 @@ VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
 
 #pragma GCC unroll 4
         for (int i = 0; i < 4; i++) {
-            k[i] = w->chunk[0] + list[j + (uint32_t)i];
-            alpha[i] = alpha_of(exponent(k[i], &p, degree < 5), l.cut, degree);
+            uint32_t e = list[j + (uint32_t)i];
+
+            k[i] = w->chunk[0] + e;
+            alpha[i] = alpha_of(exponent(w, e, b, x), l.cut, degree);
         }
         pass_four(weight, &l, alpha);
 #pragma GCC unroll 4
@@ -111,20 +111,17 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
 {
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], rows = 0;
-    struct pixels p;
     struct light l;
-    vf depth = vf_load(w->depth[b]);
+    vf depth = vf_load(w->depth[b]), x = block_x(b);
 
-    pixels_init(&p, b);
     light_init(&l, w, b, v);
     for (uint32_t j = 0; j < n; j += 4) {
         vf alpha[4], weight[4];
 
 #pragma GCC unroll 4
         for (int i = 0; i < 4; i++)
-            alpha[i] = alpha_of(
-                exponent(w->chunk[0] + list[j + (uint32_t)i], &p, degree < 5),
-                l.cut, degree);
+            alpha[i] = alpha_of(exponent(w, list[j + (uint32_t)i], b, x),
+                                l.cut, degree);
         pass_four(weight, &l, alpha);
 #pragma GCC unroll 4
         for (uint32_t i = 0; i < 4; i++) {
@@ -145,8 +142,8 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
 
 /* wide (16 pixels, row) += weight^T (rows, 16 pixels) table (rows, row):
  * lanes are channels. */
-VEC_INLINE void product(struct splat_work *w, int b, uint32_t rows,
-                        const float *table, const int row)
+static void product(struct splat_work *w, int b, uint32_t rows,
+                    const float *table, int row)
 {
     for (int half = 0; half < 2; half++)
         for (int part = 0; part < row; part += VEC) {
@@ -172,8 +169,8 @@ VEC_INLINE void product(struct splat_work *w, int b, uint32_t rows,
 /* The same in 16-bit integers, two Gaussians at a time: weights and colours
  * in Q15, sums in 32 bits.  table rows hold channels in the order that the
  * interleaving undoes (splat.c, pack_fixed). */
-VEC_INLINE void product_fixed(struct splat_work *w, int b, uint32_t rows,
-                              const int16_t *table, const float *scale)
+static void product_fixed(struct splat_work *w, int b, uint32_t rows,
+                          const int16_t *table, const float *scale)
 {
     uint32_t pair[COLUMN / 2 + 1][VEC], pairs = (rows + 1) / 2;
 
@@ -218,65 +215,51 @@ VEC_INLINE void product_fixed(struct splat_work *w, int b, uint32_t rows,
 }
 #endif
 
-VEC_INLINE void narrow_chunk(const struct splat *s, struct splat_work *w,
-                             const uint32_t *list, uint32_t n, float cx,
-                             float cy, const int degree, const int channels)
+VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
+                           int b, const int degree)
 {
-    chunk_build(w, s->state, list, n, cx, cy, degree < 5, s->opt.depth);
-    for (int b = 0; b < BLOCKS; b++)
-        if (w->count[b])
-            blend(w, b, &s->state->view, degree, channels);
+    uint32_t rows = weights(w, b, &st->view, degree);
+
+    if (!rows)
+        return;
+#ifdef ISA_AVX512
+    if (st->fixed) {
+        product_fixed(w, b, rows, st->fixed, st->fixed_scale);
+        return;
+    }
+#endif
+    product(w, b, rows, st->table, st->row);
 }
 
-VEC_INLINE void wide_chunk(const struct splat *s, struct splat_work *w,
-                           const uint32_t *list, uint32_t n, float cx,
-                           float cy, const int degree)
+/* One block's share of the chunk.  Each combination is compiled apart. */
+static void block(const struct splat *s, struct splat_work *w, int b)
 {
     const struct splat_state *st = s->state;
+    int kind = st->row ? 2 : s->opt.channels > 3 || s->opt.depth;
 
-    chunk_build(w, st, list, n, cx, cy, degree < 5, 1);
-    for (int b = 0; b < BLOCKS; b++) {
-        uint32_t rows;
-
-        if (!w->count[b] ||
-            !(rows = weights(w, b, &st->view, degree)))
-            continue;
-#ifdef ISA_AVX512
-        if (st->fixed) {
-            product_fixed(w, b, rows, st->fixed, st->fixed_scale);
-            continue;
-        }
-#endif
-        if (st->row == 16)
-            product(w, b, rows, st->table, 16);
-        else
-            product(w, b, rows, st->table, 32);
+    switch (s->opt.exp_degree * 3 + kind) {
+    case 6: blend(w, b, &st->view, 2, 3); return;
+    case 7: blend(w, b, &st->view, 2, 4); return;
+    case 8: wide_block(st, w, b, 2); return;
+    case 9: blend(w, b, &st->view, 3, 3); return;
+    case 10: blend(w, b, &st->view, 3, 4); return;
+    case 11: wide_block(st, w, b, 3); return;
+    case 12: blend(w, b, &st->view, 4, 3); return;
+    case 13: blend(w, b, &st->view, 4, 4); return;
+    case 14: wide_block(st, w, b, 4); return;
+    case 15: blend(w, b, &st->view, 5, 3); return;
+    case 16: blend(w, b, &st->view, 5, 4); return;
+    default: wide_block(st, w, b, 5); return;
     }
 }
 
 static void chunk(const struct splat *s, struct splat_work *w,
                   const uint32_t *list, uint32_t n, float cx, float cy)
 {
-    int four = s->opt.channels > 3 || s->opt.depth;
-
-    if (s->state->row) {
-        switch (s->opt.exp_degree) {
-        case 2: wide_chunk(s, w, list, n, cx, cy, 2); return;
-        case 3: wide_chunk(s, w, list, n, cx, cy, 3); return;
-        case 4: wide_chunk(s, w, list, n, cx, cy, 4); return;
-        default: wide_chunk(s, w, list, n, cx, cy, 5); return;
-        }
-    }
-    switch (s->opt.exp_degree * 2 + four) {
-    case 4: narrow_chunk(s, w, list, n, cx, cy, 2, 3); return;
-    case 5: narrow_chunk(s, w, list, n, cx, cy, 2, 4); return;
-    case 6: narrow_chunk(s, w, list, n, cx, cy, 3, 3); return;
-    case 7: narrow_chunk(s, w, list, n, cx, cy, 3, 4); return;
-    case 8: narrow_chunk(s, w, list, n, cx, cy, 4, 3); return;
-    case 9: narrow_chunk(s, w, list, n, cx, cy, 4, 4); return;
-    case 10: narrow_chunk(s, w, list, n, cx, cy, 5, 3); return;
-    default: narrow_chunk(s, w, list, n, cx, cy, 5, 4); return;
-    }
+    chunk_build(w, s->state, list, n, cx, cy, s->opt.depth || s->state->row);
+    for (int b = 0; b < BLOCKS; b++)
+        if (w->count[b])
+            block(s, w, b);
 }
 
 /* Nothing drawn yet; pixels outside the picture are not alive. */
@@ -286,8 +269,9 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
         uint32_t bits = 0;
 
         for (int p = 0; p < VEC; p++)
-            bits |= (uint32_t)(x0 + 4 * (b & 3) + (p & 3) < s->opt.width &&
-                               y0 + 4 * (b >> 2) + (p >> 2) < s->opt.height)
+            bits |= (uint32_t)(
+                        x0 + 4 * (b & 3) + PIXEL_X(p) < s->opt.width &&
+                        y0 + 4 * (b >> 2) + PIXEL_Y(p) < s->opt.height)
                     << p;
         w->alive[b] = bits;
         for (int p = 0; p < VEC; p++)
@@ -303,10 +287,9 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
 VEC_INLINE void tile_row(float out[16], float (*blocks)[VEC], size_t step,
                          int y)
 {
-    for (int x = 0; x < 4; x++)
-        memcpy(out + 4 * x,
-               blocks[(size_t)(4 * (y >> 2) + x) * step] + 4 * (y & 3),
-               4 * sizeof *out);
+    for (int x = 0; x < 16; x++)
+        out[x] = blocks[(size_t)(4 * (y >> 2) + (x >> 2)) * step]
+                       [4 * (x & 3) + (y & 3)];
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
@@ -352,7 +335,7 @@ static void finish_colors(struct splat_work *w, const struct splat *s,
 
     if (s->state->row) {
         for (int x = 0; x < n; x++) {
-            int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (y & 3) + (x & 3);
+            int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
 
             memcpy(to + (size_t)x * C, w->wide[pixel], C * sizeof *to);
         }

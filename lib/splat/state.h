@@ -20,7 +20,10 @@ struct record {
     float sx, sy;              /* -b/2c and -b/2a: where q is greatest along a
                                 * vertical, a horizontal line */
     float z;                   /* camera depth */
-    float spare[3];
+    float fall;                /* c - b^2/4a: q = top - fall dy^2 - (root (dx +
+                                * sy dy))^2, both squares without cancelling */
+    float root;                /* sqrt(a) */
+    float spare;
     float color[4];            /* the first channels; [3] is free for z */
 };
 

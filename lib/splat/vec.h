@@ -38,6 +38,17 @@ VEC_INLINE vf vf_load(const float *p)
     return v;
 }
 
+/* Four floats, four times. */
+VEC_INLINE vf vf_repeat(const float *p)
+{
+#ifdef ISA_AVX512
+    return (vf)_mm512_broadcast_f32x4(_mm_loadu_ps(p));
+#else
+    return (vf){p[0], p[1], p[2], p[3], p[0], p[1], p[2], p[3],
+                p[0], p[1], p[2], p[3], p[0], p[1], p[2], p[3]};
+#endif
+}
+
 VEC_INLINE void vf_store(float *p, vf v)
 {
     memcpy(p, &v, sizeof v);
