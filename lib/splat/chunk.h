@@ -101,9 +101,9 @@ VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
 
     edge_init(&ex, ux, uy, r[6], r[2], r[3]);
     edge_init(&ey, uy, ux, r[7], r[4], r[3]);
-#pragma GCC unroll 4
+#pragma GCC unroll 1
     for (int y = 0; y < 4; y++)
-#pragma GCC unroll 4
+#pragma GCC unroll 1
         for (int x = 0; x < 4; x++) {
             int b = 4 * y + x;
 

@@ -7,6 +7,7 @@
 
 #define RADIX 2048
 #define BATCH 1024             /* Gaussians projected before they are counted */
+#define AHEAD 16               /* rectangles fetched early */
 
 struct frame {
     struct splat *s;
@@ -226,7 +227,9 @@ static void plan_lists(struct frame *f)
 }
 
 /* Lists of tile rows [y0,y1): every Gaussian in order, appended to each tile
- * of its rectangle. */
+ * of its rectangle.  Most touch at most 2 x 2 tiles: they are written to all
+ * four ends, and only the ends that count move on (each list has a spare
+ * entry), so that no branch waits for the rectangle's shape. */
 static void fill(struct splat_state *st, size_t drawn, int y0, int y1)
 {
     int tx = st->view.tx;
@@ -237,6 +240,22 @@ static void fill(struct splat_state *st, size_t drawn, int y0, int y1)
         struct rect r = st->rect[i];
         int a = r.y0 > y0 ? r.y0 : y0, b = r.y1 < y1 ? r.y1 : y1;
 
+        if (k + AHEAD < drawn)
+            __builtin_prefetch(&st->rect[st->order[k + AHEAD]]);
+        if (r.x1 - r.x0 <= 2 && r.y1 - r.y0 <= 2 && r.y0 >= y0 &&
+            r.y0 + 1 < y1 && r.x0 + 1 < tx) {
+            uint32_t *e = end + r.y0 * tx + r.x0;
+            uint32_t wide = r.x1 - r.x0 > 1, high = r.y1 - r.y0 > 1;
+
+            list[e[0]++] = i;
+            list[e[1]] = i;
+            e[1] += wide;
+            list[e[tx]] = i;
+            e[tx] += high;
+            list[e[tx + 1]] = i;
+            e[tx + 1] += wide & high;
+            continue;
+        }
         for (int y = a; y < b; y++)
             for (int x = r.x0; x < r.x1; x++)
                 list[end[y * tx + x]++] = i;

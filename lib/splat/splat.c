@@ -29,7 +29,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
 {
     return (struct splat_options){
         .width = width, .height = height, .channels = channels,
-        .alpha_cut = 1.0f / 255, .t_cut = 1e-4f, .exp_degree = 3,
+        .alpha_cut = 1.0f / 255, .t_cut = 1e-4f,
         .fixed16 = channels > 4};
 }
 
@@ -164,7 +164,7 @@ static int check_options(const struct splat_options *o, struct error *err)
     if (!(o->t_cut >= 0 && o->t_cut < 1))
         return error_set(err, EX_USAGE, "T cut %g (expected 0 to 1)",
                          o->t_cut);
-    if (o->exp_degree < 2 || o->exp_degree > 5)
+    if (o->exp_degree && (o->exp_degree < 2 || o->exp_degree > 5))
         return error_set(err, EX_USAGE, "exp degree %d (expected 2 to 5)",
                          o->exp_degree);
     return 0;
@@ -215,6 +215,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     if (!st)
         return error_set(err, EX_OSERR, "out of memory");
     s->opt = *opt;
+    if (!opt->exp_degree)
+        s->opt.exp_degree = opt->gradients ? 5 : 3;
     s->state = st;
     st->level = cpu_level();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();

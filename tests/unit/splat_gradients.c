@@ -1,0 +1,223 @@
+/* Backward: finite differences on the double reference, the kernels against
+ * the reference at every instruction set, the same bits for any threads. */
+#include "lib/base/random.h"
+#include "tests/unit/splat_scene.h"
+
+enum { SIZE = 40, N = 120 };
+
+static void random_gradient(float *g, size_t n)
+{
+    struct random r;
+
+    random_init(&r, 3, "gradient");
+    for (size_t i = 0; i < n; i++)
+        g[i] = (float)random_range(&r, -1, 1);
+}
+
+/* ---- finite differences, double against double --------------------------- */
+
+static double loss(const struct splat_truth *t, const double *d_image,
+                   const double *d_alpha)
+{
+    size_t P = (size_t)t->width * (size_t)t->height;
+    size_t C = (size_t)t->channels;
+    double *image = grab(P * C, sizeof *image);
+    double *alpha = grab(P, sizeof *alpha), sum = 0;
+
+    if (splat_reference_forward(image, alpha, NULL, NULL, t, NULL))
+        exit(1);
+    for (size_t i = 0; i < P * C; i++)
+        sum += image[i] * d_image[i];
+    for (size_t p = 0; p < P; p++)
+        sum += alpha[p] * d_alpha[p];
+    free(image);
+    free(alpha);
+    return sum;
+}
+
+/* Four-point difference of the loss in *x. */
+static double difference(double *x, double h, const struct splat_truth *t,
+                         const double *g, const double *ga)
+{
+    static const double at[4] = {-2, -1, 1, 2}, weight[4] = {1, -8, 8, -1};
+    double x0 = *x, sum = 0;
+
+    for (int k = 0; k < 4; k++) {
+        *x = x0 + at[k] * h;
+        sum += weight[k] * loss(t, g, ga);
+    }
+    *x = x0;
+    return sum / (12 * h);
+}
+
+static void finite_differences(enum splat_rules rules)
+{
+    struct testscene scene;
+    struct splat_truth t;
+    size_t P = 16 * 16;
+    float *f = grab(P * 4, sizeof *f);
+    double *g = grab(P * 3, sizeof *g), *ga = grab(P, sizeof *ga);
+    double mean[3 * 30], scale[3 * 30], quat[4 * 30], opacity[30];
+    double color[3 * 30], rt[12], worst = 0;
+    struct splat_truth_gradients d = {mean, scale, quat, opacity, color, rt,
+                                      NULL, NULL};
+    uint32_t order[30];
+    struct error err = {0};
+
+    small_scene(&scene, 30, 11);
+    struct splat_camera cam = splat_camera_square(scene.cam, 16, 12);
+
+    random_gradient(f, P * 4);
+    for (size_t i = 0; i < P * 3; i++)
+        g[i] = f[i];
+    for (size_t p = 0; p < P; p++)
+        ga[p] = f[P * 3 + p];
+    if (splat_truth_init(&t, &scene.g, &cam, 16, 16, 3, rules, 0, &err))
+        exit(1);
+    /* cut-offs out of the way, the order fixed, off the 0.99 clamp */
+    t.alpha_cut = 1e-14;
+    t.t_cut = 0;
+    for (uint32_t i = 0; i < 30; i++) {
+        order[i] = (i * 7) % 30;
+        t.opacity[i] *= 0.9;
+        t.quat[4 * i] *= 1.7;
+    }
+    t.order = order;
+    if (splat_reference_backward(&d, &t, g, ga, &err))
+        CHECK(0, "%s", err.text);
+    struct { double *x, *d; size_t n; double h; } part[] = {
+        {t.mean, mean, 90, 1e-5}, {t.scale, scale, 90, 1e-5},
+        {t.quat, quat, 120, 1e-5}, {t.opacity, opacity, 30, 1e-5},
+        {t.color, color, 90, 1e-3}, {t.rt, rt, 12, 1e-7}};
+
+    for (size_t k = 0; k < sizeof part / sizeof *part; k++) {
+        double dd = 0, ss = 0;
+
+        for (size_t i = 0; i < part[k].n; i += part[k].n > 12 ? 7 : 1) {
+            double want = difference(&part[k].x[i], part[k].h, &t, g, ga);
+
+            dd += (part[k].d[i] - want) * (part[k].d[i] - want);
+            ss += want * want;
+        }
+        worst = fmax(worst, sqrt(dd / fmax(ss, 1e-300)));
+    }
+    printf("rules %d: finite differences agree to %.1e (tolerance 1e-6)\n",
+           rules, worst);
+    CHECK(worst <= 1e-6, "finite differences");
+    t.order = NULL;
+    splat_truth_release(&t);
+    testscene_release(&scene);
+    free(f);
+    free(g);
+    free(ga);
+}
+
+/* ---- kernels against the reference ----------------------------------------- */
+
+static double relative(const float *x, const double *t, size_t n)
+{
+    double d = 0, s = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        d += (x[i] - t[i]) * (x[i] - t[i]);
+        s += t[i] * t[i];
+    }
+    return sqrt(d / fmax(s, 1e-300));
+}
+
+/* All gradients in one array: mean scale quat opacity color rt. */
+static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
+                               int threads, const float *d_image,
+                               const float *d_alpha, const float *bg)
+{
+    struct splat_options o = splat_defaults(SIZE, SIZE, (int)C);
+    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
+    float *all = grab(n * (11 + C) + 12, sizeof *all);
+    float *image = grab(SIZE * SIZE * C, sizeof *image);
+    struct splat_gradients g = {all, all + 3 * n, all + 6 * n, all + 10 * n,
+                                all + 11 * n, all + (11 + C) * n};
+    struct splat s = {0};
+    struct error err = {0};
+
+    o.gradients = true;
+    o.exp_degree = 5;
+    o.threads = threads;
+    if (splat_init(&s, &o, &err) || splat_load(&s, &t->g, &err) ||
+        splat_forward(&s, image, NULL, NULL, &cam, bg, &err) ||
+        splat_backward(&s, &g, d_image, d_alpha, &err))
+        CHECK(0, "%s", err.text);
+    splat_release(&s);
+    free(image);
+    return all;
+}
+
+static void kernels(size_t C)
+{
+    size_t n = 10 * N, P = SIZE * SIZE, all = n * (11 + C) + 12;
+    struct testscene scene;
+    struct splat_truth t;
+    struct error err = {0};
+    float *d_image = grab(P * C, sizeof *d_image);
+    float *d_alpha = grab(P, sizeof *d_alpha), bg[SPLAT_MAX_CHANNELS];
+    double *g = grab(P * C, sizeof *g), *ga = grab(P, sizeof *ga);
+    double *want = grab(all, sizeof *want);
+
+    small_scene(&scene, n, 21);
+    struct splat_camera cam = splat_camera_square(scene.cam, SIZE, 12);
+
+    random_gradient(d_image, P * C);
+    random_gradient(d_alpha, P);
+    for (size_t i = 0; i < P * C; i++)
+        g[i] = d_image[i];
+    for (size_t p = 0; p < P; p++)
+        ga[p] = d_alpha[p];
+    if (splat_truth_init(&t, &scene.g, &cam, SIZE, SIZE, (int)C, SPLAT_GSPLAT,
+                         0, &err))
+        exit(1);
+    for (size_t c = 0; c < SPLAT_MAX_CHANNELS; c++)
+        t.background[c] = bg[c] = 0.3f;
+    struct splat_truth_gradients d = {want, want + 3 * n, want + 6 * n,
+                                      want + 10 * n, want + 11 * n,
+                                      want + (11 + C) * n, NULL, NULL};
+
+    if (splat_reference_backward(&d, &t, g, ga, &err))
+        CHECK(0, "%s", err.text);
+    float *one = kernel_gradients(&scene, n, C, 1, d_image, d_alpha, bg);
+    float *seven = kernel_gradients(&scene, n, C, 7, d_image, d_alpha, bg);
+    size_t at[7] = {0, 3 * n, 6 * n, 10 * n, 11 * n, (11 + C) * n, all};
+    static const char *const name[] = {"mean", "scale", "quat", "opacity",
+                                       "color", "camera"};
+
+    for (int k = 0; k < 6; k++) {
+        double e = relative(one + at[k], want + at[k], at[k + 1] - at[k]);
+
+        printf("C %zu %s: relative L2 %.1e (tolerance 1e-3)\n", C, name[k],
+               e);
+        CHECK(e <= 1e-3, "%s", name[k]);
+    }
+    CHECK(!memcmp(one, seven, all * sizeof *one), "other bits for 7 threads");
+    splat_truth_release(&t);
+    testscene_release(&scene);
+    free(one);
+    free(seven);
+    free(d_image);
+    free(d_alpha);
+    free(g);
+    free(ga);
+    free(want);
+}
+
+static int test(void)
+{
+    kernels(3);
+    kernels(8);
+    kernels(32);
+    return failures != 0;
+}
+
+int main(void)
+{
+    finite_differences(SPLAT_EXACT);
+    finite_differences(SPLAT_GSPLAT);
+    return at_each_level(test) || failures;
+}

@@ -1,0 +1,101 @@
+/* Hard cases: finite, near the truth under the same rules, never a stall; and
+ * bad input refused with array and index. */
+#include "lib/base/cpu.h"
+#include "tests/unit/splat_scene.h"
+
+enum { SIZE = 96, N = 2000 };
+
+/* Share of pixels that may be off by a Gaussian's last 1e-2: a cut-off decided
+ * the other way. */
+static void hard(enum testscene_hard kind)
+{
+    struct testscene t;
+    struct splat_truth truth;
+    struct splat s = {0};
+    struct splat_options o = splat_defaults(SIZE, SIZE, 3);
+    struct error err = {0};
+    size_t P = SIZE * SIZE, odd = 0;
+    float *image = grab(P * 3, sizeof *image);
+    double *want = grab(P * 3, sizeof *want), worst = 0;
+    bool finite = true;
+
+    small_scene(&t, N, 31);
+    testscene_harden(&t, kind, 5);
+    struct splat_camera cam = splat_camera_square(t.cam, SIZE, 12);
+    double begun = cpu_seconds();
+
+    if (splat_init(&s, &o, &err) || splat_load(&s, &t.g, &err) ||
+        splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
+        CHECK(0, "%s", err.text);
+    double taken = cpu_seconds() - begun;
+
+    if (splat_truth_init(&truth, &t.g, &cam, SIZE, SIZE, 3, SPLAT_GSPLAT, 0,
+                         &err) ||
+        splat_reference_forward(want, NULL, NULL, NULL, &truth, &err))
+        CHECK(0, "%s", err.text);
+    for (size_t i = 0; i < P * 3; i++) {
+        double e = fabs(image[i] - want[i]);
+
+        finite = finite && isfinite(image[i]);
+        worst = fmax(worst, e);
+        odd += e > 1e-3;
+    }
+    printf("%-24s worst %.1e, %zu of %zu values over 1e-3, %.1f ms\n",
+           testscene_hard_name(kind), worst, odd, P * 3, taken * 1e3);
+    CHECK(finite, "not finite");
+    CHECK(worst <= 2e-2 && odd <= P * 3 / 100, "far from the truth");
+    CHECK(taken < 5, "stalls");
+    splat_release(&s);
+    splat_truth_release(&truth);
+    testscene_release(&t);
+    free(image);
+    free(want);
+}
+
+/* Put value into one array; loading must fail and name it. */
+static void refuses(int array, size_t index, float value, const char *text)
+{
+    struct testscene t;
+    struct splat s = {0};
+    struct splat_options o = splat_defaults(8, 8, 3);
+    struct error err = {0};
+
+    small_scene(&t, 40, 3);
+    const float *part[] = {t.g.mean, t.g.scale, t.g.quat, t.g.opacity,
+                           t.g.color};
+
+    ((float *)part[array])[index] = value;
+    if (splat_init(&s, &o, &err))
+        CHECK(0, "%s", err.text);
+    CHECK(splat_load(&s, &t.g, &err) && strstr(err.text, text),
+          "'%s' (expected %s)", err.text, text);
+    splat_release(&s);
+    testscene_release(&t);
+}
+
+static void refuses_options(int width, int channels)
+{
+    struct splat s;
+    struct splat_options o = splat_defaults(width, 8, channels);
+    struct error err = {0};
+
+    CHECK(splat_init(&s, &o, &err) && err.text[0], "size %d, %d channels",
+          width, channels);
+}
+
+int main(void)
+{
+    for (int k = 0; k < HARD_COUNT; k++)
+        hard((enum testscene_hard)k);
+    refuses(0, 17, NAN, "mean[17]");
+    refuses(1, 3, -1, "scale[3]");
+    refuses(1, 5, INFINITY, "scale[5]");
+    refuses(2, 2, NAN, "quat[2]");
+    refuses(3, 39, 1.5f, "opacity[39]");
+    refuses(4, 100, NAN, "color[100]");
+    refuses_options(0, 3);
+    refuses_options(100000, 3);
+    refuses_options(8, 0);
+    refuses_options(8, 33);
+    return failures != 0;
+}

@@ -1,0 +1,75 @@
+/* Small random Gaussians for the rasteriser's tests. */
+#ifndef SPID_TESTS_SPLAT_SCENE_H
+#define SPID_TESTS_SPLAT_SCENE_H
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
+
+#include "lib/bench/testscene.h"
+#include "lib/splat/reference.h"
+
+#define CHECK(ok, ...)                                          \
+    do {                                                        \
+        if (!(ok)) {                                            \
+            printf("FAILED %s:%d: ", __FILE__, __LINE__);       \
+            printf(__VA_ARGS__);                                \
+            putchar('\n');                                      \
+            failures++;                                         \
+        }                                                       \
+    } while (0)
+
+static int failures __attribute__((unused));
+
+__attribute__((unused)) static void *grab(size_t n, size_t size)
+{
+    void *p = calloc(n + 1, size);
+
+    if (!p)
+        exit(1);
+    return p;
+}
+
+/* n Gaussians that fill a small picture, a few pixels wide. */
+__attribute__((unused)) static void small_scene(struct testscene *t, size_t n,
+                                                uint64_t seed)
+{
+    struct error err = {0};
+
+    if (testscene_make(t, n, seed, &err)) {
+        printf("FAILED: %s\n", err.text);
+        exit(1);
+    }
+    for (size_t i = 0; i < 3 * n; i++)       /* not larger than 0.15 */
+        ((float *)t->g.scale)[i] = fminf(t->g.scale[i], 0.15f);
+}
+
+/* Run test() in a process of its own at each instruction set's level. */
+__attribute__((unused)) static int at_each_level(int (*test)(void))
+{
+    static const char *const level[] = {"baseline", "avx2", "avx512"};
+    int bad = 0;
+
+    for (int i = 0; i < 3; i++) {
+        fflush(stdout);
+        pid_t child = fork();
+        int status = 1;
+
+        if (child == 0) {
+            setenv("SPID_CPU", level[i], 1);
+            printf("level %s\n", level[i]);
+            int rc = test();
+
+            fflush(stdout);
+            _exit(rc);
+        }
+        if (child < 0 || waitpid(child, &status, 0) < 0 || status)
+            bad = 1;
+    }
+    return bad;
+}
+
+#endif
