@@ -217,6 +217,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     s->opt = *opt;
     if (!opt->exp_degree)
         s->opt.exp_degree = opt->gradients ? 5 : 3;
+    if (opt->gradients)             /* backward starts from the picture */
+        s->opt.fixed16 = false;
     s->state = st;
     st->level = cpu_level();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();

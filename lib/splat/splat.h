@@ -64,7 +64,8 @@ struct splat_options {
                                    * 7.5e-5), 2 (1.7e-3), 4 (2.6e-6) or 5
                                    * (float's rounding); default 0: 3, and 5
                                    * with gradients */
-    bool fixed16;                 /* over 4 channels: Q15 products */
+    bool fixed16;                 /* over 4 channels: Q15 products where the
+                                   * processor has them; not with gradients */
     bool depth;                   /* splat_forward may be asked for depth */
     bool gradients;               /* splat_backward will be called */
     float prune;                  /* Gaussians of a lower opacity are left

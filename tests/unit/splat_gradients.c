@@ -99,7 +99,11 @@ static void finite_differences(enum splat_rules rules)
             dd += (part[k].d[i] - want) * (part[k].d[i] - want);
             ss += want * want;
         }
-        worst = fmax(worst, sqrt(dd / fmax(ss, 1e-300)));
+        double e = sqrt(dd / fmax(ss, 1e-300));
+
+        printf("rules %d, part %zu: finite differences agree to %.1e\n", rules,
+               k, e);
+        worst = fmax(worst, e);
     }
     printf("rules %d: finite differences agree to %.1e (tolerance 1e-6)\n",
            rules, worst);

@@ -43,8 +43,9 @@ __attribute__((unused)) static void small_scene(struct testscene *t, size_t n,
         printf("FAILED: %s\n", err.text);
         exit(1);
     }
-    for (size_t i = 0; i < 3 * n; i++)       /* not larger than 0.15 */
-        ((float *)t->g.scale)[i] = fminf(t->g.scale[i], 0.15f);
+    for (size_t i = 0; i < 3 * n; i++)       /* small, and not round */
+        ((float *)t->g.scale)[i] =
+            fminf(t->g.scale[i], 0.15f) * (1 - 0.3f * (float)(i % 3));
 }
 
 /* Run test() in a process of its own at each instruction set's level. */
