@@ -1,0 +1,150 @@
+/* The whole system's gradient: total loss of stage "all" in a tiny
+ * configuration, from the motion encoder through head, means, renderer and
+ * refiner to the losses.  For every tensor the derivative along its own
+ * gradient is compared with a central difference.  Losses are squares and the
+ * renderer has no cut-offs here; relu and the order of depths (plane and mesh
+ * lie within a hair of each other) still jump within a step, so that what is
+ * asked is: four tensors of five agree within 8 %, none is off by more than
+ * 60 %. */
+#include <unistd.h>
+
+#include "lib/train/loop.h"
+#include "tests/unit/train_toy.h"
+
+static const char config[] =
+    "{\"stage\":\"all\",\"seed\":3,\"batch\":1,\"micro\":1,\"pool\":2,"
+    "\"targets\":2,\"image\":32,"
+    "\"augment\":{\"jitter\":0,\"colour\":0,\"background\":0},"
+    "\"loss\":{\"silhouette\":1,\"smooth\":true,\"landmark\":1,\"vertex\":0,"
+    "\"rotation\":0,\"translation\":0,\"eye\":0},"
+    "\"model\":{\"size\":64,\"plane\":16,\"mouth\":4,\"channels\":8,"
+    "\"feature\":8,\"backbone\":{\"type\":\"small\",\"width\":4},"
+    "\"init\":{\"width\":4},\"static\":{\"width\":8},"
+    "\"dynamic\":{\"width\":8,\"head\":8,\"vertex\":4},"
+    "\"mouth_decoder\":{\"width\":8},\"rgb_skip\":true,"
+    "\"motion\":{\"net\":\"tf_mobilenetv3_small_minimal_100\"},"
+    "\"refiner\":{\"type\":\"narrow\",\"width\":8}}}";
+
+static double loss_of(struct task *t)
+{
+    double parts[TASK_PARTS] = {0}, sum = 0;
+    struct error err = {0};
+
+    memset(t->ps.g, 0, t->ps.total * sizeof *t->ps.g);
+    t->type->update(t);
+    if (t->type->pass(t, parts, 1, 0, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    for (int i = 0; i < t->nparts; i++)
+        sum += parts[i];
+    return sum;
+}
+
+/* Derivative of the loss along direction d of tensor k by differences. */
+static double difference(struct task *t, size_t k, const float *d, double e)
+{
+    struct param *p = &t->ps.tensor[k];
+    float *w = param_w(&t->ps, k);
+    float *keep = malloc(p->count * sizeof *keep);
+    double f[2];
+
+    memcpy(keep, w, p->count * sizeof *keep);
+    for (int s = 0; s < 2; s++) {
+        for (size_t i = 0; i < p->count; i++)
+            w[i] = keep[i] + (float)(s ? e : -e) * d[i];
+        f[s] = loss_of(t);
+    }
+    memcpy(w, keep, p->count * sizeof *keep);
+    free(keep);
+    return (f[1] - f[0]) / (2 * e);
+}
+
+/* The best agreement over a few steps: |x|, cut-offs and relu are not smooth,
+ * and the sums are of floats, so that no one step suits every tensor. */
+static double disagreement(struct task *t, size_t k, double *norm)
+{
+    struct param *p = &t->ps.tensor[k];
+    float *d = malloc(p->count * sizeof *d);
+    double best = 1e9, size = 0, scale = 0;
+
+    memcpy(d, param_g(&t->ps, k), p->count * sizeof *d);
+    for (size_t i = 0; i < p->count; i++) {
+        size += (double)d[i] * d[i];
+        scale += fabs(param_w(&t->ps, k)[i]) / (double)p->count;
+    }
+    *norm = size = sqrt(size);
+    for (size_t i = 0; size > 0 && i < p->count; i++)
+        d[i] = (float)(d[i] / size);
+    for (double e = 1e-3; e > 5e-5 && size > 0 && best > 0.05; e *= 0.3) {
+        double fd = difference(t, k, d, e * fmax(scale, 0.1) *
+                                            sqrt((double)p->count));
+        best = fmin(best, fabs(fd - size) / size);
+    }
+    free(d);
+    return size > 0 ? best : 0;
+}
+
+int main(void)
+{
+    char dir[] = "/tmp/train_system.XXXXXX", data[100], cmd[100];
+    const char *files[1] = {data};
+    struct train_config c;
+    struct head h;
+    struct task t;
+    struct data_pool pool = {0};
+    struct error err = {0};
+    size_t bad = 0, zero = 0, checked = 0, uneven = 0;
+    double total = 0;
+
+    if (!mkdtemp(dir))
+        return 1;
+    snprintf(data, sizeof data, "%s/p.spid", dir);
+    toy_head(&h, 8);
+    toy_stream(data, &h, 2, 3, 64);
+    if (train_config_parse(&c, config, "config", &err) ||
+        task_init(&t, &c, &h, &err) ||
+        data_pool_init(&pool, data_open(files, 1, 0, &err), 2, 2, &err)) {
+        printf("%s\n", err.text);
+        return 1;
+    }
+    t.pool = &pool;
+    loss_of(&t);
+    float *g = malloc(t.ps.total * sizeof *g);
+    memcpy(g, t.ps.g, t.ps.total * sizeof *g);
+    for (size_t k = 0; k < t.ps.count; k++)
+        if (!t.ps.tensor[k].frozen)
+            for (size_t i = 0; i < t.ps.tensor[k].count; i++)
+                total += pow(g[t.ps.tensor[k].offset + i], 2);
+    total = sqrt(total);
+    for (size_t k = 0; k < t.ps.count; k++) {
+        double norm, off;
+        if (t.ps.tensor[k].frozen)
+            continue;
+        memcpy(t.ps.g, g, t.ps.total * sizeof *g);
+        off = disagreement(&t, k, &norm);
+        checked++;
+        zero += norm == 0;
+        /* Gradients of 1e-4 of the whole drown in float sums. */
+        int rough = off > 0.08 && norm > 1e-4 * total;
+        int wrong = off > 0.6 && norm > 1e-4 * total;
+        bad += wrong;
+        uneven += rough;
+        if (rough || norm == 0 || k % 20 == 0)
+            printf("%-52s |g| %.3g, off by %.2g%s\n", t.ps.tensor[k].name,
+                   norm, off, wrong ? "  WRONG" : "");
+    }
+    printf("%zu tensors, %zu without gradient (behind a layer that starts at "
+           "zero), %zu off by more than 8 %%, %zu by more than 60 %%\n",
+           checked, zero, uneven, bad);
+    if (5 * uneven > checked)
+        bad++;
+    free(g);
+    data_close(pool.reader);
+    data_pool_release(&pool);
+    task_release(&t);
+    train_config_release(&c);
+    head_release(&h);
+    snprintf(cmd, sizeof cmd, "rm -rf %s", dir);
+    return system(cmd) || bad > 0;
+}
