@@ -1,29 +1,46 @@
 #!/usr/bin/env bash
-# demo.sh OUT: a head that talks and blinks, without a camera or a model.
-# `make demo` runs it with the programs just built.
+# demo.sh OUT: one synthetic photograph, driven by a synthetic clip, with the
+# shipped model.  `make demo` runs it with the programs just built.
+#   OUT/avatar.mp4      the result (SpiD); star.mp4 without the refiner
+#   OUT/sheet.png       source, driver, star, avatar, and the branches alone
+#   OUT/report.html     all of it on one page, with times and metrics
+#   OUT/face.ply, head.glb   for other programs
 set -euo pipefail
-out=${1:?usage: demo.sh OUT}
+out=${1:?usage: demo.sh OUT [FRAMES]}
+frames=${2:-60}
+seed=2026
 mkdir -p "$out"
 
-# Motion by hand: 50 frames, the jaw opens twice, the eyes close once, the head
-# turns by 0.2 rad to either side.  R = diag(1,-1,-1) Ry(turn).
-awk 'BEGIN {
-    for (i = 0; i < 50; i++) {
-        t = 6.2831853 * i / 50; turn = 0.2 * sin(t)
-        exp_ = "0"
-        for (k = 1; k < 100; k++) exp_ = exp_ ",0"
-        blink = i > 20 && i < 28 ? 1 - (i - 24)^2 / 16 : 0
-        printf "{\"type\":\"MOTN\",\"arrays\":{"
-        printf "\"rot\":[[%f,0,%f],[0,-1,0],[%f,0,%f]],", \
-            cos(turn), sin(turn), sin(turn), -cos(turn)
-        printf "\"trans\":[0,0,12],\"exp\":[%s],", exp_
-        printf "\"jaw\":[%f,0,0],\"lid\":[%f,%f],", \
-            0.15 * (1 - cos(2 * t)), blink, blink
-        print "\"eye\":[0,0,0,0,0,0]}}"
-    }
-}' >"$out/motion.json"
+echo "demo: a photograph, and a clip of somebody else"
+spid-synth --seed $seed --first 0 --people 1 --frames 1 --effects 0 \
+    -o "$out/source.png"
+spid-synth --seed $seed --first 1 --people 1 --frames "$frames" --effects 0 \
+    -o "$out/driver.mp4"
 
-spid-pack "$out/motion.json" -o "$out/motion.spid"
-spid-flame "$out/motion.spid" -o "$out/mesh.spid"
-spid-dump --check "$out/mesh.spid"
-spid-dump --only MESH --frames 24 "$out/mesh.spid"
+echo "demo: in one command"
+spid animate "$out/source.png" "$out/driver.mp4" -o "$out/avatar.mp4" \
+    --stats "$out/stats.tsv"
+spid animate --star "$out/source.png" "$out/driver.mp4" -o "$out/star.mp4"
+
+echo "demo: the same stage by stage"
+spid-shape "$out/source.png" -o "$out/me.spid"
+spid-branches --bake "$out/me.spid" -o "$out/avatar.spid"
+spid-motion "$out/driver.mp4" -o "$out/motion.spid"
+spid-flame -i "$out/avatar.spid" "$out/motion.spid" |
+    spid-branches -i "$out/avatar.spid" -o "$out/frames.spid"
+for branch in dynamic static mouth; do
+    spid-splat --branch $branch "$out/frames.spid" -o "$out/$branch.mp4"
+done
+spid-export -q "$out/frames.spid" --ply "$out/face.ply" --frame 0
+spid-export -q -i "$out/avatar.spid" "$out/motion.spid" \
+    --glb-head "$out/head.glb"
+
+echo "demo: how good: two people never seen, first frame as source"
+spid-synth --seed $((seed + 1)) --people 2 --frames 6 --fps 2 \
+    -o "$out/people.spid"
+spid-eval --people "$out/people.spid" --format json >"$out/metrics.json"
+
+spid-report "$out" --sheet "$out/sheet.png" -o "$out/report.html"
+echo "demo: look at $out/sheet.png, $out/avatar.mp4 and $out/report.html"
+awk -F '\t' 'NR > 1 { printf "  %-12s %7.2f ms (median)\n", $1, $5 }' \
+    "$out/stats.tsv"
