@@ -8,13 +8,12 @@
 set -euo pipefail
 out=${1:?usage: demo.sh OUT [FRAMES]}
 frames=${2:-60}
-seed=2026
 mkdir -p "$out"
 
 echo "demo: a photograph, and a clip of somebody else"
-spid-synth --seed $seed --first 0 --people 1 --frames 1 --effects 0 \
+spid-synth --seed 32 --first 0 --people 1 --frames 1 --effects 0 \
     -o "$out/source.png"
-spid-synth --seed $seed --first 1 --people 1 --frames "$frames" --effects 0 \
+spid-synth --seed 31 --first 2 --people 1 --frames "$frames" --effects 0 \
     -o "$out/driver.mp4"
 
 echo "demo: in one command"
@@ -36,7 +35,7 @@ spid-export -q -i "$out/avatar.spid" "$out/motion.spid" \
     --glb-head "$out/head.glb"
 
 echo "demo: how good: two people never seen, first frame as source"
-spid-synth --seed $((seed + 1)) --people 2 --frames 6 --fps 2 \
+spid-synth --seed 2027 --people 2 --frames 6 --fps 2 \
     -o "$out/people.spid"
 spid-eval --people "$out/people.spid" --format json >"$out/metrics.json"
 
