@@ -101,9 +101,18 @@ VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
 
     edge_init(&ex, ux, uy, r[6], r[2], r[3]);
     edge_init(&ey, uy, ux, r[7], r[4], r[3]);
+    /* unrolled where sixteen lanes are one register */
+#ifdef ISA_AVX512
+#pragma GCC unroll 4
+#else
 #pragma GCC unroll 1
+#endif
     for (int y = 0; y < 4; y++)
+#ifdef ISA_AVX512
+#pragma GCC unroll 4
+#else
 #pragma GCC unroll 1
+#endif
         for (int x = 0; x < 4; x++) {
             int b = 4 * y + x;
 
@@ -140,6 +149,8 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
     memcpy(w->index, list, n * sizeof *list);
+    for (uint32_t k = 0; k < AHEAD && k < n; k++)
+        __builtin_prefetch(&s->record[list[k]]);
     for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
         w->index[n + k] = list[0];
     for (uint32_t i = 0; i < n; i += VEC) {
@@ -147,7 +158,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         float *out = &w->chunk[0][i];
         vf r[16];
 
-        for (uint32_t k = 0; k < VEC && i + AHEAD < n; k++)
+        for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++)
             __builtin_prefetch(&s->record[w->index[i + AHEAD + k]]);
         for (uint32_t k = 0; k < VEC && k < left; k++)
             rows_build(w, i + k, &s->record[w->index[i + k]], cx, y);

@@ -115,18 +115,17 @@ VEC_INLINE vm tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
     return some;
 }
 
-VEC_INLINE void store_record(struct splat_state *s, size_t i, vm ok,
-                             vf row[16])
+/* The first 12 floats of 16 records; the colours behind them stay. */
+VEC_INLINE void store_record(struct splat_state *s, size_t i, vf row[16])
 {
-    float flat[16][16];
-    uint32_t bits = vm_bits(ok);
-
     vf_transpose(row);
-    for (int k = 0; k < 16; k++)
-        vf_store(flat[k], row[k]);
-    for (size_t k = 0; k < 16; k++)
-        if (bits >> k & 1)
-            memcpy(&s->record[i + k], flat[k], 12 * sizeof(float));
+    for (size_t k = 0; k < 16; k++) {
+#ifdef ISA_AVX512
+        _mm512_mask_storeu_ps(&s->record[i + k], 0x0fff, (__m512)row[k]);
+#else
+        memcpy(&s->record[i + k], &row[k], 12 * sizeof(float));
+#endif
+    }
 }
 
 /* The CUDA rasteriser's own choice of tiles. */
@@ -152,6 +151,8 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
 {
     const struct view *v = &s->view;
     const vf zero = vf_set(0), big = vf_set(1e36f);
+
+    (void)n;                   /* arrays are padded to whole vectors */
 
     for (size_t i = first; i < last; i += VEC) {
         struct lanes l;
@@ -184,22 +185,26 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
 
         ok = vm_and(ok, tiles(&x0, &x1, l.x, rx, v->width, v->tx));
         ok = vm_and(ok, tiles(&y0, &y1, l.y, ry, v->height, v->ty));
-        vi key = (vi)l.z, tx0 = vf_round(x0) >> 4, tx1 = vf_round(x1) >> 4;
-        vi ty0 = vf_round(y0) >> 4, ty1 = vf_round(y1) >> 4;
-        uint32_t bits = vm_bits(ok);
+        vi tx0 = vf_round(x0) >> 4, tx1 = (vf_round(x1) >> 4) + 1;
+        vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
+        int32_t across[VEC], down[VEC];
 
-        for (size_t k = 0; k < VEC && i + k < n; k++) {
-            struct rect *r = &s->rect[i + k];
-            bool on = bits >> k & 1;
-
-            *r = (struct rect){(uint16_t)tx0[k], (uint16_t)(tx1[k] + 1),
-                               (uint16_t)ty0[k], (uint16_t)(ty1[k] + 1)};
-            if (on && v->dgr) {
-                dgr_rect(r, l.x[k], l.y[k], l.xx[k], l.yy[k], l.det[k], v);
-                on = r->x0 < r->x1 && r->y0 < r->y1;
-            }
-            s->key[i + k] = on ? (uint32_t)key[k] : HIDDEN;
+        vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
+        vi_store(across, tx0 | tx1 << 16);
+        vi_store(down, ty0 | ty1 << 16);
+        for (size_t k = 0; k < VEC; k++) {
+            memcpy(&s->rect[i + k].x0, &across[k], sizeof across[k]);
+            memcpy(&s->rect[i + k].y0, &down[k], sizeof down[k]);
         }
-        store_record(s, i, ok, row);
+        for (size_t k = 0; v->dgr && k < VEC; k++) {
+            struct rect *r = &s->rect[i + k];
+
+            if (s->key[i + k] == HIDDEN)
+                continue;
+            dgr_rect(r, l.x[k], l.y[k], l.xx[k], l.yy[k], l.det[k], v);
+            if (r->x0 >= r->x1 || r->y0 >= r->y1)
+                s->key[i + k] = HIDDEN;
+        }
+        store_record(s, i, row);
     }
 }

@@ -11,18 +11,16 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
 size_t ISA(splat_work_size)(void);
 
 /* Light passing through a block's pixels.  T is 0 where a pixel has been
- * finished; kept then holds its last transmittance. */
+ * finished; kept is its last transmittance everywhere. */
 struct light {
     vf T, kept, cut, stop;
-    vm done;
 };
 
 VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
                            const struct view *v)
 {
     l->kept = vf_load(w->T[b]);
-    l->done = vm_not(vm_from_bits(w->alive[b]));
-    l->T = vf_sel(l->done, vf_set(0), l->kept);
+    l->T = vf_keep(vm_from_bits(w->alive[b]), l->kept);
     l->cut = vf_set(v->cut);
     l->stop = vf_set(v->t_cut);
 }
@@ -30,40 +28,30 @@ VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
 VEC_INLINE void light_store(struct splat_work *w, int b,
                             const struct light *l)
 {
-    w->alive[b] = ~vm_bits(l->done) & 0xffff;
-    vf_store(w->T[b], vf_sel(l->done, l->kept, l->T));
+    w->alive[b] = vm_bits(vf_gt(l->T, vf_set(0)));
+    vf_store(w->T[b], l->kept);
 }
 
-/* Weights of four Gaussians.  Nearly always no pixel is finished by them, so
- * the products run ahead unchecked; when one is, they are done again with the
- * rule: T (1 - alpha) <= t_cut drops the Gaussian and all behind it. */
-VEC_INLINE void pass_four(vf weight[4], struct light *l, const vf alpha[4])
+/* Weights of four Gaussians; 0 when all pixels are finished.  The rule,
+ * T (1 - alpha) <= t_cut drops the Gaussian and all behind it, is applied to
+ * four products that have run ahead: T only falls, so what comes after the
+ * first that is too small is too small as well. */
+VEC_INLINE int pass_four(vf weight[4], struct light *l, const vf alpha[4])
 {
-    vf t[5];
+    vf t = l->T;
+    vm on = VM_ALL;
 
-    t[0] = l->T;
 #pragma GCC unroll 4
-    for (int k = 0; k < 4; k++)
-        t[k + 1] = vf_fnma(alpha[k], t[k], t[k]);
-    if (__builtin_expect(vm_all_either(vf_gt(t[4], l->stop), l->done), 1)) {
-#pragma GCC unroll 4
-        for (int k = 0; k < 4; k++)
-            weight[k] = alpha[k] * t[k];
-        l->T = t[4];
-        return;
-    }
-    vm alive = vm_not(l->done);
-
     for (int k = 0; k < 4; k++) {
-        vf next = vf_fnma(alpha[k], l->T, l->T);
-        vm goes_on = vf_gt_and(alive, next, l->stop);
+        vf next = vf_fnma(alpha[k], t, t);
 
-        l->kept = vf_sel(goes_on, next, vf_sel(alive, l->T, l->kept));
-        weight[k] = vf_mul_keep(goes_on, alpha[k], l->T);
-        l->T = vf_keep(goes_on, next);
-        alive = goes_on;
+        on = vf_gt(next, l->stop);
+        weight[k] = vf_mul_keep(on, alpha[k], t);
+        l->kept = vf_sel(on, next, l->kept);
+        t = next;
     }
-    l->done = vm_not(alive);
+    l->T = vf_keep(on, t);
+    return vm_any(on);
 }
 
 /* Blend a block's list: T and up to 4 channels stay in registers. */
@@ -89,14 +77,15 @@ VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
             k[i] = w->chunk[0] + e;
             alpha[i] = alpha_of(exponent(w, e, b, x), l.cut, degree);
         }
-        pass_four(weight, &l, alpha);
+        int more = pass_four(weight, &l, alpha);
+
 #pragma GCC unroll 4
         for (int i = 0; i < 4; i++)
 #pragma GCC unroll 4
             for (int m = 0; m < channels; m++)
                 c[m] = vf_fma(weight[i], vf_set(k[i][(RED + m) * COLUMN]),
                               c[m]);
-        if (vm_bits(l.done) == 0xffff)
+        if (!more)
             break;
     }
     for (int k = 0; k < channels; k++)
@@ -122,7 +111,8 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
         for (int i = 0; i < 4; i++)
             alpha[i] = alpha_of(exponent(w, list[j + (uint32_t)i], b, x),
                                 l.cut, degree);
-        pass_four(weight, &l, alpha);
+        int more = pass_four(weight, &l, alpha);
+
 #pragma GCC unroll 4
         for (uint32_t i = 0; i < 4; i++) {
             uint32_t e = list[j + i];
@@ -132,7 +122,7 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
             w->used[rows] = w->index[e < CHUNK ? e : 0];
             rows += vm_bits(vf_gt(weight[i], vf_set(0))) != 0;
         }
-        if (vm_bits(l.done) == 0xffff)
+        if (!more)
             break;
     }
     vf_store(w->depth[b], depth);
@@ -262,34 +252,51 @@ static void chunk(const struct splat *s, struct splat_work *w,
             block(s, w, b);
 }
 
+/* Pixels of block b that lie in the picture. */
+static uint32_t inside(const struct splat *s, int b, int x0, int y0)
+{
+    uint32_t bits = 0;
+
+    for (int p = 0; p < VEC; p++)
+        bits |= (uint32_t)(x0 + 4 * (b & 3) + PIXEL_X(p) < s->opt.width &&
+                           y0 + 4 * (b >> 2) + PIXEL_Y(p) < s->opt.height)
+                << p;
+    return bits;
+}
+
 /* Nothing drawn yet; pixels outside the picture are not alive. */
 static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
 {
-    for (int b = 0; b < BLOCKS; b++) {
-        uint32_t bits = 0;
+    bool whole = x0 + TILE <= s->opt.width && y0 + TILE <= s->opt.height;
 
-        for (int p = 0; p < VEC; p++)
-            bits |= (uint32_t)(
-                        x0 + 4 * (b & 3) + PIXEL_X(p) < s->opt.width &&
-                        y0 + 4 * (b >> 2) + PIXEL_Y(p) < s->opt.height)
-                    << p;
-        w->alive[b] = bits;
-        for (int p = 0; p < VEC; p++)
-            w->T[b][p] = 1;
+    for (int b = 0; b < BLOCKS; b++) {
+        w->alive[b] = whole ? 0xffff : inside(s, b, x0, y0);
+        vf_store(w->T[b], vf_set(1));
+        vf_store(w->depth[b], vf_set(0));
+        for (int c = 0; c < 4; c++)
+            vf_store(w->color[b][c], vf_set(0));
     }
-    memset(w->color, 0, sizeof w->color);
-    memset(w->depth, 0, sizeof w->depth);
     if (s->state->row)
         memset(w->wide, 0, sizeof w->wide);
+}
+
+/* Columns of a block's pixels to rows. */
+VEC_INLINE void to_rows(float *p)
+{
+    const vi turned = {0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
+
+    vf_store(p, __builtin_shuffle(vf_load(p), turned));
 }
 
 /* Row y of the tile: 16 pixels of an array kept block by block. */
 VEC_INLINE void tile_row(float out[16], float (*blocks)[VEC], size_t step,
                          int y)
 {
-    for (int x = 0; x < 16; x++)
-        out[x] = blocks[(size_t)(4 * (y >> 2) + (x >> 2)) * step]
-                       [4 * (x & 3) + (y & 3)];
+    const float *p[4];
+
+    for (int x = 0; x < 4; x++)
+        p[x] = blocks[(size_t)(4 * (y >> 2) + x) * step] + 4 * (y & 3);
+    vf_store(out, vf_join(p[0], p[1], p[2], p[3]));
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
@@ -300,11 +307,48 @@ VEC_INLINE void interleave(float *out, float (*row)[16], int n, const int C)
             out[x * C + c] = row[c][x];
 }
 
+#ifdef ISA_AVX512
+/* Sixteen pixels of three planes to (16, 3). */
+static void interleave_rgb(float *out, float (*row)[16])
+{
+    /* value k of the result: from red, green (16 and on) or blue */
+    static const int32_t two[3][VEC] = {
+        {0, 16, 0, 1, 17, 0, 2, 18,
+         0, 3, 19, 0, 4, 20, 0, 5},
+        {21, 0, 6, 22, 0, 7, 23, 0,
+         8, 24, 0, 9, 25, 0, 10, 26},
+        {0, 11, 27, 0, 12, 28, 0, 13,
+         29, 0, 14, 30, 0, 15, 31, 0}};
+    static const int32_t third[3][VEC] = {
+        {0, 0, 0, 0, 0, 1, 0, 0,
+         2, 0, 0, 3, 0, 0, 4, 0},
+        {0, 5, 0, 0, 6, 0, 0, 7,
+         0, 0, 8, 0, 0, 9, 0, 0},
+        {10, 0, 0, 11, 0, 0, 12, 0,
+         0, 13, 0, 0, 14, 0, 0, 15}};
+    static const __mmask16 blue[3] = {0x4924, 0x2492, 0x9249};
+    __m512 r = _mm512_loadu_ps(row[0]), g = _mm512_loadu_ps(row[1]);
+    __m512 b = _mm512_loadu_ps(row[2]);
+
+    for (int j = 0; j < 3; j++) {
+        __m512 x = _mm512_permutex2var_ps(r, _mm512_loadu_si512(two[j]), g);
+
+        x = _mm512_mask_permutexvar_ps(x, blue[j],
+                                       _mm512_loadu_si512(third[j]), b);
+        _mm512_storeu_ps(out + 16 * j, x);
+    }
+}
+#endif
+
 static void put_colors(float *out, float (*row)[16], int n, int C)
 {
-    if (C == 3 && n == 16)
-        interleave(out, row, 16, 3);
-    else if (C == 3)
+#ifdef ISA_AVX512
+    if (C == 3 && n == 16) {
+        interleave_rgb(out, row);
+        return;
+    }
+#endif
+    if (C == 3)
         interleave(out, row, n, 3);
     else
         interleave(out, row, n, C);
@@ -359,6 +403,12 @@ static void finish(struct splat_work *w, const struct splat *s,
 {
     int n = s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE;
 
+    for (int b = 0; b < BLOCKS; b++) {
+        to_rows(w->T[b]);
+        to_rows(w->depth[b]);
+        for (int c = 0; c < 4; c++)
+            to_rows(w->color[b][c]);
+    }
     for (int y = 0; y < TILE && y0 + y < s->opt.height; y++) {
         size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
         float T[16], z[16];

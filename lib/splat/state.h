@@ -7,7 +7,7 @@
 #include "lib/splat/splat.h"
 
 #define TILE 16                /* pixels; a tile is 4 x 4 blocks of 4 x 4 */
-#define CHUNK 128              /* list entries a tile works on at a time */
+#define CHUNK 256              /* list entries a tile works on at a time */
 #define HIDDEN UINT32_MAX      /* key of a Gaussian that is not drawn */
 #define SPLAT_MAX_THREADS 64
 

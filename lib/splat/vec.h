@@ -145,10 +145,9 @@ VEC_INLINE vm vm_from_bits(uint32_t bits)
     return (vm)bits;
 }
 
-/* Is every lane in a or in b? */
-VEC_INLINE int vm_all_either(vm a, vm b)
+VEC_INLINE int vm_any(vm a)
 {
-    return _kortestc_mask16_u8(a, b);
+    return !_kortestz_mask16_u8(a, a);
 }
 
 VEC_INLINE vi vf_round(vf a)                 /* to nearest integer */
@@ -281,9 +280,9 @@ VEC_INLINE vm vm_from_bits(uint32_t bits)
     return -((vi_set((int32_t)bits) >> vi_iota()) & 1);
 }
 
-VEC_INLINE int vm_all_either(vm a, vm b)
+VEC_INLINE int vm_any(vm a)
 {
-    return vm_bits(a | b) == 0xffff;
+    return vm_bits(a) != 0;
 }
 
 VEC_INLINE vi vf_round(vf a)
@@ -325,6 +324,26 @@ VEC_INLINE vf vf_abs(vf a)
 VEC_INLINE vf vf_clamp(vf a, vf lo, vf hi)
 {
     return vf_min(vf_max(a, lo), hi);
+}
+
+/* Four times four floats side by side. */
+VEC_INLINE vf vf_join(const float *a, const float *b, const float *c,
+                      const float *d)
+{
+    vf v;
+#ifdef ISA_AVX512
+    __m512 x = _mm512_castps128_ps512(_mm_loadu_ps(a));
+
+    x = _mm512_insertf32x4(x, _mm_loadu_ps(b), 1);
+    x = _mm512_insertf32x4(x, _mm_loadu_ps(c), 2);
+    v = (vf)_mm512_insertf32x4(x, _mm_loadu_ps(d), 3);
+#else
+    memcpy(&v, a, 16);
+    memcpy((char *)&v + 16, b, 16);
+    memcpy((char *)&v + 32, c, 16);
+    memcpy((char *)&v + 48, d, 16);
+#endif
+    return v;
 }
 
 /* Sum of the lanes, always in the same order. */
