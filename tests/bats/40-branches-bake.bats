@@ -54,7 +54,7 @@ prepare() {
     status 0 spid-branches -m model --prune 5 --bake me.spid -o p.spid
     has "pruned at 5 over 30 views"
     has "dB"
-    [ "$(stat -c %s p.spid)" -lt "$(stat -c %s avatar.spid)" ]
+    [ "$(stat -Lc %s p.spid)" -lt "$(stat -Lc %s avatar.spid)" ]
 }
 
 @test "an avatar of another head is refused" {
