@@ -195,7 +195,8 @@ static void small_nets(void)
     RUN(backbone, 0, 1, 2 * 32 * 32 * 3, 2 * 20 * 20 * 8);
 
     struct refiner refiner;
-    struct refiner_config rc = { REFINER_NARROW, 12, 16, 1 };
+    struct refiner_config rc = { .type = REFINER_NARROW, .channels = 12,
+                                 .width = 16, .multiplier = 1 };
     params_init(&ps);
     ready(&ps, refiner_init(&refiner, &ps, "r.", &rc, &err));
     planned(refiner_plan(&refiner, 2, 64, 32, train, &err));
