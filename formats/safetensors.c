@@ -174,8 +174,6 @@ static int parse_metadata(struct safetensors *st, struct error *err)
     return 0;
 }
 
-
-
 static int parse_header(struct safetensors *st, uint64_t n,
                         struct error *err)
 {
@@ -357,60 +355,6 @@ static const struct st_tensor *require(const struct safetensors *st,
 
 /* ---- converting --------------------------------------------------------- */
 
-float bf16_to_float(uint16_t h)
-{
-    uint32_t u = (uint32_t)h << 16;
-    float f;
-    memcpy(&f, &u, 4);
-    return f;
-}
-
-uint16_t float_to_bf16(float f)
-{
-    uint32_t u;
-    memcpy(&u, &f, 4);
-    if ((u & 0x7fffffff) > 0x7f800000)           /* NaN stays NaN */
-        return (uint16_t)(u >> 16 | 0x40);
-    return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
-}
-
-float half_to_float(uint16_t h)
-{
-    uint32_t sign = (uint32_t)(h & 0x8000) << 16, u;
-    int e = h >> 10 & 31;
-    uint32_t m = h & 0x3ff;
-    float f;
-
-    if (e == 0) {                                /* zero and subnormals */
-        f = ldexpf((float)m, -24);
-        return sign ? -f : f;
-    }
-    u = e == 31 ? 0x7f800000 | m << 13
-                : ((uint32_t)e + 112) << 23 | m << 13;
-    u |= sign;
-    memcpy(&f, &u, 4);
-    return f;
-}
-
-uint16_t float_to_half(float f)
-{
-    uint32_t u;
-    memcpy(&u, &f, 4);
-    uint16_t sign = (uint16_t)(u >> 16 & 0x8000);
-    u &= 0x7fffffff;
-    if (u > 0x7f800000)                          /* NaN */
-        return sign | 0x7e00;
-    if (u >= 0x477ff000)                         /* rounds to infinity */
-        return sign | 0x7c00;
-    if (u < 0x38800000) {                        /* subnormal in half */
-        float a;
-        memcpy(&a, &u, 4);
-        return sign | (uint16_t)lrintf(ldexpf(a, 24));
-    }
-    u += 0xfff + (u >> 13 & 1);
-    return sign | (uint16_t)((u - 0x38000000) >> 13);
-}
-
 /* Element i as a double; unaligned data are legal in a file. */
 static double element(const struct st_tensor *t, size_t i)
 {
@@ -434,19 +378,39 @@ static double element(const struct st_tensor *t, size_t i)
     return 0;
 }
 
+void st_forget(const struct safetensors *st, const void *from, size_t bytes)
+{
+    uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
+    uintptr_t map = (uintptr_t)st->map, first = (uintptr_t)from - map;
+    uintptr_t end = (first + bytes) / page * page;
+
+    if ((uintptr_t)from < map || first + bytes > st->bytes)
+        return;                 /* a converted copy: not of this file */
+    first = (first + page - 1) / page * page;
+    if (first < end)
+        madvise((char *)st->map + first, end - first, MADV_DONTNEED);
+}
+
 int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
               float *out, struct error *err)
 {
-    if (t->dtype == ST_F32)
-        memcpy(out, t->data, t->count * sizeof *out);
-    else
-        for (size_t i = 0; i < t->count; i++)
-            out[i] = (float)element(t, i);
-    for (size_t i = 0; i < t->count; i++)
-        if (!isfinite(out[i]))
-            return error_set(err, EX_DATAERR,
-                             "%s: tensor '%s' is not finite at index %zu",
-                             st->path, t->name, i);
+    const size_t run = 1 << 18, size = dtypes[t->dtype].size;
+
+    for (size_t at = 0; at < t->count; at += run) {
+        size_t end = t->count - at < run ? t->count : at + run;
+        const char *from = (const char *)t->data + at * size;
+
+        if (t->dtype == ST_F32)
+            memcpy(out + at, from, (end - at) * sizeof *out);
+        else
+            for (size_t i = at; i < end; i++)
+                out[i] = (float)element(t, i);
+        st_forget(st, from, (end - at) * size);
+        for (size_t i = at; i < end; i++)
+            if (!isfinite(out[i]))
+                return error_set(err, EX_DATAERR, "%s: tensor '%s' is not "
+                                 "finite at index %zu", st->path, t->name, i);
+    }
     return 0;
 }
 
@@ -469,6 +433,20 @@ float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
     if (count)
         *count = t->count;
     return out;
+}
+
+const float *st_borrow_f32(const struct safetensors *st, const char *name,
+                           int ndim, const size_t *dims, float **copy,
+                           struct error *err)
+{
+    const struct st_tensor *t = require(st, name, ndim, dims, err);
+
+    *copy = NULL;
+    if (!t)
+        return NULL;
+    if (t->dtype == ST_F32 && (uintptr_t)t->data % sizeof(float) == 0)
+        return t->data;
+    return *copy = st_load_f32(st, name, ndim, dims, NULL, err);
 }
 
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,

@@ -8,6 +8,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/base/half.h"
 
 enum st_dtype {
     ST_U8, ST_I8, ST_I32, ST_I64, ST_F16, ST_BF16, ST_F32, ST_F64
@@ -53,6 +54,17 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
  * *err names file, tensor, expected and found shape. */
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
                    const size_t *dims, size_t *count, struct error *err);
+/* The same tensor where it lies in the file, valid until st_close, when the
+ * file holds aligned F32: *copy is then NULL, and the numbers have not been
+ * checked to be finite.  Otherwise converted and checked in *copy (the caller
+ * frees). */
+const float *st_borrow_f32(const struct safetensors *st, const char *name,
+                           int ndim, const size_t *dims, float **copy,
+                           struct error *err);
+/* The bytes from .. from + bytes of the mapped file have been used: let their
+ * pages go.  Reading them again is allowed, and costs a page fault.  Memory
+ * outside of the file is left alone. */
+void st_forget(const struct safetensors *st, const void *from, size_t bytes);
 /* The same for integer tensors (I32, I64, U8), range-checked to int32. */
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err);
@@ -61,11 +73,5 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
  * order; data start 64-byte aligned.  meta is key, value, key, value, NULL. */
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
             const char *const *meta, struct error *err);
-
-/* IEEE half and bfloat16 conversions, round to nearest even. */
-float half_to_float(uint16_t h);
-uint16_t float_to_half(float f);
-float bf16_to_float(uint16_t h);
-uint16_t float_to_bf16(float f);
 
 #endif

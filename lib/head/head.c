@@ -13,14 +13,21 @@
 
 /* ---- checking ---------------------------------------------------------- */
 
-static int check_finite(const char *name, const float *x, size_t n,
-                        struct error *err)
+/* x[first] .. x[end - 1] */
+static int check_range(const char *name, const float *x, size_t first,
+                       size_t end, struct error *err)
 {
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = first; i < end; i++)
         if (!isfinite(x[i]))
             return error_set(err, EX_DATAERR, "%s[%zu] is %f (expected a "
                              "finite number)", name, i, (double)x[i]);
     return 0;
+}
+
+static int check_finite(const char *name, const float *x, size_t n,
+                        struct error *err)
+{
+    return check_range(name, x, 0, n, err);
 }
 
 static int check_indices(const char *name, const int32_t *x, size_t n,
@@ -63,7 +70,7 @@ static int check_parents(const int32_t *parents, struct error *err)
 
 static int check_arrays(const struct head_arrays *a, struct error *err)
 {
-    size_t V = a->V, K = a->nshape + a->nexp;
+    size_t V = a->V;
 
     if (V == 0 || a->F == 0 || V > 10000000 || a->F > 40000000)
         return error_set(err, EX_DATAERR, "head has %zu vertices and %zu "
@@ -76,7 +83,6 @@ static int check_arrays(const struct head_arrays *a, struct error *err)
         return error_set(err, EX_DATAERR, "head scale is %f (expected a "
                          "positive number)", (double)a->scale);
     if (check_finite("v_template", a->v_template, 3 * V, err) ||
-        check_finite("shapedirs", a->shapedirs, 3 * V * K, err) ||
         check_finite("posedirs", a->posedirs, 3 * V * HEAD_POSE_DIRS, err) ||
         check_finite("J_regressor", a->J_regressor, HEAD_JOINTS * V, err) ||
         check_finite("weights", a->weights, HEAD_JOINTS * V, err) ||
@@ -112,11 +118,12 @@ static size_t lane(size_t v, int c)
     return (size_t)c * BLOCK + v % BLOCK;
 }
 
-/* out (blocks, n, 96) from x (V, 3, stride): columns first..first+n. */
-static void block_dirs(float *out, const float *x, size_t V, size_t stride,
-                       size_t first, size_t n, float scale)
+/* out (blocks, n, 96) of the vertices from .. to - 1 of x (V, 3, stride):
+ * columns first..first+n. */
+static void block_rows(float *out, const float *x, size_t from, size_t to,
+                       size_t stride, size_t first, size_t n, float scale)
 {
-    for (size_t v = 0; v < V; v++)
+    for (size_t v = from; v < to; v++)
         for (int c = 0; c < 3; c++) {
             const float *col = x + (3 * v + c) * stride + first;
             float *row = out + v / BLOCK * n * ROW + lane(v, c);
@@ -124,6 +131,13 @@ static void block_dirs(float *out, const float *x, size_t V, size_t stride,
             for (size_t k = 0; k < n; k++)
                 row[k * ROW] = scale * col[k];
         }
+}
+
+/* The same of all vertices and all n columns. */
+static void block_dirs(float *out, const float *x, size_t V, size_t n,
+                       float scale)
+{
+    block_rows(out, x, 0, V, n, 0, n, scale);
 }
 
 static void block_skin(float *out, const float *weights, size_t V)
@@ -134,12 +148,10 @@ static void block_skin(float *out, const float *weights, size_t V)
                 v % BLOCK] = weights[HEAD_JOINTS * v + j];
 }
 
-/* J of the template and of every direction: regression is linear, so joints
- * of any shape are joint_template + joint_dirs * coefficients. */
-static void regress_joints(struct head *h, const struct head_arrays *a)
+/* J of the template.  Regression is linear, so joints of any shape are
+ * joint_template + joint_dirs * coefficients. */
+static void regress_template(struct head *h, const struct head_arrays *a)
 {
-    size_t K = a->nshape + a->nexp;
-
     for (int j = 0; j < HEAD_JOINTS; j++)
         for (int c = 0; c < 3; c++) {
             const float *w = a->J_regressor + (size_t)j * a->V;
@@ -149,42 +161,85 @@ static void regress_joints(struct head *h, const struct head_arrays *a)
                 sum += (double)w[v] * a->v_template[3 * v + c];
             h->joint_template[3 * j + c] = (float)(h->scale * sum);
         }
-    for (size_t k = 0; k < K; k++) {
-        float *out = k < a->nshape ? h->joint_shape + 15 * k
-                                   : h->joint_exp + 15 * (k - a->nshape);
-        double sum[15] = {0};
-
-        for (int j = 0; j < HEAD_JOINTS; j++)
-            for (size_t v = 0; v < a->V; v++) {
-                double w = a->J_regressor[(size_t)j * a->V + v];
-                if (w == 0)
-                    continue;
-                for (int c = 0; c < 3; c++)
-                    sum[3 * j + c] += w * a->shapedirs[(3 * v + c) * K + k];
-            }
-        for (int i = 0; i < 15; i++)
-            out[i] = (float)(h->scale * sum[i]);
-    }
 }
 
-static void hash_head(struct head *h, const struct head_arrays *a)
+/* J of every direction: what the vertices from .. to - 1 add to sum (K,15). */
+static void regress_rows(double *sum, const struct head_arrays *a,
+                         size_t from, size_t to)
 {
-    XXH64_state_t *s = XXH64_createState();
-    size_t V = a->V, K = a->nshape + a->nexp;
-    uint64_t sizes[4] = {V, a->F, a->nshape, a->nexp};
-    static const char hex[] = "0123456789abcdef";
+    size_t K = a->nshape + a->nexp;
+
+    for (size_t v = from; v < to; v++)
+        for (size_t j = 0; j < HEAD_JOINTS; j++) {
+            double w = a->J_regressor[j * a->V + v];
+
+            if (w == 0)
+                continue;
+            for (size_t c = 0; c < 3; c++)
+                for (size_t k = 0; k < K; k++)
+                    sum[15 * k + 3 * j + c] +=
+                        w * a->shapedirs[(3 * v + c) * K + k];
+        }
+}
+
+/* The directions, nine tenths of a model: checked, hashed, regressed and laid
+ * out in one pass of a megabyte or two at a time, so that a mapped file
+ * (st, NULL for arrays in memory) need not stay there beside what is made of
+ * it. */
+static int take_directions(struct head *h, XXH64_state_t *hash,
+                           const struct head_arrays *a,
+                           const struct safetensors *st, struct error *err)
+{
+    const size_t K = a->nshape + a->nexp, run = 8 * BLOCK;
+    double *sum = calloc(15 * K + 1, sizeof *sum);
+    int rc = sum ? 0 : error_set(err, EX_OSERR, "no memory for %zu "
+                                 "directions", K);
+
+    for (size_t v = 0; !rc && v < a->V; v += run) {
+        size_t to = a->V - v < run ? a->V : v + run;
+        const float *rows = a->shapedirs + 3 * K * v;
+
+        rc = check_range("shapedirs", a->shapedirs, 3 * K * v, 3 * K * to,
+                         err);
+        XXH64_update(hash, rows, 3 * K * (to - v) * sizeof *rows);
+        block_rows(h->shape_dirs, a->shapedirs, v, to, K, 0, a->nshape,
+                   h->scale);
+        block_rows(h->exp_dirs, a->shapedirs, v, to, K, a->nshape, a->nexp,
+                   h->scale);
+        regress_rows(sum, a, v, to);
+        if (st)
+            st_forget(st, rows, 3 * K * (to - v) * sizeof *rows);
+    }
+    for (size_t k = 0; !rc && k < 15 * K; k++)
+        *(k < 15 * a->nshape ? h->joint_shape + k
+                             : h->joint_exp + k - 15 * a->nshape) =
+            (float)(h->scale * sum[k]);
+    free(sum);
+    return rc;
+}
+
+static void hash_begin(XXH64_state_t *s, const struct head *h,
+                       const struct head_arrays *a)
+{
+    uint64_t sizes[4] = {a->V, a->F, a->nshape, a->nexp};
 
     XXH64_reset(s, 0);
     XXH64_update(s, sizes, sizeof sizes);
     XXH64_update(s, &h->scale, sizeof h->scale);
-    XXH64_update(s, a->v_template, 3 * V * sizeof(float));
+    XXH64_update(s, a->v_template, 3 * a->V * sizeof(float));
     XXH64_update(s, a->f, 3 * a->F * sizeof(int32_t));
-    XXH64_update(s, a->shapedirs, 3 * V * K * sizeof(float));
-    XXH64_update(s, a->posedirs, 3 * V * HEAD_POSE_DIRS * sizeof(float));
-    XXH64_update(s, a->weights, HEAD_JOINTS * V * sizeof(float));
+}
+
+static void hash_end(struct head *h, XXH64_state_t *s,
+                     const struct head_arrays *a)
+{
+    static const char hex[] = "0123456789abcdef";
+
+    XXH64_update(s, a->posedirs,
+                 3 * a->V * HEAD_POSE_DIRS * sizeof(float));
+    XXH64_update(s, a->weights, HEAD_JOINTS * a->V * sizeof(float));
     XXH64_update(s, a->lip_inner, a->nlip_inner * sizeof(int32_t));
     uint64_t d = XXH64_digest(s);
-    XXH64_freeState(s);
     for (int i = 0; i < 16; i++)
         h->hash[i] = hex[d >> (60 - 4 * i) & 15];
     h->hash[16] = 0;
@@ -250,23 +305,8 @@ static int allocate(struct head *h, const struct head_arrays *a,
     return 0;
 }
 
-int head_init(struct head *h, const struct head_arrays *a, struct error *err)
+static void copy_small(struct head *h, const struct head_arrays *a)
 {
-    size_t V = a->V, K = a->nshape + a->nexp;
-
-    memset(h, 0, sizeof *h);
-    if (check_arrays(a, err))
-        return -1;
-    h->V = V;
-    h->F = a->F;
-    h->nshape = a->nshape;
-    h->nexp = a->nexp;
-    h->blocks = (V + BLOCK - 1) / BLOCK;
-    h->scale = a->scale > 0 ? a->scale : 5;
-    h->nlip_inner = a->nlip_inner;
-    h->nlip_upper_outer = a->nlip_upper_outer;
-    if (allocate(h, a, err))
-        return -1;
     memcpy(h->parents, a->parents, sizeof h->parents);
     if (a->landmark_faces) {
         memcpy(h->landmark_faces, a->landmark_faces,
@@ -274,27 +314,54 @@ int head_init(struct head *h, const struct head_arrays *a, struct error *err)
         memcpy(h->landmark_bary, a->landmark_bary, sizeof h->landmark_bary);
         h->has_landmarks = 1;
     }
-    for (size_t i = 0; i < 3 * V; i++) {
+    for (size_t i = 0; i < 3 * a->V; i++) {
         h->v_template[i] = h->scale * a->v_template[i];
         h->l_eyelid[i] = h->scale * a->l_eyelid[i];
         h->r_eyelid[i] = h->scale * a->r_eyelid[i];
     }
-    block_dirs(h->template_blocks, a->v_template, V, 1, 0, 1, h->scale);
-    block_dirs(h->shape_dirs, a->shapedirs, V, K, 0, a->nshape, h->scale);
-    block_dirs(h->exp_dirs, a->shapedirs, V, K, a->nshape, a->nexp,
-               h->scale);
-    block_dirs(h->pose_dirs, a->posedirs, V, HEAD_POSE_DIRS, 0,
-               HEAD_POSE_DIRS, h->scale);
-    for (size_t v = 0; v < V; v++)
+    block_dirs(h->template_blocks, a->v_template, a->V, 1, h->scale);
+    block_dirs(h->pose_dirs, a->posedirs, a->V, HEAD_POSE_DIRS, h->scale);
+    for (size_t v = 0; v < a->V; v++)
         for (int c = 0; c < 3; c++) {
             float *row = h->lids + v / BLOCK * 2 * ROW + lane(v, c);
             row[0] = h->l_eyelid[3 * v + c];
             row[ROW] = h->r_eyelid[3 * v + c];
         }
-    block_skin(h->skin, a->weights, V);
-    regress_joints(h, a);
-    hash_head(h, a);
-    return 0;
+    block_skin(h->skin, a->weights, a->V);
+    regress_template(h, a);
+}
+
+/* head_init; st, when the arrays lie in a mapped file, gives pages back. */
+static int fill(struct head *h, const struct head_arrays *a,
+                const struct safetensors *st, struct error *err)
+{
+    memset(h, 0, sizeof *h);
+    if (check_arrays(a, err))
+        return -1;
+    h->V = a->V;
+    h->F = a->F;
+    h->nshape = a->nshape;
+    h->nexp = a->nexp;
+    h->blocks = (a->V + BLOCK - 1) / BLOCK;
+    h->scale = a->scale > 0 ? a->scale : 5;
+    h->nlip_inner = a->nlip_inner;
+    h->nlip_upper_outer = a->nlip_upper_outer;
+    if (allocate(h, a, err))
+        return -1;
+    XXH64_state_t *hash = XXH64_createState();
+    hash_begin(hash, h, a);
+    copy_small(h, a);
+    int rc = take_directions(h, hash, a, st, err);
+    hash_end(h, hash, a);
+    XXH64_freeState(hash);
+    if (rc)
+        head_release(h);
+    return rc;
+}
+
+int head_init(struct head *h, const struct head_arrays *a, struct error *err)
+{
+    return fill(h, a, NULL, err);
 }
 
 void head_release(struct head *h)
@@ -315,7 +382,8 @@ void head_release(struct head *h)
 
 /* ---- from a file ------------------------------------------------------- */
 
-/* The arrays of a file, owned until loaded_release. */
+/* What had to be converted or copied of a file's arrays, owned until
+ * loaded_release. */
 struct loaded {
     float *f32[12];
     int32_t *i32[7];
@@ -328,7 +396,7 @@ static const float *take_f32(struct loaded *l, const struct safetensors *st,
 {
     size_t dims[3] = {d0, d1, d2};
 
-    return l->f32[l->nf++] = st_load_f32(st, name, ndim, dims, NULL, err);
+    return st_borrow_f32(st, name, ndim, dims, &l->f32[l->nf++], err);
 }
 
 static const int32_t *take_i32(struct loaded *l, const struct safetensors *st,
@@ -457,7 +525,7 @@ int head_load(struct head *h, const char *path, struct error *err)
         return -1;
     if (read_sizes(&a, st, err) || read_arrays(&a, &l, st, err))
         goto out;
-    rc = head_init(h, &a, err);
+    rc = fill(h, &a, st, err);
     if (rc)
         error_prefix(err, "%s", path);
 out:

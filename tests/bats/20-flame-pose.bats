@@ -66,3 +66,52 @@ PY
     one_line
     has "weights[7]"
 }
+
+# peak COMMAND...: its largest resident memory, in kB.
+peak() {
+    "$PYTHON" - "$@" <<'PY'
+import resource, subprocess, sys
+subprocess.run(sys.argv[1:], check=True, stdout=subprocess.DEVNULL)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+PY
+}
+
+@test "10,000 frames in under 64 MB, and no more than 10 frames take" {
+    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's"
+    need_numpy
+    motion 10
+    for _ in {1..1000}; do cat motion-src.json; done >long.json
+    spid-pack long.json -o long.spid
+    few=$(peak spid-flame --head "$HEAD" motion.spid -o few.spid)
+    many=$(peak spid-flame --head "$HEAD" long.spid -o /dev/null)
+    echo "10 frames $few kB, 10,000 frames $many kB"
+    [ "$many" -lt 65536 ]
+    # the mapped input counts as resident: a window of it, never all
+    [ "$many" -lt $((few + 16384)) ]
+}
+
+@test "the same head in double precision poses the same, in under 64 MB" {
+    need_numpy
+    "$PYTHON" - "$HEAD" <<'PY'
+import json, struct, sys
+import numpy as np
+b = open(sys.argv[1], "rb").read()
+n = struct.unpack("<Q", b[:8])[0]
+h, data, out = json.loads(b[8:8 + n]), b[8 + n:], b""
+for k, t in h.items():
+    if k == "__metadata__":
+        continue
+    raw = data[slice(*t["data_offsets"])]
+    if t["dtype"] == "F32":
+        raw, t["dtype"] = np.frombuffer(raw, "<f4").astype("<f8").tobytes(), "F64"
+    t["data_offsets"] = [len(out), len(out) + len(raw)]
+    out += raw
+j = json.dumps(h).encode()
+open("double.safetensors", "wb").write(struct.pack("<Q", len(j)) + j + out)
+PY
+    spid-flame --head "$HEAD" motion.spid -o a.spid
+    spid-flame --head double.safetensors motion.spid -o b.spid
+    cmp a.spid b.spid
+    [[ $BUILD != *sanitize* ]] || return 0
+    [ "$(peak spid-flame --head double.safetensors motion.spid -o b.spid)" -lt 65536 ]
+}

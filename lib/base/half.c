@@ -1,0 +1,58 @@
+#include "lib/base/half.h"
+
+#include <math.h>
+#include <string.h>
+
+float bf16_to_float(uint16_t h)
+{
+    uint32_t u = (uint32_t)h << 16;
+    float f;
+    memcpy(&f, &u, 4);
+    return f;
+}
+
+uint16_t float_to_bf16(float f)
+{
+    uint32_t u;
+    memcpy(&u, &f, 4);
+    if ((u & 0x7fffffff) > 0x7f800000)           /* NaN stays NaN */
+        return (uint16_t)(u >> 16 | 0x40);
+    return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
+}
+
+float half_to_float(uint16_t h)
+{
+    uint32_t sign = (uint32_t)(h & 0x8000) << 16, u;
+    int e = h >> 10 & 31;
+    uint32_t m = h & 0x3ff;
+    float f;
+
+    if (e == 0) {                                /* zero and subnormals */
+        f = ldexpf((float)m, -24);
+        return sign ? -f : f;
+    }
+    u = e == 31 ? 0x7f800000 | m << 13
+                : ((uint32_t)e + 112) << 23 | m << 13;
+    u |= sign;
+    memcpy(&f, &u, 4);
+    return f;
+}
+
+uint16_t float_to_half(float f)
+{
+    uint32_t u;
+    memcpy(&u, &f, 4);
+    uint16_t sign = (uint16_t)(u >> 16 & 0x8000);
+    u &= 0x7fffffff;
+    if (u > 0x7f800000)                          /* NaN */
+        return sign | 0x7e00;
+    if (u >= 0x477ff000)                         /* rounds to infinity */
+        return sign | 0x7c00;
+    if (u < 0x38800000) {                        /* subnormal in half */
+        float a;
+        memcpy(&a, &u, 4);
+        return sign | (uint16_t)lrintf(ldexpf(a, 24));
+    }
+    u += 0xfff + (u >> 13 & 1);
+    return sign | (uint16_t)((u - 0x38000000) >> 13);
+}
