@@ -39,7 +39,7 @@ static const struct cli_option options[] = {
     {"full", 0, CLI_FLAG, &full, 0, 0, NULL,
      "whole GAUS records instead of GMOV", NULL},
     {"without", 0, CLI_CALL, &without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp or deform (commas)",
+     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
      parse_without},
     {"prune", 0, CLI_FLOAT, &prune_eps, 0, 1e6, "EPS",
      "with --bake: drop what no view shows above EPS", NULL},
@@ -199,7 +199,8 @@ struct move {
     struct baked baked;
     struct densify dense;
     char head[17];          /* the avatar's CONF */
-    float *moved, *means;
+    struct baked_move frame;
+    float *means;
     bool sent;              /* the baked GAUS */
 };
 
@@ -222,6 +223,8 @@ static void drop_branches(struct baked *b, size_t V)
                     (size_t)b->vertex[i] >= V);
     if (keep)
         baked_keep(b, keep);
+    if (without & WITHOUT_BEND)
+        baked_straighten(b);
     free(keep);
 }
 
@@ -277,17 +280,16 @@ static int first_mesh(struct move *m, const struct record *rec,
                              "edges (expected more than %d: the avatar "
                              "belongs to another head)", V, m->dense.E,
                              m->baked.vertex[i]);
-    m->moved = malloc((3 * m->baked.dynamic + 1) * sizeof(float));
     m->means = malloc((3 * m->baked.N + 1) * sizeof(float));
-    if (!m->moved || !m->means)
+    if (!m->means)
         return error_set(err, EX_OSERR, "no memory for %zu Gaussians",
                          m->baked.N);
-    return 0;
+    return baked_move_init(&m->frame, &m->baked, err);
 }
 
 static int write_moved(struct stream_writer *out, struct move *m,
                        const struct record *rec, const float *cam,
-                       const float shift[3], struct error *err)
+                       struct error *err)
 {
     static const char *const known[] = {"verts", "cam", "lip", "gap", "faces",
                                         NULL};
@@ -295,12 +297,14 @@ static int write_moved(struct stream_writer *out, struct move *m,
     struct array a[STREAM_MAX_ARRAYS] = {
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
         array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
-        array_make("mean", DTYPE_F32, m->moved, 2, m->baked.dynamic, 3, 0, 0),
-        array_make("shift", DTYPE_F32, shift, 1, 3, 0, 0, 0)
+        array_make("mean", DTYPE_F32, m->frame.mean, 2, m->baked.dynamic, 3,
+                   0, 0),
+        array_make("shift", DTYPE_F32, m->frame.shift, 1, 3, 0, 0, 0),
+        array_make("body", DTYPE_F32, m->frame.body, 2, 3, 4, 0, 0)
     };
 
     if (full) {
-        baked_means(m->means, &m->baked, m->moved, shift);
+        baked_means(m->means, &m->baked, &m->frame);
         return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
                            cam, err);
     }
@@ -308,7 +312,9 @@ static int write_moved(struct stream_writer *out, struct move *m,
                                 NULL, err))
         return -1;
     m->sent = true;
-    int n = 4 + record_others(a + 4, 4, rec, known);
+    int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
+
+    n += record_others(a + n, n, rec, known);
     return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
 }
 
@@ -323,14 +329,13 @@ static int move_frame(struct stream_writer *out, struct move *m,
     const float *lip = cam ? record_get(rec, "lip", DTYPE_F32, 1, d3, err)
                            : NULL;
     const float *gap = NULL;
-    float shift[3];
 
     if (!lip || record_check_finite(rec, err))
         return -1;
     if (record_find(rec, "gap") &&
         !(gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
         return -1;
-    if (!m->moved && first_mesh(m, rec, err))
+    if (!m->means && first_mesh(m, rec, err))
         return -1;
     if (record_find(rec, "verts")->dim[0] != m->dense.V)
         return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
@@ -339,10 +344,10 @@ static int move_frame(struct stream_writer *out, struct move *m,
     double begun = stats_begin();
     /* MM at five units a metre: an unknown opening counts as open */
     float closed = closed_mm < 0 ? BAKED_CLOSED : (float)(closed_mm * 0.005);
-    baked_drive(m->moved, shift, &m->baked, &m->dense, verts, lip,
-                gap ? *gap : 1, closed, cam);
+    baked_drive(&m->frame, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
+                closed, cam);
     stats_end("branches", begun);
-    return write_moved(out, m, rec, cam, shift, err);
+    return write_moved(out, m, rec, cam, err);
 }
 
 static void check_head(const struct move *m, const struct record *rec)
@@ -384,7 +389,7 @@ static void move(struct stream_writer *out, const char *input)
     }
     baked_release(&m.baked);
     densify_release(&m.dense);
-    free(m.moved);
+    baked_move_release(&m.frame);
     free(m.means);
 }
 

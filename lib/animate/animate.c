@@ -32,7 +32,6 @@ static int open_worker(struct animate_worker *w, struct error *err)
     int threads = a->opt.workers > 1 ? 1 : 0;
 
     w->verts = malloc(3 * a->id->head->V * sizeof *w->verts);
-    w->moved = malloc((3 * a->baked->dynamic + 1) * sizeof *w->moved);
     w->image = aligned_alloc(64, (3 * pixels * sizeof(float) + 63) / 64 * 64);
     w->alpha = malloc(pixels * sizeof *w->alpha);
     size_t drawn = a->opt.star ? 0 : pixels * (size_t)channels;
@@ -40,10 +39,12 @@ static int open_worker(struct animate_worker *w, struct error *err)
         w->features_half = malloc((drawn + 1) * sizeof *w->features_half);
     else
         w->features = malloc((drawn + 1) * sizeof *w->features);
-    if (!w->verts || !w->moved || !w->image || !w->alpha ||
+    if (!w->verts || !w->image || !w->alpha ||
         (!w->features && !w->features_half))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
+    if (baked_move_init(&w->move, a->baked, err))
+        return -1;
     if (open_renderer(w, channels, threads, err))
         return -1;
     if (a->opt.star)
@@ -88,7 +89,7 @@ void animate_release(struct animate *a)
         splat_release(&w->splat);
         refine_release(&w->refine);
         free(w->verts);
-        free(w->moved);
+        baked_move_release(&w->move);
         free(w->image);
         free(w->alpha);
         free(w->features);
@@ -123,21 +124,19 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     const struct animate *a = w->owner;
     const struct baked *b = a->baked;
     struct head_mouth mouth;
-    float cam[12], shift[3];
+    float cam[12];
     double t0 = cpu_seconds();
 
     head_pose(w->verts, a->id, &m->pose);               /* V_d */
     motion_camera(cam, m);                              /* T_d */
     head_mouth(&mouth, a->id->head, w->verts);
     double t1 = cpu_seconds();
-    baked_drive(w->moved, shift, b, a->dense, w->verts, mouth.centre,
+    baked_drive(&w->move, b, a->dense, w->verts, mouth.centre,
                 mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
     double t2 = cpu_seconds();
     struct splat_camera c = splat_camera_square(cam, (int)a->opt.size,
                                                 CAMERA_FOCAL);
-    if (splat_update(&w->splat, w->moved, 0, b->dynamic, err) ||
-        (b->mouth && splat_shift(&w->splat, shift, b->N - b->mouth, b->mouth,
-                                 err)))
+    if (baked_move_scene(&w->splat, &w->move, b, err))
         return -1;
     float *image = a->opt.star ? w->image : w->features;
     if (image ? splat_forward(&w->splat, image, w->alpha, NULL, &c, NULL, err)

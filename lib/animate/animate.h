@@ -54,7 +54,7 @@ struct animate_worker {
     struct splat splat;
     struct refine refine;
     float *verts;               /* (V,3) */
-    float *moved;               /* (dynamic,3) */
+    struct baked_move move;
     float *image;               /* (S,S,3) drawn, or refined */
     float *features;            /* (S,S,C) unless star */
     uint16_t *features_half;    /* (S,S,C) instead of features with half */

@@ -9,12 +9,14 @@
 #include "lib/avatar/coverage.h"
 #include "lib/geom/camera.h"
 
+const float avatar_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+
 unsigned avatar_without_parse(const char *word)
 {
     static const char *const words[] = {"dynamic", "static", "mouth",
-                                        "interp", "deform"};
+                                        "interp", "deform", "bend"};
 
-    for (unsigned i = 0; i < 5; i++)
+    for (unsigned i = 0; i < 6; i++)
         if (strcmp(word, words[i]) == 0)
             return 1u << i;
     return 0;
@@ -30,7 +32,8 @@ int avatar_without_list(unsigned *bits, const char *words, struct error *err)
         unsigned bit = avatar_without_parse(word);
         if (!bit)
             return error_set(err, EX_USAGE, "unknown part \"%s\" (expected "
-                             "dynamic, static, mouth, interp or deform)",
+                             "dynamic, static, mouth, interp, deform or "
+                             "bend)",
                              word);
         *bits |= bit;
         words += n + (words[n] == ',');
@@ -82,6 +85,7 @@ int avatar_init(struct avatar *a, struct params *ps,
         return error_set(err, EX_CONFIG, "head has no inner lip ring "
                          "(expected the list lip_inner)");
     if (densify_init(&a->dense, head->f, head->F, head->V, err) ||
+        mesh_weights(a, err) ||
         backbone_init(&a->backbone, ps, "backbone.", &config->backbone,
                       err) ||
         plane_init_init(&a->init, ps, "init.", config->feature + 1,
@@ -184,7 +188,9 @@ static int allocate(struct avatar *a, struct error *err)
         {&s->rgb, 3 * s->S * s->S, 0}, {&s->rgba, 4 * s->S * s->S, 0},
         {(float **)&s->bled, s->S * s->S / 4 + 1, 0},
         {&s->features, n2 * Cf, 0}, {&s->dfeatures, n2 * Cf, 1},
-        {&s->coverage, n2, 0}, {&s->zbuffer, n2, 0},
+        {&s->coverage, n2, 0}, {&s->zbuffer, n2, 0}, {&s->held, n2, 0},
+        {&s->bent, 3 * s->V, 0}, {&s->bend, N, 0}, {&s->driven, 3 * D, 0},
+        {&s->ddriven, 3 * D, 1},
         {&s->raster, coverage_scratch(s->n) / sizeof(float) + 1, 0},
         {&s->init_in, n2 * (Cf + 1), 0}, {&s->dinit_in, n2 * (Cf + 1), 1},
         {&s->delta, 2 * n2, 0}, {&s->U, 2 * n2, 0}, {&s->dU, 2 * n2, 1},
@@ -283,6 +289,8 @@ void avatar_update(struct avatar *a)
 void avatar_release(struct avatar *a)
 {
     scratch_free(a);
+    free(a->neck);
+    free(a->moving);
     densify_release(&a->dense);
     backbone_release(&a->backbone);
     plane_init_release(&a->init);
@@ -381,6 +389,40 @@ static void take_picture(struct avatar *a, const struct avatar_source *src)
         bleed_step(s->rgba, s->bled, s->S, step);
 }
 
+/* R_s: what takes the source's shoulders to the camera's axes. */
+static void source_rotation(float from[9], const struct avatar *a)
+{
+    for (int i = 0; i < 9; i++)
+        from[i] = a->scratch->cam[4 * (i / 3) + i % 3];
+}
+
+/* The shoulders' motion since the source, in the frame of a head seen by
+ * cam. */
+static void shoulders_since(float body[12], const struct avatar *a,
+                            const float cam[12])
+{
+    float from[9];
+
+    source_rotation(from, a);
+    bend_body(body, a->bend.pivot, from, cam);
+}
+
+/* The source's mesh as its neck bends, and the mesh's weights. */
+static void start_bending(struct avatar *a, const float *verts)
+{
+    struct avatar_scratch *s = a->scratch;
+    size_t dynamic = a->first[BRANCH_STATIC], n = a->first[BRANCH_COUNT];
+    float body[12];
+
+    memset(s->bend, 0, n * sizeof *s->bend);
+    memcpy(s->bent, verts, 3 * s->V * sizeof *s->bent);
+    if (a->without & WITHOUT_BEND)
+        return;
+    memcpy(s->bend, a->neck, dynamic * sizeof *s->bend);
+    bend_body(body, a->bend.pivot, avatar_upright, s->cam);
+    bend_points(s->bent, verts, a->neck, s->V, body);
+}
+
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
 {
     struct avatar_scratch *s = a->scratch;
@@ -391,9 +433,11 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     static_normal(a->normal, src->cam);
     take_picture(a, src);
     backbone_forward(s->features, s->rgb, &a->backbone);
-    coverage_map(s->coverage, src->verts, h->V, h->f, h->F, src->cam, s->n,
+    start_bending(a, src->verts);
+    coverage_map(s->coverage, s->bent, h->V, h->f, h->F, src->cam, s->n,
                  s->raster);
-    coverage_depth(s->zbuffer, src->verts, h->V, h->f, h->F, src->cam, s->n);
+    coverage_depth(s->zbuffer, s->held, s->bent, a->moving, h->f, h->F,
+                   src->cam, s->n);
     dynamic_bake(a, src->verts);
     static_bake(a);
     mouth_bake(a, src->verts);
@@ -426,34 +470,30 @@ void avatar_bake_backward(struct avatar *a)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-void avatar_drive(float *moved, float shift[3], const struct avatar *a,
-                  const float *verts)
+void avatar_drive(float *means, struct avatar *a, const float *verts,
+                  const float cam[12])
 {
-    size_t dynamic = a->first[BRANCH_STATIC], V = a->head->V;
-    float lip[3];
-
-    if (dynamic == V)
-        memcpy(moved, verts, 3 * V * sizeof *moved);
-    else if (dynamic)
-        densify_forward(moved, verts, &a->dense, 3);
-    head_lip_centroid(lip, a->head, verts);
-    for (int i = 0; i < 3; i++)
-        shift[i] = lip[i] - a->mouth.centre[i];
-}
-
-void avatar_drive_all(float *means, const struct avatar *a,
-                      const float *verts)
-{
+    struct avatar_scratch *s = a->scratch;
     size_t at = a->first[BRANCH_STATIC], mouth = a->first[BRANCH_MOUTH];
-    float shift[3];
+    size_t V = a->head->V;
+    float lip[3], body[12];
 
-    avatar_drive(means, shift, a, verts);
-    memcpy(means + 3 * at, a->set.mean + 3 * at,
-           3 * (mouth - at) * sizeof *means);
+    memcpy(s->frame_cam, cam, sizeof s->frame_cam);
+    if (at == V)
+        memcpy(s->driven, verts, 3 * V * sizeof *s->driven);
+    else if (at)
+        densify_forward(s->driven, verts, &a->dense, 3);
+    bend_body(body, a->bend.pivot, avatar_upright, cam);
+    bend_points(means, s->driven, s->bend, at, body);
+    shoulders_since(body, a, cam);
+    bend_points(means + 3 * at, a->set.mean + 3 * at, s->bend + at,
+                mouth - at, body);
     /* mu = g - l_s + l_d + q */
+    head_lip_centroid(lip, a->head, verts);
     for (size_t k = mouth; k < a->first[BRANCH_COUNT]; k++)
         for (size_t c = 0; c < 3; c++)
-            means[3 * k + c] = a->set.mean[3 * k + c] + shift[c];
+            means[3 * k + c] = a->set.mean[3 * k + c] + lip[c] -
+                               a->mouth.centre[c];
 }
 
 int avatar_mouth_hidden(const struct avatar *a, const float *verts, float gap)
@@ -474,22 +514,30 @@ struct splat_gradients avatar_gradients(struct avatar *a)
     };
 }
 
-void avatar_drive_backward(float *dverts, struct avatar *a)
+void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
 {
     struct avatar_scratch *s = a->scratch;
-    size_t dynamic = a->first[BRANCH_STATIC], n = a->first[BRANCH_COUNT];
-    float dlip[3] = {0};
+    size_t at = a->first[BRANCH_STATIC], mouth = a->first[BRANCH_MOUTH];
+    size_t n = a->first[BRANCH_COUNT];
+    float dlip[3] = {0}, from[9];
 
-    if (dynamic == a->head->V)
-        for (size_t i = 0; i < 3 * dynamic; i++)
-            dverts[i] += s->frame_dmean[i];
-    else if (dynamic)
-        densify_backward(dverts, s->frame_dmean, &a->dense, 3);
-    for (size_t k = a->first[BRANCH_MOUTH]; k < n; k++)
+    memset(s->ddriven, 0, 3 * s->D * sizeof *s->ddriven);
+    bend_points_backward(s->ddriven, dcam, s->frame_dmean, s->driven, s->bend,
+                         at, a->bend.pivot, avatar_upright, s->frame_cam);
+    if (at == a->head->V)
+        for (size_t i = 0; i < 3 * at; i++)
+            dverts[i] += s->ddriven[i];
+    else if (at)
+        densify_backward(dverts, s->ddriven, &a->dense, 3);
+    source_rotation(from, a);
+    bend_points_backward(s->dmean + 3 * at, dcam, s->frame_dmean + 3 * at,
+                         a->set.mean + 3 * at, s->bend + at, mouth - at,
+                         a->bend.pivot, from, s->frame_cam);
+    for (size_t k = mouth; k < n; k++)
         for (size_t c = 0; c < 3; c++)
             dlip[c] += s->frame_dmean[3 * k + c];
     head_lip_centroid_backward(dverts, dlip, a->head);
-    for (size_t i = 3 * dynamic; i < 3 * n; i++)
+    for (size_t i = 3 * mouth; i < 3 * n; i++)
         s->dmean[i] += s->frame_dmean[i];
     memset(s->frame_dmean, 0, 3 * n * sizeof *s->frame_dmean);
 }

@@ -19,7 +19,14 @@
  * the mesh covers the plane and where the matte is empty, scales start at the
  * spacing of the grid or of the mesh, static depths at the mesh's surface; the
  * decoders are told visibility, coverage and matte.  Vertices the source does
- * not show take colour from their neighbours on the mesh. */
+ * not show take colour from their neighbours on the mesh.  Where the mesh can
+ * move against the skull the plane draws nothing: a second, still copy of the
+ * lips would cover the first.
+ *
+ * Bending: the paper's camera turns shoulders with the head.  Here they stay
+ * upright before the camera: driven vertices and static Gaussians below the
+ * chin are bent at the neck (lib/geom/bend.h), the mesh from upright
+ * shoulders, the plane from where it was in the source. */
 #ifndef SPID_AVATAR_AVATAR_H
 #define SPID_AVATAR_AVATAR_H
 
@@ -29,6 +36,7 @@
 #include "lib/avatar/config.h"
 #include "lib/avatar/densify.h"
 #include "lib/base/error.h"
+#include "lib/geom/bend.h"
 #include "lib/head/head.h"
 #include "lib/net/backbone.h"
 #include "lib/net/conv_decoder.h"
@@ -45,10 +53,11 @@ enum avatar_branch {
 enum avatar_without {
     WITHOUT_DYNAMIC = 1, WITHOUT_STATIC = 2, WITHOUT_MOUTH = 4,
     WITHOUT_INTERP = 8,     /* no midpoints: V dynamic Gaussians */
-    WITHOUT_DEFORM = 16     /* Delta U = 0: the uniform plane */
+    WITHOUT_DEFORM = 16,    /* Delta U = 0: the uniform plane */
+    WITHOUT_BEND = 32       /* shoulders turn with the head */
 };
-/* The bit for "dynamic", "static", "mouth", "interp" or "deform"; 0 for any
- * other word. */
+/* The bit for "dynamic", "static", "mouth", "interp", "deform" or "bend"; 0
+ * for any other word. */
 unsigned avatar_without_parse(const char *word);
 /* The same for words with commas between, added to *bits; -1 and EX_USAGE
  * naming the one that is unknown. */
@@ -81,6 +90,10 @@ struct avatar {
     struct conv_decoder static_decoder, mouth_decoder;
     struct mlp_decoder dynamic_decoder;
     size_t head_base;       /* h_k: index in ps, (V, vertex_width) */
+    struct bend bend;       /* of the mean head */
+    float *neck;            /* (V+E) weights of it */
+    float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
+                             * the skin, 0 on the skull */
     unsigned without;       /* enum avatar_without; set before avatar_bake */
 
     /* Set by avatar_bake. */
@@ -109,13 +122,10 @@ void avatar_release(struct avatar *a);
 /* Phase A: fill a->set and the fields above it. */
 void avatar_bake(struct avatar *a, const struct avatar_source *src);
 
-/* Phase B.  moved: centres of the dynamic branch (first[1],3) = the densified
- * driven vertices; shift: l_d - l_s, which the mouth sheet moves by. */
-void avatar_drive(float *moved, float shift[3], const struct avatar *a,
-                  const float *verts);
-/* All centres of a frame: means (N,3). */
-void avatar_drive_all(float *means, const struct avatar *a,
-                      const float *verts);
+/* Phase B: all centres (N,3) of a frame.  The dynamic ones are the densified
+ * driven vertices, the mouth's move by l_d - l_s; both shoulders bend. */
+void avatar_drive(float *means, struct avatar *a, const float *verts,
+                  const float cam[12]);
 
 /* True when closed lips hide the sheet: the driven opening is under `gap`
  * head units (0.004 is 0.8 mm). */
@@ -127,10 +137,11 @@ int avatar_mouth_hidden(const struct avatar *a, const float *verts,
 /* Where a renderer adds its gradients: arrays as a->set, zeroed by
  * avatar_bake; mean is this frame's and zeroed by avatar_drive_backward. */
 struct splat_gradients avatar_gradients(struct avatar *a);
-/* dverts (V,3) += gradient of the frame's centres with respect to the driven
- * vertices (also through the lip centroid).  The static and mouth parts are
+/* dverts (V,3) and dcam (3,4) += gradient of the centres of the last
+ * avatar_drive with respect to the driven vertices (also through the lip
+ * centroid) and to the camera it bent for.  The static and mouth parts are
  * kept for the bake. */
-void avatar_drive_backward(float *dverts, struct avatar *a);
+void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a);
 /* Adds to ps->g.  The source picture, mesh and camera are constants. */
 void avatar_bake_backward(struct avatar *a);
 

@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
+#include "lib/avatar/branches.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
                     struct error *err)
@@ -14,7 +15,7 @@ static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (11 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (12 + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -25,8 +26,24 @@ static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
     b->scale = b->mean + 3 * N;
     b->quat = b->scale + 3 * N;
     b->opacity = b->quat + 4 * N;
-    b->color = b->opacity + N;
+    b->bend = b->opacity + N;
+    b->color = b->bend + N;
+    memset(b->bend, 0, N * sizeof *b->bend);
+    memcpy(b->source, avatar_upright, sizeof b->source);
     return 0;
+}
+
+/* The smallest range that holds every static Gaussian that bends. */
+static void find_bent(struct baked *b)
+{
+    size_t lo = b->dynamic, hi = b->N - b->mouth;
+
+    while (lo < hi && b->bend[lo] == 0)
+        lo++;
+    while (hi > lo && b->bend[hi - 1] == 0)
+        hi--;
+    b->first = lo;
+    b->bent = hi - lo;
 }
 
 int baked_from_avatar(struct baked *b, const struct avatar *a,
@@ -45,6 +62,11 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     memcpy(b->color, g->color, N * C * sizeof *b->color);
     memcpy(b->branch, g->branch, N);
     memcpy(b->lip, a->mouth.centre, sizeof b->lip);
+    memcpy(b->bend, a->scratch->bend, N * sizeof *b->bend);
+    memcpy(b->pivot, a->bend.pivot, sizeof b->pivot);
+    for (int i = 0; i < 9; i++)
+        b->source[i] = a->scratch->cam[4 * (i / 3) + i % 3];
+    find_bent(b);
     for (size_t i = 0; i < b->dynamic; i++)
         b->vertex[i] = (int32_t)i;
     return 0;
@@ -107,6 +129,26 @@ static int read_vertices(struct baked *b, const struct record *rec,
     return 0;
 }
 
+/* The optional arrays that say how it bends. */
+static int read_bending(struct baked *b, const struct record *rec,
+                        struct error *err)
+{
+    const size_t N[1] = {b->N}, three[1] = {3}, nine[2] = {3, 3};
+    const float *bend, *pivot, *source;
+
+    if (!record_find(rec, "bend"))
+        return 0;
+    if (!(bend = record_get(rec, "bend", DTYPE_F32, 1, N, err)) ||
+        !(pivot = record_get(rec, "pivot", DTYPE_F32, 1, three, err)) ||
+        !(source = record_get(rec, "source", DTYPE_F32, 2, nine, err)))
+        return -1;
+    memcpy(b->bend, bend, b->N * sizeof *bend);
+    memcpy(b->pivot, pivot, sizeof b->pivot);
+    memcpy(b->source, source, sizeof b->source);
+    find_bent(b);
+    return 0;
+}
+
 int baked_read(struct baked *b, const struct record *rec, size_t vertices,
                struct error *err)
 {
@@ -145,7 +187,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     const struct array *lip = record_find(rec, "lip");
     if (lip && lip->dtype == DTYPE_F32 && array_count(lip) == 3)
         memcpy(b->lip, lip->data, sizeof b->lip);
-    if (read_vertices(b, rec, vertices, err)) {
+    if (read_vertices(b, rec, vertices, err) ||
+        read_bending(b, rec, err)) {
         baked_release(b);
         return -1;
     }
@@ -157,7 +200,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 struct error *err)
 {
     size_t N = b->N;
-    struct array a[9] = {
+    struct array a[12] = {
         array_make("mean", DTYPE_F32, means ? means : b->mean, 2, N, 3, 0, 0),
         array_make("scale", DTYPE_F32, b->scale, 2, N, 3, 0, 0),
         array_make("quat", DTYPE_F32, b->quat, 2, N, 4, 0, 0),
@@ -166,10 +209,13 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("branch", DTYPE_U8, b->branch, 1, N, 0, 0, 0),
         array_make("lip", DTYPE_F32, b->lip, 1, 3, 0, 0, 0),
         array_make("vertex", DTYPE_I32, b->vertex, 1, b->dynamic, 0, 0, 0),
+        array_make("bend", DTYPE_F32, b->bend, 1, N, 0, 0, 0),
+        array_make("pivot", DTYPE_F32, b->pivot, 1, 3, 0, 0, 0),
+        array_make("source", DTYPE_F32, b->source, 2, 3, 3, 0, 0),
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0)
     };
 
-    return stream_write(w, "GAUS", frame, time, a, cam ? 9 : 8, err);
+    return stream_write(w, "GAUS", frame, time, a, cam ? 12 : 11, err);
 }
 
 /* ---- leaving out ------------------------------------------------------- */
@@ -193,6 +239,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     keep_rows(b->scale, 3, keep, b->N);
     keep_rows(b->quat, 4, keep, b->N);
     keep_rows(b->opacity, 1, keep, b->N);
+    keep_rows(b->bend, 1, keep, b->N);
     keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
@@ -205,6 +252,13 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     b->N = out;
     b->dynamic = dynamic;
     b->mouth = mouth;
+    find_bent(b);
+}
+
+void baked_straighten(struct baked *b)
+{
+    memset(b->bend, 0, b->N * sizeof *b->bend);
+    find_bent(b);
 }
 
 size_t baked_drop_clear(struct baked *b)
@@ -222,40 +276,75 @@ size_t baked_drop_clear(struct baked *b)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-void baked_drive(float *moved, float shift[3], const struct baked *b,
+int baked_move_init(struct baked_move *m, const struct baked *b,
+                    struct error *err)
+{
+    memset(m, 0, sizeof *m);
+    m->mean = malloc((3 * b->dynamic + 1) * sizeof *m->mean);
+    m->bent = malloc((3 * b->bent + 1) * sizeof *m->bent);
+    if (m->mean && m->bent)
+        return 0;
+    baked_move_release(m);
+    return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
+}
+
+void baked_move_release(struct baked_move *m)
+{
+    free(m->mean);
+    free(m->bent);
+    memset(m, 0, sizeof *m);
+}
+
+void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *d, const float *verts,
                  const float lip[3], float gap, float closed,
                  const float cam[12])
 {
     size_t V = d->V;
 
-    /* mu_k = densified driven vertex */
+    /* mu_k = densified driven vertex, bent below the chin */
     for (size_t i = 0; i < b->dynamic; i++) {
         size_t k = (size_t)b->vertex[i];
 
         if (k < V) {
-            memcpy(moved + 3 * i, verts + 3 * k, 3 * sizeof *moved);
+            memcpy(m->mean + 3 * i, verts + 3 * k, 3 * sizeof *verts);
             continue;
         }
         const float *p = verts + 3 * (size_t)d->edge[2 * (k - V)];
         const float *q = verts + 3 * (size_t)d->edge[2 * (k - V) + 1];
         for (int c = 0; c < 3; c++)
-            moved[3 * i + c] = 0.5f * (p[c] + q[c]);
+            m->mean[3 * i + c] = 0.5f * (p[c] + q[c]);
     }
+    bend_body(m->body, b->pivot, avatar_upright, cam);
+    bend_points(m->mean, m->mean, b->bend, b->dynamic, m->body);
+    bend_body(m->body, b->pivot, b->source, cam);
     /* mu = g - l_s + l_d + q; a hidden sheet goes 1000 units behind */
     for (int c = 0; c < 3; c++)
-        shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];
+        m->shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];
 }
 
-void baked_means(float *means, const struct baked *b, const float *moved,
-                 const float shift[3])
+int baked_move_scene(struct splat *s, struct baked_move *m,
+                     const struct baked *b, struct error *err)
+{
+    bend_points(m->bent, b->mean + 3 * b->first, b->bend + b->first, b->bent,
+                m->body);
+    if (splat_update(s, m->mean, 0, b->dynamic, err) ||
+        (b->bent && splat_update(s, m->bent, b->first, b->bent, err)) ||
+        (b->mouth && splat_shift(s, m->shift, b->N - b->mouth, b->mouth,
+                                 err)))
+        return -1;
+    return 0;
+}
+
+void baked_means(float *means, const struct baked *b,
+                 const struct baked_move *m)
 {
     size_t at = b->dynamic, mouth = b->N - b->mouth;
 
-    memcpy(means, moved, 3 * at * sizeof *means);
-    memcpy(means + 3 * at, b->mean + 3 * at,
-           3 * (mouth - at) * sizeof *means);
+    memcpy(means, m->mean, 3 * at * sizeof *means);
+    bend_points(means + 3 * at, b->mean + 3 * at, b->bend + at, mouth - at,
+                m->body);
     for (size_t i = mouth; i < b->N; i++)
         for (size_t c = 0; c < 3; c++)
-            means[3 * i + c] = b->mean[3 * i + c] + shift[c];
+            means[3 * i + c] = b->mean[3 * i + c] + m->shift[c];
 }

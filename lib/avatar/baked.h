@@ -25,6 +25,10 @@ struct baked {
     uint8_t *branch;
     int32_t *vertex;        /* (dynamic) densified vertex of each */
     float lip[3];           /* l_s */
+    float *bend;            /* (N) weights of the bending (lib/geom/bend.h) */
+    float pivot[3];
+    float source[9];        /* R_s, where the static branch's shoulders were */
+    size_t first, bent;     /* static Gaussians that bend lie in a range */
     float *block;           /* what the float arrays are part of */
 };
 
@@ -51,15 +55,32 @@ void baked_keep(struct baked *b, const uint8_t *keep);
 /* Drop what the rules never draw, opacity under 1/255; returns how many. */
 size_t baked_drop_clear(struct baked *b);
 
-/* One frame.  moved (dynamic,3) centres on the densified driven vertices;
- * shift = l_d - l_s of the mouth sheet, or a way behind the camera when gap,
- * the opening of the driven lips, is under closed (0: never hidden). */
-void baked_drive(float *moved, float shift[3], const struct baked *b,
+/* Do not bend from now on. */
+void baked_straighten(struct baked *b);
+
+/* What moves in a frame. */
+struct baked_move {
+    float *mean;            /* (dynamic,3) on the densified driven vertices */
+    float *bent;            /* (bent,3) static centres, by baked_move_scene */
+    float shift[3];         /* of the mouth sheet: l_d - l_s, or a way behind
+                             * the camera */
+    float body[12];         /* of the static branch's shoulders, head frame */
+};
+int baked_move_init(struct baked_move *m, const struct baked *b,
+                    struct error *err);
+void baked_move_release(struct baked_move *m);
+
+/* One frame's mean, shift and body.  The sheet hides when gap, the opening of
+ * the driven lips, is under closed (0: never). */
+void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *d, const float *verts,
                  const float lip[3], float gap, float closed,
                  const float cam[12]);
-/* All centres (N,3) of the frame from the two. */
-void baked_means(float *means, const struct baked *b, const float *moved,
-                 const float shift[3]);
+/* Hand it to a renderer that has loaded baked_set. */
+int baked_move_scene(struct splat *s, struct baked_move *m,
+                     const struct baked *b, struct error *err);
+/* All centres (N,3) of the frame. */
+void baked_means(float *means, const struct baked *b,
+                 const struct baked_move *m);
 
 #endif

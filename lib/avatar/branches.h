@@ -74,7 +74,7 @@ struct avatar_scratch {
     int train;
     size_t S, n, K, Cf, V, D, M;    /* D = V + E, M = K*K */
     size_t n2;                      /* n*n */
-    float cam[12];                  /* source camera */
+    float cam[12], frame_cam[12];   /* the source's camera, the frame's */
     float *block;                   /* everything below */
     float *rgb;                     /* (S,S,3) over black, for the backbone */
     float *rgba;                    /* (S,S,4) as it is, and the matte */
@@ -82,6 +82,10 @@ struct avatar_scratch {
     float *features, *dfeatures;    /* (n,n,Cf) */
     float *coverage;                /* (n,n) */
     float *zbuffer;                 /* (n,n) camera depth of the mesh */
+    float *held;                    /* (n,n) how much of it can move */
+    float *bent;                    /* (V,3) source vertices, bent */
+    float *bend;                    /* (N) weights of the bending */
+    float *driven, *ddriven;        /* (D,3) a frame's, before bending */
     float *raster;                  /* coverage_scratch(n) */
     /* static */
     float *init_in, *dinit_in;      /* (n,n,Cf+1) */
@@ -128,6 +132,12 @@ struct avatar_scratch {
     float *frame_dmean;             /* (N,3) of one frame */
     uint8_t *branch;                /* (N) */
 };
+
+/* Fill a->bend, neck and moving from the head. */
+int mesh_weights(struct avatar *a, struct error *err);
+
+/* Shoulders that nothing is known of stand upright before the camera. */
+extern const float avatar_upright[9];
 
 /* Numbers per row the decoders take. */
 size_t static_inputs(const struct avatar_config *c);

@@ -155,13 +155,14 @@ void coverage_map(float *C, const float *verts, size_t V,
         C[i] = fminf(C[i], 1);
 }
 
-void coverage_depth(float *z, const float *verts, size_t V,
-                    const int32_t *faces, size_t F, const float cam[12],
-                    size_t n)
+void coverage_depth(float *z, float *value, const float *verts,
+                    const float *attribute, const int32_t *faces, size_t F,
+                    const float cam[12], size_t n)
 {
-    (void)V;
     for (size_t i = 0; i < n * n; i++)
         z[i] = INFINITY;
+    if (value)
+        memset(value, 0, n * n * sizeof *value);
     for (size_t f = 0; f < F; f++) {
         struct corner c[3];
         float lo, hi;
@@ -176,6 +177,11 @@ void coverage_depth(float *z, const float *verts, size_t V,
         if (det == 0)
             continue;
         float gx = (d1 * y2 - d2 * y1) / det, gy = (x1 * d2 - x2 * d1) / det;
+        float v[3] = {0};
+        for (int k = 0; value && k < 3; k++)
+            v[k] = attribute[faces[3 * f + k]] - v[0];
+        float vx = (v[1] * y2 - v[2] * y1) / det;
+        float vy = (x1 * v[2] - x2 * v[1]) / det;
         size_t r0 = first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), n);
         size_t r1 = first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), n);
         for (size_t i = r0; i < r1; i++) {
@@ -188,8 +194,12 @@ void coverage_depth(float *z, const float *verts, size_t V,
                 float x = (float)j + 0.5f;
                 float d = 1 / (a + gx * (x - c[0].x) + gy * (y - c[0].y));
 
-                if (d < z[i * n + j])
-                    z[i * n + j] = d;
+                if (!(d < z[i * n + j]))
+                    continue;
+                z[i * n + j] = d;
+                if (value)
+                    value[i * n + j] = v[0] + vx * (x - c[0].x) +
+                                       vy * (y - c[0].y);
             }
         }
     }

@@ -24,10 +24,11 @@ void coverage_blur(float *out, const float *x, size_t n, float sigma,
                    float *tmp);
 
 /* z (n,n): camera depth of the nearest surface at each cell's centre,
- * +infinity where there is none. */
-void coverage_depth(float *z, const float *verts, size_t V,
-                    const int32_t *faces, size_t F, const float cam[12],
-                    size_t n);
+ * +infinity where there is none; value (n,n): attribute (V) there, 0 where
+ * there is none (both NULL: not wanted). */
+void coverage_depth(float *z, float *value, const float *verts,
+                    const float *attribute, const int32_t *faces, size_t F,
+                    const float cam[12], size_t n);
 
 /* seen (N) in [0,1] of points x (N,3): 0 behind the surface in z (n,n) by
  * more than slack, 1 in front of it or on it, the mean of the four cells

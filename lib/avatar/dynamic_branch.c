@@ -165,13 +165,16 @@ void dynamic_bake(struct avatar *a, const float *verts)
     struct avatar_scratch *s = a->scratch;
     size_t in = dynamic_inputs(&a->config), hw = a->config.vertex_width;
     int skip = a->config.rgb_skip;
+    float body[12];
 
     if (a->first[BRANCH_STATIC] == 0)
         return;
     densify_forward(s->dense, verts, &a->dense, 3);
-    head_normals(s->normals, a->head, verts);
+    bend_body(body, a->bend.pivot, avatar_upright, s->cam);
+    bend_points(s->dense, s->dense, s->bend, a->first[BRANCH_STATIC], body);
+    head_normals(s->normals, a->head, s->bent);
     densify_forward(s->dense_normals, s->normals, &a->dense, 3);
-    densify_spacing(s->spacing, verts, &a->dense);
+    densify_spacing(s->spacing, s->bent, &a->dense);
     dynamic_project(s->ndc, s->dense, s->D, s->cam);
     /* d_k = GridSample(F, p_k); h_k of a midpoint is the mean of its ends */
     grid_sample(s->dsampled, s->features, s->ndc, 1, s->n, s->n, s->Cf, s->D,

@@ -15,7 +15,7 @@ struct prune {
     const struct baked *b;
     size_t size;
     float *verts;           /* (POSES, V, 3) */
-    float *means;           /* (N,3) */
+    struct baked_move move;
     float *full;            /* (VIEWS, size, size, 3) of the full set */
     float *image;           /* (size, size, 3) */
     float *ones;            /* (size, size) */
@@ -53,16 +53,15 @@ static int draw(struct prune *p, struct splat *s, const struct densify *d,
 {
     const float *verts = p->verts + v / (YAWS * NODS) * 3 * h->V;
     struct head_mouth m;
-    float cam[12], shift[3];
+    float cam[12];
 
     view_camera(cam, v);
     head_mouth(&m, h, verts);
-    baked_drive(p->means, shift, p->b, d, verts, m.centre, m.gap, 0, cam);
+    baked_drive(&p->move, p->b, d, verts, m.centre, m.gap, 0, cam);
     struct splat_camera c = splat_camera_square(cam, (int)p->size,
                                                 CAMERA_FOCAL);
     double begun = cpu_seconds();
-    if (splat_update(s, p->means, 0, p->b->dynamic, err) ||
-        splat_shift(s, shift, p->b->N - p->b->mouth, p->b->mouth, err) ||
+    if (baked_move_scene(s, &p->move, p->b, err) ||
         splat_forward(s, image, NULL, NULL, &c, NULL, err))
         return -1;
     p->ms[v] = 1e3 * (cpu_seconds() - begun);
@@ -141,24 +140,23 @@ static int allocate(struct prune *p, size_t V, struct error *err)
     size_t pixels = p->size * p->size;
 
     p->verts = malloc(POSES * 3 * V * sizeof(float));
-    p->means = malloc((3 * p->b->N + 1) * sizeof(float));
     p->full = malloc(VIEWS * 3 * pixels * sizeof(float));
     p->image = malloc(3 * pixels * sizeof(float));
     p->ones = malloc(pixels * sizeof(float));
     p->weight = malloc((p->b->N + 1) * sizeof(float));
     p->most = calloc(p->b->N + 1, sizeof(double));
-    if (!p->verts || !p->means || !p->full || !p->image || !p->ones ||
+    if (!p->verts || !p->full || !p->image || !p->ones ||
         !p->weight || !p->most)
         return error_set(err, EX_OSERR, "no memory for %d views", VIEWS);
     for (size_t i = 0; i < pixels; i++)
         p->ones[i] = 1;
-    return 0;
+    return baked_move_init(&p->move, p->b, err);
 }
 
 static void release(struct prune *p)
 {
     free(p->verts);
-    free(p->means);
+    baked_move_release(&p->move);
     free(p->full);
     free(p->image);
     free(p->ones);

@@ -128,10 +128,37 @@ static void decoder_inputs(struct avatar *a)
         row[Cf + 5] = isfinite(s->zbuffer[k]) ? 1 : 0;
         for (int c = 0; c < 3; c++)
             s->static_logit[3 * k + c] = attribute_logit(pixel[c]);
-        s->matte[g + k] = pixel[3];
+        s->matte[g + k] = pixel[3] * (1 - s->held[k]);
         s->opacity_shift[g + k] = -COVERED * s->coverage[k];
         s->scale_shift[g + k] = size_shift;
         s->p_shift[k] = attribute_logit(0.5f + 0.5f * s->surface[k]);
+    }
+}
+
+/* Weights of the bending, from where the uniform grid lies on the surface: a
+ * point that is all shoulders stood at B^-1 x when the neck was straight. */
+static void bend_plane(struct avatar *a)
+{
+    struct avatar_scratch *s = a->scratch;
+    size_t g = a->first[BRANCH_STATIC];
+    float R[9], body[12], back[12], *mu = s->mean + 3 * g;
+
+    if (a->without & WITHOUT_BEND)
+        return;
+    bend_body(body, a->bend.pivot, avatar_upright, s->cam);
+    for (int i = 0; i < 9; i++)
+        R[i] = body[4 * (i % 3) + i / 3];
+    const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    bend_body(back, a->bend.pivot, R, straight);
+    static_grid(s->U, s->n);
+    for (size_t k = 0; k < s->n2; k++)
+        s->p[k] = 0.5f + 0.5f * s->surface[k];
+    static_lift(mu, s->U, s->p, s->surface, s->cam, a->normal, s->n2);
+    for (size_t k = 0; k < s->n2; k++) {
+        const float *x = mu + 3 * k;
+        float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
+
+        s->bend[g + k] = bend_weight(&a->bend, 0.5f * (x[1] + y));
     }
 }
 
@@ -143,14 +170,14 @@ void static_bake(struct avatar *a)
 
     if (a->first[BRANCH_MOUTH] == g)
         return;
+    surface_height(s);
+    bend_plane(a);
     deform(a);
     grid_sample(s->resampled, s->features, s->U, 1, s->n, s->n, s->Cf, s->n2,
                 false, RESAMPLE_BORDER);
-    if (skip) {
+    if (skip)
         grid_sample(s->sample, s->rgba, s->U, 1, s->S, s->S, 4, s->n2, false,
                     RESAMPLE_BORDER);
-        surface_height(s);
-    }
     decoder_inputs(a);
     struct gaussian_out out = branch_out(a, BRANCH_STATIC);
     conv_decoder_forward(&out, s->static_in, a->normal,
@@ -178,7 +205,8 @@ static void inputs_backward(struct avatar *a)
         s->dU[2 * k + 1] += row[Cf + 1];
         if (!a->config.rgb_skip)
             continue;
-        s->dsample[4 * k + 3] = row[Cf + 3] + s->dmatte[k];
+        s->dsample[4 * k + 3] = row[Cf + 3] +
+                                s->dmatte[k] * (1 - s->held[k]);
         for (int c = 0; c < 3; c++)
             s->dsample[4 * k + c] = attribute_logit_backward(
                 s->dstatic_logit[3 * k + c], s->sample[4 * k + c]);

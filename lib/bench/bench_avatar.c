@@ -37,7 +37,8 @@ struct stage {
     struct avatar_model avatar;
     struct densify dense;
     struct baked baked;
-    float *verts, *moved;
+    float *verts;
+    struct baked_move move;
 };
 
 /* model.safetensors and head.safetensors of -m, a file or a directory. */
@@ -114,8 +115,7 @@ static int open_stage(struct stage *s, struct bench *b, struct error *err)
         densify_init(&s->dense, s->head.f, s->head.F, s->head.V, err))
         return -1;
     s->verts = malloc(3 * s->head.V * sizeof *s->verts);
-    s->moved = malloc(3 * (s->dense.V + s->dense.E) * sizeof *s->moved);
-    return s->verts && s->moved ? 0 : error_set(err, EX_OSERR, "no memory");
+    return s->verts ? 0 : error_set(err, EX_OSERR, "no memory");
 }
 
 static void close_stage(struct stage *s)
@@ -128,7 +128,7 @@ static void close_stage(struct stage *s)
     free(s->rgb);
     free(s->mask);
     free(s->verts);
-    free(s->moved);
+    baked_move_release(&s->move);
 }
 
 /* ---- flame ------------------------------------------------------------- */
@@ -249,12 +249,12 @@ static int call_drive(void *context, struct error *err)
 {
     struct stage *s = context;
     struct head_mouth mouth;
-    float cam[12], shift[3];
+    float cam[12];
 
     (void)err;
     motion_camera(cam, &s->motion[s->at++ % FRAMES]);
     head_mouth(&mouth, &s->head, s->verts);
-    baked_drive(s->moved, shift, &s->baked, &s->dense, s->verts, mouth.centre,
+    baked_drive(&s->move, &s->baked, &s->dense, s->verts, mouth.centre,
                 mouth.gap, BAKED_CLOSED, cam);
     return 0;
 }
@@ -266,7 +266,8 @@ static int bench_baking(struct stage *s, struct error *err)
 
     if (open_avatar(s, err) ||
         bench_time(&t, s->b->seconds / 4, 3, call_bake, s, err) ||
-        baked_from_avatar(&s->baked, &s->avatar.avatar, err))
+        baked_from_avatar(&s->baked, &s->avatar.avatar, err) ||
+        baked_move_init(&s->move, &s->baked, err))
         return -1;
     snprintf(config, sizeof config, "N=%zu, plane 296, mouth 32",
              s->baked.N);

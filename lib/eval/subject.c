@@ -153,18 +153,12 @@ int subject_branch(struct subject *s, float *rgb, float *alpha,
                    enum avatar_branch b, const float *verts,
                    const float cam[12], struct error *err)
 {
-    const struct avatar *a = &s->tr.avatar;
+    struct avatar *a = &s->tr.avatar;
     struct splat_camera sc = splat_camera_square(cam, (int)s->config.size,
                                                  CAMERA_FOCAL);
-    float shift[3];
 
-    avatar_drive(s->tr.moved, shift, a, verts);
-    return splat_update(&s->alone[b], s->tr.moved, a->first[BRANCH_DYNAMIC],
-                        a->first[BRANCH_STATIC] - a->first[BRANCH_DYNAMIC],
-                        err) ||
-                   splat_shift(&s->alone[b], shift, a->first[BRANCH_MOUTH],
-                               a->first[BRANCH_COUNT] -
-                                   a->first[BRANCH_MOUTH], err) ||
+    avatar_drive(s->tr.means, a, verts, cam);
+    return splat_update(&s->alone[b], s->tr.means, 0, a->set.n, err) ||
                    splat_forward(&s->alone[b], rgb, alpha, NULL, &sc, NULL,
                                  err)
                ? -1

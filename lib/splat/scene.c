@@ -6,8 +6,9 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
+#include "lib/geom/bend.h"
 
-enum { MOUTH = 2 };
+enum { STATIC = 1, MOUTH = 2 };
 
 void scene_release(struct scene *s)
 {
@@ -16,6 +17,7 @@ void scene_release(struct scene *s)
     free(s->scale);
     free(s->quat);
     free(s->opacity);
+    free(s->bend);
     free(s->color);
     free(s->color_half);
     free(s->branch);
@@ -128,7 +130,9 @@ static int load(struct scene *s, const struct record *rec, struct error *err)
         !(next.g.scale = next.scale = take(rec, "scale", n, 3, err)) ||
         !(next.g.quat = next.quat = take(rec, "quat", n, 4, err)) ||
         !(next.g.opacity = next.opacity = take(rec, "opacity", n, 1, err)) ||
-        take_color(&next, rec, err) || take_camera(&next, rec, err))
+        take_color(&next, rec, err) || take_camera(&next, rec, err) ||
+        (record_find(rec, "bend") &&
+         !(next.bend = take(rec, "bend", n, 1, err))))
         goto failed;
     if (branch) {
         if (branch->dtype != DTYPE_U8 || array_count(branch) != n) {
@@ -195,6 +199,37 @@ static int move_mouth(struct scene *s, const struct record *rec,
     return 0;
 }
 
+static int bends(const struct scene *s, size_t i)
+{
+    return s->branch[i] == STATIC && s->bend[i] != 0;
+}
+
+/* Static Gaussians follow the shoulders (lib/geom/bend.h). */
+static int move_shoulders(struct scene *s, const struct record *rec,
+                          struct error *err)
+{
+    static const size_t dims[2] = {3, 4};
+    size_t lo, hi;
+    const float *body;
+
+    s->bent = s->bent_count = 0;
+    if (!record_find(rec, "body") || !s->bend || !s->branch)
+        return 0;
+    if (!(body = record_get(rec, "body", DTYPE_F32, 2, dims, err)))
+        return -1;
+    for (lo = 0; lo < s->g.n && !bends(s, lo); lo++)
+        ;
+    for (hi = s->g.n; hi > lo && !bends(s, hi - 1); hi--)
+        ;
+    for (size_t i = lo; i < hi; i++)
+        if (bends(s, i))
+            bend_points(s->mean + 3 * i, s->loaded + 3 * i, s->bend + i, 1,
+                        body);
+    s->bent = lo;
+    s->bent_count = hi - lo;
+    return 0;
+}
+
 int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
     if (record_is(rec, "GAUS"))
@@ -204,7 +239,8 @@ int scene_apply(struct scene *s, const struct record *rec, struct error *err)
     if (!s->mean)
         return error_set(err, EX_DATAERR, "GMOV before any GAUS");
     if (record_check_finite(rec, err) || take_camera(s, rec, err) ||
-        move_means(s, rec, err) || move_mouth(s, rec, err))
+        move_means(s, rec, err) || move_shoulders(s, rec, err) ||
+        move_mouth(s, rec, err))
         return -1;
     return SCENE_MOVED;
 }
@@ -216,6 +252,9 @@ int scene_to_splat(struct splat *out, const struct scene *s,
         return splat_load(out, &s->g, err);
     if (change == SCENE_MOVED && s->count &&
         splat_update(out, s->mean + 3 * s->first, s->first, s->count, err))
+        return -1;
+    if (change == SCENE_MOVED && s->bent_count &&
+        splat_update(out, s->mean + 3 * s->bent, s->bent, s->bent_count, err))
         return -1;
     if (change == SCENE_MOVED && s->shifted && s->mouth_count)
         return splat_shift(out, s->shift, s->mouth, s->mouth_count, err);

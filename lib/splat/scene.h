@@ -24,9 +24,11 @@ struct scene {
     size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
     float shift[3];     /* of the mouth sheet against its GAUS centres */
     int shifted;        /* the last GMOV carried a shift */
+    size_t bent, bent_count;    /* static Gaussians the last GMOV bent */
 
     /* owned */
     float *mean, *loaded, *scale, *quat, *opacity, *color;
+    float *bend;        /* (N) weights of the bending at the neck, or NULL */
     uint16_t *color_half;
     uint8_t *branch;
 };

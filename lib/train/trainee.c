@@ -30,13 +30,14 @@ int trainee_init(struct trainee *t, struct params *ps,
 static int allocate(struct trainee *t, struct error *err)
 {
     size_t n = t->image * t->image, C = t->channels, V = t->head->V;
-    size_t D = V + t->avatar.dense.E, S = t->config.size;
+    size_t S = t->config.size, n1 = t->config.plane, K = t->config.mouth;
+    size_t N = V + t->avatar.dense.E + n1 * n1 + K * K;
     size_t part[] = {n * C, n * C, n, n, 3 * n, 3 * n, 3 * n, 3 * n, 3 * n,
-                     n, 3 * D, 3 * V, 3 * V, 3 * V,
+                     n, 3 * N, 3 * V, 3 * V, 3 * V,
                      loss_pyramid_scratch(t->image, t->image)};
     float **to[] = {&t->feat, &t->dfeat, &t->alpha, &t->dalpha, &t->rgb,
                     &t->drgb, &t->coarse, &t->dcoarse, &t->target, &t->mask,
-                    &t->moved, &t->verts, &t->dverts, &t->source, &t->tmp};
+                    &t->means, &t->verts, &t->dverts, &t->source, &t->tmp};
     size_t total = 0, count = sizeof part / sizeof *part;
     float *block;
 
@@ -135,18 +136,13 @@ int trainee_bake(struct trainee *t, const struct data_frame *f,
 int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
                  struct error *err)
 {
-    const struct avatar *a = &t->avatar;
+    struct avatar *a = &t->avatar;
     size_t n = t->image * t->image, C = t->channels;
     struct splat_camera sc = splat_camera_square(cam, (int)t->image,
                                                  CAMERA_FOCAL);
-    float shift[3];
 
-    avatar_drive(t->moved, shift, a, verts);
-    if (splat_update(&t->splat, t->moved, a->first[BRANCH_DYNAMIC],
-                     a->first[BRANCH_STATIC] - a->first[BRANCH_DYNAMIC],
-                     err) ||
-        splat_shift(&t->splat, shift, a->first[BRANCH_MOUTH],
-                    a->first[BRANCH_COUNT] - a->first[BRANCH_MOUTH], err) ||
+    avatar_drive(t->means, a, verts, cam);
+    if (splat_update(&t->splat, t->means, 0, a->set.n, err) ||
         splat_forward(&t->splat, t->feat, t->alpha, NULL, &sc, NULL, err))
         return -1;
     for (size_t i = 0; i < n; i++)
@@ -241,7 +237,7 @@ int trainee_draw_backward(struct trainee *t, struct error *err)
     g.rt = t->dcam;
     if (splat_backward(&t->splat, &g, t->dfeat, t->dalpha, err))
         return -1;
-    avatar_drive_backward(t->dverts, &t->avatar);
+    avatar_drive_backward(t->dverts, t->dcam, &t->avatar);
     return 0;
 }
 

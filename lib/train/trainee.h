@@ -35,7 +35,7 @@ struct trainee {
     float *rgb, *drgb;              /* (image,image,3) after the refiner */
     float *coarse, *dcoarse;        /* (image,image,3) before it */
     float *target, *mask;           /* (image,image,3), (image,image) */
-    float *moved;                   /* (V+E,3) */
+    float *means;                   /* (N,3) of a frame */
     float *verts, *dverts;          /* (V,3) driven */
     float *source;                  /* (V,3) V_s */
     float *tmp;                     /* of loss_pyramid */

@@ -120,7 +120,8 @@ static void coverage(void)
 {
     const float verts[12] = {0, 1, 0, 1, 1, 0, 1, -1, 0, 0, -1, 0};
     static const int32_t faces[6] = {0, 1, 2, 0, 2, 3};
-    float cam[12], C[25], z[25], seen[3];
+    const float attribute[4] = {0, 1, 1, 0};
+    float cam[12], C[25], z[25], value[25], seen[3];
     void *scratch = malloc(coverage_scratch(5));
     const float points[9] = {0.5f, 0, 0.3f, 0.5f, 0, -0.3f, 5, 0, 0};
 
@@ -132,7 +133,9 @@ static void coverage(void)
     coverage_map(C, verts, 4, faces, 2, cam, 5, scratch);
     near("after the Gaussian: the edge stays about half", C[12], 0.5, 0.02);
     near("after the Gaussian: some of it spills left", C[11] > 0.05, 1, 0);
-    coverage_depth(z, verts, 4, faces, 2, cam, 5);
+    coverage_depth(z, value, verts, attribute, faces, 2, cam, 5);
+    near("attribute two fifths of the way across", value[13], 0.4, 1e-5);
+    near("no attribute beside it", value[10], 0, 0);
     near("depth where the square is", z[13], 12, 1e-5);
     near("no depth beside it", isinf(z[10]), 1, 0);
     coverage_seen(seen, points, 3, z, 5, cam, 0.01f);

@@ -72,7 +72,7 @@ static int try(struct world *w, const struct head_motion *at,
     avatar_bake(&w->a, &(struct avatar_source){w->rgb, w->matte, w->verts,
                                                cam});
     head_pose(w->verts, &w->id, to);
-    avatar_drive_all(w->means, &w->a, w->verts);
+    avatar_drive(w->means, &w->a, w->verts, cam);
     return sound(&w->a.set, w->means);
 }
 
