@@ -17,10 +17,25 @@
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
     const char *lpips;
+    unsigned truth;
     bool motion, no_ablations, no_cross;
     long count, frames, stride, rows;
 } opt = {.format = "text", .name = "result", .count = 40, .frames = 25,
          .stride = 5, .rows = 8};
+
+static int parse_known(const char *value, void *dest, struct error *err)
+{
+    unsigned *bits = dest;
+
+    if (strcmp(value, "shape") == 0)
+        *bits |= SUBJECT_TRUE_SHAPE;
+    else if (strcmp(value, "motion") == 0)
+        *bits |= SUBJECT_TRUE_MOTION;
+    else
+        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
+                         "shape or motion)", value);
+    return 0;
+}
 
 static const struct cli_option options[] = {
     {.name = "format", .letter = 'f', .kind = CLI_STRING, .dest = &opt.format,
@@ -49,6 +64,9 @@ static const struct cli_option options[] = {
      .help = "--people: leave the ablations out"},
     {.name = "no-cross", .kind = CLI_FLAG, .dest = &opt.no_cross,
      .help = "--people: leave cross-reenactment out"},
+    {.name = "known", .kind = CLI_CALL, .dest = &opt.truth,
+     .parse = parse_known, .arg = "WHAT",
+     .help = "--people: the true shape or motion, not the encoder's"},
     {.name = "sheet", .kind = CLI_STRING, .dest = &opt.sheet, .arg = "FILE",
      .help = "--people: contact sheet (PNG)"},
     {.name = "rows", .kind = CLI_INT, .dest = &opt.rows, .min = 1,
@@ -261,6 +279,7 @@ static int judge_model(struct table *t, const struct head *h)
     if (cli_find_model("model.safetensors", path, sizeof path, &err) ||
         subject_init(&s, path, h, &err))
         die_error(&err);
+    s.truth = opt.truth;
     rc = people_judge(t, &sheet, &s, &po, &err);
     progress_end();
     subject_release(&s);

@@ -15,7 +15,7 @@
 
 static struct {
     const char *config, *head, *held, *join;
-    const char *init[MOST_PARTS], *prefix[MOST_PARTS];
+    const char *init[MOST_PARTS], *prefix[MOST_PARTS], *from[MOST_PARTS];
     size_t ninit;
     long steps;
 } opt = {.steps = -1};
@@ -28,10 +28,10 @@ static void on_signal(int number)
     stop = 1;
 }
 
-/* FILE or FILE:PREFIX */
+/* FILE, FILE:PREFIX or FILE:PREFIX=FROM */
 static int parse_init(const char *value, void *dest, struct error *err)
 {
-    char *copy = strdup(value), *colon;
+    char *copy = strdup(value), *colon, *equals;
 
     (void)dest;
     if (opt.ninit == MOST_PARTS || !copy) {
@@ -41,8 +41,13 @@ static int parse_init(const char *value, void *dest, struct error *err)
     colon = strrchr(copy, ':');
     if (colon)
         *colon++ = 0;
+    equals = colon ? strchr(colon, '=') : NULL;
+    if (equals)
+        *equals++ = 0;
     opt.init[opt.ninit] = copy;
-    opt.prefix[opt.ninit++] = colon ? colon : "";
+    opt.prefix[opt.ninit] = colon ? colon : "";
+    opt.from[opt.ninit] = equals ? equals : opt.prefix[opt.ninit];
+    opt.ninit++;
     return 0;
 }
 
@@ -54,8 +59,8 @@ static const struct cli_option options[] = {
     {.name = "head", .kind = CLI_STRING, .dest = &opt.head, .arg = "FILE",
      .help = "head model (default: head.safetensors beside the model)"},
     {.name = "init", .kind = CLI_CALL, .parse = parse_init,
-     .arg = "FILE[:PREFIX]",
-     .help = "start the tensors called PREFIX... from FILE; repeatable"},
+     .arg = "FILE[:PREFIX[=FROM]]",
+     .help = "start tensors PREFIX... from FILE's FROM...; repeatable"},
     {.name = "join", .kind = CLI_STRING, .dest = &opt.join, .arg = "FILE",
      .help = "no training: join model files into FILE, half precision"},
     {.name = "steps", .kind = CLI_INT, .dest = &opt.steps, .min = 0,
@@ -199,6 +204,7 @@ static int train(const struct train_config *c, const char *const *files,
     struct loop loop = {
         .config = c, .task = &task, .group = group, .folder = cli.output,
         .init_files = opt.init, .init_prefix = opt.prefix,
+        .init_from = opt.from,
         .ninit = opt.ninit, .stop = &stop, .warn = say,
         .report = cli.quiet ? NULL : show, .write_png = write_png,
     };

@@ -312,6 +312,7 @@ static int judge_person(struct judge *j, const struct data_person *p,
         return error_set(err, EX_DATAERR, "person %d has %zu frames "
                          "(expected a source and at least one more)", p->id,
                          p->count);
+    j->s->beta = p->shape;
     if (self(j, p, err))
         return -1;
     for (size_t k = 0; j->opt->ablations &&

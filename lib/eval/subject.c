@@ -105,17 +105,33 @@ int subject_shape(struct subject *s, struct identity *id,
     size_t n = s->head->nshape < SHAPE_ENCODER_OUT ? s->head->nshape
                                                    : SHAPE_ENCODER_OUT;
 
+    identity_release(id);
+    if (s->truth & SUBJECT_TRUE_SHAPE)
+        return head_fold(id, s->head, s->beta, s->head->nshape, err);
     if (data_sample(s->crop, N, f, q, NULL, NULL, err))
         return -1;
     shape_encoder_forward(beta, s->crop, &s->shape);
-    identity_release(id);
     return head_fold(id, s->head, beta, n, err);
+}
+
+/* The motion the data say. */
+static void know(struct motion_state *st, const struct data_frame *f,
+                 const struct identity *id)
+{
+    memcpy(st->R, f->motion.rot, sizeof st->R);
+    memcpy(st->t, f->motion.trans, sizeof st->t);
+    trainee_truth(&st->motion, st->cam, f);
+    head_pose(st->verts, id, &st->motion);
 }
 
 int subject_look(struct subject *s, struct motion_state *st,
                  const struct identity *id, const struct data_frame *f,
                  struct square q, struct error *err)
 {
+    if (s->truth & SUBJECT_TRUE_MOTION) {
+        know(st, f, id);
+        return 0;
+    }
     if (data_sample(s->crop, N, f, q, NULL, NULL, err))
         return -1;
     motion_encoder_forward(s->out, s->crop, &s->motion);

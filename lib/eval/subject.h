@@ -25,10 +25,16 @@ struct subject {
     float *crop;                /* (224,224,3) */
     float out[MOTION_OUT];      /* of the last subject_look */
     struct identity id;         /* of the source: E_beta's beta, folded */
+    unsigned truth;             /* SUBJECT_TRUE_*: taken from the data instead
+                                 * of the encoders, to tell their share of an
+                                 * error from the branches' */
+    const float *beta;          /* the true shape (head.nshape) then */
     struct square window;       /* where the face is looked for next */
     struct splat alone[BRANCH_COUNT];   /* each branch by itself */
     int has_alone;
 };
+
+enum { SUBJECT_TRUE_SHAPE = 1, SUBJECT_TRUE_MOTION = 2 };
 
 /* Load the model file; head must be the one it was trained with. */
 int subject_init(struct subject *s, const char *path, const struct head *h,

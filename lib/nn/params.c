@@ -114,13 +114,21 @@ void params_randomise(struct params *ps, uint64_t seed)
 int params_load(struct params *ps, const struct safetensors *st,
                 const char *prefix, struct error *err)
 {
+    return params_load_from(ps, st, prefix, prefix, err);
+}
+
+int params_load_from(struct params *ps, const struct safetensors *st,
+                     const char *prefix, const char *from, struct error *err)
+{
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *t = &ps->tensor[i];
+        char name[256];
         size_t dims[5];
         if (strncmp(t->name, prefix, strlen(prefix)))
             continue;
         memcpy(dims, t->dim, sizeof dims);
-        float *w = st_load_f32(st, t->name, t->ndim, dims, NULL, err);
+        snprintf(name, sizeof name, "%s%s", from, t->name + strlen(prefix));
+        float *w = st_load_f32(st, name, t->ndim, dims, NULL, err);
         if (!w)
             return -1;
         memcpy(param_w(ps, i), w, t->count * sizeof *w);

@@ -68,6 +68,10 @@ static inline float *param_g(const struct params *ps, size_t i)
  * not start with prefix ("" for all) are left alone. */
 int params_load(struct params *ps, const struct safetensors *st,
                 const char *prefix, struct error *err);
+/* The same from tensors whose names begin with `from` where prefix stands. */
+int params_load_from(struct params *ps, const struct safetensors *st,
+                     const char *prefix, const char *from,
+                     struct error *err);
 /* Write w as dtype (ST_F32, ST_F16, ST_BF16) with metadata pairs. */
 int params_save(const struct params *ps, const char *path,
                 enum st_dtype dtype, const char *const *meta,

@@ -118,14 +118,14 @@ out:
 }
 
 int checkpoint_import(struct params *ps, const char *path, const char *prefix,
-                      struct error *err)
+                      const char *from, struct error *err)
 {
     struct safetensors *st = st_open(path, err);
     int rc;
 
     if (!st)
         return -1;
-    rc = params_load(ps, st, prefix, err);
+    rc = params_load_from(ps, st, prefix, from, err);
     st_close(st);
     return rc;
 }

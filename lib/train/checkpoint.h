@@ -28,9 +28,9 @@ int checkpoint_load(const char *path, struct params *ps, struct adam *a,
                     const char *fingerprint, struct error *err);
 
 /* Fill tensors of ps from a model file: those whose name starts with prefix
- * must all be there. */
+ * must all be there, under names that start with `from` instead. */
 int checkpoint_import(struct params *ps, const char *path, const char *prefix,
-                      struct error *err);
+                      const char *from, struct error *err);
 
 /* Several model files' tensors in one file of dtype; the metadata key "spid"
  * (may be NULL) is written.  A later file's tensor replaces an earlier one of

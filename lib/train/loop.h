@@ -28,7 +28,7 @@ struct loop {
     struct group *group;
     struct data_reader *reader;
     const char *folder;             /* checkpoints, log, sheets, model */
-    const char *const *init_files, *const *init_prefix;
+    const char *const *init_files, *const *init_prefix, *const *init_from;
     size_t ninit;
     volatile sig_atomic_t *stop;    /* set by a signal: end after this step */
     /* Shown by the program; either may be NULL.  bad names a tensor whose
