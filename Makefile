@@ -136,7 +136,7 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
-        libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg \
+        libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg gnuplot-nox \
         bats mandoc python3 python3-numpy
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
@@ -204,7 +204,7 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
-                   formats/png.[ch] formats/outfile.[ch]) \
+                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch]) \
                  tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@

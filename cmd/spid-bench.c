@@ -1,19 +1,26 @@
 /* spid-bench: speed against error, stage by stage. */
+#include <signal.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
 
 #include "cmd/cli.h"
 #include "lib/base/cpu.h"
 #include "lib/bench/bench.h"
 
 static double seconds = 20;
-static bool json;
-static const char *scene;
+static bool json, tsv;
+static const char *scene, *plot;
 
 static const struct cli_option options[] = {
     { "json", 0, CLI_FLAG, &json, 0, 0, NULL,
       "machine-readable: one JSON object", NULL },
+    { "tsv", 0, CLI_FLAG, &tsv, 0, 0, NULL,
+      "a row per line, tabs between, # before what is no row", NULL },
+    { "plot", 0, CLI_STRING, &plot, 0, 0, "FILE",
+      "also draw speed against error (.png, .svg, .pdf, or .gp: the script)",
+      NULL },
     { "seconds", 's', CLI_FLOAT, &seconds, 0.1, 3600, "S",
       "about how long a stage may take (20)", NULL },
     { "scene", 0, CLI_STRING, &scene, 0, 0, "FILE",
@@ -22,8 +29,8 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json] [-s S] [--scene FILE] [-m MODEL] [-j THREADS] "
-    "[-o FILE] STAGE...",
+    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] [--scene FILE] "
+    "[-m MODEL] [-j THREADS] [-o FILE] STAGE...",
     "speed against error of every knob", options
 };
 
@@ -38,6 +45,7 @@ static const struct stage {
     { "flame", bench_flame },
     { "branches", bench_branches },
     { "pipeline", bench_pipeline },
+    { "hard", bench_hard },
 };
 
 static const struct stage *find_stage(const char *name)
@@ -74,19 +82,86 @@ static void run_stage(struct bench *b, const char *name)
         }
 }
 
+static void write_text(const char *text, const char *path)
+{
+    FILE *f = strcmp(path, "-") ? fopen(path, "w") : stdout;
+
+    if (!f)
+        die(EX_CANTCREAT, "%s: cannot be written", path);
+    if (fputs(text, f) < 0 || fflush(f) || (f != stdout && fclose(f)))
+        die(EX_IOERR, "%s: cannot be written", path);
+}
+
 static void write_report(const struct bench *b)
 {
-    char *text = json ? bench_json(b) : bench_table(b);
-    FILE *f = strcmp(cli.output, "-") ? fopen(cli.output, "w") : stdout;
+    char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
 
     if (!text)
         die(EX_OSERR, "out of memory");
-    if (!f)
-        die(EX_CANTCREAT, "%s: cannot be written", cli.output);
-    if (fputs(text, f) < 0 || (json && putc('\n', f) < 0) || fflush(f) ||
-        (f != stdout && fclose(f)))
-        die(EX_IOERR, "%s: cannot be written", cli.output);
+    write_text(text, cli.output);
     free(text);
+}
+
+static bool ends_with(const char *s, const char *end)
+{
+    size_t n = strlen(s), m = strlen(end);
+
+    return n > m && !strcmp(s + n - m, end);
+}
+
+/* The picture, by gnuplot; under a .gp name only what would draw it. */
+static void write_plot(const struct bench *b)
+{
+    bool script = ends_with(plot, ".gp");
+    char name[4096], part[4104];
+    struct error err = {0};
+    int rc = 0;
+
+    snprintf(name, sizeof name, "%.*s%s",
+             (int)(strlen(plot) - (script ? 3 : 0)), plot,
+             script ? ".png" : "");
+    /* gnuplot's kind of picture follows the name, so .part goes before it */
+    const char *dot = strrchr(plot, '.');
+    snprintf(part, sizeof part, "%.*s.part%s",
+             (int)(dot ? dot - plot : (long)strlen(plot)), plot,
+             dot ? dot : "");
+    char *text = bench_plot(b, script ? name : part, &err);
+    if (!text)
+        die_error(&err);
+    if (script) {
+        write_text(text, plot);
+    } else {
+        signal(SIGPIPE, SIG_IGN);   /* it may end before it has read all */
+        FILE *f = popen("command -v gnuplot >/dev/null || exit 127; "
+                        "exec gnuplot", "w");
+
+        if (f)
+            fputs(text, f);
+        if (!f || (rc = pclose(f)) != 0) {
+            remove(part);
+            if (WIFEXITED(rc) && WEXITSTATUS(rc) == 127)
+                die(EX_UNAVAILABLE, "%s: no gnuplot to draw it (Debian's "
+                    "gnuplot-nox; a name in .gp keeps the script)", plot);
+            die(EX_IOERR, "%s: gnuplot failed", plot);
+        }
+        if (rename(part, plot))
+            die(EX_CANTCREAT, "%s: cannot be written", plot);
+    }
+    free(text);
+}
+
+/* The files the program itself would find; -m must exist. */
+static void find_model(struct bench *b)
+{
+    static char model[4096], head[4096];
+    struct error err = {0};
+
+    if (!cli_find_model("model.safetensors", model, sizeof model, &err))
+        b->model = model;
+    else if (cli.model)
+        die_error(&err);
+    if (!cli_find_model("head.safetensors", head, sizeof head, &err))
+        b->head = head;
 }
 
 int main(int argc, char **argv)
@@ -96,17 +171,21 @@ int main(int argc, char **argv)
 
     if (at == argc)
         die(EX_USAGE, "no stage given (see spid-bench --help)");
+    if (json && tsv)
+        die(EX_USAGE, "--json and --tsv exclude each other");
     for (int i = at; i < argc; i++)
         if (strcmp(argv[i], "all"))
             find_stage(argv[i]);
     bench_init(&b);
     b.seconds = seconds;
     b.threads = cli.threads;
-    b.model = cli.model;
     b.scene = scene;
+    find_model(&b);
     for (int i = at; i < argc; i++)
         run_stage(&b, argv[i]);
     write_report(&b);
+    if (plot)
+        write_plot(&b);
     bench_release(&b);
     stats_write();
     return 0;

@@ -1,5 +1,6 @@
 /* spid-export: Gaussians, meshes and motion of a stream as PLY, .splat, glTF
  * and OBJ; and a check of other people's files. */
+#include <math.h>
 #include <stdio.h>
 #include <string.h>
 
@@ -74,6 +75,28 @@ static int lint(const char *path)
     return found ? EX_DATAERR : EX_OK;
 }
 
+/* What came back out of the files, beside our own picture. */
+static void print_drawn(const struct export *x)
+{
+    const char *const name[3] = {opt.ply, opt.splat, opt.glb_splats};
+
+    for (int i = 0; i < 3 && !cli.quiet; i++) {
+        const struct drawn *d = &x->drawn[i];
+
+        if (d->files == 0)
+            continue;
+        printf("%s: %zu Gaussians", name[i], d->n);
+        if (d->files > 1)
+            printf(", the worst of %zu files", d->files);
+        if (isinf(d->psnr_db))
+            printf(", read back and drawn: the same picture");
+        else
+            printf(", read back and drawn: %.1f dB, %.2g at most from our "
+                   "picture", d->psnr_db, d->max_abs);
+        printf("; by a viewer's rules %.1f dB\n", d->viewer_db);
+    }
+}
+
 static void open_export(struct export *x)
 {
     struct error err = {0};
@@ -127,6 +150,7 @@ int main(int argc, char **argv)
         return lint(lint_path);
     open_export(&x);
     export_stream(&x, at < argc ? argv[at] : "-");
+    print_drawn(&x);
     if (x.coarse)
         warn("only the first three channels were written: the coarse picture "
              "without the refiner");

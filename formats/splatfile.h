@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/splat/splat.h"
 
 /* Write N Gaussians, y downwards as the viewers expect (a turn by 180 degrees
  * about z); color has `channels` floats a row, the first three sRGB.  Largest
@@ -14,5 +15,11 @@ int splatfile_write(const char *path, size_t n, const float *mean,
                     const float *scale, const float *quat,
                     const float *opacity, const float *color, int channels,
                     struct error *err);
+
+/* Read a file, turned back to y upwards: three channels of display sRGB.  The
+ * arrays are one block that the caller frees through *block.  EX_DATAERR when
+ * the size is no multiple of 32 or a number is not finite. */
+int splatfile_read(struct gaussians *g, void **block, const char *path,
+                   struct error *err);
 
 #endif

@@ -139,8 +139,14 @@ void bench_note(struct bench *b, const char *format, ...)
 void bench_number(struct bench *b, const char *object, const char *key,
                   double value)
 {
-    struct bench_pair *p = grow(b->pair, b->pairs, sizeof *p);
+    struct bench_pair *p = b->pair;
 
+    for (size_t i = 0; i < b->pairs; i++, p++)
+        if (!strcmp(p->object, object) && !strcmp(p->key, key)) {
+            p->value = value;
+            return;
+        }
+    p = grow(b->pair, b->pairs, sizeof *p);
     if (!p)
         return;
     b->pair = p;

@@ -19,6 +19,7 @@ struct bench_row {
     double ms_min, ms_median, ms_p95;
     double max_abs, psnr_db;  /* against the truth; NaN: nothing to compare */
     bool pareto;
+    bool hard;                /* a hard case: listed and drawn apart */
 };
 
 struct bench_pair {           /* "fps": {"spid_star": 190.2} */
@@ -30,7 +31,8 @@ struct bench {
     /* set by the program */
     double seconds;           /* about how long one stage may take */
     int threads;
-    const char *model;        /* -m, or NULL */
+    const char *model;        /* model.safetensors, or NULL: none found */
+    const char *head;         /* head.safetensors, or NULL */
     const char *scene;        /* --scene FILE, or NULL */
 
     /* filled by the stages */
@@ -67,7 +69,8 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
  * other beats in both ms_min and psnr_db. */
 void bench_pareto(struct bench *b, size_t first);
 
-/* A line after the table; a number for the JSON's "fps" or "ms". */
+/* A line after the table; a number for the JSON's "fps" or "ms", in place of an
+ * earlier one of the same name. */
 void bench_note(struct bench *b, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
 void bench_number(struct bench *b, const char *object, const char *key,
@@ -84,10 +87,18 @@ struct bench_line bench_fit(const double *x, const double *y, size_t n);
 void bench_compare(double *max_abs, double *psnr_db, const float *x,
                    const double *truth, size_t n);
 
-/* The table for people, or the JSON of design.md section 5, as text the caller
- * frees; NULL when there is no memory. */
+/* The report as text the caller frees; NULL when there is no memory: a table
+ * for people (with the paper's figures beside ours when the pipeline was
+ * timed), one JSON object, or a row per line with tabs between. */
 char *bench_table(const struct bench *b);
 char *bench_json(const struct bench *b);
+char *bench_tsv(const struct bench *b);
+
+/* A gnuplot script, as text the caller frees, that draws the rows with an
+ * error into `file` (.png, .svg or .pdf): time across, error upwards, both
+ * logarithmic, the Pareto fronts as lines, hard cases in a panel of their own.
+ * EX_DATAERR when no row has an error. */
+char *bench_plot(const struct bench *b, const char *file, struct error *err);
 
 /* ---- the stages ---------------------------------------------------------- */
 
@@ -98,5 +109,7 @@ int bench_shape(struct bench *b, struct error *err);
 int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 int bench_pipeline(struct bench *b, struct error *err);
+/* What breaks other people's kernels: time and error of each, apart. */
+int bench_hard(struct bench *b, struct error *err);
 
 #endif

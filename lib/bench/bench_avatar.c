@@ -9,7 +9,6 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/stat.h>
 #include <sysexits.h>
 
 #include "lib/animate/animate.h"
@@ -26,7 +25,6 @@
 
 struct stage {
     struct bench *b;
-    char model[4096], head_path[4200];
     struct head head;
     struct identity id;
     struct motion motion[FRAMES];
@@ -40,30 +38,6 @@ struct stage {
     float *verts;
     struct baked_move move;
 };
-
-/* model.safetensors and head.safetensors of -m, a file or a directory. */
-static int find_files(struct stage *s, struct error *err)
-{
-    struct stat st;
-    char dir[4000];
-
-    if (!s->b->model)
-        return error_set(err, EX_NOINPUT, "no model (expected -m MODEL with "
-                         "head.safetensors beside it)");
-    snprintf(dir, sizeof dir, "%s", s->b->model);
-    if (stat(dir, &st) == 0 && S_ISDIR(st.st_mode)) {
-        snprintf(s->model, sizeof s->model, "%s/model.safetensors", dir);
-    } else {
-        snprintf(s->model, sizeof s->model, "%s", dir);
-        char *slash = strrchr(dir, '/');
-        if (slash)
-            *slash = 0;
-        else
-            strcpy(dir, ".");
-    }
-    snprintf(s->head_path, sizeof s->head_path, "%s/head.safetensors", dir);
-    return 0;
-}
 
 /* A person's clip: pictures, true motion, the shape folded. */
 static int make_clip(struct stage *s, struct error *err)
@@ -110,7 +84,10 @@ static int open_stage(struct stage *s, struct bench *b, struct error *err)
 {
     memset(s, 0, sizeof *s);
     s->b = b;
-    if (find_files(s, err) || head_load(&s->head, s->head_path, err) ||
+    if (!b->model || !b->head)
+        return error_set(err, EX_NOINPUT, "no model.safetensors or no "
+                         "head.safetensors (expected -m MODEL)");
+    if (head_load(&s->head, b->head, err) ||
         make_clip(s, err) ||
         densify_init(&s->dense, s->head.f, s->head.F, s->head.V, err))
         return -1;
@@ -210,7 +187,7 @@ int bench_flame(struct bench *b, struct error *err)
 /* Weights of the model on the paper's grid: 296 and 32. */
 static int open_avatar(struct stage *s, struct error *err)
 {
-    struct safetensors *st = st_open(s->model, err);
+    struct safetensors *st = st_open(s->b->model, err);
     struct avatar_model *m = &s->avatar;
     int rc = -1;
 
@@ -358,7 +335,7 @@ static int open_pipe(struct pipe *p, struct stage *s, bool star, bool half,
         .window = {half_size, half_size, SIZE}
     };
     const struct animate_options opt = {
-        .size = SIZE, .model = s->model, .star = star, .half = half,
+        .size = SIZE, .model = s->b->model, .star = star, .half = half,
         .workers = s->b->threads, .closed = BAKED_CLOSED
     };
     const struct framesink_options sink = {.path = "/dev/null",
@@ -367,7 +344,7 @@ static int open_pipe(struct pipe *p, struct stage *s, bool star, bool half,
     memset(p, 0, sizeof *p);
     p->s = s;
     p->sink = framesink_open(&sink, err);
-    if (!p->sink || encoders_open(&p->nets, s->model, false, NN_F32, err) ||
+    if (!p->sink || encoders_open(&p->nets, s->b->model, false, NN_F32, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err))
         return -1;

@@ -131,11 +131,14 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
         return -1;
     }
     rc = bench_time(&t, b->seconds / 6, 20, call_net, c, err);
-    if (type == NN_F32 && threads == 1)
+    if (type == NN_F32 && threads == 1) {
+        most = 0;               /* the truth itself */
+        psnr = INFINITY;
         for (size_t i = 0; i < c->count; i++)
             truth[i] = c->out[i];
-    else
+    } else {
         bench_compare(&most, &psnr, c->out, truth, c->count);
+    }
     snprintf(config, sizeof config, "%s 224x224 %s",
              c->shape ? c->e.config.shape_net : c->e.config.motion_net,
              b->model ? "model" : "untrained");

@@ -282,8 +282,7 @@ int bench_splat(struct bench *b, struct error *err)
         make_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
         all_knobs(&st, err) ||
         bench_splat_backward(b, st.part, err) ||
-        bench_splat_scaling(b, st.part, err) ||
-        bench_splat_hard(b, st.part, err))
+        bench_splat_scaling(b, st.part, err))
         goto out;
     rc = 0;
 out:

@@ -105,11 +105,16 @@ static int write_splat(struct export *x, const char *path, struct error *err)
     return rc;
 }
 
+/* Head units per metre. */
+static float head_scale(const struct export *x)
+{
+    return x->has_head ? x->head.scale : 5;
+}
+
 static int write_glb(struct export *x, const char *path, struct error *err)
 {
     struct flat f = {0};
-    float scale = x->has_head ? x->head.scale : 5;
-    int rc = flat_init(&f, &x->scene, 1 / scale, err);
+    int rc = flat_init(&f, &x->scene, 1 / head_scale(x), err);
     if (!rc) {
         const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
                                      x->scene.quat, x->scene.opacity,
@@ -127,7 +132,8 @@ static int write_gaussians(struct export *x, const struct record *rec,
         const char *name;
         int (*write)(struct export *, const char *, struct error *);
         bool *done;
-    } kind[] = {{x->opt.ply, write_ply, &x->done.ply},
+    } kind[] = {                        /* in the order of drawn_format */
+                {x->opt.ply, write_ply, &x->done.ply},
                 {x->opt.splat, write_splat, &x->done.splat},
                 {x->opt.glb_splats, write_glb, &x->done.glb_splats}};
     char path[4096];
@@ -135,7 +141,9 @@ static int write_gaussians(struct export *x, const struct record *rec,
     for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
         if (!wanted(path, sizeof path, x, kind[i].name, rec, kind[i].done))
             continue;
-        if (kind[i].write(x, path, err))
+        if (kind[i].write(x, path, err) ||
+            drawn_compare(&x->drawn[i], (enum drawn_format)i, path, &x->scene,
+                          !x->opt.model_space, head_scale(x), err))
             return -1;
         *kind[i].done = true;
         x->files++;

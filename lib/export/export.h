@@ -7,6 +7,7 @@
 #include <stddef.h>
 
 #include "lib/avatar/records.h"
+#include "lib/export/drawn.h"
 #include "lib/export/export_head.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -30,6 +31,7 @@ struct export {
     bool has_head, folded;
     size_t files, frames;   /* written; keyframes of the animation */
     bool coarse;            /* feature channels were left behind */
+    struct drawn drawn[3];  /* files read back, by enum drawn_format */
     struct {                /* a file of the kind has been written */
         bool ply, splat, glb_splats, obj;
     } done;
@@ -44,7 +46,8 @@ void export_release(struct export *x);
 /* True when the options need the head model. */
 bool export_needs_head(const struct export_options *opt);
 
-/* Take one record; writes the files that are complete with it. */
+/* Take one record; writes the files that are complete with it, and reads them
+ * back into x->drawn. */
 int export_record(struct export *x, const struct record *rec,
                   struct error *err);
 

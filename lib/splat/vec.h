@@ -376,7 +376,7 @@ VEC_INLINE vf vf_exp2(vf q, const int degree)
 #pragma GCC unroll 5
     for (int k = degree - 1; k >= 0; k--)
         p = vf_fma(p, f, vf_set(c[degree - 2][k]));
-    return (vf)((vi)p + ((vi)t << 23));
+    return (vf)((vu)p + ((vu)t << 23));  /* unsigned: the shift drops bits */
 }
 
 #endif

@@ -60,6 +60,41 @@ print("400 vertices, mean %.5f" % m.mean())' >expected
     [ "$(stat -c %s face.splat)" -eq $((400 * 32)) ]
 }
 
+@test "what is written is read back, drawn, and the difference printed" {
+    spid-export scene.spid --ply a.ply --splat a.splat --glb-splats a.glb 2>err >out
+    cat out
+    # FILE: 400 Gaussians, read back and drawn: 66.7 dB, ...
+    sed -n 's/^\([^:]*\): 400 Gaussians, read back and drawn: \([0-9.]*\) dB.*viewer.s rules \([0-9.]*\) dB$/\1 \2 \3/p' out >table
+    [ "$(wc -l <table)" -eq 3 ]
+    awk '{ if ($2 < ($1 == "a.splat" ? 40 : 100) || $3 < 40) exit 1 }' table
+}
+
+@test "three hundred frames take the memory of ten" {
+    [[ $BUILD != *sanitize* ]] || skip "a sanitizer's memory is not the program's"
+    cat >frames.py <<'PY'
+import numpy as np
+for n in (10, 300):
+    mean = np.load("mean.npy")[None] + np.linspace(0, .1, n, dtype="f4")[:, None, None]
+    np.save(f"moved{n}.npy", mean.astype("f4"))
+    np.save(f"cam{n}.npy", np.repeat(np.load("cam.npy")[None], n, 0))
+    np.save(f"first{n}.npy", np.zeros((n, 1), "i4"))
+PY
+    /usr/bin/python3 frames.py
+    for n in 10 300; do
+        spid-pack -t GMOV -s --raw mean=moved$n.npy cam=cam$n.npy first=first$n.npy -o moves.spid
+        spid-pack scene.spid moves.spid -o clip$n.spid
+        /usr/bin/python3 - $n <<'PY' >peak$n
+import resource, subprocess, sys
+n = sys.argv[1]
+subprocess.run(["spid-export", "-q", f"clip{n}.spid", "--ply", "f_%06d.ply"], check=True)
+print(resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss)
+PY
+    done
+    echo "10 frames $(cat peak10) kB, 300 frames $(cat peak300) kB"
+    [ "$(ls f_*.ply | wc -l)" -eq 300 ]
+    [ "$(cat peak300)" -lt $(($(cat peak10) + 4096)) ]
+}
+
 @test "the same input gives the same bytes" {
     spid-export -q scene.spid --ply a.ply --glb-splats a.glb
     spid-export -q scene.spid --ply b.ply --glb-splats b.glb

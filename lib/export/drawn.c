@@ -1,0 +1,157 @@
+#include "lib/export/drawn.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/glb.h"
+#include "formats/ply.h"
+#include "formats/splatfile.h"
+
+/* What a file gave back, in head units. */
+struct back {
+    struct gaussians g;
+    struct ply_scene ply;
+    void *block;                /* of the other formats */
+    float *scaled;              /* GLB: mean and scale out of metres */
+};
+
+static void back_release(struct back *b)
+{
+    ply_release(&b->ply);
+    free(b->block);
+    free(b->scaled);
+}
+
+static int read_ply(struct back *b, const char *path, int turned,
+                    struct error *err)
+{
+    const struct ply_scene *s = &b->ply;
+
+    if (ply_read(&b->ply, path, turned, err))
+        return -1;
+    b->g = (struct gaussians){.n = s->n, .channels = 3, .mean = s->mean,
+                              .scale = s->scale, .quat = s->quat,
+                              .opacity = s->opacity, .color = s->color};
+    return 0;
+}
+
+static int read_glb(struct back *b, const char *path, float unit,
+                    struct error *err)
+{
+    struct glb_splats s;
+
+    if (glb_read_splats(&s, &b->block, path, err))
+        return -1;
+    b->scaled = malloc((6 * s.n + 1) * sizeof *b->scaled);
+    if (!b->scaled)
+        return error_set(err, EX_OSERR, "%s: out of memory", path);
+    for (size_t i = 0; i < 3 * s.n; i++) {
+        b->scaled[i] = s.mean[i] * unit;
+        b->scaled[3 * s.n + i] = s.scale[i] * unit;
+    }
+    b->g = (struct gaussians){.n = s.n, .channels = 3, .mean = b->scaled,
+                              .scale = b->scaled + 3 * s.n, .quat = s.quat,
+                              .opacity = s.opacity, .color = s.color};
+    return 0;
+}
+
+/* The picture (DRAWN_SIZE, DRAWN_SIZE, 3) by these rules. */
+static int draw(float *image, const struct gaussians *g,
+                const struct scene *s, enum splat_rules rules,
+                struct error *err)
+{
+    static const float front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
+    const struct splat_camera cam = splat_camera_square(
+        s->has_cam ? s->cam : front, DRAWN_SIZE, 12);
+    struct splat_options opt = splat_defaults(DRAWN_SIZE, DRAWN_SIZE, 3);
+    struct splat splat = {0};
+    int rc = -1;
+
+    opt.rules = rules;
+    opt.exp_degree = 5;
+    if (!splat_init(&splat, &opt, err) && !splat_load(&splat, g, err) &&
+        !splat_forward(&splat, image, NULL, NULL, &cam, NULL, err))
+        rc = 0;
+    splat_release(&splat);
+    return rc;
+}
+
+static double clamped(float x)
+{
+    return fmin(fmax((double)x, 0), 1);
+}
+
+/* PSNR and greatest difference of two pictures as a screen shows them. */
+static double psnr(double *worst, const float *a, const float *b)
+{
+    const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
+    double sum = 0;
+
+    *worst = 0;
+    for (size_t i = 0; i < n; i++) {
+        double d = fabs(clamped(a[i]) - clamped(b[i]));
+
+        *worst = fmax(*worst, d);
+        sum += d * d;
+    }
+    return sum > 0 ? -10 * log10(sum / (double)n) : INFINITY;
+}
+
+static int judge(struct drawn *d, enum drawn_format format, const char *path,
+                 const struct gaussians *g, const struct scene *s,
+                 struct error *err)
+{
+    const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
+    float *own = malloc(2 * n * sizeof *own), *other = own + n;
+    double worst, ignored;
+    int rc = -1;
+
+    if (!own)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (draw(own, &s->g, s, SPLAT_GSPLAT, err) ||
+        draw(other, g, s, SPLAT_GSPLAT, err))
+        goto out;
+    double db = psnr(&worst, own, other);
+    if (d->files == 0) {
+        if (draw(other, g, s, SPLAT_DGR, err))
+            goto out;
+        d->viewer_db = psnr(&ignored, own, other);
+    }
+    d->psnr_db = d->files ? fmin(d->psnr_db, db) : db;
+    d->max_abs = fmax(d->max_abs, worst);
+    d->n = g->n;
+    d->files++;
+    rc = 0;
+    if (format != DRAWN_SPLAT && db < DRAWN_LEAST)
+        rc = error_set(err, EX_SOFTWARE, "%s: read back and drawn it is %.1f "
+                       "dB from our picture (expected at least %d)", path, db,
+                       DRAWN_LEAST);
+out:
+    free(own);
+    return rc;
+}
+
+int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
+                  const struct scene *s, int turned, float unit,
+                  struct error *err)
+{
+    struct back b = {0};
+    int rc;
+
+    switch (format) {
+    case DRAWN_PLY: rc = read_ply(&b, path, turned, err); break;
+    case DRAWN_SPLAT:
+        rc = splatfile_read(&b.g, &b.block, path, err);
+        break;
+    default: rc = read_glb(&b, path, unit, err); break;
+    }
+    if (rc == 0 && b.g.n != s->g.n)
+        rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
+                       "(expected %zu)", path, b.g.n, s->g.n);
+    if (rc == 0)
+        rc = judge(d, format, path, &b.g, s, err);
+    back_release(&b);
+    return rc;
+}

@@ -1,0 +1,33 @@
+/* Does an exported file show what we drew?  The file is read back, drawn by
+ * our renderer, and compared with our own picture of the same Gaussians. */
+#ifndef SPID_EXPORT_DRAWN_H
+#define SPID_EXPORT_DRAWN_H
+
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/splat/scene.h"
+
+#define DRAWN_SIZE 512          /* pixels of a side */
+#define DRAWN_LEAST 40          /* dB that a file without rounding must reach */
+
+enum drawn_format { DRAWN_PLY, DRAWN_SPLAT, DRAWN_GLB };
+
+/* How the files of one format compare; zeroed before the first. */
+struct drawn {
+    size_t files, n;            /* files, Gaussians of the last */
+    double psnr_db, max_abs;    /* of the worst file, same rules */
+    double viewer_db;           /* the first file drawn by the rules of the
+                                 * public rasteriser (dgr), which web viewers
+                                 * follow, against our picture */
+};
+
+/* Compare a file just written from s, seen by the camera of s or, when it has
+ * none, from the front.  turned: a PLY with y down; unit: head units per
+ * metre, for GLB.  EX_SOFTWARE when the file has another number of Gaussians
+ * or, .splat apart, is under DRAWN_LEAST. */
+int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
+                  const struct scene *s, int turned, float unit,
+                  struct error *err);
+
+#endif
