@@ -42,6 +42,7 @@ static const struct stage {
     { "stream", bench_stream },
     { "motion", bench_motion },
     { "shape", bench_shape },
+    { "refine", bench_refine },
     { "flame", bench_flame },
     { "branches", bench_branches },
     { "pipeline", bench_pipeline },

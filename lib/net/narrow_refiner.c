@@ -65,7 +65,11 @@ static void plan_forward(struct narrow_refiner *r)
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
     size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
     r->f0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
-    conv_plan(&r->fold0, p, B, h, w);
+    r->folds = !nn_plan_backward(p) && fold_possible(&r->fold0);
+    if (r->folds)
+        fold_plan(&r->fold, &r->fold0, p, B, h, w);
+    else
+        conv_plan(&r->fold0, p, B, h, w);
     r->e0 = nn_plan_map(p, a0 * w0);
     conv_plan(&r->fold1, p, B, h / 2, w / 2);
     nn_plan_give(p, r->f0);
@@ -85,8 +89,8 @@ static void plan_forward(struct narrow_refiner *r)
     r->c1 = nn_plan_map(p, a2 * w1);
     conv_plan(&r->up2, p, B, h / 16, w / 16);
     r->r1 = nn_plan_map(p, a1 * w1);
-    rescale_plan(&r->grow1, p, RESCALE_BILINEAR, B, h / 16, w / 16, h / 8, w / 8,
-                w1);
+    rescale_plan(&r->grow1, p, RESCALE_BILINEAR, B, h / 16, w / 16, h / 8,
+                 w / 8, w1);
     r->t1 = nn_plan_map(p, a1 * 2 * w1);
     conv_plan(&r->cond1, p, B, h / 8, w / 8);
     r->y1 = nn_plan_map(p, a1 * w1);
@@ -149,7 +153,10 @@ void narrow_refiner_update(struct narrow_refiner *r)
     struct conv *c[15];
     convs(c, r);
     for (int i = 0; c[i]; i++)
-        conv_update(c[i], NULL);
+        if (c[i]->impl)
+            conv_update(c[i], NULL);
+    if (r->folds)
+        fold_update(&r->fold);
 }
 
 void narrow_refiner_release(struct narrow_refiner *r)
@@ -196,15 +203,12 @@ static void style_backward(float *dm, const float *dms,
                          r->s2 + n * w2, dpool + n * w2, pixels, w2);
 }
 
-void narrow_refiner_forward(float *rgb, const float *feat,
-                            struct narrow_refiner *r)
+/* From e0, a quarter of the size, to sixteen pixels' corrections per place. */
+static void forward_folded(struct narrow_refiner *r)
 {
-    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
-    size_t a0 = B * h * w / 16, a2 = a0 / 16;
-    r->feat = feat;
+    size_t w0 = r->width, w1 = w0 * 3 / 2;
+    size_t a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
     /* down */
-    conv_forward(r->f0, feat, &r->fold0);
-    conv_forward(r->e0, r->f0, &r->fold1);
     conv_forward(r->e1, r->e0, &r->down1);
     conv_forward(r->e2, r->e1, &r->down2);
     memcpy(r->m, r->e2, a2 * 2 * w0 * sizeof(float));
@@ -221,9 +225,37 @@ void narrow_refiner_forward(float *rgb, const float *feat,
     conv_forward(r->t0, r->e0, &r->cond0);
     sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
     conv_forward(r->z0, r->y0, &r->body0);
-    /* sixteen pixels' corrections per place */
     conv_forward(r->d, r->z0, &r->rgb);
-    depth_to_space_add(rgb, feat, r->channels, r->d, B, h / 4, w / 4, 3, 4);
+}
+
+bool narrow_refiner_views(const struct narrow_refiner *r)
+{
+    return r->folds;
+}
+
+void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
+                                 struct narrow_refiner *r)
+{
+    fold_forward(r->f0, rgb, feat, &r->fold);
+    conv_forward(r->e0, r->f0, &r->fold1);
+    forward_folded(r);
+    depth_to_space_add(rgb, rgb, 3, r->d, r->batch, r->h / 4, r->w / 4, 3, 4);
+}
+
+void narrow_refiner_forward(float *rgb, const float *feat,
+                            struct narrow_refiner *r)
+{
+    struct fold_view view = { feat, NULL, r->w * r->channels };
+    r->feat = feat;
+    if (r->folds) {
+        narrow_refiner_forward_view(rgb, &view, r);
+        return;
+    }
+    conv_forward(r->f0, feat, &r->fold0);
+    conv_forward(r->e0, r->f0, &r->fold1);
+    forward_folded(r);
+    depth_to_space_add(rgb, feat, r->channels, r->d, r->batch, r->h / 4,
+                       r->w / 4, 3, 4);
 }
 
 /* The forward pass's lines from the last to the first. */

@@ -6,6 +6,7 @@
 #define SPID_NET_NARROW_REFINER_H
 
 #include "lib/nn/conv.h"
+#include "lib/nn/fold.h"
 #include "lib/nn/rescale.h"
 
 struct narrow_refiner {
@@ -16,6 +17,8 @@ struct narrow_refiner {
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
+    struct fold fold;             /* fold0 in inference, where it fits */
+    bool folds;
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
@@ -34,6 +37,11 @@ void narrow_refiner_update(struct narrow_refiner *r);
 void narrow_refiner_release(struct narrow_refiner *r);
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
+/* The same from half floats, or from a part of a larger image: the view's
+ * rows may be further apart.  Only where narrow_refiner_views says so. */
+void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
+                                 struct narrow_refiner *r);
+bool narrow_refiner_views(const struct narrow_refiner *r);
 void narrow_refiner_backward(float *dfeat, const float *drgb,
                              struct narrow_refiner *r);
 

@@ -83,6 +83,17 @@ void refiner_forward(float *rgb, const float *feat, struct refiner *r)
         style_unet_forward(rgb, feat, &r->impl->unet);
 }
 
+bool refiner_views(const struct refiner *r)
+{
+    return is_narrow(r) && narrow_refiner_views(&r->impl->narrow);
+}
+
+void refiner_forward_view(float *rgb, const struct fold_view *feat,
+                          struct refiner *r)
+{
+    narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
+}
+
 void refiner_backward(float *dfeat, const float *drgb, struct refiner *r)
 {
     if (is_narrow(r))

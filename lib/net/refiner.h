@@ -4,6 +4,7 @@
 #ifndef SPID_NET_REFINER_H
 #define SPID_NET_REFINER_H
 
+#include "lib/nn/fold.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -39,6 +40,11 @@ void refiner_release(struct refiner *r);
  * writer clamps); STYLE_UNET ends in a sigmoid.  feat must stay as it is
  * until the backward. */
 void refiner_forward(float *rgb, const float *feat, struct refiner *r);
+/* The same from half floats, or from a part of a larger image, without a copy:
+ * a NARROW refiner planned with NN_INFER, where refiner_views says so. */
+void refiner_forward_view(float *rgb, const struct fold_view *feat,
+                          struct refiner *r);
+bool refiner_views(const struct refiner *r);
 /* dfeat (B,H,W,channels) is written. */
 void refiner_backward(float *dfeat, const float *drgb, struct refiner *r);
 

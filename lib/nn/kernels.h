@@ -10,6 +10,7 @@
 #include "lib/base/isa.h"
 
 struct depthwise;
+struct fold_rows;
 struct rescale;
 struct winograd;
 
@@ -71,6 +72,12 @@ struct winograd;
                            size_t rows, size_t C))                           \
     X(void, add, (float *y, const float *x, size_t n))                       \
     X(void, to_bf16, (uint16_t *y, const float *x, size_t n))                \
+    X(void, fold_row, (float *out, const struct fold_rows *in,               \
+                       const float *w, const float *bias, size_t pixels,     \
+                       size_t C, size_t O))                                  \
+    X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \
+                       size_t C))                                            \
+    X(void, widen, (float *y, const uint16_t *x, size_t n))                  \
     X(void, softmax_backward, (float *dp, const float *p, size_t rows,       \
                                size_t n, size_t ld, float scale))            \
     X(void, scale_add, (float *y, const float *x, const float *p,            \

@@ -5,6 +5,9 @@
 
 #include <stdint.h>
 #include <string.h>
+#ifdef __F16C__
+#include <immintrin.h>
+#endif
 
 #pragma GCC diagnostic ignored "-Wpsabi"
 
@@ -40,6 +43,27 @@ V16_INLINE v16 v16_min(v16 a, v16 b)
 {
     i16v m = a < b;
     return (v16)((m & (i16v)a) | (~m & (i16v)b));
+}
+
+/* Half floats, exactly; not a number stays one. */
+V16_INLINE v16 v16_load_f16(const uint16_t *p)
+{
+#if defined(__AVX512F__)
+    return (v16)_mm512_cvtph_ps(_mm256_loadu_si256((const __m256i *)p));
+#elif defined(__F16C__)
+    v16 x;
+    for (int i = 0; i < 16; i += 8)
+        *(__m256 *)((float *)&x + i) =
+            _mm256_cvtph_ps(_mm_loadu_si128((const __m128i *)(p + i)));
+    return x;
+#else
+    u16v h = __builtin_convertvector(*(const h16 *)p, u16v), m = h & 0x7fff;
+    u16v tiny = (u16v)(m < 0x0400), huge = (u16v)(m >= 0x7c00);
+    u16v bits = (m << 13) + 0x38000000 + (huge & 0x38000000);
+    v16 small = __builtin_convertvector((i16v)m, v16) * 0x1p-24f;
+    bits = (tiny & (u16v)small) | (~tiny & bits);
+    return (v16)(bits | (h & 0x8000) << 16);
+#endif
 }
 
 /* bfloat16: the upper half of a float, rounded to nearest even. */

@@ -250,17 +250,27 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     if (fit(r, in, err) != 0)
         return -1;
     whole = r->plan.height == in->height && r->plan.width == in->width;
-    if (whole && in->f32) {            /* nothing to copy */
-        refiner_forward(rgb, in->f32, &r->plan.net);
-        return 0;
-    }
-    if (make_room(&r->part, &r->part_room,
-                  r->plan.height * r->plan.width * in->channels, err)
-        || make_room(&r->out, &r->out_room,
-                     r->plan.height * r->plan.width * 3, err))
+    if (!whole && make_room(&r->out, &r->out_room,
+                            r->plan.height * r->plan.width * 3, err))
         return -1;
-    copy_part(r, in);
-    refiner_forward(whole ? rgb : r->out, r->part, &r->plan.net);
+    if (refiner_views(&r->plan.net) && r->top + r->plan.height <= in->height
+        && r->left + r->plan.width <= in->width) {
+        const size_t at = (r->top * in->width + r->left) * in->channels;
+        const struct fold_view view = {
+            .f32 = in->f32 ? in->f32 + at : NULL,
+            .f16 = in->f32 ? NULL : in->f16 + at,
+            .stride = in->width * in->channels
+        };
+        refiner_forward_view(whole ? rgb : r->out, &view, &r->plan.net);
+    } else if (whole && in->f32) {
+        refiner_forward(rgb, in->f32, &r->plan.net);
+    } else {
+        if (make_room(&r->part, &r->part_room, r->plan.height * r->plan.width
+                      * in->channels, err))
+            return -1;
+        copy_part(r, in);
+        refiner_forward(whole ? rgb : r->out, r->part, &r->plan.net);
+    }
     if (!whole) {
         copy_coarse(rgb, r, in);
         copy_back(rgb, r, in);

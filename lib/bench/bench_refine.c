@@ -1,0 +1,213 @@
+/* The refiners, Eq. SR: the narrow one that ships and StyleUNet at full
+ * width, in every precision, time beside error. */
+#include "lib/bench/bench.h"
+
+#include <math.h>
+#include <omp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/safetensors.h"
+#include "lib/avatar/config.h"
+#include "lib/base/random.h"
+#include "lib/net/refiner.h"
+#include "lib/track/encoders.h"
+
+#define SIDE 512
+#define CHANNELS 32
+#define PIXELS ((size_t)SIDE * SIDE)
+
+struct refine_case {
+    struct bench *b;
+    char config[96];
+    struct refiner_config refiner;
+    bool model;                  /* the weights are the model's */
+    struct params ps;
+    struct refiner net;
+    float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
+};
+
+static int call_refine(void *context, struct error *err)
+{
+    struct refine_case *c = context;
+
+    (void)err;
+    refiner_forward(c->rgb, c->feat, &c->net);
+    return 0;
+}
+
+/* A smooth picture with grain, and features about as large. */
+static int make_features(struct refine_case *c, struct error *err)
+{
+    struct random r;
+
+    c->feat = malloc(PIXELS * CHANNELS * sizeof *c->feat);
+    c->rgb = malloc(PIXELS * 3 * sizeof *c->rgb);
+    c->truth = malloc(PIXELS * 3 * sizeof *c->truth);
+    if (!c->feat || !c->rgb || !c->truth)
+        return error_set(err, EX_OSERR, "no memory for the refiner's bench");
+    random_init(&r, 3, "bench refine");
+    for (size_t i = 0; i < PIXELS; i++) {
+        double x = (double)(i % SIDE) / 40, y = (double)(i / SIDE) / 30;
+        for (size_t k = 0; k < CHANNELS; k++) {
+            double wave = sin(x + (double)k) * cos(y - 2 * (double)k);
+            double grain = random_range(&r, -0.1, 0.1);
+            c->feat[i * CHANNELS + k] =
+                (float)(k < 3 ? 0.5 + 0.4 * wave + grain : wave + grain);
+        }
+    }
+    return 0;
+}
+
+/* An untrained refiner changes nothing: let the last layer speak. */
+static void untrained(struct refine_case *c)
+{
+    size_t t;
+    struct random r;
+
+    params_randomise(&c->ps, 1);
+    t = params_find(&c->ps, "refine.rgb.weight");
+    if (t == (size_t)-1)
+        return;
+    random_init(&r, 4, "bench rgb");
+    for (size_t i = 0; i < c->ps.tensor[t].count; i++)
+        param_w(&c->ps, t)[i] = (float)random_range(&r, -0.03, 0.03);
+}
+
+static int load(struct refine_case *c, struct error *err)
+{
+    struct safetensors *st;
+    int rc;
+
+    if (!c->model) {
+        untrained(c);
+        return 0;
+    }
+    st = st_open(c->b->model, err);
+    if (!st)
+        return -1;
+    rc = params_load(&c->ps, st, "refine.", err);
+    st_close(st);
+    return rc;
+}
+
+/* One row; the first one's output is what the others are held against. */
+static int bench_type(struct refine_case *c, enum nn_type type, int threads,
+                      bool truth, struct error *err)
+{
+    const struct nn_options opt = {NN_INFER, type};
+    const bool narrow = c->refiner.type == REFINER_NARROW;
+    double most = NAN, psnr = NAN;
+    double *exact = malloc(PIXELS * 3 * sizeof *exact);
+    struct bench_times t;
+    int rc = -1;
+
+    omp_set_num_threads(threads);
+    params_init(&c->ps);
+    if (!exact) {
+        error_set(err, EX_OSERR, "no memory for the refiner's bench");
+        goto out;
+    }
+    if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err)
+        || params_allocate(&c->ps, err) || load(c, err)
+        || refiner_plan(&c->net, 1, SIDE, SIDE, opt, err)
+        || bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, call_refine,
+                      c, err))
+        goto out;
+    if (truth)
+        memcpy(c->truth, c->rgb, PIXELS * 3 * sizeof *c->truth);
+    for (size_t i = 0; i < PIXELS * 3; i++)
+        exact[i] = c->truth[i];
+    if (!truth)
+        bench_compare(&most, &psnr, c->rgb, exact, PIXELS * 3);
+    if (bench_add(c->b, "refine", c->config, nn_type_name(type), threads, &t,
+                  most, psnr))
+        rc = 0;
+    if (narrow && threads == c->b->threads && rc == 0)
+        bench_number(c->b, "ms", type == NN_F32 ? "refine" : "refine_bf16",
+                     t.median);
+out:
+    free(exact);
+    refiner_release(&c->net);
+    params_release(&c->ps);
+    return rc;
+}
+
+/* The model's refiner if it has a narrow one of these sizes. */
+static int choose(struct refine_case *c, struct error *err)
+{
+    struct avatar_config config;
+    struct safetensors *st;
+    int rc;
+
+    avatar_config_shipped(&config);
+    c->refiner = (struct refiner_config){REFINER_NARROW, CHANNELS, 32, 1,
+                                         SIDE};
+    if (!c->b->model)
+        return 0;
+    st = st_open(c->b->model, err);
+    if (!st)
+        return -1;
+    rc = model_config(&config, st, err);
+    st_close(st);
+    if (rc == 0 && config.has_refiner && config.channels == CHANNELS
+        && config.refiner.type == REFINER_NARROW) {
+        c->refiner = config.refiner;
+        c->model = true;
+    }
+    return rc;
+}
+
+static int bench_narrow(struct refine_case *c, struct error *err)
+{
+    static const enum nn_type types[] = {NN_F32, NN_BF16};
+    const int threads = c->b->threads;
+
+    if (choose(c, err))
+        return -1;
+    snprintf(c->config, sizeof c->config, "narrow %zu, 512x512x32 %s",
+             c->refiner.width, c->model ? "model" : "untrained");
+    for (int i = 0; i < 2; i++)
+        if (bench_type(c, types[i], 1, i == 0, err)
+            || (threads > 1 && bench_type(c, types[i], threads, false, err)))
+            return -1;
+    return 0;
+}
+
+static int bench_unet(struct refine_case *c, struct error *err)
+{
+    static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16};
+
+    c->refiner = (struct refiner_config){REFINER_STYLE_UNET, CHANNELS, 0, 1,
+                                         SIDE};
+    c->model = false;
+    snprintf(c->config, sizeof c->config, "StyleUNet, 512x512x32 untrained");
+    for (int i = 0; i < 3; i++)
+        if (bench_type(c, types[i], c->b->threads, i == 0, err))
+            return -1;
+    return 0;
+}
+
+int bench_refine(struct bench *b, struct error *err)
+{
+    const size_t first = b->rows;
+    const int before = omp_get_max_threads();
+    struct refine_case c = {.b = b};
+    int rc = -1;
+
+    if (make_features(&c, err) == 0 && bench_narrow(&c, err) == 0)
+        rc = bench_unet(&c, err);
+    if (rc == 0) {
+        bench_note(b, "refine: errors are against f32 of the same network "
+                   "(golden 05 holds that to double); pictures have a peak "
+                   "of 1");
+        bench_pareto(b, first);
+    }
+    omp_set_num_threads(before);
+    free(c.feat);
+    free(c.rgb);
+    free(c.truth);
+    return rc;
+}

@@ -1,0 +1,83 @@
+/* Two rows of the feature image at a time: see fold.h. */
+#include "lib/nn/act.h"
+#include "lib/nn/fold.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/vector.h"
+
+#if defined(ISA_AVX512)
+#define PIXELS 16        /* accumulators: one register each */
+#elif defined(ISA_AVX2)
+#define PIXELS 6
+#else
+#define PIXELS 2
+#endif
+
+/* `pixels` (a constant) outputs from pixel x on, 16 channels of each; every
+ * step asks for the line that will be read one piece later */
+V16_INLINE void block(float *out, const struct fold_rows *in, size_t x,
+                      const float *w, v16 bias, size_t C, size_t O,
+                      const int pixels)
+{
+    v16 acc[PIXELS];
+    for (int i = 0; i < pixels; i++)
+        acc[i] = bias;
+    for (int y = 0; y < 2; y++, w += 32 * C) {
+        const float *p = in->row[y] + 2 * x * C;
+        const char *next = in->next[y] + x * 2 * in->step * (C / 16);
+        for (size_t k = 0; k < 2 * C; k++) {
+            v16 b = v16_load(w + 16 * k);
+            if (pixels == PIXELS)
+                __builtin_prefetch(next + k * in->step * PIXELS / 16);
+            for (int i = 0; i < pixels; i++)
+                acc[i] += p[2 * C * (size_t)i + k] * b;
+        }
+    }
+    for (int i = 0; i < pixels; i++)
+        v16_store(out + (size_t)i * O, v16_max(acc[i], ACT_SLOPE * acc[i]));
+}
+
+V16_INLINE void row(float *out, const struct fold_rows *in, const float *w,
+                    const float *bias, size_t pixels, size_t C, size_t O)
+{
+    for (size_t o = 0; o < O; o += 16, w += 64 * C) {
+        v16 b = v16_load(bias + o);
+        size_t x = 0;
+        for (; x + PIXELS <= pixels; x += PIXELS)
+            block(out + x * O + o, in, x, w, b, C, O, PIXELS);
+        for (; x < pixels; x++)
+            block(out + x * O + o, in, x, w, b, C, O, 1);
+    }
+}
+
+/* out (pixels,O) = lrelu(bias + w . the 2x2 pixels of C channels in two
+ * rows); w (O/16, 4 C, 16). */
+void ISA(fold_row)(float *out, const struct fold_rows *in, const float *w,
+                   const float *bias, size_t pixels, size_t C, size_t O)
+{
+    if (C == 32 && O == 16)      /* as shipped: the strides are constants */
+        row(out, in, w, bias, pixels, 32, 16);
+    else
+        row(out, in, w, bias, pixels, C, O);
+}
+
+/* rgb (pixels,3) <- the first three of C channels */
+void ISA(pick_rgb)(float *rgb, const float *in, size_t pixels, size_t C)
+{
+    for (size_t x = 0; x < pixels; x++)
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * x + c] = in[x * C + c];
+}
+
+/* y <- x, half floats */
+void ISA(widen)(float *y, const uint16_t *x, size_t n)
+{
+    size_t whole = n / 16 * 16;
+    for (size_t i = 0; i < whole; i += 16)
+        v16_store(y + i, v16_load_f16(x + i));
+    for (size_t i = whole; i < n; i++) {
+        uint16_t half[16] = { x[i] };
+        float lane[16];
+        v16_store(lane, v16_load_f16(half));
+        y[i] = lane[0];
+    }
+}

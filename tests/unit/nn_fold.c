@@ -1,0 +1,194 @@
+/* The narrow refiner's first layer against plain loops in double (relative to
+ * the largest value 1e-5); half floats against the same values as floats, a
+ * part of a wider image against its copy, and 1, 2 and 7 threads against each
+ * other: the same bits; and the refiner's inference against its training
+ * forward (1e-4: other sums' order, values near 1). */
+#include <math.h>
+#include <omp.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/safetensors.h"
+#include "lib/base/random.h"
+#include "lib/net/narrow_refiner.h"
+#include "lib/nn/fold.h"
+
+static const struct shape {
+    size_t B, h, w, C, O;
+} shapes[] = {
+    { 1, 4, 140, 32, 16 }, { 2, 6, 34, 12, 16 }, { 1, 2, 2, 3, 16 },
+    { 1, 8, 70, 32, 48 }, { 1, 66, 98, 32, 16 }
+};
+
+static struct error err;
+static int failures;
+
+static void must(int rc)
+{
+    if (rc) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+}
+
+static void check(bool ok, const char *what, const struct shape *s)
+{
+    if (ok)
+        return;
+    printf("%zux%zu, %zu -> %zu: %s differs\n", s->w, s->h, s->C, s->O, what);
+    failures++;
+}
+
+/* out (B,h/2,w/2,O), plainly; the largest value. */
+static double plain(double *out, const float *in, const struct conv *c,
+                    const struct shape *s)
+{
+    const float *w = param_w(c->ps, c->weight), *b = param_w(c->ps, c->bias);
+    size_t oh = s->h / 2, ow = s->w / 2;
+    double most = 0;
+    for (size_t i = 0; i < s->B * oh * ow * s->O; i++) {
+        size_t o = i % s->O, x = i / s->O % ow, y = i / s->O / ow;
+        double sum = (double)b[o];
+        for (size_t k = 0; k < 4 * s->C; k++) {
+            size_t ch = k / 4, dy = k % 4 / 2, dx = k % 2;
+            sum += (double)in[((2 * y + dy) * s->w + 2 * x + dx) * s->C + ch] *
+                   (double)w[(o * s->C + ch) * 4 + dy * 2 + dx];
+        }
+        out[i] = sum > 0 ? sum : (double)ACT_SLOPE * sum;
+        most = fmax(most, fabs(out[i]));
+    }
+    return most;
+}
+
+/* Values that half floats hold, among them zero and the tiny ones. */
+static void values(uint16_t *half, float *in, size_t n)
+{
+    struct random r;
+    random_init(&r, 5, "fold");
+    for (size_t i = 0; i < n; i++) {
+        half[i] = i % 97 == 5 ? (uint16_t)(i % 1024)
+                              : float_to_half((float)random_normal(&r));
+        in[i] = half_to_float(half[i]);
+    }
+}
+
+static float *floats(size_t n)
+{
+    return malloc(n * sizeof(float));
+}
+
+static void run(const struct shape *s)
+{
+    struct params ps;
+    struct conv c;
+    struct fold f;
+    struct nn_plan p;
+    size_t rows = s->B * s->h, row = s->w * s->C, n = rows * row;
+    size_t outs = rows / 2 * (s->w / 2) * s->O, pixels = rows * s->w;
+    size_t wide = row + 3 * s->C;
+    float *in = floats(n), *part = floats(rows * wide);
+    float *out = floats(outs), *rgb = floats(3 * pixels);
+    float *out2 = floats(outs), *rgb2 = floats(3 * pixels);
+    uint16_t *half = malloc(n * sizeof *half);
+    double *truth = malloc(outs * sizeof *truth), worst = 0;
+    params_init(&ps);
+    conv_init(&c, &ps, "c", s->C, s->O, 2, 2, true);
+    c.pad = CONV_NONE;
+    c.act = ACT_LRELU;
+    must(params_allocate(&ps, &err));
+    params_randomise(&ps, 2);
+    for (size_t o = 0; o < s->O; o++)
+        param_w(&ps, c.bias)[o] = 0.01f * (float)o;
+    omp_set_num_threads(7);
+    nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_F32 });
+    check(fold_possible(&c), "whether it is possible", s);
+    fold_plan(&f, &c, &p, s->B, s->h, s->w);
+    must(nn_plan_finish(&p, &err));
+    fold_update(&f);
+    values(half, in, n);
+    for (size_t y = 0; y < rows; y++)
+        memcpy(part + y * wide, in + y * row, row * sizeof *in);
+    double most = plain(truth, in, &c, s);
+    fold_forward(out, rgb, &(struct fold_view){ in, NULL, row }, &f);
+    for (size_t i = 0; i < outs; i++)
+        worst = fmax(worst, fabs((double)out[i] - truth[i]));
+    printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
+           s->h, s->C, s->O, worst / most);
+    check(worst < 1e-5 * most, "the sum", s);
+    for (size_t i = 0; i < 3 * pixels; i++)
+        check(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
+    const struct fold_view views[] = { { NULL, half, row },
+                                       { part, NULL, wide } };
+    for (int k = 0; k < 4; k++) {
+        omp_set_num_threads(1 + k / 2);
+        fold_forward(out2, rgb2, &views[k % 2], &f);
+        check(!memcmp(out, out2, outs * sizeof *out) &&
+              !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),
+              k % 2 ? "a part" : "half floats", s);
+    }
+    nn_plan_release(&p);
+    params_release(&ps);
+    free(in);
+    free(part);
+    free(out);
+    free(rgb);
+    free(out2);
+    free(rgb2);
+    free(half);
+    free(truth);
+}
+
+/* rgb of the planned mode */
+static void refine(float *rgb, const float *feat, struct params *ps,
+                   enum nn_mode mode)
+{
+    struct narrow_refiner r;
+    struct params declared;
+    params_init(&declared);
+    narrow_refiner_init(&r, &declared, "r.", 32, 32);
+    must(params_allocate(&declared, &err));
+    must(params_allocate_gradients(&declared, &err));
+    memcpy(declared.w, ps->w, ps->total * sizeof *ps->w);
+    must(narrow_refiner_plan(&r, 1, 64, 96, (struct nn_options){ mode, NN_F32 },
+                             &err));
+    narrow_refiner_forward(rgb, feat, &r);
+    narrow_refiner_release(&r);
+    params_release(&declared);
+}
+
+static void whole(void)
+{
+    static float feat[64 * 96 * 32], a[64 * 96 * 3], b[64 * 96 * 3];
+    struct narrow_refiner r;
+    struct params ps;
+    struct random rnd;
+    double worst = 0;
+    params_init(&ps);
+    narrow_refiner_init(&r, &ps, "r.", 32, 32);
+    must(params_allocate(&ps, &err));
+    params_randomise(&ps, 4);
+    random_init(&rnd, 6, "fold whole");
+    float *w = param_w(&ps, params_find(&ps, "r.rgb.weight"));
+    for (size_t i = 0; i < 48 * 32 * 9; i++)
+        w[i] = (float)random_range(&rnd, -0.05, 0.05);
+    for (size_t i = 0; i < 64 * 96 * 32; i++)
+        feat[i] = (float)random_uniform(&rnd);
+    refine(a, feat, &ps, NN_INFER);
+    refine(b, feat, &ps, NN_FROZEN);
+    for (size_t i = 0; i < 64 * 96 * 3; i++)
+        worst = fmax(worst, fabs((double)a[i] - (double)b[i]));
+    printf("the refiner's inference against its training: %.1e\n", worst);
+    failures += !(worst < 1e-4);
+    narrow_refiner_release(&r);
+    params_release(&ps);
+}
+
+int main(void)
+{
+    for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
+        run(&shapes[i]);
+    whole();
+    printf("%d differences\n", failures);
+    return failures != 0;
+}
