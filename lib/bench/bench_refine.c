@@ -61,19 +61,22 @@ static int make_features(struct refine_case *c, struct error *err)
     return 0;
 }
 
-/* An untrained refiner changes nothing: let the last layer speak. */
+/* An untrained refiner changes nothing (narrow), or saturates (StyleUNet):
+ * last layers such that corrections are about as large as trained ones'. */
 static void untrained(struct refine_case *c)
 {
-    size_t t;
-    struct random r;
-
     params_randomise(&c->ps, 1);
-    t = params_find(&c->ps, "refine.rgb.weight");
-    if (t == (size_t)-1)
-        return;
-    random_init(&r, 4, "bench rgb");
-    for (size_t i = 0; i < c->ps.tensor[t].count; i++)
-        param_w(&c->ps, t)[i] = (float)random_range(&r, -0.03, 0.03);
+    for (size_t t = 0; t < c->ps.count; t++) {
+        const struct param *p = &c->ps.tensor[t];
+        struct random r;
+
+        if (strcmp(p->name, "refine.rgb.weight") &&
+            !(strstr(p->name, "to_rgb") && strstr(p->name, "conv.weight")))
+            continue;
+        random_init(&r, 4, p->name);
+        for (size_t i = 0; i < p->count; i++)
+            param_w(&c->ps, t)[i] = (float)random_range(&r, -0.03, 0.03);
+    }
 }
 
 static int load(struct refine_case *c, struct error *err)
@@ -126,7 +129,8 @@ static int bench_type(struct refine_case *c, enum nn_type type, int threads,
                   most, psnr))
         rc = 0;
     if (narrow && threads == c->b->threads && rc == 0)
-        bench_number(c->b, "ms", type == NN_F32 ? "refine" : "refine_bf16",
+        bench_number(c->b, "ms", type == NN_F32 ? "refine"
+                     : type == NN_FAST ? "refine_fast" : "refine_bf16",
                      t.median);
 out:
     free(exact);
@@ -162,14 +166,14 @@ static int choose(struct refine_case *c, struct error *err)
 
 static int bench_narrow(struct refine_case *c, struct error *err)
 {
-    static const enum nn_type types[] = {NN_F32, NN_BF16};
+    static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16};
     const int threads = c->b->threads;
 
     if (choose(c, err))
         return -1;
     snprintf(c->config, sizeof c->config, "narrow %zu, 512x512x32 %s",
              c->refiner.width, c->model ? "model" : "untrained");
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < 3; i++)
         if (bench_type(c, types[i], 1, i == 0, err)
             || (threads > 1 && bench_type(c, types[i], threads, false, err)))
             return -1;

@@ -26,7 +26,8 @@
 /* The type of what convolutions and linear layers multiply; sums, other
  * layers and all borders are float always.  NN_BF16 is for inference; where
  * the processor has no such instructions oneDNN emulates them, slower and with
- * the same meaning. */
+ * the same meaning.  The large 3x3 layers that Winograd in float does in less
+ * time are computed so (see NN_FAST). */
 enum nn_type {
     NN_F32,
     NN_BF16,

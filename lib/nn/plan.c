@@ -4,6 +4,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/mman.h>
 #include <sysexits.h>
 
 #include "lib/nn/engine.h"
@@ -52,12 +53,24 @@ void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
     p->err.code = code;
 }
 
+#define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
+
+/* Large buffers in huge pages where the system has them: kernels walk across
+ * many rows and planes at once, more than there are entries for small pages. */
 static void *aligned_zeros(size_t bytes)
 {
-    size_t size = (bytes + 63) & ~(size_t)63;
-    void *data = bytes <= SIZE_MAX - 63 ? aligned_alloc(64, size) : NULL;
-    if (data)
-        memset(data, 0, size);
+    size_t unit = bytes >= HUGE / 2 ? HUGE : 64;
+    if (bytes > SIZE_MAX - unit)
+        return NULL;
+    size_t size = (bytes + unit - 1) & ~(unit - 1);
+    void *data = aligned_alloc(unit, size);
+    if (!data)
+        return NULL;
+#ifdef MADV_HUGEPAGE
+    if (unit == HUGE)
+        madvise(data, size, MADV_HUGEPAGE);
+#endif
+    memset(data, 0, size);
     return data;
 }
 

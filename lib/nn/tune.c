@@ -2,10 +2,11 @@
 
 #include <math.h>
 
-/* Time of Winograd over time of the direct convolution, per layer. */
+/* Time of Winograd over time of the direct convolution, per layer: in float,
+ * and in bfloat16. */
 static const struct {
     unsigned short in, out, side;
-    float ratio;
+    float ratio, ratio_bf16;
 } table[] = {
 #include "lib/nn/tune_table.inc"
 };
@@ -16,7 +17,7 @@ static double apart(double a, double b)
     return fabs(log2(a / b));
 }
 
-bool tune_winograd(size_t in, size_t out, size_t h, size_t w)
+bool tune_winograd(size_t in, size_t out, size_t h, size_t w, bool bf16)
 {
     double best = INFINITY;
     bool wanted = false;
@@ -26,7 +27,7 @@ bool tune_winograd(size_t in, size_t out, size_t h, size_t w)
                    apart(sqrt((double)h * (double)w), table[i].side);
         if (d < best) {
             best = d;
-            wanted = table[i].ratio < 1.0f;
+            wanted = (bf16 ? table[i].ratio_bf16 : table[i].ratio) < 1.0f;
         }
     }
     return wanted;

@@ -17,11 +17,12 @@ void winograd_force(int how)
 bool winograd_wanted(const struct conv *c)
 {
     if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
-        c->act > ACT_LRELU || c->plan->opt.type != NN_FAST)
+        c->act > ACT_LRELU || c->plan->opt.type == NN_F32)
         return false;
     if (forced)
         return forced > 0;
-    return tune_winograd(c->in_data, c->out, c->oh, c->ow);
+    return tune_winograd(c->in_data, c->out, c->oh, c->ow,
+                         c->plan->opt.type == NN_BF16);
 }
 
 /* As many tiles as keep a thread's share of the second-level cache, but enough
@@ -30,6 +31,12 @@ static size_t tile_count(size_t in, size_t out)
 {
     size_t n = 262144 / (36 * (in + out)) / 12 * 12;
     return n < 48 ? 48 : n > 120 ? 120 : n;
+}
+
+/* n floats rounded up to an odd number of 64-byte lines */
+static size_t odd_lines(size_t n)
+{
+    return ((n + 15) / 16 | 1) * 16;
 }
 
 void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
@@ -41,7 +48,9 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
     g->u_size = g->in * ((g->out + 31) / 32 * 32);
     g->u = nn_plan_floats(p, 36 * g->u_size);
     g->bias = nn_plan_floats(p, g->out);
-    g->work = 36 * g->tiles * (g->in + g->out);
+    g->v_size = odd_lines(g->tiles * g->in);
+    g->m_size = odd_lines(g->tiles * g->out);
+    g->work = 36 * (g->v_size + g->m_size);
     nn_plan_scratch(p, g->work * sizeof(float) *
                            (size_t)omp_get_max_threads());
 }
@@ -88,7 +97,7 @@ static void group(float *out, const float *in, const struct winograd *g,
 {
     const struct nn_kernels *k = nn_kernels();
     size_t across = (g->w + 3) / 4, image = across * ((g->h + 3) / 4);
-    float *m = v + 36 * g->tiles * g->in;
+    float *m = v + 36 * g->v_size;
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
         k->winograd_input(v, in + b * g->h * g->w * g->in, g, i,
@@ -96,9 +105,8 @@ static void group(float *out, const float *in, const struct winograd *g,
                           (ptrdiff_t)(t % across * 4) - 1);
     }
     for (size_t j = 0; j < 36; j++)
-        k->gemm(m + j * g->tiles * g->out, g->out,
-                v + j * g->tiles * g->in, g->in, 1, g->u + j * g->u_size, n,
-                g->out, g->in, 0);
+        k->gemm(m + j * g->m_size, g->out, v + j * g->v_size, g->in, 1,
+                g->u + j * g->u_size, n, g->out, g->in, 0);
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
         k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,

@@ -15,13 +15,16 @@ struct winograd {
     bool add;
     float *u;                /* 36 packed (in,out) matrices */
     size_t u_size;           /* floats of one */
+    size_t v_size, m_size;   /* floats from one matrix of a thread's to the
+                              * next: an odd number of lines, so that they
+                              * do not share the cache's sets */
     float *bias;             /* (out) */
     struct nn_plan *plan;
-    size_t work;             /* floats of one thread: (36,tiles,in + out) */
+    size_t work;             /* floats of one thread: 36 (v_size + m_size) */
 };
 
-/* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST, multiples of
- * 16 channels, and the table of `make tune` says that it is faster.  Depends on
+/* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST (or NN_BF16,
+ * whose large layers are faster so than in bfloat16), multiples of 16 channels, and the table of `make tune` says that it is faster.  Depends on
  * the layer's sizes only, never on a clock, so that two runs agree. */
 bool winograd_wanted(const struct conv *c);
 /* The same without the table, for tests and for `make tune` itself: -1 never,

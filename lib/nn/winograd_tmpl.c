@@ -2,7 +2,6 @@
  * that overlap by two.  The products between them are gemm's. */
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/math.h"
 #include "lib/nn/vector.h"
 #include "lib/nn/winograd.h"
 
@@ -32,7 +31,7 @@ void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
                          size_t slot, ptrdiff_t y0, ptrdiff_t x0)
 {
     ptrdiff_t h = (ptrdiff_t)g->h, w = (ptrdiff_t)g->w;
-    size_t C = g->in, plane = g->tiles * C;
+    size_t C = g->in, plane = g->v_size;
     for (size_t c = 0; c < C; c += 16) {
         v16 t[6][6];
         for (int x = 0; x < 6; x++) {
@@ -57,29 +56,16 @@ void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
     }
 }
 
-V16_INLINE v16 activate(v16 x, enum nn_act act)
-{
-    float lane[16];
-    if (act == ACT_NONE)
-        return x;
-    v16_store(lane, x);
-    if (act == ACT_RELU)
-        for (int i = 0; i < 16; i++)
-            lane[i] = math_act(lane[i], ACT_RELU);
-    else
-        for (int i = 0; i < 16; i++)
-            lane[i] = math_act(lane[i], ACT_LRELU);
-    return v16_load(lane);
-}
-
 /* out (h,w,C) at (y0,x0), 4x4 pixels or what is left of the image <- act of
  * tile `slot` of m (36, T, C) plus bias (plus what out holds: add). */
 void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
                           size_t slot, size_t y0, size_t x0)
 {
-    size_t C = g->out, plane = g->tiles * C;
+    size_t C = g->out, plane = g->m_size;
     size_t ny = g->h - y0 < 4 ? g->h - y0 : 4;
     size_t nx = g->w - x0 < 4 ? g->w - x0 : 4;
+    v16 slope = v16_set(g->act == ACT_NONE ? 1.0f
+                        : g->act == ACT_RELU ? 0.0f : ACT_SLOPE);
     for (size_t c = 0; c < C; c += 16) {
         v16 t[4][6], bias = v16_load(g->bias + c);
         for (int x = 0; x < 6; x++) {
@@ -99,7 +85,7 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
                 v16 r = row[x] + bias;
                 if (g->add)
                     r += v16_load(to);
-                v16_store(to, activate(r, g->act));
+                v16_store(to, v16_max(r, slope * r));
             }
         }
     }

@@ -1,35 +1,58 @@
-/* make tune: time Winograd against the direct convolution on the layers of the
- * large networks, one thread, and print lib/nn/tune_table.inc. */
+/* make tune: time Winograd against the direct convolution, in float and in
+ * bfloat16, on the 3x3 layers of StyleUNet, of the fusion head and of the
+ * decoders, one thread, and print lib/nn/tune_table.inc. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
+#include <time.h>
 
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/winograd.h"
 
-static const size_t layers[][2] = {
-    { 16, 256 }, { 32, 128 }, { 32, 512 }, { 64, 64 }, { 64, 128 },
-    { 64, 256 }, { 128, 64 }, { 128, 128 }, { 128, 296 }, { 256, 32 },
-    { 256, 64 }, { 256, 148 }, { 512, 16 }, { 512, 32 }
+/* in, out, side; their order is the order of the search: ties go to the
+ * first. */
+static const size_t layers[][3] = {
+    /* StyleUNet, from the picture inwards */
+    { 16, 16, 512 }, { 16, 32, 512 }, { 32, 16, 512 }, { 32, 32, 512 },
+    { 64, 32, 512 }, { 16, 32, 256 }, { 32, 32, 256 }, { 32, 64, 256 },
+    { 64, 32, 256 }, { 64, 64, 256 }, { 128, 64, 256 }, { 32, 64, 128 },
+    { 64, 64, 128 }, { 64, 128, 128 }, { 128, 64, 128 }, { 128, 128, 128 },
+    { 256, 128, 128 }, { 64, 128, 64 }, { 128, 128, 64 }, { 128, 256, 64 },
+    { 256, 128, 64 }, { 256, 256, 64 }, { 512, 256, 64 }, { 128, 256, 32 },
+    { 256, 256, 32 }, { 256, 512, 32 }, { 512, 512, 32 }, { 256, 256, 16 },
+    { 512, 512, 16 }, { 512, 512, 8 },
+    /* fusion head and decoders */
+    { 1040, 256, 37 }, { 256, 256, 74 }, { 272, 256, 148 },
+    { 256, 256, 148 }, { 256, 256, 296 }, { 288, 128, 296 },
+    { 128, 128, 296 }
 };
 
+/* Of the processor, so that others' work on the machine does not count. */
+static double seconds(void)
+{
+    struct timespec t;
+    clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
+    return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
+}
+
 /* Best of several runs, seconds; the process ends on an error. */
-static double best_time(size_t C, size_t side, int method)
+static double best_time(const size_t layer[3], enum nn_type type, int method)
 {
     struct params ps;
     struct conv c;
     struct nn_plan p;
     struct error err = { 0 };
     struct random r;
-    size_t n = side * side * C;
-    float *in = malloc(n * sizeof *in), *out = malloc(n * sizeof *out);
+    size_t side = layer[2], n = side * side * layer[0];
+    float *in = malloc(n * sizeof *in);
+    float *out = malloc(side * side * layer[1] * sizeof *out);
     params_init(&ps);
-    conv_init(&c, &ps, "c", C, C, 3, 1, true);
+    conv_init(&c, &ps, "c", layer[0], layer[1], 3, 1, true);
     c.act = ACT_LRELU;
     winograd_force(method);
-    nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_FAST });
+    nn_plan_init(&p, (struct nn_options){ NN_INFER, type });
     if (params_allocate(&ps, &err)) {
         fprintf(stderr, "tune: %s\n", err.text);
         exit(1);
@@ -44,11 +67,11 @@ static double best_time(size_t C, size_t side, int method)
     random_init(&r, 1, "tune");
     for (size_t i = 0; i < n; i++)
         in[i] = (float)random_range(&r, -1, 1);
-    double best = INFINITY, start = cpu_seconds();
-    for (int i = 0; i < 3 || cpu_seconds() - start < 0.5; i++) {
-        double t = cpu_seconds();
+    double best = INFINITY, start = seconds();
+    for (int i = 0; i < 4 || seconds() - start < 0.3; i++) {
+        double t = seconds();
         conv_forward(out, in, &c);
-        t = cpu_seconds() - t;
+        t = seconds() - t;
         best = t < best ? t : best;
     }
     conv_release(&c);
@@ -62,14 +85,19 @@ static double best_time(size_t C, size_t side, int method)
 int main(void)
 {
     cpu_flush_denormals();
-    printf("/* in, out, side, Winograd's time over the direct convolution's "
-           "(one thread);\n * written by make tune. */\n");
+    printf("/* in, out, side, Winograd's time over the direct convolution's, "
+           "and over the\n * same in bfloat16 (one thread); written by make "
+           "tune. */\n");
     for (size_t i = 0; i < sizeof layers / sizeof *layers; i++) {
-        size_t C = layers[i][0], side = layers[i][1];
-        double direct = best_time(C, side, -1), wino = best_time(C, side, 1);
-        printf("{ %zu, %zu, %zu, %.2ff },\n", C, C, side, wino / direct);
-        fprintf(stderr, "%zu -> %zu, %zux%zu: direct %.2f ms, Winograd %.2f\n",
-                C, C, side, side, 1e3 * direct, 1e3 * wino);
+        const size_t *l = layers[i];
+        double direct = best_time(l, NN_F32, -1);
+        double half = best_time(l, NN_BF16, -1);
+        double wino = best_time(l, NN_FAST, 1);
+        printf("{ %zu, %zu, %zu, %.2ff, %.2ff },\n", l[0], l[1], l[2],
+               wino / direct, wino / half);
+        fprintf(stderr, "%zu -> %zu, %zux%zu: direct %.2f ms, bf16 %.2f, "
+                "Winograd %.2f\n", l[0], l[1], l[2], l[2], 1e3 * direct,
+                1e3 * half, 1e3 * wino);
     }
     return 0;
 }
