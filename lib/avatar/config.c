@@ -27,8 +27,7 @@ void avatar_config_paper(struct avatar_config *c)
 void avatar_config_shipped(struct avatar_config *c)
 {
     avatar_config_paper(c);
-    c->plane = 192;
-    c->mouth = 24;
+    snprintf(c->shape_net, sizeof c->shape_net, "mobilenetv3_small_100");
     c->feature = 32;
     c->backbone.type = BACKBONE_SMALL;
     c->backbone.features = 32;

@@ -1,16 +1,22 @@
 /* A model file with untrained weights: written, read back, baked; the picture
- * must show the source already.  With arguments OUT [small|shipped|paper] and
- * a head model it only writes the file, for the pipe tests. */
+ * must show the source already.  With arguments OUT, small or shipped, and a
+ * head model it only writes the file, for the pipe tests. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <unistd.h>
 
-#include "lib/avatar/baked.h"
 #include "lib/avatar/model.h"
+#include "lib/geom/camera.h"
+#include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
+#include "lib/splat/splat.h"
+#include "tests/unit/sphere_head.h"
+
+#define S 128
 
 static void give_up(const struct error *err)
 {
@@ -20,12 +26,6 @@ static void give_up(const struct error *err)
 
 static void configure(struct avatar_config *c, const char *kind)
 {
-    if (strcmp(kind, "paper") == 0) {
-        avatar_config_shipped(c);
-        c->plane = c->backbone.size = 296;
-        c->mouth = 32;
-        return;
-    }
     avatar_config_shipped(c);
     if (strcmp(kind, "small") == 0) {
         c->size = 128;
@@ -75,14 +75,86 @@ static void write_model(const char *path, const struct head *h,
     params_release(&ps);
 }
 
+/* A person in front of black: the sphere's disc in colours that vary slowly. */
+static void paint(uint8_t *rgb, uint8_t *matte)
+{
+    for (size_t i = 0; i < S * S; i++) {
+        double x = (double)(i % S) - S / 2.0, y = (double)i / S - S / 2.0;
+
+        matte[i] = hypot(x, y) < 0.45 * S ? 255 : 0;
+        for (size_t c = 0; c < 3; c++)
+            rgb[3 * i + c] = matte[i] ? (uint8_t)(128 + 60 *
+                             sin(0.05 * x + (double)c) * cos(0.04 * y)) : 0;
+    }
+}
+
+/* PSNR of the untrained avatar, drawn as the source saw it, against it. */
+static double likeness(struct avatar_model *m, const float *verts)
+{
+    static uint8_t rgb[3 * S * S], matte[S * S];
+    static float image[3 * S * S], alpha[S * S];
+    struct splat_options so = splat_defaults(S, S, 3);
+    struct splat_camera view;
+    struct splat splat;
+    struct error err = {0};
+    float cam[12];
+    double sum = 0;
+
+    paint(rgb, matte);
+    camera_frontal(cam, 12);
+    avatar_bake(&m->avatar, &(struct avatar_source){rgb, matte, verts, cam});
+    view = splat_camera_square(cam, S, CAMERA_FOCAL);
+    if (splat_init(&splat, &so, &err) ||
+        splat_load(&splat, &m->avatar.set, &err) ||
+        splat_forward(&splat, image, alpha, NULL, &view, NULL, &err))
+        give_up(&err);
+    splat_release(&splat);
+    for (size_t i = 0; i < 3 * S * S; i++)
+        sum += pow(image[i] - rgb[i] / 255.0, 2);
+    return -10 * log10(sum / (3.0 * S * S));
+}
+
+static int test(void)
+{
+    struct head h;
+    struct identity id;
+    struct avatar_model m;
+    struct head_motion rest = {0};
+    struct error err = {0};
+    char path[] = "/tmp/avatar_model.XXXXXX";
+    int fd = mkstemp(path);
+
+    if (fd < 0)
+        return 1;
+    close(fd);
+    sphere_head(&h, 20, 30);
+    write_model(path, &h, "small");
+    if (avatar_model_open(&m, path, &h, 0, NN_F32, &err) ||
+        head_fold(&id, &h, NULL, 0, &err))
+        give_up(&err);
+    unlink(path);
+    float *verts = malloc(3 * h.V * sizeof *verts);
+    head_pose(verts, &id, &rest);
+    double psnr = likeness(&m, verts);
+    printf("untrained avatar against its source: %.1f dB (at least 22)\n",
+           psnr);
+    free(verts);
+    identity_release(&id);
+    avatar_model_release(&m);
+    head_release(&h);
+    return !(psnr >= 22);
+}
+
 int main(int argc, char **argv)
 {
     struct head h;
     struct error err = {0};
 
+    if (argc == 1)
+        return test();
     if (argc != 4) {
-        printf("usage: avatar_model OUT small|shipped|paper HEAD\n");
-        return argc == 1 ? 77 : 1;
+        printf("usage: avatar_model [OUT small|shipped HEAD]\n");
+        return 1;
     }
     if (head_load(&h, argv[3], &err))
         give_up(&err);
