@@ -2,14 +2,15 @@
  * configuration, from the motion encoder through head, means, renderer and
  * refiner to the losses.  For every tensor the derivative along its own
  * gradient is compared with a central difference.  Losses are squares and the
- * renderer has no cut-offs here; relu and the order of depths (plane and mesh
- * lie within a hair of each other) still jump within a step, so that what is
- * asked is: four tensors of five agree within 8 %, none is off by more than
- * 60 %. */
+ * renderer has no cut-offs here; relu and the order of depths still jump, so
+ * steps are chosen by how much they change the loss: few jumps lie within a
+ * ten-thousandth of it. */
 #include <unistd.h>
 
 #include "lib/train/loop.h"
 #include "tests/unit/train_toy.h"
+
+#define LIMIT 0.08
 
 static const char config[] =
     "{\"stage\":\"all\",\"seed\":3,\"batch\":1,\"micro\":1,\"pool\":2,"
@@ -60,29 +61,43 @@ static double difference(struct task *t, size_t k, const float *d, double e)
     return (f[1] - f[0]) / (2 * e);
 }
 
-/* The best agreement over a few steps: |x|, cut-offs and relu are not smooth,
- * and the sums are of floats, so that no one step suits every tensor. */
+/* The best agreement over a few steps: long ones meet jumps, short ones drown
+ * in sums of floats. */
 static double disagreement(struct task *t, size_t k, double *norm)
 {
     struct param *p = &t->ps.tensor[k];
     float *d = malloc(p->count * sizeof *d);
-    double best = 1e9, size = 0, scale = 0;
+    double best = 1e9, size = 0;
 
     memcpy(d, param_g(&t->ps, k), p->count * sizeof *d);
-    for (size_t i = 0; i < p->count; i++) {
+    for (size_t i = 0; i < p->count; i++)
         size += (double)d[i] * d[i];
-        scale += fabs(param_w(&t->ps, k)[i]) / (double)p->count;
-    }
     *norm = size = sqrt(size);
     for (size_t i = 0; size > 0 && i < p->count; i++)
         d[i] = (float)(d[i] / size);
-    for (double e = 1e-3; e > 5e-5 && size > 0 && best > 0.05; e *= 0.3) {
-        double fd = difference(t, k, d, e * fmax(scale, 0.1) *
-                                            sqrt((double)p->count));
+    for (double e = 1e-2; e > 3e-6 && size > 0 && best > 0.03; e *= 0.3) {
+        double fd = difference(t, k, d, e / size);
         best = fmin(best, fabs(fd - size) / size);
     }
     free(d);
     return size > 0 ? best : 0;
+}
+
+/* A layer that starts at zero lets no gradient through to those before it. */
+static void fill_zeros(struct task *t)
+{
+    struct random r;
+
+    random_init(&r, 5, "train_system");
+    for (size_t k = 0; k < t->ps.count; k++) {
+        const struct param *p = &t->ps.tensor[k];
+        float *w = param_w(&t->ps, k), most = 0;
+
+        for (size_t i = 0; i < p->count; i++)
+            most = fmaxf(most, fabsf(w[i]));
+        for (size_t i = 0; i < p->count && most == 0 && !p->frozen; i++)
+            w[i] = (float)(0.05 * random_normal(&r));
+    }
 }
 
 int main(void)
@@ -94,7 +109,7 @@ int main(void)
     struct task t;
     struct data_pool pool = {0};
     struct error err = {0};
-    size_t bad = 0, zero = 0, checked = 0, uneven = 0;
+    size_t bad = 0, zero = 0, checked = 0;
     double total = 0;
 
     if (!mkdtemp(dir))
@@ -109,6 +124,7 @@ int main(void)
         return 1;
     }
     t.pool = &pool;
+    fill_zeros(&t);
     loss_of(&t);
     float *g = malloc(t.ps.total * sizeof *g);
     memcpy(g, t.ps.g, t.ps.total * sizeof *g);
@@ -125,20 +141,15 @@ int main(void)
         off = disagreement(&t, k, &norm);
         checked++;
         zero += norm == 0;
-        /* Gradients of 1e-4 of the whole drown in float sums. */
-        int rough = off > 0.08 && norm > 1e-4 * total;
-        int wrong = off > 0.6 && norm > 1e-4 * total;
+        /* gradients of 1e-4 of the whole drown in float sums */
+        int wrong = norm == 0 || (off > LIMIT && norm > 1e-4 * total);
         bad += wrong;
-        uneven += rough;
-        if (rough || norm == 0 || k % 20 == 0)
+        if (wrong || k % 20 == 0)
             printf("%-52s |g| %.3g, off by %.2g%s\n", t.ps.tensor[k].name,
                    norm, off, wrong ? "  WRONG" : "");
     }
-    printf("%zu tensors, %zu without gradient (behind a layer that starts at "
-           "zero), %zu off by more than 8 %%, %zu by more than 60 %%\n",
-           checked, zero, uneven, bad);
-    if (5 * uneven > checked)
-        bad++;
+    printf("%zu tensors: %zu without gradient, %zu off by more than %g\n",
+           checked, zero, bad - zero, LIMIT);
     free(g);
     data_close(pool.reader);
     data_pool_release(&pool);
