@@ -44,7 +44,7 @@ LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
 
 # ---- sources: a new file is found by where it lies -------------------------
 
-LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c cmd/cli.c))
+LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c cmd/cli.c cmd/options*.c))
 LIB_CC  := $(sort $(wildcard formats/*.cc))
 TMPL_C  := $(filter %_tmpl.c,$(LIB_C))
 PLAIN_C := $(filter-out %_tmpl.c,$(LIB_C))

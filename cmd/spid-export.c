@@ -4,7 +4,7 @@
 #include <stdio.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/glb.h"
 #include "formats/ply.h"
 #include "lib/export/export.h"
@@ -28,8 +28,7 @@ static const struct cli_option options[] = {
      "the frame for names without %d (default: the first)", NULL},
     {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
      "shape and source picture from this identity", NULL},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
+    OPTION_HEAD(&head_path),
     {"expressions", 0, CLI_INT, &expressions, 0, 198, "N",
      "expression directions kept as morph targets (default 50)", NULL},
     {"correctives", 0, CLI_FLAG, &opt.head.correctives, 0, 0, NULL,

@@ -3,7 +3,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "lib/avatar/records.h"
 #include "lib/head/lbs.h"
 #include "lib/stream/stream.h"
@@ -14,8 +14,7 @@ static bool keep_motion;
 static const struct cli_option options[] = {
     {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
      "take the shape from this identity's SHAP record", NULL},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
+    OPTION_HEAD(&head_path),
     {"keep-motion", 0, CLI_FLAG, &keep_motion, 0, 0, NULL,
      "pass each MOTN record on in front of its MESH", NULL},
     {0}
@@ -38,12 +37,8 @@ struct flame {
 static void open_head(struct flame *f, const char *path)
 {
     struct error err = {0};
-    char found[4096];
 
-    if (!path && cli_find_model("head.safetensors", found, sizeof found,
-                                &err))
-        die_error(&err);
-    if (head_load(&f->head, path ? path : found, &err))
+    if (option_head_load(&f->head, path, &err))
         die_error(&err);
     f->verts = malloc(3 * f->head.V * sizeof *f->verts);
     if (!f->verts)

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
 #include "lib/stream/stream.h"
@@ -16,17 +16,8 @@ static const char *background_text, *identity_path;
 static double fps;
 static bool roi;
 
-static int parse_precision(const char *value, void *dest, struct error *err)
-{
-    if (nn_type_parse(dest, value) == 0)
-        return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
-                     "bf16)");
-}
-
 static const struct cli_option options[] = {
-    {"precision", 0, CLI_CALL, &precision, 0, 0, "TYPE",
-     "f32 or bf16 inside the network (default f32)", parse_precision},
+    OPTION_PRECISION(&precision, "network"),
     {"roi", 0, CLI_FLAG, &roi, 0, 0, NULL,
      "refine only the part of the picture where the head is", NULL},
     {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/draw.h"
 #include "formats/image.h"
 #include "lib/stream/stream.h"
@@ -17,39 +17,16 @@ static struct track_options track_options;
 static const char *head_path, *mask_path, *overlay_path;
 static enum nn_type precision = NN_F32;
 
-static int parse_crop(const char *value, void *dest, struct error *err)
-{
-    track_options.has_crop = true;
-    return square_parse(value, dest, err);
-}
-
-static int parse_window(const char *value, void *dest, struct error *err)
-{
-    track_options.has_window = true;
-    return square_parse(value, dest, err);
-}
-
-static int parse_precision(const char *value, void *dest, struct error *err)
-{
-    if (nn_type_parse(dest, value) == 0)
-        return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
-                     "bf16)");
-}
-
 static const struct cli_option options[] = {
-    {"crop", 0, CLI_CALL, &track_options.crop, 0, 0, "X,Y,SIZE",
-     "face crop: centre and side in pixels of the picture", parse_crop},
-    {"window", 0, CLI_CALL, &track_options.window, 0, 0, "X,Y,SIZE",
-     "portrait window (default: about the face)", parse_window},
+    OPTION_CROP(&track_options,
+                "face crop: centre and side in pixels of the picture"),
+    OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
     {"mask", 0, CLI_STRING, &mask_path, 0, 0, "FILE",
      "matte: a picture of the same size, white where the person is", NULL},
     {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE.png",
      "write crop, matte, mesh and landmarks drawn on the picture", NULL},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
-    {"precision", 0, CLI_CALL, &precision, 0, 0, "TYPE",
-     "f32 or bf16 inside the networks (default f32)", parse_precision},
+    OPTION_HEAD(&head_path),
+    OPTION_PRECISION(&precision, "networks"),
     {0}
 };
 
@@ -70,12 +47,10 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096], head[4096];
+    char model[4096];
 
     if (cli_find_model("model.safetensors", model, sizeof model, &err)
-        || (!head_path && cli_find_model("head.safetensors", head,
-                                         sizeof head, &err))
-        || head_load(&p->head, head_path ? head_path : head, &err)
+        || option_head_load(&p->head, head_path, &err)
         || encoders_open(&p->nets, model, true, precision, &err))
         die_error(&err);
     track_options.size = (double)p->nets.config.size;

@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/image.h"
 #include "lib/avatar/records.h"
@@ -53,8 +53,7 @@ static const struct cli_option options[] = {
      "write a contact sheet (PNG) of people, expressions and lights", NULL},
     {"statistics", 0, CLI_FLAG, &statistics, 0, 0, NULL,
      "print mean and spread of every parameter instead", NULL},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
+    OPTION_HEAD(&head_path),
     {0}
 };
 
@@ -69,12 +68,8 @@ static const struct cli_usage usage = {
 static void open_head(struct head *head)
 {
     struct error err = {0};
-    char found[4096];
 
-    if (!head_path && cli_find_model("head.safetensors", found, sizeof found,
-                                     &err))
-        die_error(&err);
-    if (head_load(head, head_path ? head_path : found, &err))
+    if (option_head_load(head, head_path, &err))
         die_error(&err);
 }
 

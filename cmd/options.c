@@ -1,0 +1,29 @@
+#include "cmd/options.h"
+
+#include "lib/nn/nn.h"
+#include "lib/track/conf.h"
+#include "lib/track/track.h"
+
+int option_precision(const char *value, void *dest, struct error *err)
+{
+    if (nn_type_parse(dest, value) == 0)
+        return 0;
+    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
+                     "bf16)");
+}
+
+int option_crop(const char *value, void *dest, struct error *err)
+{
+    struct track_options *t = dest;
+
+    t->has_crop = true;
+    return square_parse(value, &t->crop, err);
+}
+
+int option_window(const char *value, void *dest, struct error *err)
+{
+    struct track_options *t = dest;
+
+    t->has_window = true;
+    return square_parse(value, &t->window, err);
+}
