@@ -1,5 +1,6 @@
 /* spid-eval: how far results are from the truth, as the paper's tables. */
 #include <errno.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -12,11 +13,12 @@
 #include "lib/eval/people.h"
 
 #define PATH 600
-#define FIELDS 5 /* of a pairs file: name, kind, truth, result, protocol */
+#define FIELDS 6 /* of a pairs file: name, kind, truth, result, protocol,
+                  * source */
 
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
-    const char *lpips;
+    const char *lpips, *arcface, *source;
     unsigned truth;
     bool motion, no_ablations, no_cross;
     long count, frames, stride, rows;
@@ -50,6 +52,11 @@ static const struct cli_option options[] = {
      .arg = "FILE", .help = "write the figures of every frame there"},
     {.name = "lpips", .kind = CLI_STRING, .dest = &opt.lpips, .arg = "FILE",
      .help = "AlexNet and LPIPS weights: adds the column lpips"},
+    {.name = "arcface", .kind = CLI_STRING, .dest = &opt.arcface,
+     .arg = "FILE", .help = "weights of an iresnet: adds the column arcface"},
+    {.name = "source", .kind = CLI_STRING, .dest = &opt.source,
+     .arg = "PICTURE",
+     .help = "--arcface: who it shall be, adds the column arcface_src"},
     {.name = "people", .kind = CLI_STRING, .dest = &opt.people,
      .arg = "STREAM", .help = "judge the model (-m) on people of spid-synth"},
     {.name = "count", .kind = CLI_INT, .dest = &opt.count, .min = 1,
@@ -81,6 +88,16 @@ static const struct cli_usage usage = {
     .synopsis = "[OPTION ...] [TRUTH RESULT]",
     .purpose = "the paper's metrics of frames, motions or a whole model",
     .options = options,
+};
+
+/* What pairs are judged with. */
+struct judge {
+    struct head head;           /* V 0: none found */
+    struct lpips lpips;
+    struct likeness likeness;
+    struct compare_nets nets;
+    FILE *tsv;
+    bool self, cross;           /* protocols that rows name */
 };
 
 static int load_head(struct head *h, int must)
@@ -152,9 +169,27 @@ static void write_model_json(FILE *f, const struct table *t)
     fputs("}\n", f);
 }
 
-static void write_table(const struct table *t, enum table_format format,
-                        int model)
+/* The protocols of the rows, so that a table says what it shows. */
+static void write_protocols(FILE *f, const struct judge *j,
+                            enum table_format format)
 {
+    const char *mark = format == TABLE_LATEX ? "% " : "# ";
+
+    if (format == TABLE_JSON)
+        return;
+    if (j->self)
+        fprintf(f, "%sself: the source is the first frame of a clip, the "
+                "driver that clip, the truth its frames\n", mark);
+    if (j->cross)
+        fprintf(f, "%scross: the source is the first frame of a clip, the "
+                "driver the next identity's clip, the truth the driver's "
+                "motion\n", mark);
+}
+
+static void write_table(const struct table *t, enum table_format format,
+                        const struct judge *j)
+{
+    int model = opt.people != NULL;
     char part[PATH];
     int named = strcmp(cli.output, "-") != 0;
     int direct = named && file_is_special(cli.output);
@@ -167,6 +202,7 @@ static void write_table(const struct table *t, enum table_format format,
         write_model_json(f, t);
     else
         table_write(f, t, format);
+    write_protocols(f, j, format);
     if (fflush(f) || ferror(f) || (named && fclose(f))) {
         if (named && !direct)
             unlink(part);
@@ -181,14 +217,15 @@ static void write_table(const struct table *t, enum table_format format,
 /* Compare one pair into the row; 0, or the exit code after a message. */
 static int judge_pair(struct table *t, const char *row, int motion,
                       const char *truth, const char *result,
-                      const struct head *h, FILE *tsv, struct lpips *lpips)
+                      const char *source, const struct judge *j)
 {
     struct error err = {0};
-    struct compare_log log = {.tsv = tsv, .pair = result};
+    struct compare_log log = {.tsv = j->tsv, .pair = result};
     size_t r = table_row(t, row);
-    int rc = motion ? compare_motions(t, r, truth, result, h, &log, &err)
-                    : compare_frames(t, r, truth, result, lpips, &log,
-                                     &err);
+    int rc = motion ? compare_motions(t, r, truth, result,
+                                      j->head.V ? &j->head : NULL, &log, &err)
+                    : compare_frames(t, r, truth, result, source, &j->nets,
+                                     &log, &err);
 
     if (!rc)
         return 0;
@@ -213,9 +250,9 @@ static int split(char *line, char *field[FIELDS])
     return n >= 4 ? n : -1;
 }
 
-/* name, kind (frames or motion), truth, result, and what the row is of. */
-static int judge_pairs(struct table *t, const struct head *h, FILE *tsv,
-                       struct lpips *lpips)
+/* name, kind (frames or motion), truth, result, what the row is of, and the
+ * picture the result was made of. */
+static int judge_pairs(struct table *t, struct judge *j)
 {
     FILE *f = fopen(opt.pairs, "r");
     char line[4096], row[TABLE_NAME], *field[FIELDS];
@@ -230,15 +267,18 @@ static int judge_pairs(struct table *t, const struct head *h, FILE *tsv,
             continue;
         if (n < 0)
             die(EX_DATAERR, "%s: line %d: not a pair (expected name, frames "
-                "or motion, truth, result and an optional protocol, with "
-                "tabs between)", opt.pairs, number);
+                "or motion, truth, result and, optional, protocol and "
+                "source, with tabs between)", opt.pairs, number);
         motion = !strcmp(field[1], "motion");
         if (!motion && strcmp(field[1], "frames"))
             die(EX_DATAERR, "%s: line %d: %s (expected frames or motion)",
                 opt.pairs, number, field[1]);
         snprintf(row, sizeof row, n > 4 ? "%s, %s" : "%s", field[0],
                  n > 4 ? field[4] : "");
-        rc = judge_pair(t, row, motion, field[2], field[3], h, tsv, lpips);
+        j->self |= n > 4 && !strcmp(field[4], "self");
+        j->cross |= n > 4 && !strcmp(field[4], "cross");
+        rc = judge_pair(t, row, motion, field[2], field[3],
+                        n > 5 ? field[5] : NULL, j);
         failed += rc != 0;
         code = rc ? rc : code;
         done++;
@@ -296,46 +336,70 @@ static int judge_model(struct table *t, const struct head *h)
     return 0;
 }
 
+static void open_judge(struct judge *j)
+{
+    struct error err = {0};
+    char model[PATH];
+
+    if (opt.frames_tsv && !(j->tsv = fopen(opt.frames_tsv, "w")))
+        die(EX_CANTCREAT, "%s: %s", opt.frames_tsv, strerror(errno));
+    load_head(&j->head, opt.people != NULL);
+    if (opt.lpips) {
+        if (lpips_init(&j->lpips, opt.lpips, &err))
+            die_error(&err);
+        j->nets.lpips = &j->lpips;
+    }
+    if (opt.arcface) {
+        bool found = !cli_find_model("model.safetensors", model,
+                                     sizeof model, &err);
+
+        if (likeness_init(&j->likeness, opt.arcface, found ? model : NULL,
+                          j->head.V ? &j->head : NULL, &err))
+            die_error(&err);
+        j->nets.likeness = &j->likeness;
+    }
+}
+
+static void close_judge(struct judge *j)
+{
+    if (j->tsv && fclose(j->tsv))
+        die(EX_IOERR, "%s: %s", opt.frames_tsv, strerror(errno));
+    if (j->nets.lpips)
+        lpips_release(&j->lpips);
+    if (j->nets.likeness)
+        likeness_release(&j->likeness);
+    head_release(&j->head);
+}
+
 int main(int argc, char **argv)
 {
-    int first = cli_parse(&usage, argc, argv), code, need;
-    struct table t;
-    struct head h = {0};
-    struct lpips lpips = {0};
-    struct error err = {0};
+    static struct judge j;
+    int first = cli_parse(&usage, argc, argv), code;
+    int need = opt.pairs || opt.people ? 0 : 2;
     enum table_format format;
-    FILE *tsv = NULL;
+    struct table t;
 
     if (table_format_parse(&format, opt.format))
         die(EX_USAGE, "--format=%s: unknown (expected text, tsv, json or "
             "latex)", opt.format);
-    need = opt.pairs || opt.people ? 0 : 2;
     if (argc - first != need)
         die(EX_USAGE, "%d operands (expected %d; see --help)", argc - first,
             need);
-    if (opt.frames_tsv && !(tsv = fopen(opt.frames_tsv, "w")))
-        die(EX_CANTCREAT, "%s: %s", opt.frames_tsv, strerror(errno));
-    if (opt.lpips && lpips_init(&lpips, opt.lpips, &err))
-        die_error(&err);
+    if (opt.source && !opt.arcface)
+        die(EX_USAGE, "--source is for --arcface");
+    open_judge(&j);
     table_init(&t);
-    load_head(&h, opt.people != NULL);
     if (opt.people)
-        code = judge_model(&t, &h);
+        code = judge_model(&t, &j.head);
     else if (opt.pairs)
-        code = judge_pairs(&t, h.V ? &h : NULL, tsv, opt.lpips ? &lpips
-                                                               : NULL);
+        code = judge_pairs(&t, &j);
     else
         code = judge_pair(&t, opt.name, opt.motion, argv[first],
-                          argv[first + 1], h.V ? &h : NULL, tsv,
-                          opt.lpips ? &lpips : NULL);
-    if (tsv && fclose(tsv))
-        die(EX_IOERR, "%s: %s", opt.frames_tsv, strerror(errno));
+                          argv[first + 1], opt.source, &j);
     if (!code || !opt.people)
-        write_table(&t, format, opt.people != NULL);
+        write_table(&t, format, &j);
     table_release(&t);
-    if (opt.lpips)
-        lpips_release(&lpips);
-    head_release(&h);
+    close_judge(&j);
     stats_write();
     return code;
 }

@@ -10,6 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+#include <unistd.h>
 
 #include "lib/animate/animate.h"
 #include "lib/avatar/baked.h"
@@ -287,6 +288,12 @@ static int read_memory(void *context, struct frame *f, struct error *err)
     return 1;
 }
 
+enum { STAGES = 8 };
+static const char *const stage_name[STAGES] = {
+    "crop", "motion", "flame", "branches", "splat", "refine", "decode",
+    "encode"
+};
+
 /* One renderer set-up: SpiD* or SpiD, with what it draws. */
 struct pipe {
     struct stage *s;
@@ -295,17 +302,19 @@ struct pipe {
     struct track track;
     struct animate animate;
     struct framesink *sink;
-    double sum[6];          /* crop, motion, flame, branches, splat, refine */
+    char dir[32], clip[48], made[48];   /* of a video row; "" otherwise */
+    double sum[STAGES];
     size_t frames;
 };
 
 static void add_times(void *ctx, const struct animate_frame *f)
 {
     struct pipe *p = ctx;
-    const double t[6] = {f->t.crop, f->t.network + f->t.heads, f->t.flame,
-                         f->t.branches, f->t.splat, f->t.refine};
+    const double t[STAGES] = {f->t.crop, f->t.network + f->t.heads,
+                              f->t.flame, f->t.branches, f->t.splat,
+                              f->t.refine, f->t.decode, f->t.encode};
 
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < STAGES; i++)
         p->sum[i] += 1e3 * t[i];
     p->frames++;
 }
@@ -325,7 +334,70 @@ static int call_pipe(void *context, struct error *err)
     return rc;
 }
 
-static int open_pipe(struct pipe *p, struct stage *s, bool star, bool half,
+/* The same from a video file to a video file. */
+static int call_video(void *context, struct error *err)
+{
+    struct pipe *p = context;
+    const char *const clip = p->clip;
+    const struct framesink_options to = {.path = p->made,
+                                         .format = FRAMESINK_VIDEO};
+    struct framesource *in = framesource_open(&clip, 1, NULL, err);
+    struct framesink *out = in ? framesink_open(&to, err) : NULL;
+    struct driver d;
+    int rc = -1;
+
+    if (!out)
+        goto out;
+    driver_init(&d, &p->track, driver_read_source, in);
+    rc = driver_start(&d, NULL, NULL, err) ||
+         animate_run(&p->animate, &d, NULL, out, add_times, p, err) ? -1 : 0;
+    driver_release(&d);
+    if (rc == 0)
+        rc = framesink_finish(out, err);
+    else
+        framesink_abandon(out);
+out:
+    framesource_close(in);
+    return rc;
+}
+
+/* PART frames as a video in a directory of our own. */
+static int make_video(struct pipe *p, struct error *err)
+{
+    snprintf(p->dir, sizeof p->dir, "/tmp/spid-bench-XXXXXX");
+    if (!mkdtemp(p->dir)) {
+        p->dir[0] = 0;
+        return error_set(err, EX_CANTCREAT, "/tmp: no room for a video");
+    }
+    snprintf(p->clip, sizeof p->clip, "%s/clip.mp4", p->dir);
+    snprintf(p->made, sizeof p->made, "%s/made.mp4", p->dir);
+    const struct framesink_options to = {.path = p->clip,
+                                         .format = FRAMESINK_VIDEO};
+    struct framesink *out = framesink_open(&to, err);
+
+    for (size_t i = 0; out && i < PART; i++) {
+        const struct framesink_frame f = {
+            .width = SIZE, .height = SIZE, .channels = 3, .frame = i,
+            .rgb = p->s->rgb + i % FRAMES * 3 * SIZE * SIZE,
+            .time = (double)i / 25
+        };
+
+        if (framesink_write(out, &f, err)) {
+            framesink_abandon(out);
+            return -1;
+        }
+    }
+    return out ? framesink_finish(out, err) : -1;
+}
+
+/* What a row of the pipeline draws, and between what. */
+struct variant {
+    bool star, half, video;
+    const char *knob;
+    bool report;                /* into the JSON's "fps" and "ms" */
+};
+
+static int open_pipe(struct pipe *p, struct stage *s, const struct variant *v,
                      struct error *err)
 {
     const double half_size = SIZE / 2.0;
@@ -335,7 +407,7 @@ static int open_pipe(struct pipe *p, struct stage *s, bool star, bool half,
         .window = {half_size, half_size, SIZE}
     };
     const struct animate_options opt = {
-        .size = SIZE, .model = s->b->model, .star = star, .half = half,
+        .size = SIZE, .model = s->b->model, .star = v->star, .half = v->half,
         .workers = s->b->threads, .closed = BAKED_CLOSED
     };
     const struct framesink_options sink = {.path = "/dev/null",
@@ -346,7 +418,8 @@ static int open_pipe(struct pipe *p, struct stage *s, bool star, bool half,
     p->sink = framesink_open(&sink, err);
     if (!p->sink || encoders_open(&p->nets, s->b->model, false, NN_F32, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
-        track_init(&p->track, &p->mean, &p->nets.motion, &track, err))
+        track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
+        (v->video && make_video(p, err)))
         return -1;
     return animate_init(&p->animate, &opt, &s->id, &s->baked, &s->dense, err);
 }
@@ -358,40 +431,57 @@ static void close_pipe(struct pipe *p)
     identity_release(&p->mean);
     encoders_release(&p->nets);
     framesink_abandon(p->sink);
+    if (p->dir[0]) {
+        unlink(p->clip);
+        unlink(p->made);
+        rmdir(p->dir);
+    }
 }
 
-static int bench_variant(struct stage *s, bool star, bool half,
-                         const char *knob, struct error *err)
+/* The numbers of a row that programs look for. */
+static void report(struct bench *b, const struct pipe *p,
+                   const struct variant *v, double median)
 {
-    static const char *const names[6] = {"crop", "motion", "flame",
-                                         "branches", "splat", "refine"};
+    char key[24];
+
+    snprintf(key, sizeof key, "spid%s%s", v->star ? "_star" : "",
+             v->video ? "_video" : "");
+    bench_number(b, "fps", key, 1e3 / median);
+    for (int i = 0; i < STAGES; i++) {
+        bool own = v->video ? v->star && i > 5
+                            : i < 6 && (v->star ? i != 5 : i > 3);
+
+        if (own)
+            bench_number(b, "ms", !v->star && i == 4 ? "splat_features"
+                                                     : stage_name[i],
+                         p->sum[i] / (double)p->frames);
+    }
+}
+
+static int bench_variant(struct stage *s, const struct variant *v,
+                         struct error *err)
+{
     struct pipe *p = calloc(1, sizeof *p);
     struct bench_times t;
     char config[96];
-    bool report = strcmp(knob, "all Gaussians") == 0;
-    int rc = p ? open_pipe(p, s, star, half, err)
+    int rc = p ? open_pipe(p, s, v, err)
                : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
-        rc = bench_time(&t, s->b->seconds / 3, 300 / PART, call_pipe, p, err);
+        rc = bench_time(&t, s->b->seconds / 4, 300 / PART,
+                        v->video ? call_video : call_pipe, p, err);
     if (rc == 0) {
         t.min /= PART;
         t.median /= PART;
         t.p95 /= PART;
         snprintf(config, sizeof config, "%s 512x512 N=%zu C=%d",
-                 star ? "SpiD*" : "SpiD", s->baked.N,
-                 star ? 3 : (int)s->baked.C);
-        bench_add(s->b, "pipeline", config, knob, s->b->threads, &t, NAN,
+                 v->star ? "SpiD*" : "SpiD", s->baked.N,
+                 v->star ? 3 : (int)s->baked.C);
+        bench_add(s->b, "pipeline", config, v->knob, s->b->threads, &t, NAN,
                   NAN);
-        for (int i = 0; i < 6 && report; i++)
-            if (star || i > 3)
-                bench_number(s->b, "ms", star ? names[i]
-                             : i == 4 ? "splat_features" : names[i],
-                             p->sum[i] / (double)p->frames);
+        if (v->report)
+            report(s->b, p, v, t.median);
     }
-    if (rc == 0 && report)
-        bench_number(s->b, "fps", star ? "spid_star" : "spid",
-                     1e3 / t.median);
     if (p)
         close_pipe(p);
     free(p);
@@ -400,26 +490,30 @@ static int bench_variant(struct stage *s, bool star, bool half,
 
 int bench_pipeline(struct bench *b, struct error *err)
 {
+    static const struct variant variants[] = {
+        {true, false, false, "frame to RGB", true},
+        {false, false, false, "frame to RGB", true},
+        {false, true, false, "frame to RGB, f16 features", false},
+        {true, false, true, "video to video (mp4)", true},
+        {false, false, true, "video to video (mp4)", true}
+    };
+    static const struct variant clear = {true, false, false,
+                                         "without the clear ones", false};
     struct stage *s = calloc(1, sizeof *s);
     int rc = s ? open_stage(s, b, err) : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
         rc = open_avatar(s, err) || call_bake(s, err) ||
              baked_from_avatar(&s->baked, &s->avatar.avatar, err) ? -1 : 0;
-    if (rc == 0)
-        rc = bench_variant(s, true, false, "all Gaussians", err);
-    if (rc == 0)
-        rc = bench_variant(s, false, false, "all Gaussians", err);
-    if (rc == 0)
-        rc = bench_variant(s, false, true, "all Gaussians, f16 features",
-                           err);
+    for (size_t i = 0; i < sizeof variants / sizeof *variants && rc == 0; i++)
+        rc = bench_variant(s, &variants[i], err);
     if (rc == 0) {
         size_t all = s->baked.N;
 
         baked_drop_clear(&s->baked);
         bench_note(b, "pipeline: %zu of %zu Gaussians have an opacity over "
                    "1/255", s->baked.N, all);
-        rc = bench_variant(s, true, false, "without the clear ones", err);
+        rc = bench_variant(s, &clear, err);
     }
     if (s)
         close_stage(s);

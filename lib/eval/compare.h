@@ -6,6 +6,7 @@
 #include <stdio.h>
 
 #include "lib/base/error.h"
+#include "lib/eval/likeness.h"
 #include "lib/eval/table.h"
 #include "lib/head/head.h"
 #include "lib/metric/lpips.h"
@@ -17,13 +18,22 @@ struct compare_log {
     const char *pair;
 };
 
+/* Networks whose weights were given; each may be NULL. */
+struct compare_nets {
+    struct lpips *lpips;
+    struct likeness *likeness;
+};
+
 /* Compare the frames of two inputs (see framesource_open) into row `row` of
- * t: columns psnr ssim msssim l1 flicker and, lpips given, lpips.  ms-ssim of
- * pictures under 161 pixels counts as failed, as does the psnr of equal frames
- * (infinite).  -1 when sizes or numbers of frames differ or a file cannot be
- * read; what was measured until then stays in the table. */
+ * t: columns psnr ssim msssim l1 flicker and, their weights given, lpips and
+ * arcface (likeness of result and truth), arcface_src (of result and source, a
+ * picture; NULL: no such column).  ms-ssim of pictures under 161 pixels counts
+ * as failed, as do the psnr of equal frames (infinite) and the likeness of a
+ * frame without a face.  -1 when sizes or numbers of frames differ or a file
+ * cannot be read; what was measured until then stays in the table. */
 int compare_frames(struct table *t, size_t row, const char *truth,
-                   const char *result, struct lpips *lpips,
+                   const char *result, const char *source,
+                   const struct compare_nets *nets,
                    const struct compare_log *log, struct error *err);
 
 /* Compare the MOTN records of two streams: columns akd aed apd (pixels of a

@@ -1,4 +1,5 @@
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -7,10 +8,11 @@
 #include "lib/eval/compare.h"
 #include "lib/metric/image.h"
 
-enum { PSNR, SSIM, MSSSIM, L1, FLICKER, LPIPS, COUNT };
+enum { PSNR, SSIM, MSSSIM, L1, FLICKER, LPIPS, ARCFACE, ARCFACE_SRC, COUNT };
 static const char *const name[COUNT] = {"psnr", "ssim", "msssim", "l1",
-                                        "flicker", "lpips"};
-static const int better[COUNT] = {1, 1, 1, -1, -1, -1};
+                                        "flicker", "lpips", "arcface",
+                                        "arcface_src"};
+static const int better[COUNT] = {1, 1, 1, -1, -1, -1, 1, 1};
 
 /* Two clips and the planar pictures of this frame and the last. */
 struct pair {
@@ -18,6 +20,8 @@ struct pair {
     float *now[2], *last[2];        /* (3,H,W) */
     size_t H, W, frames;
     struct lpips *lpips;            /* or NULL */
+    struct likeness *likeness;      /* or NULL */
+    int faces;                      /* found in the frames of now: 2 is all */
 };
 
 static int take(struct pair *p, int k, const struct frame *f,
@@ -41,7 +45,12 @@ static int take(struct pair *p, int k, const struct frame *f,
         p->last[1] = p->now[0] + 3 * n;
     }
     metric_planar_u8(p->now[k], f->rgb, p->H * p->W);
-    return 0;
+    if (!p->likeness)
+        return 0;
+    int found = likeness_embed(p->likeness, k, f->rgb, f->width, f->height,
+                               f->time, err);
+    p->faces += found > 0;
+    return found < 0 ? -1 : 0;
 }
 
 /* Next frame of both.  1, 0 at the end of both, -1. */
@@ -50,6 +59,7 @@ static int next(struct pair *p, struct error *err)
     struct frame f;
     int rc[2];
 
+    p->faces = 0;
     for (int k = 0; k < 2; k++) {
         rc[k] = framesource_read(p->in[k], &f, err);
         if (rc[k] < 0 || (rc[k] && take(p, k, &f, err)))
@@ -70,7 +80,13 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
 
     v[L1] = metric_l1(p->now[0], p->now[1], n);
     v[PSNR] = metric_psnr(metric_mse(p->now[0], p->now[1], n));
-    v[SSIM] = v[MSSSIM] = v[FLICKER] = v[LPIPS] = NAN;
+    for (int k = SSIM; k < COUNT; k++)
+        if (k != L1)
+            v[k] = NAN;
+    if (p->likeness && p->faces == 2) {
+        v[ARCFACE] = likeness_pair(p->likeness);
+        v[ARCFACE_SRC] = likeness_source(p->likeness);
+    }
     if (p->H >= 11 && p->W >= 11) {
         if (metric_ssim(&s, NULL, NULL, p->now[0], p->now[1], 3, p->H, p->W,
                         err))
@@ -93,31 +109,44 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
     return 0;
 }
 
+/* Whether a column belongs in the table at all. */
+static bool wanted(const struct pair *p, int k)
+{
+    switch (k) {
+    case FLICKER: return p->frames > 0;
+    case LPIPS: return p->lpips != NULL;
+    case ARCFACE: return p->likeness != NULL;
+    case ARCFACE_SRC: return p->likeness && p->likeness->has_source;
+    default: return true;
+    }
+}
+
 static void record(struct table *t, size_t row, const double v[COUNT],
                    const struct pair *p, const struct compare_log *log)
 {
-    size_t frame = p->frames;
-
     for (int k = 0; k < COUNT; k++)
-        if ((k != FLICKER || frame) && (k != LPIPS || p->lpips))
+        if (wanted(p, k))
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
     if (!log || !log->tsv)
         return;
-    fprintf(log->tsv, "%s\t%zu", log->pair, frame);
+    fprintf(log->tsv, "%s\t%zu", log->pair, p->frames);
     for (int k = 0; k < COUNT; k++)
         fprintf(log->tsv, "\t%.9g", v[k]);
     fputc('\n', log->tsv);
 }
 
 int compare_frames(struct table *t, size_t row, const char *truth,
-                   const char *result, struct lpips *lpips,
+                   const char *result, const char *source,
+                   const struct compare_nets *nets,
                    const struct compare_log *log, struct error *err)
 {
     const char *path[2] = {truth, result};
-    struct pair p = {.lpips = lpips};
+    struct pair p = {.lpips = nets->lpips, .likeness = nets->likeness};
     double v[COUNT];
     int rc = -1;
 
+    if (p.likeness && likeness_start(p.likeness, source, err))
+        goto out;
     for (int k = 0; k < 2; k++) {
         p.in[k] = framesource_open(&path[k], 1, NULL, err);
         if (!p.in[k])
@@ -125,7 +154,7 @@ int compare_frames(struct table *t, size_t row, const char *truth,
     }
     if (log && log->tsv)
         fprintf(log->tsv, "pair\tframe\tpsnr\tssim\tmsssim\tl1\tflicker"
-                "\tlpips\n");
+                "\tlpips\tarcface\tarcface_src\n");
     while ((rc = next(&p, err)) > 0) {
         if (measure(v, &p, err)) {
             rc = -1;
