@@ -8,8 +8,8 @@ int option_precision(const char *value, void *dest, struct error *err)
 {
     if (nn_type_parse(dest, value) == 0)
         return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
-                     "bf16)");
+    return error_set(err, EX_USAGE, "unknown precision (expected f32, fast "
+                     "or bf16)");
 }
 
 int option_crop(const char *value, void *dest, struct error *err)

@@ -32,7 +32,7 @@ static const struct cli_option options[] = {
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
-     "Y4M input is BT.601 (default BT.709)", NULL},
+     "Y4M and video files are BT.601, whatever they say", NULL},
     {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
      "shape of the driver, for crop and overlay (default: mean)", NULL},
     OPTION_HEAD(&head_path),

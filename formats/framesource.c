@@ -292,7 +292,7 @@ static int open_file(struct framesource *s, const char *path,
         return 0;
     }
     s->kind = KIND_VIDEO;
-    s->video = video_open(path, err);
+    s->video = video_open(path, s->opt.bt601, err);
     if (!s->video)
         return -1;
     set_rate(s, video_rate(s->video));
@@ -311,7 +311,7 @@ static int open_next(struct framesource *s, struct error *err)
     if (strncmp(path, "camera:", 7) != 0)
         return open_file(s, path, err);
     s->kind = KIND_VIDEO;
-    s->video = video_open(path, err);
+    s->video = video_open(path, s->opt.bt601, err);
     return s->video ? 0 : -1;
 }
 

@@ -84,8 +84,12 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
     png_read_info(png, r->info);
     W = png_get_image_width(png, r->info);
     H = png_get_image_height(png, r->info);
-    if (W * H > most)
-        png_error(png, "too many pixels");
+    if (W * H > most) {
+        char text[96];
+        snprintf(text, sizeof text, "picture of %zu x %zu pixels (expected at "
+                 "most %zu in all)", W, H, most);
+        png_error(png, text);
+    }
     png_set_expand(png);
     png_set_scale_16(png);
     png_set_gray_to_rgb(png);

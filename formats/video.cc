@@ -9,6 +9,7 @@ extern "C" {
 #include <cmath>
 #include <cstdlib>
 #include <cstring>
+#include <fstream>
 #include <string>
 
 #include <opencv2/core.hpp>
@@ -23,9 +24,74 @@ static void hush()
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
 }
 
+/* ---- colours ----------------------------------------------------------- *
+ * OpenCV converts with BT.601's matrix both ways, whatever the file says.
+ * Files of BT.709 are put right afterwards; colours so saturated that the
+ * wrong matrix cut them off (pure red or blue) stay a little off. */
+
+/* What players take for BT.709 when the file does not say. */
+static bool is_hd(int width, int height)
+{
+    return width >= 1280 || height > 576;
+}
+
+/* The matrix in a file's first and last megabytes: MP4 and MOV say it in a
+ * "colr" box, Matroska in element 55B1; 1 is BT.709, 0 or 2 not known. */
+static int tagged_matrix(const char *path)
+{
+    const size_t most = (size_t)4 << 20;
+    std::ifstream in(path, std::ios::binary);
+    std::string head(most, '\0'), tail;
+
+    in.read(&head[0], (std::streamsize)most);
+    head.resize((size_t)in.gcount());
+    if (head.size() == most) {
+        in.seekg(-(std::streamoff)most, std::ios::end);
+        tail.resize(most);
+        in.read(&tail[0], (std::streamsize)most);
+        tail.resize((size_t)in.gcount());
+    }
+    if (head.compare(0, 4, "\x1a\x45\xdf\xa3") == 0) {
+        size_t at = head.find("\x55\xb1\x81");
+        return at < head.size() - 3 ? (unsigned char)head[at + 3] : 0;
+    }
+    if (head.compare(4, 4, "ftyp") != 0)
+        return 0;
+    for (const std::string *s : {&head, &tail}) {
+        size_t at = s->find("colrnclx");
+        if (at == std::string::npos)
+            at = s->find("colrnclc");
+        if (at != std::string::npos && at + 14 <= s->size())
+            return (unsigned char)(*s)[at + 13];
+    }
+    return 0;
+}
+
+/* What takes RGB that one matrix (Kr, Kb) made of YCbCr to what the other
+ * makes of the same. */
+static cv::Matx33f between(double kr, double kb, double to_kr, double to_kb)
+{
+    const double kg = 1 - kr - kb, to_kg = 1 - to_kr - to_kb;
+    const cv::Matx33d ycc(kr, kg, kb,
+                          -kr / (2 - 2 * kb), -kg / (2 - 2 * kb), 0.5,
+                          0.5, -kg / (2 - 2 * kr), -kb / (2 - 2 * kr));
+    const double r = 2 - 2 * to_kr, b = 2 - 2 * to_kb;
+    const cv::Matx33d rgb(1, 0, r,
+                          1, -to_kb * b / to_kg, -to_kr * r / to_kg,
+                          1, b, 0);
+
+    return cv::Matx33f(rgb * ycc);
+}
+
+static const double K601[2] = {0.299, 0.114}, K709[2] = {0.2126, 0.0722};
+
+/* ---- reading ----------------------------------------------------------- */
+
 struct video_reader {
     cv::VideoCapture capture;
     cv::Mat bgr, rgb;
+    cv::Matx33f recolour;        /* of rgb, if bt709 */
+    bool bt709 = false;
     std::string path;
     double rate = 0, last = -1;
     size_t frames = 0, count = 0;
@@ -41,7 +107,19 @@ static bool open_capture(video_reader *v, const char *path)
     return v->capture.open(path, cv::CAP_FFMPEG);
 }
 
-struct video_reader *video_open(const char *path, struct error *err)
+static void find_colours(video_reader *v, bool bt601)
+{
+    const int m = v->live || bt601 ? 6 : tagged_matrix(v->path.c_str());
+
+    v->bt709 = m == 1
+        || ((m == 0 || m == 2)
+            && is_hd((int)v->capture.get(cv::CAP_PROP_FRAME_WIDTH),
+                     (int)v->capture.get(cv::CAP_PROP_FRAME_HEIGHT)));
+    v->recolour = between(K601[0], K601[1], K709[0], K709[1]);
+}
+
+struct video_reader *video_open(const char *path, bool bt601,
+                                struct error *err)
 {
     struct stat st;
     video_reader *v = nullptr;
@@ -65,6 +143,7 @@ struct video_reader *video_open(const char *path, struct error *err)
         double n = v->capture.get(cv::CAP_PROP_FRAME_COUNT);
         v->rate = rate > 0 && rate < 100000 ? rate : 0;
         v->frames = n > 0 && n < 1e12 && !v->live ? (size_t)n : 0;
+        find_colours(v, bt601);
         return v;
     } catch (const std::exception &e) {
         delete v;
@@ -94,6 +173,8 @@ int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,
             return error_set(err, EX_DATAERR, "%s: frame %zu: not 8-bit "
                              "colour", v->path.c_str(), v->count);
         cv::cvtColor(v->bgr, v->rgb, cv::COLOR_BGR2RGB);
+        if (v->bt709)
+            cv::transform(v->rgb, v->rgb, v->recolour);
         double t = v->capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
         double step = 1 / (v->rate > 0 ? v->rate : 25);
         /* times must grow; some containers give none */
@@ -186,6 +267,13 @@ int video_write(struct video_writer *v, const uint8_t *rgb, struct error *err)
             cv::cvtColor(in, t, cv::COLOR_RGB2BGR);
             cv::copyMakeBorder(t, v->bgr, 0, v->bgr.rows - in.rows, 0,
                                v->bgr.cols - in.cols, cv::BORDER_REPLICATE);
+        }
+        /* players will take it for BT.709: written so that they are right */
+        if (is_hd(v->bgr.cols, v->bgr.rows)) {
+            cv::cvtColor(v->bgr, v->bgr, cv::COLOR_BGR2RGB);
+            cv::transform(v->bgr, v->bgr,
+                          between(K709[0], K709[1], K601[0], K601[1]));
+            cv::cvtColor(v->bgr, v->bgr, cv::COLOR_RGB2BGR);
         }
         v->writer.write(v->bgr);
         v->count++;

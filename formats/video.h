@@ -2,6 +2,7 @@
 #ifndef SPID_FORMATS_VIDEO_H
 #define SPID_FORMATS_VIDEO_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -10,8 +11,11 @@
 struct video_reader;
 
 /* Open a file, or "camera:N".  EX_NOINPUT when it is not there, EX_DATAERR
- * when no decoder takes it. */
-struct video_reader *video_open(const char *path, struct error *err);
+ * when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4, MOV or
+ * Matroska file says; where it does not, BT.709 from 1280 columns or 577 rows
+ * on.  bt601: BT.601 whatever it says. */
+struct video_reader *video_open(const char *path, bool bt601,
+                                struct error *err);
 /* Frames a second; 0 when unknown. */
 double video_rate(const struct video_reader *v);
 /* Frames the container announces; 0 when unknown. */
@@ -26,7 +30,8 @@ struct video_writer;
 
 /* Write path (the container by its extension) as H.264, or MPEG-4 part 2
  * where there is no encoder for it (.webm: VP9).  Odd sizes get one more
- * column or row.  The file is complete after video_finish. */
+ * column or row.  Colours by BT.601, or BT.709 where players assume it (see
+ * video_open).  The file is complete after video_finish. */
 struct video_writer *video_create(const char *path, size_t width,
                                   size_t height, double rate,
                                   struct error *err);

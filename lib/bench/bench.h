@@ -106,6 +106,7 @@ int bench_splat(struct bench *b, struct error *err);
 int bench_stream(struct bench *b, struct error *err);
 int bench_motion(struct bench *b, struct error *err);
 int bench_shape(struct bench *b, struct error *err);
+int bench_phase_a(struct bench *b, struct error *err);   /* shape's part */
 int bench_refine(struct bench *b, struct error *err);
 int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);

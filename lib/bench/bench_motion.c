@@ -228,7 +228,7 @@ int bench_shape(struct bench *b, struct error *err)
 {
     const size_t first = b->rows;
 
-    if (bench_nets(b, true, err))
+    if (bench_nets(b, true, err) || bench_phase_a(b, err))
         return -1;
     bench_pareto(b, first);
     return 0;

@@ -61,21 +61,26 @@ static int make_features(struct refine_case *c, struct error *err)
     return 0;
 }
 
-/* An untrained refiner changes nothing (narrow), or saturates (StyleUNet):
- * last layers such that corrections are about as large as trained ones'. */
+/* Random weights leave the narrow refiner without a correction, and let
+ * StyleUNet's feature transforms blow values up level by level: last layers
+ * and transforms such that values are about as large as in trained ones. */
 static void untrained(struct refine_case *c)
 {
     params_randomise(&c->ps, 1);
     for (size_t t = 0; t < c->ps.count; t++) {
         const struct param *p = &c->ps.tensor[t];
+        float *w = param_w(&c->ps, t), most = 0;
         struct random r;
 
-        if (strcmp(p->name, "refine.rgb.weight") &&
-            !(strstr(p->name, "to_rgb") && strstr(p->name, "conv.weight")))
-            continue;
+        if (!strcmp(p->name, "refine.rgb.weight"))
+            most = 0.03f;
+        else if (strstr(p->name, "to_rgb") && strstr(p->name, "conv.weight"))
+            most = 0.1f;
+        else if (strstr(p->name, "condition_") && strstr(p->name, ".2.weight"))
+            most = 0.005f;
         random_init(&r, 4, p->name);
-        for (size_t i = 0; i < p->count; i++)
-            param_w(&c->ps, t)[i] = (float)random_range(&r, -0.03, 0.03);
+        for (size_t i = 0; i < p->count && most > 0; i++)
+            w[i] = most * (float)random_range(&r, -1, 1);
     }
 }
 

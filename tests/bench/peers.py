@@ -1,0 +1,268 @@
+#!/usr/bin/env python3
+"""The toolkit's networks beside the same networks in eager PyTorch: one run,
+the same number of threads, least times, and their ratio.
+
+    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM]
+
+Exits 77 when PyTorch is not installed.  Weights are random: time does not
+depend on them.  Nothing here is needed to build or test the toolkit.
+"""
+import argparse
+import json
+import subprocess
+import sys
+import time
+
+try:
+    import torch
+    from torch import nn
+    from torch.nn import functional as F
+except ImportError:
+    print("peers: skipped: python3 has no torch (Debian: python3-torch)")
+    sys.exit(77)
+
+
+# ---- the motion encoder: MobileNetV3-small and six linear heads ------------
+
+class Squeeze(nn.Module):
+    def __init__(self, width):
+        super().__init__()
+        inner = max(8, (width // 4 + 4) // 8 * 8)
+        self.reduce = nn.Conv2d(width, inner, 1)
+        self.expand = nn.Conv2d(inner, width, 1)
+
+    def forward(self, x):
+        s = x.mean((2, 3), keepdim=True)
+        return x * F.hardsigmoid(self.expand(F.relu(self.reduce(s))))
+
+
+def unit(n_in, n_out, kernel, stride=1, groups=1, act=None):
+    layers = [nn.Conv2d(n_in, n_out, kernel, stride, kernel // 2,
+                        groups=groups, bias=False), nn.BatchNorm2d(n_out)]
+    return nn.Sequential(*layers, *([act()] if act else []))
+
+
+class Block(nn.Module):
+    def __init__(self, n_in, kernel, inner, n_out, squeeze, act, stride):
+        super().__init__()
+        parts = [unit(n_in, inner, 1, act=act)] if inner != n_in else []
+        parts.append(unit(inner, inner, kernel, stride, inner, act))
+        parts += [Squeeze(inner)] if squeeze else []
+        parts.append(unit(inner, n_out, 1))
+        self.body = nn.Sequential(*parts)
+        self.residual = stride == 1 and n_in == n_out
+
+    def forward(self, x):
+        y = self.body(x)
+        return x + y if self.residual else y
+
+
+class MotionEncoder(nn.Module):
+    TABLE = [  # kernel, inner, out, squeeze, act, stride
+        (3, 16, 16, True, nn.ReLU, 2), (3, 72, 24, False, nn.ReLU, 2),
+        (3, 88, 24, False, nn.ReLU, 1), (5, 96, 40, True, nn.Hardswish, 2),
+        (5, 240, 40, True, nn.Hardswish, 1),
+        (5, 240, 40, True, nn.Hardswish, 1),
+        (5, 120, 48, True, nn.Hardswish, 1),
+        (5, 144, 48, True, nn.Hardswish, 1),
+        (5, 288, 96, True, nn.Hardswish, 2),
+        (5, 576, 96, True, nn.Hardswish, 1),
+        (5, 576, 96, True, nn.Hardswish, 1)]
+
+    def __init__(self):
+        super().__init__()
+        parts, n_in = [unit(3, 16, 3, 2, act=nn.Hardswish)], 16
+        for kernel, inner, n_out, squeeze, act, stride in self.TABLE:
+            parts.append(Block(n_in, kernel, inner, n_out, squeeze, act,
+                               stride))
+            n_in = n_out
+        parts.append(unit(96, 576, 1, act=nn.Hardswish))
+        self.trunk = nn.Sequential(*parts)
+        self.heads = nn.ModuleList(nn.Linear(576, n)
+                                   for n in (6, 3, 100, 3, 2, 6))
+
+    def forward(self, x):
+        x = self.trunk(x).mean((2, 3))
+        return [head(x) for head in self.heads]
+
+
+# ---- StyleUNet at full width ------------------------------------------------
+
+def lrelu(x):
+    return F.leaky_relu(x, 0.2)
+
+
+def resize(x, factor):
+    return F.interpolate(x, scale_factor=factor, mode="bilinear",
+                         align_corners=False)
+
+
+def conv3(n_in, n_out):
+    return nn.Conv2d(n_in, n_out, 3, padding=1)
+
+
+class Residual(nn.Module):
+    def __init__(self, n_in, n_out, factor):
+        super().__init__()
+        self.conv1, self.conv2 = conv3(n_in, n_in), conv3(n_in, n_out)
+        self.skip = nn.Conv2d(n_in, n_out, 1, bias=False)
+        self.factor = factor
+
+    def forward(self, x):
+        y = resize(lrelu(self.conv1(x)), self.factor)
+        return lrelu(self.conv2(y)) + self.skip(resize(x, self.factor))
+
+
+class Modulated(nn.Module):
+    """StyleGAN2's convolution, weights rebuilt for every picture."""
+
+    def __init__(self, n_in, n_out, kernel, latent, demodulate):
+        super().__init__()
+        self.weight = nn.Parameter(torch.randn(1, n_out, n_in, kernel, kernel)
+                                   / (n_in * kernel ** 2) ** 0.5)
+        self.style = nn.Linear(latent, n_in)
+        self.demodulate = demodulate
+
+    def forward(self, x, s):
+        b, c, h, w = x.shape
+        weight = self.weight * self.style(s).view(b, 1, c, 1, 1)
+        if self.demodulate:
+            size = weight.pow(2).sum((2, 3, 4), keepdim=True)
+            weight = weight * torch.rsqrt(size + 1e-8)
+        n = weight.shape[1]
+        y = F.conv2d(x.reshape(1, b * c, h, w), weight.reshape(
+            b * n, *weight.shape[2:]), padding=weight.shape[-1] // 2, groups=b)
+        return y.view(b, n, h, w)
+
+
+class Styled(nn.Module):
+    def __init__(self, n_in, n_out, latent, up, side):
+        super().__init__()
+        self.conv = Modulated(n_in, n_out, 3, latent, True)
+        self.gain = nn.Parameter(torch.zeros(1))
+        self.bias = nn.Parameter(torch.zeros(1, n_out, 1, 1))
+        self.register_buffer("noise", torch.randn(1, 1, side, side))
+        self.up = up
+
+    def forward(self, x, s):
+        y = self.conv(resize(x, 2) if self.up else x, s) * 2 ** 0.5
+        return lrelu(y + self.gain * self.noise + self.bias)
+
+
+class ToRGB(nn.Module):
+    def __init__(self, n_in, latent):
+        super().__init__()
+        self.conv = Modulated(n_in, 3, 1, latent, False)
+        self.bias = nn.Parameter(torch.zeros(1, 3, 1, 1))
+
+    def forward(self, x, s, previous):
+        y = self.conv(x, s) + self.bias
+        return y if previous is None else y + resize(previous, 2)
+
+
+class StyleUNet(nn.Module):
+    def __init__(self, channels=32, size=512):
+        super().__init__()
+        levels = (size // 4).bit_length() - 1
+
+        def width(side):
+            return 256 if side <= 32 else 8192 // side
+
+        def condition(n):
+            return nn.Sequential(conv3(n, n), nn.LeakyReLU(0.2),
+                                 conv3(n, 2 * n))
+
+        z, inner = 512, width(4)
+        self.first = nn.Conv2d(channels, width(size), 1)
+        self.down = nn.ModuleList(
+            Residual(width(size >> i), width(size >> (i + 1)), 0.5)
+            for i in range(levels))
+        sides = [8 << i for i in range(levels)]
+        self.up = nn.ModuleList(Residual(width(s // 2), width(s), 2)
+                                for s in sides)
+        self.scale = nn.ModuleList(condition(width(s)) for s in sides)
+        self.shift = nn.ModuleList(condition(width(s)) for s in sides)
+        self.final_conv = conv3(inner, inner)
+        self.final_linear = nn.Linear(16 * inner, z)
+        self.mlp = nn.ModuleList(nn.Linear(z, z) for _ in range(8))
+        self.constant = nn.Parameter(torch.randn(1, 2 * inner, 4, 4))
+        self.conv1 = Styled(2 * inner, 2 * inner, z, False, 4)
+        self.rgb1 = ToRGB(2 * inner, z)
+        self.enlarge = nn.ModuleList(
+            Styled(2 * width(s // 2), 2 * width(s), z, True, s)
+            for s in sides)
+        self.same = nn.ModuleList(
+            Styled(2 * width(s), 2 * width(s), z, False, s) for s in sides)
+        self.rgb = nn.ModuleList(ToRGB(2 * width(s), z) for s in sides)
+
+    def forward(self, x):
+        maps, x = [], lrelu(self.first(x))
+        for block in self.down:
+            x = block(x)
+            maps.append(x)
+        f = lrelu(self.final_conv(x))
+        s = self.final_linear(f.flatten(1))
+        s = s * torch.rsqrt(s.pow(2).mean(1, keepdim=True) + 1e-8)
+        for layer in self.mlp:
+            s = lrelu(layer(s))
+        x = self.conv1(self.constant.expand(f.shape[0], -1, -1, -1), s)
+        rgb = self.rgb1(x, s, None)
+        for i, block in enumerate(self.up):
+            f = block(f + maps[-1 - i])
+            x = self.enlarge[i](x, s) * self.scale[i](f) + self.shift[i](f)
+            x = self.same[i](x, s)
+            rgb = self.rgb[i](x, s, rgb)
+        return torch.sigmoid(rgb)
+
+
+# ---- timing -----------------------------------------------------------------
+
+def torch_ms(net, shape, seconds):
+    net.eval()
+    x = torch.rand(shape)
+    with torch.inference_mode():
+        net(x)
+        best, end, runs = 1e9, time.monotonic() + seconds, 0
+        while runs < 3 or time.monotonic() < end:
+            begun = time.perf_counter()
+            net(x)
+            best = min(best, time.perf_counter() - begun)
+            runs += 1
+    return 1e3 * best
+
+
+def ours(args):
+    out = subprocess.run([args.bench, "--json", "-j", str(args.threads), "-s",
+                          str(4 * args.seconds), "motion", "refine"],
+                         check=True, stdout=subprocess.PIPE).stdout
+    return {(r["stage"], r["config"].split(",")[0].split()[0], r["knob"]):
+            r["ms_min"] for r in json.loads(out)["rows"]
+            if r["threads"] == args.threads}
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
+    parser.add_argument("--seconds", type=float, default=5,
+                        help="for each network (5)")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--bench", default="build/bin/spid-bench")
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    torch.set_flush_denormal(True)
+    torch.manual_seed(1)
+    peers = {"motion": torch_ms(MotionEncoder(), (1, 3, 224, 224),
+                                args.seconds),
+             "refine": torch_ms(StyleUNet(), (1, 32, 512, 512), args.seconds)}
+    print("%-34s %10s %10s %7s  %s" % ("network, %d threads" % args.threads,
+                                       "ours ms", "torch ms", "ratio",
+                                       "at most"))
+    for (stage, name, knob), ms in ours(args).items():
+        if stage not in peers or name == "narrow":
+            continue
+        print("%-34s %10.2f %10.2f %7.2f  %s" % (
+            "%s %s" % (name, knob), ms, peers[stage], ms / peers[stage],
+            {"motion": "0.45", "refine": "0.40"}[stage]))
+
+
+if __name__ == "__main__":
+    main()

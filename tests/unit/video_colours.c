@@ -1,0 +1,113 @@
+/* One colour through videos that ffmpeg writes by either matrix, tagged or
+ * not, small and high definition: what video_read gives is within 4 levels
+ * (H.264 4:2:0).  And an HD video of our own writing, read by ffmpeg as BT.709.
+ * Skipped without ffmpeg and its H.264 encoder. */
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/video.h"
+
+static const int colour[3] = { 192, 128, 96 };
+static int failures;
+
+static void compare(const char *what, const uint8_t *rgb, size_t pixels)
+{
+    int worst = 0;
+    for (size_t i = 0; i < 3 * pixels; i++) {
+        int d = abs((int)rgb[i] - colour[i % 3]);
+        worst = d > worst ? d : worst;
+    }
+    printf("%s: %d,%d,%d, %d levels off\n", what, rgb[0], rgb[1], rgb[2],
+           worst);
+    failures += worst > 4;
+}
+
+static void read_back(const char *path, const char *what)
+{
+    struct error err = { 0 };
+    const uint8_t *rgb;
+    size_t w, h;
+    double t;
+    struct video_reader *v = video_open(path, false, &err);
+    if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
+        printf("%s: %s\n", what, err.text);
+        failures++;
+    } else {
+        compare(what, rgb, w * h);
+    }
+    video_close(v);
+}
+
+static void from_ffmpeg(const char *dir, const char *name, const char *size,
+                        const char *matrix, const char *tags)
+{
+    char path[300], command[900];
+    snprintf(path, sizeof path, "%s/%s", dir, name);
+    snprintf(command, sizeof command, "ffmpeg -v error -y -f lavfi -i "
+             "color=c=0xC08060:s=%s:d=0.2,format=rgb24 -vf scale="
+             "out_color_matrix=%s:out_range=tv,format=yuv420p -c:v libx264 "
+             "-crf 8 %s %s", size,
+             matrix, tags, path);
+    if (system(command) != 0) {
+        printf("%s: ffmpeg did not write it\n", name);
+        exit(77);
+    }
+    read_back(path, name);
+}
+
+/* Our writer's HD file as a player that takes it for BT.709 sees it. */
+static void to_ffmpeg(const char *dir)
+{
+    static uint8_t frame[1280 * 720 * 3], seen[16 * 16 * 3];
+    char path[300], command[900];
+    struct error err = { 0 };
+    for (size_t i = 0; i < sizeof frame; i++)
+        frame[i] = (uint8_t)colour[i % 3];
+    snprintf(path, sizeof path, "%s/ours.mp4", dir);
+    struct video_writer *v = video_create(path, 1280, 720, 25, &err);
+    if (!v || video_write(v, frame, &err) || video_write(v, frame, &err) ||
+        video_finish(v, &err)) {
+        printf("ours.mp4: %s\n", err.text);
+        failures++;
+        return;
+    }
+    read_back(path, "ours.mp4 read by us");
+    snprintf(command, sizeof command, "ffmpeg -v error -i %s -frames:v 1 -vf "
+             "scale=in_color_matrix=bt709:in_range=tv,format=rgb24 -f rawvideo "
+             "- 2>/dev/null",
+             path);
+    FILE *p = popen(command, "r");
+    if (p && fread(seen, 1, sizeof seen, p) == sizeof seen)
+        compare("ours.mp4 read by ffmpeg", seen, 256);
+    else
+        failures++;
+    if (p)
+        pclose(p);
+}
+
+int main(void)
+{
+    char dir[] = "/tmp/video-colours-XXXXXX", command[300];
+    const char *tags709 = "-color_range tv -colorspace bt709 "
+                          "-color_primaries bt709 -color_trc bt709";
+    const char *tags601 = "-color_range tv -colorspace smpte170m "
+                          "-color_primaries smpte170m -color_trc smpte170m";
+    if (system("ffmpeg -version > /dev/null 2>&1") != 0 || !mkdtemp(dir)) {
+        printf("no ffmpeg\n");
+        return 77;
+    }
+    from_ffmpeg(dir, "small-709.mp4", "320x240", "bt709", tags709);
+    from_ffmpeg(dir, "small-709.mkv", "320x240", "bt709", tags709);
+    from_ffmpeg(dir, "small-601.mp4", "320x240", "bt601", tags601);
+    from_ffmpeg(dir, "small.mp4", "320x240", "bt601", "");
+    from_ffmpeg(dir, "hd.mp4", "1280x720", "bt709", "");
+    from_ffmpeg(dir, "hd-601.mov", "1280x720", "bt601", tags601);
+    from_ffmpeg(dir, "hd-601.mkv", "1280x720", "bt601", tags601);
+    to_ffmpeg(dir);
+    snprintf(command, sizeof command, "rm -r %s", dir);
+    if (system(command) != 0)
+        printf("%s stays\n", dir);
+    printf("%d of the colours are wrong\n", failures);
+    return failures != 0;
+}
