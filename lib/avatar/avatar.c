@@ -189,6 +189,7 @@ static int allocate(struct avatar *a, struct error *err)
         {(float **)&s->bled, s->S * s->S / 4 + 1, 0},
         {&s->features, n2 * Cf, 0}, {&s->dfeatures, n2 * Cf, 1},
         {&s->coverage, n2, 0}, {&s->zbuffer, n2, 0}, {&s->held, n2, 0},
+        {&s->cover, n2, 0},
         {&s->bent, 3 * s->V, 0}, {&s->bend, N, 0}, {&s->driven, 3 * D, 0},
         {&s->ddriven, 3 * D, 1},
         {&s->raster, coverage_scratch(s->n) / sizeof(float) + 1, 0},

@@ -82,7 +82,8 @@ struct avatar_scratch {
     float *features, *dfeatures;    /* (n,n,Cf) */
     float *coverage;                /* (n,n) */
     float *zbuffer;                 /* (n,n) camera depth of the mesh */
-    float *held;                    /* (n,n) how much of it can move */
+    float *cover, *held;            /* (n,n) what the plane leaves to the
+                                     * mesh, and may not draw */
     float *bent;                    /* (V,3) source vertices, bent */
     float *bend;                    /* (N) weights of the bending */
     float *driven, *ddriven;        /* (D,3) a frame's, before bending */

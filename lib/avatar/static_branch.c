@@ -12,6 +12,10 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
+/* The rim that stays along the mesh's outline: cells, and head units (15 mm)
+ * behind the skin. */
+#define RIM 5.0f
+#define BEHIND 0.075f
 
 void static_grid(float *U0, size_t n)
 {
@@ -95,6 +99,21 @@ static void deform(struct avatar *a)
         s->U[k] += s->delta[k];
 }
 
+/* What the mesh covers (s->cover) and what of it moves (s->held) is the
+ * dynamic branch's, but for a rim along the mesh's outline, which goes behind
+ * the skin: what a turn of the head uncovers there must not be a hole. */
+static void keep_rim(struct avatar_scratch *s)
+{
+    coverage_blur(s->cover, s->coverage, s->n, RIM, s->raster);
+    for (size_t k = 0; k < s->n2; k++) {
+        float inside = fminf(fmaxf((s->cover[k] - 0.75f) / 0.2f, 0), 1);
+
+        s->cover[k] = s->coverage[k] * inside;
+        s->held[k] *= inside;
+        s->surface[k] -= BEHIND * (s->coverage[k] - s->cover[k]);
+    }
+}
+
 /* Where the mesh lies over the plane, towards the camera; 0 beside it. */
 static void surface_height(struct avatar_scratch *s)
 {
@@ -129,7 +148,7 @@ static void decoder_inputs(struct avatar *a)
         for (int c = 0; c < 3; c++)
             s->static_logit[3 * k + c] = attribute_logit(pixel[c]);
         s->matte[g + k] = pixel[3] * (1 - s->held[k]);
-        s->opacity_shift[g + k] = -COVERED * s->coverage[k];
+        s->opacity_shift[g + k] = -COVERED * s->cover[k];
         s->scale_shift[g + k] = size_shift;
         s->p_shift[k] = attribute_logit(0.5f + 0.5f * s->surface[k]);
     }
@@ -171,6 +190,7 @@ void static_bake(struct avatar *a)
     if (a->first[BRANCH_MOUTH] == g)
         return;
     surface_height(s);
+    keep_rim(s);
     bend_plane(a);
     deform(a);
     grid_sample(s->resampled, s->features, s->U, 1, s->n, s->n, s->Cf, s->n2,
