@@ -8,6 +8,7 @@
 #include "cmd/cli.h"
 #include "lib/avatar/baked.h"
 #include "lib/avatar/model.h"
+#include "lib/avatar/mover.h"
 #include "lib/avatar/prune.h"
 #include "lib/avatar/records.h"
 #include "lib/stream/stream.h"
@@ -195,202 +196,40 @@ static void bake(struct stream_writer *out)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-struct move {
-    struct baked baked;
-    struct densify dense;
-    char head[17];          /* the avatar's CONF */
-    struct baked_move frame;
-    float *means;
-    bool sent;              /* the baked GAUS */
-};
-
-static void take_hash(char hash[17], const struct record *rec)
-{
-    struct person p = {0};
-
-    if (person_take(&p, rec, 0, NULL) == 1)
-        memcpy(hash, p.head, 17);
-}
-
-/* Leave out branches and midpoints of an avatar that was baked with them. */
-static void drop_branches(struct baked *b, size_t V)
-{
-    uint8_t *keep = malloc(b->N + 1);
-
-    for (size_t i = 0; keep && i < b->N; i++)
-        keep[i] = !(without >> b->branch[i] & 1) &&
-                  !(without & WITHOUT_INTERP && i < b->dynamic &&
-                    (size_t)b->vertex[i] >= V);
-    if (keep)
-        baked_keep(b, keep);
-    if (without & WITHOUT_BEND)
-        baked_straighten(b);
-    free(keep);
-}
-
-static void open_avatar(struct move *m)
-{
-    struct error err = {0};
-    struct record rec;
-    int rc, found = 0;
-
-    struct stream_reader *in = stream_open(avatar_path, NULL, &err);
-    if (!in)
-        die_error(&err);
-    while (!found && (rc = stream_read(in, &rec, &err)) > 0) {
-        if (record_is(&rec, "CONF"))
-            take_hash(m->head, &rec);
-        if (!record_is(&rec, "GAUS"))
-            continue;
-        if (baked_read(&m->baked, &rec, 0, &err)) {
-            error_prefix(&err, "%s", avatar_path);
-            die_error(&err);
-        }
-        found = 1;
-    }
-    if (!found && rc < 0)
-        die_error(&err);
-    if (!found)
-        die(EX_DATAERR, "%s: no GAUS record (expected an avatar, as "
-            "spid-branches --bake writes it)", avatar_path);
-    stream_close(in);
-}
-
-/* The first mesh brings the faces: edges, and whether it fits the avatar. */
-static int first_mesh(struct move *m, const struct record *rec,
-                      struct error *err)
-{
-    size_t any[2] = {0, 3};
-    const int32_t *f = record_get(rec, "faces", DTYPE_I32, 2, any, err);
-
-    if (!f)
-        return -1;
-    size_t F = record_find(rec, "faces")->dim[0];
-    size_t V = record_find(rec, "verts")->dim[0];
-    for (size_t i = 0; i < 3 * F; i++)
-        if (f[i] < 0 || (size_t)f[i] >= V)
-            return error_set(err, EX_DATAERR, "MESH faces[%zu] is %d "
-                             "(expected 0 to %zu)", i, f[i], V - 1);
-    if (densify_init(&m->dense, f, F, V, err))
-        return -1;
-    drop_branches(&m->baked, V);
-    for (size_t i = 0; i < m->baked.dynamic; i++)
-        if ((size_t)m->baked.vertex[i] >= V + m->dense.E)
-            return error_set(err, EX_DATAERR, "MESH has %zu vertices and %zu "
-                             "edges (expected more than %d: the avatar "
-                             "belongs to another head)", V, m->dense.E,
-                             m->baked.vertex[i]);
-    m->means = malloc((3 * m->baked.N + 1) * sizeof(float));
-    if (!m->means)
-        return error_set(err, EX_OSERR, "no memory for %zu Gaussians",
-                         m->baked.N);
-    return baked_move_init(&m->frame, &m->baked, err);
-}
-
-static int write_moved(struct stream_writer *out, struct move *m,
-                       const struct record *rec, const float *cam,
-                       struct error *err)
-{
-    static const char *const known[] = {"verts", "cam", "lip", "gap", "faces",
-                                        NULL};
-    static const int32_t first = 0;
-    struct array a[STREAM_MAX_ARRAYS] = {
-        array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
-        array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
-        array_make("mean", DTYPE_F32, m->frame.mean, 2, m->baked.dynamic, 3,
-                   0, 0),
-        array_make("shift", DTYPE_F32, m->frame.shift, 1, 3, 0, 0, 0),
-        array_make("body", DTYPE_F32, m->frame.body, 2, 3, 4, 0, 0)
-    };
-
-    if (full) {
-        baked_means(m->means, &m->baked, &m->frame);
-        return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
-                           cam, err);
-    }
-    if (!m->sent && baked_write(out, rec->frame, rec->time, &m->baked, NULL,
-                                NULL, err))
-        return -1;
-    m->sent = true;
-    int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
-
-    n += record_others(a + n, n, rec, known);
-    return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
-}
-
-/* mu_D = densified V_d, the mouth's shift, the camera T_d. */
-static int move_frame(struct stream_writer *out, struct move *m,
-                      const struct record *rec, struct error *err)
-{
-    size_t any[2] = {0, 3}, d34[2] = {3, 4}, d3[1] = {3}, d1[1] = {1};
-    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, any, err);
-    const float *cam = verts ? record_get(rec, "cam", DTYPE_F32, 2, d34, err)
-                             : NULL;
-    const float *lip = cam ? record_get(rec, "lip", DTYPE_F32, 1, d3, err)
-                           : NULL;
-    const float *gap = NULL;
-
-    if (!lip || record_check_finite(rec, err))
-        return -1;
-    if (record_find(rec, "gap") &&
-        !(gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
-        return -1;
-    if (!m->means && first_mesh(m, rec, err))
-        return -1;
-    if (record_find(rec, "verts")->dim[0] != m->dense.V)
-        return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
-                         "%zu, as the first one)",
-                         record_find(rec, "verts")->dim[0], m->dense.V);
-    double begun = stats_begin();
-    /* MM at five units a metre: an unknown opening counts as open */
-    float closed = closed_mm < 0 ? BAKED_CLOSED : (float)(closed_mm * 0.005);
-    baked_drive(&m->frame, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
-                closed, cam);
-    stats_end("branches", begun);
-    return write_moved(out, m, rec, cam, err);
-}
-
-static void check_head(const struct move *m, const struct record *rec)
-{
-    char hash[17] = "";
-
-    take_hash(hash, rec);
-    if (hash[0] && m->head[0] && strcmp(hash, m->head))
-        die(EX_DATAERR, "%s: avatar belongs to head %s (expected %s, the "
-            "stream's)", avatar_path, m->head, hash);
-}
-
 static void move(struct stream_writer *out, const char *input)
 {
-    static struct move m;
+    static struct mover m;
+    struct mover_options opt = {.full = full, .without = without,
+                                .closed = BAKED_CLOSED};
     struct error err = {0};
     struct record rec;
     int rc;
 
-    open_avatar(&m);
+    if (closed_mm >= 0)
+        opt.closed = (float)(closed_mm * 0.005);    /* five units a metre */
+    if (mover_open(&m, avatar_path, &opt, &err))
+        die_error(&err);
     struct stream_reader *in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
     while ((rc = stream_read(in, &rec, &err)) > 0) {
-        if (record_is(&rec, "CONF"))
-            check_head(&m, &rec);
-        if (record_is(&rec, "MESH") ? move_frame(out, &m, &rec, &err)
-                                    : stream_copy(out, &rec, &err)) {
+        double begun = stats_begin();
+
+        if (mover_apply(&m, out, &rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(in),
                          (unsigned long long)rec.frame);
             rc = -1;
             break;
         }
+        if (record_is(&rec, "MESH"))
+            stats_end("branches", begun);
     }
     stream_close(in);
     if (rc < 0) {
         stream_abandon(out);
         die_error(&err);
     }
-    baked_release(&m.baked);
-    densify_release(&m.dense);
-    baked_move_release(&m.frame);
-    free(m.means);
+    mover_release(&m);
 }
 
 static void check_options(int operands)

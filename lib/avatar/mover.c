@@ -1,0 +1,183 @@
+#include "lib/avatar/mover.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/avatar/records.h"
+
+static void take_hash(char hash[17], const struct record *rec)
+{
+    struct person p = {0};
+
+    if (person_take(&p, rec, 0, NULL) == 1)
+        memcpy(hash, p.head, 17);
+}
+
+/* Leave out branches and midpoints of an avatar that was baked with them. */
+static void drop_branches(struct baked *b, unsigned without, size_t V)
+{
+    uint8_t *keep = malloc(b->N + 1);
+
+    for (size_t i = 0; keep && i < b->N; i++)
+        keep[i] = !(without >> b->branch[i] & 1) &&
+                  !(without & WITHOUT_INTERP && i < b->dynamic &&
+                    (size_t)b->vertex[i] >= V);
+    if (keep)
+        baked_keep(b, keep);
+    if (without & WITHOUT_BEND)
+        baked_straighten(b);
+    free(keep);
+}
+
+int mover_open(struct mover *m, const char *path,
+               const struct mover_options *opt, struct error *err)
+{
+    struct record rec;
+    int rc = 0, found = 0;
+
+    *m = (struct mover){.opt = *opt, .path = path};
+    struct stream_reader *in = stream_open(path, NULL, err);
+    if (!in)
+        return -1;
+    while (!found && (rc = stream_read(in, &rec, err)) > 0) {
+        if (record_is(&rec, "CONF"))
+            take_hash(m->head, &rec);
+        if (!record_is(&rec, "GAUS"))
+            continue;
+        found = 1;
+        if (baked_read(&m->baked, &rec, 0, err)) {
+            error_prefix(err, "%s", path);
+            rc = -1;
+            break;
+        }
+    }
+    stream_close(in);
+    if (rc == 0 && !found)
+        rc = error_set(err, EX_DATAERR, "%s: no GAUS record (expected an "
+                       "avatar, as spid-branches --bake writes it)", path);
+    return rc < 0 ? -1 : 0;
+}
+
+void mover_release(struct mover *m)
+{
+    baked_release(&m->baked);
+    densify_release(&m->dense);
+    baked_move_release(&m->frame);
+    free(m->means);
+    memset(m, 0, sizeof *m);
+}
+
+/* The first mesh brings the faces: edges, and whether it fits the avatar. */
+static int first_mesh(struct mover *m, const struct record *rec,
+                      struct error *err)
+{
+    size_t any[2] = {0, 3};
+    const int32_t *f = record_get(rec, "faces", DTYPE_I32, 2, any, err);
+
+    if (!f)
+        return -1;
+    size_t F = record_find(rec, "faces")->dim[0];
+    size_t V = record_find(rec, "verts")->dim[0];
+    for (size_t i = 0; i < 3 * F; i++)
+        if (f[i] < 0 || (size_t)f[i] >= V)
+            return error_set(err, EX_DATAERR, "MESH faces[%zu] is %d "
+                             "(expected 0 to %zu)", i, f[i], V - 1);
+    if (densify_init(&m->dense, f, F, V, err))
+        return -1;
+    drop_branches(&m->baked, m->opt.without, V);
+    for (size_t i = 0; i < m->baked.dynamic; i++)
+        if ((size_t)m->baked.vertex[i] >= V + m->dense.E)
+            return error_set(err, EX_DATAERR, "MESH has %zu vertices and %zu "
+                             "edges (expected more than %d: the avatar "
+                             "belongs to another head)", V, m->dense.E,
+                             m->baked.vertex[i]);
+    m->means = malloc((3 * m->baked.N + 1) * sizeof(float));
+    if (!m->means)
+        return error_set(err, EX_OSERR, "no memory for %zu Gaussians",
+                         m->baked.N);
+    return baked_move_init(&m->frame, &m->baked, err);
+}
+
+static int write_moved(struct stream_writer *out, struct mover *m,
+                       const struct record *rec, const float *cam,
+                       struct error *err)
+{
+    static const char *const known[] = {"verts", "cam", "lip", "gap", "faces",
+                                        NULL};
+    static const int32_t first = 0;
+    struct array a[STREAM_MAX_ARRAYS] = {
+        array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
+        array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
+        array_make("mean", DTYPE_F32, m->frame.mean, 2, m->baked.dynamic, 3,
+                   0, 0),
+        array_make("shift", DTYPE_F32, m->frame.shift, 1, 3, 0, 0, 0),
+        array_make("body", DTYPE_F32, m->frame.body, 2, 3, 4, 0, 0)
+    };
+
+    if (m->opt.full) {
+        baked_means(m->means, &m->baked, &m->frame);
+        return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
+                           cam, err);
+    }
+    if (!m->sent && baked_write(out, rec->frame, rec->time, &m->baked, NULL,
+                                NULL, err))
+        return -1;
+    m->sent = true;
+    int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
+
+    n += record_others(a + n, n, rec, known);
+    return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
+}
+
+/* mu_D = densified V_d, the mouth's shift, the camera T_d. */
+static int move_frame(struct stream_writer *out, struct mover *m,
+                      const struct record *rec, struct error *err)
+{
+    size_t any[2] = {0, 3}, d34[2] = {3, 4}, d3[1] = {3}, d1[1] = {1};
+    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, any, err);
+    const float *cam = verts ? record_get(rec, "cam", DTYPE_F32, 2, d34, err)
+                             : NULL;
+    const float *lip = cam ? record_get(rec, "lip", DTYPE_F32, 1, d3, err)
+                           : NULL;
+    const float *gap = NULL;
+
+    if (!lip || record_check_finite(rec, err))
+        return -1;
+    if (record_find(rec, "gap") &&
+        !(gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
+        return -1;
+    if (!m->means && first_mesh(m, rec, err))
+        return -1;
+    if (record_find(rec, "verts")->dim[0] != m->dense.V)
+        return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
+                         "%zu, as the first one)",
+                         record_find(rec, "verts")->dim[0], m->dense.V);
+    /* an unknown opening counts as open */
+    baked_drive(&m->frame, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
+                m->opt.closed, cam);
+    return write_moved(out, m, rec, cam, err);
+}
+
+static int check_head(const struct mover *m, const struct record *rec,
+                      struct error *err)
+{
+    char hash[17] = "";
+
+    take_hash(hash, rec);
+    if (hash[0] && m->head[0] && strcmp(hash, m->head))
+        return error_set(err, EX_DATAERR, "%s: avatar belongs to head %s "
+                         "(expected %s, the stream's)", m->path, m->head,
+                         hash);
+    return 0;
+}
+
+int mover_apply(struct mover *m, struct stream_writer *out,
+                const struct record *rec, struct error *err)
+{
+    if (record_is(rec, "MESH"))
+        return move_frame(out, m, rec, err);
+    if (record_is(rec, "CONF") && check_head(m, rec, err))
+        return -1;
+    return stream_copy(out, rec, err);
+}
