@@ -1,0 +1,24 @@
+# examples/reenact.sh: self- and cross-reenactment from clips to a table.
+load helper
+load animate
+
+prepare() { animate_files; }
+
+@test "two clips: each drives itself and the other, the table says how" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$PWD/model
+    spid-synth -q -n 1 --frames 3 -s 31 --first 2 --effects 0 --size 256 \
+        --head "$HEAD" -o other.y4m
+    head -c 300 drive.y4m >broken.y4m
+    status 1 "$TOP/examples/reenact.sh" -s -n 2 -o run drive.y4m broken.y4m other.y4m
+    has "broken.y4m: left out"
+    has "SpiD*, self"
+    has "SpiD*, cross"
+    has "# cross: the source is the first frame of a clip, the driver the next"
+    [ "$(wc -l <run/pairs.tsv)" -eq 8 ]
+    [ "$(ls run/cross/other | wc -l)" -eq 2 ]
+    spid-eval -q -f tsv --pairs run/pairs.tsv >table.tsv
+    awk -F '\t' 'NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i }
+        NR == 2 || NR == 3 { if ($c["psnr"] < 1 || $c["akd"] <= 0 || $c["frames"] != 4) exit 1; n++ }
+        END { exit n != 2 }' table.tsv
+}
