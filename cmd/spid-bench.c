@@ -45,6 +45,7 @@ static const struct stage {
     { "refine", bench_refine },
     { "flame", bench_flame },
     { "branches", bench_branches },
+    { "train", bench_train },
     { "pipeline", bench_pipeline },
     { "hard", bench_hard },
 };

@@ -111,6 +111,7 @@ int bench_refine(struct bench *b, struct error *err);
 int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 int bench_pipeline(struct bench *b, struct error *err);
+int bench_train(struct bench *b, struct error *err);
 /* What breaks other people's kernels: time and error of each, apart. */
 int bench_hard(struct bench *b, struct error *err);
 
