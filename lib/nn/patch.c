@@ -11,8 +11,10 @@
 
 bool patch_wanted(const struct conv *c)
 {
+    enum nn_type type = c->plan->opt.type;
+    size_t most = type == NN_F32 ? 1024 : type == NN_FAST ? 256 : 0;
     return c->kernel == 3 && c->stride == 1 && c->pad == CONV_HALF &&
-           c->plan->opt.type == NN_F32 && c->h * c->w <= 1024 &&
+           c->h * c->w <= most &&
            c->in_data >= 256 && c->in_data % PIECE == 0 &&
            c->act <= ACT_LRELU;
 }

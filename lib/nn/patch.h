@@ -18,7 +18,9 @@ struct patch {
     float *sum;              /* (B*h*w, out) */
 };
 
-/* 3x3, stride 1, NN_F32, at most 1024 pixels and at least 256 channels. */
+/* 3x3, stride 1, at least 256 channels, and at most 1024 pixels (NN_F32) or
+ * 256 (NN_FAST: Winograd's errors there would reach every other layer by the
+ * style). */
 bool patch_wanted(const struct conv *c);
 void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p);
 void patch_update(struct patch *t, const float *w, const float *bias);

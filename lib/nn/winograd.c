@@ -7,6 +7,8 @@
 #include "lib/nn/kernels.h"
 #include "lib/nn/tune.h"
 
+#define PIECE 64         /* terms of one chain of a sum, against rounding */
+
 static int forced;
 
 void winograd_force(int how)
@@ -84,8 +86,12 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
         for (size_t i = 0; i < in; i++) {
             double u[36];
             transform_weight(u, w + (o * in + i) * 9);
-            /* as gemm_pack lays it out: panels of 32 columns */
-            size_t at = (o / 32 * in + i) * 32 + o % 32;
+            /* piece by piece, each as gemm_pack lays it out: panels of 32
+             * columns */
+            size_t first = i / PIECE * PIECE;
+            size_t terms = in - first < PIECE ? in - first : PIECE;
+            size_t at = first * ((out + 31) / 32 * 32) +
+                        (o / 32 * terms + i - first) * 32 + o % 32;
             for (size_t k = 0; k < 36; k++)
                 g->u[k * g->u_size + at] = (float)u[k];
         }
@@ -105,8 +111,10 @@ static void group(float *out, const float *in, const struct winograd *g,
                           (ptrdiff_t)(t % across * 4) - 1);
     }
     for (size_t j = 0; j < 36; j++)
-        k->gemm(m + j * g->m_size, g->out, v + j * g->v_size, g->in, 1,
-                g->u + j * g->u_size, n, g->out, g->in, 0);
+        for (size_t i = 0; i < g->in; i += PIECE)
+            k->gemm(m + j * g->m_size, g->out, v + j * g->v_size + i, g->in, 1,
+                    g->u + j * g->u_size + i * (g->u_size / g->in), n, g->out,
+                    g->in - i < PIECE ? g->in - i : PIECE, i > 0);
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
         k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,

@@ -60,7 +60,7 @@ static void run_mode(struct golden *g, struct dino_base *d, struct params *ps,
                      const struct golden_weights *w, const float *rgb,
                      size_t h, size_t wide, size_t size, enum nn_mode mode)
 {
-    struct nn_options opt = { mode, NN_F32 };
+    struct nn_options opt = { mode, mode == NN_INFER ? NN_FAST : NN_F32 };
     struct error err = { 0 };
     char name[32];
     if (dino_base_plan(d, 1, h, wide, h, wide, size, opt, &err)) {

@@ -69,7 +69,7 @@ static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
                      const struct golden_weights *w, const float *feat,
                      size_t batch, enum nn_mode mode)
 {
-    struct nn_options opt = { mode, NN_F32 };
+    struct nn_options opt = { mode, mode == NN_INFER ? NN_FAST : NN_F32 };
     struct error err = { 0 };
     size_t P = s->out_size * s->out_size;
     if (style_unet_plan(s, batch, opt, &err)) {
