@@ -32,7 +32,8 @@ enum nn_type {
     NN_F32,
     NN_BF16,
     NN_FAST     /* float, but 3x3 convolutions by Winograd where that is
-                 * faster: an error of about 1e-5 of the largest value */
+                 * faster; within the tolerance that golden files set for
+                 * float */
 };
 
 enum nn_mode {

@@ -7,7 +7,7 @@
 #include "lib/nn/kernels.h"
 #include "lib/nn/tune.h"
 
-#define PIECE 64         /* terms of one chain of a sum, against rounding */
+#define PIECE 64         /* terms of one chain of a float's sum */
 
 static int forced;
 
@@ -47,6 +47,8 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
                             .in = c->in_data, .out = c->out, .act = c->act,
                             .add = c->add, .plan = p };
     g->tiles = tile_count(g->in, g->out);
+    /* against rounding; beside bfloat16's own it would not be seen */
+    g->piece = p->opt.type == NN_BF16 || g->in < PIECE ? g->in : PIECE;
     g->u_size = g->in * ((g->out + 31) / 32 * 32);
     g->u = nn_plan_floats(p, 36 * g->u_size);
     g->bias = nn_plan_floats(p, g->out);
@@ -88,8 +90,8 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
             transform_weight(u, w + (o * in + i) * 9);
             /* piece by piece, each as gemm_pack lays it out: panels of 32
              * columns */
-            size_t first = i / PIECE * PIECE;
-            size_t terms = in - first < PIECE ? in - first : PIECE;
+            size_t first = i / g->piece * g->piece;
+            size_t terms = in - first < g->piece ? in - first : g->piece;
             size_t at = first * ((out + 31) / 32 * 32) +
                         (o / 32 * terms + i - first) * 32 + o % 32;
             for (size_t k = 0; k < 36; k++)
@@ -111,10 +113,10 @@ static void group(float *out, const float *in, const struct winograd *g,
                           (ptrdiff_t)(t % across * 4) - 1);
     }
     for (size_t j = 0; j < 36; j++)
-        for (size_t i = 0; i < g->in; i += PIECE)
+        for (size_t i = 0; i < g->in; i += g->piece)
             k->gemm(m + j * g->m_size, g->out, v + j * g->v_size + i, g->in, 1,
                     g->u + j * g->u_size + i * (g->u_size / g->in), n, g->out,
-                    g->in - i < PIECE ? g->in - i : PIECE, i > 0);
+                    g->in - i < g->piece ? g->in - i : g->piece, i > 0);
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
         k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,

@@ -11,6 +11,7 @@ struct conv;
 struct winograd {
     size_t batch, h, w, in, out;
     size_t tiles;            /* computed together by one thread */
+    size_t piece;            /* terms of one chain of a sum */
     enum nn_act act;
     bool add;
     float *u;                /* 36 packed (in,out) matrices */

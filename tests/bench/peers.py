@@ -2,7 +2,7 @@
 """The toolkit's networks beside the same networks in eager PyTorch: one run,
 the same number of threads, least times, and their ratio.
 
-    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM]
+    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM] [STAGE...]
 
 Exits 77 when PyTorch is not installed.  Weights are random: time does not
 depend on them.  Nothing here is needed to build or test the toolkit.
@@ -233,7 +233,7 @@ def torch_ms(net, shape, seconds):
 
 def ours(args):
     out = subprocess.run([args.bench, "--json", "-j", str(args.threads), "-s",
-                          str(4 * args.seconds), "motion", "refine"],
+                          str(4 * args.seconds), *args.stages],
                          check=True, stdout=subprocess.PIPE).stdout
     return {(r["stage"], r["config"].split(",")[0].split()[0], r["knob"]):
             r["ms_min"] for r in json.loads(out)["rows"]
@@ -246,13 +246,16 @@ def main():
                         help="for each network (5)")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--bench", default="build/bin/spid-bench")
+    parser.add_argument("stages", nargs="*", default=["motion", "refine"],
+                        help="motion (E_m) or refine (StyleUNet); both")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     torch.set_flush_denormal(True)
     torch.manual_seed(1)
-    peers = {"motion": torch_ms(MotionEncoder(), (1, 3, 224, 224),
-                                args.seconds),
-             "refine": torch_ms(StyleUNet(), (1, 32, 512, 512), args.seconds)}
+    nets = {"motion": (MotionEncoder, (1, 3, 224, 224)),
+            "refine": (StyleUNet, (1, 32, 512, 512))}
+    peers = {stage: torch_ms(nets[stage][0](), nets[stage][1], args.seconds)
+             for stage in args.stages if stage in nets}
     print("%-34s %10s %10s %7s  %s" % ("network, %d threads" % args.threads,
                                        "ours ms", "torch ms", "ratio",
                                        "at most"))
