@@ -191,10 +191,33 @@ void lint_splats(lint &l, const Model &m, const Primitive &p)
         l(std::to_string(bad) + " coordinates are not finite");
 }
 
+/* A part of a sparse accessor: count elements of that width. */
+void lint_sparse(lint &l, const Model &m, size_t i, const char *part,
+                 int view, int offset, int count, size_t width)
+{
+    if (view < 0 || size_t(view) >= m.bufferViews.size() || offset < 0 ||
+        count < 0 || size_t(offset) + size_t(count) * width >
+                         m.bufferViews[size_t(view)].byteLength)
+        l("accessor " + std::to_string(i) + ": sparse " + part +
+          " reach past their view");
+}
+
 void lint_accessors(lint &l, const Model &m)
 {
     for (size_t i = 0; i < m.accessors.size(); i++) {
         const Accessor &a = m.accessors[i];
+        if (a.sparse.isSparse) {
+            const auto &s = a.sparse;
+            auto bytes = [](int type) {
+                return size_t(GetComponentSizeInBytes(uint32_t(type)));
+            };
+            lint_sparse(l, m, i, "indices", s.indices.bufferView,
+                        s.indices.byteOffset, s.count,
+                        bytes(s.indices.componentType));
+            lint_sparse(l, m, i, "values", s.values.bufferView,
+                        s.values.byteOffset, s.count,
+                        size_t(components(a.type)) * bytes(a.componentType));
+        }
         if (a.bufferView < 0 || size_t(a.bufferView) >= m.bufferViews.size())
             continue;
         const BufferView &v = m.bufferViews[size_t(a.bufferView)];

@@ -280,6 +280,8 @@ int add_target(Model &m, const float *delta, size_t V)
     set_bounds(a, all.data(), V);
     a.sparse.isSparse = true;
     a.sparse.count = static_cast<int>(index.size());
+    a.sparse.indices.byteOffset = 0;   /* tinygltf leaves them as they are */
+    a.sparse.values.byteOffset = 0;
     a.sparse.indices.componentType = TINYGLTF_COMPONENT_TYPE_UNSIGNED_SHORT;
     a.sparse.indices.bufferView =
         add_view(m, index.data(), index.size() * sizeof index[0], 0);
