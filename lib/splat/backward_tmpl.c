@@ -191,21 +191,33 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
     for (int c = 0; c < 3; c++)
         g[c] = vf_load(w->g[b][c]);
     while (j < n && vm_bits(alive)) {
-        vf dq[16], keep[16];
+        vf dq[16], keep[16], e[4];
+        vm on[4];
         uint32_t m = n - j < VEC ? n - j : VEC;
 
-        for (uint32_t i = 0; i < m; i++) {
-            const float *k = w->chunk[0] + list[j + i];
-            vf q = exponent(w, list[j + i], b, x);
-            vf e = vf_keep(vf_ge(q, cut), vf_exp2(q, degree));
-            vf alpha = vf_min(e, clamp), next = vf_fnma(alpha, T, T), worth;
+        for (uint32_t i = 0; i < VEC; i++) {
+            const float *c = w->info[list[j + i]];
+            uint32_t at = i % 4;
+
+            if (i >= m) {              /* the list's end is padded to four */
+                dq[i] = keep[i] = vf_set(0);
+                if (!at)
+                    e[0] = e[1] = e[2] = e[3] = vf_set(0);
+                continue;
+            }
+            if (!at) {
+                exponents(e, w, list + j + i, b, x);
+                FOUR on[k] = vf_ge(e[k], cut);
+                vf_exp2_four(e, degree);
+            }
+            vf raw = vf_keep(on[at], e[at]), alpha = vf_min(raw, clamp);
+            vf next = vf_fnma(alpha, T, T), worth;
 
             if (wide)
                 worth = vf_load(w->worth[j + i]);
             else
-                worth = vf_fma(vf_set(k[RED * COLUMN]), g[0],
-                        vf_fma(vf_set(k[GREEN * COLUMN]), g[1],
-                               vf_set(k[BLUE * COLUMN]) * g[2]));
+                worth = vf_fma(vf_set(c[1]), g[0],
+                        vf_fma(vf_set(c[2]), g[1], vf_set(c[3]) * g[2]));
             alive = vf_gt_and(alive, next, stop);
             vf weight = vf_mul_keep(alive, alpha, T);
 
@@ -213,7 +225,7 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
              * 1 - alpha divides it */
             rest = vf_fnma(weight, worth, rest);
             vf da = vf_fnma(rest, inverse(vf_set(1) - alpha), T * worth);
-            vm free = v->dgr ? alive : vf_gt_and(alive, clamp, e);
+            vm free = v->dgr ? alive : vf_gt_and(alive, clamp, raw);
 
             dq[i] = vf_mul_keep(free, da, alpha * vf_set(LN2));
             T = vf_sel(alive, next, T);
@@ -221,8 +233,6 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
             if (wide)
                 vf_store(w->weight[j + i], weight);
         }
-        for (uint32_t i = m; i < VEC; i++)
-            dq[i] = keep[i] = vf_set(0);
         flush(w, b, list + j, m, dq, keep, wide ? 32 : 3);
         j += m;
     }
@@ -233,17 +243,14 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
     w->alive[b] = vm_bits(alive);
 }
 
-/* Each combination is compiled apart. */
+/* Each combination is compiled apart; few people differentiate at less than
+ * degree 5. */
 static void block(struct splat_work *w, int b, const struct splat_state *st,
                   int degree)
 {
-    switch (degree * 2 + (st->row > 0)) {
-    case 4: block_backward(w, b, st, 2, 0); return;
-    case 5: block_backward(w, b, st, 2, 1); return;
+    switch ((degree <= 3 ? 3 : 5) * 2 + (st->row > 0)) {
     case 6: block_backward(w, b, st, 3, 0); return;
     case 7: block_backward(w, b, st, 3, 1); return;
-    case 8: block_backward(w, b, st, 4, 0); return;
-    case 9: block_backward(w, b, st, 4, 1); return;
     case 10: block_backward(w, b, st, 5, 0); return;
     default: block_backward(w, b, st, 5, 1); return;
     }

@@ -10,14 +10,13 @@
 #define COLUMN (CHUNK + 48)    /* floats between columns of the chunk */
 #define AHEAD 32               /* entries whose records are fetched early */
 
-/* Columns of a chunk. */
-enum { ROOT, RED, GREEN, BLUE, FOURTH, COLUMNS };
-
 /* One thread's scratch. */
 struct splat_work {
-    /* for each of the tile's rows: q = high - (root x - shift)^2 */
-    float high[CHUNK + 1][TILE], shift[CHUNK + 1][TILE];
-    float chunk[COLUMNS][COLUMN];
+    /* of each row of blocks and entry, for its four rows of pixels: shift,
+     * then high, of q = high - (root x - shift)^2 */
+    float rows[4][CHUNK + 2][8];
+    float info[COLUMN][4];                 /* root, the first three colours */
+    float fourth[COLUMN];                  /* colour 3, or depth */
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
     uint32_t count[BLOCKS];
@@ -25,7 +24,7 @@ struct splat_work {
     float T[BLOCKS][VEC];
     float color[BLOCKS][4][VEC];
     float weight[COLUMN + 2][VEC];         /* of one block, wide path */
-    uint32_t used[COLUMN + 2];             /* Gaussian of each weight row */
+    uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
     float depth[BLOCKS][VEC], weight_sum[BLOCKS][VEC];
     float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
     float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
@@ -47,67 +46,55 @@ VEC_INLINE vf block_x(int b)
     return x + vf_set(4 * (float)(b & 3) - 7.5f);
 }
 
-/* Sixteen list entries by column: r[k] = field k of struct record. */
-VEC_INLINE void gather(vf r[16], const struct record *record,
+/* The geometry of sixteen list entries by column: g[k] = field k. */
+VEC_INLINE void gather(vf g[8], const struct record *record,
                        const uint32_t *list)
 {
-#pragma GCC unroll 16
-    for (uint32_t k = 0; k < VEC; k++)
-        r[k] = vf_load((const float *)&record[list[k]]);
-    vf_transpose(r);
-}
+    const float *r[VEC];
 
-/* Least of a x^2 + b x y + c y^2 over the block, for sixteen Gaussians.  The
- * minimum is on an edge that faces the centre: try the nearer vertical and the
- * nearer horizontal one. */
-struct edges {
-    vf fixed[4];               /* distance to the nearer edge, 0 inside */
-    vf free[4];                /* where the other coordinate would stop */
-    vf own[4], mixed[4];       /* a e^2 and b e */
-};
-
-VEC_INLINE void edge_init(struct edges *e, vf u, vf other, vf slope, vf own,
-                          vf mixed)
-{
+    for (int k = 0; k < VEC; k++)
+        r[k] = (const float *)&record[list[k]];
+#pragma GCC unroll 4
     for (int k = 0; k < 4; k++) {
-        vf lo = vf_set(-7.5f + 4 * (float)k), hi = lo + vf_set(3);
-        vf d = vf_clamp(u, lo, hi) - u;
-
-        e->fixed[k] = d;
-        e->free[k] = vf_fma(slope, d, other);
-        e->own[k] = own * d * d;
-        e->mixed[k] = mixed * d;
+        g[k] = vf_join(r[k], r[k + 4], r[k + 8], r[k + 12]);
+        g[k + 4] = vf_join(r[k] + 4, r[k + 4] + 4, r[k + 8] + 4,
+                           r[k + 12] + 4);
     }
-}
-
-VEC_INLINE vf edge_value(const struct edges *e, int k, vf center, vf curve,
-                         int other)
-{
-    vf lo = vf_set(-7.5f + 4 * (float)other), hi = lo + vf_set(3);
-    vf d = vf_clamp(e->free[k], lo, hi) - center;
-
-    return vf_fma(vf_fma(curve, d, e->mixed[k]), d, e->own[k]);
+    vf_transpose_quads(g);
+    vf_transpose_quads(g + 4);
 }
 
 /* Which of sixteen Gaussians reach which blocks; the entries are appended to
- * the blocks' lists. */
-VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
+ * the blocks' lists.  In a row of blocks the ellipse q >= cut spans the
+ * columns from its leftmost to its rightmost point, or where the row's edge
+ * cuts it.  The ellipse is taken a little too large, so that rounding loses
+ * none. */
+VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
                       uint32_t at, uint32_t valid, float cut)
 {
-    struct edges ex, ey;
-    vf room = r[5] - vf_set(cut - 1e-3f);
+    vf room = vf_fma(g[FTOP] - vf_set(cut), vf_set(1.003f), vf_set(0.01f));
+    vf peak = g[FSX] * g[FWIDE], tiny = vf_set(1e-20f);
+    vf half = vf_set(1) / vf_max(g[FROOT], tiny), slack = vf_set(2e-3f);
     vi entry = vi_iota() + vi_set((int32_t)at);
     vm here = vm_from_bits(valid);
 
-    edge_init(&ex, ux, uy, r[6], r[2], r[3]);
-    edge_init(&ey, uy, ux, r[7], r[4], r[3]);
     /* unrolled where sixteen lanes are one register */
 #ifdef ISA_AVX512
 #pragma GCC unroll 4
 #else
 #pragma GCC unroll 1
 #endif
-    for (int y = 0; y < 4; y++)
+    for (int y = 0; y < 4; y++) {
+        vf first = vf_set(4 * (float)y - 7.5f) - v, last = first + vf_set(3);
+        vf right = vf_clamp(peak, first, last);
+        vf left = vf_clamp(-peak, first, last);
+        vf r2 = vf_fnma(g[FFALL] * right, right, room);
+        vf l2 = vf_fnma(g[FFALL] * left, left, room);
+        vf hi = vf_fma(g[FSY], right, u) + slack, lo = vf_fma(g[FSY], left, u);
+
+        hi = vf_fma(half, vf_sqrt_above(vf_max(r2, tiny)), hi);
+        lo = vf_fnma(half, vf_sqrt_above(vf_max(l2, tiny)), lo - slack);
+        vm some = vf_gt_and(here, r2, vf_set(0));
 #ifdef ISA_AVX512
 #pragma GCC unroll 4
 #else
@@ -118,83 +105,135 @@ VEC_INLINE void sieve(struct splat_work *w, const vf r[16], vf ux, vf uy,
 
             if (!w->alive[b])
                 continue;
-            vf least = vf_min(edge_value(&ex, x, uy, r[4], y),
-                              edge_value(&ey, y, ux, r[2], x));
-            vm hit = vf_gt_and(here, room, least);
+            vf edge = vf_set(4 * (float)x - 7.5f);
+            vm hit = vf_gt_and(vf_gt_and(some, hi, edge), edge + vf_set(3),
+                               lo);
 
             w->count[b] += vi_compress(w->list[b] + w->count[b], hit, entry);
         }
+    }
 }
 
-/* high and shift of one entry for the tile centred on (cx, cy). */
+/* What makes the rows of sixteen entries: shift = base + tilt row, high = top
+ * - fall (row - y)^2, rows about the tile's centre. */
+struct slopes {
+    float base[VEC], tilt[VEC], y[VEC], fall[VEC], top[VEC];
+};
+
+/* Rows of one entry. */
 VEC_INLINE void rows_build(struct splat_work *w, uint32_t e,
-                           const struct record *r, float cx, vf row)
-{
-    vf dy = row - vf_set(r->y), x = vf_set(r->x - cx), root = vf_set(r->root);
-
-    vf_store(w->high[e], vf_fnma(vf_set(r->fall) * dy, dy, vf_set(r->top)));
-    vf_store(w->shift[e], vf_fma(vf_set(r->sy), dy, x) * root);
-}
-
-/* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  fourth:
- * record.z stands for colour 3. */
-static __attribute__((noinline)) void
-chunk_build(struct splat_work *w, const struct splat_state *s,
-            const uint32_t *list, uint32_t n, float cx, float cy, bool fourth)
+                           const struct slopes *s, uint32_t k)
 {
     const vf row = {-7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
                     0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
-    vf y = row + vf_set(cy);
+    vf dy = row - vf_set(s->y[k]);
+    vf shift = vf_fma(row, vf_set(s->tilt[k]), vf_set(s->base[k]));
+    vf high = vf_fnma(vf_set(s->fall[k]) * dy, dy, vf_set(s->top[k]));
 
+#ifdef ISA_AVX512
+    const __m512i low = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19,
+                                          4, 5, 6, 7, 20, 21, 22, 23);
+    __m512i up = _mm512_add_epi32(low, _mm512_set1_epi32(8));
+    __m512 a = _mm512_permutex2var_ps((__m512)shift, low, (__m512)high);
+    __m512 b = _mm512_permutex2var_ps((__m512)shift, up, (__m512)high);
+
+    _mm256_storeu_ps(w->rows[0][e], _mm512_castps512_ps256(a));
+    _mm256_storeu_ps(w->rows[1][e], _mm512_extractf32x8_ps(a, 1));
+    _mm256_storeu_ps(w->rows[2][e], _mm512_castps512_ps256(b));
+    _mm256_storeu_ps(w->rows[3][e], _mm512_extractf32x8_ps(b, 1));
+#else
+    for (int y = 0; y < 4; y++) {
+        memcpy(w->rows[y][e], (const char *)&shift + 16 * y, 16);
+        memcpy(w->rows[y][e] + 4, (const char *)&high + 16 * y, 16);
+    }
+#endif
+}
+
+/* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  depth: the
+ * fourth colour is camera z, which is the key. */
+static __attribute__((noinline)) void
+chunk_build(struct splat_work *w, const struct splat_state *s,
+            const uint32_t *list, uint32_t n, float cx, float cy, bool depth)
+{
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
-    memcpy(w->index, list, n * sizeof *list);
     for (uint32_t k = 0; k < AHEAD && k < n; k++)
         __builtin_prefetch(&s->record[list[k]]);
+    for (uint32_t k = 0; k < n; k += VEC)   /* lists have room behind them */
+        memcpy(w->index + k, list + k, VEC * sizeof *list);
     for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
         w->index[n + k] = list[0];
     for (uint32_t i = 0; i < n; i += VEC) {
-        uint32_t left = n - i;
-        float *out = &w->chunk[0][i];
-        vf r[16];
+        uint32_t left = n - i < VEC ? n - i : VEC;
+        struct slopes t;
+        vf g[8];
 
-        for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++)
+        for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++) {
             __builtin_prefetch(&s->record[w->index[i + AHEAD + k]]);
-        for (uint32_t k = 0; k < VEC && k < left; k++)
-            rows_build(w, i + k, &s->record[w->index[i + k]], cx, y);
-        gather(r, s->record, w->index + i);
-        vf_store(out + ROOT * COLUMN, r[10]);
-        vf_store(out + RED * COLUMN, r[12]);
-        vf_store(out + GREEN * COLUMN, r[13]);
-        vf_store(out + BLUE * COLUMN, r[14]);
-        vf_store(out + FOURTH * COLUMN, fourth ? r[8] : r[15]);
-        sieve(w, r, r[0] - vf_set(cx), r[1] - vf_set(cy), i,
-              left < VEC ? (1u << left) - 1 : 0xffff, s->view.cut);
+            __builtin_prefetch(&s->color[w->index[i + AHEAD + k]]);
+        }
+        gather(g, s->record, w->index + i);
+        vf u = g[FX] - vf_set(cx), v = g[FY] - vf_set(cy);
+
+        if (s->fine[0])
+            for (uint32_t k = 0; k < VEC; k++) {
+                u[k] += s->fine[0][w->index[i + k]];
+                v[k] += s->fine[1][w->index[i + k]];
+            }
+        vf_store(t.base, g[FROOT] * vf_fnma(g[FSY], v, u));
+        vf_store(t.tilt, g[FROOT] * g[FSY]);
+        vf_store(t.y, v);
+        vf_store(t.fall, g[FFALL]);
+        vf_store(t.top, g[FTOP]);
+        for (uint32_t k = 0; k < left; k++) {
+            uint32_t one = w->index[i + k];
+
+            w->info[i + k][0] = s->record[one].root;
+            memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
+            if (depth)
+                memcpy(&w->fourth[i + k], &s->key[one], sizeof(float));
+            else
+                w->fourth[i + k] = s->color[one][3];
+            rows_build(w, i + k, &t, k);
+        }
+        sieve(w, g, u, v, i, (1u << left) - 1, s->view.cut);
     }
     /* lists end with entries that add nothing, for loops that take four */
-    vf_store(w->high[CHUNK], vf_set(-1e30f));
-    vf_store(w->shift[CHUNK], vf_set(0));
-    for (int k = 0; k < COLUMNS; k++)
-        w->chunk[k][CHUNK] = 0;
+    for (int y = 0; y < 4; y++)
+        for (int k = 0; k < 8; k++)
+            w->rows[y][CHUNK][k] = k < 4 ? 0 : -1e30f;
+    memset(w->info[CHUNK], 0, sizeof w->info[0]);
+    w->fourth[CHUNK] = 0;
     for (int b = 0; b < BLOCKS; b++)
         vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
 }
 
-/* q of entry e at block b's pixels; x of block_x(b). */
-VEC_INLINE vf exponent(const struct splat_work *w, uint32_t e, int b, vf x)
+/* Of four entries: q at block b's pixels, x of block_x(b). */
+VEC_INLINE void exponents(vf q[4], const struct splat_work *w,
+                          const uint32_t *entry, int b, vf x)
 {
-    vf d = vf_fma(x, vf_set(w->chunk[ROOT][e]),
-                  -vf_repeat(w->shift[e] + 4 * (b >> 2)));
+    const float (*row)[8] = w->rows[b >> 2];
 
-    return vf_fnma(d, d, vf_repeat(w->high[e] + 4 * (b >> 2)));
+    FOUR q[k] = vf_fma(x, vf_set(w->info[entry[k]][0]),
+                       -vf_repeat(row[entry[k]]));
+    ABREAST(q);
+    FOUR q[k] = vf_fnma(q[k], q[k], vf_repeat(row[entry[k]] + 4));
+    ABREAST(q);
 }
 
-/* alpha of one entry at the block's pixels, 0 where it is cut off. */
-VEC_INLINE vf alpha_of(vf q, vf cut, const int degree)
+/* Their alphas, 0 where they are cut off. */
+VEC_INLINE void alphas(vf alpha[4], const struct splat_work *w,
+                       const uint32_t *entry, int b, vf x, vf cut,
+                       const int degree)
 {
-    vf alpha = vf_min(vf_exp2(q, degree), vf_set(0.99f));
+    vf q[4];
+    vm on[4];
 
-    return vf_keep(vf_ge(q, cut), alpha);
+    exponents(q, w, entry, b, x);
+    FOUR on[k] = vf_ge(q[k], cut);
+    vf_exp2_four(q, degree);
+    FOUR alpha[k] = vf_keep(on[k], vf_min_positive(q[k], vf_set(0.99f)));
+    ABREAST(alpha);
 }
 
 #endif

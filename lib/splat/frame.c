@@ -6,8 +6,11 @@
 #include <sysexits.h>
 
 #define RADIX 2048
-#define BATCH 1024             /* Gaussians projected before they are counted */
+#define BATCH 1024             /* Gaussians projected before they are collected */
 #define AHEAD 16               /* rectangles fetched early */
+#define SPARE 16               /* list entries, a cache line */
+#define TILES 8                /* neighbours in Z order drawn by one thread: they
+                                * share Gaussians */
 
 struct frame {
     struct splat *s;
@@ -16,79 +19,74 @@ struct frame {
     int threads;
     size_t lo[SPLAT_MAX_THREADS], count[SPLAT_MAX_THREADS];
     uint32_t least[SPLAT_MAX_THREADS], most[SPLAT_MAX_THREADS];
-    int band[SPLAT_MAX_THREADS + 1];       /* tile rows of each thread */
-    size_t drawn;
+    size_t room;               /* of the tile lists */
     bool failed;
+    double clock;              /* when the last phase ended */
 };
+
+/* Thread 0 notes what has passed since the last phase. */
+static void phase(struct frame *f, int t, enum splat_phase p)
+{
+    double now = t ? 0 : omp_get_wtime();
+
+    if (t)
+        return;
+    f->s->ms[p] = 1e3 * (now - f->clock);
+    f->clock = now;
+}
 
 static size_t min_size(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
 
-/* First Gaussian of thread t, a multiple of 16. */
-static size_t part(size_t n, int t, int threads)
+/* First of n that thread t works on. */
+static size_t share(size_t n, int t, int threads)
 {
-    return min_size(n, (n * (size_t)t / (size_t)threads + 15) / 16 * 16);
+    return n * (size_t)t / (size_t)threads;
 }
 
-/* The tiles of [r->x0,r->x1) x [r->y0,r->y1) as four corners of a difference
- * table; tile_totals sums it up. */
-static void count_rect(int32_t *count, const struct rect *r, int stride)
-{
-    int32_t *top = count + r->y0 * stride, *bottom = count + r->y1 * stride;
-
-    top[r->x0]++;
-    top[r->x1]--;
-    bottom[r->x0]--;
-    bottom[r->x1]++;
-}
+/* ---- projection ---------------------------------------------------------- */
 
 /* Append the visible of [i, end) to the thread's part of the sort input. */
 static void collect(struct frame *f, int t, size_t i, size_t end)
 {
     struct splat_state *st = f->s->state;
-    int stride = st->view.tx + 1;
-    int32_t *count = st->count + (size_t)t * (size_t)stride *
-                                 (size_t)(st->view.ty + 1);
     uint64_t *out = st->sort0 + f->lo[t] + f->count[t], *at = out;
     uint32_t least = f->least[t], most = f->most[t];
 
     for (; i < end; i++) {
         uint32_t key = st->key[i];
 
+        *at = (uint64_t)key << 32 | i;
         if (key == HIDDEN)
             continue;
-        *at++ = (uint64_t)key << 32 | i;
+        at++;
         least = key < least ? key : least;
         most = key > most ? key : most;
-        count_rect(count, &st->rect[i], stride);
     }
     f->count[t] += (size_t)(at - out);
     f->least[t] = least;
     f->most[t] = most;
 }
 
-static void project_part(struct frame *f, int t)
+/* Project what moved in [first, last) of all Gaussians, and collect it. */
+static void project_part(struct frame *f, int t, size_t first, size_t last)
 {
     struct splat_state *st = f->s->state;
-    size_t n = f->s->n, end = part(n, t + 1, f->threads);
-    size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
+    size_t n = last - first;
+    size_t i = first + share(n, t, f->threads) / PAD * PAD;
+    size_t end = t + 1 == f->threads ? last
+        : first + share(n, t + 1, f->threads) / PAD * PAD;
 
-    memset(st->count + (size_t)t * cells, 0, cells * sizeof *st->count);
-    f->lo[t] = part(n, t, f->threads);
+    f->lo[t] = i - first;
     f->count[t] = 0;
     f->least[t] = UINT32_MAX;
     f->most[t] = 0;
-    for (size_t i = f->lo[t]; i < end; i += BATCH) {
-        size_t stop = min_size(i + BATCH, end), a = i, b = stop;
+    for (; i < end; i += BATCH) {
+        size_t stop = min_size(i + BATCH, end);
 
-        if (st->projected) {
-            a = a > st->dirty0 ? a : st->dirty0 / 16 * 16;
-            b = min_size(b, st->dirty1);
-        }
-        if (a < b)
-            f->k->project(st, a, b, n);
+        f->k->project(st, i, stop);
         collect(f, t, i, stop);
     }
 }
@@ -117,150 +115,216 @@ static void offsets(uint32_t *at, const uint32_t *histogram, int t,
         }
 }
 
-static void scatter(uint64_t *out, uint32_t *last, uint32_t *at,
-                    const uint64_t *in, size_t n, uint32_t least, int shift)
+static void scatter(uint64_t *out, uint32_t *at, const uint64_t *in, size_t n,
+                    uint32_t least, int shift)
 {
     for (size_t i = 0; i < n; i++) {
         uint64_t e = in[i];
-        uint32_t d = ((uint32_t)(e >> 32) - least) >> shift & (RADIX - 1);
 
-        if (last)
-            last[at[d]++] = (uint32_t)e;
-        else
-            out[at[d]++] = e;
+        out[at[((uint32_t)(e >> 32) - least) >> shift & (RADIX - 1)]++] = e;
     }
 }
 
-static void sort_part(struct frame *f, int t)
+static size_t collected(const struct frame *f)
+{
+    size_t all = 0;
+
+    for (int k = 0; k < f->threads; k++)
+        all += f->count[k];
+    return all;
+}
+
+/* Sort what was collected; returns where it is, sort0 or sort1. */
+static uint64_t *sort_part(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
     uint32_t least = UINT32_MAX, most = 0, at[RADIX];
     uint64_t *from = st->sort0, *to = st->sort1;
-    size_t lo = f->lo[t], n = f->count[t], all = 0;
+    size_t lo = f->lo[t], n = f->count[t], all = collected(f);
 
     for (int k = 0; k < f->threads; k++) {
         least = f->least[k] < least ? f->least[k] : least;
         most = f->most[k] > most ? f->most[k] : most;
-        all += f->count[k];
     }
     for (int shift = 0; all; shift += 11) {
         bool last = shift == 22 || (most - least) >> (shift + 11) == 0;
+        uint64_t *swap = from;
 
         tally(st->histogram + t * RADIX, from + lo, n, least, shift);
 #pragma omp barrier
         offsets(at, st->histogram, t, f->threads);
-        scatter(to, last ? st->order : NULL, at, from + lo, n, least, shift);
+        scatter(to, at, from + lo, n, least, shift);
 #pragma omp barrier
-        if (last)
-            break;
-        uint64_t *swap = from;
-
         from = to;
         to = swap;
-        lo = all * (size_t)t / (size_t)f->threads;
-        n = all * (size_t)(t + 1) / (size_t)f->threads - lo;
+        if (last)
+            break;
+        lo = share(all, t, f->threads);
+        n = share(all, t + 1, f->threads) - lo;
+    }
+    return from;
+}
+
+/* ---- sort from the last frame's order ------------------------------------ */
+
+/* The last order without the Gaussians [first, last) and the sorted ones of
+ * these, merged.  Entries are different numbers, so any way of merging gives
+ * the same order. */
+static size_t merge(uint64_t *out, const uint64_t *old, size_t n,
+                    const uint64_t *fresh, size_t fresh_n, size_t first,
+                    size_t last)
+{
+    uint64_t *at = out;
+    uint64_t next = fresh_n ? *fresh : UINT64_MAX;
+
+    for (size_t k = 0; k < n; k++) {
+        uint64_t e = old[k];
+        uint32_t i = (uint32_t)e;
+
+        while (next < e) {
+            *at++ = next;
+            next = --fresh_n ? *++fresh : UINT64_MAX;
+        }
+        *at = e;
+        at += i < first || i >= last;
+    }
+    if (fresh_n)
+        memcpy(at, fresh, fresh_n * sizeof *fresh);
+    return (size_t)(at - out) + fresh_n;
+}
+
+/* ---- depths that are one float ------------------------------------------- */
+
+static int by_tail(const void *a, const void *b, void *tail)
+{
+    uint32_t i = (uint32_t)*(const uint64_t *)a;
+    uint32_t j = (uint32_t)*(const uint64_t *)b;
+    const float *z = tail;
+
+    return z[i] != z[j] ? (z[i] < z[j] ? -1 : 1) : i < j ? -1 : i > j;
+}
+
+/* Order Gaussians of the same float depth by what float has lost of it. */
+static void settle_ties(struct splat_state *st, size_t n)
+{
+    uint64_t *e = st->order;
+
+    for (size_t k = 0, next; k < n; k = next) {
+        for (next = k + 1; next < n && e[next] >> 32 == e[k] >> 32;)
+            next++;
+        if (next > k + 1)
+            qsort_r(e + k, next - k, sizeof *e, by_tail, st->fine[2]);
     }
 }
 
 /* ---- tile lists ---------------------------------------------------------- */
 
-/* Sum the difference tables: start (and end, where filling begins) of each
- * tile's list; one spare entry between lists lets fill write ahead. */
-static size_t tile_totals(struct frame *f, size_t *row_pairs)
+/* Count the tiles of this thread's part of the order: each rectangle [x0,x1)
+ * x [y0,y1) as four corners of a difference table, then the table summed up.
+ * The rectangles are copied in order, for fill. */
+static void count_part(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
+    size_t end = share(f->s->drawn, t + 1, f->threads);
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
-    size_t cells = (size_t)stride * (size_t)(ty + 1), sum = 0;
-    int32_t *c = st->count;
+    size_t cells = (size_t)stride * (size_t)(ty + 1);
+    int32_t *c = st->count + (size_t)t * cells;
 
-    for (size_t i = 0; i < cells; i++)
-        for (int t = 1; t < f->threads; t++)
-            c[i] += c[(size_t)t * cells + i];
-    for (int y = 0; y < ty; y++) {
-        row_pairs[y] = 0;
+    memset(c, 0, cells * sizeof *c);
+    for (size_t k = share(f->s->drawn, t, f->threads); k < end; k++) {
+        struct rect r = st->rect[(uint32_t)st->order[k]];
+
+        if (k + AHEAD < end)
+            __builtin_prefetch(&st->rect[(uint32_t)st->order[k + AHEAD]]);
+        st->ordered[k] = r;
+        c[r.y0 * stride + r.x0]++;
+        c[r.y0 * stride + r.x1]--;
+        c[r.y1 * stride + r.x0]--;
+        c[r.y1 * stride + r.x1]++;
+    }
+    for (int y = 0; y < ty; y++)
         for (int x = 0; x < tx; x++) {
             int32_t *at = c + y * stride + x;
 
             at[0] += (x ? at[-1] : 0) + (y ? at[-stride] : 0) -
                      (x && y ? at[-stride - 1] : 0);
-            st->start[y * tx + x] = st->end[y * tx + x] = (uint32_t)sum;
-            row_pairs[y] += (size_t)at[0];
-            sum += (size_t)at[0] + 1;
         }
-    }
-    return sum;
 }
 
+/* Start and end of each tile's list, and where each thread fills in (over its
+ * counts). */
 static void plan_lists(struct frame *f)
 {
     struct splat_state *st = f->s->state;
-    int ty = st->view.ty, y = 0;
-    size_t *row = malloc(((size_t)ty + 1) * sizeof *row), done = 0;
+    int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
+    size_t cells = (size_t)stride * (size_t)(ty + 1), sum = 0;
 
-    if (!row) {
-        f->failed = true;
-        return;
-    }
-    size_t room = tile_totals(f, row);
+    for (int y = 0; y < ty; y++)
+        for (int x = 0; x < tx; x++) {
+            st->start[y * tx + x] = (uint32_t)sum;
+            for (int t = 0; t < f->threads; t++) {
+                int32_t *at = st->count + (size_t)t * cells + y * stride + x;
+                int32_t own = *at;
 
-    f->s->pairs = room - (size_t)(st->view.tx * ty);
-    if (room >= UINT32_MAX) {
+                *at = (int32_t)sum;
+                sum += (size_t)own;
+            }
+            st->end[y * tx + x] = (uint32_t)sum;
+        }
+    f->s->pairs = f->room = sum;
+    sum += SPARE * (size_t)f->threads;
+    if (sum >= INT32_MAX) {
         f->failed = true;
-    } else if (room > st->list_room) {
+    } else if (sum > st->list_room) {
         free(st->list);
-        st->list_room = room + room / 8;
+        st->list_room = sum + sum / 8;
         st->list = malloc(st->list_room * sizeof *st->list);
         if (!st->list) {
             st->list_room = 0;
             f->failed = true;
         }
     }
-    /* bands of tile rows with about the same number of pairs */
-    for (int t = 0; t < f->threads; t++) {
-        f->band[t] = y;
-        while (y < ty && done * (size_t)f->threads <
-                             f->s->pairs * (size_t)(t + 1))
-            done += row[y++];
-    }
-    f->band[f->threads] = ty;
-    free(row);
 }
 
-/* Lists of tile rows [y0,y1): every Gaussian in order, appended to each tile
- * of its rectangle.  Most touch at most 2 x 2 tiles: they are written to all
- * four ends, and only the ends that count move on (each list has a spare
- * entry), so that no branch waits for the rectangle's shape. */
-static void fill(struct splat_state *st, size_t drawn, int y0, int y1)
+/* Append this thread's part of the order to the lists of its tiles.  Most
+ * Gaussians touch at most 2 x 2 tiles: four are written, those that do not
+ * count to a spare place, so that no branch waits for the rectangle's
+ * shape. */
+static void fill(struct frame *f, int t)
 {
-    int tx = st->view.tx;
-    uint32_t *end = st->end, *list = st->list;
+    struct splat_state *st = f->s->state;
+    size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
+    size_t last = share(f->s->drawn, t + 1, f->threads);
+    int stride = st->view.tx + 1;
+    int32_t *end = st->count + (size_t)t * cells;
+    int32_t spare = (int32_t)(f->room + SPARE * (size_t)t);
+    uint32_t *list = st->list;
 
-    for (size_t k = 0; k < drawn; k++) {
-        uint32_t i = st->order[k];
-        struct rect r = st->rect[i];
-        int a = r.y0 > y0 ? r.y0 : y0, b = r.y1 < y1 ? r.y1 : y1;
+    for (size_t k = share(f->s->drawn, t, f->threads); k < last; k++) {
+        uint32_t i = (uint32_t)st->order[k];
+        struct rect r = st->ordered[k];
 
-        if (k + AHEAD < drawn)
-            __builtin_prefetch(&st->rect[st->order[k + AHEAD]]);
-        if (r.x1 - r.x0 <= 2 && r.y1 - r.y0 <= 2 && r.y0 >= y0 &&
-            r.y0 + 1 < y1 && r.x0 + 1 < tx) {
-            uint32_t *e = end + r.y0 * tx + r.x0;
-            uint32_t wide = r.x1 - r.x0 > 1, high = r.y1 - r.y0 > 1;
+        if (r.x1 - r.x0 <= 2 && r.y1 - r.y0 <= 2) {
+            int32_t *e = end + r.y0 * stride + r.x0;
+            int32_t wide = r.x1 - r.x0 > 1, high = r.y1 - r.y0 > 1;
 
             list[e[0]++] = i;
-            list[e[1]] = i;
+            list[spare ^ ((spare ^ e[1]) & -wide)] = i;
             e[1] += wide;
-            list[e[tx]] = i;
-            e[tx] += high;
-            list[e[tx + 1]] = i;
-            e[tx + 1] += wide & high;
+            e += stride;
+            list[spare ^ ((spare ^ e[0]) & -high)] = i;
+            e[0] += high;
+            list[spare ^ ((spare ^ e[1]) & -(wide & high))] = i;
+            e[1] += wide & high;
             continue;
         }
-        for (int y = a; y < b; y++)
+        for (int y = r.y0; y < r.y1; y++)
             for (int x = r.x0; x < r.x1; x++)
-                list[end[y * tx + x]++] = i;
+                list[end[y * stride + x]++] = i;
     }
 }
+
+/* ---- a frame ------------------------------------------------------------- */
 
 static void draw_part(struct frame *f, int t)
 {
@@ -269,37 +333,76 @@ static void draw_part(struct frame *f, int t)
     struct splat_work *w = (struct splat_work *)
         ((char *)st->work + (size_t)t * splat_work_size());
 
-#pragma omp for schedule(dynamic, 1) nowait
+#pragma omp for schedule(dynamic, TILES) nowait
     for (uint32_t i = 0; i < tiles; i++)
         f->k->tile(f->s, w, st->zorder[i], f->out);
+}
+
+/* Gaussians to sorted lists.  With all Gaussians in place but those of
+ * [first, last), only these are projected and sorted, and merged into the
+ * order of the last frame. */
+static void list_part(struct frame *f, int t, size_t first, size_t last)
+{
+    struct splat_state *st = f->s->state;
+    bool some = last - first < f->s->n;
+
+    project_part(f, t, first, last);
+#pragma omp barrier
+    phase(f, t, SPLAT_PROJECT);
+    uint64_t *sorted = sort_part(f, t);
+
+    if (t == 0) {
+        uint64_t **own = sorted == st->sort0 ? &st->sort0 : &st->sort1;
+        uint64_t *other = sorted == st->sort0 ? st->sort1 : st->sort0;
+
+        f->s->drawn = some ? merge(other, st->order, f->s->drawn, sorted,
+                                   collected(f), first, last)
+                           : collected(f);
+        /* the buffer of the order is taken out of the sort's two */
+        uint64_t **to = other == st->sort0 ? &st->sort0 : &st->sort1;
+        uint64_t *old = st->order;
+
+        st->order = some ? other : sorted;
+        *(some ? to : own) = old;
+        if (st->fine[2])
+            settle_ties(st, f->s->drawn);
+    }
+#pragma omp barrier
+    phase(f, t, SPLAT_SORT);
+    count_part(f, t);
+#pragma omp barrier
+#pragma omp single
+    plan_lists(f);
+    if (!f->failed)
+        fill(f, t);
+#pragma omp barrier
+    phase(f, t, SPLAT_BIN);
 }
 
 int frame_draw(struct splat *s, const struct target *out, struct error *err)
 {
     struct splat_state *st = s->state;
-    struct frame f = {.s = s, .out = out, .k = splat_kernels(st->level)};
+    struct frame f = {.s = s, .out = out, .k = splat_kernels(st->level),
+                      .clock = omp_get_wtime()};
+    size_t first = 0, last = s->n;
 
+    if (st->projected) {
+        first = min_size(st->dirty0 / PAD * PAD, s->n);
+        last = st->dirty1;
+    }
+    memset(s->ms, 0, sizeof s->ms);
 #pragma omp parallel num_threads(st->threads)
     {
         int t = omp_get_thread_num();
 
 #pragma omp single
         f.threads = omp_get_num_threads();
-        project_part(&f, t);
-#pragma omp barrier
-        if (t == f.threads - 1)
-            plan_lists(&f);
-        sort_part(&f, t);
-#pragma omp single
-        for (int k = 0; k < f.threads; k++)
-            f.drawn += f.count[k];
-        if (!f.failed) {
-            fill(st, f.drawn, f.band[t], f.band[t + 1]);
-#pragma omp barrier
+        if (first < last || !st->projected)
+            list_part(&f, t, first, last);
+        if (!f.failed)
             draw_part(&f, t);
-        }
     }
-    s->drawn = f.drawn;
+    phase(&f, 0, SPLAT_DRAW);
     st->projected = !f.failed;
     st->dirty0 = SIZE_MAX;
     st->dirty1 = 0;

@@ -38,8 +38,8 @@ static void sum_pairs(float out[16], const struct splat *s, size_t i,
 
             if (!b->seen[at])
                 continue;
-            double u = st->record[i].x - (double)(16 * x + 8);
-            double v = st->record[i].y - (double)(16 * y + 8);
+            double u = st->record[i].x - (double)(16 * x + 8) + st->fine[0][i];
+            double v = st->record[i].y - (double)(16 * y + 8) + st->fine[1][i];
 
             sum[0] += p[0];
             sum[1] += p[1] - u * p[0];
@@ -56,13 +56,16 @@ static void sum_pairs(float out[16], const struct splat *s, size_t i,
         d_color[i * (size_t)C + (size_t)c] += color[c];
 }
 
-/* q = top - (a dx^2 + b dx dy + c dy^2), dx = pixel - x. */
-VEC_INLINE void screen_backward(struct lanes *d, const vf m[16], vf a, vf b,
-                                vf c)
+/* q = top - (a dx^2 + b dx dy + c dy^2), dx = pixel - x; a = root^2, b = -2 a
+ * sy, c = fall + a sy^2. */
+VEC_INLINE void screen_backward(struct lanes *d, const vf m[16],
+                                const vf r[FIELDS])
 {
+    vf along = r[FROOT] * r[FROOT] * (m[1] - r[FSY] * m[2]);
+
     d->top = m[0];
-    d->x = (a + a) * m[1] + b * m[2];
-    d->y = (c + c) * m[2] + b * m[1];
+    d->x = along + along;
+    d->y = vf_set(2) * (r[FFALL] * m[2] - r[FSY] * along);
     d->a = -m[3];
     d->b = -m[4];
     d->c = -m[5];
@@ -73,7 +76,7 @@ VEC_INLINE void screen_backward(struct lanes *d, const vf m[16], vf a, vf b,
  * L^T L, L = (root, -root sy; 0, sqrt(fall)), which needles need. */
 VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, const vf r[16])
 {
-    vf sy = r[7], fall = r[9], root = r[10], flat = vf_sqrt(fall);
+    vf sy = r[FSY], fall = r[FFALL], root = r[FROOT], flat = vf_sqrt(fall);
     vf f = vf_set(-2 / LOG2E), two = vf_set(2);
     vf mix = d->b - sy * d->c;
     vf h00 = root * root * (d->a - sy * (d->b + mix));
@@ -156,12 +159,27 @@ VEC_INLINE void axis_backward(struct lanes *d, vf dc[3], const vf dJ[3],
     dc[2] -= center * j * c[row] * iz;
 }
 
+/* Where the centres are in front of the camera, from where the forward pass,
+ * in double, has put them on the screen: near the camera float's z is not
+ * good enough. */
+VEC_INLINE void centers(vf c[3], const struct splat_state *st, size_t i,
+                        const vf r[FIELDS])
+{
+    const struct view *v = &st->view;
+    vf x = r[FX] - vf_set(v->cx) + vf_load(st->fine[0] + i);
+    vf y = r[FY] - vf_set(v->cy) + vf_load(st->fine[1] + i);
+
+    c[2] = vf_max(vf_load((const float *)st->key + i), vf_set(v->near));
+    c[0] = x * c[2] / vf_set(v->fx);
+    c[1] = y * c[2] / vf_set(v->fy);
+}
+
 VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
-                           size_t i, const vf S[3])
+                           size_t i, const vf S[3], const vf c[3])
 {
     const struct view *v = &st->view;
     const float *P = v->rt;
-    vf q[4], R[3][3], dR[3][3], m[3], c[3], J[2][3], dJ[2][3], dc[3];
+    vf q[4], R[3][3], dR[3][3], m[3], J[2][3], dJ[2][3], dc[3];
     float f[2] = {v->fx, v->fy}, lim[2] = {v->limx, v->limy};
 
     for (int k = 0; k < 4; k++)
@@ -169,12 +187,8 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
     for (int k = 0; k < 3; k++)
         m[k] = vf_load(st->cloud.mean[k] + i);
     rotation(R, q);
-    for (int r = 0; r < 3; r++) {
-        c[r] = vf_set(P[4 * r]) * m[0] + vf_set(P[4 * r + 1]) * m[1] +
-               (vf_set(P[4 * r + 2]) * m[2] + vf_set(P[4 * r + 3]));
+    for (int r = 0; r < 3; r++)
         dc[r] = dJ[0][r] = dJ[1][r] = vf_set(0);
-    }
-    c[2] = vf_max(c[2], vf_set(v->near));
     for (int r = 0; r < 2; r++)
         for (int l = 0; l < 3; l++) {
             vf u = vf_clamp(c[r] / c[2], vf_set(-lim[r]), vf_set(lim[r]));
@@ -242,7 +256,7 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
         d.P[k] = vf_set(0);
     for (size_t i = first; i < last; i += VEC) {
         float flat[VEC][VEC] = {{0}};
-        vf m[VEC], r[VEC], S[3], before[12];
+        vf m[VEC], r[VEC], S[3], c[3], before[12];
         uint32_t bits = 0;
 
         for (size_t k = 0; k < VEC && i + k < last; k++)
@@ -254,16 +268,18 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
             continue;
         for (size_t k = 0; k < VEC; k++) {
             m[k] = vf_load(flat[k]);
+            /* and half of the next, which is not looked at */
             r[k] = vf_load((const float *)&st->record[i + k]);
             if (!(bits >> k & 1))
                 r[k] = vf_set(0);
         }
         vf_transpose(m);
         vf_transpose(r);
-        screen_backward(&d, m, r[2], r[3], r[4]);
+        screen_backward(&d, m, r);
         cov_backward(S, &d, r);
         memcpy(before, d.P, sizeof before);
-        parameters(&d, st, i, S);
+        centers(c, st, i, r);
+        parameters(&d, st, i, S, c);
         vm on = vm_from_bits(bits);
 
         for (int k = 0; k < 12; k++)

@@ -8,92 +8,46 @@
 
 #define LOG2E 1.44269504f
 
-void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
-                        size_t n);
+void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 
-/* Sixteen Gaussians on their way to the screen. */
-struct lanes {
-    vf x, y, z;                /* camera, then pixels and depth */
-    vf xx, xy, yy, det;        /* covariance with the 0.3 */
-    vm ok;
-};
+#define HALF_LOG2E 0.72134752044448170368
 
-/* Columns of R(q) diag(s): m[row][column]. */
-VEC_INLINE void factor(vf m[3][3], const struct cloud *c, size_t i)
+#define REAL vf
+#define NAME(x) x
+#define load(p) vf_load(p)
+#define narrow(x) (x)
+#define within(x, most) vf_clamp(x, vf_set(-(most)), vf_set(most))
+#define pick(on, x) vf_sel(on, x, vf_set(1))
+#define literal(x) ((float)(x))
+#include "lib/splat/project_math.h"
+
+typedef double vd __attribute__((vector_size(128), may_alias));
+
+#define REAL vd
+#define NAME(x) x##_double
+#define load_double(p) __builtin_convertvector(vf_load(p), vd)
+#define narrow_double(x) __builtin_convertvector(x, vf)
+#define literal_double(x) (x)
+
+/* x within -most .. most */
+VEC_INLINE vd within_double(vd x, float most)
 {
-    vf w = vf_load(c->quat[0] + i), x = vf_load(c->quat[1] + i);
-    vf y = vf_load(c->quat[2] + i), z = vf_load(c->quat[3] + i);
-    vf s0 = vf_load(c->scale[0] + i), s1 = vf_load(c->scale[1] + i);
-    vf s2 = vf_load(c->scale[2] + i), one = vf_set(1), two = vf_set(2);
-    vf x2 = two * x, y2 = two * y, z2 = two * z;
-
-    m[0][0] = (one - y2 * y - z2 * z) * s0;
-    m[1][0] = (x2 * y + z2 * w) * s0;
-    m[2][0] = (x2 * z - y2 * w) * s0;
-    m[0][1] = (x2 * y - z2 * w) * s1;
-    m[1][1] = (one - x2 * x - z2 * z) * s1;
-    m[2][1] = (y2 * z + x2 * w) * s1;
-    m[0][2] = (x2 * z + y2 * w) * s2;
-    m[1][2] = (y2 * z - x2 * w) * s2;
-    m[2][2] = (one - x2 * x - y2 * y) * s2;
+    for (int k = 0; k < VEC; k++)
+        x[k] = x[k] < -most ? -most : x[k] > most ? most : x[k];
+    return x;
 }
 
-/* cov2d = J W Sigma W^T J^T + 0.3, its determinant without cancellation. */
-VEC_INLINE void ellipse(struct lanes *l, const vf m[3][3],
-                        const struct view *v, vf iz)
+/* x where on, else 1 */
+VEC_INLINE vd pick_double(vm on, vd x)
 {
-    const float *P = v->rt;
-    vf u = vf_clamp(l->x * iz, vf_set(-v->limx), vf_set(v->limx));
-    vf t = vf_clamp(l->y * iz, vf_set(-v->limy), vf_set(v->limy));
-    vf jx = vf_set(v->fx) * iz, jy = vf_set(v->fy) * iz, a[3], b[3];
+    uint32_t bits = vm_bits(on);
 
-    for (int k = 0; k < 3; k++)
-        a[k] = b[k] = vf_set(0);
-    for (int r = 0; r < 3; r++) {
-        vf wx = jx * (vf_set(P[r]) - u * vf_set(P[8 + r]));
-        vf wy = jy * (vf_set(P[4 + r]) - t * vf_set(P[8 + r]));
-
-        for (int k = 0; k < 3; k++) {
-            a[k] = vf_fma(wx, m[r][k], a[k]);
-            b[k] = vf_fma(wy, m[r][k], b[k]);
-        }
-    }
-    vf c0 = a[1] * b[2] - a[2] * b[1], c1 = a[2] * b[0] - a[0] * b[2];
-    vf c2 = a[0] * b[1] - a[1] * b[0];
-    vf xx = a[0] * a[0] + a[1] * a[1] + a[2] * a[2];
-    vf yy = b[0] * b[0] + b[1] * b[1] + b[2] * b[2];
-
-    l->xy = a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-    l->det = c0 * c0 + c1 * c1 + c2 * c2 + vf_set(0.3f) * (xx + yy) +
-             vf_set(0.09f);
-    l->xx = xx + vf_set(0.3f);
-    l->yy = yy + vf_set(0.3f);
+    for (int k = 0; k < VEC; k++)
+        x[k] = bits >> k & 1 ? x[k] : 1;
+    return x;
 }
 
-VEC_INLINE void place(struct lanes *l, vf m[3][3], const struct splat_state *s,
-                      size_t i)
-{
-    const struct view *v = &s->view;
-    const float *P = v->rt;
-    vf x = vf_load(s->cloud.mean[0] + i), y = vf_load(s->cloud.mean[1] + i);
-    vf z = vf_load(s->cloud.mean[2] + i);
-
-#define ROW(r) (vf_set(P[4 * r]) * x + vf_set(P[4 * r + 1]) * y + \
-                (vf_set(P[4 * r + 2]) * z + vf_set(P[4 * r + 3])))
-    l->x = ROW(0);
-    l->y = ROW(1);
-    l->z = ROW(2);
-#undef ROW
-    l->ok = vf_gt(l->z, vf_set(v->near));
-    vf deep = vf_sel(l->ok, l->z, vf_set(1)), iz = vf_set(1) / deep;
-
-    factor(m, &s->cloud, i);
-    ellipse(l, m, v, iz);
-    if (v->dgr)
-        iz = vf_set(1) / (deep + vf_set(v->eps));
-    l->x = vf_fma(vf_set(v->fx) * l->x, iz, vf_set(v->cx));
-    l->y = vf_fma(vf_set(v->fy) * l->y, iz, vf_set(v->cy));
-}
+#include "lib/splat/project_math.h"
 
 /* First tile and one past the last, along one axis, of pixel centres within
  * [c - r, c + r]. */
@@ -115,17 +69,33 @@ VEC_INLINE vm tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
     return some;
 }
 
-/* The first 12 floats of 16 records; the colours behind them stay. */
-VEC_INLINE void store_record(struct splat_state *s, size_t i, vf row[16])
+VEC_INLINE void store_records(struct splat_state *s, size_t i, vf f[FIELDS])
 {
-    vf_transpose(row);
-    for (size_t k = 0; k < 16; k++) {
+    float *to = (float *)&s->record[i];
+
+    /* after this, quad q of f[k] is half a record: of 4q + k, its first
+     * four fields (k < 4), or of 4q + k - 4, its last */
+    vf_transpose_quads(f);
+    vf_transpose_quads(f + 4);
 #ifdef ISA_AVX512
-        _mm512_mask_storeu_ps(&s->record[i + k], 0x0fff, (__m512)row[k]);
-#else
-        memcpy(&s->record[i + k], &row[k], 12 * sizeof(float));
-#endif
+    for (int k = 0; k < 4; k++) {
+        __m512 a = (__m512)f[k], b = (__m512)f[k + 4];
+
+#define PUT(q) _mm256_storeu_ps(to + FIELDS * (4 * q + k), \
+            _mm256_insertf128_ps(_mm256_castps128_ps256( \
+                _mm512_extractf32x4_ps(a, q)), _mm512_extractf32x4_ps(b, q), 1))
+        PUT(0);
+        PUT(1);
+        PUT(2);
+        PUT(3);
+#undef PUT
     }
+#else
+    for (int k = 0; k < 8; k++)
+        for (int q = 0; q < 4; q++)
+            memcpy(to + FIELDS * (4 * q + k % 4) + k / 4 * 4,
+                   (const char *)&f[k] + 16 * q, 16);
+#endif
 }
 
 /* The CUDA rasteriser's own choice of tiles. */
@@ -146,41 +116,54 @@ VEC_INLINE void dgr_rect(struct rect *out, float x, float y, float xx,
     *out = (struct rect){t[0], t[1], t[2], t[3]};
 }
 
-void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
-                        size_t n)
+/* The same from double, with what float loses of place and depth. */
+static void place_fine(struct lanes *l, struct splat_state *s, size_t i)
+{
+    struct lanes_double d;
+
+    place_double(&d, s, i);
+    const vd *from[] = {&d.x, &d.y, &d.z, &d.xx, &d.xy, &d.yy, &d.det,
+                        &d.fall, &d.square, &d.sx, &d.sy};
+    vf *to[] = {&l->x, &l->y, &l->z, &l->xx, &l->xy, &l->yy, &l->det,
+                &l->fall, &l->square, &l->sx, &l->sy};
+
+    for (int k = 0; k < 11; k++) {
+        *to[k] = __builtin_convertvector(*from[k], vf);
+        if (k < 3)
+            vf_store(s->fine[k] + i, __builtin_convertvector(
+                *from[k] - __builtin_convertvector(*to[k], vd), vf));
+    }
+    l->ok = d.ok;
+}
+
+void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 {
     const struct view *v = &s->view;
     const vf zero = vf_set(0), big = vf_set(1e36f);
 
-    (void)n;                   /* arrays are padded to whole vectors */
-
     for (size_t i = first; i < last; i += VEC) {
         struct lanes l;
-        vf m[3][3], row[16], x0, x1, y0, y1;
+        vf row[FIELDS], x0, x1, y0, y1;
 
-        place(&l, m, s, i);
+        if (s->fine[0])
+            place_fine(&l, s, i);
+        else
+            place(&l, s, i);
         /* beyond float's range a Gaussian is flat over any picture */
         vm sane = vf_gt(big, l.det);
-        vf inv = vf_set(1) / vf_sel(sane, l.det, vf_set(1));
         vf top = vf_load(s->cloud.top + i), room = top - vf_set(v->cut);
-        vf scale = vf_set(0.5f * LOG2E) * inv;
         vf reach = vf_max(room, zero) * vf_set(2 / LOG2E * 1.0002f);
         vf rx = vf_sqrt(reach * vf_min(l.xx, big)) + vf_set(2e-3f);
         vf ry = vf_sqrt(reach * vf_min(l.yy, big)) + vf_set(2e-3f);
 
-        row[0] = l.x;
-        row[1] = l.y;
-        row[2] = vf_keep(sane, scale * l.yy);
-        row[3] = vf_keep(sane, vf_set(-2) * scale * l.xy);
-        row[4] = vf_keep(sane, scale * l.xx);
-        row[5] = top;
-        row[6] = vf_keep(sane, l.xy / l.xx);     /* -b / 2c */
-        row[7] = vf_keep(sane, l.xy / l.yy);     /* -b / 2a */
-        row[8] = l.z;
-        row[9] = vf_keep(sane, vf_set(0.5f * LOG2E) / l.yy);
-        row[10] = vf_sqrt(row[2]);
-        for (int k = 11; k < 16; k++)
-            row[k] = zero;
+        row[FX] = l.x;
+        row[FY] = l.y;
+        row[FTOP] = top;
+        row[FFALL] = vf_keep(sane, l.fall);
+        row[FSX] = vf_keep(sane, l.sx);
+        row[FSY] = vf_keep(sane, l.sy);
+        row[FWIDE] = rx;
+        row[FROOT] = vf_sqrt(vf_keep(sane, l.square));
         vm ok = vm_and(l.ok, vf_ge(room, zero));
 
         ok = vm_and(ok, tiles(&x0, &x1, l.x, rx, v->width, v->tx));
@@ -205,6 +188,6 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last,
             if (r->x0 >= r->x1 || r->y0 >= r->y1)
                 s->key[i + k] = HIDDEN;
         }
-        store_record(s, i, row);
+        store_records(s, i, row);
     }
 }

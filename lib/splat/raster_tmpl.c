@@ -32,26 +32,20 @@ VEC_INLINE void light_store(struct splat_work *w, int b,
     vf_store(w->T[b], l->kept);
 }
 
-/* Weights of four Gaussians; 0 when all pixels are finished.  The rule,
- * T (1 - alpha) <= t_cut drops the Gaussian and all behind it, is applied to
- * four products that have run ahead: T only falls, so what comes after the
- * first that is too small is too small as well. */
-VEC_INLINE int pass_four(vf weight[4], struct light *l, const vf alpha[4])
+/* One Gaussian's weight at the block's pixels.  The rule, T (1 - alpha) <=
+ * t_cut drops the Gaussian and all behind it, is applied to products that run
+ * ahead: T only falls, so what comes after the first that is too small is too
+ * small as well. */
+VEC_INLINE vm pass(vf *weight, struct light *l, vf alpha)
 {
-    vf t = l->T;
-    vm on = VM_ALL;
+    vf all = alpha * l->T;
 
-#pragma GCC unroll 4
-    for (int k = 0; k < 4; k++) {
-        vf next = vf_fnma(alpha[k], t, t);
+    l->T -= all;
+    vm on = vf_gt(l->T, l->stop);
 
-        on = vf_gt(next, l->stop);
-        weight[k] = vf_mul_keep(on, alpha[k], t);
-        l->kept = vf_sel(on, next, l->kept);
-        t = next;
-    }
-    l->T = vf_keep(on, t);
-    return vm_any(on);
+    *weight = vf_keep(on, all);
+    l->kept = vf_sel(on, l->T, l->kept);
+    return on;
 }
 
 /* Blend a block's list: T and up to 4 channels stay in registers. */
@@ -67,25 +61,24 @@ VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
     for (int k = 0; k < channels; k++)
         c[k] = vf_load(w->color[b][k]);
     for (uint32_t j = 0; j < n; j += 4) {
-        const float *k[4];
-        vf alpha[4], weight[4];
+        vm on = VM_ALL;
+        vf alpha[4];
 
+        alphas(alpha, w, list + j, b, x, l.cut, degree);
 #pragma GCC unroll 4
-        for (int i = 0; i < 4; i++) {
-            uint32_t e = list[j + (uint32_t)i];
+        for (uint32_t i = 0; i < 4; i++) {
+            uint32_t e = list[j + i];
+            vf weight;
 
-            k[i] = w->chunk[0] + e;
-            alpha[i] = alpha_of(exponent(w, e, b, x), l.cut, degree);
+            on = pass(&weight, &l, alpha[i]);
+#pragma GCC unroll 3
+            for (int m = 0; m < 3; m++)
+                c[m] = vf_fma(weight, vf_set(w->info[e][1 + m]), c[m]);
+            if (channels > 3)
+                c[3] = vf_fma(weight, vf_set(w->fourth[e]), c[3]);
         }
-        int more = pass_four(weight, &l, alpha);
-
-#pragma GCC unroll 4
-        for (int i = 0; i < 4; i++)
-#pragma GCC unroll 4
-            for (int m = 0; m < channels; m++)
-                c[m] = vf_fma(weight[i], vf_set(k[i][(RED + m) * COLUMN]),
-                              c[m]);
-        if (!more)
+        l.T = vf_keep(on, l.T);
+        if (!vm_any(on))
             break;
     }
     for (int k = 0; k < channels; k++)
@@ -105,24 +98,23 @@ VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
 
     light_init(&l, w, b, v);
     for (uint32_t j = 0; j < n; j += 4) {
-        vf alpha[4], weight[4];
+        vm on = VM_ALL;
+        vf alpha[4];
 
-#pragma GCC unroll 4
-        for (int i = 0; i < 4; i++)
-            alpha[i] = alpha_of(exponent(w, list[j + (uint32_t)i], b, x),
-                                l.cut, degree);
-        int more = pass_four(weight, &l, alpha);
-
+        alphas(alpha, w, list + j, b, x, l.cut, degree);
 #pragma GCC unroll 4
         for (uint32_t i = 0; i < 4; i++) {
             uint32_t e = list[j + i];
+            vf weight;
 
-            depth = vf_fma(weight[i], vf_set(w->chunk[FOURTH][e]), depth);
-            vf_store(w->weight[rows], weight[i]);
+            on = pass(&weight, &l, alpha[i]);
+            depth = vf_fma(weight, vf_set(w->fourth[e]), depth);
+            vf_store(w->weight[rows], weight);
             w->used[rows] = w->index[e < CHUNK ? e : 0];
-            rows += vm_bits(vf_gt(weight[i], vf_set(0))) != 0;
+            rows += vm_bits(vf_gt(weight, vf_set(0))) != 0;
         }
-        if (!more)
+        l.T = vf_keep(on, l.T);
+        if (!vm_any(on))
             break;
     }
     vf_store(w->depth[b], depth);
@@ -221,22 +213,35 @@ VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
     product(w, b, rows, st->table, st->row);
 }
 
+/* Degrees of the exponential that are compiled: without AVX-512, where each
+ * takes the compiler minutes, the next better of two. */
+static int compiled_degree(int degree)
+{
+#ifdef ISA_AVX512
+    return degree;
+#else
+    return degree <= 3 ? 3 : 5;
+#endif
+}
+
 /* One block's share of the chunk.  Each combination is compiled apart. */
 static void block(const struct splat *s, struct splat_work *w, int b)
 {
     const struct splat_state *st = s->state;
     int kind = st->row ? 2 : s->opt.channels > 3 || s->opt.depth;
 
-    switch (s->opt.exp_degree * 3 + kind) {
+    switch (compiled_degree(s->opt.exp_degree) * 3 + kind) {
+#ifdef ISA_AVX512
     case 6: blend(w, b, &st->view, 2, 3); return;
     case 7: blend(w, b, &st->view, 2, 4); return;
     case 8: wide_block(st, w, b, 2); return;
-    case 9: blend(w, b, &st->view, 3, 3); return;
-    case 10: blend(w, b, &st->view, 3, 4); return;
-    case 11: wide_block(st, w, b, 3); return;
     case 12: blend(w, b, &st->view, 4, 3); return;
     case 13: blend(w, b, &st->view, 4, 4); return;
     case 14: wide_block(st, w, b, 4); return;
+#endif
+    case 9: blend(w, b, &st->view, 3, 3); return;
+    case 10: blend(w, b, &st->view, 3, 4); return;
+    case 11: wide_block(st, w, b, 3); return;
     case 15: blend(w, b, &st->view, 5, 3); return;
     case 16: blend(w, b, &st->view, 5, 4); return;
     default: wide_block(st, w, b, 5); return;
@@ -246,7 +251,7 @@ static void block(const struct splat *s, struct splat_work *w, int b)
 static void chunk(const struct splat *s, struct splat_work *w,
                   const uint32_t *list, uint32_t n, float cx, float cy)
 {
-    chunk_build(w, s->state, list, n, cx, cy, s->opt.depth || s->state->row);
+    chunk_build(w, s->state, list, n, cx, cy, s->opt.depth);
     for (int b = 0; b < BLOCKS; b++)
         if (w->count[b])
             block(s, w, b);
@@ -273,30 +278,28 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
         w->alive[b] = whole ? 0xffff : inside(s, b, x0, y0);
         vf_store(w->T[b], vf_set(1));
         vf_store(w->depth[b], vf_set(0));
-        for (int c = 0; c < 4; c++)
-            vf_store(w->color[b][c], vf_set(0));
     }
     if (s->state->row)
         memset(w->wide, 0, sizeof w->wide);
+    else
+        memset(w->color, 0, sizeof w->color);
 }
 
-/* Columns of a block's pixels to rows. */
-VEC_INLINE void to_rows(float *p)
+/* Four rows of sixteen pixels from four blocks side by side, `step` vectors
+ * apart. */
+VEC_INLINE void block_rows(float out[4][16], float (*blocks)[VEC],
+                           size_t step)
 {
     const vi turned = {0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
+    vf r[4];
 
-    vf_store(p, __builtin_shuffle(vf_load(p), turned));
-}
-
-/* Row y of the tile: 16 pixels of an array kept block by block. */
-VEC_INLINE void tile_row(float out[16], float (*blocks)[VEC], size_t step,
-                         int y)
-{
-    const float *p[4];
-
-    for (int x = 0; x < 4; x++)
-        p[x] = blocks[(size_t)(4 * (y >> 2) + x) * step] + 4 * (y & 3);
-    vf_store(out, vf_join(p[0], p[1], p[2], p[3]));
+#pragma GCC unroll 4
+    for (size_t x = 0; x < 4; x++)
+        r[x] = __builtin_shuffle(vf_load(blocks[x * step]), turned);
+    vf_swap_quads(r);
+#pragma GCC unroll 4
+    for (size_t y = 0; y < 4; y++)
+        vf_store(out[y], r[y]);
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
@@ -367,66 +370,126 @@ static void to_half(uint16_t *out, const float *in, size_t n)
         out[i] = float_to_half(in[i]);
 }
 
+/* n pixels, C floats each, from their blocks' sums. */
+VEC_INLINE void put_wide(float *out, const struct splat_work *w, int y, int n,
+                         const size_t C)
+{
+    for (int x = 0; x < n; x++) {
+        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
+
+        memcpy(out + (size_t)x * C, w->wide[pixel], C * sizeof *out);
+    }
+}
+
+#ifdef ISA_AVX512
+/* The same past the caches, all 32 channels: a large picture would only push
+ * the Gaussians out of them.  out is aligned to 16 bytes. */
+static void stream_wide(float *out, const struct splat_work *w, int y, int n)
+{
+    for (int x = 0; x < n; x++) {
+        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
+
+#pragma GCC unroll 8
+        for (int k = 0; k < SPLAT_MAX_CHANNELS; k += 4)
+            _mm_stream_ps(out + x * SPLAT_MAX_CHANNELS + k,
+                          _mm_load_ps(w->wide[pixel] + k));
+    }
+}
+#endif
+
+/* Four rows of a tile on their way out: T, depth, up to 4 colours. */
+struct strip {
+    float T[4][16], z[4][16], color[4][4][16];
+};
+
 /* Colours of row y: without background into bare (or NULL), with it into the
  * picture. */
-static void finish_colors(struct splat_work *w, const struct splat *s,
-                          const struct target *out, size_t at, int y, int n,
-                          const float *T)
+static void finish_colors(struct splat_work *w, struct strip *p,
+                          const struct splat *s, const struct target *out,
+                          size_t at, int y, int n)
 {
-    float row[4][16], line[16 * SPLAT_MAX_CHANNELS];
+    float line[16 * SPLAT_MAX_CHANNELS], row[4][16];
     size_t C = (size_t)s->opt.channels, values = (size_t)n * C;
+    bool wide = s->state->row > 0;
     float *to = out->half ? line : out->image + at * C;
 
-    if (s->state->row) {
-        for (int x = 0; x < n; x++) {
-            int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
-
-            memcpy(to + (size_t)x * C, w->wide[pixel], C * sizeof *to);
+    for (size_t c = 0; !wide && c < C; c++)
+        vf_store(row[c], vf_load(p->color[c][y & 3]));
+    if (out->bare || wide) {
+        if (wide && C == SPLAT_MAX_CHANNELS) {
+#ifdef ISA_AVX512
+            if (!out->half && !out->bare && !out->background &&
+                !((uintptr_t)to & 15)) {
+                stream_wide(to, w, y, n);
+                return;
+            }
+#endif
+            put_wide(to, w, y, n, SPLAT_MAX_CHANNELS);
         }
-    } else {
-        for (size_t c = 0; c < C; c++)
-            tile_row(row[c], &w->color[0][c], 4, y);
-        put_colors(to, row, n, (int)C);
+        else if (wide)
+            put_wide(to, w, y, n, C);
+        else
+            put_colors(to, row, n, (int)C);
     }
     if (out->bare)
         memcpy(out->bare + at * C, to, values * sizeof *to);
-    if (out->background)
+    if (wide && out->background)
         for (int x = 0; x < n; x++)
             for (size_t c = 0; c < C; c++)
-                to[(size_t)x * C + c] += T[x] * out->background[c];
+                to[(size_t)x * C + c] += p->T[y & 3][x] * out->background[c];
+    if (!wide) {
+        for (size_t c = 0; out->background && c < C; c++)
+            vf_store(row[c], vf_fma(vf_load(p->T[y & 3]),
+                                    vf_set(out->background[c]),
+                                    vf_load(row[c])));
+        put_colors(to, row, n, (int)C);
+    }
     if (out->half)
         to_half(out->half + at * C, line, values);
+}
+
+static void finish_row(const struct strip *p, const struct target *out,
+                       size_t at, int y, int n)
+{
+    const float *T = p->T[y], *z = p->z[y];
+    float opaque[16], depth[16];
+    vf through = vf_load(T), sum = vf_set(1) - through;
+    size_t bytes = (size_t)n * sizeof *T;
+
+    if (out->final_T)
+        memcpy(out->final_T + at, T, bytes);
+    vf_store(opaque, sum);
+    if (out->alpha && n == 16)
+        memcpy(out->alpha + at, opaque, sizeof opaque);
+    else if (out->alpha)
+        memcpy(out->alpha + at, opaque, bytes);
+    if (!out->depth)
+        return;
+    for (int x = 0; x < n; x++)
+        depth[x] = T[x] < 1 ? z[x] / opaque[x] : 0;
+    memcpy(out->depth + at, depth, bytes);
 }
 
 static void finish(struct splat_work *w, const struct splat *s,
                    const struct target *out, int x0, int y0)
 {
     int n = s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE;
+    struct strip p;
 
-    for (int b = 0; b < BLOCKS; b++) {
-        to_rows(w->T[b]);
-        to_rows(w->depth[b]);
-        for (int c = 0; c < 4; c++)
-            to_rows(w->color[b][c]);
-    }
-    for (int y = 0; y < TILE && y0 + y < s->opt.height; y++) {
-        size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
-        float T[16], z[16];
+    for (int by = 0; by < 4; by++) {
+        block_rows(p.T, &w->T[4 * by], 1);
+        for (int c = 0; !s->state->row && c < 4; c++)
+            block_rows(p.color[c], &w->color[4 * by][c], 4);
+        if (out->depth && s->state->row)
+            block_rows(p.z, &w->depth[4 * by], 1);
+        else if (out->depth)
+            memcpy(p.z, p.color[3], sizeof p.z);
+        for (int y = 4 * by; y < 4 * by + 4 && y0 + y < s->opt.height; y++) {
+            size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
 
-        tile_row(T, w->T, 1, y);
-        finish_colors(w, s, out, at, y, n, T);
-        if (out->final_T)
-            memcpy(out->final_T + at, T, (size_t)n * sizeof *T);
-        for (int x = 0; out->alpha && x < n; x++)
-            out->alpha[at + (size_t)x] = 1 - T[x];
-        if (!out->depth)
-            continue;
-        if (s->state->row)
-            tile_row(z, w->depth, 1, y);
-        else
-            tile_row(z, &w->color[0][3], 4, y);
-        for (int x = 0; x < n; x++)
-            out->depth[at + (size_t)x] = T[x] < 1 ? z[x] / (1 - T[x]) : 0;
+            finish_colors(w, &p, s, out, at, y, n);
+            finish_row(&p, out, at, y & 3, n);
+        }
     }
 }
 

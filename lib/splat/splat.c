@@ -36,8 +36,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
 /* ---- kernels ------------------------------------------------------------- */
 
 #define DECLARE(isa)                                                      \
-    void splat_project_##isa(struct splat_state *, size_t, size_t,        \
-                             size_t);                                     \
+    void splat_project_##isa(struct splat_state *, size_t, size_t);       \
     void splat_tile_##isa(const struct splat *, struct splat_work *,      \
                           uint32_t, const struct target *);               \
     void splat_tile_backward_##isa(const struct splat *,                  \
@@ -129,11 +128,15 @@ static size_t cloud_layout(struct splat *s, char *base, size_t n)
         st->cloud.quat[k] = carve(base, &used, row);
     st->cloud.top = carve(base, &used, row);
     st->record = carve(base, &used, n * sizeof *st->record);
+    st->color = carve(base, &used, n * sizeof *st->color);
     st->key = carve(base, &used, n * sizeof *st->key);
+    for (int k = 0; k < 3; k++)
+        st->fine[k] = s->opt.gradients ? carve(base, &used, row) : NULL;
     st->rect = carve(base, &used, n * sizeof *st->rect);
     st->sort0 = carve(base, &used, n * sizeof *st->sort0);
     st->sort1 = carve(base, &used, n * sizeof *st->sort1);
     st->order = carve(base, &used, n * sizeof *st->order);
+    st->ordered = carve(base, &used, n * sizeof *st->ordered);
     st->loaded_mean = carve(base, &used, 3 * row);
     st->table = NULL;
     st->fixed = NULL;
@@ -217,8 +220,10 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     s->opt = *opt;
     if (!opt->exp_degree)
         s->opt.exp_degree = opt->gradients ? 5 : 3;
-    if (opt->gradients)             /* backward starts from the picture */
+    if (opt->gradients) {           /* backward starts from the picture */
         s->opt.fixed16 = false;
+        s->opt.exp_degree = s->opt.exp_degree <= 3 ? 3 : 5;
+    }
     s->state = st;
     st->level = cpu_level();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();
@@ -339,7 +344,7 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
 
     st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
     for (int c = 0; c < 4; c++)
-        st->record[i].color[c] =
+        st->color[i][c] =
             c < s->opt.channels ? color_of(g, i, c) : 0;
     if (st->table)
         for (int c = 0; c < st->row; c++)

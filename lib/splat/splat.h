@@ -80,12 +80,17 @@ struct splat_options splat_defaults(int width, int height, int channels);
 
 struct splat_state;
 
+/* What a frame is made of, for measuring. */
+enum splat_phase { SPLAT_PROJECT, SPLAT_SORT, SPLAT_BIN, SPLAT_DRAW,
+                   SPLAT_PHASES };
+
 /* A renderer: its options, and all its memory. */
 struct splat {
     struct splat_options opt;     /* read-only after splat_init */
     size_t n;                     /* Gaussians loaded */
     size_t drawn, pairs;          /* of the last frame: Gaussians on screen,
                                    * (tile, Gaussian) pairs */
+    double ms[SPLAT_PHASES];      /* of the last frame: milliseconds */
     struct splat_state *state;
 };
 

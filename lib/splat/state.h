@@ -8,24 +8,25 @@
 
 #define TILE 16                /* pixels; a tile is 4 x 4 blocks of 4 x 4 */
 #define CHUNK 256              /* list entries a tile works on at a time */
+#define PAD 16                 /* arrays of Gaussians are whole vectors */
 #define HIDDEN UINT32_MAX      /* key of a Gaussian that is not drawn */
 #define SPLAT_MAX_THREADS 64
 
-/* A Gaussian on the screen, one cache line.  alpha at pixel distance (dx,dy)
- * is 2^q, q = top - (a dx^2 + b dx dy + c dy^2): the conic and the opacity
- * carry log2 e. */
+/* A Gaussian on the screen.  alpha at pixel distance (dx,dy) is 2^q, q = top -
+ * (a dx^2 + b dx dy + c dy^2): the conic and the opacity carry log2 e.  Kept as
+ * two squares, which do not cancel: q = top - fall dy^2 - (root (dx - sy
+ * dy))^2. */
 struct record {
     float x, y;                /* centre, pixels */
-    float a, b, c, top;
-    float sx, sy;              /* -b/2c and -b/2a: where q is greatest along a
-                                * vertical, a horizontal line */
-    float z;                   /* camera depth */
-    float fall;                /* c - b^2/4a: q = top - fall dy^2 - (root (dx +
-                                * sy dy))^2, both squares without cancelling */
+    float top, fall;           /* fall = c - b^2 / 4a */
+    float sx, sy;              /* -b/2c and -b/2a: dy per dx, dx per dy along
+                                * which q is greatest */
+    float wide;                /* where alpha_cut is reached, the largest dx */
     float root;                /* sqrt(a) */
-    float spare;
-    float color[4];            /* the first channels; [3] is free for z */
 };
+
+/* Its floats by number. */
+enum field { FX, FY, FTOP, FFALL, FSX, FSY, FWIDE, FROOT, FIELDS };
 
 /* Tiles [x0,x1) x [y0,y1) that a Gaussian may touch. */
 struct rect {
@@ -64,10 +65,14 @@ struct splat_state {
     void *block;
     struct cloud cloud;
     struct record *record;     /* (N) */
+    float (*color)[4];         /* (N) the first channels */
     uint32_t *key;             /* (N) bits of z, or HIDDEN */
+    float *fine[3];            /* (N) with gradients: what float loses of x, y,
+                                * z; else NULL */
     struct rect *rect;         /* (N) */
-    uint64_t *sort0, *sort1;   /* (N) key << 32 | index */
-    uint32_t *order;           /* (N) front to back */
+    uint64_t *order;           /* (N) key << 32 | index, front to back */
+    uint64_t *sort0, *sort1;   /* (N) room to sort */
+    struct rect *ordered;      /* (N) rectangles in order */
     float *loaded_mean;        /* (N,3), for splat_shift */
     float *table;              /* (N, row) colours of more than 4 channels */
     int16_t *fixed;            /* (N, 32) the same in Q15 of fixed_scale */
@@ -78,7 +83,7 @@ struct splat_state {
     void *screen;
     uint32_t *start, *end;     /* (tiles) list of each tile */
     uint32_t *zorder;          /* (tiles) in Z order */
-    int32_t *count;            /* (threads, tiles + border) */
+    int32_t *count;            /* (threads, tiles + border), of each tile */
     uint32_t *histogram;       /* (threads, 2048) */
     void *work;                /* (threads) struct work, of the kernels */
 
@@ -101,9 +106,8 @@ struct splat_work;
 
 /* One table per instruction set. */
 struct splat_kernels {
-    /* Project Gaussians first .. last - 1 (multiples of 16; padded). */
-    void (*project)(struct splat_state *s, size_t first, size_t last,
-                    size_t n);
+    /* Project Gaussians first .. last - 1 (first a multiple of PAD). */
+    void (*project)(struct splat_state *s, size_t first, size_t last);
     /* Draw tile number t (of row-major order). */
     void (*tile)(const struct splat *s, struct splat_work *w, uint32_t t,
                  const struct target *out);

@@ -135,6 +135,24 @@ VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)  /* m ? a b : 0 */
     return (vf)_mm512_maskz_mul_ps(m, (__m512)a, (__m512)b);
 }
 
+/* x times 1 + 2^-14 at most, 0 or more, at least sqrt(a); a >= 1e-30 */
+VEC_INLINE vf vf_sqrt_above(vf a)
+{
+    return a * (vf)_mm512_rsqrt14_ps((__m512)a) * vf_set(1 + 0x1p-13f);
+}
+
+/* Of numbers of one sign, not negative: compared as integers, which more of
+ * the processor's units can do. */
+VEC_INLINE vf vf_min_positive(vf a, vf b)
+{
+    return (vf)_mm512_min_epi32((__m512i)a, (__m512i)b);
+}
+
+VEC_INLINE vf vf_fma_keep(vm m, vf a, vf b, vf c)  /* m ? a b + c : c */
+{
+    return (vf)_mm512_mask3_fmadd_ps((__m512)a, (__m512)b, (__m512)c, m);
+}
+
 VEC_INLINE uint32_t vm_bits(vm m)
 {
     return m;
@@ -266,6 +284,21 @@ VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)
     return vf_keep(m, a * b);
 }
 
+VEC_INLINE vf vf_sqrt_above(vf a)
+{
+    return vf_sqrt(a) * vf_set(1 + 0x1p-13f);
+}
+
+VEC_INLINE vf vf_min_positive(vf a, vf b)
+{
+    return vf_min(a, b);
+}
+
+VEC_INLINE vf vf_fma_keep(vm m, vf a, vf b, vf c)
+{
+    return vf_keep(m, a) * b + c;
+}
+
 VEC_INLINE uint32_t vm_bits(vm m)
 {
     uint32_t bits = 0;
@@ -316,6 +349,55 @@ VEC_INLINE void vf_transpose(vf r[16])
 
 #endif
 
+/* Four by four: r[i] float 4k + j <-> r[j] float 4k + i, for each k. */
+VEC_INLINE void vf_transpose_quads(vf r[4])
+{
+#ifdef ISA_AVX512
+    __m512 a = _mm512_unpacklo_ps((__m512)r[0], (__m512)r[1]);
+    __m512 b = _mm512_unpackhi_ps((__m512)r[0], (__m512)r[1]);
+    __m512 c = _mm512_unpacklo_ps((__m512)r[2], (__m512)r[3]);
+    __m512 d = _mm512_unpackhi_ps((__m512)r[2], (__m512)r[3]);
+
+    r[0] = (vf)_mm512_shuffle_ps(a, c, 0x44);
+    r[1] = (vf)_mm512_shuffle_ps(a, c, 0xee);
+    r[2] = (vf)_mm512_shuffle_ps(b, d, 0x44);
+    r[3] = (vf)_mm512_shuffle_ps(b, d, 0xee);
+#else
+    float t[4][VEC], u[4][VEC];
+
+    memcpy(t, r, sizeof t);
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            for (int k = 0; k < VEC; k += 4)
+                u[j][k + i] = t[i][k + j];
+    memcpy(r, u, sizeof u);
+#endif
+}
+
+/* Four by four in quads of floats: r[i] quad j <-> r[j] quad i. */
+VEC_INLINE void vf_swap_quads(vf r[4])
+{
+#ifdef ISA_AVX512
+    __m512 a = _mm512_shuffle_f32x4((__m512)r[0], (__m512)r[1], 0x44);
+    __m512 b = _mm512_shuffle_f32x4((__m512)r[0], (__m512)r[1], 0xee);
+    __m512 c = _mm512_shuffle_f32x4((__m512)r[2], (__m512)r[3], 0x44);
+    __m512 d = _mm512_shuffle_f32x4((__m512)r[2], (__m512)r[3], 0xee);
+
+    r[0] = (vf)_mm512_shuffle_f32x4(a, c, 0x88);
+    r[1] = (vf)_mm512_shuffle_f32x4(a, c, 0xdd);
+    r[2] = (vf)_mm512_shuffle_f32x4(b, d, 0x88);
+    r[3] = (vf)_mm512_shuffle_f32x4(b, d, 0xdd);
+#else
+    float t[4][VEC], u[4][VEC];
+
+    memcpy(t, r, sizeof t);
+    for (int i = 0; i < 4; i++)
+        for (int j = 0; j < 4; j++)
+            memcpy(u[j] + 4 * i, t[i] + 4 * j, 16);
+    memcpy(r, u, sizeof u);
+#endif
+}
+
 VEC_INLINE vf vf_abs(vf a)
 {
     return (vf)((vi)a & 0x7fffffff);
@@ -358,25 +440,52 @@ VEC_INLINE float vf_sum(vf a)
     return s[0];
 }
 
-/* 2^q for q in about [-100, 0].  degree of the polynomial on [-1/2, 1/2], fitted
- * for the smallest relative error: 2: 1.7e-3, 3: 7.5e-5, 4: 2.6e-6, 5: 7.5e-8
- * (float's own rounding). */
-VEC_INLINE vf vf_exp2(vf q, const int degree)
-{
-    static const float c[4][6] = {
-        {1.00044314f, 0.703448041f, 0.238428941f},
-        {0.999928073f, 0.693260986f, 0.242611128f, 0.0551716698f},
-        {0.999999261f, 0.693121815f, 0.240247448f, 0.0559178612f,
-         0.00957010199f},
-        {1.00000007f, 0.693146967f, 0.240221197f, 0.0555071327f,
-         0.00967554143f, 0.00132764721f}};
-    const float magic = 12582912.0f;         /* 1.5 * 2^23: rounds */
-    vf t = q + magic, f = q - (t - magic), p = vf_set(c[degree - 2][degree]);
+/* Coefficients of 2^f on [-1/2, 1/2], by degree, fitted for the smallest
+ * relative error: 2: 1.7e-3, 3: 7.5e-5, 4: 2.6e-6, 5: 7.5e-8 (float's own
+ * rounding). */
+static const float exp2_table[6][6] = {
+    [2] = {1.00044314f, 0.703448041f, 0.238428941f},
+    [3] = {0.999928073f, 0.693260986f, 0.242611128f, 0.0551716698f},
+    [4] = {0.999999261f, 0.693121815f, 0.240247448f, 0.0559178612f,
+           0.00957010199f},
+    [5] = {1.00000007f, 0.693146967f, 0.240221197f, 0.0555071327f,
+           0.00967554143f, 0.00132764721f}};
 
-#pragma GCC unroll 5
-    for (int k = degree - 1; k >= 0; k--)
-        p = vf_fma(p, f, vf_set(c[degree - 2][k]));
-    return (vf)((vu)p + ((vu)t << 23));  /* unsigned: the shift drops bits */
+#ifdef ISA_AVX512
+/* Four values take each step side by side: the processor looks only a few
+ * dozen instructions ahead, too few to find the second value's steps behind
+ * all of the first's. */
+#define ABREAST(v) \
+    __asm__ volatile("" : "+v"((v)[0]), "+v"((v)[1]), "+v"((v)[2]), \
+                     "+v"((v)[3]))
+#else
+#define ABREAST(v) (void)(v)
+#endif
+
+/* q[k] becomes 2^q[k], for q in about [-100, 0]. */
+VEC_INLINE void vf_exp2_four(vf q[4], const int degree)
+{
+    const float *c = exp2_table[degree];
+    const float magic = 12582912.0f;         /* 1.5 * 2^23: rounds */
+    vf t[4], f[4], p[4];
+
+#define FOUR _Pragma("GCC unroll 4") for (int k = 0; k < 4; k++)
+    FOUR t[k] = q[k] + magic;
+    ABREAST(t);
+    FOUR f[k] = t[k] - magic;
+    ABREAST(f);
+    FOUR f[k] = q[k] - f[k];
+    ABREAST(f);
+    FOUR p[k] = vf_fma(vf_set(c[degree]), f[k], vf_set(c[degree - 1]));
+    ABREAST(p);
+    FOUR t[k] = (vf)((vu)t[k] << 23);    /* unsigned: drops bits */
+    ABREAST(t);
+#pragma GCC unroll 4
+    for (int d = degree - 2; d >= 0; d--) {
+        FOUR p[k] = vf_fma(p[k], f[k], vf_set(c[d]));
+        ABREAST(p);
+    }
+    FOUR q[k] = (vf)((vu)p[k] + (vu)t[k]);
 }
 
 #endif
