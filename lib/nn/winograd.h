@@ -25,7 +25,8 @@ struct winograd {
 };
 
 /* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST (or NN_BF16,
- * whose large layers are faster so than in bfloat16), multiples of 16 channels, and the table of `make tune` says that it is faster.  Depends on
+ * whose large layers are faster so than in bfloat16), multiples of 16
+ * channels, and the table of `make tune` says that it is faster.  Depends on
  * the layer's sizes only, never on a clock, so that two runs agree. */
 bool winograd_wanted(const struct conv *c);
 /* The same without the table, for tests and for `make tune` itself: -1 never,

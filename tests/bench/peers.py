@@ -2,7 +2,8 @@
 """The toolkit's networks beside the same networks in eager PyTorch: one run,
 the same number of threads, least times, and their ratio.
 
-    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM] [STAGE...]
+    tests/bench/peers.py [--seconds S] [--threads N] [--bench PROGRAM]
+        [STAGE...]
 
 Exits 77 when PyTorch is not installed.  Weights are random: time does not
 depend on them.  Nothing here is needed to build or test the toolkit.
