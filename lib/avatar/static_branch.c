@@ -109,7 +109,8 @@ static void keep_rim(struct avatar_scratch *s)
         float inside = fminf(fmaxf((s->cover[k] - 0.75f) / 0.2f, 0), 1);
 
         s->cover[k] = s->coverage[k] * inside;
-        s->held[k] *= inside;
+        /* interpolation may pass its ends by a rounding */
+        s->held[k] = inside * fminf(fmaxf(s->held[k], 0), 1);
         s->surface[k] -= BEHIND * (s->coverage[k] - s->cover[k]);
     }
 }
@@ -147,7 +148,7 @@ static void decoder_inputs(struct avatar *a)
         row[Cf + 5] = isfinite(s->zbuffer[k]) ? 1 : 0;
         for (int c = 0; c < 3; c++)
             s->static_logit[3 * k + c] = attribute_logit(pixel[c]);
-        s->matte[g + k] = pixel[3] * (1 - s->held[k]);
+        s->matte[g + k] = fminf(pixel[3], 1) * (1 - s->held[k]);
         s->opacity_shift[g + k] = -COVERED * s->cover[k];
         s->scale_shift[g + k] = size_shift;
         s->p_shift[k] = attribute_logit(0.5f + 0.5f * s->surface[k]);
