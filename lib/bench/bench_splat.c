@@ -281,6 +281,7 @@ int bench_splat(struct bench *b, struct error *err)
     if (make_truth(&st.exact, &st, SPLAT_EXACT, err) ||
         make_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
         all_knobs(&st, err) ||
+        bench_splat_moving(b, st.part, err) ||
         bench_splat_backward(b, st.part, err) ||
         bench_splat_scaling(b, st.part, err))
         goto out;

@@ -277,7 +277,9 @@ static void plan_lists(struct frame *f)
         f->failed = true;
     } else if (sum > st->list_room) {
         free(st->list);
+        f->s->bytes -= st->list_room * sizeof *st->list;
         st->list_room = sum + sum / 8;
+        f->s->bytes += st->list_room * sizeof *st->list;
         st->list = malloc(st->list_room * sizeof *st->list);
         if (!st->list) {
             st->list_room = 0;

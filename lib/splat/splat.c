@@ -241,7 +241,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     st->view.near = opt->near > 0 ? opt->near : st->view.dgr ? 0.2f : 0.01f;
     st->view.cut = log2f(opt->alpha_cut);
     st->view.t_cut = opt->t_cut;
-    st->screen = block_alloc(screen_layout(st, NULL));
+    s->bytes = screen_layout(st, NULL);
+    st->screen = block_alloc(s->bytes);
     if (!st->screen)
         goto out;
     screen_layout(st, st->screen);
@@ -393,6 +394,8 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
         size_t bytes = cloud_layout(s, NULL, n);
 
         free(st->block);
+        s->bytes += bytes - st->block_bytes;
+        st->block_bytes = bytes;
         st->block = block_alloc(bytes);
         if (!st->block) {
             s->n = 0;

@@ -91,6 +91,7 @@ struct splat {
     size_t drawn, pairs;          /* of the last frame: Gaussians on screen,
                                    * (tile, Gaussian) pairs */
     double ms[SPLAT_PHASES];      /* of the last frame: milliseconds */
+    size_t bytes;                 /* of memory it holds, gradients apart */
     struct splat_state *state;
 };
 

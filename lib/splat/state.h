@@ -63,6 +63,7 @@ struct splat_state {
 
     /* one block, sized by N in splat_load */
     void *block;
+    size_t block_bytes;
     struct cloud cloud;
     struct record *record;     /* (N) */
     float (*color)[4];         /* (N) the first channels */
