@@ -11,7 +11,8 @@
      "head model (default head.safetensors beside the model)", NULL}
 #define OPTION_PRECISION(type, where)                                         \
     {"precision", 0, CLI_CALL, (type), 0, 0, "TYPE",                          \
-     "f32, fast or bf16 inside the " where " (default f32)", option_precision}
+     "f32, fast or bf16 inside the " where " (default fast)", option_precision}
+#define OPTION_PRECISION_DEFAULT NN_FAST
 /* track: a struct track_options; its crop or window, and that it is given. */
 #define OPTION_CROP(track, help)                                              \
     {"crop", 0, CLI_CALL, (track), 0, 0, "X,Y,SIZE", help, option_crop}

@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/framesource.h"
 #include "lib/animate/animate.h"
@@ -19,7 +20,8 @@ static struct track_options track_options;
 static struct animate_options animate_options;
 static struct framesink_options sink_options;
 static struct background background;
-static struct prepare models = {.prune = -1};
+static struct prepare models = {.prune = -1,
+                                .precision = OPTION_PRECISION_DEFAULT};
 static const char *head_path, *mask_path, *list_path, *background_word;
 static double closed_mm = -1;
 static bool live_mode;
@@ -27,14 +29,6 @@ static bool live_mode;
 static int parse_without(const char *value, void *dest, struct error *err)
 {
     return avatar_without_list(dest, value, err);
-}
-
-static int parse_precision(const char *value, void *dest, struct error *err)
-{
-    if (nn_type_parse(dest, value) == 0)
-        return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
-                     "bf16)");
 }
 
 static int parse_background(const char *value, void *dest, struct error *err)
@@ -80,10 +74,8 @@ static const struct cli_option options[] = {
      "refine only the part with the head", NULL},
     {"f16", 0, CLI_FLAG, &animate_options.half, 0, 0, NULL,
      "features in half precision before the refiner", NULL},
-    {"precision", 0, CLI_CALL, &models.precision, 0, 0, "TYPE",
-     "f32 or bf16 inside the networks (default f32)", parse_precision},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
+    OPTION_PRECISION(&models.precision, "networks"),
+    OPTION_HEAD(&head_path),
     {0}
 };
 

@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "cmd/cli.h"
+#include "cmd/options.h"
 #include "lib/avatar/baked.h"
 #include "lib/avatar/model.h"
 #include "lib/avatar/mover.h"
@@ -17,19 +18,11 @@ static const char *bake_path, *avatar_path, *head_path;
 static bool full, keep_clear;
 static double prune_eps = -1, closed_mm = -1;
 static unsigned without;
-static enum nn_type precision = NN_F32;
+static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static int parse_without(const char *value, void *dest, struct error *err)
 {
     return avatar_without_list(dest, value, err);
-}
-
-static int parse_precision(const char *value, void *dest, struct error *err)
-{
-    if (nn_type_parse(dest, value) == 0)
-        return 0;
-    return error_set(err, EX_USAGE, "unknown precision (expected f32 or "
-                     "bf16)");
 }
 
 static const struct cli_option options[] = {
@@ -48,10 +41,8 @@ static const struct cli_option options[] = {
      "with --bake: keep Gaussians of opacity under 1/255", NULL},
     {"closed", 0, CLI_FLOAT, &closed_mm, 0, 100, "MM",
      "lips open less than this hide the mouth (default 0.5)", NULL},
-    {"head", 0, CLI_STRING, &head_path, 0, 0, "FILE",
-     "head model (default head.safetensors beside the model)", NULL},
-    {"precision", 0, CLI_CALL, &precision, 0, 0, "TYPE",
-     "f32 or bf16 inside the networks (default f32)", parse_precision},
+    OPTION_HEAD(&head_path),
+    OPTION_PRECISION(&precision, "networks"),
     {0}
 };
 

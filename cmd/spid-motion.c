@@ -18,7 +18,7 @@
 static struct framesource_options source_options;
 static struct track_options track_options;
 static const char *head_path, *identity_path, *overlay_path;
-static enum nn_type precision = NN_F32;
+static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
     OPTION_CROP(&track_options,

@@ -9,7 +9,7 @@
 #include "lib/refine/refine.h"
 #include "lib/stream/stream.h"
 
-static enum nn_type precision = NN_F32;
+static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static struct framesink_options sink_options;
 static struct background background;
 static const char *background_text, *identity_path;
@@ -180,7 +180,7 @@ static int write_picture(struct program *p, const struct record *rec,
     if (refine_frame(p->rgb, &p->refine, &in, err))
         return -1;
     stats_end("refine", begun);
-    if (!p->compared && (roi || precision != NN_F32))
+    if (!p->compared && (roi || precision == NN_BF16))
         compare(p, &in);
     p->compared = true;
     f.height = in.height;

@@ -15,7 +15,7 @@
 
 static struct track_options track_options;
 static const char *head_path, *mask_path, *overlay_path;
-static enum nn_type precision = NN_F32;
+static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
     OPTION_CROP(&track_options,

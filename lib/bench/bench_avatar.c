@@ -202,7 +202,7 @@ static int open_avatar(struct stage *s, struct error *err)
         rc = avatar_init(&m->avatar, &m->ps, &m->config, &s->head, err) ||
              params_allocate(&m->ps, err) ||
              params_load(&m->ps, st, "", err) ||
-             avatar_plan(&m->avatar, (struct nn_options){NN_INFER, NN_F32},
+             avatar_plan(&m->avatar, (struct nn_options){NN_INFER, NN_FAST},
                          err) ? -1 : 0;
     }
     st_close(st);
@@ -408,7 +408,8 @@ static int open_pipe(struct pipe *p, struct stage *s, const struct variant *v,
     };
     const struct animate_options opt = {
         .size = SIZE, .model = s->b->model, .star = v->star, .half = v->half,
-        .workers = s->b->threads, .closed = BAKED_CLOSED
+        .workers = s->b->threads, .closed = BAKED_CLOSED,
+        .precision = NN_FAST
     };
     const struct framesink_options sink = {.path = "/dev/null",
                                            .format = FRAMESINK_PAM};
@@ -416,7 +417,7 @@ static int open_pipe(struct pipe *p, struct stage *s, const struct variant *v,
     memset(p, 0, sizeof *p);
     p->s = s;
     p->sink = framesink_open(&sink, err);
-    if (!p->sink || encoders_open(&p->nets, s->b->model, false, NN_F32, err) ||
+    if (!p->sink || encoders_open(&p->nets, s->b->model, false, NN_FAST, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
         (v->video && make_video(p, err)))
