@@ -101,6 +101,8 @@ PY
     done
     status 64 spid-eval -q --source a/0.ppm c d
     # noise has no face: counted as failed, not as a likeness of 0
-    run spid-eval -q -f json --arcface weights.safetensors c d
+    export SPID_MODEL=$TOP/examples/model
+    run spid-eval -q -f json --arcface weights.safetensors \
+        --head "$TOP/${BUILD:-build}/share/spid/head.safetensors" c d
     has '"arcface": null'
 }
