@@ -19,7 +19,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 #define within(x, most) vf_clamp(x, vf_set(-(most)), vf_set(most))
 #define pick(on, x) vf_sel(on, x, vf_set(1))
 #define literal(x) ((float)(x))
-#include "lib/splat/project_math.h"
+#include "lib/splat/project_math.inc"
 
 typedef double vd __attribute__((vector_size(128), may_alias));
 
@@ -47,7 +47,7 @@ VEC_INLINE vd pick_double(vm on, vd x)
     return x;
 }
 
-#include "lib/splat/project_math.h"
+#include "lib/splat/project_math.inc"
 
 /* First tile and one past the last, along one axis, of pixel centres within
  * [c - r, c + r]. */
