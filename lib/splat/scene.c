@@ -98,6 +98,24 @@ static int find_mouth(struct scene *s, struct error *err)
     return 0;
 }
 
+static int bends(const struct scene *s, size_t i)
+{
+    return s->branch[i] == STATIC && s->bend[i] != 0;
+}
+
+/* The smallest range that holds every static Gaussian that bends. */
+static void find_bent(struct scene *s)
+{
+    size_t lo = 0, hi = s->bend && s->branch ? s->g.n : 0;
+
+    while (lo < hi && !bends(s, lo))
+        lo++;
+    while (hi > lo && !bends(s, hi - 1))
+        hi--;
+    s->bent = lo;
+    s->bent_count = hi - lo;
+}
+
 static int take_camera(struct scene *s, const struct record *rec,
                        struct error *err)
 {
@@ -149,6 +167,7 @@ static int load(struct scene *s, const struct record *rec, struct error *err)
     }
     if (find_mouth(&next, err))
         goto failed;
+    find_bent(&next);
     scene_release(s);
     *s = next;
     return SCENE_LOADED;
@@ -199,34 +218,23 @@ static int move_mouth(struct scene *s, const struct record *rec,
     return 0;
 }
 
-static int bends(const struct scene *s, size_t i)
-{
-    return s->branch[i] == STATIC && s->bend[i] != 0;
-}
-
 /* Static Gaussians follow the shoulders (lib/geom/bend.h). */
 static int move_shoulders(struct scene *s, const struct record *rec,
                           struct error *err)
 {
     static const size_t dims[2] = {3, 4};
-    size_t lo, hi;
     const float *body;
 
-    s->bent = s->bent_count = 0;
-    if (!record_find(rec, "body") || !s->bend || !s->branch)
+    s->bowed = 0;
+    if (!record_find(rec, "body") || !s->bent_count)
         return 0;
     if (!(body = record_get(rec, "body", DTYPE_F32, 2, dims, err)))
         return -1;
-    for (lo = 0; lo < s->g.n && !bends(s, lo); lo++)
-        ;
-    for (hi = s->g.n; hi > lo && !bends(s, hi - 1); hi--)
-        ;
-    for (size_t i = lo; i < hi; i++)
+    for (size_t i = s->bent; i < s->bent + s->bent_count; i++)
         if (bends(s, i))
             bend_points(s->mean + 3 * i, s->loaded + 3 * i, s->bend + i, 1,
                         body);
-    s->bent = lo;
-    s->bent_count = hi - lo;
+    s->bowed = 1;
     return 0;
 }
 
@@ -253,7 +261,7 @@ int scene_to_splat(struct splat *out, const struct scene *s,
     if (change == SCENE_MOVED && s->count &&
         splat_update(out, s->mean + 3 * s->first, s->first, s->count, err))
         return -1;
-    if (change == SCENE_MOVED && s->bent_count &&
+    if (change == SCENE_MOVED && s->bowed &&
         splat_update(out, s->mean + 3 * s->bent, s->bent, s->bent_count, err))
         return -1;
     if (change == SCENE_MOVED && s->shifted && s->mouth_count)

@@ -24,7 +24,8 @@ struct scene {
     size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
     float shift[3];     /* of the mouth sheet against its GAUS centres */
     int shifted;        /* the last GMOV carried a shift */
-    size_t bent, bent_count;    /* static Gaussians the last GMOV bent */
+    size_t bent, bent_count;    /* the static Gaussians that bend, by GAUS */
+    int bowed;          /* the last GMOV carried the shoulders' motion */
 
     /* owned */
     float *mean, *loaded, *scale, *quat, *opacity, *color;
