@@ -13,6 +13,11 @@
     {"precision", 0, CLI_CALL, (type), 0, 0, "TYPE",                          \
      "f32, fast or bf16 inside the " where " (default fast)", option_precision}
 #define OPTION_PRECISION_DEFAULT NN_FAST
+/* The same where a refiner runs. */
+#define OPTION_PRECISION_REFINE(type, where)                                  \
+    {"precision", 0, CLI_CALL, (type), 0, 0, "TYPE",                          \
+     "f32, fast, bf16 or int8 inside the " where " (default fast)",           \
+     option_precision_refine}
 /* track: a struct track_options; its crop or window, and that it is given. */
 #define OPTION_CROP(track, help)                                              \
     {"crop", 0, CLI_CALL, (track), 0, 0, "X,Y,SIZE", help, option_crop}
@@ -21,6 +26,7 @@
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
 int option_precision(const char *value, void *dest, struct error *err);
+int option_precision_refine(const char *value, void *dest, struct error *err);
 int option_crop(const char *value, void *dest, struct error *err);
 int option_window(const char *value, void *dest, struct error *err);
 

@@ -17,11 +17,12 @@
 
 static struct framesource_options source_options;
 static struct track_options track_options;
-static struct animate_options animate_options;
+static struct animate_options animate_options = {
+    .precision = OPTION_PRECISION_DEFAULT
+};
 static struct framesink_options sink_options;
 static struct background background;
-static struct prepare models = {.prune = -1,
-                                .precision = OPTION_PRECISION_DEFAULT};
+static struct prepare models = {.prune = -1};
 static const char *head_path, *mask_path, *list_path, *background_word;
 static double closed_mm = -1;
 static bool live_mode;
@@ -74,7 +75,7 @@ static const struct cli_option options[] = {
      "refine only the part with the head", NULL},
     {"f16", 0, CLI_FLAG, &animate_options.half, 0, 0, NULL,
      "features in half precision before the refiner", NULL},
-    OPTION_PRECISION(&models.precision, "networks"),
+    OPTION_PRECISION_REFINE(&animate_options.precision, "networks"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -107,6 +108,9 @@ static void open_models(void)
     struct error err = {0};
     char model[4096], head[4096];
 
+    /* 8 bits are the refiner's alone */
+    models.precision = animate_options.precision == NN_INT8
+                           ? NN_FAST : animate_options.precision;
     if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
         (!head_path && cli_find_model("head.safetensors", head, sizeof head,
                                       &err)) ||
@@ -115,7 +119,6 @@ static void open_models(void)
     track_options.size = (double)models.nets.config.size;
     animate_options.size = models.nets.config.size;
     animate_options.model = models.model_path;
-    animate_options.precision = models.precision;
     animate_options.workers = cli.threads > 0 ? cli.threads
                                               : omp_get_max_threads();
     animate_options.closed = closed_mm < 0 ? BAKED_CLOSED

@@ -6,7 +6,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/image.h"
 #include "lib/base/file.h"
 #include "lib/eval/compare.h"
@@ -78,8 +78,7 @@ static const struct cli_option options[] = {
      .help = "--people: contact sheet (PNG)"},
     {.name = "rows", .kind = CLI_INT, .dest = &opt.rows, .min = 1,
      .max = 64, .arg = "N", .help = "--sheet: people on it (default 8)"},
-    {.name = "head", .kind = CLI_STRING, .dest = &opt.head, .arg = "FILE",
-     .help = "head model (default: head.safetensors beside the model)"},
+    OPTION_HEAD(&opt.head),
     {.name = NULL},
 };
 

@@ -94,6 +94,16 @@ static void print_drawn(const struct export *x)
                    "picture", d->psnr_db, d->max_abs);
         printf("; by a viewer's rules %.1f dB\n", d->viewer_db);
     }
+    const struct drawn_head *h = &x->drawn_head;
+    if (cli.quiet || h->vertices == 0)
+        return;
+    printf("%s: %zu vertices, the %s read back and drawn: %.1f micrometres "
+           "at most from our mesh, ", opt.glb_head, h->vertices,
+           x->frames ? "first frame" : "head at rest", h->metres * 1e6);
+    if (isinf(h->psnr_db))
+        printf("the same picture\n");
+    else
+        printf("%.1f dB\n", h->psnr_db);
 }
 
 static void open_export(struct export *x)

@@ -17,7 +17,7 @@ static double fps;
 static bool roi;
 
 static const struct cli_option options[] = {
-    OPTION_PRECISION(&precision, "network"),
+    OPTION_PRECISION_REFINE(&precision, "network"),
     {"roi", 0, CLI_FLAG, &roi, 0, 0, NULL,
      "refine only the part of the picture where the head is", NULL},
     {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
@@ -180,7 +180,8 @@ static int write_picture(struct program *p, const struct record *rec,
     if (refine_frame(p->rgb, &p->refine, &in, err))
         return -1;
     stats_end("refine", begun);
-    if (!p->compared && (roi || precision == NN_BF16))
+    if (!p->compared && (roi || precision == NN_BF16
+                         || precision == NN_INT8))
         compare(p, &in);
     p->compared = true;
     f.height = in.height;

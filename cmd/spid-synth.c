@@ -61,7 +61,7 @@ static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
     "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
     "[--sheet FILE] [--statistics] [--head FILE] [-o FILE] "
-    "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE...]",
+    "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE ...]",
     "make people: pictures with their true parameters", options
 };
 

@@ -4,17 +4,18 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "cmd/cli.h"
+#include "cmd/options.h"
 #include "formats/image.h"
 #include "lib/avatar/config.h"
 #include "lib/head/head.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"
+#include "lib/train/shaper.h"
 
 #define MOST_PARTS 16
 
 static struct {
-    const char *config, *head, *held, *join;
+    const char *config, *head, *held, *join, *shapes;
     const char *init[MOST_PARTS], *prefix[MOST_PARTS], *from[MOST_PARTS];
     size_t ninit;
     long steps;
@@ -56,8 +57,9 @@ static const struct cli_option options[] = {
      .arg = "FILE", .help = "JSON configuration of the run (required)"},
     {.name = "held", .kind = CLI_STRING, .dest = &opt.held, .arg = "FILE",
      .help = "people the run is judged by, never trained on"},
-    {.name = "head", .kind = CLI_STRING, .dest = &opt.head, .arg = "FILE",
-     .help = "head model (default: head.safetensors beside the model)"},
+    OPTION_HEAD(&opt.head),
+    {.name = "shapes", .kind = CLI_STRING, .dest = &opt.shapes, .arg = "FILE",
+     .help = "people's shapes by FILE's E_beta, not the true ones"},
     {.name = "init", .kind = CLI_CALL, .parse = parse_init,
      .arg = "FILE[:PREFIX[=FROM]]",
      .help = "start tensors PREFIX... from FILE's FROM...; repeatable"},
@@ -105,17 +107,13 @@ static int write_png(const char *path, const uint8_t *rgb, size_t H, size_t W,
 static void load_head(struct head *h)
 {
     struct error err = {0};
-    char path[TRAIN_PATH];
 
-    if (opt.head)
-        snprintf(path, sizeof path, "%s", opt.head);
-    else if (cli_find_model("head.safetensors", path, sizeof path, &err))
-        die_error(&err);
-    if (head_load(h, path, &err))
+    if (option_head_load(h, opt.head, &err))
         die_error(&err);
 }
 
-static void load_held(struct task *t, const struct train_config *c)
+static void load_held(struct task *t, const struct train_config *c,
+                      struct shaper *shaper)
 {
     struct error err = {0};
     struct data_reader *r;
@@ -126,6 +124,8 @@ static void load_held(struct task *t, const struct train_config *c)
     t->held = calloc((size_t)c->held_people, sizeof *t->held);
     if (!r || !t->held)
         die_error(&err);
+    if (opt.shapes)
+        data_reshape(r, shaper_apply, shaper);
     for (; t->nheld < (size_t)c->held_people; t->nheld++)
         if (data_next(r, &t->held[t->nheld], &err))
             die_error(&err);
@@ -201,6 +201,7 @@ static int train(const struct train_config *c, const char *const *files,
     struct error err = {0};
     struct head head = {0};
     struct task task = {0};
+    struct shaper shaper = {0};
     struct loop loop = {
         .config = c, .task = &task, .group = group, .folder = cli.output,
         .init_files = opt.init, .init_prefix = opt.prefix,
@@ -211,12 +212,16 @@ static int train(const struct train_config *c, const char *const *files,
     int rc;
 
     load_head(&head);
+    if (opt.shapes && shaper_open(&shaper, opt.shapes, &err))
+        die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_held(&task, c);
+        load_held(&task, c, &shaper);
         if (!group->rank)
             say_what(&task, c);
         loop.reader = data_open(files, count, task.type->margin, &err);
+        if (loop.reader && opt.shapes)
+            data_reshape(loop.reader, shaper_apply, &shaper);
         rc = loop.reader ? loop_run(&loop, &err) : -1;
     }
     progress_end();
@@ -228,6 +233,7 @@ static int train(const struct train_config *c, const char *const *files,
              (unsigned long long)loop.step);
     }
     data_close(loop.reader);
+    shaper_close(&shaper);
     release_held(&task);
     task_release(&task);
     head_release(&head);

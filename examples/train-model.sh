@@ -1,6 +1,6 @@
 #!/bin/sh
 # train-model.sh [DIR]: the shipped model from a seed, start to end.  What
-# `make model` runs.  Everything lands in DIR (default build/train; 9 GB); a
+# `make model` runs.  Everything lands in DIR (default build/train; 12 GB); a
 # run that was stopped goes on where it was.  SEED, PEOPLE and STEPS (of every
 # stage, for a trial) change the size.
 set -eu
@@ -8,34 +8,57 @@ set -eu
 here=$(dirname "$0")
 dir=${1:-build/train}
 seed=${SEED:-1}
-people=${PEOPLE:-4000}
+people=${PEOPLE:-4400}
 mkdir -p "$dir"
 
 # People to learn from and others to be judged by: never the same seeds.  A
-# second and a quarter between frames: each shows another pose.
+# second and a quarter between frames: each shows another pose.  Strangers have
+# a first frame alone, which is calm: for shapes, not for motions.
 synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
     [ -e "$dir/$1" ] || spid-synth --people "$2" --frames "$3" --size "$4" \
         --seed "$5" --effects "$6" --fps 0.8 --without mesh -o "$dir/$1"
 }
 synth faces.spid "$people" 4 256 "$((1000 + seed))" 1
-synth faces-held.spid 24 8 256 "$((900000 + seed))" 1
-synth people.spid "$((people / 10))" 6 512 "$((2000 + seed))" 0.5
+synth strangers.spid "$((people * 3 / 2))" 1 256 "$((3000 + seed))" 1
+synth faces-held.spid 48 8 256 "$((900000 + seed))" 1
+synth people.spid "$((people * 3 / 22))" 6 512 "$((2000 + seed))" 0.7
 synth people-held.spid 12 6 512 "$((910000 + seed))" 1
 
-train() { # NAME DATA HELD [OPTIONS]
-    name=$1 data=$2 held=$3
-    shift 3
-    spid-train -c "$here/config/small-$name.json" -o "$dir/$name" \
-        --held "$dir/$held" ${STEPS:+--steps "$STEPS"} "$@" "$dir/$data"
+config() { # NAME
+    echo "$here/config/small-$1.json"
 }
-train motion faces.spid faces-held.spid
-# what finds pose and expression has features for the shape, too
-train shape faces.spid faces-held.spid \
-    --init "$dir/motion/model.safetensors:shape.encoder.=motion.encoder."
-train avatar people.spid people-held.spid
-train avatar-512 people.spid people-held.spid \
-    --init "$dir/avatar/model.safetensors"
+train() { # NAME HELD OPTIONS AND DATA
+    name=$1 held=$2
+    shift 2
+    spid-train -c "$(config "$name")" -o "$dir/$name" --held "$dir/$held" \
+        ${STEPS:+--steps "$STEPS"} "$@"
+}
+join() { # FILE STAGE...
+    file=$1
+    shift
+    for stage; do
+        set -- "$@" "$dir/$stage/model.safetensors"
+        shift
+    done
+    spid-train -c "$(config all)" --join "$file" "$@"
+}
 
-spid-train -c "$here/config/small-avatar-512.json" \
-    --join "$dir/model.safetensors" "$dir/avatar-512/model.safetensors" \
-    "$dir/shape/model.safetensors" "$dir/motion/model.safetensors"
+# pose and expression; then the shape, from the same features
+train motion faces-held.spid "$dir/faces.spid"
+train shape faces-held.spid \
+    --init "$dir/motion/model.safetensors:shape.encoder.=motion.encoder." \
+    "$dir/faces.spid" "$dir/strangers.spid"
+# from here on everybody has the shape that E_beta sees in them
+join "$dir/seen.safetensors" motion shape
+train motion-shapes faces-held.spid --shapes "$dir/seen.safetensors" \
+    --init "$dir/motion/model.safetensors" "$dir/faces.spid"
+# the branches and the refiner: small pictures, large ones, and at last with
+# the shapes and motions that the encoders see
+train avatar people-held.spid "$dir/people.spid"
+train avatar-512 people-held.spid --init "$dir/avatar/model.safetensors" \
+    "$dir/people.spid"
+train all people-held.spid --shapes "$dir/seen.safetensors" \
+    --init "$dir/avatar-512/model.safetensors" \
+    --init "$dir/motion-shapes/model.safetensors" "$dir/people.spid"
+
+join "$dir/model.safetensors" all shape

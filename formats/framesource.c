@@ -417,6 +417,9 @@ static int check_video_end(struct framesource *s, struct error *err)
         return error_set(err, EX_DATAERR, "%s: frame %zu: damaged or cut "
                          "short (%zu frames announced)", s->name, s->here,
                          all);
+    if (video_cut(s->video))
+        return error_set(err, EX_DATAERR, "%s: frame %zu: cut short inside a "
+                         "packet", s->name, s->here);
     return 0;
 }
 

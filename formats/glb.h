@@ -74,6 +74,12 @@ int glb_lint(const char *path, void (*say)(void *context, const char *text),
 int glb_read_splats(struct glb_splats *s, void **block, const char *path,
                     struct error *err);
 
+/* Read the first skinned mesh as a viewer shows it in the first frame of the
+ * first animation (at rest without one): verts (V,3) metres in the scene's
+ * frame, faces (F,3).  EX_DATAERR when it has other sizes or is not whole. */
+int glb_read_posed(float *verts, int32_t *faces, size_t V, size_t F,
+                   const char *path, struct error *err);
+
 #ifdef __cplusplus
 }
 #endif

@@ -67,6 +67,30 @@ static int tagged_matrix(const char *path)
     return 0;
 }
 
+/* MPEG-TS has no index and announces nothing, but it is made of packets of 188
+ * bytes that start with 0x47 (192 with a time before each in M2TS, 204 with
+ * parity behind): a file that ends inside one was cut. */
+static bool ends_in_packet(const char *path)
+{
+    static const size_t packet[3] = {188, 192, 204}, sync[3] = {0, 4, 0};
+    std::ifstream in(path, std::ios::binary);
+    std::string head((size_t)4 * 204, '\0');
+
+    in.read(&head[0], (std::streamsize)head.size());
+    if ((size_t)in.gcount() < head.size())
+        return false;
+    in.seekg(0, std::ios::end);
+    for (int i = 0; i < 3; i++) {
+        bool all = true;
+
+        for (size_t at = sync[i]; at < head.size(); at += packet[i])
+            all = all && head[at] == 0x47;
+        if (all)
+            return (size_t)in.tellg() % packet[i] != 0;
+    }
+    return false;
+}
+
 /* What takes RGB that one matrix (Kr, Kb) made of YCbCr to what the other
  * makes of the same. */
 static cv::Matx33f between(double kr, double kb, double to_kr, double to_kb)
@@ -160,6 +184,11 @@ double video_rate(const struct video_reader *v)
 size_t video_frames(const struct video_reader *v)
 {
     return v->frames;
+}
+
+bool video_cut(const struct video_reader *v)
+{
+    return !v->live && ends_in_packet(v->path.c_str());
 }
 
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,

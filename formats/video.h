@@ -20,6 +20,9 @@ struct video_reader *video_open(const char *path, bool bt601,
 double video_rate(const struct video_reader *v);
 /* Frames the container announces; 0 when unknown. */
 size_t video_frames(const struct video_reader *v);
+/* Whether the file ends inside a packet of MPEG-TS: it was cut short, which
+ * nothing else in that container tells. */
+bool video_cut(const struct video_reader *v);
 /* Next frame as RGB: 1 and *rgb (valid until the next call), the size and the
  * time in seconds; 0 at the end of what can be decoded; -1 on a fault. */
 int video_read(struct video_reader *v, const uint8_t **rgb, size_t *width,

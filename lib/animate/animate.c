@@ -223,7 +223,7 @@ static int give(struct animate_worker *w, struct driver_frame *f,
     if (rc == 0 && a->done) {
         struct animate_frame r = {
             .index = f->picture.index, .time = f->picture.time,
-            .track = &f->r, .t = *t,
+            .track = &f->r, .color = w->image, .t = *t,
             .latency = a->live ? cpu_seconds() - arrived : 0
         };
         a->done(a->ctx, &r);

@@ -46,6 +46,7 @@ struct animate_frame {
     uint64_t index;
     double time;                /* of the clip */
     const struct track_result *track;
+    const float *color;         /* (S,S,3) as written, over black */
     struct animate_times t;
     double latency;             /* from its arrival, 0 unless live */
 };

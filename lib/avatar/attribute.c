@@ -32,8 +32,6 @@ float attribute_logit_backward(float dy, float x)
     return dy / (x * (1 - x));
 }
 
-#define SCALE_MAX 0.05f     /* the decoders' largest scale, head units */
-
 void branch_shift(struct avatar *a, size_t i0, size_t i1)
 {
     struct avatar_scratch *s = a->scratch;
@@ -48,8 +46,8 @@ void branch_shift(struct avatar *a, size_t i0, size_t i1)
         s->opacity[i] = s->matte[i] * attribute_shift(s->opacity_raw[i],
                                                       s->opacity_shift[i]);
         for (size_t c = 3 * i; c < 3 * i + 3; c++)
-            s->scale[c] = SCALE_MAX *
-                          attribute_shift(s->scale_raw[c] / SCALE_MAX,
+            s->scale[c] = BRANCH_SCALE_MAX *
+                          attribute_shift(s->scale_raw[c] / BRANCH_SCALE_MAX,
                                           s->scale_shift[i]);
     }
 }
@@ -69,7 +67,8 @@ void branch_shift_backward(struct avatar *a, float *dmatte, size_t i0,
                                                   s->matte[i], x, shift);
         for (size_t c = 3 * i; c < 3 * i + 3; c++)
             s->dscale[c] = attribute_shift_backward(
-                s->dscale[c], s->scale_raw[c] / SCALE_MAX, s->scale_shift[i]);
+                s->dscale[c], s->scale_raw[c] / BRANCH_SCALE_MAX,
+                s->scale_shift[i]);
     }
 }
 

@@ -125,7 +125,9 @@ static void set_bias(struct avatar *a, const char *name, size_t first,
 /* Without the shifts of rgb_skip a scale starts at 0.05 sigmoid(bias). */
 static float scale_bias(const struct avatar *a, float spacing)
 {
-    return a->config.rgb_skip ? 0 : attribute_logit(0.6f * spacing / 0.05f);
+    return a->config.rgb_skip ? 0
+                              : attribute_logit(0.6f * spacing /
+                                                BRANCH_SCALE_MAX);
 }
 
 void avatar_start(struct avatar *a)
@@ -143,7 +145,8 @@ void avatar_start(struct avatar *a)
     set_bias(a, bias, C, 1, 2.5f);
     set_bias(a, bias, C + 1, 3, scale_bias(a, 0.25f / (float)c->mouth));
     set_bias(a, bias, C + 4, 1, 1);
-    set_bias(a, bias, C + 10, 1, -0.06f);   /* 12 mm behind the lips */
+    if (!c->rgb_skip)
+        set_bias(a, bias, C + 10, 1, -0.06f);   /* 12 mm behind the lips */
     scale_tensor(a, "dynamic.color_layers.2.weight", 0.1f);
     scale_tensor(a, "dynamic.opacity_layers.2.weight", 0.1f);
     scale_tensor(a, "dynamic.scale_layers.2.weight", 0.1f);

@@ -21,7 +21,8 @@
  * decoders are told visibility, coverage and matte.  Vertices the source does
  * not show take colour from their neighbours on the mesh.  Where the mesh can
  * move against the skull the plane draws nothing: a second, still copy of the
- * lips would cover the first.
+ * lips would cover the first.  The mouth's sheet cannot fade, shrink or leave
+ * the space behind the lips.
  *
  * Bending: the paper's camera turns shoulders with the head.  Here they stay
  * upright before the camera: driven vertices and static Gaussians below the

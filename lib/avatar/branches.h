@@ -10,6 +10,8 @@
 
 /* ---- starting values of attributes (rgb_skip) -------------------------- */
 
+#define BRANCH_SCALE_MAX 0.05f  /* the decoders' largest, head units */
+
 /* y = sigmoid(logit(x) + s) for x in [0,1]: a sigmoid's output as if s had
  * been added before it. */
 float attribute_shift(float x, float s);
@@ -66,6 +68,14 @@ float mouth_cap(const struct head_mouth *m);
 size_t mouth_clamp(float *q, size_t N, float cap);
 /* Zero the depth gradient where the clamp acted: raw (N,3) before it. */
 void mouth_clamp_backward(float *dq, const float *raw, size_t N, float cap);
+/* With rgb_skip, what the decoder gave for q (N,3) becomes an offset: within
+ * half the sheet's radius to the sides, between 0 and cap behind the lips.
+ * Adam's first steps would carry a plain offset centimetres away, where no
+ * gradient reaches it. */
+void mouth_hold(float *q, size_t N, float radius, float cap);
+/* dq times the derivative at raw (N,3), what the decoder gave. */
+void mouth_hold_backward(float *dq, const float *raw, size_t N, float radius,
+                         float cap);
 
 /* ---- a bake ------------------------------------------------------------ */
 

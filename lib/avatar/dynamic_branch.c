@@ -153,7 +153,8 @@ static void starting_values(struct avatar *a)
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         s->matte[k] = 1;
         s->opacity_shift[k] = -OUTSIDE * s->seen[k] * (1 - matte);
-        s->scale_shift[k] = attribute_logit(OVERLAP * s->spacing[k] / 0.05f);
+        s->scale_shift[k] = attribute_logit(OVERLAP * s->spacing[k] /
+                                            BRANCH_SCALE_MAX);
     }
     dynamic_spread(rgb, s->weight, &a->dense, s->level, s->tmp);
     for (size_t i = 0; i < 3 * s->D; i++)

@@ -8,6 +8,10 @@
 
 #define OUTSIDE 6.0f    /* opacity logits fall outside the mouth's ellipse */
 #define OVERLAP 0.6f    /* standard deviation over the spacing */
+/* The decoder can ask for no less opacity, and no less of the largest scale
+ * before the shift: the sheet has no holes. */
+#define SOLID 0.9f
+#define WIDE 0.45f
 
 /* What an unseen mouth starts as, sRGB. */
 static const float dark[3] = {0.22f, 0.08f, 0.08f};
@@ -52,6 +56,29 @@ void mouth_clamp_backward(float *dq, const float *raw, size_t N, float cap)
             dq[3 * k + 2] = 0;
 }
 
+void mouth_hold(float *q, size_t N, float radius, float cap)
+{
+    float side = 0.5f * radius, depth = 0.5f * cap;
+
+    for (size_t k = 0; k < N; k++, q += 3) {
+        q[0] = side * tanhf(q[0]);
+        q[1] = side * tanhf(q[1]);
+        q[2] = depth * (tanhf(q[2]) - 1);
+    }
+}
+
+void mouth_hold_backward(float *dq, const float *raw, size_t N, float radius,
+                         float cap)
+{
+    float room[3] = {0.5f * radius, 0.5f * radius, 0.5f * cap};
+
+    for (size_t i = 0; i < 3 * N; i++) {
+        float t = tanhf(raw[i]);
+
+        dq[i] *= room[i % 3] * (1 - t * t);
+    }
+}
+
 size_t mouth_inputs(const struct avatar_config *c)
 {
     return c->feature + 2 + (c->rgb_skip ? AVATAR_MOUTH_EXTRA : 0);
@@ -82,7 +109,7 @@ static void starting_values(struct avatar *a, float r)
     struct avatar_scratch *s = a->scratch;
     size_t in = mouth_inputs(&a->config), g = a->first[BRANCH_MOUTH];
     float spacing = 2 * r / (float)s->K;
-    float size_shift = attribute_logit(OVERLAP * spacing / 0.05f);
+    float size_shift = attribute_logit(OVERLAP * spacing / BRANCH_SCALE_MAX);
 
     grid_sample(s->mouth_picture, s->rgba, s->mouth_ndc, 1, s->S, s->S, 4,
                 s->M, false, RESAMPLE_BORDER);
@@ -103,6 +130,31 @@ static void starting_values(struct avatar *a, float r)
     }
 }
 
+/* Lips pressed to a point still get a sheet of finite size. */
+static float sheet_radius(const struct avatar *a)
+{
+    return fmaxf(a->mouth.radius, 1e-3f);
+}
+
+/* Most frames show closed lips and a shadow of the sheet through them:
+ * training would make it fade or shrink below what is drawn, and the back of
+ * the head, seen through open lips, would be painted as their inside. */
+static void stay_solid(struct gaussian_out *g, size_t M)
+{
+    for (size_t i = 0; i < M; i++)
+        g->opacity[i] = SOLID + (1 - SOLID) * g->opacity[i];
+    for (size_t i = 0; i < 3 * M; i++)
+        g->scale[i] = WIDE * BRANCH_SCALE_MAX + (1 - WIDE) * g->scale[i];
+}
+
+static void stay_solid_backward(struct gaussian_out *dg, size_t M)
+{
+    for (size_t i = 0; i < M; i++)
+        dg->opacity[i] *= 1 - SOLID;
+    for (size_t i = 0; i < 3 * M; i++)
+        dg->scale[i] *= 1 - WIDE;
+}
+
 void mouth_bake(struct avatar *a, const float *verts)
 {
     struct avatar_scratch *s = a->scratch;
@@ -114,8 +166,7 @@ void mouth_bake(struct avatar *a, const float *verts)
     a->clamped = 0;
     if (a->first[BRANCH_COUNT] == g)
         return;
-    /* lips pressed to a point still get a sheet of finite size */
-    float r = fmaxf(a->mouth.radius, 1e-3f);
+    float r = sheet_radius(a);
     mouth_sheet(s->sheet, s->uv, a->mouth.centre, r, s->K);
     dynamic_project(s->mouth_ndc, s->sheet, s->M, s->cam);
     grid_sample(s->mouth_sample, s->features, s->mouth_ndc, 1, s->n, s->n,
@@ -131,9 +182,13 @@ void mouth_bake(struct avatar *a, const float *verts)
     struct gaussian_out out = branch_out(a, BRANCH_MOUTH);
     conv_decoder_forward(&out, s->mouth_in, a->normal,
                          skip ? s->mouth_logit : NULL, &a->mouth_decoder);
+    if (skip)
+        stay_solid(&out, s->M);
     branch_shift(a, g, a->first[BRANCH_COUNT]);
     float *mean = s->mean + 3 * g;
     memcpy(mean, s->q, 3 * s->M * sizeof *mean);
+    if (skip)
+        mouth_hold(mean, s->M, r, a->cap);
     a->clamped = mouth_clamp(mean, s->M, a->cap);
     for (size_t i = 0; i < 3 * s->M; i++)   /* g + q; l_d - l_s comes later */
         mean[i] += s->sheet[i];
@@ -148,9 +203,14 @@ void mouth_bake_backward(struct avatar *a)
     if (a->first[BRANCH_COUNT] == g)
         return;
     memcpy(s->dq, s->dmean + 3 * g, 3 * s->M * sizeof *s->dq);
-    mouth_clamp_backward(s->dq, s->q, s->M, a->cap);
+    if (skip)       /* what is held is never clamped */
+        mouth_hold_backward(s->dq, s->q, s->M, sheet_radius(a), a->cap);
+    else
+        mouth_clamp_backward(s->dq, s->q, s->M, a->cap);
     branch_shift_backward(a, NULL, g, a->first[BRANCH_COUNT]);
     struct gaussian_out dout = branch_dout(a, BRANCH_MOUTH);
+    if (skip)
+        stay_solid_backward(&dout, s->M);
     conv_decoder_backward(s->dmouth_in, NULL, NULL, &dout, a->normal,
                           skip ? s->mouth_logit : NULL, &a->mouth_decoder);
     for (size_t k = 0; k < s->M; k++)

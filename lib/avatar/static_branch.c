@@ -131,7 +131,7 @@ static void decoder_inputs(struct avatar *a)
     struct avatar_scratch *s = a->scratch;
     size_t in = static_inputs(&a->config), Cf = s->Cf, g = a->first[1];
     float cell = 2.0f / (float)s->n * s->cam[11] / CAMERA_FOCAL;
-    float size_shift = attribute_logit(OVERLAP * cell / 0.05f);
+    float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
     for (size_t k = 0; k < s->n2; k++) {
         float *row = s->static_in + k * in;

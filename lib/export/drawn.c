@@ -8,6 +8,7 @@
 #include "formats/glb.h"
 #include "formats/ply.h"
 #include "formats/splatfile.h"
+#include "lib/geom/preview.h"
 
 /* What a file gave back, in head units. */
 struct back {
@@ -153,5 +154,90 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
     if (rc == 0)
         rc = judge(d, format, path, &b.g, s, err);
     back_release(&b);
+    return rc;
+}
+
+/* ---- the head ----------------------------------------------------------- */
+
+/* A clay picture of the mesh from the front, the middle of `around` in its
+ * middle. */
+static int draw_mesh(float *image, const float *verts, const float *around,
+                     const struct head *h, struct error *err)
+{
+    const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
+    const struct preview_mesh mesh = {.verts = verts, .faces = h->f,
+                                      .nv = h->V, .nf = h->F};
+    struct preview_view view = {.height = 0.4f};
+    uint8_t *rgb = malloc(n);
+    double middle[3] = {0};
+
+    for (size_t i = 0; i < 3 * h->V; i++)
+        middle[i % 3] += (double)around[i] / (double)h->V;
+    for (int c = 0; c < 3; c++)
+        view.centre[c] = (float)middle[c];
+    if (!rgb)
+        return error_set(err, EX_OSERR, "out of memory");
+    int rc = preview_draw(rgb, DRAWN_SIZE, 0, 0, DRAWN_SIZE, DRAWN_SIZE,
+                          &mesh, &view, err);
+    for (size_t i = 0; rc == 0 && i < n; i++)
+        image[i] = (float)rgb[i] / 255;
+    free(rgb);
+    return rc;
+}
+
+static int judge_mesh(struct drawn_head *d, const char *path,
+                      const float *back, const float *own,
+                      const struct head *h, struct error *err)
+{
+    const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
+    float *image = malloc(2 * n * sizeof *image);
+    int rc = -1;
+
+    d->vertices = h->V;
+    d->metres = 0;
+    for (size_t v = 0; v < h->V; v++) {
+        double sum = 0;
+
+        for (size_t c = 3 * v; c < 3 * v + 3; c++)
+            sum += ((double)back[c] - (double)own[c]) *
+                   ((double)back[c] - (double)own[c]);
+        d->metres = fmax(d->metres, sqrt(sum));
+        if (!isfinite(sum)) {
+            error_set(err, EX_SOFTWARE, "%s: vertex %zu read back is not "
+                      "finite", path, v);
+            goto out;
+        }
+    }
+    if (!image) {
+        error_set(err, EX_OSERR, "out of memory");
+        goto out;
+    }
+    if (draw_mesh(image, own, own, h, err) ||
+        draw_mesh(image + n, back, own, h, err))
+        goto out;
+    d->psnr_db = psnr(&d->max_abs, image, image + n);
+    rc = 0;
+out:
+    free(image);
+    return rc;
+}
+
+int drawn_head_compare(struct drawn_head *d, const char *path,
+                       const float *verts, const struct head *h,
+                       struct error *err)
+{
+    float *back = malloc(3 * h->V * sizeof *back);
+    int32_t *faces = malloc(3 * h->F * sizeof *faces);
+    int rc = -1;
+
+    if (!back || !faces)
+        error_set(err, EX_OSERR, "out of memory");
+    else if (glb_read_posed(back, faces, h->V, h->F, path, err) == 0)
+        rc = memcmp(faces, h->f, 3 * h->F * sizeof *faces)
+                 ? error_set(err, EX_SOFTWARE, "%s: the faces read back are "
+                             "others", path)
+                 : judge_mesh(d, path, back, verts, h, err);
+    free(back);
+    free(faces);
     return rc;
 }

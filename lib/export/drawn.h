@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
+#include "lib/head/head.h"
 #include "lib/splat/scene.h"
 
 #define DRAWN_SIZE 512          /* pixels of a side */
@@ -29,5 +30,19 @@ struct drawn {
 int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                   const struct scene *s, int turned, float unit,
                   struct error *err);
+
+/* The same of a GLB of the head, in its first frame. */
+struct drawn_head {
+    size_t vertices;
+    double metres;              /* greatest distance of a vertex from ours */
+    double psnr_db, max_abs;    /* of both drawn by lib/geom/preview.h */
+};
+
+/* Compare a GLB just written with our own mesh: verts (V,3), metres, in the
+ * frame of the file's scene.  EX_SOFTWARE when its faces are others or a
+ * vertex is nowhere. */
+int drawn_head_compare(struct drawn_head *d, const char *path,
+                       const float *verts, const struct head *h,
+                       struct error *err);
 
 #endif

@@ -202,6 +202,30 @@ out:
     return rc;
 }
 
+/* Our own mesh of the first frame, D (R v + t) as in export_head.c. */
+static int keep_first(struct export *x, const struct export_motion *m,
+                      struct error *err)
+{
+    const size_t V = x->head.V;
+    float *verts = malloc(3 * V * sizeof *verts);
+
+    x->shown = malloc(3 * V * sizeof *x->shown);
+    if (!verts || !x->shown) {
+        free(verts);
+        return error_set(err, EX_OSERR, "out of memory for a mesh");
+    }
+    head_pose(verts, &x->id, &m->pose);
+    for (size_t v = 0; v < V; v++)
+        for (size_t i = 0; i < 3; i++) {
+            const float *r = m->cam + 4 * i, *p = verts + 3 * v;
+            float y = r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+
+            x->shown[3 * v + i] = (i ? -y : y) / x->head.scale;
+        }
+    free(verts);
+    return 0;
+}
+
 static int take_motion(struct export *x, const struct record *rec,
                        struct error *err)
 {
@@ -213,7 +237,8 @@ static int take_motion(struct export *x, const struct record *rec,
         return -1;
     e.pose = m.pose;
     motion_camera(e.cam, &m);
-    if (export_head_frame(&x->skinned, &e, err))
+    if (export_head_frame(&x->skinned, &e, err) ||
+        (!x->shown && keep_first(x, &e, err)))
         return -1;
     x->frames++;
     return 0;
@@ -278,6 +303,7 @@ void export_release(struct export *x)
     person_release(&x->person);
     scene_release(&x->scene);
     head_release(&x->head);
+    free(x->shown);
 }
 
 int export_record(struct export *x, const struct record *rec,
@@ -322,7 +348,10 @@ int export_finish(struct export *x, struct error *err)
 
     if (o->glb_head) {
         if (fold(x, err) || add_texture(x, err) ||
-            export_head_write(&x->skinned, o->glb_head, err))
+            export_head_write(&x->skinned, o->glb_head, err) ||
+            drawn_head_compare(&x->drawn_head, o->glb_head,
+                               x->shown ? x->shown : x->skinned.position,
+                               &x->head, err))
             return -1;
         x->files++;
     }

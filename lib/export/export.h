@@ -32,6 +32,9 @@ struct export {
     size_t files, frames;   /* written; keyframes of the animation */
     bool coarse;            /* feature channels were left behind */
     struct drawn drawn[3];  /* files read back, by enum drawn_format */
+    struct drawn_head drawn_head;
+    float *shown;           /* (V,3) the first frame of the animation as we
+                             * have it, metres before glTF's camera */
     struct {                /* a file of the kind has been written */
         bool ply, splat, glb_splats, obj;
     } done;
@@ -51,7 +54,8 @@ bool export_needs_head(const struct export_options *opt);
 int export_record(struct export *x, const struct record *rec,
                   struct error *err);
 
-/* Write what needs the whole stream (the animated head); -1 also when a file
+/* Write what needs the whole stream (the animated head) and read it back into
+ * x->drawn_head; -1 also when a file
  * that was asked for could not be made of this stream, naming what lacked. */
 int export_finish(struct export *x, struct error *err);
 

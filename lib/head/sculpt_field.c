@@ -96,16 +96,19 @@ int field_store(float *dirs, size_t K, size_t first, size_t k,
         x[3 * v + 1] = d[v].y * 1e-3 * most / top;
         x[3 * v + 2] = d[v].z * 1e-3 * most / top;
     }
-    for (size_t j = first; j < k; j++) {
-        double xy = 0, yy = 0;
-        gather(y, dirs, K, j, 3 * nv);
-        for (size_t i = 0; i < 3 * nv; i++) {
-            xy += x[i] * y[i];
-            yy += y[i] * y[i];
+    /* twice: what the first pass leaves of a column that is almost in the
+     * span of the others is mostly rounding */
+    for (size_t pass = 0; pass < 2; pass++)
+        for (size_t j = first; j < k; j++) {
+            double xy = 0, yy = 0;
+            gather(y, dirs, K, j, 3 * nv);
+            for (size_t i = 0; i < 3 * nv; i++) {
+                xy += x[i] * y[i];
+                yy += y[i] * y[i];
+            }
+            for (size_t i = 0; yy > 0 && i < 3 * nv; i++)
+                x[i] -= xy / yy * y[i];
         }
-        for (size_t i = 0; yy > 0 && i < 3 * nv; i++)
-            x[i] -= xy / yy * y[i];
-    }
     for (size_t i = 0; i < 3 * nv; i++)
         dirs[i * K + k] = (float)x[i];
     free(x);

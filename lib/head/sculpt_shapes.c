@@ -18,7 +18,9 @@ static const struct proportion named[] = {
     { "size", { .04, .04, .04 }, { { { 0, 0, 0 }, { 0, 0, 0 }, 0, 0 } } },
     { "wide", { .07, -.01, 0 }, { { { 0, 0, 0 }, { 0, 0, 0 }, 0, 0 } } },
     { "long", { 0, .07, 0 }, { { { 0, 0, 0 }, { 0, 0, 0 }, 0, 0 } } },
-    { "deep", { 0, 0, .06 }, { { { 0, 0, 0 }, { 0, 0, 0 }, 0, 0 } } },
+    /* no "deep": size, wide and long already span every stretch */
+    { "temples", { 0, 0, 0 },
+      { { { 62, 48, 45 }, { 5, 0, 0 }, 26, 0 } } },
     { "jaw width", { 0, 0, 0 },
       { { { 60, -52, 25 }, { 6, 0, 0 }, 30, 0 } } },
     { "jaw length", { 0, 0, 0 },
@@ -92,7 +94,7 @@ static void proportion(struct vec *d, const struct full *m,
 /* How far the most moved point of direction k goes, mm. */
 static double most(size_t k, double wave)
 {
-    return k < NAMED ? (k < 4 ? 5.5 : 3.2) : 1.7 * wave * wave / (170. * 170);
+    return k < NAMED ? (k < 3 ? 5.5 : 3.2) : 1.7 * wave * wave / (170. * 170);
 }
 
 int sculpt_shapes(struct sculpt *s, const struct full *m)

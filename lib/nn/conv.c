@@ -11,6 +11,7 @@
 
 #include "lib/nn/engine.h"
 #include "lib/nn/image.h"
+#include "lib/nn/int8.h"
 #include "lib/nn/patch.h"
 #include "lib/nn/winograd.h"
 
@@ -22,19 +23,21 @@ struct part {
 };
 
 /* Who computes the forward. */
-enum method { ONEDNN, WINOGRAD, PATCH };
+enum method { ONEDNN, INT8, WINOGRAD, PATCH };   /* INT8: oneDNN too */
 
 struct conv_impl {
     enum method kind;
     struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;
     struct winograd wino;
     struct patch patch;
+    struct int8 int8;
     const char *name;
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
     float *bias;                 /* (out), folded */
     float *stage;                /* (out,in_data,k,k), folded or padded */
     float *sums;                 /* (NN_SUMS+1,out): bias gradient's parts */
-    size_t half_at;              /* of the input as bf16, in the scratch */
+    size_t half_at;              /* of the input as bf16 or bytes, in the
+                                  * scratch */
     size_t parts, dw_count;
     size_t scratch;              /* bytes for one part */
     struct part part[NN_PARTS];
@@ -118,9 +121,16 @@ static void pad_axis(size_t *before, size_t *after, size_t *out, size_t size,
     }
 }
 
-static dnnl_data_type_t data_type(enum nn_type t)
+static dnnl_data_type_t input_type(const struct conv *c)
 {
-    return t == NN_BF16 ? dnnl_bf16 : dnnl_f32;
+    if (c->impl->kind == INT8)
+        return dnnl_u8;
+    return c->plan->opt.type == NN_BF16 ? dnnl_bf16 : dnnl_f32;
+}
+
+static dnnl_data_type_t weight_type(const struct conv *c)
+{
+    return c->impl->kind == INT8 ? dnnl_s8 : input_type(c);
 }
 
 struct mds {
@@ -129,15 +139,15 @@ struct mds {
 };
 
 static void describe(struct mds *m, const struct conv *c,
-                     const struct shape *s, enum nn_type t)
+                     const struct shape *s)
 {
     dnnl_dims_t src = { s->n, c->in_data, s->h, s->w };
     dnnl_dims_t wei = { c->out, c->in_data, c->kernel, c->kernel };
     dnnl_dims_t dst = { s->n, c->out, s->oh, s->ow };
     dnnl_dims_t bia = { c->out };
     memset(m, 0, sizeof *m);
-    dnnl_memory_desc_init_by_tag(&m->src, 4, src, data_type(t), dnnl_nhwc);
-    dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, data_type(t),
+    dnnl_memory_desc_init_by_tag(&m->src, 4, src, input_type(c), dnnl_nhwc);
+    dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, weight_type(c),
                                  dnnl_format_tag_any);
     dnnl_memory_desc_init_by_tag(&m->bia, 1, bia, dnnl_f32, dnnl_a);
     dnnl_memory_desc_init_by_tag(&m->dst, 4, dst, dnnl_f32, dnnl_nhwc);
@@ -146,6 +156,13 @@ static void describe(struct mds *m, const struct conv *c,
     m->pad0[1] = s->left;
     m->pad1[0] = s->bottom;
     m->pad1[1] = s->right;
+}
+
+/* (1,out,1,1): what multiplies each channel's sum of 8-bit products. */
+static void describe_scale(dnnl_memory_desc_t *md, const struct conv *c)
+{
+    dnnl_dims_t dims = { 1, c->out, 1, 1 };
+    dnnl_memory_desc_init_by_tag(md, 4, dims, dnnl_f32, dnnl_nchw);
 }
 
 static dnnl_primitive_attr_t attributes(const struct conv *c, bool forward)
@@ -163,6 +180,11 @@ static dnnl_primitive_attr_t attributes(const struct conv *c, bool forward)
     if (!forward)
         return attr;
     dnnl_post_ops_create(&post);
+    if (c->impl->kind == INT8) {
+        dnnl_memory_desc_t scale;
+        describe_scale(&scale, c);
+        dnnl_post_ops_append_binary(post, dnnl_binary_mul, &scale);
+    }
     if (c->add)
         dnnl_post_ops_append_sum(post, 1.0f);
     if (c->act != ACT_NONE)
@@ -183,9 +205,8 @@ static dnnl_primitive_desc_t primitive(const struct conv *c, enum kind kind,
     struct mds m;
     dnnl_convolution_desc_t d;
     dnnl_primitive_desc_t pd = NULL, hint = NULL;
-    enum nn_type t = p->opt.type;
     bool bwd = nn_plan_backward(p);
-    describe(&m, c, s, t);
+    describe(&m, c, s);
     dnnl_primitive_attr_t attr = attributes(c, kind == FORWARD);
     dnnl_status_t ok = dnnl_convolution_forward_desc_init(
         &d, bwd ? dnnl_forward_training : dnnl_forward_inference,
@@ -211,7 +232,7 @@ static dnnl_primitive_desc_t primitive(const struct conv *c, enum kind kind,
     if (ok) {
         nn_plan_fail(p, EX_SOFTWARE, "oneDNN has no convolution %zu -> %zu, "
                      "%zux%zu, of %zux%zu (%s)", c->in, c->out, c->kernel,
-                     c->kernel, s->h, s->w, nn_type_name(t));
+                     c->kernel, s->h, s->w, nn_type_name(p->opt.type));
         return NULL;
     }
     return pd;
@@ -236,7 +257,8 @@ static void plan_reorder(struct nn_call *call, const struct conv *c,
     dnnl_primitive_desc_t pd = NULL;
     dnnl_primitive_attr_t attr;
     dnnl_post_ops_t post;
-    dnnl_memory_desc_init_by_tag(&plain, 4, dims, dnnl_f32, dnnl_oihw);
+    dnnl_memory_desc_init_by_tag(&plain, 4, dims, c->impl->kind == INT8
+                                 ? dnnl_s8 : dnnl_f32, dnnl_oihw);
     dnnl_primitive_attr_create(&attr);
     dnnl_primitive_attr_set_scratchpad_mode(attr, dnnl_scratchpad_mode_user);
     dnnl_post_ops_create(&post);
@@ -274,9 +296,17 @@ static void plan_forward(struct conv *c, const struct shape *s)
     nn_call_arg(&im->fwd, DNNL_ARG_DST, query(pd, dnnl_query_dst_md), p);
     size_t scratch = nn_call_scratch(&im->fwd, pd, p);
     im->half_at = (scratch + 4095) & ~(size_t)4095;
-    size_t values = c->batch * c->h * c->w * c->in_data;
-    nn_plan_scratch(p, p->opt.type == NN_BF16 ? im->half_at + 2 * values
-                                              : scratch);
+    if (im->kind == INT8) {
+        dnnl_memory_desc_t scale;
+        describe_scale(&scale, c);
+        nn_call_arg(&im->fwd, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
+                    DNNL_ARG_SRC_1, &scale, p);
+        im->int8.at = im->half_at;
+        scratch = im->half_at + int8_input_size(&im->int8, c);
+    } else if (p->opt.type == NN_BF16) {
+        scratch = im->half_at + 2 * c->batch * c->h * c->w * c->in_data;
+    }
+    nn_plan_scratch(p, scratch);
     const dnnl_memory_desc_t *md = query(pd, dnnl_query_weights_md);
     im->w_fwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
     plan_reorder(&im->to_fwd, c, md, false);
@@ -381,6 +411,28 @@ static void plan_backward_weights(struct conv *c, const struct shape *s)
     nn_plan_scratch(c->plan, im->scratch * im->parts);
 }
 
+/* n pixels with those before them and all that the last window sees. */
+static size_t padded(size_t n, size_t before, size_t windows,
+                     const struct conv *c)
+{
+    size_t seen = (windows - 1) * c->stride + c->kernel;
+    return seen > n + before ? seen : n + before;
+}
+
+/* The primitive sees a picture that has its padding already. */
+static void plan_int8(struct conv *c, const struct shape *s)
+{
+    struct int8 *q = &c->impl->int8;
+    struct shape whole = *s;
+    q->top = s->top;
+    q->left = s->left;
+    q->h = whole.h = padded(s->h, s->top, s->oh, c);
+    q->w = whole.w = padded(s->w, s->left, s->ow, c);
+    whole.top = whole.left = whole.bottom = whole.right = 0;
+    int8_plan(q, c, c->plan);
+    plan_forward(c, &whole);
+}
+
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w)
 {
@@ -405,7 +457,10 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->oh = s.oh;
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
-    if (patch_wanted(c)) {
+    if (int8_wanted(c)) {
+        im->kind = INT8;
+        plan_int8(c, &s);
+    } else if (patch_wanted(c)) {
         patch_plan(&im->patch, c, p);
         im->kind = PATCH;
         im->name = "patch";
@@ -523,12 +578,16 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
 {
     struct conv_impl *im = c->impl;
     const float *w = c->shuffle ? shuffled_weights(c) : staged_weights(c, bn);
-    if (im->kind == ONEDNN)
+    if (im->kind == INT8) {
+        int8_update(&im->int8, c, w);
+        reorder(&im->to_fwd, im->w_fwd, im->int8.weight, c->plan->scratch);
+    } else if (im->kind == ONEDNN) {
         reorder(&im->to_fwd, im->w_fwd, w, c->plan->scratch);
-    else if (im->kind == WINOGRAD)
+    } else if (im->kind == WINOGRAD) {
         winograd_update(&im->wino, w, im->bias);
-    else
+    } else {
         patch_update(&im->patch, w, im->bias);
+    }
     if (im->bwd_data.prim)
         reorder(&im->to_bwd, im->w_bwd, w, c->plan->scratch);
 }
@@ -537,6 +596,7 @@ void conv_forward(float *out, const float *in, struct conv *c)
 {
     struct conv_impl *im = c->impl;
     const void *src = in;
+    const float *bias = im->bias;
     if (im->kind == WINOGRAD) {
         winograd_forward(out, in, &im->wino);
         return;
@@ -545,14 +605,18 @@ void conv_forward(float *out, const float *in, struct conv *c)
         patch_forward(out, in, &im->patch);
         return;
     }
-    if (c->plan->opt.type == NN_BF16) {
+    if (im->kind == INT8) {
+        src = int8_input(&im->int8, c, in, im->bias);
+        bias = im->int8.bias;
+        nn_call_set(&im->fwd, 5, im->int8.scale);
+    } else if (c->plan->opt.type == NN_BF16) {
         uint16_t *half = (uint16_t *)(void *)(c->plan->scratch + im->half_at);
         image_to_bf16(half, in, c->batch * c->h * c->w * c->in_data);
         src = half;
     }
     nn_call_set(&im->fwd, 0, src);
     nn_call_set(&im->fwd, 1, im->w_fwd);
-    nn_call_set(&im->fwd, 2, im->bias);
+    nn_call_set(&im->fwd, 2, bias);
     nn_call_set(&im->fwd, 3, out);
     nn_call_set(&im->fwd, 4, c->plan->scratch);
     nn_call_run(&im->fwd);

@@ -12,14 +12,22 @@ static pthread_once_t once = PTHREAD_ONCE_INIT;
 static dnnl_engine_t engine;
 static dnnl_stream_t stream;
 
-/* oneDNN obeys $SPID_CPU too. */
-static void start(void)
+/* oneDNN obeys $SPID_CPU too, and never uses AMX: a virtual machine was seen
+ * that shows it, grants it, and then calls its instructions illegal. */
+static void limit_instructions(void)
 {
 #ifdef SPID_X86
-    if (cpu_level() < CPU_AVX512)
-        dnnl_set_max_cpu_isa(cpu_level() == CPU_AVX2 ? dnnl_cpu_isa_avx2
-                                                     : dnnl_cpu_isa_sse41);
+    enum cpu_level level = cpu_level();
+
+    dnnl_set_max_cpu_isa(level == CPU_AVX512 ? dnnl_cpu_isa_avx512_core_bf16
+                         : level == CPU_AVX2 ? dnnl_cpu_isa_avx2
+                                             : dnnl_cpu_isa_sse41);
 #endif
+}
+
+static void start(void)
+{
+    limit_instructions();
     if (dnnl_engine_create(&engine, dnnl_cpu, 0) != dnnl_success) {
         engine = NULL;
         return;
@@ -37,11 +45,12 @@ dnnl_engine_t nn_engine(void)
 
 bool nn_type_native(enum nn_type type)
 {
-    if (type != NN_BF16)
-        return true;
-    dnnl_cpu_isa_t isa = dnnl_get_effective_cpu_isa();
-    return isa == dnnl_cpu_isa_avx512_core_bf16 ||
-           isa == dnnl_cpu_isa_avx512_core_amx;
+    const dnnl_cpu_isa_t isa = dnnl_get_effective_cpu_isa();
+
+    if (type == NN_INT8)
+        return isa == dnnl_cpu_isa_avx512_core_vnni ||
+               isa == dnnl_cpu_isa_avx512_core_bf16;
+    return type != NN_BF16 || isa == dnnl_cpu_isa_avx512_core_bf16;
 }
 
 void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,

@@ -122,6 +122,46 @@ void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
     }
 }
 
+/* *lo and *hi lowered and raised to what is in x */
+void ISA(range)(float *lo, float *hi, const float *x, size_t n)
+{
+    v16 least = v16_set(*lo), most = v16_set(*hi);
+    size_t whole = n / 16 * 16;
+    for (size_t i = 0; i < whole; i += 16) {
+        v16 v = v16_load(x + i);
+        least = v16_min(least, v);
+        most = v16_max(most, v);
+    }
+    for (size_t k = 0; k < 16; k++) {
+        *lo = least[k] < *lo ? least[k] : *lo;
+        *hi = most[k] > *hi ? most[k] : *hi;
+    }
+    for (size_t i = whole; i < n; i++) {
+        *lo = x[i] < *lo ? x[i] : *lo;
+        *hi = x[i] > *hi ? x[i] : *hi;
+    }
+}
+
+typedef uint8_t u8x16 __attribute__((vector_size(16), aligned(1), may_alias));
+
+/* y <- x inverse + zero, which is 0 to 255, to the nearest */
+void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
+                   size_t n)
+{
+    const v16 up = v16_set(zero + 0.5f), top = v16_set(255);
+    size_t whole = n / 16 * 16;
+    for (size_t i = 0; i < whole; i += 16) {
+        v16 v = v16_load(x + i) * inverse + up;
+        v = v16_min(v16_max(v, v16_set(0)), top);
+        *(u8x16 *)(y + i) = __builtin_convertvector(
+            __builtin_convertvector(v, i16v), u8x16);
+    }
+    for (size_t i = whole; i < n; i++) {
+        float v = x[i] * inverse + (zero + 0.5f);
+        y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
+    }
+}
+
 /* y = x + gamma p, rows of C */
 void ISA(scale_add)(float *y, const float *x, const float *p,
                     const float *gamma, size_t rows, size_t C)

@@ -31,9 +31,12 @@
 enum nn_type {
     NN_F32,
     NN_BF16,
-    NN_FAST     /* float, but 3x3 convolutions by Winograd where that is
+    NN_FAST,    /* float, but 3x3 convolutions by Winograd where that is
                  * faster; within the tolerance that golden files set for
                  * float */
+    NN_INT8     /* products of 8-bit values in every convolution with some
+                 * work to it (lib/nn/int8.h), NN_FAST elsewhere; for the
+                 * refiners, inference only */
 };
 
 enum nn_mode {
@@ -47,7 +50,7 @@ struct nn_options {
     enum nn_type type;      /* NN_F32 unless NN_INFER */
 };
 
-/* "f32", "bf16", "fast"; -1 for any other word. */
+/* "f32", "bf16", "fast", "int8"; -1 for any other word. */
 int nn_type_parse(enum nn_type *type, const char *word);
 const char *nn_type_name(enum nn_type type);
 /* Whether the processor computes this type natively. */

@@ -11,7 +11,7 @@
 
 int nn_type_parse(enum nn_type *type, const char *word)
 {
-    for (int i = NN_F32; i <= NN_FAST; i++)
+    for (int i = NN_F32; i <= NN_INT8; i++)
         if (!strcmp(word, nn_type_name((enum nn_type)i))) {
             *type = (enum nn_type)i;
             return 0;
@@ -21,7 +21,11 @@ int nn_type_parse(enum nn_type *type, const char *word)
 
 const char *nn_type_name(enum nn_type type)
 {
-    return type == NN_BF16 ? "bf16" : type == NN_FAST ? "fast" : "f32";
+    static const char *const name[] = { [NN_F32] = "f32", [NN_BF16] = "bf16",
+                                        [NN_FAST] = "fast",
+                                        [NN_INT8] = "int8" };
+
+    return name[type];
 }
 
 void nn_plan_init(struct nn_plan *p, struct nn_options opt)

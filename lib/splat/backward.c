@@ -14,7 +14,7 @@ int backward_init(struct splat *s)
     s->state->gradient = b;
     if (!b)
         return -1;
-    b->stride = (MOMENTS + s->opt.channels + 15) / 16 * 16;
+    b->stride = 16 + s->state->row;
     b->T = malloc(pixels * sizeof *b->T);
     b->image = malloc(pixels * (size_t)s->opt.channels * sizeof *b->image);
     return b->T && b->image ? 0 : -1;
@@ -28,8 +28,9 @@ void backward_release(struct splat *s)
         return;
     free(b->pair);
     free(b->seen);
-    free(b->base);
+    free(b->place);
     free(b->inverse_length);
+    free(b->inverse_opacity);
     free(b->rt);
     free(b->T);
     free(b->image);
@@ -43,21 +44,27 @@ int backward_load(struct splat *s, const struct gaussians *g,
     size_t n = (g->n + 15) / 16 * 16 + 16;
 
     if (b->n != n) {
-        free(b->base);
+        free(b->place);
         free(b->inverse_length);
+        free(b->inverse_opacity);
         free(b->rt);
         b->n = n;
-        b->base = malloc((n + 1) * sizeof *b->base);
+        b->place = malloc(n * sizeof *b->place);
         b->inverse_length = malloc(n * sizeof *b->inverse_length);
+        b->inverse_opacity = malloc(n * sizeof *b->inverse_opacity);
         b->rt = malloc((n / GRADIENT_BATCH + 1) * 12 * sizeof *b->rt);
-        if (!b->base || !b->inverse_length || !b->rt) {
+        if (!b->place || !b->inverse_length || !b->inverse_opacity ||
+            !b->rt) {
             b->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
                              g->n);
         }
     }
-    for (size_t i = 0; i < n; i++)
+    for (size_t i = 0; i < n; i++) {
         b->inverse_length[i] = 1;
+        b->inverse_opacity[i] =
+            i < g->n && g->opacity[i] > 0 ? 1 / g->opacity[i] : 0;
+    }
     for (size_t i = 0; !s->state->view.dgr && i < g->n; i++) {
         const float *q = g->quat + 4 * i;
         double l2 = 0;
@@ -83,38 +90,58 @@ void backward_keep(struct splat *s, struct target *out)
                (size_t)s->opt.channels * sizeof *b->background);
 }
 
-/* Number the pairs Gaussian by Gaussian. */
-static int number_pairs(struct splat *s, struct error *err)
+/* Room for the pairs of the last frame. */
+static int make_room(struct splat *s, struct error *err)
 {
-    struct splat_state *st = s->state;
+    struct splat_gradient_state *b = s->state->gradient;
+
+    if (s->pairs <= b->room)
+        return 0;
+    free(b->pair);
+    free(b->seen);
+    b->room = s->pairs + s->pairs / 8;
+    b->pair = splat_block(b->room * (size_t)b->stride * sizeof *b->pair);
+    b->seen = malloc(b->room);
+    if (b->pair && b->seen)
+        return 0;
+    b->room = 0;
+    return error_set(err, EX_OSERR, "gradients of %zu (tile, Gaussian) pairs: "
+                     "out of memory", s->pairs);
+}
+
+/* First of n that thread t works on. */
+static size_t share(size_t n, int t, int threads)
+{
+    return n * (size_t)t / (size_t)threads;
+}
+
+/* Number the pairs Gaussian by Gaussian; every thread its part, which begins
+ * where the parts before it end. */
+static void number_pairs(const struct splat *s, uint32_t *part)
+{
+    const struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
-    size_t sum = 0;
+    int t = omp_get_thread_num(), threads = omp_get_num_threads();
+    size_t first = share(s->n, t, threads), last = share(s->n, t + 1, threads);
+    uint32_t sum = 0, at = 0;
 
-    for (size_t i = 0; i < s->n; i++) {
-        const struct rect *r = &st->rect[i];
+    for (size_t i = first; i < last; i++) {
+        struct rect r = st->rect[i];
+        uint32_t across = (uint32_t)(r.x1 - r.x0);
 
-        b->base[i] = (uint32_t)sum;
+        b->place[i] = (struct place){sum - r.y0 * across - r.x0, across};
         if (st->key[i] != HIDDEN)
-            sum += (size_t)(r->x1 - r->x0) * (size_t)(r->y1 - r->y0);
+            sum += across * (uint32_t)(r.y1 - r.y0);
     }
-    for (size_t i = s->n; i <= b->n; i++)
-        b->base[i] = (uint32_t)sum;
-    if (sum > b->room) {
-        free(b->pair);
-        free(b->seen);
-        b->room = sum + sum / 8;
-        b->pair = aligned_alloc(64, b->room * (size_t)b->stride *
-                                        sizeof *b->pair);
-        b->seen = malloc(b->room);
-        if (!b->pair || !b->seen) {
-            b->room = 0;
-            return error_set(err, EX_OSERR, "gradients of %zu (tile, "
-                             "Gaussian) pairs: out of memory", sum);
-        }
-    }
-    if (sum)
-        memset(b->seen, 0, sum);
-    return 0;
+    part[t] = sum;
+#pragma omp barrier
+    for (int k = 0; k < t; k++)
+        at += part[k];
+    for (size_t i = first; at && i < last; i++)
+        b->place[i].origin += at;
+    first = share(s->pairs, t, threads);
+    memset(b->seen + first, 0, share(s->pairs, t + 1, threads) - first);
+#pragma omp barrier
 }
 
 static void sum_camera(float *rt, const double *part, size_t batches)
@@ -137,11 +164,12 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
     const struct splat_kernels *k = splat_kernels(st->level);
     uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
     size_t batches = (s->n + GRADIENT_BATCH - 1) / GRADIENT_BATCH;
+    uint32_t part[SPLAT_MAX_THREADS];
 
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
                          "(expected splat_forward with opt.gradients)");
-    if (number_pairs(s, err))
+    if (make_room(s, err))
         return -1;
 #pragma omp parallel num_threads(st->threads)
     {
@@ -149,6 +177,7 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
             ((char *)st->work +
              (size_t)omp_get_thread_num() * splat_work_size());
 
+        number_pairs(s, part);
 #pragma omp for schedule(dynamic, 1)
         for (uint32_t i = 0; i < tiles; i++)
             k->tile_backward(s, w, st->zorder[i], d_image, d_alpha);

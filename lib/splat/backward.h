@@ -5,20 +5,32 @@
 
 #include "lib/splat/state.h"
 
-#define MOMENTS 6              /* sums of dL/dq times 1, x, y, xx, xy, yy */
 #define GRADIENT_BATCH 1024    /* Gaussians whose camera gradients are summed
                                 * in float, in a fixed order */
 
-/* Sums over one tile's pixels of one Gaussian: MOMENTS floats about the tile's
- * centre, then dL/dcolor; `stride` floats apart.  seen[p] is 0 where nothing
- * was written. */
+/* Sums over a tile's pixels of dL/dq x^k y^f are float 4 k + f of a pair (of
+ * these, k + f <= 2 are meant); of dL/dcolor, up to three channels, float 4 c +
+ * 3. */
+#define MOMENT(k, f) (4 * (k) + (f))
+#define TINT(c) (4 * (c) + 3)
+
+/* Where a Gaussian's pairs are: that of tile (tx, ty) is origin + ty across +
+ * tx, by the rules of uint32_t. */
+struct place {
+    uint32_t origin, across;
+};
+
+/* A pair has 16 floats, about the Gaussian's centre, and with more than three
+ * channels dL/dcolor behind them; `stride` floats in all.  seen[p] is 0 where
+ * nothing was written, else 1 + its Gaussian's number mod 16. */
 struct splat_gradient_state {
     float *pair;
     uint8_t *seen;
     size_t room;               /* pairs that fit */
     int stride;
-    uint32_t *base;            /* (N+1) first pair of each Gaussian */
+    struct place *place;       /* (N) */
     float *inverse_length;     /* (N) 1 / |quat as given| */
+    float *inverse_opacity;    /* (N), 0 for opacity 0 */
     double *rt;                /* (batches, 12) */
     size_t n;                  /* Gaussians that fit */
     float *T;                  /* (H,W) final transmittance */

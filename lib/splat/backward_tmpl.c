@@ -6,11 +6,51 @@
 #include "lib/splat/backward.h"
 #include "lib/splat/chunk.h"
 
-#define LN2 0.693147181f
-
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
                               uint32_t t, const float *d_image,
                               const float *d_alpha);
+
+/* Pixels of the block at (x0, y0), as numbers; those outside the picture are
+ * taken as pixel 0.  Returns which are inside. */
+VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
+{
+    vi x = vi_set(x0) + (vi_iota() >> 2), y = vi_set(y0) + (vi_iota() & 3);
+    vf W = vf_set((float)s->opt.width), H = vf_set((float)s->opt.height);
+    vm in = vf_gt(W, __builtin_convertvector(x, vf));
+
+    in = vf_gt_and(in, H, __builtin_convertvector(y, vf));
+    *at = (y * s->opt.width + x) & (vi)vf_keep(in, (vf)vi_set(-1));
+    return vm_bits(in);
+}
+
+/* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
+static void load_tint(struct splat_work *w, int k)
+{
+    vf tint[VEC];
+
+    for (int p = 0; p < VEC; p++)
+        tint[p] = p < 12 ? vf_load(w->g[k][p / 4]) : vf_set(0);
+    vf_transpose(tint);
+    for (int p = 0; p < VEC; p++)
+        vf_store(w->tint[k][p], tint[p]);
+}
+
+/* Fetch a tile's pixels, up to three channels. */
+VEC_INLINE void fetch_pixels(const struct splat *s, const float *d_image,
+                             int x0, int y0)
+{
+    const struct splat_gradient_state *b = s->state->gradient;
+    size_t C = (size_t)s->opt.channels;
+    size_t n = (size_t)(s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE);
+
+    for (int y = y0; y < y0 + TILE && y < s->opt.height; y++) {
+        size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x0;
+
+        fetch(d_image + at * C, n * C * sizeof *d_image);
+        fetch(b->image + at * C, n * C * sizeof *b->image);
+        fetch(b->T + at, n * sizeof *b->T);
+    }
+}
 
 /* Load dL/dcolor of the tile, and rest = what all the light is worth:
  * sum_i w_i c_i.g + T (background.g - dL/dalpha). */
@@ -21,31 +61,28 @@ static void load_pixels(struct splat_work *w, const struct splat *s,
     const struct splat_gradient_state *b = s->state->gradient;
     int C = s->opt.channels;
 
-    memset(w->g, 0, sizeof w->g);
+    if (!s->state->row)
+        fetch_pixels(s, d_image, x0, y0);
     for (int k = 0; k < BLOCKS; k++) {
-        w->alive[k] = 0;
-        for (int p = 0; p < VEC; p++) {
-            int x = x0 + 4 * (k & 3) + PIXEL_X(p);
-            int y = y0 + 4 * (k >> 2) + PIXEL_Y(p);
-            float sum = 0, behind = 0;
+        vf sum = vf_set(0), behind = sum;
+        vi at;
 
-            w->T[k][p] = 1;
-            w->rest[k][p] = 0;
-            if (x >= s->opt.width || y >= s->opt.height)
-                continue;
-            size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x;
-            const float *g = d_image + at * (size_t)C;
-            const float *c = b->image + at * (size_t)C;
+        w->alive[k] = pixels_of(&at, s, x0 + 4 * (k & 3), y0 + 4 * (k >> 2));
+        vf_store(w->T[k], vf_set(1));
+        for (int m = 0; m < C; m++) {
+            vf g = vf_gather(d_image + m, at * C);
 
-            for (int m = 0; m < C; m++) {
-                w->g[k][m][p] = g[m];
-                sum += c[m] * g[m];
-                behind += b->background[m] * g[m];
-            }
-            w->rest[k][p] =
-                sum + b->T[at] * (behind - (d_alpha ? d_alpha[at] : 0));
-            w->alive[k] |= 1u << p;
+            vf_store(w->g[k][m], g);
+            sum = vf_fma(vf_gather(b->image + m, at * C), g, sum);
+            behind = vf_fma(vf_set(b->background[m]), g, behind);
         }
+        for (int m = C; m < SPLAT_MAX_CHANNELS; m++)
+            vf_store(w->g[k][m], vf_set(0));
+        if (d_alpha)
+            behind -= vf_gather(d_alpha, at);
+        vf_store(w->rest[k], vf_fma(vf_gather(b->T, at), behind, sum));
+        if (!s->state->row)
+            load_tint(w, k);
     }
 }
 
@@ -89,67 +126,69 @@ static void worths(struct splat_work *w, int b, const float *table, int row)
     }
 }
 
-/* Sums over the block's pixels of dL/dq times 1, x, y, xx, xy, yy; lanes are
- * Gaussians, d[p] pixel p.  (bx, by) is the block's centre. */
-VEC_INLINE void moments(vf m[MOMENTS], const vf d[16], float bx, float by)
+/* Where a block's pixels are about the tile's centre: rows and their squares,
+ * and of column x the powers 0, 1, 2 of its place, each four times. */
+struct places {
+    float y[4], yy[4];
+    vf x[4];
+};
+
+VEC_INLINE void places_of(struct places *at, int b)
 {
-    vf sum[4], first[4], second[4];        /* of columns: 1, y, yy */
+    for (int k = 0; k < 4; k++) {
+        float x = 4 * (float)(b & 3) - 7.5f + (float)k;
+        float y = 4 * (float)(b >> 2) - 7.5f + (float)k;
 
-#pragma GCC unroll 4
-    for (int x = 0; x < 4; x++) {
-        vf outer = d[4 * x] + d[4 * x + 3], inner = d[4 * x + 1] + d[4 * x + 2];
-        vf wide = d[4 * x + 3] - d[4 * x], thin = d[4 * x + 2] - d[4 * x + 1];
-
-        sum[x] = outer + inner;
-        first[x] = vf_set(1.5f) * wide + vf_set(0.5f) * thin;
-        second[x] = vf_set(2.25f) * outer + vf_set(0.25f) * inner;
+        at->y[k] = y;
+        at->yy[k] = y * y;
+        at->x[k] = (vf){1, 1, 1, 1, x, x, x, x, x * x, x * x, x * x, x * x};
     }
-    vf zero = sum[0] + sum[1] + sum[2] + sum[3];
-    vf y = first[0] + first[1] + first[2] + first[3];
-    vf yy = second[0] + second[1] + second[2] + second[3];
-    vf x = vf_set(1.5f) * (sum[3] - sum[0]) + vf_set(0.5f) * (sum[2] - sum[1]);
-    vf xx = vf_set(2.25f) * (sum[3] + sum[0]) +
-            vf_set(0.25f) * (sum[2] + sum[1]);
-    vf xy = vf_set(1.5f) * (first[3] - first[0]) +
-            vf_set(0.5f) * (first[2] - first[1]);
-    vf X = vf_set(bx), Y = vf_set(by);
-
-    m[0] = zero;
-    m[1] = vf_fma(X, zero, x);
-    m[2] = vf_fma(Y, zero, y);
-    m[3] = vf_fma(X, vf_fma(X, zero, x + x), xx);
-    m[4] = vf_fma(X, vf_fma(Y, zero, y), vf_fma(Y, x, xy));
-    m[5] = vf_fma(Y, vf_fma(Y, zero, y + y), yy);
 }
 
-/* Add the sums of up to 16 list entries to their rows of w->pair. */
-VEC_INLINE void flush(struct splat_work *w, int b, const uint32_t *list,
-                      uint32_t n, vf dq[16], vf weight[16],
-                      const int channels)
+/* Add the sums of four list entries to their rows of w->pair: dq and weight
+ * at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
+ * the columns together, lanes 4 power + Gaussian. */
+VEC_INLINE void flush(struct splat_work *w, const float (*tint)[VEC],
+                      const uint32_t *list, vf dq[4], vf weight[4],
+                      const struct places *at, const int wide)
 {
-    vf out[16];
+    float row[4][VEC];
+    vf m[4], sum[4];
 
-    vf_transpose(dq);
-    moments(out, dq, 4 * (float)(b & 3) - 6, 4 * (float)(b >> 2) - 6);
-    for (int k = MOMENTS; k < 16; k++)
-        out[k] = vf_set(0);
-    if (channels <= 3) {
-        vf_transpose(weight);
-        for (int c = 0; c < channels; c++) {
-            vf sum = vf_set(0);
-
-#pragma GCC unroll 16
-            for (int p = 0; p < VEC; p++)
-                sum = vf_fma(weight[p], vf_set(w->g[b][c][p]), sum);
-            out[MOMENTS + c] = sum;
-        }
+    vf_transpose_quads(dq);
+    m[0] = dq[0] + dq[1] + (dq[2] + dq[3]);
+    m[1] = vf_set(at->y[0]) * dq[0];
+    m[2] = vf_set(at->yy[0]) * dq[0];
+#pragma GCC unroll 3
+    for (int y = 1; y < 4; y++) {
+        m[1] = vf_fma(vf_set(at->y[y]), dq[y], m[1]);
+        m[2] = vf_fma(vf_set(at->yy[y]), dq[y], m[2]);
     }
-    vf_transpose(out);
-    for (uint32_t k = 0; k < n; k++) {
-        float *to = w->pair[list[k]];
-
-        vf_store(to, vf_load(to) + out[k]);
+#pragma GCC unroll 3
+    for (int f = 0; f < 3; f++)
+        vf_store(row[f], m[f]);
+    FROM_MEMORY(row);
+#pragma GCC unroll 3
+    for (int f = 0; f < 3; f++) {
+        m[f] = vf_repeat(row[f]) * at->x[0];
+#pragma GCC unroll 3
+        for (int x = 1; x < 4; x++)
+            m[f] = vf_fma(vf_repeat(row[f] + 4 * x), at->x[x], m[f]);
     }
+    m[3] = vf_set(0);
+    if (!wide) {
+        vf_transpose_quads(weight);
+        FOUR vf_store(row[k], weight[k]);
+        FROM_MEMORY(row);
+        FOUR sum[k] = vf_repeat(row[k]) * vf_load(tint[k]);
+#pragma GCC unroll 3
+        for (int x = 1; x < 4; x++)
+            FOUR sum[k] = vf_fma(vf_repeat(row[k] + 4 * x),
+                                 vf_load(tint[4 * x + k]), sum[k]);
+        m[3] = sum[0] + sum[1] + (sum[2] + sum[3]);
+    }
+    vf_transpose_quads(m);
+    FOUR vf_store(w->pair[list[k]], vf_load(w->pair[list[k]]) + m[k]);
 }
 
 /* dcolor (entry, row) += weight (entry, 16 pixels) g (16 pixels, row). */
@@ -173,71 +212,62 @@ static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
     }
 }
 
-/* One block: channels 3 keeps colours in the chunk, more go through worths and
- * color_backward. */
+/* One block: up to three channels have their colours in the chunk, more go
+ * through worths and color_backward. */
 VEC_INLINE void block_backward(struct splat_work *w, int b,
                                const struct splat_state *st, const int degree,
                                const int wide)
 {
     const struct view *v = &st->view;
+    const float (*tint)[VEC] = (const float (*)[VEC])w->tint[b];
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], j = 0;
-    vf x = block_x(b), T = vf_load(w->T[b]), rest = vf_load(w->rest[b]), g[3];
-    vf cut = vf_set(v->cut), stop = vf_set(v->t_cut), clamp = vf_set(0.99f);
+    vf x = block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
+    vf T = vf_keep(alive, vf_load(w->T[b])), rest = vf_load(w->rest[b]), g[3];
+    struct places at;
 
+    places_of(&at, b);
     if (wide)
         worths(w, b, st->table, st->row);
     for (int c = 0; c < 3; c++)
         g[c] = vf_load(w->g[b][c]);
-    while (j < n && vm_bits(alive)) {
-        vf dq[16], keep[16], e[4];
+    for (; j < n && vm_any(alive); j += 4) {
+        vf e[4], alpha[4], behind[4], worth[4], dq[4], weight[4];
         vm on[4];
-        uint32_t m = n - j < VEC ? n - j : VEC;
 
-        for (uint32_t i = 0; i < VEC; i++) {
-            const float *c = w->info[list[j + i]];
-            uint32_t at = i % 4;
+        alphas(alpha, on, e, w, list + j, b, x, cut, degree);
+        FOUR behind[k] = inverse(vf_set(1) - alpha[k]);
+        ABREAST(behind);
+        FOUR {
+            const float *c = w->info[list[j + (uint32_t)k]];
 
-            if (i >= m) {              /* the list's end is padded to four */
-                dq[i] = keep[i] = vf_set(0);
-                if (!at)
-                    e[0] = e[1] = e[2] = e[3] = vf_set(0);
-                continue;
-            }
-            if (!at) {
-                exponents(e, w, list + j + i, b, x);
-                FOUR on[k] = vf_ge(e[k], cut);
-                vf_exp2_four(e, degree);
-            }
-            vf raw = vf_keep(on[at], e[at]), alpha = vf_min(raw, clamp);
-            vf next = vf_fnma(alpha, T, T), worth;
-
-            if (wide)
-                worth = vf_load(w->worth[j + i]);
-            else
-                worth = vf_fma(vf_set(c[1]), g[0],
-                        vf_fma(vf_set(c[2]), g[1], vf_set(c[3]) * g[2]));
-            alive = vf_gt_and(alive, next, stop);
-            vf weight = vf_mul_keep(alive, alpha, T);
-
-            /* image = sum w c + T bg: behind this one is rest - w c.g, and
-             * 1 - alpha divides it */
-            rest = vf_fnma(weight, worth, rest);
-            vf da = vf_fnma(rest, inverse(vf_set(1) - alpha), T * worth);
-            vm free = v->dgr ? alive : vf_gt_and(alive, clamp, raw);
-
-            dq[i] = vf_mul_keep(free, da, alpha * vf_set(LN2));
-            T = vf_sel(alive, next, T);
-            keep[i] = weight;
-            if (wide)
-                vf_store(w->weight[j + i], weight);
+            worth[k] = wide ? vf_load(w->worth[j + (uint32_t)k])
+                            : vf_fma(vf_set(c[1]), g[0],
+                                     vf_fma(vf_set(c[2]), g[1],
+                                            vf_set(c[3]) * g[2]));
         }
-        flush(w, b, list + j, m, dq, keep, wide ? 32 : 3);
-        j += m;
+        FOUR {
+            vf all = vf_mul_keep(on[k], alpha[k], T), before = rest;
+
+            T -= all;
+            vm drawn = vf_gt_and(on[k], T, stop);
+
+            weight[k] = vf_keep(drawn, all);
+            /* image = sum w c + T bg: behind this one is rest - w c.g, which
+             * 1 - alpha divides; dL/dq = alpha dL/dalpha */
+            rest = vf_fnma(weight[k], worth[k], rest);
+            if (!v->dgr)               /* which forgets the clamp */
+                drawn = vf_gt_and(drawn, vf_set(0.99f), e[k]);
+            dq[k] = vf_fnma_keep(drawn, rest, behind[k], before);
+            if (wide)
+                vf_store(w->weight[j + (uint32_t)k], weight[k]);
+        }
+        flush(w, tint, list + j, dq, weight, &at, wide);
+        alive = vf_gt(T, stop);
     }
     if (wide)
-        color_backward(w, b, j, st->row);
+        color_backward(w, b, j < n ? j : n, st->row);
     vf_store(w->T[b], T);
     vf_store(w->rest[b], rest);
     w->alive[b] = vm_bits(alive);
@@ -256,40 +286,82 @@ static void block(struct splat_work *w, int b, const struct splat_state *st,
     }
 }
 
-static void chunk(struct splat_work *w, const struct splat *s,
-                  const uint32_t *list, uint32_t n, float cx, float cy)
+/* Where the pairs of n entries of tile (tx, ty) go. */
+static void find_pairs(struct splat_work *w, const struct splat *s,
+                       const uint32_t *list, uint32_t n, uint32_t tx,
+                       uint32_t ty)
 {
-    chunk_build(w, s->state, list, n, cx, cy, false);
-    memset(w->pair, 0, n * sizeof w->pair[0]);
-    if (s->state->row)
-        memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
-    for (int b = 0; b < BLOCKS; b++)
-        if (w->count[b])
-            block(w, b, s->state, s->opt.exp_degree);
+    const struct splat_gradient_state *b = s->state->gradient;
+
+    for (uint32_t e = 0; e < n; e++) {
+        struct place p = b->place[list[e]];
+
+        w->place[e] = p.origin + ty * p.across + tx;
+    }
+}
+
+/* Fetch the places of block b's share of n entries: all at once, they would be
+ * waited for. */
+VEC_INLINE void fetch_pairs(const struct splat_work *w, const struct splat *s,
+                        uint32_t n, uint32_t b)
+{
+    const struct splat_gradient_state *g = s->state->gradient;
+
+    for (uint32_t e = n * b / BLOCKS; e < n * (b + 1) / BLOCKS; e++)
+        __builtin_prefetch(g->pair + (size_t)w->place[e] * (size_t)g->stride,
+                           1);
+}
+
+/* An entry's sums about the tile's centre, about its own centre (u, v): each
+ * step takes x - u or y - v for one x or y. */
+VEC_INLINE vf centered(vf m, float u, float v)
+{
+    const vi left = {0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 12, 13, 14, 15};
+    const vi up = {0, 0, 1, 3, 4, 4, 5, 7, 8, 8, 9, 11, 12, 12, 13, 15};
+    const vf x1 = {0, 0, 0, 0, 1, 1, 1, 0, 1, 1, 1, 0};
+    const vf x2 = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0};
+    const vf y1 = {0, 1, 1, 0, 0, 1, 1, 0, 0, 1, 1, 0};
+    const vf y2 = {0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0};
+
+    m = vf_fnma(vf_set(u) * x1, __builtin_shuffle(m, left), m);
+    m = vf_fnma(vf_set(u) * x2, __builtin_shuffle(m, left), m);
+    m = vf_fnma(vf_set(v) * y1, __builtin_shuffle(m, up), m);
+    return vf_fnma(vf_set(v) * y2, __builtin_shuffle(m, up), m);
 }
 
 /* The chunk's sums to their pairs' places. */
 static void store_pairs(const struct splat_work *w, const struct splat *s,
-                        const uint32_t *list, uint32_t n, int tx, int ty)
+                        const uint32_t *list, uint32_t n)
 {
-    const struct splat_state *st = s->state;
-    struct splat_gradient_state *b = st->gradient;
-    size_t colors = (size_t)s->opt.channels * sizeof(float);
+    const struct splat_gradient_state *b = s->state->gradient;
+    size_t colors = (size_t)s->state->row * sizeof(float);
 
     for (uint32_t e = 0; e < n; e++) {
-        struct rect r = st->rect[list[e]];
-        size_t at = b->base[list[e]] +
-                    (size_t)((ty - r.y0) * (r.x1 - r.x0) + tx - r.x0);
-        float *to = b->pair + at * (size_t)b->stride;
+        float *to = b->pair + (size_t)w->place[e] * (size_t)b->stride;
 
-        if (st->row) {
-            memcpy(to, w->pair[e], MOMENTS * sizeof(float));
-            memcpy(to + MOMENTS, w->dcolor[e], colors);
-        } else {
-            memcpy(to, w->pair[e], VEC * sizeof(float));
-        }
-        b->seen[at] = 1;
+        vf_store(to, centered(vf_load(w->pair[e]), w->center[0][e],
+                              w->center[1][e]));
+        if (colors)
+            memcpy(to + VEC, w->dcolor[e], colors);
+        b->seen[w->place[e]] = (uint8_t)(1 + list[e] % VEC);
     }
+}
+
+static void chunk(struct splat_work *w, const struct splat *s,
+                  const uint32_t *list, uint32_t n, int tx, int ty)
+{
+    find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
+    chunk_build(w, s->state, list, n, (float)(TILE * tx) + 8,
+                (float)(TILE * ty) + 8, false);
+    memset(w->pair, 0, n * sizeof w->pair[0]);
+    if (s->state->row)
+        memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
+    for (int b = 0; b < BLOCKS; b++) {
+        fetch_pairs(w, s, n, (uint32_t)b);
+        if (w->count[b])
+            block(w, b, s->state, s->opt.exp_degree);
+    }
+    store_pairs(w, s, list, n);
 }
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
@@ -305,9 +377,7 @@ void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
     for (uint32_t i = st->start[t]; i < st->end[t] && any; i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        chunk(w, s, st->list + i, n, (float)(TILE * tx) + 8,
-              (float)(TILE * ty) + 8);
-        store_pairs(w, s, st->list + i, n, tx, ty);
+        chunk(w, s, st->list + i, n, tx, ty);
         any = 0;
         for (int b = 0; b < BLOCKS; b++)
             any |= w->alive[b];

@@ -25,18 +25,47 @@ struct splat_work {
     float color[BLOCKS][4][VEC];
     float weight[COLUMN + 2][VEC];         /* of one block, wide path */
     uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
-    float depth[BLOCKS][VEC], weight_sum[BLOCKS][VEC];
+    float depth[BLOCKS][VEC];
     float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
     float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
     float rest[BLOCKS][VEC];               /* backward: light still behind */
     float worth[COLUMN][VEC];              /* backward: color . g */
-    float pair[COLUMN][VEC];               /* backward: sums of each entry */
+    float pair[COLUMN][VEC];               /* backward: sums of each entry
+                                            * about the tile's centre */
+    float tint[BLOCKS][VEC][VEC];          /* backward, up to 3 channels: at
+                                            * pixel p, lane 4 c + 0..3 is
+                                            * dL/dcolor of c */
+    float center[2][COLUMN];               /* x, y about the tile's centre */
+    uint32_t place[COLUMN];                /* backward: pair of each entry */
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
 /* Lane p of a block is the pixel in column p / 4 and row p % 4. */
 #define PIXEL_X(p) ((p) >> 2)
 #define PIXEL_Y(p) ((p) & 3)
+
+/* Fetch the lines of an array that are needed in a while.  Inline as all that
+ * only fetches: the compiler drops calls of what it takes to do nothing. */
+VEC_INLINE void fetch(const void *array, size_t bytes)
+{
+    const char *line = array;
+
+    for (size_t k = 0; k < bytes; k += 64)
+        __builtin_prefetch(line + k, 1);
+    __builtin_prefetch(line + bytes - 1, 1);
+}
+
+/* Fetch what a Gaussian's entry is made of, and its colours. */
+VEC_INLINE void fetch_entry(const struct splat_state *s, size_t i)
+{
+    __builtin_prefetch(&s->record[i]);
+    if (s->fixed)
+        __builtin_prefetch(s->fixed + SPLAT_MAX_CHANNELS * i);
+    else if (s->row)
+        fetch(s->table + (size_t)s->row * i, (size_t)s->row * sizeof(float));
+    else
+        __builtin_prefetch(&s->color[i]);
+}
 
 /* Columns of block b's pixels, about the tile's centre. */
 VEC_INLINE vf block_x(int b)
@@ -158,7 +187,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
     for (uint32_t k = 0; k < AHEAD && k < n; k++)
-        __builtin_prefetch(&s->record[list[k]]);
+        fetch_entry(s, list[k]);
     for (uint32_t k = 0; k < n; k += VEC)   /* lists have room behind them */
         memcpy(w->index + k, list + k, VEC * sizeof *list);
     for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
@@ -168,18 +197,17 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         struct slopes t;
         vf g[8];
 
-        for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++) {
-            __builtin_prefetch(&s->record[w->index[i + AHEAD + k]]);
-            __builtin_prefetch(&s->color[w->index[i + AHEAD + k]]);
-        }
+        for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++)
+            fetch_entry(s, w->index[i + AHEAD + k]);
         gather(g, s->record, w->index + i);
         vf u = g[FX] - vf_set(cx), v = g[FY] - vf_set(cy);
 
-        if (s->fine[0])
-            for (uint32_t k = 0; k < VEC; k++) {
-                u[k] += s->fine[0][w->index[i + k]];
-                v[k] += s->fine[1][w->index[i + k]];
-            }
+        if (s->fine[0]) {
+            u += vf_gather(s->fine[0], vi_load(w->index + i));
+            v += vf_gather(s->fine[1], vi_load(w->index + i));
+            vf_store(w->center[0] + i, u);
+            vf_store(w->center[1] + i, v);
+        }
         vf_store(t.base, g[FROOT] * vf_fnma(g[FSY], v, u));
         vf_store(t.tilt, g[FROOT] * g[FSY]);
         vf_store(t.y, v);
@@ -189,11 +217,12 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
             uint32_t one = w->index[i + k];
 
             w->info[i + k][0] = s->record[one].root;
-            memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
+            if (!s->row)
+                memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
             if (depth)
                 memcpy(&w->fourth[i + k], &s->key[one], sizeof(float));
             else
-                w->fourth[i + k] = s->color[one][3];
+                w->fourth[i + k] = s->row ? 0 : s->color[one][3];
             rows_build(w, i + k, &t, k);
         }
         sieve(w, g, u, v, i, (1u << left) - 1, s->view.cut);
@@ -221,18 +250,15 @@ VEC_INLINE void exponents(vf q[4], const struct splat_work *w,
     ABREAST(q);
 }
 
-/* Their alphas, 0 where they are cut off. */
-VEC_INLINE void alphas(vf alpha[4], const struct splat_work *w,
-                       const uint32_t *entry, int b, vf x, vf cut,
-                       const int degree)
+/* Their alphas, also before the clamp, and where they are not cut off. */
+VEC_INLINE void alphas(vf alpha[4], vm on[4], vf free[4],
+                       const struct splat_work *w, const uint32_t *entry,
+                       int b, vf x, vf cut, const int degree)
 {
-    vf q[4];
-    vm on[4];
-
-    exponents(q, w, entry, b, x);
-    FOUR on[k] = vf_ge(q[k], cut);
-    vf_exp2_four(q, degree);
-    FOUR alpha[k] = vf_keep(on[k], vf_min_positive(q[k], vf_set(0.99f)));
+    exponents(free, w, entry, b, x);
+    FOUR on[k] = vf_ge(free[k], cut);
+    vf_exp2_four(free, degree);
+    FOUR alpha[k] = vf_min_positive(free[k], vf_set(0.99f));
     ABREAST(alpha);
 }
 

@@ -6,6 +6,8 @@
 #include "lib/splat/vec.h"
 
 #define LOG2E 1.44269504f
+#define LN2 0.693147181f
+#define AHEAD 24               /* pairs fetched early */
 
 void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
                                   size_t last,
@@ -14,61 +16,57 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
 
 /* dL of sixteen Gaussians. */
 struct lanes {
-    vf x, y, a, b, c, top;     /* of the screen record */
+    vf x, y, a, b, c;          /* of the screen record ... */
+    vf top;                    /* ... and of log opacity */
     vf mean[3], scale[3], quat[4];
     vf P[12];                  /* of [R|t], summed over all */
 };
 
-/* Add up a Gaussian's pairs: moments about its own centre into out[0..5], and
- * its colour. */
-static void sum_pairs(float out[16], const struct splat *s, size_t i,
-                      float *d_color)
+/* First pair of a Gaussian. */
+static size_t first_pair(const struct splat *s, size_t i)
 {
-    const struct splat_state *st = s->state;
-    const struct splat_gradient_state *b = st->gradient;
-    struct rect r = st->rect[i];
-    int C = s->opt.channels;
-    float color[SPLAT_MAX_CHANNELS] = {0};
-    double sum[MOMENTS] = {0};
-    size_t at = b->base[i];
+    struct rect r = s->state->rect[i];
+    struct place p;
 
-    for (int y = r.y0; y < r.y1; y++)
-        for (int x = r.x0; x < r.x1; x++, at++) {
-            const float *p = b->pair + at * (size_t)b->stride;
+    if (i >= s->n)
+        return s->pairs;
+    p = s->state->gradient->place[i];
+    return (uint32_t)(p.origin + r.y0 * p.across + r.x0);
+}
 
-            if (!b->seen[at])
-                continue;
-            double u = st->record[i].x - (double)(16 * x + 8) + st->fine[0][i];
-            double v = st->record[i].y - (double)(16 * y + 8) + st->fine[1][i];
+/* Add up the pairs of sixteen Gaussians: of Gaussian i + k into out[k + 1],
+ * pairs that nothing was written to into out[0]. */
+VEC_INLINE void sum_pairs(float (*out)[VEC], const struct splat *s, size_t i,
+                          const size_t vectors)
+{
+    const struct splat_gradient_state *b = s->state->gradient;
+    size_t end = first_pair(s, i + VEC);
 
-            sum[0] += p[0];
-            sum[1] += p[1] - u * p[0];
-            sum[2] += p[2] - v * p[0];
-            sum[3] += p[3] - 2 * u * p[1] + u * u * p[0];
-            sum[4] += p[4] - u * p[2] - v * p[1] + u * v * p[0];
-            sum[5] += p[5] - 2 * v * p[2] + v * v * p[0];
-            for (int c = 0; c < C; c++)
-                color[c] += p[MOMENTS + c];
-        }
-    for (int k = 0; k < MOMENTS; k++)
-        out[k] = (float)sum[k];
-    for (int c = 0; d_color && c < C; c++)
-        d_color[i * (size_t)C + (size_t)c] += color[c];
+    memset(out, 0, (VEC + 1) * vectors * sizeof *out);
+    for (size_t at = first_pair(s, i); at < end; at++) {
+        const float *pair = b->pair + at * vectors * VEC;
+        float (*to)[VEC] = out + b->seen[at] * vectors;
+
+        __builtin_prefetch(pair + AHEAD * vectors * VEC);
+        for (size_t k = 0; k < vectors; k++)
+            vf_store(to[k], vf_load(to[k]) + vf_load(pair + VEC * k));
+    }
 }
 
 /* q = top - (a dx^2 + b dx dy + c dy^2), dx = pixel - x; a = root^2, b = -2 a
- * sy, c = fall + a sy^2. */
+ * sy, c = fall + a sy^2.  The sums are of d log alpha = ln 2 dq. */
 VEC_INLINE void screen_backward(struct lanes *d, const vf m[16],
                                 const vf r[FIELDS])
 {
-    vf along = r[FROOT] * r[FROOT] * (m[1] - r[FSY] * m[2]);
+    vf x = vf_set(LN2) * m[MOMENT(1, 0)], y = vf_set(LN2) * m[MOMENT(0, 1)];
+    vf along = r[FROOT] * r[FROOT] * (x - r[FSY] * y);
 
-    d->top = m[0];
+    d->top = m[MOMENT(0, 0)];
     d->x = along + along;
-    d->y = vf_set(2) * (r[FFALL] * m[2] - r[FSY] * along);
-    d->a = -m[3];
-    d->b = -m[4];
-    d->c = -m[5];
+    d->y = vf_set(2) * (r[FFALL] * y - r[FSY] * along);
+    d->a = -vf_set(LN2) * m[MOMENT(2, 0)];
+    d->b = -vf_set(LN2) * m[MOMENT(1, 1)];
+    d->c = -vf_set(LN2) * m[MOMENT(0, 2)];
 }
 
 /* dL/dcov2d as S = (xx, xy, yy) with dL = S0 dxx + 2 S1 dxy + S2 dyy, from
@@ -230,18 +228,60 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
     }
 }
 
-/* to (N, width) += lanes of v, where bits are set. */
-static void add(float *to, const vf *v, size_t i, size_t width, uint32_t bits)
+/* Sixteen Gaussians of those drawn, i and on; `left` of them are in the
+ * arrays. */
+struct drawn {
+    size_t i, left;
+    vm on;
+};
+
+/* to (N, width) += lanes of v, of those that are drawn. */
+VEC_INLINE void add(float *to, const vf *v, const size_t width,
+                    const struct drawn *d)
 {
-    float flat[4][VEC];
+    float flat[4 * VEC];
+    vf row[4];
 
     if (!to)
         return;
+    to += d->i * width;
     for (size_t k = 0; k < width; k++)
-        vf_store(flat[k], v[k]);
-    for (size_t n = 0; n < VEC; n++)
-        for (size_t k = 0; (bits >> n & 1) && k < width; k++)
-            to[(i + n) * width + k] += flat[k][n];
+        row[k] = vf_keep(d->on, v[k]);
+    vf_interleave(row, width);
+    if (d->left >= VEC) {
+        for (size_t k = 0; k < width; k++)
+            vf_store(to + VEC * k, vf_load(to + VEC * k) + row[k]);
+        return;
+    }
+    for (size_t k = 0; k < width; k++)
+        vf_store(flat + VEC * k, row[k]);
+    for (size_t k = 0; k < d->left * width; k++)
+        to[k] += flat[k];
+}
+
+/* dL/dcolor of Gaussian i and on: up to three channels from the transposed
+ * sums m, more from behind the sums. */
+static void add_colors(float *to, const struct splat *s, const vf m[VEC],
+                       float (*sum)[VEC], const struct drawn *d)
+{
+    size_t C = (size_t)s->opt.channels, vectors = (size_t)s->state->row / VEC;
+    vf rgb[3] = {m[TINT(0)], m[TINT(1)], m[TINT(2)]};
+
+    if (!to)
+        return;
+    if (!vectors) {
+        if (C == 3)
+            add(to, rgb, 3, d);
+        else
+            add(to, rgb, C, d);
+        return;
+    }
+    for (size_t n = 0; n < VEC && n < d->left; n++) {
+        const float *from = sum[(1 + n) * (1 + vectors) + 1];
+
+        for (size_t c = 0; c < C; c++)
+            to[(d->i + n) * C + c] += from[c];
+    }
 }
 
 void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
@@ -250,48 +290,43 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
                                   double *rt)
 {
     const struct splat_state *st = s->state;
+    const size_t vectors = 1 + (size_t)st->row / VEC;
     struct lanes d;
 
     for (int k = 0; k < 12; k++)
         d.P[k] = vf_set(0);
     for (size_t i = first; i < last; i += VEC) {
-        float flat[VEC][VEC] = {{0}};
+        float sum[3 * (VEC + 1)][VEC];
         vf m[VEC], r[VEC], S[3], c[3], before[12];
-        uint32_t bits = 0;
+        /* the key of a hidden one is no number */
+        vm on = vf_gt(vf_load((const float *)&st->key[i]), vf_set(0));
+        struct drawn here = {i, last - i, on};
 
-        for (size_t k = 0; k < VEC && i + k < last; k++)
-            if (st->key[i + k] != HIDDEN) {
-                sum_pairs(flat[k], s, i + k, g->color);
-                bits |= 1u << k;
-            }
-        if (!bits)
+        if (!vm_any(on))
             continue;
+        sum_pairs(sum, s, i, vectors);
         for (size_t k = 0; k < VEC; k++) {
-            m[k] = vf_load(flat[k]);
+            m[k] = vf_load(sum[(1 + k) * vectors]);
             /* and half of the next, which is not looked at */
             r[k] = vf_load((const float *)&st->record[i + k]);
-            if (!(bits >> k & 1))
-                r[k] = vf_set(0);
         }
         vf_transpose(m);
         vf_transpose(r);
+        for (int k = 0; k < FIELDS; k++)
+            r[k] = vf_keep(on, r[k]);
         screen_backward(&d, m, r);
         cov_backward(S, &d, r);
         memcpy(before, d.P, sizeof before);
         centers(c, st, i, r);
         parameters(&d, st, i, S, c);
-        vm on = vm_from_bits(bits);
-
         for (int k = 0; k < 12; k++)
             d.P[k] = vf_sel(on, d.P[k], before[k]);
-        /* top = log2 o */
-        for (size_t k = 0; g->opacity && k < VEC; k++)
-            if (bits >> k & 1)
-                g->opacity[i + k] += d.top[k] * LOG2E *
-                    __builtin_exp2f(-st->cloud.top[i + k]);
-        add(g->mean, d.mean, i, 3, bits);
-        add(g->scale, d.scale, i, 3, bits);
-        add(g->quat, d.quat, i, 4, bits);
+        d.top *= vf_load(st->gradient->inverse_opacity + i);
+        add(g->opacity, &d.top, 1, &here);
+        add(g->mean, d.mean, 3, &here);
+        add(g->scale, d.scale, 3, &here);
+        add(g->quat, d.quat, 4, &here);
+        add_colors(g->color, s, m, sum, &here);
     }
     for (int k = 0; k < 12; k++)
         rt[k] = vf_sum(d.P[k]);

@@ -32,92 +32,72 @@ VEC_INLINE void light_store(struct splat_work *w, int b,
     vf_store(w->T[b], l->kept);
 }
 
-/* One Gaussian's weight at the block's pixels.  The rule, T (1 - alpha) <=
- * t_cut drops the Gaussian and all behind it, is applied to products that run
- * ahead: T only falls, so what comes after the first that is too small is too
- * small as well. */
-VEC_INLINE vm pass(vf *weight, struct light *l, vf alpha)
+/* One Gaussian's weight at the block's pixels, and where it counts.  The rule,
+ * T (1 - alpha) <= t_cut drops the Gaussian and all behind it, is applied to
+ * products that run ahead: T only falls, so what comes after the first that is
+ * too small is too small as well. */
+VEC_INLINE vm pass(vf *weight, struct light *l, vm on, vf alpha)
 {
-    vf all = alpha * l->T;
-
-    l->T -= all;
-    vm on = vf_gt(l->T, l->stop);
-
-    *weight = vf_keep(on, all);
+    *weight = vf_mul_keep(on, alpha, l->T);
+    l->T -= *weight;
+    on = vf_gt(l->T, l->stop);
     l->kept = vf_sel(on, l->T, l->kept);
     return on;
 }
 
-/* Blend a block's list: T and up to 4 channels stay in registers. */
-VEC_INLINE void blend(struct splat_work *w, int b, const struct view *v,
-                      const int degree, const int channels)
+/* Keep a weight as a row for the product, unless it is 0 everywhere.  Returns
+ * the rows. */
+VEC_INLINE uint32_t keep_row(struct splat_work *w, uint32_t rows, uint32_t e,
+                             vf weight)
+{
+    vf_store(w->weight[rows], weight);
+    w->used[rows] = w->index[e < CHUNK ? e : 0];
+    return rows + (vm_bits(vf_gt(weight, vf_set(0))) != 0);
+}
+
+/* Pass light through a block's list, T in a register: blend 3 or 4 channels,
+ * which stay in registers, or for more (channels 0) put the weights into
+ * w->weight and return their rows. */
+VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
+                         const int degree, const int channels)
 {
     const uint32_t *list = w->list[b];
-    uint32_t n = w->count[b];
+    float *sums[4] = {w->color[b][0], w->color[b][1], w->color[b][2],
+                      channels ? w->color[b][3] : w->depth[b]};
+    const int first = channels ? 0 : 3, last = channels ? channels : 4;
+    uint32_t n = w->count[b], rows = 0;
     struct light l;
     vf c[4], x = block_x(b);
 
     light_init(&l, w, b, v);
-    for (int k = 0; k < channels; k++)
-        c[k] = vf_load(w->color[b][k]);
+    for (int k = first; k < last; k++)
+        c[k] = vf_load(sums[k]);
     for (uint32_t j = 0; j < n; j += 4) {
-        vm on = VM_ALL;
-        vf alpha[4];
+        vm on = VM_ALL, seen[4];
+        vf alpha[4], free[4];
 
-        alphas(alpha, w, list + j, b, x, l.cut, degree);
+        alphas(alpha, seen, free, w, list + j, b, x, l.cut, degree);
 #pragma GCC unroll 4
         for (uint32_t i = 0; i < 4; i++) {
             uint32_t e = list[j + i];
             vf weight;
 
-            on = pass(&weight, &l, alpha[i]);
+            on = pass(&weight, &l, seen[i], alpha[i]);
 #pragma GCC unroll 3
-            for (int m = 0; m < 3; m++)
-                c[m] = vf_fma(weight, vf_set(w->info[e][1 + m]), c[m]);
-            if (channels > 3)
-                c[3] = vf_fma(weight, vf_set(w->fourth[e]), c[3]);
+            for (int m = first; m < 3; m++)
+                c[m] = vf_fma_keep(on, weight, vf_set(w->info[e][1 + m]),
+                                   c[m]);
+            if (last > 3)
+                c[3] = vf_fma_keep(on, weight, vf_set(w->fourth[e]), c[3]);
+            if (!channels)
+                rows = keep_row(w, rows, e, vf_keep(on, weight));
         }
         l.T = vf_keep(on, l.T);
         if (!vm_any(on))
             break;
     }
-    for (int k = 0; k < channels; k++)
-        vf_store(w->color[b][k], c[k]);
-    light_store(w, b, &l);
-}
-
-/* Weights of a block's list into w->weight; rows that are all 0 are dropped.
- * Returns the rows. */
-VEC_INLINE uint32_t weights(struct splat_work *w, int b, const struct view *v,
-                            const int degree)
-{
-    const uint32_t *list = w->list[b];
-    uint32_t n = w->count[b], rows = 0;
-    struct light l;
-    vf depth = vf_load(w->depth[b]), x = block_x(b);
-
-    light_init(&l, w, b, v);
-    for (uint32_t j = 0; j < n; j += 4) {
-        vm on = VM_ALL;
-        vf alpha[4];
-
-        alphas(alpha, w, list + j, b, x, l.cut, degree);
-#pragma GCC unroll 4
-        for (uint32_t i = 0; i < 4; i++) {
-            uint32_t e = list[j + i];
-            vf weight;
-
-            on = pass(&weight, &l, alpha[i]);
-            depth = vf_fma(weight, vf_set(w->fourth[e]), depth);
-            vf_store(w->weight[rows], weight);
-            w->used[rows] = w->index[e < CHUNK ? e : 0];
-            rows += vm_bits(vf_gt(weight, vf_set(0))) != 0;
-        }
-        l.T = vf_keep(on, l.T);
-        if (!vm_any(on))
-            break;
-    }
-    vf_store(w->depth[b], depth);
+    for (int k = first; k < last; k++)
+        vf_store(sums[k], c[k]);
     light_store(w, b, &l);
     return rows;
 }
@@ -148,6 +128,14 @@ static void product(struct splat_work *w, int b, uint32_t rows,
 }
 
 #ifdef ISA_AVX512
+/* acc += pairs of 16-bit numbers in c times those of *g.  By hand: the compiler
+ * would copy every sum before and after. */
+VEC_INLINE __m512i add_pairs(__m512i acc, __m512i c, const uint32_t *g)
+{
+    __asm__("vpdpwssd %2%{1to16%}, %1, %0" : "+v"(acc) : "v"(c), "m"(*g));
+    return acc;
+}
+
 /* The same in 16-bit integers, two Gaussians at a time: weights and colours
  * in Q15, sums in 32 bits.  table rows hold channels in the order that the
  * interleaving undoes (splat.c, pack_fixed). */
@@ -169,6 +157,7 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
     for (int half = 0; half < 2; half++) {
         __m512i acc[2][8];
 
+#pragma GCC unroll 8
         for (int p = 0; p < 8; p++)
             acc[0][p] = acc[1][p] = _mm512_setzero_si512();
         for (uint32_t j = 0; j < pairs; j++) {
@@ -179,13 +168,15 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
 
 #pragma GCC unroll 8
             for (int p = 0; p < 8; p++) {
-                __m512i g = _mm512_set1_epi32((int)pair[j][8 * half + p]);
+                const uint32_t *g = &pair[j][8 * half + p];
 
-                acc[0][p] = _mm512_dpwssd_epi32(acc[0][p], c0, g);
-                acc[1][p] = _mm512_dpwssd_epi32(acc[1][p], c1, g);
+                acc[0][p] = add_pairs(acc[0][p], c0, g);
+                acc[1][p] = add_pairs(acc[1][p], c1, g);
             }
         }
+#pragma GCC unroll 8
         for (int p = 0; p < 8; p++)
+#pragma GCC unroll 2
             for (int k = 0; k < 2; k++) {
                 float *out = w->wide[16 * b + 8 * half + p] + 16 * k;
                 vf x = (vf)_mm512_cvtepi32_ps(acc[k][p]);
@@ -200,7 +191,7 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
 VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
                            int b, const int degree)
 {
-    uint32_t rows = weights(w, b, &st->view, degree);
+    uint32_t rows = walk(w, b, &st->view, degree, 0);
 
     if (!rows)
         return;
@@ -232,18 +223,18 @@ static void block(const struct splat *s, struct splat_work *w, int b)
 
     switch (compiled_degree(s->opt.exp_degree) * 3 + kind) {
 #ifdef ISA_AVX512
-    case 6: blend(w, b, &st->view, 2, 3); return;
-    case 7: blend(w, b, &st->view, 2, 4); return;
+    case 6: walk(w, b, &st->view, 2, 3); return;
+    case 7: walk(w, b, &st->view, 2, 4); return;
     case 8: wide_block(st, w, b, 2); return;
-    case 12: blend(w, b, &st->view, 4, 3); return;
-    case 13: blend(w, b, &st->view, 4, 4); return;
+    case 12: walk(w, b, &st->view, 4, 3); return;
+    case 13: walk(w, b, &st->view, 4, 4); return;
     case 14: wide_block(st, w, b, 4); return;
 #endif
-    case 9: blend(w, b, &st->view, 3, 3); return;
-    case 10: blend(w, b, &st->view, 3, 4); return;
+    case 9: walk(w, b, &st->view, 3, 3); return;
+    case 10: walk(w, b, &st->view, 3, 4); return;
     case 11: wide_block(st, w, b, 3); return;
-    case 15: blend(w, b, &st->view, 5, 3); return;
-    case 16: blend(w, b, &st->view, 5, 4); return;
+    case 15: walk(w, b, &st->view, 5, 3); return;
+    case 16: walk(w, b, &st->view, 5, 4); return;
     default: wide_block(st, w, b, 5); return;
     }
 }
@@ -303,58 +294,19 @@ VEC_INLINE void block_rows(float out[4][16], float (*blocks)[VEC],
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
-VEC_INLINE void interleave(float *out, float (*row)[16], int n, const int C)
+static void put_colors(float *out, float (*row)[16], int n, int C)
 {
+    if (C == 3 && n == VEC) {
+        vf v[4] = {vf_load(row[0]), vf_load(row[1]), vf_load(row[2])};
+
+        vf_interleave(v, 3);
+        for (int k = 0; k < 3; k++)
+            vf_store(out + VEC * k, v[k]);
+        return;
+    }
     for (int x = 0; x < n; x++)
         for (int c = 0; c < C; c++)
             out[x * C + c] = row[c][x];
-}
-
-#ifdef ISA_AVX512
-/* Sixteen pixels of three planes to (16, 3). */
-static void interleave_rgb(float *out, float (*row)[16])
-{
-    /* value k of the result: from red, green (16 and on) or blue */
-    static const int32_t two[3][VEC] = {
-        {0, 16, 0, 1, 17, 0, 2, 18,
-         0, 3, 19, 0, 4, 20, 0, 5},
-        {21, 0, 6, 22, 0, 7, 23, 0,
-         8, 24, 0, 9, 25, 0, 10, 26},
-        {0, 11, 27, 0, 12, 28, 0, 13,
-         29, 0, 14, 30, 0, 15, 31, 0}};
-    static const int32_t third[3][VEC] = {
-        {0, 0, 0, 0, 0, 1, 0, 0,
-         2, 0, 0, 3, 0, 0, 4, 0},
-        {0, 5, 0, 0, 6, 0, 0, 7,
-         0, 0, 8, 0, 0, 9, 0, 0},
-        {10, 0, 0, 11, 0, 0, 12, 0,
-         0, 13, 0, 0, 14, 0, 0, 15}};
-    static const __mmask16 blue[3] = {0x4924, 0x2492, 0x9249};
-    __m512 r = _mm512_loadu_ps(row[0]), g = _mm512_loadu_ps(row[1]);
-    __m512 b = _mm512_loadu_ps(row[2]);
-
-    for (int j = 0; j < 3; j++) {
-        __m512 x = _mm512_permutex2var_ps(r, _mm512_loadu_si512(two[j]), g);
-
-        x = _mm512_mask_permutexvar_ps(x, blue[j],
-                                       _mm512_loadu_si512(third[j]), b);
-        _mm512_storeu_ps(out + 16 * j, x);
-    }
-}
-#endif
-
-static void put_colors(float *out, float (*row)[16], int n, int C)
-{
-#ifdef ISA_AVX512
-    if (C == 3 && n == 16) {
-        interleave_rgb(out, row);
-        return;
-    }
-#endif
-    if (C == 3)
-        interleave(out, row, n, 3);
-    else
-        interleave(out, row, n, C);
 }
 
 static void to_half(uint16_t *out, const float *in, size_t n)
@@ -437,7 +389,7 @@ static void finish_colors(struct splat_work *w, struct strip *p,
         for (int x = 0; x < n; x++)
             for (size_t c = 0; c < C; c++)
                 to[(size_t)x * C + c] += p->T[y & 3][x] * out->background[c];
-    if (!wide) {
+    if (!wide && (out->background || !out->bare)) {
         for (size_t c = 0; out->background && c < C; c++)
             vf_store(row[c], vf_fma(vf_load(p->T[y & 3]),
                                     vf_set(out->background[c]),
@@ -493,6 +445,28 @@ static void finish(struct splat_work *w, const struct splat *s,
     }
 }
 
+/* Fetch where the tile goes: written at its end, every line would be waited
+ * for.  32 channels are more than the caches should hold. */
+VEC_INLINE void fetch_target(const struct splat *s, const struct target *out,
+                         int x0, int y0)
+{
+    size_t C = s->state->row ? 0 : (size_t)s->opt.channels;
+    size_t n = (size_t)(s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE);
+
+    for (int y = y0; y < y0 + TILE && y < s->opt.height; y++) {
+        size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x0;
+
+        if (C && out->image)
+            fetch(out->image + at * C, n * C * sizeof *out->image);
+        if (C && out->bare)
+            fetch(out->bare + at * C, n * C * sizeof *out->bare);
+        if (out->alpha)
+            fetch(out->alpha + at, n * sizeof *out->alpha);
+        if (out->final_T)
+            fetch(out->final_T + at, n * sizeof *out->final_T);
+    }
+}
+
 static bool any_alive(const struct splat_work *w)
 {
     uint32_t any = 0;
@@ -511,6 +485,7 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
     float cx = (float)x0 + 8, cy = (float)y0 + 8;
 
     begin(w, s, x0, y0);
+    fetch_target(s, out, x0, y0);
     for (uint32_t i = st->start[t]; i < st->end[t] && any_alive(w);
          i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;

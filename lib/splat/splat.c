@@ -75,8 +75,7 @@ size_t splat_work_size(void)
 
 /* ---- memory -------------------------------------------------------------- */
 
-/* Large blocks ask for huge pages: the records are read in tile order. */
-static void *block_alloc(size_t bytes)
+void *splat_block(size_t bytes)
 {
     size_t huge = (size_t)2 << 20;
     size_t align = bytes >= huge ? huge : ALIGN;
@@ -242,7 +241,7 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     st->view.cut = log2f(opt->alpha_cut);
     st->view.t_cut = opt->t_cut;
     s->bytes = screen_layout(st, NULL);
-    st->screen = block_alloc(s->bytes);
+    st->screen = splat_block(s->bytes);
     if (!st->screen)
         goto out;
     screen_layout(st, st->screen);
@@ -396,7 +395,7 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
         free(st->block);
         s->bytes += bytes - st->block_bytes;
         st->block_bytes = bytes;
-        st->block = block_alloc(bytes);
+        st->block = splat_block(bytes);
         if (!st->block) {
             s->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",

@@ -122,6 +122,9 @@ struct splat_kernels {
                               double *rt);
 };
 
+/* Memory for free(), aligned to 64 bytes; large blocks ask for huge pages: the
+ * records are read in tile order.  NULL: none. */
+void *splat_block(size_t bytes);
 const struct splat_kernels *splat_kernels(enum cpu_level level);
 size_t splat_work_size(void);
 

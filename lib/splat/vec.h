@@ -38,6 +38,14 @@ VEC_INLINE vf vf_load(const float *p)
     return v;
 }
 
+VEC_INLINE vi vi_load(const void *p)
+{
+    vi v;
+
+    memcpy(&v, p, sizeof v);
+    return v;
+}
+
 /* Four floats, four times. */
 VEC_INLINE vf vf_repeat(const float *p)
 {
@@ -46,6 +54,20 @@ VEC_INLINE vf vf_repeat(const float *p)
 #else
     return (vf){p[0], p[1], p[2], p[3], p[0], p[1], p[2], p[3],
                 p[0], p[1], p[2], p[3], p[0], p[1], p[2], p[3]};
+#endif
+}
+
+/* from[at[0]], from[at[1]] ... */
+VEC_INLINE vf vf_gather(const float *from, vi at)
+{
+#ifdef ISA_AVX512
+    return (vf)_mm512_i32gather_ps((__m512i)at, from, 4);
+#else
+    vf v;
+
+    for (int k = 0; k < VEC; k++)
+        v[k] = from[at[k]];
+    return v;
 #endif
 }
 
@@ -148,9 +170,14 @@ VEC_INLINE vf vf_min_positive(vf a, vf b)
     return (vf)_mm512_min_epi32((__m512i)a, (__m512i)b);
 }
 
-VEC_INLINE vf vf_fma_keep(vm m, vf a, vf b, vf c)  /* m ? a b + c : c */
+VEC_INLINE vf vf_fma_keep(vm m, vf a, vf b, vf c)   /* m ? a b + c : c */
 {
     return (vf)_mm512_mask3_fmadd_ps((__m512)a, (__m512)b, (__m512)c, m);
+}
+
+VEC_INLINE vf vf_fnma_keep(vm m, vf a, vf b, vf c)  /* m ? c - a b : 0 */
+{
+    return (vf)_mm512_maskz_fnmadd_ps(m, (__m512)a, (__m512)b, (__m512)c);
 }
 
 VEC_INLINE uint32_t vm_bits(vm m)
@@ -299,6 +326,11 @@ VEC_INLINE vf vf_fma_keep(vm m, vf a, vf b, vf c)
     return vf_keep(m, a) * b + c;
 }
 
+VEC_INLINE vf vf_fnma_keep(vm m, vf a, vf b, vf c)
+{
+    return vf_keep(m, c - a * b);
+}
+
 VEC_INLINE uint32_t vm_bits(vm m)
 {
     uint32_t bits = 0;
@@ -398,6 +430,49 @@ VEC_INLINE void vf_swap_quads(vf r[4])
 #endif
 }
 
+/* Rows of `width` numbers, up to four, from as many vectors: number k of row n
+ * is lane n of v[k]. */
+VEC_INLINE void vf_interleave(vf v[4], const size_t width)
+{
+#ifdef ISA_AVX512
+    /* of three: number k of the result is of the first, the second (16 and
+     * on), or where blue has a bit of the third */
+    const __m512i two[3] = {
+        _mm512_setr_epi32(0, 16, 0, 1, 17, 0, 2, 18, 0, 3, 19, 0, 4, 20, 0, 5),
+        _mm512_setr_epi32(21, 0, 6, 22, 0, 7, 23, 0,
+                          8, 24, 0, 9, 25, 0, 10, 26),
+        _mm512_setr_epi32(0, 11, 27, 0, 12, 28, 0, 13,
+                          29, 0, 14, 30, 0, 15, 31, 0)};
+    const __m512i third[3] = {
+        _mm512_setr_epi32(0, 0, 0, 0, 0, 1, 0, 0, 2, 0, 0, 3, 0, 0, 4, 0),
+        _mm512_setr_epi32(0, 5, 0, 0, 6, 0, 0, 7, 0, 0, 8, 0, 0, 9, 0, 0),
+        _mm512_setr_epi32(10, 0, 0, 11, 0, 0, 12, 0,
+                          0, 13, 0, 0, 14, 0, 0, 15)};
+    static const __mmask16 blue[3] = {0x4924, 0x2492, 0x9249};
+
+    if (width == 3) {
+        __m512 r = (__m512)v[0], g = (__m512)v[1], b = (__m512)v[2];
+
+        for (int j = 0; j < 3; j++)
+            v[j] = (vf)_mm512_mask_permutexvar_ps(
+                _mm512_permutex2var_ps(r, two[j], g), blue[j], third[j], b);
+        return;
+    }
+    if (width == 4) {
+        vf_transpose_quads(v);
+        vf_swap_quads(v);
+        return;
+    }
+#endif
+    float flat[4 * VEC];
+
+    for (size_t k = 0; k < width; k++)
+        for (size_t n = 0; n < VEC; n++)
+            flat[n * width + k] = v[k][n];
+    for (size_t k = 0; k < width; k++)
+        v[k] = vf_load(flat + VEC * k);
+}
+
 VEC_INLINE vf vf_abs(vf a)
 {
     return (vf)((vi)a & 0x7fffffff);
@@ -458,8 +533,12 @@ static const float exp2_table[6][6] = {
 #define ABREAST(v) \
     __asm__ volatile("" : "+v"((v)[0]), "+v"((v)[1]), "+v"((v)[2]), \
                      "+v"((v)[3]))
+/* What has been stored is loaded, part by part: the compiler would rather take
+ * the vectors apart by shuffles, of which the processor does one a cycle. */
+#define FROM_MEMORY(v) __asm__ volatile("" : "+m"(v))
 #else
 #define ABREAST(v) (void)(v)
+#define FROM_MEMORY(v) (void)(v)
 #endif
 
 /* q[k] becomes 2^q[k], for q in about [-100, 0]. */

@@ -57,6 +57,7 @@ static const struct key keys[] = {
     {"loss.face", KIND_DOUBLE, AT(face), 0, 1e6, 1},
     {"loss.perceptual", KIND_DOUBLE, AT(perceptual), 0, 1e6, 1},
     {"loss.silhouette", KIND_DOUBLE, AT(silhouette), 0, 1e6, 0},
+    {"loss.square", KIND_DOUBLE, AT(square), 0, 1e6, 0},
     {"loss.smooth", KIND_BOOL, AT(smooth), 0, 1, 0},
     {"log_every", KIND_INT, AT(log_every), 1, 1e9, 10},
     {"sheet_every", KIND_INT, AT(sheet_every), 0, 1e9, 0},
@@ -132,6 +133,18 @@ static int set_stage(struct train_config *c, const cJSON *value,
                                            : "not a string");
 }
 
+static int set_freeze(struct train_config *c, const cJSON *value,
+                      struct error *err)
+{
+    const char *s = cJSON_GetStringValue(value);
+
+    if (!s || strlen(s) >= sizeof c->freeze)
+        return error_set(err, EX_CONFIG, "freeze: expected the beginning of "
+                         "tensors' names");
+    strcpy(c->freeze, s);
+    return 0;
+}
+
 static int set_object(struct train_config *c, const cJSON *object,
                       const char *prefix, struct error *err)
 {
@@ -144,6 +157,9 @@ static int set_object(struct train_config *c, const cJSON *object,
                  item->string);
         if (!strcmp(name, "stage")) {
             if (set_stage(c, item, err))
+                return -1;
+        } else if (!strcmp(name, "freeze")) {
+            if (set_freeze(c, item, err))
                 return -1;
         } else if (!strcmp(name, "model")) {
             if (!cJSON_IsObject(item))

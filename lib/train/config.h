@@ -32,10 +32,14 @@ struct train_config {
     double face;                /* factor of the face crop's terms */
     double perceptual;          /* pyramid L1 of the face crop (lambda_2) */
     double silhouette;          /* alpha against the mask */
+    double square;              /* mean square of the two pictures: what PSNR
+                                 * measures */
     int smooth;                 /* squares instead of |x| in pictures, and no
                                  * cut-offs in the renderer: for comparing
                                  * gradients with differences */
     int64_t log_every, sheet_every, checkpoint_every, held_every, held_people;
+    char freeze[64];            /* tensors whose names begin so stay as they
+                                 * are; "" for none */
     char *model;                /* JSON of the model's configuration */
 };
 

@@ -22,6 +22,8 @@ struct data_reader {
     size_t size;               /* side of the pictures, once known */
     int have_shape, id;
     float shape[DATA_SHAPE];
+    data_shape_fn *shape_fn;
+    void *shape_ctx;
     int have_motion;
     struct data_frame next;    /* truth read, picture to come */
 };
@@ -348,11 +350,18 @@ static int read_person(struct data_reader *r, struct data_person *p,
     }
 }
 
+void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx)
+{
+    r->shape_fn = fn;
+    r->shape_ctx = ctx;
+}
+
 int data_next(struct data_reader *r, struct data_person *p,
               struct error *err)
 {
     memset(p, 0, sizeof *p);
-    if (read_person(r, p, 1, err)) {
+    if (read_person(r, p, 1, err) ||
+        (r->shape_fn && r->shape_fn(r->shape_ctx, p, err))) {
         data_person_release(p);
         return -1;
     }

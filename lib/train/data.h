@@ -49,6 +49,11 @@ struct data_reader;
 struct data_reader *data_open(const char *const *names, size_t count,
                               double margin, struct error *err);
 void data_close(struct data_reader *r);
+/* From here on, fn says what shape every person read has; an error of its is
+ * data_next's. */
+typedef int data_shape_fn(void *ctx, struct data_person *p,
+                          struct error *err);
+void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx);
 
 /* The next person with at least one frame into *p (empty before).  -1 when
  * the data end, a truth record is missing, or sizes are mixed; the message

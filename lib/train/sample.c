@@ -20,6 +20,9 @@ struct square data_jitter(const struct data_frame *f, float jitter,
 {
     struct square q = f->crop;
 
+    /* most crops are second looks, which the first has put right */
+    if (random_uniform(r) < 0.6)
+        jitter *= 0.25f;
     q.x += jitter * 0.05 * random_normal(r) * f->crop.size;
     q.y += jitter * 0.05 * random_normal(r) * f->crop.size;
     q.size *= exp(jitter * 0.07 * random_normal(r));

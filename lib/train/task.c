@@ -3,6 +3,35 @@
 #include <cjson/cJSON.h>
 #include <stdio.h>
 #include <string.h>
+#include <sysexits.h>
+
+static int make(struct task *t, struct error *err)
+{
+    switch (t->config->stage) {
+    case STAGE_SHAPE:
+        return task_shape_init(t, err);
+    case STAGE_MOTION:
+        return task_motion_init(t, err);
+    default:
+        return task_avatar_init(t, err);
+    }
+}
+
+/* The configuration's "freeze": it must name something. */
+static int freeze(struct params *ps, const char *prefix, struct error *err)
+{
+    size_t found = 0;
+
+    for (size_t i = 0; *prefix && i < ps->count; i++)
+        if (!strncmp(ps->tensor[i].name, prefix, strlen(prefix))) {
+            ps->tensor[i].frozen = true;
+            found++;
+        }
+    return *prefix && !found
+               ? error_set(err, EX_CONFIG, "freeze: no tensor's name begins "
+                           "with \"%s\"", prefix)
+               : 0;
+}
 
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err)
@@ -11,11 +40,7 @@ int task_init(struct task *t, const struct train_config *c,
     t->config = c;
     t->head = h;
     params_init(&t->ps);
-    if (c->stage == STAGE_SHAPE)
-        return task_shape_init(t, err);
-    if (c->stage == STAGE_MOTION)
-        return task_motion_init(t, err);
-    return task_avatar_init(t, err);
+    return make(t, err) ? -1 : freeze(&t->ps, c->freeze, err);
 }
 
 void task_release(struct task *t)

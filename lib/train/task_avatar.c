@@ -20,7 +20,7 @@ struct impl {
     int with_motion;                /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
-    float *crops, *out, *dout;      /* (targets,...) */
+    float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
 enum { HELD_PSNR, HELD_SSIM, HELD_L1, HELD_STAR, HELD_SSIM_STAR, HELD_SOURCE,
@@ -49,29 +49,40 @@ struct lesson {
     const struct data_person *who;
     const struct data_frame *source;
     const struct data_frame *target[64];
-    struct square q[64];
+    struct square q[65];            /* the source's last */
     struct identity id;
 };
+
+/* What E_m will see of item i of a lesson. */
+static int look(struct task *t, struct lesson *l, size_t i,
+                const struct data_frame *f, struct random *r,
+                struct error *err)
+{
+    const struct data_augment *how = &t->config->augment;
+    struct impl *m = t->impl;
+
+    l->q[i] = data_jitter(f, how->jitter, r);
+    return m->with_motion ? data_sample(m->crops + i * N * N * 3, N, f,
+                                        l->q[i], how, r, err)
+                          : 0;
+}
 
 static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
                        size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
-    struct impl *m = t->impl;
     struct random r;
 
     data_random(&r, (uint64_t)c->seed, step, micro);
     l->source = task_draw(t, &l->who, &r);
     for (int64_t i = 0; i < c->targets; i++) {
-        struct data_augment how = c->augment;
         uint32_t k = random_below(&r, (uint32_t)l->who->count);
         l->target[i] = &l->who->frame[k];
-        l->q[i] = data_jitter(l->target[i], c->augment.jitter, &r);
-        if (m->with_motion &&
-            data_sample(m->crops + (size_t)i * N * N * 3, N, l->target[i],
-                        l->q[i], &how, &r, err))
+        if (look(t, l, (size_t)i, l->target[i], &r, err))
             return -1;
     }
+    if (look(t, l, (size_t)c->targets, l->source, &r, err))
+        return -1;
     memset(&l->id, 0, sizeof l->id);
     return head_fold(&l->id, t->head, l->who->shape, t->head->nshape, err);
 }
@@ -114,6 +125,24 @@ static int study(struct task *t, double *parts, const struct lesson *l,
     return 0;
 }
 
+/* Phase A as it will be: the source's own motion is what E_m sees, too.  The
+ * bake has no gradient by it, so what compares gradients takes the truth. */
+static int bake(struct task *t, const struct lesson *l, struct error *err)
+{
+    struct impl *m = t->impl;
+    size_t n = (size_t)t->config->targets;
+    struct motion_state s = {.verts = m->tr.verts};
+
+    if (m->with_motion) {
+        motion_encoder_forward(m->out, m->crops, &m->net);
+        memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
+    }
+    if (!m->with_motion || t->config->smooth)
+        return trainee_bake(&m->tr, l->source, &l->id, NULL, NULL, err);
+    motion_decode(&s, m->out + n * MOTION_OUT, l->source, l->q[n], &l->id);
+    return trainee_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
+}
+
 static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err)
 {
@@ -123,11 +152,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
     int rc = draw_lesson(&l, t, step, micro, err);
 
     if (!rc)
-        rc = trainee_bake(&m->tr, l.source, &l.id, NULL, NULL, err);
-    if (!rc && m->with_motion) {
-        motion_encoder_forward(m->out, m->crops, &m->net);
-        memset(m->dout, 0, n * MOTION_OUT * sizeof *m->dout);
-    }
+        rc = bake(t, &l, err);
     for (size_t i = 0; i < n && !rc; i++)
         rc = study(t, parts, &l, i, step, err);
     if (!rc) {
@@ -321,7 +346,7 @@ static const struct task_type type = {
 static int add_motion(struct task *t, const char *net, struct error *err)
 {
     struct impl *m = t->impl;
-    size_t T = (size_t)t->config->targets;
+    size_t T = (size_t)t->config->targets + 1;
 
     m->with_motion = 1;
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
@@ -378,7 +403,7 @@ int task_avatar_init(struct task *t, struct error *err)
     if (!m->with_motion)
         return 0;
     motion_encoder_start(&m->net);
-    if (motion_encoder_plan(&m->net, (size_t)c->targets, fixed, err))
+    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }

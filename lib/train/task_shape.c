@@ -18,7 +18,7 @@ struct impl {
     struct params judge_ps;
     struct shape_encoder judge;
     size_t n;                   /* directions of the head, at most OUT */
-    double *gram;               /* (n,n) S^T S / 3V */
+    double *gram;               /* (n,n) S^T S / 3V, less similarities */
     float *rgb, *out, *dout;
 };
 
@@ -55,7 +55,66 @@ static void fill_gram(double *gram, const struct head *h, size_t n)
             gram[j * n + i] = gram[i * n + j];
 }
 
-/* Root mean square over coordinates of the vertices' difference; g (n, or
+/* unit (4,blocks*96): what moving the mean head and making it larger do to its
+ * vertices, in the blocks' layout, each of length 1. */
+static void similarities(double *unit, const struct head *h)
+{
+    size_t n = h->blocks * 96;
+    double mean[3] = {0};
+
+    for (size_t i = 0; i < 3 * h->V; i++)
+        mean[i % 3] += (double)h->v_template[i] / (double)h->V;
+    for (size_t v = 0; v < h->V; v++)
+        for (size_t c = 0; c < 3; c++) {
+            size_t at = v / HEAD_BLOCK * 96 + c * HEAD_BLOCK + v % HEAD_BLOCK;
+            unit[c * n + at] = 1;
+            unit[3 * n + at] = (double)h->v_template[3 * v + c] - mean[c];
+        }
+    for (size_t j = 0; j < 4; j++) {
+        double sum = 0;
+        for (size_t i = 0; i < n; i++)
+            sum += unit[j * n + i] * unit[j * n + i];
+        for (size_t i = 0; i < n; i++)
+            unit[j * n + i] /= sqrt(sum);
+    }
+}
+
+/* Take size and place out of the directions that gram is of: a small head
+ * near by and a large one further off look the same, and E_m's translation
+ * makes up for either. */
+static int forgive_similarity(double *gram, const struct head *h, size_t n,
+                              struct error *err)
+{
+    size_t count = h->blocks * 96;
+    double *unit = calloc(4 * count, sizeof *unit);
+    double *along = calloc(4 * n, sizeof *along);
+
+    if (!unit || !along) {
+        free(unit);
+        free(along);
+        return error_set(err, EX_OSERR, "out of memory");
+    }
+    similarities(unit, h);
+    for (size_t j = 0; j < 4; j++)
+        for (size_t b = 0; b < h->blocks; b++)
+            for (size_t i = 0; i < n; i++) {
+                const float *d = h->shape_dirs + (b * h->nshape + i) * 96;
+                for (size_t k = 0; k < 96; k++)
+                    along[4 * i + j] += unit[j * count + b * 96 + k] *
+                                        (double)d[k];
+            }
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j < n; j++)
+            for (size_t k = 0; k < 4; k++)
+                gram[i * n + j] -= along[4 * i + k] * along[4 * j + k] /
+                                   (3.0 * (double)h->V);
+    free(unit);
+    free(along);
+    return 0;
+}
+
+/* Root mean square over coordinates of the vertices' difference, whatever
+ * size and place would undo left out; g (n, or
  * NULL) is its gradient by beta. */
 static double shape_error(double *g, const float *beta, const float *truth,
                           const struct impl *m)
@@ -216,6 +275,8 @@ int task_shape_init(struct task *t, struct error *err)
     m->out = m->rgb + B * n;
     m->dout = m->out + B * OUT;
     fill_gram(m->gram, t->head, m->n);
+    if (forgive_similarity(m->gram, t->head, m->n, err))
+        return -1;
     if (shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||
         params_allocate(&t->ps, err) ||
         params_allocate_gradients(&t->ps, err))

@@ -8,7 +8,8 @@
 #include "lib/geom/camera.h"
 
 const char *const picture_term_name[PICTURE_COUNT] = {
-    "coarse", "coarse_face", "final", "final_face", "perceptual", "mask"};
+    "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",
+    "square"};
 
 int trainee_init(struct trainee *t, struct params *ps,
                  const struct avatar_config *config, const struct head *h,
@@ -208,8 +209,12 @@ int trainee_losses(struct trainee *t, double *terms,
                                               c->perceptual * scale, t->tmp);
     terms[PICTURE_MASK] += loss_mask(t->dalpha, t->alpha, t->mask, n,
                                      c->silhouette * scale);
+    terms[PICTURE_SQUARE] += loss_l2(t->dcoarse, t->coarse, t->target, 3 * n,
+                                     c->square * scale);
     if (!t->config.has_refiner)
         return 0;
+    terms[PICTURE_SQUARE] += loss_l2(t->drgb, t->rgb, t->target, 3 * n,
+                                     c->square * scale);
     terms[PICTURE_FINAL] += loss_l1(t->drgb, t->rgb, t->target, S, S, NULL,
                                     c->refined * scale);
     terms[PICTURE_FINAL_FACE] += loss_l1(t->drgb, t->rgb, t->target, S, S,

@@ -18,7 +18,7 @@
 /* L_img and L_perc, in the order of the log. */
 enum picture_term {
     PICTURE_COARSE, PICTURE_COARSE_FACE, PICTURE_FINAL, PICTURE_FINAL_FACE,
-    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_COUNT
+    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_SQUARE, PICTURE_COUNT
 };
 extern const char *const picture_term_name[PICTURE_COUNT];
 

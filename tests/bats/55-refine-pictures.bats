@@ -101,10 +101,23 @@ PY
     has 'dB against all of it in f32'
 }
 
+@test "8 bits: another picture, over 35 dB of f32, and reported" {
+    spid-refine --precision int8 feat.spid -o a.spid 2>err
+    spid-refine --precision f32 -q feat.spid -o b.spid
+    ! cmp -s a.spid b.spid
+    cat err
+    sed -n 's/.*int8, .*largest error .*, \([0-9.]*\) dB against all of it in f32.*/\1/p' err >db
+    awk '{ n++; if ($1 < 35) exit 1 } END { exit n != 1 }' db
+    status 64 spid-motion --precision int8 feat.spid -o c.spid
+    has "int8 is for refiners"
+}
+
 @test "one thread and two give the same bits" {
-    spid-refine -j 1 feat.spid -o a.spid
-    spid-refine -j 2 feat.spid -o b.spid
-    cmp a.spid b.spid
+    for p in fast int8; do
+        spid-refine -j 1 --precision $p -q feat.spid -o a.spid
+        spid-refine -j 2 --precision $p -q feat.spid -o b.spid
+        cmp a.spid b.spid
+    done
 }
 
 @test "features that are not the refiner's are refused" {

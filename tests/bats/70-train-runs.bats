@@ -52,6 +52,21 @@ train() {
         print $2, $(n + 2); if (d > 1e-3) bad = 1 } END { exit bad }'
 }
 
+@test "people may have the shapes that E_beta sees" {
+    local model=$TOP/examples/model/model.safetensors
+    train -q -c "$DIR/m.json" -o "$DIR/true" --steps 1 "$DIR/p.spid"
+    train -q -c "$DIR/m.json" -o "$DIR/seen" --steps 1 --shapes "$model" \
+        "$DIR/p.spid"
+    # the same network, crops and motions; projected landmarks differ
+    paste "$DIR/true/log.tsv" "$DIR/seen/log.tsv" | awk 'NR == 1 {
+        for (i = 1; $i != "landmark"; i++); n = NF / 2 }
+        NR == 2 { exit !($i != $(i + n) && $(i + 1) == $(i + 1 + n)) }'
+    run train -q -c "$DIR/m.json" -o "$DIR/none" --shapes none.safetensors \
+        "$DIR/p.spid"
+    [ "$status" = 66 ]
+    [[ $output == *none.safetensors* ]]
+}
+
 @test "an unknown key of the configuration is named" {
     echo '{"stage":"motion","setps":1}' > "$DIR/bad.json"
     run train -c "$DIR/bad.json" -o "$DIR/x" "$DIR/p.spid"

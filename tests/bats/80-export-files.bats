@@ -151,6 +151,20 @@ PY
     node "$TOP/tests/npm/validate.cjs" a.glb b.glb
 }
 
+@test "a GLB of the head is read back, and the difference to our mesh printed" {
+    HEAD=$TOP/${BUILD:-build}/share/spid/head.safetensors
+    [ -e "$HEAD" ] || skip "no head model built"
+    moving 3
+    spid-export --head "$HEAD" motion.spid --glb-head few.glb >out
+    spid-export --head "$HEAD" --expressions 198 --correctives motion.spid --glb-head all.glb >>out
+    cat out
+    # FILE: 5023 vertices, the first frame read back and drawn: 12.3 micrometres at most from our mesh, 45.6 dB
+    sed -n 's/^\([^:]*\): [0-9]* vertices, the first frame read back and drawn: \([0-9.]*\) micrometres at most from our mesh, \([0-9.]*\) dB$/\1 \2 \3/p' out >table
+    [ "$(wc -l <table)" -eq 2 ]
+    awk '$1 == "few.glb" { few = $2 } $1 == "all.glb" { all = $2; db = $3 }
+        END { exit !(all < 1000 && all < few && db > 30) }' table
+}
+
 @test "lint explains a PLY with linear opacities" {
     spid-export -q scene.spid --ply face.ply
     cat >break.py <<'PY'

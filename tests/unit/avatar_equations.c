@@ -115,6 +115,33 @@ static void mouth(void)
     near("and not where the clamp acted", dq[5] + dq[8], 0, 0);
 }
 
+/* Offsets held behind the lips, and the derivative against differences. */
+static void mouth_held(void)
+{
+    float q[6] = {0, 0, 0, 50, -50, 50}, worst = 0;
+    const float at[3] = {0.7f, -0.3f, 0.4f};
+
+    mouth_hold(q, 2, 0.2f, 0.1f);
+    near("nothing asked for: half the cap behind the lips", q[2], -0.05f, 0);
+    near("and not to the side", q[0] + q[1], 0, 0);
+    near("at most half the radius to the side", q[3], 0.1f, 1e-7);
+    near("to either side", q[4], -0.1f, 1e-7);
+    near("never before the lips", q[5], 0, 1e-7);
+    for (int i = 0; i < 3; i++) {
+        float lo[3], hi[3], d[3] = {0, 0, 0}, step = 1e-2f;
+        memcpy(lo, at, sizeof lo);
+        memcpy(hi, at, sizeof hi);
+        lo[i] -= step;
+        hi[i] += step;
+        d[i] = 1;
+        mouth_hold(lo, 1, 0.2f, 0.1f);
+        mouth_hold(hi, 1, 0.2f, 0.1f);
+        mouth_hold_backward(d, at, 1, 0.2f, 0.1f);
+        worst = fmaxf(worst, fabsf((hi[i] - lo[i]) / (2 * step) / d[i] - 1));
+    }
+    near("its derivative against differences, relative", worst, 0, 2e-3);
+}
+
 /* A square from the middle to the right border, top to bottom: NDC 0..1. */
 static void coverage(void)
 {
@@ -186,6 +213,7 @@ int main(void)
     midpoints();
     plane();
     mouth();
+    mouth_held();
     coverage();
     shifts();
     spread();

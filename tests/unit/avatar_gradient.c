@@ -332,7 +332,10 @@ static void reference(struct world *w)
         for (int c = 0; c < 3; c++) {
             double q = s->q[3 * k + (size_t)c];
 
-            if (c == 2)
+            if (a->config.rgb_skip)
+                q = c < 2 ? 0.5 * (double)a->mouth.radius * tanh(q)
+                          : 0.5 * (double)a->cap * (tanh(q) - 1);
+            else if (c == 2)
                 q = fmin(fmax(q, -a->cap), a->cap);
             double g = ls[c] + (c < 2 ? a->mouth.radius * uv[c] : 0);
             worst = fmax(worst, fabs(g - ls[c] + ld[c] + q -

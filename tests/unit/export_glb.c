@@ -182,6 +182,36 @@ static void gltf_vertex(double out[3], const struct export_head *e, size_t f,
     }
 }
 
+/* The file read back is posed as the same sums here. */
+static void file_matches(const struct export_head *e)
+{
+    float *verts = malloc(3 * V * sizeof *verts);
+    int32_t faces[3 * (V - 2)];
+    struct error err = {0};
+    double worst = 0;
+    char path[64];
+
+    snprintf(path, sizeof path, "/tmp/spid-export-%d.glb", (int)getpid());
+    if (export_head_write(e, path, &err) ||
+        glb_read_posed(verts, faces, V, V - 2, path, &err)) {
+        printf("FAILED: %s\n", err.text);
+        failed++;
+    }
+    for (size_t v = 0; v < V; v++) {
+        double p[3];
+        gltf_vertex(p, e, 0, v);
+        for (size_t i = 0; i < 3; i++)
+            worst = fmax(worst, fabs(p[i] - (double)verts[3 * v + i]));
+    }
+    check("the file's first frame, read back (m)", worst, 1e-6);
+    check("the file's faces, read back",
+          memcmp(faces, e->head->f, sizeof faces) != 0, 0);
+    check("another number of vertices is refused",
+          glb_read_posed(verts, faces, V - 1, V - 2, path, &err) != -1, 0);
+    unlink(path);
+    free(verts);
+}
+
 static void head_matches_pose(struct random *r)
 {
     struct error err = {0};
@@ -214,6 +244,7 @@ static void head_matches_pose(struct random *r)
         }
     }
     check("glTF skinning against head_pose (m)", worst, 2e-6);
+    file_matches(&e);
     check("a time that does not increase is refused",
           export_head_frame(&e, &m, &err) != -1, 0);
 out:

@@ -187,6 +187,32 @@ static void test_faults(void)
            &r.err);
 }
 
+/* MPEG-TS, which says nowhere how long it is: cut inside a packet. */
+static void test_transport(void)
+{
+    char cmd[1024];
+    struct stat st;
+    struct seen r;
+
+    snprintf(cmd, sizeof cmd, "ffmpeg -nostdin -v error -y -i %s/b.avi -c:v "
+             "mpeg2video -q:v 2 %s/b.ts", at("."), at("."));
+    if (system("command -v ffmpeg >/dev/null 2>&1") != 0) {
+        printf("no ffmpeg here: MPEG-TS left out\n");
+        return;
+    }
+    expect(system(cmd) == 0, "MPEG-TS by ffmpeg", &(struct error){0});
+    r = see_one("b.ts");
+    expect(r.rc == 0 && r.frames == 12, "a whole MPEG-TS file", &r.err);
+    cut("b.ts", "cut.ts", 0.7);
+    expect(stat(at("cut.ts"), &st) == 0 &&
+               truncate(at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,
+           "cutting it", &(struct error){0});
+    r = see_one("cut.ts");
+    printf("cut.ts: %zu frames before the fault\n", r.frames);
+    expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1
+           && r.frames < 12, "one cut short", &r.err);
+}
+
 static void write_text(const char *name, const char *text, size_t n)
 {
     FILE *fp = fopen(at(name), "wb");
@@ -270,6 +296,7 @@ int main(void)
     test_kinds();
     test_lists();
     test_faults();
+    test_transport();
     test_hostile();
     test_images();
     snprintf(cmd, sizeof cmd, "rm -rf %s", dir);

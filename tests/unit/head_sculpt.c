@@ -196,9 +196,8 @@ static void test_directions(const struct sculpt *s)
             worst = fmax(worst, fabs(sum[0] + sum[1] + sum[2] + sum[3]));
         }
     check("norm of a shape over the one before, less 1", rise, -1, 1e-6);
-    /* Columns are taken out of each other once, in single precision: the
-     * shortest, mostly said before, keep up to 2.5 % of a longer one. */
-    check("largest cosine between two shapes", worst, 0, 0.03);
+    check("shortest shape, m", before, 1e-4, 1);
+    check("largest cosine between two shapes", worst, 0, 1e-6);
     free(row);
 }
 

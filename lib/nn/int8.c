@@ -1,0 +1,107 @@
+#include "lib/nn/int8.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+
+#define CHUNK 16384
+#define PLACES 256       /* of the output: fewer are no work */
+
+bool int8_wanted(const struct conv *c)
+{
+    return c->plan->opt.type == NN_INT8 && c->in_data % 16 == 0 &&
+           c->out % 16 == 0 && c->batch * c->oh * c->ow >= PLACES;
+}
+
+size_t int8_input_size(const struct int8 *q, const struct conv *c)
+{
+    return c->batch * q->h * q->w * c->in_data;
+}
+
+void int8_plan(struct int8 *q, const struct conv *c, struct nn_plan *p)
+{
+    q->weight = nn_plan_bytes(p, c->out * c->in_data * c->kernel * c->kernel);
+    q->step = nn_plan_floats(p, c->out);
+    q->sum = nn_plan_floats(p, c->out);
+    q->scale = nn_plan_floats(p, c->out);
+    q->bias = nn_plan_floats(p, c->out);
+}
+
+void int8_update(struct int8 *q, const struct conv *c, const float *w)
+{
+    /* without instructions of their own, pairs of products are summed in 16
+     * bits: half the range keeps those exact */
+    const float range = nn_type_native(NN_INT8) ? 127 : 63;
+    const size_t n = c->in_data * c->kernel * c->kernel;
+
+    for (size_t o = 0; o < c->out; o++, w += n) {
+        int8_t *to = q->weight + o * n;
+        float most = 0, sum = 0;
+
+        for (size_t i = 0; i < n; i++)
+            most = fmaxf(most, fabsf(w[i]));
+        q->step[o] = most > 0 ? most / range : 1;
+        for (size_t i = 0; i < n; i++) {
+            float x = rintf(w[i] / q->step[o]);
+
+            to[i] = (int8_t)x;
+            sum += x;
+        }
+        q->sum[o] = sum;
+    }
+}
+
+/* Least and greatest of 0 and the input. */
+static void range(float *lo, float *hi, const float *in, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+    float least = 0, most = 0;
+
+#pragma omp parallel for schedule(static) reduction(min : least)             \
+    reduction(max : most)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->range(&least, &most, in + i, n - i < CHUNK ? n - i : CHUNK);
+    *lo = least;
+    *hi = most;
+}
+
+/* Row y of the padded picture, from row y - top of the picture if it has it. */
+static void quantise_row(uint8_t *to, const float *in, const struct int8 *q,
+                         const struct conv *c, size_t y, float inverse,
+                         float zero)
+{
+    const size_t C = c->in_data, n = c->w * C;
+    const int z = (int)zero;
+
+    if (y < q->top || y >= q->top + c->h) {
+        memset(to, z, q->w * C);
+        return;
+    }
+    memset(to, z, q->left * C);
+    nn_kernels()->quantise(to + q->left * C, in + (y - q->top) * n, inverse,
+                           zero, n);
+    memset(to + q->left * C + n, z, (q->w - q->left - c->w) * C);
+}
+
+const uint8_t *int8_input(struct int8 *q, const struct conv *c,
+                          const float *in, const float *bias)
+{
+    uint8_t *bytes = (uint8_t *)c->plan->scratch + q->at;
+    const size_t image = c->h * c->w * c->in_data, row = q->w * c->in_data;
+    float lo, hi;
+
+    range(&lo, &hi, in, c->batch * image);
+    const float step = hi > lo ? (hi - lo) / 255 : 1;
+    const float zero = rintf(-lo / step);
+#pragma omp parallel for schedule(static)
+    for (size_t y = 0; y < c->batch * q->h; y++)
+        quantise_row(bytes + y * row, in + y / q->h * image, q, c, y % q->h,
+                     1 / step, zero);
+    for (size_t o = 0; o < c->out; o++) {
+        q->scale[o] = step * q->step[o];
+        q->bias[o] = bias[o] / q->scale[o] - zero * q->sum[o];
+    }
+    return bytes;
+}
