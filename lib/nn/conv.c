@@ -13,6 +13,7 @@
 #include "lib/nn/image.h"
 #include "lib/nn/int8.h"
 #include "lib/nn/patch.h"
+#include "lib/nn/thin.h"
 #include "lib/nn/winograd.h"
 
 /* One share of the weight gradient: some images, or a band of one. */
@@ -23,13 +24,14 @@ struct part {
 };
 
 /* Who computes the forward. */
-enum method { ONEDNN, INT8, WINOGRAD, PATCH };   /* INT8: oneDNN too */
+enum method { ONEDNN, INT8, WINOGRAD, PATCH, THIN };  /* INT8: oneDNN too */
 
 struct conv_impl {
     enum method kind;
     struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;
     struct winograd wino;
     struct patch patch;
+    struct thin thin;
     struct int8 int8;
     const char *name;
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
@@ -460,6 +462,10 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     if (int8_wanted(c)) {
         im->kind = INT8;
         plan_int8(c, &s);
+    } else if (thin_wanted(c)) {
+        thin_plan(&im->thin, c, p);
+        im->kind = THIN;
+        im->name = "thin";
     } else if (patch_wanted(c)) {
         patch_plan(&im->patch, c, p);
         im->kind = PATCH;
@@ -585,6 +591,8 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
         reorder(&im->to_fwd, im->w_fwd, w, c->plan->scratch);
     } else if (im->kind == WINOGRAD) {
         winograd_update(&im->wino, w, im->bias);
+    } else if (im->kind == THIN) {
+        thin_update(&im->thin, w, im->bias);
     } else {
         patch_update(&im->patch, w, im->bias);
     }
@@ -603,6 +611,10 @@ void conv_forward(float *out, const float *in, struct conv *c)
     }
     if (im->kind == PATCH) {
         patch_forward(out, in, &im->patch);
+        return;
+    }
+    if (im->kind == THIN) {
+        thin_forward(out, in, &im->thin);
         return;
     }
     if (im->kind == INT8) {

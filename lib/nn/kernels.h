@@ -56,6 +56,7 @@ struct winograd;
                                          size_t image, size_t c0))           \
     X(void, gemv, (float *y, const float *w, const float *x, const float *b, \
                    size_t out, size_t in))                                   \
+    X(double, dot, (const float *a, const float *b, size_t n))               \
     X(void, channel_scale, (float *y, const float *x, const float *gate,     \
                             const float *add, size_t rows, size_t C))        \
     X(void, channel_dot, (float *sum, const float *a, const float *b,        \

@@ -23,6 +23,21 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
     }
 }
 
+/* Summed in double precision. */
+double ISA(dot)(const float *a, const float *b, size_t n)
+{
+    double lane[16] = { 0 }, sum = 0;
+    size_t whole = n / 16 * 16;
+    for (size_t i = 0; i < whole; i += 16)
+        for (size_t j = 0; j < 16; j++)
+            lane[j] += (double)a[i + j] * (double)b[i + j];
+    for (size_t j = 0; j < 16; j++)
+        sum += lane[j];
+    for (size_t i = whole; i < n; i++)
+        sum += (double)a[i] * (double)b[i];
+    return sum;
+}
+
 /* y = x gate + add, rows of C; add may be NULL. */
 void ISA(channel_scale)(float *y, const float *x, const float *gate,
                         const float *add, size_t rows, size_t C)

@@ -26,7 +26,11 @@ static const struct shape shapes[] = {
     { 1, 33, 1, 27, 40, 1, 1, CONV_HALF, ACT_RELU, false },
     { 3, 11, 8, 3, 16, 3, 2, CONV_SAME, ACT_NONE, false },
     { 1, 16, 24, 12, 16, 2, 2, CONV_NONE, ACT_LRELU, false },
-    { 1, 8, 8, 256, 32, 3, 1, CONV_HALF, ACT_LRELU, false },
+    { 1, 8, 8, 256, 32, 3, 1, CONV_HALF, ACT_LRELU, false },   /* in pieces */
+    { 2, 37, 31, 272, 40, 3, 1, CONV_HALF, ACT_RELU, false },  /* two bands */
+    { 1, 9, 14, 96, 24, 3, 2, CONV_HALF, ACT_NONE, false },
+    { 1, 40, 1, 600, 33, 1, 1, CONV_HALF, ACT_LRELU, false },
+    { 3, 1, 1, 517, 70, 1, 1, CONV_HALF, ACT_LRELU, false },   /* few rows */
     { 2, 13, 10, 20, 20, 3, 1, CONV_HALF, ACT_NONE, true },
     { 1, 15, 9, 24, 24, 5, 2, CONV_HALF, ACT_NONE, true },
     { 4, 7, 7, 40, 40, 5, 1, CONV_SAME, ACT_NONE, true },
