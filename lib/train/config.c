@@ -57,6 +57,7 @@ static const struct key keys[] = {
     {"loss.face", KIND_DOUBLE, AT(face), 0, 1e6, 1},
     {"loss.perceptual", KIND_DOUBLE, AT(perceptual), 0, 1e6, 1},
     {"loss.silhouette", KIND_DOUBLE, AT(silhouette), 0, 1e6, 0},
+    {"loss.mouth", KIND_DOUBLE, AT(mouth), 0, 1e6, 0},
     {"loss.square", KIND_DOUBLE, AT(square), 0, 1e6, 0},
     {"loss.smooth", KIND_BOOL, AT(smooth), 0, 1, 0},
     {"log_every", KIND_INT, AT(log_every), 1, 1e9, 10},

@@ -32,6 +32,7 @@ struct train_config {
     double face;                /* factor of the face crop's terms */
     double perceptual;          /* pyramid L1 of the face crop (lambda_2) */
     double silhouette;          /* alpha against the mask */
+    double mouth;               /* L1 and half of L_perc between open lips */
     double square;              /* mean square of the two pictures: what PSNR
                                  * measures */
     int smooth;                 /* squares instead of |x| in pictures, and no

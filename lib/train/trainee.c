@@ -7,9 +7,11 @@
 
 #include "lib/geom/camera.h"
 
+#define MOUTH_OPEN 0.025     /* lips count as open: gap over the face crop */
+
 const char *const picture_term_name[PICTURE_COUNT] = {
     "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",
-    "square"};
+    "square", "mouth"};
 
 int trainee_init(struct trainee *t, struct params *ps,
                  const struct avatar_config *config, const struct head *h,
@@ -155,11 +157,9 @@ int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
     return 0;
 }
 
-struct box trainee_face(const struct data_frame *f, size_t image)
+/* lo to hi, in pixels, inside a picture of `image` pixels a side. */
+static struct box inside(const double lo[2], const double hi[2], size_t image)
 {
-    double k = (double)image / (double)f->size, half = 0.5 * f->crop.size * k;
-    double lo[2] = {f->crop.x * k - half, f->crop.y * k - half};
-    double hi[2] = {f->crop.x * k + half, f->crop.y * k + half};
     size_t a[2], b[2];
 
     for (int i = 0; i < 2; i++) {
@@ -167,6 +167,34 @@ struct box trainee_face(const struct data_frame *f, size_t image)
         b[i] = hi[i] < 0 ? 0 : hi[i] > (double)image ? image : (size_t)hi[i];
     }
     return (struct box){a[0], a[1], b[0], b[1]};
+}
+
+struct box trainee_face(const struct data_frame *f, size_t image)
+{
+    double k = (double)image / (double)f->size, half = 0.5 * f->crop.size * k;
+
+    return inside((double[2]){f->crop.x * k - half, f->crop.y * k - half},
+                  (double[2]){f->crop.x * k + half, f->crop.y * k + half},
+                  image);
+}
+
+struct box trainee_mouth(const struct data_frame *f, size_t image)
+{
+    enum { FIRST = 60, LAST = 67, UPPER = 62, LOWER = 66 };  /* inner lips */
+    double k = (double)image / (double)f->size, lo[2], hi[2];
+    double gap = hypot((double)(f->lmk[LOWER][0] - f->lmk[UPPER][0]),
+                       (double)(f->lmk[LOWER][1] - f->lmk[UPPER][1]));
+
+    if (!(gap > MOUTH_OPEN * f->crop.size))
+        return (struct box){0};
+    for (int i = 0; i < 2; i++) {
+        lo[i] = hi[i] = (double)f->lmk[FIRST][i] * k;
+        for (int j = FIRST + 1; j <= LAST; j++) {
+            lo[i] = fmin(lo[i], (double)f->lmk[j][i] * k);
+            hi[i] = fmax(hi[i], (double)f->lmk[j][i] * k);
+        }
+    }
+    return inside(lo, hi, image);
 }
 
 /* Mean square instead, of the whole picture: see train_config.smooth. */
@@ -181,6 +209,27 @@ static void smooth_losses(struct trainee *t, double *terms,
                                     c->refined * scale);
     terms[PICTURE_MASK] += loss_mask(t->dalpha, t->alpha, t->mask, n,
                                      c->silhouette * scale);
+}
+
+/* Teeth and tongue are some hundred pixels of many thousands, and what is the
+ * median of a colour is grey: the open mouth as a picture of its own. */
+static void mouth_losses(struct trainee *t, double *terms,
+                         const struct data_frame *f,
+                         const struct train_config *c, double scale)
+{
+    size_t S = t->image;
+    struct box box = trainee_mouth(f, S);
+    float *d[2] = {t->dcoarse, t->drgb}, *y[2] = {t->coarse, t->rgb};
+
+    if (c->mouth == 0 || box.x1 <= box.x0 || box.y1 <= box.y0)
+        return;
+    for (int i = 0; i < (t->config.has_refiner ? 2 : 1); i++) {
+        terms[PICTURE_MOUTH] += loss_l1(d[i], y[i], t->target, S, S, &box,
+                                        c->mouth * scale);
+        terms[PICTURE_MOUTH] += loss_pyramid(d[i], y[i], t->target, S, S,
+                                             &box, 0.5 * c->mouth * scale,
+                                             t->tmp);
+    }
 }
 
 int trainee_losses(struct trainee *t, double *terms,
@@ -211,6 +260,7 @@ int trainee_losses(struct trainee *t, double *terms,
                                      c->silhouette * scale);
     terms[PICTURE_SQUARE] += loss_l2(t->dcoarse, t->coarse, t->target, 3 * n,
                                      c->square * scale);
+    mouth_losses(t, terms, f, c, scale);
     if (!t->config.has_refiner)
         return 0;
     terms[PICTURE_SQUARE] += loss_l2(t->drgb, t->rgb, t->target, 3 * n,

@@ -18,7 +18,8 @@
 /* L_img and L_perc, in the order of the log. */
 enum picture_term {
     PICTURE_COARSE, PICTURE_COARSE_FACE, PICTURE_FINAL, PICTURE_FINAL_FACE,
-    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_SQUARE, PICTURE_COUNT
+    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_SQUARE, PICTURE_MOUTH,
+    PICTURE_COUNT
 };
 extern const char *const picture_term_name[PICTURE_COUNT];
 
@@ -77,5 +78,7 @@ void trainee_truth(struct head_motion *m, float cam[12],
                    const struct data_frame *f);
 /* f's face crop in a picture of `image` pixels. */
 struct box trainee_face(const struct data_frame *f, size_t image);
+/* What shows between f's lips; empty where they are closed. */
+struct box trainee_mouth(const struct data_frame *f, size_t image);
 
 #endif
