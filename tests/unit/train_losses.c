@@ -8,6 +8,7 @@
 #include "lib/base/random.h"
 #include "lib/train/adam.h"
 #include "lib/train/losses.h"
+#include "lib/train/trainee.h"
 
 static int failed;
 
@@ -118,8 +119,32 @@ static void check_adam(void)
     params_release(&ps);
 }
 
+/* A picture of 200 pixels drawn with 100: positions halve. */
+static void check_mouth(void)
+{
+    struct data_frame f = {.size = 200, .crop.size = 100};
+
+    for (int j = 60; j <= 67; j++) {
+        f.lmk[j][0] = (float)(70 + 4 * (j - 60));
+        f.lmk[j][1] = 120;
+    }
+    f.lmk[62][1] = 119;
+    f.lmk[66][1] = 121;
+    struct box shut = trainee_mouth(&f, 100);
+    expect("lips 2 % of the crop apart are shut",
+           (double)(shut.x1 + shut.y1), 0, 0);
+    f.lmk[62][1] = 110;
+    f.lmk[66][1] = 130;
+    struct box open = trainee_mouth(&f, 100);
+    expect("open mouth, left", (double)open.x0, 35, 0);
+    expect("open mouth, top", (double)open.y0, 55, 0);
+    expect("open mouth, right", (double)open.x1, 49, 0);
+    expect("open mouth, bottom", (double)open.y1, 65, 0);
+}
+
 int main(void)
 {
+    check_mouth();
     check_loss(0, "l1, whole picture");
     check_loss(1, "l1, box");
     check_loss(2, "l2");
