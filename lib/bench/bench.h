@@ -65,8 +65,8 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
                             const struct bench_times *t, double max_abs,
                             double psnr_db);
 
-/* Mark, among rows first .. with the same stage, config and threads, those that no
- * other beats in both ms_min and psnr_db. */
+/* Mark, among rows first .. with the same stage, config and threads, those
+ * that no other beats in both ms_min and psnr_db. */
 void bench_pareto(struct bench *b, size_t first);
 
 /* A line after the table; a number for the JSON's "fps" or "ms", in place of an

@@ -17,8 +17,8 @@ struct testscene {
  * growing as 1/sqrt(n) so that the picture stays covered. */
 int testscene_make(struct testscene *t, size_t n, uint64_t seed,
                    struct error *err);
-/* A .safetensors file with mean, scale, quat, opacity, color (N,C), cam; missing
- * channels up to 32 are filled with uniform numbers in -0.5..0.5. */
+/* A .safetensors file with mean, scale, quat, opacity, color (N,C), cam;
+ * missing channels up to 32 are filled with uniform numbers in -0.5..0.5. */
 int testscene_load(struct testscene *t, const char *path, struct error *err);
 void testscene_release(struct testscene *t);
 

@@ -1,5 +1,5 @@
 /* E_beta: MobileNetV3-large minimal on the face crop, 960 -> 300 (Eq. beta).
- * Tensors: "<prefix>encoder.*" (timm's names), "<prefix>shape.{weight,bias}". */
+ * Tensors: "<prefix>encoder.*" (as in timm), "<prefix>shape.{weight,bias}". */
 #ifndef SPID_NET_SHAPE_ENCODER_H
 #define SPID_NET_SHAPE_ENCODER_H
 

@@ -24,7 +24,7 @@ struct depthwise {
     struct nn_plan *plan;
     float *taps, *flipped;        /* (k*k,C) */
     float *bias;                  /* (C) */
-    float *pads;                  /* per thread: a padded piece of 16 channels */
+    float *pads;                  /* per thread: 16 channels, padded */
     size_t pad_size;              /* floats of one */
     float *dw;                    /* (batch,k*k,C) */
 };

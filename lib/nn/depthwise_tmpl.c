@@ -182,8 +182,9 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
     if (cols < used)
         cols = used;
     sixteen(taps, d->flipped, d, c0, m);
-    fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1), y1 - y0 + K - 1,
-         (ptrdiff_t)d->left - (ptrdiff_t)(K - 1), cols, d->stride);
+    fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1),
+         y1 - y0 + K - 1, (ptrdiff_t)d->left - (ptrdiff_t)(K - 1), cols,
+         d->stride);
     rows_any(&o, pad, taps, LANES, zero, y0, y1, cols, K, 1, ACT_NONE);
 }
 

@@ -31,7 +31,8 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
     if (C % 16 == 0 && x->taps == 2) {
         for (size_t j = 0; j < x->out; j++) {
             const float *p = line + (size_t)x->first[j] * C;
-            v16 a = v16_set(x->weight[2 * j]), b = v16_set(x->weight[2 * j + 1]);
+            v16 a = v16_set(x->weight[2 * j]);
+            v16 b = v16_set(x->weight[2 * j + 1]);
             for (size_t c = 0; c < C; c += 16)
                 v16_store(out + j * C + c,
                           a * v16_load(p + c) + b * v16_load(p + C + c));

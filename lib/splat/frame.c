@@ -6,11 +6,11 @@
 #include <sysexits.h>
 
 #define RADIX 2048
-#define BATCH 1024             /* Gaussians projected before they are collected */
+#define BATCH 1024             /* Gaussians projected, then collected */
 #define AHEAD 16               /* rectangles fetched early */
 #define SPARE 16               /* list entries, a cache line */
-#define TILES 8                /* neighbours in Z order drawn by one thread: they
-                                * share Gaussians */
+#define TILES 8                /* neighbours in Z order drawn by one thread:
+                                * they share Gaussians */
 
 struct frame {
     struct splat *s;

@@ -41,7 +41,8 @@ static int project(struct spot *s, const struct gaussians *g, size_t i,
                P[4 * r + 3];
     if (!(c[2] > 0.01f) || g->opacity[i] < 1.0f / 255)
         return 0;
-    float lx = 0.65f * (float)width / cam->fx, ly = 0.65f * (float)height / cam->fy;
+    float lx = 0.65f * (float)width / cam->fx;
+    float ly = 0.65f * (float)height / cam->fy;
     float u = fminf(fmaxf(c[0] / c[2], -lx), lx);
     float v = fminf(fmaxf(c[1] / c[2], -ly), ly);
 

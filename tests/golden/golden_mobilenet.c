@@ -30,7 +30,8 @@ static void gradients(struct golden *g, struct mobilenet *m,
     size_t s[4], n = in[0] * in[1] * in[2] * in[3];
     mobilenet_stage(s, m, 4);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
-    float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]), *drgb = malloc(n * sizeof *drgb);
+    float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
+    float *drgb = malloc(n * sizeof *drgb);
     mobilenet_backward_features(drgb, dout, m);
     compare(g, "grad.input", drgb, in, true);
     size_t stem = params_find(ps, "conv_stem.weight");

@@ -1,5 +1,5 @@
 /* GLB files: Gaussians come back as written; the head's skin, morph targets
- * and keyframes reproduce head_pose (glTF's own skinning, done here by hand). */
+ * and keyframes reproduce head_pose (glTF skinning, done here by hand). */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

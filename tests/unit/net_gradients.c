@@ -168,8 +168,8 @@ static void ready(struct params *ps, int rc)
 
 #define RUN(net, lo_, hi_, in_, out_)                                        \
     do {                                                                     \
-        struct subject n = { #net, net##_up, net##_fwd, net##_bwd, &net, &ps,    \
-                         in_, out_, lo_, hi_ };                              \
+        struct subject n = { #net, net##_up, net##_fwd, net##_bwd, &net,     \
+                             &ps, in_, out_, lo_, hi_ };                     \
         run(&n);                                                             \
         net##_release(&net);                                                 \
         params_release(&ps);                                                 \

@@ -116,7 +116,7 @@ static void finite_differences(enum splat_rules rules)
     free(ga);
 }
 
-/* ---- kernels against the reference ----------------------------------------- */
+/* ---- kernels against the reference --------------------------------------- */
 
 static double relative(const float *x, const double *t, size_t n)
 {
