@@ -57,8 +57,8 @@ train motion-shapes faces-held.spid --shapes "$dir/seen.safetensors" \
 train avatar people-held.spid "$dir/people.spid"
 train avatar-512 people-held.spid --init "$dir/avatar/model.safetensors" \
     "$dir/people.spid"
+join "$dir/apart.safetensors" avatar-512 motion-shapes
 train all people-held.spid --shapes "$dir/seen.safetensors" \
-    --init "$dir/avatar-512/model.safetensors" \
-    --init "$dir/motion-shapes/model.safetensors" "$dir/people.spid"
+    --init "$dir/apart.safetensors" "$dir/people.spid"
 
 join "$dir/model.safetensors" all shape
