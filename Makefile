@@ -209,6 +209,7 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
+	  -DISA_ONE -DISA_NAME=baseline \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lm -o $@
 

@@ -9,8 +9,9 @@
 #define ISA(name) ISA_PASTE(name, ISA_NAME)
 #endif
 
-/* SPID_X86 is set where the AVX2 and AVX-512 versions exist. */
-#if defined(__x86_64__)
+/* SPID_X86 is set where the AVX2 and AVX-512 versions exist; ISA_ONE says that
+ * only the baseline is built. */
+#if defined(__x86_64__) && !defined(ISA_ONE)
 #define SPID_X86 1
 #endif
 

@@ -10,12 +10,14 @@
 #include <sys/stat.h>
 #include <sysexits.h>
 #include <unistd.h>
-#include <xxhash.h>
 
+#include "lib/stream/hash.h"
 #include "lib/stream/layout.h"
 
 #define BLOCK ((size_t)1 << 20)    /* smallest buffer, and the pipe's size */
-#define CHUNK ((size_t)256 << 10)  /* most bytes of one read(): fits in L2 */
+#define CHUNK BLOCK                /* most bytes of one read(): all that a pipe
+                                    * holds, so that reader and writer take
+                                    * turns; with less they spin on its lock */
 #define RELEASE ((size_t)64 << 20) /* mapped bytes kept after use */
 
 enum source { SOURCE_PIPE, SOURCE_MAP, SOURCE_MEMORY };
@@ -33,7 +35,7 @@ struct stream_reader {
     bool trust, ended;
     uint64_t records;          /* read so far */
     uint64_t last_frame;       /* of the last good record */
-    XXH3_state_t *hash;
+    struct hash *hash;
 };
 
 static size_t limit = STREAM_MAX_BYTES; /* set once, before any thread */
@@ -62,7 +64,7 @@ static struct stream_reader *reader_new(const char *name,
     if (r) {
         r->fd = -1;
         r->name = strdup(name);
-        r->hash = XXH3_createState();
+        r->hash = hash_new();
         r->max_bytes = opt && opt->max_bytes ? opt->max_bytes
                                              : limit;
         r->trust = opt && opt->trust;
@@ -83,8 +85,7 @@ void stream_close(struct stream_reader *r)
         munmap(r->base, r->room);
     if (r->fd > STDIN_FILENO)
         close(r->fd);
-    if (r->hash)
-        XXH3_freeState(r->hash);
+    hash_free(r->hash);
     free(r->name);
     free(r);
 }
@@ -193,6 +194,8 @@ static int make_room(struct stream_reader *r, size_t need, struct error *err)
                          need);
     r->base = p;
     r->room = room;
+    if (room > BLOCK)
+        madvise(p, room, MADV_HUGEPAGE);
     return 0;
 }
 
@@ -267,17 +270,12 @@ static int read_payload(struct stream_reader *r, const struct record *rec,
     size_t need = HEADER_BYTES + rec->payload_bytes, done = HEADER_BYTES;
     int rc = 1;
 
-    if (r->end - r->begin >= need) /* all of it is here: one call */
-        return check_hash(rec, r->trust ? rec->payload_hash :
-                          XXH3_64bits(r->base + r->begin + done, need - done),
-                          err);
-    XXH3_64bits_reset(r->hash);
+    hash_begin(r->hash);
     for (;;) {
         size_t have = r->end - r->begin < need ? r->end - r->begin : need;
 
         if (!r->trust && have > done)
-            XXH3_64bits_update(r->hash, r->base + r->begin + done,
-                               have - done);
+            hash_add(r->hash, r->base + r->begin + done, have - done);
         done = have;
         if (done == need)
             break;
@@ -286,8 +284,8 @@ static int read_payload(struct stream_reader *r, const struct record *rec,
         if (rc == 0)
             return cut_short(r, rec->type, need, err);
     }
-    return check_hash(rec, r->trust ? rec->payload_hash :
-                      XXH3_64bits_digest(r->hash), err);
+    return check_hash(rec, r->trust ? rec->payload_hash
+                                    : hash_end(r->hash), err);
 }
 
 /* END counts the records before it and nothing follows it. */

@@ -10,8 +10,8 @@
 #include <sys/uio.h>
 #include <sysexits.h>
 #include <unistd.h>
-#include <xxhash.h>
 
+#include "lib/stream/hash.h"
 #include "lib/stream/layout.h"
 
 #define PIPE_BYTES (1 << 20)
@@ -25,7 +25,7 @@ struct stream_writer {
     char *path, *part;         /* NULL unless a regular file is written */
     bool failed;
     uint64_t records;
-    XXH3_state_t *hash;
+    struct hash *hash;
     struct layout_entry table[STREAM_MAX_ARRAYS];
 };
 
@@ -35,8 +35,7 @@ static void writer_free(struct stream_writer *w)
         return;
     if (w->fd > STDERR_FILENO)
         close(w->fd);
-    if (w->hash)
-        XXH3_freeState(w->hash);
+    hash_free(w->hash);
     free(w->name);
     free(w->path);
     free(w->part);
@@ -77,7 +76,7 @@ struct stream_writer *stream_create(const char *path, struct error *err)
     if (w) {
         w->fd = STDOUT_FILENO;
         w->name = strdup(name);
-        w->hash = XXH3_createState();
+        w->hash = hash_new();
     }
     if (!w || !w->name || !w->hash) {
         error_set(err, EX_OSERR, "out of memory");
@@ -160,11 +159,11 @@ int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
         if (bytes % STREAM_ALIGN)
             iov[n++] = piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
     }
-    XXH3_64bits_reset(w->hash);
+    hash_begin(w->hash);
     for (int i = 1; i < n; i++)
-        XXH3_64bits_update(w->hash, iov[i].iov_base, iov[i].iov_len);
+        hash_add(w->hash, iov[i].iov_base, iov[i].iov_len);
     layout_put_header(&header, type, frame, time, count, payload,
-                      XXH3_64bits_digest(w->hash));
+                      hash_end(w->hash));
     return write_pieces(w, iov, n, err);
 }
 

@@ -1,0 +1,54 @@
+#include "lib/stream/hash.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+
+struct hash {
+    _Alignas(HASH_ALIGN) unsigned char state[HASH_BYTES];
+    const struct hash_table *f;
+};
+
+static const struct hash_table *version(void)
+{
+#ifdef SPID_X86
+    switch (cpu_level()) {
+    case CPU_AVX512: return &hash_table_avx512;
+    case CPU_AVX2: return &hash_table_avx2;
+    case CPU_BASELINE: break;
+    }
+#endif
+    return &hash_table_baseline;
+}
+
+struct hash *hash_new(void)
+{
+    struct hash *h = aligned_alloc(_Alignof(struct hash), sizeof *h);
+
+    if (!h)
+        return NULL;
+    memset(h, 0, sizeof *h);   /* the library asks for it */
+    h->f = version();
+    return h;
+}
+
+void hash_free(struct hash *h)
+{
+    free(h);
+}
+
+void hash_begin(struct hash *h)
+{
+    h->f->begin(h->state);
+}
+
+void hash_add(struct hash *h, const void *data, size_t bytes)
+{
+    h->f->add(h->state, data, bytes);
+}
+
+uint64_t hash_end(const struct hash *h)
+{
+    return h->f->end(h->state);
+}

@@ -1,0 +1,24 @@
+/* The hash of the xxHash library, compiled here once per instruction set. */
+#define XXH_INLINE_ALL
+#include <xxhash.h>
+
+#include "lib/stream/hash.h"
+
+_Static_assert(sizeof(XXH3_state_t) <= HASH_BYTES, "room for the state");
+
+static void begin(void *state)
+{
+    XXH3_64bits_reset(state);
+}
+
+static void add(void *state, const void *data, size_t bytes)
+{
+    XXH3_64bits_update(state, data, bytes);
+}
+
+static uint64_t end(const void *state)
+{
+    return XXH3_64bits_digest(state);
+}
+
+const struct hash_table ISA(hash_table) = {begin, add, end};
