@@ -73,8 +73,8 @@ static const struct cli_option options[] = {
      "Y4M is BT.601 (default BT.709)", NULL},
     {"roi", 0, CLI_FLAG, &animate_options.roi, 0, 0, NULL,
      "refine only the part with the head", NULL},
-    {"f16", 0, CLI_FLAG, &animate_options.half, 0, 0, NULL,
-     "features in half precision before the refiner", NULL},
+    {"f32", 0, CLI_FLAG, &animate_options.f32, 0, 0, NULL,
+     "features in float before the refiner, not in half precision", NULL},
     OPTION_PRECISION_REFINE(&animate_options.precision, "networks"),
     OPTION_HEAD(&head_path),
     {0}
@@ -83,7 +83,7 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--keep-clear] "
     "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
-    "[--smooth HZ] [--fps RATE] [--bt601] [--roi] [--f16] "
+    "[--smooth HZ] [--fps RATE] [--bt601] [--roi] [--f32] "
     "[--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
     "[--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options

@@ -7,6 +7,7 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
+#include "lib/splat/covered.h"
 #include "lib/stream/stream.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
@@ -49,6 +50,8 @@ struct program {
     struct framesink *out;
     float *rgb;
     size_t room;                /* floats in rgb */
+    void *whole;                /* features that came packed */
+    size_t whole_bytes;
     bool compared;
 };
 
@@ -101,28 +104,62 @@ static void open_streams(struct program *p, const char *input)
         die_error(&err);
 }
 
+/* All pixels of features that came without those that nothing covers. */
+static const void *unpack(struct program *p, const struct array *feat,
+                          const struct array *alpha, struct error *err)
+{
+    const size_t n = array_count(alpha);
+    const size_t bytes = feat->dim[1] * dtype_size(feat->dtype);
+
+    if (n > SIZE_MAX / (bytes + 1) || n * bytes > stream_limit()) {
+        error_set(err, EX_DATAERR, "FEAT feat of %zu x %zu pixels is larger "
+                  "than --max-bytes", alpha->dim[1], alpha->dim[0]);
+        return NULL;
+    }
+    if (!p->whole || n * bytes > p->whole_bytes) {
+        free(p->whole);
+        p->whole_bytes = (n * bytes + 64) / 64 * 64;
+        p->whole = aligned_alloc(64, p->whole_bytes);
+        if (!p->whole) {
+            p->whole_bytes = 0;
+            error_set(err, EX_OSERR, "no memory for %zu pixels", n);
+            return NULL;
+        }
+    }
+    if (covered_unpack(p->whole, feat->data, feat->dim[0], alpha->data, n,
+                       bytes)) {
+        error_set(err, EX_DATAERR, "FEAT feat has %zu pixels (expected as "
+                  "many as alpha covers)", feat->dim[0]);
+        return NULL;
+    }
+    return p->whole;
+}
+
 /* The arrays of a FEAT record. */
-static int take_features(struct refine_input *in, const struct record *rec,
-                         struct error *err)
+static int take_features(struct refine_input *in, struct program *p,
+                         const struct record *rec, struct error *err)
 {
     const struct array *a = record_find(rec, "feat");
-    const size_t dims[3] = {0, 0, 0};
+    const struct array *alpha = record_find(rec, "alpha");
+    const enum dtype type = a && a->dtype == DTYPE_F16 ? DTYPE_F16
+                                                       : DTYPE_F32;
+    const bool packed = a && a->ndim == 2 && alpha;
+    const size_t any[3] = {0, 0, 0};
+    const void *feat = record_get(rec, "feat", type, packed ? 2 : 3, any, err);
 
     memset(in, 0, sizeof *in);
-    if (a && a->dtype == DTYPE_F16)
-        in->f16 = record_get(rec, "feat", DTYPE_F16, 3, dims, err);
-    else
-        in->f32 = record_get(rec, "feat", DTYPE_F32, 3, dims, err);
-    if (!in->f16 && !in->f32)
+    if (!feat
+        || (alpha && !(in->alpha = record_get(rec, "alpha", DTYPE_F32, 2,
+                                              packed ? any : a->dim, err)))
+        || record_check_finite(rec, err)
+        || (packed && !(feat = unpack(p, a, alpha, err))))
         return -1;
-    in->height = a->dim[0];
-    in->width = a->dim[1];
-    in->channels = a->dim[2];
-    if (record_find(rec, "alpha")
-        && !(in->alpha = record_get(rec, "alpha", DTYPE_F32, 2, a->dim,
-                                    err)))
-        return -1;
-    return record_check_finite(rec, err);
+    in->f16 = type == DTYPE_F16 ? feat : NULL;
+    in->f32 = type == DTYPE_F32 ? feat : NULL;
+    in->height = packed ? alpha->dim[0] : a->dim[0];
+    in->width = packed ? alpha->dim[1] : a->dim[1];
+    in->channels = a->dim[a->ndim - 1];
+    return 0;
 }
 
 /* What --precision and --roi cost, on the first frame. */
@@ -166,7 +203,7 @@ static int write_picture(struct program *p, const struct record *rec,
     };
     double begun;
 
-    if (take_features(&in, rec, err))
+    if (take_features(&in, p, rec, err))
         return -1;
     if (in.height * in.width * 3 > p->room) {
         free(p->rgb);
@@ -244,5 +281,6 @@ int main(int argc, char **argv)
     refine_release(&p.refine);
     background_release(&background);
     free(p.rgb);
+    free(p.whole);
     return 0;
 }

@@ -1,5 +1,6 @@
 /* spid-splat: Gaussians in, pictures out.  Eqs. C and G of the paper. */
 #include <math.h>
+#include <pthread.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -20,7 +21,7 @@ static long size = 512, channels = 3, exp_degree = 3;
 static double focal = 12, alpha_cut = 1.0 / 255, t_cut = 1e-4, prune;
 static unsigned branches;
 static enum splat_rules rules = SPLAT_GSPLAT;
-static bool exact, f32_products, with_depth, f16, imag, bt601;
+static bool exact, f32_products, with_depth, f16, whole, imag, bt601;
 static struct background background;
 static bool straight;
 static enum framesink_format format = FRAMESINK_AUTO;
@@ -102,7 +103,9 @@ static const struct cli_option options[] = {
     {"depth", 0, CLI_FLAG, &with_depth, 0, 0, NULL,
      "write depth too (stream and exr)", NULL},
     {"f16", 0, CLI_FLAG, &f16, 0, 0, NULL,
-     "FEAT in half precision", NULL},
+     "FEAT in half precision also with 4 channels or less", NULL},
+    {"whole", 0, CLI_FLAG, &whole, 0, 0, NULL,
+     "FEAT with the pixels that nothing covers", NULL},
     {"imag", 0, CLI_FLAG, &imag, 0, 0, NULL,
      "stream: finished IMAG records instead of FEAT", NULL},
     {"bt601", 0, CLI_FLAG, &bt601, 0, 0, NULL,
@@ -118,7 +121,7 @@ static const struct cli_option options[] = {
     {"exp-degree", 0, CLI_INT, &exp_degree, 2, 5, "N",
      "of the exponential's polynomial (3; 5 is exact in float)", NULL},
     {"f32", 0, CLI_FLAG, &f32_products, 0, 0, NULL,
-     "over 4 channels: float products, not 16-bit ones", NULL},
+     "over 4 channels: float products and FEAT, not 16-bit ones", NULL},
     {"prune", 0, CLI_FLOAT, &prune, 0, 1, "O",
      "leave out Gaussians of opacity below O (0)", NULL},
     {0}
@@ -126,24 +129,76 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-splat", "[-s N] [-c N] [--camera LIST] [--focal F] [--branch LIST] "
-    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--imag] "
+    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--whole] [--imag] "
     "[--bt601] [--exact] [--rules NAME] [--alpha-cut A] [--t-cut T] "
     "[--exp-degree N] [--f32] [--prune O] [--max-bytes SIZE] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
     "draw Gaussians", options
 };
 
+/* What is drawn into. */
+struct canvas {
+    float *image, *alpha, *depth;
+    uint16_t *half;             /* in place of image: FEAT in half precision */
+};
+
+/* FEAT records leave by a thread, so that the next picture is drawn while the
+ * refiner takes this one: a pipe holds a small part of it. */
+struct leaving {
+    pthread_t thread;
+    bool busy;
+    struct framesink *sink;
+    struct framesink_frame frame;
+    int rc;
+    struct error err;
+};
+
 struct drawing {
     struct scene scene;
     struct splat splat;
     struct framesink *sink;
-    float *image, *alpha, *depth;
-    double *wide;               /* the same in double for --exact */
+    struct canvas canvas, other; /* drawn next; on its way out, if it can be */
+    struct leaving leaving;
+    double *wide;               /* a picture in double for --exact */
     bool pending;               /* a GAUS without camera waits: drawn with
                                  * --camera unless GMOV records follow */
     uint64_t frame;             /* ... of this number and time */
     double time;
 };
+
+/* Features for a refiner travel as they are multiplied, in 16 bits; the truth
+ * and what was asked for in float stay float. */
+static bool half_features(void)
+{
+    return f16 || (channels > SPLAT_COLORS && !f32_products && !exact);
+}
+
+static bool writes_features(const struct drawing *d)
+{
+    return framesink_stream(d->sink) && !imag;
+}
+
+static void open_canvas(struct canvas *c, bool features)
+{
+    size_t pixels = (size_t)size * (size_t)size, C = (size_t)channels;
+
+    if (features && half_features() && !exact)
+        c->half = aligned_alloc(64, (pixels * C + 31) / 32 * 64);
+    else
+        c->image = malloc(pixels * C * sizeof *c->image);
+    c->alpha = malloc(pixels * sizeof *c->alpha);
+    c->depth = with_depth ? malloc(pixels * sizeof *c->depth) : NULL;
+    if ((!c->image && !c->half) || !c->alpha || (with_depth && !c->depth))
+        die(EX_OSERR, "no memory for %ld x %ld pixels", size, size);
+}
+
+static void close_canvas(struct canvas *c)
+{
+    free(c->image);
+    free(c->half);
+    free(c->alpha);
+    free(c->depth);
+}
 
 static void open_renderer(struct drawing *d)
 {
@@ -163,13 +218,12 @@ static void open_renderer(struct drawing *d)
     o.branches = branches;
     if (splat_init(&d->splat, &o, &err))
         die_error(&err);
-    d->image = malloc(pixels * C * sizeof *d->image);
-    d->alpha = malloc(pixels * sizeof *d->alpha);
-    d->depth = with_depth ? malloc(pixels * sizeof *d->depth) : NULL;
     d->wide = exact ? malloc(pixels * (C + 2) * sizeof *d->wide) : NULL;
-    if (!d->image || !d->alpha || (with_depth && !d->depth) ||
-        (exact && !d->wide))
+    if (exact && !d->wide)
         die(EX_OSERR, "no memory for %ld x %ld pixels", size, size);
+    open_canvas(&d->canvas, writes_features(d));
+    if (writes_features(d))
+        open_canvas(&d->other, true);
 }
 
 static void open_sink(struct drawing *d)
@@ -177,9 +231,11 @@ static void open_sink(struct drawing *d)
     struct error err = {0};
     struct framesink_options o = {
         .path = cli.output, .format = format, .alpha = straight,
+        .covered = channels > SPLAT_COLORS && !whole,
         .bt601 = bt601, .background = &background,
         .record = imag ? FRAMESINK_IMAG
-                       : f16 ? FRAMESINK_FEAT_F16 : FRAMESINK_FEAT_F32};
+                       : half_features() ? FRAMESINK_FEAT_F16
+                                         : FRAMESINK_FEAT_F32};
 
     d->sink = framesink_open(&o, &err);
     if (!d->sink)
@@ -207,13 +263,65 @@ static int draw_exact(struct drawing *d, const struct splat_camera *cam,
 
     splat_truth_release(&t);
     for (size_t i = 0; i < pixels * C; i++)
-        d->image[i] = (float)d->wide[i];
+        d->canvas.image[i] = (float)d->wide[i];
     for (size_t p = 0; p < pixels; p++) {
-        d->alpha[p] = (float)alpha[p];
-        if (d->depth)
-            d->depth[p] = (float)depth[p];
+        d->canvas.alpha[p] = (float)alpha[p];
+        if (d->canvas.depth)
+            d->canvas.depth[p] = (float)depth[p];
     }
     return rc;
+}
+
+static int draw_fast(struct drawing *d, const struct splat_camera *cam,
+                     struct error *err)
+{
+    const struct canvas *c = &d->canvas;
+
+    return c->half ? splat_forward_half(&d->splat, c->half, c->alpha,
+                                        c->depth, cam, NULL, err)
+                   : splat_forward(&d->splat, c->image, c->alpha, c->depth,
+                                   cam, NULL, err);
+}
+
+static void *leave(void *arg)
+{
+    struct leaving *l = arg;
+
+    l->rc = framesink_write(l->sink, &l->frame, &l->err);
+    return NULL;
+}
+
+/* Wait until the last picture is out; 0, or -1 and why it is not. */
+static int settle(struct drawing *d, struct error *err)
+{
+    struct leaving *l = &d->leaving;
+
+    if (!l->busy)
+        return 0;
+    pthread_join(l->thread, NULL);
+    l->busy = false;
+    if (l->rc)
+        *err = l->err;
+    return l->rc;
+}
+
+/* Send a picture on its way, and draw into the other canvas from now on. */
+static int dispatch(struct drawing *d, const struct framesink_frame *f,
+                    struct error *err)
+{
+    struct leaving *l = &d->leaving;
+    struct canvas drawn = d->canvas;
+
+    if (settle(d, err))
+        return -1;
+    *l = (struct leaving){.sink = d->sink, .frame = *f};
+    l->busy = writes_features(d) &&
+              pthread_create(&l->thread, NULL, leave, l) == 0;
+    if (!l->busy)
+        return framesink_write(d->sink, f, err);
+    d->canvas = d->other;
+    d->other = drawn;
+    return 0;
 }
 
 /* The line that is this program: Eq. C. */
@@ -225,20 +333,19 @@ static int draw(struct drawing *d, uint64_t frame, double time,
         splat_camera_square(rt, (int)size, (float)focal);
     struct framesink_frame f = {
         .width = (size_t)size, .height = (size_t)size,
-        .channels = (int)channels, .color = d->image, .alpha = d->alpha,
-        .depth = d->depth, .frame = frame, .time = time};
+        .channels = (int)channels, .color = d->canvas.image,
+        .half = d->canvas.half, .alpha = d->canvas.alpha,
+        .depth = d->canvas.depth, .frame = frame, .time = time};
 
     d->pending = false;
     if (!view.given && !d->scene.has_cam)
         return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
                          "GAUS or GMOV, or --camera)");
     double begun = stats_begin();
-    int rc = exact ? draw_exact(d, &cam, err)
-                   : splat_forward(&d->splat, d->image, d->alpha, d->depth,
-                                   &cam, NULL, err);
+    int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 
     stats_end("splat", begun);
-    return rc ? rc : framesink_write(d->sink, &f, err);
+    return rc ? rc : dispatch(d, &f, err);
 }
 
 static int flush(struct drawing *d, struct error *err)
@@ -268,6 +375,8 @@ static int pass_record(struct drawing *d, const struct record *rec,
         return draw(d, rec->frame, rec->time, err);
     if (record_is(rec, "CONF"))
         framesink_take_conf(d->sink, rec);
+    if (settle(d, err))
+        return -1;
     return out ? stream_copy(out, rec, err) : 0;
 }
 
@@ -276,9 +385,8 @@ static void close_drawing(struct drawing *d)
     scene_release(&d->scene);
     splat_release(&d->splat);
     background_release(&background);
-    free(d->image);
-    free(d->alpha);
-    free(d->depth);
+    close_canvas(&d->canvas);
+    close_canvas(&d->other);
     free(d->wide);
 }
 
@@ -297,8 +405,8 @@ int main(int argc, char **argv)
 
     if (!in)
         die_error(&err);
-    open_renderer(&d);
     open_sink(&d);
+    open_renderer(&d);
     while ((rc = stream_read(in, &rec, &err)) > 0)
         if (pass_record(&d, &rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(in),
@@ -306,9 +414,12 @@ int main(int argc, char **argv)
             rc = -1;
             break;
         }
-    if (rc == 0 && flush(&d, &err))
+    if (rc == 0 && (flush(&d, &err) || settle(&d, &err)))
         rc = -1;
     if (rc < 0) {               /* no END: the next program knows */
+        struct error late;
+
+        settle(&d, &late);      /* but it gets what was drawn before */
         framesink_abandon(d.sink);
         die_error(&err);
     }

@@ -16,6 +16,7 @@
 #include "formats/video.h"
 #include "formats/y4m.h"
 #include "lib/base/file.h"
+#include "lib/splat/covered.h"
 
 #define MAX_CHANNELS 32
 
@@ -34,6 +35,8 @@ struct framesink {
     float *plane;                  /* EXR */
     uint16_t *half;                /* FEAT in f16 */
     size_t half_count;
+    void *packed;                  /* FEAT's covered pixels */
+    size_t packed_bytes;
 };
 
 /* ---- choosing --------------------------------------------------------- */
@@ -364,28 +367,58 @@ static int write_imag(struct framesink *s, const struct framesink_frame *f,
     return stream_write(s->stream, "IMAG", f->frame, f->time, a, n, err);
 }
 
+/* The features as halves: as drawn, or rounded here.  NULL: no memory. */
+static const uint16_t *half_features(struct framesink *s,
+                                     const struct framesink_frame *f, size_t n)
+{
+    if (!f->color)
+        return f->half;
+    if (n > s->half_count) {
+        free(s->half);
+        s->half = malloc(n * sizeof *s->half);
+        s->half_count = s->half ? n : 0;
+    }
+    if (s->half)
+        compose_table()->half(s->half, f->color, n);
+    return s->half;
+}
+
+/* The covered pixels of them.  NULL: no memory. */
+static const void *pack_features(struct framesink *s, size_t *count,
+                                 const struct framesink_frame *f,
+                                 const void *feat, size_t bytes)
+{
+    const size_t n = f->width * f->height;
+
+    if (n * bytes > s->packed_bytes) {
+        free(s->packed);
+        s->packed = malloc(n * bytes);
+        s->packed_bytes = s->packed ? n * bytes : 0;
+    }
+    if (s->packed)
+        *count = covered_pack(s->packed, feat, f->alpha, n, bytes);
+    return s->packed;
+}
+
 static int write_feat(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
 {
+    const bool half = s->opt.record == FRAMESINK_FEAT_F16;
     const size_t C = (size_t)f->channels, n = f->width * f->height * C;
+    const bool packed = s->opt.covered && f->alpha;
+    const enum dtype type = half ? DTYPE_F16 : DTYPE_F32;
+    const void *feat = half ? (const void *)half_features(s, f, n) : f->color;
     struct array a[3];
+    size_t covered = 0;
     int count = 1;
 
-    if (s->opt.record == FRAMESINK_FEAT_F16) {
-        if (n > s->half_count) {
-            free(s->half);
-            s->half = malloc(n * sizeof *s->half);
-            s->half_count = s->half ? n : 0;
-        }
-        if (!s->half)
-            return error_set(err, EX_OSERR, "out of memory");
-        compose_table()->half(s->half, f->color, n);
-        a[0] = array_make("feat", DTYPE_F16, s->half, 3, f->height, f->width,
-                          C, 0);
-    } else {
-        a[0] = array_make("feat", DTYPE_F32, f->color, 3, f->height,
-                          f->width, C, 0);
-    }
+    if (feat && packed)
+        feat = pack_features(s, &covered, f, feat, C * dtype_size(type));
+    if (!feat)
+        return error_set(err, EX_OSERR, "out of memory");
+    a[0] = packed ? array_make("feat", type, feat, 2, covered, C, 0, 0)
+                  : array_make("feat", type, feat, 3, f->height, f->width, C,
+                               0);
     if (f->alpha)
         a[count++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
                                 f->width, 0, 0);
@@ -516,6 +549,7 @@ static void release(struct framesink *s)
     free(s->planes);
     free(s->plane);
     free(s->half);
+    free(s->packed);
     free(s->part);
     free(s->path);
     free(s);

@@ -59,6 +59,7 @@ struct framesink_options {
     int rate_num, rate_den; /* frames a second; 0: 25 */
     bool alpha;             /* PNG, PAM, EXR, IMAG: straight RGBA, no
                              * background; Y4M and video refuse it */
+    bool covered;           /* FEAT: only the pixels whose alpha is not 0 */
     bool bt601;             /* Y4M matrix, BT.709 otherwise */
     const struct background *background;    /* NULL: black; borrowed */
 };
@@ -69,7 +70,9 @@ struct framesink_frame {
     size_t width, height;
     int channels;           /* 3 to 32 in color */
     const float *color;     /* [height, width, channels], or NULL */
-    const uint8_t *rgb;     /* [height, width, 3] over black, if no color */
+    const uint16_t *half;   /* the same in half precision, if no color:
+                             * FRAMESINK_FEAT_F16 only */
+    const uint8_t *rgb;     /* [height, width, 3] over black, if neither */
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
     uint64_t frame;

@@ -20,8 +20,22 @@ static int open_renderer(struct animate_worker *w, int channels, int threads,
     struct gaussians g = baked_set(a->baked);
 
     opt.threads = threads;
+    opt.fixed16 = opt.fixed16 && !a->opt.f32;
     return splat_init(&w->splat, &opt, err) ||
            splat_load(&w->splat, &g, err) ? -1 : 0;
+}
+
+/* Eq. SR's input: as spid-splat writes it, so that the bytes are the same. */
+static bool open_features(struct animate_worker *w)
+{
+    const struct animate *a = w->owner;
+    size_t n = (a->opt.size * a->opt.size * a->baked->C + 31) / 32 * 32;
+
+    if (a->baked->C > SPLAT_COLORS && !a->opt.f32)
+        w->features_half = aligned_alloc(64, n * sizeof *w->features_half);
+    else
+        w->features = malloc(n * sizeof *w->features);
+    return w->features_half || w->features;
 }
 
 static int open_worker(struct animate_worker *w, struct error *err)
@@ -34,13 +48,8 @@ static int open_worker(struct animate_worker *w, struct error *err)
     w->verts = malloc(3 * a->id->head->V * sizeof *w->verts);
     w->image = aligned_alloc(64, (3 * pixels * sizeof(float) + 63) / 64 * 64);
     w->alpha = malloc(pixels * sizeof *w->alpha);
-    size_t drawn = a->opt.star ? 0 : pixels * (size_t)channels;
-    if (a->opt.half)
-        w->features_half = malloc((drawn + 1) * sizeof *w->features_half);
-    else
-        w->features = malloc((drawn + 1) * sizeof *w->features);
     if (!w->verts || !w->image || !w->alpha ||
-        (!w->features && !w->features_half))
+        (!a->opt.star && !open_features(w)))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
     if (baked_move_init(&w->move, a->baked, err))

@@ -28,8 +28,8 @@ struct animate_options {
     const char *model;          /* path, for the refiner; NULL with star */
     bool star;                  /* SpiD*: three channels, no refiner */
     bool roi;                   /* refine only where the head is */
-    bool half;                  /* features in half precision between drawing
-                                 * and refining, as FEAT records with --f16 */
+    bool f32;                   /* features drawn and kept in float, as by
+                                 * spid-splat --f32, not in half precision */
     enum nn_type precision;     /* of the refiner */
     int workers;                /* frames in flight; at least 1 */
     float closed;               /* as in baked_drive */
@@ -57,8 +57,8 @@ struct animate_worker {
     float *verts;               /* (V,3) */
     struct baked_move move;
     float *image;               /* (S,S,3) drawn, or refined */
-    float *features;            /* (S,S,C) unless star */
-    uint16_t *features_half;    /* (S,S,C) instead of features with half */
+    float *features;            /* (S,S,C) in float, */
+    uint16_t *features_half;    /* or in half precision; neither for SpiD* */
     float *alpha;               /* (S,S) */
     pthread_t thread;
     struct animate *owner;

@@ -60,7 +60,7 @@ struct variant {
     const char *knob;
     bool star, video;
     bool exact;                 /* the truth: no cut-offs */
-    bool half, roi;
+    bool f32, roi;              /* features in float */
     enum nn_type type;          /* of the networks */
     bool report;                /* into the JSON's "fps" and "ms" */
 };
@@ -226,7 +226,7 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     };
     const struct animate_options opt = {
         .size = PERSON_SIZE, .model = s->b->model, .star = v->star,
-        .half = v->half, .roi = v->roi, .workers = s->b->threads,
+        .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
         .closed = BAKED_CLOSED, .precision = v->type
     };
     const struct framesink_options sink = {.path = "/dev/null",
@@ -379,7 +379,7 @@ static int bench_all(struct pipeline *l, struct error *err)
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
         {"int8 refiner", false, .type = NN_INT8},
-        {"f16 features", false, .type = NN_FAST, .half = true},
+        {"f32 features", false, .type = NN_FAST, .f32 = true},
         {"--roi", false, .type = NN_FAST, .roi = true},
         {"default", true, .video = true, .type = NN_FAST, .report = true},
         {"default", false, .video = true, .type = NN_FAST, .report = true}

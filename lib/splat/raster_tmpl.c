@@ -347,6 +347,22 @@ static void stream_wide(float *out, const struct splat_work *w, int y, int n)
                           _mm_load_ps(w->wide[pixel] + k));
     }
 }
+
+/* And as halves: a pixel is one line of the cache, and out aligned to it. */
+static void stream_half(uint16_t *out, const struct splat_work *w, int y,
+                        int n)
+{
+    for (int x = 0; x < n; x++) {
+        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
+        const float *in = w->wide[pixel];
+        __m256i low = _mm512_cvtps_ph(_mm512_load_ps(in), 0);
+        __m256i high = _mm512_cvtps_ph(_mm512_load_ps(in + 16), 0);
+
+        _mm512_stream_si512((void *)(out + x * SPLAT_MAX_CHANNELS),
+                            _mm512_inserti64x4(_mm512_castsi256_si512(low),
+                                               high, 1));
+    }
+}
 #endif
 
 /* Four rows of a tile on their way out: T, depth, up to 4 colours. */
@@ -373,6 +389,11 @@ static void finish_colors(struct splat_work *w, struct strip *p,
             if (!out->half && !out->bare && !out->background &&
                 !((uintptr_t)to & 15)) {
                 stream_wide(to, w, y, n);
+                return;
+            }
+            if (out->half && !out->bare && !out->background &&
+                !((uintptr_t)(out->half + at * C) & 63)) {
+                stream_half(out->half + at * C, w, y, n);
                 return;
             }
 #endif

@@ -30,7 +30,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
     return (struct splat_options){
         .width = width, .height = height, .channels = channels,
         .alpha_cut = 1.0f / 255, .t_cut = 1e-4f,
-        .fixed16 = channels > 4};
+        .fixed16 = channels > SPLAT_COLORS};
 }
 
 /* ---- kernels ------------------------------------------------------------- */

@@ -14,6 +14,9 @@
 #include "lib/base/error.h"
 
 #define SPLAT_MAX_CHANNELS 32
+#define SPLAT_COLORS 4            /* more channels are features: unless asked
+                                   * otherwise, products of 16 bits, and half
+                                   * precision on the way to the refiner */
 #define SPLAT_MAX_SIZE 16384      /* pixels along one side */
 
 /* Gaussians in the caller's memory, read-only. */

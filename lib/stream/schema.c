@@ -43,7 +43,7 @@ static const struct schema table[] = {
     { "GMOV", "mean", "f32", "M,3", false, "new centres, head units" },
     { "GMOV", "shift", "f32", "3", false, "of the mouth sheet, head units" },
     { "GMOV", "body", "f32", "3,4", false, "shoulders' motion, head frame" },
-    { "FEAT", "feat", "f16 f32", "H,W,C", true, "first three: sRGB, 0 to 1" },
+    { "FEAT", "feat", "f16 f32", "H,W,C|P,C", true, "first three: sRGB" },
     { "FEAT", "alpha", "f32", "H,W", true, "0 to 1" },
     { "FEAT", "depth", "f32", "H,W", false, "camera z, head units" },
     { "IMAG", "rgb", "u8", "H,W,3", true, "sRGB" },
@@ -66,13 +66,19 @@ const struct schema *schema_find(const char *type, const char *name)
     return NULL;
 }
 
-/* Match one shape, binding letters to sizes in bound[26]. */
+/* What the letters of a record's shapes stand for so far. */
+struct letters {
+    size_t bound[26];
+    bool known[26];
+};
+
+/* Match the shape up to the next "|", binding letters. */
 static bool shape_matches(const char *shape, const struct array *a,
-                          size_t *bound, bool *known)
+                          struct letters *l)
 {
     int k = 0;
 
-    for (const char *p = shape; *p; k++) {
+    for (const char *p = shape; *p && *p != '|'; k++) {
         char *end = (char *)(uintptr_t)p + 1;
 
         if (k == a->ndim)
@@ -83,18 +89,34 @@ static bool shape_matches(const char *shape, const struct array *a,
         } else if (*p != '*') {
             int letter = *p - 'A';
 
-            if (known[letter] && bound[letter] != a->dim[k])
+            if (l->known[letter] && l->bound[letter] != a->dim[k])
                 return false;
-            known[letter] = true;
-            bound[letter] = a->dim[k];
+            l->known[letter] = true;
+            l->bound[letter] = a->dim[k];
         }
         p = *end == ',' ? end + 1 : end;
     }
     return k == a->ndim;
 }
 
+/* The same for each of the shapes; letters are those of the one that fits. */
+static bool some_shape_matches(const char *shapes, const struct array *a,
+                               struct letters *l)
+{
+    for (const char *p = shapes; p; p = strchr(p, '|')) {
+        struct letters attempt = *l;
+
+        p += *p == '|';
+        if (shape_matches(p, a, &attempt)) {
+            *l = attempt;
+            return true;
+        }
+    }
+    return false;
+}
+
 static int check_array(const struct schema *s, const struct record *rec,
-                       size_t *bound, bool *known, struct error *err)
+                       struct letters *l, struct error *err)
 {
     const struct array *a = record_find(rec, s->name);
     char found[100];
@@ -106,7 +128,7 @@ static int check_array(const struct schema *s, const struct record *rec,
         return error_set(err, EX_DATAERR, "%s has no array '%s' (expected "
                          "%s[%s])", rec->type, s->name, s->dtypes, s->shape);
     if (strstr(s->dtypes, dtype_name(a->dtype)) &&
-        shape_matches(s->shape, a, bound, known))
+        some_shape_matches(s->shape, a, l))
         return 0;
     n = snprintf(found, sizeof found, "%s[", dtype_name(a->dtype));
     for (int k = 0; k < a->ndim; k++)
@@ -118,12 +140,11 @@ static int check_array(const struct schema *s, const struct record *rec,
 
 int schema_check(const struct record *rec, struct error *err)
 {
-    size_t bound[26];
-    bool known[26] = { false };
+    struct letters l = { .known = { false } };
 
     for (const struct schema *s = table; s->type; s++)
         if (memcmp(rec->type, s->type, 4) == 0 &&
-            check_array(s, rec, bound, known, err))
+            check_array(s, rec, &l, err))
             return -1;
     return 0;
 }

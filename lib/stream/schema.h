@@ -6,7 +6,8 @@
 
 /* One array of a known record.  shape: dimensions with commas between them; a
  * number is that size, a letter any size that is the same throughout the
- * record, "*" any size.  dtypes: accepted, as "f32" or "f16 f32". */
+ * record, "*" any size, and "|" stands between shapes of which one must fit.
+ * dtypes: accepted, as "f32" or "f16 f32". */
 struct schema {
     const char *type, *name, *dtypes, *shape;
     bool required;

@@ -77,6 +77,20 @@ P
     spid-dump --check a.spid
 }
 
+@test "more than 4 channels are half floats, unless float is asked for" {
+    sed 's/"shape":\[3,3\],"data":\[1,0,0,0,1,0,0,0,1\]/"shape":[3,5],"data":[1,0,0,2,3,0,1,0,4,5,0,0,1,6,7]/' \
+        scene.json >gaus5.json
+    spid-pack gaus5.json -o gaus5.spid
+    run bash -c 'spid-splat -s 8 -c 5 gaus5.spid | spid-dump'
+    has 'f16[64,5]'
+    run bash -c 'spid-splat -s 8 -c 5 --whole gaus5.spid | spid-dump'
+    has 'f16[8,8,5]'
+    run bash -c 'spid-splat -s 8 -c 5 --f32 --whole gaus5.spid | spid-dump'
+    has 'f32[8,8,5]'
+    run bash -c 'spid-splat -s 8 -c 5 --exact gaus5.spid | spid-dump'
+    has 'f32[64,5]'
+}
+
 @test "straight alpha is written on request" {
     spid-splat -s 32 --alpha -o a.pam scene.spid
     head -c 90 a.pam | grep -aq RGB_ALPHA

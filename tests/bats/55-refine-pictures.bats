@@ -145,3 +145,32 @@ PY
 @test "a full disk is noticed" {
     status 74 bash -c 'spid-refine --format pam feat.spid >/dev/full'
 }
+
+@test "covered pixels alone give the same picture as all of them" {
+    features 64 32 f2
+    spid-refine feat.spid -o a.pam
+    "$PYTHON" - <<'PY'
+import numpy as np
+f, a = np.load('feat.npy'), np.load('alpha.npy')
+np.save('all.npy', f)
+np.save('feat.npy', f[a != 0])
+PY
+    spid-pack -t FEAT feat.npy alpha.npy -o packed.spid
+    spid-dump --check packed.spid
+    [ "$(stat -c %s packed.spid)" -lt "$(stat -c %s feat.spid)" ]
+    spid-refine packed.spid -o b.pam
+    cmp a.pam b.pam
+    "$PYTHON" -c "import numpy as np
+np.save('feat.npy', np.load('feat.npy')[1:])"
+    spid-pack -t FEAT feat.npy alpha.npy -o short.spid
+    status 65 spid-refine short.spid -o c.pam
+    one_line
+    has 'as many as alpha covers'
+    "$PYTHON" -c "import numpy as np
+f = np.load('feat.npy')
+np.save('feat.npy', np.concatenate([f, f[:2]]))"
+    spid-pack -t FEAT feat.npy alpha.npy -o long.spid
+    status 65 spid-refine long.spid -o c.pam
+    spid-pack -t FEAT feat.npy -o alone.spid
+    status 65 spid-refine alone.spid -o c.pam
+}

@@ -22,6 +22,27 @@ prepare() { animate_files; }
     cmp one.y4m pipe.y4m
 }
 
+@test "SpiD in float: one process and the pipe give the same bytes" {
+    spid-animate -q -m model --f32 avatar.spid drive.y4m -o one.y4m
+    set -o pipefail
+    spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
+        spid-branches -i avatar.spid |
+        spid-splat -q --size 128 --channels 8 --f32 |
+        spid-refine -q -m model -o pipe.y4m
+    cmp one.y4m pipe.y4m
+}
+
+@test "programs of a pipe wait asleep without being told" {
+    unset OMP_WAIT_POLICY
+    spid-animate -q -m model avatar.spid drive.y4m -o one.y4m
+    set -o pipefail
+    spid-motion -q -j 2 -m model drive.y4m |
+        spid-flame -m model -i avatar.spid | spid-branches -i avatar.spid |
+        spid-splat -q -j 2 --size 128 --channels 8 |
+        spid-refine -q -j 2 -m model -o pipe.y4m
+    cmp one.y4m pipe.y4m
+}
+
 @test "the number of threads does not change a byte" {
     spid-animate -q -m model -s -j 1 me.spid drive.y4m -o a.y4m
     spid-animate -q -m model -s -j 3 avatar.spid drive.y4m -o b.y4m
