@@ -21,7 +21,7 @@ static long size = 512, channels = 3, exp_degree = 3;
 static double focal = 12, alpha_cut = 1.0 / 255, t_cut = 1e-4, prune;
 static unsigned branches;
 static enum splat_rules rules = SPLAT_GSPLAT;
-static bool exact, f32_products, with_depth, f16, whole, imag, bt601;
+static bool exact, f32_products, with_depth, f16, covered, imag, bt601;
 static struct background background;
 static bool straight;
 static enum framesink_format format = FRAMESINK_AUTO;
@@ -104,8 +104,8 @@ static const struct cli_option options[] = {
      "write depth too (stream and exr)", NULL},
     {"f16", 0, CLI_FLAG, &f16, 0, 0, NULL,
      "FEAT in half precision also with 4 channels or less", NULL},
-    {"whole", 0, CLI_FLAG, &whole, 0, 0, NULL,
-     "FEAT with the pixels that nothing covers", NULL},
+    {"covered", 0, CLI_FLAG, &covered, 0, 0, NULL,
+     "FEAT without the pixels that nothing covers", NULL},
     {"imag", 0, CLI_FLAG, &imag, 0, 0, NULL,
      "stream: finished IMAG records instead of FEAT", NULL},
     {"bt601", 0, CLI_FLAG, &bt601, 0, 0, NULL,
@@ -129,8 +129,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-splat", "[-s N] [-c N] [--camera LIST] [--focal F] [--branch LIST] "
-    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--whole] [--imag] "
-    "[--bt601] [--exact] [--rules NAME] [--alpha-cut A] [--t-cut T] "
+    "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--covered] "
+    "[--imag] [--bt601] [--exact] [--rules NAME] [--alpha-cut A] [--t-cut T] "
     "[--exp-degree N] [--f32] [--prune O] [--max-bytes SIZE] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
     "draw Gaussians", options
@@ -231,7 +231,7 @@ static void open_sink(struct drawing *d)
     struct error err = {0};
     struct framesink_options o = {
         .path = cli.output, .format = format, .alpha = straight,
-        .covered = channels > SPLAT_COLORS && !whole,
+        .covered = covered,
         .bt601 = bt601, .background = &background,
         .record = imag ? FRAMESINK_IMAG
                        : half_features() ? FRAMESINK_FEAT_F16

@@ -82,13 +82,13 @@ P
         scene.json >gaus5.json
     spid-pack gaus5.json -o gaus5.spid
     run bash -c 'spid-splat -s 8 -c 5 gaus5.spid | spid-dump'
-    has 'f16[64,5]'
-    run bash -c 'spid-splat -s 8 -c 5 --whole gaus5.spid | spid-dump'
     has 'f16[8,8,5]'
-    run bash -c 'spid-splat -s 8 -c 5 --f32 --whole gaus5.spid | spid-dump'
+    run bash -c 'spid-splat -s 8 -c 5 --covered gaus5.spid | spid-dump'
+    has 'f16[64,5]'
+    run bash -c 'spid-splat -s 8 -c 5 --f32 gaus5.spid | spid-dump'
     has 'f32[8,8,5]'
     run bash -c 'spid-splat -s 8 -c 5 --exact gaus5.spid | spid-dump'
-    has 'f32[64,5]'
+    has 'f32[8,8,5]'
 }
 
 @test "straight alpha is written on request" {

@@ -38,7 +38,7 @@ prepare() { animate_files; }
     set -o pipefail
     spid-motion -q -j 2 -m model drive.y4m |
         spid-flame -m model -i avatar.spid | spid-branches -i avatar.spid |
-        spid-splat -q -j 2 --size 128 --channels 8 |
+        spid-splat -q -j 2 --size 128 --channels 8 --covered |
         spid-refine -q -j 2 -m model -o pipe.y4m
     cmp one.y4m pipe.y4m
 }
