@@ -1,6 +1,6 @@
 #!/bin/sh
 # train-model.sh [DIR]: the shipped model from a seed, start to end.  What
-# `make model` runs.  Everything lands in DIR (default build/train; 12 GB); a
+# `make model` runs.  Everything lands in DIR (default build/train; 25 GB); a
 # run that was stopped goes on where it was.  SEED, PEOPLE and STEPS (of every
 # stage, for a trial) change the size.
 set -eu
@@ -8,20 +8,18 @@ set -eu
 here=$(dirname "$0")
 dir=${1:-build/train}
 seed=${SEED:-1}
-people=${PEOPLE:-4400}
+people=${PEOPLE:-16000}
 mkdir -p "$dir"
 
 # People to learn from and others to be judged by: never the same seeds.  A
-# second and a quarter between frames: each shows another pose.  Strangers have
-# a first frame alone, which is calm: for shapes, not for motions.
+# second and a quarter between frames: each shows another pose.
 synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
     [ -e "$dir/$1" ] || spid-synth --people "$2" --frames "$3" --size "$4" \
         --seed "$5" --effects "$6" --fps 0.8 --without mesh -o "$dir/$1"
 }
 synth faces.spid "$people" 4 256 "$((1000 + seed))" 1
-synth strangers.spid "$((people * 3 / 2))" 1 256 "$((3000 + seed))" 1
 synth faces-held.spid 48 8 256 "$((900000 + seed))" 1
-synth people.spid "$((people * 3 / 22))" 6 512 "$((2000 + seed))" 0.7
+synth people.spid "$((people * 3 / 80))" 6 512 "$((2000 + seed))" 0.7
 synth people-held.spid 12 6 512 "$((910000 + seed))" 1
 
 config() { # NAME
@@ -47,7 +45,7 @@ join() { # FILE STAGE...
 train motion faces-held.spid "$dir/faces.spid"
 train shape faces-held.spid \
     --init "$dir/motion/model.safetensors:shape.encoder.=motion.encoder." \
-    "$dir/faces.spid" "$dir/strangers.spid"
+    "$dir/faces.spid"
 # from here on everybody has the shape that E_beta sees in them
 join "$dir/seen.safetensors" motion shape
 train motion-shapes faces-held.spid --shapes "$dir/seen.safetensors" \
