@@ -128,6 +128,7 @@ static void check_mouth(void)
         f.lmk[j][0] = (float)(70 + 4 * (j - 60));
         f.lmk[j][1] = 120;
     }
+    f.lmk[66][0] = f.lmk[62][0];
     f.lmk[62][1] = 119;
     f.lmk[66][1] = 121;
     struct box shut = trainee_mouth(&f, 100);
