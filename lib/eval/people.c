@@ -209,6 +209,9 @@ static int self(struct judge *j, const struct data_person *p,
             picture(j, "SpiD*", j->s->tr.coarse, 1, err) ||
             picture(j, "source", j->source, 1, err))
             goto out;
+        if (j->opt->ablations && i % j->opt->stride == 0 &&
+            picture(j, "w/o nothing", j->s->tr.coarse, 0, err))
+            goto out;
         if (j->sheet && i == show && j->person < j->sheet->rows &&
             sheet_row(j, &st, err))
             goto out;

@@ -26,8 +26,8 @@ struct people_options {
                              * dynamic, static and mouth branch alone */
 
 /* Rows of t: "SpiD", "SpiD*", "source" (the unchanged source frame), then
- * "w/o ..." of SpiD*, then "cross".  sheet (may be NULL) is filled; the
- * caller releases it. */
+ * "w/o nothing" (SpiD* on the frames of what follows) and "w/o ..." of SpiD*,
+ * then "cross".  sheet (may be NULL) is filled; the caller releases it. */
 int people_judge(struct table *t, struct sheet *sheet, struct subject *s,
                  const struct people_options *opt, struct error *err);
 
