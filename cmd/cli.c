@@ -286,23 +286,9 @@ static bool is_pipe(int fd)
     return fstat(fd, &st) == 0 && S_ISFIFO(st.st_mode);
 }
 
-/* Phase B's, which stand side by side in a pipe. */
-static bool is_stage(const char *program)
-{
-    static const char *const stages[] = {
-        "spid-motion", "spid-flame", "spid-branches", "spid-splat",
-        "spid-refine"
-    };
-
-    for (size_t i = 0; i < sizeof stages / sizeof *stages; i++)
-        if (strcmp(program, stages[i]) == 0)
-            return true;
-    return false;
-}
-
 /* The programs of a pipe share the processors.  OpenMP's threads wait for each
  * other by spinning, milliseconds long, which keeps the other programs from
- * the very work that is waited for: the pipe runs at a fifth of its speed.
+ * the very work that is waited for: the pipe runs at a third of its speed.
  * The library reads how to wait before main begins, hence another start.
  * Whoever sets the variable decides for himself. */
 static void wait_asleep(char **argv)
@@ -327,8 +313,6 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv)
     char letters[2 * MAX_OPTIONS + 2];
     int n = 0, own, c;
 
-    if (is_stage(usage->program))
-        wait_asleep(argv);
     cli.program = usage->program;
     for (const struct cli_option *o = usage->options; o && o->name; o++)
         if (n < MAX_OPTIONS - SHARED)
@@ -355,6 +339,12 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv)
     }
     apply_shared();
     return optind;
+}
+
+int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv)
+{
+    wait_asleep(argv);
+    return cli_parse(usage, argc, argv);
 }
 
 /* ---- progress --------------------------------------------------------- */

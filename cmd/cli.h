@@ -50,6 +50,9 @@ struct cli_usage {
  * --help and --version exit 0, misuse exits EX_USAGE naming option, value and
  * what would do.  Returns the index of the first operand in argv. */
 int cli_parse(const struct cli_usage *usage, int argc, char **argv);
+/* The same for a program that stands beside others in a pipe, frame by frame:
+ * its threads sleep while they wait (spid(1), OMP_WAIT_POLICY). */
+int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv);
 
 /* "program: text", then exit with code.  Never returns. */
 void die(int code, const char *format, ...)

@@ -253,7 +253,7 @@ int main(int argc, char **argv)
     double begun;
     int rc;
 
-    int first = cli_parse(&usage, argc, argv);
+    int first = cli_parse_stage(&usage, argc, argv);
     if (argc - first > 1)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "
             "operand)", argv[first + 1]);

@@ -373,10 +373,10 @@ static int pass_record(struct drawing *d, const struct record *rec,
     }
     if (change != SCENE_NONE)
         return draw(d, rec->frame, rec->time, err);
+    if (settle(d, err))         /* from here on the sink is ours alone */
+        return -1;
     if (record_is(rec, "CONF"))
         framesink_take_conf(d->sink, rec);
-    if (settle(d, err))
-        return -1;
     return out ? stream_copy(out, rec, err) : 0;
 }
 
@@ -395,7 +395,7 @@ int main(int argc, char **argv)
     struct drawing d = {0};
     struct error err = {0};
     struct record rec;
-    int rc, first = cli_parse(&usage, argc, argv);
+    int rc, first = cli_parse_stage(&usage, argc, argv);
 
     if (argc - first > 1)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "

@@ -9,6 +9,7 @@
 #include "formats/ply.h"
 #include "formats/png.h"
 #include "formats/splatfile.h"
+#include "lib/geom/camera.h"
 
 /* ---- names -------------------------------------------------------------- */
 
@@ -215,13 +216,13 @@ static int keep_first(struct export *x, const struct export_motion *m,
         return error_set(err, EX_OSERR, "out of memory for a mesh");
     }
     head_pose(verts, &x->id, &m->pose);
-    for (size_t v = 0; v < V; v++)
-        for (size_t i = 0; i < 3; i++) {
-            const float *r = m->cam + 4 * i, *p = verts + 3 * v;
-            float y = r[0] * p[0] + r[1] * p[1] + r[2] * p[2] + r[3];
+    for (size_t v = 0; v < V; v++) {
+        float *to = x->shown + 3 * v;
 
-            x->shown[3 * v + i] = (i ? -y : y) / x->head.scale;
-        }
+        camera_apply(to, m->cam, verts + 3 * v);
+        for (int i = 0; i < 3; i++)
+            to[i] *= (i ? -1 : 1) / x->head.scale;
+    }
     free(verts);
     return 0;
 }
