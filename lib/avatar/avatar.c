@@ -295,6 +295,7 @@ void avatar_release(struct avatar *a)
     scratch_free(a);
     free(a->neck);
     free(a->moving);
+    free(a->lining);
     densify_release(&a->dense);
     backbone_release(&a->backbone);
     plane_init_release(&a->init);

@@ -21,8 +21,8 @@
  * decoders are told visibility, coverage and matte.  Vertices the source does
  * not show take colour from their neighbours on the mesh.  Where the mesh can
  * move against the skull the plane draws nothing: a second, still copy of the
- * lips would cover the first.  The mouth's sheet cannot fade, shrink or leave
- * the space behind the lips.
+ * lips would cover the first.  What the mesh has behind the lips is left to
+ * the mouth's sheet, which cannot fade, shrink or leave the space there.
  *
  * Bending: the paper's camera turns shoulders with the head.  Here they stay
  * upright before the camera: driven vertices and static Gaussians below the
@@ -95,6 +95,7 @@ struct avatar {
     float *neck;            /* (V+E) weights of it */
     float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
                              * the skin, 0 on the skull */
+    float *lining;          /* (V+E) 1 inside the mouth, behind the lips */
     unsigned without;       /* enum avatar_without; set before avatar_bake */
 
     /* Set by avatar_bake. */

@@ -144,7 +144,7 @@ struct avatar_scratch {
     uint8_t *branch;                /* (N) */
 };
 
-/* Fill a->bend, neck and moving from the head. */
+/* Fill a->bend, neck, moving and lining from the head. */
 int mesh_weights(struct avatar *a, struct error *err);
 
 /* Shoulders that nothing is known of stand upright before the camera. */

@@ -151,7 +151,7 @@ static void starting_values(struct avatar *a)
         extra[3] = matte;
         s->weight[k] = extra[2] * ramp(matte, 0.5f, 0.9f);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-        s->matte[k] = 1;
+        s->matte[k] = 1 - a->lining[k];
         s->opacity_shift[k] = -OUTSIDE * s->seen[k] * (1 - matte);
         s->scale_shift[k] = attribute_logit(OVERLAP * s->spacing[k] /
                                             BRANCH_SCALE_MAX);

@@ -1,5 +1,5 @@
-/* What of a head bends with the neck and what moves against the skull: from
- * the head model's own arrays, so for any head. */
+/* What of a head bends with the neck, what moves against the skull and what
+ * lines the mouth: from the head model's own arrays, so for any head. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -68,12 +68,13 @@ static float range_of(const struct head *h, size_t v)
 int mesh_weights(struct avatar *a, struct error *err)
 {
     const struct head *h = a->head;
-    size_t V = h->V;
+    size_t V = h->V, D = V + a->dense.E;
 
     find_neck(&a->bend, h);
-    a->neck = malloc((V + a->dense.E) * sizeof *a->neck);
+    a->neck = malloc(D * sizeof *a->neck);
     a->moving = malloc(V * sizeof *a->moving);
-    if (!a->neck || !a->moving)
+    a->lining = calloc(D, sizeof *a->lining);
+    if (!a->neck || !a->moving || !a->lining)
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     for (size_t v = 0; v < V; v++) {
         const float *w = h->weights + HEAD_JOINTS * v;
@@ -84,7 +85,11 @@ int mesh_weights(struct avatar *a, struct error *err)
         a->moving[v] = fminf(fmaxf(fmaxf(t, eye), 0), 1);
         a->neck[v] = bend_weight(&a->bend, h->v_template[3 * v + 1]) *
                      (1 - w[JOINT_JAW]);
+        a->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
     densify_midpoints(a->neck + V, a->neck, &a->dense, 1);
+    densify_midpoints(a->lining + V, a->lining, &a->dense, 1);
+    for (size_t k = V; k < D; k++)      /* an edge to the lips is lip */
+        a->lining[k] = a->lining[k] == 1;
     return 0;
 }

@@ -117,7 +117,7 @@ static void starting_values(struct avatar *a, float r)
         const float *uv = s->uv + 2 * k, *pixel = s->mouth_picture + 4 * k;
         float *extra = s->mouth_in + (k + 1) * in - AVATAR_MOUTH_EXTRA;
         float w = opening(&a->mouth, uv, r) * pixel[3];
-        float out = uv[0] * uv[0] / 0.36f + uv[1] * uv[1] / 0.2f - 1;
+        float out = uv[0] * uv[0] / 0.42f + uv[1] * uv[1] / 0.35f - 1;
 
         extra[0] = w;
         extra[1] = a->mouth.gap / r;

@@ -12,10 +12,11 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
-/* The rim that stays along the mesh's outline: cells, and head units (15 mm)
+/* The rim that stays along the mesh's outline: cells, and head units (24 mm)
  * behind the skin. */
 #define RIM 5.0f
-#define BEHIND 0.075f
+#define BEHIND 0.12f
+#define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
 
 void static_grid(float *U0, size_t n)
 {
@@ -115,13 +116,16 @@ static void keep_rim(struct avatar_scratch *s)
     }
 }
 
-/* Where the mesh lies over the plane, towards the camera; 0 beside it. */
+/* Where the mesh lies over the plane, towards the camera; 0 beside it and on
+ * its very outline, where a cell may have the colour of what is behind: at the
+ * skin's depth, a turn to the side would show a line of specks. */
 static void surface_height(struct avatar_scratch *s)
 {
     for (size_t k = 0; k < s->n2; k++) {
         float h = s->cam[11] - s->zbuffer[k];
 
-        s->surface[k] = isfinite(h) ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
+        s->surface[k] = isfinite(h) && s->coverage[k] >= OUTLINE
+                      ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
     }
 }
 

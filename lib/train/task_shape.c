@@ -1,11 +1,11 @@
-/* E_beta alone: supervised by the true shapes of rendered crops.  The error
- * of a shape is a quadratic form of beta - beta*, so no vertex is made. */
+/* E_beta alone: supervised by the true shapes of rendered crops. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/net/shape_encoder.h"
+#include "lib/train/shape_loss.h"
 #include "lib/train/sheet.h"
 #include "lib/train/task.h"
 
@@ -17,8 +17,7 @@ struct impl {
     struct shape_encoder net;
     struct params judge_ps;
     struct shape_encoder judge;
-    size_t n;                   /* directions of the head, at most OUT */
-    double *gram;               /* (n,n) S^T S / 3V, less similarities */
+    struct shape_loss vertex, landmark;
     float *rgb, *out, *dout;
 };
 
@@ -31,110 +30,35 @@ static void release(struct task *t)
     shape_encoder_release(&m->net);
     shape_encoder_release(&m->judge);
     params_release(&m->judge_ps);
-    free(m->gram);
+    shape_loss_release(&m->vertex);
+    shape_loss_release(&m->landmark);
     free(m->rgb);
     free(m);
     t->impl = NULL;
 }
 
-/* Inner products of the shape directions over all vertices. */
-static void fill_gram(double *gram, const struct head *h, size_t n)
+enum { PART_VERTEX, PART_LANDMARK, PART_BETA, PARTS };
+
+/* Add one person's losses to parts; d (OUT) is their gradient by out. */
+static void lesson(double *parts, float *d, const float *out,
+                   const float *truth, double scale, const struct task *t)
 {
-    for (size_t b = 0; b < h->blocks; b++) {
-        const float *d = h->shape_dirs + b * h->nshape * 96;
-        for (size_t i = 0; i < n; i++)
-            for (size_t j = 0; j <= i; j++) {
-                double sum = 0;
-                for (size_t k = 0; k < 96; k++)
-                    sum += (double)d[i * 96 + k] * d[j * 96 + k];
-                gram[i * n + j] += sum / (3.0 * (double)h->V);
-            }
+    const struct impl *m = t->impl;
+    const float *term = t->config->geometry.term;
+    double vertex = scale * (double)term[TERM_VERTEX];
+    double landmark = scale * (double)term[TERM_LANDMARK];
+    double direct = scale * (double)term[TERM_EXP] / OUT;
+    double gv[OUT] = {0}, gl[OUT] = {0};
+
+    parts[PART_VERTEX] += vertex * shape_loss(gv, out, truth, &m->vertex);
+    parts[PART_LANDMARK] += landmark * shape_loss(gl, out, truth,
+                                                  &m->landmark);
+    for (size_t k = 0; k < OUT; k++) {
+        double e = (double)out[k] - truth[k];
+        parts[PART_BETA] += direct * fabs(e);
+        d[k] = (float)(direct * ((e > 0) - (e < 0)) + vertex * gv[k] +
+                       landmark * gl[k]);
     }
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < i; j++)
-            gram[j * n + i] = gram[i * n + j];
-}
-
-/* unit (4,blocks*96): what moving the mean head and making it larger do to its
- * vertices, in the blocks' layout, each of length 1. */
-static void similarities(double *unit, const struct head *h)
-{
-    size_t n = h->blocks * 96;
-    double mean[3] = {0};
-
-    for (size_t i = 0; i < 3 * h->V; i++)
-        mean[i % 3] += (double)h->v_template[i] / (double)h->V;
-    for (size_t v = 0; v < h->V; v++)
-        for (size_t c = 0; c < 3; c++) {
-            size_t at = v / HEAD_BLOCK * 96 + c * HEAD_BLOCK + v % HEAD_BLOCK;
-            unit[c * n + at] = 1;
-            unit[3 * n + at] = (double)h->v_template[3 * v + c] - mean[c];
-        }
-    for (size_t j = 0; j < 4; j++) {
-        double sum = 0;
-        for (size_t i = 0; i < n; i++)
-            sum += unit[j * n + i] * unit[j * n + i];
-        for (size_t i = 0; i < n; i++)
-            unit[j * n + i] /= sqrt(sum);
-    }
-}
-
-/* Take size and place out of the directions that gram is of: a small head
- * near by and a large one further off look the same, and E_m's translation
- * makes up for either. */
-static int forgive_similarity(double *gram, const struct head *h, size_t n,
-                              struct error *err)
-{
-    size_t count = h->blocks * 96;
-    double *unit = calloc(4 * count, sizeof *unit);
-    double *along = calloc(4 * n, sizeof *along);
-
-    if (!unit || !along) {
-        free(unit);
-        free(along);
-        return error_set(err, EX_OSERR, "out of memory");
-    }
-    similarities(unit, h);
-    for (size_t j = 0; j < 4; j++)
-        for (size_t b = 0; b < h->blocks; b++)
-            for (size_t i = 0; i < n; i++) {
-                const float *d = h->shape_dirs + (b * h->nshape + i) * 96;
-                for (size_t k = 0; k < 96; k++)
-                    along[4 * i + j] += unit[j * count + b * 96 + k] *
-                                        (double)d[k];
-            }
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++)
-            for (size_t k = 0; k < 4; k++)
-                gram[i * n + j] -= along[4 * i + k] * along[4 * j + k] /
-                                   (3.0 * (double)h->V);
-    free(unit);
-    free(along);
-    return 0;
-}
-
-/* Root mean square over coordinates of the vertices' difference, whatever
- * size and place would undo left out; g (n, or
- * NULL) is its gradient by beta. */
-static double shape_error(double *g, const float *beta, const float *truth,
-                          const struct impl *m)
-{
-    double d[OUT], sum = 0, rms;
-
-    for (size_t i = 0; i < m->n; i++)
-        d[i] = (double)beta[i] - truth[i];
-    for (size_t i = 0; i < m->n; i++) {
-        double row = 0;
-        for (size_t j = 0; j < m->n; j++)
-            row += m->gram[i * m->n + j] * d[j];
-        if (g)
-            g[i] = row;
-        sum += d[i] * row;
-    }
-    rms = sqrt(fmax(sum, 0) + 1e-12);
-    for (size_t i = 0; g && i < m->n; i++)
-        g[i] /= rms;
-    return rms;
 }
 
 static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
@@ -144,9 +68,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
     const struct train_config *c = t->config;
     size_t B = (size_t)c->micro;
     const struct data_person *who[MOST];
-    double scale = 1.0 / (double)c->batch, g[OUT];
-    double vertex = c->geometry.term[TERM_VERTEX];
-    double direct = c->geometry.term[TERM_EXP] / OUT;
+    double scale = 1.0 / (double)c->batch;
 
     for (size_t i = 0; i < B; i++) {
         struct random r;
@@ -159,17 +81,9 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
             return -1;
     }
     shape_encoder_forward(m->out, m->rgb, &m->net);
-    for (size_t i = 0; i < B; i++) {
-        const float *o = m->out + i * OUT, *truth = who[i]->shape;
-        float *d = m->dout + i * OUT;
-        parts[0] += scale * vertex * shape_error(g, o, truth, m);
-        for (size_t k = 0; k < OUT; k++) {
-            double e = (double)o[k] - truth[k];
-            parts[1] += scale * direct * fabs(e);
-            d[k] = (float)(scale * (direct * ((e > 0) - (e < 0)) +
-                                    (k < m->n ? vertex * g[k] : 0)));
-        }
-    }
+    for (size_t i = 0; i < B; i++)
+        lesson(parts, m->dout + i * OUT, m->out + i * OUT, who[i]->shape,
+               scale, t);
     shape_encoder_backward(NULL, m->dout, &m->net);
     return 0;
 }
@@ -181,29 +95,36 @@ static void update(struct task *t)
     shape_encoder_update(&m->net);
 }
 
+enum { HELD_VERTEX, HELD_MEAN, HELD_RATIO, HELD_LANDMARK, HELD_COUNT };
+static const char *const held_name[HELD_COUNT] = {
+    "shape_rms_mm", "mean_head_rms_mm", "ratio", "landmark_rms_mm"};
+
 /* Error of the shape found from the first frame of each person, of the mean
- * head, and their ratio. */
+ * head, and their ratio; of the found shape's landmarks. */
 static int held(struct task *t, double *figures, struct error *err)
 {
     struct impl *m = t->impl;
     float zero[OUT] = {0};
-    double mm = 1000 / (double)t->head->scale;
+    double mm = 1000 / ((double)t->head->scale * (double)t->nheld);
 
     memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
     shape_encoder_update(&m->judge);
-    figures[0] = figures[1] = 0;
+    memset(figures, 0, HELD_COUNT * sizeof *figures);
     for (size_t i = 0; i < t->nheld; i++) {
         const struct data_person *p = &t->held[i];
         const struct data_frame *f = &p->frame[0];
         if (data_sample(m->rgb, N, f, f->crop, NULL, NULL, err))
             return -1;
         shape_encoder_forward(m->out, m->rgb, &m->judge);
-        figures[0] += mm * shape_error(NULL, m->out, p->shape, m) /
-                      (double)t->nheld;
-        figures[1] += mm * shape_error(NULL, zero, p->shape, m) /
-                      (double)t->nheld;
+        figures[HELD_VERTEX] += mm * shape_loss(NULL, m->out, p->shape,
+                                                &m->vertex);
+        figures[HELD_MEAN] += mm * shape_loss(NULL, zero, p->shape,
+                                              &m->vertex);
+        figures[HELD_LANDMARK] += mm * shape_loss(NULL, m->out, p->shape,
+                                                  &m->landmark);
     }
-    figures[2] = figures[1] > 0 ? figures[0] / figures[1] : 0;
+    if (figures[HELD_MEAN] > 0)
+        figures[HELD_RATIO] = figures[HELD_VERTEX] / figures[HELD_MEAN];
     return 0;
 }
 
@@ -248,6 +169,7 @@ int task_shape_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
     size_t B = (size_t)c->micro, n = N * N * 3;
+    size_t directions = t->head->nshape < OUT ? t->head->nshape : OUT;
     struct nn_options opt = {NN_TRAIN, NN_F32};
     struct impl *m = calloc(1, sizeof *m);
     char net[64];
@@ -259,25 +181,21 @@ int task_shape_init(struct task *t, struct error *err)
     if (B > MOST)
         return error_set(err, EX_CONFIG, "micro: %zu (expected at most %d "
                          "in this stage)", B, MOST);
-    t->nparts = 2;
-    t->part_name[0] = "vertex";
-    t->part_name[1] = "beta";
-    t->nfigures = 3;
-    t->held_name[0] = "shape_rms_mm";
-    t->held_name[1] = "mean_head_rms_mm";
-    t->held_name[2] = "ratio";
+    t->nparts = PARTS;
+    t->part_name[PART_VERTEX] = "vertex";
+    t->part_name[PART_LANDMARK] = "landmark";
+    t->part_name[PART_BETA] = "beta";
+    t->nfigures = HELD_COUNT;
+    memcpy(t->held_name, held_name, sizeof held_name);
     task_net(net, sizeof net, c, "shape", "tf_mobilenetv3_large_minimal_100");
-    m->n = t->head->nshape < OUT ? t->head->nshape : OUT;
-    m->gram = calloc(m->n * m->n, sizeof *m->gram);
     m->rgb = malloc(B * (n + 2 * OUT) * sizeof *m->rgb);
-    if (!m->gram || !m->rgb)
+    if (!m->rgb)
         return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);
     m->out = m->rgb + B * n;
     m->dout = m->out + B * OUT;
-    fill_gram(m->gram, t->head, m->n);
-    if (forgive_similarity(m->gram, t->head, m->n, err))
-        return -1;
-    if (shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||
+    if (shape_loss_vertices(&m->vertex, t->head, directions, err) ||
+        shape_loss_landmarks(&m->landmark, t->head, directions, err) ||
+        shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||
         params_allocate(&t->ps, err) ||
         params_allocate_gradients(&t->ps, err))
         return -1;

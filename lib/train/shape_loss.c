@@ -1,0 +1,173 @@
+#include "lib/train/shape_loss.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#define SIMILARITIES 4      /* three ways to move, one to grow */
+
+/* Points x (P,3) of the mean head and what each direction does to them,
+ * d (n,P,3). */
+struct points {
+    size_t P, n;
+    double *x, *d;
+};
+
+static int points_init(struct points *p, size_t P, size_t n,
+                       struct error *err)
+{
+    p->P = P;
+    p->n = n;
+    p->x = calloc((n + 1) * P * 3, sizeof *p->x);
+    if (!p->x)
+        return error_set(err, EX_OSERR, "out of memory (%zu points)", P);
+    p->d = p->x + 3 * P;
+    return 0;
+}
+
+/* Direction k of the head's posing layout, as (V,3). */
+static void direction(float *out, const struct head *h, size_t k)
+{
+    for (size_t v = 0; v < h->V; v++)
+        for (size_t c = 0; c < 3; c++)
+            out[3 * v + c] = h->shape_dirs[
+                (v / HEAD_BLOCK * h->nshape + k) * 3 * HEAD_BLOCK +
+                c * HEAD_BLOCK + v % HEAD_BLOCK];
+}
+
+static void subtract_along(double *a, const double *unit, size_t count)
+{
+    double along = 0;
+
+    for (size_t i = 0; i < count; i++)
+        along += a[i] * unit[i];
+    for (size_t i = 0; i < count; i++)
+        a[i] -= along * unit[i];
+}
+
+/* unit (4,P*3): what moving the points and making them larger do to them,
+ * each of length 1 and square to the others. */
+static void similarities(double *unit, const struct points *p)
+{
+    size_t count = 3 * p->P;
+    double mean[3] = {0};
+
+    for (size_t i = 0; i < count; i++)
+        mean[i % 3] += p->x[i] / (double)p->P;
+    for (size_t i = 0; i < count; i++) {
+        unit[i % 3 * count + i] = 1 / sqrt((double)p->P);
+        unit[3 * count + i] = p->x[i] - mean[i % 3];
+    }
+    double sum = 1e-30, *larger = unit + 3 * count;
+    for (size_t i = 0; i < count; i++)
+        sum += larger[i] * larger[i];
+    for (size_t i = 0; i < count; i++)
+        larger[i] /= sqrt(sum);
+}
+
+static int fill_gram(struct shape_loss *l, const struct points *p,
+                     struct error *err)
+{
+    size_t count = 3 * p->P, n = p->n;
+    double *unit = calloc(SIMILARITIES * count, sizeof *unit);
+
+    l->n = n;
+    l->gram = calloc(n * n, sizeof *l->gram);
+    if (!unit || !l->gram) {
+        free(unit);
+        return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
+    }
+    similarities(unit, p);
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < SIMILARITIES; k++)
+            subtract_along(p->d + i * count, unit + k * count, count);
+    for (size_t i = 0; i < n; i++)
+        for (size_t j = 0; j <= i; j++) {
+            double sum = 0;
+            for (size_t k = 0; k < count; k++)
+                sum += p->d[i * count + k] * p->d[j * count + k];
+            l->gram[i * n + j] = l->gram[j * n + i] = sum / (double)count;
+        }
+    free(unit);
+    return 0;
+}
+
+static void put(double *to, const float *from, size_t count)
+{
+    for (size_t i = 0; i < count; i++)
+        to[i] = from[i];
+}
+
+/* The landmarks, or every vertex. */
+static int shape_loss_init(struct shape_loss *l, const struct head *h,
+                           size_t n, int landmarks, struct error *err)
+{
+    size_t P = landmarks ? HEAD_LANDMARKS : h->V;
+    struct points p = {0};
+    float *verts = malloc(3 * h->V * sizeof *verts);
+    float lmk[3 * HEAD_LANDMARKS];
+    int rc = -1;
+
+    memset(l, 0, sizeof *l);
+    if (!verts) {
+        error_set(err, EX_OSERR, "out of memory (%zu vertices)", h->V);
+        return -1;
+    }
+    if (points_init(&p, P, n, err))
+        goto out;
+    for (size_t k = 0; k <= n; k++) {
+        const float *from = k ? verts : h->v_template;
+        if (k)
+            direction(verts, h, k - 1);
+        if (landmarks)
+            head_landmarks(lmk, h, from);
+        put(p.x + k * 3 * P, landmarks ? lmk : from, 3 * P);
+    }
+    rc = fill_gram(l, &p, err);
+    free(p.x);
+out:
+    free(verts);
+    return rc;
+}
+
+int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
+                        struct error *err)
+{
+    return shape_loss_init(l, h, n, 0, err);
+}
+
+int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
+                         struct error *err)
+{
+    if (h->has_landmarks)
+        return shape_loss_init(l, h, n, 1, err);
+    l->n = n;
+    l->gram = calloc(n * n, sizeof *l->gram);
+    return l->gram ? 0 : error_set(err, EX_OSERR, "out of memory");
+}
+
+void shape_loss_release(struct shape_loss *l)
+{
+    free(l->gram);
+    memset(l, 0, sizeof *l);
+}
+
+double shape_loss(double *g, const float *beta, const float *truth,
+                  const struct shape_loss *l)
+{
+    double sum = 0, rms;
+
+    for (size_t i = 0; i < l->n; i++) {
+        double row = 0;
+        for (size_t j = 0; j < l->n; j++)
+            row += l->gram[i * l->n + j] * ((double)beta[j] - truth[j]);
+        if (g)
+            g[i] = row;
+        sum += ((double)beta[i] - truth[i]) * row;
+    }
+    rms = sqrt(fmax(sum, 0) + 1e-12);
+    for (size_t i = 0; g && i < l->n; i++)
+        g[i] /= rms;
+    return rms;
+}
