@@ -212,7 +212,7 @@ static int train(const struct train_config *c, const char *const *files,
     int rc;
 
     load_head(&head);
-    if (opt.shapes && shaper_open(&shaper, opt.shapes, &err))
+    if (opt.shapes && shaper_open(&shaper, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {

@@ -6,6 +6,7 @@
 
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
+#include "lib/track/looks.h"
 #include "lib/track/overlay.h"
 
 const char *source_matte_name(enum source_matte how)
@@ -44,18 +45,44 @@ static int find_face(struct source *s, struct track *t,
     return 0;
 }
 
-/* beta of the crop the motion encoder last saw (track's input). */
-static void find_shape(struct source *s, const struct track *t,
-                       const struct head *head, struct encoders *nets)
+/* What looks_shape needs to cut a crop of window pixels. */
+struct view {
+    struct track *t;
+    const struct image *im;
+};
+
+static int look(void *ctx, float *rgb, struct square q, struct error *err)
+{
+    const struct view *v = ctx;
+
+    return track_look(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
+                      err);
+}
+
+/* beta of the crop the motion encoder last saw. */
+static int find_shape(struct source *s, struct track *t,
+                      const struct image *im, const struct head *head,
+                      struct encoders *nets, struct error *err)
 {
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
+    const float *c = s->motion.crop;
+    struct view v = {t, im};
+    struct looks l;
+    int rc = -1;
 
-    shape_encoder_forward(beta, t->input, &nets->shape);
+    if (looks_init(&l, &nets->shape, head, err) ||
+        looks_shape(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
+                    err))
+        goto out;
     s->nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                  : SHAPE_ENCODER_OUT;
     memcpy(s->shape, beta, s->nshape * sizeof *beta);
     s->shape_s = cpu_seconds() - begun;
+    rc = 0;
+out:
+    looks_release(&l);
+    return rc;
 }
 
 static int cut_window(struct source *s, const struct image *im,
@@ -181,8 +208,8 @@ int source_make(struct source *s, const struct image *im,
         || track_init(&t, &mean, &nets->motion, opt, err) != 0
         || find_face(s, &t, im, err) != 0)
         goto out;
-    find_shape(s, &t, head, nets);
-    if (cut_window(s, im, err) != 0
+    if (find_shape(s, &t, im, head, nets, err) != 0
+        || cut_window(s, im, err) != 0
         || make_matte(s, im, mask, head, err) != 0)
         goto out;
     rc = 0;

@@ -84,17 +84,22 @@ static int shrink(struct track *t, const uint8_t **rgb, size_t *W, size_t *H,
     return 0;
 }
 
-/* Fill t->input from the crop (window pixels) of the picture. */
-static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
-                     struct square crop, struct error *err)
+int track_look(float *out, struct track *t, const uint8_t *rgb, size_t W,
+               size_t H, struct square crop, struct error *err)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
     size_t stride = 3 * W;
 
     if (shrink(t, &rgb, &W, &H, &stride, &q) != 0)
         return error_set(err, EX_OSERR, "no memory to shrink a frame");
-    crop_sample_u8(t->input, CROP_NET, rgb, W, H, stride, q);
+    crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
     return 0;
+}
+
+static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
+                     struct square crop, struct error *err)
+{
+    return track_look(t->input, t, rgb, W, H, crop, err);
 }
 
 /* ---- what the network says -------------------------------------------- */

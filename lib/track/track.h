@@ -81,6 +81,11 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
 int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
                size_t W, size_t H, double time, struct error *err);
 
+/* out (224,224,3) = a crop (window pixels) of the picture [H,W,3], as the
+ * networks see it.  -1 only when memory is short. */
+int track_look(float *out, struct track *t, const uint8_t *rgb, size_t W,
+               size_t H, struct square crop, struct error *err);
+
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
  * (always a rotation: see track.c for parallel or tiny columns), t' to t. */
 void track_decode(struct motion *m, const float out[MOTION_OUT],

@@ -5,19 +5,25 @@
 #define SPID_TRAIN_SHAPER_H
 
 #include "lib/track/encoders.h"
+#include "lib/track/looks.h"
 #include "lib/train/data.h"
 
 struct shaper {
     struct encoders encoders;
-    float *crop;                /* (224,224,3) */
+    struct looks looks;
 };
 
-/* E_beta of a model file. */
-int shaper_open(struct shaper *s, const char *model, struct error *err);
+/* E_beta of a model file, for people with head h (borrowed). */
+int shaper_open(struct shaper *s, const char *model, const struct head *h,
+                struct error *err);
 void shaper_close(struct shaper *s);
 
 /* p->shape by E_beta from p's first frame, the source.  A data_shape_fn; ctx
  * is the struct shaper. */
 int shaper_apply(void *ctx, struct data_person *p, struct error *err);
+
+/* beta (300) from one frame. */
+int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
+                struct error *err);
 
 #endif

@@ -6,19 +6,20 @@
 
 #include "lib/net/shape_encoder.h"
 #include "lib/train/shape_loss.h"
+#include "lib/train/shaper.h"
 #include "lib/train/sheet.h"
 #include "lib/train/task.h"
 
 #define N SHAPE_ENCODER_SIZE
 #define OUT SHAPE_ENCODER_OUT
-#define MOST 256 /* items of one pass */
 
 struct impl {
     struct shape_encoder net;
     struct params judge_ps;
     struct shape_encoder judge;
+    struct looks looks;         /* the judge's; its signs for pass, too */
     struct shape_loss vertex, landmark;
-    float *rgb, *out, *dout;
+    float *rgb, *out, *dout, *truth;
 };
 
 static void release(struct task *t)
@@ -28,6 +29,7 @@ static void release(struct task *t)
     if (!m)
         return;
     shape_encoder_release(&m->net);
+    looks_release(&m->looks);
     shape_encoder_release(&m->judge);
     params_release(&m->judge_ps);
     shape_loss_release(&m->vertex);
@@ -61,29 +63,41 @@ static void lesson(double *parts, float *d, const float *out,
     }
 }
 
+/* The person as the mirror shows them. */
+static void mirror(float *rgb, float *truth, const struct impl *m)
+{
+    looks_mirror(rgb, N);
+    for (size_t k = 0; k < OUT; k++)
+        truth[k] *= m->looks.sign[k];
+}
+
 static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err)
 {
     struct impl *m = t->impl;
     const struct train_config *c = t->config;
     size_t B = (size_t)c->micro;
-    const struct data_person *who[MOST];
+    const struct data_person *who;
     double scale = 1.0 / (double)c->batch;
 
     for (size_t i = 0; i < B; i++) {
         struct random r;
         const struct data_frame *f;
+        float *rgb = m->rgb + i * N * N * 3;
+
         data_random(&r, (uint64_t)c->seed, step, micro * B + i);
-        f = task_draw(t, &who[i], &r);
-        if (data_sample(m->rgb + i * N * N * 3, N, f,
-                        data_jitter(f, c->augment.jitter, &r), &c->augment,
-                        &r, err))
+        f = task_draw(t, &who, &r);
+        if (data_sample(rgb, N, f, data_jitter(f, c->augment.jitter, &r),
+                        &c->augment, &r, err))
             return -1;
+        memcpy(m->truth + i * OUT, who->shape, sizeof who->shape);
+        if (m->looks.mirror && random_uniform(&r) < 0.5)
+            mirror(rgb, m->truth + i * OUT, m);
     }
     shape_encoder_forward(m->out, m->rgb, &m->net);
     for (size_t i = 0; i < B; i++)
-        lesson(parts, m->dout + i * OUT, m->out + i * OUT, who[i]->shape,
-               scale, t);
+        lesson(parts, m->dout + i * OUT, m->out + i * OUT,
+               m->truth + i * OUT, scale, t);
     shape_encoder_backward(NULL, m->dout, &m->net);
     return 0;
 }
@@ -112,10 +126,8 @@ static int held(struct task *t, double *figures, struct error *err)
     memset(figures, 0, HELD_COUNT * sizeof *figures);
     for (size_t i = 0; i < t->nheld; i++) {
         const struct data_person *p = &t->held[i];
-        const struct data_frame *f = &p->frame[0];
-        if (data_sample(m->rgb, N, f, f->crop, NULL, NULL, err))
+        if (shaper_look(m->out, &m->looks, &p->frame[0], err))
             return -1;
-        shape_encoder_forward(m->out, m->rgb, &m->judge);
         figures[HELD_VERTEX] += mm * shape_loss(NULL, m->out, p->shape,
                                                 &m->vertex);
         figures[HELD_MEAN] += mm * shape_loss(NULL, zero, p->shape,
@@ -162,7 +174,9 @@ static int judge_init(struct task *t, const char *net, struct error *err)
         params_allocate(&m->judge_ps, err))
         return -1;
     memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    return shape_encoder_plan(&m->judge, 1, opt, err);
+    if (shape_encoder_plan(&m->judge, 1, opt, err))
+        return -1;
+    return looks_init(&m->looks, &m->judge, t->head, err);
 }
 
 int task_shape_init(struct task *t, struct error *err)
@@ -178,9 +192,6 @@ int task_shape_init(struct task *t, struct error *err)
         return error_set(err, EX_OSERR, "out of memory");
     t->impl = m;
     t->type = &type;
-    if (B > MOST)
-        return error_set(err, EX_CONFIG, "micro: %zu (expected at most %d "
-                         "in this stage)", B, MOST);
     t->nparts = PARTS;
     t->part_name[PART_VERTEX] = "vertex";
     t->part_name[PART_LANDMARK] = "landmark";
@@ -188,11 +199,12 @@ int task_shape_init(struct task *t, struct error *err)
     t->nfigures = HELD_COUNT;
     memcpy(t->held_name, held_name, sizeof held_name);
     task_net(net, sizeof net, c, "shape", "tf_mobilenetv3_large_minimal_100");
-    m->rgb = malloc(B * (n + 2 * OUT) * sizeof *m->rgb);
+    m->rgb = malloc(B * (n + 3 * OUT) * sizeof *m->rgb);
     if (!m->rgb)
         return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);
     m->out = m->rgb + B * n;
     m->dout = m->out + B * OUT;
+    m->truth = m->dout + B * OUT;
     if (shape_loss_vertices(&m->vertex, t->head, directions, err) ||
         shape_loss_landmarks(&m->landmark, t->head, directions, err) ||
         shape_encoder_init(&m->net, &t->ps, "shape.", net, err) ||

@@ -1,0 +1,253 @@
+/* The error of a shape against one computed from vertices in double, its
+ * gradient against differences, and what a mirror does to a shape. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/head/lbs.h"
+#include "lib/head/mirror.h"
+#include "lib/head/sculpt.h"
+#include "lib/nn/params.h"
+#include "lib/track/looks.h"
+#include "lib/train/shape_loss.h"
+
+enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };
+
+static int failed;
+
+static void check(const char *what, double value, double limit)
+{
+    int ok = value <= limit;
+
+    printf("%-58s %.2e  limit %.0e  %s\n", what, value, limit,
+           ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+static void die(const struct error *err)
+{
+    printf("%s\n", err->text);
+    exit(1);
+}
+
+/* Vertices (V,3) of a shape in a neutral pose. */
+static void vertices(float *out, const struct head *h, const float *beta)
+{
+    struct identity id = {0};
+    struct head_motion still = {0};
+    struct error err;
+
+    if (head_fold(&id, h, beta, h->nshape, &err))
+        die(&err);
+    head_pose(out, &id, &still);
+    identity_release(&id);
+}
+
+/* Root mean square of a - b (P,3) over coordinates when the best small move
+ * and change of size of x (P,3) is taken from it: normal equations of each
+ * unknown, which are independent about the mean. */
+static double by_points(const float *a, const float *b, const float *x,
+                        size_t P)
+{
+    double mean[3] = {0}, move[3] = {0}, grow = 0, size = 0, sum = 0;
+
+    for (size_t i = 0; i < 3 * P; i++) {
+        mean[i % 3] += (double)x[i] / (double)P;
+        move[i % 3] += ((double)a[i] - b[i]) / (double)P;
+    }
+    for (size_t i = 0; i < 3 * P; i++) {
+        double r = (double)x[i] - mean[i % 3];
+        grow += r * ((double)a[i] - b[i]);
+        size += r * r;
+    }
+    grow /= size;
+    for (size_t i = 0; i < 3 * P; i++) {
+        double e = (double)a[i] - b[i] - move[i % 3] -
+                   grow * ((double)x[i] - mean[i % 3]);
+        sum += e * e;
+    }
+    return sqrt(sum / (3.0 * (double)P));
+}
+
+static void draw(float *beta, struct random *r)
+{
+    for (int k = 0; k < DIRS; k++)
+        beta[k] = random_normal(r);
+}
+
+static void test_value(const struct head *h)
+{
+    float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
+    float la[3 * 68], lb[3 * 68], lx[3 * 68], beta[DIRS], truth[DIRS];
+    struct shape_loss all, marks;
+    struct random r;
+    struct error err;
+
+    if (!a || !b || shape_loss_vertices(&all, h, DIRS, &err) ||
+        shape_loss_landmarks(&marks, h, DIRS, &err))
+        die(&err);
+    random_init(&r, 3, "shapes");
+    draw(beta, &r);
+    draw(truth, &r);
+    vertices(a, h, beta);
+    vertices(b, h, truth);
+    double want = by_points(a, b, h->v_template, h->V);
+    double got = shape_loss(NULL, beta, truth, &all);
+    check("vertices' error, relative", fabs(got / want - 1), 1e-5);
+    head_landmarks(la, h, a);
+    head_landmarks(lb, h, b);
+    head_landmarks(lx, h, h->v_template);
+    want = by_points(la, lb, lx, 68);
+    got = shape_loss(NULL, beta, truth, &marks);
+    check("landmarks' error, relative", fabs(got / want - 1), 1e-5);
+
+    double g[DIRS], most = 0, step = 1e-3;
+    got = shape_loss(g, beta, truth, &marks);
+    for (int k = 0; k < DIRS; k += 7) {
+        float keep = beta[k];
+        beta[k] = keep + (float)step;
+        double up = shape_loss(NULL, beta, truth, &marks);
+        beta[k] = keep - (float)step;
+        double down = shape_loss(NULL, beta, truth, &marks);
+        beta[k] = keep;
+        most = fmax(most, fabs((up - down) / (2 * step) - g[k]));
+    }
+    check("gradient by beta against differences", most / got, 1e-3);
+    check("nothing is wrong with the truth",
+          shape_loss(NULL, beta, beta, &all), 1.1e-6);
+    shape_loss_release(&all);
+    shape_loss_release(&marks);
+    free(a);
+    free(b);
+}
+
+/* A mirrored shape has the mirrored vertices. */
+static void test_mirror(const struct head *h, const struct sculpt *s)
+{
+    float beta[DIRS], sign[DIRS], other[DIRS];
+    float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
+    double most = 0;
+    size_t odd = 0;
+    struct random r;
+    struct error err;
+
+    if (!a || !b || head_mirror(sign, h, &err) != 1) {
+        printf("the built-in head has no mirror image: FAILED\n");
+        failed = 1;
+        goto out;
+    }
+    random_init(&r, 4, "mirror");
+    draw(beta, &r);
+    for (int k = 0; k < DIRS; k++) {
+        other[k] = sign[k] * beta[k];
+        odd += sign[k] < 0;
+    }
+    vertices(a, h, beta);
+    vertices(b, h, other);
+    for (size_t v = 0; v < h->V; v++) {
+        const float *p = a + 3 * v, *q = b + 3 * (size_t)s->mirror[v];
+        most = fmax(most, fabs((double)p[0] + q[0]));
+        most = fmax(most, fabs((double)p[1] - q[1]));
+        most = fmax(most, fabs((double)p[2] - q[2]));
+    }
+    check("mirrored shape, mirrored vertices, head units", most, 1e-5);
+    check("both kinds of directions", odd > 0 && odd < DIRS ? 0 : 1, 0);
+out:
+    free(a);
+    free(b);
+}
+
+/* A lopsided direction leaves the head without signs. */
+static void test_lopsided(const struct head *h)
+{
+    struct head bent = *h;
+    float sign[DIRS];
+    size_t n = h->blocks * h->nshape * 3 * HEAD_BLOCK;
+    struct error err;
+
+    bent.shape_dirs = malloc(n * sizeof *bent.shape_dirs);
+    if (!bent.shape_dirs)
+        exit(1);
+    memcpy(bent.shape_dirs, h->shape_dirs, n * sizeof *bent.shape_dirs);
+    for (size_t i = 0; i < 96; i++)     /* 32 vertices of one direction */
+        bent.shape_dirs[5 * 96 + i] += 0.1f;
+    check("a lopsided direction is seen", head_mirror(sign, &bent, &err), 0);
+    free(bent.shape_dirs);
+}
+
+/* A picture of N pixels that may be mirrored, brighter to one side. */
+static int look(void *ctx, float *rgb, struct square q, struct error *err)
+{
+    int flip = *(int *)ctx;
+
+    (void)err;
+    for (size_t y = 0; y < N; y++)
+        for (size_t x = 0; x < N; x++) {
+            double u = q.x + q.size * (((double)x + 0.5) / N - 0.5);
+            double v = q.y + q.size * (((double)y + 0.5) / N - 0.5);
+
+            u = flip ? -u : u;
+            for (int c = 0; c < 3; c++)
+                rgb[3 * (y * N + x) + (size_t)c] = (float)
+                    (0.5 + 0.3 * sin(7 * u + c) * cos(5 * v) + 0.1 * u);
+        }
+    return 0;
+}
+
+/* The shape seen in a mirrored picture is the mirrored shape. */
+static void test_looks(const struct head *h)
+{
+    struct params ps;
+    struct shape_encoder net;
+    struct looks l;
+    struct nn_options opt = {NN_INFER, NN_F32};
+    struct square q = {0, 0, 1};
+    float a[SHAPE_ENCODER_OUT], b[SHAPE_ENCODER_OUT];
+    double most = 0, size = 0;
+    int flip = 0;
+    struct error err;
+
+    params_init(&ps);
+    if (shape_encoder_init(&net, &ps, "shape.", "mobilenetv3_small_100",
+                           &err) || params_allocate(&ps, &err))
+        die(&err);
+    params_randomise(&ps, 9);
+    if (shape_encoder_plan(&net, 1, opt, &err) ||
+        looks_init(&l, &net, h, &err) ||
+        looks_shape(a, &l, q, look, &flip, &err))
+        die(&err);
+    flip = 1;
+    if (looks_shape(b, &l, q, look, &flip, &err))
+        die(&err);
+    for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
+        most = fmax(most, fabs((double)a[k] - l.sign[k] * b[k]));
+        size = fmax(size, fabs((double)a[k]));
+    }
+    check("mirrored picture, mirrored shape, relative", most / size, 1e-3);
+    looks_release(&l);
+    shape_encoder_release(&net);
+    params_release(&ps);
+}
+
+int main(void)
+{
+    struct head_arrays arrays;
+    struct head h = {0};
+    struct sculpt s;
+    struct error err = {0};
+
+    if (sculpt_make(&s, &err))
+        die(&err);
+    sculpt_arrays(&arrays, &s);
+    if (head_init(&h, &arrays, &err))
+        die(&err);
+    test_value(&h);
+    test_mirror(&h, &s);
+    test_lopsided(&h);
+    test_looks(&h);
+    head_release(&h);
+    sculpt_release(&s);
+    return failed;
+}
