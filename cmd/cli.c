@@ -341,10 +341,32 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv)
     return optind;
 }
 
-int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv)
+/* Two programs of a pipe have most of the work, spid-splat and spid-refine,
+ * and all of them work on different frames at the same time.  A program that
+ * passes records on, or takes in what another one works as hard for, leaves it
+ * half of the processors: with all of them each, the threads of one would wait
+ * for those of the other at every barrier. */
+static void share_processors(bool hard_input)
 {
+    const bool passes_on = strcmp(cli.output, "-") == 0 &&
+                           is_pipe(STDOUT_FILENO);
+
+    if (threads || getenv("OMP_NUM_THREADS") ||
+        !(passes_on || (hard_input && is_pipe(STDIN_FILENO))))
+        return;
+    cli.threads = (cli.threads + 1) / 2;
+    omp_set_num_threads(cli.threads);
+}
+
+int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
+                    bool hard_input)
+{
+    int first;
+
     wait_asleep(argv);
-    return cli_parse(usage, argc, argv);
+    first = cli_parse(usage, argc, argv);
+    share_processors(hard_input);
+    return first;
 }
 
 /* ---- progress --------------------------------------------------------- */

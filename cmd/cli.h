@@ -51,8 +51,11 @@ struct cli_usage {
  * what would do.  Returns the index of the first operand in argv. */
 int cli_parse(const struct cli_usage *usage, int argc, char **argv);
 /* The same for a program that stands beside others in a pipe, frame by frame:
- * its threads sleep while they wait (spid(1), OMP_WAIT_POLICY). */
-int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv);
+ * its threads sleep while they wait, and unless told otherwise it leaves half
+ * of the processors to the next program, or hard_input to the one before, for
+ * which its input is as much work (spid(1), OMP_WAIT_POLICY and -j). */
+int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
+                    bool hard_input);
 
 /* "program: text", then exit with code.  Never returns. */
 void die(int code, const char *format, ...)

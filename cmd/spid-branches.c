@@ -244,7 +244,7 @@ int main(int argc, char **argv)
 {
     struct error err = {0};
 
-    int first = cli_parse_stage(&usage, argc, argv);
+    int first = cli_parse_stage(&usage, argc, argv, false);
     check_options(argc - first);
     struct stream_writer *out = stream_create(cli.output, &err);
     if (!out)

@@ -116,7 +116,7 @@ int main(int argc, char **argv)
     struct record rec;
     int rc;
 
-    int first = cli_parse_stage(&usage, argc, argv);
+    int first = cli_parse_stage(&usage, argc, argv, false);
     if (argc - first > 1)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "
             "operand)", argv[first + 1]);

@@ -245,7 +245,7 @@ int main(int argc, char **argv)
     struct error err = {0};
     int rc;
 
-    int first = cli_parse_stage(&usage, argc, argv);
+    int first = cli_parse_stage(&usage, argc, argv, false);
     open_model(&p);
     open_input(&p, argv + first, argc - first);
     open_output(&p);

@@ -7,7 +7,6 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
-#include "lib/splat/covered.h"
 #include "lib/stream/stream.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
@@ -50,8 +49,6 @@ struct program {
     struct framesink *out;
     float *rgb;
     size_t room;                /* floats in rgb */
-    void *whole;                /* features that came packed */
-    size_t whole_bytes;
     bool compared;
 };
 
@@ -104,40 +101,24 @@ static void open_streams(struct program *p, const char *input)
         die_error(&err);
 }
 
-/* All pixels of features that came without those that nothing covers. */
-static const void *unpack(struct program *p, const struct array *feat,
-                          const struct array *alpha, struct error *err)
+/* Features that came without the pixels that nothing covers are taken as the
+ * whole picture they stand for. */
+static int check_size(const struct array *feat, const struct array *alpha,
+                      struct error *err)
 {
     const size_t n = array_count(alpha);
     const size_t bytes = feat->dim[1] * dtype_size(feat->dtype);
 
-    if (n > SIZE_MAX / (bytes + 1) || n * bytes > stream_limit()) {
-        error_set(err, EX_DATAERR, "FEAT feat of %zu x %zu pixels is larger "
-                  "than --max-bytes", alpha->dim[1], alpha->dim[0]);
-        return NULL;
-    }
-    if (!p->whole || n * bytes > p->whole_bytes) {
-        free(p->whole);
-        p->whole_bytes = (n * bytes + 64) / 64 * 64;
-        p->whole = aligned_alloc(64, p->whole_bytes);
-        if (!p->whole) {
-            p->whole_bytes = 0;
-            error_set(err, EX_OSERR, "no memory for %zu pixels", n);
-            return NULL;
-        }
-    }
-    if (covered_unpack(p->whole, feat->data, feat->dim[0], alpha->data, n,
-                       bytes)) {
-        error_set(err, EX_DATAERR, "FEAT feat has %zu pixels (expected as "
-                  "many as alpha covers)", feat->dim[0]);
-        return NULL;
-    }
-    return p->whole;
+    if (n > SIZE_MAX / (bytes + 1) || n * bytes > stream_limit())
+        return error_set(err, EX_DATAERR, "FEAT feat of %zu x %zu pixels is "
+                         "larger than --max-bytes", alpha->dim[1],
+                         alpha->dim[0]);
+    return 0;
 }
 
 /* The arrays of a FEAT record. */
-static int take_features(struct refine_input *in, struct program *p,
-                         const struct record *rec, struct error *err)
+static int take_features(struct refine_input *in, const struct record *rec,
+                         struct error *err)
 {
     const struct array *a = record_find(rec, "feat");
     const struct array *alpha = record_find(rec, "alpha");
@@ -152,13 +133,15 @@ static int take_features(struct refine_input *in, struct program *p,
         || (alpha && !(in->alpha = record_get(rec, "alpha", DTYPE_F32, 2,
                                               packed ? any : a->dim, err)))
         || record_check_finite(rec, err)
-        || (packed && !(feat = unpack(p, a, alpha, err))))
+        || (packed && check_size(a, alpha, err)))
         return -1;
     in->f16 = type == DTYPE_F16 ? feat : NULL;
     in->f32 = type == DTYPE_F32 ? feat : NULL;
     in->height = packed ? alpha->dim[0] : a->dim[0];
     in->width = packed ? alpha->dim[1] : a->dim[1];
     in->channels = a->dim[a->ndim - 1];
+    in->packed = packed;
+    in->pixels = packed ? a->dim[0] : 0;
     return 0;
 }
 
@@ -203,7 +186,7 @@ static int write_picture(struct program *p, const struct record *rec,
     };
     double begun;
 
-    if (take_features(&in, p, rec, err))
+    if (take_features(&in, rec, err))
         return -1;
     if (in.height * in.width * 3 > p->room) {
         free(p->rgb);
@@ -253,7 +236,7 @@ int main(int argc, char **argv)
     double begun;
     int rc;
 
-    int first = cli_parse_stage(&usage, argc, argv);
+    int first = cli_parse_stage(&usage, argc, argv, true);
     if (argc - first > 1)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "
             "operand)", argv[first + 1]);
@@ -281,6 +264,5 @@ int main(int argc, char **argv)
     refine_release(&p.refine);
     background_release(&background);
     free(p.rgb);
-    free(p.whole);
     return 0;
 }

@@ -214,6 +214,7 @@ static void open_renderer(struct drawing *d)
     o.exp_degree = (int)exp_degree;
     o.fixed16 = o.fixed16 && !f32_products;
     o.depth = with_depth;
+    o.covered = covered && writes_features(d);
     o.prune = (float)prune;
     o.branches = branches;
     if (splat_init(&d->splat, &o, &err))
@@ -395,7 +396,7 @@ int main(int argc, char **argv)
     struct drawing d = {0};
     struct error err = {0};
     struct record rec;
-    int rc, first = cli_parse_stage(&usage, argc, argv);
+    int rc, first = cli_parse_stage(&usage, argc, argv, false);
 
     if (argc - first > 1)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "

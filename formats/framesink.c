@@ -35,8 +35,7 @@ struct framesink {
     float *plane;                  /* EXR */
     uint16_t *half;                /* FEAT in f16 */
     size_t half_count;
-    void *packed;                  /* FEAT's covered pixels */
-    size_t packed_bytes;
+    struct covered covered;        /* FEAT's pixels */
 };
 
 /* ---- choosing --------------------------------------------------------- */
@@ -383,49 +382,34 @@ static const uint16_t *half_features(struct framesink *s,
     return s->half;
 }
 
-/* The covered pixels of them.  NULL: no memory. */
-static const void *pack_features(struct framesink *s, size_t *count,
-                                 const struct framesink_frame *f,
-                                 const void *feat, size_t bytes)
-{
-    const size_t n = f->width * f->height;
-
-    if (n * bytes > s->packed_bytes) {
-        free(s->packed);
-        s->packed = malloc(n * bytes);
-        s->packed_bytes = s->packed ? n * bytes : 0;
-    }
-    if (s->packed)
-        *count = covered_pack(s->packed, feat, f->alpha, n, bytes);
-    return s->packed;
-}
-
 static int write_feat(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
 {
     const bool half = s->opt.record == FRAMESINK_FEAT_F16;
-    const size_t C = (size_t)f->channels, n = f->width * f->height * C;
+    const size_t C = (size_t)f->channels, N = f->width * f->height;
     const bool packed = s->opt.covered && f->alpha;
     const enum dtype type = half ? DTYPE_F16 : DTYPE_F32;
-    const void *feat = half ? (const void *)half_features(s, f, n) : f->color;
+    const void *feat = half ? (const void *)half_features(s, f, N * C)
+                            : f->color;
+    const struct covered *c = &s->covered;
     struct array a[3];
-    size_t covered = 0;
-    int count = 1;
+    int n = 1;
 
-    if (feat && packed)
-        feat = pack_features(s, &covered, f, feat, C * dtype_size(type));
-    if (!feat)
+    if (!feat || (packed && covered_find(&s->covered, feat, f->alpha, N,
+                                         C * dtype_size(type))))
         return error_set(err, EX_OSERR, "out of memory");
-    a[0] = packed ? array_make("feat", type, feat, 2, covered, C, 0, 0)
+    a[0] = packed ? array_make("feat", type, NULL, 2, c->pixels, C, 0, 0)
                   : array_make("feat", type, feat, 3, f->height, f->width, C,
                                0);
     if (f->alpha)
-        a[count++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
-                                f->width, 0, 0);
+        a[n++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
+                            f->width, 0, 0);
     if (f->depth)
-        a[count++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
-                                f->width, 0, 0);
-    return stream_write(s->stream, "FEAT", f->frame, f->time, a, count, err);
+        a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
+                            f->width, 0, 0);
+    return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,
+                              packed ? c->run : NULL, packed ? c->runs : 0,
+                              err);
 }
 
 static int write_picture(struct framesink *s,
@@ -549,7 +533,7 @@ static void release(struct framesink *s)
     free(s->planes);
     free(s->plane);
     free(s->half);
-    free(s->packed);
+    covered_release(&s->covered);
     free(s->part);
     free(s->path);
     free(s);

@@ -245,7 +245,7 @@ void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r)
 {
-    struct fold_view view = { feat, NULL, r->w * r->channels };
+    struct fold_view view = { .f32 = feat, .stride = r->w * r->channels };
     r->feat = feat;
     if (r->folds) {
         narrow_refiner_forward_view(rgb, &view, r);

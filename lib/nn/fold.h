@@ -15,6 +15,10 @@ struct fold_view {
     const float *f32;
     const uint16_t *f16;
     size_t stride;           /* values from row to row, at least w C */
+    /* NULL, or only the covered pixels are there, one after another; the
+     * others are zeros (lib/splat/covered.h) */
+    const float *alpha;      /* (B,h,w) not 0 where one is */
+    const size_t *start;     /* (B h) how many come before each row */
 };
 
 struct fold {
@@ -22,6 +26,7 @@ struct fold {
     size_t batch, h, w;      /* of the input */
     float *weight;           /* (out/16, 4 in, 16) */
     float *bias;             /* (out) */
+    float *empty;            /* (out) where all features are zeros */
     float *wide;             /* widened half floats, for every thread */
     size_t line;             /* floats of one thread's */
 };

@@ -6,6 +6,7 @@
 
 #include "formats/compose.h"
 #include "formats/safetensors.h"
+#include "lib/splat/covered.h"
 #include "lib/track/encoders.h"
 
 int refine_open(struct refine *r, const char *path, enum nn_type type,
@@ -44,6 +45,8 @@ void refine_release(struct refine *r)
     free(r->path);
     free(r->part);
     free(r->out);
+    free(r->start);
+    free(r->all);
     memset(r, 0, sizeof *r);
 }
 
@@ -171,15 +174,19 @@ static int fit(struct refine *r, const struct refine_input *in,
 
 /* ---- one frame -------------------------------------------------------- */
 
-static int make_room(float **p, size_t *room, size_t n, struct error *err)
+/* p, or more room in its place, for n values of so many bytes each; NULL and
+ * *err when there is none. */
+static void *make_room(void *p, size_t *room, size_t n, size_t bytes,
+                       struct error *err)
 {
     if (n <= *room)
-        return 0;
-    free(*p);
-    *p = aligned_alloc(64, (n * sizeof **p + 63) / 64 * 64);
-    *room = *p ? n : 0;
-    return *p ? 0 : error_set(err, EX_OSERR, "no memory for a part of %zu "
-                              "numbers", n);
+        return p;
+    free(p);
+    p = aligned_alloc(64, (n * bytes + 63) / 64 * 64);
+    *room = p ? n : 0;
+    if (!p)
+        error_set(err, EX_OSERR, "no memory for a part of %zu numbers", n);
+    return p;
 }
 
 /* The part's features as floats, zero outside the picture. */
@@ -234,11 +241,9 @@ static void copy_back(float *rgb, const struct refine *r,
                r->out + y * w * 3, cols * 3 * sizeof *rgb);
 }
 
-int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
-                 struct error *err)
+static int check_input(const struct refine *r, const struct refine_input *in,
+                       struct error *err)
 {
-    bool whole;
-
     if (in->channels != r->config.refiner.channels)
         return error_set(err, EX_DATAERR, "FEAT has %zu channels (expected "
                          "%zu, the refiner's; spid-splat --channels %zu)",
@@ -247,33 +252,98 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     if (in->height == 0 || in->width == 0)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels (expected"
                          " at least one)", in->width, in->height);
-    if (fit(r, in, err) != 0)
+    return 0;
+}
+
+/* Where the rows of packed features begin. */
+static int find_rows(struct refine *r, const struct refine_input *in,
+                     struct error *err)
+{
+    r->start = make_room(r->start, &r->start_room, in->height,
+                         sizeof *r->start, err);
+    if (!r->start)
         return -1;
-    whole = r->plan.height == in->height && r->plan.width == in->width;
-    if (!whole && make_room(&r->out, &r->out_room,
-                            r->plan.height * r->plan.width * 3, err))
+    if (covered_rows(r->start, in->alpha, in->height, in->width)
+        != in->pixels)
+        return error_set(err, EX_DATAERR, "FEAT feat has %zu pixels (expected"
+                         " as many as alpha covers)", in->pixels);
+    return 0;
+}
+
+/* *whole: all pixels of packed features. */
+static int unpack(struct refine_input *whole, struct refine *r,
+                  const struct refine_input *in, struct error *err)
+{
+    const size_t n = in->height * in->width;
+    const size_t bytes = in->channels * (in->f32 ? sizeof *in->f32
+                                                 : sizeof *in->f16);
+
+    r->all = make_room(r->all, &r->all_room, n * bytes, 1, err);
+    if (!r->all)
         return -1;
-    if (refiner_views(&r->plan.net) && r->top + r->plan.height <= in->height
-        && r->left + r->plan.width <= in->width) {
-        const size_t at = (r->top * in->width + r->left) * in->channels;
-        const struct fold_view view = {
-            .f32 = in->f32 ? in->f32 + at : NULL,
-            .f16 = in->f32 ? NULL : in->f16 + at,
-            .stride = in->width * in->channels
-        };
-        refiner_forward_view(whole ? rgb : r->out, &view, &r->plan.net);
-    } else if (whole && in->f32) {
-        refiner_forward(rgb, in->f32, &r->plan.net);
-    } else {
-        if (make_room(&r->part, &r->part_room, r->plan.height * r->plan.width
-                      * in->channels, err))
+    covered_unpack(r->all, in->f32 ? (const void *)in->f32 : in->f16,
+                   in->pixels, in->alpha, n, bytes);
+    *whole = *in;
+    whole->packed = false;
+    whole->f32 = in->f32 ? r->all : NULL;
+    whole->f16 = in->f32 ? NULL : r->all;
+    return 0;
+}
+
+/* The network on the planned part; out is its rgb. */
+static int forward(float *out, struct refine *r, const struct refine_input *in,
+                   struct error *err)
+{
+    const bool inside = r->top + r->plan.height <= in->height
+        && r->left + r->plan.width <= in->width;
+    const size_t at = (r->top * in->width + r->left) * in->channels;
+    const struct fold_view view = {
+        .f32 = in->f32 ? in->f32 + at : NULL,
+        .f16 = in->f32 ? NULL : in->f16 + at,
+        .stride = in->width * in->channels,
+        .alpha = in->packed ? in->alpha : NULL,
+        .start = in->packed ? r->start : NULL
+    };
+
+    if (refiner_views(&r->plan.net) && inside) {
+        refiner_forward_view(out, &view, &r->plan.net);
+        return 0;
+    }
+    if (out != r->out && in->f32) {         /* all of it */
+        refiner_forward(out, in->f32, &r->plan.net);
+        return 0;
+    }
+    r->part = make_room(r->part, &r->part_room, r->plan.height
+                        * r->plan.width * in->channels, sizeof *r->part, err);
+    if (!r->part)
+        return -1;
+    copy_part(r, in);
+    refiner_forward(out, r->part, &r->plan.net);
+    return 0;
+}
+
+int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
+                 struct error *err)
+{
+    struct refine_input unpacked;
+
+    if (check_input(r, in, err) || (in->packed && find_rows(r, in, err))
+        || fit(r, in, err))
+        return -1;
+    const bool whole = r->plan.height == in->height
+        && r->plan.width == in->width;
+    if (in->packed && !(whole && refiner_views(&r->plan.net))) {
+        if (unpack(&unpacked, r, in, err))
             return -1;
-        copy_part(r, in);
-        refiner_forward(whole ? rgb : r->out, r->part, &r->plan.net);
+        in = &unpacked;
     }
-    if (!whole) {
-        copy_coarse(rgb, r, in);
-        copy_back(rgb, r, in);
-    }
+    if (whole)
+        return forward(rgb, r, in, err);
+    r->out = make_room(r->out, &r->out_room, r->plan.height * r->plan.width
+                       * 3, sizeof *r->out, err);
+    if (!r->out || forward(r->out, r, in, err))
+        return -1;
+    copy_coarse(rgb, r, in);
+    copy_back(rgb, r, in);
     return 0;
 }

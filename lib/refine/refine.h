@@ -31,16 +31,23 @@ struct refine {
     size_t top, left;           /* of the part that is refined */
     float *part, *out;          /* its features and colours */
     size_t part_room, out_room;
+    size_t *start;              /* of packed features, the rows' places */
+    size_t start_room;
+    void *all;                  /* unpacked, where the network wants it */
+    size_t all_room;
     size_t plans;               /* how often a size was planned */
 };
 
 /* A feature image: f16 or f32 [height,width,channels], alpha [height,width]
- * or NULL. */
+ * or NULL.  Or packed: only the pixels [pixels,channels] whose alpha is not 0,
+ * row after row. */
 struct refine_input {
     size_t height, width, channels;
     const float *f32;
     const uint16_t *f16;        /* if f32 is NULL */
     const float *alpha;
+    bool packed;
+    size_t pixels;
 };
 
 /* Open the refiner of a model file.  EX_CONFIG when it has none. */
@@ -51,7 +58,8 @@ void refine_release(struct refine *r);
 /* rgb [height,width,3] from the features.  The network is planned at the
  * first frame, and again when the size changes or the head outgrows the part
  * (roi).  Outside the part the coarse colours stay.  EX_DATAERR when the
- * channels are not the refiner's. */
+ * channels are not the refiner's, or the packed pixels not as many as alpha
+ * covers. */
 int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
                  struct error *err);
 

@@ -1,33 +1,51 @@
 #include "lib/splat/covered.h"
 
-#include <stdbool.h>
+#include <stdint.h>
+#include <stdlib.h>
 #include <string.h>
 
-/* Where the run of pixels that begins at `at`, all covered or all not, ends. */
-static size_t run_end(const float *alpha, size_t at, size_t n)
+/* Room for one run more. */
+static int make_room(struct covered *c)
 {
-    bool covered = alpha[at] != 0;
+    size_t room = c->room ? 2 * c->room : 1024;
+    struct iovec *run;
 
-    while (at < n && (alpha[at] != 0) == covered)
-        at++;
-    return at;
+    if (c->runs < c->room)
+        return 0;
+    run = realloc(c->run, room * sizeof *run);
+    if (!run)
+        return -1;
+    c->run = run;
+    c->room = room;
+    return 0;
 }
 
-size_t covered_pack(void *out, const void *image, const float *alpha,
-                    size_t n, size_t bytes)
+int covered_find(struct covered *c, const void *image, const float *alpha,
+                 size_t n, size_t bytes)
 {
-    unsigned char *to = out;
-    const unsigned char *from = image;
-    size_t count = 0;
+    /* an iovec's pointer is never const; these are only read */
+    unsigned char *from = (unsigned char *)(uintptr_t)image;
 
+    c->runs = c->pixels = 0;
+    if (make_room(c))           /* no runs are not no list */
+        return -1;
     for (size_t at = 0, end; at < n; at = end) {
-        end = run_end(alpha, at, n);
+        end = covered_run(alpha, at, n);
         if (alpha[at] == 0)
             continue;
-        memcpy(to + count * bytes, from + at * bytes, (end - at) * bytes);
-        count += end - at;
+        if (make_room(c))
+            return -1;
+        c->run[c->runs++] = (struct iovec){from + at * bytes,
+                                           (end - at) * bytes};
+        c->pixels += end - at;
     }
-    return count;
+    return 0;
+}
+
+void covered_release(struct covered *c)
+{
+    free(c->run);
+    memset(c, 0, sizeof *c);
 }
 
 int covered_unpack(void *image, const void *packed, size_t count,
@@ -37,7 +55,7 @@ int covered_unpack(void *image, const void *packed, size_t count,
     const unsigned char *from = packed;
 
     for (size_t at = 0, end; at < n; at = end) {
-        end = run_end(alpha, at, n);
+        end = covered_run(alpha, at, n);
         if (alpha[at] == 0) {
             memset(to + at * bytes, 0, (end - at) * bytes);
             continue;
@@ -49,4 +67,21 @@ int covered_unpack(void *image, const void *packed, size_t count,
         count -= end - at;
     }
     return count ? -1 : 0;
+}
+
+size_t covered_rows(size_t *start, const float *alpha, size_t height,
+                    size_t width)
+{
+    size_t sum = 0;
+
+    for (size_t y = 0; y < height; y++, alpha += width) {
+        unsigned row = 0;
+
+        start[y] = sum;
+#pragma omp simd reduction(+:row)
+        for (size_t x = 0; x < width; x++)
+            row += alpha[x] != 0;
+        sum += row;
+    }
+    return sum;
 }

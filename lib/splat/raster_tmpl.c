@@ -348,13 +348,17 @@ static void stream_wide(float *out, const struct splat_work *w, int y, int n)
     }
 }
 
-/* And as halves: a pixel is one line of the cache, and out aligned to it. */
+/* And as halves: a pixel is one line of the cache, and out aligned to it.
+ * T: NULL, or pixels of 1 are left as they were. */
 static void stream_half(uint16_t *out, const struct splat_work *w, int y,
-                        int n)
+                        int n, const float *T)
 {
     for (int x = 0; x < n; x++) {
         int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
         const float *in = w->wide[pixel];
+
+        if (T && T[x] == 1)
+            continue;
         __m256i low = _mm512_cvtps_ph(_mm512_load_ps(in), 0);
         __m256i high = _mm512_cvtps_ph(_mm512_load_ps(in + 16), 0);
 
@@ -393,7 +397,8 @@ static void finish_colors(struct splat_work *w, struct strip *p,
             }
             if (out->half && !out->bare && !out->background &&
                 !((uintptr_t)(out->half + at * C) & 63)) {
-                stream_half(out->half + at * C, w, y, n);
+                stream_half(out->half + at * C, w, y, n,
+                            s->opt.covered ? p->T[y & 3] : NULL);
                 return;
             }
 #endif

@@ -70,6 +70,8 @@ struct splat_options {
     bool fixed16;                 /* over 4 channels: Q15 products where the
                                    * processor has them; not with gradients */
     bool depth;                   /* splat_forward may be asked for depth */
+    bool covered;                 /* splat_forward_half may leave pixels of
+                                   * alpha 0 as they were, not write zeros */
     bool gradients;               /* splat_backward will be called */
     float prune;                  /* Gaussians of a lower opacity are left
                                    * out; default 0: none.  Each changes a

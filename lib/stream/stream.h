@@ -6,6 +6,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <sys/uio.h>
 
 #include "lib/base/error.h"
 
@@ -120,6 +121,15 @@ struct stream_writer *stream_create(const char *path, struct error *err);
 int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
                  double time, const struct array *arrays, int count,
                  struct error *err);
+
+/* The same, the data of the first array in parts, one after another, whose
+ * bytes add up to its own (its pointer is not used): what lies scattered is
+ * written without a copy.  part NULL: as stream_write. */
+int stream_write_parts(struct stream_writer *w, const char *type,
+                       uint64_t frame, double time,
+                       const struct array *arrays, int count,
+                       const struct iovec *part, size_t parts,
+                       struct error *err);
 
 /* Pass a record on as it was read; changes made to rec->array since then are
  * not seen (write those with stream_write). */

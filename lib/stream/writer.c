@@ -3,6 +3,7 @@
 
 #include <errno.h>
 #include <fcntl.h>
+#include <limits.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -15,7 +16,7 @@
 #include "lib/stream/layout.h"
 
 #define PIPE_BYTES (1 << 20)
-#define MAX_PIECES (2 + 2 * STREAM_MAX_ARRAYS)
+#define PIECES (2 + 2 * STREAM_MAX_ARRAYS) /* of a record, parts apart */
 
 static const unsigned char zeros[STREAM_ALIGN];
 
@@ -27,6 +28,8 @@ struct stream_writer {
     uint64_t records;
     struct hash *hash;
     struct layout_entry table[STREAM_MAX_ARRAYS];
+    struct iovec *iov;         /* pieces of a record */
+    size_t iov_room;
 };
 
 static void writer_free(struct stream_writer *w)
@@ -36,6 +39,7 @@ static void writer_free(struct stream_writer *w)
     if (w->fd > STDERR_FILENO)
         close(w->fd);
     hash_free(w->hash);
+    free(w->iov);
     free(w->name);
     free(w->path);
     free(w->part);
@@ -99,11 +103,12 @@ fail:
 }
 
 /* Write all pieces; iov is used up. */
-static int write_pieces(struct stream_writer *w, struct iovec *iov, int count,
-                        struct error *err)
+static int write_pieces(struct stream_writer *w, struct iovec *iov,
+                        size_t count, struct error *err)
 {
     while (count > 0) {
-        ssize_t n = writev(w->fd, iov, count);
+        ssize_t n = writev(w->fd, iov, count < IOV_MAX ? (int)count
+                                                       : IOV_MAX);
 
         if (n < 0 && errno == EINTR)
             continue;
@@ -134,14 +139,62 @@ static struct iovec piece(const void *data, size_t bytes)
     return v;
 }
 
-int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
-                 double time, const struct array *arrays, int count,
-                 struct error *err)
+static int make_room(struct stream_writer *w, size_t pieces, struct error *err)
+{
+    struct iovec *p;
+
+    if (pieces <= w->iov_room)
+        return 0;
+    p = realloc(w->iov, 2 * pieces * sizeof *p);
+    if (!p)
+        return error_set(err, EX_OSERR, "%s: no memory for %zu parts",
+                         w->name, pieces);
+    w->iov = p;
+    w->iov_room = 2 * pieces;
+    return 0;
+}
+
+static size_t parts_bytes(const struct iovec *part, size_t parts)
+{
+    size_t sum = 0;
+
+    for (size_t i = 0; i < parts; i++)
+        sum += part[i].iov_len;
+    return sum;
+}
+
+/* The payload's pieces behind w->iov[0], which is the header's; how many there
+ * are with it. */
+static size_t collect(struct stream_writer *w, const struct array *arrays,
+                      int count, const struct iovec *part, size_t parts)
+{
+    struct iovec *iov = w->iov;
+    size_t n = 1;
+
+    iov[n++] = piece(w->table, (size_t)count * ENTRY_BYTES);
+    for (int i = 0; i < count; i++) {
+        size_t bytes = (size_t)w->table[i].bytes;
+
+        if (i == 0 && part) {
+            memcpy(iov + n, part, parts * sizeof *iov);
+            n += parts;
+        } else if (bytes) {
+            iov[n++] = piece(arrays[i].data, bytes);
+        }
+        if (bytes % STREAM_ALIGN)
+            iov[n++] = piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
+    }
+    return n;
+}
+
+int stream_write_parts(struct stream_writer *w, const char *type,
+                       uint64_t frame, double time,
+                       const struct array *arrays, int count,
+                       const struct iovec *part, size_t parts,
+                       struct error *err)
 {
     struct layout_header header;
-    struct iovec iov[MAX_PIECES];
-    size_t payload;
-    int n = 0;
+    size_t payload, n;
 
     if (count < 0 || count > STREAM_MAX_ARRAYS || strlen(type) != 4)
         return error_set(err, EX_SOFTWARE, "%s: record '%s' of %d arrays (at "
@@ -149,22 +202,27 @@ int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
     if (layout_put_table(w->table, &payload, arrays, count, err))
         return error_prefix(err, "%s: frame %llu: %s", w->name,
                             (unsigned long long)frame, type);
-    iov[n++] = piece(&header, sizeof header);
-    iov[n++] = piece(w->table, (size_t)count * ENTRY_BYTES);
-    for (int i = 0; i < count; i++) {
-        size_t bytes = (size_t)w->table[i].bytes;
-
-        if (bytes)
-            iov[n++] = piece(arrays[i].data, bytes);
-        if (bytes % STREAM_ALIGN)
-            iov[n++] = piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
-    }
+    if (part && (count == 0 || parts_bytes(part, parts) != w->table[0].bytes))
+        return error_set(err, EX_SOFTWARE, "%s: record '%s': parts of another "
+                         "length than its first array", w->name, type);
+    if (make_room(w, PIECES + parts, err))
+        return -1;
+    n = collect(w, arrays, count, part, parts);
     hash_begin(w->hash);
-    for (int i = 1; i < n; i++)
-        hash_add(w->hash, iov[i].iov_base, iov[i].iov_len);
+    for (size_t i = 1; i < n; i++)
+        hash_add(w->hash, w->iov[i].iov_base, w->iov[i].iov_len);
     layout_put_header(&header, type, frame, time, count, payload,
                       hash_end(w->hash));
-    return write_pieces(w, iov, n, err);
+    w->iov[0] = piece(&header, sizeof header);
+    return write_pieces(w, w->iov, n, err);
+}
+
+int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
+                 double time, const struct array *arrays, int count,
+                 struct error *err)
+{
+    return stream_write_parts(w, type, frame, time, arrays, count, NULL, 0,
+                              err);
 }
 
 int stream_copy(struct stream_writer *w, const struct record *rec,

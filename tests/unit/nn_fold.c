@@ -1,7 +1,7 @@
 /* The narrow refiner's first layer against plain loops in double (relative to
  * the largest value 1e-5); half floats against the same values as floats, a
- * part of a wider image against its copy, and 1, 2 and 7 threads against each
- * other: the same bits; and the refiner's inference against its training
+ * part of a wider image against its copy, packed pixels against the picture
+ * they stand for, and 1, 2 and 7 threads against each other: the same bits; and the refiner's inference against its training
  * forward (1e-4: other sums' order, values near 1). */
 #include <math.h>
 #include <omp.h>
@@ -13,6 +13,7 @@
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
 #include "lib/nn/fold.h"
+#include "lib/splat/covered.h"
 
 static const struct shape {
     size_t B, h, w, C, O;
@@ -78,6 +79,53 @@ static float *floats(size_t n)
     return malloc(n * sizeof(float));
 }
 
+/* Features with holes, some of them whole pieces: packed, in halves and in
+ * floats, they give the bits of the picture with zeros there. */
+static void run_packed(const struct fold *f, float *in, uint16_t *half,
+                       const struct shape *s)
+{
+    size_t C = s->C, rows = s->B * s->h, pixels = rows * s->w;
+    size_t outs = pixels / 4 * s->O;
+    float *alpha = floats(pixels), *few = floats(pixels * C);
+    float *out[2] = { floats(outs), floats(outs) };
+    float *rgb[2] = { floats(3 * pixels), floats(3 * pixels) };
+    size_t *start = malloc(rows * sizeof *start), count = 0;
+    for (size_t i = 0; i < pixels; i++) {
+        size_t x = i % s->w, y = i / s->w;
+        alpha[i] = (x / 3 + y) % 5 && x < 70 && y % 7 < 4 ? 0.5f : 0;
+        if (alpha[i] != 0) {
+            memmove(half + count * C, half + i * C, C * sizeof *half);
+            memcpy(few + count * C, in + i * C, C * sizeof *few);
+            count++;
+        } else {
+            memset(in + i * C, 0, C * sizeof *in);
+        }
+    }
+    check(covered_rows(start, alpha, rows, s->w) == count, "a count", s);
+    struct fold_view whole = { .f32 = in, .stride = s->w * C };
+    struct fold_view views[] = {
+        { NULL, half, s->w * C, alpha, start },
+        { few, NULL, s->w * C, alpha, start }
+    };
+    fold_forward(out[0], rgb[0], &whole, f);
+    for (int k = 0; k < 4; k++) {
+        omp_set_num_threads(1 + k / 2);
+        memset(out[1], 0xff, outs * sizeof(float));
+        memset(rgb[1], 0xff, 3 * pixels * sizeof(float));
+        fold_forward(out[1], rgb[1], &views[k % 2], f);
+        check(!memcmp(out[0], out[1], outs * sizeof(float)) &&
+              !memcmp(rgb[0], rgb[1], 3 * pixels * sizeof(float)),
+              "what came packed", s);
+    }
+    for (int k = 0; k < 2; k++) {
+        free(out[k]);
+        free(rgb[k]);
+    }
+    free(alpha);
+    free(few);
+    free(start);
+}
+
 static void run(const struct shape *s)
 {
     struct params ps;
@@ -110,7 +158,7 @@ static void run(const struct shape *s)
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);
     double most = plain(truth, in, &c, s);
-    fold_forward(out, rgb, &(struct fold_view){ in, NULL, row }, &f);
+    fold_forward(out, rgb, &(struct fold_view){ .f32 = in, .stride = row }, &f);
     for (size_t i = 0; i < outs; i++)
         worst = fmax(worst, fabs((double)out[i] - truth[i]));
     printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
@@ -118,8 +166,9 @@ static void run(const struct shape *s)
     check(worst < 1e-5 * most, "the sum", s);
     for (size_t i = 0; i < 3 * pixels; i++)
         check(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
-    const struct fold_view views[] = { { NULL, half, row },
-                                       { part, NULL, wide } };
+    const struct fold_view views[] = {
+        { .f16 = half, .stride = row }, { .f32 = part, .stride = wide }
+    };
     for (int k = 0; k < 4; k++) {
         omp_set_num_threads(1 + k / 2);
         fold_forward(out2, rgb2, &views[k % 2], &f);
@@ -127,6 +176,7 @@ static void run(const struct shape *s)
               !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),
               k % 2 ? "a part" : "half floats", s);
     }
+    run_packed(&f, in, half, s);
     nn_plan_release(&p);
     params_release(&ps);
     free(in);

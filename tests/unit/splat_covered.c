@@ -1,6 +1,7 @@
-/* Covered pixels packed and put back: the same picture, for any pattern of
- * runs; another number of pixels is refused and nothing is read or written
- * beyond the buffers (the sanitizers see to that). */
+/* The runs of covered pixels joined and put back: the same picture, for any
+ * pattern; another number of pixels is refused and nothing is read or written
+ * beyond the buffers (the sanitizers see to that).  Rows begin where counting
+ * pixel by pixel says. */
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -10,6 +11,7 @@
 #include "lib/splat/covered.h"
 
 #define PIXELS 300
+#define MOST 5000              /* runs that outgrow the first room */
 #define BYTES 10
 
 static int failures;
@@ -37,7 +39,32 @@ static void make(uint8_t *image, float *alpha, size_t n, double run)
     }
 }
 
-static void round_trip(size_t n, double run)
+/* What the runs hold, joined. */
+static size_t join(uint8_t *packed, const struct covered *c)
+{
+    size_t at = 0;
+
+    for (size_t i = 0; i < c->runs; i++) {
+        memcpy(packed + at, c->run[i].iov_base, c->run[i].iov_len);
+        at += c->run[i].iov_len;
+    }
+    return at / BYTES;
+}
+
+static void count_rows(const float *alpha, size_t n, size_t width)
+{
+    size_t start[MOST], before = 0, height = n / width;
+    size_t all = covered_rows(start, alpha, height, width);
+
+    for (size_t i = 0; i < height * width; i++) {
+        if (i % width == 0)
+            check(start[i / width] == before, "a row begins elsewhere", n);
+        before += alpha[i] != 0;
+    }
+    check(all == before, "rows of another number of pixels", n);
+}
+
+static void round_trip(struct covered *c, size_t n, double run)
 {
     uint8_t *image = malloc(n * BYTES + 1), *back = malloc(n * BYTES + 1);
     uint8_t *packed = malloc(n * BYTES + 1);
@@ -48,8 +75,11 @@ static void round_trip(size_t n, double run)
     memset(back, 0xee, n * BYTES);
     for (size_t i = 0; i < n; i++)
         want += alpha[i] != 0;
-    count = covered_pack(packed, image, alpha, n, BYTES);
-    check(count == want, "another number of pixels", n);
+    check(covered_find(c, image, alpha, n, BYTES) == 0, "no memory", n);
+    count = join(packed, c);
+    check(count == want && c->pixels == want, "another number of pixels", n);
+    for (size_t width = 1; width <= n; width = 3 * width + 1)
+        count_rows(alpha, n, width);
     check(covered_unpack(back, packed, count, alpha, n, BYTES) == 0 &&
               memcmp(image, back, n * BYTES) == 0,
           "another picture", n);
@@ -66,8 +96,12 @@ static void round_trip(size_t n, double run)
 
 int main(void)
 {
+    struct covered c = {0};
+
     for (size_t n = 0; n <= PIXELS; n++)
         for (double run = 1; run < 200; run *= 3)
-            round_trip(n, run);
+            round_trip(&c, n, run);
+    round_trip(&c, MOST, 1);
+    covered_release(&c);
     return failures != 0;
 }

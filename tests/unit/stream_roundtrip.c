@@ -19,11 +19,29 @@
 #define RECORDS 5
 #define BIG 3000001            /* bytes of the large array: odd on purpose */
 
+#define PART 1000              /* bytes of it written at a time */
+
 static unsigned char *big;
 static float mean[20][3];
 static int32_t one = -7;
 static double half = 0.5;
 static struct error err;
+
+/* The first array in more parts than one call of the system takes. */
+static void write_parts(struct stream_writer *w, uint64_t f,
+                        const struct array *a, int count)
+{
+    static struct iovec part[BIG / PART + 1];
+    size_t n = 0, bytes = array_bytes(a);
+
+    for (size_t at = 0; at < bytes; at += PART, n++)
+        part[n] = (struct iovec){big + at, bytes - at < PART ? bytes - at
+                                                             : PART};
+    CHECK(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part,
+                             n - 1, &err) == -1);
+    CHECK(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part, n,
+                             &err) == 0);
+}
 
 static void write_all(const char *path)
 {
@@ -32,14 +50,17 @@ static void write_all(const char *path)
     CHECK(w);
     for (uint64_t f = 0; f < RECORDS; f++) {
         struct array a[] = {
-            array_make("mean", DTYPE_F32, mean, 2, 20, 3, 0, 0),
             array_make("big", DTYPE_U8, big, 1, f == 3 ? BIG : f, 0, 0, 0),
+            array_make("mean", DTYPE_F32, mean, 2, 20, 3, 0, 0),
             array_make("one", DTYPE_I32, &one, 1, 1, 0, 0, 0),
             array_make("scalar", DTYPE_F64, &half, 0, 0, 0, 0, 0),
         };
 
-        CHECK(stream_write(w, f == 2 ? "WHAT" : "GAUS", f, (double)f / 30, a,
-                           4, &err) == 0);
+        if (f % 2)
+            write_parts(w, f, a, 4);
+        else
+            CHECK(stream_write(w, f == 2 ? "WHAT" : "GAUS", f,
+                               (double)f / 30, a, 4, &err) == 0);
     }
     CHECK(stream_finish(w, &err) == 0);
 }
