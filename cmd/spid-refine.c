@@ -7,7 +7,7 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
-#include "lib/stream/stream.h"
+#include "lib/stream/ahead.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static struct framesink_options sink_options;
@@ -46,6 +46,7 @@ static const struct cli_usage usage = {
 struct program {
     struct refine refine;
     struct stream_reader *in;
+    struct ahead *ahead;
     struct framesink *out;
     float *rgb;
     size_t room;                /* floats in rgb */
@@ -87,7 +88,7 @@ static void open_streams(struct program *p, const char *input)
 {
     struct error err = {0};
 
-    p->in = stream_open(input, NULL, &err);
+    p->in = stream_open(input, &(struct stream_options){.pair = true}, &err);
     if (!p->in)
         die_error(&err);
     sink_options.path = cli.output;
@@ -98,6 +99,9 @@ static void open_streams(struct program *p, const char *input)
     }
     p->out = framesink_open(&sink_options, &err);
     if (!p->out)
+        die_error(&err);
+    p->ahead = ahead_open(p->in, &err);
+    if (!p->ahead)
         die_error(&err);
 }
 
@@ -232,7 +236,7 @@ int main(int argc, char **argv)
 {
     static struct program p;
     struct error err = {0};
-    struct record rec;
+    const struct record *rec;
     double begun;
     int rc;
 
@@ -243,11 +247,11 @@ int main(int argc, char **argv)
     open_model(&p);
     open_background();
     open_streams(&p, first < argc ? argv[first] : "-");
-    while (begun = stats_begin(), (rc = stream_read(p.in, &rec, &err)) > 0) {
+    while (begun = stats_begin(), (rc = ahead_read(p.ahead, &rec, &err)) > 0) {
         stats_end("decode", begun);
-        if (pass_record(&p, &rec, &err)) {
+        if (pass_record(&p, rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(p.in),
-                         (unsigned long long)rec.frame);
+                         (unsigned long long)rec->frame);
             rc = -1;
             break;
         }
@@ -260,6 +264,7 @@ int main(int argc, char **argv)
     if (framesink_finish(p.out, &err))
         die_error(&err);
     stats_write();
+    ahead_close(p.ahead);
     stream_close(p.in);
     refine_release(&p.refine);
     background_release(&background);

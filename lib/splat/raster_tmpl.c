@@ -349,7 +349,8 @@ static void stream_wide(float *out, const struct splat_work *w, int y, int n)
 }
 
 /* And as halves: a pixel is one line of the cache, and out aligned to it.
- * T: NULL, or pixels of 1 are left as they were. */
+ * T: NULL, or pixels of 1 are left as they were; what remains is about to be
+ * sent, and short enough for the caches. */
 static void stream_half(uint16_t *out, const struct splat_work *w, int y,
                         int n, const float *T)
 {
@@ -362,9 +363,13 @@ static void stream_half(uint16_t *out, const struct splat_work *w, int y,
         __m256i low = _mm512_cvtps_ph(_mm512_load_ps(in), 0);
         __m256i high = _mm512_cvtps_ph(_mm512_load_ps(in + 16), 0);
 
-        _mm512_stream_si512((void *)(out + x * SPLAT_MAX_CHANNELS),
-                            _mm512_inserti64x4(_mm512_castsi256_si512(low),
-                                               high, 1));
+        __m512i both = _mm512_inserti64x4(_mm512_castsi256_si512(low), high,
+                                          1);
+
+        if (T)
+            _mm512_store_si512((void *)(out + x * SPLAT_MAX_CHANNELS), both);
+        else
+            _mm512_stream_si512((void *)(out + x * SPLAT_MAX_CHANNELS), both);
     }
 }
 #endif

@@ -30,9 +30,11 @@ struct stream_reader {
     char *name;
     unsigned char *base;
     size_t begin, end, room, held;
+    unsigned char *spare;      /* SOURCE_PIPE, pair: of the record before */
+    size_t spare_room;
     size_t released;           /* SOURCE_MAP: pages before this are dropped */
     size_t max_bytes;
-    bool trust, ended;
+    bool trust, pair, ended;
     uint64_t records;          /* read so far */
     uint64_t last_frame;       /* of the last good record */
     struct hash *hash;
@@ -68,6 +70,7 @@ static struct stream_reader *reader_new(const char *name,
         r->max_bytes = opt && opt->max_bytes ? opt->max_bytes
                                              : limit;
         r->trust = opt && opt->trust;
+        r->pair = opt && opt->pair;
     }
     if (!r || !r->name || !r->hash) {
         stream_close(r);
@@ -83,6 +86,8 @@ void stream_close(struct stream_reader *r)
         return;
     if (r->source != SOURCE_MEMORY && r->base)
         munmap(r->base, r->room);
+    if (r->spare)
+        munmap(r->spare, r->spare_room);
     if (r->fd > STDIN_FILENO)
         close(r->fd);
     hash_free(r->hash);
@@ -166,13 +171,30 @@ struct stream_reader *stream_open_memory(const void *data, size_t bytes,
     return r;
 }
 
+/* *base with so much room, what it holds kept. */
+static int resize(unsigned char **base, size_t *room, size_t want,
+                  struct error *err)
+{
+    void *p = *base ? mremap(*base, *room, want, MREMAP_MAYMOVE)
+                    : mmap(NULL, want, PROT_READ | PROT_WRITE,
+                           MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+    if (p == MAP_FAILED)
+        return error_set(err, EX_OSERR, "no memory for a record of %zu bytes",
+                         want);
+    *base = p;
+    *room = want;
+    if (want > BLOCK)
+        madvise(p, want, MADV_HUGEPAGE);
+    return 0;
+}
+
 /* Make room for need bytes from r->begin on, but never much more than twice
  * what has really arrived: a header's word alone allocates nothing. */
 static int make_room(struct stream_reader *r, size_t need, struct error *err)
 {
     size_t have = r->end - r->begin;
     size_t room = r->room;
-    void *p;
 
     if (r->begin && (have == 0 || r->begin + need > r->room)) {
         memmove(r->base, r->base + r->begin, have);
@@ -184,19 +206,7 @@ static int make_room(struct stream_reader *r, size_t need, struct error *err)
     room = room ? 2 * room : BLOCK;
     if (room > layout_align(need) && need > BLOCK)
         room = (need + 4095) & ~(size_t)4095;
-    if (r->base)
-        p = mremap(r->base, r->room, room, MREMAP_MAYMOVE);
-    else
-        p = mmap(NULL, room, PROT_READ | PROT_WRITE,
-                 MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
-    if (p == MAP_FAILED)
-        return error_set(err, EX_OSERR, "no memory for a record of %zu bytes",
-                         need);
-    r->base = p;
-    r->room = room;
-    if (room > BLOCK)
-        madvise(p, room, MADV_HUGEPAGE);
-    return 0;
+    return resize(&r->base, &r->room, room, err);
 }
 
 /* Read some bytes towards need from r->begin on.  1, 0 at the end, -1. */
@@ -231,9 +241,34 @@ static int ensure(struct stream_reader *r, size_t need, struct error *err)
     return rc;
 }
 
-/* Let go of the record handed out last. */
-static void advance(struct stream_reader *r)
+/* Read on in the other buffer: the record handed out last stays in this one,
+ * and what has arrived behind it moves. */
+static int change_buffers(struct stream_reader *r, struct error *err)
 {
+    size_t left = r->end - r->begin - r->held, room = r->spare_room;
+    unsigned char *base = r->spare;
+    const unsigned char *from = r->base + r->begin + r->held;
+
+    while (room < left)
+        room = room ? 2 * room : BLOCK;
+    if (room > r->spare_room && resize(&base, &r->spare_room, room, err))
+        return -1;
+    if (left)
+        memcpy(base, from, left);
+    r->spare = r->base;
+    r->spare_room = r->room;
+    r->base = base;
+    r->room = room;
+    r->begin = r->held = 0;
+    r->end = left;
+    return 0;
+}
+
+/* Let go of the record handed out last, or with pair the one before. */
+static int advance(struct stream_reader *r, struct error *err)
+{
+    if (r->pair && r->held && r->source == SOURCE_PIPE)
+        return change_buffers(r, err);
     r->begin += r->held;
     r->held = 0;
     if (r->source == SOURCE_MAP && r->begin - r->released >= RELEASE) {
@@ -242,6 +277,7 @@ static void advance(struct stream_reader *r)
         madvise(r->base + r->released, upto - r->released, MADV_DONTNEED);
         r->released = upto;
     }
+    return 0;
 }
 
 static int cut_short(struct stream_reader *r, const char *what, size_t need,
@@ -353,8 +389,7 @@ int stream_read(struct stream_reader *r, struct record *rec,
 
     if (r->ended)
         return 0;
-    advance(r);
-    rc = read_record(r, rec, err);
+    rc = advance(r, err) ? -1 : read_record(r, rec, err);
     if (rc < 0 && r->records)
         return error_prefix(err, "%s: after frame %llu", r->name,
                             (unsigned long long)r->last_frame);

@@ -77,6 +77,8 @@ struct stream_reader;
 struct stream_options {
     size_t max_bytes;          /* of one payload; 0: stream_set_limit's */
     bool trust;                /* skip the payload checksum */
+    bool pair;                 /* a record's data stay valid until the call
+                                * after the next one */
 };
 
 /* Largest payload that readers opened from now on accept, unless their options

@@ -1,8 +1,9 @@
 /* The narrow refiner's first layer against plain loops in double (relative to
  * the largest value 1e-5); half floats against the same values as floats, a
  * part of a wider image against its copy, packed pixels against the picture
- * they stand for, and 1, 2 and 7 threads against each other: the same bits; and the refiner's inference against its training
- * forward (1e-4: other sums' order, values near 1). */
+ * they stand for, and 1, 2 and 7 threads against each other: the same bits;
+ * and the refiner's inference against its training forward (1e-4: other sums'
+ * order, values near 1). */
 #include <math.h>
 #include <omp.h>
 #include <stdio.h>

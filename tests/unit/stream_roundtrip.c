@@ -1,5 +1,5 @@
 /* What is written is read back, from memory, a file and a pipe. */
-#include "lib/stream/stream.h"
+#include "lib/stream/ahead.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -107,6 +107,45 @@ static void read_all(struct stream_reader *r, const char *copy)
     stream_close(r);
 }
 
+/* The same by a thread: a record stays while the next one is read. */
+static void read_ahead(const char *path)
+{
+    struct stream_options opt = { .pair = true };
+    struct stream_reader *r = stream_open(path, &opt, &err);
+    const struct record *rec;
+    uint64_t f = 0;
+    int rc;
+
+    CHECK(r);
+    struct ahead *a = ahead_open(r, &err);
+    CHECK(a);
+    while ((rc = ahead_read(a, &rec, &err)) > 0) {
+        usleep(1000);
+        check_record(rec, f++);
+    }
+    CHECK(rc == 0 && f == RECORDS);
+    CHECK(ahead_read(a, &rec, &err) == 0);
+    ahead_close(a);
+    stream_close(r);
+}
+
+static void write_fifo(const char *path, bool ahead)
+{
+    pid_t child = fork();
+    int status;
+
+    CHECK(child >= 0);
+    if (child == 0) {
+        write_all(path);
+        _exit(0);
+    }
+    if (ahead)
+        read_ahead(path);
+    else
+        read_all(stream_open(path, NULL, &err), NULL);
+    CHECK(waitpid(child, &status, 0) == child && status == 0);
+}
+
 static unsigned char *slurp(const char *path, size_t *bytes)
 {
     struct stat st;
@@ -148,15 +187,9 @@ int main(void)
     /* Through a fifo, so that the pipe path is taken. */
     snprintf(b, sizeof b, "%s/fifo", dir);
     CHECK(mkfifo(b, 0600) == 0);
-    pid_t child = fork();
-    CHECK(child >= 0);
-    if (child == 0) {
-        write_all(b);
-        _exit(0);
-    }
-    read_all(stream_open(b, NULL, &err), NULL);
-    int status;
-    CHECK(waitpid(child, &status, 0) == child && status == 0);
+    write_fifo(b, false);
+    write_fifo(b, true);
+    read_ahead(a);
     printf("memory and pipe: same\n");
 
     free(pa);
