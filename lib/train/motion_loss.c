@@ -11,7 +11,7 @@
 
 const char *const motion_term_name[TERM_COUNT] = {
     "vertex", "rotation", "translation", "eye",
-    "landmark", "exp", "jaw", "lid"};
+    "landmark", "exp", "jaw", "lid", "mesh"};
 
 void motion_decode(struct motion_state *s, const float *out,
                    const struct data_frame *f, struct square q,
@@ -72,12 +72,14 @@ int motion_loss_init(struct motion_loss *l, const struct head *h,
                      struct error *err)
 {
     memset(l, 0, sizeof *l);
-    l->verts = malloc(3 * 3 * h->V * sizeof *l->verts);
+    l->verts = malloc((3 * 3 + 2 * 2) * h->V * sizeof *l->verts);
     if (!l->verts)
         return error_set(err, EX_OSERR, "out of memory (%zu vertices)",
                          h->V);
     l->truth = l->verts + 3 * h->V;
     l->dverts = l->truth + 3 * h->V;
+    l->uv = l->dverts + 3 * h->V;
+    l->uv_truth = l->uv + 2 * h->V;
     return 0;
 }
 
@@ -102,6 +104,25 @@ static double mean_l1(float *db, const float *b, const float *a, size_t n,
     return weight * sum / (double)n;
 }
 
+/* Mean distance of uv (n,2) from truth, or its square, with pixels as if the
+ * picture had 512, over 64; uv becomes scale times its gradient. */
+static double mean_distance(float *uv, const float *truth, size_t n,
+                            size_t size, int square, double scale)
+{
+    double unit = 512.0 / (64.0 * (double)size), sum = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        double a = (uv[2 * i] - truth[2 * i]) * unit;
+        double b = (uv[2 * i + 1] - truth[2 * i + 1]) * unit;
+        double r2 = a * a + b * b, r = sqrt(r2 + 1e-8);
+        double k = scale * unit / (double)n * (square ? 2 : 1 / r);
+        sum += square ? r2 : r;
+        uv[2 * i] = (float)(k * a);
+        uv[2 * i + 1] = (float)(k * b);
+    }
+    return sum / (double)n;
+}
+
 /* Landmarks of the posed head in the picture; gradients for dverts, dcam. */
 static double landmark_term(float *dverts, float dcam[12],
                             const struct motion_state *s,
@@ -110,26 +131,38 @@ static double landmark_term(float *dverts, float dcam[12],
                             const struct motion_loss *l)
 {
     const struct head *h = l->id->head;
-    float x[68 * 3], uv[68 * 2], duv[68 * 2], dx[68 * 3] = {0};
-    double unit = 512.0 / (64.0 * (double)f->size), sum = 0;
-    double weight = w->term[TERM_LANDMARK];
+    float x[68 * 3], uv[68 * 2], dx[68 * 3] = {0};
+    double weight = w->term[TERM_LANDMARK], mean;
 
     head_landmarks(x, h, s->verts);
     camera_project(uv, NULL, s->cam, (float)f->size, x, 68);
-    for (int i = 0; i < 68; i++) {
-        double a = (uv[2 * i] - f->lmk[i][0]) * unit;
-        double b = (uv[2 * i + 1] - f->lmk[i][1]) * unit;
-        double r2 = a * a + b * b, r = sqrt(r2 + 1e-8);
-        double k = weight * scale * unit / 68;
-        sum += w->square_landmarks ? r2 : r;
-        k *= w->square_landmarks ? 2 : 1 / r;
-        duv[2 * i] = (float)(k * a);
-        duv[2 * i + 1] = (float)(k * b);
-    }
-    camera_project_backward(dx, dcam, duv, NULL, s->cam, (float)f->size, x,
+    mean = mean_distance(uv, &f->lmk[0][0], 68, f->size, w->square_landmarks,
+                         weight * scale);
+    camera_project_backward(dx, dcam, uv, NULL, s->cam, (float)f->size, x,
                             68);
     head_landmarks_backward(dverts, dx, h);
-    return weight * sum / 68;
+    return weight * mean;
+}
+
+/* All of the posed head in the picture against the truly posed one (l->truth):
+ * what of a wrong camera shows in hair and shoulders, too. */
+static double mesh_term(float *dverts, float dcam[12],
+                        const struct motion_state *s,
+                        const struct data_frame *f,
+                        const struct motion_weights *w, double scale,
+                        const struct motion_loss *l)
+{
+    size_t V = l->id->head->V;
+    double weight = w->term[TERM_MESH], mean;
+    float cam[12];
+
+    camera_make(cam, f->motion.rot, f->motion.trans);
+    camera_project(l->uv_truth, NULL, cam, (float)f->size, l->truth, V);
+    camera_project(l->uv, NULL, s->cam, (float)f->size, s->verts, V);
+    mean = mean_distance(l->uv, l->uv_truth, V, f->size, 0, weight * scale);
+    camera_project_backward(dverts, dcam, l->uv, NULL, s->cam,
+                            (float)f->size, s->verts, V);
+    return weight * mean;
 }
 
 double motion_loss(float *dout, double *parts, struct motion_state *s,
@@ -162,6 +195,8 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     if (h->has_landmarks && w->term[TERM_LANDMARK] > 0)
         parts[TERM_LANDMARK] += landmark_term(l->dverts, dcam, s, f, w,
                                               scale, l);
+    if (w->term[TERM_MESH] > 0)
+        parts[TERM_MESH] += mesh_term(l->dverts, dcam, s, f, w, scale, l);
     motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
 
     data_net_translation(t, f, q);

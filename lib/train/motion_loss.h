@@ -21,6 +21,8 @@ enum motion_term {
     TERM_EXP,           /* mean |psi - psi*| */
     TERM_JAW,           /* mean |theta_jaw - theta_jaw*| */
     TERM_LID,           /* mean |e_lid - e_lid*| */
+    TERM_MESH,          /* all vertices, posed as they are and as they should
+                         * be: mean distance in the picture, as landmarks */
     TERM_COUNT
 };
 
@@ -52,7 +54,8 @@ void motion_decode_backward(float *dout, const float *dverts,
 
 struct motion_loss {
     const struct identity *id;  /* of this frame: the true shape */
-    float *verts, *truth, *dverts;      /* (V,3) each, one block */
+    float *verts, *truth, *dverts;      /* (V,3) each, one block with */
+    float *uv, *uv_truth;               /* (V,2) each */
 };
 
 int motion_loss_init(struct motion_loss *l, const struct head *h,

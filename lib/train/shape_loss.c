@@ -100,35 +100,41 @@ static void put(double *to, const float *from, size_t count)
 }
 
 /* The landmarks, or every vertex. */
-static int shape_loss_init(struct shape_loss *l, const struct head *h,
-                           size_t n, int landmarks, struct error *err)
+static int take_points(struct points *p, const struct head *h, size_t n,
+                       int landmarks, struct error *err)
 {
     size_t P = landmarks ? HEAD_LANDMARKS : h->V;
-    struct points p = {0};
     float *verts = malloc(3 * h->V * sizeof *verts);
     float lmk[3 * HEAD_LANDMARKS];
-    int rc = -1;
 
-    memset(l, 0, sizeof *l);
-    if (!verts) {
-        error_set(err, EX_OSERR, "out of memory (%zu vertices)", h->V);
+    if (!verts)
+        return error_set(err, EX_OSERR, "out of memory (%zu vertices)", h->V);
+    if (points_init(p, P, n, err)) {
+        free(verts);
         return -1;
     }
-    if (points_init(&p, P, n, err))
-        goto out;
     for (size_t k = 0; k <= n; k++) {
         const float *from = k ? verts : h->v_template;
         if (k)
             direction(verts, h, k - 1);
         if (landmarks)
             head_landmarks(lmk, h, from);
-        put(p.x + k * 3 * P, landmarks ? lmk : from, 3 * P);
+        put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
     }
-    rc = fill_gram(l, &p, err);
-    free(p.x);
-out:
     free(verts);
-    return rc;
+    return 0;
+}
+
+static int shape_loss_init(struct shape_loss *l, const struct head *h,
+                           size_t n, int landmarks, struct error *err)
+{
+    struct points p = {0};
+    int rc;
+
+    memset(l, 0, sizeof *l);
+    rc = take_points(&p, h, n, landmarks, err) || fill_gram(l, &p, err);
+    free(p.x);
+    return rc ? -1 : 0;
 }
 
 int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
@@ -170,4 +176,61 @@ double shape_loss(double *g, const float *beta, const float *truth,
     for (size_t i = 0; g && i < l->n; i++)
         g[i] /= rms;
     return rms;
+}
+
+static void fill_place(struct shape_place *out, const struct points *p)
+{
+    double spread = 0;
+
+    for (size_t i = 0; i < 3 * p->P; i++)
+        out->centre[i % 3] += p->x[i] / (double)p->P;
+    for (size_t i = 0; i < 3 * p->P; i++)
+        spread += (p->x[i] - out->centre[i % 3]) *
+                  (p->x[i] - out->centre[i % 3]);
+    for (size_t k = 0; k < p->n; k++)
+        for (size_t i = 0; i < 3 * p->P; i++) {
+            double d = p->d[k * 3 * p->P + i];
+
+            out->along[i % 3 * p->n + k] += d / (double)p->P;
+            out->along[3 * p->n + k] += d * (p->x[i] - out->centre[i % 3]) /
+                                        spread;
+        }
+}
+
+int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
+                     struct error *err)
+{
+    struct points points = {0};
+    int rc = 0;
+
+    memset(p, 0, sizeof *p);
+    p->n = n;
+    p->along = calloc(4 * n, sizeof *p->along);
+    if (!p->along)
+        return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
+    if (h->has_landmarks)
+        rc = take_points(&points, h, n, 1, err);
+    if (h->has_landmarks && !rc)
+        fill_place(p, &points);
+    free(points.x);
+    return rc;
+}
+
+void shape_place_release(struct shape_place *p)
+{
+    free(p->along);
+    memset(p, 0, sizeof *p);
+}
+
+void shape_place(double *size, double place[3], const float *a,
+                 const float *b, const struct shape_place *p)
+{
+    double sum[4] = {0};
+
+    for (size_t j = 0; j < 4; j++)
+        for (size_t k = 0; k < p->n; k++)
+            sum[j] += p->along[j * p->n + k] * ((double)a[k] - b[k]);
+    *size = 1 + sum[3];
+    for (size_t c = 0; c < 3; c++)
+        place[c] = sum[c] - sum[3] * p->centre[c];
 }

@@ -8,7 +8,10 @@ int shaper_open(struct shaper *s, const char *model, const struct head *h,
     memset(s, 0, sizeof *s);
     if (encoders_open(&s->encoders, model, true, NN_F32, err))
         return -1;
-    if (looks_init(&s->looks, &s->encoders.shape, h, err) == 0)
+    if (looks_init(&s->looks, &s->encoders.shape, h, err) == 0 &&
+        shape_place_init(&s->place, h, h->nshape < DATA_SHAPE ? h->nshape
+                                                             : DATA_SHAPE,
+                         err) == 0)
         return 0;
     shaper_close(s);
     return -1;
@@ -16,6 +19,7 @@ int shaper_open(struct shaper *s, const char *model, const struct head *h,
 
 void shaper_close(struct shaper *s)
 {
+    shape_place_release(&s->place);
     looks_release(&s->looks);
     encoders_release(&s->encoders);
 }
@@ -31,10 +35,31 @@ int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
     return looks_shape(beta, l, f->crop, sample, (void *)f, err);
 }
 
+/* t* of R (size x + place) + t* = size (R x + t). */
+static void move_camera(struct data_motion *m, double size,
+                        const double place[3])
+{
+    for (int i = 0; i < 3; i++) {
+        double turned = 0;
+
+        for (int j = 0; j < 3; j++)
+            turned += (double)m->rot[3 * i + j] * place[j];
+        m->trans[i] = (float)(size * (double)m->trans[i] - turned);
+    }
+}
+
 int shaper_apply(void *ctx, struct data_person *p, struct error *err)
 {
     struct shaper *s = ctx;
+    float truth[DATA_SHAPE];
+    double size, place[3];
 
     _Static_assert(DATA_SHAPE == SHAPE_ENCODER_OUT, "all of the shape");
-    return shaper_look(p->shape, &s->looks, &p->frame[0], err);
+    memcpy(truth, p->shape, sizeof truth);
+    if (shaper_look(p->shape, &s->looks, &p->frame[0], err))
+        return -1;
+    shape_place(&size, place, p->shape, truth, &s->place);
+    for (size_t i = 0; i < p->count; i++)
+        move_camera(&p->frame[i].motion, size, place);
+    return 0;
 }

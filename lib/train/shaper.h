@@ -7,10 +7,12 @@
 #include "lib/track/encoders.h"
 #include "lib/track/looks.h"
 #include "lib/train/data.h"
+#include "lib/train/shape_loss.h"
 
 struct shaper {
     struct encoders encoders;
     struct looks looks;
+    struct shape_place place;
 };
 
 /* E_beta of a model file, for people with head h (borrowed). */
@@ -18,8 +20,10 @@ int shaper_open(struct shaper *s, const char *model, const struct head *h,
                 struct error *err);
 void shaper_close(struct shaper *s);
 
-/* p->shape by E_beta from p's first frame, the source.  A data_shape_fn; ctx
- * is the struct shaper. */
+/* p->shape by E_beta from p's first frame, the source, and every frame's
+ * translation such that a head of this shape lies in the picture where the
+ * true one does: size and distance look the same.  A data_shape_fn; ctx is the
+ * struct shaper. */
 int shaper_apply(void *ctx, struct data_person *p, struct error *err);
 
 /* beta (300) from one frame. */

@@ -12,7 +12,7 @@
 #include "lib/train/config.h"
 #include "lib/train/data.h"
 
-#define TASK_PARTS 16
+#define TASK_PARTS 20
 
 struct task;
 

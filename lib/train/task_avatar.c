@@ -211,6 +211,29 @@ static const struct data_frame *held_frame(const struct data_person *p,
     return &p->frame[(k + 1) * p->count / (HELD_FRAMES + 1)];
 }
 
+/* How a frame moves id: as E_m sees it in stage "all", else as it is.
+ * Fills the trainee's verts, and m, whose pointers last until the next call. */
+static int motion_of(struct task *t, struct head_motion *motion,
+                     float cam[12], const struct data_frame *f,
+                     const struct identity *id, struct error *err)
+{
+    struct impl *m = t->impl;
+    struct motion_state s = {.verts = m->tr.verts};
+
+    if (!m->with_motion) {
+        trainee_truth(motion, cam, f);
+        head_pose(m->tr.verts, id, motion);
+        return 0;
+    }
+    if (data_sample(m->crops, N, f, f->crop, NULL, NULL, err))
+        return -1;
+    motion_encoder_forward(m->out, m->crops, &m->net);
+    motion_decode(&s, m->out, f, f->crop, id);
+    *motion = s.motion;
+    memcpy(cam, s.cam, sizeof s.cam);
+    return 0;
+}
+
 static int judge_person(struct task *t, double *sum,
                         const struct data_person *p, float *tmp,
                         struct error *err)
@@ -219,20 +242,19 @@ static int judge_person(struct task *t, double *sum,
     struct trainee *tr = &m->tr;
     struct identity id = {0};
     size_t S = tr->image, n = 3 * S * S;
-    float *source = tmp + 2 * n;
+    float *source = tmp + 2 * n, cam[12];
+    struct head_motion motion;
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        trainee_bake(tr, &p->frame[0], &id, NULL, NULL, err) ||
+        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
+        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(source, NULL, S, &p->frame[0], err))
         goto out;
     for (size_t k = 0; k < HELD_FRAMES; k++) {
         const struct data_frame *f = held_frame(p, k);
-        struct head_motion truth;
-        float cam[12];
-        trainee_truth(&truth, cam, f);
-        head_pose(tr->verts, &id, &truth);
-        if (trainee_draw(tr, tr->verts, cam, err) ||
+        if (motion_of(t, &motion, cam, f, &id, err) ||
+            trainee_draw(tr, tr->verts, cam, err) ||
             data_portrait(tr->target, tr->mask, S, f, err) ||
             compare(&sum[HELD_PSNR], &sum[HELD_SSIM], &sum[HELD_L1], tr->rgb,
                     tr->target, S, tmp, err) ||
@@ -287,18 +309,18 @@ static int sheet_row(struct sheet *sh, struct task *t,
     struct trainee *tr = &m->tr;
     const struct data_frame *f = held_frame(p, row % HELD_FRAMES);
     struct identity id = {0};
-    struct head_motion truth;
+    struct head_motion motion;
     float cam[12];
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        trainee_bake(tr, &p->frame[0], &id, NULL, NULL, err) ||
+        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
+        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, &p->frame[0], err))
         goto out;
     sheet_picture(sh, row, 0, tr->target, tr->mask);
-    trainee_truth(&truth, cam, f);
-    head_pose(tr->verts, &id, &truth);
-    if (trainee_draw(tr, tr->verts, cam, err) ||
+    if (motion_of(t, &motion, cam, f, &id, err) ||
+        trainee_draw(tr, tr->verts, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, f, err))
         goto out;
     sheet_picture(sh, row, 1, tr->target, tr->mask);
@@ -352,7 +374,7 @@ static int add_motion(struct task *t, const char *net, struct error *err)
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
            sizeof motion_term_name);
     t->nparts = PICTURE_COUNT + TERM_COUNT;
-    m->crops = malloc(T * (N * N * 3 + 2 * MOTION_OUT) * sizeof *m->crops);
+    m->crops = calloc(T * (N * N * 3 + 2 * MOTION_OUT), sizeof *m->crops);
     if (!m->crops)
         return error_set(err, EX_OSERR, "out of memory");
     m->out = m->crops + T * N * N * 3;

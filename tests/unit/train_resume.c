@@ -152,7 +152,7 @@ static double evaluate(float *dout, const float *out,
                        const struct data_frame *f, struct square q,
                        struct motion_loss *l, int square)
 {
-    struct motion_weights w = {.term = {100, 10, 5, 10, 1, 1, 1, 1},
+    struct motion_weights w = {.term = {100, 10, 5, 10, 1, 1, 1, 1, 1},
                                .square_landmarks = square};
     double parts[TERM_COUNT] = {0};
     struct motion_state s;
