@@ -123,6 +123,47 @@ static void test_value(const struct head *h)
     free(b);
 }
 
+/* Size and place bring one face onto another as well as anything can, but for
+ * the square of how much they differ. */
+static void test_place(const struct head *h)
+{
+    float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
+    float la[3 * 68], lb[3 * 68], beta[DIRS], truth[DIRS];
+    struct shape_place place;
+    struct shape_loss marks;
+    double size, t[3], sum = 0, plain = 0;
+    struct random r;
+    struct error err;
+
+    if (!a || !b || shape_place_init(&place, h, DIRS, &err) ||
+        shape_loss_landmarks(&marks, h, DIRS, &err))
+        die(&err);
+    random_init(&r, 5, "place");
+    draw(beta, &r);
+    draw(truth, &r);
+    vertices(a, h, beta);
+    vertices(b, h, truth);
+    head_landmarks(la, h, a);
+    head_landmarks(lb, h, b);
+    shape_place(&size, t, beta, truth, &place);
+    for (int i = 0; i < 3 * 68; i++) {
+        double e = la[i] - size * lb[i] - t[i % 3], d = (double)la[i] - lb[i];
+        sum += e * e / (3 * 68);
+        plain += d * d / (3 * 68);
+    }
+    double best = shape_loss(NULL, beta, truth, &marks);
+    check("size and place leave what shape_loss counts, relative",
+          fabs(sqrt(sum) / best - 1), 0.03);
+    check("which is less than before, share", best / sqrt(plain), 0.9);
+    shape_place(&size, t, beta, beta, &place);
+    check("a shape lies where it is", fabs(size - 1) + fabs(t[0]) +
+          fabs(t[1]) + fabs(t[2]), 0);
+    shape_place_release(&place);
+    shape_loss_release(&marks);
+    free(a);
+    free(b);
+}
+
 /* A mirrored shape has the mirrored vertices. */
 static void test_mirror(const struct head *h, const struct sculpt *s)
 {
@@ -244,6 +285,7 @@ int main(void)
     if (head_init(&h, &arrays, &err))
         die(&err);
     test_value(&h);
+    test_place(&h);
     test_mirror(&h, &s);
     test_lopsided(&h);
     test_looks(&h);
