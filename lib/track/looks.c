@@ -4,8 +4,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/head/mirror.h"
-
 #define N SHAPE_ENCODER_SIZE
 
 /* Where the crop is moved to and how much larger it is made, of its side:
@@ -24,7 +22,7 @@ int looks_init(struct looks *l, struct shape_encoder *net,
         return error_set(err, EX_OSERR, "no memory for a face crop");
     if (h->nshape > SHAPE_ENCODER_OUT)
         return 0;
-    l->mirror = head_mirror(l->sign, h, err);
+    l->mirror = head_mirror_shape(&l->across, h, err);
     return l->mirror < 0 ? -1 : 0;
 }
 
@@ -34,28 +32,31 @@ void looks_release(struct looks *l)
     l->rgb = NULL;
 }
 
-void looks_mirror(float *rgb, size_t n)
+void looks_mirror(float *out, const float *rgb, size_t n)
 {
     for (size_t y = 0; y < n; y++)
-        for (size_t x = 0; x < n / 2; x++) {
-            float *a = rgb + 3 * (y * n + x), t[3];
-            float *b = rgb + 3 * (y * n + n - 1 - x);
+        for (size_t x = 0; x < (n + 1) / 2; x++) {
+            size_t a = 3 * (y * n + x), b = 3 * (y * n + n - 1 - x);
+            float left[3], right[3];
 
-            memcpy(t, a, sizeof t);
-            memcpy(a, b, sizeof t);
-            memcpy(b, t, sizeof t);
+            memcpy(left, rgb + a, sizeof left);
+            memcpy(right, rgb + b, sizeof right);
+            memcpy(out + a, right, sizeof left);
+            memcpy(out + b, left, sizeof right);
         }
 }
 
-/* sum += what the network says of l->rgb; of its mirror image when sign is
- * not NULL. */
-static void add(float *sum, struct looks *l, const float *sign)
+/* sum += what the network says of l->rgb, or of its mirror image. */
+static void add(float *sum, struct looks *l, int mirrored)
 {
-    float beta[SHAPE_ENCODER_OUT];
+    float said[SHAPE_ENCODER_OUT], beta[SHAPE_ENCODER_OUT];
 
-    shape_encoder_forward(beta, l->rgb, l->net);
+    shape_encoder_forward(said, l->rgb, l->net);
+    memcpy(beta, said, sizeof beta);
+    if (mirrored)
+        head_mirror_apply(beta, said, &l->across);
     for (size_t k = 0; k < SHAPE_ENCODER_OUT; k++)
-        sum[k] += sign ? sign[k] * beta[k] : beta[k];
+        sum[k] += beta[k];
 }
 
 int looks_shape(float *beta, struct looks *l, struct square q, look_fn *fn,
@@ -69,13 +70,55 @@ int looks_shape(float *beta, struct looks *l, struct square q, look_fn *fn,
 
         if (fn(ctx, l->rgb, moved, err))
             return -1;
-        add(beta, l, NULL);
+        add(beta, l, 0);
         if (!l->mirror)
             continue;
-        looks_mirror(l->rgb, N);
-        add(beta, l, l->sign);
+        looks_mirror(l->rgb, l->rgb, N);
+        add(beta, l, 1);
     }
     for (size_t k = 0; k < SHAPE_ENCODER_OUT; k++)
         beta[k] /= (float)(VIEWS * (l->mirror ? 2 : 1));
     return 0;
+}
+
+/* Rotations and axis-angles of the mirrored person: M R M with
+ * M = diag(-1,1,1); translations are mirrored by M, eyes and lids change
+ * sides. */
+int motion_mirror_init(struct motion_mirror *m, const struct head *h,
+                       struct error *err)
+{
+    static const float rot[6] = {1, -1, -1, -1, 1, 1};
+    static const float axis[3] = {1, -1, -1};
+    struct head_mirror e;
+    int rc = h->nexp <= MOTION_JAW - MOTION_EXP ? head_mirror_exp(&e, h, err)
+                                                : 0;
+
+    if (rc <= 0)
+        return rc;
+    for (int k = 0; k < MOTION_OUT; k++) {
+        m->from[k] = k;
+        m->sign[k] = 1;
+    }
+    memcpy(m->sign + MOTION_ROT, rot, sizeof rot);
+    m->sign[MOTION_TRANS] = -1;
+    for (size_t k = 0; k < e.n; k++) {
+        m->from[(size_t)MOTION_EXP + k] = MOTION_EXP + e.from[k];
+        m->sign[(size_t)MOTION_EXP + k] = e.sign[k];
+    }
+    for (int k = 0; k < 3; k++)
+        m->sign[MOTION_JAW + k] = axis[k];
+    for (int k = 0; k < 2; k++)
+        m->from[MOTION_LID + k] = MOTION_LID + 1 - k;
+    for (int k = 0; k < 6; k++) {
+        m->from[MOTION_EYE + k] = MOTION_EYE + (k + 3) % 6;
+        m->sign[MOTION_EYE + k] = axis[k % 3];
+    }
+    return 1;
+}
+
+void motion_mirror_mean(float *out, const float *mirrored,
+                        const struct motion_mirror *m)
+{
+    for (int k = 0; k < MOTION_OUT; k++)
+        out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }

@@ -1,6 +1,6 @@
-/* E_beta's opinion from several looks at one picture: the face crop a little
- * to each side, and all of it in a mirror.  Their mean is nearer the truth
- * than any one of them. */
+/* The encoders' opinions from several looks at one picture: the face crop a
+ * little to each side (E_beta), and in a mirror (both).  Their mean is nearer
+ * the truth than any one of them. */
 #ifndef SPID_TRACK_LOOKS_H
 #define SPID_TRACK_LOOKS_H
 
@@ -8,7 +8,8 @@
 
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
-#include "lib/head/head.h"
+#include "lib/head/mirror.h"
+#include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 
 /* rgb (224,224,3) in [0,1] = square q of the picture that ctx knows. */
@@ -17,8 +18,8 @@ typedef int look_fn(void *ctx, float *rgb, struct square q,
 
 struct looks {
     struct shape_encoder *net;          /* borrowed, planned for one crop */
-    float sign[SHAPE_ENCODER_OUT];      /* of head_mirror */
-    int mirror;                         /* the head has such signs */
+    struct head_mirror across;
+    int mirror;                         /* across is of use */
     float *rgb;                         /* (224,224,3) */
 };
 
@@ -30,7 +31,20 @@ void looks_release(struct looks *l);
 int looks_shape(float *beta, struct looks *l, struct square q, look_fn *fn,
                 void *ctx, struct error *err);
 
-/* The mirror image of rgb (n,n,3), in place. */
-void looks_mirror(float *rgb, size_t n);
+/* out (n,n,3) = the mirror image of rgb; they may be the same. */
+void looks_mirror(float *out, const float *rgb, size_t n);
+
+/* What E_m's row says of the mirrored person. */
+struct motion_mirror {
+    int from[MOTION_OUT];
+    float sign[MOTION_OUT];
+};
+
+/* 1; 0 when h's expressions have no mirror images; -1 when memory is short. */
+int motion_mirror_init(struct motion_mirror *m, const struct head *h,
+                       struct error *err);
+/* out (120) = mean of out and of what E_m says of the mirrored crop (120). */
+void motion_mirror_mean(float *out, const float *mirrored,
+                        const struct motion_mirror *m);
 
 #endif

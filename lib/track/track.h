@@ -16,6 +16,7 @@
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/track/landmarks.h"
+#include "lib/track/looks.h"
 #include "lib/track/oneeuro.h"
 
 #define TRACK_THUMB 28          /* side of the picture that cuts are seen in */
@@ -26,6 +27,7 @@ struct track_options {
     struct square crop;         /* fixed face crop, picture pixels */
     struct square window;       /* portrait window, picture pixels */
     double smooth;              /* one-euro cut-off, Hz; 0: off */
+    bool once;                  /* no second look, in a mirror */
 };
 
 enum track_event {
@@ -58,7 +60,9 @@ struct track {
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
     float thumb[TRACK_THUMB * TRACK_THUMB];
-    float *input;                       /* (224,224,3) */
+    struct motion_mirror across;
+    bool mirror;                        /* look again, in a mirror */
+    float *input, *mirrored;            /* (224,224,3) each */
     uint8_t *half;                      /* shrunken part of the picture */
     size_t half_room;
 };

@@ -66,9 +66,11 @@ static void lesson(double *parts, float *d, const float *out,
 /* The person as the mirror shows them. */
 static void mirror(float *rgb, float *truth, const struct impl *m)
 {
-    looks_mirror(rgb, N);
-    for (size_t k = 0; k < OUT; k++)
-        truth[k] *= m->looks.sign[k];
+    float own[OUT];
+
+    memcpy(own, truth, sizeof own);
+    looks_mirror(rgb, rgb, N);
+    head_mirror_apply(truth, own, &m->looks.across);
 }
 
 static int pass(struct task *t, double *parts, uint64_t step, size_t micro,

@@ -167,24 +167,24 @@ static void test_place(const struct head *h)
 /* A mirrored shape has the mirrored vertices. */
 static void test_mirror(const struct head *h, const struct sculpt *s)
 {
-    float beta[DIRS], sign[DIRS], other[DIRS];
+    struct head_mirror across;
+    float beta[DIRS], other[DIRS];
     float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
     double most = 0;
     size_t odd = 0;
     struct random r;
     struct error err;
 
-    if (!a || !b || head_mirror(sign, h, &err) != 1) {
+    if (!a || !b || head_mirror_shape(&across, h, &err) != 1) {
         printf("the built-in head has no mirror image: FAILED\n");
         failed = 1;
         goto out;
     }
     random_init(&r, 4, "mirror");
     draw(beta, &r);
-    for (int k = 0; k < DIRS; k++) {
-        other[k] = sign[k] * beta[k];
-        odd += sign[k] < 0;
-    }
+    head_mirror_apply(other, beta, &across);
+    for (int k = 0; k < DIRS; k++)
+        odd += across.sign[k] < 0;
     vertices(a, h, beta);
     vertices(b, h, other);
     for (size_t v = 0; v < h->V; v++) {
@@ -204,7 +204,7 @@ out:
 static void test_lopsided(const struct head *h)
 {
     struct head bent = *h;
-    float sign[DIRS];
+    struct head_mirror across;
     size_t n = h->blocks * h->nshape * 3 * HEAD_BLOCK;
     struct error err;
 
@@ -214,7 +214,7 @@ static void test_lopsided(const struct head *h)
     memcpy(bent.shape_dirs, h->shape_dirs, n * sizeof *bent.shape_dirs);
     for (size_t i = 0; i < 96; i++)     /* 32 vertices of one direction */
         bent.shape_dirs[5 * 96 + i] += 0.1f;
-    check("a lopsided direction is seen", head_mirror(sign, &bent, &err), 0);
+    check("a lopsided direction is seen", head_mirror_shape(&across, &bent, &err), 0);
     free(bent.shape_dirs);
 }
 
@@ -263,7 +263,8 @@ static void test_looks(const struct head *h)
     if (looks_shape(b, &l, q, look, &flip, &err))
         die(&err);
     for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
-        most = fmax(most, fabs((double)a[k] - l.sign[k] * b[k]));
+        most = fmax(most, fabs((double)a[k] - l.across.sign[k] *
+                                              b[l.across.from[k]]));
         size = fmax(size, fabs((double)a[k]));
     }
     check("mirrored picture, mirrored shape, relative", most / size, 1e-3);
