@@ -6,6 +6,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/geom/camera.h"
+#include "lib/train/shaper.h"
 
 #define N MOTION_ENCODER_SIZE
 
@@ -41,7 +42,10 @@ static int plan(struct subject *s, struct error *err)
 
     return trainee_plan(&s->tr, s->config.size, 0, 0, opt, err) ||
                    motion_encoder_plan(&s->motion, 1, opt, err) ||
-                   shape_encoder_plan(&s->shape, 1, opt, err)
+                   shape_encoder_plan(&s->shape, 1, opt, err) ||
+                   looks_init(&s->looks, &s->shape, s->head, err) ||
+                   motion_looks_init(&s->motion_looks, &s->motion, s->head,
+                                     0, err)
                ? -1
                : 0;
 }
@@ -90,6 +94,8 @@ void subject_release(struct subject *s)
         splat_release(&s->alone[b]);
     identity_release(&s->id);
     trainee_release(&s->tr);
+    looks_release(&s->looks);
+    motion_looks_release(&s->motion_looks);
     motion_encoder_release(&s->motion);
     shape_encoder_release(&s->shape);
     params_release(&s->ps);
@@ -108,9 +114,8 @@ int subject_shape(struct subject *s, struct identity *id,
     identity_release(id);
     if (s->truth & SUBJECT_TRUE_SHAPE)
         return head_fold(id, s->head, s->beta, s->head->nshape, err);
-    if (data_sample(s->crop, N, f, q, NULL, NULL, err))
+    if (shaper_look(beta, &s->looks, f, q, err))
         return -1;
-    shape_encoder_forward(beta, s->crop, &s->shape);
     return head_fold(id, s->head, beta, n, err);
 }
 
@@ -134,7 +139,7 @@ int subject_look(struct subject *s, struct motion_state *st,
     }
     if (data_sample(s->crop, N, f, q, NULL, NULL, err))
         return -1;
-    motion_encoder_forward(s->out, s->crop, &s->motion);
+    motion_looks_see(s->out, &s->motion_looks, s->crop);
     motion_decode(st, s->out, f, q, id);
     return 0;
 }

@@ -11,6 +11,7 @@
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
+#include "lib/track/looks.h"
 #include "lib/train/data.h"
 #include "lib/train/motion_loss.h"
 #include "lib/train/trainee.h"
@@ -22,6 +23,8 @@ struct subject {
     struct trainee tr;          /* avatar, splat, refiner at full size */
     struct motion_encoder motion;
     struct shape_encoder shape;
+    struct looks looks;         /* both look as spid-shape and spid-motion */
+    struct motion_looks motion_looks;
     float *crop;                /* (224,224,3) */
     float out[MOTION_OUT];      /* of the last subject_look */
     struct identity id;         /* of the source: E_beta's beta, folded */

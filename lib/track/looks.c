@@ -122,3 +122,36 @@ void motion_mirror_mean(float *out, const float *mirrored,
     for (int k = 0; k < MOTION_OUT; k++)
         out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }
+
+int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
+                      const struct head *h, int once, struct error *err)
+{
+    memset(l, 0, sizeof *l);
+    l->net = net;
+    if (once)
+        return 0;
+    l->mirror = motion_mirror_init(&l->across, h, err);
+    if (l->mirror <= 0)
+        return l->mirror;
+    l->mirrored = malloc(3 * N * N * sizeof *l->mirrored);
+    return l->mirrored ? 0
+                       : error_set(err, EX_OSERR, "no memory for a face crop");
+}
+
+void motion_looks_release(struct motion_looks *l)
+{
+    free(l->mirrored);
+    l->mirrored = NULL;
+}
+
+void motion_looks_see(float *out, struct motion_looks *l, const float *rgb)
+{
+    float mirrored[MOTION_OUT];
+
+    motion_encoder_forward(out, rgb, l->net);
+    if (!l->mirror)
+        return;
+    looks_mirror(l->mirrored, rgb, N);
+    motion_encoder_forward(mirrored, l->mirrored, l->net);
+    motion_mirror_mean(out, mirrored, &l->across);
+}

@@ -20,32 +20,27 @@ int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
                struct error *err)
 {
-    int rc;
-
     memset(t, 0, sizeof *t);
     t->opt = *opt;
     t->head = id->head;
-    t->net = net;
     oneeuro_init(&t->filter, opt->smooth);
     if (landmarks_init(&t->landmarks, id, err) != 0)
         return -1;
-    t->input = malloc(2 * 3 * CROP_NET * CROP_NET * sizeof *t->input);
-    if (!t->input) {
-        track_release(t);
-        return error_set(err, EX_OSERR, "no memory for the face crop");
-    }
-    t->mirrored = t->input + 3 * CROP_NET * CROP_NET;
-    rc = opt->once ? 0 : motion_mirror_init(&t->across, id->head, err);
-    t->mirror = rc > 0;
-    if (rc < 0)
-        track_release(t);
-    return rc < 0 ? -1 : 0;
+    t->input = malloc(3 * CROP_NET * CROP_NET * sizeof *t->input);
+    if (!t->input)
+        error_set(err, EX_OSERR, "no memory for the face crop");
+    else if (motion_looks_init(&t->looks, net, id->head, opt->once,
+                               err) == 0)
+        return 0;
+    track_release(t);
+    return -1;
 }
 
 void track_release(struct track *t)
 {
     landmarks_release(&t->landmarks);
     facedetect_close(t->detector);
+    motion_looks_release(&t->looks);
     free(t->input);
     free(t->half);
     memset(t, 0, sizeof *t);
@@ -181,19 +176,6 @@ static struct square crop_of(struct track *t, const struct motion *m)
     return crop_from_landmarks(uv, HEAD_LANDMARKS);
 }
 
-/* What E_m says of t->input, and of its mirror image. */
-static void ask(float *out, struct track *t)
-{
-    float mirrored[MOTION_OUT];
-
-    motion_encoder_forward(out, t->input, t->net);
-    if (!t->mirror)
-        return;
-    looks_mirror(t->mirrored, t->input, CROP_NET);
-    motion_encoder_forward(mirrored, t->mirrored, t->net);
-    motion_mirror_mean(out, mirrored, &t->across);
-}
-
 /* The paper's line: motion of the picture in one crop. */
 static int encode(struct track *t, struct track_result *r,
                   const uint8_t *rgb, size_t W, size_t H, struct square crop,
@@ -205,7 +187,7 @@ static int encode(struct track *t, struct track_result *r,
     if (take_crop(t, rgb, W, H, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
-    ask(out, t);
+    motion_looks_see(out, &t->looks, t->input);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
     r->crop_s += t1 - t0;

@@ -50,7 +50,7 @@ struct facedetect;
 struct track {
     struct track_options opt;
     const struct head *head;
-    struct motion_encoder *net;
+    struct motion_looks looks;
     struct landmarks landmarks;
     struct facedetect *detector;        /* NULL until it is needed */
     struct square window;               /* picture pixels */
@@ -60,9 +60,7 @@ struct track {
     struct motion last;                 /* as the network said it */
     struct oneeuro filter;
     float thumb[TRACK_THUMB * TRACK_THUMB];
-    struct motion_mirror across;
-    bool mirror;                        /* look again, in a mirror */
-    float *input, *mirrored;            /* (224,224,3) each */
+    float *input;                       /* (224,224,3) */
     uint8_t *half;                      /* shrunken part of the picture */
     size_t half_room;
 };

@@ -30,9 +30,9 @@ static int sample(void *ctx, float *rgb, struct square q, struct error *err)
 }
 
 int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
-                struct error *err)
+                struct square q, struct error *err)
 {
-    return looks_shape(beta, l, f->crop, sample, (void *)f, err);
+    return looks_shape(beta, l, q, sample, (void *)f, err);
 }
 
 /* t* of R (size x + place) + t* = size (R x + t). */
@@ -56,7 +56,8 @@ int shaper_apply(void *ctx, struct data_person *p, struct error *err)
 
     _Static_assert(DATA_SHAPE == SHAPE_ENCODER_OUT, "all of the shape");
     memcpy(truth, p->shape, sizeof truth);
-    if (shaper_look(p->shape, &s->looks, &p->frame[0], err))
+    if (shaper_look(p->shape, &s->looks, &p->frame[0], p->frame[0].crop,
+                    err))
         return -1;
     shape_place(&size, place, p->shape, truth, &s->place);
     for (size_t i = 0; i < p->count; i++)

@@ -26,8 +26,8 @@ void shaper_close(struct shaper *s);
  * struct shaper. */
 int shaper_apply(void *ctx, struct data_person *p, struct error *err);
 
-/* beta (300) from one frame. */
+/* beta (300) of the face in crop q of a frame. */
 int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
-                struct error *err);
+                struct square q, struct error *err);
 
 #endif

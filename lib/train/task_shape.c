@@ -128,7 +128,8 @@ static int held(struct task *t, double *figures, struct error *err)
     memset(figures, 0, HELD_COUNT * sizeof *figures);
     for (size_t i = 0; i < t->nheld; i++) {
         const struct data_person *p = &t->held[i];
-        if (shaper_look(m->out, &m->looks, &p->frame[0], err))
+        const struct data_frame *f = &p->frame[0];
+        if (shaper_look(m->out, &m->looks, f, f->crop, err))
             return -1;
         figures[HELD_VERTEX] += mm * shape_loss(NULL, m->out, p->shape,
                                                 &m->vertex);
