@@ -49,11 +49,28 @@ static void planar(float *out, const float *rgb, size_t n)
                              / 255;
 }
 
-/* Picture figures of rgb against the truth, which lies in j->a; the picture
+/* Mean squared error of j->b against j->a inside a box. */
+static double box_mse(const struct judge *j, struct box box)
+{
+    size_t S = j->S;
+    double sum = 0;
+
+    for (size_t c = 0; c < 3; c++)
+        for (size_t y = box.y0; y < box.y1; y++)
+            for (size_t x = box.x0; x < box.x1; x++) {
+                size_t i = (c * S + y) * S + x;
+                double d = (double)j->a[i] - j->b[i];
+                sum += d * d;
+            }
+    return sum / (double)(3 * (box.x1 - box.x0) * (box.y1 - box.y0));
+}
+
+/* Picture figures of rgb against the truth f, which lies in j->a; the picture
  * is rounded to 8 bits, as a file would hold it. */
 static int picture(struct judge *j, const char *row, const float *rgb,
-                   int full, struct error *err)
+                   const struct data_frame *f, int full, struct error *err)
 {
+    struct box mouth = trainee_mouth(f, j->S);
     size_t n = j->S * j->S;
     struct metric_ssim s;
     struct metric_msssim m;
@@ -64,6 +81,8 @@ static int picture(struct judge *j, const char *row, const float *rgb,
     if (metric_ssim(&s, NULL, NULL, j->a, j->b, 3, j->S, j->S, err))
         return -1;
     add(j, row, "ssim", 1, s.mean);
+    if (mouth.x1 > mouth.x0 && mouth.y1 > mouth.y0)
+        add(j, row, "psnr_mouth", 1, metric_psnr(box_mse(j, mouth)));
     if (!full || j->S < METRIC_MSSSIM_MIN)
         return 0;
     if (metric_msssim(&m, NULL, j->a, j->b, 3, j->S, j->S, err))
@@ -205,12 +224,12 @@ static int self(struct judge *j, const struct data_person *p,
             data_portrait(j->truth, NULL, j->S, f, err))
             goto out;
         planar(j->a, j->truth, n);
-        if (picture(j, "SpiD", j->s->tr.rgb, 1, err) ||
-            picture(j, "SpiD*", j->s->tr.coarse, 1, err) ||
-            picture(j, "source", j->source, 1, err))
+        if (picture(j, "SpiD", j->s->tr.rgb, f, 1, err) ||
+            picture(j, "SpiD*", j->s->tr.coarse, f, 1, err) ||
+            picture(j, "source", j->source, f, 1, err))
             goto out;
         if (j->opt->ablations && i % j->opt->stride == 0 &&
-            picture(j, "w/o nothing", j->s->tr.coarse, 0, err))
+            picture(j, "w/o nothing", j->s->tr.coarse, f, 0, err))
             goto out;
         if (j->sheet && i == show && j->person < j->sheet->rows &&
             sheet_row(j, &st, err))
@@ -242,7 +261,7 @@ static int ablate(struct judge *j, const struct data_person *p, size_t k,
             data_portrait(j->truth, NULL, j->S, f, err))
             return -1;
         planar(j->a, j->truth, j->S * j->S);
-        if (picture(j, ablation[k].name, j->s->tr.coarse, 0, err))
+        if (picture(j, ablation[k].name, j->s->tr.coarse, f, 0, err))
             return -1;
     }
     return 0;
