@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
 #include "lib/head/sculpt.h"
@@ -218,6 +219,73 @@ static void test_lopsided(const struct head *h)
     free(bent.shape_dirs);
 }
 
+static void pose(float *verts, float R[9], const struct head *h,
+                 const float *row)
+{
+    struct identity id = {0};
+    struct head_motion m = {.exp = row + MOTION_EXP};
+    struct error err;
+
+    memcpy(m.jaw, row + MOTION_JAW, sizeof m.jaw);
+    memcpy(m.lid, row + MOTION_LID, sizeof m.lid);
+    memcpy(m.eye, row + MOTION_EYE, sizeof m.eye);
+    if (head_fold(&id, h, NULL, 0, &err))
+        die(&err);
+    head_pose(verts, &id, &m);
+    identity_release(&id);
+    rotation_6d(R, row + MOTION_ROT);
+}
+
+/* What E_m would say of the mirrored picture, read back, moves the head as the
+ * first look does: the mean of a row and its mirror image is the row, and the
+ * mirror image poses the mirrored head. */
+static void test_motion(const struct head *h, const struct sculpt *s)
+{
+    struct motion_mirror across;
+    float a[MOTION_OUT], b[MOTION_OUT], mean[MOTION_OUT], Ra[9], Rb[9];
+    float *x = malloc(3 * h->V * sizeof *x), *y = malloc(3 * h->V * sizeof *y);
+    double most = 0, turned = 0, back = 0;
+    struct random r;
+    struct error err;
+
+    if (!x || !y || motion_mirror_init(&across, h, &err) != 1) {
+        printf("expressions have no mirror images: FAILED\n");
+        failed = 1;
+        goto out;
+    }
+    random_init(&r, 6, "motion");
+    for (int k = 0; k < MOTION_OUT; k++)
+        a[k] = 0.3f * random_normal(&r);
+    for (int k = 0; k < 2; k++)
+        a[MOTION_LID + k] = (float)random_uniform(&r);
+    for (int k = 0; k < MOTION_OUT; k++)
+        b[k] = across.sign[k] * a[across.from[k]];
+    pose(x, Ra, h, a);
+    pose(y, Rb, h, b);
+    for (size_t v = 0; v < h->V; v++) {
+        const float *p = x + 3 * v, *q = y + 3 * (size_t)s->mirror[v];
+        most = fmax(most, fabs((double)p[0] + q[0]));
+        most = fmax(most, fabs((double)p[1] - q[1]));
+        most = fmax(most, fabs((double)p[2] - q[2]));
+    }
+    for (int i = 0; i < 9; i++) {
+        int odd = (i / 3 == 0) != (i % 3 == 0);
+        turned = fmax(turned, fabs((double)Ra[i] - (odd ? -Rb[i] : Rb[i])));
+    }
+    memcpy(mean, a, sizeof mean);
+    motion_mirror_mean(mean, b, &across);
+    for (int k = 0; k < MOTION_OUT; k++)
+        back = fmax(back, fabs((double)mean[k] - a[k]));
+    /* 0.5 mm: some expressions are symmetric only to a cosine of 0.98 */
+    check("mirrored motion, mirrored vertices, mm",
+          most / (double)h->scale * 1e3, 0.5);
+    check("mirrored rotation", turned, 1e-5);
+    check("the mean of a row and its mirror image", back, 1e-7);
+out:
+    free(x);
+    free(y);
+}
+
 /* A picture of N pixels that may be mirrored, brighter to one side. */
 static int look(void *ctx, float *rgb, struct square q, struct error *err)
 {
@@ -289,6 +357,7 @@ int main(void)
     test_place(&h);
     test_mirror(&h, &s);
     test_lopsided(&h);
+    test_motion(&h, &s);
     test_looks(&h);
     head_release(&h);
     sculpt_release(&s);
