@@ -16,7 +16,7 @@
 #include "formats/video.h"
 #include "formats/y4m.h"
 #include "lib/base/file.h"
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 
 #define MAX_CHANNELS 32
 

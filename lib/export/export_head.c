@@ -15,12 +15,9 @@
 static void unblock(float *out, const struct head *h, const float *blocks,
                     size_t per_block, size_t k)
 {
-    for (size_t v = 0; v < h->V; v++) {
-        const float *b = blocks + (v / HEAD_BLOCK * per_block + k) *
-                                      (3 * HEAD_BLOCK);
-        for (size_t c = 0; c < 3; c++)
-            out[3 * v + c] = b[c * HEAD_BLOCK + v % HEAD_BLOCK] / h->scale;
-    }
+    head_direction(out, h, blocks, per_block, k);
+    for (size_t i = 0; i < 3 * h->V; i++)
+        out[i] /= h->scale;
 }
 
 static void fill_targets(struct export_head *e)

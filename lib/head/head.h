@@ -109,6 +109,11 @@ int head_init(struct head *h, const struct head_arrays *a, struct error *err);
 int head_load(struct head *h, const char *path, struct error *err);
 void head_release(struct head *h);      /* a zeroed head is allowed */
 
+/* out (V,3) = direction k of n in the posing layout (h->shape_dirs with
+ * h->nshape, h->exp_dirs with h->nexp, and so on), head units. */
+void head_direction(float *out, const struct head *h, const float *dirs,
+                    size_t n, size_t k);
+
 /* Positions (68,3) of the landmarks on verts (V,3). */
 void head_landmarks(float *lmk, const struct head *h, const float *verts);
 /* dverts (V,3) += gradient of dlmk (68,3). */

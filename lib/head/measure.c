@@ -1,8 +1,19 @@
-/* Landmarks, lips and normals of a posed head. */
+/* Single directions of a head; landmarks, lips and normals of a posed one. */
 #include "lib/head/head.h"
 
 #include <math.h>
 #include <string.h>
+
+void head_direction(float *out, const struct head *h, const float *dirs,
+                    size_t n, size_t k)
+{
+    for (size_t v = 0; v < h->V; v++) {
+        const float *block = dirs + (v / HEAD_BLOCK * n + k) * 3 * HEAD_BLOCK;
+
+        for (size_t c = 0; c < 3; c++)
+            out[3 * v + c] = block[c * HEAD_BLOCK + v % HEAD_BLOCK];
+    }
+}
 
 void head_landmarks(float *lmk, const struct head *h, const float *verts)
 {

@@ -4,55 +4,91 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
-#define SAME 0.98       /* cosine of directions that are one */
+/* Cosine of directions that are one: what keeps lips apart leaves some of the
+ * built-in head's expressions symmetric to 0.986 only. */
+#define SAME 0.98
 
-/* Directions in the head's posing layout: (blocks, n, 96). */
+/* Directions (n,V,3) and where their vertices lie across. */
 struct directions {
-    const struct head *head;
-    const float *d;
-    size_t n;
-    size_t *other;          /* (V) the vertex across */
+    size_t V, n;
+    float *d;
+    size_t *other;          /* (V) */
     double *square;         /* (n) lengths squared */
 };
 
-/* The vertex of the mean head nearest to the mirror image of vertex v. */
-static size_t opposite(const struct head *h, size_t v)
+/* A vertex in the order of height, and at equal height of itself. */
+struct place {
+    float y;
+    size_t v;
+};
+
+static int by_height(const void *a, const void *b)
 {
-    const float *x = h->v_template + 3 * v;
-    float least = INFINITY;
-    size_t best = v;
+    const struct place *p = a, *q = b;
 
-    for (size_t w = 0; w < h->V; w++) {
-        const float *y = h->v_template + 3 * w;
-        float a = x[0] + y[0], b = x[1] - y[1], c = x[2] - y[2];
-        float far = a * a + b * b + c * c;
+    if (p->y != q->y)
+        return p->y < q->y ? -1 : 1;
+    return (p->v > q->v) - (p->v < q->v);
+}
 
-        if (far < least) {
-            least = far;
-            best = w;
+/* Square of how far vertex w is from the mirror image of v. */
+static float apart(const struct head *h, size_t v, size_t w)
+{
+    const float *x = h->v_template + 3 * v, *y = h->v_template + 3 * w;
+    float a = x[0] + y[0], b = x[1] - y[1], c = x[2] - y[2];
+
+    return a * a + b * b + c * c;
+}
+
+/* The vertex of the mean head nearest to the mirror image of order[at]'s: from
+ * there up and down, until the height alone is further. */
+static size_t opposite(const struct head *h, const struct place *order,
+                       size_t at)
+{
+    size_t v = order[at].v, best = v;
+    float least = apart(h, v, v);
+
+    for (int way = -1; way <= 1; way += 2)
+        for (size_t i = at + (size_t)way; i < h->V; i += (size_t)way) {
+            float dy = order[i].y - order[at].y, far = apart(h, v, order[i].v);
+
+            if (dy * dy > least)
+                break;
+            if (far < least) {
+                least = far;
+                best = order[i].v;
+            }
         }
-    }
     return best;
 }
 
-/* What direction k does to vertex v, coordinate c. */
-static double moved(const struct directions *s, size_t k, size_t v, size_t c)
+static int find_opposites(struct directions *s, const struct head *h,
+                          struct error *err)
 {
-    return (double)s->d[(v / HEAD_BLOCK * s->n + k) * 3 * HEAD_BLOCK +
-                        c * HEAD_BLOCK + v % HEAD_BLOCK];
+    struct place *order = malloc(h->V * sizeof *order);
+
+    if (!order)
+        return error_set(err, EX_OSERR, "no memory for %zu vertices", h->V);
+    for (size_t v = 0; v < h->V; v++)
+        order[v] = (struct place){h->v_template[3 * v + 1], v};
+    qsort(order, h->V, sizeof *order, by_height);
+    for (size_t at = 0; at < h->V; at++)
+        s->other[order[at].v] = opposite(h, order, at);
+    free(order);
+    return 0;
 }
 
 /* Inner product of direction k with the mirror image of direction j. */
 static double across(const struct directions *s, size_t k, size_t j)
 {
+    const float *a = s->d + k * 3 * s->V, *b = s->d + j * 3 * s->V;
     double sum = 0;
 
-    for (size_t v = 0; v < s->head->V; v++)
-        for (size_t c = 0; c < 3; c++) {
-            double p = moved(s, k, v, c) * moved(s, j, s->other[v], c);
+    for (size_t v = 0; v < s->V; v++) {
+        const float *p = a + 3 * v, *q = b + 3 * s->other[v];
 
-            sum += c ? p : -p;
-        }
+        sum += (double)p[1] * q[1] + (double)p[2] * q[2] - (double)p[0] * q[0];
+    }
     return sum;
 }
 
@@ -86,28 +122,33 @@ static int find_pairs(struct head_mirror *m, const struct directions *s)
     return 1;
 }
 
-static int make(struct head_mirror *m, const struct head *h, const float *d,
-                size_t n, struct error *err)
+static int make(struct head_mirror *m, const struct head *h,
+                const float *dirs, size_t n, struct error *err)
 {
-    struct directions s = {.head = h, .d = d, .n = n};
-    int rc;
+    struct directions s = {.V = h->V, .n = n};
+    int rc = -1;
 
     if (n > HEAD_MAX_EXP)
         return 0;
+    s.d = malloc((n + 1) * 3 * h->V * sizeof *s.d);
     s.other = malloc(h->V * sizeof *s.other);
     s.square = calloc(n + 1, sizeof *s.square);
-    if (!s.other || !s.square) {
-        free(s.other);
-        free(s.square);
-        return error_set(err, EX_OSERR, "no memory for %zu vertices", h->V);
+    if (!s.d || !s.other || !s.square) {
+        error_set(err, EX_OSERR, "no memory for %zu directions", n);
+        goto out;
     }
-    for (size_t v = 0; v < h->V; v++)
-        s.other[v] = opposite(h, v);
-    for (size_t k = 0; k < n; k++)
-        for (size_t v = 0; v < h->V; v++)
-            for (size_t c = 0; c < 3; c++)
-                s.square[k] += moved(&s, k, v, c) * moved(&s, k, v, c);
+    if (find_opposites(&s, h, err))
+        goto out;
+    for (size_t k = 0; k < n; k++) {
+        float *d = s.d + k * 3 * h->V;
+
+        head_direction(d, h, dirs, n, k);
+        for (size_t i = 0; i < 3 * h->V; i++)
+            s.square[k] += (double)d[i] * d[i];
+    }
     rc = find_pairs(m, &s);
+out:
+    free(s.d);
     free(s.other);
     free(s.square);
     return rc;

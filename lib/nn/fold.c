@@ -5,7 +5,7 @@
 
 #include "lib/nn/act.h"
 #include "lib/nn/kernels.h"
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 
 #define PIECE 32
 

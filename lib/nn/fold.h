@@ -16,7 +16,7 @@ struct fold_view {
     const uint16_t *f16;
     size_t stride;           /* values from row to row, at least w C */
     /* NULL, or only the covered pixels are there, one after another; the
-     * others are zeros (lib/splat/covered.h) */
+     * others are zeros (lib/base/covered.h) */
     const float *alpha;      /* (B,h,w) not 0 where one is */
     const size_t *start;     /* (B h) how many come before each row */
 };

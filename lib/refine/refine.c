@@ -6,7 +6,7 @@
 
 #include "formats/compose.h"
 #include "formats/safetensors.h"
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 #include "lib/track/encoders.h"
 
 int refine_open(struct refine *r, const char *path, enum nn_type type,

@@ -133,9 +133,13 @@ int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
     l->mirror = motion_mirror_init(&l->across, h, err);
     if (l->mirror <= 0)
         return l->mirror;
-    l->mirrored = malloc(3 * N * N * sizeof *l->mirrored);
-    return l->mirrored ? 0
-                       : error_set(err, EX_OSERR, "no memory for a face crop");
+    l->mirrored = malloc(net->batch * (3 * N * N + MOTION_OUT) *
+                         sizeof *l->mirrored);
+    if (!l->mirrored)
+        return error_set(err, EX_OSERR, "no memory for %zu face crops",
+                         net->batch);
+    l->said = l->mirrored + net->batch * 3 * N * N;
+    return 0;
 }
 
 void motion_looks_release(struct motion_looks *l)
@@ -146,12 +150,13 @@ void motion_looks_release(struct motion_looks *l)
 
 void motion_looks_see(float *out, struct motion_looks *l, const float *rgb)
 {
-    float mirrored[MOTION_OUT];
-
     motion_encoder_forward(out, rgb, l->net);
     if (!l->mirror)
         return;
-    looks_mirror(l->mirrored, rgb, N);
-    motion_encoder_forward(mirrored, l->mirrored, l->net);
-    motion_mirror_mean(out, mirrored, &l->across);
+    for (size_t i = 0; i < l->net->batch; i++)
+        looks_mirror(l->mirrored + i * 3 * N * N, rgb + i * 3 * N * N, N);
+    motion_encoder_forward(l->said, l->mirrored, l->net);
+    for (size_t i = 0; i < l->net->batch; i++)
+        motion_mirror_mean(out + i * MOTION_OUT, l->said + i * MOTION_OUT,
+                           &l->across);
 }

@@ -49,17 +49,17 @@ void motion_mirror_mean(float *out, const float *mirrored,
 
 /* E_m with its second look. */
 struct motion_looks {
-    struct motion_encoder *net;         /* borrowed, planned for one crop */
+    struct motion_encoder *net;         /* borrowed, planned for B crops */
     struct motion_mirror across;
     int mirror;                         /* across is of use, and wanted */
-    float *mirrored;                    /* (224,224,3) */
+    float *mirrored, *said;             /* (B,224,224,3); (B,120) of them */
 };
 
 /* once: no second look. */
 int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
                       const struct head *h, int once, struct error *err);
 void motion_looks_release(struct motion_looks *l);
-/* out (120) of crop rgb (224,224,3). */
+/* out (B,120) of crops rgb (B,224,224,3). */
 void motion_looks_see(float *out, struct motion_looks *l, const float *rgb);
 
 #endif

@@ -26,16 +26,6 @@ static int points_init(struct points *p, size_t P, size_t n,
     return 0;
 }
 
-/* Direction k of the head's posing layout, as (V,3). */
-static void direction(float *out, const struct head *h, size_t k)
-{
-    for (size_t v = 0; v < h->V; v++)
-        for (size_t c = 0; c < 3; c++)
-            out[3 * v + c] = h->shape_dirs[
-                (v / HEAD_BLOCK * h->nshape + k) * 3 * HEAD_BLOCK +
-                c * HEAD_BLOCK + v % HEAD_BLOCK];
-}
-
 static void subtract_along(double *a, const double *unit, size_t count)
 {
     double along = 0;
@@ -46,15 +36,21 @@ static void subtract_along(double *a, const double *unit, size_t count)
         a[i] -= along * unit[i];
 }
 
+static void middle(double mean[3], const struct points *p)
+{
+    memset(mean, 0, 3 * sizeof *mean);
+    for (size_t i = 0; i < 3 * p->P; i++)
+        mean[i % 3] += p->x[i] / (double)p->P;
+}
+
 /* unit (4,P*3): what moving the points and making them larger do to them,
  * each of length 1 and square to the others. */
 static void similarities(double *unit, const struct points *p)
 {
     size_t count = 3 * p->P;
-    double mean[3] = {0};
+    double mean[3];
 
-    for (size_t i = 0; i < count; i++)
-        mean[i % 3] += p->x[i] / (double)p->P;
+    middle(mean, p);
     for (size_t i = 0; i < count; i++) {
         unit[i % 3 * count + i] = 1 / sqrt((double)p->P);
         unit[3 * count + i] = p->x[i] - mean[i % 3];
@@ -116,7 +112,7 @@ static int take_points(struct points *p, const struct head *h, size_t n,
     for (size_t k = 0; k <= n; k++) {
         const float *from = k ? verts : h->v_template;
         if (k)
-            direction(verts, h, k - 1);
+            head_direction(verts, h, h->shape_dirs, h->nshape, k - 1);
         if (landmarks)
             head_landmarks(lmk, h, from);
         put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
@@ -182,8 +178,7 @@ static void fill_place(struct shape_place *out, const struct points *p)
 {
     double spread = 0;
 
-    for (size_t i = 0; i < 3 * p->P; i++)
-        out->centre[i % 3] += p->x[i] / (double)p->P;
+    middle(out->centre, p);
     for (size_t i = 0; i < 3 * p->P; i++)
         spread += (p->x[i] - out->centre[i % 3]) *
                   (p->x[i] - out->centre[i % 3]);

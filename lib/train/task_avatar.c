@@ -21,10 +21,8 @@ struct impl {
     int with_motion;                /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
-    struct motion_mirror across;
-    bool mirror;                    /* frozen E_m looks twice, as it will */
+    struct motion_looks looks;      /* E_m looks twice, unless it learns */
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
-    float *mirrored;
 };
 
 enum { HELD_PSNR, HELD_SSIM, HELD_L1, HELD_STAR, HELD_SSIM_STAR, HELD_SOURCE,
@@ -40,6 +38,7 @@ static void release(struct task *t)
         return;
     trainee_release(&m->tr);
     if (m->with_motion) {
+        motion_looks_release(&m->looks);
         motion_encoder_release(&m->net);
         motion_loss_release(&m->loss);
     }
@@ -129,20 +128,6 @@ static int study(struct task *t, double *parts, const struct lesson *l,
     return 0;
 }
 
-/* E_m's rows for the first n crops.  One that learns looks once. */
-static void see(struct impl *m, size_t n)
-{
-    motion_encoder_forward(m->out, m->crops, &m->net);
-    if (!m->mirror)
-        return;
-    for (size_t i = 0; i < n; i++)
-        looks_mirror(m->crops + i * N * N * 3, m->crops + i * N * N * 3, N);
-    motion_encoder_forward(m->mirrored, m->crops, &m->net);
-    for (size_t i = 0; i < n; i++)
-        motion_mirror_mean(m->out + i * MOTION_OUT,
-                           m->mirrored + i * MOTION_OUT, &m->across);
-}
-
 /* Phase A as it will be: the source's own motion is what E_m sees, too.  The
  * bake has no gradient by it, so what compares gradients takes the truth. */
 static int bake(struct task *t, const struct lesson *l, struct error *err)
@@ -152,7 +137,7 @@ static int bake(struct task *t, const struct lesson *l, struct error *err)
     struct motion_state s = {.verts = m->tr.verts};
 
     if (m->with_motion) {
-        see(m, n + 1);
+        motion_looks_see(m->out, &m->looks, m->crops);
         memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
     }
     if (!m->with_motion || t->config->smooth)
@@ -175,7 +160,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
         rc = study(t, parts, &l, i, step, err);
     if (!rc) {
         trainee_bake_backward(&m->tr);
-        if (m->with_motion && !m->mirror)
+        if (m->with_motion && !m->looks.mirror)
             motion_encoder_backward(NULL, m->dout, &m->net);
     }
     identity_release(&l.id);
@@ -245,7 +230,7 @@ static int motion_of(struct task *t, struct head_motion *motion,
     }
     if (data_sample(m->crops, N, f, f->crop, NULL, NULL, err))
         return -1;
-    see(m, 1);
+    motion_looks_see(m->out, &m->looks, m->crops);
     motion_decode(&s, m->out, f, f->crop, id);
     *motion = s.motion;
     memcpy(cam, s.cam, sizeof s.cam);
@@ -392,17 +377,11 @@ static int add_motion(struct task *t, const char *net, struct error *err)
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
            sizeof motion_term_name);
     t->nparts = PICTURE_COUNT + TERM_COUNT;
-    int rc = strcmp(t->config->freeze, "motion.")
-           ? 0 : motion_mirror_init(&m->across, t->head, err);
-    if (rc < 0)
-        return -1;
-    m->mirror = rc;
-    m->crops = calloc(T * (N * N * 3 + 3 * MOTION_OUT), sizeof *m->crops);
+    m->crops = calloc(T * (N * N * 3 + 2 * MOTION_OUT), sizeof *m->crops);
     if (!m->crops)
         return error_set(err, EX_OSERR, "out of memory");
     m->out = m->crops + T * N * N * 3;
     m->dout = m->out + T * MOTION_OUT;
-    m->mirrored = m->dout + T * MOTION_OUT;
     return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
 }
 
@@ -449,7 +428,9 @@ int task_avatar_init(struct task *t, struct error *err)
     if (!m->with_motion)
         return 0;
     motion_encoder_start(&m->net);
-    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err))
+    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
+        motion_looks_init(&m->looks, &m->net, t->head,
+                          strcmp(c->freeze, "motion.") != 0, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }

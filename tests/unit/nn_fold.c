@@ -14,7 +14,7 @@
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
 #include "lib/nn/fold.h"
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 
 static const struct shape {
     size_t B, h, w, C, O;

@@ -78,40 +78,63 @@ static void draw(float *beta, struct random *r)
         beta[k] = random_normal(r);
 }
 
-static void test_value(const struct head *h)
+/* Two people: coefficients, vertices (V,3) and landmarks. */
+struct two {
+    float beta[DIRS], truth[DIRS], *a, *b, la[3 * 68], lb[3 * 68];
+    struct shape_loss marks;
+};
+
+static void two_init(struct two *t, const struct head *h, uint64_t seed)
 {
-    float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
-    float la[3 * 68], lb[3 * 68], lx[3 * 68], beta[DIRS], truth[DIRS];
-    struct shape_loss all, marks;
     struct random r;
     struct error err;
 
-    if (!a || !b || shape_loss_vertices(&all, h, DIRS, &err) ||
-        shape_loss_landmarks(&marks, h, DIRS, &err))
+    t->a = malloc(3 * h->V * sizeof *t->a);
+    t->b = malloc(3 * h->V * sizeof *t->b);
+    if (!t->a || !t->b || shape_loss_landmarks(&t->marks, h, DIRS, &err))
+        exit(1);
+    random_init(&r, seed, "two people");
+    draw(t->beta, &r);
+    draw(t->truth, &r);
+    vertices(t->a, h, t->beta);
+    vertices(t->b, h, t->truth);
+    head_landmarks(t->la, h, t->a);
+    head_landmarks(t->lb, h, t->b);
+}
+
+static void two_release(struct two *t)
+{
+    shape_loss_release(&t->marks);
+    free(t->a);
+    free(t->b);
+}
+
+static void test_value(const struct head *h)
+{
+    struct shape_loss all;
+    struct two t;
+    float lx[3 * 68], *beta = t.beta;
+    struct error err;
+
+    if (shape_loss_vertices(&all, h, DIRS, &err))
         die(&err);
-    random_init(&r, 3, "shapes");
-    draw(beta, &r);
-    draw(truth, &r);
-    vertices(a, h, beta);
-    vertices(b, h, truth);
-    double want = by_points(a, b, h->v_template, h->V);
-    double got = shape_loss(NULL, beta, truth, &all);
+    two_init(&t, h, 3);
+    double want = by_points(t.a, t.b, h->v_template, h->V);
+    double got = shape_loss(NULL, beta, t.truth, &all);
     check("vertices' error, relative", fabs(got / want - 1), 1e-5);
-    head_landmarks(la, h, a);
-    head_landmarks(lb, h, b);
     head_landmarks(lx, h, h->v_template);
-    want = by_points(la, lb, lx, 68);
-    got = shape_loss(NULL, beta, truth, &marks);
+    want = by_points(t.la, t.lb, lx, 68);
+    got = shape_loss(NULL, beta, t.truth, &t.marks);
     check("landmarks' error, relative", fabs(got / want - 1), 1e-5);
 
     double g[DIRS], most = 0, step = 1e-3;
-    got = shape_loss(g, beta, truth, &marks);
+    got = shape_loss(g, beta, t.truth, &t.marks);
     for (int k = 0; k < DIRS; k += 7) {
         float keep = beta[k];
         beta[k] = keep + (float)step;
-        double up = shape_loss(NULL, beta, truth, &marks);
+        double up = shape_loss(NULL, beta, t.truth, &t.marks);
         beta[k] = keep - (float)step;
-        double down = shape_loss(NULL, beta, truth, &marks);
+        double down = shape_loss(NULL, beta, t.truth, &t.marks);
         beta[k] = keep;
         most = fmax(most, fabs((up - down) / (2 * step) - g[k]));
     }
@@ -119,50 +142,37 @@ static void test_value(const struct head *h)
     check("nothing is wrong with the truth",
           shape_loss(NULL, beta, beta, &all), 1.1e-6);
     shape_loss_release(&all);
-    shape_loss_release(&marks);
-    free(a);
-    free(b);
+    two_release(&t);
 }
 
 /* Size and place bring one face onto another as well as anything can, but for
  * the square of how much they differ. */
 static void test_place(const struct head *h)
 {
-    float *a = malloc(3 * h->V * sizeof *a), *b = malloc(3 * h->V * sizeof *b);
-    float la[3 * 68], lb[3 * 68], beta[DIRS], truth[DIRS];
     struct shape_place place;
-    struct shape_loss marks;
-    double size, t[3], sum = 0, plain = 0;
-    struct random r;
+    struct two t;
+    double size, x[3], sum = 0, plain = 0;
     struct error err;
 
-    if (!a || !b || shape_place_init(&place, h, DIRS, &err) ||
-        shape_loss_landmarks(&marks, h, DIRS, &err))
+    if (shape_place_init(&place, h, DIRS, &err))
         die(&err);
-    random_init(&r, 5, "place");
-    draw(beta, &r);
-    draw(truth, &r);
-    vertices(a, h, beta);
-    vertices(b, h, truth);
-    head_landmarks(la, h, a);
-    head_landmarks(lb, h, b);
-    shape_place(&size, t, beta, truth, &place);
+    two_init(&t, h, 5);
+    shape_place(&size, x, t.beta, t.truth, &place);
     for (int i = 0; i < 3 * 68; i++) {
-        double e = la[i] - size * lb[i] - t[i % 3], d = (double)la[i] - lb[i];
+        double e = t.la[i] - size * t.lb[i] - x[i % 3];
+        double d = (double)t.la[i] - t.lb[i];
         sum += e * e / (3 * 68);
         plain += d * d / (3 * 68);
     }
-    double best = shape_loss(NULL, beta, truth, &marks);
+    double best = shape_loss(NULL, t.beta, t.truth, &t.marks);
     check("size and place leave what shape_loss counts, relative",
           fabs(sqrt(sum) / best - 1), 0.03);
     check("which is less than before, share", best / sqrt(plain), 0.9);
-    shape_place(&size, t, beta, beta, &place);
-    check("a shape lies where it is", fabs(size - 1) + fabs(t[0]) +
-          fabs(t[1]) + fabs(t[2]), 0);
+    shape_place(&size, x, t.beta, t.beta, &place);
+    check("a shape lies where it is", fabs(size - 1) + fabs(x[0]) +
+          fabs(x[1]) + fabs(x[2]), 0);
     shape_place_release(&place);
-    shape_loss_release(&marks);
-    free(a);
-    free(b);
+    two_release(&t);
 }
 
 /* A mirrored shape has the mirrored vertices. */

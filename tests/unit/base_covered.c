@@ -8,7 +8,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 
 #define PIXELS 300
 #define MOST 5000              /* runs that outgrow the first room */

@@ -1,4 +1,4 @@
-#include "lib/splat/covered.h"
+#include "lib/base/covered.h"
 
 #include <stdint.h>
 #include <stdlib.h>

@@ -1,8 +1,8 @@
 /* The covered pixels of a picture: those whose alpha is not 0, row after row.
  * Features are premultiplied, so the others are 0, and of a portrait they are
  * most: a FEAT record is a third as long without them. */
-#ifndef SPID_SPLAT_COVERED_H
-#define SPID_SPLAT_COVERED_H
+#ifndef SPID_BASE_COVERED_H
+#define SPID_BASE_COVERED_H
 
 #include <stddef.h>
 #include <sys/uio.h>
