@@ -16,7 +16,7 @@
 
 static struct {
     const char *config, *head, *held, *join, *shapes;
-    const char *init[MOST_PARTS], *prefix[MOST_PARTS], *from[MOST_PARTS];
+    struct checkpoint_source init[MOST_PARTS];
     size_t ninit;
     long steps;
 } opt = {.steps = -1};
@@ -30,11 +30,10 @@ static void on_signal(int number)
 }
 
 /* FILE, FILE:PREFIX or FILE:PREFIX=FROM */
-static int parse_init(const char *value, void *dest, struct error *err)
+static int add_source(const char *value, bool grow, struct error *err)
 {
     char *copy = strdup(value), *colon, *equals;
 
-    (void)dest;
     if (opt.ninit == MOST_PARTS || !copy) {
         free(copy);
         return error_set(err, EX_USAGE, "more than %d files", MOST_PARTS);
@@ -45,11 +44,22 @@ static int parse_init(const char *value, void *dest, struct error *err)
     equals = colon ? strchr(colon, '=') : NULL;
     if (equals)
         *equals++ = 0;
-    opt.init[opt.ninit] = copy;
-    opt.prefix[opt.ninit] = colon ? colon : "";
-    opt.from[opt.ninit] = equals ? equals : opt.prefix[opt.ninit];
-    opt.ninit++;
+    opt.init[opt.ninit++] = (struct checkpoint_source){
+        .path = copy, .prefix = colon ? colon : "",
+        .from = equals ? equals : colon ? colon : "", .grow = grow};
     return 0;
+}
+
+static int parse_init(const char *value, void *dest, struct error *err)
+{
+    (void)dest;
+    return add_source(value, false, err);
+}
+
+static int parse_grow(const char *value, void *dest, struct error *err)
+{
+    (void)dest;
+    return add_source(value, true, err);
 }
 
 static const struct cli_option options[] = {
@@ -63,6 +73,9 @@ static const struct cli_option options[] = {
     {.name = "init", .kind = CLI_CALL, .parse = parse_init,
      .arg = "FILE[:PREFIX[=FROM]]",
      .help = "start tensors PREFIX... from FILE's FROM...; repeatable"},
+    {.name = "grow", .kind = CLI_CALL, .parse = parse_grow,
+     .arg = "FILE[:PREFIX[=FROM]]",
+     .help = "the same from a narrower network"},
     {.name = "join", .kind = CLI_STRING, .dest = &opt.join, .arg = "FILE",
      .help = "no training: join model files into FILE, half precision"},
     {.name = "steps", .kind = CLI_INT, .dest = &opt.steps, .min = 0,
@@ -204,9 +217,7 @@ static int train(const struct train_config *c, const char *const *files,
     struct shaper shaper = {0};
     struct loop loop = {
         .config = c, .task = &task, .group = group, .folder = cli.output,
-        .init_files = opt.init, .init_prefix = opt.prefix,
-        .init_from = opt.from,
-        .ninit = opt.ninit, .stop = &stop, .warn = say,
+        .init = opt.init, .ninit = opt.ninit, .stop = &stop, .warn = say,
         .report = cli.quiet ? NULL : show, .write_png = write_png,
     };
     int rc;

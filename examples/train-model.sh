@@ -31,14 +31,14 @@ train() { # NAME HELD OPTIONS AND DATA
     spid-train -c "$(config "$name")" -o "$dir/$name" --held "$dir/$held" \
         ${STEPS:+--steps "$STEPS"} "$@"
 }
-join() { # FILE STAGE...
-    file=$1
-    shift
+join() { # FILE CONFIG STAGE...
+    file=$1 model=$2
+    shift 2
     for stage; do
         set -- "$@" "$dir/$stage/model.safetensors"
         shift
     done
-    spid-train -c "$(config all)" --join "$file" "$@"
+    spid-train -c "$(config "$model")" --join "$file" "$@"
 }
 
 # pose and expression; then the shape, from the same features
@@ -46,17 +46,20 @@ train motion faces-held.spid "$dir/faces.spid"
 train shape faces-held.spid \
     --init "$dir/motion/model.safetensors:shape.encoder.=motion.encoder." \
     "$dir/faces.spid"
-# from here on everybody has the shape that E_beta sees in them
-join "$dir/seen.safetensors" motion shape
+# from here on everybody has the shape that E_beta sees in them; E_m grows wider,
+# and at last learns without the noise of batch statistics
+join "$dir/seen.safetensors" shape motion shape
 train motion-shapes faces-held.spid --shapes "$dir/seen.safetensors" \
-    --init "$dir/motion/model.safetensors" "$dir/faces.spid"
+    --grow "$dir/motion/model.safetensors" "$dir/faces.spid"
+train motion-fine faces-held.spid --shapes "$dir/seen.safetensors" \
+    --init "$dir/motion-shapes/model.safetensors" "$dir/faces.spid"
 # the branches and the refiner: small pictures, large ones, and at last with
 # the shapes and motions that the encoders see
 train avatar people-held.spid "$dir/people.spid"
 train avatar-512 people-held.spid --init "$dir/avatar/model.safetensors" \
     "$dir/people.spid"
-join "$dir/apart.safetensors" avatar-512 motion-shapes
+join "$dir/apart.safetensors" all avatar-512 motion-fine
 train all people-held.spid --shapes "$dir/seen.safetensors" \
     --init "$dir/apart.safetensors" "$dir/people.spid"
 
-join "$dir/model.safetensors" all shape
+join "$dir/model.safetensors" all all shape

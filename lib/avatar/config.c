@@ -27,6 +27,7 @@ void avatar_config_paper(struct avatar_config *c)
 void avatar_config_shipped(struct avatar_config *c)
 {
     avatar_config_paper(c);
+    snprintf(c->motion_net, sizeof c->motion_net, "mobilenetv3_small_150");
     snprintf(c->shape_net, sizeof c->shape_net, "mobilenetv3_small_100");
     c->feature = 32;
     c->backbone.type = BACKBONE_SMALL;

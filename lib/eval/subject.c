@@ -44,8 +44,8 @@ static int plan(struct subject *s, struct error *err)
                    motion_encoder_plan(&s->motion, 1, opt, err) ||
                    shape_encoder_plan(&s->shape, 1, opt, err) ||
                    looks_init(&s->looks, &s->shape, s->head, err) ||
-                   motion_looks_init(&s->motion_looks, &s->motion, s->head,
-                                     0, err)
+                   motion_looks_init(&s->motion_looks, &s->motion, 1,
+                                     s->head, 0, err)
                ? -1
                : 0;
 }

@@ -55,13 +55,17 @@ static const struct row large_minimal[] = {
 static const struct variant {
     const char *name;
     const struct row *rows;
+    double width;                 /* multiplies the table's channels */
     bool stem_hs, same;           /* SAME padding, eps 1e-3: the tf ones */
     signed char stage[5];         /* after which stage golden 01 looks */
 } variants[] = {
-    { "mobilenetv3_small_100", small_100, true, false, { -1, 0, 1, 3, 5 } },
-    { "tf_mobilenetv3_small_minimal_100", small_minimal, false, true,
+    { "mobilenetv3_small_100", small_100, 1, true, false,
       { -1, 0, 1, 3, 5 } },
-    { "tf_mobilenetv3_large_minimal_100", large_minimal, false, true,
+    { "mobilenetv3_small_150", small_100, 1.5, true, false,
+      { -1, 0, 1, 3, 5 } },
+    { "tf_mobilenetv3_small_minimal_100", small_minimal, 1, false, true,
+      { -1, 0, 1, 3, 5 } },
+    { "tf_mobilenetv3_large_minimal_100", large_minimal, 1, false, true,
       { 0, 1, 2, 4, 6 } },
 };
 
@@ -122,27 +126,31 @@ static void unit_init(struct unit *u, struct mobilenet_impl *im,
     u->bn.act = act;
 }
 
-static size_t squeeze_width(size_t C)
+/* The multiple of 8 next to C, never less than nine tenths of it. */
+static size_t channels(double C)
 {
-    size_t n = (C / 4 + 4) / 8 * 8;
+    size_t n = (size_t)(C + 4) / 8 * 8;
     n = n < 8 ? 8 : n;
-    return 10 * n < 9 * (C / 4) ? n + 8 : n;
+    return (double)n < 0.9 * C ? n + 8 : n;
 }
 
+/* base: the table's channels before this row; in: this network's. */
 static void block_init(struct block *b, struct mobilenet_impl *im,
                        struct params *ps, const char *at, const struct row *r,
-                       size_t in)
+                       size_t base, size_t in)
 {
     char name[120];
     enum nn_act act = r->hs ? ACT_HARDSWISH : ACT_RELU;
-    size_t mid = r->expand ? r->expand : in;
+    size_t out = channels(r->out * im->v->width);
+    size_t mid = r->expand ? channels((double)(in * r->expand) / (double)base)
+                           : in;
     b->stage = r->stage;
     b->expand = r->expand;
     b->se = r->se;
     b->last = r->kernel == 0;
-    b->residual = !b->last && r->stride == 1 && in == r->out;
+    b->residual = !b->last && r->stride == 1 && in == out;
     if (b->last) {
-        unit_init(&b->down, im, ps, at, "conv", "bn1", in, r->out, 1, 1, act,
+        unit_init(&b->down, im, ps, at, "conv", "bn1", in, out, 1, 1, act,
                   false);
         return;
     }
@@ -153,9 +161,9 @@ static void block_init(struct block *b, struct mobilenet_impl *im,
               mid, r->kernel, r->stride, act, true);
     if (b->se)
         squeeze_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
-                     squeeze_width(mid));
+                     channels((double)(mid / 4)));
     unit_init(&b->down, im, ps, at, b->expand ? "conv_pwl" : "conv_pw",
-              b->expand ? "bn3" : "bn2", mid, r->out, 1, 1, ACT_NONE, false);
+              b->expand ? "bn3" : "bn2", mid, out, 1, 1, ACT_NONE, false);
 }
 
 int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
@@ -169,22 +177,25 @@ int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
             v = &variants[i];
     if (!v)
         return error_set(err, EX_CONFIG, "unknown network '%s' (expected "
-                         "mobilenetv3_small_100, tf_mobilenetv3_small_minimal"
-                         "_100 or tf_mobilenetv3_large_minimal_100)",
+                         "mobilenetv3_small_100, mobilenetv3_small_150, "
+                         "tf_mobilenetv3_small_minimal_100 or "
+                         "tf_mobilenetv3_large_minimal_100)",
                          variant);
     struct mobilenet_impl *im = calloc(1, sizeof *im);
     if (!im)
         return error_set(err, EX_OSERR, "out of memory");
     m->impl = im;
     im->v = v;
-    unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, 16, 3, 2,
+    size_t base = 16, in = channels(base * v->width), index = 0;
+    unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, in, 3, 2,
               v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
-    size_t in = 16, index = 0;
     for (const struct row *r = v->rows; r->stage != 255; r++) {
         index = r > v->rows && r->stage == r[-1].stage ? index + 1 : 0;
         nn_name(at, "%sblocks.%d.%zu.", prefix, r->stage, index);
-        block_init(&im->block[im->blocks++], im, ps, at, r, in);
-        in = r->out;
+        struct block *b = &im->block[im->blocks++];
+        block_init(b, im, ps, at, r, base, in);
+        base = r->out;
+        in = b->down.C;
     }
     m->features = in;
     return 0;
@@ -284,7 +295,7 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     m->height = height;
     m->width = width;
     unit_plan(&im->stem, p, batch, height, width, false);
-    size_t h = im->stem.h, w = im->stem.w, most = batch * h * w * 16;
+    size_t h = im->stem.h, w = im->stem.w, most = batch * h * w * im->stem.C;
     float *x = im->stem.y;
     for (size_t i = 0; i < im->blocks; i++) {
         size_t n = block_plan(&im->block[i], p, batch, &h, &w, &x);

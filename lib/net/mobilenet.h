@@ -1,6 +1,7 @@
 /* MobileNetV3 feature extractors, as timm names and builds them:
  * "mobilenetv3_small_100", "tf_mobilenetv3_small_minimal_100" (576 features),
- * "tf_mobilenetv3_large_minimal_100" (960).  Tensors have timm's names. */
+ * "tf_mobilenetv3_large_minimal_100" (960); "mobilenetv3_small_150" (864) is
+ * the first by timm's channel multiplier.  Tensors have timm's names. */
 #ifndef SPID_NET_MOBILENET_H
 #define SPID_NET_MOBILENET_H
 
@@ -10,7 +11,7 @@
 struct mobilenet_impl;
 
 struct mobilenet {
-    size_t features;              /* 576 or 960 */
+    size_t features;              /* of the last stage */
     size_t batch, height, width;  /* as planned */
     size_t out_h, out_w;          /* of the last stage */
     struct mobilenet_impl *impl;

@@ -117,21 +117,74 @@ int params_load(struct params *ps, const struct safetensors *st,
     return params_load_from(ps, st, prefix, prefix, err);
 }
 
+/* The name in the file of a tensor, or false when it does not begin with
+ * prefix. */
+static bool renamed(char name[256], const struct param *t, const char *prefix,
+                    const char *from)
+{
+    size_t n = strlen(prefix);
+
+    if (strncmp(t->name, prefix, n))
+        return false;
+    snprintf(name, 256, "%s%s", from, t->name + n);
+    return true;
+}
+
 int params_load_from(struct params *ps, const struct safetensors *st,
                      const char *prefix, const char *from, struct error *err)
 {
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *t = &ps->tensor[i];
         char name[256];
-        size_t dims[5];
-        if (strncmp(t->name, prefix, strlen(prefix)))
+        if (!renamed(name, t, prefix, from))
             continue;
-        memcpy(dims, t->dim, sizeof dims);
-        snprintf(name, sizeof name, "%s%s", from, t->name + strlen(prefix));
-        float *w = st_load_f32(st, name, t->ndim, dims, NULL, err);
+        float *w = st_load_f32(st, name, t->ndim, t->dim, NULL, err);
         if (!w)
             return -1;
         memcpy(param_w(ps, i), w, t->count * sizeof *w);
+        free(w);
+    }
+    return 0;
+}
+
+/* Rows and columns that the tensor has in the file; 0 where it is absent. */
+static size_t narrower(size_t *cols, const struct param *t,
+                       const struct safetensors *st, const char *name)
+{
+    const struct st_tensor *f = st_find(st, name);
+
+    if (!f || f->ndim != t->ndim || t->ndim == 0)
+        return 0;
+    *cols = t->ndim > 1 ? f->dim[1] : 1;
+    return f->dim[0] <= t->dim[0] && (t->ndim < 2 || *cols <= t->dim[1])
+               ? f->dim[0] : 0;
+}
+
+int params_grow_from(struct params *ps, const struct safetensors *st,
+                     const char *prefix, const char *from, struct error *err)
+{
+    for (size_t i = 0; i < ps->count; i++) {
+        const struct param *t = &ps->tensor[i];
+        size_t dims[5], rows, cols, row = 0, cell = 0;
+        char name[256];
+        if (!renamed(name, t, prefix, from))
+            continue;
+        memcpy(dims, t->dim, sizeof dims);
+        rows = narrower(&cols, t, st, name);
+        if (rows) {
+            row = t->count / t->dim[0];
+            cell = t->ndim > 1 ? row / t->dim[1] : row;
+            dims[0] = rows;
+            dims[1] = t->ndim > 1 ? cols : dims[1];
+        }
+        float *w = st_load_f32(st, name, t->ndim, dims, NULL, err);
+        if (!w)
+            return -1;
+        for (size_t r = 0; r < rows; r++) {
+            float *to = param_w(ps, i) + r * row;
+            memset(to, 0, row * sizeof *to);
+            memcpy(to, w + r * cols * cell, cols * cell * sizeof *to);
+        }
         free(w);
     }
     return 0;

@@ -124,39 +124,49 @@ void motion_mirror_mean(float *out, const float *mirrored,
 }
 
 int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
-                      const struct head *h, int once, struct error *err)
+                      size_t batch, const struct head *h, int once,
+                      struct error *err)
 {
     memset(l, 0, sizeof *l);
     l->net = net;
-    if (once)
+    l->batch = batch;
+    if (!once)
+        l->mirror = motion_mirror_init(&l->across, h, err);
+    if (l->mirror < 0)
+        return -1;
+    size_t both = l->mirror ? 2 * batch : batch;
+    if (net->batch != both &&
+        motion_encoder_plan(net, both, net->plan.opt, err))
+        return -1;
+    if (!l->mirror)
         return 0;
-    l->mirror = motion_mirror_init(&l->across, h, err);
-    if (l->mirror <= 0)
-        return l->mirror;
-    l->mirrored = malloc(net->batch * (3 * N * N + MOTION_OUT) *
-                         sizeof *l->mirrored);
-    if (!l->mirrored)
-        return error_set(err, EX_OSERR, "no memory for %zu face crops",
-                         net->batch);
-    l->said = l->mirrored + net->batch * 3 * N * N;
+    l->rgb = malloc(both * (3 * N * N + MOTION_OUT) * sizeof *l->rgb);
+    if (!l->rgb)
+        return error_set(err, EX_OSERR, "no memory for %zu face crops", both);
+    l->said = l->rgb + both * 3 * N * N;
     return 0;
 }
 
 void motion_looks_release(struct motion_looks *l)
 {
-    free(l->mirrored);
-    l->mirrored = NULL;
+    free(l->rgb);
+    l->rgb = NULL;
 }
 
 void motion_looks_see(float *out, struct motion_looks *l, const float *rgb)
 {
-    motion_encoder_forward(out, rgb, l->net);
-    if (!l->mirror)
+    size_t B = l->batch, crop = 3 * N * N;
+
+    if (!l->mirror) {
+        motion_encoder_forward(out, rgb, l->net);
         return;
-    for (size_t i = 0; i < l->net->batch; i++)
-        looks_mirror(l->mirrored + i * 3 * N * N, rgb + i * 3 * N * N, N);
-    motion_encoder_forward(l->said, l->mirrored, l->net);
-    for (size_t i = 0; i < l->net->batch; i++)
-        motion_mirror_mean(out + i * MOTION_OUT, l->said + i * MOTION_OUT,
-                           &l->across);
+    }
+    memcpy(l->rgb, rgb, B * crop * sizeof *rgb);
+    for (size_t i = 0; i < B; i++)
+        looks_mirror(l->rgb + (B + i) * crop, rgb + i * crop, N);
+    motion_encoder_forward(l->said, l->rgb, l->net);
+    memcpy(out, l->said, B * MOTION_OUT * sizeof *out);
+    for (size_t i = 0; i < B; i++)
+        motion_mirror_mean(out + i * MOTION_OUT,
+                           l->said + (B + i) * MOTION_OUT, &l->across);
 }

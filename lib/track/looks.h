@@ -47,17 +47,20 @@ int motion_mirror_init(struct motion_mirror *m, const struct head *h,
 void motion_mirror_mean(float *out, const float *mirrored,
                         const struct motion_mirror *m);
 
-/* E_m with its second look. */
+/* E_m with its second look: crops and their mirror images are one batch. */
 struct motion_looks {
-    struct motion_encoder *net;         /* borrowed, planned for B crops */
+    struct motion_encoder *net;         /* borrowed */
+    size_t batch;                       /* B crops at a time */
     struct motion_mirror across;
     int mirror;                         /* across is of use, and wanted */
-    float *mirrored, *said;             /* (B,224,224,3); (B,120) of them */
+    float *rgb, *said;                  /* (2B,224,224,3); (2B,120) */
 };
 
-/* once: no second look. */
+/* once: no second look.  net has been planned; it is planned again where its
+ * batch is not what this needs. */
 int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
-                      const struct head *h, int once, struct error *err);
+                      size_t batch, const struct head *h, int once,
+                      struct error *err);
 void motion_looks_release(struct motion_looks *l);
 /* out (B,120) of crops rgb (B,224,224,3). */
 void motion_looks_see(float *out, struct motion_looks *l, const float *rgb);

@@ -29,7 +29,7 @@ int track_init(struct track *t, const struct identity *id,
     t->input = malloc(3 * CROP_NET * CROP_NET * sizeof *t->input);
     if (!t->input)
         error_set(err, EX_OSERR, "no memory for the face crop");
-    else if (motion_looks_init(&t->looks, net, id->head, opt->once,
+    else if (motion_looks_init(&t->looks, net, 1, id->head, opt->once,
                                err) == 0)
         return 0;
     track_release(t);

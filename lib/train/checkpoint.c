@@ -117,15 +117,16 @@ out:
     return rc;
 }
 
-int checkpoint_import(struct params *ps, const char *path, const char *prefix,
-                      const char *from, struct error *err)
+int checkpoint_import(struct params *ps, const struct checkpoint_source *s,
+                      struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
+    struct safetensors *st = st_open(s->path, err);
     int rc;
 
     if (!st)
         return -1;
-    rc = params_load_from(ps, st, prefix, from, err);
+    rc = (s->grow ? params_grow_from : params_load_from)(ps, st, s->prefix,
+                                                         s->from, err);
     st_close(st);
     return rc;
 }

@@ -3,6 +3,7 @@
 #ifndef SPID_TRAIN_CHECKPOINT_H
 #define SPID_TRAIN_CHECKPOINT_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"
@@ -27,10 +28,16 @@ int checkpoint_load(const char *path, struct params *ps, struct adam *a,
                     uint64_t *step, uint64_t *skipped,
                     const char *fingerprint, struct error *err);
 
+/* A model file to start from. */
+struct checkpoint_source {
+    const char *path, *prefix, *from;
+    bool grow;                  /* the file's network is the narrower one */
+};
+
 /* Fill tensors of ps from a model file: those whose name starts with prefix
  * must all be there, under names that start with `from` instead. */
-int checkpoint_import(struct params *ps, const char *path, const char *prefix,
-                      const char *from, struct error *err);
+int checkpoint_import(struct params *ps, const struct checkpoint_source *s,
+                      struct error *err);
 
 /* Several model files' tensors in one file of dtype; the metadata key "spid"
  * (may be NULL) is written.  A later file's tensor replaces an earlier one of

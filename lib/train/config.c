@@ -32,6 +32,7 @@ static const struct key keys[] = {
     {"warmup", KIND_INT, AT(warmup), 0, 1e9, 0},
     {"clip", KIND_DOUBLE, AT(clip), 0, 1e9, 0},
     {"average", KIND_DOUBLE, AT(average), 0, 0.999999, 0.999},
+    {"running_norm", KIND_BOOL, AT(running_norm), 0, 1, 0},
     {"pool", KIND_INT, AT(pool), 1, 1e6, 64},
     {"people_per_step", KIND_DOUBLE, AT(people_per_step), 0, 1e3, 0.1},
     {"image", KIND_INT, AT(image), 32, 4096, 512},

@@ -20,6 +20,9 @@ struct train_config {
     double rate, rate_end;      /* Adam's, falling by a half cosine */
     int64_t warmup;             /* steps in which it rises */
     double clip, average;       /* gradient norm; averaging of the weights */
+    int running_norm;           /* the encoders' batch norm stays at its
+                                 * running statistics: no noise from the batch
+                                 * in the last, small steps */
     int64_t pool;               /* people in memory */
     double people_per_step;     /* new ones read */
     int64_t image;              /* side of the splatted picture */

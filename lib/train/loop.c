@@ -326,8 +326,7 @@ static int start(struct run *r, struct error *err)
         return error_set(err, EX_CANTCREAT, "%s: %s", l->folder,
                          strerror(errno));
     for (size_t i = 0; i < l->ninit; i++)
-        if (checkpoint_import(ps, l->init_files[i], l->init_prefix[i],
-                              l->init_from[i], err))
+        if (checkpoint_import(ps, &l->init[i], err))
             return -1;
     if (adam_init(&r->adam, ps, (float)l->config->clip,
                   (float)l->config->average, err))

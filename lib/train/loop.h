@@ -7,6 +7,7 @@
 #include <stdio.h>
 
 #include "lib/base/error.h"
+#include "lib/train/checkpoint.h"
 #include "lib/train/adam.h"
 #include "lib/train/config.h"
 #include "lib/train/group.h"
@@ -28,7 +29,7 @@ struct loop {
     struct group *group;
     struct data_reader *reader;
     const char *folder;             /* checkpoints, log, sheets, model */
-    const char *const *init_files, *const *init_prefix, *const *init_from;
+    const struct checkpoint_source *init;
     size_t ninit;
     volatile sig_atomic_t *stop;    /* set by a signal: end after this step */
     /* Shown by the program; either may be NULL.  bad names a tensor whose

@@ -288,7 +288,7 @@ int task_motion_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
     size_t B = (size_t)c->micro, n = N * N * 3;
-    struct nn_options opt = {NN_TRAIN, NN_F32};
+    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_F32};
     struct impl *m = calloc(1, sizeof *m);
     char net[64];
 

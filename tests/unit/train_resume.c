@@ -1,4 +1,5 @@
 /* A run that stops and goes on ends in the same bytes as one that does not;
+ * running statistics move in training, and stay with running_norm;
  * the motion loss's gradient agrees with central differences; a gradient that
  * is not finite is named and its step skipped. */
 #include <sysexits.h>
@@ -87,6 +88,68 @@ static void check_resume(const struct head *h, const char *data)
     rc = run("parts", data, h, 6, &c, &err);
     printf("%s\n", err.text);
     expect("another seed's checkpoint is refused", err.code, EX_CONFIG, 0);
+    train_config_release(&c);
+}
+
+/* ---- running statistics -------------------------------------------------- */
+
+/* The largest running mean of the network in a folder; how far its first
+ * layer is from another folder's. */
+static double largest_mean(const char *sub, const char *other, double *far)
+{
+    static const char mean[] = "motion.encoder.bn1.running_mean";
+    static const char layer[] = "motion.encoder.conv_stem.weight";
+    const char *folders[2] = {sub, other};
+    float *w[2];
+    struct error err = {0};
+    size_t n, dims[4] = {0};
+    double most = 0;
+
+    *far = 0;
+    for (int k = 0; k < 2; k++) {
+        char path[200];
+        snprintf(path, sizeof path, "%s/%s/model.safetensors", folder,
+                 folders[k]);
+        struct safetensors *st = st_open(path, &err);
+        float *m = st ? st_load_f32(st, mean, 1, dims, &n, &err) : NULL;
+        for (size_t i = 0; m && !k && i < n; i++)
+            most = fmax(most, fabs((double)m[i]));
+        free(m);
+        w[k] = st ? st_load_f32(st, layer, 4, dims, &n, &err) : NULL;
+        st_close(st);
+        if (!w[k]) {
+            printf("%s\n", err.text);
+            exit(1);
+        }
+    }
+    for (size_t i = 0; i < n; i++)
+        *far = fmax(*far, fabs((double)w[0][i] - (double)w[1][i]));
+    free(w[0]);
+    free(w[1]);
+    return most;
+}
+
+static void check_running_norm(const struct head *h, const char *data)
+{
+    struct train_config c;
+    struct error err = {0};
+    double far;
+    int rc;
+
+    if (train_config_parse(&c, config, "config", &err))
+        exit(1);
+    rc = run("start", data, h, 0, &c, &err) ||
+         run("moving", data, h, 2, &c, &err);
+    c.running_norm = 1;
+    rc = rc || run("still", data, h, 2, &c, &err);
+    if (rc)
+        printf("%s\n", err.text);
+    expect("runs with either norm end well", rc, 0, 0);
+    expect("running means move",
+           largest_mean("moving", "start", &far) > 1e-3, 1, 0);
+    expect("with running_norm they stay",
+           largest_mean("still", "start", &far), 0, 0);
+    expect("and the weights learn", far > 1e-5, 1, 0);
     train_config_release(&c);
 }
 
@@ -219,6 +282,7 @@ int main(void)
     toy_stream(data, &h, 5, 4, 96);
     check_gradient(&h, data, 0);
     check_gradient(&h, data, 1);
+    check_running_norm(&h, data);
     check_guard(data);
     check_resume(&h, data);
     head_release(&h);
