@@ -21,8 +21,9 @@ static cv::Mat disc(int side)
                                      cv::Size(side | 1, side | 1));
 }
 
-/* Seeds from the head's silhouette: labels of cv::grabCut. */
-static cv::Mat seeds(const cv::Mat &head, const cv::Mat &inside)
+/* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
+ * square lies in its picture. */
+static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
 {
     const int n = head.rows;
     cv::Rect box = cv::boundingRect(head);
@@ -51,11 +52,19 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Mat &inside)
                 l = cv::GC_FGD;
         }
     }
-    /* the upper border shows no one as long as the head is away from it */
-    const int margin = std::max(2, n / 64);
-    if (box.y > n / 6)
-        label.rowRange(0, margin).setTo(cv::GC_BGD);
-    label.setTo(cv::GC_BGD, inside == 0);
+    /* the picture's borders above the shoulders show no one as long as the
+     * head is away from them */
+    const int margin = std::max(2, n / 64), away = n / 6;
+    const int beside = std::max(0, chin - part.y);
+    cv::Mat here = label(part);
+    if (box.y - part.y > away)
+        here.rowRange(0, std::min(margin, part.height)).setTo(cv::GC_BGD);
+    cv::Mat sides = here.rowRange(0, std::min(beside, part.height));
+    if (box.x - part.x > away)
+        sides.colRange(0, std::min(margin, part.width)).setTo(cv::GC_BGD);
+    if (part.br().x - box.br().x > away)
+        sides.colRange(std::max(0, part.width - margin), part.width)
+            .setTo(cv::GC_BGD);
     label.setTo(cv::GC_FGD, core);
     return label;
 }
@@ -145,16 +154,23 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (cv::countNonZero(sh) == 0)
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = seeds(sh, si);
+        /* what lies beyond the picture's border is black, and no background
+         * to learn from */
+        const cv::Rect part = cv::boundingRect(si);
+        if (!(part & cv::boundingRect(sh)).area())
+            return error_set(err, EX_DATAERR, "the head lies outside the "
+                             "picture (give --crop X,Y,SIZE or --mask FILE)");
+        cv::Mat label = seeds(sh, part)(part).clone();
         cv::theRNG().state = 0x5eed;
         cv::setRNGSeed(1);
-        cv::grabCut(small, label, cv::Rect(), bgm, fgm, 5,
+        cv::grabCut(small(part).clone(), label, cv::Rect(), bgm, fgm, 5,
                     cv::GC_INIT_WITH_MASK);
-        cv::Mat fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
+        cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
+        fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
         cv::morphologyEx(fg, fg, cv::MORPH_OPEN, disc(3));
         clean(fg, sh);
-        int area = cv::countNonZero(fg), ha = cv::countNonZero(sh);
-        if (area < ha * 8 / 10 || area > w * w * 97 / 100) {
+        int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
+        if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;
             soft_disc(out, hd);
             return 0;
@@ -164,6 +180,74 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
         refine(big > 127, pic).copyTo(out);
         out.setTo(0, in == 0);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
+    }
+}
+
+/* The mean colour of rgb (float) near by, where `where` is not 0; weight says
+ * how much of it there is. */
+static cv::Mat mean_near(cv::Mat &weight, const cv::Mat &rgb,
+                         const cv::Mat &where, double reach)
+{
+    cv::Mat some, sum, three;
+
+    where.convertTo(weight, CV_32F, 1 / 255.0);
+    cv::cvtColor(weight, three, cv::COLOR_GRAY2BGR);
+    cv::GaussianBlur(rgb.mul(three), sum, cv::Size(), reach);
+    cv::GaussianBlur(weight, weight, cv::Size(), reach);
+    cv::cvtColor(cv::max(weight, 1e-6), three, cv::COLOR_GRAY2BGR);
+    cv::divide(sum, three, some);
+    return some;
+}
+
+/* How much of a pixel is foreground, by its colour: 0 as the background, 1 as
+ * the foreground; 1 too where the two look alike, and where the pixel is no
+ * mixture of them. */
+static float share(const cv::Vec3f &pixel, const cv::Vec3f &back,
+                   const cv::Vec3f &fore)
+{
+    const cv::Vec3f line = fore - back;
+    const double length = cv::norm(line), alike = 30;
+
+    if (length < alike)
+        return 1;
+    const double t = (pixel - back).dot(line) / (length * length);
+    const double in = std::clamp(t, 0.0, 1.0);
+    const double off = cv::norm(pixel - back - (float)in * line) / length;
+    /* full trust within a fifth of the way, none beyond two fifths */
+    return (float)(1 - (1 - in) * std::clamp(2 - 5 * off, 0.0, 1.0));
+}
+
+int matte_unmix(uint8_t *rgb, uint8_t *matte, size_t n, struct error *err)
+{
+    try {
+        const int N = (int)n, rim = std::max(2, N / 64);
+        cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
+        cv::Mat colour, inner, outer, fw, bw;
+        pic.convertTo(colour, CV_32F);
+        cv::erode(mat > 127, inner, disc(2 * rim));
+        cv::dilate(mat > 127, outer, disc(2 * rim));
+        const cv::Mat fore = mean_near(fw, colour, inner, rim);
+        const cv::Mat back = mean_near(bw, colour, outer == 0, rim);
+        for (int y = 0; y < N; y++)
+            for (int x = 0; x < N; x++) {
+                if (inner.at<uchar>(y, x) || !mat.at<uchar>(y, x)
+                    || fw.at<float>(y, x) < 1e-3f
+                    || bw.at<float>(y, x) < 1e-3f)
+                    continue;
+                const cv::Vec3f F = fore.at<cv::Vec3f>(y, x);
+                const cv::Vec3f B = back.at<cv::Vec3f>(y, x);
+                const cv::Vec3f I = colour.at<cv::Vec3f>(y, x);
+                const float t = share(I, B, F);
+                const cv::Vec3f C = I + (1 - t) * (F - B);
+                for (int k = 0; k < 3; k++)
+                    pic.at<cv::Vec3b>(y, x)[k] = cv::saturate_cast<uchar>(
+                        C[k]);
+                uchar &m = mat.at<uchar>(y, x);
+                m = cv::saturate_cast<uchar>((float)m * std::min(1.0f, 2 * t));
+            }
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

@@ -155,6 +155,8 @@ static int matte_from_colours(struct source *s, const struct image *im,
     rc = matte_grabcut(s->matte, &fallback, s->rgb, silhouette,
                        silhouette + s->size * s->size, s->size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
+    if (rc == 0 && !fallback)
+        rc = matte_unmix(s->rgb, s->matte, s->size, err);
 out:
     overlay_release(&o);
     identity_release(&id);

@@ -1,0 +1,130 @@
+/* The matte of a drawn person (skin, dark hair, a shirt) before a bright wall,
+ * in a picture smaller than its square: GrabCut finds him, learns nothing from
+ * the black about the picture, and unmixing gives the soft rim the colours of
+ * what it is the rim of, and touches nothing else. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/matte.h"
+#include "lib/base/random.h"
+
+enum { N = 256, LEFT = 56, TOP = 48, RIGHT = 198, BOTTOM = 204 };
+
+static int failures;
+
+static void check(int ok, const char *what, double got)
+{
+    printf("%-52s %.4f%s\n", what, got, ok ? "" : "  NOT SO");
+    failures += !ok;
+}
+
+/* How far (x,y) is inside an ellipse, in pixels, about. */
+static double inside(double x, double y, double cx, double cy, double rx,
+                     double ry)
+{
+    return (1 - hypot((x - cx) / rx, (y - cy) / ry)) * fmin(rx, ry);
+}
+
+static double cover(double depth, double soft)
+{
+    return fmin(1, fmax(0, depth / soft + 0.5));
+}
+
+static void over(double c[3], const double paint[3], double a)
+{
+    for (int k = 0; k < 3; k++)
+        c[k] = paint[k] * a + c[k] * (1 - a);
+}
+
+struct drawing {
+    uint8_t rgb[3 * N * N], pure[3 * N * N], head[N * N], picture[N * N];
+    double person[N * N];
+};
+
+/* rgb, and pure: the person's colours without the wall's share. */
+static void draw(struct drawing *d)
+{
+    static const double wall[3] = {188, 200, 208}, hair[3] = {70, 45, 30};
+    static const double skin[3] = {205, 150, 125}, shirt[3] = {60, 80, 110};
+    struct random r;
+
+    random_init(&r, 4, "matte");
+    memset(d, 0, sizeof *d);
+    for (int y = TOP; y < BOTTOM; y++)
+        for (int x = LEFT; x < RIGHT; x++) {
+            int i = y * N + x;
+            double h = inside(x, y, 127, 112, 46, 56);
+            double s = inside(x, y, 127, 220, 84, 64);
+            double a = fmax(cover(h, 4), cover(s, 4)), c[3], p[3];
+            double n = 4 * random_normal(&r);
+
+            memcpy(p, h > s ? hair : shirt, sizeof p);
+            over(p, skin, cover(inside(x, y, 127, 124, 34, 42), 2));
+            memcpy(c, wall, sizeof c);
+            over(c, p, a);
+            for (int k = 0; k < 3; k++) {
+                d->rgb[3 * i + k] = (uint8_t)fmin(255, fmax(0, c[k] + n));
+                d->pure[3 * i + k] = (uint8_t)fmin(255, fmax(0, p[k] + n));
+            }
+            d->person[i] = a;
+            d->head[i] = inside(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
+            d->picture[i] = 255;
+        }
+}
+
+/* Mean distance of rgb from the person's own colours where his share lies
+ * between the two, in levels. */
+static double impurity(const uint8_t *rgb, const struct drawing *d, double lo,
+                       double hi)
+{
+    double sum = 0;
+    size_t n = 0;
+
+    for (size_t i = 0; i < N * N; i++)
+        if (d->person[i] >= lo && d->person[i] <= hi) {
+            for (size_t k = 3 * i; k < 3 * i + 3; k++)
+                sum += abs(rgb[k] - d->pure[k]) / 3.0;
+            n++;
+        }
+    return sum / (double)(n ? n : 1);
+}
+
+int main(void)
+{
+    static struct drawing d;
+    static uint8_t matte[N * N], rgb[3 * N * N];
+    struct error err = {0};
+    double both = 0, any = 0, beyond = 0, before, after;
+    int fallback;
+
+    draw(&d);
+    if (matte_grabcut(matte, &fallback, d.rgb, d.head, d.picture, N, &err)) {
+        printf("%s\n", err.text);
+        return 1;
+    }
+    check(!fallback, "the colours decide", fallback);
+    memcpy(rgb, d.rgb, sizeof rgb);
+    if (matte_unmix(rgb, matte, N, &err)) {
+        printf("%s\n", err.text);
+        return 1;
+    }
+    for (size_t i = 0; i < N * N; i++) {
+        int a = matte[i] > 127, b = d.person[i] > 0.5;
+        both += a && b;
+        any += a || b;
+        beyond += !d.picture[i] && matte[i];
+    }
+    check(both > 0.95 * any, "matte and person: intersection over union",
+          both / any);
+    check(beyond == 0, "pixels of the matte outside of the picture", beyond);
+    before = impurity(d.rgb, &d, 0.5, 0.95);
+    after = impurity(rgb, &d, 0.5, 0.95);
+    check(before > 10, "the rim's colours are mixed, levels", before);
+    check(after < 0.5 * before, "less so after unmixing", after);
+    check(impurity(rgb, &d, 1, 1) < 1.5, "the person's own stay as they are",
+          impurity(rgb, &d, 1, 1));
+    printf("%d failures\n", failures);
+    return failures != 0;
+}
