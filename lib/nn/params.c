@@ -147,7 +147,8 @@ int params_load_from(struct params *ps, const struct safetensors *st,
     return 0;
 }
 
-/* Rows and columns that the tensor has in the file; 0 where it is absent. */
+/* Rows and columns that the tensor has in the file; 0 where it is absent,
+ * wider, or of another number of dimensions. */
 static size_t narrower(size_t *cols, const struct param *t,
                        const struct safetensors *st, const char *name)
 {
