@@ -139,9 +139,14 @@ static void load_held(struct task *t, const struct train_config *c,
         die_error(&err);
     if (opt.shapes)
         data_reshape(r, shaper_apply, shaper);
-    for (; t->nheld < (size_t)c->held_people; t->nheld++)
-        if (data_next(r, &t->held[t->nheld], &err))
+    data_once(r);
+    for (; t->nheld < (size_t)c->held_people; t->nheld++) {
+        int rc = data_next(r, &t->held[t->nheld], &err);
+        if (rc < 0)
             die_error(&err);
+        if (rc)
+            break;
+    }
     data_close(r);
 }
 

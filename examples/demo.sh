@@ -37,7 +37,7 @@ spid-export -q -i "$out/avatar.spid" "$out/motion.spid" \
 echo "demo: how good: two people never seen, first frame as source"
 spid-synth --seed 2027 --people 2 --frames 6 --fps 2 \
     -o "$out/people.spid"
-spid-eval --people "$out/people.spid" --count 2 --format json >"$out/metrics.json"
+spid-eval --people "$out/people.spid" --format json >"$out/metrics.json"
 
 spid-report "$out" --sheet "$out/sheet.png" -o "$out/report.html"
 echo "demo: look at $out/sheet.png, $out/avatar.mp4 and $out/report.html"

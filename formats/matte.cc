@@ -151,9 +151,6 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::resize(hd, sh, cv::Size(w, w), 0, 0, cv::INTER_AREA);
         cv::resize(in, si, cv::Size(w, w), 0, 0, cv::INTER_NEAREST);
         sh = sh > 127;
-        if (cv::countNonZero(sh) == 0)
-            return error_set(err, EX_DATAERR, "the head lies outside the "
-                             "picture (give --crop X,Y,SIZE or --mask FILE)");
         /* what lies beyond the picture's border is black, and no background
          * to learn from */
         const cv::Rect part = cv::boundingRect(si);
@@ -161,6 +158,12 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
         cv::Mat label = seeds(sh, part)(part).clone();
+        if (!cv::countNonZero((label == cv::GC_BGD)
+                              | (label == cv::GC_PR_BGD))) {
+            *fallback = 1;             /* nothing but the face to be seen */
+            soft_disc(out, hd);
+            return 0;
+        }
         cv::theRNG().state = 0x5eed;
         cv::setRNGSeed(1);
         cv::grabCut(small(part).clone(), label, cv::Rect(), bgm, fgm, 5,
@@ -220,17 +223,20 @@ static float share(const cv::Vec3f &pixel, const cv::Vec3f &back,
     return (float)(1 - (1 - in) * std::clamp(2 - 5 * off, 0.0, 1.0));
 }
 
-int matte_unmix(uint8_t *rgb, uint8_t *matte, size_t n, struct error *err)
+int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
+                struct error *err)
 {
     try {
         const int N = (int)n, rim = std::max(2, N / 64);
         cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
+        const cv::Mat in(N, N, CV_8U, const_cast<uint8_t *>(inside));
         cv::Mat colour, inner, outer, fw, bw;
         pic.convertTo(colour, CV_32F);
-        cv::erode(mat > 127, inner, disc(2 * rim));
+        /* where the picture ends is no border of the person's */
+        cv::erode((mat > 127) | (in == 0), inner, disc(2 * rim));
         cv::dilate(mat > 127, outer, disc(2 * rim));
-        const cv::Mat fore = mean_near(fw, colour, inner, rim);
-        const cv::Mat back = mean_near(bw, colour, outer == 0, rim);
+        const cv::Mat fore = mean_near(fw, colour, inner & in, rim);
+        const cv::Mat back = mean_near(bw, colour, (outer == 0) & in, rim);
         for (int y = 0; y < N; y++)
             for (int x = 0; x < N; x++) {
                 if (inner.at<uchar>(y, x) || !mat.at<uchar>(y, x)
@@ -242,11 +248,11 @@ int matte_unmix(uint8_t *rgb, uint8_t *matte, size_t n, struct error *err)
                 const cv::Vec3f I = colour.at<cv::Vec3f>(y, x);
                 const float t = share(I, B, F);
                 const cv::Vec3f C = I + (1 - t) * (F - B);
-                for (int k = 0; k < 3; k++)
-                    pic.at<cv::Vec3b>(y, x)[k] = cv::saturate_cast<uchar>(
-                        C[k]);
                 uchar &m = mat.at<uchar>(y, x);
                 m = cv::saturate_cast<uchar>((float)m * std::min(1.0f, 2 * t));
+                for (int k = 0; m && k < 3; k++)
+                    pic.at<cv::Vec3b>(y, x)[k] = cv::saturate_cast<uchar>(
+                        C[k]);
             }
         return 0;
     } catch (const std::exception &e) {

@@ -25,8 +25,9 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
  * colour and out of the matte: between the mean colours to the border's two
  * sides it is a mixture (the line that nearest it leads from one to the
  * other).  Otherwise a rim of sky goes round with the hair when the head
- * turns. */
-int matte_unmix(uint8_t *rgb, uint8_t *matte, size_t n, struct error *err);
+ * turns.  inside as above, but not NULL. */
+int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
+                struct error *err);
 
 /* background [n,n,3] = rgb with the person (and a rim about him) filled in
  * from his surroundings, by OpenCV's inpainting (Telea) at a quarter of the

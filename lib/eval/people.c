@@ -374,7 +374,7 @@ int people_judge(struct table *t, struct sheet *sheet, struct subject *s,
                       .sheet = opt->sheet_rows ? sheet : NULL};
     struct data_reader *in = data_open(&opt->stream, 1, 0, err);
     struct data_person p[2] = {{0}, {0}};
-    int rc = -1;
+    int rc = -1, end;
 
     if (!in || allocate(&j, err)) {
         data_close(in);
@@ -383,19 +383,23 @@ int people_judge(struct table *t, struct sheet *sheet, struct subject *s,
     if (j.sheet && sheet_init(sheet, opt->sheet_rows, PEOPLE_SHEET_COLS, j.S,
                               err))
         goto out;
-    if (data_next(in, &p[0], err))
-        goto out;
-    for (j.person = 0; j.person < opt->people; j.person++) {
+    data_once(in);
+    for (end = data_next(in, &p[0], err); !end;) {
         struct data_person *now = &p[j.person % 2];
         struct data_person *next = &p[(j.person + 1) % 2];
-        int last = j.person + 1 == opt->people;
-        if ((!last && data_next(in, next, err)) ||
-            judge_person(&j, now, last ? NULL : next, err))
+        if (j.person + 1 < opt->people)
+            end = data_next(in, next, err);
+        else
+            end = 1;
+        if (end < 0 || judge_person(&j, now, end ? NULL : next, err))
             goto out;
         data_person_release(now);
+        j.person++;
         if (opt->progress)
-            opt->progress(j.person + 1, opt->people);
+            opt->progress(j.person, opt->people);
     }
+    if (end < 0)
+        goto out;
     add(&j, "SpiD", "jaw_corr", 1,
         metric_correlation(j.curve[0], j.curve[1], j.n));
     add(&j, "SpiD", "blink_corr", 1,

@@ -13,7 +13,7 @@
 
 struct people_options {
     const char *stream;     /* of spid-synth: whole pictures of config.size */
-    size_t people, frames;  /* at most; 0: all of the first pass (people) */
+    size_t people, frames;  /* at most; 0: all (frames) */
     size_t stride;          /* ablations and cross look at every so many
                              * frames */
     int ablations, cross;

@@ -138,7 +138,7 @@ static void inside_mask(uint8_t *inside, const struct source *s,
 static int matte_from_colours(struct source *s, const struct image *im,
                               const struct head *head, struct error *err)
 {
-    uint8_t *silhouette = malloc(2 * s->size * s->size);
+    uint8_t *silhouette = malloc(2 * s->size * s->size), *inside;
     struct identity id = {0};
     struct overlay o = {0};
     int fallback = 0, rc = -1;
@@ -151,12 +151,13 @@ static int matte_from_colours(struct source *s, const struct image *im,
         || overlay_init(&o, &id, err) != 0)
         goto out;
     overlay_silhouette(silhouette, &o, &s->motion, s->size);
-    inside_mask(silhouette + s->size * s->size, s, im);
-    rc = matte_grabcut(s->matte, &fallback, s->rgb, silhouette,
-                       silhouette + s->size * s->size, s->size, err);
+    inside = silhouette + s->size * s->size;
+    inside_mask(inside, s, im);
+    rc = matte_grabcut(s->matte, &fallback, s->rgb, silhouette, inside,
+                       s->size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
     if (rc == 0 && !fallback)
-        rc = matte_unmix(s->rgb, s->matte, s->size, err);
+        rc = matte_unmix(s->rgb, s->matte, inside, s->size, err);
 out:
     overlay_release(&o);
     identity_release(&id);

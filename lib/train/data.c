@@ -17,6 +17,7 @@ struct data_reader {
     size_t count, at;          /* file being read */
     double margin;
     struct stream_reader *in;
+    bool once;                 /* one pass only */
     uint64_t people;           /* SHAP records seen in this pass */
     uint64_t ever;             /* frames read, over all passes */
     size_t size;               /* side of the pictures, once known */
@@ -260,6 +261,8 @@ static int open_file(struct data_reader *r, struct error *err)
             return error_set(err, EX_DATAERR, "%s: no person with frames "
                              "(expected SHAP, MOTN and IMAG records)",
                              r->names[0]);
+        if (r->once)
+            return 1;
         r->people = 0;
         if (r->nnames == 1 && !strcmp(r->names[0], "-"))
             return error_set(err, EX_NOINPUT, "<stdin>: the data ended "
@@ -308,7 +311,7 @@ static int take_record(struct data_reader *r, const struct record *rec,
     return 0;
 }
 
-/* Read to the end of the next person that has frames. */
+/* Read to the end of the next person that has frames; 1: there is none. */
 static int read_person(struct data_reader *r, struct data_person *p,
                        int look, struct error *err)
 {
@@ -316,8 +319,8 @@ static int read_person(struct data_reader *r, struct data_person *p,
     int rc, mine = 0;          /* p's shape has been set */
 
     for (;;) {
-        if (!r->in && open_file(r, err))
-            return -1;
+        if (!r->in && (rc = open_file(r, err)))
+            return rc;
         if (r->have_shape && !mine) {
             memcpy(p->shape, r->shape, sizeof p->shape);
             p->id = r->id;
@@ -359,13 +362,20 @@ void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx)
 int data_next(struct data_reader *r, struct data_person *p,
               struct error *err)
 {
+    int rc;
+
     memset(p, 0, sizeof *p);
-    if (read_person(r, p, 1, err) ||
-        (r->shape_fn && r->shape_fn(r->shape_ctx, p, err))) {
+    rc = read_person(r, p, 1, err);
+    if (!rc && r->shape_fn)
+        rc = r->shape_fn(r->shape_ctx, p, err) ? -1 : 0;
+    if (rc)
         data_person_release(p);
-        return -1;
-    }
-    return 0;
+    return rc;
+}
+
+void data_once(struct data_reader *r)
+{
+    r->once = true;
 }
 
 int data_skip(struct data_reader *r, uint64_t n, struct error *err)
