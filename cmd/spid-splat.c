@@ -6,6 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
+#include "lib/geom/rotation.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -149,6 +150,7 @@ struct leaving {
     bool busy;
     struct framesink *sink;
     struct framesink_frame frame;
+    float turn[3];              /* frame.turn points here */
     int rc;
     struct error err;
 };
@@ -316,6 +318,10 @@ static int dispatch(struct drawing *d, const struct framesink_frame *f,
     if (settle(d, err))
         return -1;
     *l = (struct leaving){.sink = d->sink, .frame = *f};
+    if (f->turn) {
+        memcpy(l->turn, f->turn, sizeof l->turn);
+        l->frame.turn = l->turn;
+    }
     l->busy = writes_features(d) &&
               pthread_create(&l->thread, NULL, leave, l) == 0;
     if (!l->busy)
@@ -337,11 +343,16 @@ static int draw(struct drawing *d, uint64_t frame, double time,
         .channels = (int)channels, .color = d->canvas.image,
         .half = d->canvas.half, .alpha = d->canvas.alpha,
         .depth = d->canvas.depth, .frame = frame, .time = time};
+    float turn[3];
 
     d->pending = false;
     if (!view.given && !d->scene.has_cam)
         return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
                          "GAUS or GMOV, or --camera)");
+    if (d->scene.has_source && d->scene.has_cam) {
+        rotation_turn(turn, d->scene.source, d->scene.cam);
+        f.turn = turn;          /* --camera goes round head and light */
+    }
     double begun = stats_begin();
     int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 

@@ -392,7 +392,7 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     const void *feat = half ? (const void *)half_features(s, f, N * C)
                             : f->color;
     const struct covered *c = &s->covered;
-    struct array a[3];
+    struct array a[4];
     int n = 1;
 
     if (!feat || (packed && covered_find(&s->covered, feat, f->alpha, N,
@@ -407,6 +407,8 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     if (f->depth)
         a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                             f->width, 0, 0);
+    if (f->turn)
+        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1, 3, 0, 0, 0);
     return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,
                               packed ? c->run : NULL, packed ? c->runs : 0,
                               err);

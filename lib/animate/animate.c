@@ -121,7 +121,8 @@ static int refine(struct animate_worker *w, struct error *err)
     const struct animate *a = w->owner;
     struct refine_input in = {
         .height = a->opt.size, .width = a->opt.size, .channels = a->baked->C,
-        .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha
+        .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha,
+        .turn = w->move.turn
     };
 
     return refine_frame(w->image, &w->refine, &in, err);

@@ -8,6 +8,7 @@
 #include "lib/avatar/branches.h"
 #include "lib/avatar/coverage.h"
 #include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
 
 const float avatar_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
@@ -499,6 +500,23 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
         for (size_t c = 0; c < 3; c++)
             means[3 * k + c] = a->set.mean[3 * k + c] + lip[c] -
                                a->mouth.centre[c];
+}
+
+void avatar_turn(float turn[3], const struct avatar *a, const float cam[12])
+{
+    float from[9];
+
+    source_rotation(from, a);
+    rotation_turn(turn, from, cam);
+}
+
+void avatar_turn_backward(float dcam[12], const float dturn[3],
+                          const struct avatar *a)
+{
+    float from[9];
+
+    source_rotation(from, a);
+    rotation_turn_backward(dcam, dturn, from);
 }
 
 int avatar_mouth_hidden(const struct avatar *a, const float *verts, float gap)

@@ -131,6 +131,11 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
 
 /* True when closed lips hide the sheet: the driven opening is under `gap`
  * head units (0.004 is 0.8 mm). */
+/* How the head seen by cam has turned since the source (rotation_turn), and
+ * back: dcam (3,4) is added to. */
+void avatar_turn(float turn[3], const struct avatar *a, const float cam[12]);
+void avatar_turn_backward(float dcam[12], const float dturn[3],
+                          const struct avatar *a);
 int avatar_mouth_hidden(const struct avatar *a, const float *verts,
                         float gap);
 

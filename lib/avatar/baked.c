@@ -7,6 +7,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/avatar/branches.h"
+#include "lib/geom/rotation.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
                     struct error *err)
@@ -318,6 +319,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
     bend_body(m->body, b->pivot, avatar_upright, cam);
     bend_points(m->mean, m->mean, b->bend, b->dynamic, m->body);
     bend_body(m->body, b->pivot, b->source, cam);
+    rotation_turn(m->turn, b->source, cam);
     /* mu = g - l_s + l_d + q; a hidden sheet goes 1000 units behind */
     for (int c = 0; c < 3; c++)
         m->shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];

@@ -64,13 +64,14 @@ struct baked_move {
     float *bent;            /* (bent,3) static centres, by baked_move_scene */
     float shift[3];         /* of the mouth sheet: l_d - l_s, or a way behind
                              * the camera */
+    float turn[3];          /* of the head since the source */
     float body[12];         /* of the static branch's shoulders, head frame */
 };
 int baked_move_init(struct baked_move *m, const struct baked *b,
                     struct error *err);
 void baked_move_release(struct baked_move *m);
 
-/* One frame's mean, shift and body.  The sheet hides when gap, the opening of
+/* One frame's mean, shift, turn and body.  The sheet hides when gap, the opening of
  * the driven lips, is under closed (0: never). */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *d, const float *verts,

@@ -41,6 +41,7 @@ void avatar_config_shipped(struct avatar_config *c)
     c->mouth_width = 32;
     c->rgb_skip = true;
     c->refiner.type = REFINER_NARROW;
+    c->refiner.turn = true;
 }
 
 /* ---- reading ----------------------------------------------------------- */
@@ -131,7 +132,8 @@ static int take_refiner(struct avatar_config *c, const cJSON *root,
         return 0;
     const cJSON *m = cJSON_GetObjectItem(r, "multiplier");
     if (take_text(type, sizeof type, r, "type", err) ||
-        take_size(&c->refiner.width, r, "width", 1, 1024, err))
+        take_size(&c->refiner.width, r, "width", 1, 1024, err) ||
+        take_bool(&c->refiner.turn, r, "turn", err))
         return -1;
     if (strcmp(type, "narrow") && strcmp(type, "style_unet"))
         return error_set(err, EX_CONFIG, "configuration: refiner type is "
@@ -239,6 +241,7 @@ static void put_refiner(cJSON *root, const struct avatar_config *c)
     if (c->refiner.type == REFINER_NARROW) {
         cJSON_AddStringToObject(r, "type", "narrow");
         put(r, "width", c->refiner.width);
+        cJSON_AddBoolToObject(r, "turn", c->refiner.turn);
     } else {
         cJSON_AddStringToObject(r, "type", "style_unet");
         cJSON_AddNumberToObject(r, "multiplier",

@@ -153,8 +153,10 @@ static int choose(struct refine_case *c, struct error *err)
     int rc;
 
     avatar_config_shipped(&config);
-    c->refiner = (struct refiner_config){REFINER_NARROW, CHANNELS, 32, 1,
-                                         SIDE};
+    c->refiner = (struct refiner_config){
+        .type = REFINER_NARROW, .channels = CHANNELS, .width = 32,
+        .multiplier = 1, .size = SIDE
+    };
     if (!c->b->model)
         return 0;
     st = st_open(c->b->model, err);
@@ -190,8 +192,10 @@ static int bench_unet(struct refine_case *c, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
 
-    c->refiner = (struct refiner_config){REFINER_STYLE_UNET, CHANNELS, 0, 1,
-                                         SIDE};
+    c->refiner = (struct refiner_config){
+        .type = REFINER_STYLE_UNET, .channels = CHANNELS, .multiplier = 1,
+        .size = SIDE
+    };
     c->model = false;
     snprintf(c->config, sizeof c->config, "StyleUNet, 512x512x32 untrained");
     for (int i = 0; i < 4; i++)

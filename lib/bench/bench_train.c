@@ -190,7 +190,7 @@ static int call_refiner(void *context, struct error *err)
 
     (void)err;
     refiner_forward(c->tr.rgb, c->tr.feat, &c->tr.refiner);
-    refiner_backward(c->tr.dfeat, c->tr.drgb, &c->tr.refiner);
+    refiner_backward(c->tr.dfeat, NULL, c->tr.drgb, &c->tr.refiner);
     return 0;
 }
 

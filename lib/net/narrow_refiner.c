@@ -22,13 +22,16 @@ static void declare(struct conv *c, struct params *ps, const char *prefix,
 }
 
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
-                         const char *prefix, size_t channels, size_t width)
+                         const char *prefix, size_t channels, size_t width,
+                         bool turns)
 {
+    char name[120];
     size_t w0 = width, w1 = width * 3 / 2, w2 = 2 * width;
     memset(r, 0, sizeof *r);
     r->ps = ps;
     r->channels = channels;
     r->width = width;
+    r->turns = turns;
     declare(&r->fold0, ps, prefix, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU);
     declare(&r->fold1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU);
     declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2, ACT_LRELU);
@@ -44,6 +47,12 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     declare(&r->cond0, ps, prefix, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE);
     declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1, ACT_LRELU);
     declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
+    if (turns) {
+        vary_init(&r->vary1, &r->cond1,
+                  nn_name(name, "%scondition.1", prefix), 3);
+        vary_init(&r->vary0, &r->cond0,
+                  nn_name(name, "%scondition.0", prefix), 3);
+    }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
 }
@@ -108,6 +117,10 @@ static void plan_forward(struct narrow_refiner *r)
     conv_plan(&r->body0, p, B, h / 4, w / 4);
     r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
+    if (r->turns) {
+        vary_plan(&r->vary1, p);
+        vary_plan(&r->vary0, p);
+    }
 }
 
 static void plan_backward(struct narrow_refiner *r)
@@ -148,15 +161,34 @@ int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
     return 0;
 }
 
+static void set_turn(struct narrow_refiner *r)
+{
+    if (!r->turns)
+        return;
+    vary_set(&r->vary1, r->turn);
+    vary_set(&r->vary0, r->turn);
+}
+
 void narrow_refiner_update(struct narrow_refiner *r)
 {
     struct conv *c[15];
+    set_turn(r);
     convs(c, r);
     for (int i = 0; c[i]; i++)
         if (c[i]->impl)
             conv_update(c[i], NULL);
     if (r->folds)
         fold_update(&r->fold);
+}
+
+void narrow_refiner_turn(struct narrow_refiner *r, const float turn[3])
+{
+    if (!r->turns || !memcmp(r->turn, turn, sizeof r->turn))
+        return;
+    memcpy(r->turn, turn, sizeof r->turn);
+    set_turn(r);
+    conv_update(&r->cond1, NULL);
+    conv_update(&r->cond0, NULL);
 }
 
 void narrow_refiner_release(struct narrow_refiner *r)
@@ -258,6 +290,17 @@ void narrow_refiner_forward(float *rgb, const float *feat,
                        r->w / 4, 3, 4);
 }
 
+/* de (written) from dt, the gradient of the condition t that map e makes. */
+static void condition_backward(float *de, float *dt, const float *t,
+                               const float *e, struct conv *c,
+                               struct vary *v, struct narrow_refiner *r)
+{
+    if (r->turns)
+        vary_backward(de, r->dturn, dt, t, e, r->turn, v);
+    else
+        conv_backward(de, dt, t, e, c);
+}
+
 /* The forward pass's lines from the last to the first. */
 static void decoder_backward(float *de0, float *de1, float *dm,
                              const float *drgb, struct narrow_refiner *r)
@@ -269,13 +312,13 @@ static void decoder_backward(float *de0, float *de1, float *dm,
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
-    conv_backward(de0, r->dst0, r->t0, r->e0, &r->cond0);
+    condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0, &r->vary0, r);
     float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
     rescale_backward(dc0, dy0, &r->grow0);
     conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
     conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
     sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
-    conv_backward(de1, r->dst1, r->t1, r->e1, &r->cond1);
+    condition_backward(de1, r->dst1, r->t1, r->e1, &r->cond1, &r->vary1, r);
     rescale_backward(r->g2[1], dy1, &r->grow1);
     conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
 }
@@ -286,6 +329,7 @@ void narrow_refiner_backward(float *dfeat, const float *drgb,
     size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0, C = r->channels;
     size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
     float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
+    memset(r->dturn, 0, sizeof r->dturn);
     decoder_backward(de0, de1, dm, drgb, r);
     style_backward(dm, dm, r);
     conv_backward(de2, dm, r->m, r->e2, &r->mid);

@@ -1,13 +1,16 @@
 /* The refiner that ships: works on S/4 .. S/16, adds to the coarse picture.
  * StyleUNet's ideas in small: an encoder whose maps condition the decoder
  * (feature transforms), a global style, and the picture grown from coarse to
- * fine.  About 0.85 GMAC at 512 with width 32.  Behind lib/net/refiner.h. */
+ * fine.  With turns, what the maps make of the decoder depends on how the head
+ * has turned: the light stays where it is.  About 0.85 GMAC at 512 with width
+ * 32.  Behind lib/net/refiner.h. */
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
 #include "lib/nn/conv.h"
 #include "lib/nn/fold.h"
 #include "lib/nn/rescale.h"
+#include "lib/nn/vary.h"
 
 struct narrow_refiner {
     struct nn_plan plan;
@@ -17,8 +20,10 @@ struct narrow_refiner {
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
+    struct vary vary1, vary0;     /* of cond1 and cond0, when turns */
     struct fold fold;             /* fold0 in inference, where it fits */
-    bool folds;
+    bool folds, turns;
+    float turn[3], dturn[3];      /* of the head, when turns */
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
@@ -30,7 +35,8 @@ struct narrow_refiner {
 };
 
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
-                         const char *prefix, size_t channels, size_t width);
+                         const char *prefix, size_t channels, size_t width,
+                         bool turns);
 int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
                         size_t w, struct nn_options opt, struct error *err);
 void narrow_refiner_update(struct narrow_refiner *r);
@@ -42,6 +48,9 @@ void narrow_refiner_forward(float *rgb, const float *feat,
 void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
                                  struct narrow_refiner *r);
 bool narrow_refiner_views(const struct narrow_refiner *r);
+/* The turn from now on; nothing else needs an update. */
+void narrow_refiner_turn(struct narrow_refiner *r, const float turn[3]);
+/* Writes dfeat (or NULL: no) and r->dturn. */
 void narrow_refiner_backward(float *dfeat, const float *drgb,
                              struct narrow_refiner *r);
 

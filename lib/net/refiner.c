@@ -35,7 +35,7 @@ int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
                                config->size, config->size, config->multiplier,
                                err);
     narrow_refiner_init(&r->impl->narrow, ps, prefix, config->channels,
-                        config->width);
+                        config->width, config->turn);
     return 0;
 }
 
@@ -75,6 +75,12 @@ void refiner_release(struct refiner *r)
     memset(r, 0, sizeof *r);
 }
 
+void refiner_turn(struct refiner *r, const float turn[3])
+{
+    if (is_narrow(r))
+        narrow_refiner_turn(&r->impl->narrow, turn);
+}
+
 void refiner_forward(float *rgb, const float *feat, struct refiner *r)
 {
     if (is_narrow(r))
@@ -94,10 +100,15 @@ void refiner_forward_view(float *rgb, const struct fold_view *feat,
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
-void refiner_backward(float *dfeat, const float *drgb, struct refiner *r)
+void refiner_backward(float *dfeat, float dturn[3], const float *drgb,
+                      struct refiner *r)
 {
+    struct narrow_refiner *narrow = &r->impl->narrow;
+
     if (is_narrow(r))
-        narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
+        narrow_refiner_backward(dfeat, drgb, narrow);
     else
         style_unet_backward(dfeat, drgb, &r->impl->unet);
+    for (int i = 0; dturn && i < 3; i++)
+        dturn[i] = r->config.turn ? narrow->dturn[i] : 0;
 }

@@ -15,6 +15,7 @@ struct refiner_config {
     size_t channels;     /* of the feature image, 32 */
     size_t width;        /* NARROW: channels at a quarter of the size, 32 */
     float multiplier;    /* STYLE_UNET: of every width, 1 in the paper */
+    bool turn;           /* NARROW: is told how the head has turned */
     size_t size;         /* STYLE_UNET: pixels of a side, a power of two; its
                           * number of levels follows from it */
 };
@@ -35,6 +36,10 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
 void refiner_update(struct refiner *r);
 void refiner_release(struct refiner *r);
 
+/* How the head has turned since the source (rotation_turn), for all forwards
+ * from now on; at first zero.  Without config.turn it makes no difference. */
+void refiner_turn(struct refiner *r, const float turn[3]);
+
 /* rgb (B,H,W,3) from feat (B,H,W,channels), whose first three channels are
  * the coarse RGB.  NARROW is not clamped (a trainer wants the gradient; a
  * writer clamps); STYLE_UNET ends in a sigmoid.  feat must stay as it is
@@ -45,7 +50,8 @@ void refiner_forward(float *rgb, const float *feat, struct refiner *r);
 void refiner_forward_view(float *rgb, const struct fold_view *feat,
                           struct refiner *r);
 bool refiner_views(const struct refiner *r);
-/* dfeat (B,H,W,channels) is written. */
-void refiner_backward(float *dfeat, const float *drgb, struct refiner *r);
+/* dfeat (B,H,W,channels) is written, and dturn (3) unless NULL. */
+void refiner_backward(float *dfeat, float dturn[3], const float *drgb,
+                      struct refiner *r);
 
 #endif

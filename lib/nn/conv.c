@@ -545,7 +545,7 @@ static const float *shuffled_weights(struct conv *c)
 static const float *staged_weights(struct conv *c, const struct batch_norm *bn)
 {
     struct conv_impl *im = c->impl;
-    const float *w = param_w(c->ps, c->weight);
+    const float *w = c->from ? c->from : param_w(c->ps, c->weight);
     const float *b = c->bias == NN_NONE ? NULL : param_w(c->ps, c->bias);
     size_t taps = c->kernel * c->kernel;
     for (size_t o = 0; o < c->out; o++)

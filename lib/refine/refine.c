@@ -294,6 +294,7 @@ static int unpack(struct refine_input *whole, struct refine *r,
 static int forward(float *out, struct refine *r, const struct refine_input *in,
                    struct error *err)
 {
+    static const float straight[3] = {0};
     const bool inside = r->top + r->plan.height <= in->height
         && r->left + r->plan.width <= in->width;
     const size_t at = (r->top * in->width + r->left) * in->channels;
@@ -305,6 +306,7 @@ static int forward(float *out, struct refine *r, const struct refine_input *in,
         .start = in->packed ? r->start : NULL
     };
 
+    refiner_turn(&r->plan.net, in->turn ? in->turn : straight);
     if (refiner_views(&r->plan.net) && inside) {
         refiner_forward_view(out, &view, &r->plan.net);
         return 0;

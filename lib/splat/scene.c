@@ -131,6 +131,22 @@ static int take_camera(struct scene *s, const struct record *rec,
     return 0;
 }
 
+/* GAUS may say how the source's camera saw the head. */
+static int take_source(struct scene *s, const struct record *rec,
+                       struct error *err)
+{
+    static const size_t dims[2] = {3, 3};
+    const float *source;
+
+    if (!record_find(rec, "source"))
+        return 0;
+    if (!(source = record_get(rec, "source", DTYPE_F32, 2, dims, err)))
+        return -1;
+    memcpy(s->source, source, sizeof s->source);
+    s->has_source = 1;
+    return 0;
+}
+
 static int load(struct scene *s, const struct record *rec, struct error *err)
 {
     const struct array *mean = record_find(rec, "mean");
@@ -149,6 +165,7 @@ static int load(struct scene *s, const struct record *rec, struct error *err)
         !(next.g.quat = next.quat = take(rec, "quat", n, 4, err)) ||
         !(next.g.opacity = next.opacity = take(rec, "opacity", n, 1, err)) ||
         take_color(&next, rec, err) || take_camera(&next, rec, err) ||
+        take_source(&next, rec, err) ||
         (record_find(rec, "bend") &&
          !(next.bend = take(rec, "bend", n, 1, err))))
         goto failed;

@@ -45,6 +45,7 @@ static const struct schema table[] = {
     { "GMOV", "body", "f32", "3,4", false, "shoulders' motion, head frame" },
     { "FEAT", "feat", "f16 f32", "H,W,C|P,C", true, "first three: sRGB" },
     { "FEAT", "alpha", "f32", "H,W", true, "0 to 1" },
+    { "FEAT", "turn", "f32", "3", false, "of the head since the source" },
     { "FEAT", "depth", "f32", "H,W", false, "camera z, head units" },
     { "IMAG", "rgb", "u8", "H,W,3", true, "sRGB" },
     { "IMAG", "alpha", "u8", "H,W", false, "coverage" },

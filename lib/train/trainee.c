@@ -143,6 +143,7 @@ int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
     size_t n = t->image * t->image, C = t->channels;
     struct splat_camera sc = splat_camera_square(cam, (int)t->image,
                                                  CAMERA_FOCAL);
+    float turn[3];
 
     avatar_drive(t->means, a, verts, cam);
     if (splat_update(&t->splat, t->means, 0, a->set.n, err) ||
@@ -150,10 +151,13 @@ int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
         return -1;
     for (size_t i = 0; i < n; i++)
         memcpy(t->coarse + 3 * i, t->feat + C * i, 3 * sizeof *t->coarse);
-    if (t->config.has_refiner)
-        refiner_forward(t->rgb, t->feat, &t->refiner);
-    else
+    if (!t->config.has_refiner) {
         memcpy(t->rgb, t->coarse, 3 * n * sizeof *t->rgb);
+        return 0;
+    }
+    avatar_turn(turn, a, cam);
+    refiner_turn(&t->refiner, turn);
+    refiner_forward(t->rgb, t->feat, &t->refiner);
     return 0;
 }
 
@@ -279,15 +283,17 @@ int trainee_draw_backward(struct trainee *t, struct error *err)
 {
     size_t n = t->image * t->image, C = t->channels;
     struct splat_gradients g = avatar_gradients(&t->avatar);
+    float dturn[3] = {0};
 
     if (t->config.has_refiner)
-        refiner_backward(t->dfeat, t->drgb, &t->refiner);
+        refiner_backward(t->dfeat, dturn, t->drgb, &t->refiner);
     else
         memset(t->dfeat, 0, n * C * sizeof *t->dfeat);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++)
             t->dfeat[C * i + k] += t->dcoarse[3 * i + k];
     memset(t->dcam, 0, sizeof t->dcam);
+    avatar_turn_backward(t->dcam, dturn, &t->avatar);
     memset(t->dverts, 0, 3 * t->head->V * sizeof *t->dverts);
     g.rt = t->dcam;
     if (splat_backward(&t->splat, &g, t->dfeat, t->dalpha, err))

@@ -27,6 +27,7 @@ struct subject {
 };
 
 static int failures;
+static float turn[3] = { 0.8f, -0.5f, 0.3f }, dturn[3];   /* the refiner's */
 
 static double loss(const struct subject *n, const float *in, float *out,
                    const float *probe)
@@ -104,6 +105,8 @@ static void run(const struct subject *n)
                   ps->tensor[t].count, in, out, probe, 0.02);
     if (n->lo < n->hi && strcmp(n->name, "backbone"))
         check(n, "input", in, din, n->in, in, out, probe, 0.02);
+    if (!strcmp(n->name, "refiner"))
+        check(n, "turn", turn, dturn, 3, in, out, probe, 0.02);
     printf("%s: %zu tensors compared\n", n->name, ps->count);
     free(in);
     free(din);
@@ -116,13 +119,16 @@ static void run(const struct subject *n)
     {                                                                        \
         net##_update(s);                                                     \
     }                                                                        \
+    ADAPT_FORWARD(net)
+
+#define ADAPT_FORWARD(net)                                                   \
     static void net##_fwd(float *out, const float *in, void *s)              \
     {                                                                        \
         net##_forward(out, in, s);                                           \
     }
 
 ADAPT(backbone)
-ADAPT(refiner)
+ADAPT_FORWARD(refiner)
 ADAPT(plane_init)
 ADAPT(motion_encoder)
 ADAPT(shape_encoder)
@@ -133,9 +139,15 @@ static void backbone_bwd(float *din, const float *dout, void *s)
     backbone_backward(dout, s);
 }
 
+static void refiner_up(void *s)
+{
+    refiner_update(s);
+    refiner_turn(s, turn);
+}
+
 static void refiner_bwd(float *din, const float *dout, void *s)
 {
-    refiner_backward(din, dout, s);
+    refiner_backward(din, dturn, dout, s);
 }
 
 static void plane_init_bwd(float *din, const float *dout, void *s)
@@ -196,7 +208,8 @@ static void small_nets(void)
 
     struct refiner refiner;
     struct refiner_config rc = { .type = REFINER_NARROW, .channels = 12,
-                                 .width = 16, .multiplier = 1 };
+                                 .width = 16, .multiplier = 1,
+                                 .turn = true };
     params_init(&ps);
     ready(&ps, refiner_init(&refiner, &ps, "r.", &rc, &err));
     planned(refiner_plan(&refiner, 2, 64, 32, train, &err));

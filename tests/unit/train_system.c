@@ -26,7 +26,7 @@ static const char config[] =
     "\"dynamic\":{\"width\":8,\"head\":8,\"vertex\":4},"
     "\"mouth_decoder\":{\"width\":8},\"rgb_skip\":true,"
     "\"motion\":{\"net\":\"tf_mobilenetv3_small_minimal_100\"},"
-    "\"refiner\":{\"type\":\"narrow\",\"width\":8}}}";
+    "\"refiner\":{\"type\":\"narrow\",\"width\":8,\"turn\":true}}}";
 
 static double loss_of(struct task *t)
 {

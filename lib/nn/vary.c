@@ -1,0 +1,59 @@
+#include "lib/nn/vary.h"
+
+#include <string.h>
+
+static size_t weights(const struct vary *v)
+{
+    return v->conv->ps->tensor[v->conv->weight].count;
+}
+
+void vary_init(struct vary *v, struct conv *c, const char *name, size_t n)
+{
+    char buf[120];
+    size_t dims[5] = { n, c->out, c->in, c->kernel, c->kernel };
+    *v = (struct vary){ .conv = c, .n = n };
+    v->tensor = params_add(c->ps, nn_name(buf, "%s.vary", name), 5, dims,
+                           PARAM_ZERO, 0.0f);
+}
+
+void vary_plan(struct vary *v, struct nn_plan *p)
+{
+    v->sum = nn_plan_floats(p, weights(v));
+    v->was = nn_plan_backward(p) ? nn_plan_floats(p, weights(v)) : NULL;
+}
+
+void vary_set(struct vary *v, const float *by)
+{
+    size_t count = weights(v);
+    const float *V = param_w(v->conv->ps, v->tensor);
+    memcpy(v->sum, param_w(v->conv->ps, v->conv->weight),
+           count * sizeof *v->sum);
+    for (size_t j = 0; j < v->n; j++)
+        for (size_t i = 0; i < count; i++)
+            v->sum[i] += by[j] * V[j * count + i];
+    v->conv->from = v->sum;
+}
+
+/* The convolution adds its weights' gradient to what is there: it starts from
+ * zero here, so that V's can be told from earlier ones. */
+void vary_backward(float *din, float *dby, float *dout, const float *out,
+                   const float *in, const float *by, struct vary *v)
+{
+    size_t count = weights(v);
+    const float *V = param_w(v->conv->ps, v->tensor);
+    float *g = param_g(v->conv->ps, v->conv->weight);
+    float *gv = param_g(v->conv->ps, v->tensor);
+    memcpy(v->was, g, count * sizeof *g);
+    memset(g, 0, count * sizeof *g);
+    conv_backward(din, dout, out, in, v->conv);
+    for (size_t j = 0; j < v->n; j++) {
+        double dot = 0;
+        for (size_t i = 0; i < count; i++) {
+            gv[j * count + i] += by[j] * g[i];
+            dot += (double)g[i] * (double)V[j * count + i];
+        }
+        dby[j] += (float)dot;
+    }
+    for (size_t i = 0; i < count; i++)
+        g[i] += v->was[i];
+}
