@@ -129,7 +129,7 @@ static int take_features(struct refine_input *in, const struct record *rec,
     const enum dtype type = a && a->dtype == DTYPE_F16 ? DTYPE_F16
                                                        : DTYPE_F32;
     const bool packed = a && a->ndim == 2 && alpha;
-    const size_t any[3] = {0, 0, 0}, three[1] = {3};
+    const size_t any[3] = {0, 0, 0}, turns[1] = {TURN_COUNT};
     const void *feat = record_get(rec, "feat", type, packed ? 2 : 3, any, err);
 
     memset(in, 0, sizeof *in);
@@ -140,7 +140,7 @@ static int take_features(struct refine_input *in, const struct record *rec,
         || (packed && check_size(a, alpha, err)))
         return -1;
     if (record_find(rec, "turn")
-        && !(in->turn = record_get(rec, "turn", DTYPE_F32, 1, three, err)))
+        && !(in->turn = record_get(rec, "turn", DTYPE_F32, 1, turns, err)))
         return -1;
     in->f16 = type == DTYPE_F16 ? feat : NULL;
     in->f32 = type == DTYPE_F32 ? feat : NULL;

@@ -6,7 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
-#include "lib/geom/rotation.h"
+#include "lib/geom/turn.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -150,7 +150,7 @@ struct leaving {
     bool busy;
     struct framesink *sink;
     struct framesink_frame frame;
-    float turn[3];              /* frame.turn points here */
+    float turn[TURN_COUNT];     /* frame.turn points here */
     int rc;
     struct error err;
 };
@@ -343,14 +343,14 @@ static int draw(struct drawing *d, uint64_t frame, double time,
         .channels = (int)channels, .color = d->canvas.image,
         .half = d->canvas.half, .alpha = d->canvas.alpha,
         .depth = d->canvas.depth, .frame = frame, .time = time};
-    float turn[3];
+    float turn[TURN_COUNT];
 
     d->pending = false;
     if (!view.given && !d->scene.has_cam)
         return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
                          "GAUS or GMOV, or --camera)");
     if (d->scene.has_source && d->scene.has_cam) {
-        rotation_turn(turn, d->scene.source, d->scene.cam);
+        turn_since(turn, d->scene.source, d->scene.light, d->scene.cam);
         f.turn = turn;          /* --camera goes round head and light */
     }
     double begun = stats_begin();

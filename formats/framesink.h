@@ -75,7 +75,7 @@ struct framesink_frame {
     const uint8_t *rgb;     /* [height, width, 3] over black, if neither */
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
-    const float *turn;      /* (3) of the head, or NULL: FEAT only */
+    const float *turn;      /* (TURN_COUNT) of the head, or NULL: FEAT only */
     uint64_t frame;
     double time;
 };

@@ -7,8 +7,8 @@
 
 #include "lib/avatar/branches.h"
 #include "lib/avatar/coverage.h"
+#include "lib/avatar/light.h"
 #include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
 
 const float avatar_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
@@ -429,6 +429,16 @@ static void start_bending(struct avatar *a, const float *verts)
     bend_points(s->bent, verts, a->neck, s->V, body);
 }
 
+/* From what the dynamic branch has seen. */
+static void fit_light(struct avatar *a)
+{
+    struct avatar_scratch *s = a->scratch;
+
+    memset(a->light, 0, sizeof a->light);
+    if (a->config.rgb_skip && a->first[BRANCH_STATIC])
+        light_fit(a->light, s->dpicture, s->normals, s->weight, s->V);
+}
+
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
 {
     struct avatar_scratch *s = a->scratch;
@@ -447,6 +457,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     dynamic_bake(a, src->verts);
     static_bake(a);
     mouth_bake(a, src->verts);
+    fit_light(a);
     a->set = (struct gaussians){
         .n = a->first[BRANCH_COUNT], .channels = (int)a->config.channels,
         .mean = s->mean, .scale = s->scale, .quat = s->quat,
@@ -502,21 +513,22 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
                                a->mouth.centre[c];
 }
 
-void avatar_turn(float turn[3], const struct avatar *a, const float cam[12])
+void avatar_turn(float turn[TURN_COUNT], const struct avatar *a,
+                 const float cam[12])
 {
     float from[9];
 
     source_rotation(from, a);
-    rotation_turn(turn, from, cam);
+    turn_since(turn, from, a->light, cam);
 }
 
-void avatar_turn_backward(float dcam[12], const float dturn[3],
+void avatar_turn_backward(float dcam[12], const float dturn[TURN_COUNT],
                           const struct avatar *a)
 {
     float from[9];
 
     source_rotation(from, a);
-    rotation_turn_backward(dcam, dturn, from);
+    turn_since_backward(dcam, dturn, from, a->light);
 }
 
 int avatar_mouth_hidden(const struct avatar *a, const float *verts, float gap)

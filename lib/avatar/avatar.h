@@ -38,6 +38,7 @@
 #include "lib/avatar/densify.h"
 #include "lib/base/error.h"
 #include "lib/geom/bend.h"
+#include "lib/geom/turn.h"
 #include "lib/head/head.h"
 #include "lib/net/backbone.h"
 #include "lib/net/conv_decoder.h"
@@ -91,6 +92,7 @@ struct avatar {
     struct conv_decoder static_decoder, mouth_decoder;
     struct mlp_decoder dynamic_decoder;
     size_t head_base;       /* h_k: index in ps, (V, vertex_width) */
+    float light[3];         /* l of the source; 0 without rgb_skip */
     struct bend bend;       /* of the mean head */
     float *neck;            /* (V+E) weights of it */
     float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
@@ -131,10 +133,11 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
 
 /* True when closed lips hide the sheet: the driven opening is under `gap`
  * head units (0.004 is 0.8 mm). */
-/* How the head seen by cam has turned since the source (rotation_turn), and
- * back: dcam (3,4) is added to. */
-void avatar_turn(float turn[3], const struct avatar *a, const float cam[12]);
-void avatar_turn_backward(float dcam[12], const float dturn[3],
+/* How the head seen by cam has turned since the source (turn_since), and back:
+ * dcam (3,4) is added to. */
+void avatar_turn(float turn[TURN_COUNT], const struct avatar *a,
+                 const float cam[12]);
+void avatar_turn_backward(float dcam[12], const float dturn[TURN_COUNT],
                           const struct avatar *a);
 int avatar_mouth_hidden(const struct avatar *a, const float *verts,
                         float gap);

@@ -7,7 +7,6 @@
 
 #include "formats/safetensors.h"
 #include "lib/avatar/branches.h"
-#include "lib/geom/rotation.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
                     struct error *err)
@@ -67,6 +66,7 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     memcpy(b->pivot, a->bend.pivot, sizeof b->pivot);
     for (int i = 0; i < 9; i++)
         b->source[i] = a->scratch->cam[4 * (i / 3) + i % 3];
+    memcpy(b->light, a->light, sizeof b->light);
     find_bent(b);
     for (size_t i = 0; i < b->dynamic; i++)
         b->vertex[i] = (int32_t)i;
@@ -150,6 +150,20 @@ static int read_bending(struct baked *b, const struct record *rec,
     return 0;
 }
 
+static int read_light(struct baked *b, const struct record *rec,
+                      struct error *err)
+{
+    const size_t three[1] = {3};
+    const float *light;
+
+    if (!record_find(rec, "light"))
+        return 0;
+    if (!(light = record_get(rec, "light", DTYPE_F32, 1, three, err)))
+        return -1;
+    memcpy(b->light, light, sizeof b->light);
+    return 0;
+}
+
 int baked_read(struct baked *b, const struct record *rec, size_t vertices,
                struct error *err)
 {
@@ -189,7 +203,7 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     if (lip && lip->dtype == DTYPE_F32 && array_count(lip) == 3)
         memcpy(b->lip, lip->data, sizeof b->lip);
     if (read_vertices(b, rec, vertices, err) ||
-        read_bending(b, rec, err)) {
+        read_bending(b, rec, err) || read_light(b, rec, err)) {
         baked_release(b);
         return -1;
     }
@@ -201,7 +215,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 struct error *err)
 {
     size_t N = b->N;
-    struct array a[12] = {
+    struct array a[13] = {
         array_make("mean", DTYPE_F32, means ? means : b->mean, 2, N, 3, 0, 0),
         array_make("scale", DTYPE_F32, b->scale, 2, N, 3, 0, 0),
         array_make("quat", DTYPE_F32, b->quat, 2, N, 4, 0, 0),
@@ -213,10 +227,11 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("bend", DTYPE_F32, b->bend, 1, N, 0, 0, 0),
         array_make("pivot", DTYPE_F32, b->pivot, 1, 3, 0, 0, 0),
         array_make("source", DTYPE_F32, b->source, 2, 3, 3, 0, 0),
+        array_make("light", DTYPE_F32, b->light, 1, 3, 0, 0, 0),
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0)
     };
 
-    return stream_write(w, "GAUS", frame, time, a, cam ? 12 : 11, err);
+    return stream_write(w, "GAUS", frame, time, a, cam ? 13 : 12, err);
 }
 
 /* ---- leaving out ------------------------------------------------------- */
@@ -319,7 +334,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
     bend_body(m->body, b->pivot, avatar_upright, cam);
     bend_points(m->mean, m->mean, b->bend, b->dynamic, m->body);
     bend_body(m->body, b->pivot, b->source, cam);
-    rotation_turn(m->turn, b->source, cam);
+    turn_since(m->turn, b->source, b->light, cam);
     /* mu = g - l_s + l_d + q; a hidden sheet goes 1000 units behind */
     for (int c = 0; c < 3; c++)
         m->shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];

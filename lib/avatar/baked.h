@@ -28,6 +28,7 @@ struct baked {
     float *bend;            /* (N) weights of the bending (lib/geom/bend.h) */
     float pivot[3];
     float source[9];        /* R_s, where the static branch's shoulders were */
+    float light[3];         /* l, on the source (lib/avatar/light.h) */
     size_t first, bent;     /* static Gaussians that bend lie in a range */
     float *block;           /* what the float arrays are part of */
 };
@@ -64,15 +65,15 @@ struct baked_move {
     float *bent;            /* (bent,3) static centres, by baked_move_scene */
     float shift[3];         /* of the mouth sheet: l_d - l_s, or a way behind
                              * the camera */
-    float turn[3];          /* of the head since the source */
+    float turn[TURN_COUNT]; /* of the head since the source */
     float body[12];         /* of the static branch's shoulders, head frame */
 };
 int baked_move_init(struct baked_move *m, const struct baked *b,
                     struct error *err);
 void baked_move_release(struct baked_move *m);
 
-/* One frame's mean, shift, turn and body.  The sheet hides when gap, the opening of
- * the driven lips, is under closed (0: never). */
+/* One frame's mean, shift, turn and body.  The sheet hides when gap, the
+ * opening of the driven lips, is under closed (0: never). */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *d, const float *verts,
                  const float lip[3], float gap, float closed,

@@ -31,39 +31,6 @@ static void narrow(float *out, const double *in, int n)
 
 /* ---- small matrices ---------------------------------------------------- */
 
-#define TURN_UNIT 0.25f
-
-/* Entry (i,k) of Q = C R^T, C the camera's rotation. */
-static float since(const float R[9], const float cam[12], int i, int k)
-{
-    return cam[4 * i] * R[3 * k] + cam[4 * i + 1] * R[3 * k + 1] +
-           cam[4 * i + 2] * R[3 * k + 2];
-}
-
-void rotation_turn(float turn[3], const float R[9], const float cam[12])
-{
-    for (int a = 0; a < 3; a++) {
-        int b = (a + 1) % 3, c = (a + 2) % 3;
-
-        turn[a] = 0.5f / TURN_UNIT * (since(R, cam, c, b) -
-                                      since(R, cam, b, c));
-    }
-}
-
-void rotation_turn_backward(float dcam[12], const float dturn[3],
-                            const float R[9])
-{
-    for (int a = 0; a < 3; a++) {
-        int b = (a + 1) % 3, c = (a + 2) % 3;
-        float d = 0.5f / TURN_UNIT * dturn[a];
-
-        for (int k = 0; k < 3; k++) {
-            dcam[4 * c + k] += d * R[3 * b + k];
-            dcam[4 * b + k] -= d * R[3 * c + k];
-        }
-    }
-}
-
 void mat3_mul(float C[9], const float A[9], const float B[9])
 {
     for (int i = 0; i < 3; i++)

@@ -49,15 +49,6 @@ void rotation_to_quat(float q[4], const float R[9]);
 /* Angle in radians between two rotations, 0 to pi. */
 double rotation_distance(const float A[9], const float B[9]);
 
-/* How far a head seen by cam (3,4) has turned since R (3,3), both world to
- * camera: sine of the angle times the axis, in the camera's frame, in units of
- * a quarter.  Small turns change what a fixed light does to it by its
- * product with the normals. */
-void rotation_turn(float turn[3], const float R[9], const float cam[12]);
-/* dcam (3,4) += gradient. */
-void rotation_turn_backward(float dcam[12], const float dturn[3],
-                            const float R[9]);
-
 /* C = A B, C = A B^T, C = A^T B; C must not be A or B. */
 void mat3_mul(float C[9], const float A[9], const float B[9]);
 void mat3_mul_d(double C[9], const double A[9], const double B[9]);

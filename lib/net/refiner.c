@@ -75,7 +75,7 @@ void refiner_release(struct refiner *r)
     memset(r, 0, sizeof *r);
 }
 
-void refiner_turn(struct refiner *r, const float turn[3])
+void refiner_turn(struct refiner *r, const float turn[TURN_COUNT])
 {
     if (is_narrow(r))
         narrow_refiner_turn(&r->impl->narrow, turn);
@@ -100,8 +100,8 @@ void refiner_forward_view(float *rgb, const struct fold_view *feat,
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
-void refiner_backward(float *dfeat, float dturn[3], const float *drgb,
-                      struct refiner *r)
+void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
+                      const float *drgb, struct refiner *r)
 {
     struct narrow_refiner *narrow = &r->impl->narrow;
 
@@ -109,6 +109,6 @@ void refiner_backward(float *dfeat, float dturn[3], const float *drgb,
         narrow_refiner_backward(dfeat, drgb, narrow);
     else
         style_unet_backward(dfeat, drgb, &r->impl->unet);
-    for (int i = 0; dturn && i < 3; i++)
+    for (int i = 0; dturn && i < TURN_COUNT; i++)
         dturn[i] = r->config.turn ? narrow->dturn[i] : 0;
 }

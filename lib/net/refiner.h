@@ -4,6 +4,7 @@
 #ifndef SPID_NET_REFINER_H
 #define SPID_NET_REFINER_H
 
+#include "lib/geom/turn.h"
 #include "lib/nn/fold.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
@@ -36,9 +37,9 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
 void refiner_update(struct refiner *r);
 void refiner_release(struct refiner *r);
 
-/* How the head has turned since the source (rotation_turn), for all forwards
- * from now on; at first zero.  Without config.turn it makes no difference. */
-void refiner_turn(struct refiner *r, const float turn[3]);
+/* How the head has turned since the source (turn_since), for all forwards from
+ * now on; at first zero.  Without config.turn it makes no difference. */
+void refiner_turn(struct refiner *r, const float turn[TURN_COUNT]);
 
 /* rgb (B,H,W,3) from feat (B,H,W,channels), whose first three channels are
  * the coarse RGB.  NARROW is not clamped (a trainer wants the gradient; a
@@ -50,8 +51,8 @@ void refiner_forward(float *rgb, const float *feat, struct refiner *r);
 void refiner_forward_view(float *rgb, const struct fold_view *feat,
                           struct refiner *r);
 bool refiner_views(const struct refiner *r);
-/* dfeat (B,H,W,channels) is written, and dturn (3) unless NULL. */
-void refiner_backward(float *dfeat, float dturn[3], const float *drgb,
-                      struct refiner *r);
+/* dfeat (B,H,W,channels) is written, and dturn unless NULL. */
+void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
+                      const float *drgb, struct refiner *r);
 
 #endif

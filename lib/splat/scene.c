@@ -131,17 +131,19 @@ static int take_camera(struct scene *s, const struct record *rec,
     return 0;
 }
 
-/* GAUS may say how the source's camera saw the head. */
+/* GAUS may say how the source's camera saw the head, and in which light. */
 static int take_source(struct scene *s, const struct record *rec,
                        struct error *err)
 {
-    static const size_t dims[2] = {3, 3};
-    const float *source;
+    static const size_t dims[2] = {3, 3}, three[1] = {3};
+    const float *source, *light;
 
-    if (!record_find(rec, "source"))
+    if (!record_find(rec, "source") || !record_find(rec, "light"))
         return 0;
-    if (!(source = record_get(rec, "source", DTYPE_F32, 2, dims, err)))
+    if (!(source = record_get(rec, "source", DTYPE_F32, 2, dims, err)) ||
+        !(light = record_get(rec, "light", DTYPE_F32, 1, three, err)))
         return -1;
+    memcpy(s->light, light, sizeof s->light);
     memcpy(s->source, source, sizeof s->source);
     s->has_source = 1;
     return 0;

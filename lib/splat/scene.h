@@ -25,6 +25,7 @@ struct scene {
     float shift[3];     /* of the mouth sheet against its GAUS centres */
     int shifted;        /* the last GMOV carried a shift */
     float source[9];    /* R of the camera that the head was baked from */
+    float light[3];     /* on it */
     int has_source;
     size_t bent, bent_count;    /* the static Gaussians that bend, by GAUS */
     int bowed;          /* the last GMOV carried the shoulders' motion */

@@ -143,7 +143,7 @@ int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
     size_t n = t->image * t->image, C = t->channels;
     struct splat_camera sc = splat_camera_square(cam, (int)t->image,
                                                  CAMERA_FOCAL);
-    float turn[3];
+    float turn[TURN_COUNT];
 
     avatar_drive(t->means, a, verts, cam);
     if (splat_update(&t->splat, t->means, 0, a->set.n, err) ||
@@ -283,7 +283,7 @@ int trainee_draw_backward(struct trainee *t, struct error *err)
 {
     size_t n = t->image * t->image, C = t->channels;
     struct splat_gradients g = avatar_gradients(&t->avatar);
-    float dturn[3] = {0};
+    float dturn[TURN_COUNT] = {0};
 
     if (t->config.has_refiner)
         refiner_backward(t->dfeat, dturn, t->drgb, &t->refiner);

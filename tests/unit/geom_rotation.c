@@ -6,6 +6,7 @@
 
 #include "lib/base/random.h"
 #include "lib/geom/rotation.h"
+#include "lib/geom/turn.h"
 
 static int failed;
 
@@ -171,46 +172,57 @@ static void quaternions(struct random *r)
     check("distance to itself", rotation_distance(A, A), 1e-6);
 }
 
-/* A turn by angle a about an axis of the camera's is 4 sin a times the axis,
- * and linear in the camera. */
+/* A turn by angle a about an axis of the camera's is 4 sin a times the axis;
+ * the light, fixed before the camera, turns the other way round in the head's
+ * frame; both are linear in the camera. */
 static void turns(struct random *r)
 {
-    double worst = 0, grad = 0;
+    double worst = 0, dark = 0, grad = 0;
 
     for (int rep = 0; rep < 100; rep++) {
         double x[3], Q[9], angle = 1e-12, change = 0, predicted = 0;
-        float R[9], axis[3], cam[12] = {0}, moved[12], t[3], t2[3], d[3];
-        float dcam[12] = {0};
+        float R[9], axis[3], cam[12] = {0}, moved[12], l[3];
+        float t[TURN_COUNT], t2[TURN_COUNT], d[TURN_COUNT], dcam[12] = {0};
 
         scaled(x, 3, random_range(r, 0.01, 1.4), r);
         rotation_exp_d(Q, x);
         for (int k = 0; k < 3; k++) {
             axis[k] = (float)random_range(r, -2, 2);
-            d[k] = (float)random_range(r, -1, 1);
+            l[k] = (float)random_range(r, -1, 1);
             angle += x[k] * x[k];
         }
+        for (int k = 0; k < TURN_COUNT; k++)
+            d[k] = (float)random_range(r, -1, 1);
         rotation_exp(R, axis);
         for (int i = 0; i < 9; i++)
             for (int k = 0; k < 3; k++)
                 cam[4 * (i / 3) + i % 3] += (float)Q[i / 3 * 3 + k] *
                                             R[3 * k + i % 3];
         angle = sqrt(angle);
-        rotation_turn(t, R, cam);
-        for (int k = 0; k < 3; k++)
+        turn_since(t, R, l, cam);
+        for (int k = 0; k < 3; k++) {
+            double before = 0, now = 0;
             worst = fmax(worst, fabs((double)t[k] -
                                      4 * sin(angle) * x[k] / angle));
-        rotation_turn_backward(dcam, d, R);
+            for (int i = 0; i < 3; i++) {   /* in the camera's frame */
+                before += (double)(R[3 * k + i] * l[i]);
+                now += (double)(cam[4 * k + i] * (l[i] + t[3 + i] / 4));
+            }
+            dark = fmax(dark, fabs(before - now));
+        }
+        turn_since_backward(dcam, d, R, l);
         for (int i = 0; i < 12; i++) {
             double by = random_range(r, -1, 1);
             moved[i] = cam[i] + (float)by;
             predicted += by * (double)dcam[i];
         }
-        rotation_turn(t2, R, moved);
-        for (int k = 0; k < 3; k++)
+        turn_since(t2, R, l, moved);
+        for (int k = 0; k < TURN_COUNT; k++)
             change += (double)d[k] * ((double)t2[k] - (double)t[k]);
         grad = fmax(grad, fabs(change - predicted));
     }
     check("turn: 4 sin a times the axis", worst, 1e-5);
+    check("turn: the light stays before the camera", dark, 1e-5);
     check("turn: gradient", grad, 1e-4);
 }
 
