@@ -50,7 +50,8 @@ void refine_release(struct refine *r)
     memset(r, 0, sizeof *r);
 }
 
-/* A network of this size, with the model's weights. */
+/* A network of this size, with the model's weights; *p stays where it is, for
+ * its convolutions point to its weights. */
 static int plan_make(struct refine_plan *p, const struct refine *r,
                      size_t height, size_t width, struct error *err)
 {
@@ -143,7 +144,6 @@ static int fit(struct refine *r, const struct refine_input *in,
                struct error *err)
 {
     struct part p = find_part(r, in);
-    struct refine_plan made;
     size_t h = p.height, w = p.width;
     const bool fits = r->plan.height >= h && r->plan.width >= w
         && (r->roi || (r->plan.height == h && r->plan.width == w));
@@ -155,10 +155,9 @@ static int fit(struct refine *r, const struct refine_input *in,
         if (r->roi && r->plan.width > w
             && r->plan.width <= round_up(in->width))
             w = r->plan.width;
-        if (plan_make(&made, r, h, w, err) != 0)
-            return -1;
         plan_release(&r->plan);
-        r->plan = made;
+        if (plan_make(&r->plan, r, h, w, err) != 0)
+            return -1;
         r->plans++;
     }
     h = round_up(in->height);
