@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "lib/avatar/model.h"
+#include "lib/base/random.h"
 #include "lib/geom/camera.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
@@ -40,6 +41,25 @@ static void configure(struct avatar_config *c, const char *kind)
     }
 }
 
+/* A refiner that has learned nothing adds nothing, and what it hears of the
+ * head's turn would go unnoticed. */
+static void teach(struct params *ps)
+{
+    struct random r;
+
+    random_init(&r, 3, "refiner");
+    for (size_t t = 0; t < ps->count; t++) {
+        const struct param *p = &ps->tensor[t];
+        size_t n = strlen(p->name);
+
+        if (strcmp(p->name, "refine.rgb.weight") &&
+            (n < 5 || strcmp(p->name + n - 5, ".vary")))
+            continue;
+        for (size_t i = 0; i < p->count; i++)
+            param_w(ps, t)[i] = 0.03f * (float)random_normal(&r);
+    }
+}
+
 static void write_model(const char *path, const struct head *h,
                         const char *kind)
 {
@@ -61,6 +81,7 @@ static void write_model(const char *path, const struct head *h,
         params_allocate(&ps, &err))
         give_up(&err);
     params_randomise(&ps, 1);
+    teach(&ps);
     motion_encoder_start(&motion);
     avatar_start(&a);
     char *json = avatar_config_print(&c);
