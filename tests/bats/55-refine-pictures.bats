@@ -146,6 +146,26 @@ PY
     status 74 bash -c 'spid-refine --format pam feat.spid >/dev/full'
 }
 
+@test "the turn of the head is heard, and must have its six numbers" {
+    "$PYTHON" -c "import numpy as np
+np.save('turn.npy', np.zeros(6, 'f4'))"
+    spid-refine feat.spid -o a.pam
+    spid-pack -t FEAT feat.npy alpha.npy turn.npy -o straight.spid
+    spid-refine straight.spid -o b.pam
+    cmp a.pam b.pam
+    "$PYTHON" -c "import numpy as np
+np.save('turn.npy', np.array([0, 1, 0, .5, 0, -.5], 'f4'))"
+    spid-pack -t FEAT feat.npy alpha.npy turn.npy -o turned.spid
+    spid-refine turned.spid -o c.pam
+    ! cmp -s a.pam c.pam
+    "$PYTHON" -c "import numpy as np
+np.save('turn.npy', np.zeros(3, 'f4'))"
+    spid-pack -t FEAT feat.npy alpha.npy turn.npy -o short.spid
+    status 65 spid-refine short.spid -o d.pam
+    one_line
+    has 'turn'
+}
+
 @test "covered pixels alone give the same picture as all of them" {
     features 64 32 f2
     spid-refine feat.spid -o a.pam

@@ -22,6 +22,18 @@ prepare() { animate_files; }
     cmp one.y4m pipe.y4m
 }
 
+@test "the pipe's features say how the head has turned" {
+    spid-synth -q -n 1 --frames 3 -s 7 --fps 1 --size 64 --without mesh \
+        --head "$HEAD" -o truth.spid
+    spid-flame -q -m model -i avatar.spid truth.spid |
+        spid-branches -i avatar.spid |
+        spid-splat -q --size 64 --channels 8 -o features.spid
+    spid-dump features.spid | grep '  turn' >turns
+    [ "$(wc -l <turns)" -eq 3 ]
+    [ "$(sort -u turns | wc -l)" -eq 3 ]
+    ! grep -q 'min 0 .*max 0$' turns
+}
+
 @test "SpiD in float: one process and the pipe give the same bytes" {
     spid-animate -q -m model --f32 avatar.spid drive.y4m -o one.y4m
     set -o pipefail
