@@ -1,6 +1,6 @@
 #!/bin/sh
 # train-model.sh [DIR]: the shipped model from a seed, start to end.  What
-# `make model` runs.  Everything lands in DIR (default build/train; 25 GB); a
+# `make model` runs.  Everything lands in DIR (default build/train; 35 GB); a
 # run that was stopped goes on where it was.  SEED, PEOPLE and STEPS (of every
 # stage, for a trial) change the size.
 set -eu
@@ -19,7 +19,7 @@ synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
 }
 synth faces.spid "$people" 4 256 "$((1000 + seed))" 1
 synth faces-held.spid 48 8 256 "$((900000 + seed))" 1
-synth people.spid "$((people * 3 / 80))" 6 512 "$((2000 + seed))" 0.7
+synth people.spid "$((people / 8))" 6 512 "$((2000 + seed))" 0.7
 synth people-held.spid 12 6 512 "$((910000 + seed))" 1
 
 config() { # NAME

@@ -135,6 +135,47 @@ static void inside_mask(uint8_t *inside, const struct source *s,
         }
 }
 
+/* Pixel (x,y) as row `from` above it has it: of the person, the mean over a
+ * stretch that grows with the distance. */
+static void smear(struct source *s, size_t x, size_t y, size_t from)
+{
+    const size_t n = s->size, r = (y - from) / 4;
+    const size_t lo = x > r ? x - r : 0, hi = x + r < n ? x + r : n - 1;
+    const uint8_t *matte = s->matte + from * n;
+    uint8_t *rgb = s->rgb + 3 * (y * n + x);
+    unsigned sum[3] = {0}, weight = 0;
+
+    s->matte[y * n + x] = matte[x];
+    memcpy(rgb, s->rgb + 3 * (from * n + x), 3);
+    if (!matte[x])
+        return;
+    for (size_t k = lo; k <= hi; k++) {
+        weight += matte[k];
+        for (size_t c = 0; c < 3; c++)
+            sum[c] += (unsigned)matte[k] * s->rgb[3 * (from * n + k) + c];
+    }
+    for (size_t c = 0; c < 3; c++)
+        rgb[c] = (uint8_t)(sum[c] / weight);
+}
+
+/* What the window shows beyond the picture is black and nobody: but shoulders
+ * that leave the picture below go on as they left it, three rows above its
+ * edge, where no black is mixed in. */
+static void continue_body(struct source *s, const uint8_t *inside)
+{
+    const size_t n = s->size;
+    size_t end = n;
+
+    while (end > 0 && !memchr(inside + (end - 1) * n, 255, n))
+        end--;
+    for (size_t i = 0; i < n * n; i++)
+        if (!inside[i])
+            s->matte[i] = 0;
+    for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
+        for (size_t x = 0; x < n; x++)
+            smear(s, x, y, end - 3);
+}
+
 static int matte_from_colours(struct source *s, const struct image *im,
                               const struct head *head, struct error *err)
 {
@@ -158,6 +199,8 @@ static int matte_from_colours(struct source *s, const struct image *im,
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
     if (rc == 0 && !fallback)
         rc = matte_unmix(s->rgb, s->matte, inside, s->size, err);
+    if (rc == 0 && !fallback)
+        continue_body(s, inside);
 out:
     overlay_release(&o);
     identity_release(&id);

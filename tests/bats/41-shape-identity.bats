@@ -106,3 +106,23 @@ crop=--crop=50,40,30
     awk -v a="$a" -v b="$b" \
         'BEGIN { if (b <= 1) b *= 255; exit !(a > .75 * b && a < 1.3 * b) }'
 }
+
+@test "shoulders that leave the picture below go on to the window's edge" {
+    need_numpy
+    spid-synth -q --size 512 --effects 0 -s 3 --format png -o whole.png
+    ffmpeg -v error -i whole.png -vf crop=512:430:0:0 me.png
+    spid-shape me.png -o me.spid --window 256,256,512
+    spid-dump --npy . --only SRCI me.spid
+    "$PYTHON" - <<'PY'
+import numpy as np
+m = np.load('SRCI.matte.npy').reshape(512, 512)
+c = np.load('SRCI.rgb.npy').reshape(512, 512, 3).astype(int)
+below, edge = m[430:] > 200, m[425] > 200
+print(edge.sum(), below.sum(), c[430:][below].sum(1).min())
+assert edge.sum() > 200
+assert abs(below.sum() - 82 * edge.sum()) < 0.1 * below.sum()
+# as the edge has it, not the black of what is not there
+mean = lambda part, who: part[who].mean(0)
+assert np.abs(mean(c[430:], below) - mean(c[425], edge)).max() < 12
+PY
+}
