@@ -150,7 +150,6 @@ struct leaving {
     bool busy;
     struct framesink *sink;
     struct framesink_frame frame;
-    float turn[TURN_COUNT];     /* frame.turn points here */
     int rc;
     struct error err;
 };
@@ -318,10 +317,6 @@ static int dispatch(struct drawing *d, const struct framesink_frame *f,
     if (settle(d, err))
         return -1;
     *l = (struct leaving){.sink = d->sink, .frame = *f};
-    if (f->turn) {
-        memcpy(l->turn, f->turn, sizeof l->turn);
-        l->frame.turn = l->turn;
-    }
     l->busy = writes_features(d) &&
               pthread_create(&l->thread, NULL, leave, l) == 0;
     if (!l->busy)
@@ -343,16 +338,15 @@ static int draw(struct drawing *d, uint64_t frame, double time,
         .channels = (int)channels, .color = d->canvas.image,
         .half = d->canvas.half, .alpha = d->canvas.alpha,
         .depth = d->canvas.depth, .frame = frame, .time = time};
-    float turn[TURN_COUNT];
 
     d->pending = false;
     if (!view.given && !d->scene.has_cam)
         return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
                          "GAUS or GMOV, or --camera)");
-    if (d->scene.has_source && d->scene.has_cam) {
-        turn_since(turn, d->scene.source, d->scene.light, d->scene.cam);
-        f.turn = turn;          /* --camera goes round head and light */
-    }
+    /* of the stream's camera: --camera goes round head and light */
+    f.turned = d->scene.has_source && d->scene.has_cam;
+    if (f.turned)
+        turn_since(f.turn, d->scene.source, d->scene.light, d->scene.cam);
     double begun = stats_begin();
     int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 

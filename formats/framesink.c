@@ -17,7 +17,6 @@
 #include "formats/y4m.h"
 #include "lib/base/file.h"
 #include "lib/base/covered.h"
-#include "lib/geom/turn.h"
 
 #define MAX_CHANNELS 32
 
@@ -408,7 +407,7 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     if (f->depth)
         a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                             f->width, 0, 0);
-    if (f->turn)
+    if (f->turned)
         a[n++] = array_make("turn", DTYPE_F32, f->turn, 1, TURN_COUNT, 0,
                             0, 0);
     return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,

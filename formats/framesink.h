@@ -9,6 +9,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/geom/turn.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {
@@ -75,7 +76,8 @@ struct framesink_frame {
     const uint8_t *rgb;     /* [height, width, 3] over black, if neither */
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
-    const float *turn;      /* (TURN_COUNT) of the head, or NULL: FEAT only */
+    bool turned;            /* FEAT only: it says how the head has turned */
+    float turn[TURN_COUNT];
     uint64_t frame;
     double time;
 };

@@ -436,7 +436,8 @@ static void fit_light(struct avatar *a)
 
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && a->first[BRANCH_STATIC])
-        light_fit(a->light, s->dpicture, s->normals, s->weight, s->V);
+        light_fit(a->light, s->dpicture, s->normals, s->weight, s->V,
+                  s->tmp);
 }
 
 void avatar_bake(struct avatar *a, const struct avatar_source *src)

@@ -7,7 +7,7 @@
 #define ROUNDS 8
 #define RIDGE 1e-3      /* of the weights' sum, on l */
 #define OTHER 0.05      /* distance of chroma that halves a vertex's say */
-#define DARK 0.05       /* sums of colours that say nothing */
+#define DARK 0.05f      /* sums of colours that say nothing */
 
 struct fit {
     double a[4];        /* luminance a[0] + a[1..3].n */
@@ -16,16 +16,19 @@ struct fit {
     bool begun;
 };
 
-/* Luminance of linear light, and chroma, of an sRGB colour. */
-static double split(double chroma[3], const float rgb[3])
+/* Luminance of linear light, negative if too dark to say anything, and
+ * chroma of an sRGB colour. */
+static void split(float out[4], const float rgb[3])
 {
-    double sum = (double)rgb[0] + (double)rgb[1] + (double)rgb[2], light = 0;
+    float sum = rgb[0] + rgb[1] + rgb[2];
 
+    out[0] = 0;
     for (int c = 0; c < 3; c++) {
-        chroma[c] = (double)rgb[c] / (sum + 1e-3);
-        light += pow((double)rgb[c], 2.2) / 3;
+        out[0] += powf(rgb[c], 2.2f) / 3;
+        out[1 + c] = rgb[c] / (sum + 1e-3f);
     }
-    return sum > DARK ? light : -1;
+    if (!(sum > DARK))
+        out[0] = -1;
 }
 
 static double residual(const struct fit *f, double light, const float n[3])
@@ -35,15 +38,15 @@ static double residual(const struct fit *f, double light, const float n[3])
 }
 
 /* What is left of a vertex's weight, by what the last round found. */
-static double trust(const struct fit *f, double light, const double chroma[3],
+static double trust(const struct fit *f, const float color[4],
                     const float n[3])
 {
-    double r = residual(f, light, n) / (2 * f->spread), off = 0;
+    double r = residual(f, (double)color[0], n) / (2 * f->spread), off = 0;
 
     if (!f->begun)
         return 1;
     for (int c = 0; c < 3; c++)
-        off += fabs(chroma[c] - f->chroma[c]);
+        off += fabs((double)color[1 + c] - f->chroma[c]);
     off /= OTHER;
     return 1 / ((1 + r * r) * (1 + off * off));
 }
@@ -69,20 +72,20 @@ static void solve(double x[4], double M[4][4], double y[4])
 
 /* One round: weights by the last fit, a new fit by the weights.  false: there
  * is nothing to see. */
-static bool fit_again(struct fit *f, const float *rgba, const float *normal,
-                      const float *weight, size_t V)
+static bool fit_again(struct fit *f, const float *colors,
+                      const float *normal, const float *weight, size_t V)
 {
     double M[4][4] = {{0}}, y[4] = {0}, sum = 0, spread = 0;
     struct fit next = {.begun = true};
 
     for (size_t v = 0; v < V; v++) {
-        const float *n = normal + 3 * v;
+        const float *n = normal + 3 * v, *color = colors + 4 * v;
         double row[4] = {1, (double)n[0], (double)n[1], (double)n[2]};
-        double chroma[3], light = split(chroma, rgba + 4 * v), w;
+        double light = (double)color[0], w;
 
         if (light < 0 || !(weight[v] > 0))
             continue;
-        w = (double)weight[v] * trust(f, light, chroma, n);
+        w = (double)weight[v] * trust(f, color, n);
         sum += w;
         spread += w * fabs(residual(f, light, n));
         for (int i = 0; i < 4; i++) {
@@ -91,7 +94,7 @@ static bool fit_again(struct fit *f, const float *rgba, const float *normal,
                 M[i][j] += w * row[i] * row[j];
         }
         for (int c = 0; c < 3; c++)
-            next.chroma[c] += w * chroma[c];
+            next.chroma[c] += w * (double)color[1 + c];
     }
     if (!(sum > 1))
         return false;
@@ -106,14 +109,16 @@ static bool fit_again(struct fit *f, const float *rgba, const float *normal,
 }
 
 void light_fit(float l[3], const float *rgba, const float *normal,
-               const float *weight, size_t V)
+               const float *weight, size_t V, float *tmp)
 {
     struct fit f = {.begun = false};
     double length = 0;
 
     memset(l, 0, 3 * sizeof *l);
+    for (size_t v = 0; v < V; v++)
+        split(tmp + 4 * v, rgba + 4 * v);
     for (int round = 0; round < ROUNDS; round++)
-        if (!fit_again(&f, rgba, normal, weight, V))
+        if (!fit_again(&f, tmp, normal, weight, V))
             return;
     for (int c = 0; c < 3; c++) {
         l[c] = (float)(f.a[1 + c] / fmax(f.a[0], 1e-3));

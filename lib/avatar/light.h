@@ -9,8 +9,9 @@
  * another colour or brightness than most counting little.
  *   rgba    (V,4) sRGB of each vertex
  *   normal  (V,3) head frame
- *   weight  (V) how far it is seen; all 0: l = 0 */
+ *   weight  (V) how far it is seen; all 0: l = 0
+ *   tmp     (V,4) */
 void light_fit(float l[3], const float *rgba, const float *normal,
-               const float *weight, size_t V);
+               const float *weight, size_t V, float *tmp);
 
 #endif

@@ -103,12 +103,10 @@ void refiner_forward_view(float *rgb, const struct fold_view *feat,
 void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
                       const float *drgb, struct refiner *r)
 {
-    struct narrow_refiner *narrow = &r->impl->narrow;
-
     if (is_narrow(r))
-        narrow_refiner_backward(dfeat, drgb, narrow);
+        narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
     else
         style_unet_backward(dfeat, drgb, &r->impl->unet);
-    for (int i = 0; dturn && i < TURN_COUNT; i++)
-        dturn[i] = r->config.turn ? narrow->dturn[i] : 0;
+    if (dturn)      /* zero where nothing hears it */
+        memcpy(dturn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
 }

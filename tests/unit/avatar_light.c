@@ -72,6 +72,7 @@ static void grow_hair(struct skin *s)
 int main(void)
 {
     static struct skin s;
+    static float tmp[4 * V];
     static const double want[3] = {-0.4, 0.3, 0.5}, none[3] = {0, 0, 0};
     static const double strong[3] = {0.9, 0, 2};
     struct random r;
@@ -79,26 +80,26 @@ int main(void)
 
     random_init(&r, 5, "light");
     paint(&s, want, &r);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("skin alone", off(l, want), 0.02);
     grow_hair(&s);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("a third is hair", off(l, want), 0.05);
     paint(&s, want, &r);
     for (size_t v = 0; v < V; v += 3)
         memset(s.rgba + 4 * v, 0, 3 * sizeof *s.rgba);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("a third is black", off(l, want), 0.02);
     paint(&s, none, &r);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("the same light from everywhere", off(l, none), 0.02);
     paint(&s, strong, &r);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("no longer than 1", hypot(hypot((double)l[0], (double)l[1]),
                                     (double)l[2]) - 1, 1e-6);
     check("and not the other way", -(double)l[2], 0);
     memset(s.weight, 0, sizeof s.weight);
-    light_fit(l, s.rgba, s.normal, s.weight, V);
+    light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("nothing is seen", off(l, none), 0);
     printf("%d failures\n", failures);
     return failures != 0;

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/geom/turn.h"
 
@@ -180,13 +181,14 @@ static void turns(struct random *r)
     double worst = 0, dark = 0, grad = 0;
 
     for (int rep = 0; rep < 100; rep++) {
-        double x[3], Q[9], angle = 1e-12, change = 0, predicted = 0;
-        float R[9], axis[3], cam[12] = {0}, moved[12], l[3];
+        static const float nowhere[3] = {0};
+        double x[3], angle = 1e-12, change = 0, predicted = 0;
+        float Q[9], R[9], QR[9], by_x[3], axis[3], cam[12], moved[12], l[3];
         float t[TURN_COUNT], t2[TURN_COUNT], d[TURN_COUNT], dcam[12] = {0};
 
         scaled(x, 3, random_range(r, 0.01, 1.4), r);
-        rotation_exp_d(Q, x);
         for (int k = 0; k < 3; k++) {
+            by_x[k] = (float)x[k];
             axis[k] = (float)random_range(r, -2, 2);
             l[k] = (float)random_range(r, -1, 1);
             angle += x[k] * x[k];
@@ -194,10 +196,9 @@ static void turns(struct random *r)
         for (int k = 0; k < TURN_COUNT; k++)
             d[k] = (float)random_range(r, -1, 1);
         rotation_exp(R, axis);
-        for (int i = 0; i < 9; i++)
-            for (int k = 0; k < 3; k++)
-                cam[4 * (i / 3) + i % 3] += (float)Q[i / 3 * 3 + k] *
-                                            R[3 * k + i % 3];
+        rotation_exp(Q, by_x);
+        mat3_mul(QR, Q, R);
+        camera_make(cam, QR, nowhere);
         angle = sqrt(angle);
         turn_since(t, R, l, cam);
         for (int k = 0; k < 3; k++) {
