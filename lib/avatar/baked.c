@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/avatar/branches.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,

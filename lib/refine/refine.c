@@ -7,6 +7,7 @@
 #include "formats/compose.h"
 #include "formats/safetensors.h"
 #include "lib/base/covered.h"
+#include "lib/base/half.h"
 #include "lib/track/encoders.h"
 
 int refine_open(struct refine *r, const char *path, enum nn_type type,

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/isa.h"
 #include "lib/splat/chunk.h"
 

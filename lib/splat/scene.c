@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/geom/bend.h"
 
 enum { STATIC = 1, MOUTH = 2 };

@@ -7,7 +7,7 @@
 #include <sys/mman.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/isa.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"

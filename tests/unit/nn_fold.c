@@ -10,7 +10,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
 #include "lib/nn/fold.h"
