@@ -10,16 +10,9 @@
 #include "formats/framesink.h"
 #include "formats/framesource.h"
 #include "formats/image.h"
+#include "tests/check.h"
 
-static int failed;
 static char dir[] = "/tmp/spid-framesource-XXXXXX";
-
-static void expect(int ok, const char *what, const struct error *err)
-{
-    printf("%-56s %s%s%s\n", what, ok ? "ok" : "FAILED",
-           err && err->code ? ": " : "", err && err->code ? err->text : "");
-    failed |= !ok;
-}
 
 static const char *at(const char *name)
 {
@@ -51,7 +44,7 @@ static void make(const char *path, size_t W, size_t H, uint64_t n,
         rc = framesink_write(s, &f, &err);
     }
     if (rc != 0 || framesink_finish(s, &err) != 0)
-        expect(0, path, &err);
+        check_error(path, 0, &err);
     free(rgb);
 }
 
@@ -124,9 +117,11 @@ static void test_kinds(void)
         printf("%s: %zu frames of %zu x %zu, levels %d to %d, %d/%d, last at "
                "%.4f s\n", name[i], r.frames, r.width, r.height, r.first,
                r.last, r.num, r.den, r.time);
-        expect(r.rc == 0 && r.frames == 12 && abs(r.first) <= 6
-               && abs(r.last - 110) <= 6 && fabs(r.time - 11 / rate) < 1e-6
-               && r.num == (int)rate, name[i], &r.err);
+        check_error(name[i],
+                    r.rc == 0 && r.frames == 12 && abs(r.first) <= 6 &&
+                    abs(r.last - 110) <= 6 &&
+                    fabs(r.time - 11 / rate) < 1e-6 && r.num == (int)rate,
+                    &r.err);
     }
 }
 
@@ -136,9 +131,9 @@ static void test_lists(void)
     struct seen r = see(two, 2);
     FILE *fp;
 
-    expect(r.rc == 0 && r.frames == 24
-           && fabs(r.time - 23 / 30.0) < 1e-6, "two inputs make one clip",
-           &r.err);
+    check_error("two inputs make one clip",
+                r.rc == 0 && r.frames == 24 && fabs(r.time - 23 / 30.0) < 1e-6,
+                &r.err);
     fp = fopen(at("list"), "w");
     fprintf(fp, "%s\n%s\n", at("folder/x3.png"), at("folder/x11.png"));
     fclose(fp);
@@ -149,8 +144,9 @@ static void test_lists(void)
         list = name;
         r = see(&list, 1);
     }
-    expect(r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
-           "a list of pictures", &r.err);
+    check_error("a list of pictures",
+                r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
+                &r.err);
 }
 
 static void test_faults(void)
@@ -169,22 +165,26 @@ static void test_faults(void)
         cut(t[i].from, t[i].to, t[i].part);
         r = see_one(t[i].to);
         printf("%s: %zu frames before the fault\n", t[i].to, r.frames);
-        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1
-               && r.frames < 12, t[i].to, &r.err);
+        check_error(t[i].to,
+                    r.rc == -1 && r.err.code == EX_DATAERR &&
+                    r.frames >= 1 && r.frames < 12,
+                    &r.err);
     }
     cut("a.mp4", "cut.mp4", 0.5);
     r = see_one("cut.mp4");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a video without its index",
-           &r.err);
+    check_error("a video without its index",
+                r.rc == -1 && r.err.code == EX_DATAERR, &r.err);
     cut("a.mp4", "empty.mp4", 0);
     r = see_one("empty.mp4");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "an empty file", &r.err);
+    check_error("an empty file", r.rc == -1 && r.err.code == EX_DATAERR,
+                &r.err);
     r = see_one("none.mp4");
-    expect(r.rc == -1 && r.err.code == EX_NOINPUT, "a missing file", &r.err);
+    check_error("a missing file", r.rc == -1 && r.err.code == EX_NOINPUT,
+                &r.err);
     mkdir(at("bare"), 0777);
     r = see_one("bare");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a folder without pictures",
-           &r.err);
+    check_error("a folder without pictures",
+                r.rc == -1 && r.err.code == EX_DATAERR, &r.err);
 }
 
 /* MPEG-TS, which says nowhere how long it is: cut inside a packet. */
@@ -200,17 +200,20 @@ static void test_transport(void)
         printf("no ffmpeg here: MPEG-TS left out\n");
         return;
     }
-    expect(system(cmd) == 0, "MPEG-TS by ffmpeg", &(struct error){0});
+    check_error("MPEG-TS by ffmpeg", system(cmd) == 0, &(struct error){0});
     r = see_one("b.ts");
-    expect(r.rc == 0 && r.frames == 12, "a whole MPEG-TS file", &r.err);
+    check_error("a whole MPEG-TS file", r.rc == 0 && r.frames == 12, &r.err);
     cut("b.ts", "cut.ts", 0.7);
-    expect(stat(at("cut.ts"), &st) == 0 &&
-               truncate(at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,
-           "cutting it", &(struct error){0});
+    check_error("cutting it",
+                stat(at("cut.ts"), &st) == 0 &&
+                truncate(at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,
+                &(struct error){0});
     r = see_one("cut.ts");
     printf("cut.ts: %zu frames before the fault\n", r.frames);
-    expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1
-           && r.frames < 12, "one cut short", &r.err);
+    check_error("one cut short",
+                r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1 &&
+                r.frames < 12,
+                &r.err);
 }
 
 static void write_text(const char *name, const char *text, size_t n)
@@ -239,8 +242,9 @@ static void test_hostile(void)
         struct seen r;
         write_text(t[i].name, t[i].text, strlen(t[i].text));
         r = see_one(t[i].name);
-        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames == 0,
-               t[i].name, &r.err);
+        check_error(t[i].name,
+                    r.rc == -1 && r.err.code == EX_DATAERR && r.frames == 0,
+                    &r.err);
     }
 }
 
@@ -253,14 +257,16 @@ static void test_images(void)
     char cmd[1024];
 
     image_write_png(at("rgba.png"), px, 2, 3, 4, &err);
-    expect(image_read(&im, at("rgba.png"), &err) == 0 && im.alpha
-           && im.rgb[0] == 200 && im.rgb[2] == 50 && im.alpha[0] == 128,
-           "alpha stays straight", &err);
+    check_error("alpha stays straight",
+                image_read(&im, at("rgba.png"), &err) == 0 && im.alpha &&
+                im.rgb[0] == 200 && im.rgb[2] == 50 && im.alpha[0] == 128,
+                &err);
     image_release(&im);
     image_write_png(at("grey.png"), px, 2, 3, 1, &err);
-    expect(image_read(&im, at("grey.png"), &err) == 0 && !im.alpha
-           && im.rgb[0] == 200 && im.rgb[1] == 200 && im.rgb[2] == 200,
-           "grey is spread", &err);
+    check_error("grey is spread",
+                image_read(&im, at("grey.png"), &err) == 0 && !im.alpha &&
+                im.rgb[0] == 200 && im.rgb[1] == 200 && im.rgb[2] == 200,
+                &err);
     image_release(&im);
     if (system("command -v convert >/dev/null 2>&1") != 0) {
         printf("no convert here: orientation, 16 bits, CMYK left out\n");
@@ -274,17 +280,25 @@ static void test_images(void)
              "convert -size 4x2 xc:'#80008000ffff' -depth 16 deep.png", dir);
     if (system(cmd) != 0)
         return;
-    expect(image_read(&im, at("turned.tif"), &err) == 0 && im.width == 2
-           && im.height == 4 && im.rgb[0] == 255 && im.rgb[5] == 255,
-           "an orientation tag is applied", &err);
+    check_error("an orientation tag is applied",
+                image_read(&im, at("turned.tif"), &err) == 0 &&
+                im.width == 2 && im.height == 4 && im.rgb[0] == 255 &&
+                im.rgb[5] == 255,
+                &err);
     image_release(&im);
-    expect(image_read(&im, at("deep.png"), &err) == 0 && im.rgb[0] == 128
-           && im.rgb[2] == 255, "16 bits are rounded", &err);
+    check_error("16 bits are rounded",
+                image_read(&im, at("deep.png"), &err) == 0 &&
+                im.rgb[0] == 128 && im.rgb[2] == 255,
+                &err);
     image_release(&im);
-    expect(image_read(&im, at("cmyk.jpg"), &err) != 0
-           && strstr(err.text, "CMYK"), "CMYK JPEG is refused", &err);
-    expect(image_read(&im, at("cmyk.tif"), &err) != 0
-           && strstr(err.text, "CMYK"), "CMYK TIFF is refused", &err);
+    check_error("CMYK JPEG is refused",
+                image_read(&im, at("cmyk.jpg"), &err) != 0 &&
+                strstr(err.text, "CMYK"),
+                &err);
+    check_error("CMYK TIFF is refused",
+                image_read(&im, at("cmyk.tif"), &err) != 0 &&
+                strstr(err.text, "CMYK"),
+                &err);
 }
 
 int main(void)
@@ -300,5 +314,5 @@ int main(void)
     test_hostile();
     test_images();
     snprintf(cmd, sizeof cmd, "rm -rf %s", dir);
-    return system(cmd) | failed;
+    return system(cmd) || check_status();
 }

@@ -7,10 +7,9 @@
 #include <string.h>
 
 #include "formats/video.h"
+#include "tests/check.h"
 
 static const int colour[3] = { 192, 128, 96 };
-static int failures;
-
 static void compare(const char *what, const uint8_t *rgb, size_t pixels)
 {
     int worst = 0;
@@ -18,9 +17,8 @@ static void compare(const char *what, const uint8_t *rgb, size_t pixels)
         int d = abs((int)rgb[i] - colour[i % 3]);
         worst = d > worst ? d : worst;
     }
-    printf("%s: %d,%d,%d, %d levels off\n", what, rgb[0], rgb[1], rgb[2],
-           worst);
-    failures += worst > 4;
+    printf("%d,%d,%d ", rgb[0], rgb[1], rgb[2]);
+    check(what, worst, 4);
 }
 
 static void read_back(const char *path, const char *what)
@@ -31,8 +29,7 @@ static void read_back(const char *path, const char *what)
     double t;
     struct video_reader *v = video_open(path, false, &err);
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
-        printf("%s: %s\n", what, err.text);
-        failures++;
+        check_error(what, false, &err);
     } else {
         compare(what, rgb, w * h);
     }
@@ -68,8 +65,7 @@ static void to_ffmpeg(const char *dir)
     struct video_writer *v = video_create(path, 1280, 720, 25, &err);
     if (!v || video_write(v, frame, &err) || video_write(v, frame, &err) ||
         video_finish(v, &err)) {
-        printf("ours.mp4: %s\n", err.text);
-        failures++;
+        check_error("ours.mp4", false, &err);
         return;
     }
     read_back(path, "ours.mp4 read by us");
@@ -81,7 +77,7 @@ static void to_ffmpeg(const char *dir)
     if (p && fread(seen, 1, sizeof seen, p) == sizeof seen)
         compare("ours.mp4 read by ffmpeg", seen, 256);
     else
-        failures++;
+        check_that("ours.mp4 read by ffmpeg", false);
     if (p)
         pclose(p);
 }
@@ -108,6 +104,5 @@ int main(void)
     snprintf(command, sizeof command, "rm -r %s", dir);
     if (system(command) != 0)
         printf("%s stays\n", dir);
-    printf("%d of the colours are wrong\n", failures);
-    return failures != 0;
+    return check_status();
 }
