@@ -13,18 +13,7 @@
 #include "formats/video.h"
 #include "formats/y4m.h"
 #include "tests/check.h"
-
-static char dir[] = "/tmp/spid-framesink-XXXXXX";
-
-static const char *at(const char *name)
-{
-    static char path[4][256];
-    static int turn;
-
-    turn = (turn + 1) % 4;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", dir, name);
-    return path[turn];
-}
+#include "tests/folder.h"
 
 /* Three frames of one colour, W x H. */
 static int write_clip(const char *path, size_t W, size_t H, float r, float g,
@@ -126,23 +115,24 @@ static void test_pictures(void)
         struct framesink_options opt = {.alpha = i == 0};
         err.code = 0;
         check_error(name[i],
-                    write_clip(at(name[i]), 5, 4, 1, 0, 0.5f, opt, &err) == 0,
+                    write_clip(folder_at(name[i]), 5, 4, 1, 0, 0.5f, opt,
+                               &err) == 0,
                     &err);
     }
     check_error("the PNG reads back",
-                image_read(&im, at("a-002.png"), &err) == 0 &&
+                image_read(&im, folder_at("a-002.png"), &err) == 0 &&
                 im.width == 5 && im.height == 4 && im.rgb[0] == 255 &&
                 im.rgb[2] == 128 && !im.alpha,
                 &err);
     image_release(&im);
     check_error("the EXR reads back",
-                image_read(&im, at("a-001.exr"), &err) == 0 &&
+                image_read(&im, folder_at("a-001.exr"), &err) == 0 &&
                 im.rgb[0] == 255 && im.rgb[1] == 0 && im.rgb[2] == 128,
                 &err);
     image_release(&im);
     check_that("no more files than frames, none unfinished",
-               access(at("a-003.png"), F_OK) != 0 &&
-               access(at("a-000.png.part"), F_OK) != 0);
+               access(folder_at("a-003.png"), F_OK) != 0 &&
+               access(folder_at("a-000.png.part"), F_OK) != 0);
 }
 
 static void test_video(void)
@@ -155,9 +145,9 @@ static void test_video(void)
     double t = 0;
 
     check_error("v.mp4",
-                write_clip(at("v.mp4"), 64, 48, 1, 0, 0, opt, &err) == 0,
+                write_clip(folder_at("v.mp4"), 64, 48, 1, 0, 0, opt, &err) == 0,
                 &err);
-    v = video_open(at("v.mp4"), false, &err);
+    v = video_open(folder_at("v.mp4"), false, &err);
     while (v && video_read(v, &rgb, &W, &H, &t, &err) == 1)
         if (n++ == 0) {
             printf("red comes back from mp4 as %d %d %d\n", rgb[0], rgb[1],
@@ -170,7 +160,8 @@ static void test_video(void)
                 &err);
     video_close(v);
     check_error("odd sizes",
-                write_clip(at("odd.mp4"), 63, 47, 1, 0, 0, opt, &err) == 0,
+                write_clip(folder_at("odd.mp4"), 63, 47, 1, 0, 0, opt,
+                           &err) == 0,
                 &err);
 }
 
@@ -189,7 +180,7 @@ static void test_ffmpeg(void)
     struct image im = {0};
 
     check_error("r.y4m",
-                write_clip(at("r.y4m"), 31, 17, 1, 0, 0, opt, &err) == 0,
+                write_clip(folder_at("r.y4m"), 31, 17, 1, 0, 0, opt, &err) == 0,
                 &err);
     if (system("command -v ffmpeg >/dev/null 2>&1") != 0) {
         printf("no ffmpeg here: its part left out\n");
@@ -197,8 +188,9 @@ static void test_ffmpeg(void)
     }
     check_error("ffmpeg reads it",
                 run("ffmpeg -v error -y -i %s -vf scale=in_color_matrix=bt709 "
-                    "-frames:v 1 %s", at("r.y4m"), at("r.png")) == 0 &&
-                image_read(&im, at("r.png"), &err) == 0,
+                    "-frames:v 1 %s", folder_at("r.y4m"),
+                    folder_at("r.png")) == 0 &&
+                image_read(&im, folder_at("r.png"), &err) == 0,
                 &err);
     printf("red comes back from y4m as %d %d %d\n", im.rgb ? im.rgb[0] : -1,
            im.rgb ? im.rgb[1] : -1, im.rgb ? im.rgb[2] : -1);
@@ -206,10 +198,11 @@ static void test_ffmpeg(void)
                im.rgb && im.rgb[0] >= 253 && im.rgb[1] <= 2 && im.rgb[2] <= 2);
     image_release(&im);
     check_error("ffmpeg reads mp4",
-                write_clip(at("r.mp4"), 32, 18, 1, 0, 0, opt, &err) == 0 &&
-                run("ffmpeg -v error -y -i %s -frames:v 1 %s", at("r.mp4"),
-                    at("s.png")) == 0 &&
-                image_read(&im, at("s.png"), &err) == 0,
+                write_clip(folder_at("r.mp4"), 32, 18, 1, 0, 0, opt,
+                           &err) == 0 &&
+                run("ffmpeg -v error -y -i %s -frames:v 1 %s",
+                    folder_at("r.mp4"), folder_at("s.png")) == 0 &&
+                image_read(&im, folder_at("s.png"), &err) == 0,
                 &err);
     check_that("pure red from mp4 through ffmpeg",
                im.rgb && im.rgb[0] > 248 && im.rgb[1] < 8 && im.rgb[2] < 8);
@@ -228,16 +221,18 @@ static void test_refusals(void)
                 err.code == EX_USAGE,
                 &err);
     check_error("alpha in a video is refused",
-                write_clip(at("x.mp4"), 2, 2, 1, 0, 0, alpha, &err) != 0 &&
+                write_clip(folder_at("x.mp4"), 2, 2, 1, 0, 0, alpha,
+                           &err) != 0 &&
                 err.code == EX_USAGE,
                 &err);
     check_error("three frames in one PNG are refused",
-                write_clip(at("one.png"), 2, 2, 1, 0, 0, plain,
+                write_clip(folder_at("one.png"), 2, 2, 1, 0, 0, plain,
                            &err) != 0 && err.code == EX_USAGE &&
                 strstr(err.text, "pattern"),
                 &err);
     check_error("a pattern with %s is refused",
-                write_clip(at("%s.png"), 2, 2, 1, 0, 0, plain, &err) != 0 &&
+                write_clip(folder_at("%s.png"), 2, 2, 1, 0, 0, plain,
+                           &err) != 0 &&
                 err.code == EX_USAGE,
                 &err);
     check_error("a missing directory is named",
@@ -252,14 +247,12 @@ static void test_refusals(void)
 
 int main(void)
 {
-    if (!mkdtemp(dir))
-        return 77;
+    folder_make();
     test_y4m_numbers();
     test_chroma();
     test_pictures();
     test_video();
     test_ffmpeg();
     test_refusals();
-    run("rm -rf %s%s", dir, "");
-    return check_status();
+    return folder_remove() || check_status();
 }

@@ -1,6 +1,7 @@
 /* What is written is read back, from memory, a file and a pipe. */
 #include "lib/stream/ahead.h"
 #include "tests/check.h"
+#include "tests/folder.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -161,22 +162,21 @@ static unsigned char *slurp(const char *path, size_t *bytes)
 
 int main(void)
 {
-    char dir[] = "/tmp/spid-test-XXXXXX", a[64], b[64], command[200];
+    const char *a, *b;
     size_t na, nb;
 
-    REQUIRE(mkdtemp(dir), "%s", err.text);
-    snprintf(a, sizeof a, "%s/a", dir);
-    snprintf(b, sizeof b, "%s/b", dir);
+    folder_make();
+    a = folder_at("a");
+    b = folder_at("b");
     big = malloc(BIG);
-    REQUIRE(big, "%s", err.text);
+    REQUIRE(big, "out of memory");
     for (size_t i = 0; i < BIG; i++)
         big[i] = (unsigned char)(i * i >> 7);
     for (int i = 0; i < 60; i++)
         mean[i / 3][i % 3] = (float)i - 30.5f;
 
     write_all(a);
-    snprintf(command, sizeof command, "%s.part", a);
-    REQUIRE(access(command, F_OK) != 0, "%s", err.text);
+    REQUIRE(access(folder_at("a.part"), F_OK) != 0, "a.part stays");
     read_all(stream_open(a, NULL, &err), b);     /* mapped */
     unsigned char *pa = slurp(a, &na), *pb = slurp(b, &nb);
     REQUIRE(na == nb && memcmp(pa, pb, na) == 0, "%s", err.text);
@@ -184,7 +184,7 @@ int main(void)
     read_all(stream_open_memory(pa, na, "memory", NULL, &err), NULL);
 
     /* Through a fifo, so that the pipe path is taken. */
-    snprintf(b, sizeof b, "%s/fifo", dir);
+    b = folder_at("fifo");
     REQUIRE(mkfifo(b, 0600) == 0, "%s", err.text);
     write_fifo(b, false);
     write_fifo(b, true);
@@ -194,6 +194,5 @@ int main(void)
     free(pa);
     free(pb);
     free(big);
-    snprintf(command, sizeof command, "rm -r %s", dir);
-    return system(command) != 0;
+    return folder_remove() || check_status();
 }

@@ -8,6 +8,7 @@
 
 #include "formats/video.h"
 #include "tests/check.h"
+#include "tests/folder.h"
 
 static const int colour[3] = { 192, 128, 96 };
 static void compare(const char *what, const uint8_t *rgb, size_t pixels)
@@ -84,25 +85,22 @@ static void to_ffmpeg(const char *dir)
 
 int main(void)
 {
-    char dir[] = "/tmp/video-colours-XXXXXX", command[300];
     const char *tags709 = "-color_range tv -colorspace bt709 "
                           "-color_primaries bt709 -color_trc bt709";
     const char *tags601 = "-color_range tv -colorspace smpte170m "
                           "-color_primaries smpte170m -color_trc smpte170m";
-    if (system("ffmpeg -version > /dev/null 2>&1") != 0 || !mkdtemp(dir)) {
+    if (system("ffmpeg -version > /dev/null 2>&1") != 0) {
         printf("no ffmpeg\n");
         return 77;
     }
-    from_ffmpeg(dir, "small-709.mp4", "320x240", "bt709", tags709);
-    from_ffmpeg(dir, "small-709.mkv", "320x240", "bt709", tags709);
-    from_ffmpeg(dir, "small-601.mp4", "320x240", "bt601", tags601);
-    from_ffmpeg(dir, "small.mp4", "320x240", "bt601", "");
-    from_ffmpeg(dir, "hd.mp4", "1280x720", "bt709", "");
-    from_ffmpeg(dir, "hd-601.mov", "1280x720", "bt601", tags601);
-    from_ffmpeg(dir, "hd-601.mkv", "1280x720", "bt601", tags601);
-    to_ffmpeg(dir);
-    snprintf(command, sizeof command, "rm -r %s", dir);
-    if (system(command) != 0)
-        printf("%s stays\n", dir);
-    return check_status();
+    folder_make();
+    from_ffmpeg(folder, "small-709.mp4", "320x240", "bt709", tags709);
+    from_ffmpeg(folder, "small-709.mkv", "320x240", "bt709", tags709);
+    from_ffmpeg(folder, "small-601.mp4", "320x240", "bt601", tags601);
+    from_ffmpeg(folder, "small.mp4", "320x240", "bt601", "");
+    from_ffmpeg(folder, "hd.mp4", "1280x720", "bt709", "");
+    from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
+    from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
+    to_ffmpeg(folder);
+    return folder_remove() || check_status();
 }
