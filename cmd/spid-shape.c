@@ -39,6 +39,7 @@ static const struct cli_usage usage = {
 
 struct program {
     struct head head;
+    struct model model;
     struct encoders nets;
     struct image picture, mask;
     struct source source;
@@ -47,13 +48,12 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096];
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+    if (option_model_open(&p->model, &err)
         || option_head_load(&p->head, head_path, &err)
-        || encoders_open(&p->nets, model, true, precision, &err))
+        || encoders_open(&p->nets, &p->model, true, precision, &err))
         die_error(&err);
-    track_options.size = (double)p->nets.config.size;
+    track_options.size = (double)p->model.config.size;
 }
 
 static void read_pictures(struct program *p, const char *path)
@@ -97,8 +97,7 @@ static void write_identity(const struct program *p)
     struct stream_writer *out = stream_create(cli.output, &err);
     struct conf conf = {
         .producer = "spid-shape", .head = &p->head,
-        .config = &p->nets.config, .model_hash = p->nets.model_hash,
-        .window = &p->source.window, .width = p->picture.width,
+        .model = &p->model, .window = &p->source.window, .width = p->picture.width,
         .height = p->picture.height
     };
 
@@ -179,6 +178,7 @@ int main(int argc, char **argv)
     image_release(&p.picture);
     image_release(&p.mask);
     encoders_release(&p.nets);
+    model_close(&p.model);
     head_release(&p.head);
     return 0;
 }

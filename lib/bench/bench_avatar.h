@@ -7,7 +7,7 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/avatar/densify.h"
-#include "lib/avatar/model.h"
+#include "lib/avatar/baker.h"
 #include "lib/avatar/records.h"
 #include "lib/bench/bench.h"
 #include "lib/head/lbs.h"
@@ -24,7 +24,8 @@ struct bench_person {
     uint8_t *mask;          /* (PERSON_SIZE,PERSON_SIZE) of the first */
     float crop[3];
     size_t at;              /* next frame */
-    struct avatar_model avatar;
+    struct model model;
+    struct baker baker;
     struct densify dense;
     struct baked baked;
     float *verts;
