@@ -8,7 +8,7 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/framesource.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"

@@ -77,7 +77,6 @@ static int read_picture(struct prepared *s, struct prepare *p,
     const struct track_options opt = {.size = (double)p->model.config.size};
     struct image picture = {0}, mask = {0};
     struct source src = {0};
-    struct person *q = &s->person;
     int rc = -1;
 
     if (image_read(&picture, path, err) ||
@@ -89,21 +88,7 @@ static int read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->disc = src.how == SOURCE_DISC;
-    q->shape = malloc((src.nshape + 1) * sizeof *q->shape);
-    if (!q->shape) {
-        error_set(err, EX_OSERR, "no memory for an identity");
-        goto out;
-    }
-    memcpy(q->shape, src.shape, src.nshape * sizeof *q->shape);
-    q->nshape = src.nshape;
-    q->rgb = src.rgb;           /* handed over */
-    q->matte = src.matte;
-    q->size = src.size;
-    src.rgb = src.matte = NULL;
-    memcpy(q->crop, src.crop, sizeof q->crop);
-    q->source = src.motion;
-    q->source.pose.exp = q->source.exp;
-    q->has_source = 1;
+    s->person = source_take_person(&src);
     rc = 0;
 out:
     source_release(&src);

@@ -8,7 +8,7 @@
 #include "lib/avatar/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 

@@ -4,10 +4,10 @@
 #define SPID_AVATAR_BAKER_H
 
 #include "lib/avatar/avatar.h"
-#include "lib/avatar/records.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
 #include "lib/model/model.h"
+#include "lib/record/person.h"
 
 struct baker {
     char hash[17];              /* of the model: see struct model */

@@ -8,9 +8,9 @@
 #include "lib/avatar/baked.h"
 #include "lib/avatar/densify.h"
 #include "lib/avatar/baker.h"
-#include "lib/avatar/records.h"
 #include "lib/bench/bench.h"
 #include "lib/head/lbs.h"
+#include "lib/record/motion.h"
 
 #define PERSON_SIZE 512
 #define PERSON_FRAMES 30    /* of the clip in memory, shown again and again */
