@@ -8,7 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/base/random.h"
 #include "lib/geom/rotation.h"
 #include "lib/net/refiner.h"
