@@ -44,12 +44,14 @@ LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
 
 # ---- sources: a new file is found by where it lies -------------------------
 
-LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c cmd/cli.c cmd/options*.c))
+LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c))
 LIB_CC  := $(sort $(wildcard formats/*.cc))
 TMPL_C  := $(filter %_tmpl.c,$(LIB_C))
 PLAIN_C := $(filter-out %_tmpl.c,$(LIB_C))
 PROGRAMS := $(patsubst cmd/%.c,$(BUILD)/bin/%,\
               $(sort $(wildcard cmd/spid.c cmd/spid-*.c)))
+# What the programs share; not part of the library.
+SHARED  := $(filter-out cmd/spid%,$(sort $(wildcard cmd/*.c)))
 UNIT    := $(patsubst tests/%.c,$(BUILD)/tests/%,\
               $(sort $(wildcard tests/unit/*.c)))
 GOLDEN_C := $(sort $(wildcard tests/golden/*.c))
@@ -68,6 +70,7 @@ TMPL_avx512   := -DISA_AVX512 -mavx512f -mavx512bw -mavx512vl -mavx512dq \
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
+CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
 
@@ -81,7 +84,7 @@ $(HEAD): $(BUILD)/bin/spid-head
 
 # make V=1 shows the commands themselves.
 ifeq ($(V),)
-SAY := @printf '%-4s%s\n'
+SAY := @printf '%-5s%s\n'
 MAKEFLAGS += --silent
 else
 SAY := @:
@@ -110,14 +113,16 @@ endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 
 $(LIB): $(OBJS)
+$(CMD): $(SHARED:%.c=$(BUILD)/obj/%.o)
+$(LIB) $(CMD):
 	@rm -f $@
 	$(SAY) AR $@
 	ar rcs $@ $^
 
-$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(LIB)
+$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(CMD) $(LIB)
 	@mkdir -p $(@D)
 	$(SAY) LD $@
-	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
+	$(CXX) $(BASE) $(LDFLAGS) $< $(CMD) $(LIB) $(LIBS) -o $@
 
 $(BUILD)/tests/unit/%: $(BUILD)/obj/tests/unit/%.o $(LIB)
 	@mkdir -p $(@D)

@@ -118,9 +118,9 @@ static void open_models(void)
                                       &err)) ||
         prepare_open(&models, model, head_path ? head_path : head, &err))
         die_error(&err);
-    track_options.size = (double)models.nets.config.size;
-    animate_options.size = models.nets.config.size;
-    animate_options.model = models.model_path;
+    track_options.size = (double)models.model.config.size;
+    animate_options.size = models.model.config.size;
+    animate_options.model = &models.model;
     animate_options.workers = cli.threads > 0 ? cli.threads
                                               : omp_get_max_threads();
     animate_options.closed = closed_mm < 0 ? BAKED_CLOSED

@@ -310,14 +310,15 @@ static int judge_model(struct table *t, const struct head *h)
                       : opt.rows < opt.count  ? (size_t)opt.rows
                                               : (size_t)opt.count,
         .progress = advance};
-    char path[PATH];
+    struct model model;
     uint8_t *rgb;
     size_t H, W;
     int rc;
 
-    if (cli_find_model("model.safetensors", path, sizeof path, &err) ||
-        subject_init(&s, path, h, &err))
+    if (option_model_open(&model, &err) ||
+        subject_init(&s, &model, h, &err))
         die_error(&err);
+    model_close(&model);
     s.truth = opt.truth;
     rc = people_judge(t, &sheet, &s, &po, &err);
     progress_end();
@@ -338,7 +339,7 @@ static int judge_model(struct table *t, const struct head *h)
 static void open_judge(struct judge *j)
 {
     struct error err = {0};
-    char model[PATH];
+    struct model model = {0};
 
     if (opt.frames_tsv && !(j->tsv = fopen(opt.frames_tsv, "w")))
         die(EX_CANTCREAT, "%s: %s", opt.frames_tsv, strerror(errno));
@@ -349,12 +350,13 @@ static void open_judge(struct judge *j)
         j->nets.lpips = &j->lpips;
     }
     if (opt.arcface) {
-        bool found = !cli_find_model("model.safetensors", model,
-                                     sizeof model, &err);
+        bool found = option_model_open(&model, &err) == 0;
 
-        if (likeness_init(&j->likeness, opt.arcface, found ? model : NULL,
+        if ((!found && err.code != EX_NOINPUT) ||
+            likeness_init(&j->likeness, opt.arcface, found ? &model : NULL,
                           j->head.V ? &j->head : NULL, &err))
             die_error(&err);
+        model_close(&model);
         j->nets.likeness = &j->likeness;
     }
 }

@@ -8,7 +8,7 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/framesource.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
@@ -54,6 +54,7 @@ struct program {
     struct head head;
     struct person person;
     struct identity id;
+    struct model model;
     struct encoders nets;
     struct track track;
     struct framesource *in;
@@ -68,16 +69,15 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096];
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+    if (option_model_open(&p->model, &err)
         || option_head_load(&p->head, head_path, &err)
-        || encoders_open(&p->nets, model, false, precision, &err)
+        || encoders_open(&p->nets, &p->model, false, precision, &err)
         || (identity_path && person_load(&p->person, identity_path,
                                          p->head.nexp, &err))
         || person_fold(&p->id, &p->head, &p->person, &err))
         die_error(&err);
-    track_options.size = (double)p->nets.config.size;
+    track_options.size = (double)p->model.config.size;
 }
 
 static void open_input(struct program *p, char **name, int count)
@@ -157,7 +157,7 @@ static void start(struct program *p)
     double begun = stats_begin();
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head,
-        .config = &p->nets.config, .model_hash = p->nets.model_hash
+        .model = &p->model
     };
 
     if (driver_start(&p->driver, draw_searched, p, &err)) {
@@ -269,6 +269,7 @@ int main(int argc, char **argv)
     driver_release(&p.driver);
     track_release(&p.track);
     encoders_release(&p.nets);
+    model_close(&p.model);
     overlay_release(&p.overlay);
     framesource_close(p.in);
     identity_release(&p.id);

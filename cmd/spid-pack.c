@@ -12,6 +12,7 @@
 #include "formats/recordply.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/half.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path;

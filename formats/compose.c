@@ -3,8 +3,8 @@
 #include <string.h>
 
 #include "formats/framesink.h"
-#include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/half.h"
 
 static uint8_t level(float v)
 {

@@ -9,7 +9,7 @@
 #include <sysexits.h>
 
 #include "formats/outfile.h"
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 
 /* ---- writing ------------------------------------------------------------ */
 

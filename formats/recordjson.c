@@ -7,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/stream/schema.h"
 #include "lib/stream/stats.h"
 

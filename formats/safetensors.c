@@ -15,6 +15,7 @@
 #include <unistd.h>
 
 #include "lib/base/file.h"
+#include "lib/base/half.h"
 
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
 

@@ -8,7 +8,6 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/base/half.h"
 
 enum st_dtype {
     ST_U8, ST_I8, ST_I32, ST_I64, ST_F16, ST_BF16, ST_F32, ST_F64

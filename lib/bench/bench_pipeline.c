@@ -226,7 +226,7 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
         .window = {middle, middle, PERSON_SIZE}, .once = v->once
     };
     const struct animate_options opt = {
-        .size = PERSON_SIZE, .model = s->b->model, .star = v->star,
+        .size = PERSON_SIZE, .model = &s->model, .star = v->star,
         .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
         .closed = BAKED_CLOSED, .precision = v->type
     };
@@ -239,7 +239,7 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
     if (!p->sink ||
-        encoders_open(&p->nets, s->b->model, false, motion, err) ||
+        encoders_open(&p->nets, &s->model, false, motion, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
         (v->video && make_video(p, err)) ||
@@ -396,7 +396,7 @@ static int bench_all(struct pipeline *l, struct error *err)
             return error_set(err, EX_OSERR, "no memory for pictures");
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
-        baked_from_avatar(&s->baked, &s->avatar.avatar, err))
+        baked_from_avatar(&s->baked, &s->baker.avatar, err))
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)

@@ -1,3 +1,4 @@
+#include "lib/base/half.h"
 #include "lib/bench/bench.h"
 
 #include <math.h>
@@ -6,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
 #include "lib/bench/bench_splat.h"
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"

@@ -9,7 +9,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/base/cpu.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/synth/synth.h"

@@ -4,24 +4,10 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
 #include "lib/geom/camera.h"
 #include "lib/train/shaper.h"
 
 #define N MOTION_ENCODER_SIZE
-
-static int read_config(struct subject *s, const struct safetensors *st,
-                       struct error *err)
-{
-    const char *json = st_meta(st, "spid");
-
-    if (!json)
-        return error_set(err, EX_DATAERR, "%s: no metadata \"spid\" "
-                         "(expected a model's configuration)", st_path(st));
-    if (avatar_config_parse(&s->config, json, err))
-        return error_prefix(err, "%s", st_path(st));
-    return 0;
-}
 
 static int declare(struct subject *s, struct error *err)
 {
@@ -65,24 +51,20 @@ static int plan_alone(struct subject *s, struct error *err)
     return 0;
 }
 
-int subject_init(struct subject *s, const char *path, const struct head *h,
-                 struct error *err)
+int subject_init(struct subject *s, const struct model *m,
+                 const struct head *h, struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
     int rc = -1;
 
     memset(s, 0, sizeof *s);
-    if (!st)
-        return -1;
+    s->config = m->config;
     s->head = h;
     s->crop = malloc(N * N * 3 * sizeof *s->crop);
     if (!s->crop)
         error_set(err, EX_OSERR, "out of memory");
-    else if (!read_config(s, st, err) && !declare(s, err) &&
-             !params_load(&s->ps, st, "", err) && !plan(s, err) &&
+    else if (!declare(s, err) && !model_load(&s->ps, m, "", err) && !plan(s, err) &&
              !plan_alone(s, err))
         rc = 0;
-    st_close(st);
     if (rc)
         subject_release(s);
     return rc;

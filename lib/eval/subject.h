@@ -9,6 +9,7 @@
 #include "lib/avatar/avatar.h"
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
+#include "lib/model/model.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/track/looks.h"
@@ -39,9 +40,10 @@ struct subject {
 
 enum { SUBJECT_TRUE_SHAPE = 1, SUBJECT_TRUE_MOTION = 2 };
 
-/* Load the model file; head must be the one it was trained with. */
-int subject_init(struct subject *s, const char *path, const struct head *h,
-                 struct error *err);
+/* Load the model, which may be closed afterwards; head must be the one it was
+ * trained with. */
+int subject_init(struct subject *s, const struct model *m,
+                 const struct head *h, struct error *err);
 void subject_release(struct subject *s);
 
 /* beta of the face in crop q of f, folded into id (released first). */

@@ -10,6 +10,7 @@
 #include "formats/png.h"
 #include "formats/splatfile.h"
 #include "lib/geom/camera.h"
+#include "lib/record/mesh.h"
 
 /* ---- names -------------------------------------------------------------- */
 
@@ -248,21 +249,25 @@ static int take_motion(struct export *x, const struct record *rec,
 static int write_obj(struct export *x, const struct record *rec,
                      struct error *err)
 {
-    const size_t dims[2] = {x->head.V, 3};
+    struct mesh mesh;
     char path[4096];
     int rc = -1;
 
     if (!wanted(path, sizeof path, x, x->opt.obj, rec, &x->done.obj))
         return 0;
-    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, dims, err);
+    if (mesh_read(&mesh, rec, err))
+        return -1;
+    if (mesh.V != x->head.V)
+        return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
+                         "%zu, the head's)", mesh.V, x->head.V);
     float *metres = malloc(6 * x->head.V * sizeof *metres);
-    if (verts && metres) {
+    if (metres) {
         for (size_t i = 0; i < 3 * x->head.V; i++)
-            metres[i] = verts[i] / x->head.scale;
+            metres[i] = mesh.verts[i] / x->head.scale;
         head_normals(metres + 3 * x->head.V, &x->head, metres);
         rc = obj_write(path, metres, metres + 3 * x->head.V, NULL, x->head.V,
                        x->head.f, x->head.F, err);
-    } else if (verts) {
+    } else {
         error_set(err, EX_OSERR, "out of memory for a mesh");
     }
     x->done.obj = true;

@@ -1,10 +1,9 @@
 #include "lib/geom/preview.h"
 
 #include <math.h>
-#include <png.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
 enum { SS = 2 };              /* samples per pixel along each axis */
 
@@ -156,7 +155,7 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
     c.depth = malloc(n * sizeof *c.depth);
     c.rgb = malloc(n * 3 * sizeof *c.rgb);
     if (!p || !nrm || !c.depth || !c.rgb) {
-        error_set(err, 71, "out of memory for a preview of %zux%zu", w, h);
+        error_set(err, EX_OSERR, "out of memory for a preview of %zux%zu", w, h);
         goto out;
     }
     for (size_t i = 0; i < n; i++) {
@@ -177,14 +176,4 @@ out:
     free(c.depth);
     free(c.rgb);
     return rc;
-}
-
-int preview_write_png(const char *path, const uint8_t *rgb, size_t w,
-                      size_t h, struct error *err)
-{
-    png_image im = { .version = PNG_IMAGE_VERSION, .width = (png_uint_32)w,
-                     .height = (png_uint_32)h, .format = PNG_FORMAT_RGB };
-    if (!png_image_write_to_file(&im, path, 0, rgb, 0, NULL))
-        return error_set(err, 73, "%s: %s", path, im.message);
-    return 0;
 }

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/image.h"
 #include "lib/base/random.h"
 #include "lib/geom/preview.h"
 #include "lib/head/head.h"
@@ -126,7 +127,7 @@ int sculpt_sheet(const char *path, const struct sculpt *s, size_t size,
     colors(color, s);
     if (head_init(&h, &a, err) == 0 &&
         draw_cells(rgb, verts, color, &h, size, err) == 0)
-        rc = preview_write_png(path, rgb, ACROSS * size, DOWN * size, err);
+        rc = image_write_png(path, rgb, ACROSS * size, DOWN * size, 3, err);
     head_release(&h);
 out:
     free(rgb);

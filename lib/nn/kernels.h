@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/isa.h"
 
 struct depthwise;
@@ -118,7 +119,11 @@ struct nn_kernels {
     size_t lanes;        /* floats in a vector */
 };
 
+/* The kernels for this processor and $SPID_CPU. */
 const struct nn_kernels *nn_kernels(void);
+/* Those of one level, for tests and benches; the caller sees to it that the
+ * processor has it (cpu_level). */
+const struct nn_kernels *nn_kernels_at(enum cpu_level level);
 
 #define X(type, name, args)                                                  \
     type name##_baseline args;                                               \

@@ -10,6 +10,7 @@
 
 #include "formats/image.h"
 #include "lib/metric/motion.h"
+#include "lib/record/motion.h"
 #include "lib/report/clips.h"
 #include "lib/report/html.h"
 #include "lib/stream/stream.h"
@@ -158,24 +159,21 @@ static int curves_grow(struct motion_curves *m)
 static int curves_add(struct motion_curves *m, const struct record *rec,
                       struct error *err)
 {
-    static const size_t d33[] = {3, 3}, d3[] = {3}, d2[] = {2};
-    const float *R = record_get(rec, "rot", DTYPE_F32, 2, d33, err);
-    const float *jaw = record_get(rec, "jaw", DTYPE_F32, 1, d3, err);
-    const float *lid = record_get(rec, "lid", DTYPE_F32, 1, d2, err);
+    struct motion now;
     double angles[3];
 
-    if (!R || !jaw || !lid)
+    if (motion_read(&now, rec, 0, err))
         return -1;
     if (curves_grow(m))
         return error_set(err, EX_OSERR, "out of memory for %zu frames",
                          m->n);
-    metric_euler_degrees(angles, R);
+    metric_euler_degrees(angles, now.R);
     m->time[m->n] = rec->time;
     for (int k = 0; k < 3; k++)
         m->y[YAW + k][m->n] = angles[k];
-    m->y[JAW][m->n] = metric_jaw_open(jaw);
-    m->y[LID_LEFT][m->n] = lid[0];
-    m->y[LID_RIGHT][m->n] = lid[1];
+    m->y[JAW][m->n] = metric_jaw_open(now.pose.jaw);
+    m->y[LID_LEFT][m->n] = now.pose.lid[0];
+    m->y[LID_RIGHT][m->n] = now.pose.lid[1];
     m->n++;
     return 0;
 }

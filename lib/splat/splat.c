@@ -7,12 +7,18 @@
 #include <sys/mman.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/isa.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"
 
 #define ALIGN 64
+
+#ifdef SPID_X86
+#define SPLAT_FIXED16 true     /* the kernels multiply 16-bit numbers */
+#else
+#define SPLAT_FIXED16 false
+#endif
 
 struct splat_camera splat_camera_square(const float rt[12], int size,
                                         float focal)
@@ -70,7 +76,13 @@ const struct splat_kernels *splat_kernels(enum cpu_level level)
 
 size_t splat_work_size(void)
 {
-    return splat_work_size_baseline();
+    size_t most = splat_work_size_baseline();
+
+#ifdef SPID_X86
+    most = most > splat_work_size_avx2() ? most : splat_work_size_avx2();
+    most = most > splat_work_size_avx512() ? most : splat_work_size_avx512();
+#endif
+    return most;
 }
 
 /* ---- memory -------------------------------------------------------------- */
@@ -139,7 +151,7 @@ static size_t cloud_layout(struct splat *s, char *base, size_t n)
     st->loaded_mean = carve(base, &used, 3 * row);
     st->table = NULL;
     st->fixed = NULL;
-    if (st->row && s->opt.fixed16 && st->level == CPU_AVX512)
+    if (st->row && s->opt.fixed16 && SPLAT_FIXED16)
         st->fixed = carve(base, &used, n * 32 * sizeof *st->fixed);
     if (st->row && (!st->fixed || s->opt.gradients))
         st->table = carve(base, &used, (size_t)st->row * row);

@@ -6,7 +6,7 @@
 #include "lib/base/cpu.h"
 #include "lib/splat/splat.h"
 
-#define TILE 16                /* pixels; a tile is 4 x 4 blocks of 4 x 4 */
+#define TILE 16                /* pixels; a tile is 4 rows of blocks */
 #define CHUNK 256              /* list entries a tile works on at a time */
 #define PAD 16                 /* arrays of Gaussians are whole vectors */
 #define HIDDEN UINT32_MAX      /* key of a Gaussian that is not drawn */

@@ -2,7 +2,7 @@
 
 #include <math.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 
 double array_value(const struct array *a, size_t i)
 {

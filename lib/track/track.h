@@ -10,11 +10,11 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/avatar/records.h"
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
+#include "lib/record/motion.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/looks.h"
 #include "lib/track/oneeuro.h"

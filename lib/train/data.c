@@ -9,6 +9,8 @@
 #include <sysexits.h>
 
 #include "lib/stream/stream.h"
+#include "lib/record/motion.h"
+#include "lib/record/shape.h"
 
 struct data_reader {
     const char *const *names;  /* as given: files, folders, "-" */
@@ -130,29 +132,20 @@ void data_close(struct data_reader *r)
 
 /* ---- records ----------------------------------------------------------- */
 
-static int copy_array(float *out, const struct record *rec, const char *name,
-                      int ndim, size_t d0, size_t d1, struct error *err)
-{
-    size_t dims[4] = {d0, d1, 0, 0};
-    const void *p = record_get(rec, name, DTYPE_F32, ndim, dims, err);
-
-    if (!p)
-        return -1;
-    memcpy(out, p, d0 * (ndim > 1 ? d1 : 1) * sizeof *out);
-    return 0;
-}
-
 static int take_shape(struct data_reader *r, const struct record *rec,
                       struct error *err)
 {
-    const struct array *id = record_find(rec, "person");
+    struct shape s;
 
-    if (record_check_finite(rec, err) ||
-        copy_array(r->shape, rec, "shape", 1, DATA_SHAPE, 0, err))
+    if (shape_read(&s, rec, err))
         return -1;
+    if (s.n != DATA_SHAPE)
+        return error_set(err, EX_DATAERR, "SHAP shape is f32[%zu] (expected "
+                         "f32[%d])", s.n, DATA_SHAPE);
+    memcpy(r->shape, s.beta, sizeof r->shape);
     r->id = (int)r->people++;
-    if (id && id->dtype == DTYPE_I32 && array_count(id) == 1)
-        memcpy(&r->id, id->data, sizeof r->id);
+    if (s.person)
+        r->id = *s.person;
     r->have_shape = 1;
     r->have_motion = 0;
     return 0;
@@ -161,17 +154,22 @@ static int take_shape(struct data_reader *r, const struct record *rec,
 static int take_motion(struct data_reader *r, const struct record *rec,
                        struct error *err)
 {
-    struct data_motion *m = &r->next.motion;
+    struct data_motion *to = &r->next.motion;
+    struct motion m;
+    int found;
 
-    if (record_check_finite(rec, err) ||
-        copy_array(m->rot, rec, "rot", 2, 3, 3, err) ||
-        copy_array(m->trans, rec, "trans", 1, 3, 0, err) ||
-        copy_array(m->exp, rec, "exp", 1, DATA_EXP, 0, err) ||
-        copy_array(m->jaw, rec, "jaw", 1, 3, 0, err) ||
-        copy_array(m->lid, rec, "lid", 1, 2, 0, err) ||
-        copy_array(m->eye, rec, "eye", 1, 6, 0, err) ||
-        copy_array(&r->next.lmk[0][0], rec, "lmk", 2, 68, 2, err))
+    if (motion_read(&m, rec, DATA_EXP, err) ||
+        (found = motion_read_landmarks(r->next.lmk, rec, err)) < 0)
         return -1;
+    if (!found)
+        return error_set(err, EX_DATAERR, "MOTN has no array 'lmk' (expected "
+                         "f32[68,2])");
+    memcpy(to->rot, m.R, sizeof to->rot);
+    memcpy(to->trans, m.t, sizeof to->trans);
+    memcpy(to->exp, m.exp, sizeof to->exp);
+    memcpy(to->jaw, m.pose.jaw, sizeof to->jaw);
+    memcpy(to->lid, m.pose.lid, sizeof to->lid);
+    memcpy(to->eye, m.pose.eye, sizeof to->eye);
     r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
     r->have_motion = 1;
     return 0;

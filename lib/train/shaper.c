@@ -2,11 +2,18 @@
 
 #include <string.h>
 
-int shaper_open(struct shaper *s, const char *model, const struct head *h,
+int shaper_open(struct shaper *s, const char *path, const struct head *h,
                 struct error *err)
 {
+    struct model model;
+    int rc;
+
     memset(s, 0, sizeof *s);
-    if (encoders_open(&s->encoders, model, true, NN_F32, err))
+    if (model_open(&model, path, err))
+        return -1;
+    rc = encoders_open(&s->encoders, &model, true, NN_F32, err);
+    model_close(&model);
+    if (rc)
         return -1;
     if (looks_init(&s->looks, &s->encoders.shape, h, err) == 0 &&
         shape_place_init(&s->place, h, h->nshape < DATA_SHAPE ? h->nshape

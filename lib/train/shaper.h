@@ -16,7 +16,7 @@ struct shaper {
 };
 
 /* E_beta of a model file, for people with head h (borrowed). */
-int shaper_open(struct shaper *s, const char *model, const struct head *h,
+int shaper_open(struct shaper *s, const char *path, const struct head *h,
                 struct error *err);
 void shaper_close(struct shaper *s);
 

@@ -9,16 +9,7 @@
 #include "lib/train/adam.h"
 #include "lib/train/losses.h"
 #include "lib/train/trainee.h"
-
-static int failed;
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    printf("%-44s %.9g, expected %.9g (at most %.1e)\n", what, got, want,
-           tol);
-    if (!(fabs(got - want) <= tol))
-        failed = 1;
-}
+#include "tests/check.h"
 
 enum { H = 21, W = 26, NV = 3 * H * W };
 
@@ -153,5 +144,5 @@ int main(void)
     check_loss(4, "pyramid, box");
     check_loss(5, "pyramid, one pixel wide");
     check_adam();
-    return failed;
+    return check_status();
 }

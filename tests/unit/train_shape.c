@@ -13,19 +13,9 @@
 #include "lib/nn/params.h"
 #include "lib/track/looks.h"
 #include "lib/train/shape_loss.h"
+#include "tests/check.h"
 
 enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-58s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 static void die(const struct error *err)
 {
@@ -187,8 +177,7 @@ static void test_mirror(const struct head *h, const struct sculpt *s)
     struct error err;
 
     if (!a || !b || head_mirror_shape(&across, h, &err) != 1) {
-        printf("the built-in head has no mirror image: FAILED\n");
-        failed = 1;
+        check_that("the built-in head has a mirror image", false);
         goto out;
     }
     random_init(&r, 4, "mirror");
@@ -259,8 +248,7 @@ static void test_motion(const struct head *h, const struct sculpt *s)
     struct error err;
 
     if (!x || !y || motion_mirror_init(&across, h, &err) != 1) {
-        printf("expressions have no mirror images: FAILED\n");
-        failed = 1;
+        check_that("expressions have mirror images", false);
         goto out;
     }
     random_init(&r, 6, "motion");
@@ -371,5 +359,5 @@ int main(void)
     test_looks(&h);
     head_release(&h);
     sculpt_release(&s);
-    return failed;
+    return check_status();
 }

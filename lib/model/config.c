@@ -1,4 +1,4 @@
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 
 #include <cjson/cJSON.h>
 #include <math.h>

@@ -17,8 +17,8 @@
  *
  * Keys left out take the paper's values (rgb_skip and public_quirks: false;
  * refiner: none).  Keys of other producers are ignored. */
-#ifndef SPID_AVATAR_CONFIG_H
-#define SPID_AVATAR_CONFIG_H
+#ifndef SPID_MODEL_CONFIG_H
+#define SPID_MODEL_CONFIG_H
 
 #include <stdbool.h>
 #include <stddef.h>
