@@ -147,7 +147,8 @@ static int open_source(struct clip *c, struct error *err)
                              "background", c->job->source);
         background_release(&background);
         return background_from_source(&background, s->person.rgb,
-                                      s->person.matte, s->person.size, err);
+                                      s->person.matte, s->person.back,
+                                      s->person.size, err);
     }
     return 0;
 }

@@ -46,10 +46,11 @@ void background_release(struct background *bg);
  * with the person filled in from around him. */
 int background_from_identity(struct background *bg, const char *path,
                              struct error *err);
-/* The same from the picture rgb [n,n,3] and its matte [n,n]. */
+/* The same from the picture rgb [n,n,3], its matte [n,n] and its background
+ * back [n,n,3] (NULL: filled in here). */
 int background_from_source(struct background *bg, const uint8_t *rgb,
-                           const uint8_t *matte, size_t n,
-                           struct error *err);
+                           const uint8_t *matte, const uint8_t *back,
+                           size_t n, struct error *err);
 
 struct framesink_options {
     const char *path;       /* "-": standard output; for PNG and EXR a

@@ -19,6 +19,7 @@ struct person {
     float *shape;               /* (nshape) beta */
     size_t nshape;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
+    uint8_t *back;              /* (size,size,3) what the person hides */
     size_t size;
     float crop[3];              /* of the source picture in its file */
     struct motion source;       /* the source's own motion */

@@ -10,6 +10,7 @@ static const struct schema table[] = {
     { "SRCI", "rgb", "u8", "H,W,3", true, "sRGB source crop" },
     { "SRCI", "matte", "u8", "H,W", true, "coverage, 255 is the person" },
     { "SRCI", "crop", "f32", "3", true, "centre x, y and size, pixels" },
+    { "SRCI", "back", "u8", "H,W,3", false, "what the person hides, sRGB" },
     { "SHAP", "shape", "f32", "*", true, "beta, standard deviations" },
     { "SHAP", "person", "i32", "1", false, "number of the person" },
     { "MOTN", "rot", "f32", "3,3", true, "R of x_cam = R x + t" },

@@ -36,6 +36,19 @@ static void texture_cut(uint8_t *out, const uint8_t *rgb,
     }
 }
 
+void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
+                      const uint8_t *back, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        uint8_t own[4];
+
+        texture_cut(own, rgb + 3 * i, matte + i, back + 3 * i, 1);
+        for (size_t c = 0; c < 3; c++)
+            out[3 * i + c] = matte[i] ? (uint8_t)(255 * own[c] / matte[i])
+                                      : rgb[3 * i + c];
+    }
+}
+
 /* out (s,s,4) = means of two by two pixels of in (2s or 2s+1 wide). */
 static void texture_halve(uint8_t *out, const uint8_t *in, size_t s,
                           size_t width)

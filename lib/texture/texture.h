@@ -38,6 +38,11 @@ int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err);
 void texture_release(struct texture *t);
 
+/* The person's colours themselves, out (n,3): what rgb would show without the
+ * background, rgb where the matte is 0. */
+void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
+                      const uint8_t *back, size_t n);
+
 /* photo (size,size,5) of a picture of size by size pixels.
  *   place (size,size,3)  the blended places (place.h)
  *   alpha (size,size)    coverage

@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
 #include "lib/track/looks.h"
@@ -100,7 +101,8 @@ static int cut_window(struct source *s, const struct image *im,
 
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
-    if (!s->person.rgb || !s->person.matte)
+    s->person.back = malloc(3 * S * S);
+    if (!s->person.rgb || !s->person.matte || !s->person.back)
         return error_set(err, EX_OSERR, "no memory for the source crop");
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
                         3 * im->width, 3, s->window);
@@ -143,18 +145,19 @@ static void inside_mask(uint8_t *inside, const struct source *s,
 }
 
 /* Pixel (x,y) as row `from` above it has it: of the person, the mean over a
- * stretch that grows with the distance. */
-static void smear(struct source *s, size_t x, size_t y, size_t from)
+ * stretch that grows with the distance, before the background. */
+static void source_smear(struct source *s, size_t x, size_t y, size_t from)
 {
     const size_t n = s->person.size, r = (y - from) / 4;
     const size_t lo = x > r ? x - r : 0, hi = x + r < n ? x + r : n - 1;
     const uint8_t *matte = s->person.matte + from * n;
     const uint8_t *above = s->person.rgb + 3 * from * n;
+    const uint8_t *back = s->person.back + 3 * (y * n + x);
     uint8_t *rgb = s->person.rgb + 3 * (y * n + x);
-    unsigned sum[3] = {0}, weight = 0;
+    unsigned sum[3] = {0}, weight = 0, m = matte[x];
 
     s->person.matte[y * n + x] = matte[x];
-    memcpy(rgb, above + 3 * x, 3);
+    memcpy(rgb, back, 3);
     if (!matte[x])
         return;
     for (size_t k = lo; k <= hi; k++) {
@@ -163,25 +166,49 @@ static void smear(struct source *s, size_t x, size_t y, size_t from)
             sum[c] += (unsigned)matte[k] * above[3 * k + c];
     }
     for (size_t c = 0; c < 3; c++)
-        rgb[c] = (uint8_t)(sum[c] / weight);
+        rgb[c] = (uint8_t)((m * sum[c] / weight + (255 - m) * back[c] + 127) /
+                           255);
 }
 
-/* What the window shows beyond the picture is black and nobody: but shoulders
- * that leave the picture below go on as they left it, three rows above its
- * edge, where no black is mixed in. */
-static void continue_body(struct source *s, const uint8_t *inside)
+/* What the window shows beyond the picture is nobody: but shoulders that leave
+ * the picture below go on as they left it, three rows above its edge, where no
+ * black is mixed in. */
+static void source_continue_body(struct source *s, const uint8_t *inside)
 {
     const size_t n = s->person.size;
     size_t end = n;
 
     while (end > 0 && !memchr(inside + (end - 1) * n, 255, n))
         end--;
-    for (size_t i = 0; i < n * n; i++)
-        if (!inside[i])
-            s->person.matte[i] = 0;
     for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
         for (size_t x = 0; x < n; x++)
-            smear(s, x, y, end - 3);
+            source_smear(s, x, y, end - 3);
+}
+
+/* Person and background apart, and both beyond the picture's edges.  Only a
+ * matte that was guessed is changed at its border. */
+static int source_split(struct source *s, const struct image *im,
+                        struct error *err)
+{
+    struct person *p = &s->person;
+    const bool guessed = s->how == SOURCE_GRABCUT || s->how == SOURCE_DISC;
+    uint8_t *inside = malloc(p->size * p->size);
+    int rc;
+
+    if (!inside)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    inside_mask(inside, s, im);
+    for (size_t i = 0; i < p->size * p->size; i++)
+        if (!inside[i])
+            p->matte[i] = 0;
+    rc = guessed ? layers_split(p->matte, p->back, p->rgb, inside, p->size,
+                                err)
+                 : layers_fill(p->back, p->rgb, p->matte, inside, p->size,
+                               err);
+    if (rc == 0)
+        source_continue_body(s, inside);
+    free(inside);
+    return rc;
 }
 
 static int matte_from_colours(struct source *s, const struct image *im,
@@ -205,11 +232,6 @@ static int matte_from_colours(struct source *s, const struct image *im,
     rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
                        inside, s->person.size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
-    if (rc == 0 && !fallback)
-        rc = matte_unmix(s->person.rgb, s->person.matte, inside,
-                         s->person.size, err);
-    if (rc == 0 && !fallback)
-        continue_body(s, inside);
 out:
     overlay_release(&o);
     identity_release(&id);
@@ -240,6 +262,8 @@ static int make_matte(struct source *s, const struct image *im,
     } else {
         rc = matte_from_colours(s, im, head, err);
     }
+    if (rc == 0)
+        rc = source_split(s, im, err);
     s->matte_s = cpu_seconds() - begun;
     return rc;
 }
