@@ -88,6 +88,7 @@ static int read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->disc = src.how == SOURCE_DISC;
+    s->damaged = picture.damaged;
     q->shape = malloc((src.nshape + 1) * sizeof *q->shape);
     if (!q->shape) {
         error_set(err, EX_OSERR, "no memory for an identity");
