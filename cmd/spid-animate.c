@@ -136,6 +136,9 @@ static int open_source(struct clip *c, struct error *err)
 
     if (prepare_source(&c->source, &models, c->job->source, mask_path, err))
         return -1;
+    if (s->damaged)
+        warn("%s: the picture is damaged or cut short: what is missing is grey",
+             c->job->source);
     if (s->disc)
         warn("%s: no outline of the person found: the matte is a disc about "
              "the head (--mask FILE gives a better one)", c->job->source);
@@ -208,6 +211,9 @@ static void close_clip(struct clip *c, int failed)
     live_stop(&c->live);
     track_release(&c->track);
     identity_release(&c->mean);
+    if (c->frames && framesource_damaged(c->frames))
+        warn("%s: %zu pictures are damaged or cut short: what is missing is "
+             "grey", c->job->driver, framesource_damaged(c->frames));
     framesource_close(c->frames);
     if (failed)
         framesink_abandon(c->sink);

@@ -239,6 +239,9 @@ static int finish(struct program *p, int rc, struct error *err)
     if (p->lost)
         warn("%s: no face in %zu frames in all", framesource_name(p->in),
              p->lost);
+    if (framesource_damaged(p->in))
+        warn("%zu pictures are damaged or cut short: what is missing is grey",
+             framesource_damaged(p->in));
     return 0;
 }
 
