@@ -27,8 +27,10 @@ static const struct cli_option options[] = {
                   "portrait window (default: about the first face)"),
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"once", 0, CLI_FLAG, &track_options.once, 0, 0, NULL,
-     "no second look at the face, in a mirror: faster, less exact", NULL},
+    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "no test-time augmentation of the encoder: faster, less exact", NULL},
+    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "the same as --no-tta", NULL},
     {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE",
      "write a video of crop, landmarks and mesh on the frames", NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
@@ -44,7 +46,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-motion", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--once] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
+    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
     "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
     "estimate head motion from video, pictures or piped frames", options
@@ -237,6 +239,9 @@ static int finish(struct program *p, int rc, struct error *err)
     if (p->lost)
         warn("%s: no face in %zu frames in all", framesource_name(p->in),
              p->lost);
+    if (framesource_damaged(p->in))
+        warn("%zu pictures are damaged or cut short: what is missing is grey",
+             framesource_damaged(p->in));
     return 0;
 }
 

@@ -64,6 +64,9 @@ static void read_pictures(struct program *p, const char *path)
     if (image_read(&p->picture, path, &err)
         || (mask_path && image_read(&p->mask, mask_path, &err)))
         die_error(&err);
+    if (p->picture.damaged)
+        warn("%s: the picture is damaged or cut short: what is missing is grey",
+             path);
     stats_end("decode", begun);
 }
 

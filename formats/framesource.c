@@ -35,6 +35,7 @@ struct framesource {
     int num, den;                  /* rate */
     uint8_t *rgb, *planes;
     size_t rgb_room, planes_room;
+    size_t damaged;                /* pictures */
 };
 
 /* ---- the list of inputs ----------------------------------------------- */
@@ -394,6 +395,7 @@ static int read_image(struct framesource *s, struct frame *f,
         return 0;
     if (image_read(&im, s->name, err) != 0)
         return -1;
+    s->damaged += im.damaged;
     free(im.alpha);
     free(s->rgb);
     s->rgb = im.rgb;
@@ -511,6 +513,11 @@ size_t framesource_total(const struct framesource *s)
     if (s->kind == KIND_VIDEO && s->count == 1)
         return video_frames(s->video);
     return s->kind == KIND_IMAGE ? s->count : 0;
+}
+
+size_t framesource_damaged(const struct framesource *s)
+{
+    return s->damaged;
 }
 
 const char *framesource_name(const struct framesource *s)

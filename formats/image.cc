@@ -209,6 +209,10 @@ static int read_any(struct image *im, const char *path,
     if (check_spec(in->spec(), io, path, err) != 0
         || read_levels(pix, *in, path, err) != 0)
         return -1;
+    /* libjpeg fills up what is missing and only leaves a message */
+    im->damaged = in->has_error();
+    if (im->damaged)
+        (void)in->geterror();
     return fill(im, pix, in->spec(), err);
 }
 
@@ -238,33 +242,6 @@ int image_read(struct image *im, const char *path, struct error *err)
             return 0;
     } catch (const std::exception &e) {
         error_set(err, EX_DATAERR, "%s: %s", path, e.what());
-    }
-    image_release(im);
-    return -1;
-}
-
-/* The name OpenImageIO picks its reader by, from the first bytes. */
-static const char *type_of(const unsigned char *b, size_t n)
-{
-    if (n > 3 && b[0] == 0xff && b[1] == 0xd8)
-        return "memory.jpg";
-    if (n > 8 && std::memcmp(b, "\x89PNG", 4) == 0)
-        return "memory.png";
-    return "memory.tif";
-}
-
-int image_read_memory(struct image *im, const void *data, size_t size,
-                      const char *name, struct error *err)
-{
-    std::memset(im, 0, sizeof *im);
-    try {
-        const unsigned char *b = (const unsigned char *)data;
-        OIIO::Filesystem::IOMemReader io((void *)data, size);
-        if (read_any(im, type_of(b, size), io, err) == 0)
-            return 0;
-        error_prefix(err, "%s", name);
-    } catch (const std::exception &e) {
-        error_set(err, EX_DATAERR, "%s: %s", name, e.what());
     }
     image_release(im);
     return -1;

@@ -89,6 +89,7 @@ static int read_picture(struct prepared *s, struct prepare *p,
     }
     s->disc = src.how == SOURCE_DISC;
     s->person = source_take_person(&src);
+    s->damaged = picture.damaged;
     rc = 0;
 out:
     source_release(&src);

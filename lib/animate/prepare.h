@@ -34,6 +34,7 @@ struct prepared {
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     bool disc;                  /* no outline found: the matte is a disc */
+    bool damaged;               /* the picture is, see struct image */
 };
 
 /* head NULL: head.safetensors beside the model.  The flags of p are set by

@@ -61,7 +61,7 @@ struct variant {
     bool star, video;
     bool exact;                 /* the truth: no cut-offs */
     bool f32, roi;              /* features in float */
-    bool once;                  /* one look at the face */
+    bool no_tta;                /* the encoder on one crop */
     enum nn_type type;          /* of the networks */
     bool report;                /* into the JSON's "fps" and "ms" */
 };
@@ -223,7 +223,7 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     const struct track_options track = {
         .size = PERSON_SIZE, .has_crop = true, .has_window = true,
         .crop = {(double)s->crop[0], (double)s->crop[1], (double)s->crop[2]},
-        .window = {middle, middle, PERSON_SIZE}, .once = v->once
+        .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta
     };
     const struct animate_options opt = {
         .size = PERSON_SIZE, .model = &s->model, .star = v->star,
@@ -374,11 +374,11 @@ static int bench_all(struct pipeline *l, struct error *err)
         {"f32, no cut-offs", true, .exact = true, .type = NN_F32},
         {"f32, no cut-offs", false, .exact = true, .type = NN_F32},
         {"default", true, .type = NN_FAST, .report = true},
-        {"--once", true, .type = NN_FAST, .once = true},
+        {"--no-tta", true, .type = NN_FAST, .no_tta = true},
         {"f32 networks", true, .type = NN_F32},
         {"bf16 networks", true, .type = NN_BF16},
         {"default", false, .type = NN_FAST, .report = true},
-        {"--once", false, .type = NN_FAST, .once = true},
+        {"--no-tta", false, .type = NN_FAST, .no_tta = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
         {"int8 refiner", false, .type = NN_INT8},

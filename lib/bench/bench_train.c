@@ -15,7 +15,7 @@
 #include "lib/synth/synth.h"
 #include "lib/train/adam.h"
 #include "lib/train/motion_loss.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 #include "lib/train/trainee.h"
 
 #define IMAGE 256

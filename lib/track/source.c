@@ -7,7 +7,7 @@
 #include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/track/overlay.h"
 
 const char *source_matte_name(enum source_matte how)
@@ -47,7 +47,7 @@ static int find_face(struct source *s, struct track *t,
     return 0;
 }
 
-/* What looks_shape needs to cut a crop of window pixels. */
+/* What shape_tta_forward needs to cut a crop of window pixels. */
 struct view {
     struct track *t;
     const struct image *im;
@@ -57,7 +57,7 @@ static int look(void *ctx, float *rgb, struct square q, struct error *err)
 {
     const struct view *v = ctx;
 
-    return track_look(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
+    return track_cut(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
                       err);
 }
 
@@ -70,11 +70,11 @@ static int find_shape(struct source *s, struct track *t,
     float beta[SHAPE_ENCODER_OUT];
     const float *c = s->person.source.crop;
     struct view v = {t, im};
-    struct looks l;
+    struct shape_tta l;
     int rc = -1;
 
-    if (looks_init(&l, &nets->shape, head, err) ||
-        looks_shape(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
+    if (shape_tta_init(&l, &nets->shape, head, err) ||
+        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
                     err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
@@ -88,7 +88,7 @@ static int find_shape(struct source *s, struct track *t,
     s->shape_s = cpu_seconds() - begun;
     rc = 0;
 out:
-    looks_release(&l);
+    shape_tta_release(&l);
     return rc;
 }
 

@@ -122,12 +122,12 @@ static void check_mouth(void)
     f.lmk[66][0] = f.lmk[62][0];
     f.lmk[62][1] = 119;
     f.lmk[66][1] = 121;
-    struct box shut = trainee_mouth(&f, 100);
+    struct box shut = data_mouth(&f, 100);
     expect("lips 2 % of the crop apart are shut",
            (double)(shut.x1 + shut.y1), 0, 0);
     f.lmk[62][1] = 110;
     f.lmk[66][1] = 130;
-    struct box open = trainee_mouth(&f, 100);
+    struct box open = data_mouth(&f, 100);
     expect("open mouth, left", (double)open.x0, 35, 0);
     expect("open mouth, top", (double)open.y0, 55, 0);
     expect("open mouth, right", (double)open.x1, 49, 0);

@@ -11,7 +11,7 @@
 #include "lib/head/mirror.h"
 #include "lib/head/sculpt.h"
 #include "lib/nn/params.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/train/shape_loss.h"
 #include "tests/check.h"
 
@@ -308,7 +308,7 @@ static void test_looks(const struct head *h)
 {
     struct params ps;
     struct shape_encoder net;
-    struct looks l;
+    struct shape_tta l;
     struct nn_options opt = {NN_INFER, NN_F32};
     struct square q = {0, 0, 1};
     float a[SHAPE_ENCODER_OUT], b[SHAPE_ENCODER_OUT];
@@ -322,11 +322,11 @@ static void test_looks(const struct head *h)
         die(&err);
     params_randomise(&ps, 9);
     if (shape_encoder_plan(&net, 1, opt, &err) ||
-        looks_init(&l, &net, h, &err) ||
-        looks_shape(a, &l, q, look, &flip, &err))
+        shape_tta_init(&l, &net, h, &err) ||
+        shape_tta_forward(a, &l, q, look, &flip, &err))
         die(&err);
     flip = 1;
-    if (looks_shape(b, &l, q, look, &flip, &err))
+    if (shape_tta_forward(b, &l, q, look, &flip, &err))
         die(&err);
     for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
         most = fmax(most, fabs((double)a[k] - l.across.sign[k] *
@@ -334,7 +334,7 @@ static void test_looks(const struct head *h)
         size = fmax(size, fabs((double)a[k]));
     }
     check("mirrored picture, mirrored shape, relative", most / size, 1e-3);
-    looks_release(&l);
+    shape_tta_release(&l);
     shape_encoder_release(&net);
     params_release(&ps);
 }

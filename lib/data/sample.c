@@ -5,7 +5,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 
 void data_random(struct random *r, uint64_t seed, uint64_t step,
                  uint64_t item)
@@ -221,6 +221,11 @@ out:
     free(rgba);
     free(tx);
     return rc;
+}
+
+int data_crop(void *frame, float *rgb, struct square q, struct error *err)
+{
+    return data_sample(rgb, CROP_NET, frame, q, NULL, NULL, err);
 }
 
 int data_portrait(float *rgb, float *mask, size_t n,

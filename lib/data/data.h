@@ -1,14 +1,17 @@
-/* Training data: people read from streams (SHAP, then MOTN and IMAG for each
- * frame), and a pool of them to draw batches from. */
-#ifndef SPID_TRAIN_DATA_H
-#define SPID_TRAIN_DATA_H
+/* People with known truth, for training and evaluation: read from streams
+ * (SHAP, then MOTN and IMAG for each frame), a pool of them to draw batches
+ * from, crops and labels of their frames. */
+#ifndef SPID_DATA_DATA_H
+#define SPID_DATA_DATA_H
 
 #include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"
 #include "lib/base/random.h"
+#include "lib/geom/box.h"
 #include "lib/geom/crop.h"
+#include "lib/head/lbs.h"
 
 #define DATA_SHAPE 300
 #define DATA_EXP 100
@@ -84,7 +87,12 @@ void data_pool_release(struct data_pool *pool);
 int data_pool_advance(struct data_pool *pool, uint64_t read,
                       struct error *err);
 
-/* ---- drawing ----------------------------------------------------------- */
+/* A frame of a person of the pool, and whose it is. */
+const struct data_frame *data_pool_draw(const struct data_pool *pool,
+                                        const struct data_person **who,
+                                        struct random *r);
+
+/* ---- sampling ---------------------------------------------------------- */
 
 /* Random numbers for one item of one step: the same whoever draws it. */
 void data_random(struct random *r, uint64_t seed, uint64_t step,
@@ -104,6 +112,10 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
                 struct square q, const struct data_augment *how,
                 struct random *r, struct error *err);
 
+/* The same as it is; frame is a const struct data_frame, rgb (224,224,3): a
+ * tta_crop_fn (lib/track/tta.h). */
+int data_crop(void *frame, float *rgb, struct square q, struct error *err);
+
 /* A face crop like f's that a tracker might have found. */
 struct square data_jitter(const struct data_frame *f, float jitter,
                           struct random *r);
@@ -117,5 +129,15 @@ void data_net_translation(double tnet[3], const struct data_frame *f,
  * multiple of n (box means) or equal to it. */
 int data_portrait(float *rgb, float *mask, size_t n,
                   const struct data_frame *f, struct error *err);
+
+/* ---- truth -------------------------------------------------------------- */
+
+/* The true motion (exp points into f) and camera of a frame. */
+void data_truth(struct head_motion *m, float cam[12],
+                const struct data_frame *f);
+/* f's face crop in a picture of `image` pixels a side. */
+struct box data_face(const struct data_frame *f, size_t image);
+/* What shows between f's lips; empty where they are closed. */
+struct box data_mouth(const struct data_frame *f, size_t image);
 
 #endif

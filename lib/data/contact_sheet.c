@@ -1,11 +1,11 @@
-#include "lib/train/sheet.h"
+#include "lib/data/contact_sheet.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-int sheet_init(struct sheet *s, size_t rows, size_t cols, size_t side,
+int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols, size_t side,
                struct error *err)
 {
     s->rows = rows;
@@ -18,7 +18,7 @@ int sheet_init(struct sheet *s, size_t rows, size_t cols, size_t side,
     return 0;
 }
 
-void sheet_release(struct sheet *s)
+void contact_sheet_release(struct contact_sheet *s)
 {
     free(s->rgb);
     s->rgb = NULL;
@@ -29,14 +29,14 @@ static uint8_t byte(float x)
     return (uint8_t)(x <= 0 ? 0 : x >= 1 ? 255 : x * 255 + 0.5f);
 }
 
-static uint8_t *pixel(struct sheet *s, size_t row, size_t col, size_t y,
+static uint8_t *pixel(struct contact_sheet *s, size_t row, size_t col, size_t y,
                       size_t x)
 {
     return s->rgb + 3 * ((row * s->side + y) * s->cols * s->side +
                          col * s->side + x);
 }
 
-void sheet_picture(struct sheet *s, size_t row, size_t col, const float *rgb,
+void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, const float *rgb,
                    const float *alpha)
 {
     for (size_t y = 0; y < s->side; y++)
@@ -49,7 +49,7 @@ void sheet_picture(struct sheet *s, size_t row, size_t col, const float *rgb,
         }
 }
 
-void sheet_difference(struct sheet *s, size_t row, size_t col,
+void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
                       const float *a, const float *b)
 {
     for (size_t y = 0; y < s->side; y++)
@@ -60,7 +60,7 @@ void sheet_difference(struct sheet *s, size_t row, size_t col,
             }
 }
 
-void sheet_points(struct sheet *s, size_t row, size_t col,
+void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
                   const float (*xy)[2], size_t n, struct square q, int kind)
 {
     static const uint8_t colour[2][3] = {{60, 255, 60}, {255, 50, 50}};
@@ -78,7 +78,7 @@ void sheet_points(struct sheet *s, size_t row, size_t col,
     }
 }
 
-void sheet_take(struct sheet *s, uint8_t **rgb, size_t *H, size_t *W)
+void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H, size_t *W)
 {
     *rgb = s->rgb;
     *H = s->rows * s->side;

@@ -1,4 +1,4 @@
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 
 #include <glob.h>
 #include <math.h>
@@ -424,4 +424,15 @@ int data_pool_advance(struct data_pool *pool, uint64_t read,
         pool->read++;
     }
     return 0;
+}
+
+const struct data_frame *data_pool_draw(const struct data_pool *pool,
+                                        const struct data_person **who,
+                                        struct random *r)
+{
+    const struct data_person *p =
+        &pool->person[random_below(r, (uint32_t)pool->size)];
+
+    *who = p;
+    return &p->frame[random_below(r, (uint32_t)p->count)];
 }

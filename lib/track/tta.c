@@ -1,4 +1,6 @@
-#include "lib/track/looks.h"
+/* Test-time augmentation: each encoder runs on several versions of a crop,
+ * and the outputs, mirrored back where the crop was, are averaged. */
+#include "lib/track/tta.h"
 
 #include <stdlib.h>
 #include <string.h>
@@ -12,27 +14,28 @@ static const struct square view[] = {
     {0.02, 0.01, 1}, {-0.02, 0.01, 1}, {0, -0.02, 1.03}, {0, 0, 0.97}};
 #define VIEWS (sizeof view / sizeof *view)
 
-int looks_init(struct looks *l, struct shape_encoder *net,
+int shape_tta_init(struct shape_tta *t, struct shape_encoder *net,
                const struct head *h, struct error *err)
 {
-    memset(l, 0, sizeof *l);
-    l->net = net;
-    l->rgb = malloc(3 * N * N * sizeof *l->rgb);
-    if (!l->rgb)
+    memset(t, 0, sizeof *t);
+    t->net = net;
+    t->rgb = malloc(3 * N * N * sizeof *t->rgb);
+    if (!t->rgb)
         return error_set(err, EX_OSERR, "no memory for a face crop");
     if (h->nshape > SHAPE_ENCODER_OUT)
         return 0;
-    l->mirror = head_mirror_shape(&l->across, h, err);
-    return l->mirror < 0 ? -1 : 0;
+    int rc = head_mirror_shape(&t->across, h, err);
+    t->mirror = rc > 0;
+    return rc < 0 ? -1 : 0;
 }
 
-void looks_release(struct looks *l)
+void shape_tta_release(struct shape_tta *t)
 {
-    free(l->rgb);
-    l->rgb = NULL;
+    free(t->rgb);
+    t->rgb = NULL;
 }
 
-void looks_mirror(float *out, const float *rgb, size_t n)
+void tta_mirror_picture(float *out, const float *rgb, size_t n)
 {
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < (n + 1) / 2; x++) {
@@ -46,21 +49,22 @@ void looks_mirror(float *out, const float *rgb, size_t n)
         }
 }
 
-/* sum += what the network says of l->rgb, or of its mirror image. */
-static void add(float *sum, struct looks *l, int mirrored)
+/* sum += what the network says of t->rgb, or of its mirror image. */
+static void shape_tta_add(float *sum, struct shape_tta *t, bool mirrored)
 {
     float said[SHAPE_ENCODER_OUT], beta[SHAPE_ENCODER_OUT];
 
-    shape_encoder_forward(said, l->rgb, l->net);
+    shape_encoder_forward(said, t->rgb, t->net);
     memcpy(beta, said, sizeof beta);
     if (mirrored)
-        head_mirror_apply(beta, said, &l->across);
+        head_mirror_apply(beta, said, &t->across);
     for (size_t k = 0; k < SHAPE_ENCODER_OUT; k++)
         sum[k] += beta[k];
 }
 
-int looks_shape(float *beta, struct looks *l, struct square q, look_fn *fn,
-                void *ctx, struct error *err)
+int shape_tta_forward(float *beta, struct shape_tta *t, struct square q,
+                      tta_crop_fn *crop,
+                      void *ctx, struct error *err)
 {
     memset(beta, 0, SHAPE_ENCODER_OUT * sizeof *beta);
     for (size_t i = 0; i < VIEWS; i++) {
@@ -68,16 +72,16 @@ int looks_shape(float *beta, struct looks *l, struct square q, look_fn *fn,
                                q.y + view[i].y * q.size,
                                view[i].size * q.size};
 
-        if (fn(ctx, l->rgb, moved, err))
+        if (crop(ctx, t->rgb, moved, err))
             return -1;
-        add(beta, l, 0);
-        if (!l->mirror)
+        shape_tta_add(beta, t, false);
+        if (!t->mirror)
             continue;
-        looks_mirror(l->rgb, l->rgb, N);
-        add(beta, l, 1);
+        tta_mirror_picture(t->rgb, t->rgb, N);
+        shape_tta_add(beta, t, true);
     }
     for (size_t k = 0; k < SHAPE_ENCODER_OUT; k++)
-        beta[k] /= (float)(VIEWS * (l->mirror ? 2 : 1));
+        beta[k] /= (float)(VIEWS * (t->mirror ? 2 : 1));
     return 0;
 }
 
@@ -123,50 +127,50 @@ void motion_mirror_mean(float *out, const float *mirrored,
         out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }
 
-int motion_looks_init(struct motion_looks *l, struct motion_encoder *net,
-                      size_t batch, const struct head *h, int once,
+int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
+                      size_t batch, const struct head *h, bool wanted,
                       struct error *err)
 {
-    memset(l, 0, sizeof *l);
-    l->net = net;
-    l->batch = batch;
-    if (!once)
-        l->mirror = motion_mirror_init(&l->across, h, err);
-    if (l->mirror < 0)
+    memset(t, 0, sizeof *t);
+    t->net = net;
+    t->batch = batch;
+    int rc = wanted ? motion_mirror_init(&t->across, h, err) : 0;
+    if (rc < 0)
         return -1;
-    size_t both = l->mirror ? 2 * batch : batch;
+    t->mirror = rc > 0;
+    size_t both = t->mirror ? 2 * batch : batch;
     if (net->batch != both &&
         motion_encoder_plan(net, both, net->plan.opt, err))
         return -1;
-    if (!l->mirror)
+    if (!t->mirror)
         return 0;
-    l->rgb = malloc(both * (3 * N * N + MOTION_OUT) * sizeof *l->rgb);
-    if (!l->rgb)
+    t->rgb = malloc(both * (3 * N * N + MOTION_OUT) * sizeof *t->rgb);
+    if (!t->rgb)
         return error_set(err, EX_OSERR, "no memory for %zu face crops", both);
-    l->said = l->rgb + both * 3 * N * N;
+    t->raw = t->rgb + both * 3 * N * N;
     return 0;
 }
 
-void motion_looks_release(struct motion_looks *l)
+void motion_tta_release(struct motion_tta *t)
 {
-    free(l->rgb);
-    l->rgb = NULL;
+    free(t->rgb);
+    t->rgb = NULL;
 }
 
-void motion_looks_see(float *out, struct motion_looks *l, const float *rgb)
+void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
 {
-    size_t B = l->batch, crop = 3 * N * N;
+    const size_t B = t->batch, crop = 3 * N * N;
 
-    if (!l->mirror) {
-        motion_encoder_forward(out, rgb, l->net);
+    if (!t->mirror) {
+        motion_encoder_forward(out, rgb, t->net);
         return;
     }
-    memcpy(l->rgb, rgb, B * crop * sizeof *rgb);
+    memcpy(t->rgb, rgb, B * crop * sizeof *rgb);
     for (size_t i = 0; i < B; i++)
-        looks_mirror(l->rgb + (B + i) * crop, rgb + i * crop, N);
-    motion_encoder_forward(l->said, l->rgb, l->net);
-    memcpy(out, l->said, B * MOTION_OUT * sizeof *out);
+        tta_mirror_picture(t->rgb + (B + i) * crop, rgb + i * crop, N);
+    motion_encoder_forward(t->raw, t->rgb, t->net);
+    memcpy(out, t->raw, B * MOTION_OUT * sizeof *out);
     for (size_t i = 0; i < B; i++)
         motion_mirror_mean(out + i * MOTION_OUT,
-                           l->said + (B + i) * MOTION_OUT, &l->across);
+                           t->raw + (B + i) * MOTION_OUT, &t->across);
 }
