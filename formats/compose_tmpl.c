@@ -1,3 +1,5 @@
+/* The inner loops of compose.h for AVX2 and up; tails go to the plain
+ * versions. */
 #include "formats/compose.h"
 
 #if !defined(ISA_BASELINE)
@@ -9,14 +11,16 @@ typedef __m256 v8f;
 typedef int v8i __attribute__((vector_size(32)));
 typedef uint8_t v8b __attribute__((vector_size(8)));
 
-static inline v8f load8(const float *p)
+/* Eight floats, not aligned. */
+static inline v8f v8_load(const float *p)
 {
     v8f v;
     memcpy(&v, p, sizeof v);
     return v;
 }
 
-static inline v8f load8b(const uint8_t *p)
+/* Eight bytes as floats. */
+static inline v8f v8_load_bytes(const uint8_t *p)
 {
     v8b v;
     memcpy(&v, p, sizeof v);
@@ -24,7 +28,7 @@ static inline v8f load8b(const uint8_t *p)
 }
 
 /* x in levels, rounded and clamped; NaN becomes 0 (maxps keeps its second). */
-static inline void store8b(uint8_t *p, v8f x)
+static inline void v8_store_bytes(uint8_t *p, v8f x)
 {
     v8f v = _mm256_max_ps(x + 0.5f, _mm256_setzero_ps());
     v = _mm256_min_ps(v, _mm256_set1_ps(255.0f));
@@ -32,6 +36,7 @@ static inline void store8b(uint8_t *p, v8f x)
     memcpy(p, &b, sizeof b);
 }
 
+/* Eight pixels at a time: their alphas are spread over 24 values. */
 void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
                   const uint8_t *bg, size_t bg_step, size_t n)
 {
@@ -47,27 +52,29 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
     for (; i + 8 <= n; i += 8) {
         const uint8_t *b = bg_step ? bg + 3 * i : fill;
         const float *c = color + 3 * i;
-        v8f t = 1.0f - load8(alpha + i);
-        store8b(out + 3 * i, load8(c) * 255.0f
-                + __builtin_shuffle(t, e0) * load8b(b));
-        store8b(out + 3 * i + 8, load8(c + 8) * 255.0f
-                + __builtin_shuffle(t, e1) * load8b(b + 8));
-        store8b(out + 3 * i + 16, load8(c + 16) * 255.0f
-                + __builtin_shuffle(t, e2) * load8b(b + 16));
+        v8f t = 1.0f - v8_load(alpha + i);
+        v8_store_bytes(out + 3 * i, v8_load(c) * 255.0f
+                       + __builtin_shuffle(t, e0) * v8_load_bytes(b));
+        v8_store_bytes(out + 3 * i + 8, v8_load(c + 8) * 255.0f
+                       + __builtin_shuffle(t, e1) * v8_load_bytes(b + 8));
+        v8_store_bytes(out + 3 * i + 16, v8_load(c + 16) * 255.0f
+                       + __builtin_shuffle(t, e2) * v8_load_bytes(b + 16));
     }
     compose_c(out + 3 * i, color + 3 * i, alpha + i, bg + bg_step * i,
               bg_step, n - i);
 }
 
+/* Eight values at a time. */
 void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
 {
     size_t i = 0;
 
     for (; i + 8 <= n; i += 8)
-        store8b(out + i, load8(x + i) * 255.0f);
+        v8_store_bytes(out + i, v8_load(x + i) * 255.0f);
     compose_quantise_c(out + i, x + i, n - i);
 }
 
+/* By the processor's own conversion, to nearest even as in lib/base/half.h. */
 void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 {
     size_t i = 0;
@@ -80,6 +87,7 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
     compose_half_c(out + i, x + i, n - i);
 }
 
+/* Exact. */
 void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
 {
     size_t i = 0;

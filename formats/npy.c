@@ -1,3 +1,5 @@
+/* NumPy's array files: header and data read with checks, and written row by
+ * row. */
 #include "formats/npy.h"
 
 #include <errno.h>
@@ -172,6 +174,7 @@ static const char *after_key(const char *text, const char *key)
     return p + strspn(p, " \t");
 }
 
+/* "<f4" and the like; *dtype is what it becomes here. */
 static int parse_descr(struct element *e, enum dtype *dtype, const char *p)
 {
     static const struct {
@@ -257,6 +260,7 @@ static char *read_text(FILE *f)
     return text;
 }
 
+/* Big-endian numbers in place. */
 static void swap_bytes(unsigned char *p, size_t size, size_t count)
 {
     for (; count; count--, p += size)
@@ -285,6 +289,7 @@ static size_t column_major(const struct npy *a, size_t i)
     return at;
 }
 
+/* With the sign spread over 64 bits. */
 static int64_t integer_at(const unsigned char *p, char kind, size_t size)
 {
     uint64_t v = 0;
@@ -296,8 +301,9 @@ static int64_t integer_at(const unsigned char *p, char kind, size_t size)
 }
 
 /* File elements to ours: transposed, integers widened or range-checked. */
-static int convert(struct npy *a, const struct element *e,
-                   const unsigned char *raw, size_t count, struct error *err)
+static int npy_convert(struct npy *a, const struct element *e,
+                       const unsigned char *raw, size_t count,
+                       struct error *err)
 {
     size_t size = dtype_size(a->dtype);
 
@@ -323,7 +329,8 @@ static int convert(struct npy *a, const struct element *e,
     return 0;
 }
 
-static int load(struct npy *a, FILE *f, struct error *err)
+/* Everything of an open file. */
+static int npy_read(struct npy *a, FILE *f, struct error *err)
 {
     struct element e = { 0 };
     struct stat st;
@@ -361,7 +368,7 @@ static int load(struct npy *a, FILE *f, struct error *err)
     }
     if (e.swap)
         swap_bytes(raw, e.size, count);
-    rc = convert(a, &e, raw, count, err);
+    rc = npy_convert(a, &e, raw, count, err);
 out:
     free(raw);
     free(text);
@@ -377,7 +384,7 @@ int npy_load(struct npy *a, const char *path, struct error *err)
     if (!f)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          strerror(errno));
-    rc = load(a, f, err);
+    rc = npy_read(a, f, err);
     fclose(f);
     if (rc) {
         npy_release(a);

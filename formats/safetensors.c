@@ -1,3 +1,5 @@
+/* safetensors files, mapped and checked before use, and written with aligned
+ * data. */
 #include "formats/safetensors.h"
 
 #include <cjson/cJSON.h>
@@ -62,6 +64,7 @@ static bool json_size(const cJSON *j, size_t *out)
     return true;
 }
 
+/* Up to eight dimensions whose product does not overflow. */
 static int parse_shape(struct st_tensor *t, const cJSON *shape,
                        const char *path, struct error *err)
 {
@@ -82,6 +85,7 @@ static int parse_shape(struct st_tensor *t, const cJSON *shape,
     return 0;
 }
 
+/* By the file's name for it. */
 static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
                        const char *path, struct error *err)
 {
@@ -95,6 +99,7 @@ static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
                      t->name, cJSON_IsString(dtype) ? dtype->valuestring : "");
 }
 
+/* One entry: dtype, shape and bytes agree and lie within the file. */
 static int parse_tensor(struct st_tensor *t, const cJSON *j,
                         const char *data, size_t room, const char *path,
                         struct error *err)
@@ -125,6 +130,7 @@ static int parse_tensor(struct st_tensor *t, const cJSON *j,
     return 0;
 }
 
+/* For qsort: the order in the file. */
 static int by_place(const void *a, const void *b)
 {
     const struct st_tensor *x = *(const struct st_tensor *const *)a;
@@ -159,6 +165,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
     return rc;
 }
 
+/* A map of strings, or nothing. */
 static int parse_metadata(struct safetensors *st, struct error *err)
 {
     const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
@@ -175,6 +182,7 @@ static int parse_metadata(struct safetensors *st, struct error *err)
     return 0;
 }
 
+/* All entries; no two overlap. */
 static int parse_header(struct safetensors *st, uint64_t n,
                         struct error *err)
 {
@@ -207,6 +215,7 @@ static int parse_header(struct safetensors *st, uint64_t n,
     return check_overlap(st, err);
 }
 
+/* The whole file, read-only. */
 static int map_file(struct safetensors *st, struct error *err)
 {
     struct stat sb;
@@ -330,9 +339,11 @@ static const char *shape_text(char *out, size_t size, int ndim,
     return out;
 }
 
-static const struct st_tensor *require(const struct safetensors *st,
-                                       const char *name, int ndim,
-                                       const size_t *dims, struct error *err)
+/* The tensor with this shape, or *err with what was found. */
+static const struct st_tensor *tensor_require(const struct safetensors *st,
+                                              const char *name, int ndim,
+                                              const size_t *dims,
+                                              struct error *err)
 {
     const struct st_tensor *t = st_find(st, name);
     char want[200], have[200];
@@ -357,7 +368,7 @@ static const struct st_tensor *require(const struct safetensors *st,
 /* ---- converting --------------------------------------------------------- */
 
 /* Element i as a double; unaligned data are legal in a file. */
-static double element(const struct st_tensor *t, size_t i)
+static double tensor_element(const struct st_tensor *t, size_t i)
 {
     const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
     union {
@@ -405,7 +416,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
             memcpy(out + at, from, (end - at) * sizeof *out);
         else
             for (size_t i = at; i < end; i++)
-                out[i] = (float)element(t, i);
+                out[i] = (float)tensor_element(t, i);
         st_forget(st, from, (end - at) * size);
         for (size_t i = at; i < end; i++)
             if (!isfinite(out[i]))
@@ -418,7 +429,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
                    const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
     float *out = t ? malloc((t->count + 1) * sizeof *out) : NULL;
 
     if (!t)
@@ -440,7 +451,7 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
                            int ndim, const size_t *dims, float **copy,
                            struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
 
     *copy = NULL;
     if (!t)
@@ -453,7 +464,7 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
     if (!t)
         return NULL;
     if (t->dtype != ST_I32 && t->dtype != ST_I64 && t->dtype != ST_U8) {
@@ -467,7 +478,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
         return NULL;
     }
     for (size_t i = 0; i < t->count; i++) {
-        double v = element(t, i);
+        double v = tensor_element(t, i);
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,
                       "%s: tensor '%s' at index %zu is %.0f (expected a "
@@ -484,8 +495,9 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
 
 /* ---- writing ------------------------------------------------------------ */
 
-static cJSON *describe(const struct st_tensor *tensors, size_t count,
-                       const char *const *meta)
+/* The JSON header; offsets count from the first tensor. */
+static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
+                              const char *const *meta)
 {
     cJSON *root = cJSON_CreateObject();
     size_t at = 0;
@@ -535,7 +547,7 @@ int st_save(const char *path, const struct st_tensor *tensors, size_t count,
 {
     size_t len = strlen(path) + 6;
     char *part = malloc(len), *json = NULL;
-    cJSON *root = describe(tensors, count, meta);
+    cJSON *root = header_describe(tensors, count, meta);
     FILE *f = NULL;
     int rc = -1;
 
