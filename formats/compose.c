@@ -46,9 +46,9 @@ void compose_widen_c(float *out, const uint16_t *x, size_t n)
 
 const struct compose_table *compose_table(void)
 {
-    static const struct compose_table plain = {
-        compose_c, compose_quantise_c, compose_half_c,
-        compose_widen_c
+    static const struct compose_table baseline = {
+        compose_baseline, compose_quantise_baseline, compose_half_baseline,
+        compose_widen_baseline
     };
 #ifdef SPID_X86
     static const struct compose_table avx2 = {
@@ -66,7 +66,7 @@ const struct compose_table *compose_table(void)
     default: break;
     }
 #endif
-    return &plain;
+    return &baseline;
 }
 
 /* ---- whole frames ----------------------------------------------------- */
