@@ -151,7 +151,7 @@ check: tests
 	BUILD=$(BUILD) tests/run $(T)
 
 bench: all
-	$(BUILD)/bin/spid-bench all
+	$(BUILD)/bin/spid-bench --levels all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:
