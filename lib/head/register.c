@@ -127,7 +127,7 @@ static size_t left_of(const struct registration *r, size_t v)
  * their shoulders begin. */
 static double reach(const double p[3])
 {
-    return ramp(-0.122, -0.094, p[1] - 0.1 * fmin(0, p[2]));
+    return ramp(-0.108, -0.078, p[1] - 0.1 * fmin(0, p[2]));
 }
 
 static void vertex_normals(double *n, const struct sculpt *s,
