@@ -37,7 +37,9 @@ static const struct {
 } dtypes[] = {
     [ST_U8] = {"U8", 1},     [ST_I8] = {"I8", 1},   [ST_I32] = {"I32", 4},
     [ST_I64] = {"I64", 8},   [ST_F16] = {"F16", 2}, [ST_BF16] = {"BF16", 2},
-    [ST_F32] = {"F32", 4},   [ST_F64] = {"F64", 8},
+    [ST_F32] = {"F32", 4},   [ST_F64] = {"F64", 8}, [ST_BOOL] = {"BOOL", 1},
+    [ST_I16] = {"I16", 2},   [ST_U16] = {"U16", 2}, [ST_U32] = {"U32", 4},
+    [ST_U64] = {"U64", 8},
 };
 #define DTYPES (sizeof dtypes / sizeof *dtypes)
 
@@ -372,13 +374,18 @@ static double tensor_element(const struct st_tensor *t, size_t i)
 {
     const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
     union {
-        uint8_t u8; int8_t i8; int32_t i32; int64_t i64; uint16_t h;
-        float f; double d;
+        uint8_t u8; int8_t i8; int16_t i16; int32_t i32; int64_t i64;
+        uint16_t h; uint32_t u32; uint64_t u64; float f; double d;
     } v;
 
     memcpy(&v, p, dtypes[t->dtype].size);
     switch (t->dtype) {
+    case ST_BOOL: return v.u8 != 0;
     case ST_U8: return v.u8;
+    case ST_U16: return v.h;
+    case ST_U32: return v.u32;
+    case ST_U64: return (double)v.u64;
+    case ST_I16: return v.i16;
     case ST_I8: return v.i8;
     case ST_I32: return v.i32;
     case ST_I64: return (double)v.i64;
@@ -467,7 +474,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
     const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
     if (!t)
         return NULL;
-    if (t->dtype != ST_I32 && t->dtype != ST_I64 && t->dtype != ST_U8) {
+    if (t->dtype >= ST_F16 && t->dtype <= ST_F64) {
         error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected I32)",
                   st->path, name, dtypes[t->dtype].name);
         return NULL;
@@ -524,9 +531,18 @@ static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
     return root;
 }
 
+/* What is saved, and where data that are not in memory come from. */
+struct save {
+    const struct st_tensor *tensors;
+    size_t count;
+    st_fetch fetch;
+    void *context;
+    bool unfetched;             /* fetch failed and has set *err */
+};
+
 /* Blanks after the JSON put the first tensor on a 64-byte boundary. */
-static bool write_all(FILE *f, const char *json,
-                      const struct st_tensor *tensors, size_t count)
+static bool write_all(FILE *f, const char *json, struct save *s,
+                      struct error *err)
 {
     size_t len = strlen(json);
     uint64_t n = (len + 8 + 63) / 64 * 64 - 8;
@@ -534,9 +550,15 @@ static bool write_all(FILE *f, const char *json,
 
     for (size_t i = len; ok && i < n; i++)
         ok = putc(' ', f) != EOF;
-    for (size_t i = 0; ok && i < count; i++) {
-        size_t bytes = tensors[i].count * dtypes[tensors[i].dtype].size;
-        ok = !bytes || fwrite(tensors[i].data, 1, bytes, f) == bytes;
+    for (size_t i = 0; ok && i < s->count; i++) {
+        const struct st_tensor *t = &s->tensors[i];
+        size_t bytes = t->count * dtypes[t->dtype].size;
+        const void *data = t->data;
+
+        if (!data && bytes && s->fetch)
+            data = s->fetch(s->context, i, err);
+        s->unfetched = !data && bytes;
+        ok = !bytes || (data && fwrite(data, 1, bytes, f) == bytes);
     }
     /* A device or a pipe has nothing to sync (EINVAL). */
     return ok && !fflush(f) && (!fsync(fileno(f)) || errno == EINVAL);
@@ -545,6 +567,14 @@ static bool write_all(FILE *f, const char *json,
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
             const char *const *meta, struct error *err)
 {
+    return st_save_from(path, tensors, count, meta, NULL, NULL, err);
+}
+
+int st_save_from(const char *path, const struct st_tensor *tensors,
+                 size_t count, const char *const *meta, st_fetch fetch,
+                 void *context, struct error *err)
+{
+    struct save save = {tensors, count, fetch, context, false};
     size_t len = strlen(path) + 6;
     char *part = malloc(len), *json = NULL;
     cJSON *root = header_describe(tensors, count, meta);
@@ -562,12 +592,13 @@ int st_save(const char *path, const struct st_tensor *tensors, size_t count,
         error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
         goto out;
     }
-    bool ok = write_all(f, json, tensors, count);
+    bool ok = write_all(f, json, &save, err);
     int why = errno;
     ok = !fclose(f) && ok;
     if (!ok || (!special && file_rename(part, path))) {
-        error_set(err, EX_IOERR, "%s: %s", path,
-                  strerror(ok ? errno : why));
+        if (!save.unfetched)
+            error_set(err, EX_IOERR, "%s: %s", path,
+                      strerror(ok ? errno : why));
         if (!special)
             remove(part);
         goto out;
