@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/convert/table.h"
 #include "lib/net/dinov2.h"
 #include "lib/net/motion_encoder.h"
