@@ -39,7 +39,7 @@ CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
 LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
         -lOpenImageIO_Util -lopencv_core -lopencv_imgproc -lopencv_imgcodecs \
-        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf \
+        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         $(MPI_LIBS) -lm
 
 # ---- sources: a new file is found by where it lies -------------------------
@@ -141,8 +141,8 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
-        libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg gnuplot-nox \
-        bats mandoc python3 python3-numpy
+        libtinygltf-dev libzip-dev libopenmpi-dev openmpi-bin ffmpeg \
+        gnuplot-nox bats mandoc python3 python3-numpy
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 
@@ -151,7 +151,7 @@ check: tests
 	BUILD=$(BUILD) tests/run $(T)
 
 bench: all
-	$(BUILD)/bin/spid-bench all
+	$(BUILD)/bin/spid-bench --levels all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:
@@ -209,14 +209,16 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
-                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch]) \
+                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch] \
+                   formats/pickle*.[ch] formats/tensorfile*.[ch] \
+                   formats/arrayview.[ch] formats/ziparchive.[ch]) \
                  tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
 	  -DISA_ONE -DISA_NAME=baseline \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lm -o $@
+	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lzip -lm -o $@
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).
 $(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)

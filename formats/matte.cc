@@ -1,3 +1,5 @@
+/* The person cut out of the source picture: GrabCut seeded by the projected
+ * head (Rother et al. 2004), its border refined. */
 extern "C" {
 #include "formats/matte.h"
 }
@@ -14,7 +16,8 @@ extern "C" {
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
 
-static cv::Mat disc(int side)
+/* For dilating and eroding. */
+static cv::Mat brush_disc(int side)
 {
     return cv::getStructuringElement(cv::MORPH_ELLIPSE,
                                      cv::Size(side | 1, side | 1));
@@ -22,7 +25,7 @@ static cv::Mat disc(int side)
 
 /* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
  * square lies in its picture. */
-static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
+static cv::Mat grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
 {
     const int n = head.rows;
     cv::Rect box = cv::boundingRect(head);
@@ -30,11 +33,11 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
     cv::Mat label(n, n, CV_8U, cv::Scalar(cv::GC_BGD)), core, hair;
 
     /* hair and headgear reach about a third of the head beyond it */
-    cv::dilate(head, hair, disc(size * 2 / 3));
+    cv::dilate(head, hair, brush_disc(size * 2 / 3));
     label.setTo(cv::GC_PR_BGD, hair);
-    cv::dilate(head, hair, disc(size / 5));
+    cv::dilate(head, hair, brush_disc(size / 5));
     label.setTo(cv::GC_PR_FGD, hair);
-    cv::erode(head, core, disc(std::max(3, size / 12)));
+    cv::erode(head, core, brush_disc(std::max(3, size / 12)));
     label.setTo(cv::GC_FGD, core);
     /* neck and shoulders: a widening region below the chin */
     const int chin = box.y + box.height * 3 / 4, cx = box.x + box.width / 2;
@@ -69,7 +72,7 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
 }
 
 /* Keep the piece that holds the head; fill holes inside it. */
-static void clean(cv::Mat &fg, const cv::Mat &head)
+static void region_clean(cv::Mat &fg, const cv::Mat &head)
 {
     cv::Mat label, stats, centres;
     int n = cv::connectedComponentsWithStats(fg, label, stats, centres, 8);
@@ -96,7 +99,7 @@ static void clean(cv::Mat &fg, const cv::Mat &head)
 
 /* Soft border that follows the picture's edges: a guided filter of the mask,
  * with the picture's luminance as guide (He et al. 2010, local lines). */
-static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
+static cv::Mat border_refine(const cv::Mat &mask, const cv::Mat &rgb)
 {
     const int r = std::max(3, mask.rows / 100);
     const cv::Size k(2 * r + 1, 2 * r + 1);
@@ -116,8 +119,8 @@ static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
     cv::Mat q = a.mul(I) + b, out;
     /* only the border may be soft */
     cv::Mat inner, outer;
-    cv::erode(mask, inner, disc(2 * r));
-    cv::dilate(mask, outer, disc(2 * r));
+    cv::erode(mask, inner, brush_disc(2 * r));
+    cv::dilate(mask, outer, brush_disc(2 * r));
     q = (q - 0.1) / 0.8;
     q.convertTo(out, CV_8U, 255);
     out.setTo(255, inner);
@@ -125,11 +128,12 @@ static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
     return out;
 }
 
+/* What is used when the colours decide nothing: the head, widened. */
 static void soft_disc(cv::Mat &matte, const cv::Mat &head)
 {
     cv::Mat m;
 
-    cv::dilate(head, m, disc(head.rows / 12));
+    cv::dilate(head, m, brush_disc(head.rows / 12));
     cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
 }
 
@@ -156,7 +160,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = seeds(sh, part)(part).clone();
+        cv::Mat label = grabcut_seeds(sh, part)(part).clone();
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
@@ -169,8 +173,8 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                     cv::GC_INIT_WITH_MASK);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
-        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, disc(3));
-        clean(fg, sh);
+        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, brush_disc(3));
+        region_clean(fg, sh);
         int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
         if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;
@@ -180,7 +184,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::Mat big;
         cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
-        refine(big > 127, pic).copyTo(out);
+        border_refine(big > 127, pic).copyTo(out);
         out.setTo(0, in == 0);
         return 0;
     } catch (const std::exception &e) {

@@ -10,7 +10,7 @@
 #elif defined(ISA_AVX2)
 #define PIXELS 6         /* 12 */
 #else
-#define PIXELS 3         /* 12 */
+#define PIXELS 2         /* 8 */
 #endif
 
 /* `pixels` (a constant) outputs from pixel x on, 16 channels of each; every
@@ -29,7 +29,7 @@ VF_INLINE void block(float *out, const struct fold_rows *in, size_t x,
         for (size_t k = 0; k < 2 * C; k++) {
             vf b[VF_PARTS];
             for (int j = 0; j < VF_PARTS; j++)
-                b[j] = vf_load(w + 16 * k + VF_LANES * j);
+                b[j] = vf_keep(vf_load(w + 16 * k + VF_LANES * j));
             if (pixels == PIXELS)
                 __builtin_prefetch(next + k * in->step * PIXELS / 16);
             for (int i = 0; i < pixels; i++)
@@ -74,13 +74,44 @@ void ISA(pick_rgb)(float *rgb, const float *in, size_t pixels, size_t C)
             rgb[3 * x + c] = in[x * C + c];
 }
 
+#if VF_LANES == 4 && defined(__SSE2__)
+/* y <- x, 8 half floats, put together as 16-bit halves; false, and nothing
+ * written, when one of them is neither zero nor a normal number. */
+VF_INLINE bool widen_normal(float *y, const uint16_t *x)
+{
+    const __m128i sign = _mm_set1_epi16((short)0x8000);
+    const __m128i zero = _mm_setzero_si128();
+    __m128i h = _mm_loadu_si128((const __m128i *)x);
+    __m128i m = _mm_andnot_si128(sign, h), none = _mm_cmpeq_epi16(m, zero);
+    __m128i tiny = _mm_cmplt_epi16(m, _mm_set1_epi16(0x0400));
+    __m128i huge = _mm_cmpgt_epi16(m, _mm_set1_epi16(0x7bff));
+    if (_mm_movemask_epi8(_mm_or_si128(_mm_andnot_si128(none, tiny), huge)))
+        return false;
+    __m128i high = _mm_add_epi16(_mm_srli_epi16(m, 3),
+                                 _mm_set1_epi16(0x3800));
+    high = _mm_or_si128(_mm_andnot_si128(none, high),
+                        _mm_and_si128(h, sign));
+    __m128i low = _mm_slli_epi16(h, 13);
+    _mm_storeu_si128((__m128i *)y, _mm_unpacklo_epi16(low, high));
+    _mm_storeu_si128((__m128i *)(y + 4), _mm_unpackhi_epi16(low, high));
+    return true;
+}
+#endif
+
 /* y <- x, half floats */
 void ISA(widen)(float *y, const uint16_t *x, size_t n)
 {
-    size_t whole = n / VF_LANES * VF_LANES;
-    for (size_t i = 0; i < whole; i += VF_LANES)
+    size_t i = 0;
+#if VF_LANES == 4 && defined(__SSE2__)
+    for (; i + 8 <= n; i += 8)
+        if (!widen_normal(y + i, x + i)) {
+            vf_store(y + i, vf_load_f16(x + i));
+            vf_store(y + i + 4, vf_load_f16(x + i + 4));
+        }
+#endif
+    for (; i + VF_LANES <= n; i += VF_LANES)
         vf_store(y + i, vf_load_f16(x + i));
-    for (size_t i = whole; i < n; i++) {
+    for (; i < n; i++) {
         uint16_t half[VF_LANES] = { x[i] };
         float lane[VF_LANES];
         vf_store(lane, vf_load_f16(half));

@@ -112,14 +112,25 @@ void ISA(add)(float *y, const float *x, size_t n)
 /* y <- x as bfloat16 */
 void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 {
-    size_t whole = n / VF_LANES * VF_LANES;
-    for (size_t i = 0; i < whole; i += VF_LANES)
-        vf_store_bf16(y + i, vf_load(x + i));
-    for (size_t i = whole; i < n; i++) {
-        float lane[VF_LANES] = { x[i] };
-        uint16_t half[VF_LANES];
-        vf_store_bf16(half, vf_load(lane));
-        y[i] = half[0];
+    size_t i = 0;
+    for (; i + 2 * VF_LANES <= n; i += 2 * VF_LANES)
+        vf_store_bf16(y + i, vf_load(x + i), vf_load(x + i + VF_LANES));
+    if (i < n) {
+        float lane[2 * VF_LANES] = { 0 };
+        uint16_t half[2 * VF_LANES];
+        memcpy(lane, x + i, (n - i) * sizeof *x);
+        vf_store_bf16(half, vf_load(lane), vf_load(lane + VF_LANES));
+        memcpy(y + i, half, (n - i) * sizeof *y);
+    }
+}
+
+/* y <- x rounded to bfloat16, as to_bf16 does */
+void ISA(round_bf16)(float *y, const float *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        union { float f; uint32_t u; } v = { x[i] };
+        v.u = (v.u + 0x7fff + ((v.u >> 16) & 1)) & 0xffff0000u;
+        y[i] = v.f;
     }
 }
 
@@ -147,14 +158,10 @@ void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
                    size_t n)
 {
-    const vf up = vf_set(zero + 0.5f), top = vf_set(255);
-    size_t whole = n / VF_LANES * VF_LANES;
-    for (size_t i = 0; i < whole; i += VF_LANES) {
-        vf v = vf_load(x + i) * inverse + up;
-        v = vf_min(vf_max(v, vf_set(0)), top);
-        *(vf_u8 *)(y + i) = __builtin_convertvector(
-            __builtin_convertvector(v, vf_i32), vf_u8);
-    }
+    size_t whole = n / (2 * VF_LANES) * (2 * VF_LANES);
+    for (size_t i = 0; i < whole; i += 2 * VF_LANES)
+        vf_store_u8(y + i, vf_load(x + i) * inverse + (zero + 0.5f),
+                    vf_load(x + i + VF_LANES) * inverse + (zero + 0.5f));
     for (size_t i = whole; i < n; i++) {
         float v = x[i] * inverse + (zero + 0.5f);
         y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);

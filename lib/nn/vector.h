@@ -50,6 +50,16 @@ VF_INLINE vf vf_set(float x)
     return x - (vf){ 0 };
 }
 
+/* x, loaded once: GCC would read it again for every use of 128 bits, where no
+ * instruction multiplies from an unaligned address. */
+VF_INLINE vf vf_keep(vf x)
+{
+#if VF_LANES == 4 && defined(__SSE2__)
+    __asm__("" : "+x"(x));
+#endif
+    return x;
+}
+
 /* a > b ? a : b in each lane, which is what the instruction does, also with
  * zeros of either sign and with what is not a number. */
 VF_INLINE vf vf_max(vf a, vf b)
@@ -99,12 +109,78 @@ VF_INLINE vf vf_load_f16(const uint16_t *p)
 #endif
 }
 
-/* To bfloat16, the upper half of a float, rounded to nearest even. */
-VF_INLINE void vf_store_bf16(uint16_t *p, vf x)
+/* Two vectors to bfloat16, the upper half of a float, rounded to nearest
+ * even. */
+VF_INLINE void vf_store_bf16(uint16_t *p, vf a, vf b)
 {
-    vf_u32 u = (vf_u32)x;
-    u = (u + 0x7fff + ((u >> 16) & 1)) >> 16;
-    *(vf_u16 *)p = __builtin_convertvector(u, vf_u16);
+    vf_u32 u = (vf_u32)a, v = (vf_u32)b;
+    u = u + 0x7fff + ((u >> 16) & 1);
+    v = v + 0x7fff + ((v >> 16) & 1);
+#if defined(ISA_AVX2)
+    __m256i i = _mm256_packs_epi32(_mm256_srai_epi32((__m256i)u, 16),
+                                   _mm256_srai_epi32((__m256i)v, 16));
+    _mm256_storeu_si256((__m256i *)p, _mm256_permute4x64_epi64(i, 0xd8));
+#elif defined(__SSE2__) && !defined(ISA_AVX512)
+    _mm_storeu_si128((__m128i *)p,
+                     _mm_packs_epi32(_mm_srai_epi32((__m128i)u, 16),
+                                     _mm_srai_epi32((__m128i)v, 16)));
+#else
+    *(vf_u16 *)p = __builtin_convertvector(u >> 16, vf_u16);
+    *(vf_u16 *)(p + VF_LANES) = __builtin_convertvector(v >> 16, vf_u16);
+#endif
+}
+
+/* Two vectors of numbers to bytes: towards zero, then at least 0 and at most
+ * 255, which packing does by itself. */
+VF_INLINE void vf_store_u8(uint8_t *p, vf a, vf b)
+{
+#if !defined(__SSE2__) || defined(ISA_AVX512)
+    a = vf_min(vf_max(a, vf_set(0)), vf_set(255));
+    b = vf_min(vf_max(b, vf_set(0)), vf_set(255));
+#endif
+    vf_i32 i = __builtin_convertvector(a, vf_i32);
+    vf_i32 j = __builtin_convertvector(b, vf_i32);
+#if defined(ISA_AVX2)
+    __m256i h = _mm256_packs_epi32((__m256i)i, (__m256i)j);
+    h = _mm256_permute4x64_epi64(h, 0xd8);
+    _mm_storeu_si128((__m128i *)p,
+                     _mm_packus_epi16(_mm256_castsi256_si128(h),
+                                      _mm256_extracti128_si256(h, 1)));
+#elif defined(__SSE2__) && !defined(ISA_AVX512)
+    __m128i h = _mm_packs_epi32((__m128i)i, (__m128i)j);
+    _mm_storel_epi64((__m128i *)p, _mm_packus_epi16(h, h));
+#else
+    *(vf_u8 *)p = __builtin_convertvector(i, vf_u8);
+    *(vf_u8 *)(p + VF_LANES) = __builtin_convertvector(j, vf_u8);
+#endif
+}
+
+/* e^x, the sigmoid and tanh: lib/nn/math.h's, to the bit. */
+VF_INLINE vf vf_exp(vf x)
+{
+    x = vf_max(vf_set(-87.0f), x);
+    x = vf_min(vf_set(87.0f), x);
+    vf magic = vf_set(12582912.0f);
+    vf n = (x * 1.44269504f + magic) - magic;
+    vf r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
+    vf p = vf_set(1.9875691500e-4f);
+    p = p * r + 1.3981999507e-3f;
+    p = p * r + 8.3334519073e-3f;
+    p = p * r + 4.1665795894e-2f;
+    p = p * r + 1.6666665459e-1f;
+    p = p * r + 5.0000001201e-1f;
+    p = p * r * r + r + 1.0f;
+    return p * (vf)((__builtin_convertvector(n, vf_i32) + 127) << 23);
+}
+
+VF_INLINE vf vf_sigmoid(vf x)
+{
+    return 1.0f / (1.0f + vf_exp(-x));
+}
+
+VF_INLINE vf vf_tanh(vf x)
+{
+    return 1.0f - 2.0f / (1.0f + vf_exp(2.0f * x));
 }
 
 #endif

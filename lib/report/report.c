@@ -1,3 +1,5 @@
+/* spid-report: what a folder of a run holds, as one HTML page; what is not
+ * there is named as missing. */
 #include "lib/report/report.h"
 
 #include <cjson/cJSON.h>
@@ -17,13 +19,15 @@
 
 /* ---- pictures ----------------------------------------------------------- */
 
-static void missing(FILE *f, const char *name)
+/* A line in place of a part whose file is not in the run. */
+static void write_missing(FILE *f, const char *name)
 {
     fputs("<p><em>", f);
     html_text(f, name);
     fputs(": not in this run</em></p>\n", f);
 }
 
+/* The frames kept of it, in a row. */
 static int show_clip(FILE *f, const struct clip *c, struct error *err)
 {
     int rc = 0;
@@ -65,6 +69,7 @@ static int show_errors(FILE *f, const struct clip *a, const struct clip *b,
     return rc;
 }
 
+/* Driver, results and branches, each with its frames side by side. */
 static int write_clips(FILE *f, const char *dir, struct error *err)
 {
     static const struct {
@@ -87,7 +92,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
             if (!rc)
                 rc = show_clip(f, c, err);
         } else {
-            missing(f, part[i].name);
+            write_missing(f, part[i].name);
         }
         clip_release(&other);
     }
@@ -99,6 +104,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
     return rc;
 }
 
+/* The photograph. */
 static int write_source(FILE *f, const char *dir, struct error *err)
 {
     struct image im;
@@ -107,7 +113,7 @@ static int write_source(FILE *f, const char *dir, struct error *err)
 
     html_section(f, "Source", NULL);
     if (!run_find(path, sizeof path, dir, "source")) {
-        missing(f, "source.png");
+        write_missing(f, "source.png");
         return 0;
     }
     if (image_read(&im, path, err))
@@ -137,6 +143,7 @@ static void curves_release(struct motion_curves *m)
     memset(m, 0, sizeof *m);
 }
 
+/* Room for one frame more. */
 static int curves_grow(struct motion_curves *m)
 {
     size_t room = m->room ? 2 * m->room : 256;
@@ -156,6 +163,7 @@ static int curves_grow(struct motion_curves *m)
     return 0;
 }
 
+/* Angles, jaw and lids of one MOTN record. */
 static int curves_add(struct motion_curves *m, const struct record *rec,
                       struct error *err)
 {
@@ -178,6 +186,7 @@ static int curves_add(struct motion_curves *m, const struct record *rec,
     return 0;
 }
 
+/* Those of every MOTN record of a stream. */
 static int curves_read(struct motion_curves *m, const char *path,
                        struct error *err)
 {
@@ -193,6 +202,7 @@ static int curves_read(struct motion_curves *m, const char *path,
     return rc;
 }
 
+/* What the encoder saw, as curves over time. */
 static int write_motion(FILE *f, const char *dir, const char *file,
                         const char *title, struct error *err)
 {
@@ -202,7 +212,7 @@ static int write_motion(FILE *f, const char *dir, const char *file,
 
     html_section(f, title, NULL);
     if (!run_find(path, sizeof path, dir, file)) {
-        missing(f, file);
+        write_missing(f, file);
         return 0;
     }
     rc = curves_read(&m, path, err);
@@ -238,7 +248,7 @@ static int write_times(FILE *f, const char *dir)
     if (run_find(path, sizeof path, dir, "stats.tsv"))
         in = fopen(path, "r");
     if (!in) {
-        missing(f, "stats.tsv");
+        write_missing(f, "stats.tsv");
         return 0;
     }
     while (n < MOST && fgets(line, sizeof line, in)) {
@@ -276,6 +286,7 @@ static void write_numbers(FILE *f, const cJSON *j, const char *prefix)
     }
 }
 
+/* A file of at most a megabyte as text; "" when it cannot be opened. */
 static char *read_small(const char *path)
 {
     enum { MOST = 1 << 20 };
@@ -291,13 +302,14 @@ static char *read_small(const char *path)
     return text;
 }
 
+/* The table of spid-eval's JSON. */
 static int write_metrics(FILE *f, const char *dir, struct error *err)
 {
     char path[4096];
 
     html_section(f, "Metrics", "As defined in spid-eval(1).");
     if (!run_find(path, sizeof path, dir, "metrics.json")) {
-        missing(f, "metrics.json");
+        write_missing(f, "metrics.json");
         return 0;
     }
     char *text = read_small(path);

@@ -26,12 +26,21 @@ VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
 /* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
 static void load_tint(struct splat_work *w, int k)
 {
-    for (int p = 0; p < VEC; p++)
-        for (int c = 0; c < 4; c++) {
-            float g = c < 3 ? w->g[k][c][p] : 0;
+    for (int p = 0; p < VEC; p++) {
+        float r = w->g[k][0][p], g = w->g[k][1][p], b = w->g[k][2][p];
 
-            vq_store(w->tint[k][p] + 4 * c, (vq){g, g, g, g});
-        }
+#if VEC == 16
+        vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
+
+        vf_store(w->tint[k][p],
+                 vf_keep((vm)0x0fff, vf_sel((vm)0x0f00, vf_set(b), two)));
+#else
+        vq_store(w->tint[k][p], (vq){r, r, r, r});
+        vq_store(w->tint[k][p] + 4, (vq){g, g, g, g});
+        vq_store(w->tint[k][p] + 8, (vq){b, b, b, b});
+        vq_store(w->tint[k][p] + 12, (vq){0});
+#endif
+    }
 }
 
 /* Fetch a tile's pixels, up to three channels. */

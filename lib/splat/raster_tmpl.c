@@ -160,32 +160,55 @@ VEC_INLINE vi add_pairs(vi acc, vi c, const uint32_t *g)
 #endif
 }
 
-/* Sums of fixed-point products abreast: pixels, and halves of the channels. */
-#if VEC == 16
-enum { FIXED_PIXELS = 8, FIXED_VECTORS = 1 };
-#elif VEC == 8
-enum { FIXED_PIXELS = 2, FIXED_VECTORS = 2 };
-#else
-enum { FIXED_PIXELS = 1, FIXED_VECTORS = 4 };
-#endif
+enum { FIXED_ABREAST = VEC == 16 ? 8 : 4 };   /* pixels summed up at a time */
 
-/* Rows of two Gaussians interleaved: lane n of c[0][k] is channel VEC k + n of
- * both, of c[1][k] channel 16 + VEC k + n (splat.c, pack_fixed). */
-VEC_INLINE void interleave_fixed(vi c[2][FIXED_VECTORS], const int16_t *r0,
+/* Rows of two Gaussians interleaved: lane n of c[0] is channel n of both, of
+ * c[1] channel 16 + n (splat.c, pack_fixed). */
+VEC_INLINE void interleave_fixed(vi c[2], const int16_t *r0,
                                  const int16_t *r1)
 {
-#pragma GCC unroll 4
-    for (int k = 0; k < FIXED_VECTORS; k++) {
-        vi a = vi_load(r0 + 2 * VEC * k), b = vi_load(r1 + 2 * VEC * k);
+    vi a = vi_load(r0), b = vi_load(r1);
 
 #if VEC == 16
-        c[0][k] = (vi)_mm512_unpacklo_epi16((__m512i)a, (__m512i)b);
-        c[1][k] = (vi)_mm512_unpackhi_epi16((__m512i)a, (__m512i)b);
+    c[0] = (vi)_mm512_unpacklo_epi16((__m512i)a, (__m512i)b);
+    c[1] = (vi)_mm512_unpackhi_epi16((__m512i)a, (__m512i)b);
 #else
-        c[0][k] = (vi)X86(unpacklo_epi16)((X86_I)a, (X86_I)b);
-        c[1][k] = (vi)X86(unpackhi_epi16)((X86_I)a, (X86_I)b);
+    c[0] = (vi)X86(unpacklo_epi16)((X86_I)a, (X86_I)b);
+    c[1] = (vi)X86(unpackhi_epi16)((X86_I)a, (X86_I)b);
 #endif
+}
+
+/* Sums of the channels first .. and 16 + first .. of a few pixels, over pairs
+ * of rows. */
+VEC_INLINE void sum_fixed(struct splat_work *w, int pixel, int first,
+                          uint32_t pairs, const uint32_t (*pair)[VEC],
+                          const int16_t *table, const float *scale)
+{
+    vi acc[2][FIXED_ABREAST] = {0};
+
+    for (uint32_t j = 0; j < pairs; j++) {
+        vi c[2];
+
+        interleave_fixed(c, table + 32 * w->used[2 * j],
+                         table + 32 * w->used[2 * j + 1]);
+#pragma GCC unroll 8
+        for (int p = 0; p < FIXED_ABREAST; p++) {
+            const uint32_t *g = &pair[j][p];
+
+            acc[0][p] = add_pairs(acc[0][p], c[0], g);
+            acc[1][p] = add_pairs(acc[1][p], c[1], g);
+        }
     }
+#pragma GCC unroll 8
+    for (int p = 0; p < FIXED_ABREAST; p++)
+#pragma GCC unroll 2
+        for (int k = 0; k < 2; k++) {
+            float *out = w->wide[pixel + p] + first + 16 * k;
+            vf x = __builtin_convertvector(acc[k][p], vf);
+
+            vf_store(out, vf_fma(x, vf_load(scale + first + 16 * k),
+                                 vf_load(out)));
+        }
 }
 
 /* The same in 16-bit integers, two Gaussians at a time: weights and colours
@@ -206,36 +229,11 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
 
         vi_store(pair[j], lo | (hi << 16));
     }
-    for (int first = 0; first < VEC; first += FIXED_PIXELS) {
-        vi acc[2][FIXED_VECTORS][FIXED_PIXELS] = {0};
-
-        for (uint32_t j = 0; j < pairs; j++) {
-            vi c[2][FIXED_VECTORS];
-
-            interleave_fixed(c, table + 32 * w->used[2 * j],
-                             table + 32 * w->used[2 * j + 1]);
-#pragma GCC unroll 8
-            for (int p = 0; p < FIXED_PIXELS; p++)
-#pragma GCC unroll 4
-                for (int k = 0; k < FIXED_VECTORS; k++) {
-                    const uint32_t *g = &pair[j][first + p];
-
-                    acc[0][k][p] = add_pairs(acc[0][k][p], c[0][k], g);
-                    acc[1][k][p] = add_pairs(acc[1][k][p], c[1][k], g);
-                }
-        }
-#pragma GCC unroll 8
-        for (int p = 0; p < FIXED_PIXELS; p++)
-#pragma GCC unroll 8
-            for (int k = 0; k < 2 * FIXED_VECTORS; k++) {
-                float *out = w->wide[VEC * b + first + p] + VEC * k;
-                vi sum = acc[k / FIXED_VECTORS][k % FIXED_VECTORS][p];
-                vf x = __builtin_convertvector(sum, vf);
-
-                vf_store(out, vf_fma(x, vf_load(scale + VEC * k),
-                                     vf_load(out)));
-            }
-    }
+    for (int p = 0; p < VEC; p += FIXED_ABREAST)
+        for (int c = 0; c < 16; c += VEC)
+            sum_fixed(w, VEC * b + p, c, pairs,
+                      (const uint32_t (*)[VEC])&pair[0][p], table + 2 * c,
+                      scale);
 }
 #endif
 
@@ -420,6 +418,16 @@ static void stream_half(uint16_t *out, const struct splat_work *w, int y,
             continue;
         }
         _mm512_store_si512((void *)out, both);
+#elif defined(ISA_AVX2)
+#pragma GCC unroll 4
+        for (int k = 0; k < SPLAT_MAX_CHANNELS; k += VEC) {
+            __m128i h = _mm256_cvtps_ph(_mm256_loadu_ps(in + k), 0);
+
+            if (!T)
+                _mm_stream_si128((void *)(out + k), h);
+            else
+                _mm_store_si128((void *)(out + k), h);
+        }
 #else
         for (int k = 0; k < SPLAT_MAX_CHANNELS; k += VEC)
             vf_store_half(out + k, vf_load(in + k));

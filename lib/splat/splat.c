@@ -54,7 +54,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
     size_t splat_work_size_##isa(void);
 #define TABLE(isa)                                                        \
     {splat_project_##isa, splat_tile_##isa, splat_tile_backward_##isa,    \
-     splat_gaussian_backward_##isa}
+     splat_gaussian_backward_##isa, splat_work_size_##isa}
 
 DECLARE(baseline)
 #ifdef SPID_X86
@@ -72,17 +72,6 @@ const struct splat_kernels *splat_kernels(enum cpu_level level)
     };
 
     return &table[level];
-}
-
-size_t splat_work_size(void)
-{
-    size_t most = splat_work_size_baseline();
-
-#ifdef SPID_X86
-    most = most > splat_work_size_avx2() ? most : splat_work_size_avx2();
-    most = most > splat_work_size_avx512() ? most : splat_work_size_avx512();
-#endif
-    return most;
 }
 
 /* ---- memory -------------------------------------------------------------- */
@@ -121,7 +110,7 @@ static size_t screen_layout(struct splat_state *st, char *base)
     st->zorder = carve(base, &used, tiles * sizeof *st->zorder);
     st->count = carve(base, &used, T * cells * sizeof *st->count);
     st->histogram = carve(base, &used, T * 2048 * sizeof *st->histogram);
-    st->work = carve(base, &used, T * splat_work_size());
+    st->work = carve(base, &used, T * st->work_size);
     return used;
 }
 
@@ -236,7 +225,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
         s->opt.exp_degree = s->opt.exp_degree <= 3 ? 3 : 5;
     }
     s->state = st;
-    st->level = cpu_level();
+    st->level = opt->level_set ? opt->level : cpu_level();
+    st->work_size = splat_kernels(st->level)->work_size();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;

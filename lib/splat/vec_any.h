@@ -102,9 +102,10 @@ VEC_INLINE vm vm_not(vm a)
     return ~a;
 }
 
-VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)  /* m ? a b : 0 */
+/* m ? a b : 0, b finite: where b is waited for, a is masked meanwhile */
+VEC_INLINE vf vf_mul_keep(vm m, vf a, vf b)
 {
-    return vf_keep(m, a * b);
+    return vf_keep(m, a) * b;
 }
 
 /* x times 1 + 2^-9 at most, 0 or more, at least sqrt(a); a >= 1e-30 */

@@ -1,3 +1,4 @@
+/* Smallest, mean and largest value of an array of any dtype. */
 #include "lib/stream/stats.h"
 
 #include <math.h>

@@ -4,6 +4,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/wait.h>
+#include <unistd.h>
 
 #include "formats/compose.h"
 #include "formats/framesink.h"
@@ -42,6 +44,10 @@ static void test_versions(void)
     color[5] = NAN;
     color[6] = INFINITY;
     color[17] = -INFINITY;
+    for (size_t i = 100; i < 200; i++)     /* halves without exponent bits */
+        color[i] *= ldexpf(1, -10 - (int)(i % 20));
+    color[200] = 65519.9f;                 /* the last that is finite */
+    color[201] = -65520;
     for (size_t n = 0; n <= N; n = n < 40 ? n + 1 : n + 331)
         for (size_t step = 0; step <= 3; step += 3) {
             memset(a, 0xa5, sizeof a);
@@ -113,9 +119,30 @@ static void test_background(void)
     background_release(&bg);
 }
 
+/* The versions at one instruction set, in a process of its own: the level is
+ * decided once. */
+static void at_level(const char *level)
+{
+    int status = 1;
+
+    fflush(stdout);
+    pid_t child = fork();
+
+    if (child == 0) {
+        setenv("SPID_CPU", level, 1);
+        test_versions();
+        fflush(stdout);
+        _exit(check_failures != 0);
+    }
+    if (child < 0 || waitpid(child, &status, 0) < 0 || status)
+        check_failures++;
+}
+
 int main(void)
 {
-    test_versions();
+    at_level("baseline");
+    at_level("avx2");
+    at_level("avx512");
     test_formulas();
     test_background();
     return check_status();

@@ -329,11 +329,14 @@ static void check_int8(const struct shape *s, bool add)
     for (size_t o = 0; o < s->out && add; o++)
         param_w(&ps, 1)[o] += 0.25f;
     reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, s, oh, ow);
-    compare("8 bits", s, y, r.out, r.out_n, 1e-2);
+    /* in float where there are no instructions for bytes */
+    bool native = nn_type_native(NN_INT8);
+    compare("8 bits", s, y, r.out, r.out_n, native ? 1e-2 : 6e-5);
     double off = 0;
     for (size_t i = 0; i < r.out_n; i++)
         off = fmax(off, fabs((double)y[i] - r.out[i]));
-    CHECK(off >= 1e-4, "8 bits are as exact as float: they were not used");
+    CHECK(!native || off >= 1e-4,
+          "8 bits are as exact as float: they were not used");
     conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
