@@ -170,9 +170,9 @@ static void bake(struct stream_writer *out)
     stats_end("bake", begun);
     const struct avatar *a = &k.model.avatar;
     note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
-         "clamped", k.baked.N, a->mouth.bowl / k.head.scale * 1e3,
-         a->mouth.lip / k.head.scale * 1e3, a->cap / k.head.scale * 1e3,
-         a->clamped);
+         "clamped", k.baked.N, a->mouth.lips.bowl / k.head.scale * 1e3,
+         a->mouth.lips.lip / k.head.scale * 1e3,
+         a->mouth.cap / k.head.scale * 1e3, a->mouth.clamped);
     prune(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);

@@ -5,10 +5,10 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
 #include "lib/avatar/model.h"
 #include "lib/avatar/prune.h"
 #include "lib/avatar/records.h"
+#include "lib/geom/densify.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 

@@ -1,3 +1,5 @@
+/* Baked avatars: copies of what Phase A made, as GAUS records, and moved in
+ * Phase B by lib/geom/drive.h. */
 #include "lib/avatar/baked.h"
 
 #include <math.h>
@@ -6,10 +8,10 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
-#include "lib/avatar/branches.h"
+#include "lib/geom/neck_blend.h"
 
-static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
-                    struct error *err)
+static int baked_allocate(struct baked *b, size_t N, size_t C,
+                          size_t dynamic, struct error *err)
 {
     memset(b, 0, sizeof *b);
     b->N = N;
@@ -26,24 +28,18 @@ static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
     b->scale = b->mean + 3 * N;
     b->quat = b->scale + 3 * N;
     b->opacity = b->quat + 4 * N;
-    b->bend = b->opacity + N;
-    b->color = b->bend + N;
-    memset(b->bend, 0, N * sizeof *b->bend);
-    memcpy(b->source, avatar_upright, sizeof b->source);
+    b->neck = b->opacity + N;
+    b->color = b->neck + N;
+    memset(b->neck, 0, N * sizeof *b->neck);
+    memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
 }
 
-/* The smallest range that holds every static Gaussian that bends. */
-static void find_bent(struct baked *b)
+/* The range of the static Gaussians that the neck blend moves. */
+static void baked_find_blended(struct baked *b)
 {
-    size_t lo = b->dynamic, hi = b->N - b->mouth;
-
-    while (lo < hi && b->bend[lo] == 0)
-        lo++;
-    while (hi > lo && b->bend[hi - 1] == 0)
-        hi--;
-    b->first = lo;
-    b->bent = hi - lo;
+    neck_blend_range(&b->first, &b->blended, b->neck, b->dynamic,
+                     b->N - b->mouth);
 }
 
 int baked_from_avatar(struct baked *b, const struct avatar *a,
@@ -52,7 +48,7 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     const struct gaussians *g = &a->set;
     size_t N = g->n, C = (size_t)g->channels;
 
-    if (allocate(b, N, C, a->first[BRANCH_STATIC], err))
+    if (baked_allocate(b, N, C, a->first[BRANCH_STATIC], err))
         return -1;
     b->mouth = N - a->first[BRANCH_MOUTH];
     memcpy(b->mean, g->mean, 3 * N * sizeof *b->mean);
@@ -61,13 +57,12 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     memcpy(b->opacity, g->opacity, N * sizeof *b->opacity);
     memcpy(b->color, g->color, N * C * sizeof *b->color);
     memcpy(b->branch, g->branch, N);
-    memcpy(b->lip, a->mouth.centre, sizeof b->lip);
-    memcpy(b->bend, a->scratch->bend, N * sizeof *b->bend);
-    memcpy(b->pivot, a->bend.pivot, sizeof b->pivot);
-    for (int i = 0; i < 9; i++)
-        b->source[i] = a->scratch->cam[4 * (i / 3) + i % 3];
+    memcpy(b->lip, a->mouth.lips.centre, sizeof b->lip);
+    memcpy(b->neck, a->drive.weight, N * sizeof *b->neck);
+    memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
+    memcpy(b->source, a->drive.source, sizeof b->source);
     memcpy(b->light, a->light, sizeof b->light);
-    find_bent(b);
+    baked_find_blended(b);
     for (size_t i = 0; i < b->dynamic; i++)
         b->vertex[i] = (int32_t)i;
     return 0;
@@ -93,8 +88,8 @@ struct gaussians baked_set(const struct baked *b)
 /* ---- records ----------------------------------------------------------- */
 
 /* Branches in order 0, 1, 2; counts the first and the last. */
-static int count_branches(size_t n[3], const uint8_t *branch, size_t N,
-                          struct error *err)
+static int baked_count(size_t n[3], const uint8_t *branch, size_t N,
+                       struct error *err)
 {
     n[0] = n[1] = n[2] = 0;
     for (size_t i = 0; i < N; i++) {
@@ -107,8 +102,8 @@ static int count_branches(size_t n[3], const uint8_t *branch, size_t N,
     return 0;
 }
 
-static int read_vertices(struct baked *b, const struct record *rec,
-                         size_t vertices, struct error *err)
+static int baked_read_vertices(struct baked *b, const struct record *rec,
+                               size_t vertices, struct error *err)
 {
     size_t dims[1] = {b->dynamic};
     const int32_t *v = NULL;
@@ -130,28 +125,28 @@ static int read_vertices(struct baked *b, const struct record *rec,
     return 0;
 }
 
-/* The optional arrays that say how it bends. */
-static int read_bending(struct baked *b, const struct record *rec,
-                        struct error *err)
+/* The optional arrays of the neck blend. */
+static int baked_read_neck(struct baked *b, const struct record *rec,
+                           struct error *err)
 {
     const size_t N[1] = {b->N}, three[1] = {3}, nine[2] = {3, 3};
-    const float *bend, *pivot, *source;
+    const float *weight, *pivot, *source;
 
     if (!record_find(rec, "bend"))
         return 0;
-    if (!(bend = record_get(rec, "bend", DTYPE_F32, 1, N, err)) ||
+    if (!(weight = record_get(rec, "bend", DTYPE_F32, 1, N, err)) ||
         !(pivot = record_get(rec, "pivot", DTYPE_F32, 1, three, err)) ||
         !(source = record_get(rec, "source", DTYPE_F32, 2, nine, err)))
         return -1;
-    memcpy(b->bend, bend, b->N * sizeof *bend);
+    memcpy(b->neck, weight, b->N * sizeof *weight);
     memcpy(b->pivot, pivot, sizeof b->pivot);
     memcpy(b->source, source, sizeof b->source);
-    find_bent(b);
+    baked_find_blended(b);
     return 0;
 }
 
-static int read_light(struct baked *b, const struct record *rec,
-                      struct error *err)
+static int baked_read_light(struct baked *b, const struct record *rec,
+                            struct error *err)
 {
     const size_t three[1] = {3};
     const float *light;
@@ -186,8 +181,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     int half = color && color->dtype == DTYPE_F16;
     if (!branch || !record_get(rec, "color", half ? DTYPE_F16 : DTYPE_F32, 2,
                                dc, err) ||
-        record_check_finite(rec, err) || count_branches(n, branch, N, err) ||
-        allocate(b, N, color->dim[1], n[0], err))
+        record_check_finite(rec, err) || baked_count(n, branch, N, err) ||
+        baked_allocate(b, N, color->dim[1], n[0], err))
         return -1;
     b->mouth = n[2];
     memcpy(b->mean, mean, 3 * N * sizeof *mean);
@@ -202,8 +197,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     const struct array *lip = record_find(rec, "lip");
     if (lip && lip->dtype == DTYPE_F32 && array_count(lip) == 3)
         memcpy(b->lip, lip->data, sizeof b->lip);
-    if (read_vertices(b, rec, vertices, err) ||
-        read_bending(b, rec, err) || read_light(b, rec, err)) {
+    if (baked_read_vertices(b, rec, vertices, err) ||
+        baked_read_neck(b, rec, err) || baked_read_light(b, rec, err)) {
         baked_release(b);
         return -1;
     }
@@ -224,7 +219,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("branch", DTYPE_U8, b->branch, 1, N, 0, 0, 0),
         array_make("lip", DTYPE_F32, b->lip, 1, 3, 0, 0, 0),
         array_make("vertex", DTYPE_I32, b->vertex, 1, b->dynamic, 0, 0, 0),
-        array_make("bend", DTYPE_F32, b->bend, 1, N, 0, 0, 0),
+        array_make("bend", DTYPE_F32, b->neck, 1, N, 0, 0, 0),
         array_make("pivot", DTYPE_F32, b->pivot, 1, 3, 0, 0, 0),
         array_make("source", DTYPE_F32, b->source, 2, 3, 3, 0, 0),
         array_make("light", DTYPE_F32, b->light, 1, 3, 0, 0, 0),
@@ -236,7 +231,8 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 
 /* ---- leaving out ------------------------------------------------------- */
 
-static void keep_rows(float *x, size_t width, const uint8_t *keep, size_t N)
+static void baked_keep_rows(float *x, size_t width, const uint8_t *keep,
+                            size_t N)
 {
     size_t out = 0;
 
@@ -251,12 +247,12 @@ void baked_keep(struct baked *b, const uint8_t *keep)
 {
     size_t out = 0, dynamic = 0, mouth = 0;
 
-    keep_rows(b->mean, 3, keep, b->N);
-    keep_rows(b->scale, 3, keep, b->N);
-    keep_rows(b->quat, 4, keep, b->N);
-    keep_rows(b->opacity, 1, keep, b->N);
-    keep_rows(b->bend, 1, keep, b->N);
-    keep_rows(b->color, b->C, keep, b->N);
+    baked_keep_rows(b->mean, 3, keep, b->N);
+    baked_keep_rows(b->scale, 3, keep, b->N);
+    baked_keep_rows(b->quat, 4, keep, b->N);
+    baked_keep_rows(b->opacity, 1, keep, b->N);
+    baked_keep_rows(b->neck, 1, keep, b->N);
+    baked_keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
             continue;
@@ -268,13 +264,13 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     b->N = out;
     b->dynamic = dynamic;
     b->mouth = mouth;
-    find_bent(b);
+    baked_find_blended(b);
 }
 
-void baked_straighten(struct baked *b)
+void baked_drop_neck(struct baked *b)
 {
-    memset(b->bend, 0, b->N * sizeof *b->bend);
-    find_bent(b);
+    memset(b->neck, 0, b->N * sizeof *b->neck);
+    baked_find_blended(b);
 }
 
 size_t baked_drop_clear(struct baked *b)
@@ -297,8 +293,8 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
 {
     memset(m, 0, sizeof *m);
     m->mean = malloc((3 * b->dynamic + 1) * sizeof *m->mean);
-    m->bent = malloc((3 * b->bent + 1) * sizeof *m->bent);
-    if (m->mean && m->bent)
+    m->blended = malloc((3 * b->blended + 1) * sizeof *m->blended);
+    if (m->mean && m->blended)
         return 0;
     baked_move_release(m);
     return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
@@ -307,47 +303,50 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
 void baked_move_release(struct baked_move *m)
 {
     free(m->mean);
-    free(m->bent);
+    free(m->blended);
     memset(m, 0, sizeof *m);
 }
 
+/* How b moves. */
+static struct drive baked_how(const struct baked *b)
+{
+    struct drive d = {
+        .dynamic = b->dynamic, .mouth = b->N - b->mouth,
+        .mouth_count = b->mouth, .vertex = b->vertex, .mean = b->mean,
+        .weight = b->neck
+    };
+
+    memcpy(d.pivot, b->pivot, sizeof d.pivot);
+    memcpy(d.source, b->source, sizeof d.source);
+    return d;
+}
+
 void baked_drive(struct baked_move *m, const struct baked *b,
-                 const struct densify *d, const float *verts,
+                 const struct densify *mesh, const float *verts,
                  const float lip[3], float gap, float closed,
                  const float cam[12])
 {
-    size_t V = d->V;
+    const struct drive d = baked_how(b);
 
-    /* mu_k = densified driven vertex, bent below the chin */
-    for (size_t i = 0; i < b->dynamic; i++) {
-        size_t k = (size_t)b->vertex[i];
-
-        if (k < V) {
-            memcpy(m->mean + 3 * i, verts + 3 * k, 3 * sizeof *verts);
-            continue;
-        }
-        const float *p = verts + 3 * (size_t)d->edge[2 * (k - V)];
-        const float *q = verts + 3 * (size_t)d->edge[2 * (k - V) + 1];
-        for (int c = 0; c < 3; c++)
-            m->mean[3 * i + c] = 0.5f * (p[c] + q[c]);
-    }
-    bend_body(m->body, b->pivot, avatar_upright, cam);
-    bend_points(m->mean, m->mean, b->bend, b->dynamic, m->body);
-    bend_body(m->body, b->pivot, b->source, cam);
+    drive_bodies(&m->frame, &d, cam);
+    drive_dynamic(m->mean, m->mean, &d, &m->frame, mesh, verts);
     turn_since(m->turn, b->source, b->light, cam);
-    /* mu = g - l_s + l_d + q; a hidden sheet goes 1000 units behind */
+    /* a hidden mouth goes 1000 units behind */
     for (int c = 0; c < 3; c++)
-        m->shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];
+        m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]
+                                      : lip[c] - b->lip[c];
 }
 
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err)
 {
-    bend_points(m->bent, b->mean + 3 * b->first, b->bend + b->first, b->bent,
-                m->body);
+    const struct drive d = baked_how(b);
+
+    drive_static(m->blended, &d, &m->frame, b->first, b->blended);
     if (splat_update(s, m->mean, 0, b->dynamic, err) ||
-        (b->bent && splat_update(s, m->bent, b->first, b->bent, err)) ||
-        (b->mouth && splat_shift(s, m->shift, b->N - b->mouth, b->mouth,
+        (b->blended &&
+         splat_update(s, m->blended, b->first, b->blended, err)) ||
+        (b->mouth && splat_shift(s, m->frame.to, b->N - b->mouth, b->mouth,
                                  err)))
         return -1;
     return 0;
@@ -356,12 +355,10 @@ int baked_move_scene(struct splat *s, struct baked_move *m,
 void baked_means(float *means, const struct baked *b,
                  const struct baked_move *m)
 {
-    size_t at = b->dynamic, mouth = b->N - b->mouth;
+    const struct drive d = baked_how(b);
 
-    memcpy(means, m->mean, 3 * at * sizeof *means);
-    bend_points(means + 3 * at, b->mean + 3 * at, b->bend + at, mouth - at,
-                m->body);
-    for (size_t i = mouth; i < b->N; i++)
-        for (size_t c = 0; c < 3; c++)
-            means[3 * i + c] = b->mean[3 * i + c] + m->shift[c];
+    memcpy(means, m->mean, 3 * b->dynamic * sizeof *means);
+    drive_static(means + 3 * b->dynamic, &d, &m->frame, b->dynamic,
+                 b->N - b->mouth - b->dynamic);
+    drive_mouth(means + 3 * (b->N - b->mouth), &d, &m->frame);
 }

@@ -1,3 +1,5 @@
+/* Phase B of the branches on a stream: MESH records in, GAUS once and GMOV
+ * out. */
 #include "lib/avatar/mover.h"
 
 #include <stdlib.h>
@@ -6,7 +8,7 @@
 
 #include "lib/avatar/records.h"
 
-static void take_hash(char hash[17], const struct record *rec)
+static void mover_take_hash(char hash[17], const struct record *rec)
 {
     struct person p = {0};
 
@@ -15,7 +17,7 @@ static void take_hash(char hash[17], const struct record *rec)
 }
 
 /* Leave out branches and midpoints of an avatar that was baked with them. */
-static void drop_branches(struct baked *b, unsigned without, size_t V)
+static void mover_drop_branches(struct baked *b, unsigned without, size_t V)
 {
     uint8_t *keep = malloc(b->N + 1);
 
@@ -26,7 +28,7 @@ static void drop_branches(struct baked *b, unsigned without, size_t V)
     if (keep)
         baked_keep(b, keep);
     if (without & WITHOUT_BEND)
-        baked_straighten(b);
+        baked_drop_neck(b);
     free(keep);
 }
 
@@ -42,7 +44,7 @@ int mover_open(struct mover *m, const char *path,
         return -1;
     while (!found && (rc = stream_read(in, &rec, err)) > 0) {
         if (record_is(&rec, "CONF"))
-            take_hash(m->head, &rec);
+            mover_take_hash(m->head, &rec);
         if (!record_is(&rec, "GAUS"))
             continue;
         found = 1;
@@ -63,14 +65,14 @@ void mover_release(struct mover *m)
 {
     baked_release(&m->baked);
     densify_release(&m->dense);
-    baked_move_release(&m->frame);
+    baked_move_release(&m->move);
     free(m->means);
     memset(m, 0, sizeof *m);
 }
 
 /* The first mesh brings the faces: edges, and whether it fits the avatar. */
-static int first_mesh(struct mover *m, const struct record *rec,
-                      struct error *err)
+static int mover_first_mesh(struct mover *m, const struct record *rec,
+                            struct error *err)
 {
     size_t any[2] = {0, 3};
     const int32_t *f = record_get(rec, "faces", DTYPE_I32, 2, any, err);
@@ -85,7 +87,7 @@ static int first_mesh(struct mover *m, const struct record *rec,
                              "(expected 0 to %zu)", i, f[i], V - 1);
     if (densify_init(&m->dense, f, F, V, err))
         return -1;
-    drop_branches(&m->baked, m->opt.without, V);
+    mover_drop_branches(&m->baked, m->opt.without, V);
     for (size_t i = 0; i < m->baked.dynamic; i++)
         if ((size_t)m->baked.vertex[i] >= V + m->dense.E)
             return error_set(err, EX_DATAERR, "MESH has %zu vertices and %zu "
@@ -96,10 +98,10 @@ static int first_mesh(struct mover *m, const struct record *rec,
     if (!m->means)
         return error_set(err, EX_OSERR, "no memory for %zu Gaussians",
                          m->baked.N);
-    return baked_move_init(&m->frame, &m->baked, err);
+    return baked_move_init(&m->move, &m->baked, err);
 }
 
-static int write_moved(struct stream_writer *out, struct mover *m,
+static int mover_write(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
 {
@@ -109,14 +111,14 @@ static int write_moved(struct stream_writer *out, struct mover *m,
     struct array a[STREAM_MAX_ARRAYS] = {
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
         array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
-        array_make("mean", DTYPE_F32, m->frame.mean, 2, m->baked.dynamic, 3,
+        array_make("mean", DTYPE_F32, m->move.mean, 2, m->baked.dynamic, 3,
                    0, 0),
-        array_make("shift", DTYPE_F32, m->frame.shift, 1, 3, 0, 0, 0),
-        array_make("body", DTYPE_F32, m->frame.body, 2, 3, 4, 0, 0)
+        array_make("shift", DTYPE_F32, m->move.frame.to, 1, 3, 0, 0, 0),
+        array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4, 0, 0)
     };
 
     if (m->opt.full) {
-        baked_means(m->means, &m->baked, &m->frame);
+        baked_means(m->means, &m->baked, &m->move);
         return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
                            cam, err);
     }
@@ -124,15 +126,15 @@ static int write_moved(struct stream_writer *out, struct mover *m,
                                 NULL, err))
         return -1;
     m->sent = true;
-    int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
+    int n = m->baked.blended ? 5 : 4;   /* no shoulders: no body */
 
     n += record_others(a + n, n, rec, known);
     return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
 }
 
 /* mu_D = densified V_d, the mouth's shift, the camera T_d. */
-static int move_frame(struct stream_writer *out, struct mover *m,
-                      const struct record *rec, struct error *err)
+static int mover_frame(struct stream_writer *out, struct mover *m,
+                       const struct record *rec, struct error *err)
 {
     size_t any[2] = {0, 3}, d34[2] = {3, 4}, d3[1] = {3}, d1[1] = {1};
     const float *verts = record_get(rec, "verts", DTYPE_F32, 2, any, err);
@@ -147,24 +149,24 @@ static int move_frame(struct stream_writer *out, struct mover *m,
     if (record_find(rec, "gap") &&
         !(gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
         return -1;
-    if (!m->means && first_mesh(m, rec, err))
+    if (!m->means && mover_first_mesh(m, rec, err))
         return -1;
     if (record_find(rec, "verts")->dim[0] != m->dense.V)
         return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
                          "%zu, as the first one)",
                          record_find(rec, "verts")->dim[0], m->dense.V);
     /* an unknown opening counts as open */
-    baked_drive(&m->frame, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
+    baked_drive(&m->move, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
                 m->opt.closed, cam);
-    return write_moved(out, m, rec, cam, err);
+    return mover_write(out, m, rec, cam, err);
 }
 
-static int check_head(const struct mover *m, const struct record *rec,
-                      struct error *err)
+static int mover_check_head(const struct mover *m, const struct record *rec,
+                            struct error *err)
 {
     char hash[17] = "";
 
-    take_hash(hash, rec);
+    mover_take_hash(hash, rec);
     if (hash[0] && m->head[0] && strcmp(hash, m->head))
         return error_set(err, EX_DATAERR, "%s: avatar belongs to head %s "
                          "(expected %s, the stream's)", m->path, m->head,
@@ -176,8 +178,8 @@ int mover_apply(struct mover *m, struct stream_writer *out,
                 const struct record *rec, struct error *err)
 {
     if (record_is(rec, "MESH"))
-        return move_frame(out, m, rec, err);
-    if (record_is(rec, "CONF") && check_head(m, rec, err))
+        return mover_frame(out, m, rec, err);
+    if (record_is(rec, "CONF") && mover_check_head(m, rec, err))
         return -1;
     return stream_copy(out, rec, err);
 }

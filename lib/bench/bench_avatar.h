@@ -6,10 +6,10 @@
 #include <stdint.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
 #include "lib/avatar/model.h"
 #include "lib/avatar/records.h"
 #include "lib/bench/bench.h"
+#include "lib/geom/densify.h"
 #include "lib/head/lbs.h"
 
 #define PERSON_SIZE 512

@@ -1,3 +1,5 @@
+/* GAUS and GMOV records as a set of Gaussians: checked copies of the arrays,
+ * moved as lib/geom/drive.h says. */
 #include "lib/splat/scene.h"
 
 #include <math.h>
@@ -6,7 +8,8 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
-#include "lib/geom/bend.h"
+#include "lib/geom/drive.h"
+#include "lib/geom/neck_blend.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 
@@ -17,7 +20,7 @@ void scene_release(struct scene *s)
     free(s->scale);
     free(s->quat);
     free(s->opacity);
-    free(s->bend);
+    free(s->neck);
     free(s->color);
     free(s->color_half);
     free(s->branch);
@@ -25,7 +28,7 @@ void scene_release(struct scene *s)
 }
 
 /* A copy of n bytes; a scene without Gaussians still has its arrays. */
-static void *copy(const void *p, size_t n)
+static void *scene_copy(const void *p, size_t n)
 {
     void *out = malloc(n + 1);
     if (out && n)
@@ -34,8 +37,8 @@ static void *copy(const void *p, size_t n)
 }
 
 /* Required float array of `width` numbers a Gaussian, copied. */
-static float *take(const struct record *rec, const char *name, size_t n,
-                   size_t width, struct error *err)
+static float *scene_take(const struct record *rec, const char *name, size_t n,
+                         size_t width, struct error *err)
 {
     const size_t dims[2] = {n, width};
     const struct array *a = record_find(rec, name);
@@ -48,14 +51,15 @@ static float *take(const struct record *rec, const char *name, size_t n,
     }
     const float *p = record_get(rec, name, DTYPE_F32, width > 1 ? 2 : 1,
                                 dims, err);
-    float *out = p ? copy(p, n * width * sizeof *p) : NULL;
+    float *out = p ? scene_copy(p, n * width * sizeof *p) : NULL;
     if (p && !out)
         error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return out;
 }
 
-static int take_color(struct scene *s, const struct record *rec,
-                      struct error *err)
+/* Required colours in either precision, copied. */
+static int scene_take_color(struct scene *s, const struct record *rec,
+                            struct error *err)
 {
     const struct array *a = record_find(rec, "color");
 
@@ -66,7 +70,7 @@ static int take_color(struct scene *s, const struct record *rec,
                          "GAUS color is %s (expected f16 or f32 of %zu x 1 to "
                          "%d)", a ? "of another type or shape" : "missing",
                          s->g.n, SPLAT_MAX_CHANNELS);
-    void *p = copy(a->data, array_bytes(a));
+    void *p = scene_copy(a->data, array_bytes(a));
     if (!p)
         return error_set(err, EX_OSERR, "out of memory for the colours");
     s->g.channels = (int)a->dim[1];
@@ -78,7 +82,7 @@ static int take_color(struct scene *s, const struct record *rec,
 }
 
 /* The mouth sheet moves as one block, so it must be one range. */
-static int find_mouth(struct scene *s, struct error *err)
+static int scene_find_mouth(struct scene *s, struct error *err)
 {
     s->mouth = s->mouth_count = 0;
     for (size_t i = 0; s->branch && i < s->g.n; i++) {
@@ -98,26 +102,21 @@ static int find_mouth(struct scene *s, struct error *err)
     return 0;
 }
 
-static int bends(const struct scene *s, size_t i)
+/* Only static Gaussians follow the shoulders; a scene that does not say which
+ * they are has none. */
+static void scene_find_blended(struct scene *s)
 {
-    return s->branch[i] == STATIC && s->bend[i] != 0;
+    size_t n = s->neck && s->branch ? s->g.n : 0;
+
+    for (size_t i = 0; i < n; i++)
+        if (s->branch[i] != STATIC)
+            s->neck[i] = 0;
+    neck_blend_range(&s->blended, &s->blended_count, s->neck, 0, n);
 }
 
-/* The smallest range that holds every static Gaussian that bends. */
-static void find_bent(struct scene *s)
-{
-    size_t lo = 0, hi = s->bend && s->branch ? s->g.n : 0;
-
-    while (lo < hi && !bends(s, lo))
-        lo++;
-    while (hi > lo && !bends(s, hi - 1))
-        hi--;
-    s->bent = lo;
-    s->bent_count = hi - lo;
-}
-
-static int take_camera(struct scene *s, const struct record *rec,
-                       struct error *err)
+/* The optional camera. */
+static int scene_take_camera(struct scene *s, const struct record *rec,
+                             struct error *err)
 {
     static const size_t dims[2] = {3, 4};
     const float *cam;
@@ -132,8 +131,8 @@ static int take_camera(struct scene *s, const struct record *rec,
 }
 
 /* GAUS may say how the source's camera saw the head, and in which light. */
-static int take_source(struct scene *s, const struct record *rec,
-                       struct error *err)
+static int scene_take_source(struct scene *s, const struct record *rec,
+                             struct error *err)
 {
     static const size_t dims[2] = {3, 3}, three[1] = {3};
     const float *source, *light;
@@ -149,54 +148,63 @@ static int take_source(struct scene *s, const struct record *rec,
     return 0;
 }
 
-static int load(struct scene *s, const struct record *rec, struct error *err)
+/* The optional branch of every Gaussian, copied. */
+static int scene_take_branch(struct scene *s, const struct record *rec,
+                             struct error *err)
+{
+    const struct array *branch = record_find(rec, "branch");
+    size_t n = s->g.n;
+
+    if (!branch)
+        return 0;
+    if (branch->dtype != DTYPE_U8 || array_count(branch) != n)
+        return error_set(err, EX_DATAERR,
+                         "GAUS branch has %zu values (expected u8 of %zu)",
+                         array_count(branch), n);
+    if (!(s->branch = scene_copy(branch->data, n)))
+        return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
+    s->g.branch = s->branch;
+    return 0;
+}
+
+/* A GAUS record in place of all the scene holds but its camera. */
+static int scene_load(struct scene *s, const struct record *rec,
+                      struct error *err)
 {
     const struct array *mean = record_find(rec, "mean");
-    const struct array *branch = record_find(rec, "branch");
     struct scene next = {.has_cam = s->has_cam};
+    struct gaussians *g = &next.g;
 
     memcpy(next.cam, s->cam, sizeof next.cam);
     if (!mean || mean->ndim != 2 || mean->dim[1] != 3)
         return error_set(err, EX_DATAERR, "GAUS has no mean of N x 3");
-    size_t n = next.g.n = mean->dim[0];
+    size_t n = g->n = mean->dim[0];
     if (record_check_finite(rec, err))
         return -1;
-    if (!(next.g.mean = next.mean = take(rec, "mean", n, 3, err)) ||
-        !(next.loaded = take(rec, "mean", n, 3, err)) ||
-        !(next.g.scale = next.scale = take(rec, "scale", n, 3, err)) ||
-        !(next.g.quat = next.quat = take(rec, "quat", n, 4, err)) ||
-        !(next.g.opacity = next.opacity = take(rec, "opacity", n, 1, err)) ||
-        take_color(&next, rec, err) || take_camera(&next, rec, err) ||
-        take_source(&next, rec, err) ||
+    if (!(g->mean = next.mean = scene_take(rec, "mean", n, 3, err)) ||
+        !(next.loaded = scene_take(rec, "mean", n, 3, err)) ||
+        !(g->scale = next.scale = scene_take(rec, "scale", n, 3, err)) ||
+        !(g->quat = next.quat = scene_take(rec, "quat", n, 4, err)) ||
+        !(g->opacity = next.opacity = scene_take(rec, "opacity", n, 1,
+                                                 err)) ||
+        scene_take_color(&next, rec, err) ||
+        scene_take_camera(&next, rec, err) ||
+        scene_take_source(&next, rec, err) ||
         (record_find(rec, "bend") &&
-         !(next.bend = take(rec, "bend", n, 1, err))))
-        goto failed;
-    if (branch) {
-        if (branch->dtype != DTYPE_U8 || array_count(branch) != n) {
-            error_set(err, EX_DATAERR,
-                      "GAUS branch has %zu values (expected u8 of %zu)",
-                      array_count(branch), n);
-            goto failed;
-        }
-        if (!(next.branch = copy(branch->data, n))) {
-            error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-            goto failed;
-        }
-        next.g.branch = next.branch;
+         !(next.neck = scene_take(rec, "bend", n, 1, err))) ||
+        scene_take_branch(&next, rec, err) || scene_find_mouth(&next, err)) {
+        scene_release(&next);
+        return -1;
     }
-    if (find_mouth(&next, err))
-        goto failed;
-    find_bent(&next);
+    scene_find_blended(&next);
     scene_release(s);
     *s = next;
     return SCENE_LOADED;
-failed:
-    scene_release(&next);
-    return -1;
 }
 
-static int move_means(struct scene *s, const struct record *rec,
-                      struct error *err)
+/* The centres that GMOV brings as they are. */
+static int scene_move_means(struct scene *s, const struct record *rec,
+                            struct error *err)
 {
     static const size_t one[1] = {1}, any[2] = {0, 3};
     const struct array *a = record_find(rec, "mean");
@@ -219,10 +227,22 @@ static int move_means(struct scene *s, const struct record *rec,
     return 0;
 }
 
-static int move_mouth(struct scene *s, const struct record *rec,
-                      struct error *err)
+/* How the scene moves beyond what GMOV brings whole. */
+static struct drive scene_drive(const struct scene *s)
+{
+    return (struct drive){
+        .mouth = s->mouth, .mouth_count = s->mouth_count, .mean = s->loaded,
+        .weight = s->neck
+    };
+}
+
+/* The mouth goes by l_d - l_s as a whole. */
+static int scene_move_mouth(struct scene *s, const struct record *rec,
+                            struct error *err)
 {
     static const size_t three[1] = {3};
+    const struct drive d = scene_drive(s);
+    struct drive_frame f = {.from = {0}};
     const float *shift;
 
     s->shifted = 0;
@@ -231,43 +251,45 @@ static int move_mouth(struct scene *s, const struct record *rec,
     if (!(shift = record_get(rec, "shift", DTYPE_F32, 1, three, err)))
         return -1;
     memcpy(s->shift, shift, sizeof s->shift);
+    memcpy(f.to, shift, sizeof f.to);
     s->shifted = 1;
-    for (size_t i = 3 * s->mouth; i < 3 * (s->mouth + s->mouth_count); i++)
-        s->mean[i] = s->loaded[i] + shift[i % 3];
+    drive_mouth(s->mean + 3 * s->mouth, &d, &f);
     return 0;
 }
 
-/* Static Gaussians follow the shoulders (lib/geom/bend.h). */
-static int move_shoulders(struct scene *s, const struct record *rec,
-                          struct error *err)
+/* Static Gaussians follow the shoulders. */
+static int scene_move_shoulders(struct scene *s, const struct record *rec,
+                                struct error *err)
 {
     static const size_t dims[2] = {3, 4};
+    const struct drive d = scene_drive(s);
+    struct drive_frame f;
     const float *body;
 
-    s->bowed = 0;
-    if (!record_find(rec, "body") || !s->bent_count)
+    s->neck_moved = 0;
+    if (!record_find(rec, "body") || !s->blended_count)
         return 0;
     if (!(body = record_get(rec, "body", DTYPE_F32, 2, dims, err)))
         return -1;
-    for (size_t i = s->bent; i < s->bent + s->bent_count; i++)
-        if (bends(s, i))
-            bend_points(s->mean + 3 * i, s->loaded + 3 * i, s->bend + i, 1,
-                        body);
-    s->bowed = 1;
+    memcpy(f.plane, body, sizeof f.plane);
+    for (size_t i = s->blended; i < s->blended + s->blended_count; i++)
+        if (s->neck[i] != 0)    /* others may have moved otherwise */
+            drive_static(s->mean + 3 * i, &d, &f, i, 1);
+    s->neck_moved = 1;
     return 0;
 }
 
 int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
     if (record_is(rec, "GAUS"))
-        return load(s, rec, err);
+        return scene_load(s, rec, err);
     if (!record_is(rec, "GMOV"))
         return SCENE_NONE;
     if (!s->mean)
         return error_set(err, EX_DATAERR, "GMOV before any GAUS");
-    if (record_check_finite(rec, err) || take_camera(s, rec, err) ||
-        move_means(s, rec, err) || move_shoulders(s, rec, err) ||
-        move_mouth(s, rec, err))
+    if (record_check_finite(rec, err) || scene_take_camera(s, rec, err) ||
+        scene_move_means(s, rec, err) || scene_move_shoulders(s, rec, err) ||
+        scene_move_mouth(s, rec, err))
         return -1;
     return SCENE_MOVED;
 }
@@ -280,8 +302,9 @@ int scene_to_splat(struct splat *out, const struct scene *s,
     if (change == SCENE_MOVED && s->count &&
         splat_update(out, s->mean + 3 * s->first, s->first, s->count, err))
         return -1;
-    if (change == SCENE_MOVED && s->bowed &&
-        splat_update(out, s->mean + 3 * s->bent, s->bent, s->bent_count, err))
+    if (change == SCENE_MOVED && s->neck_moved &&
+        splat_update(out, s->mean + 3 * s->blended, s->blended,
+                     s->blended_count, err))
         return -1;
     if (change == SCENE_MOVED && s->shifted && s->mouth_count)
         return splat_shift(out, s->shift, s->mouth, s->mouth_count, err);

@@ -74,7 +74,7 @@ int trainee_plan(struct trainee *t, size_t image, int fresh, int smooth,
         so.t_cut = 0;
     }
     if (fresh)
-        avatar_start(&t->avatar);
+        avatar_init_weights(&t->avatar);
     if (allocate(t, err) || avatar_plan(&t->avatar, opt, err) ||
         (t->config.has_refiner &&
          refiner_plan(&t->refiner, 1, image, image, opt, err)))

@@ -83,7 +83,7 @@ static void write_model(const char *path, const struct head *h,
     params_randomise(&ps, 1);
     teach(&ps);
     motion_encoder_start(&motion);
-    avatar_start(&a);
+    avatar_init_weights(&a);
     char *json = avatar_config_print(&c);
     const char *meta[] = {"spid", json, NULL};
     if (params_save(&ps, path, ST_F32, meta, &err))

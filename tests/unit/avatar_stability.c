@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/branches.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
@@ -97,7 +96,7 @@ static void make(struct world *w)
         exit(1);
     }
     params_randomise(&w->ps, 7);
-    avatar_start(&w->a);
+    avatar_init_weights(&w->a);
     if (avatar_plan(&w->a, (struct nn_options){NN_INFER, NN_F32}, &err)) {
         printf("%s\n", err.text);
         exit(1);
@@ -126,10 +125,10 @@ int main(void)
     check("profile source, half the vertices hidden",
           try(&w, &rest, profile, front, &open));
     size_t hidden = 0;
-    for (size_t k = 0; k < w.a.scratch->D; k++)
-        hidden += w.a.scratch->weight[k] < 0.5f;
+    for (size_t k = 0; k < w.a.dynamic.count; k++)
+        hidden += w.a.dynamic.trust[k] < 0.5f;
     check("  and the hidden ones are known",
-          hidden > w.a.scratch->D / 3 && hidden < w.a.scratch->D);
+          hidden > w.a.dynamic.count / 3 && hidden < w.a.dynamic.count);
     check("source at the picture's border", try(&w, &rest, none, border,
                                                 &open));
     check("source outside the picture", try(&w, &rest, none, outside, &rest));
@@ -149,7 +148,7 @@ int main(void)
         w.head.lip_inner[i] = w.head.lip_inner[0];
     check("lips pressed to a point", try(&w, &rest, none, front, &open));
     check("  and the sheet keeps a finite size",
-          w.a.mouth.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
+          w.a.mouth.lips.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
     avatar_release(&w.a);
     params_release(&w.ps);
     identity_release(&w.id);

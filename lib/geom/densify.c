@@ -1,11 +1,13 @@
-#include "lib/avatar/densify.h"
+/* Edge-midpoint subdivision of a triangle mesh (the dynamic branch's "dense"
+ * vertices, Section 3.2): edges found by sorting, means of their ends. */
+#include "lib/geom/densify.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-static int by_key(const void *a, const void *b)
+static int densify_by_key(const void *a, const void *b)
 {
     uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
 
@@ -29,7 +31,7 @@ int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
             if (i != j)
                 key[n++] = i < j ? i << 32 | j : j << 32 | i;
         }
-    qsort(key, n, sizeof *key, by_key);
+    qsort(key, n, sizeof *key, densify_by_key);
     size_t E = 0;
     for (size_t i = 0; i < n; i++)
         if (i == 0 || key[i] != key[i - 1])
@@ -93,6 +95,49 @@ void densify_backward(float *dx, const float *dout, const struct densify *d,
         for (size_t c = 0; c < C; c++) {
             a[c] += 0.5f * dmid[C * e + c];
             b[c] += 0.5f * dmid[C * e + c];
+        }
+    }
+}
+
+void densify_gather(float *out, const int32_t *vertex, size_t n,
+                    const float *x, const struct densify *d)
+{
+    size_t V = d->V;
+
+    for (size_t i = 0; i < n; i++) {
+        size_t k = vertex ? (size_t)vertex[i] : i;
+
+        if (k < V) {
+            memcpy(out + 3 * i, x + 3 * k, 3 * sizeof *out);
+            continue;
+        }
+        const float *a = x + 3 * (size_t)d->edge[2 * (k - V)];
+        const float *b = x + 3 * (size_t)d->edge[2 * (k - V) + 1];
+        for (int c = 0; c < 3; c++)
+            out[3 * i + c] = 0.5f * (a[c] + b[c]);
+    }
+}
+
+void densify_gather_backward(float *dx, const float *dout,
+                             const int32_t *vertex, size_t n,
+                             const struct densify *d)
+{
+    size_t V = d->V;
+
+    for (size_t i = 0; i < n; i++, dout += 3) {
+        size_t k = vertex ? (size_t)vertex[i] : i;
+
+        if (k < V) {
+            for (int c = 0; c < 3; c++)
+                dx[3 * k + (size_t)c] += dout[c];
+            continue;
+        }
+        float *a = dx + 3 * (size_t)d->edge[2 * (k - V)];
+        float *b = dx + 3 * (size_t)d->edge[2 * (k - V) + 1];
+        /* v_mid = (v_i + v_j) / 2 */
+        for (int c = 0; c < 3; c++) {
+            a[c] += 0.5f * dout[c];
+            b[c] += 0.5f * dout[c];
         }
     }
 }

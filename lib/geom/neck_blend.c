@@ -1,8 +1,13 @@
-#include "lib/geom/bend.h"
+/* Blending at the neck: two-bone linear blend skinning of points by height,
+ * and its gradient by points and camera.  Ours; the paper turns shoulders
+ * with the head. */
+#include "lib/geom/neck_blend.h"
 
 #include <math.h>
 
-float bend_weight(const struct bend *b, float y)
+const float neck_blend_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+
+float neck_blend_weight(const struct neck_blend *b, float y)
 {
     float t = (b->top - y) / (b->top - b->bottom);
 
@@ -10,8 +15,19 @@ float bend_weight(const struct bend *b, float y)
     return t * t * (3 - 2 * t);
 }
 
-void bend_body(float body[12], const float pivot[3], const float from[9],
-               const float cam[12])
+void neck_blend_range(size_t *first, size_t *count, const float *weight,
+                      size_t begin, size_t end)
+{
+    while (begin < end && weight[begin] == 0)
+        begin++;
+    while (end > begin && weight[end - 1] == 0)
+        end--;
+    *first = begin;
+    *count = end - begin;
+}
+
+void neck_blend_body(float body[12], const float pivot[3],
+                     const float from[9], const float cam[12])
 {
     for (int i = 0; i < 3; i++) {
         body[4 * i + 3] = pivot[i];
@@ -23,8 +39,8 @@ void bend_body(float body[12], const float pivot[3], const float from[9],
     }
 }
 
-void bend_points(float *out, const float *x, const float *weight, size_t N,
-                 const float body[12])
+void neck_blend_points(float *out, const float *x, const float *weight,
+                       size_t N, const float body[12])
 {
     for (size_t k = 0; k < N; k++) {
         float w = weight[k], p[3] = {x[3 * k], x[3 * k + 1], x[3 * k + 2]};
@@ -38,15 +54,15 @@ void bend_points(float *out, const float *x, const float *weight, size_t N,
     }
 }
 
-void bend_points_backward(float *dx, float dcam[12], const float *dout,
-                          const float *x, const float *weight, size_t N,
-                          const float pivot[3], const float from[9],
-                          const float cam[12])
+void neck_blend_points_backward(float *dx, float dcam[12], const float *dout,
+                                const float *x, const float *weight,
+                                size_t N, const float pivot[3],
+                                const float from[9], const float cam[12])
 {
     float body[12];
     double dR[9] = {0};
 
-    bend_body(body, pivot, from, cam);
+    neck_blend_body(body, pivot, from, cam);
     for (size_t k = 0; k < N; k++) {
         const float *g = dout + 3 * k, *p = x + 3 * k;
         float w = weight[k];
