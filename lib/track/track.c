@@ -9,6 +9,7 @@
 #include "lib/base/cpu.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
+#include "lib/net/motion_code.h"
 
 #define FIRST_PASSES 4         /* network runs that settle the first crop */
 #define CHECK_EVERY 30         /* frames between looks by the detector */
@@ -107,50 +108,13 @@ static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
 
 /* ---- what the network says -------------------------------------------- */
 
-/* Gram-Schmidt gives no rotation where a1 is (nearly) zero or a2 (nearly)
- * parallel to it.  Then: a1 falls back to (1,0,0), a2 to the axis among
- * (0,-1,0), (0,0,1) that is further from a1's line. */
-static void decode_rotation(float R[9], const float x[6])
-{
-    float v[6];
-    double n1, n2, dot;
-
-    for (int i = 0; i < 6; i++)
-        v[i] = isfinite(x[i]) ? x[i] : 0;
-    n1 = hypot(hypot(v[0], v[1]), v[2]);
-    if (n1 < 1e-6) {
-        v[0] = 1;
-        v[1] = v[2] = 0;
-        n1 = 1;
-    }
-    n2 = hypot(hypot(v[3], v[4]), v[5]);
-    dot = ((double)v[0] * v[3] + (double)v[1] * v[4] + (double)v[2] * v[5])
-          / n1;
-    if (n2 < 1e-6 || n2 * n2 - dot * dot < 1e-8 * n2 * n2) {
-        v[3] = 0;
-        v[4] = fabs(v[1]) < 0.8 * n1 ? -1 : 0;
-        v[5] = v[4] == 0 ? 1 : 0;
-    }
-    rotation_6d(R, v);
-}
-
 void track_decode(struct motion *m, const float out[MOTION_OUT],
                   struct square crop, double size)
 {
-    const double tn[3] = {out[MOTION_TRANS], out[MOTION_TRANS + 1],
-                          out[MOTION_TRANS + 2]};
-    double tw[3];
-
     memset(m, 0, sizeof *m);
-    decode_rotation(m->R, out + MOTION_ROT);
-    crop_translation(tw, tn, crop, size, camera_focal((float)size));
-    for (int i = 0; i < 3; i++) {
-        m->t[i] = (float)tw[i];
-        m->pose.jaw[i] = out[MOTION_JAW + i];
-    }
+    motion_code_decode(m->R, m->t, &m->pose, out, crop, size);
     memcpy(m->exp, out + MOTION_EXP, (MOTION_JAW - MOTION_EXP) * sizeof *out);
-    memcpy(m->pose.lid, out + MOTION_LID, sizeof m->pose.lid);
-    memcpy(m->pose.eye, out + MOTION_EYE, sizeof m->pose.eye);
+    m->pose.exp = NULL;         /* a copy would point at the original's */
     m->crop[0] = (float)crop.x;
     m->crop[1] = (float)crop.y;
     m->crop[2] = (float)crop.size;
@@ -356,7 +320,7 @@ static void smooth(struct track *t, struct motion *m, double time)
     oneeuro_step(&t->filter, x, beta, ALL, time);
     if (first)
         return;                        /* as it is, to the bit */
-    decode_rotation(m->R, x);
+    motion_code_rotation(m->R, x);
     memcpy(m->t, x + R6, sizeof m->t);
     m->t[2] *= 10;
     memcpy(m->exp, x + 9, 100 * sizeof *x);

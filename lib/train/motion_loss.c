@@ -6,8 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
-#include "lib/net/motion_encoder.h"
+#include "lib/net/motion_code.h"
 
 const char *const motion_term_name[TERM_COUNT] = {
     "vertex", "rotation", "translation", "eye",
@@ -17,21 +16,8 @@ void motion_decode(struct motion_state *s, const float *out,
                    const struct data_frame *f, struct square q,
                    const struct identity *id)
 {
-    double t[3], tnet[3];
-
-    for (int i = 0; i < 3; i++)
-        tnet[i] = out[MOTION_TRANS + i];
-    rotation_6d(s->R, out + MOTION_ROT);
-    crop_translation(t, tnet, q, (double)f->size,
-                     camera_focal((float)f->size));
-    for (int i = 0; i < 3; i++)
-        s->t[i] = (float)t[i];
+    motion_code_decode(s->R, s->t, &s->motion, out, q, (double)f->size);
     camera_make(s->cam, s->R, s->t);
-    memset(&s->motion, 0, sizeof s->motion);
-    s->motion.exp = out + MOTION_EXP;
-    memcpy(s->motion.jaw, out + MOTION_JAW, sizeof s->motion.jaw);
-    memcpy(s->motion.eye, out + MOTION_EYE, sizeof s->motion.eye);
-    memcpy(s->motion.lid, out + MOTION_LID, sizeof s->motion.lid);
     head_pose(s->verts, id, &s->motion);
 }
 
@@ -40,32 +26,12 @@ void motion_decode_backward(float *dout, const float *dverts,
                             const float *out, const struct data_frame *f,
                             struct square q, const struct identity *id)
 {
-    struct head_motion_grad g = {.exp = dout + MOTION_EXP};
+    struct head_motion_grad g = motion_code_gradient(dout);
 
-    if (dverts) {
+    if (dverts)
         head_pose_backward(&g, dverts, NULL, id, &s->motion);
-        for (int i = 0; i < 3; i++)
-            dout[MOTION_JAW + i] += g.jaw[i];
-        for (int i = 0; i < 6; i++)
-            dout[MOTION_EYE + i] += g.eye[i];
-        for (int i = 0; i < 2; i++)
-            dout[MOTION_LID + i] += g.lid[i];
-    }
-    if (dcam) {
-        float dR[9];
-        double dt[3], dtnet[3] = {0}, dcrop[3] = {0}, tnet[3];
-        for (int i = 0; i < 3; i++) {
-            memcpy(dR + 3 * i, dcam + 4 * i, 3 * sizeof *dR);
-            dt[i] = dcam[4 * i + 3];
-            tnet[i] = out[MOTION_TRANS + i];
-        }
-        rotation_6d_backward(dout + MOTION_ROT, dR, out + MOTION_ROT);
-        crop_translation_backward(dtnet, dcrop, dt, tnet, q,
-                                  (double)f->size,
-                                  camera_focal((float)f->size));
-        for (int i = 0; i < 3; i++)
-            dout[MOTION_TRANS + i] += (float)dtnet[i];
-    }
+    motion_code_decode_backward(dout, dverts ? &g : NULL, dcam, out, q,
+                                (double)f->size);
 }
 
 int motion_loss_init(struct motion_loss *l, const struct head *h,
