@@ -129,7 +129,7 @@ static int take_features(struct refine_input *in, const struct record *rec,
     const enum dtype type = a && a->dtype == DTYPE_F16 ? DTYPE_F16
                                                        : DTYPE_F32;
     const bool packed = a && a->ndim == 2 && alpha;
-    const size_t any[3] = {0, 0, 0}, turns[1] = {TURN_COUNT};
+    const size_t any[3] = {0, 0, 0}, turns[1] = {RELATIVE_POSE_SIZE};
     const void *feat = record_get(rec, "feat", type, packed ? 2 : 3, any, err);
 
     memset(in, 0, sizeof *in);

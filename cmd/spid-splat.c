@@ -6,7 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -346,7 +346,7 @@ static int draw(struct drawing *d, uint64_t frame, double time,
     /* of the stream's camera: --camera goes round head and light */
     f.turned = d->scene.has_source && d->scene.has_cam;
     if (f.turned)
-        turn_since(f.turn, d->scene.source, d->scene.light, d->scene.cam);
+        relative_pose(f.turn, d->scene.source, d->scene.light, d->scene.cam);
     double begun = stats_begin();
     int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 

@@ -122,7 +122,7 @@ static int refine(struct animate_worker *w, struct error *err)
     struct refine_input in = {
         .height = a->opt.size, .width = a->opt.size, .channels = a->baked->C,
         .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha,
-        .turn = w->move.turn
+        .turn = w->move.relative_pose
     };
 
     return refine_frame(w->image, &w->refine, &in, err);

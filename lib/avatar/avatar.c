@@ -247,14 +247,15 @@ struct splat_gradients avatar_gradients(struct avatar *a)
     };
 }
 
-void avatar_turn(float turn[TURN_COUNT], const struct avatar *a,
-                 const float cam[12])
+void avatar_relative_pose(float pose[RELATIVE_POSE_SIZE],
+                          const struct avatar *a, const float cam[12])
 {
-    turn_since(turn, a->drive.source, a->light, cam);
+    relative_pose(pose, a->drive.source, a->light, cam);
 }
 
-void avatar_turn_backward(float dcam[12], const float dturn[TURN_COUNT],
-                          const struct avatar *a)
+void avatar_relative_pose_backward(float dcam[12],
+                                   const float dpose[RELATIVE_POSE_SIZE],
+                                   const struct avatar *a)
 {
-    turn_since_backward(dcam, dturn, a->drive.source, a->light);
+    relative_pose_backward(dcam, dpose, a->drive.source, a->light);
 }

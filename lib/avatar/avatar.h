@@ -40,7 +40,7 @@
 #include "lib/base/error.h"
 #include "lib/geom/densify.h"
 #include "lib/geom/drive.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/head/head.h"
 #include "lib/net/backbone.h"
 #include "lib/nn/params.h"
@@ -112,12 +112,13 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src);
 void avatar_drive(float *means, struct avatar *a, const float *verts,
                   const float cam[12]);
 
-/* How the head seen by cam has turned since the source (turn_since), and back:
- * dcam (3,4) is added to. */
-void avatar_turn(float turn[TURN_COUNT], const struct avatar *a,
-                 const float cam[12]);
-void avatar_turn_backward(float dcam[12], const float dturn[TURN_COUNT],
-                          const struct avatar *a);
+/* How the head seen by cam has turned since the source
+ * (lib/geom/relative_pose.h), and back: dcam (3,4) is added to. */
+void avatar_relative_pose(float pose[RELATIVE_POSE_SIZE],
+                          const struct avatar *a, const float cam[12]);
+void avatar_relative_pose_backward(float dcam[12],
+                                   const float dpose[RELATIVE_POSE_SIZE],
+                                   const struct avatar *a);
 
 /* ---- training (planned with NN_TRAIN or NN_FROZEN) --------------------- */
 

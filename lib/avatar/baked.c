@@ -330,7 +330,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
 
     drive_bodies(&m->frame, &d, cam);
     drive_dynamic(m->mean, m->mean, &d, &m->frame, mesh, verts);
-    turn_since(m->turn, b->source, b->light, cam);
+    relative_pose(m->relative_pose, b->source, b->light, cam);
     /* a hidden mouth goes 1000 units behind */
     for (int c = 0; c < 3; c++)
         m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]

@@ -69,14 +69,15 @@ struct baked_move {
     struct drive_frame frame;   /* plane: the static branch's shoulders; to:
                              * the mouth's shift l_d - l_s, or a way behind
                              * the camera, from: 0 */
-    float turn[TURN_COUNT]; /* of the head since the source */
+    float relative_pose[RELATIVE_POSE_SIZE];    /* of the head */
 };
 int baked_move_init(struct baked_move *m, const struct baked *b,
                     struct error *err);
 void baked_move_release(struct baked_move *m);
 
-/* One frame's mean, rigid motions and turn.  The mouth's Gaussians hide when
- * gap, the opening of the driven lips, is under closed (0: never). */
+/* One frame's mean, rigid motions and relative pose.  The mouth's Gaussians
+ * hide when gap, the opening of the driven lips, is under closed (0: never).
+ * verts (V,3) driven, lip (3) their centroid l_d, cam (3,4) the frame's. */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
                  const float lip[3], float gap, float closed,

@@ -16,7 +16,7 @@
 #include "lib/train/adam.h"
 #include "lib/train/motion_loss.h"
 #include "lib/train/data.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 #define IMAGE 256
 #define PEOPLE 2
@@ -36,7 +36,7 @@ struct course {
     struct data_person who[PEOPLE];
     struct identity id[PEOPLE];
     struct params ps;
-    struct trainee tr;
+    struct avatar_system tr;
     struct motion_encoder net;
     struct motion_loss loss;
     struct adam adam;
@@ -113,30 +113,30 @@ static void lap(struct course *c, enum part p, double *t)
 /* A person of the batch: source frame 0, target frame 1. */
 static int study(struct course *c, size_t k, double *t, struct error *err)
 {
-    struct trainee *tr = &c->tr;
+    struct avatar_system *tr = &c->tr;
     const struct data_frame *f = &c->who[k].frame[1];
     struct motion_state s = {.verts = tr->verts};
     double terms[TERM_COUNT] = {0}, picture[PICTURE_COUNT] = {0};
 
-    if (trainee_bake(tr, &c->who[k].frame[0], &c->id[k], NULL, NULL, err))
+    if (avatar_system_bake(tr, &c->who[k].frame[0], &c->id[k], NULL, NULL, err))
         return -1;
     lap(c, BAKE, t);
     c->loss.id = &c->id[k];
     motion_loss(c->dout + k * MOTION_OUT, terms, &s, c->out + k * MOTION_OUT,
                 f, f->crop, &c->config.geometry, 1.0 / PEOPLE, &c->loss);
     lap(c, LOSSES, t);
-    if (trainee_draw(tr, s.verts, s.cam, err))
+    if (avatar_system_draw(tr, s.verts, s.cam, err))
         return -1;
     lap(c, DRAW, t);
-    if (trainee_losses(tr, picture, f, &c->config, 1.0 / PEOPLE, err))
+    if (avatar_system_losses(tr, picture, f, &c->config, 1.0 / PEOPLE, err))
         return -1;
     lap(c, LOSSES, t);
-    if (trainee_draw_backward(tr, err))
+    if (avatar_system_draw_backward(tr, err))
         return -1;
     motion_decode_backward(c->dout + k * MOTION_OUT, tr->dverts, tr->dcam, &s,
                            c->out + k * MOTION_OUT, f, f->crop, &c->id[k]);
     lap(c, DRAW_BACK, t);
-    trainee_bake_backward(tr);
+    avatar_system_bake_backward(tr);
     lap(c, BAKE_BACK, t);
     return 0;
 }
@@ -163,7 +163,7 @@ static int call_system(void *context, struct error *err)
     lap(c, ENCODER_BACK, &t);
     adam_update(&c->adam, &c->ps, 0, adam_norm(&c->ps));
     motion_encoder_update(&c->net);
-    trainee_update(&c->tr);
+    avatar_system_update(&c->tr);
     lap(c, UPDATE, &t);
     c->steps++;
     return 0;
@@ -238,7 +238,7 @@ static int open_system(struct course *c, struct error *err)
     params_init(&c->ps);
     if (train_config_parse(&c->config, losses, "bench", err) ||
         make_people(c, model.size, err) ||
-        trainee_init(&c->tr, &c->ps, &model, &c->head, err) ||
+        avatar_system_init(&c->tr, &c->ps, &model, &c->head, err) ||
         motion_encoder_init(&c->net, &c->ps, "motion.", model.motion_net,
                             err) ||
         params_allocate(&c->ps, err) ||
@@ -247,7 +247,7 @@ static int open_system(struct course *c, struct error *err)
         return -1;
     params_randomise(&c->ps, 1);
     motion_encoder_start(&c->net);
-    return trainee_plan(&c->tr, IMAGE, 1, 0, train, err) ||
+    return avatar_system_plan(&c->tr, IMAGE, 1, 0, train, err) ||
                    motion_encoder_plan(&c->net, PEOPLE, fixed, err) ||
                    motion_loss_init(&c->loss, &c->head, err)
                ? -1
@@ -283,7 +283,7 @@ static void close_course(struct course *c)
         data_person_release(&c->who[k]);
         identity_release(&c->id[k]);
     }
-    trainee_release(&c->tr);
+    avatar_system_release(&c->tr);
     motion_encoder_release(&c->net);
     motion_loss_release(&c->loss);
     adam_release(&c->adam);

@@ -70,7 +70,7 @@ static double box_mse(const struct judge *j, struct box box)
 static int picture(struct judge *j, const char *row, const float *rgb,
                    const struct data_frame *f, int full, struct error *err)
 {
-    struct box mouth = trainee_mouth(f, j->S);
+    struct box mouth = avatar_system_mouth(f, j->S);
     size_t n = j->S * j->S;
     struct metric_ssim s;
     struct metric_msssim m;
@@ -173,7 +173,7 @@ static size_t frame_count(const struct judge *j, const struct data_person *p)
 static int sheet_row(struct judge *j, const struct motion_state *st,
                      struct error *err)
 {
-    struct trainee *tr = &j->s->tr;
+    struct avatar_system *tr = &j->s->tr;
     size_t row = j->person;
 
     sheet_picture(j->sheet, row, 0, j->source, NULL);
@@ -220,7 +220,7 @@ static int self(struct judge *j, const struct data_person *p,
         if (drive(j, &st, f, &q, err))
             goto out;
         motion(j, &st, f, &truth);
-        if (trainee_draw(&j->s->tr, st.verts, st.cam, err) ||
+        if (avatar_system_draw(&j->s->tr, st.verts, st.cam, err) ||
             data_portrait(j->truth, NULL, j->S, f, err))
             goto out;
         planar(j->a, j->truth, n);
@@ -257,7 +257,7 @@ static int ablate(struct judge *j, const struct data_person *p, size_t k,
             return -1;
         if (i % j->opt->stride)
             continue;
-        if (trainee_draw(&j->s->tr, st.verts, st.cam, err) ||
+        if (avatar_system_draw(&j->s->tr, st.verts, st.cam, err) ||
             data_portrait(j->truth, NULL, j->S, f, err))
             return -1;
         planar(j->a, j->truth, j->S * j->S);
@@ -304,7 +304,8 @@ static int cross(struct judge *j, const struct data_person *p,
     if (subject_source(j->s, &p->frame[0], 0, err) ||
         data_portrait(j->source, NULL, j->S, &p->frame[0], err))
         return -1;
-    face_colour(source, j->source, j->S, trainee_face(&p->frame[0], j->S));
+    face_colour(source, j->source, j->S,
+                avatar_system_face(&p->frame[0], j->S));
     for (size_t i = 1; i < count; i++) {
         const struct data_frame *f = &d->frame[i];
         struct motion_state st;
@@ -312,11 +313,11 @@ static int cross(struct judge *j, const struct data_person *p,
             return -1;
         if (i % j->opt->stride)
             continue;
-        if (trainee_draw(&j->s->tr, st.verts, st.cam, err) ||
+        if (avatar_system_draw(&j->s->tr, st.verts, st.cam, err) ||
             data_portrait(j->truth, NULL, j->S, f, err))
             return -1;
-        face_colour(driver, j->truth, j->S, trainee_face(f, j->S));
-        face_colour(result, j->s->tr.rgb, j->S, trainee_face(f, j->S));
+        face_colour(driver, j->truth, j->S, avatar_system_face(f, j->S));
+        face_colour(result, j->s->tr.rgb, j->S, avatar_system_face(f, j->S));
         add(j, "cross", "colour_to_source", -1,
             colour_distance(result, source));
         add(j, "cross", "colour_to_driver", 1,

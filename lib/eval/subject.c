@@ -26,7 +26,7 @@ static int read_config(struct subject *s, const struct safetensors *st,
 static int declare(struct subject *s, struct error *err)
 {
     params_init(&s->ps);
-    return trainee_init(&s->tr, &s->ps, &s->config, s->head, err) ||
+    return avatar_system_init(&s->tr, &s->ps, &s->config, s->head, err) ||
                    motion_encoder_init(&s->motion, &s->ps, "motion.",
                                        s->config.motion_net, err) ||
                    shape_encoder_init(&s->shape, &s->ps, "shape.",
@@ -40,7 +40,7 @@ static int plan(struct subject *s, struct error *err)
 {
     struct nn_options opt = {NN_INFER, NN_F32};
 
-    return trainee_plan(&s->tr, s->config.size, 0, 0, opt, err) ||
+    return avatar_system_plan(&s->tr, s->config.size, 0, 0, opt, err) ||
                    motion_encoder_plan(&s->motion, 1, opt, err) ||
                    shape_encoder_plan(&s->shape, 1, opt, err) ||
                    looks_init(&s->looks, &s->shape, s->head, err) ||
@@ -93,7 +93,7 @@ void subject_release(struct subject *s)
     for (int b = 0; s->has_alone && b < BRANCH_COUNT; b++)
         splat_release(&s->alone[b]);
     identity_release(&s->id);
-    trainee_release(&s->tr);
+    avatar_system_release(&s->tr);
     looks_release(&s->looks);
     motion_looks_release(&s->motion_looks);
     motion_encoder_release(&s->motion);
@@ -125,7 +125,7 @@ static void know(struct motion_state *st, const struct data_frame *f,
 {
     memcpy(st->R, f->motion.rot, sizeof st->R);
     memcpy(st->t, f->motion.trans, sizeof st->t);
-    trainee_truth(&st->motion, st->cam, f);
+    avatar_system_truth(&st->motion, st->cam, f);
     head_pose(st->verts, id, &st->motion);
 }
 
@@ -162,7 +162,7 @@ int subject_source(struct subject *s, const struct data_frame *f,
     s->tr.avatar.without = without;
     if (subject_shape(s, &s->id, f, f->crop, err) ||
         subject_look(s, &st, &s->id, f, f->crop, err) ||
-        trainee_bake(&s->tr, f, &s->id, &st.motion, st.cam, err))
+        avatar_system_bake(&s->tr, f, &s->id, &st.motion, st.cam, err))
         return -1;
     for (int b = 0; b < BRANCH_COUNT; b++)
         if (splat_load(&s->alone[b], &s->tr.avatar.set, err))

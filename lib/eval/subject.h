@@ -14,13 +14,13 @@
 #include "lib/track/looks.h"
 #include "lib/train/data.h"
 #include "lib/train/motion_loss.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 struct subject {
     const struct head *head;
     struct params ps;
     struct avatar_config config;
-    struct trainee tr;          /* avatar, splat, refiner at full size */
+    struct avatar_system tr;    /* avatar, splat, refiner at full size */
     struct motion_encoder motion;
     struct shape_encoder shape;
     struct looks looks;         /* both look as spid-shape and spid-motion */

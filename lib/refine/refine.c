@@ -293,7 +293,7 @@ static int unpack(struct refine_input *whole, struct refine *r,
 static int forward(float *out, struct refine *r, const struct refine_input *in,
                    struct error *err)
 {
-    static const float straight[TURN_COUNT] = {0};
+    static const float straight[RELATIVE_POSE_SIZE] = {0};
     const bool inside = r->top + r->plan.height <= in->height
         && r->left + r->plan.width <= in->width;
     const size_t at = (r->top * in->width + r->left) * in->channels;

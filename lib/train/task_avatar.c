@@ -12,12 +12,12 @@
 #include "lib/train/motion_loss.h"
 #include "lib/train/sheet.h"
 #include "lib/train/task.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 #define N MOTION_ENCODER_SIZE
 
 struct impl {
-    struct trainee tr;
+    struct avatar_system tr;
     int with_motion;                /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
@@ -36,7 +36,7 @@ static void release(struct task *t)
 
     if (!m)
         return;
-    trainee_release(&m->tr);
+    avatar_system_release(&m->tr);
     if (m->with_motion) {
         motion_looks_release(&m->looks);
         motion_encoder_release(&m->net);
@@ -95,7 +95,7 @@ static int study(struct task *t, double *parts, const struct lesson *l,
                  size_t i, uint64_t step, struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
+    struct avatar_system *tr = &m->tr;
     const struct data_frame *f = l->target[i];
     double scale = 1.0 / (double)(t->config->batch * t->config->targets);
     double terms[TERM_COUNT] = {0};
@@ -114,12 +114,13 @@ static int study(struct task *t, double *parts, const struct lesson *l,
             parts[PICTURE_COUNT + k] += terms[k] * scale;
         memcpy(cam, s.cam, sizeof cam);
     } else {
-        trainee_truth(&truth, cam, f);
+        avatar_system_truth(&truth, cam, f);
         head_pose(tr->verts, &l->id, &truth);
     }
-    if (trainee_draw(tr, m->with_motion ? s.verts : tr->verts, cam, err) ||
-        trainee_losses(tr, parts, f, t->config, scale, err) ||
-        trainee_draw_backward(tr, err))
+    if (avatar_system_draw(tr, m->with_motion ? s.verts : tr->verts, cam,
+                           err) ||
+        avatar_system_losses(tr, parts, f, t->config, scale, err) ||
+        avatar_system_draw_backward(tr, err))
         return -1;
     if (m->with_motion)
         motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts,
@@ -141,9 +142,9 @@ static int bake(struct task *t, const struct lesson *l, struct error *err)
         memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
     }
     if (!m->with_motion || t->config->smooth)
-        return trainee_bake(&m->tr, l->source, &l->id, NULL, NULL, err);
+        return avatar_system_bake(&m->tr, l->source, &l->id, NULL, NULL, err);
     motion_decode(&s, m->out + n * MOTION_OUT, l->source, l->q[n], &l->id);
-    return trainee_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
+    return avatar_system_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
 }
 
 static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
@@ -159,7 +160,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
     for (size_t i = 0; i < n && !rc; i++)
         rc = study(t, parts, &l, i, step, err);
     if (!rc) {
-        trainee_bake_backward(&m->tr);
+        avatar_system_bake_backward(&m->tr);
         if (m->with_motion && !m->looks.mirror)
             motion_encoder_backward(NULL, m->dout, &m->net);
     }
@@ -171,7 +172,7 @@ static void update(struct task *t)
 {
     struct impl *m = t->impl;
 
-    trainee_update(&m->tr);
+    avatar_system_update(&m->tr);
     if (m->with_motion)
         motion_encoder_update(&m->net);
 }
@@ -215,7 +216,8 @@ static const struct data_frame *held_frame(const struct data_person *p,
 }
 
 /* How a frame moves id: as E_m sees it in stage "all", else as it is.
- * Fills the trainee's verts, and m, whose pointers last until the next call. */
+ * Fills the avatar system's verts, and m, whose pointers last until the next
+ * call. */
 static int motion_of(struct task *t, struct head_motion *motion,
                      float cam[12], const struct data_frame *f,
                      const struct identity *id, struct error *err)
@@ -224,7 +226,7 @@ static int motion_of(struct task *t, struct head_motion *motion,
     struct motion_state s = {.verts = m->tr.verts};
 
     if (!m->with_motion) {
-        trainee_truth(motion, cam, f);
+        avatar_system_truth(motion, cam, f);
         head_pose(m->tr.verts, id, motion);
         return 0;
     }
@@ -242,7 +244,7 @@ static int judge_person(struct task *t, double *sum,
                         struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
+    struct avatar_system *tr = &m->tr;
     struct identity id = {0};
     size_t S = tr->image, n = 3 * S * S;
     float *source = tmp + 2 * n, cam[12];
@@ -251,13 +253,13 @@ static int judge_person(struct task *t, double *sum,
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
         motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
-        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
+        avatar_system_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(source, NULL, S, &p->frame[0], err))
         goto out;
     for (size_t k = 0; k < HELD_FRAMES; k++) {
         const struct data_frame *f = held_frame(p, k);
         if (motion_of(t, &motion, cam, f, &id, err) ||
-            trainee_draw(tr, tr->verts, cam, err) ||
+            avatar_system_draw(tr, tr->verts, cam, err) ||
             data_portrait(tr->target, tr->mask, S, f, err) ||
             compare(&sum[HELD_PSNR], &sum[HELD_SSIM], &sum[HELD_L1], tr->rgb,
                     tr->target, S, tmp, err) ||
@@ -309,7 +311,7 @@ static int sheet_row(struct sheet *sh, struct task *t,
                      struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
+    struct avatar_system *tr = &m->tr;
     const struct data_frame *f = held_frame(p, row % HELD_FRAMES);
     struct identity id = {0};
     struct head_motion motion;
@@ -318,12 +320,12 @@ static int sheet_row(struct sheet *sh, struct task *t,
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
         motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
-        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
+        avatar_system_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, &p->frame[0], err))
         goto out;
     sheet_picture(sh, row, 0, tr->target, tr->mask);
     if (motion_of(t, &motion, cam, f, &id, err) ||
-        trainee_draw(tr, tr->verts, cam, err) ||
+        avatar_system_draw(tr, tr->verts, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, f, err))
         goto out;
     sheet_picture(sh, row, 1, tr->target, tr->mask);
@@ -417,13 +419,13 @@ int task_avatar_init(struct task *t, struct error *err)
                          "stage: a pass is one person)",
                          (long long)c->micro);
     if (read_config(&model, c, err) ||
-        trainee_init(&m->tr, &t->ps, &model, t->head, err) ||
+        avatar_system_init(&m->tr, &t->ps, &model, t->head, err) ||
         (c->stage == STAGE_ALL && add_motion(t, model.motion_net, err)) ||
         params_allocate(&t->ps, err) ||
         params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    if (trainee_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
         return -1;
     if (!m->with_motion)
         return 0;

@@ -8,7 +8,7 @@
 #include "lib/base/random.h"
 #include "lib/train/adam.h"
 #include "lib/train/losses.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 static int failed;
 
@@ -131,12 +131,12 @@ static void check_mouth(void)
     f.lmk[66][0] = f.lmk[62][0];
     f.lmk[62][1] = 119;
     f.lmk[66][1] = 121;
-    struct box shut = trainee_mouth(&f, 100);
+    struct box shut = avatar_system_mouth(&f, 100);
     expect("lips 2 % of the crop apart are shut",
            (double)(shut.x1 + shut.y1), 0, 0);
     f.lmk[62][1] = 110;
     f.lmk[66][1] = 130;
-    struct box open = trainee_mouth(&f, 100);
+    struct box open = avatar_system_mouth(&f, 100);
     expect("open mouth, left", (double)open.x0, 35, 0);
     expect("open mouth, top", (double)open.y0, 55, 0);
     expect("open mouth, right", (double)open.x1, 49, 0);

@@ -1,8 +1,9 @@
 /* The avatar, its renderer and refiner as one thing that learns from
  * pictures: source -> Gaussians -> features -> picture -> loss, and back. */
-#ifndef SPID_TRAIN_TRAINEE_H
-#define SPID_TRAIN_TRAINEE_H
+#ifndef SPID_TRAIN_AVATAR_SYSTEM_H
+#define SPID_TRAIN_AVATAR_SYSTEM_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -23,14 +24,13 @@ enum picture_term {
 };
 extern const char *const picture_term_name[PICTURE_COUNT];
 
-struct trainee {
+struct avatar_system {
     const struct head *head;
     struct avatar_config config;
     struct avatar avatar;
     struct refiner refiner;         /* when config.has_refiner */
     struct splat splat;
     size_t image, channels;         /* side of the picture; C */
-    /* One block of floats: */
     float *feat, *dfeat;            /* (image,image,C) */
     float *alpha, *dalpha;          /* (image,image) */
     float *rgb, *drgb;              /* (image,image,3) after the refiner */
@@ -42,43 +42,45 @@ struct trainee {
     float *tmp;                     /* of loss_pyramid */
     float dcam[12];                 /* gradient for the frame's [R|t] */
     uint8_t *bytes, *matte;         /* (S,S,3), (S,S): the source */
+    float *block;                   /* what the arrays are part of */
 };
 
 /* Declare avatar and refiner in ps. */
-int trainee_init(struct trainee *t, struct params *ps,
-                 const struct avatar_config *config, const struct head *h,
-                 struct error *err);
+int avatar_system_init(struct avatar_system *s, struct params *ps,
+                       const struct avatar_config *config,
+                       const struct head *h, struct error *err);
 /* After params_allocate and params_randomise; fresh starts the biases, smooth
  * renders without cut-offs (see train_config). */
-int trainee_plan(struct trainee *t, size_t image, int fresh, int smooth,
-                 struct nn_options opt, struct error *err);
-void trainee_update(struct trainee *t);
-void trainee_release(struct trainee *t);
+int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
+                       bool smooth, struct nn_options opt, struct error *err);
+void avatar_system_update(struct avatar_system *s);
+void avatar_system_release(struct avatar_system *s);
 
 /* Phase A from a frame (which holds its whole picture, of config.size),
  * with motion m (NULL: its true one) of identity id. */
-int trainee_bake(struct trainee *t, const struct data_frame *f,
-                 const struct identity *id, const struct head_motion *m,
-                 const float *cam, struct error *err);
+int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
+                       const struct identity *id, const struct head_motion *m,
+                       const float *cam, struct error *err);
 /* Phase B: verts and cam to feat, alpha, coarse and rgb. */
-int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
-                 struct error *err);
+int avatar_system_draw(struct avatar_system *s, const float *verts,
+                       const float cam[12], struct error *err);
 /* Losses of what was drawn against frame f: terms (PICTURE_COUNT) are added;
  * the gradients wait in dcoarse, drgb, dalpha, times scale. */
-int trainee_losses(struct trainee *t, double *terms,
-                   const struct data_frame *f, const struct train_config *c,
-                   double scale, struct error *err);
-/* Back to the Gaussians (kept for trainee_bake_backward), to dverts and to
- * dcam, which are overwritten. */
-int trainee_draw_backward(struct trainee *t, struct error *err);
-void trainee_bake_backward(struct trainee *t);
+int avatar_system_losses(struct avatar_system *s, double *terms,
+                         const struct data_frame *f,
+                         const struct train_config *c, double scale,
+                         struct error *err);
+/* Back to the Gaussians (kept for avatar_system_bake_backward), to dverts and
+ * to dcam, which are overwritten. */
+int avatar_system_draw_backward(struct avatar_system *s, struct error *err);
+void avatar_system_bake_backward(struct avatar_system *s);
 
 /* The true motion and camera of a frame. */
-void trainee_truth(struct head_motion *m, float cam[12],
-                   const struct data_frame *f);
+void avatar_system_truth(struct head_motion *m, float cam[12],
+                         const struct data_frame *f);
 /* f's face crop in a picture of `image` pixels. */
-struct box trainee_face(const struct data_frame *f, size_t image);
+struct box avatar_system_face(const struct data_frame *f, size_t image);
 /* What shows between f's lips; empty where they are closed. */
-struct box trainee_mouth(const struct data_frame *f, size_t image);
+struct box avatar_system_mouth(const struct data_frame *f, size_t image);
 
 #endif
