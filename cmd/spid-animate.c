@@ -47,7 +47,7 @@ static const struct cli_option options[] = {
     {"list", 0, CLI_STRING, &list_path, 0, 0, "FILE",
      "many clips: SOURCE, DRIVER and OUT on each line, tabs between", NULL},
     {"without", 0, CLI_CALL, &models.without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
+     "leave out dynamic, static, mouth, interp, deform or neck (commas)",
      parse_without},
     {"prune", 0, CLI_FLOAT, &models.prune, 0, 1e6, "EPS",
      "drop Gaussians that no view shows above EPS", NULL},

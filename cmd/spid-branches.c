@@ -33,7 +33,7 @@ static const struct cli_option options[] = {
     {"full", 0, CLI_FLAG, &full, 0, 0, NULL,
      "whole GAUS records instead of GMOV", NULL},
     {"without", 0, CLI_CALL, &without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
+     "leave out dynamic, static, mouth, interp, deform or neck (commas)",
      parse_without},
     {"prune", 0, CLI_FLOAT, &prune_eps, 0, 1e6, "EPS",
      "with --bake: drop what no view shows above EPS", NULL},

@@ -8,8 +8,10 @@
 unsigned avatar_without_parse(const char *word)
 {
     static const char *const words[] = {"dynamic", "static", "mouth",
-                                        "interp", "deform", "bend"};
+                                        "interp", "deform", "neck"};
 
+    if (strcmp(word, "bend") == 0)
+        return WITHOUT_NECK;
     for (unsigned i = 0; i < sizeof words / sizeof *words; i++)
         if (strcmp(word, words[i]) == 0)
             return 1u << i;
@@ -27,8 +29,7 @@ int avatar_without_list(unsigned *bits, const char *words, struct error *err)
         if (!bit)
             return error_set(err, EX_USAGE, "unknown part \"%s\" (expected "
                              "dynamic, static, mouth, interp, deform or "
-                             "bend)",
-                             word);
+                             "neck)", word);
         *bits |= bit;
         words += n + (words[n] == ',');
     }

@@ -9,6 +9,8 @@
 
 #include "lib/avatar/slices.h"
 
+/* The order of declaration is the order of the weights in memory, in
+ * checkpoints and for Adam: it stays. */
 int avatar_init(struct avatar *a, struct params *ps,
                 const struct avatar_config *config, const struct head *head,
                 struct error *err)
@@ -69,6 +71,8 @@ static int avatar_allocate(struct avatar *a, struct error *err)
                            a->train, err);
 }
 
+/* Buffers and networks of every part; with WITHOUT_INTERP the dynamic
+ * decoder computes vertices alone. */
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
 {
     const struct avatar_config *c = &a->config;
@@ -159,6 +163,7 @@ static void avatar_views(struct avatar *a)
         a->drive.source[i] = a->source.cam[4 * (i / 3) + i % 3];
 }
 
+/* Phase A: features once, then every branch writes its part of the set. */
 void avatar_bake(struct avatar *a, const struct avatar_source *src)
 {
     avatar_count(a);
@@ -169,7 +174,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     source_picture_set(&a->picture, src->rgb, src->matte,
                        a->config.rgb_skip);
     source_mesh_set(&a->source, src->verts, src->cam,
-                    !(a->without & WITHOUT_BEND));
+                    !(a->without & WITHOUT_NECK));
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* in this order: see dynamic_branch_forward's rows */
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
@@ -188,6 +193,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     memset(a->frame_dmean, 0, 3 * a->all.n * sizeof *a->frame_dmean);
 }
 
+/* The branches in reverse; all of them add to the gradient of the features. */
 void avatar_bake_backward(struct avatar *a)
 {
     struct branch_set dynamic = avatar_part(a, &a->dall, BRANCH_DYNAMIC);
@@ -207,6 +213,7 @@ void avatar_bake_backward(struct avatar *a)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
+/* Phase B: mu_D, mu_S and mu_M of a frame, as lib/geom/drive.h has them. */
 void avatar_drive(float *means, struct avatar *a, const float *verts,
                   const float cam[12])
 {
@@ -223,6 +230,7 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
     drive_mouth(means + 3 * d->mouth, d, &f);
 }
 
+/* Reverse of avatar_drive; what belongs to the source waits in dall.mean. */
 void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
 {
     const struct drive *d = &a->drive;
@@ -238,6 +246,7 @@ void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
     memset(dout, 0, 3 * a->all.n * sizeof *dout);
 }
 
+/* Centres get a gradient of their own, since every frame has other ones. */
 struct splat_gradients avatar_gradients(struct avatar *a)
 {
     return (struct splat_gradients){

@@ -10,6 +10,7 @@
 #include "formats/safetensors.h"
 #include "lib/geom/neck_blend.h"
 
+/* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
                           size_t dynamic, struct error *err)
 {
@@ -102,6 +103,7 @@ static int baked_count(size_t n[3], const uint8_t *branch, size_t N,
     return 0;
 }
 
+/* The optional array that says which vertex each dynamic Gaussian is on. */
 static int baked_read_vertices(struct baked *b, const struct record *rec,
                                size_t vertices, struct error *err)
 {
@@ -145,6 +147,7 @@ static int baked_read_neck(struct baked *b, const struct record *rec,
     return 0;
 }
 
+/* The optional light on the source. */
 static int baked_read_light(struct baked *b, const struct record *rec,
                             struct error *err)
 {
@@ -159,6 +162,8 @@ static int baked_read_light(struct baked *b, const struct record *rec,
     return 0;
 }
 
+/* Required arrays with their shapes, then what is optional; colours may be
+ * half precision. */
 int baked_read(struct baked *b, const struct record *rec, size_t vertices,
                struct error *err)
 {
@@ -205,6 +210,7 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     return 0;
 }
 
+/* Arrays in the order of spid-stream(5). */
 int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err)
@@ -231,6 +237,7 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 
 /* ---- leaving out ------------------------------------------------------- */
 
+/* Rows of x (N,width) with keep[i], moved to the front in order. */
 static void baked_keep_rows(float *x, size_t width, const uint8_t *keep,
                             size_t N)
 {
@@ -321,6 +328,8 @@ static struct drive baked_how(const struct baked *b)
     return d;
 }
 
+/* What moves of b in one frame, but for static centres: only a renderer or
+ * baked_means wants those. */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
                  const float lip[3], float gap, float closed,
@@ -337,6 +346,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
                                       : lip[c] - b->lip[c];
 }
 
+/* Only what moved goes to the renderer. */
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err)
 {

@@ -34,6 +34,7 @@ void branch_clear(struct branch_set *s)
 
 /* ---- sigmoids with a shift --------------------------------------------- */
 
+/* x e^s / (1 - x + x e^s), the same without the logarithm. */
 float attribute_shift(float x, float s)
 {
     float e = expf(s), y = x * e / (1 - x + x * e);
@@ -41,6 +42,7 @@ float attribute_shift(float x, float s)
     return y < 1 ? y : 1;       /* rounding may pass 1 */
 }
 
+/* dy/dx = e^s / (1 - x + x e^s)^2. */
 float attribute_shift_backward(float dy, float x, float s)
 {
     float e = expf(s), d = 1 - x + x * e;
@@ -48,6 +50,7 @@ float attribute_shift_backward(float dy, float x, float s)
     return dy * e / (d * d);
 }
 
+/* The limits keep it finite. */
 float attribute_logit(float x)
 {
     x = fminf(fmaxf(x, LOGIT_LIMIT), 1 - LOGIT_LIMIT);
@@ -82,6 +85,7 @@ struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
     };
 }
 
+/* opacity = visible shift(o), scale = max shift(s / max). */
 void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
                           bool used)
 {
@@ -100,6 +104,7 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
     }
 }
 
+/* Reverse of branch_prior_forward, in place. */
 void branch_prior_backward(struct branch_set *dout, float *dvisible,
                            const struct branch_prior *p, bool used)
 {

@@ -16,6 +16,8 @@ struct corner {
     float x, y, z;
 };
 
+/* Corners of face f on a map of n x n cells; 0 when one is behind the
+ * camera. */
 static int coverage_triangle(struct corner c[3], const float *verts,
                              const int32_t *f, const float cam[12], size_t n)
 {
@@ -84,6 +86,7 @@ size_t coverage_scratch(size_t n)
     return bits > blur ? bits : blur;
 }
 
+/* One bit for each of a cell's 64 points, set by scan lines, then counted. */
 void coverage_fraction(float *C, const float *verts, size_t V,
                        const int32_t *faces, size_t F, const float cam[12],
                        size_t n, void *scratch)
@@ -137,6 +140,7 @@ static void coverage_blur_pass(float *out, const float *x, size_t n,
         }
 }
 
+/* Two passes of a separable filter of 3 sigma to either side. */
 void coverage_blur(float *out, const float *x, size_t n, float sigma,
                    float *tmp)
 {
@@ -221,6 +225,7 @@ static void coverage_depth_face(float *z, float *value,
     }
 }
 
+/* A z-buffer at the cells' centres. */
 void coverage_depth(float *z, float *value, const float *verts,
                     const float *attribute, const int32_t *faces, size_t F,
                     const float cam[12], size_t n)
@@ -242,6 +247,7 @@ void coverage_depth(float *z, float *value, const float *verts,
     }
 }
 
+/* The depth test of each point against the four cells around it. */
 void coverage_seen(float *seen, const float *x, size_t N, const float *z,
                    size_t n, const float cam[12], float slack)
 {

@@ -71,6 +71,8 @@ static void dynamic_branch_smooth(float *rgb, const float *own,
                              sum[4 * i + 3];
 }
 
+/* Breadth-first from trusted vertices, twelve sweeps of averaging, midpoints
+ * from their ends. */
 void dynamic_branch_spread(float *rgb, const float *trust,
                            const struct densify *d, int *level, float *tmp)
 {
@@ -126,6 +128,8 @@ int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
                             c->dynamic_width, c->dynamic_hidden, points, err);
 }
 
+/* Last layers a tenth as large; opaque, unrotated, for a spacing of
+ * 4 mm. */
 void dynamic_branch_init_weights(struct params *ps,
                                  const struct avatar_config *c)
 {
@@ -246,6 +250,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
         rgb[i] = attribute_logit(rgb[i]);
 }
 
+/* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
 void dynamic_branch_forward(struct branch_set *out, const float *features,
                             const struct source_picture *picture,
                             const struct source_mesh *mesh,
@@ -278,6 +283,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
 }
 
+/* Vertices are constants: gradients go to Phi_D, h_k and the features. */
 void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const float *features,
                              const struct source_mesh *mesh,

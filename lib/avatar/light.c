@@ -34,6 +34,7 @@ static void light_split(float out[4], const float rgb[3])
         out[0] = -1;
 }
 
+/* Luminance less what the fit says at normal n. */
 static double light_residual(const struct fit *f, double light,
                              const float n[3])
 {
@@ -113,6 +114,7 @@ static bool light_fit_again(struct fit *f, const float *colors,
     return true;
 }
 
+/* l is the fit's slope over its mean. */
 void light_fit(float l[3], const float *rgba, const float *normal,
                const float *weight, size_t V, float *tmp)
 {

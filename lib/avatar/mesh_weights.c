@@ -48,6 +48,7 @@ static float mesh_weights_expression(const struct head *h, size_t v)
     return sqrtf(sum);
 }
 
+/* Length of d (3). */
 static float mesh_weights_norm(const float *d)
 {
     return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
@@ -66,6 +67,7 @@ static float mesh_weights_range(const struct head *h, size_t v)
            JAW_ANGLE * arm * h->weights[HEAD_JOINTS * v + JOINT_JAW];
 }
 
+/* One pass over the vertices, then means for the midpoints. */
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err)
 {

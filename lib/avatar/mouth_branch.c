@@ -54,6 +54,7 @@ size_t mouth_branch_clamp(float *q, size_t N, float cap)
     return clamped;
 }
 
+/* The derivative of the clamp is 0 or 1. */
 void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
                                  float cap)
 {
@@ -62,6 +63,7 @@ void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
             dq[3 * k + 2] = 0;
 }
 
+/* (side tanh x, side tanh y, depth (tanh z - 1)). */
 void mouth_branch_bound(float *q, size_t N, float radius, float cap)
 {
     float side = 0.5f * radius, depth = 0.5f * cap;
@@ -73,6 +75,7 @@ void mouth_branch_bound(float *q, size_t N, float radius, float cap)
     }
 }
 
+/* d tanh = 1 - tanh^2. */
 void mouth_branch_bound_backward(float *dq, const float *raw, size_t N,
                                  float radius, float cap)
 {
@@ -105,6 +108,7 @@ int mouth_branch_init(struct mouth_branch *b, struct params *ps,
                              c->mouth_width, head, err);
 }
 
+/* As the static branch's; without the prior also behind the lips. */
 void mouth_branch_init_weights(struct params *ps,
                                const struct avatar_config *c)
 {
@@ -220,6 +224,7 @@ static void mouth_branch_solid(struct gaussian_out *g, size_t M)
         g->scale[i] = WIDE * BRANCH_SCALE_MAX + (1 - WIDE) * g->scale[i];
 }
 
+/* Reverse of mouth_branch_solid, in place. */
 static void mouth_branch_solid_backward(struct gaussian_out *dg, size_t M)
 {
     for (size_t i = 0; i < M; i++)
@@ -247,6 +252,7 @@ static void mouth_branch_inputs(const float *features, float r,
     }
 }
 
+/* Rows [F at g, u, v, extras] through Phi_M; mu = g + q. */
 void mouth_branch_forward(struct branch_set *out, const float *features,
                           const struct source_picture *picture,
                           const struct source_mesh *mesh,
@@ -276,6 +282,7 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     memset(out->neck, 0, b->count * sizeof *out->neck);
 }
 
+/* g is a constant: gradients go to Phi_M and the features. */
 void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
                            const float *features,
                            const struct source_mesh *mesh,

@@ -8,6 +8,7 @@
 
 #include "lib/avatar/records.h"
 
+/* The head's hash of a CONF record; hash stays when it names none. */
 static void mover_take_hash(char hash[17], const struct record *rec)
 {
     struct person p = {0};
@@ -27,11 +28,12 @@ static void mover_drop_branches(struct baked *b, unsigned without, size_t V)
                     (size_t)b->vertex[i] >= V);
     if (keep)
         baked_keep(b, keep);
-    if (without & WITHOUT_BEND)
+    if (without & WITHOUT_NECK)
         baked_drop_neck(b);
     free(keep);
 }
 
+/* Up to the first GAUS record; the rest of the file is not read. */
 int mover_open(struct mover *m, const char *path,
                const struct mover_options *opt, struct error *err)
 {
@@ -101,6 +103,7 @@ static int mover_first_mesh(struct mover *m, const struct record *rec,
     return baked_move_init(&m->move, &m->baked, err);
 }
 
+/* The whole set (--full), or the set once and then what moved. */
 static int mover_write(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
@@ -161,6 +164,7 @@ static int mover_frame(struct stream_writer *out, struct mover *m,
     return mover_write(out, m, rec, cam, err);
 }
 
+/* The stream's head against the avatar's, where both are named. */
 static int mover_check_head(const struct mover *m, const struct record *rec,
                             struct error *err)
 {

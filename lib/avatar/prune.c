@@ -41,6 +41,7 @@ static void prune_view_camera(float cam[12], size_t v)
     camera_make(cam, R, t);
 }
 
+/* Order of qsort. */
 static int prune_by_value(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
@@ -70,6 +71,7 @@ static int prune_draw(struct prune *p, struct splat *s,
     return 0;
 }
 
+/* A renderer that has loaded the set. */
 static int prune_open_renderer(struct splat *s, const struct prune *p,
                                int channels, int gradients, struct error *err)
 {
@@ -137,6 +139,7 @@ static int prune_draw_all(struct prune *p, const struct densify *d,
     return rc;
 }
 
+/* Memory for meshes of V vertices and all pictures. */
 static int prune_allocate(struct prune *p, size_t V, struct error *err)
 {
     size_t pixels = p->size * p->size;
@@ -166,6 +169,7 @@ static void prune_release(struct prune *p)
     free(p->most);
 }
 
+/* Gaussians of each branch. */
 static void prune_count(size_t n[3], const struct baked *b)
 {
     n[0] = n[1] = n[2] = 0;
@@ -173,6 +177,7 @@ static void prune_count(size_t n[3], const struct baked *b)
         n[b->branch[i]]++;
 }
 
+/* Draw all, keep what weighs enough, draw again and compare. */
 int prune_views(struct baked *b, struct prune_report *r,
                 const struct densify *d, const struct identity *id,
                 size_t size, double eps, struct error *err)

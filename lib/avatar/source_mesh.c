@@ -49,6 +49,7 @@ void source_mesh_project(float *place, const float *x, size_t N,
         place[i] -= 1;
 }
 
+/* Blend, then normals and maps of what the camera sees. */
 void source_mesh_set(struct source_mesh *m, const float *posed,
                      const float cam[12], bool blend)
 {

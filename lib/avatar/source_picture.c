@@ -76,6 +76,7 @@ static void source_picture_pad(float *rgba, uint8_t *done, size_t S,
     }
 }
 
+/* Bytes to floats, matte, then PADDING steps outwards. */
 void source_picture_set(struct source_picture *p, const uint8_t *rgb,
                         const uint8_t *matte, bool pad)
 {
@@ -105,6 +106,7 @@ void source_picture_sample(float *out, const struct source_picture *p,
                 RESAMPLE_BORDER);
 }
 
+/* The picture is a constant: only its places have a gradient. */
 void source_picture_sample_backward(float *dplace, const float *dout,
                                     const struct source_picture *p,
                                     const float *place, size_t N)

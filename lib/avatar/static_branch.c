@@ -98,6 +98,8 @@ int static_branch_init(struct static_branch *b, struct params *ps,
                : 0;
 }
 
+/* Last layer a tenth as large; opaque, unrotated, as large as their
+ * spacing asks for. */
 void static_branch_init_weights(struct params *ps,
                                 const struct avatar_config *c)
 {
@@ -302,6 +304,7 @@ static void static_branch_inputs_backward(struct static_branch *b)
     }
 }
 
+/* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
                            const struct source_mesh *mesh,
@@ -329,6 +332,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
                        mesh->cam, mesh->normal, b->count);
 }
 
+/* Reverse of static_branch_forward, line by line. */
 void static_branch_backward(float *dfeatures, struct branch_set *dout,
                             const float *features,
                             const struct source_picture *picture,

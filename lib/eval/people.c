@@ -31,7 +31,7 @@ static const struct {
     {"w/o dynamic", WITHOUT_DYNAMIC}, {"w/o static", WITHOUT_STATIC},
     {"w/o mouth", WITHOUT_MOUTH},     {"w/o interp", WITHOUT_INTERP},
     {"w/o deform", WITHOUT_DEFORM},
-    {"w/o bend", WITHOUT_BEND},
+    {"w/o bend", WITHOUT_NECK},
 };
 
 static void add(struct judge *j, const char *row, const char *column,

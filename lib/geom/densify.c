@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+/* Order of qsort. */
 static int densify_by_key(const void *a, const void *b)
 {
     uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
@@ -14,6 +15,7 @@ static int densify_by_key(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* All sides of all faces as sorted 64-bit keys; doubles are dropped. */
 int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
                  struct error *err)
 {
@@ -80,6 +82,7 @@ void densify_forward(float *out, const float *x, const struct densify *d,
     densify_midpoints(out + d->V * C, x, d, C);
 }
 
+/* A midpoint's gradient goes to its ends, half each. */
 void densify_backward(float *dx, const float *dout, const struct densify *d,
                       size_t C)
 {
@@ -99,6 +102,7 @@ void densify_backward(float *dx, const float *dout, const struct densify *d,
     }
 }
 
+/* As densify_forward, for the listed vertices only. */
 void densify_gather(float *out, const int32_t *vertex, size_t n,
                     const float *x, const struct densify *d)
 {

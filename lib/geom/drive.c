@@ -7,6 +7,7 @@
 
 #include "lib/geom/neck_blend.h"
 
+/* Both rigid motions of a frame. */
 void drive_bodies(struct drive_frame *f, const struct drive *d,
                   const float cam[12])
 {
@@ -14,6 +15,7 @@ void drive_bodies(struct drive_frame *f, const struct drive *d,
     neck_blend_body(f->plane, d->pivot, d->source, cam);
 }
 
+/* Midpoints of the driven vertices, then the neck blend. */
 void drive_dynamic(float *out, float *densified, const struct drive *d,
                    const struct drive_frame *f, const struct densify *mesh,
                    const float *verts)
@@ -22,6 +24,7 @@ void drive_dynamic(float *out, float *densified, const struct drive *d,
     neck_blend_points(out, densified, d->weight, d->dynamic, f->mesh);
 }
 
+/* Blend first, then midpoints to their ends. */
 void drive_dynamic_backward(float *dverts, float dcam[12], float *ddensified,
                             const float *dout, const float *densified,
                             const struct drive *d,
@@ -33,6 +36,7 @@ void drive_dynamic_backward(float *dverts, float dcam[12], float *ddensified,
     densify_gather_backward(dverts, ddensified, d->vertex, d->dynamic, mesh);
 }
 
+/* The neck blend of source centres. */
 void drive_static(float *out, const struct drive *d,
                   const struct drive_frame *f, size_t first, size_t count)
 {
@@ -49,6 +53,7 @@ void drive_static_backward(float *dmean, float dcam[12], const float *dout,
                                cam);
 }
 
+/* mu = (g + q) + l_d - l_s, in this order of rounding. */
 void drive_mouth(float *out, const struct drive *d,
                  const struct drive_frame *f)
 {
@@ -58,6 +63,7 @@ void drive_mouth(float *out, const struct drive *d,
         out[i] = mean[i] + f->to[i % 3] - f->from[i % 3];
 }
 
+/* Every Gaussian passes its gradient on, to its centre and to l_d. */
 void drive_mouth_backward(float *dmean, float dto[3], const float *dout,
                           const struct drive *d)
 {

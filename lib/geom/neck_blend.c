@@ -7,6 +7,7 @@
 
 const float neck_blend_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
+/* 3 t^2 - 2 t^3. */
 float neck_blend_weight(const struct neck_blend *b, float y)
 {
     float t = (b->top - y) / (b->top - b->bottom);
@@ -26,6 +27,7 @@ void neck_blend_range(size_t *first, size_t *count, const float *weight,
     *count = end - begin;
 }
 
+/* M x + p - M p with M = R^T from: about the pivot. */
 void neck_blend_body(float body[12], const float pivot[3],
                      const float from[9], const float cam[12])
 {
@@ -39,6 +41,7 @@ void neck_blend_body(float body[12], const float pivot[3],
     }
 }
 
+/* x + w (B x - x). */
 void neck_blend_points(float *out, const float *x, const float *weight,
                        size_t N, const float body[12])
 {
@@ -54,6 +57,7 @@ void neck_blend_points(float *out, const float *x, const float *weight,
     }
 }
 
+/* dx = g + w (M^T g - g); dR = sum of w from (x - p) g^T, in double. */
 void neck_blend_points_backward(float *dx, float dcam[12], const float *dout,
                                 const float *x, const float *weight,
                                 size_t N, const float pivot[3],

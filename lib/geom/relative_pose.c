@@ -18,6 +18,7 @@ static float relative_pose_light(const float R[9], const float l[3], int i)
     return R[3 * i] * l[0] + R[3 * i + 1] * l[1] + R[3 * i + 2] * l[2];
 }
 
+/* The antisymmetric part of Q = C R^T, and C^T R l - l. */
 void relative_pose(float pose[RELATIVE_POSE_SIZE], const float R[9],
                    const float l[3], const float cam[12])
 {
@@ -33,6 +34,7 @@ void relative_pose(float pose[RELATIVE_POSE_SIZE], const float R[9],
     }
 }
 
+/* Both are linear in C. */
 void relative_pose_backward(float dcam[12],
                             const float dpose[RELATIVE_POSE_SIZE],
                             const float R[9], const float l[3])

@@ -81,7 +81,7 @@ static int scene_take_color(struct scene *s, const struct record *rec,
     return 0;
 }
 
-/* The mouth sheet moves as one block, so it must be one range. */
+/* The mouth moves as one block, so its Gaussians must be one range. */
 static int scene_find_mouth(struct scene *s, struct error *err)
 {
     s->mouth = s->mouth_count = 0;
@@ -279,6 +279,7 @@ static int scene_move_shoulders(struct scene *s, const struct record *rec,
     return 0;
 }
 
+/* GAUS replaces all, GMOV moves; other records are nobody's business here. */
 int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
     if (record_is(rec, "GAUS"))
@@ -294,6 +295,7 @@ int scene_apply(struct scene *s, const struct record *rec, struct error *err)
     return SCENE_MOVED;
 }
 
+/* Ranges that moved, in the order that scene_apply applied them. */
 int scene_to_splat(struct splat *out, const struct scene *s,
                    enum scene_change change, struct error *err)
 {

@@ -58,6 +58,8 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
     return 0;
 }
 
+/* Exact exponentials of low degree; smooth takes the cut-offs away, so that
+ * differences can be taken. */
 int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
                        bool smooth, struct nn_options opt, struct error *err)
 {
@@ -108,6 +110,7 @@ void avatar_system_truth(struct head_motion *m, float cam[12],
     camera_make(cam, f->motion.rot, f->motion.trans);
 }
 
+/* Phase A of a training frame: its own picture is the source. */
 int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
                        const struct identity *id, const struct head_motion *m,
                        const float *cam, struct error *err)
@@ -133,6 +136,7 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
     return splat_load(&s->splat, &s->avatar.set, err);
 }
 
+/* Phase B: drive, render, refine. */
 int avatar_system_draw(struct avatar_system *s, const float *verts,
                        const float cam[12], struct error *err)
 {
@@ -180,6 +184,7 @@ struct box avatar_system_face(const struct data_frame *f, size_t image)
     return avatar_system_box(lo, hi, image);
 }
 
+/* The box of the inner lips' landmarks. */
 struct box avatar_system_mouth(const struct data_frame *f, size_t image)
 {
     enum { FIRST = 60, LAST = 67, UPPER = 62, LOWER = 66 };  /* inner lips */
@@ -236,6 +241,7 @@ static void avatar_system_mouth_losses(struct avatar_system *s, double *terms,
     }
 }
 
+/* L_img and L_perc of coarse and refined picture, silhouette, mouth. */
 int avatar_system_losses(struct avatar_system *s, double *terms,
                          const struct data_frame *f,
                          const struct train_config *c, double scale,
@@ -280,6 +286,8 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
     return 0;
 }
 
+/* Refiner, renderer, Phase B in reverse; the coarse losses join between the
+ * first two. */
 int avatar_system_draw_backward(struct avatar_system *s, struct error *err)
 {
     size_t n = s->image * s->image, C = s->channels;

@@ -97,8 +97,8 @@ static void mouth(void)
     float dq[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
 
     mouth_branch_grid(g, uv, centre, 0.2f, 2);
-    near("first cell of the sheet: u", uv[0], -0.5, 0);
-    near("first cell of the sheet: v is up", uv[1], 0.5, 0);
+    near("first cell of the grid: u", uv[0], -0.5, 0);
+    near("first cell of the grid: v is up", uv[1], 0.5, 0);
     near("its x: 0.1 - 0.2 / 2", g[0], 0, 1e-7);
     near("its y: -0.3 + 0.2 / 2", g[1], -0.2, 1e-7);
     near("its z: the centroid's", g[2], 0.4f, 0);
@@ -115,7 +115,7 @@ static void mouth(void)
     near("and not where the clamp acted", dq[5] + dq[8], 0, 0);
 }
 
-/* Offsets held behind the lips, and the derivative against differences. */
+/* Offsets bounded behind the lips, and the derivative against differences. */
 static void mouth_bounded(void)
 {
     float q[6] = {0, 0, 0, 50, -50, 50}, worst = 0;

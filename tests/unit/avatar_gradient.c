@@ -371,7 +371,7 @@ static void run(bool skip, unsigned without)
         direction(&w, groups[i]);
     }
     vertices(&w, dverts);
-    if (!(without & WITHOUT_BEND))
+    if (!(without & WITHOUT_NECK))
         camera(&w, dcam);
     free(dverts);
     release(&w);
@@ -386,6 +386,6 @@ int main(void)
     run(true, WITHOUT_STATIC);
     run(true, WITHOUT_DYNAMIC);
     run(true, WITHOUT_MOUTH);
-    run(true, WITHOUT_BEND);
+    run(true, WITHOUT_NECK);
     return failed;
 }

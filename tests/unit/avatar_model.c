@@ -41,8 +41,8 @@ static void configure(struct avatar_config *c, const char *kind)
     }
 }
 
-/* A refiner that has learned nothing adds nothing, and what it hears of the
- * head's turn would go unnoticed. */
+/* A refiner that has learned nothing adds nothing, and what it receives of the
+ * head's relative pose would go unnoticed. */
 static void teach(struct params *ps)
 {
     struct random r;

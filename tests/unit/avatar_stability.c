@@ -147,7 +147,7 @@ int main(void)
     for (size_t i = 0; i < w.head.nlip_inner; i++)
         w.head.lip_inner[i] = w.head.lip_inner[0];
     check("lips pressed to a point", try(&w, &rest, none, front, &open));
-    check("  and the sheet keeps a finite size",
+    check("  and the grid keeps a finite size",
           w.a.mouth.lips.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
     avatar_release(&w.a);
     params_release(&w.ps);
