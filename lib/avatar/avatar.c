@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/slices.h"
+#include "lib/model/model.h"
 
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
@@ -19,10 +20,8 @@ int avatar_init(struct avatar *a, struct params *ps,
     a->config = *config;
     a->head = head;
     a->ps = ps;
-    if (config->head_hash[0] && strcmp(config->head_hash, head->hash))
-        return error_set(err, EX_CONFIG, "model was made for head %s "
-                         "(expected %s, the head in use)", config->head_hash,
-                         head->hash);
+    if (model_check_head(config, head, err))
+        return -1;
     if (head->nlip_inner == 0)
         return error_set(err, EX_CONFIG, "head has no inner lip ring "
                          "(expected the list lip_inner)");

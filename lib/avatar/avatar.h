@@ -30,7 +30,6 @@
 #include <stdint.h>
 
 #include "lib/avatar/ablation.h"
-#include "lib/avatar/config.h"
 #include "lib/avatar/dynamic_branch.h"
 #include "lib/avatar/mesh_weights.h"
 #include "lib/avatar/mouth_branch.h"
@@ -42,6 +41,7 @@
 #include "lib/geom/drive.h"
 #include "lib/geom/relative_pose.h"
 #include "lib/head/head.h"
+#include "lib/model/config.h"
 #include "lib/net/backbone.h"
 #include "lib/nn/params.h"
 #include "lib/splat/splat.h"

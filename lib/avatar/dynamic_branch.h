@@ -12,10 +12,10 @@
 #include <stddef.h>
 
 #include "lib/avatar/branch.h"
-#include "lib/avatar/config.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/geom/densify.h"
+#include "lib/model/config.h"
 #include "lib/net/mlp_decoder.h"
 
 /* Numbers a Gaussian the decoder gets beyond the paper's, with the prior: n.v,

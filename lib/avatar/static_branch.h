@@ -14,9 +14,9 @@
 #include <stddef.h>
 
 #include "lib/avatar/branch.h"
-#include "lib/avatar/config.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
+#include "lib/model/config.h"
 #include "lib/net/conv_decoder.h"
 #include "lib/net/plane_init.h"
 

@@ -7,9 +7,10 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/geom/drive.h"
 #include "lib/geom/neck_blend.h"
+#include "lib/record/gaussians.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 
@@ -36,45 +37,23 @@ static void *scene_copy(const void *p, size_t n)
     return out;
 }
 
-/* Required float array of `width` numbers a Gaussian, copied. */
-static float *scene_take(const struct record *rec, const char *name, size_t n,
-                         size_t width, struct error *err)
-{
-    const size_t dims[2] = {n, width};
-    const struct array *a = record_find(rec, name);
-
-    /* a dimension of 0 would accept any size in record_get */
-    if (a && n == 0 && array_count(a) != 0) {
-        error_set(err, EX_DATAERR, "%s %s has %zu numbers (expected none)",
-                  rec->type, name, array_count(a));
-        return NULL;
-    }
-    const float *p = record_get(rec, name, DTYPE_F32, width > 1 ? 2 : 1,
-                                dims, err);
-    float *out = p ? scene_copy(p, n * width * sizeof *p) : NULL;
-    if (p && !out)
-        error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-    return out;
-}
-
 /* Required colours in either precision, copied. */
-static int scene_take_color(struct scene *s, const struct record *rec,
+static int scene_take_color(struct scene *s, const struct gaus *g,
                             struct error *err)
 {
-    const struct array *a = record_find(rec, "color");
+    const size_t count = g->n * g->channels;
+    void *p;
 
-    if (!a || a->ndim != 2 || a->dim[0] != s->g.n || a->dim[1] < 1 ||
-        a->dim[1] > SPLAT_MAX_CHANNELS ||
-        (a->dtype != DTYPE_F32 && a->dtype != DTYPE_F16))
-        return error_set(err, EX_DATAERR,
-                         "GAUS color is %s (expected f16 or f32 of %zu x 1 to "
-                         "%d)", a ? "of another type or shape" : "missing",
-                         s->g.n, SPLAT_MAX_CHANNELS);
-    void *p = scene_copy(a->data, array_bytes(a));
+    if (g->channels > SPLAT_MAX_CHANNELS)
+        return error_set(err, EX_DATAERR, "GAUS color has %zu channels "
+                         "(expected 1 to %d)", g->channels,
+                         SPLAT_MAX_CHANNELS);
+    p = g->color ? scene_copy(g->color, count * sizeof *g->color)
+                 : scene_copy(g->color_half, count * sizeof *g->color_half);
     if (!p)
         return error_set(err, EX_OSERR, "out of memory for the colours");
-    s->g.channels = (int)a->dim[1];
-    if (a->dtype == DTYPE_F32)
+    s->g.channels = (int)g->channels;
+    if (g->color)
         s->g.color = s->color = p;
     else
         s->g.color_half = s->color_half = p;
@@ -130,69 +109,47 @@ static int scene_take_camera(struct scene *s, const struct record *rec,
     return 0;
 }
 
-/* GAUS may say how the source's camera saw the head, and in which light. */
-static int scene_take_source(struct scene *s, const struct record *rec,
+/* Copies of the arrays of a GAUS record. */
+static int scene_copy_arrays(struct scene *s, const struct gaus *g,
                              struct error *err)
 {
-    static const size_t dims[2] = {3, 3}, three[1] = {3};
-    const float *source, *light;
+    const size_t n = s->g.n = g->n;
 
-    if (!record_find(rec, "source") || !record_find(rec, "light"))
-        return 0;
-    if (!(source = record_get(rec, "source", DTYPE_F32, 2, dims, err)) ||
-        !(light = record_get(rec, "light", DTYPE_F32, 1, three, err)))
-        return -1;
-    memcpy(s->light, light, sizeof s->light);
-    memcpy(s->source, source, sizeof s->source);
-    s->has_source = 1;
-    return 0;
-}
-
-/* The optional branch of every Gaussian, copied. */
-static int scene_take_branch(struct scene *s, const struct record *rec,
-                             struct error *err)
-{
-    const struct array *branch = record_find(rec, "branch");
-    size_t n = s->g.n;
-
-    if (!branch)
-        return 0;
-    if (branch->dtype != DTYPE_U8 || array_count(branch) != n)
-        return error_set(err, EX_DATAERR,
-                         "GAUS branch has %zu values (expected u8 of %zu)",
-                         array_count(branch), n);
-    if (!(s->branch = scene_copy(branch->data, n)))
+    if (g->cam) {
+        memcpy(s->cam, g->cam, sizeof s->cam);
+        s->has_cam = 1;
+    }
+    if (g->source && g->light) {
+        memcpy(s->source, g->source, sizeof s->source);
+        memcpy(s->light, g->light, sizeof s->light);
+        s->has_source = 1;
+    }
+    s->g.mean = s->mean = scene_copy(g->mean, 3 * n * sizeof *g->mean);
+    s->loaded = scene_copy(g->mean, 3 * n * sizeof *g->mean);
+    s->g.scale = s->scale = scene_copy(g->scale, 3 * n * sizeof *g->scale);
+    s->g.quat = s->quat = scene_copy(g->quat, 4 * n * sizeof *g->quat);
+    s->g.opacity = s->opacity = scene_copy(g->opacity, n * sizeof *g->opacity);
+    if (g->bend)
+        s->neck = scene_copy(g->bend, n * sizeof *g->bend);
+    if (g->branch)
+        s->g.branch = s->branch = scene_copy(g->branch, n);
+    if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
+        (g->bend && !s->neck) || (g->branch && !s->branch))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-    s->g.branch = s->branch;
-    return 0;
+    return scene_take_color(s, g, err);
 }
 
 /* A GAUS record in place of all the scene holds but its camera. */
 static int scene_load(struct scene *s, const struct record *rec,
                       struct error *err)
 {
-    const struct array *mean = record_find(rec, "mean");
     struct scene next = {.has_cam = s->has_cam};
-    struct gaussians *g = &next.g;
+    struct gaus g;
 
     memcpy(next.cam, s->cam, sizeof next.cam);
-    if (!mean || mean->ndim != 2 || mean->dim[1] != 3)
-        return error_set(err, EX_DATAERR, "GAUS has no mean of N x 3");
-    size_t n = g->n = mean->dim[0];
-    if (record_check_finite(rec, err))
+    if (gaus_read(&g, rec, err))
         return -1;
-    if (!(g->mean = next.mean = scene_take(rec, "mean", n, 3, err)) ||
-        !(next.loaded = scene_take(rec, "mean", n, 3, err)) ||
-        !(g->scale = next.scale = scene_take(rec, "scale", n, 3, err)) ||
-        !(g->quat = next.quat = scene_take(rec, "quat", n, 4, err)) ||
-        !(g->opacity = next.opacity = scene_take(rec, "opacity", n, 1,
-                                                 err)) ||
-        scene_take_color(&next, rec, err) ||
-        scene_take_camera(&next, rec, err) ||
-        scene_take_source(&next, rec, err) ||
-        (record_find(rec, "bend") &&
-         !(next.neck = scene_take(rec, "bend", n, 1, err))) ||
-        scene_take_branch(&next, rec, err) || scene_find_mouth(&next, err)) {
+    if (scene_copy_arrays(&next, &g, err) || scene_find_mouth(&next, err)) {
         scene_release(&next);
         return -1;
     }

@@ -2,15 +2,12 @@
  * picture costs, and the gradient back to the Gaussians and the motion. */
 #include "lib/train/avatar_system.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/avatar/slices.h"
 #include "lib/geom/camera.h"
-
-#define MOUTH_OPEN 0.025     /* lips count as open: gap over the face crop */
 
 const char *const picture_term_name[PICTURE_COUNT] = {
     "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",
@@ -99,17 +96,6 @@ void avatar_system_release(struct avatar_system *s)
     memset(s, 0, sizeof *s);
 }
 
-void avatar_system_truth(struct head_motion *m, float cam[12],
-                         const struct data_frame *f)
-{
-    memset(m, 0, sizeof *m);
-    m->exp = f->motion.exp;
-    memcpy(m->jaw, f->motion.jaw, sizeof m->jaw);
-    memcpy(m->eye, f->motion.eye, sizeof m->eye);
-    memcpy(m->lid, f->motion.lid, sizeof m->lid);
-    camera_make(cam, f->motion.rot, f->motion.trans);
-}
-
 /* Phase A of a training frame: its own picture is the source. */
 int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
                        const struct identity *id, const struct head_motion *m,
@@ -129,7 +115,7 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
         memcpy(s->bytes + 3 * i, f->rgba + 4 * i, 3);
         s->matte[i] = f->rgba[4 * i + 3];
     }
-    avatar_system_truth(&truth, truth_cam, f);
+    data_truth(&truth, truth_cam, f);
     src.cam = m ? cam : truth_cam;
     head_pose(s->source, id, m ? m : &truth);
     avatar_bake(&s->avatar, &src);
@@ -162,48 +148,6 @@ int avatar_system_draw(struct avatar_system *s, const float *verts,
     return 0;
 }
 
-/* lo to hi, in pixels, inside a picture of `image` pixels a side. */
-static struct box avatar_system_box(const double lo[2], const double hi[2],
-                                    size_t image)
-{
-    size_t a[2], b[2];
-
-    for (int i = 0; i < 2; i++) {
-        a[i] = lo[i] < 0 ? 0 : lo[i] > (double)image ? image : (size_t)lo[i];
-        b[i] = hi[i] < 0 ? 0 : hi[i] > (double)image ? image : (size_t)hi[i];
-    }
-    return (struct box){a[0], a[1], b[0], b[1]};
-}
-
-struct box avatar_system_face(const struct data_frame *f, size_t image)
-{
-    double k = (double)image / (double)f->size, half = 0.5 * f->crop.size * k;
-    double lo[2] = {f->crop.x * k - half, f->crop.y * k - half};
-    double hi[2] = {f->crop.x * k + half, f->crop.y * k + half};
-
-    return avatar_system_box(lo, hi, image);
-}
-
-/* The box of the inner lips' landmarks. */
-struct box avatar_system_mouth(const struct data_frame *f, size_t image)
-{
-    enum { FIRST = 60, LAST = 67, UPPER = 62, LOWER = 66 };  /* inner lips */
-    double k = (double)image / (double)f->size, lo[2], hi[2];
-    double gap = hypot((double)(f->lmk[LOWER][0] - f->lmk[UPPER][0]),
-                       (double)(f->lmk[LOWER][1] - f->lmk[UPPER][1]));
-
-    if (!(gap > MOUTH_OPEN * f->crop.size))
-        return (struct box){0};
-    for (int i = 0; i < 2; i++) {
-        lo[i] = hi[i] = (double)f->lmk[FIRST][i] * k;
-        for (int j = FIRST + 1; j <= LAST; j++) {
-            lo[i] = fmin(lo[i], (double)f->lmk[j][i] * k);
-            hi[i] = fmax(hi[i], (double)f->lmk[j][i] * k);
-        }
-    }
-    return avatar_system_box(lo, hi, image);
-}
-
 /* Mean square instead, of the whole picture: see train_config.smooth. */
 static void avatar_system_smooth_losses(struct avatar_system *s, double *terms,
                                         const struct train_config *c,
@@ -227,10 +171,10 @@ static void avatar_system_mouth_losses(struct avatar_system *s, double *terms,
                                        double scale)
 {
     size_t S = s->image;
-    struct box box = avatar_system_mouth(f, S);
+    struct box box = data_mouth(f, S);
     float *d[2] = {s->dcoarse, s->drgb}, *y[2] = {s->coarse, s->rgb};
 
-    if (c->mouth == 0 || box.x1 <= box.x0 || box.y1 <= box.y0)
+    if (c->mouth == 0 || box_is_empty(box))
         return;
     for (int i = 0; i < (s->config.has_refiner ? 2 : 1); i++) {
         terms[PICTURE_MOUTH] += loss_l1(d[i], y[i], s->target, S, S, &box,
@@ -248,7 +192,7 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
                          struct error *err)
 {
     size_t S = s->image, n = S * S;
-    struct box face = avatar_system_face(f, S);
+    struct box face = data_face(f, S);
 
     if (data_portrait(s->target, s->mask, S, f, err))
         return -1;

@@ -13,7 +13,7 @@
 #include "lib/net/refiner.h"
 #include "lib/splat/splat.h"
 #include "lib/train/config.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 #include "lib/train/losses.h"
 
 /* L_img and L_perc, in the order of the log. */
@@ -74,13 +74,5 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
  * to dcam, which are overwritten. */
 int avatar_system_draw_backward(struct avatar_system *s, struct error *err);
 void avatar_system_bake_backward(struct avatar_system *s);
-
-/* The true motion and camera of a frame. */
-void avatar_system_truth(struct head_motion *m, float cam[12],
-                         const struct data_frame *f);
-/* f's face crop in a picture of `image` pixels. */
-struct box avatar_system_face(const struct data_frame *f, size_t image);
-/* What shows between f's lips; empty where they are closed. */
-struct box avatar_system_mouth(const struct data_frame *f, size_t image);
 
 #endif

@@ -6,19 +6,9 @@
 
 #include "lib/base/random.h"
 #include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
 #include "lib/geom/relative_pose.h"
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-44s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "lib/geom/rotation.h"
+#include "tests/check.h"
 
 typedef void (*forward)(double *R, const double *x);
 typedef void (*backward)(double *dx, const double *dR, const double *x);
@@ -237,5 +227,5 @@ int main(void)
     six(&r);
     quaternions(&r);
     turns(&r);
-    return failed;
+    return check_status();
 }
