@@ -7,7 +7,7 @@
 
 #include "lib/base/half.h"
 #include "lib/avatar/branches.h"
-#include "lib/record/gaussians.h"
+#include "lib/stream/gaussians.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
                     struct error *err)

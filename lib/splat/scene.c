@@ -7,7 +7,7 @@
 
 #include "lib/base/half.h"
 #include "lib/geom/bend.h"
-#include "lib/record/gaussians.h"
+#include "lib/stream/gaussians.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 

@@ -1,5 +1,5 @@
 /* Reading and writing GAUS. */
-#include "lib/record/gaussians.h"
+#include "lib/stream/gaussians.h"
 
 #include <string.h>
 #include <sysexits.h>
