@@ -54,9 +54,9 @@ static const struct cli_usage usage = {
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 
-static void note(const char *format, ...) __attribute__((format(printf, 1,
-                                                                2)));
-static void note(const char *format, ...)
+static void print_note(const char *format, ...)
+    __attribute__((format(printf, 1, 2)));
+static void print_note(const char *format, ...)
 {
     va_list ap;
 
@@ -125,7 +125,7 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
     }
 }
 
-static void prune(struct bake *k)
+static void prune_avatar(struct bake *k)
 {
     const struct avatar *a = &k->baker.avatar;
     struct prune_report r;
@@ -134,8 +134,9 @@ static void prune(struct bake *k)
 
     if (!keep_clear) {
         size_t n = baked_drop_clear(&k->baked);
-        note("%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
-             n + k->baked.N);
+        print_note(
+            "%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
+            n + k->baked.N);
     }
     if (prune_eps < 0)
         return;
@@ -144,14 +145,15 @@ static void prune(struct bake *k)
                     prune_eps, &err))
         die_error(&err);
     identity_release(&id);
-    note("pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
-         "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
-         "%.2g; %.1f ms instead of %.1f", prune_eps, r.views, r.after[0],
-         r.before[0], r.after[1], r.before[1], r.after[2], r.before[2],
-         r.psnr, r.max_abs, r.ms_kept, r.ms_full);
+    print_note(
+        "pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
+        "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
+        "%.2g; %.1f ms instead of %.1f",
+        prune_eps, r.views, r.after[0], r.before[0], r.after[1], r.before[1],
+        r.after[2], r.before[2], r.psnr, r.max_abs, r.ms_kept, r.ms_full);
 }
 
-static void bake(struct stream_writer *out)
+static void bake_avatar(struct stream_writer *out)
 {
     static struct bake k;
     struct error err = {0};
@@ -167,11 +169,13 @@ static void bake(struct stream_writer *out)
     }
     stats_end("bake", begun);
     const struct avatar *a = &k.baker.avatar;
-    note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
-         "clamped", k.baked.N, a->mouth.bowl / k.head.scale * 1e3,
-         a->mouth.lip / k.head.scale * 1e3, a->cap / k.head.scale * 1e3,
-         a->clamped);
-    prune(&k);
+    print_note(
+        "%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
+        "clamped",
+        k.baked.N, a->mouth.bowl / k.head.scale * 1e3,
+        a->mouth.lip / k.head.scale * 1e3, a->cap / k.head.scale * 1e3,
+        a->clamped);
+    prune_avatar(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);
         die_error(&err);
@@ -185,7 +189,7 @@ static void bake(struct stream_writer *out)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-static void move(struct stream_writer *out, const char *input)
+static void move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
     struct mover_options opt = {.full = full, .without = without,
@@ -248,9 +252,9 @@ int main(int argc, char **argv)
     if (!out)
         die_error(&err);
     if (bake_path)
-        bake(out);
+        bake_avatar(out);
     else
-        move(out, first < argc ? argv[first] : "-");
+        move_avatar(out, first < argc ? argv[first] : "-");
     if (stream_finish(out, &err))
         die_error(&err);
     stats_write();

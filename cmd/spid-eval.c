@@ -111,7 +111,7 @@ static void load_head(struct head *h, bool required)
 }
 
 /* The message on standard error; the exit code. */
-static int complain(const struct error *err)
+static int print_error(const struct error *err)
 {
     fprintf(stderr, "spid-eval: %s\n", err->text);
     return err->code ? err->code : EX_SOFTWARE;
@@ -177,7 +177,7 @@ static int compare_pair(struct table *t, const char *row,
                  : compare_frames(t, r, p->truth, p->result, p->source,
                                   &j->nets, &log, &err);
 
-    return rc ? complain(&err) : 0;
+    return rc ? print_error(&err) : 0;
 }
 
 static int compare_pairs(struct table *t, struct comparison *j)
@@ -211,7 +211,7 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
 /* ---- a model ------------------------------------------------------------ */
 
-static void advance(size_t done, size_t total)
+static void print_progress(size_t done, size_t total)
 {
     progress("people", done, total, NULL);
 }
@@ -221,14 +221,17 @@ static int evaluate_model(struct table *t, const struct head *h)
     struct error err = {0};
     struct reenactor s;
     struct contact_sheet sheet = {0};
-    struct people_options po = {
-        .stream = opt.people, .people = (size_t)opt.count,
-        .frames = (size_t)opt.frames, .stride = (size_t)opt.stride,
-        .ablations = !opt.no_ablations, .cross = !opt.no_cross,
-        .sheet_rows = !opt.sheet              ? 0
-                      : opt.rows < opt.count  ? (size_t)opt.rows
-                                              : (size_t)opt.count,
-        .progress = advance};
+    struct people_options po = {.stream = opt.people,
+                                .people = (size_t)opt.count,
+                                .frames = (size_t)opt.frames,
+                                .stride = (size_t)opt.stride,
+                                .ablations = !opt.no_ablations,
+                                .cross = !opt.no_cross,
+                                .sheet_rows = !opt.sheet ? 0
+                                              : opt.rows < opt.count
+                                                  ? (size_t)opt.rows
+                                                  : (size_t)opt.count,
+                                .progress = print_progress};
     struct model model;
     uint8_t *rgb;
     size_t H, W;
@@ -243,7 +246,7 @@ static int evaluate_model(struct table *t, const struct head *h)
     progress_end();
     reenactor_release(&s);
     if (rc)
-        return complain(&err);
+        return print_error(&err);
     if (!opt.sheet)
         return 0;
     contact_sheet_take(&sheet, &rgb, &H, &W);

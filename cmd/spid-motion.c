@@ -117,8 +117,8 @@ static void open_output(struct program *p)
 }
 
 /* Draw one frame; r is NULL for a frame before the first face. */
-static void draw(struct program *p, const struct frame *f,
-                 const struct track_result *r)
+static void draw_overlay(struct program *p, const struct frame *f,
+                         const struct track_result *r)
 {
     struct error err = {0};
     struct framesink_frame g = {.width = f->width, .height = f->height,
@@ -144,16 +144,16 @@ static void draw(struct program *p, const struct frame *f,
     stats_end("overlay", begun);
 }
 
-static void draw_searched(void *program, const struct frame *f)
+static void draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
 
     if (p->drawn)
-        draw(p, f, NULL);
+        draw_overlay(p, f, NULL);
 }
 
 /* Find the first face, then write CONF: it holds the window. */
-static void start(struct program *p)
+static void start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
@@ -162,7 +162,7 @@ static void start(struct program *p)
         .model = &p->model
     };
 
-    if (driver_start(&p->driver, draw_searched, p, &err)) {
+    if (driver_start(&p->driver, draw_searched_frame, p, &err)) {
         stream_abandon(p->out);
         framesink_abandon(p->drawn);
         if (err.code == EX_DATAERR && strncmp(err.text, "no ", 3) == 0)
@@ -182,7 +182,7 @@ static void start(struct program *p)
              p->driver.early_count);
 }
 
-static void report(struct program *p, const struct driver_frame *f)
+static void report_frame(struct program *p, const struct driver_frame *f)
 {
     const unsigned long long n = f->picture.index;
 
@@ -221,7 +221,7 @@ static int write_motion(struct program *p, const struct driver_frame *f,
     return rc;
 }
 
-static int finish(struct program *p, int rc, struct error *err)
+static int finish_outputs(struct program *p, int rc, struct error *err)
 {
     progress_end();
     if (p->drawn && rc == 0) {
@@ -256,20 +256,20 @@ int main(int argc, char **argv)
     open_model(&p);
     open_input(&p, argv + first, argc - first);
     open_output(&p);
-    start(&p);
+    start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
-        report(&p, &f);
+        report_frame(&p, &f);
         count_times(&f);
         if (write_motion(&p, &f, &err)) {
             rc = -1;
             break;
         }
         if (p.drawn && f.picture.rgb)
-            draw(&p, &f.picture, &f.r);
+            draw_overlay(&p, &f.picture, &f.r);
         progress("frames", f.picture.index + 1, framesource_total(p.in),
                  f.r.lost ? "lost" : NULL);
     }
-    finish(&p, rc, &err);
+    finish_outputs(&p, rc, &err);
     stats_write();
     driver_release(&p.driver);
     track_release(&p.track);

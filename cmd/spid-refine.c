@@ -153,7 +153,8 @@ static int take_features(struct refine_input *in, const struct record *rec,
 }
 
 /* What --precision and --roi cost, on the first frame. */
-static void compare(const struct program *p, const struct refine_input *in)
+static void compare_precision(const struct program *p,
+                              const struct refine_input *in)
 {
     const size_t n = in->height * in->width * 3;
     struct error err = {0};
@@ -209,7 +210,7 @@ static int write_picture(struct program *p, const struct record *rec,
     stats_end("refine", begun);
     if (!p->compared && (roi || precision == NN_BF16
                          || precision == NN_INT8))
-        compare(p, &in);
+        compare_precision(p, &in);
     p->compared = true;
     f.height = in.height;
     f.width = in.width;

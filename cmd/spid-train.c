@@ -90,7 +90,7 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
-static void show(const struct loop_report *r)
+static void print_step(const struct loop_report *r)
 {
     char note[300];
     int at = snprintf(note, sizeof note, "loss %.4f", r->loss);
@@ -106,7 +106,7 @@ static void show(const struct loop_report *r)
              (size_t)r->steps, note);
 }
 
-static void say(const char *text)
+static void print_warning(const char *text)
 {
     warn("%s", text);
 }
@@ -125,8 +125,8 @@ static void load_head(struct head *h)
         die_error(&err);
 }
 
-static void load_held(struct task *t, const struct train_config *c,
-                      struct shaper *shaper)
+static void load_validation(struct task *t, const struct train_config *c,
+                            struct shaper *shaper)
 {
     struct error err = {0};
     struct data_reader *r;
@@ -150,7 +150,7 @@ static void load_held(struct task *t, const struct train_config *c,
     data_close(r);
 }
 
-static void release_held(struct task *t)
+static void release_validation(struct task *t)
 {
     for (size_t i = 0; i < t->nheld; i++)
         data_person_release(&t->held[i]);
@@ -160,7 +160,7 @@ static void release_held(struct task *t)
 }
 
 /* The metadata of a model: its configuration, with the head it is for. */
-static char *describe(const struct train_config *c)
+static char *describe_model(const struct train_config *c)
 {
     struct error err = {0};
     struct avatar_config model;
@@ -179,14 +179,14 @@ static char *describe(const struct train_config *c)
     return text;
 }
 
-static int join(const struct train_config *c, char **parts, int count)
+static int join_models(const struct train_config *c, char **parts, int count)
 {
     struct error err = {0};
     char *spid;
 
     if (count < 1)
         die(EX_USAGE, "--join: no model files (expected at least one)");
-    spid = describe(c);
+    spid = describe_model(c);
     if (checkpoint_join(opt.join, (const char *const *)parts, (size_t)count,
                         ST_F16, spid, &err))
         die_error(&err);
@@ -194,7 +194,7 @@ static int join(const struct train_config *c, char **parts, int count)
     return EX_OK;
 }
 
-static void say_what(const struct task *t, const struct train_config *c)
+static void print_run(const struct task *t, const struct train_config *c)
 {
     size_t learning = 0;
 
@@ -213,17 +213,24 @@ static void say_what(const struct task *t, const struct train_config *c)
 }
 
 /* Returns the exit code. */
-static int train(const struct train_config *c, const char *const *files,
-                 size_t count, struct group *group)
+static int run_training(const struct train_config *c, const char *const *files,
+                        size_t count, struct group *group)
 {
     struct error err = {0};
     struct head head = {0};
     struct task task = {0};
     struct shaper shaper = {0};
     struct loop loop = {
-        .config = c, .task = &task, .group = group, .folder = cli.output,
-        .init = opt.init, .ninit = opt.ninit, .stop = &stop, .warn = say,
-        .report = cli.quiet ? NULL : show, .write_png = write_png,
+        .config = c,
+        .task = &task,
+        .group = group,
+        .folder = cli.output,
+        .init = opt.init,
+        .ninit = opt.ninit,
+        .stop = &stop,
+        .warn = print_warning,
+        .report = cli.quiet ? NULL : print_step,
+        .write_png = write_png,
     };
     int rc;
 
@@ -232,9 +239,9 @@ static int train(const struct train_config *c, const char *const *files,
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_held(&task, c, &shaper);
+        load_validation(&task, c, &shaper);
         if (!group->rank)
-            say_what(&task, c);
+            print_run(&task, c);
         loop.reader = data_open(files, count, task.type->margin, &err);
         if (loop.reader && opt.shapes)
             data_reshape(loop.reader, shaper_apply, &shaper);
@@ -250,7 +257,7 @@ static int train(const struct train_config *c, const char *const *files,
     }
     data_close(loop.reader);
     shaper_close(&shaper);
-    release_held(&task);
+    release_validation(&task);
     task_release(&task);
     head_release(&head);
     return rc ? (err.code ? err.code : EX_SOFTWARE) : EX_OK;
@@ -273,14 +280,14 @@ int main(int argc, char **argv)
     if (opt.steps >= 0)
         config.steps = opt.steps;
     if (opt.join) {
-        rc = join(&config, argv + first, argc - first);
+        rc = join_models(&config, argv + first, argc - first);
     } else {
         if (!strcmp(cli.output, "-"))
             die(EX_USAGE, "no folder for the model (expected -o DIR)");
         signal(SIGINT, on_signal);
         signal(SIGTERM, on_signal);
-        rc = train(&config, (const char *const *)argv + first,
-                   (size_t)(argc - first), &group);
+        rc = run_training(&config, (const char *const *)argv + first,
+                          (size_t)(argc - first), &group);
     }
     train_config_release(&config);
     group_release(&group);

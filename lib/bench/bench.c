@@ -24,7 +24,7 @@ void bench_release(struct bench *b)
     memset(b, 0, sizeof *b);
 }
 
-static int by_value(const void *a, const void *b)
+static int bench_by_value(const void *a, const void *b)
 {
     double p = *(const double *)a, q = *(const double *)b;
 
@@ -52,7 +52,7 @@ int bench_time(struct bench_times *t, double seconds, size_t least,
             goto out;
         ms[t->runs++] = (cpu_seconds() - start) * 1e3;
     }
-    qsort(ms, t->runs, sizeof *ms, by_value);
+    qsort(ms, t->runs, sizeof *ms, bench_by_value);
     t->min = ms[0];
     t->median = ms[t->runs / 2];
     t->p95 = ms[t->runs * 95 / 100];
@@ -63,7 +63,7 @@ out:
 }
 
 /* Room for one more element of size bytes; doubles at powers of two. */
-static void *grow(void *array, size_t count, size_t size)
+static void *bench_grow(void *array, size_t count, size_t size)
 {
     if (count & (count - 1) || (count && count < 8))
         return array;
@@ -75,7 +75,7 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
                             const struct bench_times *t, double max_abs,
                             double psnr_db)
 {
-    struct bench_row *row = grow(b->row, b->rows, sizeof *row);
+    struct bench_row *row = bench_grow(b->row, b->rows, sizeof *row);
 
     if (!row)
         return NULL;
@@ -94,7 +94,8 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
     return row;
 }
 
-static bool same_group(const struct bench_row *a, const struct bench_row *b)
+static bool bench_same_group(const struct bench_row *a,
+                             const struct bench_row *b)
 {
     return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
            a->threads == b->threads;
@@ -109,7 +110,7 @@ void bench_pareto(struct bench *b, size_t first)
         for (size_t k = first; k < b->rows && r->pareto; k++) {
             const struct bench_row *o = &b->row[k];
 
-            if (k != i && same_group(o, r) && o->ms_min <= r->ms_min &&
+            if (k != i && bench_same_group(o, r) && o->ms_min <= r->ms_min &&
                 o->psnr_db >= r->psnr_db &&
                 (o->ms_min < r->ms_min || o->psnr_db > r->psnr_db))
                 r->pareto = false;
@@ -146,7 +147,7 @@ void bench_number(struct bench *b, const char *object, const char *key,
             p->value = value;
             return;
         }
-    p = grow(b->pair, b->pairs, sizeof *p);
+    p = bench_grow(b->pair, b->pairs, sizeof *p);
     if (!p)
         return;
     b->pair = p;

@@ -16,9 +16,9 @@
 #include "lib/head/lbs.h"
 #include "lib/splat/reference.h"
 
-static int add(struct bench *b, const char *stage, const char *config,
-               const char *knob, int threads, const struct bench_times *t,
-               double worst, double psnr, struct error *err)
+static int hard_add(struct bench *b, const char *stage, const char *config,
+                    const char *knob, int threads, const struct bench_times *t,
+                    double worst, double psnr, struct error *err)
 {
     struct bench_row *r = bench_add(b, stage, config, knob, threads, t, worst,
                                     psnr);
@@ -95,8 +95,8 @@ static int rotation_row(struct bench *b, struct turns *t, const char *name,
     }
     if (rc == 0) {
         bench_compare(&worst, &psnr, t->R[0], truth, TURNS * 9);
-        rc = add(b, "rotation", "1,000 rotations", name, 1, &m, worst, psnr,
-                 err);
+        rc = hard_add(b, "rotation", "1,000 rotations", name, 1, &m, worst,
+                      psnr, err);
     }
     free(truth);
     return rc;
@@ -176,8 +176,8 @@ static int hard_crops(struct bench *b, double seconds, struct error *err)
             break;
         crop_sample_ref(c.truth, CROP_NET, c.exact, SIDE, SIDE, c.q);
         bench_compare(&worst, &psnr, c.out, c.truth, m);
-        rc = add(b, "crop", "512x512 -> 224x224", cases[i].name, 1, &t, worst,
-                 psnr, err);
+        rc = hard_add(b, "crop", "512x512 -> 224x224", cases[i].name, 1, &t,
+                      worst, psnr, err);
     }
     free(c.rgb);
     free(c.exact);
@@ -237,7 +237,7 @@ static int pose_row(struct bench *b, struct posing *p, const struct head *h,
         head_pose_d(truth, NULL, h, &d);
         bench_compare(&worst, &psnr, p->verts, truth, 3 * h->V);
         snprintf(config, sizeof config, "V=%zu, head units", h->V);
-        rc = add(b, "flame", config, c->name, 1, &t, worst, psnr, err);
+        rc = hard_add(b, "flame", config, c->name, 1, &t, worst, psnr, err);
     }
     free(truth);
     return rc;

@@ -24,13 +24,13 @@ void contact_sheet_release(struct contact_sheet *s)
     s->rgb = NULL;
 }
 
-static uint8_t byte(float x)
+static uint8_t contact_sheet_byte(float x)
 {
     return (uint8_t)(x <= 0 ? 0 : x >= 1 ? 255 : x * 255 + 0.5f);
 }
 
-static uint8_t *pixel(struct contact_sheet *s, size_t row, size_t col, size_t y,
-                      size_t x)
+static uint8_t *contact_sheet_pixel(struct contact_sheet *s, size_t row,
+                                    size_t col, size_t y, size_t x)
 {
     return s->rgb + 3 * ((row * s->side + y) * s->cols * s->side +
                          col * s->side + x);
@@ -44,8 +44,8 @@ void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, cons
             size_t i = y * s->side + x;
             float rest = alpha ? 0.35f * (1 - alpha[i]) : 0;
             for (int c = 0; c < 3; c++)
-                pixel(s, row, col, y, x)[c] = byte(rgb[3 * i + (size_t)c] +
-                                                   rest);
+                contact_sheet_pixel(s, row, col, y, x)[c] =
+                    contact_sheet_byte(rgb[3 * i + (size_t)c] + rest);
         }
 }
 
@@ -56,7 +56,8 @@ void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
         for (size_t x = 0; x < s->side; x++)
             for (size_t c = 0; c < 3; c++) {
                 size_t i = 3 * (y * s->side + x) + c;
-                pixel(s, row, col, y, x)[c] = byte(4 * fabsf(a[i] - b[i]));
+                contact_sheet_pixel(s, row, col, y, x)[c] =
+                    contact_sheet_byte(4 * fabsf(a[i] - b[i]));
             }
 }
 
@@ -72,8 +73,9 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
         if (x >= 0 && y >= 0 && x < (double)s->side - 1 &&
             y < (double)s->side - 1)
             for (int k = 0; k < 4; k++)
-                memcpy(pixel(s, row, col, (size_t)y + (size_t)k / 2,
-                             (size_t)x + (size_t)k % 2),
+                memcpy(contact_sheet_pixel(s, row, col,
+                                           (size_t)y + (size_t)k / 2,
+                                           (size_t)x + (size_t)k % 2),
                        colour[kind != 0], 3);
     }
 }

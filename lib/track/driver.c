@@ -28,8 +28,8 @@ int driver_read_source(void *source, struct frame *f, struct error *err)
 }
 
 /* Remember that a frame without a face was there. */
-static int remember(struct driver *d, const struct frame *f,
-                    struct error *err)
+static int driver_remember(struct driver *d, const struct frame *f,
+                           struct error *err)
 {
     if (d->early_count == d->early_room) {
         size_t room = d->early_room ? 2 * d->early_room : 64;
@@ -43,8 +43,8 @@ static int remember(struct driver *d, const struct frame *f,
     return 0;
 }
 
-static int no_face(const struct driver *d, const struct frame *f,
-                   struct error *err)
+static int driver_no_face(const struct driver *d, const struct frame *f,
+                          struct error *err)
 {
     return error_set(err, EX_DATAERR, "no face in %zu frame%s of %zu x %zu "
                      "pixels (looked for frontal and profile faces from a "
@@ -71,17 +71,17 @@ int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
         }
         if (seen)
             seen(seen_ctx, &f);
-        if (remember(d, &f, err) != 0)
+        if (driver_remember(d, &f, err) != 0)
             return -1;
         last = f;
         if (d->early_count == d->patience)
-            return no_face(d, &last, err);
+            return driver_no_face(d, &last, err);
     }
     if (rc < 0)
         return -1;
     if (d->early_count == 0)
         return error_set(err, EX_DATAERR, "no frames");
-    return no_face(d, &last, err);
+    return driver_no_face(d, &last, err);
 }
 
 int driver_next(struct driver *d, struct driver_frame *f, struct error *err)

@@ -30,7 +30,7 @@ enum { HELD_PSNR, HELD_SSIM, HELD_L1, HELD_STAR, HELD_SSIM_STAR, HELD_SOURCE,
 static const char *const held_name[HELD_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
-static void release(struct task *t)
+static void avatar_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
@@ -57,9 +57,9 @@ struct lesson {
 };
 
 /* What E_m will see of item i of a lesson. */
-static int look(struct task *t, struct lesson *l, size_t i,
-                const struct data_frame *f, struct random *r,
-                struct error *err)
+static int avatar_sample_crop(struct task *t, struct lesson *l, size_t i,
+                              const struct data_frame *f, struct random *r,
+                              struct error *err)
 {
     const struct data_augment *how = &t->config->augment;
     struct impl *m = t->impl;
@@ -70,8 +70,8 @@ static int look(struct task *t, struct lesson *l, size_t i,
                           : 0;
 }
 
-static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
-                       size_t micro, struct error *err)
+static int avatar_sample_draw(struct lesson *l, struct task *t, uint64_t step,
+                              size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
     struct random r;
@@ -81,18 +81,19 @@ static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
     for (int64_t i = 0; i < c->targets; i++) {
         uint32_t k = random_below(&r, (uint32_t)l->who->count);
         l->target[i] = &l->who->frame[k];
-        if (look(t, l, (size_t)i, l->target[i], &r, err))
+        if (avatar_sample_crop(t, l, (size_t)i, l->target[i], &r, err))
             return -1;
     }
-    if (look(t, l, (size_t)c->targets, l->source, &r, err))
+    if (avatar_sample_crop(t, l, (size_t)c->targets, l->source, &r, err))
         return -1;
     memset(&l->id, 0, sizeof l->id);
     return head_fold(&l->id, t->head, l->who->shape, t->head->nshape, err);
 }
 
 /* Draw target i, add its losses, and go back to the encoder's numbers. */
-static int study(struct task *t, double *parts, const struct lesson *l,
-                 size_t i, uint64_t step, struct error *err)
+static int avatar_task_target(struct task *t, double *parts,
+                              const struct lesson *l, size_t i, uint64_t step,
+                              struct error *err)
 {
     struct impl *m = t->impl;
     struct trainee *tr = &m->tr;
@@ -130,7 +131,8 @@ static int study(struct task *t, double *parts, const struct lesson *l,
 
 /* Phase A as it will be: the source's own motion is what E_m sees, too.  The
  * bake has no gradient by it, so what compares gradients takes the truth. */
-static int bake(struct task *t, const struct lesson *l, struct error *err)
+static int avatar_task_bake(struct task *t, const struct lesson *l,
+                            struct error *err)
 {
     struct impl *m = t->impl;
     size_t n = (size_t)t->config->targets;
@@ -146,18 +148,18 @@ static int bake(struct task *t, const struct lesson *l, struct error *err)
     return trainee_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
 }
 
-static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
-                struct error *err)
+static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
+                            size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
     struct lesson l;
     size_t n = (size_t)t->config->targets;
-    int rc = draw_lesson(&l, t, step, micro, err);
+    int rc = avatar_sample_draw(&l, t, step, micro, err);
 
     if (!rc)
-        rc = bake(t, &l, err);
+        rc = avatar_task_bake(t, &l, err);
     for (size_t i = 0; i < n && !rc; i++)
-        rc = study(t, parts, &l, i, step, err);
+        rc = avatar_task_target(t, parts, &l, i, step, err);
     if (!rc) {
         trainee_bake_backward(&m->tr);
         if (m->with_motion && !m->looks.mirror)
@@ -167,7 +169,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
     return rc;
 }
 
-static void update(struct task *t)
+static void avatar_task_update(struct task *t)
 {
     struct impl *m = t->impl;
 
@@ -178,7 +180,7 @@ static void update(struct task *t)
 
 /* ---- held-out people ---------------------------------------------------- */
 
-static void to_planar(float *planar, const float *rgb, size_t n)
+static void avatar_task_planar(float *planar, const float *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
@@ -186,15 +188,15 @@ static void to_planar(float *planar, const float *rgb, size_t n)
 }
 
 /* PSNR and, ssim not NULL, SSIM of rgb against target, both interleaved. */
-static int compare(double *psnr, double *ssim, double *l1, const float *rgb,
-                   const float *target, size_t S, float *tmp,
-                   struct error *err)
+static int avatar_task_compare(double *psnr, double *ssim, double *l1,
+                               const float *rgb, const float *target, size_t S,
+                               float *tmp, struct error *err)
 {
     struct metric_ssim m = {0};
     float *a = tmp, *b = tmp + 3 * S * S;
 
-    to_planar(a, target, S * S);
-    to_planar(b, rgb, S * S);
+    avatar_task_planar(a, target, S * S);
+    avatar_task_planar(b, rgb, S * S);
     *psnr += metric_psnr(fmax(1e-10, metric_mse(a, b, 3 * S * S)));
     if (l1)
         *l1 += metric_l1(a, b, 3 * S * S);
@@ -208,17 +210,17 @@ static int compare(double *psnr, double *ssim, double *l1, const float *rgb,
 /* Frames of a held-out person that are looked at. */
 #define HELD_FRAMES 4
 
-static const struct data_frame *held_frame(const struct data_person *p,
-                                           size_t k)
+static const struct data_frame *avatar_task_frame(const struct data_person *p,
+                                                  size_t k)
 {
     return &p->frame[(k + 1) * p->count / (HELD_FRAMES + 1)];
 }
 
 /* How a frame moves id: as E_m sees it in stage "all", else as it is.
  * Fills the trainee's verts, and m, whose pointers last until the next call. */
-static int motion_of(struct task *t, struct head_motion *motion,
-                     float cam[12], const struct data_frame *f,
-                     const struct identity *id, struct error *err)
+static int avatar_task_motion(struct task *t, struct head_motion *motion,
+                              float cam[12], const struct data_frame *f,
+                              const struct identity *id, struct error *err)
 {
     struct impl *m = t->impl;
     struct motion_state s = {.verts = m->tr.verts};
@@ -237,9 +239,9 @@ static int motion_of(struct task *t, struct head_motion *motion,
     return 0;
 }
 
-static int judge_person(struct task *t, double *sum,
-                        const struct data_person *p, float *tmp,
-                        struct error *err)
+static int avatar_task_validate_person(struct task *t, double *sum,
+                                       const struct data_person *p, float *tmp,
+                                       struct error *err)
 {
     struct impl *m = t->impl;
     struct trainee *tr = &m->tr;
@@ -250,21 +252,22 @@ static int judge_person(struct task *t, double *sum,
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
+        avatar_task_motion(t, &motion, cam, &p->frame[0], &id, err) ||
         trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(source, NULL, S, &p->frame[0], err))
         goto out;
     for (size_t k = 0; k < HELD_FRAMES; k++) {
-        const struct data_frame *f = held_frame(p, k);
-        if (motion_of(t, &motion, cam, f, &id, err) ||
+        const struct data_frame *f = avatar_task_frame(p, k);
+        if (avatar_task_motion(t, &motion, cam, f, &id, err) ||
             trainee_draw(tr, tr->verts, cam, err) ||
             data_portrait(tr->target, tr->mask, S, f, err) ||
-            compare(&sum[HELD_PSNR], &sum[HELD_SSIM], &sum[HELD_L1], tr->rgb,
-                    tr->target, S, tmp, err) ||
-            compare(&sum[HELD_STAR], &sum[HELD_SSIM_STAR], NULL, tr->coarse,
-                    tr->target, S, tmp, err) ||
-            compare(&sum[HELD_SOURCE], NULL, NULL, source, tr->target, S,
-                    tmp, err))
+            avatar_task_compare(&sum[HELD_PSNR], &sum[HELD_SSIM],
+                                &sum[HELD_L1], tr->rgb, tr->target, S, tmp,
+                                err) ||
+            avatar_task_compare(&sum[HELD_STAR], &sum[HELD_SSIM_STAR], NULL,
+                                tr->coarse, tr->target, S, tmp, err) ||
+            avatar_task_compare(&sum[HELD_SOURCE], NULL, NULL, source,
+                                tr->target, S, tmp, err))
             goto out;
     }
     rc = 0;
@@ -275,7 +278,8 @@ out:
 
 /* Running statistics move when a network planned for training runs: keep the
  * weights of frozen tensors across what does not belong to training. */
-static int held(struct task *t, double *figures, struct error *err)
+static int avatar_task_validate(struct task *t, double *figures,
+                                struct error *err)
 {
     struct impl *m = t->impl;
     size_t n = 3 * m->tr.image * m->tr.image;
@@ -290,9 +294,9 @@ static int held(struct task *t, double *figures, struct error *err)
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     memset(figures, 0, HELD_COUNT * sizeof *figures);
-    update(t);
+    avatar_task_update(t);
     for (size_t i = 0; i < t->nheld && !rc; i++)
-        rc = judge_person(t, figures, &t->held[i], tmp, err);
+        rc = avatar_task_validate_person(t, figures, &t->held[i], tmp, err);
     for (int k = 0; k < HELD_COUNT; k++)
         figures[k] /= (double)(t->nheld * HELD_FRAMES);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
@@ -304,25 +308,25 @@ static int held(struct task *t, double *figures, struct error *err)
 /* ---- contact sheet ------------------------------------------------------ */
 
 /* source, target, coarse, final, difference */
-static int sheet_row(struct contact_sheet *sh, struct task *t,
-                     const struct data_person *p, size_t row,
-                     struct error *err)
+static int avatar_task_sheet_row(struct contact_sheet *sh, struct task *t,
+                                 const struct data_person *p, size_t row,
+                                 struct error *err)
 {
     struct impl *m = t->impl;
     struct trainee *tr = &m->tr;
-    const struct data_frame *f = held_frame(p, row % HELD_FRAMES);
+    const struct data_frame *f = avatar_task_frame(p, row % HELD_FRAMES);
     struct identity id = {0};
     struct head_motion motion;
     float cam[12];
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
+        avatar_task_motion(t, &motion, cam, &p->frame[0], &id, err) ||
         trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, &p->frame[0], err))
         goto out;
     contact_sheet_picture(sh, row, 0, tr->target, tr->mask);
-    if (motion_of(t, &motion, cam, f, &id, err) ||
+    if (avatar_task_motion(t, &motion, cam, f, &id, err) ||
         trainee_draw(tr, tr->verts, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, f, err))
         goto out;
@@ -336,8 +340,8 @@ out:
     return rc;
 }
 
-static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
-                      struct error *err)
+static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+                             size_t *W, struct error *err)
 {
     struct impl *m = t->impl;
     size_t rows = t->nheld < 6 ? t->nheld : 6;
@@ -350,9 +354,9 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    update(t);
+    avatar_task_update(t);
     for (size_t i = 0; i < rows && !rc; i++)
-        rc = sheet_row(&sh, t, &t->held[i], i, err);
+        rc = avatar_task_sheet_row(&sh, t, &t->held[i], i, err);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(keep);
     if (rc)
@@ -363,12 +367,18 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
 }
 
 static const struct task_type type = {
-    "backbone., init., static., dynamic., mouth., refine.", 0, release, pass,
-    update, held, make_sheet};
+    "backbone., init., static., dynamic., mouth., refine.",
+    0,
+    avatar_task_release,
+    avatar_task_pass,
+    avatar_task_update,
+    avatar_task_validate,
+    avatar_task_sheet};
 
 /* ---- making it ---------------------------------------------------------- */
 
-static int add_motion(struct task *t, const char *net, struct error *err)
+static int avatar_task_add_motion(struct task *t, const char *net,
+                                  struct error *err)
 {
     struct impl *m = t->impl;
     size_t T = (size_t)t->config->targets + 1;
@@ -385,8 +395,8 @@ static int add_motion(struct task *t, const char *net, struct error *err)
     return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
 }
 
-static int read_config(struct avatar_config *model,
-                       const struct train_config *c, struct error *err)
+static int avatar_task_config(struct avatar_config *model,
+                              const struct train_config *c, struct error *err)
 {
     if (!c->model) {
         avatar_config_shipped(model);
@@ -416,11 +426,11 @@ int task_avatar_init(struct task *t, struct error *err)
         return error_set(err, EX_CONFIG, "micro: %lld (expected 1 in this "
                          "stage: a pass is one person)",
                          (long long)c->micro);
-    if (read_config(&model, c, err) ||
+    if (avatar_task_config(&model, c, err) ||
         trainee_init(&m->tr, &t->ps, &model, t->head, err) ||
-        (c->stage == STAGE_ALL && add_motion(t, model.motion_net, err)) ||
-        params_allocate(&t->ps, err) ||
-        params_allocate_gradients(&t->ps, err))
+        (c->stage == STAGE_ALL &&
+         avatar_task_add_motion(t, model.motion_net, err)) ||
+        params_allocate(&t->ps, err) || params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
     if (trainee_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
