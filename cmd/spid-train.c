@@ -10,12 +10,12 @@
 #include "lib/head/head.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"
-#include "lib/train/shaper.h"
+#include "lib/train/predicted_shape.h"
 
 #define MOST_PARTS 16
 
 static struct {
-    const char *config, *head, *held, *join, *shapes;
+    const char *config, *head, *validation, *join, *shapes;
     struct checkpoint_source init[MOST_PARTS];
     size_t ninit;
     long steps;
@@ -65,8 +65,10 @@ static int parse_grow(const char *value, void *dest, struct error *err)
 static const struct cli_option options[] = {
     {.name = "config", .letter = 'c', .kind = CLI_STRING, .dest = &opt.config,
      .arg = "FILE", .help = "JSON configuration of the run (required)"},
-    {.name = "held", .kind = CLI_STRING, .dest = &opt.held, .arg = "FILE",
-     .help = "people the run is judged by, never trained on"},
+    {.name = "validation", .kind = CLI_STRING, .dest = &opt.validation,
+     .arg = "FILE", .help = "people for validation, never trained on"},
+    {.name = "held", .kind = CLI_STRING, .dest = &opt.validation,
+     .arg = "FILE", .help = "the same as --validation"},
     OPTION_HEAD(&opt.head),
     {.name = "shapes", .kind = CLI_STRING, .dest = &opt.shapes, .arg = "FILE",
      .help = "people's shapes by FILE's E_beta, not the true ones"},
@@ -126,22 +128,22 @@ static void load_head(struct head *h)
 }
 
 static void load_validation(struct task *t, const struct train_config *c,
-                            struct shaper *shaper)
+                            struct predicted_shape *shape)
 {
     struct error err = {0};
     struct data_reader *r;
 
-    if (!opt.held)
+    if (!opt.validation)
         return;
-    r = data_open(&opt.held, 1, t->type->margin, &err);
-    t->held = calloc((size_t)c->held_people, sizeof *t->held);
-    if (!r || !t->held)
+    r = data_open(&opt.validation, 1, t->type->margin, &err);
+    t->validation = calloc((size_t)c->validation_people, sizeof *t->validation);
+    if (!r || !t->validation)
         die_error(&err);
     if (opt.shapes)
-        data_reshape(r, shaper_apply, shaper);
+        data_reshape(r, predicted_shape_apply, shape);
     data_once(r);
-    for (; t->nheld < (size_t)c->held_people; t->nheld++) {
-        int rc = data_next(r, &t->held[t->nheld], &err);
+    for (; t->nvalidation < (size_t)c->validation_people; t->nvalidation++) {
+        int rc = data_next(r, &t->validation[t->nvalidation], &err);
         if (rc < 0)
             die_error(&err);
         if (rc)
@@ -152,11 +154,11 @@ static void load_validation(struct task *t, const struct train_config *c,
 
 static void release_validation(struct task *t)
 {
-    for (size_t i = 0; i < t->nheld; i++)
-        data_person_release(&t->held[i]);
-    free(t->held);
-    t->held = NULL;
-    t->nheld = 0;
+    for (size_t i = 0; i < t->nvalidation; i++)
+        data_person_release(&t->validation[i]);
+    free(t->validation);
+    t->validation = NULL;
+    t->nvalidation = 0;
 }
 
 /* The metadata of a model: its configuration, with the head it is for. */
@@ -219,7 +221,7 @@ static int run_training(const struct train_config *c, const char *const *files,
     struct error err = {0};
     struct head head = {0};
     struct task task = {0};
-    struct shaper shaper = {0};
+    struct predicted_shape shape = {0};
     struct loop loop = {
         .config = c,
         .task = &task,
@@ -235,16 +237,16 @@ static int run_training(const struct train_config *c, const char *const *files,
     int rc;
 
     load_head(&head);
-    if (opt.shapes && shaper_open(&shaper, opt.shapes, &head, &err))
+    if (opt.shapes && predicted_shape_open(&shape, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_validation(&task, c, &shaper);
+        load_validation(&task, c, &shape);
         if (!group->rank)
             print_run(&task, c);
         loop.reader = data_open(files, count, task.type->margin, &err);
         if (loop.reader && opt.shapes)
-            data_reshape(loop.reader, shaper_apply, &shaper);
+            data_reshape(loop.reader, predicted_shape_apply, &shape);
         rc = loop.reader ? loop_run(&loop, &err) : -1;
     }
     progress_end();
@@ -256,7 +258,7 @@ static int run_training(const struct train_config *c, const char *const *files,
              (unsigned long long)loop.step);
     }
     data_close(loop.reader);
-    shaper_close(&shaper);
+    predicted_shape_close(&shape);
     release_validation(&task);
     task_release(&task);
     head_release(&head);

@@ -1,3 +1,4 @@
+/* Laying pictures out in one large one. */
 #include "lib/data/contact_sheet.h"
 
 #include <math.h>
@@ -62,9 +63,10 @@ void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
 }
 
 void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
-                  const float (*xy)[2], size_t n, struct square q, int kind)
+                  const float (*xy)[2], size_t n, struct square q,
+                          enum contact_sheet_colour colour)
 {
-    static const uint8_t colour[2][3] = {{60, 255, 60}, {255, 50, 50}};
+    static const uint8_t rgb[2][3] = {{60, 255, 60}, {255, 50, 50}};
     double scale = (double)s->side / q.size;
 
     for (size_t i = 0; i < n; i++) {
@@ -76,7 +78,7 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
                 memcpy(contact_sheet_pixel(s, row, col,
                                            (size_t)y + (size_t)k / 2,
                                            (size_t)x + (size_t)k % 2),
-                       colour[kind != 0], 3);
+                       rgb[colour], 3);
     }
 }
 

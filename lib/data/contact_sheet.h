@@ -24,10 +24,13 @@ void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, cons
 /* The difference |a - b|, four times enlarged. */
 void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
                       const float *a, const float *b);
-/* Points given in the pixels of the picture that square q was cut from; kind
- * 0 green, 1 red. */
+enum contact_sheet_colour { CONTACT_SHEET_TRUE, CONTACT_SHEET_FOUND };
+
+/* Points given in the pixels of the picture that square q was cut from: true
+ * ones green, found ones red. */
 void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
-                  const float (*xy)[2], size_t n, struct square q, int kind);
+                  const float (*xy)[2], size_t n, struct square q,
+                          enum contact_sheet_colour colour);
 /* Hand the pixels over (the caller frees). */
 void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H, size_t *W);
 

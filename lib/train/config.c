@@ -65,8 +65,11 @@ static const struct key keys[] = {
     {"log_every", KIND_INT, AT(log_every), 1, 1e9, 10},
     {"sheet_every", KIND_INT, AT(sheet_every), 0, 1e9, 0},
     {"checkpoint_every", KIND_INT, AT(checkpoint_every), 1, 1e9, 500},
-    {"held_every", KIND_INT, AT(held_every), 0, 1e9, 0},
-    {"held_people", KIND_INT, AT(held_people), 1, 1e6, 16},
+    {"validation_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
+    {"validation_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
+    /* older names of these two */
+    {"held_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
+    {"held_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
 };
 
 static const char *const stages[] = {"shape", "motion", "avatar", "all"};
@@ -87,7 +90,7 @@ static void config_store(struct train_config *c, const struct key *k, double x)
     else if (k->kind == KIND_FLOAT)
         *(float *)(void *)at = (float)x;
     else
-        *(int *)(void *)at = x != 0;
+        *(bool *)(void *)at = x != 0;
 }
 
 static int config_set_number(struct train_config *c, const char *name,

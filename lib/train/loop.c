@@ -19,7 +19,7 @@ struct run {
     struct data_pool pool;
     float *base, *sum;      /* running statistics before the step, and their
                              * sum over its passes: laid out as ps.w */
-    FILE *log, *held;
+    FILE *log, *figures;    /* log.tsv, held.tsv */
     char fingerprint[17];
     uint64_t skipped_row;   /* bad steps in a row */
     double begun;
@@ -37,9 +37,19 @@ static bool loop_is_statistic(const struct param *p)
     return p->frozen && strstr(p->name, ".running_");
 }
 
-/* For every running statistic: which 0 base = w, 1 w = base, 2 sum += w,
- * 3 w = sum / passes. */
-static void loop_statistics(struct run *r, int which, double passes)
+/* What loop_statistics does with every running statistic. */
+enum statistics_step {
+    STATISTICS_KEEP,            /* base = w, sum = 0: before the step */
+    STATISTICS_RESTORE,         /* w = base: before a pass, or to undo all */
+    STATISTICS_ADD,             /* sum += w: after a pass */
+    STATISTICS_MEAN             /* w = sum / passes: after the step */
+};
+
+/* Batch norm's statistics move in a forward pass: every pass starts from those
+ * before the step, and the step ends with their mean, so that they do not
+ * depend on how passes are shared out. */
+static void loop_statistics(struct run *r, enum statistics_step what,
+                            double passes)
 {
     struct params *ps = &r->l->task->ps;
 
@@ -47,18 +57,24 @@ static void loop_statistics(struct run *r, int which, double passes)
         const struct param *p = &ps->tensor[k];
         float *w = ps->w + p->offset, *b = r->base + p->offset;
         float *s = r->sum + p->offset;
+
         if (!loop_is_statistic(p))
             continue;
         for (size_t i = 0; i < p->count; i++) {
-            if (which == 0) {
+            switch (what) {
+            case STATISTICS_KEEP:
                 b[i] = w[i];
                 s[i] = 0;
-            } else if (which == 1) {
+                break;
+            case STATISTICS_RESTORE:
                 w[i] = b[i];
-            } else if (which == 2) {
+                break;
+            case STATISTICS_ADD:
                 s[i] += w[i];
-            } else {
+                break;
+            case STATISTICS_MEAN:
                 w[i] = (float)(s[i] / passes);
+                break;
             }
         }
     }
@@ -66,7 +82,7 @@ static void loop_statistics(struct run *r, int which, double passes)
 
 /* ---- files -------------------------------------------------------------- */
 
-static FILE *loop_open_log(const struct loop *l, const char *name, int fresh,
+static FILE *loop_open_log(const struct loop *l, const char *name, bool fresh,
                            struct error *err)
 {
     char path[TRAIN_PATH];
@@ -82,13 +98,13 @@ static FILE *loop_open_log(const struct loop *l, const char *name, int fresh,
 static int loop_open_logs(struct run *r, struct error *err)
 {
     const struct task *t = r->l->task;
-    int fresh = r->l->step == 0;
+    bool fresh = r->l->step == 0;
 
     if (r->l->group->rank)
         return 0;
     r->log = loop_open_log(r->l, "log.tsv", fresh, err);
-    r->held = r->log ? loop_open_log(r->l, "held.tsv", fresh, err) : NULL;
-    if (!r->held)
+    r->figures = r->log ? loop_open_log(r->l, "held.tsv", fresh, err) : NULL;
+    if (!r->figures)
         return -1;
     if (!fresh)
         return 0;
@@ -96,10 +112,10 @@ static int loop_open_logs(struct run *r, struct error *err)
     for (int i = 0; i < t->nparts; i++)
         fprintf(r->log, "\t%s", t->part_name[i]);
     fprintf(r->log, "\tnorm\trate\tseconds\n");
-    fprintf(r->held, "step");
+    fprintf(r->figures, "step");
     for (int i = 0; i < t->nfigures; i++)
-        fprintf(r->held, "\t%s", t->held_name[i]);
-    fprintf(r->held, "\n");
+        fprintf(r->figures, "\t%s", t->figure_name[i]);
+    fprintf(r->figures, "\n");
     return 0;
 }
 
@@ -139,19 +155,19 @@ static int loop_validate(struct run *r, struct error *err)
     struct loop *l = r->l;
     int rc;
 
-    if (l->group->rank || !l->task->nheld)
+    if (l->group->rank || !l->task->nvalidation)
         return 0;
     loop_swap_average(r);
-    rc = l->task->type->held(l->task, l->held, err);
+    rc = l->task->type->validate(l->task, l->figures, err);
     loop_swap_average(r);
     l->task->type->update(l->task);
     if (rc)
         return -1;
-    fprintf(r->held, "%" PRIu64, l->step);
+    fprintf(r->figures, "%" PRIu64, l->step);
     for (int i = 0; i < l->task->nfigures; i++)
-        fprintf(r->held, "\t%.5g", l->held[i]);
-    fprintf(r->held, "\n");
-    fflush(r->held);
+        fprintf(r->figures, "\t%.5g", l->figures[i]);
+    fprintf(r->figures, "\n");
+    fflush(r->figures);
     return 0;
 }
 
@@ -163,7 +179,7 @@ static int loop_draw_sheet(struct run *r, struct error *err)
     size_t H, W;
     int rc;
 
-    if (l->group->rank || !l->write_png || !l->task->nheld)
+    if (l->group->rank || !l->write_png || !l->task->nvalidation)
         return 0;
     snprintf(name, sizeof name, "sheet-%06" PRIu64 ".png", l->step);
     loop_path(path, sizeof path, l, name);
@@ -188,20 +204,20 @@ static int loop_gather(struct run *r, double *parts, struct error *err)
 
     memset(ps->g, 0, ps->total * sizeof *ps->g);
     memset(parts, 0, TASK_PARTS * sizeof *parts);
-    loop_statistics(r, 0, 0);
+    loop_statistics(r, STATISTICS_KEEP, 0);
     for (size_t k = 0; k < passes; k++) {
         if (k % (size_t)l->group->size != (size_t)l->group->rank)
             continue;
-        loop_statistics(r, 1, 0);
+        loop_statistics(r, STATISTICS_RESTORE, 0);
         if (l->task->type->pass(l->task, parts, l->step, k, err))
             return -1;
-        loop_statistics(r, 2, 0);
+        loop_statistics(r, STATISTICS_ADD, 0);
     }
     if (group_sum(l->group, ps->g, ps->total, err) ||
         group_sum(l->group, r->sum, ps->total, err) ||
         group_sum_double(l->group, parts, TASK_PARTS, err))
         return -1;
-    loop_statistics(r, 3, (double)passes);
+    loop_statistics(r, STATISTICS_MEAN, (double)passes);
     return 0;
 }
 
@@ -212,7 +228,7 @@ static int loop_skip(struct run *r, const char *what, const char *name,
     struct loop *l = r->l;
     char text[200];
 
-    loop_statistics(r, 1, 0);
+    loop_statistics(r, STATISTICS_RESTORE, 0);
     l->skipped++;
     snprintf(text, sizeof text, "step %" PRIu64 ": %s %s is not finite; the "
              "step is skipped", l->step, what, name);
@@ -302,7 +318,7 @@ static int loop_steps(struct run *r, struct error *err)
             return -1;
         loop_write_log(r, parts, loss, norm);
         l->step++;
-        if (loop_due(c->held_every, l->step) && loop_validate(r, err))
+        if (loop_due(c->validation_every, l->step) && loop_validate(r, err))
             return -1;
         if (loop_due(c->sheet_every, l->step) && loop_draw_sheet(r, err))
             return -1;
@@ -371,8 +387,8 @@ int loop_run(struct loop *l, struct error *err)
     }
     if (r.log)
         fclose(r.log);
-    if (r.held)
-        fclose(r.held);
+    if (r.figures)
+        fclose(r.figures);
     data_pool_release(&r.pool);
     adam_release(&r.adam);
     free(r.base);

@@ -18,16 +18,16 @@
 
 struct impl {
     struct trainee tr;
-    int with_motion;                /* stage "all" */
+    bool with_motion;               /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
-    struct motion_tta looks;      /* E_m looks twice, unless it learns */
+    struct motion_tta tta;          /* of E_m, unless it learns */
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
-enum { HELD_PSNR, HELD_SSIM, HELD_L1, HELD_STAR, HELD_SSIM_STAR, HELD_SOURCE,
-       HELD_COUNT };
-static const char *const held_name[HELD_COUNT] = {
+enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR, FIGURE_SOURCE,
+       FIGURE_COUNT };
+static const char *const figure_name[FIGURE_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
 static void avatar_task_release(struct task *t)
@@ -38,7 +38,7 @@ static void avatar_task_release(struct task *t)
         return;
     trainee_release(&m->tr);
     if (m->with_motion) {
-        motion_tta_release(&m->looks);
+        motion_tta_release(&m->tta);
         motion_encoder_release(&m->net);
         motion_loss_release(&m->loss);
     }
@@ -48,7 +48,7 @@ static void avatar_task_release(struct task *t)
 }
 
 /* What one pass works on: a person, a source frame, target frames. */
-struct lesson {
+struct avatar_sample {
     const struct data_person *who;
     const struct data_frame *source;
     const struct data_frame *target[64];
@@ -56,8 +56,8 @@ struct lesson {
     struct identity id;
 };
 
-/* What E_m will see of item i of a lesson. */
-static int avatar_sample_crop(struct task *t, struct lesson *l, size_t i,
+/* The crop of item i of a sample that E_m will receive. */
+static int avatar_sample_crop(struct task *t, struct avatar_sample *l, size_t i,
                               const struct data_frame *f, struct random *r,
                               struct error *err)
 {
@@ -70,7 +70,7 @@ static int avatar_sample_crop(struct task *t, struct lesson *l, size_t i,
                           : 0;
 }
 
-static int avatar_sample_draw(struct lesson *l, struct task *t, uint64_t step,
+static int avatar_sample_draw(struct avatar_sample *l, struct task *t, uint64_t step,
                               size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
@@ -92,7 +92,7 @@ static int avatar_sample_draw(struct lesson *l, struct task *t, uint64_t step,
 
 /* Draw target i, add its losses, and go back to the encoder's numbers. */
 static int avatar_task_target(struct task *t, double *parts,
-                              const struct lesson *l, size_t i, uint64_t step,
+                              const struct avatar_sample *l, size_t i, uint64_t step,
                               struct error *err)
 {
     struct impl *m = t->impl;
@@ -129,9 +129,9 @@ static int avatar_task_target(struct task *t, double *parts,
     return 0;
 }
 
-/* Phase A as it will be: the source's own motion is what E_m sees, too.  The
+/* Phase A as it will be: the source's own motion is E_m's, too.  The
  * bake has no gradient by it, so what compares gradients takes the truth. */
-static int avatar_task_bake(struct task *t, const struct lesson *l,
+static int avatar_task_bake(struct task *t, const struct avatar_sample *l,
                             struct error *err)
 {
     struct impl *m = t->impl;
@@ -139,7 +139,7 @@ static int avatar_task_bake(struct task *t, const struct lesson *l,
     struct motion_state s = {.verts = m->tr.verts};
 
     if (m->with_motion) {
-        motion_tta_forward(m->out, &m->looks, m->crops);
+        motion_tta_forward(m->out, &m->tta, m->crops);
         memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
     }
     if (!m->with_motion || t->config->smooth)
@@ -152,7 +152,7 @@ static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
                             size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
-    struct lesson l;
+    struct avatar_sample l;
     size_t n = (size_t)t->config->targets;
     int rc = avatar_sample_draw(&l, t, step, micro, err);
 
@@ -162,7 +162,7 @@ static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
         rc = avatar_task_target(t, parts, &l, i, step, err);
     if (!rc) {
         trainee_bake_backward(&m->tr);
-        if (m->with_motion && !m->looks.mirror)
+        if (m->with_motion && !m->tta.mirror)
             motion_encoder_backward(NULL, m->dout, &m->net);
     }
     identity_release(&l.id);
@@ -178,7 +178,7 @@ static void avatar_task_update(struct task *t)
         motion_encoder_update(&m->net);
 }
 
-/* ---- held-out people ---------------------------------------------------- */
+/* ---- validation --------------------------------------------------------- */
 
 static void avatar_task_planar(float *planar, const float *rgb, size_t n)
 {
@@ -207,16 +207,16 @@ static int avatar_task_compare(double *psnr, double *ssim, double *l1,
     return 0;
 }
 
-/* Frames of a held-out person that are looked at. */
-#define HELD_FRAMES 4
+/* Frames of a person that validation draws. */
+#define VALIDATION_FRAMES 4
 
 static const struct data_frame *avatar_task_frame(const struct data_person *p,
                                                   size_t k)
 {
-    return &p->frame[(k + 1) * p->count / (HELD_FRAMES + 1)];
+    return &p->frame[(k + 1) * p->count / (VALIDATION_FRAMES + 1)];
 }
 
-/* How a frame moves id: as E_m sees it in stage "all", else as it is.
+/* How a frame moves id: by E_m in stage "all", else as it is.
  * Fills the trainee's verts, and m, whose pointers last until the next call. */
 static int avatar_task_motion(struct task *t, struct head_motion *motion,
                               float cam[12], const struct data_frame *f,
@@ -232,7 +232,7 @@ static int avatar_task_motion(struct task *t, struct head_motion *motion,
     }
     if (data_sample(m->crops, N, f, f->crop, NULL, NULL, err))
         return -1;
-    motion_tta_forward(m->out, &m->looks, m->crops);
+    motion_tta_forward(m->out, &m->tta, m->crops);
     motion_decode(&s, m->out, f, f->crop, id);
     *motion = s.motion;
     memcpy(cam, s.cam, sizeof s.cam);
@@ -256,17 +256,17 @@ static int avatar_task_validate_person(struct task *t, double *sum,
         trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(source, NULL, S, &p->frame[0], err))
         goto out;
-    for (size_t k = 0; k < HELD_FRAMES; k++) {
+    for (size_t k = 0; k < VALIDATION_FRAMES; k++) {
         const struct data_frame *f = avatar_task_frame(p, k);
         if (avatar_task_motion(t, &motion, cam, f, &id, err) ||
             trainee_draw(tr, tr->verts, cam, err) ||
             data_portrait(tr->target, tr->mask, S, f, err) ||
-            avatar_task_compare(&sum[HELD_PSNR], &sum[HELD_SSIM],
-                                &sum[HELD_L1], tr->rgb, tr->target, S, tmp,
+            avatar_task_compare(&sum[FIGURE_PSNR], &sum[FIGURE_SSIM],
+                                &sum[FIGURE_L1], tr->rgb, tr->target, S, tmp,
                                 err) ||
-            avatar_task_compare(&sum[HELD_STAR], &sum[HELD_SSIM_STAR], NULL,
+            avatar_task_compare(&sum[FIGURE_STAR], &sum[FIGURE_SSIM_STAR], NULL,
                                 tr->coarse, tr->target, S, tmp, err) ||
-            avatar_task_compare(&sum[HELD_SOURCE], NULL, NULL, source,
+            avatar_task_compare(&sum[FIGURE_SOURCE], NULL, NULL, source,
                                 tr->target, S, tmp, err))
             goto out;
     }
@@ -293,12 +293,12 @@ static int avatar_task_validate(struct task *t, double *figures,
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    memset(figures, 0, HELD_COUNT * sizeof *figures);
+    memset(figures, 0, FIGURE_COUNT * sizeof *figures);
     avatar_task_update(t);
-    for (size_t i = 0; i < t->nheld && !rc; i++)
-        rc = avatar_task_validate_person(t, figures, &t->held[i], tmp, err);
-    for (int k = 0; k < HELD_COUNT; k++)
-        figures[k] /= (double)(t->nheld * HELD_FRAMES);
+    for (size_t i = 0; i < t->nvalidation && !rc; i++)
+        rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp, err);
+    for (int k = 0; k < FIGURE_COUNT; k++)
+        figures[k] /= (double)(t->nvalidation * VALIDATION_FRAMES);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(tmp);
     free(keep);
@@ -314,7 +314,7 @@ static int avatar_task_sheet_row(struct contact_sheet *sh, struct task *t,
 {
     struct impl *m = t->impl;
     struct trainee *tr = &m->tr;
-    const struct data_frame *f = avatar_task_frame(p, row % HELD_FRAMES);
+    const struct data_frame *f = avatar_task_frame(p, row % VALIDATION_FRAMES);
     struct identity id = {0};
     struct head_motion motion;
     float cam[12];
@@ -344,7 +344,7 @@ static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
                              size_t *W, struct error *err)
 {
     struct impl *m = t->impl;
-    size_t rows = t->nheld < 6 ? t->nheld : 6;
+    size_t rows = t->nvalidation < 6 ? t->nvalidation : 6;
     float *keep = malloc((t->ps.total + 1) * sizeof *keep);
     struct contact_sheet sh;
     int rc = 0;
@@ -356,7 +356,7 @@ static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
     avatar_task_update(t);
     for (size_t i = 0; i < rows && !rc; i++)
-        rc = avatar_task_sheet_row(&sh, t, &t->held[i], i, err);
+        rc = avatar_task_sheet_row(&sh, t, &t->validation[i], i, err);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(keep);
     if (rc)
@@ -366,7 +366,7 @@ static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     return rc;
 }
 
-static const struct task_type type = {
+static const struct task_type avatar_task_type = {
     "backbone., init., static., dynamic., mouth., refine.",
     0,
     avatar_task_release,
@@ -383,7 +383,7 @@ static int avatar_task_add_motion(struct task *t, const char *net,
     struct impl *m = t->impl;
     size_t T = (size_t)t->config->targets + 1;
 
-    m->with_motion = 1;
+    m->with_motion = true;
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
            sizeof motion_term_name);
     t->nparts = PICTURE_COUNT + TERM_COUNT;
@@ -417,11 +417,11 @@ int task_avatar_init(struct task *t, struct error *err)
     if (!m)
         return error_set(err, EX_OSERR, "out of memory");
     t->impl = m;
-    t->type = &type;
+    t->type = &avatar_task_type;
     t->nparts = PICTURE_COUNT;
     memcpy(t->part_name, picture_term_name, sizeof picture_term_name);
-    t->nfigures = HELD_COUNT;
-    memcpy(t->held_name, held_name, sizeof held_name);
+    t->nfigures = FIGURE_COUNT;
+    memcpy(t->figure_name, figure_name, sizeof figure_name);
     if (c->micro != 1)
         return error_set(err, EX_CONFIG, "micro: %lld (expected 1 in this "
                          "stage: a pass is one person)",
@@ -439,7 +439,7 @@ int task_avatar_init(struct task *t, struct error *err)
         return 0;
     motion_encoder_start(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
-        motion_tta_init(&m->looks, &m->net, (size_t)c->targets + 1, t->head,
+        motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
                           strcmp(c->freeze, "motion.") == 0, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
