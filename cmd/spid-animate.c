@@ -159,6 +159,7 @@ static int open_source(struct clip *c, struct error *err)
 
 static int open_driver(struct clip *c, struct error *err)
 {
+    enum driver_status status;
     int num, den;
 
     c->frames = framesource_open(&c->job->driver, 1, &source_options, err);
@@ -171,11 +172,11 @@ static int open_driver(struct clip *c, struct error *err)
         driver_init(&c->driver, &c->track, live_read, &c->live);
     else
         driver_init(&c->driver, &c->track, driver_read_source, c->frames);
-    if (driver_start(&c->driver, NULL, NULL, err)) {
-        if (strncmp(err->text, "no ", 3) == 0)
-            error_prefix(err, "%s", c->job->driver);
+    status = driver_start(&c->driver, NULL, NULL, err);
+    if (status == DRIVER_NO_FACE)
+        error_prefix(err, "%s", c->job->driver);
+    if (status != DRIVER_STARTED)
         return -1;
-    }
     framesource_rate(c->frames, &num, &den);
     framesink_set_rate(c->sink, num, den);
     if (c->driver.early_count)

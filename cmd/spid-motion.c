@@ -157,15 +157,17 @@ static void start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
+    enum driver_status status;
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head,
         .model = &p->model
     };
 
-    if (driver_start(&p->driver, draw_searched_frame, p, &err)) {
+    status = driver_start(&p->driver, draw_searched_frame, p, &err);
+    if (status != DRIVER_STARTED) {
         stream_abandon(p->out);
         framesink_abandon(p->drawn);
-        if (err.code == EX_DATAERR && strncmp(err.text, "no ", 3) == 0)
+        if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
         die_error(&err);
     }

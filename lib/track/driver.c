@@ -43,18 +43,25 @@ static int driver_remember(struct driver *d, const struct frame *f,
     return 0;
 }
 
-static int driver_no_face(const struct driver *d, const struct frame *f,
-                          struct error *err)
+/* What was tried in vain; f is the last frame. */
+static enum driver_status driver_no_face(const struct driver *d,
+                                         const struct frame *f,
+                                         struct error *err)
 {
-    return error_set(err, EX_DATAERR, "no face in %zu frame%s of %zu x %zu "
-                     "pixels (looked for frontal and profile faces from a "
-                     "twelfth of the picture up; --crop X,Y,SIZE says where "
-                     "it is)", d->early_count, d->early_count == 1 ? "" : "s",
-                     f->width, f->height);
+    if (d->early_count == 0)
+        error_set(err, EX_DATAERR, "no frames");
+    else
+        error_set(err, EX_DATAERR,
+                  "no face in %zu frame%s of %zu x %zu pixels (looked for "
+                  "frontal and profile faces from a twelfth of the picture "
+                  "up; --crop X,Y,SIZE says where it is)", d->early_count,
+                  d->early_count == 1 ? "" : "s", f->width, f->height);
+    return DRIVER_NO_FACE;
 }
 
-int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
-                 void *seen_ctx, struct error *err)
+enum driver_status driver_start(struct driver *d,
+                                void (*seen)(void *, const struct frame *),
+                                void *seen_ctx, struct error *err)
 {
     struct frame f = {0}, last = {0};
     int rc;
@@ -63,24 +70,22 @@ int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
         int found = track_start(d->track, &d->found, f.rgb, f.width,
                                 f.height, f.time, err);
         if (found < 0)
-            return -1;
+            return DRIVER_ERROR;
         if (found) {
             d->first = f;
             d->started = true;
-            return 0;
+            return DRIVER_STARTED;
         }
         if (seen)
             seen(seen_ctx, &f);
         if (driver_remember(d, &f, err) != 0)
-            return -1;
+            return DRIVER_ERROR;
         last = f;
         if (d->early_count == d->patience)
             return driver_no_face(d, &last, err);
     }
     if (rc < 0)
-        return -1;
-    if (d->early_count == 0)
-        return error_set(err, EX_DATAERR, "no frames");
+        return DRIVER_ERROR;
     return driver_no_face(d, &last, err);
 }
 
