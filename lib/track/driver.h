@@ -51,8 +51,9 @@ void driver_release(struct driver *d);
 /* Read on until a face is found, so that the window is known (CONF is written
  * before the first motion).  seen, when not NULL, is called for every frame
  * looked through in vain. */
-enum driver_status driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
-                 void *seen_ctx, struct error *err);
+enum driver_status driver_start(struct driver *d,
+                                void (*seen)(void *, const struct frame *),
+                                void *seen_ctx, struct error *err);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked
