@@ -27,11 +27,6 @@ static const char *head_path, *mask_path, *list_path, *background_word;
 static double closed_mm = -1;
 static bool live_mode;
 
-static int parse_without(const char *value, void *dest, struct error *err)
-{
-    return avatar_without_list(dest, value, err);
-}
-
 static int parse_background(const char *value, void *dest, struct error *err)
 {
     background_word = value;
@@ -46,9 +41,7 @@ static const struct cli_option options[] = {
      "drop frames instead of lagging; report the latency", NULL},
     {"list", 0, CLI_STRING, &list_path, 0, 0, "FILE",
      "many clips: SOURCE, DRIVER and OUT on each line, tabs between", NULL},
-    {"without", 0, CLI_CALL, &models.without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
-     parse_without},
+    OPTION_WITHOUT(&models.without),
     {"prune", 0, CLI_FLOAT, &models.prune, 0, 1e6, "EPS",
      "drop Gaussians that no view shows above EPS", NULL},
     {"keep-clear", 0, CLI_FLAG, &models.keep_clear, 0, 0, NULL,
@@ -67,10 +60,7 @@ static const struct cli_option options[] = {
      "keep the background clear (PNG, PAM, EXR, stream)", NULL},
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "no test-time augmentation of the encoder: faster, less exact", NULL},
-    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "the same as --no-tta", NULL},
+    OPTION_NO_TTA(&track_options.no_tta),
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,

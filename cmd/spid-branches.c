@@ -20,11 +20,6 @@ static double prune_eps = -1, closed_mm = -1;
 static unsigned without;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
-static int parse_without(const char *value, void *dest, struct error *err)
-{
-    return avatar_without_list(dest, value, err);
-}
-
 static const struct cli_option options[] = {
     {"bake", 'b', CLI_STRING, &bake_path, 0, 0, "ID",
      "make an avatar of identity ID (\"-\": standard input)", NULL},
@@ -32,9 +27,7 @@ static const struct cli_option options[] = {
      "avatar to move", NULL},
     {"full", 0, CLI_FLAG, &full, 0, 0, NULL,
      "whole GAUS records instead of GMOV", NULL},
-    {"without", 0, CLI_CALL, &without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
-     parse_without},
+    OPTION_WITHOUT(&without),
     {"prune", 0, CLI_FLOAT, &prune_eps, 0, 1e6, "EPS",
      "with --bake: drop what no view shows above EPS", NULL},
     {"keep-clear", 0, CLI_FLAG, &keep_clear, 0, 0, NULL,

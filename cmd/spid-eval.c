@@ -27,16 +27,7 @@ static struct {
 
 static int parse_known(const char *value, void *dest, struct error *err)
 {
-    unsigned *bits = dest;
-
-    if (strcmp(value, "shape") == 0)
-        *bits |= REENACTOR_TRUE_SHAPE;
-    else if (strcmp(value, "motion") == 0)
-        *bits |= REENACTOR_TRUE_MOTION;
-    else
-        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
-                         "shape or motion)", value);
-    return 0;
+    return reenactor_parse_truth(dest, value, err);
 }
 
 static const struct cli_option options[] = {
@@ -58,7 +49,7 @@ static const struct cli_option options[] = {
      .arg = "PICTURE",
      .help = "--arcface: who it shall be, adds the column arcface_src"},
     {.name = "people", .kind = CLI_STRING, .dest = &opt.people,
-     .arg = "STREAM", .help = "evaluate the model (-m) on people of spid-synth"},
+     .arg = "STREAM", .help = "evaluate the model on people of spid-synth"},
     {.name = "count", .kind = CLI_INT, .dest = &opt.count, .min = 1,
      .max = 100000, .arg = "N", .help = "--people: how many (default 40)"},
     {.name = "frames", .kind = CLI_INT, .dest = &opt.frames, .min = 2,
@@ -96,7 +87,7 @@ struct comparison {
     struct likeness likeness;
     struct compare_nets nets;
     FILE *tsv;
-    bool self, cross;           /* protocols that rows name */
+    unsigned protocols;         /* that rows name */
 };
 
 /* The head of --head, or the one that is found; V is 0 when it may be missing
@@ -119,40 +110,23 @@ static int print_error(const struct error *err)
 
 /* ---- output ------------------------------------------------------------- */
 
-/* The protocols of the rows, so that a table says what it shows. */
-static void write_protocols(FILE *f, const struct comparison *j,
-                            enum table_format format)
-{
-    const char *mark = format == TABLE_LATEX ? "% " : "# ";
-
-    if (format == TABLE_JSON)
-        return;
-    if (j->self)
-        fprintf(f, "%sself: the source is the first frame of a clip, the "
-                "driver that clip, the truth its frames\n", mark);
-    if (j->cross)
-        fprintf(f, "%scross: the source is the first frame of a clip, the "
-                "driver the next identity's clip, the truth the driver's "
-                "motion\n", mark);
-}
-
 static void write_table(const struct table *t, enum table_format format,
                         const struct comparison *j)
 {
-    int model = opt.people != NULL;
+    const bool named = strcmp(cli.output, "-") != 0;
+    const bool direct = named && file_is_special(cli.output);
     char part[PATH];
-    int named = strcmp(cli.output, "-") != 0;
-    int direct = named && file_is_special(cli.output);
     FILE *f = stdout;
 
     snprintf(part, sizeof part, direct ? "%s" : "%s.part", cli.output);
     if (named && !(f = fopen(part, "w")))
         die(EX_CANTCREAT, "%s: %s", part, strerror(errno));
-    if (model && format == TABLE_JSON)
+    if (opt.people && format == TABLE_JSON)
         summary_write(f, t);
     else
         table_write(f, t, format);
-    write_protocols(f, j, format);
+    if (format != TABLE_JSON)
+        protocols_write(f, j->protocols, format == TABLE_LATEX ? "% " : "# ");
     if (fflush(f) || ferror(f) || (named && fclose(f))) {
         if (named && !direct)
             unlink(part);
@@ -196,8 +170,7 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
         snprintf(row, sizeof row, p->protocol ? "%s, %s" : "%s", p->name,
                  p->protocol);
-        j->self |= p->protocol && !strcmp(p->protocol, "self");
-        j->cross |= p->protocol && !strcmp(p->protocol, "cross");
+        j->protocols |= protocol_parse(p->protocol);
         rc = compare_pair(t, row, p, j);
         failed += rc != 0;
         code = rc ? rc : code;

@@ -27,10 +27,7 @@ static const struct cli_option options[] = {
                   "portrait window (default: about the first face)"),
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "no test-time augmentation of the encoder: faster, less exact", NULL},
-    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "the same as --no-tta", NULL},
+    OPTION_NO_TTA(&track_options.no_tta),
     {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE",
      "write a video of crop, landmarks and mesh on the frames", NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
@@ -45,12 +42,13 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-motion", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
+    "spid-motion",
+    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
+    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] "
+    "[--head FILE] "
     "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
-    "estimate head motion from video, pictures or piped frames", options
-};
+    "estimate head motion from video, pictures or piped frames", options};
 
 struct program {
     struct head head;

@@ -6,8 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols, size_t side,
-               struct error *err)
+int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
+                       size_t side, struct error *err)
 {
     s->rows = rows;
     s->cols = cols;
@@ -33,12 +33,12 @@ static uint8_t contact_sheet_byte(float x)
 static uint8_t *contact_sheet_pixel(struct contact_sheet *s, size_t row,
                                     size_t col, size_t y, size_t x)
 {
-    return s->rgb + 3 * ((row * s->side + y) * s->cols * s->side +
-                         col * s->side + x);
+    return s->rgb +
+           3 * ((row * s->side + y) * s->cols * s->side + col * s->side + x);
 }
 
-void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, const float *rgb,
-                   const float *alpha)
+void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col,
+                           const float *rgb, const float *alpha)
 {
     for (size_t y = 0; y < s->side; y++)
         for (size_t x = 0; x < s->side; x++) {
@@ -51,7 +51,7 @@ void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, cons
 }
 
 void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
-                      const float *a, const float *b)
+                              const float *a, const float *b)
 {
     for (size_t y = 0; y < s->side; y++)
         for (size_t x = 0; x < s->side; x++)
@@ -63,7 +63,7 @@ void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
 }
 
 void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
-                  const float (*xy)[2], size_t n, struct square q,
+                          const float (*xy)[2], size_t n, struct square q,
                           enum contact_sheet_colour colour)
 {
     static const uint8_t rgb[2][3] = {{60, 255, 60}, {255, 50, 50}};
@@ -82,7 +82,8 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
     }
 }
 
-void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H, size_t *W)
+void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H,
+                        size_t *W)
 {
     *rgb = s->rgb;
     *H = s->rows * s->side;

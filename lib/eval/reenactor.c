@@ -11,6 +11,18 @@
 
 #define N MOTION_ENCODER_SIZE
 
+int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
+{
+    if (strcmp(word, "shape") == 0)
+        *bits |= REENACTOR_TRUE_SHAPE;
+    else if (strcmp(word, "motion") == 0)
+        *bits |= REENACTOR_TRUE_MOTION;
+    else
+        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
+                         "shape or motion)", word);
+    return 0;
+}
+
 /* ---- making it ---------------------------------------------------------- */
 
 static int reenactor_declare(struct reenactor *r, struct error *err)

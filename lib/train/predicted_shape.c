@@ -34,7 +34,7 @@ void predicted_shape_close(struct predicted_shape *s)
 
 /* t* of R (size x + place) + t* = size (R x + t). */
 static void predicted_shape_move(struct data_motion *m, double size,
-                        const double place[3])
+                                 const double place[3])
 {
     for (int i = 0; i < 3; i++) {
         double turned = 0;

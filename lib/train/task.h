@@ -48,8 +48,8 @@ struct task {
 };
 
 /* Make the task of the configuration's stage: declares, allocates and fills
- * its tensors from the seed.  pool and validation are set by the caller before the
- * first pass. */
+ * its tensors from the seed.  pool and validation are set by the caller before
+ * the first pass. */
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err);
 void task_release(struct task *t);

@@ -25,8 +25,9 @@ struct impl {
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
-enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR, FIGURE_SOURCE,
-       FIGURE_COUNT };
+/* Figures of validation, in the order of held.tsv. */
+enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR,
+       FIGURE_SOURCE, FIGURE_COUNT };
 static const char *const figure_name[FIGURE_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
@@ -52,14 +53,14 @@ struct avatar_sample {
     const struct data_person *who;
     const struct data_frame *source;
     const struct data_frame *target[64];
-    struct square q[65];            /* the source's last */
+    struct square q[65]; /* the source's last */
     struct identity id;
 };
 
 /* The crop of item i of a sample that E_m will receive. */
-static int avatar_sample_crop(struct task *t, struct avatar_sample *l, size_t i,
-                              const struct data_frame *f, struct random *r,
-                              struct error *err)
+static int avatar_sample_crop(struct task *t, struct avatar_sample *l,
+                              size_t i, const struct data_frame *f,
+                              struct random *r, struct error *err)
 {
     const struct data_augment *how = &t->config->augment;
     struct impl *m = t->impl;
@@ -70,8 +71,8 @@ static int avatar_sample_crop(struct task *t, struct avatar_sample *l, size_t i,
                           : 0;
 }
 
-static int avatar_sample_draw(struct avatar_sample *l, struct task *t, uint64_t step,
-                              size_t micro, struct error *err)
+static int avatar_sample_draw(struct avatar_sample *l, struct task *t,
+                              uint64_t step, size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
     struct random r;
@@ -92,8 +93,8 @@ static int avatar_sample_draw(struct avatar_sample *l, struct task *t, uint64_t 
 
 /* Draw target i, add its losses, and go back to the encoder's numbers. */
 static int avatar_task_target(struct task *t, double *parts,
-                              const struct avatar_sample *l, size_t i, uint64_t step,
-                              struct error *err)
+                              const struct avatar_sample *l, size_t i,
+                              uint64_t step, struct error *err)
 {
     struct impl *m = t->impl;
     struct trainee *tr = &m->tr;
@@ -123,9 +124,9 @@ static int avatar_task_target(struct task *t, double *parts,
         trainee_draw_backward(tr, err))
         return -1;
     if (m->with_motion)
-        motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts,
-                               tr->dcam, &s, m->out + i * MOTION_OUT, f,
-                               l->q[i], &l->id);
+        motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts, tr->dcam,
+                               &s, m->out + i * MOTION_OUT, f, l->q[i],
+                               &l->id);
     return 0;
 }
 
@@ -264,8 +265,8 @@ static int avatar_task_validate_person(struct task *t, double *sum,
             avatar_task_compare(&sum[FIGURE_PSNR], &sum[FIGURE_SSIM],
                                 &sum[FIGURE_L1], tr->rgb, tr->target, S, tmp,
                                 err) ||
-            avatar_task_compare(&sum[FIGURE_STAR], &sum[FIGURE_SSIM_STAR], NULL,
-                                tr->coarse, tr->target, S, tmp, err) ||
+            avatar_task_compare(&sum[FIGURE_STAR], &sum[FIGURE_SSIM_STAR],
+                                NULL, tr->coarse, tr->target, S, tmp, err) ||
             avatar_task_compare(&sum[FIGURE_SOURCE], NULL, NULL, source,
                                 tr->target, S, tmp, err))
             goto out;
@@ -296,7 +297,8 @@ static int avatar_task_validate(struct task *t, double *figures,
     memset(figures, 0, FIGURE_COUNT * sizeof *figures);
     avatar_task_update(t);
     for (size_t i = 0; i < t->nvalidation && !rc; i++)
-        rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp, err);
+        rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp,
+                                         err);
     for (int k = 0; k < FIGURE_COUNT; k++)
         figures[k] /= (double)(t->nvalidation * VALIDATION_FRAMES);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
@@ -440,7 +442,7 @@ int task_avatar_init(struct task *t, struct error *err)
     motion_encoder_start(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
         motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
-                          strcmp(c->freeze, "motion.") == 0, err))
+                        strcmp(c->freeze, "motion.") == 0, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }
