@@ -77,8 +77,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--keep-clear] "
     "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
-    "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] "
-    "[--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
+    "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] [--f32] "
+    "[--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
     "[--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
@@ -176,7 +176,6 @@ static int open_driver(struct clip *c, struct error *err)
     return 0;
 }
 
-/* Called for every finished frame, in order. */
 static void frame_done(void *ctx, const struct animate_frame *f)
 {
     struct clip *c = ctx;
@@ -195,6 +194,7 @@ static void frame_done(void *ctx, const struct animate_frame *f)
              f->track->lost ? "lost" : NULL);
 }
 
+/* What a clip opened; its output is given up when it failed. */
 static void close_clip(struct clip *c, int failed)
 {
     animate_release(&c->animate);

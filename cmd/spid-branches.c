@@ -49,6 +49,7 @@ static const struct cli_usage usage = {
 
 static void print_note(const char *format, ...)
     __attribute__((format(printf, 1, 2)));
+/* A line on standard error unless -q. */
 static void print_note(const char *format, ...)
 {
     va_list ap;
@@ -72,6 +73,7 @@ struct bake {
     float *verts;
 };
 
+/* Networks and head. */
 static void open_model(struct bake *k)
 {
     struct error err = {0};
@@ -118,6 +120,7 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
     }
 }
 
+/* Leave out what is never drawn, and by --prune what hardly is. */
 static void prune_avatar(struct bake *k)
 {
     const struct avatar *a = &k->baker.avatar;
@@ -146,6 +149,7 @@ static void prune_avatar(struct bake *k)
         r.after[2], r.before[2], r.psnr, r.max_abs, r.ms_kept, r.ms_full);
 }
 
+/* --bake: the identity, then its Gaussians. */
 static void bake_avatar(struct stream_writer *out)
 {
     static struct bake k;
@@ -182,6 +186,7 @@ static void bake_avatar(struct stream_writer *out)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
+/* -i: answer every mesh of the stream. */
 static void move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
@@ -218,6 +223,7 @@ static void move_avatar(struct stream_writer *out, const char *input)
     mover_release(&m);
 }
 
+/* What excludes each other. */
 static void check_options(int operands)
 {
     if (!bake_path == !avatar_path)

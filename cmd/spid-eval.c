@@ -7,7 +7,6 @@
 #include <unistd.h>
 
 #include "cmd/options.h"
-#include "formats/image.h"
 #include "lib/base/file.h"
 #include "lib/eval/compare.h"
 #include "lib/eval/pairs.h"
@@ -110,6 +109,7 @@ static int print_error(const struct error *err)
 
 /* ---- output ------------------------------------------------------------- */
 
+/* To -o, complete or not at all. */
 static void write_table(const struct table *t, enum table_format format,
                         const struct comparison *j)
 {
@@ -154,6 +154,7 @@ static int compare_pair(struct table *t, const char *row,
     return rc ? print_error(&err) : 0;
 }
 
+/* Every pair of --pairs; 0, or the last exit code. */
 static int compare_pairs(struct table *t, struct comparison *j)
 {
     struct error err = {0};
@@ -189,6 +190,7 @@ static void print_progress(size_t done, size_t total)
     progress("people", done, total, NULL);
 }
 
+/* --people: 0, or the exit code. */
 static int evaluate_model(struct table *t, const struct head *h)
 {
     struct error err = {0};
@@ -206,8 +208,6 @@ static int evaluate_model(struct table *t, const struct head *h)
                                                   : (size_t)opt.count,
                                 .progress = print_progress};
     struct model model;
-    uint8_t *rgb;
-    size_t H, W;
     int rc;
 
     if (option_model_open(&model, &err) ||
@@ -220,12 +220,8 @@ static int evaluate_model(struct table *t, const struct head *h)
     reenactor_release(&s);
     if (rc)
         return print_error(&err);
-    if (!opt.sheet)
-        return 0;
-    contact_sheet_take(&sheet, &rgb, &H, &W);
-    if (image_write_png(opt.sheet, rgb, W, H, 3, &err))
+    if (opt.sheet && contact_sheet_save(&sheet, opt.sheet, &err))
         die_error(&err);
-    free(rgb);
     return 0;
 }
 

@@ -66,6 +66,7 @@ struct program {
     size_t lost;
 };
 
+/* Model, head and whose shape it has. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -80,6 +81,7 @@ static void open_model(struct program *p)
     track_options.size = (double)p->model.config.size;
 }
 
+/* Frames and tracker. */
 static void open_input(struct program *p, char **name, int count)
 {
     static const char *const standard_input[] = {"-"};
@@ -95,6 +97,7 @@ static void open_input(struct program *p, char **name, int count)
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
 }
 
+/* The stream, and the video of --overlay. */
 static void open_output(struct program *p)
 {
     struct error err = {0};
@@ -142,6 +145,7 @@ static void draw_overlay(struct program *p, const struct frame *f,
     stats_end("overlay", begun);
 }
 
+/* A frame in which the face was looked for in vain. */
 static void draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
@@ -182,6 +186,7 @@ static void start_tracking(struct program *p)
              p->driver.early_count);
 }
 
+/* Say when the face is lost and found again. */
 static void report_frame(struct program *p, const struct driver_frame *f)
 {
     const unsigned long long n = f->picture.index;
@@ -195,6 +200,7 @@ static void report_frame(struct program *p, const struct driver_frame *f)
     p->lost += f->r.lost;
 }
 
+/* For --stats. */
 static void count_times(const struct driver_frame *f)
 {
     const double now = stats_begin();
@@ -221,6 +227,7 @@ static int write_motion(struct program *p, const struct driver_frame *f,
     return rc;
 }
 
+/* Complete both outputs, or give them up. */
 static int finish_outputs(struct program *p, int rc, struct error *err)
 {
     progress_end();

@@ -54,6 +54,7 @@ struct program {
     bool compared;
 };
 
+/* The model's refiner. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -63,6 +64,7 @@ static void open_model(struct program *p)
         die_error(&err);
 }
 
+/* What is put behind the head. */
 static void open_background(void)
 {
     struct error err = {0};
@@ -84,6 +86,7 @@ static void open_background(void)
     }
 }
 
+/* Input read ahead, and the output. */
 static void open_streams(struct program *p, const char *input)
 {
     struct error err = {0};
@@ -224,6 +227,7 @@ static int write_picture(struct program *p, const struct record *rec,
     return 0;
 }
 
+/* FEAT becomes a picture, CONF tells the rate, the rest passes. */
 static int pass_record(struct program *p, const struct record *rec,
                        struct error *err)
 {

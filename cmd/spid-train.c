@@ -92,6 +92,7 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
+/* The line of progress. */
 static void print_step(const struct loop_report *r)
 {
     char note[300];
@@ -127,6 +128,7 @@ static void load_head(struct head *h)
         die_error(&err);
 }
 
+/* People of --validation. */
 static void load_validation(struct task *t, const struct train_config *c,
                             struct predicted_shape *shape)
 {
@@ -196,6 +198,7 @@ static int join_models(const struct train_config *c, char **parts, int count)
     return EX_OK;
 }
 
+/* What is trained, and what stands in for what is not given. */
 static void print_run(const struct task *t, const struct train_config *c)
 {
     size_t learning = 0;

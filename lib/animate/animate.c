@@ -1,3 +1,5 @@
+/* Workers on frames: one at a time reads and tracks, all pose, move, draw and
+ * refine, and pictures are written by ticket, in order. */
 #include "lib/animate/animate.h"
 
 #include <omp.h>
@@ -11,6 +13,7 @@
 
 /* ---- workers ----------------------------------------------------------- */
 
+/* With the Gaussians loaded. */
 static int worker_open_renderer(struct animate_worker *w, int channels,
                                 int threads, struct error *err)
 {
@@ -38,6 +41,7 @@ static bool worker_open_features(struct animate_worker *w)
     return w->features_half || w->features;
 }
 
+/* Buffers, renderer and refiner of one worker. */
 static int worker_open(struct animate_worker *w, struct error *err)
 {
     const struct animate *a = w->owner;
@@ -245,6 +249,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
     return rc;
 }
 
+/* A thread: frames until there are no more. */
 static void *worker_run(void *arg)
 {
     struct animate_worker *w = arg;

@@ -1,3 +1,4 @@
+/* Reading a list of clips, checked as a whole before the first is made. */
 #include "lib/animate/joblist.h"
 
 #include <stdio.h>
@@ -53,12 +54,14 @@ static int joblist_cut(struct job *j, char *line)
     return 0;
 }
 
+/* Order of qsort: by output name. */
 static int joblist_by_out(const void *a, const void *b)
 {
     return strcmp((*(const struct job *const *)a)->out,
                   (*(const struct job *const *)b)->out);
 }
 
+/* No output may stand twice. */
 static int joblist_check_outputs(const struct joblist *l, const char *path,
                                  struct error *err)
 {

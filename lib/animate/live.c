@@ -1,3 +1,5 @@
+/* A reading thread with two slots: the newest frame, and the one its consumer
+ * works on. */
 #include "lib/animate/live.h"
 
 #include <stdlib.h>
@@ -26,6 +28,7 @@ static int live_keep(struct live_slot *s, const struct frame *f)
     return 0;
 }
 
+/* The thread: reads until the end, a fault or live_stop. */
 static void *live_reader(void *arg)
 {
     struct live *l = arg;

@@ -1,3 +1,4 @@
+/* Phase A in one process: a source picture or stream to a baked avatar. */
 #include "lib/animate/prepare.h"
 
 #include <stdio.h>
@@ -100,6 +101,8 @@ out:
 
 /* ---- baking ------------------------------------------------------------ */
 
+/* The networks of Phase A, loaded when first needed, then what is never drawn
+ * left out. */
 static int prepare_bake(struct prepared *s, struct prepare *p,
                         struct error *err)
 {

@@ -1,3 +1,4 @@
+/* Medians of every stage's milliseconds. */
 #include "lib/animate/report.h"
 
 #include <stdlib.h>
@@ -16,6 +17,7 @@ static const struct {
     {"encode", 0}
 };
 
+/* A frame's seconds in the order of the pipeline. */
 static void report_stage_times(double t[REPORT_STAGES],
                                const struct animate_times *a)
 {
@@ -69,6 +71,7 @@ void animate_report_times(double (*begin)(void),
         end(stage[i].name, begin() - t[i]);
 }
 
+/* Order of qsort: ascending. */
 static int report_by_value(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
@@ -76,12 +79,14 @@ static int report_by_value(const void *a, const void *b)
     return (x > y) - (x < y);
 }
 
+/* Of n values, which are sorted. */
 static double report_quantile(float *x, size_t n, double q)
 {
     qsort(x, n, sizeof *x, report_by_value);
     return n ? (double)x[(size_t)(q * (double)(n - 1) + 0.5)] : 0;
 }
 
+/* The table of medians. */
 static void report_print_stages(FILE *to, struct animate_report *r,
                                 const struct prepared *s)
 {

@@ -1,3 +1,4 @@
+/* Repeated calls, their quantiles, rows and the Pareto front. */
 #include "lib/bench/bench.h"
 
 #include <math.h>
@@ -24,6 +25,7 @@ void bench_release(struct bench *b)
     memset(b, 0, sizeof *b);
 }
 
+/* Order of qsort: ascending. */
 static int bench_by_value(const void *a, const void *b)
 {
     double p = *(const double *)a, q = *(const double *)b;
@@ -94,6 +96,7 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
     return row;
 }
 
+/* Rows that compete: stage, configuration and threads. */
 static bool bench_same_group(const struct bench_row *a,
                              const struct bench_row *b)
 {

@@ -16,6 +16,7 @@
 #include "lib/head/lbs.h"
 #include "lib/splat/reference.h"
 
+/* A row among the hard cases. */
 static int hard_add(struct bench *b, const char *stage, const char *config,
                     const char *knob, int threads, const struct bench_times *t,
                     double worst, double psnr, struct error *err)
@@ -38,6 +39,7 @@ struct turns {
     bool six;                   /* 6D; axis-angle otherwise */
 };
 
+/* All rotations once. */
 static int call_turns(void *context, struct error *err)
 {
     struct turns *t = context;
@@ -76,6 +78,7 @@ static void make_turns(struct turns *t, bool six, double angle, double length)
     }
 }
 
+/* Time of one kind, and its error against double. */
 static int rotation_row(struct bench *b, struct turns *t, const char *name,
                         double seconds, struct error *err)
 {
@@ -102,6 +105,7 @@ static int rotation_row(struct bench *b, struct turns *t, const char *name,
     return rc;
 }
 
+/* Angles near nothing and near half a turn; 6D columns that nearly agree. */
 static int hard_rotations(struct bench *b, double seconds, struct error *err)
 {
     static const struct {
@@ -136,6 +140,7 @@ struct cut {
     struct square q;
 };
 
+/* Cut the square. */
 static int call_cut(void *context, struct error *err)
 {
     struct cut *c = context;
@@ -145,6 +150,7 @@ static int call_cut(void *context, struct error *err)
     return 0;
 }
 
+/* Squares that are tiny, huge or outside the picture. */
 static int hard_crops(struct bench *b, double seconds, struct error *err)
 {
     static const struct {
@@ -200,6 +206,7 @@ struct posing {
     float *verts;
 };
 
+/* Pose the head. */
 static int call_posing(void *context, struct error *err)
 {
     struct posing *p = context;
@@ -209,6 +216,7 @@ static int call_posing(void *context, struct error *err)
     return 0;
 }
 
+/* Time of a pose, and its error against double. */
 static int pose_row(struct bench *b, struct posing *p, const struct head *h,
                     const struct pose_case *c, double seconds,
                     struct error *err)
@@ -243,6 +251,7 @@ static int pose_row(struct bench *b, struct posing *p, const struct head *h,
     return rc;
 }
 
+/* At rest, lids closed, tiny and half turns, every expression at once. */
 static int hard_poses(struct bench *b, double seconds, struct error *err)
 {
     static const struct pose_case cases[] = {

@@ -36,6 +36,7 @@ struct phase_a {
     struct gaussian_out out[3];  /* plane, dynamic, mouth */
 };
 
+/* Every network once, what is between them replaced by copies. */
 static int call_phase_a(void *context, struct error *err)
 {
     static const float dir[3] = {0, 0, 1};
@@ -57,11 +58,13 @@ static int call_phase_a(void *context, struct error *err)
     return 0;
 }
 
+/* n zeros. */
 static float *phase_a_floats(size_t n)
 {
     return calloc(n, sizeof(float));
 }
 
+/* Inputs in noise, outputs in zeros. */
 static int phase_a_allocate(struct phase_a *a, struct error *err)
 {
     const struct avatar_config *c = &a->config;
@@ -96,6 +99,7 @@ static int phase_a_allocate(struct phase_a *a, struct error *err)
     return 0;
 }
 
+/* The networks, in random weights. */
 static int phase_a_declare(struct phase_a *a, struct error *err)
 {
     const struct avatar_config *c = &a->config;
@@ -122,6 +126,7 @@ static int phase_a_declare(struct phase_a *a, struct error *err)
     return 0;
 }
 
+/* For one picture in a precision. */
 static int phase_a_plan(struct phase_a *a, enum nn_type type,
                         struct error *err)
 {
@@ -135,6 +140,7 @@ static int phase_a_plan(struct phase_a *a, enum nn_type type,
         || conv_decoder_plan(&a->mouth, 1, K, K, opt, err) ? -1 : 0;
 }
 
+/* All of it. */
 static void phase_a_release(struct phase_a *a)
 {
     backbone_release(&a->backbone);

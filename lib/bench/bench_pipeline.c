@@ -110,6 +110,7 @@ static void pipe_take_picture(struct pipe *p, uint64_t index,
     p->values += FRAME_VALUES;
 }
 
+/* A finished frame's times and picture. */
 static void pipe_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct pipe *p = ctx;
@@ -219,6 +220,7 @@ static int pipe_make_exact(struct animate *a, struct error *err)
     return 0;
 }
 
+/* Encoder, tracker and workers as a variant wants them. */
 static int pipe_open(struct pipe *p, struct pipeline *l,
                      const struct variant *v, struct error *err)
 {
@@ -252,6 +254,7 @@ static int pipe_open(struct pipe *p, struct pipeline *l,
     return v->exact ? pipe_make_exact(&p->animate, err) : 0;
 }
 
+/* And the video's files. */
 static void pipe_close(struct pipe *p)
 {
     animate_release(&p->animate);
@@ -315,6 +318,7 @@ static void pipe_report(struct bench *b, const struct pipe *p,
     }
 }
 
+/* A row: time it, then run once more for the error. */
 static int bench_variant(struct pipeline *l, const struct variant *v,
                          struct error *err)
 {
@@ -372,6 +376,7 @@ static int bench_fewer(struct pipeline *l, struct error *err)
     return 0;
 }
 
+/* Every variant, then fewer Gaussians. */
 static int bench_all(struct pipeline *l, struct error *err)
 {
     static const struct variant variants[] = {

@@ -28,6 +28,7 @@ struct refine_case {
     float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
 };
 
+/* The network on the whole picture. */
 static int refine_case_call(void *context, struct error *err)
 {
     struct refine_case *c = context;
@@ -83,6 +84,7 @@ static void refine_case_randomise(struct refine_case *c)
     }
 }
 
+/* The model's weights, or random ones. */
 static int refine_case_load(struct refine_case *c, struct error *err)
 {
     if (c->trained)
@@ -155,6 +157,7 @@ static int refine_case_choose(struct refine_case *c, struct error *err)
     return 0;
 }
 
+/* The narrow refiner in every precision. */
 static int refine_case_narrow(struct refine_case *c, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
@@ -172,6 +175,7 @@ static int refine_case_narrow(struct refine_case *c, struct error *err)
     return 0;
 }
 
+/* StyleUNet in every precision. */
 static int refine_case_unet(struct refine_case *c, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};

@@ -48,6 +48,7 @@ struct course {
 
 /* ---- people ------------------------------------------------------------- */
 
+/* A synthetic frame as training data. */
 static int course_keep_frame(struct data_frame *f, const struct synth_frame *s,
                              size_t size, struct error *err)
 {
@@ -72,6 +73,7 @@ static int course_keep_frame(struct data_frame *f, const struct synth_frame *s,
     return 0;
 }
 
+/* Two people of two frames, their shapes folded. */
 static int course_make_people(struct course *c, size_t size, struct error *err)
 {
     const struct synth_options opt = {
@@ -142,6 +144,7 @@ static int course_person(struct course *c, size_t k, double *t,
     return 0;
 }
 
+/* One step of the whole system. */
 static int call_system(void *context, struct error *err)
 {
     struct course *c = context;
@@ -172,6 +175,7 @@ static int call_system(void *context, struct error *err)
 
 /* ---- the parts by themselves -------------------------------------------- */
 
+/* One step of the encoder alone. */
 static int call_encoder(void *context, struct error *err)
 {
     struct course *c = context;
@@ -185,6 +189,7 @@ static int call_encoder(void *context, struct error *err)
     return 0;
 }
 
+/* The refiner forward and back. */
 static int call_refiner(void *context, struct error *err)
 {
     struct course *c = context;
@@ -195,6 +200,7 @@ static int call_refiner(void *context, struct error *err)
     return 0;
 }
 
+/* The encoder's row. */
 static int bench_encoder(struct course *c, struct error *err)
 {
     struct nn_options opt = {NN_TRAIN, NN_F32};
@@ -229,6 +235,7 @@ static int bench_encoder(struct course *c, struct error *err)
     return rc;
 }
 
+/* People, networks and optimiser. */
 static int course_open_system(struct course *c, struct error *err)
 {
     static const char losses[] = "{\"stage\":\"all\",\"batch\":2,\"micro\":1}";
@@ -255,6 +262,7 @@ static int course_open_system(struct course *c, struct error *err)
                : 0;
 }
 
+/* The system's row, and where its time goes. */
 static int bench_system(struct course *c, struct error *err)
 {
     struct bench_times t;
@@ -278,6 +286,7 @@ static int bench_system(struct course *c, struct error *err)
     return 0;
 }
 
+/* All of it. */
 static void course_close(struct course *c)
 {
     for (size_t k = 0; k < PEOPLE; k++) {

@@ -42,6 +42,7 @@ struct panel {
 
 /* ---- what is drawn ------------------------------------------------------ */
 
+/* Rows of one curve. */
 static bool plot_same_group(const struct bench_row *a,
                             const struct bench_row *b)
 {
@@ -49,6 +50,7 @@ static bool plot_same_group(const struct bench_row *a,
            a->threads == b->threads;
 }
 
+/* A row with an error. */
 static bool plot_comparable(const struct bench_row *r)
 {
     return !isnan(r->psnr_db) && r->ms_min > 0;
@@ -68,6 +70,7 @@ static bool plot_most_threads(const struct bench *b, const struct bench_row *r)
     return true;
 }
 
+/* A stage's rows (NULL: the hard cases) as marks, a group for each curve. */
 static void plot_gather(struct panel *p, const struct bench *b,
                         const char *stage)
 {
@@ -90,6 +93,7 @@ static void plot_gather(struct panel *p, const struct bench *b,
     }
 }
 
+/* Order of qsort: most marks first. */
 static int plot_by_marks(const void *a, const void *b)
 {
     const struct panel *p = a, *q = b;
@@ -123,18 +127,21 @@ static size_t plot_choose(struct panel *p, const struct bench *b)
     return p[n].marks ? n + 1 : n;
 }
 
+/* lo and hi such that x lies between them. */
 static void plot_widen(double *lo, double *hi, double x)
 {
     *lo = fmin(*lo, x);
     *hi = fmax(*hi, x);
 }
 
+/* Remember that a box of the panel holds something. */
 static void plot_take(struct panel *p, struct box b)
 {
     if (p->takens < 2 * MOST)
         p->taken[p->takens++] = b;
 }
 
+/* Ranges of a panel's axes, and where its marks lie in its frame. */
 static void plot_lay_out(struct panel *p, struct box frame)
 {
     double xlo = INFINITY, xhi = -INFINITY, ylo = INFINITY, yhi = -INFINITY;
@@ -168,6 +175,7 @@ static void plot_lay_out(struct panel *p, struct box frame)
 
 /* ---- labels ------------------------------------------------------------- */
 
+/* How much of a box is taken already, or outside the panel. */
 static double plot_overlap(const struct panel *p, struct box b)
 {
     double sum = 0;
@@ -227,6 +235,7 @@ static void plot_put_quoted(FILE *f, const char *s)
     fputc('"', f);
 }
 
+/* A mark's label at the best place, with a line to it when far. */
 static void plot_put_label(FILE *f, struct panel *p, const struct mark *m)
 {
     char text[80];
@@ -259,6 +268,7 @@ enum kind { BEHIND, FRONT, NONE };  /* the Pareto front */
 
 /* ---- the script --------------------------------------------------------- */
 
+/* Order of qsort: fastest first. */
 static int plot_by_time(const void *a, const void *b)
 {
     const struct mark *p = a, *q = b;
@@ -266,11 +276,13 @@ static int plot_by_time(const void *a, const void *b)
     return p->x < q->x ? -1 : p->x > q->x;
 }
 
+/* What a row's mark looks like. */
 static enum kind plot_kind(const struct mark *m)
 {
     return m->none ? NONE : m->row->pareto ? FRONT : BEHIND;
 }
 
+/* The points of one kind. */
 static void plot_put_points(FILE *f, const struct panel *p, int group,
                             int kind, const char *name)
 {
@@ -284,6 +296,7 @@ static void plot_put_points(FILE *f, const struct panel *p, int group,
     fputs("END\n", f);
 }
 
+/* Whether a panel has a point of a kind. */
 static bool plot_has_kind(const struct panel *p, int group, int kind)
 {
     for (size_t i = 0; i < p->marks; i++)
@@ -311,6 +324,7 @@ static void plot_put_tics(FILE *f, char axis, double lo, double hi)
     fputs(")\n", f);
 }
 
+/* Ranges, names and grid. */
 static void plot_put_axes(FILE *f, const struct panel *p)
 {
     fprintf(f, "unset label\nunset arrow\n"
@@ -377,6 +391,7 @@ static void plot_put_panel(FILE *f, struct panel *p, const char *name)
     fputc('\n', f);
 }
 
+/* gnuplot's terminal for the name's ending. */
 static const char *plot_terminal(const char *file)
 {
     const char *dot = strrchr(file, '.');
@@ -406,6 +421,7 @@ static struct box plot_place_panel(const struct panel *p, size_t i, size_t n)
                         100 + wide * (double)i - (i < below ? 65 : 0), 450};
 }
 
+/* The whole script. */
 static char *plot_write_script(struct panel *p, size_t n, const char *file,
                                const struct bench *b, struct error *err)
 {

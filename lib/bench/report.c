@@ -1,3 +1,4 @@
+/* The rows as a table for people, as JSON and as tab-separated lines. */
 #include "lib/bench/bench.h"
 
 #include <cjson/cJSON.h>
@@ -15,6 +16,7 @@ struct widths {
     int stage, config, knob;
 };
 
+/* The larger of a width and a text's. */
 static int report_wider(int width, const char *text)
 {
     int n = (int)strlen(text);
@@ -22,6 +24,7 @@ static int report_wider(int width, const char *text)
     return n > width ? n : width;
 }
 
+/* The widths of the columns. */
 static struct widths report_measure(const struct bench *b)
 {
     struct widths w = {5, 6, 4};
@@ -34,6 +37,7 @@ static struct widths report_measure(const struct bench *b)
     return w;
 }
 
+/* A line of the table. */
 static void report_put_row(FILE *f, const struct widths *w,
                            const struct bench_row *r)
 {
@@ -53,6 +57,7 @@ static void report_put_row(FILE *f, const struct widths *w,
     fprintf(f, "  %s\n", r->pareto ? "*" : "");
 }
 
+/* Rows of one kind under their heading. */
 static void report_put_rows(FILE *f, const struct bench *b, bool hard)
 {
     struct widths w = report_measure(b);
@@ -71,6 +76,7 @@ static void report_put_rows(FILE *f, const struct bench *b, bool hard)
     }
 }
 
+/* A number of the JSON's objects, or NaN. */
 static double report_number(const struct bench *b, const char *object,
                             const char *key)
 {
@@ -80,6 +86,7 @@ static double report_number(const struct bench *b, const char *object,
     return NAN;
 }
 
+/* Ours beside the paper's. */
 static void report_put_beside(FILE *f, const char *what, double ours,
                               double paper)
 {
@@ -168,6 +175,7 @@ static void report_add_number(cJSON *o, const char *key, double v)
         cJSON_AddNullToObject(o, key);
 }
 
+/* A row as a JSON object. */
 static void report_add_row(cJSON *rows, const struct bench_row *r)
 {
     cJSON *o = cJSON_CreateObject();
@@ -211,6 +219,7 @@ char *bench_json(const struct bench *b)
     return text;
 }
 
+/* A tab-separated field. */
 static void report_put_cell(FILE *f, double v)
 {
     if (isfinite(v))

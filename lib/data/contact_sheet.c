@@ -6,6 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/image.h"
+
 int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
                        size_t side, struct error *err)
 {
@@ -25,11 +27,13 @@ void contact_sheet_release(struct contact_sheet *s)
     s->rgb = NULL;
 }
 
+/* A value in [0,1] as a byte. */
 static uint8_t contact_sheet_byte(float x)
 {
     return (uint8_t)(x <= 0 ? 0 : x >= 1 ? 255 : x * 255 + 0.5f);
 }
 
+/* Pixel (y,x) of the picture in a row and column. */
 static uint8_t *contact_sheet_pixel(struct contact_sheet *s, size_t row,
                                     size_t col, size_t y, size_t x)
 {
@@ -89,4 +93,14 @@ void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H,
     *H = s->rows * s->side;
     *W = s->cols * s->side;
     s->rgb = NULL;
+}
+
+int contact_sheet_save(struct contact_sheet *s, const char *path,
+                       struct error *err)
+{
+    int rc = image_write_png(path, s->rgb, s->cols * s->side,
+                             s->rows * s->side, 3, err);
+
+    contact_sheet_release(s);
+    return rc;
 }

@@ -31,6 +31,9 @@ enum contact_sheet_colour { CONTACT_SHEET_TRUE, CONTACT_SHEET_FOUND };
 void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
                           const float (*xy)[2], size_t n, struct square q,
                           enum contact_sheet_colour colour);
+/* Write the sheet as PNG and release it. */
+int contact_sheet_save(struct contact_sheet *s, const char *path,
+                       struct error *err);
 /* Hand the pixels over (the caller frees). */
 void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H,
                         size_t *W);

@@ -1,3 +1,5 @@
+/* Reading people from streams.  A person is complete when the next one's
+ * SHAP, or the end of the file, is read. */
 #include "lib/data/data.h"
 
 #include <glob.h>
@@ -31,6 +33,7 @@ struct data_reader {
     struct data_frame next;    /* truth read, picture to come */
 };
 
+/* The picture; the rest is no memory of its own. */
 static void data_frame_release(struct data_frame *f)
 {
     free(f->rgba);
@@ -45,6 +48,7 @@ void data_person_release(struct data_person *p)
     memset(p, 0, sizeof *p);
 }
 
+/* The names of a pass. */
 static void data_forget_files(struct data_reader *r)
 {
     for (size_t i = 0; i < r->count; i++)
@@ -54,6 +58,7 @@ static void data_forget_files(struct data_reader *r)
     r->count = r->at = 0;
 }
 
+/* Append a name. */
 static int data_remember_file(struct data_reader *r, const char *name,
                               struct error *err)
 {
@@ -132,6 +137,7 @@ void data_close(struct data_reader *r)
 
 /* ---- records ----------------------------------------------------------- */
 
+/* SHAP: who comes next. */
 static int data_take_shape(struct data_reader *r, const struct record *rec,
                            struct error *err)
 {
@@ -151,6 +157,7 @@ static int data_take_shape(struct data_reader *r, const struct record *rec,
     return 0;
 }
 
+/* MOTN: the truth of the picture that comes next. */
 static int data_take_motion(struct data_reader *r, const struct record *rec,
                             struct error *err)
 {
@@ -175,6 +182,7 @@ static int data_take_motion(struct data_reader *r, const struct record *rec,
     return 0;
 }
 
+/* To a whole pixel inside the picture. */
 static size_t data_clamp_edge(double x, size_t size)
 {
     return x < 0 ? 0 : x > (double)size ? size : (size_t)x;
@@ -196,6 +204,7 @@ static void data_choose_part(struct data_frame *f, size_t size, double margin)
     f->height = data_clamp_edge(ceil(f->crop.y + half), size) - f->y0;
 }
 
+/* IMAG: the part of the picture that is kept, with its mask. */
 static int data_take_picture(struct data_reader *r, const struct record *rec,
                              struct error *err)
 {
@@ -232,6 +241,7 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
     return 0;
 }
 
+/* Append a frame, whose picture moves. */
 static int data_keep_frame(struct data_person *p, struct data_frame *f,
                            struct error *err)
 {
@@ -250,6 +260,8 @@ static int data_keep_frame(struct data_person *p, struct data_frame *f,
 
 /* ---- people ------------------------------------------------------------ */
 
+/* The next file, the first one after the last: 0, 1 when one pass was all,
+ * -1. */
 static int data_open_file(struct data_reader *r, struct error *err)
 {
     struct stream_options opt = {.trust = true};
@@ -273,6 +285,7 @@ static int data_open_file(struct data_reader *r, struct error *err)
     return r->in ? 0 : -1;
 }
 
+/* File, frame and record before a message. */
 static int data_locate(struct data_reader *r, const struct record *rec,
                        struct error *err)
 {

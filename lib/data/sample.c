@@ -46,6 +46,7 @@ struct backdrop {
     float base[3], dx[3], dy[3], wave[3], kx, ky, phase;
 };
 
+/* Another background: flat, sloping or wavy, one in five black. */
 static void sample_draw_backdrop(struct backdrop *b, struct random *r)
 {
     float busy = (float)random_uniform(r);
@@ -63,6 +64,7 @@ static void sample_draw_backdrop(struct backdrop *b, struct random *r)
         memset(b, 0, sizeof *b);
 }
 
+/* To [0,1]. */
 static float sample_clamp(float x)
 {
     return x < 0 ? 0 : x > 1 ? 1 : x;
@@ -77,6 +79,7 @@ struct tap {
     float w;
 };
 
+/* Taps of n pixels along a side about a centre. */
 static void sample_make_taps(struct tap *t, size_t n, double centre,
                              double side, size_t first, size_t count)
 {
@@ -125,6 +128,7 @@ static void sample_plain(float *out, size_t n, const struct data_frame *f,
     }
 }
 
+/* Behind the mask. */
 static void sample_replace_background(float *rgba, size_t n, struct random *r)
 {
     struct backdrop b;

@@ -1,3 +1,5 @@
+/* Picture metrics of two clips read side by side, one frame of each in memory
+ * and the one before it. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -24,6 +26,7 @@ struct pair {
     int faces;                      /* found in the frames of now: 2 is all */
 };
 
+/* Frame f of clip k as planar floats, and its face's embedding. */
 static int frames_take(struct pair *p, int k, const struct frame *f,
                        struct error *err)
 {
@@ -72,6 +75,7 @@ static int frames_next(struct pair *p, struct error *err)
     return rc[0];
 }
 
+/* Every figure of this pair of frames; NaN where there is none. */
 static int frames_measure(double v[COUNT], const struct pair *p,
                           struct error *err)
 {
@@ -122,6 +126,7 @@ static bool frames_wanted(const struct pair *p, int k)
     }
 }
 
+/* Figures into the table and the log. */
 static void frames_record(struct table *t, size_t row, const double v[COUNT],
                           const struct pair *p, const struct compare_log *log)
 {

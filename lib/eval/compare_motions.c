@@ -1,3 +1,5 @@
+/* Motion metrics of two streams: angles and landmarks frame by frame, jaw and
+ * lids as curves over the clip. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,6 +37,7 @@ struct side {
     double size;            /* of the pictures lmk is given in */
 };
 
+/* Append a pose. */
 static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
 {
     if (c->count == c->room) {
@@ -49,6 +52,7 @@ static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
     return 0;
 }
 
+/* The stream's shape into the head. */
 static int side_fold(struct side *s, const struct record *rec,
                      struct error *err)
 {
@@ -86,6 +90,7 @@ static int side_project(struct side *s, struct pose *p, const struct motion *m,
     return 0;
 }
 
+/* The pose of a MOTN record. */
 static int side_take(struct side *s, const struct record *rec,
                      struct error *err)
 {
@@ -107,6 +112,7 @@ static int side_take(struct side *s, const struct record *rec,
     return clip_keep(&s->clip, &p, err);
 }
 
+/* All poses of a stream. */
 static int side_read(struct side *s, const char *path, struct error *err)
 {
     struct stream_reader *in = stream_open(path, NULL, err);
@@ -140,6 +146,7 @@ static int side_read(struct side *s, const char *path, struct error *err)
     return rc;
 }
 
+/* What side_read left. */
 static void side_release(struct side *s)
 {
     identity_release(&s->id);
@@ -147,6 +154,7 @@ static void side_release(struct side *s)
     free(s->clip.pose);
 }
 
+/* Figures of two poses; NaN where there is none. */
 static void motions_measure(double v[COUNT], const struct pose *a,
                             const struct pose *b)
 {
@@ -192,6 +200,7 @@ static int motions_curves(double v[COUNT], const struct clip *a,
     return 0;
 }
 
+/* Figures of two clips of one length into the table and the log. */
 static int motions_compare(struct table *t, size_t row, const struct clip *a,
                            const struct clip *b, const struct compare_log *log,
                            struct error *err)

@@ -1,3 +1,6 @@
+/* ArcFace's protocol: five points of a face, taken from the tracked head's
+ * landmarks, are aligned to a template; the cosine of two embeddings is the
+ * likeness. */
 #include "lib/eval/likeness.h"
 
 #include <math.h>
@@ -37,6 +40,7 @@ int likeness_init(struct likeness *l, const char *weights,
     return 0;
 }
 
+/* Forget both clips' tracking. */
 static void likeness_drop_clips(struct likeness *l)
 {
     for (int k = 0; k < LIKENESS_CLIPS; k++) {
@@ -109,6 +113,7 @@ static void likeness_five_points(double p[10],
         }
 }
 
+/* A channel of a pixel, black outside. */
 static double likeness_pixel(const uint8_t *rgb, long W, long H, long x,
                              long y, long c)
 {
@@ -141,6 +146,7 @@ static void likeness_cut(float *face, const uint8_t *rgb, size_t W, size_t H,
 
 /* ---- clips -------------------------------------------------------------- */
 
+/* Find the face of clip k in a frame, aligned into l->face: 1, 0 none, -1. */
 static int likeness_follow(struct likeness *l, int k, const uint8_t *rgb,
                            size_t W, size_t H, double time, struct error *err)
 {
@@ -175,6 +181,7 @@ static int likeness_follow(struct likeness *l, int k, const uint8_t *rgb,
     return 1;
 }
 
+/* The embedding of a frame's face: 1, 0 none, -1. */
 static int likeness_embed_face(float *code, struct likeness *l, int k,
                                const uint8_t *rgb, size_t W, size_t H,
                                double time, struct error *err)
@@ -218,6 +225,7 @@ int likeness_embed(struct likeness *l, int k, const uint8_t *rgb, size_t W,
     return likeness_embed_face(l->code[k], l, k, rgb, W, H, time, err);
 }
 
+/* Of two vectors of unit length. */
 static double likeness_cosine(const float *a, const float *b, size_t n)
 {
     double sum = 0;

@@ -57,6 +57,7 @@ static int pairs_parse(struct pair *p, char *line, const char *path,
     return 0;
 }
 
+/* Append what a line says. */
 static int pairs_add(struct pairs *p, size_t *room, char *line,
                      const char *path, size_t number, struct error *err)
 {

@@ -48,6 +48,7 @@ static const struct {
     {"w/o deform", WITHOUT_DEFORM},   {"w/o bend", WITHOUT_BEND},
 };
 
+/* A value into a cell. */
 static void people_add(struct people *e, const char *row, const char *column,
                        int better, double value)
 {
@@ -55,6 +56,7 @@ static void people_add(struct people *e, const char *row, const char *column,
               value);
 }
 
+/* Interleaved to planar, rounded to 8 bits as a file would hold it. */
 static void people_planar(float *out, const float *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
@@ -219,6 +221,7 @@ static int people_walk(struct people *e, const struct data_person *p,
 
 /* ---- driven by themselves ----------------------------------------------- */
 
+/* The row of a person: pictures, error, branches. */
 static int people_sheet_row(struct people *e, const struct motion_state *st,
                             struct error *err)
 {
@@ -250,6 +253,7 @@ static size_t people_widest(const struct data_person *p, size_t count)
     return best;
 }
 
+/* Motion figures, and pictures of SpiD, SpiD* and the unchanged source. */
 static int people_visit_self(struct people *e, const struct motion_state *st,
                              const struct data_frame *f, size_t i,
                              struct error *err)
@@ -268,6 +272,7 @@ static int people_visit_self(struct people *e, const struct motion_state *st,
     return 0;
 }
 
+/* A person driven by themselves. */
 static int people_self(struct people *e, const struct data_person *p,
                        struct error *err)
 {
@@ -284,6 +289,7 @@ static int people_self(struct people *e, const struct data_person *p,
 
 /* ---- ablations ---------------------------------------------------------- */
 
+/* Pictures of SpiD* without something. */
 static int people_visit_ablation(struct people *e,
                                  const struct motion_state *st,
                                  const struct data_frame *f, size_t i,
@@ -328,11 +334,13 @@ static void people_colour(double c[3], const float *rgb, size_t S,
         c[k] /= n;
 }
 
+/* Mean absolute difference. */
 static double people_colour_distance(const double a[3], const double b[3])
 {
     return (fabs(a[0] - b[0]) + fabs(a[1] - b[1]) + fabs(a[2] - b[2])) / 3;
 }
 
+/* Whose colours and whose pose the result has. */
 static int people_visit_cross(struct people *e, const struct motion_state *st,
                               const struct data_frame *f, size_t i,
                               struct error *err)
@@ -383,6 +391,7 @@ static int people_evaluate_one(struct people *e, const struct data_person *p,
     return e->opt->cross && driver ? people_cross(e, p, driver, err) : 0;
 }
 
+/* Pictures, meshes and curves. */
 static int people_allocate(struct people *e, struct error *err)
 {
     size_t n = e->S * e->S, V = e->s->head->V;

@@ -25,6 +25,7 @@ int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
 
 /* ---- making it ---------------------------------------------------------- */
 
+/* All tensors of the model. */
 static int reenactor_declare(struct reenactor *r, struct error *err)
 {
     const struct avatar_config *c = &r->config;
@@ -91,6 +92,7 @@ static int reenactor_plan_splat(struct reenactor *r, struct error *err)
     return 0;
 }
 
+/* Everything for one picture at a time. */
 static int reenactor_plan(struct reenactor *r, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};

@@ -1,3 +1,4 @@
+/* Sums and counts of every cell, and four ways to print their means. */
 #include "lib/eval/table.h"
 
 #include <math.h>
@@ -96,6 +97,7 @@ static size_t table_row_failed(const struct table *t, size_t row)
     return most;
 }
 
+/* Most measured in any cell of a row: its frames. */
 static size_t table_row_count(const struct table *t, size_t row)
 {
     size_t most = 0;
@@ -106,6 +108,7 @@ static size_t table_row_count(const struct table *t, size_t row)
     return most;
 }
 
+/* A number as LaTeX shows it. */
 static void table_number(FILE *f, double x, const char *missing)
 {
     if (isnan(x))
@@ -115,6 +118,7 @@ static void table_number(FILE *f, double x, const char *missing)
                 x);
 }
 
+/* Columns for people, or tab-separated. */
 static void table_write_text(FILE *f, const struct table *t, int tsv)
 {
     fprintf(f, tsv ? "method" : "%-18s", "method");
@@ -138,6 +142,7 @@ static void table_write_text(FILE *f, const struct table *t, int tsv)
     }
 }
 
+/* A string with what JSON wants escaped. */
 static void table_json_string(FILE *f, const char *s)
 {
     fputc('"', f);
@@ -152,6 +157,7 @@ static void table_json_string(FILE *f, const char *s)
     fputc('"', f);
 }
 
+/* Rows as objects. */
 static void table_write_json(FILE *f, const struct table *t)
 {
     fputs("{", f);
@@ -173,6 +179,7 @@ static void table_write_json(FILE *f, const struct table *t)
     fputs("\n}\n", f);
 }
 
+/* A string with what LaTeX wants escaped. */
 static void table_latex_string(FILE *f, const char *s)
 {
     for (; *s; s++) {
@@ -182,6 +189,7 @@ static void table_latex_string(FILE *f, const char *s)
     }
 }
 
+/* Whether no row has a better mean in this column. */
 static int table_is_best(const struct table *t, size_t row, size_t col)
 {
     double x = table_mean(t, row, col);
@@ -194,6 +202,7 @@ static int table_is_best(const struct table *t, size_t row, size_t col)
     return 1;
 }
 
+/* A tabular, best values bold. */
 static void table_write_latex(FILE *f, const struct table *t)
 {
     fputs("\\begin{tabular}{l", f);

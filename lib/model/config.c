@@ -1,3 +1,4 @@
+/* The configuration's JSON, read with ranges and printed in one order. */
 #include "lib/model/config.h"
 
 #include <cjson/cJSON.h>
@@ -68,6 +69,7 @@ static int config_take_size(size_t *out, const cJSON *obj, const char *key,
     return 0;
 }
 
+/* obj.key as a truth value; unchanged when absent. */
 static int config_take_bool(bool *out, const cJSON *obj, const char *key,
                             struct error *err)
 {
@@ -81,6 +83,7 @@ static int config_take_bool(bool *out, const cJSON *obj, const char *key,
     return 0;
 }
 
+/* obj.key as a string; unchanged when absent. */
 static int config_take_text(char *out, size_t room, const cJSON *obj,
                             const char *key, struct error *err)
 {
@@ -96,6 +99,7 @@ static int config_take_text(char *out, size_t room, const cJSON *obj,
     return 0;
 }
 
+/* The object "backbone". */
 static int config_take_backbone(struct avatar_config *c, const cJSON *root,
                                 struct error *err)
 {
@@ -121,6 +125,7 @@ static int config_take_backbone(struct avatar_config *c, const cJSON *root,
     return 0;
 }
 
+/* The object "refiner"; without one the model has none. */
 static int config_take_refiner(struct avatar_config *c, const cJSON *root,
                                struct error *err)
 {
@@ -150,6 +155,7 @@ static int config_take_refiner(struct avatar_config *c, const cJSON *root,
     return 0;
 }
 
+/* Every key. */
 static int config_take_all(struct avatar_config *c, const cJSON *root,
                            struct error *err)
 {
@@ -207,16 +213,19 @@ int avatar_config_parse(struct avatar_config *c, const char *json,
 
 /* ---- writing ----------------------------------------------------------- */
 
+/* A new object under key. */
 static cJSON *config_object(cJSON *root, const char *key)
 {
     return cJSON_AddObjectToObject(root, key);
 }
 
+/* A whole number under key. */
 static void config_put(cJSON *obj, const char *key, size_t value)
 {
     cJSON_AddNumberToObject(obj, key, (double)value);
 }
 
+/* The object "backbone". */
 static void config_put_backbone(cJSON *root, const struct backbone_config *k)
 {
     cJSON *b = config_object(root, "backbone");
@@ -234,6 +243,7 @@ static void config_put_backbone(cJSON *root, const struct backbone_config *k)
     config_put(b, "image", k->image);
 }
 
+/* The object "refiner", or null. */
 static void config_put_refiner(cJSON *root, const struct avatar_config *c)
 {
     if (!c->has_refiner) {

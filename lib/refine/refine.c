@@ -1,3 +1,7 @@
+/* The refiner (Eq. SR) on a picture or on the part with the head.  The
+ * network is planned for one size; a part that does not fit is planned anew,
+ * never smaller than before, so that a moving head does not plan at every
+ * frame. */
 #include "lib/refine/refine.h"
 
 #include <stdlib.h>
@@ -22,6 +26,7 @@ int refine_open(struct refine *r, const struct model *m, enum nn_type type,
     return 0;
 }
 
+/* The network and its weights. */
 static void refine_plan_release(struct refine_plan *p)
 {
     refiner_release(&p->net);
@@ -67,6 +72,7 @@ struct part {
     size_t top, left, height, width;
 };
 
+/* To the next multiple of the step. */
 static size_t refine_round_up(size_t n)
 {
     return (n + REFINE_STEP - 1) / REFINE_STEP * REFINE_STEP;
@@ -213,6 +219,7 @@ static void refine_copy_coarse(float *rgb, const struct refine *r,
     }
 }
 
+/* The part's colours into the picture. */
 static void refine_copy_back(float *rgb, const struct refine *r,
                              const struct refine_input *in)
 {
@@ -224,6 +231,7 @@ static void refine_copy_back(float *rgb, const struct refine *r,
                r->out + y * w * 3, cols * 3 * sizeof *rgb);
 }
 
+/* Channels and size. */
 static int refine_check_input(const struct refine *r,
                               const struct refine_input *in, struct error *err)
 {

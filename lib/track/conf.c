@@ -1,3 +1,4 @@
+/* The head of a stream: who made it, in which units, camera and window. */
 #include "lib/track/conf.h"
 
 #include <cjson/cJSON.h>
@@ -9,6 +10,7 @@
 
 #include "lib/geom/camera.h"
 
+/* An array of two numbers. */
 static cJSON *conf_pair(double a, double b)
 {
     const double v[2] = {a, b};
@@ -16,6 +18,7 @@ static cJSON *conf_pair(double a, double b)
     return cJSON_CreateDoubleArray(v, 2);
 }
 
+/* The record's JSON, or NULL; the caller frees. */
 static char *conf_print(const struct conf *c)
 {
     cJSON *j = cJSON_CreateObject(), *camera;

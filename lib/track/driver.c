@@ -1,3 +1,5 @@
+/* Frames of a driving clip through the tracker.  Frames before the first face
+ * are counted, and delivered with the first motion once it is known. */
 #include "lib/track/driver.h"
 
 #include <stdlib.h>

@@ -1,3 +1,5 @@
+/* Landmark poses at the cost of a few vertices: the corners of the triangles
+ * that landmarks hang on, cut out of the head as a head of their own. */
 #include "lib/track/landmarks.h"
 
 #include <stdlib.h>

@@ -1,3 +1,6 @@
+/* The one-euro filter (Casiez et al. 2012): a low-pass whose cut-off rises
+ * with speed, so that a still head does not tremble and a moving one does not
+ * lag. */
 #include "lib/track/oneeuro.h"
 
 #include <assert.h>

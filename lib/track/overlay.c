@@ -1,3 +1,5 @@
+/* Wire, landmarks and squares in a picture, and the mesh's silhouette by
+ * filling its projected triangles. */
 #include "lib/track/overlay.h"
 
 #include <math.h>
@@ -56,6 +58,7 @@ static float overlay_area(const float *uv, const int32_t *f)
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
+/* From window pixels to picture pixels. */
 static void overlay_to_picture(float *xy, size_t n, struct square window,
                                double size)
 {
@@ -90,6 +93,7 @@ static size_t overlay_wire(struct overlay *o)
     return n;
 }
 
+/* Wire of the front, landmarks and face crop. */
 static void overlay_draw_head(struct overlay *o, struct canvas *c,
                               const struct motion *m, struct square window,
                               double size)

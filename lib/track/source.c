@@ -1,3 +1,5 @@
+/* Phase A up to beta (Section 3.1): detect, crop, E_m, E_beta; then the
+ * matte, from the file, a mask or the picture's colours. */
 #include "lib/track/source.h"
 
 #include <stdlib.h>
@@ -52,6 +54,7 @@ struct view {
     const struct image *im;
 };
 
+/* The tracker's cut of square q: a tta_crop_fn, ctx is a struct view. */
 static int source_crop(void *ctx, float *rgb, struct square q,
                        struct error *err)
 {
@@ -92,6 +95,7 @@ out:
     return rc;
 }
 
+/* The portrait window at S x S. */
 static int source_cut_window(struct source *s, const struct image *im,
                              struct error *err)
 {
@@ -185,6 +189,8 @@ static void source_continue_body(struct source *s, const uint8_t *inside)
             source_smear(s, x, y, end - 3);
 }
 
+/* By GrabCut, from the projected head's silhouette; colours at the edge are
+ * unmixed. */
 static int source_matte_colours(struct source *s, const struct image *im,
                                 const struct head *head, struct error *err)
 {
@@ -218,6 +224,7 @@ out:
     return rc;
 }
 
+/* The mask's, the file's own, or one from colours. */
 static int source_make_matte(struct source *s, const struct image *im,
                              const struct image *mask, const struct head *head,
                              struct error *err)

@@ -1,3 +1,5 @@
+/* The tracker: E_m on a crop that follows the projected head (Eqs. rot to
+ * eye), with a detector for the start, for doubts and after a loss. */
 #include "lib/track/track.h"
 
 #include <math.h>
@@ -99,6 +101,7 @@ int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
     return 0;
 }
 
+/* The crop into t->input. */
 static int track_take_crop(struct track *t, const uint8_t *rgb, size_t W,
                            size_t H, struct square crop, struct error *err)
 {
@@ -368,6 +371,7 @@ static void track_smooth(struct track *t, struct motion *m, double time)
 
 /* ---- frames ----------------------------------------------------------- */
 
+/* Nothing spent, nothing found. */
 static void track_clear_result(struct track_result *r)
 {
     memset(r, 0, sizeof *r);

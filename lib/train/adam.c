@@ -1,3 +1,5 @@
+/* Adam (Kingma and Ba 2015) with a limit on the gradient's norm and an
+ * exponential average of the weights, which is what is saved. */
 #include "lib/train/adam.h"
 
 #include <math.h>
@@ -79,6 +81,7 @@ static void adam_update_tensor(const struct adam *a, float *w, float *m,
     }
 }
 
+/* One step of the exponential average, faster in the first steps. */
 static void adam_move_average(struct adam *a, const struct params *ps)
 {
     double t = (double)a->step;

@@ -1,3 +1,5 @@
+/* Checkpoints as safetensors, and joining the tensors of several model files
+ * into one. */
 #include "lib/train/checkpoint.h"
 
 #include <inttypes.h>
@@ -11,6 +13,7 @@
 #include "lib/base/half.h"
 #include "lib/base/random.h"
 
+/* x into a digest. */
 static uint64_t checkpoint_mix(uint64_t h, uint64_t x)
 {
     return random_mix(h ^ x);
@@ -36,6 +39,7 @@ void checkpoint_fingerprint(char text[17], const struct train_config *c,
     snprintf(text, 17, "%016" PRIx64, h);
 }
 
+/* n floats as a tensor. */
 static struct st_tensor checkpoint_block(const char *name, const float *x,
                                          size_t n)
 {
@@ -65,6 +69,7 @@ int checkpoint_save(const char *path, const struct params *ps,
     return st_save(path, t, n, meta, err);
 }
 
+/* A tensor of n floats of the file. */
 static int checkpoint_take(float *out, const struct safetensors *st,
                            const char *name, size_t n, struct error *err)
 {
@@ -78,6 +83,7 @@ static int checkpoint_take(float *out, const struct safetensors *st,
     return 0;
 }
 
+/* A number of the metadata, 0 without it. */
 static uint64_t checkpoint_number(const struct safetensors *st,
                                   const char *key)
 {
@@ -170,6 +176,7 @@ static int checkpoint_convert(struct st_tensor *to,
     return 0;
 }
 
+/* Append a tensor, or replace the one of its name. */
 static int checkpoint_add_tensor(struct joined *j,
                                  const struct safetensors *st,
                                  const struct st_tensor *t,

@@ -1,3 +1,5 @@
+/* The run's JSON by a table of keys, each with its range and default; the
+ * learning rate and lambda_3 over the steps. */
 #include "lib/train/config.h"
 
 #include <cjson/cJSON.h>
@@ -79,6 +81,7 @@ const char *train_stage_name(enum train_stage stage)
     return stages[stage];
 }
 
+/* x into the field of a key, as its kind. */
 static void config_store(struct train_config *c, const struct key *k, double x)
 {
     char *at = (char *)c + k->offset;
@@ -93,6 +96,7 @@ static void config_store(struct train_config *c, const struct key *k, double x)
         *(bool *)(void *)at = x != 0;
 }
 
+/* A key of the table. */
 static int config_set_number(struct train_config *c, const char *name,
                              const cJSON *value, struct error *err)
 {
@@ -125,6 +129,7 @@ static int config_set_number(struct train_config *c, const char *name,
     return 0;
 }
 
+/* The stage by its name. */
 static int config_set_stage(struct train_config *c, const cJSON *value,
                             struct error *err)
 {
@@ -139,6 +144,7 @@ static int config_set_stage(struct train_config *c, const cJSON *value,
                                            : "not a string");
 }
 
+/* The beginning of names. */
 static int config_set_freeze(struct train_config *c, const cJSON *value,
                              struct error *err)
 {
@@ -151,6 +157,7 @@ static int config_set_freeze(struct train_config *c, const cJSON *value,
     return 0;
 }
 
+/* Every key of an object, its name behind prefix. */
 static int config_set_object(struct train_config *c, const cJSON *object,
                              const char *prefix, struct error *err)
 {
@@ -184,6 +191,7 @@ static int config_set_object(struct train_config *c, const cJSON *object,
     return 0;
 }
 
+/* What keys demand of each other; defaults that follow from others. */
 static int config_check(struct train_config *c, struct error *err)
 {
     if (!c->micro)

@@ -1,3 +1,5 @@
+/* Sums over processes by MPI where there is one; without it, a group of one
+ * in which they do nothing. */
 #include "lib/train/group.h"
 
 #include <limits.h>
@@ -15,6 +17,7 @@ static bool group_launched(void)
            getenv("PMIX_RANK");
 }
 
+/* 0, or -1 with MPI's own words. */
 static int group_check(int rc, const char *what, struct error *err)
 {
     char text[MPI_MAX_ERROR_STRING] = "";
@@ -52,6 +55,7 @@ void group_release(struct group *g)
     g->size = 1;
 }
 
+/* x[n] of a type = sum over the group, in parts that an int can count. */
 static int group_sum_type(const struct group *g, void *x, size_t n,
                           size_t size, MPI_Datatype type, struct error *err)
 {

@@ -1,3 +1,6 @@
+/* A step: passes share the batch, gradients are summed, numbers that are not
+ * finite are refused, Adam moves the weights.  Everything a step draws
+ * follows from seed and step, so a run resumes to the byte. */
 #include "lib/train/loop.h"
 
 #include <errno.h>
@@ -26,12 +29,14 @@ struct run {
     uint64_t first;         /* step of this process */
 };
 
+/* The name of a file in the run's folder. */
 static void loop_path(char *out, size_t size, const struct loop *l,
                       const char *name)
 {
     snprintf(out, size, "%s/%s", l->folder, name);
 }
 
+/* A running statistic of batch norm. */
 static bool loop_is_statistic(const struct param *p)
 {
     return p->frozen && strstr(p->name, ".running_");
@@ -82,6 +87,7 @@ static void loop_statistics(struct run *r, enum statistics_step what,
 
 /* ---- files -------------------------------------------------------------- */
 
+/* A log, fresh or to go on with. */
 static FILE *loop_open_log(const struct loop *l, const char *name, bool fresh,
                            struct error *err)
 {
@@ -95,6 +101,7 @@ static FILE *loop_open_log(const struct loop *l, const char *name, bool fresh,
     return f;
 }
 
+/* Both logs, with their column names when fresh; rank 0 alone writes. */
 static int loop_open_logs(struct run *r, struct error *err)
 {
     const struct task *t = r->l->task;
@@ -119,6 +126,7 @@ static int loop_open_logs(struct run *r, struct error *err)
     return 0;
 }
 
+/* Exchange the weights and their average. */
 static void loop_swap_average(struct run *r)
 {
     float *w = r->l->task->ps.w;
@@ -129,6 +137,7 @@ static void loop_swap_average(struct run *r)
     }
 }
 
+/* The checkpoint, and the averaged weights as a model. */
 static int loop_save(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
@@ -150,6 +159,7 @@ static int loop_save(struct run *r, struct error *err)
     return rc;
 }
 
+/* Figures of the averaged weights on people never trained on. */
 static int loop_validate(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
@@ -171,6 +181,7 @@ static int loop_validate(struct run *r, struct error *err)
     return 0;
 }
 
+/* A contact sheet of the averaged weights. */
 static int loop_draw_sheet(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
@@ -240,6 +251,7 @@ static int loop_skip(struct run *r, const char *what, const char *name,
     return 0;
 }
 
+/* Losses and gradients of a batch, then the update. */
 static int loop_step(struct run *r, double *parts, double *loss, double *norm,
                      struct error *err)
 {
@@ -266,6 +278,7 @@ static int loop_step(struct run *r, double *parts, double *loss, double *norm,
     return 0;
 }
 
+/* A line of log.tsv, and the program's report. */
 static void loop_write_log(struct run *r, const double *parts, double loss,
                            double norm)
 {
@@ -293,11 +306,13 @@ static void loop_write_log(struct run *r, const double *parts, double loss,
     fflush(r->log);
 }
 
+/* Every so many steps; 0 never. */
 static bool loop_due(int64_t every, uint64_t at)
 {
     return every > 0 && at % (uint64_t)every == 0;
 }
 
+/* Steps until the last one or a signal. */
 static int loop_steps(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
@@ -330,6 +345,7 @@ static int loop_steps(struct run *r, struct error *err)
 
 /* ---- the run ------------------------------------------------------------ */
 
+/* Folder, weights, checkpoint, pool and logs. */
 static int loop_start(struct run *r, struct error *err)
 {
     struct loop *l = r->l;

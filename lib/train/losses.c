@@ -1,8 +1,12 @@
+/* L1, L2 and a Laplacian pyramid's L1 (Burt and Adelson 1983) with their
+ * gradients. */
 #include "lib/train/losses.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
+/* -1, 0 or 1. */
 static float loss_sign(float x)
 {
     return (float)((x > 0) - (x < 0));
@@ -61,6 +65,7 @@ struct levels {
     size_t at[LOSS_LEVELS + 1], total;
 };
 
+/* Where each level lies in the scratch. */
 static void pyramid_lay_out(struct levels *l, size_t H, size_t W)
 {
     l->n = 0;
@@ -99,7 +104,7 @@ static const float tap_weight[4] = {0.125f, 0.375f, 0.375f, 0.125f};
 
 /* small = the picture halved; or, back set, big += its transpose. */
 static void pyramid_halve(float *small, float *big, size_t H, size_t W,
-                          int back)
+                          bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2, ty[4], tx[4];
 
@@ -187,7 +192,7 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
             low[k++] = b[i] - a[i];
     /* Down: band i = low i - doubled low i+1. */
     for (int i = 0; i < l.n; i++) {
-        pyramid_halve(low + l.at[i + 1], low + l.at[i], l.h[i], l.w[i], 0);
+        pyramid_halve(low + l.at[i + 1], low + l.at[i], l.h[i], l.w[i], false);
         memcpy(band + l.at[i], low + l.at[i],
                3 * l.h[i] * l.w[i] * sizeof *band);
         pyramid_double(band + l.at[i], low + l.at[i + 1], l.h[i], l.w[i], -1,
@@ -203,7 +208,7 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
     for (int i = l.n - 1; i >= 0; i--) {
         pyramid_double(band + l.at[i], band + l.at[i + 1], l.h[i], l.w[i], -1,
                        1);
-        pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i], 1);
+        pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i], true);
     }
     for (size_t y = 0, k = 0; db && y < l.h[0]; y++)
         for (size_t i = 3 * ((box->y0 + y) * W + box->x0), e = i + 3 * l.w[0];

@@ -1,3 +1,6 @@
+/* The terms of L_aux and L_lmk, forward and backward: the motion is decoded,
+ * the head posed and projected, and every term's gradient goes back to E_m's
+ * numbers. */
 #include "lib/train/motion_loss.h"
 
 #include <math.h>

@@ -1,3 +1,6 @@
+/* Squared vertex distance as a form of beta - beta*: points that directions
+ * move are freed of what a similarity undoes, and their Gram matrix is the
+ * form. */
 #include "lib/train/shape_loss.h"
 
 #include <math.h>
@@ -14,6 +17,7 @@ struct points {
     double *x, *d;
 };
 
+/* Room for P points and n directions. */
 static int points_init(struct points *p, size_t P, size_t n,
                        struct error *err)
 {
@@ -26,6 +30,7 @@ static int points_init(struct points *p, size_t P, size_t n,
     return 0;
 }
 
+/* a (count) without its part along a vector of length 1. */
 static void points_subtract(double *a, const double *unit, size_t count)
 {
     double along = 0;
@@ -36,6 +41,7 @@ static void points_subtract(double *a, const double *unit, size_t count)
         a[i] -= along * unit[i];
 }
 
+/* The points' centroid. */
 static void points_middle(double mean[3], const struct points *p)
 {
     memset(mean, 0, 3 * sizeof *mean);
@@ -62,6 +68,7 @@ static void points_similarities(double *unit, const struct points *p)
         larger[i] /= sqrt(sum);
 }
 
+/* Free the directions of similarities, then make their Gram matrix. */
 static int shape_loss_fill(struct shape_loss *l, const struct points *p,
                            struct error *err)
 {
@@ -89,6 +96,7 @@ static int shape_loss_fill(struct shape_loss *l, const struct points *p,
     return 0;
 }
 
+/* Floats as doubles. */
 static void points_put(double *to, const float *from, size_t count)
 {
     for (size_t i = 0; i < count; i++)
@@ -97,7 +105,7 @@ static void points_put(double *to, const float *from, size_t count)
 
 /* The landmarks, or every vertex. */
 static int points_take(struct points *p, const struct head *h, size_t n,
-                       int landmarks, struct error *err)
+                       bool landmarks, struct error *err)
 {
     size_t P = landmarks ? HEAD_LANDMARKS : h->V;
     float *verts = malloc(3 * h->V * sizeof *verts);
@@ -121,8 +129,9 @@ static int points_take(struct points *p, const struct head *h, size_t n,
     return 0;
 }
 
+/* The form of h's landmarks, or of all its vertices. */
 static int shape_loss_init(struct shape_loss *l, const struct head *h,
-                           size_t n, int landmarks, struct error *err)
+                           size_t n, bool landmarks, struct error *err)
 {
     struct points p = {0};
     int rc;
@@ -136,14 +145,14 @@ static int shape_loss_init(struct shape_loss *l, const struct head *h,
 int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
                         struct error *err)
 {
-    return shape_loss_init(l, h, n, 0, err);
+    return shape_loss_init(l, h, n, false, err);
 }
 
 int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
                          struct error *err)
 {
     if (h->has_landmarks)
-        return shape_loss_init(l, h, n, 1, err);
+        return shape_loss_init(l, h, n, true, err);
     l->n = n;
     l->gram = calloc(n * n, sizeof *l->gram);
     return l->gram ? 0 : error_set(err, EX_OSERR, "out of memory");
@@ -174,6 +183,7 @@ double shape_loss(double *g, const float *beta, const float *truth,
     return rms;
 }
 
+/* Size and place by each direction. */
 static void shape_place_fill(struct shape_place *out, const struct points *p)
 {
     double spread = 0;
@@ -204,7 +214,7 @@ int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
     if (!p->along)
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     if (h->has_landmarks)
-        rc = points_take(&points, h, n, 1, err);
+        rc = points_take(&points, h, n, true, err);
     if (h->has_landmarks && !rc)
         shape_place_fill(p, &points);
     free(points.x);

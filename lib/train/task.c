@@ -1,8 +1,10 @@
+/* A task by its stage's name. */
 #include "lib/train/task.h"
 
 #include <string.h>
 #include <sysexits.h>
 
+/* The stage's own constructor. */
 static int task_make(struct task *t, struct error *err)
 {
     switch (t->config->stage) {

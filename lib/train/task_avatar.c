@@ -31,6 +31,7 @@ enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR,
 static const char *const figure_name[FIGURE_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
+/* NULL before it is made. */
 static void avatar_task_release(struct task *t)
 {
     struct impl *m = t->impl;
@@ -71,6 +72,7 @@ static int avatar_sample_crop(struct task *t, struct avatar_sample *l,
                           : 0;
 }
 
+/* Person, source and targets of a pass, with their crops. */
 static int avatar_sample_draw(struct avatar_sample *l, struct task *t,
                               uint64_t step, size_t micro, struct error *err)
 {
@@ -149,6 +151,7 @@ static int avatar_task_bake(struct task *t, const struct avatar_sample *l,
     return trainee_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
 }
 
+/* One person: bake, every target forward and back, the bake's backward. */
 static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
                             size_t micro, struct error *err)
 {
@@ -170,6 +173,7 @@ static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
     return rc;
 }
 
+/* After the weights changed. */
 static void avatar_task_update(struct task *t)
 {
     struct impl *m = t->impl;
@@ -181,6 +185,7 @@ static void avatar_task_update(struct task *t)
 
 /* ---- validation --------------------------------------------------------- */
 
+/* Interleaved to planar, clamped. */
 static void avatar_task_planar(float *planar, const float *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
@@ -211,6 +216,7 @@ static int avatar_task_compare(double *psnr, double *ssim, double *l1,
 /* Frames of a person that validation draws. */
 #define VALIDATION_FRAMES 4
 
+/* The k-th frame that validation draws. */
 static const struct data_frame *avatar_task_frame(const struct data_person *p,
                                                   size_t k)
 {
@@ -240,6 +246,7 @@ static int avatar_task_motion(struct task *t, struct head_motion *motion,
     return 0;
 }
 
+/* Add a person's figures to sum. */
 static int avatar_task_validate_person(struct task *t, double *sum,
                                        const struct data_person *p, float *tmp,
                                        struct error *err)
@@ -342,6 +349,7 @@ out:
     return rc;
 }
 
+/* A row for each of the first six people. */
 static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
                              size_t *W, struct error *err)
 {
@@ -379,6 +387,7 @@ static const struct task_type avatar_task_type = {
 
 /* ---- making it ---------------------------------------------------------- */
 
+/* Stage "all": E_m, its crops and its terms. */
 static int avatar_task_add_motion(struct task *t, const char *net,
                                   struct error *err)
 {
@@ -397,6 +406,7 @@ static int avatar_task_add_motion(struct task *t, const char *net,
     return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
 }
 
+/* The model's configuration, the shipped one by default. */
 static int avatar_task_config(struct avatar_config *model,
                               const struct train_config *c, struct error *err)
 {

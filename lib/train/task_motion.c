@@ -36,6 +36,7 @@ static const char *const figure_name[FIGURE_COUNT] = {
     "pose_deg", "yaw_deg", "pitch_deg", "roll_deg", "landmark_pct",
     "jaw_corr", "blink_corr", "vertex_mm"};
 
+/* NULL before it is made. */
 static void motion_task_release(struct task *t)
 {
     struct impl *m = t->impl;
@@ -76,6 +77,7 @@ static const struct identity *motion_task_identity(struct task *t,
     return &m->id[slot];
 }
 
+/* A batch forward, its losses, and back. */
 static int motion_task_pass(struct task *t, double *parts, uint64_t step,
                             size_t micro, struct error *err)
 {
@@ -108,6 +110,7 @@ static int motion_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
+/* After the weights changed. */
 static void motion_task_update(struct task *t)
 {
     struct impl *m = t->impl;
@@ -172,6 +175,7 @@ static int motion_task_predict(struct task *t, float *out,
     return 0;
 }
 
+/* Add all of a person's frames to the score. */
 static int motion_task_validate_person(struct task *t, struct score *s,
                                        const struct data_person *p,
                                        struct error *err)
@@ -198,6 +202,7 @@ static int motion_task_validate_person(struct task *t, struct score *s,
     return rc;
 }
 
+/* Means of angles and distances; correlations of jaw and lids. */
 static int motion_task_validate(struct task *t, double *figures,
                                 struct error *err)
 {
@@ -251,6 +256,7 @@ static int motion_task_sheet_cell(struct contact_sheet *sh, struct task *t,
     return 0;
 }
 
+/* Six frames of each of the first four people. */
 static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
                              size_t *W, struct error *err)
 {

@@ -26,6 +26,7 @@ struct impl {
     float *truth; /* (B,OUT) */
 };
 
+/* NULL before it is made. */
 static void shape_task_release(struct task *t)
 {
     struct impl *m = t->impl;
@@ -81,6 +82,7 @@ static void shape_task_mirror(float *rgb, float *truth, const struct impl *m)
     head_mirror_apply(truth, own, &m->tta.across);
 }
 
+/* A batch forward, its losses, and back. */
 static int shape_task_pass(struct task *t, double *parts, uint64_t step,
                            size_t micro, struct error *err)
 {
@@ -106,6 +108,7 @@ static int shape_task_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
+/* After the weights changed. */
 static void shape_task_update(struct task *t)
 {
     struct impl *m = t->impl;
