@@ -25,12 +25,23 @@ struct model;
     {"crop", 0, CLI_CALL, (track), 0, 0, "X,Y,SIZE", help, option_crop}
 #define OPTION_WINDOW(track, help)                                            \
     {"window", 0, CLI_CALL, (track), 0, 0, "X,Y,SIZE", help, option_window}
+/* bits: unsigned of enum avatar_without. */
+#define OPTION_WITHOUT(bits)                                                  \
+    {"without", 0, CLI_CALL, (bits), 0, 0, "PART",                            \
+     "leave out dynamic, static, mouth, interp, deform or neck (commas)",     \
+     option_without}
+/* flag: a struct track_options' no_tta; --once is an older name. */
+#define OPTION_NO_TTA(flag)                                                   \
+    {"no-tta", 0, CLI_FLAG, (flag), 0, 0, NULL,                               \
+     "no test-time augmentation of the encoder: faster, less exact", NULL},   \
+    {"once", 0, CLI_FLAG, (flag), 0, 0, NULL, "the same as --no-tta", NULL}
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
 int option_precision(const char *value, void *dest, struct error *err);
 int option_precision_refine(const char *value, void *dest, struct error *err);
 int option_crop(const char *value, void *dest, struct error *err);
 int option_window(const char *value, void *dest, struct error *err);
+int option_without(const char *value, void *dest, struct error *err);
 
 /* Load the head of --head, or when that was not given (NULL) the one that
  * cli_find_model finds. */

@@ -9,7 +9,7 @@
 
 #include "lib/base/half.h"
 #include "lib/geom/neck_blend.h"
-#include "lib/record/gaussians.h"
+#include "lib/stream/gaussians.h"
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,

@@ -87,6 +87,7 @@ void bench_person_close(struct bench_person *p)
 
 /* ---- flame ------------------------------------------------------------- */
 
+/* Pose the next frame's mesh. */
 static int call_pose(void *context, struct error *err)
 {
     struct bench_person *p = context;
@@ -187,6 +188,7 @@ int bench_person_bake(void *person, struct error *err)
     return 0;
 }
 
+/* Move the Gaussians to the next frame. */
 static int call_drive(void *context, struct error *err)
 {
     struct bench_person *p = context;
@@ -265,6 +267,7 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
     return 0;
 }
 
+/* The row of the update. */
 static int bench_driving(struct bench_person *p, struct error *err)
 {
     struct bench_times t;

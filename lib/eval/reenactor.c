@@ -11,8 +11,21 @@
 
 #define N MOTION_ENCODER_SIZE
 
+int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
+{
+    if (strcmp(word, "shape") == 0)
+        *bits |= REENACTOR_TRUE_SHAPE;
+    else if (strcmp(word, "motion") == 0)
+        *bits |= REENACTOR_TRUE_MOTION;
+    else
+        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
+                         "shape or motion)", word);
+    return 0;
+}
+
 /* ---- making it ---------------------------------------------------------- */
 
+/* All tensors of the model. */
 static int reenactor_declare(struct reenactor *r, struct error *err)
 {
     const struct avatar_config *c = &r->config;
@@ -79,6 +92,7 @@ static int reenactor_plan_splat(struct reenactor *r, struct error *err)
     return 0;
 }
 
+/* Everything for one picture at a time. */
 static int reenactor_plan(struct reenactor *r, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};

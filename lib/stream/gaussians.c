@@ -1,5 +1,5 @@
 /* Reading and writing GAUS. */
-#include "lib/record/gaussians.h"
+#include "lib/stream/gaussians.h"
 
 #include <string.h>
 #include <sysexits.h>
@@ -33,6 +33,7 @@ static int gaus_optional(const float **out, const struct record *rec,
     return *out ? 0 : -1;
 }
 
+/* Colours in float or half. */
 static int gaus_read_color(struct gaus *g, const struct record *rec,
                            struct error *err)
 {
@@ -54,6 +55,7 @@ static int gaus_read_color(struct gaus *g, const struct record *rec,
     return 0;
 }
 
+/* Branch and vertex of each, where said. */
 static int gaus_read_labels(struct gaus *g, const struct record *rec,
                             struct error *err)
 {

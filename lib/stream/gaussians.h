@@ -1,6 +1,6 @@
 /* GAUS records: a whole set of Gaussians with what moves them. */
-#ifndef SPID_RECORD_GAUSSIANS_H
-#define SPID_RECORD_GAUSSIANS_H
+#ifndef SPID_STREAM_GAUSSIANS_H
+#define SPID_STREAM_GAUSSIANS_H
 
 #include <stddef.h>
 #include <stdint.h>
