@@ -13,26 +13,13 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/error.h"
+#include "lib/base/gaussians.h"
 
 #define SPLAT_MAX_CHANNELS 32
 #define SPLAT_COLORS 4            /* more channels are features: unless asked
                                    * otherwise, products of 16 bits, and half
                                    * precision on the way to the refiner */
 #define SPLAT_MAX_SIZE 16384      /* pixels along one side */
-
-/* Gaussians in the caller's memory, read-only. */
-struct gaussians {
-    size_t n;
-    int channels;                 /* floats in a row of color, 1 to 32 */
-    const float *mean;            /* (N,3) centres, head units */
-    const float *scale;           /* (N,3) standard deviations, head units */
-    const float *quat;            /* (N,4) w,x,y,z; any length (see rules) */
-    const float *opacity;         /* (N)   0 to 1 */
-    const float *color;           /* (N,C) or NULL when color_half is set */
-    const uint16_t *color_half;   /* (N,C) IEEE half, or NULL */
-    const uint8_t *branch;        /* (N) 0 dynamic, 1 static, 2 mouth; may be
-                                   * NULL: everything is drawn */
-};
 
 /* x_cam = R x + t, x right, y down, z forward; pixel = f x/z + c, the centre
  * of pixel i at i + 0.5. */

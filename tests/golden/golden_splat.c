@@ -153,7 +153,8 @@ static void planes(double *out, const double *in, const struct scene *s)
             out[c * s->H * s->W + p] = in[p * s->C + c];
 }
 
-/* Tolerance of gradients, relative to the largest (tests/golden/data/README.md). */
+/* Tolerance of gradients, relative to the largest
+ * (tests/golden/data/README.md). */
 static double gradient_tolerance(const struct golden *g, const char *mode)
 {
     if (!strcmp(mode, "dgr"))
