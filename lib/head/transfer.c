@@ -130,32 +130,31 @@ int transfer_shape(double *d, const struct registration *r,
                    const float *shape, int pinned, int balls,
                    struct error *err)
 {
+    enum { ROUNDS = 300 };      /* the neck below the scans is 12 rows high */
     size_t nv = r->s->nv;
-    double *target = calloc(4 * nv, sizeof *target), *weight;
     struct smooth_mesh mesh = {0};
-    int rc = -1;
 
-    if (!target)
-        return error_set(err, EX_OSERR, "no memory for a shape");
-    weight = target + 3 * nv;
-    for (size_t v = 0; v < nv; v++) {
-        const struct match *m = &r->match[v];
+    if (smooth_mesh_init(&mesh, r->s->f, r->s->nf, nv, err))
+        return -1;
+    memset(d, 0, 3 * nv * sizeof *d);
+    for (size_t v = 0; v < nv; v++)
+        if (r->match[v].trust > 0)
+            match_point(d + 3 * v, &r->match[v], shape);
+    for (int round = 0; round < ROUNDS; round++)
+        for (size_t v = 0; v < nv; v++) {
+            double mean[3], own[3], trust = r->match[v].trust;
 
-        if (m->trust > 0)
-            match_point(target + 3 * v, m, shape);
-        weight[v] = m->trust > 0 ? 100 * m->trust * m->trust
-                  : pinned && r->at[3 * v + 1] < -0.15 ? 1 : 0;
-    }
-    memcpy(d, target, 3 * nv * sizeof *d);
-    if (!smooth_mesh_init(&mesh, r->s->f, r->s->nf, nv, err))
-        rc = smooth_fit(d, &mesh, target, weight, NULL, NULL, 1, 150, err);
-    for (size_t i = 0; i < 3 * nv; i++)
-        if (r->match[i / 3].trust >= 1)
-            d[i] = target[i];
+            if (trust >= 1 || r->s->region[v] == REGION_EYEBALL)
+                continue;
+            smooth_mean(mean, &mesh, d, v);
+            match_point(own, &r->match[v], shape);
+            for (size_t c = 0; c < 3; c++)
+                d[3 * v + c] = pinned && r->at[3 * v + 1] < -0.16 ? 0
+                             : mix(mean[c], own[c], trust);
+        }
     move_balls(d, r, shape, balls);
     smooth_mesh_release(&mesh);
-    free(target);
-    return rc;
+    return 0;
 }
 
 /* Column k of s->shapedirs = d (nv,3). */

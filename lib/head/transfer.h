@@ -22,7 +22,7 @@ struct transfer_eye { double centre[3], radius, axis[3]; };
 void transfer_eye(struct transfer_eye *e, const struct scan *scan, int right);
 
 /* A shape of the scans (SCAN_VERTS,3) on our vertices: d (nv,3).  Balls move
- * rigidly and grow when `balls`, else stay.  Beyond the scans d is smooth,
+ * rigidly and grow when `balls`, else stay.  Beyond the scans d is harmonic,
  * and goes to 0 at the neck's cut when `pinned`. */
 int transfer_shape(double *d, const struct registration *r,
                    const float *shape, int pinned, int balls,
