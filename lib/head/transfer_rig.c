@@ -116,7 +116,7 @@ static int carries(const struct sculpt *s, int j, size_t v,
     if (j >= JOINT_EYE_LEFT)
         return s->region[v] == REGION_EYEBALL &&
                (p[0] > 0) == (j == JOINT_EYE_LEFT);
-    return s->region[v] != REGION_EYEBALL && still[v] < 3e-4 &&
+    return s->region[v] != REGION_EYEBALL && still[v] < 1.5e-4 &&
            fabs(p[1] - at[1]) < 0.030 && fabs(p[2] - at[2]) < 0.080;
 }
 
