@@ -1,22 +1,14 @@
 /* The pickle machine on pickles written here byte by byte: values, arrays,
  * tensors, what is refused and where; views of every kind against the plain
  * definition. */
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "formats/arrayview.h"
 #include "formats/pickle.h"
+#include "tests/check.h"
 
-static int failures;
-
-#define CHECK(x)                                                            \
-    do {                                                                    \
-        if (!(x)) {                                                         \
-            printf("FAILED line %d: %s\n", __LINE__, #x);                   \
-            failures++;                                                     \
-        }                                                                   \
-    } while (0)
+/* The expression itself is what a failure says. */
+#define TRUE(x) CHECK(x, "%s", #x)
 
 #define READ(bytes) pickle_read(bytes, sizeof bytes - 1, &used, &err)
 
@@ -30,23 +22,22 @@ static void test_values(void)
     size_t used = 0;
     struct pickle *p = READ(bytes);
 
-    CHECK(p && used == sizeof bytes - 1 - strlen("and more"));
-    if (!p)
-        return;
+    REQUIRE(p, "%s", err.text);
+    TRUE(used == sizeof bytes - 1 - strlen("and more"));
     const struct pickle_value *root = pickle_root(p);
     const struct pickle_value *a = pickle_get(root, "a");
     const struct pickle_value *b = pickle_get(root, "b");
 
-    CHECK(root->kind == PICKLE_DICT && root->u.list.n == 6);
-    CHECK(a && a->kind == PICKLE_INT && a->u.i == 1);
-    CHECK(b && b->kind == PICKLE_LIST && b->u.list.n == 3);
-    CHECK(b->u.list.item[0]->kind == PICKLE_BOOL &&
+    TRUE(root->kind == PICKLE_DICT && root->u.list.n == 6);
+    TRUE(a && a->kind == PICKLE_INT && a->u.i == 1);
+    TRUE(b && b->kind == PICKLE_LIST && b->u.list.n == 3);
+    TRUE(b->u.list.item[0]->kind == PICKLE_BOOL &&
           b->u.list.item[0]->u.i == 1);
-    CHECK(b->u.list.item[1]->kind == PICKLE_NONE);
-    CHECK(b->u.list.item[2]->u.f == -2.5);
-    CHECK(root->u.list.item[4]->u.i == 3 &&
+    TRUE(b->u.list.item[1]->kind == PICKLE_NONE);
+    TRUE(b->u.list.item[2]->u.f == -2.5);
+    TRUE(root->u.list.item[4]->u.i == 3 &&
           pickle_is(root->u.list.item[5], "text"));
-    CHECK(!pickle_get(root, "c"));
+    TRUE(!pickle_get(root, "c"));
     pickle_free(p);
 }
 
@@ -63,18 +54,14 @@ static void test_array(void)
     struct pickle *p = READ(bytes);
     int16_t out[4] = {0};
 
-    CHECK(p);
-    if (!p) {
-        printf("%s\n", err.text);
-        return;
-    }
+    REQUIRE(p, "%s", err.text);
     const struct pickle_array *a = pickle_root(p)->u.array;
 
-    CHECK(pickle_root(p)->kind == PICKLE_ARRAY && a->filled && a->known);
-    CHECK(a->view.dtype == ST_I16 && a->view.swap && a->view.ndim == 2);
-    CHECK(a->view.stride[0] == 1 && a->view.stride[1] == 2);
+    TRUE(pickle_root(p)->kind == PICKLE_ARRAY && a->filled && a->known);
+    TRUE(a->view.dtype == ST_I16 && a->view.swap && a->view.ndim == 2);
+    TRUE(a->view.stride[0] == 1 && a->view.stride[1] == 2);
     array_view_copy(out, &a->view, a->data);
-    CHECK(out[0] == 1 && out[1] == 2 && out[2] == 3 && out[3] == 4);
+    TRUE(out[0] == 1 && out[1] == 2 && out[2] == 3 && out[3] == 4);
     pickle_free(p);
 }
 
@@ -89,18 +76,14 @@ static void test_tensor(void)
     size_t used;
     struct pickle *p = READ(bytes);
 
-    CHECK(p);
-    if (!p) {
-        printf("%s\n", err.text);
-        return;
-    }
+    REQUIRE(p, "%s", err.text);
     const struct pickle_array *a = pickle_root(p)->u.array;
 
-    CHECK(a->storage && a->storage->count == 6 && a->first == 1);
-    CHECK(a->storage->key.n == 1 && a->storage->key.p[0] == '7');
-    CHECK(a->view.dtype == ST_F16 && a->view.count == 3 &&
+    TRUE(a->storage && a->storage->count == 6 && a->first == 1);
+    TRUE(a->storage->key.n == 1 && a->storage->key.p[0] == '7');
+    TRUE(a->view.dtype == ST_F16 && a->view.count == 3 &&
           a->view.stride[0] == 2 && array_view_reach(&a->view) == 5);
-    CHECK(pickle_storages(p)->n == 1);
+    TRUE(pickle_storages(p)->n == 1);
     pickle_free(p);
 }
 
@@ -110,12 +93,9 @@ static void refuse(const char *bytes, size_t size, const char *text)
     struct error err = {0};
     struct pickle *p = pickle_read(bytes, size, NULL, &err);
 
-    CHECK(!p);
+    CHECK(!p && strstr(err.text, text), "\"%s\" (expected \"%s\")",
+          err.text, text);
     pickle_free(p);
-    if (!strstr(err.text, text)) {
-        printf("FAILED \"%s\" (expected \"%s\")\n", err.text, text);
-        failures++;
-    }
 }
 
 #define REFUSE(bytes, text) refuse(bytes, sizeof bytes - 1, text)
@@ -151,7 +131,7 @@ static void test_views(void)
 
         for (int k = 0; k < v.ndim; k++)
             v.dim[k] = (seed = seed * 1103515245 + 12345) >> 16 & 3;
-        CHECK(array_view_pack(&v, round & 1));
+        TRUE(array_view_pack(&v, round & 1));
         for (int k = 0; k < v.ndim; k++)
             if (round % 3 == 2)
                 v.stride[k] = (seed = seed * 1103515245 + 12345) >> 16 & 31;
@@ -159,7 +139,7 @@ static void test_views(void)
         count = 1;
         for (int k = 0; k < v.ndim; k++)
             count *= v.dim[k];
-        CHECK(v.count == count && reach <= 400 && !reach == !count);
+        TRUE(v.count == count && reach <= 400 && !reach == !count);
         array_view_copy(out, &v, data);
         for (size_t i = 0; i < count; i++) {
             size_t at = 0, rest = i;
@@ -168,7 +148,7 @@ static void test_views(void)
                 at += rest % v.dim[k] * v.stride[k];
                 rest /= v.dim[k];
             }
-            CHECK(out[i] == data[at] && at < reach);
+            TRUE(out[i] == data[at] && at < reach);
         }
     }
 }
@@ -180,6 +160,5 @@ int main(void)
     test_tensor();
     test_refusals();
     test_views();
-    printf("%d failures\n", failures);
-    return failures != 0;
+    return check_status();
 }
