@@ -15,10 +15,12 @@ extern "C" {
 static int check_spec(const OIIO::ImageSpec &spec, const char *path,
                       struct error *err)
 {
-    if (spec.width != 2 * spec.height || spec.height < 16
+    if (spec.width != 2 * spec.height || spec.height < 64
         || spec.width > PANORAMA_MAX_SIDE)
         return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels "
-                         "(expected a panorama twice as wide as high)", path,
+                         ""
+                         "(expected a panorama twice as wide as high, at "
+                         "least 128 x 64)", path,
                          spec.width, spec.height);
     if (spec.nchannels < 3)
         return error_set(err, EX_DATAERR, "%s: %d channels (expected RGB)",

@@ -15,7 +15,7 @@ struct panorama {
 };
 
 /* Read a panorama.  Refused with EX_DATAERR: sides that are not 2 to 1 or not
- * 16 to PANORAMA_MAX_SIDE pixels, fewer than three channels, cut files, a
+ * 128 to PANORAMA_MAX_SIDE pixels wide, fewer than three channels, cut files, a
  * pixel that is negative, not finite (its place is named) or a picture that
  * is black all over.  EX_NOINPUT: cannot be opened.  The caller releases *p;
  * on failure it is zeroed. */
