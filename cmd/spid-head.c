@@ -1,15 +1,28 @@
 /* spid-head: write the toolkit's own head model, a safetensors file with
- * FLAME's arrays, and pictures of it to look at. */
+ * FLAME's arrays: sculpted from tables, or registered to ICT-FaceKit's scans;
+ * draw it, and compare it with those scans. */
+#include <stdio.h>
 #include <string.h>
 
 #include "cmd/cli.h"
+#include "cmd/options.h"
+#include "lib/head/compare.h"
+#include "lib/head/head_sheet.h"
+#include "lib/head/register.h"
 #include "lib/head/sculpt.h"
-#include "lib/head/sculpt_sheet.h"
+#include "lib/head/transfer.h"
 
-static const char *sheet;
-static long size = 300;
+static const char *sheet, *from, *check, *head_path;
+static long size = 300, people = 100;
 
 static const struct cli_option options[] = {
+    { "from", 0, CLI_STRING, &from, 0, 0, "SCANS",
+      "register it to ICT-FaceKit's ict.safetensors", NULL },
+    { "check", 0, CLI_STRING, &check, 0, 0, "SCANS",
+      "print how far a head is from random faces of the scans", NULL },
+    { "people", 0, CLI_INT, &people, 1, 10000, "N",
+      "how many faces --check draws", NULL },
+    OPTION_HEAD(&head_path),
     { "sheet", 0, CLI_STRING, &sheet, 0, 0, "FILE",
       "also draw views, people and expressions (PNG)", NULL },
     { "size", 0, CLI_INT, &size, 32, 1024, "N",
@@ -19,27 +32,103 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-head",
-    "-o FILE [--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
+    "-o FILE [--from SCANS] [--check SCANS] [--people N] [--head FILE] "
+    "[--sheet FILE] [--size N] [-j N] [-m MODEL] [-q] [--stats FILE]",
     "write the built-in head model", options
 };
+
+/* The head in memory: sculpted, then laid on the scans if there are any. */
+static void make_head(struct sculpt *s)
+{
+    struct error err = {0};
+    struct scan scan;
+    struct registration r;
+    double begun = stats_begin();
+
+    if (sculpt_make(s, &err))
+        die_error(&err);
+    stats_end("sculpt", begun);
+    if (!from)
+        return;
+    begun = stats_begin();
+    if (scan_load(&scan, from, &err) ||
+        registration_init(&r, s, &scan, &err))
+        die_error(&err);
+    stats_end("register", begun);
+    begun = stats_begin();
+    if (transfer_head(s, &r, &err))
+        die_error(&err);
+    stats_end("transfer", begun);
+    registration_release(&r);
+    scan_release(&scan);
+}
+
+static void write_head(const struct sculpt *s)
+{
+    struct error err = {0};
+
+    if (from ? sculpt_save_scans(s, cli.output, &err)
+             : sculpt_save(s, cli.output, &err))
+        die_error(&err);
+}
+
+/* The head that was made, or --head FILE's. */
+static void take_head(struct head *h, const struct sculpt *s)
+{
+    struct head_arrays a;
+    struct error err = {0};
+
+    sculpt_arrays(&a, s);
+    if (head_path ? head_load(h, head_path, &err) : head_init(h, &a, &err))
+        die_error(&err);
+}
+
+static void compare(const struct head *h)
+{
+    static const double active[] = { 0, 0.1, 0.25 };
+    struct compare_part part[COMPARE_PARTS];
+    struct error err = {0};
+    struct scan scan;
+
+    if (scan_load(&scan, check, &err))
+        die_error(&err);
+    printf("faces\tactive\tpart\tvertices\tmean_mm\tp95_mm\tlargest_mm\n");
+    for (size_t i = 0; i < sizeof active / sizeof *active; i++) {
+        if (compare_faces(part, h, &scan, (int)people, active[i], 1, &err))
+            die_error(&err);
+        for (int k = 0; k < COMPARE_PARTS; k++)
+            printf("%ld\t%g\t%s\t%zu\t%.3f\t%.3f\t%.2f\n", people, active[i],
+                   part[k].name, part[k].n, part[k].mean, part[k].p95,
+                   part[k].worst);
+    }
+    scan_release(&scan);
+}
 
 int main(int argc, char **argv)
 {
     struct error err = {0};
-    struct sculpt s;
+    struct sculpt s = {0};
+    struct head h = {0};
 
     if (cli_parse(&usage, argc, argv) < argc)
         die(EX_USAGE, "operands are not taken");
-    if (!strcmp(cli.output, "-") && !sheet)
+    int writes = strcmp(cli.output, "-") != 0;
+    if (!writes && !sheet && !check)
         die(EX_USAGE, "no output file (expected -o FILE)");
-    double begun = stats_begin();
-    if (sculpt_make(&s, &err))
+    if (head_path && (writes || from))
+        die(EX_USAGE, "--head is for --sheet and --check (expected no -o and "
+            "no --from)");
+    if (!head_path)
+        make_head(&s);
+    if (writes)
+        write_head(&s);
+    if (sheet || check)
+        take_head(&h, &s);
+    if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
         die_error(&err);
-    stats_end("sculpt", begun);
-    if (strcmp(cli.output, "-") && sculpt_save(&s, cli.output, &err))
-        die_error(&err);
-    if (sheet && sculpt_sheet(sheet, &s, (size_t)size, &err))
-        die_error(&err);
+    if (check)
+        compare(&h);
+    head_release(&h);
     sculpt_release(&s);
     stats_write();
     return EX_OK;

@@ -1,15 +1,18 @@
 #include "lib/head/head.h"
 
 #include <math.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 #include <xxhash.h>
 
 #include "formats/safetensors.h"
+#include "lib/head/runs.h"
 
 #define BLOCK HEAD_BLOCK
 #define ROW (3 * BLOCK)
+enum { MAX_DIRECTIONS = 4096 };     /* of a packed file, which could lie */
 
 /* ---- checking ---------------------------------------------------------- */
 
@@ -433,23 +436,75 @@ static int meta_number(double *out, const struct safetensors *st,
     return 0;
 }
 
+/* Directions `name` (V,3,K), or the runs of them that a file holds instead:
+ * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h). */
+static const float *take_directions_file(struct loaded *l,
+                                         const struct safetensors *st,
+                                         const char *name, size_t V,
+                                         size_t K, struct error *err)
+{
+    char runs[64], values[64];
+    size_t dims[2] = {0, 3}, n, rows;
+
+    snprintf(runs, sizeof runs, "%s_runs", name);
+    if (!st_find(st, runs))
+        return take_f32(l, st, name, 3, V, 3, K, err);
+    snprintf(values, sizeof values, "%s_values", name);
+    int32_t *run = st_load_i32(st, runs, 2, dims, &n, err);
+    float *value = run ? st_load_f32(st, values, 2, dims, &rows, err) : NULL;
+    float *dirs = value ? runs_unpack(run, n / 3, value, rows / 3, V, K, err)
+                        : NULL;
+    if (value && !dirs)
+        error_prefix(err, "%s: %s", st_path(st), runs);
+    free(run);
+    free(value);
+    return l->f32[l->nf++] = dirs;
+}
+
+/* K, the number of directions: of the tensor or, when it is packed, by the
+ * metadata; -1 when neither is sound. */
+static int read_count(size_t *K, const struct safetensors *st,
+                      struct error *err)
+{
+    const struct st_tensor *t = st_find(st, "shapedirs");
+    double nshape, nexp;
+
+    if (st_find(st, "shapedirs_runs")) {
+        if (meta_number(&nshape, st, "nshape", 300, err) ||
+            meta_number(&nexp, st, "nexp", 100, err))
+            return -1;
+        *K = (size_t)(nshape + nexp);
+        return *K <= MAX_DIRECTIONS ? 0 : error_set(err, EX_DATAERR,
+            "%s: metadata has %zu directions (expected at most %d)",
+            st_path(st), *K, MAX_DIRECTIONS);
+    }
+    if (!t || t->ndim != 3 || t->dim[1] != 3)
+        return error_set(err, EX_DATAERR, "%s: shapedirs %s (expected "
+                         "[V,3,K])", st_path(st),
+                         t ? "has a wrong shape" : "is missing");
+    *K = t->dim[2];
+    return 0;
+}
+
 /* Sizes from the shapes of v_template, f and shapedirs and the metadata. */
 static int read_sizes(struct head_arrays *a, const struct safetensors *st,
                       struct error *err)
 {
-    static const char *const names[3] = {"v_template", "f", "shapedirs"};
-    const struct st_tensor *t[3];
+    static const char *const names[2] = {"v_template", "f"};
+    const struct st_tensor *t[2];
     double scale, nshape;
+    size_t K = 0;
 
-    for (int i = 0; i < 3; i++) {
+    for (int i = 0; i < 2; i++) {
         t[i] = st_find(st, names[i]);
-        if (!t[i] || t[i]->ndim != (i == 2 ? 3 : 2) || t[i]->dim[1] != 3)
-            return error_set(err, EX_DATAERR, "%s: %s %s (expected [%s,3%s])",
+        if (!t[i] || t[i]->ndim != 2 || t[i]->dim[1] != 3)
+            return error_set(err, EX_DATAERR, "%s: %s %s (expected [%s,3])",
                              st_path(st), names[i],
                              t[i] ? "has a wrong shape" : "is missing",
-                             i == 1 ? "F" : "V", i == 2 ? ",K" : "");
+                             i ? "F" : "V");
     }
-    size_t K = t[2]->dim[2];
+    if (read_count(&K, st, err))
+        return -1;
     if (meta_number(&scale, st, "scale", 5, err) ||
         meta_number(&nshape, st, "nshape", K < 300 ? (double)K : 300, err))
         return -1;
@@ -475,10 +530,10 @@ static int read_arrays(struct head_arrays *a, struct loaded *l,
 
     if (!(a->v_template = take_f32(l, st, "v_template", 2, V, 3, 0, err)) ||
         !(a->f = take_i32(l, st, "f", 2, a->F, 3, NULL, err)) ||
-        !(a->shapedirs = take_f32(l, st, "shapedirs", 3, V, 3,
-                                  a->nshape + a->nexp, err)) ||
-        !(a->posedirs = take_f32(l, st, "posedirs", 3, V, 3, HEAD_POSE_DIRS,
-                                 err)) ||
+        !(a->shapedirs = take_directions_file(l, st, "shapedirs", V,
+                                              a->nshape + a->nexp, err)) ||
+        !(a->posedirs = take_directions_file(l, st, "posedirs", V,
+                                             HEAD_POSE_DIRS, err)) ||
         !(a->J_regressor = take_f32(l, st, "J_regressor", 2, HEAD_JOINTS, V,
                                     0, err)) ||
         !(a->weights = take_f32(l, st, "weights", 2, V, HEAD_JOINTS, 0,

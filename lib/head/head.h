@@ -114,6 +114,11 @@ void head_release(struct head *h);      /* a zeroed head is allowed */
 void head_direction(float *out, const struct head *h, const float *dirs,
                     size_t n, size_t k);
 
+/* Whether the expression components are ARKit's shapes in lib/head/arkit.h's
+ * order: places 0 to 52 are there and exactly those of joints and lids are
+ * zero shapes. */
+int head_has_arkit(const struct head *h);
+
 /* Positions (68,3) of the landmarks on verts (V,3). */
 void head_landmarks(float *lmk, const struct head *h, const float *verts);
 /* dverts (V,3) += gradient of dlmk (68,3). */

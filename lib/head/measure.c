@@ -4,6 +4,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/head/arkit.h"
+
 void head_direction(float *out, const struct head *h, const float *dirs,
                     size_t n, size_t k)
 {
@@ -13,6 +15,29 @@ void head_direction(float *out, const struct head *h, const float *dirs,
         for (size_t c = 0; c < 3; c++)
             out[3 * v + c] = block[c * HEAD_BLOCK + v % HEAD_BLOCK];
     }
+}
+
+/* Whether expression direction k moves nothing. */
+static int direction_is_zero(const struct head *h, size_t k)
+{
+    for (size_t b = 0; b < h->blocks; b++) {
+        const float *d = h->exp_dirs + (b * h->nexp + k) * 3 * HEAD_BLOCK;
+
+        for (size_t i = 0; i < 3 * HEAD_BLOCK; i++)
+            if (d[i] != 0)
+                return 0;
+    }
+    return 1;
+}
+
+int head_has_arkit(const struct head *h)
+{
+    if (h->nexp < ARKIT_COUNT)
+        return 0;
+    for (size_t k = 0; k < ARKIT_COUNT; k++)
+        if (direction_is_zero(h, k) != arkit_is_rig((int)k))
+            return 0;
+    return 1;
 }
 
 void head_landmarks(float *lmk, const struct head *h, const float *verts)

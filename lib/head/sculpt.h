@@ -54,6 +54,11 @@ void sculpt_arrays(struct head_arrays *a, const struct sculpt *s);
 /* Write it as a safetensors file under FLAME's names. */
 int sculpt_save(const struct sculpt *s, const char *path, struct error *err);
 
+/* A head made of the scans: directions packed (lib/head/runs.h) as half
+ * floats, the scans' notice and the ARKit names in the metadata. */
+int sculpt_save_scans(const struct sculpt *s, const char *path,
+                      struct error *err);
+
 /* Short names of direction k for tables and pictures: "smile left", or
  * "smooth" for one of the unnamed surface modes. */
 const char *sculpt_shape_name(size_t k);

@@ -1,6 +1,14 @@
 #include "lib/head/sculpt.h"
 
+#include <stdio.h>
+
 #include "formats/safetensors.h"
+#include "lib/head/arkit.h"
+#include "lib/head/runs.h"
+#include "lib/head/scan.h"
+
+/* Metres: what a direction moves by less than this it does not move. */
+#define LEAST 2e-6
 
 static struct st_tensor tensor(const char *name, enum st_dtype type,
                                const void *data, size_t a, size_t b, size_t c)
@@ -27,6 +35,96 @@ void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
         .landmark_bary = s->landmark_bary, .region = s->region,
         .hair = s->hair, .uv = s->uv,
     };
+}
+
+/* The names of the ARKit shapes as a JSON list. */
+static void expression_names(char *out, size_t room)
+{
+    size_t n = (size_t)snprintf(out, room, "[");
+
+    for (int k = 0; k < ARKIT_COUNT && n < room; k++)
+        n += (size_t)snprintf(out + n, room - n, "%s\"%s\"", k ? "," : "",
+                              arkit_name(k));
+    if (n < room)
+        snprintf(out + n, room - n, "]");
+}
+
+/* What a head made from the scans says of itself. */
+static const char source[] =
+    "registered to ICT-FaceKit (Light), USC Institute for Creative "
+    "Technologies: identities 0-99 and expressions 0-52 are its shapes";
+static const char licence[] =
+    "Derived from ICT-FaceKit. MIT License. Copyright (c) 2020 USC Institute "
+    "for Creative Technologies. Permission is hereby granted, free of charge, "
+    "to any person obtaining a copy of this software and associated "
+    "documentation files (the \"Software\"), to deal in the Software without "
+    "restriction, including without limitation the rights to use, copy, "
+    "modify, merge, publish, distribute, sublicense, and/or sell copies of "
+    "the Software, and to permit persons to whom the Software is furnished to "
+    "do so, subject to the following conditions: The above copyright notice "
+    "and this permission notice shall be included in all copies or "
+    "substantial portions of the Software. THE SOFTWARE IS PROVIDED \"AS "
+    "IS\", WITHOUT WARRANTY OF ANY KIND, EXPRESS OR IMPLIED, INCLUDING BUT "
+    "NOT LIMITED TO THE WARRANTIES OF MERCHANTABILITY, FITNESS FOR A "
+    "PARTICULAR PURPOSE AND NONINFRINGEMENT. IN NO EVENT SHALL THE AUTHORS OR "
+    "COPYRIGHT HOLDERS BE LIABLE FOR ANY CLAIM, DAMAGES OR OTHER LIABILITY, "
+    "WHETHER IN AN ACTION OF CONTRACT, TORT OR OTHERWISE, ARISING FROM, OUT "
+    "OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN "
+    "THE SOFTWARE.";
+
+int sculpt_save_scans(const struct sculpt *s, const char *path,
+                      struct error *err)
+{
+    char names[2048], place[160], angles[256];
+    const char *const meta[] = { "format", "spid-head", "scale", "5",
+        "nshape", "300", "nexp", "100", "unit", "metre",
+        "expression_names", names, "identity", "0-99: ICT-FaceKit's weights, "
+        "standard normal; 100-139: skull and neck, standard normal; rest 0",
+        "scan_to_metres", place, "arkit_angles", angles,
+        "source", source, "licence", licence, NULL };
+    size_t V = s->nv;
+    struct runs shape = {0}, pose = {0};
+    int rc = -1;
+
+    expression_names(names, sizeof names);
+    snprintf(place, sizeof place, "{\"scale\":%g,\"shift\":[%g,%g,%g]}",
+             SCAN_SCALE, SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z);
+    snprintf(angles, sizeof angles, "{\"jawOpen\":%.9g,\"jawLeft\":%.9g,"
+             "\"eyeLookUp\":%.9g,\"eyeLookDown\":%.9g,\"eyeLookIn\":%.9g,"
+             "\"eyeLookOut\":%.9g}", ARKIT_JAW_OPEN, ARKIT_JAW_SIDE,
+             ARKIT_EYE_UP, ARKIT_EYE_DOWN, ARKIT_EYE_IN, ARKIT_EYE_OUT);
+    if (runs_pack(&shape, s->shapedirs, V, SCULPT_SHAPES + SCULPT_EXPRESSIONS,
+                  LEAST, err) ||
+        runs_pack(&pose, s->posedirs, V, SCULPT_POSES, LEAST, err))
+        goto out;
+    const struct st_tensor t[] = {
+        tensor("v_template", ST_F32, s->v_template, V, 3, 0),
+        tensor("f", ST_I32, s->f, s->nf, 3, 0),
+        tensor("shapedirs_runs", ST_I32, shape.run, shape.n, 3, 0),
+        tensor("shapedirs_values", ST_F16, shape.value, shape.rows, 3, 0),
+        tensor("posedirs_runs", ST_I32, pose.run, pose.n, 3, 0),
+        tensor("posedirs_values", ST_F16, pose.value, pose.rows, 3, 0),
+        tensor("J_regressor", ST_F32, s->j_regressor, SCULPT_JOINTS, V, 0),
+        tensor("weights", ST_F32, s->weights, V, SCULPT_JOINTS, 0),
+        tensor("parents", ST_I32, s->parents, SCULPT_JOINTS, 0, 0),
+        tensor("l_eyelid", ST_F32, s->l_eyelid, V, 3, 0),
+        tensor("r_eyelid", ST_F32, s->r_eyelid, V, 3, 0),
+        tensor("lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0),
+        tensor("lip_upper_outer", ST_I32, s->lip_upper_outer,
+               s->n_lip_upper_outer, 0, 0),
+        tensor("landmark_faces", ST_I32, s->landmark_face, SCULPT_LANDMARKS,
+               0, 0),
+        tensor("landmark_bary", ST_F32, s->landmark_bary, SCULPT_LANDMARKS, 3,
+               0),
+        tensor("region", ST_I32, s->region, V, 0, 0),
+        tensor("hair", ST_F32, s->hair, V, 0, 0),
+        tensor("uv", ST_F32, s->uv, V, 2, 0),
+    };
+    rc = st_save(path, t, sizeof t / sizeof *t, meta, err);
+out:
+    runs_release(&shape);
+    runs_release(&pose);
+    return rc;
 }
 
 int sculpt_save(const struct sculpt *s, const char *path, struct error *err)

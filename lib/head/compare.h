@@ -1,0 +1,35 @@
+/* How far a head file's surface is from the scans' own faces. */
+#ifndef SPID_HEAD_COMPARE_H
+#define SPID_HEAD_COMPARE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/head/head.h"
+#include "lib/head/scan.h"
+
+/* Distances in mm of the scans' vertices to our surface. */
+struct compare_part {
+    const char *name;
+    size_t n;                   /* vertices of the scans in one face */
+    double mean, p95, worst;    /* mean and 95 % over all, largest */
+};
+enum { COMPARE_PARTS = 4 };     /* face, lids, lips, head and neck */
+
+/* Of `people` random faces: identity weights standard normal, each ARKit
+ * weight 0 to 1 with probability `active`, else 0; contradicting ones not
+ * together.  The same for the same seed. */
+int compare_faces(struct compare_part part[COMPARE_PARTS],
+                  const struct head *h, const struct scan *s, int people,
+                  double active, uint64_t seed, struct error *err);
+
+/* A random face's weights, as above. */
+void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
+                    double active);
+
+/* verts (SCAN_VERTS,3) = the scans' face, head units. */
+void compare_scan(float *verts, const struct scan *s, const float *identity,
+                  const float *arkit, float scale);
+
+#endif

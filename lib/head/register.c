@@ -1,0 +1,406 @@
+#include "lib/head/register.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/head/nearest.h"
+#include "lib/head/smooth.h"
+
+enum { CONTROLS = 160 };
+
+void match_point(double out[3], const struct match *m, const float *x)
+{
+    for (int c = 0; c < 3; c++) {
+        out[c] = 0;
+        for (int k = 0; k < 4; k++)
+            out[c] += m->w[k] * x[3 * m->v[k] + c];
+    }
+}
+
+/* ---- radial basis --------------------------------------------------------- */
+
+static double distance(const double a[3], const double b[3])
+{
+    double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
+
+    return sqrt(x * x + y * y + z * z);
+}
+
+/* Solve A X = B, A (n,n), B (n,3), in place, with the largest pivot. */
+static int solve(double *A, double *B, size_t n)
+{
+    for (size_t k = 0; k < n; k++) {
+        size_t best = k;
+
+        for (size_t i = k + 1; i < n; i++)
+            if (fabs(A[i * n + k]) > fabs(A[best * n + k]))
+                best = i;
+        if (fabs(A[best * n + k]) < 1e-14)
+            return -1;
+        for (size_t j = 0; best != k && j < n + 3; j++) {
+            double *x = j < n ? A + k * n + j : B + k * 3 + j - n;
+            double *y = j < n ? A + best * n + j : B + best * 3 + j - n;
+            double swap = *x;
+
+            *x = *y;
+            *y = swap;
+        }
+        for (size_t i = 0; i < n; i++) {
+            double f = i == k ? 0 : A[i * n + k] / A[k * n + k];
+
+            for (size_t j = k; f != 0 && j < n; j++)
+                A[i * n + j] -= f * A[k * n + j];
+            for (size_t j = 0; f != 0 && j < 3; j++)
+                B[i * 3 + j] -= f * B[k * 3 + j];
+        }
+    }
+    for (size_t i = 0; i < 3 * n; i++)
+        B[i] /= A[i / 3 * n + i / 3];
+    return 0;
+}
+
+/* d(p) = sum_i w_i |p - from_i| + a + A p, through to - from at the controls
+ * but for `slack` metres of give. */
+int register_bend(double *at, size_t n, const struct control *c,
+                  size_t count, struct error *err)
+{
+    const double slack = 1e-4;
+    size_t m = count + 4;
+    double *A = calloc(m * m, sizeof *A), *B = calloc(3 * m, sizeof *B);
+
+    if (!A || !B) {
+        free(A);
+        free(B);
+        return error_set(err, EX_OSERR, "no memory for %zu controls", count);
+    }
+    for (size_t i = 0; i < count; i++) {
+        for (size_t j = 0; j < count; j++)
+            A[i * m + j] = distance(c[i].from, c[j].from);
+        A[i * m + i] -= slack;
+        for (size_t k = 0; k < 4; k++)
+            A[i * m + count + k] = A[(count + k) * m + i] =
+                k ? c[i].from[k - 1] : 1;
+        for (size_t k = 0; k < 3; k++)
+            B[3 * i + k] = c[i].to[k] - c[i].from[k];
+    }
+    int rc = solve(A, B, m) ? error_set(err, EX_DATAERR, "the controls do not "
+                              "span a space (expected four apart)") : 0;
+    for (size_t v = 0; !rc && v < n; v++) {
+        double p[3], *x = at + 3 * v;
+
+        memcpy(p, x, sizeof p);
+        for (size_t i = 0; i < m; i++) {
+            double k = i < count ? distance(p, c[i].from)
+                     : i == count ? 1 : p[i - count - 1];
+
+            for (int d = 0; d < 3; d++)
+                x[d] += k * B[3 * i + (size_t)d];
+        }
+    }
+    free(A);
+    free(B);
+    return rc;
+}
+
+/* ---- iterated closest points ---------------------------------------------- */
+
+struct fit {
+    struct registration *r;
+    struct smooth_mesh mesh;
+    struct nearest skin;
+    double *start, *d, *target, *weight, *normal, *along;
+};
+
+static int is_ball(const struct registration *r, size_t v)
+{
+    return r->s->region[v] == REGION_EYEBALL;
+}
+
+/* Vertex of the left half (or midline) that v is, or mirrors. */
+static size_t left_of(const struct registration *r, size_t v)
+{
+    return v < (size_t)r->h->nv ? v : (size_t)r->s->mirror[v];
+}
+
+/* How far the scans are to be followed at p: not below the throat, where
+ * their shoulders begin. */
+static double reach(const double p[3])
+{
+    return ramp(-0.108, -0.078, p[1] - 0.1 * fmin(0, p[2]));
+}
+
+static void vertex_normals(double *n, const struct sculpt *s,
+                           const double *at)
+{
+    memset(n, 0, 3 * s->nv * sizeof *n);
+    for (size_t i = 0; i < s->nf; i++) {
+        const int32_t *f = s->f + 3 * i;
+        double u[3], v[3];
+
+        for (int c = 0; c < 3; c++) {
+            u[c] = at[3 * f[1] + c] - at[3 * f[0] + c];
+            v[c] = at[3 * f[2] + c] - at[3 * f[0] + c];
+        }
+        double g[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
+                       u[0] * v[1] - u[1] * v[0]};
+        for (int k = 0; k < 3; k++)
+            for (int c = 0; c < 3; c++)
+                n[3 * f[k] + c] += g[c];
+    }
+    for (size_t v = 0; v < s->nv; v++) {
+        double *x = n + 3 * v;
+        double l = sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]) + 1e-30;
+
+        for (int c = 0; c < 3; c++)
+            x[c] /= l;
+    }
+}
+
+/* The right half is the left one's mirror image; x = 0 on the midline. */
+static void make_symmetric(double *x, const struct registration *r)
+{
+    for (size_t v = 0; v < (size_t)r->h->nv; v++) {
+        size_t w = (size_t)r->s->mirror[v];
+
+        if (w == v)
+            x[3 * v] = 0;
+        x[3 * w] = -x[3 * v];
+        x[3 * w + 1] = x[3 * v + 1];
+        x[3 * w + 2] = x[3 * v + 2];
+    }
+}
+
+/* A left vertex's match to the skin near p, its normal agreeing to `least`.
+ * Trusted as far as the scans reach; not at all when nothing is near. */
+static void match_near(struct match *m, const struct fit *f, const double p[3],
+                       const double *normal, double least, double most)
+{
+    struct nearest_hit hit;
+
+    nearest_find(&hit, &f->skin, p, normal, least, most);
+    *m = (struct match){.trust = 0};
+    if (hit.face < 0)
+        return;
+    for (int k = 0; k < 3; k++) {
+        m->v[k] = f->skin.faces[3 * hit.face + k];
+        m->w[k] = hit.bary[k];
+    }
+    m->trust = reach(p);
+}
+
+/* Vertices matched by their loops keep that match. */
+static int is_rim(const struct registration *r, size_t v)
+{
+    const struct half *h = r->h;
+
+    v = left_of(r, v);
+    return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
+           (h->part[v] == PART_MOUTH && h->ring[v] >= LIP_BORDER);
+}
+
+static void mirror_match(struct match *out, const struct match *m,
+                         const struct scan *s)
+{
+    *out = *m;
+    for (int k = 0; k < 4; k++)
+        out->v[k] = s->mirror[m->v[k]];
+}
+
+/* Matches of all vertices at their present places. */
+static void match_all(struct fit *f, double least, double most)
+{
+    struct registration *r = f->r;
+
+    for (size_t v = 0; v < (size_t)r->h->nv; v++) {
+        if (is_ball(r, v))
+            r->match[v].trust = 0;
+        else if (!is_rim(r, v))
+            match_near(&r->match[v], f, r->at + 3 * v, f->normal + 3 * v,
+                       least, most);
+        if ((size_t)r->s->mirror[v] != v)
+            mirror_match(&r->match[r->s->mirror[v]], &r->match[v], r->scan);
+    }
+}
+
+/* One step: the smooth displacement from the start that lies near the
+ * matches. */
+static int step(struct fit *f, double stiff, double slide, struct error *err)
+{
+    struct registration *r = f->r;
+
+    for (size_t v = 0; v < r->s->nv; v++) {
+        const struct match *m = &r->match[v];
+        double p[3];
+        /* the neck's cut stays where it is */
+        int cut = r->h->part[left_of(r, v)] == PART_GRID &&
+                  r->h->row[left_of(r, v)] == 0;
+
+        match_point(p, m, r->scan->neutral);
+        f->weight[v] = is_rim(r, v) ? 20 : m->trust;
+        f->along[v] = is_rim(r, v) ? 1 : slide;
+        for (size_t c = 0; c < 3; c++)
+            f->target[3 * v + c] = m->trust > 0
+                ? p[c] - f->start[3 * v + c] : 0;
+        if (cut && m->trust <= 0) {
+            f->weight[v] = 1;
+            f->along[v] = 1;
+        }
+    }
+    if (smooth_fit(f->d, &f->mesh, f->target, f->weight, f->normal, f->along,
+                   stiff, 400, err))
+        return -1;
+    make_symmetric(f->d, r);
+    for (size_t i = 0; i < 3 * r->s->nv; i++)
+        r->at[i] = f->start[i] + f->d[i];
+    vertex_normals(f->normal, r->s, r->at);
+    return 0;
+}
+
+/* Free skin slides to the middle of its neighbours, along the surface. */
+static void even_out(struct fit *f, double much)
+{
+    struct registration *r = f->r;
+    const struct half *h = r->h;
+
+    for (size_t v = 0; v < (size_t)h->nv; v++) {
+        double mean[3], p[3];
+        int part = h->part[v], ring = h->ring[v];
+        int stays = is_rim(r, v) || is_ball(r, v) || part == PART_EAR ||
+                    part == PART_NOSTRIL || r->match[v].trust < 1 ||
+                    (part == PART_EYE && ring > 5) ||
+                    (part == PART_MOUTH && ring > 3);
+
+        if (stays)
+            continue;
+        smooth_mean(mean, &f->mesh, r->at, v);
+        for (size_t c = 0; c < 3; c++)
+            p[c] = mix(r->at[3 * v + c], mean[c], much);
+        if (h->seam[v])
+            p[0] = 0;
+        match_near(&r->match[v], f, p, f->normal + 3 * v, 0.3, 0.02);
+        match_point(r->at + 3 * v, &r->match[v], r->scan->neutral);
+    }
+    make_symmetric(r->at, r);
+    vertex_normals(f->normal, r->s, r->at);
+}
+
+/* Trusted vertices lie where they are matched. */
+static void settle(struct fit *f)
+{
+    struct registration *r = f->r;
+
+    match_all(f, 0.3, 0.02);
+    for (size_t v = 0; v < r->s->nv; v++) {
+        double p[3];
+
+        match_point(p, &r->match[v], r->scan->neutral);
+        for (size_t c = 0; r->match[v].trust >= 1 && c < 3; c++)
+            r->at[3 * v + c] = p[c];
+    }
+    make_symmetric(r->at, r);
+    vertex_normals(f->normal, r->s, r->at);
+}
+
+static int fit_all(struct fit *f, struct error *err)
+{
+    enum { STEPS = 24 };
+
+    for (int i = 0; i < STEPS; i++) {
+        double t = (double)i / (STEPS - 1);
+
+        match_all(f, 0.35, 0.02);
+        if (step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
+            return -1;
+    }
+    settle(f);
+    for (int i = 0; i < 6; i++)
+        even_out(f, 0.4);
+    return 0;
+}
+
+/* Bend the template by the rims, landmarks and ears, both sides, less and
+ * less down the neck. */
+static int bend(struct registration *r, struct error *err)
+{
+    struct control c[2 * CONTROLS];
+    size_t n = register_controls(c, CONTROLS, r), both = n;
+
+    for (size_t i = 0; i < n; i++)
+        if (c[i].from[0] > 1e-9) {
+            c[both] = c[i];
+            c[both].from[0] *= -1;
+            c[both++].to[0] *= -1;
+        } else {
+            c[i].from[0] = c[i].to[0] = 0;
+        }
+    if (register_bend(r->at, r->s->nv, c, both, err))
+        return -1;
+    for (size_t i = 0; i < 3 * r->s->nv; i++) {
+        const float *p = r->s->v_template + i / 3 * 3;
+
+        r->at[i] = mix(p[i % 3], r->at[i], ramp(-0.16, -0.09, p[1]));
+    }
+    return 0;
+}
+
+static void fit_release(struct fit *f)
+{
+    smooth_mesh_release(&f->mesh);
+    nearest_release(&f->skin);
+    free(f->start);
+}
+
+static int fit_init(struct fit *f, struct registration *r, struct error *err)
+{
+    size_t n = 3 * r->s->nv;
+
+    memset(f, 0, sizeof *f);
+    f->r = r;
+    f->start = calloc(6 * n, sizeof *f->start);
+    if (!f->start)
+        return error_set(err, EX_OSERR, "no memory for a registration");
+    f->d = f->start + n;
+    f->target = f->d + n;
+    f->weight = f->target + n;
+    f->normal = f->weight + n;
+    f->along = f->normal + n;
+    memcpy(f->start, r->at, n * sizeof *f->start);
+    vertex_normals(f->normal, r->s, r->at);
+    return smooth_mesh_init(&f->mesh, r->s->f, r->s->nf, r->s->nv, err) ||
+           nearest_init(&f->skin, r->scan->neutral, r->scan->f, r->scan->nf,
+                        err) ? -1 : 0;
+}
+
+int registration_init(struct registration *r, const struct sculpt *s,
+                      const struct scan *scan, struct error *err)
+{
+    struct fit f = {0};
+    int rc = -1;
+
+    *r = (struct registration){.s = s, .scan = scan};
+    r->h = malloc(sizeof *r->h);
+    r->match = calloc(s->nv, sizeof *r->match);
+    r->at = malloc(3 * s->nv * sizeof *r->at);
+    if (!r->h || !r->match || !r->at) {
+        registration_release(r);
+        return error_set(err, EX_OSERR, "no memory for a registration");
+    }
+    sculpt_topology(r->h);
+    for (size_t i = 0; i < 3 * s->nv; i++)
+        r->at[i] = s->v_template[i];
+    if (!register_rims(r, err) && !bend(r, err) && !fit_init(&f, r, err))
+        rc = fit_all(&f, err);
+    fit_release(&f);
+    if (rc)
+        registration_release(r);
+    return rc;
+}
+
+void registration_release(struct registration *r)
+{
+    free(r->h);
+    free(r->match);
+    free(r->at);
+    memset(r, 0, sizeof *r);
+}

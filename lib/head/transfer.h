@@ -1,0 +1,41 @@
+/* A registered head: the scans' shapes on our template, its rig fitted to
+ * them, in place of what the sculptor made. */
+#ifndef SPID_HEAD_TRANSFER_H
+#define SPID_HEAD_TRANSFER_H
+
+#include "lib/head/register.h"
+
+/* Rewrite s (which r was made from) as the head of the scans:
+ *  v_template  the matched points of the neutral face; eyeballs as spheres
+ *  shapedirs   0..99 the scans' identities, then EXTRA of what the sculpted
+ *              head varies where they end or say little (skull, neck), the
+ *              rest 0; expressions in lib/head/arkit.h's order, 0 where a
+ *              joint or lid does it, and from ARKIT_COUNT on
+ *  weights, J_regressor, posedirs, lids, landmarks  fitted to them. */
+int transfer_head(struct sculpt *s, const struct registration *r,
+                  struct error *err);
+
+/* ---- parts, for transfer_head -------------------------------------------- */
+
+/* An eye's ball: centre, radius, and the pupil's direction from it. */
+struct transfer_eye { double centre[3], radius, axis[3]; };
+void transfer_eye(struct transfer_eye *e, const struct scan *scan, int right);
+
+/* A shape of the scans (SCAN_VERTS,3) on our vertices: d (nv,3).  Balls move
+ * rigidly and grow when `balls`, else stay.  Beyond the scans d is smooth,
+ * and goes to 0 at the neck's cut when `pinned`. */
+int transfer_shape(double *d, const struct registration *r,
+                   const float *shape, int pinned, int balls,
+                   struct error *err);
+
+/* Columns first.. of s->shapedirs (of `columns`), from mask (nv) times its
+ * present columns of identity, the strongest principal components of them. */
+int transfer_extras(struct sculpt *s, size_t first, size_t count,
+                    const double *mask, struct error *err);
+
+/* Weights, joints, pose correctives and lids, from the expressions
+ * (ARKIT_COUNT,nv,3) on our vertices. */
+int transfer_rig(struct sculpt *s, const struct registration *r,
+                 const double *expressions, struct error *err);
+
+#endif
