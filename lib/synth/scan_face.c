@@ -215,6 +215,31 @@ static void find_eyes(struct scan_face *f)
     }
 }
 
+/* Lashes get coordinates of their own: u along the lid, v from the skin
+ * (0) to the tip. */
+static void lay_lashes(struct scan_face *f)
+{
+    float reach = 0.06f;
+
+    for (size_t i = 0; i < f->nc; i++) {
+        int32_t v = f->source[i];
+        const float *p = f->neutral + 3 * v;
+        float least = 1;
+        if (v < FACE_SHADE_END)
+            continue;
+        for (size_t k = 0; k < FACE_SKIN_END; k++) {
+            const float *q = f->neutral + 3 * k;
+            float d[3];
+            if (fabsf(q[0] - p[0]) > reach || fabsf(q[1] - p[1]) > reach)
+                continue;
+            sub3(d, q, p);
+            least = fminf(least, dot3(d, d));
+        }
+        f->uv[2 * i] = (p[0] - f->eye[p[0] < 0][0]) / 0.16f + 0.5f;
+        f->uv[2 * i + 1] = sqrtf(least) / 0.045f;
+    }
+}
+
 static int load_shapes(struct scan_face *f, const struct safetensors *st,
                        struct error *err)
 {
@@ -262,6 +287,8 @@ int scan_face_load(struct scan_face *f, const char *dir, struct error *err)
         return -1;
     rc = load_shapes(f, st, err) || quads_load(&q, st, err)
          || make_faces(f, &q, err);
+    if (!rc)
+        lay_lashes(f);
     quads_release(&q);
     if (rc)
         error_prefix(err, "%s", path);

@@ -61,11 +61,11 @@ static void draw_skin(struct scan_person *p)
     s->key = random_u64(&r);
     /* darker people are rarer in the photographs than in the world */
     s->tone = 0.16f * normal(&r, 2);
-    if (chance(&r, 0.38))
-        s->tone -= range(&r, 0.2, 1.35);
+    if (chance(&r, 0.25))
+        s->tone -= range(&r, 0.2, 1.1);
     s->red = 0.5f * normal(&r, 2);
     s->age = p->age;
-    s->grain = range(&r, 0.7, 1.5) + 0.5f * p->age;
+    s->grain = range(&r, 0.6, 1.2) + 0.4f * p->age;
     s->freckle = chance(&r, 0.15) && s->tone > -0.3f ? range(&r, 0.3, 1) : 0;
     s->mole = chance(&r, 0.5) ? range(&r, 0.2, 1) : 0;
     s->stubble = p->male > 0.5f && chance(&r, 0.6) ? range(&r, 0.1, 0.8) : 0;
@@ -142,6 +142,7 @@ static void draw_features(struct scan_person *p, const struct scan_assets *a)
     color(&r, p->iris_tint, brown, 0.1f);
     if (!chance(&r, p->skin.tone < -0.4f ? 0.95 : 0.6))
         p->iris_tint[0] = -1;   /* as pictured */
+    p->lash = range(&r, 0.35, 0.9) + (p->skin.lipstick > 0 ? 0.4f : 0);
     float t = range(&r, 0, 1);
     p->tooth[0] = lerpf(0.68f, 0.80f, t);
     p->tooth[1] = lerpf(0.60f, 0.77f, t);

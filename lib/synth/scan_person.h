@@ -37,6 +37,7 @@ struct scan_person {
     float cloth_color[3];
     bool cloth_own;             /* the picture's own colours */
     float iris_tint[3], iris_size;
+    float lash;                 /* thickness, about 1 */
     float tooth[3], gum[3];
     int glasses;                /* 0 none, 1 round, 2 square, 3 thin, 4 sun */
     float glass_color[3];

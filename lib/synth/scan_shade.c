@@ -142,7 +142,7 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
     copy3(c, f->tone);
     if (textured) {
         skin_look(c, slope, f->skin, o->u, o->v);
-        tilt(o->n, s->view.rot, slope, 0.012f);
+        tilt(o->n, s->view.rot, slope, 0.004f);
     }
     diffuse(e, shadow, s, o, skin_wrap);
     for (int k = 0; k < 3; k++)
@@ -361,6 +361,15 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
                                * (0.012f + 0.10f * color[k]));
 }
 
+/* Lashes stand in rows: u runs along the lid, v from root to tip. */
+static float lash_cover(const struct scan_point *o, float thick)
+{
+    float x = o->u * 46 + 2.5f * sinf(9 * o->u) * o->v, f = x - floorf(x);
+    float d = fabsf(f - 0.5f) / (0.34f * thick * (1.05f - o->v));
+
+    return o->v > 0.98f ? 0 : clampf(1.6f - d, 0, 1) * 0.9f;
+}
+
 float scan_shade_veil(float rgb[3], const struct scan_stage *s,
                       struct scan_point *o)
 {
@@ -376,7 +385,7 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
     switch (p->stuff) {
     case STUFF_LASH:
         rgb[0] = rgb[1] = rgb[2] = 0.012f;
-        return 0.85f;
+        return lash_cover(o, f->look.lash);
     case STUFF_TEAR:
         diffuse(e, shadow, s, o, no_wrap);
         rgb[0] = rgb[1] = rgb[2] = 0;

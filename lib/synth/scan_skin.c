@@ -122,6 +122,11 @@ static int make_masks(struct skin_model *s, const struct scan_face *f,
     static const int brow[2][10] = {
         {70, 63, 105, 66, 107, 55, 65, 52, 53, 46},
         {300, 293, 334, 296, 336, 285, 295, 282, 283, 276}};
+    static const int lid[2][16] = {
+        {33, 7, 163, 144, 145, 153, 154, 155, 133, 173, 157, 158, 159, 160,
+         161, 246},
+        {263, 249, 390, 373, 374, 380, 381, 382, 362, 398, 384, 385, 386,
+         387, 388, 466}};
     static const int outer[20] = {61, 146, 91, 181, 84, 17, 314, 405, 321,
                                   375, 291, 409, 270, 269, 267, 0, 37, 39,
                                   40, 185};
@@ -129,10 +134,13 @@ static int make_masks(struct skin_model *s, const struct scan_face *f,
     s->brow = calloc(N * N, 1);
     s->lip = calloc(N * N, 1);
     s->beard = calloc(N * N, 1);
-    if (!s->brow || !s->lip || !s->beard)
+    s->eye = calloc(N * N, 1);
+    if (!s->brow || !s->lip || !s->beard || !s->eye)
         return skin_memory(err);
-    for (int i = 0; i < 2; i++)
+    for (int i = 0; i < 2; i++) {
         fill_polygon(s->brow, f, m, brow[i], 10, 9);
+        fill_polygon(s->eye, f, m, lid[i], 16, 5);
+    }
     fill_polygon(s->lip, f, m, outer, 20, 0);
     float nose[2], chin[2], ear[2], mouth[2];
     texel_of(nose, f, m->vertex[2]);
@@ -266,7 +274,7 @@ static int drop_hair(struct skin_sample *o, const struct skin_model *s,
             o->weight[i] = 0;
         if (fabsf(warm) > 0.75f && !lip && i / N < N * 35 / 100)
             o->weight[i] = 0;
-        if (s->brow[i])
+        if (s->brow[i] || s->eye[i] > 60)
             o->weight[i] = 0;
     }
     return 0;
@@ -404,5 +412,7 @@ void skin_model_release(struct skin_model *s)
     free(s->lip);
     free(s->beard);
     free(s->line);
+    free(s->crease);
+    free(s->eye);
     *s = (struct skin_model){0};
 }

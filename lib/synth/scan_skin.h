@@ -21,7 +21,9 @@ struct skin_model {
     int parts;
     int8_t *grain;              /* (people,SKIN_SIZE,SKIN_SIZE) fine log
                                  * luminance, 1/256; mixed at random only */
+    float *crease;              /* (SKIN_SIZE,SKIN_SIZE) the grain's mean */
     uint8_t *brow, *lip, *beard;    /* (SKIN_SIZE,SKIN_SIZE) where they are */
+    uint8_t *eye;               /* lids and what lies between them */
     uint8_t *line;              /* wrinkles: (SKIN_SIZE,SKIN_SIZE,4) heights
                                  * of brow, frown, crow's feet, nose folds */
     float tone[3];              /* mean albedo of the face, linear */

@@ -85,7 +85,7 @@ static int take_grain(int8_t *grain, const struct skin_sample *o)
         const float *l = o->log + 3 * i;
         float g = 0.3f * l[0] + 0.5f * l[1] + 0.2f * l[2];
         g = o->weight[i] > 0 && w[i] > 1e-3f
-            ? (g - v[i] / w[i]) * ramp(0.02f, 0.3f, o->weight[i]) : 0;
+            ? (g - v[i] / w[i]) * ramp(0.3f, 0.9f, o->weight[i]) : 0;
         grain[i] = (int8_t)lrintf(clampf(g, -0.49f, 0.49f) * 256);
     }
     free(v);
@@ -401,6 +401,31 @@ static void center(struct skin_model *s, float *x, size_t n,
         s->mean[p] += logf(0.36f / lum);
 }
 
+/* What the grain of all has in common, evened over the sides, comes off it
+ * into s->crease. */
+static int split_grain(struct skin_model *s, struct skin_fit *t,
+                       struct error *err)
+{
+    s->crease = calloc(N * N, sizeof *s->crease);
+    if (!s->crease)
+        return fit_memory(err);
+    for (size_t i = 0; i < t->n; i++)
+        for (int p = 0; p < N * N; p++)
+            s->crease[p] += 0.5f / 256 / (float)t->n
+                            * (float)(t->grain[i * N * N + (size_t)p]
+                                      + t->grain[i * N * N
+                                                 + (size_t)(p / N * N + N - 1
+                                                            - p % N)]);
+    for (size_t i = 0; i < t->n; i++)
+        for (size_t p = 0; p < N * N; p++) {
+            int8_t *g = t->grain + i * N * N + p;
+            if (*g)
+                *g = (int8_t)lrintf(clampf((float)*g - 256 * s->crease[p],
+                                           -126, 126));
+        }
+    return 0;
+}
+
 int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
                     struct error *err)
 {
@@ -422,7 +447,8 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
     fill(mean, weight, 3, M);
     spread_out(x, t, mean);
     center(s, x, 2 * t->n, mean);
-    rc = find_parts(s, x, 2 * t->n, threads, err);
+    rc = find_parts(s, x, 2 * t->n, threads, err) || split_grain(s, t, err)
+         ? -1 : 0;
     s->people = t->n;
     s->grain = t->grain;
     t->grain = NULL;

@@ -12,6 +12,21 @@
 #define M SKIN_SLOW
 #define DONORS 12
 
+#define FAIREST 0.40f           /* luminance */
+
+/* Mean log luminance about the middle of the face. */
+static float mean_log(const float *o)
+{
+    float sum = 0;
+
+    for (int y = M * 3 / 8; y < M * 5 / 8; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++) {
+            const float *p = o + 3 * (y * M + x);
+            sum += 0.3f * p[0] + 0.59f * p[1] + 0.11f * p[2];
+        }
+    return sum / (M / 4 * (M / 2));
+}
+
 /* Log albedo (M,M,3): mean, components, melanin and blood. */
 static void slow_colour(float *o, const struct skin_model *m,
                         const struct skin_look *l)
@@ -26,6 +41,26 @@ static void slow_colour(float *o, const struct skin_model *m,
             o[p] += l->z[k] * m->part[(size_t)k * d + p];
     for (size_t p = 0; p < d; p++)
         o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
+    /* no skin is whiter than FAIREST; redness of its own stays */
+    float mean = mean_log(o), over = mean - logf(FAIREST);
+    for (size_t p = 0; over > 0 && p < d; p++)
+        o[p] -= over;
+}
+
+/* Mean colour of cheeks, nose and forehead, linear. */
+static void find_tone(float tone[3], const float *slow)
+{
+    float n = 0;
+
+    tone[0] = tone[1] = tone[2] = 0;
+    for (int y = M * 3 / 8; y < M * 5 / 8; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++) {
+            for (int k = 0; k < 3; k++)
+                tone[k] += expf(slow[3 * (y * M + x) + k]);
+            n += 1;
+        }
+    for (int k = 0; k < 3; k++)
+        tone[k] /= n;
 }
 
 /* Fine log luminance (N,N): many people's grain at once, with random signs
@@ -43,7 +78,8 @@ static void mix_grain(float *o, const struct skin_model *m,
         who[k] = random_below(&r, 2 * (uint32_t)m->people);
         sum += w[k] * w[k];
     }
-    memset(o, 0, N * N * sizeof *o);
+    for (int p = 0; p < N * N; p++)
+        o[p] = 0.7f * m->crease[p];
     for (int k = 0; k < DONORS; k++) {
         const int8_t *g = m->grain + (size_t)(who[k] / 2) * N * N;
         float a = l->grain * w[k] / (sqrtf(sum) * 256);
@@ -121,7 +157,7 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
     static const float share[3] = {0.85f, 1.05f, 1.12f};
     struct random r;
     float *slow = malloc(3 * M * M * sizeof *slow);
-    float *fine = malloc(N * N * sizeof *fine), count = 0;
+    float *fine = malloc(N * N * sizeof *fine);
 
     tone[0] = 0.5f, tone[1] = 0.33f, tone[2] = 0.25f;
     memset(out, 128, 4 * N * N);
@@ -132,13 +168,18 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
     random_init(&r, l->key, "spots");
     add_spots(fine, &r, (int)(400 * l->freckle), 2.6f, 0.25f);
     add_spots(fine, &r, (int)(7 * l->mole), 3.2f, 0.9f);
-    tone[0] = tone[1] = tone[2] = 0;
+    find_tone(tone, slow);
     for (int i = 0; i < N * N; i++) {
         uint64_t h = random_mix(l->key + (uint64_t)i);
         float hair = (float)(h & 255) / 255, c[3];
         for (int k = 0; k < 3; k++)
             c[k] = clampf(expf(bilinear(slow, i % N, i / N, k)
                                + share[k] * fine[i]), 0.01f, 0.93f);
+        /* where the scans' photographs end, the rest of the head begins */
+        float x = fabsf((float)(i % N) / N - 0.5f), y = (float)(i / N) / N;
+        float in = ramp(0.5f, 0.42f, x) * ramp(0, 0.10f, y)
+                   * ramp(1, 0.88f, y);
+        lerp3(c, tone, c, in);
         decorate(c, m, l, i, hair);
         /* pores: finer than the photographs show */
         float pore = ((float)(h >> 8 & 255) + (float)(h >> 16 & 255)) / 255
@@ -147,14 +188,7 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
         for (int k = 0; k < 3; k++)
             out[4 * i + k] = (uint8_t)(255 * sqrtf(c[k]) + 0.5f);
         out[4 * i + 3] = (uint8_t)clampf(height, 0, 255);
-        if (i / N > N * 3 / 8 && i / N < N * 5 / 8 && i % N > N / 4
-            && i % N < N * 3 / 4) {
-            mad3(tone, tone, c, 1);
-            count += 1;
-        }
     }
-    for (int k = 0; k < 3; k++)
-        tone[k] /= count;
 out:
     free(slow);
     free(fine);
