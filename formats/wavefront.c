@@ -246,18 +246,48 @@ static int parse_vertex(struct mhclo *m, const struct lines *in, size_t i,
     return 0;
 }
 
+/* "a - b c d - e": base vertices that the asset covers. */
+static void parse_hidden(struct mhclo *m, const char *p, size_t nbase)
+{
+    long last = -1;
+    bool range = false;
+
+    while (*p) {
+        char *end;
+        long v = strtol(p, &end, 10);
+        if (end == p || *p == '-') {
+            range = range || *p == '-';
+            p++;
+            continue;
+        }
+        p = end;
+        if (v < 0 || (size_t)v >= nbase)
+            continue;
+        for (long i = range && last >= 0 ? last : v; i <= v; i++)
+            m->hidden[i] = 1;
+        range = false;
+        last = v;
+    }
+}
+
 static int parse_mhclo(struct mhclo *m, struct lines *in, size_t nbase,
                        size_t n, struct error *err)
 {
-    bool verts = false;
+    bool verts = false, hidden = false;
 
     while (lines_next(in)) {
         const char *s = in->text;
         while (*s == ' ' || *s == '\t')
             s++;
         bool number = (*s >= '0' && *s <= '9') || *s == '-';
-        if (!strncmp(s, "delete_verts", 12))
-            break;
+        if (!strncmp(s, "delete_verts", 12)) {
+            hidden = true;
+            continue;
+        }
+        if (hidden) {
+            parse_hidden(m, s, nbase);
+            continue;
+        }
         if (!strncmp(s, "verts ", 6))
             verts = true;
         else if (s[0] >= 'x' && s[0] <= 'z' && !strncmp(s + 1, "_scale", 6)
@@ -293,7 +323,8 @@ int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
     m->index = malloc((n + 1) * 3 * sizeof *m->index);
     m->weight = malloc((n + 1) * 3 * sizeof *m->weight);
     m->offset = malloc((n + 1) * 3 * sizeof *m->offset);
-    if (!m->index || !m->weight || !m->offset)
+    m->hidden = calloc(nbase, 1);
+    if (!m->index || !m->weight || !m->offset || !m->hidden)
         rc = error_set(err, EX_OSERR, "%s: no memory for %zu vertices", path,
                        n);
     else
@@ -309,6 +340,7 @@ void mhclo_release(struct mhclo *m)
     free(m->index);
     free(m->weight);
     free(m->offset);
+    free(m->hidden);
     *m = (struct mhclo){0};
 }
 

@@ -30,6 +30,7 @@ struct mhclo {
     float *weight, *offset; /* (n,3) */
     int32_t ruler[3][2];    /* base vertices whose distance along axis k ... */
     float length[3];        /* ... over this is the scale of axis k */
+    uint8_t *hidden;        /* (nbase) 1: the asset covers that vertex */
 };
 
 /* Read a binding; nbase vertices of the base mesh, n of the asset.  Refused by

@@ -11,6 +11,7 @@
 #include "lib/synth/vec.h"
 
 #define PATH 4096
+#define BROW_UP 0.036f          /* head units */
 #define LOWEST (-2.6f)          /* of clothes, head units */
 
 /* ---- folders ------------------------------------------------------------ */
@@ -186,6 +187,21 @@ static int make_torso(struct scan_assets *a, struct error *err)
     return rc;
 }
 
+/* MakeHuman's brows lie low on the scans' bones: up to where the landmarks
+ * have them. */
+static int raise_brows(struct scan_assets *a, struct error *err)
+{
+    float *n = malloc(3 * FACE_VERTICES * sizeof *n);
+
+    if (!n)
+        return error_set(err, EX_OSERR, "out of memory");
+    scan_face_normals(n, a->face.neutral, &a->face);
+    for (size_t i = 0; i < a->brow.n; i++)
+        piece_slide(&a->brow.piece[i], &a->body, n, BROW_UP);
+    free(n);
+    return 0;
+}
+
 /* What the vertices are, after the nearest of the head's. */
 static int find_labels(struct scan_assets *a, const struct head *h,
                        struct error *err)
@@ -235,6 +251,7 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
                       -9, err)
          || load_rack(&a->brow, &a->body, dir, "eyebrows", ".png", NULL, -9,
                       err)
+         || raise_brows(a, err)
          || load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01",
                       -9, err)
          || load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",

@@ -114,6 +114,9 @@ static void draw_veil(struct scan_stage *s, uint32_t i)
     struct scan_point o;
     struct tri t;
     int x0, x1, n = s->grid;
+    /* brows may sink into the skin a little */
+    float slack = 1 - (f->stuff[i] == STUFF_BROW ? 0.018f : 0.004f)
+                      * s->spot[v[0]].q;
 
     if (!tri_setup(&t, &s->spot[v[0]], &s->spot[v[1]], &s->spot[v[2]], n, n))
         return;
@@ -124,7 +127,7 @@ static void draw_veil(struct scan_stage *s, uint32_t i)
             float dx = (float)x + 0.5f - t.ox, dy = (float)y + 0.5f - t.oy;
             float q = t.q[0] * dx + t.q[1] * dy + t.q[2], rgb[3];
             size_t at = (size_t)(y * n + x);
-            if (q < s->q[at] * 0.9996f)
+            if (q < s->q[at] * slack)
                 continue;
             scan_gather(&o, s, i, t.w[0] * dx + t.w[1] * dy,
                         t.w[2] * dx + t.w[3] * dy);

@@ -169,6 +169,39 @@ static void lift_hair(struct figure *f, const struct figure_part *p,
     }
 }
 
+/* Faces of which every corner is covered lose their area. */
+static void drop_covered(struct figure *f, const struct figure_part *p,
+                         const uint8_t *hidden)
+{
+    for (size_t i = p->f0; hidden && i < p->f1; i++) {
+        int32_t *v = f->faces + 3 * i;
+        int n = 0;
+        for (int k = 0; k < 3; k++)
+            n += hidden[p->piece->origin[(size_t)v[k] - p->c0]];
+        if (n == 3)
+            v[1] = v[2] = v[0];
+    }
+}
+
+/* Hair above a hat's brim is under it. */
+static void drop_under_hat(struct figure *f, const struct figure_part *hair,
+                           const struct figure_part *hat)
+{
+    for (size_t i = hair->f0; i < hair->f1; i++) {
+        int32_t *v = f->faces + 3 * i;
+        const float *p = f->place + 3 * v[0];
+        float low = 9, flat = hypotf(p[0], p[2]);
+        /* the brim on this side of the head */
+        for (size_t c = hat->c0; c < hat->c1; c++) {
+            const float *q = f->place + 3 * c;
+            if (q[0] * p[0] + q[2] * p[2] > 0.9f * flat * hypotf(q[0], q[2]))
+                low = fminf(low, q[1]);
+        }
+        if (p[1] > low + 0.02f)
+            v[1] = v[2] = v[0];
+    }
+}
+
 static void color_piece(struct figure_part *p, const float color[3], bool own)
 {
     copy3(p->tint, color);
@@ -180,8 +213,13 @@ static int add_worn(struct figure *f, struct error *err)
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
 
+    const struct piece *cloth = l->cloth >= 0 ? &a->cloth.piece[l->cloth]
+                                              : NULL;
+
     if (add_piece(f, &a->torso, STUFF_BODY, RIDE_BODY, err))
         return -1;
+    if (cloth)
+        drop_covered(f, &f->parts[f->nparts - 1], cloth->hidden);
     if (l->cloth >= 0) {
         if (add_piece(f, &a->cloth.piece[l->cloth], STUFF_CLOTH, RIDE_BODY,
                       err))
@@ -212,14 +250,16 @@ static int add_hair(struct figure *f, struct error *err)
             return -1;
         color_piece(&f->parts[f->nparts - 1], l->hair_color, false);
         lift_hair(f, &f->parts[f->nparts - 1], 0.012f);
+        for (int i = 0; i < f->nparts - 1; i++)
+            if (f->parts[i].stuff == STUFF_HAT)
+                drop_under_hat(f, &f->parts[f->nparts - 1], &f->parts[i]);
     }
     return 0;
 }
 
 /* ---- light and carriage ------------------------------------------------- */
 
-/* Normals of the resting scans in f->normal, by vertex, before corners use
- * them: the first FACE_VERTICES entries. */
+/* Unit normals (nv,3) of places p. */
 static void rest_normals(float *n, const float *p, size_t nv,
                          const int32_t *faces, size_t nf)
 {
@@ -294,7 +334,7 @@ static int find_normals(struct figure *f, struct error *err)
         free(all);
         return figure_memory(err);
     }
-    rest_normals(n, f->rest, FACE_VERTICES, s->raw, s->nf);
+    scan_face_normals(n, f->rest, s);
     rest_normals(all, f->place, f->nc, f->faces, f->nf);
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
@@ -338,7 +378,7 @@ static void expose(struct figure *f)
     lum = 0.3f * e[0] + 0.59f * e[1] + 0.11f * e[2];
     /* the camera evens out most of the light's colour */
     for (int k = 0; k < 3; k++)
-        white[k] = powf(lum / e[k], 0.75f);
+        white[k] = powf(lum / e[k], 0.85f);
     for (int k = 0; k < 3; k++)
         f->look.gain[k] = white[k] * c->balance[k];
     light_init(&f->light, &f->assets->light[f->look.light], f->look.turn,
@@ -352,7 +392,7 @@ static void measure(struct figure *f)
 {
     const struct scan_face *s = &f->assets->face;
 
-    rest_normals(f->normal, f->rest, FACE_VERTICES, s->raw, s->nf);
+    scan_face_normals(f->normal, f->rest, s);
     for (int e = 0; e < 2; e++) {
         size_t first = e ? FACE_EYE_LEFT_END : FACE_TEETH_END;
         for (size_t k = 0; k < 3; k++) {

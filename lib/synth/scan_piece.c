@@ -43,9 +43,10 @@ static int cut(struct piece *p, const float *place, size_t nv,
     p->place = malloc(9 * nf * sizeof *p->place);
     p->uv = malloc(6 * nf * sizeof *p->uv);
     p->faces = malloc(3 * nf * sizeof *p->faces);
+    p->origin = malloc(3 * nf * sizeof *p->origin);
     int32_t *t_of = malloc(3 * nf * sizeof *t_of);
     int32_t *chain = malloc(3 * nf * sizeof *chain);
-    if (!first || !p->place || !p->uv || !p->faces || !t_of || !chain) {
+    if (!first || !p->place || !p->uv || !p->faces || !p->origin || !t_of || !chain) {
         free(first);
         free(t_of);
         free(chain);
@@ -66,6 +67,7 @@ static int cut(struct piece *p, const float *place, size_t nv,
             if (c < 0) {
                 c = (int32_t)p->nc++;
                 t_of[c] = t;
+                p->origin[c] = v[k];
                 chain[c] = first[v[k]];
                 first[v[k]] = c;
                 copy3(p->place + 3 * c, place + 3 * v[k]);
@@ -165,6 +167,8 @@ int piece_load(struct piece *p, const struct body *b, const char *dir,
     rc = cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
          || bind_corners(p, b, err);
     measure_picture(p);
+    p->hidden = m.hidden;
+    m.hidden = NULL;
 out:
     free(place);
     mhclo_release(&m);
@@ -189,11 +193,30 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
     return 0;
 }
 
+void piece_slide(struct piece *p, const struct body *b, const float *normal,
+                 float dy)
+{
+    for (size_t i = 0; i < p->nc; i++) {
+        float *x = p->place + 3 * i, d[3], before, after;
+        const float *n = normal + 3 * p->bind[4 * i];
+        sub3(d, x, b->near.p + 3 * p->bind[4 * i]);
+        before = dot3(d, n);
+        x[1] += dy;
+        near_bind(p->bind + 4 * i, p->weight + 4 * i, &b->near, x);
+        n = normal + 3 * p->bind[4 * i];
+        sub3(d, x, b->near.p + 3 * p->bind[4 * i]);
+        after = dot3(d, n);
+        mad3(x, x, n, before - after);
+    }
+}
+
 void piece_release(struct piece *p)
 {
     free(p->place);
     free(p->uv);
     free(p->faces);
+    free(p->origin);
+    free(p->hidden);
     free(p->bind);
     free(p->weight);
     free(p->seen);

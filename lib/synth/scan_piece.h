@@ -31,6 +31,8 @@ struct piece {
     float *place;               /* (nc,3) head units */
     float *uv;                  /* (nc,2) */
     int32_t *faces;             /* (nf,3) */
+    int32_t *origin;            /* (nc) vertex that the corner was */
+    uint8_t *hidden;            /* (vertices of the body) covered, or NULL */
     int32_t *bind;              /* (nc,4) vertices of the scans */
     float *weight;              /* (nc,4) */
     uint64_t *seen;             /* (nc) directions it is seen from */
@@ -64,5 +66,9 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
                const float *place, size_t nv, const int32_t *faces, size_t nf,
                float above, struct error *err);
 void piece_release(struct piece *p);
+
+/* Move a piece that lies on the skin up by dy, keeping its distance from it. */
+void piece_slide(struct piece *p, const struct body *b, const float *normal,
+                 float dy);
 
 #endif

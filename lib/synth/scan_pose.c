@@ -32,26 +32,6 @@ static void turn_eyes(struct scan_stage *s)
     }
 }
 
-static void face_normals(struct scan_stage *s)
-{
-    const struct scan_face *f = &s->figure->assets->face;
-    float *n = s->face_normal;
-
-    memset(n, 0, 3 * FACE_VERTICES * sizeof *n);
-    for (size_t i = 0; i < f->nf; i++) {
-        const int32_t *v = f->raw + 3 * i;
-        const float *a = s->face + 3 * v[0];
-        float e[3], g[3], c[3];
-        sub3(e, s->face + 3 * v[1], a);
-        sub3(g, s->face + 3 * v[2], a);
-        cross3(c, e, g);
-        for (int k = 0; k < 3; k++)
-            mad3(n + 3 * v[k], n + 3 * v[k], c, 1);
-    }
-    for (size_t i = 0; i < FACE_VERTICES; i++)
-        unit3(n + 3 * i);
-}
-
 /* How much shorter the edges at a vertex have become. */
 static void find_folds(struct scan_stage *s)
 {
@@ -180,10 +160,10 @@ static float mouth_light(const struct scan_stage *s, const float *p)
     float deep = fmaxf(0.5f * (up[2] + low[2]) - p[2], 0);
     float off = fmaxf(fabsf(p[1] - mid) - 0.5f * gap, 0);
     float side = fabsf(p[0] - up[0]);
-    float open = 0.9f * gap + 0.035f;
+    float open = 0.8f * gap + 0.016f;
 
-    return clampf(1.1f * open / (open + 0.75f * deep + 1.1f * off
-                                 + 0.25f * side * side * 10), 0.02f, 1);
+    return clampf(0.85f * open / (open + 1.0f * deep + 1.2f * off
+                                  + 5 * side * side), 0.02f, 1);
 }
 
 /* Per corner and channel, the sky's light over what a free surface with that
@@ -238,7 +218,7 @@ void scan_pose(struct scan_stage *s)
     memcpy(s->face, f->rest, 3 * FACE_VERTICES * sizeof *s->face);
     scan_face_express(s->face, &f->assets->face, s->act->weight);
     turn_eyes(s);
-    face_normals(s);
+    scan_face_normals(s->face_normal, s->face, &f->assets->face);
     find_folds(s);
     place_corners(s);
     find_light(s);

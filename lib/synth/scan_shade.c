@@ -54,7 +54,7 @@ static void add_gloss(float rgb[3], const struct scan_stage *s,
     /* rough surfaces reach their full mirror only at grazing views */
     float f = fresnel(g->f0, fmaxf(nv, 0.02f) + 0.15f * g->rough);
     light_mirror(c, l, r, g->rough * 5);
-    mad3(rgb, rgb, c, g->amount * f * open * open);
+    mad3(rgb, rgb, c, g->amount * fminf(f, 0.35f) * open * open);
     for (int i = 0; i < l->nlamp; i++) {
         float nl = dot3(o->n, l->lamp[i].dir);
         if (nl <= 0 || shadow[i] <= 0)
@@ -277,7 +277,7 @@ static float piece_color(float c[3], const struct figure_part *p, float u,
         lum += w[k] * square(t[k]);
         mean += w[k] * p->piece->mean[k];
     }
-    float g = clampf(lum / fmaxf(mean, 0.004f), 0.2f, 2.6f);
+    float g = powf(clampf(lum / fmaxf(mean, 0.004f), 0.05f, 6), 0.55f);
     for (int k = 0; k < 3; k++)
         c[k] = p->own ? square(t[k]) : clampf(c[k] * g, 0, 0.95f);
     return t[3];
@@ -320,16 +320,11 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
 {
     const struct figure *f = s->figure;
     const struct light *l = &f->light;
-    const int32_t *v = f->faces + 3 * o->face;
-    float t[3], e1[3], e2[3], e[3];
+    const float *m = s->view.rot;
+    float t[3] = {m[1], m[4], m[7]}, e[3];
 
-    /* strands run down the picture: dp/dv */
-    sub3(e1, s->place + 3 * v[1], s->place + 3 * v[0]);
-    sub3(e2, s->place + 3 * v[2], s->place + 3 * v[0]);
-    float u1 = f->uv[2 * v[1]] - f->uv[2 * v[0]];
-    float u2 = f->uv[2 * v[2]] - f->uv[2 * v[0]];
-    for (int k = 0; k < 3; k++)
-        t[k] = u1 * e2[k] - u2 * e1[k];
+    /* strands hang: along the surface, downwards */
+    mad3(t, t, o->n, -dot3(t, o->n));
     unit3(t);
     for (int k = 0; k < 3; k++)
         e[k] = fmaxf(harmonic2_diffuse(&l->sky[k], o->n), 0.01f)
@@ -365,9 +360,9 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
 static float lash_cover(const struct scan_point *o, float thick)
 {
     float x = o->u * 46 + 2.5f * sinf(9 * o->u) * o->v, f = x - floorf(x);
-    float d = fabsf(f - 0.5f) / (0.34f * thick * (1.05f - o->v));
+    float d = fabsf(f - 0.5f) / (0.26f * thick * (1.05f - o->v));
 
-    return o->v > 0.98f ? 0 : clampf(1.6f - d, 0, 1) * 0.9f;
+    return o->v > 0.98f ? 0 : clampf(1.5f - d, 0, 1) * 0.75f;
 }
 
 float scan_shade_veil(float rgb[3], const struct scan_stage *s,

@@ -176,23 +176,6 @@ static float decode(uint8_t c)
     return v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
 }
 
-static void vertex_normals(float *n, const float *p,
-                           const struct scan_face *f)
-{
-    memset(n, 0, 3 * FACE_VERTICES * sizeof *n);
-    for (size_t i = 0; i < f->nf; i++) {
-        const int32_t *v = f->raw + 3 * i;
-        float a[3], b[3], c[3];
-        sub3(a, p + 3 * v[1], p + 3 * v[0]);
-        sub3(b, p + 3 * v[2], p + 3 * v[0]);
-        cross3(c, a, b);
-        for (int k = 0; k < 3; k++)
-            mad3(n + 3 * v[k], n + 3 * v[k], c, 1);
-    }
-    for (size_t i = 0; i < FACE_VERTICES; i++)
-        unit3(n + 3 * i);
-}
-
 /* Colours of a photograph on the texture square, log linear; weight 0 where
  * the skin faces away or something else covers it. */
 static void unwrap(struct skin_sample *o, const struct image *im,
@@ -302,7 +285,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
     } else {
         float *normal = shape + 3 * (size_t)FACE_VERTICES;
         register_shape(shape, f, &r);
-        vertex_normals(normal, shape, f);
+        scan_face_normals(normal, shape, f);
         unwrap(o, &im, f, c, &r, shape, normal, table);
         rc = drop_hair(o, s, mean) ? skin_memory(err) : 0;
         copy3(o->mean, mean);
