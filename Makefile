@@ -39,17 +39,19 @@ CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
 LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
         -lOpenImageIO_Util -lopencv_core -lopencv_imgproc -lopencv_imgcodecs \
-        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf \
+        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         $(MPI_LIBS) -lm
 
 # ---- sources: a new file is found by where it lies -------------------------
 
-LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c cmd/cli.c cmd/options*.c))
+LIB_C   := $(sort $(wildcard lib/*/*.c formats/*.c))
 LIB_CC  := $(sort $(wildcard formats/*.cc))
 TMPL_C  := $(filter %_tmpl.c,$(LIB_C))
 PLAIN_C := $(filter-out %_tmpl.c,$(LIB_C))
 PROGRAMS := $(patsubst cmd/%.c,$(BUILD)/bin/%,\
               $(sort $(wildcard cmd/spid.c cmd/spid-*.c)))
+# What the programs share; not part of the library.
+SHARED  := $(filter-out cmd/spid%,$(sort $(wildcard cmd/*.c)))
 UNIT    := $(patsubst tests/%.c,$(BUILD)/tests/%,\
               $(sort $(wildcard tests/unit/*.c)))
 GOLDEN_C := $(sort $(wildcard tests/golden/*.c))
@@ -68,6 +70,7 @@ TMPL_avx512   := -DISA_AVX512 -mavx512f -mavx512bw -mavx512vl -mavx512dq \
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
+CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
 
@@ -81,7 +84,7 @@ $(HEAD): $(BUILD)/bin/spid-head
 
 # make V=1 shows the commands themselves.
 ifeq ($(V),)
-SAY := @printf '%-4s%s\n'
+SAY := @printf '%-5s%s\n'
 MAKEFLAGS += --silent
 else
 SAY := @:
@@ -110,14 +113,16 @@ endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
 
 $(LIB): $(OBJS)
+$(CMD): $(SHARED:%.c=$(BUILD)/obj/%.o)
+$(LIB) $(CMD):
 	@rm -f $@
 	$(SAY) AR $@
 	ar rcs $@ $^
 
-$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(LIB)
+$(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(CMD) $(LIB)
 	@mkdir -p $(@D)
 	$(SAY) LD $@
-	$(CXX) $(BASE) $(LDFLAGS) $< $(LIB) $(LIBS) -o $@
+	$(CXX) $(BASE) $(LDFLAGS) $< $(CMD) $(LIB) $(LIBS) -o $@
 
 $(BUILD)/tests/unit/%: $(BUILD)/obj/tests/unit/%.o $(LIB)
 	@mkdir -p $(@D)
@@ -136,8 +141,8 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
-        libtinygltf-dev libopenmpi-dev openmpi-bin ffmpeg gnuplot-nox \
-        bats mandoc python3 python3-numpy
+        libtinygltf-dev libzip-dev libopenmpi-dev openmpi-bin ffmpeg \
+        gnuplot-nox bats mandoc python3 python3-numpy
 
 tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 
@@ -146,7 +151,7 @@ check: tests
 	BUILD=$(BUILD) tests/run $(T)
 
 bench: all
-	$(BUILD)/bin/spid-bench all
+	$(BUILD)/bin/spid-bench --levels all
 
 # The libraries' flags are read when make starts: deps first, then a new make.
 demo:
@@ -204,14 +209,16 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
-                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch]) \
+                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch] \
+                   formats/pickle*.[ch] formats/tensorfile*.[ch] \
+                   formats/arrayview.[ch] formats/ziparchive.[ch]) \
                  tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
 	  -DISA_ONE -DISA_NAME=baseline \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lm -o $@
+	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lzip -lm -o $@
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).
 $(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)

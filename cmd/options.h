@@ -5,6 +5,8 @@
 #include "cmd/cli.h"
 #include "lib/head/head.h"
 
+struct model;
+
 /* Rows of an option table. */
 #define OPTION_HEAD(path)                                                     \
     {"head", 0, CLI_STRING, (path), 0, 0, "FILE",                             \
@@ -33,5 +35,7 @@ int option_window(const char *value, void *dest, struct error *err);
 /* Load the head of --head, or when that was not given (NULL) the one that
  * cli_find_model finds. */
 int option_head_load(struct head *h, const char *path, struct error *err);
+/* Open the model of -m, or the one that cli_find_model finds. */
+int option_model_open(struct model *m, struct error *err);
 
 #endif

@@ -67,8 +67,10 @@ static const struct cli_option options[] = {
      "keep the background clear (PNG, PAM, EXR, stream)", NULL},
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"once", 0, CLI_FLAG, &track_options.once, 0, 0, NULL,
-     "no second look at the face, in a mirror: faster, less exact", NULL},
+    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "no test-time augmentation of the encoder: faster, less exact", NULL},
+    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "the same as --no-tta", NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
@@ -85,7 +87,7 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--keep-clear] "
     "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
-    "[--smooth HZ] [--once] [--fps RATE] [--bt601] [--roi] "
+    "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] "
     "[--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
     "[--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
@@ -118,9 +120,9 @@ static void open_models(void)
                                       &err)) ||
         prepare_open(&models, model, head_path ? head_path : head, &err))
         die_error(&err);
-    track_options.size = (double)models.nets.config.size;
-    animate_options.size = models.nets.config.size;
-    animate_options.model = models.model_path;
+    track_options.size = (double)models.model.config.size;
+    animate_options.size = models.model.config.size;
+    animate_options.model = &models.model;
     animate_options.workers = cli.threads > 0 ? cli.threads
                                               : omp_get_max_threads();
     animate_options.closed = closed_mm < 0 ? BAKED_CLOSED
@@ -134,6 +136,9 @@ static int open_source(struct clip *c, struct error *err)
 
     if (prepare_source(&c->source, &models, c->job->source, mask_path, err))
         return -1;
+    if (s->damaged)
+        warn("%s: the picture is damaged or cut short: what is missing is grey",
+             c->job->source);
     if (s->disc)
         warn("%s: no outline of the person found: the matte is a disc about "
              "the head (--mask FILE gives a better one)", c->job->source);
@@ -206,6 +211,9 @@ static void close_clip(struct clip *c, int failed)
     live_stop(&c->live);
     track_release(&c->track);
     identity_release(&c->mean);
+    if (c->frames && framesource_damaged(c->frames))
+        warn("%s: %zu pictures are damaged or cut short: what is missing is "
+             "grey", c->job->driver, framesource_damaged(c->frames));
     framesource_close(c->frames);
     if (failed)
         framesink_abandon(c->sink);

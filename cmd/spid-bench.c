@@ -10,7 +10,7 @@
 #include "lib/bench/bench.h"
 
 static double seconds = 20;
-static bool json, tsv;
+static bool json, tsv, levels;
 static const char *scene, *plot;
 
 static const struct cli_option options[] = {
@@ -23,13 +23,16 @@ static const struct cli_option options[] = {
       NULL },
     { "seconds", 's', CLI_FLOAT, &seconds, 0.1, 3600, "S",
       "about how long a stage may take (20)", NULL },
+    { "levels", 0, CLI_FLAG, &levels, 0, 0, NULL,
+      "each stage again on every narrower instruction set", NULL },
     { "scene", 0, CLI_STRING, &scene, 0, 0, "FILE",
       "splat: Gaussians of a .safetensors file", NULL },
     { 0 }
 };
 
 static const struct cli_usage usage = {
-    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] [--scene FILE] "
+    "spid-bench", "[--json | --tsv] [--plot FILE] [-s S] [--levels] "
+    "[--scene FILE] "
     "[-m MODEL] [-j THREADS] [-o FILE] STAGE...",
     "speed against error of every knob", options
 };
@@ -169,6 +172,7 @@ static void find_model(struct bench *b)
 int main(int argc, char **argv)
 {
     struct bench b;
+    struct error err = {0};
     int at = cli_parse(&usage, argc, argv);
 
     if (at == argc)
@@ -185,6 +189,9 @@ int main(int argc, char **argv)
     find_model(&b);
     for (int i = at; i < argc; i++)
         run_stage(&b, argv[i]);
+    for (int i = at; i < argc && levels; i++)
+        if (bench_levels(&b, argv[i], &err))
+            die_error(&err);
     write_report(&b);
     if (plot)
         write_plot(&b);

@@ -8,10 +8,10 @@
 #include "cmd/cli.h"
 #include "cmd/options.h"
 #include "lib/avatar/baked.h"
-#include "lib/avatar/model.h"
+#include "lib/avatar/baker.h"
 #include "lib/avatar/mover.h"
 #include "lib/avatar/prune.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 
 static const char *bake_path, *avatar_path, *head_path;
@@ -73,7 +73,7 @@ static void note(const char *format, ...)
 
 struct bake {
     struct head head;
-    struct avatar_model model;
+    struct baker baker;
     struct person person;
     struct baked baked;
     float *verts;
@@ -82,15 +82,13 @@ struct bake {
 static void open_model(struct bake *k)
 {
     struct error err = {0};
-    char model[4096], head[4096];
+    struct model model;
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
-        (!head_path && cli_find_model("head.safetensors", head, sizeof head,
-                                      &err)) ||
-        head_load(&k->head, head_path ? head_path : head, &err) ||
-        avatar_model_open(&k->model, model, &k->head, without, precision,
-                          &err))
+    if (option_model_open(&model, &err) ||
+        option_head_load(&k->head, head_path, &err) ||
+        baker_open(&k->baker, &model, &k->head, without, precision, &err))
         die_error(&err);
+    model_close(&model);
     k->verts = malloc(3 * k->head.V * sizeof *k->verts);
     if (!k->verts)
         die(EX_OSERR, "no memory for %zu vertices", k->head.V);
@@ -129,7 +127,7 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
 
 static void prune(struct bake *k)
 {
-    const struct avatar *a = &k->model.avatar;
+    const struct avatar *a = &k->baker.avatar;
     struct prune_report r;
     struct error err = {0};
     struct identity id;
@@ -142,7 +140,7 @@ static void prune(struct bake *k)
     if (prune_eps < 0)
         return;
     if (person_fold(&id, &k->head, &k->person, &err) ||
-        prune_views(&k->baked, &r, &a->dense, &id, k->model.config.size,
+        prune_views(&k->baked, &r, &a->dense, &id, a->config.size,
                     prune_eps, &err))
         die_error(&err);
     identity_release(&id);
@@ -161,14 +159,14 @@ static void bake(struct stream_writer *out)
     open_model(&k);
     copy_identity(out, &k);
     double begun = stats_begin();
-    if (avatar_model_bake(&k.model, k.verts, &k.person, &err) ||
-        baked_from_avatar(&k.baked, &k.model.avatar, &err)) {
+    if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
+        baked_from_avatar(&k.baked, &k.baker.avatar, &err)) {
         stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
         die_error(&err);
     }
     stats_end("bake", begun);
-    const struct avatar *a = &k.model.avatar;
+    const struct avatar *a = &k.baker.avatar;
     note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
          "clamped", k.baked.N, a->mouth.bowl / k.head.scale * 1e3,
          a->mouth.lip / k.head.scale * 1e3, a->cap / k.head.scale * 1e3,
@@ -179,7 +177,7 @@ static void bake(struct stream_writer *out)
         die_error(&err);
     }
     baked_release(&k.baked);
-    avatar_model_release(&k.model);
+    baker_release(&k.baker);
     person_release(&k.person);
     head_release(&k.head);
     free(k.verts);

@@ -10,11 +10,11 @@
 #include "formats/image.h"
 #include "lib/base/file.h"
 #include "lib/eval/compare.h"
+#include "lib/eval/pairs.h"
 #include "lib/eval/people.h"
+#include "lib/eval/summary.h"
 
 #define PATH 600
-#define FIELDS 6 /* of a pairs file: name, kind, truth, result, protocol,
-                  * source */
 
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
@@ -30,9 +30,9 @@ static int parse_known(const char *value, void *dest, struct error *err)
     unsigned *bits = dest;
 
     if (strcmp(value, "shape") == 0)
-        *bits |= SUBJECT_TRUE_SHAPE;
+        *bits |= REENACTOR_TRUE_SHAPE;
     else if (strcmp(value, "motion") == 0)
-        *bits |= SUBJECT_TRUE_MOTION;
+        *bits |= REENACTOR_TRUE_MOTION;
     else
         return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
                          "shape or motion)", value);
@@ -58,7 +58,7 @@ static const struct cli_option options[] = {
      .arg = "PICTURE",
      .help = "--arcface: who it shall be, adds the column arcface_src"},
     {.name = "people", .kind = CLI_STRING, .dest = &opt.people,
-     .arg = "STREAM", .help = "judge the model (-m) on people of spid-synth"},
+     .arg = "STREAM", .help = "evaluate the model (-m) on people of spid-synth"},
     {.name = "count", .kind = CLI_INT, .dest = &opt.count, .min = 1,
      .max = 100000, .arg = "N", .help = "--people: how many (default 40)"},
     {.name = "frames", .kind = CLI_INT, .dest = &opt.frames, .min = 2,
@@ -89,8 +89,8 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
-/* What pairs are judged with. */
-struct judge {
+/* What pairs are compared with. */
+struct comparison {
     struct head head;           /* V 0: none found */
     struct lpips lpips;
     struct likeness likeness;
@@ -99,77 +99,28 @@ struct judge {
     bool self, cross;           /* protocols that rows name */
 };
 
-static int load_head(struct head *h, int must)
+/* The head of --head, or the one that is found; V is 0 when it may be missing
+ * and is. */
+static void load_head(struct head *h, bool required)
 {
     struct error err = {0};
-    char path[PATH];
 
-    if (opt.head)
-        snprintf(path, sizeof path, "%s", opt.head);
-    else if (cli_find_model("head.safetensors", path, sizeof path, &err)) {
-        if (must)
-            die_error(&err);
-        return 0;
-    }
-    if (head_load(h, path, &err))
+    if (option_head_load(h, opt.head, &err) &&
+        (required || opt.head || err.code != EX_NOINPUT))
         die_error(&err);
-    return 1;
+}
+
+/* The message on standard error; the exit code. */
+static int complain(const struct error *err)
+{
+    fprintf(stderr, "spid-eval: %s\n", err->text);
+    return err->code ? err->code : EX_SOFTWARE;
 }
 
 /* ---- output ------------------------------------------------------------- */
 
-/* The figures issue and papers name, flat; then every row as an object. */
-static void write_model_json(FILE *f, const struct table *t)
-{
-    static const struct {
-        const char *key, *row, *column;
-    } flat[] = {
-        {"psnr", "SpiD", "psnr"},
-        {"ssim", "SpiD", "ssim"},
-        {"msssim", "SpiD", "msssim"},
-        {"l1", "SpiD", "l1"},
-        {"psnr_star", "SpiD*", "psnr"},
-        {"ssim_star", "SpiD*", "ssim"},
-        {"psnr_source", "source", "psnr"},
-        {"ssim_source", "source", "ssim"},
-        {"pose_deg", "SpiD", "pose_deg"},
-        {"yaw_deg", "SpiD", "yaw_deg"},
-        {"pitch_deg", "SpiD", "pitch_deg"},
-        {"roll_deg", "SpiD", "roll_deg"},
-        {"landmark_pct", "SpiD", "landmark_pct"},
-        {"landmark_pct_2d", "SpiD", "landmark_pct_2d"},
-        {"akd", "SpiD", "akd"},
-        {"aed", "SpiD", "aed"},
-        {"apd", "SpiD", "apd"},
-        {"jaw_corr", "SpiD", "jaw_corr"},
-        {"blink_corr", "SpiD", "blink_corr"},
-        {"cross_colour_to_source", "cross", "colour_to_source"},
-        {"cross_colour_to_driver", "cross", "colour_to_driver"},
-    };
-    struct table copy = *t;
-
-    fputs("{\n", f);
-    for (size_t i = 0; i < sizeof flat / sizeof *flat; i++) {
-        size_t row = (size_t)-1, col = (size_t)-1;
-        for (size_t r = 0; r < t->rows; r++)
-            if (!strcmp(t->row[r].name, flat[i].row))
-                row = r;
-        for (size_t c = 0; c < t->columns; c++)
-            if (!strcmp(t->column[c], flat[i].column))
-                col = c;
-        double x = table_mean(&copy, row, col);
-        if (x == x)
-            fprintf(f, " \"%s\": %.6g,\n", flat[i].key, x);
-        else
-            fprintf(f, " \"%s\": null,\n", flat[i].key);
-    }
-    fputs(" \"rows\": ", f);
-    table_write(f, t, TABLE_JSON);
-    fputs("}\n", f);
-}
-
 /* The protocols of the rows, so that a table says what it shows. */
-static void write_protocols(FILE *f, const struct judge *j,
+static void write_protocols(FILE *f, const struct comparison *j,
                             enum table_format format)
 {
     const char *mark = format == TABLE_LATEX ? "% " : "# ";
@@ -186,7 +137,7 @@ static void write_protocols(FILE *f, const struct judge *j,
 }
 
 static void write_table(const struct table *t, enum table_format format,
-                        const struct judge *j)
+                        const struct comparison *j)
 {
     int model = opt.people != NULL;
     char part[PATH];
@@ -198,7 +149,7 @@ static void write_table(const struct table *t, enum table_format format,
     if (named && !(f = fopen(part, "w")))
         die(EX_CANTCREAT, "%s: %s", part, strerror(errno));
     if (model && format == TABLE_JSON)
-        write_model_json(f, t);
+        summary_write(f, t);
     else
         table_write(f, t, format);
     write_protocols(f, j, format);
@@ -214,79 +165,47 @@ static void write_table(const struct table *t, enum table_format format,
 /* ---- pairs -------------------------------------------------------------- */
 
 /* Compare one pair into the row; 0, or the exit code after a message. */
-static int judge_pair(struct table *t, const char *row, int motion,
-                      const char *truth, const char *result,
-                      const char *source, const struct judge *j)
+static int compare_pair(struct table *t, const char *row,
+                        const struct pair *p, const struct comparison *j)
 {
     struct error err = {0};
-    struct compare_log log = {.tsv = j->tsv, .pair = result};
+    struct compare_log log = {.tsv = j->tsv, .pair = p->result};
     size_t r = table_row(t, row);
-    int rc = motion ? compare_motions(t, r, truth, result,
-                                      j->head.V ? &j->head : NULL, &log, &err)
-                    : compare_frames(t, r, truth, result, source, &j->nets,
-                                     &log, &err);
+    int rc = p->motion
+                 ? compare_motions(t, r, p->truth, p->result,
+                                   j->head.V ? &j->head : NULL, &log, &err)
+                 : compare_frames(t, r, p->truth, p->result, p->source,
+                                  &j->nets, &log, &err);
 
-    if (!rc)
-        return 0;
-    fprintf(stderr, "spid-eval: %s\n", err.text);
-    return err.code ? err.code : EX_SOFTWARE;
+    return rc ? complain(&err) : 0;
 }
 
-/* A line of the pairs file into fields; 0 for a comment, -1 when damaged. */
-static int split(char *line, char *field[FIELDS])
+static int compare_pairs(struct table *t, struct comparison *j)
 {
-    int n = 0;
+    struct error err = {0};
+    struct pairs list;
+    char row[TABLE_NAME];
+    int code = 0;
+    size_t failed = 0;
 
-    line[strcspn(line, "\r\n")] = 0;
-    if (!*line || *line == '#')
-        return 0;
-    for (char *p = line; p && n < FIELDS; n++) {
-        field[n] = p;
-        p = strchr(p, '\t');
-        if (p)
-            *p++ = 0;
-    }
-    return n >= 4 ? n : -1;
-}
+    if (pairs_read(&list, opt.pairs, &err))
+        die_error(&err);
+    for (size_t i = 0; i < list.count; i++) {
+        const struct pair *p = &list.pair[i];
+        int rc;
 
-/* name, kind (frames or motion), truth, result, what the row is of, and the
- * picture the result was made of. */
-static int judge_pairs(struct table *t, struct judge *j)
-{
-    FILE *f = fopen(opt.pairs, "r");
-    char line[4096], row[TABLE_NAME], *field[FIELDS];
-    int number = 0, code = 0, failed = 0, done = 0;
-
-    if (!f)
-        die(EX_NOINPUT, "%s: %s", opt.pairs, strerror(errno));
-    while (fgets(line, sizeof line, f)) {
-        int n = split(line, field), motion, rc;
-        number++;
-        if (n == 0)
-            continue;
-        if (n < 0)
-            die(EX_DATAERR, "%s: line %d: not a pair (expected name, frames "
-                "or motion, truth, result and, optional, protocol and "
-                "source, with tabs between)", opt.pairs, number);
-        motion = !strcmp(field[1], "motion");
-        if (!motion && strcmp(field[1], "frames"))
-            die(EX_DATAERR, "%s: line %d: %s (expected frames or motion)",
-                opt.pairs, number, field[1]);
-        snprintf(row, sizeof row, n > 4 ? "%s, %s" : "%s", field[0],
-                 n > 4 ? field[4] : "");
-        j->self |= n > 4 && !strcmp(field[4], "self");
-        j->cross |= n > 4 && !strcmp(field[4], "cross");
-        rc = judge_pair(t, row, motion, field[2], field[3],
-                        n > 5 ? field[5] : NULL, j);
+        snprintf(row, sizeof row, p->protocol ? "%s, %s" : "%s", p->name,
+                 p->protocol);
+        j->self |= p->protocol && !strcmp(p->protocol, "self");
+        j->cross |= p->protocol && !strcmp(p->protocol, "cross");
+        rc = compare_pair(t, row, p, j);
         failed += rc != 0;
         code = rc ? rc : code;
-        done++;
     }
-    fclose(f);
-    if (!done)
-        die(EX_DATAERR, "%s: no pairs", opt.pairs);
     if (failed)
-        warn("%d of %d pairs could not be judged to their end", failed, done);
+        warn("%zu of %zu pairs could not be compared to their end", failed,
+             list.count);
+    pairs_release(&list);
     return code;
 }
 
@@ -297,11 +216,11 @@ static void advance(size_t done, size_t total)
     progress("people", done, total, NULL);
 }
 
-static int judge_model(struct table *t, const struct head *h)
+static int evaluate_model(struct table *t, const struct head *h)
 {
     struct error err = {0};
-    struct subject s;
-    struct sheet sheet = {0};
+    struct reenactor s;
+    struct contact_sheet sheet = {0};
     struct people_options po = {
         .stream = opt.people, .people = (size_t)opt.count,
         .frames = (size_t)opt.frames, .stride = (size_t)opt.stride,
@@ -310,35 +229,34 @@ static int judge_model(struct table *t, const struct head *h)
                       : opt.rows < opt.count  ? (size_t)opt.rows
                                               : (size_t)opt.count,
         .progress = advance};
-    char path[PATH];
+    struct model model;
     uint8_t *rgb;
     size_t H, W;
     int rc;
 
-    if (cli_find_model("model.safetensors", path, sizeof path, &err) ||
-        subject_init(&s, path, h, &err))
+    if (option_model_open(&model, &err) ||
+        reenactor_init(&s, &model, h, &err))
         die_error(&err);
+    model_close(&model);
     s.truth = opt.truth;
-    rc = people_judge(t, &sheet, &s, &po, &err);
+    rc = people_evaluate(t, &sheet, &s, &po, &err);
     progress_end();
-    subject_release(&s);
-    if (rc) {
-        fprintf(stderr, "spid-eval: %s\n", err.text);
-        return err.code ? err.code : EX_SOFTWARE;
-    }
+    reenactor_release(&s);
+    if (rc)
+        return complain(&err);
     if (!opt.sheet)
         return 0;
-    sheet_take(&sheet, &rgb, &H, &W);
+    contact_sheet_take(&sheet, &rgb, &H, &W);
     if (image_write_png(opt.sheet, rgb, W, H, 3, &err))
         die_error(&err);
     free(rgb);
     return 0;
 }
 
-static void open_judge(struct judge *j)
+static void open_comparison(struct comparison *j)
 {
     struct error err = {0};
-    char model[PATH];
+    struct model model = {0};
 
     if (opt.frames_tsv && !(j->tsv = fopen(opt.frames_tsv, "w")))
         die(EX_CANTCREAT, "%s: %s", opt.frames_tsv, strerror(errno));
@@ -349,17 +267,18 @@ static void open_judge(struct judge *j)
         j->nets.lpips = &j->lpips;
     }
     if (opt.arcface) {
-        bool found = !cli_find_model("model.safetensors", model,
-                                     sizeof model, &err);
+        bool found = option_model_open(&model, &err) == 0;
 
-        if (likeness_init(&j->likeness, opt.arcface, found ? model : NULL,
+        if ((!found && err.code != EX_NOINPUT) ||
+            likeness_init(&j->likeness, opt.arcface, found ? &model : NULL,
                           j->head.V ? &j->head : NULL, &err))
             die_error(&err);
+        model_close(&model);
         j->nets.likeness = &j->likeness;
     }
 }
 
-static void close_judge(struct judge *j)
+static void close_comparison(struct comparison *j)
 {
     if (j->tsv && fclose(j->tsv))
         die(EX_IOERR, "%s: %s", opt.frames_tsv, strerror(errno));
@@ -372,7 +291,7 @@ static void close_judge(struct judge *j)
 
 int main(int argc, char **argv)
 {
-    static struct judge j;
+    static struct comparison j;
     int first = cli_parse(&usage, argc, argv), code;
     int need = opt.pairs || opt.people ? 0 : 2;
     enum table_format format;
@@ -386,19 +305,20 @@ int main(int argc, char **argv)
             need);
     if (opt.source && !opt.arcface)
         die(EX_USAGE, "--source is for --arcface");
-    open_judge(&j);
+    open_comparison(&j);
     table_init(&t);
     if (opt.people)
-        code = judge_model(&t, &j.head);
+        code = evaluate_model(&t, &j.head);
     else if (opt.pairs)
-        code = judge_pairs(&t, &j);
+        code = compare_pairs(&t, &j);
     else
-        code = judge_pair(&t, opt.name, opt.motion, argv[first],
-                          argv[first + 1], opt.source, &j);
+        code = compare_pair(&t, opt.name, &(struct pair){
+            .motion = opt.motion, .truth = argv[first],
+            .result = argv[first + 1], .source = opt.source}, &j);
     if (!code || !opt.people)
         write_table(&t, format, &j);
     table_release(&t);
-    close_judge(&j);
+    close_comparison(&j);
     stats_write();
     return code;
 }

@@ -4,8 +4,9 @@
 #include <string.h>
 
 #include "cmd/options.h"
-#include "lib/avatar/records.h"
 #include "lib/head/lbs.h"
+#include "lib/record/mesh.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 
 static const char *head_path, *identity_path;

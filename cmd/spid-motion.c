@@ -8,7 +8,7 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/framesource.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
@@ -27,8 +27,10 @@ static const struct cli_option options[] = {
                   "portrait window (default: about the first face)"),
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"once", 0, CLI_FLAG, &track_options.once, 0, 0, NULL,
-     "no second look at the face, in a mirror: faster, less exact", NULL},
+    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "no test-time augmentation of the encoder: faster, less exact", NULL},
+    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
+     "the same as --no-tta", NULL},
     {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE",
      "write a video of crop, landmarks and mesh on the frames", NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
@@ -44,7 +46,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-motion", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--once] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
+    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
     "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
     "estimate head motion from video, pictures or piped frames", options
@@ -54,6 +56,7 @@ struct program {
     struct head head;
     struct person person;
     struct identity id;
+    struct model model;
     struct encoders nets;
     struct track track;
     struct framesource *in;
@@ -68,16 +71,15 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096];
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+    if (option_model_open(&p->model, &err)
         || option_head_load(&p->head, head_path, &err)
-        || encoders_open(&p->nets, model, false, precision, &err)
+        || encoders_open(&p->nets, &p->model, false, precision, &err)
         || (identity_path && person_load(&p->person, identity_path,
                                          p->head.nexp, &err))
         || person_fold(&p->id, &p->head, &p->person, &err))
         die_error(&err);
-    track_options.size = (double)p->nets.config.size;
+    track_options.size = (double)p->model.config.size;
 }
 
 static void open_input(struct program *p, char **name, int count)
@@ -157,7 +159,7 @@ static void start(struct program *p)
     double begun = stats_begin();
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head,
-        .config = &p->nets.config, .model_hash = p->nets.model_hash
+        .model = &p->model
     };
 
     if (driver_start(&p->driver, draw_searched, p, &err)) {
@@ -237,6 +239,9 @@ static int finish(struct program *p, int rc, struct error *err)
     if (p->lost)
         warn("%s: no face in %zu frames in all", framesource_name(p->in),
              p->lost);
+    if (framesource_damaged(p->in))
+        warn("%zu pictures are damaged or cut short: what is missing is grey",
+             framesource_damaged(p->in));
     return 0;
 }
 
@@ -269,6 +274,7 @@ int main(int argc, char **argv)
     driver_release(&p.driver);
     track_release(&p.track);
     encoders_release(&p.nets);
+    model_close(&p.model);
     overlay_release(&p.overlay);
     framesource_close(p.in);
     identity_release(&p.id);

@@ -12,6 +12,7 @@
 #include "formats/recordply.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/half.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path;
@@ -151,7 +152,7 @@ static int add_npy(struct pack *p, const char *source, struct error *err)
                ? error_prefix(err, "%s", path) : 0;
 }
 
-/* One tensor; i64 must fit i32, bf16 becomes f32. */
+/* One tensor; integers must fit i32, bf16 becomes f32. */
 static int add_tensor(struct pack *p, const struct safetensors *st,
                       const struct st_tensor *t, struct error *err)
 {
@@ -159,7 +160,7 @@ static int add_tensor(struct pack *p, const struct safetensors *st,
     size_t bytes = t->count * st_dtype_size(t->dtype);
     void *data;
 
-    if (t->dtype == ST_I64 || t->dtype == ST_I8 || t->dtype == ST_I32) {
+    if (t->dtype != ST_U8 && (t->dtype < ST_F16 || t->dtype > ST_F64)) {
         dtype = DTYPE_I32;
         data = st_load_i32(st, t->name, t->ndim, t->dim, NULL, err);
         if (!data)

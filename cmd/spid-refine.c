@@ -44,6 +44,7 @@ static const struct cli_usage usage = {
 };
 
 struct program {
+    struct model model;
     struct refine refine;
     struct stream_reader *in;
     struct ahead *ahead;
@@ -56,10 +57,9 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096];
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err)
-        || refine_open(&p->refine, model, precision, roi, &err))
+    if (option_model_open(&p->model, &err)
+        || refine_open(&p->refine, &p->model, precision, roi, &err))
         die_error(&err);
 }
 
@@ -161,7 +161,7 @@ static void compare(const struct program *p, const struct refine_input *in)
     float *want = malloc(n * sizeof *want);
     double most = 0, square = 0;
 
-    if (!want || refine_open(&full, p->refine.path, NN_F32, false, &err)
+    if (!want || refine_open(&full, &p->model, NN_F32, false, &err)
         || refine_frame(want, &full, in, &err)) {
         free(want);
         return;
@@ -270,6 +270,7 @@ int main(int argc, char **argv)
     ahead_close(p.ahead);
     stream_close(p.in);
     refine_release(&p.refine);
+    model_close(&p.model);
     background_release(&background);
     free(p.rgb);
     return 0;

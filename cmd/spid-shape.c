@@ -39,6 +39,7 @@ static const struct cli_usage usage = {
 
 struct program {
     struct head head;
+    struct model model;
     struct encoders nets;
     struct image picture, mask;
     struct source source;
@@ -47,13 +48,12 @@ struct program {
 static void open_model(struct program *p)
 {
     struct error err = {0};
-    char model[4096];
 
-    if (cli_find_model("model.safetensors", model, sizeof model, &err)
+    if (option_model_open(&p->model, &err)
         || option_head_load(&p->head, head_path, &err)
-        || encoders_open(&p->nets, model, true, precision, &err))
+        || encoders_open(&p->nets, &p->model, true, precision, &err))
         die_error(&err);
-    track_options.size = (double)p->nets.config.size;
+    track_options.size = (double)p->model.config.size;
 }
 
 static void read_pictures(struct program *p, const char *path)
@@ -64,6 +64,9 @@ static void read_pictures(struct program *p, const char *path)
     if (image_read(&p->picture, path, &err)
         || (mask_path && image_read(&p->mask, mask_path, &err)))
         die_error(&err);
+    if (p->picture.damaged)
+        warn("%s: the picture is damaged or cut short: what is missing is grey",
+             path);
     stats_end("decode", begun);
 }
 
@@ -97,15 +100,14 @@ static void write_identity(const struct program *p)
     struct stream_writer *out = stream_create(cli.output, &err);
     struct conf conf = {
         .producer = "spid-shape", .head = &p->head,
-        .config = &p->nets.config, .model_hash = p->nets.model_hash,
-        .window = &p->source.window, .width = p->picture.width,
-        .height = p->picture.height
+        .model = &p->model, .window = &p->source.window,
+        .width = p->picture.width, .height = p->picture.height
     };
 
     if (!out)
         die_error(&err);
     if (conf_write(out, &conf, &err)
-        || source_write(out, &p->source, p->head.nexp, &err)) {
+        || person_write(out, &p->source.person, p->head.nexp, &err)) {
         stream_abandon(out);
         die_error(&err);
     }
@@ -118,7 +120,7 @@ static void write_identity(const struct program *p)
 static void dim_background(uint8_t *rgb, const struct program *p)
 {
     const size_t W = p->picture.width, H = p->picture.height;
-    const size_t S = p->source.size;
+    const size_t S = p->source.person.size;
     const double k = (double)S / p->source.window.size;
 
     memcpy(rgb, p->picture.rgb, 3 * W * H);
@@ -128,7 +130,7 @@ static void dim_background(uint8_t *rgb, const struct program *p)
             double v = ((double)y + 0.5 - p->source.window.y) * k + S / 2.0;
             uint8_t *q = rgb + 3 * (y * W + x);
             int a = u >= 0 && v >= 0 && u < (double)S && v < (double)S
-                ? p->source.matte[(size_t)v * S + (size_t)u] : 0;
+                ? p->source.person.matte[(size_t)v * S + (size_t)u] : 0;
             for (int c = 0; c < 3; c++)
                 q[c] = (uint8_t)((q[c] * (64 + a * 3 / 4)) >> 8);
         }
@@ -143,13 +145,14 @@ static void write_overlay(const struct program *p)
     uint8_t *dim = malloc(3 * W * H);
     const uint8_t *drawn = NULL;
 
-    if (head_fold(&id, &p->head, p->source.shape, p->source.nshape, &err)
+    if (head_fold(&id, &p->head, p->source.person.shape,
+                  p->source.person.nshape, &err)
         || overlay_init(&o, &id, &err))
         die_error(&err);
     if (dim) {
         dim_background(dim, p);
-        drawn = overlay_draw(&o, dim, W, H, &p->source.motion, false,
-                             p->source.window, (double)p->source.size,
+        drawn = overlay_draw(&o, dim, W, H, &p->source.person.source, false,
+                             p->source.window, (double)p->source.person.size,
                              source_matte_name(p->source.how));
     }
     if (!drawn)
@@ -179,6 +182,7 @@ int main(int argc, char **argv)
     image_release(&p.picture);
     image_release(&p.mask);
     encoders_release(&p.nets);
+    model_close(&p.model);
     head_release(&p.head);
     return 0;
 }

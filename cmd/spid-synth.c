@@ -8,7 +8,9 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/image.h"
-#include "lib/avatar/records.h"
+#include "lib/record/mesh.h"
+#include "lib/record/motion.h"
+#include "lib/record/shape.h"
 #include "lib/synth/scan.h"
 #include "lib/synth/sheet.h"
 #include "lib/synth/statistics.h"
@@ -95,12 +97,9 @@ static int write_person(struct stream_writer *w, const struct synth_frame *f,
                         uint64_t number, struct error *err)
 {
     int32_t who = (int32_t)f->person;
-    struct array a[2] = {
-        array_make("shape", DTYPE_F32, f->beta, 1, f->nbeta, 0, 0, 0),
-        array_make("person", DTYPE_I32, &who, 1, 1, 0, 0, 0)
-    };
+    struct shape s = {.beta = f->beta, .n = f->nbeta, .person = &who};
 
-    return stream_write(w, "SHAP", number, (double)number / fps, a, 2, err);
+    return shape_write(w, number, (double)number / fps, &s, err);
 }
 
 /* MOTN, MESH and IMAG of one frame. */

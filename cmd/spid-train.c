@@ -6,7 +6,7 @@
 
 #include "cmd/options.h"
 #include "formats/image.h"
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/head/head.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"

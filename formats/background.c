@@ -1,3 +1,5 @@
+/* What stands behind the person: a colour, a picture, or the source picture
+ * with the person filled in. */
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -7,6 +9,7 @@
 #include "formats/image.h"
 #include "formats/matte.h"
 
+/* "white", "#rrggbb" or "r,g,b". */
 static int parse_color(const char *value, uint8_t color[3])
 {
     static const struct {

@@ -1,12 +1,15 @@
+/* Premultiplied colours over a background, rounded to bytes: the plain
+ * versions and the choice of the fastest. */
 #include "formats/compose.h"
 
 #include <string.h>
 
 #include "formats/framesink.h"
-#include "formats/safetensors.h"
 #include "lib/base/cpu.h"
+#include "lib/base/half.h"
 
-static uint8_t level(float v)
+/* Rounded and clamped; NaN becomes 0. */
+static uint8_t compose_level(float v)
 {
     v += 0.5f;
     if (!(v > 0.0f))
@@ -19,14 +22,14 @@ void compose_c(uint8_t *out, const float *color, const float *alpha,
 {
     for (size_t i = 0; i < n; i++, bg += bg_step)
         for (size_t k = 0; k < 3; k++)
-            out[3 * i + k] = level(color[3 * i + k] * 255.0f
-                                   + (1.0f - alpha[i]) * bg[k]);
+            out[3 * i + k] = compose_level(color[3 * i + k] * 255.0f
+                                           + (1.0f - alpha[i]) * bg[k]);
 }
 
 void compose_quantise_c(uint8_t *out, const float *x, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        out[i] = level(x[i] * 255.0f);
+        out[i] = compose_level(x[i] * 255.0f);
 }
 
 void compose_half_c(uint16_t *out, const float *x, size_t n)
@@ -43,9 +46,9 @@ void compose_widen_c(float *out, const uint16_t *x, size_t n)
 
 const struct compose_table *compose_table(void)
 {
-    static const struct compose_table plain = {
-        compose_c, compose_quantise_c, compose_half_c,
-        compose_widen_c
+    static const struct compose_table baseline = {
+        compose_baseline, compose_quantise_baseline, compose_half_baseline,
+        compose_widen_baseline
     };
 #ifdef SPID_X86
     static const struct compose_table avx2 = {
@@ -63,7 +66,7 @@ const struct compose_table *compose_table(void)
     default: break;
     }
 #endif
-    return &plain;
+    return &baseline;
 }
 
 /* ---- whole frames ----------------------------------------------------- */
@@ -92,7 +95,8 @@ static const float *color_run(float *run, const struct framesink_frame *f,
     return run;
 }
 
-static size_t clamped(double v, size_t top)
+/* A coordinate of the background, at most top. */
+static size_t compose_clamp(double v, size_t top)
 {
     return v < (double)top ? (size_t)v : top;
 }
@@ -109,13 +113,13 @@ static void background_run(uint8_t *run, const struct background *bg,
     const double oy = ((double)bg->height - s * (double)H) / 2;
     const size_t top = bg->height - 1, end = bg->width - 1;
     const uint8_t *a = bg->rgb + 3 * bg->width
-                       * clamped(oy + s * ((double)y + 0.25), top);
+                       * compose_clamp(oy + s * ((double)y + 0.25), top);
     const uint8_t *b = bg->rgb + 3 * bg->width
-                       * clamped(oy + s * ((double)y + 0.75), top);
+                       * compose_clamp(oy + s * ((double)y + 0.75), top);
 
     for (size_t i = 0; i < n; i++, run += 3) {
-        size_t u = 3 * clamped(ox + s * ((double)(x + i) + 0.25), end);
-        size_t v = 3 * clamped(ox + s * ((double)(x + i) + 0.75), end);
+        size_t u = 3 * compose_clamp(ox + s * ((double)(x + i) + 0.25), end);
+        size_t v = 3 * compose_clamp(ox + s * ((double)(x + i) + 0.75), end);
         for (size_t k = 0; k < 3; k++)
             run[k] = (uint8_t)((a[u + k] + a[v + k] + b[u + k] + b[v + k]
                                 + 2) / 4);

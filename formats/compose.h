@@ -21,12 +21,17 @@ typedef void compose_half_fn(uint16_t *out, const float *x, size_t n);
 /* out (n) = the float of IEEE half x. */
 typedef void compose_widen_fn(float *out, const uint16_t *x, size_t n);
 
+/* Plainly, one number at a time: for what is left of a row, and for tests. */
 void compose_c(uint8_t *out, const float *color, const float *alpha,
                const uint8_t *bg, size_t bg_step, size_t n);
 void compose_quantise_c(uint8_t *out, const float *x, size_t n);
 void compose_half_c(uint16_t *out, const float *x, size_t n);
 void compose_widen_c(float *out, const uint16_t *x, size_t n);
 
+compose_fn compose_baseline;
+compose_quantise_fn compose_quantise_baseline;
+compose_half_fn compose_half_baseline;
+compose_widen_fn compose_widen_baseline;
 #ifdef SPID_X86
 compose_fn compose_avx2, compose_avx512;
 compose_quantise_fn compose_quantise_avx2, compose_quantise_avx512;

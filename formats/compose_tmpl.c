@@ -1,59 +1,106 @@
+/* Rendered colours to bytes, floats to half precision and back: a vector of
+ * numbers at a time, as wide as the instruction set's registers for it. */
 #include "formats/compose.h"
 
-#if !defined(ISA_BASELINE)
-
-#include <immintrin.h>
 #include <string.h>
 
-typedef __m256 v8f;
-typedef int v8i __attribute__((vector_size(32)));
-typedef uint8_t v8b __attribute__((vector_size(8)));
+#if defined(__SSE2__)
+#include <immintrin.h>
+#endif
 
-static inline v8f load8(const float *p)
+#if defined(ISA_BASELINE)
+enum { LANES = 4 };
+#else
+enum { LANES = 8 };
+#endif
+
+typedef float vf __attribute__((vector_size(4 * LANES)));
+typedef int32_t vi __attribute__((vector_size(4 * LANES)));
+typedef uint8_t vb __attribute__((vector_size(LANES)));
+
+static inline vf load(const float *p)
 {
-    v8f v;
+    vf v;
+
     memcpy(&v, p, sizeof v);
     return v;
 }
 
-static inline v8f load8b(const uint8_t *p)
+static inline vf load_bytes(const uint8_t *p)
 {
-    v8b v;
+#if defined(ISA_BASELINE) && defined(__SSE2__)
+    __m128i zero = _mm_setzero_si128();
+    int32_t four;
+
+    memcpy(&four, p, sizeof four);
+    __m128i wide = _mm_unpacklo_epi8(_mm_cvtsi32_si128(four), zero);
+
+    return (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(wide, zero));
+#else
+    vb v;
+
     memcpy(&v, p, sizeof v);
-    return __builtin_convertvector(v, v8f);
+    return __builtin_convertvector(v, vf);
+#endif
 }
 
 /* x in levels, rounded and clamped; NaN becomes 0 (maxps keeps its second). */
-static inline void store8b(uint8_t *p, v8f x)
+static inline void store_bytes(uint8_t *p, vf x)
 {
-    v8f v = _mm256_max_ps(x + 0.5f, _mm256_setzero_ps());
-    v = _mm256_min_ps(v, _mm256_set1_ps(255.0f));
-    v8b b = __builtin_convertvector(__builtin_convertvector(v, v8i), v8b);
-    memcpy(p, &b, sizeof b);
+#if defined(ISA_BASELINE) && defined(__SSE2__)
+    __m128 v = _mm_max_ps(x + 0.5f, _mm_setzero_ps());
+    __m128i i = _mm_cvttps_epi32(_mm_min_ps(v, _mm_set1_ps(255)));
+    __m128i h = _mm_packs_epi32(i, i);
+    int32_t four = _mm_cvtsi128_si32(_mm_packus_epi16(h, h));
+
+    memcpy(p, &four, sizeof four);
+#elif defined(ISA_AVX2)
+    __m256 v = _mm256_max_ps(x + 0.5f, _mm256_setzero_ps());
+    __m256i i = _mm256_cvttps_epi32(_mm256_min_ps(v, _mm256_set1_ps(255)));
+    __m128i h = _mm_packs_epi32(_mm256_castsi256_si128(i),
+                                _mm256_extracti128_si256(i, 1));
+
+    _mm_storel_epi64((__m128i *)p, _mm_packus_epi16(h, h));
+#elif defined(ISA_AVX512)
+    __m256 v = _mm256_max_ps(x + 0.5f, _mm256_setzero_ps());
+    __m256i i = _mm256_cvttps_epi32(_mm256_min_ps(v, _mm256_set1_ps(255)));
+
+    _mm_storel_epi64((__m128i *)p, _mm256_cvtepi32_epi8(i));
+#else
+    for (int k = 0; k < LANES; k++) {
+        float v = x[k] + 0.5f;
+
+        p[k] = !(v > 0) ? 0 : v < 255 ? (uint8_t)v : 255;
+    }
+#endif
 }
 
 void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
                   const uint8_t *bg, size_t bg_step, size_t n)
 {
-    /* eight pixels are 24 values; value k belongs to pixel k / 3 */
-    const v8i e0 = {0, 0, 0, 1, 1, 1, 2, 2};
-    const v8i e1 = {2, 3, 3, 3, 4, 4, 4, 5};
-    const v8i e2 = {5, 5, 6, 6, 6, 7, 7, 7};
-    uint8_t fill[24];
+    /* LANES pixels are three vectors; value k belongs to pixel k / 3 */
+#if defined(ISA_BASELINE)
+    const vi pixel[3] = {{0, 0, 0, 1}, {1, 1, 2, 2}, {2, 3, 3, 3}};
+#else
+    const vi pixel[3] = {{0, 0, 0, 1, 1, 1, 2, 2},
+                         {2, 3, 3, 3, 4, 4, 4, 5},
+                         {5, 5, 6, 6, 6, 7, 7, 7}};
+#endif
+    uint8_t fill[3 * LANES];
     size_t i = 0;
 
-    for (int k = 0; k < 24 && bg_step == 0; k++)
+    for (int k = 0; k < 3 * LANES && bg_step == 0; k++)
         fill[k] = bg[k % 3];
-    for (; i + 8 <= n; i += 8) {
+    for (; i + LANES <= n; i += LANES) {
         const uint8_t *b = bg_step ? bg + 3 * i : fill;
-        const float *c = color + 3 * i;
-        v8f t = 1.0f - load8(alpha + i);
-        store8b(out + 3 * i, load8(c) * 255.0f
-                + __builtin_shuffle(t, e0) * load8b(b));
-        store8b(out + 3 * i + 8, load8(c + 8) * 255.0f
-                + __builtin_shuffle(t, e1) * load8b(b + 8));
-        store8b(out + 3 * i + 16, load8(c + 16) * 255.0f
-                + __builtin_shuffle(t, e2) * load8b(b + 16));
+        vf t = 1.0f - load(alpha + i);
+
+#pragma GCC unroll 3
+        for (size_t k = 0; k < 3; k++)
+            store_bytes(out + 3 * i + LANES * k,
+                        load(color + 3 * i + LANES * k) * 255.0f +
+                        __builtin_shuffle(t, pixel[k]) *
+                        load_bytes(b + LANES * k));
     }
     compose_c(out + 3 * i, color + 3 * i, alpha + i, bg + bg_step * i,
               bg_step, n - i);
@@ -63,10 +110,61 @@ void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
 {
     size_t i = 0;
 
-    for (; i + 8 <= n; i += 8)
-        store8b(out + i, load8(x + i) * 255.0f);
+    for (; i + LANES <= n; i += LANES)
+        store_bytes(out + i, load(x + i) * 255.0f);
     compose_quantise_c(out + i, x + i, n - i);
 }
+
+#if defined(ISA_BASELINE)
+
+/* on ? a : b, lanes of on being 0 or -1 */
+static inline vi choose(vi on, vi a, vi b)
+{
+    return (on & a) | (~on & b);
+}
+
+/* Numbers too small for half's exponent are rounded by adding 1/2, whose last
+ * bit is their last. */
+void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
+{
+    typedef uint16_t vh __attribute__((vector_size(2 * LANES)));
+    const vf half = {0.5f, 0.5f, 0.5f, 0.5f};
+    size_t i = 0;
+
+    for (; i + LANES <= n; i += LANES) {
+        vi bits = (vi)load(x + i), a = bits & 0x7fffffff;
+        vi h = (a + 0xfff + (a >> 13 & 1) - 0x38000000) >> 13;
+
+        h = choose(a < 0x38800000, (vi)((vf)a + half) - (vi)half, h);
+        h = choose(a >= 0x477ff000, (vi){0} + 0x7c00, h);
+        h = choose(a > 0x7f800000, (vi){0} + 0x7e00, h);
+        vh packed = __builtin_convertvector(h | (bits >> 16 & 0x8000), vh);
+
+        memcpy(out + i, &packed, sizeof packed);
+    }
+    compose_half_c(out + i, x + i, n - i);
+}
+
+/* The same back: below half's exponents by subtracting what was put above. */
+void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        const float least = 0x1p-14f;
+        uint32_t a = (uint32_t)(x[i] & 0x7fff) << 13;
+        uint32_t above = a + 0x38800000, small, u;
+        float f;
+
+        memcpy(&f, &above, sizeof f);
+        f -= least;
+        memcpy(&small, &f, sizeof small);
+        u = (int32_t)a < 0x800000 ? small : a + 0x38000000;
+        u = (int32_t)a >= 0xf800000 ? a + 0x70000000 : u;
+        u |= (uint32_t)(x[i] & 0x8000) << 16;
+        memcpy(out + i, &u, sizeof u);
+    }
+}
+
+#else
 
 void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 {

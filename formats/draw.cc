@@ -1,3 +1,4 @@
+/* Antialiased marks and words by OpenCV. */
 extern "C" {
 #include "formats/draw.h"
 }
@@ -10,6 +11,7 @@ extern "C" {
 
 static const int SHIFT = 4;    /* sub-pixel bits of OpenCV's drawing */
 
+/* OpenCV's coordinates with SHIFT fractional bits, of pixel centres. */
 static cv::Point fixed_point(double x, double y)
 {
     const double s = 1 << SHIFT;
@@ -20,7 +22,7 @@ static cv::Point fixed_point(double x, double y)
 
 /* Draw with `what` and blend by the pen's alpha inside its canvas. */
 template <class F>
-static void blended(struct canvas *c, const struct pen &pen, F what)
+static void draw_blended(struct canvas *c, const struct pen &pen, F what)
 {
     cv::Mat m((int)c->height, (int)c->width, CV_8UC3, c->rgb);
     const cv::Scalar color(pen.color[0], pen.color[1], pen.color[2]);
@@ -38,12 +40,14 @@ static void blended(struct canvas *c, const struct pen &pen, F what)
     }
 }
 
-static int thickness(const struct pen &pen)
+/* Whole pixels, as OpenCV wants it. */
+static int pen_thickness(const struct pen &pen)
 {
     return std::max(1, (int)std::lrint(pen.width));
 }
 
-static bool usable(const float *p)
+/* Finite, and not so far away that OpenCV's integers overflow. */
+static bool point_usable(const float *p)
 {
     return std::fabs(p[0]) < 1e5f && std::fabs(p[1]) < 1e5f;
 }
@@ -51,12 +55,12 @@ static bool usable(const float *p)
 void draw_segments(struct canvas *c, const float *xy, size_t n,
                    struct pen pen)
 {
-    blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
+    draw_blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
         for (size_t i = 0; i < n; i++, xy += 4)
-            if (usable(xy) && usable(xy + 2))
+            if (point_usable(xy) && point_usable(xy + 2))
                 cv::line(m, fixed_point(xy[0], xy[1]),
-                         fixed_point(xy[2], xy[3]), color, thickness(pen),
-                         cv::LINE_AA, SHIFT);
+                         fixed_point(xy[2], xy[3]), color,
+                         pen_thickness(pen), cv::LINE_AA, SHIFT);
     });
 }
 
@@ -72,9 +76,9 @@ void draw_square(struct canvas *c, struct square q, struct pen pen)
 void draw_dots(struct canvas *c, const float *xy, size_t n, double radius,
                struct pen pen)
 {
-    blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
+    draw_blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
         for (size_t i = 0; i < n; i++, xy += 2)
-            if (usable(xy))
+            if (point_usable(xy))
                 cv::circle(m, fixed_point(xy[0], xy[1]),
                            (int)std::lrint(radius * (1 << SHIFT)), color, -1,
                            cv::LINE_AA, SHIFT);
@@ -88,10 +92,10 @@ void draw_text(struct canvas *c, const char *text, double x, double y,
     const double scale = height / 21.0;    /* capitals are 21 units high */
     const int w = std::max(1, (int)std::lrint(height / 11));
 
-    blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
+    draw_blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
         cv::Point at((int)x, (int)y);
         cv::putText(m, text, at, font, scale, cv::Scalar(0, 0, 0), w + 2,
-                    cv::LINE_AA);
+                         cv::LINE_AA);
         cv::putText(m, text, at, font, scale, color, w, cv::LINE_AA);
     });
 }

@@ -1,3 +1,5 @@
+/* The first face of a clip, by OpenCV's Haar cascades; after it the projected
+ * head says where the next one is. */
 extern "C" {
 #include "formats/facedetect.h"
 }
@@ -23,8 +25,9 @@ struct facedetect {
  * face, then larger for whatever else there may be. */
 static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
 
-static bool load(cv::CascadeClassifier &c, const char *name,
-                 std::string &tried)
+/* From $SPID_CASCADES or where packages put them; tried lists the places. */
+static bool cascade_load(cv::CascadeClassifier &c, const char *name,
+                         std::string &tried)
 {
     const char *own = std::getenv("SPID_CASCADES");
     const std::string places[] = {
@@ -55,8 +58,9 @@ struct facedetect *facedetect_open(struct error *err)
     try {
         std::string tried;
         d = new facedetect;
-        if (load(d->frontal, "haarcascade_frontalface_alt2.xml", tried)) {
-            load(d->profile, "haarcascade_profileface.xml", tried);
+        if (cascade_load(d->frontal, "haarcascade_frontalface_alt2.xml",
+                         tried)) {
+            cascade_load(d->profile, "haarcascade_profileface.xml", tried);
             return d;
         }
         error_set(err, EX_UNAVAILABLE, "no face detector (install "
@@ -75,8 +79,8 @@ void facedetect_close(struct facedetect *d)
 }
 
 /* The largest face no smaller than a `part`-th of the shorter side. */
-static bool largest(cv::CascadeClassifier &c, cv::Rect &box,
-                    const cv::Mat &grey, int neighbours, int part = 12)
+static bool cascade_largest(cv::CascadeClassifier &c, cv::Rect &box,
+                            const cv::Mat &grey, int neighbours, int part = 12)
 {
     std::vector<cv::Rect> found;
     int least = std::max(24, std::min(grey.cols, grey.rows) / part);
@@ -95,16 +99,16 @@ static bool largest(cv::CascadeClassifier &c, cv::Rect &box,
 }
 
 /* Frontal, then the profile cascade (which knows one side) both ways. */
-static bool find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
+static bool detector_find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
 {
-    if (largest(d->frontal, box, grey, 4))
+    if (cascade_largest(d->frontal, box, grey, 4))
         return true;
-    if (largest(d->profile, box, grey, 4))
+    if (cascade_largest(d->profile, box, grey, 4))
         return true;
     cv::Mat turned;
     cv::flip(grey, turned, 1);
-    if (!largest(d->profile, box, turned, 4))
-        return largest(d->frontal, box, grey, 2);
+    if (!cascade_largest(d->profile, box, turned, 4))
+        return cascade_largest(d->frontal, box, grey, 2);
     box.x = grey.cols - box.x - box.width;
     return true;
 }
@@ -133,9 +137,9 @@ int facedetect_find(struct facedetect *d, struct square *face,
                    stride), grey;
         cv::Rect box;
         double k = shrink_grey(grey, in, QUICK_SIDE);
-        if (!largest(d->frontal, box, grey, 4, 5)) {
+        if (!cascade_largest(d->frontal, box, grey, 4, 5)) {
             k = shrink_grey(grey, in, SEARCH_SIDE);
-            if (!find(d, box, grey))
+            if (!detector_find(d, box, grey))
                 return 0;
         }
         face->x = (box.x + box.width / 2.0) / k;

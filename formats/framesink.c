@@ -1,3 +1,5 @@
+/* Frames out: one writer for streams, videos, Y4M, PNG, PAM and EXR, chosen by
+ * --format or the name. */
 #include "formats/framesink.h"
 
 #include <cjson/cJSON.h>
@@ -61,6 +63,7 @@ int framesink_parse_format(const char *value, void *format,
                      "png, pam, exr or mp4)");
 }
 
+/* By the ending, FRAMESINK_AUTO when it says nothing. */
 static enum framesink_format format_of(const char *path)
 {
     static const struct {
@@ -125,6 +128,7 @@ static char *pattern_name(const char *path, uint64_t n)
     return name;
 }
 
+/* What can be refused before the first frame. */
 static int check_options(const struct framesink_options *o,
                          struct error *err)
 {
@@ -232,6 +236,7 @@ void framesink_take_conf(struct framesink *s, const struct record *conf)
 
 /* ---- writing one frame ------------------------------------------------ */
 
+/* Binary, 8 bits. */
 static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
                      size_t channels)
 {
@@ -241,6 +246,7 @@ static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
     return fwrite(pixel, channels, W * H, fp) == W * H ? 0 : -1;
 }
 
+/* Header first, then the frame's planes. */
 static int write_y4m(struct framesink *s)
 {
     FILE *fp = s->out.file;
@@ -268,6 +274,7 @@ static int write_y4m(struct framesink *s)
         ? 0 : -1;
 }
 
+/* Opened at the first frame, when the size is known. */
 static int write_video(struct framesink *s, struct error *err)
 {
     if (s->count == 0) {
@@ -349,6 +356,7 @@ static void split_alpha(uint8_t *pixel, uint8_t *alpha, size_t n)
     }
 }
 
+/* An IMAG record. */
 static int write_imag(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
 {
@@ -382,6 +390,7 @@ static const uint16_t *half_features(struct framesink *s,
     return s->half;
 }
 
+/* A FEAT record; with `covered` only the pixels that alpha covers. */
 static int write_feat(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
 {
@@ -415,6 +424,7 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
                               err);
 }
 
+/* PNG, PAM or a Y4M frame: into the stream, or a file of its own. */
 static int write_picture(struct framesink *s,
                          const struct framesink_frame *f, struct error *err)
 {
@@ -453,6 +463,7 @@ static int write_picture(struct framesink *s,
     return rc;
 }
 
+/* The frame in the format that was chosen. */
 static int write_any(struct framesink *s, const struct framesink_frame *f,
                      struct error *err)
 {
@@ -530,7 +541,8 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
 
 /* ---- ending ----------------------------------------------------------- */
 
-static void release(struct framesink *s)
+/* Everything but what is still open. */
+static void framesink_release(struct framesink *s)
 {
     free(s->pixel);
     free(s->planes);
@@ -560,7 +572,7 @@ int framesink_finish(struct framesink *s, struct error *err)
         if (rc != 0)
             unlink(s->part);
     }
-    release(s);
+    framesink_release(s);
     return rc;
 }
 
@@ -582,5 +594,5 @@ void framesink_abandon(struct framesink *s)
         memset(&s->out, 0, sizeof s->out);
     }
     outfile_abandon(&s->out);
-    release(s);
+    framesink_release(s);
 }

@@ -1,3 +1,5 @@
+/* Frames in: folders, lists, pictures, videos, cameras and piped streams, one
+ * after the other as one clip. */
 #include "formats/framesource.h"
 
 #include <dirent.h>
@@ -35,10 +37,12 @@ struct framesource {
     int num, den;                  /* rate */
     uint8_t *rgb, *planes;
     size_t rgb_room, planes_room;
+    size_t damaged;                /* pictures */
 };
 
 /* ---- the list of inputs ----------------------------------------------- */
 
+/* Append one input. */
 static int add_path(struct framesource *s, const char *path,
                     struct error *err)
 {
@@ -57,6 +61,7 @@ static int add_path(struct framesource *s, const char *path,
     return 0;
 }
 
+/* By its ending; hidden files are none. */
 static int is_picture_name(const char *name)
 {
     static const char *const end[] = {
@@ -73,6 +78,7 @@ static int is_picture_name(const char *name)
     return 0;
 }
 
+/* For scandir. */
 static int picture_filter(const struct dirent *e)
 {
     return is_picture_name(e->d_name);
@@ -107,6 +113,7 @@ static int add_folder(struct framesource *s, const char *path,
     return rc;
 }
 
+/* The lines of a file, one input each. */
 static int add_list(struct framesource *s, const char *path,
                     struct error *err)
 {
@@ -130,6 +137,7 @@ static int add_list(struct framesource *s, const char *path,
     return rc;
 }
 
+/* A list, a folder or the thing itself. */
 static int add_input(struct framesource *s, const char *path,
                      struct error *err)
 {
@@ -192,6 +200,7 @@ static void set_rate(struct framesource *s, double rate)
     }
 }
 
+/* What a pipe carries, by its first bytes. */
 static enum kind kind_of_bytes(const unsigned char *b, size_t n)
 {
     if (n >= 9 && memcmp(b, "YUV4MPEG2", 9) == 0)
@@ -203,6 +212,7 @@ static enum kind kind_of_bytes(const unsigned char *b, size_t n)
     return KIND_NONE;
 }
 
+/* The header line; frames follow. */
 static int open_y4m(struct framesource *s, struct error *err)
 {
     char line[512];
@@ -239,6 +249,7 @@ static int open_y4m(struct framesource *s, struct error *err)
     return 0;
 }
 
+/* One of the piped formats, by its first byte. */
 static int open_stdin(struct framesource *s, struct error *err)
 {
     unsigned char b[1];
@@ -264,6 +275,7 @@ static int open_stdin(struct framesource *s, struct error *err)
     return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
 }
 
+/* A picture, or else a video. */
 static int open_file(struct framesource *s, const char *path,
                      struct error *err)
 {
@@ -299,6 +311,7 @@ static int open_file(struct framesource *s, const char *path,
     return 0;
 }
 
+/* The next input of the list. */
 static int open_next(struct framesource *s, struct error *err)
 {
     const char *path = s->path[s->next++];
@@ -315,6 +328,7 @@ static int open_next(struct framesource *s, struct error *err)
     return s->video ? 0 : -1;
 }
 
+/* Before the next one. */
 static void close_input(struct framesource *s)
 {
     if (s->fp && s->fp != stdin)
@@ -327,6 +341,7 @@ static void close_input(struct framesource *s)
 
 /* ---- reading ---------------------------------------------------------- */
 
+/* One frame, converted to RGB; short ones are an error. */
 static int read_y4m(struct framesource *s, struct frame *f,
                     struct error *err)
 {
@@ -353,6 +368,7 @@ static int read_y4m(struct framesource *s, struct frame *f,
     return 1;
 }
 
+/* One picture of a sequence. */
 static int read_pnm(struct framesource *s, struct frame *f,
                     struct error *err)
 {
@@ -365,6 +381,7 @@ static int read_pnm(struct framesource *s, struct frame *f,
     return rc;
 }
 
+/* One picture of a sequence. */
 static int read_png(struct framesource *s, struct frame *f,
                     struct error *err)
 {
@@ -385,6 +402,7 @@ static int read_png(struct framesource *s, struct frame *f,
     return 1;
 }
 
+/* The one picture of a file. */
 static int read_image(struct framesource *s, struct frame *f,
                       struct error *err)
 {
@@ -394,6 +412,7 @@ static int read_image(struct framesource *s, struct frame *f,
         return 0;
     if (image_read(&im, s->name, err) != 0)
         return -1;
+    s->damaged += im.damaged;
     free(im.alpha);
     free(s->rgb);
     s->rgb = im.rgb;
@@ -423,6 +442,7 @@ static int check_video_end(struct framesource *s, struct error *err)
     return 0;
 }
 
+/* The next decoded frame. */
 static int read_video(struct framesource *s, struct frame *f,
                       struct error *err)
 {
@@ -438,6 +458,7 @@ static int read_video(struct framesource *s, struct frame *f,
     return rc;
 }
 
+/* By the open input's kind. */
 static int read_any(struct framesource *s, struct frame *f,
                     struct error *err)
 {
@@ -453,7 +474,7 @@ static int read_any(struct framesource *s, struct frame *f,
 
 /* Times: the video's own, shifted to follow the inputs before; otherwise by
  * the rate. */
-static void stamp(struct framesource *s, struct frame *f)
+static void frame_stamp(struct framesource *s, struct frame *f)
 {
     double step;
 
@@ -493,7 +514,7 @@ int framesource_read(struct framesource *s, struct frame *f,
         memset(f, 0, sizeof *f);
         rc = read_any(s, f, err);
         if (rc > 0)
-            stamp(s, f);
+            frame_stamp(s, f);
         if (rc != 0)
             return rc;
         close_input(s);
@@ -511,6 +532,11 @@ size_t framesource_total(const struct framesource *s)
     if (s->kind == KIND_VIDEO && s->count == 1)
         return video_frames(s->video);
     return s->kind == KIND_IMAGE ? s->count : 0;
+}
+
+size_t framesource_damaged(const struct framesource *s)
+{
+    return s->damaged;
 }
 
 const char *framesource_name(const struct framesource *s)

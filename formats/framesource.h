@@ -47,6 +47,9 @@ void framesource_rate(const struct framesource *s, int *num, int *den);
 /* Number of frames if it can be known, else 0 (for progress bars). */
 size_t framesource_total(const struct framesource *s);
 
+/* How many of the pictures delivered were damaged (struct image). */
+size_t framesource_damaged(const struct framesource *s);
+
 /* Name of the input the last frame came from, for messages. */
 const char *framesource_name(const struct framesource *s);
 

@@ -1,3 +1,5 @@
+/* The first frame of an animated glTF head, computed as a viewer would: morph
+ * targets, joints, skinning; for checking what glb_write.cc wrote. */
 #include "formats/glb.h"
 
 #include <sysexits.h>
@@ -23,6 +25,7 @@ struct not_there {};    /* an index, a type or a size that cannot be */
 
 /* ---- accessors ---------------------------------------------------------- */
 
+/* v[i], or the file is refused. */
 template <typename T> const T &at(const std::vector<T> &v, int i)
 {
     if (i < 0 || size_t(i) >= v.size())
@@ -30,6 +33,7 @@ template <typename T> const T &at(const std::vector<T> &v, int i)
     return v[size_t(i)];
 }
 
+/* One component of an accessor, normalised integers included. */
 double number(const unsigned char *p, int type)
 {
     uint16_t u16;
@@ -101,6 +105,7 @@ std::vector<double> values(const Model &m, int accessor)
     return out;
 }
 
+/* A primitive's attribute as numbers; expected: how many there must be. */
 std::vector<double> attribute(const Model &m, const Primitive &p,
                               const char *name, size_t expected)
 {
@@ -221,6 +226,7 @@ std::vector<double> morphed(const Model &m, int node, const Mesh &mesh)
     return x;
 }
 
+/* Morphed vertices under their four joints. */
 void skinned(float *out, const Model &m, const Node &n, int node)
 {
     const Mesh &mesh = at(m.meshes, n.mesh);
@@ -245,6 +251,7 @@ void skinned(float *out, const Model &m, const Node &n, int node)
         }
 }
 
+/* glb_read_posed, with tinygltf's exceptions. */
 int read_posed(float *verts, int32_t *faces, size_t V, size_t F,
                const char *path, struct error *err)
 {

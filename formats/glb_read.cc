@@ -1,3 +1,5 @@
+/* glTF files read back: Gaussians of KHR_gaussian_splatting, and what a viewer
+ * would trip over (spid-export --lint). */
 #include "formats/glb.h"
 
 #include <sysexits.h>
@@ -17,6 +19,7 @@ namespace {
 const double SH0 = 0.28209479177387814;   /* Y_0^0 */
 const char EXTENSION[] = "KHR_gaussian_splatting";
 
+/* Numbers in an element of this type. */
 int components(int type)
 {
     return GetNumComponentsInType(static_cast<uint32_t>(type));
@@ -31,6 +34,7 @@ bool keep_image(Image *, const int, std::string *, std::string *, int, int,
     return true;
 }
 
+/* .glb or .gltf, pictures kept as bytes. */
 int load(Model &m, const char *path, struct error *err)
 {
     TinyGLTF reader;
@@ -76,6 +80,7 @@ const float *floats(const Model &m, const Primitive &p, const char *name,
     return reinterpret_cast<const float *>(b.data() + from);
 }
 
+/* The first primitive with the extension. */
 const Primitive *find_splats(const Model &m)
 {
     for (const Mesh &mesh : m.meshes)
@@ -90,6 +95,7 @@ struct splat_view {
     size_t n;
 };
 
+/* The accessors, when all are there and of one length. */
 bool view_splats(splat_view *v, const Model &m, const Primitive &p)
 {
     auto at = p.attributes.find("POSITION");
@@ -108,6 +114,7 @@ bool view_splats(splat_view *v, const Model &m, const Primitive &p)
     return v->mean && v->scale && v->rotation && v->opacity && v->sh;
 }
 
+/* glb_read_splats, with tinygltf's exceptions. */
 int read_splats(glb_splats *s, void **block, const char *path,
                 struct error *err)
 {
@@ -154,6 +161,7 @@ struct lint {
     }
 };
 
+/* Attributes that viewers without the extension need. */
 void lint_splats(lint &l, const Model &m, const Primitive &p)
 {
     splat_view v;
@@ -202,6 +210,7 @@ void lint_sparse(lint &l, const Model &m, size_t i, const char *part,
           " reach past their view");
 }
 
+/* Sparse accessors and sizes. */
 void lint_accessors(lint &l, const Model &m)
 {
     for (size_t i = 0; i < m.accessors.size(); i++) {
@@ -234,6 +243,7 @@ void lint_accessors(lint &l, const Model &m)
     }
 }
 
+/* Positions with bounds, triangles and points. */
 void lint_mesh(lint &l, const Model &m, const Mesh &mesh)
 {
     bool triangles = false, splats = false;
@@ -259,6 +269,7 @@ void lint_mesh(lint &l, const Model &m, const Mesh &mesh)
         l("mesh '" + mesh.name + "' mixes Gaussians and triangles");
 }
 
+/* Everything that is said about one file. */
 int lint_file(const char *path, lint &l, struct error *err)
 {
     Model m;

@@ -1,3 +1,5 @@
+/* glTF 2.0 written through tinygltf: Gaussians, and the skinned, morphed,
+ * animated head. */
 #include "formats/glb.h"
 
 #include <sysexits.h>
@@ -39,6 +41,7 @@ int add_view(Model &m, const void *data, size_t bytes, int target)
     return static_cast<int>(m.bufferViews.size()) - 1;
 }
 
+/* Numbers in an element of this type. */
 int components(int type)
 {
     return GetNumComponentsInType(static_cast<uint32_t>(type));
@@ -59,6 +62,7 @@ void set_bounds(Accessor &a, const float *x, size_t n)
     }
 }
 
+/* n elements, their bounds if viewers need them; returns its index. */
 int add_accessor(Model &m, const void *data, size_t n, int component_type,
                  int type, int target, bool bounds)
 {
@@ -76,6 +80,7 @@ int add_accessor(Model &m, const void *data, size_t n, int component_type,
     return static_cast<int>(m.accessors.size()) - 1;
 }
 
+/* An accessor over x. */
 int add_floats(Model &m, const std::vector<float> &x, int type, int target,
                bool bounds)
 {
@@ -84,7 +89,8 @@ int add_floats(Model &m, const std::vector<float> &x, int type, int target,
                         TINYGLTF_COMPONENT_TYPE_FLOAT, type, target, bounds);
 }
 
-void start(Model &m)
+/* An empty model with one scene and one buffer. */
+void model_start(Model &m)
 {
     m.asset.version = "2.0";
     m.asset.generator = "SpiD toolkit";
@@ -113,8 +119,9 @@ int save(Model &m, const char *path, struct error *err)
     return rc;
 }
 
-int finite(const char *path, const char *what, const float *x, size_t n,
-           struct error *err)
+/* EX_DATAERR with the first index that is not finite. */
+int check_finite(const char *path, const char *what, const float *x, size_t n,
+                 struct error *err)
 {
     for (size_t i = 0; i < n; i++)
         if (!std::isfinite(x[i]))
@@ -124,6 +131,7 @@ int finite(const char *path, const char *what, const float *x, size_t n,
     return 0;
 }
 
+/* sRGB, 0 to 1, decoded. */
 double to_linear(double c)
 {
     c = std::min(1.0, std::max(0.0, c));
@@ -132,6 +140,7 @@ double to_linear(double c)
 
 /* ---- Gaussians ---------------------------------------------------------- */
 
+/* Rotations x,y,z,w, colours as degree 0, and COLOR_0 for other viewers. */
 void splat_attributes(Model &m, Primitive &p, const glb_splats *s)
 {
     std::vector<float> rotation(4 * s->n), sh(3 * s->n), rgba(4 * s->n);
@@ -167,21 +176,23 @@ void splat_attributes(Model &m, Primitive &p, const glb_splats *s)
         add_floats(m, rgba, TINYGLTF_TYPE_VEC4, A, false);
 }
 
+/* Before anything is written. */
 int check_splats(const char *path, const glb_splats *s, struct error *err)
 {
     if (!s->n || s->channels < 3)
         return error_set(err, EX_DATAERR,
                          "%s: %zu Gaussians of %d channels (expected at least "
                          "1 of 3)", path, s->n, s->channels);
-    if (finite(path, "mean", s->mean, 3 * s->n, err) ||
-        finite(path, "scale", s->scale, 3 * s->n, err) ||
-        finite(path, "quat", s->quat, 4 * s->n, err) ||
-        finite(path, "opacity", s->opacity, s->n, err))
+    if (check_finite(path, "mean", s->mean, 3 * s->n, err) ||
+        check_finite(path, "scale", s->scale, 3 * s->n, err) ||
+        check_finite(path, "quat", s->quat, 4 * s->n, err) ||
+        check_finite(path, "opacity", s->opacity, s->n, err))
         return -1;
-    return finite(path, "color", s->color,
-                  static_cast<size_t>(s->channels) * s->n, err);
+    return check_finite(path, "color", s->color,
+                        static_cast<size_t>(s->channels) * s->n, err);
 }
 
+/* glb_write_splats, with tinygltf's exceptions. */
 int write_splats(const char *path, const glb_splats *s, struct error *err)
 {
     Model m;
@@ -191,7 +202,7 @@ int write_splats(const char *path, const glb_splats *s, struct error *err)
 
     if (check_splats(path, s, err))
         return -1;
-    start(m);
+    model_start(m);
     splat_attributes(m, p, s);
     p.mode = TINYGLTF_MODE_POINTS;
     p.extensions[EXTENSION] = Value(Value::Object{
@@ -238,6 +249,7 @@ void add_skinning(Model &m, Primitive &p, const glb_head *h)
                    TINYGLTF_TARGET_ARRAY_BUFFER, false);
 }
 
+/* 16 bits where they suffice. */
 int add_indices(Model &m, const glb_head *h)
 {
     size_t n = 3 * h->F;
@@ -291,6 +303,7 @@ int add_target(Model &m, const float *delta, size_t V)
     return static_cast<int>(m.accessors.size()) - 1;
 }
 
+/* The picture, its sampler and the material's reference. */
 void add_texture(Model &m, Primitive &p, const glb_head *h)
 {
     Image image;
@@ -311,6 +324,7 @@ void add_texture(Model &m, Primitive &p, const glb_head *h)
         TINYGLTF_TARGET_ARRAY_BUFFER, false);
 }
 
+/* Vertices, skin weights, morph targets, material. */
 void add_mesh(Model &m, const glb_head *h)
 {
     Primitive p;
@@ -382,6 +396,7 @@ void add_nodes(Model &m, const glb_head *h)
     m.scenes[0].nodes = {0, GLB_JOINTS};
 }
 
+/* The source camera, looking along -z. */
 void add_camera(Model &m, const glb_head *h)
 {
     Camera camera;
@@ -398,6 +413,7 @@ void add_camera(Model &m, const glb_head *h)
     m.scenes[0].nodes.push_back(GLB_JOINTS + 1);
 }
 
+/* One animated property of a node, linear between frames. */
 void add_channel(Model &m, Animation &a, int input, int output, int node,
                  const char *path)
 {
@@ -429,6 +445,7 @@ std::vector<float> joint_track(const glb_head *h, int j)
     return out;
 }
 
+/* Weights, rotations and the head's translation over time. */
 void add_animation(Model &m, const glb_head *h)
 {
     Animation a;
@@ -454,6 +471,7 @@ void add_animation(Model &m, const glb_head *h)
     m.animations.push_back(a);
 }
 
+/* glb_write_head, with tinygltf's exceptions. */
 int write_head(const char *path, const glb_head *h, struct error *err)
 {
     Model m;
@@ -463,9 +481,9 @@ int write_head(const char *path, const glb_head *h, struct error *err)
                          "%s: %zu vertices, %zu faces, %zu morph targets "
                          "(expected some, some, at most %d)", path, h->V,
                          h->F, h->targets, GLB_MAX_TARGETS);
-    if (finite(path, "position", h->position, 3 * h->V, err))
+    if (check_finite(path, "position", h->position, 3 * h->V, err))
         return -1;
-    start(m);
+    model_start(m);
     add_mesh(m, h);
     add_nodes(m, h);
     if (h->yfov > 0)

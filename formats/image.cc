@@ -1,3 +1,5 @@
+/* Pictures by OpenImageIO (PNG by png.c, as from pipes), turned upright and
+ * brought to 8 bits of sRGB. */
 extern "C" {
 #include "formats/exr.h"
 #include "formats/image.h"
@@ -46,6 +48,7 @@ static int jpeg_components(OIIO::Filesystem::IOProxy &io)
     return 0;
 }
 
+/* Whatever name the format gives it. */
 static bool is_cmyk(const OIIO::ImageSpec &spec, OIIO::Filesystem::IOProxy &io)
 {
     std::string space = spec.get_string_attribute("tiff:ColorSpace");
@@ -62,6 +65,7 @@ static bool is_cmyk(const OIIO::ImageSpec &spec, OIIO::Filesystem::IOProxy &io)
     return jpeg_components(io) == 4;
 }
 
+/* Size and channels, before anything is allocated. */
 static int check_spec(const OIIO::ImageSpec &spec,
                       OIIO::Filesystem::IOProxy &io, const char *name,
                       struct error *err)
@@ -89,6 +93,7 @@ static int check_spec(const OIIO::ImageSpec &spec,
 
 /* ---- pixels ----------------------------------------------------------- */
 
+/* Linear to a byte of sRGB; what is not a number becomes 0. */
 static uint8_t encode_srgb(float v)
 {
     if (!(v > 0))
@@ -132,7 +137,7 @@ static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
 }
 
 /* Where pixel (x, y) of the stored picture goes in the oriented one. */
-static size_t oriented(size_t x, size_t y, size_t W, size_t H, int o)
+static size_t pixel_oriented(size_t x, size_t y, size_t W, size_t H, int o)
 {
     switch (o) {
     case 2: return y * W + (W - 1 - x);
@@ -146,8 +151,9 @@ static size_t oriented(size_t x, size_t y, size_t W, size_t H, int o)
     }
 }
 
-static int fill(struct image *im, const std::vector<uint8_t> &pix,
-                const OIIO::ImageSpec &spec, struct error *err)
+/* im from the stored pixels [h,w,channels]. */
+static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
+                      const OIIO::ImageSpec &spec, struct error *err)
 {
     const size_t W = (size_t)spec.width, H = (size_t)spec.height;
     const size_t C = (size_t)spec.nchannels;
@@ -166,7 +172,7 @@ static int fill(struct image *im, const std::vector<uint8_t> &pix,
     for (size_t y = 0; y < H; y++)
         for (size_t x = 0; x < W; x++) {
             const uint8_t *p = pix.data() + (y * W + x) * C;
-            size_t to = oriented(x, y, W, H, o);
+            size_t to = pixel_oriented(x, y, W, H, o);
             for (size_t k = 0; k < 3; k++)
                 im->rgb[3 * to + k] = p[grey ? 0 : k];
             if (im->alpha) {
@@ -181,6 +187,7 @@ static int fill(struct image *im, const std::vector<uint8_t> &pix,
     return 0;
 }
 
+/* How OpenImageIO is asked to read: colours not premultiplied, not turned. */
 static OIIO::ImageSpec straight_alpha()
 {
     OIIO::ImageSpec config;
@@ -189,6 +196,7 @@ static OIIO::ImageSpec straight_alpha()
     return config;
 }
 
+/* By the file's own reader. */
 static int read_any(struct image *im, const char *path,
                     OIIO::Filesystem::IOProxy &io, struct error *err)
 {
@@ -209,7 +217,11 @@ static int read_any(struct image *im, const char *path,
     if (check_spec(in->spec(), io, path, err) != 0
         || read_levels(pix, *in, path, err) != 0)
         return -1;
-    return fill(im, pix, in->spec(), err);
+    /* libjpeg fills up what is missing and only leaves a message */
+    im->damaged = in->has_error();
+    if (im->damaged)
+        (void)in->geterror();
+    return image_fill(im, pix, in->spec(), err);
 }
 
 int image_read(struct image *im, const char *path, struct error *err)
@@ -238,33 +250,6 @@ int image_read(struct image *im, const char *path, struct error *err)
             return 0;
     } catch (const std::exception &e) {
         error_set(err, EX_DATAERR, "%s: %s", path, e.what());
-    }
-    image_release(im);
-    return -1;
-}
-
-/* The name OpenImageIO picks its reader by, from the first bytes. */
-static const char *type_of(const unsigned char *b, size_t n)
-{
-    if (n > 3 && b[0] == 0xff && b[1] == 0xd8)
-        return "memory.jpg";
-    if (n > 8 && std::memcmp(b, "\x89PNG", 4) == 0)
-        return "memory.png";
-    return "memory.tif";
-}
-
-int image_read_memory(struct image *im, const void *data, size_t size,
-                      const char *name, struct error *err)
-{
-    std::memset(im, 0, sizeof *im);
-    try {
-        const unsigned char *b = (const unsigned char *)data;
-        OIIO::Filesystem::IOMemReader io((void *)data, size);
-        if (read_any(im, type_of(b, size), io, err) == 0)
-            return 0;
-        error_prefix(err, "%s", name);
-    } catch (const std::exception &e) {
-        error_set(err, EX_DATAERR, "%s: %s", name, e.what());
     }
     image_release(im);
     return -1;

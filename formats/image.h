@@ -3,6 +3,7 @@
 #ifndef SPID_FORMATS_IMAGE_H
 #define SPID_FORMATS_IMAGE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,6 +17,8 @@ struct image {
     size_t width, height;
     uint8_t *rgb;           /* [height, width, 3], sRGB */
     uint8_t *alpha;         /* [height, width] straight; NULL: opaque */
+    bool damaged;           /* a JPEG that is cut short or damaged, with grey
+                             * where the pixels are missing */
 };
 
 /* Read a picture.  Grey is spread over the channels, 16 bits are rounded to
@@ -25,10 +28,6 @@ struct image {
  * anything is allocated), zero size, damaged files.  EX_NOINPUT: cannot be
  * opened.  The caller releases *im; on failure it is zeroed. */
 int image_read(struct image *im, const char *path, struct error *err);
-
-/* The same from bytes in memory, as read from a pipe; name is for messages. */
-int image_read_memory(struct image *im, const void *data, size_t size,
-                      const char *name, struct error *err);
 
 void image_release(struct image *im);
 

@@ -1,3 +1,5 @@
+/* The person cut out of the source picture: GrabCut seeded by the projected
+ * head (Rother et al. 2004), its border refined, and colours unmixed there. */
 extern "C" {
 #include "formats/matte.h"
 }
@@ -15,7 +17,8 @@ extern "C" {
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
 
-static cv::Mat disc(int side)
+/* For dilating and eroding. */
+static cv::Mat brush_disc(int side)
 {
     return cv::getStructuringElement(cv::MORPH_ELLIPSE,
                                      cv::Size(side | 1, side | 1));
@@ -23,7 +26,7 @@ static cv::Mat disc(int side)
 
 /* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
  * square lies in its picture. */
-static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
+static cv::Mat grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
 {
     const int n = head.rows;
     cv::Rect box = cv::boundingRect(head);
@@ -31,11 +34,11 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
     cv::Mat label(n, n, CV_8U, cv::Scalar(cv::GC_BGD)), core, hair;
 
     /* hair and headgear reach about a third of the head beyond it */
-    cv::dilate(head, hair, disc(size * 2 / 3));
+    cv::dilate(head, hair, brush_disc(size * 2 / 3));
     label.setTo(cv::GC_PR_BGD, hair);
-    cv::dilate(head, hair, disc(size / 5));
+    cv::dilate(head, hair, brush_disc(size / 5));
     label.setTo(cv::GC_PR_FGD, hair);
-    cv::erode(head, core, disc(std::max(3, size / 12)));
+    cv::erode(head, core, brush_disc(std::max(3, size / 12)));
     label.setTo(cv::GC_FGD, core);
     /* neck and shoulders: a widening region below the chin */
     const int chin = box.y + box.height * 3 / 4, cx = box.x + box.width / 2;
@@ -70,7 +73,7 @@ static cv::Mat seeds(const cv::Mat &head, const cv::Rect &part)
 }
 
 /* Keep the piece that holds the head; fill holes inside it. */
-static void clean(cv::Mat &fg, const cv::Mat &head)
+static void region_clean(cv::Mat &fg, const cv::Mat &head)
 {
     cv::Mat label, stats, centres;
     int n = cv::connectedComponentsWithStats(fg, label, stats, centres, 8);
@@ -97,7 +100,7 @@ static void clean(cv::Mat &fg, const cv::Mat &head)
 
 /* Soft border that follows the picture's edges: a guided filter of the mask,
  * with the picture's luminance as guide (He et al. 2010, local lines). */
-static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
+static cv::Mat border_refine(const cv::Mat &mask, const cv::Mat &rgb)
 {
     const int r = std::max(3, mask.rows / 100);
     const cv::Size k(2 * r + 1, 2 * r + 1);
@@ -117,8 +120,8 @@ static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
     cv::Mat q = a.mul(I) + b, out;
     /* only the border may be soft */
     cv::Mat inner, outer;
-    cv::erode(mask, inner, disc(2 * r));
-    cv::dilate(mask, outer, disc(2 * r));
+    cv::erode(mask, inner, brush_disc(2 * r));
+    cv::dilate(mask, outer, brush_disc(2 * r));
     q = (q - 0.1) / 0.8;
     q.convertTo(out, CV_8U, 255);
     out.setTo(255, inner);
@@ -126,11 +129,12 @@ static cv::Mat refine(const cv::Mat &mask, const cv::Mat &rgb)
     return out;
 }
 
+/* What is used when the colours decide nothing: the head, widened. */
 static void soft_disc(cv::Mat &matte, const cv::Mat &head)
 {
     cv::Mat m;
 
-    cv::dilate(head, m, disc(head.rows / 12));
+    cv::dilate(head, m, brush_disc(head.rows / 12));
     cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
 }
 
@@ -157,7 +161,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = seeds(sh, part)(part).clone();
+        cv::Mat label = grabcut_seeds(sh, part)(part).clone();
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
@@ -170,8 +174,8 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                     cv::GC_INIT_WITH_MASK);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
-        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, disc(3));
-        clean(fg, sh);
+        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, brush_disc(3));
+        region_clean(fg, sh);
         int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
         if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;
@@ -181,7 +185,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::Mat big;
         cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
-        refine(big > 127, pic).copyTo(out);
+        border_refine(big > 127, pic).copyTo(out);
         out.setTo(0, in == 0);
         return 0;
     } catch (const std::exception &e) {
@@ -208,8 +212,8 @@ static cv::Mat mean_near(cv::Mat &weight, const cv::Mat &rgb,
 /* How much of a pixel is foreground, by its colour: 0 as the background, 1 as
  * the foreground; 1 too where the two look alike, and where the pixel is no
  * mixture of them. */
-static float share(const cv::Vec3f &pixel, const cv::Vec3f &back,
-                   const cv::Vec3f &fore)
+static float pixel_share(const cv::Vec3f &pixel, const cv::Vec3f &back,
+                         const cv::Vec3f &fore)
 {
     const cv::Vec3f line = fore - back;
     const double length = cv::norm(line), alike = 30;
@@ -233,8 +237,8 @@ int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
         cv::Mat colour, inner, outer, fw, bw;
         pic.convertTo(colour, CV_32F);
         /* where the picture ends is no border of the person's */
-        cv::erode((mat > 127) | (in == 0), inner, disc(2 * rim));
-        cv::dilate(mat > 127, outer, disc(2 * rim));
+        cv::erode((mat > 127) | (in == 0), inner, brush_disc(2 * rim));
+        cv::dilate(mat > 127, outer, brush_disc(2 * rim));
         const cv::Mat fore = mean_near(fw, colour, inner & in, rim);
         const cv::Mat back = mean_near(bw, colour, (outer == 0) & in, rim);
         for (int y = 0; y < N; y++)
@@ -246,7 +250,7 @@ int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
                 const cv::Vec3f F = fore.at<cv::Vec3f>(y, x);
                 const cv::Vec3f B = back.at<cv::Vec3f>(y, x);
                 const cv::Vec3f I = colour.at<cv::Vec3f>(y, x);
-                const float t = share(I, B, F);
+                const float t = pixel_share(I, B, F);
                 const cv::Vec3f C = I + (1 - t) * (F - B);
                 uchar &m = mat.at<uchar>(y, x);
                 m = cv::saturate_cast<uchar>((float)m * std::min(1.0f, 2 * t));
@@ -317,7 +321,7 @@ int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
         sp.width = std::max(1, (part.x + part.width) * w / N - sp.x);
         sp.height = std::max(1, (part.y + part.height) * w / N - sp.y);
         sp &= cv::Rect(0, 0, w, w);
-        cv::dilate(mat > 8, wide, disc(N / 32));
+        cv::dilate(mat > 8, wide, brush_disc(N / 32));
         cv::resize(wide, hole, cv::Size(w, w), 0, 0, cv::INTER_AREA);
         cv::Mat filled = fill_small(small, hole > 0, sp);
         cv::resize(filled, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);

@@ -1,3 +1,5 @@
+/* NumPy's array files: header and data read with checks, and written row by
+ * row. */
 #include "formats/npy.h"
 
 #include <errno.h>
@@ -147,13 +149,6 @@ int npy_save(const char *path, const struct array *a, struct error *err)
 
 /* ---- reading ---------------------------------------------------------- */
 
-/* What the header says of the elements in the file. */
-struct element {
-    char kind;                 /* b i u f */
-    size_t size;
-    bool swap, fortran;
-};
-
 /* Text after 'key': in a header, or NULL. */
 static const char *after_key(const char *text, const char *key)
 {
@@ -172,7 +167,26 @@ static const char *after_key(const char *text, const char *key)
     return p + strspn(p, " \t");
 }
 
-static int parse_descr(struct element *e, enum dtype *dtype, const char *p)
+/* '<f4' and its like; '|O' and what is not one of a few bytes has size 0. */
+static int parse_descr(struct npy_header *h, const char *p)
+{
+    h->kind = '?';
+    if (!p || (*p != '\'' && *p != '['))
+        return -1;
+    if (*p == '[' || !p[1] || !strchr("<>|=", p[1]) || !p[2])
+        return 0;
+    h->swap = p[1] == '>';
+    if (p[2] == 'O' && p[3] == '\'')
+        h->kind = 'O';
+    if (p[3] >= '1' && p[3] <= '8' && p[4] == '\'') {
+        h->kind = p[2];
+        h->size = (size_t)(p[3] - '0');
+    }
+    return 0;
+}
+
+/* The dtype that an array of such elements has in memory. */
+static int memory_dtype(enum dtype *dtype, const struct npy_header *h)
 {
     static const struct {
         char kind;
@@ -185,14 +199,8 @@ static int parse_descr(struct element *e, enum dtype *dtype, const char *p)
         { 'f', 8, DTYPE_F64 },
     };
 
-    if (!p || p[0] != '\'' || !strchr("<>|=", p[1]) || !p[1] || !p[2] ||
-        p[3] < '0' || p[3] > '9' || p[4] != '\'')
-        return -1;
-    e->swap = p[1] == '>';
-    e->kind = p[2];
-    e->size = (size_t)(p[3] - '0');
     for (size_t i = 0; i < sizeof known / sizeof *known; i++)
-        if (known[i].kind == e->kind && known[i].size == e->size) {
+        if (known[i].kind == h->kind && known[i].size == h->size) {
             *dtype = known[i].dtype;
             return 0;
         }
@@ -200,7 +208,7 @@ static int parse_descr(struct element *e, enum dtype *dtype, const char *p)
 }
 
 /* The tuple after 'shape':; count is the product, refused over limit. */
-static int parse_shape(struct npy *a, size_t *count, const char *p,
+static int parse_shape(struct npy_header *h, size_t *count, const char *p,
                        size_t limit)
 {
     unsigned __int128 n = 1;
@@ -215,13 +223,13 @@ static int parse_shape(struct npy *a, size_t *count, const char *p,
         p += strspn(p, " ");
         if (*p == ')')
             break;
-        if (*p < '0' || *p > '9' || a->ndim == 5)
+        if (*p < '0' || *p > '9' || h->ndim == 8)
             return -1;
         errno = 0;
         d = strtoull(p, &end, 10);
         if (errno || (*end != ',' && *end != ')'))
             return -1;
-        a->dim[a->ndim++] = (size_t)d;
+        h->dim[h->ndim++] = (size_t)d;
         if (d == 0)
             empty = true;
         else if ((n *= d) > limit)
@@ -232,23 +240,69 @@ static int parse_shape(struct npy *a, size_t *count, const char *p,
     return !empty && n > limit ? -1 : 0;
 }
 
+/* The header text; left is how many bytes of data follow it. */
+static int parse_header(struct npy_header *h, size_t *count, const char *text,
+                        size_t left, struct error *err)
+{
+    const char *order = after_key(text, "fortran_order");
+
+    if (parse_descr(h, after_key(text, "descr")))
+        return error_set(err, EX_DATAERR, "the header has no dtype");
+    h->fortran = order && strncmp(order, "True", 4) == 0;
+    if (parse_shape(h, count, after_key(text, "shape"), left) ||
+        (h->size && *count > left / h->size))
+        return error_set(err, EX_DATAERR, "shape does not fit the %zu bytes "
+                         "of data", left);
+    return 0;
+}
+
+/* Bytes of the preamble, and of the text that follows it; 0 when head, the
+ * first `have` bytes of a file, is not an npy file's. */
+static size_t preamble(size_t *text, const unsigned char *head, size_t have)
+{
+    size_t wide = have > 6 && head[6] > 1 ? 2 : 0;
+
+    if (have < PREAMBLE + wide || memcmp(head, MAGIC, 6) != 0 ||
+        head[6] < 1 || head[6] > 3)
+        return 0;
+    *text = head[8] | (size_t)head[9] << 8;
+    if (wide)
+        *text |= (size_t)head[10] << 16 | (size_t)head[11] << 24;
+    return *text > TEXT_MAX ? 0 : PREAMBLE + wide;
+}
+
+int npy_header_read(struct npy_header *h, const void *head, size_t have,
+                    size_t bytes, struct error *err)
+{
+    size_t size = 0, count, at = preamble(&size, head, have);
+    char *text;
+    int rc;
+
+    memset(h, 0, sizeof *h);
+    if (!at || size > have - at)
+        return error_set(err, EX_DATAERR, "not an npy file");
+    text = strndup((const char *)head + at, size);
+    if (!text)
+        return error_set(err, EX_OSERR, "out of memory");
+    h->bytes = at + size;
+    rc = parse_header(h, &count, text, bytes - h->bytes, err);
+    free(text);
+    return rc;
+}
+
 /* Read the header text of f; NULL when this is not an npy file. */
 static char *read_text(FILE *f)
 {
     unsigned char head[12];
-    size_t size;
+    size_t size, more;
     char *text;
 
-    if (fread(head, PREAMBLE, 1, f) != 1 || memcmp(head, MAGIC, 6) != 0 ||
-        head[6] < 1 || head[6] > 3)
+    if (fread(head, PREAMBLE, 1, f) != 1)
         return NULL;
-    size = head[8] | (size_t)head[9] << 8;
-    if (head[6] > 1) {
-        if (fread(head + 10, 2, 1, f) != 1)
-            return NULL;
-        size |= (size_t)head[10] << 16 | (size_t)head[11] << 24;
-    }
-    if (size > TEXT_MAX || !(text = calloc(1, size + 1)))
+    more = head[6] > 1 ? 2 : 0;
+    if ((more && fread(head + PREAMBLE, more, 1, f) != 1) ||
+        !preamble(&size, head, PREAMBLE + more) ||
+        !(text = calloc(1, size + 1)))
         return NULL;
     if (size && fread(text, size, 1, f) != 1) {
         free(text);
@@ -257,6 +311,7 @@ static char *read_text(FILE *f)
     return text;
 }
 
+/* Big-endian numbers in place. */
 static void swap_bytes(unsigned char *p, size_t size, size_t count)
 {
     for (; count; count--, p += size)
@@ -285,6 +340,7 @@ static size_t column_major(const struct npy *a, size_t i)
     return at;
 }
 
+/* With the sign spread over 64 bits. */
 static int64_t integer_at(const unsigned char *p, char kind, size_t size)
 {
     uint64_t v = 0;
@@ -296,8 +352,9 @@ static int64_t integer_at(const unsigned char *p, char kind, size_t size)
 }
 
 /* File elements to ours: transposed, integers widened or range-checked. */
-static int convert(struct npy *a, const struct element *e,
-                   const unsigned char *raw, size_t count, struct error *err)
+static int npy_convert(struct npy *a, const struct npy_header *e,
+                       const unsigned char *raw, size_t count,
+                       struct error *err)
 {
     size_t size = dtype_size(a->dtype);
 
@@ -323,32 +380,28 @@ static int convert(struct npy *a, const struct element *e,
     return 0;
 }
 
-static int load(struct npy *a, FILE *f, struct error *err)
+/* Everything of an open file. */
+static int npy_read(struct npy *a, FILE *f, struct error *err)
 {
-    struct element e = { 0 };
+    struct npy_header e = { 0 };
     struct stat st;
     size_t count = 0, left;
     unsigned char *raw = NULL;
     char *text = read_text(f);
-    const char *order;
     int rc = -1;
 
     if (!text || fstat(fileno(f), &st) || !S_ISREG(st.st_mode))
         return error_set(err, EX_DATAERR, "not an npy file"), free(text), -1;
     left = (size_t)(st.st_size - ftell(f));
-    if (parse_descr(&e, &a->dtype, after_key(text, "descr"))) {
+    if (parse_header(&e, &count, text, left, err))
+        goto out;
+    if (memory_dtype(&a->dtype, &e) || e.ndim > 5) {
         error_set(err, EX_DATAERR, "dtype is not supported (expected bool, "
-                  "u1, u2, i1 to i8, f2, f4 or f8)");
+                  "u1, u2, i1 to i8, f2, f4 or f8, at most 5 dimensions)");
         goto out;
     }
-    order = after_key(text, "fortran_order");
-    e.fortran = order && strncmp(order, "True", 4) == 0;
-    if (parse_shape(a, &count, after_key(text, "shape"), left) ||
-        count > left / e.size) {
-        error_set(err, EX_DATAERR, "shape does not fit the %zu bytes of data",
-                  left);
-        goto out;
-    }
+    a->ndim = e.ndim;
+    memcpy(a->dim, e.dim, sizeof a->dim);
     raw = malloc(count * e.size + 1);
     a->data = calloc(count + 1, dtype_size(a->dtype));
     if (!raw || !a->data) {
@@ -361,7 +414,7 @@ static int load(struct npy *a, FILE *f, struct error *err)
     }
     if (e.swap)
         swap_bytes(raw, e.size, count);
-    rc = convert(a, &e, raw, count, err);
+    rc = npy_convert(a, &e, raw, count, err);
 out:
     free(raw);
     free(text);
@@ -377,7 +430,7 @@ int npy_load(struct npy *a, const char *path, struct error *err)
     if (!f)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          strerror(errno));
-    rc = load(a, f, err);
+    rc = npy_read(a, f, err);
     fclose(f);
     if (rc) {
         npy_release(a);

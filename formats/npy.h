@@ -6,6 +6,8 @@
 extern "C" {
 #endif
 
+#include <stdbool.h>
+
 #include "lib/stream/stream.h"
 
 /* An array in memory of its own. */
@@ -15,6 +17,24 @@ struct npy {
     size_t dim[5];
     void *data;                /* row-major; npy_release frees it */
 };
+
+/* What the header of a file says. */
+struct npy_header {
+    char kind;                 /* b i u f; O: Python objects, pickled; or
+                                * ?: strings, structures.. */
+    size_t size;               /* bytes of an element; O and ?: 0 */
+    bool swap, fortran;        /* the other byte order; column-major */
+    int ndim;                  /* 0 to 8 */
+    size_t dim[8];
+    size_t bytes;              /* of the header: data begin here */
+};
+
+/* Read the header of a file of `bytes` bytes from its first `have`, of which
+ * NPY_HEADER_MAX are enough.  The data that follow are, but for O, at least
+ * what the shape needs. */
+#define NPY_HEADER_MAX (65536 + 12)
+int npy_header_read(struct npy_header *h, const void *head, size_t have,
+                    size_t bytes, struct error *err);
 
 /* Read a file of booleans, u1, i1, i2, u2, i4, i8 (the values must fit i32),
  * f2, f4 or f8, either byte order; column-major ones are transposed.  Wrong

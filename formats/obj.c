@@ -1,3 +1,4 @@
+/* Wavefront OBJ, text. */
 #include "formats/obj.h"
 
 #include <errno.h>
@@ -8,6 +9,7 @@
 
 #include "formats/outfile.h"
 
+/* Corners count from 1. */
 static void write_face(FILE *f, const int32_t *v, const float *normals,
                        const float *uv)
 {

@@ -1,3 +1,4 @@
+/* Output files: written as PATH.part, renamed when complete. */
 #include "formats/outfile.h"
 
 #include <errno.h>
@@ -8,7 +9,8 @@
 
 #include "lib/base/file.h"
 
-static void release(struct outfile *o)
+/* Names only; the file is closed. */
+static void outfile_release(struct outfile *o)
 {
     free(o->path);
     free(o->part);
@@ -25,7 +27,7 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
     if (!strcmp(path, "-")) {
         if (isatty(STDOUT_FILENO)) {
-            release(o);
+            outfile_release(o);
             return error_set(err, EX_USAGE, "<stdout>: refusing to write "
                              "binary data to a terminal (use -o FILE or a "
                              "pipe)");
@@ -42,7 +44,7 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
     if (o->file)
         return 0;
     error_set(err, EX_CANTCREAT, "%s: %s", path, strerror(errno));
-    release(o);
+    outfile_release(o);
     return -1;
 }
 
@@ -63,7 +65,7 @@ int outfile_close(struct outfile *o, struct error *err)
         remove(o->part);
     if (bad)
         rc = error_set(err, EX_IOERR, "%s: %s", o->path, strerror(why));
-    release(o);
+    outfile_release(o);
     return rc;
 }
 
@@ -73,7 +75,7 @@ void outfile_abandon(struct outfile *o)
         fclose(o->file);
     if (o->part)
         remove(o->part);
-    release(o);
+    outfile_release(o);
 }
 
 int outfile_error(const struct outfile *o, struct error *err)

@@ -1,3 +1,5 @@
+/* Gaussian scenes as PLY files, read with any order of properties, written in
+ * the usual one, and looked over for what viewers trip over. */
 #include "formats/ply.h"
 
 #include <math.h>
@@ -9,7 +11,7 @@
 #include <sysexits.h>
 
 #include "formats/outfile.h"
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 
 /* ---- writing ------------------------------------------------------------ */
 
@@ -19,6 +21,7 @@ static const char *const field_name[FIELDS] = {
     "x", "y", "z", "nx", "ny", "nz", "f_dc_0", "f_dc_1", "f_dc_2", "opacity",
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"};
 
+/* The properties of FIELDS, all floats. */
 static void write_header(FILE *f, size_t n)
 {
     fprintf(f, "ply\nformat binary_little_endian 1.0\n"
@@ -30,7 +33,7 @@ static void write_header(FILE *f, size_t n)
 }
 
 /* Unit length, w >= 0; the zero quaternion turns nothing. */
-static void canonical(float q[4])
+static void quat_canonical(float q[4])
 {
     double n = sqrt((double)q[0] * q[0] + (double)q[1] * q[1] +
                     (double)q[2] * q[2] + (double)q[3] * q[3]);
@@ -44,15 +47,17 @@ static void canonical(float q[4])
         q[k] = (float)(q[k] * s);
 }
 
-static float channel(const struct gaussians *g, size_t i, int k)
+/* Channel k, or the last one where there are fewer. */
+static float gaussian_channel(const struct gaussians *g, size_t i, int k)
 {
     size_t c = (size_t)g->channels;
     size_t at = c * i + (size_t)(k < g->channels ? k : g->channels - 1);
     return g->color ? g->color[at] : half_to_float(g->color_half[at]);
 }
 
-static void pack(float out[FIELDS], const struct gaussians *g, size_t i,
-                 bool turn)
+/* One Gaussian as logit opacity, log scale and degree-0 harmonics. */
+static void row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
+                     bool turn)
 {
     const float *m = g->mean + 3 * i, *q = g->quat + 4 * i;
     float flip = turn ? -1 : 1;
@@ -63,7 +68,7 @@ static void pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[2] = m[2];
     out[3] = out[4] = out[5] = 0;
     for (int k = 0; k < 3; k++) {
-        out[6 + k] = (float)((channel(g, i, k) - 0.5) / PLY_SH0);
+        out[6 + k] = (float)((gaussian_channel(g, i, k) - 0.5) / PLY_SH0);
         out[10 + k] = (float)log(fmax(g->scale[3 * i + (size_t)k], 1e-7));
     }
     out[9] = (float)log(o / (1 - o));
@@ -71,7 +76,7 @@ static void pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[14] = turn ? -q[2] : q[1];
     out[15] = turn ? q[1] : q[2];
     out[16] = turn ? q[0] : q[3];
-    canonical(out + 13);
+    quat_canonical(out + 13);
 }
 
 int ply_write(const char *path, const struct gaussians *g, bool turn,
@@ -84,7 +89,7 @@ int ply_write(const char *path, const struct gaussians *g, bool turn,
     write_header(out.file, g->n);
     for (size_t i = 0; i < g->n; i++) {
         float row[FIELDS];
-        pack(row, g, i, turn);
+        row_pack(row, g, i, turn);
         for (int k = 0; k < FIELDS; k++)
             if (!isfinite(row[k])) {
                 outfile_abandon(&out);
@@ -122,10 +127,13 @@ struct header {
     struct property property[MAX_PROPERTIES];
 };
 
-static int bad(struct error *err, const char *path, const char *format, ...)
+static int bad_file(struct error *err, const char *path, const char *format,
+                    ...)
     __attribute__((format(printf, 3, 4)));
 
-static int bad(struct error *err, const char *path, const char *format, ...)
+/* EX_DATAERR with the path in front. */
+static int bad_file(struct error *err, const char *path, const char *format,
+                    ...)
 {
     char text[300];
     va_list args;
@@ -135,6 +143,7 @@ static int bad(struct error *err, const char *path, const char *format, ...)
     return error_set(err, EX_DATAERR, "%s: %s", path, text);
 }
 
+/* One "property TYPE NAME" of the vertices. */
 static int add_property(struct header *h, const char *type, const char *name,
                         const char *path, struct error *err)
 {
@@ -145,8 +154,8 @@ static int add_property(struct header *h, const char *type, const char *name,
            strcmp(type, numbers[t].alias))
         t++;
     if (t == NUMBERS || h->count == MAX_PROPERTIES)
-        return bad(err, path, "property %s of type %s (expected up to %d "
-                   "plain numbers)", name, type, MAX_PROPERTIES);
+        return bad_file(err, path, "property %s of type %s (expected up to %d "
+                        "plain numbers)", name, type, MAX_PROPERTIES);
     snprintf(p->name, sizeof p->name, "%s", name);
     p->type = (enum number)t;
     p->offset = h->stride;
@@ -155,6 +164,7 @@ static int add_property(struct header *h, const char *type, const char *name,
     return 0;
 }
 
+/* Any line of the header; seen: the vertices' element was there. */
 static int header_line(struct header *h, char *line, bool *in_vertex,
                        bool *seen, const char *path, struct error *err)
 {
@@ -166,23 +176,24 @@ static int header_line(struct header *h, char *line, bool *in_vertex,
     if (!strncmp(line, "format ", 7))
         return !strcmp(line, "format binary_little_endian 1.0")
                    ? 0
-                   : bad(err, path, "'%.60s' (expected format "
-                         "binary_little_endian 1.0)", line);
+                   : bad_file(err, path, "'%.60s' (expected format "
+                              "binary_little_endian 1.0)", line);
     if (sscanf(line, "element %200s %llu", name, &n) == 2) {
         if (!strcmp(name, "vertex") && !*seen)
             h->n = (size_t)n;
         else if (!*seen)
-            return bad(err, path, "element %.60s stands before the vertices",
-                       name);
+            return bad_file(err, path,
+                            "element %.60s stands before the vertices", name);
         *in_vertex = !strcmp(name, "vertex");
         *seen = true;
         return 0;
     }
     if (sscanf(line, "property %200s %200s", type, name) == 2)
         return *in_vertex ? add_property(h, type, name, path, err) : 0;
-    return bad(err, path, "header line '%.60s' is not understood", line);
+    return bad_file(err, path, "header line '%.60s' is not understood", line);
 }
 
+/* Up to end_header; afterwards the file stands at the first row. */
 static int read_header(struct header *h, FILE *f, const char *path,
                        struct error *err)
 {
@@ -191,19 +202,20 @@ static int read_header(struct header *h, FILE *f, const char *path,
 
     memset(h, 0, sizeof *h);
     if (!fgets(line, sizeof line, f) || strncmp(line, "ply", 3))
-        return bad(err, path, "not a PLY file");
+        return bad_file(err, path, "not a PLY file");
     while (fgets(line, sizeof line, f)) {
         line[strcspn(line, "\r\n")] = 0;
         if (!strcmp(line, "end_header"))
-            return seen ? 0 : bad(err, path, "no vertex element");
+            return seen ? 0 : bad_file(err, path, "no vertex element");
         if (header_line(h, line, &in_vertex, &seen, path, err))
             return -1;
     }
-    return bad(err, path, "the header does not end");
+    return bad_file(err, path, "the header does not end");
 }
 
-static const struct property *lookup(const struct header *h,
-                                     const char *name)
+/* The property of that name, or NULL. */
+static const struct property *header_find(const struct header *h,
+                                          const char *name)
 {
     for (size_t i = 0; i < h->count; i++)
         if (!strcmp(h->property[i].name, name))
@@ -211,7 +223,8 @@ static const struct property *lookup(const struct header *h,
     return NULL;
 }
 
-static double number(const char *row, const struct property *p)
+/* A property of a row as a double. */
+static double row_number(const char *row, const struct property *p)
 {
     union {
         int8_t i8; uint8_t u8; int16_t i16; uint16_t u16; int32_t i32;
@@ -238,30 +251,35 @@ struct layout {
     int nrest;
 };
 
+/* Which properties are the ones a scene needs. */
 static int find_layout(struct layout *l, const struct header *h,
                        const char *path, struct error *err)
 {
     memset(l, 0, sizeof *l);
     for (int i = 0; i < FIELDS; i++) {
-        l->field[i] = lookup(h, field_name[i]);
+        l->field[i] = header_find(h, field_name[i]);
         if (!l->field[i] && (i < 3 || i > 5))
-            return bad(err, path, "no property %s (is this a mesh or a point "
-                       "cloud?)", field_name[i]);
+            return bad_file(err, path,
+                            "no property %s (is this a mesh or a point "
+                            "cloud?)",
+                            field_name[i]);
     }
     for (; l->nrest < MAX_REST; l->nrest++) {
         char name[20];
         snprintf(name, sizeof name, "f_rest_%d", l->nrest);
-        if (!(l->rest[l->nrest] = lookup(h, name)))
+        if (!(l->rest[l->nrest] = header_find(h, name)))
             break;
     }
     if (l->nrest && l->nrest != 9 && l->nrest != 24 && l->nrest != 45)
-        return bad(err, path, "%d properties f_rest_ (expected 0, 9, 24 or "
-                   "45)", l->nrest);
+        return bad_file(err, path,
+                        "%d properties f_rest_ (expected 0, 9, 24 or 45)",
+                        l->nrest);
     return 0;
 }
 
-static int allocate(struct ply_scene *s, size_t n, int nrest,
-                    const char *path, struct error *err)
+/* One block for n Gaussians with nrest higher harmonics. */
+static int scene_allocate(struct ply_scene *s, size_t n, int nrest,
+                          const char *path, struct error *err)
 {
     float *p = malloc((n * (14 + (size_t)nrest) + 1) * sizeof *p);
     if (!p)
@@ -278,15 +296,16 @@ static int allocate(struct ply_scene *s, size_t n, int nrest,
     return 0;
 }
 
-static void unpack(struct ply_scene *s, size_t i, const char *row,
-                   const struct layout *l)
+/* Gaussian i from its row, turned to y up if need be. */
+static void row_unpack(struct ply_scene *s, size_t i, const char *row,
+                       const struct layout *l)
 {
     double v[FIELDS];
     float *q = s->quat + 4 * i;
     float flip = s->turned ? -1 : 1;
 
     for (int k = 0; k < FIELDS; k++)
-        v[k] = l->field[k] ? number(row, l->field[k]) : 0;
+        v[k] = l->field[k] ? row_number(row, l->field[k]) : 0;
     s->mean[3 * i] = flip * (float)v[0];
     s->mean[3 * i + 1] = flip * (float)v[1];
     s->mean[3 * i + 2] = (float)v[2];
@@ -301,12 +320,13 @@ static void unpack(struct ply_scene *s, size_t i, const char *row,
         const float t[4] = {-q[3], -q[2], q[1], q[0]};
         memcpy(q, t, sizeof t);
     }
-    canonical(q);
+    quat_canonical(q);
     for (int k = 0; k < l->nrest; k++)
         s->rest[(size_t)l->nrest * i + (size_t)k] =
-            (float)number(row, l->rest[k]);
+            (float)row_number(row, l->rest[k]);
 }
 
+/* Everything finite, the quaternion not 0. */
 static int check_row(const struct ply_scene *s, size_t i, int nrest,
                      const char *path, struct error *err)
 {
@@ -318,7 +338,7 @@ static int check_row(const struct ply_scene *s, size_t i, int nrest,
         ok &= isfinite(s->quat[4 * i + k]);
     for (size_t k = 0; k < (size_t)nrest; k++)
         ok &= isfinite(s->rest[(size_t)nrest * i + k]);
-    return ok ? 0 : bad(err, path, "vertex %zu is not finite", i);
+    return ok ? 0 : bad_file(err, path, "vertex %zu is not finite", i);
 }
 
 static int read_rows(struct ply_scene *s, FILE *f, const struct header *h,
@@ -330,10 +350,11 @@ static int read_rows(struct ply_scene *s, FILE *f, const struct header *h,
 
     for (size_t i = 0; !rc && i < h->n; i++) {
         if (fread(row, h->stride, 1, f) != 1) {
-            rc = bad(err, path, "ends at vertex %zu (expected %zu)", i, h->n);
+            rc = bad_file(err, path, "ends at vertex %zu (expected %zu)", i,
+                          h->n);
             break;
         }
-        unpack(s, i, row, l);
+        row_unpack(s, i, row, l);
         rc = check_row(s, i, l->nrest, path, err);
     }
     free(row);
@@ -354,8 +375,8 @@ static FILE *open_scene(struct header *h, struct layout *l, const char *path,
         goto failed;
     long at = ftell(f);
     if (at < 0 || h->n > ((size_t)sb.st_size - (size_t)at) / h->stride) {
-        bad(err, path, "holds fewer than the %zu vertices its header names",
-            h->n);
+        bad_file(err, path,
+                 "holds fewer than the %zu vertices its header names", h->n);
         goto failed;
     }
     return f;
@@ -377,7 +398,7 @@ int ply_read(struct ply_scene *s, const char *path, bool turn,
     if (!f)
         return -1;
     s->turned = turn;
-    if (!allocate(s, h.n, l.nrest, path, err))
+    if (!scene_allocate(s, h.n, l.nrest, path, err))
         rc = read_rows(s, f, &h, &l, path, err);
     fclose(f);
     if (rc)
@@ -395,7 +416,7 @@ void ply_release(struct ply_scene *s)
 
 /* Real spherical harmonics of degrees 1 to 3 in the order and with the signs
  * of the 3DGS files. */
-static void harmonics(double y[15], const double d[3])
+static void sh_basis(double y[15], const double d[3])
 {
     const double X = d[0], Y = d[1], Z = d[2];
     const double xx = X * X, yy = Y * Y, zz = Z * Z;
@@ -436,7 +457,7 @@ void ply_shade(struct ply_scene *s, const float eye[3])
         double y[15];
         for (int k = 0; k < 3; k++)
             d[k] /= n;
-        harmonics(y, d);
+        sh_basis(y, d);
         for (int c = 0; c < 3; c++) {
             const float *r = s->rest + (3 * i + (size_t)c) * (size_t)per;
             double v = s->color[3 * i + (size_t)c];
@@ -455,10 +476,11 @@ struct lint {
     int found;
 };
 
-static void report(struct lint *l, size_t count, const char *format, ...)
+static void lint_report(struct lint *l, size_t count, const char *format, ...)
     __attribute__((format(printf, 3, 4)));
 
-static void report(struct lint *l, size_t count, const char *format, ...)
+/* A line when count is not 0. */
+static void lint_report(struct lint *l, size_t count, const char *format, ...)
 {
     char text[300];
     va_list args;
@@ -472,6 +494,7 @@ static void report(struct lint *l, size_t count, const char *format, ...)
     l->found++;
 }
 
+/* Order, types and names of the properties. */
 static void lint_layout(struct lint *l, const struct header *h)
 {
     size_t at = 0, order = 0, types = 0, extra = 0;
@@ -488,33 +511,37 @@ static void lint_layout(struct lint *l, const struct header *h)
             at = k;
         }
     }
-    report(l, types, "%zu properties are not float: several viewers read "
-           "float32 only", types);
-    report(l, order, "properties are not in the usual order: viewers that "
-           "read by position will show noise");
-    report(l, extra, "%zu extra properties: viewers that read by position "
-           "will show noise", extra);
-    report(l, !lookup(h, "nx"), "no normals: viewers that read by position "
-           "expect nx ny nz");
-    report(l, h->n == 0, "no Gaussians");
+    lint_report(l, types, "%zu properties are not float: several viewers read "
+                "float32 only", types);
+    lint_report(l, order,
+                "properties are not in the usual order: viewers that read "
+                "by position will show noise");
+    lint_report(l, extra,
+                "%zu extra properties: viewers that read by position will "
+                "show noise",
+                extra);
+    lint_report(l, !header_find(h, "nx"),
+                "no normals: viewers that read by position expect nx ny nz");
+    lint_report(l, h->n == 0, "no Gaussians");
 }
 
+/* Counts what one row has wrong. */
 static void lint_row(const char *row, const struct layout *y, size_t *not_unit,
                      size_t *infinite, size_t *linear_opacity,
                      size_t *linear_scale)
 {
     double q = 0;
     for (int k = 0; k < FIELDS; k++)
-        if (y->field[k] && !isfinite(number(row, y->field[k]))) {
+        if (y->field[k] && !isfinite(row_number(row, y->field[k]))) {
             ++*infinite;
             break;
         }
     for (int k = 13; k < 17; k++)
-        q += pow(number(row, y->field[k]), 2);
+        q += pow(row_number(row, y->field[k]), 2);
     *not_unit += !(fabs(q - 1) < 1e-3);
-    double o = number(row, y->field[9]);
+    double o = row_number(row, y->field[9]);
     *linear_opacity += o >= 0 && o <= 1;
-    *linear_scale += number(row, y->field[10]) > 0;
+    *linear_scale += row_number(row, y->field[10]) > 0;
 }
 
 int ply_lint(const char *path, void (*say)(void *context, const char *text),
@@ -535,14 +562,15 @@ int ply_lint(const char *path, void (*say)(void *context, const char *text),
     lint_layout(&l, &h);
     for (size_t i = 0; i < h.n && fread(row, h.stride, 1, f) == 1; i++)
         lint_row(row, &y, &not_unit, &infinite, &opacity, &scale);
-    report(&l, infinite, "%zu Gaussians have values that are not finite: "
-           "viewers show nothing or crash", infinite);
-    report(&l, not_unit, "%zu rotations are not unit quaternions: some "
-           "viewers do not normalise them", not_unit);
-    report(&l, h.n && opacity == h.n, "every opacity lies in 0..1: are they "
-           "linear? the layout wants logits");
-    report(&l, h.n && scale == h.n, "every scale is positive: are they "
-           "linear? the layout wants logarithms");
+    lint_report(&l, infinite, "%zu Gaussians have values that are not finite: "
+                "viewers show nothing or crash", infinite);
+    lint_report(&l, not_unit, "%zu rotations are not unit quaternions: some "
+                "viewers do not normalise them", not_unit);
+    lint_report(&l, h.n && opacity == h.n,
+                "every opacity lies in 0..1: are they linear? the layout "
+                "wants logits");
+    lint_report(&l, h.n && scale == h.n, "every scale is positive: are they "
+                "linear? the layout wants logarithms");
     fclose(f);
     free(row);
     return l.found;

@@ -1,3 +1,4 @@
+/* PNG through libpng, whose way of failing (longjmp) ends here. */
 #include "formats/png.h"
 
 #include <png.h>
@@ -9,6 +10,7 @@
 #include "formats/image.h"
 #include "formats/outfile.h"
 
+/* libpng's text, kept for the return value. */
 static void on_error(png_structp png, png_const_charp text)
 {
     struct error *err = png_get_error_ptr(png);
@@ -17,12 +19,14 @@ static void on_error(png_structp png, png_const_charp text)
     longjmp(png_jmpbuf(png), 1);
 }
 
+/* Warnings are not errors. */
 static void on_warning(png_structp png, png_const_charp text)
 {
     (void)png;
     (void)text;
 }
 
+/* libpng's constant for 1 to 4 channels. */
 static int color_type(int channels)
 {
     static const int type[5] = {
@@ -73,6 +77,7 @@ struct reading {
     struct error e;
 };
 
+/* As RGBA of 8 bits, whatever the file holds; fails by longjmp. */
 static void read_pixels(struct reading *r, FILE *fp, size_t *width,
                         size_t *height, size_t most)
 {

@@ -1,3 +1,4 @@
+/* PAM, PPM and PGM pictures, one after the other, binary, 8 or 16 bits. */
 #include "formats/pnm.h"
 
 #include <ctype.h>
@@ -12,7 +13,7 @@ struct header {
 };
 
 /* The next number of a P5 or P6 header, comments skipped; 0 on failure. */
-static size_t number(FILE *fp)
+static size_t header_number(FILE *fp)
 {
     size_t n = 0;
     int c = getc(fp), digits = 0;
@@ -30,6 +31,7 @@ static size_t number(FILE *fp)
     return isspace(c) ? n : 0;
 }
 
+/* The lines up to ENDHDR. */
 static int read_pam(FILE *fp, struct header *h)
 {
     char line[256];
@@ -67,9 +69,9 @@ static int read_header(FILE *fp, struct header *h, size_t most,
     memset(h, 0, sizeof *h);
     if (p == 'P' && (k == '5' || k == '6')) {
         h->depth = k == '6' ? 3 : 1;
-        h->width = number(fp);
-        h->height = number(fp);
-        h->maxval = number(fp);
+        h->width = header_number(fp);
+        h->height = header_number(fp);
+        h->maxval = header_number(fp);
     } else if (p != 'P' || k != '7' || read_pam(fp, h) != 0) {
         return error_set(err, EX_DATAERR, "not a PPM, PGM or PAM picture "
                          "(expected P5, P6 or P7)");
@@ -88,7 +90,8 @@ static int read_header(FILE *fp, struct header *h, size_t most,
     return 1;
 }
 
-static uint8_t sample(const uint8_t *p, const struct header *h)
+/* A sample scaled to 8 bits. */
+static uint8_t pixel_sample(const uint8_t *p, const struct header *h)
 {
     size_t v = h->maxval > 255 ? (size_t)p[0] << 8 | p[1] : p[0];
 
@@ -128,8 +131,8 @@ int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
                            " %zu", y, h.height);
         for (size_t x = 0; x < h.width && rc == 1; x++, out += 3)
             for (size_t c = 0; c < 3; c++)
-                out[c] = sample(line + x * step
-                                + (h.depth < 3 ? 0 : c * one), &h);
+                out[c] = pixel_sample(line + x * step
+                                      + (h.depth < 3 ? 0 : c * one), &h);
     }
     free(line);
     *width = h.width;

@@ -1,3 +1,5 @@
+/* Records to array files, with an index from which recordload.c makes them
+ * again. */
 #include "formats/recordfile.h"
 
 #include <cjson/cJSON.h>
@@ -38,8 +40,9 @@ struct recordfile {
     size_t columns;
 };
 
-static struct recordfile *create(const char *path, bool npy,
-                                 struct error *err)
+/* Of either kind; nothing is written yet. */
+static struct recordfile *recordfile_create(const char *path, bool npy,
+                                            struct error *err)
 {
     struct recordfile *w = calloc(1, sizeof *w);
 
@@ -58,7 +61,7 @@ static struct recordfile *create(const char *path, bool npy,
 
 struct recordfile *recordfile_create_st(const char *path, struct error *err)
 {
-    return create(path, false, err);
+    return recordfile_create(path, false, err);
 }
 
 struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
@@ -74,7 +77,7 @@ struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
         error_set(err, EX_CANTCREAT, "%s: not a directory", dir);
         return NULL;
     }
-    return create(dir, true, err);
+    return recordfile_create(dir, true, err);
 }
 
 void recordfile_abandon(struct recordfile *w)
@@ -94,6 +97,7 @@ void recordfile_abandon(struct recordfile *w)
     free(w);
 }
 
+/* A copy of the array, named RECORD.TYPE.NAME. */
 static int add_tensor(struct recordfile *w, const struct record *rec,
                       const struct array *a, struct error *err)
 {
@@ -145,12 +149,14 @@ static void put_safe(char *out, size_t size, const char *text)
     }
 }
 
+/* May be stacked on each other. */
 static bool same_row(const struct array *a, const struct array *b)
 {
     return a->dtype == b->dtype && a->ndim == b->ndim &&
            memcmp(a->dim, b->dim, sizeof a->dim) == 0;
 }
 
+/* The next npy file of this array. */
 static int open_column(struct recordfile *w, struct column *c,
                        const struct array *a, struct error *err)
 {
@@ -207,6 +213,7 @@ static struct column *find_column(struct recordfile *w,
     return npy_finish(full, err) || open_column(w, c, a, err) ? NULL : c;
 }
 
+/* Append to the array's column and note where it went. */
 static int add_row(struct recordfile *w, cJSON *arrays,
                    const struct record *rec, const struct array *a,
                    struct error *err)
@@ -226,6 +233,7 @@ static int add_row(struct recordfile *w, cJSON *arrays,
 
 /* ---- both --------------------------------------------------------------- */
 
+/* The record's row of the index, then its arrays. */
 int recordfile_add(struct recordfile *w, const struct record *rec,
                    struct error *err)
 {
@@ -255,6 +263,7 @@ int recordfile_add(struct recordfile *w, const struct record *rec,
     return 0;
 }
 
+/* Close the columns and write the index. */
 static int finish_npy(struct recordfile *w, struct error *err)
 {
     char path[PATH_ROOM], *text;

@@ -1,3 +1,4 @@
+/* Records as lines of JSON, and back. */
 #include "formats/recordjson.h"
 
 #include <cjson/cJSON.h>
@@ -7,12 +8,13 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/stream/schema.h"
 #include "lib/stream/stats.h"
 
 /* ---- writing ---------------------------------------------------------- */
 
+/* Escaped; control characters as \u00XX. */
 static void put_string(FILE *f, const char *s, size_t n)
 {
     putc('"', f);
@@ -41,6 +43,7 @@ static void put_number(FILE *f, double v, enum dtype dtype)
                 : dtype == DTYPE_F32 ? 9 : 10, v);
 }
 
+/* null for what does not exist. */
 static void put_statistic(FILE *f, const char *key, double v)
 {
     if (isnan(v))
@@ -60,6 +63,7 @@ static bool is_text(const struct array *a)
            strcmp(a->name, "json") == 0 && !memchr(s, 0, n);
 }
 
+/* Name, dtype, shape, statistics and, if asked for, every value. */
 static void put_array(FILE *f, const struct array *a, bool values)
 {
     struct array_stats s;
@@ -120,6 +124,7 @@ struct json_reader {
     void *data[STREAM_MAX_ARRAYS]; /* of the record being made */
 };
 
+/* As given, or the first that spid-stream(5) names, or f32. */
 static int get_dtype(enum dtype *dtype, const char *type, const char *name,
                      const cJSON *given, struct error *err)
 {
@@ -144,6 +149,7 @@ static int get_dtype(enum dtype *dtype, const char *type, const char *name,
     return 0;
 }
 
+/* One number, in the array's range; words for what JSON cannot say. */
 static int put_value(const struct array *a, void *data, size_t i,
                      const cJSON *item, struct error *err)
 {
@@ -201,6 +207,7 @@ static int put_nested(const struct array *a, void *data, size_t *i,
     return 0;
 }
 
+/* A string as u8. */
 static void *text_data(struct array *a, const char *text)
 {
     size_t n = strlen(text);
@@ -225,6 +232,7 @@ static int nested_shape(struct array *a, const cJSON *item)
     return 0;
 }
 
+/* Shape and data from nested lists. */
 static int nested_array(struct array *a, void **data, const cJSON *value,
                         struct error *err)
 {
@@ -282,6 +290,7 @@ static int flat_array(struct array *a, void **data, const cJSON *j,
     return 0;
 }
 
+/* Of either form; data is for the caller to free. */
 static int get_array(struct record *rec, void **data, const cJSON *j,
                      bool nested, struct error *err)
 {
@@ -339,6 +348,7 @@ static int get_place(struct json_reader *r, struct record *rec,
     return 0;
 }
 
+/* One object to the sink. */
 static int get_record(struct json_reader *r, const cJSON *j,
                       record_sink sink, void *context, struct error *err)
 {
@@ -410,6 +420,7 @@ fail:
     return NULL;
 }
 
+/* For messages. */
 static int line_of(const char *text, const char *at)
 {
     int line = 1;
@@ -419,6 +430,7 @@ static int line_of(const char *text, const char *at)
     return line;
 }
 
+/* One object or list after the other. */
 static int read_values(struct json_reader *r, const char *text,
                        record_sink sink, void *context, struct error *err)
 {

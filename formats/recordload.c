@@ -54,8 +54,8 @@ static struct array *next_array(struct record *rec, const char *name,
 /* ---- safetensors -------------------------------------------------------- */
 
 /* A tensor by name, tried first where the writer put it. */
-static const struct st_tensor *find(const struct safetensors *st,
-                                    const char *name, size_t *next)
+static const struct st_tensor *tensor_find(const struct safetensors *st,
+                                           const char *name, size_t *next)
 {
     size_t i = (*next)++;
 
@@ -64,6 +64,7 @@ static const struct st_tensor *find(const struct safetensors *st,
     return st_find(st, name);
 }
 
+/* One array of a record: its tensor, checked against the index. */
 static int st_array(struct record *rec, const struct safetensors *st,
                     size_t number, const char *name, size_t *next,
                     struct error *err)
@@ -75,7 +76,7 @@ static int st_array(struct record *rec, const struct safetensors *st,
     if (!a)
         return -1;
     snprintf(full, sizeof full, "%06zu.%s.%s", number, rec->type, name);
-    t = find(st, full, next);
+    t = tensor_find(st, full, next);
     if (!t)
         return error_set(err, EX_DATAERR, "no tensor '%s'", full);
     switch (t->dtype) {
@@ -99,6 +100,7 @@ static int st_array(struct record *rec, const struct safetensors *st,
     return 0;
 }
 
+/* One row of the index to the sink. */
 static int st_record(const struct safetensors *st, size_t number,
                      const cJSON *row, size_t *next, record_sink sink,
                      void *context, struct error *err)
@@ -148,6 +150,7 @@ struct cache {
     size_t count;
 };
 
+/* The file, read at its first use. */
 static const struct npy *cache_get(struct cache *c, const char *file,
                                    struct error *err)
 {
@@ -178,6 +181,7 @@ static const struct npy *cache_get(struct cache *c, const char *file,
     return &l->a;
 }
 
+/* Every file read. */
 static void cache_release(struct cache *c)
 {
     for (size_t i = 0; i < c->count; i++) {
@@ -187,6 +191,7 @@ static void cache_release(struct cache *c)
     free(c->loaded);
 }
 
+/* One array of a record: a row of its column. */
 static int npy_array(struct record *rec, struct cache *c, const cJSON *item,
                      struct error *err)
 {
@@ -214,6 +219,7 @@ static int npy_array(struct record *rec, struct cache *c, const cJSON *item,
     return 0;
 }
 
+/* One row of the index to the sink. */
 static int npy_record(struct cache *c, const cJSON *row, record_sink sink,
                       void *context, struct error *err)
 {
@@ -228,6 +234,7 @@ static int npy_record(struct cache *c, const cJSON *row, record_sink sink,
     return sink(&rec, context, err);
 }
 
+/* The JSON text of records.json. */
 static cJSON *read_index(const char *path, struct error *err)
 {
     FILE *f = fopen(path, "rb");

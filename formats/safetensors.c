@@ -1,3 +1,5 @@
+/* safetensors files, mapped and checked before use, and written with aligned
+ * data. */
 #include "formats/safetensors.h"
 
 #include <cjson/cJSON.h>
@@ -15,6 +17,7 @@
 #include <unistd.h>
 
 #include "lib/base/file.h"
+#include "lib/base/half.h"
 
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
 
@@ -34,7 +37,9 @@ static const struct {
 } dtypes[] = {
     [ST_U8] = {"U8", 1},     [ST_I8] = {"I8", 1},   [ST_I32] = {"I32", 4},
     [ST_I64] = {"I64", 8},   [ST_F16] = {"F16", 2}, [ST_BF16] = {"BF16", 2},
-    [ST_F32] = {"F32", 4},   [ST_F64] = {"F64", 8},
+    [ST_F32] = {"F32", 4},   [ST_F64] = {"F64", 8}, [ST_BOOL] = {"BOOL", 1},
+    [ST_I16] = {"I16", 2},   [ST_U16] = {"U16", 2}, [ST_U32] = {"U32", 4},
+    [ST_U64] = {"U64", 8},
 };
 #define DTYPES (sizeof dtypes / sizeof *dtypes)
 
@@ -61,6 +66,7 @@ static bool json_size(const cJSON *j, size_t *out)
     return true;
 }
 
+/* Up to eight dimensions whose product does not overflow. */
 static int parse_shape(struct st_tensor *t, const cJSON *shape,
                        const char *path, struct error *err)
 {
@@ -81,6 +87,7 @@ static int parse_shape(struct st_tensor *t, const cJSON *shape,
     return 0;
 }
 
+/* By the file's name for it. */
 static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
                        const char *path, struct error *err)
 {
@@ -94,6 +101,7 @@ static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
                      t->name, cJSON_IsString(dtype) ? dtype->valuestring : "");
 }
 
+/* One entry: dtype, shape and bytes agree and lie within the file. */
 static int parse_tensor(struct st_tensor *t, const cJSON *j,
                         const char *data, size_t room, const char *path,
                         struct error *err)
@@ -124,6 +132,7 @@ static int parse_tensor(struct st_tensor *t, const cJSON *j,
     return 0;
 }
 
+/* For qsort: the order in the file. */
 static int by_place(const void *a, const void *b)
 {
     const struct st_tensor *x = *(const struct st_tensor *const *)a;
@@ -158,6 +167,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
     return rc;
 }
 
+/* A map of strings, or nothing. */
 static int parse_metadata(struct safetensors *st, struct error *err)
 {
     const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
@@ -174,6 +184,7 @@ static int parse_metadata(struct safetensors *st, struct error *err)
     return 0;
 }
 
+/* All entries; no two overlap. */
 static int parse_header(struct safetensors *st, uint64_t n,
                         struct error *err)
 {
@@ -206,6 +217,7 @@ static int parse_header(struct safetensors *st, uint64_t n,
     return check_overlap(st, err);
 }
 
+/* The whole file, read-only. */
 static int map_file(struct safetensors *st, struct error *err)
 {
     struct stat sb;
@@ -329,9 +341,11 @@ static const char *shape_text(char *out, size_t size, int ndim,
     return out;
 }
 
-static const struct st_tensor *require(const struct safetensors *st,
-                                       const char *name, int ndim,
-                                       const size_t *dims, struct error *err)
+/* The tensor with this shape, or *err with what was found. */
+static const struct st_tensor *tensor_require(const struct safetensors *st,
+                                              const char *name, int ndim,
+                                              const size_t *dims,
+                                              struct error *err)
 {
     const struct st_tensor *t = st_find(st, name);
     char want[200], have[200];
@@ -356,17 +370,22 @@ static const struct st_tensor *require(const struct safetensors *st,
 /* ---- converting --------------------------------------------------------- */
 
 /* Element i as a double; unaligned data are legal in a file. */
-static double element(const struct st_tensor *t, size_t i)
+static double tensor_element(const struct st_tensor *t, size_t i)
 {
     const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
     union {
-        uint8_t u8; int8_t i8; int32_t i32; int64_t i64; uint16_t h;
-        float f; double d;
+        uint8_t u8; int8_t i8; int16_t i16; int32_t i32; int64_t i64;
+        uint16_t h; uint32_t u32; uint64_t u64; float f; double d;
     } v;
 
     memcpy(&v, p, dtypes[t->dtype].size);
     switch (t->dtype) {
+    case ST_BOOL: return v.u8 != 0;
     case ST_U8: return v.u8;
+    case ST_U16: return v.h;
+    case ST_U32: return v.u32;
+    case ST_U64: return (double)v.u64;
+    case ST_I16: return v.i16;
     case ST_I8: return v.i8;
     case ST_I32: return v.i32;
     case ST_I64: return (double)v.i64;
@@ -404,7 +423,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
             memcpy(out + at, from, (end - at) * sizeof *out);
         else
             for (size_t i = at; i < end; i++)
-                out[i] = (float)element(t, i);
+                out[i] = (float)tensor_element(t, i);
         st_forget(st, from, (end - at) * size);
         for (size_t i = at; i < end; i++)
             if (!isfinite(out[i]))
@@ -417,7 +436,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
                    const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
     float *out = t ? malloc((t->count + 1) * sizeof *out) : NULL;
 
     if (!t)
@@ -439,7 +458,7 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
                            int ndim, const size_t *dims, float **copy,
                            struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
 
     *copy = NULL;
     if (!t)
@@ -452,10 +471,10 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = require(st, name, ndim, dims, err);
+    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
     if (!t)
         return NULL;
-    if (t->dtype != ST_I32 && t->dtype != ST_I64 && t->dtype != ST_U8) {
+    if (t->dtype >= ST_F16 && t->dtype <= ST_F64) {
         error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected I32)",
                   st->path, name, dtypes[t->dtype].name);
         return NULL;
@@ -466,7 +485,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
         return NULL;
     }
     for (size_t i = 0; i < t->count; i++) {
-        double v = element(t, i);
+        double v = tensor_element(t, i);
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,
                       "%s: tensor '%s' at index %zu is %.0f (expected a "
@@ -483,8 +502,9 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
 
 /* ---- writing ------------------------------------------------------------ */
 
-static cJSON *describe(const struct st_tensor *tensors, size_t count,
-                       const char *const *meta)
+/* The JSON header; offsets count from the first tensor. */
+static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
+                              const char *const *meta)
 {
     cJSON *root = cJSON_CreateObject();
     size_t at = 0;
@@ -511,9 +531,18 @@ static cJSON *describe(const struct st_tensor *tensors, size_t count,
     return root;
 }
 
+/* What is saved, and where data that are not in memory come from. */
+struct save {
+    const struct st_tensor *tensors;
+    size_t count;
+    st_fetch fetch;
+    void *context;
+    bool unfetched;             /* fetch failed and has set *err */
+};
+
 /* Blanks after the JSON put the first tensor on a 64-byte boundary. */
-static bool write_all(FILE *f, const char *json,
-                      const struct st_tensor *tensors, size_t count)
+static bool write_all(FILE *f, const char *json, struct save *s,
+                      struct error *err)
 {
     size_t len = strlen(json);
     uint64_t n = (len + 8 + 63) / 64 * 64 - 8;
@@ -521,9 +550,15 @@ static bool write_all(FILE *f, const char *json,
 
     for (size_t i = len; ok && i < n; i++)
         ok = putc(' ', f) != EOF;
-    for (size_t i = 0; ok && i < count; i++) {
-        size_t bytes = tensors[i].count * dtypes[tensors[i].dtype].size;
-        ok = !bytes || fwrite(tensors[i].data, 1, bytes, f) == bytes;
+    for (size_t i = 0; ok && i < s->count; i++) {
+        const struct st_tensor *t = &s->tensors[i];
+        size_t bytes = t->count * dtypes[t->dtype].size;
+        const void *data = t->data;
+
+        if (!data && bytes && s->fetch)
+            data = s->fetch(s->context, i, err);
+        s->unfetched = !data && bytes;
+        ok = !bytes || (data && fwrite(data, 1, bytes, f) == bytes);
     }
     /* A device or a pipe has nothing to sync (EINVAL). */
     return ok && !fflush(f) && (!fsync(fileno(f)) || errno == EINVAL);
@@ -532,9 +567,17 @@ static bool write_all(FILE *f, const char *json,
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
             const char *const *meta, struct error *err)
 {
+    return st_save_from(path, tensors, count, meta, NULL, NULL, err);
+}
+
+int st_save_from(const char *path, const struct st_tensor *tensors,
+                 size_t count, const char *const *meta, st_fetch fetch,
+                 void *context, struct error *err)
+{
+    struct save save = {tensors, count, fetch, context, false};
     size_t len = strlen(path) + 6;
     char *part = malloc(len), *json = NULL;
-    cJSON *root = describe(tensors, count, meta);
+    cJSON *root = header_describe(tensors, count, meta);
     FILE *f = NULL;
     int rc = -1;
 
@@ -549,12 +592,13 @@ int st_save(const char *path, const struct st_tensor *tensors, size_t count,
         error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
         goto out;
     }
-    bool ok = write_all(f, json, tensors, count);
+    bool ok = write_all(f, json, &save, err);
     int why = errno;
     ok = !fclose(f) && ok;
     if (!ok || (!special && file_rename(part, path))) {
-        error_set(err, EX_IOERR, "%s: %s", path,
-                  strerror(ok ? errno : why));
+        if (!save.unfetched)
+            error_set(err, EX_IOERR, "%s: %s", path,
+                      strerror(ok ? errno : why));
         if (!special)
             remove(part);
         goto out;

@@ -8,10 +8,10 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/base/half.h"
 
 enum st_dtype {
-    ST_U8, ST_I8, ST_I32, ST_I64, ST_F16, ST_BF16, ST_F32, ST_F64
+    ST_U8, ST_I8, ST_I32, ST_I64, ST_F16, ST_BF16, ST_F32, ST_F64,
+    ST_BOOL, ST_I16, ST_U16, ST_U32, ST_U64
 };
 
 size_t st_dtype_size(enum st_dtype t);
@@ -65,7 +65,7 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
  * pages go.  Reading them again is allowed, and costs a page fault.  Memory
  * outside of the file is left alone. */
 void st_forget(const struct safetensors *st, const void *from, size_t bytes);
-/* The same for integer tensors (I32, I64, U8), range-checked to int32. */
+/* The same for tensors of any integer type, range-checked to int32. */
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err);
 
@@ -73,5 +73,12 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
  * order; data start 64-byte aligned.  meta is key, value, key, value, NULL. */
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
             const char *const *meta, struct error *err);
+/* The same, for tensors that are not in memory all at once: where data is
+ * NULL, fetch(context, i, err) gives the bytes of tensor i, valid until the
+ * next call, or NULL and *err. */
+typedef const void *(*st_fetch)(void *context, size_t i, struct error *err);
+int st_save_from(const char *path, const struct st_tensor *tensors,
+                 size_t count, const char *const *meta, st_fetch fetch,
+                 void *context, struct error *err);
 
 #endif

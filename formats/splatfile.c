@@ -1,3 +1,4 @@
+/* .splat files: 32 bytes a Gaussian, heaviest first. */
 #include "formats/splatfile.h"
 
 #include <errno.h>
@@ -16,7 +17,7 @@ struct weight {
 };
 
 /* Heaviest first, ties by index: one order for one input. */
-static int heavier(const void *a, const void *b)
+static int weight_heavier(const void *a, const void *b)
 {
     const struct weight *x = a, *y = b;
     if (x->w != y->w)
@@ -24,6 +25,7 @@ static int heavier(const void *a, const void *b)
     return (x->index > y->index) - (x->index < y->index);
 }
 
+/* Indices by opacity times volume, falling. */
 static struct weight *by_weight(size_t n, const float *scale,
                                 const float *opacity)
 {
@@ -34,11 +36,12 @@ static struct weight *by_weight(size_t n, const float *scale,
         order[i].index = (uint32_t)i;
     }
     if (order)
-        qsort(order, n, sizeof *order, heavier);
+        qsort(order, n, sizeof *order, weight_heavier);
     return order;
 }
 
-static uint8_t byte(float x)
+/* Rounded and clamped to 0 .. 255. */
+static uint8_t splat_byte(float x)
 {
     return (uint8_t)lrintf(fminf(fmaxf(x, 0), 255));
 }
@@ -68,10 +71,10 @@ int splatfile_write(const char *path, size_t n, const float *mean,
                       scale[3 * i + 2]};
         uint8_t b[8];
         for (int j = 0; j < 3; j++)
-            b[j] = byte(255 * c[j]);
-        b[3] = byte(255 * opacity[i]);
+            b[j] = splat_byte(255 * c[j]);
+        b[3] = splat_byte(255 * opacity[i]);
         for (int j = 0; j < 4; j++)
-            b[4 + j] = byte(128 + 128 * turned[j] / fmaxf(norm, 1e-12f));
+            b[4 + j] = splat_byte(128 + 128 * turned[j] / fmaxf(norm, 1e-12f));
         fwrite(f, sizeof f, 1, out.file);
         fwrite(b, sizeof b, 1, out.file);
     }
@@ -84,7 +87,8 @@ int splatfile_write(const char *path, size_t n, const float *mean,
 enum { RECORD = 32 };
 
 /* One record into its place in the arrays of a block of 14 n floats. */
-static int unpack(float *block, size_t n, size_t i, const uint8_t *record)
+static int record_unpack(float *block, size_t n, size_t i,
+                         const uint8_t *record)
 {
     float f[6], *mean = block + 3 * i, *scale = block + 3 * (n + i);
     float *quat = block + 6 * n + 4 * i, *color = block + 11 * n + 3 * i;
@@ -134,7 +138,8 @@ int splatfile_read(struct gaussians *g, void **block, const char *path,
     }
     rewind(f);
     for (size_t i = 0; i < n; i++)
-        if (fread(record, RECORD, 1, f) != 1 || unpack(x, n, i, record)) {
+        if (fread(record, RECORD, 1, f) != 1 || record_unpack(x, n, i,
+                                                              record)) {
             error_set(err, EX_DATAERR, "%s: Gaussian %zu is cut short or not "
                       "finite", path, i);
             goto out;

@@ -1,3 +1,4 @@
+/* Videos in and out by OpenCV, with the colours that the file's tags say. */
 extern "C" {
 #include "formats/video.h"
 }
@@ -18,7 +19,7 @@ extern "C" {
 #include <opencv2/videoio.hpp>
 
 /* OpenCV and ffmpeg print what they think; our messages say it instead. */
-static void hush()
+static void opencv_hush()
 {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
@@ -93,7 +94,8 @@ static bool ends_in_packet(const char *path)
 
 /* What takes RGB that one matrix (Kr, Kb) made of YCbCr to what the other
  * makes of the same. */
-static cv::Matx33f between(double kr, double kb, double to_kr, double to_kb)
+static cv::Matx33f matrix_between(double kr, double kb, double to_kr,
+                                  double to_kb)
 {
     const double kg = 1 - kr - kb, to_kg = 1 - to_kr - to_kb;
     const cv::Matx33d ycc(kr, kg, kb,
@@ -122,6 +124,7 @@ struct video_reader {
     bool live = false;
 };
 
+/* A camera by its number, or a file. */
 static bool open_capture(video_reader *v, const char *path)
 {
     if (std::strncmp(path, "camera:", 7) == 0) {
@@ -131,6 +134,7 @@ static bool open_capture(video_reader *v, const char *path)
     return v->capture.open(path, cv::CAP_FFMPEG);
 }
 
+/* Tags, or by size as players do; the matrix that corrects OpenCV's. */
 static void find_colours(video_reader *v, bool bt601)
 {
     const int m = v->live || bt601 ? 6 : tagged_matrix(v->path.c_str());
@@ -139,7 +143,7 @@ static void find_colours(video_reader *v, bool bt601)
         || ((m == 0 || m == 2)
             && is_hd((int)v->capture.get(cv::CAP_PROP_FRAME_WIDTH),
                      (int)v->capture.get(cv::CAP_PROP_FRAME_HEIGHT)));
-    v->recolour = between(K601[0], K601[1], K709[0], K709[1]);
+    v->recolour = matrix_between(K601[0], K601[1], K709[0], K709[1]);
 }
 
 struct video_reader *video_open(const char *path, bool bt601,
@@ -148,7 +152,7 @@ struct video_reader *video_open(const char *path, bool bt601,
     struct stat st;
     video_reader *v = nullptr;
 
-    hush();
+    opencv_hush();
     if (std::strncmp(path, "camera:", 7) != 0 && stat(path, &st) != 0) {
         error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                   std::strerror(errno));
@@ -236,6 +240,7 @@ struct video_writer {
     size_t width = 0, height = 0, count = 0;
 };
 
+/* The first codec that this machine has. */
 static bool open_writer(video_writer *v, double rate)
 {
     const int code[] = {
@@ -262,7 +267,7 @@ struct video_writer *video_create(const char *path, size_t width,
 {
     video_writer *v = nullptr;
 
-    hush();
+    opencv_hush();
     try {
         v = new video_writer;
         v->path = path;
@@ -301,7 +306,7 @@ int video_write(struct video_writer *v, const uint8_t *rgb, struct error *err)
         if (is_hd(v->bgr.cols, v->bgr.rows)) {
             cv::cvtColor(v->bgr, v->bgr, cv::COLOR_BGR2RGB);
             cv::transform(v->bgr, v->bgr,
-                          between(K709[0], K709[1], K601[0], K601[1]));
+                          matrix_between(K709[0], K709[1], K601[0], K601[1]));
             cv::cvtColor(v->bgr, v->bgr, cv::COLOR_RGB2BGR);
         }
         v->writer.write(v->bgr);

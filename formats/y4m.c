@@ -1,3 +1,5 @@
+/* YUV4MPEG2: headers, and planes to RGB and back with fixed-point
+ * arithmetic. */
 #include "formats/y4m.h"
 
 #include <math.h>
@@ -10,6 +12,7 @@
 
 /* ---- the header ------------------------------------------------------- */
 
+/* Kind and siting. */
 static int parse_chroma(struct y4m *y, const char *v, size_t n)
 {
     static const struct {
@@ -34,6 +37,7 @@ static int parse_chroma(struct y4m *y, const char *v, size_t n)
     return -1;
 }
 
+/* "30000:1001". */
 static int parse_ratio(const char *v, int *num, int *den)
 {
     int a, b;
@@ -45,6 +49,7 @@ static int parse_ratio(const char *v, int *num, int *den)
     return 0;
 }
 
+/* Pixels. */
 static int parse_side(const char *v, size_t *side)
 {
     char *end;
@@ -56,6 +61,7 @@ static int parse_side(const char *v, size_t *side)
     return 0;
 }
 
+/* One word of the header by its first letter. */
 static int parse_field(struct y4m *y, const char *p, size_t n)
 {
     switch (*p) {
@@ -115,6 +121,7 @@ size_t y4m_header(char *line, size_t size, const struct y4m *y)
         y->full ? "FULL" : "LIMITED");
 }
 
+/* Of a chroma plane; 0 when there is none. */
 static size_t chroma_width(const struct y4m *y)
 {
     switch (y->chroma) {
@@ -124,6 +131,7 @@ static size_t chroma_width(const struct y4m *y)
     }
 }
 
+/* Of a chroma plane. */
 static size_t chroma_height(const struct y4m *y)
 {
     return y->chroma == Y4M_420 ? (y->height + 1) / 2 : y->height;
@@ -141,6 +149,7 @@ struct matrix {
     double kr, kb, y0, ys, cs;
 };
 
+/* BT.709 or BT.601, studio or full range. */
 static struct matrix matrix_of(const struct y4m *y)
 {
     struct matrix m = {0.2126, 0.0722, 16, 219, 224};
@@ -158,12 +167,14 @@ static struct matrix matrix_of(const struct y4m *y)
 
 #define FIX 16                 /* fraction bits of the integer arithmetic */
 
-static int fix(double v)
+/* To FIX fractional bits. */
+static int fixed_of(double v)
 {
     return (int)lrint(v * (1 << FIX));
 }
 
-static uint8_t byte(int v)
+/* Rounded beforehand; clamped. */
+static uint8_t fixed_byte(int v)
 {
     v >>= FIX;
     return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
@@ -175,20 +186,20 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
     const double ys = m.ys / 255, cs = m.cs / 255;
     const double b2 = cs / (2 * (1 - m.kb)), r2 = cs / (2 * (1 - m.kr));
     const int half = 1 << (FIX - 1);
-    const int yr = fix(m.kr * ys), yb = fix(m.kb * ys);
-    const int yg = fix(ys) - yr - yb;
-    const int br = fix(-m.kr * b2), bb = fix(cs / 2), bg = -br - bb;
-    const int rb = fix(-m.kb * r2), rr = fix(cs / 2), rg = -rr - rb;
-    const int y0 = fix(m.y0) + half, c0 = fix(128) + half;
+    const int yr = fixed_of(m.kr * ys), yb = fixed_of(m.kb * ys);
+    const int yg = fixed_of(ys) - yr - yb;
+    const int br = fixed_of(-m.kr * b2), bb = fixed_of(cs / 2), bg = -br - bb;
+    const int rb = fixed_of(-m.kb * r2), rr = fixed_of(cs / 2), rg = -rr - rb;
+    const int y0 = fixed_of(m.y0) + half, c0 = fixed_of(128) + half;
     const size_t W = y->width, H = y->height, N = W * H;
     uint8_t *cb = planes + N, *cr = cb + chroma_width(y) * chroma_height(y);
 
     for (size_t i = 0; i < N; i++) {
         const uint8_t *p = rgb + 3 * i;
-        planes[i] = byte(yr * p[0] + yg * p[1] + yb * p[2] + y0);
+        planes[i] = fixed_byte(yr * p[0] + yg * p[1] + yb * p[2] + y0);
         if (y->chroma == Y4M_444) {
-            cb[i] = byte(br * p[0] + bg * p[1] + bb * p[2] + c0);
-            cr[i] = byte(rr * p[0] + rg * p[1] + rb * p[2] + c0);
+            cb[i] = fixed_byte(br * p[0] + bg * p[1] + bb * p[2] + c0);
+            cr[i] = fixed_byte(rr * p[0] + rg * p[1] + rb * p[2] + c0);
         }
     }
     if (y->chroma != Y4M_420)
@@ -203,8 +214,8 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
             int t[3];
             for (int k = 0; k < 3; k++)
                 t[k] = p[k] + q[k] + r[k] + s[k];
-            *cb++ = byte((br * t[0] + bg * t[1] + bb * t[2]) / 4 + c0);
-            *cr++ = byte((rr * t[0] + rg * t[1] + rb * t[2]) / 4 + c0);
+            *cb++ = fixed_byte((br * t[0] + bg * t[1] + bb * t[2]) / 4 + c0);
+            *cr++ = fixed_byte((rr * t[0] + rg * t[1] + rb * t[2]) / 4 + c0);
         }
 }
 
@@ -253,10 +264,11 @@ void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
 {
     const struct matrix m = matrix_of(y);
     const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
-    const int half = 1 << (FIX - 1), ys = fix(255 / m.ys);
-    const int rv = fix(2 * (1 - m.kr) * c), bu = fix(2 * (1 - m.kb) * c);
-    const int gu = fix(-2 * (1 - m.kb) * m.kb / kg * c);
-    const int gv = fix(-2 * (1 - m.kr) * m.kr / kg * c);
+    const int half = 1 << (FIX - 1), ys = fixed_of(255 / m.ys);
+    const int rv = fixed_of(2 * (1 - m.kr) * c);
+    const int bu = fixed_of(2 * (1 - m.kb) * c);
+    const int gu = fixed_of(-2 * (1 - m.kb) * m.kb / kg * c);
+    const int gv = fixed_of(-2 * (1 - m.kr) * m.kr / kg * c);
     const size_t W = y->width, H = y->height;
     const size_t plane = chroma_width(y) * chroma_height(y);
     const uint8_t *cb = planes + W * H, *cr = cb + plane;
@@ -274,8 +286,8 @@ void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
             a = u[k] - 128 * 16;
             b = v[k] - 128 * 16;
         }
-        rgb[0] = byte(l + rv * b);
-        rgb[1] = byte(l + gu * a + gv * b);
-        rgb[2] = byte(l + bu * a);
+        rgb[0] = fixed_byte(l + rv * b);
+        rgb[1] = fixed_byte(l + gu * a + gv * b);
+        rgb[2] = fixed_byte(l + bu * a);
     }
 }

@@ -5,9 +5,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/records.h"
 #include "lib/base/cpu.h"
 #include "lib/geom/camera.h"
+#include "lib/record/motion.h"
 
 /* ---- workers ----------------------------------------------------------- */
 

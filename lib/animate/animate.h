@@ -25,7 +25,7 @@
 
 struct animate_options {
     size_t size;                /* of the picture, pixels */
-    const char *model;          /* path, for the refiner; NULL with star */
+    const struct model *model;  /* open, for the refiner; NULL with star */
     bool star;                  /* SpiD*: three channels, no refiner */
     bool roi;                   /* refine only where the head is */
     bool f32;                   /* features drawn and kept in float, as by

@@ -12,19 +12,20 @@
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err)
 {
-    snprintf(p->model_path, sizeof p->model_path, "%s", model);
-    if (head_load(&p->head, head, err) ||
+    if (model_open(&p->model, model, err) ||
+        head_load(&p->head, head, err) ||
         densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err) ||
-        encoders_open(&p->nets, model, true, p->precision, err))
+        encoders_open(&p->nets, &p->model, true, p->precision, err))
         return -1;
     return 0;
 }
 
 void prepare_release(struct prepare *p)
 {
-    if (p->has_model)
-        avatar_model_release(&p->model);
+    if (p->has_baker)
+        baker_release(&p->baker);
     encoders_release(&p->nets);
+    model_close(&p->model);
     densify_release(&p->dense);
     head_release(&p->head);
     memset(p, 0, sizeof *p);
@@ -73,10 +74,9 @@ static int read_picture(struct prepared *s, struct prepare *p,
                         const char *path, const char *mask_path,
                         struct error *err)
 {
-    const struct track_options opt = {.size = (double)p->nets.config.size};
+    const struct track_options opt = {.size = (double)p->model.config.size};
     struct image picture = {0}, mask = {0};
     struct source src = {0};
-    struct person *q = &s->person;
     int rc = -1;
 
     if (image_read(&picture, path, err) ||
@@ -88,21 +88,8 @@ static int read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->disc = src.how == SOURCE_DISC;
-    q->shape = malloc((src.nshape + 1) * sizeof *q->shape);
-    if (!q->shape) {
-        error_set(err, EX_OSERR, "no memory for an identity");
-        goto out;
-    }
-    memcpy(q->shape, src.shape, src.nshape * sizeof *q->shape);
-    q->nshape = src.nshape;
-    q->rgb = src.rgb;           /* handed over */
-    q->matte = src.matte;
-    q->size = src.size;
-    src.rgb = src.matte = NULL;
-    memcpy(q->crop, src.crop, sizeof q->crop);
-    q->source = src.motion;
-    q->source.pose.exp = q->source.exp;
-    q->has_source = 1;
+    s->person = source_take_person(&src);
+    s->damaged = picture.damaged;
     rc = 0;
 out:
     source_release(&src);
@@ -115,22 +102,21 @@ out:
 
 static int bake(struct prepared *s, struct prepare *p, struct error *err)
 {
-    if (!p->has_model && avatar_model_open(&p->model, p->model_path,
-                                           &p->head, p->without,
-                                           p->precision, err))
+    if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head,
+                                    p->without, p->precision, err))
         return -1;
-    p->has_model = true;
+    p->has_baker = true;
     float *verts = malloc(3 * p->head.V * sizeof *verts);
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
-    int rc = avatar_model_bake(&p->model, verts, &s->person, err) ||
-             baked_from_avatar(&s->baked, &p->model.avatar, err) ? -1 : 0;
+    int rc = baker_bake(&p->baker, verts, &s->person, err) ||
+             baked_from_avatar(&s->baked, &p->baker.avatar, err) ? -1 : 0;
     free(verts);
     if (rc == 0 && !p->keep_clear)
         baked_drop_clear(&s->baked);
     if (rc == 0 && p->prune >= 0)
         rc = prune_views(&s->baked, &s->report, &p->dense, &s->id,
-                         p->nets.config.size, p->prune, err);
+                         p->model.config.size, p->prune, err);
     return rc;
 }
 

@@ -6,20 +6,20 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/avatar/densify.h"
-#include "lib/avatar/model.h"
+#include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
-#include "lib/avatar/records.h"
+#include "lib/record/person.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 
 /* What every clip shares: model files, loaded once. */
 struct prepare {
-    char model_path[4096];
+    struct model model;
     struct head head;
     struct densify dense;
     struct encoders nets;       /* E_m and E_beta */
-    struct avatar_model model;  /* loaded by the first source that needs it */
-    bool has_model;
+    struct baker baker;         /* loaded by the first source that needs it */
+    bool has_baker;
     enum nn_type precision;
     unsigned without;           /* enum avatar_without */
     double prune;               /* negative: no pruning */
@@ -34,6 +34,7 @@ struct prepared {
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     bool disc;                  /* no outline found: the matte is a disc */
+    bool damaged;               /* the picture is, see struct image */
 };
 
 /* head NULL: head.safetensors beside the model.  The flags of p are set by

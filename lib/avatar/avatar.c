@@ -9,6 +9,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/light.h"
 #include "lib/geom/camera.h"
+#include "lib/model/model.h"
 
 const float avatar_upright[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
@@ -78,10 +79,8 @@ int avatar_init(struct avatar *a, struct params *ps,
     a->config = *config;
     a->head = head;
     a->ps = ps;
-    if (config->head_hash[0] && strcmp(config->head_hash, head->hash))
-        return error_set(err, EX_CONFIG, "model was made for head %s "
-                         "(expected %s, the head in use)", config->head_hash,
-                         head->hash);
+    if (model_check_head(config, head, err))
+        return -1;
     if (head->nlip_inner == 0)
         return error_set(err, EX_CONFIG, "head has no inner lip ring "
                          "(expected the list lip_inner)");

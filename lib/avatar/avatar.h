@@ -34,7 +34,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/avatar/densify.h"
 #include "lib/base/error.h"
 #include "lib/geom/bend.h"

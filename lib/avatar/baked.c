@@ -5,8 +5,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/avatar/branches.h"
+#include "lib/record/gaussians.h"
 
 static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
                     struct error *err)
@@ -107,19 +108,15 @@ static int count_branches(size_t n[3], const uint8_t *branch, size_t N,
     return 0;
 }
 
-static int read_vertices(struct baked *b, const struct record *rec,
+static int read_vertices(struct baked *b, const struct gaus *g,
                          size_t vertices, struct error *err)
 {
-    size_t dims[1] = {b->dynamic};
-    const int32_t *v = NULL;
-
-    if (record_find(rec, "vertex")) {
-        v = record_get(rec, "vertex", DTYPE_I32, 1, dims, err);
-        if (!v)
-            return -1;
-    }
+    if (g->vertex && g->vertices != b->dynamic)
+        return error_set(err, EX_DATAERR, "GAUS vertex has %zu numbers "
+                         "(expected %zu, one for each dynamic Gaussian)",
+                         g->vertices, b->dynamic);
     for (size_t i = 0; i < b->dynamic; i++) {
-        int32_t k = v ? v[i] : (int32_t)i;
+        int32_t k = g->vertex ? g->vertex[i] : (int32_t)i;
 
         if (k < 0 || (vertices && (size_t)k >= vertices))
             return error_set(err, EX_DATAERR, "GAUS vertex[%zu] is %d "
@@ -130,80 +127,50 @@ static int read_vertices(struct baked *b, const struct record *rec,
     return 0;
 }
 
-/* The optional arrays that say how it bends. */
-static int read_bending(struct baked *b, const struct record *rec,
-                        struct error *err)
+/* What moves the Gaussians, where the record says it. */
+static int read_motion(struct baked *b, const struct gaus *g,
+                       struct error *err)
 {
-    const size_t N[1] = {b->N}, three[1] = {3}, nine[2] = {3, 3};
-    const float *bend, *pivot, *source;
-
-    if (!record_find(rec, "bend"))
+    if (g->lip)
+        memcpy(b->lip, g->lip, sizeof b->lip);
+    if (g->light)
+        memcpy(b->light, g->light, sizeof b->light);
+    if (!g->bend)
         return 0;
-    if (!(bend = record_get(rec, "bend", DTYPE_F32, 1, N, err)) ||
-        !(pivot = record_get(rec, "pivot", DTYPE_F32, 1, three, err)) ||
-        !(source = record_get(rec, "source", DTYPE_F32, 2, nine, err)))
-        return -1;
-    memcpy(b->bend, bend, b->N * sizeof *bend);
-    memcpy(b->pivot, pivot, sizeof b->pivot);
-    memcpy(b->source, source, sizeof b->source);
+    if (!g->pivot || !g->source)
+        return error_set(err, EX_DATAERR, "GAUS has bend without %s",
+                         g->pivot ? "source" : "pivot");
+    memcpy(b->bend, g->bend, b->N * sizeof *g->bend);
+    memcpy(b->pivot, g->pivot, sizeof b->pivot);
+    memcpy(b->source, g->source, sizeof b->source);
     find_bent(b);
-    return 0;
-}
-
-static int read_light(struct baked *b, const struct record *rec,
-                      struct error *err)
-{
-    const size_t three[1] = {3};
-    const float *light;
-
-    if (!record_find(rec, "light"))
-        return 0;
-    if (!(light = record_get(rec, "light", DTYPE_F32, 1, three, err)))
-        return -1;
-    memcpy(b->light, light, sizeof b->light);
     return 0;
 }
 
 int baked_read(struct baked *b, const struct record *rec, size_t vertices,
                struct error *err)
 {
-    size_t any[2] = {0, 3}, n[3];
-    const float *mean = record_get(rec, "mean", DTYPE_F32, 2, any, err);
+    struct gaus g;
+    size_t n[3];
 
     memset(b, 0, sizeof *b);
-    if (!mean)
+    if (gaus_read(&g, rec, err))
         return -1;
-    size_t N = record_find(rec, "mean")->dim[0];
-    size_t d3[2] = {N, 3}, d4[2] = {N, 4}, d1[1] = {N}, dc[2] = {N, 0};
-    const float *scale = record_get(rec, "scale", DTYPE_F32, 2, d3, err);
-    const float *quat = scale ? record_get(rec, "quat", DTYPE_F32, 2, d4, err)
-                              : NULL;
-    const float *opacity = quat ? record_get(rec, "opacity", DTYPE_F32, 1, d1,
-                                             err) : NULL;
-    const uint8_t *branch = opacity ? record_get(rec, "branch", DTYPE_U8, 1,
-                                                 d1, err) : NULL;
-    const struct array *color = record_find(rec, "color");
-    int half = color && color->dtype == DTYPE_F16;
-    if (!branch || !record_get(rec, "color", half ? DTYPE_F16 : DTYPE_F32, 2,
-                               dc, err) ||
-        record_check_finite(rec, err) || count_branches(n, branch, N, err) ||
-        allocate(b, N, color->dim[1], n[0], err))
+    if (!g.branch)
+        return error_set(err, EX_DATAERR, "GAUS has no array 'branch' "
+                         "(expected u8[%zu])", g.n);
+    if (count_branches(n, g.branch, g.n, err) ||
+        allocate(b, g.n, g.channels, n[0], err))
         return -1;
     b->mouth = n[2];
-    memcpy(b->mean, mean, 3 * N * sizeof *mean);
-    memcpy(b->scale, scale, 3 * N * sizeof *scale);
-    memcpy(b->quat, quat, 4 * N * sizeof *quat);
-    memcpy(b->opacity, opacity, N * sizeof *opacity);
-    memcpy(b->branch, branch, N);
-    for (size_t i = 0; half && i < N * b->C; i++)
-        b->color[i] = half_to_float(((const uint16_t *)color->data)[i]);
-    if (!half)
-        memcpy(b->color, color->data, N * b->C * sizeof *b->color);
-    const struct array *lip = record_find(rec, "lip");
-    if (lip && lip->dtype == DTYPE_F32 && array_count(lip) == 3)
-        memcpy(b->lip, lip->data, sizeof b->lip);
-    if (read_vertices(b, rec, vertices, err) ||
-        read_bending(b, rec, err) || read_light(b, rec, err)) {
+    memcpy(b->mean, g.mean, 3 * g.n * sizeof *g.mean);
+    memcpy(b->scale, g.scale, 3 * g.n * sizeof *g.scale);
+    memcpy(b->quat, g.quat, 4 * g.n * sizeof *g.quat);
+    memcpy(b->opacity, g.opacity, g.n * sizeof *g.opacity);
+    memcpy(b->branch, g.branch, g.n);
+    for (size_t i = 0; i < g.n * g.channels; i++)
+        b->color[i] = g.color ? g.color[i] : half_to_float(g.color_half[i]);
+    if (read_vertices(b, &g, vertices, err) || read_motion(b, &g, err)) {
         baked_release(b);
         return -1;
     }
@@ -214,24 +181,15 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err)
 {
-    size_t N = b->N;
-    struct array a[13] = {
-        array_make("mean", DTYPE_F32, means ? means : b->mean, 2, N, 3, 0, 0),
-        array_make("scale", DTYPE_F32, b->scale, 2, N, 3, 0, 0),
-        array_make("quat", DTYPE_F32, b->quat, 2, N, 4, 0, 0),
-        array_make("opacity", DTYPE_F32, b->opacity, 1, N, 0, 0, 0),
-        array_make("color", DTYPE_F32, b->color, 2, N, b->C, 0, 0),
-        array_make("branch", DTYPE_U8, b->branch, 1, N, 0, 0, 0),
-        array_make("lip", DTYPE_F32, b->lip, 1, 3, 0, 0, 0),
-        array_make("vertex", DTYPE_I32, b->vertex, 1, b->dynamic, 0, 0, 0),
-        array_make("bend", DTYPE_F32, b->bend, 1, N, 0, 0, 0),
-        array_make("pivot", DTYPE_F32, b->pivot, 1, 3, 0, 0, 0),
-        array_make("source", DTYPE_F32, b->source, 2, 3, 3, 0, 0),
-        array_make("light", DTYPE_F32, b->light, 1, 3, 0, 0, 0),
-        array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0)
+    const struct gaus g = {
+        .n = b->N, .channels = b->C, .mean = means ? means : b->mean,
+        .scale = b->scale, .quat = b->quat, .opacity = b->opacity,
+        .color = b->color, .branch = b->branch, .vertex = b->vertex,
+        .vertices = b->dynamic, .lip = b->lip, .bend = b->bend,
+        .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam
     };
 
-    return stream_write(w, "GAUS", frame, time, a, cam ? 13 : 12, err);
+    return gaus_write(w, frame, time, &g, err);
 }
 
 /* ---- leaving out ------------------------------------------------------- */

@@ -1,10 +1,11 @@
 #include "lib/avatar/mover.h"
+#include "lib/record/mesh.h"
+#include "lib/record/person.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/records.h"
 
 static void take_hash(char hash[17], const struct record *rec)
 {
@@ -69,20 +70,14 @@ void mover_release(struct mover *m)
 }
 
 /* The first mesh brings the faces: edges, and whether it fits the avatar. */
-static int first_mesh(struct mover *m, const struct record *rec,
+static int first_mesh(struct mover *m, const struct record *rec, size_t V,
                       struct error *err)
 {
-    size_t any[2] = {0, 3};
-    const int32_t *f = record_get(rec, "faces", DTYPE_I32, 2, any, err);
+    const int32_t *f;
+    size_t F;
 
-    if (!f)
+    if (mesh_read_faces(&f, &F, rec, err))
         return -1;
-    size_t F = record_find(rec, "faces")->dim[0];
-    size_t V = record_find(rec, "verts")->dim[0];
-    for (size_t i = 0; i < 3 * F; i++)
-        if (f[i] < 0 || (size_t)f[i] >= V)
-            return error_set(err, EX_DATAERR, "MESH faces[%zu] is %d "
-                             "(expected 0 to %zu)", i, f[i], V - 1);
     if (densify_init(&m->dense, f, F, V, err))
         return -1;
     drop_branches(&m->baked, m->opt.without, V);
@@ -103,8 +98,6 @@ static int write_moved(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
 {
-    static const char *const known[] = {"verts", "cam", "lip", "gap", "faces",
-                                        NULL};
     static const int32_t first = 0;
     struct array a[STREAM_MAX_ARRAYS] = {
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
@@ -126,7 +119,7 @@ static int write_moved(struct stream_writer *out, struct mover *m,
     m->sent = true;
     int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
 
-    n += record_others(a + n, n, rec, known);
+    n += record_others(a + n, n, rec, mesh_arrays);
     return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
 }
 
@@ -134,29 +127,18 @@ static int write_moved(struct stream_writer *out, struct mover *m,
 static int move_frame(struct stream_writer *out, struct mover *m,
                       const struct record *rec, struct error *err)
 {
-    size_t any[2] = {0, 3}, d34[2] = {3, 4}, d3[1] = {3}, d1[1] = {1};
-    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, any, err);
-    const float *cam = verts ? record_get(rec, "cam", DTYPE_F32, 2, d34, err)
-                             : NULL;
-    const float *lip = cam ? record_get(rec, "lip", DTYPE_F32, 1, d3, err)
-                           : NULL;
-    const float *gap = NULL;
+    struct mesh mesh;
 
-    if (!lip || record_check_finite(rec, err))
+    if (mesh_read(&mesh, rec, err) ||
+        (!m->means && first_mesh(m, rec, mesh.V, err)))
         return -1;
-    if (record_find(rec, "gap") &&
-        !(gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
-        return -1;
-    if (!m->means && first_mesh(m, rec, err))
-        return -1;
-    if (record_find(rec, "verts")->dim[0] != m->dense.V)
+    if (mesh.V != m->dense.V)
         return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
-                         "%zu, as the first one)",
-                         record_find(rec, "verts")->dim[0], m->dense.V);
+                         "%zu, as the first one)", mesh.V, m->dense.V);
     /* an unknown opening counts as open */
-    baked_drive(&m->frame, &m->baked, &m->dense, verts, lip, gap ? *gap : 1,
-                m->opt.closed, cam);
-    return write_moved(out, m, rec, cam, err);
+    baked_drive(&m->frame, &m->baked, &m->dense, mesh.verts, mesh.lip,
+                mesh.gap ? *mesh.gap : 1, m->opt.closed, mesh.cam);
+    return write_moved(out, m, rec, mesh.cam, err);
 }
 
 static int check_head(const struct mover *m, const struct record *rec,

@@ -1,3 +1,4 @@
+/* Runs of covered pixels: found, joined, put back and counted row by row. */
 #include "lib/base/covered.h"
 
 #include <stdint.h>
@@ -5,7 +6,7 @@
 #include <string.h>
 
 /* Room for one run more. */
-static int make_room(struct covered *c)
+static int covered_room(struct covered *c)
 {
     size_t room = c->room ? 2 * c->room : 1024;
     struct iovec *run;
@@ -27,13 +28,13 @@ int covered_find(struct covered *c, const void *image, const float *alpha,
     unsigned char *from = (unsigned char *)(uintptr_t)image;
 
     c->runs = c->pixels = 0;
-    if (make_room(c))           /* no runs are not no list */
+    if (covered_room(c))        /* no runs are not no list */
         return -1;
     for (size_t at = 0, end; at < n; at = end) {
         end = covered_run(alpha, at, n);
         if (alpha[at] == 0)
             continue;
-        if (make_room(c))
+        if (covered_room(c))
             return -1;
         c->run[c->runs++] = (struct iovec){from + at * bytes,
                                            (end - at) * bytes};

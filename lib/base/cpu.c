@@ -1,3 +1,5 @@
+/* The processor: which instruction sets it has (cpuid), its name, how it
+ * treats denormal numbers, and a clock. */
 #include "lib/base/cpu.h"
 
 #include <stdio.h>
@@ -16,7 +18,7 @@ static const char *const level_names[] = { "baseline", "avx2", "avx512" };
 
 /* What the kernels' AVX-512 flags may emit (Makefile, TMPL_avx512) must all
  * be there, or the level is AVX2. */
-static enum cpu_level detect(void)
+static enum cpu_level cpu_detect(void)
 {
 #ifdef SPID_X86
     unsigned a, b, c, d;
@@ -42,9 +44,10 @@ static enum cpu_level detect(void)
 #endif
 }
 
-static enum cpu_level capped(void)
+/* The level found, or $SPID_CPU's when that is lower. */
+static enum cpu_level cpu_capped(void)
 {
-    enum cpu_level found = detect();
+    enum cpu_level found = cpu_detect();
     const char *cap = getenv("SPID_CPU");
 
     for (int i = 0; cap && i < 3; i++)
@@ -59,7 +62,7 @@ enum cpu_level cpu_level(void)
     int level = __atomic_load_n(&known, __ATOMIC_RELAXED);
 
     if (level < 0) {
-        level = (int)capped();
+        level = (int)cpu_capped();
         __atomic_store_n(&known, level, __ATOMIC_RELAXED);
     }
     return (enum cpu_level)level;

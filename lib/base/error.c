@@ -1,3 +1,5 @@
+/* Errors as values: a sysexits code and one line of text that callers
+ * prefix. */
 #include "lib/base/error.h"
 
 #include <stdarg.h>

@@ -1,3 +1,4 @@
+/* Files that take their final name when complete. */
 #include "lib/base/file.h"
 
 #include <errno.h>

@@ -1,8 +1,11 @@
+/* IEEE half precision and bfloat16, converted number by number with integer
+ * arithmetic; the kernels have vector versions of their own. */
 #include "lib/base/half.h"
 
 #include <math.h>
 #include <string.h>
 
+/* The upper half of a float's bits. */
 float bf16_to_float(uint16_t h)
 {
     uint32_t u = (uint32_t)h << 16;
@@ -11,6 +14,7 @@ float bf16_to_float(uint16_t h)
     return f;
 }
 
+/* To nearest, ties to even, by adding just under half of what is cut off. */
 uint16_t float_to_bf16(float f)
 {
     uint32_t u;
@@ -20,6 +24,8 @@ uint16_t float_to_bf16(float f)
     return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
 }
 
+/* A subnormal half is a normal float, hence ldexpf; for the rest the
+ * exponent's bias changes from 15 to 127. */
 float half_to_float(uint16_t h)
 {
     uint32_t sign = (uint32_t)(h & 0x8000) << 16, u;
@@ -38,6 +44,8 @@ float half_to_float(uint16_t h)
     return f;
 }
 
+/* As float_to_bf16, with the bias changed back; what is below the smallest
+ * normal half is rounded as a multiple of 2^-24. */
 uint16_t float_to_half(float f)
 {
     uint32_t u;

@@ -1,3 +1,5 @@
+/* Random numbers by counting (SplitMix64 of key and index), and the usual
+ * distributions of them. */
 #include "lib/base/random.h"
 
 #include <math.h>

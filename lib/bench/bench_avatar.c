@@ -8,12 +8,10 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
 #include "lib/avatar/branches.h"
 #include "lib/geom/bend.h"
 #include "lib/geom/camera.h"
 #include "lib/synth/synth.h"
-#include "lib/track/encoders.h"
 
 /* A person's clip: pictures, true motion, the shape folded. */
 static int make_clip(struct bench_person *p, struct error *err)
@@ -65,7 +63,8 @@ int bench_person_open(struct bench_person *p, struct bench *b,
     if (!b->model || !b->head)
         return error_set(err, EX_NOINPUT, "no model.safetensors or no "
                          "head.safetensors (expected -m MODEL)");
-    if (head_load(&p->head, b->head, err) ||
+    if (model_open(&p->model, b->model, err) ||
+        head_load(&p->head, b->head, err) ||
         make_clip(p, err) ||
         densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err))
         return -1;
@@ -76,7 +75,8 @@ int bench_person_open(struct bench_person *p, struct bench *b,
 void bench_person_close(struct bench_person *p)
 {
     baked_release(&p->baked);
-    avatar_model_release(&p->avatar);
+    baker_release(&p->baker);
+    model_close(&p->model);
     densify_release(&p->dense);
     identity_release(&p->id);
     head_release(&p->head);
@@ -166,25 +166,12 @@ int bench_flame(struct bench *b, struct error *err)
 int bench_person_avatar(struct bench_person *p, enum nn_type type,
                         struct error *err)
 {
-    struct safetensors *st = st_open(p->b->model, err);
-    struct avatar_model *m = &p->avatar;
-    int rc = -1;
+    struct model larger = p->model;     /* the same file, another grid */
 
-    if (!st)
-        return -1;
-    params_init(&m->ps);
-    if (model_config(&m->config, st, err) == 0) {
-        m->config.plane = m->config.backbone.size = 296;
-        m->config.mouth = 32;
-        m->config.size = PERSON_SIZE;
-        rc = avatar_init(&m->avatar, &m->ps, &m->config, &p->head, err) ||
-             params_allocate(&m->ps, err) ||
-             params_load(&m->ps, st, "", err) ||
-             avatar_plan(&m->avatar, (struct nn_options){NN_INFER, type},
-                         err) ? -1 : 0;
-    }
-    st_close(st);
-    return rc;
+    larger.config.plane = larger.config.backbone.size = 296;
+    larger.config.mouth = 32;
+    larger.config.size = PERSON_SIZE;
+    return baker_open(&p->baker, &larger, &p->head, 0, type, err);
 }
 
 int bench_person_bake(void *person, struct error *err)
@@ -195,7 +182,7 @@ int bench_person_bake(void *person, struct error *err)
     (void)err;
     head_pose(p->verts, &p->id, &p->motion[0].pose);
     motion_camera(cam, &p->motion[0]);
-    avatar_bake(&p->avatar.avatar, &(struct avatar_source){
+    avatar_bake(&p->baker.avatar, &(struct avatar_source){
         .rgb = p->rgb, .matte = p->mask, .verts = p->verts, .cam = cam
     });
     return 0;
@@ -256,11 +243,11 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
     struct bench_times t;
     char config[96], knob[64];
 
-    avatar_model_release(&p->avatar);
+    baker_release(&p->baker);
     baked_release(&p->baked);
     if (bench_person_avatar(p, type, err) ||
         bench_time(&t, p->b->seconds / 6, 3, bench_person_bake, p, err) ||
-        baked_from_avatar(&p->baked, &p->avatar.avatar, err))
+        baked_from_avatar(&p->baked, &p->baker.avatar, err))
         return -1;
     size_t n = p->baked.N * p->baked.C;
     if (*truth) {

@@ -7,10 +7,10 @@
 
 #include "lib/avatar/baked.h"
 #include "lib/avatar/densify.h"
-#include "lib/avatar/model.h"
-#include "lib/avatar/records.h"
+#include "lib/avatar/baker.h"
 #include "lib/bench/bench.h"
 #include "lib/head/lbs.h"
+#include "lib/record/motion.h"
 
 #define PERSON_SIZE 512
 #define PERSON_FRAMES 30    /* of the clip in memory, shown again and again */
@@ -24,7 +24,8 @@ struct bench_person {
     uint8_t *mask;          /* (PERSON_SIZE,PERSON_SIZE) of the first */
     float crop[3];
     size_t at;              /* next frame */
-    struct avatar_model avatar;
+    struct model model;
+    struct baker baker;
     struct densify dense;
     struct baked baked;
     float *verts;

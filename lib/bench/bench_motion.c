@@ -9,7 +9,6 @@
 #include <sysexits.h>
 #include <omp.h>
 
-#include "lib/avatar/config.h"
 #include "lib/base/random.h"
 #include "lib/geom/crop.h"
 #include "lib/net/motion_encoder.h"
@@ -74,6 +73,7 @@ out:
 /* ---- the encoders ----------------------------------------------------- */
 
 struct net_case {
+    struct model model;          /* the one given, or an untrained one */
     struct encoders e;
     bool shape;                  /* E_beta, not E_m */
     float *in, *out;
@@ -92,28 +92,6 @@ static int call_net(void *context, struct error *err)
     return 0;
 }
 
-/* The networks of the model given, or untrained ones of the shipped kind. */
-static int open_nets(struct encoders *e, const struct bench *b, bool shape,
-                     enum nn_type type, struct error *err)
-{
-    const struct nn_options opt = {NN_INFER, type};
-
-    if (b->model)
-        return encoders_open(e, b->model, shape, type, err);
-    memset(e, 0, sizeof *e);
-    avatar_config_shipped(&e->config);
-    params_init(&e->ps);
-    if (motion_encoder_init(&e->motion, &e->ps, "motion.",
-                            e->config.motion_net, err)
-        || shape_encoder_init(&e->shape, &e->ps, "shape.",
-                              e->config.shape_net, err)
-        || params_allocate(&e->ps, err))
-        return -1;
-    params_randomise(&e->ps, 1);
-    return motion_encoder_plan(&e->motion, 1, opt, err)
-        || shape_encoder_plan(&e->shape, 1, opt, err) ? -1 : 0;
-}
-
 /* One row: type and threads; the first call's output is the truth of the
  * others. */
 static int bench_net(struct bench *b, struct net_case *c, double *truth,
@@ -126,10 +104,8 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     int rc;
 
     omp_set_num_threads(threads);
-    if (open_nets(&c->e, b, c->shape, type, err) != 0) {
-        encoders_release(&c->e);
+    if (encoders_open(&c->e, &c->model, c->shape, type, err))
         return -1;
-    }
     rc = bench_time(&t, b->seconds / 6, 20, call_net, c, err);
     if (type == NN_F32 && threads == 1) {
         most = 0;               /* the truth itself */
@@ -140,7 +116,7 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
         bench_compare(&most, &psnr, c->out, truth, c->count);
     }
     snprintf(config, sizeof config, "%s 224x224 %s",
-             c->shape ? c->e.config.shape_net : c->e.config.motion_net,
+             c->shape ? c->model.config.shape_net : c->model.config.motion_net,
              b->model ? "model" : "untrained");
     if (rc == 0 && !bench_add(b, stage, config, nn_type_name(type), threads,
                               &t, most, psnr))
@@ -161,6 +137,10 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
     struct random r;
     int rc = -1;
 
+    if (!b->model)
+        model_untrained(&c.model);
+    else if (model_open(&c.model, b->model, err))
+        return -1;
     c.in = malloc(m * sizeof *c.in);
     c.out = malloc(SHAPE_ENCODER_OUT * sizeof *c.out);
     if (!c.in || !c.out) {
@@ -182,6 +162,7 @@ static int bench_nets(struct bench *b, bool shape, struct error *err)
                shape ? "shape" : "motion");
 out:
     omp_set_num_threads(before);
+    model_close(&c.model);
     free(c.in);
     free(c.out);
     return rc;

@@ -11,7 +11,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/base/random.h"
 #include "lib/net/backbone.h"
 #include "lib/net/conv_decoder.h"

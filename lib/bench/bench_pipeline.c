@@ -61,7 +61,7 @@ struct variant {
     bool star, video;
     bool exact;                 /* the truth: no cut-offs */
     bool f32, roi;              /* features in float */
-    bool once;                  /* one look at the face */
+    bool no_tta;                /* the encoder on one crop */
     enum nn_type type;          /* of the networks */
     bool report;                /* into the JSON's "fps" and "ms" */
 };
@@ -223,10 +223,10 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     const struct track_options track = {
         .size = PERSON_SIZE, .has_crop = true, .has_window = true,
         .crop = {(double)s->crop[0], (double)s->crop[1], (double)s->crop[2]},
-        .window = {middle, middle, PERSON_SIZE}, .once = v->once
+        .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta
     };
     const struct animate_options opt = {
-        .size = PERSON_SIZE, .model = s->b->model, .star = v->star,
+        .size = PERSON_SIZE, .model = &s->model, .star = v->star,
         .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
         .closed = BAKED_CLOSED, .precision = v->type
     };
@@ -239,7 +239,7 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
     if (!p->sink ||
-        encoders_open(&p->nets, s->b->model, false, motion, err) ||
+        encoders_open(&p->nets, &s->model, false, motion, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
         (v->video && make_video(p, err)) ||
@@ -374,11 +374,11 @@ static int bench_all(struct pipeline *l, struct error *err)
         {"f32, no cut-offs", true, .exact = true, .type = NN_F32},
         {"f32, no cut-offs", false, .exact = true, .type = NN_F32},
         {"default", true, .type = NN_FAST, .report = true},
-        {"--once", true, .type = NN_FAST, .once = true},
+        {"--no-tta", true, .type = NN_FAST, .no_tta = true},
         {"f32 networks", true, .type = NN_F32},
         {"bf16 networks", true, .type = NN_BF16},
         {"default", false, .type = NN_FAST, .report = true},
-        {"--once", false, .type = NN_FAST, .once = true},
+        {"--no-tta", false, .type = NN_FAST, .no_tta = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
         {"int8 refiner", false, .type = NN_INT8},
@@ -396,7 +396,7 @@ static int bench_all(struct pipeline *l, struct error *err)
             return error_set(err, EX_OSERR, "no memory for pictures");
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
-        baked_from_avatar(&s->baked, &s->avatar.avatar, err))
+        baked_from_avatar(&s->baked, &s->baker.avatar, err))
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)

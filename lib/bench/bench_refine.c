@@ -9,11 +9,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
-#include "lib/avatar/config.h"
 #include "lib/base/random.h"
+#include "lib/model/model.h"
 #include "lib/net/refiner.h"
-#include "lib/track/encoders.h"
 
 #define SIDE 512
 #define CHANNELS 32
@@ -23,7 +21,8 @@ struct refine_case {
     struct bench *b;
     char config[96];
     struct refiner_config refiner;
-    bool model;                  /* the weights are the model's */
+    struct model model;          /* when one is given */
+    bool trained;                /* the weights are the model's */
     struct params ps;
     struct refiner net;
     float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
@@ -86,19 +85,10 @@ static void untrained(struct refine_case *c)
 
 static int load(struct refine_case *c, struct error *err)
 {
-    struct safetensors *st;
-    int rc;
-
-    if (!c->model) {
-        untrained(c);
-        return 0;
-    }
-    st = st_open(c->b->model, err);
-    if (!st)
-        return -1;
-    rc = params_load(&c->ps, st, "refine.", err);
-    st_close(st);
-    return rc;
+    if (c->trained)
+        return model_load(&c->ps, &c->model, "refine.", err);
+    untrained(c);
+    return 0;
 }
 
 /* One row; the first one's output is what the others are held against. */
@@ -148,28 +138,21 @@ out:
 /* The model's refiner if it has a narrow one of these sizes. */
 static int choose(struct refine_case *c, struct error *err)
 {
-    struct avatar_config config;
-    struct safetensors *st;
-    int rc;
+    const struct avatar_config *config = &c->model.config;
 
-    avatar_config_shipped(&config);
     c->refiner = (struct refiner_config){
         .type = REFINER_NARROW, .channels = CHANNELS, .width = 32,
         .multiplier = 1, .size = SIDE
     };
     if (!c->b->model)
         return 0;
-    st = st_open(c->b->model, err);
-    if (!st)
+    if (model_open(&c->model, c->b->model, err))
         return -1;
-    rc = model_config(&config, st, err);
-    st_close(st);
-    if (rc == 0 && config.has_refiner && config.channels == CHANNELS
-        && config.refiner.type == REFINER_NARROW) {
-        c->refiner = config.refiner;
-        c->model = true;
-    }
-    return rc;
+    c->trained = config->has_refiner && config->channels == CHANNELS
+        && config->refiner.type == REFINER_NARROW;
+    if (c->trained)
+        c->refiner = config->refiner;
+    return 0;
 }
 
 static int bench_narrow(struct refine_case *c, struct error *err)
@@ -180,7 +163,7 @@ static int bench_narrow(struct refine_case *c, struct error *err)
     if (choose(c, err))
         return -1;
     snprintf(c->config, sizeof c->config, "narrow %zu, 512x512x32 %s",
-             c->refiner.width, c->model ? "model" : "untrained");
+             c->refiner.width, c->trained ? "model" : "untrained");
     for (int i = 0; i < 4; i++)
         if (bench_type(c, types[i], 1, i == 0, err)
             || (threads > 1 && bench_type(c, types[i], threads, false, err)))
@@ -196,7 +179,7 @@ static int bench_unet(struct refine_case *c, struct error *err)
         .type = REFINER_STYLE_UNET, .channels = CHANNELS, .multiplier = 1,
         .size = SIDE
     };
-    c->model = false;
+    c->trained = false;
     snprintf(c->config, sizeof c->config, "StyleUNet, 512x512x32 untrained");
     for (int i = 0; i < 4; i++)
         if (bench_type(c, types[i], c->b->threads, i == 0, err))
@@ -222,6 +205,7 @@ int bench_refine(struct bench *b, struct error *err)
         bench_pareto(b, first);
     }
     omp_set_num_threads(before);
+    model_close(&c.model);
     free(c.feat);
     free(c.rgb);
     free(c.truth);

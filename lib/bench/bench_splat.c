@@ -1,3 +1,4 @@
+#include "lib/base/half.h"
 #include "lib/bench/bench.h"
 
 #include <math.h>
@@ -6,7 +7,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
 #include "lib/bench/bench_splat.h"
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"
@@ -32,6 +32,8 @@ struct knob {
     bool half;                      /* half-precision image */
     float prune;
     bool half_colors;               /* Gaussians' colours in half precision */
+    bool level_set;                 /* ... of a lower instruction set, which */
+    enum cpu_level level;           /* is left out where it is the best */
 };
 
 static const struct knob knobs[] = {
@@ -59,6 +61,10 @@ static const struct knob knobs[] = {
     {"alpha cut 1/128", 32, .alpha_cut = 1.0f / 128, .fixed16 = 1},
     {"f16 image", 32, .fixed16 = 1, .half = true},
     {"prune opacity < 0.1", 32, .fixed16 = 1, .prune = 0.1f},
+    {"avx2", 3, .level_set = true, .level = CPU_AVX2},
+    {"baseline", 3, .level_set = true, .level = CPU_BASELINE},
+    {"avx2", 32, .fixed16 = 1, .level_set = true, .level = CPU_AVX2},
+    {"baseline", 32, .fixed16 = 1, .level_set = true, .level = CPU_BASELINE},
 };
 
 /* One renderer with its picture, as bench_time calls it. */
@@ -165,6 +171,8 @@ static struct splat_options options(const struct knob *k, int threads)
     if (k->fixed16)
         o.fixed16 = k->fixed16 > 0;
     o.prune = k->prune;
+    o.level_set = k->level_set;
+    o.level = k->level;
     return o;
 }
 
@@ -191,6 +199,8 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
     double worst, psnr, worst_ruled, psnr_ruled;
     int rc = -1;
 
+    if (k->level_set && k->level >= cpu_level())
+        return 0;
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", SIZE, SIZE,
              st->scene.g.n, k->channels);
     if (frame_open(&f, &o, st, k, err) ||

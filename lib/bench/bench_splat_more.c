@@ -90,7 +90,7 @@ static double relative(const float *x, const double *t, size_t n)
 }
 
 static int gradient_note(struct bench *b, struct job *j, const char *config,
-                         struct error *err)
+                         const char *level, struct error *err)
 {
     size_t N = j->scene.g.n, C = (size_t)j->s.opt.channels;
     size_t all = N * (11 + C) + 12;
@@ -116,9 +116,9 @@ static int gradient_note(struct bench *b, struct job *j, const char *config,
                          j->s.opt.height, (int)C, SPLAT_GSPLAT, 0, err) ||
         splat_reference_backward(&g, &truth, d, NULL, err))
         goto out;
-    bench_note(b, "splat %s gradients, relative L2 against double: mean %.1e "
-               "scale %.1e quat %.1e opacity %.1e color %.1e camera %.1e",
-               config, relative(j->g.mean, g.mean, 3 * N),
+    bench_note(b, "splat %s%s%s gradients, relative L2 against double: mean "
+               "%.1e scale %.1e quat %.1e opacity %.1e color %.1e camera %.1e",
+               config, *level ? " " : "", level, relative(j->g.mean, g.mean, 3 * N),
                relative(j->g.scale, g.scale, 3 * N),
                relative(j->g.quat, g.quat, 4 * N),
                relative(j->g.opacity, g.opacity, N),
@@ -132,29 +132,37 @@ out:
     return rc;
 }
 
+/* Forward and backward at one instruction set; the best's rows have no word
+ * for it. */
 static int backward_row(struct bench *b, double seconds, size_t n, int size,
-                        int channels, struct error *err)
+                        int channels, enum cpu_level level, struct error *err)
 {
     struct splat_options opt = splat_defaults(size, size, channels);
+    bool best = level == cpu_level();
+    const char *at = best ? "" : ", ";
+    const char *name = best ? "" : cpu_level_name(level);
     struct bench_times t;
     struct job j = {0};
-    char config[96];
+    char config[96], knob[64];
     int rc = -1;
 
     opt.gradients = true;
     opt.fixed16 = false;
     opt.threads = b->threads;
+    opt.level_set = true;
+    opt.level = level;
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", size, size, n,
              channels);
     if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
         bench_time(&t, seconds, 10, draw, &j, err))
         goto out;
-    bench_add(b, "splat", config, "forward", b->threads, &t, NAN, NAN);
+    snprintf(knob, sizeof knob, "forward%s%s", at, name);
+    bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
     if (bench_time(&t, seconds, 10, draw_and_back, &j, err))
         goto out;
-    bench_add(b, "splat", config, "forward + backward", b->threads, &t, NAN,
-              NAN);
-    rc = gradient_note(b, &j, config, err);
+    snprintf(knob, sizeof knob, "forward + backward%s%s", at, name);
+    bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
+    rc = gradient_note(b, &j, config, name, err);
 out:
     job_close(&j);
     return rc;
@@ -167,9 +175,11 @@ int bench_splat_backward(struct bench *b, double seconds, struct error *err)
         {30000, 256, 32}, {TESTSCENE_N, 512, 3}, {TESTSCENE_N, 512, 32}};
 
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
-        if (backward_row(b, seconds, row[i].n, row[i].size, row[i].channels,
-                         err))
-            return -1;
+        for (int level = (int)cpu_level(); level >= 0; level--)
+            if ((level == (int)cpu_level() || row[i].size == 256) &&
+                backward_row(b, seconds, row[i].n, row[i].size,
+                             row[i].channels, (enum cpu_level)level, err))
+                return -1;
     return 0;
 }
 

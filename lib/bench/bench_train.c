@@ -9,13 +9,13 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/base/cpu.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/synth/synth.h"
 #include "lib/train/adam.h"
 #include "lib/train/motion_loss.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 #include "lib/train/trainee.h"
 
 #define IMAGE 256

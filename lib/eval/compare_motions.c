@@ -3,10 +3,11 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/records.h"
 #include "lib/eval/compare.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/motion.h"
+#include "lib/record/motion.h"
+#include "lib/record/shape.h"
 
 enum { AKD, AED, APD, POSE, YAW, PITCH, ROLL, LANDMARK, JAW, BLINK, COUNT };
 static const char *const name[COUNT] = {
@@ -50,16 +51,16 @@ static int keep(struct clip *c, const struct pose *p, struct error *err)
 
 static int fold(struct side *s, const struct record *rec, struct error *err)
 {
-    const struct array *a = record_find(rec, "shape");
+    struct shape shape;
 
-    size_t n = a && s->head && a->dim[0] > s->head->nshape ? s->head->nshape
-               : a                                         ? a->dim[0]
-                                                           : 0;
-
-    if (!s->head || !a || a->dtype != DTYPE_F32 || a->ndim != 1)
+    if (!s->head)
         return 0;
+    if (shape_read(&shape, rec, err))
+        return -1;
     identity_release(&s->id);
-    return head_fold(&s->id, s->head, a->data, n, err);
+    return head_fold(&s->id, s->head, shape.beta,
+                     shape.n > s->head->nshape ? s->head->nshape : shape.n,
+                     err);
 }
 
 /* Landmarks of the head with this motion, pixels of a 512 picture. */
@@ -87,24 +88,20 @@ static int project(struct side *s, struct pose *p, const struct motion *m,
 static int take(struct side *s, const struct record *rec, struct error *err)
 {
     size_t nexp = s->head ? s->head->nexp : 100;
-    const struct array *lmk = record_find(rec, "lmk");
     struct motion m;
     struct pose p = {.has_lmk = 0};
 
-    if (motion_read(&m, rec, nexp, err))
+    if (motion_read(&m, rec, nexp, err) ||
+        (p.has_lmk = motion_read_landmarks(p.lmk, rec, err)) < 0)
         return -1;
     memcpy(p.R, m.R, sizeof p.R);
     memcpy(p.jaw, m.pose.jaw, sizeof p.jaw);
     memcpy(p.lid, m.pose.lid, sizeof p.lid);
-    if (lmk && lmk->dtype == DTYPE_F32 && array_count(lmk) == 136) {
-        memcpy(p.lmk, lmk->data, sizeof p.lmk);
-        for (int i = 0; i < 68; i++)
-            for (int k = 0; k < 2; k++)
-                p.lmk[i][k] *= (float)(512 / s->size);
-        p.has_lmk = 1;
-    } else if (project(s, &p, &m, err)) {
+    for (int i = 0; p.has_lmk && i < 68; i++)
+        for (int k = 0; k < 2; k++)
+            p.lmk[i][k] *= (float)(512 / s->size);
+    if (!p.has_lmk && project(s, &p, &m, err))
         return -1;
-    }
     return keep(&s->clip, &p, err);
 }
 

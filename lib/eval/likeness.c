@@ -9,8 +9,9 @@
 
 #define SIDE IRESNET_SIDE
 
-int likeness_init(struct likeness *l, const char *weights, const char *model,
-                  const struct head *head, struct error *err)
+int likeness_init(struct likeness *l, const char *weights,
+                  const struct model *model, const struct head *head,
+                  struct error *err)
 {
     memset(l, 0, sizeof *l);
     if (iresnet_open(&l->net, weights, err))
@@ -31,6 +32,7 @@ int likeness_init(struct likeness *l, const char *weights, const char *model,
         likeness_release(l);
         return -1;
     }
+    l->size = (double)model->config.size;
     l->has_tracker = true;
     return 0;
 }
@@ -141,8 +143,7 @@ static void cut(float *face, const uint8_t *rgb, size_t W, size_t H,
 static int follow(struct likeness *l, int k, const uint8_t *rgb, size_t W,
                   size_t H, double time, struct error *err)
 {
-    const struct track_options opt = {
-        .size = (double)l->encoders.config.size};
+    const struct track_options opt = {.size = l->size};
     struct track *t = &l->track[k];
     struct track_result r;
     float uv[2 * HEAD_LANDMARKS];

@@ -19,6 +19,7 @@ struct likeness {
     struct iresnet net;
     bool has_tracker;           /* else only aligned faces are understood */
     struct encoders encoders;
+    double size;                /* S of their portrait window */
     struct identity id;         /* the mean head */
     struct track track[LIKENESS_CLIPS];
     bool open[LIKENESS_CLIPS], following[LIKENESS_CLIPS];
@@ -28,9 +29,9 @@ struct likeness {
 };
 
 /* Weights of an iresnet; model and head (may be NULL) find faces.  head is
- * borrowed. */
-int likeness_init(struct likeness *l, const char *weights, const char *model,
-                  const struct head *head, struct error *err);
+ * borrowed, the model may be closed afterwards. */
+int likeness_init(struct likeness *l, const char *weights,
+                  const struct model *model, const struct head *head, struct error *err);
 void likeness_release(struct likeness *l);
 
 /* Forget the clips; source (may be NULL) is a picture of the person that

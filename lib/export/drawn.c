@@ -1,3 +1,5 @@
+/* What an exported file is worth: read back, drawn by our renderer beside our
+ * own Gaussians or mesh, and compared in decibels and in metres. */
 #include "lib/export/drawn.h"
 
 #include <math.h>
@@ -25,6 +27,7 @@ static void back_release(struct back *b)
     free(b->scaled);
 }
 
+/* As a viewer would read it: degree 0, three channels. */
 static int read_ply(struct back *b, const char *path, int turned,
                     struct error *err)
 {
@@ -38,6 +41,7 @@ static int read_ply(struct back *b, const char *path, int turned,
     return 0;
 }
 
+/* Metres become the scene's unit again. */
 static int read_glb(struct back *b, const char *path, float unit,
                     struct error *err)
 {
@@ -59,9 +63,9 @@ static int read_glb(struct back *b, const char *path, float unit,
 }
 
 /* The picture (DRAWN_SIZE, DRAWN_SIZE, 3) by these rules. */
-static int draw(float *image, const struct gaussians *g,
-                const struct scene *s, enum splat_rules rules,
-                struct error *err)
+static int drawn_render(float *image, const struct gaussians *g,
+                        const struct scene *s, enum splat_rules rules,
+                        struct error *err)
 {
     static const float front[12] = {1, 0, 0, 0, 0, -1, 0, 0, 0, 0, -1, 12};
     const struct splat_camera cam = splat_camera_square(
@@ -79,20 +83,21 @@ static int draw(float *image, const struct gaussians *g,
     return rc;
 }
 
-static double clamped(float x)
+/* To what a picture can show. */
+static double drawn_clamp(float x)
 {
     return fmin(fmax((double)x, 0), 1);
 }
 
 /* PSNR and greatest difference of two pictures as a screen shows them. */
-static double psnr(double *worst, const float *a, const float *b)
+static double drawn_psnr(double *worst, const float *a, const float *b)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     double sum = 0;
 
     *worst = 0;
     for (size_t i = 0; i < n; i++) {
-        double d = fabs(clamped(a[i]) - clamped(b[i]));
+        double d = fabs(drawn_clamp(a[i]) - drawn_clamp(b[i]));
 
         *worst = fmax(*worst, d);
         sum += d * d;
@@ -100,9 +105,10 @@ static double psnr(double *worst, const float *a, const float *b)
     return sum > 0 ? -10 * log10(sum / (double)n) : INFINITY;
 }
 
-static int judge(struct drawn *d, enum drawn_format format, const char *path,
-                 const struct gaussians *g, const struct scene *s,
-                 struct error *err)
+/* Draw the file's Gaussians g and the scene's; fill d's row of this format. */
+static int drawn_judge(struct drawn *d, enum drawn_format format,
+                       const char *path, const struct gaussians *g,
+                       const struct scene *s, struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     float *own = malloc(2 * n * sizeof *own), *other = own + n;
@@ -111,14 +117,14 @@ static int judge(struct drawn *d, enum drawn_format format, const char *path,
 
     if (!own)
         return error_set(err, EX_OSERR, "out of memory");
-    if (draw(own, &s->g, s, SPLAT_GSPLAT, err) ||
-        draw(other, g, s, SPLAT_GSPLAT, err))
+    if (drawn_render(own, &s->g, s, SPLAT_GSPLAT, err) ||
+        drawn_render(other, g, s, SPLAT_GSPLAT, err))
         goto out;
-    double db = psnr(&worst, own, other);
+    double db = drawn_psnr(&worst, own, other);
     if (d->files == 0) {
-        if (draw(other, g, s, SPLAT_DGR, err))
+        if (drawn_render(other, g, s, SPLAT_DGR, err))
             goto out;
-        d->viewer_db = psnr(&ignored, own, other);
+        d->viewer_db = drawn_psnr(&ignored, own, other);
     }
     d->psnr_db = d->files ? fmin(d->psnr_db, db) : db;
     d->max_abs = fmax(d->max_abs, worst);
@@ -152,7 +158,7 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
         rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
                        "(expected %zu)", path, b.g.n, s->g.n);
     if (rc == 0)
-        rc = judge(d, format, path, &b.g, s, err);
+        rc = drawn_judge(d, format, path, &b.g, s, err);
     back_release(&b);
     return rc;
 }
@@ -185,9 +191,11 @@ static int draw_mesh(float *image, const float *verts, const float *around,
     return rc;
 }
 
-static int judge_mesh(struct drawn_head *d, const char *path,
-                      const float *back, const float *own,
-                      const struct head *h, struct error *err)
+/* The mesh read back (metres) against our own vertices: metres, and both
+ * drawn. */
+static int drawn_judge_mesh(struct drawn_head *d, const char *path,
+                            const float *back, const float *own,
+                            const struct head *h, struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     float *image = malloc(2 * n * sizeof *image);
@@ -215,7 +223,7 @@ static int judge_mesh(struct drawn_head *d, const char *path,
     if (draw_mesh(image, own, own, h, err) ||
         draw_mesh(image + n, back, own, h, err))
         goto out;
-    d->psnr_db = psnr(&d->max_abs, image, image + n);
+    d->psnr_db = drawn_psnr(&d->max_abs, image, image + n);
     rc = 0;
 out:
     free(image);
@@ -236,7 +244,7 @@ int drawn_head_compare(struct drawn_head *d, const char *path,
         rc = memcmp(faces, h->f, 3 * h->F * sizeof *faces)
                  ? error_set(err, EX_SOFTWARE, "%s: the faces read back are "
                              "others", path)
-                 : judge_mesh(d, path, back, verts, h, err);
+                 : drawn_judge_mesh(d, path, back, verts, h, err);
     free(back);
     free(faces);
     return rc;

@@ -1,3 +1,5 @@
+/* spid-export: every record of a stream to the files that were asked for: one
+ * of each kind, or one per frame when the name has a number in it. */
 #include "lib/export/export.h"
 
 #include <stdio.h>
@@ -10,11 +12,12 @@
 #include "formats/png.h"
 #include "formats/splatfile.h"
 #include "lib/geom/camera.h"
+#include "lib/record/mesh.h"
 
 /* ---- names -------------------------------------------------------------- */
 
 /* How many %d-like conversions (%d, %06d) the name has; -1: another % in it. */
-static int conversions(const char *name)
+static int name_conversions(const char *name)
 {
     int n = 0;
     for (const char *p = name; (p = strchr(p, '%')); p++) {
@@ -26,10 +29,11 @@ static int conversions(const char *name)
     return n;
 }
 
+/* The name is plain, or (pattern) has one place for the frame's number. */
 static int check_name(const char *option, const char *name, bool pattern,
                       struct error *err)
 {
-    int n = name ? conversions(name) : 0;
+    int n = name ? name_conversions(name) : 0;
     if (n < 0 || n > (pattern ? 1 : 0))
         return error_set(err, EX_USAGE,
                          "%s=%s: bad file name (expected %s)", option, name,
@@ -38,12 +42,13 @@ static int check_name(const char *option, const char *name, bool pattern,
 }
 
 /* True when this frame goes into the file; path is then its name. */
-static bool wanted(char *path, size_t size, const struct export *x,
-                   const char *name, const struct record *rec, const bool *done)
+static bool export_wanted(char *path, size_t size, const struct export *x,
+                          const char *name, const struct record *rec,
+                          const bool *done)
 {
     if (!name)
         return false;
-    if (conversions(name) == 1) {
+    if (name_conversions(name) == 1) {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wformat-nonliteral"
         snprintf(path, size, name, (int)rec->frame);
@@ -69,6 +74,7 @@ static void flat_release(struct flat *f)
     free(f->color);
 }
 
+/* The scene in the file's unit, with the first three channels as colours. */
 static int flat_init(struct flat *f, const struct scene *s, float unit,
                      struct error *err)
 {
@@ -89,11 +95,13 @@ static int flat_init(struct flat *f, const struct scene *s, float unit,
     return 0;
 }
 
+/* The original layout of 3D Gaussian splatting. */
 static int write_ply(struct export *x, const char *path, struct error *err)
 {
     return ply_write(path, &x->scene.g, !x->opt.model_space, err);
 }
 
+/* 32 bytes a Gaussian. */
 static int write_splat(struct export *x, const char *path, struct error *err)
 {
     struct flat f = {0};
@@ -112,6 +120,7 @@ static float head_scale(const struct export *x)
     return x->has_head ? x->head.scale : 5;
 }
 
+/* KHR_gaussian_splatting, in metres. */
 static int write_glb(struct export *x, const char *path, struct error *err)
 {
     struct flat f = {0};
@@ -126,6 +135,7 @@ static int write_glb(struct export *x, const char *path, struct error *err)
     return rc;
 }
 
+/* The scene as it is now, in every format that wants this frame. */
 static int write_gaussians(struct export *x, const struct record *rec,
                            struct error *err)
 {
@@ -140,7 +150,8 @@ static int write_gaussians(struct export *x, const struct record *rec,
     char path[4096];
 
     for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
-        if (!wanted(path, sizeof path, x, kind[i].name, rec, kind[i].done))
+        if (!export_wanted(path, sizeof path, x, kind[i].name, rec,
+                           kind[i].done))
             continue;
         if (kind[i].write(x, path, err) ||
             drawn_compare(&x->drawn[i], (enum drawn_format)i, path, &x->scene,
@@ -155,7 +166,8 @@ static int write_gaussians(struct export *x, const struct record *rec,
 
 /* ---- the head ----------------------------------------------------------- */
 
-static int fold(struct export *x, struct error *err)
+/* The identity's mean head, once. */
+static int export_fold(struct export *x, struct error *err)
 {
     if (x->folded)
         return 0;
@@ -227,13 +239,14 @@ static int keep_first(struct export *x, const struct export_motion *m,
     return 0;
 }
 
+/* One MOTN record: a frame of the animated head. */
 static int take_motion(struct export *x, const struct record *rec,
                        struct error *err)
 {
     struct motion m;
     struct export_motion e = {.time = rec->time};
 
-    if (motion_read(&m, rec, x->head.nexp, err) || fold(x, err) ||
+    if (motion_read(&m, rec, x->head.nexp, err) || export_fold(x, err) ||
         add_texture(x, err))
         return -1;
     e.pose = m.pose;
@@ -245,24 +258,29 @@ static int take_motion(struct export *x, const struct record *rec,
     return 0;
 }
 
+/* One MESH record, in metres, with normals. */
 static int write_obj(struct export *x, const struct record *rec,
                      struct error *err)
 {
-    const size_t dims[2] = {x->head.V, 3};
+    struct mesh mesh;
     char path[4096];
     int rc = -1;
 
-    if (!wanted(path, sizeof path, x, x->opt.obj, rec, &x->done.obj))
+    if (!export_wanted(path, sizeof path, x, x->opt.obj, rec, &x->done.obj))
         return 0;
-    const float *verts = record_get(rec, "verts", DTYPE_F32, 2, dims, err);
+    if (mesh_read(&mesh, rec, err))
+        return -1;
+    if (mesh.V != x->head.V)
+        return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
+                         "%zu, the head's)", mesh.V, x->head.V);
     float *metres = malloc(6 * x->head.V * sizeof *metres);
-    if (verts && metres) {
+    if (metres) {
         for (size_t i = 0; i < 3 * x->head.V; i++)
-            metres[i] = verts[i] / x->head.scale;
+            metres[i] = mesh.verts[i] / x->head.scale;
         head_normals(metres + 3 * x->head.V, &x->head, metres);
         rc = obj_write(path, metres, metres + 3 * x->head.V, NULL, x->head.V,
                        x->head.f, x->head.F, err);
-    } else if (verts) {
+    } else {
         error_set(err, EX_OSERR, "out of memory for a mesh");
     }
     x->done.obj = true;
@@ -333,8 +351,9 @@ int export_record(struct export *x, const struct record *rec,
     return 0;
 }
 
-static int lacking(const char *option, bool asked, bool done,
-                   const char *record, struct error *err)
+/* An option was given and nothing for it came. */
+static int export_lacking(const char *option, bool asked, bool done,
+                          const char *record, struct error *err)
 {
     if (!asked || done)
         return 0;
@@ -348,7 +367,7 @@ int export_finish(struct export *x, struct error *err)
     const struct export_options *o = &x->opt;
 
     if (o->glb_head) {
-        if (fold(x, err) || add_texture(x, err) ||
+        if (export_fold(x, err) || add_texture(x, err) ||
             export_head_write(&x->skinned, o->glb_head, err) ||
             drawn_head_compare(&x->drawn_head, o->glb_head,
                                x->shown ? x->shown : x->skinned.position,
@@ -356,11 +375,11 @@ int export_finish(struct export *x, struct error *err)
             return -1;
         x->files++;
     }
-    if (lacking("--ply", o->ply, x->done.ply, "GAUS", err) ||
-        lacking("--splat", o->splat, x->done.splat, "GAUS", err) ||
-        lacking("--glb-splats", o->glb_splats, x->done.glb_splats, "GAUS",
-                err) ||
-        lacking("--obj", o->obj, x->done.obj, "MESH", err))
+    if (export_lacking("--ply", o->ply, x->done.ply, "GAUS", err) ||
+        export_lacking("--splat", o->splat, x->done.splat, "GAUS", err) ||
+        export_lacking("--glb-splats", o->glb_splats, x->done.glb_splats,
+                       "GAUS", err) ||
+        export_lacking("--obj", o->obj, x->done.obj, "MESH", err))
         return -1;
     return 0;
 }

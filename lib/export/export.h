@@ -6,9 +6,9 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "lib/avatar/records.h"
 #include "lib/export/drawn.h"
 #include "lib/export/export_head.h"
+#include "lib/record/person.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
 

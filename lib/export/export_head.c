@@ -1,3 +1,5 @@
+/* The driven head as morph targets and joint rotations: what glTF's linear
+ * skinning needs to repeat head_pose (Eqs. T_d, V_d). */
 #include "lib/export/export_head.h"
 
 #include <math.h>
@@ -12,34 +14,36 @@
 #define LIDS 2
 
 /* Unpack rows of a posing-layout direction, in metres. */
-static void unblock(float *out, const struct head *h, const float *blocks,
-                    size_t per_block, size_t k)
+static void target_unblock(float *out, const struct head *h,
+                           const float *blocks, size_t per_block, size_t k)
 {
     head_direction(out, h, blocks, per_block, k);
     for (size_t i = 0; i < 3 * h->V; i++)
         out[i] /= h->scale;
 }
 
-static void fill_targets(struct export_head *e)
+/* Expressions, lids and, if asked for, pose correctives, by name. */
+static void fill_targets(struct export_head *e, const struct identity *id)
 {
     const struct head *h = e->head;
     size_t at = 0;
 
     for (size_t k = 0; k < e->opt.expressions; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "exp_%03zu", k);
-        unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp, k);
+        target_unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp, k);
     }
     for (size_t k = 0; k < LIDS; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "eyelid_%s",
                  k ? "right" : "left");
-        unblock(e->delta + 3 * h->V * at, h, h->lids, LIDS, k);
+        target_unblock(e->delta + 3 * h->V * at, h, id->lids, LIDS, k);
     }
     static const char *const joint[] = {"neck", "jaw", "eye_left",
                                         "eye_right"};
     for (size_t k = 0; e->opt.correctives && k < HEAD_POSE_DIRS; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "pose_%s_%zu", joint[k / 9],
                  k % 9);
-        unblock(e->delta + 3 * h->V * at, h, h->pose_dirs, HEAD_POSE_DIRS, k);
+        target_unblock(e->delta + 3 * h->V * at, h, h->pose_dirs,
+                       HEAD_POSE_DIRS, k);
     }
 }
 
@@ -69,7 +73,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
         return error_set(err, EX_OSERR, "out of memory for %zu targets",
                          e->targets);
     }
-    unblock(e->position, h, id->shaped, 1, 0);
+    target_unblock(e->position, h, id->shaped, 1, 0);
     head_normals(e->normal, h, e->position);
     for (size_t v = 0; v < h->V; v++) {        /* a vertex of no face */
         float *n = e->normal + 3 * v;
@@ -78,7 +82,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
     }
     for (size_t i = 0; i < 3 * GLB_JOINTS; i++)
         e->joints[i] = id->joints[i] / h->scale;
-    fill_targets(e);
+    fill_targets(e, id);
     return 0;
 }
 
@@ -115,7 +119,8 @@ int export_head_texture(struct export_head *e, const float *verts,
     return 0;
 }
 
-static int grow(struct export_head *e, struct error *err)
+/* Room for one frame more. */
+static int frames_grow(struct export_head *e, struct error *err)
 {
     size_t room = e->room ? 2 * e->room : 256;
     float **field[] = {&e->time, &e->weight, &e->rotation, &e->translation};
@@ -165,6 +170,7 @@ static void store_root(float *rotation, float *translation,
     store_quat(rotation, R);
 }
 
+/* One frame's weights of the targets, in their order. */
 static void store_weights(float *w, const struct export_head *e,
                           const struct head_motion *m, float (*R)[9])
 {
@@ -187,7 +193,7 @@ int export_head_frame(struct export_head *e, const struct export_motion *m,
         return error_set(err, EX_DATAERR,
                          "time %g follows %g (expected increasing times)",
                          m->time, e->time[t - 1]);
-    if (grow(e, err))
+    if (frames_grow(e, err))
         return -1;
     rotation_exp(R[JOINT_NECK], m->pose.neck);
     rotation_exp(R[JOINT_JAW], m->pose.jaw);

@@ -1,3 +1,4 @@
+/* Pinhole projection and its gradients; see camera.h for the axes. */
 #include "lib/geom/camera.h"
 
 void camera_make(float cam[12], const float R[9], const float t[3])

@@ -1,3 +1,5 @@
+/* Square crops of pictures, bilinear and area-averaged, with the gradients
+ * that track the crop; windows and crops from boxes, landmarks and text. */
 #include "lib/geom/crop.h"
 
 #include <assert.h>
@@ -126,14 +128,14 @@ void crop_translation_backward(double gtnet[3], double gcrop[3],
 /* ---- sampling --------------------------------------------------------- */
 
 /* Index coordinate of output pixel i of n: pixel centres lie at integers. */
-static double place(double centre, double size, size_t i, size_t n)
+static double sample_place(double centre, double size, size_t i, size_t n)
 {
     return centre + (((double)i + 0.5) / (double)n - 0.5) * size - 0.5;
 }
 
 /* Lower index and weight of the next for coordinate p among n samples; -2
  * when neither is inside. */
-static ptrdiff_t lower(double p, size_t n, float *w)
+static ptrdiff_t sample_lower(double p, size_t n, float *w)
 {
     double f = floor(p);
 
@@ -164,17 +166,19 @@ static void sample_pixel(double *out, const float *f, const uint8_t *u,
     }
 }
 
+/* The plain version of crop_sample. */
 static void sample_plain(float *out, size_t n, const float *f,
                          const uint8_t *u, size_t W, size_t H, size_t stride,
                          struct square q)
 {
     for (size_t i = 0; i < n; i++) {
         float wy;
-        ptrdiff_t y = lower(place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
         for (size_t j = 0; j < n; j++, out += 3) {
             double p[3];
             float wx;
-            ptrdiff_t x = lower(place(q.x, q.size, j, n), W, &wx);
+            ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
+                                       &wx);
             sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
             for (int c = 0; c < 3; c++)
                 out[c] = (float)p[c];
@@ -193,8 +197,8 @@ void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++, out += 3) {
-            double px = place(q.x, q.size, j, n);
-            double py = place(q.y, q.size, i, n);
+            double px = sample_place(q.x, q.size, j, n);
+            double py = sample_place(q.y, q.size, i, n);
             for (int c = 0; c < 3; c++) {
                 double v = 0;
                 for (int k = 0; k < 4; k++) {
@@ -218,10 +222,11 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
 
     for (size_t i = 0; i < n; i++) {
         float wy, wx;
-        ptrdiff_t y = lower(place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
         double v = ((double)i + 0.5) / (double)n - 0.5;
         for (size_t j = 0; j < n; j++, gout += 3) {
-            ptrdiff_t x = lower(place(q.x, q.size, j, n), W, &wx);
+            ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
+                                       &wx);
             double u = ((double)j + 0.5) / (double)n - 0.5, dx = 0, dy = 0;
             for (int k = 0; k < 4; k++) {
                 ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
@@ -256,7 +261,8 @@ struct kernels {
     crop_halve_fn *halve;
 };
 
-static const struct kernels *kernels(void)
+/* The versions for this processor. */
+static const struct kernels *crop_kernels(void)
 {
     static const struct kernels baseline = {
         crop_blend_baseline, crop_gather_baseline, crop_halve_baseline
@@ -293,14 +299,14 @@ struct columns {
 static int find_columns(struct columns *c, size_t n, size_t W,
                         struct square q)
 {
-    double first = floor(place(q.x, q.size, 0, n));
-    double last = floor(place(q.x, q.size, n - 1, n)) + 1;
+    double first = floor(sample_place(q.x, q.size, 0, n));
+    double last = floor(sample_place(q.x, q.size, n - 1, n)) + 1;
 
     if (n > SIDE || !(last - first < SPAN - 4) || !(first > -1e8)
         || !(last < 1e8))
         return -1;
     for (size_t j = 0; j < n; j++) {
-        double p = place(q.x, q.size, j, n), f = floor(p);
+        double p = sample_place(q.x, q.size, j, n), f = floor(p);
         c->at[j] = (int32_t)(f - first) * 3;
         c->w[j] = (float)(p - f);
     }
@@ -315,7 +321,7 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
                     size_t H, size_t stride, struct square q)
 {
     static const uint8_t black[3 * SPAN];
-    const struct kernels *k = kernels();
+    const struct kernels *k = crop_kernels();
     struct columns c;
     float row[3 * SPAN + 8] = {0}, line[3 * SIDE + 4];
     double left;
@@ -327,11 +333,11 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
         sample_plain(out, n, NULL, rgb, W, H, stride, q);
         return;
     }
-    left = floor(place(q.x, q.size, 0, n));
+    left = floor(sample_place(q.x, q.size, 0, n));
     skip = left < 0 ? (size_t)-left : 0;   /* black columns before the first */
     for (size_t i = 0; i < n; i++, out += 3 * n) {
         float wy;
-        ptrdiff_t y = lower(place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
         const uint8_t *a = y >= 0 ? rgb + (size_t)y * stride + 3 * c.x0
                                   : black;
         const uint8_t *b = y >= -1 && y + 1 < (ptrdiff_t)H
@@ -347,7 +353,7 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
                 size_t stride)
 {
     for (size_t y = 0; y < H / 2; y++)
-        kernels()->halve(out + y * (W / 2) * 3, rgb + 2 * y * stride,
+        crop_kernels()->halve(out + y * (W / 2) * 3, rgb + 2 * y * stride,
                          rgb + (2 * y + 1) * stride, W / 2);
 }
 
@@ -365,7 +371,7 @@ static void filter_make(struct filter *f, double centre, double size,
                         size_t i, size_t n, size_t in, size_t most)
 {
     const double s = size / (double)n, support = s > 1 ? s : 1;
-    const double p = place(centre, size, i, n);
+    const double p = sample_place(centre, size, i, n);
     double first = ceil(p - support), sum = 0;
     size_t m = 0;
 
@@ -378,6 +384,7 @@ static void filter_make(struct filter *f, double centre, double size,
     f->count = m;
 }
 
+/* One row under an antialiasing filter for each output pixel. */
 static void filter_row(float *out, const uint8_t *row, const char *filters,
                        size_t bytes, size_t n, size_t C)
 {

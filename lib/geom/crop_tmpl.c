@@ -1,9 +1,11 @@
+/* The inner loops of crop.c, compiled once per instruction set. */
 #include "lib/geom/crop_kernel.h"
 
 #include <string.h>
 
 typedef float v4f __attribute__((vector_size(16)));
 
+/* Two rows of bytes to one of floats. */
 void ISA(crop_blend)(float *row, const uint8_t *a, const uint8_t *b, float w,
                      size_t n)
 {
@@ -13,6 +15,7 @@ void ISA(crop_blend)(float *row, const uint8_t *a, const uint8_t *b, float w,
         row[i] = (float)a[i] * wa + (float)b[i] * wb;
 }
 
+/* Four floats at a time, of which three count. */
 void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
                       const float *w, size_t n)
 {
@@ -25,6 +28,7 @@ void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
     }
 }
 
+/* Means of 2x2 pixels, rounded. */
 void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
                      size_t w)
 {

@@ -1,10 +1,11 @@
+/* A mesh drawn with a z-buffer, four samples to a pixel, for contact sheets
+ * and comparisons of exported meshes. */
 #include "lib/geom/preview.h"
 
 #include <math.h>
-#include <png.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sysexits.h>
 
 enum { SS = 2 };              /* samples per pixel along each axis */
 
@@ -14,8 +15,8 @@ struct canvas {
 };
 
 /* Turn, centre and project: x, y in samples, z towards the viewer. */
-static void project(float *out, const struct preview_mesh *m,
-                    const struct preview_view *v, const struct canvas *c)
+static void mesh_project(float *out, const struct preview_mesh *m,
+                         const struct preview_view *v, const struct canvas *c)
 {
     float a = v->yaw * (float)M_PI / 180, b = v->pitch * (float)M_PI / 180;
     float scale = (float)c->h / v->height, far = 6 * v->height;
@@ -33,7 +34,8 @@ static void project(float *out, const struct preview_mesh *m,
 }
 
 /* Area-weighted vertex normals in view space (x right, y up, z to viewer). */
-static void normals(float *n, const float *p, const struct preview_mesh *m)
+static void mesh_normals(float *n, const float *p,
+                         const struct preview_mesh *m)
 {
     memset(n, 0, m->nv * 3 * sizeof *n);
     for (size_t i = 0; i < m->nf; i++) {
@@ -49,7 +51,9 @@ static void normals(float *n, const float *p, const struct preview_mesh *m)
     }
 }
 
-static void shade(float *out, float nx, float ny, float nz, const float *albedo)
+/* Key, fill and rim light with a little gloss; out is linear RGB. */
+static void sample_shade(float *out, float nx, float ny, float nz,
+                         const float *albedo)
 {
     static const float clay[3] = { 0.62f, 0.53f, 0.46f };
     const float *base = albedo ? albedo : clay;
@@ -69,16 +73,19 @@ static void shade(float *out, float nx, float ny, float nz, const float *albedo)
         out[d] = base[d] * e + spec;
 }
 
-static float edge(const float *a, const float *b, float x, float y)
+/* Twice the signed area of (a, b, (x,y)). */
+static float triangle_edge(const float *a, const float *b, float x, float y)
 {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
-static void triangle(struct canvas *c, const float *p, const float *n,
-                     const int32_t *f, const struct preview_mesh *m, int wire)
+/* Depth test, interpolated normal and albedo, and the edges if asked for. */
+static void triangle_draw(struct canvas *c, const float *p, const float *n,
+                          const int32_t *f, const struct preview_mesh *m,
+                          int wire)
 {
     const float *q[3] = { p + f[0] * 3, p + f[1] * 3, p + f[2] * 3 };
-    float area = edge(q[0], q[1], q[2][0], q[2][1]);
+    float area = triangle_edge(q[0], q[1], q[2][0], q[2][1]);
     if (fabsf(area) < 1e-6f)
         return;
     float lo[2] = { 1e9f, 1e9f }, hi[2] = { -1e9f, -1e9f };
@@ -97,8 +104,8 @@ static void triangle(struct canvas *c, const float *p, const float *n,
     for (int y = ya; y <= yb; y++)
         for (int x = xa; x <= xb; x++) {
             float sx = (float)x + 0.5f, sy = (float)y + 0.5f, w[3];
-            w[0] = edge(q[1], q[2], sx, sy) / area;
-            w[1] = edge(q[2], q[0], sx, sy) / area;
+            w[0] = triangle_edge(q[1], q[2], sx, sy) / area;
+            w[1] = triangle_edge(q[2], q[0], sx, sy) / area;
             w[2] = 1 - w[0] - w[1];
             if (w[0] < 0 || w[1] < 0 || w[2] < 0)
                 continue;
@@ -114,7 +121,8 @@ static void triangle(struct canvas *c, const float *p, const float *n,
                     if (m->color)
                         al[d] += w[k] * m->color[f[k] * 3 + d];
                 }
-            shade(c->rgb + at * 3, nn[0], nn[1], nn[2], m->color ? al : NULL);
+            sample_shade(c->rgb + at * 3, nn[0], nn[1], nn[2],
+                         m->color ? al : NULL);
             for (int k = 0; wire && k < 3; k++)
                 if (w[k] * fabsf(area) < 0.9f * len[k])
                     for (int d = 0; d < 3; d++)
@@ -122,6 +130,7 @@ static void triangle(struct canvas *c, const float *p, const float *n,
         }
 }
 
+/* Linear 0 to 1 as a byte of sRGB. */
 static uint8_t to_srgb(float v)
 {
     v = v < 0 ? 0 : v > 1 ? 1 : v;
@@ -129,8 +138,9 @@ static uint8_t to_srgb(float v)
     return (uint8_t)(v * 255 + 0.5f);
 }
 
-static void resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
-                    const struct canvas *c)
+/* Means of the samples, encoded. */
+static void canvas_resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
+                           const struct canvas *c)
 {
     for (size_t y = 0; y < c->h / SS; y++)
         for (size_t x = 0; x < c->w / SS; x++)
@@ -156,7 +166,8 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
     c.depth = malloc(n * sizeof *c.depth);
     c.rgb = malloc(n * 3 * sizeof *c.rgb);
     if (!p || !nrm || !c.depth || !c.rgb) {
-        error_set(err, 71, "out of memory for a preview of %zux%zu", w, h);
+        error_set(err, EX_OSERR, "out of memory for a preview of %zux%zu",
+                  w, h);
         goto out;
     }
     for (size_t i = 0; i < n; i++) {
@@ -165,11 +176,11 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
         c.rgb[i * 3] = c.rgb[i * 3 + 1] = g;
         c.rgb[i * 3 + 2] = g * 1.1f;
     }
-    project(p, mesh, view, &c);
-    normals(nrm, p, mesh);
+    mesh_project(p, mesh, view, &c);
+    mesh_normals(nrm, p, mesh);
     for (size_t i = 0; i < mesh->nf; i++)
-        triangle(&c, p, nrm, mesh->faces + i * 3, mesh, view->wire);
-    resolve(rgb, stride, x0, y0, &c);
+        triangle_draw(&c, p, nrm, mesh->faces + i * 3, mesh, view->wire);
+    canvas_resolve(rgb, stride, x0, y0, &c);
     rc = 0;
 out:
     free(p);
@@ -177,14 +188,4 @@ out:
     free(c.depth);
     free(c.rgb);
     return rc;
-}
-
-int preview_write_png(const char *path, const uint8_t *rgb, size_t w,
-                      size_t h, struct error *err)
-{
-    png_image im = { .version = PNG_IMAGE_VERSION, .width = (png_uint_32)w,
-                     .height = (png_uint_32)h, .format = PNG_FORMAT_RGB };
-    if (!png_image_write_to_file(&im, path, 0, rgb, 0, NULL))
-        return error_set(err, 73, "%s: %s", path, im.message);
-    return 0;
 }

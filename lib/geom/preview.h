@@ -29,8 +29,4 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
                  size_t h, const struct preview_mesh *mesh,
                  const struct preview_view *view, struct error *err);
 
-/* Write (h, w, 3) sRGB as PNG. */
-int preview_write_png(const char *path, const uint8_t *rgb, size_t w,
-                      size_t h, struct error *err);
-
 #endif

@@ -1,3 +1,5 @@
+/* Resampling as PyTorch does it: grid_sample and interpolate (bilinear,
+ * bicubic, antialiased), with gradients. */
 #include "lib/geom/resample.h"
 
 #include <math.h>
@@ -18,7 +20,8 @@ struct kernels {
     resize_forward_##isa, resize_backward_##isa \
 }
 
-static const struct kernels *kernels(void)
+/* The versions for this processor. */
+static const struct kernels *resample_kernels(void)
 {
     static const struct kernels baseline = KERNELS(baseline);
 #ifdef SPID_X86
@@ -38,7 +41,7 @@ void grid_sample(float *out, const float *x, const float *grid, size_t B,
                  size_t H, size_t W, size_t C, size_t N, bool align,
                  enum resample_padding pad)
 {
-    kernels()->sample(out, x, grid, B, H, W, C, N, align,
+    resample_kernels()->sample(out, x, grid, B, H, W, C, N, align,
                       pad == RESAMPLE_BORDER);
 }
 
@@ -48,17 +51,17 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
                           enum resample_padding pad)
 {
     if (ggrid)
-        kernels()->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
+        resample_kernels()->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
                          pad == RESAMPLE_BORDER);
     if (gx)
-        kernels()->dx(gx, gout, grid, B, H, W, C, N, align,
+        resample_kernels()->dx(gx, gout, grid, B, H, W, C, N, align,
                       pad == RESAMPLE_BORDER);
 }
 
 /* ---- affine grids ----------------------------------------------------- */
 
 /* Coordinate in [-1,1] of pixel i of n. */
-static double coordinate(size_t i, size_t n, bool align)
+static double axis_coordinate(size_t i, size_t n, bool align)
 {
     if (align)
         return n > 1 ? 2 * (double)i / ((double)n - 1) - 1 : 0;
@@ -71,8 +74,8 @@ void affine_grid(float *grid, const float *theta, size_t B, size_t h,
     for (size_t b = 0; b < B; b++, theta += 6)
         for (size_t i = 0; i < h; i++)
             for (size_t j = 0; j < w; j++, grid += 2) {
-                double x = coordinate(j, w, align);
-                double y = coordinate(i, h, align);
+                double x = axis_coordinate(j, w, align);
+                double y = axis_coordinate(i, h, align);
                 grid[0] = (float)(theta[0] * x + theta[1] * y + theta[2]);
                 grid[1] = (float)(theta[3] * x + theta[4] * y + theta[5]);
             }
@@ -85,8 +88,8 @@ void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
         double s[6] = {0};
         for (size_t i = 0; i < h; i++)
             for (size_t j = 0; j < w; j++, ggrid += 2) {
-                double x = coordinate(j, w, align);
-                double y = coordinate(i, h, align);
+                double x = axis_coordinate(j, w, align);
+                double y = axis_coordinate(i, h, align);
                 for (int k = 0; k < 2; k++) {
                     s[3 * k] += ggrid[k] * x;
                     s[3 * k + 1] += ggrid[k] * y;
@@ -104,13 +107,14 @@ struct resize {
     struct resize_axis x, y;
 };
 
+/* Into 0 .. n - 1. */
 static int32_t clamp_index(double i, size_t n)
 {
     return (int32_t)(i < 0 ? 0 : i > (double)n - 1 ? (double)n - 1 : i);
 }
 
 /* The cubic convolution kernel, A = -0.75, at distance t. */
-static double cubic(double t)
+static double axis_cubic(double t)
 {
     const double A = -0.75;
 
@@ -123,8 +127,8 @@ static double cubic(double t)
 }
 
 /* Place of output i among n inputs, m outputs; factor 0: m / n. */
-static double source(enum resize_kind kind, size_t i, size_t n, size_t m,
-                     double factor)
+static double axis_source(enum resize_kind kind, size_t i, size_t n, size_t m,
+                          double factor)
 {
     double ratio = factor > 0 ? 1 / factor : (double)n / (double)m, p;
 
@@ -134,6 +138,7 @@ static double source(enum resize_kind kind, size_t i, size_t n, size_t m,
     return kind == RESIZE_BILINEAR && p < 0 ? 0 : p;
 }
 
+/* Taps and weights of output i: a triangle as wide as the step. */
 static void axis_antialias(struct resize_axis *a, size_t i)
 {
     const double s = (double)a->in / (double)a->out;
@@ -156,17 +161,18 @@ static void axis_antialias(struct resize_axis *a, size_t i)
             = (float)(a->weight[i * a->taps + k] / sum);
 }
 
+/* Taps and weights of output i: two, or four of the cubic. */
 static void axis_interpolate(struct resize_axis *a, size_t i,
                              enum resize_kind kind, double factor)
 {
-    const double p = source(kind, i, a->in, a->out, factor), f = floor(p);
+    const double p = axis_source(kind, i, a->in, a->out, factor), f = floor(p);
     int32_t *at = a->at + i * a->taps;
     float *w = a->weight + i * a->taps;
 
     if (kind == RESIZE_BICUBIC) {
         for (int k = 0; k < 4; k++) {
             at[k] = clamp_index(f + k - 1, a->in);
-            w[k] = (float)cubic(p - f - k + 1);
+            w[k] = (float)axis_cubic(p - f - k + 1);
         }
     } else {
         at[0] = clamp_index(f, a->in);
@@ -176,6 +182,7 @@ static void axis_interpolate(struct resize_axis *a, size_t i,
     }
 }
 
+/* All taps of one axis, n inputs to m outputs. */
 static int axis_init(struct resize_axis *a, enum resize_kind kind, size_t n,
                      size_t m, double factor)
 {
@@ -230,7 +237,7 @@ void resize_forward(const struct resize *r, float *out, const float *x,
                     size_t B, size_t C, float *tmp)
 {
     for (size_t b = 0; b < B; b++)
-        kernels()->forward(out + b * r->y.out * r->x.out * C,
+        resample_kernels()->forward(out + b * r->y.out * r->x.out * C,
                            x + b * r->y.in * r->x.in * C, &r->x, &r->y, C,
                            tmp);
 }
@@ -239,7 +246,7 @@ void resize_backward(const struct resize *r, float *gx, const float *gout,
                      size_t B, size_t C, float *tmp)
 {
     for (size_t b = 0; b < B; b++)
-        kernels()->backward(gx + b * r->y.in * r->x.in * C,
+        resample_kernels()->backward(gx + b * r->y.in * r->x.in * C,
                             gout + b * r->y.out * r->x.out * C, &r->x, &r->y,
                             C, tmp);
 }

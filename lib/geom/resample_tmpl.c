@@ -1,3 +1,4 @@
+/* The inner loops of resample.c, compiled once per instruction set. */
 #include "lib/geom/resample_kernel.h"
 
 #include <math.h>
@@ -13,8 +14,8 @@ struct taps {
 
 /* Unnormalised position of a coordinate in [-1,1]; *slope is its derivative
  * by the coordinate, 0 where padding holds it. */
-static inline double position(float g, size_t n, bool align, bool border,
-                              double *slope)
+static inline double grid_position(float g, size_t n, bool align, bool border,
+                                   double *slope)
 {
     double p;
 
@@ -38,31 +39,34 @@ static inline double position(float g, size_t n, bool align, bool border,
     return p;
 }
 
-static inline ptrdiff_t tap(ptrdiff_t x, ptrdiff_t y, size_t W, size_t H)
+/* Index of a pixel, -1 outside of the picture. */
+static inline ptrdiff_t grid_tap(ptrdiff_t x, ptrdiff_t y, size_t W, size_t H)
 {
     if (x < 0 || y < 0 || x >= (ptrdiff_t)W || y >= (ptrdiff_t)H)
         return -1;
     return y * (ptrdiff_t)W + x;
 }
 
-static inline void find_taps(struct taps *t, double slope[2], const float *g,
+/* Four pixels around a grid point, their weights, and the weights' slopes. */
+static inline void grid_taps(struct taps *t, double slope[2], const float *g,
                              size_t W, size_t H, bool align, bool border)
 {
-    double px = position(g[0], W, align, border, slope);
-    double py = position(g[1], H, align, border, slope + 1);
+    double px = grid_position(g[0], W, align, border, slope);
+    double py = grid_position(g[1], H, align, border, slope + 1);
     double fx = floor(px), fy = floor(py);
     float a = (float)(px - fx), b = (float)(py - fy);
     ptrdiff_t x = (ptrdiff_t)fx, y = (ptrdiff_t)fy;
 
     for (int k = 0; k < 4; k++) {
         float wx = k & 1 ? a : 1 - a, wy = k & 2 ? b : 1 - b;
-        t->at[k] = tap(x + (k & 1), y + (k >> 1), W, H);
+        t->at[k] = grid_tap(x + (k & 1), y + (k >> 1), W, H);
         t->w[k] = wx * wy;
         t->dx[k] = k & 1 ? wy : -wy;
         t->dy[k] = k & 2 ? wx : -wx;
     }
 }
 
+/* out (B,N,C): the picture at each point, 0 outside. */
 void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
                       size_t H, size_t W, size_t C, size_t N, bool align,
                       bool border)
@@ -73,7 +77,7 @@ void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
         float *o = out + i * C;
         struct taps t;
         double slope[2];
-        find_taps(&t, slope, grid + 2 * i, W, H, align, border);
+        grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (size_t c = 0; c < C; c++)
             o[c] = 0;
         for (int k = 0; k < 4; k++) {
@@ -96,7 +100,7 @@ void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
         const float *xb = x + i / N * H * W * C, *g = gout + i * C;
         struct taps t;
         double slope[2], sx = 0, sy = 0;
-        find_taps(&t, slope, grid + 2 * i, W, H, align, border);
+        grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (int k = 0; k < 4; k++) {
             const float *p = xb + (size_t)t.at[k] * C;
             float dot = 0;
@@ -114,6 +118,7 @@ void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
 
 #define SLICE 16               /* channels a thread adds to */
 
+/* Each thread adds into its own channels of one picture. */
 void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
                          size_t B, size_t H, size_t W, size_t C, size_t N,
                          bool align, bool border)
@@ -129,7 +134,7 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
             const float *g = gout + i * C + c0;
             struct taps t;
             double slope[2];
-            find_taps(&t, slope, grid + 2 * i, W, H, align, border);
+            grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
             for (int k = 0; k < 4; k++) {
                 float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
                 if (t.at[k] < 0)
@@ -144,8 +149,8 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
 /* ---- separable resizing ----------------------------------------------- */
 
 /* tmp [H,w,C] = columns of x [H,W,C]. */
-static void columns(float *tmp, const float *x, const struct resize_axis *a,
-                    size_t H, size_t C)
+static void resize_columns(float *tmp, const float *x,
+                           const struct resize_axis *a, size_t H, size_t C)
 {
     for (size_t y = 0; y < H; y++, x += a->in * C, tmp += a->out * C)
         for (size_t i = 0; i < a->out; i++) {
@@ -161,8 +166,8 @@ static void columns(float *tmp, const float *x, const struct resize_axis *a,
 }
 
 /* out [h,n] = rows of tmp [H,n]. */
-static void rows(float *out, const float *tmp, const struct resize_axis *a,
-                 size_t n)
+static void resize_rows(float *out, const float *tmp,
+                        const struct resize_axis *a, size_t n)
 {
     for (size_t i = 0; i < a->out; i++, out += n) {
         const int32_t *at = a->at + i * a->taps;
@@ -175,15 +180,17 @@ static void rows(float *out, const float *tmp, const struct resize_axis *a,
     }
 }
 
+/* Across, then down; tmp (rows in, columns out, C) between them. */
 void ISA(resize_forward)(float *out, const float *x,
                          const struct resize_axis *ax,
                          const struct resize_axis *ay, size_t C, float *tmp)
 {
-    columns(tmp, x, ax, ay->in, C);
-    rows(out, tmp, ay, ax->out * C);
+    resize_columns(tmp, x, ax, ay->in, C);
+    resize_rows(out, tmp, ay, ax->out * C);
 }
 
-/* in the forward pass this was: columns(tmp, x), then rows(out, tmp) */
+/* in the forward pass this was: resize_columns(tmp, x), then
+ * resize_rows(out, tmp) */
 void ISA(resize_backward)(float *gx, const float *gout,
                           const struct resize_axis *ax,
                           const struct resize_axis *ay, size_t C, float *tmp)

@@ -1,3 +1,5 @@
+/* Rotations as 6D (Zhou et al. 2019), axis-angle, quaternion and matrix, in
+ * double precision, with gradients that stay finite everywhere. */
 #include "lib/geom/rotation.h"
 
 #include <math.h>
@@ -5,11 +7,13 @@
 /* Below this length a vector has no direction (the public code's clamp). */
 #define TINY 1e-12
 
+/* Inner product. */
 static double dot3(const double a[3], const double b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
 
+/* c = a x b. */
 static void cross3(double c[3], const double a[3], const double b[3])
 {
     c[0] = a[1] * b[2] - a[2] * b[1];
@@ -17,13 +21,15 @@ static void cross3(double c[3], const double a[3], const double b[3])
     c[2] = a[0] * b[1] - a[1] * b[0];
 }
 
-static void widen(double *out, const float *in, int n)
+/* float to double. */
+static void numbers_widen(double *out, const float *in, int n)
 {
     for (int i = 0; i < n; i++)
         out[i] = in[i];
 }
 
-static void narrow(float *out, const double *in, int n)
+/* double to float. */
+static void numbers_narrow(float *out, const double *in, int n)
 {
     for (int i = 0; i < n; i++)
         out[i] = (float)in[i];
@@ -65,7 +71,7 @@ void mat3_mul_tn_d(double C[9], const double A[9], const double B[9])
 /* ---- 6D ---------------------------------------------------------------- */
 
 /* b = v / max(|v|, TINY); returns the divisor. */
-static double normalise(double b[3], const double v[3])
+static double vector_normalise(double b[3], const double v[3])
 {
     double n = sqrt(dot3(v, v));
 
@@ -90,11 +96,11 @@ void rotation_6d_d(double R[9], const double x[6])
 {
     double *b1 = R, *b2 = R + 3, *b3 = R + 6, u[3];
 
-    normalise(b1, x);
+    vector_normalise(b1, x);
     double c = dot3(b1, x + 3);
     for (int i = 0; i < 3; i++)
         u[i] = x[3 + i] - c * b1[i];
-    normalise(b2, u);
+    vector_normalise(b2, u);
     cross3(b3, b1, b2);
 }
 
@@ -103,12 +109,12 @@ void rotation_6d_backward_d(double dx[6], const double dR[9],
 {
     const double *a2 = x + 3, *g3 = dR + 6;
     double b1[3], b2[3], u[3], db1[3], db2[3], du[3] = {0};
-    double n1 = normalise(b1, x);
+    double n1 = vector_normalise(b1, x);
     double c = dot3(b1, a2);
 
     for (int i = 0; i < 3; i++)
         u[i] = a2[i] - c * b1[i];
-    double n2 = normalise(b2, u);
+    double n2 = vector_normalise(b2, u);
 
     /* b3 = b1 x b2 */
     cross3(db1, b2, g3);
@@ -132,17 +138,17 @@ void rotation_6d(float R[9], const float x[6])
 {
     double xd[6], Rd[9];
 
-    widen(xd, x, 6);
+    numbers_widen(xd, x, 6);
     rotation_6d_d(Rd, xd);
-    narrow(R, Rd, 9);
+    numbers_narrow(R, Rd, 9);
 }
 
 void rotation_6d_backward(float dx[6], const float dR[9], const float x[6])
 {
     double xd[6], dRd[9], dxd[6] = {0};
 
-    widen(xd, x, 6);
-    widen(dRd, dR, 9);
+    numbers_widen(xd, x, 6);
+    numbers_widen(dRd, dR, 9);
     rotation_6d_backward_d(dxd, dRd, xd);
     for (int i = 0; i < 6; i++)
         dx[i] += (float)dxd[i];
@@ -162,6 +168,7 @@ struct exp_terms {
     double cosine, A, B, dA, dB;
 };
 
+/* sin(a)/a, (1 - cos(a))/a^2 and their derivatives, by series near 0. */
 static void exp_terms(struct exp_terms *t, const double r[3])
 {
     double s = dot3(r, r), a = sqrt(s), h = sin(0.5 * a);
@@ -240,17 +247,17 @@ void rotation_exp(float R[9], const float r[3])
 {
     double rd[3], Rd[9];
 
-    widen(rd, r, 3);
+    numbers_widen(rd, r, 3);
     rotation_exp_d(Rd, rd);
-    narrow(R, Rd, 9);
+    numbers_narrow(R, Rd, 9);
 }
 
 void rotation_exp_backward(float dr[3], const float dR[9], const float r[3])
 {
     double rd[3], dRd[9], drd[3] = {0};
 
-    widen(rd, r, 3);
-    widen(dRd, dR, 9);
+    numbers_widen(rd, r, 3);
+    numbers_widen(dRd, dR, 9);
     rotation_exp_backward_d(drd, dRd, rd);
     for (int i = 0; i < 3; i++)
         dr[i] += (float)drd[i];
@@ -330,9 +337,9 @@ void rotation_to_quat(float q[4], const float R[9])
 {
     double Rd[9], qd[4];
 
-    widen(Rd, R, 9);
+    numbers_widen(Rd, R, 9);
     to_quat(qd, Rd);
-    narrow(q, qd, 4);
+    numbers_narrow(q, qd, 4);
 }
 
 void rotation_log_d(double r[3], const double R[9])
@@ -350,9 +357,9 @@ void rotation_log(float r[3], const float R[9])
 {
     double Rd[9], rd[3];
 
-    widen(Rd, R, 9);
+    numbers_widen(Rd, R, 9);
     rotation_log_d(rd, Rd);
-    narrow(r, rd, 3);
+    numbers_narrow(r, rd, 3);
 }
 
 void rotation_quat_d(double R[9], const double q[4])
@@ -370,9 +377,9 @@ void rotation_quat(float R[9], const float q[4])
 {
     double qd[4], Rd[9];
 
-    widen(qd, q, 4);
+    numbers_widen(qd, q, 4);
     rotation_quat_d(Rd, qd);
-    narrow(R, Rd, 9);
+    numbers_narrow(R, Rd, 9);
 }
 
 void rotation_quat_backward_d(double dq[4], const double dR[9],
@@ -401,8 +408,8 @@ double rotation_distance(const float A[9], const float B[9])
 {
     double Ad[9], Bd[9], C[9], q[4];
 
-    widen(Ad, A, 9);
-    widen(Bd, B, 9);
+    numbers_widen(Ad, A, 9);
+    numbers_widen(Bd, B, 9);
     mat3_mul_nt_d(C, Ad, Bd);
     to_quat(q, C);
     return 2 * atan2(sqrt(dot3(q + 1, q + 1)), q[0]);

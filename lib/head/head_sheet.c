@@ -4,6 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/image.h"
 #include "lib/base/random.h"
 #include "lib/geom/preview.h"
 #include "lib/head/arkit.h"
@@ -136,7 +137,8 @@ int head_sheet(const char *path, const struct head *h, size_t size,
     }
     colors(color, h);
     if (draw_cells(rgb, verts, color, h, size, err) == 0)
-        rc = preview_write_png(path, rgb, ACROSS * size, DOWN * size, err);
+        rc = image_write_png(path, rgb, ACROSS * size, DOWN * size, 3,
+                             err);
 out:
     free(rgb);
     free(verts);

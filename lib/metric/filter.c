@@ -1,3 +1,5 @@
+/* SSIM's Gaussian window, and the separable filter's version for this
+ * processor. */
 #include "lib/metric/filter.h"
 
 #include "lib/base/cpu.h"

@@ -1,3 +1,6 @@
+/* Distances between two pictures as in the paper's tables: L1, PSNR, SSIM
+ * (Wang et al. 2004: 11x11 Gaussian window, valid region) and MS-SSIM (Wang et
+ * al. 2003: five levels), in double precision, with gradients for training. */
 #include "lib/metric/image.h"
 
 #include <math.h>
@@ -73,6 +76,7 @@ struct work {
     double *spread;
 };
 
+/* Eight planes of n pixels in one block. */
 static int work_init(struct work *k, size_t n, struct error *err)
 {
     k->block = malloc(8 * n * sizeof *k->block);
@@ -89,6 +93,7 @@ static int work_init(struct work *k, size_t n, struct error *err)
     return 0;
 }
 
+/* out = window * (x y). */
 static void blur_product(double *out, const double *x, const double *y,
                          size_t H, size_t W, struct work *k)
 {
@@ -97,8 +102,9 @@ static void blur_product(double *out, const double *x, const double *y,
     metric_blur(out, k->prod, H, W, k->tmp);
 }
 
-static void moments(struct work *k, const double *a, const double *b,
-                    size_t H, size_t W)
+/* Means, and means of squares and of the product, under the window. */
+static void work_moments(struct work *k, const double *a, const double *b,
+                         size_t H, size_t W)
 {
     metric_blur(k->mu_a, a, H, W, k->tmp);
     metric_blur(k->mu_b, b, H, W, k->tmp);
@@ -114,7 +120,7 @@ static void plane_ssim(double *ssim, double *cs, double *map, const double *a,
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
     double sum_s = 0, sum_c = 0;
 
-    moments(k, a, b, H, W);
+    work_moments(k, a, b, H, W);
     for (size_t i = 0; i < n; i++) {
         double ma = k->mu_a[i], mb = k->mu_b[i];
         double va = k->aa[i] - ma * ma, vb = k->bb[i] - mb * mb;
@@ -138,7 +144,7 @@ static void plane_ssim_backward(double *db, double gs, double gc,
 {
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
-    moments(k, a, b, H, W);
+    work_moments(k, a, b, H, W);
     for (size_t i = 0; i < n; i++) {
         double ma = k->mu_a[i], mb = k->mu_b[i];
         double a1 = 2 * ma * mb + C1, b1 = ma * ma + mb * mb + C1;
@@ -165,7 +171,8 @@ static void plane_ssim_backward(double *db, double gs, double gc,
         db[i] += a[i] * k->spread[i];
 }
 
-static void widen(double *out, const float *in, size_t n)
+/* float to double. */
+static void plane_widen(double *out, const float *in, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         out[i] = in[i];
@@ -198,8 +205,8 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
     for (size_t c = 0; c < C; c++) {
         size_t valid = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
-        widen(pa, a + c * n, n);
-        widen(pb, b + c * n, n);
+        plane_widen(pa, a + c * n, n);
+        plane_widen(pb, b + c * n, n);
         plane_ssim(&out->channel[c], &cs, map ? map + c * valid : NULL, pa,
                    pb, H, W, &k);
         out->mean += out->channel[c] / (double)C;
@@ -214,13 +221,14 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
 
 /* ---- scales ----------------------------------------------------------- */
 
+/* Side of the next level. */
 static size_t half_size(size_t n)
 {
     return (n + 1) / 2; /* an odd side is padded to n + 2, then floored */
 }
 
 /* 2x2 means of in [H,W]; an odd side has a zero before and after it. */
-static void halve(double *out, const double *in, size_t H, size_t W)
+static void plane_halve(double *out, const double *in, size_t H, size_t W)
 {
     size_t h = half_size(H), w = half_size(W), py = H % 2, px = W % 2;
 
@@ -249,6 +257,7 @@ struct pyramid {
     size_t h[METRIC_LEVELS], w[METRIC_LEVELS], at[METRIC_LEVELS], total;
 };
 
+/* Sizes of the five levels of an H x W picture and where each begins. */
 static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
 {
     p->total = 0;
@@ -262,12 +271,14 @@ static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
     }
 }
 
+/* One channel and its halved copies. */
 static void pyramid_fill(double *pyr, const struct pyramid *p,
                          const float *plane)
 {
-    widen(pyr, plane, p->h[0] * p->w[0]);
+    plane_widen(pyr, plane, p->h[0] * p->w[0]);
     for (int l = 1; l < METRIC_LEVELS; l++)
-        halve(pyr + p->at[l], pyr + p->at[l - 1], p->h[l - 1], p->w[l - 1]);
+        plane_halve(pyr + p->at[l], pyr + p->at[l - 1], p->h[l - 1],
+                    p->w[l - 1]);
 }
 
 /* Product over the levels of one channel, and its derivative by each. */

@@ -1,3 +1,6 @@
+/* LPIPS (Zhang et al. 2018) on AlexNet's features, for weights that the
+ * user brings: differences of unit-length features, weighted by channel,
+ * averaged. */
 #include "lib/metric/lpips.h"
 
 #include <math.h>
@@ -16,7 +19,8 @@ static const struct {
     {10, 0, 256, 256, 3, 1, 1},
 };
 
-static void declare(struct lpips *l)
+/* The tensors that the file must hold, by torchvision's and LPIPS's names. */
+static void lpips_declare(struct lpips *l)
 {
     char name[40];
 
@@ -41,7 +45,7 @@ int lpips_init(struct lpips *l, const char *path, struct error *err)
     memset(l, 0, sizeof *l);
     if (!st)
         return -1;
-    declare(l);
+    lpips_declare(l);
     if (!params_allocate(&l->ps, err) && !params_load(&l->ps, st, "", err))
         rc = 0;
     st_close(st);
@@ -50,7 +54,8 @@ int lpips_init(struct lpips *l, const char *path, struct error *err)
     return rc;
 }
 
-static void drop_plan(struct lpips *l)
+/* Forget what was planned for another picture size. */
+static void lpips_drop_plan(struct lpips *l)
 {
     if (!l->H)
         return;
@@ -62,16 +67,18 @@ static void drop_plan(struct lpips *l)
 
 void lpips_release(struct lpips *l)
 {
-    drop_plan(l);
+    lpips_drop_plan(l);
     params_release(&l->ps);
     memset(l, 0, sizeof *l);
 }
 
+/* Side of stage i's output for an input of n. */
 static size_t conv_size(int i, size_t n)
 {
     return (n + 2 * stage[i].pad - stage[i].kernel) / stage[i].stride + 1;
 }
 
+/* Side after a 3x3 maximum with stride 2, not padded. */
 static size_t pool_size(size_t n)
 {
     return (n - 3) / 2 + 1;
@@ -79,12 +86,12 @@ static size_t pool_size(size_t n)
 
 /* Layers are linear over patches of k*k*in numbers: the weight tensor
  * (out,in,k,k) read as (out, in*k*k). */
-static int plan(struct lpips *l, size_t H, size_t W, struct error *err)
+static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 {
     struct nn_options opt = {NN_INFER, NN_F32};
     size_t h = H, w = W, patches = 0, in = 3 * H * W;
 
-    drop_plan(l);
+    lpips_drop_plan(l);
     nn_plan_init(&l->plan, opt);
     for (int i = 0; i < LPIPS_STAGES; i++) {
         struct conv *c = &l->conv[i];
@@ -116,7 +123,7 @@ static int plan(struct lpips *l, size_t H, size_t W, struct error *err)
     l->H = H;
     l->W = W;
     if (nn_plan_finish(&l->plan, err)) {
-        drop_plan(l);
+        lpips_drop_plan(l);
         return -1;
     }
     for (int i = 0; i < LPIPS_STAGES; i++)
@@ -125,7 +132,8 @@ static int plan(struct lpips *l, size_t H, size_t W, struct error *err)
 }
 
 /* out (h,w,C) = maximum of 3x3, stride 2, of in (H,W,C). */
-static void pool(float *out, const float *in, size_t H, size_t W, size_t C)
+static void pool_forward(float *out, const float *in, size_t H, size_t W,
+                         size_t C)
 {
     size_t h = pool_size(H), w = pool_size(W);
 
@@ -141,8 +149,8 @@ static void pool(float *out, const float *in, size_t H, size_t W, size_t C)
 }
 
 /* Patches (h*w, C*k*k), channel slowest as in the weights, zeros outside. */
-static void unfold(float *out, const float *in, size_t H, size_t W, int i,
-                   size_t h, size_t w)
+static void stage_unfold(float *out, const float *in, size_t H, size_t W,
+                         int i, size_t h, size_t w)
 {
     size_t k = stage[i].kernel, C = stage[i].in;
 
@@ -162,7 +170,7 @@ static void unfold(float *out, const float *in, size_t H, size_t W, int i,
 }
 
 /* The five feature maps of a picture into l->out[which]. */
-static void features(struct lpips *l, int which, const float *rgb)
+static void lpips_features(struct lpips *l, int which, const float *rgb)
 {
     static const float shift[3] = {-0.030f, -0.088f, -0.188f};
     static const float scale[3] = {0.458f, 0.448f, 0.450f};
@@ -174,12 +182,12 @@ static void features(struct lpips *l, int which, const float *rgb)
             l->in[3 * i + c] = (2 * rgb[c * n + i] - 1 - shift[c]) / scale[c];
     for (int i = 0; i < LPIPS_STAGES; i++) {
         if (stage[i].pool) {
-            pool(l->in, x, h, w, stage[i].in);
+            pool_forward(l->in, x, h, w, stage[i].in);
             h = pool_size(h);
             w = pool_size(w);
             x = l->in;
         }
-        unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
+        stage_unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
         conv_forward(l->out[which][i], l->patches, &l->conv[i]);
         h = l->h[i];
         w = l->w[i];
@@ -215,10 +223,10 @@ int lpips_distance(double *distance, struct lpips *l, const float *a,
     if (H < 64 || W < 64)
         return error_set(err, EX_DATAERR, "lpips of %zux%zu pixels (expected "
                          "sides of 64 or more)", W, H);
-    if ((H != l->H || W != l->W) && plan(l, H, W, err))
+    if ((H != l->H || W != l->W) && lpips_plan(l, H, W, err))
         return -1;
-    features(l, 0, a);
-    features(l, 1, b);
+    lpips_features(l, 0, a);
+    lpips_features(l, 1, b);
     *distance = 0;
     for (int i = 0; i < LPIPS_STAGES; i++)
         *distance += stage_distance(l->out[0][i], l->out[1][i],

@@ -1,9 +1,12 @@
+/* Distances between two motions as in the paper's tables: landmarks (AKD, its
+ * parts AED and APD), pose angles, expressions and gaze. */
 #include "lib/metric/motion.h"
 
 #include <math.h>
 
 #define DEGREES (180 / 3.14159265358979323846)
 
+/* The first 17 landmarks are the jaw line, the others the inner face. */
 void metric_points(struct metric_points *out, const float a[68][2],
                    const float b[68][2])
 {

@@ -1,11 +1,75 @@
 /* Activations over contiguous values. */
 #include "lib/nn/kernels.h"
 #include "lib/nn/math.h"
+#include "lib/nn/vector.h"
+
+/* math_act and math_slope, to the bit, of a vector. */
+VF_INLINE vf vf_act(vf x, int act)
+{
+    vf t;
+    switch (act) {
+    case ACT_RELU:
+        return vf_max(x, vf_set(0));
+    case ACT_LRELU:
+        return vf_max(x, ACT_SLOPE * x);
+    case ACT_HARDSWISH:
+    case ACT_HARDSIGMOID:
+        t = vf_min(vf_set(6.0f), vf_max(vf_set(0), x + 3.0f));
+        return act == ACT_HARDSWISH ? x * t * (1.0f / 6) : t * (1.0f / 6);
+    case ACT_SIGMOID:
+        return vf_sigmoid(x);
+    case ACT_TANH:
+        return vf_tanh(x);
+    default:
+        return x;
+    }
+}
+
+/* m ? a : b in each lane. */
+VF_INLINE vf vf_choose(vf_i32 m, vf a, vf b)
+{
+    return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
+}
+
+VF_INLINE vf vf_slope(vf x, int act)
+{
+    const vf zero = vf_set(0), one = vf_set(1);
+    vf in, y;
+    switch (act) {
+    case ACT_RELU:
+        return vf_choose(x > 0.0f, one, zero);
+    case ACT_LRELU:
+        return vf_choose(x > 0.0f, one, vf_set(ACT_SLOPE));
+    case ACT_HARDSWISH:
+        in = vf_choose(x > -3.0f, (2.0f * x + 3.0f) * (1.0f / 6), zero);
+        return vf_choose(x < 3.0f, in, one);
+    case ACT_HARDSIGMOID:
+        in = vf_choose(x > -3.0f, vf_set(1.0f / 6), zero);
+        return vf_choose(x < 3.0f, in, zero);
+    case ACT_SIGMOID:
+        y = vf_sigmoid(x);
+        return y * (1.0f - y);
+    case ACT_TANH:
+        y = vf_tanh(x);
+        return 1.0f - y * y;
+    default:
+        return one;
+    }
+}
+
+/* How many values the vectors above serve: gelu's erf is the C library's. */
+static size_t act_whole(int act, size_t n)
+{
+    return act == ACT_GELU ? 0 : n / VF_LANES * VF_LANES;
+}
 
 void ISA(act_forward)(float *y, const float *x, int act, size_t n)
 {
+    size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
-    for (size_t i = 0; i < n; i++)                                           \
+    for (size_t i = 0; i < whole; i += VF_LANES)                             \
+        vf_store(y + i, vf_act(vf_load(x + i), A));                          \
+    for (size_t i = whole; i < n; i++)                                       \
         y[i] = math_act(x[i], A);
     MATH_FOR_ACT(act, LOOP)
 #undef LOOP
@@ -14,8 +78,11 @@ void ISA(act_forward)(float *y, const float *x, int act, size_t n)
 void ISA(act_backward)(float *dx, const float *dy, const float *x, int act,
                        size_t n)
 {
+    size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
-    for (size_t i = 0; i < n; i++)                                           \
+    for (size_t i = 0; i < whole; i += VF_LANES)                             \
+        vf_store(dx + i, vf_load(dy + i) * vf_slope(vf_load(x + i), A));     \
+    for (size_t i = whole; i < n; i++)                                       \
         dx[i] = dy[i] * math_slope(x[i], A);
     MATH_FOR_ACT(act, LOOP)
 #undef LOOP

@@ -127,7 +127,8 @@ static dnnl_data_type_t input_type(const struct conv *c)
 {
     if (c->impl->kind == INT8)
         return dnnl_u8;
-    return c->plan->opt.type == NN_BF16 ? dnnl_bf16 : dnnl_f32;
+    return c->plan->opt.type == NN_BF16 && nn_bf16_products() ? dnnl_bf16
+                                                              : dnnl_f32;
 }
 
 static dnnl_data_type_t weight_type(const struct conv *c)
@@ -306,7 +307,8 @@ static void plan_forward(struct conv *c, const struct shape *s)
         im->int8.at = im->half_at;
         scratch = im->half_at + int8_input_size(&im->int8, c);
     } else if (p->opt.type == NN_BF16) {
-        scratch = im->half_at + 2 * c->batch * c->h * c->w * c->in_data;
+        size_t each = nn_bf16_products() ? sizeof(uint16_t) : sizeof(float);
+        scratch = im->half_at + each * c->batch * c->h * c->w * c->in_data;
     }
     nn_plan_scratch(p, scratch);
     const dnnl_memory_desc_t *md = query(pd, dnnl_query_weights_md);
@@ -588,6 +590,11 @@ void conv_update(struct conv *c, const struct batch_norm *bn)
         int8_update(&im->int8, c, w);
         reorder(&im->to_fwd, im->w_fwd, im->int8.weight, c->plan->scratch);
     } else if (im->kind == ONEDNN) {
+        if (c->plan->opt.type == NN_BF16 && !nn_bf16_products()) {
+            image_round_bf16(im->stage, w, c->out * c->in_data * c->kernel *
+                                               c->kernel);
+            w = im->stage;
+        }
         reorder(&im->to_fwd, im->w_fwd, w, c->plan->scratch);
     } else if (im->kind == WINOGRAD) {
         winograd_update(&im->wino, w, im->bias);
@@ -622,8 +629,12 @@ void conv_forward(float *out, const float *in, struct conv *c)
         bias = im->int8.bias;
         nn_call_set(&im->fwd, 5, im->int8.scale);
     } else if (c->plan->opt.type == NN_BF16) {
-        uint16_t *half = (uint16_t *)(void *)(c->plan->scratch + im->half_at);
-        image_to_bf16(half, in, c->batch * c->h * c->w * c->in_data);
+        void *half = c->plan->scratch + im->half_at;
+        size_t count = c->batch * c->h * c->w * c->in_data;
+        if (nn_bf16_products())
+            image_to_bf16(half, in, count);
+        else
+            image_round_bf16(half, in, count);
         src = half;
     }
     nn_call_set(&im->fwd, 0, src);

@@ -1,6 +1,6 @@
 /* Depthwise convolution of 16 channels at a time.  The input piece is first
  * copied into a padded buffer (row, column, 16 lanes), so that the arithmetic
- * has no borders: seven output columns of sixteen channels in registers. */
+ * has no borders: seven output columns of one vector of channels in registers. */
 #include "lib/nn/depthwise.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/math.h"
@@ -16,14 +16,15 @@ struct source {
 };
 
 /* One row of the picture into to (w, 16 lanes), step lanes apart. */
-V16_INLINE void copy_row(float *to, size_t step, const struct source *s,
+VF_INLINE void copy_row(float *to, size_t step, const struct source *s,
                          size_t y)
 {
     size_t at = y * s->w * s->C + s->c0;
     const float *p = s->data + at;
     if (s->m == LANES)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
-            v16_store(to, v16_load(p));
+            for (size_t i = 0; i < LANES; i += VF_LANES)
+                vf_store(to + i, vf_load(p + i));
     else if (s->m == LANES / 2)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
             memcpy(to, p, LANES / 2 * sizeof *p);
@@ -57,17 +58,17 @@ static void fill(float *pad, const struct source *s, ptrdiff_t y0,
 }
 
 /* seven columns of one row: acc = bias + sum of taps */
-V16_INLINE void seven(v16 acc[T], const float *pad, const float *taps,
-                      size_t C, v16 bias, size_t cols, int K, int S)
+VF_INLINE void seven(vf acc[T], const float *pad, const float *taps,
+                      size_t C, vf bias, size_t cols, int K, int S)
 {
     for (int t = 0; t < T; t++)
         acc[t] = bias;
     for (int ky = 0; ky < K; ky++)
         for (int kx = 0; kx < K; kx++) {
-            v16 w = v16_load(taps + (size_t)(ky * K + kx) * C);
+            vf w = vf_load(taps + (size_t)(ky * K + kx) * C);
             const float *p = pad + ((size_t)ky * cols + (size_t)kx) * LANES;
             for (int t = 0; t < T; t++)
-                acc[t] += w * v16_load(p + t * S * LANES);
+                acc[t] += w * vf_load(p + t * S * LANES);
         }
 }
 
@@ -77,50 +78,54 @@ struct target {
     size_t w, C, c0, m;
 };
 
-/* math_act, to the bit, of sixteen: a loop over lanes stays scalar code. */
-V16_INLINE v16 activated(v16 x, int act)
+/* math_act, to the bit: a loop over lanes stays scalar code. */
+VF_INLINE vf activated(vf x, int act)
 {
-    v16 zero = { 0 }, t;
+    vf zero = { 0 }, t;
     switch (act) {
     case ACT_RELU:
-        return v16_max(x, zero);
+        return vf_max(x, zero);
     case ACT_HARDSWISH:
-        t = v16_min(v16_set(6.0f), v16_max(zero, x + 3.0f));
+        t = vf_min(vf_set(6.0f), vf_max(zero, x + 3.0f));
         return x * t * (1.0f / 6);
     default:
         return x;
     }
 }
 
-V16_INLINE void put(const struct target *o, size_t y, size_t x, v16 v, int act)
+/* Lanes [lane, lane + VF_LANES) of the 16, as far as there are channels. */
+VF_INLINE void put(const struct target *o, size_t y, size_t x, size_t lane,
+                   vf v, int act)
 {
-    float *to = o->data + (y * o->w + x) * o->C + o->c0;
+    float *to = o->data + (y * o->w + x) * o->C + o->c0 + lane;
+    size_t left = o->m - lane;
     v = activated(v, act);
-    if (o->m == LANES)
-        v16_store(to, v);
-    else if (o->m == LANES / 2)
+    if (left >= VF_LANES)
+        vf_store(to, v);
+    else if (left == LANES / 2)
         memcpy(to, &v, LANES / 2 * sizeof *to);
     else
-        memcpy(to, &v, o->m * sizeof *to);
+        memcpy(to, &v, left * sizeof *to);
 }
 
 /* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
  * taps (K*K, 16 used of C); bias 16 lanes. */
-V16_INLINE void rows_of(const struct target *o, const float *pad,
+VF_INLINE void rows_of(const struct target *o, const float *pad,
                         const float *taps, size_t C, const float *bias,
                         size_t y0, size_t y1, size_t cols, int K, int S,
                         int act)
 {
-    v16 acc[T], b = v16_load(bias);
+    vf acc[T];
     for (size_t y = y0; y < y1; y++)
-        for (size_t x = 0; x < o->w; x += T) {
-            seven(acc, pad + ((y - y0) * cols + x) * (size_t)S * LANES, taps,
-                  C, b, cols, K, S);
-            size_t n = o->w - x < T ? o->w - x : T;
-            for (size_t t = 0; t < T; t++)
-                if (t < n)
-                    put(o, y, x + t, acc[t], act);
-        }
+        for (size_t x = 0; x < o->w; x += T)
+            for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {
+                seven(acc, pad + ((y - y0) * cols + x) * (size_t)S * LANES + i,
+                      taps + i, C, vf_load(bias + i), cols, K, S);
+                size_t n = o->w - x < T ? o->w - x : T;
+                for (size_t t = 0; t < T; t++)
+                    if (t < n)
+                        put(o, y, x + t, i, acc[t], act);
+            }
 }
 
 static void rows_any(const struct target *o, const float *pad,
@@ -200,29 +205,32 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
 }
 
 /* acc[K] += one row of dout times the K shifted rows of the input */
-V16_INLINE void row_taps(v16 *acc, const float *pad, const float *g, size_t w,
+VF_INLINE void row_taps(vf *acc, const float *pad, const float *g, size_t w,
                          int K, int S)
 {
     for (size_t x = 0; x < w; x++) {
-        v16 dy = v16_load(g + x * LANES);
+        vf dy = vf_load(g + x * LANES);
         const float *p = pad + x * (size_t)S * LANES;
         for (int k = 0; k < K; k++)
-            acc[k] += dy * v16_load(p + k * LANES);
+            acc[k] += dy * vf_load(p + k * LANES);
     }
 }
 
-V16_INLINE void weights_of(float *sum, const float *pad, const float *g,
-                           size_t rows, size_t w, size_t cols, int K, int S)
+/* sum (K*K,16) += the taps' gradients from `rows` rows of dout. */
+VF_INLINE void weights_of(float *sum, const float *pad, const float *g,
+                          size_t rows, size_t w, size_t cols, int K, int S)
 {
-    for (int ky = 0; ky < K; ky++) {
-        v16 acc[5];
+    for (int i = 0; i < LANES * K; i += VF_LANES) {
+        int ky = i / LANES, lane = i % LANES;
+        float *to = sum + ky * K * LANES + lane;
+        vf acc[5];
         for (int k = 0; k < K; k++)
-            acc[k] = v16_load(sum + (ky * K + k) * LANES);
+            acc[k] = vf_load(to + k * LANES);
         for (size_t y = 0; y < rows; y++)
-            row_taps(acc, pad + (y * (size_t)S + (size_t)ky) * cols * LANES,
-                     g + y * w * LANES, w, K, S);
+            row_taps(acc, pad + (y * (size_t)S + (size_t)ky) * cols * LANES +
+                         lane, g + y * w * LANES + lane, w, K, S);
         for (int k = 0; k < K; k++)
-            v16_store(sum + (ky * K + k) * LANES, acc[k]);
+            vf_store(to + k * LANES, acc[k]);
     }
 }
 

@@ -2,7 +2,9 @@
 
 #include <assert.h>
 #include <pthread.h>
+#include <stdlib.h>
 #include <string.h>
+#include <strings.h>
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
@@ -12,16 +14,45 @@ static pthread_once_t once = PTHREAD_ONCE_INIT;
 static dnnl_engine_t engine;
 static dnnl_stream_t stream;
 
-/* oneDNN obeys $SPID_CPU too, and never uses AMX: a virtual machine was seen
- * that shows it, grants it, and then calls its instructions illegal. */
+#ifdef SPID_X86
+/* What oneDNN is allowed at most by its own variable, in its own words, from
+ * the narrowest on; `most` when it says nothing, or more. */
+static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
+{
+    static const struct {
+        const char *word;
+        dnnl_cpu_isa_t isa;
+    } known[] = {
+        { "SSE41", dnnl_cpu_isa_sse41 }, { "AVX", dnnl_cpu_isa_avx },
+        { "AVX2", dnnl_cpu_isa_avx2 },
+        { "AVX512_CORE", dnnl_cpu_isa_avx512_core },
+        { "AVX512_CORE_VNNI", dnnl_cpu_isa_avx512_core_vnni },
+        { "AVX512_CORE_BF16", dnnl_cpu_isa_avx512_core_bf16 }
+    };
+    const char *word = getenv("ONEDNN_MAX_CPU_ISA");
+
+    word = word ? word : getenv("DNNL_MAX_CPU_ISA");
+    for (size_t i = 0; word && i < sizeof known / sizeof *known; i++) {
+        if (!strcasecmp(word, known[i].word))
+            return known[i].isa;
+        if (known[i].isa == most)
+            break;
+    }
+    return most;
+}
+#endif
+
+/* oneDNN obeys $SPID_CPU as well as its own variable, and never uses AMX: a
+ * virtual machine was seen that shows it, grants it, and then calls its
+ * instructions illegal. */
 static void limit_instructions(void)
 {
 #ifdef SPID_X86
     enum cpu_level level = cpu_level();
 
-    dnnl_set_max_cpu_isa(level == CPU_AVX512 ? dnnl_cpu_isa_avx512_core_bf16
-                         : level == CPU_AVX2 ? dnnl_cpu_isa_avx2
-                                             : dnnl_cpu_isa_sse41);
+    dnnl_set_max_cpu_isa(engine_user_limit(
+        level == CPU_AVX512 ? dnnl_cpu_isa_avx512_core_bf16
+        : level == CPU_AVX2 ? dnnl_cpu_isa_avx2 : dnnl_cpu_isa_sse41));
 #endif
 }
 
@@ -43,9 +74,20 @@ dnnl_engine_t nn_engine(void)
     return engine;
 }
 
+bool nn_bf16_products(void)
+{
+    const dnnl_cpu_isa_t isa =
+        nn_engine() ? dnnl_get_effective_cpu_isa() : dnnl_cpu_isa_sse41;
+
+    return isa == dnnl_cpu_isa_avx512_core ||
+           isa == dnnl_cpu_isa_avx512_core_vnni ||
+           isa == dnnl_cpu_isa_avx512_core_bf16;
+}
+
 bool nn_type_native(enum nn_type type)
 {
-    const dnnl_cpu_isa_t isa = dnnl_get_effective_cpu_isa();
+    const dnnl_cpu_isa_t isa =
+        nn_engine() ? dnnl_get_effective_cpu_isa() : dnnl_cpu_isa_sse41;
 
     if (type == NN_INT8)
         return isa == dnnl_cpu_isa_avx512_core_vnni ||

@@ -6,16 +6,18 @@
 #include "lib/nn/vector.h"
 
 #define PANEL 32
+/* A block of the result stays in registers: ROWS by COLUMNS. */
 #if defined(ISA_AVX512)
 #define ROWS 12          /* 24 accumulators */
-#define WIDE 2
+#define COLUMNS 32
 #elif defined(ISA_AVX2)
-#define ROWS 6           /* 12 accumulators of 8 */
-#define WIDE 1
+#define ROWS 6           /* 12 */
+#define COLUMNS 16
 #else
-#define ROWS 3
-#define WIDE 1
+#define ROWS 3           /* 12 */
+#define COLUMNS 16
 #endif
+#define WIDE (COLUMNS / VF_LANES)
 
 /* packed (N/32 up, K, 32) <- B, element (k,n) at B[k rs + n cs]; zeros fill
  * the last panel. */
@@ -34,19 +36,19 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
     }
 }
 
-/* C block of `rows` (a constant) by 16 WIDE columns */
-V16_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
+/* C block of `rows` (a constant) by COLUMNS */
+VF_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
                       size_t cs, const float *B, size_t K, size_t n,
                       int accumulate, const int rows)
 {
-    v16 acc[ROWS][WIDE];
+    vf acc[ROWS][WIDE];
     for (int r = 0; r < rows; r++)
         for (int j = 0; j < WIDE; j++)
-            acc[r][j] = (v16){ 0 };
+            acc[r][j] = (vf){ 0 };
     for (size_t k = 0; k < K; k++) {
-        v16 b[WIDE];
+        vf b[WIDE];
         for (int j = 0; j < WIDE; j++)
-            b[j] = v16_load(B + k * PANEL + 16 * j);
+            b[j] = vf_load(B + k * PANEL + VF_LANES * j);
         for (int r = 0; r < rows; r++) {
             float a = A[(size_t)r * rs + k * cs];
             for (int j = 0; j < WIDE; j++)
@@ -55,15 +57,15 @@ V16_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
     }
     for (int r = 0; r < rows; r++)
         for (int j = 0; j < WIDE; j++) {
-            float *c = C + (size_t)r * ldc + 16 * j, lane[16];
-            size_t left = n > 16 * (size_t)j ? n - 16 * (size_t)j : 0;
-            if (left >= 16) {
+            size_t done = VF_LANES * (size_t)j, left = n > done ? n - done : 0;
+            float *c = C + (size_t)r * ldc + done, lane[VF_LANES];
+            if (left >= VF_LANES) {
                 if (accumulate)
-                    acc[r][j] += v16_load(c);
-                v16_store(c, acc[r][j]);
+                    acc[r][j] += vf_load(c);
+                vf_store(c, acc[r][j]);
                 continue;
             }
-            v16_store(lane, acc[r][j]);
+            vf_store(lane, acc[r][j]);
             for (size_t i = 0; i < left; i++)
                 c[i] = accumulate ? c[i] + lane[i] : lane[i];
         }
@@ -86,9 +88,9 @@ void ISA(gemm)(float *C, size_t ldc, const float *A, size_t rs, size_t cs,
                const float *packed, size_t M, size_t N, size_t K,
                int accumulate)
 {
-    for (size_t n0 = 0; n0 < N; n0 += 16 * WIDE) {
+    for (size_t n0 = 0; n0 < N; n0 += COLUMNS) {
         const float *B = packed + n0 / PANEL * PANEL * K + n0 % PANEL;
-        size_t n = N - n0 < 16 * WIDE ? N - n0 : 16 * WIDE, m = 0;
+        size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS, m = 0;
         for (; m + ROWS <= M; m += ROWS)
             block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
                   accumulate, ROWS);

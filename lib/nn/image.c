@@ -23,6 +23,14 @@ void image_to_bf16(uint16_t *y, const float *x, size_t n)
         k->to_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
 }
 
+void image_round_bf16(float *y, const float *x, size_t n)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static) if (n > CHUNK)
+    for (size_t i = 0; i < n; i += CHUNK)
+        k->round_bf16(y + i, x + i, n - i < CHUNK ? n - i : CHUNK);
+}
+
 void sft_forward(float *y, const float *x, const float *st, float one,
                  size_t rows, size_t C)
 {

@@ -4,7 +4,7 @@
 #include "lib/nn/vector.h"
 
 /* to = sum_k w[k] rows[k], rows n values long and `stride` apart. */
-V16_INLINE void weighted(float *restrict to, const float *restrict from,
+VF_INLINE void weighted(float *restrict to, const float *restrict from,
                          const float *w, size_t taps, size_t stride, size_t n)
 {
     if (taps == 2) {
@@ -31,11 +31,11 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
     if (C % 16 == 0 && x->taps == 2) {
         for (size_t j = 0; j < x->out; j++) {
             const float *p = line + (size_t)x->first[j] * C;
-            v16 a = v16_set(x->weight[2 * j]);
-            v16 b = v16_set(x->weight[2 * j + 1]);
-            for (size_t c = 0; c < C; c += 16)
-                v16_store(out + j * C + c,
-                          a * v16_load(p + c) + b * v16_load(p + C + c));
+            vf a = vf_set(x->weight[2 * j]);
+            vf b = vf_set(x->weight[2 * j + 1]);
+            for (size_t c = 0; c < C; c += VF_LANES)
+                vf_store(out + j * C + c,
+                          a * vf_load(p + c) + b * vf_load(p + C + c));
         }
         return;
     }
@@ -112,28 +112,39 @@ void ISA(add)(float *y, const float *x, size_t n)
 /* y <- x as bfloat16 */
 void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 {
-    size_t whole = n / 16 * 16;
-    for (size_t i = 0; i < whole; i += 16)
-        v16_store_bf16(y + i, v16_load(x + i));
-    for (size_t i = whole; i < n; i++) {
-        float lane[16] = { x[i] };
-        uint16_t half[16];
-        v16_store_bf16(half, v16_load(lane));
-        y[i] = half[0];
+    size_t i = 0;
+    for (; i + 2 * VF_LANES <= n; i += 2 * VF_LANES)
+        vf_store_bf16(y + i, vf_load(x + i), vf_load(x + i + VF_LANES));
+    if (i < n) {
+        float lane[2 * VF_LANES] = { 0 };
+        uint16_t half[2 * VF_LANES];
+        memcpy(lane, x + i, (n - i) * sizeof *x);
+        vf_store_bf16(half, vf_load(lane), vf_load(lane + VF_LANES));
+        memcpy(y + i, half, (n - i) * sizeof *y);
+    }
+}
+
+/* y <- x rounded to bfloat16, as to_bf16 does */
+void ISA(round_bf16)(float *y, const float *x, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        union { float f; uint32_t u; } v = { x[i] };
+        v.u = (v.u + 0x7fff + ((v.u >> 16) & 1)) & 0xffff0000u;
+        y[i] = v.f;
     }
 }
 
 /* *lo and *hi lowered and raised to what is in x */
 void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 {
-    v16 least = v16_set(*lo), most = v16_set(*hi);
-    size_t whole = n / 16 * 16;
-    for (size_t i = 0; i < whole; i += 16) {
-        v16 v = v16_load(x + i);
-        least = v16_min(least, v);
-        most = v16_max(most, v);
+    vf least = vf_set(*lo), most = vf_set(*hi);
+    size_t whole = n / VF_LANES * VF_LANES;
+    for (size_t i = 0; i < whole; i += VF_LANES) {
+        vf v = vf_load(x + i);
+        least = vf_min(least, v);
+        most = vf_max(most, v);
     }
-    for (size_t k = 0; k < 16; k++) {
+    for (size_t k = 0; k < VF_LANES; k++) {
         *lo = least[k] < *lo ? least[k] : *lo;
         *hi = most[k] > *hi ? most[k] : *hi;
     }
@@ -143,20 +154,14 @@ void ISA(range)(float *lo, float *hi, const float *x, size_t n)
     }
 }
 
-typedef uint8_t u8x16 __attribute__((vector_size(16), aligned(1), may_alias));
-
 /* y <- x inverse + zero, which is 0 to 255, to the nearest */
 void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
                    size_t n)
 {
-    const v16 up = v16_set(zero + 0.5f), top = v16_set(255);
-    size_t whole = n / 16 * 16;
-    for (size_t i = 0; i < whole; i += 16) {
-        v16 v = v16_load(x + i) * inverse + up;
-        v = v16_min(v16_max(v, v16_set(0)), top);
-        *(u8x16 *)(y + i) = __builtin_convertvector(
-            __builtin_convertvector(v, i16v), u8x16);
-    }
+    size_t whole = n / (2 * VF_LANES) * (2 * VF_LANES);
+    for (size_t i = 0; i < whole; i += 2 * VF_LANES)
+        vf_store_u8(y + i, vf_load(x + i) * inverse + (zero + 0.5f),
+                    vf_load(x + i + VF_LANES) * inverse + (zero + 0.5f));
     for (size_t i = whole; i < n; i++) {
         float v = x[i] * inverse + (zero + 0.5f);
         y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);

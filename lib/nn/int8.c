@@ -11,7 +11,8 @@
 
 bool int8_wanted(const struct conv *c)
 {
-    return c->plan->opt.type == NN_INT8 && c->in_data % 16 == 0 &&
+    return c->plan->opt.type == NN_INT8 && nn_type_native(NN_INT8) &&
+           c->in_data % 16 == 0 &&
            c->out % 16 == 0 && c->batch * c->oh * c->ow >= PLACES;
 }
 
@@ -31,9 +32,7 @@ void int8_plan(struct int8 *q, const struct conv *c, struct nn_plan *p)
 
 void int8_update(struct int8 *q, const struct conv *c, const float *w)
 {
-    /* without instructions of their own, pairs of products are summed in 16
-     * bits: half the range keeps those exact */
-    const float range = nn_type_native(NN_INT8) ? 127 : 63;
+    const float range = 127;
     const size_t n = c->in_data * c->kernel * c->kernel;
 
     for (size_t o = 0; o < c->out; o++, w += n) {

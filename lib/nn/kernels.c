@@ -1,36 +1,26 @@
+/* The tables behind nn_kernels: one per instruction set. */
 #include "lib/nn/kernels.h"
 
-#include <pthread.h>
-
-#include "lib/base/cpu.h"
-
-static pthread_once_t once = PTHREAD_ONCE_INIT;
-static struct nn_kernels table;
-
-static void fill(void)
-{
-#define X(type, name, args) table.name = name##_baseline;
-    NN_KERNELS(X)
+static const struct nn_kernels tables[] = {
+#define X(type, name, args) .name = name##_baseline,
+    [CPU_BASELINE] = { NN_KERNELS(X) .lanes = 4 },
 #undef X
-    table.lanes = 4;
 #ifdef SPID_X86
-    if (cpu_level() < CPU_AVX2)
-        return;
-#define X(type, name, args) table.name = name##_avx2;
-    NN_KERNELS(X)
+#define X(type, name, args) .name = name##_avx2,
+    [CPU_AVX2] = { NN_KERNELS(X) .lanes = 8 },
 #undef X
-    table.lanes = 8;
-    if (cpu_level() < CPU_AVX512)
-        return;
-#define X(type, name, args) table.name = name##_avx512;
-    NN_KERNELS(X)
+#define X(type, name, args) .name = name##_avx512,
+    [CPU_AVX512] = { NN_KERNELS(X) .lanes = 16 },
 #undef X
-    table.lanes = 16;
 #endif
+};
+
+const struct nn_kernels *nn_kernels_at(enum cpu_level level)
+{
+    return &tables[level];
 }
 
 const struct nn_kernels *nn_kernels(void)
 {
-    pthread_once(&once, fill);
-    return &table;
+    return nn_kernels_at(cpu_level());
 }

@@ -7,6 +7,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/isa.h"
 
 struct depthwise;
@@ -73,6 +74,7 @@ struct winograd;
                            size_t rows, size_t C))                           \
     X(void, add, (float *y, const float *x, size_t n))                       \
     X(void, to_bf16, (uint16_t *y, const float *x, size_t n))                \
+    X(void, round_bf16, (float *y, const float *x, size_t n))                \
     X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
     X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
                        float zero, size_t n))                                \
@@ -118,7 +120,11 @@ struct nn_kernels {
     size_t lanes;        /* floats in a vector */
 };
 
+/* The kernels for this processor and $SPID_CPU. */
 const struct nn_kernels *nn_kernels(void);
+/* Those of one level, for tests and benches; the caller sees to it that the
+ * processor has it (cpu_level). */
+const struct nn_kernels *nn_kernels_at(enum cpu_level level);
 
 #define X(type, name, args)                                                  \
     type name##_baseline args;                                               \

@@ -25,7 +25,7 @@
 
 /* The type of what convolutions and linear layers multiply; sums, other
  * layers and all borders are float always.  NN_BF16 is for inference; where
- * the processor has no such instructions oneDNN emulates them, slower and with
+ * the processor has no such instructions they are emulated, slower and with
  * the same meaning.  The large 3x3 layers that Winograd in float does in less
  * time are computed so (see NN_FAST). */
 enum nn_type {
@@ -35,8 +35,9 @@ enum nn_type {
                  * faster; within the tolerance that golden files set for
                  * float */
     NN_INT8     /* products of 8-bit values in every convolution with some
-                 * work to it (lib/nn/int8.h), NN_FAST elsewhere; for the
-                 * refiners, inference only */
+                 * work to it, where the processor has instructions for them
+                 * (lib/nn/int8.h), NN_FAST elsewhere; for the refiners,
+                 * inference only */
 };
 
 enum nn_mode {

@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/half.h"
 #include "lib/base/random.h"
 
 #define ALIGN 16 /* floats: one cache line */

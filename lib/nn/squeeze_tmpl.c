@@ -10,11 +10,14 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
     size_t whole = in / 16 * 16;
     for (size_t o = 0; o < out; o++) {
         const float *row = w + o * in;
-        v16 acc = { 0 };
+        vf acc[VF_PARTS] = { { 0 } };
         float lane[16], sum = b ? b[o] : 0.0f;
         for (size_t i = 0; i < whole; i += 16)
-            acc += v16_load(row + i) * v16_load(x + i);
-        v16_store(lane, acc);
+            for (size_t j = 0; j < VF_PARTS; j++)
+                acc[j] += vf_load(row + i + VF_LANES * j) *
+                          vf_load(x + i + VF_LANES * j);
+        for (size_t j = 0; j < VF_PARTS; j++)
+            vf_store(lane + VF_LANES * j, acc[j]);
         for (size_t i = 0; i < 16; i++)
             sum += lane[i];
         for (size_t i = whole; i < in; i++)

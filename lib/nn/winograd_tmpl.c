@@ -32,25 +32,25 @@ void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
 {
     ptrdiff_t h = (ptrdiff_t)g->h, w = (ptrdiff_t)g->w;
     size_t C = g->in, plane = g->v_size;
-    for (size_t c = 0; c < C; c += 16) {
-        v16 t[6][6];
+    for (size_t c = 0; c < C; c += VF_LANES) {
+        vf t[6][6];
         for (int x = 0; x < 6; x++) {
-            v16 d[6], col[6];
+            vf d[6], col[6];
             for (int y = 0; y < 6; y++) {
                 ptrdiff_t yy = y0 + y, xx = x0 + x;
-                d[y] = (v16){ 0 };
+                d[y] = (vf){ 0 };
                 if (yy >= 0 && yy < h && xx >= 0 && xx < w)
-                    d[y] = v16_load(in + (size_t)(yy * w + xx) * C + c);
+                    d[y] = vf_load(in + (size_t)(yy * w + xx) * C + c);
             }
             INPUT_SIX(col, d);
             for (int y = 0; y < 6; y++)
                 t[y][x] = col[y];
         }
         for (int y = 0; y < 6; y++) {
-            v16 row[6];
+            vf row[6];
             INPUT_SIX(row, t[y]);
             for (int x = 0; x < 6; x++)
-                v16_store(v + (size_t)(6 * y + x) * plane + slot * C + c,
+                vf_store(v + (size_t)(6 * y + x) * plane + slot * C + c,
                           row[x]);
         }
     }
@@ -64,28 +64,28 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
     size_t C = g->out, plane = g->m_size;
     size_t ny = g->h - y0 < 4 ? g->h - y0 : 4;
     size_t nx = g->w - x0 < 4 ? g->w - x0 : 4;
-    v16 slope = v16_set(g->act == ACT_NONE ? 1.0f
+    vf slope = vf_set(g->act == ACT_NONE ? 1.0f
                         : g->act == ACT_RELU ? 0.0f : ACT_SLOPE);
-    for (size_t c = 0; c < C; c += 16) {
-        v16 t[4][6], bias = v16_load(g->bias + c);
+    for (size_t c = 0; c < C; c += VF_LANES) {
+        vf t[4][6], bias = vf_load(g->bias + c);
         for (int x = 0; x < 6; x++) {
-            v16 d[6], col[4];
+            vf d[6], col[4];
             for (int y = 0; y < 6; y++)
-                d[y] = v16_load(m + (size_t)(6 * y + x) * plane + slot * C +
+                d[y] = vf_load(m + (size_t)(6 * y + x) * plane + slot * C +
                                 c);
             OUTPUT_SIX(col, d);
             for (int y = 0; y < 4; y++)
                 t[y][x] = col[y];
         }
         for (size_t y = 0; y < ny; y++) {
-            v16 row[4];
+            vf row[4];
             OUTPUT_SIX(row, t[y]);
             for (size_t x = 0; x < nx; x++) {
                 float *to = out + ((y0 + y) * g->w + x0 + x) * C + c;
-                v16 r = row[x] + bias;
+                vf r = row[x] + bias;
                 if (g->add)
-                    r += v16_load(to);
-                v16_store(to, v16_max(r, slope * r));
+                    r += vf_load(to);
+                vf_store(to, vf_max(r, slope * r));
             }
         }
     }

@@ -5,31 +5,21 @@
 #include <sysexits.h>
 
 #include "formats/compose.h"
-#include "formats/safetensors.h"
 #include "lib/base/covered.h"
-#include "lib/track/encoders.h"
+#include "lib/base/half.h"
 
-int refine_open(struct refine *r, const char *path, enum nn_type type,
+int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                 bool roi, struct error *err)
 {
-    struct safetensors *st = st_open(path, err);
-    int rc;
-
     memset(r, 0, sizeof *r);
-    if (!st)
-        return -1;
-    rc = model_config(&r->config, st, err);
-    st_close(st);
-    if (rc != 0)
-        return -1;
-    if (!r->config.has_refiner)
+    if (!m->config.has_refiner)
         return error_set(err, EX_CONFIG, "%s: the model has no refiner "
                          "(spid-splat -o FILE writes its pictures without "
-                         "one)", path);
+                         "one)", model_path(m));
+    r->model = m;
     r->type = type;
     r->roi = roi;
-    r->path = strdup(path);
-    return r->path ? 0 : error_set(err, EX_OSERR, "out of memory");
+    return 0;
 }
 
 static void plan_release(struct refine_plan *p)
@@ -42,7 +32,6 @@ static void plan_release(struct refine_plan *p)
 void refine_release(struct refine *r)
 {
     plan_release(&r->plan);
-    free(r->path);
     free(r->part);
     free(r->out);
     free(r->start);
@@ -56,21 +45,14 @@ static int plan_make(struct refine_plan *p, const struct refine *r,
                      size_t height, size_t width, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, r->type};
-    struct safetensors *st = st_open(r->path, err);
-    int rc = -1;
 
     memset(p, 0, sizeof *p);
-    if (!st)
-        return -1;
     params_init(&p->ps);
-    if (refiner_init(&p->net, &p->ps, "refine.", &r->config.refiner, err)
-            == 0
-        && params_allocate(&p->ps, err) == 0
-        && params_load(&p->ps, st, "refine.", err) == 0
-        && refiner_plan(&p->net, 1, height, width, opt, err) == 0)
-        rc = 0;
-    st_close(st);
-    if (rc != 0) {
+    if (refiner_init(&p->net, &p->ps, "refine.", &r->model->config.refiner,
+                     err) ||
+        params_allocate(&p->ps, err) ||
+        model_load(&p->ps, r->model, "refine.", err) ||
+        refiner_plan(&p->net, 1, height, width, opt, err)) {
         plan_release(p);
         return -1;
     }
@@ -107,7 +89,7 @@ static void grow(size_t *start, size_t *size, size_t lo, size_t hi, size_t n)
 static struct part find_part(const struct refine *r,
                              const struct refine_input *in)
 {
-    const bool style = r->config.refiner.type == REFINER_STYLE_UNET;
+    const bool style = r->model->config.refiner.type == REFINER_STYLE_UNET;
     struct part p = {0, 0, in->height, in->width};
     size_t x0 = in->width, x1 = 0, y0 = in->height, y1 = 0;
 
@@ -243,11 +225,11 @@ static void copy_back(float *rgb, const struct refine *r,
 static int check_input(const struct refine *r, const struct refine_input *in,
                        struct error *err)
 {
-    if (in->channels != r->config.refiner.channels)
+    if (in->channels != r->model->config.refiner.channels)
         return error_set(err, EX_DATAERR, "FEAT has %zu channels (expected "
                          "%zu, the refiner's; spid-splat --channels %zu)",
-                         in->channels, r->config.refiner.channels,
-                         r->config.refiner.channels);
+                         in->channels, r->model->config.refiner.channels,
+                         r->model->config.refiner.channels);
     if (in->height == 0 || in->width == 0)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels (expected"
                          " at least one)", in->width, in->height);

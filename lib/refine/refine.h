@@ -7,8 +7,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/avatar/config.h"
 #include "lib/base/error.h"
+#include "lib/model/model.h"
 #include "lib/net/refiner.h"
 #include "lib/nn/params.h"
 
@@ -23,8 +23,7 @@ struct refine_plan {
 };
 
 struct refine {
-    char *path;                 /* of the model */
-    struct avatar_config config;
+    const struct model *model;  /* borrowed */
     enum nn_type type;
     bool roi;
     struct refine_plan plan;
@@ -51,8 +50,9 @@ struct refine_input {
     size_t pixels;
 };
 
-/* Open the refiner of a model file.  EX_CONFIG when it has none. */
-int refine_open(struct refine *r, const char *path, enum nn_type type,
+/* Prepare the refiner of a model, which must stay open until refine_release.
+ * EX_CONFIG when it has none. */
+int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                 bool roi, struct error *err);
 void refine_release(struct refine *r);
 

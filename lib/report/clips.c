@@ -1,3 +1,4 @@
+/* A few frames of each clip of a run, evenly spread, and the sheet of them. */
 #include "lib/report/clips.h"
 
 #include <dirent.h>
@@ -34,6 +35,7 @@ void clip_release(struct clip *c)
     memset(c, 0, sizeof *c);
 }
 
+/* By reading all of them: not every container says. */
 static size_t count_frames(const char *path, struct error *err)
 {
     struct framesource_options opt = {0};
@@ -47,7 +49,8 @@ static size_t count_frames(const char *path, struct error *err)
     return n;
 }
 
-static int keep(struct clip *c, const struct frame *f)
+/* Append a copy of the frame. -1: no memory. */
+static int clip_keep(struct clip *c, const struct frame *f)
 {
     size_t bytes = f->width * f->height * 3;
     uint8_t *rgb = malloc(bytes);
@@ -74,7 +77,7 @@ int clip_read(struct clip *c, const char *path, struct error *err)
            framesource_read(s, &frame, err) > 0) {
         size_t due = c->count * (total > 1 ? total - 1 : 0) /
                      (REPORT_FRAMES - 1);
-        if (n++ == due && keep(c, &frame))
+        if (n++ == due && clip_keep(c, &frame))
             rc = error_set(err, EX_OSERR, "%s: out of memory", path);
     }
     framesource_close(s);
@@ -91,8 +94,8 @@ int clip_read(struct clip *c, const char *path, struct error *err)
 enum { CELL = REPORT_CELL };
 
 /* Box-filtered copy of a picture into a cell of the sheet. */
-static void put(uint8_t *sheet, size_t row, size_t column, const uint8_t *rgb,
-                size_t width, size_t height)
+static void sheet_put(uint8_t *sheet, size_t row, size_t column,
+                      const uint8_t *rgb, size_t width, size_t height)
 {
     const size_t stride = (size_t)REPORT_FRAMES * CELL;
 
@@ -122,14 +125,14 @@ static int put_row(uint8_t *sheet, size_t row, const char *path, bool picture,
     if (picture) {
         if (image_read(&im, path, err))
             return -1;
-        put(sheet, row, 0, im.rgb, im.width, im.height);
+        sheet_put(sheet, row, 0, im.rgb, im.width, im.height);
         image_release(&im);
         return 0;
     }
     if (clip_read(&c, path, err))
         return -1;
     for (size_t i = 0; i < c.count; i++)
-        put(sheet, row, i, c.rgb[i], c.width, c.height);
+        sheet_put(sheet, row, i, c.rgb[i], c.width, c.height);
     clip_release(&c);
     return 0;
 }

@@ -1,3 +1,5 @@
+/* The pieces of a page that needs nothing else: pictures as data URLs, curves
+ * as SVG, tables. */
 #include "lib/report/html.h"
 
 #include <math.h>
@@ -74,7 +76,8 @@ void html_row_end(FILE *f)
     fputs("</div>\n", f);
 }
 
-static void base64(FILE *f, const uint8_t *p, size_t n)
+/* n bytes as RFC 4648 says, without line breaks. */
+static void html_base64(FILE *f, const uint8_t *p, size_t n)
 {
     static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
                                 "abcdefghijklmnopqrstuvwxyz0123456789+/";
@@ -105,7 +108,7 @@ int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
         rc = error_set(err, EX_OSERR, "out of memory for a picture");
     if (!rc) {
         fputs("<figure><img alt=\"\" src=\"data:image/png;base64,", f);
-        base64(f, (const uint8_t *)bytes, n);
+        html_base64(f, (const uint8_t *)bytes, n);
         fputs("\"><figcaption>", f);
         html_text(f, caption);
         fputs("</figcaption></figure>\n", f);
@@ -123,12 +126,14 @@ struct axis {
     int from, to;             /* SVG coordinates of lo and hi */
 };
 
-static double place(const struct axis *a, double v)
+/* Where the value v lies, in pixels. */
+static double axis_place(const struct axis *a, double v)
 {
     double span = a->hi > a->lo ? a->hi - a->lo : 1;
     return a->from + (v - a->lo) / span * (a->to - a->from);
 }
 
+/* Vertical, spanning all finite values of the curves. */
 static struct axis value_axis(const struct html_curve *c, size_t count,
                               size_t n)
 {
@@ -144,11 +149,12 @@ static struct axis value_axis(const struct html_curve *c, size_t count,
     return a;
 }
 
+/* Grid lines with their values, and the ends of the horizontal axis. */
 static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
                       const char *x_label)
 {
     for (int k = 0; k <= 4; k++) {
-        double v = y->lo + (y->hi - y->lo) * k / 4, at = place(y, v);
+        double v = y->lo + (y->hi - y->lo) * k / 4, at = axis_place(y, v);
         fprintf(f, "<line x1=\"%d\" x2=\"%d\" y1=\"%.1f\" y2=\"%.1f\" "
                 "stroke=\"#ddd\"/><text x=\"%d\" y=\"%.1f\" "
                 "text-anchor=\"end\">%.3g</text>", LEFT, WIDE - RIGHT, at, at,
@@ -159,6 +165,7 @@ static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
             WIDE - RIGHT, HIGH - 18, x->hi, x_label);
 }
 
+/* A path that lifts its pen over values that are not finite. */
 static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
                        const double *xs, const struct html_curve *c, size_t n,
                        size_t index)
@@ -172,8 +179,8 @@ static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
             pen = 0;
             continue;
         }
-        fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', place(x, xs[i]),
-                place(y, c->y[i]));
+        fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', axis_place(x, xs[i]),
+                axis_place(y, c->y[i]));
         pen = 1;
     }
     fprintf(f, "\" stroke=\"%s\"/><text x=\"%zu\" y=\"16\" fill=\"%s\">",
@@ -223,6 +230,7 @@ void html_bars(FILE *f, const char *title, const char *unit,
 
 /* ---- tables ------------------------------------------------------------- */
 
+/* Cells as <td> or <th>, escaped. */
 static void table_row(FILE *f, const char *tag, const char *const *cells,
                       size_t n)
 {

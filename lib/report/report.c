@@ -1,3 +1,5 @@
+/* spid-report: what a folder of a run holds, as one HTML page; what is not
+ * there is named as missing. */
 #include "lib/report/report.h"
 
 #include <cjson/cJSON.h>
@@ -10,19 +12,22 @@
 
 #include "formats/image.h"
 #include "lib/metric/motion.h"
+#include "lib/record/motion.h"
 #include "lib/report/clips.h"
 #include "lib/report/html.h"
 #include "lib/stream/stream.h"
 
 /* ---- pictures ----------------------------------------------------------- */
 
-static void missing(FILE *f, const char *name)
+/* A line in place of a part whose file is not in the run. */
+static void write_missing(FILE *f, const char *name)
 {
     fputs("<p><em>", f);
     html_text(f, name);
     fputs(": not in this run</em></p>\n", f);
 }
 
+/* The frames kept of it, in a row. */
 static int show_clip(FILE *f, const struct clip *c, struct error *err)
 {
     int rc = 0;
@@ -64,6 +69,7 @@ static int show_errors(FILE *f, const struct clip *a, const struct clip *b,
     return rc;
 }
 
+/* Driver, results and branches, each with its frames side by side. */
 static int write_clips(FILE *f, const char *dir, struct error *err)
 {
     static const struct {
@@ -86,7 +92,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
             if (!rc)
                 rc = show_clip(f, c, err);
         } else {
-            missing(f, part[i].name);
+            write_missing(f, part[i].name);
         }
         clip_release(&other);
     }
@@ -98,6 +104,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
     return rc;
 }
 
+/* The photograph. */
 static int write_source(FILE *f, const char *dir, struct error *err)
 {
     struct image im;
@@ -106,7 +113,7 @@ static int write_source(FILE *f, const char *dir, struct error *err)
 
     html_section(f, "Source", NULL);
     if (!run_find(path, sizeof path, dir, "source")) {
-        missing(f, "source.png");
+        write_missing(f, "source.png");
         return 0;
     }
     if (image_read(&im, path, err))
@@ -136,6 +143,7 @@ static void curves_release(struct motion_curves *m)
     memset(m, 0, sizeof *m);
 }
 
+/* Room for one frame more. */
 static int curves_grow(struct motion_curves *m)
 {
     size_t room = m->room ? 2 * m->room : 256;
@@ -155,31 +163,30 @@ static int curves_grow(struct motion_curves *m)
     return 0;
 }
 
+/* Angles, jaw and lids of one MOTN record. */
 static int curves_add(struct motion_curves *m, const struct record *rec,
                       struct error *err)
 {
-    static const size_t d33[] = {3, 3}, d3[] = {3}, d2[] = {2};
-    const float *R = record_get(rec, "rot", DTYPE_F32, 2, d33, err);
-    const float *jaw = record_get(rec, "jaw", DTYPE_F32, 1, d3, err);
-    const float *lid = record_get(rec, "lid", DTYPE_F32, 1, d2, err);
+    struct motion now;
     double angles[3];
 
-    if (!R || !jaw || !lid)
+    if (motion_read(&now, rec, 0, err))
         return -1;
     if (curves_grow(m))
         return error_set(err, EX_OSERR, "out of memory for %zu frames",
                          m->n);
-    metric_euler_degrees(angles, R);
+    metric_euler_degrees(angles, now.R);
     m->time[m->n] = rec->time;
     for (int k = 0; k < 3; k++)
         m->y[YAW + k][m->n] = angles[k];
-    m->y[JAW][m->n] = metric_jaw_open(jaw);
-    m->y[LID_LEFT][m->n] = lid[0];
-    m->y[LID_RIGHT][m->n] = lid[1];
+    m->y[JAW][m->n] = metric_jaw_open(now.pose.jaw);
+    m->y[LID_LEFT][m->n] = now.pose.lid[0];
+    m->y[LID_RIGHT][m->n] = now.pose.lid[1];
     m->n++;
     return 0;
 }
 
+/* Those of every MOTN record of a stream. */
 static int curves_read(struct motion_curves *m, const char *path,
                        struct error *err)
 {
@@ -195,6 +202,7 @@ static int curves_read(struct motion_curves *m, const char *path,
     return rc;
 }
 
+/* What the encoder saw, as curves over time. */
 static int write_motion(FILE *f, const char *dir, const char *file,
                         const char *title, struct error *err)
 {
@@ -204,7 +212,7 @@ static int write_motion(FILE *f, const char *dir, const char *file,
 
     html_section(f, title, NULL);
     if (!run_find(path, sizeof path, dir, file)) {
-        missing(f, file);
+        write_missing(f, file);
         return 0;
     }
     rc = curves_read(&m, path, err);
@@ -240,7 +248,7 @@ static int write_times(FILE *f, const char *dir)
     if (run_find(path, sizeof path, dir, "stats.tsv"))
         in = fopen(path, "r");
     if (!in) {
-        missing(f, "stats.tsv");
+        write_missing(f, "stats.tsv");
         return 0;
     }
     while (n < MOST && fgets(line, sizeof line, in)) {
@@ -278,6 +286,7 @@ static void write_numbers(FILE *f, const cJSON *j, const char *prefix)
     }
 }
 
+/* A file of at most a megabyte as text; "" when it cannot be opened. */
 static char *read_small(const char *path)
 {
     enum { MOST = 1 << 20 };
@@ -293,13 +302,14 @@ static char *read_small(const char *path)
     return text;
 }
 
+/* The table of spid-eval's JSON. */
 static int write_metrics(FILE *f, const char *dir, struct error *err)
 {
     char path[4096];
 
     html_section(f, "Metrics", "As defined in spid-eval(1).");
     if (!run_find(path, sizeof path, dir, "metrics.json")) {
-        missing(f, "metrics.json");
+        write_missing(f, "metrics.json");
         return 0;
     }
     char *text = read_small(path);

@@ -175,7 +175,7 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
     {
         struct splat_work *w = (struct splat_work *)
             ((char *)st->work +
-             (size_t)omp_get_thread_num() * splat_work_size());
+             (size_t)omp_get_thread_num() * st->work_size);
 
         number_pairs(s, part);
 #pragma omp for schedule(dynamic, 1)

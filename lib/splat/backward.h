@@ -22,7 +22,8 @@ struct place {
 
 /* A pair has 16 floats, about the Gaussian's centre, and with more than three
  * channels dL/dcolor behind them; `stride` floats in all.  seen[p] is 0 where
- * nothing was written, else 1 + its Gaussian's number mod 16. */
+ * nothing was written, else 1 + its Gaussian's number modulo the
+ * lanes of a vector. */
 struct splat_gradient_state {
     float *pair;
     uint8_t *seen;

@@ -26,13 +26,21 @@ VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
 /* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
 static void load_tint(struct splat_work *w, int k)
 {
-    vf tint[VEC];
+    for (int p = 0; p < VEC; p++) {
+        float r = w->g[k][0][p], g = w->g[k][1][p], b = w->g[k][2][p];
 
-    for (int p = 0; p < VEC; p++)
-        tint[p] = p < 12 ? vf_load(w->g[k][p / 4]) : vf_set(0);
-    vf_transpose(tint);
-    for (int p = 0; p < VEC; p++)
-        vf_store(w->tint[k][p], tint[p]);
+#if VEC == 16
+        vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
+
+        vf_store(w->tint[k][p],
+                 vf_keep((vm)0x0fff, vf_sel((vm)0x0f00, vf_set(b), two)));
+#else
+        vq_store(w->tint[k][p], (vq){r, r, r, r});
+        vq_store(w->tint[k][p] + 4, (vq){g, g, g, g});
+        vq_store(w->tint[k][p] + 8, (vq){b, b, b, b});
+        vq_store(w->tint[k][p] + 12, (vq){0});
+#endif
+    }
 }
 
 /* Fetch a tile's pixels, up to three channels. */
@@ -67,7 +75,8 @@ static void load_pixels(struct splat_work *w, const struct splat *s,
         vf sum = vf_set(0), behind = sum;
         vi at;
 
-        w->alive[k] = pixels_of(&at, s, x0 + 4 * (k & 3), y0 + 4 * (k >> 2));
+        w->alive[k] = pixels_of(&at, s, x0 + COLUMNS * (k % ACROSS),
+                                y0 + 4 * (k / ACROSS));
         vf_store(w->T[k], vf_set(1));
         for (int m = 0; m < C; m++) {
             vf g = vf_gather(d_image + m, at * C);
@@ -130,30 +139,61 @@ static void worths(struct splat_work *w, int b, const float *table, int row)
  * and of column x the powers 0, 1, 2 of its place, each four times. */
 struct places {
     float y[4], yy[4];
-    vf x[4];
+    float x[COLUMNS][16];
 };
 
 VEC_INLINE void places_of(struct places *at, int b)
 {
     for (int k = 0; k < 4; k++) {
-        float x = 4 * (float)(b & 3) - 7.5f + (float)k;
-        float y = 4 * (float)(b >> 2) - 7.5f + (float)k;
+        float y = 4 * (float)(b / ACROSS) - 7.5f + (float)k;
 
         at->y[k] = y;
         at->yy[k] = y * y;
-        at->x[k] = (vf){1, 1, 1, 1, x, x, x, x, x * x, x * x, x * x, x * x};
     }
+    for (int k = 0; k < COLUMNS; k++) {
+        float x = (float)(COLUMNS * (b % ACROSS) + k) - 7.5f;
+
+        for (int j = 0; j < 16; j++)
+            at->x[k][j] = j < 4 ? 1 : j < 8 ? x : j < 12 ? x * x : 0;
+    }
+}
+
+/* Sums over the columns of numbers by column and Gaussian, times the places'
+ * powers part .. of sixteen: lanes 4 power + Gaussian. */
+VEC_INLINE vf column_sum(const float *row, const struct places *at,
+                         const int part)
+{
+    vf m = vf_repeat(row) * vf_load(at->x[0] + part);
+
+#pragma GCC unroll 3
+    for (int x = 1; x < COLUMNS; x++)
+        m = vf_fma(vf_repeat(row + 4 * x), vf_load(at->x[x] + part), m);
+    return m;
+}
+
+/* The same of the weights' rows, times dL/dcolor: lanes 4 channel + Gaussian. */
+VEC_INLINE vf tint_sum(const float (*row)[VEC], const float (*tint)[16],
+                       const int part)
+{
+    vf sum[4];
+
+    FOUR sum[k] = vf_repeat(row[k]) * vf_load(tint[k] + part);
+#pragma GCC unroll 3
+    for (int x = 1; x < COLUMNS; x++)
+        FOUR sum[k] = vf_fma(vf_repeat(row[k] + 4 * x),
+                             vf_load(tint[4 * x + k] + part), sum[k]);
+    return sum[0] + sum[1] + (sum[2] + sum[3]);
 }
 
 /* Add the sums of four list entries to their rows of w->pair: dq and weight
  * at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
  * the columns together, lanes 4 power + Gaussian. */
-VEC_INLINE void flush(struct splat_work *w, const float (*tint)[VEC],
+VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
                       const uint32_t *list, vf dq[4], vf weight[4],
                       const struct places *at, const int wide)
 {
-    float row[4][VEC];
-    vf m[4], sum[4];
+    float row[3][VEC], shade[4][VEC];
+    vf m[4];
 
     vf_transpose_quads(dq);
     m[0] = dq[0] + dq[1] + (dq[2] + dq[3]);
@@ -168,38 +208,38 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[VEC],
     for (int f = 0; f < 3; f++)
         vf_store(row[f], m[f]);
     FROM_MEMORY(row);
-#pragma GCC unroll 3
-    for (int f = 0; f < 3; f++) {
-        m[f] = vf_repeat(row[f]) * at->x[0];
-#pragma GCC unroll 3
-        for (int x = 1; x < 4; x++)
-            m[f] = vf_fma(vf_repeat(row[f] + 4 * x), at->x[x], m[f]);
-    }
-    m[3] = vf_set(0);
     if (!wide) {
         vf_transpose_quads(weight);
-        FOUR vf_store(row[k], weight[k]);
-        FROM_MEMORY(row);
-        FOUR sum[k] = vf_repeat(row[k]) * vf_load(tint[k]);
-#pragma GCC unroll 3
-        for (int x = 1; x < 4; x++)
-            FOUR sum[k] = vf_fma(vf_repeat(row[k] + 4 * x),
-                                 vf_load(tint[4 * x + k]), sum[k]);
-        m[3] = sum[0] + sum[1] + (sum[2] + sum[3]);
+        FOUR vf_store(shade[k], weight[k]);
+        FROM_MEMORY(shade);
     }
-    vf_transpose_quads(m);
-    FOUR vf_store(w->pair[list[k]], vf_load(w->pair[list[k]]) + m[k]);
+    /* the last of sixteen numbers have no meaning */
+#pragma GCC unroll 3
+    for (int part = 0; part < 12; part += VEC) {
+#pragma GCC unroll 3
+        for (int f = 0; f < 3; f++)
+            m[f] = column_sum(row[f], at, part);
+        m[3] = wide ? vf_set(0)
+                    : tint_sum((const float (*)[VEC])shade, tint, part);
+        vf_transpose_quads(m);
+        FOUR {
+            float *to = w->pair[list[k]] + part;
+
+            vf_store(to, vf_load(to) + m[k]);
+        }
+    }
 }
 
-/* dcolor (entry, row) += weight (entry, 16 pixels) g (16 pixels, row). */
+/* dcolor (entry, row) += weight (entry, VEC pixels) g (VEC pixels, row). */
 static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
 {
     for (int part = 0; part < row; part += VEC) {
-        vf g[16];
+        const float *from[VEC];
+        vf g[VEC];
 
         for (int c = 0; c < VEC; c++)
-            g[c] = vf_load(w->g[b][part + c]);
-        vf_transpose(g);
+            from[c] = w->g[b][part + c];
+        vf_columns(g, from, VEC_QUADS);
         for (uint32_t j = 0; j < n; j++) {
             float *to = w->dcolor[w->list[b][j]] + part;
             vf sum = vf_load(to);
@@ -219,7 +259,7 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
                                const int wide)
 {
     const struct view *v = &st->view;
-    const float (*tint)[VEC] = (const float (*)[VEC])w->tint[b];
+    const float (*tint)[16] = (const float (*)[16])w->tint[b];
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], j = 0;
     vf x = block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
@@ -278,7 +318,7 @@ VEC_INLINE void block_backward(struct splat_work *w, int b,
 static void block(struct splat_work *w, int b, const struct splat_state *st,
                   int degree)
 {
-    switch ((degree <= 3 ? 3 : 5) * 2 + (st->row > 0)) {
+    switch (degree * 2 + (st->row > 0)) {
     case 6: block_backward(w, b, st, 3, 0); return;
     case 7: block_backward(w, b, st, 3, 1); return;
     case 10: block_backward(w, b, st, 5, 0); return;
@@ -312,21 +352,23 @@ VEC_INLINE void fetch_pairs(const struct splat_work *w, const struct splat *s,
                            1);
 }
 
-/* An entry's sums about the tile's centre, about its own centre (u, v): each
- * step takes x - u or y - v for one x or y. */
-VEC_INLINE vf centered(vf m, float u, float v)
+/* Store an entry's sums m about the tile's centre, about its own centre (u,
+ * v): each step takes x - u or y - v for one x or y. */
+VEC_INLINE void put_centered(float *to, const float m[16], float u, float v)
 {
-    const vi left = {0, 1, 2, 3, 0, 1, 2, 3, 4, 5, 6, 7, 12, 13, 14, 15};
-    const vi up = {0, 0, 1, 3, 4, 4, 5, 7, 8, 8, 9, 11, 12, 12, 13, 15};
-    const vf x1 = {0, 0, 0, 0, 1, 1, 1, 0, 1, 1, 1, 0};
-    const vf x2 = {0, 0, 0, 0, 0, 0, 0, 0, 1, 1, 1, 0};
-    const vf y1 = {0, 1, 1, 0, 0, 1, 1, 0, 0, 1, 1, 0};
-    const vf y2 = {0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0};
+    const vq along = {u, u, u, 0}, first = {0, v, v, 0}, second = {0, 0, v, 0};
+    vq q[3] = {vq_load(m), vq_load(m + 4), vq_load(m + 8)};
 
-    m = vf_fnma(vf_set(u) * x1, __builtin_shuffle(m, left), m);
-    m = vf_fnma(vf_set(u) * x2, __builtin_shuffle(m, left), m);
-    m = vf_fnma(vf_set(v) * y1, __builtin_shuffle(m, up), m);
-    return vf_fnma(vf_set(v) * y2, __builtin_shuffle(m, up), m);
+    q[2] -= along * q[1];
+    q[1] -= along * q[0];
+    q[2] -= along * q[1];
+#pragma GCC unroll 3
+    for (int k = 0; k < 3; k++) {
+        q[k] -= first * __builtin_shufflevector(q[k], q[k], 0, 0, 1, 3);
+        q[k] -= second * __builtin_shufflevector(q[k], q[k], 0, 0, 1, 3);
+        vq_store(to + 4 * k, q[k]);
+    }
+    vq_store(to + 12, (vq){0});
 }
 
 /* The chunk's sums to their pairs' places. */
@@ -339,10 +381,9 @@ static void store_pairs(const struct splat_work *w, const struct splat *s,
     for (uint32_t e = 0; e < n; e++) {
         float *to = b->pair + (size_t)w->place[e] * (size_t)b->stride;
 
-        vf_store(to, centered(vf_load(w->pair[e]), w->center[0][e],
-                              w->center[1][e]));
+        put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
         if (colors)
-            memcpy(to + VEC, w->dcolor[e], colors);
+            memcpy(to + 16, w->dcolor[e], colors);
         b->seen[w->place[e]] = (uint8_t)(1 + list[e] % VEC);
     }
 }

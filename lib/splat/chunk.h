@@ -4,9 +4,12 @@
 #define SPID_SPLAT_CHUNK_H
 
 #include "lib/splat/state.h"
-#include "lib/splat/vec.h"
+#include "lib/splat/vec_shuffle.h"
 
-#define BLOCKS 16
+#define COLUMNS (VEC / 4)      /* of pixels in a block: 4, 2 or 1 */
+#define ACROSS (TILE / COLUMNS)            /* blocks in a row of blocks */
+#define BLOCKS (4 * ACROSS)
+#define ALL_ALIVE ((1u << VEC) - 1)
 #define COLUMN (CHUNK + 48)    /* floats between columns of the chunk */
 #define AHEAD 32               /* entries whose records are fetched early */
 
@@ -22,7 +25,7 @@ struct splat_work {
     uint32_t count[BLOCKS];
     uint32_t alive[BLOCKS];                /* pixels still taking light */
     float T[BLOCKS][VEC];
-    float color[BLOCKS][4][VEC];
+    float color[4][BLOCKS][VEC];
     float weight[COLUMN + 2][VEC];         /* of one block, wide path */
     uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
     float depth[BLOCKS][VEC];
@@ -30,17 +33,19 @@ struct splat_work {
     float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
     float rest[BLOCKS][VEC];               /* backward: light still behind */
     float worth[COLUMN][VEC];              /* backward: color . g */
-    float pair[COLUMN][VEC];               /* backward: sums of each entry
+    float pair[COLUMN][16];                /* backward: sums of each entry
                                             * about the tile's centre */
-    float tint[BLOCKS][VEC][VEC];          /* backward, up to 3 channels: at
-                                            * pixel p, lane 4 c + 0..3 is
+    float tint[BLOCKS][VEC][16];           /* backward, up to 3 channels: at
+                                            * pixel p, number 4 c + 0..3 is
                                             * dL/dcolor of c */
     float center[2][COLUMN];               /* x, y about the tile's centre */
     uint32_t place[COLUMN];                /* backward: pair of each entry */
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
-/* Lane p of a block is the pixel in column p / 4 and row p % 4. */
+/* A block is four rows of pixels; lane p is the pixel in column p / 4 and row
+ * p % 4.  Blocks lie row by row, so that arrays (BLOCKS, VEC) are the same at
+ * every width: by four rows, column, row. */
 #define PIXEL_X(p) ((p) >> 2)
 #define PIXEL_Y(p) ((p) & 3)
 
@@ -70,12 +75,14 @@ VEC_INLINE void fetch_entry(const struct splat_state *s, size_t i)
 /* Columns of block b's pixels, about the tile's centre. */
 VEC_INLINE vf block_x(int b)
 {
-    vf x = {0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3};
+    static const float column[16] = {0, 0, 0, 0, 1, 1, 1, 1,
+                                     2, 2, 2, 2, 3, 3, 3, 3};
 
-    return x + vf_set(4 * (float)(b & 3) - 7.5f);
+    return vf_load(column) +
+           vf_set((float)(COLUMNS * (b % ACROSS)) - 7.5f);
 }
 
-/* The geometry of sixteen list entries by column: g[k] = field k. */
+/* The geometry of VEC list entries by column: g[k] = field k. */
 VEC_INLINE void gather(vf g[8], const struct record *record,
                        const uint32_t *list)
 {
@@ -83,17 +90,10 @@ VEC_INLINE void gather(vf g[8], const struct record *record,
 
     for (int k = 0; k < VEC; k++)
         r[k] = (const float *)&record[list[k]];
-#pragma GCC unroll 4
-    for (int k = 0; k < 4; k++) {
-        g[k] = vf_join(r[k], r[k + 4], r[k + 8], r[k + 12]);
-        g[k + 4] = vf_join(r[k] + 4, r[k + 4] + 4, r[k + 8] + 4,
-                           r[k + 12] + 4);
-    }
-    vf_transpose_quads(g);
-    vf_transpose_quads(g + 4);
+    vf_columns(g, r, 2);
 }
 
-/* Which of sixteen Gaussians reach which blocks; the entries are appended to
+/* Which of VEC Gaussians reach which blocks; the entries are appended to
  * the blocks' lists.  In a row of blocks the ellipse q >= cut spans the
  * columns from its leftmost to its rightmost point, or where the row's edge
  * cuts it.  The ellipse is taken a little too large, so that rounding loses
@@ -104,10 +104,9 @@ VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
     vf room = vf_fma(g[FTOP] - vf_set(cut), vf_set(1.003f), vf_set(0.01f));
     vf peak = g[FSX] * g[FWIDE], tiny = vf_set(1e-20f);
     vf half = vf_set(1) / vf_max(g[FROOT], tiny), slack = vf_set(2e-3f);
-    vi entry = vi_iota() + vi_set((int32_t)at);
     vm here = vm_from_bits(valid);
 
-    /* unrolled where sixteen lanes are one register */
+    /* unrolled where there are registers for it */
 #ifdef ISA_AVX512
 #pragma GCC unroll 4
 #else
@@ -129,21 +128,21 @@ VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
 #else
 #pragma GCC unroll 1
 #endif
-        for (int x = 0; x < 4; x++) {
-            int b = 4 * y + x;
+        for (int x = 0; x < ACROSS; x++) {
+            int b = ACROSS * y + x;
 
             if (!w->alive[b])
                 continue;
-            vf edge = vf_set(4 * (float)x - 7.5f);
-            vm hit = vf_gt_and(vf_gt_and(some, hi, edge), edge + vf_set(3),
-                               lo);
+            vf edge = vf_set((float)(COLUMNS * x) - 7.5f);
+            vm hit = vf_gt_and(vf_gt_and(some, hi, edge),
+                               edge + vf_set(COLUMNS - 1), lo);
 
-            w->count[b] += vi_compress(w->list[b] + w->count[b], hit, entry);
+            w->count[b] += vm_list(w->list[b] + w->count[b], hit, at);
         }
     }
 }
 
-/* What makes the rows of sixteen entries: shift = base + tilt row, high = top
+/* What makes the rows of VEC entries: shift = base + tilt row, high = top
  * - fall (row - y)^2, rows about the tile's centre. */
 struct slopes {
     float base[VEC], tilt[VEC], y[VEC], fall[VEC], top[VEC];
@@ -153,29 +152,36 @@ struct slopes {
 VEC_INLINE void rows_build(struct splat_work *w, uint32_t e,
                            const struct slopes *s, uint32_t k)
 {
-    const vf row = {-7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
-                    0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
-    vf dy = row - vf_set(s->y[k]);
-    vf shift = vf_fma(row, vf_set(s->tilt[k]), vf_set(s->base[k]));
-    vf high = vf_fnma(vf_set(s->fall[k]) * dy, dy, vf_set(s->top[k]));
+    static const float row[TILE] = {
+        -7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
+        0.5f, 1.5f, 2.5f, 3.5f, 4.5f, 5.5f, 6.5f, 7.5f};
 
-#ifdef ISA_AVX512
-    const __m512i low = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19,
-                                          4, 5, 6, 7, 20, 21, 22, 23);
-    __m512i up = _mm512_add_epi32(low, _mm512_set1_epi32(8));
-    __m512 a = _mm512_permutex2var_ps((__m512)shift, low, (__m512)high);
-    __m512 b = _mm512_permutex2var_ps((__m512)shift, up, (__m512)high);
+#pragma GCC unroll 4
+    for (int i = 0; i < TILE; i += VEC) {
+        vf y = vf_load(row + i), dy = y - vf_set(s->y[k]);
+        vf shift = vf_fma(y, vf_set(s->tilt[k]), vf_set(s->base[k]));
+        vf high = vf_fnma(vf_set(s->fall[k]) * dy, dy, vf_set(s->top[k]));
 
-    _mm256_storeu_ps(w->rows[0][e], _mm512_castps512_ps256(a));
-    _mm256_storeu_ps(w->rows[1][e], _mm512_extractf32x8_ps(a, 1));
-    _mm256_storeu_ps(w->rows[2][e], _mm512_castps512_ps256(b));
-    _mm256_storeu_ps(w->rows[3][e], _mm512_extractf32x8_ps(b, 1));
+#if VEC == 16
+        const __m512i low = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19,
+                                              4, 5, 6, 7, 20, 21, 22, 23);
+        __m512i up = _mm512_add_epi32(low, _mm512_set1_epi32(8));
+        __m512 a = _mm512_permutex2var_ps((__m512)shift, low, (__m512)high);
+        __m512 b = _mm512_permutex2var_ps((__m512)shift, up, (__m512)high);
+
+        _mm256_storeu_ps(w->rows[0][e], _mm512_castps512_ps256(a));
+        _mm256_storeu_ps(w->rows[1][e], _mm512_extractf32x8_ps(a, 1));
+        _mm256_storeu_ps(w->rows[2][e], _mm512_castps512_ps256(b));
+        _mm256_storeu_ps(w->rows[3][e], _mm512_extractf32x8_ps(b, 1));
 #else
-    for (int y = 0; y < 4; y++) {
-        memcpy(w->rows[y][e], (const char *)&shift + 16 * y, 16);
-        memcpy(w->rows[y][e] + 4, (const char *)&high + 16 * y, 16);
-    }
+        vq_store(w->rows[i / 4][e], vf_quad(shift, 0));
+        vq_store(w->rows[i / 4][e] + 4, vf_quad(high, 0));
+#if VEC == 8
+        vq_store(w->rows[i / 4 + 1][e], vf_quad(shift, 1));
+        vq_store(w->rows[i / 4 + 1][e] + 4, vf_quad(high, 1));
 #endif
+#endif
+    }
 }
 
 /* Lay out n <= CHUNK entries for the tile centred on (cx, cy).  depth: the
@@ -188,7 +194,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         w->count[b] = 0;
     for (uint32_t k = 0; k < AHEAD && k < n; k++)
         fetch_entry(s, list[k]);
-    for (uint32_t k = 0; k < n; k += VEC)   /* lists have room behind them */
+    for (uint32_t k = 0; k < n; k += VEC)  /* lists have room behind them */
         memcpy(w->index + k, list + k, VEC * sizeof *list);
     for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
         w->index[n + k] = list[0];
@@ -241,7 +247,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
 VEC_INLINE void exponents(vf q[4], const struct splat_work *w,
                           const uint32_t *entry, int b, vf x)
 {
-    const float (*row)[8] = w->rows[b >> 2];
+    const float (*row)[8] = w->rows[b / ACROSS];
 
     FOUR q[k] = vf_fma(x, vf_set(w->info[entry[k]][0]),
                        -vf_repeat(row[entry[k]]));

@@ -333,7 +333,7 @@ static void draw_part(struct frame *f, int t)
     struct splat_state *st = f->s->state;
     uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
     struct splat_work *w = (struct splat_work *)
-        ((char *)st->work + (size_t)t * splat_work_size());
+        ((char *)st->work + (size_t)t * st->work_size);
 
 #pragma omp for schedule(dynamic, TILES) nowait
     for (uint32_t i = 0; i < tiles; i++)

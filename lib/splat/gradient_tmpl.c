@@ -1,9 +1,9 @@
-/* From sums on the screen to the parameters of the Gaussians, 16 at a time. */
+/* From sums on the screen to the parameters of the Gaussians, VEC at a time. */
 #include <string.h>
 
 #include "lib/base/isa.h"
 #include "lib/splat/backward.h"
-#include "lib/splat/vec.h"
+#include "lib/splat/vec_shuffle.h"
 
 #define LOG2E 1.44269504f
 #define LN2 0.693147181f
@@ -14,7 +14,7 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
                                   const struct splat_gradients *g,
                                   double *rt);
 
-/* dL of sixteen Gaussians. */
+/* dL of VEC Gaussians. */
 struct lanes {
     vf x, y, a, b, c;          /* of the screen record ... */
     vf top;                    /* ... and of log opacity */
@@ -34,22 +34,22 @@ static size_t first_pair(const struct splat *s, size_t i)
     return (uint32_t)(p.origin + r.y0 * p.across + r.x0);
 }
 
-/* Add up the pairs of sixteen Gaussians: of Gaussian i + k into out[k + 1],
- * pairs that nothing was written to into out[0]. */
-VEC_INLINE void sum_pairs(float (*out)[VEC], const struct splat *s, size_t i,
-                          const size_t vectors)
+/* Add up the pairs of VEC Gaussians, `stride` numbers each: of Gaussian i + k
+ * into row k + 1 of out, pairs that nothing was written to into row 0. */
+VEC_INLINE void sum_pairs(float *out, const struct splat *s, size_t i,
+                          const size_t stride)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     size_t end = first_pair(s, i + VEC);
 
-    memset(out, 0, (VEC + 1) * vectors * sizeof *out);
+    memset(out, 0, (VEC + 1) * stride * sizeof *out);
     for (size_t at = first_pair(s, i); at < end; at++) {
-        const float *pair = b->pair + at * vectors * VEC;
-        float (*to)[VEC] = out + b->seen[at] * vectors;
+        const float *pair = b->pair + at * stride;
+        float *to = out + b->seen[at] * stride;
 
-        __builtin_prefetch(pair + AHEAD * vectors * VEC);
-        for (size_t k = 0; k < vectors; k++)
-            vf_store(to[k], vf_load(to[k]) + vf_load(pair + VEC * k));
+        __builtin_prefetch(pair + AHEAD * stride);
+        for (size_t k = 0; k < stride; k += VEC)
+            vf_store(to + k, vf_load(to + k) + vf_load(pair + k));
     }
 }
 
@@ -72,7 +72,7 @@ VEC_INLINE void screen_backward(struct lanes *d, const vf m[16],
 /* dL/dcov2d as S = (xx, xy, yy) with dL = S0 dxx + 2 S1 dxy + S2 dyy, from
  * (a, b, c) = log2e (A/2, B, C/2), conic K = cov^-1: S = -K G K.  K as
  * L^T L, L = (root, -root sy; 0, sqrt(fall)), which needles need. */
-VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, const vf r[16])
+VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, const vf r[FIELDS])
 {
     vf sy = r[FSY], fall = r[FFALL], root = r[FROOT], flat = vf_sqrt(fall);
     vf f = vf_set(-2 / LOG2E), two = vf_set(2);
@@ -228,8 +228,7 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
     }
 }
 
-/* Sixteen Gaussians of those drawn, i and on; `left` of them are in the
- * arrays. */
+/* VEC Gaussians of those drawn, i and on; `left` of them are in the arrays. */
 struct drawn {
     size_t i, left;
     vm on;
@@ -247,29 +246,28 @@ VEC_INLINE void add(float *to, const vf *v, const size_t width,
     to += d->i * width;
     for (size_t k = 0; k < width; k++)
         row[k] = vf_keep(d->on, v[k]);
-    vf_interleave(row, width);
+    vf_put_rows(flat, row, width);
     if (d->left >= VEC) {
         for (size_t k = 0; k < width; k++)
-            vf_store(to + VEC * k, vf_load(to + VEC * k) + row[k]);
+            vf_store(to + VEC * k, vf_load(to + VEC * k) +
+                                   vf_load(flat + VEC * k));
         return;
     }
-    for (size_t k = 0; k < width; k++)
-        vf_store(flat + VEC * k, row[k]);
     for (size_t k = 0; k < d->left * width; k++)
         to[k] += flat[k];
 }
 
 /* dL/dcolor of Gaussian i and on: up to three channels from the transposed
  * sums m, more from behind the sums. */
-static void add_colors(float *to, const struct splat *s, const vf m[VEC],
-                       float (*sum)[VEC], const struct drawn *d)
+static void add_colors(float *to, const struct splat *s, const vf m[16],
+                       const float *sum, const struct drawn *d)
 {
-    size_t C = (size_t)s->opt.channels, vectors = (size_t)s->state->row / VEC;
+    size_t C = (size_t)s->opt.channels, row = (size_t)s->state->row;
     vf rgb[3] = {m[TINT(0)], m[TINT(1)], m[TINT(2)]};
 
     if (!to)
         return;
-    if (!vectors) {
+    if (!row) {
         if (C == 3)
             add(to, rgb, 3, d);
         else
@@ -277,7 +275,7 @@ static void add_colors(float *to, const struct splat *s, const vf m[VEC],
         return;
     }
     for (size_t n = 0; n < VEC && n < d->left; n++) {
-        const float *from = sum[(1 + n) * (1 + vectors) + 1];
+        const float *from = sum + (1 + n) * (16 + row) + 16;
 
         for (size_t c = 0; c < C; c++)
             to[(d->i + n) * C + c] += from[c];
@@ -290,28 +288,28 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
                                   double *rt)
 {
     const struct splat_state *st = s->state;
-    const size_t vectors = 1 + (size_t)st->row / VEC;
+    const size_t stride = 16 + (size_t)st->row;
     struct lanes d;
 
     for (int k = 0; k < 12; k++)
         d.P[k] = vf_set(0);
     for (size_t i = first; i < last; i += VEC) {
-        float sum[3 * (VEC + 1)][VEC];
-        vf m[VEC], r[VEC], S[3], c[3], before[12];
+        float sum[3 * 16 * (VEC + 1)];
+        const float *pair[VEC], *record[VEC];
+        vf m[16], r[FIELDS], S[3], c[3], before[12];
         /* the key of a hidden one is no number */
         vm on = vf_gt(vf_load((const float *)&st->key[i]), vf_set(0));
         struct drawn here = {i, last - i, on};
 
         if (!vm_any(on))
             continue;
-        sum_pairs(sum, s, i, vectors);
+        sum_pairs(sum, s, i, stride);
         for (size_t k = 0; k < VEC; k++) {
-            m[k] = vf_load(sum[(1 + k) * vectors]);
-            /* and half of the next, which is not looked at */
-            r[k] = vf_load((const float *)&st->record[i + k]);
+            pair[k] = sum + (1 + k) * stride;
+            record[k] = (const float *)&st->record[i + k];
         }
-        vf_transpose(m);
-        vf_transpose(r);
+        vf_columns(m, pair, 4);
+        vf_columns(r, record, 2);
         for (int k = 0; k < FIELDS; k++)
             r[k] = vf_keep(on, r[k]);
         screen_backward(&d, m, r);

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 
 /* One Gaussian on the screen, in float. */
 struct spot {

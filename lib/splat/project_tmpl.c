@@ -1,10 +1,10 @@
-/* Gaussians to screen ellipses, 16 at a time. */
+/* Gaussians to screen ellipses, VEC at a time. */
 #include "lib/splat/state.h"
 
 #include <math.h>
 
 #include "lib/base/isa.h"
-#include "lib/splat/vec.h"
+#include "lib/splat/vec_shuffle.h"
 
 #define LOG2E 1.44269504f
 
@@ -13,40 +13,55 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last);
 #define HALF_LOG2E 0.72134752044448170368
 
 #define REAL vf
+#define MASK vm
 #define NAME(x) x
 #define load(p) vf_load(p)
-#define narrow(x) (x)
+#define over(x, least) vf_gt(x, vf_set(least))
 #define within(x, most) vf_clamp(x, vf_set(-(most)), vf_set(most))
 #define pick(on, x) vf_sel(on, x, vf_set(1))
 #define literal(x) ((float)(x))
 #include "lib/splat/project_math.inc"
 
-typedef double vd __attribute__((vector_size(128), may_alias));
+/* Half as many doubles, which are one register again. */
+#define HALF (VEC / 2)
+typedef double vd __attribute__((vector_size(8 * HALF), may_alias));
+typedef int64_t vl __attribute__((vector_size(8 * HALF), may_alias));
+typedef float vh __attribute__((vector_size(4 * HALF), may_alias));
 
-#define REAL vd
-#define NAME(x) x##_double
-#define load_double(p) __builtin_convertvector(vf_load(p), vd)
-#define narrow_double(x) __builtin_convertvector(x, vf)
-#define literal_double(x) (x)
+/* on ? a : b */
+VEC_INLINE vd select_double(vl on, vd a, vd b)
+{
+    return (vd)((on & (vl)a) | (~on & (vl)b));
+}
+
+VEC_INLINE vd load_double(const float *p)
+{
+    vh v;
+
+    memcpy(&v, p, sizeof v);
+    return __builtin_convertvector(v, vd);
+}
+
+/* Rounded to float, as what the kernels see. */
+VEC_INLINE vd rounded(vd x)
+{
+    return __builtin_convertvector(__builtin_convertvector(x, vh), vd);
+}
 
 /* x within -most .. most */
 VEC_INLINE vd within_double(vd x, float most)
 {
-    for (int k = 0; k < VEC; k++)
-        x[k] = x[k] < -most ? -most : x[k] > most ? most : x[k];
-    return x;
+    vd lo = (vd){0} - most, hi = (vd){0} + most;
+
+    return select_double(x < lo, lo, select_double(x > hi, hi, x));
 }
 
-/* x where on, else 1 */
-VEC_INLINE vd pick_double(vm on, vd x)
-{
-    uint32_t bits = vm_bits(on);
-
-    for (int k = 0; k < VEC; k++)
-        x[k] = bits >> k & 1 ? x[k] : 1;
-    return x;
-}
-
+#define REAL vd
+#define MASK vl
+#define NAME(x) x##_double
+#define over_double(x, least) (rounded(x) > (double)(least))
+#define pick_double(on, x) select_double(on, x, (vd){0} + 1.0)
+#define literal_double(x) (x)
 #include "lib/splat/project_math.inc"
 
 /* First tile and one past the last, along one axis, of pixel centres within
@@ -77,25 +92,20 @@ VEC_INLINE void store_records(struct splat_state *s, size_t i, vf f[FIELDS])
      * four fields (k < 4), or of 4q + k - 4, its last */
     vf_transpose_quads(f);
     vf_transpose_quads(f + 4);
-#ifdef ISA_AVX512
+#define PUT(q) vq_store(to + FIELDS * (4 * (q) + k), vf_quad(f[k], q)); \
+               vq_store(to + FIELDS * (4 * (q) + k) + 4, vf_quad(f[k + 4], q))
+#pragma GCC unroll 4
     for (int k = 0; k < 4; k++) {
-        __m512 a = (__m512)f[k], b = (__m512)f[k + 4];
-
-#define PUT(q) _mm256_storeu_ps(to + FIELDS * (4 * q + k), \
-            _mm256_insertf128_ps(_mm256_castps128_ps256( \
-                _mm512_extractf32x4_ps(a, q)), _mm512_extractf32x4_ps(b, q), 1))
         PUT(0);
+#if VEC > 4
         PUT(1);
+#endif
+#if VEC > 8
         PUT(2);
         PUT(3);
-#undef PUT
-    }
-#else
-    for (int k = 0; k < 8; k++)
-        for (int q = 0; q < 4; q++)
-            memcpy(to + FIELDS * (4 * q + k % 4) + k / 4 * 4,
-                   (const char *)&f[k] + 16 * q, 16);
 #endif
+    }
+#undef PUT
 }
 
 /* The CUDA rasteriser's own choice of tiles. */
@@ -117,23 +127,36 @@ VEC_INLINE void dgr_rect(struct rect *out, float x, float y, float xx,
 }
 
 /* The same from double, with what float loses of place and depth. */
-static void place_fine(struct lanes *l, struct splat_state *s, size_t i)
+VEC_INLINE void place_fine(struct lanes *l, struct splat_state *s, size_t i)
 {
-    struct lanes_double d;
-
-    place_double(&d, s, i);
-    const vd *from[] = {&d.x, &d.y, &d.z, &d.xx, &d.xy, &d.yy, &d.det,
-                        &d.fall, &d.square, &d.sx, &d.sy};
     vf *to[] = {&l->x, &l->y, &l->z, &l->xx, &l->xy, &l->yy, &l->det,
                 &l->fall, &l->square, &l->sx, &l->sy};
+    float narrow[11][VEC], ok[VEC];
 
-    for (int k = 0; k < 11; k++) {
-        *to[k] = __builtin_convertvector(*from[k], vf);
-        if (k < 3)
-            vf_store(s->fine[k] + i, __builtin_convertvector(
-                *from[k] - __builtin_convertvector(*to[k], vd), vf));
+    for (size_t part = 0; part < VEC; part += HALF) {
+        struct lanes_double d;
+
+        place_double(&d, s, i + part);
+        const vd *from[] = {&d.x, &d.y, &d.z, &d.xx, &d.xy, &d.yy, &d.det,
+                            &d.fall, &d.square, &d.sx, &d.sy};
+
+        for (int k = 0; k < 11; k++) {
+            vh x = __builtin_convertvector(*from[k], vh);
+            vd lost = *from[k] - __builtin_convertvector(x, vd);
+            vh tail = __builtin_convertvector(lost, vh);
+
+            memcpy(narrow[k] + part, &x, sizeof x);
+            if (k < 3)
+                memcpy(s->fine[k] + i + part, &tail, sizeof tail);
+        }
+        vh front = __builtin_convertvector(
+            select_double(d.ok, (vd){0} + 1.0, (vd){0}), vh);
+
+        memcpy(ok + part, &front, sizeof front);
     }
-    l->ok = d.ok;
+    for (int k = 0; k < 11; k++)
+        *to[k] = vf_load(narrow[k]);
+    l->ok = vf_gt(vf_load(ok), vf_set(0));
 }
 
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
@@ -170,15 +193,9 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         ok = vm_and(ok, tiles(&y0, &y1, l.y, ry, v->height, v->ty));
         vi tx0 = vf_round(x0) >> 4, tx1 = (vf_round(x1) >> 4) + 1;
         vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
-        int32_t across[VEC], down[VEC];
 
         vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
-        vi_store(across, tx0 | tx1 << 16);
-        vi_store(down, ty0 | ty1 << 16);
-        for (size_t k = 0; k < VEC; k++) {
-            memcpy(&s->rect[i + k].x0, &across[k], sizeof across[k]);
-            memcpy(&s->rect[i + k].y0, &down[k], sizeof down[k]);
-        }
+        vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
         for (size_t k = 0; v->dgr && k < VEC; k++) {
             struct rect *r = &s->rect[i + k];
 

@@ -2,7 +2,7 @@
 #include <math.h>
 #include <string.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/isa.h"
 #include "lib/splat/chunk.h"
 
@@ -62,8 +62,8 @@ VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
                          const int degree, const int channels)
 {
     const uint32_t *list = w->list[b];
-    float *sums[4] = {w->color[b][0], w->color[b][1], w->color[b][2],
-                      channels ? w->color[b][3] : w->depth[b]};
+    float *sums[4] = {w->color[0][b], w->color[1][b], w->color[2][b],
+                      channels ? w->color[3][b] : w->depth[b]};
     const int first = channels ? 0 : 3, last = channels ? channels : 4;
     uint32_t n = w->count[b], rows = 0;
     struct light l;
@@ -102,43 +102,118 @@ VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
     return rows;
 }
 
-/* wide (16 pixels, row) += weight^T (rows, 16 pixels) table (rows, row):
+/* How many pixels, and vectors of channels, a product sums up at a time: what
+ * the registers hold. */
+#if VEC == 16
+enum { PIXELS_ABREAST = 8, VECTORS_ABREAST = 1 };
+#else
+enum { PIXELS_ABREAST = 4, VECTORS_ABREAST = 2 };
+#endif
+
+/* wide (VEC pixels, row) += weight^T (rows, VEC pixels) table (rows, row):
  * lanes are channels. */
 static void product(struct splat_work *w, int b, uint32_t rows,
                     const float *table, int row)
 {
-    for (int half = 0; half < 2; half++)
-        for (int part = 0; part < row; part += VEC) {
-            float (*out)[SPLAT_MAX_CHANNELS] = &w->wide[16 * b + 8 * half];
-            vf acc[8];
+    const int step = VEC * VECTORS_ABREAST;
 
-            for (int p = 0; p < 8; p++)
-                acc[p] = vf_load(out[p] + part);
+    for (int first = 0; first < VEC; first += PIXELS_ABREAST)
+        for (int part = 0; part < row; part += step) {
+            float (*out)[SPLAT_MAX_CHANNELS] = &w->wide[VEC * b + first];
+            vf acc[PIXELS_ABREAST][VECTORS_ABREAST];
+
+            for (int p = 0; p < PIXELS_ABREAST; p++)
+                for (int k = 0; k < VECTORS_ABREAST; k++)
+                    acc[p][k] = vf_load(out[p] + part + VEC * k);
             for (uint32_t j = 0; j < rows; j++) {
-                const float *g = w->weight[j] + 8 * half;
-                vf c = vf_load(table + (size_t)w->used[j] * (size_t)row + part);
+                const float *g = w->weight[j] + first;
+                const float *c = table + (size_t)w->used[j] * (size_t)row +
+                                 part;
+                vf color[VECTORS_ABREAST];
 
+                for (int k = 0; k < VECTORS_ABREAST; k++)
+                    color[k] = vf_load(c + VEC * k);
 #pragma GCC unroll 8
-                for (int p = 0; p < 8; p++)
-                    acc[p] = vf_fma(vf_set(g[p]), c, acc[p]);
+                for (int p = 0; p < PIXELS_ABREAST; p++)
+                    for (int k = 0; k < VECTORS_ABREAST; k++)
+                        acc[p][k] = vf_fma(vf_set(g[p]), color[k], acc[p][k]);
             }
-            for (int p = 0; p < 8; p++)
-                vf_store(out[p] + part, acc[p]);
+            for (int p = 0; p < PIXELS_ABREAST; p++)
+                for (int k = 0; k < VECTORS_ABREAST; k++)
+                    vf_store(out[p] + part + VEC * k, acc[p][k]);
         }
 }
 
-#ifdef ISA_AVX512
-/* acc += pairs of 16-bit numbers in c times those of *g.  By hand: the compiler
- * would copy every sum before and after. */
-VEC_INLINE __m512i add_pairs(__m512i acc, __m512i c, const uint32_t *g)
+#ifdef __SSE2__
+/* acc += pairs of 16-bit numbers in c times those of *g. */
+VEC_INLINE vi add_pairs(vi acc, vi c, const uint32_t *g)
 {
+#if VEC == 16
+    /* by hand: the compiler would copy every sum before and after */
     __asm__("vpdpwssd %2%{1to16%}, %1, %0" : "+v"(acc) : "v"(c), "m"(*g));
     return acc;
+#elif VEC == 8
+    return acc + (vi)_mm256_madd_epi16((__m256i)c,
+                                       _mm256_set1_epi32((int)*g));
+#else
+    return acc + (vi)_mm_madd_epi16((__m128i)c, _mm_set1_epi32((int)*g));
+#endif
+}
+
+enum { FIXED_ABREAST = VEC == 16 ? 8 : 4 };   /* pixels summed up at a time */
+
+/* Rows of two Gaussians interleaved: lane n of c[0] is channel n of both, of
+ * c[1] channel 16 + n (splat.c, pack_fixed). */
+VEC_INLINE void interleave_fixed(vi c[2], const int16_t *r0,
+                                 const int16_t *r1)
+{
+    vi a = vi_load(r0), b = vi_load(r1);
+
+#if VEC == 16
+    c[0] = (vi)_mm512_unpacklo_epi16((__m512i)a, (__m512i)b);
+    c[1] = (vi)_mm512_unpackhi_epi16((__m512i)a, (__m512i)b);
+#else
+    c[0] = (vi)X86(unpacklo_epi16)((X86_I)a, (X86_I)b);
+    c[1] = (vi)X86(unpackhi_epi16)((X86_I)a, (X86_I)b);
+#endif
+}
+
+/* Sums of the channels first .. and 16 + first .. of a few pixels, over pairs
+ * of rows. */
+VEC_INLINE void sum_fixed(struct splat_work *w, int pixel, int first,
+                          uint32_t pairs, const uint32_t (*pair)[VEC],
+                          const int16_t *table, const float *scale)
+{
+    vi acc[2][FIXED_ABREAST] = {0};
+
+    for (uint32_t j = 0; j < pairs; j++) {
+        vi c[2];
+
+        interleave_fixed(c, table + 32 * w->used[2 * j],
+                         table + 32 * w->used[2 * j + 1]);
+#pragma GCC unroll 8
+        for (int p = 0; p < FIXED_ABREAST; p++) {
+            const uint32_t *g = &pair[j][p];
+
+            acc[0][p] = add_pairs(acc[0][p], c[0], g);
+            acc[1][p] = add_pairs(acc[1][p], c[1], g);
+        }
+    }
+#pragma GCC unroll 8
+    for (int p = 0; p < FIXED_ABREAST; p++)
+#pragma GCC unroll 2
+        for (int k = 0; k < 2; k++) {
+            float *out = w->wide[pixel + p] + first + 16 * k;
+            vf x = __builtin_convertvector(acc[k][p], vf);
+
+            vf_store(out, vf_fma(x, vf_load(scale + first + 16 * k),
+                                 vf_load(out)));
+        }
 }
 
 /* The same in 16-bit integers, two Gaussians at a time: weights and colours
  * in Q15, sums in 32 bits.  table rows hold channels in the order that the
- * interleaving undoes (splat.c, pack_fixed). */
+ * interleaving undoes. */
 static void product_fixed(struct splat_work *w, int b, uint32_t rows,
                           const int16_t *table, const float *scale)
 {
@@ -154,37 +229,11 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
 
         vi_store(pair[j], lo | (hi << 16));
     }
-    for (int half = 0; half < 2; half++) {
-        __m512i acc[2][8];
-
-#pragma GCC unroll 8
-        for (int p = 0; p < 8; p++)
-            acc[0][p] = acc[1][p] = _mm512_setzero_si512();
-        for (uint32_t j = 0; j < pairs; j++) {
-            __m512i r0 = _mm512_loadu_si512(table + 32 * w->used[2 * j]);
-            __m512i r1 = _mm512_loadu_si512(table + 32 * w->used[2 * j + 1]);
-            __m512i c0 = _mm512_unpacklo_epi16(r0, r1);
-            __m512i c1 = _mm512_unpackhi_epi16(r0, r1);
-
-#pragma GCC unroll 8
-            for (int p = 0; p < 8; p++) {
-                const uint32_t *g = &pair[j][8 * half + p];
-
-                acc[0][p] = add_pairs(acc[0][p], c0, g);
-                acc[1][p] = add_pairs(acc[1][p], c1, g);
-            }
-        }
-#pragma GCC unroll 8
-        for (int p = 0; p < 8; p++)
-#pragma GCC unroll 2
-            for (int k = 0; k < 2; k++) {
-                float *out = w->wide[16 * b + 8 * half + p] + 16 * k;
-                vf x = (vf)_mm512_cvtepi32_ps(acc[k][p]);
-
-                vf_store(out, vf_fma(x, vf_load(scale + 16 * k),
-                                     vf_load(out)));
-            }
-    }
+    for (int p = 0; p < VEC; p += FIXED_ABREAST)
+        for (int c = 0; c < 16; c += VEC)
+            sum_fixed(w, VEC * b + p, c, pairs,
+                      (const uint32_t (*)[VEC])&pair[0][p], table + 2 * c,
+                      scale);
 }
 #endif
 
@@ -195,7 +244,7 @@ VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
 
     if (!rows)
         return;
-#ifdef ISA_AVX512
+#ifdef __SSE2__
     if (st->fixed) {
         product_fixed(w, b, rows, st->fixed, st->fixed_scale);
         return;
@@ -204,32 +253,19 @@ VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
     product(w, b, rows, st->table, st->row);
 }
 
-/* Degrees of the exponential that are compiled: without AVX-512, where each
- * takes the compiler minutes, the next better of two. */
-static int compiled_degree(int degree)
-{
-#ifdef ISA_AVX512
-    return degree;
-#else
-    return degree <= 3 ? 3 : 5;
-#endif
-}
-
 /* One block's share of the chunk.  Each combination is compiled apart. */
 static void block(const struct splat *s, struct splat_work *w, int b)
 {
     const struct splat_state *st = s->state;
     int kind = st->row ? 2 : s->opt.channels > 3 || s->opt.depth;
 
-    switch (compiled_degree(s->opt.exp_degree) * 3 + kind) {
-#ifdef ISA_AVX512
+    switch (s->opt.exp_degree * 3 + kind) {
     case 6: walk(w, b, &st->view, 2, 3); return;
     case 7: walk(w, b, &st->view, 2, 4); return;
     case 8: wide_block(st, w, b, 2); return;
     case 12: walk(w, b, &st->view, 4, 3); return;
     case 13: walk(w, b, &st->view, 4, 4); return;
     case 14: wide_block(st, w, b, 4); return;
-#endif
     case 9: walk(w, b, &st->view, 3, 3); return;
     case 10: walk(w, b, &st->view, 3, 4); return;
     case 11: wide_block(st, w, b, 3); return;
@@ -254,9 +290,9 @@ static uint32_t inside(const struct splat *s, int b, int x0, int y0)
     uint32_t bits = 0;
 
     for (int p = 0; p < VEC; p++)
-        bits |= (uint32_t)(x0 + 4 * (b & 3) + PIXEL_X(p) < s->opt.width &&
-                           y0 + 4 * (b >> 2) + PIXEL_Y(p) < s->opt.height)
-                << p;
+        bits |= (uint32_t)(
+                    x0 + COLUMNS * (b % ACROSS) + PIXEL_X(p) < s->opt.width &&
+                    y0 + 4 * (b / ACROSS) + PIXEL_Y(p) < s->opt.height) << p;
     return bits;
 }
 
@@ -266,7 +302,7 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
     bool whole = x0 + TILE <= s->opt.width && y0 + TILE <= s->opt.height;
 
     for (int b = 0; b < BLOCKS; b++) {
-        w->alive[b] = whole ? 0xffff : inside(s, b, x0, y0);
+        w->alive[b] = whole ? ALL_ALIVE : inside(s, b, x0, y0);
         vf_store(w->T[b], vf_set(1));
         vf_store(w->depth[b], vf_set(0));
     }
@@ -276,32 +312,45 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
         memset(w->color, 0, sizeof w->color);
 }
 
-/* Four rows of sixteen pixels from four blocks side by side, `step` vectors
- * apart. */
-VEC_INLINE void block_rows(float out[4][16], float (*blocks)[VEC],
-                           size_t step)
+/* Four rows of sixteen pixels from a row of blocks. */
+VEC_INLINE void block_rows(float out[4][TILE], const float *blocks)
 {
+#if VEC == 16
     const vi turned = {0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
     vf r[4];
 
 #pragma GCC unroll 4
     for (size_t x = 0; x < 4; x++)
-        r[x] = __builtin_shuffle(vf_load(blocks[x * step]), turned);
+        r[x] = __builtin_shuffle(vf_load(blocks + VEC * x), turned);
     vf_swap_quads(r);
 #pragma GCC unroll 4
     for (size_t y = 0; y < 4; y++)
         vf_store(out[y], r[y]);
+#else
+    for (size_t x = 0; x < TILE; x += 4) {
+        vq r[4];
+
+#pragma GCC unroll 4
+        for (size_t k = 0; k < 4; k++)
+            r[k] = vq_load(blocks + 4 * (x + k));
+        vq_transpose(r);
+#pragma GCC unroll 4
+        for (size_t y = 0; y < 4; y++)
+            vq_store(out[y] + x, r[y]);
+    }
+#endif
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
-static void put_colors(float *out, float (*row)[16], int n, int C)
+static void put_colors(float *out, float (*row)[TILE], int n, int C)
 {
-    if (C == 3 && n == VEC) {
-        vf v[4] = {vf_load(row[0]), vf_load(row[1]), vf_load(row[2])};
+    if (C == 3 && n == TILE) {
+        for (int x = 0; x < TILE; x += VEC) {
+            vf v[3] = {vf_load(row[0] + x), vf_load(row[1] + x),
+                       vf_load(row[2] + x)};
 
-        vf_interleave(v, 3);
-        for (int k = 0; k < 3; k++)
-            vf_store(out + VEC * k, v[k]);
+            vf_put_rgb(out + 3 * x, v);
+        }
         return;
     }
     for (int x = 0; x < n; x++)
@@ -311,42 +360,41 @@ static void put_colors(float *out, float (*row)[16], int n, int C)
 
 static void to_half(uint16_t *out, const float *in, size_t n)
 {
-#if defined(ISA_AVX512) || defined(ISA_AVX2)
-    for (; n >= 8; n -= 8, in += 8, out += 8) {
-        __m128i h = _mm256_cvtps_ph(_mm256_loadu_ps(in), 0);
-
-        _mm_storeu_si128((__m128i *)out, h);
-    }
-#endif
+    for (; n >= VEC; n -= VEC, in += VEC, out += VEC)
+        vf_store_half(out, vf_load(in));
     for (size_t i = 0; i < n; i++)
         out[i] = float_to_half(in[i]);
+}
+
+/* Sums of the tile's pixel (x, y) of more than 4 channels. */
+VEC_INLINE const float *wide_pixel(const struct splat_work *w, int x, int y)
+{
+    return w->wide[4 * TILE * (y >> 2) + 4 * x + (y & 3)];
 }
 
 /* n pixels, C floats each, from their blocks' sums. */
 VEC_INLINE void put_wide(float *out, const struct splat_work *w, int y, int n,
                          const size_t C)
 {
-    for (int x = 0; x < n; x++) {
-        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
-
-        memcpy(out + (size_t)x * C, w->wide[pixel], C * sizeof *out);
-    }
+    for (int x = 0; x < n; x++)
+        memcpy(out + (size_t)x * C, wide_pixel(w, x, y), C * sizeof *out);
 }
 
-#ifdef ISA_AVX512
+#ifdef __SSE2__
 /* The same past the caches, all 32 channels: a large picture would only push
  * the Gaussians out of them.  out is aligned to 16 bytes. */
 static void stream_wide(float *out, const struct splat_work *w, int y, int n)
 {
     for (int x = 0; x < n; x++) {
-        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
+        const float *in = wide_pixel(w, x, y);
 
 #pragma GCC unroll 8
         for (int k = 0; k < SPLAT_MAX_CHANNELS; k += 4)
             _mm_stream_ps(out + x * SPLAT_MAX_CHANNELS + k,
-                          _mm_load_ps(w->wide[pixel] + k));
+                          _mm_load_ps(in + k));
     }
 }
+#endif
 
 /* And as halves: a pixel is one line of the cache, and out aligned to it.
  * T: NULL, or pixels of 1 are left as they were; what remains is about to be
@@ -354,30 +402,79 @@ static void stream_wide(float *out, const struct splat_work *w, int y, int n)
 static void stream_half(uint16_t *out, const struct splat_work *w, int y,
                         int n, const float *T)
 {
-    for (int x = 0; x < n; x++) {
-        int pixel = 16 * (4 * (y >> 2) + (x >> 2)) + 4 * (x & 3) + (y & 3);
-        const float *in = w->wide[pixel];
+    for (int x = 0; x < n; x++, out += SPLAT_MAX_CHANNELS) {
+        const float *in = wide_pixel(w, x, y);
 
         if (T && T[x] == 1)
             continue;
+#ifdef ISA_AVX512
         __m256i low = _mm512_cvtps_ph(_mm512_load_ps(in), 0);
         __m256i high = _mm512_cvtps_ph(_mm512_load_ps(in + 16), 0);
-
         __m512i both = _mm512_inserti64x4(_mm512_castsi256_si512(low), high,
                                           1);
 
-        if (T)
-            _mm512_store_si512((void *)(out + x * SPLAT_MAX_CHANNELS), both);
-        else
-            _mm512_stream_si512((void *)(out + x * SPLAT_MAX_CHANNELS), both);
+        if (!T) {
+            _mm512_stream_si512((void *)out, both);
+            continue;
+        }
+        _mm512_store_si512((void *)out, both);
+#elif defined(ISA_AVX2)
+#pragma GCC unroll 4
+        for (int k = 0; k < SPLAT_MAX_CHANNELS; k += VEC) {
+            __m128i h = _mm256_cvtps_ph(_mm256_loadu_ps(in + k), 0);
+
+            if (!T)
+                _mm_stream_si128((void *)(out + k), h);
+            else
+                _mm_store_si128((void *)(out + k), h);
+        }
+#else
+        for (int k = 0; k < SPLAT_MAX_CHANNELS; k += VEC)
+            vf_store_half(out + k, vf_load(in + k));
+#endif
     }
 }
-#endif
 
 /* Four rows of a tile on their way out: T, depth, up to 4 colours. */
 struct strip {
-    float T[4][16], z[4][16], color[4][4][16];
+    float T[4][TILE], z[4][TILE], color[4][4][TILE];
 };
+
+/* Can colours of more than 4 channels go straight to where they belong? */
+VEC_INLINE bool straight(const struct splat *s, const struct target *out)
+{
+    return s->opt.channels == SPLAT_MAX_CHANNELS && !out->bare &&
+           !out->background;
+}
+
+/* Colours of row y, more than 4 channels, into `to`.  true: and that is all
+ * there is to do. */
+static bool finish_wide(struct splat_work *w, const struct strip *p,
+                        const struct splat *s, const struct target *out,
+                        float *to, size_t at, int y, int n)
+{
+    size_t C = (size_t)s->opt.channels;
+
+    if (straight(s, out)) {
+        uint16_t *half = out->half ? out->half + at * C : NULL;
+
+        if (half && !((uintptr_t)half & 63)) {
+            stream_half(half, w, y, n, s->opt.covered ? p->T[y & 3] : NULL);
+            return true;
+        }
+#ifdef __SSE2__
+        if (!half && !((uintptr_t)to & 15)) {
+            stream_wide(to, w, y, n);
+            return true;
+        }
+#endif
+    }
+    if (C == SPLAT_MAX_CHANNELS)
+        put_wide(to, w, y, n, SPLAT_MAX_CHANNELS);
+    else
+        put_wide(to, w, y, n, C);
+    return false;
+}
 
 /* Colours of row y: without background into bare (or NULL), with it into the
  * picture. */
@@ -385,35 +482,17 @@ static void finish_colors(struct splat_work *w, struct strip *p,
                           const struct splat *s, const struct target *out,
                           size_t at, int y, int n)
 {
-    float line[16 * SPLAT_MAX_CHANNELS], row[4][16];
+    float line[16 * SPLAT_MAX_CHANNELS], row[4][TILE];
     size_t C = (size_t)s->opt.channels, values = (size_t)n * C;
     bool wide = s->state->row > 0;
     float *to = out->half ? line : out->image + at * C;
 
+    if (wide && finish_wide(w, p, s, out, to, at, y, n))
+        return;
     for (size_t c = 0; !wide && c < C; c++)
-        vf_store(row[c], vf_load(p->color[c][y & 3]));
-    if (out->bare || wide) {
-        if (wide && C == SPLAT_MAX_CHANNELS) {
-#ifdef ISA_AVX512
-            if (!out->half && !out->bare && !out->background &&
-                !((uintptr_t)to & 15)) {
-                stream_wide(to, w, y, n);
-                return;
-            }
-            if (out->half && !out->bare && !out->background &&
-                !((uintptr_t)(out->half + at * C) & 63)) {
-                stream_half(out->half + at * C, w, y, n,
-                            s->opt.covered ? p->T[y & 3] : NULL);
-                return;
-            }
-#endif
-            put_wide(to, w, y, n, SPLAT_MAX_CHANNELS);
-        }
-        else if (wide)
-            put_wide(to, w, y, n, C);
-        else
-            put_colors(to, row, n, (int)C);
-    }
+        memcpy(row[c], p->color[c][y & 3], sizeof row[c]);
+    if (out->bare && !wide)
+        put_colors(to, row, n, (int)C);
     if (out->bare)
         memcpy(out->bare + at * C, to, values * sizeof *to);
     if (wide && out->background)
@@ -422,9 +501,10 @@ static void finish_colors(struct splat_work *w, struct strip *p,
                 to[(size_t)x * C + c] += p->T[y & 3][x] * out->background[c];
     if (!wide && (out->background || !out->bare)) {
         for (size_t c = 0; out->background && c < C; c++)
-            vf_store(row[c], vf_fma(vf_load(p->T[y & 3]),
-                                    vf_set(out->background[c]),
-                                    vf_load(row[c])));
+            for (size_t x = 0; x < TILE; x += VEC)
+                vf_store(row[c] + x, vf_fma(vf_load(p->T[y & 3] + x),
+                                            vf_set(out->background[c]),
+                                            vf_load(row[c] + x)));
         put_colors(to, row, n, (int)C);
     }
     if (out->half)
@@ -435,14 +515,14 @@ static void finish_row(const struct strip *p, const struct target *out,
                        size_t at, int y, int n)
 {
     const float *T = p->T[y], *z = p->z[y];
-    float opaque[16], depth[16];
-    vf through = vf_load(T), sum = vf_set(1) - through;
+    float opaque[TILE], depth[TILE];
     size_t bytes = (size_t)n * sizeof *T;
 
     if (out->final_T)
         memcpy(out->final_T + at, T, bytes);
-    vf_store(opaque, sum);
-    if (out->alpha && n == 16)
+    for (int x = 0; x < TILE; x += VEC)
+        vf_store(opaque + x, vf_set(1) - vf_load(T + x));
+    if (out->alpha && n == TILE)
         memcpy(out->alpha + at, opaque, sizeof opaque);
     else if (out->alpha)
         memcpy(out->alpha + at, opaque, bytes);
@@ -460,11 +540,11 @@ static void finish(struct splat_work *w, const struct splat *s,
     struct strip p;
 
     for (int by = 0; by < 4; by++) {
-        block_rows(p.T, &w->T[4 * by], 1);
+        block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
-            block_rows(p.color[c], &w->color[4 * by][c], 4);
+            block_rows(p.color[c], w->color[c][ACROSS * by]);
         if (out->depth && s->state->row)
-            block_rows(p.z, &w->depth[4 * by], 1);
+            block_rows(p.z, w->depth[ACROSS * by]);
         else if (out->depth)
             memcpy(p.z, p.color[3], sizeof p.z);
         for (int y = 4 * by; y < 4 * by + 4 && y0 + y < s->opt.height; y++) {

@@ -5,7 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/splat/reference_walk.h"
 
 #define TILE 8            /* pixels, of the lists that save empty work */

@@ -5,8 +5,9 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/geom/bend.h"
+#include "lib/record/gaussians.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 
@@ -33,44 +34,22 @@ static void *copy(const void *p, size_t n)
     return out;
 }
 
-/* Required float array of `width` numbers a Gaussian, copied. */
-static float *take(const struct record *rec, const char *name, size_t n,
-                   size_t width, struct error *err)
-{
-    const size_t dims[2] = {n, width};
-    const struct array *a = record_find(rec, name);
-
-    /* a dimension of 0 would accept any size in record_get */
-    if (a && n == 0 && array_count(a) != 0) {
-        error_set(err, EX_DATAERR, "%s %s has %zu numbers (expected none)",
-                  rec->type, name, array_count(a));
-        return NULL;
-    }
-    const float *p = record_get(rec, name, DTYPE_F32, width > 1 ? 2 : 1,
-                                dims, err);
-    float *out = p ? copy(p, n * width * sizeof *p) : NULL;
-    if (p && !out)
-        error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-    return out;
-}
-
-static int take_color(struct scene *s, const struct record *rec,
+static int take_color(struct scene *s, const struct gaus *g,
                       struct error *err)
 {
-    const struct array *a = record_find(rec, "color");
+    const size_t count = g->n * g->channels;
+    void *p;
 
-    if (!a || a->ndim != 2 || a->dim[0] != s->g.n || a->dim[1] < 1 ||
-        a->dim[1] > SPLAT_MAX_CHANNELS ||
-        (a->dtype != DTYPE_F32 && a->dtype != DTYPE_F16))
-        return error_set(err, EX_DATAERR,
-                         "GAUS color is %s (expected f16 or f32 of %zu x 1 to "
-                         "%d)", a ? "of another type or shape" : "missing",
-                         s->g.n, SPLAT_MAX_CHANNELS);
-    void *p = copy(a->data, array_bytes(a));
+    if (g->channels > SPLAT_MAX_CHANNELS)
+        return error_set(err, EX_DATAERR, "GAUS color has %zu channels "
+                         "(expected 1 to %d)", g->channels,
+                         SPLAT_MAX_CHANNELS);
+    p = g->color ? copy(g->color, count * sizeof *g->color)
+                 : copy(g->color_half, count * sizeof *g->color_half);
     if (!p)
         return error_set(err, EX_OSERR, "out of memory for the colours");
-    s->g.channels = (int)a->dim[1];
-    if (a->dtype == DTYPE_F32)
+    s->g.channels = (int)g->channels;
+    if (g->color)
         s->g.color = s->color = p;
     else
         s->g.color_half = s->color_half = p;
@@ -131,68 +110,52 @@ static int take_camera(struct scene *s, const struct record *rec,
     return 0;
 }
 
-/* GAUS may say how the source's camera saw the head, and in which light. */
-static int take_source(struct scene *s, const struct record *rec,
+/* Copies of the arrays of a GAUS record. */
+static int copy_arrays(struct scene *s, const struct gaus *g,
                        struct error *err)
 {
-    static const size_t dims[2] = {3, 3}, three[1] = {3};
-    const float *source, *light;
+    const size_t n = s->g.n = g->n;
 
-    if (!record_find(rec, "source") || !record_find(rec, "light"))
-        return 0;
-    if (!(source = record_get(rec, "source", DTYPE_F32, 2, dims, err)) ||
-        !(light = record_get(rec, "light", DTYPE_F32, 1, three, err)))
-        return -1;
-    memcpy(s->light, light, sizeof s->light);
-    memcpy(s->source, source, sizeof s->source);
-    s->has_source = 1;
-    return 0;
+    if (g->cam) {
+        memcpy(s->cam, g->cam, sizeof s->cam);
+        s->has_cam = 1;
+    }
+    if (g->source && g->light) {
+        memcpy(s->source, g->source, sizeof s->source);
+        memcpy(s->light, g->light, sizeof s->light);
+        s->has_source = 1;
+    }
+    s->g.mean = s->mean = copy(g->mean, 3 * n * sizeof *g->mean);
+    s->loaded = copy(g->mean, 3 * n * sizeof *g->mean);
+    s->g.scale = s->scale = copy(g->scale, 3 * n * sizeof *g->scale);
+    s->g.quat = s->quat = copy(g->quat, 4 * n * sizeof *g->quat);
+    s->g.opacity = s->opacity = copy(g->opacity, n * sizeof *g->opacity);
+    if (g->bend)
+        s->bend = copy(g->bend, n * sizeof *g->bend);
+    if (g->branch)
+        s->g.branch = s->branch = copy(g->branch, n);
+    if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
+        (g->bend && !s->bend) || (g->branch && !s->branch))
+        return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
+    return take_color(s, g, err);
 }
 
 static int load(struct scene *s, const struct record *rec, struct error *err)
 {
-    const struct array *mean = record_find(rec, "mean");
-    const struct array *branch = record_find(rec, "branch");
     struct scene next = {.has_cam = s->has_cam};
+    struct gaus g;
 
     memcpy(next.cam, s->cam, sizeof next.cam);
-    if (!mean || mean->ndim != 2 || mean->dim[1] != 3)
-        return error_set(err, EX_DATAERR, "GAUS has no mean of N x 3");
-    size_t n = next.g.n = mean->dim[0];
-    if (record_check_finite(rec, err))
+    if (gaus_read(&g, rec, err))
         return -1;
-    if (!(next.g.mean = next.mean = take(rec, "mean", n, 3, err)) ||
-        !(next.loaded = take(rec, "mean", n, 3, err)) ||
-        !(next.g.scale = next.scale = take(rec, "scale", n, 3, err)) ||
-        !(next.g.quat = next.quat = take(rec, "quat", n, 4, err)) ||
-        !(next.g.opacity = next.opacity = take(rec, "opacity", n, 1, err)) ||
-        take_color(&next, rec, err) || take_camera(&next, rec, err) ||
-        take_source(&next, rec, err) ||
-        (record_find(rec, "bend") &&
-         !(next.bend = take(rec, "bend", n, 1, err))))
-        goto failed;
-    if (branch) {
-        if (branch->dtype != DTYPE_U8 || array_count(branch) != n) {
-            error_set(err, EX_DATAERR,
-                      "GAUS branch has %zu values (expected u8 of %zu)",
-                      array_count(branch), n);
-            goto failed;
-        }
-        if (!(next.branch = copy(branch->data, n))) {
-            error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-            goto failed;
-        }
-        next.g.branch = next.branch;
+    if (copy_arrays(&next, &g, err) || find_mouth(&next, err)) {
+        scene_release(&next);
+        return -1;
     }
-    if (find_mouth(&next, err))
-        goto failed;
     find_bent(&next);
     scene_release(s);
     *s = next;
     return SCENE_LOADED;
-failed:
-    scene_release(&next);
-    return -1;
 }
 
 static int move_means(struct scene *s, const struct record *rec,

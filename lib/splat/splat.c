@@ -7,12 +7,18 @@
 #include <sys/mman.h>
 #include <sysexits.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/isa.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"
 
 #define ALIGN 64
+
+#ifdef SPID_X86
+#define SPLAT_FIXED16 true     /* the kernels multiply 16-bit numbers */
+#else
+#define SPLAT_FIXED16 false
+#endif
 
 struct splat_camera splat_camera_square(const float rt[12], int size,
                                         float focal)
@@ -48,7 +54,7 @@ struct splat_options splat_defaults(int width, int height, int channels)
     size_t splat_work_size_##isa(void);
 #define TABLE(isa)                                                        \
     {splat_project_##isa, splat_tile_##isa, splat_tile_backward_##isa,    \
-     splat_gaussian_backward_##isa}
+     splat_gaussian_backward_##isa, splat_work_size_##isa}
 
 DECLARE(baseline)
 #ifdef SPID_X86
@@ -66,11 +72,6 @@ const struct splat_kernels *splat_kernels(enum cpu_level level)
     };
 
     return &table[level];
-}
-
-size_t splat_work_size(void)
-{
-    return splat_work_size_baseline();
 }
 
 /* ---- memory -------------------------------------------------------------- */
@@ -109,7 +110,7 @@ static size_t screen_layout(struct splat_state *st, char *base)
     st->zorder = carve(base, &used, tiles * sizeof *st->zorder);
     st->count = carve(base, &used, T * cells * sizeof *st->count);
     st->histogram = carve(base, &used, T * 2048 * sizeof *st->histogram);
-    st->work = carve(base, &used, T * splat_work_size());
+    st->work = carve(base, &used, T * st->work_size);
     return used;
 }
 
@@ -139,7 +140,7 @@ static size_t cloud_layout(struct splat *s, char *base, size_t n)
     st->loaded_mean = carve(base, &used, 3 * row);
     st->table = NULL;
     st->fixed = NULL;
-    if (st->row && s->opt.fixed16 && st->level == CPU_AVX512)
+    if (st->row && s->opt.fixed16 && SPLAT_FIXED16)
         st->fixed = carve(base, &used, n * 32 * sizeof *st->fixed);
     if (st->row && (!st->fixed || s->opt.gradients))
         st->table = carve(base, &used, (size_t)st->row * row);
@@ -224,7 +225,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
         s->opt.exp_degree = s->opt.exp_degree <= 3 ? 3 : 5;
     }
     s->state = st;
-    st->level = cpu_level();
+    st->level = opt->level_set ? opt->level : cpu_level();
+    st->work_size = splat_kernels(st->level)->work_size();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;

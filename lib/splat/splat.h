@@ -11,6 +11,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
+#include "lib/base/cpu.h"
 #include "lib/base/error.h"
 
 #define SPLAT_MAX_CHANNELS 32
@@ -77,6 +78,8 @@ struct splat_options {
                                    * out; default 0: none.  Each changes a
                                    * pixel by less than this times the range
                                    * of the colours */
+    bool level_set;               /* for measuring: kernels of `level`, which */
+    enum cpu_level level;         /* the processor must have, not the best */
     unsigned branches;            /* bit b set: branch b is drawn; 0: all */
 };
 

@@ -6,7 +6,7 @@
 #include "lib/base/cpu.h"
 #include "lib/splat/splat.h"
 
-#define TILE 16                /* pixels; a tile is 4 x 4 blocks of 4 x 4 */
+#define TILE 16                /* pixels; a tile is 4 rows of blocks */
 #define CHUNK 256              /* list entries a tile works on at a time */
 #define PAD 16                 /* arrays of Gaussians are whole vectors */
 #define HIDDEN UINT32_MAX      /* key of a Gaussian that is not drawn */
@@ -55,6 +55,7 @@ struct splat_gradient_state;
 
 struct splat_state {
     enum cpu_level level;
+    size_t work_size;          /* bytes of a struct splat_work */
     int threads;
     struct view view;
     struct splat_camera camera;
@@ -120,12 +121,13 @@ struct splat_kernels {
     void (*gaussian_backward)(const struct splat *s, size_t first,
                               size_t last, const struct splat_gradients *g,
                               double *rt);
+    /* Bytes of one thread's struct splat_work. */
+    size_t (*work_size)(void);
 };
 
 /* Memory for free(), aligned to 64 bytes; large blocks ask for huge pages: the
  * records are read in tile order.  NULL: none. */
 void *splat_block(size_t bytes);
 const struct splat_kernels *splat_kernels(enum cpu_level level);
-size_t splat_work_size(void);
 
 #endif

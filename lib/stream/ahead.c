@@ -1,3 +1,5 @@
+/* A thread that reads and checks the next record while the caller works on
+ * this one: two slots, each the thread's or the caller's. */
 #include "lib/stream/ahead.h"
 
 #include <pthread.h>
@@ -22,7 +24,8 @@ struct ahead {
     bool held;                 /* he still uses the other one */
 };
 
-static void wait_for(struct ahead *a, const struct slot *s, bool full)
+/* Until the slot is the caller's (full) or the thread's again. */
+static void slot_wait(struct ahead *a, const struct slot *s, bool full)
 {
     pthread_mutex_lock(&a->lock);
     while (s->full != full)
@@ -30,7 +33,8 @@ static void wait_for(struct ahead *a, const struct slot *s, bool full)
     pthread_mutex_unlock(&a->lock);
 }
 
-static void set(struct ahead *a, struct slot *s, bool full)
+/* Hand the slot over. */
+static void slot_set(struct ahead *a, struct slot *s, bool full)
 {
     pthread_mutex_lock(&a->lock);
     s->full = full;
@@ -39,7 +43,7 @@ static void set(struct ahead *a, struct slot *s, bool full)
 }
 
 /* The thread: as far ahead as there are slots. */
-static void *read_slots(void *arg)
+static void *ahead_thread(void *arg)
 {
     struct ahead *a = arg;
     int rc = 1;
@@ -47,9 +51,9 @@ static void *read_slots(void *arg)
     for (int k = 0; rc > 0; k = !k) {
         struct slot *s = &a->slot[k];
 
-        wait_for(a, s, false);
+        slot_wait(a, s, false);
         rc = s->rc = stream_read(a->in, &s->rec, &s->err);
-        set(a, s, true);
+        slot_set(a, s, true);
     }
     return NULL;
 }
@@ -65,7 +69,7 @@ struct ahead *ahead_open(struct stream_reader *in, struct error *err)
     a->in = in;
     pthread_mutex_init(&a->lock, NULL);
     pthread_cond_init(&a->turn, NULL);
-    if (pthread_create(&a->thread, NULL, read_slots, a)) {
+    if (pthread_create(&a->thread, NULL, ahead_thread, a)) {
         pthread_cond_destroy(&a->turn);
         pthread_mutex_destroy(&a->lock);
         free(a);
@@ -80,9 +84,9 @@ int ahead_read(struct ahead *a, const struct record **rec, struct error *err)
     struct slot *s = &a->slot[a->next];
 
     if (a->held)
-        set(a, &a->slot[!a->next], false);
+        slot_set(a, &a->slot[!a->next], false);
     a->held = false;
-    wait_for(a, s, true);
+    slot_wait(a, s, true);
     if (s->rc > 0) {
         a->held = true;
         a->next = !a->next;

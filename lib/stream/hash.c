@@ -1,3 +1,4 @@
+/* The stream's checksum: XXH3-64 with this processor's widest vectors. */
 #include "lib/stream/hash.h"
 
 #include <stdlib.h>
@@ -10,7 +11,8 @@ struct hash {
     const struct hash_table *f;
 };
 
-static const struct hash_table *version(void)
+/* The widest that this processor has, or $SPID_CPU allows. */
+static const struct hash_table *hash_version(void)
 {
 #ifdef SPID_X86
     switch (cpu_level()) {
@@ -29,7 +31,7 @@ struct hash *hash_new(void)
     if (!h)
         return NULL;
     memset(h, 0, sizeof *h);   /* the library asks for it */
-    h->f = version();
+    h->f = hash_version();
     return h;
 }
 

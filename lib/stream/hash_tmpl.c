@@ -6,19 +6,20 @@
 
 _Static_assert(sizeof(XXH3_state_t) <= HASH_BYTES, "room for the state");
 
-static void begin(void *state)
+/* Seed 0. */
+static void state_begin(void *state)
 {
     XXH3_64bits_reset(state);
 }
 
-static void add(void *state, const void *data, size_t bytes)
+static void state_add(void *state, const void *data, size_t bytes)
 {
     XXH3_64bits_update(state, data, bytes);
 }
 
-static uint64_t end(const void *state)
+static uint64_t state_end(const void *state)
 {
     return XXH3_64bits_digest(state);
 }
 
-const struct hash_table ISA(hash_table) = {begin, add, end};
+const struct hash_table ISA(hash_table) = {state_begin, state_add, state_end};

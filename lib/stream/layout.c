@@ -1,3 +1,5 @@
+/* Header and table of a record, written and checked. A reader trusts nothing:
+ * every number is compared with what is left before it is used. */
 #include "lib/stream/layout.h"
 
 #include <math.h>
@@ -29,6 +31,7 @@ void layout_put_header(struct layout_header *h, const char *type,
     h->check = XXH3_64bits(h, HEADER_HASHED);
 }
 
+/* Four printable characters, the first no blank. */
 static int type_is_valid(const char type[4])
 {
     for (int i = 0; i < 4; i++)
@@ -165,6 +168,7 @@ static int shape_bytes(size_t *bytes, const struct layout_entry *e,
     return n > limit ? -1 : 0;
 }
 
+/* One array's row, whose data must begin at offset and end by end. */
 static int get_entry(struct array *a, const struct layout_entry *e,
                      const char *type, size_t offset, size_t end,
                      struct error *err)

@@ -57,6 +57,7 @@ const char *stream_name(const struct stream_reader *r)
     return r->name;
 }
 
+/* Without a source as yet. NULL: no memory. */
 static struct stream_reader *reader_new(const char *name,
                                         const struct stream_options *opt,
                                         struct error *err)
@@ -114,6 +115,7 @@ static void map_file(struct stream_reader *r, const struct stat *st)
     r->end = r->room = (size_t)st->st_size;
 }
 
+/* Open the path and decide between mapping and reading. */
 static int open_source(struct stream_reader *r, const char *path,
                        struct error *err)
 {
@@ -172,8 +174,8 @@ struct stream_reader *stream_open_memory(const void *data, size_t bytes,
 }
 
 /* *base with so much room, what it holds kept. */
-static int resize(unsigned char **base, size_t *room, size_t want,
-                  struct error *err)
+static int buffer_resize(unsigned char **base, size_t *room, size_t want,
+                         struct error *err)
 {
     void *p = *base ? mremap(*base, *room, want, MREMAP_MAYMOVE)
                     : mmap(NULL, want, PROT_READ | PROT_WRITE,
@@ -206,11 +208,11 @@ static int make_room(struct stream_reader *r, size_t need, struct error *err)
     room = room ? 2 * room : BLOCK;
     if (room > layout_align(need) && need > BLOCK)
         room = (need + 4095) & ~(size_t)4095;
-    return resize(&r->base, &r->room, room, err);
+    return buffer_resize(&r->base, &r->room, room, err);
 }
 
 /* Read some bytes towards need from r->begin on.  1, 0 at the end, -1. */
-static int fill(struct stream_reader *r, size_t need, struct error *err)
+static int reader_fill(struct stream_reader *r, size_t need, struct error *err)
 {
     size_t want;
     ssize_t n;
@@ -232,12 +234,13 @@ static int fill(struct stream_reader *r, size_t need, struct error *err)
 }
 
 /* At least need bytes from r->begin on.  1, 0 when the data end before, -1. */
-static int ensure(struct stream_reader *r, size_t need, struct error *err)
+static int reader_ensure(struct stream_reader *r, size_t need,
+                         struct error *err)
 {
     int rc = 1;
 
     while (rc > 0 && r->end - r->begin < need)
-        rc = fill(r, need, err);
+        rc = reader_fill(r, need, err);
     return rc;
 }
 
@@ -251,7 +254,8 @@ static int change_buffers(struct stream_reader *r, struct error *err)
 
     while (room < left)
         room = room ? 2 * room : BLOCK;
-    if (room > r->spare_room && resize(&base, &r->spare_room, room, err))
+    if (room > r->spare_room && buffer_resize(&base, &r->spare_room, room,
+                                              err))
         return -1;
     if (left)
         memcpy(base, from, left);
@@ -265,7 +269,7 @@ static int change_buffers(struct stream_reader *r, struct error *err)
 }
 
 /* Let go of the record handed out last, or with pair the one before. */
-static int advance(struct stream_reader *r, struct error *err)
+static int reader_advance(struct stream_reader *r, struct error *err)
 {
     if (r->pair && r->held && r->source == SOURCE_PIPE)
         return change_buffers(r, err);
@@ -280,6 +284,7 @@ static int advance(struct stream_reader *r, struct error *err)
     return 0;
 }
 
+/* The error for a stream that ends inside of something. */
 static int cut_short(struct stream_reader *r, const char *what, size_t need,
                      struct error *err)
 {
@@ -287,6 +292,7 @@ static int cut_short(struct stream_reader *r, const char *what, size_t need,
                      "writer stopped early", what, r->end - r->begin, need);
 }
 
+/* The payload is what the writer wrote. */
 static int check_hash(const struct record *rec, uint64_t hash,
                       struct error *err)
 {
@@ -315,7 +321,7 @@ static int read_payload(struct stream_reader *r, const struct record *rec,
         done = have;
         if (done == need)
             break;
-        if ((rc = fill(r, need, err)) < 0)
+        if ((rc = reader_fill(r, need, err)) < 0)
             return -1;
         if (rc == 0)
             return cut_short(r, rec->type, need, err);
@@ -336,17 +342,18 @@ static int read_end(struct stream_reader *r, const struct record *rec,
         return error_set(err, EX_DATAERR, "END counts %llu records (expected "
                          "%llu)", (unsigned long long)rec->frame,
                          (unsigned long long)r->records);
-    rc = ensure(r, HEADER_BYTES + 1, err);
+    rc = reader_ensure(r, HEADER_BYTES + 1, err);
     if (rc > 0)
         return error_set(err, EX_DATAERR, "data follow the END record");
     r->ended = rc == 0;
     return rc;
 }
 
+/* Header, table, payload; each is checked before the next is read. */
 static int read_record(struct stream_reader *r, struct record *rec,
                        struct error *err)
 {
-    int rc = ensure(r, HEADER_BYTES, err);
+    int rc = reader_ensure(r, HEADER_BYTES, err);
     size_t table;
 
     if (rc < 0)
@@ -367,7 +374,7 @@ static int read_record(struct stream_reader *r, struct record *rec,
         r->end - r->begin - HEADER_BYTES < rec->payload_bytes)
         return cut_short(r, rec->type, HEADER_BYTES + rec->payload_bytes,
                          err);
-    if ((rc = ensure(r, table, err)) <= 0)
+    if ((rc = reader_ensure(r, table, err)) <= 0)
         return rc ? -1 : cut_short(r, rec->type, table, err);
     if (layout_get_table(rec, (void *)(r->base + r->begin + HEADER_BYTES),
                          err) ||
@@ -389,7 +396,7 @@ int stream_read(struct stream_reader *r, struct record *rec,
 
     if (r->ended)
         return 0;
-    rc = advance(r, err) ? -1 : read_record(r, rec, err);
+    rc = reader_advance(r, err) ? -1 : read_record(r, rec, err);
     if (rc < 0 && r->records)
         return error_prefix(err, "%s: after frame %llu", r->name,
                             (unsigned long long)r->last_frame);

@@ -1,3 +1,5 @@
+/* The table of known records of spid-stream(5), and the check of a record
+ * against it. */
 #include "lib/stream/schema.h"
 
 #include <stdio.h>
@@ -117,6 +119,7 @@ static bool some_shape_matches(const char *shapes, const struct array *a,
     return false;
 }
 
+/* One row of the table: the array is there, of a dtype and shape allowed. */
 static int check_array(const struct schema *s, const struct record *rec,
                        struct letters *l, struct error *err)
 {

@@ -1,8 +1,9 @@
+/* Smallest, mean and largest value of an array of any dtype. */
 #include "lib/stream/stats.h"
 
 #include <math.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 
 double array_value(const struct array *a, size_t i)
 {

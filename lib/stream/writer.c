@@ -32,6 +32,7 @@ struct stream_writer {
     size_t iov_room;
 };
 
+/* Close and free; what was written stays. */
 static void writer_free(struct stream_writer *w)
 {
     if (!w)
@@ -132,14 +133,16 @@ static int write_pieces(struct stream_writer *w, struct iovec *iov,
 }
 
 /* writev wants pointers to non-const; it only reads. */
-static struct iovec piece(const void *data, size_t bytes)
+static struct iovec iov_piece(const void *data, size_t bytes)
 {
     struct iovec v = { (void *)(uintptr_t)data, bytes };
 
     return v;
 }
 
-static int make_room(struct stream_writer *w, size_t pieces, struct error *err)
+/* Room for so many pieces. */
+static int writer_room(struct stream_writer *w, size_t pieces,
+                       struct error *err)
 {
     struct iovec *p;
 
@@ -154,6 +157,7 @@ static int make_room(struct stream_writer *w, size_t pieces, struct error *err)
     return 0;
 }
 
+/* Sum of their lengths. */
 static size_t parts_bytes(const struct iovec *part, size_t parts)
 {
     size_t sum = 0;
@@ -165,13 +169,14 @@ static size_t parts_bytes(const struct iovec *part, size_t parts)
 
 /* The payload's pieces behind w->iov[0], which is the header's; how many there
  * are with it. */
-static size_t collect(struct stream_writer *w, const struct array *arrays,
-                      int count, const struct iovec *part, size_t parts)
+static size_t writer_collect(struct stream_writer *w,
+                             const struct array *arrays, int count,
+                             const struct iovec *part, size_t parts)
 {
     struct iovec *iov = w->iov;
     size_t n = 1;
 
-    iov[n++] = piece(w->table, (size_t)count * ENTRY_BYTES);
+    iov[n++] = iov_piece(w->table, (size_t)count * ENTRY_BYTES);
     for (int i = 0; i < count; i++) {
         size_t bytes = (size_t)w->table[i].bytes;
 
@@ -179,10 +184,10 @@ static size_t collect(struct stream_writer *w, const struct array *arrays,
             memcpy(iov + n, part, parts * sizeof *iov);
             n += parts;
         } else if (bytes) {
-            iov[n++] = piece(arrays[i].data, bytes);
+            iov[n++] = iov_piece(arrays[i].data, bytes);
         }
         if (bytes % STREAM_ALIGN)
-            iov[n++] = piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
+            iov[n++] = iov_piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
     }
     return n;
 }
@@ -205,15 +210,15 @@ int stream_write_parts(struct stream_writer *w, const char *type,
     if (part && (count == 0 || parts_bytes(part, parts) != w->table[0].bytes))
         return error_set(err, EX_SOFTWARE, "%s: record '%s': parts of another "
                          "length than its first array", w->name, type);
-    if (make_room(w, PIECES + parts, err))
+    if (writer_room(w, PIECES + parts, err))
         return -1;
-    n = collect(w, arrays, count, part, parts);
+    n = writer_collect(w, arrays, count, part, parts);
     hash_begin(w->hash);
     for (size_t i = 1; i < n; i++)
         hash_add(w->hash, w->iov[i].iov_base, w->iov[i].iov_len);
     layout_put_header(&header, type, frame, time, count, payload,
                       hash_end(w->hash));
-    w->iov[0] = piece(&header, sizeof header);
+    w->iov[0] = iov_piece(&header, sizeof header);
     return write_pieces(w, w->iov, n, err);
 }
 
@@ -236,8 +241,8 @@ int stream_copy(struct stream_writer *w, const struct record *rec,
                             rec->count, err);
     layout_put_header(&header, rec->type, rec->frame, rec->time, rec->count,
                       rec->payload_bytes, rec->payload_hash);
-    iov[0] = piece(&header, sizeof header);
-    iov[1] = piece(rec->payload, rec->payload_bytes);
+    iov[0] = iov_piece(&header, sizeof header);
+    iov[1] = iov_piece(rec->payload, rec->payload_bytes);
     return write_pieces(w, iov, 2, err);
 }
 

@@ -26,7 +26,7 @@ static char *print(const struct conf *c)
     cJSON_AddStringToObject(j, "units", "head");
     cJSON_AddNumberToObject(j, "scale", c->head->scale);
     camera = cJSON_AddObjectToObject(j, "camera");
-    cJSON_AddNumberToObject(camera, "size", (double)c->config->size);
+    cJSON_AddNumberToObject(camera, "size", (double)c->model->config.size);
     cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
     if (c->fps_num > 0)
         cJSON_AddItemToObject(j, "fps", pair(c->fps_num, c->fps_den));
@@ -38,8 +38,7 @@ static char *print(const struct conf *c)
         cJSON_AddItemToObject(j, "window", cJSON_CreateDoubleArray(q, 3));
     }
     cJSON_AddStringToObject(j, "head_hash", c->head->hash);
-    if (c->model_hash)
-        cJSON_AddStringToObject(j, "model_hash", c->model_hash);
+    cJSON_AddStringToObject(j, "model_hash", c->model->hash);
     text = cJSON_PrintUnformatted(j);
     cJSON_Delete(j);
     return text;

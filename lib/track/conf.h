@@ -5,17 +5,16 @@
 
 #include <stddef.h>
 
-#include "lib/avatar/config.h"
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/head.h"
+#include "lib/model/model.h"
 #include "lib/stream/stream.h"
 
 struct conf {
     const char *producer;           /* "spid-motion" */
     const struct head *head;
-    const struct avatar_config *config;
-    const char *model_hash;
+    const struct model *model;
     int fps_num, fps_den;           /* 0: left out */
     const struct square *window;    /* picture pixels; NULL: left out */
     size_t width, height;           /* of the picture */

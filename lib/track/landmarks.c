@@ -64,9 +64,12 @@ int landmarks_init(struct landmarks *l, const struct identity *id,
     s->exp_dirs = gather(h->exp_dirs, h->nexp, 3, pick, n);
     s->pose_dirs = gather(h->pose_dirs, HEAD_POSE_DIRS, 3, pick, n);
     s->skin = gather(h->skin, HEAD_JOINTS, 1, pick, n);
-    s->lids = gather(h->lids, 2, 3, pick, n);
+    s->lids = gather(id->lids, 2, 3, pick, n);
+    s->nlid = 0;
     l->id = *id;
     l->id.head = s;
+    l->id.lids = s->lids;
+    l->id.own_lids = NULL;
     l->id.shaped = gather(id->shaped, 1, 3, pick, n);
     l->verts = malloc(3 * s->blocks * B * sizeof *l->verts);
     if (s->exp_dirs && s->pose_dirs && s->skin && s->lids && l->id.shaped

@@ -5,10 +5,10 @@
 #include <stdint.h>
 
 #include "formats/draw.h"
-#include "lib/avatar/records.h"
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"
+#include "lib/record/motion.h"
 
 struct overlay {
     const struct identity *id;  /* borrowed */

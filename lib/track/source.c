@@ -6,7 +6,7 @@
 
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/track/overlay.h"
 
 const char *source_matte_name(enum source_matte how)
@@ -33,19 +33,20 @@ static int find_face(struct source *s, struct track *t,
                          "pixels (looked for frontal and profile faces from "
                          "a twelfth of the picture up; --crop X,Y,SIZE says "
                          "where it is)", im->width, im->height);
-    s->motion = r.motion;
-    s->motion.pose.exp = s->motion.exp;
+    s->person.source = r.motion;
+    s->person.source.pose.exp = s->person.source.exp;
+    s->person.has_source = true;
     s->window = t->window;
-    s->crop[0] = (float)t->window.x;
-    s->crop[1] = (float)t->window.y;
-    s->crop[2] = (float)t->window.size;
+    s->person.crop[0] = (float)t->window.x;
+    s->person.crop[1] = (float)t->window.y;
+    s->person.crop[2] = (float)t->window.size;
     s->crop_s = r.crop_s;
     s->motion_s = r.network_s + r.heads_s;
     s->detect_s = r.detect_s;
     return 0;
 }
 
-/* What looks_shape needs to cut a crop of window pixels. */
+/* What shape_tta_forward needs to cut a crop of window pixels. */
 struct view {
     struct track *t;
     const struct image *im;
@@ -55,7 +56,7 @@ static int look(void *ctx, float *rgb, struct square q, struct error *err)
 {
     const struct view *v = ctx;
 
-    return track_look(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
+    return track_cut(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
                       err);
 }
 
@@ -66,37 +67,42 @@ static int find_shape(struct source *s, struct track *t,
 {
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
-    const float *c = s->motion.crop;
+    const float *c = s->person.source.crop;
     struct view v = {t, im};
-    struct looks l;
+    struct shape_tta l;
     int rc = -1;
 
-    if (looks_init(&l, &nets->shape, head, err) ||
-        looks_shape(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
+    if (shape_tta_init(&l, &nets->shape, head, err) ||
+        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
                     err))
         goto out;
-    s->nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
+    s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                  : SHAPE_ENCODER_OUT;
-    memcpy(s->shape, beta, s->nshape * sizeof *beta);
+    s->person.shape = malloc((s->person.nshape + 1) * sizeof *beta);
+    if (!s->person.shape) {
+        error_set(err, EX_OSERR, "no memory for an identity");
+        goto out;
+    }
+    memcpy(s->person.shape, beta, s->person.nshape * sizeof *beta);
     s->shape_s = cpu_seconds() - begun;
     rc = 0;
 out:
-    looks_release(&l);
+    shape_tta_release(&l);
     return rc;
 }
 
 static int cut_window(struct source *s, const struct image *im,
                       struct error *err)
 {
-    const size_t S = s->size;
+    const size_t S = s->person.size;
     double begun = cpu_seconds();
     int rc;
 
-    s->rgb = malloc(3 * S * S);
-    s->matte = malloc(S * S);
-    if (!s->rgb || !s->matte)
+    s->person.rgb = malloc(3 * S * S);
+    s->person.matte = malloc(S * S);
+    if (!s->person.rgb || !s->person.matte)
         return error_set(err, EX_OSERR, "no memory for the source crop");
-    rc = crop_resize_u8(s->rgb, S, im->rgb, im->width, im->height,
+    rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
                         3 * im->width, 3, s->window);
     s->crop_s += cpu_seconds() - begun;
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory to resize");
@@ -112,7 +118,8 @@ static int matte_from(struct source *s, const uint8_t *plane, size_t W,
     if (one) {
         for (size_t i = 0; i < W * H; i++)
             one[i] = plane[i * step];
-        rc = crop_resize_u8(s->matte, s->size, one, W, H, W, 1, s->window);
+        rc = crop_resize_u8(s->person.matte, s->person.size, one, W, H, W, 1,
+                            s->window);
     }
     free(one);
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
@@ -122,15 +129,15 @@ static int matte_from(struct source *s, const uint8_t *plane, size_t W,
 static void inside_mask(uint8_t *inside, const struct source *s,
                         const struct image *im)
 {
-    const double k = s->window.size / (double)s->size;
+    const double k = s->window.size / (double)s->person.size;
     const double x0 = s->window.x - s->window.size / 2;
     const double y0 = s->window.y - s->window.size / 2;
 
-    for (size_t y = 0; y < s->size; y++)
-        for (size_t x = 0; x < s->size; x++) {
+    for (size_t y = 0; y < s->person.size; y++)
+        for (size_t x = 0; x < s->person.size; x++) {
             double u = x0 + ((double)x + 0.5) * k;
             double v = y0 + ((double)y + 0.5) * k;
-            inside[y * s->size + x] = u >= 0 && v >= 0
+            inside[y * s->person.size + x] = u >= 0 && v >= 0
                 && u < (double)im->width && v < (double)im->height ? 255 : 0;
         }
 }
@@ -139,20 +146,21 @@ static void inside_mask(uint8_t *inside, const struct source *s,
  * stretch that grows with the distance. */
 static void smear(struct source *s, size_t x, size_t y, size_t from)
 {
-    const size_t n = s->size, r = (y - from) / 4;
+    const size_t n = s->person.size, r = (y - from) / 4;
     const size_t lo = x > r ? x - r : 0, hi = x + r < n ? x + r : n - 1;
-    const uint8_t *matte = s->matte + from * n;
-    uint8_t *rgb = s->rgb + 3 * (y * n + x);
+    const uint8_t *matte = s->person.matte + from * n;
+    const uint8_t *above = s->person.rgb + 3 * from * n;
+    uint8_t *rgb = s->person.rgb + 3 * (y * n + x);
     unsigned sum[3] = {0}, weight = 0;
 
-    s->matte[y * n + x] = matte[x];
-    memcpy(rgb, s->rgb + 3 * (from * n + x), 3);
+    s->person.matte[y * n + x] = matte[x];
+    memcpy(rgb, above + 3 * x, 3);
     if (!matte[x])
         return;
     for (size_t k = lo; k <= hi; k++) {
         weight += matte[k];
         for (size_t c = 0; c < 3; c++)
-            sum[c] += (unsigned)matte[k] * s->rgb[3 * (from * n + k) + c];
+            sum[c] += (unsigned)matte[k] * above[3 * k + c];
     }
     for (size_t c = 0; c < 3; c++)
         rgb[c] = (uint8_t)(sum[c] / weight);
@@ -163,14 +171,14 @@ static void smear(struct source *s, size_t x, size_t y, size_t from)
  * edge, where no black is mixed in. */
 static void continue_body(struct source *s, const uint8_t *inside)
 {
-    const size_t n = s->size;
+    const size_t n = s->person.size;
     size_t end = n;
 
     while (end > 0 && !memchr(inside + (end - 1) * n, 255, n))
         end--;
     for (size_t i = 0; i < n * n; i++)
         if (!inside[i])
-            s->matte[i] = 0;
+            s->person.matte[i] = 0;
     for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
         for (size_t x = 0; x < n; x++)
             smear(s, x, y, end - 3);
@@ -179,7 +187,7 @@ static void continue_body(struct source *s, const uint8_t *inside)
 static int matte_from_colours(struct source *s, const struct image *im,
                               const struct head *head, struct error *err)
 {
-    uint8_t *silhouette = malloc(2 * s->size * s->size), *inside;
+    uint8_t *silhouette = malloc(2 * s->person.size * s->person.size), *inside;
     struct identity id = {0};
     struct overlay o = {0};
     int fallback = 0, rc = -1;
@@ -188,17 +196,18 @@ static int matte_from_colours(struct source *s, const struct image *im,
         error_set(err, EX_OSERR, "no memory for the matte");
         goto out;
     }
-    if (head_fold(&id, head, s->shape, s->nshape, err) != 0
+    if (head_fold(&id, head, s->person.shape, s->person.nshape, err) != 0
         || overlay_init(&o, &id, err) != 0)
         goto out;
-    overlay_silhouette(silhouette, &o, &s->motion, s->size);
-    inside = silhouette + s->size * s->size;
+    overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
+    inside = silhouette + s->person.size * s->person.size;
     inside_mask(inside, s, im);
-    rc = matte_grabcut(s->matte, &fallback, s->rgb, silhouette, inside,
-                       s->size, err);
+    rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
+                       inside, s->person.size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
     if (rc == 0 && !fallback)
-        rc = matte_unmix(s->rgb, s->matte, inside, s->size, err);
+        rc = matte_unmix(s->person.rgb, s->person.matte, inside,
+                         s->person.size, err);
     if (rc == 0 && !fallback)
         continue_body(s, inside);
 out:
@@ -245,7 +254,7 @@ int source_make(struct source *s, const struct image *im,
     int rc = -1;
 
     memset(s, 0, sizeof *s);
-    s->size = (size_t)opt->size;
+    s->person.size = (size_t)opt->size;
     if (im->width < 16 || im->height < 16)
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,
@@ -269,25 +278,14 @@ out:
 
 void source_release(struct source *s)
 {
-    free(s->rgb);
-    free(s->matte);
+    person_release(&s->person);
     memset(s, 0, sizeof *s);
 }
 
-int source_write(struct stream_writer *w, const struct source *s, size_t nexp,
-                 struct error *err)
+struct person source_take_person(struct source *s)
 {
-    struct array a[3] = {
-        array_make("rgb", DTYPE_U8, s->rgb, 3, s->size, s->size, 3, 0),
-        array_make("matte", DTYPE_U8, s->matte, 2, s->size, s->size, 0, 0),
-        array_make("crop", DTYPE_F32, s->crop, 1, 3, 0, 0, 0)
-    };
-    struct array shape = array_make("shape", DTYPE_F32, s->shape, 1,
-                                    s->nshape, 0, 0, 0);
+    struct person p = s->person;
 
-    if (stream_write(w, "SRCI", 0, 0, a, 3, err)
-        || stream_write(w, "SHAP", 0, 0, &shape, 1, err)
-        || motion_write(w, 0, 0, &s->motion, nexp, NULL, 0, err))
-        return -1;
-    return 0;
+    memset(&s->person, 0, sizeof s->person);
+    return p;
 }

@@ -9,7 +9,7 @@
 
 #include "formats/image.h"
 #include "lib/base/error.h"
-#include "lib/stream/stream.h"
+#include "lib/record/person.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
 
@@ -21,15 +21,10 @@ enum source_matte {
 };
 
 struct source {
-    size_t size;                /* S */
-    uint8_t *rgb;               /* (S,S,3) the portrait window */
-    uint8_t *matte;             /* (S,S) */
-    float crop[3];              /* the window in the picture: centre, size */
-    float shape[SHAPE_ENCODER_OUT];
-    size_t nshape;              /* as many as the head has */
-    struct motion motion;
+    struct person person;       /* picture of the portrait window, matte,
+                                 * shape and motion; no hashes */
     enum source_matte how;
-    struct square window;
+    struct square window;       /* in the picture */
     double crop_s, motion_s, shape_s, matte_s, detect_s;
 };
 
@@ -41,10 +36,9 @@ int source_make(struct source *s, const struct image *im,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err);
 void source_release(struct source *s);
-
-/* SRCI, SHAP and MOTN (frame 0), in this order. */
-int source_write(struct stream_writer *w, const struct source *s, size_t nexp,
-                 struct error *err);
+/* Move the person out, for whoever keeps them (person_release); set
+ * source.pose.exp of the copy to its own exp. */
+struct person source_take_person(struct source *s);
 
 const char *source_matte_name(enum source_matte how);
 

@@ -29,7 +29,7 @@ int track_init(struct track *t, const struct identity *id,
     t->input = malloc(3 * CROP_NET * CROP_NET * sizeof *t->input);
     if (!t->input)
         error_set(err, EX_OSERR, "no memory for the face crop");
-    else if (motion_looks_init(&t->looks, net, 1, id->head, opt->once,
+    else if (motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
                                err) == 0)
         return 0;
     track_release(t);
@@ -40,7 +40,7 @@ void track_release(struct track *t)
 {
     landmarks_release(&t->landmarks);
     facedetect_close(t->detector);
-    motion_looks_release(&t->looks);
+    motion_tta_release(&t->tta);
     free(t->input);
     free(t->half);
     memset(t, 0, sizeof *t);
@@ -87,7 +87,7 @@ static int shrink(struct track *t, const uint8_t **rgb, size_t *W, size_t *H,
     return 0;
 }
 
-int track_look(float *out, struct track *t, const uint8_t *rgb, size_t W,
+int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
                size_t H, struct square crop, struct error *err)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
@@ -102,7 +102,7 @@ int track_look(float *out, struct track *t, const uint8_t *rgb, size_t W,
 static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
                      struct square crop, struct error *err)
 {
-    return track_look(t->input, t, rgb, W, H, crop, err);
+    return track_cut(t->input, t, rgb, W, H, crop, err);
 }
 
 /* ---- what the network says -------------------------------------------- */
@@ -187,7 +187,7 @@ static int encode(struct track *t, struct track_result *r,
     if (take_crop(t, rgb, W, H, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
-    motion_looks_see(out, &t->looks, t->input);
+    motion_tta_forward(out, &t->tta, t->input);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
     r->crop_s += t1 - t0;

@@ -10,13 +10,13 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/avatar/records.h"
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
+#include "lib/record/motion.h"
 #include "lib/track/landmarks.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/track/oneeuro.h"
 
 #define TRACK_THUMB 28          /* side of the picture that cuts are seen in */
@@ -27,7 +27,8 @@ struct track_options {
     struct square crop;         /* fixed face crop, picture pixels */
     struct square window;       /* portrait window, picture pixels */
     double smooth;              /* one-euro cut-off, Hz; 0: off */
-    bool once;                  /* no second look, in a mirror */
+    bool no_tta;                /* E_m on the crop alone, not its mirror
+                                 * image, too */
 };
 
 enum track_event {
@@ -50,7 +51,7 @@ struct facedetect;
 struct track {
     struct track_options opt;
     const struct head *head;
-    struct motion_looks looks;
+    struct motion_tta tta;
     struct landmarks landmarks;
     struct facedetect *detector;        /* NULL until it is needed */
     struct square window;               /* picture pixels */
@@ -85,7 +86,7 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
 
 /* out (224,224,3) = a crop (window pixels) of the picture [H,W,3], as the
  * networks see it.  -1 only when memory is short. */
-int track_look(float *out, struct track *t, const uint8_t *rgb, size_t W,
+int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
                size_t H, struct square crop, struct error *err);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R

@@ -8,6 +8,7 @@
 #include <unistd.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/random.h"
 
 static uint64_t fold(uint64_t h, uint64_t x)

@@ -256,6 +256,20 @@ void train_config_release(struct train_config *c)
     c->model = NULL;
 }
 
+const char *train_config_net(char *out, size_t size,
+                             const struct train_config *c, const char *object,
+                             const char *normal)
+{
+    cJSON *json = c->model ? cJSON_Parse(c->model) : NULL;
+    const cJSON *part = json ? cJSON_GetObjectItem(json, object) : NULL;
+    const cJSON *net = part ? cJSON_GetObjectItem(part, "net") : NULL;
+
+    snprintf(out, size, "%s",
+             cJSON_IsString(net) ? net->valuestring : normal);
+    cJSON_Delete(json);
+    return out;
+}
+
 double train_rate(const struct train_config *c, uint64_t step)
 {
     double warm = (double)c->warmup, s = (double)step;

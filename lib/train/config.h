@@ -2,10 +2,11 @@
 #ifndef SPID_TRAIN_CONFIG_H
 #define SPID_TRAIN_CONFIG_H
 
+#include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 #include "lib/train/motion_loss.h"
 
 #define TRAIN_PATH 400
@@ -54,6 +55,11 @@ int train_config_parse(struct train_config *c, const char *text,
 int train_config_load(struct train_config *c, const char *path,
                       struct error *err);
 void train_config_release(struct train_config *c);
+
+/* The string at model.OBJECT.net of the configuration, or `normal`, in out. */
+const char *train_config_net(char *out, size_t size,
+                             const struct train_config *c, const char *object,
+                             const char *normal);
 
 const char *train_stage_name(enum train_stage stage);
 

@@ -7,11 +7,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-
-/* Pixels x0 <= x < x1, y0 <= y < y1. */
-struct box {
-    size_t x0, y0, x1, y1;
-};
+#include "lib/geom/box.h"
 
 /* Mean |b - a| over the box (NULL: everything): L_img's four terms. */
 double loss_l1(float *db, const float *b, const float *a, size_t H, size_t W,

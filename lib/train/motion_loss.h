@@ -8,7 +8,7 @@
 
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 
 /* Terms, in the order of the log. */
 enum motion_term {

@@ -2,13 +2,20 @@
 
 #include <string.h>
 
-int shaper_open(struct shaper *s, const char *model, const struct head *h,
+int shaper_open(struct shaper *s, const char *path, const struct head *h,
                 struct error *err)
 {
+    struct model model;
+    int rc;
+
     memset(s, 0, sizeof *s);
-    if (encoders_open(&s->encoders, model, true, NN_F32, err))
+    if (model_open(&model, path, err))
         return -1;
-    if (looks_init(&s->looks, &s->encoders.shape, h, err) == 0 &&
+    rc = encoders_open(&s->encoders, &model, true, NN_F32, err);
+    model_close(&model);
+    if (rc)
+        return -1;
+    if (shape_tta_init(&s->looks, &s->encoders.shape, h, err) == 0 &&
         shape_place_init(&s->place, h, h->nshape < DATA_SHAPE ? h->nshape
                                                              : DATA_SHAPE,
                          err) == 0)
@@ -20,7 +27,7 @@ int shaper_open(struct shaper *s, const char *model, const struct head *h,
 void shaper_close(struct shaper *s)
 {
     shape_place_release(&s->place);
-    looks_release(&s->looks);
+    shape_tta_release(&s->looks);
     encoders_release(&s->encoders);
 }
 
@@ -29,10 +36,10 @@ static int sample(void *ctx, float *rgb, struct square q, struct error *err)
     return data_sample(rgb, SHAPE_ENCODER_SIZE, ctx, q, NULL, NULL, err);
 }
 
-int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
+int shaper_look(float *beta, struct shape_tta *l, const struct data_frame *f,
                 struct square q, struct error *err)
 {
-    return looks_shape(beta, l, q, sample, (void *)f, err);
+    return shape_tta_forward(beta, l, q, sample, (void *)f, err);
 }
 
 /* t* of R (size x + place) + t* = size (R x + t). */

@@ -5,18 +5,18 @@
 #define SPID_TRAIN_SHAPER_H
 
 #include "lib/track/encoders.h"
-#include "lib/track/looks.h"
-#include "lib/train/data.h"
+#include "lib/track/tta.h"
+#include "lib/data/data.h"
 #include "lib/train/shape_loss.h"
 
 struct shaper {
     struct encoders encoders;
-    struct looks looks;
+    struct shape_tta looks;
     struct shape_place place;
 };
 
 /* E_beta of a model file, for people with head h (borrowed). */
-int shaper_open(struct shaper *s, const char *model, const struct head *h,
+int shaper_open(struct shaper *s, const char *path, const struct head *h,
                 struct error *err);
 void shaper_close(struct shaper *s);
 
@@ -27,7 +27,7 @@ void shaper_close(struct shaper *s);
 int shaper_apply(void *ctx, struct data_person *p, struct error *err);
 
 /* beta (300) of the face in crop q of a frame. */
-int shaper_look(float *beta, struct looks *l, const struct data_frame *f,
+int shaper_look(float *beta, struct shape_tta *l, const struct data_frame *f,
                 struct square q, struct error *err);
 
 #endif

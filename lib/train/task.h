@@ -10,7 +10,7 @@
 #include "lib/head/head.h"
 #include "lib/nn/params.h"
 #include "lib/train/config.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 
 #define TASK_PARTS 20
 
@@ -58,15 +58,5 @@ void task_release(struct task *t);
 int task_motion_init(struct task *t, struct error *err);
 int task_shape_init(struct task *t, struct error *err);
 int task_avatar_init(struct task *t, struct error *err);
-
-/* Networks of the model in the configuration: the string at model.OBJECT.net,
- * or normal. */
-const char *task_net(char *out, size_t size, const struct train_config *c,
-                     const char *object, const char *normal);
-
-/* The frame that item k of a step draws, and whose it is. */
-const struct data_frame *task_draw(const struct task *t,
-                                   const struct data_person **who,
-                                   struct random *r);
 
 #endif

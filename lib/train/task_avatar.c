@@ -8,9 +8,9 @@
 
 #include "lib/metric/image.h"
 #include "lib/net/motion_encoder.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/train/motion_loss.h"
-#include "lib/train/sheet.h"
+#include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
 #include "lib/train/trainee.h"
 
@@ -21,7 +21,7 @@ struct impl {
     int with_motion;                /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
-    struct motion_looks looks;      /* E_m looks twice, unless it learns */
+    struct motion_tta looks;      /* E_m looks twice, unless it learns */
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
@@ -38,7 +38,7 @@ static void release(struct task *t)
         return;
     trainee_release(&m->tr);
     if (m->with_motion) {
-        motion_looks_release(&m->looks);
+        motion_tta_release(&m->looks);
         motion_encoder_release(&m->net);
         motion_loss_release(&m->loss);
     }
@@ -77,7 +77,7 @@ static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
     struct random r;
 
     data_random(&r, (uint64_t)c->seed, step, micro);
-    l->source = task_draw(t, &l->who, &r);
+    l->source = data_pool_draw(t->pool, &l->who, &r);
     for (int64_t i = 0; i < c->targets; i++) {
         uint32_t k = random_below(&r, (uint32_t)l->who->count);
         l->target[i] = &l->who->frame[k];
@@ -114,7 +114,7 @@ static int study(struct task *t, double *parts, const struct lesson *l,
             parts[PICTURE_COUNT + k] += terms[k] * scale;
         memcpy(cam, s.cam, sizeof cam);
     } else {
-        trainee_truth(&truth, cam, f);
+        data_truth(&truth, cam, f);
         head_pose(tr->verts, &l->id, &truth);
     }
     if (trainee_draw(tr, m->with_motion ? s.verts : tr->verts, cam, err) ||
@@ -137,7 +137,7 @@ static int bake(struct task *t, const struct lesson *l, struct error *err)
     struct motion_state s = {.verts = m->tr.verts};
 
     if (m->with_motion) {
-        motion_looks_see(m->out, &m->looks, m->crops);
+        motion_tta_forward(m->out, &m->looks, m->crops);
         memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
     }
     if (!m->with_motion || t->config->smooth)
@@ -224,13 +224,13 @@ static int motion_of(struct task *t, struct head_motion *motion,
     struct motion_state s = {.verts = m->tr.verts};
 
     if (!m->with_motion) {
-        trainee_truth(motion, cam, f);
+        data_truth(motion, cam, f);
         head_pose(m->tr.verts, id, motion);
         return 0;
     }
     if (data_sample(m->crops, N, f, f->crop, NULL, NULL, err))
         return -1;
-    motion_looks_see(m->out, &m->looks, m->crops);
+    motion_tta_forward(m->out, &m->looks, m->crops);
     motion_decode(&s, m->out, f, f->crop, id);
     *motion = s.motion;
     memcpy(cam, s.cam, sizeof s.cam);
@@ -304,7 +304,7 @@ static int held(struct task *t, double *figures, struct error *err)
 /* ---- contact sheet ------------------------------------------------------ */
 
 /* source, target, coarse, final, difference */
-static int sheet_row(struct sheet *sh, struct task *t,
+static int sheet_row(struct contact_sheet *sh, struct task *t,
                      const struct data_person *p, size_t row,
                      struct error *err)
 {
@@ -321,15 +321,15 @@ static int sheet_row(struct sheet *sh, struct task *t,
         trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, &p->frame[0], err))
         goto out;
-    sheet_picture(sh, row, 0, tr->target, tr->mask);
+    contact_sheet_picture(sh, row, 0, tr->target, tr->mask);
     if (motion_of(t, &motion, cam, f, &id, err) ||
         trainee_draw(tr, tr->verts, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, f, err))
         goto out;
-    sheet_picture(sh, row, 1, tr->target, tr->mask);
-    sheet_picture(sh, row, 2, tr->coarse, tr->alpha);
-    sheet_picture(sh, row, 3, tr->rgb, tr->alpha);
-    sheet_difference(sh, row, 4, tr->rgb, tr->target);
+    contact_sheet_picture(sh, row, 1, tr->target, tr->mask);
+    contact_sheet_picture(sh, row, 2, tr->coarse, tr->alpha);
+    contact_sheet_picture(sh, row, 3, tr->rgb, tr->alpha);
+    contact_sheet_difference(sh, row, 4, tr->rgb, tr->target);
     rc = 0;
 out:
     identity_release(&id);
@@ -342,10 +342,10 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
     struct impl *m = t->impl;
     size_t rows = t->nheld < 6 ? t->nheld : 6;
     float *keep = malloc((t->ps.total + 1) * sizeof *keep);
-    struct sheet sh;
+    struct contact_sheet sh;
     int rc = 0;
 
-    if (!keep || sheet_init(&sh, rows, 5, m->tr.image, err)) {
+    if (!keep || contact_sheet_init(&sh, rows, 5, m->tr.image, err)) {
         free(keep);
         return error_set(err, EX_OSERR, "out of memory");
     }
@@ -356,9 +356,9 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(keep);
     if (rc)
-        sheet_release(&sh);
+        contact_sheet_release(&sh);
     else
-        sheet_take(&sh, rgb, H, W);
+        contact_sheet_take(&sh, rgb, H, W);
     return rc;
 }
 
@@ -429,8 +429,8 @@ int task_avatar_init(struct task *t, struct error *err)
         return 0;
     motion_encoder_start(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
-        motion_looks_init(&m->looks, &m->net, (size_t)c->targets + 1, t->head,
-                          strcmp(c->freeze, "motion.") != 0, err))
+        motion_tta_init(&m->looks, &m->net, (size_t)c->targets + 1, t->head,
+                          strcmp(c->freeze, "motion.") == 0, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }

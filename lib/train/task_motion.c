@@ -9,7 +9,7 @@
 #include "lib/metric/motion.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/train/motion_loss.h"
-#include "lib/train/sheet.h"
+#include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
 
 #define N MOTION_ENCODER_SIZE
@@ -88,7 +88,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
     for (size_t i = 0; i < B; i++) {
         struct random r;
         data_random(&r, (uint64_t)c->seed, step, micro * B + i);
-        frame[i] = task_draw(t, &who[i], &r);
+        frame[i] = data_pool_draw(t->pool, &who[i], &r);
         q[i] = data_jitter(frame[i], c->augment.jitter, &r);
         if (data_sample(m->rgb + i * N * N * 3, N, frame[i], q[i],
                         &c->augment, &r, err))
@@ -223,7 +223,7 @@ static int held(struct task *t, double *figures, struct error *err)
 /* ---- contact sheet ------------------------------------------------------ */
 
 /* One crop with its landmarks: true in green, found in red. */
-static void draw_item(struct sheet *sh, struct task *t,
+static void draw_item(struct contact_sheet *sh, struct task *t,
                       const struct data_frame *f,
                       const struct identity *id, size_t row, size_t col)
 {
@@ -237,19 +237,19 @@ static void draw_item(struct sheet *sh, struct task *t,
     motion_decode(&st, out, f, f->crop, id);
     head_landmarks(x, t->head, st.verts);
     camera_project(&uv[0][0], NULL, st.cam, (float)f->size, x, 68);
-    sheet_picture(sh, row, col, m->rgb, NULL);
-    sheet_points(sh, row, col, (const float(*)[2])f->lmk, 68, f->crop, 0);
-    sheet_points(sh, row, col, (const float(*)[2])uv, 68, f->crop, 1);
+    contact_sheet_picture(sh, row, col, m->rgb, NULL);
+    contact_sheet_points(sh, row, col, (const float(*)[2])f->lmk, 68, f->crop, 0);
+    contact_sheet_points(sh, row, col, (const float(*)[2])uv, 68, f->crop, 1);
 }
 
 static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
                       struct error *err)
 {
     struct impl *m = t->impl;
-    struct sheet sh;
+    struct contact_sheet sh;
     size_t rows = t->nheld < 4 ? t->nheld : 4;
 
-    if (sheet_init(&sh, rows ? rows : 1, 6, N, err))
+    if (contact_sheet_init(&sh, rows ? rows : 1, 6, N, err))
         return -1;
     memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
     motion_encoder_update(&m->judge);
@@ -257,14 +257,14 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
         struct identity id = {0};
         const struct data_person *p = &t->held[i];
         if (head_fold(&id, t->head, p->shape, t->head->nshape, err)) {
-            sheet_release(&sh);
+            contact_sheet_release(&sh);
             return -1;
         }
         for (size_t k = 0; k < 6; k++)
             draw_item(&sh, t, &p->frame[k * p->count / 6], &id, i, k);
         identity_release(&id);
     }
-    sheet_take(&sh, rgb, H, W);
+    contact_sheet_take(&sh, rgb, H, W);
     return 0;
 }
 
@@ -303,7 +303,7 @@ int task_motion_init(struct task *t, struct error *err)
     memcpy(t->part_name, motion_term_name, sizeof motion_term_name);
     t->nfigures = HELD_COUNT;
     memcpy(t->held_name, held_name, sizeof held_name);
-    task_net(net, sizeof net, c, "motion", "mobilenetv3_small_100");
+    train_config_net(net, sizeof net, c, "motion", "mobilenetv3_small_100");
     m->id = calloc((size_t)c->pool, sizeof *m->id);
     m->id_of = calloc((size_t)c->pool, sizeof *m->id_of);
     m->rgb = malloc(B * (n + 2 * MOTION_OUT) * sizeof *m->rgb);

@@ -7,7 +7,7 @@
 #include "lib/net/shape_encoder.h"
 #include "lib/train/shape_loss.h"
 #include "lib/train/shaper.h"
-#include "lib/train/sheet.h"
+#include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
 
 #define N SHAPE_ENCODER_SIZE
@@ -17,7 +17,7 @@ struct impl {
     struct shape_encoder net;
     struct params judge_ps;
     struct shape_encoder judge;
-    struct looks looks;         /* the judge's; its signs for pass, too */
+    struct shape_tta looks;         /* the judge's; its signs for pass, too */
     struct shape_loss vertex, landmark;
     float *rgb, *out, *dout, *truth;
 };
@@ -29,7 +29,7 @@ static void release(struct task *t)
     if (!m)
         return;
     shape_encoder_release(&m->net);
-    looks_release(&m->looks);
+    shape_tta_release(&m->looks);
     shape_encoder_release(&m->judge);
     params_release(&m->judge_ps);
     shape_loss_release(&m->vertex);
@@ -69,7 +69,7 @@ static void mirror(float *rgb, float *truth, const struct impl *m)
     float own[OUT];
 
     memcpy(own, truth, sizeof own);
-    looks_mirror(rgb, rgb, N);
+    tta_mirror_picture(rgb, rgb, N);
     head_mirror_apply(truth, own, &m->looks.across);
 }
 
@@ -88,7 +88,7 @@ static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
         float *rgb = m->rgb + i * N * N * 3;
 
         data_random(&r, (uint64_t)c->seed, step, micro * B + i);
-        f = task_draw(t, &who, &r);
+        f = data_pool_draw(t->pool, &who, &r);
         if (data_sample(rgb, N, f, data_jitter(f, c->augment.jitter, &r),
                         &c->augment, &r, err))
             return -1;
@@ -148,19 +148,19 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
                       struct error *err)
 {
     struct impl *m = t->impl;
-    struct sheet sh;
+    struct contact_sheet sh;
 
-    if (sheet_init(&sh, 2, 6, N, err))
+    if (contact_sheet_init(&sh, 2, 6, N, err))
         return -1;
     for (size_t i = 0; i < 12 && i < t->nheld; i++) {
         const struct data_frame *f = &t->held[i].frame[0];
         if (data_sample(m->rgb, N, f, f->crop, NULL, NULL, err)) {
-            sheet_release(&sh);
+            contact_sheet_release(&sh);
             return -1;
         }
-        sheet_picture(&sh, i / 6, i % 6, m->rgb, NULL);
+        contact_sheet_picture(&sh, i / 6, i % 6, m->rgb, NULL);
     }
-    sheet_take(&sh, rgb, H, W);
+    contact_sheet_take(&sh, rgb, H, W);
     return 0;
 }
 
@@ -179,7 +179,7 @@ static int judge_init(struct task *t, const char *net, struct error *err)
     memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
     if (shape_encoder_plan(&m->judge, 1, opt, err))
         return -1;
-    return looks_init(&m->looks, &m->judge, t->head, err);
+    return shape_tta_init(&m->looks, &m->judge, t->head, err);
 }
 
 int task_shape_init(struct task *t, struct error *err)
@@ -201,7 +201,7 @@ int task_shape_init(struct task *t, struct error *err)
     t->part_name[PART_BETA] = "beta";
     t->nfigures = HELD_COUNT;
     memcpy(t->held_name, held_name, sizeof held_name);
-    task_net(net, sizeof net, c, "shape", "tf_mobilenetv3_large_minimal_100");
+    train_config_net(net, sizeof net, c, "shape", "tf_mobilenetv3_large_minimal_100");
     m->rgb = malloc(B * (n + 3 * OUT) * sizeof *m->rgb);
     if (!m->rgb)
         return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);

@@ -1,13 +1,10 @@
 #include "lib/train/trainee.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-
-#define MOUTH_OPEN 0.025     /* lips count as open: gap over the face crop */
 
 const char *const picture_term_name[PICTURE_COUNT] = {
     "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",
@@ -100,17 +97,6 @@ void trainee_release(struct trainee *t)
     memset(t, 0, sizeof *t);
 }
 
-void trainee_truth(struct head_motion *m, float cam[12],
-                   const struct data_frame *f)
-{
-    memset(m, 0, sizeof *m);
-    m->exp = f->motion.exp;
-    memcpy(m->jaw, f->motion.jaw, sizeof m->jaw);
-    memcpy(m->eye, f->motion.eye, sizeof m->eye);
-    memcpy(m->lid, f->motion.lid, sizeof m->lid);
-    camera_make(cam, f->motion.rot, f->motion.trans);
-}
-
 int trainee_bake(struct trainee *t, const struct data_frame *f,
                  const struct identity *id, const struct head_motion *m,
                  const float *cam, struct error *err)
@@ -129,7 +115,7 @@ int trainee_bake(struct trainee *t, const struct data_frame *f,
         memcpy(t->bytes + 3 * i, f->rgba + 4 * i, 3);
         t->matte[i] = f->rgba[4 * i + 3];
     }
-    trainee_truth(&truth, truth_cam, f);
+    data_truth(&truth, truth_cam, f);
     src.cam = m ? cam : truth_cam;
     head_pose(t->source, id, m ? m : &truth);
     avatar_bake(&t->avatar, &src);
@@ -161,46 +147,6 @@ int trainee_draw(struct trainee *t, const float *verts, const float cam[12],
     return 0;
 }
 
-/* lo to hi, in pixels, inside a picture of `image` pixels a side. */
-static struct box inside(const double lo[2], const double hi[2], size_t image)
-{
-    size_t a[2], b[2];
-
-    for (int i = 0; i < 2; i++) {
-        a[i] = lo[i] < 0 ? 0 : lo[i] > (double)image ? image : (size_t)lo[i];
-        b[i] = hi[i] < 0 ? 0 : hi[i] > (double)image ? image : (size_t)hi[i];
-    }
-    return (struct box){a[0], a[1], b[0], b[1]};
-}
-
-struct box trainee_face(const struct data_frame *f, size_t image)
-{
-    double k = (double)image / (double)f->size, half = 0.5 * f->crop.size * k;
-
-    return inside((double[2]){f->crop.x * k - half, f->crop.y * k - half},
-                  (double[2]){f->crop.x * k + half, f->crop.y * k + half},
-                  image);
-}
-
-struct box trainee_mouth(const struct data_frame *f, size_t image)
-{
-    enum { FIRST = 60, LAST = 67, UPPER = 62, LOWER = 66 };  /* inner lips */
-    double k = (double)image / (double)f->size, lo[2], hi[2];
-    double gap = hypot((double)(f->lmk[LOWER][0] - f->lmk[UPPER][0]),
-                       (double)(f->lmk[LOWER][1] - f->lmk[UPPER][1]));
-
-    if (!(gap > MOUTH_OPEN * f->crop.size))
-        return (struct box){0};
-    for (int i = 0; i < 2; i++) {
-        lo[i] = hi[i] = (double)f->lmk[FIRST][i] * k;
-        for (int j = FIRST + 1; j <= LAST; j++) {
-            lo[i] = fmin(lo[i], (double)f->lmk[j][i] * k);
-            hi[i] = fmax(hi[i], (double)f->lmk[j][i] * k);
-        }
-    }
-    return inside(lo, hi, image);
-}
-
 /* Mean square instead, of the whole picture: see train_config.smooth. */
 static void smooth_losses(struct trainee *t, double *terms,
                           const struct train_config *c, double scale)
@@ -222,10 +168,10 @@ static void mouth_losses(struct trainee *t, double *terms,
                          const struct train_config *c, double scale)
 {
     size_t S = t->image;
-    struct box box = trainee_mouth(f, S);
+    struct box box = data_mouth(f, S);
     float *d[2] = {t->dcoarse, t->drgb}, *y[2] = {t->coarse, t->rgb};
 
-    if (c->mouth == 0 || box.x1 <= box.x0 || box.y1 <= box.y0)
+    if (c->mouth == 0 || box_is_empty(box))
         return;
     for (int i = 0; i < (t->config.has_refiner ? 2 : 1); i++) {
         terms[PICTURE_MOUTH] += loss_l1(d[i], y[i], t->target, S, S, &box,
@@ -241,7 +187,7 @@ int trainee_losses(struct trainee *t, double *terms,
                    double scale, struct error *err)
 {
     size_t S = t->image, n = S * S;
-    struct box face = trainee_face(f, S);
+    struct box face = data_face(f, S);
 
     if (data_portrait(t->target, t->mask, S, f, err))
         return -1;

@@ -12,7 +12,7 @@
 #include "lib/net/refiner.h"
 #include "lib/splat/splat.h"
 #include "lib/train/config.h"
-#include "lib/train/data.h"
+#include "lib/data/data.h"
 #include "lib/train/losses.h"
 
 /* L_img and L_perc, in the order of the log. */
@@ -72,13 +72,5 @@ int trainee_losses(struct trainee *t, double *terms,
  * dcam, which are overwritten. */
 int trainee_draw_backward(struct trainee *t, struct error *err);
 void trainee_bake_backward(struct trainee *t);
-
-/* The true motion and camera of a frame. */
-void trainee_truth(struct head_motion *m, float cam[12],
-                   const struct data_frame *f);
-/* f's face crop in a picture of `image` pixels. */
-struct box trainee_face(const struct data_frame *f, size_t image);
-/* What shows between f's lips; empty where they are closed. */
-struct box trainee_mouth(const struct data_frame *f, size_t image);
 
 #endif

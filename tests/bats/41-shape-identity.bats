@@ -38,6 +38,21 @@ crop=--crop=50,40,30
     has head_hash
 }
 
+@test "a picture cut short is used, with a warning" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    ppm 100 80 abcdefg >me.ppm
+    ppm 100 80 '~' >mask.ppm
+    ffmpeg -v error -i me.ppm me.jpg
+    head -c $(($(stat -c %s me.jpg) * 2 / 3)) me.jpg >cut.jpg
+    status 0 spid-shape $crop --mask mask.ppm me.jpg -o me.spid
+    [ -z "$output" ]
+    status 0 spid-shape $crop --mask mask.ppm cut.jpg -o me.spid
+    one_line
+    has "cut.jpg: the picture is damaged or cut short"
+    status 0 spid-motion $crop me.jpg cut.jpg cut.jpg -o motion.spid
+    has "2 pictures are damaged or cut short"
+}
+
 @test "the matte is the mask where the picture is, and empty outside" {
     ppm 100 80 abcdefg >me.ppm
     printf 'P5 100 80 255\n' >mask.pgm

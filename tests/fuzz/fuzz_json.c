@@ -4,17 +4,6 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static int take(const struct record *rec, void *context, struct error *err)
-{
-    size_t *sum = context;
-
-    for (int i = 0; i < rec->count; i++)
-        for (size_t k = 0; k < array_bytes(&rec->array[i]); k++)
-            *sum += ((const uint8_t *)rec->array[i].data)[k];
-    (void)err;
-    return 0;
-}
-
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct error err;
@@ -24,7 +13,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 
     if (fd < 0)
         return 0;
-    recordjson_read(path, 25.0, 1 << 20, take, &sum, &err);
+    recordjson_read(path, 25.0, 1 << 20, record_sum, &sum, &err);
     close(fd);
     return sum == SIZE_MAX;
 }

@@ -8,17 +8,6 @@
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-static int take(const struct record *rec, void *context, struct error *err)
-{
-    size_t *sum = context;
-
-    for (int i = 0; i < rec->count; i++)
-        for (size_t k = 0; k < array_bytes(&rec->array[i]); k++)
-            *sum += ((const uint8_t *)rec->array[i].data)[k];
-    (void)err;
-    return 0;
-}
-
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
 {
     struct error err;
@@ -38,7 +27,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         sum += st_find(st, t->name) != NULL;
     }
     if (st)
-        recordfile_read_st(path, take, &sum, &err);
+        recordfile_read_st(path, record_sum, &sum, &err);
     st_close(st);
     close(fd);
     return sum == SIZE_MAX;

@@ -416,7 +416,7 @@ void golden_weights_fill(struct params *ps, const struct golden_weights *w,
 }
 
 /* Error of one gradient's linear statistics, in units of the tolerance
- * (section 3 of the golden README; a kink that float32 flips is given 1e-2). */
+ * (tests/golden/data/README.md; a kink that float32 flips is given 1e-2). */
 static double gradient_error(const double *s, const double *truth,
                              const double *f32, bool kinks)
 {

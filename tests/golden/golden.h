@@ -20,7 +20,7 @@ struct golden {
     uint64_t seed;
     int checked, failed;
     bool kinks;              /* units of the network may flip sign in float32:
-                              * grad.params.stats get README 3's 1e-2 */
+                              * grad.params.stats get a tolerance of 1e-2 */
 };
 
 typedef void (*golden_run)(struct golden *g);
@@ -32,7 +32,7 @@ void golden_register(const char *case_name, golden_run run);
         golden_register(case_name, run);                              \
     }
 
-/* ---- the formula (README of the golden files, section 2) --------------- */
+/* ---- the formula (tests/golden/data/README.md) --------------- */
 
 double golden_u(const char *name, uint64_t seed, uint64_t i);   /* [0,1) */
 float golden_v(const char *name, uint64_t seed, uint64_t i, double offset,

@@ -153,7 +153,7 @@ static void planes(double *out, const double *in, const struct scene *s)
             out[c * s->H * s->W + p] = in[p * s->C + c];
 }
 
-/* Tolerance of gradients, relative to the largest (README of the files). */
+/* Tolerance of gradients, relative to the largest (tests/golden/data/README.md). */
 static double gradient_tolerance(const struct golden *g, const char *mode)
 {
     if (!strcmp(mode, "dgr"))

@@ -8,18 +8,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
-
-static int failed;
-
-static void near(const char *what, double value, double expected,
-                 double tolerance)
-{
-    int ok = fabs(value - expected) <= tolerance;
-
-    printf("%-52s %.7g  expected %.7g  %s\n", what, value, expected,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 /* v_mid: one square of two triangles has five edges, the diagonal once. */
 static void midpoints(void)
@@ -31,22 +20,22 @@ static void midpoints(void)
     struct error err;
 
     densify_init(&d, faces, 2, 4, &err);
-    near("edges of a square of two triangles", (double)d.E, 5, 0);
+    expect("edges of a square of two triangles", (double)d.E, 5, 0);
     densify_forward(out, x, &d, 3);
     size_t k = 0;       /* edges are sorted: 01 02 03 12 23 */
     while (k < d.E && !(d.edge[2 * k] == 0 && d.edge[2 * k + 1] == 3))
         k++;
-    near("midpoint of vertices 0 and 3, y", out[3 * (4 + k) + 1], 1, 0);
-    near("midpoint of vertices 0 and 3, z", out[3 * (4 + k) + 2], 2, 0);
+    expect("midpoint of vertices 0 and 3, y", out[3 * (4 + k) + 1], 1, 0);
+    expect("midpoint of vertices 0 and 3, z", out[3 * (4 + k) + 2], 2, 0);
     dout[3 * (4 + k) + 2] = 6;
     dout[3 * 3 + 2] = 1;
     densify_backward(dx, dout, &d, 3);
-    near("gradient at vertex 3: own 1 and half of 6", dx[3 * 3 + 2], 4, 0);
-    near("gradient at vertex 0: half of 6", dx[2], 3, 0);
+    expect("gradient at vertex 3: own 1 and half of 6", dx[3 * 3 + 2], 4, 0);
+    expect("gradient at vertex 0: half of 6", dx[2], 3, 0);
     densify_spacing(spacing, x, &d);
-    near("spacing at vertex 1: half of two edges of 2", spacing[1], 1, 1e-6);
-    near("spacing of midpoint 0-3: half of sqrt(20)", spacing[4 + k],
-         sqrt(20) / 2, 1e-6);
+    expect("spacing at vertex 1: half of two edges of 2", spacing[1], 1, 1e-6);
+    expect("spacing of midpoint 0-3: half of sqrt(20)", spacing[4 + k],
+           sqrt(20) / 2, 1e-6);
     densify_release(&d);
 }
 
@@ -60,31 +49,31 @@ static void plane(void)
     float mid[2] = {0.625f, 0.625f}, uv[4];
 
     static_grid(U0, 2);
-    near("U_0 of the first cell of 2 x 2", U0[0], -0.5, 0);
-    near("U_0 of the last cell of 2 x 2, y", U0[7], 0.5, 0);
+    expect("U_0 of the first cell of 2 x 2", U0[0], -0.5, 0);
+    expect("U_0 of the last cell of 2 x 2, y", U0[7], 0.5, 0);
     camera_frontal(cam, 12);
     static_normal(n, cam);
-    near("n_s of the frontal camera is +z", n[2], 1, 0);
+    expect("n_s of the frontal camera is +z", n[2], 1, 0);
     static_lift(mu, U, p, NULL, cam, n, 2);
-    near("cell at the right border: x", mu[0], 1, 1e-6);
-    near("cell at the right border: z (p = 1/2)", mu[2], 0, 1e-6);
-    near("cell above the middle is below y = 0", mu[4], -0.25, 1e-6);
-    near("p = 3/4 lifts by 1/2", mu[5], 0.5, 1e-6);
+    expect("cell at the right border: x", mu[0], 1, 1e-6);
+    expect("cell at the right border: z (p = 1/2)", mu[2], 0, 1e-6);
+    expect("cell above the middle is below y = 0", mu[4], -0.25, 1e-6);
+    expect("p = 3/4 lifts by 1/2", mu[5], 0.5, 1e-6);
     rotation_exp(R, turn);
     camera_make(cam, R, t);
     static_normal(n, cam);
     static_lift(mu, U, (const float[2]){0.5f, 0.5f}, NULL, cam, n, 2);
     camera_project(uv, NULL, cam, 2, mu, 2);
-    near("turned camera: projection of the lifted cell, x", uv[2] - 1, -0.5,
-         1e-5);
-    near("turned camera: projection of the lifted cell, y", uv[3] - 1, 0.25,
-         1e-5);
+    expect("turned camera: projection of the lifted cell, x", uv[2] - 1, -0.5,
+           1e-5);
+    expect("turned camera: projection of the lifted cell, y", uv[3] - 1, 0.25,
+           1e-5);
     /* 2p - 1 = 0.25 = the surface's height: back on its ray */
     static_lift(mu, U, mid, rise, cam, n, 2);
     camera_project(uv, NULL, cam, 2, mu, 2);
-    near("at the surface's height: projection, x", uv[2] - 1, -0.5, 1e-5);
+    expect("at the surface's height: projection, x", uv[2] - 1, -0.5, 1e-5);
     camera_apply(mu, cam, mu + 3);
-    near("at the surface's height: depth 11 - 0.25", mu[2], 10.75, 1e-5);
+    expect("at the surface's height: depth 11 - 0.25", mu[2], 10.75, 1e-5);
 }
 
 /* g = l + r [u,v,0]; cap; the clamp and its gradient. */
@@ -97,22 +86,22 @@ static void mouth(void)
     float dq[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
 
     mouth_sheet(g, uv, centre, 0.2f, 2);
-    near("first cell of the sheet: u", uv[0], -0.5, 0);
-    near("first cell of the sheet: v is up", uv[1], 0.5, 0);
-    near("its x: 0.1 - 0.2 / 2", g[0], 0, 1e-7);
-    near("its y: -0.3 + 0.2 / 2", g[1], -0.2, 1e-7);
-    near("its z: the centroid's", g[2], 0.4f, 0);
+    expect("first cell of the sheet: u", uv[0], -0.5, 0);
+    expect("first cell of the sheet: v is up", uv[1], 0.5, 0);
+    expect("its x: 0.1 - 0.2 / 2", g[0], 0, 1e-7);
+    expect("its y: -0.3 + 0.2 / 2", g[1], -0.2, 1e-7);
+    expect("its z: the centroid's", g[2], 0.4f, 0);
     /* 11.82 mm and 16.59 mm at 5 units a metre, epsilon 2 mm */
-    near("cap of the paper's typical subject, mm",
-         mouth_cap(&m) / 5 * 1000, 11.82 + 16.59 / 2 + 2, 1e-3);
+    expect("cap of the paper's typical subject, mm", mouth_cap(&m) / 5 * 1000,
+           11.82 + 16.59 / 2 + 2, 1e-3);
     memcpy(raw, q, sizeof raw);
-    near("clamped of three", (double)mouth_clamp(q, 3, 0.1f), 2, 0);
-    near("q inside the cap stays", q[2], 0.05f, 0);
-    near("q below it", q[5], -0.1f, 0);
-    near("x and y are free", q[1], 2, 0);
+    expect("clamped of three", (double)mouth_clamp(q, 3, 0.1f), 2, 0);
+    expect("q inside the cap stays", q[2], 0.05f, 0);
+    expect("q below it", q[5], -0.1f, 0);
+    expect("x and y are free", q[1], 2, 0);
     mouth_clamp_backward(dq, raw, 3, 0.1f);
-    near("gradient passes inside", dq[2], 1, 0);
-    near("and not where the clamp acted", dq[5] + dq[8], 0, 0);
+    expect("gradient passes inside", dq[2], 1, 0);
+    expect("and not where the clamp acted", dq[5] + dq[8], 0, 0);
 }
 
 /* Offsets held behind the lips, and the derivative against differences. */
@@ -122,11 +111,11 @@ static void mouth_held(void)
     const float at[3] = {0.7f, -0.3f, 0.4f};
 
     mouth_hold(q, 2, 0.2f, 0.1f);
-    near("nothing asked for: half the cap behind the lips", q[2], -0.05f, 0);
-    near("and not to the side", q[0] + q[1], 0, 0);
-    near("at most half the radius to the side", q[3], 0.1f, 1e-7);
-    near("to either side", q[4], -0.1f, 1e-7);
-    near("never before the lips", q[5], 0, 1e-7);
+    expect("nothing asked for: half the cap behind the lips", q[2], -0.05f, 0);
+    expect("and not to the side", q[0] + q[1], 0, 0);
+    expect("at most half the radius to the side", q[3], 0.1f, 1e-7);
+    expect("to either side", q[4], -0.1f, 1e-7);
+    expect("never before the lips", q[5], 0, 1e-7);
     for (int i = 0; i < 3; i++) {
         float lo[3], hi[3], d[3] = {0, 0, 0}, step = 1e-2f;
         memcpy(lo, at, sizeof lo);
@@ -139,7 +128,7 @@ static void mouth_held(void)
         mouth_hold_backward(d, at, 1, 0.2f, 0.1f);
         worst = fmaxf(worst, fabsf((hi[i] - lo[i]) / (2 * step) / d[i] - 1));
     }
-    near("its derivative against differences, relative", worst, 0, 2e-3);
+    expect("its derivative against differences, relative", worst, 0, 2e-3);
 }
 
 /* A square from the middle to the right border, top to bottom: NDC 0..1. */
@@ -154,21 +143,21 @@ static void coverage(void)
 
     camera_frontal(cam, 12);
     coverage_fraction(C, verts, 4, faces, 2, cam, 5, scratch);
-    near("cell left of the square", C[10], 0, 0);
-    near("middle cell: the edge is at its centre", C[12], 0.5, 0);
-    near("cell inside", C[14], 1, 0);
+    expect("cell left of the square", C[10], 0, 0);
+    expect("middle cell: the edge is at its centre", C[12], 0.5, 0);
+    expect("cell inside", C[14], 1, 0);
     coverage_map(C, verts, 4, faces, 2, cam, 5, scratch);
-    near("after the Gaussian: the edge stays about half", C[12], 0.5, 0.02);
-    near("after the Gaussian: some of it spills left", C[11] > 0.05, 1, 0);
+    expect("after the Gaussian: the edge stays about half", C[12], 0.5, 0.02);
+    expect("after the Gaussian: some of it spills left", C[11] > 0.05, 1, 0);
     coverage_depth(z, value, verts, attribute, faces, 2, cam, 5);
-    near("attribute two fifths of the way across", value[13], 0.4, 1e-5);
-    near("no attribute beside it", value[10], 0, 0);
-    near("depth where the square is", z[13], 12, 1e-5);
-    near("no depth beside it", isinf(z[10]), 1, 0);
+    expect("attribute two fifths of the way across", value[13], 0.4, 1e-5);
+    expect("no attribute beside it", value[10], 0, 0);
+    expect("depth where the square is", z[13], 12, 1e-5);
+    expect("no depth beside it", isinf(z[10]), 1, 0);
     coverage_seen(seen, points, 3, z, 5, cam, 0.01f);
-    near("a point in front is seen", seen[0], 1, 0);
-    near("a point behind is not", seen[1], 0, 0);
-    near("a point outside the picture is not", seen[2], 0, 0);
+    expect("a point in front is seen", seen[0], 1, 0);
+    expect("a point behind is not", seen[1], 0, 0);
+    expect("a point outside the picture is not", seen[2], 0, 0);
     free(scratch);
 }
 
@@ -178,14 +167,16 @@ static void shifts(void)
     double x = 0.3, s = -1.7, l = log(x / (1 - x)) + s;
     double h = 1e-3;
 
-    near("shift is sigmoid(logit(x) + s)", attribute_shift(0.3f, -1.7f),
-         1 / (1 + exp(-l)), 1e-7);
-    near("its slope", attribute_shift_backward(1, 0.3f, -1.7f),
-         (attribute_shift((float)(x + h), -1.7f) -
-          attribute_shift((float)(x - h), -1.7f)) / (2 * h), 1e-4);
-    near("shift of 0", attribute_shift(0, 3), 0, 0);
-    near("shift of 1", attribute_shift(1, -3), 1, 0);
-    near("logit limits", attribute_logit(0), log(0.02 / 0.98), 1e-6);
+    expect("shift is sigmoid(logit(x) + s)", attribute_shift(0.3f, -1.7f),
+           1 / (1 + exp(-l)), 1e-7);
+    expect("its slope", attribute_shift_backward(1, 0.3f, -1.7f),
+           (attribute_shift((float)(x + h),
+                            -1.7f) - attribute_shift((float)(x - h),
+                                                     -1.7f)) / (2 * h),
+           1e-4);
+    expect("shift of 0", attribute_shift(0, 3), 0, 0);
+    expect("shift of 1", attribute_shift(1, -3), 1, 0);
+    expect("logit limits", attribute_logit(0), log(0.02 / 0.98), 1e-6);
 }
 
 /* Hidden vertices take the colour of the seen ones: a strip of triangles,
@@ -200,11 +191,11 @@ static void spread(void)
     struct error err;
 
     densify_init(&d, faces, 4, 6, &err);
-    near("edges of the strip", (double)d.E, 9, 0);
+    expect("edges of the strip", (double)d.E, 9, 0);
     dynamic_spread(rgb, weight, &d, level, tmp);
-    near("colour at the far end, red", rgb[15], 0.8, 1e-6);
-    near("colour of the last midpoint, blue", rgb[3 * 14 + 2], 0.1, 1e-6);
-    near("ring of the far end", level[5], 2, 0);
+    expect("colour at the far end, red", rgb[15], 0.8, 1e-6);
+    expect("colour of the last midpoint, blue", rgb[3 * 14 + 2], 0.1, 1e-6);
+    expect("ring of the far end", level[5], 2, 0);
     densify_release(&d);
 }
 
@@ -217,5 +208,5 @@ int main(void)
     coverage();
     shifts();
     spread();
-    return failed;
+    return check_status();
 }

@@ -11,20 +11,10 @@
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
+#include "tests/check.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 64
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-56s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 struct world {
     struct head head;
@@ -385,5 +375,5 @@ int main(void)
     run(true, WITHOUT_DYNAMIC);
     run(true, WITHOUT_MOUTH);
     run(true, WITHOUT_BEND);
-    return failed;
+    return check_status();
 }

@@ -7,19 +7,9 @@
 
 #include "lib/avatar/light.h"
 #include "lib/base/random.h"
+#include "tests/check.h"
 
 #define V 3000
-
-static int failures;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-48s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failures += !ok;
-}
 
 struct skin {
     float rgba[4 * V], normal[3 * V], weight[V];
@@ -101,6 +91,5 @@ int main(void)
     memset(s.weight, 0, sizeof s.weight);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("nothing is seen", off(l, none), 0);
-    printf("%d failures\n", failures);
-    return failures != 0;
+    return check_status();
 }

@@ -7,7 +7,7 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "lib/avatar/model.h"
+#include "lib/avatar/baker.h"
 #include "lib/base/random.h"
 #include "lib/geom/camera.h"
 #include "lib/head/lbs.h"
@@ -110,7 +110,7 @@ static void paint(uint8_t *rgb, uint8_t *matte)
 }
 
 /* PSNR of the untrained avatar, drawn as the source saw it, against it. */
-static double likeness(struct avatar_model *m, const float *verts)
+static double likeness(struct baker *m, const float *verts)
 {
     static uint8_t rgb[3 * S * S], matte[S * S];
     static float image[3 * S * S], alpha[S * S];
@@ -139,7 +139,8 @@ static int test(void)
 {
     struct head h;
     struct identity id;
-    struct avatar_model m;
+    struct model model;
+    struct baker m;
     struct head_motion rest = {0};
     struct error err = {0};
     char path[] = "/tmp/avatar_model.XXXXXX";
@@ -150,7 +151,8 @@ static int test(void)
     close(fd);
     sphere_head(&h, 20, 30);
     write_model(path, &h, "small");
-    if (avatar_model_open(&m, path, &h, 0, NN_F32, &err) ||
+    if (model_open(&model, path, &err) ||
+        baker_open(&m, &model, &h, 0, NN_F32, &err) ||
         head_fold(&id, &h, NULL, 0, &err))
         give_up(&err);
     unlink(path);
@@ -161,7 +163,8 @@ static int test(void)
            psnr);
     free(verts);
     identity_release(&id);
-    avatar_model_release(&m);
+    baker_release(&m);
+    model_close(&model);
     head_release(&h);
     return !(psnr >= 22);
 }

@@ -11,17 +11,10 @@
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
+#include "tests/check.h"
 #include "tests/unit/sphere_head.h"
 
 #define S 64
-
-static int failed;
-
-static void check(const char *what, int ok)
-{
-    printf("%-64s %s\n", what, ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 static int all_finite(const float *x, size_t n)
 {
@@ -122,39 +115,41 @@ int main(void)
     struct head_motion open = {.jaw = {0.5f}};
 
     make(&w);
-    check("frontal source", try(&w, &rest, none, front, &open));
-    check("profile source, half the vertices hidden",
-          try(&w, &rest, profile, front, &open));
+    check_that("frontal source", try(&w, &rest, none, front, &open));
+    check_that("profile source, half the vertices hidden",
+               try(&w, &rest, profile, front, &open));
     size_t hidden = 0;
     for (size_t k = 0; k < w.a.scratch->D; k++)
         hidden += w.a.scratch->weight[k] < 0.5f;
-    check("  and the hidden ones are known",
-          hidden > w.a.scratch->D / 3 && hidden < w.a.scratch->D);
-    check("source at the picture's border", try(&w, &rest, none, border,
-                                                &open));
-    check("source outside the picture", try(&w, &rest, none, outside, &rest));
-    check("camera inside the head", try(&w, &rest, none, inside, &rest));
-    check("camera far away", try(&w, &rest, none, far, &rest));
-    check("huge expressions, jaw near pi", try(&w, &open, none, front,
-                                               &wide));
-    check("source with huge expressions", try(&w, &wide, none, front, &rest));
+    check_that("  and the hidden ones are known",
+               hidden > w.a.scratch->D / 3 && hidden < w.a.scratch->D);
+    check_that("source at the picture's border",
+               try(&w, &rest, none, border, &open));
+    check_that("source outside the picture",
+               try(&w, &rest, none, outside, &rest));
+    check_that("camera inside the head", try(&w, &rest, none, inside, &rest));
+    check_that("camera far away", try(&w, &rest, none, far, &rest));
+    check_that("huge expressions, jaw near pi",
+               try(&w, &open, none, front, &wide));
+    check_that("source with huge expressions",
+               try(&w, &wide, none, front, &rest));
     memset(w.matte, 0, sizeof w.matte);
-    check("empty matte", try(&w, &rest, none, front, &open));
-    check("  and the plane is clear", within(w.a.set.opacity + w.a.first[1],
-                                             w.a.first[2] - w.a.first[1], 0,
-                                             0));
+    check_that("empty matte", try(&w, &rest, none, front, &open));
+    check_that("  and the plane is clear",
+               within(w.a.set.opacity + w.a.first[1],
+                      w.a.first[2] - w.a.first[1], 0, 0));
     memset(w.matte, 255, sizeof w.matte);
     /* all lip vertices on one point: r_lip = 0 */
     for (size_t i = 0; i < w.head.nlip_inner; i++)
         w.head.lip_inner[i] = w.head.lip_inner[0];
-    check("lips pressed to a point", try(&w, &rest, none, front, &open));
-    check("  and the sheet keeps a finite size",
-          w.a.mouth.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
+    check_that("lips pressed to a point", try(&w, &rest, none, front, &open));
+    check_that("  and the sheet keeps a finite size",
+               w.a.mouth.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
     avatar_release(&w.a);
     params_release(&w.ps);
     identity_release(&w.id);
     head_release(&w.head);
     free(w.verts);
     free(w.means);
-    return failed;
+    return check_status();
 }

@@ -9,18 +9,11 @@
 
 #include "lib/base/random.h"
 #include "lib/base/covered.h"
+#include "tests/check.h"
 
 #define PIXELS 300
 #define MOST 5000              /* runs that outgrow the first room */
 #define BYTES 10
-
-static int failures;
-
-static void check(int ok, const char *what, size_t n)
-{
-    if (!ok)
-        printf("%zu pixels: %s\n", n, what), failures++;
-}
 
 /* A picture of n pixels in runs of about so many. */
 static void make(uint8_t *image, float *alpha, size_t n, double run)
@@ -58,10 +51,11 @@ static void count_rows(const float *alpha, size_t n, size_t width)
 
     for (size_t i = 0; i < height * width; i++) {
         if (i % width == 0)
-            check(start[i / width] == before, "a row begins elsewhere", n);
+            CHECK(start[i / width] == before,
+                  "%zu pixels: a row begins elsewhere", n);
         before += alpha[i] != 0;
     }
-    check(all == before, "rows of another number of pixels", n);
+    CHECK(all == before, "%zu pixels: rows of another number of pixels", n);
 }
 
 static void round_trip(struct covered *c, size_t n, double run)
@@ -75,19 +69,21 @@ static void round_trip(struct covered *c, size_t n, double run)
     memset(back, 0xee, n * BYTES);
     for (size_t i = 0; i < n; i++)
         want += alpha[i] != 0;
-    check(covered_find(c, image, alpha, n, BYTES) == 0, "no memory", n);
+    CHECK(covered_find(c, image, alpha, n, BYTES) == 0,
+          "%zu pixels: no memory", n);
     count = join(packed, c);
-    check(count == want && c->pixels == want, "another number of pixels", n);
+    CHECK(count == want && c->pixels == want,
+          "%zu pixels: another number of pixels", n);
     for (size_t width = 1; width <= n; width = 3 * width + 1)
         count_rows(alpha, n, width);
-    check(covered_unpack(back, packed, count, alpha, n, BYTES) == 0 &&
-              memcmp(image, back, n * BYTES) == 0,
-          "another picture", n);
-    check(covered_unpack(back, packed, count + 1, alpha, n, BYTES) == -1,
-          "a pixel too many is taken", n);
+    CHECK(covered_unpack(back, packed, count, alpha, n, BYTES) == 0 &&
+          memcmp(image, back, n * BYTES) == 0,
+          "%zu pixels: another picture", n);
+    CHECK(covered_unpack(back, packed, count + 1, alpha, n, BYTES) == -1,
+          "%zu pixels: a pixel too many is taken", n);
     if (count)
-        check(covered_unpack(back, packed, count - 1, alpha, n, BYTES) == -1,
-              "a pixel too few is taken", n);
+        CHECK(covered_unpack(back, packed, count - 1, alpha, n, BYTES) == -1,
+              "%zu pixels: a pixel too few is taken", n);
     free(image);
     free(back);
     free(packed);
@@ -103,5 +99,5 @@ int main(void)
             round_trip(&c, n, run);
     round_trip(&c, MOST, 1);
     covered_release(&c);
-    return failures != 0;
+    return check_status();
 }

@@ -10,27 +10,17 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/error.h"
-
-static int failed;
-
-static void check(const char *what, double value, double expected, double tol)
-{
-    int ok = fabs(value - expected) <= tol;
-
-    printf("%-34s %12.8f (expected %g +- %g) %s\n", what, value, expected, tol,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 /* SplitMix64 of Vigna's page, seed 0: its first outputs. */
 static void test_mix(void)
 {
-    check("first output of SplitMix64",
-          random_mix(0) == 0xe220a8397b1dcdafu, 1, 0);
-    check("second output",
-          random_mix(0x9e3779b97f4a7c15u) == 0x6e789e6aa1b965f4u, 1, 0);
-    check("FNV-1a of \"a\"", random_name("a") == 0xaf63dc4c8601ec8cu, 1, 0);
-    check("FNV-1a of \"\"", random_name("") == 0xcbf29ce484222325u, 1, 0);
+    expect("first output of SplitMix64", random_mix(0) == 0xe220a8397b1dcdafu,
+           1, 0);
+    expect("second output",
+           random_mix(0x9e3779b97f4a7c15u) == 0x6e789e6aa1b965f4u, 1, 0);
+    expect("FNV-1a of \"a\"", random_name("a") == 0xaf63dc4c8601ec8cu, 1, 0);
+    expect("FNV-1a of \"\"", random_name("") == 0xcbf29ce484222325u, 1, 0);
 }
 
 static void test_moments(void)
@@ -52,13 +42,13 @@ static void test_moments(void)
         low[random_below(&r, 7)]++;
     }
     /* Five standard errors each. */
-    check("mean of normal", m / N, 0, 5e-3);
-    check("variance of normal", v / N, 1, 5 * sqrt(2.0 / N));
-    check("fourth moment of normal", k / N, 3, 5 * sqrt(96.0 / N));
-    check("mean of uniform", u / N, 0.5, 5 * sqrt(1.0 / 12 / N));
-    check("largest uniform is under 1", w < 1, 1, 0);
+    expect("mean of normal", m / N, 0, 5e-3);
+    expect("variance of normal", v / N, 1, 5 * sqrt(2.0 / N));
+    expect("fourth moment of normal", k / N, 3, 5 * sqrt(96.0 / N));
+    expect("mean of uniform", u / N, 0.5, 5 * sqrt(1.0 / 12 / N));
+    expect("largest uniform is under 1", w < 1, 1, 0);
     for (int i = 0; i < 7; i++)
-        check("share of one of seven", (double)low[i] / N, 1.0 / 7, 2e-3);
+        expect("share of one of seven", (double)low[i] / N, 1.0 / 7, 2e-3);
 }
 
 static void test_keys(void)
@@ -76,12 +66,12 @@ static void test_keys(void)
         equal += x == random_u64(&b);
         same += x == random_u64(&c) || x == random_u64(&d);
     }
-    check("same key, same numbers", equal, 1000, 0);
-    check("other key, same number", same, 0, 0);
+    expect("same key, same numbers", equal, 1000, 0);
+    expect("other key, same number", same, 0, 0);
     random_init(&a, 1, "x");
     a.next = 500;
     b.next = 500;
-    check("any index at once", random_u64(&a) == random_u64(&b), 1, 0);
+    expect("any index at once", random_u64(&a) == random_u64(&b), 1, 0);
 }
 
 static void test_cpu(void)
@@ -90,8 +80,8 @@ static void test_cpu(void)
     int flushed = 0, threads = 0;
 
     setenv("SPID_CPU", "baseline", 1);
-    check("level capped", cpu_level(), CPU_BASELINE, 0);
-    check("name is known", strlen(cpu_name()) > 0, 1, 0);
+    expect("level capped", cpu_level(), CPU_BASELINE, 0);
+    expect("name is known", strlen(cpu_name()) > 0, 1, 0);
     cpu_flush_denormals();
     omp_set_num_threads(3);
     #pragma omp parallel reduction(+ : flushed, threads)
@@ -102,12 +92,12 @@ static void test_cpu(void)
         threads++;
     }
 #if defined(__x86_64__)
-    check("threads that flush denormals", flushed, threads, 0);
+    expect("threads that flush denormals", flushed, threads, 0);
 #endif
     cpu_keep_denormals();
-    check("and kept again", tiny * 0.01f > 0, 1, 0);
+    expect("and kept again", tiny * 0.01f > 0, 1, 0);
     double t = cpu_seconds();
-    check("clock moves on", cpu_seconds() >= t, 1, 0);
+    expect("clock moves on", cpu_seconds() >= t, 1, 0);
 }
 
 static void test_error(void)
@@ -118,13 +108,13 @@ static void test_error(void)
     memset(text, 'x', sizeof text - 1);
     text[sizeof text - 1] = '\0';
     error_set(&e, 65, "%s", text);
-    check("long text is cut", strlen(e.text), sizeof e.text - 1, 0);
+    expect("long text is cut", strlen(e.text), sizeof e.text - 1, 0);
     error_prefix(&e, "file %d", 7);
-    check("prefix goes in front", !strncmp(e.text, "file 7: xxx", 11), 1, 0);
-    check("within its room", strlen(e.text), sizeof e.text - 1, 0);
+    expect("prefix goes in front", !strncmp(e.text, "file 7: xxx", 11), 1, 0);
+    expect("within its room", strlen(e.text), sizeof e.text - 1, 0);
     error_prefix(&e, "%s", text);
-    check("long prefix is cut", strlen(e.text) < sizeof e.text, 1, 0);
-    check("no error to fill in", error_set(NULL, 1, "x"), -1, 0);
+    expect("long prefix is cut", strlen(e.text) < sizeof e.text, 1, 0);
+    expect("no error to fill in", error_set(NULL, 1, "x"), -1, 0);
 }
 
 int main(void)
@@ -134,5 +124,5 @@ int main(void)
     test_cpu();
     test_error();
     test_keys();
-    return failed;
+    return check_status();
 }

@@ -4,17 +4,8 @@
 #include <unistd.h>
 
 #include "lib/eval/compare.h"
+#include "tests/check.h"
 #include "tests/unit/train_toy.h"
-
-static int failed;
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    printf("%-48s %.9g, expected %.9g (at most %.1e)\n", what, got, want,
-           tol);
-    if (!(fabs(got - want) <= tol))
-        failed = 1;
-}
 
 /* Copy a stream's SHAP and MOTN, without lmk, turned by `degrees` in roll,
  * and without the last `less` motions. */
@@ -95,5 +86,5 @@ int main(void)
     table_release(&t);
     head_release(&h);
     snprintf(cmd, sizeof cmd, "rm -rf %s", dir);
-    return system(cmd) || failed;
+    return system(cmd) || check_status();
 }

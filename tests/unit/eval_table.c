@@ -5,14 +5,7 @@
 #include <string.h>
 
 #include "lib/eval/table.h"
-
-static int failed;
-
-static void expect(const char *what, int ok)
-{
-    printf("%-50s %s\n", what, ok ? "ok" : "WRONG");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 static void expect_text(const struct table *t, enum table_format f,
                         const char *part)
@@ -23,7 +16,7 @@ static void expect_text(const struct table *t, enum table_format f,
     table_write(m, t, f);
     fclose(m);
     printf("%s", text);
-    expect(part, strstr(text, part) != NULL);
+    check_that(part, strstr(text, part) != NULL);
 }
 
 int main(void)
@@ -37,19 +30,20 @@ int main(void)
     l1 = table_column(&t, "l1_x", -1);
     a = table_row(&t, "one \"way\"");
     b = table_row(&t, "other_way");
-    expect("the same name is the same column", table_column(&t, "psnr", 1) ==
-                                                   psnr);
-    expect("the same name is the same row", table_row(&t, "other_way") == b);
+    check_that("the same name is the same column",
+               table_column(&t, "psnr", 1) == psnr);
+    check_that("the same name is the same row",
+               table_row(&t, "other_way") == b);
     table_add(&t, a, psnr, 20);
     table_add(&t, a, psnr, 30);
     table_add(&t, a, psnr, INFINITY);
     table_add(&t, b, psnr, 24);
     table_add(&t, b, l1, 0.03);
-    expect("mean over what was measured", table_mean(&t, a, psnr) == 25);
-    expect("failures are counted apart", t.row[a].cell[psnr].failed == 1);
-    expect("nothing measured is NaN", isnan(table_mean(&t, a, l1)));
-    expect("no such cell is NaN", isnan(table_mean(&t, 9, 9)));
-    expect("unknown format", table_format_parse(&f, "xml") == -1);
+    check_that("mean over what was measured", table_mean(&t, a, psnr) == 25);
+    check_that("failures are counted apart", t.row[a].cell[psnr].failed == 1);
+    check_that("nothing measured is NaN", isnan(table_mean(&t, a, l1)));
+    check_that("no such cell is NaN", isnan(table_mean(&t, 9, 9)));
+    check_that("unknown format", table_format_parse(&f, "xml") == -1);
     expect_text(&t, TABLE_TSV, "one \"way\"\t25\t-\t2\t1\n");
     expect_text(&t, TABLE_JSON, "\"one \\\"way\\\"\": {\"psnr\": 25, "
                                 "\"l1_x\": null, \"frames\": 2, "
@@ -58,5 +52,5 @@ int main(void)
     expect_text(&t, TABLE_LATEX, "l1\\_x$\\downarrow$");
     expect_text(&t, TABLE_TEXT, "24.00");
     table_release(&t);
-    return failed;
+    return check_status();
 }

@@ -10,18 +10,9 @@
 #include "lib/base/random.h"
 #include "lib/export/export_head.h"
 #include "lib/geom/rotation.h"
+#include "tests/check.h"
 
 enum { V = 96, NSHAPE = 2, NEXP = 3, N = 500 };
-
-static int failed;
-
-static void check(const char *what, double error, double tolerance)
-{
-    int ok = error <= tolerance;
-    printf("%-44s %.2e (tolerance %.2e) %s\n", what, error, tolerance,
-           ok ? "ok" : "FAILED");
-    failed += !ok;
-}
 
 static float *fill(struct random *r, size_t n, double lo, double hi)
 {
@@ -48,8 +39,7 @@ static void splats_round_trip(struct random *r)
     snprintf(path, sizeof path, "/tmp/spid-export-%d.glb", (int)getpid());
     if (glb_write_splats(path, &s, &err) ||
         glb_read_splats(&back, &block, path, &err) || back.n != N) {
-        printf("FAILED: %s\n", err.text);
-        failed++;
+        check_error("Gaussians as glTF, read back", false, &err);
         return;
     }
     for (size_t i = 0; i < N; i++) {
@@ -194,8 +184,7 @@ static void file_matches(const struct export_head *e)
     snprintf(path, sizeof path, "/tmp/spid-export-%d.glb", (int)getpid());
     if (export_head_write(e, path, &err) ||
         glb_read_posed(verts, faces, V, V - 2, path, &err)) {
-        printf("FAILED: %s\n", err.text);
-        failed++;
+        check_error("the head as glTF, read back", false, &err);
     }
     for (size_t v = 0; v < V; v++) {
         double p[3];
@@ -227,8 +216,7 @@ static void head_matches_pose(struct random *r)
 
     if (toy_init(&t, r, &err) || export_head_init(&e, &t.id, &opt, &err) ||
         export_head_frame(&e, &m, &err)) {
-        printf("FAILED: %s\n", err.text);
-        failed++;
+        check_error("a head to write", false, &err);
         goto out;
     }
     head_pose(verts, &t.id, &m.pose);
@@ -259,5 +247,5 @@ int main(void)
     random_init(&r, 20, "export");
     splats_round_trip(&r);
     head_matches_pose(&r);
-    return failed != 0;
+    return check_status();
 }

@@ -12,26 +12,8 @@
 #include "formats/image.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
-
-static int failed;
-static char dir[] = "/tmp/spid-framesink-XXXXXX";
-
-static void expect(int ok, const char *what, const struct error *err)
-{
-    printf("%-60s %s%s%s\n", what, ok ? "ok" : "FAILED",
-           err && err->code ? ": " : "", err && err->code ? err->text : "");
-    failed |= !ok;
-}
-
-static const char *at(const char *name)
-{
-    static char path[4][256];
-    static int turn;
-
-    turn = (turn + 1) % 4;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", dir, name);
-    return path[turn];
-}
+#include "tests/check.h"
+#include "tests/folder.h"
 
 /* Three frames of one colour, W x H. */
 static int write_clip(const char *path, size_t W, size_t H, float r, float g,
@@ -85,7 +67,7 @@ static void test_y4m_numbers(void)
         struct y4m y = {.width = 1, .height = 1, .bt601 = t[i].bt601};
         uint8_t p[3];
         y4m_from_rgb(p, t[i].rgb, &y);
-        expect(memcmp(p, t[i].want, 3) == 0, "y4m levels as published", NULL);
+        check_that("y4m levels as published", memcmp(p, t[i].want, 3) == 0);
     }
     for (int full = 0; full < 2; full++)
         for (int i = 0; i < 1 << 15; i++) {
@@ -98,7 +80,7 @@ static void test_y4m_numbers(void)
                 most = abs(a[k] - b[k]) > most ? abs(a[k] - b[k]) : most;
         }
     printf("4:4:4 round trip: largest difference %d levels\n", most);
-    expect(most <= 2, "4:4:4 round trip within 2 levels", NULL);
+    check_that("4:4:4 round trip within 2 levels", most <= 2);
 }
 
 static void test_chroma(void)
@@ -109,7 +91,7 @@ static void test_chroma(void)
     uint8_t rgb[3 * W * H], back[3 * W * H], planes[W * H + 2 * 4 * 3];
     int most = 0;
 
-    expect(y4m_frame_bytes(&y) == sizeof planes, "odd sides round up", NULL);
+    check_that("odd sides round up", y4m_frame_bytes(&y) == sizeof planes);
     for (size_t i = 0; i < W * H; i++) {
         rgb[3 * i] = 200;
         rgb[3 * i + 1] = 40;
@@ -119,7 +101,7 @@ static void test_chroma(void)
     y4m_to_rgb(back, planes, &y);
     for (size_t i = 0; i < sizeof rgb; i++)
         most = abs(rgb[i] - back[i]) > most ? abs(rgb[i] - back[i]) : most;
-    expect(most <= 2, "4:2:0 of odd size keeps a flat colour", NULL);
+    check_that("4:2:0 of odd size keeps a flat colour", most <= 2);
 }
 
 static void test_pictures(void)
@@ -132,20 +114,25 @@ static void test_pictures(void)
     for (int i = 0; i < 3; i++) {
         struct framesink_options opt = {.alpha = i == 0};
         err.code = 0;
-        expect(write_clip(at(name[i]), 5, 4, 1, 0, 0.5f, opt, &err) == 0,
-               name[i], &err);
+        check_error(name[i],
+                    write_clip(folder_at(name[i]), 5, 4, 1, 0, 0.5f, opt,
+                               &err) == 0,
+                    &err);
     }
-    expect(image_read(&im, at("a-002.png"), &err) == 0 && im.width == 5
-           && im.height == 4 && im.rgb[0] == 255 && im.rgb[2] == 128
-           && !im.alpha, "the PNG reads back", &err);
+    check_error("the PNG reads back",
+                image_read(&im, folder_at("a-002.png"), &err) == 0 &&
+                im.width == 5 && im.height == 4 && im.rgb[0] == 255 &&
+                im.rgb[2] == 128 && !im.alpha,
+                &err);
     image_release(&im);
-    expect(image_read(&im, at("a-001.exr"), &err) == 0 && im.rgb[0] == 255
-           && im.rgb[1] == 0 && im.rgb[2] == 128, "the EXR reads back",
-           &err);
+    check_error("the EXR reads back",
+                image_read(&im, folder_at("a-001.exr"), &err) == 0 &&
+                im.rgb[0] == 255 && im.rgb[1] == 0 && im.rgb[2] == 128,
+                &err);
     image_release(&im);
-    expect(access(at("a-003.png"), F_OK) != 0
-           && access(at("a-000.png.part"), F_OK) != 0,
-           "no more files than frames, none unfinished", NULL);
+    check_that("no more files than frames, none unfinished",
+               access(folder_at("a-003.png"), F_OK) != 0 &&
+               access(folder_at("a-000.png.part"), F_OK) != 0);
 }
 
 static void test_video(void)
@@ -157,21 +144,25 @@ static void test_video(void)
     size_t W = 0, H = 0, n = 0;
     double t = 0;
 
-    expect(write_clip(at("v.mp4"), 64, 48, 1, 0, 0, opt, &err) == 0,
-           "v.mp4", &err);
-    v = video_open(at("v.mp4"), false, &err);
+    check_error("v.mp4",
+                write_clip(folder_at("v.mp4"), 64, 48, 1, 0, 0, opt, &err) == 0,
+                &err);
+    v = video_open(folder_at("v.mp4"), false, &err);
     while (v && video_read(v, &rgb, &W, &H, &t, &err) == 1)
         if (n++ == 0) {
             printf("red comes back from mp4 as %d %d %d\n", rgb[0], rgb[1],
                    rgb[2]);
-            expect(rgb[0] > 248 && rgb[1] < 8 && rgb[2] < 8,
-                   "pure red through mp4", NULL);
+            check_that("pure red through mp4",
+                       rgb[0] > 248 && rgb[1] < 8 && rgb[2] < 8);
         }
-    expect(n == 3 && W == 64 && H == 48 && fabs(t - 2 / 30.0) < 1e-3,
-           "three frames of the same size at 30 a second", &err);
+    check_error("three frames of the same size at 30 a second",
+                n == 3 && W == 64 && H == 48 && fabs(t - 2 / 30.0) < 1e-3,
+                &err);
     video_close(v);
-    expect(write_clip(at("odd.mp4"), 63, 47, 1, 0, 0, opt, &err) == 0,
-           "odd sizes", &err);
+    check_error("odd sizes",
+                write_clip(folder_at("odd.mp4"), 63, 47, 1, 0, 0, opt,
+                           &err) == 0,
+                &err);
 }
 
 static int run(const char *format, const char *a, const char *b)
@@ -188,28 +179,33 @@ static void test_ffmpeg(void)
     struct framesink_options opt = {0};
     struct image im = {0};
 
-    expect(write_clip(at("r.y4m"), 31, 17, 1, 0, 0, opt, &err) == 0, "r.y4m",
-           &err);
+    check_error("r.y4m",
+                write_clip(folder_at("r.y4m"), 31, 17, 1, 0, 0, opt, &err) == 0,
+                &err);
     if (system("command -v ffmpeg >/dev/null 2>&1") != 0) {
         printf("no ffmpeg here: its part left out\n");
         return;
     }
-    expect(run("ffmpeg -v error -y -i %s -vf scale=in_color_matrix=bt709 "
-               "-frames:v 1 %s", at("r.y4m"), at("r.png")) == 0
-           && image_read(&im, at("r.png"), &err) == 0, "ffmpeg reads it",
-           &err);
+    check_error("ffmpeg reads it",
+                run("ffmpeg -v error -y -i %s -vf scale=in_color_matrix=bt709 "
+                    "-frames:v 1 %s", folder_at("r.y4m"),
+                    folder_at("r.png")) == 0 &&
+                image_read(&im, folder_at("r.png"), &err) == 0,
+                &err);
     printf("red comes back from y4m as %d %d %d\n", im.rgb ? im.rgb[0] : -1,
            im.rgb ? im.rgb[1] : -1, im.rgb ? im.rgb[2] : -1);
-    expect(im.rgb && im.rgb[0] >= 253 && im.rgb[1] <= 2 && im.rgb[2] <= 2,
-           "pure red through ffmpeg", NULL);
+    check_that("pure red through ffmpeg",
+               im.rgb && im.rgb[0] >= 253 && im.rgb[1] <= 2 && im.rgb[2] <= 2);
     image_release(&im);
-    expect(write_clip(at("r.mp4"), 32, 18, 1, 0, 0, opt, &err) == 0
-           && run("ffmpeg -v error -y -i %s -frames:v 1 %s", at("r.mp4"),
-                  at("s.png")) == 0
-           && image_read(&im, at("s.png"), &err) == 0, "ffmpeg reads mp4",
-           &err);
-    expect(im.rgb && im.rgb[0] > 248 && im.rgb[1] < 8 && im.rgb[2] < 8,
-           "pure red from mp4 through ffmpeg", NULL);
+    check_error("ffmpeg reads mp4",
+                write_clip(folder_at("r.mp4"), 32, 18, 1, 0, 0, opt,
+                           &err) == 0 &&
+                run("ffmpeg -v error -y -i %s -frames:v 1 %s",
+                    folder_at("r.mp4"), folder_at("s.png")) == 0 &&
+                image_read(&im, folder_at("s.png"), &err) == 0,
+                &err);
+    check_that("pure red from mp4 through ffmpeg",
+               im.rgb && im.rgb[0] > 248 && im.rgb[1] < 8 && im.rgb[2] < 8);
     image_release(&im);
 }
 
@@ -220,32 +216,43 @@ static void test_refusals(void)
     struct framesink_options alpha = {.alpha = true};
     struct framesink_options plain = {0};
 
-    expect(write_clip("-", 2, 2, 1, 0, 0, exr, &err) != 0
-           && err.code == EX_USAGE, "EXR to a pipe is refused", &err);
-    expect(write_clip(at("x.mp4"), 2, 2, 1, 0, 0, alpha, &err) != 0
-           && err.code == EX_USAGE, "alpha in a video is refused", &err);
-    expect(write_clip(at("one.png"), 2, 2, 1, 0, 0, plain, &err) != 0
-           && err.code == EX_USAGE && strstr(err.text, "pattern"),
-           "three frames in one PNG are refused", &err);
-    expect(write_clip(at("%s.png"), 2, 2, 1, 0, 0, plain, &err) != 0
-           && err.code == EX_USAGE, "a pattern with %s is refused", &err);
-    expect(write_clip("/nowhere/x.png", 2, 2, 1, 0, 0, plain, &err) != 0
-           && err.code == EX_CANTCREAT, "a missing directory is named",
-           &err);
-    expect(write_clip("/nowhere/x.mp4", 2, 2, 1, 0, 0, plain, &err) != 0
-           && err.code == EX_CANTCREAT, "and for a video", &err);
+    check_error("EXR to a pipe is refused",
+                write_clip("-", 2, 2, 1, 0, 0, exr, &err) != 0 &&
+                err.code == EX_USAGE,
+                &err);
+    check_error("alpha in a video is refused",
+                write_clip(folder_at("x.mp4"), 2, 2, 1, 0, 0, alpha,
+                           &err) != 0 &&
+                err.code == EX_USAGE,
+                &err);
+    check_error("three frames in one PNG are refused",
+                write_clip(folder_at("one.png"), 2, 2, 1, 0, 0, plain,
+                           &err) != 0 && err.code == EX_USAGE &&
+                strstr(err.text, "pattern"),
+                &err);
+    check_error("a pattern with %s is refused",
+                write_clip(folder_at("%s.png"), 2, 2, 1, 0, 0, plain,
+                           &err) != 0 &&
+                err.code == EX_USAGE,
+                &err);
+    check_error("a missing directory is named",
+                write_clip("/nowhere/x.png", 2, 2, 1, 0, 0, plain,
+                           &err) != 0 && err.code == EX_CANTCREAT,
+                &err);
+    check_error("and for a video",
+                write_clip("/nowhere/x.mp4", 2, 2, 1, 0, 0, plain,
+                           &err) != 0 && err.code == EX_CANTCREAT,
+                &err);
 }
 
 int main(void)
 {
-    if (!mkdtemp(dir))
-        return 77;
+    folder_make();
     test_y4m_numbers();
     test_chroma();
     test_pictures();
     test_video();
     test_ffmpeg();
     test_refusals();
-    run("rm -rf %s%s", dir, "");
-    return failed;
+    return folder_remove() || check_status();
 }

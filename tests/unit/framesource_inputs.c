@@ -10,26 +10,8 @@
 #include "formats/framesink.h"
 #include "formats/framesource.h"
 #include "formats/image.h"
-
-static int failed;
-static char dir[] = "/tmp/spid-framesource-XXXXXX";
-
-static void expect(int ok, const char *what, const struct error *err)
-{
-    printf("%-56s %s%s%s\n", what, ok ? "ok" : "FAILED",
-           err && err->code ? ": " : "", err && err->code ? err->text : "");
-    failed |= !ok;
-}
-
-static const char *at(const char *name)
-{
-    static char path[4][256];
-    static int turn;
-
-    turn = (turn + 1) % 4;
-    snprintf(path[turn], sizeof path[turn], "%s/%s", dir, name);
-    return path[turn];
-}
+#include "tests/check.h"
+#include "tests/folder.h"
 
 /* n frames whose grey level is 10 times their number, plus a texture of so
  * many levels. */
@@ -51,7 +33,7 @@ static void make(const char *path, size_t W, size_t H, uint64_t n,
         rc = framesink_write(s, &f, &err);
     }
     if (rc != 0 || framesink_finish(s, &err) != 0)
-        expect(0, path, &err);
+        check_error(path, 0, &err);
     free(rgb);
 }
 
@@ -89,7 +71,7 @@ static struct seen see(const char *const *paths, size_t count)
 
 static struct seen see_one(const char *name)
 {
-    const char *path = at(name);
+    const char *path = folder_at(name);
 
     return see(&path, 1);
 }
@@ -97,7 +79,7 @@ static struct seen see_one(const char *name)
 static void cut(const char *from, const char *to, double part)
 {
     char *data = malloc(1 << 22);
-    FILE *in = fopen(at(from), "rb"), *out = fopen(at(to), "wb");
+    FILE *in = fopen(folder_at(from), "rb"), *out = fopen(folder_at(to), "wb");
     size_t n = fread(data, 1, 1 << 22, in);
 
     fwrite(data, 1, (size_t)((double)n * part), out);
@@ -109,48 +91,52 @@ static void cut(const char *from, const char *to, double part)
 static void test_kinds(void)
 {
     static const char *const name[] = {"a.y4m", "a.ppm", "a.avi", "a.mp4",
-                                       "folder"};
+                                       "dir"};
     struct seen r;
 
-    make(at("a.y4m"), 31, 21, 12, 7);
-    make(at("a.ppm"), 31, 21, 12, 7);
-    make(at("a.avi"), 64, 48, 12, 7);
-    make(at("a.mp4"), 64, 48, 12, 7);
-    mkdir(at("folder"), 0777);
-    make(at("folder/x%d.png"), 31, 21, 12, 7);
+    make(folder_at("a.y4m"), 31, 21, 12, 7);
+    make(folder_at("a.ppm"), 31, 21, 12, 7);
+    make(folder_at("a.avi"), 64, 48, 12, 7);
+    make(folder_at("a.mp4"), 64, 48, 12, 7);
+    mkdir(folder_at("dir"), 0777);
+    make(folder_at("dir/x%d.png"), 31, 21, 12, 7);
     for (int i = 0; i < 5; i++) {
         double rate = i == 1 || i == 4 ? 10 : 30;
         r = see_one(name[i]);
         printf("%s: %zu frames of %zu x %zu, levels %d to %d, %d/%d, last at "
                "%.4f s\n", name[i], r.frames, r.width, r.height, r.first,
                r.last, r.num, r.den, r.time);
-        expect(r.rc == 0 && r.frames == 12 && abs(r.first) <= 6
-               && abs(r.last - 110) <= 6 && fabs(r.time - 11 / rate) < 1e-6
-               && r.num == (int)rate, name[i], &r.err);
+        check_error(name[i],
+                    r.rc == 0 && r.frames == 12 && abs(r.first) <= 6 &&
+                    abs(r.last - 110) <= 6 &&
+                    fabs(r.time - 11 / rate) < 1e-6 && r.num == (int)rate,
+                    &r.err);
     }
 }
 
 static void test_lists(void)
 {
-    const char *two[2] = {at("a.y4m"), at("folder")}, *list;
+    const char *two[2] = {folder_at("a.y4m"), folder_at("dir")}, *list;
     struct seen r = see(two, 2);
     FILE *fp;
 
-    expect(r.rc == 0 && r.frames == 24
-           && fabs(r.time - 23 / 30.0) < 1e-6, "two inputs make one clip",
-           &r.err);
-    fp = fopen(at("list"), "w");
-    fprintf(fp, "%s\n%s\n", at("folder/x3.png"), at("folder/x11.png"));
+    check_error("two inputs make one clip",
+                r.rc == 0 && r.frames == 24 && fabs(r.time - 23 / 30.0) < 1e-6,
+                &r.err);
+    fp = fopen(folder_at("list"), "w");
+    fprintf(fp, "%s\n%s\n", folder_at("dir/x3.png"),
+            folder_at("dir/x11.png"));
     fclose(fp);
-    list = at("list");
+    list = folder_at("list");
     {
         char name[300];
         snprintf(name, sizeof name, "@%s", list);
         list = name;
         r = see(&list, 1);
     }
-    expect(r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
-           "a list of pictures", &r.err);
+    check_error("a list of pictures",
+                r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
+                &r.err);
 }
 
 static void test_faults(void)
@@ -164,27 +150,31 @@ static void test_faults(void)
     };
     struct seen r;
 
-    make(at("b.avi"), 320, 240, 12, 120);
+    make(folder_at("b.avi"), 320, 240, 12, 120);
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
         cut(t[i].from, t[i].to, t[i].part);
         r = see_one(t[i].to);
         printf("%s: %zu frames before the fault\n", t[i].to, r.frames);
-        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1
-               && r.frames < 12, t[i].to, &r.err);
+        check_error(t[i].to,
+                    r.rc == -1 && r.err.code == EX_DATAERR &&
+                    r.frames >= 1 && r.frames < 12,
+                    &r.err);
     }
     cut("a.mp4", "cut.mp4", 0.5);
     r = see_one("cut.mp4");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a video without its index",
-           &r.err);
+    check_error("a video without its index",
+                r.rc == -1 && r.err.code == EX_DATAERR, &r.err);
     cut("a.mp4", "empty.mp4", 0);
     r = see_one("empty.mp4");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "an empty file", &r.err);
+    check_error("an empty file", r.rc == -1 && r.err.code == EX_DATAERR,
+                &r.err);
     r = see_one("none.mp4");
-    expect(r.rc == -1 && r.err.code == EX_NOINPUT, "a missing file", &r.err);
-    mkdir(at("bare"), 0777);
+    check_error("a missing file", r.rc == -1 && r.err.code == EX_NOINPUT,
+                &r.err);
+    mkdir(folder_at("bare"), 0777);
     r = see_one("bare");
-    expect(r.rc == -1 && r.err.code == EX_DATAERR, "a folder without pictures",
-           &r.err);
+    check_error("a folder without pictures",
+                r.rc == -1 && r.err.code == EX_DATAERR, &r.err);
 }
 
 /* MPEG-TS, which says nowhere how long it is: cut inside a packet. */
@@ -195,27 +185,30 @@ static void test_transport(void)
     struct seen r;
 
     snprintf(cmd, sizeof cmd, "ffmpeg -nostdin -v error -y -i %s/b.avi -c:v "
-             "mpeg2video -q:v 2 %s/b.ts", at("."), at("."));
+             "mpeg2video -q:v 2 %s/b.ts", folder_at("."), folder_at("."));
     if (system("command -v ffmpeg >/dev/null 2>&1") != 0) {
         printf("no ffmpeg here: MPEG-TS left out\n");
         return;
     }
-    expect(system(cmd) == 0, "MPEG-TS by ffmpeg", &(struct error){0});
+    check_error("MPEG-TS by ffmpeg", system(cmd) == 0, &(struct error){0});
     r = see_one("b.ts");
-    expect(r.rc == 0 && r.frames == 12, "a whole MPEG-TS file", &r.err);
+    check_error("a whole MPEG-TS file", r.rc == 0 && r.frames == 12, &r.err);
     cut("b.ts", "cut.ts", 0.7);
-    expect(stat(at("cut.ts"), &st) == 0 &&
-               truncate(at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,
-           "cutting it", &(struct error){0});
+    check_error("cutting it",
+                stat(folder_at("cut.ts"), &st) == 0 &&
+                truncate(folder_at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,
+                &(struct error){0});
     r = see_one("cut.ts");
     printf("cut.ts: %zu frames before the fault\n", r.frames);
-    expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1
-           && r.frames < 12, "one cut short", &r.err);
+    check_error("one cut short",
+                r.rc == -1 && r.err.code == EX_DATAERR && r.frames >= 1 &&
+                r.frames < 12,
+                &r.err);
 }
 
 static void write_text(const char *name, const char *text, size_t n)
 {
-    FILE *fp = fopen(at(name), "wb");
+    FILE *fp = fopen(folder_at(name), "wb");
 
     fwrite(text, 1, n, fp);
     fclose(fp);
@@ -239,8 +232,9 @@ static void test_hostile(void)
         struct seen r;
         write_text(t[i].name, t[i].text, strlen(t[i].text));
         r = see_one(t[i].name);
-        expect(r.rc == -1 && r.err.code == EX_DATAERR && r.frames == 0,
-               t[i].name, &r.err);
+        check_error(t[i].name,
+                    r.rc == -1 && r.err.code == EX_DATAERR && r.frames == 0,
+                    &r.err);
     }
 }
 
@@ -252,15 +246,18 @@ static void test_images(void)
                              1, 2, 3, 0, 4, 5, 6, 7};
     char cmd[1024];
 
-    image_write_png(at("rgba.png"), px, 2, 3, 4, &err);
-    expect(image_read(&im, at("rgba.png"), &err) == 0 && im.alpha
-           && im.rgb[0] == 200 && im.rgb[2] == 50 && im.alpha[0] == 128,
-           "alpha stays straight", &err);
+    image_write_png(folder_at("rgba.png"), px, 2, 3, 4, &err);
+    check_error("alpha stays straight",
+                image_read(&im, folder_at("rgba.png"), &err) == 0 && im.alpha &&
+                im.rgb[0] == 200 && im.rgb[2] == 50 && im.alpha[0] == 128,
+                &err);
     image_release(&im);
-    image_write_png(at("grey.png"), px, 2, 3, 1, &err);
-    expect(image_read(&im, at("grey.png"), &err) == 0 && !im.alpha
-           && im.rgb[0] == 200 && im.rgb[1] == 200 && im.rgb[2] == 200,
-           "grey is spread", &err);
+    image_write_png(folder_at("grey.png"), px, 2, 3, 1, &err);
+    check_error("grey is spread",
+                image_read(&im, folder_at("grey.png"), &err) == 0 &&
+                !im.alpha &&
+                im.rgb[0] == 200 && im.rgb[1] == 200 && im.rgb[2] == 200,
+                &err);
     image_release(&im);
     if (system("command -v convert >/dev/null 2>&1") != 0) {
         printf("no convert here: orientation, 16 bits, CMYK left out\n");
@@ -271,34 +268,38 @@ static void test_images(void)
              "-sampling-factor 4:4:4 turned.tif && "
              "convert -size 4x2 xc:red -colorspace CMYK cmyk.jpg && "
              "convert -size 4x2 xc:red -colorspace CMYK cmyk.tif && "
-             "convert -size 4x2 xc:'#80008000ffff' -depth 16 deep.png", dir);
+             "convert -size 4x2 xc:'#80008000ffff' -depth 16 deep.png", folder);
     if (system(cmd) != 0)
         return;
-    expect(image_read(&im, at("turned.tif"), &err) == 0 && im.width == 2
-           && im.height == 4 && im.rgb[0] == 255 && im.rgb[5] == 255,
-           "an orientation tag is applied", &err);
+    check_error("an orientation tag is applied",
+                image_read(&im, folder_at("turned.tif"), &err) == 0 &&
+                im.width == 2 && im.height == 4 && im.rgb[0] == 255 &&
+                im.rgb[5] == 255,
+                &err);
     image_release(&im);
-    expect(image_read(&im, at("deep.png"), &err) == 0 && im.rgb[0] == 128
-           && im.rgb[2] == 255, "16 bits are rounded", &err);
+    check_error("16 bits are rounded",
+                image_read(&im, folder_at("deep.png"), &err) == 0 &&
+                im.rgb[0] == 128 && im.rgb[2] == 255,
+                &err);
     image_release(&im);
-    expect(image_read(&im, at("cmyk.jpg"), &err) != 0
-           && strstr(err.text, "CMYK"), "CMYK JPEG is refused", &err);
-    expect(image_read(&im, at("cmyk.tif"), &err) != 0
-           && strstr(err.text, "CMYK"), "CMYK TIFF is refused", &err);
+    check_error("CMYK JPEG is refused",
+                image_read(&im, folder_at("cmyk.jpg"), &err) != 0 &&
+                strstr(err.text, "CMYK"),
+                &err);
+    check_error("CMYK TIFF is refused",
+                image_read(&im, folder_at("cmyk.tif"), &err) != 0 &&
+                strstr(err.text, "CMYK"),
+                &err);
 }
 
 int main(void)
 {
-    char cmd[64];
-
-    if (!mkdtemp(dir))
-        return 77;
+    folder_make();
     test_kinds();
     test_lists();
     test_faults();
     test_transport();
     test_hostile();
     test_images();
-    snprintf(cmd, sizeof cmd, "rm -rf %s", dir);
-    return system(cmd) | failed;
+    return folder_remove() || check_status();
 }

@@ -13,15 +13,11 @@
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_json
-#define take take_json
 #include "tests/fuzz/fuzz_json.c"
-#undef take
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_safetensors
-#define take take_safetensors
 #include "tests/fuzz/fuzz_safetensors.c"
-#undef take
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_frames

@@ -7,17 +7,7 @@
 #include "lib/base/random.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-44s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 /* Frontal camera at z = 12, S = 512: f = 3072.  The point (0.5, 0.25, 0.4) has
  * camera coordinates (0.5, -0.25, 11.6): u = 256 + 3072 * 0.5 / 11.6. */
@@ -117,5 +107,5 @@ int main(void)
     by_hand();
     rays(&r);
     gradients(&r);
-    return failed;
+    return check_status();
 }

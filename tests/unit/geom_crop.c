@@ -8,15 +8,7 @@
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
 #include "lib/geom/crop.h"
-
-static int failed;
-
-static void expect(int ok, const char *what, double value, double limit)
-{
-    printf("%-56s %.3g (limit %.3g) %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 static struct square some_square(struct random *r, size_t W, size_t H)
 {
@@ -64,9 +56,9 @@ static void test_sampling(void)
         free(got);
     }
     printf("instruction set %s\n", cpu_level_name(cpu_level()));
-    expect(most <= 1e-6, "8-bit sampling against double", most, 1e-6);
-    expect(most_f <= 1e-6, "float sampling against double", most_f, 1e-6);
-    expect(over == 0, "writes past the end", over, 0);
+    check("8-bit sampling against double", most, 1e-6);
+    check("float sampling against double", most_f, 1e-6);
+    check("writes past the end", over, 0);
 }
 
 /* L(q, rgb) = sum probe crop. */
@@ -116,9 +108,8 @@ static void test_gradient(void)
               / (2 * h);
         worst_q = fmax(worst_q, fabs(gq[k] - num) / fmax(1, fabs(num)));
     }
-    expect(worst < 1e-6, "gradient with respect to the picture", worst, 1e-6);
-    expect(worst_q < 1e-5, "gradient with respect to the square", worst_q,
-           1e-5);
+    check("gradient with respect to the picture", worst, 1e-6);
+    check("gradient with respect to the square", worst_q, 1e-5);
 }
 
 static void project(double uv[2], const double x[3], const double t[3],
@@ -160,10 +151,8 @@ static void test_translation(void)
             v[k] = (k ? c.y : c.x) + (v[k] - S / 2) * c.size / S;
         origin = fmax(origin, hypot(u[0] - v[0], u[1] - v[1]));
     }
-    expect(worst <= 0.01, "a head through any crop and back, pixels", worst,
-           0.01);
-    expect(origin <= 0.01, "its origin in the crop's own picture, pixels",
-           origin, 0.01);
+    check("a head through any crop and back, pixels", worst, 0.01);
+    check("its origin in the crop's own picture, pixels", origin, 0.01);
     for (int k = 0; k < 6; k++) {
         double tn[3] = {0.1, -0.2, 7}, gt[3] = {0.3, -0.7, 0.9};
         double p[6] = {0.1, -0.2, 7, 200, 300, 280}, g[6] = {0}, h = 1e-5;
@@ -180,7 +169,7 @@ static void test_translation(void)
         }
         worst_g = fmax(worst_g, fabs((l[1] - l[0]) / (2 * h) - g[k]));
     }
-    expect(worst_g < 1e-7, "gradient of the translation", worst_g, 1e-7);
+    check("gradient of the translation", worst_g, 1e-7);
 }
 
 static void test_squares(void)
@@ -189,17 +178,15 @@ static void test_squares(void)
     float xy[6] = {10, 20, 30, 25, 15, 60};
 
     p = square_out_of(square_into(q, w, 512), w, 512);
-    expect(fabs(p.x - q.x) + fabs(p.y - q.y) + fabs(p.size - q.size) < 1e-9,
-           "a square into a window and out again",
-           fabs(p.x - q.x) + fabs(p.size - q.size), 1e-9);
+    check("a square into a window and out again",
+          fabs(p.x - q.x) + fabs(p.size - q.size), 1e-9);
     p = crop_from_landmarks(xy, 3);
-    expect(p.x == 20 && p.y == 40 && fabs(p.size - 64) < 1e-9,
-           "the landmarks' square", p.size, 64);
+    check_that("the landmarks' square",
+               p.x == 20 && p.y == 40 && fabs(p.size - 64) < 1e-9);
     p = window_from_crop(crop_from_detection(q));
-    expect(fabs(p.x - q.x) + fabs(p.y - q.y) < 1e-9
-           && fabs(p.size - CROP_WINDOW * q.size) < 1e-9,
-           "the window is about the detector's face", p.size,
-           CROP_WINDOW * q.size);
+    check_that("the window is about the detector's face",
+               fabs(p.x - q.x) + fabs(p.y - q.y) < 1e-9 &&
+               fabs(p.size - CROP_WINDOW * q.size) < 1e-9);
 }
 
 static void test_resize(void)
@@ -213,19 +200,19 @@ static void test_resize(void)
     crop_resize_u8(out, n, rgb, W, H, 3 * W, 3, q);
     for (size_t i = 0; i < sizeof out; i++)
         flat |= out[i] != 137;
-    expect(!flat, "a flat picture stays flat when it shrinks", flat, 0);
+    check("a flat picture stays flat when it shrinks", flat, 0);
     for (size_t i = 0; i < sizeof rgb; i++)
         rgb[i] = (uint8_t)(i * 7);
     crop_resize_u8(same, n, rgb, W, H, 3 * W, 3, one);
     for (size_t y = 0; y < n; y++)
         exact |= memcmp(same + 3 * n * y, rgb + 3 * ((20 + y) * W + 20),
                         3 * n) != 0;
-    expect(!exact, "at scale one the pixels are the picture's", exact, 0);
+    check("at scale one the pixels are the picture's", exact, 0);
     crop_resize_u8(out, n, rgb, W, H, 3 * W, 3, far);
     flat = 0;
     for (size_t i = 0; i < sizeof out; i++)
         flat |= out[i];
-    expect(!flat, "outside is black", flat, 0);
+    check("outside is black", flat, 0);
 }
 
 static void time_crop(void)
@@ -254,5 +241,5 @@ int main(void)
     test_squares();
     test_resize();
     time_crop();
-    return failed;
+    return check_status();
 }

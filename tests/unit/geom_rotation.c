@@ -8,17 +8,7 @@
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/geom/turn.h"
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-44s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 typedef void (*forward)(double *R, const double *x);
 typedef void (*backward)(double *dx, const double *dR, const double *x);
@@ -236,5 +226,5 @@ int main(void)
     six(&r);
     quaternions(&r);
     turns(&r);
-    return failed;
+    return check_status();
 }

@@ -11,20 +11,18 @@
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
 #include "lib/head/lbs.h"
+#include "tests/check.h"
 
 #define NS 7
 #define NE 5
 
-static int failed;
-
-static void check(const char *what, size_t V, double value, double limit)
+static void check_at(size_t V, const char *what, double value, double limit)
 {
-    int ok = value <= limit;
+    char line[80];
 
-    printf("%-9s V=%-5zu %-40s %.2e  limit %.0e  %s\n",
-           cpu_level_name(cpu_level()), V, what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
+    snprintf(line, sizeof line, "%-9s V=%-5zu %s",
+             cpu_level_name(cpu_level()), V, what);
+    check(line, value, limit);
 }
 
 static float *numbers(struct random *r, size_t n, double bound)
@@ -123,7 +121,7 @@ static void forward(const struct head *h, struct random *r, double angle)
     for (int i = 0; i < 8; i++)
         worst = verts[3 * V + (size_t)i] == 12345 ? worst : INFINITY;
     /* the head is about 1 unit: a few float roundings */
-    check("vertices against double", V, worst, 5e-7);
+    check_at(V, "vertices against double", worst, 5e-7);
     identity_release(&id);
     free(verts);
     free(ref);
@@ -188,8 +186,8 @@ static void gradients(const struct head *h, struct random *r, double angle)
             worst = fmax(worst, fabs(d - part[k].g[i]) / size);
             f32 = fmax(f32, fabs(part[k].f[i] - part[k].g[i]) / size);
         }
-    check("double gradients by differences", h->V, worst, 1e-8);
-    check("float gradients against double", h->V, f32, 2e-6);
+    check_at(h->V, "double gradients by differences", worst, 1e-8);
+    check_at(h->V, "float gradients against double", f32, 2e-6);
     identity_release(&id);
     free(probe);
     free(probe_f);
@@ -213,7 +211,7 @@ static int run(void)
         }
         head_release(&h);
     }
-    return failed;
+    return check_status();
 }
 
 /* One child per instruction set: the level is decided once per process. */

@@ -9,19 +9,9 @@
 
 #include "lib/base/random.h"
 #include "lib/head/lbs.h"
+#include "tests/check.h"
 
 enum { PEOPLE = 10, DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS };
-
-static int failed;
-
-static void check(const char *what, double value, double lo, double hi)
-{
-    int ok = value >= lo && value <= hi;
-
-    printf("%-46s %12.6g (expected %g to %g) %s\n", what, value, lo, hi,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 static void *room(size_t n, size_t size)
 {
@@ -120,13 +110,13 @@ static void test_mesh(const struct sculpt *s)
         struct edge m = { s->mirror[e[i].b], s->mirror[e[i].a] };
         lost += !bsearch(&m, e, 3 * s->nf, sizeof *e, by_ends);
     }
-    check("vertices", (double)s->nv, 4800, 5300);
-    check("vertices without a face", (double)(s->nv - used), 0, 0);
-    check("edges run twice in one direction", (double)twice, 0, 0);
-    check("openings: neck, mouth, two eyes", boundary_loops(s, e), 4, 4);
-    check("edges without a mirror image", (double)lost, 0, 0);
+    check_range("vertices", (double)s->nv, 4800, 5300);
+    check_range("vertices without a face", (double)(s->nv - used), 0, 0);
+    check_range("edges run twice in one direction", (double)twice, 0, 0);
+    check_range("openings: neck, mouth, two eyes", boundary_loops(s, e), 4, 4);
+    check_range("edges without a mirror image", (double)lost, 0, 0);
     /* 6.4 litres of skin less the openings' cones, and two eyeballs */
-    check("enclosed volume, litres", volume(s) * 1e3, 4, 9);
+    check_range("enclosed volume, litres", volume(s) * 1e3, 4, 9);
     free(e);
     free(seen);
 }
@@ -142,8 +132,8 @@ static void test_mirror(const struct sculpt *s)
         worst = fmax(worst, fabs(p[0] + q[0]) + fabs(p[1] - q[1]) +
                             fabs(p[2] - q[2]));
     }
-    check("mirror of the mirror is not the vertex", broken, 0, 0);
-    check("asymmetry of the mean, m", worst, 0, 0);
+    check_range("mirror of the mirror is not the vertex", broken, 0, 0);
+    check_range("asymmetry of the mean, m", worst, 0, 0);
 }
 
 /* ---- arrays ------------------------------------------------------------- */
@@ -166,10 +156,10 @@ static void test_sums(const struct sculpt *s)
             sum += s->j_regressor[j * s->nv + v];
         joint = fmax(joint, fabs(sum - 1));
     }
-    check("sum of skinning weights, off by", skin, 0, 1e-6);
+    check_range("sum of skinning weights, off by", skin, 0, 1e-6);
     /* the root takes what is left of 1: down to half an ulp of 1 under 0 */
-    check("smallest skinning weight", least, -6e-8, 0);
-    check("sum of regressor rows, off by", joint, 0, 1e-5);
+    check_range("smallest skinning weight", least, -6e-8, 0);
+    check_range("sum of regressor rows, off by", joint, 0, 1e-5);
 }
 
 static void test_directions(const struct sculpt *s)
@@ -195,9 +185,9 @@ static void test_directions(const struct sculpt *s)
                 sum[i & 3] += (double)row[k * n + i] * row[j * n + i];
             worst = fmax(worst, fabs(sum[0] + sum[1] + sum[2] + sum[3]));
         }
-    check("norm of a shape over the one before, less 1", rise, -1, 1e-6);
-    check("shortest shape, m", before, 1e-4, 1);
-    check("largest cosine between two shapes", worst, 0, 1e-6);
+    check_range("norm of a shape over the one before, less 1", rise, -1, 1e-6);
+    check_range("shortest shape, m", before, 1e-4, 1);
+    check_range("largest cosine between two shapes", worst, 0, 1e-6);
     free(row);
 }
 
@@ -212,9 +202,9 @@ static void test_landmarks(const struct sculpt *s)
         range += s->landmark_face[k] < 0 ||
                  (size_t)s->landmark_face[k] >= s->nf;
     }
-    check("barycentric coordinates, sum off by", sum, 0, 1e-6);
-    check("smallest barycentric coordinate", least, 0, 0);
-    check("landmarks on no face", range, 0, 0);
+    check_range("barycentric coordinates, sum off by", sum, 0, 1e-6);
+    check_range("smallest barycentric coordinate", least, 0, 0);
+    check_range("landmarks on no face", range, 0, 0);
 }
 
 /* ---- anatomy, for the mean and other people ----------------------------- */
@@ -329,15 +319,15 @@ static void test_people(const struct sculpt *s, const struct head *h,
         identity_release(&id);
     }
     printf("%s:\n", last ? "ten people" : "the mean");
-    check("lid clearance, open, mm", open, 0.3, 1.2);
-    check("lid clearance, closed, mm", closed, 0.3, 1.2);
-    check("least of any while closing, mm", closing, 0.05, 1.2);
+    check_range("lid clearance, open, mm", open, 0.3, 1.2);
+    check_range("lid clearance, closed, mm", closed, 0.3, 1.2);
+    check_range("least of any while closing, mm", closing, 0.05, 1.2);
     /* the hidden loop takes the chord where the margin clears the arc */
-    check("the loop behind the margin, mm", tucked, -0.35, 1.2);
+    check_range("the loop behind the margin, mm", tucked, -0.35, 1.2);
     /* A known limit: shape directions 44 and 36 (lower and upper lip) alone
      * change the gap by 1.3 and 1.2 mm per unit, so people may have lips that
      * overlap at rest; it must not get worse. */
-    check("lips apart at rest, mm", gap, last ? -6.5 : 0.02, 1.2);
+    check_range("lips apart at rest, mm", gap, last ? -6.5 : 0.02, 1.2);
     free(hidden);
     free(verts);
 }
@@ -350,14 +340,14 @@ static void test_mean(const struct sculpt *s, const struct head *h)
     head_mouth(&mouth, h, h->v_template);
     double radius = 200 * eyeball(l, s, h->v_template, 1);
     eyeball(r, s, h->v_template, -1);
-    check("d_bowl, mm", 200 * mouth.bowl, 11.6, 12.0);
-    check("d_lip, mm", 200 * mouth.lip, 16.4, 16.8);
-    check("eyeball radius, mm", radius, 11.9, 12.1);
-    check("between the pupils, mm", 200 * (l[0] - r[0]), 62, 64);
+    check_range("d_bowl, mm", 200 * mouth.bowl, 11.6, 12.0);
+    check_range("d_lip, mm", 200 * mouth.lip, 16.4, 16.8);
+    check_range("eyeball radius, mm", radius, 11.9, 12.1);
+    check_range("between the pupils, mm", 200 * (l[0] - r[0]), 62, 64);
     for (int d = 0; d < 3; d++)
-        check("left eye joint off the ball's centre, mm",
-              200 * (h->joint_template[3 * JOINT_EYE_LEFT + d] - l[d]),
-              -0.2, 0.2);
+        check_range("left eye joint off the ball's centre, mm",
+                    200 * (h->joint_template[3 * JOINT_EYE_LEFT + d] - l[d]),
+                    -0.2, 0.2);
 }
 
 /* A jaw turned by 0.25 opens the mouth and leaves the upper face alone. */
@@ -379,8 +369,8 @@ static void test_jaw(const struct sculpt *s, const struct head *h)
         if (s->v_template[3 * v + 1] > 0.01f)
             for (size_t d = 0; d < 3; d++)
                 upper = fmax(upper, 200 * fabs(a[3 * v + d] - b[3 * v + d]));
-    check("mouth opens by, mm", 200 * (after.gap - before.gap), 10, 40);
-    check("upper face moves by, mm", upper, 0, 1);
+    check_range("mouth opens by, mm", 200 * (after.gap - before.gap), 10, 40);
+    check_range("upper face moves by, mm", upper, 0, 1);
     identity_release(&id);
     free(a);
     free(b);
@@ -404,7 +394,7 @@ static void test_twice(const struct sculpt *s)
         !memcmp(t.weights, s->weights, SCULPT_JOINTS * v * sizeof(float)) &&
         !memcmp(t.l_eyelid, s->l_eyelid, 3 * v * sizeof(float)) &&
         !memcmp(t.hair, s->hair, v * sizeof(float));
-    check("made twice, the same bytes", same, 1, 1);
+    check_range("made twice, the same bytes", same, 1, 1);
     sculpt_release(&t);
 }
 
@@ -436,5 +426,5 @@ int main(void)
     test_twice(&s);
     head_release(&h);
     sculpt_release(&s);
-    return failed;
+    return check_status();
 }

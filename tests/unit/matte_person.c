@@ -10,16 +10,9 @@
 
 #include "formats/matte.h"
 #include "lib/base/random.h"
+#include "tests/check.h"
 
 enum { N = 256, LEFT = 56, TOP = 48, RIGHT = 198, BOTTOM = 204 };
-
-static int failures;
-
-static void check(int ok, const char *what, double got)
-{
-    printf("%-52s %.4f%s\n", what, got, ok ? "" : "  NOT SO");
-    failures += !ok;
-}
 
 /* How far (x,y) is inside an ellipse, in pixels, about. */
 static double inside(double x, double y, double cx, double cy, double rx,
@@ -122,12 +115,10 @@ static void find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
         printf("%s\n", err.text);
         exit(1);
     }
-    check(!fallback, "the colours decide", fallback);
-    check(missed(matte, d) <= before + 0.001,
-          "unmixing takes nothing from the person",
-          missed(matte, d) - before);
-    check(impurity(rgb, d, 1, 1) < 0.5, "his own colours stay",
-          impurity(rgb, d, 1, 1));
+    check("the colours decide", fallback, 0);
+    check("unmixing takes nothing from the person",
+          missed(matte, d) - before, 0.001);
+    check("his own colours stay", impurity(rgb, d, 1, 1), 0.5);
 }
 
 static void only_the_face(const struct drawing *whole)
@@ -144,7 +135,7 @@ static void only_the_face(const struct drawing *whole)
             d.picture[i] = 0;
         }
     rc = matte_grabcut(matte, &fallback, d.rgb, d.head, d.picture, N, &err);
-    check(rc == 0 && fallback, "nothing but a face: the disc", rc);
+    check_that("nothing but a face: the disc", rc == 0 && fallback);
 }
 
 int main(void)
@@ -161,16 +152,15 @@ int main(void)
         any += a || b;
         beyond += !d.picture[i] && matte[i];
     }
-    check(both > 0.95 * any, "matte and person: intersection over union",
-          both / any);
-    check(beyond == 0, "pixels of the matte outside of the picture", beyond);
+    check_range("matte and person: intersection over union", both / any,
+                0.95, 1);
+    check("pixels of the matte outside of the picture", beyond, 0);
     before = impurity(d.rgb, &d, 0.5, 0.95);
     after = impurity(rgb, &d, 0.5, 0.95);
-    check(before > 10, "the rim's colours are mixed, levels", before);
-    check(after < 0.5 * before, "less so after unmixing", after);
+    check_range("the rim's colours are mixed, levels", before, 10, 255);
+    check("less so after unmixing, levels", after, 0.5 * before);
     only_the_face(&d);
     draw(&d, 1);
     find(matte, rgb, &d);
-    printf("%d failures\n", failures);
-    return failures != 0;
+    return check_status();
 }

@@ -7,18 +7,7 @@
 #include "lib/base/random.h"
 #include "lib/metric/filter.h"
 #include "lib/metric/image.h"
-
-static int failed;
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    double d = fabs(got - want);
-
-    printf("%-34s %.12g, expected %.12g (%.1e, at most %.1e)\n", what, got,
-           want, d, tol);
-    if (!(d <= tol))
-        failed = 1;
-}
+#include "tests/check.h"
 
 static double window(int i, int j)
 {
@@ -141,5 +130,5 @@ int main(void)
     check_plain();
     check_gradient("ssim gradient, relative error", 0, 31, 29);
     check_gradient("ms-ssim gradient, relative error", 1, 163, 178);
-    return failed;
+    return check_status();
 }

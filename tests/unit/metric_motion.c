@@ -4,18 +4,7 @@
 #include <string.h>
 
 #include "lib/metric/motion.h"
-
-static int failed;
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    double d = fabs(got - want);
-
-    printf("%-34s %.9g, expected %.9g (at most %.1e)\n", what, got, want,
-           tol);
-    if (!(d <= tol))
-        failed = 1;
-}
+#include "tests/check.h"
 
 /* R = diag(1,-1,-1) Rz(r) Rx(p) Ry(y), angles in degrees. */
 static void compose(float R[9], double y, double p, double r)
@@ -81,5 +70,5 @@ int main(void)
            1e-12);
     expect("correlation with a constant is NaN",
            isnan(metric_correlation(x, flat, 5)), 1, 0);
-    return failed;
+    return check_status();
 }

@@ -14,6 +14,7 @@
 #include "lib/net/plane_init.h"
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
+#include "tests/check.h"
 
 struct subject {
     const char *name;
@@ -26,7 +27,6 @@ struct subject {
     float lo, hi;                /* range of the input */
 };
 
-static int failures;
 /* the refiner's */
 static float turn[TURN_COUNT] = { 0.8f, -0.5f, 0.3f, -0.2f, 0.6f, 0.1f };
 static float dturn[TURN_COUNT];
@@ -43,9 +43,9 @@ static double loss(const struct subject *n, const float *in, float *out,
 }
 
 /* Central difference of the loss along g (count values at w). */
-static void check(const struct subject *n, const char *what, float *w,
-                  const float *g, size_t count, const float *in, float *out,
-                  const float *probe, double step)
+static void check_gradient(const struct subject *n, const char *what, float *w,
+                           const float *g, size_t count, const float *in,
+                           float *out, const float *probe, double step)
 {
     double norm = 0, size = 0;
     for (size_t i = 0; i < count; i++) {
@@ -73,11 +73,8 @@ static void check(const struct subject *n, const char *what, float *w,
     }
     memcpy(w, keep, count * sizeof *keep);
     free(keep);
-    if (error > 0.03) {
-        printf("%s %s: difference %.6g, gradient %.6g\n", n->name, what,
-               found, norm);
-        failures++;
-    }
+    CHECK(error <= 0.03, "%s %s: difference %.6g, gradient %.6g", n->name,
+          what, found, norm);
 }
 
 static void run(const struct subject *n)
@@ -103,12 +100,14 @@ static void run(const struct subject *n)
     n->backward(din, out, n->self);
     for (size_t t = 0; t < ps->count; t++)
         if (!ps->tensor[t].frozen)
-            check(n, ps->tensor[t].name, param_w(ps, t), param_g(ps, t),
-                  ps->tensor[t].count, in, out, probe, 0.02);
+            check_gradient(n, ps->tensor[t].name, param_w(ps, t),
+                           param_g(ps, t), ps->tensor[t].count, in, out,
+                           probe, 0.02);
     if (n->lo < n->hi && strcmp(n->name, "backbone"))
-        check(n, "input", in, din, n->in, in, out, probe, 0.02);
+        check_gradient(n, "input", in, din, n->in, in, out, probe, 0.02);
     if (!strcmp(n->name, "refiner"))
-        check(n, "turn", turn, dturn, TURN_COUNT, in, out, probe, 0.02);
+        check_gradient(n, "turn", turn, dturn, TURN_COUNT, in, out,
+                       probe, 0.02);
     printf("%s: %zu tensors compared\n", n->name, ps->count);
     free(in);
     free(din);
@@ -246,6 +245,6 @@ int main(void)
 {
     small_nets();
     encoders();
-    printf("%d gradients differ\n", failures);
-    return failures != 0;
+    printf("%d gradients differ\n", check_failures);
+    return check_status();
 }

@@ -10,11 +10,12 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "formats/safetensors.h"
+#include "lib/base/half.h"
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
 #include "lib/nn/fold.h"
 #include "lib/base/covered.h"
+#include "tests/check.h"
 
 static const struct shape {
     size_t B, h, w, C, O;
@@ -24,8 +25,6 @@ static const struct shape {
 };
 
 static struct error err;
-static int failures;
-
 static void must(int rc)
 {
     if (rc) {
@@ -34,12 +33,9 @@ static void must(int rc)
     }
 }
 
-static void check(bool ok, const char *what, const struct shape *s)
+static void check_same(bool ok, const char *what, const struct shape *s)
 {
-    if (ok)
-        return;
-    printf("%zux%zu, %zu -> %zu: %s differs\n", s->w, s->h, s->C, s->O, what);
-    failures++;
+    CHECK(ok, "%zux%zu, %zu -> %zu: %s differs", s->w, s->h, s->C, s->O, what);
 }
 
 /* out (B,h/2,w/2,O), plainly; the largest value. */
@@ -102,7 +98,7 @@ static void run_packed(const struct fold *f, float *in, uint16_t *half,
             memset(in + i * C, 0, C * sizeof *in);
         }
     }
-    check(covered_rows(start, alpha, rows, s->w) == count, "a count", s);
+    check_same(covered_rows(start, alpha, rows, s->w) == count, "a count", s);
     struct fold_view whole = { .f32 = in, .stride = s->w * C };
     struct fold_view views[] = {
         { NULL, half, s->w * C, alpha, start },
@@ -114,9 +110,9 @@ static void run_packed(const struct fold *f, float *in, uint16_t *half,
         memset(out[1], 0xff, outs * sizeof(float));
         memset(rgb[1], 0xff, 3 * pixels * sizeof(float));
         fold_forward(out[1], rgb[1], &views[k % 2], f);
-        check(!memcmp(out[0], out[1], outs * sizeof(float)) &&
-              !memcmp(rgb[0], rgb[1], 3 * pixels * sizeof(float)),
-              "what came packed", s);
+        check_same(!memcmp(out[0], out[1], outs * sizeof(float)) &&
+                       !memcmp(rgb[0], rgb[1], 3 * pixels * sizeof(float)),
+                   "what came packed", s);
     }
     for (int k = 0; k < 2; k++) {
         free(out[k]);
@@ -151,7 +147,7 @@ static void run(const struct shape *s)
         param_w(&ps, c.bias)[o] = 0.01f * (float)o;
     omp_set_num_threads(7);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_F32 });
-    check(fold_possible(&c), "whether it is possible", s);
+    check_same(fold_possible(&c), "whether it is possible", s);
     fold_plan(&f, &c, &p, s->B, s->h, s->w);
     must(nn_plan_finish(&p, &err));
     fold_update(&f);
@@ -164,18 +160,18 @@ static void run(const struct shape *s)
         worst = fmax(worst, fabs((double)out[i] - truth[i]));
     printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
            s->h, s->C, s->O, worst / most);
-    check(worst < 1e-5 * most, "the sum", s);
+    check_same(worst < 1e-5 * most, "the sum", s);
     for (size_t i = 0; i < 3 * pixels; i++)
-        check(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
+        check_same(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
     const struct fold_view views[] = {
         { .f16 = half, .stride = row }, { .f32 = part, .stride = wide }
     };
     for (int k = 0; k < 4; k++) {
         omp_set_num_threads(1 + k / 2);
         fold_forward(out2, rgb2, &views[k % 2], &f);
-        check(!memcmp(out, out2, outs * sizeof *out) &&
-              !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),
-              k % 2 ? "a part" : "half floats", s);
+        check_same(!memcmp(out, out2, outs * sizeof *out) &&
+                       !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),
+                   k % 2 ? "a part" : "half floats", s);
     }
     run_packed(&f, in, half, s);
     nn_plan_release(&p);
@@ -229,8 +225,7 @@ static void whole(void)
     refine(b, feat, &ps, NN_FROZEN);
     for (size_t i = 0; i < 64 * 96 * 3; i++)
         worst = fmax(worst, fabs((double)a[i] - (double)b[i]));
-    printf("the refiner's inference against its training: %.1e\n", worst);
-    failures += !(worst < 1e-4);
+    check("the refiner's inference against its training", worst, 1e-4);
     narrow_refiner_release(&r);
     params_release(&ps);
 }
@@ -240,6 +235,5 @@ int main(void)
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
         run(&shapes[i]);
     whole();
-    printf("%d differences\n", failures);
-    return failures != 0;
+    return check_status();
 }

@@ -11,27 +11,19 @@
 #include "formats/safetensors.h"
 #include "lib/base/random.h"
 #include "lib/net/motion_encoder.h"
+#include "tests/check.h"
 
 #define NARROW "mobilenetv3_small_100"
 #define WIDE "mobilenetv3_small_150"
 #define PIXELS (MOTION_ENCODER_SIZE * MOTION_ENCODER_SIZE * 3)
 
 static struct error err;
-static int failures;
-
 static void must(int rc)
 {
     if (rc) {
         printf("%s\n", err.text);
         exit(1);
     }
-}
-
-static void check(bool ok, const char *what)
-{
-    if (!ok)
-        printf("not so: %s\n", what);
-    failures += !ok;
 }
 
 static void declare(struct motion_encoder *net, struct params *ps,
@@ -89,9 +81,9 @@ static void refused(const char *path, const char *variant, const char *prefix,
     if (!st)
         must(-1);
     declare(&net, &ps, variant, prefix);
-    check(params_grow_from(&ps, st, prefix, from, &said) != 0, why);
-    check(strstr(said.text, path) && strstr(said.text, from),
-          "file and tensor are named");
+    check_that(why, params_grow_from(&ps, st, prefix, from, &said) != 0);
+    check_that("file and tensor are named",
+               strstr(said.text, path) && strstr(said.text, from));
     printf("%s: %s\n", why, said.text);
     st_close(st);
     motion_encoder_release(&net);
@@ -130,13 +122,14 @@ int main(void)
         ones[k] = 1;
     }
     printf("wide and narrow differ by %.1e of %.1e\n", worst, most);
-    check(most > 0 && worst < 1e-5 * most, "the same function");
+    check_that("the same function", most > 0 && worst < 1e-5 * most);
 
     look(b, &wide, rgb, NN_FROZEN);
     motion_encoder_backward(NULL, ones, &wide);
-    check(columns_learn(&wps, "m.exp.weight", 100, 576), "heads learn");
-    check(columns_learn(&wps, "m.encoder.blocks.4.1.conv_pwl.weight", 96,
-                        576), "inner layers learn");
+    check_that("heads learn", columns_learn(&wps, "m.exp.weight", 100, 576));
+    check_that("inner layers learn",
+               columns_learn(&wps, "m.encoder.blocks.4.1.conv_pwl.weight", 96,
+                             576));
     must(params_save(&wps, path, ST_F32, NULL, &err));
     refused(path, NARROW, "motion.", "m.", "a wider file is refused");
     must(params_save(&nps, path, ST_F32, NULL, &err));
@@ -149,6 +142,5 @@ int main(void)
     motion_encoder_release(&wide);
     params_release(&nps);
     params_release(&wps);
-    printf("%d failures\n", failures);
-    return failures != 0;
+    return check_status();
 }

@@ -216,7 +216,7 @@ static int test(void)
     kernels(3);
     kernels(8);
     kernels(32);
-    return failures != 0;
+    return check_status();
 }
 
 int main(void)
@@ -226,5 +226,5 @@ int main(void)
 
     finite_differences(SPLAT_EXACT);
     finite_differences(SPLAT_GSPLAT);
-    return bad || failures;
+    return bad || check_status();
 }

@@ -97,5 +97,5 @@ int main(void)
     refuses_options(100000, 3);
     refuses_options(8, 0);
     refuses_options(8, 33);
-    return failures != 0;
+    return check_status();
 }

@@ -175,7 +175,7 @@ static int test(void)
     same_for_any_threads(3);
     same_for_any_threads(32);
     moving();
-    return failures != 0;
+    return check_status();
 }
 
 int main(void)

@@ -11,18 +11,7 @@
 
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"
-
-#define CHECK(ok, ...)                                          \
-    do {                                                        \
-        if (!(ok)) {                                            \
-            printf("FAILED %s:%d: ", __FILE__, __LINE__);       \
-            printf(__VA_ARGS__);                                \
-            putchar('\n');                                      \
-            failures++;                                         \
-        }                                                       \
-    } while (0)
-
-static int failures __attribute__((unused));
+#include "tests/check.h"
 
 __attribute__((unused)) static void *grab(size_t n, size_t size)
 {

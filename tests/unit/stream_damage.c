@@ -13,14 +13,7 @@
 
 #include "lib/base/random.h"
 #include "lib/stream/layout.h"
-
-#define CHECK(x)                                                            \
-    do {                                                                    \
-        if (!(x)) {                                                         \
-            printf("%s:%d: %s: %s\n", __FILE__, __LINE__, #x, err.text);    \
-            exit(1);                                                        \
-        }                                                                   \
-    } while (0)
+#include "tests/check.h"
 
 static struct error err;
 static unsigned char *good, *bad;
@@ -39,18 +32,19 @@ static void make_stream(void)
     int fd = mkstemp(path);
     struct stream_writer *w = stream_create(path, &err);
 
-    CHECK(fd >= 0 && w);
-    CHECK(!stream_write(w, "CONF", 0, 0, a + 1, 1, &err));
-    CHECK(!stream_write(w, "TEST", 3, 0.1, a, 4, &err));
-    CHECK(!stream_write(w, "NONE", 4, 0.2, NULL, 0, &err));
-    CHECK(!stream_write(w, "TEST", 5, 0.3, a, 3, &err));
-    CHECK(!stream_finish(w, &err));
+    REQUIRE(fd >= 0 && w, "%s", err.text);
+    REQUIRE(!stream_write(w, "CONF", 0, 0, a + 1, 1, &err), "%s", err.text);
+    REQUIRE(!stream_write(w, "TEST", 3, 0.1, a, 4, &err), "%s", err.text);
+    REQUIRE(!stream_write(w, "NONE", 4, 0.2, NULL, 0, &err), "%s", err.text);
+    REQUIRE(!stream_write(w, "TEST", 5, 0.3, a, 3, &err), "%s", err.text);
+    REQUIRE(!stream_finish(w, &err), "%s", err.text);
     close(fd);
     fd = open(path, O_RDONLY);
     size = (size_t)lseek(fd, 0, SEEK_END);
     good = aligned_alloc(64, size);
     bad = aligned_alloc(64, size);
-    CHECK(good && bad && pread(fd, good, size, 0) == (ssize_t)size);
+    REQUIRE(good && bad && pread(fd, good, size, 0) == (ssize_t)size, "%s",
+            err.text);
     close(fd);
     unlink(path);
     for (size_t at = 0, i = 0; at < size; i++) {
@@ -68,7 +62,7 @@ static int read_all(struct stream_reader *r, int *rc)
     struct record rec;
     int n = 0;
 
-    CHECK(r);
+    REQUIRE(r, "%s", err.text);
     while ((*rc = stream_read(r, &rec, &err)) > 0)
         n++;
     stream_close(r);
@@ -86,8 +80,8 @@ static int read_pipe(const unsigned char *data, size_t bytes, int *rc)
     char path[40];
     int fd[2], n;
 
-    CHECK(pipe(fd) == 0);
-    CHECK(write(fd[1], data, bytes) == (ssize_t)bytes);
+    REQUIRE(pipe(fd) == 0, "%s", err.text);
+    REQUIRE(write(fd[1], data, bytes) == (ssize_t)bytes, "%s", err.text);
     close(fd[1]);
     snprintf(path, sizeof path, "/dev/fd/%d", fd[0]);
     n = read_all(stream_open(path, NULL, &err), rc);
@@ -105,17 +99,18 @@ static void test_truncation(void)
         while (whole < 4 && starts[whole + 1] <= n)
             whole++;
         part = aligned_alloc(64, (n + 64) / 64 * 64); /* its own block */
-        CHECK(part);
+        REQUIRE(part, "%s", err.text);
         memcpy(part, good, n);
-        CHECK(read_memory(part, n, &rc) == whole && rc == -1);
-        CHECK(err.code == EX_DATAERR);
-        CHECK(read_pipe(part, n, &rc) == whole && rc == -1);
-        CHECK(err.code == EX_DATAERR);
-        CHECK(!whole == !strstr(err.text, "after frame"));
+        REQUIRE(read_memory(part, n, &rc) == whole && rc == -1, "%s",
+                err.text);
+        REQUIRE(err.code == EX_DATAERR, "%s", err.text);
+        REQUIRE(read_pipe(part, n, &rc) == whole && rc == -1, "%s", err.text);
+        REQUIRE(err.code == EX_DATAERR, "%s", err.text);
+        REQUIRE(!whole == !strstr(err.text, "after frame"), "%s", err.text);
         free(part);
     }
-    CHECK(read_memory(good, size, &rc) == 4 && rc == 0);
-    CHECK(read_pipe(good, size, &rc) == 4 && rc == 0);
+    REQUIRE(read_memory(good, size, &rc) == 4 && rc == 0, "%s", err.text);
+    REQUIRE(read_pipe(good, size, &rc) == 4 && rc == 0, "%s", err.text);
     printf("cut at each of %zu bytes: found, good records kept\n", size);
 }
 
@@ -127,10 +122,10 @@ static void test_bit_flips(void)
     for (size_t bit = 0; bit < 8 * size; bit++) {
         bad[bit / 8] ^= (unsigned char)(1 << bit % 8);
         read_memory(bad, size, &rc);
-        CHECK(rc == -1 && err.code == EX_DATAERR);
+        REQUIRE(rc == -1 && err.code == EX_DATAERR, "%s", err.text);
         if (bit % 17 == 0) {
             read_pipe(bad, size, &rc);
-            CHECK(rc == -1 && err.code == EX_DATAERR);
+            REQUIRE(rc == -1 && err.code == EX_DATAERR, "%s", err.text);
         }
         bad[bit / 8] ^= (unsigned char)(1 << bit % 8);
     }
@@ -159,11 +154,11 @@ static void lie(size_t offset, uint64_t value, size_t bytes,
     memcpy(bad + starts[1] + offset, &value, bytes);
     rehash(starts[1]);
     n = read_memory(bad, size, &rc);
-    CHECK(rc == -1 && n == 1);
-    CHECK(strstr(err.text, text));
+    REQUIRE(rc == -1 && n == 1, "%s", err.text);
+    REQUIRE(strstr(err.text, text), "%s", err.text);
     n = read_pipe(bad, size, &rc);
-    CHECK(rc == -1 && n == 1);
-    CHECK(strstr(err.text, text));
+    REQUIRE(rc == -1 && n == 1, "%s", err.text);
+    REQUIRE(strstr(err.text, text), "%s", err.text);
 }
 
 static void test_lies(void)
@@ -203,19 +198,22 @@ static void test_lies(void)
     bad[starts[1] + 4] = 2;
     rehash(starts[1]);
     read_memory(bad, size, &rc);
-    CHECK(rc == -1 && strstr(err.text, "after frame 0: format version 2"));
+    REQUIRE(rc == -1 && strstr(err.text, "after frame 0: format version 2"),
+            "%s", err.text);
 
     /* A record lost, and something behind END. */
     memcpy(bad, good, starts[2]);
     memcpy(bad + starts[2], good + starts[3], size - starts[3]);
-    CHECK(read_memory(bad, size - (starts[3] - starts[2]), &rc) == 3);
-    CHECK(rc == -1 && strstr(err.text, "END counts 4 records"));
+    REQUIRE(read_memory(bad, size - (starts[3] - starts[2]), &rc) == 3, "%s",
+            err.text);
+    REQUIRE(rc == -1 && strstr(err.text, "END counts 4 records"), "%s",
+            err.text);
     unsigned char *more = aligned_alloc(64, 2 * size);
-    CHECK(more);
+    REQUIRE(more, "%s", err.text);
     memcpy(more, good, size);
     memcpy(more + size, good, size);
-    CHECK(read_memory(more, 2 * size, &rc) == 4 && rc == -1);
-    CHECK(strstr(err.text, "data follow the END record"));
+    REQUIRE(read_memory(more, 2 * size, &rc) == 4 && rc == -1, "%s", err.text);
+    REQUIRE(strstr(err.text, "data follow the END record"), "%s", err.text);
     free(more);
     printf("27 lies with right checksums: found\n");
 }
@@ -249,7 +247,7 @@ static void test_allocation(void)
     rehash(0);
     /* Its table must not be consistent with that, and it is read first. */
     read_pipe(bad, size, &rc);
-    CHECK(rc == -1);
+    REQUIRE(rc == -1, "%s", err.text);
     /* Now a table that is: one array of a gigabyte less 64 bytes. */
     struct layout_entry e = { .name = "big", .ndim = 1, .offset = 64,
                               .dim = { (1u << 30) - 64 },
@@ -259,8 +257,8 @@ static void test_allocation(void)
     memcpy(bad + 64, &e, sizeof e);
     rehash(0);
     read_pipe(bad, size, &rc);
-    CHECK(rc == -1 && strstr(err.text, "cut short"));
-    CHECK(peak() - before < 4096);
+    REQUIRE(rc == -1 && strstr(err.text, "cut short"), "%s", err.text);
+    REQUIRE(peak() - before < 4096, "%s", err.text);
     printf("a claim of 1 GiB: %ld kB allocated\n", peak() - before);
 }
 

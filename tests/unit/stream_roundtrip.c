@@ -1,5 +1,7 @@
 /* What is written is read back, from memory, a file and a pipe. */
 #include "lib/stream/ahead.h"
+#include "tests/check.h"
+#include "tests/folder.h"
 
 #include <stdio.h>
 #include <stdlib.h>
@@ -7,14 +9,6 @@
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <unistd.h>
-
-#define CHECK(x)                                                            \
-    do {                                                                    \
-        if (!(x)) {                                                         \
-            printf("%s:%d: %s: %s\n", __FILE__, __LINE__, #x, err.text);    \
-            exit(1);                                                        \
-        }                                                                   \
-    } while (0)
 
 #define RECORDS 5
 #define BIG 3000001            /* bytes of the large array: odd on purpose */
@@ -37,17 +31,19 @@ static void write_parts(struct stream_writer *w, uint64_t f,
     for (size_t at = 0; at < bytes; at += PART, n++)
         part[n] = (struct iovec){big + at, bytes - at < PART ? bytes - at
                                                              : PART};
-    CHECK(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part,
-                             n - 1, &err) == -1);
-    CHECK(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part, n,
-                             &err) == 0);
+    REQUIRE(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part,
+                               n - 1, &err) == -1,
+            "%s", err.text);
+    REQUIRE(stream_write_parts(w, "GAUS", f, (double)f / 30, a, count, part,
+                               n, &err) == 0,
+            "%s", err.text);
 }
 
 static void write_all(const char *path)
 {
     struct stream_writer *w = stream_create(path, &err);
 
-    CHECK(w);
+    REQUIRE(w, "%s", err.text);
     for (uint64_t f = 0; f < RECORDS; f++) {
         struct array a[] = {
             array_make("big", DTYPE_U8, big, 1, f == 3 ? BIG : f, 0, 0, 0),
@@ -59,10 +55,11 @@ static void write_all(const char *path)
         if (f % 2)
             write_parts(w, f, a, 4);
         else
-            CHECK(stream_write(w, f == 2 ? "WHAT" : "GAUS", f,
-                               (double)f / 30, a, 4, &err) == 0);
+            REQUIRE(stream_write(w, f == 2 ? "WHAT" : "GAUS", f,
+                                 (double)f / 30, a, 4, &err) == 0,
+                    "%s", err.text);
     }
-    CHECK(stream_finish(w, &err) == 0);
+    REQUIRE(stream_finish(w, &err) == 0, "%s", err.text);
 }
 
 static void check_record(const struct record *rec, uint64_t f)
@@ -70,19 +67,21 @@ static void check_record(const struct record *rec, uint64_t f)
     static const size_t any[2] = { 0, 3 };
     const struct array *a;
 
-    CHECK(record_is(rec, f == 2 ? "WHAT" : "GAUS"));
-    CHECK(rec->frame == f && rec->time == (double)f / 30 && rec->count == 4);
+    REQUIRE(record_is(rec, f == 2 ? "WHAT" : "GAUS"), "%s", err.text);
+    REQUIRE(rec->frame == f && rec->time == (double)f / 30 && rec->count == 4,
+            "%s", err.text);
     const float *m = record_get(rec, "mean", DTYPE_F32, 2, any, &err);
-    CHECK(m && memcmp(m, mean, sizeof mean) == 0);
-    CHECK((uintptr_t)m % STREAM_ALIGN == 0);
+    REQUIRE(m && memcmp(m, mean, sizeof mean) == 0, "%s", err.text);
+    REQUIRE((uintptr_t)m % STREAM_ALIGN == 0, "%s", err.text);
     a = record_find(rec, "big");
-    CHECK(a && a->dim[0] == (f == 3 ? BIG : f));
-    CHECK(memcmp(a->data, big, a->dim[0]) == 0);
+    REQUIRE(a && a->dim[0] == (f == 3 ? BIG : f), "%s", err.text);
+    REQUIRE(memcmp(a->data, big, a->dim[0]) == 0, "%s", err.text);
     a = record_find(rec, "scalar");
-    CHECK(a && a->ndim == 0 && memcmp(a->data, &half, sizeof half) == 0);
-    CHECK(!record_find(rec, "none"));
-    CHECK(!record_get(rec, "mean", DTYPE_F64, 2, any, &err));
-    CHECK(record_check_finite(rec, &err) == 0);
+    REQUIRE(a && a->ndim == 0 && memcmp(a->data, &half, sizeof half) == 0,
+            "%s", err.text);
+    REQUIRE(!record_find(rec, "none"), "%s", err.text);
+    REQUIRE(!record_get(rec, "mean", DTYPE_F64, 2, any, &err), "%s", err.text);
+    REQUIRE(record_check_finite(rec, &err) == 0, "%s", err.text);
 }
 
 static void read_all(struct stream_reader *r, const char *copy)
@@ -92,18 +91,18 @@ static void read_all(struct stream_reader *r, const char *copy)
     uint64_t f = 0;
     int rc;
 
-    CHECK(r);
+    REQUIRE(r, "%s", err.text);
     if (copy)
-        CHECK((w = stream_create(copy, &err)));
+        REQUIRE((w = stream_create(copy, &err)), "%s", err.text);
     while ((rc = stream_read(r, &rec, &err)) > 0) {
         check_record(&rec, f++);
         if (w)
-            CHECK(stream_copy(w, &rec, &err) == 0);
+            REQUIRE(stream_copy(w, &rec, &err) == 0, "%s", err.text);
     }
-    CHECK(rc == 0 && f == RECORDS);
-    CHECK(stream_read(r, &rec, &err) == 0);
+    REQUIRE(rc == 0 && f == RECORDS, "%s", err.text);
+    REQUIRE(stream_read(r, &rec, &err) == 0, "%s", err.text);
     if (w)
-        CHECK(stream_finish(w, &err) == 0);
+        REQUIRE(stream_finish(w, &err) == 0, "%s", err.text);
     stream_close(r);
 }
 
@@ -116,15 +115,15 @@ static void read_ahead(const char *path)
     uint64_t f = 0;
     int rc;
 
-    CHECK(r);
+    REQUIRE(r, "%s", err.text);
     struct ahead *a = ahead_open(r, &err);
-    CHECK(a);
+    REQUIRE(a, "%s", err.text);
     while ((rc = ahead_read(a, &rec, &err)) > 0) {
         usleep(1000);
         check_record(rec, f++);
     }
-    CHECK(rc == 0 && f == RECORDS);
-    CHECK(ahead_read(a, &rec, &err) == 0);
+    REQUIRE(rc == 0 && f == RECORDS, "%s", err.text);
+    REQUIRE(ahead_read(a, &rec, &err) == 0, "%s", err.text);
     ahead_close(a);
     stream_close(r);
 }
@@ -134,7 +133,7 @@ static void write_fifo(const char *path, bool ahead)
     pid_t child = fork();
     int status;
 
-    CHECK(child >= 0);
+    REQUIRE(child >= 0, "%s", err.text);
     if (child == 0) {
         write_all(path);
         _exit(0);
@@ -143,7 +142,8 @@ static void write_fifo(const char *path, bool ahead)
         read_ahead(path);
     else
         read_all(stream_open(path, NULL, &err), NULL);
-    CHECK(waitpid(child, &status, 0) == child && status == 0);
+    REQUIRE(waitpid(child, &status, 0) == child && status == 0, "%s",
+            err.text);
 }
 
 static unsigned char *slurp(const char *path, size_t *bytes)
@@ -152,41 +152,40 @@ static unsigned char *slurp(const char *path, size_t *bytes)
     unsigned char *p;
     FILE *f = fopen(path, "rb");
 
-    CHECK(f && stat(path, &st) == 0);
+    REQUIRE(f && stat(path, &st) == 0, "%s", err.text);
     *bytes = (size_t)st.st_size;
     p = aligned_alloc(64, (*bytes + 63) / 64 * 64);
-    CHECK(p && fread(p, 1, *bytes, f) == *bytes);
+    REQUIRE(p && fread(p, 1, *bytes, f) == *bytes, "%s", err.text);
     fclose(f);
     return p;
 }
 
 int main(void)
 {
-    char dir[] = "/tmp/spid-test-XXXXXX", a[64], b[64], command[200];
+    const char *a, *b;
     size_t na, nb;
 
-    CHECK(mkdtemp(dir));
-    snprintf(a, sizeof a, "%s/a", dir);
-    snprintf(b, sizeof b, "%s/b", dir);
+    folder_make();
+    a = folder_at("a");
+    b = folder_at("b");
     big = malloc(BIG);
-    CHECK(big);
+    REQUIRE(big, "out of memory");
     for (size_t i = 0; i < BIG; i++)
         big[i] = (unsigned char)(i * i >> 7);
     for (int i = 0; i < 60; i++)
         mean[i / 3][i % 3] = (float)i - 30.5f;
 
     write_all(a);
-    snprintf(command, sizeof command, "%s.part", a);
-    CHECK(access(command, F_OK) != 0);
+    REQUIRE(access(folder_at("a.part"), F_OK) != 0, "a.part stays");
     read_all(stream_open(a, NULL, &err), b);     /* mapped */
     unsigned char *pa = slurp(a, &na), *pb = slurp(b, &nb);
-    CHECK(na == nb && memcmp(pa, pb, na) == 0);
+    REQUIRE(na == nb && memcmp(pa, pb, na) == 0, "%s", err.text);
     printf("file and copy: %zu bytes, same\n", na);
     read_all(stream_open_memory(pa, na, "memory", NULL, &err), NULL);
 
     /* Through a fifo, so that the pipe path is taken. */
-    snprintf(b, sizeof b, "%s/fifo", dir);
-    CHECK(mkfifo(b, 0600) == 0);
+    b = folder_at("fifo");
+    REQUIRE(mkfifo(b, 0600) == 0, "%s", err.text);
     write_fifo(b, false);
     write_fifo(b, true);
     read_ahead(a);
@@ -195,6 +194,5 @@ int main(void)
     free(pa);
     free(pb);
     free(big);
-    snprintf(command, sizeof command, "rm -r %s", dir);
-    return system(command) != 0;
+    return folder_remove() || check_status();
 }

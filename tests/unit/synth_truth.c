@@ -15,16 +15,9 @@
 #include "lib/synth/lens.h"
 #include "lib/synth/noise.h"
 #include "lib/synth/synth.h"
+#include "tests/check.h"
 
 enum { S = 192 };
-
-static int failures;
-
-static void check(int ok, const char *what)
-{
-    printf("%s: %s\n", ok ? "ok" : "FAILED", what);
-    failures += !ok;
-}
 
 static int open_head(struct head *h)
 {
@@ -132,13 +125,13 @@ static void check_mask(const struct head *h, int index)
     p.beard_length = 0;
     if (!x || !uv || actor_init(&a, h, &p, &err)
         || stage_init(&s, S, &err)) {
-        check(0, err.text);
+        check_that(err.text, 0);
         return;
     }
     synth_motion(&m, &p, 3.0 * index, h->nexp);
     memcpy(m.body, m.rot, sizeof m.body);
     memcpy(m.body_trans, m.trans, sizeof m.body_trans);
-    check(!stage_render(&s, &a, &m, &err), "rendered");
+    check_that("rendered", !stage_render(&s, &a, &m, &err));
     for (int k = 0; k < 3; k++) {
         for (int c = 0; c < 3; c++)
             cam[4 * k + c] = (double)m.rot[3 * k + c];
@@ -157,7 +150,8 @@ static void check_mask(const struct head *h, int index)
     }
     printf("person %d: %d pixels of mesh, %d not in the mask, %d beyond a "
            "pixel outside\n", index, inside, missing, extra);
-    check(inside > 2000 && !missing && !extra, "mask is the projected mesh");
+    check_that("mask is the projected mesh",
+               inside > 2000 && !missing && !extra);
     for (int k = 0; k < 68; k++)
         for (int c = 0; c < 3; c++) {
             lmk[3 * k + c] = 0;
@@ -170,7 +164,7 @@ static void check_mask(const struct head *h, int index)
         worst = fmax(worst, hypot(at[2 * k] - (double)s.lmk[k][0],
                                   at[2 * k + 1] - (double)s.lmk[k][1]));
     printf("landmarks: largest error %.2g pixels (limit 0.5)\n", worst);
-    check(worst < 0.5, "landmarks");
+    check_that("landmarks", worst < 0.5);
     stage_release(&s);
     actor_release(&a);
     free(x);
@@ -199,7 +193,7 @@ static uint64_t run(const struct head *h, int threads)
                 hash = (hash ^ ((const uint8_t *)part[k])[i])
                        * 0x100000001b3u;
     }
-    check(rc == 0, "a run of 12 frames");
+    check_that("a run of 12 frames", rc == 0);
     synth_close(s);
     return hash;
 }
@@ -264,7 +258,7 @@ static void check_shaders(void)
             same &= isfinite(out[0].rgb[0][i]) != 0;
     }
     printf("shaders: 40 blocks on %s\n", cpu_level_name(cpu_level()));
-    check(same, "every instruction set gives the same bits");
+    check_that("every instruction set gives the same bits", same);
 }
 #endif
 
@@ -279,11 +273,11 @@ int main(void)
     for (int i = 0; i < 4; i++)
         check_mask(&h, i);
     uint64_t one = run(&h, 1);
-    check(one == run(&h, 1), "two runs, the same bytes");
-    check(one == run(&h, 3), "three threads, the same bytes");
+    check_that("two runs, the same bytes", one == run(&h, 1));
+    check_that("three threads, the same bytes", one == run(&h, 3));
 #ifdef SPID_X86
     check_shaders();
 #endif
     head_release(&h);
-    return failures != 0;
+    return check_status();
 }

@@ -8,24 +8,14 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/config.h"
+#include "lib/model/config.h"
 #include "lib/base/random.h"
 #include "lib/geom/rotation.h"
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/track/oneeuro.h"
 #include "lib/track/track.h"
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-58s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 static double orthonormal(const float R[9])
 {
@@ -357,5 +347,5 @@ int main(int argc, char **argv)
     test_landmarks(&h);
     test_fixed_crop(&h);
     head_release(&h);
-    return failed;
+    return check_status();
 }

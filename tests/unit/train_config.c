@@ -4,19 +4,15 @@
 #include <string.h>
 
 #include "lib/train/config.h"
-
-static int failed;
+#include "tests/check.h"
 
 static void refuse(const char *text, const char *names)
 {
     struct train_config c;
     struct error err = {0};
     int rc = train_config_parse(&c, text, "c.json", &err);
-    int ok = rc == -1 && strstr(err.text, names) && err.code;
 
-    printf("%-50s -> %s%s\n", text, err.text, ok ? "" : "  WRONG");
-    if (!ok)
-        failed = 1;
+    check_error(text, rc == -1 && strstr(err.text, names) && err.code, &err);
     if (!rc)
         train_config_release(&c);
 }
@@ -48,15 +44,12 @@ int main(void)
         printf("refused: %s\n", err.text);
         return 1;
     }
-    printf("rate: %.3f %.3f %.3f, anchor: %.3f %.3f\n", train_rate(&c, 0),
-           train_rate(&c, 10), train_rate(&c, 100), train_anchor(&c, 25),
-           train_anchor(&c, 80));
-    if (fabs(train_rate(&c, 0) - 0.1) > 1e-9 ||
-        fabs(train_rate(&c, 10) - 1) > 1e-9 ||
-        fabs(train_rate(&c, 55) - 0.5) > 1e-9 || train_rate(&c, 100) > 1e-9 ||
-        fabs(train_anchor(&c, 25) - 0.5) > 1e-9 ||
-        train_anchor(&c, 80) != 0)
-        failed = 1;
+    expect("rate, first step of the warm-up", train_rate(&c, 0), 0.1, 1e-9);
+    expect("rate after the warm-up", train_rate(&c, 10), 1, 1e-9);
+    expect("rate half way", train_rate(&c, 55), 0.5, 1e-9);
+    expect("rate at the end", train_rate(&c, 100), 0, 1e-9);
+    expect("anchor half way", train_anchor(&c, 25), 0.5, 1e-9);
+    expect("anchor after its steps", train_anchor(&c, 80), 0, 0);
     train_config_release(&c);
-    return failed;
+    return check_status();
 }

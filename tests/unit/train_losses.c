@@ -9,16 +9,7 @@
 #include "lib/train/adam.h"
 #include "lib/train/losses.h"
 #include "lib/train/trainee.h"
-
-static int failed;
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    printf("%-44s %.9g, expected %.9g (at most %.1e)\n", what, got, want,
-           tol);
-    if (!(fabs(got - want) <= tol))
-        failed = 1;
-}
+#include "tests/check.h"
 
 enum { H = 21, W = 26, NV = 3 * H * W };
 
@@ -131,12 +122,12 @@ static void check_mouth(void)
     f.lmk[66][0] = f.lmk[62][0];
     f.lmk[62][1] = 119;
     f.lmk[66][1] = 121;
-    struct box shut = trainee_mouth(&f, 100);
+    struct box shut = data_mouth(&f, 100);
     expect("lips 2 % of the crop apart are shut",
            (double)(shut.x1 + shut.y1), 0, 0);
     f.lmk[62][1] = 110;
     f.lmk[66][1] = 130;
-    struct box open = trainee_mouth(&f, 100);
+    struct box open = data_mouth(&f, 100);
     expect("open mouth, left", (double)open.x0, 35, 0);
     expect("open mouth, top", (double)open.y0, 55, 0);
     expect("open mouth, right", (double)open.x1, 49, 0);
@@ -153,5 +144,5 @@ int main(void)
     check_loss(4, "pyramid, box");
     check_loss(5, "pyramid, one pixel wide");
     check_adam();
-    return failed;
+    return check_status();
 }

@@ -8,20 +8,12 @@
 #include "lib/net/motion_encoder.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"
+#include "tests/check.h"
 #include "tests/unit/train_toy.h"
 
-static int failed;
 static char folder[] = "/tmp/train_resume.XXXXXX";
 static int warnings;
 static char warned[300];
-
-static void expect(const char *what, double got, double want, double tol)
-{
-    printf("%-48s %.9g, expected %.9g (at most %.1e)\n", what, got, want,
-           tol);
-    if (!(fabs(got - want) <= tol))
-        failed = 1;
-}
 
 static void on_warn(const char *text)
 {
@@ -287,5 +279,5 @@ int main(void)
     check_resume(&h, data);
     head_release(&h);
     snprintf(cmd, sizeof cmd, "rm -rf %s", folder);
-    return system(cmd) || failed;
+    return system(cmd) || check_status();
 }

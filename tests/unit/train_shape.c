@@ -11,21 +11,11 @@
 #include "lib/head/mirror.h"
 #include "lib/head/sculpt.h"
 #include "lib/nn/params.h"
-#include "lib/track/looks.h"
+#include "lib/track/tta.h"
 #include "lib/train/shape_loss.h"
+#include "tests/check.h"
 
 enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };
-
-static int failed;
-
-static void check(const char *what, double value, double limit)
-{
-    int ok = value <= limit;
-
-    printf("%-58s %.2e  limit %.0e  %s\n", what, value, limit,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 static void die(const struct error *err)
 {
@@ -187,8 +177,7 @@ static void test_mirror(const struct head *h, const struct sculpt *s)
     struct error err;
 
     if (!a || !b || head_mirror_shape(&across, h, &err) != 1) {
-        printf("the built-in head has no mirror image: FAILED\n");
-        failed = 1;
+        check_that("the built-in head has a mirror image", false);
         goto out;
     }
     random_init(&r, 4, "mirror");
@@ -259,8 +248,7 @@ static void test_motion(const struct head *h, const struct sculpt *s)
     struct error err;
 
     if (!x || !y || motion_mirror_init(&across, h, &err) != 1) {
-        printf("expressions have no mirror images: FAILED\n");
-        failed = 1;
+        check_that("expressions have mirror images", false);
         goto out;
     }
     random_init(&r, 6, "motion");
@@ -320,7 +308,7 @@ static void test_looks(const struct head *h)
 {
     struct params ps;
     struct shape_encoder net;
-    struct looks l;
+    struct shape_tta l;
     struct nn_options opt = {NN_INFER, NN_F32};
     struct square q = {0, 0, 1};
     float a[SHAPE_ENCODER_OUT], b[SHAPE_ENCODER_OUT];
@@ -334,11 +322,11 @@ static void test_looks(const struct head *h)
         die(&err);
     params_randomise(&ps, 9);
     if (shape_encoder_plan(&net, 1, opt, &err) ||
-        looks_init(&l, &net, h, &err) ||
-        looks_shape(a, &l, q, look, &flip, &err))
+        shape_tta_init(&l, &net, h, &err) ||
+        shape_tta_forward(a, &l, q, look, &flip, &err))
         die(&err);
     flip = 1;
-    if (looks_shape(b, &l, q, look, &flip, &err))
+    if (shape_tta_forward(b, &l, q, look, &flip, &err))
         die(&err);
     for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
         most = fmax(most, fabs((double)a[k] - l.across.sign[k] *
@@ -346,7 +334,7 @@ static void test_looks(const struct head *h)
         size = fmax(size, fabs((double)a[k]));
     }
     check("mirrored picture, mirrored shape, relative", most / size, 1e-3);
-    looks_release(&l);
+    shape_tta_release(&l);
     shape_encoder_release(&net);
     params_release(&ps);
 }
@@ -371,5 +359,5 @@ int main(void)
     test_looks(&h);
     head_release(&h);
     sculpt_release(&s);
-    return failed;
+    return check_status();
 }

@@ -7,10 +7,10 @@
 #include <string.h>
 
 #include "formats/video.h"
+#include "tests/check.h"
+#include "tests/folder.h"
 
 static const int colour[3] = { 192, 128, 96 };
-static int failures;
-
 static void compare(const char *what, const uint8_t *rgb, size_t pixels)
 {
     int worst = 0;
@@ -18,9 +18,8 @@ static void compare(const char *what, const uint8_t *rgb, size_t pixels)
         int d = abs((int)rgb[i] - colour[i % 3]);
         worst = d > worst ? d : worst;
     }
-    printf("%s: %d,%d,%d, %d levels off\n", what, rgb[0], rgb[1], rgb[2],
-           worst);
-    failures += worst > 4;
+    printf("%d,%d,%d ", rgb[0], rgb[1], rgb[2]);
+    check(what, worst, 4);
 }
 
 static void read_back(const char *path, const char *what)
@@ -31,8 +30,7 @@ static void read_back(const char *path, const char *what)
     double t;
     struct video_reader *v = video_open(path, false, &err);
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
-        printf("%s: %s\n", what, err.text);
-        failures++;
+        check_error(what, false, &err);
     } else {
         compare(what, rgb, w * h);
     }
@@ -68,8 +66,7 @@ static void to_ffmpeg(const char *dir)
     struct video_writer *v = video_create(path, 1280, 720, 25, &err);
     if (!v || video_write(v, frame, &err) || video_write(v, frame, &err) ||
         video_finish(v, &err)) {
-        printf("ours.mp4: %s\n", err.text);
-        failures++;
+        check_error("ours.mp4", false, &err);
         return;
     }
     read_back(path, "ours.mp4 read by us");
@@ -81,33 +78,29 @@ static void to_ffmpeg(const char *dir)
     if (p && fread(seen, 1, sizeof seen, p) == sizeof seen)
         compare("ours.mp4 read by ffmpeg", seen, 256);
     else
-        failures++;
+        check_that("ours.mp4 read by ffmpeg", false);
     if (p)
         pclose(p);
 }
 
 int main(void)
 {
-    char dir[] = "/tmp/video-colours-XXXXXX", command[300];
     const char *tags709 = "-color_range tv -colorspace bt709 "
                           "-color_primaries bt709 -color_trc bt709";
     const char *tags601 = "-color_range tv -colorspace smpte170m "
                           "-color_primaries smpte170m -color_trc smpte170m";
-    if (system("ffmpeg -version > /dev/null 2>&1") != 0 || !mkdtemp(dir)) {
+    if (system("ffmpeg -version > /dev/null 2>&1") != 0) {
         printf("no ffmpeg\n");
         return 77;
     }
-    from_ffmpeg(dir, "small-709.mp4", "320x240", "bt709", tags709);
-    from_ffmpeg(dir, "small-709.mkv", "320x240", "bt709", tags709);
-    from_ffmpeg(dir, "small-601.mp4", "320x240", "bt601", tags601);
-    from_ffmpeg(dir, "small.mp4", "320x240", "bt601", "");
-    from_ffmpeg(dir, "hd.mp4", "1280x720", "bt709", "");
-    from_ffmpeg(dir, "hd-601.mov", "1280x720", "bt601", tags601);
-    from_ffmpeg(dir, "hd-601.mkv", "1280x720", "bt601", tags601);
-    to_ffmpeg(dir);
-    snprintf(command, sizeof command, "rm -r %s", dir);
-    if (system(command) != 0)
-        printf("%s stays\n", dir);
-    printf("%d of the colours are wrong\n", failures);
-    return failures != 0;
+    folder_make();
+    from_ffmpeg(folder, "small-709.mp4", "320x240", "bt709", tags709);
+    from_ffmpeg(folder, "small-709.mkv", "320x240", "bt709", tags709);
+    from_ffmpeg(folder, "small-601.mp4", "320x240", "bt601", tags601);
+    from_ffmpeg(folder, "small.mp4", "320x240", "bt601", "");
+    from_ffmpeg(folder, "hd.mp4", "1280x720", "bt709", "");
+    from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
+    from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
+    to_ffmpeg(folder);
+    return folder_remove() || check_status();
 }

@@ -1,0 +1,59 @@
+/* --help: the usage line of the manual page's SYNOPSIS and a line or two for
+ * every option. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli_parts.h"
+
+/* One option: its names and value, then what it does. */
+static void help_option(const struct cli_option *o)
+{
+    char left[80];
+
+    snprintf(left, sizeof left, "%s%c%s--%s%s%s", o->letter ? "-" : " ",
+             o->letter ? o->letter : ' ', o->letter ? ", " : "  ", o->name,
+             o->arg ? "=" : "", o->arg ? o->arg : "");
+    if (strlen(left) > 24)
+        printf("  %s\n  %-24s  %s\n", left, "", o->help);
+    else
+        printf("  %-24s  %s\n", left, o->help);
+}
+
+/* "Usage: program words", broken before a word outside all brackets so that
+ * no line is longer than 79. */
+static void help_usage(const struct cli_usage *u)
+{
+    int indent = 8 + (int)strlen(u->program), at = indent - 1;
+    const char *p = u->synopsis;
+
+    printf("Usage: %s", u->program);
+    while (*p) {
+        int n = 0, depth = 0;
+
+        for (; p[n] && (depth || p[n] != ' '); n++)
+            depth += p[n] == '[' ? 1 : p[n] == ']' ? -1 : 0;
+        if (at + 1 + n > 79 && at >= indent) {
+            printf("\n%*s", indent - 1, "");
+            at = indent - 1;
+        }
+        printf(" %.*s", n, p);
+        at += 1 + n;
+        p += n;
+        p += strspn(p, " \n");
+    }
+}
+
+void cli_print_help(const struct cli_usage *u,
+                    const struct cli_option *all, int n)
+{
+    help_usage(u);
+    printf("\n\n%s\n\n", u->purpose);
+    for (int i = 0; i < n; i++)
+        help_option(&all[i]);
+    printf("\nSee %s(1) for the rest.\n", u->program);
+    if (fflush(stdout))
+        die(EX_IOERR, "<stdout>: cannot write: %s", strerror(errno));
+    exit(0);
+}

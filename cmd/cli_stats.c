@@ -1,0 +1,79 @@
+/* --stats: how long each stage of a program took, as TSV. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/cli.h"
+#include "lib/base/cpu.h"
+
+#define MAX_STAGES 32
+
+static struct stage {
+    const char *name;
+    double *ms;                /* every call, for the median */
+    size_t count, room;
+} stages[MAX_STAGES];
+
+double stats_begin(void)
+{
+    return cli.stats ? cpu_seconds() : 0.0;
+}
+
+void stats_end(const char *name, double begun)
+{
+    struct stage *s = stages;
+
+    if (!cli.stats)
+        return;
+    while (s < stages + MAX_STAGES && s->name && strcmp(s->name, name))
+        s++;
+    if (s == stages + MAX_STAGES)
+        return;
+    s->name = name;
+    if (s->count == s->room) {
+        size_t room = s->room ? 2 * s->room : 1024;
+        double *ms = realloc(s->ms, room * sizeof *ms);
+
+        if (!ms)
+            return;
+        s->ms = ms;
+        s->room = room;
+    }
+    s->ms[s->count++] = 1e3 * (cpu_seconds() - begun);
+}
+
+/* For qsort: the shorter time first. */
+static int stats_compare(const void *a, const void *b)
+{
+    double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+void stats_write(void)
+{
+    FILE *f;
+
+    if (!cli.stats)
+        return;
+    f = strcmp(cli.stats, "-") ? fopen(cli.stats, "w") : stderr;
+    if (!f)
+        die(EX_CANTCREAT, "%s: cannot create: %s", cli.stats,
+            strerror(errno));
+    fprintf(f, "stage\tcalls\ttotal_ms\tmean_ms\tmedian_ms\tp95_ms\n");
+    for (struct stage *s = stages; s < stages + MAX_STAGES && s->count; s++) {
+        double total = 0;
+
+        qsort(s->ms, s->count, sizeof *s->ms, stats_compare);
+        for (size_t i = 0; i < s->count; i++)
+            total += s->ms[i];
+        fprintf(f, "%s\t%zu\t%.3f\t%.4f\t%.4f\t%.4f\n", s->name, s->count,
+                total, total / (double)s->count, s->ms[s->count / 2],
+                s->ms[(s->count * 95) / 100]);
+        free(s->ms);
+        *s = (struct stage){ 0 };
+    }
+    if (f != stderr && fclose(f))
+        die(EX_IOERR, "%s: cannot write: %s", cli.stats, strerror(errno));
+}

@@ -1,0 +1,89 @@
+/* How many threads a program uses, and how they wait, alone and beside the
+ * other programs of a pipe. */
+#include <omp.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <unistd.h>
+
+#include "cmd/cli_parts.h"
+
+static bool threads_given;     /* by -j or OMP_NUM_THREADS */
+
+/* Of this machine, at least 1. */
+static int threads_processors(void)
+{
+    long n = sysconf(_SC_NPROCESSORS_ONLN);
+
+    return n < 1 ? 1 : (int)n;
+}
+
+void cli_use_threads(long wanted)
+{
+    const bool environment = getenv("OMP_NUM_THREADS") != NULL;
+
+    if (wanted)
+        cli.threads = (int)wanted;
+    else if (environment)
+        cli.threads = omp_get_max_threads();
+    else
+        cli.threads = threads_processors();
+    threads_given = wanted || environment;
+    omp_set_num_threads(cli.threads);
+}
+
+/* Is fd one end of a pipe? */
+static bool threads_pipe(int fd)
+{
+    struct stat st;
+
+    return fstat(fd, &st) == 0 && S_ISFIFO(st.st_mode);
+}
+
+/* The programs of a pipe share the processors.  OpenMP's threads wait for each
+ * other by spinning, milliseconds long, which keeps the other programs from
+ * the very work that is waited for: the pipe runs at a third of its speed.
+ * The library reads how to wait before main begins, hence another start.
+ * Whoever sets the variable decides for himself. */
+static void threads_wait_asleep(char **argv)
+{
+    char path[4096];
+    ssize_t n;
+
+    if (getenv("OMP_WAIT_POLICY") ||
+        !(threads_pipe(STDIN_FILENO) || threads_pipe(STDOUT_FILENO)))
+        return;
+    n = readlink("/proc/self/exe", path, sizeof path - 1);
+    if (n <= 0 || setenv("OMP_WAIT_POLICY", "passive", 0))
+        return;
+    path[n] = 0;
+    execv(path, argv);         /* if it fails: slower, not wrong */
+}
+
+/* Two programs of a pipe have most of the work, spid-splat and spid-refine,
+ * and all of them work on different frames at the same time.  A program that
+ * passes records on, or takes in what another one works as hard for, leaves it
+ * half of the processors: with all of them each, the threads of one would wait
+ * for those of the other at every barrier. */
+static void threads_share(bool hard_input)
+{
+    const bool passes_on = strcmp(cli.output, "-") == 0 &&
+                           threads_pipe(STDOUT_FILENO);
+
+    if (threads_given ||
+        !(passes_on || (hard_input && threads_pipe(STDIN_FILENO))))
+        return;
+    cli.threads = (cli.threads + 1) / 2;
+    omp_set_num_threads(cli.threads);
+}
+
+int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
+                    bool hard_input)
+{
+    int first;
+
+    threads_wait_asleep(argv);
+    first = cli_parse(usage, argc, argv);
+    threads_share(hard_input);
+    return first;
+}

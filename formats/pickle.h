@@ -1,0 +1,127 @@
+/* Python pickles (protocols 0 to 5) as plain data.  Nothing is executed: the
+ * machine knows how to fill in a fixed list of things - numpy arrays, dtypes
+ * and scalars, PyTorch tensors and storages, scipy's compressed sparse
+ * matrices, chumpy's arrays, ordered dictionaries - and refuses every other
+ * name at the byte where it stands.  A pickle is hostile until it ends: sizes,
+ * counts, memory and the memo are limited, and every array has been checked
+ * against the bytes that are there. */
+#ifndef SPID_FORMATS_PICKLE_H
+#define SPID_FORMATS_PICKLE_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/arrayview.h"
+#include "lib/base/error.h"
+
+#define PICKLE_MAX_MEMORY ((size_t)64 << 20) /* of objects, bytes */
+#define PICKLE_MAX_ITEMS ((size_t)1 << 20)   /* stack, memo */
+#define PICKLE_MAX_KEYS 64                   /* of an object's state */
+
+enum pickle_kind {
+    PICKLE_NONE,
+    PICKLE_BOOL, PICKLE_INT,                 /* u.i */
+    PICKLE_FLOAT,                            /* u.f */
+    PICKLE_LONG,                             /* u.s: more than 64 bits, as
+                                              * bytes, lowest first */
+    PICKLE_BYTES,                            /* u.s: Python 2 strings too */
+    PICKLE_TEXT,                             /* u.s, UTF-8 */
+    PICKLE_LIST, PICKLE_TUPLE, PICKLE_SET,   /* u.list */
+    PICKLE_DICT,                             /* u.list: key, value, key, .. */
+    PICKLE_NAME,                             /* a name that may be called */
+    PICKLE_DTYPE, PICKLE_SPARSE, PICKLE_STORAGE,
+    PICKLE_ARRAY,                            /* u.array: numpy's, PyTorch's */
+    PICKLE_CHUMPY                            /* u.inner: its array */
+};
+
+struct pickle_value;
+
+struct pickle_text {
+    const char *p;          /* in the pickle, or in memory of its own */
+    size_t n;
+};
+
+struct pickle_list {
+    struct pickle_value **item;
+    size_t n, room;
+};
+
+/* PyTorch: elements that lie outside of the pickle, under a key. */
+struct pickle_storage {
+    enum st_dtype dtype;
+    struct pickle_text key;
+    size_t count;           /* elements */
+    size_t first;           /* legacy: where this view of it begins */
+    const void *data;       /* NULL, or in the pickle itself */
+};
+
+struct pickle_dtype {
+    bool known;             /* false: strings, structures, complex.. */
+    char kind;              /* as numpy's; 'O': objects */
+    size_t size;
+    bool swap;
+};
+
+struct pickle_array {
+    bool filled;            /* numpy makes it empty and fills it in later */
+    bool known;             /* false: no dtype of ours */
+    struct array_view view;
+    const char *data;       /* numpy's; NULL: in the storage */
+    const struct pickle_storage *storage;
+    size_t first;           /* element of the storage */
+    const struct pickle_value *objects;   /* dtype O: a list */
+};
+
+/* scipy: csc or csr, the arrays as they are. */
+struct pickle_sparse {
+    bool rows;              /* csr */
+    size_t dim[2];
+    const struct pickle_array *data, *indices, *starts;  /* NULL until set */
+};
+
+struct pickle_value {
+    enum pickle_kind kind;
+    size_t at;              /* byte of the opcode that made it */
+    union {
+        int64_t i;
+        double f;
+        struct pickle_text s;
+        struct pickle_list list;
+        int name;
+        struct pickle_dtype *dtype;
+        struct pickle_array *array;
+        struct pickle_sparse *sparse;
+        struct pickle_storage *storage;
+        struct pickle_value *inner;
+    } u;
+};
+
+struct pickle;
+
+/* The first pickle in size bytes at data, which must stay; *used (may be
+ * NULL) gets its length.  NULL on failure; *err is "byte N: OPCODE: what". */
+struct pickle *pickle_read(const void *data, size_t size, size_t *used,
+                           struct error *err);
+const struct pickle_value *pickle_root(const struct pickle *p);
+/* PyTorch: all storages that tensors may lie in, in the order of mention. */
+const struct pickle_list *pickle_storages(const struct pickle *p);
+void pickle_free(struct pickle *p);          /* NULL is allowed */
+
+/* Value of a string key, or NULL; of a dictionary of at most
+ * PICKLE_MAX_KEYS keys. */
+struct pickle_value *pickle_get(const struct pickle_value *dict,
+                                const char *key);
+/* Whether a string is this one. */
+bool pickle_is(const struct pickle_value *text, const char *word);
+/* "list", "text", ..: what a value is called in messages. */
+const char *pickle_kind_name(const struct pickle_value *v);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,113 @@
+/* What the opcodes (pickle.c) and the constructors (pickle_call.c) share. */
+#ifndef SPID_FORMATS_PICKLE_MACHINE_H
+#define SPID_FORMATS_PICKLE_MACHINE_H
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#include "formats/pickle.h"
+
+#define PICKLE_LINE 4096        /* longest line that holds a number */
+
+/* Everything a pickle may name. */
+enum pickle_name {
+    NAME_NONE,
+    NAME_OBJECT, NAME_SET, NAME_ENCODE, NAME_RECONSTRUCTOR,
+    NAME_ORDERED_DICT,
+    NAME_NDARRAY, NAME_DTYPE, NAME_RECONSTRUCT, NAME_SCALAR, NAME_FROMBUFFER,
+    NAME_TENSOR, NAME_PARAMETER, NAME_SIZE, NAME_LOAD,
+    NAME_CSC, NAME_CSR, NAME_CHUMPY,
+    NAME_STORAGE            /* + enum st_dtype */
+};
+
+/* Blocks of memory that go together; used counts all of it. */
+struct pickle_arena {
+    struct pickle_block *block;
+    size_t left;            /* in the first block */
+    size_t used;
+};
+
+struct pickle {
+    struct pickle_arena arena;
+    struct pickle_value *root;
+    struct pickle_list storages;    /* every one that was named */
+};
+
+struct pickle_machine {
+    const unsigned char *data;
+    size_t size, at;        /* at: of the next byte to read */
+    size_t op_at;           /* of the opcode */
+    const char *op;         /* its name */
+    struct pickle *p;
+    struct pickle_value **stack;    /* NULL: a mark */
+    size_t top, room;
+    struct pickle_value **memo;
+    size_t memo_room;
+    size_t memoized;        /* entries in use */
+    size_t decoded;         /* bytes of strings that were read once more */
+    size_t strings;         /* and of those that were written anew */
+    bool stopped;
+    bool inner;             /* a pickle in a string of another */
+    struct error *err;
+};
+
+/* What returns int is 0, or -1 with *m->err; what returns a pointer, NULL. */
+
+/* "byte N: OPCODE: text" in *m->err; returns -1. */
+int pickle_fail(struct pickle_machine *m, const char *format, ...)
+    __attribute__((format(printf, 2, 3)));
+/* Zeroed memory that lives as long as the pickle. */
+void *pickle_alloc(struct pickle_machine *m, size_t bytes);
+/* The same for a string, which counts by the size of the pickle. */
+char *pickle_alloc_string(struct pickle_machine *m, size_t bytes);
+struct pickle_value *pickle_make(struct pickle_machine *m,
+                                 enum pickle_kind kind);
+/* Room for n more items; append one. */
+int pickle_reserve(struct pickle_machine *m, struct pickle_list *l, size_t n);
+int pickle_append(struct pickle_machine *m, struct pickle_list *l,
+                  struct pickle_value *v);
+
+/* The next n bytes; a little-endian number of n bytes, at most 8; the rest of
+ * a line without its end; the same as a string. */
+const unsigned char *pickle_bytes(struct pickle_machine *m, uint64_t n);
+int pickle_number(struct pickle_machine *m, size_t n, uint64_t *out);
+int pickle_line(struct pickle_machine *m, struct pickle_text *line);
+int pickle_number_line(struct pickle_machine *m, char out[PICKLE_LINE]);
+
+/* v NULL: it could not be made, which is passed on. */
+int pickle_push(struct pickle_machine *m, struct pickle_value *v);
+int pickle_push_mark(struct pickle_machine *m);
+/* The topmost value, which is not a mark. */
+struct pickle_value *pickle_top(struct pickle_machine *m);
+struct pickle_value *pickle_pop(struct pickle_machine *m);
+/* Index of the first value above the topmost mark; 0 and *m->err without. */
+size_t pickle_marked(struct pickle_machine *m);
+/* Those values go to the end of l; the mark goes too. */
+int pickle_move(struct pickle_machine *m, struct pickle_list *l, size_t from);
+/* Entry i of the memo is the topmost value; push entry i. */
+int pickle_memo_put(struct pickle_machine *m, uint64_t i);
+int pickle_memo_get(struct pickle_machine *m, uint64_t i);
+
+/* pickle_read of a pickle inside of another, which may not hold a third. */
+struct pickle *pickle_read_inner(const void *data, size_t size, size_t *used,
+                                 struct error *err);
+
+/* The name that module and name stand for, NAME_NONE when it is refused. */
+int pickle_lookup(struct pickle_text module, struct pickle_text name);
+/* What calling `name` with a tuple of arguments gives. */
+struct pickle_value *pickle_call(struct pickle_machine *m, int name,
+                                 const struct pickle_value *args);
+/* An object of class `name`, made without arguments. */
+struct pickle_value *pickle_new(struct pickle_machine *m, int name);
+/* Fill in an object from its state. */
+int pickle_build(struct pickle_machine *m, struct pickle_value *object,
+                 const struct pickle_value *state);
+/* A storage from its persistent id. */
+struct pickle_value *pickle_persistent(struct pickle_machine *m,
+                                       const struct pickle_value *id);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

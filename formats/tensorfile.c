@@ -1,0 +1,515 @@
+#include "formats/tensorfile.h"
+
+#include <errno.h>
+#include <fcntl.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/mman.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <unistd.h>
+#include <xxhash.h>
+
+#include "formats/npy.h"
+#include "formats/tensorfile_impl.h"
+
+/* ---- the table of tensors ----------------------------------------------- */
+
+void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err)
+{
+    void **owned = realloc(f->owned, (f->nowned + 1) * sizeof *owned);
+    void *p = owned ? malloc(bytes + 1) : NULL;
+
+    if (owned)
+        f->owned = owned;
+    if (!p) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    return f->owned[f->nowned++] = p;
+}
+
+/* Room for one more tensor. */
+static int table_grow(struct tensorfile *f, struct error *err)
+{
+    size_t room = f->room ? 2 * f->room : 64;
+    struct tensorfile_tensor *t;
+    struct tensor_place *p;
+
+    if (f->count < f->room)
+        return 0;
+    t = realloc(f->tensor, room * sizeof *t);
+    if (t)
+        f->tensor = t;
+    p = t ? realloc(f->place, room * sizeof *p) : NULL;
+    if (p)
+        f->place = p;
+    if (!p)
+        return error_set(err, EX_OSERR, "out of memory");
+    f->room = room;
+    return 0;
+}
+
+int tensorfile_add(struct tensorfile *f, const char *name,
+                   const struct tensor_place *p, struct error *err)
+{
+    struct tensorfile_tensor t = {.dtype = p->view.dtype,
+                                  .ndim = p->view.ndim,
+                                  .count = p->view.count};
+    size_t bytes = t.count * st_dtype_size(t.dtype);
+    size_t most = f->source > SIZE_MAX / 2 / TENSORFILE_GROWTH
+                      ? SIZE_MAX / 2 : f->source * TENSORFILE_GROWTH;
+
+    if (!*name || !strcmp(name, "__metadata__"))
+        return error_set(err, EX_DATAERR, "a tensor is named '%s'", name);
+    if (f->count == TENSORFILE_MAX)
+        return error_set(err, EX_DATAERR, "tensor '%s': more than %d tensors",
+                         name, TENSORFILE_MAX);
+    if (bytes > most + TENSORFILE_SMALL - f->total)
+        return error_set(err, EX_DATAERR, "tensor '%s': all tensors together "
+                         "take more than %d times the file", name,
+                         TENSORFILE_GROWTH);
+    if (table_grow(f, err))
+        return -1;
+    memcpy(t.dim, p->view.dim, sizeof t.dim);
+    t.name = strdup(name);
+    if (!t.name)
+        return error_set(err, EX_OSERR, "out of memory");
+    f->total += bytes;
+    f->tensor[f->count] = t;
+    f->place[f->count++] = *p;
+    return 0;
+}
+
+void tensorfile_add_other(struct tensorfile *f, const char *name,
+                          const char *kind)
+{
+    if (f->others < TENSORFILE_NOTED) {
+        f->other[f->others].name = strdup(name);
+        f->other[f->others].kind = kind;
+    }
+    f->others++;
+}
+
+static int by_name(const void *a, const void *b, void *context)
+{
+    const struct tensorfile_tensor *t = context;
+
+    return strcmp(t[*(const size_t *)a].name, t[*(const size_t *)b].name);
+}
+
+/* Order by name for tensorfile_find; no two may have the same. */
+static int sort_names(struct tensorfile *f, struct error *err)
+{
+    f->by_name = malloc((f->count + 1) * sizeof *f->by_name);
+    if (!f->by_name)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (size_t i = 0; i < f->count; i++)
+        f->by_name[i] = i;
+    qsort_r(f->by_name, f->count, sizeof *f->by_name, by_name, f->tensor);
+    for (size_t i = 1; i < f->count; i++)
+        if (!by_name(&f->by_name[i - 1], &f->by_name[i], f->tensor))
+            return error_set(err, EX_DATAERR, "two tensors are named '%s'",
+                             f->tensor[f->by_name[i]].name);
+    return 0;
+}
+
+/* ---- numpy and safetensors ---------------------------------------------- */
+
+/* The view that an npy header describes; false: no dtype of ours. */
+static bool npy_view(struct array_view *v, const struct npy_header *h)
+{
+    *v = (struct array_view){.swap = h->swap, .ndim = h->ndim};
+    memcpy(v->dim, h->dim, sizeof v->dim);
+    return array_view_dtype(&v->dtype, h->kind, h->size) &&
+           array_view_pack(v, h->fortran);
+}
+
+/* An array of objects is a pickle behind the header. */
+static int open_objects(struct tensorfile *f, const char *name,
+                        const void *data, size_t bytes, struct error *err)
+{
+    pickle_free(f->pickle[1]);
+    f->pickle[1] = pickle_read(data, bytes, NULL, err);
+    return f->pickle[1] ? tensorfile_flatten(f, name,
+                                             pickle_root(f->pickle[1]), err)
+                        : -1;
+}
+
+/* "dir/l_eyelid.npy" -> "l_eyelid": what an array without a name is called. */
+static const char *stem(char out[TENSORFILE_NAME], const char *path)
+{
+    const char *slash = strrchr(path, '/'), *dot;
+
+    snprintf(out, TENSORFILE_NAME, "%s", slash ? slash + 1 : path);
+    dot = strrchr(out, '.');
+    if (dot && dot != out)
+        out[dot - out] = 0;
+    return out;
+}
+
+static int open_npy(struct tensorfile *f, struct error *err)
+{
+    struct tensor_place p = {.entry = SIZE_MAX};
+    struct npy_header h;
+    char name[TENSORFILE_NAME];
+
+    f->format = "numpy npy";
+    stem(name, f->path);
+    if (npy_header_read(&h, f->map, f->bytes, f->bytes, err))
+        return -1;
+    if (h.kind == 'O')
+        return open_objects(f, "", f->map + h.bytes, f->bytes - h.bytes, err);
+    p.data = f->map + h.bytes;
+    if (!npy_view(&p.view, &h))
+        return error_set(err, EX_DATAERR, "dtype is not supported");
+    return tensorfile_add(f, name, &p, err);
+}
+
+static int open_npz_entry(struct tensorfile *f, size_t i, struct error *err)
+{
+    const char *name = ziparchive_name(f->zip, i);
+    struct tensor_place p = {.entry = i};
+    struct npy_header h;
+    char base[TENSORFILE_NAME], *head = malloc(NPY_HEADER_MAX);
+    size_t have, bytes = ziparchive_size(f->zip, i);
+    int rc = -1;
+
+    snprintf(base, sizeof base, "%.*s", (int)(strlen(name) - 4), name);
+    if (!head)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (ziparchive_peek(head, NPY_HEADER_MAX, &have, f->zip, i, err) ||
+        npy_header_read(&h, head, have, bytes, err))
+        goto out;
+    p.skip = h.bytes;
+    if (h.kind == 'O') {
+        unsigned char *all = f->pickle[1] || bytes > TENSORFILE_SMALL
+                                 ? NULL : tensorfile_own(f, bytes, err);
+        if (!all)
+            error_set(err, EX_DATAERR, "a second array of objects, or a "
+                      "large one");
+        else if (!ziparchive_read(all, f->zip, i, err))
+            rc = open_objects(f, base, all + h.bytes, bytes - h.bytes, err);
+    } else if (npy_view(&p.view, &h)) {
+        rc = tensorfile_add(f, base, &p, err);
+    } else {
+        tensorfile_add_other(f, base, "array");
+        rc = 0;
+    }
+out:
+    free(head);
+    return rc ? error_prefix(err, "%s", name) : 0;
+}
+
+static bool ends_in(const char *name, const char *end)
+{
+    size_t n = strlen(name), k = strlen(end);
+
+    return n >= k && !strcmp(name + n - k, end);
+}
+
+static int open_npz(struct tensorfile *f, struct error *err)
+{
+    f->format = "numpy npz";
+    for (size_t i = 0; i < ziparchive_count(f->zip); i++) {
+        if (!ends_in(ziparchive_name(f->zip, i), ".npy"))
+            return error_set(err, EX_DATAERR, "%s: is no array (expected a "
+                             "PyTorch checkpoint or .npy entries)",
+                             ziparchive_name(f->zip, i));
+        if (open_npz_entry(f, i, err))
+            return -1;
+    }
+    return 0;
+}
+
+static int open_zip(struct tensorfile *f, struct error *err)
+{
+    size_t found = SIZE_MAX;
+
+    f->zip = ziparchive_open(f->path, err);
+    if (!f->zip)
+        return -1;
+    f->source = 0;
+    for (size_t i = 0; i < ziparchive_count(f->zip); i++) {
+        const char *name = ziparchive_name(f->zip, i);
+
+        f->source += ziparchive_size(f->zip, i);
+        if (ends_in(name, "/data.pkl") &&
+            strchr(name, '/') == strrchr(name, '/'))
+            found = i;
+    }
+    return found == SIZE_MAX ? open_npz(f, err)
+                             : tensorfile_torch_zip(f, found, err);
+}
+
+static int open_safetensors(struct tensorfile *f, struct error *err)
+{
+    int rc = 0;
+
+    f->format = "safetensors";
+    f->st = st_open(f->path, err);
+    if (!f->st)
+        return -1;
+    for (size_t i = 0; i < st_count(f->st) && !rc; i++) {
+        const struct st_tensor *t = st_at(f->st, i);
+        struct tensor_place p = {.data = t->data, .entry = SIZE_MAX};
+
+        p.view.dtype = t->dtype;
+        p.view.ndim = t->ndim;
+        memcpy(p.view.dim, t->dim, sizeof p.view.dim);
+        array_view_pack(&p.view, false);
+        rc = tensorfile_add(f, t->name, &p, err);
+    }
+    return rc;
+}
+
+/* ---- opening ------------------------------------------------------------ */
+
+static int map_file(struct tensorfile *f, struct error *err)
+{
+    struct stat sb;
+    int fd = open(f->path, O_RDONLY | O_CLOEXEC);
+    void *map;
+
+    if (fd < 0)
+        return error_set(err, errno == EACCES ? EX_NOPERM : EX_NOINPUT, "%s",
+                         strerror(errno));
+    if (fstat(fd, &sb) || !S_ISREG(sb.st_mode)) {
+        close(fd);
+        return error_set(err, EX_NOINPUT, "not a regular file");
+    }
+    f->bytes = f->source = (size_t)sb.st_size;
+    map = f->bytes ? mmap(NULL, f->bytes, PROT_READ, MAP_PRIVATE, fd, 0)
+                   : MAP_FAILED;
+    close(fd);
+    if (map == MAP_FAILED)
+        return error_set(err, EX_DATAERR, "empty or unreadable");
+    f->map = map;
+    return 0;
+}
+
+static void hash_file(struct tensorfile *f)
+{
+    XXH128_hash_t h = XXH3_128bits(f->map, f->bytes);
+
+    snprintf(f->hash, sizeof f->hash, "%016llx%016llx",
+             (unsigned long long)h.high64, (unsigned long long)h.low64);
+}
+
+static int open_pickle(struct tensorfile *f, struct error *err)
+{
+    /* The number that the older form of PyTorch begins with. */
+    static const unsigned char magic[10] = {0x6c, 0xfc, 0x9c, 0x46, 0xf9,
+                                            0x20, 0x6a, 0xa8, 0x50, 0x19};
+    const struct pickle_value *root;
+    char name[TENSORFILE_NAME];
+    size_t used;
+
+    f->format = "pickle";
+    f->pickle[0] = pickle_read(f->map, f->bytes, &used, err);
+    if (!f->pickle[0])
+        return -1;
+    root = pickle_root(f->pickle[0]);
+    if (root->kind == PICKLE_LONG && root->u.s.n == sizeof magic &&
+        !memcmp(root->u.s.p, magic, sizeof magic))
+        return tensorfile_torch_legacy(f, used, err);
+    if (pickle_storages(f->pickle[0])->n)
+        return error_set(err, EX_DATAERR, "a pickle with PyTorch storages "
+                         "alone (expected the file that holds them too)");
+    return tensorfile_flatten(f, root->kind == PICKLE_ARRAY
+                                     ? stem(name, f->path) : "", root, err);
+}
+
+/* The first bytes say what a file is. */
+static int open_contents(struct tensorfile *f, struct error *err)
+{
+    const unsigned char *p = f->map;
+
+    if (f->bytes >= 4 && !memcmp(p, "PK", 2) && (p[2] == 3 || p[2] == 5))
+        return open_zip(f, err);
+    if (f->bytes >= 6 && !memcmp(p, "\x93NUMPY", 6))
+        return open_npy(f, err);
+    if (f->bytes >= 10 && p[8] == '{' && !memcmp(p + 4, "\0\0\0", 4))
+        return open_safetensors(f, err);
+    if (f->bytes >= 265 && !memcmp(p + 257, "ustar", 5))
+        return error_set(err, EX_DATAERR, "PyTorch's tar form of 2016 is not "
+                         "read (expected a later one)");
+    return open_pickle(f, err);
+}
+
+struct tensorfile *tensorfile_open(const char *path, struct error *err)
+{
+    struct tensorfile *f = calloc(1, sizeof *f);
+
+    if (!f || !(f->path = strdup(path))) {
+        free(f);
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    f->cached = SIZE_MAX;
+    if (map_file(f, err) || open_contents(f, err) || sort_names(f, err)) {
+        if (strncmp(err->text, path, strlen(path)))    /* st_open names it */
+            error_prefix(err, "%s", path);
+        tensorfile_close(f);
+        return NULL;
+    }
+    hash_file(f);
+    return f;
+}
+
+void tensorfile_close(struct tensorfile *f)
+{
+    if (!f)
+        return;
+    if (f->map)
+        munmap((void *)(uintptr_t)f->map, f->bytes);
+    for (size_t i = 0; i < f->count; i++)
+        free((void *)(uintptr_t)f->tensor[i].name);
+    for (size_t i = 0; i < f->others && i < TENSORFILE_NOTED; i++)
+        free(f->other[i].name);
+    for (size_t i = 0; i < f->nowned; i++)
+        free(f->owned[i]);
+    ziparchive_close(f->zip);
+    st_close(f->st);
+    pickle_free(f->pickle[0]);
+    pickle_free(f->pickle[1]);
+    free(f->legacy);
+    free(f->tensor);
+    free(f->place);
+    free(f->by_name);
+    free(f->owned);
+    free(f->cache);
+    free(f->packed);
+    free(f->path);
+    free(f);
+}
+
+/* ---- looking ------------------------------------------------------------ */
+
+const char *tensorfile_path(const struct tensorfile *f)
+{
+    return f->path;
+}
+
+const char *tensorfile_format(const struct tensorfile *f)
+{
+    return f->format;
+}
+
+const char *tensorfile_hash(const struct tensorfile *f)
+{
+    return f->hash;
+}
+
+size_t tensorfile_count(const struct tensorfile *f)
+{
+    return f->count;
+}
+
+const struct tensorfile_tensor *tensorfile_at(const struct tensorfile *f,
+                                              size_t i)
+{
+    return i < f->count ? &f->tensor[i] : NULL;
+}
+
+size_t tensorfile_find(const struct tensorfile *f, const char *name)
+{
+    size_t low = 0, high = f->count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        int c = strcmp(f->tensor[f->by_name[middle]].name, name);
+
+        if (c == 0)
+            return f->by_name[middle];
+        if (c < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return SIZE_MAX;
+}
+
+size_t tensorfile_others(const struct tensorfile *f)
+{
+    return f->others;
+}
+
+const char *tensorfile_other(const struct tensorfile *f, size_t i,
+                             const char **kind)
+{
+    *kind = f->other[i].kind;
+    return f->other[i].name ? f->other[i].name : "?";
+}
+
+/* ---- elements ----------------------------------------------------------- */
+
+/* All of an entry, unpacked; the last one is kept.  Tensors that share an
+ * entry lie beside each other, so that one is enough; a file where they do
+ * not is read again and again, but only so often. */
+static const char *unpacked(struct tensorfile *f, size_t entry,
+                            struct error *err)
+{
+    size_t bytes = ziparchive_size(f->zip, entry);
+
+    if (f->cached == entry)
+        return f->cache;
+    if (f->unpacked / 8 > f->source + TENSORFILE_SMALL) {
+        error_set(err, EX_DATAERR, "its tensors share storages in too many "
+                  "places");
+        return NULL;
+    }
+    f->cached = SIZE_MAX;
+    free(f->cache);
+    f->cache = malloc(bytes + 1);
+    if (!f->cache) {
+        error_set(err, EX_OSERR, "out of memory for %zu bytes", bytes);
+        return NULL;
+    }
+    if (ziparchive_read(f->cache, f->zip, entry, err))
+        return NULL;
+    f->unpacked += bytes;
+    f->cached = entry;
+    return f->cache;
+}
+
+/* Whether the elements already lie as they are wanted. */
+static bool is_packed(const struct array_view *v)
+{
+    struct array_view packed = *v;
+
+    array_view_pack(&packed, false);
+    for (int i = 0; i < v->ndim; i++)
+        if (v->dim[i] > 1 && v->stride[i] != packed.stride[i])
+            return false;
+    return !v->swap;
+}
+
+const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
+{
+    const struct tensor_place *p = &f->place[i];
+    const char *from = p->data;
+
+    if (!p->view.count)
+        return "";
+    if (!from) {
+        from = unpacked(f, p->entry, err);
+        if (!from) {
+            error_prefix(err, "%s: tensor '%s'", f->path, f->tensor[i].name);
+            return NULL;
+        }
+        from += p->skip;
+    }
+    if (is_packed(&p->view))
+        return from;
+    free(f->packed);
+    f->packed = malloc(p->view.count * st_dtype_size(p->view.dtype));
+    if (!f->packed) {
+        error_set(err, EX_OSERR, "%s: tensor '%s': out of memory", f->path,
+                  f->tensor[i].name);
+        return NULL;
+    }
+    array_view_copy(f->packed, &p->view, from);
+    return f->packed;
+}

@@ -1,0 +1,249 @@
+#include "formats/ziparchive.h"
+
+#include <stdbool.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+#include <zip.h>
+
+/* Bytes of the fixed parts of the format. */
+enum { LOCAL = 30, CENTRAL = 46, TAIL = 22 };
+
+struct entry {
+    const char *name;           /* libzip's, valid until it is closed */
+    uint64_t size, packed;
+};
+
+struct ziparchive {
+    zip_t *zip;
+    struct entry *entry;
+    size_t count;
+    size_t *by_name;            /* indices in the order of names */
+};
+
+/* ---- opening ------------------------------------------------------------ */
+
+static int entry_check(struct entry *e, zip_t *zip, size_t i,
+                       struct error *err)
+{
+    const uint64_t want = ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE |
+                          ZIP_STAT_COMP_METHOD | ZIP_STAT_ENCRYPTION_METHOD;
+    zip_stat_t st;
+
+    if (zip_stat_index(zip, i, 0, &st) || (st.valid & want) != want)
+        return error_set(err, EX_DATAERR, "entry %zu: %s", i,
+                         zip_strerror(zip));
+    if (st.encryption_method != ZIP_EM_NONE)
+        return error_set(err, EX_DATAERR, "%s: is encrypted", st.name);
+    if (st.comp_method != ZIP_CM_STORE && st.comp_method != ZIP_CM_DEFLATE)
+        return error_set(err, EX_DATAERR, "%s: compression method %d "
+                         "(expected stored or deflated)", st.name,
+                         st.comp_method);
+    if (st.comp_method == ZIP_CM_STORE && st.size != st.comp_size)
+        return error_set(err, EX_DATAERR, "%s: stored, %llu bytes as %llu",
+                         st.name, (unsigned long long)st.size,
+                         (unsigned long long)st.comp_size);
+    if (st.size > ZIP_SMALL && st.size / ZIP_MAX_RATIO > st.comp_size)
+        return error_set(err, EX_DATAERR, "%s: %llu bytes from %llu (expected "
+                         "at most %d times as many)", st.name,
+                         (unsigned long long)st.size,
+                         (unsigned long long)st.comp_size, ZIP_MAX_RATIO);
+    e->name = st.name;
+    e->size = st.size;
+    e->packed = st.comp_size;
+    return 0;
+}
+
+/* Entries that lie behind each other need at least this much; where they do
+ * not fit, some share bytes. */
+static int check_room(const struct ziparchive *z, uint64_t bytes,
+                      struct error *err)
+{
+    unsigned __int128 need = TAIL;
+
+    for (size_t i = 0; i < z->count; i++)
+        need += (unsigned __int128)z->entry[i].packed + LOCAL + CENTRAL +
+                2 * strlen(z->entry[i].name);
+    if (need > bytes)
+        return error_set(err, EX_DATAERR, "entries of at least %llu bytes in "
+                         "a file of %llu: they overlap, or the sizes lie",
+                         (unsigned long long)need,
+                         (unsigned long long)bytes);
+    return 0;
+}
+
+static int by_name(const void *a, const void *b, void *context)
+{
+    const struct entry *e = context;
+
+    return strcmp(e[*(const size_t *)a].name, e[*(const size_t *)b].name);
+}
+
+static int sort_names(struct ziparchive *z, struct error *err)
+{
+    for (size_t i = 0; i < z->count; i++)
+        z->by_name[i] = i;
+    qsort_r(z->by_name, z->count, sizeof *z->by_name, by_name, z->entry);
+    for (size_t i = 1; i < z->count; i++)
+        if (!by_name(&z->by_name[i - 1], &z->by_name[i], z->entry))
+            return error_set(err, EX_DATAERR, "%s: occurs twice",
+                             z->entry[z->by_name[i]].name);
+    return 0;
+}
+
+static int read_directory(struct ziparchive *z, const char *path,
+                          struct error *err)
+{
+    zip_int64_t n = zip_get_num_entries(z->zip, 0);
+    struct stat st;
+
+    if (n < 0 || n > ZIP_MAX_ENTRIES)
+        return error_set(err, EX_DATAERR, "%lld entries (expected at most "
+                         "%d)", (long long)n, ZIP_MAX_ENTRIES);
+    z->entry = calloc((size_t)n + 1, sizeof *z->entry);
+    z->by_name = calloc((size_t)n + 1, sizeof *z->by_name);
+    if (!z->entry || !z->by_name)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (z->count = 0; z->count < (size_t)n; z->count++)
+        if (entry_check(&z->entry[z->count], z->zip, z->count, err))
+            return -1;
+    if (stat(path, &st))
+        return error_set(err, EX_NOINPUT, "cannot be read");
+    return check_room(z, (uint64_t)st.st_size, err) ? -1
+           : sort_names(z, err);
+}
+
+struct ziparchive *ziparchive_open(const char *path, struct error *err)
+{
+    struct ziparchive *z = calloc(1, sizeof *z);
+    zip_error_t why;
+    int code = 0;
+
+    if (!z) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    z->zip = zip_open(path, ZIP_RDONLY | ZIP_CHECKCONS, &code);
+    if (!z->zip) {
+        zip_error_init_with_code(&why, code);
+        error_set(err, EX_DATAERR, "not a sound zip archive: %s",
+                  zip_error_strerror(&why));
+        zip_error_fini(&why);
+        free(z);
+        return NULL;
+    }
+    if (read_directory(z, path, err)) {
+        ziparchive_close(z);
+        return NULL;
+    }
+    return z;
+}
+
+void ziparchive_close(struct ziparchive *z)
+{
+    if (!z)
+        return;
+    zip_discard(z->zip);
+    free(z->entry);
+    free(z->by_name);
+    free(z);
+}
+
+/* ---- entries ------------------------------------------------------------ */
+
+size_t ziparchive_count(const struct ziparchive *z)
+{
+    return z->count;
+}
+
+const char *ziparchive_name(const struct ziparchive *z, size_t i)
+{
+    return z->entry[i].name;
+}
+
+size_t ziparchive_size(const struct ziparchive *z, size_t i)
+{
+    return (size_t)z->entry[i].size;
+}
+
+size_t ziparchive_find(const struct ziparchive *z, const char *name)
+{
+    size_t low = 0, high = z->count;
+
+    while (low < high) {
+        size_t middle = low + (high - low) / 2;
+        int c = strcmp(z->entry[z->by_name[middle]].name, name);
+
+        if (c == 0)
+            return z->by_name[middle];
+        if (c < 0)
+            low = middle + 1;
+        else
+            high = middle;
+    }
+    return SIZE_MAX;
+}
+
+/* Up to `bytes` bytes; -1 when the archive is damaged. */
+static zip_int64_t read_some(void *out, zip_file_t *f, uint64_t bytes)
+{
+    uint64_t done = 0;
+    zip_int64_t n = 0;
+
+    while (done < bytes &&
+           (n = zip_fread(f, (char *)out + done, bytes - done)) > 0)
+        done += (uint64_t)n;
+    return n < 0 ? -1 : (zip_int64_t)done;
+}
+
+static zip_file_t *open_entry(struct ziparchive *z, size_t i,
+                              struct error *err)
+{
+    zip_file_t *f = zip_fopen_index(z->zip, i, 0);
+
+    if (!f)
+        error_set(err, EX_DATAERR, "%s: %s", z->entry[i].name,
+                  zip_strerror(z->zip));
+    return f;
+}
+
+int ziparchive_peek(void *out, size_t bytes, size_t *have,
+                    struct ziparchive *z, size_t i, struct error *err)
+{
+    zip_file_t *f = open_entry(z, i, err);
+    zip_int64_t n = f ? read_some(out, f, bytes) : -1;
+
+    if (n < 0 && f)
+        error_set(err, EX_DATAERR, "%s: %s", z->entry[i].name,
+                  zip_file_strerror(f));
+    if (f)
+        zip_fclose(f);
+    *have = n < 0 ? 0 : (size_t)n;
+    return n < 0 ? -1 : 0;
+}
+
+int ziparchive_read(void *out, struct ziparchive *z, size_t i,
+                    struct error *err)
+{
+    const struct entry *e = &z->entry[i];
+    zip_file_t *f = open_entry(z, i, err);
+    zip_int64_t done, end = 0;
+    char more;
+    int rc = 0;
+
+    if (!f)
+        return -1;
+    done = read_some(out, f, e->size);
+    if (done >= 0)              /* reading on to the end checks the sum */
+        end = zip_fread(f, &more, 1);
+    if (done < 0 || end < 0)
+        rc = error_set(err, EX_DATAERR, "%s: %s", e->name,
+                       zip_file_strerror(f));
+    else if (end || (uint64_t)done != e->size)
+        rc = error_set(err, EX_DATAERR, "%s: has %s bytes than the %llu that "
+                       "the directory says", e->name, end ? "more" : "fewer",
+                       (unsigned long long)e->size);
+    zip_fclose(f);
+    return rc;
+}

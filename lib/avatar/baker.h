@@ -1,0 +1,33 @@
+/* Phase A from a model file: the avatar's networks with their trained weights,
+ * which turn an identity's source picture into Gaussians. */
+#ifndef SPID_AVATAR_BAKER_H
+#define SPID_AVATAR_BAKER_H
+
+#include "lib/avatar/avatar.h"
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/model/model.h"
+#include "lib/record/person.h"
+
+struct baker {
+    char hash[17];              /* of the model: see struct model */
+    struct params ps;
+    struct avatar avatar;
+};
+
+/* Load the avatar's weights for head h (borrowed); `without` is enum
+ * avatar_without.  The model may be closed afterwards.  Errors name file,
+ * tensor, expected and found shape; EX_CONFIG when the model was made for
+ * another head. */
+int baker_open(struct baker *b, const struct model *m, const struct head *h,
+               unsigned without, enum nn_type type, struct error *err);
+void baker_release(struct baker *b);
+
+/* Bake a person: fold the shape, pose the source, run the branches.  verts
+ * (V,3) gets the source mesh.  EX_DATAERR when the person has no picture or
+ * no source motion, the picture's size is not the model's, or the identity
+ * was made with another model or head. */
+int baker_bake(struct baker *b, float *verts, const struct person *p,
+               struct error *err);
+
+#endif

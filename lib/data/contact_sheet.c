@@ -1,0 +1,87 @@
+#include "lib/data/contact_sheet.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols, size_t side,
+               struct error *err)
+{
+    s->rows = rows;
+    s->cols = cols;
+    s->side = side;
+    s->rgb = calloc(rows * cols * side * side, 3);
+    if (!s->rgb)
+        return error_set(err, EX_OSERR, "out of memory (sheet of %zux%zu)",
+                         rows * side, cols * side);
+    return 0;
+}
+
+void contact_sheet_release(struct contact_sheet *s)
+{
+    free(s->rgb);
+    s->rgb = NULL;
+}
+
+static uint8_t byte(float x)
+{
+    return (uint8_t)(x <= 0 ? 0 : x >= 1 ? 255 : x * 255 + 0.5f);
+}
+
+static uint8_t *pixel(struct contact_sheet *s, size_t row, size_t col, size_t y,
+                      size_t x)
+{
+    return s->rgb + 3 * ((row * s->side + y) * s->cols * s->side +
+                         col * s->side + x);
+}
+
+void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col, const float *rgb,
+                   const float *alpha)
+{
+    for (size_t y = 0; y < s->side; y++)
+        for (size_t x = 0; x < s->side; x++) {
+            size_t i = y * s->side + x;
+            float rest = alpha ? 0.35f * (1 - alpha[i]) : 0;
+            for (int c = 0; c < 3; c++)
+                pixel(s, row, col, y, x)[c] = byte(rgb[3 * i + (size_t)c] +
+                                                   rest);
+        }
+}
+
+void contact_sheet_difference(struct contact_sheet *s, size_t row, size_t col,
+                      const float *a, const float *b)
+{
+    for (size_t y = 0; y < s->side; y++)
+        for (size_t x = 0; x < s->side; x++)
+            for (size_t c = 0; c < 3; c++) {
+                size_t i = 3 * (y * s->side + x) + c;
+                pixel(s, row, col, y, x)[c] = byte(4 * fabsf(a[i] - b[i]));
+            }
+}
+
+void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
+                  const float (*xy)[2], size_t n, struct square q, int kind)
+{
+    static const uint8_t colour[2][3] = {{60, 255, 60}, {255, 50, 50}};
+    double scale = (double)s->side / q.size;
+
+    for (size_t i = 0; i < n; i++) {
+        double x = (xy[i][0] - q.x) * scale + 0.5 * (double)s->side;
+        double y = (xy[i][1] - q.y) * scale + 0.5 * (double)s->side;
+        if (x >= 0 && y >= 0 && x < (double)s->side - 1 &&
+            y < (double)s->side - 1)
+            for (int k = 0; k < 4; k++)
+                memcpy(pixel(s, row, col, (size_t)y + (size_t)k / 2,
+                             (size_t)x + (size_t)k % 2),
+                       colour[kind != 0], 3);
+    }
+}
+
+void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H, size_t *W)
+{
+    *rgb = s->rgb;
+    *H = s->rows * s->side;
+    *W = s->cols * s->side;
+    s->rgb = NULL;
+}

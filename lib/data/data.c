@@ -1,0 +1,438 @@
+#include "lib/data/data.h"
+
+#include <glob.h>
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/stat.h>
+#include <sysexits.h>
+
+#include "lib/stream/stream.h"
+#include "lib/record/motion.h"
+#include "lib/record/shape.h"
+
+struct data_reader {
+    const char *const *names;  /* as given: files, folders, "-" */
+    size_t nnames;
+    char **files;              /* what they stand for in this pass */
+    size_t count, at;          /* file being read */
+    double margin;
+    struct stream_reader *in;
+    bool once;                 /* one pass only */
+    uint64_t people;           /* SHAP records seen in this pass */
+    uint64_t ever;             /* frames read, over all passes */
+    size_t size;               /* side of the pictures, once known */
+    int have_shape, id;
+    float shape[DATA_SHAPE];
+    data_shape_fn *shape_fn;
+    void *shape_ctx;
+    int have_motion;
+    struct data_frame next;    /* truth read, picture to come */
+};
+
+static void frame_release(struct data_frame *f)
+{
+    free(f->rgba);
+    f->rgba = NULL;
+}
+
+void data_person_release(struct data_person *p)
+{
+    for (size_t i = 0; i < p->count; i++)
+        frame_release(&p->frame[i]);
+    free(p->frame);
+    memset(p, 0, sizeof *p);
+}
+
+static void forget_files(struct data_reader *r)
+{
+    for (size_t i = 0; i < r->count; i++)
+        free(r->files[i]);
+    free(r->files);
+    r->files = NULL;
+    r->count = r->at = 0;
+}
+
+static int remember_file(struct data_reader *r, const char *name,
+                         struct error *err)
+{
+    char **grown = realloc(r->files, (r->count + 1) * sizeof *grown);
+
+    if (grown)
+        r->files = grown;
+    if (!grown || !(r->files[r->count] = strdup(name)))
+        return error_set(err, EX_OSERR, "out of memory");
+    r->count++;
+    return 0;
+}
+
+/* The files that the names stand for now: a folder may grow from one pass to
+ * the next. */
+static int list_files(struct data_reader *r, struct error *err)
+{
+    forget_files(r);
+    for (size_t i = 0; i < r->nnames; i++) {
+        struct stat st;
+        char pattern[1000];
+        glob_t g;
+        int rc = 0;
+
+        if (stat(r->names[i], &st) || !S_ISDIR(st.st_mode)) {
+            if (remember_file(r, r->names[i], err))
+                return -1;
+            continue;
+        }
+        snprintf(pattern, sizeof pattern, "%s/*.spid", r->names[i]);
+        if (glob(pattern, 0, NULL, &g))
+            return error_set(err, EX_NOINPUT, "%s: no streams (expected "
+                             "*.spid)", r->names[i]);
+        for (size_t k = 0; k < g.gl_pathc && !rc; k++)
+            rc = remember_file(r, g.gl_pathv[k], err);
+        globfree(&g);
+        if (rc)
+            return -1;
+    }
+    return 0;
+}
+
+struct data_reader *data_open(const char *const *names, size_t count,
+                              double margin, struct error *err)
+{
+    struct data_reader *r;
+
+    if (count == 0) {
+        error_set(err, EX_USAGE, "no training data (expected streams of "
+                  "spid-synth, or - for standard input)");
+        return NULL;
+    }
+    r = calloc(1, sizeof *r);
+    if (!r) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
+    }
+    r->names = names;
+    r->nnames = count;
+    r->margin = margin;
+    if (list_files(r, err)) {
+        data_close(r);
+        return NULL;
+    }
+    return r;
+}
+
+void data_close(struct data_reader *r)
+{
+    if (!r)
+        return;
+    stream_close(r->in);
+    forget_files(r);
+    free(r);
+}
+
+/* ---- records ----------------------------------------------------------- */
+
+static int take_shape(struct data_reader *r, const struct record *rec,
+                      struct error *err)
+{
+    struct shape s;
+
+    if (shape_read(&s, rec, err))
+        return -1;
+    if (s.n != DATA_SHAPE)
+        return error_set(err, EX_DATAERR, "SHAP shape is f32[%zu] (expected "
+                         "f32[%d])", s.n, DATA_SHAPE);
+    memcpy(r->shape, s.beta, sizeof r->shape);
+    r->id = (int)r->people++;
+    if (s.person)
+        r->id = *s.person;
+    r->have_shape = 1;
+    r->have_motion = 0;
+    return 0;
+}
+
+static int take_motion(struct data_reader *r, const struct record *rec,
+                       struct error *err)
+{
+    struct data_motion *to = &r->next.motion;
+    struct motion m;
+    int found;
+
+    if (motion_read(&m, rec, DATA_EXP, err) ||
+        (found = motion_read_landmarks(r->next.lmk, rec, err)) < 0)
+        return -1;
+    if (!found)
+        return error_set(err, EX_DATAERR, "MOTN has no array 'lmk' (expected "
+                         "f32[68,2])");
+    memcpy(to->rot, m.R, sizeof to->rot);
+    memcpy(to->trans, m.t, sizeof to->trans);
+    memcpy(to->exp, m.exp, sizeof to->exp);
+    memcpy(to->jaw, m.pose.jaw, sizeof to->jaw);
+    memcpy(to->lid, m.pose.lid, sizeof to->lid);
+    memcpy(to->eye, m.pose.eye, sizeof to->eye);
+    r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
+    r->have_motion = 1;
+    return 0;
+}
+
+static size_t clamp_edge(double x, size_t size)
+{
+    return x < 0 ? 0 : x > (double)size ? size : (size_t)x;
+}
+
+/* The part of the picture to keep. */
+static void choose_part(struct data_frame *f, size_t size, double margin)
+{
+    double half = 0.5 * margin * f->crop.size;
+
+    f->size = size;
+    f->x0 = f->y0 = 0;
+    f->width = f->height = size;
+    if (margin <= 0)
+        return;
+    f->x0 = clamp_edge(floor(f->crop.x - half), size);
+    f->y0 = clamp_edge(floor(f->crop.y - half), size);
+    f->width = clamp_edge(ceil(f->crop.x + half), size) - f->x0;
+    f->height = clamp_edge(ceil(f->crop.y + half), size) - f->y0;
+}
+
+static int take_picture(struct data_reader *r, const struct record *rec,
+                        struct error *err)
+{
+    struct data_frame *f = &r->next;
+    size_t dims[3] = {0, 0, 3}, size;
+    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, dims, err), *m;
+    uint8_t *to;
+
+    if (!rgb)
+        return -1;
+    size = record_find(rec, "rgb")->dim[0];
+    dims[0] = dims[1] = size;
+    m = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
+    if (!m || !record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
+        return -1;
+    if (r->size && size != r->size)
+        return error_set(err, EX_DATAERR, "picture of %zux%zu among pictures "
+                         "of %zux%zu (expected one size)", size, size,
+                         r->size, r->size);
+    r->size = size;
+    choose_part(f, size, r->margin);
+    if (!f->width || !f->height)
+        return error_set(err, EX_DATAERR, "the face lies outside the "
+                         "picture");
+    to = f->rgba = malloc(4 * f->width * f->height);
+    if (!f->rgba)
+        return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
+                         size, size);
+    for (size_t y = f->y0; y < f->y0 + f->height; y++)
+        for (size_t x = f->x0; x < f->x0 + f->width; x++, to += 4) {
+            memcpy(to, rgb + 3 * (y * size + x), 3);
+            to[3] = m[y * size + x];
+        }
+    return 0;
+}
+
+static int keep_frame(struct data_person *p, struct data_frame *f,
+                      struct error *err)
+{
+    if (p->count == p->room) {
+        size_t room = p->room ? 2 * p->room : 16;
+        struct data_frame *grown = realloc(p->frame, room * sizeof *grown);
+        if (!grown)
+            return error_set(err, EX_OSERR, "out of memory");
+        p->frame = grown;
+        p->room = room;
+    }
+    p->frame[p->count++] = *f;
+    f->rgba = NULL;
+    return 0;
+}
+
+/* ---- people ------------------------------------------------------------ */
+
+static int open_file(struct data_reader *r, struct error *err)
+{
+    struct stream_options opt = {.trust = true};
+
+    if (r->at == r->count) {
+        if (!r->ever)
+            return error_set(err, EX_DATAERR, "%s: no person with frames "
+                             "(expected SHAP, MOTN and IMAG records)",
+                             r->names[0]);
+        if (r->once)
+            return 1;
+        r->people = 0;
+        if (r->nnames == 1 && !strcmp(r->names[0], "-"))
+            return error_set(err, EX_NOINPUT, "<stdin>: the data ended "
+                             "(expected people for every step)");
+        if (list_files(r, err))
+            return -1;
+    }
+    r->have_shape = r->have_motion = 0;
+    r->in = stream_open(r->files[r->at], &opt, err);
+    return r->in ? 0 : -1;
+}
+
+static int locate(struct data_reader *r, const struct record *rec,
+                  struct error *err)
+{
+    return error_prefix(err, "%s: frame %llu: %s", stream_name(r->in),
+                        (unsigned long long)rec->frame, rec->type);
+}
+
+/* Handle one record of a person; look false leaves pictures alone. */
+static int take_record(struct data_reader *r, const struct record *rec,
+                       struct data_person *p, int look, struct error *err)
+{
+    if (record_is(rec, "MOTN")) {
+        if (!look)
+            return 0;
+        return take_motion(r, rec, err) ? locate(r, rec, err) : 0;
+    }
+    if (!record_is(rec, "IMAG"))
+        return 0;
+    r->ever++;
+    if (!look) {
+        p->count++;            /* counted only: see data_skip */
+        return 0;
+    }
+    if (!r->have_motion) {
+        error_set(err, EX_DATAERR, "picture without its true motion "
+                  "(expected a MOTN record before it)");
+        return locate(r, rec, err);
+    }
+    r->have_motion = 0;
+    if (take_picture(r, rec, err) || keep_frame(p, &r->next, err)) {
+        frame_release(&r->next);
+        return locate(r, rec, err);
+    }
+    return 0;
+}
+
+/* Read to the end of the next person that has frames; 1: there is none. */
+static int read_person(struct data_reader *r, struct data_person *p,
+                       int look, struct error *err)
+{
+    struct record rec;
+    int rc, mine = 0;          /* p's shape has been set */
+
+    for (;;) {
+        if (!r->in && (rc = open_file(r, err)))
+            return rc;
+        if (r->have_shape && !mine) {
+            memcpy(p->shape, r->shape, sizeof p->shape);
+            p->id = r->id;
+            mine = 1;
+        }
+        rc = stream_read(r->in, &rec, err);
+        if (rc < 0)
+            return -1;
+        if (rc == 0) {
+            stream_close(r->in);
+            r->in = NULL;
+            r->at++;
+            if (p->count)
+                return 0;
+            mine = 0;
+        } else if (record_is(&rec, "SHAP")) {
+            if (take_shape(r, &rec, err))
+                return locate(r, &rec, err);
+            if (p->count)
+                return 0;      /* the new shape waits in r */
+            mine = 0;
+        } else if (r->have_shape) {
+            if (take_record(r, &rec, p, look, err))
+                return -1;
+        } else if (record_is(&rec, "IMAG")) {
+            error_set(err, EX_DATAERR, "picture of nobody (expected a SHAP "
+                      "record before it)");
+            return locate(r, &rec, err);
+        }
+    }
+}
+
+void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx)
+{
+    r->shape_fn = fn;
+    r->shape_ctx = ctx;
+}
+
+int data_next(struct data_reader *r, struct data_person *p,
+              struct error *err)
+{
+    int rc;
+
+    memset(p, 0, sizeof *p);
+    rc = read_person(r, p, 1, err);
+    if (!rc && r->shape_fn)
+        rc = r->shape_fn(r->shape_ctx, p, err) ? -1 : 0;
+    if (rc)
+        data_person_release(p);
+    return rc;
+}
+
+void data_once(struct data_reader *r)
+{
+    r->once = true;
+}
+
+int data_skip(struct data_reader *r, uint64_t n, struct error *err)
+{
+    for (uint64_t i = 0; i < n; i++) {
+        struct data_person p = {0};
+        if (read_person(r, &p, 0, err))
+            return -1;
+    }
+    return 0;
+}
+
+/* ---- the pool ---------------------------------------------------------- */
+
+int data_pool_init(struct data_pool *pool, struct data_reader *reader,
+                   size_t size, uint64_t read, struct error *err)
+{
+    pool->reader = reader;
+    pool->size = size;
+    pool->read = read > size ? read - size : 0;
+    pool->person = calloc(size, sizeof *pool->person);
+    if (!pool->person)
+        return error_set(err, EX_OSERR, "out of memory (%zu people)", size);
+    if (data_skip(reader, pool->read, err) ||
+        data_pool_advance(pool, read > size ? read : size, err)) {
+        data_pool_release(pool);
+        return -1;
+    }
+    return 0;
+}
+
+void data_pool_release(struct data_pool *pool)
+{
+    for (size_t i = 0; pool->person && i < pool->size; i++)
+        data_person_release(&pool->person[i]);
+    free(pool->person);
+    pool->person = NULL;
+}
+
+int data_pool_advance(struct data_pool *pool, uint64_t read,
+                      struct error *err)
+{
+    while (pool->read < read) {
+        struct data_person *slot = &pool->person[pool->read % pool->size];
+        data_person_release(slot);
+        if (data_next(pool->reader, slot, err))
+            return -1;
+        pool->read++;
+    }
+    return 0;
+}
+
+const struct data_frame *data_pool_draw(const struct data_pool *pool,
+                                        const struct data_person **who,
+                                        struct random *r)
+{
+    const struct data_person *p =
+        &pool->person[random_below(r, (uint32_t)pool->size)];
+
+    *who = p;
+    return &p->frame[random_below(r, (uint32_t)p->count)];
+}

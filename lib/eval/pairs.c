@@ -1,0 +1,102 @@
+/* Reading a list of pairs. */
+#include "lib/eval/pairs.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+enum { FIELD_NAME, FIELD_KIND, FIELD_TRUTH, FIELD_RESULT, FIELD_PROTOCOL,
+       FIELD_SOURCE, FIELDS };
+
+/* The whole file as a string; NULL and *err. */
+static char *pairs_text(const char *path, struct error *err)
+{
+    FILE *f = fopen(path, "r");
+    char *text = NULL;
+    size_t room = 0;
+
+    if (!f) {
+        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+        return NULL;
+    }
+    if (getdelim(&text, &room, 0, f) < 0) {
+        free(text);
+        text = ferror(f) ? NULL : strdup("");
+        if (!text)
+            error_set(err, EX_IOERR, "%s: cannot be read", path);
+    }
+    fclose(f);
+    return text;
+}
+
+/* One line into a pair. */
+static int pairs_parse(struct pair *p, char *line, const char *path,
+                       size_t number, struct error *err)
+{
+    char *field[FIELDS] = {NULL};
+    int n = 0;
+
+    for (char *rest = line; rest && n < FIELDS; n++)
+        field[n] = strsep(&rest, "\t");
+    if (n < FIELD_PROTOCOL)
+        return error_set(err, EX_DATAERR, "%s: line %zu: not a pair (expected "
+                         "name, frames or motion, truth, result and, "
+                         "optional, protocol and source, with tabs between)",
+                         path, number);
+    *p = (struct pair){
+        .name = field[FIELD_NAME],
+        .motion = strcmp(field[FIELD_KIND], "motion") == 0,
+        .truth = field[FIELD_TRUTH], .result = field[FIELD_RESULT],
+        .protocol = field[FIELD_PROTOCOL], .source = field[FIELD_SOURCE]
+    };
+    if (!p->motion && strcmp(field[FIELD_KIND], "frames"))
+        return error_set(err, EX_DATAERR, "%s: line %zu: %s (expected frames "
+                         "or motion)", path, number, field[FIELD_KIND]);
+    return 0;
+}
+
+static int pairs_add(struct pairs *p, size_t *room, char *line,
+                     const char *path, size_t number, struct error *err)
+{
+    if (p->count == *room) {
+        size_t more = *room ? 2 * *room : 64;
+        struct pair *grown = realloc(p->pair, more * sizeof *grown);
+
+        if (!grown)
+            return error_set(err, EX_OSERR, "no memory for a list");
+        p->pair = grown;
+        *room = more;
+    }
+    return pairs_parse(&p->pair[p->count++], line, path, number, err);
+}
+
+int pairs_read(struct pairs *p, const char *path, struct error *err)
+{
+    size_t number = 0, room = 0;
+    int rc = 0;
+
+    memset(p, 0, sizeof *p);
+    p->text = pairs_text(path, err);
+    if (!p->text)
+        return -1;
+    for (char *rest = p->text, *line; rc == 0 && (line = strsep(&rest, "\n"));) {
+        number++;
+        line[strcspn(line, "\r")] = 0;
+        if (*line && *line != '#')
+            rc = pairs_add(p, &room, line, path, number, err);
+    }
+    if (rc == 0 && !p->count)
+        rc = error_set(err, EX_DATAERR, "%s: no pairs", path);
+    if (rc)
+        pairs_release(p);
+    return rc;
+}
+
+void pairs_release(struct pairs *p)
+{
+    free(p->pair);
+    free(p->text);
+    memset(p, 0, sizeof *p);
+}

@@ -1,0 +1,162 @@
+/* Reading and writing identity files. */
+#include "lib/record/person.h"
+
+#include <cjson/cJSON.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/record/shape.h"
+
+/* out = the string under key, when there is one. */
+static void person_take_hash(char out[17], const cJSON *conf, const char *key)
+{
+    const cJSON *v = cJSON_GetObjectItem(conf, key);
+
+    if (cJSON_IsString(v))
+        snprintf(out, 17, "%s", v->valuestring);
+}
+
+/* CONF says which head and model the identity was made with. */
+static int person_take_conf(struct person *p, const struct record *rec)
+{
+    const struct array *a = record_find(rec, "json");
+
+    if (!a || a->dtype != DTYPE_U8)
+        return 0;
+    cJSON *conf = cJSON_ParseWithLength(a->data, array_bytes(a));
+    person_take_hash(p->head, conf, "head_hash");
+    person_take_hash(p->model, conf, "model_hash");
+    cJSON_Delete(conf);
+    return 1;
+}
+
+static int person_take_shape(struct person *p, const struct record *rec,
+                             struct error *err)
+{
+    struct shape s;
+
+    if (shape_read(&s, rec, err))
+        return -1;
+    float *copy = malloc((s.n ? s.n : 1) * sizeof *copy);
+    if (!copy)
+        return error_set(err, EX_OSERR, "no memory for an identity");
+    memcpy(copy, s.beta, s.n * sizeof *copy);
+    free(p->shape);
+    p->shape = copy;
+    p->nshape = s.n;
+    return 1;
+}
+
+/* SRCI: a square picture, its matte and where it was cut from. */
+static int person_take_picture(struct person *p, const struct record *rec,
+                               struct error *err)
+{
+    size_t any[3] = {0, 0, 3}, three[1] = {3};
+    const float *crop = NULL;
+    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, any, err);
+
+    if (!rgb)
+        return -1;
+    size_t S = record_find(rec, "rgb")->dim[0];
+    size_t square[3] = {S, S, 3};
+    const uint8_t *matte = record_get(rec, "matte", DTYPE_U8, 2, square, err);
+    if (!matte || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
+        (record_find(rec, "crop") &&
+         (record_check_finite(rec, err) ||
+          !(crop = record_get(rec, "crop", DTYPE_F32, 1, three, err)))))
+        return -1;
+    if (crop)
+        memcpy(p->crop, crop, sizeof p->crop);
+    free(p->rgb);
+    free(p->matte);
+    p->size = S;
+    p->rgb = malloc(3 * S * S + 1);
+    p->matte = malloc(S * S + 1);
+    if (!p->rgb || !p->matte)
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    memcpy(p->rgb, rgb, 3 * S * S);
+    memcpy(p->matte, matte, S * S);
+    return 1;
+}
+
+int person_take(struct person *p, const struct record *rec, size_t nexp,
+                struct error *err)
+{
+    if (record_is(rec, "CONF"))
+        return person_take_conf(p, rec);
+    if (record_is(rec, "SHAP"))
+        return person_take_shape(p, rec, err);
+    if (record_is(rec, "SRCI"))
+        return person_take_picture(p, rec, err);
+    if (record_is(rec, "MOTN")) {
+        if (motion_read(&p->source, rec, nexp, err))
+            return -1;
+        p->has_source = true;
+        return 1;
+    }
+    return 0;
+}
+
+int person_load(struct person *p, const char *path, size_t nexp,
+                struct error *err)
+{
+    struct record rec;
+    int rc, taken = 0;
+
+    memset(p, 0, sizeof *p);
+    struct stream_reader *r = stream_open(path, NULL, err);
+    if (!r)
+        return -1;
+    while ((rc = stream_read(r, &rec, err)) > 0) {
+        taken = person_take(p, &rec, nexp, err);
+        if (taken < 0) {
+            error_prefix(err, "%s", path);
+            break;
+        }
+    }
+    if (rc == 0 && !p->shape)
+        rc = error_set(err, EX_DATAERR, "%s: no SHAP record (expected an "
+                       "identity, as spid-shape writes it)", path);
+    stream_close(r);
+    if (rc < 0 || taken < 0) {
+        person_release(p);
+        return -1;
+    }
+    return 0;
+}
+
+int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
+                 struct error *err)
+{
+    const struct shape shape = {.beta = p->shape, .n = p->nshape};
+    struct array a[3] = {
+        array_make("rgb", DTYPE_U8, p->rgb, 3, p->size, p->size, 3, 0),
+        array_make("matte", DTYPE_U8, p->matte, 2, p->size, p->size, 0, 0),
+        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0)
+    };
+
+    if (stream_write(w, "SRCI", 0, 0, a, 3, err) ||
+        shape_write(w, 0, 0, &shape, err) ||
+        motion_write(w, 0, 0, &p->source, nexp, NULL, 0, err))
+        return -1;
+    return 0;
+}
+
+void person_release(struct person *p)
+{
+    free(p->shape);
+    free(p->rgb);
+    free(p->matte);
+    memset(p, 0, sizeof *p);
+}
+
+int person_fold(struct identity *id, const struct head *h,
+                const struct person *p, struct error *err)
+{
+    if (p->head[0] && strcmp(p->head, h->hash))
+        return error_set(err, EX_DATAERR, "identity belongs to head %s "
+                         "(expected %s, the head in use)", p->head, h->hash);
+    return head_fold(id, h, p->shape, p->nshape, err);
+}

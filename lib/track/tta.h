@@ -1,0 +1,76 @@
+/* Test-time augmentation of the encoders: E_beta's mean over crops a little
+ * apart and over mirror images, E_m's over a crop and its mirror image.  The
+ * mean is nearer the truth than any one output. */
+#ifndef SPID_TRACK_TTA_H
+#define SPID_TRACK_TTA_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+#include "lib/head/mirror.h"
+#include "lib/net/motion_encoder.h"
+#include "lib/net/shape_encoder.h"
+
+/* out (n,n,3) = the mirror image of rgb; they may be the same. */
+void tta_mirror_picture(float *out, const float *rgb, size_t n);
+
+/* ---- E_beta ------------------------------------------------------------- */
+
+/* rgb (224,224,3) in [0,1] = square q of the picture that ctx knows. */
+typedef int tta_crop_fn(void *ctx, float *rgb, struct square q,
+                        struct error *err);
+
+struct shape_tta {
+    struct shape_encoder *net;          /* borrowed, planned for one crop */
+    struct head_mirror across;
+    bool mirror;                        /* across is of use */
+    float *rgb;                         /* (224,224,3) */
+};
+
+/* For faces of head h; mirror images are left out where its shapes have
+ * none. */
+int shape_tta_init(struct shape_tta *t, struct shape_encoder *net,
+                   const struct head *h, struct error *err);
+void shape_tta_release(struct shape_tta *t);
+
+/* beta (300) of the face in crop q; -1 only when crop fails. */
+int shape_tta_forward(float *beta, struct shape_tta *t, struct square q,
+                      tta_crop_fn *crop, void *ctx, struct error *err);
+
+/* ---- E_m ---------------------------------------------------------------- */
+
+/* Which output of the mirrored picture stands for which, and with which
+ * sign. */
+struct motion_mirror {
+    int from[MOTION_OUT];
+    float sign[MOTION_OUT];
+};
+
+/* 1; 0 when h's expressions have no mirror images; -1 when memory is short. */
+int motion_mirror_init(struct motion_mirror *m, const struct head *h,
+                       struct error *err);
+/* out (120) = mean of out and of E_m's output for the mirrored crop (120). */
+void motion_mirror_mean(float *out, const float *mirrored,
+                        const struct motion_mirror *m);
+
+/* E_m on crops and their mirror images, as one batch. */
+struct motion_tta {
+    struct motion_encoder *net;         /* borrowed */
+    size_t batch;                       /* B crops at a time */
+    struct motion_mirror across;
+    bool mirror;                        /* across is of use, and wanted */
+    float *rgb, *raw;                   /* (2B,224,224,3); (2B,120) */
+};
+
+/* wanted false: the crops alone.  net has been planned; it is planned again
+ * where its batch is not what this needs. */
+int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
+                    size_t batch, const struct head *h, bool wanted,
+                    struct error *err);
+void motion_tta_release(struct motion_tta *t);
+/* out (B,120) of crops rgb (B,224,224,3). */
+void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);
+
+#endif
