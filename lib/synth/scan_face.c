@@ -181,37 +181,16 @@ static int load_identities(struct scan_face *f, const struct safetensors *st,
     return 0;
 }
 
-/* Centre of each eyeball, and its axis: the mean of what bulges most. */
 static void find_eyes(struct scan_face *f)
 {
-    static const size_t range[2][2] = {
-        {FACE_TEETH_END, FACE_TEETH_END + 770},
-        {FACE_EYE_LEFT_END, FACE_EYE_LEFT_END + 770}};
-
     for (int e = 0; e < 2; e++) {
-        float lo[3] = {9, 9, 9}, hi[3] = {-9, -9, -9}, far = 0, *c = f->eye[e];
-        for (size_t i = range[e][0]; i < range[e][1]; i++)
-            for (size_t k = 0; k < 3; k++) {
-                lo[k] = fminf(lo[k], f->neutral[3 * i + k]);
-                hi[k] = fmaxf(hi[k], f->neutral[3 * i + k]);
-            }
-        /* behind the cornea it is a sphere: depth from its width */
-        c[0] = 0.5f * (lo[0] + hi[0]);
-        c[1] = 0.5f * (lo[1] + hi[1]);
-        c[2] = lo[2] + 0.25f * (hi[0] - lo[0] + hi[1] - lo[1]);
-        for (size_t i = range[e][0]; i < range[e][1]; i++) {
-            float d[3];
-            sub3(d, f->neutral + 3 * i, c);
-            far = fmaxf(far, length3(d));
+        double c[3], axis[3];
+        scan_eye(c, e);
+        scan_eye_axis(axis, e);
+        for (int k = 0; k < 3; k++) {
+            f->eye[e][k] = (float)(5 * c[k]);
+            f->axis[e][k] = (float)axis[k];
         }
-        f->axis[e][0] = f->axis[e][1] = f->axis[e][2] = 0;
-        for (size_t i = range[e][0]; i < range[e][1]; i++) {
-            float d[3];
-            sub3(d, f->neutral + 3 * i, c);
-            if (length3(d) > 0.985f * far)
-                mad3(f->axis[e], f->axis[e], d, 1);
-        }
-        unit3(f->axis[e]);
     }
 }
 
@@ -253,7 +232,10 @@ static int load_shapes(struct scan_face *f, const struct safetensors *st,
     for (size_t i = 0; i < n; i++)
         f->neutral[i] = FACE_UNIT * f->neutral[i] + (float)(5 * shift[i % 3]);
     find_eyes(f);
-    return 0;
+    size_t one = 3 * (size_t)FACE_VERTICES;
+    return scan_lids_init(&f->lids, f->neutral,
+                          f->expression + ARKIT_EYE_BLINK_L * one,
+                          f->expression + ARKIT_EYE_BLINK_R * one, 5, err);
 }
 
 /* ---- whole -------------------------------------------------------------- */
@@ -302,6 +284,7 @@ int scan_face_load(struct scan_face *f, const char *dir, struct error *err)
 
 void scan_face_release(struct scan_face *f)
 {
+    scan_lids_release(&f->lids);
     free(f->source);
     free(f->uv);
     free(f->faces);
@@ -327,7 +310,8 @@ void scan_face_fold(float *out, const struct scan_face *f, const float *beta,
     }
 }
 
-void scan_face_express(float *x, const struct scan_face *f, const float *w)
+void scan_face_express(float *x, const struct scan_face *f, const float *rest,
+                       const float *w)
 {
     size_t one = 3 * (size_t)FACE_VERTICES;
 
@@ -338,6 +322,8 @@ void scan_face_express(float *x, const struct scan_face *f, const float *w)
         for (size_t i = 0; i < one; i++)
             x[i] += w[k] * d[i];
     }
+    scan_lids_add(x, &f->lids, rest, w[ARKIT_EYE_BLINK_L],
+                  w[ARKIT_EYE_BLINK_R]);
 }
 
 void scan_face_normals(float *n, const float *x, const struct scan_face *f)

@@ -9,6 +9,7 @@
 #include "lib/base/error.h"
 #include "lib/head/arkit.h"
 #include "lib/head/scan.h"
+#include "lib/head/scan_lids.h"
 
 /* Vertices of the scans, by what they are (README of the data). */
 enum {
@@ -42,6 +43,7 @@ struct scan_face {
     float *dilate;              /* (2,FACE_VERTICES,3) pupils, left, right */
     float eye[2][3];            /* centres of the eyeballs, left first */
     float axis[2][3];           /* and where they look, unit */
+    struct scan_lids lids;      /* what makes them close */
     int32_t landmark[FACE_LANDMARKS];   /* vertices of the 68 points */
 };
 
@@ -57,9 +59,10 @@ void scan_face_release(struct scan_face *f);
  * deviations, n at most SCAN_IDENTITIES). */
 void scan_face_fold(float *out, const struct scan_face *f, const float *beta,
                     size_t n);
-/* x (FACE_VERTICES,3) += expression of weights w (ARKIT_COUNT); gazes move
- * lids alone. */
-void scan_face_express(float *x, const struct scan_face *f, const float *w);
+/* x (FACE_VERTICES,3) += expression of weights w (ARKIT_COUNT) of the person
+ * whose neutral face is `rest`; gazes move lids alone. */
+void scan_face_express(float *x, const struct scan_face *f, const float *rest,
+                       const float *w);
 
 /* Unit normals n (FACE_VERTICES,3) of the vertices x. */
 void scan_face_normals(float *n, const float *x, const struct scan_face *f);

@@ -394,15 +394,11 @@ static void measure(struct figure *f)
 
     scan_face_normals(f->normal, f->rest, s);
     for (int e = 0; e < 2; e++) {
-        size_t first = e ? FACE_EYE_LEFT_END : FACE_TEETH_END;
-        for (size_t k = 0; k < 3; k++) {
-            float sum = 0;
-            for (size_t i = first; i < first + 770; i++)
-                sum += f->rest[3 * i + k] - s->neutral[3 * i + k];
-            f->eye[e][k] = s->eye[e][k] + sum / 770;
-        }
+        double shift[3], grow;
+        scan_eye_motion(shift, &grow, s->neutral, f->rest, 5, e);
+        for (int k = 0; k < 3; k++)
+            f->eye[e][k] = s->eye[e][k] + (float)shift[k];
     }
-    f->eye_radius = 1.5f * FACE_UNIT;
     const float *u = f->rest + 3 * s->landmark[62];
     lerp3(f->lip, u, f->rest + 3 * s->landmark[66], 0.5f);
     const float *chin = f->rest + 3 * s->landmark[8];

@@ -57,7 +57,7 @@ struct figure {
     int nparts;
     uint8_t *skin;              /* texture (SKIN_SIZE,SKIN_SIZE,4) */
     float tone[3];              /* mean albedo of the skin, linear */
-    float eye[2][3], eye_radius;
+    float eye[2][3];
     float lip[3];               /* between the lips */
     float pivot[3];             /* the head turns about it */
 };

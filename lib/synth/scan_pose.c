@@ -216,7 +216,7 @@ void scan_pose(struct scan_stage *s)
     float *normal = s->normal;
 
     memcpy(s->face, f->rest, 3 * FACE_VERTICES * sizeof *s->face);
-    scan_face_express(s->face, &f->assets->face, s->act->weight);
+    scan_face_express(s->face, &f->assets->face, f->rest, s->act->weight);
     turn_eyes(s);
     scan_face_normals(s->face_normal, s->face, &f->assets->face);
     find_folds(s);

@@ -226,6 +226,11 @@ int register_fit(struct registration *r, const struct register_map *m,
 void register_shape(float *out, const struct scan_face *f,
                     const struct registration *r)
 {
+    size_t one = 3 * (size_t)FACE_VERTICES;
+
     scan_face_fold(out, f, r->term, SCAN_IDENTITIES);
-    scan_face_express(out, f, r->term + SCAN_IDENTITIES);
+    for (size_t k = 0; k < ARKIT_COUNT; k++)
+        for (size_t i = 0; i < one; i++)
+            out[i] += r->term[SCAN_IDENTITIES + k]
+                      * f->expression[k * one + i];
 }
