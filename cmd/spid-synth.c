@@ -70,10 +70,17 @@ static const struct cli_usage usage = {
     "make people: pictures with their true parameters", options
 };
 
+/* With assets, the head that is registered to the scans, if there is one
+ * beside the model. */
 static void open_head(struct head *head)
 {
     struct error err = {0};
+    static char found[4096];
 
+    if (assets_path && !head_path
+        && !cli_find_model("head-scans.safetensors", found, sizeof found,
+                           &err))
+        head_path = found;
     if (option_head_load(head, head_path, &err))
         die_error(&err);
 }

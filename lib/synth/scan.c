@@ -231,6 +231,33 @@ static int find_labels(struct scan_assets *a, const struct head *h,
     return 0;
 }
 
+/* The truth is told in the head's terms: its landmarks must lie on the scans'.
+ */
+static int check_head(const struct scan_assets *a, const struct head *h,
+                      struct error *err)
+{
+    float at[3 * HEAD_LANDMARKS], sum = 0;
+
+    if (!h->has_landmarks || h->nshape < SCAN_IDENTITIES
+        || h->nexp < ARKIT_COUNT)
+        return error_set(err, EX_DATAERR, "head with %zu shapes and %zu "
+                         "expressions%s (expected %d and %d at least, and "
+                         "landmarks)", h->nshape, h->nexp,
+                         h->has_landmarks ? "" : ", without landmarks",
+                         SCAN_IDENTITIES, ARKIT_COUNT);
+    head_landmarks(at, h, h->v_template);
+    for (int k = 0; k < HEAD_LANDMARKS; k++) {
+        float d[3];
+        sub3(d, at + 3 * k, a->face.neutral + 3 * a->face.landmark[k]);
+        sum += length3(d) / HEAD_LANDMARKS;
+    }
+    if (sum > 0.03f)
+        return error_set(err, EX_DATAERR, "head whose landmarks lie %.1f mm "
+                         "from the scans' (expected one registered to them: "
+                         "head-scans.safetensors)", (double)(sum * 200));
+    return 0;
+}
+
 struct scan_assets *scan_open(const char *dir, const struct head *head,
                               int threads, struct error *err)
 {
@@ -243,7 +270,8 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
         return NULL;
     }
     snprintf(path, sizeof path, "%s/ict", dir);
-    rc = scan_face_load(&a->face, path, err) || find_labels(a, head, err);
+    rc = scan_face_load(&a->face, path, err) || check_head(a, head, err)
+         || find_labels(a, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
     rc = rc || body_load(&a->body, &a->face, path, err)
          || make_torso(a, err)

@@ -11,7 +11,7 @@
 #define PI_F 3.14159265f
 
 /* Exponents of the cosine lobe of each level; level 0 mirrors. */
-static const float lobe[LIGHT_LEVELS] = {0, 90, 22, 5};
+static const int lobe[LIGHT_LEVELS] = {0, 90, 22, 5};
 static const int level_width[LIGHT_LEVELS] = {512, 64, 48, 32};
 
 static float luminance(const float c[3])
@@ -113,12 +113,25 @@ static int take_lamp(struct lamp *l, float *p, int w, int h)
     return luminance(l->rgb) > 0.12f;
 }
 
+static float power_of(float x, int n)
+{
+    float p = 1;
+
+    for (; n; n >>= 1, x *= x)
+        if (n & 1)
+            p *= x;
+    return p;
+}
+
 /* Mirrored by a rough surface: every direction's mean under a cosine lobe. */
 static void blur_level(float *out, int w, int h, const float *in, int iw,
-                       int ih, float power)
+                       int ih, int power)
 {
-    float *dir = malloc(3 * (size_t)(iw * ih) * sizeof *dir);
+    float *dir = malloc(4 * (size_t)(iw * ih) * sizeof *dir);
+    float *area = dir + 3 * iw * ih, least = powf(1e-4f, 1 / (float)power);
 
+    for (int i = 0; dir && i < ih; i++)
+        area[i] = solid_angle(i, iw, ih);
     for (int i = 0; dir && i < iw * ih; i++)
         direction(dir + 3 * i, i % iw, i / iw, iw, ih);
     for (int i = 0; dir && i < w * h; i++) {
@@ -126,9 +139,9 @@ static void blur_level(float *out, int w, int h, const float *in, int iw,
         direction(d, i % w, i / w, w, h);
         for (int j = 0; j < iw * ih; j++) {
             float c = dot3(d, dir + 3 * j);
-            if (c < 0.3f && power > 6)
+            if (c < least)
                 continue;
-            c = c <= 0 ? 0 : powf(c, power) * solid_angle(j / iw, iw, ih);
+            c = power_of(c, power) * area[j / iw];
             mad3(sum, sum, in + 3 * j, c);
             all += c;
         }

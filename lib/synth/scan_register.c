@@ -12,7 +12,7 @@
 #include "lib/synth/scan_json.h"
 #include "lib/synth/vec.h"
 
-#define ROUNDS 5
+#define ROUNDS 3
 #define SIGMA 2.5f              /* pixels that a landmark may be off */
 
 int register_map_load(struct register_map *m, const struct scan_face *f,
