@@ -11,13 +11,14 @@
 #include "lib/record/mesh.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
+#include "lib/synth/scan.h"
 #include "lib/synth/sheet.h"
 #include "lib/synth/statistics.h"
 #include "lib/synth/synth.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
-static const char *head_path, *sheet_path;
+static const char *head_path, *sheet_path, *assets_path;
 static bool statistics;
 static bool without_mesh;
 static enum framesink_format format = FRAMESINK_AUTO;
@@ -57,6 +58,8 @@ static const struct cli_option options[] = {
                   "lights"),
     OPTION_FLAG("statistics", 0, &statistics,
                 "print mean and spread of every parameter instead"),
+    OPTION_STRING("assets", 0, &assets_path, "DIR",
+                  "people of scans under real light, from this folder"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -64,16 +67,22 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-synth", "[-n N] [--frames N] [-s N] [--first N] [--size PIXELS] "
     "[--fps RATE] [--effects X] [--without mesh] [--format NAME] "
-    "[--sheet FILE] [--statistics] [--head FILE] [-o FILE] "
+    "[--sheet FILE] [--statistics] [--assets DIR] [--head FILE] [-o FILE] "
     "[-j N] [-m MODEL] [-q] [--stats FILE] [PICTURE ...]",
     "make people: pictures with their true parameters", options
 };
 
-/* The head model that the people are made of. */
+/* With assets, the head that is registered to the scans, if there is one
+ * beside the model. */
 static void open_head(struct head *head)
 {
     struct error err = {0};
+    static char found[4096];
 
+    if (assets_path && !head_path
+        && !cli_find_model("head-scans.safetensors", found, sizeof found,
+                           &err))
+        head_path = found;
     if (option_head_load(head, head_path, &err))
         die_error(&err);
 }
@@ -115,10 +124,11 @@ static int write_frame(struct stream_writer *w, const struct head *head,
     struct motion m = {0};
     float cam[12];
     struct array lmk = array_make("lmk", DTYPE_F32, f->lmk, 2, 68, 2, 0, 0);
-    struct array image[3] = {
+    struct array image[4] = {
         array_make("rgb", DTYPE_U8, f->rgb, 3, n, n, 3, 0),
         array_make("mask", DTYPE_U8, f->mask, 2, n, n, 0, 0),
-        array_make("label", DTYPE_U8, f->label, 2, n, n, 0, 0)
+        array_make("label", DTYPE_U8, f->label, 2, n, n, 0, 0),
+        array_make("alone", DTYPE_U8, f->alone, 3, n, n, 3, 0)
     };
 
     memcpy(m.R, t->rot, sizeof m.R);
@@ -134,7 +144,8 @@ static int write_frame(struct stream_writer *w, const struct head *head,
     if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
                                number == 0, NULL, 0, err))
         return -1;
-    return stream_write(w, "IMAG", number, time, image, 3, err);
+    return stream_write(w, "IMAG", number, time, image, f->alone ? 4 : 3,
+                        err);
 }
 
 /* Frames into a stream with their truth, or as pictures alone. */
@@ -245,6 +256,7 @@ int main(int argc, char **argv)
             "operand without --statistics)",
             argv[operand]);
     open_head(&head);
+    struct error err = {0};
     if (head.nexp > HEAD_MAX_EXP || head.nexp > MOTION_EXP_MAX)
         die(EX_DATAERR, "head has %zu expression directions (expected at "
             "most %d)", head.nexp, HEAD_MAX_EXP);
@@ -254,6 +266,13 @@ int main(int argc, char **argv)
         .size = (int)size, .fps = fps, .effects = (float)effects,
         .threads = cli.threads
     };
+    if (assets_path && (statistics || sheet_path))
+        die(EX_USAGE, "--assets does not go with --statistics or --sheet");
+    struct scan_assets *assets = assets_path
+        ? scan_open(assets_path, &head, cli.threads, &err) : NULL;
+    if (assets_path && !assets)
+        die_error(&err);
+    opt.assets = assets;
     if (statistics) {
         write_statistics(&head, &opt, argv + operand, argc - operand);
     } else if (sheet_path) {
@@ -261,6 +280,7 @@ int main(int argc, char **argv)
     } else {
         write_frames(&head, &opt);
     }
+    scan_close(assets);
     head_release(&head);
     stats_write();
     return 0;
