@@ -1,4 +1,6 @@
-#include "lib/splat/reference.h"
+/* Eq. C in plain float: projected, sorted, and blended Gaussian by Gaussian, as
+ * one would write it first. */
+#include "lib/splat/scalar.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -8,14 +10,15 @@
 #include "lib/base/half.h"
 
 /* One Gaussian on the screen, in float. */
-struct spot {
+struct scalar_gaussian {
     float z, x, y, A, B, C, rx, ry, opacity;
     uint32_t i;
 };
 
-static int by_depth(const void *a, const void *b)
+/* For qsort: by depth, ties by index. */
+static int scalar_by_depth(const void *a, const void *b)
 {
-    const struct spot *p = a, *q = b;
+    const struct scalar_gaussian *p = a, *q = b;
 
     if (p->z != q->z)
         return p->z < q->z ? -1 : 1;
@@ -23,8 +26,9 @@ static int by_depth(const void *a, const void *b)
 }
 
 /* cov2d = J W R S S R^T W^T J^T + 0.3, as in the paper's preliminaries. */
-static int project(struct spot *s, const struct gaussians *g, size_t i,
-                   const struct splat_camera *cam, int width, int height)
+static int scalar_project(struct scalar_gaussian *s, const struct gaussians *g,
+                          size_t i, const struct splat_camera *cam, int width,
+                          int height)
 {
     const float *m = g->mean + 3 * i, *sc = g->scale + 3 * i;
     const float *q = g->quat + 4 * i, *P = cam->rt;
@@ -61,18 +65,19 @@ static int project(struct spot *s, const struct gaussians *g, size_t i,
     }
     float det = xx * yy - xy * xy, L = 2 * logf(255 * g->opacity[i]);
 
-    *s = (struct spot){.z = c[2], .x = cam->fx * c[0] / c[2] + cam->cx,
-                       .y = cam->fy * c[1] / c[2] + cam->cy, .A = yy / det,
-                       .B = -xy / det, .C = xx / det, .rx = sqrtf(L * xx),
-                       .ry = sqrtf(L * yy), .opacity = g->opacity[i],
-                       .i = (uint32_t)i};
+    *s = (struct scalar_gaussian){
+        .z = c[2], .x = cam->fx * c[0] / c[2] + cam->cx,
+        .y = cam->fy * c[1] / c[2] + cam->cy, .A = yy / det, .B = -xy / det,
+        .C = xx / det, .rx = sqrtf(L * xx), .ry = sqrtf(L * yy),
+        .opacity = g->opacity[i], .i = (uint32_t)i};
     return s->x + s->rx > 0 && s->x - s->rx < (float)width &&
            s->y + s->ry > 0 && s->y - s->ry < (float)height;
 }
 
 /* Blend one Gaussian over the pixels of its box. */
-static void blend(float *image, float *T, const struct spot *s,
-                  const float *color, int width, int height, int channels)
+static void scalar_blend(float *image, float *T,
+                         const struct scalar_gaussian *s, const float *color,
+                         int width, int height, int channels)
 {
     int x0 = (int)fmaxf(s->x - s->rx, 0), y0 = (int)fmaxf(s->y - s->ry, 0);
     int x1 = (int)fminf(s->x + s->rx + 1, (float)width);
@@ -103,20 +108,20 @@ static void blend(float *image, float *T, const struct spot *s,
         }
 }
 
-int splat_plain_forward(float *image, float *alpha, const struct gaussians *g,
-                        const struct splat_camera *cam, int width,
-                        int height, int channels, const float *background,
-                        struct error *err)
+int scalar_forward(float *image, float *alpha, const struct gaussians *g,
+                   const struct splat_camera *cam, int width,
+                   int height, int channels, const float *background,
+                   struct error *err)
 {
-    struct spot *spot = malloc((g->n + 1) * sizeof *spot);
+    struct scalar_gaussian *spot = malloc((g->n + 1) * sizeof *spot);
     size_t pixels = (size_t)width * (size_t)height, n = 0;
     float color[SPLAT_MAX_CHANNELS];
 
     if (!spot)
         return error_set(err, EX_OSERR, "out of memory");
     for (size_t i = 0; i < g->n; i++)
-        n += (size_t)project(&spot[n], g, i, cam, width, height);
-    qsort(spot, n, sizeof *spot, by_depth);
+        n += (size_t)scalar_project(&spot[n], g, i, cam, width, height);
+    qsort(spot, n, sizeof *spot, scalar_by_depth);
     memset(image, 0, pixels * (size_t)channels * sizeof *image);
     for (size_t p = 0; p < pixels; p++)
         alpha[p] = 1;
@@ -126,7 +131,7 @@ int splat_plain_forward(float *image, float *alpha, const struct gaussians *g,
         for (int c = 0; c < channels; c++)
             color[c] = g->color ? g->color[at + (size_t)c]
                                 : half_to_float(g->color_half[at + (size_t)c]);
-        blend(image, alpha, &spot[k], color, width, height, channels);
+        scalar_blend(image, alpha, &spot[k], color, width, height, channels);
     }
     for (size_t p = 0; p < pixels; p++) {
         float T = fabsf(alpha[p]);
