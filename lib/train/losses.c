@@ -132,7 +132,7 @@ static void pyramid_halve(float *small, float *big, size_t H, size_t W,
 /* big += sign * the small picture doubled (bilinear); or, back set,
  * small += sign * the transpose of that. */
 static void pyramid_double(float *big, float *small, size_t H, size_t W,
-                           float factor, int back)
+                           float factor, bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2;
 
