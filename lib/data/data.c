@@ -25,11 +25,11 @@ struct data_reader {
     uint64_t people;           /* SHAP records seen in this pass */
     uint64_t ever;             /* frames read, over all passes */
     size_t size;               /* side of the pictures, once known */
-    int have_shape, id;
+    bool have_shape, have_motion;
+    int id;
     float shape[DATA_SHAPE];
     data_shape_fn *shape_fn;
     void *shape_ctx;
-    int have_motion;
     struct data_frame next;    /* truth read, picture to come */
 };
 
@@ -152,8 +152,8 @@ static int data_take_shape(struct data_reader *r, const struct record *rec,
     r->id = (int)r->people++;
     if (s.person)
         r->id = *s.person;
-    r->have_shape = 1;
-    r->have_motion = 0;
+    r->have_shape = true;
+    r->have_motion = false;
     return 0;
 }
 
@@ -178,7 +178,7 @@ static int data_take_motion(struct data_reader *r, const struct record *rec,
     memcpy(to->lid, m.pose.lid, sizeof to->lid);
     memcpy(to->eye, m.pose.eye, sizeof to->eye);
     r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
-    r->have_motion = 1;
+    r->have_motion = true;
     return 0;
 }
 
@@ -280,7 +280,7 @@ static int data_open_file(struct data_reader *r, struct error *err)
         if (data_list_files(r, err))
             return -1;
     }
-    r->have_shape = r->have_motion = 0;
+    r->have_shape = r->have_motion = false;
     r->in = stream_open(r->files[r->at], &opt, err);
     return r->in ? 0 : -1;
 }
@@ -293,19 +293,20 @@ static int data_locate(struct data_reader *r, const struct record *rec,
                         (unsigned long long)rec->frame, rec->type);
 }
 
-/* Handle one record of a person; look false leaves pictures alone. */
+/* Handle one record of a person; without pictures they are only counted. */
 static int data_take_record(struct data_reader *r, const struct record *rec,
-                            struct data_person *p, int look, struct error *err)
+                            struct data_person *p, bool pictures,
+                            struct error *err)
 {
     if (record_is(rec, "MOTN")) {
-        if (!look)
+        if (!pictures)
             return 0;
         return data_take_motion(r, rec, err) ? data_locate(r, rec, err) : 0;
     }
     if (!record_is(rec, "IMAG"))
         return 0;
     r->ever++;
-    if (!look) {
+    if (!pictures) {
         p->count++;            /* counted only: see data_skip */
         return 0;
     }
@@ -314,7 +315,7 @@ static int data_take_record(struct data_reader *r, const struct record *rec,
                   "(expected a MOTN record before it)");
         return data_locate(r, rec, err);
     }
-    r->have_motion = 0;
+    r->have_motion = false;
     if (data_take_picture(r, rec, err) || data_keep_frame(p, &r->next, err)) {
         data_frame_release(&r->next);
         return data_locate(r, rec, err);
@@ -324,10 +325,11 @@ static int data_take_record(struct data_reader *r, const struct record *rec,
 
 /* Read to the end of the next person that has frames; 1: there is none. */
 static int data_read_person(struct data_reader *r, struct data_person *p,
-                            int look, struct error *err)
+                            bool pictures, struct error *err)
 {
     struct record rec;
-    int rc, mine = 0;          /* p's shape has been set */
+    bool mine = false; /* p's shape has been set */
+    int rc;
 
     for (;;) {
         if (!r->in && (rc = data_open_file(r, err)))
@@ -335,7 +337,7 @@ static int data_read_person(struct data_reader *r, struct data_person *p,
         if (r->have_shape && !mine) {
             memcpy(p->shape, r->shape, sizeof p->shape);
             p->id = r->id;
-            mine = 1;
+            mine = true;
         }
         rc = stream_read(r->in, &rec, err);
         if (rc < 0)
@@ -346,15 +348,15 @@ static int data_read_person(struct data_reader *r, struct data_person *p,
             r->at++;
             if (p->count)
                 return 0;
-            mine = 0;
+            mine = false;
         } else if (record_is(&rec, "SHAP")) {
             if (data_take_shape(r, &rec, err))
                 return data_locate(r, &rec, err);
             if (p->count)
                 return 0;      /* the new shape waits in r */
-            mine = 0;
+            mine = false;
         } else if (r->have_shape) {
-            if (data_take_record(r, &rec, p, look, err))
+            if (data_take_record(r, &rec, p, pictures, err))
                 return -1;
         } else if (record_is(&rec, "IMAG")) {
             error_set(err, EX_DATAERR, "picture of nobody (expected a SHAP "
@@ -376,7 +378,7 @@ int data_next(struct data_reader *r, struct data_person *p,
     int rc;
 
     memset(p, 0, sizeof *p);
-    rc = data_read_person(r, p, 1, err);
+    rc = data_read_person(r, p, true, err);
     if (!rc && r->shape_fn)
         rc = r->shape_fn(r->shape_ctx, p, err) ? -1 : 0;
     if (rc)
@@ -393,7 +395,7 @@ int data_skip(struct data_reader *r, uint64_t n, struct error *err)
 {
     for (uint64_t i = 0; i < n; i++) {
         struct data_person p = {0};
-        if (data_read_person(r, &p, 0, err))
+        if (data_read_person(r, &p, false, err))
             return -1;
     }
     return 0;

@@ -2,6 +2,7 @@
 #include "lib/eval/table.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -119,7 +120,7 @@ static void table_number(FILE *f, double x, const char *missing)
 }
 
 /* Columns for people, or tab-separated. */
-static void table_write_text(FILE *f, const struct table *t, int tsv)
+static void table_write_text(FILE *f, const struct table *t, bool tsv)
 {
     fprintf(f, tsv ? "method" : "%-18s", "method");
     for (size_t c = 0; c < t->columns; c++)
@@ -190,16 +191,16 @@ static void table_latex_string(FILE *f, const char *s)
 }
 
 /* Whether no row has a better mean in this column. */
-static int table_is_best(const struct table *t, size_t row, size_t col)
+static bool table_is_best(const struct table *t, size_t row, size_t col)
 {
     double x = table_mean(t, row, col);
 
     if (isnan(x) || !t->better[col])
-        return 0;
+        return false;
     for (size_t r = 0; r < t->rows; r++)
         if (table_mean(t, r, col) * t->better[col] > x * t->better[col])
-            return 0;
-    return 1;
+            return false;
+    return true;
 }
 
 /* A tabular, best values bold. */
@@ -219,7 +220,7 @@ static void table_write_latex(FILE *f, const struct table *t)
     for (size_t r = 0; r < t->rows; r++) {
         table_latex_string(f, t->row[r].name);
         for (size_t c = 0; c < t->columns; c++) {
-            int best = table_is_best(t, r, c);
+            bool best = table_is_best(t, r, c);
             fputs(best ? " & \\textbf{" : " & ", f);
             table_number(f, table_mean(t, r, c), "--");
             fputs(best ? "}" : "", f);

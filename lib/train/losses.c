@@ -132,7 +132,7 @@ static void pyramid_halve(float *small, float *big, size_t H, size_t W,
 /* big += sign * the small picture doubled (bilinear); or, back set,
  * small += sign * the transpose of that. */
 static void pyramid_double(float *big, float *small, size_t H, size_t W,
-                           float factor, int back)
+                           float factor, bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2;
 
@@ -196,7 +196,7 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
         memcpy(band + l.at[i], low + l.at[i],
                3 * l.h[i] * l.w[i] * sizeof *band);
         pyramid_double(band + l.at[i], low + l.at[i + 1], l.h[i], l.w[i], -1,
-                       0);
+                       false);
     }
     memcpy(band + l.at[l.n], low + l.at[l.n],
            3 * l.h[l.n] * l.w[l.n] * sizeof *band);
@@ -207,7 +207,7 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
     /* Up: band becomes the gradient of low. */
     for (int i = l.n - 1; i >= 0; i--) {
         pyramid_double(band + l.at[i], band + l.at[i + 1], l.h[i], l.w[i], -1,
-                       1);
+                       true);
         pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i], true);
     }
     for (size_t y = 0, k = 0; db && y < l.h[0]; y++)
