@@ -1,3 +1,5 @@
+/* Phase A up to beta (Section 3.1): detect, crop, E_m, E_beta; then the
+ * matte, from the file, a mask or the picture's colours. */
 #include "lib/track/source.h"
 
 #include <stdlib.h>
@@ -21,8 +23,8 @@ const char *source_matte_name(enum source_matte how)
 }
 
 /* The face and its motion, with the mean head's landmarks for the crop. */
-static int find_face(struct source *s, struct track *t,
-                     const struct image *im, struct error *err)
+static int source_find_face(struct source *s, struct track *t,
+                            const struct image *im, struct error *err)
 {
     struct track_result r;
     int found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
@@ -53,7 +55,9 @@ struct view {
     const struct image *im;
 };
 
-static int look(void *ctx, float *rgb, struct square q, struct error *err)
+/* The tracker's cut of square q: a tta_crop_fn, ctx is a struct view. */
+static int source_crop(void *ctx, float *rgb, struct square q,
+                       struct error *err)
 {
     const struct view *v = ctx;
 
@@ -62,9 +66,9 @@ static int look(void *ctx, float *rgb, struct square q, struct error *err)
 }
 
 /* beta of the crop the motion encoder last saw. */
-static int find_shape(struct source *s, struct track *t,
-                      const struct image *im, const struct head *head,
-                      struct encoders *nets, struct error *err)
+static int source_find_shape(struct source *s, struct track *t,
+                             const struct image *im, const struct head *head,
+                             struct encoders *nets, struct error *err)
 {
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
@@ -74,8 +78,8 @@ static int find_shape(struct source *s, struct track *t,
     int rc = -1;
 
     if (shape_tta_init(&l, &nets->shape, head, err) ||
-        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
-                    err))
+        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]},
+                          source_crop, &v, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                  : SHAPE_ENCODER_OUT;
@@ -92,8 +96,9 @@ out:
     return rc;
 }
 
-static int cut_window(struct source *s, const struct image *im,
-                      struct error *err)
+/* The portrait window at S x S. */
+static int source_cut_window(struct source *s, const struct image *im,
+                             struct error *err)
 {
     const size_t S = s->person.size;
     double begun = cpu_seconds();
@@ -111,8 +116,8 @@ static int cut_window(struct source *s, const struct image *im,
 }
 
 /* The matte from a channel of the picture's size. */
-static int matte_from(struct source *s, const uint8_t *plane, size_t W,
-                      size_t H, size_t step, struct error *err)
+static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
+                              size_t H, size_t step, struct error *err)
 {
     uint8_t *one = malloc(W * H);
     int rc = -1;
@@ -128,8 +133,8 @@ static int matte_from(struct source *s, const uint8_t *plane, size_t W,
 }
 
 /* Where the window lies inside the picture. */
-static void inside_mask(uint8_t *inside, const struct source *s,
-                        const struct image *im)
+static void source_inside_mask(uint8_t *inside, const struct source *s,
+                               const struct image *im)
 {
     const double k = s->window.size / (double)s->person.size;
     const double x0 = s->window.x - s->window.size / 2;
@@ -197,7 +202,7 @@ static int source_split(struct source *s, const struct image *im,
 
     if (!inside)
         return error_set(err, EX_OSERR, "no memory for the background");
-    inside_mask(inside, s, im);
+    source_inside_mask(inside, s, im);
     for (size_t i = 0; i < p->size * p->size; i++)
         if (!inside[i])
             p->matte[i] = 0;
@@ -211,8 +216,9 @@ static int source_split(struct source *s, const struct image *im,
     return rc;
 }
 
-static int matte_from_colours(struct source *s, const struct image *im,
-                              const struct head *head, struct error *err)
+/* By GrabCut, from the projected head's silhouette. */
+static int source_matte_colours(struct source *s, const struct image *im,
+                                const struct head *head, struct error *err)
 {
     uint8_t *silhouette = malloc(2 * s->person.size * s->person.size), *inside;
     struct identity id = {0};
@@ -228,7 +234,7 @@ static int matte_from_colours(struct source *s, const struct image *im,
         goto out;
     overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
     inside = silhouette + s->person.size * s->person.size;
-    inside_mask(inside, s, im);
+    source_inside_mask(inside, s, im);
     rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
                        inside, s->person.size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
@@ -239,9 +245,10 @@ out:
     return rc;
 }
 
-static int make_matte(struct source *s, const struct image *im,
-                      const struct image *mask, const struct head *head,
-                      struct error *err)
+/* The mask's, the file's own, or one from colours. */
+static int source_make_matte(struct source *s, const struct image *im,
+                             const struct image *mask, const struct head *head,
+                             struct error *err)
 {
     double begun = cpu_seconds();
     int rc;
@@ -253,14 +260,15 @@ static int make_matte(struct source *s, const struct image *im,
                              mask->width, mask->height, im->width,
                              im->height);
         s->how = SOURCE_MASK;
-        rc = mask->alpha
-            ? matte_from(s, mask->alpha, im->width, im->height, 1, err)
-            : matte_from(s, mask->rgb, im->width, im->height, 3, err);
+        rc = mask->alpha ? source_matte_plane(s, mask->alpha, im->width,
+                                              im->height, 1, err)
+                         : source_matte_plane(s, mask->rgb, im->width,
+                                              im->height, 3, err);
     } else if (im->alpha) {
         s->how = SOURCE_ALPHA;
-        rc = matte_from(s, im->alpha, im->width, im->height, 1, err);
+        rc = source_matte_plane(s, im->alpha, im->width, im->height, 1, err);
     } else {
-        rc = matte_from_colours(s, im, head, err);
+        rc = source_matte_colours(s, im, head, err);
     }
     if (rc == 0)
         rc = source_split(s, im, err);
@@ -283,13 +291,13 @@ int source_make(struct source *s, const struct image *im,
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,
                          im->height);
-    if (head_fold(&mean, head, NULL, 0, err) != 0
-        || track_init(&t, &mean, &nets->motion, opt, err) != 0
-        || find_face(s, &t, im, err) != 0)
+    if (head_fold(&mean, head, NULL, 0, err) != 0 ||
+        track_init(&t, &mean, &nets->motion, opt, err) != 0 ||
+        source_find_face(s, &t, im, err) != 0)
         goto out;
-    if (find_shape(s, &t, im, head, nets, err) != 0
-        || cut_window(s, im, err) != 0
-        || make_matte(s, im, mask, head, err) != 0)
+    if (source_find_shape(s, &t, im, head, nets, err) != 0 ||
+        source_cut_window(s, im, err) != 0 ||
+        source_make_matte(s, im, mask, head, err) != 0)
         goto out;
     rc = 0;
 out:
