@@ -44,6 +44,8 @@ static const struct cli_option options[] = {
     OPTION_WITHOUT(&models.without),
     {"prune", 0, CLI_FLOAT, &models.prune, 0, 1e6, "EPS",
      "drop Gaussians that no view shows above EPS", NULL},
+    {"no-photo", 0, CLI_FLAG, &models.no_photo, 0, 0, NULL,
+     "baked colours alone, no photograph as texture", NULL},
     {"keep-clear", 0, CLI_FLAG, &models.keep_clear, 0, 0, NULL,
      "keep Gaussians of opacity under 1/255", NULL},
     {"closed", 0, CLI_FLOAT, &closed_mm, 0, 100, "MM",
@@ -148,6 +150,14 @@ static int open_source(struct clip *c, struct error *err)
     return 0;
 }
 
+/* The clip's own: its photograph. */
+static const struct animate_options *clip_options(const struct clip *c)
+{
+    animate_options.texture = c->source.texture.levels ? &c->source.texture
+                                                       : NULL;
+    return &animate_options;
+}
+
 static int open_driver(struct clip *c, struct error *err)
 {
     enum driver_status status;
@@ -228,7 +238,7 @@ static int run_clip(const struct job *job, struct error *err)
     sink_options.background = &background;
     c->sink = framesink_open(&sink_options, err);
     if (c->sink && open_source(c, err) == 0 && open_driver(c, err) == 0 &&
-        animate_init(&c->animate, &animate_options, &c->source.id,
+        animate_init(&c->animate, clip_options(c), &c->source.id,
                      &c->source.baked, &models.dense, err) == 0)
         rc = animate_run(&c->animate, &c->driver,
                          live_mode ? &c->live : NULL, c->sink, frame_done, c,

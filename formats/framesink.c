@@ -38,6 +38,8 @@ struct framesink {
     uint16_t *half;                /* FEAT in f16 */
     size_t half_count;
     struct covered covered;        /* FEAT's pixels */
+    float *photo;                  /* those of the photograph, packed */
+    size_t photo_count;
 };
 
 /* ---- choosing --------------------------------------------------------- */
@@ -390,6 +392,29 @@ static const uint16_t *half_features(struct framesink *s,
     return s->half;
 }
 
+/* The covered pixels of f's photo, one after the other; NULL without
+ * memory. */
+static const float *packed_photo(struct framesink *s,
+                                 const struct framesink_frame *f)
+{
+    const size_t N = f->width * f->height;
+    float *to;
+
+    if (s->photo_count < FRAMESINK_PHOTO * N) {
+        free(s->photo);
+        s->photo = malloc(FRAMESINK_PHOTO * N * sizeof *s->photo);
+        s->photo_count = s->photo ? FRAMESINK_PHOTO * N : 0;
+    }
+    to = s->photo;
+    for (size_t i = 0; to && i < N; i++)
+        if (f->alpha[i] != 0) {
+            memcpy(to, f->photo + FRAMESINK_PHOTO * i,
+                   FRAMESINK_PHOTO * sizeof *to);
+            to += FRAMESINK_PHOTO;
+        }
+    return s->photo;
+}
+
 /* A FEAT record; with `covered` only the pixels that alpha covers. */
 static int write_feat(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
@@ -401,10 +426,11 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     const void *feat = half ? (const void *)half_features(s, f, N * C)
                             : f->color;
     const struct covered *c = &s->covered;
-    struct array a[4];
+    const float *photo = f->photo && packed ? packed_photo(s, f) : f->photo;
+    struct array a[5];
     int n = 1;
 
-    if (!feat || (packed && covered_find(&s->covered, feat, f->alpha, N,
+    if (!feat || !photo != !f->photo || (packed && covered_find(&s->covered, feat, f->alpha, N,
                                          C * dtype_size(type))))
         return error_set(err, EX_OSERR, "out of memory");
     a[0] = packed ? array_make("feat", type, NULL, 2, c->pixels, C, 0, 0)
@@ -416,6 +442,11 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     if (f->depth)
         a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                             f->width, 0, 0);
+    if (photo)
+        a[n++] = packed ? array_make("photo", DTYPE_F32, photo, 2, c->pixels,
+                                     FRAMESINK_PHOTO, 0, 0)
+                        : array_make("photo", DTYPE_F32, photo, 3, f->height,
+                                     f->width, FRAMESINK_PHOTO, 0);
     if (f->turned)
         a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
                             RELATIVE_POSE_SIZE, 0, 0, 0);
@@ -549,6 +580,7 @@ static void framesink_release(struct framesink *s)
     free(s->plane);
     free(s->half);
     covered_release(&s->covered);
+    free(s->photo);
     free(s->part);
     free(s->path);
     free(s);

@@ -66,6 +66,8 @@ struct framesink_options {
     const struct background *background;    /* NULL: black; borrowed */
 };
 
+#define FRAMESINK_PHOTO 5   /* numbers of a pixel of photo */
+
 /* One rendered frame.  Colours are as the splatter leaves them: alpha-weighted
  * sums over black, sRGB-encoded, 0..1 (values beyond are clamped). */
 struct framesink_frame {
@@ -77,6 +79,8 @@ struct framesink_frame {
     const uint8_t *rgb;     /* [height, width, 3] over black, if neither */
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
+    const float *photo;     /* [height, width, 5] or NULL, FEAT only: what the
+                             * photograph shows (lib/texture) */
     bool turned;            /* FEAT only: it says how the head has turned */
     float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;

@@ -23,6 +23,7 @@ static int worker_open_renderer(struct animate_worker *w, int channels,
     struct gaussians g = baked_set(a->baked);
 
     opt.threads = threads;
+    opt.place = a->opt.texture;
     opt.fixed16 = opt.fixed16 && !a->opt.f32;
     return splat_init(&w->splat, &opt, err) ||
            splat_load(&w->splat, &g, err) ? -1 : 0;
@@ -52,7 +53,10 @@ static int worker_open(struct animate_worker *w, struct error *err)
     w->verts = malloc(3 * a->id->head->V * sizeof *w->verts);
     w->image = aligned_alloc(64, (3 * pixels * sizeof(float) + 63) / 64 * 64);
     w->alpha = malloc(pixels * sizeof *w->alpha);
+    w->place = a->opt.texture ? malloc(PLACE_CHANNELS * pixels *
+                                       sizeof *w->place) : NULL;
     if (!w->verts || !w->image || !w->alpha ||
+        (a->opt.texture && !w->place) ||
         (!a->opt.star && !worker_open_features(w)))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
@@ -105,6 +109,7 @@ void animate_release(struct animate *a)
         baked_move_release(&w->move);
         free(w->image);
         free(w->alpha);
+        free(w->place);
         free(w->features);
         free(w->features_half);
     }
@@ -132,12 +137,29 @@ static int worker_refine(struct animate_worker *w, struct error *err)
     return refine_frame(w->image, &w->refine, &in, err);
 }
 
+/* Eq. C: colours for SpiD*, features for the refiner; places, too, where
+ * there is a photograph to look them up in. */
+static int worker_splat(struct animate_worker *w, const struct splat_place_view *v,
+                        const float cam[12], struct error *err)
+{
+    const struct animate *a = w->owner;
+    const struct splat_camera c =
+        splat_camera_square(cam, (int)a->opt.size, CAMERA_FOCAL);
+    float *image = a->opt.star ? w->image : w->features;
+
+    return splat_draw(&w->splat, &(struct splat_pictures){
+        .image = image, .half = image ? NULL : w->features_half,
+        .alpha = w->alpha, .place = w->place
+    }, &c, v, NULL, err);
+}
+
 int animate_draw(struct animate_worker *w, struct animate_times *t,
                  const struct motion *m, struct error *err)
 {
     const struct animate *a = w->owner;
     const struct baked *b = a->baked;
     struct head_mouth mouth;
+    struct splat_place_view view;
     float cam[12];
     double t0 = cpu_seconds();
 
@@ -148,18 +170,16 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     baked_drive(&w->move, b, a->dense, w->verts, mouth.centre,
                 mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
     double t2 = cpu_seconds();
-    struct splat_camera c = splat_camera_square(cam, (int)a->opt.size,
-                                                CAMERA_FOCAL);
-    if (baked_move_scene(&w->splat, &w->move, b, err))
-        return -1;
-    float *image = a->opt.star ? w->image : w->features;
-    if (image ? splat_forward(&w->splat, image, w->alpha, NULL, &c, NULL, err)
-              : splat_forward_half(&w->splat, w->features_half, w->alpha,
-                                   NULL, &c, NULL, err))
+    place_view_make(&view, b->view, cam);
+    if (baked_move_scene(&w->splat, &w->move, b, err) ||
+        worker_splat(w, &view, cam, err))
         return -1;
     double t3 = cpu_seconds();
     if (!a->opt.star && worker_refine(w, err))
         return -1;
+    if (w->place)
+        texture_apply(w->image, 3, w->alpha, a->opt.texture, &view, w->place,
+                      a->opt.size);
     t->flame = t1 - t0;
     t->branches = t2 - t1;
     t->splat = t3 - t2;

@@ -143,6 +143,10 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     begun = cpu_seconds();
     if (s->baked.N == 0 && prepare_bake(s, p, err))
         goto fail;
+    if (!p->no_photo && s->person.back && baked_has_places(&s->baked) &&
+        texture_init(&s->texture, s->person.rgb, s->person.matte,
+                     s->person.back, s->person.size, err))
+        goto fail;
     s->bake_s = cpu_seconds() - begun;
     return 0;
 fail:
@@ -152,6 +156,7 @@ fail:
 
 void prepared_release(struct prepared *s)
 {
+    texture_release(&s->texture);
     identity_release(&s->id);
     baked_release(&s->baked);
     person_release(&s->person);

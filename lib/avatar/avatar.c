@@ -9,6 +9,7 @@
 
 #include "lib/avatar/slices.h"
 #include "lib/model/model.h"
+#include "lib/texture/place.h"
 
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
@@ -58,6 +59,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&s->mean, 3 * N, false}, {&s->scale, 3 * N, false},
         {&s->quat, 4 * N, false}, {&s->opacity, N, false},
         {&s->color, C * N, false}, {&s->neck, N, false},
+        {&s->seen, N, false}, {&a->uv, 2 * N, false},
         {&d->mean, 3 * N, true}, {&d->scale, 3 * N, true},
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
@@ -150,7 +152,7 @@ static void avatar_views(struct avatar *a)
     a->set = (struct gaussians){
         .n = s->n, .channels = (int)s->channels, .mean = s->mean,
         .scale = s->scale, .quat = s->quat, .opacity = s->opacity,
-        .color = s->color, .branch = a->branch
+        .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen
     };
     a->drive = (struct drive){
         .dynamic = a->first[BRANCH_STATIC], .mouth = a->first[BRANCH_MOUTH],
@@ -182,6 +184,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                           &a->plane);
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source,
                          &a->mouth);
+    place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && dynamic.n)
         dynamic_branch_light(a->light, &a->source, &a->dynamic);

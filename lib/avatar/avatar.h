@@ -83,6 +83,8 @@ struct avatar {
     float *features, *dfeatures;        /* (n,n,Cf) F */
     struct branch_set all, dall;        /* the set's arrays; gradients */
     uint8_t *branch;                    /* (N) */
+    float *uv;                          /* (N,2) places in the source picture
+                                         * (lib/texture/place.h) */
 
     /* Set by avatar_drive. */
     float *densified, *ddensified;      /* (D,3) before the neck blend */

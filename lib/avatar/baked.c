@@ -19,7 +19,7 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (12 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (15 + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -31,7 +31,10 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->quat = b->scale + 3 * N;
     b->opacity = b->quat + 4 * N;
     b->neck = b->opacity + N;
-    b->color = b->neck + N;
+    b->uv = b->neck + N;
+    b->seen = b->uv + 2 * N;
+    b->color = b->seen + N;
+    memset(b->uv, 0, 3 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -64,6 +67,11 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
     memcpy(b->source, a->drive.source, sizeof b->source);
     memcpy(b->light, a->light, sizeof b->light);
+    if (a->config.rgb_skip) {
+        memcpy(b->uv, a->uv, 2 * N * sizeof *b->uv);
+        memcpy(b->seen, a->all.seen, N * sizeof *b->seen);
+        memcpy(b->view, a->source.cam, sizeof b->view);
+    }
     baked_find_blended(b);
     for (size_t i = 0; i < b->dynamic; i++)
         b->vertex[i] = (int32_t)i;
@@ -78,12 +86,17 @@ void baked_release(struct baked *b)
     memset(b, 0, sizeof *b);
 }
 
+bool baked_has_places(const struct baked *b)
+{
+    return b->view[11] > 0;
+}
+
 struct gaussians baked_set(const struct baked *b)
 {
     return (struct gaussians){
         .n = b->N, .channels = (int)b->C, .mean = b->mean, .scale = b->scale,
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
-        .branch = b->branch
+        .branch = b->branch, .uv = b->uv, .seen = b->seen
     };
 }
 
@@ -168,6 +181,11 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     memcpy(b->branch, g.branch, g.n);
     for (size_t i = 0; i < g.n * g.channels; i++)
         b->color[i] = g.color ? g.color[i] : half_to_float(g.color_half[i]);
+    if (g.view) {
+        memcpy(b->uv, g.uv, 2 * g.n * sizeof *g.uv);
+        memcpy(b->seen, g.seen, g.n * sizeof *g.seen);
+        memcpy(b->view, g.view, sizeof b->view);
+    }
     if (baked_read_vertices(b, &g, vertices, err) ||
         baked_read_motion(b, &g, err)) {
         baked_release(b);
@@ -180,13 +198,17 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err)
 {
-    const struct gaus g = {
+    struct gaus g = {
         .n = b->N, .channels = b->C, .mean = means ? means : b->mean,
         .scale = b->scale, .quat = b->quat, .opacity = b->opacity,
         .color = b->color, .branch = b->branch, .vertex = b->vertex,
         .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
-        .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam
+        .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
+        .uv = b->uv, .seen = b->seen, .view = b->view
     };
+
+    if (!baked_has_places(b))
+        g.uv = g.seen = g.view = NULL;
 
     return gaus_write(w, frame, time, &g, err);
 }
@@ -215,6 +237,8 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->quat, 4, keep, b->N);
     baked_keep_rows(b->opacity, 1, keep, b->N);
     baked_keep_rows(b->neck, 1, keep, b->N);
+    baked_keep_rows(b->uv, 2, keep, b->N);
+    baked_keep_rows(b->seen, 1, keep, b->N);
     baked_keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])

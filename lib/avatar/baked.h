@@ -4,6 +4,7 @@
 #ifndef SPID_AVATAR_BAKED_H
 #define SPID_AVATAR_BAKED_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -30,6 +31,9 @@ struct baked {
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
     float light[3];         /* l, on the source (lib/avatar/light.h) */
+    float *uv, *seen;       /* (N,2), (N) places in the source picture
+                             * (lib/texture/place.h), seen by the */
+    float view[12];         /* source's camera; all zero: no places */
     size_t first, blended;  /* static Gaussians with a neck weight lie in
                              * this range: first index, count */
     float *block;           /* what the float arrays are part of */
@@ -49,6 +53,9 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err);
 void baked_release(struct baked *b);
+
+/* Whether the Gaussians know their places in the source picture. */
+bool baked_has_places(const struct baked *b);
 
 /* The Gaussians as a renderer takes them. */
 struct gaussians baked_set(const struct baked *b);

@@ -17,7 +17,8 @@ struct branch_set branch_slice(const struct branch_set *s, size_t first,
         .scale = s->scale + 3 * first, .quat = s->quat + 4 * first,
         .opacity = s->opacity + first,
         .color = s->color + s->channels * first,
-        .neck = s->neck ? s->neck + first : NULL
+        .neck = s->neck ? s->neck + first : NULL,
+        .seen = s->seen ? s->seen + first : NULL
     };
 }
 

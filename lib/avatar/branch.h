@@ -24,6 +24,8 @@ struct branch_set {
     float *opacity;         /* (n) */
     float *color;           /* (n,channels) */
     float *neck;            /* (n) neck blend weights; NULL in gradients */
+    float *seen;            /* (n) how far the source picture shows it, 0..1
+                             * (lib/texture/place.h); NULL in gradients */
 };
 
 /* Gaussians first .. first + n - 1 of s. */

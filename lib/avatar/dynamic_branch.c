@@ -279,8 +279,10 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     branch_prior_forward(out, &b->start, b->prior);
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
-    for (size_t k = 0; k < out->n; k++)
+    for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
+        out->seen[k] = b->prior ? b->trust[k] * b->start.visible[k] : 0;
+    }
 }
 
 /* Vertices are constants: gradients go to Phi_D, h_k and the features. */

@@ -280,6 +280,7 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     for (size_t i = 0; i < 3 * b->count; i++)   /* l_d - l_s comes later */
         out->mean[i] += b->grid[i];
     memset(out->neck, 0, b->count * sizeof *out->neck);
+    memset(out->seen, 0, b->count * sizeof *out->seen);
 }
 
 /* g is a constant: gradients go to Phi_M and the features. */

@@ -48,6 +48,12 @@ int mover_open(struct mover *m, const char *path,
     while (!found && (rc = stream_read(in, &rec, err)) > 0) {
         if (record_is(&rec, "CONF"))
             mover_take_hash(m->head, &rec);
+        if (record_is(&rec, "SRCI") &&
+            person_take(&m->person, &rec, 0, err) < 0) {
+            error_prefix(err, "%s", path);
+            rc = -1;
+            break;
+        }
         if (!record_is(&rec, "GAUS"))
             continue;
         found = 1;
@@ -66,6 +72,7 @@ int mover_open(struct mover *m, const char *path,
 
 void mover_release(struct mover *m)
 {
+    person_release(&m->person);
     baked_release(&m->baked);
     densify_release(&m->dense);
     baked_move_release(&m->move);
@@ -113,7 +120,12 @@ static int mover_write(struct stream_writer *out, struct mover *m,
         array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4, 0, 0)
     };
 
+    /* places are of no use without the photograph */
+    if (!m->sent && m->person.back && baked_has_places(&m->baked) &&
+        person_write_picture(out, &m->person, err))
+        return -1;
     if (m->opt.full) {
+        m->sent = true;
         baked_means(m->means, &m->baked, &m->move);
         return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
                            cam, err);

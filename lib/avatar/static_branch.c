@@ -330,6 +330,9 @@ void static_branch_forward(struct branch_set *out, const float *features,
                            : b->p_raw[k];
     static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
                        mesh->cam, mesh->normal, b->count);
+    for (size_t k = 0; k < b->count; k++)
+        out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
+                     ? 1 - b->moving[k] : 0;
 }
 
 /* Reverse of static_branch_forward, line by line. */

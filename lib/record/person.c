@@ -135,10 +135,9 @@ int person_load(struct person *p, const char *path, size_t nexp,
     return 0;
 }
 
-int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
-                 struct error *err)
+int person_write_picture(struct stream_writer *w, const struct person *p,
+                         struct error *err)
 {
-    const struct shape shape = {.beta = p->shape, .n = p->nshape};
     struct array a[4] = {
         array_make("rgb", DTYPE_U8, p->rgb, 3, p->size, p->size, 3, 0),
         array_make("matte", DTYPE_U8, p->matte, 2, p->size, p->size, 0, 0),
@@ -146,7 +145,15 @@ int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
         array_make("back", DTYPE_U8, p->back, 3, p->size, p->size, 3, 0)
     };
 
-    if (stream_write(w, "SRCI", 0, 0, a, p->back ? 4 : 3, err) ||
+    return stream_write(w, "SRCI", 0, 0, a, p->back ? 4 : 3, err);
+}
+
+int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
+                 struct error *err)
+{
+    const struct shape shape = {.beta = p->shape, .n = p->nshape};
+
+    if (person_write_picture(w, p, err) ||
         shape_write(w, 0, 0, &shape, err) ||
         motion_write(w, 0, 0, &p->source, nexp, NULL, 0, err))
         return -1;

@@ -11,6 +11,7 @@
 #include "formats/compose.h"
 #include "lib/base/covered.h"
 #include "lib/base/half.h"
+#include "lib/texture/texture.h"
 
 int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                 bool roi, struct error *err)
@@ -341,4 +342,22 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     refine_copy_coarse(rgb, r, in);
     refine_copy_back(rgb, r, in);
     return 0;
+}
+
+void refine_photo(float *rgb, float *alpha, const struct refine_input *in)
+{
+    const size_t n = in->height * in->width;
+    const float *photo = in->photo;
+
+    if (!photo)
+        return;
+    if (!in->packed) {
+        texture_mix(rgb, 3, alpha, photo, n);
+        return;
+    }
+    for (size_t i = 0; i < n; i++)
+        if (in->alpha[i] != 0) {
+            texture_mix(rgb + 3 * i, 3, alpha + i, photo, 1);
+            photo += TEXTURE_PHOTO;
+        }
 }

@@ -25,6 +25,8 @@ void scene_release(struct scene *s)
     free(s->color);
     free(s->color_half);
     free(s->branch);
+    free(s->uv);
+    free(s->seen);
     memset(s, 0, sizeof *s);
 }
 
@@ -133,8 +135,14 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         s->neck = scene_copy(g->bend, n * sizeof *g->bend);
     if (g->branch)
         s->g.branch = s->branch = scene_copy(g->branch, n);
+    if (g->view) {
+        memcpy(s->view, g->view, sizeof s->view);
+        s->g.uv = s->uv = scene_copy(g->uv, 2 * n * sizeof *g->uv);
+        s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
+    }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
-        (g->bend && !s->neck) || (g->branch && !s->branch))
+        (g->bend && !s->neck) || (g->branch && !s->branch) ||
+        (g->view && (!s->uv || !s->seen)))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
 }

@@ -30,9 +30,11 @@ struct scene {
     size_t blended, blended_count;  /* static Gaussians that the neck blend
                                      * moves lie in this range, by GAUS */
     int neck_moved;     /* the last GMOV carried the shoulders' motion */
+    float view[12];     /* the source's camera, which saw g.uv; when it has
+                         * them */
 
     /* owned */
-    float *mean, *loaded, *scale, *quat, *opacity, *color;
+    float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen;
     float *neck;        /* (N) neck blend weights, 0 but in the static
                          * branch (GAUS "bend"), or NULL */
     uint16_t *color_half;

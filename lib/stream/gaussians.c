@@ -96,8 +96,15 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
         gaus_optional(&g->pivot, rec, "pivot", 3, 1, err) ||
         gaus_optional(&g->source, rec, "source", 3, 3, err) ||
         gaus_optional(&g->light, rec, "light", 3, 1, err) ||
+        gaus_optional(&g->uv, rec, "uv", g->n, 2, err) ||
+        gaus_optional(&g->seen, rec, "seen", g->n, 1, err) ||
+        gaus_optional(&g->view, rec, "view", 3, 4, err) ||
         gaus_optional(&g->cam, rec, "cam", 3, 4, err))
         return -1;
+    if (!g->uv != !g->seen || !g->uv != !g->view)
+        return error_set(err, EX_DATAERR, "GAUS has %s without %s",
+                         g->uv ? "uv" : g->seen ? "seen" : "view",
+                         !g->uv ? "uv" : g->seen ? "view" : "seen");
     return 0;
 }
 
@@ -120,6 +127,9 @@ int gaus_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("pivot", DTYPE_F32, g->pivot, 1, 3, 0, 0, 0),
         array_make("source", DTYPE_F32, g->source, 2, 3, 3, 0, 0),
         array_make("light", DTYPE_F32, g->light, 1, 3, 0, 0, 0),
+        array_make("uv", DTYPE_F32, g->uv, 2, n, 2, 0, 0),
+        array_make("seen", DTYPE_F32, g->seen, 1, n, 0, 0, 0),
+        array_make("view", DTYPE_F32, g->view, 2, 3, 4, 0, 0),
         array_make("cam", DTYPE_F32, g->cam, 2, 3, 4, 0, 0)
     };
     struct array a[sizeof all / sizeof *all];

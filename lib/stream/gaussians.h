@@ -25,6 +25,9 @@ struct gaus {
     const float *pivot;                 /* (3) in the neck */
     const float *source;                /* (3,3) R of the source's camera */
     const float *light;                 /* (3) on the source, head frame */
+    const float *uv;                    /* (n,2) places in SRCI, 0..1, */
+    const float *seen;                  /* (n) how far it shows them, and */
+    const float *view;                  /* (3,4) its camera: all or none */
     const float *cam;                   /* (3,4) [R|t] */
 };
 

@@ -31,7 +31,7 @@ static void place_origin(float o[2], const float cam[12])
     o[1] = CAMERA_FOCAL * cam[7] / z;
 }
 
-void place_view_make(struct place_view *v, const float source[12],
+void place_view_make(struct splat_place_view *v, const float source[12],
                      const float cam[12])
 {
     float P[4], from[2], to[2];
@@ -53,7 +53,7 @@ void place_view_make(struct place_view *v, const float source[12],
 }
 
 void place_channels(float *out, const float *mean, const float *uv,
-                    const float *seen, const struct place_view *v,
+                    const float *seen, const struct splat_place_view *v,
                     const float cam[12], size_t N)
 {
 #pragma omp parallel for schedule(static) if (N > 65536)
@@ -76,7 +76,7 @@ void place_channels(float *out, const float *mean, const float *uv,
 
 void place_channels_backward(float *dmean, const float *dout,
                              const float *mean, const float *seen,
-                             const struct place_view *v, const float cam[12],
+                             const struct splat_place_view *v, const float cam[12],
                              size_t N)
 {
     for (size_t i = 0; i < N; i++) {
@@ -90,8 +90,12 @@ void place_channels_backward(float *dmean, const float *dout,
     }
 }
 
-void place_of_source(float *uv, const float *mean, const float cam[12],
-                     size_t N)
+void place_of_source(float *uv, float *seen, const float *mean,
+                     const float cam[12], size_t N)
 {
     camera_project(uv, NULL, cam, 1, mean, N);
+    for (size_t i = 0; i < N; i++)
+        if (!(uv[2 * i] >= 0 && uv[2 * i] <= 1 && uv[2 * i + 1] >= 0 &&
+              uv[2 * i + 1] <= 1))
+            seen[i] = 0;
 }

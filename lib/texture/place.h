@@ -13,18 +13,14 @@
 
 #include <stddef.h>
 
-#define PLACE_CHANNELS 3        /* seen x offset, seen y offset, seen */
+#include "lib/splat/types.h"
 
-/* place = A x + b for positions x in the driven picture. */
-struct place_view {
-    float A[4];                 /* rows */
-    float b[2];
-};
+#define PLACE_CHANNELS 3        /* seen x offset, seen y offset, seen */
 
 /* The view from the source's camera (3,4) to a frame's (3,4).  The map is
  * kept from growing without bound where the head turns its side to the
  * camera. */
-void place_view_make(struct place_view *v, const float source[12],
+void place_view_make(struct splat_place_view *v, const float source[12],
                      const float cam[12]);
 
 /* What the renderer blends for a frame: out (N,3).
@@ -32,16 +28,17 @@ void place_view_make(struct place_view *v, const float source[12],
  *   uv (N,2)    places, 0..1 across the source picture
  *   seen (N)    0..1 */
 void place_channels(float *out, const float *mean, const float *uv,
-                    const float *seen, const struct place_view *v,
+                    const float *seen, const struct splat_place_view *v,
                     const float cam[12], size_t N);
 /* dmean (N,3) += gradient of dout (N,3); the view is held. */
 void place_channels_backward(float *dmean, const float *dout,
                              const float *mean, const float *seen,
-                             const struct place_view *v, const float cam[12],
+                             const struct splat_place_view *v, const float cam[12],
                              size_t N);
 
-/* uv (N,2) of centres mean (N,3) as the source's camera sees them. */
-void place_of_source(float *uv, const float *mean, const float cam[12],
-                     size_t N);
+/* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
+ * does not see, outside of the picture, has its seen (N) set to 0. */
+void place_of_source(float *uv, float *seen, const float *mean,
+                     const float cam[12], size_t N);
 
 #endif

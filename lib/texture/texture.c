@@ -147,7 +147,7 @@ static texture_bicubic_fn *texture_bicubic(void)
 /* The level whose pixels are no smaller than three quarters of the picture's:
  * one that is much finer would flicker. */
 static size_t texture_level(const struct texture *t,
-                            const struct place_view *v, size_t size)
+                            const struct splat_place_view *v, size_t size)
 {
     float step = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) *
                  (float)t->size / (float)size;
@@ -165,14 +165,14 @@ static size_t texture_level(const struct texture *t,
 /* A picture's lookups: what is the same for all of its pixels. */
 struct lookup {
     const struct texture *t;
-    const struct place_view *v;
+    const struct splat_place_view *v;
     const float *place, *alpha;
     texture_bicubic_fn *bicubic;
     size_t level, size;
 };
 
 static struct lookup lookup_make(const struct texture *t,
-                                 const struct place_view *v,
+                                 const struct splat_place_view *v,
                                  const float *place, const float *alpha,
                                  size_t size)
 {
@@ -212,7 +212,7 @@ static void lookup_run(float *photo, const struct lookup *k, size_t x0,
 }
 
 void texture_lookup(float *photo, const struct texture *t,
-                    const struct place_view *v, const float *place,
+                    const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size)
 {
     const struct lookup k = lookup_make(t, v, place, alpha, size);
@@ -226,7 +226,8 @@ void texture_lookup(float *photo, const struct texture *t,
         }
 }
 
-void texture_mix(float *color, float *alpha, const float *photo, size_t n)
+void texture_mix(float *color, size_t channels, float *alpha,
+                 const float *photo, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         const float *p = photo + TEXTURE_PHOTO * i;
@@ -234,14 +235,15 @@ void texture_mix(float *color, float *alpha, const float *photo, size_t n)
         if (p[4] == 0)
             continue;
         for (size_t c = 0; c < 3; c++)
-            color[3 * i + c] += p[4] * (p[c] - color[3 * i + c]);
+            color[channels * i + c] +=
+                p[4] * (p[c] - color[channels * i + c]);
         alpha[i] += p[4] * (p[3] - alpha[i]);
     }
 }
 
-void texture_apply(float *color, float *alpha, const struct texture *t,
-                   const struct place_view *v, const float *place,
-                   size_t size)
+void texture_apply(float *color, size_t channels, float *alpha,
+                   const struct texture *t, const struct splat_place_view *v,
+                   const float *place, size_t size)
 {
     const struct lookup k = lookup_make(t, v, place, alpha, size);
 
@@ -253,6 +255,6 @@ void texture_apply(float *color, float *alpha, const struct texture *t,
             float photo[TEXTURE_PHOTO * TEXTURE_RUN];
 
             lookup_run(photo, &k, x, n, y);
-            texture_mix(color + 3 * at, alpha + at, photo, n);
+            texture_mix(color + channels * at, channels, alpha + at, photo, n);
         }
 }

@@ -50,17 +50,19 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  * the share of the coverage that has a place, less where the blended places
  * disagree: where they jump from one pixel to the next, as at silhouettes. */
 void texture_lookup(float *photo, const struct texture *t,
-                    const struct place_view *v, const float *place,
+                    const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);
 
 /* Colour = confidence x photograph + rest x today's colour, alpha likewise:
- * n pixels of color (n,3, premultiplied) and alpha (n), in place. */
-void texture_mix(float *color, float *alpha, const float *photo, size_t n);
+ * n pixels of color (n,channels: the first three, premultiplied) and alpha
+ * (n), in place. */
+void texture_mix(float *color, size_t channels, float *alpha,
+                 const float *photo, size_t n);
 
 /* Both for a whole picture, without keeping what was looked up: color
- * (size,size,3) and alpha (size,size) in place. */
-void texture_apply(float *color, float *alpha, const struct texture *t,
-                   const struct place_view *v, const float *place,
-                   size_t size);
+ * (size,size,channels) and alpha (size,size) in place. */
+void texture_apply(float *color, size_t channels, float *alpha,
+                   const struct texture *t, const struct splat_place_view *v,
+                   const float *place, size_t size);
 
 #endif
