@@ -56,10 +56,12 @@ int export_head_init(struct export_head *e, const struct identity *id,
     memset(e, 0, sizeof *e);
     e->head = h;
     e->opt = *opt;
+    /* without them the mouth of a head of scans would stay shut */
+    e->opt.correctives |= head_has_arkit(h) != 0;
     if (e->opt.expressions > h->nexp)
         e->opt.expressions = h->nexp;
     e->targets = e->opt.expressions + LIDS +
-                 (opt->correctives ? HEAD_POSE_DIRS : 0);
+                 (e->opt.correctives ? HEAD_POSE_DIRS : 0);
     if (e->targets > GLB_MAX_TARGETS)
         return error_set(err, EX_USAGE,
                          "%zu morph targets (expected at most %d)",
