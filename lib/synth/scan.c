@@ -209,7 +209,8 @@ static int find_labels(struct scan_assets *a, const struct head *h,
     struct near_grid g;
 
     a->label = malloc(FACE_VERTICES);
-    if (!a->label)
+    a->hairy = calloc(FACE_VERTICES, sizeof *a->hairy);
+    if (!a->label || !a->hairy)
         return error_set(err, EX_OSERR, "out of memory");
     memset(a->label, LABEL_SKIN, FACE_VERTICES);
     if (!h->region)
@@ -224,6 +225,7 @@ static int find_labels(struct scan_assets *a, const struct head *h,
         int32_t at = 0;
         near_find(&at, NULL, &g, a->face.neutral + 3 * i, NULL, 1, 10);
         int r = h->region[at];
+        a->hairy[i] = h->hair ? h->hair[at] : 0;
         if (r >= 0 && r < REGION_COUNT)
             a->label[i] = label[r];
     }
@@ -321,5 +323,6 @@ void scan_close(struct scan_assets *a)
     skin_model_release(&a->skin);
     free(a->seen);
     free(a->label);
+    free(a->hairy);
     free(a);
 }

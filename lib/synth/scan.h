@@ -36,6 +36,7 @@ struct scan_assets {
     uint64_t *seen;             /* (FACE_VERTICES) directions each is seen
                                  * from, bald */
     uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
+    float *hairy;               /* (FACE_VERTICES) 0 bare .. 1 under hair */
 };
 
 /* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/).  head

@@ -80,7 +80,7 @@ void scan_resolve(struct scan_stage *s);
 struct scan_point {
     float p[3], n[3], view[3];  /* unit normal; unit, to the camera */
     float bright[3], fold;
-    float u, v;
+    float u, v, extra;
     uint32_t face;
     float w[3];                 /* weights of the corners */
 };
