@@ -10,6 +10,7 @@
 #include "lib/head/head.h"
 #include "lib/synth/scan_act.h"
 #include "lib/synth/scan_face.h"
+#include "lib/synth/scan_follow.h"
 #include "lib/synth/scan_light.h"
 #include "lib/synth/scan_piece.h"
 #include "lib/synth/scan_skin.h"
@@ -23,6 +24,7 @@ struct scan_rack {              /* pieces of one kind */
 
 struct scan_assets {
     struct scan_face face;
+    struct follow_map follow;
     struct body body;
     struct piece torso;         /* the body's own skin below the chin */
     struct piece hand;          /* its right hand */
