@@ -98,6 +98,7 @@ int background_from_identity(struct background *bg, const char *path,
         const struct array *a = record_find(&rec, "rgb");
         const uint8_t *rgb, *matte;
         size_t n;
+
         if (!record_is(&rec, "SRCI"))
             continue;
         found = 1;

@@ -186,6 +186,7 @@ static int open_npz_entry(struct tensorfile *f, size_t i, struct error *err)
     if (h.kind == 'O') {
         unsigned char *all = f->pickle[1] || bytes > TENSORFILE_SMALL
                                  ? NULL : tensorfile_own(f, bytes, err);
+
         if (!all)
             error_set(err, EX_DATAERR, "a second array of objects, or a "
                       "large one");

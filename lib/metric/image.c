@@ -31,6 +31,7 @@ double metric_mse(const float *a, const float *b, size_t n)
 
     for (size_t i = 0; i < n; i++) {
         double d = (double)a[i] - (double)b[i];
+
         sum += d * d;
     }
     return sum / (double)n;
@@ -289,10 +290,12 @@ static double level_product(double d[METRIC_LEVELS],
 
     for (int l = 0; l < METRIC_LEVELS; l++) {
         double v = m->level[l][l < METRIC_LEVELS - 1][c];
+
         product *= v > 0 ? pow(v, level_weight[l]) : 0;
     }
     for (int l = 0; l < METRIC_LEVELS; l++) {
         double v = m->level[l][l < METRIC_LEVELS - 1][c];
+
         d[l] = product > 0 ? product * level_weight[l] / v : 0;
     }
     return product;
