@@ -53,6 +53,7 @@ static const struct stage {
     { "hard", bench_hard },
 };
 
+/* By its name, or the program ends. */
 static const struct stage *find_stage(const char *name)
 {
     char known[256] = "";
@@ -87,6 +88,7 @@ static void run_stage(struct bench *b, const char *name)
         }
 }
 
+/* To a file or standard output. */
 static void write_text(const char *text, const char *path)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "w") : stdout;
@@ -97,6 +99,7 @@ static void write_text(const char *text, const char *path)
         die(EX_IOERR, "%s: cannot be written", path);
 }
 
+/* In the form asked for. */
 static void write_report(const struct bench *b)
 {
     char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
@@ -107,6 +110,7 @@ static void write_report(const struct bench *b)
     free(text);
 }
 
+/* True when s is longer than end and ends in it. */
 static bool ends_with(const char *s, const char *end)
 {
     size_t n = strlen(s), m = strlen(end);

@@ -27,10 +27,7 @@ static const struct cli_option options[] = {
                   "portrait window (default: about the first face)"),
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "no test-time augmentation of the encoder: faster, less exact", NULL},
-    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "the same as --no-tta", NULL},
+    OPTION_NO_TTA(&track_options.no_tta),
     {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE",
      "write a video of crop, landmarks and mesh on the frames", NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
@@ -45,12 +42,13 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-motion", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
+    "spid-motion",
+    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
+    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] "
+    "[--head FILE] "
     "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
-    "estimate head motion from video, pictures or piped frames", options
-};
+    "estimate head motion from video, pictures or piped frames", options};
 
 struct program {
     struct head head;
@@ -68,6 +66,7 @@ struct program {
     size_t lost;
 };
 
+/* Model, head and whose shape it has. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -82,6 +81,7 @@ static void open_model(struct program *p)
     track_options.size = (double)p->model.config.size;
 }
 
+/* Frames and tracker. */
 static void open_input(struct program *p, char **name, int count)
 {
     static const char *const standard_input[] = {"-"};
@@ -97,6 +97,7 @@ static void open_input(struct program *p, char **name, int count)
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
 }
 
+/* The stream, and the video of --overlay. */
 static void open_output(struct program *p)
 {
     struct error err = {0};
@@ -117,8 +118,8 @@ static void open_output(struct program *p)
 }
 
 /* Draw one frame; r is NULL for a frame before the first face. */
-static void draw(struct program *p, const struct frame *f,
-                 const struct track_result *r)
+static void draw_overlay(struct program *p, const struct frame *f,
+                         const struct track_result *r)
 {
     struct error err = {0};
     struct framesink_frame g = {.width = f->width, .height = f->height,
@@ -144,28 +145,31 @@ static void draw(struct program *p, const struct frame *f,
     stats_end("overlay", begun);
 }
 
-static void draw_searched(void *program, const struct frame *f)
+/* A frame in which the face was looked for in vain. */
+static void draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
 
     if (p->drawn)
-        draw(p, f, NULL);
+        draw_overlay(p, f, NULL);
 }
 
 /* Find the first face, then write CONF: it holds the window. */
-static void start(struct program *p)
+static void start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
+    enum driver_status status;
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head,
         .model = &p->model
     };
 
-    if (driver_start(&p->driver, draw_searched, p, &err)) {
+    status = driver_start(&p->driver, draw_searched_frame, p, &err);
+    if (status != DRIVER_STARTED) {
         stream_abandon(p->out);
         framesink_abandon(p->drawn);
-        if (err.code == EX_DATAERR && strncmp(err.text, "no ", 3) == 0)
+        if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
         die_error(&err);
     }
@@ -182,7 +186,8 @@ static void start(struct program *p)
              p->driver.early_count);
 }
 
-static void report(struct program *p, const struct driver_frame *f)
+/* Say when the face is lost and found again. */
+static void report_frame(struct program *p, const struct driver_frame *f)
 {
     const unsigned long long n = f->picture.index;
 
@@ -195,6 +200,7 @@ static void report(struct program *p, const struct driver_frame *f)
     p->lost += f->r.lost;
 }
 
+/* For --stats. */
 static void count_times(const struct driver_frame *f)
 {
     const double now = stats_begin();
@@ -221,7 +227,8 @@ static int write_motion(struct program *p, const struct driver_frame *f,
     return rc;
 }
 
-static int finish(struct program *p, int rc, struct error *err)
+/* Complete both outputs, or give them up. */
+static int finish_outputs(struct program *p, int rc, struct error *err)
 {
     progress_end();
     if (p->drawn && rc == 0) {
@@ -256,20 +263,20 @@ int main(int argc, char **argv)
     open_model(&p);
     open_input(&p, argv + first, argc - first);
     open_output(&p);
-    start(&p);
+    start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
-        report(&p, &f);
+        report_frame(&p, &f);
         count_times(&f);
         if (write_motion(&p, &f, &err)) {
             rc = -1;
             break;
         }
         if (p.drawn && f.picture.rgb)
-            draw(&p, &f.picture, &f.r);
+            draw_overlay(&p, &f.picture, &f.r);
         progress("frames", f.picture.index + 1, framesource_total(p.in),
                  f.r.lost ? "lost" : NULL);
     }
-    finish(&p, rc, &err);
+    finish_outputs(&p, rc, &err);
     stats_write();
     driver_release(&p.driver);
     track_release(&p.track);

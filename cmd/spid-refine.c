@@ -54,6 +54,7 @@ struct program {
     bool compared;
 };
 
+/* The model's refiner. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -63,6 +64,7 @@ static void open_model(struct program *p)
         die_error(&err);
 }
 
+/* What is put behind the head. */
 static void open_background(void)
 {
     struct error err = {0};
@@ -84,6 +86,7 @@ static void open_background(void)
     }
 }
 
+/* Input read ahead, and the output. */
 static void open_streams(struct program *p, const char *input)
 {
     struct error err = {0};
@@ -129,7 +132,7 @@ static int take_features(struct refine_input *in, const struct record *rec,
     const enum dtype type = a && a->dtype == DTYPE_F16 ? DTYPE_F16
                                                        : DTYPE_F32;
     const bool packed = a && a->ndim == 2 && alpha;
-    const size_t any[3] = {0, 0, 0}, turns[1] = {TURN_COUNT};
+    const size_t any[3] = {0, 0, 0}, turns[1] = {RELATIVE_POSE_SIZE};
     const void *feat = record_get(rec, "feat", type, packed ? 2 : 3, any, err);
 
     memset(in, 0, sizeof *in);
@@ -153,7 +156,8 @@ static int take_features(struct refine_input *in, const struct record *rec,
 }
 
 /* What --precision and --roi cost, on the first frame. */
-static void compare(const struct program *p, const struct refine_input *in)
+static void compare_precision(const struct program *p,
+                              const struct refine_input *in)
 {
     const size_t n = in->height * in->width * 3;
     struct error err = {0};
@@ -209,7 +213,7 @@ static int write_picture(struct program *p, const struct record *rec,
     stats_end("refine", begun);
     if (!p->compared && (roi || precision == NN_BF16
                          || precision == NN_INT8))
-        compare(p, &in);
+        compare_precision(p, &in);
     p->compared = true;
     f.height = in.height;
     f.width = in.width;
@@ -223,6 +227,7 @@ static int write_picture(struct program *p, const struct record *rec,
     return 0;
 }
 
+/* FEAT becomes a picture, CONF tells the rate, the rest passes. */
 static int pass_record(struct program *p, const struct record *rec,
                        struct error *err)
 {

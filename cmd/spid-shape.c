@@ -45,6 +45,7 @@ struct program {
     struct source source;
 };
 
+/* Model and head. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -56,6 +57,7 @@ static void open_model(struct program *p)
     track_options.size = (double)p->model.config.size;
 }
 
+/* The picture and its mask. */
 static void read_pictures(struct program *p, const char *path)
 {
     struct error err = {0};
@@ -93,6 +95,7 @@ static void make_identity(struct program *p, const char *path)
              "the head (--mask FILE gives a better one)", path);
 }
 
+/* CONF, SRCI, SHAP and MOTN. */
 static void write_identity(const struct program *p)
 {
     struct error err = {0};
@@ -136,6 +139,7 @@ static void dim_background(uint8_t *rgb, const struct program *p)
         }
 }
 
+/* The picture of --overlay. */
 static void write_overlay(const struct program *p)
 {
     const size_t W = p->picture.width, H = p->picture.height;

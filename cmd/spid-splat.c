@@ -6,7 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -253,17 +253,17 @@ static int draw_exact(struct drawing *d, const struct splat_camera *cam,
 {
     size_t pixels = (size_t)size * (size_t)size, C = (size_t)channels;
     double *alpha = d->wide + pixels * C, *depth = alpha + pixels;
-    struct splat_truth t;
+    struct reference t;
 
     if (d->scene.g.channels < channels)
         return error_set(err, EX_DATAERR, "color has %d channels (expected "
                          "at least %ld)", d->scene.g.channels, channels);
-    if (splat_truth_init(&t, &d->scene.g, cam, (int)size, (int)size,
+    if (reference_init(&t, &d->scene.g, cam, (int)size, (int)size,
                          (int)channels, SPLAT_EXACT, branches, err))
         return -1;
-    int rc = splat_reference_forward(d->wide, alpha, depth, NULL, &t, err);
+    int rc = reference_forward(d->wide, alpha, depth, NULL, &t, err);
 
-    splat_truth_release(&t);
+    reference_release(&t);
     for (size_t i = 0; i < pixels * C; i++)
         d->canvas.image[i] = (float)d->wide[i];
     for (size_t p = 0; p < pixels; p++) {
@@ -346,7 +346,7 @@ static int draw(struct drawing *d, uint64_t frame, double time,
     /* of the stream's camera: --camera goes round head and light */
     f.turned = d->scene.has_source && d->scene.has_cam;
     if (f.turned)
-        turn_since(f.turn, d->scene.source, d->scene.light, d->scene.cam);
+        relative_pose(f.turn, d->scene.source, d->scene.light, d->scene.cam);
     double begun = stats_begin();
     int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 

@@ -417,8 +417,8 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
         a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                             f->width, 0, 0);
     if (f->turned)
-        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1, TURN_COUNT, 0,
-                            0, 0);
+        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
+                            RELATIVE_POSE_SIZE, 0, 0, 0);
     return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,
                               packed ? c->run : NULL, packed ? c->runs : 0,
                               err);

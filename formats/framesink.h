@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {
@@ -77,7 +77,7 @@ struct framesink_frame {
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
     bool turned;            /* FEAT only: it says how the head has turned */
-    float turn[TURN_COUNT];
+    float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;
     double time;
 };

@@ -5,7 +5,7 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
+#include "lib/geom/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
 #include "lib/record/person.h"

@@ -20,7 +20,7 @@ struct mover {
     char head[17];          /* hash in its CONF */
     struct baked baked;
     struct densify dense;   /* of the first mesh's faces */
-    struct baked_move frame;
+    struct baked_move move;
     float *means;           /* (N,3); NULL before the first mesh */
     bool sent;              /* the GAUS record */
 };

@@ -1,3 +1,5 @@
+/* Picture metrics of two clips read side by side, one frame of each in memory
+ * and the one before it. */
 #include <math.h>
 #include <stdbool.h>
 #include <stdlib.h>
@@ -24,8 +26,9 @@ struct pair {
     int faces;                      /* found in the frames of now: 2 is all */
 };
 
-static int take(struct pair *p, int k, const struct frame *f,
-                struct error *err)
+/* Frame f of clip k as planar floats, and its face's embedding. */
+static int frames_take(struct pair *p, int k, const struct frame *f,
+                       struct error *err)
 {
     if (!p->H) {
         p->H = f->height;
@@ -54,7 +57,7 @@ static int take(struct pair *p, int k, const struct frame *f,
 }
 
 /* Next frame of both.  1, 0 at the end of both, -1. */
-static int next(struct pair *p, struct error *err)
+static int frames_next(struct pair *p, struct error *err)
 {
     struct frame f;
     int rc[2];
@@ -62,7 +65,7 @@ static int next(struct pair *p, struct error *err)
     p->faces = 0;
     for (int k = 0; k < 2; k++) {
         rc[k] = framesource_read(p->in[k], &f, err);
-        if (rc[k] < 0 || (rc[k] && take(p, k, &f, err)))
+        if (rc[k] < 0 || (rc[k] && frames_take(p, k, &f, err)))
             return -1;
     }
     if (rc[0] != rc[1])
@@ -72,7 +75,9 @@ static int next(struct pair *p, struct error *err)
     return rc[0];
 }
 
-static int measure(double v[COUNT], const struct pair *p, struct error *err)
+/* Every figure of this pair of frames; NaN where there is none. */
+static int frames_measure(double v[COUNT], const struct pair *p,
+                          struct error *err)
 {
     size_t n = 3 * p->H * p->W;
     struct metric_ssim s;
@@ -110,7 +115,7 @@ static int measure(double v[COUNT], const struct pair *p, struct error *err)
 }
 
 /* Whether a column belongs in the table at all. */
-static bool wanted(const struct pair *p, int k)
+static bool frames_wanted(const struct pair *p, int k)
 {
     switch (k) {
     case FLICKER: return p->frames > 0;
@@ -121,11 +126,12 @@ static bool wanted(const struct pair *p, int k)
     }
 }
 
-static void record(struct table *t, size_t row, const double v[COUNT],
-                   const struct pair *p, const struct compare_log *log)
+/* Figures into the table and the log. */
+static void frames_record(struct table *t, size_t row, const double v[COUNT],
+                          const struct pair *p, const struct compare_log *log)
 {
     for (int k = 0; k < COUNT; k++)
-        if (wanted(p, k))
+        if (frames_wanted(p, k))
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
     if (!log || !log->tsv)
         return;
@@ -155,12 +161,12 @@ int compare_frames(struct table *t, size_t row, const char *truth,
     if (log && log->tsv)
         fprintf(log->tsv, "pair\tframe\tpsnr\tssim\tmsssim\tl1\tflicker"
                 "\tlpips\tarcface\tarcface_src\n");
-    while ((rc = next(&p, err)) > 0) {
-        if (measure(v, &p, err)) {
+    while ((rc = frames_next(&p, err)) > 0) {
+        if (frames_measure(v, &p, err)) {
             rc = -1;
             break;
         }
-        record(t, row, v, &p, log);
+        frames_record(t, row, v, &p, log);
         p.frames++;
         memcpy(p.last[0], p.now[0], 6 * p.H * p.W * sizeof(float));
     }

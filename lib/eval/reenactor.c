@@ -11,8 +11,21 @@
 
 #define N MOTION_ENCODER_SIZE
 
+int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
+{
+    if (strcmp(word, "shape") == 0)
+        *bits |= REENACTOR_TRUE_SHAPE;
+    else if (strcmp(word, "motion") == 0)
+        *bits |= REENACTOR_TRUE_MOTION;
+    else
+        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
+                         "shape or motion)", word);
+    return 0;
+}
+
 /* ---- making it ---------------------------------------------------------- */
 
+/* All tensors of the model. */
 static int reenactor_declare(struct reenactor *r, struct error *err)
 {
     const struct avatar_config *c = &r->config;
@@ -79,6 +92,7 @@ static int reenactor_plan_splat(struct reenactor *r, struct error *err)
     return 0;
 }
 
+/* Everything for one picture at a time. */
 static int reenactor_plan(struct reenactor *r, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
@@ -224,7 +238,7 @@ int reenactor_draw(struct reenactor *r, const float *verts,
     const size_t C = r->config.has_refiner ? r->config.channels : 3;
     struct splat_camera sc = splat_camera_square(cam, (int)r->config.size,
                                                  CAMERA_FOCAL);
-    float turn[TURN_COUNT];
+    float turn[RELATIVE_POSE_SIZE];
 
     avatar_drive(r->means, &r->avatar, verts, cam);
     if (splat_update(&r->splat, r->means, 0, r->avatar.set.n, err) ||
@@ -236,7 +250,7 @@ int reenactor_draw(struct reenactor *r, const float *verts,
         memcpy(r->rgb, r->coarse, 3 * n * sizeof *r->rgb);
         return 0;
     }
-    avatar_turn(turn, &r->avatar, cam);
+    avatar_relative_pose(turn, &r->avatar, cam);
     refiner_turn(&r->refiner, turn);
     refiner_forward(r->rgb, r->features, &r->refiner);
     return 0;

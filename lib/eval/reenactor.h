@@ -23,6 +23,9 @@
 /* What may be taken from the data instead of the encoders, to tell their share
  * of an error from the branches'. */
 enum { REENACTOR_TRUE_SHAPE = 1, REENACTOR_TRUE_MOTION = 2 };
+/* Add "shape" or "motion" to *bits; -1 and EX_USAGE for another word. */
+int reenactor_parse_truth(unsigned *bits, const char *word,
+                          struct error *err);
 
 struct reenactor {
     const struct head *head;

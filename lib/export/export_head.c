@@ -23,7 +23,7 @@ static void target_unblock(float *out, const struct head *h,
 }
 
 /* Expressions, lids and, if asked for, pose correctives, by name. */
-static void fill_targets(struct export_head *e)
+static void fill_targets(struct export_head *e, const struct identity *id)
 {
     const struct head *h = e->head;
     size_t at = 0;
@@ -35,7 +35,7 @@ static void fill_targets(struct export_head *e)
     for (size_t k = 0; k < LIDS; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "eyelid_%s",
                  k ? "right" : "left");
-        target_unblock(e->delta + 3 * h->V * at, h, h->lids, LIDS, k);
+        target_unblock(e->delta + 3 * h->V * at, h, id->lids, LIDS, k);
     }
     static const char *const joint[] = {"neck", "jaw", "eye_left",
                                         "eye_right"};
@@ -82,7 +82,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
     }
     for (size_t i = 0; i < 3 * GLB_JOINTS; i++)
         e->joints[i] = id->joints[i] / h->scale;
-    fill_targets(e);
+    fill_targets(e, id);
     return 0;
 }
 

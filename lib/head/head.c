@@ -71,6 +71,19 @@ static int check_parents(const int32_t *parents, struct error *err)
     return 0;
 }
 
+static int check_lids(const struct head_arrays *a, struct error *err)
+{
+    if (a->nlid_shape > a->nshape)
+        return error_set(err, EX_DATAERR, "lid_shapedirs has %zu directions "
+                         "(expected at most %zu, the head's)", a->nlid_shape,
+                         a->nshape);
+    return check_indices("lid_vertices", a->lid_vertices, a->nlid, a->V,
+                         err) ||
+           check_indices("lid_sides", a->lid_sides, a->nlid, 2, err) ||
+           check_finite("lid_shapedirs", a->lid_shapedirs,
+                        3 * a->nlid * a->nlid_shape, err) ? -1 : 0;
+}
+
 static int check_arrays(const struct head_arrays *a, struct error *err)
 {
     size_t V = a->V;
@@ -110,7 +123,7 @@ static int check_arrays(const struct head_arrays *a, struct error *err)
         (a->uv && check_finite("uv", a->uv, 2 * V, err)) ||
         (a->region && check_indices("region", a->region, V, 256, err)))
         return -1;
-    return check_parents(a->parents, err);
+    return check_lids(a, err) || check_parents(a->parents, err) ? -1 : 0;
 }
 
 /* ---- the posing layout ------------------------------------------------- */
@@ -242,6 +255,9 @@ static void hash_end(struct head *h, XXH64_state_t *s,
                  3 * a->V * HEAD_POSE_DIRS * sizeof(float));
     XXH64_update(s, a->weights, HEAD_JOINTS * a->V * sizeof(float));
     XXH64_update(s, a->lip_inner, a->nlip_inner * sizeof(int32_t));
+    if (a->nlid)
+        XXH64_update(s, a->lid_shapedirs,
+                     3 * a->nlid * a->nlid_shape * sizeof(float));
     uint64_t d = XXH64_digest(s);
     for (int i = 0; i < 16; i++)
         h->hash[i] = hex[d >> (60 - 4 * i) & 15];
@@ -292,6 +308,11 @@ static int allocate(struct head *h, const struct head_arrays *a,
     h->region = copy(a->region, V * sizeof(int32_t), &failed);
     h->hair = copy(a->hair, V * sizeof(float), &failed);
     h->uv = copy(a->uv, 2 * V * sizeof(float), &failed);
+    h->lid_vertices = copy(a->lid_vertices, a->nlid * sizeof(int32_t),
+                           &failed);
+    h->lid_sides = copy(a->lid_sides, a->nlid * sizeof(int32_t), &failed);
+    h->lid_shapedirs = copy(a->lid_shapedirs, 3 * a->nlid * a->nlid_shape *
+                            sizeof(float), &failed);
     h->shape_dirs = zeroed(B * a->nshape * ROW, &failed);
     h->exp_dirs = zeroed(B * a->nexp * ROW, &failed);
     h->pose_dirs = zeroed(B * HEAD_POSE_DIRS * ROW, &failed);
@@ -330,6 +351,8 @@ static void copy_small(struct head *h, const struct head_arrays *a)
             row[0] = h->l_eyelid[3 * v + c];
             row[ROW] = h->r_eyelid[3 * v + c];
         }
+    for (size_t i = 0; i < 3 * a->nlid * a->nlid_shape; i++)
+        h->lid_shapedirs[i] *= h->scale;
     block_skin(h->skin, a->weights, a->V);
     regress_template(h, a);
 }
@@ -349,6 +372,8 @@ static int fill(struct head *h, const struct head_arrays *a,
     h->scale = a->scale > 0 ? a->scale : 5;
     h->nlip_inner = a->nlip_inner;
     h->nlip_upper_outer = a->nlip_upper_outer;
+    h->nlid = a->nlid;
+    h->nlid_shape = a->nlid_shape;
     if (allocate(h, a, err))
         return -1;
     XXH64_state_t *hash = XXH64_createState();
@@ -372,7 +397,7 @@ void head_release(struct head *h)
     float *blocks[] = {h->v_template, h->weights, h->l_eyelid, h->r_eyelid,
                        h->hair, h->uv, h->shape_dirs, h->exp_dirs,
                        h->pose_dirs, h->skin, h->lids, h->template_blocks,
-                       h->joint_shape, h->joint_exp};
+                       h->joint_shape, h->joint_exp, h->lid_shapedirs};
 
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
         free(blocks[i]);
@@ -380,6 +405,8 @@ void head_release(struct head *h)
     free(h->lip_inner);
     free(h->lip_upper_outer);
     free(h->region);
+    free(h->lid_vertices);
+    free(h->lid_sides);
     memset(h, 0, sizeof *h);
 }
 
@@ -388,8 +415,8 @@ void head_release(struct head *h)
 /* What had to be converted or copied of a file's arrays, owned until
  * loaded_release. */
 struct loaded {
-    float *f32[12];
-    int32_t *i32[7];
+    float *f32[16];
+    int32_t *i32[12];
     int nf, ni;
 };
 
@@ -523,6 +550,25 @@ static int read_sizes(struct head_arrays *a, const struct safetensors *st,
     return 0;
 }
 
+/* What shapes add to the lids. */
+static int read_lids(struct head_arrays *a, struct loaded *l,
+                     const struct safetensors *st, struct error *err)
+{
+    const struct st_tensor *t = st_find(st, "lid_shapedirs");
+
+    if (t->ndim != 3 || t->dim[1] != 3)
+        return error_set(err, EX_DATAERR, "%s: lid_shapedirs has a wrong "
+                         "shape (expected [n,3,m])", st_path(st));
+    a->nlid = t->dim[0];
+    a->nlid_shape = t->dim[2];
+    return (a->lid_vertices = take_i32(l, st, "lid_vertices", 1, a->nlid, 0,
+                                       NULL, err)) &&
+           (a->lid_sides = take_i32(l, st, "lid_sides", 1, a->nlid, 0, NULL,
+                                    err)) &&
+           (a->lid_shapedirs = take_f32(l, st, "lid_shapedirs", 3, a->nlid, 3,
+                                        a->nlid_shape, err)) ? 0 : -1;
+}
+
 static int read_arrays(struct head_arrays *a, struct loaded *l,
                        const struct safetensors *st, struct error *err)
 {
@@ -559,6 +605,8 @@ static int read_arrays(struct head_arrays *a, struct loaded *l,
         return -1;
     if (st_find(st, "uv") &&
         !(a->uv = take_f32(l, st, "uv", 2, V, 2, 0, err)))
+        return -1;
+    if (st_find(st, "lid_shapedirs") && read_lids(a, l, st, err))
         return -1;
     if (a->nlip_inner < 3 || a->nlip_upper_outer < 2)
         return error_set(err, EX_DATAERR, "%s: lip_inner has %zu and "

@@ -15,6 +15,12 @@
  *   landmark_faces i32 [68], landmark_bary f32 [68,3]
  * optional (NULL when absent):
  *   region i32 [V], hair f32 [V], uv f32 [V,2]
+ *   lid_vertices, lid_sides i32 [n], lid_shapedirs f32 [n,3,m]: what the
+ *     first m shape coefficients add to the closed lids (side 0 left, 1 right)
+ *     so that every identity's close
+ * Directions may be packed instead: shapedirs_runs and shapedirs_values,
+ * posedirs_runs and posedirs_values (lib/head/runs.h), the number of them in
+ * the metadata "nshape" and "nexp".
  * Metadata: "scale" (default 5), "nshape" (default 300, or all when there are
  * no more than 300 directions).
  *
@@ -63,6 +69,9 @@ struct head_arrays {
     const int32_t *region;      /* (V) or NULL */
     const float *hair;          /* (V) or NULL */
     const float *uv;            /* (V,2) or NULL */
+    size_t nlid, nlid_shape;    /* 0: lids close alike for everyone */
+    const int32_t *lid_vertices, *lid_sides;    /* (nlid) */
+    const float *lid_shapedirs; /* (nlid,3,nlid_shape) */
 };
 
 struct head {
@@ -87,6 +96,9 @@ struct head {
     int32_t *region;            /* (V) or NULL */
     float *hair;                /* (V) or NULL */
     float *uv;                  /* (V,2) or NULL */
+    size_t nlid, nlid_shape;
+    int32_t *lid_vertices, *lid_sides;  /* (nlid) or NULL */
+    float *lid_shapedirs;       /* (nlid,3,nlid_shape) or NULL */
 
     /* Posing layout: block b holds x[32], y[32], z[32] of vertices 32b..,
      * zero beyond V; directions lie inside the block, so that one pass over
@@ -95,7 +107,8 @@ struct head {
     float *exp_dirs;            /* (blocks, nexp, 96) */
     float *pose_dirs;           /* (blocks, 36, 96) */
     float *skin;                /* (blocks, 5, 32) weights */
-    float *lids;                /* (blocks, 2, 96) left, right */
+    float *lids;                /* (blocks, 2, 96) left, right; the mean
+                                 * identity's */
     float *template_blocks;     /* (blocks, 96) */
     float joint_template[HEAD_JOINTS * 3];
     float *joint_shape;         /* (nshape, 15) joints per shape direction */

@@ -90,6 +90,52 @@ void lbs_chain_backward(double dR[HEAD_JOINTS][9], double dJ[HEAD_JOINTS][3],
 
 /* ---- identity ---------------------------------------------------------- */
 
+/* The lids that beta closes: the head's own unless it says how they depend on
+ * the shape. */
+static int fold_lids(struct identity *id, const struct head *h,
+                     const float *beta, size_t nbeta)
+{
+    size_t n = h->nlid_shape < nbeta ? h->nlid_shape : nbeta;
+    size_t bytes = h->blocks * 2 * ROW * sizeof(float);
+
+    id->lids = h->lids;
+    if (h->nlid == 0)
+        return 0;
+    id->own_lids = aligned_alloc(64, bytes);
+    if (!id->own_lids)
+        return -1;
+    memcpy(id->own_lids, h->lids, bytes);
+    id->lids = id->own_lids;
+    for (size_t i = 0; i < h->nlid; i++) {
+        size_t v = (size_t)h->lid_vertices[i], side = (size_t)h->lid_sides[i];
+
+        for (size_t c = 0; c < 3; c++) {
+            const float *d = h->lid_shapedirs + (3 * i + c) * h->nlid_shape;
+            double sum = 0;
+
+            for (size_t k = 0; k < n; k++)
+                sum += (double)beta[k] * d[k];
+            id->own_lids[(v / HEAD_BLOCK * 2 + side) * ROW + c * HEAD_BLOCK +
+                         v % HEAD_BLOCK] += (float)sum;
+        }
+    }
+    return 0;
+}
+
+/* beta (nlid_shape) += gradient of dverts through lids closed by lid. */
+static void fold_lids_backward(float *beta, const float *dverts,
+                               const struct head *h, const float lid[2])
+{
+    for (size_t i = 0; i < 3 * h->nlid; i++) {
+        float g = lid[h->lid_sides[i / 3]] *
+                  dverts[3 * (size_t)h->lid_vertices[i / 3] + i % 3];
+        const float *d = h->lid_shapedirs + i * h->nlid_shape;
+
+        for (size_t k = 0; g != 0 && k < h->nlid_shape; k++)
+            beta[k] += g * d[k];
+    }
+}
+
 int head_fold(struct identity *id, const struct head *h, const float *beta,
               size_t nbeta, struct error *err)
 {
@@ -101,8 +147,10 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
                          "coefficients (expected at most %zu, the head's)",
                          nbeta, h->nshape);
     id->shaped = aligned_alloc(64, bytes);
-    if (!id->shaped)
+    if (!id->shaped || fold_lids(id, h, beta, nbeta)) {
+        identity_release(id);
         return error_set(err, EX_OSERR, "no memory for an identity");
+    }
     id->head = h;
     for (int i = 0; i < 3 * HEAD_JOINTS; i++)
         id->joints[i] = h->joint_template[i];
@@ -131,6 +179,7 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
 void identity_release(struct identity *id)
 {
     free(id->shaped);
+    free(id->own_lids);
     memset(id, 0, sizeof *id);
 }
 
@@ -300,6 +349,8 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
         for (size_t k = 0; g->beta && k < h->nshape; k++)
             g->beta[k] += (float)(d * h->joint_shape[15 * k + i]);
     }
+    if (g->beta)
+        fold_lids_backward(g->beta, dverts, h, m->lid);
     g->lid[0] += s.lid[0];
     g->lid[1] += s.lid[1];
 }

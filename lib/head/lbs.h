@@ -17,6 +17,8 @@
 struct identity {
     const struct head *head;
     float *shaped;                  /* (blocks, 96) template + B_S(beta) */
+    const float *lids;              /* (blocks, 2, 96) this identity's */
+    float *own_lids;                /* where they are not the head's, or NULL */
     double joints[HEAD_JOINTS * 3]; /* regressed from it */
 };
 

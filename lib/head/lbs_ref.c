@@ -64,6 +64,21 @@ static void blend_d(double M[12], const struct head *h,
     }
 }
 
+/* d = the left and the right lid of beta at vertex v. */
+static void lids_d(double d[2][3], const struct head *h, const double *beta,
+                   size_t v)
+{
+    for (int i = 0; i < 3; i++) {
+        d[0][i] = h->l_eyelid[3 * v + (size_t)i];
+        d[1][i] = h->r_eyelid[3 * v + (size_t)i];
+    }
+    for (size_t i = 0; i < 3 * h->nlid; i++)
+        for (size_t k = 0; (size_t)h->lid_vertices[i / 3] == v &&
+                           k < h->nlid_shape; k++)
+            d[h->lid_sides[i / 3]][i % 3] +=
+                beta[k] * h->lid_shapedirs[i * h->nlid_shape + k];
+}
+
 void head_pose_d(double *verts, double *joints, const struct head *h,
                 const struct head_motion_d *m)
 {
@@ -71,15 +86,16 @@ void head_pose_d(double *verts, double *joints, const struct head *h,
 
     chain_d(&c, h, m);
     for (size_t v = 0; v < h->V; v++) {
-        double p[3], M[12];
+        double p[3], M[12], lid[2][3];
+
+        lids_d(lid, h, m->beta, v);
 
         rest_d(p, h, &c, m, v);
         blend_d(M, h, &c, v);
         for (int i = 0; i < 3; i++)
             verts[3 * v + i] = M[4 * i] * p[0] + M[4 * i + 1] * p[1] +
                                M[4 * i + 2] * p[2] + M[4 * i + 3] +
-                               m->lid[0] * h->l_eyelid[3 * v + i] +
-                               m->lid[1] * h->r_eyelid[3 * v + i];
+                               m->lid[0] * lid[0][i] + m->lid[1] * lid[1][i];
     }
     for (int i = 0; joints && i < 3 * HEAD_JOINTS; i++)
         joints[i] = c.tg[i / 3][i % 3];
@@ -93,15 +109,16 @@ static void vertex_backward_d(struct head_motion_grad_d *g,
                               const struct lbs_chain *c,
                               const struct head_motion_d *m, size_t v)
 {
-    double p[3], M[12];
+    double p[3], M[12], lid[2][3];
 
     rest_d(p, h, c, m, v);
     blend_d(M, h, c, v);
+    lids_d(lid, h, m->beta, v);
     for (int i = 0; i < 3; i++) {
         double dp = M[i] * dv[0] + M[4 + i] * dv[1] + M[8 + i] * dv[2];
 
-        g->lid[0] += dv[i] * h->l_eyelid[3 * v + i];
-        g->lid[1] += dv[i] * h->r_eyelid[3 * v + i];
+        g->lid[0] += dv[i] * lid[0][i];
+        g->lid[1] += dv[i] * lid[1][i];
         for (int j = 0; j < HEAD_JOINTS; j++) {
             double w = h->weights[HEAD_JOINTS * v + j];
 
@@ -131,6 +148,11 @@ void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
     chain_d(&c, h, m);
     for (size_t v = 0; v < h->V; v++)
         vertex_backward_d(g, dA, feature, dverts + 3 * v, h, &c, m, v);
+    for (size_t i = 0; g->beta && i < 3 * h->nlid; i++)
+        for (size_t k = 0; k < h->nlid_shape; k++)
+            g->beta[k] += m->lid[h->lid_sides[i / 3]] *
+                          dverts[3 * h->lid_vertices[i / 3] + i % 3] *
+                          h->lid_shapedirs[i * h->nlid_shape + k];
     for (int k = 0; k < HEAD_POSE_DIRS; k++)
         dR[1 + k / 9][k % 9] = feature[k];
     for (int i = 0; djoints && i < 3 * HEAD_JOINTS; i++)

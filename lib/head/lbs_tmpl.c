@@ -119,7 +119,7 @@ void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
         rest_block(p, fr, b);
         skin_block(q, p, fr, b);
         if (fr->lid[0] != 0 || fr->lid[1] != 0)
-            add_rows(q, h->lids + b * 2 * ROW, both, fr->lid, 2);
+            add_rows(q, fr->id->lids + b * 2 * ROW, both, fr->lid, 2);
         write_block(verts + b * ROW, q, block_length(h, b));
     }
 }
@@ -198,7 +198,7 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
                 g[c * B + i] = dverts[b * ROW + 3 * i + c];
         rest_block(p, fr, b);
         /* in the forward pass this was q = M p + lid . Delta */
-        dot_rows(s->lid, h->lids + b * 2 * ROW, dq, 2);
+        dot_rows(s->lid, fr->id->lids + b * 2 * ROW, dq, 2);
         skin_back(dp, s, dq, p, fr, b);
         /* p = T + shape + expression + pose correctives */
         if (s->exp)

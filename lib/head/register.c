@@ -123,11 +123,13 @@ static size_t left_of(const struct registration *r, size_t v)
     return v < (size_t)r->h->nv ? v : (size_t)r->s->mirror[v];
 }
 
-/* How far the scans are to be followed at p: not below the throat, where
- * their shoulders begin. */
+/* How far the scans are to be followed at p: down the throat to where their
+ * shoulders begin, at the back higher up. */
 static double reach(const double p[3])
 {
-    return ramp(-0.108, -0.078, p[1] - 0.1 * fmin(0, p[2]));
+    double front = ramp(0, 0.05, p[2]);
+
+    return ramp(mix(-0.106, -0.118, front), mix(-0.082, -0.096, front), p[1]);
 }
 
 static void vertex_normals(double *n, const struct sculpt *s,
@@ -257,6 +259,44 @@ static int step(struct fit *f, double stiff, double slide, struct error *err)
     return 0;
 }
 
+static int is_nostril_rim(const struct half *h, size_t v)
+{
+    int found = 0;
+
+    for (int i = 0; i < NOS_N; i++)
+        found |= h->nostril[0][i] == (int)v;
+    return found;
+}
+
+/* How close together vertices should lie: closer where the skin bends more,
+ * on the nose. */
+static double density(const double p[3])
+{
+    double y = p[1] + 0.012, z = p[2] - 0.100;
+    double square = p[0] * p[0] + y * y + z * z;
+
+    return 1 + 4 * exp(-square / (0.024 * 0.024));
+}
+
+/* The middle of v's neighbours, each with its density. */
+static void dense_mean(double out[3], const struct fit *f, size_t v)
+{
+    const struct smooth_mesh *m = &f->mesh;
+    double sum = 0;
+
+    memset(out, 0, 3 * sizeof *out);
+    for (int32_t i = m->at[v]; i < m->at[v + 1]; i++) {
+        const double *p = f->r->at + 3 * m->link[i];
+        double w = density(p);
+
+        sum += w;
+        for (int c = 0; c < 3; c++)
+            out[c] += w * p[c];
+    }
+    for (int c = 0; c < 3; c++)
+        out[c] /= sum;
+}
+
 /* Free skin slides to the middle of its neighbours, along the surface. */
 static void even_out(struct fit *f, double much)
 {
@@ -267,13 +307,14 @@ static void even_out(struct fit *f, double much)
         double mean[3], p[3];
         int part = h->part[v], ring = h->ring[v];
         int stays = is_rim(r, v) || is_ball(r, v) || part == PART_EAR ||
-                    part == PART_NOSTRIL || r->match[v].trust < 1 ||
+                    part == PART_NOSTRIL || is_nostril_rim(h, v) ||
+                    r->match[v].trust < 1 ||
                     (part == PART_EYE && ring > 5) ||
                     (part == PART_MOUTH && ring > 3);
 
         if (stays)
             continue;
-        smooth_mean(mean, &f->mesh, r->at, v);
+        dense_mean(mean, f, v);
         for (size_t c = 0; c < 3; c++)
             p[c] = mix(r->at[3 * v + c], mean[c], much);
         if (h->seam[v])
@@ -302,6 +343,163 @@ static void settle(struct fit *f)
     vertex_normals(f->normal, r->s, r->at);
 }
 
+/* The extent of the neck's cut: half its width, its back and its front. */
+static void cut_extent(double e[3], const struct registration *r)
+{
+    e[0] = 0, e[1] = INFINITY, e[2] = -INFINITY;
+    for (int c = 0; c <= COLS; c++) {
+        const double *x = r->at + 3 * r->h->grid[0][c];
+
+        e[0] = fmax(e[0], x[0]);
+        e[1] = fmin(e[1], x[2]);
+        e[2] = fmax(e[2], x[2]);
+    }
+}
+
+/* The neck's cut without the folds of the sculpted throat: evened out along
+ * itself, then as wide and deep as it was. */
+static void smooth_cut(struct registration *r)
+{
+    const int *row = r->h->grid[0];
+    double was[3], is[3];
+
+    cut_extent(was, r);
+    for (int round = 0; round < 120; round++)
+        for (int c = 0; c <= COLS; c++) {
+            const double *a = r->at + 3 * row[c ? c - 1 : 1];
+            const double *b = r->at + 3 * row[c < COLS ? c + 1 : COLS - 1];
+            double *x = r->at + 3 * row[c];
+
+            if (c > 0 && c < COLS)
+                x[0] = mix(x[0], (a[0] + b[0]) / 2, 0.5);
+            x[2] = mix(x[2], (a[2] + b[2]) / 2, 0.5);
+        }
+    cut_extent(is, r);
+    for (int c = 0; c <= COLS; c++) {
+        double *x = r->at + 3 * row[c];
+
+        x[0] *= was[0] / is[0];
+        x[2] = was[1] + (x[2] - is[1]) * (was[2] - was[1]) / (is[2] - is[1]);
+    }
+    make_symmetric(r->at, r);
+}
+
+/* Below the scans the neck is a thin plate between them and its own cut. */
+static int fill_neck(struct fit *f, struct error *err)
+{
+    struct registration *r = f->r;
+
+    smooth_cut(r);
+    for (size_t v = 0; v < r->s->nv; v++) {
+        size_t u = left_of(r, v);
+        int cut = r->h->part[u] == PART_GRID && r->h->row[u] == 0;
+        double trust = r->match[v].trust;
+
+        f->weight[v] = is_ball(r, v) || trust >= 1 ? 1e4
+                     : trust > 0 ? 0.3 * trust * trust : cut ? 1e3 : 0;
+        for (size_t c = 0; c < 3; c++) {
+            f->d[3 * v + c] = r->at[3 * v + c];
+            f->target[3 * v + c] = r->at[3 * v + c];
+        }
+    }
+    if (smooth_fit(f->d, &f->mesh, f->target, f->weight, NULL, NULL, 1, 2000,
+                   err))
+        return -1;
+    for (size_t i = 0; i < 3 * r->s->nv; i++)
+        if (!is_ball(r, i / 3) && r->match[i / 3].trust < 1)
+            r->at[i] = f->d[i];
+    make_symmetric(r->at, r);
+    vertex_normals(f->normal, r->s, r->at);
+    return 0;
+}
+
+/* Rims proper: lid margins, and the lips from where they touch. */
+static int is_still(const struct registration *r, size_t v)
+{
+    const struct half *h = r->h;
+
+    v = left_of(r, v);
+    return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
+           (h->part[v] == PART_MOUTH && h->ring[v] > 7);
+}
+
+/* Flat faces cut the corners of a round surface: raise the vertices until the
+ * scans' own lie as much outside of our faces as inside.  At most a
+ * millimetre; rims stay where they are. */
+static int swell(struct fit *f, struct error *err)
+{
+    enum { ROUNDS = 8 };
+    struct registration *r = f->r;
+    size_t nv = r->s->nv;
+    float *verts = malloc(3 * nv * sizeof *verts);
+    double *sum = f->weight, *count = f->along;
+    struct nearest ours = {0};
+    int rc = verts ? 0 : error_set(err, EX_OSERR, "no memory to swell");
+
+    for (size_t i = 0; !rc && i < 3 * nv; i++)
+        verts[i] = (float)r->at[i];
+    if (!rc)
+        rc = nearest_init(&ours, verts, r->s->f, r->s->nf, err);
+    for (int round = 0; !rc && round < ROUNDS; round++) {
+        memset(sum, 0, nv * sizeof *sum);
+        memset(count, 0, nv * sizeof *count);
+        for (int32_t v = 0; v < SCAN_SKIN; v++) {
+            const float *q = r->scan->neutral + 3 * v;
+            double p[3] = {q[0], q[1], q[2]};
+            struct nearest_hit hit;
+
+            nearest_find(&hit, &ours, p, NULL, 0, 0.002);
+            for (int k = 0; hit.face >= 0 && k < 3; k++) {
+                size_t u = (size_t)r->s->f[3 * hit.face + k];
+                const double *n = f->normal + 3 * u;
+
+                count[u] += hit.bary[k];
+                for (int c = 0; c < 3; c++)
+                    sum[u] += hit.bary[k] * n[c] * (p[c] - hit.at[c]);
+            }
+        }
+        for (size_t v = 0; v < nv; v++) {
+            const double *home = f->d + 3 * v, *n = f->normal + 3 * v;
+            double *x = r->at + 3 * v, up = 0;
+
+            if (is_still(r, v) || is_ball(r, v) || r->match[v].trust < 1 ||
+                count[v] < 0.5)
+                continue;
+            for (int c = 0; c < 3; c++)
+                up += n[c] * (x[c] - home[c]);
+            up = fmax(-0.001, fmin(0.001, up + 0.6 * sum[v] / count[v]));
+            for (int c = 0; c < 3; c++)
+                x[c] = home[c] + up * n[c];
+        }
+        make_symmetric(r->at, r);
+        for (size_t i = 0; i < 3 * nv; i++)
+            verts[i] = (float)r->at[i];
+        nearest_update(&ours);
+    }
+    nearest_release(&ours);
+    free(verts);
+    return rc;
+}
+
+/* Towards their corners the scans' lips lie in each other by a tenth of a
+ * millimetre: there the loops where they touch are drawn a little apart. */
+static void part_lips(struct registration *r)
+{
+    const double least = 0.00025;
+
+    for (int k = LIP_INNER - 1; k <= LIP_INNER; k++)
+        for (int j = 1; j < MOUTH_CORNER; j++) {
+            double *up = r->at + 3 * r->h->mouth[k][j];
+            double *low = r->at + 3 * r->h->mouth[k][MOUTH_N - j];
+            double want = j == MOUTH_CORNER - 1 ? 0.6 * least : least;
+            double push = fmax(0, want - (up[1] - low[1])) / 2;
+
+            up[1] += push;
+            low[1] -= push;
+        }
+    make_symmetric(r->at, r);
+}
+
 static int fit_all(struct fit *f, struct error *err)
 {
     enum { STEPS = 24 };
@@ -314,8 +512,14 @@ static int fit_all(struct fit *f, struct error *err)
             return -1;
     }
     settle(f);
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < 30; i++)
         even_out(f, 0.4);
+    if (fill_neck(f, err))
+        return -1;
+    memcpy(f->d, f->r->at, 3 * f->r->s->nv * sizeof *f->d);
+    if (swell(f, err))
+        return -1;
+    part_lips(f->r);
     return 0;
 }
 

@@ -7,14 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/head/nearest.h"
-
-/* Along the left eye's lid margin, the outer edge, from the inner corner. */
-static const int32_t lid_upper[] = {
-    3742, 3743, 3744, 3745, 3746, 3747, 3748, 3749, 3750, 3751, 4130, 3752,
-    4190, 4162, 3754, 3755, 3756, 3757, 3758, 4133, 3759, 3760, 3721 };
-static const int32_t lid_lower[] = {
-    3742, 3741, 3740, 3739, 3738, 3737, 3736, 3735, 3734, 3733, 3732, 3731,
-    3730, 3729, 3728, 3727, 3726, 3725, 3724, 3723, 3722, 3832, 4434, 3721 };
+#include "lib/head/scan_lids.h"
 
 enum { LOOP = 80, EYE_LOOP = 42, MOUTH_LOOP = 74, LIP_LOOPS = 16 };
 
@@ -136,8 +129,8 @@ static int match_eye(struct registration *r, const struct nearest *skin,
 
     if (border_paths(path, n, r, err))
         return -1;
-    match_lid(r, EYE_MARGIN, 1, lid_upper, sizeof lid_upper / 4);
-    match_lid(r, EYE_MARGIN, 0, lid_lower, sizeof lid_lower / 4);
+    match_lid(r, EYE_MARGIN, 1, scan_lid_upper, SCAN_LID_UPPER);
+    match_lid(r, EYE_MARGIN, 0, scan_lid_lower, SCAN_LID_LOWER);
     match_lid(r, EYE_RINGS, 1, path[0], n[0]);
     match_lid(r, EYE_RINGS, 0, path[1], n[1]);
     for (int i = 0; i < EYE_N; i++) {   /* between the margin's two edges */

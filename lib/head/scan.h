@@ -28,7 +28,9 @@ enum {
     SCAN_SKIN = 11248,          /* and of head and neck behind them */
     SCAN_TEETH = 17039, SCAN_TEETH_END = 21451,
     SCAN_EYE_LEFT = 21451,      /* sclera first, iris from SCAN_IRIS_LEFT */
-    SCAN_IRIS_LEFT = 22221, SCAN_EYE_RIGHT = 23021,
+    SCAN_IRIS_LEFT = 22221, SCAN_EYE_RIGHT = 23021, SCAN_EYE_END = 24591,
+    SCAN_ORBIT_END = 14062,     /* eye sockets end, gums begin */
+    SCAN_LASHES = 25351,        /* to the end */
     SCAN_LANDMARKS = 68,
     SCAN_EYE_BORDER = 6549,     /* where the skin ends behind the left lids */
     SCAN_MOUTH_BORDER = 6652    /* and in the mouth */
@@ -44,6 +46,18 @@ struct scan {
     int32_t *f;                 /* (nf,3) triangles of the skin */
     int32_t *mirror;            /* (SCAN_SKIN) the vertex at (-x, y, z) */
 };
+
+/* Centre of an eyeball, metres in our world: of the sphere through the sclera
+ * about the cornea. */
+void scan_eye(double centre[3], int right);
+/* The direction in which it looks at rest, through the cornea's apex. */
+void scan_eye_axis(double axis[3], int right);
+/* How an eyeball has moved from the neutral face's to that of `face`, both
+ * (SCAN_VERTS,3) in units of which a metre has `unit`: a shift of its centre
+ * and a share by which it has grown, by least squares over its sclera. */
+void scan_eye_motion(double shift[3], double *grow, const float *neutral,
+                     const float *face, double unit, int right);
+#define SCAN_EYE_RADIUS 0.0145  /* metres; just clear of the lids' margins */
 
 extern const int32_t scan_landmarks[SCAN_LANDMARKS];    /* vertices */
 

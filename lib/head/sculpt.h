@@ -17,7 +17,8 @@ enum {
     SCULPT_EXPRESSIONS = 100,
     SCULPT_JOINTS = 5,      /* root, neck, jaw, left eye, right eye */
     SCULPT_POSES = 36,      /* (R - I) of joints 1 to 4, row major */
-    SCULPT_LANDMARKS = 68
+    SCULPT_LANDMARKS = 68,
+    SCULPT_LID_SHAPES = 100
 };
 
 /* All arrays are owned by the struct; sizes V vertices, F triangles. */
@@ -42,6 +43,9 @@ struct sculpt {
     int32_t *mirror;        /* (V) the vertex at (-x, y, z) */
     float *hair;            /* (V) scalp hair density, 0 to 1 */
     float *uv;              /* (V,2) 0 to 1, mirrored about u = 0.5 */
+    int32_t *lid_vertices, *lid_sides;  /* (n_lid); a head of scans only */
+    size_t n_lid;
+    float *lid_shapedirs;   /* (n_lid,3,SCULPT_LID_SHAPES) */
 };
 
 /* Sculpt the head.  0, or -1 when memory runs out.  Release in any case. */

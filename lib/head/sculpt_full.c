@@ -332,5 +332,8 @@ void sculpt_release(struct sculpt *s)
     free(s->mirror);
     free(s->hair);
     free(s->uv);
+    free(s->lid_vertices);
+    free(s->lid_sides);
+    free(s->lid_shapedirs);
     memset(s, 0, sizeof *s);
 }

@@ -1,6 +1,8 @@
 #include "lib/head/sculpt.h"
 
 #include <stdio.h>
+#include <stdlib.h>
+#include <sysexits.h>
 
 #include "formats/safetensors.h"
 #include "lib/head/arkit.h"
@@ -33,7 +35,10 @@ void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
         .nlip_upper_outer = s->n_lip_upper_outer,
         .landmark_faces = s->landmark_face,
         .landmark_bary = s->landmark_bary, .region = s->region,
-        .hair = s->hair, .uv = s->uv,
+        .hair = s->hair, .uv = s->uv, .nlid = s->n_lid,
+        .nlid_shape = s->n_lid ? SCULPT_LID_SHAPES : 0,
+        .lid_vertices = s->lid_vertices, .lid_sides = s->lid_sides,
+        .lid_shapedirs = s->lid_shapedirs,
     };
 }
 
@@ -93,6 +98,13 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
              "\"eyeLookUp\":%.9g,\"eyeLookDown\":%.9g,\"eyeLookIn\":%.9g,"
              "\"eyeLookOut\":%.9g}", ARKIT_JAW_OPEN, ARKIT_JAW_SIDE,
              ARKIT_EYE_UP, ARKIT_EYE_DOWN, ARKIT_EYE_IN, ARKIT_EYE_OUT);
+    size_t n = 3 * s->n_lid * SCULPT_LID_SHAPES;
+    uint16_t *lid = malloc((n + 1) * sizeof *lid);
+
+    if (!lid)
+        return error_set(err, EX_OSERR, "no memory to save a head");
+    for (size_t i = 0; i < n; i++)
+        lid[i] = float_to_half(s->lid_shapedirs[i]);
     if (runs_pack(&shape, s->shapedirs, V, SCULPT_SHAPES + SCULPT_EXPRESSIONS,
                   LEAST, err) ||
         runs_pack(&pose, s->posedirs, V, SCULPT_POSES, LEAST, err))
@@ -119,9 +131,13 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
         tensor("region", ST_I32, s->region, V, 0, 0),
         tensor("hair", ST_F32, s->hair, V, 0, 0),
         tensor("uv", ST_F32, s->uv, V, 2, 0),
+        tensor("lid_vertices", ST_I32, s->lid_vertices, s->n_lid, 0, 0),
+        tensor("lid_sides", ST_I32, s->lid_sides, s->n_lid, 0, 0),
+        tensor("lid_shapedirs", ST_F16, lid, s->n_lid, 3, SCULPT_LID_SHAPES),
     };
     rc = st_save(path, t, sizeof t / sizeof *t, meta, err);
 out:
+    free(lid);
     runs_release(&shape);
     runs_release(&pose);
     return rc;

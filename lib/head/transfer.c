@@ -15,34 +15,6 @@ enum {
 
 /* ---- eyes ------------------------------------------------------------------ */
 
-/* The scans' sclera about the cornea, as a sphere: fitted to the vertices of
- * the left ball in front of z = 83 mm and 7 to 14.5 mm off its axis, which err
- * by 0.4 mm at most; the axis runs through the cornea's apex.  In centimetres
- * as the file has them. */
-static const double eye_centre[3] = { 3.14497, 3.61090, 8.00981 };
-static const double eye_apex[3] = { 3.23750, 3.61090, 9.64757 };
-#define EYE_BALL 1.4799
-
-void transfer_eye(struct transfer_eye *e, const struct scan *scan, int right)
-{
-    static const double shift[3] = {SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z};
-    double l = 0;
-
-    (void)scan;
-    for (int c = 0; c < 3; c++) {
-        e->centre[c] = SCAN_SCALE * eye_centre[c] + shift[c];
-        e->axis[c] = eye_apex[c] - eye_centre[c];
-        l += e->axis[c] * e->axis[c];
-    }
-    for (int c = 0; c < 3; c++)
-        e->axis[c] /= sqrt(l);
-    if (right) {
-        e->centre[0] *= -1;
-        e->axis[0] *= -1;
-    }
-    e->radius = SCAN_SCALE * EYE_BALL;
-}
-
 /* Polar angles of the ball's rings, degrees: pupil 2 mm, iris 5.9 mm. */
 static const double polar[BALL_RINGS] = { 7.8, 15.6, 23.5, 33, 46, 63, 88,
     115, 145 };
@@ -51,11 +23,12 @@ static const double polar[BALL_RINGS] = { 7.8, 15.6, 23.5, 33, 46, 63, 88,
 static void place_balls(double *at, const struct registration *r)
 {
     for (int right = 0; right < 2; right++) {
-        struct transfer_eye e;
+        double eye[3], axis[3];
         int first = r->h->ball_first, last = first + BALL_RINGS * BALL_N + 1;
 
-        transfer_eye(&e, r->scan, right);
-        struct vec n = vec(e.axis[0], e.axis[1], e.axis[2]);
+        scan_eye(eye, right);
+        scan_eye_axis(axis, right);
+        struct vec n = vec(axis[0], axis[1], axis[2]);
         struct vec up = unit(sub(vec(0, 1, 0), mul(n, n.y)));
         struct vec out = cross(up, n);
 
@@ -69,59 +42,31 @@ static void place_balls(double *at, const struct registration *r)
                                        mul(up, sin(b))), sin(a)));
             double *q = at + 3 * (right ? r->s->mirror[v] : v);
 
-            q[0] = e.centre[0] + e.radius * p.x;
-            q[1] = e.centre[1] + e.radius * p.y;
-            q[2] = e.centre[2] + e.radius * p.z;
+            q[0] = eye[0] + SCAN_EYE_RADIUS * p.x;
+            q[1] = eye[1] + SCAN_EYE_RADIUS * p.y;
+            q[2] = eye[2] + SCAN_EYE_RADIUS * p.z;
         }
     }
 }
 
-/* Shift and growth about its centre that say best how a shape moves an eye. */
-static void eye_motion(double shift[3], double *grow, const float *shape,
-                       const struct scan *scan, int right)
-{
-    int32_t first = right ? SCAN_EYE_RIGHT : SCAN_EYE_LEFT;
-    const int32_t n = SCAN_IRIS_LEFT - SCAN_EYE_LEFT;
-    double mean[3] = {0}, pd = 0, pp = 0;
-
-    memset(shift, 0, 3 * sizeof *shift);
-    for (int32_t v = first; v < first + n; v++)
-        for (int c = 0; c < 3; c++) {
-            shift[c] += shape[3 * v + c] / n;
-            mean[c] += scan->neutral[3 * v + c] / n;
-        }
-    for (int32_t v = first; v < first + n; v++)
-        for (int c = 0; c < 3; c++) {
-            double p = scan->neutral[3 * v + c] - mean[c];
-
-            pd += p * (shape[3 * v + c] - shift[c]);
-            pp += p * p;
-        }
-    *grow = pd / pp;
-    struct transfer_eye e;
-    transfer_eye(&e, scan, right);
-    for (int c = 0; c < 3; c++)     /* from the vertices' mean to the centre */
-        shift[c] += *grow * (e.centre[c] - mean[c]);
-}
-
 /* ---- shapes ----------------------------------------------------------------- */
 
+/* Balls of a shape: (SCAN_VERTS,3) the face with it, NULL when they stay. */
 static void move_balls(double *d, const struct registration *r,
-                       const float *shape, int balls)
+                       const float *face)
 {
     for (int right = 0; right < 2; right++) {
-        double shift[3], grow;
-        struct transfer_eye e;
+        double shift[3] = {0}, grow = 0, eye[3];
 
-        transfer_eye(&e, r->scan, right);
-        eye_motion(shift, &grow, shape, r->scan, right);
+        scan_eye(eye, right);
+        if (face)
+            scan_eye_motion(shift, &grow, r->scan->neutral, face, 1, right);
         for (size_t v = 0; v < r->s->nv; v++) {
             int here = r->s->region[v] == REGION_EYEBALL &&
                        (r->at[3 * v] < 0) == right;
 
             for (size_t c = 0; here && c < 3; c++)
-                d[3 * v + c] = balls ? shift[c] + grow * (r->at[3 * v + c] -
-                                                          e.centre[c]) : 0;
+                d[3 * v + c] = shift[c] + grow * (r->at[3 * v + c] - eye[c]);
         }
     }
 }
@@ -130,32 +75,62 @@ int transfer_shape(double *d, const struct registration *r,
                    const float *shape, int pinned, int balls,
                    struct error *err)
 {
+    enum { ROUNDS = 300 };      /* the neck below the scans is 12 rows high */
     size_t nv = r->s->nv;
-    double *target = calloc(4 * nv, sizeof *target), *weight;
     struct smooth_mesh mesh = {0};
-    int rc = -1;
+    float *face = calloc(3 * SCAN_VERTS, sizeof *face);
 
-    if (!target)
+    if (!face || smooth_mesh_init(&mesh, r->s->f, r->s->nf, nv, err)) {
+        free(face);
         return error_set(err, EX_OSERR, "no memory for a shape");
-    weight = target + 3 * nv;
-    for (size_t v = 0; v < nv; v++) {
-        const struct match *m = &r->match[v];
-
-        if (m->trust > 0)
-            match_point(target + 3 * v, m, shape);
-        weight[v] = m->trust > 0 ? 100 * m->trust * m->trust
-                  : pinned && r->at[3 * v + 1] < -0.15 ? 1 : 0;
     }
-    memcpy(d, target, 3 * nv * sizeof *d);
-    if (!smooth_mesh_init(&mesh, r->s->f, r->s->nf, nv, err))
-        rc = smooth_fit(d, &mesh, target, weight, NULL, NULL, 1, 150, err);
-    for (size_t i = 0; i < 3 * nv; i++)
-        if (r->match[i / 3].trust >= 1)
-            d[i] = target[i];
-    move_balls(d, r, shape, balls);
+    for (size_t i = 0; i < 3 * SCAN_VERTS; i++)
+        face[i] = r->scan->neutral[i] + shape[i];
+    memset(d, 0, 3 * nv * sizeof *d);
+    for (size_t v = 0; v < nv; v++)
+        if (r->match[v].trust > 0)
+            match_point(d + 3 * v, &r->match[v], shape);
+    for (int round = 0; round < ROUNDS; round++)
+        for (size_t v = 0; v < nv; v++) {
+            double mean[3], own[3], trust = r->match[v].trust;
+
+            if (trust >= 1 || r->s->region[v] == REGION_EYEBALL)
+                continue;
+            smooth_mean(mean, &mesh, d, v);
+            match_point(own, &r->match[v], shape);
+            for (size_t c = 0; c < 3; c++)
+                d[3 * v + c] = pinned && r->at[3 * v + 1] < -0.16 ? 0
+                             : mix(mean[c], own[c], trust);
+        }
+    move_balls(d, r, balls ? face : NULL);
     smooth_mesh_release(&mesh);
-    free(target);
-    return rc;
+    free(face);
+    return 0;
+}
+
+/* The scans' identities are even or odd under mirroring, as are the sculpted
+ * head's: what rounding has left of the other kind goes. */
+static void make_pure(double *d, const struct sculpt *s)
+{
+    double with = 0;
+
+    for (size_t v = 0; v < s->nv; v++) {
+        const double *a = d + 3 * v, *b = d + 3 * s->mirror[v];
+
+        with += a[1] * b[1] + a[2] * b[2] - a[0] * b[0];
+    }
+    double sign = with < 0 ? -1 : 1;
+    for (size_t v = 0; v < s->nv; v++) {
+        size_t w = (size_t)s->mirror[v];
+
+        for (size_t c = 0; w >= v && c < 3; c++) {
+            double flip = c == 0 ? -sign : sign;
+            double a = (d[3 * v + c] + flip * d[3 * w + c]) / 2;
+
+            d[3 * v + c] = a;
+            d[3 * w + c] = flip * a;
+        }
+    }
 }
 
 /* Column k of s->shapedirs = d (nv,3). */
@@ -187,10 +162,17 @@ static int carry_identities(struct sculpt *s, const struct registration *r,
     extra_mask(d, r);
     if (transfer_extras(s, SCAN_IDENTITIES, EXTRA, d, err))
         return -1;
+    for (size_t k = SCAN_IDENTITIES; k < SCAN_IDENTITIES + EXTRA; k++) {
+        for (size_t i = 0; i < 3 * s->nv; i++)
+            d[i] = s->shapedirs[i * DIRS + k];
+        make_pure(d, s);
+        store(s, k, d);
+    }
     for (size_t k = 0; k < SCAN_IDENTITIES; k++) {
         if (transfer_shape(d, r, r->scan->identity + k * 3 * SCAN_VERTS, 0, 1,
                            err))
             return -1;
+        make_pure(d, s);
         store(s, k, d);
     }
     for (size_t k = SCAN_IDENTITIES + EXTRA; k < SCULPT_SHAPES; k++)
@@ -268,7 +250,8 @@ int transfer_head(struct sculpt *s, const struct registration *r,
     place_balls(r->at, r);
     for (size_t i = 0; i < 3 * s->nv; i++)
         s->v_template[i] = (float)r->at[i];
-    if (!carry_identities(s, r, d, err) && !carry_expressions(s, r, err))
+    if (!carry_identities(s, r, d, err) && !carry_expressions(s, r, err) &&
+        !transfer_lids(s, r, err))
         rc = carry_landmarks(s, r->scan, err);
     free(d);
     return rc;

@@ -17,12 +17,8 @@ int transfer_head(struct sculpt *s, const struct registration *r,
 
 /* ---- parts, for transfer_head -------------------------------------------- */
 
-/* An eye's ball: centre, radius, and the pupil's direction from it. */
-struct transfer_eye { double centre[3], radius, axis[3]; };
-void transfer_eye(struct transfer_eye *e, const struct scan *scan, int right);
-
 /* A shape of the scans (SCAN_VERTS,3) on our vertices: d (nv,3).  Balls move
- * rigidly and grow when `balls`, else stay.  Beyond the scans d is smooth,
+ * rigidly and grow when `balls`, else stay.  Beyond the scans d is harmonic,
  * and goes to 0 at the neck's cut when `pinned`. */
 int transfer_shape(double *d, const struct registration *r,
                    const float *shape, int pinned, int balls,
@@ -32,6 +28,10 @@ int transfer_shape(double *d, const struct registration *r,
  * present columns of identity, the strongest principal components of them. */
 int transfer_extras(struct sculpt *s, size_t first, size_t count,
                     const double *mask, struct error *err);
+
+/* Lids that close for everyone: lib/head/scan_lids.h on our vertices. */
+int transfer_lids(struct sculpt *s, const struct registration *r,
+                  struct error *err);
 
 /* Weights, joints, pose correctives and lids, from the expressions
  * (ARKIT_COUNT,nv,3) on our vertices. */

@@ -116,7 +116,7 @@ static int carries(const struct sculpt *s, int j, size_t v,
     if (j >= JOINT_EYE_LEFT)
         return s->region[v] == REGION_EYEBALL &&
                (p[0] > 0) == (j == JOINT_EYE_LEFT);
-    return s->region[v] != REGION_EYEBALL && still[v] < 3e-4 &&
+    return s->region[v] != REGION_EYEBALL && still[v] < 1.5e-4 &&
            fabs(p[1] - at[1]) < 0.030 && fabs(p[2] - at[2]) < 0.080;
 }
 
@@ -161,11 +161,11 @@ static int regress_joint(float *row, const struct sculpt *s, int j,
 }
 
 /* still (nv): how far the strongest expression moves each vertex. */
-static int set_joints(struct sculpt *s, const struct registration *r,
-                      const double *expressions, struct error *err)
+static int set_joints(struct sculpt *s, const double *expressions,
+                      struct error *err)
 {
     double *still = calloc(s->nv, sizeof *still);
-    struct transfer_eye left, right;
+    double left[3], right[3];
     int rc = 0;
 
     if (!still)
@@ -177,10 +177,10 @@ static int set_joints(struct sculpt *s, const struct registration *r,
             still[v] = fmax(still[v], sqrt(e[0] * e[0] + e[1] * e[1] +
                                            e[2] * e[2]));
         }
-    transfer_eye(&left, r->scan, 0);
-    transfer_eye(&right, r->scan, 1);
+    scan_eye(left, 0);
+    scan_eye(right, 1);
     const double *at[SCULPT_JOINTS] = {joint_root, joint_neck, joint_jaw,
-                                       left.centre, right.centre};
+                                       left, right};
     for (int j = 0; j < SCULPT_JOINTS && !rc; j++)
         if (regress_joint(s->j_regressor + (size_t)j * s->nv, s, j, still,
                           at[j]))
@@ -294,7 +294,7 @@ int transfer_rig(struct sculpt *s, const struct registration *r,
     if (!share)
         return error_set(err, EX_OSERR, "no memory for a rig");
     int rc = jaw_shares(share, s, r, expressions + n * ARKIT_JAW_OPENED, err)
-             || set_joints(s, r, expressions, err) ? -1 : 0;
+             || set_joints(s, expressions, err) ? -1 : 0;
     if (!rc) {
         set_weights(s, share);
         memset(s->posedirs, 0, n * SCULPT_POSES * sizeof *s->posedirs);

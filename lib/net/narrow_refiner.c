@@ -49,9 +49,9 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
     if (turns) {
         vary_init(&r->vary1, &r->cond1,
-                  nn_name(name, "%scondition.1", prefix), TURN_COUNT);
+                  nn_name(name, "%scondition.1", prefix), RELATIVE_POSE_SIZE);
         vary_init(&r->vary0, &r->cond0,
-                  nn_name(name, "%scondition.0", prefix), TURN_COUNT);
+                  nn_name(name, "%scondition.0", prefix), RELATIVE_POSE_SIZE);
     }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
@@ -182,7 +182,7 @@ void narrow_refiner_update(struct narrow_refiner *r)
 }
 
 void narrow_refiner_turn(struct narrow_refiner *r,
-                         const float turn[TURN_COUNT])
+                         const float turn[RELATIVE_POSE_SIZE])
 {
     if (!r->turns || !memcmp(r->turn, turn, sizeof r->turn))
         return;

@@ -7,7 +7,7 @@
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/fold.h"
 #include "lib/nn/rescale.h"
@@ -24,7 +24,8 @@ struct narrow_refiner {
     struct vary vary1, vary0;     /* of cond1 and cond0, when turns */
     struct fold fold;             /* fold0 in inference, where it fits */
     bool folds, turns;
-    float turn[TURN_COUNT], dturn[TURN_COUNT];    /* when turns */
+    float turn[RELATIVE_POSE_SIZE];     /* when turns */
+    float dturn[RELATIVE_POSE_SIZE];
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
@@ -51,7 +52,7 @@ void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
 bool narrow_refiner_views(const struct narrow_refiner *r);
 /* The turn from now on; nothing else needs an update. */
 void narrow_refiner_turn(struct narrow_refiner *r,
-                         const float turn[TURN_COUNT]);
+                         const float turn[RELATIVE_POSE_SIZE]);
 /* Writes dfeat (or NULL: no) and r->dturn. */
 void narrow_refiner_backward(float *dfeat, const float *drgb,
                              struct narrow_refiner *r);

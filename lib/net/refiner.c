@@ -75,7 +75,7 @@ void refiner_release(struct refiner *r)
     memset(r, 0, sizeof *r);
 }
 
-void refiner_turn(struct refiner *r, const float turn[TURN_COUNT])
+void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE])
 {
     if (is_narrow(r))
         narrow_refiner_turn(&r->impl->narrow, turn);
@@ -100,7 +100,7 @@ void refiner_forward_view(float *rgb, const struct fold_view *feat,
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
-void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
+void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],
                       const float *drgb, struct refiner *r)
 {
     if (is_narrow(r))

@@ -32,6 +32,7 @@ static int person_take_conf(struct person *p, const struct record *rec)
     return 1;
 }
 
+/* SHAP: a copy of beta. */
 static int person_take_shape(struct person *p, const struct record *rec,
                              struct error *err)
 {

@@ -45,7 +45,7 @@ struct refine_input {
     const float *f32;
     const uint16_t *f16;        /* if f32 is NULL */
     const float *alpha;
-    const float *turn;          /* (TURN_COUNT) of the head, or NULL: none */
+    const float *turn;          /* (RELATIVE_POSE_SIZE), or NULL: none */
     bool packed;
     size_t pixels;
 };

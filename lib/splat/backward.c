@@ -1,3 +1,8 @@
+/* Gradients of a frame on all threads.  Every tile adds up, for each Gaussian
+ * it touches, sums over its pixels (backward_tmpl.c) at a place of its own, so
+ * that no two threads write to one; a second pass adds each Gaussian's places
+ * in a fixed order and goes from the screen to its parameters
+ * (gradient_tmpl.c). */
 #include "lib/splat/backward.h"
 
 #include <math.h>
@@ -5,6 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/splat/kernels.h"
 
 int backward_init(struct splat *s)
 {
@@ -37,6 +44,7 @@ void backward_release(struct splat *s)
     free(b);
 }
 
+/* Room per Gaussian, and what a given quaternion and opacity are divided by. */
 int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err)
 {
@@ -77,12 +85,13 @@ int backward_load(struct splat *s, const struct gaussians *g,
     return 0;
 }
 
+/* T and the image without background go where backward_run finds them. */
 void backward_keep(struct splat *s, struct target *out)
 {
     struct splat_gradient_state *b = s->state->gradient;
 
     out->final_T = b->T;
-    out->bare = b->image;
+    out->background_free = b->image;
     b->drawn = true;
     memset(b->background, 0, sizeof b->background);
     if (out->background)
@@ -91,7 +100,7 @@ void backward_keep(struct splat *s, struct target *out)
 }
 
 /* Room for the pairs of the last frame. */
-static int make_room(struct splat *s, struct error *err)
+static int backward_make_room(struct splat *s, struct error *err)
 {
     struct splat_gradient_state *b = s->state->gradient;
 
@@ -100,7 +109,7 @@ static int make_room(struct splat *s, struct error *err)
     free(b->pair);
     free(b->seen);
     b->room = s->pairs + s->pairs / 8;
-    b->pair = splat_block(b->room * (size_t)b->stride * sizeof *b->pair);
+    b->pair = state_block(b->room * (size_t)b->stride * sizeof *b->pair);
     b->seen = malloc(b->room);
     if (b->pair && b->seen)
         return 0;
@@ -110,19 +119,20 @@ static int make_room(struct splat *s, struct error *err)
 }
 
 /* First of n that thread t works on. */
-static size_t share(size_t n, int t, int threads)
+static size_t backward_share(size_t n, int t, int threads)
 {
     return n * (size_t)t / (size_t)threads;
 }
 
 /* Number the pairs Gaussian by Gaussian; every thread its part, which begins
  * where the parts before it end. */
-static void number_pairs(const struct splat *s, uint32_t *part)
+static void backward_number_pairs(const struct splat *s, uint32_t *part)
 {
     const struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
     int t = omp_get_thread_num(), threads = omp_get_num_threads();
-    size_t first = share(s->n, t, threads), last = share(s->n, t + 1, threads);
+    size_t first = backward_share(s->n, t, threads);
+    size_t last = backward_share(s->n, t + 1, threads);
     uint32_t sum = 0, at = 0;
 
     for (size_t i = first; i < last; i++) {
@@ -139,12 +149,14 @@ static void number_pairs(const struct splat *s, uint32_t *part)
         at += part[k];
     for (size_t i = first; at && i < last; i++)
         b->place[i].origin += at;
-    first = share(s->pairs, t, threads);
-    memset(b->seen + first, 0, share(s->pairs, t + 1, threads) - first);
+    first = backward_share(s->pairs, t, threads);
+    memset(b->seen + first, 0,
+           backward_share(s->pairs, t + 1, threads) - first);
 #pragma omp barrier
 }
 
-static void sum_camera(float *rt, const double *part, size_t batches)
+/* rt += the batches' sums, in double and in order. */
+static void backward_sum_camera(float *rt, const double *part, size_t batches)
 {
     for (int k = 0; k < 12; k++) {
         double sum = 0;
@@ -155,9 +167,10 @@ static void sum_camera(float *rt, const double *part, size_t batches)
     }
 }
 
-int splat_backward(struct splat *s, const struct splat_gradients *g,
-                   const float *d_image, const float *d_alpha,
-                   struct error *err)
+/* Number the pairs, sum up tile by tile, then Gaussian by Gaussian. */
+int backward_run(struct splat *s, const struct splat_gradients *g,
+                 const float *d_image, const float *d_alpha,
+                 struct error *err)
 {
     struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
@@ -169,7 +182,7 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
                          "(expected splat_forward with opt.gradients)");
-    if (make_room(s, err))
+    if (backward_make_room(s, err))
         return -1;
 #pragma omp parallel num_threads(st->threads)
     {
@@ -177,7 +190,7 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
             ((char *)st->work +
              (size_t)omp_get_thread_num() * st->work_size);
 
-        number_pairs(s, part);
+        backward_number_pairs(s, part);
 #pragma omp for schedule(dynamic, 1)
         for (uint32_t i = 0; i < tiles; i++)
             k->tile_backward(s, w, st->zorder[i], d_image, d_alpha);
@@ -190,6 +203,6 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
         }
     }
     if (g->rt)
-        sum_camera(g->rt, b->rt, batches);
+        backward_sum_camera(g->rt, b->rt, batches);
     return 0;
 }

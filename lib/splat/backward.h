@@ -12,7 +12,7 @@
  * these, k + f <= 2 are meant); of dL/dcolor, up to three channels, float 4 c +
  * 3. */
 #define MOMENT(k, f) (4 * (k) + (f))
-#define TINT(c) (4 * (c) + 3)
+#define GRAD_COLOR(c) (4 * (c) + 3)
 
 /* Where a Gaussian's pairs are: that of tile (tx, ty) is origin + ty across +
  * tx, by the rules of uint32_t. */
@@ -41,11 +41,17 @@ struct splat_gradient_state {
     bool drawn;
 };
 
-int backward_init(struct splat *s);                /* -1: no memory */
+/* What the picture's size decides; -1: no memory. */
+int backward_init(struct splat *s);
 void backward_release(struct splat *s);
+/* What goes with a new set of Gaussians.  EX_OSERR. */
 int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err);
-/* Have the frame about to be drawn keep T. */
+/* Have the frame about to be drawn keep T and its image without background. */
 void backward_keep(struct splat *s, struct target *out);
+/* splat_backward (splat.h). */
+int backward_run(struct splat *s, const struct splat_gradients *g,
+                 const float *d_image, const float *d_alpha,
+                 struct error *err);
 
 #endif

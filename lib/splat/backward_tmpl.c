@@ -1,5 +1,6 @@
-/* Gradients of a tile's pixels: the forward walk again, front to back, with
- * what is behind each Gaussian as the whole minus what has passed. */
+/* Gradients of a tile's pixels: the traversal of the forward pass again, front
+ * to back, with what is behind each Gaussian as the whole minus what has
+ * passed. */
 #include <string.h>
 
 #include "lib/base/isa.h"
@@ -12,7 +13,8 @@ void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
 
 /* Pixels of the block at (x0, y0), as numbers; those outside the picture are
  * taken as pixel 0.  Returns which are inside. */
-VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
+VEC_INLINE uint32_t backward_pixels(vi *at, const struct splat *s, int x0,
+                                    int y0)
 {
     vi x = vi_set(x0) + (vi_iota() >> 2), y = vi_set(y0) + (vi_iota() & 3);
     vf W = vf_set((float)s->opt.width), H = vf_set((float)s->opt.height);
@@ -24,7 +26,7 @@ VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
 }
 
 /* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
-static void load_tint(struct splat_work *w, int k)
+static void backward_load_grad_color(struct splat_work *w, int k)
 {
     for (int p = 0; p < VEC; p++) {
         float r = w->g[k][0][p], g = w->g[k][1][p], b = w->g[k][2][p];
@@ -32,20 +34,20 @@ static void load_tint(struct splat_work *w, int k)
 #if VEC == 16
         vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
 
-        vf_store(w->tint[k][p],
+        vf_store(w->grad_color[k][p],
                  vf_keep((vm)0x0fff, vf_sel((vm)0x0f00, vf_set(b), two)));
 #else
-        vq_store(w->tint[k][p], (vq){r, r, r, r});
-        vq_store(w->tint[k][p] + 4, (vq){g, g, g, g});
-        vq_store(w->tint[k][p] + 8, (vq){b, b, b, b});
-        vq_store(w->tint[k][p] + 12, (vq){0});
+        vq_store(w->grad_color[k][p], (vq){r, r, r, r});
+        vq_store(w->grad_color[k][p] + 4, (vq){g, g, g, g});
+        vq_store(w->grad_color[k][p] + 8, (vq){b, b, b, b});
+        vq_store(w->grad_color[k][p] + 12, (vq){0});
 #endif
     }
 }
 
 /* Fetch a tile's pixels, up to three channels. */
-VEC_INLINE void fetch_pixels(const struct splat *s, const float *d_image,
-                             int x0, int y0)
+VEC_INLINE void backward_fetch_pixels(const struct splat *s,
+                                      const float *d_image, int x0, int y0)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     size_t C = (size_t)s->opt.channels;
@@ -54,29 +56,29 @@ VEC_INLINE void fetch_pixels(const struct splat *s, const float *d_image,
     for (int y = y0; y < y0 + TILE && y < s->opt.height; y++) {
         size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x0;
 
-        fetch(d_image + at * C, n * C * sizeof *d_image);
-        fetch(b->image + at * C, n * C * sizeof *b->image);
-        fetch(b->T + at, n * sizeof *b->T);
+        chunk_fetch(d_image + at * C, n * C * sizeof *d_image);
+        chunk_fetch(b->image + at * C, n * C * sizeof *b->image);
+        chunk_fetch(b->T + at, n * sizeof *b->T);
     }
 }
 
-/* Load dL/dcolor of the tile, and rest = what all the light is worth:
+/* Load dL/dcolor of the tile, and remaining = what all the light is worth:
  * sum_i w_i c_i.g + T (background.g - dL/dalpha). */
-static void load_pixels(struct splat_work *w, const struct splat *s,
-                        const float *d_image, const float *d_alpha, int x0,
-                        int y0)
+static void backward_load_pixels(struct splat_work *w, const struct splat *s,
+                                 const float *d_image, const float *d_alpha,
+                                 int x0, int y0)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     int C = s->opt.channels;
 
     if (!s->state->row)
-        fetch_pixels(s, d_image, x0, y0);
+        backward_fetch_pixels(s, d_image, x0, y0);
     for (int k = 0; k < BLOCKS; k++) {
         vf sum = vf_set(0), behind = sum;
         vi at;
 
-        w->alive[k] = pixels_of(&at, s, x0 + COLUMNS * (k % ACROSS),
-                                y0 + 4 * (k / ACROSS));
+        w->alive[k] = backward_pixels(&at, s, x0 + COLUMNS * (k % ACROSS),
+                                      y0 + 4 * (k / ACROSS));
         vf_store(w->T[k], vf_set(1));
         for (int m = 0; m < C; m++) {
             vf g = vf_gather(d_image + m, at * C);
@@ -89,14 +91,14 @@ static void load_pixels(struct splat_work *w, const struct splat *s,
             vf_store(w->g[k][m], vf_set(0));
         if (d_alpha)
             behind -= vf_gather(d_alpha, at);
-        vf_store(w->rest[k], vf_fma(vf_gather(b->T, at), behind, sum));
+        vf_store(w->remaining[k], vf_fma(vf_gather(b->T, at), behind, sum));
         if (!s->state->row)
-            load_tint(w, k);
+            backward_load_grad_color(w, k);
     }
 }
 
 /* 1 / (1 - alpha); alpha <= 0.99. */
-VEC_INLINE vf inverse(vf x)
+VEC_INLINE vf backward_inverse(vf x)
 {
 #ifdef ISA_AVX512
     vf r = (vf)_mm512_rcp14_ps((__m512)x);
@@ -107,8 +109,10 @@ VEC_INLINE vf inverse(vf x)
 #endif
 }
 
-/* worth[j] = color_j . g at the block's pixels, for all entries of its list. */
-static void worths(struct splat_work *w, int b, const float *table, int row)
+/* color_dot_grad[j] = color_j . g at the block's pixels, for all entries of its
+ * list. */
+static void backward_color_dot_grads(struct splat_work *w, int b,
+                                     const float *table, int row)
 {
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b];
@@ -131,7 +135,7 @@ static void worths(struct splat_work *w, int b, const float *table, int row)
                 acc[k] = vf_fma(vf_set(c[k][m]), g, acc[k]);
         }
         for (uint32_t k = 0; k < 4; k++)
-            vf_store(w->worth[j + k], acc[k]);
+            vf_store(w->color_dot_grad[j + k], acc[k]);
     }
 }
 
@@ -142,7 +146,8 @@ struct places {
     float x[COLUMNS][16];
 };
 
-VEC_INLINE void places_of(struct places *at, int b)
+/* The places of block b. */
+VEC_INLINE void backward_places(struct places *at, int b)
 {
     for (int k = 0; k < 4; k++) {
         float y = 4 * (float)(b / ACROSS) - 7.5f + (float)k;
@@ -160,8 +165,8 @@ VEC_INLINE void places_of(struct places *at, int b)
 
 /* Sums over the columns of numbers by column and Gaussian, times the places'
  * powers part .. of sixteen: lanes 4 power + Gaussian. */
-VEC_INLINE vf column_sum(const float *row, const struct places *at,
-                         const int part)
+VEC_INLINE vf backward_column_sum(const float *row, const struct places *at,
+                                  const int part)
 {
     vf m = vf_repeat(row) * vf_load(at->x[0] + part);
 
@@ -171,26 +176,29 @@ VEC_INLINE vf column_sum(const float *row, const struct places *at,
     return m;
 }
 
-/* The same of the weights' rows, times dL/dcolor: lanes 4 channel + Gaussian. */
-VEC_INLINE vf tint_sum(const float (*row)[VEC], const float (*tint)[16],
-                       const int part)
+/* The same of the weights' rows, times dL/dcolor: lanes 4 channel +
+ * Gaussian. */
+VEC_INLINE vf backward_grad_color_sum(const float (*row)[VEC],
+                                      const float (*grad_color)[16],
+                                      const int part)
 {
     vf sum[4];
 
-    FOUR sum[k] = vf_repeat(row[k]) * vf_load(tint[k] + part);
+    FOUR sum[k] = vf_repeat(row[k]) * vf_load(grad_color[k] + part);
 #pragma GCC unroll 3
     for (int x = 1; x < COLUMNS; x++)
         FOUR sum[k] = vf_fma(vf_repeat(row[k] + 4 * x),
-                             vf_load(tint[4 * x + k] + part), sum[k]);
+                             vf_load(grad_color[4 * x + k] + part), sum[k]);
     return sum[0] + sum[1] + (sum[2] + sum[3]);
 }
 
 /* Add the sums of four list entries to their rows of w->pair: dq and weight
  * at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
  * the columns together, lanes 4 power + Gaussian. */
-VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
-                      const uint32_t *list, vf dq[4], vf weight[4],
-                      const struct places *at, const int wide)
+VEC_INLINE void backward_flush(struct splat_work *w,
+                               const float (*grad_color)[16],
+                               const uint32_t *list, vf dq[4], vf weight[4],
+                               const struct places *at, const int wide)
 {
     float row[3][VEC], shade[4][VEC];
     vf m[4];
@@ -218,9 +226,10 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
     for (int part = 0; part < 12; part += VEC) {
 #pragma GCC unroll 3
         for (int f = 0; f < 3; f++)
-            m[f] = column_sum(row[f], at, part);
+            m[f] = backward_column_sum(row[f], at, part);
         m[3] = wide ? vf_set(0)
-                    : tint_sum((const float (*)[VEC])shade, tint, part);
+                    : backward_grad_color_sum((const float (*)[VEC])shade,
+                                              grad_color, part);
         vf_transpose_quads(m);
         FOUR {
             float *to = w->pair[list[k]] + part;
@@ -231,7 +240,7 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
 }
 
 /* dcolor (entry, row) += weight (entry, VEC pixels) g (VEC pixels, row). */
-static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
+static void backward_colors(struct splat_work *w, int b, uint32_t n, int row)
 {
     for (int part = 0; part < row; part += VEC) {
         const float *from[VEC];
@@ -253,83 +262,88 @@ static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
 }
 
 /* One block: up to three channels have their colours in the chunk, more go
- * through worths and color_backward. */
-VEC_INLINE void block_backward(struct splat_work *w, int b,
-                               const struct splat_state *st, const int degree,
-                               const int wide)
+ * through backward_color_dot_grads and backward_colors. */
+VEC_INLINE void backward_traverse(struct splat_work *w, int b,
+                                  const struct splat_state *st,
+                                  const int degree, const int wide)
 {
     const struct view *v = &st->view;
-    const float (*tint)[16] = (const float (*)[16])w->tint[b];
+    const float (*grad_color)[16] = (const float (*)[16])w->grad_color[b];
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b], j = 0;
-    vf x = block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
+    vf x = chunk_block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
-    vf T = vf_keep(alive, vf_load(w->T[b])), rest = vf_load(w->rest[b]), g[3];
+    vf T = vf_keep(alive, vf_load(w->T[b])), g[3];
+    vf remaining = vf_load(w->remaining[b]);
     struct places at;
 
-    places_of(&at, b);
+    backward_places(&at, b);
     if (wide)
-        worths(w, b, st->table, st->row);
+        backward_color_dot_grads(w, b, st->table, st->row);
     for (int c = 0; c < 3; c++)
         g[c] = vf_load(w->g[b][c]);
     for (; j < n && vm_any(alive); j += 4) {
-        vf e[4], alpha[4], behind[4], worth[4], dq[4], weight[4];
+        vf e[4], alpha[4], behind[4], color_dot_grad[4], dq[4], weight[4];
         vm on[4];
 
-        alphas(alpha, on, e, w, list + j, b, x, cut, degree);
-        FOUR behind[k] = inverse(vf_set(1) - alpha[k]);
+        chunk_alphas(alpha, on, e, w, list + j, b, x, cut, degree);
+        FOUR behind[k] = backward_inverse(vf_set(1) - alpha[k]);
         ABREAST(behind);
         FOUR {
             const float *c = w->info[list[j + (uint32_t)k]];
 
-            worth[k] = wide ? vf_load(w->worth[j + (uint32_t)k])
-                            : vf_fma(vf_set(c[1]), g[0],
-                                     vf_fma(vf_set(c[2]), g[1],
-                                            vf_set(c[3]) * g[2]));
+            color_dot_grad[k] =
+                wide ? vf_load(w->color_dot_grad[j + (uint32_t)k])
+                     : vf_fma(vf_set(c[1]), g[0],
+                              vf_fma(vf_set(c[2]), g[1], vf_set(c[3]) * g[2]));
         }
         FOUR {
-            vf all = vf_mul_keep(on[k], alpha[k], T), before = rest;
+            vf all = vf_mul_keep(on[k], alpha[k], T), before = remaining;
 
             T -= all;
             vm drawn = vf_gt_and(on[k], T, stop);
 
             weight[k] = vf_keep(drawn, all);
-            /* image = sum w c + T bg: behind this one is rest - w c.g, which
-             * 1 - alpha divides; dL/dq = alpha dL/dalpha */
-            rest = vf_fnma(weight[k], worth[k], rest);
+            /* image = sum w c + T bg: behind this one is remaining - w c.g,
+             * which 1 - alpha divides; dL/dq = alpha dL/dalpha */
+            remaining = vf_fnma(weight[k], color_dot_grad[k], remaining);
             if (!v->dgr)               /* which forgets the clamp */
                 drawn = vf_gt_and(drawn, vf_set(0.99f), e[k]);
-            dq[k] = vf_fnma_keep(drawn, rest, behind[k], before);
+            dq[k] = vf_fnma_keep(drawn, remaining, behind[k], before);
             if (wide)
                 vf_store(w->weight[j + (uint32_t)k], weight[k]);
         }
-        flush(w, tint, list + j, dq, weight, &at, wide);
+        backward_flush(w, grad_color, list + j, dq, weight, &at, wide);
         alive = vf_gt(T, stop);
     }
     if (wide)
-        color_backward(w, b, j < n ? j : n, st->row);
+        backward_colors(w, b, j < n ? j : n, st->row);
     vf_store(w->T[b], T);
-    vf_store(w->rest[b], rest);
+    vf_store(w->remaining[b], remaining);
     w->alive[b] = vm_bits(alive);
 }
 
-/* Each combination is compiled apart; few people differentiate at less than
- * degree 5. */
-static void block(struct splat_work *w, int b, const struct splat_state *st,
-                  int degree)
+/* One block's share of the chunk, for a renderer with gradients: degree 3 or
+ * 5.  Each combination is compiled apart. */
+static void backward_block(struct splat_work *w, int b,
+                           const struct splat_state *st, int degree)
 {
-    switch (degree * 2 + (st->row > 0)) {
-    case 6: block_backward(w, b, st, 3, 0); return;
-    case 7: block_backward(w, b, st, 3, 1); return;
-    case 10: block_backward(w, b, st, 5, 0); return;
-    default: block_backward(w, b, st, 5, 1); return;
-    }
+    bool wide = st->row > 0;
+
+    if (degree == 3 && wide)
+        backward_traverse(w, b, st, 3, 1);
+    else if (degree == 3)
+        backward_traverse(w, b, st, 3, 0);
+    else if (wide)
+        backward_traverse(w, b, st, 5, 1);
+    else
+        backward_traverse(w, b, st, 5, 0);
 }
 
 /* Where the pairs of n entries of tile (tx, ty) go. */
-static void find_pairs(struct splat_work *w, const struct splat *s,
-                       const uint32_t *list, uint32_t n, uint32_t tx,
-                       uint32_t ty)
+static void backward_find_pairs(struct splat_work *w, const struct splat *s,
+                                const uint32_t *list, uint32_t n, uint32_t tx,
+                                uint32_t ty)
 {
     const struct splat_gradient_state *b = s->state->gradient;
 
@@ -342,8 +356,9 @@ static void find_pairs(struct splat_work *w, const struct splat *s,
 
 /* Fetch the places of block b's share of n entries: all at once, they would be
  * waited for. */
-VEC_INLINE void fetch_pairs(const struct splat_work *w, const struct splat *s,
-                        uint32_t n, uint32_t b)
+VEC_INLINE void backward_fetch_pairs(const struct splat_work *w,
+                                     const struct splat *s, uint32_t n,
+                                     uint32_t b)
 {
     const struct splat_gradient_state *g = s->state->gradient;
 
@@ -354,7 +369,8 @@ VEC_INLINE void fetch_pairs(const struct splat_work *w, const struct splat *s,
 
 /* Store an entry's sums m about the tile's centre, about its own centre (u,
  * v): each step takes x - u or y - v for one x or y. */
-VEC_INLINE void put_centered(float *to, const float m[16], float u, float v)
+VEC_INLINE void backward_put_centered(float *to, const float m[16], float u,
+                                      float v)
 {
     const vq along = {u, u, u, 0}, first = {0, v, v, 0}, second = {0, 0, v, 0};
     vq q[3] = {vq_load(m), vq_load(m + 4), vq_load(m + 8)};
@@ -372,8 +388,9 @@ VEC_INLINE void put_centered(float *to, const float m[16], float u, float v)
 }
 
 /* The chunk's sums to their pairs' places. */
-static void store_pairs(const struct splat_work *w, const struct splat *s,
-                        const uint32_t *list, uint32_t n)
+static void backward_store_pairs(const struct splat_work *w,
+                                 const struct splat *s, const uint32_t *list,
+                                 uint32_t n)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     size_t colors = (size_t)s->state->row * sizeof(float);
@@ -381,28 +398,30 @@ static void store_pairs(const struct splat_work *w, const struct splat *s,
     for (uint32_t e = 0; e < n; e++) {
         float *to = b->pair + (size_t)w->place[e] * (size_t)b->stride;
 
-        put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
+        backward_put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
         if (colors)
             memcpy(to + 16, w->dcolor[e], colors);
         b->seen[w->place[e]] = (uint8_t)(1 + list[e] % VEC);
     }
 }
 
-static void chunk(struct splat_work *w, const struct splat *s,
-                  const uint32_t *list, uint32_t n, int tx, int ty)
+/* The next n entries of a tile's list: find their pairs, lay them out, add up
+ * block by block, put the sums away. */
+static void backward_chunk(struct splat_work *w, const struct splat *s,
+                           const uint32_t *list, uint32_t n, int tx, int ty)
 {
-    find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
+    backward_find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
     chunk_build(w, s->state, list, n, (float)(TILE * tx) + 8,
                 (float)(TILE * ty) + 8, false);
     memset(w->pair, 0, n * sizeof w->pair[0]);
     if (s->state->row)
         memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
     for (int b = 0; b < BLOCKS; b++) {
-        fetch_pairs(w, s, n, (uint32_t)b);
+        backward_fetch_pairs(w, s, n, (uint32_t)b);
         if (w->count[b])
-            block(w, b, s->state, s->opt.exp_degree);
+            backward_block(w, b, s->state, s->opt.exp_degree);
     }
-    store_pairs(w, s, list, n);
+    backward_store_pairs(w, s, list, n);
 }
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
@@ -414,11 +433,11 @@ void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
     int ty = (int)(t / (uint32_t)st->view.tx);
     uint32_t any = 1;
 
-    load_pixels(w, s, d_image, d_alpha, TILE * tx, TILE * ty);
+    backward_load_pixels(w, s, d_image, d_alpha, TILE * tx, TILE * ty);
     for (uint32_t i = st->start[t]; i < st->end[t] && any; i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        chunk(w, s, st->list + i, n, tx, ty);
+        backward_chunk(w, s, st->list + i, n, tx, ty);
         any = 0;
         for (int b = 0; b < BLOCKS; b++)
             any |= w->alive[b];

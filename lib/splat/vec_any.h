@@ -1,5 +1,6 @@
 /* Eight lanes (AVX2) or four: SSE2 where the compiler's own vectors have no
- * operation, and plain loops where there is neither.  Included by vec.h only. */
+ * operation, and plain loops where there is neither.  Included by vec.h
+ * only. */
 
 typedef vi vm;                               /* lanes of 0 or -1 */
 

@@ -9,6 +9,7 @@
 #include "lib/geom/crop.h"
 #include "lib/synth/lens.h"
 #include "lib/synth/noise.h"
+#include "lib/synth/scan_shoot.h"
 #include "lib/synth/stage.h"
 
 /* A batch of frames is made in parallel, one frame a worker, and handed out
@@ -16,6 +17,7 @@
 struct cast {                   /* a person and the background behind them */
     struct actor actor;
     float *wall;
+    struct scan_cast scan;      /* in their place, with assets */
     uint64_t index;             /* of the person; UINT64_MAX: none */
 };
 
@@ -26,7 +28,7 @@ struct shot {                   /* a finished frame */
     float lmk[68][2];
     float crop[3];
     float *verts;
-    uint8_t *rgb, *mask, *label;
+    uint8_t *rgb, *mask, *label, *alone;
 };
 
 struct synth {
@@ -37,6 +39,7 @@ struct synth {
     struct cast *cast;          /* (slots) */
     struct shot *shot;          /* (batch) */
     struct stage *stage;        /* (threads) */
+    struct scan_crew *crew;     /* (threads), with assets */
 };
 
 static int shot_init(struct shot *t, const struct synth *s)
@@ -45,9 +48,10 @@ static int shot_init(struct shot *t, const struct synth *s)
     t->rgb = malloc(3 * n);
     t->mask = malloc(n);
     t->label = malloc(n);
+    t->alone = s->opt.assets ? malloc(3 * n) : NULL;
     t->verts = s->opt.mesh ? malloc(3 * s->head->V * sizeof(float)) : NULL;
-    return t->rgb && t->mask && t->label && (t->verts || !s->opt.mesh) ? 0
-                                                                        : -1;
+    return t->rgb && t->mask && t->label && (t->verts || !s->opt.mesh)
+           && (t->alone || !s->opt.assets) ? 0 : -1;
 }
 
 struct synth *synth_open(const struct head *head,
@@ -66,10 +70,12 @@ struct synth *synth_open(const struct head *head,
     s->cast = calloc(s->slots, sizeof *s->cast);
     s->shot = calloc(s->batch, sizeof *s->shot);
     s->stage = calloc((size_t)s->opt.threads, sizeof *s->stage);
-    if (!s->cast || !s->shot || !s->stage)
+    s->crew = calloc((size_t)s->opt.threads, sizeof *s->crew);
+    if (!s->cast || !s->shot || !s->stage || !s->crew)
         goto memory;
-    for (size_t i = 0; i < s->slots; i++) {
+    for (size_t i = 0; i < s->slots; i++)
         s->cast[i].index = UINT64_MAX;
+    for (size_t i = 0; !opt->assets && i < s->slots; i++) {
         s->cast[i].wall = malloc(3 * n * sizeof(float));
         if (!s->cast[i].wall)
             goto memory;
@@ -78,7 +84,8 @@ struct synth *synth_open(const struct head *head,
         if (shot_init(&s->shot[i], s))
             goto memory;
     for (int i = 0; i < s->opt.threads; i++)
-        if (stage_init(&s->stage[i], opt->size, err))
+        if (opt->assets ? scan_crew_init(&s->crew[i], head, opt->size, err)
+                        : stage_init(&s->stage[i], opt->size, err))
             goto out;
     noise_lattice();
     lens_init();
@@ -97,16 +104,21 @@ void synth_close(struct synth *s)
         return;
     for (size_t i = 0; s->cast && i < s->slots; i++) {
         actor_release(&s->cast[i].actor);
+        scan_cast_release(&s->cast[i].scan);
         free(s->cast[i].wall);
     }
     for (size_t i = 0; s->shot && i < s->batch; i++) {
         free(s->shot[i].rgb);
         free(s->shot[i].mask);
         free(s->shot[i].label);
+        free(s->shot[i].alone);
         free(s->shot[i].verts);
     }
     for (int i = 0; s->stage && i < s->opt.threads; i++)
         stage_release(&s->stage[i]);
+    for (int i = 0; s->crew && i < s->opt.threads; i++)
+        scan_crew_release(&s->crew[i]);
+    free(s->crew);
     free(s->cast);
     free(s->shot);
     free(s->stage);
@@ -120,15 +132,49 @@ static int dress(struct synth *s, uint64_t index, struct error *err)
     struct persona p;
     if (c->index == index)
         return 0;
-    if (c->index != UINT64_MAX)
+    if (c->index != UINT64_MAX) {
         actor_release(&c->actor);
+        scan_cast_release(&c->scan);
+    }
     c->index = UINT64_MAX;
+    if (s->opt.assets) {
+        if (scan_cast_init(&c->scan, s->opt.assets, s->head, s->opt.seed,
+                           s->opt.first + index, s->opt.effects, s->opt.size,
+                           err))
+            return -1;
+        c->index = index;
+        return 0;
+    }
     persona_sample(&p, s->opt.seed, s->opt.first + index, s->head->nshape,
                    s->opt.effects);
     if (actor_init(&c->actor, s->head, &p, err))
         return -1;
     backdrop_paint(c->wall, &p, s->opt.size);
     c->index = index;
+    return 0;
+}
+
+static void shot_crop(struct shot *t)
+{
+    struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
+    t->crop[0] = (float)q.x;
+    t->crop[1] = (float)q.y;
+    t->crop[2] = (float)q.size;
+}
+
+/* The same with assets. */
+static int shoot_scan(struct synth *s, struct shot *t, struct scan_crew *crew,
+                      struct error *err)
+{
+    uint64_t frame = t->number % s->opt.frames;
+    struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
+    t->cast = &s->cast[t->number / s->opt.frames % s->slots];
+    if (scan_shoot(&out, &t->motion, t->lmk, crew, &t->cast->scan, frame,
+                   (double)frame / s->opt.fps, err))
+        return -1;
+    shot_crop(t);
+    if (t->verts)
+        memcpy(t->verts, crew->verts, 3 * s->head->V * sizeof(float));
     return 0;
 }
 
@@ -153,10 +199,7 @@ static int shoot(struct synth *s, struct shot *t, struct stage *stage,
                + 0.45f * (t->motion.pitch - before.pitch);
     lens_expose(stage, p, c->wall, frame, time, dx * f, dy * f);
     memcpy(t->lmk, stage->lmk, sizeof t->lmk);
-    struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
-    t->crop[0] = (float)q.x;
-    t->crop[1] = (float)q.y;
-    t->crop[2] = (float)q.size;
+    shot_crop(t);
     t->cast = c;
     memcpy(t->rgb, stage->rgb, 3 * n);
     memcpy(t->mask, stage->mask, n);
@@ -194,8 +237,10 @@ static int make_batch(struct synth *s, struct error *err)
         for (size_t i = 0; i < s->made; i++) {
             struct error mine = { 0 };
             s->shot[i].number = s->next + i;
-            if (!failed && shoot(s, &s->shot[i],
-                                 &s->stage[omp_get_thread_num()], &mine))
+            int me = omp_get_thread_num();
+            if (!failed && (s->opt.assets
+                            ? shoot_scan(s, &s->shot[i], &s->crew[me], &mine)
+                            : shoot(s, &s->shot[i], &s->stage[me], &mine)))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;
@@ -224,7 +269,10 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
     *frame = (struct synth_frame){
         .person = s->opt.first + t->number / s->opt.frames,
         .frame = t->number % s->opt.frames,
-        .beta = t->cast->actor.look.beta, .nbeta = t->cast->actor.look.nbeta,
+        .beta = s->opt.assets ? t->cast->scan.beta : t->cast->actor.look.beta,
+        .nbeta = s->opt.assets ? s->head->nshape
+                               : t->cast->actor.look.nbeta,
+        .alone = t->alone,
         .motion = &t->motion, .lmk = &t->lmk[0][0], .verts = t->verts,
         .rgb = t->rgb, .mask = t->mask, .label = t->label
     };

@@ -10,6 +10,8 @@
 #include "lib/head/head.h"
 #include "lib/synth/motion.h"
 
+struct scan_assets;
+
 #define SYNTH_SIZE_MIN 32
 #define SYNTH_SIZE_MAX 2048
 
@@ -22,6 +24,8 @@ struct synth_options {
     float effects;              /* 0 clean .. 1 everything a camera does */
     bool mesh;                  /* also the driven vertices */
     int threads;
+    const struct scan_assets *assets;   /* people of the scans; NULL: drawn
+                                         * by procedures.  Borrowed */
 };
 
 /* One finished frame; everything belongs to the synth and stays until the
@@ -35,6 +39,9 @@ struct synth_frame {
     const float *lmk;           /* (68,2) pixels of the picture */
     const float *verts;         /* (V,3) driven, head frame; NULL: no mesh */
     const uint8_t *rgb;         /* (size,size,3) sRGB */
+    const uint8_t *alone;       /* (size,size,3) the person over black, before
+                                 * noise and compression; NULL without
+                                 * assets */
     const uint8_t *mask;        /* (size,size) coverage by the person */
     const uint8_t *label;       /* (size,size) enum synth_label */
 };

@@ -17,6 +17,14 @@
  * ctx, or a live source's own). */
 typedef int driver_read_fn(void *ctx, struct frame *f, struct error *err);
 
+enum driver_status {
+    DRIVER_ERROR = -1,          /* *err names the input */
+    DRIVER_STARTED = 0,
+    DRIVER_NO_FACE = 1          /* in the clip or in its first `patience`
+                                 * frames: *err says what was tried, the caller
+                                 * knows the input's name (error_prefix) */
+};
+
 struct driver {
     struct track *track;        /* borrowed; CONF needs its window */
     driver_read_fn *read;
@@ -42,10 +50,10 @@ void driver_release(struct driver *d);
 
 /* Read on until a face is found, so that the window is known (CONF is written
  * before the first motion).  seen, when not NULL, is called for every frame
- * looked through in vain.  0; -1: EX_DATAERR with what was tried when there
- * is no face in the clip or in its first `patience` frames. */
-int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
-                 void *seen_ctx, struct error *err);
+ * looked through in vain. */
+enum driver_status driver_start(struct driver *d,
+                                void (*seen)(void *, const struct frame *),
+                                void *seen_ctx, struct error *err);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

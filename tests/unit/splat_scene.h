@@ -11,6 +11,7 @@
 
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
 #include "tests/check.h"
 
 __attribute__((unused)) static void *grab(size_t n, size_t size)

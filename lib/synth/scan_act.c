@@ -1,0 +1,533 @@
+#include "lib/synth/scan_act.h"
+
+#include <cjson/cJSON.h>
+#include <math.h>
+#include <stdbool.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/safetensors.h"
+#include "lib/base/random.h"
+#include "lib/synth/vec.h"
+
+#define LABELS 52
+
+/* ---- the mixture, from labels ------------------------------------------- */
+
+struct seen {                   /* weights of pictures, one after another */
+    float (*w)[ARKIT_COUNT];
+    size_t n;
+};
+
+/* How the labels' scale differs from a weight of 1: their full blink is 0.6,
+ * talking jaws 0.4. */
+static float label_gain(int k)
+{
+    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
+        return 1.5f;
+    return k == ARKIT_JAW_OPENED ? 1.25f : 1.1f;
+}
+
+/* Pictures of one person or clip share the name before '#', or, of photographs,
+ * before '_'. */
+static size_t stem(const char *name)
+{
+    const char *hash = strchr(name, '#'), *base = strrchr(name, '/');
+    const char *line = base ? strrchr(base, '_') : NULL;
+    bool clip = strstr(name, "clips/") != NULL;
+
+    if (!clip && line)
+        return (size_t)(line - name);
+    return hash ? (size_t)(hash - name) : strlen(name);
+}
+
+static int compare(const void *a, const void *b)
+{
+    float x = *(const float *)a, y = *(const float *)b;
+
+    return x < y ? -1 : x > y;
+}
+
+/* The rows lo..hi-1 of one person become changes against their calm: the
+ * fifth smallest of a hundred. */
+static void take_calm(float (*w)[ARKIT_COUNT], size_t n)
+{
+    float *v = malloc((n + 1) * sizeof *v);
+
+    for (int k = 0; v && k < ARKIT_COUNT; k++) {
+        for (size_t i = 0; i < n; i++)
+            v[i] = w[i][k];
+        qsort(v, n, sizeof *v, compare);
+        float calm = v[n / 20];
+        for (size_t i = 0; i < n; i++)
+            w[i][k] = clampf(label_gain(k) * (w[i][k] - calm), 0, 1);
+    }
+    free(v);
+}
+
+/* Columns of the labels that our components take. */
+static int find_columns(int column[ARKIT_COUNT], const struct safetensors *st,
+                        struct error *err)
+{
+    const char *text = st_meta(st, "blendshape_names");
+    cJSON *names = text ? cJSON_Parse(text) : NULL;
+    int rc = cJSON_GetArraySize(names) == LABELS ? 0 : -1;
+
+    for (int k = 0; k < ARKIT_COUNT; k++)
+        column[k] = -1;
+    for (int i = 0; !rc && i < LABELS; i++) {
+        const cJSON *n = cJSON_GetArrayItem(names, i);
+        int c[2], m = cJSON_IsString(n) ? arkit_find(c, n->valuestring) : 0;
+        for (int j = 0; j < m; j++)
+            column[c[j]] = i;
+    }
+    cJSON_Delete(names);
+    return rc ? error_set(err, EX_DATAERR, "%s: no %d blendshape_names "
+                          "(expected ARKit's)", st_path(st), LABELS) : 0;
+}
+
+static int add_labels(struct seen *s, const struct safetensors *st,
+                      struct error *err)
+{
+    size_t dims[2] = {0, LABELS}, n;
+    int column[ARKIT_COUNT];
+    const char *text = st_meta(st, "names");
+
+    if (find_columns(column, st, err))
+        return -1;
+    float *b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
+    cJSON *names = text ? cJSON_Parse(text) : NULL;
+    n /= LABELS;
+    float (*w)[ARKIT_COUNT] = b ? realloc(s->w, (s->n + n + 1) * sizeof *w)
+                                : NULL;
+    int rc = 0;
+    if (!w || (size_t)cJSON_GetArraySize(names) != n) {
+        rc = b ? error_set(err, EX_DATAERR, "%s: names: expected a list of "
+                           "%zu", st_path(st), n) : -1;
+    }
+    if (w)
+        s->w = w;
+    size_t first = s->n;
+    const char *last = "";
+    const cJSON *name = rc ? NULL : names->child;
+    for (size_t i = 0; !rc && i < n; i++, name = name->next) {
+        const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
+        if (strncmp(last, t, stem(t) + 1)) {
+            take_calm(s->w + first, s->n - first);
+            first = s->n;
+            last = t;
+        }
+        if (!strncmp(t, "real/", 5))
+            continue;
+        for (int k = 0; k < ARKIT_COUNT; k++)
+            s->w[s->n][k] = column[k] < 0 ? 0
+                            : b[i * LABELS + (size_t)column[k]];
+        s->n++;
+    }
+    take_calm(s->w + first, s->n - first);
+    cJSON_Delete(names);
+    free(b);
+    return rc;
+}
+
+/* Lloyd's rounds from pictures spread over the list; then means, deviations
+ * and shares. */
+static void fit_kinds(struct act_model *m, const struct seen *s)
+{
+    float count[ACT_KINDS], share = 0;
+
+    m->kinds = s->n < ACT_KINDS ? (int)s->n : ACT_KINDS;
+    for (int c = 0; c < m->kinds; c++)
+        memcpy(m->mean[c], s->w[(size_t)c * s->n / (size_t)m->kinds],
+               sizeof m->mean[c]);
+    for (int round = 0; round < 12; round++) {
+        float sum[ACT_KINDS][ARKIT_COUNT] = {{0}};
+        float two[ACT_KINDS][ARKIT_COUNT] = {{0}};
+        memset(count, 0, sizeof count);
+        for (size_t i = 0; i < s->n; i++) {
+            int best = 0;
+            float least = 1e9f;
+            for (int c = 0; c < m->kinds; c++) {
+                float d = 0;
+                for (int k = 0; k < ARKIT_COUNT; k++)
+                    d += (s->w[i][k] - m->mean[c][k])
+                         * (s->w[i][k] - m->mean[c][k]);
+                if (d < least) {
+                    least = d;
+                    best = c;
+                }
+            }
+            count[best] += 1;
+            for (int k = 0; k < ARKIT_COUNT; k++) {
+                sum[best][k] += s->w[i][k];
+                two[best][k] += s->w[i][k] * s->w[i][k];
+            }
+        }
+        for (int c = 0; c < m->kinds; c++)
+            for (int k = 0; count[c] > 0 && k < ARKIT_COUNT; k++) {
+                float mean = sum[c][k] / count[c];
+                m->mean[c][k] = mean;
+                m->spread[c][k] = sqrtf(fmaxf(two[c][k] / count[c]
+                                              - mean * mean, 0));
+            }
+    }
+    for (int c = 0; c < m->kinds; c++) {
+        /* rare kinds come up more often than they were seen */
+        count[c] = sqrtf(count[c]);
+        share += count[c];
+    }
+    for (int c = 0; c < m->kinds; c++)
+        m->share[c] = (c ? m->share[c - 1] : 0) + count[c] / share;
+}
+
+int act_model_fit(struct act_model *m, const char *dir, struct error *err)
+{
+    static const char *const file[2] = {"photos", "clips"};
+    struct seen s = {0};
+    int rc = 0;
+
+    memset(m, 0, sizeof *m);
+    for (int i = 0; !rc && i < 2; i++) {
+        char path[4096];
+        snprintf(path, sizeof path, "%s/labels/%s.safetensors", dir, file[i]);
+        struct safetensors *st = st_open(path, err);
+        rc = st ? add_labels(&s, st, err) : -1;
+        st_close(st);
+    }
+    if (!rc && s.n < ACT_KINDS)
+        rc = error_set(err, EX_DATAERR, "%s/labels: %zu pictures (expected "
+                       "at least %d)", dir, s.n, ACT_KINDS);
+    if (!rc)
+        fit_kinds(m, &s);
+    free(s.w);
+    return rc;
+}
+
+/* ---- tracks of time ------------------------------------------------------ */
+
+static uint64_t track(const struct act_look *l, const char *name, int i)
+{
+    return random_mix((l->key ^ random_name(name)) + (uint64_t)i);
+}
+
+/* Random number 0..1 of a track in slot i. */
+static float slot(uint64_t track, int64_t i)
+{
+    return (float)(random_mix(track + (uint64_t)i) >> 40)
+           * (1.0f / 16777216.0f);
+}
+
+/* Smooth noise in -1..1 that takes a new value every `period` seconds. */
+static float wander(uint64_t t, double time, double period)
+{
+    double x = time / period + 1000 + (double)slot(t, -7);
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i), y[4];
+
+    for (int k = 0; k < 4; k++)
+        y[k] = 2 * slot(t, i - 1 + k) - 1;
+    float g = 1 - f, f2 = f * f, f3 = f2 * f;
+    return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
+                    + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
+}
+
+/* An event now and then: rises to 1 and falls again.  chance is that of a
+ * slot of `period` seconds to have one, width its share of the slot. */
+static float pulse(uint64_t t, double time, double period, float chance,
+                   float width)
+{
+    double x = time / period + 1000 + (double)slot(t, -9);
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i);
+
+    if (slot(t, i) > chance)
+        return 0;
+    float half = 0.5f * width * (0.7f + 0.6f * slot(t ^ 9, i));
+    float mid = half + (1 - 2 * half) * slot(t ^ 5, i);
+    float d = fabsf(f - mid) / half;
+    return d < 1 ? ramp(1, 0.25f, d) : 0;
+}
+
+/* Place between slots i - 1 and i (0..1): holds, then moves within `move`. */
+static float moving(uint64_t t, double time, double period, float move,
+                    int64_t *i)
+{
+    double x = time / period + 1000 + (double)slot(t, -11);
+
+    *i = (int64_t)floor(x);
+    float start = slot(t ^ 0x51, *i) * (1 - move);
+    return ramp(start, start + move, (float)(x - (double)*i));
+}
+
+/* ---- whole expressions -------------------------------------------------- */
+
+/* A made-up expression: weights of a few components, both sides alike. */
+struct recipe {
+    struct { uint8_t k; float w; } part[7];     /* w 0 ends */
+};
+/* k: the left component of a pair stands for both. */
+static const struct recipe recipes[] = {
+    {{{ARKIT_MOUTH_SMILE_L, 0.9f}, {ARKIT_CHEEK_SQUINT_L, 0.6f},
+      {ARKIT_JAW_OPENED, 0.15f}, {ARKIT_MOUTH_UPPER_UP_L, 0.35f}}},
+    {{{ARKIT_MOUTH_SMILE_L, 1.0f}, {ARKIT_CHEEK_SQUINT_L, 0.9f},
+      {ARKIT_JAW_OPENED, 0.45f}, {ARKIT_MOUTH_UPPER_UP_L, 0.5f},
+      {ARKIT_EYE_SQUINT_L, 0.5f}, {ARKIT_MOUTH_LOWER_DOWN_L, 0.4f}}},
+    {{{ARKIT_MOUTH_SMILE_L, 0.6f}, {ARKIT_MOUTH_DIMPLE_L, 0.4f},
+      {ARKIT_MOUTH_PRESS_L, 0.3f}}},
+    {{{ARKIT_BROW_INNER_UP_L, 0.9f}, {ARKIT_BROW_OUTER_UP_L, 0.9f},
+      {ARKIT_EYE_WIDE_L, 0.8f}, {ARKIT_JAW_OPENED, 0.55f}}},
+    {{{ARKIT_BROW_DOWN_L, 0.95f}, {ARKIT_EYE_SQUINT_L, 0.5f},
+      {ARKIT_MOUTH_PRESS_L, 0.5f}, {ARKIT_NOSE_SNEER_L, 0.3f}}},
+    {{{ARKIT_BROW_INNER_UP_L, 0.9f}, {ARKIT_MOUTH_FROWN_L, 0.8f},
+      {ARKIT_MOUTH_SHRUG_LOWER, 0.5f}}},
+    {{{ARKIT_NOSE_SNEER_L, 0.9f}, {ARKIT_MOUTH_UPPER_UP_L, 0.6f},
+      {ARKIT_BROW_DOWN_L, 0.6f}, {ARKIT_EYE_SQUINT_L, 0.4f}}},
+    {{{ARKIT_MOUTH_PUCKER, 0.95f}, {ARKIT_MOUTH_FUNNEL, 0.2f}}},
+    {{{ARKIT_MOUTH_FUNNEL, 0.9f}, {ARKIT_JAW_OPENED, 0.3f}}},
+    {{{ARKIT_CHEEK_PUFF_L, 0.9f}, {ARKIT_MOUTH_PUCKER, 0.3f}}},
+    {{{ARKIT_MOUTH_ROLL_LOWER, 0.8f}, {ARKIT_MOUTH_ROLL_UPPER, 0.8f},
+      {ARKIT_MOUTH_PRESS_L, 0.4f}}},
+    {{{ARKIT_MOUTH_STRETCH_L, 0.8f}, {ARKIT_JAW_OPENED, 0.3f},
+      {ARKIT_BROW_INNER_UP_L, 0.6f}, {ARKIT_EYE_WIDE_L, 0.6f}}},
+    {{{ARKIT_JAW_OPENED, 1.0f}, {ARKIT_EYE_SQUINT_L, 0.4f}}},
+    {{{ARKIT_BROW_INNER_UP_L, 0.8f}, {ARKIT_BROW_OUTER_UP_L, 0.7f}}},
+    {{{ARKIT_EYE_SQUINT_L, 0.9f}, {ARKIT_CHEEK_SQUINT_L, 0.5f}}},
+    {{{ARKIT_MOUTH_SHRUG_UPPER, 0.6f}, {ARKIT_MOUTH_SHRUG_LOWER, 0.8f}}},
+};
+
+/* Whether component k is the left one of a pair of mirror images. */
+static bool is_left(int k)
+{
+    const char *n = arkit_name(k);
+    size_t l = strlen(n);
+
+    return l > 2 && n[l - 2] == '_' && n[l - 1] == 'L';
+}
+
+/* w[k] += v, on both sides with one-sidedness `lean` (-1..1). */
+static void add_both(float *w, int k, float v, float lean)
+{
+    w[k] += v * clampf(1 + lean, 0, 1.2f);
+    if (is_left(k))
+        w[k + 1] += v * clampf(1 - lean, 0, 1.2f);
+}
+
+static void add_kind(float *w, const struct act_model *m, struct random *r,
+                     float gain)
+{
+    float u = (float)random_uniform(r);
+    int c = 0;
+
+    while (c < m->kinds - 1 && u > m->share[c])
+        c++;
+    for (int k = 0; k < ARKIT_COUNT; k++) {
+        float v = m->mean[c][k]
+                  + m->spread[c][k] * clampf((float)random_normal(r), -2, 2);
+        w[k] += gain * fmaxf(v, 0);
+    }
+}
+
+/* The expression of slot i. */
+static void draw_expression(float *w, const struct act_model *m,
+                            const struct act_look *l, int64_t i)
+{
+    struct random r;
+    float lean;
+
+    memset(w, 0, ARKIT_COUNT * sizeof *w);
+    random_init(&r, track(l, "expression", 0) + (uint64_t)i, "slot");
+    float kind = (float)random_uniform(&r);
+    float size = l->lively * (float)random_range(&r, 0.5, 1.3);
+    lean = l->lean * (float)random_range(&r, 0, 1);
+    if (random_uniform(&r) < 0.12)
+        lean = random_uniform(&r) < 0.5 ? 1 : -1;
+    if (kind < 0.38f) {
+        add_kind(w, m, &r, size);
+    } else if (kind < 0.50f) {
+        add_kind(w, m, &r, 0.3f * size);
+    } else if (kind < 0.76f) {
+        uint32_t n = sizeof recipes / sizeof *recipes;
+        const struct recipe *q = &recipes[random_below(&r, n)];
+        for (int k = 0; k < 7 && q->part[k].w > 0; k++)
+            add_both(w, q->part[k].k,
+                     q->part[k].w * size
+                     * (float)random_range(&r, 0.6, 1.1), lean);
+        add_kind(w, m, &r, 0.25f);
+    } else {
+        int n = 1 + (int)random_below(&r, 4);
+        for (int k = 0; k < n; k++) {
+            int c = (int)random_below(&r, ARKIT_COUNT);
+            float v = (float)random_range(&r, 0.3, 1);
+            if (arkit_is_rig(c) && c < ARKIT_EYE_SQUINT_L)
+                continue;
+            if (!is_left(c) && c > 0 && is_left(c - 1)
+                && random_uniform(&r) < 0.6)
+                c--;
+            add_both(w, c, v, is_left(c) ? lean : 0);
+        }
+    }
+}
+
+/* ---- speech, eyes, head -------------------------------------------------- */
+
+struct viseme {
+    float jaw, funnel, pucker, smile, lower, upper, press, roll, stretch;
+};
+static const struct viseme visemes[] = {
+    {0.50f, 0, 0, 0.05f, 0.15f, 0.10f, 0, 0, 0.05f},    /* a */
+    {0.22f, 0, 0, 0.30f, 0.25f, 0.12f, 0, 0, 0.15f},    /* e */
+    {0.12f, 0, 0, 0.40f, 0.22f, 0.12f, 0, 0, 0.25f},    /* i */
+    {0.30f, 0.55f, 0.25f, 0, 0, 0, 0, 0, 0},            /* o */
+    {0.12f, 0.35f, 0.75f, 0, 0, 0, 0, 0, 0},            /* u */
+    {0.02f, 0, 0, 0, 0, 0, 0.45f, 0.35f, 0},            /* m b p */
+    {0.06f, 0, 0, 0.05f, 0, 0.22f, 0, 0.45f, 0},        /* f v */
+    {0.10f, 0.15f, 0.10f, 0.1f, 0.28f, 0.22f, 0, 0, 0.1f},      /* s t */
+    {0.16f, 0.40f, 0.35f, 0, 0.2f, 0.15f, 0, 0, 0},     /* sh r */
+    {0.20f, 0, 0, 0.08f, 0.18f, 0.12f, 0, 0, 0},        /* l n k */
+};
+
+static void add_speech(float *w, const struct act_look *l, double time)
+{
+    uint64_t t = track(l, "speech", 0);
+    float phrase = pulse(t, time, 3.3, l->talk, 1.3f);
+    double rate = 0.12 + 0.06 * (double)slot(t, -3);
+    double x = time / rate + 1000;
+    int64_t i = (int64_t)floor(x);
+    float f = ramp(0, 1, (float)(x - (double)i));
+    uint32_t n = sizeof visemes / sizeof *visemes;
+
+    if (phrase <= 0)
+        return;
+    for (int k = 0; k < 2; k++) {
+        int64_t s = i + k;
+        float g = phrase * (k ? f : 1 - f) * (0.6f + 0.6f * slot(t ^ 7, s));
+        const struct viseme *v
+            = &visemes[random_mix((t ^ 3) + (uint64_t)s) % n];
+        w[ARKIT_JAW_OPENED] += g * v->jaw;
+        w[ARKIT_MOUTH_FUNNEL] += g * v->funnel;
+        w[ARKIT_MOUTH_PUCKER] += g * v->pucker;
+        add_both(w, ARKIT_MOUTH_SMILE_L, g * v->smile * 0.6f, 0);
+        add_both(w, ARKIT_MOUTH_LOWER_DOWN_L, g * v->lower, 0.3f * l->lean);
+        add_both(w, ARKIT_MOUTH_UPPER_UP_L, g * v->upper, 0.3f * l->lean);
+        add_both(w, ARKIT_MOUTH_PRESS_L, g * v->press, 0);
+        w[ARKIT_MOUTH_ROLL_LOWER] += g * v->roll;
+        w[ARKIT_MOUTH_ROLL_UPPER] += g * v->roll * 0.5f;
+        add_both(w, ARKIT_MOUTH_STRETCH_L, g * v->stretch * 0.7f, 0);
+    }
+    /* the jaw leads its lips: some of its opening is closed by them */
+    w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
+                                * fmaxf(wander(t ^ 31, time, 0.8), 0);
+    w[ARKIT_BROW_INNER_UP_R] = fmaxf(w[ARKIT_BROW_INNER_UP_R],
+                                     w[ARKIT_BROW_INNER_UP_L]);
+}
+
+static void add_gaze(struct act *a, const struct act_look *l, double time)
+{
+    uint64_t t = track(l, "gaze", 0);
+    float *w = a->weight, to[2], keep[2];
+    int64_t i;
+    float f = moving(t, time, 1.1, 0.06f, &i);
+
+    for (int k = 0; k < 2; k++) {
+        /* half of the looks go to the camera, the rest anywhere */
+        bool camera = slot(t ^ 77, i - 1 + k) < 0.5f;
+        float yaw = 2 * slot(t ^ 1, i - 1 + k) - 1;
+        float pitch = 2 * slot(t ^ 2, i - 1 + k) - 1;
+        to[k] = camera ? -0.9f * a->yaw : 0.52f * yaw;
+        keep[k] = camera ? -0.9f * a->pitch
+                         : pitch > 0 ? 0.5f * pitch : 0.42f * pitch;
+    }
+    float yaw = clampf(lerpf(to[0], to[1], f), -0.52f, 0.52f);
+    float pitch = clampf(lerpf(keep[0], keep[1], f), -0.42f, 0.5f);
+    float verge = 0.012f + 0.03f * slot(t, -5);
+    for (int e = 0; e < 2; e++) {
+        float y = yaw + (e ? verge : -verge);
+        float out = e ? -y : y;
+        w[ARKIT_EYE_LOOK_OUT_L + e] = fmaxf(out, 0) / (float)ARKIT_EYE_OUT;
+        w[ARKIT_EYE_LOOK_IN_L + e] = fmaxf(-out, 0) / (float)ARKIT_EYE_IN;
+        w[ARKIT_EYE_LOOK_DOWN_L + e] = fmaxf(pitch, 0)
+                                       / (float)ARKIT_EYE_DOWN;
+        w[ARKIT_EYE_LOOK_UP_L + e] = fmaxf(-pitch, 0) / (float)ARKIT_EYE_UP;
+    }
+}
+
+static void add_blinks(float *w, const struct act_look *l, double time)
+{
+    float blink = pulse(track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
+    float doze = 0.7f * pulse(track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
+    float droop = 0.10f * slot(track(l, "droop", 0), 0);
+
+    for (int e = 0; e < 2; e++) {
+        float wink = pulse(track(l, "wink", e), time, 6.7, 0.16f, 0.25f);
+        float *lid = &w[ARKIT_EYE_BLINK_L + e];
+        *lid = clampf(fmaxf(*lid * 0.5f + droop,
+                            fmaxf(fmaxf(blink, doze), wink)), 0, 1);
+        if (wink > 0) {
+            w[ARKIT_CHEEK_SQUINT_L + e] += 0.7f * wink;
+            w[ARKIT_EYE_SQUINT_L + e] += 0.3f * wink;
+        }
+    }
+}
+
+/* Weights within 0..1, and none that undo or cross each other. */
+static void settle(float *w)
+{
+    for (int k = 0; k < ARKIT_COUNT; k++)
+        w[k] = clampf(w[k], 0, 1);
+    for (int e = 0; e < 2; e++) {
+        float shut = w[ARKIT_EYE_BLINK_L + e];
+        w[ARKIT_EYE_WIDE_L + e] *= 1 - shut;
+        w[ARKIT_EYE_SQUINT_L + e] *= 1 - 0.6f * shut;
+        w[ARKIT_CHEEK_SQUINT_L + e] *= 1 - 0.3f * shut;
+        w[ARKIT_EYE_BLINK_L + e]
+            = fminf(shut, 1 - 0.85f * w[ARKIT_EYE_LOOK_DOWN_L + e] * 0.6f);
+        w[ARKIT_BROW_INNER_UP_L + e]
+            *= 1 - 0.5f * w[ARKIT_BROW_DOWN_L + e];
+    }
+    w[ARKIT_MOUTH_CLOSE] = fminf(w[ARKIT_MOUTH_CLOSE],
+                                 0.9f * w[ARKIT_JAW_OPENED]);
+    float side = w[ARKIT_JAW_LEFT] - w[ARKIT_JAW_RIGHT];
+    w[ARKIT_JAW_LEFT] = fmaxf(side, 0);
+    w[ARKIT_JAW_RIGHT] = fmaxf(-side, 0);
+    float round = w[ARKIT_MOUTH_PUCKER] + w[ARKIT_MOUTH_FUNNEL];
+    for (int e = 0; e < 2 && round > 0.5f; e++) {
+        w[ARKIT_MOUTH_SMILE_L + e] *= clampf(1.5f - round, 0.3f, 1);
+        w[ARKIT_MOUTH_STRETCH_L + e] *= clampf(1.5f - round, 0.3f, 1);
+    }
+    w[ARKIT_MOUTH_ROLL_LOWER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
+    w[ARKIT_MOUTH_ROLL_UPPER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
+}
+
+void act_at(struct act *a, const struct act_model *m,
+            const struct act_look *l, double time)
+{
+    static const float size[3] = {1, 0.40f, 0.32f};
+    float from[ARKIT_COUNT], to[ARKIT_COUNT], pose[3];
+    int64_t i;
+
+    memset(a, 0, sizeof *a);
+    for (int k = 0; k < 3; k++) {
+        float slow = wander(track(l, "pose", k), time, 2.2);
+        float fast = wander(track(l, "nod", k), time, 0.7);
+        pose[k] = (k ? size[k] : l->turn) * l->lively
+                  * (slow * fabsf(slow) * 0.6f + slow * 0.4f + 0.10f * fast);
+        a->drift[k] = wander(track(l, "drift", k), time, 3.1);
+    }
+    a->yaw = clampf(l->yaw + pose[0], -1.05f, 1.05f);
+    a->pitch = clampf(l->pitch + pose[1], -0.44f, 0.44f);
+    a->roll = clampf(l->roll + pose[2], -0.35f, 0.35f);
+    a->pupil = wander(track(l, "pupil", 0), time, 4);
+    float f = moving(track(l, "mood", 0), time, 1.3, 0.35f, &i);
+    draw_expression(from, m, l, i - 1);
+    draw_expression(to, m, l, i);
+    for (int k = 0; k < ARKIT_COUNT; k++)
+        a->weight[k] = lerpf(from[k], to[k], f)
+                       + 0.05f * fmaxf(wander(track(l, "tremble", k), time,
+                                              0.9), 0);
+    add_speech(a->weight, l, time);
+    add_blinks(a->weight, l, time);
+    add_gaze(a, l, time);
+    settle(a->weight);
+}

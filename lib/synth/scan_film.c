@@ -1,0 +1,376 @@
+#include "lib/synth/scan_film.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/base/random.h"
+#include "lib/synth/actor.h"
+#include "lib/synth/lens.h"
+#include "lib/synth/noise.h"
+#include "lib/synth/scan_codec.h"
+#include "lib/synth/vec.h"
+
+int scan_film_init(struct scan_film *f, int size, struct error *err)
+{
+    size_t n = (size_t)size * (size_t)size;
+
+    *f = (struct scan_film){.size = size};
+    f->layer = malloc(8 * n * sizeof *f->layer);
+    f->wall = malloc(3 * n * sizeof *f->wall);
+    f->tmp = malloc(3 * n * sizeof *f->tmp);
+    if (f->layer && f->wall && f->tmp)
+        return 0;
+    scan_film_release(f);
+    return error_set(err, EX_OSERR, "out of memory for a picture");
+}
+
+void scan_film_release(struct scan_film *f)
+{
+    free(f->layer);
+    free(f->wall);
+    free(f->tmp);
+    *f = (struct scan_film){0};
+}
+
+/* ---- background --------------------------------------------------------- */
+
+/* Mean over a disc of radius r pixels, of one plane. */
+static void defocus(float *out, const float *in, int n, int r)
+{
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float sum = 0;
+            int count = 0;
+            for (int v = -r; v <= r; v++) {
+                int half = (int)sqrtf((float)(r * r - v * v) + 0.5f);
+                int row = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
+                int a = x - half < 0 ? 0 : x - half;
+                int b = x + half >= n ? n - 1 : x + half;
+                for (int u = a; u <= b; u++)
+                    sum += in[row * n + u];
+                count += b - a + 1;
+            }
+            out[y * n + x] = sum / (float)count;
+        }
+}
+
+/* A wall: one colour in the light that falls on it, with a slope. */
+static void paint_wall(float *wall, const struct figure *f, int n)
+{
+    const struct scan_camera *c = &f->look.camera;
+    const struct light *l = &f->light;
+    float to[3] = {0, 0, -1}, e[3];
+    uint64_t key = random_mix(f->look.key ^ 0x77616c6c);
+    float sx = (float)(key & 1023) / 1023 - 0.5f;
+    float sy = (float)(key >> 10 & 1023) / 1023 - 0.5f;
+
+    for (int k = 0; k < 3; k++) {
+        e[k] = fmaxf(harmonic2_diffuse(&l->sky[k], to), 0.05f);
+        for (int i = 0; i < l->nlamp; i++)
+            e[k] += l->lamp[i].rgb[k] * 0.318f
+                    * fmaxf(dot3(l->lamp[i].dir, to), 0.1f);
+    }
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float u = (float)x / (float)n - 0.5f, v = (float)y / (float)n
+                      - 0.5f;
+            float g = 1 + 0.9f * (sx * u + sy * v)
+                      + 0.05f * noise_sum(3 * u + 9 * sx, 3 * v, 2, 3);
+            for (int k = 0; k < 3; k++)
+                wall[(k * n + y) * n + x] = c->wall[k] * e[k]
+                                            * fmaxf(g, 0.1f);
+        }
+}
+
+void scan_backdrop(float *wall, float *tmp, const struct figure *f, int n)
+{
+    const struct scan_camera *c = &f->look.camera;
+    int r = (int)(c->depth * 0.035f * (float)n);
+    size_t plane = (size_t)n * (size_t)n;
+
+    if (c->backdrop == BACKDROP_WALL) {
+        paint_wall(wall, f, n);
+        return;
+    }
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float t = 2 * tanf(0.5f * c->view), rgb[3];
+            float d[3] = {((float)x / (float)n - 0.5f) * t,
+                          ((float)y / (float)n - 0.5f) * t + c->tilt, 1};
+            light_mirror(rgb, &f->light, d, 0);
+            for (int k = 0; k < 3; k++)
+                wall[((size_t)k * plane) + (size_t)(y * n + x)]
+                    = fminf(rgb[k], 14 / f->exposure);
+        }
+    if (r < 1)
+        return;
+    for (int k = 0; k < 3; k++) {
+        memcpy(tmp, wall + (size_t)k * plane, plane * sizeof *tmp);
+        defocus(wall + (size_t)k * plane, tmp, n, r);
+    }
+}
+
+/* ---- tone --------------------------------------------------------------- */
+
+/* Highlights roll off instead of clipping. */
+static float shoulder(float x)
+{
+    return x < 0.6f ? x : 0.6f + 0.4f * (1 - 1 / (1 + (x - 0.6f) * 2.5f));
+}
+
+/* Encoded value of linear x within 0.001, by interpolation in a table of
+ * square roots. */
+static float encode(const float *table, float x)
+{
+    float r = 512 * sqrtf(clampf(x, 0, 1));
+    int i = (int)r;
+
+    return lerpf(table[i], table[i + 1], r - (float)i);
+}
+
+struct tone {
+    float gain[3], contrast, saturation, table[514];
+};
+
+static void tone_init(struct tone *t, const struct figure *f, double time)
+{
+    const struct scan_camera *c = &f->look.camera;
+    float phase = (float)(f->look.key & 255);
+
+    for (int i = 0; i < 514; i++) {
+        float x = (float)i * (float)i / (512.0f * 512.0f);
+        t->table[i] = x <= 0.0031308f ? 12.92f * x
+                      : 1.055f * powf(x, 1 / 2.4f) - 0.055f;
+    }
+    for (int k = 0; k < 3; k++)
+        t->gain[k] = f->exposure
+                     * (1 + c->drift * (0.10f * sinf(1.1f * (float)time
+                                                     + phase)
+                                        + 0.04f * sinf(0.7f * (float)time
+                                                       + phase
+                                                       + 2 * (float)k)));
+    t->contrast = c->contrast;
+    t->saturation = c->saturation;
+}
+
+static void tone_apply(float c[3], const struct tone *t, float vignette)
+{
+    float gray;
+
+    for (int k = 0; k < 3; k++)
+        c[k] = encode(t->table, shoulder(fmaxf(c[k], 0) * t->gain[k]
+                                         * vignette));
+    gray = 0.30f * c[0] + 0.59f * c[1] + 0.11f * c[2];
+    for (int k = 0; k < 3; k++) {
+        float v = gray + (c[k] - gray) * t->saturation;
+        c[k] = clampf(0.42f + (v - 0.42f) * t->contrast, 0, 1);
+    }
+}
+
+/* The stage and the wall into encoded planes, person and front premultiplied
+ * by their cover. */
+static void develop(struct scan_film *film, const struct scan_stage *s,
+                    const float *wall, const struct tone *t)
+{
+    const struct scan_camera *cam = &s->figure->look.camera;
+    size_t n = (size_t)film->size * (size_t)film->size;
+    float half = 0.5f * (float)film->size;
+
+    for (size_t i = 0; i < n; i++) {
+        float c[3], x = (float)(i % (size_t)film->size) / half - 1;
+        float y = (float)(i / (size_t)film->size) / half - 1;
+        float dim = 1 - 0.35f * cam->vignette * (x * x + y * y);
+        for (int front = 0; front < 2; front++) {
+            const float *light = front ? s->front : s->light;
+            float a = front ? s->block[i] : s->alpha[i];
+            float *o = film->layer + (front ? 4 * n : 0);
+            for (int k = 0; k < 3; k++)
+                c[k] = a > 0 ? light[3 * i + (size_t)k] / a : 0;
+            if (a > 0)
+                tone_apply(c, t, dim);
+            for (size_t k = 0; k < 3; k++)
+                o[k * n + i] = c[k] * a;
+            o[3 * n + i] = a;
+        }
+        for (size_t k = 0; k < 3; k++)
+            c[k] = wall[k * n + i];
+        tone_apply(c, t, dim);
+        for (size_t k = 0; k < 3; k++)
+            film->wall[k * n + i] = c[k];
+    }
+}
+
+/* ---- optics, plane by plane --------------------------------------------- */
+
+/* Separable blur by a Gaussian of sigma pixels, in place. */
+static void soften(float *p, float *tmp, int n, float sigma)
+{
+    int r = (int)ceilf(2.5f * sigma);
+    float w[33], sum = 0;
+
+    r = r < 1 ? 1 : r > 16 ? 16 : r;
+    for (int i = -r; i <= r; i++)
+        sum += w[i + r] = expf(-0.5f * (float)(i * i) / (sigma * sigma));
+    for (int i = 0; i <= 2 * r; i++)
+        w[i] /= sum;
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float v = 0;
+            for (int i = -r; i <= r; i++) {
+                int u = x + i < 0 ? 0 : x + i >= n ? n - 1 : x + i;
+                v += w[i + r] * p[y * n + u];
+            }
+            tmp[y * n + x] = v;
+        }
+    for (int y = 0; y < n; y++) {
+        memset(p + y * n, 0, (size_t)n * sizeof *p);
+        for (int i = -r; i <= r; i++) {
+            int v = y + i < 0 ? 0 : y + i >= n ? n - 1 : y + i;
+            for (int x = 0; x < n; x++)
+                p[y * n + x] += w[i + r] * tmp[v * n + x];
+        }
+    }
+}
+
+/* Mean along a short straight way. */
+static void smear(float *p, float *tmp, int n, const float move[2])
+{
+    int taps = (int)ceilf(fmaxf(fabsf(move[0]), fabsf(move[1]))) + 1;
+
+    taps = taps > 11 ? 11 : taps;
+    memset(tmp, 0, (size_t)n * (size_t)n * sizeof *tmp);
+    for (int i = 0; i < taps; i++) {
+        float t = taps > 1 ? (float)i / (float)(taps - 1) - 0.5f : 0;
+        int u = (int)lrintf(t * move[0]), v = (int)lrintf(t * move[1]);
+        for (int y = 0; y < n; y++)
+            for (int x = 0; x < n; x++) {
+                int a = x + u < 0 ? 0 : x + u >= n ? n - 1 : x + u;
+                int b = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
+                tmp[y * n + x] += p[b * n + a] / (float)taps;
+            }
+    }
+    memcpy(p, tmp, (size_t)n * (size_t)n * sizeof *p);
+}
+
+/* A coarser sensor: means over cells, read back bilinear. */
+static void coarsen(float *p, float *tmp, int n, float low)
+{
+    int m = (int)((float)n * low);
+
+    m = m < 8 ? 8 : m;
+    float step = (float)n / (float)m;
+    for (int y = 0; y < m; y++)
+        for (int x = 0; x < m; x++) {
+            int u = (int)(((float)x + 0.25f) * step);
+            int v = (int)(((float)y + 0.25f) * step);
+            int u1 = (int)(((float)x + 0.75f) * step);
+            int v1 = (int)(((float)y + 0.75f) * step);
+            tmp[y * m + x] = 0.25f * (p[v * n + u] + p[v * n + u1]
+                                      + p[v1 * n + u] + p[v1 * n + u1]);
+        }
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++) {
+            float fu = clampf(((float)x + 0.5f) / step - 0.5f, 0,
+                              (float)(m - 1) - 0.001f);
+            float fv = clampf(((float)y + 0.5f) / step - 0.5f, 0,
+                              (float)(m - 1) - 0.001f);
+            int u = (int)fu, v = (int)fv;
+            const float *q = tmp + v * m + u;
+            p[y * n + x] = lerpf(lerpf(q[0], q[1], fu - (float)u),
+                                 lerpf(q[m], q[m + 1], fu - (float)u),
+                                 fv - (float)v);
+        }
+}
+
+static void optics(float *p, float *tmp, int n, const struct scan_camera *c,
+                   const float move[2])
+{
+    float blur = (0.40f + c->blur) * (float)n / 256;
+
+    if (fabsf(move[0]) + fabsf(move[1]) > 0.7f)
+        smear(p, tmp, n, move);
+    if (blur > 0.3f)
+        soften(p, tmp, n, blur);
+    if (c->low < 0.95f)
+        coarsen(p, tmp, n, c->low);
+}
+
+/* p += amount (p - its blur): what cameras do to their pictures. */
+static void sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
+{
+    size_t m = (size_t)n * (size_t)n;
+
+    memcpy(tmp, p, m * sizeof *p);
+    soften(tmp, tmp2, n, 1.0f * (float)n / 256);
+    for (size_t i = 0; i < m; i++)
+        p[i] += amount * (p[i] - tmp[i]);
+}
+
+/* ---- the print ---------------------------------------------------------- */
+
+static uint8_t byte_of(float v)
+{
+    return (uint8_t)(clampf(v, 0, 1) * 255 + 0.5f);
+}
+
+/* rgb = person + front + what they leave of the wall, with noise. */
+static void compose(const struct scan_print *out, const struct scan_film *f,
+                    const struct scan_stage *s, uint64_t frame)
+{
+    const struct scan_person *p = &s->figure->look;
+    size_t n = (size_t)f->size * (size_t)f->size;
+    uint64_t key = random_mix(p->key ^ random_mix(frame + 0x6e6f));
+
+    for (size_t i = 0; i < n; i++) {
+        uint64_t h = random_mix(key + i);
+        for (size_t k = 0; k < 3; k++) {
+            /* sum of two bytes: close enough to a bell */
+            int g = (int)(h >> (16 * k) & 255) + (int)(h >> (16 * k + 8) & 255);
+            float person = f->layer[k * n + i];
+            float v = person + f->layer[(4 + k) * n + i]
+                      + f->wall[k * n + i];
+            out->person[3 * i + k] = byte_of(person);
+            v += p->camera.noise * ((float)g - 255) * (1 / 104.0f)
+                 * (1.3f - 0.8f * v);
+            out->rgb[3 * i + k] = byte_of(v);
+        }
+        out->mask[i] = byte_of(f->layer[3 * n + i]);
+        out->label[i] = f->layer[7 * n + i] > 0.02f ? LABEL_OCCLUDER
+                                                    : s->tag[i];
+    }
+}
+
+void scan_expose(const struct scan_print *out, struct scan_film *f,
+                 const struct scan_stage *s, const float *wall,
+                 uint64_t frame, double time, const float move[2])
+{
+    static const float still[2] = {0, 0};
+    const struct scan_camera *c = &s->figure->look.camera;
+    size_t n = (size_t)f->size * (size_t)f->size;
+    bool front = s->figure->look.front != FRONT_NONE;
+    struct tone t;
+
+    tone_init(&t, s->figure, time);
+    develop(f, s, wall, &t);
+    for (size_t k = 0; k < (front ? 8u : 4u); k++)
+        optics(f->layer + k * n, f->tmp, f->size, c, move);
+    for (size_t k = 0; k < 3; k++) {
+        optics(f->wall + k * n, f->tmp, f->size, c, still);
+        for (size_t i = 0; i < n; i++)
+            f->wall[k * n + i] *= 1 - f->layer[3 * n + i]
+                                  - f->layer[7 * n + i];
+    }
+    for (size_t k = 0; c->sharpen > 0 && k < 3; k++) {
+        sharpen(f->layer + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
+        sharpen(f->layer + (4 + k) * n, f->tmp, f->tmp + n, f->size,
+                c->sharpen);
+        sharpen(f->wall + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
+    }
+    compose(out, f, s, frame);
+    if (c->codec)
+        codec_damage(out->rgb, f->tmp, f->size, c->codec);
+    else if (c->jpeg)
+        jpeg_damage(out->rgb, f->tmp, f->size, c->jpeg);
+}

@@ -1,0 +1,226 @@
+#include "lib/synth/scan_piece.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/image.h"
+#include "lib/synth/vec.h"
+
+void texture_look(float rgba[4], const struct texture *t, float u, float v)
+{
+    if (!t->rgba) {
+        rgba[0] = rgba[1] = rgba[2] = rgba[3] = 1;
+        return;
+    }
+    float x = clampf(u, 0, 1) * (float)t->w - 0.5f;
+    float y = (1 - clampf(v, 0, 1)) * (float)t->h - 0.5f;
+    x = clampf(x, 0, (float)(t->w - 1) - 0.001f);
+    y = clampf(y, 0, (float)(t->h - 1) - 0.001f);
+    int x0 = (int)x, y0 = (int)y;
+    float fx = x - (float)x0, fy = y - (float)y0;
+    const uint8_t *a = t->rgba + 4 * (y0 * t->w + x0), *c = a + 4 * t->w;
+    float w[4] = {(1 - fx) * (1 - fy), fx * (1 - fy), (1 - fx) * fy, fx * fy};
+    for (int k = 0; k < 4; k++)
+        rgba[k] = (w[0] * a[k] + w[1] * a[4 + k] + w[2] * c[k]
+                   + w[3] * c[4 + k]) * (1 / 255.0f);
+}
+
+static int piece_memory(struct error *err, const char *name)
+{
+    return error_set(err, EX_OSERR, "%s: out of memory", name);
+}
+
+/* Corners of faces above a height, split where texture places part. */
+static int cut(struct piece *p, const float *place, size_t nv,
+               const int32_t *f, const float *vt, const int32_t *ft,
+               size_t nf, float above, struct error *err)
+{
+    int32_t *first = malloc(nv * sizeof *first);
+
+    p->place = malloc(9 * nf * sizeof *p->place);
+    p->uv = malloc(6 * nf * sizeof *p->uv);
+    p->faces = malloc(3 * nf * sizeof *p->faces);
+    p->origin = malloc(3 * nf * sizeof *p->origin);
+    int32_t *t_of = malloc(3 * nf * sizeof *t_of);
+    int32_t *chain = malloc(3 * nf * sizeof *chain);
+    if (!first || !p->place || !p->uv || !p->faces || !p->origin || !t_of || !chain) {
+        free(first);
+        free(t_of);
+        free(chain);
+        return piece_memory(err, p->name);
+    }
+    for (size_t i = 0; i < nv; i++)
+        first[i] = -1;
+    for (size_t i = 0; i < nf; i++) {
+        const int32_t *v = f + 3 * i;
+        float top = fminf(place[3 * v[0] + 1],
+                          fminf(place[3 * v[1] + 1], place[3 * v[2] + 1]));
+        if (top < above)
+            continue;
+        for (size_t k = 0; k < 3; k++) {
+            int32_t t = vt ? ft[3 * i + k] : 0, c = first[v[k]];
+            while (c >= 0 && t_of[c] != t)
+                c = chain[c];
+            if (c < 0) {
+                c = (int32_t)p->nc++;
+                t_of[c] = t;
+                p->origin[c] = v[k];
+                chain[c] = first[v[k]];
+                first[v[k]] = c;
+                copy3(p->place + 3 * c, place + 3 * v[k]);
+                p->uv[2 * c] = vt ? vt[2 * t] : 0;
+                p->uv[2 * c + 1] = vt ? vt[2 * t + 1] : 0;
+            }
+            p->faces[3 * p->nf + k] = c;
+        }
+        p->nf++;
+    }
+    free(first);
+    free(t_of);
+    free(chain);
+    return 0;
+}
+
+static int bind_corners(struct piece *p, const struct body *b,
+                        struct error *err)
+{
+    p->bind = malloc(4 * (p->nc + 1) * sizeof *p->bind);
+    p->weight = malloc(4 * (p->nc + 1) * sizeof *p->weight);
+    if (!p->bind || !p->weight)
+        return piece_memory(err, p->name);
+    for (size_t i = 0; i < p->nc; i++)
+        near_bind(p->bind + 4 * i, p->weight + 4 * i, &b->near,
+                  p->place + 3 * i);
+    return 0;
+}
+
+/* Mean of the picture by alpha, linear light. */
+static void measure_picture(struct piece *p)
+{
+    double sum[4] = {0, 0, 0, 1e-9};
+    const struct texture *t = &p->picture;
+
+    for (int i = 0; i < t->w * t->h; i++) {
+        const uint8_t *c = t->rgba + 4 * i;
+        for (int k = 0; k < 3; k++)
+            sum[k] += pow(c[k] / 255.0, 2.2) * c[3];
+        sum[3] += c[3];
+    }
+    for (int k = 0; k < 3; k++)
+        p->mean[k] = t->rgba ? (float)(sum[k] / sum[3]) : 1;
+}
+
+int texture_load(struct texture *t, const char *path, struct error *err)
+{
+    struct image im;
+
+    *t = (struct texture){0};
+    if (image_read(&im, path, err))
+        return -1;
+    t->w = (int)im.width;
+    t->h = (int)im.height;
+    t->rgba = malloc(4 * im.width * im.height);
+    for (size_t i = 0; t->rgba && i < im.width * im.height; i++) {
+        memcpy(t->rgba + 4 * i, im.rgb + 3 * i, 3);
+        t->rgba[4 * i + 3] = im.alpha ? im.alpha[i] : 255;
+    }
+    image_release(&im);
+    if (t->w < 2 || t->h < 2) {
+        free(t->rgba);
+        t->rgba = NULL;
+        return error_set(err, EX_DATAERR, "%s: %d x %d pixels (expected a "
+                         "picture)", path, t->w, t->h);
+    }
+    return t->rgba ? 0 : piece_memory(err, path);
+}
+
+int piece_load(struct piece *p, const struct body *b, const char *dir,
+               const char *name, const char *mesh, const char *picture,
+               float above, struct error *err)
+{
+    char path[4096];
+    struct wavefront w = {0};
+    struct mhclo m = {0};
+    float *place = NULL;
+    int rc = -1;
+
+    *p = (struct piece){0};
+    snprintf(p->name, sizeof p->name, "%s", name);
+    snprintf(path, sizeof path, "%s/%s.obj", dir, mesh);
+    if (wavefront_read(&w, path, NULL, err))
+        return -1;
+    snprintf(path, sizeof path, "%s/%s.mhclo", dir, name);
+    if (mhclo_read(&m, path, b->mesh.nv, w.nv, err))
+        goto out;
+    place = malloc(3 * w.nv * sizeof *place);
+    if (!place) {
+        piece_memory(err, name);
+        goto out;
+    }
+    mhclo_place(place, &m, b->place);
+    if (picture && snprintf(path, sizeof path, "%s/%s", dir, picture) > 0
+        && texture_load(&p->picture, path, err))
+        goto out;
+    rc = cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
+         || bind_corners(p, b, err);
+    measure_picture(p);
+    p->hidden = m.hidden;
+    m.hidden = NULL;
+out:
+    free(place);
+    mhclo_release(&m);
+    wavefront_release(&w);
+    if (rc)
+        piece_release(p);
+    return rc;
+}
+
+int piece_make(struct piece *p, const struct body *b, const char *name,
+               const float *place, size_t nv, const int32_t *faces, size_t nf,
+               float above, struct error *err)
+{
+    *p = (struct piece){0};
+    snprintf(p->name, sizeof p->name, "%s", name);
+    measure_picture(p);
+    if (cut(p, place, nv, faces, NULL, NULL, nf, above, err)
+        || bind_corners(p, b, err)) {
+        piece_release(p);
+        return -1;
+    }
+    return 0;
+}
+
+void piece_slide(struct piece *p, const struct body *b, const float *normal,
+                 float dy)
+{
+    for (size_t i = 0; i < p->nc; i++) {
+        float *x = p->place + 3 * i, d[3], before, after;
+        const float *n = normal + 3 * p->bind[4 * i];
+        sub3(d, x, b->near.p + 3 * p->bind[4 * i]);
+        before = dot3(d, n);
+        x[1] += dy;
+        near_bind(p->bind + 4 * i, p->weight + 4 * i, &b->near, x);
+        n = normal + 3 * p->bind[4 * i];
+        sub3(d, x, b->near.p + 3 * p->bind[4 * i]);
+        after = dot3(d, n);
+        mad3(x, x, n, before - after);
+    }
+}
+
+void piece_release(struct piece *p)
+{
+    free(p->place);
+    free(p->uv);
+    free(p->faces);
+    free(p->origin);
+    free(p->hidden);
+    free(p->bind);
+    free(p->weight);
+    free(p->seen);
+    free(p->shade);
+    free(p->picture.rgba);
+    *p = (struct piece){0};
+}

@@ -1,0 +1,147 @@
+/* Shadows of the lamps: depth maps seen from each, blurred in the exponential
+ * as wide as the lamp is large. */
+#include <math.h>
+#include <string.h>
+
+#include "lib/synth/scan_stage.h"
+#include "lib/synth/tri.h"
+#include "lib/synth/vec.h"
+
+#define REACH 1.3f              /* half the width of what a map covers */
+#define SHARP 34.0f
+
+static struct raster_vertex sun_place(const struct scan_shadow *w,
+                                      const float p[3])
+{
+    float d[3], half = 0.5f * SCAN_SHADOW;
+
+    sub3(d, p, w->centre);
+    return (struct raster_vertex){dot3(d, w->u) * w->scale + half,
+                                  dot3(d, w->v) * w->scale + half,
+                                  dot3(d, w->w) + 8};
+}
+
+/* Opacity of a part at the first corner of a face: cheap, and enough here. */
+static bool is_hole(const struct figure *f, const struct figure_part *p,
+                    const int32_t *v, const float w[3])
+{
+    float c[4], u = 0, t = 0;
+
+    if (!p->piece || !p->piece->picture.rgba || p->stuff < STUFF_VEIL)
+        return false;
+    for (int k = 0; k < 3; k++) {
+        u += w[k] * f->uv[2 * v[k]];
+        t += w[k] * f->uv[2 * v[k] + 1];
+    }
+    texture_look(c, &p->piece->picture, u, t);
+    return c[3] < 0.45f;
+}
+
+static void draw_face(struct scan_stage *s, float *map, size_t i)
+{
+    const struct figure *f = s->figure;
+    const int32_t *v = f->faces + 3 * i;
+    struct tri t;
+    int x0, x1, n = SCAN_SHADOW;
+
+    if (!tri_setup(&t, &s->sun[v[0]], &s->sun[v[1]], &s->sun[v[2]], n, n))
+        return;
+    for (int y = t.y0; y <= t.y1; y++) {
+        if (!tri_row(&t, y, n, &x0, &x1))
+            continue;
+        for (int x = x0; x <= x1; x++) {
+            float dx = (float)x + 0.5f - t.ox, dy = (float)y + 0.5f - t.oy;
+            float q = t.q[0] * dx + t.q[1] * dy + t.q[2];
+            float w[3] = {0, t.w[0] * dx + t.w[1] * dy,
+                          t.w[2] * dx + t.w[3] * dy};
+            w[0] = 1 - w[1] - w[2];
+            if (q > map[y * n + x]
+                && !is_hole(f, &f->parts[f->part[i]], v, w))
+                map[y * n + x] = q;
+        }
+    }
+}
+
+/* A box of 2 r + 1 texels, twice along each axis. */
+static void blur_map(float *map, float *tmp, int n, int r)
+{
+    float w = 1 / (float)(2 * r + 1);
+
+    for (int pass = 0; pass < 4; pass++) {
+        const float *in = pass & 1 ? tmp : map;
+        float *out = pass & 1 ? map : tmp;
+        int step = pass < 2 ? 1 : n, across = pass < 2 ? n : 1;
+        for (int j = 0; j < n; j++) {
+            float sum = 0;
+            for (int i = -r; i <= r; i++)
+                sum += in[j * across + (i < 0 ? 0 : i) * step];
+            for (int i = 0; i < n; i++) {
+                int a = i - r < 0 ? 0 : i - r;
+                int b = i + r + 1 >= n ? n - 1 : i + r + 1;
+                out[j * across + i * step] = sum * w;
+                sum += in[j * across + b * step] - in[j * across + a * step];
+            }
+        }
+    }
+}
+
+static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
+                        const struct lamp *l)
+{
+    const struct figure *f = s->figure;
+    float up[3] = {0, -1, 0};
+    size_t n = (size_t)SCAN_SHADOW * SCAN_SHADOW;
+
+    copy3(w->w, l->dir);
+    if (fabsf(w->w[1]) > 0.97f)
+        up[0] = 1, up[1] = 0;
+    cross3(w->u, up, w->w);
+    unit3(w->u);
+    cross3(w->v, w->w, w->u);
+    w->scale = SCAN_SHADOW / (2 * REACH);
+    w->centre[0] = w->centre[1] = w->centre[2] = 0;
+    for (size_t i = 0; i < f->parts[0].c1; i += 64)
+        mad3(w->centre, w->centre, s->place + 3 * i,
+             1 / (float)((f->parts[0].c1 + 63) / 64));
+    for (size_t i = 0; i < f->nc; i++)
+        s->sun[i] = sun_place(w, s->place + 3 * i);
+    memset(w->map, 0, n * sizeof *w->map);
+    for (size_t i = 0; i < f->nf; i++) {
+        enum stuff k = (enum stuff)f->stuff[i];
+        if (k == STUFF_BROW || k == STUFF_LASH || k == STUFF_TEAR
+            || k == STUFF_GLASS || k == STUFF_TEETH || k == STUFF_GUM)
+            continue;
+        draw_face(s, w->map, i);
+    }
+    for (size_t i = 0; i < n; i++) {
+        float h = w->map[i] > 0 ? w->map[i] - 8 : -2;
+        w->map[i] = expf(SHARP * clampf(h, -2, 2));
+    }
+    blur_map(w->map, s->flat, SCAN_SHADOW, 1 + (int)(l->size * 18));
+}
+
+void scan_shadows(struct scan_stage *s)
+{
+    for (int i = 0; i < s->figure->light.nlamp; i++)
+        shadow_make(s, &s->shadow[i], &s->figure->light.lamp[i]);
+}
+
+float scan_shadow_at(const struct scan_stage *s, int i, const float p[3],
+                     const float n[3])
+{
+    const struct scan_shadow *w = &s->shadow[i];
+    float at[3];
+
+    mad3(at, p, n, 0.012f);
+    struct raster_vertex v = sun_place(w, at);
+    float x = v.x - 0.5f, y = v.y - 0.5f;
+    int x0 = (int)x, y0 = (int)y, m = SCAN_SHADOW;
+    if (x < 0 || y < 0 || x0 >= m - 1 || y0 >= m - 1)
+        return 1;
+    float fx = x - (float)x0, fy = y - (float)y0;
+    const float *q = w->map + y0 * m + x0;
+    float mean = lerpf(lerpf(q[0], q[1], fx), lerpf(q[m], q[m + 1], fx), fy);
+    float lit = expf(SHARP * clampf(v.q - 8 + 0.006f, -2, 2)) / mean;
+
+    return lit >= 1 ? 1 : clampf((lit - 0.08f) / 0.92f, 0, 1);
+}

@@ -1,0 +1,195 @@
+/* One person's skin from the statistics. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/synth/noise.h"
+#include "lib/synth/scan_skin.h"
+#include "lib/synth/vec.h"
+
+#define N SKIN_SIZE
+#define M SKIN_SLOW
+#define DONORS 12
+
+#define FAIREST 0.40f           /* luminance */
+
+/* Mean log luminance about the middle of the face. */
+static float mean_log(const float *o)
+{
+    float sum = 0;
+
+    for (int y = M * 3 / 8; y < M * 5 / 8; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++) {
+            const float *p = o + 3 * (y * M + x);
+            sum += 0.3f * p[0] + 0.59f * p[1] + 0.11f * p[2];
+        }
+    return sum / (M / 4 * (M / 2));
+}
+
+/* Log albedo (M,M,3): mean, components, melanin and blood. */
+static void slow_colour(float *o, const struct skin_model *m,
+                        const struct skin_look *l)
+{
+    static const float melanin[3] = {0.80f, 1.06f, 1.35f};
+    static const float blood[3] = {0.035f, -0.050f, -0.030f};
+    size_t d = 3 * (size_t)M * M;
+
+    memcpy(o, m->mean, d * sizeof *o);
+    for (int k = 0; k < m->parts; k++)
+        for (size_t p = 0; p < d; p++)
+            o[p] += l->z[k] * m->part[(size_t)k * d + p];
+    for (size_t p = 0; p < d; p++)
+        o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
+    /* no skin is whiter than FAIREST; redness of its own stays */
+    float mean = mean_log(o), over = mean - logf(FAIREST);
+    for (size_t p = 0; over > 0 && p < d; p++)
+        o[p] -= over;
+}
+
+/* Mean colour of cheeks, nose and forehead, linear. */
+static void find_tone(float tone[3], const float *slow)
+{
+    float n = 0;
+
+    tone[0] = tone[1] = tone[2] = 0;
+    for (int y = M * 3 / 8; y < M * 5 / 8; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++) {
+            for (int k = 0; k < 3; k++)
+                tone[k] += expf(slow[3 * (y * M + x) + k]);
+            n += 1;
+        }
+    for (int k = 0; k < 3; k++)
+        tone[k] /= n;
+}
+
+/* Fine log luminance (N,N): many people's grain at once, with random signs
+ * of side and random shares. */
+static void mix_grain(float *o, const struct skin_model *m,
+                      const struct skin_look *l)
+{
+    struct random r;
+    float w[DONORS], sum = 0;
+    uint32_t who[DONORS];
+
+    random_init(&r, l->key, "grain");
+    for (int k = 0; k < DONORS; k++) {
+        w[k] = (float)random_range(&r, 0.3, 1);
+        who[k] = random_below(&r, 2 * (uint32_t)m->people);
+        sum += w[k] * w[k];
+    }
+    for (int p = 0; p < N * N; p++)
+        o[p] = 0.7f * m->crease[p];
+    for (int k = 0; k < DONORS; k++) {
+        const int8_t *g = m->grain + (size_t)(who[k] / 2) * N * N;
+        float a = l->grain * w[k] / (sqrtf(sum) * 256);
+        for (int y = 0; y < N; y++)
+            for (int x = 0; x < N; x++)
+                o[y * N + x] += a * (float)g[y * N
+                                             + (who[k] & 1 ? N - 1 - x : x)];
+    }
+}
+
+/* Dark spots: k of them, radii up to `size` texels, depth up to `deep`. */
+static void add_spots(float *o, struct random *r, int k, float size,
+                      float deep)
+{
+    for (int i = 0; i < k; i++) {
+        float cx = (float)random_range(r, 0.18, 0.82) * N;
+        float cy = (float)random_range(r, 0.2, 0.8) * N;
+        float rad = (float)random_range(r, 0.4, 1) * size;
+        float d = (float)random_range(r, 0.3, 1) * deep;
+        int n = (int)(2 * rad) + 1;
+        for (int y = (int)cy - n; y <= (int)cy + n; y++)
+            for (int x = (int)cx - n; x <= (int)cx + n; x++) {
+                float e = hypotf((float)x - cx, (float)y - cy) / rad;
+                o[y * N + x] -= d * ramp(1.4f, 0.4f, e);
+            }
+    }
+}
+
+static float bilinear(const float *p, int x, int y, int k)
+{
+    float fx = clampf(((float)x + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
+    float fy = clampf(((float)y + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
+    int u = (int)fx, v = (int)fy;
+    const float *q = p + 3 * (v * M + u) + k;
+
+    fx -= (float)u;
+    fy -= (float)v;
+    return lerpf(lerpf(q[0], q[3], fx), lerpf(q[3 * M], q[3 * M + 3], fx),
+                 fy);
+}
+
+/* Stubble and make-up on one texel's colour. */
+static void decorate(float c[3], const struct skin_model *m,
+                     const struct skin_look *l, int i, float hair)
+{
+    static const float blue[3] = {0.60f, 0.72f, 0.80f};
+    float x = (float)(i % N) / N, y = (float)(i / N) / N;
+    float lip = m->lip[i] / 255.0f, beard = m->beard[i] / 255.0f;
+
+    if (l->stubble > 0 && beard > 0) {
+        float s = l->stubble * beard * (0.5f + 0.9f * hair);
+        for (int k = 0; k < 3; k++)
+            c[k] *= lerpf(1, 0.72f * blue[k], clampf(s, 0, 1));
+    }
+    if (l->lipstick > 0 && lip > 0)
+        lerp3(c, c, l->lip, 0.8f * lip * l->lipstick);
+    float side = fabsf(x - 0.5f);
+    if (l->shadow > 0) {
+        /* over the eyes */
+        float e = hypotf((side - 0.155f) / 0.085f, (y - 0.262f) / 0.032f);
+        lerp3(c, c, l->lid, 0.7f * l->shadow * ramp(1.2f, 0.5f, e));
+    }
+    if (l->blush > 0) {
+        float e = hypotf((side - 0.22f) / 0.10f, (y - 0.44f) / 0.06f);
+        float g = 0.35f * l->blush * ramp(1.3f, 0, e);
+        c[0] *= 1 - 0.1f * g;
+        c[1] *= 1 - g;
+        c[2] *= 1 - 0.9f * g;
+    }
+}
+
+void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
+                const struct skin_look *l)
+{
+    static const float share[3] = {0.85f, 1.05f, 1.12f};
+    struct random r;
+    float *slow = malloc(3 * M * M * sizeof *slow);
+    float *fine = malloc(N * N * sizeof *fine);
+
+    tone[0] = 0.5f, tone[1] = 0.33f, tone[2] = 0.25f;
+    memset(out, 128, 4 * N * N);
+    if (!slow || !fine)
+        goto out;
+    slow_colour(slow, m, l);
+    mix_grain(fine, m, l);
+    random_init(&r, l->key, "spots");
+    add_spots(fine, &r, (int)(400 * l->freckle), 2.6f, 0.25f);
+    add_spots(fine, &r, (int)(7 * l->mole), 3.2f, 0.9f);
+    find_tone(tone, slow);
+    for (int i = 0; i < N * N; i++) {
+        uint64_t h = random_mix(l->key + (uint64_t)i);
+        float hair = (float)(h & 255) / 255, c[3];
+        for (int k = 0; k < 3; k++)
+            c[k] = clampf(expf(bilinear(slow, i % N, i / N, k)
+                               + share[k] * fine[i]), 0.01f, 0.93f);
+        /* where the scans' photographs end, the rest of the head begins */
+        float x = fabsf((float)(i % N) / N - 0.5f), y = (float)(i / N) / N;
+        float in = ramp(0.5f, 0.42f, x) * ramp(0, 0.10f, y)
+                   * ramp(1, 0.88f, y);
+        lerp3(c, tone, c, in);
+        decorate(c, m, l, i, hair);
+        /* pores: finer than the photographs show */
+        float pore = ((float)(h >> 8 & 255) + (float)(h >> 16 & 255)) / 255
+                     - 1;
+        float height = 128 + clampf(160 * fine[i], -70, 70) + 9 * pore;
+        for (int k = 0; k < 3; k++)
+            out[4 * i + k] = (uint8_t)(255 * sqrtf(c[k]) + 0.5f);
+        out[4 * i + 3] = (uint8_t)clampf(height, 0, 255);
+    }
+out:
+    free(slow);
+    free(fine);
+}
