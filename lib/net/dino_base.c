@@ -83,8 +83,8 @@ static void unit_plan(struct residual_unit *u, struct nn_plan *p, size_t B,
     u->h = nn_plan_map(p, B * h * w * C);
     conv_plan(&u->conv1, p, B, h, w);
     conv_plan(&u->conv2, p, B, h, w);
-    nn_plan_give(p, u->r);
-    nn_plan_give(p, u->h);
+    nn_plan_recycle(p, u->r);
+    nn_plan_recycle(p, u->h);
 }
 
 static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
@@ -98,12 +98,12 @@ static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
     l->tokens = nn_plan_map(p, patches * d->vit.config.embed);
     l->p = nn_plan_map(p, patches * C);
     conv_plan(&l->project, p, B, gh, gw);
-    nn_plan_give(p, l->tokens);
+    nn_plan_recycle(p, l->tokens);
     l->f = k == 2 ? l->p : nn_plan_map(p, pixels * C);
     if (l->factor > 1) {
         l->shuffled = nn_plan_map(p, pixels * C);
         conv_plan(&l->grow, p, B, gh, gw);
-        nn_plan_give(p, l->shuffled);
+        nn_plan_recycle(p, l->shuffled);
     } else if (k == 3) {
         conv_plan(&l->shrink, p, B, gh, gw);
     }
@@ -113,10 +113,10 @@ static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
     l->cat = nn_plan_map(p, pixels * l->join.in_data);
     l->rn = nn_plan_map(p, pixels * d->out);
     conv_plan(&l->join, p, B, l->h, l->w);
-    nn_plan_give(p, l->p);
-    nn_plan_give(p, l->f == l->p ? NULL : l->f);
-    nn_plan_give(p, l->image);
-    nn_plan_give(p, l->cat);
+    nn_plan_recycle(p, l->p);
+    nn_plan_recycle(p, l->f == l->p ? NULL : l->f);
+    nn_plan_recycle(p, l->image);
+    nn_plan_recycle(p, l->cat);
 }
 
 static void fusion_plan(struct dino_base *d, size_t i)
@@ -139,9 +139,9 @@ static void fusion_plan(struct dino_base *d, size_t i)
     conv_plan(&f->out, p, B, f->h, f->w);
     rescale_plan(&f->grow, p, RESCALE_ALIGNED, B, f->h, f->w, f->oh, f->ow, C);
     f->o = nn_plan_map(p, B * f->oh * f->ow * C);
-    nn_plan_give(p, f->y);
-    nn_plan_give(p, f->m);
-    nn_plan_give(p, f->c);
+    nn_plan_recycle(p, f->y);
+    nn_plan_recycle(p, f->m);
+    nn_plan_recycle(p, f->c);
 }
 
 int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,

@@ -96,7 +96,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
         im->y[i] = nn_plan_map(p, rows * d->width);
         linear_plan(&im->trunk[i], p, rows);
         if (i)
-            nn_plan_give(p, im->y[i - 1]);
+            nn_plan_recycle(p, im->y[i - 1]);
     }
     im->x = nn_plan_map(p, rows * im->padded);
     for (int i = 0; i < 4; i++) {
@@ -105,7 +105,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
         linear_plan(&im->inner[i], p, rows);
         im->o[i] = nn_plan_map(p, rows * attribute_width(d, i));
         linear_plan(&im->outer[i], p, rows);
-        nn_plan_give(p, im->h[i]);
+        nn_plan_recycle(p, im->h[i]);
     }
     if (nn_plan_backward(p))
         plan_gradients(d, rows);

@@ -5,7 +5,7 @@
 #include <sysexits.h>
 
 #include "lib/nn/depthwise.h"
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #define BLOCKS 18
 
@@ -84,7 +84,7 @@ struct block {
     bool expand, se, residual, last;
     unsigned char stage;
     struct unit up, dw, down;
-    struct squeeze squeeze;
+    struct squeeze_excite squeeze;
     float *gated;                 /* the squeeze's output */
     const float *in;
 };
@@ -160,7 +160,7 @@ static void block_init(struct block *b, struct mobilenet_impl *im,
     unit_init(&b->dw, im, ps, at, "conv_dw", b->expand ? "bn2" : "bn1", mid,
               mid, r->kernel, r->stride, act, true);
     if (b->se)
-        squeeze_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
+        squeeze_excite_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
                      channels((double)(mid / 4)));
     unit_init(&b->down, im, ps, at, b->expand ? "conv_pwl" : "conv_pw",
               b->expand ? "bn3" : "bn2", mid, out, 1, 1, ACT_NONE, false);
@@ -263,23 +263,23 @@ static size_t block_plan(struct block *b, struct nn_plan *p, size_t batch,
     }
     unit_plan(&b->dw, p, batch, *h, *w, false);
     if (b->expand)
-        nn_plan_give(p, b->up.y);
+        nn_plan_recycle(p, b->up.y);
     *h = b->dw.h;
     *w = b->dw.w;
     n = batch * *h * *w * b->dw.C;
     most = n > most ? n : most;
     b->gated = b->dw.y;
     if (b->se) {
-        squeeze_plan(&b->squeeze, p, batch, *h * *w);
+        squeeze_excite_plan(&b->squeeze, p, batch, *h * *w);
         if (nn_plan_backward(p))
             b->gated = nn_plan_map(p, n);
     }
     unit_plan(&b->down, p, batch, *h, *w, b->residual);
-    nn_plan_give(p, b->dw.y);
+    nn_plan_recycle(p, b->dw.y);
     if (!nn_plan_backward(p) && b->residual)
         b->down.y = in;
     else
-        nn_plan_give(p, in);
+        nn_plan_recycle(p, in);
     *x = b->down.y;
     return most;
 }
@@ -363,7 +363,7 @@ static const float *block_forward(struct block *b, const float *x, bool train)
         x = unit_forward(&b->up, x, NULL, train);
     x = unit_forward(&b->dw, x, NULL, train);
     if (b->se) {
-        squeeze_forward(b->gated, x, &b->squeeze);
+        squeeze_excite_forward(b->gated, x, &b->squeeze);
         x = b->gated;
     }
     return unit_forward(&b->down, x, b->residual ? in : NULL, train);
@@ -411,7 +411,7 @@ static void block_backward(float *g[3], struct block *b)
         unit_backward(s, dy, b->gated, &b->down);
     }
     if (b->se)
-        squeeze_backward(s, s, b->dw.y, &b->squeeze);
+        squeeze_excite_backward(s, s, b->dw.y, &b->squeeze);
     if (b->expand) {
         unit_backward(t, s, b->up.y, &b->dw);
         unit_backward(s, t, b->in, &b->up);

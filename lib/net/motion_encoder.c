@@ -34,7 +34,7 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
     return 0;
 }
 
-void motion_encoder_start(struct motion_encoder *m)
+void motion_encoder_init_weights(struct motion_encoder *m)
 {
     static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
     float *b = param_w(m->ps, m->head_b[0]);

@@ -5,7 +5,7 @@
 
 #include "lib/nn/image.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
@@ -32,8 +32,8 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->channels = channels;
     r->width = width;
     r->turns = turns;
-    declare(&r->fold0, ps, prefix, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU);
-    declare(&r->fold1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU);
+    declare(&r->stem0, ps, prefix, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU);
+    declare(&r->stem1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU);
     declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2, ACT_LRELU);
     declare(&r->down2, ps, prefix, "down.2", w1, w2, 3, 2, ACT_LRELU);
     declare(&r->mid, ps, prefix, "mid", w2, w2, 3, 1, ACT_LRELU);
@@ -48,9 +48,9 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1, ACT_LRELU);
     declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
     if (turns) {
-        vary_init(&r->vary1, &r->cond1,
+        conditional_conv_init(&r->vary1, &r->cond1,
                   nn_name(name, "%scondition.1", prefix), RELATIVE_POSE_SIZE);
-        vary_init(&r->vary0, &r->cond0,
+        conditional_conv_init(&r->vary0, &r->cond0,
                   nn_name(name, "%scondition.0", prefix), RELATIVE_POSE_SIZE);
     }
     /* training starts from the coarse picture */
@@ -61,7 +61,7 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
 static void convs(struct conv *c[15], struct narrow_refiner *r)
 {
     struct conv *all[15] = {
-        &r->fold0, &r->fold1, &r->down1, &r->down2, &r->mid, &r->style1,
+        &r->stem0, &r->stem1, &r->down1, &r->down2, &r->mid, &r->style1,
         &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
         &r->body0, &r->rgb, NULL
     };
@@ -74,14 +74,14 @@ static void plan_forward(struct narrow_refiner *r)
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
     size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
     r->f0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
-    r->folds = !nn_plan_backward(p) && fold_possible(&r->fold0);
-    if (r->folds)
-        fold_plan(&r->fold, &r->fold0, p, B, h, w);
+    r->fused = !nn_plan_backward(p) && fused_stem_possible(&r->stem0);
+    if (r->fused)
+        fused_stem_plan(&r->stem, &r->stem0, p, B, h, w);
     else
-        conv_plan(&r->fold0, p, B, h, w);
+        conv_plan(&r->stem0, p, B, h, w);
     r->e0 = nn_plan_map(p, a0 * w0);
-    conv_plan(&r->fold1, p, B, h / 2, w / 2);
-    nn_plan_give(p, r->f0);
+    conv_plan(&r->stem1, p, B, h / 2, w / 2);
+    nn_plan_recycle(p, r->f0);
     r->e1 = nn_plan_map(p, a1 * w1);
     conv_plan(&r->down1, p, B, h / 4, w / 4);
     r->e2 = nn_plan_map(p, a2 * w2);
@@ -118,8 +118,8 @@ static void plan_forward(struct narrow_refiner *r)
     r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
     if (r->turns) {
-        vary_plan(&r->vary1, p);
-        vary_plan(&r->vary0, p);
+        conditional_conv_plan(&r->vary1, p);
+        conditional_conv_plan(&r->vary0, p);
     }
 }
 
@@ -165,8 +165,8 @@ static void set_turn(struct narrow_refiner *r)
 {
     if (!r->turns)
         return;
-    vary_set(&r->vary1, r->turn);
-    vary_set(&r->vary0, r->turn);
+    conditional_conv_set(&r->vary1, r->turn);
+    conditional_conv_set(&r->vary0, r->turn);
 }
 
 void narrow_refiner_update(struct narrow_refiner *r)
@@ -177,8 +177,8 @@ void narrow_refiner_update(struct narrow_refiner *r)
     for (int i = 0; c[i]; i++)
         if (c[i]->impl)
             conv_update(c[i], NULL);
-    if (r->folds)
-        fold_update(&r->fold);
+    if (r->fused)
+        fused_stem_update(&r->stem);
 }
 
 void narrow_refiner_turn(struct narrow_refiner *r,
@@ -237,7 +237,7 @@ static void style_backward(float *dm, const float *dms,
 }
 
 /* From e0, a quarter of the size, to sixteen pixels' corrections per place. */
-static void forward_folded(struct narrow_refiner *r)
+static void forward_quarter(struct narrow_refiner *r)
 {
     size_t w0 = r->width, w1 = w0 * 3 / 2;
     size_t a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
@@ -263,30 +263,30 @@ static void forward_folded(struct narrow_refiner *r)
 
 bool narrow_refiner_views(const struct narrow_refiner *r)
 {
-    return r->folds;
+    return r->fused;
 }
 
-void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
+void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
                                  struct narrow_refiner *r)
 {
-    fold_forward(r->f0, rgb, feat, &r->fold);
-    conv_forward(r->e0, r->f0, &r->fold1);
-    forward_folded(r);
+    fused_stem_forward(r->f0, rgb, feat, &r->stem);
+    conv_forward(r->e0, r->f0, &r->stem1);
+    forward_quarter(r);
     depth_to_space_add(rgb, rgb, 3, r->d, r->batch, r->h / 4, r->w / 4, 3, 4);
 }
 
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r)
 {
-    struct fold_view view = { .f32 = feat, .stride = r->w * r->channels };
+    struct feature_view view = { .f32 = feat, .stride = r->w * r->channels };
     r->feat = feat;
-    if (r->folds) {
+    if (r->fused) {
         narrow_refiner_forward_view(rgb, &view, r);
         return;
     }
-    conv_forward(r->f0, feat, &r->fold0);
-    conv_forward(r->e0, r->f0, &r->fold1);
-    forward_folded(r);
+    conv_forward(r->f0, feat, &r->stem0);
+    conv_forward(r->e0, r->f0, &r->stem1);
+    forward_quarter(r);
     depth_to_space_add(rgb, feat, r->channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
 }
@@ -294,10 +294,10 @@ void narrow_refiner_forward(float *rgb, const float *feat,
 /* de (written) from dt, the gradient of the condition t that map e makes. */
 static void condition_backward(float *de, float *dt, const float *t,
                                const float *e, struct conv *c,
-                               struct vary *v, struct narrow_refiner *r)
+                               struct conditional_conv *v, struct narrow_refiner *r)
 {
     if (r->turns)
-        vary_backward(de, r->dturn, dt, t, e, r->turn, v);
+        conditional_conv_backward(de, r->dturn, dt, t, e, r->turn, v);
     else
         conv_backward(de, dt, t, e, c);
 }
@@ -339,8 +339,8 @@ void narrow_refiner_backward(float *dfeat, const float *drgb,
     image_add(de1, r->g1[1], a1 * w1);
     conv_backward(r->g0[1], de1, r->e1, r->e0, &r->down1);
     image_add(de0, r->g0[1], a0 * w0);
-    conv_backward(r->df, de0, r->e0, r->f0, &r->fold1);
-    conv_backward(dfeat, r->df, r->f0, r->feat, &r->fold0);
+    conv_backward(r->df, de0, r->e0, r->f0, &r->stem1);
+    conv_backward(dfeat, r->df, r->f0, r->feat, &r->stem0);
     if (!dfeat)
         return;
     /* rgb = feat's first three + correction */

@@ -94,7 +94,7 @@ bool refiner_views(const struct refiner *r)
     return is_narrow(r) && narrow_refiner_views(&r->impl->narrow);
 }
 
-void refiner_forward_view(float *rgb, const struct fold_view *feat,
+void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r)
 {
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);

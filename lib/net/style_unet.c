@@ -176,27 +176,27 @@ static void res_plan(struct style_res *r, struct nn_plan *p, size_t B,
     conv_plan(&r->conv1, p, B, side, side);
     r->h1s = nn_plan_map(p, B * to * to * in);
     rescale_plan(&r->move_h, p, RESCALE_BILINEAR, B, side, side, to, to, in);
-    nn_plan_give(p, r->h1);
+    nn_plan_recycle(p, r->h1);
     r->out = nn_plan_map(p, B * to * to * out);
     r->h2 = train ? nn_plan_map(p, B * to * to * out) : r->out;
     conv_plan(&r->conv2, p, B, to, to);
-    nn_plan_give(p, r->h1s);
+    nn_plan_recycle(p, r->h1s);
     if (r->up) {                  /* the 1x1 is cheaper before enlarging */
         r->sx = nn_plan_map(p, B * side * side * out);
         r->xs = nn_plan_map(p, B * to * to * out);
         conv_plan(&r->skip, p, B, side, side);
         rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
                      out);
-        nn_plan_give(p, r->sx);
+        nn_plan_recycle(p, r->sx);
     } else {
         r->xs = nn_plan_map(p, B * to * to * in);
         r->sx = nn_plan_map(p, B * to * to * out);
         rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
                      in);
         conv_plan(&r->skip, p, B, to, to);
-        nn_plan_give(p, r->sx);
+        nn_plan_recycle(p, r->sx);
     }
-    nn_plan_give(p, r->xs);
+    nn_plan_recycle(p, r->xs);
 }
 
 static void condition_plan(struct style_condition *c, struct nn_plan *p,
@@ -206,7 +206,7 @@ static void condition_plan(struct style_condition *c, struct nn_plan *p,
     conv_plan(&c->a, p, B, side, side);
     c->out = nn_plan_map(p, B * side * side * c->b.out);
     conv_plan(&c->b, p, B, side, side);
-    nn_plan_give(p, c->h);
+    nn_plan_recycle(p, c->h);
 }
 
 static void plan_encoder(struct style_unet *s)
@@ -226,7 +226,7 @@ static void plan_encoder(struct style_unet *s)
     for (size_t i = 0; i < s->levels; i++) {
         res_plan(&s->level[i].down, p, B, s->out_size >> i);
         if (i == 0)
-            nn_plan_give(p, s->x0);
+            nn_plan_recycle(p, s->x0);
     }
     s->inner = nn_plan_map(p, B * 16 * C);
     conv_plan(&s->final_conv, p, B, 4, 4);
@@ -255,21 +255,21 @@ static void plan_decoder(struct style_unet *s)
         size_t side = 8u << i, half = side / 2;
         l->side = side;
         l->f = nn_plan_map(p, B * half * half * l->up.conv1.in);
-        nn_plan_give(p, f);
-        nn_plan_give(p, down->out);
+        nn_plan_recycle(p, f);
+        nn_plan_recycle(p, down->out);
         res_plan(&l->up, p, B, half);
-        nn_plan_give(p, l->f);
+        nn_plan_recycle(p, l->f);
         condition_plan(&l->scale, p, B, side);
         condition_plan(&l->shift, p, B, side);
         style_conv_plan(&l->enlarge, p, B, side, side);
-        nn_plan_give(p, x);
+        nn_plan_recycle(p, x);
         l->sft = nn_plan_backward(p)
             ? nn_plan_map(p, B * side * side * l->enlarge.out)
             : l->enlarge.y;
-        nn_plan_give(p, l->scale.out);
-        nn_plan_give(p, l->shift.out);
+        nn_plan_recycle(p, l->scale.out);
+        nn_plan_recycle(p, l->shift.out);
         style_conv_plan(&l->same, p, B, side, side);
-        nn_plan_give(p, l->enlarge.y);
+        nn_plan_recycle(p, l->enlarge.y);
         to_rgb_plan(&l->rgb, p, B, side, side);
         f = l->up.out;
         x = l->same.y;

@@ -11,7 +11,7 @@
 #include "lib/base/isa.h"
 
 struct depthwise;
-struct fold_rows;
+struct fused_stem_rows;
 struct rescale;
 struct winograd;
 
@@ -78,7 +78,7 @@ struct winograd;
     X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
     X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
                        float zero, size_t n))                                \
-    X(void, fold_row, (float *out, const struct fold_rows *in,               \
+    X(void, fused_stem_row, (float *out, const struct fused_stem_rows *in,               \
                        const float *w, const float *bias, size_t pixels,     \
                        size_t C, size_t O))                                  \
     X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \

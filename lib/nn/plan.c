@@ -128,17 +128,17 @@ float *nn_plan_map(struct nn_plan *p, size_t count)
     return c->data;
 }
 
-void nn_plan_give_back(struct nn_plan *p, void *map)
+void nn_plan_free(struct nn_plan *p, void *map)
 {
     for (size_t i = 0; i < p->chunks; i++)
         if (p->chunk[i].data == map)
             p->chunk[i].idle = true;
 }
 
-void nn_plan_give(struct nn_plan *p, void *map)
+void nn_plan_recycle(struct nn_plan *p, void *map)
 {
     if (!nn_plan_backward(p))
-        nn_plan_give_back(p, map);
+        nn_plan_free(p, map);
 }
 
 void nn_plan_scratch(struct nn_plan *p, size_t bytes)

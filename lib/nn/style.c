@@ -73,9 +73,9 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
     conv_plan(&s->conv, p, batch, h, w);
     s->y = nn_plan_map(p, rows * s->out);
     s->u = nn_plan_backward(p) ? nn_plan_map(p, rows * s->out) : s->y;
-    nn_plan_give(p, s->xs);
+    nn_plan_recycle(p, s->xs);
     if (s->up)
-        nn_plan_give(p, s->xu);
+        nn_plan_recycle(p, s->xu);
     if (!nn_plan_backward(p))
         return;
     s->part = nn_plan_floats(p, NN_SUMS * 3 * most);

@@ -450,7 +450,7 @@ int task_avatar_init(struct task *t, struct error *err)
         return -1;
     if (!m->with_motion)
         return 0;
-    motion_encoder_start(&m->net);
+    motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
         motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
                         strcmp(c->freeze, "motion.") == 0, err))

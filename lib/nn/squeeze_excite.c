@@ -1,16 +1,16 @@
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #include <string.h>
 
 #include "lib/nn/kernels.h"
 
-void squeeze_init(struct squeeze *s, struct params *ps, const char *name,
+void squeeze_excite_init(struct squeeze_excite *s, struct params *ps, const char *name,
                   size_t channels, size_t hidden)
 {
     char buf[120];
     size_t down[4] = { hidden, channels, 1, 1 };
     size_t up[4] = { channels, hidden, 1, 1 };
-    *s = (struct squeeze){ .ps = ps, .channels = channels, .hidden = hidden };
+    *s = (struct squeeze_excite){ .ps = ps, .channels = channels, .hidden = hidden };
     s->reduce_w = params_add(ps, nn_name(buf, "%s.conv_reduce.weight", name),
                              4, down, PARAM_HE, 1.0f);
     s->reduce_b = params_add(ps, nn_name(buf, "%s.conv_reduce.bias", name), 1,
@@ -21,7 +21,7 @@ void squeeze_init(struct squeeze *s, struct params *ps, const char *name,
                              up, PARAM_ZERO, 0.0f);
 }
 
-void squeeze_plan(struct squeeze *s, struct nn_plan *p, size_t batch,
+void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p, size_t batch,
                   size_t pixels)
 {
     s->batch = batch;
@@ -82,7 +82,7 @@ void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                 dx[(n * pixels + i) * C + c] = dmean[n * C + c] * scale;
 }
 
-static void excite(struct squeeze *s, size_t n)
+static void excite(struct squeeze_excite *s, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, H = s->hidden;
@@ -95,7 +95,7 @@ static void excite(struct squeeze *s, size_t n)
     k->act_forward(gate, gate, ACT_HARDSIGMOID, C);
 }
 
-void squeeze_forward(float *y, const float *x, struct squeeze *s)
+void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, P = pieces(s->pixels), B = s->batch;
@@ -113,7 +113,7 @@ void squeeze_forward(float *y, const float *x, struct squeeze *s)
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
-static void excite_backward(struct squeeze *s)
+static void excite_backward(struct squeeze_excite *s)
 {
     struct params *ps = s->ps;
     size_t C = s->channels, H = s->hidden, B = s->batch;
@@ -147,8 +147,8 @@ static void excite_backward(struct squeeze *s)
 }
 
 /* In the forward pass this was: y = x gate(mean(x)). */
-void squeeze_backward(float *dx, const float *dy, const float *x,
-                      struct squeeze *s)
+void squeeze_excite_backward(float *dx, const float *dy, const float *x,
+                      struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, B = s->batch, P = pieces(s->pixels);

@@ -1,4 +1,4 @@
-#include "lib/nn/patch.h"
+#include "lib/nn/im2col.h"
 
 #include <string.h>
 
@@ -10,7 +10,7 @@
 #define COLUMNS 64       /* of a piece of work: two panels of gemm's */
 #define ROWS 48
 
-bool patch_wanted(const struct conv *c)
+bool im2col_wanted(const struct conv *c)
 {
     enum nn_type type = c->plan->opt.type;
     size_t terms = c->kernel * c->kernel * c->in_data;
@@ -20,7 +20,7 @@ bool patch_wanted(const struct conv *c)
                            : type == NN_FAST && few && terms >= 2048);
 }
 
-void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p)
+void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)
 {
     size_t pixels = c->batch * c->oh * c->ow;
     size_t rows = pixels < BAND ? pixels : BAND;
@@ -34,13 +34,13 @@ void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p)
 }
 
 /* Piece j of the sum: rows [first, first + length) of (K, out). */
-static size_t pieces(const struct patch *t)
+static size_t pieces(const struct im2col *t)
 {
     size_t taps = t->c->kernel * t->c->kernel;
     return taps * ((t->c->in_data + PIECE - 1) / PIECE);
 }
 
-static size_t piece(const struct patch *t, size_t j, size_t *first)
+static size_t piece(const struct im2col *t, size_t j, size_t *first)
 {
     size_t in = t->c->in_data, each = (in + PIECE - 1) / PIECE;
     size_t at = j % each * PIECE;
@@ -49,7 +49,7 @@ static size_t piece(const struct patch *t, size_t j, size_t *first)
 }
 
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
-void patch_update(struct patch *t, const float *w, const float *bias)
+void im2col_update(struct im2col *t, const float *w, const float *bias)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t in = t->c->in_data, out = t->c->out;
@@ -65,7 +65,7 @@ void patch_update(struct patch *t, const float *w, const float *bias)
 
 /* rows (M,K): what the windows of pixels [m0, m0 + M) of the output see, zeros
  * outside the picture. */
-static void unfold(const float *in, struct patch *t, size_t m0, size_t M)
+static void unfold(const float *in, struct im2col *t, size_t m0, size_t M)
 {
     const struct conv *c = t->c;
     size_t C = c->in_data, k = c->kernel, half = k / 2;
@@ -87,7 +87,7 @@ static void unfold(const float *in, struct patch *t, size_t m0, size_t M)
 }
 
 /* out (M, out) of the unfolded rows. */
-static void multiply(float *out, struct patch *t, size_t M)
+static void multiply(float *out, struct im2col *t, size_t M)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t N = t->c->out;
@@ -111,7 +111,7 @@ static void multiply(float *out, struct patch *t, size_t M)
     }
 }
 
-void patch_forward(float *out, const float *in, struct patch *t)
+void im2col_forward(float *out, const float *in, struct im2col *t)
 {
     const struct conv *c = t->c;
     size_t pixels = c->batch * c->oh * c->ow;

@@ -1,6 +1,6 @@
-/* Two rows of the feature image at a time: see fold.h. */
+/* Two rows of the feature image at a time: see fused_stem.h. */
 #include "lib/nn/act.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/vector.h"
 
@@ -15,7 +15,7 @@
 
 /* `pixels` (a constant) outputs from pixel x on, 16 channels of each; every
  * step asks for the line that will be read one piece later */
-VF_INLINE void block(float *out, const struct fold_rows *in, size_t x,
+VF_INLINE void block(float *out, const struct fused_stem_rows *in, size_t x,
                       const float *w, const float *bias, size_t C, size_t O,
                       const int pixels)
 {
@@ -43,7 +43,7 @@ VF_INLINE void block(float *out, const struct fold_rows *in, size_t x,
                      vf_max(acc[i][j], ACT_SLOPE * acc[i][j]));
 }
 
-VF_INLINE void row(float *out, const struct fold_rows *in, const float *w,
+VF_INLINE void row(float *out, const struct fused_stem_rows *in, const float *w,
                     const float *bias, size_t pixels, size_t C, size_t O)
 {
     for (size_t o = 0; o < O; o += 16, w += 64 * C) {
@@ -57,7 +57,7 @@ VF_INLINE void row(float *out, const struct fold_rows *in, const float *w,
 
 /* out (pixels,O) = lrelu(bias + w . the 2x2 pixels of C channels in two
  * rows); w (O/16, 4 C, 16). */
-void ISA(fold_row)(float *out, const struct fold_rows *in, const float *w,
+void ISA(fused_stem_row)(float *out, const struct fused_stem_rows *in, const float *w,
                    const float *bias, size_t pixels, size_t C, size_t O)
 {
     if (C == 32 && O == 16)      /* as shipped: the strides are constants */
