@@ -34,7 +34,8 @@ struct conv {
     size_t gamma;                 /* tensor (out) in ps that scales the whole
                                    * output, folded; or NN_NONE.  NN_INFER */
     const float *from;            /* weights in place of the tensor's, for
-                                   * conv_update (lib/nn/conditional_conv.h); or NULL */
+                                   * conv_update (conditional_conv.h), or
+                                   * NULL */
     size_t shuffle;               /* factor of a transposed convolution, or 0:
                                    * `out` then counts its pixels too */
     size_t in_data;               /* channels in memory if more than `in`

@@ -10,7 +10,7 @@
 
 #include "lib/nn/conv_impl.h"
 
-/* ---- describing the work -------------------------------------------------- */
+/* ---- describing the work ----------------------------------------------- */
 
 struct conv_onednn_mds {
     dnnl_memory_desc_t src, wei, bia, dst;
@@ -134,7 +134,7 @@ static const dnnl_memory_desc_t *conv_onednn_query(
     return dnnl_primitive_desc_query_md(pd, what, 0);
 }
 
-/* ---- planning ------------------------------------------------------------- */
+/* ---- planning ---------------------------------------------------------- */
 
 /* A reorder of weights between the checkpoint's layout and oneDNN's md; back
  * adds to what is there. */
@@ -321,7 +321,7 @@ void conv_onednn_plan_backward_weights(struct conv *c,
     nn_plan_scratch(c->plan, im->scratch * im->parts);
 }
 
-/* ---- running -------------------------------------------------------------- */
+/* ---- running ----------------------------------------------------------- */
 
 void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
                          struct conv *c)

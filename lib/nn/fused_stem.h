@@ -40,11 +40,11 @@ struct fused_stem_rows {
 
 /* Whether c is such a layer: out a multiple of 16. */
 bool fused_stem_possible(const struct conv *c);
-void fused_stem_plan(struct fused_stem *f, const struct conv *c, struct nn_plan *p,
-               size_t batch, size_t h, size_t w);
+void fused_stem_plan(struct fused_stem *f, const struct conv *c,
+                     struct nn_plan *p, size_t batch, size_t h, size_t w);
 void fused_stem_update(struct fused_stem *f);
 /* out (B,h/2,w/2,out); rgb (B,h,w,3) <- the first three channels. */
 void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
-                  const struct fused_stem *f);
+                        const struct fused_stem *f);
 
 #endif

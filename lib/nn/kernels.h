@@ -78,9 +78,9 @@ struct winograd;
     X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
     X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
                        float zero, size_t n))                                \
-    X(void, fused_stem_row, (float *out, const struct fused_stem_rows *in,               \
-                       const float *w, const float *bias, size_t pixels,     \
-                       size_t C, size_t O))                                  \
+    X(void, fused_stem_row, (float *out, const struct fused_stem_rows *in,   \
+                             const float *w, const float *bias,              \
+                             size_t pixels, size_t C, size_t O))             \
     X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \
                        size_t C))                                            \
     X(void, widen, (float *y, const uint16_t *x, size_t n))                  \

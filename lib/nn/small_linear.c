@@ -15,20 +15,23 @@ bool small_linear_wanted(const struct conv *c)
            c->act <= ACT_LRELU;
 }
 
-void small_linear_plan(struct small_linear *t, const struct conv *c, struct nn_plan *p)
+void small_linear_plan(struct small_linear *t, const struct conv *c,
+                       struct nn_plan *p)
 {
     t->c = c;
     t->w = nn_plan_floats(p, c->out * c->in_data);
     t->bias = nn_plan_floats(p, c->out);
 }
 
-void small_linear_update(struct small_linear *t, const float *w, const float *bias)
+void small_linear_update(struct small_linear *t, const float *w,
+                         const float *bias)
 {
     memcpy(t->w, w, t->c->out * t->c->in_data * sizeof *w);
     memcpy(t->bias, bias, t->c->out * sizeof *bias);
 }
 
-void small_linear_forward(float *out, const float *in, const struct small_linear *t)
+void small_linear_forward(float *out, const float *in,
+                          const struct small_linear *t)
 {
     const struct nn_kernels *k = nn_kernels();
     const struct conv *c = t->c;

@@ -15,8 +15,11 @@ struct small_linear {
 
 /* 1x1 of at most 16 pixels in all, in NN_F32 or NN_FAST. */
 bool small_linear_wanted(const struct conv *c);
-void small_linear_plan(struct small_linear *t, const struct conv *c, struct nn_plan *p);
-void small_linear_update(struct small_linear *t, const float *w, const float *bias);
-void small_linear_forward(float *out, const float *in, const struct small_linear *t);
+void small_linear_plan(struct small_linear *t, const struct conv *c,
+                       struct nn_plan *p);
+void small_linear_update(struct small_linear *t, const float *w,
+                         const float *bias);
+void small_linear_forward(float *out, const float *in,
+                          const struct small_linear *t);
 
 #endif

@@ -16,16 +16,16 @@ struct squeeze_excite {
 };
 
 /* Declare "<name>.conv_reduce.*" and "<name>.conv_expand.*". */
-void squeeze_excite_init(struct squeeze_excite *s, struct params *ps, const char *name,
-                  size_t channels, size_t hidden);
-void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p, size_t batch,
-                  size_t pixels);
+void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
+                         const char *name, size_t channels, size_t hidden);
+void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
+                         size_t batch, size_t pixels);
 /* y (B,pixels,C) = x gate, gate = hsig(W2 relu(W1 mean(x) + b1) + b2);
  * y may be x when nobody asks for a backward. */
 void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s);
 /* dx may be dy. */
 void squeeze_excite_backward(float *dx, const float *dy, const float *x,
-                      struct squeeze_excite *s);
+                             struct squeeze_excite *s);
 
 /* mean (B,C) over pixels of x (B,pixels,C); part (B,NN_PARTS,C) scratch. */
 void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,

@@ -155,7 +155,8 @@ static void run(const struct shape *s)
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);
     double most = plain(truth, in, &c, s);
-    fused_stem_forward(out, rgb, &(struct feature_view){ .f32 = in, .stride = row }, &f);
+    fused_stem_forward(out, rgb,
+                       &(struct feature_view){ .f32 = in, .stride = row }, &f);
     for (size_t i = 0; i < outs; i++)
         worst = fmax(worst, fabs((double)out[i] - truth[i]));
     printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
