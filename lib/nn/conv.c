@@ -283,7 +283,8 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
         im->sums = nn_plan_floats(p, (NN_SUMS + 1) * c->out);
         if (!c->no_din)
             conv_onednn_plan_backward_data(c, &s);
-        conv_onednn_plan_backward_weights(c, &s);
+        if (!c->ps->tensor[c->weight].frozen)
+            conv_onednn_plan_backward_weights(c, &s);
     }
 }
 
@@ -397,6 +398,8 @@ static void conv_backward_weights(struct conv *c, const float *dout,
 {
     struct conv_impl *im = c->impl;
     float *g = param_g(c->ps, c->weight);
+
+    assert(im->parts);           /* frozen when it was planned, now no more */
     const float *sum = conv_onednn_backward_weights(dout, in, c);
 
     if (c->in_data == c->in && !c->shuffle) {
@@ -418,16 +421,17 @@ void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c)
 {
     struct conv_impl *im = c->impl;
-    float *db = c->bias == NN_NONE ? NULL : param_g(c->ps, c->bias);
+    bool learns = c->bias != NN_NONE && !c->ps->tensor[c->bias].frozen;
+    float *db = learns ? param_g(c->ps, c->bias) : NULL;
     float *each = im->sums + NN_SUMS * c->out;
 
-    if (c->shuffle) {
+    if (c->shuffle && learns) {
         memset(each, 0, c->out * sizeof *each);
         db = each;
     }
     act_bias_backward(db, dout, im->sums, out, c->act,
                       c->batch * c->oh * c->ow, c->out);
-    if (c->shuffle)
+    if (c->shuffle && learns)
         for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
              o < c->out; o++)
             param_g(c->ps, c->bias)[o % O] += each[o];

@@ -446,7 +446,10 @@ int task_avatar_init(struct task *t, struct error *err)
         params_allocate(&t->ps, err) || params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
+                           err) ||
+        (*c->perceptual_file &&
+         avatar_system_perceptual(&m->tr, c->perceptual_file, err)))
         return -1;
     if (!m->with_motion)
         return 0;
