@@ -77,7 +77,8 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--keep-clear] "
+    "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--no-photo] "
+    "[--keep-clear] "
     "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
     "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] [--f32] "
     "[--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "

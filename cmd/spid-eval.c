@@ -13,8 +13,6 @@
 #include "lib/eval/people.h"
 #include "lib/eval/summary.h"
 
-#define PATH 600
-
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
     const char *lpips, *arcface, *source;
@@ -107,15 +105,13 @@ static int print_error(const struct error *err)
     return err->code ? err->code : EX_SOFTWARE;
 }
 
-/* ---- output ------------------------------------------------------------- */
-
 /* To -o, complete or not at all. */
 static void write_table(const struct table *t, enum table_format format,
                         const struct comparison *j)
 {
     const bool named = strcmp(cli.output, "-") != 0;
     const bool direct = named && file_is_special(cli.output);
-    char part[PATH];
+    char part[600];
     FILE *f = stdout;
 
     snprintf(part, sizeof part, direct ? "%s" : "%s.part", cli.output);
@@ -138,19 +134,28 @@ static void write_table(const struct table *t, enum table_format format,
 
 /* ---- pairs -------------------------------------------------------------- */
 
-/* Compare one pair into the row; 0, or the exit code after a message. */
+/* Compare one pair into the row; 0, or the exit code after a message.  A list's
+ * frames of one person have a null line: their first frame, unchanged. */
 static int compare_pair(struct table *t, const char *row,
-                        const struct pair *p, const struct comparison *j)
+                        const struct pair *p, struct comparison *j)
 {
     struct error err = {0};
     struct compare_log log = {.tsv = j->tsv, .pair = p->result};
-    size_t r = table_row(t, row);
-    int rc = p->motion
-                 ? compare_motions(t, r, p->truth, p->result,
-                                   j->head.V ? &j->head : NULL, &log, &err)
-                 : compare_frames(t, r, p->truth, p->result, p->source,
-                                  &j->nets, &log, &err);
+    struct compare_rows rows = {table_row(t, row), TABLE_NO_ROW};
+    const unsigned protocol = protocol_parse(p->protocol);
+    char still[TABLE_NAME];
+    int rc;
 
+    snprintf(still, sizeof still, p->protocol ? "%s, %s" : "%s",
+             PAIRS_UNCHANGED, p->protocol);
+    j->protocols |= protocol;
+    if (opt.pairs && !p->motion && protocol != PROTOCOL_CROSS) {
+        rows.unchanged = table_row(t, still);
+        j->protocols |= PROTOCOL_UNCHANGED;
+    }
+    rc = p->motion ? compare_motions(t, rows.result, p->truth, p->result,
+                                     j->head.V ? &j->head : NULL, &log, &err)
+                   : compare_frames(t, &rows, p, &j->nets, &log, &err);
     return rc ? print_error(&err) : 0;
 }
 
@@ -171,7 +176,6 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
         snprintf(row, sizeof row, p->protocol ? "%s, %s" : "%s", p->name,
                  p->protocol);
-        j->protocols |= protocol_parse(p->protocol);
         rc = compare_pair(t, row, p, j);
         failed += rc != 0;
         code = rc ? rc : code;

@@ -63,6 +63,7 @@ static int lint_file(const char *path)
     int found = file_ends(path, ".ply")
                     ? ply_lint(path, print_finding, (void *)path, &err)
                     : glb_lint(path, print_finding, (void *)path, &err);
+
     if (found < 0)
         die_error(&err);
     if (!found)

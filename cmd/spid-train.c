@@ -209,7 +209,7 @@ static void print_run(const struct task *t, const struct train_config *c)
         learning += t->ps.tensor[i].frozen ? 0 : t->ps.tensor[i].count;
     fprintf(stderr, "spid-train: stage %s, %zu weights learn, batch %lld\n",
             train_stage_name(c->stage), learning, (long long)c->batch);
-    if (c->stage >= STAGE_AVATAR)
+    if (c->stage >= STAGE_AVATAR && !*c->perceptual_file)
         fprintf(stderr, "spid-train: no perceptual network is given: a "
                 "Laplacian pyramid stands in for L_perc\n");
     if (c->stage == STAGE_MOTION || c->stage == STAGE_ALL)

@@ -71,6 +71,7 @@ static int parse_shape(struct st_tensor *t, const cJSON *shape,
     t->count = 1;
     for (const cJSON *d = shape->child; d; d = d->next) {
         size_t n;
+
         if (t->ndim == 8 || !json_size(d, &n))
             return error_set(err, EX_DATAERR,
                              "%s: tensor '%s': bad shape (expected up to 8 "
@@ -135,6 +136,7 @@ static int by_place(const void *a, const void *b)
 {
     const struct st_tensor *x = *(const struct st_tensor *const *)a;
     const struct st_tensor *y = *(const struct st_tensor *const *)b;
+
     return (x->data > y->data) - (x->data < y->data);
 }
 
@@ -156,6 +158,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
         const struct st_tensor *a = order[i - 1], *b = order[i];
         const char *end = (const char *)a->data +
                           a->count * dtypes[a->dtype].size;
+
         if (end > (const char *)b->data)
             rc = error_set(err, EX_DATAERR,
                            "%s: tensors '%s' and '%s' overlap", st->path,
@@ -170,6 +173,7 @@ static int parse_metadata(struct safetensors *st, struct error *err)
 {
     const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
                                                       "__metadata__");
+
     if (m && !cJSON_IsObject(m))
         return error_set(err, EX_DATAERR, "%s: __metadata__ is not a map",
                          st->path);
@@ -308,6 +312,7 @@ const struct st_tensor *st_find(const struct safetensors *st,
 const char *st_meta(const struct safetensors *st, const char *key)
 {
     const cJSON *v = cJSON_GetObjectItemCaseSensitive(st->meta, key);
+
     return v ? v->valuestring : NULL;
 }
 
@@ -315,6 +320,7 @@ int st_meta_at(const struct safetensors *st, size_t i, const char **key,
                const char **value)
 {
     const cJSON *v = st->meta ? st->meta->child : NULL;
+
     for (; v && i; i--)
         v = v->next;
     if (!v)
@@ -329,6 +335,7 @@ static const char *shape_text(char *out, size_t size, int ndim,
                               const size_t *dim, bool any)
 {
     size_t n = (size_t)snprintf(out, size, "[");
+
     for (int i = 0; i < ndim && n < size; i++)
         n += any && !dim[i]
                  ? (size_t)snprintf(out + n, size - n, "%sany", i ? ", " : "")
@@ -470,6 +477,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err)
 {
     const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
+
     if (!t)
         return NULL;
     if (t->dtype >= ST_F16 && t->dtype <= ST_F64) {
@@ -484,6 +492,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
     }
     for (size_t i = 0; i < t->count; i++) {
         double v = tensor_element(t, i);
+
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,
                       "%s: tensor '%s' at index %zu is %.0f (expected a "

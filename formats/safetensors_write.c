@@ -22,6 +22,7 @@ static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
 
     if (meta && meta[0]) {
         cJSON *m = cJSON_AddObjectToObject(root, "__metadata__");
+
         for (; meta[0]; meta += 2)
             cJSON_AddStringToObject(m, meta[0], meta[1]);
     }
@@ -29,6 +30,7 @@ static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
         const struct st_tensor *t = &tensors[i];
         size_t bytes = t->count * st_dtype_size(t->dtype);
         cJSON *j = cJSON_AddObjectToObject(root, t->name);
+
         cJSON_AddStringToObject(j, "dtype", st_dtype_name(t->dtype));
         cJSON *shape = cJSON_AddArrayToObject(j, "shape");
         for (int d = 0; d < t->ndim; d++)

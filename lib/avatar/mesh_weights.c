@@ -64,7 +64,7 @@ static float mesh_weights_range(const struct head *h, size_t v)
     return mesh_weights_expression(h, v) +
            mesh_weights_norm(h->l_eyelid + 3 * v) +
            mesh_weights_norm(h->r_eyelid + 3 * v) +
-           JAW_ANGLE * arm * h->weights[HEAD_JOINTS * v + JOINT_JAW];
+           JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
 /* One pass over the vertices, then means for the midpoints. */
@@ -87,7 +87,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
 
         w->moving[v] = fminf(fmaxf(fmaxf(t, eye), 0), 1);
         w->neck[v] = neck_blend_weight(&w->blend, h->v_template[3 * v + 1]) *
-                     (1 - skin[JOINT_JAW]);
+                     (1 - head_jaw_share(h, v));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
     densify_midpoints(w->neck + V, w->neck, d, 1);

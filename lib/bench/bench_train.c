@@ -214,7 +214,7 @@ static int bench_encoder(struct course *c, struct error *err)
         !params_allocate_gradients(&c->ps, err) &&
         !adam_init(&c->adam, &c->ps, 0, 0, err)) {
         params_randomise(&c->ps, 1);
-        motion_encoder_start(&c->net);
+        motion_encoder_init_weights(&c->net);
         rc = motion_encoder_plan(&c->net, ALONE, opt, err);
     }
     for (size_t i = 0; i < ALONE * CROP; i++)
@@ -254,7 +254,7 @@ static int course_open_system(struct course *c, struct error *err)
         adam_init(&c->adam, &c->ps, 1, 0, err))
         return -1;
     params_randomise(&c->ps, 1);
-    motion_encoder_start(&c->net);
+    motion_encoder_init_weights(&c->net);
     return avatar_system_plan(&c->tr, IMAGE, 1, 0, train, err) ||
                    motion_encoder_plan(&c->net, PEOPLE, fixed, err) ||
                    motion_loss_init(&c->loss, &c->head, err)

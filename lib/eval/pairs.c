@@ -121,4 +121,8 @@ void protocols_write(FILE *f, unsigned protocols, const char *mark)
         fprintf(f, "%scross: the source is the first frame of a clip, the "
                 "driver the next identity's clip, the truth the driver's "
                 "motion\n", mark);
+    if (protocols & PROTOCOL_UNCHANGED)
+        fprintf(f, "%s" PAIRS_UNCHANGED ": the truth's first frame in place "
+                "of every later one; psnr_later and beats_0_pct are of the "
+                "same frames\n", mark);
 }

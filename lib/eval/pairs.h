@@ -28,8 +28,10 @@ struct pairs {
 int pairs_read(struct pairs *p, const char *path, struct error *err);
 void pairs_release(struct pairs *p);
 
-/* The protocols that are explained under a table, as bits. */
-enum { PROTOCOL_SELF = 1, PROTOCOL_CROSS = 2 };
+/* What is explained under a table, as bits: protocols, and the null line. */
+enum { PROTOCOL_SELF = 1, PROTOCOL_CROSS = 2, PROTOCOL_UNCHANGED = 4 };
+/* The null line's row. */
+#define PAIRS_UNCHANGED "frame 0 unchanged"
 /* The bit of "self" or "cross"; 0 for any other word and for NULL. */
 unsigned protocol_parse(const char *word);
 /* What each of them is, a line each with `mark` in front. */

@@ -122,12 +122,17 @@ static void table_number(FILE *f, double x, const char *missing)
 /* Columns for people, or tab-separated. */
 static void table_write_text(FILE *f, const struct table *t, bool tsv)
 {
-    fprintf(f, tsv ? "method" : "%-18s", "method");
+    int wide = 18;
+
+    for (size_t r = 0; r < t->rows && !tsv; r++)
+        wide = (int)strlen(t->row[r].name) > wide ? (int)strlen(t->row[r].name)
+                                                  : wide;
+    fprintf(f, "%-*s", tsv ? 0 : wide, "method");
     for (size_t c = 0; c < t->columns; c++)
         fprintf(f, tsv ? "\t%s" : " %11s", t->column[c]);
     fprintf(f, tsv ? "\tframes\tfailed\n" : "  frames  failed\n");
     for (size_t r = 0; r < t->rows; r++) {
-        fprintf(f, tsv ? "%s" : "%-18s", t->row[r].name);
+        fprintf(f, "%-*s", tsv ? 0 : wide, t->row[r].name);
         for (size_t c = 0; c < t->columns; c++) {
             double x = table_mean(t, r, c);
             char cell[40] = "-";

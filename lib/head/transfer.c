@@ -10,7 +10,7 @@
 
 enum {
     DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS,
-    EXTRA = 40                  /* directions of skull and neck */
+    EXTRA = TRANSFER_EXTRA
 };
 
 /* ---- eyes ------------------------------------------------------------------ */
@@ -152,7 +152,7 @@ static void extra_mask(double *mask, const struct registration *r)
         double ear = r->s->region[v] == REGION_EAR ||
                      r->s->region[v] == REGION_EYEBALL ? 0 : 1;
 
-        mask[v] = ear * fmax(neck, 0.7 * skull);
+        mask[v] = ear * fmax(neck, 0.4 * skull);
     }
 }
 
@@ -193,7 +193,7 @@ static int carry_expressions(struct sculpt *s, const struct registration *r,
         store(s, SCULPT_SHAPES + k, k < ARKIT_COUNT && !arkit_is_rig((int)k)
               ? all + 3 * s->nv * k : NULL);
     if (!rc)
-        rc = transfer_rig(s, r, all, err);
+        rc = transfer_rig(s, all, err);
     free(all);
     return rc;
 }

@@ -5,7 +5,7 @@
 #define SPID_NET_REFINER_H
 
 #include "lib/geom/relative_pose.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -49,7 +49,7 @@ void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE]);
 void refiner_forward(float *rgb, const float *feat, struct refiner *r);
 /* The same from half floats, or from a part of a larger image, without a copy:
  * a NARROW refiner planned with NN_INFER, where refiner_views says so. */
-void refiner_forward_view(float *rgb, const struct fold_view *feat,
+void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r);
 bool refiner_views(const struct refiner *r);
 /* dfeat (B,H,W,channels) is written, and dturn unless NULL. */

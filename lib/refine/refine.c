@@ -290,7 +290,7 @@ static int refine_forward(float *out, struct refine *r,
     const bool inside = r->top + r->plan.height <= in->height
         && r->left + r->plan.width <= in->width;
     const size_t at = (r->top * in->width + r->left) * in->channels;
-    const struct fold_view view = {
+    const struct feature_view view = {
         .f32 = in->f32 ? in->f32 + at : NULL,
         .f16 = in->f32 ? NULL : in->f16 + at,
         .stride = in->width * in->channels,

@@ -2,6 +2,7 @@
 
 #include <dirent.h>
 #include <errno.h>
+#include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -11,7 +12,8 @@
 #include "lib/synth/vec.h"
 
 #define PATH 4096
-#define BROW_UP 0.036f          /* head units */
+#define BROW_LOW 0.016f         /* head units */
+#define BROW_BIN 0.06f
 #define LOWEST (-2.6f)          /* of clothes, head units */
 
 /* ---- folders ------------------------------------------------------------ */
@@ -187,17 +189,45 @@ static int make_torso(struct scan_assets *a, struct error *err)
     return rc;
 }
 
-/* MakeHuman's brows lie low on the scans' bones: up to where the landmarks
- * have them. */
+/* Height of the scans' brows at x: along their landmarks, a little lower, as
+ * on photographs. */
+static float brow_height(const struct scan_face *f, float x)
+{
+    const float *p = NULL, *q = NULL;
+
+    for (int k = 22; k < 26; k++) {
+        p = f->neutral + 3 * f->landmark[k];
+        q = f->neutral + 3 * f->landmark[k + 1];
+        if (x < q[0])
+            break;
+    }
+    return lerpf(p[1], q[1], clampf((x - p[0]) / (q[0] - p[0]), 0, 1))
+           - BROW_LOW;
+}
+
+/* MakeHuman's brows lie low and slanted on the scans' bones: their mean comes
+ * up to the landmarks; each keeps its own way. */
 static int raise_brows(struct scan_assets *a, struct error *err)
 {
+    enum { BINS = 6 };
     float *n = malloc(3 * FACE_VERTICES * sizeof *n);
+    float dy[BINS + 1] = {0}, count[BINS + 1] = {0};
 
     if (!n)
         return error_set(err, EX_OSERR, "out of memory");
     scan_face_normals(n, a->face.neutral, &a->face);
     for (size_t i = 0; i < a->brow.n; i++)
-        piece_slide(&a->brow.piece[i], &a->body, n, BROW_UP);
+        for (size_t c = 0; c < a->brow.piece[i].nc; c++) {
+            const float *p = a->brow.piece[i].place + 3 * c;
+            int b = (int)clampf(fabsf(p[0]) / BROW_BIN, 0, BINS);
+            dy[b] += brow_height(&a->face, fabsf(p[0])) - p[1];
+            count[b] += 1;
+        }
+    for (int b = 0; b <= BINS; b++)
+        dy[b] = count[b] > 0 ? dy[b] / count[b] : BROW_LOW;
+    dy[0] = count[0] > 8 ? dy[0] : dy[1];
+    for (size_t i = 0; i < a->brow.n; i++)
+        piece_slide(&a->brow.piece[i], &a->body, n, dy, BINS, BROW_BIN);
     free(n);
     return 0;
 }
@@ -209,7 +239,8 @@ static int find_labels(struct scan_assets *a, const struct head *h,
     struct near_grid g;
 
     a->label = malloc(FACE_VERTICES);
-    if (!a->label)
+    a->hairy = calloc(FACE_VERTICES, sizeof *a->hairy);
+    if (!a->label || !a->hairy)
         return error_set(err, EX_OSERR, "out of memory");
     memset(a->label, LABEL_SKIN, FACE_VERTICES);
     if (!h->region)
@@ -224,6 +255,7 @@ static int find_labels(struct scan_assets *a, const struct head *h,
         int32_t at = 0;
         near_find(&at, NULL, &g, a->face.neutral + 3 * i, NULL, 1, 10);
         int r = h->region[at];
+        a->hairy[i] = h->hair ? h->hair[at] : 0;
         if (r >= 0 && r < REGION_COUNT)
             a->label[i] = label[r];
     }
@@ -271,7 +303,8 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
     }
     snprintf(path, sizeof path, "%s/ict", dir);
     rc = scan_face_load(&a->face, path, err) || check_head(a, head, err)
-         || find_labels(a, head, err);
+         || find_labels(a, head, err)
+         || follow_map_init(&a->follow, &a->face, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
     rc = rc || body_load(&a->body, &a->face, path, err)
          || make_torso(a, err)
@@ -306,6 +339,7 @@ void scan_close(struct scan_assets *a)
     if (!a)
         return;
     scan_face_release(&a->face);
+    follow_map_release(&a->follow);
     body_release(&a->body);
     piece_release(&a->torso);
     piece_release(&a->hand);
@@ -321,5 +355,6 @@ void scan_close(struct scan_assets *a)
     skin_model_release(&a->skin);
     free(a->seen);
     free(a->label);
+    free(a->hairy);
     free(a);
 }

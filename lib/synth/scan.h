@@ -10,6 +10,7 @@
 #include "lib/head/head.h"
 #include "lib/synth/scan_act.h"
 #include "lib/synth/scan_face.h"
+#include "lib/synth/scan_follow.h"
 #include "lib/synth/scan_light.h"
 #include "lib/synth/scan_piece.h"
 #include "lib/synth/scan_skin.h"
@@ -23,6 +24,7 @@ struct scan_rack {              /* pieces of one kind */
 
 struct scan_assets {
     struct scan_face face;
+    struct follow_map follow;
     struct body body;
     struct piece torso;         /* the body's own skin below the chin */
     struct piece hand;          /* its right hand */
@@ -36,6 +38,7 @@ struct scan_assets {
     uint64_t *seen;             /* (FACE_VERTICES) directions each is seen
                                  * from, bald */
     uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
+    float *hairy;               /* (FACE_VERTICES) 0 bare .. 1 under hair */
 };
 
 /* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/).  head

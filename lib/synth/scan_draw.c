@@ -49,6 +49,7 @@ void scan_gather(struct scan_point *o, const struct scan_stage *s,
         mad3(o->n, o->n, s->normal + 3 * i, w[c]);
         mad3(o->bright, o->bright, s->bright + 3 * i, w[c]);
         o->fold += w[c] * s->fold[i];
+        o->extra += w[c] * f->extra[i];
         o->u += w[c] * f->uv[2 * i];
         o->v += w[c] * f->uv[2 * i + 1];
     }

@@ -378,7 +378,7 @@ static void expose(struct figure *f)
     lum = 0.3f * e[0] + 0.59f * e[1] + 0.11f * e[2];
     /* the camera evens out most of the light's colour */
     for (int k = 0; k < 3; k++)
-        white[k] = powf(lum / e[k], 0.85f);
+        white[k] = powf(lum / e[k], 0.92f);
     for (int k = 0; k < 3; k++)
         f->look.gain[k] = white[k] * c->balance[k];
     light_init(&f->light, &f->assets->light[f->look.light], f->look.turn,

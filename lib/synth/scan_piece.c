@@ -194,14 +194,15 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
 }
 
 void piece_slide(struct piece *p, const struct body *b, const float *normal,
-                 float dy)
+                 const float *dy, int bins, float bin)
 {
     for (size_t i = 0; i < p->nc; i++) {
         float *x = p->place + 3 * i, d[3], before, after;
         const float *n = normal + 3 * p->bind[4 * i];
         sub3(d, x, b->near.p + 3 * p->bind[4 * i]);
         before = dot3(d, n);
-        x[1] += dy;
+        float t = clampf(fabsf(x[0]) / bin - 0.5f, 0, (float)bins - 0.001f);
+        x[1] += lerpf(dy[(int)t], dy[(int)t + 1], t - floorf(t));
         near_bind(p->bind + 4 * i, p->weight + 4 * i, &b->near, x);
         n = normal + 3 * p->bind[4 * i];
         sub3(d, x, b->near.p + 3 * p->bind[4 * i]);

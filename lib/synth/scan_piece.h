@@ -67,8 +67,10 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
                float above, struct error *err);
 void piece_release(struct piece *p);
 
-/* Move a piece that lies on the skin up by dy, keeping its distance from it. */
+/* Move a piece that lies on the skin up, keeping its distance from it: by
+ * dy[k] (bins + 1) at |x| = (k + 0.5) bin, between them by interpolation.
+ * normal (FACE_VERTICES,3) is the scans'. */
 void piece_slide(struct piece *p, const struct body *b, const float *normal,
-                 float dy);
+                 const float *dy, int bins, float bin);
 
 #endif

@@ -217,6 +217,8 @@ void scan_pose(struct scan_stage *s)
 
     memcpy(s->face, f->rest, 3 * FACE_VERTICES * sizeof *s->face);
     scan_face_express(s->face, &f->assets->face, f->rest, s->act->weight);
+    follow_bend(s->face, s->bend, s->follow, &f->assets->face, f->rest,
+                s->verts, s->act->weight);
     turn_eyes(s);
     scan_face_normals(s->face_normal, s->face, &f->assets->face);
     find_folds(s);

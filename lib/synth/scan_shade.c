@@ -2,6 +2,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/synth/noise.h"
 #include "lib/synth/scan_stage.h"
 #include "lib/synth/vec.h"
 
@@ -356,6 +357,24 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
                                * (0.012f + 0.10f * color[k]));
 }
 
+/* A lens: clear glass with what it mirrors, or dark. */
+static float shade_lens(float rgb[3], const struct scan_stage *s,
+                        struct scan_point *o)
+{
+    const struct figure *f = s->figure;
+    float nv = fmaxf(dot3(o->n, o->view), 0), r[3], c[3];
+    float a = f->look.glasses == 4 ? 0.88f : 0.05f;
+
+    for (int k = 0; k < 3; k++)
+        r[k] = 2 * nv * o->n[k] - o->view[k];
+    light_mirror(c, &f->light, r, 0);
+    float g = fresnel(f->look.glasses == 4 ? 0.05f : 0.035f, nv);
+    for (int k = 0; k < 3; k++)
+        rgb[k] = fminf(c[k], 40) * g / a
+                 + (f->look.glasses == 4 ? 0.01f : 0.02f);
+    return a;
+}
+
 /* Lashes stand in rows: u runs along the lid, v from root to tip. */
 static float lash_cover(const struct scan_point *o, float thick)
 {
@@ -363,6 +382,22 @@ static float lash_cover(const struct scan_point *o, float thick)
     float d = fabsf(f - 0.5f) / (0.26f * thick * (1.05f - o->v));
 
     return o->v > 0.98f ? 0 : clampf(1.5f - d, 0, 1) * 0.75f;
+}
+
+/* Opacity of a layer of short hair: tufts and single hairs, fewer the farther
+ * out. */
+static float fur_cover(const struct scan_point *o)
+{
+    float layer = floorf(o->extra), dense = (o->extra - layer) / 0.99f;
+    float x = o->u * 420, y = o->v * 420 + 1.5f * layer;
+    float p[3] = {x * 0.9f, y * 0.5f, layer * 0.35f}, n[4];
+    float q[3] = {x * 0.22f, y * 0.16f, 3};
+
+    noise4(n, p);
+    float fine = n[0] + 0.6f * n[1];
+    noise4(n, q);
+    return clampf(dense * (1.1f - 0.22f * layer)
+                  * (0.55f + 0.6f * fine + 0.25f * n[0]), 0, 1);
 }
 
 float scan_shade_veil(float rgb[3], const struct scan_stage *s,
@@ -390,7 +425,13 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
         return 0.15f;
     case STUFF_BROW:
         shade_plain(rgb, s, o, c, NULL, skin_wrap);
-        return a * f->look.brow_weight;
+        return 1 - powf(1 - a, 0.6f + 2.4f * f->look.brow_weight);
+    case STUFF_FUR:
+        a = fur_cover(o);
+        shade_hair(rgb, s, o, c);
+        return a;
+    case STUFF_GLASS:
+        return shade_lens(rgb, s, o);
     default:
         shade_hair(rgb, s, o, c);
         return a;

@@ -11,8 +11,9 @@
 int scan_crew_init(struct scan_crew *c, const struct head *h, int size,
                    struct error *err)
 {
-    *c = (struct scan_crew){.verts = malloc(3 * h->V * sizeof *c->verts)};
-    if (!c->verts)
+    *c = (struct scan_crew){.verts = malloc(3 * h->V * sizeof *c->verts),
+                            .bend = malloc(3 * h->V * sizeof *c->bend)};
+    if (!c->verts || !c->bend)
         return error_set(err, EX_OSERR, "out of memory");
     return scan_stage_init(&c->stage, size, err)
            || scan_film_init(&c->film, size, err) ? -1 : 0;
@@ -23,6 +24,7 @@ void scan_crew_release(struct scan_crew *c)
     scan_stage_release(&c->stage);
     scan_film_release(&c->film);
     free(c->verts);
+    free(c->bend);
     *c = (struct scan_crew){0};
 }
 
@@ -46,6 +48,7 @@ int scan_cast_init(struct scan_cast *c, const struct scan_assets *a,
                                                 : SCAN_IDENTITIES;
     memcpy(c->beta, p.beta, shapes * sizeof *c->beta);
     if (head_fold(&c->id, h, c->beta, shapes, err)
+        || follow_init(&c->follow, &a->follow, &c->id, err)
         || figure_init(&c->figure, a, &p, err))
         goto out;
     scan_backdrop(c->wall, tmp, &c->figure, size);
@@ -60,6 +63,7 @@ out:
 void scan_cast_release(struct scan_cast *c)
 {
     figure_release(&c->figure);
+    follow_release(&c->follow);
     identity_release(&c->id);
     free(c->wall);
     *c = (struct scan_cast){0};
@@ -229,6 +233,9 @@ int scan_shoot(const struct scan_print *out, struct synth_motion *m,
     m->yaw = act.yaw;
     m->pitch = act.pitch;
     m->roll = act.roll;
+    crew->stage.follow = &c->follow;
+    crew->stage.verts = crew->verts;
+    crew->stage.bend = crew->bend;
     if (scan_stage_render(&crew->stage, f, &act, &v, err))
         return -1;
     find_move(move, c, &act, time);

@@ -10,6 +10,7 @@
 struct scan_cast {
     struct figure figure;
     struct identity id;
+    struct follow follow;
     float beta[PERSONA_SHAPE_MAX];
     float *wall;                /* (3,size,size) */
     int size;
@@ -18,7 +19,7 @@ struct scan_cast {
 struct scan_crew {              /* one worker's */
     struct scan_stage stage;
     struct scan_film film;
-    float *verts;               /* (V,3) */
+    float *verts, *bend;        /* (V,3) */
 };
 
 int scan_crew_init(struct scan_crew *c, const struct head *h, int size,

@@ -27,6 +27,24 @@ static float mean_log(const float *o)
     return sum / (M / 4 * (M / 2));
 }
 
+/* Skin is redder than green and greener than blue, by as much as people's
+ * is: the whole is shifted where the draw has left that. */
+static void keep_hue(float *o)
+{
+    float mean[3] = {0, 0, 0};
+
+    for (int y = M * 3 / 8; y < M * 5 / 8; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++)
+            mad3(mean, mean, o + 3 * (y * M + x), 1.0f / (M / 4 * (M / 2)));
+    float rg = mean[0] - mean[1], gb = mean[1] - mean[2];
+    float up = clampf(rg, 0.36f, 0.80f) - rg;
+    float down = clampf(gb, 0.14f, 0.62f) - gb;
+    for (size_t p = 0; p < (size_t)M * M; p++) {
+        o[3 * p] += up;
+        o[3 * p + 2] -= down;
+    }
+}
+
 /* Log albedo (M,M,3): mean, components, melanin and blood. */
 static void slow_colour(float *o, const struct skin_model *m,
                         const struct skin_look *l)
@@ -41,6 +59,7 @@ static void slow_colour(float *o, const struct skin_model *m,
             o[p] += l->z[k] * m->part[(size_t)k * d + p];
     for (size_t p = 0; p < d; p++)
         o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
+    keep_hue(o);
     /* no skin is whiter than FAIREST; redness of its own stays */
     float mean = mean_log(o), over = mean - logf(FAIREST);
     for (size_t p = 0; over > 0 && p < d; p++)

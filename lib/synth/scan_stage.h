@@ -26,6 +26,9 @@ struct scan_stage {
     int size, grid;             /* pixels, samples of a side */
     const struct figure *figure;
     const struct act *act;
+    const struct follow *follow;
+    const float *verts;         /* (V,3) the head's, posed */
+    float *bend;                /* (V,3) scratch */
     struct scan_view view;
     /* by corner */
     size_t room;
@@ -61,7 +64,8 @@ struct scan_stage {
 int scan_stage_init(struct scan_stage *s, int size, struct error *err);
 void scan_stage_release(struct scan_stage *s);
 
-/* Draw a figure: fills light, alpha, block and tag. */
+/* Draw a figure: fills light, alpha, front, block and tag.  s->follow, verts
+ * and bend are the caller's. */
 int scan_stage_render(struct scan_stage *s, const struct figure *f,
                       const struct act *act, const struct scan_view *v,
                       struct error *err);
@@ -80,7 +84,7 @@ void scan_resolve(struct scan_stage *s);
 struct scan_point {
     float p[3], n[3], view[3];  /* unit normal; unit, to the camera */
     float bright[3], fold;
-    float u, v;
+    float u, v, extra;
     uint32_t face;
     float w[3];                 /* weights of the corners */
 };

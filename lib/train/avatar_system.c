@@ -79,6 +79,15 @@ int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
     return splat_init(&s->splat, &so, err);
 }
 
+int avatar_system_perceptual(struct avatar_system *s, const char *path,
+                             struct error *err)
+{
+    /* a face fills about half of the picture */
+    size_t side = s->image / 2 < 64 ? 64 : s->image / 2;
+
+    return perceptual_open(&s->perceptual, path, side, err);
+}
+
 void avatar_system_update(struct avatar_system *s)
 {
     avatar_update(&s->avatar);
@@ -92,6 +101,8 @@ void avatar_system_release(struct avatar_system *s)
     if (s->config.has_refiner)
         refiner_release(&s->refiner);
     avatar_release(&s->avatar);
+    if (s->perceptual.side)
+        perceptual_release(&s->perceptual);
     free(s->block);
     memset(s, 0, sizeof *s);
 }
@@ -185,6 +196,21 @@ static void avatar_system_mouth_losses(struct avatar_system *s, double *terms,
     }
 }
 
+/* L_perc of picture y inside the box, its gradient to d. */
+static double avatar_system_perceptual_loss(struct avatar_system *s, float *d,
+                                            const float *y,
+                                            const struct box *box,
+                                            double weight)
+{
+    size_t S = s->image;
+
+    if (!s->perceptual.side)
+        return loss_pyramid(d, y, s->target, S, S, box, weight, s->tmp);
+    return weight > 0 ? perceptual_loss(d, y, S, S, box, weight,
+                                        &s->perceptual)
+                      : 0;
+}
+
 /* L_img and L_perc of coarse and refined picture, silhouette, mouth. */
 int avatar_system_losses(struct avatar_system *s, double *terms,
                          const struct data_frame *f,
@@ -208,9 +234,10 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
     terms[PICTURE_COARSE_FACE] += loss_l1(s->dcoarse, s->coarse, s->target,
                                           S, S, &face,
                                           c->coarse * c->face * scale);
-    terms[PICTURE_PERCEPTUAL] += loss_pyramid(s->dcoarse, s->coarse,
-                                              s->target, S, S, &face,
-                                              c->perceptual * scale, s->tmp);
+    if (s->perceptual.side && c->perceptual > 0)
+        perceptual_target(&s->perceptual, s->target, S, S, &face);
+    terms[PICTURE_PERCEPTUAL] += avatar_system_perceptual_loss(
+        s, s->dcoarse, s->coarse, &face, c->perceptual * scale);
     terms[PICTURE_MASK] += loss_mask(s->dalpha, s->alpha, s->mask, n,
                                      c->silhouette * scale);
     terms[PICTURE_SQUARE] += loss_l2(s->dcoarse, s->coarse, s->target, 3 * n,
@@ -224,9 +251,8 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
                                     c->refined * scale);
     terms[PICTURE_FINAL_FACE] += loss_l1(s->drgb, s->rgb, s->target, S, S,
                                          &face, c->refined * c->face * scale);
-    terms[PICTURE_PERCEPTUAL] += loss_pyramid(s->drgb, s->rgb, s->target, S,
-                                              S, &face, c->perceptual * scale,
-                                              s->tmp);
+    terms[PICTURE_PERCEPTUAL] += avatar_system_perceptual_loss(
+        s, s->drgb, s->rgb, &face, c->perceptual * scale);
     return 0;
 }
 

@@ -15,6 +15,7 @@
 #include "lib/train/config.h"
 #include "lib/data/data.h"
 #include "lib/train/losses.h"
+#include "lib/train/perceptual.h"
 
 /* L_img and L_perc, in the order of the log. */
 enum picture_term {
@@ -30,6 +31,7 @@ struct avatar_system {
     struct avatar avatar;
     struct refiner refiner;         /* when config.has_refiner */
     struct splat splat;
+    struct perceptual perceptual;   /* side 0: a pyramid stands in for it */
     size_t image, channels;         /* side of the picture; C */
     float *feat, *dfeat;            /* (image,image,C) */
     float *alpha, *dalpha;          /* (image,image) */
@@ -53,6 +55,9 @@ int avatar_system_init(struct avatar_system *s, struct params *ps,
  * renders without cut-offs (see train_config). */
 int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
                        bool smooth, struct nn_options opt, struct error *err);
+/* L_perc by the network in this file from now on; after avatar_system_plan. */
+int avatar_system_perceptual(struct avatar_system *s, const char *path,
+                             struct error *err);
 void avatar_system_update(struct avatar_system *s);
 void avatar_system_release(struct avatar_system *s);
 

@@ -157,6 +157,19 @@ static int config_set_freeze(struct train_config *c, const cJSON *value,
     return 0;
 }
 
+/* The file of the perceptual network's weights. */
+static int config_set_perceptual(struct train_config *c, const cJSON *value,
+                                 struct error *err)
+{
+    const char *s = cJSON_GetStringValue(value);
+
+    if (!s || strlen(s) >= sizeof c->perceptual_file)
+        return error_set(err, EX_CONFIG, "perceptual: expected the name of "
+                         "a file");
+    strcpy(c->perceptual_file, s);
+    return 0;
+}
+
 /* Every key of an object, its name behind prefix. */
 static int config_set_object(struct train_config *c, const cJSON *object,
                              const char *prefix, struct error *err)
@@ -173,6 +186,9 @@ static int config_set_object(struct train_config *c, const cJSON *object,
                 return -1;
         } else if (!strcmp(name, "freeze")) {
             if (config_set_freeze(c, item, err))
+                return -1;
+        } else if (!strcmp(name, "perceptual")) {
+            if (config_set_perceptual(c, item, err))
                 return -1;
         } else if (!strcmp(name, "model")) {
             if (!cJSON_IsObject(item))

@@ -35,7 +35,9 @@ struct train_config {
     int64_t anchor_steps;       /* ... over this many steps (lambda_3) */
     double coarse, refined;     /* L1 of the two pictures (lambda_1) */
     double face;                /* factor of the face crop's terms */
-    double perceptual;          /* pyramid L1 of the face crop (lambda_2) */
+    double perceptual;          /* L_perc of the face crop (lambda_2) */
+    char perceptual_file[TRAIN_PATH]; /* SqueezeNet's weights for it; "": a
+                                 * Laplacian pyramid's L1 */
     double silhouette;          /* alpha against the mask */
     double mouth;               /* L1 and half of L_perc between open lips */
     double square;              /* mean square of the two pictures: what PSNR

@@ -446,11 +446,14 @@ int task_avatar_init(struct task *t, struct error *err)
         params_allocate(&t->ps, err) || params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
+                           err) ||
+        (*c->perceptual_file &&
+         avatar_system_perceptual(&m->tr, c->perceptual_file, err)))
         return -1;
     if (!m->with_motion)
         return 0;
-    motion_encoder_start(&m->net);
+    motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
         motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
                         strcmp(c->freeze, "motion.") == 0, err))

@@ -305,7 +305,7 @@ static int motion_task_networks(struct task *t, struct error *err)
     if (motion_encoder_init(&m->net, &t->ps, "motion.", net, err) ||
         encoder_task_fill(t, err))
         return -1;
-    motion_encoder_start(&m->net);
+    motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, m->e.batch, opt, err) ||
         motion_encoder_init(&m->validator, &m->e.copy, "motion.", net, err) ||
         encoder_task_allocate_copy(&m->e, t, err))

@@ -27,6 +27,7 @@ static void make_regressor(float *J, uint64_t seed)
             double u = golden_u("flame.J_index", seed,
                                 (uint64_t)(12 * j + k));
             int v = (j * 977 + k * 401 + (int)(400 * u)) % NV;
+
             J[j * NV + v] += (float)(w[k] / sum);
         }
     }

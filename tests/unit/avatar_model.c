@@ -82,7 +82,7 @@ static void write_model(const char *path, const struct head *h,
         give_up(&err);
     params_randomise(&ps, 1);
     teach(&ps);
-    motion_encoder_start(&motion);
+    motion_encoder_init_weights(&motion);
     avatar_init_weights(&a);
     char *json = avatar_config_print(&c);
     const char *meta[] = {"spid", json, NULL};

@@ -1,30 +1,33 @@
-#include "lib/nn/vary.h"
+#include "lib/nn/conditional_conv.h"
 
 #include <string.h>
 
-static size_t weights(const struct vary *v)
+/* Weights of the convolution, and of each V_j. */
+static size_t conditional_conv_count(const struct conditional_conv *v)
 {
     return v->conv->ps->tensor[v->conv->weight].count;
 }
 
-void vary_init(struct vary *v, struct conv *c, const char *name, size_t n)
+void conditional_conv_init(struct conditional_conv *v, struct conv *c,
+                           const char *name, size_t n)
 {
     char buf[120];
     size_t dims[5] = { n, c->out, c->in, c->kernel, c->kernel };
-    *v = (struct vary){ .conv = c, .n = n };
+    *v = (struct conditional_conv){ .conv = c, .n = n };
     v->tensor = params_add(c->ps, nn_name(buf, "%s.vary", name), 5, dims,
                            PARAM_ZERO, 0.0f);
 }
 
-void vary_plan(struct vary *v, struct nn_plan *p)
+void conditional_conv_plan(struct conditional_conv *v, struct nn_plan *p)
 {
-    v->sum = nn_plan_floats(p, weights(v));
-    v->was = nn_plan_backward(p) ? nn_plan_floats(p, weights(v)) : NULL;
+    v->sum = nn_plan_floats(p, conditional_conv_count(v));
+    v->was = nn_plan_backward(p) ? nn_plan_floats(p, conditional_conv_count(v))
+        : NULL;
 }
 
-void vary_set(struct vary *v, const float *by)
+void conditional_conv_set(struct conditional_conv *v, const float *by)
 {
-    size_t count = weights(v);
+    size_t count = conditional_conv_count(v);
     const float *V = param_w(v->conv->ps, v->tensor);
     memcpy(v->sum, param_w(v->conv->ps, v->conv->weight),
            count * sizeof *v->sum);
@@ -36,10 +39,11 @@ void vary_set(struct vary *v, const float *by)
 
 /* The convolution adds its weights' gradient to what is there: it starts from
  * zero here, so that V's can be told from earlier ones. */
-void vary_backward(float *din, float *dby, float *dout, const float *out,
-                   const float *in, const float *by, struct vary *v)
+void conditional_conv_backward(float *din, float *dby, float *dout,
+                               const float *out, const float *in,
+                               const float *by, struct conditional_conv *v)
 {
-    size_t count = weights(v);
+    size_t count = conditional_conv_count(v);
     const float *V = param_w(v->conv->ps, v->tensor);
     float *g = param_g(v->conv->ps, v->conv->weight);
     float *gv = param_g(v->conv->ps, v->tensor);

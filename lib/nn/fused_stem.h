@@ -2,8 +2,8 @@
  * convolution of stride 2 with leaky relu, in one pass over the feature image
  * (by far the largest thing the refiner reads), which also picks out the
  * coarse picture and widens half floats on the way. */
-#ifndef SPID_NN_FOLD_H
-#define SPID_NN_FOLD_H
+#ifndef SPID_NN_FUSED_STEM_H
+#define SPID_NN_FUSED_STEM_H
 
 #include <stdbool.h>
 #include <stdint.h>
@@ -11,7 +11,7 @@
 #include "lib/nn/conv.h"
 
 /* Feature images (B,h,w,C): floats, or half floats where f32 is NULL. */
-struct fold_view {
+struct feature_view {
     const float *f32;
     const uint16_t *f16;
     size_t stride;           /* values from row to row, at least w C */
@@ -21,7 +21,7 @@ struct fold_view {
     const size_t *start;     /* (B h) how many come before each row */
 };
 
-struct fold {
+struct fused_stem {
     const struct conv *c;    /* declares the weights */
     size_t batch, h, w;      /* of the input */
     float *weight;           /* (out/16, 4 in, 16) */
@@ -32,19 +32,19 @@ struct fold {
 };
 
 /* A piece of two rows, as the kernel reads it. */
-struct fold_rows {
+struct fused_stem_rows {
     const float *row[2];     /* (2 pixels, C) each */
     const char *next[2];     /* what follows in memory, a piece later */
     size_t step;             /* bytes of 16 values there */
 };
 
 /* Whether c is such a layer: out a multiple of 16. */
-bool fold_possible(const struct conv *c);
-void fold_plan(struct fold *f, const struct conv *c, struct nn_plan *p,
-               size_t batch, size_t h, size_t w);
-void fold_update(struct fold *f);
+bool fused_stem_possible(const struct conv *c);
+void fused_stem_plan(struct fused_stem *f, const struct conv *c,
+                     struct nn_plan *p, size_t batch, size_t h, size_t w);
+void fused_stem_update(struct fused_stem *f);
 /* out (B,h/2,w/2,out); rgb (B,h,w,3) <- the first three channels. */
-void fold_forward(float *out, float *rgb, const struct fold_view *in,
-                  const struct fold *f);
+void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
+                        const struct fused_stem *f);
 
 #endif

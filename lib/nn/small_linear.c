@@ -1,4 +1,4 @@
-#include "lib/nn/thin.h"
+#include "lib/nn/small_linear.h"
 
 #include <string.h>
 
@@ -7,7 +7,7 @@
 
 #define ROWS 16
 
-bool thin_wanted(const struct conv *c)
+bool small_linear_wanted(const struct conv *c)
 {
     enum nn_type type = c->plan->opt.type;
     return (type == NN_F32 || type == NN_FAST) && c->kernel == 1 &&
@@ -15,20 +15,23 @@ bool thin_wanted(const struct conv *c)
            c->act <= ACT_LRELU;
 }
 
-void thin_plan(struct thin *t, const struct conv *c, struct nn_plan *p)
+void small_linear_plan(struct small_linear *t, const struct conv *c,
+                       struct nn_plan *p)
 {
     t->c = c;
     t->w = nn_plan_floats(p, c->out * c->in_data);
     t->bias = nn_plan_floats(p, c->out);
 }
 
-void thin_update(struct thin *t, const float *w, const float *bias)
+void small_linear_update(struct small_linear *t, const float *w,
+                         const float *bias)
 {
     memcpy(t->w, w, t->c->out * t->c->in_data * sizeof *w);
     memcpy(t->bias, bias, t->c->out * sizeof *bias);
 }
 
-void thin_forward(float *out, const float *in, const struct thin *t)
+void small_linear_forward(float *out, const float *in,
+                          const struct small_linear *t)
 {
     const struct nn_kernels *k = nn_kernels();
     const struct conv *c = t->c;

@@ -1,16 +1,17 @@
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #include <string.h>
 
 #include "lib/nn/kernels.h"
 
-void squeeze_init(struct squeeze *s, struct params *ps, const char *name,
-                  size_t channels, size_t hidden)
+void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
+                         const char *name, size_t channels, size_t hidden)
 {
     char buf[120];
     size_t down[4] = { hidden, channels, 1, 1 };
     size_t up[4] = { channels, hidden, 1, 1 };
-    *s = (struct squeeze){ .ps = ps, .channels = channels, .hidden = hidden };
+    *s = (struct squeeze_excite){ .ps = ps, .channels = channels,
+                                  .hidden = hidden };
     s->reduce_w = params_add(ps, nn_name(buf, "%s.conv_reduce.weight", name),
                              4, down, PARAM_HE, 1.0f);
     s->reduce_b = params_add(ps, nn_name(buf, "%s.conv_reduce.bias", name), 1,
@@ -21,8 +22,8 @@ void squeeze_init(struct squeeze *s, struct params *ps, const char *name,
                              up, PARAM_ZERO, 0.0f);
 }
 
-void squeeze_plan(struct squeeze *s, struct nn_plan *p, size_t batch,
-                  size_t pixels)
+void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
+                         size_t batch, size_t pixels)
 {
     s->batch = batch;
     s->pixels = pixels;
@@ -38,13 +39,14 @@ void squeeze_plan(struct squeeze *s, struct nn_plan *p, size_t batch,
 }
 
 /* Pieces an image is summed in: by its size alone. */
-static size_t pieces(size_t pixels)
+static size_t squeeze_excite_pieces(size_t pixels)
 {
     return pixels >= 128 ? NN_PARTS : 1;
 }
 
-static void fold(float *sum, const float *part, size_t n, size_t C,
-                 float scale)
+/* sum (C) = scale times the sum of n parts (n,C), in order. */
+static void squeeze_excite_fold(float *sum, const float *part, size_t n,
+                                size_t C, float scale)
 {
     for (size_t c = 0; c < C; c++) {
         float s = part[c];
@@ -58,7 +60,7 @@ void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
                           size_t pixels, size_t C)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t P = pieces(pixels);
+    size_t P = squeeze_excite_pieces(pixels);
 #pragma omp parallel for schedule(static) if (B * P > 1)
     for (size_t i = 0; i < B * P; i++) {
         size_t n = i / P, r0 = i % P * pixels / P;
@@ -68,7 +70,8 @@ void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
                     ACT_NONE, r1 - r0, C);
     }
     for (size_t n = 0; n < B; n++)
-        fold(mean + n * C, part + n * P * C, P, C, 1.0f / (float)pixels);
+        squeeze_excite_fold(mean + n * C, part + n * P * C, P, C,
+                            1.0f / (float)pixels);
 }
 
 void spatial_mean_backward(float *dx, const float *dmean, size_t B,
@@ -82,7 +85,8 @@ void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                 dx[(n * pixels + i) * C + c] = dmean[n * C + c] * scale;
 }
 
-static void excite(struct squeeze *s, size_t n)
+/* The gate of item n from its mean: two small layers. */
+static void squeeze_excite_gate(struct squeeze_excite *s, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, H = s->hidden;
@@ -95,14 +99,14 @@ static void excite(struct squeeze *s, size_t n)
     k->act_forward(gate, gate, ACT_HARDSIGMOID, C);
 }
 
-void squeeze_forward(float *y, const float *x, struct squeeze *s)
+void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = s->channels, P = pieces(s->pixels), B = s->batch;
+    size_t C = s->channels, P = squeeze_excite_pieces(s->pixels), B = s->batch;
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
 #pragma omp parallel for schedule(static) if (B > 1)
     for (size_t n = 0; n < B; n++)
-        excite(s, n);
+        squeeze_excite_gate(s, n);
 #pragma omp parallel for schedule(static) if (B * P > 1)
     for (size_t i = 0; i < B * P; i++) {
         size_t n = i / P, r0 = i % P * s->pixels / P;
@@ -113,7 +117,7 @@ void squeeze_forward(float *y, const float *x, struct squeeze *s)
 }
 
 /* The gate's gradient through its two small layers: dgate -> dmean. */
-static void excite_backward(struct squeeze *s)
+static void squeeze_excite_gate_backward(struct squeeze_excite *s)
 {
     struct params *ps = s->ps;
     size_t C = s->channels, H = s->hidden, B = s->batch;
@@ -147,11 +151,11 @@ static void excite_backward(struct squeeze *s)
 }
 
 /* In the forward pass this was: y = x gate(mean(x)). */
-void squeeze_backward(float *dx, const float *dy, const float *x,
-                      struct squeeze *s)
+void squeeze_excite_backward(float *dx, const float *dy, const float *x,
+                             struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = s->channels, B = s->batch, P = pieces(s->pixels);
+    size_t C = s->channels, B = s->batch, P = squeeze_excite_pieces(s->pixels);
 #pragma omp parallel for schedule(static) if (B * P > 1)
     for (size_t i = 0; i < B * P; i++) {
         size_t n = i / P, r0 = i % P * s->pixels / P;
@@ -160,8 +164,8 @@ void squeeze_backward(float *dx, const float *dy, const float *x,
         k->channel_dot(s->part + i * C, dy + at, x + at, r1 - r0, C);
     }
     for (size_t n = 0; n < B; n++)
-        fold(s->dgate + n * C, s->part + n * P * C, P, C, 1.0f);
-    excite_backward(s);
+        squeeze_excite_fold(s->dgate + n * C, s->part + n * P * C, P, C, 1.0f);
+    squeeze_excite_gate_backward(s);
 #pragma omp parallel for schedule(static) if (B * P > 1)
     for (size_t i = 0; i < B * P; i++) {
         size_t n = i / P, r0 = i % P * s->pixels / P;

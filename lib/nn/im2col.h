@@ -1,15 +1,15 @@
 /* Convolutions of many channels: sums of thousands of terms, made in pieces so
  * that their rounding errors do not pile up as one long chain's would.  oneDNN
  * cuts such sums by the size of the cache, and so differs between machines. */
-#ifndef SPID_NN_PATCH_H
-#define SPID_NN_PATCH_H
+#ifndef SPID_NN_IM2COL_H
+#define SPID_NN_IM2COL_H
 
 #include "lib/nn/act.h"
 #include "lib/nn/plan.h"
 
 struct conv;
 
-struct patch {
+struct im2col {
     const struct conv *c;
     size_t K, N;             /* k k in; out rounded up to a panel */
     float *w;                /* packed, piece by piece */
@@ -21,9 +21,9 @@ struct patch {
 /* NN_F32: every sum of 512 terms or more.  NN_FAST: of 2,048 where few pixels
  * are made of them: StyleUNet's innermost layers, whose errors would reach
  * every other layer by the style. */
-bool patch_wanted(const struct conv *c);
-void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p);
-void patch_update(struct patch *t, const float *w, const float *bias);
-void patch_forward(float *out, const float *in, struct patch *t);
+bool im2col_wanted(const struct conv *c);
+void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p);
+void im2col_update(struct im2col *t, const float *w, const float *bias);
+void im2col_forward(float *out, const float *in, struct im2col *t);
 
 #endif

@@ -1,4 +1,4 @@
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 
 #include <omp.h>
 #include <string.h>
@@ -9,17 +9,17 @@
 
 #define PIECE 32
 
-bool fold_possible(const struct conv *c)
+bool fused_stem_possible(const struct conv *c)
 {
     return c->kernel == 2 && c->stride == 2 && c->pad == CONV_NONE &&
            c->act == ACT_LRELU && c->out % 16 == 0 && c->bias != NN_NONE &&
            c->in >= 3;
 }
 
-void fold_plan(struct fold *f, const struct conv *c, struct nn_plan *p,
-               size_t batch, size_t h, size_t w)
+void fused_stem_plan(struct fused_stem *f, const struct conv *c,
+                     struct nn_plan *p, size_t batch, size_t h, size_t w)
 {
-    *f = (struct fold){ .c = c, .batch = batch, .h = h, .w = w };
+    *f = (struct fused_stem){ .c = c, .batch = batch, .h = h, .w = w };
     f->line = 4 * PIECE * c->in;
     f->weight = nn_plan_floats(p, c->out * 4 * c->in);
     f->bias = nn_plan_floats(p, c->out);
@@ -27,7 +27,7 @@ void fold_plan(struct fold *f, const struct conv *c, struct nn_plan *p,
     f->wide = nn_plan_floats(p, f->line * (size_t)omp_get_max_threads());
 }
 
-void fold_update(struct fold *f)
+void fused_stem_update(struct fused_stem *f)
 {
     const struct conv *c = f->c;
     const float *w = param_w(c->ps, c->weight);      /* (out,in,2,2) */
@@ -45,8 +45,9 @@ void fold_update(struct fold *f)
 
 /* n pixels of a packed row into wide, zeros where none is; how many there
  * were.  at: the first one's place. */
-static size_t spread(float *wide, const struct fold_view *in,
-                     const float *alpha, size_t at, size_t n, size_t C)
+static size_t fused_stem_spread(float *wide, const struct feature_view *in,
+                                const float *alpha, size_t at, size_t n,
+                                size_t C)
 {
     size_t first = at;
     for (size_t x = 0, end; x < n; x = end) {
@@ -69,9 +70,10 @@ static size_t spread(float *wide, const struct fold_view *in,
 /* What the kernel reads of the next 2 n pixels from x on in rows 2 r and
  * 2 r + 1, and what will follow it; false when all of it is zeros.  at: of
  * packed rows, the places. */
-static bool gather(struct fold_rows *rows, float *wide, size_t at[2],
-                   const struct fold_view *in, const struct fold *f, size_t r,
-                   size_t x, size_t n)
+static bool fused_stem_gather(struct fused_stem_rows *rows, float *wide,
+                              size_t at[2], const struct feature_view *in,
+                              const struct fused_stem *f, size_t r, size_t x,
+                              size_t n)
 {
     size_t C = f->c->in, from = 2 * r * in->stride + 2 * x * C, some = 0;
     size_t ahead = from + 2 * PIECE * C;
@@ -80,8 +82,8 @@ static bool gather(struct fold_rows *rows, float *wide, size_t at[2],
         rows->row[y] = to;
         rows->step = 16 * (in->f32 ? sizeof *in->f32 : sizeof *in->f16);
         if (in->start) {
-            size_t took = spread(to, in, in->alpha + from / C, at[y], 2 * n,
-                                 C);
+            size_t took = fused_stem_spread(to, in, in->alpha + from / C,
+                                            at[y], 2 * n, C);
             some += took;
             at[y] += took;
             ahead = at[y] * C;
@@ -97,21 +99,22 @@ static bool gather(struct fold_rows *rows, float *wide, size_t at[2],
 }
 
 /* Row r of the output, PIECE pixels at a time. */
-static void fold_line(float *out, float *rgb, const struct fold_view *in,
-                      const struct fold *f, size_t r)
+static void fused_stem_line(float *out, float *rgb,
+                            const struct feature_view *in,
+                            const struct fused_stem *f, size_t r)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = f->c->in, O = f->c->out, half = f->w / 2;
     size_t at[2] = { in->start ? in->start[2 * r] : 0,
                      in->start ? in->start[2 * r + 1] : 0 };
     float *wide = f->wide + (size_t)omp_get_thread_num() * f->line;
-    struct fold_rows rows;
+    struct fused_stem_rows rows;
     for (size_t x = 0, n; x < half; x += n) {
         n = half - x < PIECE ? half - x : PIECE;
         float *to = out + (r * half + x) * O;
         float *picked = rgb + (2 * r * f->w + 2 * x) * 3;
-        if (gather(&rows, wide, at, in, f, r, x, n)) {
-            k->fold_row(to, &rows, f->weight, f->bias, n, C, O);
+        if (fused_stem_gather(&rows, wide, at, in, f, r, x, n)) {
+            k->fused_stem_row(to, &rows, f->weight, f->bias, n, C, O);
             for (size_t y = 0; y < 2; y++)
                 k->pick_rgb(picked + y * f->w * 3, rows.row[y], 2 * n, C);
             continue;
@@ -123,10 +126,10 @@ static void fold_line(float *out, float *rgb, const struct fold_view *in,
     }
 }
 
-void fold_forward(float *out, float *rgb, const struct fold_view *in,
-                  const struct fold *f)
+void fused_stem_forward(float *out, float *rgb, const struct feature_view *in,
+                        const struct fused_stem *f)
 {
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < f->batch * (f->h / 2); r++)
-        fold_line(out, rgb, in, f, r);
+        fused_stem_line(out, rgb, in, f, r);
 }

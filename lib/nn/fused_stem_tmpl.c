@@ -1,6 +1,6 @@
-/* Two rows of the feature image at a time: see fold.h. */
+/* Two rows of the feature image at a time: see fused_stem.h. */
 #include "lib/nn/act.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/vector.h"
 
@@ -15,9 +15,9 @@
 
 /* `pixels` (a constant) outputs from pixel x on, 16 channels of each; every
  * step asks for the line that will be read one piece later */
-VF_INLINE void block(float *out, const struct fold_rows *in, size_t x,
-                      const float *w, const float *bias, size_t C, size_t O,
-                      const int pixels)
+VF_INLINE void fused_stem_block(float *out, const struct fused_stem_rows *in,
+                                size_t x, const float *w, const float *bias,
+                                size_t C, size_t O, const int pixels)
 {
     vf acc[PIXELS][VF_PARTS];
     for (int i = 0; i < pixels; i++)
@@ -43,27 +43,30 @@ VF_INLINE void block(float *out, const struct fold_rows *in, size_t x,
                      vf_max(acc[i][j], ACT_SLOPE * acc[i][j]));
 }
 
-VF_INLINE void row(float *out, const struct fold_rows *in, const float *w,
-                    const float *bias, size_t pixels, size_t C, size_t O)
+/* All pixels of a row, PIXELS at a time and then one by one. */
+VF_INLINE void fused_stem_pieces(float *out, const struct fused_stem_rows *in,
+                                 const float *w, const float *bias,
+                                 size_t pixels, size_t C, size_t O)
 {
     for (size_t o = 0; o < O; o += 16, w += 64 * C) {
         size_t x = 0;
         for (; x + PIXELS <= pixels; x += PIXELS)
-            block(out + x * O + o, in, x, w, bias + o, C, O, PIXELS);
+            fused_stem_block(out + x * O + o, in, x, w, bias + o, C, O, PIXELS);
         for (; x < pixels; x++)
-            block(out + x * O + o, in, x, w, bias + o, C, O, 1);
+            fused_stem_block(out + x * O + o, in, x, w, bias + o, C, O, 1);
     }
 }
 
 /* out (pixels,O) = lrelu(bias + w . the 2x2 pixels of C channels in two
  * rows); w (O/16, 4 C, 16). */
-void ISA(fold_row)(float *out, const struct fold_rows *in, const float *w,
-                   const float *bias, size_t pixels, size_t C, size_t O)
+void ISA(fused_stem_row)(float *out, const struct fused_stem_rows *in, const
+                         float *w, const float *bias, size_t pixels, size_t C,
+                         size_t O)
 {
     if (C == 32 && O == 16)      /* as shipped: the strides are constants */
-        row(out, in, w, bias, pixels, 32, 16);
+        fused_stem_pieces(out, in, w, bias, pixels, 32, 16);
     else
-        row(out, in, w, bias, pixels, C, O);
+        fused_stem_pieces(out, in, w, bias, pixels, C, O);
 }
 
 /* rgb (pixels,3) <- the first three of C channels */

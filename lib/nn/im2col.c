@@ -1,4 +1,4 @@
-#include "lib/nn/patch.h"
+#include "lib/nn/im2col.h"
 
 #include <string.h>
 
@@ -10,7 +10,7 @@
 #define COLUMNS 64       /* of a piece of work: two panels of gemm's */
 #define ROWS 48
 
-bool patch_wanted(const struct conv *c)
+bool im2col_wanted(const struct conv *c)
 {
     enum nn_type type = c->plan->opt.type;
     size_t terms = c->kernel * c->kernel * c->in_data;
@@ -20,7 +20,7 @@ bool patch_wanted(const struct conv *c)
                            : type == NN_FAST && few && terms >= 2048);
 }
 
-void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p)
+void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)
 {
     size_t pixels = c->batch * c->oh * c->ow;
     size_t rows = pixels < BAND ? pixels : BAND;
@@ -33,14 +33,15 @@ void patch_plan(struct patch *t, const struct conv *c, struct nn_plan *p)
     t->sum = nn_plan_floats(p, rows * t->N);
 }
 
-/* Piece j of the sum: rows [first, first + length) of (K, out). */
-static size_t pieces(const struct patch *t)
+/* How many pieces a sum is made in. */
+static size_t im2col_pieces(const struct im2col *t)
 {
     size_t taps = t->c->kernel * t->c->kernel;
     return taps * ((t->c->in_data + PIECE - 1) / PIECE);
 }
 
-static size_t piece(const struct patch *t, size_t j, size_t *first)
+/* Piece j of the sum: rows [first, first + length) of (K, out). */
+static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
 {
     size_t in = t->c->in_data, each = (in + PIECE - 1) / PIECE;
     size_t at = j % each * PIECE;
@@ -49,15 +50,15 @@ static size_t piece(const struct patch *t, size_t j, size_t *first)
 }
 
 /* w (out,in,k,k): term (tap,i) of the sum is row tap * in + i of a matrix. */
-void patch_update(struct patch *t, const float *w, const float *bias)
+void im2col_update(struct im2col *t, const float *w, const float *bias)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t in = t->c->in_data, out = t->c->out;
     size_t taps = t->c->kernel * t->c->kernel;
     memcpy(t->bias, bias, out * sizeof *bias);
 #pragma omp parallel for schedule(static)
-    for (size_t j = 0; j < pieces(t); j++) {
-        size_t first, terms = piece(t, j, &first);
+    for (size_t j = 0; j < im2col_pieces(t); j++) {
+        size_t first, terms = im2col_piece(t, j, &first);
         k->gemm_pack(t->w + first * t->N, w + first % in * taps + first / in,
                      taps, taps * in, terms, out);
     }
@@ -65,7 +66,8 @@ void patch_update(struct patch *t, const float *w, const float *bias)
 
 /* rows (M,K): what the windows of pixels [m0, m0 + M) of the output see, zeros
  * outside the picture. */
-static void unfold(const float *in, struct patch *t, size_t m0, size_t M)
+static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
+                          size_t M)
 {
     const struct conv *c = t->c;
     size_t C = c->in_data, k = c->kernel, half = k / 2;
@@ -87,7 +89,7 @@ static void unfold(const float *in, struct patch *t, size_t m0, size_t M)
 }
 
 /* out (M, out) of the unfolded rows. */
-static void multiply(float *out, struct patch *t, size_t M)
+static void im2col_multiply(float *out, struct im2col *t, size_t M)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t N = t->c->out;
@@ -96,8 +98,8 @@ static void multiply(float *out, struct patch *t, size_t M)
         for (size_t n0 = 0; n0 < t->N; n0 += COLUMNS) {
             size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
             size_t m = M - m0 < ROWS ? M - m0 : ROWS;
-            for (size_t j = 0; j < pieces(t); j++) {
-                size_t first, terms = piece(t, j, &first);
+            for (size_t j = 0; j < im2col_pieces(t); j++) {
+                size_t first, terms = im2col_piece(t, j, &first);
                 k->gemm(t->sum + m0 * t->N + n0, t->N,
                         t->rows + m0 * t->K + first, t->K, 1,
                         t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
@@ -111,14 +113,14 @@ static void multiply(float *out, struct patch *t, size_t M)
     }
 }
 
-void patch_forward(float *out, const float *in, struct patch *t)
+void im2col_forward(float *out, const float *in, struct im2col *t)
 {
     const struct conv *c = t->c;
     size_t pixels = c->batch * c->oh * c->ow;
     for (size_t m = 0; m < pixels; m += BAND) {
         size_t M = pixels - m < BAND ? pixels - m : BAND;
-        unfold(in, t, m, M);
-        multiply(out + m * c->out, t, M);
+        im2col_unfold(in, t, m, M);
+        im2col_multiply(out + m * c->out, t, M);
     }
     if (c->act != ACT_NONE)
         act_forward(out, out, c->act, pixels * c->out);

@@ -13,7 +13,7 @@
 #include "lib/base/half.h"
 #include "lib/base/random.h"
 #include "lib/net/narrow_refiner.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/base/covered.h"
 #include "tests/check.h"
 
@@ -78,7 +78,7 @@ static float *floats(size_t n)
 
 /* Features with holes, some of them whole pieces: packed, in halves and in
  * floats, they give the bits of the picture with zeros there. */
-static void run_packed(const struct fold *f, float *in, uint16_t *half,
+static void run_packed(const struct fused_stem *f, float *in, uint16_t *half,
                        const struct shape *s)
 {
     size_t C = s->C, rows = s->B * s->h, pixels = rows * s->w;
@@ -99,17 +99,17 @@ static void run_packed(const struct fold *f, float *in, uint16_t *half,
         }
     }
     check_same(covered_rows(start, alpha, rows, s->w) == count, "a count", s);
-    struct fold_view whole = { .f32 = in, .stride = s->w * C };
-    struct fold_view views[] = {
+    struct feature_view whole = { .f32 = in, .stride = s->w * C };
+    struct feature_view views[] = {
         { NULL, half, s->w * C, alpha, start },
         { few, NULL, s->w * C, alpha, start }
     };
-    fold_forward(out[0], rgb[0], &whole, f);
+    fused_stem_forward(out[0], rgb[0], &whole, f);
     for (int k = 0; k < 4; k++) {
         omp_set_num_threads(1 + k / 2);
         memset(out[1], 0xff, outs * sizeof(float));
         memset(rgb[1], 0xff, 3 * pixels * sizeof(float));
-        fold_forward(out[1], rgb[1], &views[k % 2], f);
+        fused_stem_forward(out[1], rgb[1], &views[k % 2], f);
         check_same(!memcmp(out[0], out[1], outs * sizeof(float)) &&
                        !memcmp(rgb[0], rgb[1], 3 * pixels * sizeof(float)),
                    "what came packed", s);
@@ -127,7 +127,7 @@ static void run(const struct shape *s)
 {
     struct params ps;
     struct conv c;
-    struct fold f;
+    struct fused_stem f;
     struct nn_plan p;
     size_t rows = s->B * s->h, row = s->w * s->C, n = rows * row;
     size_t outs = rows / 2 * (s->w / 2) * s->O, pixels = rows * s->w;
@@ -147,15 +147,16 @@ static void run(const struct shape *s)
         param_w(&ps, c.bias)[o] = 0.01f * (float)o;
     omp_set_num_threads(7);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_F32 });
-    check_same(fold_possible(&c), "whether it is possible", s);
-    fold_plan(&f, &c, &p, s->B, s->h, s->w);
+    check_same(fused_stem_possible(&c), "whether it is possible", s);
+    fused_stem_plan(&f, &c, &p, s->B, s->h, s->w);
     must(nn_plan_finish(&p, &err));
-    fold_update(&f);
+    fused_stem_update(&f);
     values(half, in, n);
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);
     double most = plain(truth, in, &c, s);
-    fold_forward(out, rgb, &(struct fold_view){ .f32 = in, .stride = row }, &f);
+    fused_stem_forward(out, rgb,
+                       &(struct feature_view){ .f32 = in, .stride = row }, &f);
     for (size_t i = 0; i < outs; i++)
         worst = fmax(worst, fabs((double)out[i] - truth[i]));
     printf("%zux%zu, %zu -> %zu: error %.1e of the largest value\n", s->w,
@@ -163,12 +164,12 @@ static void run(const struct shape *s)
     check_same(worst < 1e-5 * most, "the sum", s);
     for (size_t i = 0; i < 3 * pixels; i++)
         check_same(rgb[i] == in[i / 3 * s->C + i % 3], "the coarse picture", s);
-    const struct fold_view views[] = {
+    const struct feature_view views[] = {
         { .f16 = half, .stride = row }, { .f32 = part, .stride = wide }
     };
     for (int k = 0; k < 4; k++) {
         omp_set_num_threads(1 + k / 2);
-        fold_forward(out2, rgb2, &views[k % 2], &f);
+        fused_stem_forward(out2, rgb2, &views[k % 2], &f);
         check_same(!memcmp(out, out2, outs * sizeof *out) &&
                        !memcmp(rgb, rgb2, 3 * pixels * sizeof *rgb),
                    k % 2 ? "a part" : "half floats", s);
