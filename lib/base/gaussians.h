@@ -18,10 +18,10 @@ struct gaussians {
     const uint16_t *color_half;   /* (N,C) IEEE half, or NULL */
     const uint8_t *branch;        /* (N) 0 dynamic, 1 static, 2 mouth; may be
                                    * NULL: everything is drawn */
-    const float *uv;              /* (N,2) places in the source picture, 0..1
-                                   * across it, or NULL */
-    const float *seen;            /* (N) how far each is to be seen there, 0
-                                   * to 1; NULL when uv is */
+    const float *uv;              /* (N,2) where the source picture shows it,
+                                   * 0..1 across, or NULL */
+    const float *seen;            /* (N)   0..1: how much of that is so; or
+                                   * NULL with uv: nothing is */
 };
 
 #endif
