@@ -153,6 +153,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->start.scale_shift, D, false}, {&b->start.visible, D, false},
         {&b->verts, 3 * D, false}, {&b->place, 2 * D, false},
         {&b->normals, 3 * D, false}, {&b->seen, D, false},
+        {&b->facing, D, false},
         {&b->spacing, D, false}, {&b->sampled, D * b->feature, false},
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
@@ -234,7 +235,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
         float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
         float nv = dynamic_branch_facing(b, k, eye), matte = pixel[3];
 
-        extra[0] = nv;
+        b->facing[k] = extra[0] = nv;
         extra[1] = b->seen[k];
         extra[2] = b->seen[k] * dynamic_branch_ramp(nv, 0.05f, 0.4f);
         extra[3] = matte;
@@ -281,7 +282,10 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
-        out->seen[k] = b->prior ? b->trust[k] * b->start.visible[k] : 0;
+        /* beside the person too: there the photograph's matte is clear */
+        out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
+                                  dynamic_branch_ramp(b->facing[k], 0, 0.25f)
+                                : 0;
     }
 }
 

@@ -37,6 +37,8 @@ struct dynamic_branch {
     float *place;                       /* (D,2) p_k in [-1,1] */
     float *normals;                     /* (D,3) */
     float *seen;                        /* (D) in [0,1]: not behind others */
+    float *facing;                      /* (D) cosine between normal and way
+                                         * to the camera */
     float *spacing;                     /* (D) to the neighbours */
     float *sampled, *dsampled;          /* (D,Cf) d_k; one memory */
     float *pixel;                       /* (D,4) source picture at p_k */
