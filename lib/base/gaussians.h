@@ -18,6 +18,10 @@ struct gaussians {
     const uint16_t *color_half;   /* (N,C) IEEE half, or NULL */
     const uint8_t *branch;        /* (N) 0 dynamic, 1 static, 2 mouth; may be
                                    * NULL: everything is drawn */
+    const float *uv;              /* (N,2) where the source picture shows it,
+                                   * 0..1 across, or NULL */
+    const float *seen;            /* (N)   0..1: how much of that is so; or
+                                   * NULL with uv: nothing is */
 };
 
 #endif

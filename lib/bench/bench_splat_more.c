@@ -40,7 +40,7 @@ static int job_open(struct job *j, const struct splat_options *opt,
     j->g = (struct splat_gradients){
         j->gradient, j->gradient + 3 * N, j->gradient + 6 * N,
         j->gradient + 10 * N, j->gradient + 11 * N,
-        j->gradient + (11 + C) * N};
+        j->gradient + (11 + C) * N, NULL};
     random_init(&r, 1, "bench gradient");
     for (size_t i = 0; i < pixels * C; i++)
         j->d_image[i] = (float)random_range(&r, -1, 1);

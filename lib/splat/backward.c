@@ -24,7 +24,9 @@ int backward_init(struct splat *s)
     b->stride = 16 + s->state->row;
     b->T = malloc(pixels * sizeof *b->T);
     b->image = malloc(pixels * (size_t)s->opt.channels * sizeof *b->image);
-    return b->T && b->image ? 0 : -1;
+    if (s->opt.place)
+        b->place = malloc(pixels * 3 * sizeof *b->place);
+    return b->T && b->image && (b->place || !s->opt.place) ? 0 : -1;
 }
 
 void backward_release(struct splat *s)
@@ -35,12 +37,13 @@ void backward_release(struct splat *s)
         return;
     free(b->pair);
     free(b->seen);
-    free(b->place);
+    free(b->range);
     free(b->inverse_length);
     free(b->inverse_opacity);
     free(b->rt);
     free(b->T);
     free(b->image);
+    free(b->place);
     free(b);
 }
 
@@ -52,16 +55,16 @@ int backward_load(struct splat *s, const struct gaussians *g,
     size_t n = (g->n + 15) / 16 * 16 + 16;
 
     if (b->n != n) {
-        free(b->place);
+        free(b->range);
         free(b->inverse_length);
         free(b->inverse_opacity);
         free(b->rt);
         b->n = n;
-        b->place = malloc(n * sizeof *b->place);
+        b->range = malloc(n * sizeof *b->range);
         b->inverse_length = malloc(n * sizeof *b->inverse_length);
         b->inverse_opacity = malloc(n * sizeof *b->inverse_opacity);
         b->rt = malloc((n / GRADIENT_BATCH + 1) * 12 * sizeof *b->rt);
-        if (!b->place || !b->inverse_length || !b->inverse_opacity ||
+        if (!b->range || !b->inverse_length || !b->inverse_opacity ||
             !b->rt) {
             b->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
@@ -92,6 +95,8 @@ void backward_keep(struct splat *s, struct target *out)
 
     out->final_T = b->T;
     out->background_free = b->image;
+    out->kept_place = out->place ? b->place : NULL;
+    b->placed = out->place != NULL;
     b->drawn = true;
     memset(b->background, 0, sizeof b->background);
     if (out->background)
@@ -139,7 +144,7 @@ static void backward_number_pairs(const struct splat *s, uint32_t *part)
         struct rect r = st->rect[i];
         uint32_t across = (uint32_t)(r.x1 - r.x0);
 
-        b->place[i] = (struct place){sum - r.y0 * across - r.x0, across};
+        b->range[i] = (struct pair_range){sum - r.y0 * across - r.x0, across};
         if (st->key[i] != HIDDEN)
             sum += across * (uint32_t)(r.y1 - r.y0);
     }
@@ -148,7 +153,7 @@ static void backward_number_pairs(const struct splat *s, uint32_t *part)
     for (int k = 0; k < t; k++)
         at += part[k];
     for (size_t i = first; at && i < last; i++)
-        b->place[i].origin += at;
+        b->range[i].origin += at;
     first = backward_share(s->pairs, t, threads);
     memset(b->seen + first, 0,
            backward_share(s->pairs, t + 1, threads) - first);
@@ -169,8 +174,7 @@ static void backward_sum_camera(float *rt, const double *part, size_t batches)
 
 /* Number the pairs, sum up tile by tile, then Gaussian by Gaussian. */
 int backward_run(struct splat *s, const struct splat_gradients *g,
-                 const float *d_image, const float *d_alpha,
-                 struct error *err)
+                 const struct splat_picture_gradients *d, struct error *err)
 {
     struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
@@ -182,8 +186,12 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
                          "(expected splat_forward with opt.gradients)");
+    if (d->place && !b->placed)
+        return error_set(err, EX_SOFTWARE, "no places to differentiate "
+                         "(expected splat_draw with them)");
     if (backward_make_room(s, err))
         return -1;
+    b->pulled = d->place != NULL;
 #pragma omp parallel num_threads(st->threads)
     {
         struct splat_work *w = (struct splat_work *)
@@ -193,7 +201,7 @@ int backward_run(struct splat *s, const struct splat_gradients *g,
         backward_number_pairs(s, part);
 #pragma omp for schedule(dynamic, 1)
         for (uint32_t i = 0; i < tiles; i++)
-            k->tile_backward(s, w, st->zorder[i], d_image, d_alpha);
+            k->tile_backward(s, w, st->zorder[i], d);
 #pragma omp for schedule(static)
         for (size_t i = 0; i < batches; i++) {
             size_t first = i * GRADIENT_BATCH, last = first + GRADIENT_BATCH;

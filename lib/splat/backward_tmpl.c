@@ -8,8 +8,8 @@
 #include "lib/splat/chunk.h"
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
-                              uint32_t t, const float *d_image,
-                              const float *d_alpha);
+                              uint32_t t,
+                              const struct splat_picture_gradients *d);
 
 /* Pixels of the block at (x0, y0), as numbers; those outside the picture are
  * taken as pixel 0.  Returns which are inside. */
@@ -25,11 +25,13 @@ VEC_INLINE uint32_t backward_pixels(vi *at, const struct splat *s, int x0,
     return vm_bits(in);
 }
 
-/* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
-static void backward_load_grad_color(struct splat_work *w, int k)
+/* Gradients of three channels at block k's pixels, for the sums of four
+ * Gaussians. */
+static void backward_load_grad_color(struct splat_work *w, int k,
+                                     const float (*grad)[VEC])
 {
     for (int p = 0; p < VEC; p++) {
-        float r = w->g[k][0][p], g = w->g[k][1][p], b = w->g[k][2][p];
+        float r = grad[0][p], g = grad[1][p], b = grad[2][p];
 
 #if VEC == 16
         vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
@@ -62,13 +64,33 @@ VEC_INLINE void backward_fetch_pixels(const struct splat *s,
     }
 }
 
-/* Load dL/dcolor of the tile, and remaining = what all the light is worth:
- * sum_i w_i c_i.g + T (background.g - dL/dalpha). */
+/* dL/dplace of block k's pixels, numbers at; returns what the places are
+ * worth. */
+VEC_INLINE vf backward_load_places(struct splat_work *w, int k,
+                                   const float *place, const float *d_place,
+                                   vi at)
+{
+    vf sum = vf_set(0);
+
+    for (int m = 0; m < 3; m++) {
+        vf g = vf_gather(d_place + m, at * 3);
+
+        vf_store(w->g_place[k][m], g);
+        sum = vf_fma(vf_gather(place + m, at * 3), g, sum);
+    }
+    backward_load_grad_color(w, k, (const float (*)[VEC])w->g_place[k]);
+    return sum;
+}
+
+/* Load the gradients of the tile's pictures, and remaining = what all the
+ * light is worth: sum_i w_i c_i.g + T (background.g - dL/dalpha), places among
+ * the c_i. */
 static void backward_load_pixels(struct splat_work *w, const struct splat *s,
-                                 const float *d_image, const float *d_alpha,
+                                 const struct splat_picture_gradients *d,
                                  int x0, int y0)
 {
     const struct splat_gradient_state *b = s->state->gradient;
+    const float *d_image = d->image;
     int C = s->opt.channels;
 
     if (!s->state->row)
@@ -89,11 +111,13 @@ static void backward_load_pixels(struct splat_work *w, const struct splat *s,
         }
         for (int m = C; m < SPLAT_MAX_CHANNELS; m++)
             vf_store(w->g[k][m], vf_set(0));
-        if (d_alpha)
-            behind -= vf_gather(d_alpha, at);
+        if (d->place)
+            sum += backward_load_places(w, k, b->place, d->place, at);
+        if (d->alpha)
+            behind -= vf_gather(d->alpha, at);
         vf_store(w->remaining[k], vf_fma(vf_gather(b->T, at), behind, sum));
         if (!s->state->row)
-            backward_load_grad_color(w, k);
+            backward_load_grad_color(w, k, (const float (*)[VEC])w->g[k]);
     }
 }
 
@@ -141,13 +165,13 @@ static void backward_color_dot_grads(struct splat_work *w, int b,
 
 /* Where a block's pixels are about the tile's centre: rows and their squares,
  * and of column x the powers 0, 1, 2 of its place, each four times. */
-struct places {
+struct powers {
     float y[4], yy[4];
     float x[COLUMNS][16];
 };
 
-/* The places of block b. */
-VEC_INLINE void backward_places(struct places *at, int b)
+/* The powers of block b. */
+VEC_INLINE void backward_powers(struct powers *at, int b)
 {
     for (int k = 0; k < 4; k++) {
         float y = 4 * (float)(b / ACROSS) - 7.5f + (float)k;
@@ -163,9 +187,9 @@ VEC_INLINE void backward_places(struct places *at, int b)
     }
 }
 
-/* Sums over the columns of numbers by column and Gaussian, times the places'
+/* Sums over the columns of numbers by column and Gaussian, times the
  * powers part .. of sixteen: lanes 4 power + Gaussian. */
-VEC_INLINE vf backward_column_sum(const float *row, const struct places *at,
+VEC_INLINE vf backward_column_sum(const float *row, const struct powers *at,
                                   const int part)
 {
     vf m = vf_repeat(row) * vf_load(at->x[0] + part);
@@ -192,13 +216,13 @@ VEC_INLINE vf backward_grad_color_sum(const float (*row)[VEC],
     return sum[0] + sum[1] + (sum[2] + sum[3]);
 }
 
-/* Add the sums of four list entries to their rows of w->pair: dq and weight
- * at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
+/* Add the sums of four list entries to their rows of w->pair: dq, and with
+ * three channels to sum up here the weights, at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
  * the columns together, lanes 4 power + Gaussian. */
 VEC_INLINE void backward_flush(struct splat_work *w,
                                const float (*grad_color)[16],
                                const uint32_t *list, vf dq[4], vf weight[4],
-                               const struct places *at, const int wide)
+                               const struct powers *at, const bool three)
 {
     float row[3][VEC], shade[4][VEC];
     vf m[4];
@@ -216,7 +240,7 @@ VEC_INLINE void backward_flush(struct splat_work *w,
     for (int f = 0; f < 3; f++)
         vf_store(row[f], m[f]);
     FROM_MEMORY(row);
-    if (!wide) {
+    if (three) {
         vf_transpose_quads(weight);
         FOUR vf_store(shade[k], weight[k]);
         FROM_MEMORY(shade);
@@ -227,9 +251,10 @@ VEC_INLINE void backward_flush(struct splat_work *w,
 #pragma GCC unroll 3
         for (int f = 0; f < 3; f++)
             m[f] = backward_column_sum(row[f], at, part);
-        m[3] = wide ? vf_set(0)
-                    : backward_grad_color_sum((const float (*)[VEC])shade,
-                                              grad_color, part);
+        m[3] = vf_set(0);
+        if (three)
+            m[3] = backward_grad_color_sum((const float (*)[VEC])shade,
+                                           grad_color, part);
         vf_transpose_quads(m);
         FOUR {
             float *to = w->pair[list[k]] + part;
@@ -261,27 +286,34 @@ static void backward_colors(struct splat_work *w, int b, uint32_t n, int row)
     }
 }
 
-/* One block: up to three channels have their colours in the chunk, more go
- * through backward_color_dot_grads and backward_colors. */
+/* Where a block's colours are: up to three channels in the chunk; of more in
+ * the table, by backward_color_dot_grads and backward_colors, and then there
+ * may be places in the chunk. */
+enum backward_kind { BACKWARD_CHUNK, BACKWARD_TABLE, BACKWARD_TABLE_PLACE };
+
+/* One block's share of the chunk. */
 VEC_INLINE void backward_traverse(struct splat_work *w, int b,
                                   const struct splat_state *st,
-                                  const int degree, const int wide)
+                                  const int degree,
+                                  const enum backward_kind kind)
 {
     const struct view *v = &st->view;
     const float (*grad_color)[16] = (const float (*)[16])w->grad_color[b];
     const uint32_t *list = w->list[b];
+    const bool wide = kind != BACKWARD_CHUNK;
+    const bool place = kind == BACKWARD_TABLE_PLACE;
     uint32_t n = w->count[b], j = 0;
     vf x = chunk_block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
     vf T = vf_keep(alive, vf_load(w->T[b])), g[3];
     vf remaining = vf_load(w->remaining[b]);
-    struct places at;
+    struct powers at;
 
-    backward_places(&at, b);
+    backward_powers(&at, b);
     if (wide)
         backward_color_dot_grads(w, b, st->table, st->row);
     for (int c = 0; c < 3; c++)
-        g[c] = vf_load(w->g[b][c]);
+        g[c] = vf_load(place ? w->g_place[b][c] : w->g[b][c]);
     for (; j < n && vm_any(alive); j += 4) {
         vf e[4], alpha[4], behind[4], color_dot_grad[4], dq[4], weight[4];
         vm on[4];
@@ -290,12 +322,15 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
         FOUR behind[k] = backward_inverse(vf_set(1) - alpha[k]);
         ABREAST(behind);
         FOUR {
-            const float *c = w->info[list[j + (uint32_t)k]];
+            uint32_t entry = list[j + (uint32_t)k];
+            const float *c = place ? w->place[entry] : w->info[entry] + 1;
+            vf dot = vf_fma(vf_set(c[0]), g[0],
+                            vf_fma(vf_set(c[1]), g[1], vf_set(c[2]) * g[2]));
 
             color_dot_grad[k] =
-                wide ? vf_load(w->color_dot_grad[j + (uint32_t)k])
-                     : vf_fma(vf_set(c[1]), g[0],
-                              vf_fma(vf_set(c[2]), g[1], vf_set(c[3]) * g[2]));
+                wide ? vf_load(w->color_dot_grad[j + (uint32_t)k]) : dot;
+            if (place)
+                color_dot_grad[k] += dot;
         }
         FOUR {
             vf all = vf_mul_keep(on[k], alpha[k], T), before = remaining;
@@ -313,7 +348,8 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
             if (wide)
                 vf_store(w->weight[j + (uint32_t)k], weight[k]);
         }
-        backward_flush(w, grad_color, list + j, dq, weight, &at, wide);
+        backward_flush(w, grad_color, list + j, dq, weight, &at,
+                       !wide || place);
         alive = vf_gt(T, stop);
     }
     if (wide)
@@ -323,21 +359,32 @@ VEC_INLINE void backward_traverse(struct splat_work *w, int b,
     w->alive[b] = vm_bits(alive);
 }
 
-/* One block's share of the chunk, for a renderer with gradients: degree 3 or
- * 5.  Each combination is compiled apart. */
+/* Each kind is compiled apart, and each of the degrees that a renderer with
+ * gradients has. */
 static void backward_block(struct splat_work *w, int b,
-                           const struct splat_state *st, int degree)
+                           const struct splat_state *st, int degree,
+                           enum backward_kind kind)
 {
-    bool wide = st->row > 0;
-
-    if (degree == 3 && wide)
-        backward_traverse(w, b, st, 3, 1);
-    else if (degree == 3)
-        backward_traverse(w, b, st, 3, 0);
-    else if (wide)
-        backward_traverse(w, b, st, 5, 1);
-    else
-        backward_traverse(w, b, st, 5, 0);
+    switch (kind) {
+    case BACKWARD_CHUNK:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_CHUNK);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_CHUNK);
+        return;
+    case BACKWARD_TABLE:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_TABLE);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_TABLE);
+        return;
+    case BACKWARD_TABLE_PLACE:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_TABLE_PLACE);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_TABLE_PLACE);
+        return;
+    }
 }
 
 /* Where the pairs of n entries of tile (tx, ty) go. */
@@ -348,9 +395,9 @@ static void backward_find_pairs(struct splat_work *w, const struct splat *s,
     const struct splat_gradient_state *b = s->state->gradient;
 
     for (uint32_t e = 0; e < n; e++) {
-        struct place p = b->place[list[e]];
+        struct pair_range p = b->range[list[e]];
 
-        w->place[e] = p.origin + ty * p.across + tx;
+        w->pair_of[e] = p.origin + ty * p.across + tx;
     }
 }
 
@@ -363,7 +410,7 @@ VEC_INLINE void backward_fetch_pairs(const struct splat_work *w,
     const struct splat_gradient_state *g = s->state->gradient;
 
     for (uint32_t e = n * b / BLOCKS; e < n * (b + 1) / BLOCKS; e++)
-        __builtin_prefetch(g->pair + (size_t)w->place[e] * (size_t)g->stride,
+        __builtin_prefetch(g->pair + (size_t)w->pair_of[e] * (size_t)g->stride,
                            1);
 }
 
@@ -396,19 +443,20 @@ static void backward_store_pairs(const struct splat_work *w,
     size_t colors = (size_t)s->state->row * sizeof(float);
 
     for (uint32_t e = 0; e < n; e++) {
-        float *to = b->pair + (size_t)w->place[e] * (size_t)b->stride;
+        float *to = b->pair + (size_t)w->pair_of[e] * (size_t)b->stride;
 
         backward_put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
         if (colors)
             memcpy(to + 16, w->dcolor[e], colors);
-        b->seen[w->place[e]] = (uint8_t)(1 + list[e] % VEC);
+        b->seen[w->pair_of[e]] = (uint8_t)(1 + list[e] % VEC);
     }
 }
 
 /* The next n entries of a tile's list: find their pairs, lay them out, add up
  * block by block, put the sums away. */
 static void backward_chunk(struct splat_work *w, const struct splat *s,
-                           const uint32_t *list, uint32_t n, int tx, int ty)
+                           const uint32_t *list, uint32_t n, int tx, int ty,
+                           enum backward_kind kind)
 {
     backward_find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
     chunk_build(w, s->state, list, n, (float)(TILE * tx) + 8,
@@ -419,25 +467,28 @@ static void backward_chunk(struct splat_work *w, const struct splat *s,
     for (int b = 0; b < BLOCKS; b++) {
         backward_fetch_pairs(w, s, n, (uint32_t)b);
         if (w->count[b])
-            backward_block(w, b, s->state, s->opt.exp_degree);
+            backward_block(w, b, s->state, s->opt.exp_degree, kind);
     }
     backward_store_pairs(w, s, list, n);
 }
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
-                              uint32_t t, const float *d_image,
-                              const float *d_alpha)
+                              uint32_t t,
+                              const struct splat_picture_gradients *d)
 {
     const struct splat_state *st = s->state;
     int tx = (int)(t % (uint32_t)st->view.tx);
     int ty = (int)(t / (uint32_t)st->view.tx);
+    enum backward_kind kind = !st->row   ? BACKWARD_CHUNK
+                              : d->place ? BACKWARD_TABLE_PLACE
+                                         : BACKWARD_TABLE;
     uint32_t any = 1;
 
-    backward_load_pixels(w, s, d_image, d_alpha, TILE * tx, TILE * ty);
+    backward_load_pixels(w, s, d, TILE * tx, TILE * ty);
     for (uint32_t i = st->start[t]; i < st->end[t] && any; i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        backward_chunk(w, s, st->list + i, n, tx, ty);
+        backward_chunk(w, s, st->list + i, n, tx, ty, kind);
         any = 0;
         for (int b = 0; b < BLOCKS; b++)
             any |= w->alive[b];

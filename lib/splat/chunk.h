@@ -20,6 +20,7 @@ struct splat_work {
     float rows[4][CHUNK + 2][8];
     float info[COLUMN][4];                 /* root, the first three colours */
     float fourth[COLUMN];                  /* colour 3, or depth */
+    float place[COLUMN][4];                /* place channels, and 0 */
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
     uint32_t count[BLOCKS];
@@ -29,9 +30,11 @@ struct splat_work {
     float weight[COLUMN + 2][VEC];         /* of one block, wide path */
     uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
     float depth[BLOCKS][VEC];
+    float blended[3][BLOCKS][VEC];         /* place channels */
     float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
     float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
     float remaining[BLOCKS][VEC];          /* backward: light still behind */
+    float g_place[BLOCKS][3][VEC];         /* backward: dL/dplace */
     float color_dot_grad[COLUMN][VEC];     /* backward: color . g */
     float pair[COLUMN][16];                /* backward: sums of each entry
                                             * about the tile's centre */
@@ -39,7 +42,7 @@ struct splat_work {
                                             * pixel p, number 4 c + 0..3 is
                                             * dL/dcolor of c */
     float center[2][COLUMN];               /* x, y about the tile's centre */
-    uint32_t place[COLUMN];                /* backward: pair of each entry */
+    uint32_t pair_of[COLUMN];              /* backward: pair of each entry */
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
@@ -71,6 +74,8 @@ VEC_INLINE void chunk_fetch_entry(const struct splat_state *s, size_t i)
                     (size_t)s->row * sizeof(float));
     else
         __builtin_prefetch(&s->color[i]);
+    if (s->place)
+        __builtin_prefetch(&s->place[i]);
 }
 
 /* Columns of block b's pixels, about the tile's centre. */
@@ -226,6 +231,8 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
             w->info[i + k][0] = s->projection[one].root;
             if (!s->row)
                 memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
+            if (s->place)
+                memcpy(w->place[i + k], s->place[one], sizeof w->place[0]);
             if (depth)
                 memcpy(&w->fourth[i + k], &s->key[one], sizeof(float));
             else
@@ -240,6 +247,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
             w->rows[y][CHUNK][k] = k < 4 ? 0 : -1e30f;
     memset(w->info[CHUNK], 0, sizeof w->info[0]);
     w->fourth[CHUNK] = 0;
+    memset(w->place[CHUNK], 0, sizeof w->place[0]);
     for (int b = 0; b < BLOCKS; b++)
         vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
 }

@@ -27,11 +27,11 @@ struct lanes {
 static size_t gradient_first_pair(const struct splat *s, size_t i)
 {
     struct rect r = s->state->rect[i];
-    struct place p;
+    struct pair_range p;
 
     if (i >= s->n)
         return s->pairs;
-    p = s->state->gradient->place[i];
+    p = s->state->gradient->range[i];
     return (uint32_t)(p.origin + r.y0 * p.across + r.x0);
 }
 
@@ -235,6 +235,21 @@ VEC_INLINE void gradient_of_parameters(struct lanes *d,
     }
 }
 
+/* Places pull at the centre, through what the view makes of it: the channels
+ * are seen (2 uv - 1 - A x - b), dplace their gradients. */
+VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
+                                  const struct splat_state *st, size_t i)
+{
+    const struct view *v = &st->view;
+    const float *A = v->place.A;
+    vf seen = vf_load(st->cloud.seen + i);
+    vf u = seen * dplace[0], w = seen * dplace[1];
+
+    d->x -= vf_set(2 / (float)v->width) * (vf_set(A[0]) * u + vf_set(A[2]) * w);
+    d->y -=
+        vf_set(2 / (float)v->height) * (vf_set(A[1]) * u + vf_set(A[3]) * w);
+}
+
 /* VEC Gaussians of those drawn, i and on; `left` of them are in the arrays. */
 struct drawn {
     size_t i, left;
@@ -321,6 +336,13 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
         for (int k = 0; k < FIELDS; k++)
             r[k] = vf_keep(on, r[k]);
         gradient_of_screen(&d, m, r);
+        if (st->gradient->pulled) {
+            vf place[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)],
+                           m[GRAD_COLOR(2)]};
+
+            gradient_of_place(&d, place, st, i);
+            gradient_add(g->place, place, 3, &here);
+        }
         gradient_of_cov(S, &d, r);
         memcpy(before, d.P, sizeof before);
         gradient_centers(c, st, i, r);

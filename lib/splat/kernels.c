@@ -10,7 +10,8 @@
                           uint32_t, const struct target *);               \
     void splat_tile_backward_##isa(const struct splat *,                  \
                                    struct splat_work *, uint32_t,         \
-                                   const float *, const float *);         \
+                                   const struct splat_picture_gradients   \
+                                       *);                                \
     void splat_gaussian_backward_##isa(                                   \
         const struct splat *, size_t, size_t,                             \
         const struct splat_gradients *, double *);                        \

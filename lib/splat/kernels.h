@@ -16,8 +16,8 @@ struct splat_kernels {
                  const struct target *out);
     /* Gradients of tile t's pixels into the pair records. */
     void (*tile_backward)(const struct splat *s, struct splat_work *w,
-                          uint32_t t, const float *d_image,
-                          const float *d_alpha);
+                          uint32_t t,
+                          const struct splat_picture_gradients *d);
     /* From screen to parameters for Gaussians first .. last - 1. */
     void (*gaussian_backward)(const struct splat *s, size_t first,
                               size_t last, const struct splat_gradients *g,

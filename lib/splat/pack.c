@@ -41,6 +41,11 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
                   s->opt.branches >> g->branch[i] & 1);
 
     st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
+    if (st->place) {
+        st->cloud.seen[i] = g->seen ? g->seen[i] : 0;
+        for (int k = 0; k < 2; k++)
+            st->cloud.uv[k][i] = g->uv ? 2 * g->uv[2 * i + (size_t)k] - 1 : 0;
+    }
     for (int c = 0; c < 4; c++)
         st->color[i][c] =
             c < s->opt.channels ? pack_color(g, i, c) : 0;

@@ -163,6 +163,30 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
     l->ok = vf_gt(vf_load(ok), vf_set(0));
 }
 
+/* Place channels of Gaussians i and on: what their places in the source
+ * picture differ by from where the view takes their centres. */
+VEC_INLINE void project_channels(struct splat_state *s, size_t i,
+                                 const struct lanes *l)
+{
+    const struct view *v = &s->view;
+    vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
+    vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
+    vf seen = vf_load(s->cloud.seen + i), row[4];
+
+    for (int k = 0; k < 2; k++) {
+        const float *A = v->place.A + 2 * k;
+        vf at = vf_fma(vf_set(A[0]), x,
+                       vf_fma(vf_set(A[1]), y, vf_set(v->place.b[k])));
+
+        /* a centre may be anywhere where nothing was seen of it */
+        row[k] = vf_keep(vf_gt(seen, vf_set(0)),
+                         seen * (vf_load(s->cloud.uv[k] + i) - at));
+    }
+    row[2] = seen;
+    row[3] = vf_set(0);
+    vf_put_rows(s->place[i], row, 4);
+}
+
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 {
     const struct view *v = &s->view;
@@ -199,6 +223,8 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
 
         vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
+        if (s->place)
+            project_channels(s, i, &l);
         vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
         for (size_t k = 0; v->dgr && k < VEC; k++) {
             struct rect *r = &s->rect[i + k];

@@ -60,10 +60,11 @@ VEC_INLINE uint32_t raster_keep_row(struct splat_work *w, uint32_t rows,
 
 /* Pass light through a block's list, T in a register: blend 3 or 4 channels,
  * which stay in registers, or for more (channels 0) put the weights into
- * w->weight and return their rows. */
+ * w->weight and return their rows.  Places are three further channels in
+ * registers. */
 VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
                                     const struct view *v, const int degree,
-                                    const int channels)
+                                    const int channels, const bool place)
 {
     const uint32_t *list = w->list[b];
     float *sums[4] = {w->color[0][b], w->color[1][b], w->color[2][b],
@@ -71,11 +72,13 @@ VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
     const int first = channels ? 0 : 3, last = channels ? channels : 4;
     uint32_t n = w->count[b], rows = 0;
     struct light l;
-    vf c[4], x = chunk_block_x(b);
+    vf c[4], p[3], x = chunk_block_x(b);
 
     light_init(&l, w, b, v);
     for (int k = first; k < last; k++)
         c[k] = vf_load(sums[k]);
+    for (int k = 0; place && k < 3; k++)
+        p[k] = vf_load(w->blended[k][b]);
     for (uint32_t j = 0; j < n; j += 4) {
         vm on = VM_ALL, seen[4];
         vf alpha[4], free[4];
@@ -93,6 +96,9 @@ VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
                                    c[m]);
             if (last > 3)
                 c[3] = vf_fma_keep(on, weight, vf_set(w->fourth[e]), c[3]);
+#pragma GCC unroll 3
+            for (int m = 0; place && m < 3; m++)
+                p[m] = vf_fma_keep(on, weight, vf_set(w->place[e][m]), p[m]);
             if (!channels)
                 rows = raster_keep_row(w, rows, e, vf_keep(on, weight));
         }
@@ -102,6 +108,8 @@ VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
     }
     for (int k = first; k < last; k++)
         vf_store(sums[k], c[k]);
+    for (int k = 0; place && k < 3; k++)
+        vf_store(w->blended[k][b], p[k]);
     light_store(w, b, &l);
     return rows;
 }
@@ -243,9 +251,10 @@ static void raster_product_fixed(struct splat_work *w, int b, uint32_t rows,
 
 /* More than four channels: weights first, then their product with the table. */
 VEC_INLINE void raster_wide_block(const struct splat_state *st,
-                                  struct splat_work *w, int b, const int degree)
+                                  struct splat_work *w, int b, const int degree,
+                                  const bool place)
 {
-    uint32_t rows = raster_traverse(w, b, &st->view, degree, 0);
+    uint32_t rows = raster_traverse(w, b, &st->view, degree, 0, place);
 
     if (!rows)
         return;
@@ -262,42 +271,50 @@ VEC_INLINE void raster_wide_block(const struct splat_state *st,
  * registers, more by products with the table. */
 enum blend { BLEND_THREE, BLEND_FOUR, BLEND_TABLE };
 
-/* One kind's traversal, degree a constant. */
+/* One kind's traversal; degree and place are constants. */
 VEC_INLINE void raster_blend(const struct splat_state *st,
                              struct splat_work *w, int b, enum blend kind,
-                             const int degree)
+                             const int degree, const bool place)
 {
+    const struct view *v = &st->view;
+
     switch (kind) {
-    case BLEND_THREE: raster_traverse(w, b, &st->view, degree, 3); return;
-    case BLEND_FOUR: raster_traverse(w, b, &st->view, degree, 4); return;
-    case BLEND_TABLE: raster_wide_block(st, w, b, degree); return;
+    case BLEND_THREE: raster_traverse(w, b, v, degree, 3, place); return;
+    case BLEND_FOUR: raster_traverse(w, b, v, degree, 4, place); return;
+    case BLEND_TABLE: raster_wide_block(st, w, b, degree, place); return;
     }
 }
 
 /* One block's share of the chunk.  Each combination is compiled apart. */
-static void raster_block(const struct splat *s, struct splat_work *w, int b)
+static void raster_block(const struct splat *s, struct splat_work *w, int b,
+                         bool place)
 {
     const struct splat_state *st = s->state;
     enum blend kind = st->row ? BLEND_TABLE
                       : s->opt.channels > 3 || s->opt.depth ? BLEND_FOUR
                                                             : BLEND_THREE;
 
-    switch (s->opt.exp_degree) {
-    case 2: raster_blend(st, w, b, kind, 2); return;
-    case 3: raster_blend(st, w, b, kind, 3); return;
-    case 4: raster_blend(st, w, b, kind, 4); return;
-    default: raster_blend(st, w, b, kind, 5); return;
+    switch (s->opt.exp_degree * 2 + place) {
+    case 2 * 2: raster_blend(st, w, b, kind, 2, false); return;
+    case 2 * 3: raster_blend(st, w, b, kind, 3, false); return;
+    case 2 * 4: raster_blend(st, w, b, kind, 4, false); return;
+    case 2 * 5: raster_blend(st, w, b, kind, 5, false); return;
+    case 2 * 2 + 1: raster_blend(st, w, b, kind, 2, true); return;
+    case 2 * 3 + 1: raster_blend(st, w, b, kind, 3, true); return;
+    case 2 * 4 + 1: raster_blend(st, w, b, kind, 4, true); return;
+    default: raster_blend(st, w, b, kind, 5, true); return;
     }
 }
 
 /* The next n entries of the tile's list, block by block. */
 static void raster_chunk(const struct splat *s, struct splat_work *w,
-                         const uint32_t *list, uint32_t n, float cx, float cy)
+                         const uint32_t *list, uint32_t n, float cx, float cy,
+                         bool place)
 {
     chunk_build(w, s->state, list, n, cx, cy, s->opt.depth);
     for (int b = 0; b < BLOCKS; b++)
         if (w->count[b])
-            raster_block(s, w, b);
+            raster_block(s, w, b, place);
 }
 
 /* Pixels of block b that lie in the picture. */
@@ -323,6 +340,8 @@ static void raster_begin(struct splat_work *w, const struct splat *s, int x0,
         vf_store(w->T[b], vf_set(1));
         vf_store(w->depth[b], vf_set(0));
     }
+    if (s->state->place)
+        memset(w->blended, 0, sizeof w->blended);
     if (s->state->row)
         memset(w->wide, 0, sizeof w->wide);
     else
@@ -456,9 +475,10 @@ static void raster_stream_half(uint16_t *out, const struct splat_work *w, int y,
     }
 }
 
-/* Four rows of a tile on their way out: T, depth, up to 4 colours. */
+/* Four rows of a tile on their way out: T, depth, up to 4 colours,
+ * place channels. */
 struct strip {
-    float T[4][TILE], z[4][TILE], color[4][4][TILE];
+    float T[4][TILE], z[4][TILE], color[4][4][TILE], place[3][4][TILE];
 };
 
 /* Can colours of more than 4 channels go straight to where they belong? */
@@ -550,6 +570,15 @@ static void raster_finish_row(const struct strip *p, const struct target *out,
         memcpy(out->alpha + at, opaque, sizeof opaque);
     else if (out->alpha)
         memcpy(out->alpha + at, opaque, bytes);
+    if (out->place) {
+        float row[4][TILE];
+
+        for (int c = 0; c < 3; c++)
+            memcpy(row[c], p->place[c][y], sizeof row[c]);
+        raster_put_colors(out->place + 3 * at, row, n, 3);
+        if (out->kept_place)
+            memcpy(out->kept_place + 3 * at, out->place + 3 * at, 3 * bytes);
+    }
     if (!out->depth)
         return;
     for (int x = 0; x < n; x++)
@@ -568,6 +597,8 @@ static void raster_finish(struct splat_work *w, const struct splat *s,
         raster_block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
             raster_block_rows(p.color[c], w->color[c][ACROSS * by]);
+        for (int c = 0; out->place && c < 3; c++)
+            raster_block_rows(p.place[c], w->blended[c][ACROSS * by]);
         if (out->depth && s->state->row)
             raster_block_rows(p.z, w->depth[ACROSS * by]);
         else if (out->depth)
@@ -597,6 +628,8 @@ VEC_INLINE void raster_fetch_target(const struct splat *s,
         if (C && out->background_free)
             chunk_fetch(out->background_free + at * C,
                         n * C * sizeof *out->background_free);
+        if (out->place)
+            chunk_fetch(out->place + 3 * at, 3 * n * sizeof *out->place);
         if (out->alpha)
             chunk_fetch(out->alpha + at, n * sizeof *out->alpha);
         if (out->final_T)
@@ -628,7 +661,7 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
          i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        raster_chunk(s, w, st->list + i, n, cx, cy);
+        raster_chunk(s, w, st->list + i, n, cx, cy, out->place != NULL);
     }
     raster_finish(w, s, out, x0, y0);
 }

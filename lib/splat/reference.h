@@ -14,7 +14,9 @@ struct reference {
     double *mean, *scale, *quat, *opacity, *color;   /* owned; (N,3) (N,3)
                                                       * (N,4) (N) (N,C) */
     double rt[12], fx, fy, cx, cy;
-    double background[SPLAT_MAX_CHANNELS];
+    double background[SPLAT_MAX_CHANNELS + 3];
+    double *uv, *seen;     /* owned; (N,2) from -1 to 1, (N); or NULL */
+    struct splat_place_view view;
     uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
                             * (finite differences); owned by the caller */
 };
@@ -26,6 +28,13 @@ int reference_init(struct reference *t, const struct gaussians *g,
                    int channels, enum splat_rules rules,
                    unsigned branches, struct error *err);
 void reference_release(struct reference *t);
+
+/* Have the pictures end in three channels of places, and color's rows with
+ * them: channels grows by 3.  g is that of reference_init, without branches.
+ * What color holds of places is made anew whenever it is drawn. */
+int reference_add_places(struct reference *t, const struct gaussians *g,
+                         const struct splat_place_view *view,
+                         struct error *err);
 
 /* One Gaussian on the screen. */
 struct reference_point {
@@ -54,7 +63,8 @@ int reference_forward(double *image, double *alpha, double *depth,
                       struct error *err);
 
 /* Gradients, overwritten; sizes as in struct reference, C = channels.
- * conic (N,3) and center (N,2) are those on the screen; each may be NULL. */
+ * conic (N,3) and center (N,2) are those on the screen; each may be NULL, but
+ * with places color may not: what pulls at the centres goes through it. */
 struct reference_gradients {
     double *mean, *scale, *quat, *opacity, *color, *rt, *center, *conic;
 };

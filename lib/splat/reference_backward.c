@@ -41,7 +41,7 @@ static void reference_pixel_backward(struct screen *s, double *d_color,
     for (size_t k = count; k-- > 0;) {
         const struct contribution *h = &found[k];
         const struct reference_point *p = &w->point[h->i];
-        const double *color = t->color + h->i * C;
+        const double *color = w->color + h->i * C;
         double cg = reference_dot(color, g, C), da = h->T * (cg - behind);
 
         behind = h->alpha * cg + (1 - h->alpha) * behind;
@@ -201,6 +201,18 @@ static void reference_store(double *to, const double *from, size_t i, size_t n)
         memcpy(to + i * n, from, n * sizeof *to);
 }
 
+/* Gradients of Gaussian i's place channels to its centre's. */
+static void reference_place_backward(struct screen *s, const double *d_color,
+                                     const struct reference *t, size_t i)
+{
+    const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
+    const float *A = t->view.A;
+    double u = -t->seen[i] * d[0], v = -t->seen[i] * d[1];
+
+    s->x += 2.0 / t->width * (A[0] * u + A[2] * v);
+    s->y += 2.0 / t->height * (A[1] * u + A[3] * v);
+}
+
 int reference_backward(const struct reference_gradients *g,
                        const struct reference *t,
                        const double *d_image, const double *d_alpha,
@@ -235,6 +247,9 @@ int reference_backward(const struct reference_gradients *g,
         memset(g->rt, 0, 12 * sizeof *g->rt);
     for (size_t i = 0; i < t->n; i++) {
         struct gradient one = {0};
+
+        if (t->seen && g->color)
+            reference_place_backward(&s[i], g->color, t, i);
         double center[2] = {s[i].x, s[i].y};
 
         if (w.point[i].front)

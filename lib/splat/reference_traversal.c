@@ -91,6 +91,33 @@ static int traversal_fill_lists(struct traversal *w, const struct reference *t,
     return 0;
 }
 
+/* The scene's channels with the places of where the Gaussians are now: seen
+ * (2 uv - 1 - A x - b). */
+static int traversal_fill_places(struct traversal *w,
+                                 const struct reference *t, struct error *err)
+{
+    size_t C = (size_t)t->channels;
+
+    w->color = t->color;
+    if (!t->seen)
+        return 0;
+    w->color = w->placed = malloc((t->n * C + 1) * sizeof *w->placed);
+    if (!w->placed)
+        return error_set(err, EX_OSERR, "out of memory");
+    memcpy(w->placed, t->color, t->n * C * sizeof *w->placed);
+    for (size_t i = 0; i < t->n; i++) {
+        const float *A = t->view.A, *b = t->view.b;
+        double x = 2 * w->point[i].x / t->width - 1;
+        double y = 2 * w->point[i].y / t->height - 1;
+        double *out = w->placed + (i + 1) * C - 3, seen = t->seen[i];
+
+        out[0] = seen * (t->uv[2 * i] - (A[0] * x + A[1] * y + b[0]));
+        out[1] = seen * (t->uv[2 * i + 1] - (A[2] * x + A[3] * y + b[1]));
+        out[2] = seen;
+    }
+    return 0;
+}
+
 int traversal_init(struct traversal *w, const struct reference *t,
                    struct error *err)
 {
@@ -116,7 +143,8 @@ int traversal_init(struct traversal *w, const struct reference *t,
             key[i].i = t->order[i];
     else
         qsort(key, t->n, sizeof *key, traversal_by_depth);
-    rc = traversal_fill_lists(w, t, key, err);
+    rc = traversal_fill_places(w, t, err) ||
+         traversal_fill_lists(w, t, key, err) ? -1 : 0;
 out:
     free(key);
     if (rc)
@@ -126,6 +154,7 @@ out:
 
 void traversal_release(struct traversal *w)
 {
+    free(w->placed);
     free(w->point);
     free(w->start);
     free(w->list);

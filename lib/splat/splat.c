@@ -122,7 +122,7 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;
     if (opt->channels > 4 || (opt->channels == 4 && opt->depth) ||
-        (opt->gradients && opt->channels > 3))
+        (opt->gradients && (opt->channels > 3 || opt->place)))
         st->row = opt->channels > 16 ? 32 : 16;
     st->view.width = opt->width;
     st->view.height = opt->height;
@@ -196,7 +196,14 @@ static int splat_check_gaussians(const struct splat *s,
                           "a finite number, not negative", err) ||
         splat_check_array(g->quat, g->n, 4, "quat", -WIDEST, WIDEST, finite,
                           err) ||
-        splat_check_array(g->opacity, g->n, 1, "opacity", 0, 1, "0 to 1", err))
+        splat_check_array(g->opacity, g->n, 1, "opacity", 0, 1, "0 to 1",
+                          err))
+        return -1;
+    if (s->opt.place &&
+        ((g->uv && splat_check_array(g->uv, g->n, 2, "uv", -1e6f, 1e6f,
+                                     "-1e6 to 1e6", err)) ||
+         (g->seen && splat_check_array(g->seen, g->n, 1, "seen", 0, 1,
+                                       "0 to 1", err))))
         return -1;
     if (g->color)
         return splat_check_array(g->color, g->n, (size_t)g->channels, "color",
@@ -339,9 +346,11 @@ static void splat_set_camera(struct splat_state *st,
     v->limy = 0.65f * (float)v->height / cam->fy;
 }
 
-/* splat_forward and splat_forward_half. */
-static int splat_draw(struct splat *s, struct target *out,
-                      const struct splat_camera *cam, struct error *err)
+/* What was asked for fits what the renderer was made for. */
+static int splat_check_pictures(const struct splat *s,
+                                const struct splat_pictures *out,
+                                const struct splat_place_view *view,
+                                struct error *err)
 {
     if (!s->state->block)
         return error_set(err, EX_SOFTWARE, "nothing loaded (expected "
@@ -349,37 +358,76 @@ static int splat_draw(struct splat *s, struct target *out,
     if (out->depth && !s->opt.depth)
         return error_set(err, EX_SOFTWARE, "depth asked for (expected the "
                          "option when the renderer was made)");
-    if (splat_check_camera(cam, err))
+    if (out->place && !(s->opt.place && view))
+        return error_set(err, EX_SOFTWARE, "places asked for (expected a view "
+                         "and the option when the renderer was made)");
+    return 0;
+}
+
+/* Another view: the place channels are made again, where the Gaussians are
+ * projected. */
+static void splat_set_view(struct splat_state *st,
+                           const struct splat_place_view *view)
+{
+    if (!view || !memcmp(&st->view.place, view, sizeof *view))
+        return;
+    st->view.place = *view;
+    st->projected = false;
+}
+
+int splat_draw(struct splat *s, const struct splat_pictures *out,
+               const struct splat_camera *cam,
+               const struct splat_place_view *view, const float *background,
+               struct error *err)
+{
+    struct target to = {.image = out->image, .half = out->half,
+                        .alpha = out->alpha, .depth = out->depth,
+                        .place = out->place, .background = background};
+
+    if (splat_check_pictures(s, out, view, err) ||
+        splat_check_camera(cam, err) ||
+        (view && splat_check_array(view->A, 6, 1, "view", -1e6f, 1e6f,
+                                   "-1e6 to 1e6", err)))
         return -1;
     splat_set_camera(s->state, cam);
+    splat_set_view(s->state, view);
     if (s->opt.gradients)
-        backward_keep(s, out);
-    return frame_draw(s, out, err);
+        backward_keep(s, &to);
+    return frame_draw(s, &to, err);
 }
 
 int splat_forward(struct splat *s, float *image, float *alpha, float *depth,
                   const struct splat_camera *cam, const float *background,
                   struct error *err)
 {
-    struct target out = {.image = image, .alpha = alpha, .depth = depth,
-                         .background = background};
+    struct splat_pictures out = {
+        .image = image, .alpha = alpha, .depth = depth};
 
-    return splat_draw(s, &out, cam, err);
+    return splat_draw(s, &out, cam, NULL, background, err);
 }
 
 int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
                        float *depth, const struct splat_camera *cam,
                        const float *background, struct error *err)
 {
-    struct target out = {.half = image, .alpha = alpha, .depth = depth,
-                         .background = background};
+    struct splat_pictures out = {
+        .half = image, .alpha = alpha, .depth = depth};
 
-    return splat_draw(s, &out, cam, err);
+    return splat_draw(s, &out, cam, NULL, background, err);
+}
+
+int splat_draw_backward(struct splat *s, const struct splat_gradients *g,
+                        const struct splat_picture_gradients *d,
+                        struct error *err)
+{
+    return backward_run(s, g, d, err);
 }
 
 int splat_backward(struct splat *s, const struct splat_gradients *g,
                    const float *d_image, const float *d_alpha,
                    struct error *err)
 {
-    return backward_run(s, g, d_image, d_alpha, err);
+    struct splat_picture_gradients d = {.image = d_image, .alpha = d_alpha};
+
+    return backward_run(s, g, &d, err);
 }

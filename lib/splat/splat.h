@@ -57,6 +57,13 @@ int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
                        float *depth, const struct splat_camera *cam,
                        const float *background, struct error *err);
 
+/* The same into whichever pictures are wanted.  view may be NULL without
+ * place. */
+int splat_draw(struct splat *s, const struct splat_pictures *out,
+               const struct splat_camera *cam,
+               const struct splat_place_view *view, const float *background,
+               struct error *err);
+
 /* Gradients of a loss from those of the picture drawn by the last
  * splat_forward with opt.gradients set.
  *   d_image (H,W,C) in  dL/dimage
@@ -66,5 +73,12 @@ int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
 int splat_backward(struct splat *s, const struct splat_gradients *g,
                    const float *d_image, const float *d_alpha,
                    struct error *err);
+
+/* The same from the gradients of all pictures that were drawn.  Places pull at
+ * the Gaussians through their weights and through where their centres are; the
+ * view is held. */
+int splat_draw_backward(struct splat *s, const struct splat_gradients *g,
+                        const struct splat_picture_gradients *d,
+                        struct error *err);
 
 #endif

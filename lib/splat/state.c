@@ -66,6 +66,12 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     st->cloud.top = state_carve(base, &used, row);
     st->projection = state_carve(base, &used, n * sizeof *st->projection);
     st->color = state_carve(base, &used, n * sizeof *st->color);
+    st->place = NULL;
+    for (int k = 0; k < 3 && s->opt.place; k++)
+        *(k < 2 ? &st->cloud.uv[k] : &st->cloud.seen) =
+            state_carve(base, &used, row);
+    if (s->opt.place)
+        st->place = state_carve(base, &used, n * sizeof *st->place);
     st->key = state_carve(base, &used, n * sizeof *st->key);
     for (int k = 0; k < 3; k++)
         st->fine[k] = s->opt.gradients ? state_carve(base, &used, row) : NULL;

@@ -41,6 +41,7 @@ struct view {
     float t_cut;
     int width, height, tx, ty; /* pixels; tiles across and down */
     bool dgr;
+    struct splat_place_view place;
 };
 
 /* Gaussians, one array per number, padded to 16. */
@@ -48,6 +49,8 @@ struct cloud {
     float *mean[3];            /* as loaded and moved */
     float *scale[3], *quat[4]; /* quat normalised unless DGR */
     float *top;                /* log2 opacity; -1e30 for 0 */
+    float *uv[2], *seen;       /* with places: -1..1 across the source
+                                * picture, and how much; else NULL */
 };
 
 struct splat_gradient_state;
@@ -67,6 +70,7 @@ struct splat_state {
     struct cloud cloud;
     struct projected_gaussian *projection;   /* (N) */
     float (*color)[4];         /* (N) the first channels */
+    float (*place)[4];         /* (N) place channels and 0, or NULL */
     uint32_t *key;             /* (N) bits of z, or HIDDEN */
     float *fine[3];            /* (N) with gradients: what float loses of x, y,
                                 * z; else NULL */
@@ -98,9 +102,10 @@ struct splat_state {
 struct target {
     float *image;
     uint16_t *half;
-    float *alpha, *depth;
+    float *alpha, *depth, *place;
     float *final_T;            /* for backward: T at the end, ... */
-    float *background_free;    /* ... and the image without background */
+    float *background_free;    /* ... and the image without background ... */
+    float *kept_place;         /* ... and the places */
     const float *background;
 };
 

@@ -59,6 +59,8 @@ struct splat_options {
                                    * of the colours */
     bool level_set;               /* for measuring: kernels of `level`, which */
     enum cpu_level level;         /* the processor must have, not the best */
+    bool place;                   /* places in the source picture may be asked
+                                   * for (splat_draw) */
     unsigned branches;            /* bit b set: branch b is drawn; 0: all */
 };
 
@@ -79,6 +81,31 @@ struct splat {
     struct splat_state *state;
 };
 
+/* How places in the driven picture become places in the source picture, but for
+ * each Gaussian's own offset: A x + b, positions from -1 to 1 across a picture.
+ * The three place channels of a Gaussian centred at x are seen (2 uv - 1 - A x
+ * - b), x before y, and seen. */
+struct splat_place_view {
+    float A[4];                   /* rows */
+    float b[2];
+};
+
+/* Where a frame goes; what is NULL is not drawn, but for image and half, of
+ * which there is one. */
+struct splat_pictures {
+    float *image;                 /* (H,W,C) or ... */
+    uint16_t *half;               /* ... the same in half precision */
+    float *alpha;                 /* (H,W) 1 - T */
+    float *depth;                 /* (H,W) with opt.depth */
+    float *place;                 /* (H,W,3) with opt.place: sum_i w_i of the
+                                   * place channels, always in float */
+};
+
+/* A loss's gradients of them; all but image may be NULL. */
+struct splat_picture_gradients {
+    const float *image, *alpha, *place;
+};
+
 /* Where splat_backward adds its results; each may be NULL. */
 struct splat_gradients {
     float *mean;                  /* (N,3) */
@@ -88,6 +115,7 @@ struct splat_gradients {
     float *color;                 /* (N,C), C of splat_options */
     float *rt;                    /* (3,4) of the camera's [R|t], entry by
                                    * entry (R taken as nine free numbers) */
+    float *place;                 /* (N,3) of the place channels */
 };
 
 #endif

@@ -265,7 +265,7 @@ static void kernel_gradients(struct golden *g, struct splat *r,
     size_t N = s->N, C = s->C;
     float *all = calloc(N * (11 + C) + 12, sizeof *all);
     struct splat_gradients d = {all, all + 3 * N, all + 6 * N, all + 10 * N,
-                                all + 11 * N, all + (11 + C) * N};
+                                all + 11 * N, all + (11 + C) * N, NULL};
     double rt[12], T[12];
     float Tf[12];
     struct error err = {0};

@@ -139,7 +139,7 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
     float *all = grab(n * (11 + C) + 12, sizeof *all);
     float *image = grab(SIZE * SIZE * C, sizeof *image);
     struct splat_gradients g = {all, all + 3 * n, all + 6 * n, all + 10 * n,
-                                all + 11 * n, all + (11 + C) * n};
+                                all + 11 * n, all + (11 + C) * n, NULL};
     struct splat s = {0};
     struct error err = {0};
 
