@@ -305,10 +305,12 @@ static void gradient_add_colors(float *to, const struct splat *s,
     }
 }
 
-void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
-                                  size_t last,
-                                  const struct splat_gradients *g,
-                                  double *rt)
+/* All Gaussians of first .. last - 1.  Compiled apart for places: a branch in
+ * between would change which products the compiler fuses with sums. */
+VEC_INLINE void gradient_of_gaussians(const struct splat *s, size_t first,
+                                      size_t last,
+                                      const struct splat_gradients *g,
+                                      double *rt, const bool places)
 {
     const struct splat_state *st = s->state;
     const size_t stride = 16 + (size_t)st->row;
@@ -336,7 +338,7 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
         for (int k = 0; k < FIELDS; k++)
             r[k] = vf_keep(on, r[k]);
         gradient_of_screen(&d, m, r);
-        if (st->gradient->pulled) {
+        if (places) {
             vf place[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)],
                            m[GRAD_COLOR(2)]};
 
@@ -358,4 +360,15 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
     }
     for (int k = 0; k < 12; k++)
         rt[k] = vf_sum(d.P[k]);
+}
+
+void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
+                                  size_t last,
+                                  const struct splat_gradients *g,
+                                  double *rt)
+{
+    if (s->state->gradient->pulled)
+        gradient_of_gaussians(s, first, last, g, rt, true);
+    else
+        gradient_of_gaussians(s, first, last, g, rt, false);
 }
