@@ -307,7 +307,7 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
          || follow_map_init(&a->follow, &a->face, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
     rc = rc || body_load(&a->body, &a->face, path, err)
-         || make_torso(a, err)
+         || make_torso(a, err) || hand_make(&a->hand, &a->body, err)
          || load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
                       -9, err)
          || load_rack(&a->brow, &a->body, dir, "eyebrows", ".png", NULL, -9,

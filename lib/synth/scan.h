@@ -27,7 +27,7 @@ struct scan_assets {
     struct follow_map follow;
     struct body body;
     struct piece torso;         /* the body's own skin below the chin */
-    struct piece hand;          /* its right hand */
+    struct piece hand;          /* its left hand */
     struct scan_rack hair, brow, hat, cloth;
     struct texture iris[SCAN_PIECES];
     size_t niris;

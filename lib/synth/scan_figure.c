@@ -361,31 +361,73 @@ static int find_normals(struct figure *f, struct error *err)
     return 0;
 }
 
-/* Light on the face as it looks at the camera, and what exposure suits it. */
+/* Whether a corner sees a place of the sky, head frame. */
+static bool sees_along(const struct figure *f, size_t corner,
+                       const float to[3])
+{
+    uint64_t mask = sees(f, &f->parts[0], corner);
+    int best = 0;
+    float most = -2;
+
+    for (int k = 0; k < SKY_DIRECTIONS; k++) {
+        float d[3];
+        sky_direction(d, k);
+        if (dot3(d, to) > most) {
+            most = dot3(d, to);
+            best = k;
+        }
+    }
+    return mask >> best & 1;
+}
+
+/* Mean light e (3) on the face as it looks at the camera. */
+static void face_light(float e[3], const struct figure *f)
+{
+    static const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+    struct harmonic2 sky[3];
+    float count = 0;
+
+    e[0] = e[1] = e[2] = 0;
+    for (int k = 0; k < 3; k++)
+        harmonic2_turn(&sky[k], &f->light.sky[k], front);
+    for (size_t c = 0; c < f->parts[0].c1; c += 37) {
+        if (f->bind[4 * c] >= 6706)     /* narrow face */
+            continue;
+        for (int k = 0; k < 3; k++)
+            e[k] += fmaxf(harmonic2_moments(&sky[k], f->moment + 10 * c), 0);
+        for (int i = 0; i < f->light.nlamp; i++) {
+            float d[3], nl;
+            rot3(d, front, f->light.lamp[i].dir);
+            nl = dot3(d, f->normal + 3 * c);
+            if (nl > 0 && sees_along(f, c, d))
+                mad3(e, e, f->light.lamp[i].rgb, 0.318f * nl);
+        }
+        count += 1;
+    }
+    for (int k = 0; k < 3; k++)
+        e[k] = fmaxf(e[k] / count, 0.02f);
+}
+
+/* What exposure and white balance suit the light on the face. */
 static void expose(struct figure *f)
 {
-    float n[3] = {0, -0.1f, -0.99f}, e[3], lum, white[3];
+    float e[3], lum, white[3];
     const struct scan_camera *c = &f->look.camera;
 
     light_init(&f->light, &f->assets->light[f->look.light], f->look.turn,
                f->look.gain);
-    for (int k = 0; k < 3; k++) {
-        e[k] = fmaxf(harmonic2_diffuse(&f->light.sky[k], n), 0.05f);
-        for (int i = 0; i < f->light.nlamp; i++)
-            e[k] += f->light.lamp[i].rgb[k] * 0.318f
-                    * fmaxf(dot3(f->light.lamp[i].dir, n), 0.15f);
-    }
+    face_light(e, f);
     lum = 0.3f * e[0] + 0.59f * e[1] + 0.11f * e[2];
     /* the camera evens out most of the light's colour */
     for (int k = 0; k < 3; k++)
-        white[k] = powf(lum / e[k], 0.92f);
+        white[k] = clampf(powf(lum / e[k], 0.85f), 0.6f, 1.8f);
     for (int k = 0; k < 3; k++)
         f->look.gain[k] = white[k] * c->balance[k];
     light_init(&f->light, &f->assets->light[f->look.light], f->look.turn,
                f->look.gain);
     float tone = 0.3f * f->tone[0] + 0.59f * f->tone[1] + 0.11f * f->tone[2];
     /* dark skin stays darker than fair skin in a picture */
-    f->exposure = c->exposure * 0.62f / (lum * powf(tone, 0.5f) * 1.35f);
+    f->exposure = c->exposure * 0.40f / (lum * powf(tone, 0.5f));
 }
 
 static void measure(struct figure *f)
@@ -431,6 +473,7 @@ int figure_init(struct figure *f, const struct scan_assets *a,
             measure(f);
     }
     rc = rc || add_worn(f, err) || figure_add_solids(f, err)
+         || figure_add_front(f, err)
          || add_hair(f, err) || figure_add_veils(f, err)
          || add_scans(f, STUFF_LASH, err) || add_scans(f, STUFF_TEAR, err)
          || find_normals(f, err);

@@ -75,5 +75,7 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
  * beards and lenses. */
 int figure_add_solids(struct figure *f, struct error *err);
 int figure_add_veils(struct figure *f, struct error *err);
+/* What stands in front of the person (scan_front.c). */
+int figure_add_front(struct figure *f, struct error *err);
 
 #endif

@@ -117,7 +117,7 @@ void scan_backdrop(float *wall, float *tmp, const struct figure *f, int n)
 /* Highlights roll off instead of clipping. */
 static float shoulder(float x)
 {
-    return x < 0.6f ? x : 0.6f + 0.4f * (1 - 1 / (1 + (x - 0.6f) * 2.5f));
+    return x < 0.5f ? x : 0.5f + 0.5f * (1 - 1 / (1 + (x - 0.5f) * 2));
 }
 
 /* Encoded value of linear x within 0.001, by interpolation in a table of

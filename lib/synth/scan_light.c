@@ -283,6 +283,14 @@ static void to_camera(float o[3], const float d[3], float t)
     o[2] = -(c * d[2] - s * d[0]);
 }
 
+/* Light that falls on people has been about: paler than what it comes from. */
+static void pale(float c[3])
+{
+    float lum = luminance(c), gray[3] = {lum, lum, lum};
+
+    lerp3(c, c, gray, 0.35f);
+}
+
 void light_init(struct light *l, const struct light_map *m, float turn,
                 const float gain[3])
 {
@@ -294,13 +302,17 @@ void light_init(struct light *l, const struct light_map *m, float turn,
         float d[3], c[3];
         direction(d, i % w, i / w, w, h);
         to_camera(c, d, turn);
+        float rgb[3];
+        copy3(rgb, m->calm + 3 * i);
+        pale(rgb);
         for (int k = 0; k < 3; k++)
-            harmonic2_add(&l->sky[k], c, gain[k] * m->calm[3 * i + k]
+            harmonic2_add(&l->sky[k], c, gain[k] * rgb[k]
                                          * solid_angle(i / w, w, h));
     }
     for (int i = 0; i < m->nlamp; i++) {
         l->lamp[i] = m->lamp[i];
         to_camera(l->lamp[i].dir, m->lamp[i].dir, turn);
+        pale(l->lamp[i].rgb);
         for (int k = 0; k < 3; k++)
             l->lamp[i].rgb[k] *= gain[k];
     }

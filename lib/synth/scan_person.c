@@ -201,7 +201,8 @@ static void draw_camera(struct scan_person *p, float effects)
     any_color(&r, c->wall, chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f, 0.95f);
     p->front = FRONT_NONE;
     if (e > 0 && chance(&r, 0.09))
-        p->front = (enum scan_front)(1 + random_below(&r, 3));
+        p->front = chance(&r, 0.6) ? FRONT_HAND
+                   : chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
 }
 
 static void draw_light(struct scan_person *p, const struct scan_assets *a)

@@ -8,7 +8,7 @@
 #include "lib/synth/scan.h"
 
 enum scan_backdrop { BACKDROP_ROOM, BACKDROP_WALL, BACKDROPS };
-enum scan_front { FRONT_NONE, FRONT_HAND, FRONT_MICROPHONE, FRONT_HAIR };
+enum scan_front { FRONT_NONE, FRONT_HAND, FRONT_MICROPHONE, FRONT_CUP };
 
 struct scan_camera {
     float distance;             /* of the head, head units */

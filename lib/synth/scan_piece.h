@@ -67,6 +67,10 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
                float above, struct error *err);
 void piece_release(struct piece *p);
 
+/* The body's left hand with its forearm (scan_front.c): x across, y along the
+ * fingers, z out of the palm, the wrist at the origin. */
+int hand_make(struct piece *p, const struct body *b, struct error *err);
+
 /* Move a piece that lies on the skin up, keeping its distance from it: by
  * dy[k] (bins + 1) at |x| = (k + 0.5) bin, between them by interpolation.
  * normal (FACE_VERTICES,3) is the scans'. */

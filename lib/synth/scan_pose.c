@@ -122,6 +122,24 @@ static void make_twist(struct twist *o, const struct scan_view *v,
     }
 }
 
+/* What stands before the camera sways about the head's middle. */
+static void place_front(struct scan_stage *s, const struct figure_part *p)
+{
+    const struct figure *f = s->figure;
+    float focal = s->view.focal * (float)s->grid, half = 0.5f * (float)s->grid;
+    float at[3];
+
+    mad3(at, s->view.trans, s->act->drift, 0.08f);
+    for (size_t c = p->c0; c < p->c1; c++) {
+        float *o = s->place + 3 * c;
+        mad3(o, at, f->place + 3 * c, 1);
+        float q = o[2] > CAMERA_NEAR ? 1 / o[2] : 0;
+        copy3(s->normal + 3 * c, f->normal + 3 * c);
+        s->spot[c] = (struct raster_vertex){focal * o[0] * q + half,
+                                            focal * o[1] * q + half, q};
+    }
+}
+
 static void to_camera(struct scan_stage *s)
 {
     const struct figure *f = s->figure;
@@ -186,6 +204,11 @@ static void find_light(struct scan_stage *s)
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         const struct harmonic2 *h = p->ride == RIDE_BODY ? body : sky;
+        for (size_t c = p->c0; p->ride == RIDE_FREE && c < p->c1; c++)
+            for (size_t k = 0; k < 3; k++)
+                s->bright[3 * c + k] = 0.9f;
+        if (p->ride == RIDE_FREE)
+            continue;
         for (size_t c = p->c0; c < p->c1; c++) {
             const float *n = f->normal + 3 * c, *m = f->moment + 10 * c;
             bool inside = p->ride == RIDE_FACE
@@ -233,4 +256,7 @@ void scan_pose(struct scan_stage *s)
                                   : f->normal + 3 * c);
     }
     to_camera(s);
+    for (int i = 0; i < f->nparts; i++)
+        if (f->parts[i].ride == RIDE_FREE)
+            place_front(s, &f->parts[i]);
 }

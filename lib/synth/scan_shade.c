@@ -288,12 +288,14 @@ void scan_shade(float rgb[3], const struct scan_stage *s,
                 struct scan_point *o)
 {
     static const struct gloss wet = {0.8f, 0.16f, 0.03f};
+    static const struct gloss polish = {1, 0.22f, 0.06f};
     static const struct gloss enamel = {0.9f, 0.20f, 0.04f};
     const struct figure *f = s->figure;
     const struct figure_part *p = &f->parts[f->part[o->face]];
     float c[3];
 
-    if (dot3(o->n, o->view) < 0 && p->stuff > STUFF_SCALP)
+    if (dot3(o->n, o->view) < 0
+        && (p->stuff > STUFF_SCALP || p->ride == RIDE_FREE))
         mad3(o->n, (float[3]){0, 0, 0}, o->n, -1);
     switch (f->stuff[o->face]) {
     case STUFF_SKIN: shade_skin(rgb, s, o, true); break;
@@ -308,6 +310,10 @@ void scan_shade(float rgb[3], const struct scan_stage *s,
     case STUFF_GUM:
     case STUFF_SOCKET:
         shade_plain(rgb, s, o, f->look.gum, &wet, skin_wrap);
+        break;
+    case STUFF_FRAME:
+    case STUFF_METAL:
+        shade_plain(rgb, s, o, p->tint, &polish, no_wrap);
         break;
     default:
         piece_color(c, p, o->u, o->v);
