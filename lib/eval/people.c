@@ -35,7 +35,7 @@ struct people {
 
 /* What a protocol does with a driven frame: it is drawn, and its truth lies in
  * e->truth. */
-typedef int people_visit_fn(struct people *e, const struct motion_state *st,
+typedef int people_visit_fn(struct people *e, const struct driven *st,
                             const struct data_frame *f, size_t i,
                             struct error *err);
 
@@ -126,7 +126,7 @@ static double people_eye_pixels(const struct people *e,
 }
 
 /* Motion figures of what the encoder found in a frame. */
-static void people_motion(struct people *e, const struct motion_state *st,
+static void people_motion(struct people *e, const struct driven *st,
                           const struct data_frame *f)
 {
     const struct head *h = e->s->head;
@@ -165,7 +165,7 @@ static void people_motion(struct people *e, const struct motion_state *st,
 }
 
 /* The driven frame: motion found in crop *q, which then follows the face. */
-static int people_drive(struct people *e, struct motion_state *st,
+static int people_drive(struct people *e, struct driven *st,
                         const struct data_frame *f, struct square *q,
                         struct error *err)
 {
@@ -203,7 +203,7 @@ static int people_walk(struct people *e, const struct data_person *p,
         return -1;
     for (size_t i = 1; i < count; i++) {
         const struct data_frame *f = &d->frame[i];
-        struct motion_state st;
+        struct driven st;
 
         if (people_drive(e, &st, f, &q, err))
             return -1;
@@ -222,7 +222,7 @@ static int people_walk(struct people *e, const struct data_person *p,
 /* ---- driven by themselves ----------------------------------------------- */
 
 /* The row of a person: pictures, error, branches. */
-static int people_sheet_row(struct people *e, const struct motion_state *st,
+static int people_sheet_row(struct people *e, const struct driven *st,
                             struct error *err)
 {
     struct reenactor *s = e->s;
@@ -254,7 +254,7 @@ static size_t people_widest(const struct data_person *p, size_t count)
 }
 
 /* Motion figures, and pictures of SpiD, SpiD* and the unchanged source. */
-static int people_visit_self(struct people *e, const struct motion_state *st,
+static int people_visit_self(struct people *e, const struct driven *st,
                              const struct data_frame *f, size_t i,
                              struct error *err)
 {
@@ -290,8 +290,7 @@ static int people_self(struct people *e, const struct data_person *p,
 /* ---- ablations ---------------------------------------------------------- */
 
 /* Pictures of SpiD* without something. */
-static int people_visit_ablation(struct people *e,
-                                 const struct motion_state *st,
+static int people_visit_ablation(struct people *e, const struct driven *st,
                                  const struct data_frame *f, size_t i,
                                  struct error *err)
 {
@@ -341,7 +340,7 @@ static double people_colour_distance(const double a[3], const double b[3])
 }
 
 /* Whose colours and whose pose the result has. */
-static int people_visit_cross(struct people *e, const struct motion_state *st,
+static int people_visit_cross(struct people *e, const struct driven *st,
                               const struct data_frame *f, size_t i,
                               struct error *err)
 {

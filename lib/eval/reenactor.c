@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
+#include "lib/net/motion_code.h"
 
 #define N MOTION_ENCODER_SIZE
 
@@ -181,7 +182,7 @@ static int reenactor_picture(struct reenactor *r, const struct data_frame *f,
 int reenactor_source(struct reenactor *r, const struct data_frame *f,
                      unsigned without, struct error *err)
 {
-    struct motion_state st = {.verts = r->verts};
+    struct driven st = {.verts = r->verts};
 
     r->avatar.without = without;
     if (reenactor_shape(r, f, err) ||
@@ -203,7 +204,7 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
 
 /* ---- Phase B ------------------------------------------------------------ */
 
-int reenactor_motion(struct reenactor *r, struct motion_state *st,
+int reenactor_motion(struct reenactor *r, struct driven *st,
                      const struct data_frame *f, struct square q,
                      struct error *err)
 {
@@ -217,12 +218,15 @@ int reenactor_motion(struct reenactor *r, struct motion_state *st,
     if (data_sample(r->crop, N, f, q, NULL, NULL, err))
         return -1;
     motion_tta_forward(r->out, &r->motion_tta, r->crop);
-    motion_decode(st, r->out, f, q, &r->id);
+    motion_code_decode(st->R, st->t, &st->motion, r->out, q,
+                       (double)f->size);
+    camera_make(st->cam, st->R, st->t);
+    head_pose(st->verts, &r->id, &st->motion);
     return 0;
 }
 
 struct square reenactor_follow(const struct reenactor *r,
-                               const struct motion_state *st, size_t size)
+                               const struct driven *st, size_t size)
 {
     float x[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS];
 

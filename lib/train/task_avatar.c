@@ -225,7 +225,8 @@ static const struct data_frame *avatar_task_frame(const struct data_person *p,
 }
 
 /* How a frame moves id: by E_m in stage "all", else as it is.
- * Fills the avatar system's verts, and m, whose pointers last until the next call. */
+ * Fills the avatar system's verts, and m, whose pointers last until the next
+ * call. */
 static int avatar_task_motion(struct task *t, struct head_motion *motion,
                               float cam[12], const struct data_frame *f,
                               const struct identity *id, struct error *err)
