@@ -26,14 +26,15 @@ struct model;
     OPTION_CALL("window", 0, track, "X,Y,SIZE", option_window, help)
 /* bits: unsigned of enum avatar_without. */
 #define OPTION_WITHOUT(bits)                                                  \
-    {"without", 0, CLI_CALL, (bits), 0, 0, "PART",                            \
-     "leave out dynamic, static, mouth, interp, deform or neck (commas)",     \
-     option_without}
+    OPTION_CALL("without", 0, bits, "PART", option_without,                   \
+                "leave out dynamic, static, mouth, interp, deform or neck "   \
+                "(commas)")
 /* flag: a struct track_options' no_tta; --once is an older name. */
 #define OPTION_NO_TTA(flag)                                                   \
-    {"no-tta", 0, CLI_FLAG, (flag), 0, 0, NULL,                               \
-     "no test-time augmentation of the encoder: faster, less exact", NULL},   \
-    {"once", 0, CLI_FLAG, (flag), 0, 0, NULL, "the same as --no-tta", NULL}
+    OPTION_FLAG("no-tta", 0, flag,                                            \
+                "no test-time augmentation of the encoder: faster, less "     \
+                "exact"),                                                     \
+    OPTION_FLAG("once", 0, flag, "the same as --no-tta")
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
 int option_precision(const char *value, void *dest, struct error *err);

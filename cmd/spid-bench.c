@@ -14,19 +14,18 @@ static bool json, tsv, levels;
 static const char *scene, *plot;
 
 static const struct cli_option options[] = {
-    { "json", 0, CLI_FLAG, &json, 0, 0, NULL,
-      "machine-readable: one JSON object", NULL },
-    { "tsv", 0, CLI_FLAG, &tsv, 0, 0, NULL,
-      "a row per line, tabs between, # before what is no row", NULL },
-    { "plot", 0, CLI_STRING, &plot, 0, 0, "FILE",
-      "also draw speed against error (.png, .svg, .pdf, or .gp: the script)",
-      NULL },
-    { "seconds", 's', CLI_FLOAT, &seconds, 0.1, 3600, "S",
-      "about how long a stage may take (20)", NULL },
-    { "levels", 0, CLI_FLAG, &levels, 0, 0, NULL,
-      "each stage again on every narrower instruction set", NULL },
-    { "scene", 0, CLI_STRING, &scene, 0, 0, "FILE",
-      "splat: Gaussians of a .safetensors file", NULL },
+    OPTION_FLAG("json", 0, &json, "machine-readable: one JSON object"),
+    OPTION_FLAG("tsv", 0, &tsv,
+                "a row per line, tabs between, # before what is no row"),
+    OPTION_STRING("plot", 0, &plot, "FILE",
+                  "also draw speed against error (.png, .svg, .pdf, or .gp: "
+                  "the script)"),
+    OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",
+                 "about how long a stage may take (20)"),
+    OPTION_FLAG("levels", 0, &levels,
+                "each stage again on every narrower instruction set"),
+    OPTION_STRING("scene", 0, &scene, "FILE",
+                  "splat: Gaussians of a .safetensors file"),
     { 0 }
 };
 

@@ -21,10 +21,12 @@ static const struct cli_option options[] = {
     OPTION_CROP(&track_options,
                 "face crop: centre and side in pixels of the picture"),
     OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
-    {"mask", 0, CLI_STRING, &mask_path, 0, 0, "FILE",
-     "matte: a picture of the same size, white where the person is", NULL},
-    {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE.png",
-     "write crop, matte, mesh and landmarks drawn on the picture", NULL},
+    OPTION_STRING("mask", 0, &mask_path, "FILE",
+                  "matte: a picture of the same size, white where the "
+                  "person is"),
+    OPTION_STRING("overlay", 0, &overlay_path, "FILE.png",
+                  "write crop, matte, mesh and landmarks drawn on the "
+                  "picture"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),
     {0}
