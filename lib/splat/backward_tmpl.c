@@ -217,8 +217,9 @@ VEC_INLINE vf backward_grad_color_sum(const float (*row)[VEC],
 }
 
 /* Add the sums of four list entries to their rows of w->pair: dq, and with
- * three channels to sum up here the weights, at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
- * the columns together, lanes 4 power + Gaussian. */
+ * three channels to sum up here the weights, at the block's pixels.  First
+ * columns are summed, lanes 4 x + Gaussian, then the columns together, lanes
+ * 4 power + Gaussian. */
 VEC_INLINE void backward_flush(struct splat_work *w,
                                const float (*grad_color)[16],
                                const uint32_t *list, vf dq[4], vf weight[4],
