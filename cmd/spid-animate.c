@@ -25,7 +25,7 @@ static struct background background;
 static struct prepare models = {.prune = -1};
 static const char *head_path, *mask_path, *list_path, *background_word;
 static double closed_mm = -1;
-static bool live_mode;
+static bool live_mode, relative;
 
 static int parse_background(const char *value, void *dest, struct error *err)
 {
@@ -63,6 +63,9 @@ static const struct cli_option options[] = {
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
     OPTION_NO_TTA(&track_options.no_tta),
+    {"relative", 0, CLI_FLAG, &relative, 0, 0, NULL,
+     "do what the driver does since its first frame, from the source's rest",
+     NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
@@ -78,11 +81,10 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--no-photo] "
-    "[--keep-clear] "
-    "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
-    "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] [--f32] "
-    "[--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE] [--list FILE | SOURCE DRIVER]",
+    "[--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] "
+    "[--alpha] [--smooth HZ] [--no-tta] [--relative] [--fps RATE] [--bt601] "
+    "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] "
+    "[-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
 
@@ -179,6 +181,9 @@ static int open_driver(struct clip *c, struct error *err)
         error_prefix(err, "%s", c->job->driver);
     if (status != DRIVER_STARTED)
         return -1;
+    if (relative)
+        driver_set_relative(&c->driver, &c->source.person.source,
+                            models.head.nexp);
     framesource_rate(c->frames, &num, &den);
     framesink_set_rate(c->sink, num, den);
     if (c->driver.early_count)

@@ -17,7 +17,7 @@
 
 static struct framesource_options source_options;
 static struct track_options track_options;
-static const char *head_path, *identity_path, *overlay_path;
+static const char *head_path, *identity_path, *overlay_path, *relative_path;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
@@ -29,6 +29,9 @@ static const struct cli_option options[] = {
                  "one-euro smoothing with this cut-off at rest (default 0: "
                  "off)"),
     OPTION_NO_TTA(&track_options.no_tta),
+    OPTION_STRING("relative", 0, &relative_path, "FILE",
+                  "movements since the first frame, from this identity's "
+                  "own"),
     OPTION_STRING("overlay", 0, &overlay_path, "FILE",
                   "write a video of crop, landmarks and mesh on the frames"),
     OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
@@ -45,9 +48,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-motion",
     "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] "
-    "[--head FILE] "
-    "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
+    "[--no-tta] [--relative FILE] [--overlay FILE] [--fps RATE] "
+    "[--bt601] [-i FILE] [--head FILE] [--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
     "estimate head motion from video, pictures or piped frames", options};
 
@@ -155,6 +157,21 @@ static void draw_searched_frame(void *program, const struct frame *f)
         draw_overlay(p, f, NULL);
 }
 
+/* --relative: the driver's movements, from that person's own motion. */
+static void set_relative(struct program *p)
+{
+    struct person source = {0};
+    struct error err = {0};
+
+    if (person_load(&source, relative_path, p->head.nexp, &err))
+        die_error(&err);
+    if (!source.has_source)
+        die(EX_DATAERR, "--relative=%s: no MOTN record (expected an "
+            "identity, as spid-shape writes it)", relative_path);
+    driver_set_relative(&p->driver, &source.source, p->head.nexp);
+    person_release(&source);
+}
+
 /* Find the first face, then write CONF: it holds the window. */
 static void start_tracking(struct program *p)
 {
@@ -175,6 +192,8 @@ static void start_tracking(struct program *p)
         die_error(&err);
     }
     stats_end("start", begun);
+    if (relative_path)
+        set_relative(p);
     framesource_rate(p->in, &conf.fps_num, &conf.fps_den);
     conf.window = &p->track.window;
     conf.width = p->driver.first.width;

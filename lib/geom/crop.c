@@ -271,27 +271,18 @@ struct kernels {
     crop_halve_fn *halve;
 };
 
+#define KERNELS(isa) { crop_blend_##isa, crop_gather_##isa, crop_halve_##isa }
+
 /* The versions for this processor. */
 static const struct kernels *crop_kernels(void)
 {
-    static const struct kernels baseline = {
-        crop_blend_baseline, crop_gather_baseline, crop_halve_baseline
-    };
+    static const struct kernels baseline = KERNELS(baseline);
 #ifdef SPID_X86
-    static const struct kernels avx2 = {
-        crop_blend_avx2, crop_gather_avx2, crop_halve_avx2
-    };
-    static const struct kernels avx512 = {
-        crop_blend_avx512, crop_gather_avx512, crop_halve_avx512
-    };
-
-    switch (cpu_level()) {
-    case CPU_AVX512: return &avx512;
-    case CPU_AVX2: return &avx2;
-    default: break;
-    }
+    static const struct kernels avx2 = KERNELS(avx2);
+    static const struct kernels avx512 = KERNELS(avx512);
 #endif
-    return &baseline;
+
+    return CPU_PICK(&baseline, &avx2, &avx512);
 }
 
 #define SPAN 1024              /* picture columns of the fast path */

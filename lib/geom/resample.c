@@ -27,14 +27,9 @@ static const struct kernels *resample_kernels(void)
 #ifdef SPID_X86
     static const struct kernels avx2 = KERNELS(avx2);
     static const struct kernels avx512 = KERNELS(avx512);
-
-    switch (cpu_level()) {
-    case CPU_AVX512: return &avx512;
-    case CPU_AVX2: return &avx2;
-    default: break;
-    }
 #endif
-    return &baseline;
+
+    return CPU_PICK(&baseline, &avx2, &avx512);
 }
 
 void grid_sample(float *out, const float *x, const float *grid, size_t B,

@@ -91,7 +91,16 @@ enum driver_status driver_start(struct driver *d,
     return driver_no_face(d, &last, err);
 }
 
-int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
+void driver_set_relative(struct driver *d, const struct motion *source,
+                         size_t nexp)
+{
+    relative_init(&d->rest, source, &d->found.motion, nexp);
+    d->relative = true;
+}
+
+/* As the track has them: 1, 0 at the end, -1. */
+static int driver_track(struct driver *d, struct driver_frame *f,
+                        struct error *err)
 {
     double begun;
     int rc;
@@ -123,4 +132,13 @@ int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
         return -1;
     f->r.motion.pose.exp = f->r.motion.exp;
     return 1;
+}
+
+int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
+{
+    int rc = driver_track(d, f, err);
+
+    if (rc == 1 && d->relative)
+        relative_apply(&f->r.motion, &d->rest);
+    return rc;
 }

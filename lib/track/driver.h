@@ -9,6 +9,7 @@
 
 #include "formats/framesource.h"
 #include "lib/base/error.h"
+#include "lib/track/relative.h"
 #include "lib/track/track.h"
 
 #define DRIVER_PATIENCE 1000   /* frames looked through for a first face */
@@ -35,6 +36,8 @@ struct driver {
     double *early;              /* times of the frames before it */
     size_t early_count, early_next, early_room;
     bool started, first_given;
+    bool relative;              /* motions are relative to the first */
+    struct relative rest;
 };
 
 struct driver_frame {
@@ -54,6 +57,12 @@ void driver_release(struct driver *d);
 enum driver_status driver_start(struct driver *d,
                                 void (*seen)(void *, const struct frame *),
                                 void *seen_ctx, struct error *err);
+
+/* From now on motions are what the driver does relative to its first frame
+ * with a face, added to source (nexp components of expression).  After
+ * driver_start. */
+void driver_set_relative(struct driver *d, const struct motion *source,
+                         size_t nexp);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

@@ -114,6 +114,23 @@ cJSON *golden_json(const struct golden *g, const char *key)
     return v ? cJSON_Parse(v) : NULL;
 }
 
+void golden_input_shape(size_t in[4], const struct golden *g)
+{
+    static const int from[4] = {0, 2, 3, 1};
+    cJSON *shape = golden_json(g, "input_shape");
+
+    for (int i = 0; i < 4; i++)
+        in[i] = (size_t)cJSON_GetNumberValue(
+            cJSON_GetArrayItem(shape, from[i]));
+    cJSON_Delete(shape);
+}
+
+void golden_fail(struct golden *g, const struct error *err)
+{
+    printf("%s: %s\n", g->name, err->text);
+    g->failed++;
+}
+
 bool golden_has(const struct golden *g, const char *name)
 {
     return st_find(g->st, name) != NULL;

@@ -69,8 +69,7 @@ static void run_mode(struct golden *g, struct dino_base *d, struct params *ps,
     char name[32];
 
     if (dino_base_plan(d, 1, h, wide, h, wide, size, opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     size_t E = d->vit.config.embed, n = size * size * d->out, s[4];
@@ -111,8 +110,7 @@ static void run_dino_base(struct golden *g)
     params_init(&ps);
     if (dino_base_init(&d, &ps, "", &vit, 256, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);

@@ -99,18 +99,13 @@ static void run_dinov2_vit(struct golden *g)
     struct golden_weights w;
     struct error err = { 0 };
     struct dinov2_config config = { EMBED, 4, 3, 14, 37, 4 };
-    cJSON *shape = golden_json(g, "input_shape");
     size_t in[4];
 
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, i == 3 ? 1 : i ? i + 1 : 0)
-                    ->valuedouble;
-    cJSON_Delete(shape);
+    golden_input_shape(in, g);
     params_init(&ps);
     if (dinov2_init(&d, &ps, "", &config, false, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);
@@ -122,8 +117,7 @@ static void run_dinov2_vit(struct golden *g)
         struct nn_options opt = { i ? NN_FROZEN : NN_INFER, NN_F32 };
 
         if (dinov2_plan(&d, in[0], in[1], in[2], opt, &err)) {
-            printf("%s: %s\n", g->name, err.text);
-            g->failed++;
+            golden_fail(g, &err);
             break;
         }
         dinov2_forward(rgb, &d);

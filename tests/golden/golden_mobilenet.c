@@ -55,8 +55,7 @@ static void run_mode(struct golden *g, struct mobilenet *m, struct params *ps,
     struct nn_options opt = { mode, NN_F32 };
 
     if (mobilenet_plan(m, in[0], in[1], in[2], opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     float *pooled = malloc(in[0] * m->features * sizeof *pooled);
@@ -75,18 +74,13 @@ static void run_mobilenet(struct golden *g)
     struct params ps;
     struct golden_weights w;
     struct error err = { 0 };
-    cJSON *shape = golden_json(g, "input_shape");
     size_t in[4];
 
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, (i == 3 ? 1 : i ? i + 1 : 0))
-                    ->valuedouble;
-    cJSON_Delete(shape);
+    golden_input_shape(in, g);
     params_init(&ps);
     if (mobilenet_init(&m, &ps, "", golden_meta(g, "network"), &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);

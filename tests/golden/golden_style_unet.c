@@ -79,8 +79,7 @@ static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
     size_t P = s->out_size * s->out_size;
 
     if (style_unet_plan(s, batch, opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     float *image = malloc(batch * P * 3 * sizeof *image);
@@ -112,8 +111,7 @@ static void run_style_unet(struct golden *g)
     params_init(&ps);
     if (style_unet_init(&s, &ps, "", 32, side, out, 1, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);
