@@ -6,6 +6,7 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
+#include "lib/geom/camera.h"
 #include "lib/geom/relative_pose.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
@@ -318,6 +319,8 @@ static int draw_fast(struct drawing *d, const struct splat_camera *cam,
     if (photo && open_photo(d, err))
         return -1;
     place_view_make(&v, d->scene.view, cam->rt);
+    for (int i = 0; i < 4; i++)         /* of a picture with --focal's */
+        v.A[i] *= CAMERA_FOCAL / (float)focal;
     if (splat_draw(&d->splat, &(struct splat_pictures){
             .image = c->image, .half = c->half, .alpha = c->alpha,
             .depth = c->depth, .place = photo ? d->place : NULL

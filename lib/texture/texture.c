@@ -69,6 +69,9 @@ int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
     size_t bytes = 0;
 
     memset(t, 0, sizeof *t);
+    if (S < 2)
+        return error_set(err, EX_DATAERR, "source picture of %zu x %zu pixels "
+                         "(expected at least 2 x 2)", S, S);
     t->size = S;
     while (t->levels < TEXTURE_LEVELS && S >> t->levels >= 2) {
         bytes += 4 * (S >> t->levels) * (S >> t->levels);

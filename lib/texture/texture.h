@@ -33,7 +33,7 @@ struct texture {
 
 /* Of a source picture rgb (S,S,3), its matte (S,S) and the background that
  * the person hides, back (S,S,3): person = rgb - (1 - matte) back.  EX_OSERR
- * without memory; S is at least 2. */
+ * without memory, EX_DATAERR if S is less than 2. */
 int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err);
 void texture_release(struct texture *t);

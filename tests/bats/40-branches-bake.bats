@@ -12,7 +12,7 @@ prepare() {
     spid-dump --check avatar.spid
     spid-dump avatar.spid >dump.txt
     for type in CONF SRCI SHAP MOTN GAUS; do grep -q "^$type" dump.txt; done
-    ! sed -n '/^GAUS/,$p' dump.txt | grep -q " cam "
+    [ "$(sed -n '/^GAUS/,$p' dump.txt | grep -c " cam ")" -eq 0 ]
 }
 
 @test "baking says how many were clamped and how many are never drawn" {

@@ -1,0 +1,169 @@
+#!/usr/bin/env bats
+# The photograph as texture: a person driven by their own picture is that
+# picture, in one process and through the pipe; streams with and without
+# places.
+load helper
+load animate
+
+front=1,0,0,0,0,-1,0,0,0,0,-1,12
+
+prepare() {
+    need_numpy
+    animate_files
+}
+
+# likeness A.png B.npy [MATTE.npy]: PSNR in dB of the whole picture, and with
+# a matte, of the pixels where it is 0 the share that is off by more than two
+# levels, in per cent.
+likeness() {
+    "$PYTHON" - "$@" <<'PY'
+import subprocess
+import sys
+import numpy as np
+raw = subprocess.run(['ffmpeg', '-v', 'error', '-i', sys.argv[1], '-f', 'rawvideo',
+                      '-pix_fmt', 'rgb24', '-'], capture_output=True, check=True).stdout
+a = np.frombuffer(raw, 'u1').astype(int)
+b = np.load(sys.argv[2]).astype(int).reshape(-1)
+off = abs(a - b)
+text = '%.2f' % (10 * np.log10(255**2 / max((off**2).mean(), 1e-9)))
+if len(sys.argv) > 3:
+    out = off.reshape(-1, 3).max(1)[np.load(sys.argv[3]).reshape(-1) == 0]
+    text += ' %.2f' % (100 * (out > 2).mean())
+print(text)
+PY
+}
+
+# edit IN OUT: a stream without the arrays of GAUS that are named after them.
+edit() {
+    PYTHONPATH=$TOP/examples "$PYTHON" - "$@" <<'PY'
+import sys
+import spidstream
+out = open(sys.argv[2], 'wb')
+w = spidstream.Writer(out)
+for rec in spidstream.read_stream(open(sys.argv[1], 'rb')):
+    if rec.type == 'END ':
+        break
+    for name in sys.argv[3:] if rec.type == 'GAUS' else []:
+        del rec.arrays[name]
+    w.write(rec)
+w.end()
+PY
+}
+
+@test "driven by their own picture, people are that picture" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$TOP/examples/model
+    for seed in 1 8; do
+        spid-synth -q -n 1 -s $seed --effects 0 --size 512 --head "$HEAD" \
+            -o own.png
+        spid-shape -q --head "$HEAD" own.png -o own.spid
+        spid-dump --npy . --only SRCI own.spid
+        for star in "" -s; do
+            spid-animate -q $star --head "$HEAD" -b source own.spid own.png \
+                -o a.png
+            likeness a.png SRCI.rgb.npy SRCI.matte.npy >like
+            spid-animate -q $star --head "$HEAD" -b source --no-photo \
+                own.spid own.png -o b.png
+            likeness b.png SRCI.rgb.npy >plain
+            echo "$seed $star: $(cat like), without the photograph $(cat plain)"
+            # of the background, what unseen Gaussians lie over may differ
+            awk '{ exit !($1 >= 35 && $2 < 1) }' like
+            awk -v with="$(cut -d' ' -f1 like)" \
+                '{ exit !(with > $1 + 5) }' plain
+        done
+    done
+}
+
+@test "without the photograph: another picture, one process or the pipe" {
+    spid-animate -q -m model -s avatar.spid drive.y4m -o photo.y4m
+    spid-animate -q -m model -s --no-photo avatar.spid drive.y4m -o one.y4m
+    status 1 cmp -s photo.y4m one.y4m
+    set -o pipefail
+    spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
+        spid-branches -i avatar.spid >gaus.spid
+    spid-splat -q --size 128 --no-photo gaus.spid -o pipe.y4m
+    cmp one.y4m pipe.y4m
+    spid-splat -q --size 128 gaus.spid -o pipe.y4m
+    cmp photo.y4m pipe.y4m
+    # a refiner gets the photograph beside its features
+    spid-splat -q --size 128 --channels 8 gaus.spid -o feat.spid
+    spid-dump --check feat.spid
+    spid-dump --json --only FEAT feat.spid >json
+    grep -q '"name":"photo"' json
+    spid-splat -q --size 128 --channels 8 --no-photo gaus.spid -o plain.spid
+    spid-dump --json --only FEAT plain.spid >json
+    status 1 grep -q '"name":"photo"' json
+    spid-animate -q -m model avatar.spid drive.y4m -o photo.y4m
+    spid-refine -q -m model feat.spid -o pipe.y4m
+    cmp photo.y4m pipe.y4m
+    spid-animate -q -m model --no-photo avatar.spid drive.y4m -o one.y4m
+    spid-refine -q -m model plain.spid -o pipe.y4m
+    cmp one.y4m pipe.y4m
+}
+
+@test "streams without places are drawn as without the photograph" {
+    edit avatar.spid old.spid uv seen view
+    spid-dump --check old.spid
+    spid-animate -q -m model -s old.spid drive.y4m -o old.y4m
+    spid-animate -q -m model -s --no-photo avatar.spid drive.y4m -o none.y4m
+    cmp old.y4m none.y4m
+    set -o pipefail
+    spid-motion -q -m model drive.y4m | spid-flame -m model -i old.spid |
+        spid-branches -i old.spid | spid-splat -q --size 128 -o pipe.y4m
+    cmp old.y4m pipe.y4m
+}
+
+@test "places without how far they were seen are refused in one line" {
+    edit avatar.spid a.spid seen
+    status 65 spid-animate -q -m model -s a.spid drive.y4m -o a.y4m
+    one_line
+    has 'a.spid: GAUS has uv without seen'
+    status 65 spid-splat -q --camera $front a.spid -o a.png
+    one_line
+    has 'GAUS has uv without seen'
+    edit avatar.spid a.spid uv
+    status 65 spid-splat -q --camera $front a.spid -o a.png
+    has 'GAUS has seen without uv'
+    edit avatar.spid a.spid view
+    status 65 spid-splat -q --camera $front a.spid -o a.png
+    has 'GAUS has uv without view'
+    [ ! -e a.y4m ] && [ ! -e a.png ]
+}
+
+@test "twice the focal length shows the middle, the photograph too" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    set -o pipefail
+    spid-motion -q -m model source.png | spid-flame -m model -i avatar.spid |
+        spid-branches -i avatar.spid >gaus.spid
+    spid-splat -q --size 256 gaus.spid -o whole.png
+    spid-splat -q --size 128 --focal 24 gaus.spid -o near.png
+    ffmpeg -v error -i whole.png -vf crop=128:128:64:64 -f rawvideo \
+        -pix_fmt rgb24 middle
+    "$PYTHON" -c "import numpy as np
+np.save('middle.npy', np.fromfile('middle', 'u1'))"
+    likeness near.png middle.npy >like
+    cat like
+    awk '{ exit !($1 > 45) }' like
+}
+
+@test "a source picture of one pixel is refused in one line" {
+    PYTHONPATH=$TOP/examples "$PYTHON" - <<'PY'
+import spidstream
+w = spidstream.Writer(open('dot.spid', 'wb'))
+for rec in spidstream.read_stream(open('avatar.spid', 'rb')):
+    if rec.type == 'END ':
+        break
+    if rec.type == 'SRCI':
+        for name, a in list(rec.arrays.items()):
+            if a.shape[:1] != (3,):
+                a.shape = (1, 1) + a.shape[2:]
+                a.data = bytes(3 if len(a.shape) == 3 else 1)
+    w.write(rec)
+w.end()
+PY
+    status 65 spid-animate -q -m model -s dot.spid drive.y4m -o a.y4m
+    one_line
+    has '1 x 1 pixels (expected at least 2 x 2)'
+    status 65 spid-splat -q --camera $front dot.spid -o a.png
+    one_line
+}
