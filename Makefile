@@ -207,7 +207,7 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 	    $(BUILD)/fuzz/$$f.corpus tests/fuzz/seed/$$f; done
 
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
-                 $(wildcard formats/record*.[ch] formats/safetensors.[ch] \
+                 $(wildcard formats/record*.[ch] formats/safetensors*.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
                    formats/png.[ch] formats/ply.[ch] formats/outfile.[ch] \
                    formats/pickle*.[ch] formats/tensorfile*.[ch] \

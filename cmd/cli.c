@@ -35,20 +35,19 @@ static int option_bytes(const char *value, void *dest, struct error *err)
 static long threads;           /* -j; 0: not given */
 static size_t max_bytes;       /* --max-bytes; 0: not given */
 static const struct cli_option shared[] = {
-    { "output", 'o', CLI_STRING, &cli.output, 0, 0, "FILE",
-      "write to FILE (\"-\": standard output, the default)", NULL },
-    { "threads", 'j', CLI_INT, &threads, 1, 1024, "THREADS",
-      "use this many threads (default: all processors)", NULL },
-    { "model", 'm', CLI_STRING, &cli.model, 0, 0, "MODEL",
-      "model file, or the directory that holds it", NULL },
-    { "quiet", 'q', CLI_FLAG, &cli.quiet, 0, 0, NULL,
-      "no warnings, no progress", NULL },
-    { "stats", 0, CLI_STRING, &cli.stats, 0, 0, "FILE",
-      "write per-stage times to FILE as TSV", NULL },
-    { "max-bytes", 0, CLI_CALL, &max_bytes, 0, 0, "SIZE",
-      "refuse larger records (default 1G)", option_bytes },
-    { "help", 0, CLI_FLAG, NULL, 0, 0, NULL, "this text", NULL },
-    { "version", 0, CLI_FLAG, NULL, 0, 0, NULL, "the version", NULL },
+    OPTION_STRING("output", 'o', &cli.output, "FILE",
+                  "write to FILE (\"-\": standard output, the default)"),
+    OPTION_INT("threads", 'j', &threads, 1, 1024, "THREADS",
+               "use this many threads (default: all processors)"),
+    OPTION_STRING("model", 'm', &cli.model, "MODEL",
+                  "model file, or the directory that holds it"),
+    OPTION_FLAG("quiet", 'q', &cli.quiet, "no warnings, no progress"),
+    OPTION_STRING("stats", 0, &cli.stats, "FILE",
+                  "write per-stage times to FILE as TSV"),
+    OPTION_CALL("max-bytes", 0, &max_bytes, "SIZE", option_bytes,
+                "refuse larger records (default 1G)"),
+    OPTION_FLAG("help", 0, NULL, "this text"),
+    OPTION_FLAG("version", 0, NULL, "the version"),
     { 0 }
 };
 #define SHARED ((int)(sizeof shared / sizeof *shared) - 1)

@@ -39,6 +39,20 @@ struct cli_option {
     int (*parse)(const char *value, void *dest, struct error *err);
 };
 
+/* The rows of such a table: long name, letter or 0, where the value goes, and
+ * what the kind needs. */
+#define OPTION_FLAG(name, letter, dest, help)                                 \
+    { name, letter, CLI_FLAG, dest, 0, 0, NULL, help, NULL }
+#define OPTION_INT(name, letter, dest, min, max, arg, help)                   \
+    { name, letter, CLI_INT, dest, min, max, arg, help, NULL }
+#define OPTION_FLOAT(name, letter, dest, min, max, arg, help)                 \
+    { name, letter, CLI_FLOAT, dest, min, max, arg, help, NULL }
+#define OPTION_STRING(name, letter, dest, arg, help)                          \
+    { name, letter, CLI_STRING, dest, 0, 0, arg, help, NULL }
+#define OPTION_CALL(name, letter, dest, arg, parse, help)                     \
+    { name, letter, CLI_CALL, dest, 0, 0, arg, help, parse }
+
+/* What --help says and cli_parse understands. */
 struct cli_usage {
     const char *program;
     const char *synopsis;   /* as in the manual page, after the name */

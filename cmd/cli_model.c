@@ -5,6 +5,7 @@
 #include <unistd.h>
 
 #include "cmd/cli.h"
+#include "lib/base/file.h"
 
 /* One search: the file's name, where its path goes, and what was tried. */
 struct search {
@@ -34,11 +35,10 @@ static bool search_given(struct search *s, const char *given)
 {
     char dir[512];
     char *slash;
-    size_t n = strlen(given);
 
     if (search_try(s, given, false))
         return true;
-    if (n < 12 || strcmp(given + n - 12, ".safetensors") != 0)
+    if (!file_ends(given, ".safetensors"))
         return false;
     if (strcmp(s->name, "model.safetensors") == 0)
         return search_try(s, given, true);

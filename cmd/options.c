@@ -1,3 +1,5 @@
+/* Options that several programs have: precision of networks, crop and
+ * window. */
 #include "cmd/options.h"
 
 #include <string.h>

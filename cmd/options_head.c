@@ -1,4 +1,4 @@
-/* Apart from options.c: programs without networks link this alone. */
+/* --head, apart from options.c: programs without networks link this alone. */
 #include "cmd/options.h"
 
 int option_head_load(struct head *h, const char *path, struct error *err)

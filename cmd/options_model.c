@@ -1,6 +1,7 @@
-/* Apart from options.c: programs without networks link no safetensors. */
+/* Apart from options.c: what programs with a model have in common. */
 #include "cmd/options.h"
 
+#include "lib/avatar/avatar.h"
 #include "lib/model/model.h"
 
 int option_model_open(struct model *m, struct error *err)
@@ -11,4 +12,9 @@ int option_model_open(struct model *m, struct error *err)
                    model_open(m, path, err)
                ? -1
                : 0;
+}
+
+int option_without(const char *value, void *dest, struct error *err)
+{
+    return avatar_without_list(dest, value, err);
 }

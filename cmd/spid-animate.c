@@ -25,12 +25,7 @@ static struct background background;
 static struct prepare models = {.prune = -1};
 static const char *head_path, *mask_path, *list_path, *background_word;
 static double closed_mm = -1;
-static bool live_mode;
-
-static int parse_without(const char *value, void *dest, struct error *err)
-{
-    return avatar_without_list(dest, value, err);
-}
+static bool live_mode, relative;
 
 static int parse_background(const char *value, void *dest, struct error *err)
 {
@@ -46,11 +41,11 @@ static const struct cli_option options[] = {
      "drop frames instead of lagging; report the latency", NULL},
     {"list", 0, CLI_STRING, &list_path, 0, 0, "FILE",
      "many clips: SOURCE, DRIVER and OUT on each line, tabs between", NULL},
-    {"without", 0, CLI_CALL, &models.without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
-     parse_without},
+    OPTION_WITHOUT(&models.without),
     {"prune", 0, CLI_FLOAT, &models.prune, 0, 1e6, "EPS",
      "drop Gaussians that no view shows above EPS", NULL},
+    {"no-photo", 0, CLI_FLAG, &models.no_photo, 0, 0, NULL,
+     "baked colours alone, no photograph as texture", NULL},
     {"keep-clear", 0, CLI_FLAG, &models.keep_clear, 0, 0, NULL,
      "keep Gaussians of opacity under 1/255", NULL},
     {"closed", 0, CLI_FLOAT, &closed_mm, 0, 100, "MM",
@@ -67,10 +62,10 @@ static const struct cli_option options[] = {
      "keep the background clear (PNG, PAM, EXR, stream)", NULL},
     {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "no test-time augmentation of the encoder: faster, less exact", NULL},
-    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "the same as --no-tta", NULL},
+    OPTION_NO_TTA(&track_options.no_tta),
+    {"relative", 0, CLI_FLAG, &relative, 0, 0, NULL,
+     "do what the driver does since its first frame, from the source's rest",
+     NULL},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
@@ -85,11 +80,11 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--keep-clear] "
-    "[--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] [--alpha] "
-    "[--smooth HZ] [--no-tta] [--fps RATE] [--bt601] [--roi] "
-    "[--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE] [--list FILE | SOURCE DRIVER]",
+    "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--no-photo] "
+    "[--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] "
+    "[--alpha] [--smooth HZ] [--no-tta] [--relative] [--fps RATE] [--bt601] "
+    "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] "
+    "[-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
 
@@ -152,13 +147,23 @@ static int open_source(struct clip *c, struct error *err)
                              "background", c->job->source);
         background_release(&background);
         return background_from_source(&background, s->person.rgb,
-                                      s->person.matte, s->person.size, err);
+                                      s->person.matte, s->person.back,
+                                      s->person.size, err);
     }
     return 0;
 }
 
+/* The clip's own: its photograph. */
+static const struct animate_options *clip_options(const struct clip *c)
+{
+    animate_options.texture = c->source.texture.levels ? &c->source.texture
+                                                       : NULL;
+    return &animate_options;
+}
+
 static int open_driver(struct clip *c, struct error *err)
 {
+    enum driver_status status;
     int num, den;
 
     c->frames = framesource_open(&c->job->driver, 1, &source_options, err);
@@ -171,11 +176,14 @@ static int open_driver(struct clip *c, struct error *err)
         driver_init(&c->driver, &c->track, live_read, &c->live);
     else
         driver_init(&c->driver, &c->track, driver_read_source, c->frames);
-    if (driver_start(&c->driver, NULL, NULL, err)) {
-        if (strncmp(err->text, "no ", 3) == 0)
-            error_prefix(err, "%s", c->job->driver);
+    status = driver_start(&c->driver, NULL, NULL, err);
+    if (status == DRIVER_NO_FACE)
+        error_prefix(err, "%s", c->job->driver);
+    if (status != DRIVER_STARTED)
         return -1;
-    }
+    if (relative)
+        driver_set_relative(&c->driver, &c->source.person.source,
+                            models.head.nexp);
     framesource_rate(c->frames, &num, &den);
     framesink_set_rate(c->sink, num, den);
     if (c->driver.early_count)
@@ -185,7 +193,6 @@ static int open_driver(struct clip *c, struct error *err)
     return 0;
 }
 
-/* Called for every finished frame, in order. */
 static void frame_done(void *ctx, const struct animate_frame *f)
 {
     struct clip *c = ctx;
@@ -204,6 +211,7 @@ static void frame_done(void *ctx, const struct animate_frame *f)
              f->track->lost ? "lost" : NULL);
 }
 
+/* What a clip opened; its output is given up when it failed. */
 static void close_clip(struct clip *c, int failed)
 {
     animate_release(&c->animate);
@@ -236,7 +244,7 @@ static int run_clip(const struct job *job, struct error *err)
     sink_options.background = &background;
     c->sink = framesink_open(&sink_options, err);
     if (c->sink && open_source(c, err) == 0 && open_driver(c, err) == 0 &&
-        animate_init(&c->animate, &animate_options, &c->source.id,
+        animate_init(&c->animate, clip_options(c), &c->source.id,
                      &c->source.baked, &models.dense, err) == 0)
         rc = animate_run(&c->animate, &c->driver,
                          live_mode ? &c->live : NULL, c->sink, frame_done, c,

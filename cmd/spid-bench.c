@@ -14,19 +14,18 @@ static bool json, tsv, levels;
 static const char *scene, *plot;
 
 static const struct cli_option options[] = {
-    { "json", 0, CLI_FLAG, &json, 0, 0, NULL,
-      "machine-readable: one JSON object", NULL },
-    { "tsv", 0, CLI_FLAG, &tsv, 0, 0, NULL,
-      "a row per line, tabs between, # before what is no row", NULL },
-    { "plot", 0, CLI_STRING, &plot, 0, 0, "FILE",
-      "also draw speed against error (.png, .svg, .pdf, or .gp: the script)",
-      NULL },
-    { "seconds", 's', CLI_FLOAT, &seconds, 0.1, 3600, "S",
-      "about how long a stage may take (20)", NULL },
-    { "levels", 0, CLI_FLAG, &levels, 0, 0, NULL,
-      "each stage again on every narrower instruction set", NULL },
-    { "scene", 0, CLI_STRING, &scene, 0, 0, "FILE",
-      "splat: Gaussians of a .safetensors file", NULL },
+    OPTION_FLAG("json", 0, &json, "machine-readable: one JSON object"),
+    OPTION_FLAG("tsv", 0, &tsv,
+                "a row per line, tabs between, # before what is no row"),
+    OPTION_STRING("plot", 0, &plot, "FILE",
+                  "also draw speed against error (.png, .svg, .pdf, or .gp: "
+                  "the script)"),
+    OPTION_FLOAT("seconds", 's', &seconds, 0.1, 3600, "S",
+                 "about how long a stage may take (20)"),
+    OPTION_FLAG("levels", 0, &levels,
+                "each stage again on every narrower instruction set"),
+    OPTION_STRING("scene", 0, &scene, "FILE",
+                  "splat: Gaussians of a .safetensors file"),
     { 0 }
 };
 
@@ -53,6 +52,7 @@ static const struct stage {
     { "hard", bench_hard },
 };
 
+/* By its name, or the program ends. */
 static const struct stage *find_stage(const char *name)
 {
     char known[256] = "";
@@ -87,6 +87,7 @@ static void run_stage(struct bench *b, const char *name)
         }
 }
 
+/* To a file or standard output. */
 static void write_text(const char *text, const char *path)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "w") : stdout;
@@ -97,6 +98,7 @@ static void write_text(const char *text, const char *path)
         die(EX_IOERR, "%s: cannot be written", path);
 }
 
+/* In the form asked for. */
 static void write_report(const struct bench *b)
 {
     char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
@@ -107,6 +109,7 @@ static void write_report(const struct bench *b)
     free(text);
 }
 
+/* True when s is longer than end and ends in it. */
 static bool ends_with(const char *s, const char *end)
 {
     size_t n = strlen(s), m = strlen(end);

@@ -20,27 +20,18 @@ static double prune_eps = -1, closed_mm = -1;
 static unsigned without;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
-static int parse_without(const char *value, void *dest, struct error *err)
-{
-    return avatar_without_list(dest, value, err);
-}
-
 static const struct cli_option options[] = {
-    {"bake", 'b', CLI_STRING, &bake_path, 0, 0, "ID",
-     "make an avatar of identity ID (\"-\": standard input)", NULL},
-    {"avatar", 'i', CLI_STRING, &avatar_path, 0, 0, "FILE",
-     "avatar to move", NULL},
-    {"full", 0, CLI_FLAG, &full, 0, 0, NULL,
-     "whole GAUS records instead of GMOV", NULL},
-    {"without", 0, CLI_CALL, &without, 0, 0, "PART",
-     "leave out dynamic, static, mouth, interp, deform or bend (commas)",
-     parse_without},
-    {"prune", 0, CLI_FLOAT, &prune_eps, 0, 1e6, "EPS",
-     "with --bake: drop what no view shows above EPS", NULL},
-    {"keep-clear", 0, CLI_FLAG, &keep_clear, 0, 0, NULL,
-     "with --bake: keep Gaussians of opacity under 1/255", NULL},
-    {"closed", 0, CLI_FLOAT, &closed_mm, 0, 100, "MM",
-     "lips open less than this hide the mouth (default 0.5)", NULL},
+    OPTION_STRING("bake", 'b', &bake_path, "ID",
+                  "make an avatar of identity ID (\"-\": standard input)"),
+    OPTION_STRING("avatar", 'i', &avatar_path, "FILE", "avatar to move"),
+    OPTION_FLAG("full", 0, &full, "whole GAUS records instead of GMOV"),
+    OPTION_WITHOUT(&without),
+    OPTION_FLOAT("prune", 0, &prune_eps, 0, 1e6, "EPS",
+                 "with --bake: drop what no view shows above EPS"),
+    OPTION_FLAG("keep-clear", 0, &keep_clear,
+                "with --bake: keep Gaussians of opacity under 1/255"),
+    OPTION_FLOAT("closed", 0, &closed_mm, 0, 100, "MM",
+                 "lips open less than this hide the mouth (default 0.5)"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),
     {0}
@@ -54,9 +45,10 @@ static const struct cli_usage usage = {
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 
-static void note(const char *format, ...) __attribute__((format(printf, 1,
-                                                                2)));
-static void note(const char *format, ...)
+static void print_note(const char *format, ...)
+    __attribute__((format(printf, 1, 2)));
+/* A line on standard error unless -q. */
+static void print_note(const char *format, ...)
 {
     va_list ap;
 
@@ -79,6 +71,7 @@ struct bake {
     float *verts;
 };
 
+/* Networks and head. */
 static void open_model(struct bake *k)
 {
     struct error err = {0};
@@ -125,7 +118,8 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
     }
 }
 
-static void prune(struct bake *k)
+/* Leave out what is never drawn, and by --prune what hardly is. */
+static void prune_avatar(struct bake *k)
 {
     const struct avatar *a = &k->baker.avatar;
     struct prune_report r;
@@ -134,8 +128,9 @@ static void prune(struct bake *k)
 
     if (!keep_clear) {
         size_t n = baked_drop_clear(&k->baked);
-        note("%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
-             n + k->baked.N);
+        print_note(
+            "%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
+            n + k->baked.N);
     }
     if (prune_eps < 0)
         return;
@@ -144,14 +139,16 @@ static void prune(struct bake *k)
                     prune_eps, &err))
         die_error(&err);
     identity_release(&id);
-    note("pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
-         "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
-         "%.2g; %.1f ms instead of %.1f", prune_eps, r.views, r.after[0],
-         r.before[0], r.after[1], r.before[1], r.after[2], r.before[2],
-         r.psnr, r.max_abs, r.ms_kept, r.ms_full);
+    print_note(
+        "pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
+        "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
+        "%.2g; %.1f ms instead of %.1f",
+        prune_eps, r.views, r.after[0], r.before[0], r.after[1], r.before[1],
+        r.after[2], r.before[2], r.psnr, r.max_abs, r.ms_kept, r.ms_full);
 }
 
-static void bake(struct stream_writer *out)
+/* --bake: the identity, then its Gaussians. */
+static void bake_avatar(struct stream_writer *out)
 {
     static struct bake k;
     struct error err = {0};
@@ -167,11 +164,13 @@ static void bake(struct stream_writer *out)
     }
     stats_end("bake", begun);
     const struct avatar *a = &k.baker.avatar;
-    note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
-         "clamped", k.baked.N, a->mouth.bowl / k.head.scale * 1e3,
-         a->mouth.lip / k.head.scale * 1e3, a->cap / k.head.scale * 1e3,
-         a->clamped);
-    prune(&k);
+    print_note(
+        "%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
+        "clamped",
+        k.baked.N, a->mouth.lips.bowl / k.head.scale * 1e3,
+        a->mouth.lips.lip / k.head.scale * 1e3,
+        a->mouth.cap / k.head.scale * 1e3, a->mouth.clamped);
+    prune_avatar(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);
         die_error(&err);
@@ -185,7 +184,8 @@ static void bake(struct stream_writer *out)
 
 /* ---- Phase B ----------------------------------------------------------- */
 
-static void move(struct stream_writer *out, const char *input)
+/* -i: answer every mesh of the stream. */
+static void move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
     struct mover_options opt = {.full = full, .without = without,
@@ -221,6 +221,7 @@ static void move(struct stream_writer *out, const char *input)
     mover_release(&m);
 }
 
+/* What excludes each other. */
 static void check_options(int operands)
 {
     if (!bake_path == !avatar_path)
@@ -248,9 +249,9 @@ int main(int argc, char **argv)
     if (!out)
         die_error(&err);
     if (bake_path)
-        bake(out);
+        bake_avatar(out);
     else
-        move(out, first < argc ? argv[first] : "-");
+        move_avatar(out, first < argc ? argv[first] : "-");
     if (stream_finish(out, &err))
         die_error(&err);
     stats_write();

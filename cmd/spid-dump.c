@@ -20,7 +20,7 @@ struct range {
 };
 
 static bool check, json, values;
-static const char *st_path, *npy_dir, *ply_path, *only;
+static const char *tensor_path, *npy_dir, *ply_path, *only;
 static struct range frames = { 0, UINT64_MAX };
 
 /* "A:B", "A:", ":B" or "A". */
@@ -51,22 +51,21 @@ static int parse_frames(const char *value, void *dest, struct error *err)
 }
 
 static const struct cli_option options[] = {
-    { "check", 'c', CLI_FLAG, &check, 0, 0, NULL,
-      "only validate: structure, checksums, shapes, numbers", NULL },
-    { "json", 0, CLI_FLAG, &json, 0, 0, NULL,
-      "one JSON object per record and line", NULL },
-    { "values", 0, CLI_FLAG, &values, 0, 0, NULL,
-      "with --json: every element, for spid-pack", NULL },
-    { "safetensors", 0, CLI_STRING, &st_path, 0, 0, "FILE",
-      "write all arrays to one safetensors file", NULL },
-    { "npy", 0, CLI_STRING, &npy_dir, 0, 0, "DIR",
-      "write all arrays to npy files, frames stacked", NULL },
-    { "ply", 0, CLI_STRING, &ply_path, 0, 0, "FILE",
-      "write the Gaussians as of the last record chosen", NULL },
-    { "frames", 0, CLI_CALL, &frames, 0, 0, "A:B",
-      "only frames A to B - 1", parse_frames },
-    { "only", 0, CLI_STRING, &only, 0, 0, "TYPE",
-      "only records of this type, or of several: MOTN,MESH", NULL },
+    OPTION_FLAG("check", 'c', &check,
+                "only validate: structure, checksums, shapes, numbers"),
+    OPTION_FLAG("json", 0, &json, "one JSON object per record and line"),
+    OPTION_FLAG("values", 0, &values,
+                "with --json: every element, for spid-pack"),
+    OPTION_STRING("safetensors", 0, &tensor_path, "FILE",
+                  "write all arrays to one safetensors file"),
+    OPTION_STRING("npy", 0, &npy_dir, "DIR",
+                  "write all arrays to npy files, frames stacked"),
+    OPTION_STRING("ply", 0, &ply_path, "FILE",
+                  "write the Gaussians as of the last record chosen"),
+    OPTION_CALL("frames", 0, &frames, "A:B", parse_frames,
+                "only frames A to B - 1"),
+    OPTION_STRING("only", 0, &only, "TYPE",
+                  "only records of this type, or of several: MOTN,MESH"),
     { 0 }
 };
 
@@ -89,11 +88,12 @@ struct outputs {
     struct scene scene;        /* for --ply */
 };
 
+/* Everything that is asked for besides standard output. */
 static void open_outputs(struct outputs *out)
 {
     struct error err = { 0 };
 
-    if (st_path && !(out->st = recordfile_create_st(st_path, &err)))
+    if (tensor_path && !(out->st = recordfile_create_st(tensor_path, &err)))
         die_error(&err);
     if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, &err)))
         die_error(&err);
@@ -105,6 +105,7 @@ static void open_outputs(struct outputs *out)
     }
 }
 
+/* By frame and type. */
 static bool is_wanted(const struct record *rec)
 {
     const char *p = only;
@@ -129,6 +130,7 @@ static void print_text(FILE *f, const struct array *a)
     putc('\n', f);
 }
 
+/* Name, dtype, shape, smallest, mean and largest value. */
 static void print_array(FILE *f, const struct array *a)
 {
     char shape[80] = "";
@@ -151,6 +153,7 @@ static void print_array(FILE *f, const struct array *a)
         print_text(f, a);
 }
 
+/* A line of its own, then one for each array. */
 static void print_record(FILE *f, const struct record *rec)
 {
     fprintf(f, "%s frame %llu, %.6g s: %d array%s, %zu bytes\n", rec->type,
@@ -182,6 +185,7 @@ static int dump_record(struct outputs *out, const struct record *rec,
     return out->npy ? recordfile_add(out->npy, rec, err) : 0;
 }
 
+/* For the line that --check prints. */
 static void count_record(struct tally *t, const struct record *rec)
 {
     if (t->records == 0 || rec->frame < t->first)

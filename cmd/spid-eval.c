@@ -7,14 +7,11 @@
 #include <unistd.h>
 
 #include "cmd/options.h"
-#include "formats/image.h"
 #include "lib/base/file.h"
 #include "lib/eval/compare.h"
 #include "lib/eval/pairs.h"
 #include "lib/eval/people.h"
 #include "lib/eval/summary.h"
-
-#define PATH 600
 
 static struct {
     const char *format, *name, *pairs, *frames_tsv, *people, *sheet, *head;
@@ -27,16 +24,7 @@ static struct {
 
 static int parse_known(const char *value, void *dest, struct error *err)
 {
-    unsigned *bits = dest;
-
-    if (strcmp(value, "shape") == 0)
-        *bits |= REENACTOR_TRUE_SHAPE;
-    else if (strcmp(value, "motion") == 0)
-        *bits |= REENACTOR_TRUE_MOTION;
-    else
-        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
-                         "shape or motion)", value);
-    return 0;
+    return reenactor_parse_truth(dest, value, err);
 }
 
 static const struct cli_option options[] = {
@@ -58,7 +46,7 @@ static const struct cli_option options[] = {
      .arg = "PICTURE",
      .help = "--arcface: who it shall be, adds the column arcface_src"},
     {.name = "people", .kind = CLI_STRING, .dest = &opt.people,
-     .arg = "STREAM", .help = "evaluate the model (-m) on people of spid-synth"},
+     .arg = "STREAM", .help = "evaluate the model on people of spid-synth"},
     {.name = "count", .kind = CLI_INT, .dest = &opt.count, .min = 1,
      .max = 100000, .arg = "N", .help = "--people: how many (default 40)"},
     {.name = "frames", .kind = CLI_INT, .dest = &opt.frames, .min = 2,
@@ -96,7 +84,7 @@ struct comparison {
     struct likeness likeness;
     struct compare_nets nets;
     FILE *tsv;
-    bool self, cross;           /* protocols that rows name */
+    unsigned protocols;         /* that rows name */
 };
 
 /* The head of --head, or the one that is found; V is 0 when it may be missing
@@ -111,48 +99,30 @@ static void load_head(struct head *h, bool required)
 }
 
 /* The message on standard error; the exit code. */
-static int complain(const struct error *err)
+static int print_error(const struct error *err)
 {
     fprintf(stderr, "spid-eval: %s\n", err->text);
     return err->code ? err->code : EX_SOFTWARE;
 }
 
-/* ---- output ------------------------------------------------------------- */
-
-/* The protocols of the rows, so that a table says what it shows. */
-static void write_protocols(FILE *f, const struct comparison *j,
-                            enum table_format format)
-{
-    const char *mark = format == TABLE_LATEX ? "% " : "# ";
-
-    if (format == TABLE_JSON)
-        return;
-    if (j->self)
-        fprintf(f, "%sself: the source is the first frame of a clip, the "
-                "driver that clip, the truth its frames\n", mark);
-    if (j->cross)
-        fprintf(f, "%scross: the source is the first frame of a clip, the "
-                "driver the next identity's clip, the truth the driver's "
-                "motion\n", mark);
-}
-
+/* To -o, complete or not at all. */
 static void write_table(const struct table *t, enum table_format format,
                         const struct comparison *j)
 {
-    int model = opt.people != NULL;
-    char part[PATH];
-    int named = strcmp(cli.output, "-") != 0;
-    int direct = named && file_is_special(cli.output);
+    const bool named = strcmp(cli.output, "-") != 0;
+    const bool direct = named && file_is_special(cli.output);
+    char part[600];
     FILE *f = stdout;
 
     snprintf(part, sizeof part, direct ? "%s" : "%s.part", cli.output);
     if (named && !(f = fopen(part, "w")))
         die(EX_CANTCREAT, "%s: %s", part, strerror(errno));
-    if (model && format == TABLE_JSON)
+    if (opt.people && format == TABLE_JSON)
         summary_write(f, t);
     else
         table_write(f, t, format);
-    write_protocols(f, j, format);
+    if (format != TABLE_JSON)
+        protocols_write(f, j->protocols, format == TABLE_LATEX ? "% " : "# ");
     if (fflush(f) || ferror(f) || (named && fclose(f))) {
         if (named && !direct)
             unlink(part);
@@ -164,22 +134,32 @@ static void write_table(const struct table *t, enum table_format format,
 
 /* ---- pairs -------------------------------------------------------------- */
 
-/* Compare one pair into the row; 0, or the exit code after a message. */
+/* Compare one pair into the row; 0, or the exit code after a message.  A list's
+ * frames of one person have a null line: their first frame, unchanged. */
 static int compare_pair(struct table *t, const char *row,
-                        const struct pair *p, const struct comparison *j)
+                        const struct pair *p, struct comparison *j)
 {
     struct error err = {0};
     struct compare_log log = {.tsv = j->tsv, .pair = p->result};
-    size_t r = table_row(t, row);
-    int rc = p->motion
-                 ? compare_motions(t, r, p->truth, p->result,
-                                   j->head.V ? &j->head : NULL, &log, &err)
-                 : compare_frames(t, r, p->truth, p->result, p->source,
-                                  &j->nets, &log, &err);
+    struct compare_rows rows = {table_row(t, row), TABLE_NO_ROW};
+    const unsigned protocol = protocol_parse(p->protocol);
+    char still[TABLE_NAME];
+    int rc;
 
-    return rc ? complain(&err) : 0;
+    snprintf(still, sizeof still, p->protocol ? "%s, %s" : "%s",
+             PAIRS_UNCHANGED, p->protocol);
+    j->protocols |= protocol;
+    if (opt.pairs && !p->motion && protocol != PROTOCOL_CROSS) {
+        rows.unchanged = table_row(t, still);
+        j->protocols |= PROTOCOL_UNCHANGED;
+    }
+    rc = p->motion ? compare_motions(t, rows.result, p->truth, p->result,
+                                     j->head.V ? &j->head : NULL, &log, &err)
+                   : compare_frames(t, &rows, p, &j->nets, &log, &err);
+    return rc ? print_error(&err) : 0;
 }
 
+/* Every pair of --pairs; 0, or the last exit code. */
 static int compare_pairs(struct table *t, struct comparison *j)
 {
     struct error err = {0};
@@ -196,8 +176,6 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
         snprintf(row, sizeof row, p->protocol ? "%s, %s" : "%s", p->name,
                  p->protocol);
-        j->self |= p->protocol && !strcmp(p->protocol, "self");
-        j->cross |= p->protocol && !strcmp(p->protocol, "cross");
         rc = compare_pair(t, row, p, j);
         failed += rc != 0;
         code = rc ? rc : code;
@@ -211,27 +189,29 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
 /* ---- a model ------------------------------------------------------------ */
 
-static void advance(size_t done, size_t total)
+static void print_progress(size_t done, size_t total)
 {
     progress("people", done, total, NULL);
 }
 
+/* --people: 0, or the exit code. */
 static int evaluate_model(struct table *t, const struct head *h)
 {
     struct error err = {0};
     struct reenactor s;
     struct contact_sheet sheet = {0};
-    struct people_options po = {
-        .stream = opt.people, .people = (size_t)opt.count,
-        .frames = (size_t)opt.frames, .stride = (size_t)opt.stride,
-        .ablations = !opt.no_ablations, .cross = !opt.no_cross,
-        .sheet_rows = !opt.sheet              ? 0
-                      : opt.rows < opt.count  ? (size_t)opt.rows
-                                              : (size_t)opt.count,
-        .progress = advance};
+    struct people_options po = {.stream = opt.people,
+                                .people = (size_t)opt.count,
+                                .frames = (size_t)opt.frames,
+                                .stride = (size_t)opt.stride,
+                                .ablations = !opt.no_ablations,
+                                .cross = !opt.no_cross,
+                                .sheet_rows = !opt.sheet ? 0
+                                              : opt.rows < opt.count
+                                                  ? (size_t)opt.rows
+                                                  : (size_t)opt.count,
+                                .progress = print_progress};
     struct model model;
-    uint8_t *rgb;
-    size_t H, W;
     int rc;
 
     if (option_model_open(&model, &err) ||
@@ -243,13 +223,9 @@ static int evaluate_model(struct table *t, const struct head *h)
     progress_end();
     reenactor_release(&s);
     if (rc)
-        return complain(&err);
-    if (!opt.sheet)
-        return 0;
-    contact_sheet_take(&sheet, &rgb, &H, &W);
-    if (image_write_png(opt.sheet, rgb, W, H, 3, &err))
+        return print_error(&err);
+    if (opt.sheet && contact_sheet_save(&sheet, opt.sheet, &err))
         die_error(&err);
-    free(rgb);
     return 0;
 }
 

@@ -7,6 +7,7 @@
 #include "cmd/options.h"
 #include "formats/glb.h"
 #include "formats/ply.h"
+#include "lib/base/file.h"
 #include "lib/export/export.h"
 
 static struct export_options opt = {.frame = -1};
@@ -14,29 +15,29 @@ static const char *identity_path, *head_path, *lint_path;
 static long expressions = 50;
 
 static const struct cli_option options[] = {
-    {"ply", 0, CLI_STRING, &opt.ply, 0, 0, "FILE",
-     "3DGS PLY; name_%06d.ply for every frame", NULL},
-    {"splat", 0, CLI_STRING, &opt.splat, 0, 0, "FILE",
-     ".splat of the web viewers", NULL},
-    {"glb-splats", 0, CLI_STRING, &opt.glb_splats, 0, 0, "FILE",
-     "GLB with KHR_gaussian_splatting", NULL},
-    {"glb-head", 0, CLI_STRING, &opt.glb_head, 0, 0, "FILE",
-     "GLB of the head: skin, morph targets, the motion as animation", NULL},
-    {"obj", 0, CLI_STRING, &opt.obj, 0, 0, "FILE",
-     "OBJ of one frame's mesh; name_%06d.obj for every frame", NULL},
-    {"frame", 0, CLI_INT, &opt.frame, 0, 1e9, "N",
-     "the frame for names without %d (default: the first)", NULL},
-    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
-     "shape and source picture from this identity", NULL},
+    OPTION_STRING("ply", 0, &opt.ply, "FILE",
+                  "3DGS PLY; name_%06d.ply for every frame"),
+    OPTION_STRING("splat", 0, &opt.splat, "FILE", ".splat of the web viewers"),
+    OPTION_STRING("glb-splats", 0, &opt.glb_splats, "FILE",
+                  "GLB with KHR_gaussian_splatting"),
+    OPTION_STRING("glb-head", 0, &opt.glb_head, "FILE",
+                  "GLB of the head: skin, morph targets, the motion as "
+                  "animation"),
+    OPTION_STRING("obj", 0, &opt.obj, "FILE",
+                  "OBJ of one frame's mesh; name_%06d.obj for every frame"),
+    OPTION_INT("frame", 0, &opt.frame, 0, 1e9, "N",
+               "the frame for names without %d (default: the first)"),
+    OPTION_STRING("identity", 'i', &identity_path, "FILE",
+                  "shape and source picture from this identity"),
     OPTION_HEAD(&head_path),
-    {"expressions", 0, CLI_INT, &expressions, 0, 198, "N",
-     "expression directions kept as morph targets (default 50)", NULL},
-    {"correctives", 0, CLI_FLAG, &opt.head.correctives, 0, 0, NULL,
-     "pose correctives as morph targets", NULL},
-    {"model-space", 0, CLI_FLAG, &opt.model_space, 0, 0, NULL,
-     "PLY: keep y up instead of turning to y down", NULL},
-    {"lint", 0, CLI_STRING, &lint_path, 0, 0, "FILE",
-     "say what a viewer would trip over in a PLY or GLB", NULL},
+    OPTION_INT("expressions", 0, &expressions, 0, 198, "N",
+               "expression directions kept as morph targets (default 50)"),
+    OPTION_FLAG("correctives", 0, &opt.head.correctives,
+                "pose correctives as morph targets"),
+    OPTION_FLAG("model-space", 0, &opt.model_space,
+                "PLY: keep y up instead of turning to y down"),
+    OPTION_STRING("lint", 0, &lint_path, "FILE",
+                  "say what a viewer would trip over in a PLY or GLB"),
     {0}
 };
 
@@ -49,24 +50,20 @@ static const struct cli_usage usage = {
     "write Gaussians and the driven head for other programs", options
 };
 
+/* A line of --lint. */
 static void print_finding(void *context, const char *text)
 {
     printf("%s: %s\n", (const char *)context, text);
 }
 
-static bool ends_with(const char *s, const char *end)
-{
-    size_t n = strlen(s), m = strlen(end);
-    return n >= m && !strcmp(s + n - m, end);
-}
-
 /* Exit 0 for a clean file, EX_DATAERR with a line per finding. */
-static int lint(const char *path)
+static int lint_file(const char *path)
 {
     struct error err = {0};
-    int found = ends_with(path, ".ply")
+    int found = file_ends(path, ".ply")
                     ? ply_lint(path, print_finding, (void *)path, &err)
                     : glb_lint(path, print_finding, (void *)path, &err);
+
     if (found < 0)
         die_error(&err);
     if (!found)
@@ -106,6 +103,7 @@ static void print_drawn(const struct export *x)
         printf("%.1f dB\n", h->psnr_db);
 }
 
+/* What the options ask for, with the head where one is needed. */
 static void open_export(struct export *x)
 {
     struct error err = {0};
@@ -127,6 +125,7 @@ static void open_export(struct export *x)
         die_error(&err);
 }
 
+/* Every record to the files. */
 static void export_stream(struct export *x, const char *input)
 {
     struct stream_options so = {0};
@@ -156,7 +155,7 @@ int main(int argc, char **argv)
     if (argc - at > 1)
         die(EX_USAGE, "more than one stream");
     if (lint_path)
-        return lint(lint_path);
+        return lint_file(lint_path);
     open_export(&x);
     export_stream(&x, at < argc ? argv[at] : "-");
     print_drawn(&x);

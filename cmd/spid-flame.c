@@ -13,11 +13,11 @@ static const char *head_path, *identity_path;
 static bool keep_motion;
 
 static const struct cli_option options[] = {
-    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
-     "take the shape from this identity's SHAP record", NULL},
+    OPTION_STRING("identity", 'i', &identity_path, "FILE",
+                  "take the shape from this identity's SHAP record"),
     OPTION_HEAD(&head_path),
-    {"keep-motion", 0, CLI_FLAG, &keep_motion, 0, 0, NULL,
-     "pass each MOTN record on in front of its MESH", NULL},
+    OPTION_FLAG("keep-motion", 0, &keep_motion,
+                "pass each MOTN record on in front of its MESH"),
     {0}
 };
 
@@ -35,6 +35,7 @@ struct flame {
     int meshes;             /* written so far: the first has the faces */
 };
 
+/* The head model, and room for its vertices. */
 static void open_head(struct flame *f, const char *path)
 {
     struct error err = {0};
@@ -60,6 +61,7 @@ static void fold_identity(struct flame *f)
     }
 }
 
+/* Shape coefficients of an identity stream; without one the mean head. */
 static void open_identity(struct flame *f, const char *path)
 {
     struct error err = {0};

@@ -16,17 +16,17 @@ static const char *sheet, *from, *check, *head_path;
 static long size = 300, people = 100;
 
 static const struct cli_option options[] = {
-    { "from", 0, CLI_STRING, &from, 0, 0, "SCANS",
-      "register it to ICT-FaceKit's ict.safetensors", NULL },
-    { "check", 0, CLI_STRING, &check, 0, 0, "SCANS",
-      "print how far a head is from random faces of the scans", NULL },
-    { "people", 0, CLI_INT, &people, 1, 10000, "N",
-      "how many faces --check draws", NULL },
+    OPTION_STRING("from", 0, &from, "SCANS",
+                  "register it to ICT-FaceKit's ict.safetensors"),
+    OPTION_STRING("check", 0, &check, "SCANS",
+                  "print how far a head is from random faces of the scans"),
+    OPTION_INT("people", 0, &people, 1, 10000, "N",
+               "how many faces --check draws"),
     OPTION_HEAD(&head_path),
-    { "sheet", 0, CLI_STRING, &sheet, 0, 0, "FILE",
-      "also draw views, people and expressions (PNG)", NULL },
-    { "size", 0, CLI_INT, &size, 32, 1024, "N",
-      "pixels across one picture of the sheet", NULL },
+    OPTION_STRING("sheet", 0, &sheet, "FILE",
+                  "also draw views, people and expressions (PNG)"),
+    OPTION_INT("size", 0, &size, 32, 1024, "N",
+               "pixels across one picture of the sheet"),
     { 0 }
 };
 

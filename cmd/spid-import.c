@@ -23,17 +23,16 @@ static int parse_kind(const char *value, void *dest, struct error *err)
 }
 
 static const struct cli_option options[] = {
-    { "as", 0, CLI_CALL, &kind, 0, 0, "KIND",
-      "flame, dinov2, smirk, gagavatar, lpips, arcface or squeezenet",
-      parse_kind },
-    { "eyelids", 0, CLI_STRING, &with.eyelids, 0, 0, "FILE",
-      "flame: closing displacements, one file or LEFT,RIGHT", NULL },
-    { "landmarks", 0, CLI_STRING, &with.landmarks, 0, 0, "FILE",
-      "flame: landmark embedding", NULL },
-    { "linear", 0, CLI_STRING, &with.linear, 0, 0, "FILE",
-      "lpips: linear weights", NULL },
-    { "list", 0, CLI_FLAG, &list, 0, 0, NULL,
-      "print name, type and shape of every tensor", NULL },
+    OPTION_CALL("as", 0, &kind, "KIND", parse_kind,
+                "flame, dinov2, smirk, gagavatar, lpips, arcface or "
+                "squeezenet"),
+    OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
+                  "flame: closing displacements, one file or LEFT,RIGHT"),
+    OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",
+                  "flame: landmark embedding"),
+    OPTION_STRING("linear", 0, &with.linear, "FILE", "lpips: linear weights"),
+    OPTION_FLAG("list", 0, &list,
+                "print name, type and shape of every tensor"),
     { 0 }
 };
 

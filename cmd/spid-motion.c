@@ -17,7 +17,7 @@
 
 static struct framesource_options source_options;
 static struct track_options track_options;
-static const char *head_path, *identity_path, *overlay_path;
+static const char *head_path, *identity_path, *overlay_path, *relative_path;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
@@ -25,32 +25,33 @@ static const struct cli_option options[] = {
                 "fixed face crop: centre and side in pixels of the frame"),
     OPTION_WINDOW(&track_options,
                   "portrait window (default: about the first face)"),
-    {"smooth", 0, CLI_FLOAT, &track_options.smooth, 0, 100, "HZ",
-     "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
-    {"no-tta", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "no test-time augmentation of the encoder: faster, less exact", NULL},
-    {"once", 0, CLI_FLAG, &track_options.no_tta, 0, 0, NULL,
-     "the same as --no-tta", NULL},
-    {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE",
-     "write a video of crop, landmarks and mesh on the frames", NULL},
-    {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
-     "frames a second of pictures without times (default 25)", NULL},
-    {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
-     "Y4M and video files are BT.601, whatever they say", NULL},
-    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
-     "shape of the driver, for crop and overlay (default: mean)", NULL},
+    OPTION_FLOAT("smooth", 0, &track_options.smooth, 0, 100, "HZ",
+                 "one-euro smoothing with this cut-off at rest (default 0: "
+                 "off)"),
+    OPTION_NO_TTA(&track_options.no_tta),
+    OPTION_STRING("relative", 0, &relative_path, "FILE",
+                  "movements since the first frame, from this identity's "
+                  "own"),
+    OPTION_STRING("overlay", 0, &overlay_path, "FILE",
+                  "write a video of crop, landmarks and mesh on the frames"),
+    OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
+                 "frames a second of pictures without times (default 25)"),
+    OPTION_FLAG("bt601", 0, &source_options.bt601,
+                "Y4M and video files are BT.601, whatever they say"),
+    OPTION_STRING("identity", 'i', &identity_path, "FILE",
+                  "shape of the driver, for crop and overlay (default: mean)"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "network"),
     {0}
 };
 
 static const struct cli_usage usage = {
-    "spid-motion", "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--no-tta] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] [--head FILE] "
-    "[--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
+    "spid-motion",
+    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
+    "[--no-tta] [--relative FILE] [--overlay FILE] [--fps RATE] "
+    "[--bt601] [-i FILE] [--head FILE] [--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] "
     "[INPUT...]",
-    "estimate head motion from video, pictures or piped frames", options
-};
+    "estimate head motion from video, pictures or piped frames", options};
 
 struct program {
     struct head head;
@@ -68,6 +69,7 @@ struct program {
     size_t lost;
 };
 
+/* Model, head and whose shape it has. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -82,6 +84,7 @@ static void open_model(struct program *p)
     track_options.size = (double)p->model.config.size;
 }
 
+/* Frames and tracker. */
 static void open_input(struct program *p, char **name, int count)
 {
     static const char *const standard_input[] = {"-"};
@@ -97,6 +100,7 @@ static void open_input(struct program *p, char **name, int count)
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
 }
 
+/* The stream, and the video of --overlay. */
 static void open_output(struct program *p)
 {
     struct error err = {0};
@@ -117,8 +121,8 @@ static void open_output(struct program *p)
 }
 
 /* Draw one frame; r is NULL for a frame before the first face. */
-static void draw(struct program *p, const struct frame *f,
-                 const struct track_result *r)
+static void draw_overlay(struct program *p, const struct frame *f,
+                         const struct track_result *r)
 {
     struct error err = {0};
     struct framesink_frame g = {.width = f->width, .height = f->height,
@@ -144,32 +148,52 @@ static void draw(struct program *p, const struct frame *f,
     stats_end("overlay", begun);
 }
 
-static void draw_searched(void *program, const struct frame *f)
+/* A frame in which the face was looked for in vain. */
+static void draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
 
     if (p->drawn)
-        draw(p, f, NULL);
+        draw_overlay(p, f, NULL);
+}
+
+/* --relative: the driver's movements, from that person's own motion. */
+static void set_relative(struct program *p)
+{
+    struct person source = {0};
+    struct error err = {0};
+
+    if (person_load(&source, relative_path, p->head.nexp, &err))
+        die_error(&err);
+    if (!source.has_source)
+        die(EX_DATAERR, "--relative=%s: no MOTN record (expected an "
+            "identity, as spid-shape writes it)", relative_path);
+    driver_set_relative(&p->driver, &source.source, p->head.nexp);
+    person_release(&source);
 }
 
 /* Find the first face, then write CONF: it holds the window. */
-static void start(struct program *p)
+static void start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
+    enum driver_status status;
     struct conf conf = {
         .producer = "spid-motion", .head = &p->head,
         .model = &p->model
     };
 
-    if (driver_start(&p->driver, draw_searched, p, &err)) {
+    status = driver_start(&p->driver, draw_searched_frame, p, &err);
+    if (status != DRIVER_STARTED) {
         stream_abandon(p->out);
         framesink_abandon(p->drawn);
-        if (err.code == EX_DATAERR && strncmp(err.text, "no ", 3) == 0)
+        if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
         die_error(&err);
     }
     stats_end("start", begun);
+    if (relative_path)
+        set_relative(p);
     framesource_rate(p->in, &conf.fps_num, &conf.fps_den);
     conf.window = &p->track.window;
     conf.width = p->driver.first.width;
@@ -182,7 +206,8 @@ static void start(struct program *p)
              p->driver.early_count);
 }
 
-static void report(struct program *p, const struct driver_frame *f)
+/* Say when the face is lost and found again. */
+static void report_frame(struct program *p, const struct driver_frame *f)
 {
     const unsigned long long n = f->picture.index;
 
@@ -195,6 +220,7 @@ static void report(struct program *p, const struct driver_frame *f)
     p->lost += f->r.lost;
 }
 
+/* For --stats. */
 static void count_times(const struct driver_frame *f)
 {
     const double now = stats_begin();
@@ -221,7 +247,8 @@ static int write_motion(struct program *p, const struct driver_frame *f,
     return rc;
 }
 
-static int finish(struct program *p, int rc, struct error *err)
+/* Complete both outputs, or give them up. */
+static int finish_outputs(struct program *p, int rc, struct error *err)
 {
     progress_end();
     if (p->drawn && rc == 0) {
@@ -256,20 +283,20 @@ int main(int argc, char **argv)
     open_model(&p);
     open_input(&p, argv + first, argc - first);
     open_output(&p);
-    start(&p);
+    start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
-        report(&p, &f);
+        report_frame(&p, &f);
         count_times(&f);
         if (write_motion(&p, &f, &err)) {
             rc = -1;
             break;
         }
         if (p.drawn && f.picture.rgb)
-            draw(&p, &f.picture, &f.r);
+            draw_overlay(&p, &f.picture, &f.r);
         progress("frames", f.picture.index + 1, framesource_total(p.in),
                  f.r.lost ? "lost" : NULL);
     }
-    finish(&p, rc, &err);
+    finish_outputs(&p, rc, &err);
     stats_write();
     driver_release(&p.driver);
     track_release(&p.track);

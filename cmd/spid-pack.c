@@ -12,7 +12,7 @@
 #include "formats/recordply.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
-#include "lib/base/half.h"
+#include "lib/base/file.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path;
@@ -22,24 +22,23 @@ static double fps = 25.0;
 static long first_frame;
 
 static const struct cli_option options[] = {
-    { "type", 't', CLI_STRING, &type, 0, 0, "TYPE",
-      "type of the record made from plain arrays", NULL },
-    { "stack", 's', CLI_FLAG, &stack, 0, 0, NULL,
-      "the arrays' first axis is time: one record each", NULL },
-    { "frame", 0, CLI_INT, &first_frame, 0, 1e15, "N",
-      "number of the first such record (default 0)", NULL },
-    { "fps", 0, CLI_FLOAT, &fps, 1e-3, 1e6, "N",
-      "frames a second, for times not given (default 25)", NULL },
-    { "raw", 0, CLI_FLAG, &raw, 0, 0, NULL,
-      "do not put a CONF record in front", NULL },
-    { "ply", 0, CLI_STRING, &ply_path, 0, 0, "FILE",
-      "a Gaussian scene as a GAUS record, as SOURCE.ply does", NULL },
-    { "eye", 0, CLI_CALL, &ply, 0, 0, "X,Y,Z",
-      "where its spherical harmonics are seen from", recordply_parse_eye },
-    { "flat", 0, CLI_FLAG, &ply.flat, 0, 0, NULL,
-      "drop spherical harmonics above degree 0", NULL },
-    { "model-space", 0, CLI_FLAG, &ply.model_space, 0, 0, NULL,
-      "the PLY has y up: do not turn it", NULL },
+    OPTION_STRING("type", 't', &type, "TYPE",
+                  "type of the record made from plain arrays"),
+    OPTION_FLAG("stack", 's', &stack,
+                "the arrays' first axis is time: one record each"),
+    OPTION_INT("frame", 0, &first_frame, 0, 1e15, "N",
+               "number of the first such record (default 0)"),
+    OPTION_FLOAT("fps", 0, &fps, 1e-3, 1e6, "N",
+                 "frames a second, for times not given (default 25)"),
+    OPTION_FLAG("raw", 0, &raw, "do not put a CONF record in front"),
+    OPTION_STRING("ply", 0, &ply_path, "FILE",
+                  "a Gaussian scene as a GAUS record, as SOURCE.ply does"),
+    OPTION_CALL("eye", 0, &ply, "X,Y,Z", recordply_parse_eye,
+                "where its spherical harmonics are seen from"),
+    OPTION_FLAG("flat", 0, &ply.flat,
+                "drop spherical harmonics above degree 0"),
+    OPTION_FLAG("model-space", 0, &ply.model_space,
+                "the PLY has y up: do not turn it"),
     { 0 }
 };
 
@@ -71,6 +70,7 @@ struct pack {
     int plains;
 };
 
+/* What the packed records are not asked to say: who made them, and units. */
 static int put_conf(struct pack *p, struct error *err)
 {
     struct array a = array_make("json", DTYPE_U8, CONF_TEXT, 1,
@@ -152,41 +152,17 @@ static int add_npy(struct pack *p, const char *source, struct error *err)
                ? error_prefix(err, "%s", path) : 0;
 }
 
-/* One tensor; integers must fit i32, bf16 becomes f32. */
 static int add_tensor(struct pack *p, const struct safetensors *st,
                       const struct st_tensor *t, struct error *err)
 {
-    enum dtype dtype = DTYPE_F32;
-    size_t bytes = t->count * st_dtype_size(t->dtype);
-    void *data;
+    enum dtype dtype;
+    void *data = recordfile_tensor(&dtype, st, t, err);
 
-    if (t->dtype != ST_U8 && (t->dtype < ST_F16 || t->dtype > ST_F64)) {
-        dtype = DTYPE_I32;
-        data = st_load_i32(st, t->name, t->ndim, t->dim, NULL, err);
-        if (!data)
-            return -1;
-        return keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err);
-    }
-    if (t->dtype == ST_BF16)
-        bytes = t->count * sizeof(float);
-    data = malloc(bytes + 1);
-    if (!data)
-        return error_set(err, EX_OSERR, "out of memory");
-    if (t->dtype == ST_BF16) {
-        for (size_t i = 0; i < t->count; i++) {
-            uint16_t h;
-
-            memcpy(&h, (const char *)t->data + 2 * i, sizeof h);
-            ((float *)data)[i] = bf16_to_float(h);
-        }
-    } else {
-        memcpy(data, t->data, bytes);
-        dtype = t->dtype == ST_U8 ? DTYPE_U8 : t->dtype == ST_F16 ? DTYPE_F16
-                : t->dtype == ST_F32 ? DTYPE_F32 : DTYPE_F64;
-    }
-    return keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err);
+    return data ? keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err)
+                : -1;
 }
 
+/* A dump's records, or plain arrays. */
 static int add_safetensors(struct pack *p, const char *path,
                            struct error *err)
 {
@@ -233,6 +209,7 @@ static int put_plain(struct pack *p, struct error *err)
 
 /* ---- sources ------------------------------------------------------------ */
 
+/* Its records as they are. */
 static int add_stream(struct pack *p, const char *path, struct error *err)
 {
     struct stream_reader *in = stream_open(path, NULL, err);
@@ -248,24 +225,18 @@ static int add_stream(struct pack *p, const char *path, struct error *err)
     return rc;
 }
 
-static bool ends_in(const char *s, const char *end)
-{
-    size_t n = strlen(s), m = strlen(end);
-
-    return n > m && strcmp(s + n - m, end) == 0;
-}
-
+/* By the name's ending. */
 static int add_source(struct pack *p, const char *source, struct error *err)
 {
     struct stat st;
 
-    if (ends_in(source, ".npy"))
+    if (file_ends(source, ".npy"))
         return add_npy(p, source, err);
-    if (ends_in(source, ".safetensors"))
+    if (file_ends(source, ".safetensors"))
         return add_safetensors(p, source, err);
-    if (ends_in(source, ".ply"))
+    if (file_ends(source, ".ply"))
         return recordply_read(source, &ply, put_record, p, err);
-    if (ends_in(source, ".json") || ends_in(source, ".jsonl"))
+    if (file_ends(source, ".json") || file_ends(source, ".jsonl"))
         return recordjson_read(source, fps, stream_limit(), put_record, p,
                                err);
     if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))

@@ -8,6 +8,7 @@
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
 #include "lib/stream/ahead.h"
+#include "lib/texture/texture.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static struct framesink_options sink_options;
@@ -49,11 +50,12 @@ struct program {
     struct stream_reader *in;
     struct ahead *ahead;
     struct framesink *out;
-    float *rgb;
-    size_t room;                /* floats in rgb */
+    float *rgb, *alpha;
+    size_t room;                /* pixels in rgb and alpha */
     bool compared;
 };
 
+/* The model's refiner. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -63,6 +65,7 @@ static void open_model(struct program *p)
         die_error(&err);
 }
 
+/* What is put behind the head. */
 static void open_background(void)
 {
     struct error err = {0};
@@ -84,6 +87,7 @@ static void open_background(void)
     }
 }
 
+/* Input read ahead, and the output. */
 static void open_streams(struct program *p, const char *input)
 {
     struct error err = {0};
@@ -129,7 +133,7 @@ static int take_features(struct refine_input *in, const struct record *rec,
     const enum dtype type = a && a->dtype == DTYPE_F16 ? DTYPE_F16
                                                        : DTYPE_F32;
     const bool packed = a && a->ndim == 2 && alpha;
-    const size_t any[3] = {0, 0, 0}, turns[1] = {TURN_COUNT};
+    const size_t any[3] = {0, 0, 0}, turns[1] = {RELATIVE_POSE_SIZE};
     const void *feat = record_get(rec, "feat", type, packed ? 2 : 3, any, err);
 
     memset(in, 0, sizeof *in);
@@ -142,6 +146,14 @@ static int take_features(struct refine_input *in, const struct record *rec,
     if (record_find(rec, "turn")
         && !(in->turn = record_get(rec, "turn", DTYPE_F32, 1, turns, err)))
         return -1;
+    if (record_find(rec, "photo")
+        && !(in->photo = record_get(rec, "photo", DTYPE_F32, packed ? 2 : 3,
+                                    (size_t[]){packed ? a->dim[0]
+                                                      : alpha->dim[0],
+                                               packed ? TEXTURE_PHOTO
+                                                      : alpha->dim[1],
+                                               TEXTURE_PHOTO}, err)))
+        return -1;
     in->f16 = type == DTYPE_F16 ? feat : NULL;
     in->f32 = type == DTYPE_F32 ? feat : NULL;
     in->height = packed ? alpha->dim[0] : a->dim[0];
@@ -153,7 +165,8 @@ static int take_features(struct refine_input *in, const struct record *rec,
 }
 
 /* What --precision and --roi cost, on the first frame. */
-static void compare(const struct program *p, const struct refine_input *in)
+static void compare_precision(const struct program *p,
+                              const struct refine_input *in)
 {
     const size_t n = in->height * in->width * 3;
     struct error err = {0};
@@ -195,11 +208,13 @@ static int write_picture(struct program *p, const struct record *rec,
 
     if (take_features(&in, rec, err))
         return -1;
-    if (in.height * in.width * 3 > p->room) {
+    if (in.height * in.width > p->room) {
         free(p->rgb);
-        p->room = in.height * in.width * 3;
-        p->rgb = malloc(p->room * sizeof *p->rgb);
-        if (!p->rgb)
+        free(p->alpha);
+        p->room = in.height * in.width;
+        p->rgb = malloc(3 * p->room * sizeof *p->rgb);
+        p->alpha = malloc(p->room * sizeof *p->alpha);
+        if (!p->rgb || !p->alpha)
             return error_set(err, EX_OSERR, "no memory for %zu x %zu pixels",
                              in.width, in.height);
     }
@@ -209,12 +224,16 @@ static int write_picture(struct program *p, const struct record *rec,
     stats_end("refine", begun);
     if (!p->compared && (roi || precision == NN_BF16
                          || precision == NN_INT8))
-        compare(p, &in);
+        compare_precision(p, &in);
     p->compared = true;
+    if (in.alpha) {
+        memcpy(p->alpha, in.alpha, in.height * in.width * sizeof *p->alpha);
+        refine_photo(p->rgb, p->alpha, &in);
+    }
     f.height = in.height;
     f.width = in.width;
     f.color = p->rgb;
-    f.alpha = in.alpha;
+    f.alpha = in.alpha ? p->alpha : NULL;
     begun = stats_begin();
     if (framesink_write(p->out, &f, err))
         return -1;
@@ -223,6 +242,7 @@ static int write_picture(struct program *p, const struct record *rec,
     return 0;
 }
 
+/* FEAT becomes a picture, CONF tells the rate, the rest passes. */
 static int pass_record(struct program *p, const struct record *rec,
                        struct error *err)
 {
@@ -273,5 +293,6 @@ int main(int argc, char **argv)
     model_close(&p.model);
     background_release(&background);
     free(p.rgb);
+    free(p.alpha);
     return 0;
 }

@@ -6,8 +6,8 @@
 static const char *sheet;
 
 static const struct cli_option options[] = {
-    {"sheet", 0, CLI_STRING, &sheet, 0, 0, "FILE",
-     "also write a contact sheet (PNG)", NULL},
+    OPTION_STRING("sheet", 0, &sheet, "FILE",
+                  "also write a contact sheet (PNG)"),
     {0}
 };
 

@@ -21,10 +21,12 @@ static const struct cli_option options[] = {
     OPTION_CROP(&track_options,
                 "face crop: centre and side in pixels of the picture"),
     OPTION_WINDOW(&track_options, "portrait window (default: about the face)"),
-    {"mask", 0, CLI_STRING, &mask_path, 0, 0, "FILE",
-     "matte: a picture of the same size, white where the person is", NULL},
-    {"overlay", 0, CLI_STRING, &overlay_path, 0, 0, "FILE.png",
-     "write crop, matte, mesh and landmarks drawn on the picture", NULL},
+    OPTION_STRING("mask", 0, &mask_path, "FILE",
+                  "matte: a picture of the same size, white where the "
+                  "person is"),
+    OPTION_STRING("overlay", 0, &overlay_path, "FILE.png",
+                  "write crop, matte, mesh and landmarks drawn on the "
+                  "picture"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),
     {0}
@@ -45,6 +47,7 @@ struct program {
     struct source source;
 };
 
+/* Model and head. */
 static void open_model(struct program *p)
 {
     struct error err = {0};
@@ -56,6 +59,7 @@ static void open_model(struct program *p)
     track_options.size = (double)p->model.config.size;
 }
 
+/* The picture and its mask. */
 static void read_pictures(struct program *p, const char *path)
 {
     struct error err = {0};
@@ -93,6 +97,7 @@ static void make_identity(struct program *p, const char *path)
              "the head (--mask FILE gives a better one)", path);
 }
 
+/* CONF, SRCI, SHAP and MOTN. */
 static void write_identity(const struct program *p)
 {
     struct error err = {0};
@@ -136,6 +141,7 @@ static void dim_background(uint8_t *rgb, const struct program *p)
         }
 }
 
+/* The picture of --overlay. */
 static void write_overlay(const struct program *p)
 {
     const size_t W = p->picture.width, H = p->picture.height;

@@ -6,10 +6,12 @@
 
 #include "cmd/cli.h"
 #include "formats/framesink.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/splat/reference.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
+#include "lib/record/person.h"
+#include "lib/texture/texture.h"
 
 /* --camera: overrides what the stream says. */
 struct view_option {
@@ -22,6 +24,7 @@ static long size = 512, channels = 3, exp_degree = 3;
 static double focal = 12, alpha_cut = 1.0 / 255, t_cut = 1e-4, prune;
 static unsigned branches;
 static enum splat_rules rules = SPLAT_GSPLAT;
+static bool no_photo;
 static bool exact, f32_products, with_depth, f16, covered, imag, bt601;
 static struct background background;
 static bool straight;
@@ -125,6 +128,8 @@ static const struct cli_option options[] = {
      "over 4 channels: float products and FEAT, not 16-bit ones", NULL},
     {"prune", 0, CLI_FLOAT, &prune, 0, 1, "O",
      "leave out Gaussians of opacity below O (0)", NULL},
+    {"no-photo", 0, CLI_FLAG, &no_photo, 0, 0, NULL,
+     "baked colours alone, no photograph as texture", NULL},
     {0}
 };
 
@@ -132,14 +137,15 @@ static const struct cli_usage usage = {
     "spid-splat", "[-s N] [-c N] [--camera LIST] [--focal F] [--branch LIST] "
     "[-f NAME] [-b R,G,B|FILE] [--alpha] [--depth] [--f16] [--covered] "
     "[--imag] [--bt601] [--exact] [--rules NAME] [--alpha-cut A] [--t-cut T] "
-    "[--exp-degree N] [--f32] [--prune O] [--max-bytes SIZE] [-o FILE] "
-    "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
+    "[--exp-degree N] [--f32] [--prune O] [--no-photo] [--max-bytes SIZE] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
     "draw Gaussians", options
 };
 
 /* What is drawn into. */
 struct canvas {
     float *image, *alpha, *depth;
+    float *photo;               /* (N,N,5) looked up, for FEAT */
     uint16_t *half;             /* in place of image: FEAT in half precision */
 };
 
@@ -161,6 +167,9 @@ struct drawing {
     struct canvas canvas, other; /* drawn next; on its way out, if it can be */
     struct leaving leaving;
     double *wide;               /* a picture in double for --exact */
+    struct person person;       /* whose photograph, from SRCI */
+    struct texture texture;     /* no levels: none */
+    float *place;               /* (N,N,3), with a texture */
     bool pending;               /* a GAUS without camera waits: drawn with
                                  * --camera unless GMOV records follow */
     uint64_t frame;             /* ... of this number and time */
@@ -199,6 +208,7 @@ static void close_canvas(struct canvas *c)
     free(c->half);
     free(c->alpha);
     free(c->depth);
+    free(c->photo);
 }
 
 static void open_renderer(struct drawing *d)
@@ -218,6 +228,7 @@ static void open_renderer(struct drawing *d)
     o.covered = covered && writes_features(d);
     o.prune = (float)prune;
     o.branches = branches;
+    o.place = !exact && !no_photo;
     if (splat_init(&d->splat, &o, &err))
         die_error(&err);
     d->wide = exact ? malloc(pixels * (C + 2) * sizeof *d->wide) : NULL;
@@ -253,17 +264,17 @@ static int draw_exact(struct drawing *d, const struct splat_camera *cam,
 {
     size_t pixels = (size_t)size * (size_t)size, C = (size_t)channels;
     double *alpha = d->wide + pixels * C, *depth = alpha + pixels;
-    struct splat_truth t;
+    struct reference t;
 
     if (d->scene.g.channels < channels)
         return error_set(err, EX_DATAERR, "color has %d channels (expected "
                          "at least %ld)", d->scene.g.channels, channels);
-    if (splat_truth_init(&t, &d->scene.g, cam, (int)size, (int)size,
+    if (reference_init(&t, &d->scene.g, cam, (int)size, (int)size,
                          (int)channels, SPLAT_EXACT, branches, err))
         return -1;
-    int rc = splat_reference_forward(d->wide, alpha, depth, NULL, &t, err);
+    int rc = reference_forward(d->wide, alpha, depth, NULL, &t, err);
 
-    splat_truth_release(&t);
+    reference_release(&t);
     for (size_t i = 0; i < pixels * C; i++)
         d->canvas.image[i] = (float)d->wide[i];
     for (size_t p = 0; p < pixels; p++) {
@@ -274,15 +285,63 @@ static int draw_exact(struct drawing *d, const struct splat_camera *cam,
     return rc;
 }
 
+/* Whether the pictures show the photograph. */
+static bool shows_photo(const struct drawing *d)
+{
+    return d->texture.levels && d->scene.uv && !exact && !no_photo;
+}
+
+/* Memory for places and what is looked up there, once it is needed. */
+static int open_photo(struct drawing *d, struct error *err)
+{
+    const size_t pixels = (size_t)size * (size_t)size;
+
+    if (!d->place)
+        d->place = malloc(PLACE_CHANNELS * pixels * sizeof *d->place);
+    if (writes_features(d) && !d->canvas.photo)
+        d->canvas.photo = malloc(TEXTURE_PHOTO * pixels *
+                                 sizeof *d->canvas.photo);
+    if (!d->place || (writes_features(d) && !d->canvas.photo))
+        return error_set(err, EX_OSERR, "no memory for %ld x %ld pixels",
+                         size, size);
+    return 0;
+}
+
+/* Eq. C, and the photograph over it; for a refiner, beside it. */
 static int draw_fast(struct drawing *d, const struct splat_camera *cam,
                      struct error *err)
 {
-    const struct canvas *c = &d->canvas;
+    struct canvas *c = &d->canvas;
+    const bool photo = shows_photo(d);
+    struct splat_place_view v;
 
-    return c->half ? splat_forward_half(&d->splat, c->half, c->alpha,
-                                        c->depth, cam, NULL, err)
-                   : splat_forward(&d->splat, c->image, c->alpha, c->depth,
-                                   cam, NULL, err);
+    if (photo && open_photo(d, err))
+        return -1;
+    place_view_make(&v, d->scene.view, cam->rt);
+    if (splat_draw(&d->splat, &(struct splat_pictures){
+            .image = c->image, .half = c->half, .alpha = c->alpha,
+            .depth = c->depth, .place = photo ? d->place : NULL
+        }, cam, &v, NULL, err))
+        return -1;
+    if (photo && writes_features(d))
+        texture_lookup(c->photo, &d->texture, &v, d->place, c->alpha,
+                       (size_t)size);
+    else if (photo)
+        texture_apply(c->image, (size_t)channels, c->alpha, &d->texture, &v,
+                      d->place, (size_t)size);
+    return 0;
+}
+
+/* The photograph that places are places of. */
+static int take_photo(struct drawing *d, const struct record *rec,
+                      struct error *err)
+{
+    if (person_take(&d->person, rec, 0, err) < 0)
+        return -1;
+    texture_release(&d->texture);
+    return d->person.back
+         ? texture_init(&d->texture, d->person.rgb, d->person.matte,
+                        d->person.back, d->person.size, err) : 0;
 }
 
 static void *leave(void *arg)
@@ -339,6 +398,12 @@ static int draw(struct drawing *d, uint64_t frame, double time,
         .half = d->canvas.half, .alpha = d->canvas.alpha,
         .depth = d->canvas.depth, .frame = frame, .time = time};
 
+    if (writes_features(d) && shows_photo(d)) {
+        if (open_photo(d, err))
+            return -1;
+        f.photo = d->canvas.photo;
+    }
+
     d->pending = false;
     if (!view.given && !d->scene.has_cam)
         return error_set(err, EX_DATAERR, "no camera so far (expected cam in "
@@ -346,7 +411,7 @@ static int draw(struct drawing *d, uint64_t frame, double time,
     /* of the stream's camera: --camera goes round head and light */
     f.turned = d->scene.has_source && d->scene.has_cam;
     if (f.turned)
-        turn_since(f.turn, d->scene.source, d->scene.light, d->scene.cam);
+        relative_pose(f.turn, d->scene.source, d->scene.light, d->scene.cam);
     double begun = stats_begin();
     int rc = exact ? draw_exact(d, &cam, err) : draw_fast(d, &cam, err);
 
@@ -381,6 +446,8 @@ static int pass_record(struct drawing *d, const struct record *rec,
         return draw(d, rec->frame, rec->time, err);
     if (settle(d, err))         /* from here on the sink is ours alone */
         return -1;
+    if (record_is(rec, "SRCI") && !no_photo && take_photo(d, rec, err))
+        return -1;
     if (record_is(rec, "CONF"))
         framesink_take_conf(d->sink, rec);
     return out ? stream_copy(out, rec, err) : 0;
@@ -394,6 +461,9 @@ static void close_drawing(struct drawing *d)
     close_canvas(&d->canvas);
     close_canvas(&d->other);
     free(d->wide);
+    free(d->place);
+    texture_release(&d->texture);
+    person_release(&d->person);
 }
 
 int main(int argc, char **argv)

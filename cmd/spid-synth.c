@@ -23,6 +23,7 @@ static bool statistics;
 static bool without_mesh;
 static enum framesink_format format = FRAMESINK_AUTO;
 
+/* --without: only meshes can be left out. */
 static int parse_without(const char *value, void *dest, struct error *err)
 {
     if (strcmp(value, "mesh"))
@@ -33,31 +34,32 @@ static int parse_without(const char *value, void *dest, struct error *err)
 }
 
 static const struct cli_option options[] = {
-    {"people", 'n', CLI_INT, &people, 1, 1e9, "N",
-     "how many people (default 1)", NULL},
-    {"frames", 0, CLI_INT, &frames, 1, 1e9, "N",
-     "frames of each person (default 1)", NULL},
-    {"seed", 's', CLI_INT, &seed, 0, 9e15, "N",
-     "which people: the same seed, the same bytes (default 1)", NULL},
-    {"first", 0, CLI_INT, &first, 0, 1e9, "N",
-     "number of the first person (default 0)", NULL},
-    {"size", 0, CLI_INT, &size, SYNTH_SIZE_MIN, SYNTH_SIZE_MAX, "PIXELS",
-     "side of the picture (default 512)", NULL},
-    {"fps", 0, CLI_FLOAT, &fps, 0.01, 1000, "RATE",
-     "frames per second of a person's time (default 25)", NULL},
-    {"effects", 0, CLI_FLOAT, &effects, 0, 1, "X",
-     "what the camera adds: 0 nothing to 1 everything (default 1)", NULL},
-    {"without", 0, CLI_CALL, &without_mesh, 0, 0, "mesh",
-     "leave out the MESH records", parse_without},
-    {"format", 0, CLI_CALL, &format, 0, 0, "NAME",
-     "stream, y4m, png, pam or mp4 instead of what -o's name says",
-     framesink_parse_format},
-    {"sheet", 0, CLI_STRING, &sheet_path, 0, 0, "FILE",
-     "write a contact sheet (PNG) of people, expressions and lights", NULL},
-    {"statistics", 0, CLI_FLAG, &statistics, 0, 0, NULL,
-     "print mean and spread of every parameter instead", NULL},
-    {"assets", 0, CLI_STRING, &assets_path, 0, 0, "DIR",
-     "people of scans under real light, from this folder", NULL},
+    OPTION_INT("people", 'n', &people, 1, 1e9, "N",
+               "how many people (default 1)"),
+    OPTION_INT("frames", 0, &frames, 1, 1e9, "N",
+               "frames of each person (default 1)"),
+    OPTION_INT("seed", 's', &seed, 0, 9e15, "N",
+               "which people: the same seed, the same bytes (default 1)"),
+    OPTION_INT("first", 0, &first, 0, 1e9, "N",
+               "number of the first person (default 0)"),
+    OPTION_INT("size", 0, &size, SYNTH_SIZE_MIN, SYNTH_SIZE_MAX, "PIXELS",
+               "side of the picture (default 512)"),
+    OPTION_FLOAT("fps", 0, &fps, 0.01, 1000, "RATE",
+                 "frames per second of a person's time (default 25)"),
+    OPTION_FLOAT("effects", 0, &effects, 0, 1, "X",
+                 "what the camera adds: 0 nothing to 1 everything (default "
+                 "1)"),
+    OPTION_CALL("without", 0, &without_mesh, "mesh", parse_without,
+                "leave out the MESH records"),
+    OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
+                "stream, y4m, png, pam or mp4 instead of what -o's name says"),
+    OPTION_STRING("sheet", 0, &sheet_path, "FILE",
+                  "write a contact sheet (PNG) of people, expressions and "
+                  "lights"),
+    OPTION_FLAG("statistics", 0, &statistics,
+                "print mean and spread of every parameter instead"),
+    OPTION_STRING("assets", 0, &assets_path, "DIR",
+                  "people of scans under real light, from this folder"),
     OPTION_HEAD(&head_path),
     {0}
 };
@@ -85,6 +87,7 @@ static void open_head(struct head *head)
         die_error(&err);
 }
 
+/* CONF: camera, units, seed, and which head. */
 static int write_conf(struct stream_writer *w, const struct head *head,
                       struct error *err)
 {
@@ -100,6 +103,7 @@ static int write_conf(struct stream_writer *w, const struct head *head,
     return stream_write(w, "CONF", 0, 0, &a, 1, err);
 }
 
+/* SHAP: a person's shape coefficients and number. */
 static int write_person(struct stream_writer *w, const struct synth_frame *f,
                         uint64_t number, struct error *err)
 {
@@ -145,9 +149,9 @@ static int write_frame(struct stream_writer *w, const struct head *head,
 }
 
 /* Frames into a stream with their truth, or as pictures alone. */
-static int put(struct framesink *sink, const struct head *head,
-               const struct synth_frame *f, uint64_t number,
-               struct error *err)
+static int write_output(struct framesink *sink, const struct head *head,
+                        const struct synth_frame *f, uint64_t number,
+                        struct error *err)
 {
     struct stream_writer *w = framesink_stream(sink);
     struct framesink_frame picture = {
@@ -164,6 +168,7 @@ static int put(struct framesink *sink, const struct head *head,
     return write_frame(w, head, f, number, err);
 }
 
+/* A contact sheet as PNG. */
 static void write_sheet(const struct head *head, struct synth_options *opt)
 {
     struct error err = {0};
@@ -225,7 +230,7 @@ static void write_frames(const struct head *head, struct synth_options *opt)
     double begun = stats_begin();
     while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
         stats_end("synth", begun);
-        if ((rc = put(sink, head, &f, number, &err)))
+        if ((rc = write_output(sink, head, &f, number, &err)))
             break;
         progress("frames", ++number, (size_t)(opt->people * opt->frames),
                  NULL);

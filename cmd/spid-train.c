@@ -10,12 +10,12 @@
 #include "lib/head/head.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"
-#include "lib/train/shaper.h"
+#include "lib/train/predicted_shape.h"
 
 #define MOST_PARTS 16
 
 static struct {
-    const char *config, *head, *held, *join, *shapes;
+    const char *config, *head, *validation, *join, *shapes;
     struct checkpoint_source init[MOST_PARTS];
     size_t ninit;
     long steps;
@@ -65,8 +65,10 @@ static int parse_grow(const char *value, void *dest, struct error *err)
 static const struct cli_option options[] = {
     {.name = "config", .letter = 'c', .kind = CLI_STRING, .dest = &opt.config,
      .arg = "FILE", .help = "JSON configuration of the run (required)"},
-    {.name = "held", .kind = CLI_STRING, .dest = &opt.held, .arg = "FILE",
-     .help = "people the run is judged by, never trained on"},
+    {.name = "validation", .kind = CLI_STRING, .dest = &opt.validation,
+     .arg = "FILE", .help = "people for validation, never trained on"},
+    {.name = "held", .kind = CLI_STRING, .dest = &opt.validation,
+     .arg = "FILE", .help = "the same as --validation"},
     OPTION_HEAD(&opt.head),
     {.name = "shapes", .kind = CLI_STRING, .dest = &opt.shapes, .arg = "FILE",
      .help = "people's shapes by FILE's E_beta, not the true ones"},
@@ -90,7 +92,8 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
-static void show(const struct loop_report *r)
+/* The line of progress. */
+static void print_step(const struct loop_report *r)
 {
     char note[300];
     int at = snprintf(note, sizeof note, "loss %.4f", r->loss);
@@ -106,7 +109,7 @@ static void show(const struct loop_report *r)
              (size_t)r->steps, note);
 }
 
-static void say(const char *text)
+static void print_warning(const char *text)
 {
     warn("%s", text);
 }
@@ -125,23 +128,24 @@ static void load_head(struct head *h)
         die_error(&err);
 }
 
-static void load_held(struct task *t, const struct train_config *c,
-                      struct shaper *shaper)
+/* People of --validation. */
+static void load_validation(struct task *t, const struct train_config *c,
+                            struct predicted_shape *shape)
 {
     struct error err = {0};
     struct data_reader *r;
 
-    if (!opt.held)
+    if (!opt.validation)
         return;
-    r = data_open(&opt.held, 1, t->type->margin, &err);
-    t->held = calloc((size_t)c->held_people, sizeof *t->held);
-    if (!r || !t->held)
+    r = data_open(&opt.validation, 1, t->type->margin, &err);
+    t->validation = calloc((size_t)c->validation_people, sizeof *t->validation);
+    if (!r || !t->validation)
         die_error(&err);
     if (opt.shapes)
-        data_reshape(r, shaper_apply, shaper);
+        data_reshape(r, predicted_shape_apply, shape);
     data_once(r);
-    for (; t->nheld < (size_t)c->held_people; t->nheld++) {
-        int rc = data_next(r, &t->held[t->nheld], &err);
+    for (; t->nvalidation < (size_t)c->validation_people; t->nvalidation++) {
+        int rc = data_next(r, &t->validation[t->nvalidation], &err);
         if (rc < 0)
             die_error(&err);
         if (rc)
@@ -150,17 +154,17 @@ static void load_held(struct task *t, const struct train_config *c,
     data_close(r);
 }
 
-static void release_held(struct task *t)
+static void release_validation(struct task *t)
 {
-    for (size_t i = 0; i < t->nheld; i++)
-        data_person_release(&t->held[i]);
-    free(t->held);
-    t->held = NULL;
-    t->nheld = 0;
+    for (size_t i = 0; i < t->nvalidation; i++)
+        data_person_release(&t->validation[i]);
+    free(t->validation);
+    t->validation = NULL;
+    t->nvalidation = 0;
 }
 
 /* The metadata of a model: its configuration, with the head it is for. */
-static char *describe(const struct train_config *c)
+static char *describe_model(const struct train_config *c)
 {
     struct error err = {0};
     struct avatar_config model;
@@ -179,14 +183,14 @@ static char *describe(const struct train_config *c)
     return text;
 }
 
-static int join(const struct train_config *c, char **parts, int count)
+static int join_models(const struct train_config *c, char **parts, int count)
 {
     struct error err = {0};
     char *spid;
 
     if (count < 1)
         die(EX_USAGE, "--join: no model files (expected at least one)");
-    spid = describe(c);
+    spid = describe_model(c);
     if (checkpoint_join(opt.join, (const char *const *)parts, (size_t)count,
                         ST_F16, spid, &err))
         die_error(&err);
@@ -194,7 +198,8 @@ static int join(const struct train_config *c, char **parts, int count)
     return EX_OK;
 }
 
-static void say_what(const struct task *t, const struct train_config *c)
+/* What is trained, and what stands in for what is not given. */
+static void print_run(const struct task *t, const struct train_config *c)
 {
     size_t learning = 0;
 
@@ -204,7 +209,7 @@ static void say_what(const struct task *t, const struct train_config *c)
         learning += t->ps.tensor[i].frozen ? 0 : t->ps.tensor[i].count;
     fprintf(stderr, "spid-train: stage %s, %zu weights learn, batch %lld\n",
             train_stage_name(c->stage), learning, (long long)c->batch);
-    if (c->stage >= STAGE_AVATAR)
+    if (c->stage >= STAGE_AVATAR && !*c->perceptual_file)
         fprintf(stderr, "spid-train: no perceptual network is given: a "
                 "Laplacian pyramid stands in for L_perc\n");
     if (c->stage == STAGE_MOTION || c->stage == STAGE_ALL)
@@ -213,31 +218,38 @@ static void say_what(const struct task *t, const struct train_config *c)
 }
 
 /* Returns the exit code. */
-static int train(const struct train_config *c, const char *const *files,
-                 size_t count, struct group *group)
+static int run_training(const struct train_config *c, const char *const *files,
+                        size_t count, struct group *group)
 {
     struct error err = {0};
     struct head head = {0};
     struct task task = {0};
-    struct shaper shaper = {0};
+    struct predicted_shape shape = {0};
     struct loop loop = {
-        .config = c, .task = &task, .group = group, .folder = cli.output,
-        .init = opt.init, .ninit = opt.ninit, .stop = &stop, .warn = say,
-        .report = cli.quiet ? NULL : show, .write_png = write_png,
+        .config = c,
+        .task = &task,
+        .group = group,
+        .folder = cli.output,
+        .init = opt.init,
+        .ninit = opt.ninit,
+        .stop = &stop,
+        .warn = print_warning,
+        .report = cli.quiet ? NULL : print_step,
+        .write_png = write_png,
     };
     int rc;
 
     load_head(&head);
-    if (opt.shapes && shaper_open(&shaper, opt.shapes, &head, &err))
+    if (opt.shapes && predicted_shape_open(&shape, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_held(&task, c, &shaper);
+        load_validation(&task, c, &shape);
         if (!group->rank)
-            say_what(&task, c);
+            print_run(&task, c);
         loop.reader = data_open(files, count, task.type->margin, &err);
         if (loop.reader && opt.shapes)
-            data_reshape(loop.reader, shaper_apply, &shaper);
+            data_reshape(loop.reader, predicted_shape_apply, &shape);
         rc = loop.reader ? loop_run(&loop, &err) : -1;
     }
     progress_end();
@@ -249,8 +261,8 @@ static int train(const struct train_config *c, const char *const *files,
              (unsigned long long)loop.step);
     }
     data_close(loop.reader);
-    shaper_close(&shaper);
-    release_held(&task);
+    predicted_shape_close(&shape);
+    release_validation(&task);
     task_release(&task);
     head_release(&head);
     return rc ? (err.code ? err.code : EX_SOFTWARE) : EX_OK;
@@ -273,14 +285,14 @@ int main(int argc, char **argv)
     if (opt.steps >= 0)
         config.steps = opt.steps;
     if (opt.join) {
-        rc = join(&config, argv + first, argc - first);
+        rc = join_models(&config, argv + first, argc - first);
     } else {
         if (!strcmp(cli.output, "-"))
             die(EX_USAGE, "no folder for the model (expected -o DIR)");
         signal(SIGINT, on_signal);
         signal(SIGTERM, on_signal);
-        rc = train(&config, (const char *const *)argv + first,
-                   (size_t)(argc - first), &group);
+        rc = run_training(&config, (const char *const *)argv + first,
+                          (size_t)(argc - first), &group);
     }
     train_config_release(&config);
     group_release(&group);

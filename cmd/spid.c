@@ -35,6 +35,7 @@ static void own_directory(char *dir, size_t size)
 
 /* ---- verbs ------------------------------------------------------------- */
 
+/* For qsort. */
 static int by_name(const void *a, const void *b)
 {
     return strcmp(*(char *const *)a, *(char *const *)b);
@@ -78,6 +79,7 @@ static void run_verb(const char *dir, char **argv)
 
 /* ---- doctor ------------------------------------------------------------ */
 
+/* What /proc/meminfo says. */
 static void print_memory(void)
 {
     char line[160];
@@ -142,7 +144,8 @@ static void print_library(const char *what, const char *pattern)
     printf("%-11s not found\n", what);
 }
 
-static int doctor(void)
+/* Everything that a bug report should say; not 0 when a file is missing. */
+static int run_doctor(void)
 {
     int bad = 0;
 
@@ -179,5 +182,5 @@ int main(int argc, char **argv)
         list_verbs(stderr, dir);
         die(EX_USAGE, "no verb (expected one of these)");
     }
-    return doctor();
+    return run_doctor();
 }

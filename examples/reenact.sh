@@ -3,10 +3,12 @@
 # clip an identity.  The source is the first frame of a clip.
 #   self    its driver is the same clip; the truth its frames and its motion
 #   cross   its driver is the next clip (the first after the last)
-# -s makes SpiD* (no refiner).  -n takes only the first frames of each clip.
+# -s makes SpiD* (no refiner).  -n takes only the first frames of each clip, all
+# of a shorter one.
 #   DIR/truth/NAME    frames of the clip's portrait window, and NAME.spid
 #   DIR/self, DIR/cross   results, and the motion found in them
 #   DIR/pairs.tsv     what spid-eval --pairs reads; its table is printed
+# The row "frame 0 unchanged" is the source itself in place of every later frame.
 # A portrait window may reach past the edges of its clip, where the truth is
 # unknown (black here).  Frames are compared inside the driver's clip alone, in
 # folders DIR/*/NAME.inside, and the share of the window that this is is said.

@@ -7,7 +7,7 @@
 
 #include "formats/framesink.h"
 #include "formats/image.h"
-#include "formats/matte.h"
+#include "formats/layers.h"
 
 /* "white", "#rrggbb" or "r,g,b". */
 static int parse_color(const char *value, uint8_t color[3])
@@ -70,13 +70,16 @@ void background_release(struct background *bg)
 }
 
 int background_from_source(struct background *bg, const uint8_t *rgb,
-                           const uint8_t *matte, size_t n, struct error *err)
+                           const uint8_t *matte, const uint8_t *back,
+                           size_t n, struct error *err)
 {
     uint8_t *out = malloc(3 * n * n);
 
     if (!out)
         return error_set(err, EX_OSERR, "no memory for the background");
-    if (matte_fill(out, rgb, matte, n, err) != 0) {
+    if (back)
+        memcpy(out, back, 3 * n * n);
+    else if (layers_fill(out, rgb, matte, NULL, n, err)) {
         free(out);
         return -1;
     }
@@ -86,31 +89,38 @@ int background_from_source(struct background *bg, const uint8_t *rgb,
     return 0;
 }
 
+/* The picture of a SRCI record. */
+static int background_from_record(struct background *bg,
+                                  const struct record *rec, struct error *err)
+{
+    const size_t any[3] = {0, 0, 3};
+    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, any, err);
+    const uint8_t *matte, *back = NULL;
+
+    if (!rgb)
+        return -1;
+    size_t n = record_find(rec, "rgb")->dim[0], square[3] = {n, n, 3};
+    if (n == 0 || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
+        !(matte = record_get(rec, "matte", DTYPE_U8, 2, square, err)) ||
+        (record_find(rec, "back") &&
+         !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))))
+        return n ? -1 : error_set(err, EX_DATAERR, "SRCI rgb is empty");
+    return background_from_source(bg, rgb, matte, back, n, err);
+}
+
 int background_from_identity(struct background *bg, const char *path,
                              struct error *err)
 {
-    const size_t dims[3] = {0, 0, 3};
     struct stream_reader *in = stream_open(path, NULL, err);
     struct record rec;
-    int rc = -1, found = 0;
+    int rc = -1;
+    bool found = false;
 
-    while (in && !found && (rc = stream_read(in, &rec, err)) > 0) {
-        const struct array *a = record_find(&rec, "rgb");
-        const uint8_t *rgb, *matte;
-        size_t n;
-        if (!record_is(&rec, "SRCI"))
-            continue;
-        found = 1;
-        n = a ? a->dim[0] : 0;
-        rgb = record_get(&rec, "rgb", DTYPE_U8, 3, dims, err);
-        matte = rgb ? record_get(&rec, "matte", DTYPE_U8, 2,
-                                 (size_t[]){n, n}, err) : NULL;
-        if (!matte || n == 0 || a->dim[1] != n)
-            rc = rgb && matte ? error_set(err, EX_DATAERR, "SRCI rgb is not "
-                                          "square") : -1;
-        else
-            rc = background_from_source(bg, rgb, matte, n, err);
-    }
+    while (in && !found && (rc = stream_read(in, &rec, err)) > 0)
+        if (record_is(&rec, "SRCI")) {
+            found = true;
+            rc = background_from_record(bg, &rec, err);
+        }
     if (in && rc == 0 && !found)
         rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity"
                        " from spid-shape)");

@@ -84,11 +84,13 @@ static const float *color_run(float *run, const struct framesink_frame *f,
         return f->color + at * 3;
     if (f->color) {
         const float *c = f->color + at * C;
+
         for (size_t x = 0; x < n; x++, c += C)
             for (size_t k = 0; k < 3; k++)
                 run[3 * x + k] = c[k];
     } else {
         const uint8_t *c = f->rgb + at * 3;
+
         for (size_t i = 0; i < 3 * n; i++)
             run[i] = (float)c[i] * (1.0f / 255.0f);
     }
@@ -120,6 +122,7 @@ static void background_run(uint8_t *run, const struct background *bg,
     for (size_t i = 0; i < n; i++, run += 3) {
         size_t u = 3 * compose_clamp(ox + s * ((double)(x + i) + 0.25), end);
         size_t v = 3 * compose_clamp(ox + s * ((double)(x + i) + 0.75), end);
+
         for (size_t k = 0; k < 3; k++)
             run[k] = (uint8_t)((a[u + k] + a[v + k] + b[u + k] + b[v + k]
                                 + 2) / 4);
@@ -161,6 +164,7 @@ void framesink_compose(uint8_t *out, const struct framesink_frame *f,
     for (size_t y = 0; y < f->height; y++)
         for (size_t x = 0; x < f->width; x += RUN) {
             size_t n = f->width - x < RUN ? f->width - x : RUN;
+
             compose_run(out + 3 * (y * f->width + x), f, bg ? bg : &black, x,
                         y, n);
         }
@@ -174,10 +178,12 @@ void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
     for (size_t at = 0; at < N; at += RUN) {
         size_t n = N - at < RUN ? N - at : RUN;
         const float *c = color_run(run, f, at, n);
+
         for (size_t i = 0; i < n; i++, out += 4, c += 3) {
             float a = f->alpha ? f->alpha[at + i] : 1.0f;
             float s = a > 0 ? 1 / a : 0;
             float v[4] = {c[0] * s, c[1] * s, c[2] * s, a};
+
             compose_quantise_c(out, v, 4);
         }
     }

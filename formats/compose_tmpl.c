@@ -93,6 +93,7 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
         fill[k] = bg[k % 3];
     for (; i + LANES <= n; i += LANES) {
         const uint8_t *b = bg_step ? bg + 3 * i : fill;
+
         vf t = 1.0f - load(alpha + i);
 
 #pragma GCC unroll 3
@@ -172,6 +173,7 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
 
     for (; i + 8 <= n; i += 8) {
         __m256 v = _mm256_loadu_ps(x + i);
+
         _mm_storeu_si128((__m128i *)(out + i),
                          _mm256_cvtps_ph(v, _MM_FROUND_TO_NEAREST_INT));
     }
@@ -184,6 +186,7 @@ void ISA(compose_widen)(float *out, const uint16_t *x, size_t n)
 
     for (; i + 8 <= n; i += 8) {
         __m128i v = _mm_loadu_si128((const __m128i *)(x + i));
+
         _mm256_storeu_ps(out + i, _mm256_cvtph_ps(v));
     }
     compose_widen_c(out + i, x + i, n - i);

@@ -15,6 +15,7 @@
 #include "formats/exr.h"
 #include "formats/outfile.h"
 #include "formats/png.h"
+#include "formats/pnm.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
 #include "lib/base/file.h"
@@ -38,6 +39,8 @@ struct framesink {
     uint16_t *half;                /* FEAT in f16 */
     size_t half_count;
     struct covered covered;        /* FEAT's pixels */
+    float *photo;                  /* those of the photograph, packed */
+    size_t photo_count;
 };
 
 /* ---- choosing --------------------------------------------------------- */
@@ -92,6 +95,7 @@ static int is_pattern(const char *path)
 
     for (const char *p = path; (p = strchr(p, '%')) != NULL; p++) {
         const char *q = p + 1;
+
         if (*q == '%') {
             p = q;
             continue;
@@ -117,6 +121,7 @@ static char *pattern_name(const char *path, uint64_t n)
             name[at++] = *++p;
         } else {
             int zero = p[1] == '0', width = atoi(p + 1);
+
             at += (size_t)snprintf(name + at, size - at,
                                    zero ? "%0*llu" : "%*llu", width,
                                    (unsigned long long)n);
@@ -132,7 +137,8 @@ static char *pattern_name(const char *path, uint64_t n)
 static int check_options(const struct framesink_options *o,
                          struct error *err)
 {
-    int pipe = strcmp(o->path, "-") == 0, pattern = is_pattern(o->path);
+    const bool pipe = strcmp(o->path, "-") == 0;
+    const int pattern = is_pattern(o->path);
 
     if (pattern < 0 || pattern > 1)
         return error_set(err, EX_USAGE, "%s: bad pattern (expected one %%d "
@@ -236,16 +242,6 @@ void framesink_take_conf(struct framesink *s, const struct record *conf)
 
 /* ---- writing one frame ------------------------------------------------ */
 
-/* Binary, 8 bits. */
-static int write_pam(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
-                     size_t channels)
-{
-    fprintf(fp, "P7\nWIDTH %zu\nHEIGHT %zu\nDEPTH %zu\nMAXVAL 255\nTUPLTYPE "
-            "%s\nENDHDR\n", W, H, channels,
-            channels == 4 ? "RGB_ALPHA" : "RGB");
-    return fwrite(pixel, channels, W * H, fp) == W * H ? 0 : -1;
-}
-
 /* Header first, then the frame's planes. */
 static int write_y4m(struct framesink *s)
 {
@@ -254,6 +250,7 @@ static int write_y4m(struct framesink *s)
 
     if (s->count == 0) {
         char line[128];
+
         s->y4m = (struct y4m){
             .width = s->width, .height = s->height, .chroma = Y4M_444,
             .rate_num = s->opt.rate_num, .rate_den = s->opt.rate_den,
@@ -279,6 +276,7 @@ static int write_video(struct framesink *s, struct error *err)
 {
     if (s->count == 0) {
         FILE *fp;
+
         s->part = video_part(s->path);
         if (!s->part)
             return error_set(err, EX_OSERR, "out of memory");
@@ -328,6 +326,7 @@ static int write_exr(struct framesink *s, const char *path,
     }
     for (size_t i = 0; i < N; i++) {
         float *p = s->plane + i * all;
+
         for (size_t k = 0; k < C; k++)
             *p++ = f->color ? f->color[i * C + k]
                             : (float)f->rgb[3 * i + k] / 255.0f;
@@ -390,6 +389,29 @@ static const uint16_t *half_features(struct framesink *s,
     return s->half;
 }
 
+/* The covered pixels of f's photo, one after the other; NULL without
+ * memory. */
+static const float *packed_photo(struct framesink *s,
+                                 const struct framesink_frame *f)
+{
+    const size_t N = f->width * f->height;
+    float *to;
+
+    if (s->photo_count < FRAMESINK_PHOTO * N) {
+        free(s->photo);
+        s->photo = malloc(FRAMESINK_PHOTO * N * sizeof *s->photo);
+        s->photo_count = s->photo ? FRAMESINK_PHOTO * N : 0;
+    }
+    to = s->photo;
+    for (size_t i = 0; to && i < N; i++)
+        if (f->alpha[i] != 0) {
+            memcpy(to, f->photo + FRAMESINK_PHOTO * i,
+                   FRAMESINK_PHOTO * sizeof *to);
+            to += FRAMESINK_PHOTO;
+        }
+    return s->photo;
+}
+
 /* A FEAT record; with `covered` only the pixels that alpha covers. */
 static int write_feat(struct framesink *s, const struct framesink_frame *f,
                       struct error *err)
@@ -401,10 +423,11 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     const void *feat = half ? (const void *)half_features(s, f, N * C)
                             : f->color;
     const struct covered *c = &s->covered;
-    struct array a[4];
+    const float *photo = f->photo && packed ? packed_photo(s, f) : f->photo;
+    struct array a[5];
     int n = 1;
 
-    if (!feat || (packed && covered_find(&s->covered, feat, f->alpha, N,
+    if (!feat || !photo != !f->photo || (packed && covered_find(&s->covered, feat, f->alpha, N,
                                          C * dtype_size(type))))
         return error_set(err, EX_OSERR, "out of memory");
     a[0] = packed ? array_make("feat", type, NULL, 2, c->pixels, C, 0, 0)
@@ -416,9 +439,14 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
     if (f->depth)
         a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
                             f->width, 0, 0);
+    if (photo)
+        a[n++] = packed ? array_make("photo", DTYPE_F32, photo, 2, c->pixels,
+                                     FRAMESINK_PHOTO, 0, 0)
+                        : array_make("photo", DTYPE_F32, photo, 3, f->height,
+                                     f->width, FRAMESINK_PHOTO, 0);
     if (f->turned)
-        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1, TURN_COUNT, 0,
-                            0, 0);
+        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
+                            RELATIVE_POSE_SIZE, 0, 0, 0);
     return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,
                               packed ? c->run : NULL, packed ? c->runs : 0,
                               err);
@@ -430,12 +458,13 @@ static int write_picture(struct framesink *s,
 {
     const int C = s->opt.alpha ? 4 : 3;
     struct outfile one = {0}, *o = &s->out;
-    const int own = o->file != stdout && s->opt.format != FRAMESINK_Y4M
+    const bool own = o->file != stdout && s->opt.format != FRAMESINK_Y4M
                     && is_pattern(s->path) == 1;
     int rc;
 
     if (own) {
         char *name = pattern_name(s->path, f->frame);
+
         rc = name ? outfile_open(&one, name, err)
                   : error_set(err, EX_OSERR, "out of memory");
         free(name);
@@ -449,7 +478,7 @@ static int write_picture(struct framesink *s,
     if (s->opt.format == FRAMESINK_PNG)
         rc = png_write(o->file, s->pixel, f->width, f->height, C, err);
     else if (s->opt.format == FRAMESINK_PAM)
-        rc = write_pam(o->file, s->pixel, f->width, f->height, (size_t)C);
+        rc = pnm_write(o->file, s->pixel, f->width, f->height, (size_t)C);
     else
         rc = write_y4m(s);
     if (rc == 0 && ferror(o->file))
@@ -476,6 +505,7 @@ static int write_any(struct framesink *s, const struct framesink_frame *f,
         char *name = pattern_name(s->path, f->frame);
         int rc = name ? write_exr(s, name, f, err)
                       : error_set(err, EX_OSERR, "out of memory");
+
         free(name);
         return rc;
     }
@@ -549,6 +579,7 @@ static void framesink_release(struct framesink *s)
     free(s->plane);
     free(s->half);
     covered_release(&s->covered);
+    free(s->photo);
     free(s->part);
     free(s->path);
     free(s);

@@ -9,7 +9,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/stream/stream.h"
 
 enum framesink_format {
@@ -46,10 +46,11 @@ void background_release(struct background *bg);
  * with the person filled in from around him. */
 int background_from_identity(struct background *bg, const char *path,
                              struct error *err);
-/* The same from the picture rgb [n,n,3] and its matte [n,n]. */
+/* The same from the picture rgb [n,n,3], its matte [n,n] and its background
+ * back [n,n,3] (NULL: filled in here). */
 int background_from_source(struct background *bg, const uint8_t *rgb,
-                           const uint8_t *matte, size_t n,
-                           struct error *err);
+                           const uint8_t *matte, const uint8_t *back,
+                           size_t n, struct error *err);
 
 struct framesink_options {
     const char *path;       /* "-": standard output; for PNG and EXR a
@@ -65,6 +66,8 @@ struct framesink_options {
     const struct background *background;    /* NULL: black; borrowed */
 };
 
+#define FRAMESINK_PHOTO 5   /* numbers of a pixel of photo */
+
 /* One rendered frame.  Colours are as the splatter leaves them: alpha-weighted
  * sums over black, sRGB-encoded, 0..1 (values beyond are clamped). */
 struct framesink_frame {
@@ -76,8 +79,10 @@ struct framesink_frame {
     const uint8_t *rgb;     /* [height, width, 3] over black, if neither */
     const float *alpha;     /* [height, width] 0..1; NULL: opaque */
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
+    const float *photo;     /* [height, width, 5] or NULL, FEAT only: what the
+                             * photograph shows (lib/texture) */
     bool turned;            /* FEAT only: it says how the head has turned */
-    float turn[TURN_COUNT];
+    float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;
     double time;
 };

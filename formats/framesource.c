@@ -49,6 +49,7 @@ static int add_path(struct framesource *s, const char *path,
     if (s->count == s->room) {
         size_t room = s->room ? 2 * s->room : 16;
         char **p = realloc(s->path, room * sizeof *p);
+
         if (!p)
             return error_set(err, EX_OSERR, "out of memory");
         s->path = p;
@@ -62,7 +63,7 @@ static int add_path(struct framesource *s, const char *path,
 }
 
 /* By its ending; hidden files are none. */
-static int is_picture_name(const char *name)
+static bool is_picture_name(const char *name)
 {
     static const char *const end[] = {
         "png", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "exr", "ppm",
@@ -71,11 +72,11 @@ static int is_picture_name(const char *name)
     const char *dot = strrchr(name, '.');
 
     if (!dot || name[0] == '.')
-        return 0;
+        return false;
     for (size_t i = 0; i < sizeof end / sizeof *end; i++)
         if (strcasecmp(dot + 1, end[i]) == 0)
-            return 1;
-    return 0;
+            return true;
+    return false;
 }
 
 /* For scandir. */
@@ -100,6 +101,7 @@ static int add_folder(struct framesource *s, const char *path,
     for (int i = 0; i < n; i++) {
         size_t size = strlen(path) + strlen(entry[i]->d_name) + 2;
         char *full = malloc(size);
+
         if (!full)
             rc = error_set(err, EX_OSERR, "out of memory");
         if (rc == 0) {
@@ -505,6 +507,7 @@ int framesource_read(struct framesource *s, struct frame *f,
 {
     for (;;) {
         int rc;
+
         if (s->kind == KIND_NONE) {
             if (s->next == s->count)
                 return 0;

@@ -11,6 +11,7 @@
 #include <string>
 
 #include "formats/glb_guard.hh"
+#include "lib/base/file.h"
 
 using namespace tinygltf;
 
@@ -39,8 +40,7 @@ int load(Model &m, const char *path, struct error *err)
 {
     TinyGLTF reader;
     std::string problem, warning;
-    size_t n = std::strlen(path);
-    bool text = n > 5 && !std::strcmp(path + n - 5, ".gltf");
+    bool text = file_ends(path, ".gltf");
 
     reader.SetImageLoader(keep_image, nullptr);
     bool ok = text ? reader.LoadASCIIFromFile(&m, &problem, &warning, path)

@@ -1,5 +1,5 @@
 /* The person cut out of the source picture: GrabCut seeded by the projected
- * head (Rother et al. 2004), its border refined, and colours unmixed there. */
+ * head (Rother et al. 2004), its border refined. */
 extern "C" {
 #include "formats/matte.h"
 }
@@ -12,7 +12,6 @@ extern "C" {
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
-#include <opencv2/photo.hpp>
 
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
@@ -190,158 +189,5 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
-    }
-}
-
-/* The mean colour of rgb (float) near by, where `where` is not 0; weight says
- * how much of it there is. */
-static cv::Mat mean_near(cv::Mat &weight, const cv::Mat &rgb,
-                         const cv::Mat &where, double reach)
-{
-    cv::Mat some, sum, three;
-
-    where.convertTo(weight, CV_32F, 1 / 255.0);
-    cv::cvtColor(weight, three, cv::COLOR_GRAY2BGR);
-    cv::GaussianBlur(rgb.mul(three), sum, cv::Size(), reach);
-    cv::GaussianBlur(weight, weight, cv::Size(), reach);
-    cv::cvtColor(cv::max(weight, 1e-6), three, cv::COLOR_GRAY2BGR);
-    cv::divide(sum, three, some);
-    return some;
-}
-
-/* How much of a pixel is foreground, by its colour: 0 as the background, 1 as
- * the foreground; 1 too where the two look alike, and where the pixel is no
- * mixture of them. */
-static float pixel_share(const cv::Vec3f &pixel, const cv::Vec3f &back,
-                         const cv::Vec3f &fore)
-{
-    const cv::Vec3f line = fore - back;
-    const double length = cv::norm(line), alike = 30;
-
-    if (length < alike)
-        return 1;
-    const double t = (pixel - back).dot(line) / (length * length);
-    const double in = std::clamp(t, 0.0, 1.0);
-    const double off = cv::norm(pixel - back - (float)in * line) / length;
-    /* full trust within a fifth of the way, none beyond two fifths */
-    return (float)(1 - (1 - in) * std::clamp(2 - 5 * off, 0.0, 1.0));
-}
-
-int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
-                struct error *err)
-{
-    try {
-        const int N = (int)n, rim = std::max(2, N / 64);
-        cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
-        const cv::Mat in(N, N, CV_8U, const_cast<uint8_t *>(inside));
-        cv::Mat colour, inner, outer, fw, bw;
-        pic.convertTo(colour, CV_32F);
-        /* where the picture ends is no border of the person's */
-        cv::erode((mat > 127) | (in == 0), inner, brush_disc(2 * rim));
-        cv::dilate(mat > 127, outer, brush_disc(2 * rim));
-        const cv::Mat fore = mean_near(fw, colour, inner & in, rim);
-        const cv::Mat back = mean_near(bw, colour, (outer == 0) & in, rim);
-        for (int y = 0; y < N; y++)
-            for (int x = 0; x < N; x++) {
-                if (inner.at<uchar>(y, x) || !mat.at<uchar>(y, x)
-                    || fw.at<float>(y, x) < 1e-3f
-                    || bw.at<float>(y, x) < 1e-3f)
-                    continue;
-                const cv::Vec3f F = fore.at<cv::Vec3f>(y, x);
-                const cv::Vec3f B = back.at<cv::Vec3f>(y, x);
-                const cv::Vec3f I = colour.at<cv::Vec3f>(y, x);
-                const float t = pixel_share(I, B, F);
-                const cv::Vec3f C = I + (1 - t) * (F - B);
-                uchar &m = mat.at<uchar>(y, x);
-                m = cv::saturate_cast<uchar>((float)m * std::min(1.0f, 2 * t));
-                for (int k = 0; m && k < 3; k++)
-                    pic.at<cv::Vec3b>(y, x)[k] = cv::saturate_cast<uchar>(
-                        C[k]);
-            }
-        return 0;
-    } catch (const std::exception &e) {
-        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
-    }
-}
-
-/* The part of a source crop that lies in its picture: outside it is black to
- * the last level. */
-static cv::Rect picture_part(const cv::Mat &rgb)
-{
-    cv::Mat grey, some;
-
-    cv::reduce(rgb.reshape(1, rgb.rows * rgb.cols), grey, 1, cv::REDUCE_MAX);
-    cv::findNonZero(grey.reshape(1, rgb.rows), some);
-    cv::Rect all(0, 0, rgb.cols, rgb.rows);
-    if (some.empty())
-        return all;
-    /* without the pixels that resizing mixed with black */
-    cv::Rect r = cv::boundingRect(some);
-    int l = r.x ? 3 : 0, t = r.y ? 3 : 0;
-    r.width -= l + (r.x + r.width < all.width ? 3 : 0);
-    r.height -= t + (r.y + r.height < all.height ? 3 : 0);
-    r.x += l;
-    r.y += t;
-    return r.width > 8 && r.height > 8 ? r : all;
-}
-
-/* rgb without the masked part, at its own size; colours run on beyond the
- * part of the picture. */
-static cv::Mat fill_small(const cv::Mat &rgb, const cv::Mat &hole,
-                          cv::Rect part)
-{
-    const int w = rgb.cols;
-    cv::Mat in = rgb(part), h = hole(part), filled, blur, all, soft;
-
-    if (cv::countNonZero(h) == part.area())
-        return cv::Mat(w, w, CV_8UC3, cv::mean(in));
-    cv::inpaint(in, h, filled, w / 20.0, cv::INPAINT_TELEA);
-    cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
-    blur.copyTo(filled, h);
-    cv::copyMakeBorder(filled, all, part.y, w - part.y - part.height, part.x,
-                       w - part.x - part.width, cv::BORDER_REPLICATE);
-    cv::GaussianBlur(all, soft, cv::Size(), w / 16.0);
-    filled.copyTo(soft(part));
-    return soft;
-}
-
-int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
-               size_t n, struct error *err)
-{
-    try {
-        const int N = (int)n, w = std::max(16, N / 4);
-        cv::Mat out(N, N, CV_8UC3, background);
-        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
-        cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
-        cv::Mat small, hole, wide, big, soft;
-        cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        cv::Rect part = picture_part(pic), sp;
-        sp.x = (part.x * w + N - 1) / N;       /* whole small pixels inside */
-        sp.y = (part.y * w + N - 1) / N;
-        sp.width = std::max(1, (part.x + part.width) * w / N - sp.x);
-        sp.height = std::max(1, (part.y + part.height) * w / N - sp.y);
-        sp &= cv::Rect(0, 0, w, w);
-        cv::dilate(mat > 8, wide, brush_disc(N / 32));
-        cv::resize(wide, hole, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        cv::Mat filled = fill_small(small, hole > 0, sp);
-        cv::resize(filled, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
-        /* the real picture where it shows the background */
-        cv::Mat outside(N, N, CV_8U, cv::Scalar(255));
-        outside(part).setTo(0);
-        cv::max(wide, outside, wide);
-        cv::GaussianBlur(wide, soft, cv::Size(), N / 128.0);
-        cv::max(soft, wide, soft);
-        for (int y = 0; y < N; y++)
-            for (int x = 0; x < N; x++) {
-                int a = soft.at<uchar>(y, x);
-                for (int k = 0; k < 3; k++)
-                    out.at<cv::Vec3b>(y, x)[k] = (uchar)(
-                        (big.at<cv::Vec3b>(y, x)[k] * a
-                         + pic.at<cv::Vec3b>(y, x)[k] * (255 - a) + 127)
-                        / 255);
-            }
-        return 0;
-    } catch (const std::exception &e) {
-        return error_set(err, EX_SOFTWARE, "background: %s", e.what());
     }
 }

@@ -1,5 +1,4 @@
-/* Who is in the picture: the source's matte, and its background without the
- * person. */
+/* Who is in the picture: the source's matte. */
 #ifndef SPID_FORMATS_MATTE_H
 #define SPID_FORMATS_MATTE_H
 
@@ -20,19 +19,5 @@
 int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                   const uint8_t *head, const uint8_t *inside, size_t n,
                   struct error *err);
-
-/* At the matte's border, take what a pixel has of the background out of its
- * colour and out of the matte: between the mean colours to the border's two
- * sides it is a mixture (the line that nearest it leads from one to the
- * other).  Otherwise a rim of sky goes round with the hair when the head
- * turns.  inside as above, but not NULL. */
-int matte_unmix(uint8_t *rgb, uint8_t *matte, const uint8_t *inside, size_t n,
-                struct error *err);
-
-/* background [n,n,3] = rgb with the person (and a rim about him) filled in
- * from his surroundings, by OpenCV's inpainting (Telea) at a quarter of the
- * size, blurred as a lens would blur what is behind. */
-int matte_fill(uint8_t *background, const uint8_t *rgb, const uint8_t *matte,
-               size_t n, struct error *err);
 
 #endif

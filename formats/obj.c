@@ -16,6 +16,7 @@ static void write_face(FILE *f, const int32_t *v, const float *normals,
     fputs("f", f);
     for (int k = 0; k < 3; k++) {
         int i = v[k] + 1;
+
         if (uv && normals)
             fprintf(f, " %d/%d/%d", i, i, i);
         else if (uv)

@@ -50,7 +50,7 @@ int outfile_open(struct outfile *o, const char *path, struct error *err)
 
 int outfile_close(struct outfile *o, struct error *err)
 {
-    int bad = fflush(o->file) || ferror(o->file);
+    bool bad = fflush(o->file) || ferror(o->file);
     int why = errno, rc = 0;
 
     if (o->file != stdout && fclose(o->file) && !bad) {

@@ -37,6 +37,7 @@ static void quat_canonical(float q[4])
 {
     double n = sqrt((double)q[0] * q[0] + (double)q[1] * q[1] +
                     (double)q[2] * q[2] + (double)q[3] * q[3]);
+
     if (n < 1e-12) {
         q[0] = 1;
         q[1] = q[2] = q[3] = 0;
@@ -52,6 +53,7 @@ static float gaussian_channel(const struct gaussians *g, size_t i, int k)
 {
     size_t c = (size_t)g->channels;
     size_t at = c * i + (size_t)(k < g->channels ? k : g->channels - 1);
+
     return g->color ? g->color[at] : half_to_float(g->color_half[at]);
 }
 
@@ -89,6 +91,7 @@ int ply_write(const char *path, const struct gaussians *g, bool turn,
     write_header(out.file, g->n);
     for (size_t i = 0; i < g->n; i++) {
         float row[FIELDS];
+
         row_pack(row, g, i, turn);
         for (int k = 0; k < FIELDS; k++)
             if (!isfinite(row[k])) {
@@ -137,6 +140,7 @@ static int bad_file(struct error *err, const char *path, const char *format,
 {
     char text[300];
     va_list args;
+
     va_start(args, format);
     vsnprintf(text, sizeof text, format, args);
     va_end(args);
@@ -230,6 +234,7 @@ static double row_number(const char *row, const struct property *p)
         int8_t i8; uint8_t u8; int16_t i16; uint16_t u16; int32_t i32;
         uint32_t u32; float f; double d;
     } v;
+
     memcpy(&v, row + p->offset, numbers[p->type].size);
     switch (p->type) {
     case I8: return v.i8;
@@ -266,6 +271,7 @@ static int find_layout(struct layout *l, const struct header *h,
     }
     for (; l->nrest < MAX_REST; l->nrest++) {
         char name[20];
+
         snprintf(name, sizeof name, "f_rest_%d", l->nrest);
         if (!(l->rest[l->nrest] = header_find(h, name)))
             break;
@@ -282,6 +288,7 @@ static int scene_allocate(struct ply_scene *s, size_t n, int nrest,
                           const char *path, struct error *err)
 {
     float *p = malloc((n * (14 + (size_t)nrest) + 1) * sizeof *p);
+
     if (!p)
         return error_set(err, EX_OSERR, "%s: out of memory for %zu Gaussians",
                          path, n);
@@ -318,6 +325,7 @@ static void row_unpack(struct ply_scene *s, size_t i, const char *row,
         q[k] = (float)v[13 + k];
     if (s->turned) {            /* the turn is its own inverse */
         const float t[4] = {-q[3], -q[2], q[1], q[0]};
+
         memcpy(q, t, sizeof t);
     }
     quat_canonical(q);
@@ -331,6 +339,7 @@ static int check_row(const struct ply_scene *s, size_t i, int nrest,
                      const char *path, struct error *err)
 {
     bool ok = isfinite(s->opacity[i]);
+
     for (size_t k = 0; k < 3; k++)
         ok &= isfinite(s->mean[3 * i + k]) && isfinite(s->scale[3 * i + k]) &&
               isfinite(s->color[3 * i + k]);
@@ -455,12 +464,14 @@ void ply_shade(struct ply_scene *s, const float eye[3])
                        m[2] - eye[2]};
         double n = fmax(sqrt(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]), 1e-12);
         double y[15];
+
         for (int k = 0; k < 3; k++)
             d[k] /= n;
         sh_basis(y, d);
         for (int c = 0; c < 3; c++) {
             const float *r = s->rest + (3 * i + (size_t)c) * (size_t)per;
             double v = s->color[3 * i + (size_t)c];
+
             for (int k = 0; k < per; k++)
                 v += y[k] * r[k];
             s->color[3 * i + (size_t)c] = (float)fmax(v, 0);
@@ -498,9 +509,11 @@ static void lint_report(struct lint *l, size_t count, const char *format, ...)
 static void lint_layout(struct lint *l, const struct header *h)
 {
     size_t at = 0, order = 0, types = 0, extra = 0;
+
     for (size_t i = 0; i < h->count; i++) {
         const struct property *p = &h->property[i];
         size_t k = 0;
+
         while (k < FIELDS && strcmp(p->name, field_name[k]))
             k++;
         bool rest = !strncmp(p->name, "f_rest_", 7);
@@ -531,6 +544,7 @@ static void lint_row(const char *row, const struct layout *y, size_t *not_unit,
                      size_t *linear_scale)
 {
     double q = 0;
+
     for (int k = 0; k < FIELDS; k++)
         if (y->field[k] && !isfinite(row_number(row, y->field[k]))) {
             ++*infinite;

@@ -10,7 +10,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/splat/splat.h"
+#include "lib/base/gaussians.h"
 
 #define PLY_SH0 0.28209479177387814   /* Y_0^0 */
 

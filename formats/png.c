@@ -91,6 +91,7 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
     H = png_get_image_height(png, r->info);
     if (W * H > most) {
         char text[96];
+
         snprintf(text, sizeof text, "picture of %zu x %zu pixels (expected at "
                  "most %zu in all)", W, H, most);
         png_error(png, text);
@@ -134,7 +135,8 @@ int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
                   size_t *height, size_t most, struct error *err)
 {
     struct reading r = {0};
-    int seen = 0, rc = -1;
+    bool transparent = false;
+    int rc = -1;
 
     *rgb = *alpha = NULL;
     if (read_rgba(&r, fp, width, height, most) != 0) {
@@ -149,11 +151,11 @@ int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
     }
     for (size_t i = 0; i < *width * *height; i++) {
         memcpy(*rgb + 3 * i, r.rgba + 4 * i, 3);
-        seen |= ((*alpha)[i] = r.rgba[4 * i + 3]) != 255;
+        transparent |= ((*alpha)[i] = r.rgba[4 * i + 3]) != 255;
     }
     rc = 0;
 out:
-    if (rc != 0 || !seen) {
+    if (rc != 0 || !transparent) {
         free(*alpha);
         *alpha = NULL;
     }

@@ -39,6 +39,7 @@ static int read_pam(FILE *fp, struct header *h)
     while (fgets(line, sizeof line, fp)) {
         char key[16];
         unsigned long v;
+
         if (strncmp(line, "ENDHDR", 6) == 0)
             return 0;
         if (sscanf(line, "%15s %7lu", key, &v) != 2)
@@ -126,6 +127,7 @@ int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
     out = *rgb;
     for (size_t y = 0; y < h.height && rc == 1; y++) {
         const size_t step = row / h.width, one = step / h.depth;
+
         if (fread(line, 1, row, fp) != row)
             rc = error_set(err, EX_DATAERR, "picture cut short in row %zu of"
                            " %zu", y, h.height);
@@ -138,4 +140,13 @@ int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
     *width = h.width;
     *height = h.height;
     return rc;
+}
+
+int pnm_write(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
+              size_t channels)
+{
+    fprintf(fp, "P7\nWIDTH %zu\nHEIGHT %zu\nDEPTH %zu\nMAXVAL 255\nTUPLTYPE "
+            "%s\nENDHDR\n", W, H, channels,
+            channels == 4 ? "RGB_ALPHA" : "RGB");
+    return fwrite(pixel, channels, W * H, fp) == W * H ? 0 : -1;
 }

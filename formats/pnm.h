@@ -16,4 +16,9 @@
 int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
              size_t *height, size_t most, struct error *err);
 
+/* Write pixel [H,W,channels] (3 RGB, 4 RGB and alpha) as one PAM picture.
+ * Not 0 when fp does not take it. */
+int pnm_write(FILE *fp, const uint8_t *pixel, size_t W, size_t H,
+              size_t channels);
+
 #endif

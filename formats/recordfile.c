@@ -268,7 +268,7 @@ static int finish_npy(struct recordfile *w, struct error *err)
 {
     char path[PATH_ROOM], *text;
     FILE *f;
-    int bad;
+    bool bad;
 
     for (size_t i = 0; i < w->columns; i++) {
         struct npy_writer *open = w->column[i].w;

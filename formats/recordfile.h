@@ -4,6 +4,7 @@
 #define SPID_FORMATS_RECORDFILE_H
 
 #include "formats/recordjson.h"
+#include "formats/safetensors.h"
 #include "lib/stream/stream.h"
 
 struct recordfile;
@@ -29,5 +30,10 @@ int recordfile_read_st(const char *path, record_sink sink, void *context,
                        struct error *err);
 int recordfile_read_npy(const char *dir, record_sink sink, void *context,
                         struct error *err);
+
+/* The tensor's numbers, for the caller to free, as the dtype that streams have
+ * for them: integers but u8 become i32, which they must fit, bf16 f32. */
+void *recordfile_tensor(enum dtype *dtype, const struct safetensors *st,
+                        const struct st_tensor *t, struct error *err);
 
 #endif

@@ -1,5 +1,4 @@
-/* safetensors files, mapped and checked before use, and written with aligned
- * data. */
+/* safetensors files read: mapped, checked before use, converted where asked. */
 #include "formats/safetensors.h"
 
 #include <cjson/cJSON.h>
@@ -16,7 +15,6 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "lib/base/file.h"
 #include "lib/base/half.h"
 
 #define HEADER_MAX ((uint64_t)64 << 20) /* bytes of JSON we agree to parse */
@@ -73,6 +71,7 @@ static int parse_shape(struct st_tensor *t, const cJSON *shape,
     t->count = 1;
     for (const cJSON *d = shape->child; d; d = d->next) {
         size_t n;
+
         if (t->ndim == 8 || !json_size(d, &n))
             return error_set(err, EX_DATAERR,
                              "%s: tensor '%s': bad shape (expected up to 8 "
@@ -137,6 +136,7 @@ static int by_place(const void *a, const void *b)
 {
     const struct st_tensor *x = *(const struct st_tensor *const *)a;
     const struct st_tensor *y = *(const struct st_tensor *const *)b;
+
     return (x->data > y->data) - (x->data < y->data);
 }
 
@@ -158,6 +158,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
         const struct st_tensor *a = order[i - 1], *b = order[i];
         const char *end = (const char *)a->data +
                           a->count * dtypes[a->dtype].size;
+
         if (end > (const char *)b->data)
             rc = error_set(err, EX_DATAERR,
                            "%s: tensors '%s' and '%s' overlap", st->path,
@@ -172,6 +173,7 @@ static int parse_metadata(struct safetensors *st, struct error *err)
 {
     const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
                                                       "__metadata__");
+
     if (m && !cJSON_IsObject(m))
         return error_set(err, EX_DATAERR, "%s: __metadata__ is not a map",
                          st->path);
@@ -310,6 +312,7 @@ const struct st_tensor *st_find(const struct safetensors *st,
 const char *st_meta(const struct safetensors *st, const char *key)
 {
     const cJSON *v = cJSON_GetObjectItemCaseSensitive(st->meta, key);
+
     return v ? v->valuestring : NULL;
 }
 
@@ -317,6 +320,7 @@ int st_meta_at(const struct safetensors *st, size_t i, const char **key,
                const char **value)
 {
     const cJSON *v = st->meta ? st->meta->child : NULL;
+
     for (; v && i; i--)
         v = v->next;
     if (!v)
@@ -331,6 +335,7 @@ static const char *shape_text(char *out, size_t size, int ndim,
                               const size_t *dim, bool any)
 {
     size_t n = (size_t)snprintf(out, size, "[");
+
     for (int i = 0; i < ndim && n < size; i++)
         n += any && !dim[i]
                  ? (size_t)snprintf(out + n, size - n, "%sany", i ? ", " : "")
@@ -472,6 +477,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err)
 {
     const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
+
     if (!t)
         return NULL;
     if (t->dtype >= ST_F16 && t->dtype <= ST_F64) {
@@ -486,6 +492,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
     }
     for (size_t i = 0; i < t->count; i++) {
         double v = tensor_element(t, i);
+
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,
                       "%s: tensor '%s' at index %zu is %.0f (expected a "
@@ -498,115 +505,4 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
     if (count)
         *count = t->count;
     return out;
-}
-
-/* ---- writing ------------------------------------------------------------ */
-
-/* The JSON header; offsets count from the first tensor. */
-static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
-                              const char *const *meta)
-{
-    cJSON *root = cJSON_CreateObject();
-    size_t at = 0;
-
-    if (meta && meta[0]) {
-        cJSON *m = cJSON_AddObjectToObject(root, "__metadata__");
-        for (; meta[0]; meta += 2)
-            cJSON_AddStringToObject(m, meta[0], meta[1]);
-    }
-    for (size_t i = 0; i < count; i++) {
-        const struct st_tensor *t = &tensors[i];
-        size_t bytes = t->count * dtypes[t->dtype].size;
-        cJSON *j = cJSON_AddObjectToObject(root, t->name);
-        cJSON_AddStringToObject(j, "dtype", dtypes[t->dtype].name);
-        cJSON *shape = cJSON_AddArrayToObject(j, "shape");
-        for (int d = 0; d < t->ndim; d++)
-            cJSON_AddItemToArray(shape,
-                                 cJSON_CreateNumber((double)t->dim[d]));
-        cJSON *offs = cJSON_AddArrayToObject(j, "data_offsets");
-        cJSON_AddItemToArray(offs, cJSON_CreateNumber((double)at));
-        cJSON_AddItemToArray(offs, cJSON_CreateNumber((double)(at + bytes)));
-        at += bytes;
-    }
-    return root;
-}
-
-/* What is saved, and where data that are not in memory come from. */
-struct save {
-    const struct st_tensor *tensors;
-    size_t count;
-    st_fetch fetch;
-    void *context;
-    bool unfetched;             /* fetch failed and has set *err */
-};
-
-/* Blanks after the JSON put the first tensor on a 64-byte boundary. */
-static bool write_all(FILE *f, const char *json, struct save *s,
-                      struct error *err)
-{
-    size_t len = strlen(json);
-    uint64_t n = (len + 8 + 63) / 64 * 64 - 8;
-    bool ok = fwrite(&n, 8, 1, f) == 1 && fwrite(json, 1, len, f) == len;
-
-    for (size_t i = len; ok && i < n; i++)
-        ok = putc(' ', f) != EOF;
-    for (size_t i = 0; ok && i < s->count; i++) {
-        const struct st_tensor *t = &s->tensors[i];
-        size_t bytes = t->count * dtypes[t->dtype].size;
-        const void *data = t->data;
-
-        if (!data && bytes && s->fetch)
-            data = s->fetch(s->context, i, err);
-        s->unfetched = !data && bytes;
-        ok = !bytes || (data && fwrite(data, 1, bytes, f) == bytes);
-    }
-    /* A device or a pipe has nothing to sync (EINVAL). */
-    return ok && !fflush(f) && (!fsync(fileno(f)) || errno == EINVAL);
-}
-
-int st_save(const char *path, const struct st_tensor *tensors, size_t count,
-            const char *const *meta, struct error *err)
-{
-    return st_save_from(path, tensors, count, meta, NULL, NULL, err);
-}
-
-int st_save_from(const char *path, const struct st_tensor *tensors,
-                 size_t count, const char *const *meta, st_fetch fetch,
-                 void *context, struct error *err)
-{
-    struct save save = {tensors, count, fetch, context, false};
-    size_t len = strlen(path) + 6;
-    char *part = malloc(len), *json = NULL;
-    cJSON *root = header_describe(tensors, count, meta);
-    FILE *f = NULL;
-    int rc = -1;
-
-    if (!part || !root || !(json = cJSON_PrintUnformatted(root))) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        goto out;
-    }
-    bool special = file_is_special(path); /* written in place */
-    snprintf(part, len, "%s%s", path, special ? "" : ".part");
-    f = fopen(part, "wb");
-    if (!f) {
-        error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
-        goto out;
-    }
-    bool ok = write_all(f, json, &save, err);
-    int why = errno;
-    ok = !fclose(f) && ok;
-    if (!ok || (!special && file_rename(part, path))) {
-        if (!save.unfetched)
-            error_set(err, EX_IOERR, "%s: %s", path,
-                      strerror(ok ? errno : why));
-        if (!special)
-            remove(part);
-        goto out;
-    }
-    rc = 0;
-out:
-    cJSON_Delete(root);
-    cJSON_free(json);
-    free(part);
-    return rc;
 }

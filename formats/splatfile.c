@@ -20,6 +20,7 @@ struct weight {
 static int weight_heavier(const void *a, const void *b)
 {
     const struct weight *x = a, *y = b;
+
     if (x->w != y->w)
         return x->w < y->w ? 1 : -1;
     return (x->index > y->index) - (x->index < y->index);
@@ -30,8 +31,10 @@ static struct weight *by_weight(size_t n, const float *scale,
                                 const float *opacity)
 {
     struct weight *order = malloc((n + 1) * sizeof *order);
+
     for (size_t i = 0; order && i < n; i++) {
         const float *s = scale + 3 * i;
+
         order[i].w = opacity[i] * s[0] * s[1] * s[2];
         order[i].index = (uint32_t)i;
     }
@@ -70,6 +73,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
         float f[6] = {-m[0], -m[1], m[2], scale[3 * i], scale[3 * i + 1],
                       scale[3 * i + 2]};
         uint8_t b[8];
+
         for (int j = 0; j < 3; j++)
             b[j] = splat_byte(255 * c[j]);
         b[3] = splat_byte(255 * opacity[i]);

@@ -6,7 +6,7 @@
 #include <stddef.h>
 
 #include "lib/base/error.h"
-#include "lib/splat/splat.h"
+#include "lib/base/gaussians.h"
 
 /* Write N Gaussians, y downwards as the viewers expect (a turn by 180 degrees
  * about z); color has `channels` floats a row, the first three sRGB.  Largest

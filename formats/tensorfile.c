@@ -186,6 +186,7 @@ static int open_npz_entry(struct tensorfile *f, size_t i, struct error *err)
     if (h.kind == 'O') {
         unsigned char *all = f->pickle[1] || bytes > TENSORFILE_SMALL
                                  ? NULL : tensorfile_own(f, bytes, err);
+
         if (!all)
             error_set(err, EX_DATAERR, "a second array of objects, or a "
                       "large one");
@@ -308,8 +309,11 @@ static int open_pickle(struct tensorfile *f, struct error *err)
 
     f->format = "pickle";
     f->pickle[0] = pickle_read(f->map, f->bytes, &used, err);
-    if (!f->pickle[0])
+    if (!f->pickle[0] && f->map[0] == 0x80)
         return -1;
+    if (!f->pickle[0])
+        return error_prefix(err, "neither safetensors, zip, npy nor a sound "
+                            "pickle");
     root = pickle_root(f->pickle[0]);
     if (root->kind == PICKLE_LONG && root->u.s.n == sizeof magic &&
         !memcmp(root->u.s.p, magic, sizeof magic))

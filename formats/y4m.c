@@ -92,6 +92,7 @@ int y4m_parse(struct y4m *y, const char *line, struct error *err)
                          "'YUV4MPEG2')");
     for (p += 9; *p; ) {
         size_t n;
+
         p += strspn(p, " ");
         n = strcspn(p, " ");
         if (n && parse_field(y, p, n) != 0)
@@ -196,6 +197,7 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
 
     for (size_t i = 0; i < N; i++) {
         const uint8_t *p = rgb + 3 * i;
+
         planes[i] = fixed_byte(yr * p[0] + yg * p[1] + yb * p[2] + y0);
         if (y->chroma == Y4M_444) {
             cb[i] = fixed_byte(br * p[0] + bg * p[1] + bb * p[2] + c0);
@@ -212,6 +214,7 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
             const uint8_t *r = rgb + 3 * (v1 * W + u);
             const uint8_t *s = rgb + 3 * (v1 * W + u1);
             int t[3];
+
             for (int k = 0; k < 3; k++)
                 t[k] = p[k] + q[k] + r[k] + s[k];
             *cb++ = fixed_byte((br * t[0] + bg * t[1] + bb * t[2]) / 4 + c0);
@@ -251,6 +254,7 @@ static void chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
 
     for (size_t u = u0; u < u1; u++) {
         size_t c = u, d;
+
         wx = 0;
         if (y->chroma != Y4M_444)
             c = chroma_at(u, y->site_x, cw, &wx);
@@ -277,9 +281,11 @@ void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
     for (size_t i = 0; i < W * H; i++, rgb += 3) {
         const size_t x = i % W, k = x % 256;
         int l = (planes[i] - (int)m.y0) * ys + half, a = 0, b = 0;
+
         if (plane) {
             if (k == 0) {
                 size_t end = x + 256 < W ? x + 256 : W;
+
                 chroma_row(u, cb, y, i / W, x, end);
                 chroma_row(v, cr, y, i / W, x, end);
             }

@@ -29,6 +29,7 @@ static int entry_check(struct entry *e, zip_t *zip, size_t i,
 {
     const uint64_t want = ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE |
                           ZIP_STAT_COMP_METHOD | ZIP_STAT_ENCRYPTION_METHOD;
+
     zip_stat_t st;
 
     if (zip_stat_index(zip, i, 0, &st) || (st.valid & want) != want)
@@ -117,6 +118,7 @@ static int read_directory(struct ziparchive *z, const char *path,
 struct ziparchive *ziparchive_open(const char *path, struct error *err)
 {
     struct ziparchive *z = calloc(1, sizeof *z);
+
     zip_error_t why;
     int code = 0;
 
@@ -189,6 +191,7 @@ size_t ziparchive_find(const struct ziparchive *z, const char *name)
 static zip_int64_t read_some(void *out, zip_file_t *f, uint64_t bytes)
 {
     uint64_t done = 0;
+
     zip_int64_t n = 0;
 
     while (done < bytes &&
@@ -227,6 +230,7 @@ int ziparchive_read(void *out, struct ziparchive *z, size_t i,
                     struct error *err)
 {
     const struct entry *e = &z->entry[i];
+
     zip_file_t *f = open_entry(z, i, err);
     zip_int64_t done, end = 0;
     char more;

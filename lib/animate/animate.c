@@ -1,3 +1,5 @@
+/* Workers on frames: one at a time reads and tracks, all pose, move, draw and
+ * refine, and pictures are written by ticket, in order. */
 #include "lib/animate/animate.h"
 
 #include <omp.h>
@@ -11,8 +13,9 @@
 
 /* ---- workers ----------------------------------------------------------- */
 
-static int open_renderer(struct animate_worker *w, int channels, int threads,
-                         struct error *err)
+/* With the Gaussians loaded. */
+static int worker_open_renderer(struct animate_worker *w, int channels,
+                                int threads, struct error *err)
 {
     const struct animate *a = w->owner;
     struct splat_options opt = splat_defaults((int)a->opt.size,
@@ -20,13 +23,14 @@ static int open_renderer(struct animate_worker *w, int channels, int threads,
     struct gaussians g = baked_set(a->baked);
 
     opt.threads = threads;
+    opt.place = a->opt.texture;
     opt.fixed16 = opt.fixed16 && !a->opt.f32;
     return splat_init(&w->splat, &opt, err) ||
            splat_load(&w->splat, &g, err) ? -1 : 0;
 }
 
 /* Eq. SR's input: as spid-splat writes it, so that the bytes are the same. */
-static bool open_features(struct animate_worker *w)
+static bool worker_open_features(struct animate_worker *w)
 {
     const struct animate *a = w->owner;
     size_t n = (a->opt.size * a->opt.size * a->baked->C + 31) / 32 * 32;
@@ -38,7 +42,8 @@ static bool open_features(struct animate_worker *w)
     return w->features_half || w->features;
 }
 
-static int open_worker(struct animate_worker *w, struct error *err)
+/* Buffers, renderer and refiner of one worker. */
+static int worker_open(struct animate_worker *w, struct error *err)
 {
     const struct animate *a = w->owner;
     size_t pixels = a->opt.size * a->opt.size;
@@ -48,13 +53,16 @@ static int open_worker(struct animate_worker *w, struct error *err)
     w->verts = malloc(3 * a->id->head->V * sizeof *w->verts);
     w->image = aligned_alloc(64, (3 * pixels * sizeof(float) + 63) / 64 * 64);
     w->alpha = malloc(pixels * sizeof *w->alpha);
+    w->place = a->opt.texture ? malloc(PLACE_CHANNELS * pixels *
+                                       sizeof *w->place) : NULL;
     if (!w->verts || !w->image || !w->alpha ||
-        (!a->opt.star && !open_features(w)))
+        (a->opt.texture && !w->place) ||
+        (!a->opt.star && !worker_open_features(w)))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
     if (baked_move_init(&w->move, a->baked, err))
         return -1;
-    if (open_renderer(w, channels, threads, err))
+    if (worker_open_renderer(w, channels, threads, err))
         return -1;
     if (a->opt.star)
         return 0;
@@ -82,7 +90,7 @@ int animate_init(struct animate *a, const struct animate_options *opt,
                          a->opt.workers);
     for (int i = 0; i < a->opt.workers; i++) {
         a->worker[i].owner = a;
-        if (open_worker(&a->worker[i], err)) {
+        if (worker_open(&a->worker[i], err)) {
             animate_release(a);
             return -1;
         }
@@ -101,6 +109,7 @@ void animate_release(struct animate *a)
         baked_move_release(&w->move);
         free(w->image);
         free(w->alpha);
+        free(w->place);
         free(w->features);
         free(w->features_half);
     }
@@ -116,16 +125,32 @@ void animate_release(struct animate *a)
 /* ---- a frame ----------------------------------------------------------- */
 
 /* Eq. SR on what was drawn. */
-static int refine(struct animate_worker *w, struct error *err)
+static int worker_refine(struct animate_worker *w, struct error *err)
 {
     const struct animate *a = w->owner;
     struct refine_input in = {
         .height = a->opt.size, .width = a->opt.size, .channels = a->baked->C,
         .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha,
-        .turn = w->move.turn
+        .turn = w->move.relative_pose
     };
 
     return refine_frame(w->image, &w->refine, &in, err);
+}
+
+/* Eq. C: colours for SpiD*, features for the refiner; places, too, where
+ * there is a photograph to look them up in. */
+static int worker_splat(struct animate_worker *w, const struct splat_place_view *v,
+                        const float cam[12], struct error *err)
+{
+    const struct animate *a = w->owner;
+    const struct splat_camera c =
+        splat_camera_square(cam, (int)a->opt.size, CAMERA_FOCAL);
+    float *image = a->opt.star ? w->image : w->features;
+
+    return splat_draw(&w->splat, &(struct splat_pictures){
+        .image = image, .half = image ? NULL : w->features_half,
+        .alpha = w->alpha, .place = w->place
+    }, &c, v, NULL, err);
 }
 
 int animate_draw(struct animate_worker *w, struct animate_times *t,
@@ -134,6 +159,7 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     const struct animate *a = w->owner;
     const struct baked *b = a->baked;
     struct head_mouth mouth;
+    struct splat_place_view view;
     float cam[12];
     double t0 = cpu_seconds();
 
@@ -144,18 +170,16 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     baked_drive(&w->move, b, a->dense, w->verts, mouth.centre,
                 mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
     double t2 = cpu_seconds();
-    struct splat_camera c = splat_camera_square(cam, (int)a->opt.size,
-                                                CAMERA_FOCAL);
-    if (baked_move_scene(&w->splat, &w->move, b, err))
-        return -1;
-    float *image = a->opt.star ? w->image : w->features;
-    if (image ? splat_forward(&w->splat, image, w->alpha, NULL, &c, NULL, err)
-              : splat_forward_half(&w->splat, w->features_half, w->alpha,
-                                   NULL, &c, NULL, err))
+    place_view_make(&view, b->view, cam);
+    if (baked_move_scene(&w->splat, &w->move, b, err) ||
+        worker_splat(w, &view, cam, err))
         return -1;
     double t3 = cpu_seconds();
-    if (!a->opt.star && refine(w, err))
+    if (!a->opt.star && worker_refine(w, err))
         return -1;
+    if (w->place)
+        texture_apply(w->image, 3, w->alpha, a->opt.texture, &view, w->place,
+                      a->opt.size);
     t->flame = t1 - t0;
     t->branches = t2 - t1;
     t->splat = t3 - t2;
@@ -166,7 +190,7 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
 /* ---- a clip ------------------------------------------------------------ */
 
 /* The first fault wins; nothing more is read. */
-static void fail(struct animate *a, const struct error *err)
+static void animate_fail(struct animate *a, const struct error *err)
 {
     pthread_mutex_lock(&a->out);
     if (!a->failed)
@@ -178,8 +202,8 @@ static void fail(struct animate *a, const struct error *err)
 
 /* Take the next frame and track it: 1, or 0 when there is none.  *ticket is
  * its place in the order. */
-static int take(struct animate *a, struct driver_frame *f, uint64_t *ticket,
-                double *arrived)
+static int animate_take(struct animate *a, struct driver_frame *f,
+                        uint64_t *ticket, double *arrived)
 {
     struct error err = {0};
     int rc = 0;
@@ -199,15 +223,16 @@ static int take(struct animate *a, struct driver_frame *f, uint64_t *ticket,
         while (a->next_out < *ticket && !a->failed)
             pthread_cond_wait(&a->turn, &a->out);
         pthread_mutex_unlock(&a->out);
-        fail(a, &err);
+        animate_fail(a, &err);
     }
     return rc == 1;
 }
 
 /* Wait for the frame's turn and write it; -1 when it or an earlier one
  * failed. */
-static int give(struct animate_worker *w, struct driver_frame *f,
-                struct animate_times *t, uint64_t ticket, double arrived)
+static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
+                           struct animate_times *t, uint64_t ticket,
+                           double arrived)
 {
     struct animate *a = w->owner;
     struct framesink_frame g = {
@@ -244,7 +269,8 @@ static int give(struct animate_worker *w, struct driver_frame *f,
     return rc;
 }
 
-static void *work(void *arg)
+/* A thread: frames until there are no more. */
+static void *worker_run(void *arg)
 {
     struct animate_worker *w = arg;
     struct animate *a = w->owner;
@@ -255,7 +281,7 @@ static void *work(void *arg)
     if (a->opt.workers > 1)
         omp_set_num_threads(1);
     cpu_flush_denormals();
-    while (!a->failed && take(a, &f, &ticket, &arrived)) {
+    while (!a->failed && animate_take(a, &f, &ticket, &arrived)) {
         struct animate_times t = {
             .decode = f.decode_s, .crop = f.r.crop_s,
             .network = f.r.network_s, .heads = f.r.heads_s
@@ -264,10 +290,10 @@ static void *work(void *arg)
 
         f.r.motion.pose.exp = f.r.motion.exp;
         if (animate_draw(w, &t, &f.r.motion, &err)) {
-            fail(a, &err);
+            animate_fail(a, &err);
             break;
         }
-        if (give(w, &f, &t, ticket, arrived))
+        if (animate_deliver(w, &f, &t, ticket, arrived))
             break;
     }
     return NULL;
@@ -288,9 +314,9 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->next_in = a->next_out = 0;
     a->ended = a->failed = false;
     if (a->opt.workers == 1)
-        work(&a->worker[0]);
+        worker_run(&a->worker[0]);
     for (int i = 0; a->opt.workers > 1 && i < a->opt.workers; i++)
-        started += pthread_create(&a->worker[i].thread, NULL, work,
+        started += pthread_create(&a->worker[i].thread, NULL, worker_run,
                                   &a->worker[i]) == 0;
     for (int i = 0; i < started; i++)
         pthread_join(a->worker[i].thread, NULL);

@@ -21,6 +21,7 @@
 #include "lib/net/refiner.h"
 #include "lib/refine/refine.h"
 #include "lib/splat/splat.h"
+#include "lib/texture/texture.h"
 #include "lib/track/driver.h"
 
 struct animate_options {
@@ -33,6 +34,8 @@ struct animate_options {
     enum nn_type precision;     /* of the refiner */
     int workers;                /* frames in flight; at least 1 */
     float closed;               /* as in baked_drive */
+    const struct texture *texture;      /* the photograph, borrowed; NULL:
+                                         * baked colours alone */
 };
 
 /* Seconds a frame spent in each stage. */
@@ -60,6 +63,7 @@ struct animate_worker {
     float *features;            /* (S,S,C) in float, */
     uint16_t *features_half;    /* or in half precision; neither for SpiD* */
     float *alpha;               /* (S,S) */
+    float *place;               /* (S,S,3) blended places, with a texture */
     pthread_t thread;
     struct animate *owner;
 };

@@ -1,3 +1,4 @@
+/* Reading a list of clips, checked as a whole before the first is made. */
 #include "lib/animate/joblist.h"
 
 #include <stdio.h>
@@ -8,7 +9,7 @@
 #define LIST_MAX ((size_t)64 << 20)
 
 /* The whole file, NUL-terminated. */
-static char *slurp(const char *path, struct error *err)
+static char *joblist_text(const char *path, struct error *err)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "r") : stdin;
     char *text = NULL;
@@ -42,7 +43,7 @@ static char *slurp(const char *path, struct error *err)
 }
 
 /* Cut one line into its three fields. */
-static int cut(struct job *j, char *line)
+static int joblist_cut(struct job *j, char *line)
 {
     char *a = strchr(line, '\t'), *b = a ? strchr(a + 1, '\t') : NULL;
 
@@ -53,14 +54,16 @@ static int cut(struct job *j, char *line)
     return 0;
 }
 
-static int by_out(const void *a, const void *b)
+/* Order of qsort: by output name. */
+static int joblist_by_out(const void *a, const void *b)
 {
     return strcmp((*(const struct job *const *)a)->out,
                   (*(const struct job *const *)b)->out);
 }
 
-static int check_outputs(const struct joblist *l, const char *path,
-                         struct error *err)
+/* No output may stand twice. */
+static int joblist_check_outputs(const struct joblist *l, const char *path,
+                                 struct error *err)
 {
     const struct job **sorted = malloc((l->count + 1) * sizeof *sorted);
     int rc = 0;
@@ -69,7 +72,7 @@ static int check_outputs(const struct joblist *l, const char *path,
         return error_set(err, EX_OSERR, "no memory for a list");
     for (size_t i = 0; i < l->count; i++)
         sorted[i] = &l->job[i];
-    qsort(sorted, l->count, sizeof *sorted, by_out);
+    qsort(sorted, l->count, sizeof *sorted, joblist_by_out);
     for (size_t i = 1; i < l->count && rc == 0; i++)
         if (strcmp(sorted[i]->out, sorted[i - 1]->out) == 0)
             rc = error_set(err, EX_DATAERR, "%s: output %s stands on two "
@@ -84,7 +87,7 @@ int joblist_read(struct joblist *l, const char *path, struct error *err)
     char *rest;
 
     memset(l, 0, sizeof *l);
-    l->text = rest = slurp(path, err);
+    l->text = rest = joblist_text(path, err);
     if (!rest)
         return -1;
     for (char *line; (line = strsep(&rest, "\n"));) {
@@ -101,14 +104,14 @@ int joblist_read(struct joblist *l, const char *path, struct error *err)
             }
             l->job = p;
         }
-        if (cut(&l->job[l->count++], line)) {
+        if (joblist_cut(&l->job[l->count++], line)) {
             joblist_release(l);
             return error_set(err, EX_DATAERR, "%s: line %zu: not three "
                              "fields (expected SOURCE, DRIVER and OUT with "
                              "tabs between)", path, number);
         }
     }
-    if (check_outputs(l, path, err)) {
+    if (joblist_check_outputs(l, path, err)) {
         joblist_release(l);
         return -1;
     }

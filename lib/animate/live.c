@@ -1,3 +1,5 @@
+/* A reading thread with two slots: the newest frame, and the one its consumer
+ * works on. */
 #include "lib/animate/live.h"
 
 #include <stdlib.h>
@@ -7,7 +9,7 @@
 #include "lib/base/cpu.h"
 
 /* Copy a frame into a slot; -1 when memory is short. */
-static int keep(struct live_slot *s, const struct frame *f)
+static int live_keep(struct live_slot *s, const struct frame *f)
 {
     size_t bytes = 3 * f->width * f->height;
 
@@ -26,7 +28,8 @@ static int keep(struct live_slot *s, const struct frame *f)
     return 0;
 }
 
-static void *reader(void *arg)
+/* The thread: reads until the end, a fault or live_stop. */
+static void *live_reader(void *arg)
 {
     struct live *l = arg;
     struct frame f;
@@ -37,7 +40,7 @@ static void *reader(void *arg)
 
         rc = framesource_read(l->source, &f, &err);
         pthread_mutex_lock(&l->lock);
-        if (rc == 1 && keep(&l->newest, &f))
+        if (rc == 1 && live_keep(&l->newest, &f))
             rc = error_set(&err, EX_OSERR, "no memory for a frame");
         if (rc == 1) {
             l->seen++;
@@ -62,7 +65,7 @@ int live_start(struct live *l, struct framesource *source, struct error *err)
     l->status = 1;
     pthread_mutex_init(&l->lock, NULL);
     pthread_cond_init(&l->changed, NULL);
-    if (pthread_create(&l->thread, NULL, reader, l))
+    if (pthread_create(&l->thread, NULL, live_reader, l))
         return error_set(err, EX_OSERR, "cannot start the reading thread");
     l->started = true;
     return 0;

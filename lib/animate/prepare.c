@@ -1,3 +1,4 @@
+/* Phase A in one process: a source picture or stream to a baked avatar. */
 #include "lib/animate/prepare.h"
 
 #include <stdio.h>
@@ -34,7 +35,7 @@ void prepare_release(struct prepare *p)
 /* ---- reading a source -------------------------------------------------- */
 
 /* True for a record stream: its first four letters are the magic. */
-static bool is_stream(const char *path)
+static bool prepare_is_stream(const char *path)
 {
     char magic[4] = "";
     FILE *f = fopen(path, "rb");
@@ -47,8 +48,8 @@ static bool is_stream(const char *path)
 }
 
 /* Identity and, when there is one, the baked GAUS of a stream. */
-static int read_stream(struct prepared *s, struct prepare *p,
-                       const char *path, struct error *err)
+static int prepare_read_stream(struct prepared *s, struct prepare *p,
+                               const char *path, struct error *err)
 {
     struct record rec;
     int rc;
@@ -70,9 +71,9 @@ static int read_stream(struct prepared *s, struct prepare *p,
 }
 
 /* The picture's face, shape, motion and matte, as spid-shape makes them. */
-static int read_picture(struct prepared *s, struct prepare *p,
-                        const char *path, const char *mask_path,
-                        struct error *err)
+static int prepare_read_picture(struct prepared *s, struct prepare *p,
+                                const char *path, const char *mask_path,
+                                struct error *err)
 {
     const struct track_options opt = {.size = (double)p->model.config.size};
     struct image picture = {0}, mask = {0};
@@ -100,7 +101,10 @@ out:
 
 /* ---- baking ------------------------------------------------------------ */
 
-static int bake(struct prepared *s, struct prepare *p, struct error *err)
+/* The networks of Phase A, loaded when first needed, then what is never drawn
+ * left out. */
+static int prepare_bake(struct prepared *s, struct prepare *p,
+                        struct error *err)
 {
     if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head,
                                     p->without, p->precision, err))
@@ -126,8 +130,8 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     double begun = cpu_seconds();
 
     memset(s, 0, sizeof *s);
-    if (is_stream(path) ? read_stream(s, p, path, err)
-                        : read_picture(s, p, path, mask, err))
+    if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
+                                : prepare_read_picture(s, p, path, mask, err))
         goto fail;
     /* a copied motion points at the numbers it was copied from */
     s->person.source.pose.exp = s->person.source.exp;
@@ -137,7 +141,11 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
     }
     s->shape_s = cpu_seconds() - begun;
     begun = cpu_seconds();
-    if (s->baked.N == 0 && bake(s, p, err))
+    if (s->baked.N == 0 && prepare_bake(s, p, err))
+        goto fail;
+    if (!p->no_photo && s->person.back && baked_has_places(&s->baked) &&
+        texture_init(&s->texture, s->person.rgb, s->person.matte,
+                     s->person.back, s->person.size, err))
         goto fail;
     s->bake_s = cpu_seconds() - begun;
     return 0;
@@ -148,6 +156,7 @@ fail:
 
 void prepared_release(struct prepared *s)
 {
+    texture_release(&s->texture);
     identity_release(&s->id);
     baked_release(&s->baked);
     person_release(&s->person);

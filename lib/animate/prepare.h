@@ -5,12 +5,13 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
+#include "lib/geom/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
 #include "lib/record/person.h"
 #include "lib/track/encoders.h"
 #include "lib/track/track.h"
+#include "lib/texture/texture.h"
 
 /* What every clip shares: model files, loaded once. */
 struct prepare {
@@ -24,6 +25,7 @@ struct prepare {
     unsigned without;           /* enum avatar_without */
     double prune;               /* negative: no pruning */
     bool keep_clear;
+    bool no_photo;              /* baked colours alone, no texture */
 };
 
 /* One source. */
@@ -31,6 +33,7 @@ struct prepared {
     struct person person;
     struct identity id;         /* beta folded */
     struct baked baked;
+    struct texture texture;     /* the photograph; no levels: none */
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     bool disc;                  /* no outline found: the matte is a disc */

@@ -1,3 +1,4 @@
+/* Medians of every stage's milliseconds. */
 #include "lib/animate/report.h"
 
 #include <stdlib.h>
@@ -16,8 +17,9 @@ static const struct {
     {"encode", 0}
 };
 
-static void stage_times(double t[REPORT_STAGES],
-                        const struct animate_times *a)
+/* A frame's seconds in the order of the pipeline. */
+static void report_stage_times(double t[REPORT_STAGES],
+                               const struct animate_times *a)
 {
     const double in_order[REPORT_STAGES] = {
         a->decode, a->crop, a->network, a->heads, a->flame, a->branches,
@@ -48,7 +50,7 @@ void animate_report_frame(struct animate_report *r,
         }
         r->room = room;
     }
-    stage_times(t, &f->t);
+    report_stage_times(t, &f->t);
     for (int i = 0; i < REPORT_STAGES; i++)
         r->ms[i][r->frames] = (float)(1e3 * t[i]);
     r->latency[r->frames] = (float)(1e3 * f->latency);
@@ -64,26 +66,29 @@ void animate_report_times(double (*begin)(void),
 {
     double t[REPORT_STAGES];
 
-    stage_times(t, &f->t);
+    report_stage_times(t, &f->t);
     for (int i = 0; i < REPORT_STAGES; i++)
         end(stage[i].name, begin() - t[i]);
 }
 
-static int by_value(const void *a, const void *b)
+/* Order of qsort: ascending. */
+static int report_by_value(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
 
     return (x > y) - (x < y);
 }
 
-static double quantile(float *x, size_t n, double q)
+/* Of n values, which are sorted. */
+static double report_quantile(float *x, size_t n, double q)
 {
-    qsort(x, n, sizeof *x, by_value);
+    qsort(x, n, sizeof *x, report_by_value);
     return n ? (double)x[(size_t)(q * (double)(n - 1) + 0.5)] : 0;
 }
 
-static void print_stages(FILE *to, struct animate_report *r,
-                         const struct prepared *s)
+/* The table of medians. */
+static void report_print_stages(FILE *to, struct animate_report *r,
+                                const struct prepared *s)
 {
     double sum = 0;
 
@@ -97,10 +102,10 @@ static void print_stages(FILE *to, struct animate_report *r,
     fprintf(to, "  %-10s %9s %9s %12s\n", "stage", "median", "p95",
             "paper, A100");
     for (int i = 0; i < REPORT_STAGES; i++) {
-        double median = quantile(r->ms[i], r->frames, 0.5);
+        double median = report_quantile(r->ms[i], r->frames, 0.5);
 
         fprintf(to, "  %-10s %9.3f %9.3f", stage[i].name, median,
-                quantile(r->ms[i], r->frames, 0.95));
+                report_quantile(r->ms[i], r->frames, 0.95));
         if (stage[i].paper > 0)
             fprintf(to, " %12.1f", stage[i].paper);
         fputc('\n', to);
@@ -122,11 +127,11 @@ void animate_report_print(FILE *to, struct animate_report *r,
         fprintf(to, ", %zu without a face", r->lost);
     if (live)
         fprintf(to, ", %zu dropped; latency p50 %.1f ms, p95 %.1f ms",
-                r->dropped, quantile(r->latency, r->frames, 0.5),
-                quantile(r->latency, r->frames, 0.95));
+                r->dropped, report_quantile(r->latency, r->frames, 0.5),
+                report_quantile(r->latency, r->frames, 0.95));
     fputc('\n', to);
     if (stages)
-        print_stages(to, r, s);
+        report_print_stages(to, r, s);
 }
 
 void animate_report_release(struct animate_report *r)

@@ -1,3 +1,5 @@
+/* Baked avatars: copies of what Phase A made, as GAUS records, and moved in
+ * Phase B by lib/geom/drive.h. */
 #include "lib/avatar/baked.h"
 
 #include <math.h>
@@ -6,17 +8,18 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
-#include "lib/avatar/branches.h"
-#include "lib/record/gaussians.h"
+#include "lib/geom/neck_blend.h"
+#include "lib/stream/gaussians.h"
 
-static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
-                    struct error *err)
+/* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
+static int baked_allocate(struct baked *b, size_t N, size_t C,
+                          size_t dynamic, struct error *err)
 {
     memset(b, 0, sizeof *b);
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (12 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (15 + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -27,24 +30,21 @@ static int allocate(struct baked *b, size_t N, size_t C, size_t dynamic,
     b->scale = b->mean + 3 * N;
     b->quat = b->scale + 3 * N;
     b->opacity = b->quat + 4 * N;
-    b->bend = b->opacity + N;
-    b->color = b->bend + N;
-    memset(b->bend, 0, N * sizeof *b->bend);
-    memcpy(b->source, avatar_upright, sizeof b->source);
+    b->neck = b->opacity + N;
+    b->uv = b->neck + N;
+    b->seen = b->uv + 2 * N;
+    b->color = b->seen + N;
+    memset(b->uv, 0, 3 * N * sizeof *b->uv);
+    memset(b->neck, 0, N * sizeof *b->neck);
+    memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
 }
 
-/* The smallest range that holds every static Gaussian that bends. */
-static void find_bent(struct baked *b)
+/* The range of the static Gaussians that the neck blend moves. */
+static void baked_find_blended(struct baked *b)
 {
-    size_t lo = b->dynamic, hi = b->N - b->mouth;
-
-    while (lo < hi && b->bend[lo] == 0)
-        lo++;
-    while (hi > lo && b->bend[hi - 1] == 0)
-        hi--;
-    b->first = lo;
-    b->bent = hi - lo;
+    neck_blend_range(&b->first, &b->blended, b->neck, b->dynamic,
+                     b->N - b->mouth);
 }
 
 int baked_from_avatar(struct baked *b, const struct avatar *a,
@@ -53,7 +53,7 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     const struct gaussians *g = &a->set;
     size_t N = g->n, C = (size_t)g->channels;
 
-    if (allocate(b, N, C, a->first[BRANCH_STATIC], err))
+    if (baked_allocate(b, N, C, a->first[BRANCH_STATIC], err))
         return -1;
     b->mouth = N - a->first[BRANCH_MOUTH];
     memcpy(b->mean, g->mean, 3 * N * sizeof *b->mean);
@@ -62,13 +62,17 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     memcpy(b->opacity, g->opacity, N * sizeof *b->opacity);
     memcpy(b->color, g->color, N * C * sizeof *b->color);
     memcpy(b->branch, g->branch, N);
-    memcpy(b->lip, a->mouth.centre, sizeof b->lip);
-    memcpy(b->bend, a->scratch->bend, N * sizeof *b->bend);
-    memcpy(b->pivot, a->bend.pivot, sizeof b->pivot);
-    for (int i = 0; i < 9; i++)
-        b->source[i] = a->scratch->cam[4 * (i / 3) + i % 3];
+    memcpy(b->lip, a->mouth.lips.centre, sizeof b->lip);
+    memcpy(b->neck, a->drive.weight, N * sizeof *b->neck);
+    memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
+    memcpy(b->source, a->drive.source, sizeof b->source);
     memcpy(b->light, a->light, sizeof b->light);
-    find_bent(b);
+    if (a->config.rgb_skip) {
+        memcpy(b->uv, a->uv, 2 * N * sizeof *b->uv);
+        memcpy(b->seen, a->all.seen, N * sizeof *b->seen);
+        memcpy(b->view, a->source.cam, sizeof b->view);
+    }
+    baked_find_blended(b);
     for (size_t i = 0; i < b->dynamic; i++)
         b->vertex[i] = (int32_t)i;
     return 0;
@@ -82,20 +86,25 @@ void baked_release(struct baked *b)
     memset(b, 0, sizeof *b);
 }
 
+bool baked_has_places(const struct baked *b)
+{
+    return b->view[11] > 0;
+}
+
 struct gaussians baked_set(const struct baked *b)
 {
     return (struct gaussians){
         .n = b->N, .channels = (int)b->C, .mean = b->mean, .scale = b->scale,
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
-        .branch = b->branch
+        .branch = b->branch, .uv = b->uv, .seen = b->seen
     };
 }
 
 /* ---- records ----------------------------------------------------------- */
 
 /* Branches in order 0, 1, 2; counts the first and the last. */
-static int count_branches(size_t n[3], const uint8_t *branch, size_t N,
-                          struct error *err)
+static int baked_count(size_t n[3], const uint8_t *branch, size_t N,
+                       struct error *err)
 {
     n[0] = n[1] = n[2] = 0;
     for (size_t i = 0; i < N; i++) {
@@ -108,8 +117,9 @@ static int count_branches(size_t n[3], const uint8_t *branch, size_t N,
     return 0;
 }
 
-static int read_vertices(struct baked *b, const struct gaus *g,
-                         size_t vertices, struct error *err)
+/* Which vertex each dynamic Gaussian is on; in order when g does not say. */
+static int baked_read_vertices(struct baked *b, const struct gaus *g,
+                               size_t vertices, struct error *err)
 {
     if (g->vertex && g->vertices != b->dynamic)
         return error_set(err, EX_DATAERR, "GAUS vertex has %zu numbers "
@@ -128,8 +138,8 @@ static int read_vertices(struct baked *b, const struct gaus *g,
 }
 
 /* What moves the Gaussians, where the record says it. */
-static int read_motion(struct baked *b, const struct gaus *g,
-                       struct error *err)
+static int baked_read_motion(struct baked *b, const struct gaus *g,
+                             struct error *err)
 {
     if (g->lip)
         memcpy(b->lip, g->lip, sizeof b->lip);
@@ -140,13 +150,14 @@ static int read_motion(struct baked *b, const struct gaus *g,
     if (!g->pivot || !g->source)
         return error_set(err, EX_DATAERR, "GAUS has bend without %s",
                          g->pivot ? "source" : "pivot");
-    memcpy(b->bend, g->bend, b->N * sizeof *g->bend);
+    memcpy(b->neck, g->bend, b->N * sizeof *g->bend);
     memcpy(b->pivot, g->pivot, sizeof b->pivot);
     memcpy(b->source, g->source, sizeof b->source);
-    find_bent(b);
+    baked_find_blended(b);
     return 0;
 }
 
+/* Copies of what the record has; colours may be half precision. */
 int baked_read(struct baked *b, const struct record *rec, size_t vertices,
                struct error *err)
 {
@@ -159,8 +170,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     if (!g.branch)
         return error_set(err, EX_DATAERR, "GAUS has no array 'branch' "
                          "(expected u8[%zu])", g.n);
-    if (count_branches(n, g.branch, g.n, err) ||
-        allocate(b, g.n, g.channels, n[0], err))
+    if (baked_count(n, g.branch, g.n, err) ||
+        baked_allocate(b, g.n, g.channels, n[0], err))
         return -1;
     b->mouth = n[2];
     memcpy(b->mean, g.mean, 3 * g.n * sizeof *g.mean);
@@ -170,7 +181,13 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     memcpy(b->branch, g.branch, g.n);
     for (size_t i = 0; i < g.n * g.channels; i++)
         b->color[i] = g.color ? g.color[i] : half_to_float(g.color_half[i]);
-    if (read_vertices(b, &g, vertices, err) || read_motion(b, &g, err)) {
+    if (g.view) {
+        memcpy(b->uv, g.uv, 2 * g.n * sizeof *g.uv);
+        memcpy(b->seen, g.seen, g.n * sizeof *g.seen);
+        memcpy(b->view, g.view, sizeof b->view);
+    }
+    if (baked_read_vertices(b, &g, vertices, err) ||
+        baked_read_motion(b, &g, err)) {
         baked_release(b);
         return -1;
     }
@@ -181,20 +198,26 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err)
 {
-    const struct gaus g = {
+    struct gaus g = {
         .n = b->N, .channels = b->C, .mean = means ? means : b->mean,
         .scale = b->scale, .quat = b->quat, .opacity = b->opacity,
         .color = b->color, .branch = b->branch, .vertex = b->vertex,
-        .vertices = b->dynamic, .lip = b->lip, .bend = b->bend,
-        .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam
+        .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
+        .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
+        .uv = b->uv, .seen = b->seen, .view = b->view
     };
+
+    if (!baked_has_places(b))
+        g.uv = g.seen = g.view = NULL;
 
     return gaus_write(w, frame, time, &g, err);
 }
 
 /* ---- leaving out ------------------------------------------------------- */
 
-static void keep_rows(float *x, size_t width, const uint8_t *keep, size_t N)
+/* Rows of x (N,width) with keep[i], moved to the front in order. */
+static void baked_keep_rows(float *x, size_t width, const uint8_t *keep,
+                            size_t N)
 {
     size_t out = 0;
 
@@ -209,12 +232,14 @@ void baked_keep(struct baked *b, const uint8_t *keep)
 {
     size_t out = 0, dynamic = 0, mouth = 0;
 
-    keep_rows(b->mean, 3, keep, b->N);
-    keep_rows(b->scale, 3, keep, b->N);
-    keep_rows(b->quat, 4, keep, b->N);
-    keep_rows(b->opacity, 1, keep, b->N);
-    keep_rows(b->bend, 1, keep, b->N);
-    keep_rows(b->color, b->C, keep, b->N);
+    baked_keep_rows(b->mean, 3, keep, b->N);
+    baked_keep_rows(b->scale, 3, keep, b->N);
+    baked_keep_rows(b->quat, 4, keep, b->N);
+    baked_keep_rows(b->opacity, 1, keep, b->N);
+    baked_keep_rows(b->neck, 1, keep, b->N);
+    baked_keep_rows(b->uv, 2, keep, b->N);
+    baked_keep_rows(b->seen, 1, keep, b->N);
+    baked_keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
             continue;
@@ -226,13 +251,13 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     b->N = out;
     b->dynamic = dynamic;
     b->mouth = mouth;
-    find_bent(b);
+    baked_find_blended(b);
 }
 
-void baked_straighten(struct baked *b)
+void baked_drop_neck(struct baked *b)
 {
-    memset(b->bend, 0, b->N * sizeof *b->bend);
-    find_bent(b);
+    memset(b->neck, 0, b->N * sizeof *b->neck);
+    baked_find_blended(b);
 }
 
 size_t baked_drop_clear(struct baked *b)
@@ -255,8 +280,8 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
 {
     memset(m, 0, sizeof *m);
     m->mean = malloc((3 * b->dynamic + 1) * sizeof *m->mean);
-    m->bent = malloc((3 * b->bent + 1) * sizeof *m->bent);
-    if (m->mean && m->bent)
+    m->blended = malloc((3 * b->blended + 1) * sizeof *m->blended);
+    if (m->mean && m->blended)
         return 0;
     baked_move_release(m);
     return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
@@ -265,47 +290,53 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
 void baked_move_release(struct baked_move *m)
 {
     free(m->mean);
-    free(m->bent);
+    free(m->blended);
     memset(m, 0, sizeof *m);
 }
 
+/* How b moves. */
+static struct drive baked_how(const struct baked *b)
+{
+    struct drive d = {
+        .dynamic = b->dynamic, .mouth = b->N - b->mouth,
+        .mouth_count = b->mouth, .vertex = b->vertex, .mean = b->mean,
+        .weight = b->neck
+    };
+
+    memcpy(d.pivot, b->pivot, sizeof d.pivot);
+    memcpy(d.source, b->source, sizeof d.source);
+    return d;
+}
+
+/* What moves of b in one frame, but for static centres: only a renderer or
+ * baked_means wants those. */
 void baked_drive(struct baked_move *m, const struct baked *b,
-                 const struct densify *d, const float *verts,
+                 const struct densify *mesh, const float *verts,
                  const float lip[3], float gap, float closed,
                  const float cam[12])
 {
-    size_t V = d->V;
+    const struct drive d = baked_how(b);
 
-    /* mu_k = densified driven vertex, bent below the chin */
-    for (size_t i = 0; i < b->dynamic; i++) {
-        size_t k = (size_t)b->vertex[i];
-
-        if (k < V) {
-            memcpy(m->mean + 3 * i, verts + 3 * k, 3 * sizeof *verts);
-            continue;
-        }
-        const float *p = verts + 3 * (size_t)d->edge[2 * (k - V)];
-        const float *q = verts + 3 * (size_t)d->edge[2 * (k - V) + 1];
-        for (int c = 0; c < 3; c++)
-            m->mean[3 * i + c] = 0.5f * (p[c] + q[c]);
-    }
-    bend_body(m->body, b->pivot, avatar_upright, cam);
-    bend_points(m->mean, m->mean, b->bend, b->dynamic, m->body);
-    bend_body(m->body, b->pivot, b->source, cam);
-    turn_since(m->turn, b->source, b->light, cam);
-    /* mu = g - l_s + l_d + q; a hidden sheet goes 1000 units behind */
+    drive_bodies(&m->frame, &d, cam);
+    drive_dynamic(m->mean, m->mean, &d, &m->frame, mesh, verts);
+    relative_pose(m->relative_pose, b->source, b->light, cam);
+    /* a hidden mouth goes 1000 units behind */
     for (int c = 0; c < 3; c++)
-        m->shift[c] = gap < closed ? -1000 * cam[8 + c] : lip[c] - b->lip[c];
+        m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]
+                                      : lip[c] - b->lip[c];
 }
 
+/* Only what moved goes to the renderer. */
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err)
 {
-    bend_points(m->bent, b->mean + 3 * b->first, b->bend + b->first, b->bent,
-                m->body);
+    const struct drive d = baked_how(b);
+
+    drive_static(m->blended, &d, &m->frame, b->first, b->blended);
     if (splat_update(s, m->mean, 0, b->dynamic, err) ||
-        (b->bent && splat_update(s, m->bent, b->first, b->bent, err)) ||
-        (b->mouth && splat_shift(s, m->shift, b->N - b->mouth, b->mouth,
+        (b->blended &&
+         splat_update(s, m->blended, b->first, b->blended, err)) ||
+        (b->mouth && splat_shift(s, m->frame.to, b->N - b->mouth, b->mouth,
                                  err)))
         return -1;
     return 0;
@@ -314,12 +345,10 @@ int baked_move_scene(struct splat *s, struct baked_move *m,
 void baked_means(float *means, const struct baked *b,
                  const struct baked_move *m)
 {
-    size_t at = b->dynamic, mouth = b->N - b->mouth;
+    const struct drive d = baked_how(b);
 
-    memcpy(means, m->mean, 3 * at * sizeof *means);
-    bend_points(means + 3 * at, b->mean + 3 * at, b->bend + at, mouth - at,
-                m->body);
-    for (size_t i = mouth; i < b->N; i++)
-        for (size_t c = 0; c < 3; c++)
-            means[3 * i + c] = b->mean[3 * i + c] + m->shift[c];
+    memcpy(means, m->mean, 3 * b->dynamic * sizeof *means);
+    drive_static(means + 3 * b->dynamic, &d, &m->frame, b->dynamic,
+                 b->N - b->mouth - b->dynamic);
+    drive_mouth(means + 3 * (b->N - b->mouth), &d, &m->frame);
 }

@@ -4,16 +4,18 @@
 #ifndef SPID_AVATAR_BAKED_H
 #define SPID_AVATAR_BAKED_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
 #include "lib/avatar/avatar.h"
-#include "lib/avatar/densify.h"
 #include "lib/base/error.h"
+#include "lib/geom/densify.h"
+#include "lib/geom/drive.h"
 #include "lib/splat/splat.h"
 #include "lib/stream/stream.h"
 
-/* Opening of the inner lips, head units, under which they hide the sheet:
+/* Opening of the inner lips, head units, under which they hide the mouth:
  * 0.5 mm at five units a metre. */
 #define BAKED_CLOSED 0.0025f
 
@@ -25,11 +27,15 @@ struct baked {
     uint8_t *branch;
     int32_t *vertex;        /* (dynamic) densified vertex of each */
     float lip[3];           /* l_s */
-    float *bend;            /* (N) weights of the bending (lib/geom/bend.h) */
-    float pivot[3];
+    float *neck;            /* (N) neck blend weights (lib/geom/neck_blend.h) */
+    float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
     float light[3];         /* l, on the source (lib/avatar/light.h) */
-    size_t first, bent;     /* static Gaussians that bend lie in a range */
+    float *uv, *seen;       /* (N,2), (N) places in the source picture
+                             * (lib/texture/place.h), seen by the */
+    float view[12];         /* source's camera; all zero: no places */
+    size_t first, blended;  /* static Gaussians with a neck weight lie in
+                             * this range: first index, count */
     float *block;           /* what the float arrays are part of */
 };
 
@@ -48,6 +54,9 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 struct error *err);
 void baked_release(struct baked *b);
 
+/* Whether the Gaussians know their places in the source picture. */
+bool baked_has_places(const struct baked *b);
+
 /* The Gaussians as a renderer takes them. */
 struct gaussians baked_set(const struct baked *b);
 
@@ -56,26 +65,28 @@ void baked_keep(struct baked *b, const uint8_t *keep);
 /* Drop what the rules never draw, opacity under 1/255; returns how many. */
 size_t baked_drop_clear(struct baked *b);
 
-/* Do not bend from now on. */
-void baked_straighten(struct baked *b);
+/* No neck blend from now on: shoulders turn with the head. */
+void baked_drop_neck(struct baked *b);
 
 /* What moves in a frame. */
 struct baked_move {
     float *mean;            /* (dynamic,3) on the densified driven vertices */
-    float *bent;            /* (bent,3) static centres, by baked_move_scene */
-    float shift[3];         /* of the mouth sheet: l_d - l_s, or a way behind
-                             * the camera */
-    float turn[TURN_COUNT]; /* of the head since the source */
-    float body[12];         /* of the static branch's shoulders, head frame */
+    float *blended;         /* (blended,3) static centres, by
+                             * baked_move_scene */
+    struct drive_frame frame;   /* plane: the static branch's shoulders; to:
+                             * the mouth's shift l_d - l_s, or a way behind
+                             * the camera, from: 0 */
+    float relative_pose[RELATIVE_POSE_SIZE];    /* of the head */
 };
 int baked_move_init(struct baked_move *m, const struct baked *b,
                     struct error *err);
 void baked_move_release(struct baked_move *m);
 
-/* One frame's mean, shift, turn and body.  The sheet hides when gap, the
- * opening of the driven lips, is under closed (0: never). */
+/* One frame's mean, rigid motions and relative pose.  The mouth's Gaussians
+ * hide when gap, the opening of the driven lips, is under closed (0: never).
+ * verts (V,3) driven, lip (3) their centroid l_d, cam (3,4) the frame's. */
 void baked_drive(struct baked_move *m, const struct baked *b,
-                 const struct densify *d, const float *verts,
+                 const struct densify *mesh, const float *verts,
                  const float lip[3], float gap, float closed,
                  const float cam[12]);
 /* Hand it to a renderer that has loaded baked_set. */

@@ -2,8 +2,11 @@
  * branches read the picture through the posed mesh and its camera. */
 #include "lib/avatar/baker.h"
 
+#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/texture/texture.h"
 
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
                unsigned without, enum nn_type type, struct error *err)
@@ -66,8 +69,16 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     head_pose(verts, &id, &p->source.pose);
     identity_release(&id);
     motion_camera(cam, &p->source);
+    uint8_t *own = malloc(3 * p->size * p->size);
+    if (!own)
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    if (p->back)
+        texture_straight(own, p->rgb, p->matte, p->back, p->size * p->size);
+    else
+        memcpy(own, p->rgb, 3 * p->size * p->size);
     avatar_bake(&b->avatar, &(struct avatar_source){
-        .rgb = p->rgb, .matte = p->matte, .verts = verts, .cam = cam
+        .rgb = own, .matte = p->matte, .verts = verts, .cam = cam
     });
+    free(own);
     return 0;
 }

@@ -1,3 +1,6 @@
+/* Rasterising the source mesh onto the plane's cells: the coverage map C of
+ * Section 3.2 by counting sub-cell points, and a z-buffer by scan lines with
+ * 1/z linear on the screen. */
 #include "lib/avatar/coverage.h"
 
 #include <math.h>
@@ -13,8 +16,10 @@ struct corner {
     float x, y, z;
 };
 
-static int triangle(struct corner c[3], const float *verts,
-                    const int32_t *f, const float cam[12], size_t n)
+/* Corners of face f on a map of n x n cells; 0 when one is behind the
+ * camera. */
+static int coverage_triangle(struct corner c[3], const float *verts,
+                             const int32_t *f, const float cam[12], size_t n)
 {
     for (int k = 0; k < 3; k++) {
         float uv[2], z;
@@ -29,7 +34,8 @@ static int triangle(struct corner c[3], const float *verts,
 
 /* Where the triangle meets the horizontal line y: x from lo to hi; 0 when it
  * does not. */
-static int span(float *lo, float *hi, const struct corner c[3], float y)
+static int coverage_span(float *lo, float *hi, const struct corner c[3],
+                         float y)
 {
     *lo = INFINITY;
     *hi = -INFINITY;
@@ -46,15 +52,22 @@ static int span(float *lo, float *hi, const struct corner c[3], float y)
 }
 
 /* First index i >= 0 whose centre (i + 0.5) is at or beyond x, at most n. */
-static size_t first_centre(float x, size_t n)
+static size_t coverage_first_centre(float x, size_t n)
 {
     float i = ceilf(x - 0.5f);
 
     return i <= 0 ? 0 : i >= (float)n ? n : (size_t)i;
 }
 
+/* Rows whose centres the triangle may hold: from rows[0] to before rows[1]. */
+static void coverage_rows(size_t rows[2], const struct corner c[3], size_t n)
+{
+    rows[0] = coverage_first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), n);
+    rows[1] = coverage_first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), n);
+}
+
 /* Set bits a..b-1 of a row of bytes. */
-static void set_bits(uint8_t *row, size_t a, size_t b)
+static void coverage_set_bits(uint8_t *row, size_t a, size_t b)
 {
     for (; a < b && a % SUB; a++)
         row[a / SUB] |= (uint8_t)(1 << a % SUB);
@@ -73,6 +86,7 @@ size_t coverage_scratch(size_t n)
     return bits > blur ? bits : blur;
 }
 
+/* One bit for each of a cell's 64 points, set by scan lines, then counted. */
 void coverage_fraction(float *C, const float *verts, size_t V,
                        const int32_t *faces, size_t F, const float cam[12],
                        size_t n, void *scratch)
@@ -84,20 +98,20 @@ void coverage_fraction(float *C, const float *verts, size_t V,
     memset(bits, 0, m * n);
     for (size_t f = 0; f < F; f++) {
         struct corner c[3];
+        size_t rows[2];
         float lo, hi;
 
-        if (!triangle(c, verts, faces + 3 * f, cam, n))
+        if (!coverage_triangle(c, verts, faces + 3 * f, cam, n))
             continue;
         for (int k = 0; k < 3; k++) {
             c[k].x *= SUB;
             c[k].y *= SUB;
         }
-        size_t y0 = first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), m);
-        size_t y1 = first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), m);
-        for (size_t y = y0; y < y1; y++)
-            if (span(&lo, &hi, c, (float)y + 0.5f))
-                set_bits(bits + y * n, first_centre(lo, m),
-                         first_centre(hi, m));
+        coverage_rows(rows, c, m);
+        for (size_t y = rows[0]; y < rows[1]; y++)
+            if (coverage_span(&lo, &hi, c, (float)y + 0.5f))
+                coverage_set_bits(bits + y * n, coverage_first_centre(lo, m),
+                         coverage_first_centre(hi, m));
     }
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
@@ -110,8 +124,8 @@ void coverage_fraction(float *C, const float *verts, size_t V,
 }
 
 /* One pass of the separable filter: rows of x into columns of out. */
-static void blur_pass(float *out, const float *x, size_t n, const float *w,
-                      int r)
+static void coverage_blur_pass(float *out, const float *x, size_t n,
+                               const float *w, int r)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
@@ -126,6 +140,7 @@ static void blur_pass(float *out, const float *x, size_t n, const float *w,
         }
 }
 
+/* Two passes of a separable filter of 3 sigma to either side. */
 void coverage_blur(float *out, const float *x, size_t n, float sigma,
                    float *tmp)
 {
@@ -138,8 +153,8 @@ void coverage_blur(float *out, const float *x, size_t n, float sigma,
         sum += w[k + r] = expf(-0.5f * (float)(k * k) / (sigma * sigma));
     for (int k = 0; k <= 2 * r; k++)
         w[k] /= sum;
-    blur_pass(tmp, x, n, w, r);
-    blur_pass(out, tmp, n, w, r);
+    coverage_blur_pass(tmp, x, n, w, r);
+    coverage_blur_pass(out, tmp, n, w, r);
 }
 
 void coverage_map(float *C, const float *verts, size_t V,
@@ -155,6 +170,62 @@ void coverage_map(float *C, const float *verts, size_t V,
         C[i] = fminf(C[i], 1);
 }
 
+/* A number that is linear on a triangle: at corner 0, and per cell. */
+struct linear {
+    float at, x, y;
+};
+
+/* From its values at the corners (v[0], and the other two less v[0]). */
+static struct linear coverage_linear(const float v[3],
+                                     const struct corner c[3], float det)
+{
+    float x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y;
+    float x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
+
+    return (struct linear){v[0], (v[1] * y2 - v[2] * y1) / det,
+                           (x1 * v[2] - x2 * v[1]) / det};
+}
+
+/* One triangle into z and, unless NULL, value; attribute at its corners. */
+static void coverage_depth_face(float *z, float *value,
+                                const struct corner c[3],
+                                const float attribute[3], size_t n)
+{
+    float det = (c[1].x - c[0].x) * (c[2].y - c[0].y) -
+                (c[2].x - c[0].x) * (c[1].y - c[0].y);
+    float a = 1 / c[0].z, lo, hi;
+    size_t rows[2];
+
+    if (det == 0)
+        return;
+    /* 1/z is linear on the screen */
+    struct linear g = coverage_linear((float[3]){a, 1 / c[1].z - a,
+                                                 1 / c[2].z - a}, c, det);
+    struct linear v = coverage_linear((float[3]){attribute[0],
+                                                 attribute[1] - attribute[0],
+                                                 attribute[2] - attribute[0]},
+                                      c, det);
+    coverage_rows(rows, c, n);
+    for (size_t i = rows[0]; i < rows[1]; i++) {
+        float y = (float)i + 0.5f - c[0].y;
+
+        if (!coverage_span(&lo, &hi, c, (float)i + 0.5f))
+            continue;
+        size_t end = coverage_first_centre(hi, n);
+        for (size_t j = coverage_first_centre(lo, n); j < end; j++) {
+            float x = (float)j + 0.5f - c[0].x;
+            float d = 1 / (g.at + g.x * x + g.y * y);
+
+            if (!(d < z[i * n + j]))
+                continue;
+            z[i * n + j] = d;
+            if (value)
+                value[i * n + j] = v.at + v.x * x + v.y * y;
+        }
+    }
+}
+
+/* A z-buffer at the cells' centres. */
 void coverage_depth(float *z, float *value, const float *verts,
                     const float *attribute, const int32_t *faces, size_t F,
                     const float cam[12], size_t n)
@@ -164,47 +235,19 @@ void coverage_depth(float *z, float *value, const float *verts,
     if (value)
         memset(value, 0, n * n * sizeof *value);
     for (size_t f = 0; f < F; f++) {
+        const int32_t *at = faces + 3 * f;
         struct corner c[3];
-        float lo, hi;
-
-        if (!triangle(c, verts, faces + 3 * f, cam, n))
-            continue;
-        /* 1/z is linear on the screen: 1/z = a + gx x + gy y */
-        float x1 = c[1].x - c[0].x, y1 = c[1].y - c[0].y;
-        float x2 = c[2].x - c[0].x, y2 = c[2].y - c[0].y;
-        float det = x1 * y2 - x2 * y1, a = 1 / c[0].z;
-        float d1 = 1 / c[1].z - a, d2 = 1 / c[2].z - a;
-        if (det == 0)
-            continue;
-        float gx = (d1 * y2 - d2 * y1) / det, gy = (x1 * d2 - x2 * d1) / det;
         float v[3] = {0};
+
+        if (!coverage_triangle(c, verts, at, cam, n))
+            continue;
         for (int k = 0; value && k < 3; k++)
-            v[k] = attribute[faces[3 * f + k]] - v[0];
-        float vx = (v[1] * y2 - v[2] * y1) / det;
-        float vy = (x1 * v[2] - x2 * v[1]) / det;
-        size_t r0 = first_centre(fminf(fminf(c[0].y, c[1].y), c[2].y), n);
-        size_t r1 = first_centre(fmaxf(fmaxf(c[0].y, c[1].y), c[2].y), n);
-        for (size_t i = r0; i < r1; i++) {
-            float y = (float)i + 0.5f;
-
-            if (!span(&lo, &hi, c, y))
-                continue;
-            for (size_t j = first_centre(lo, n); j < first_centre(hi, n);
-                 j++) {
-                float x = (float)j + 0.5f;
-                float d = 1 / (a + gx * (x - c[0].x) + gy * (y - c[0].y));
-
-                if (!(d < z[i * n + j]))
-                    continue;
-                z[i * n + j] = d;
-                if (value)
-                    value[i * n + j] = v[0] + vx * (x - c[0].x) +
-                                       vy * (y - c[0].y);
-            }
-        }
+            v[k] = attribute[at[k]];
+        coverage_depth_face(z, value, c, v, n);
     }
 }
 
+/* The depth test of each point against the four cells around it. */
 void coverage_seen(float *seen, const float *x, size_t N, const float *z,
                    size_t n, const float cam[12], float slack)
 {

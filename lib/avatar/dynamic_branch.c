@@ -1,41 +1,34 @@
 /* The Dynamic Branch: Gaussians on the vertices and edge midpoints of the
- * head mesh, which the driven mesh carries along. */
+ * head mesh, which the driven mesh carries along (Section 3.2). */
+#include "lib/avatar/dynamic_branch.h"
+
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/branches.h"
 #include "lib/avatar/coverage.h"
+#include "lib/avatar/light.h"
+#include "lib/avatar/slices.h"
 #include "lib/geom/camera.h"
+#include "lib/geom/neck_blend.h"
 #include "lib/geom/resample.h"
 
 #define OUTSIDE 6.0f    /* opacity logits fall where the matte is empty */
 #define OVERLAP 0.6f    /* standard deviation over the spacing */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 
-void dynamic_project(float *ndc, const float *x, size_t N,
-                     const float cam[12])
-{
-    camera_project(ndc, NULL, cam, 2, x, N);
-    for (size_t i = 0; i < 2 * N; i++)
-        ndc[i] -= 1;
-}
-
-size_t dynamic_inputs(const struct avatar_config *c)
-{
-    return c->vertex_width + c->feature +
-           (c->rgb_skip ? AVATAR_DYNAMIC_EXTRA : 0);
-}
+/* ---- colours for hidden vertices --------------------------------------- */
 
 /* Ring by ring from the shown vertices: a vertex of the next ring takes the
  * mean of its coloured neighbours.  Returns nothing; vertices no edge leads
  * to keep the mean of all shown ones. */
-static void spread_rings(float *rgb, const struct densify *d, int *level,
-                         float *sum)
+static void dynamic_branch_rings(float *rgb, const struct densify *d,
+                                 int *level, float *sum)
 {
-    int more = 1;
+    bool more = true;
 
     for (int ring = 1; more; ring++) {
-        more = 0;
+        more = false;
         memset(sum, 0, 4 * d->V * sizeof *sum);
         for (size_t e = 0; e < 2 * d->E; e++) {
             size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
@@ -52,15 +45,16 @@ static void spread_rings(float *rgb, const struct densify *d, int *level,
             for (int c = 0; c < 3; c++)
                 rgb[3 * i + c] = sum[4 * i + c] / sum[4 * i + 3];
             level[i] = ring;
-            more = 1;
+            more = true;
         }
     }
 }
 
-/* A sweep of averaging: what weight does not hold moves to the neighbours'
+/* A sweep of averaging: what trust does not keep moves to the neighbours'
  * mean. */
-static void smooth(float *rgb, const float *own, const float *weight,
-                   const struct densify *d, float *sum)
+static void dynamic_branch_smooth(float *rgb, const float *own,
+                                  const float *trust,
+                                  const struct densify *d, float *sum)
 {
     memset(sum, 0, 4 * d->V * sizeof *sum);
     for (size_t e = 0; e < 2 * d->E; e++) {
@@ -72,45 +66,127 @@ static void smooth(float *rgb, const float *own, const float *weight,
     }
     for (size_t i = 0; i < d->V; i++)
         for (int c = 0; c < 3 && sum[4 * i + 3] > 0; c++)
-            rgb[3 * i + c] = weight[i] * own[3 * i + c] +
-                             (1 - weight[i]) * sum[4 * i + c] /
+            rgb[3 * i + c] = trust[i] * own[3 * i + c] +
+                             (1 - trust[i]) * sum[4 * i + c] /
                              sum[4 * i + 3];
 }
 
-void dynamic_spread(float *rgb, const float *weight, const struct densify *d,
-                    int *level, float *tmp)
+/* Breadth-first from trusted vertices, twelve sweeps of averaging, midpoints
+ * from their ends. */
+void dynamic_branch_spread(float *rgb, const float *trust,
+                           const struct densify *d, int *level, float *tmp)
 {
     float *own = tmp, *sum = tmp + 3 * d->V, mean[3] = {0}, total = 1e-6f;
 
     memcpy(own, rgb, 3 * d->V * sizeof *own);
     for (size_t i = 0; i < d->V; i++) {
-        level[i] = weight[i] > 0.5f ? 0 : -1;
+        level[i] = trust[i] > 0.5f ? 0 : -1;
         for (int c = 0; c < 3; c++)
-            mean[c] += weight[i] * rgb[3 * i + c];
-        total += weight[i];
+            mean[c] += trust[i] * rgb[3 * i + c];
+        total += trust[i];
     }
-    spread_rings(rgb, d, level, sum);
+    dynamic_branch_rings(rgb, d, level, sum);
     for (size_t i = 0; i < d->V; i++)
         for (int c = 0; c < 3 && level[i] < 0; c++)
             rgb[3 * i + c] = mean[c] / total;
     for (int sweep = 0; sweep < 12; sweep++)
-        smooth(rgb, own, weight, d, sum);
+        dynamic_branch_smooth(rgb, own, trust, d, sum);
     for (size_t e = 0; e < d->E; e++) {
         const float *p = rgb + 3 * (size_t)d->edge[2 * e];
         const float *q = rgb + 3 * (size_t)d->edge[2 * e + 1];
-        float w = weight[d->V + e], *mid = rgb + 3 * (d->V + e);
+        float w = trust[d->V + e], *mid = rgb + 3 * (d->V + e);
 
         for (int c = 0; c < 3; c++)
             mid[c] = w * mid[c] + (1 - w) * 0.5f * (p[c] + q[c]);
     }
 }
 
-/* n.v of the densified vertices: cosine between normal and the way to the
- * camera. */
-static float facing(const struct avatar_scratch *s, size_t k,
-                    const float eye[3])
+/* ---- the branch -------------------------------------------------------- */
+
+int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
+                        const struct avatar_config *c, const struct head *h,
+                        const struct densify *d, struct error *err)
 {
-    const float *x = s->dense + 3 * k, *n = s->dense_normals + 3 * k;
+    struct gaussian_head points = {.colors = c->channels,
+                                   .position = GAUSSIAN_POSITION_NONE,
+                                   .quirk_rotation = c->public_quirks};
+    size_t rows[2] = {h->V, c->vertex_width};
+
+    memset(b, 0, sizeof *b);
+    b->ps = ps;
+    b->dense = d;
+    b->count = d->V + d->E;
+    b->n = c->plane;
+    b->feature = c->feature;
+    b->width = c->vertex_width;
+    b->prior = c->rgb_skip;
+    b->inputs = c->vertex_width + c->feature +
+                (b->prior ? DYNAMIC_BRANCH_EXTRA : 0);
+    b->head_base = params_add(ps, "dynamic.head_base", 2, rows, PARAM_NORMAL,
+                              0.1f);
+    return mlp_decoder_init(&b->decoder, ps, "dynamic.", b->inputs,
+                            c->dynamic_width, c->dynamic_hidden, points, err);
+}
+
+/* Last layers a tenth as large; opaque, unrotated, for a spacing of
+ * 4 mm. */
+void dynamic_branch_init_weights(struct params *ps,
+                                 const struct avatar_config *c)
+{
+    branch_scale_tensor(ps, "dynamic.color_layers.2.weight", 0.1f);
+    branch_scale_tensor(ps, "dynamic.opacity_layers.2.weight", 0.1f);
+    branch_scale_tensor(ps, "dynamic.scale_layers.2.weight", 0.1f);
+    branch_scale_tensor(ps, "dynamic.rotation_layers.2.weight", 0.1f);
+    branch_set_bias(ps, "dynamic.opacity_layers.2.bias", 0, 1, 2.5f);
+    branch_set_bias(ps, "dynamic.scale_layers.2.bias", 0, 3,
+                    branch_scale_bias(0.02f, c->rgb_skip));
+    branch_set_bias(ps, "dynamic.rotation_layers.2.bias", 0, 1, 1);
+}
+
+int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
+                        struct nn_options opt, struct error *err)
+{
+    size_t D = b->count, V = b->dense->V;
+    const struct slice slices[] = {
+        {&b->start.opacity, D, false}, {&b->start.scale, 3 * D, false},
+        {&b->start.opacity_shift, D, false},
+        {&b->start.scale_shift, D, false}, {&b->start.visible, D, false},
+        {&b->verts, 3 * D, false}, {&b->place, 2 * D, false},
+        {&b->normals, 3 * D, false}, {&b->seen, D, false},
+        {&b->facing, D, false},
+        {&b->spacing, D, false}, {&b->sampled, D * b->feature, false},
+        {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
+        {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
+        {&b->logit, 3 * D, false}, {&b->trust, D, false},
+        {&b->tmp, 7 * V, false}, {(float **)&b->level, V, false}
+    };
+
+    if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
+                        opt.mode != NN_INFER, err))
+        return -1;
+    b->dsampled = b->sampled;       /* the decoder's input has copies */
+    b->dh = b->h;
+    return mlp_decoder_plan(&b->decoder, 1, points, opt, err);
+}
+
+void dynamic_branch_update(struct dynamic_branch *b)
+{
+    mlp_decoder_update(&b->decoder);
+}
+
+void dynamic_branch_release(struct dynamic_branch *b)
+{
+    mlp_decoder_release(&b->decoder);
+    free(b->block);
+    memset(b, 0, sizeof *b);
+}
+
+/* n.v of densified vertex k: cosine between normal and the way to the
+ * camera. */
+static float dynamic_branch_facing(const struct dynamic_branch *b, size_t k,
+                                   const float eye[3])
+{
+    const float *x = b->verts + 3 * k, *n = b->normals + 3 * k;
     float v[3], dot = 0, len = 1e-12f;
 
     for (int c = 0; c < 3; c++) {
@@ -121,103 +197,127 @@ static float facing(const struct avatar_scratch *s, size_t k,
     return dot / sqrtf(len);
 }
 
-static float ramp(float x, float lo, float hi)
+/* Smooth step from 0 at lo to 1 at hi. */
+static float dynamic_branch_ramp(float x, float lo, float hi)
 {
     float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
 
     return t * t * (3 - 2 * t);
 }
 
-/* Visibility, coverage and matte of every densified vertex, into the extra
- * columns of the decoder's input; colours and starting values. */
-static void starting_values(struct avatar *a)
+/* Geometry of the densified source: vertices, normals, spacing, places. */
+static void dynamic_branch_geometry(const struct source_mesh *mesh,
+                                    struct dynamic_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t in = dynamic_inputs(&a->config);
-    float eye[3], *rgb = s->dynamic_logit;
+    densify_forward(b->verts, mesh->posed, b->dense, 3);
+    if (mesh->blend)
+        neck_blend_points(b->verts, b->verts, mesh->weights->neck, b->count,
+                          mesh->body);
+    densify_forward(b->normals, mesh->normals, b->dense, 3);
+    densify_spacing(b->spacing, mesh->verts, b->dense);
+    source_mesh_project(b->place, b->verts, b->count, mesh->cam);
+}
 
-    camera_origin(eye, s->cam);
-    coverage_seen(s->seen, s->dense, s->D, s->zbuffer, s->n, s->cam, SLACK);
-    grid_sample(s->dpicture, s->rgba, s->ndc, 1, s->S, s->S, 4, s->D, false,
-                RESAMPLE_BORDER);
-    for (size_t k = 0; k < s->D; k++) {
-        const float *pixel = s->dpicture + 4 * k;
-        float *extra = s->dynamic_in + (k + 1) * in - AVATAR_DYNAMIC_EXTRA;
-        float nv = facing(s, k, eye), matte = pixel[3];
+/* The prior: visibility, coverage and matte of every densified vertex, into
+ * the extra columns of the decoder's input; colours and shifts. */
+static void dynamic_branch_start(const struct source_picture *picture,
+                                 const struct source_mesh *mesh,
+                                 struct dynamic_branch *b)
+{
+    float eye[3], *rgb = b->logit;
 
-        extra[0] = nv;
-        extra[1] = s->seen[k];
-        extra[2] = s->seen[k] * ramp(nv, 0.05f, 0.4f);
+    camera_origin(eye, mesh->cam);
+    coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
+                  mesh->cam, SLACK);
+    source_picture_sample(b->pixel, picture, b->place, b->count);
+    for (size_t k = 0; k < b->count; k++) {
+        const float *pixel = b->pixel + 4 * k;
+        float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
+        float nv = dynamic_branch_facing(b, k, eye), matte = pixel[3];
+
+        b->facing[k] = extra[0] = nv;
+        extra[1] = b->seen[k];
+        extra[2] = b->seen[k] * dynamic_branch_ramp(nv, 0.05f, 0.4f);
         extra[3] = matte;
-        s->weight[k] = extra[2] * ramp(matte, 0.5f, 0.9f);
+        b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-        s->matte[k] = 1 - a->lining[k];
-        s->opacity_shift[k] = -OUTSIDE * s->seen[k] * (1 - matte);
-        s->scale_shift[k] = attribute_logit(OVERLAP * s->spacing[k] /
-                                            BRANCH_SCALE_MAX);
+        b->start.visible[k] = 1 - mesh->weights->lining[k];
+        b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
+        b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
+                                                  BRANCH_SCALE_MAX);
     }
-    dynamic_spread(rgb, s->weight, &a->dense, s->level, s->tmp);
-    for (size_t i = 0; i < 3 * s->D; i++)
+    dynamic_branch_spread(rgb, b->trust, b->dense, b->level, b->tmp);
+    for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }
 
-void dynamic_bake(struct avatar *a, const float *verts)
+/* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
+void dynamic_branch_forward(struct branch_set *out, const float *features,
+                            const struct source_picture *picture,
+                            const struct source_mesh *mesh,
+                            struct dynamic_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t in = dynamic_inputs(&a->config), hw = a->config.vertex_width;
-    int skip = a->config.rgb_skip;
-    float body[12];
+    size_t width = b->width, Cf = b->feature;
 
-    if (a->first[BRANCH_STATIC] == 0)
+    if (out->n == 0)
         return;
-    densify_forward(s->dense, verts, &a->dense, 3);
-    bend_body(body, a->bend.pivot, avatar_upright, s->cam);
-    bend_points(s->dense, s->dense, s->bend, a->first[BRANCH_STATIC], body);
-    head_normals(s->normals, a->head, s->bent);
-    densify_forward(s->dense_normals, s->normals, &a->dense, 3);
-    densify_spacing(s->spacing, s->bent, &a->dense);
-    dynamic_project(s->ndc, s->dense, s->D, s->cam);
+    dynamic_branch_geometry(mesh, b);
     /* d_k = GridSample(F, p_k); h_k of a midpoint is the mean of its ends */
-    grid_sample(s->dsampled, s->features, s->ndc, 1, s->n, s->n, s->Cf, s->D,
+    grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
-    densify_forward(s->h, param_w(a->ps, a->head_base), &a->dense, hw);
-    for (size_t k = 0; k < s->D; k++) {
-        float *row = s->dynamic_in + k * in;
+    densify_forward(b->h, param_w(b->ps, b->head_base), b->dense, width);
+    for (size_t k = 0; k < b->count; k++) {
+        float *row = b->in + k * b->inputs;
 
-        memcpy(row, s->h + k * hw, hw * sizeof *row);
-        memcpy(row + hw, s->dsampled + k * s->Cf, s->Cf * sizeof *row);
+        memcpy(row, b->h + k * width, width * sizeof *row);
+        memcpy(row + width, b->sampled + k * Cf, Cf * sizeof *row);
     }
-    if (skip)
-        starting_values(a);
-    struct gaussian_out out = branch_out(a, BRANCH_DYNAMIC);
-    mlp_decoder_forward(&out, s->dynamic_in, a->normal,
-                        skip ? s->dynamic_logit : NULL, &a->dynamic_decoder);
-    branch_shift(a, 0, a->first[BRANCH_STATIC]);
+    if (b->prior)
+        dynamic_branch_start(picture, mesh, b);
+    struct gaussian_out raw = branch_decoder_out(out, &b->start, NULL);
+    mlp_decoder_forward(&raw, b->in, mesh->normal,
+                        b->prior ? b->logit : NULL, &b->decoder);
+    branch_prior_forward(out, &b->start, b->prior);
     /* mu_k = densified vertex */
-    memcpy(s->mean, s->dense, 3 * a->first[BRANCH_STATIC] * sizeof *s->mean);
+    memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
+    for (size_t k = 0; k < out->n; k++) {
+        out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
+        /* beside the person too: there the photograph's matte is clear */
+        out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
+                                  dynamic_branch_ramp(b->facing[k], 0, 0.25f)
+                                : 0;
+    }
 }
 
-void dynamic_bake_backward(struct avatar *a)
+/* Vertices are constants: gradients go to Phi_D, h_k and the features. */
+void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
+                             const float *features,
+                             const struct source_mesh *mesh,
+                             struct dynamic_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t in = dynamic_inputs(&a->config), hw = a->config.vertex_width;
-    int skip = a->config.rgb_skip;
+    size_t width = b->width, Cf = b->feature;
 
-    if (a->first[BRANCH_STATIC] == 0)
+    if (dout->n == 0)
         return;
-    branch_shift_backward(a, NULL, 0, a->first[BRANCH_STATIC]);
-    struct gaussian_out dout = branch_dout(a, BRANCH_DYNAMIC);
-    mlp_decoder_backward(s->ddynamic_in, NULL, NULL, &dout, a->normal,
-                         skip ? s->dynamic_logit : NULL, &a->dynamic_decoder);
-    memset(s->h, 0, s->D * hw * sizeof *s->h);
-    memset(s->dsampled, 0, s->D * s->Cf * sizeof *s->dsampled);
-    for (size_t k = 0; k < a->first[BRANCH_STATIC]; k++) {
-        const float *row = s->ddynamic_in + k * in;
+    branch_prior_backward(dout, NULL, &b->start, b->prior);
+    struct gaussian_out draw = branch_decoder_gradient(dout, NULL);
+    mlp_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
+                         b->prior ? b->logit : NULL, &b->decoder);
+    memset(b->dh, 0, b->count * width * sizeof *b->dh);
+    memset(b->dsampled, 0, b->count * Cf * sizeof *b->dsampled);
+    for (size_t k = 0; k < dout->n; k++) {
+        const float *row = b->din + k * b->inputs;
 
-        memcpy(s->h + k * hw, row, hw * sizeof *row);
-        memcpy(s->dsampled + k * s->Cf, row + hw, s->Cf * sizeof *row);
+        memcpy(b->dh + k * width, row, width * sizeof *row);
+        memcpy(b->dsampled + k * Cf, row + width, Cf * sizeof *row);
     }
-    densify_backward(param_g(a->ps, a->head_base), s->h, &a->dense, hw);
-    grid_sample_backward(s->dfeatures, NULL, s->dsampled, s->features, s->ndc,
-                         1, s->n, s->n, s->Cf, s->D, false, RESAMPLE_BORDER);
+    densify_backward(param_g(b->ps, b->head_base), b->dh, b->dense, width);
+    grid_sample_backward(dfeatures, NULL, b->dsampled, features, b->place, 1,
+                         b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
+}
+
+void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
+                          struct dynamic_branch *b)
+{
+    light_fit(l, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
 }

@@ -1,3 +1,6 @@
+/* The light on a head from one picture: a linear fit of luminance by normals,
+ * reweighted a few times so that hair, shadow and paint count little (iterated
+ * reweighted least squares with Cauchy weights).  Ours, not the paper's. */
 #include "lib/avatar/light.h"
 
 #include <math.h>
@@ -18,7 +21,7 @@ struct fit {
 
 /* Luminance of linear light, negative if too dark to say anything, and
  * chroma of an sRGB colour. */
-static void split(float out[4], const float rgb[3])
+static void light_split(float out[4], const float rgb[3])
 {
     float sum = rgb[0] + rgb[1] + rgb[2];
 
@@ -31,17 +34,20 @@ static void split(float out[4], const float rgb[3])
         out[0] = -1;
 }
 
-static double residual(const struct fit *f, double light, const float n[3])
+/* Luminance less what the fit says at normal n. */
+static double light_residual(const struct fit *f, double light,
+                             const float n[3])
 {
     return light - f->a[0] - f->a[1] * (double)n[0] -
            f->a[2] * (double)n[1] - f->a[3] * (double)n[2];
 }
 
 /* What is left of a vertex's weight, by what the last round found. */
-static double trust(const struct fit *f, const float color[4],
-                    const float n[3])
+static double light_trust(const struct fit *f, const float color[4],
+                          const float n[3])
 {
-    double r = residual(f, (double)color[0], n) / (2 * f->spread), off = 0;
+    double r = light_residual(f, (double)color[0], n) / (2 * f->spread);
+    double off = 0;
 
     if (!f->begun)
         return 1;
@@ -52,7 +58,7 @@ static double trust(const struct fit *f, const float color[4],
 }
 
 /* Solve the symmetric, positive M x = y; M and y are used up. */
-static void solve(double x[4], double M[4][4], double y[4])
+static void light_solve(double x[4], double M[4][4], double y[4])
 {
     for (int i = 0; i < 4; i++)
         for (int k = i + 1; k < 4; k++) {
@@ -72,8 +78,8 @@ static void solve(double x[4], double M[4][4], double y[4])
 
 /* One round: weights by the last fit, a new fit by the weights.  false: there
  * is nothing to see. */
-static bool fit_again(struct fit *f, const float *colors,
-                      const float *normal, const float *weight, size_t V)
+static bool light_fit_again(struct fit *f, const float *colors,
+                            const float *normal, const float *weight, size_t V)
 {
     double M[4][4] = {{0}}, y[4] = {0}, sum = 0, spread = 0;
     struct fit next = {.begun = true};
@@ -85,9 +91,9 @@ static bool fit_again(struct fit *f, const float *colors,
 
         if (light < 0 || !(weight[v] > 0))
             continue;
-        w = (double)weight[v] * trust(f, color, n);
+        w = (double)weight[v] * light_trust(f, color, n);
         sum += w;
-        spread += w * fabs(residual(f, light, n));
+        spread += w * fabs(light_residual(f, light, n));
         for (int i = 0; i < 4; i++) {
             y[i] += w * row[i] * light;
             for (int j = 0; j < 4; j++)
@@ -100,7 +106,7 @@ static bool fit_again(struct fit *f, const float *colors,
         return false;
     for (int i = 1; i < 4; i++)
         M[i][i] += RIDGE * sum;
-    solve(next.a, M, y);
+    light_solve(next.a, M, y);
     for (int c = 0; c < 3; c++)
         next.chroma[c] /= sum;
     next.spread = spread / sum + 1e-4;
@@ -108,6 +114,7 @@ static bool fit_again(struct fit *f, const float *colors,
     return true;
 }
 
+/* l is the fit's slope over its mean. */
 void light_fit(float l[3], const float *rgba, const float *normal,
                const float *weight, size_t V, float *tmp)
 {
@@ -116,9 +123,9 @@ void light_fit(float l[3], const float *rgba, const float *normal,
 
     memset(l, 0, 3 * sizeof *l);
     for (size_t v = 0; v < V; v++)
-        split(tmp + 4 * v, rgba + 4 * v);
+        light_split(tmp + 4 * v, rgba + 4 * v);
     for (int round = 0; round < ROUNDS; round++)
-        if (!fit_again(&f, tmp, normal, weight, V))
+        if (!light_fit_again(&f, tmp, normal, weight, V))
             return;
     for (int c = 0; c < 3; c++) {
         l[c] = (float)(f.a[1 + c] / fmax(f.a[0], 1e-3));

@@ -1,19 +1,19 @@
-/* What of a head bends with the neck, what moves against the skull and what
- * lines the mouth: from the head model's own arrays, so for any head. */
+/* What of a head goes with the shoulders, what moves against the skull and
+ * what lines the mouth: from the head model's own arrays, so for any head. */
+#include "lib/avatar/mesh_weights.h"
+
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/branches.h"
-
 #define JAW_ANGLE 0.2f      /* radians the jaw is thought to open */
 #define STILL_MM 0.5f       /* who moves less than this belongs to the skull */
 #define MOVES_MM 2.0f
 
-/* The neck bends from under the chin to the model's lower edge, about a point
- * a third of the way from the root to the neck joint. */
-static void find_neck(struct bend *b, const struct head *h)
+/* The neck blend goes from under the chin to the model's lower edge, about a
+ * point a third of the way from the root to the neck joint. */
+static void mesh_weights_neck(struct neck_blend *b, const struct head *h)
 {
     const float *root = h->joint_template + 3 * JOINT_ROOT;
     const float *neck = h->joint_template + 3 * JOINT_NECK;
@@ -33,7 +33,7 @@ static void find_neck(struct bend *b, const struct head *h)
 
 /* Root mean square movement of vertex v, head units, when every expression
  * coefficient is drawn from N(0,1). */
-static float expression_range(const struct head *h, size_t v)
+static float mesh_weights_expression(const struct head *h, size_t v)
 {
     const float *block = h->exp_dirs +
                          v / HEAD_BLOCK * h->nexp * 3 * HEAD_BLOCK;
@@ -48,48 +48,59 @@ static float expression_range(const struct head *h, size_t v)
     return sqrtf(sum);
 }
 
-static float length(const float *d)
+/* Length of d (3). */
+static float mesh_weights_norm(const float *d)
 {
     return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
 
 /* Expressions, lids and jaw of vertex v together, head units. */
-static float range_of(const struct head *h, size_t v)
+static float mesh_weights_range(const struct head *h, size_t v)
 {
     const float *x = h->v_template + 3 * v;
     const float *jaw = h->joint_template + 3 * JOINT_JAW;
     float arm = hypotf(x[1] - jaw[1], x[2] - jaw[2]);
 
-    return expression_range(h, v) + length(h->l_eyelid + 3 * v) +
-           length(h->r_eyelid + 3 * v) +
-           JAW_ANGLE * arm * h->weights[HEAD_JOINTS * v + JOINT_JAW];
+    return mesh_weights_expression(h, v) +
+           mesh_weights_norm(h->l_eyelid + 3 * v) +
+           mesh_weights_norm(h->r_eyelid + 3 * v) +
+           JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
-int mesh_weights(struct avatar *a, struct error *err)
+/* One pass over the vertices, then means for the midpoints. */
+int mesh_weights_init(struct mesh_weights *w, const struct head *h,
+                      const struct densify *d, struct error *err)
 {
-    const struct head *h = a->head;
-    size_t V = h->V, D = V + a->dense.E;
+    size_t V = h->V, D = V + d->E;
 
-    find_neck(&a->bend, h);
-    a->neck = malloc(D * sizeof *a->neck);
-    a->moving = malloc(V * sizeof *a->moving);
-    a->lining = calloc(D, sizeof *a->lining);
-    if (!a->neck || !a->moving || !a->lining)
+    mesh_weights_neck(&w->blend, h);
+    w->neck = malloc(D * sizeof *w->neck);
+    w->moving = malloc(V * sizeof *w->moving);
+    w->lining = calloc(D, sizeof *w->lining);
+    if (!w->neck || !w->moving || !w->lining)
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     for (size_t v = 0; v < V; v++) {
-        const float *w = h->weights + HEAD_JOINTS * v;
-        float mm = range_of(h, v) / h->scale * 1e3f;
+        const float *skin = h->weights + HEAD_JOINTS * v;
+        float mm = mesh_weights_range(h, v) / h->scale * 1e3f;
         float t = (mm - STILL_MM) / (MOVES_MM - STILL_MM);
-        float eye = w[JOINT_EYE_LEFT] + w[JOINT_EYE_RIGHT];
+        float eye = skin[JOINT_EYE_LEFT] + skin[JOINT_EYE_RIGHT];
 
-        a->moving[v] = fminf(fmaxf(fmaxf(t, eye), 0), 1);
-        a->neck[v] = bend_weight(&a->bend, h->v_template[3 * v + 1]) *
-                     (1 - w[JOINT_JAW]);
-        a->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
+        w->moving[v] = fminf(fmaxf(fmaxf(t, eye), 0), 1);
+        w->neck[v] = neck_blend_weight(&w->blend, h->v_template[3 * v + 1]) *
+                     (1 - head_jaw_share(h, v));
+        w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
-    densify_midpoints(a->neck + V, a->neck, &a->dense, 1);
-    densify_midpoints(a->lining + V, a->lining, &a->dense, 1);
+    densify_midpoints(w->neck + V, w->neck, d, 1);
+    densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* an edge to the lips is lip */
-        a->lining[k] = a->lining[k] == 1;
+        w->lining[k] = w->lining[k] == 1;
     return 0;
+}
+
+void mesh_weights_release(struct mesh_weights *w)
+{
+    free(w->neck);
+    free(w->moving);
+    free(w->lining);
+    memset(w, 0, sizeof *w);
 }

@@ -1,23 +1,28 @@
-/* The Mouth Interior Branch: a small sheet of Gaussians behind the lips that
- * follows their centroid. */
+/* The Mouth Interior Branch: a small grid of Gaussians behind the lips that
+ * follows their centroid (Section 3.2). */
+#include "lib/avatar/mouth_branch.h"
+
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/branches.h"
+#include "lib/avatar/slices.h"
 #include "lib/geom/resample.h"
 
 #define OUTSIDE 6.0f    /* opacity logits fall outside the mouth's ellipse */
 #define OVERLAP 0.6f    /* standard deviation over the spacing */
 /* The decoder can ask for no less opacity, and no less of the largest scale
- * before the shift: the sheet has no holes. */
+ * before the shift: the grid has no holes. */
 #define SOLID 0.9f
 #define WIDE 0.45f
 
 /* What an unseen mouth starts as, sRGB. */
-static const float dark[3] = {0.22f, 0.08f, 0.08f};
+static const float mouth_branch_dark[3] = {0.22f, 0.08f, 0.08f};
 
-void mouth_sheet(float *g, float *uv, const float centre[3], float radius,
-                 size_t K)
+/* ---- the equations ----------------------------------------------------- */
+
+void mouth_branch_grid(float *g, float *uv, const float centre[3],
+                       float radius, size_t K)
 {
     for (size_t i = 0; i < K; i++)
         for (size_t j = 0; j < K; j++) {
@@ -31,12 +36,12 @@ void mouth_sheet(float *g, float *uv, const float centre[3], float radius,
         }
 }
 
-float mouth_cap(const struct head_mouth *m)
+float mouth_branch_cap(const struct head_mouth *m)
 {
-    return m->bowl + 0.5f * m->lip + AVATAR_OFFSET_EPS;
+    return m->bowl + 0.5f * m->lip + MOUTH_BRANCH_EPS;
 }
 
-size_t mouth_clamp(float *q, size_t N, float cap)
+size_t mouth_branch_clamp(float *q, size_t N, float cap)
 {
     size_t clamped = 0;
 
@@ -49,14 +54,17 @@ size_t mouth_clamp(float *q, size_t N, float cap)
     return clamped;
 }
 
-void mouth_clamp_backward(float *dq, const float *raw, size_t N, float cap)
+/* The derivative of the clamp is 0 or 1. */
+void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
+                                 float cap)
 {
     for (size_t k = 0; k < N; k++)
         if (!(fabsf(raw[3 * k + 2]) <= cap))
             dq[3 * k + 2] = 0;
 }
 
-void mouth_hold(float *q, size_t N, float radius, float cap)
+/* (side tanh x, side tanh y, depth (tanh z - 1)). */
+void mouth_branch_bound(float *q, size_t N, float radius, float cap)
 {
     float side = 0.5f * radius, depth = 0.5f * cap;
 
@@ -67,8 +75,9 @@ void mouth_hold(float *q, size_t N, float radius, float cap)
     }
 }
 
-void mouth_hold_backward(float *dq, const float *raw, size_t N, float radius,
-                         float cap)
+/* d tanh = 1 - tanh^2. */
+void mouth_branch_bound_backward(float *dq, const float *raw, size_t N,
+                                 float radius, float cap)
 {
     float room[3] = {0.5f * radius, 0.5f * radius, 0.5f * cap};
 
@@ -79,12 +88,79 @@ void mouth_hold_backward(float *dq, const float *raw, size_t N, float radius,
     }
 }
 
-size_t mouth_inputs(const struct avatar_config *c)
+/* ---- the branch -------------------------------------------------------- */
+
+int mouth_branch_init(struct mouth_branch *b, struct params *ps,
+                      const struct avatar_config *c, struct error *err)
 {
-    return c->feature + 2 + (c->rgb_skip ? AVATAR_MOUTH_EXTRA : 0);
+    struct gaussian_head head = {.colors = c->channels,
+                                 .position = GAUSSIAN_POSITION_OFFSET,
+                                 .quirk_columns = c->public_quirks};
+
+    memset(b, 0, sizeof *b);
+    b->K = c->mouth;
+    b->count = b->K * b->K;
+    b->n = c->plane;
+    b->feature = c->feature;
+    b->prior = c->rgb_skip;
+    b->inputs = c->feature + 2 + (b->prior ? MOUTH_BRANCH_EXTRA : 0);
+    return conv_decoder_init(&b->decoder, ps, "mouth.", b->inputs,
+                             c->mouth_width, head, err);
 }
 
-static float ramp(float x, float lo, float hi)
+/* As the static branch's; without the prior also behind the lips. */
+void mouth_branch_init_weights(struct params *ps,
+                               const struct avatar_config *c)
+{
+    const char *bias = "mouth.gaussian_conv.6.bias";
+    size_t C = c->channels;
+
+    branch_scale_tensor(ps, "mouth.gaussian_conv.6.weight", 0.1f);
+    branch_set_bias(ps, bias, C, 1, 2.5f);
+    branch_set_bias(ps, bias, C + 1, 3,
+                    branch_scale_bias(0.25f / (float)c->mouth, c->rgb_skip));
+    branch_set_bias(ps, bias, C + 4, 1, 1);
+    if (!c->rgb_skip)
+        branch_set_bias(ps, bias, C + 10, 1, -0.06f);   /* 12 mm behind the
+                                                         * lips */
+}
+
+int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
+                      struct error *err)
+{
+    size_t M = b->count;
+    const struct slice slices[] = {
+        {&b->start.opacity, M, false}, {&b->start.scale, 3 * M, false},
+        {&b->start.opacity_shift, M, false},
+        {&b->start.scale_shift, M, false}, {&b->start.visible, M, false},
+        {&b->grid, 3 * M, false}, {&b->uv, 2 * M, false},
+        {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
+        {&b->pixel, 4 * M, false}, {&b->in, M * b->inputs, false},
+        {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
+        {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
+    };
+
+    if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
+                        opt.mode != NN_INFER, err))
+        return -1;
+    b->dsampled = b->sampled;       /* the decoder's input has a copy */
+    return conv_decoder_plan(&b->decoder, 1, b->K, b->K, opt, err);
+}
+
+void mouth_branch_update(struct mouth_branch *b)
+{
+    conv_decoder_update(&b->decoder);
+}
+
+void mouth_branch_release(struct mouth_branch *b)
+{
+    conv_decoder_release(&b->decoder);
+    free(b->block);
+    memset(b, 0, sizeof *b);
+}
+
+/* Smooth step from 0 at lo to 1 at hi. */
+static float mouth_branch_ramp(float x, float lo, float hi)
 {
     float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
 
@@ -93,7 +169,8 @@ static float ramp(float x, float lo, float hi)
 
 /* How much of the mouth's inside the source shows at (u, v): 1 between open
  * lips, 0 on the lips and outside. */
-static float opening(const struct head_mouth *m, const float uv[2], float r)
+static float mouth_branch_opening(const struct head_mouth *m,
+                                  const float uv[2], float r)
 {
     float half = 0.5f * m->gap / r;
     float shape = uv[0] * uv[0] / 0.64f;
@@ -101,45 +178,45 @@ static float opening(const struct head_mouth *m, const float uv[2], float r)
     if (half < 0.02f || shape >= 1)
         return 0;
     float edge = half * sqrtf(1 - shape);
-    return 1 - ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
+    return 1 - mouth_branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
 }
 
-static void starting_values(struct avatar *a, float r)
+/* The prior: extra columns of the decoder's input, colours, shifts; r is the
+ * grid's radius. */
+static void mouth_branch_start(const struct source_picture *picture, float r,
+                               struct mouth_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t in = mouth_inputs(&a->config), g = a->first[BRANCH_MOUTH];
-    float spacing = 2 * r / (float)s->K;
+    float spacing = 2 * r / (float)b->K;
     float size_shift = attribute_logit(OVERLAP * spacing / BRANCH_SCALE_MAX);
 
-    grid_sample(s->mouth_picture, s->rgba, s->mouth_ndc, 1, s->S, s->S, 4,
-                s->M, false, RESAMPLE_BORDER);
-    for (size_t k = 0; k < s->M; k++) {
-        const float *uv = s->uv + 2 * k, *pixel = s->mouth_picture + 4 * k;
-        float *extra = s->mouth_in + (k + 1) * in - AVATAR_MOUTH_EXTRA;
-        float w = opening(&a->mouth, uv, r) * pixel[3];
+    source_picture_sample(b->pixel, picture, b->place, b->count);
+    for (size_t k = 0; k < b->count; k++) {
+        const float *uv = b->uv + 2 * k, *pixel = b->pixel + 4 * k;
+        float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
+        float w = mouth_branch_opening(&b->lips, uv, r) * pixel[3];
         float out = uv[0] * uv[0] / 0.42f + uv[1] * uv[1] / 0.35f - 1;
 
         extra[0] = w;
-        extra[1] = a->mouth.gap / r;
+        extra[1] = b->lips.gap / r;
         for (int c = 0; c < 3; c++)
-            s->mouth_logit[3 * k + c] = attribute_logit(w * pixel[c] +
-                                                        (1 - w) * dark[c]);
-        s->matte[g + k] = 1;
-        s->opacity_shift[g + k] = -OUTSIDE * fminf(fmaxf(2 * out, 0), 1);
-        s->scale_shift[g + k] = size_shift;
+            b->logit[3 * k + c] = attribute_logit(
+                w * pixel[c] + (1 - w) * mouth_branch_dark[c]);
+        b->start.visible[k] = 1;
+        b->start.opacity_shift[k] = -OUTSIDE * fminf(fmaxf(2 * out, 0), 1);
+        b->start.scale_shift[k] = size_shift;
     }
 }
 
-/* Lips pressed to a point still get a sheet of finite size. */
-static float sheet_radius(const struct avatar *a)
+/* Lips pressed to a point still get a grid of finite size. */
+static float mouth_branch_radius(const struct mouth_branch *b)
 {
-    return fmaxf(a->mouth.radius, 1e-3f);
+    return fmaxf(b->lips.radius, 1e-3f);
 }
 
-/* Most frames show closed lips and a shadow of the sheet through them:
+/* Most frames show closed lips and a shadow of the grid through them:
  * training would make it fade or shrink below what is drawn, and the back of
  * the head, seen through open lips, would be painted as their inside. */
-static void stay_solid(struct gaussian_out *g, size_t M)
+static void mouth_branch_solid(struct gaussian_out *g, size_t M)
 {
     for (size_t i = 0; i < M; i++)
         g->opacity[i] = SOLID + (1 - SOLID) * g->opacity[i];
@@ -147,7 +224,8 @@ static void stay_solid(struct gaussian_out *g, size_t M)
         g->scale[i] = WIDE * BRANCH_SCALE_MAX + (1 - WIDE) * g->scale[i];
 }
 
-static void stay_solid_backward(struct gaussian_out *dg, size_t M)
+/* Reverse of mouth_branch_solid, in place. */
+static void mouth_branch_solid_backward(struct gaussian_out *dg, size_t M)
 {
     for (size_t i = 0; i < M; i++)
         dg->opacity[i] *= 1 - SOLID;
@@ -155,68 +233,81 @@ static void stay_solid_backward(struct gaussian_out *dg, size_t M)
         dg->scale[i] *= 1 - WIDE;
 }
 
-void mouth_bake(struct avatar *a, const float *verts)
+/* The decoder's input rows [F at g, u, v]; the grid has radius r. */
+static void mouth_branch_inputs(const float *features, float r,
+                                const struct source_mesh *mesh,
+                                struct mouth_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t g = a->first[BRANCH_MOUTH], in = mouth_inputs(&a->config);
-    int skip = a->config.rgb_skip;
+    size_t Cf = b->feature;
 
-    head_mouth(&a->mouth, a->head, verts);
-    a->cap = mouth_cap(&a->mouth);
-    a->clamped = 0;
-    if (a->first[BRANCH_COUNT] == g)
-        return;
-    float r = sheet_radius(a);
-    mouth_sheet(s->sheet, s->uv, a->mouth.centre, r, s->K);
-    dynamic_project(s->mouth_ndc, s->sheet, s->M, s->cam);
-    grid_sample(s->mouth_sample, s->features, s->mouth_ndc, 1, s->n, s->n,
-                s->Cf, s->M, false, RESAMPLE_BORDER);
-    for (size_t k = 0; k < s->M; k++) {
-        float *row = s->mouth_in + k * in;
+    mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
+    source_mesh_project(b->place, b->grid, b->count, mesh->cam);
+    grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
+                false, RESAMPLE_BORDER);
+    for (size_t k = 0; k < b->count; k++) {
+        float *row = b->in + k * b->inputs;
 
-        memcpy(row, s->mouth_sample + k * s->Cf, s->Cf * sizeof *row);
-        memcpy(row + s->Cf, s->uv + 2 * k, 2 * sizeof *row);
+        memcpy(row, b->sampled + k * Cf, Cf * sizeof *row);
+        memcpy(row + Cf, b->uv + 2 * k, 2 * sizeof *row);
     }
-    if (skip)
-        starting_values(a, r);
-    struct gaussian_out out = branch_out(a, BRANCH_MOUTH);
-    conv_decoder_forward(&out, s->mouth_in, a->normal,
-                         skip ? s->mouth_logit : NULL, &a->mouth_decoder);
-    if (skip)
-        stay_solid(&out, s->M);
-    branch_shift(a, g, a->first[BRANCH_COUNT]);
-    float *mean = s->mean + 3 * g;
-    memcpy(mean, s->q, 3 * s->M * sizeof *mean);
-    if (skip)
-        mouth_hold(mean, s->M, r, a->cap);
-    a->clamped = mouth_clamp(mean, s->M, a->cap);
-    for (size_t i = 0; i < 3 * s->M; i++)   /* g + q; l_d - l_s comes later */
-        mean[i] += s->sheet[i];
 }
 
-void mouth_bake_backward(struct avatar *a)
+/* Rows [F at g, u, v, extras] through Phi_M; mu = g + q. */
+void mouth_branch_forward(struct branch_set *out, const float *features,
+                          const struct source_picture *picture,
+                          const struct source_mesh *mesh,
+                          struct mouth_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t g = a->first[BRANCH_MOUTH], in = mouth_inputs(&a->config);
-    int skip = a->config.rgb_skip;
-
-    if (a->first[BRANCH_COUNT] == g)
+    head_mouth(&b->lips, mesh->head, mesh->posed);
+    b->cap = mouth_branch_cap(&b->lips);
+    b->clamped = 0;
+    if (out->n == 0)
         return;
-    memcpy(s->dq, s->dmean + 3 * g, 3 * s->M * sizeof *s->dq);
-    if (skip)       /* what is held is never clamped */
-        mouth_hold_backward(s->dq, s->q, s->M, sheet_radius(a), a->cap);
+    float r = mouth_branch_radius(b);
+    mouth_branch_inputs(features, r, mesh, b);
+    if (b->prior)
+        mouth_branch_start(picture, r, b);
+    struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);
+    conv_decoder_forward(&raw, b->in, mesh->normal,
+                         b->prior ? b->logit : NULL, &b->decoder);
+    if (b->prior)
+        mouth_branch_solid(&raw, b->count);
+    branch_prior_forward(out, &b->start, b->prior);
+    memcpy(out->mean, b->q, 3 * b->count * sizeof *out->mean);
+    if (b->prior)
+        mouth_branch_bound(out->mean, b->count, r, b->cap);
+    b->clamped = mouth_branch_clamp(out->mean, b->count, b->cap);
+    for (size_t i = 0; i < 3 * b->count; i++)   /* l_d - l_s comes later */
+        out->mean[i] += b->grid[i];
+    memset(out->neck, 0, b->count * sizeof *out->neck);
+    memset(out->seen, 0, b->count * sizeof *out->seen);
+}
+
+/* g is a constant: gradients go to Phi_M and the features. */
+void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
+                           const float *features,
+                           const struct source_mesh *mesh,
+                           struct mouth_branch *b)
+{
+    size_t Cf = b->feature;
+
+    if (dout->n == 0)
+        return;
+    memcpy(b->dq, dout->mean, 3 * b->count * sizeof *b->dq);
+    if (b->prior)       /* what is bounded is never clamped */
+        mouth_branch_bound_backward(b->dq, b->q, b->count,
+                                    mouth_branch_radius(b), b->cap);
     else
-        mouth_clamp_backward(s->dq, s->q, s->M, a->cap);
-    branch_shift_backward(a, NULL, g, a->first[BRANCH_COUNT]);
-    struct gaussian_out dout = branch_dout(a, BRANCH_MOUTH);
-    if (skip)
-        stay_solid_backward(&dout, s->M);
-    conv_decoder_backward(s->dmouth_in, NULL, NULL, &dout, a->normal,
-                          skip ? s->mouth_logit : NULL, &a->mouth_decoder);
-    for (size_t k = 0; k < s->M; k++)
-        memcpy(s->mouth_sample + k * s->Cf, s->dmouth_in + k * in,
-               s->Cf * sizeof *s->mouth_sample);
-    grid_sample_backward(s->dfeatures, NULL, s->mouth_sample, s->features,
-                         s->mouth_ndc, 1, s->n, s->n, s->Cf, s->M, false,
-                         RESAMPLE_BORDER);
+        mouth_branch_clamp_backward(b->dq, b->q, b->count, b->cap);
+    branch_prior_backward(dout, NULL, &b->start, b->prior);
+    struct gaussian_out draw = branch_decoder_gradient(dout, b->dq);
+    if (b->prior)
+        mouth_branch_solid_backward(&draw, b->count);
+    conv_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
+                          b->prior ? b->logit : NULL, &b->decoder);
+    for (size_t k = 0; k < b->count; k++)
+        memcpy(b->dsampled + k * Cf, b->din + k * b->inputs,
+               Cf * sizeof *b->dsampled);
+    grid_sample_backward(dfeatures, NULL, b->dsampled, features, b->place, 1,
+                         b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
 }

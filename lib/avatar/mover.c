@@ -1,13 +1,16 @@
+/* Phase B of the branches on a stream: MESH records in, GAUS once and GMOV
+ * out. */
 #include "lib/avatar/mover.h"
-#include "lib/record/mesh.h"
-#include "lib/record/person.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/record/mesh.h"
+#include "lib/record/person.h"
 
-static void take_hash(char hash[17], const struct record *rec)
+/* The head's hash of a CONF record; hash stays when it names none. */
+static void mover_take_hash(char hash[17], const struct record *rec)
 {
     struct person p = {0};
 
@@ -16,7 +19,7 @@ static void take_hash(char hash[17], const struct record *rec)
 }
 
 /* Leave out branches and midpoints of an avatar that was baked with them. */
-static void drop_branches(struct baked *b, unsigned without, size_t V)
+static void mover_drop_branches(struct baked *b, unsigned without, size_t V)
 {
     uint8_t *keep = malloc(b->N + 1);
 
@@ -26,11 +29,12 @@ static void drop_branches(struct baked *b, unsigned without, size_t V)
                     (size_t)b->vertex[i] >= V);
     if (keep)
         baked_keep(b, keep);
-    if (without & WITHOUT_BEND)
-        baked_straighten(b);
+    if (without & WITHOUT_NECK)
+        baked_drop_neck(b);
     free(keep);
 }
 
+/* Up to the first GAUS record; the rest of the file is not read. */
 int mover_open(struct mover *m, const char *path,
                const struct mover_options *opt, struct error *err)
 {
@@ -43,7 +47,13 @@ int mover_open(struct mover *m, const char *path,
         return -1;
     while (!found && (rc = stream_read(in, &rec, err)) > 0) {
         if (record_is(&rec, "CONF"))
-            take_hash(m->head, &rec);
+            mover_take_hash(m->head, &rec);
+        if (record_is(&rec, "SRCI") &&
+            person_take(&m->person, &rec, 0, err) < 0) {
+            error_prefix(err, "%s", path);
+            rc = -1;
+            break;
+        }
         if (!record_is(&rec, "GAUS"))
             continue;
         found = 1;
@@ -62,16 +72,17 @@ int mover_open(struct mover *m, const char *path,
 
 void mover_release(struct mover *m)
 {
+    person_release(&m->person);
     baked_release(&m->baked);
     densify_release(&m->dense);
-    baked_move_release(&m->frame);
+    baked_move_release(&m->move);
     free(m->means);
     memset(m, 0, sizeof *m);
 }
 
 /* The first mesh brings the faces: edges, and whether it fits the avatar. */
-static int first_mesh(struct mover *m, const struct record *rec, size_t V,
-                      struct error *err)
+static int mover_first_mesh(struct mover *m, const struct record *rec,
+                            size_t V, struct error *err)
 {
     const int32_t *f;
     size_t F;
@@ -80,7 +91,7 @@ static int first_mesh(struct mover *m, const struct record *rec, size_t V,
         return -1;
     if (densify_init(&m->dense, f, F, V, err))
         return -1;
-    drop_branches(&m->baked, m->opt.without, V);
+    mover_drop_branches(&m->baked, m->opt.without, V);
     for (size_t i = 0; i < m->baked.dynamic; i++)
         if ((size_t)m->baked.vertex[i] >= V + m->dense.E)
             return error_set(err, EX_DATAERR, "MESH has %zu vertices and %zu "
@@ -91,10 +102,11 @@ static int first_mesh(struct mover *m, const struct record *rec, size_t V,
     if (!m->means)
         return error_set(err, EX_OSERR, "no memory for %zu Gaussians",
                          m->baked.N);
-    return baked_move_init(&m->frame, &m->baked, err);
+    return baked_move_init(&m->move, &m->baked, err);
 }
 
-static int write_moved(struct stream_writer *out, struct mover *m,
+/* The whole set (--full), or the set once and then what moved. */
+static int mover_write(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
 {
@@ -102,14 +114,19 @@ static int write_moved(struct stream_writer *out, struct mover *m,
     struct array a[STREAM_MAX_ARRAYS] = {
         array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
         array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
-        array_make("mean", DTYPE_F32, m->frame.mean, 2, m->baked.dynamic, 3,
+        array_make("mean", DTYPE_F32, m->move.mean, 2, m->baked.dynamic, 3,
                    0, 0),
-        array_make("shift", DTYPE_F32, m->frame.shift, 1, 3, 0, 0, 0),
-        array_make("body", DTYPE_F32, m->frame.body, 2, 3, 4, 0, 0)
+        array_make("shift", DTYPE_F32, m->move.frame.to, 1, 3, 0, 0, 0),
+        array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4, 0, 0)
     };
 
+    /* places are of no use without the photograph */
+    if (!m->sent && m->person.back && baked_has_places(&m->baked) &&
+        person_write_picture(out, &m->person, err))
+        return -1;
     if (m->opt.full) {
-        baked_means(m->means, &m->baked, &m->frame);
+        m->sent = true;
+        baked_means(m->means, &m->baked, &m->move);
         return baked_write(out, rec->frame, rec->time, &m->baked, m->means,
                            cam, err);
     }
@@ -117,36 +134,37 @@ static int write_moved(struct stream_writer *out, struct mover *m,
                                 NULL, err))
         return -1;
     m->sent = true;
-    int n = m->baked.bent ? 5 : 4;      /* nothing bends: no body */
+    int n = m->baked.blended ? 5 : 4;   /* no shoulders: no body */
 
     n += record_others(a + n, n, rec, mesh_arrays);
     return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
 }
 
 /* mu_D = densified V_d, the mouth's shift, the camera T_d. */
-static int move_frame(struct stream_writer *out, struct mover *m,
-                      const struct record *rec, struct error *err)
+static int mover_frame(struct stream_writer *out, struct mover *m,
+                       const struct record *rec, struct error *err)
 {
     struct mesh mesh;
 
     if (mesh_read(&mesh, rec, err) ||
-        (!m->means && first_mesh(m, rec, mesh.V, err)))
+        (!m->means && mover_first_mesh(m, rec, mesh.V, err)))
         return -1;
     if (mesh.V != m->dense.V)
         return error_set(err, EX_DATAERR, "MESH has %zu vertices (expected "
                          "%zu, as the first one)", mesh.V, m->dense.V);
     /* an unknown opening counts as open */
-    baked_drive(&m->frame, &m->baked, &m->dense, mesh.verts, mesh.lip,
+    baked_drive(&m->move, &m->baked, &m->dense, mesh.verts, mesh.lip,
                 mesh.gap ? *mesh.gap : 1, m->opt.closed, mesh.cam);
-    return write_moved(out, m, rec, mesh.cam, err);
+    return mover_write(out, m, rec, mesh.cam, err);
 }
 
-static int check_head(const struct mover *m, const struct record *rec,
-                      struct error *err)
+/* The stream's head against the avatar's, where both are named. */
+static int mover_check_head(const struct mover *m, const struct record *rec,
+                            struct error *err)
 {
     char hash[17] = "";
 
-    take_hash(hash, rec);
+    mover_take_hash(hash, rec);
     if (hash[0] && m->head[0] && strcmp(hash, m->head))
         return error_set(err, EX_DATAERR, "%s: avatar belongs to head %s "
                          "(expected %s, the stream's)", m->path, m->head,
@@ -158,8 +176,8 @@ int mover_apply(struct mover *m, struct stream_writer *out,
                 const struct record *rec, struct error *err)
 {
     if (record_is(rec, "MESH"))
-        return move_frame(out, m, rec, err);
-    if (record_is(rec, "CONF") && check_head(m, rec, err))
+        return mover_frame(out, m, rec, err);
+    if (record_is(rec, "CONF") && mover_check_head(m, rec, err))
         return -1;
     return stream_copy(out, rec, err);
 }

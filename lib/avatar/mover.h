@@ -6,6 +6,7 @@
 #include <stdbool.h>
 
 #include "lib/avatar/baked.h"
+#include "lib/record/person.h"
 #include "lib/stream/stream.h"
 
 struct mover_options {
@@ -18,9 +19,10 @@ struct mover {
     struct mover_options opt;
     const char *path;       /* the avatar's; kept, not copied */
     char head[17];          /* hash in its CONF */
+    struct person person;   /* the picture that places are places of */
     struct baked baked;
     struct densify dense;   /* of the first mesh's faces */
-    struct baked_move frame;
+    struct baked_move move;
     float *means;           /* (N,3); NULL before the first mesh */
     bool sent;              /* the GAUS record */
 };

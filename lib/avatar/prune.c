@@ -1,3 +1,5 @@
+/* Pruning by drawing: the sum of a Gaussian's weights in a view is the
+ * gradient of the picture's sum by its colour. */
 #include "lib/avatar/prune.h"
 
 #include <math.h>
@@ -25,7 +27,7 @@ struct prune {
 };
 
 /* The camera of view v, turned about the head's origin at distance 12. */
-static void view_camera(float cam[12], size_t v)
+static void prune_view_camera(float cam[12], size_t v)
 {
     const float degree = 0.01745329f, t[3] = {0, 0, 12};
     float yaw = ((float)(v % YAWS) - 2) * 20 * degree;
@@ -39,7 +41,8 @@ static void view_camera(float cam[12], size_t v)
     camera_make(cam, R, t);
 }
 
-static int by_value(const void *a, const void *b)
+/* Order of qsort. */
+static int prune_by_value(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
 
@@ -47,15 +50,15 @@ static int by_value(const void *a, const void *b)
 }
 
 /* Draw view v of b; the time in ms is kept. */
-static int draw(struct prune *p, struct splat *s, const struct densify *d,
-                const struct head *h, float *image, size_t v,
-                struct error *err)
+static int prune_draw(struct prune *p, struct splat *s,
+                      const struct densify *d, const struct head *h,
+                      float *image, size_t v, struct error *err)
 {
     const float *verts = p->verts + v / (YAWS * NODS) * 3 * h->V;
     struct head_mouth m;
     float cam[12];
 
-    view_camera(cam, v);
+    prune_view_camera(cam, v);
     head_mouth(&m, h, verts);
     baked_drive(&p->move, p->b, d, verts, m.centre, m.gap, 0, cam);
     struct splat_camera c = splat_camera_square(cam, (int)p->size,
@@ -68,8 +71,9 @@ static int draw(struct prune *p, struct splat *s, const struct densify *d,
     return 0;
 }
 
-static int open_renderer(struct splat *s, const struct prune *p, int channels,
-                         int gradients, struct error *err)
+/* A renderer that has loaded the set. */
+static int prune_open_renderer(struct splat *s, const struct prune *p,
+                               int channels, int gradients, struct error *err)
 {
     struct splat_options opt = splat_defaults((int)p->size, (int)p->size,
                                               channels);
@@ -86,16 +90,16 @@ static int open_renderer(struct splat *s, const struct prune *p, int channels,
 }
 
 /* Largest summed weight of every Gaussian over the views. */
-static int weigh(struct prune *p, const struct densify *d,
-                 const struct head *h, struct error *err)
+static int prune_weigh(struct prune *p, const struct densify *d,
+                       const struct head *h, struct error *err)
 {
     struct splat_gradients g = {.color = p->weight};
     struct splat s = {0};
-    int rc = open_renderer(&s, p, 1, 1, err);
+    int rc = prune_open_renderer(&s, p, 1, 1, err);
 
     for (size_t v = 0; rc == 0 && v < VIEWS; v++) {
         memset(p->weight, 0, p->b->N * sizeof *p->weight);
-        rc = draw(p, &s, d, h, p->image, v, err);
+        rc = prune_draw(p, &s, d, h, p->image, v, err);
         /* the gradient of the picture's sum by a colour is its weight */
         if (rc == 0)
             rc = splat_backward(&s, &g, p->ones, NULL, err);
@@ -107,19 +111,19 @@ static int weigh(struct prune *p, const struct densify *d,
 }
 
 /* Draw all views into images, or compare with them. */
-static int draw_all(struct prune *p, const struct densify *d,
-                    const struct head *h, struct prune_report *r,
-                    double *median, struct error *err)
+static int prune_draw_all(struct prune *p, const struct densify *d,
+                          const struct head *h, struct prune_report *r,
+                          double *median, struct error *err)
 {
     size_t n = 3 * p->size * p->size;
     struct splat s = {0};
-    int rc = open_renderer(&s, p, 3, 0, err);
+    int rc = prune_open_renderer(&s, p, 3, 0, err);
 
     for (size_t v = 0; rc == 0 && v < VIEWS; v++) {
         float *full = p->full + v * n;
         double sum = 0;
 
-        rc = draw(p, &s, d, h, r ? p->image : full, v, err);
+        rc = prune_draw(p, &s, d, h, r ? p->image : full, v, err);
         for (size_t i = 0; r && i < n; i++) {
             double e = fabs((double)p->image[i] - full[i]);
 
@@ -130,12 +134,13 @@ static int draw_all(struct prune *p, const struct densify *d,
             r->psnr = fmin(r->psnr, -10 * log10(sum / (double)n + 1e-20));
     }
     splat_release(&s);
-    qsort(p->ms, VIEWS, sizeof *p->ms, by_value);
+    qsort(p->ms, VIEWS, sizeof *p->ms, prune_by_value);
     *median = p->ms[VIEWS / 2];
     return rc;
 }
 
-static int allocate(struct prune *p, size_t V, struct error *err)
+/* Memory for meshes of V vertices and all pictures. */
+static int prune_allocate(struct prune *p, size_t V, struct error *err)
 {
     size_t pixels = p->size * p->size;
 
@@ -153,7 +158,7 @@ static int allocate(struct prune *p, size_t V, struct error *err)
     return baked_move_init(&p->move, p->b, err);
 }
 
-static void release(struct prune *p)
+static void prune_release(struct prune *p)
 {
     free(p->verts);
     baked_move_release(&p->move);
@@ -164,13 +169,15 @@ static void release(struct prune *p)
     free(p->most);
 }
 
-static void count(size_t n[3], const struct baked *b)
+/* Gaussians of each branch. */
+static void prune_count(size_t n[3], const struct baked *b)
 {
     n[0] = n[1] = n[2] = 0;
     for (size_t i = 0; i < b->N; i++)
         n[b->branch[i]]++;
 }
 
+/* Draw all, keep what weighs enough, draw again and compare. */
 int prune_views(struct baked *b, struct prune_report *r,
                 const struct densify *d, const struct identity *id,
                 size_t size, double eps, struct error *err)
@@ -185,21 +192,21 @@ int prune_views(struct baked *b, struct prune_report *r,
         error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
         goto out;
     }
-    if (allocate(&p, id->head->V, err))
+    if (prune_allocate(&p, id->head->V, err))
         goto out;
     head_pose(p.verts, id, &rest);
     head_pose(p.verts + 3 * id->head->V, id, &open);
-    count(r->before, b);
-    if (weigh(&p, d, id->head, err) ||
-        draw_all(&p, d, id->head, NULL, &r->ms_full, err))
+    prune_count(r->before, b);
+    if (prune_weigh(&p, d, id->head, err) ||
+        prune_draw_all(&p, d, id->head, NULL, &r->ms_full, err))
         goto out;
     for (size_t i = 0; i < b->N; i++)
         keep[i] = p.most[i] > 0 && p.most[i] >= eps;
     baked_keep(b, keep);
-    count(r->after, b);
-    rc = draw_all(&p, d, id->head, r, &r->ms_kept, err);
+    prune_count(r->after, b);
+    rc = prune_draw_all(&p, d, id->head, r, &r->ms_kept, err);
 out:
     free(keep);
-    release(&p);
+    prune_release(&p);
     return rc;
 }

@@ -7,8 +7,8 @@
 #include <stdint.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
 #include "lib/base/error.h"
+#include "lib/geom/densify.h"
 #include "lib/head/lbs.h"
 
 struct prune_report {

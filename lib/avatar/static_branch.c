@@ -1,11 +1,15 @@
 /* The Static Branch: a deformable plane of Gaussians facing the source
- * camera. */
+ * camera (Section 3.2, Eqs. of U, mu and the depth offset). */
+#include "lib/avatar/static_branch.h"
+
 #include <math.h>
+#include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/branches.h"
 #include "lib/avatar/coverage.h"
+#include "lib/avatar/slices.h"
 #include "lib/geom/camera.h"
+#include "lib/geom/neck_blend.h"
 #include "lib/geom/resample.h"
 
 /* Opacity logits fall by this much where the mesh covers the plane. */
@@ -18,7 +22,9 @@
 #define BEHIND 0.12f
 #define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
 
-void static_grid(float *U0, size_t n)
+/* ---- the equations ----------------------------------------------------- */
+
+void static_branch_grid(float *U0, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
@@ -27,15 +33,9 @@ void static_grid(float *U0, size_t n)
         }
 }
 
-void static_normal(float normal[3], const float cam[12])
-{
-    for (int i = 0; i < 3; i++)
-        normal[i] = -cam[8 + i];
-}
-
-void static_lift(float *mu, const float *U, const float *p,
-                 const float *surface, const float cam[12],
-                 const float normal[3], size_t N)
+void static_branch_lift(float *mu, const float *U, const float *p,
+                        const float *surface, const float cam[12],
+                        const float normal[3], size_t N)
 {
     float o[3];
 
@@ -57,9 +57,9 @@ void static_lift(float *mu, const float *U, const float *p,
     }
 }
 
-void static_lift_backward(float *dU, float *dp, const float *dmu,
-                          const float *surface, const float cam[12],
-                          const float normal[3], size_t N)
+void static_branch_lift_backward(float *dU, float *dp, const float *dmu,
+                                 const float *surface, const float cam[12],
+                                 const float normal[3], size_t N)
 {
     for (size_t k = 0; k < N; k++) {
         const float *d = dmu + 3 * k;
@@ -75,208 +75,294 @@ void static_lift_backward(float *dU, float *dp, const float *dmu,
     }
 }
 
-size_t static_inputs(const struct avatar_config *c)
+/* ---- the branch -------------------------------------------------------- */
+
+int static_branch_init(struct static_branch *b, struct params *ps,
+                       const struct avatar_config *c, struct error *err)
 {
-    return c->feature + 2 + (c->rgb_skip ? AVATAR_STATIC_EXTRA : 0);
+    struct gaussian_head head = {.colors = c->channels,
+                                 .position = GAUSSIAN_POSITION_DEPTH,
+                                 .quirk_columns = c->public_quirks};
+
+    memset(b, 0, sizeof *b);
+    b->n = c->plane;
+    b->count = b->n * b->n;
+    b->feature = c->feature;
+    b->prior = c->rgb_skip;
+    b->inputs = c->feature + 2 + (b->prior ? STATIC_BRANCH_EXTRA : 0);
+    return plane_init_init(&b->init, ps, "init.", c->feature + 1,
+                           c->init_width, err) ||
+                   conv_decoder_init(&b->decoder, ps, "static.", b->inputs,
+                                     c->static_width, head, err)
+               ? -1
+               : 0;
 }
 
-/* U = U_0 + Phi_init([F, C]). */
-static void deform(struct avatar *a)
+/* Last layer a tenth as large; opaque, unrotated, as large as their
+ * spacing asks for. */
+void static_branch_init_weights(struct params *ps,
+                                const struct avatar_config *c)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t Cf = s->Cf;
+    const char *bias = "static.gaussian_conv.6.bias";
+    size_t C = c->channels;
 
-    static_grid(s->U, s->n);
-    if (a->without & WITHOUT_DEFORM)
-        return;
-    for (size_t k = 0; k < s->n2; k++) {
-        float *row = s->init_in + k * (Cf + 1);
-
-        memcpy(row, s->features + k * Cf, Cf * sizeof *row);
-        row[Cf] = s->coverage[k];
-    }
-    plane_init_forward(s->delta, s->init_in, &a->init);
-    for (size_t k = 0; k < 2 * s->n2; k++)
-        s->U[k] += s->delta[k];
+    branch_scale_tensor(ps, "static.gaussian_conv.6.weight", 0.1f);
+    branch_set_bias(ps, bias, C, 1, 2.5f);
+    branch_set_bias(ps, bias, C + 1, 3,
+                    branch_scale_bias(2.0f / (float)c->plane, c->rgb_skip));
+    branch_set_bias(ps, bias, C + 4, 1, 1);
 }
 
-/* What the mesh covers (s->cover) and what of it moves (s->held) is the
- * dynamic branch's, but for a rim along the mesh's outline, which goes behind
- * the skin: what a turn of the head uncovers there must not be a hole. */
-static void keep_rim(struct avatar_scratch *s)
+int static_branch_plan(struct static_branch *b, struct nn_options opt,
+                       struct error *err)
 {
-    coverage_blur(s->cover, s->coverage, s->n, RIM, s->raster);
-    for (size_t k = 0; k < s->n2; k++) {
-        float inside = fminf(fmaxf((s->cover[k] - 0.75f) / 0.2f, 0), 1);
+    size_t n2 = b->count, Cf = b->feature;
+    const struct slice slices[] = {
+        {&b->start.opacity, n2, false}, {&b->start.scale, 3 * n2, false},
+        {&b->start.opacity_shift, n2, false},
+        {&b->start.scale_shift, n2, false}, {&b->start.visible, n2, false},
+        {&b->init_in, n2 * (Cf + 1), false},
+        {&b->dinit_in, n2 * (Cf + 1), true}, {&b->delta, 2 * n2, false},
+        {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
+        {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
+        {&b->sampled, n2 * Cf, false}, {&b->in, n2 * b->inputs, false},
+        {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
+        {&b->dlogit, 3 * n2, true}, {&b->surface, n2, false},
+        {&b->covered, n2, false}, {&b->moving, n2, false},
+        {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
+        {&b->dp, n2, true}, {&b->dvisible, n2, true}, {&b->tmp, n2, false}
+    };
 
-        s->cover[k] = s->coverage[k] * inside;
-        /* interpolation may pass its ends by a rounding */
-        s->held[k] = inside * fminf(fmaxf(s->held[k], 0), 1);
-        s->surface[k] -= BEHIND * (s->coverage[k] - s->cover[k]);
-    }
+    if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
+                        opt.mode != NN_INFER, err))
+        return -1;
+    b->dsampled = b->sampled;       /* the decoder's input has a copy */
+    return plane_init_plan(&b->init, 1, b->n, b->n, opt, err) ||
+                   conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err)
+               ? -1
+               : 0;
+}
+
+void static_branch_update(struct static_branch *b)
+{
+    plane_init_update(&b->init);
+    conv_decoder_update(&b->decoder);
+}
+
+void static_branch_release(struct static_branch *b)
+{
+    plane_init_release(&b->init);
+    conv_decoder_release(&b->decoder);
+    free(b->block);
+    memset(b, 0, sizeof *b);
 }
 
 /* Where the mesh lies over the plane, towards the camera; 0 beside it and on
  * its very outline, where a cell may have the colour of what is behind: at the
  * skin's depth, a turn to the side would show a line of specks. */
-static void surface_height(struct avatar_scratch *s)
+static void static_branch_surface(struct static_branch *b,
+                                  const struct source_mesh *mesh)
 {
-    for (size_t k = 0; k < s->n2; k++) {
-        float h = s->cam[11] - s->zbuffer[k];
+    for (size_t k = 0; k < b->count; k++) {
+        float h = mesh->cam[11] - mesh->depth[k];
 
-        s->surface[k] = isfinite(h) && s->coverage[k] >= OUTLINE
+        b->surface[k] = isfinite(h) && mesh->coverage[k] >= OUTLINE
                       ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
     }
 }
 
-/* The decoder's input rows [F at U, U, extras], and the starting values. */
-static void decoder_inputs(struct avatar *a)
+/* What the mesh covers (b->covered) and what of it moves (b->moving) is the
+ * dynamic branch's, but for a rim along the mesh's outline, which goes behind
+ * the skin: what a turn of the head uncovers there must not be a hole. */
+static void static_branch_keep_rim(struct static_branch *b,
+                                   const struct source_mesh *mesh)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t in = static_inputs(&a->config), Cf = s->Cf, g = a->first[1];
-    float cell = 2.0f / (float)s->n * s->cam[11] / CAMERA_FOCAL;
-    float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
+    coverage_blur(b->covered, mesh->coverage, b->n, RIM, b->tmp);
+    for (size_t k = 0; k < b->count; k++) {
+        float inside = fminf(fmaxf((b->covered[k] - 0.75f) / 0.2f, 0), 1);
 
-    for (size_t k = 0; k < s->n2; k++) {
-        float *row = s->static_in + k * in;
-        const float *pixel = s->sample + 4 * k;
-
-        memcpy(row, s->resampled + k * Cf, Cf * sizeof *row);
-        row[Cf] = s->U[2 * k];
-        row[Cf + 1] = s->U[2 * k + 1];
-        if (!a->config.rgb_skip)
-            continue;
-        row[Cf + 2] = s->coverage[k];
-        row[Cf + 3] = pixel[3];
-        row[Cf + 4] = s->surface[k];
-        row[Cf + 5] = isfinite(s->zbuffer[k]) ? 1 : 0;
-        for (int c = 0; c < 3; c++)
-            s->static_logit[3 * k + c] = attribute_logit(pixel[c]);
-        s->matte[g + k] = fminf(pixel[3], 1) * (1 - s->held[k]);
-        s->opacity_shift[g + k] = -COVERED * s->cover[k];
-        s->scale_shift[g + k] = size_shift;
-        s->p_shift[k] = attribute_logit(0.5f + 0.5f * s->surface[k]);
+        b->covered[k] = mesh->coverage[k] * inside;
+        /* interpolation may pass its ends by a rounding */
+        b->moving[k] = inside * fminf(fmaxf(mesh->moving[k], 0), 1);
+        b->surface[k] -= BEHIND * (mesh->coverage[k] - b->covered[k]);
     }
 }
 
-/* Weights of the bending, from where the uniform grid lies on the surface: a
- * point that is all shoulders stood at B^-1 x when the neck was straight. */
-static void bend_plane(struct avatar *a)
+/* Neck blend weights (n*n), from where the uniform grid lies on the surface: a
+ * point that is all shoulders stood at B^-1 x when the neck was straight.
+ * mean (n*n,3) is used up. */
+static void static_branch_neck(float *neck, float *mean,
+                               const struct source_mesh *mesh,
+                               struct static_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t g = a->first[BRANCH_STATIC];
-    float R[9], body[12], back[12], *mu = s->mean + 3 * g;
+    static const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
+    const struct neck_blend *blend = &mesh->weights->blend;
+    float R[9], back[12];
 
-    if (a->without & WITHOUT_BEND)
+    memset(neck, 0, b->count * sizeof *neck);
+    if (!mesh->blend)
         return;
-    bend_body(body, a->bend.pivot, avatar_upright, s->cam);
     for (int i = 0; i < 9; i++)
-        R[i] = body[4 * (i % 3) + i / 3];
-    const float straight[12] = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
-    bend_body(back, a->bend.pivot, R, straight);
-    static_grid(s->U, s->n);
-    for (size_t k = 0; k < s->n2; k++)
-        s->p[k] = 0.5f + 0.5f * s->surface[k];
-    static_lift(mu, s->U, s->p, s->surface, s->cam, a->normal, s->n2);
-    for (size_t k = 0; k < s->n2; k++) {
-        const float *x = mu + 3 * k;
+        R[i] = mesh->body[4 * (i % 3) + i / 3];
+    neck_blend_body(back, blend->pivot, R, straight);
+    static_branch_grid(b->U, b->n);
+    for (size_t k = 0; k < b->count; k++)
+        b->p[k] = 0.5f + 0.5f * b->surface[k];
+    static_branch_lift(mean, b->U, b->p, b->surface, mesh->cam, mesh->normal,
+                       b->count);
+    for (size_t k = 0; k < b->count; k++) {
+        const float *x = mean + 3 * k;
         float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
-        s->bend[g + k] = bend_weight(&a->bend, 0.5f * (x[1] + y));
+        neck[k] = neck_blend_weight(blend, 0.5f * (x[1] + y));
     }
 }
 
-void static_bake(struct avatar *a)
+/* U = U_0 + Phi_init([F, C]). */
+static void static_branch_deform(const float *features,
+                                 const struct source_mesh *mesh,
+                                 struct static_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    int skip = a->config.rgb_skip;
-    size_t g = a->first[BRANCH_STATIC];
+    size_t Cf = b->feature;
 
-    if (a->first[BRANCH_MOUTH] == g)
+    static_branch_grid(b->U, b->n);
+    if (b->uniform)
         return;
-    surface_height(s);
-    keep_rim(s);
-    bend_plane(a);
-    deform(a);
-    grid_sample(s->resampled, s->features, s->U, 1, s->n, s->n, s->Cf, s->n2,
-                false, RESAMPLE_BORDER);
-    if (skip)
-        grid_sample(s->sample, s->rgba, s->U, 1, s->S, s->S, 4, s->n2, false,
-                    RESAMPLE_BORDER);
-    decoder_inputs(a);
-    struct gaussian_out out = branch_out(a, BRANCH_STATIC);
-    conv_decoder_forward(&out, s->static_in, a->normal,
-                         skip ? s->static_logit : NULL, &a->static_decoder);
-    branch_shift(a, g, a->first[BRANCH_MOUTH]);
-    for (size_t k = 0; k < s->n2; k++)
-        s->p[k] = skip ? attribute_shift(s->p_raw[k], s->p_shift[k])
-                       : s->p_raw[k];
-    static_lift(s->mean + 3 * g, s->U, s->p, skip ? s->surface : NULL, s->cam,
-                a->normal, s->n2);
-}
+    for (size_t k = 0; k < b->count; k++) {
+        float *row = b->init_in + k * (Cf + 1);
 
-/* Gradients of the decoder's input rows into dU, the resampled features (in
- * their own place) and dsample. */
-static void inputs_backward(struct avatar *a)
-{
-    struct avatar_scratch *s = a->scratch;
-    size_t in = static_inputs(&a->config), Cf = s->Cf;
-
-    for (size_t k = 0; k < s->n2; k++) {
-        const float *row = s->dstatic_in + k * in;
-
-        memcpy(s->resampled + k * Cf, row, Cf * sizeof *row);
-        s->dU[2 * k] += row[Cf];
-        s->dU[2 * k + 1] += row[Cf + 1];
-        if (!a->config.rgb_skip)
-            continue;
-        s->dsample[4 * k + 3] = row[Cf + 3] +
-                                s->dmatte[k] * (1 - s->held[k]);
-        for (int c = 0; c < 3; c++)
-            s->dsample[4 * k + c] = attribute_logit_backward(
-                s->dstatic_logit[3 * k + c], s->sample[4 * k + c]);
+        memcpy(row, features + k * Cf, Cf * sizeof *row);
+        row[Cf] = mesh->coverage[k];
     }
+    plane_init_forward(b->delta, b->init_in, &b->init);
+    for (size_t k = 0; k < 2 * b->count; k++)
+        b->U[k] += b->delta[k];
 }
 
-/* Undo U = U_0 + Phi_init([F, C]); dfeatures is added to. */
-static void deform_backward(struct avatar *a)
+/* Undo it; dfeatures is added to. */
+static void static_branch_deform_backward(float *dfeatures,
+                                          struct static_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    size_t Cf = s->Cf;
+    size_t Cf = b->feature;
 
-    if (a->without & WITHOUT_DEFORM)
+    if (b->uniform)
         return;
-    plane_init_backward(s->dinit_in, s->dU, &a->init);
-    for (size_t k = 0; k < s->n2; k++)
+    plane_init_backward(b->dinit_in, b->dU, &b->init);
+    for (size_t k = 0; k < b->count; k++)
         for (size_t c = 0; c < Cf; c++)
-            s->dfeatures[k * Cf + c] += s->dinit_in[k * (Cf + 1) + c];
+            dfeatures[k * Cf + c] += b->dinit_in[k * (Cf + 1) + c];
 }
 
-void static_bake_backward(struct avatar *a)
+/* The decoder's input rows [F at U, U, extras], and the prior. */
+static void static_branch_inputs(const struct source_mesh *mesh,
+                                 struct static_branch *b)
 {
-    struct avatar_scratch *s = a->scratch;
-    int skip = a->config.rgb_skip;
-    size_t g = a->first[BRANCH_STATIC];
+    size_t Cf = b->feature;
+    float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
+    float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
-    if (a->first[BRANCH_MOUTH] == g)
+    for (size_t k = 0; k < b->count; k++) {
+        float *row = b->in + k * b->inputs;
+        const float *pixel = b->pixel + 4 * k;
+
+        memcpy(row, b->sampled + k * Cf, Cf * sizeof *row);
+        row[Cf] = b->U[2 * k];
+        row[Cf + 1] = b->U[2 * k + 1];
+        if (!b->prior)
+            continue;
+        row[Cf + 2] = mesh->coverage[k];
+        row[Cf + 3] = pixel[3];
+        row[Cf + 4] = b->surface[k];
+        row[Cf + 5] = isfinite(mesh->depth[k]) ? 1 : 0;
+        for (int c = 0; c < 3; c++)
+            b->logit[3 * k + c] = attribute_logit(pixel[c]);
+        b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[k]);
+        b->start.opacity_shift[k] = -COVERED * b->covered[k];
+        b->start.scale_shift[k] = size_shift;
+        b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
+    }
+}
+
+/* Gradients of the decoder's input rows into dU, dsampled and dpixel. */
+static void static_branch_inputs_backward(struct static_branch *b)
+{
+    size_t Cf = b->feature;
+
+    for (size_t k = 0; k < b->count; k++) {
+        const float *row = b->din + k * b->inputs;
+
+        memcpy(b->dsampled + k * Cf, row, Cf * sizeof *row);
+        b->dU[2 * k] += row[Cf];
+        b->dU[2 * k + 1] += row[Cf + 1];
+        if (!b->prior)
+            continue;
+        b->dpixel[4 * k + 3] = row[Cf + 3] +
+                               b->dvisible[k] * (1 - b->moving[k]);
+        for (int c = 0; c < 3; c++)
+            b->dpixel[4 * k + c] = attribute_logit_backward(
+                b->dlogit[3 * k + c], b->pixel[4 * k + c]);
+    }
+}
+
+/* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
+void static_branch_forward(struct branch_set *out, const float *features,
+                           const struct source_picture *picture,
+                           const struct source_mesh *mesh,
+                           struct static_branch *b)
+{
+    if (out->n == 0)
         return;
-    memset(s->dU, 0, 2 * s->n2 * sizeof *s->dU);
-    memset(s->dp, 0, s->n2 * sizeof *s->dp);
-    static_lift_backward(s->dU, s->dp, s->dmean + 3 * g,
-                         skip ? s->surface : NULL, s->cam, a->normal, s->n2);
-    for (size_t k = 0; skip && k < s->n2; k++)
-        s->dp[k] = attribute_shift_backward(s->dp[k], s->p_raw[k],
-                                            s->p_shift[k]);
-    branch_shift_backward(a, s->dmatte, g, a->first[BRANCH_MOUTH]);
-    struct gaussian_out dout = branch_dout(a, BRANCH_STATIC);
-    conv_decoder_backward(s->dstatic_in, NULL,
-                          skip ? s->dstatic_logit : NULL, &dout, a->normal,
-                          skip ? s->static_logit : NULL, &a->static_decoder);
-    inputs_backward(a);
-    if (skip)
-        grid_sample_backward(NULL, s->dU, s->dsample, s->rgba, s->U, 1, s->S,
-                             s->S, 4, s->n2, false, RESAMPLE_BORDER);
-    grid_sample_backward(s->dfeatures, s->dU, s->resampled, s->features, s->U,
-                         1, s->n, s->n, s->Cf, s->n2, false, RESAMPLE_BORDER);
-    deform_backward(a);
+    static_branch_surface(b, mesh);
+    static_branch_keep_rim(b, mesh);
+    static_branch_neck(out->neck, out->mean, mesh, b);
+    static_branch_deform(features, mesh, b);
+    grid_sample(b->sampled, features, b->U, 1, b->n, b->n, b->feature,
+                b->count, false, RESAMPLE_BORDER);
+    if (b->prior)
+        source_picture_sample(b->pixel, picture, b->U, b->count);
+    static_branch_inputs(mesh, b);
+    struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
+    conv_decoder_forward(&raw, b->in, mesh->normal,
+                         b->prior ? b->logit : NULL, &b->decoder);
+    branch_prior_forward(out, &b->start, b->prior);
+    for (size_t k = 0; k < b->count; k++)
+        b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
+                           : b->p_raw[k];
+    static_branch_lift(out->mean, b->U, b->p, b->prior ? b->surface : NULL,
+                       mesh->cam, mesh->normal, b->count);
+    for (size_t k = 0; k < b->count; k++)
+        out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
+                     ? 1 - b->moving[k] : 0;
+}
+
+/* Reverse of static_branch_forward, line by line. */
+void static_branch_backward(float *dfeatures, struct branch_set *dout,
+                            const float *features,
+                            const struct source_picture *picture,
+                            const struct source_mesh *mesh,
+                            struct static_branch *b)
+{
+    if (dout->n == 0)
+        return;
+    memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
+    memset(b->dp, 0, b->count * sizeof *b->dp);
+    static_branch_lift_backward(b->dU, b->dp, dout->mean,
+                                b->prior ? b->surface : NULL, mesh->cam,
+                                mesh->normal, b->count);
+    for (size_t k = 0; b->prior && k < b->count; k++)
+        b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k],
+                                            b->p_shift[k]);
+    branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
+    struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
+    conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,
+                          mesh->normal, b->prior ? b->logit : NULL,
+                          &b->decoder);
+    static_branch_inputs_backward(b);
+    if (b->prior)
+        source_picture_sample_backward(b->dU, b->dpixel, picture, b->U,
+                                       b->count);
+    grid_sample_backward(dfeatures, b->dU, b->dsampled, features, b->U, 1,
+                         b->n, b->n, b->feature, b->count, false,
+                         RESAMPLE_BORDER);
+    static_branch_deform_backward(dfeatures, b);
 }

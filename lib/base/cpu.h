@@ -2,7 +2,18 @@
 #ifndef SPID_BASE_CPU_H
 #define SPID_BASE_CPU_H
 
+#include "lib/base/isa.h"
+
 enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
+
+/* Of the versions of a table or function, the one for this processor. */
+#ifdef SPID_X86
+#define CPU_PICK(baseline, avx2, avx512)                                      \
+    (cpu_level() == CPU_AVX512 ? (avx512)                                     \
+     : cpu_level() == CPU_AVX2 ? (avx2) : (baseline))
+#else
+#define CPU_PICK(baseline, avx2, avx512) (baseline)
+#endif
 
 /* Highest level this processor and system support, capped by $SPID_CPU
  * ("baseline", "avx2", "avx512") so that tests can run every version. */

@@ -13,6 +13,9 @@ extern "C" {
  * Such a thing is written in place or not at all. */
 bool file_is_special(const char *path);
 
+/* Does the name end so, with something in front?  file_ends("a.ply", ".ply") */
+bool file_ends(const char *name, const char *ending);
+
 /* rename(2), but fails with EEXIST rather than replace something special.
  * 0, or -1 and errno. */
 int file_rename(const char *part, const char *path);

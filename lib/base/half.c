@@ -10,6 +10,7 @@ float bf16_to_float(uint16_t h)
 {
     uint32_t u = (uint32_t)h << 16;
     float f;
+
     memcpy(&f, &u, 4);
     return f;
 }
@@ -18,6 +19,7 @@ float bf16_to_float(uint16_t h)
 uint16_t float_to_bf16(float f)
 {
     uint32_t u;
+
     memcpy(&u, &f, 4);
     if ((u & 0x7fffffff) > 0x7f800000)           /* NaN stays NaN */
         return (uint16_t)(u >> 16 | 0x40);
@@ -49,6 +51,7 @@ float half_to_float(uint16_t h)
 uint16_t float_to_half(float f)
 {
     uint32_t u;
+
     memcpy(&u, &f, 4);
     uint16_t sign = (uint16_t)(u >> 16 & 0x8000);
     u &= 0x7fffffff;
@@ -58,6 +61,7 @@ uint16_t float_to_half(float f)
         return sign | 0x7c00;
     if (u < 0x38800000) {                        /* subnormal in half */
         float a;
+
         memcpy(&a, &u, 4);
         return sign | (uint16_t)lrintf(ldexpf(a, 24));
     }

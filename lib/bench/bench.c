@@ -1,3 +1,4 @@
+/* Repeated calls, their quantiles, rows and the Pareto front. */
 #include "lib/bench/bench.h"
 
 #include <math.h>
@@ -24,7 +25,8 @@ void bench_release(struct bench *b)
     memset(b, 0, sizeof *b);
 }
 
-static int by_value(const void *a, const void *b)
+/* Order of qsort: ascending. */
+static int bench_by_value(const void *a, const void *b)
 {
     double p = *(const double *)a, q = *(const double *)b;
 
@@ -52,7 +54,7 @@ int bench_time(struct bench_times *t, double seconds, size_t least,
             goto out;
         ms[t->runs++] = (cpu_seconds() - start) * 1e3;
     }
-    qsort(ms, t->runs, sizeof *ms, by_value);
+    qsort(ms, t->runs, sizeof *ms, bench_by_value);
     t->min = ms[0];
     t->median = ms[t->runs / 2];
     t->p95 = ms[t->runs * 95 / 100];
@@ -63,7 +65,7 @@ out:
 }
 
 /* Room for one more element of size bytes; doubles at powers of two. */
-static void *grow(void *array, size_t count, size_t size)
+static void *bench_grow(void *array, size_t count, size_t size)
 {
     if (count & (count - 1) || (count && count < 8))
         return array;
@@ -75,7 +77,7 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
                             const struct bench_times *t, double max_abs,
                             double psnr_db)
 {
-    struct bench_row *row = grow(b->row, b->rows, sizeof *row);
+    struct bench_row *row = bench_grow(b->row, b->rows, sizeof *row);
 
     if (!row)
         return NULL;
@@ -94,7 +96,9 @@ struct bench_row *bench_add(struct bench *b, const char *stage,
     return row;
 }
 
-static bool same_group(const struct bench_row *a, const struct bench_row *b)
+/* Rows that compete: stage, configuration and threads. */
+static bool bench_same_group(const struct bench_row *a,
+                             const struct bench_row *b)
 {
     return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
            a->threads == b->threads;
@@ -109,7 +113,7 @@ void bench_pareto(struct bench *b, size_t first)
         for (size_t k = first; k < b->rows && r->pareto; k++) {
             const struct bench_row *o = &b->row[k];
 
-            if (k != i && same_group(o, r) && o->ms_min <= r->ms_min &&
+            if (k != i && bench_same_group(o, r) && o->ms_min <= r->ms_min &&
                 o->psnr_db >= r->psnr_db &&
                 (o->ms_min < r->ms_min || o->psnr_db > r->psnr_db))
                 r->pareto = false;
@@ -146,7 +150,7 @@ void bench_number(struct bench *b, const char *object, const char *key,
             p->value = value;
             return;
         }
-    p = grow(b->pair, b->pairs, sizeof *p);
+    p = bench_grow(b->pair, b->pairs, sizeof *p);
     if (!p)
         return;
     b->pair = p;

@@ -8,8 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/avatar/branches.h"
-#include "lib/geom/bend.h"
+#include "lib/geom/neck_blend.h"
 #include "lib/geom/camera.h"
 #include "lib/synth/synth.h"
 
@@ -88,6 +87,7 @@ void bench_person_close(struct bench_person *p)
 
 /* ---- flame ------------------------------------------------------------- */
 
+/* Pose the next frame's mesh. */
 static int call_pose(void *context, struct error *err)
 {
     struct bench_person *p = context;
@@ -188,6 +188,7 @@ int bench_person_bake(void *person, struct error *err)
     return 0;
 }
 
+/* Move the Gaussians to the next frame. */
 static int call_drive(void *context, struct error *err)
 {
     struct bench_person *p = context;
@@ -211,7 +212,7 @@ static double drive_error(struct bench_person *p)
     double worst = 0;
 
     motion_camera(cam, &p->motion[(p->at - 1) % PERSON_FRAMES]);
-    bend_body(body, b->pivot, avatar_upright, cam);
+    neck_blend_body(body, b->pivot, neck_blend_upright, cam);
     for (size_t i = 0; i < b->dynamic; i++) {
         size_t k = (size_t)b->vertex[i], V = p->dense.V;
         const int32_t *e = p->dense.edge + 2 * (k < V ? 0 : k - V);
@@ -225,7 +226,7 @@ static double drive_error(struct bench_person *p)
             const float *m = body + 4 * c;
             double to = (double)m[0] * x[0] + (double)m[1] * x[1] +
                         (double)m[2] * x[2] + (double)m[3];
-            double want = x[c] + (double)b->bend[i] * (to - x[c]);
+            double want = x[c] + (double)b->neck[i] * (to - x[c]);
 
             worst = fmax(worst, fabs((double)p->move.mean[3 * i + (size_t)c] -
                                      want));
@@ -266,6 +267,7 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
     return 0;
 }
 
+/* The row of the update. */
 static int bench_driving(struct bench_person *p, struct error *err)
 {
     struct bench_times t;

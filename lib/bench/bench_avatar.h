@@ -6,7 +6,7 @@
 #include <stdint.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/densify.h"
+#include "lib/geom/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/bench/bench.h"
 #include "lib/head/lbs.h"

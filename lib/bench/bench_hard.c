@@ -16,9 +16,10 @@
 #include "lib/head/lbs.h"
 #include "lib/splat/reference.h"
 
-static int add(struct bench *b, const char *stage, const char *config,
-               const char *knob, int threads, const struct bench_times *t,
-               double worst, double psnr, struct error *err)
+/* A row among the hard cases. */
+static int hard_add(struct bench *b, const char *stage, const char *config,
+                    const char *knob, int threads, const struct bench_times *t,
+                    double worst, double psnr, struct error *err)
 {
     struct bench_row *r = bench_add(b, stage, config, knob, threads, t, worst,
                                     psnr);
@@ -38,6 +39,7 @@ struct turns {
     bool six;                   /* 6D; axis-angle otherwise */
 };
 
+/* All rotations once. */
 static int call_turns(void *context, struct error *err)
 {
     struct turns *t = context;
@@ -76,6 +78,7 @@ static void make_turns(struct turns *t, bool six, double angle, double length)
     }
 }
 
+/* Time of one kind, and its error against double. */
 static int rotation_row(struct bench *b, struct turns *t, const char *name,
                         double seconds, struct error *err)
 {
@@ -95,13 +98,14 @@ static int rotation_row(struct bench *b, struct turns *t, const char *name,
     }
     if (rc == 0) {
         bench_compare(&worst, &psnr, t->R[0], truth, TURNS * 9);
-        rc = add(b, "rotation", "1,000 rotations", name, 1, &m, worst, psnr,
-                 err);
+        rc = hard_add(b, "rotation", "1,000 rotations", name, 1, &m, worst,
+                      psnr, err);
     }
     free(truth);
     return rc;
 }
 
+/* Angles near nothing and near half a turn; 6D columns that nearly agree. */
 static int hard_rotations(struct bench *b, double seconds, struct error *err)
 {
     static const struct {
@@ -136,6 +140,7 @@ struct cut {
     struct square q;
 };
 
+/* Cut the square. */
 static int call_cut(void *context, struct error *err)
 {
     struct cut *c = context;
@@ -145,6 +150,7 @@ static int call_cut(void *context, struct error *err)
     return 0;
 }
 
+/* Squares that are tiny, huge or outside the picture. */
 static int hard_crops(struct bench *b, double seconds, struct error *err)
 {
     static const struct {
@@ -176,8 +182,8 @@ static int hard_crops(struct bench *b, double seconds, struct error *err)
             break;
         crop_sample_ref(c.truth, CROP_NET, c.exact, SIDE, SIDE, c.q);
         bench_compare(&worst, &psnr, c.out, c.truth, m);
-        rc = add(b, "crop", "512x512 -> 224x224", cases[i].name, 1, &t, worst,
-                 psnr, err);
+        rc = hard_add(b, "crop", "512x512 -> 224x224", cases[i].name, 1, &t,
+                      worst, psnr, err);
     }
     free(c.rgb);
     free(c.exact);
@@ -200,6 +206,7 @@ struct posing {
     float *verts;
 };
 
+/* Pose the head. */
 static int call_posing(void *context, struct error *err)
 {
     struct posing *p = context;
@@ -209,6 +216,7 @@ static int call_posing(void *context, struct error *err)
     return 0;
 }
 
+/* Time of a pose, and its error against double. */
 static int pose_row(struct bench *b, struct posing *p, const struct head *h,
                     const struct pose_case *c, double seconds,
                     struct error *err)
@@ -237,12 +245,13 @@ static int pose_row(struct bench *b, struct posing *p, const struct head *h,
         head_pose_d(truth, NULL, h, &d);
         bench_compare(&worst, &psnr, p->verts, truth, 3 * h->V);
         snprintf(config, sizeof config, "V=%zu, head units", h->V);
-        rc = add(b, "flame", config, c->name, 1, &t, worst, psnr, err);
+        rc = hard_add(b, "flame", config, c->name, 1, &t, worst, psnr, err);
     }
     free(truth);
     return rc;
 }
 
+/* At rest, lids closed, tiny and half turns, every expression at once. */
 static int hard_poses(struct bench *b, double seconds, struct error *err)
 {
     static const struct pose_case cases[] = {

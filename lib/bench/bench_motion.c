@@ -26,6 +26,7 @@ struct crop_case {
     struct square q;
 };
 
+/* Cut the face crop. */
 static int call_crop(void *context, struct error *err)
 {
     struct crop_case *c = context;
@@ -35,6 +36,7 @@ static int call_crop(void *context, struct error *err)
     return 0;
 }
 
+/* The crop's row, against double. */
 static int bench_crop(struct bench *b, struct error *err)
 {
     const size_t n = 3 * SIDE * SIDE, m = 3 * CROP_NET * CROP_NET;
@@ -80,6 +82,7 @@ struct net_case {
     size_t count;                /* numbers that come out */
 };
 
+/* One encoder on one crop. */
 static int call_net(void *context, struct error *err)
 {
     struct net_case *c = context;
@@ -127,6 +130,7 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     return rc;
 }
 
+/* One encoder in float and bf16, on one thread and all. */
 static int bench_nets(struct bench *b, bool shape, struct error *err)
 {
     const size_t m = 3 * CROP_NET * CROP_NET;
@@ -170,6 +174,7 @@ out:
 
 /* ---- the heads -------------------------------------------------------- */
 
+/* A hundred decodings. */
 static int call_heads(void *context, struct error *err)
 {
     struct motion m;
@@ -180,6 +185,7 @@ static int call_heads(void *context, struct error *err)
     return 0;
 }
 
+/* The row of decoding. */
 static int bench_heads(struct bench *b, struct error *err)
 {
     float out[MOTION_OUT] = {1, 0, 0, 0, -1, 0, 0, 0, 7};

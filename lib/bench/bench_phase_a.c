@@ -36,6 +36,7 @@ struct phase_a {
     struct gaussian_out out[3];  /* plane, dynamic, mouth */
 };
 
+/* Every network once, what is between them replaced by copies. */
 static int call_phase_a(void *context, struct error *err)
 {
     static const float dir[3] = {0, 0, 1};
@@ -57,12 +58,14 @@ static int call_phase_a(void *context, struct error *err)
     return 0;
 }
 
-static float *floats(size_t n)
+/* n zeros. */
+static float *phase_a_floats(size_t n)
 {
     return calloc(n, sizeof(float));
 }
 
-static int allocate(struct phase_a *a, struct error *err)
+/* Inputs in noise, outputs in zeros. */
+static int phase_a_allocate(struct phase_a *a, struct error *err)
 {
     const struct avatar_config *c = &a->config;
     const size_t counts[3] = {a->cells, POINTS, a->sheet};
@@ -70,16 +73,16 @@ static int allocate(struct phase_a *a, struct error *err)
     struct random r;
     bool ok = true;
 
-    a->rgb = floats(S);
-    a->features = floats(a->cells * c->feature);
-    a->covered = floats(a->cells * (c->feature + 1));
-    a->delta = floats(a->cells * 2);
-    a->points = floats(POINTS * (c->vertex_width + c->feature));
+    a->rgb = phase_a_floats(S);
+    a->features = phase_a_floats(a->cells * c->feature);
+    a->covered = phase_a_floats(a->cells * (c->feature + 1));
+    a->delta = phase_a_floats(a->cells * 2);
+    a->points = phase_a_floats(POINTS * (c->vertex_width + c->feature));
     for (int i = 0; i < 3; i++) {
         a->out[i] = (struct gaussian_out){
-            floats(counts[i] * c->channels), floats(counts[i]),
-            floats(counts[i] * 3), floats(counts[i] * 4), floats(counts[i] * 3)
-        };
+            phase_a_floats(counts[i] * c->channels), phase_a_floats(counts[i]),
+            phase_a_floats(counts[i] * 3), phase_a_floats(counts[i] * 4),
+            phase_a_floats(counts[i] * 3)};
         ok = ok && a->out[i].color && a->out[i].opacity && a->out[i].scale
             && a->out[i].quat && a->out[i].position;
     }
@@ -96,7 +99,8 @@ static int allocate(struct phase_a *a, struct error *err)
     return 0;
 }
 
-static int declare(struct phase_a *a, struct error *err)
+/* The networks, in random weights. */
+static int phase_a_declare(struct phase_a *a, struct error *err)
 {
     const struct avatar_config *c = &a->config;
     const struct gaussian_head heads[3] = {
@@ -122,7 +126,9 @@ static int declare(struct phase_a *a, struct error *err)
     return 0;
 }
 
-static int plan(struct phase_a *a, enum nn_type type, struct error *err)
+/* For one picture in a precision. */
+static int phase_a_plan(struct phase_a *a, enum nn_type type,
+                        struct error *err)
 {
     const struct nn_options opt = {NN_INFER, type};
     const size_t n = a->config.plane, K = a->config.mouth;
@@ -134,7 +140,8 @@ static int plan(struct phase_a *a, enum nn_type type, struct error *err)
         || conv_decoder_plan(&a->mouth, 1, K, K, opt, err) ? -1 : 0;
 }
 
-static void release(struct phase_a *a)
+/* All of it. */
+static void phase_a_release(struct phase_a *a)
 {
     backbone_release(&a->backbone);
     plane_init_release(&a->init);
@@ -157,19 +164,19 @@ static void release(struct phase_a *a)
 }
 
 /* One row; errors are of the static plane's RGB, whose peak is 1. */
-static int bench_type(struct bench *b, struct phase_a *a, double *truth,
-                      enum nn_type type, struct error *err)
+static int phase_a_bench(struct bench *b, struct phase_a *a, double *truth,
+                         enum nn_type type, struct error *err)
 {
     const size_t n = a->cells, C = a->config.channels;
     double most = NAN, psnr = NAN;
-    float *rgb = floats(3 * n);
+    float *rgb = phase_a_floats(3 * n);
     struct bench_times t;
     int rc = -1;
 
     if (!rgb)
         return error_set(err, EX_OSERR, "no memory for Phase A's bench");
-    if (plan(a, type, err) == 0
-        && bench_time(&t, b->seconds / 6, 2, call_phase_a, a, err) == 0) {
+    if (phase_a_plan(a, type, err) == 0 &&
+        bench_time(&t, b->seconds / 6, 2, call_phase_a, a, err) == 0) {
         for (size_t i = 0; i < 3 * n; i++) {
             rgb[i] = a->out[0].color[i / 3 * C + i % 3];
             truth[i] = type == NN_F32 ? (double)rgb[i] : truth[i];
@@ -199,12 +206,12 @@ int bench_phase_a(struct bench *b, struct error *err)
     truth = calloc(3 * a.cells, sizeof *truth);
     if (!truth)
         error_set(err, EX_OSERR, "no memory for Phase A's bench");
-    else if (allocate(&a, err) == 0 && declare(&a, err) == 0)
+    else if (phase_a_allocate(&a, err) == 0 && phase_a_declare(&a, err) == 0)
         rc = 0;
     for (int i = 0; i < 3 && rc == 0; i++)
-        rc = bench_type(b, &a, truth, types[i], err);
+        rc = phase_a_bench(b, &a, truth, types[i], err);
     omp_set_num_threads(before);
-    release(&a);
+    phase_a_release(&a);
     free(truth);
     return rc;
 }

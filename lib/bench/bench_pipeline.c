@@ -33,7 +33,7 @@ struct pipeline {
 };
 
 /* A decoded frame from memory, as the driver reads it. */
-static int read_memory(void *context, struct frame *f, struct error *err)
+static int pipe_read_memory(void *context, struct frame *f, struct error *err)
 {
     struct pipeline *l = context;
     struct bench_person *s = &l->person;
@@ -88,8 +88,8 @@ struct pipe {
 
 /* A finished picture, as floats or as bytes, becomes the truth or is held
  * against it. */
-static void look(struct pipe *p, uint64_t index, const float *color,
-                 const uint8_t *rgb)
+static void pipe_take_picture(struct pipe *p, uint64_t index,
+                              const float *color, const uint8_t *rgb)
 {
     const size_t i = index % PERSON_FRAMES;
     float *want = p->truth + i / EVERY * FRAME_VALUES;
@@ -110,7 +110,8 @@ static void look(struct pipe *p, uint64_t index, const float *color,
     p->values += FRAME_VALUES;
 }
 
-static void frame_done(void *ctx, const struct animate_frame *f)
+/* A finished frame's times and picture. */
+static void pipe_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct pipe *p = ctx;
     const double t[STAGES] = {f->t.crop, f->t.network + f->t.heads,
@@ -120,26 +121,28 @@ static void frame_done(void *ctx, const struct animate_frame *f)
     for (int i = 0; i < STAGES; i++)
         p->sum[i] += 1e3 * t[i];
     p->frames++;
-    look(p, f->index, f->color, NULL);
+    pipe_take_picture(p, f->index, f->color, NULL);
 }
 
 /* One run through the whole pipeline. */
-static int call_pipe(void *context, struct error *err)
+static int pipe_call(void *context, struct error *err)
 {
     struct pipe *p = context;
     struct driver d;
 
     p->l->left = p->part;
-    driver_init(&d, &p->track, read_memory, p->l);
+    driver_init(&d, &p->track, pipe_read_memory, p->l);
     int rc = driver_start(&d, NULL, NULL, err) ||
-             animate_run(&p->animate, &d, NULL, p->sink, frame_done, p, err)
-             ? -1 : 0;
+                     animate_run(&p->animate, &d, NULL, p->sink,
+                                 pipe_frame_done, p, err)
+                 ? -1
+                 : 0;
     driver_release(&d);
     return rc;
 }
 
 /* The same from a video file to a video file. */
-static int call_video(void *context, struct error *err)
+static int pipe_call_video(void *context, struct error *err)
 {
     struct pipe *p = context;
     const char *const clip = p->clip;
@@ -154,7 +157,10 @@ static int call_video(void *context, struct error *err)
         goto out;
     driver_init(&d, &p->track, driver_read_source, in);
     rc = driver_start(&d, NULL, NULL, err) ||
-         animate_run(&p->animate, &d, NULL, out, frame_done, p, err) ? -1 : 0;
+                 animate_run(&p->animate, &d, NULL, out, pipe_frame_done, p,
+                             err)
+             ? -1
+             : 0;
     driver_release(&d);
     if (rc == 0)
         rc = framesink_finish(out, err);
@@ -166,7 +172,7 @@ out:
 }
 
 /* PART frames as a video in a directory of our own. */
-static int make_video(struct pipe *p, struct error *err)
+static int pipe_make_video(struct pipe *p, struct error *err)
 {
     snprintf(p->dir, sizeof p->dir, "/tmp/spid-bench-XXXXXX");
     if (!mkdtemp(p->dir)) {
@@ -195,7 +201,7 @@ static int make_video(struct pipe *p, struct error *err)
 }
 
 /* Every worker's renderer again, without cut-offs. */
-static int make_exact(struct animate *a, struct error *err)
+static int pipe_make_exact(struct animate *a, struct error *err)
 {
     const struct gaussians g = baked_set(a->baked);
 
@@ -214,7 +220,8 @@ static int make_exact(struct animate *a, struct error *err)
     return 0;
 }
 
-static int open_pipe(struct pipe *p, struct pipeline *l,
+/* Encoder, tracker and workers as a variant wants them. */
+static int pipe_open(struct pipe *p, struct pipeline *l,
                      const struct variant *v, struct error *err)
 {
     struct bench_person *s = &l->person;
@@ -238,17 +245,17 @@ static int open_pipe(struct pipe *p, struct pipeline *l,
     p->part = v->exact ? SLOW_PART : PART;
     p->truth = l->truth[v->star];
     p->sink = framesink_open(&sink, err);
-    if (!p->sink ||
-        encoders_open(&p->nets, &s->model, false, motion, err) ||
+    if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
-        (v->video && make_video(p, err)) ||
+        (v->video && pipe_make_video(p, err)) ||
         animate_init(&p->animate, &opt, &s->id, &s->baked, &s->dense, err))
         return -1;
-    return v->exact ? make_exact(&p->animate, err) : 0;
+    return v->exact ? pipe_make_exact(&p->animate, err) : 0;
 }
 
-static void close_pipe(struct pipe *p)
+/* And the video's files. */
+static void pipe_close(struct pipe *p)
 {
     animate_release(&p->animate);
     track_release(&p->track);
@@ -263,7 +270,7 @@ static void close_pipe(struct pipe *p)
 }
 
 /* The pictures of the video that was made last. */
-static int look_at_video(struct pipe *p, struct error *err)
+static int pipe_read_video(struct pipe *p, struct error *err)
 {
     const char *const made = p->made;
     struct framesource *in = framesource_open(&made, 1, NULL, err);
@@ -271,17 +278,17 @@ static int look_at_video(struct pipe *p, struct error *err)
     int rc = in ? 1 : -1;
 
     while (rc > 0 && (rc = framesource_read(in, &f, err)) > 0)
-        look(p, f.index, NULL, f.rgb);
+        pipe_take_picture(p, f.index, NULL, f.rgb);
     framesource_close(in);
     return rc;
 }
 
 /* Once more, looking at the pictures. */
-static int judge(struct pipe *p, const struct variant *v, double *max_abs,
-                 double *psnr_db, struct error *err)
+static int pipe_compare(struct pipe *p, const struct variant *v,
+                        double *max_abs, double *psnr_db, struct error *err)
 {
     p->pictures = v->exact ? PICTURES_KEEP : PICTURES_COMPARE;
-    if (v->video ? look_at_video(p, err) : call_pipe(p, err))
+    if (v->video ? pipe_read_video(p, err) : pipe_call(p, err))
         return -1;
     *max_abs = *psnr_db = NAN;
     if (v->exact)
@@ -292,8 +299,8 @@ static int judge(struct pipe *p, const struct variant *v, double *max_abs,
 }
 
 /* The numbers of a row that programs look for. */
-static void report(struct bench *b, const struct pipe *p,
-                   const struct variant *v, double median)
+static void pipe_report(struct bench *b, const struct pipe *p,
+                        const struct variant *v, double median)
 {
     char key[24];
 
@@ -311,6 +318,7 @@ static void report(struct bench *b, const struct pipe *p,
     }
 }
 
+/* A row: time it, then run once more for the error. */
 static int bench_variant(struct pipeline *l, const struct variant *v,
                          struct error *err)
 {
@@ -319,16 +327,16 @@ static int bench_variant(struct pipeline *l, const struct variant *v,
     double most, psnr;
     struct bench_times t;
     char config[96];
-    int rc = p ? open_pipe(p, l, v, err)
-               : error_set(err, EX_OSERR, "no memory");
+    int rc =
+        p ? pipe_open(p, l, v, err) : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
         rc = bench_time(&t, b->seconds / 8, v->exact ? 1 : 300 / PART,
-                        v->video ? call_video : call_pipe, p, err);
+                        v->video ? pipe_call_video : pipe_call, p, err);
     if (rc == 0 && v->report)
-        report(b, p, v, t.median / (double)p->part);
+        pipe_report(b, p, v, t.median / (double)p->part);
     if (rc == 0)
-        rc = judge(p, v, &most, &psnr, err);
+        rc = pipe_compare(p, v, &most, &psnr, err);
     if (rc == 0) {
         t.min /= (double)p->part;
         t.median /= (double)p->part;
@@ -339,7 +347,7 @@ static int bench_variant(struct pipeline *l, const struct variant *v,
         bench_add(b, "pipeline", config, v->knob, b->threads, &t, most, psnr);
     }
     if (p)
-        close_pipe(p);
+        pipe_close(p);
     free(p);
     return rc;
 }
@@ -368,6 +376,7 @@ static int bench_fewer(struct pipeline *l, struct error *err)
     return 0;
 }
 
+/* Every variant, then fewer Gaussians. */
 static int bench_all(struct pipeline *l, struct error *err)
 {
     static const struct variant variants[] = {

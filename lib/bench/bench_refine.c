@@ -28,7 +28,8 @@ struct refine_case {
     float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
 };
 
-static int call_refine(void *context, struct error *err)
+/* The network on the whole picture. */
+static int refine_case_call(void *context, struct error *err)
 {
     struct refine_case *c = context;
 
@@ -38,7 +39,7 @@ static int call_refine(void *context, struct error *err)
 }
 
 /* A smooth picture with grain, and features about as large. */
-static int make_features(struct refine_case *c, struct error *err)
+static int refine_case_features(struct refine_case *c, struct error *err)
 {
     struct random r;
 
@@ -63,7 +64,7 @@ static int make_features(struct refine_case *c, struct error *err)
 /* Random weights leave the narrow refiner without a correction, and let
  * StyleUNet's feature transforms blow values up level by level: last layers
  * and transforms such that values are about as large as in trained ones. */
-static void untrained(struct refine_case *c)
+static void refine_case_randomise(struct refine_case *c)
 {
     params_randomise(&c->ps, 1);
     for (size_t t = 0; t < c->ps.count; t++) {
@@ -83,17 +84,18 @@ static void untrained(struct refine_case *c)
     }
 }
 
-static int load(struct refine_case *c, struct error *err)
+/* The model's weights, or random ones. */
+static int refine_case_load(struct refine_case *c, struct error *err)
 {
     if (c->trained)
         return model_load(&c->ps, &c->model, "refine.", err);
-    untrained(c);
+    refine_case_randomise(c);
     return 0;
 }
 
 /* One row; the first one's output is what the others are held against. */
-static int bench_type(struct refine_case *c, enum nn_type type, int threads,
-                      bool truth, struct error *err)
+static int refine_case_bench(struct refine_case *c, enum nn_type type,
+                             int threads, bool truth, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, type};
     const bool narrow = c->refiner.type == REFINER_NARROW;
@@ -109,11 +111,11 @@ static int bench_type(struct refine_case *c, enum nn_type type, int threads,
         error_set(err, EX_OSERR, "no memory for the refiner's bench");
         goto out;
     }
-    if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err)
-        || params_allocate(&c->ps, err) || load(c, err)
-        || refiner_plan(&c->net, 1, SIDE, SIDE, opt, err)
-        || bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, call_refine,
-                      c, err))
+    if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err) ||
+        params_allocate(&c->ps, err) || refine_case_load(c, err) ||
+        refiner_plan(&c->net, 1, SIDE, SIDE, opt, err) ||
+        bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, refine_case_call,
+                   c, err))
         goto out;
     if (truth)
         memcpy(c->truth, c->rgb, PIXELS * 3 * sizeof *c->truth);
@@ -136,7 +138,7 @@ out:
 }
 
 /* The model's refiner if it has a narrow one of these sizes. */
-static int choose(struct refine_case *c, struct error *err)
+static int refine_case_choose(struct refine_case *c, struct error *err)
 {
     const struct avatar_config *config = &c->model.config;
 
@@ -155,23 +157,26 @@ static int choose(struct refine_case *c, struct error *err)
     return 0;
 }
 
-static int bench_narrow(struct refine_case *c, struct error *err)
+/* The narrow refiner in every precision. */
+static int refine_case_narrow(struct refine_case *c, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
     const int threads = c->b->threads;
 
-    if (choose(c, err))
+    if (refine_case_choose(c, err))
         return -1;
     snprintf(c->config, sizeof c->config, "narrow %zu, 512x512x32 %s",
              c->refiner.width, c->trained ? "model" : "untrained");
     for (int i = 0; i < 4; i++)
-        if (bench_type(c, types[i], 1, i == 0, err)
-            || (threads > 1 && bench_type(c, types[i], threads, false, err)))
+        if (refine_case_bench(c, types[i], 1, i == 0, err) ||
+            (threads > 1 &&
+             refine_case_bench(c, types[i], threads, false, err)))
             return -1;
     return 0;
 }
 
-static int bench_unet(struct refine_case *c, struct error *err)
+/* StyleUNet in every precision. */
+static int refine_case_unet(struct refine_case *c, struct error *err)
 {
     static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
 
@@ -182,7 +187,7 @@ static int bench_unet(struct refine_case *c, struct error *err)
     c->trained = false;
     snprintf(c->config, sizeof c->config, "StyleUNet, 512x512x32 untrained");
     for (int i = 0; i < 4; i++)
-        if (bench_type(c, types[i], c->b->threads, i == 0, err))
+        if (refine_case_bench(c, types[i], c->b->threads, i == 0, err))
             return -1;
     return 0;
 }
@@ -194,8 +199,8 @@ int bench_refine(struct bench *b, struct error *err)
     struct refine_case c = {.b = b};
     int rc = -1;
 
-    if (make_features(&c, err) == 0 && bench_narrow(&c, err) == 0)
-        rc = bench_unet(&c, err);
+    if (refine_case_features(&c, err) == 0 && refine_case_narrow(&c, err) == 0)
+        rc = refine_case_unet(&c, err);
     if (rc == 0) {
         bench_note(b, "refine: errors are against f32 of the same network "
                    "(golden 05 holds that to double); pictures have a peak "

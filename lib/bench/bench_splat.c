@@ -1,3 +1,5 @@
+/* The renderer's stage of spid-bench: every knob's time and its error against
+ * two pictures in double, without cut-offs and with the same rules. */
 #include "lib/base/half.h"
 #include "lib/bench/bench.h"
 
@@ -10,6 +12,7 @@
 #include "lib/bench/bench_splat.h"
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/scalar.h"
 
 #define SIZE 512
 
@@ -76,7 +79,8 @@ struct frame {
     float turn;                     /* moves the camera: all is drawn anew */
 };
 
-static int draw_frame(void *context, struct error *err)
+/* Draw with a camera that moves by less than anybody can see, as in a clip. */
+static int frame_draw_next(void *context, struct error *err)
 {
     struct frame *f = context;
     struct splat_camera cam = *f->cam;
@@ -91,7 +95,7 @@ static int draw_frame(void *context, struct error *err)
 }
 
 /* Have g's colours in half precision; NULL: no memory. */
-static uint16_t *halve_colors(struct gaussians *g)
+static uint16_t *frame_halve_colors(struct gaussians *g)
 {
     size_t values = g->n * (size_t)g->channels;
     uint16_t *h = malloc((values + 1) * sizeof *h);
@@ -103,6 +107,7 @@ static uint16_t *halve_colors(struct gaussians *g)
     return h;
 }
 
+/* Renderer, picture and Gaussians of one knob. */
 static int frame_open(struct frame *f, const struct splat_options *opt,
                       const struct stage *st, const struct knob *k,
                       struct error *err)
@@ -116,7 +121,7 @@ static int frame_open(struct frame *f, const struct splat_options *opt,
     f->image = calloc(values, sizeof *f->image);
     f->alpha = calloc(pixels, sizeof *f->alpha);
     f->half = k->half ? calloc(values, sizeof *f->half) : NULL;
-    f->color = k->half_colors ? halve_colors(&g) : NULL;
+    f->color = k->half_colors ? frame_halve_colors(&g) : NULL;
     if (!f->image || !f->alpha || (k->half && !f->half) ||
         (k->half_colors && !f->color))
         return error_set(err, EX_OSERR, "out of memory");
@@ -143,7 +148,7 @@ static int frame_error(double *max_abs, double *psnr, struct frame *f,
     if (!want)
         return error_set(err, EX_OSERR, "out of memory");
     f->turn = 1;                    /* the next frame has the true camera */
-    if (draw_frame(f, err)) {
+    if (frame_draw_next(f, err)) {
         free(want);
         return -1;
     }
@@ -157,7 +162,8 @@ static int frame_error(double *max_abs, double *psnr, struct frame *f,
     return 0;
 }
 
-static struct splat_options options(const struct knob *k, int threads)
+/* The options that a knob stands for. */
+static struct splat_options knob_options(const struct knob *k, int threads)
 {
     struct splat_options o = splat_defaults(SIZE, SIZE, k->channels);
 
@@ -177,7 +183,7 @@ static struct splat_options options(const struct knob *k, int threads)
 }
 
 /* What the rules cost where nothing else does: both truths compared. */
-static double rules_psnr(const struct stage *st, int channels)
+static double stage_rules_psnr(const struct stage *st, int channels)
 {
     double sum = 0;
 
@@ -189,10 +195,11 @@ static double rules_psnr(const struct stage *st, int channels)
     return 10 * log10((double)SIZE * SIZE * channels / fmax(sum, 1e-30));
 }
 
+/* Time one knob, and hold its picture against both references. */
 static int knob_row(struct stage *st, const struct knob *k, int threads,
                     struct error *err)
 {
-    struct splat_options o = options(k, threads);
+    struct splat_options o = knob_options(k, threads);
     struct bench_times t;
     struct frame f;
     char config[96];
@@ -204,17 +211,19 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", SIZE, SIZE,
              st->scene.g.n, k->channels);
     if (frame_open(&f, &o, st, k, err) ||
-        bench_time(&t, st->part, 10, draw_frame, &f, err) ||
+        bench_time(&t, st->part, 10, frame_draw_next, &f, err) ||
         frame_error(&worst, &psnr, &f, st->exact, err) ||
         frame_error(&worst_ruled, &psnr_ruled, &f, st->ruled, err))
         goto out;
     bench_add(st->b, "splat", config, k->name, threads, &t, worst, psnr);
     if (!strncmp(k->name, "default", 7))
-        bench_note(st->b, "splat C=%d, %d thread%s: %.1f dB against double "
+        bench_note(st->b,
+                   "splat C=%d, %d thread%s: %.1f dB against double "
                    "with the same rules, %.1f dB against exact (these rules "
                    "in double: %.1f dB); %zu drawn, %zu tile pairs; %zu "
-                   "frames", k->channels, threads, threads > 1 ? "s" : "",
-                   psnr_ruled, psnr, rules_psnr(st, k->channels), f.s.drawn,
+                   "frames",
+                   k->channels, threads, threads > 1 ? "s" : "", psnr_ruled,
+                   psnr, stage_rules_psnr(st, k->channels), f.s.drawn,
                    f.s.pairs, t.runs);
     rc = 0;
 out:
@@ -222,42 +231,46 @@ out:
     return rc;
 }
 
-static int make_truth(double **out, struct stage *st, enum splat_rules rules,
-                      struct error *err)
+/* The picture in double under those rules, all channels; the caller frees
+ * *out. */
+static int stage_truth(double **out, struct stage *st, enum splat_rules rules,
+                       struct error *err)
 {
-    struct splat_truth t;
+    struct reference t;
     int rc;
 
     *out = malloc((size_t)SIZE * SIZE * 32 * sizeof **out);
     if (!*out)
         return error_set(err, EX_OSERR, "out of memory");
-    if (splat_truth_init(&t, &st->scene.g, &st->cam, SIZE, SIZE, 32, rules, 0,
-                         err))
+    if (reference_init(&t, &st->scene.g, &st->cam, SIZE, SIZE, 32, rules, 0,
+                       err))
         return -1;
-    rc = splat_reference_forward(*out, NULL, NULL, NULL, &t, err);
-    splat_truth_release(&t);
+    rc = reference_forward(*out, NULL, NULL, NULL, &t, err);
+    reference_release(&t);
     return rc;
 }
 
 /* ---- the plain renderer -------------------------------------------------- */
 
-struct plain {
+struct scalar {
     const struct stage *st;
     float *image, *alpha;
 };
 
-static int draw_plain(void *context, struct error *err)
+/* For bench_time. */
+static int scalar_draw(void *context, struct error *err)
 {
-    struct plain *p = context;
+    struct scalar *p = context;
 
-    return splat_plain_forward(p->image, p->alpha, &p->st->scene.g,
-                               &p->st->cam, SIZE, SIZE, 3, NULL, err);
+    return scalar_forward(p->image, p->alpha, &p->st->scene.g,
+                          &p->st->cam, SIZE, SIZE, 3, NULL, err);
 }
 
-static int plain_row(struct stage *st, struct error *err)
+/* The scalar renderer's row, and how much faster the kernels are. */
+static int scalar_row(struct stage *st, struct error *err)
 {
     size_t pixels = (size_t)SIZE * SIZE;
-    struct plain p = {st, calloc(pixels * 3, sizeof(float)),
+    struct scalar p = {st, calloc(pixels * 3, sizeof(float)),
                       calloc(pixels, sizeof(float))};
     struct bench_times t;
     double *want = malloc(pixels * 3 * sizeof *want), worst, psnr;
@@ -268,7 +281,7 @@ static int plain_row(struct stage *st, struct error *err)
         error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
-    if (bench_time(&t, st->part, 3, draw_plain, &p, err))
+    if (bench_time(&t, st->part, 3, scalar_draw, &p, err))
         goto out;
     for (size_t i = 0; i < pixels * 3; i++)
         want[i] = st->exact[i / 3 * 32 + i % 3];
@@ -295,7 +308,8 @@ out:
 
 /* ---- the stage ----------------------------------------------------------- */
 
-static int all_knobs(struct stage *st, struct error *err)
+/* Every knob on one thread, then on all. */
+static int stage_all_knobs(struct stage *st, struct error *err)
 {
     size_t first = st->b->rows;
 
@@ -303,7 +317,7 @@ static int all_knobs(struct stage *st, struct error *err)
         for (size_t k = 0; k < sizeof knobs / sizeof *knobs; k++)
             if (knob_row(st, &knobs[k], pass ? st->b->threads : 1, err))
                 return -1;
-    if (plain_row(st, err))
+    if (scalar_row(st, err))
         return -1;
     bench_pareto(st->b, first);
     return 0;
@@ -315,16 +329,16 @@ int bench_splat(struct bench *b, struct error *err)
     int rc = -1;
 
     if (b->scene ? testscene_load(&st.scene, b->scene, err)
-                 : testscene_make(&st.scene, TESTSCENE_N, 2026, err))
+        : testscene_make(&st.scene, TESTSCENE_N, 2026, err))
         return -1;
     st.cam = splat_camera_square(st.scene.cam, SIZE, 12);
     st.part = b->seconds / (4.0 * sizeof knobs / sizeof *knobs);
     bench_note(b, "splat scene: %s, %zu Gaussians, %zu (pixel, Gaussian) "
                "pairs with alpha >= 1/255", b->scene ? b->scene : "seed 2026",
                st.scene.g.n, testscene_pairs(&st.scene, SIZE, err));
-    if (make_truth(&st.exact, &st, SPLAT_EXACT, err) ||
-        make_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
-        all_knobs(&st, err) ||
+    if (stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
+        stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
+        stage_all_knobs(&st, err) ||
         bench_splat_moving(b, st.part, err) ||
         bench_splat_backward(b, st.part, err) ||
         bench_splat_scaling(b, st.part, err))

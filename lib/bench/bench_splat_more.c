@@ -1,3 +1,5 @@
+/* The renderer's stage of spid-bench, further rows: gradients, moving scenes,
+ * growth with Gaussians and pixels, hard scenes. */
 #include "lib/bench/bench_splat.h"
 
 #include <math.h>
@@ -20,6 +22,7 @@ struct job {
     float turn;
 };
 
+/* Buffers, a random gradient of the picture, and the renderer, loaded. */
 static int job_open(struct job *j, const struct splat_options *opt,
                     struct error *err)
 {
@@ -37,7 +40,7 @@ static int job_open(struct job *j, const struct splat_options *opt,
     j->g = (struct splat_gradients){
         j->gradient, j->gradient + 3 * N, j->gradient + 6 * N,
         j->gradient + 10 * N, j->gradient + 11 * N,
-        j->gradient + (11 + C) * N};
+        j->gradient + (11 + C) * N, NULL};
     random_init(&r, 1, "bench gradient");
     for (size_t i = 0; i < pixels * C; i++)
         j->d_image[i] = (float)random_range(&r, -1, 1);
@@ -57,7 +60,8 @@ static void job_close(struct job *j)
     memset(j, 0, sizeof *j);
 }
 
-static int draw(void *context, struct error *err)
+/* For bench_time: a frame, the camera moved by a hair. */
+static int job_draw(void *context, struct error *err)
 {
     struct job *j = context;
     struct splat_camera cam = j->cam;
@@ -67,18 +71,19 @@ static int draw(void *context, struct error *err)
     return splat_forward(&j->s, j->image, j->alpha, NULL, &cam, NULL, err);
 }
 
-static int draw_and_back(void *context, struct error *err)
+/* And its gradients. */
+static int job_draw_and_back(void *context, struct error *err)
 {
     struct job *j = context;
 
-    return draw(j, err) ||
+    return job_draw(j, err) ||
            splat_backward(&j->s, &j->g, j->d_image, NULL, err);
 }
 
 /* ---- backward ------------------------------------------------------------ */
 
 /* ||x - t|| / ||t|| */
-static double relative(const float *x, const double *t, size_t n)
+static double job_relative(const float *x, const double *t, size_t n)
 {
     double d = 0, s = 0;
 
@@ -89,6 +94,7 @@ static double relative(const float *x, const double *t, size_t n)
     return sqrt(d) / fmax(sqrt(s), 1e-300);
 }
 
+/* Say how far the gradients are from double, array by array. */
 static int gradient_note(struct bench *b, struct job *j, const char *config,
                          const char *level, struct error *err)
 {
@@ -96,14 +102,14 @@ static int gradient_note(struct bench *b, struct job *j, const char *config,
     size_t all = N * (11 + C) + 12;
     size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * C;
     double *t = calloc(all, sizeof *t), *d = calloc(values, sizeof *d);
-    struct splat_truth truth = {0};
+    struct reference truth = {0};
     int rc = -1;
 
     if (!t || !d) {
         error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
-    struct splat_truth_gradients g = {t, t + 3 * N, t + 6 * N, t + 10 * N,
+    struct reference_gradients g = {t, t + 3 * N, t + 6 * N, t + 10 * N,
                                       t + 11 * N, t + (11 + C) * N, NULL,
                                       NULL};
 
@@ -111,22 +117,24 @@ static int gradient_note(struct bench *b, struct job *j, const char *config,
         d[i] = j->d_image[i];
     memset(j->gradient, 0, all * sizeof *j->gradient);
     j->turn = 1;
-    if (draw_and_back(j, err) ||
-        splat_truth_init(&truth, &j->scene.g, &j->cam, j->s.opt.width,
-                         j->s.opt.height, (int)C, SPLAT_GSPLAT, 0, err) ||
-        splat_reference_backward(&g, &truth, d, NULL, err))
+    if (job_draw_and_back(j, err) ||
+        reference_init(&truth, &j->scene.g, &j->cam, j->s.opt.width,
+                       j->s.opt.height, (int)C, SPLAT_GSPLAT, 0, err) ||
+        reference_backward(&g, &truth, d, NULL, err))
         goto out;
-    bench_note(b, "splat %s%s%s gradients, relative L2 against double: mean "
+    bench_note(b,
+               "splat %s%s%s gradients, relative L2 against double: mean "
                "%.1e scale %.1e quat %.1e opacity %.1e color %.1e camera %.1e",
-               config, *level ? " " : "", level, relative(j->g.mean, g.mean, 3 * N),
-               relative(j->g.scale, g.scale, 3 * N),
-               relative(j->g.quat, g.quat, 4 * N),
-               relative(j->g.opacity, g.opacity, N),
-               relative(j->g.color, g.color, C * N),
-               relative(j->g.rt, g.rt, 12));
+               config, *level ? " " : "", level,
+               job_relative(j->g.mean, g.mean, 3 * N),
+               job_relative(j->g.scale, g.scale, 3 * N),
+               job_relative(j->g.quat, g.quat, 4 * N),
+               job_relative(j->g.opacity, g.opacity, N),
+               job_relative(j->g.color, g.color, C * N),
+               job_relative(j->g.rt, g.rt, 12));
     rc = 0;
 out:
-    splat_truth_release(&truth);
+    reference_release(&truth);
     free(t);
     free(d);
     return rc;
@@ -154,11 +162,11 @@ static int backward_row(struct bench *b, double seconds, size_t n, int size,
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", size, size, n,
              channels);
     if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
-        bench_time(&t, seconds, 10, draw, &j, err))
+        bench_time(&t, seconds, 10, job_draw, &j, err))
         goto out;
     snprintf(knob, sizeof knob, "forward%s%s", at, name);
     bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
-    if (bench_time(&t, seconds, 10, draw_and_back, &j, err))
+    if (bench_time(&t, seconds, 10, job_draw_and_back, &j, err))
         goto out;
     snprintf(knob, sizeof knob, "forward + backward%s%s", at, name);
     bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
@@ -193,7 +201,8 @@ struct moving {
     size_t count;
 };
 
-static int draw_moved(void *context, struct error *err)
+/* For bench_time: some Gaussians move, the camera stays. */
+static int job_draw_moved(void *context, struct error *err)
 {
     struct moving *m = context;
     struct job *j = m->job;
@@ -206,15 +215,16 @@ static int draw_moved(void *context, struct error *err)
     return splat_forward(&j->s, j->image, j->alpha, NULL, &j->cam, NULL, err);
 }
 
+/* Say how long each step of a frame takes at least. */
 static int phase_note(struct bench *b, struct job *j, int threads,
                       struct error *err)
 {
     double least[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
 
-    if (draw(j, err))          /* the camera may be where it was */
+    if (job_draw(j, err))          /* the camera may be where it was */
         return -1;
     for (int run = 0; run < 40; run++) {
-        if (draw(j, err))
+        if (job_draw(j, err))
             return -1;
         for (int k = 0; k < SPLAT_PHASES; k++)
             least[k] = fmin(least[k], j->s.ms[k]);
@@ -226,6 +236,7 @@ static int phase_note(struct bench *b, struct job *j, int threads,
     return 0;
 }
 
+/* Rows for all, some and no Gaussians moved; phases and memory. */
 static int moving_rows(struct bench *b, double seconds, int threads,
                        struct error *err)
 {
@@ -245,12 +256,12 @@ static int moving_rows(struct bench *b, double seconds, int threads,
     struct moving m = {&j, (float *)j.scene.g.mean, 0};
 
     snprintf(config, sizeof config, "512x512 N=%zu C=3 f32", j.scene.g.n);
-    if (bench_time(&t, seconds, 10, draw, &j, err))
+    if (bench_time(&t, seconds, 10, job_draw, &j, err))
         goto out;
     bench_add(b, "splat", config, "camera moved", threads, &t, NAN, NAN);
     for (size_t i = 0; i < 2; i++) {
         m.count = row[i].count;
-        if (bench_time(&t, seconds, 10, draw_moved, &m, err))
+        if (bench_time(&t, seconds, 10, job_draw_moved, &m, err))
             goto out;
         bench_add(b, "splat", config, row[i].name, threads, &t, NAN, NAN);
     }
@@ -276,6 +287,7 @@ int bench_splat_moving(struct bench *b, double seconds, struct error *err)
 
 /* ---- scaling ------------------------------------------------------------- */
 
+/* One size and number of Gaussians; *ms is the least time. */
 static int scale_row(struct bench *b, double seconds, size_t n, int size,
                      double *ms, struct error *err)
 {
@@ -288,7 +300,7 @@ static int scale_row(struct bench *b, double seconds, size_t n, int size,
     opt.threads = b->threads;
     snprintf(config, sizeof config, "%dx%d N=%zu C=3 f32", size, size, n);
     if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
-        bench_time(&t, seconds, 5, draw, &j, err))
+        bench_time(&t, seconds, 5, job_draw, &j, err))
         goto out;
     bench_add(b, "splat", config, "scaling", b->threads, &t, NAN, NAN);
     *ms = t.min;
@@ -334,20 +346,20 @@ static int hard_error(double *worst, double *psnr, struct job *j,
 {
     size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * 3;
     double *want = malloc(values * sizeof *want);
-    struct splat_truth t = {0};
+    struct reference t = {0};
     int rc = -1;
 
     j->turn = 1;
     if (!want)
         error_set(err, EX_OSERR, "out of memory");
-    else if (!draw(j, err) &&
-             !splat_truth_init(&t, &j->scene.g, &j->cam, j->s.opt.width,
-                               j->s.opt.height, 3, SPLAT_GSPLAT, 0, err) &&
-             !splat_reference_forward(want, NULL, NULL, NULL, &t, err)) {
+    else if (!job_draw(j, err) &&
+             !reference_init(&t, &j->scene.g, &j->cam, j->s.opt.width,
+                             j->s.opt.height, 3, SPLAT_GSPLAT, 0, err) &&
+             !reference_forward(want, NULL, NULL, NULL, &t, err)) {
         bench_compare(worst, psnr, j->image, want, values);
         rc = 0;
     }
-    splat_truth_release(&t);
+    reference_release(&t);
     free(want);
     return rc;
 }
@@ -371,7 +383,7 @@ int bench_splat_hard(struct bench *b, double seconds, struct error *err)
         if (!rc && kind >= 0)
             testscene_harden(&j.scene, (unsigned)kind, 2026);
         rc = rc || job_open(&j, &opt, err) ||
-             bench_time(&t, seconds, 5, draw, &j, err) ||
+             bench_time(&t, seconds, 5, job_draw, &j, err) ||
              hard_error(&worst, &psnr, &j, err);
         size_t pairs = j.s.pairs;
 

@@ -16,7 +16,7 @@
 #include "lib/train/adam.h"
 #include "lib/train/motion_loss.h"
 #include "lib/data/data.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 #define IMAGE 256
 #define PEOPLE 2
@@ -36,7 +36,7 @@ struct course {
     struct data_person who[PEOPLE];
     struct identity id[PEOPLE];
     struct params ps;
-    struct trainee tr;
+    struct avatar_system tr;
     struct motion_encoder net;
     struct motion_loss loss;
     struct adam adam;
@@ -48,8 +48,9 @@ struct course {
 
 /* ---- people ------------------------------------------------------------- */
 
-static int keep_frame(struct data_frame *f, const struct synth_frame *s,
-                      size_t size, struct error *err)
+/* A synthetic frame as training data. */
+static int course_keep_frame(struct data_frame *f, const struct synth_frame *s,
+                             size_t size, struct error *err)
 {
     const struct synth_motion *m = s->motion;
 
@@ -72,7 +73,8 @@ static int keep_frame(struct data_frame *f, const struct synth_frame *s,
     return 0;
 }
 
-static int make_people(struct course *c, size_t size, struct error *err)
+/* Two people of two frames, their shapes folded. */
+static int course_make_people(struct course *c, size_t size, struct error *err)
 {
     const struct synth_options opt = {
         .seed = 9, .people = PEOPLE, .frames = FRAMES, .size = (int)size,
@@ -89,7 +91,7 @@ static int make_people(struct course *c, size_t size, struct error *err)
         if (!p->frame)
             rc = error_set(err, EX_OSERR, "no memory for people");
         else if ((rc = synth_next(s, &f, err)) > 0 &&
-                 keep_frame(&p->frame[p->count++], &f, size, err))
+                 course_keep_frame(&p->frame[p->count++], &f, size, err))
             rc = -1;
         if (rc > 0 && p->count == 1)
             rc = head_fold(&c->id[i / FRAMES], &c->head, f.beta, f.nbeta, err)
@@ -102,7 +104,7 @@ static int make_people(struct course *c, size_t size, struct error *err)
 /* ---- one step ----------------------------------------------------------- */
 
 /* Now; the time since *t goes to a part. */
-static void lap(struct course *c, enum part p, double *t)
+static void course_lap(struct course *c, enum part p, double *t)
 {
     double now = cpu_seconds();
 
@@ -111,36 +113,38 @@ static void lap(struct course *c, enum part p, double *t)
 }
 
 /* A person of the batch: source frame 0, target frame 1. */
-static int study(struct course *c, size_t k, double *t, struct error *err)
+static int course_person(struct course *c, size_t k, double *t,
+                         struct error *err)
 {
-    struct trainee *tr = &c->tr;
+    struct avatar_system *tr = &c->tr;
     const struct data_frame *f = &c->who[k].frame[1];
     struct motion_state s = {.verts = tr->verts};
     double terms[TERM_COUNT] = {0}, picture[PICTURE_COUNT] = {0};
 
-    if (trainee_bake(tr, &c->who[k].frame[0], &c->id[k], NULL, NULL, err))
+    if (avatar_system_bake(tr, &c->who[k].frame[0], &c->id[k], NULL, NULL, err))
         return -1;
-    lap(c, BAKE, t);
+    course_lap(c, BAKE, t);
     c->loss.id = &c->id[k];
     motion_loss(c->dout + k * MOTION_OUT, terms, &s, c->out + k * MOTION_OUT,
                 f, f->crop, &c->config.geometry, 1.0 / PEOPLE, &c->loss);
-    lap(c, LOSSES, t);
-    if (trainee_draw(tr, s.verts, s.cam, err))
+    course_lap(c, LOSSES, t);
+    if (avatar_system_draw(tr, s.verts, s.cam, err))
         return -1;
-    lap(c, DRAW, t);
-    if (trainee_losses(tr, picture, f, &c->config, 1.0 / PEOPLE, err))
+    course_lap(c, DRAW, t);
+    if (avatar_system_losses(tr, picture, f, &c->config, 1.0 / PEOPLE, err))
         return -1;
-    lap(c, LOSSES, t);
-    if (trainee_draw_backward(tr, err))
+    course_lap(c, LOSSES, t);
+    if (avatar_system_draw_backward(tr, err))
         return -1;
     motion_decode_backward(c->dout + k * MOTION_OUT, tr->dverts, tr->dcam, &s,
                            c->out + k * MOTION_OUT, f, f->crop, &c->id[k]);
-    lap(c, DRAW_BACK, t);
-    trainee_bake_backward(tr);
-    lap(c, BAKE_BACK, t);
+    course_lap(c, DRAW_BACK, t);
+    avatar_system_bake_backward(tr);
+    course_lap(c, BAKE_BACK, t);
     return 0;
 }
 
+/* One step of the whole system. */
 static int call_system(void *context, struct error *err)
 {
     struct course *c = context;
@@ -153,24 +157,25 @@ static int call_system(void *context, struct error *err)
                         &c->who[k].frame[1], c->who[k].frame[1].crop, NULL,
                         NULL, err))
             return -1;
-    lap(c, CROPS, &t);
+    course_lap(c, CROPS, &t);
     motion_encoder_forward(c->out, c->rgb, &c->net);
-    lap(c, ENCODER, &t);
+    course_lap(c, ENCODER, &t);
     for (size_t k = 0; k < PEOPLE; k++)
-        if (study(c, k, &t, err))
+        if (course_person(c, k, &t, err))
             return -1;
     motion_encoder_backward(NULL, c->dout, &c->net);
-    lap(c, ENCODER_BACK, &t);
+    course_lap(c, ENCODER_BACK, &t);
     adam_update(&c->adam, &c->ps, 0, adam_norm(&c->ps));
     motion_encoder_update(&c->net);
-    trainee_update(&c->tr);
-    lap(c, UPDATE, &t);
+    avatar_system_update(&c->tr);
+    course_lap(c, UPDATE, &t);
     c->steps++;
     return 0;
 }
 
 /* ---- the parts by themselves -------------------------------------------- */
 
+/* One step of the encoder alone. */
 static int call_encoder(void *context, struct error *err)
 {
     struct course *c = context;
@@ -184,6 +189,7 @@ static int call_encoder(void *context, struct error *err)
     return 0;
 }
 
+/* The refiner forward and back. */
 static int call_refiner(void *context, struct error *err)
 {
     struct course *c = context;
@@ -194,6 +200,7 @@ static int call_refiner(void *context, struct error *err)
     return 0;
 }
 
+/* The encoder's row. */
 static int bench_encoder(struct course *c, struct error *err)
 {
     struct nn_options opt = {NN_TRAIN, NN_F32};
@@ -207,7 +214,7 @@ static int bench_encoder(struct course *c, struct error *err)
         !params_allocate_gradients(&c->ps, err) &&
         !adam_init(&c->adam, &c->ps, 0, 0, err)) {
         params_randomise(&c->ps, 1);
-        motion_encoder_start(&c->net);
+        motion_encoder_init_weights(&c->net);
         rc = motion_encoder_plan(&c->net, ALONE, opt, err);
     }
     for (size_t i = 0; i < ALONE * CROP; i++)
@@ -228,7 +235,8 @@ static int bench_encoder(struct course *c, struct error *err)
     return rc;
 }
 
-static int open_system(struct course *c, struct error *err)
+/* People, networks and optimiser. */
+static int course_open_system(struct course *c, struct error *err)
 {
     static const char losses[] = "{\"stage\":\"all\",\"batch\":2,\"micro\":1}";
     struct nn_options train = {NN_TRAIN, NN_F32}, fixed = {NN_FROZEN, NN_F32};
@@ -237,8 +245,8 @@ static int open_system(struct course *c, struct error *err)
     avatar_config_shipped(&model);
     params_init(&c->ps);
     if (train_config_parse(&c->config, losses, "bench", err) ||
-        make_people(c, model.size, err) ||
-        trainee_init(&c->tr, &c->ps, &model, &c->head, err) ||
+        course_make_people(c, model.size, err) ||
+        avatar_system_init(&c->tr, &c->ps, &model, &c->head, err) ||
         motion_encoder_init(&c->net, &c->ps, "motion.", model.motion_net,
                             err) ||
         params_allocate(&c->ps, err) ||
@@ -246,20 +254,21 @@ static int open_system(struct course *c, struct error *err)
         adam_init(&c->adam, &c->ps, 1, 0, err))
         return -1;
     params_randomise(&c->ps, 1);
-    motion_encoder_start(&c->net);
-    return trainee_plan(&c->tr, IMAGE, 1, 0, train, err) ||
+    motion_encoder_init_weights(&c->net);
+    return avatar_system_plan(&c->tr, IMAGE, 1, 0, train, err) ||
                    motion_encoder_plan(&c->net, PEOPLE, fixed, err) ||
                    motion_loss_init(&c->loss, &c->head, err)
                ? -1
                : 0;
 }
 
+/* The system's row, and where its time goes. */
 static int bench_system(struct course *c, struct error *err)
 {
     struct bench_times t;
     char config[96];
 
-    if (open_system(c, err) ||
+    if (course_open_system(c, err) ||
         bench_time(&t, c->b->seconds / 2, 3, call_system, c, err))
         return -1;
     snprintf(config, sizeof config, "system, 256x256, batch 2, N=%zu",
@@ -277,13 +286,14 @@ static int bench_system(struct course *c, struct error *err)
     return 0;
 }
 
-static void close_course(struct course *c)
+/* All of it. */
+static void course_close(struct course *c)
 {
     for (size_t k = 0; k < PEOPLE; k++) {
         data_person_release(&c->who[k]);
         identity_release(&c->id[k]);
     }
-    trainee_release(&c->tr);
+    avatar_system_release(&c->tr);
     motion_encoder_release(&c->net);
     motion_loss_release(&c->loss);
     adam_release(&c->adam);
@@ -315,6 +325,6 @@ int bench_train(struct bench *b, struct error *err)
     if (!head_load(&c->head, b->head, err) && !bench_encoder(c, err) &&
         !bench_system(c, err))
         rc = 0;
-    close_course(c);
+    course_close(c);
     return rc;
 }

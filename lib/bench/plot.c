@@ -42,20 +42,23 @@ struct panel {
 
 /* ---- what is drawn ------------------------------------------------------ */
 
-static bool same_group(const struct bench_row *a, const struct bench_row *b)
+/* Rows of one curve. */
+static bool plot_same_group(const struct bench_row *a,
+                            const struct bench_row *b)
 {
     return !strcmp(a->stage, b->stage) && !strcmp(a->config, b->config) &&
            a->threads == b->threads;
 }
 
-static bool comparable(const struct bench_row *r)
+/* A row with an error. */
+static bool plot_comparable(const struct bench_row *r)
 {
     return !isnan(r->psnr_db) && r->ms_min > 0;
 }
 
 /* Of rows timed with several numbers of threads the most stay: one picture of
  * a knob is enough. */
-static bool most_threads(const struct bench *b, const struct bench_row *r)
+static bool plot_most_threads(const struct bench *b, const struct bench_row *r)
 {
     for (size_t i = 0; i < b->rows; i++) {
         const struct bench_row *o = &b->row[i];
@@ -67,7 +70,9 @@ static bool most_threads(const struct bench *b, const struct bench_row *r)
     return true;
 }
 
-static void gather(struct panel *p, const struct bench *b, const char *stage)
+/* A stage's rows (NULL: the hard cases) as marks, a group for each curve. */
+static void plot_gather(struct panel *p, const struct bench *b,
+                        const char *stage)
 {
     p->hard = !stage;
     p->title = stage ? stage : "hard cases";
@@ -77,9 +82,9 @@ static void gather(struct panel *p, const struct bench *b, const char *stage)
         int g = 0;
 
         if (r->hard != p->hard || (stage && strcmp(stage, r->stage)) ||
-            !comparable(r) || !most_threads(b, r))
+            !plot_comparable(r) || !plot_most_threads(b, r))
             continue;
-        while (g < p->groups && !same_group(p->group[g], r))
+        while (g < p->groups && !plot_same_group(p->group[g], r))
             g++;
         if (g == p->groups)
             p->group[p->groups++] = r;
@@ -88,7 +93,8 @@ static void gather(struct panel *p, const struct bench *b, const char *stage)
     }
 }
 
-static int by_marks(const void *a, const void *b)
+/* Order of qsort: most marks first. */
+static int plot_by_marks(const void *a, const void *b)
 {
     const struct panel *p = a, *q = b;
 
@@ -96,7 +102,7 @@ static int by_marks(const void *a, const void *b)
 }
 
 /* The stages with most to compare, and the hard cases behind them. */
-static size_t choose(struct panel *p, const struct bench *b)
+static size_t plot_choose(struct panel *p, const struct bench *b)
 {
     size_t n = 0;
 
@@ -107,41 +113,44 @@ static size_t choose(struct panel *p, const struct bench *b)
             k++;
         if (k < n || b->row[i].hard)
             continue;
-        gather(&p[n], b, b->row[i].stage);
+        plot_gather(&p[n], b, b->row[i].stage);
         if (p[n].marks >= 2)
             n++;
         else
             memset(&p[n], 0, sizeof p[n]);
     }
-    qsort(p, n, sizeof *p, by_marks);
+    qsort(p, n, sizeof *p, plot_by_marks);
     if (n > PANELS - 1)
         n = PANELS - 1;
     memset(&p[n], 0, sizeof p[n]);
-    gather(&p[n], b, NULL);
+    plot_gather(&p[n], b, NULL);
     return p[n].marks ? n + 1 : n;
 }
 
-static void widen(double *lo, double *hi, double x)
+/* lo and hi such that x lies between them. */
+static void plot_widen(double *lo, double *hi, double x)
 {
     *lo = fmin(*lo, x);
     *hi = fmax(*hi, x);
 }
 
-static void take(struct panel *p, struct box b)
+/* Remember that a box of the panel holds something. */
+static void plot_take(struct panel *p, struct box b)
 {
     if (p->takens < 2 * MOST)
         p->taken[p->takens++] = b;
 }
 
-static void lay_out(struct panel *p, struct box frame)
+/* Ranges of a panel's axes, and where its marks lie in its frame. */
+static void plot_lay_out(struct panel *p, struct box frame)
 {
     double xlo = INFINITY, xhi = -INFINITY, ylo = INFINITY, yhi = -INFINITY;
 
     p->frame = frame;
     for (size_t i = 0; i < p->marks; i++) {
-        widen(&xlo, &xhi, p->mark[i].x);
+        plot_widen(&xlo, &xhi, p->mark[i].x);
         if (!p->mark[i].none)
-            widen(&ylo, &yhi, p->mark[i].y);
+            plot_widen(&ylo, &yhi, p->mark[i].y);
     }
     if (ylo > yhi)                          /* nothing but equal results */
         ylo = yhi = FLOOR;
@@ -160,13 +169,14 @@ static void lay_out(struct panel *p, struct box frame)
                                (frame.x1 - frame.x0);
         m->py = frame.y0 + (m->y - p->y0) / (p->y1 - p->y0) *
                                (frame.y1 - frame.y0);
-        take(p, (struct box){m->px - 6, m->py - 6, m->px + 6, m->py + 6});
+        plot_take(p, (struct box){m->px - 6, m->py - 6, m->px + 6, m->py + 6});
     }
 }
 
 /* ---- labels ------------------------------------------------------------- */
 
-static double overlap(const struct panel *p, struct box b)
+/* How much of a box is taken already, or outside the panel. */
+static double plot_overlap(const struct panel *p, struct box b)
 {
     double sum = 0;
 
@@ -185,8 +195,8 @@ static double overlap(const struct panel *p, struct box b)
 }
 
 /* The first free place about the point, from near to far. */
-static struct box place(const struct panel *p, const struct mark *m,
-                        const char *text)
+static struct box plot_place(const struct panel *p, const struct mark *m,
+                             const char *text)
 {
     static const double direction[][2] = {
         {1, 0}, {-1, 0}, {0.5, 1}, {0.5, -1}, {-0.5, 1}, {-0.5, -1}, {1, 1},
@@ -203,7 +213,7 @@ static struct box place(const struct panel *p, const struct mark *m,
             double cy = m->py + dy * far;
             struct box b = {cx - w / 2, cy - LINE / 2.0, cx + w / 2,
                             cy + LINE / 2.0};
-            double bad = overlap(p, b) + far * 1e-9;
+            double bad = plot_overlap(p, b) + far * 1e-9;
 
             if (bad < best - 1e-6) {
                 best = bad < 1e-6 ? 0 : bad;
@@ -214,7 +224,7 @@ static struct box place(const struct panel *p, const struct mark *m,
 }
 
 /* Text for gnuplot's double quotes. */
-static void put_quoted(FILE *f, const char *s)
+static void plot_put_quoted(FILE *f, const char *s)
 {
     fputc('"', f);
     for (; *s; s++) {
@@ -225,7 +235,8 @@ static void put_quoted(FILE *f, const char *s)
     fputc('"', f);
 }
 
-static void put_label(FILE *f, struct panel *p, const struct mark *m)
+/* A mark's label at the best place, with a line to it when far. */
+static void plot_put_label(FILE *f, struct panel *p, const struct mark *m)
 {
     char text[80];
 
@@ -234,19 +245,19 @@ static void put_label(FILE *f, struct panel *p, const struct mark *m)
              : m->row->psnr_db < 1000 ? " (under 1e-9)"
              : m->row->hard           ? " (exact)"
                                       : " (the reference)");
-    struct box b = place(p, m, text);
+    struct box b = plot_place(p, m, text);
     double cx = (b.x0 + b.x1) / 2, cy = (b.y0 + b.y1) / 2;
     double gap = hypot(fmax(0, fabs(cx - m->px) - (b.x1 - b.x0) / 2),
                        fmax(0, fabs(cy - m->py) - LINE / 2.0));
 
-    take(p, b);
+    plot_take(p, b);
     if (gap > 14)
         fprintf(f, "set arrow from screen %.5f,%.5f to screen %.5f,%.5f nohead "
                 "lc rgb \"#b0b0b0\" lw 0.7\n", m->px / WIDE, m->py / HIGH,
                 fmin(fmax(m->px, b.x0), b.x1) / WIDE,
                 fmin(fmax(m->py, b.y0), b.y1) / HIGH);
     fputs("set label ", f);
-    put_quoted(f, text);
+    plot_put_quoted(f, text);
     fprintf(f, " at screen %.5f,%.5f center noenhanced font \",%d\" tc rgb "
             "\"%s\" front\n", cx / WIDE, cy / HIGH, 10,
             m->row->pareto || m->row->hard || m->none ? "#202020"
@@ -257,41 +268,45 @@ enum kind { BEHIND, FRONT, NONE };  /* the Pareto front */
 
 /* ---- the script --------------------------------------------------------- */
 
-static int by_time(const void *a, const void *b)
+/* Order of qsort: fastest first. */
+static int plot_by_time(const void *a, const void *b)
 {
     const struct mark *p = a, *q = b;
 
     return p->x < q->x ? -1 : p->x > q->x;
 }
 
-static enum kind kind_of(const struct mark *m)
+/* What a row's mark looks like. */
+static enum kind plot_kind(const struct mark *m)
 {
     return m->none ? NONE : m->row->pareto ? FRONT : BEHIND;
 }
 
-static void put_points(FILE *f, const struct panel *p, int group, int kind,
-                       const char *name)
+/* The points of one kind. */
+static void plot_put_points(FILE *f, const struct panel *p, int group,
+                            int kind, const char *name)
 {
     fprintf(f, "$%s%d << END\n", name, group);
     for (size_t i = 0; i < p->marks; i++) {
         const struct mark *m = &p->mark[i];
 
-        if (m->group == group && (int)kind_of(m) == kind)
+        if (m->group == group && (int)plot_kind(m) == kind)
             fprintf(f, "%.6g %.6g\n", pow(10, m->x), pow(10, m->y));
     }
     fputs("END\n", f);
 }
 
-static bool has_kind(const struct panel *p, int group, int kind)
+/* Whether a panel has a point of a kind. */
+static bool plot_has_kind(const struct panel *p, int group, int kind)
 {
     for (size_t i = 0; i < p->marks; i++)
-        if (p->mark[i].group == group && (int)kind_of(&p->mark[i]) == kind)
+        if (p->mark[i].group == group && (int)plot_kind(&p->mark[i]) == kind)
             return true;
     return false;
 }
 
 /* Under two decades gnuplot labels too few tics: 1, 2 and 5 of each. */
-static void put_tics(FILE *f, char axis, double lo, double hi)
+static void plot_put_tics(FILE *f, char axis, double lo, double hi)
 {
     static const int step[3] = {1, 2, 5};
     const char *mark = "";
@@ -309,7 +324,8 @@ static void put_tics(FILE *f, char axis, double lo, double hi)
     fputs(")\n", f);
 }
 
-static void put_axes(FILE *f, const struct panel *p)
+/* Ranges, names and grid. */
+static void plot_put_axes(FILE *f, const struct panel *p)
 {
     fprintf(f, "unset label\nunset arrow\n"
             "set lmargin at screen %.5f\nset rmargin at screen %.5f\n"
@@ -318,8 +334,8 @@ static void put_axes(FILE *f, const struct panel *p)
             p->frame.y1 / HIGH);
     fprintf(f, "set xrange [%.6g:%.6g]\nset yrange [%.6g:%.6g]\n",
             pow(10, p->x0), pow(10, p->x1), pow(10, p->y0), pow(10, p->y1));
-    put_tics(f, 'x', p->x0, p->x1);
-    put_tics(f, 'y', p->y0, p->y1);
+    plot_put_tics(f, 'x', p->x0, p->x1);
+    plot_put_tics(f, 'y', p->y0, p->y1);
     fprintf(f, "set y2range [%.6g:%.6g]\nset title \"%s\" font \",13\"\n",
             -20 * p->y0, -20 * p->y1, p->title);
     fprintf(f, "set key at screen %.5f,%.5f left top vertical maxcols 1 Left "
@@ -328,7 +344,7 @@ static void put_axes(FILE *f, const struct panel *p)
 
 /* A panel: points filled on the Pareto front, hollow off it, a line along the
  * front, a diamond for the reference. */
-static void put_panel(FILE *f, struct panel *p, const char *name)
+static void plot_put_panel(FILE *f, struct panel *p, const char *name)
 {
     static const char *const color[] = {"#0072b2", "#d55e00", "#009e73",
                                         "#cc79a7", "#7a5c00", "#56b4e9",
@@ -338,17 +354,17 @@ static void put_panel(FILE *f, struct panel *p, const char *name)
     const char *mark = "plot";
     char full[40];
 
-    put_axes(f, p);
+    plot_put_axes(f, p);
     for (int front = 1; front >= 0; front--)    /* the front chooses first */
         for (size_t i = 0; i < p->marks; i++)
             if (p->mark[i].row->pareto == front)
-                put_label(f, p, &p->mark[i]);
-    qsort(p->mark, p->marks, sizeof *p->mark, by_time);
+                plot_put_label(f, p, &p->mark[i]);
+    qsort(p->mark, p->marks, sizeof *p->mark, plot_by_time);
     for (int g = 0; g < p->groups; g++)
         for (int kind = 0; kind < 3; kind++) {
             snprintf(full, sizeof full, "%s%c", name, "oxr"[kind]);
-            if (has_kind(p, g, kind))
-                put_points(f, p, g, kind, full);
+            if (plot_has_kind(p, g, kind))
+                plot_put_points(f, p, g, kind, full);
         }
     for (int g = 0; g < p->groups; g++) {
         const struct bench_row *r = p->group[g];
@@ -357,7 +373,7 @@ static void put_panel(FILE *f, struct panel *p, const char *name)
         for (int i = 0; i < 3; i++) {
             const int kind = (int)order[i];
 
-            if (!has_kind(p, g, kind))
+            if (!plot_has_kind(p, g, kind))
                 continue;
             fprintf(f, "%s $%s%c%d using 1:2 with %s pt %d ps 1.3 lw 1.6 "
                     "lc rgb \"%s\" ", mark, name, "oxr"[kind], g,
@@ -375,7 +391,8 @@ static void put_panel(FILE *f, struct panel *p, const char *name)
     fputc('\n', f);
 }
 
-static const char *terminal(const char *file)
+/* gnuplot's terminal for the name's ending. */
+static const char *plot_terminal(const char *file)
 {
     const char *dot = strrchr(file, '.');
 
@@ -388,7 +405,7 @@ static const char *terminal(const char *file)
 
 /* Where panel i of n lies: the first on top, up to three below it, the hard
  * cases at the right over the whole height. */
-static struct box place_panel(const struct panel *p, size_t i, size_t n)
+static struct box plot_place_panel(const struct panel *p, size_t i, size_t n)
 {
     bool hard = p[n - 1].hard;
     size_t plain = hard ? n - 1 : n, below = plain > 1 ? plain - 1 : 0;
@@ -404,8 +421,9 @@ static struct box place_panel(const struct panel *p, size_t i, size_t n)
                         100 + wide * (double)i - (i < below ? 65 : 0), 450};
 }
 
-static char *write_script(struct panel *p, size_t n, const char *file,
-                          const struct bench *b, struct error *err)
+/* The whole script. */
+static char *plot_write_script(struct panel *p, size_t n, const char *file,
+                               const struct bench *b, struct error *err)
 {
     char *text = NULL, name[2] = "a";
     size_t size = 0;
@@ -415,8 +433,8 @@ static char *write_script(struct panel *p, size_t n, const char *file,
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
-    fprintf(f, "set terminal %s\nset output ", terminal(file));
-    put_quoted(f, file);
+    fprintf(f, "set terminal %s\nset output ", plot_terminal(file));
+    plot_put_quoted(f, file);
     fprintf(f, "\nset termoption noenhanced\nset multiplot title \"What a "
             "millisecond costs in accuracy.  Filled and joined: the Pareto "
             "front.  %s, %s, %d thread%s\" font \",14\"\n", cpu_name(),
@@ -429,8 +447,8 @@ static char *write_script(struct panel *p, size_t n, const char *file,
           "set label\nset ylabel \"RMS error\" offset 1,0\n"
           "set y2label \"PSNR, dB\" offset -1,0\n", f);
     for (size_t i = 0; i < n; i++, name[0]++) {
-        lay_out(&p[i], place_panel(p, i, n));
-        put_panel(f, &p[i], name);
+        plot_lay_out(&p[i], plot_place_panel(p, i, n));
+        plot_put_panel(f, &p[i], name);
     }
     fputs("unset multiplot\n", f);
     if (fclose(f)) {
@@ -451,12 +469,12 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err)
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
-    n = choose(p, b);
+    n = plot_choose(p, b);
     if (n == 0)
         error_set(err, EX_DATAERR, "%s: no two rows have an error to draw "
                   "(expected a stage such as splat, motion or hard)", file);
     else
-        text = write_script(p, n, file, b, err);
+        text = plot_write_script(p, n, file, b, err);
     free(p);
     return text;
 }

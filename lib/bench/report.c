@@ -1,3 +1,4 @@
+/* The rows as a table for people, as JSON and as tab-separated lines. */
 #include "lib/bench/bench.h"
 
 #include <cjson/cJSON.h>
@@ -15,27 +16,30 @@ struct widths {
     int stage, config, knob;
 };
 
-static int wider(int width, const char *text)
+/* The larger of a width and a text's. */
+static int report_wider(int width, const char *text)
 {
     int n = (int)strlen(text);
 
     return n > width ? n : width;
 }
 
-static struct widths measure(const struct bench *b)
+/* The widths of the columns. */
+static struct widths report_measure(const struct bench *b)
 {
     struct widths w = {5, 6, 4};
 
     for (size_t i = 0; i < b->rows; i++) {
-        w.stage = wider(w.stage, b->row[i].stage);
-        w.config = wider(w.config, b->row[i].config);
-        w.knob = wider(w.knob, b->row[i].knob);
+        w.stage = report_wider(w.stage, b->row[i].stage);
+        w.config = report_wider(w.config, b->row[i].config);
+        w.knob = report_wider(w.knob, b->row[i].knob);
     }
     return w;
 }
 
-static void put_row(FILE *f, const struct widths *w,
-                    const struct bench_row *r)
+/* A line of the table. */
+static void report_put_row(FILE *f, const struct widths *w,
+                           const struct bench_row *r)
 {
     fprintf(f, "%-*s  %-*s  %-*s %3d %9.3f %9.3f %9.3f ", w->stage, r->stage,
             w->config, r->config, w->knob, r->knob, r->threads, r->ms_min,
@@ -53,9 +57,10 @@ static void put_row(FILE *f, const struct widths *w,
     fprintf(f, "  %s\n", r->pareto ? "*" : "");
 }
 
-static void put_rows(FILE *f, const struct bench *b, bool hard)
+/* Rows of one kind under their heading. */
+static void report_put_rows(FILE *f, const struct bench *b, bool hard)
 {
-    struct widths w = measure(b);
+    struct widths w = report_measure(b);
     bool any = false;
 
     for (size_t i = 0; i < b->rows; i++) {
@@ -67,12 +72,13 @@ static void put_rows(FILE *f, const struct bench *b, bool hard)
                     "config", w.knob, "knob", "thr", "ms min", "median",
                     "p95", "max abs", "PSNR dB", hard ? "" : "Pareto");
         any = true;
-        put_row(f, &w, &b->row[i]);
+        report_put_row(f, &w, &b->row[i]);
     }
 }
 
-static double number(const struct bench *b, const char *object,
-                     const char *key)
+/* A number of the JSON's objects, or NaN. */
+static double report_number(const struct bench *b, const char *object,
+                            const char *key)
 {
     for (size_t i = 0; i < b->pairs; i++)
         if (!strcmp(b->pair[i].object, object) && !strcmp(b->pair[i].key, key))
@@ -80,7 +86,9 @@ static double number(const struct bench *b, const char *object,
     return NAN;
 }
 
-static void put_beside(FILE *f, const char *what, double ours, double paper)
+/* Ours beside the paper's. */
+static void report_put_beside(FILE *f, const char *what, double ours,
+                              double paper)
 {
     fprintf(f, "%-30s", what);
     if (isnan(ours))
@@ -94,34 +102,39 @@ static void put_beside(FILE *f, const char *what, double ours, double paper)
 }
 
 /* The paper's Section 4.4 (one A100) beside what was measured here. */
-static void put_paper(FILE *f, const struct bench *b)
+static void report_put_paper(FILE *f, const struct bench *b)
 {
-    double motion = number(b, "ms", "motion");
-    double render = number(b, "ms", "branches") + number(b, "ms", "splat");
+    double motion = report_number(b, "ms", "motion");
+    double render =
+        report_number(b, "ms", "branches") + report_number(b, "ms", "splat");
 
-    if (isnan(number(b, "fps", "spid_star")))
+    if (isnan(report_number(b, "fps", "spid_star")))
         return;
     fprintf(f, "\n%-30s %9s %9s\n", "Phase B, ms a frame", "here",
             "paper");
-    put_beside(f, "face crop", number(b, "ms", "crop"), 0.2);
-    put_beside(f, "motion encoder and heads", motion, 2.1);
-    put_beside(f, "head mesh", number(b, "ms", "flame"), 1.3);
-    put_beside(f, "Gaussians: move and draw", render, 1.5);
-    put_beside(f, "draw 32 channels (SpiD)",
-               number(b, "ms", "splat_features"), NAN);
-    put_beside(f, "refine (SpiD)", number(b, "ms", "refine"), NAN);
-    put_beside(f, "decode (video rows)", number(b, "ms", "decode"), NAN);
-    put_beside(f, "encode (video rows)", number(b, "ms", "encode"), NAN);
-    put_beside(f, "sum of the first four",
-               number(b, "ms", "crop") + motion + number(b, "ms", "flame") +
-               render, 5.1);
+    report_put_beside(f, "face crop", report_number(b, "ms", "crop"), 0.2);
+    report_put_beside(f, "motion encoder and heads", motion, 2.1);
+    report_put_beside(f, "head mesh", report_number(b, "ms", "flame"), 1.3);
+    report_put_beside(f, "Gaussians: move and draw", render, 1.5);
+    report_put_beside(f, "draw 32 channels (SpiD)",
+                      report_number(b, "ms", "splat_features"), NAN);
+    report_put_beside(f, "refine (SpiD)", report_number(b, "ms", "refine"),
+                      NAN);
+    report_put_beside(f, "decode (video rows)",
+                      report_number(b, "ms", "decode"), NAN);
+    report_put_beside(f, "encode (video rows)",
+                      report_number(b, "ms", "encode"), NAN);
+    report_put_beside(f, "sum of the first four",
+                      report_number(b, "ms", "crop") + motion +
+                          report_number(b, "ms", "flame") + render,
+                      5.1);
     fprintf(f, "%-30s %9s %9s\n", "frames a second", "", "");
-    put_beside(f, "SpiD*", number(b, "fps", "spid_star"), 154);
-    put_beside(f, "SpiD", number(b, "fps", "spid"), 43);
-    put_beside(f, "SpiD*, video to video",
-               number(b, "fps", "spid_star_video"), NAN);
-    put_beside(f, "SpiD, video to video", number(b, "fps", "spid_video"),
-               NAN);
+    report_put_beside(f, "SpiD*", report_number(b, "fps", "spid_star"), 154);
+    report_put_beside(f, "SpiD", report_number(b, "fps", "spid"), 43);
+    report_put_beside(f, "SpiD*, video to video",
+                      report_number(b, "fps", "spid_star_video"), NAN);
+    report_put_beside(f, "SpiD, video to video",
+                      report_number(b, "fps", "spid_video"), NAN);
     fprintf(f, "Here: this processor, %d thread%s; a stage's ms are of one "
             "worker's core, and as\nmany frames are under way as there are "
             "threads.  Paper: one A100; its parts add up to\n5.1 ms where its "
@@ -139,9 +152,9 @@ char *bench_table(const struct bench *b)
     fprintf(f, "%s, %s, %d thread%s\n", cpu_name(),
             cpu_level_name(cpu_level()), b->threads,
             b->threads > 1 ? "s" : "");
-    put_rows(f, b, false);
-    put_rows(f, b, true);
-    put_paper(f, b);
+    report_put_rows(f, b, false);
+    report_put_rows(f, b, true);
+    report_put_paper(f, b);
     if (b->notes)
         fprintf(f, "\n%s", b->notes);
     if (fclose(f)) {
@@ -154,7 +167,7 @@ char *bench_table(const struct bench *b)
 /* ---- for programs ------------------------------------------------------- */
 
 /* JSON has no NaN and no infinity. */
-static void add_number(cJSON *o, const char *key, double v)
+static void report_add_number(cJSON *o, const char *key, double v)
 {
     if (isfinite(v))
         cJSON_AddNumberToObject(o, key, v);
@@ -162,7 +175,8 @@ static void add_number(cJSON *o, const char *key, double v)
         cJSON_AddNullToObject(o, key);
 }
 
-static void add_row(cJSON *rows, const struct bench_row *r)
+/* A row as a JSON object. */
+static void report_add_row(cJSON *rows, const struct bench_row *r)
 {
     cJSON *o = cJSON_CreateObject();
 
@@ -170,11 +184,11 @@ static void add_row(cJSON *rows, const struct bench_row *r)
     cJSON_AddStringToObject(o, "config", r->config);
     cJSON_AddStringToObject(o, "knob", r->knob);
     cJSON_AddNumberToObject(o, "threads", r->threads);
-    add_number(o, "ms_min", r->ms_min);
-    add_number(o, "ms_median", r->ms_median);
-    add_number(o, "ms_p95", r->ms_p95);
-    add_number(o, "max_abs", r->max_abs);
-    add_number(o, "psnr_db", r->psnr_db);
+    report_add_number(o, "ms_min", r->ms_min);
+    report_add_number(o, "ms_median", r->ms_median);
+    report_add_number(o, "ms_p95", r->ms_p95);
+    report_add_number(o, "max_abs", r->max_abs);
+    report_add_number(o, "psnr_db", r->psnr_db);
     cJSON_AddBoolToObject(o, "pareto", r->pareto);
     cJSON_AddBoolToObject(o, "hard", r->hard);
     cJSON_AddItemToArray(rows, o);
@@ -191,13 +205,13 @@ char *bench_json(const struct bench *b)
     cJSON *rows = cJSON_AddArrayToObject(root, "rows");
 
     for (size_t i = 0; i < b->rows; i++)
-        add_row(rows, &b->row[i]);
+        report_add_row(rows, &b->row[i]);
     for (size_t i = 0; i < b->pairs; i++) {
         const struct bench_pair *p = &b->pair[i];
         cJSON *o = cJSON_GetObjectItemCaseSensitive(root, p->object);
 
-        add_number(o ? o : cJSON_AddObjectToObject(root, p->object), p->key,
-                   p->value);
+        report_add_number(o ? o : cJSON_AddObjectToObject(root, p->object),
+                          p->key, p->value);
     }
     char *text = cJSON_Print(root);
 
@@ -205,7 +219,8 @@ char *bench_json(const struct bench *b)
     return text;
 }
 
-static void put_cell(FILE *f, double v)
+/* A tab-separated field. */
+static void report_put_cell(FILE *f, double v)
 {
     if (isfinite(v))
         fprintf(f, "\t%.6g", v);
@@ -233,11 +248,11 @@ char *bench_tsv(const struct bench *b)
 
         fprintf(f, "%s\t%s\t%s\t%d", r->stage, r->config, r->knob,
                 r->threads);
-        put_cell(f, r->ms_min);
-        put_cell(f, r->ms_median);
-        put_cell(f, r->ms_p95);
-        put_cell(f, r->max_abs);
-        put_cell(f, r->psnr_db);
+        report_put_cell(f, r->ms_min);
+        report_put_cell(f, r->ms_median);
+        report_put_cell(f, r->ms_p95);
+        report_put_cell(f, r->max_abs);
+        report_put_cell(f, r->psnr_db);
         fprintf(f, "\t%d\t%d\n", r->pareto, r->hard);
     }
     if (fclose(f)) {

@@ -1,3 +1,5 @@
+/* Scenes with the statistics of a baked head (how many Gaussians of what size
+ * and opacity lie where), drawn from a seed, and what makes them hard. */
 #include "lib/bench/testscene.h"
 
 #include <math.h>
@@ -11,7 +13,8 @@
 
 #define CHANNELS 32
 
-static int allocate(struct testscene *t, size_t n, struct error *err)
+/* Arrays for n Gaussians in two blocks. */
+static int testscene_allocate(struct testscene *t, size_t n, struct error *err)
 {
     float *f = malloc((n + 1) * (3 + 3 + 4 + 1 + CHANNELS) * sizeof *f);
     uint8_t *branch = malloc(n + 1);
@@ -38,18 +41,19 @@ void testscene_release(struct testscene *t)
 
 /* One element of the mixture: half uniform in 0.05..0.99, 30 % high, 20 %
  * low. */
-static float draw_opacity(struct random *r)
+static float testscene_opacity(struct random *r)
 {
     double kind = random_uniform(r);
 
     if (kind < 0.5)
         return (float)random_range(r, 0.05, 0.99);
     return (float)(kind < 0.8 ? random_range(r, 0.85, 0.99)
-                              : random_range(r, 0.05, 0.2));
+                   : random_range(r, 0.05, 0.2));
 }
 
-static void put_shape(struct testscene *t, size_t i, double sigma,
-                      double spread, struct random *r)
+/* Log-normal scales about sigma, any rotation, an opacity of the mixture. */
+static void testscene_put_shape(struct testscene *t, size_t i, double sigma,
+                                double spread, struct random *r)
 {
     float *scale = (float *)t->g.scale + 3 * i;
     float *quat = (float *)t->g.quat + 4 * i;
@@ -63,10 +67,12 @@ static void put_shape(struct testscene *t, size_t i, double sigma,
     }
     for (int k = 0; k < 4; k++)
         quat[k] = (float)(q[k] / sqrt(len));
-    ((float *)t->g.opacity)[i] = draw_opacity(r);
+    ((float *)t->g.opacity)[i] = testscene_opacity(r);
 }
 
-static void put_colors(struct testscene *t, size_t i, struct random *r)
+/* Smooth colours with noise; the other channels uniform. */
+static void testscene_put_colors(struct testscene *t, size_t i,
+                                 struct random *r)
 {
     const float *m = t->g.mean + 3 * i;
     float *c = (float *)t->g.color + CHANNELS * i;
@@ -78,8 +84,9 @@ static void put_colors(struct testscene *t, size_t i, struct random *r)
         c[k] = (float)random_range(r, -0.5, 0.5);
 }
 
-static void put_mean(struct testscene *t, size_t i, double x, double y,
-                     double z)
+/* Centre i. */
+static void testscene_put_mean(struct testscene *t, size_t i, double x,
+                               double y, double z)
 {
     float *m = (float *)t->g.mean + 3 * i;
 
@@ -88,17 +95,19 @@ static void put_mean(struct testscene *t, size_t i, double x, double y,
     m[2] = (float)z;
 }
 
-static void on_ellipsoid(struct testscene *t, size_t i, struct random *r)
+/* A point of the head's surface. */
+static void testscene_on_ellipsoid(struct testscene *t, size_t i,
+                                   struct random *r)
 {
     double z = random_range(r, -1, 1), a = random_range(r, 0, 2 * M_PI);
     double s = sqrt(1 - z * z);
 
-    put_mean(t, i, 0.45 * s * cos(a), 0.6 * s * sin(a), 0.5 * z);
+    testscene_put_mean(t, i, 0.45 * s * cos(a), 0.6 * s * sin(a), 0.5 * z);
 }
 
 /* Cell k of an across x down grid over the square of that half width. */
-static void on_sheet(struct testscene *t, size_t i, size_t k, size_t across,
-                     struct random *r)
+static void testscene_on_sheet(struct testscene *t, size_t i, size_t k,
+                               size_t across, struct random *r)
 {
     double cell = 2.0 / (double)across;
     double x = -1 + cell * ((double)(k % across) + 0.5);
@@ -106,17 +115,19 @@ static void on_sheet(struct testscene *t, size_t i, size_t k, size_t across,
     double relief = -0.55 + 1.1 * exp(-2.2 * (x * x + y * y)) +
                     0.01 * random_normal(r);
 
-    put_mean(t, i, x + 0.3 * cell * random_normal(r),
-             y + 0.3 * cell * random_normal(r), relief);
+    testscene_put_mean(t, i, x + 0.3 * cell * random_normal(r),
+                       y + 0.3 * cell * random_normal(r), relief);
 }
 
-static void on_mouth(struct testscene *t, size_t i, size_t k, size_t across,
-                     struct random *r)
+/* Cell k of the mouth sheet's grid. */
+static void testscene_on_mouth(struct testscene *t, size_t i, size_t k,
+                               size_t across, struct random *r)
 {
     double x = ((double)(k % across) + 0.5) / (double)across * 2 - 1;
     double y = ((double)(k / across) + 0.5) / (double)across * 2 - 1;
 
-    put_mean(t, i, 0.1 * x, -0.25 + 0.06 * y, 0.42 + 0.01 * random_normal(r));
+    testscene_put_mean(t, i, 0.1 * x, -0.25 + 0.06 * y,
+                       0.42 + 0.01 * random_normal(r));
 }
 
 int testscene_make(struct testscene *t, size_t n, uint64_t seed,
@@ -133,7 +144,7 @@ int testscene_make(struct testscene *t, size_t n, uint64_t seed,
     double grow = sqrt((double)TESTSCENE_N / (double)(n ? n : 1));
     struct random r;
 
-    if (allocate(t, n, err))
+    if (testscene_allocate(t, n, err))
         return -1;
     random_init(&r, seed, "testscene");
     memcpy(t->cam, cam, sizeof cam);
@@ -141,23 +152,26 @@ int testscene_make(struct testscene *t, size_t n, uint64_t seed,
         int branch = i < dynamic ? 0 : i < dynamic + flat ? 1 : 2;
 
         if (branch == 0)
-            on_ellipsoid(t, i, &r);
+            testscene_on_ellipsoid(t, i, &r);
         else if (branch == 1)
-            on_sheet(t, i, i - dynamic, across, &r);
+            testscene_on_sheet(t, i, i - dynamic, across, &r);
         else
-            on_mouth(t, i, i - dynamic - flat, teeth, &r);
-        put_shape(t, i, grow * (branch == 0 ? 0.014 : branch == 1 ? 0.0078
-                                                                 : 0.006),
-                  branch == 1 ? 0.33 : 0.25, &r);
-        put_colors(t, i, &r);
+            testscene_on_mouth(t, i, i - dynamic - flat, teeth, &r);
+        testscene_put_shape(t, i,
+                            grow * (branch == 0   ? 0.014
+                                    : branch == 1 ? 0.0078
+                                                  : 0.006),
+                            branch == 1 ? 0.33 : 0.25, &r);
+        testscene_put_colors(t, i, &r);
         ((uint8_t *)t->g.branch)[i] = (uint8_t)branch;
     }
     return 0;
 }
 
 /* Copy a tensor of the file over the scene's array. */
-static int take(void *out, const struct safetensors *st, const char *name,
-                size_t n, size_t row, struct error *err)
+static int testscene_take(void *out, const struct safetensors *st,
+                          const char *name, size_t n, size_t row,
+                          struct error *err)
 {
     size_t dims[2] = {n, row}, count;
     float *x = st_load_f32(st, name, row > 1 ? 2 : 1, dims, &count, err);
@@ -169,16 +183,17 @@ static int take(void *out, const struct safetensors *st, const char *name,
     return 0;
 }
 
-static int take_all(struct testscene *t, const struct safetensors *st,
-                    size_t channels, struct error *err)
+/* All arrays of a file but the branches. */
+static int testscene_take_all(struct testscene *t, const struct safetensors *st,
+                              size_t channels, struct error *err)
 {
     size_t n = t->g.n, dims[2] = {n, channels}, count, cam[2] = {3, 4};
     float *x;
 
-    if (take((void *)t->g.mean, st, "mean", n, 3, err) ||
-        take((void *)t->g.scale, st, "scale", n, 3, err) ||
-        take((void *)t->g.quat, st, "quat", n, 4, err) ||
-        take((void *)t->g.opacity, st, "opacity", n, 1, err) ||
+    if (testscene_take((void *)t->g.mean, st, "mean", n, 3, err) ||
+        testscene_take((void *)t->g.scale, st, "scale", n, 3, err) ||
+        testscene_take((void *)t->g.quat, st, "quat", n, 4, err) ||
+        testscene_take((void *)t->g.opacity, st, "opacity", n, 1, err) ||
         !(x = st_load_f32(st, "color", 2, dims, &count, err)))
         return -1;
     uint64_t key = random_name("bench.colors") ^ 2026;
@@ -218,7 +233,8 @@ int testscene_load(struct testscene *t, const char *path, struct error *err)
                   "channels)", path, CHANNELS);
         goto out;
     }
-    if (allocate(t, c->dim[0], err) || take_all(t, st, c->dim[1], err))
+    if (testscene_allocate(t, c->dim[0], err) ||
+        testscene_take_all(t, st, c->dim[1], err))
         goto out;
     rc = 0;
 out:
@@ -238,8 +254,9 @@ const char *testscene_hard_name(enum testscene_hard kind)
     return name[kind];
 }
 
-static void harden_one(struct testscene *t, enum testscene_hard kind,
-                       size_t i, struct random *r)
+/* Gaussian i of a hard scene. */
+static void testscene_harden_one(struct testscene *t, enum testscene_hard kind,
+                                 size_t i, struct random *r)
 {
     float *m = (float *)t->g.mean + 3 * i, *s = (float *)t->g.scale + 3 * i;
     float *q = (float *)t->g.quat + 4 * i, *o = (float *)t->g.opacity + i;
@@ -288,22 +305,22 @@ void testscene_harden(struct testscene *t, enum testscene_hard kind,
     random_init(&r, seed, "testscene hard");
     memcpy(t->cam, front, sizeof front);
     for (size_t i = 0; i < t->g.n; i++)
-        harden_one(t, kind, i, &r);
+        testscene_harden_one(t, kind, i, &r);
 }
 
 size_t testscene_pairs(const struct testscene *t, int size, struct error *err)
 {
     struct splat_camera cam = splat_camera_square(t->cam, size, 12);
-    struct splat_truth truth;
+    struct reference truth;
     size_t pairs = 0;
 
-    if (splat_truth_init(&truth, &t->g, &cam, size, size, 1, SPLAT_GSPLAT, 0,
-                         err))
+    if (reference_init(&truth, &t->g, &cam, size, size, 1, SPLAT_GSPLAT, 0,
+                       err))
         return 0;
     for (size_t i = 0; i < t->g.n; i++) {
-        struct splat_point p;
+        struct reference_point p;
 
-        splat_truth_project(&p, &truth, i);
+        reference_project(&p, &truth, i);
         double limit = log(truth.opacity[i] * 255);
 
         if (!p.front || !(limit > 0))
@@ -320,6 +337,6 @@ size_t testscene_pairs(const struct testscene *t, int size, struct error *err)
                              p.conic[1] * dx * dy <= limit;
             }
     }
-    splat_truth_release(&truth);
+    reference_release(&truth);
     return pairs;
 }

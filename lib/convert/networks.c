@@ -142,7 +142,7 @@ static int smirk_declare(struct params *ps, struct motion_encoder *motion,
         shape_encoder_init(shape, ps, "shape.", SMIRK_NET, err) ||
         params_allocate(ps, err))
         return -1;
-    motion_encoder_start(motion);
+    motion_encoder_init_weights(motion);
     return 0;
 }
 

@@ -1,3 +1,5 @@
+/* Reading people from streams.  A person is complete when the next one's
+ * SHAP, or the end of the file, is read. */
 #include "lib/data/data.h"
 
 #include <glob.h>
@@ -23,15 +25,16 @@ struct data_reader {
     uint64_t people;           /* SHAP records seen in this pass */
     uint64_t ever;             /* frames read, over all passes */
     size_t size;               /* side of the pictures, once known */
-    int have_shape, id;
+    bool have_shape, have_motion;
+    int id;
     float shape[DATA_SHAPE];
     data_shape_fn *shape_fn;
     void *shape_ctx;
-    int have_motion;
     struct data_frame next;    /* truth read, picture to come */
 };
 
-static void frame_release(struct data_frame *f)
+/* The picture; the rest is no memory of its own. */
+static void data_frame_release(struct data_frame *f)
 {
     free(f->rgba);
     f->rgba = NULL;
@@ -40,12 +43,13 @@ static void frame_release(struct data_frame *f)
 void data_person_release(struct data_person *p)
 {
     for (size_t i = 0; i < p->count; i++)
-        frame_release(&p->frame[i]);
+        data_frame_release(&p->frame[i]);
     free(p->frame);
     memset(p, 0, sizeof *p);
 }
 
-static void forget_files(struct data_reader *r)
+/* The names of a pass. */
+static void data_forget_files(struct data_reader *r)
 {
     for (size_t i = 0; i < r->count; i++)
         free(r->files[i]);
@@ -54,8 +58,9 @@ static void forget_files(struct data_reader *r)
     r->count = r->at = 0;
 }
 
-static int remember_file(struct data_reader *r, const char *name,
-                         struct error *err)
+/* Append a name. */
+static int data_remember_file(struct data_reader *r, const char *name,
+                              struct error *err)
 {
     char **grown = realloc(r->files, (r->count + 1) * sizeof *grown);
 
@@ -69,9 +74,9 @@ static int remember_file(struct data_reader *r, const char *name,
 
 /* The files that the names stand for now: a folder may grow from one pass to
  * the next. */
-static int list_files(struct data_reader *r, struct error *err)
+static int data_list_files(struct data_reader *r, struct error *err)
 {
-    forget_files(r);
+    data_forget_files(r);
     for (size_t i = 0; i < r->nnames; i++) {
         struct stat st;
         char pattern[1000];
@@ -79,7 +84,7 @@ static int list_files(struct data_reader *r, struct error *err)
         int rc = 0;
 
         if (stat(r->names[i], &st) || !S_ISDIR(st.st_mode)) {
-            if (remember_file(r, r->names[i], err))
+            if (data_remember_file(r, r->names[i], err))
                 return -1;
             continue;
         }
@@ -88,7 +93,7 @@ static int list_files(struct data_reader *r, struct error *err)
             return error_set(err, EX_NOINPUT, "%s: no streams (expected "
                              "*.spid)", r->names[i]);
         for (size_t k = 0; k < g.gl_pathc && !rc; k++)
-            rc = remember_file(r, g.gl_pathv[k], err);
+            rc = data_remember_file(r, g.gl_pathv[k], err);
         globfree(&g);
         if (rc)
             return -1;
@@ -114,7 +119,7 @@ struct data_reader *data_open(const char *const *names, size_t count,
     r->names = names;
     r->nnames = count;
     r->margin = margin;
-    if (list_files(r, err)) {
+    if (data_list_files(r, err)) {
         data_close(r);
         return NULL;
     }
@@ -126,14 +131,15 @@ void data_close(struct data_reader *r)
     if (!r)
         return;
     stream_close(r->in);
-    forget_files(r);
+    data_forget_files(r);
     free(r);
 }
 
 /* ---- records ----------------------------------------------------------- */
 
-static int take_shape(struct data_reader *r, const struct record *rec,
-                      struct error *err)
+/* SHAP: who comes next. */
+static int data_take_shape(struct data_reader *r, const struct record *rec,
+                           struct error *err)
 {
     struct shape s;
 
@@ -146,13 +152,14 @@ static int take_shape(struct data_reader *r, const struct record *rec,
     r->id = (int)r->people++;
     if (s.person)
         r->id = *s.person;
-    r->have_shape = 1;
-    r->have_motion = 0;
+    r->have_shape = true;
+    r->have_motion = false;
     return 0;
 }
 
-static int take_motion(struct data_reader *r, const struct record *rec,
-                       struct error *err)
+/* MOTN: the truth of the picture that comes next. */
+static int data_take_motion(struct data_reader *r, const struct record *rec,
+                            struct error *err)
 {
     struct data_motion *to = &r->next.motion;
     struct motion m;
@@ -171,17 +178,18 @@ static int take_motion(struct data_reader *r, const struct record *rec,
     memcpy(to->lid, m.pose.lid, sizeof to->lid);
     memcpy(to->eye, m.pose.eye, sizeof to->eye);
     r->next.crop = crop_from_landmarks(&r->next.lmk[0][0], 68);
-    r->have_motion = 1;
+    r->have_motion = true;
     return 0;
 }
 
-static size_t clamp_edge(double x, size_t size)
+/* To a whole pixel inside the picture. */
+static size_t data_clamp_edge(double x, size_t size)
 {
     return x < 0 ? 0 : x > (double)size ? size : (size_t)x;
 }
 
 /* The part of the picture to keep. */
-static void choose_part(struct data_frame *f, size_t size, double margin)
+static void data_choose_part(struct data_frame *f, size_t size, double margin)
 {
     double half = 0.5 * margin * f->crop.size;
 
@@ -190,14 +198,15 @@ static void choose_part(struct data_frame *f, size_t size, double margin)
     f->width = f->height = size;
     if (margin <= 0)
         return;
-    f->x0 = clamp_edge(floor(f->crop.x - half), size);
-    f->y0 = clamp_edge(floor(f->crop.y - half), size);
-    f->width = clamp_edge(ceil(f->crop.x + half), size) - f->x0;
-    f->height = clamp_edge(ceil(f->crop.y + half), size) - f->y0;
+    f->x0 = data_clamp_edge(floor(f->crop.x - half), size);
+    f->y0 = data_clamp_edge(floor(f->crop.y - half), size);
+    f->width = data_clamp_edge(ceil(f->crop.x + half), size) - f->x0;
+    f->height = data_clamp_edge(ceil(f->crop.y + half), size) - f->y0;
 }
 
-static int take_picture(struct data_reader *r, const struct record *rec,
-                        struct error *err)
+/* IMAG: the part of the picture that is kept, with its mask. */
+static int data_take_picture(struct data_reader *r, const struct record *rec,
+                             struct error *err)
 {
     struct data_frame *f = &r->next;
     size_t dims[3] = {0, 0, 3}, size;
@@ -216,7 +225,7 @@ static int take_picture(struct data_reader *r, const struct record *rec,
                          "of %zux%zu (expected one size)", size, size,
                          r->size, r->size);
     r->size = size;
-    choose_part(f, size, r->margin);
+    data_choose_part(f, size, r->margin);
     if (!f->width || !f->height)
         return error_set(err, EX_DATAERR, "the face lies outside the "
                          "picture");
@@ -232,8 +241,9 @@ static int take_picture(struct data_reader *r, const struct record *rec,
     return 0;
 }
 
-static int keep_frame(struct data_person *p, struct data_frame *f,
-                      struct error *err)
+/* Append a frame, whose picture moves. */
+static int data_keep_frame(struct data_person *p, struct data_frame *f,
+                           struct error *err)
 {
     if (p->count == p->room) {
         size_t room = p->room ? 2 * p->room : 16;
@@ -250,7 +260,9 @@ static int keep_frame(struct data_person *p, struct data_frame *f,
 
 /* ---- people ------------------------------------------------------------ */
 
-static int open_file(struct data_reader *r, struct error *err)
+/* The next file, the first one after the last: 0, 1 when one pass was all,
+ * -1. */
+static int data_open_file(struct data_reader *r, struct error *err)
 {
     struct stream_options opt = {.trust = true};
 
@@ -265,64 +277,67 @@ static int open_file(struct data_reader *r, struct error *err)
         if (r->nnames == 1 && !strcmp(r->names[0], "-"))
             return error_set(err, EX_NOINPUT, "<stdin>: the data ended "
                              "(expected people for every step)");
-        if (list_files(r, err))
+        if (data_list_files(r, err))
             return -1;
     }
-    r->have_shape = r->have_motion = 0;
+    r->have_shape = r->have_motion = false;
     r->in = stream_open(r->files[r->at], &opt, err);
     return r->in ? 0 : -1;
 }
 
-static int locate(struct data_reader *r, const struct record *rec,
-                  struct error *err)
+/* File, frame and record before a message. */
+static int data_locate(struct data_reader *r, const struct record *rec,
+                       struct error *err)
 {
     return error_prefix(err, "%s: frame %llu: %s", stream_name(r->in),
                         (unsigned long long)rec->frame, rec->type);
 }
 
-/* Handle one record of a person; look false leaves pictures alone. */
-static int take_record(struct data_reader *r, const struct record *rec,
-                       struct data_person *p, int look, struct error *err)
+/* Handle one record of a person; without pictures they are only counted. */
+static int data_take_record(struct data_reader *r, const struct record *rec,
+                            struct data_person *p, bool pictures,
+                            struct error *err)
 {
     if (record_is(rec, "MOTN")) {
-        if (!look)
+        if (!pictures)
             return 0;
-        return take_motion(r, rec, err) ? locate(r, rec, err) : 0;
+        return data_take_motion(r, rec, err) ? data_locate(r, rec, err) : 0;
     }
     if (!record_is(rec, "IMAG"))
         return 0;
     r->ever++;
-    if (!look) {
+    if (!pictures) {
         p->count++;            /* counted only: see data_skip */
         return 0;
     }
     if (!r->have_motion) {
         error_set(err, EX_DATAERR, "picture without its true motion "
                   "(expected a MOTN record before it)");
-        return locate(r, rec, err);
+        return data_locate(r, rec, err);
     }
-    r->have_motion = 0;
-    if (take_picture(r, rec, err) || keep_frame(p, &r->next, err)) {
-        frame_release(&r->next);
-        return locate(r, rec, err);
+    r->have_motion = false;
+    if (data_take_picture(r, rec, err) || data_keep_frame(p, &r->next, err)) {
+        data_frame_release(&r->next);
+        return data_locate(r, rec, err);
     }
     return 0;
 }
 
 /* Read to the end of the next person that has frames; 1: there is none. */
-static int read_person(struct data_reader *r, struct data_person *p,
-                       int look, struct error *err)
+static int data_read_person(struct data_reader *r, struct data_person *p,
+                            bool pictures, struct error *err)
 {
     struct record rec;
-    int rc, mine = 0;          /* p's shape has been set */
+    bool mine = false; /* p's shape has been set */
+    int rc;
 
     for (;;) {
-        if (!r->in && (rc = open_file(r, err)))
+        if (!r->in && (rc = data_open_file(r, err)))
             return rc;
         if (r->have_shape && !mine) {
             memcpy(p->shape, r->shape, sizeof p->shape);
             p->id = r->id;
-            mine = 1;
+            mine = true;
         }
         rc = stream_read(r->in, &rec, err);
         if (rc < 0)
@@ -333,20 +348,20 @@ static int read_person(struct data_reader *r, struct data_person *p,
             r->at++;
             if (p->count)
                 return 0;
-            mine = 0;
+            mine = false;
         } else if (record_is(&rec, "SHAP")) {
-            if (take_shape(r, &rec, err))
-                return locate(r, &rec, err);
+            if (data_take_shape(r, &rec, err))
+                return data_locate(r, &rec, err);
             if (p->count)
                 return 0;      /* the new shape waits in r */
-            mine = 0;
+            mine = false;
         } else if (r->have_shape) {
-            if (take_record(r, &rec, p, look, err))
+            if (data_take_record(r, &rec, p, pictures, err))
                 return -1;
         } else if (record_is(&rec, "IMAG")) {
             error_set(err, EX_DATAERR, "picture of nobody (expected a SHAP "
                       "record before it)");
-            return locate(r, &rec, err);
+            return data_locate(r, &rec, err);
         }
     }
 }
@@ -363,7 +378,7 @@ int data_next(struct data_reader *r, struct data_person *p,
     int rc;
 
     memset(p, 0, sizeof *p);
-    rc = read_person(r, p, 1, err);
+    rc = data_read_person(r, p, true, err);
     if (!rc && r->shape_fn)
         rc = r->shape_fn(r->shape_ctx, p, err) ? -1 : 0;
     if (rc)
@@ -380,7 +395,7 @@ int data_skip(struct data_reader *r, uint64_t n, struct error *err)
 {
     for (uint64_t i = 0; i < n; i++) {
         struct data_person p = {0};
-        if (read_person(r, &p, 0, err))
+        if (data_read_person(r, &p, false, err))
             return -1;
     }
     return 0;

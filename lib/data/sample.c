@@ -46,7 +46,8 @@ struct backdrop {
     float base[3], dx[3], dy[3], wave[3], kx, ky, phase;
 };
 
-static void backdrop_draw(struct backdrop *b, struct random *r)
+/* Another background: flat, sloping or wavy, one in five black. */
+static void sample_draw_backdrop(struct backdrop *b, struct random *r)
 {
     float busy = (float)random_uniform(r);
 
@@ -63,7 +64,8 @@ static void backdrop_draw(struct backdrop *b, struct random *r)
         memset(b, 0, sizeof *b);
 }
 
-static float clamp01(float x)
+/* To [0,1]. */
+static float sample_clamp(float x)
 {
     return x < 0 ? 0 : x > 1 ? 1 : x;
 }
@@ -77,8 +79,9 @@ struct tap {
     float w;
 };
 
-static void make_taps(struct tap *t, size_t n, double centre, double side,
-                      size_t first, size_t count)
+/* Taps of n pixels along a side about a centre. */
+static void sample_make_taps(struct tap *t, size_t n, double centre,
+                             double side, size_t first, size_t count)
 {
     for (size_t i = 0; i < n; i++) {
         double p = centre + side * (((double)i + 0.5) / (double)n - 0.5) -
@@ -95,7 +98,7 @@ typedef float float4 __attribute__((vector_size(16)));
 typedef uint8_t byte4 __attribute__((vector_size(4)));
 
 /* The four numbers of a pixel, 0 to 255; zeros outside. */
-static inline float4 pixel(const struct data_frame *f, long y, long x)
+static inline float4 sample_pixel(const struct data_frame *f, long y, long x)
 {
     byte4 p = {0, 0, 0, 0};
 
@@ -109,27 +112,28 @@ static inline float4 pixel(const struct data_frame *f, long y, long x)
 static void sample_plain(float *out, size_t n, const struct data_frame *f,
                          struct square q, struct tap *tx, struct tap *ty)
 {
-    make_taps(tx, n, q.x, q.size, f->x0, f->width);
-    make_taps(ty, n, q.y, q.size, f->y0, f->height);
+    sample_make_taps(tx, n, q.x, q.size, f->x0, f->width);
+    sample_make_taps(ty, n, q.y, q.size, f->y0, f->height);
     for (size_t y = 0; y < n; y++) {
         float wy = ty[y].w;
         for (size_t x = 0; x < n; x++) {
             float wx = tx[x].w;
-            float4 top = pixel(f, ty[y].a, tx[x].a) * (1 - wx) +
-                         pixel(f, ty[y].a, tx[x].b) * wx;
-            float4 low = pixel(f, ty[y].b, tx[x].a) * (1 - wx) +
-                         pixel(f, ty[y].b, tx[x].b) * wx;
+            float4 top = sample_pixel(f, ty[y].a, tx[x].a) * (1 - wx) +
+                         sample_pixel(f, ty[y].a, tx[x].b) * wx;
+            float4 low = sample_pixel(f, ty[y].b, tx[x].a) * (1 - wx) +
+                         sample_pixel(f, ty[y].b, tx[x].b) * wx;
             float4 v = (top * (1 - wy) + low * wy) * (1.0f / 255);
             memcpy(out + 4 * (y * n + x), &v, sizeof v);
         }
     }
 }
 
-static void replace_background(float *rgba, size_t n, struct random *r)
+/* Behind the mask. */
+static void sample_replace_background(float *rgba, size_t n, struct random *r)
 {
     struct backdrop b;
 
-    backdrop_draw(&b, r);
+    sample_draw_backdrop(&b, r);
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < n; x++) {
             float *o = rgba + 4 * (y * n + x), m = o[3];
@@ -137,15 +141,15 @@ static void replace_background(float *rgba, size_t n, struct random *r)
             float v = (float)y / (float)n - 0.5f;
             float s = m < 1 ? sinf(b.kx * u + b.ky * v + b.phase) : 0;
             for (int c = 0; c < 3; c++)
-                o[c] = m * o[c] + (1 - m) * clamp01(b.base[c] + b.dx[c] * u +
-                                                    b.dy[c] * v +
-                                                    b.wave[c] * s);
+                o[c] = m * o[c] +
+                       (1 - m) * sample_clamp(b.base[c] + b.dx[c] * u +
+                                              b.dy[c] * v + b.wave[c] * s);
         }
 }
 
 /* Gain, gamma by a curve, saturation and noise. */
-static void change_colours(float *rgb, size_t n, float amount,
-                           struct random *r)
+static void sample_change_colours(float *rgb, size_t n, float amount,
+                                  struct random *r)
 {
     float gain[3], curve = amount * (float)random_range(r, -0.5, 0.5);
     float bright = 1 + amount * (float)random_range(r, -0.35, 0.3);
@@ -163,18 +167,18 @@ static void change_colours(float *rgb, size_t n, float amount,
                                        0.11f * p[2];
         uint64_t dice = noise > 0 ? random_mix(key + i) : 0;
         for (int c = 0; c < 3; c++) {
-            float x = clamp01((p[c] + grey * (luma - p[c])) * gain[c]);
+            float x = sample_clamp((p[c] + grey * (luma - p[c])) * gain[c]);
             x += curve * x * (1 - x);
             if (noise > 0)
                 x += noise * ((float)(dice >> (21 * c) & 0x1fffff) *
                               (1.0f / 1048576) - 1);
-            p[c] = clamp01(x);
+            p[c] = sample_clamp(x);
         }
     }
 }
 
 /* Three-tap blur along rows, then columns: softer pictures. */
-static void soften(float *rgb, size_t n, float w)
+static void sample_soften(float *rgb, size_t n, float w)
 {
     for (int pass = 0; pass < 2; pass++) {
         size_t step = pass ? 3 * n : 3, line = pass ? 3 : 3 * n;
@@ -207,14 +211,14 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
     }
     sample_plain(rgba, n, f, q, tx, tx + n);
     if (how && random_uniform(r) < how->background)
-        replace_background(rgba, n, r);
+        sample_replace_background(rgba, n, r);
     for (size_t i = 0; i < n * n; i++)
         memcpy(rgb + 3 * i, rgba + 4 * i, 3 * sizeof *rgb);
     if (how && how->colour > 0) {
         float w = how->colour * (float)random_range(r, -0.3, 0.25);
         if (w > 0)
-            soften(rgb, n, w);
-        change_colours(rgb, n * n, how->colour, r);
+            sample_soften(rgb, n, w);
+        sample_change_colours(rgb, n * n, how->colour, r);
     }
     rc = 0;
 out:

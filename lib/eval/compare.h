@@ -7,6 +7,7 @@
 
 #include "lib/base/error.h"
 #include "lib/eval/likeness.h"
+#include "lib/eval/pairs.h"
 #include "lib/eval/table.h"
 #include "lib/head/head.h"
 #include "lib/metric/lpips.h"
@@ -24,16 +25,25 @@ struct compare_nets {
     struct likeness *likeness;
 };
 
-/* Compare the frames of two inputs (see framesource_open) into row `row` of
- * t: columns psnr ssim msssim l1 flicker and, their weights given, lpips and
- * arcface (likeness of result and truth), arcface_src (of result and source, a
- * picture; NULL: no such column).  ms-ssim of pictures under 161 pixels counts
- * as failed, as do the psnr of equal frames (infinite) and the likeness of a
+/* Rows that a comparison of frames fills. */
+struct compare_rows {
+    size_t result;
+    size_t unchanged;       /* the null line: the truth's first frame in place
+                             * of every later one; TABLE_NO_ROW: none */
+};
+
+/* Compare the frames of a pair's truth and result (see framesource_open):
+ * columns psnr ssim msssim l1 flicker and, their weights given, lpips and
+ * arcface (likeness of result and truth), arcface_src (of result and the
+ * pair's source; NULL: no such column).  With a null line also psnr_first
+ * (of frame 0), psnr_later (of the others), beats_0_pct (100 where a later
+ * frame's psnr is above the null line's, else 0) and edge_ratio (metric_edges
+ * of result over truth).  ms-ssim of pictures under 161 pixels counts as
+ * failed, as do the psnr of equal frames (infinite) and the likeness of a
  * frame without a face.  -1 when sizes or numbers of frames differ or a file
  * cannot be read; what was measured until then stays in the table. */
-int compare_frames(struct table *t, size_t row, const char *truth,
-                   const char *result, const char *source,
-                   const struct compare_nets *nets,
+int compare_frames(struct table *t, const struct compare_rows *rows,
+                   const struct pair *p, const struct compare_nets *nets,
                    const struct compare_log *log, struct error *err);
 
 /* Compare the MOTN records of two streams: columns akd aed apd (pixels of a

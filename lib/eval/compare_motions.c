@@ -1,3 +1,5 @@
+/* Motion metrics of two streams: angles and landmarks frame by frame, jaw and
+ * lids as curves over the clip. */
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
@@ -35,7 +37,8 @@ struct side {
     double size;            /* of the pictures lmk is given in */
 };
 
-static int keep(struct clip *c, const struct pose *p, struct error *err)
+/* Append a pose. */
+static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
 {
     if (c->count == c->room) {
         size_t room = c->room ? 2 * c->room : 64;
@@ -49,7 +52,9 @@ static int keep(struct clip *c, const struct pose *p, struct error *err)
     return 0;
 }
 
-static int fold(struct side *s, const struct record *rec, struct error *err)
+/* The stream's shape into the head. */
+static int side_fold(struct side *s, const struct record *rec,
+                     struct error *err)
 {
     struct shape shape;
 
@@ -64,8 +69,8 @@ static int fold(struct side *s, const struct record *rec, struct error *err)
 }
 
 /* Landmarks of the head with this motion, pixels of a 512 picture. */
-static int project(struct side *s, struct pose *p, const struct motion *m,
-                   struct error *err)
+static int side_project(struct side *s, struct pose *p, const struct motion *m,
+                        struct error *err)
 {
     float cam[12], x[68 * 3];
 
@@ -85,7 +90,9 @@ static int project(struct side *s, struct pose *p, const struct motion *m,
     return 0;
 }
 
-static int take(struct side *s, const struct record *rec, struct error *err)
+/* The pose of a MOTN record. */
+static int side_take(struct side *s, const struct record *rec,
+                     struct error *err)
 {
     size_t nexp = s->head ? s->head->nexp : 100;
     struct motion m;
@@ -100,12 +107,13 @@ static int take(struct side *s, const struct record *rec, struct error *err)
     for (int i = 0; p.has_lmk && i < 68; i++)
         for (int k = 0; k < 2; k++)
             p.lmk[i][k] *= (float)(512 / s->size);
-    if (!p.has_lmk && project(s, &p, &m, err))
+    if (!p.has_lmk && side_project(s, &p, &m, err))
         return -1;
-    return keep(&s->clip, &p, err);
+    return clip_keep(&s->clip, &p, err);
 }
 
-static int read_clip(struct side *s, const char *path, struct error *err)
+/* All poses of a stream. */
+static int side_read(struct side *s, const char *path, struct error *err)
 {
     struct stream_reader *in = stream_open(path, NULL, err);
     struct record rec;
@@ -125,8 +133,8 @@ static int read_clip(struct side *s, const char *path, struct error *err)
                     (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
             s->size = (double)rgb->dim[0];
         }
-        if ((record_is(&rec, "SHAP") && fold(s, &rec, err)) ||
-            (record_is(&rec, "MOTN") && take(s, &rec, err))) {
+        if ((record_is(&rec, "SHAP") && side_fold(s, &rec, err)) ||
+            (record_is(&rec, "MOTN") && side_take(s, &rec, err))) {
             rc = error_prefix(err, "%s: frame %llu", path,
                               (unsigned long long)rec.frame);
             break;
@@ -138,6 +146,7 @@ static int read_clip(struct side *s, const char *path, struct error *err)
     return rc;
 }
 
+/* What side_read left. */
 static void side_release(struct side *s)
 {
     identity_release(&s->id);
@@ -145,8 +154,9 @@ static void side_release(struct side *s)
     free(s->clip.pose);
 }
 
-static void measure(double v[COUNT], const struct pose *a,
-                    const struct pose *b)
+/* Figures of two poses; NaN where there is none. */
+static void motions_measure(double v[COUNT], const struct pose *a,
+                            const struct pose *b)
 {
     struct metric_points m;
     double ea[3], eb[3];
@@ -169,8 +179,8 @@ static void measure(double v[COUNT], const struct pose *a,
 }
 
 /* Correlations over the whole clip: one value each. */
-static int curves(double v[COUNT], const struct clip *a, const struct clip *b,
-                  struct error *err)
+static int motions_curves(double v[COUNT], const struct clip *a,
+                          const struct clip *b, struct error *err)
 {
     size_t n = a->count;
     double *x = malloc(4 * n * sizeof *x);
@@ -190,14 +200,15 @@ static int curves(double v[COUNT], const struct clip *a, const struct clip *b,
     return 0;
 }
 
-static int compare(struct table *t, size_t row, const struct clip *a,
-                   const struct clip *b, const struct compare_log *log,
-                   struct error *err)
+/* Figures of two clips of one length into the table and the log. */
+static int motions_compare(struct table *t, size_t row, const struct clip *a,
+                           const struct clip *b, const struct compare_log *log,
+                           struct error *err)
 {
     double v[COUNT];
 
     for (size_t i = 0; i < a->count; i++) {
-        measure(v, &a->pose[i], &b->pose[i]);
+        motions_measure(v, &a->pose[i], &b->pose[i]);
         for (int k = 0; k < JAW; k++)
             table_add(t, row, table_column(t, name[k], better[k]), v[k]);
         if (!log || !log->tsv)
@@ -213,7 +224,7 @@ static int compare(struct table *t, size_t row, const struct clip *a,
             fprintf(log->tsv, "\t%.9g", v[k]);
         fputc('\n', log->tsv);
     }
-    if (curves(v, a, b, err))
+    if (motions_curves(v, a, b, err))
         return -1;
     for (int k = JAW; k < COUNT; k++)
         table_add(t, row, table_column(t, name[k], better[k]), v[k]);
@@ -227,13 +238,13 @@ int compare_motions(struct table *t, size_t row, const char *truth,
     struct side a = {.head = h}, b = {.head = h};
     int rc = -1;
 
-    if (read_clip(&a, truth, err) || read_clip(&b, result, err))
+    if (side_read(&a, truth, err) || side_read(&b, result, err))
         goto out;
     if (a.clip.count != b.clip.count)
         error_set(err, EX_DATAERR, "%s: %zu motions, %s: %zu (expected as "
                   "many)", truth, a.clip.count, result, b.clip.count);
     else
-        rc = compare(t, row, &a.clip, &b.clip, log, err);
+        rc = motions_compare(t, row, &a.clip, &b.clip, log, err);
 out:
     side_release(&a);
     side_release(&b);

@@ -1,3 +1,6 @@
+/* ArcFace's protocol: five points of a face, taken from the tracked head's
+ * landmarks, are aligned to a template; the cosine of two embeddings is the
+ * likeness. */
 #include "lib/eval/likeness.h"
 
 #include <math.h>
@@ -37,7 +40,8 @@ int likeness_init(struct likeness *l, const char *weights,
     return 0;
 }
 
-static void drop_clips(struct likeness *l)
+/* Forget both clips' tracking. */
+static void likeness_drop_clips(struct likeness *l)
 {
     for (int k = 0; k < LIKENESS_CLIPS; k++) {
         if (l->open[k])
@@ -48,7 +52,7 @@ static void drop_clips(struct likeness *l)
 
 void likeness_release(struct likeness *l)
 {
-    drop_clips(l);
+    likeness_drop_clips(l);
     if (l->has_tracker)
         encoders_release(&l->encoders);
     identity_release(&l->id);
@@ -89,8 +93,9 @@ void likeness_align(double M[6], const double points[10])
 }
 
 /* Eyes, nose and mouth of 68 landmarks in window pixels, in picture pixels. */
-static void five_points(double p[10], const float uv[2 * HEAD_LANDMARKS],
-                        const struct track *t)
+static void likeness_five_points(double p[10],
+                                 const float uv[2 * HEAD_LANDMARKS],
+                                 const struct track *t)
 {
     static const int first[5] = {36, 42, 30, 48, 54};
     static const int count[5] = {6, 6, 1, 1, 1};
@@ -108,16 +113,17 @@ static void five_points(double p[10], const float uv[2 * HEAD_LANDMARKS],
         }
 }
 
-static double pixel(const uint8_t *rgb, long W, long H, long x, long y,
-                    long c)
+/* A channel of a pixel, black outside. */
+static double likeness_pixel(const uint8_t *rgb, long W, long H, long x,
+                             long y, long c)
 {
     return x < 0 || y < 0 || x >= W || y >= H ? 0 : rgb[3 * (y * W + x) + c];
 }
 
 /* face (112,112,3) in [-1,1], bilinear, black outside; as the public code
  * counts: pixel i lies at i. */
-static void cut(float *face, const uint8_t *rgb, size_t W, size_t H,
-                const double M[6])
+static void likeness_cut(float *face, const uint8_t *rgb, size_t W, size_t H,
+                         const double M[6])
 {
     for (size_t i = 0; i < SIDE * SIDE; i++) {
         double x = (double)(i % SIDE), y = (double)(i / SIDE);
@@ -127,10 +133,10 @@ static void cut(float *face, const uint8_t *rgb, size_t W, size_t H,
 
         for (long c = 0; c < 3; c++) {
             const long w = (long)W, h = (long)H;
-            double top = (1 - fx) * pixel(rgb, w, h, x0, y0, c) +
-                         fx * pixel(rgb, w, h, x0 + 1, y0, c);
-            double low = (1 - fx) * pixel(rgb, w, h, x0, y0 + 1, c) +
-                         fx * pixel(rgb, w, h, x0 + 1, y0 + 1, c);
+            double top = (1 - fx) * likeness_pixel(rgb, w, h, x0, y0, c) +
+                         fx * likeness_pixel(rgb, w, h, x0 + 1, y0, c);
+            double low = (1 - fx) * likeness_pixel(rgb, w, h, x0, y0 + 1, c) +
+                         fx * likeness_pixel(rgb, w, h, x0 + 1, y0 + 1, c);
 
             face[3 * i + (size_t)c] =
                 (float)(((1 - fy) * top + fy * low) / 127.5 - 1);
@@ -140,8 +146,9 @@ static void cut(float *face, const uint8_t *rgb, size_t W, size_t H,
 
 /* ---- clips -------------------------------------------------------------- */
 
-static int follow(struct likeness *l, int k, const uint8_t *rgb, size_t W,
-                  size_t H, double time, struct error *err)
+/* Find the face of clip k in a frame, aligned into l->face: 1, 0 none, -1. */
+static int likeness_follow(struct likeness *l, int k, const uint8_t *rgb,
+                           size_t W, size_t H, double time, struct error *err)
 {
     const struct track_options opt = {.size = l->size};
     struct track *t = &l->track[k];
@@ -168,22 +175,24 @@ static int follow(struct likeness *l, int k, const uint8_t *rgb, size_t W,
     if (r.lost)
         return 0;
     track_project(uv, t, &r.motion);
-    five_points(points, uv, t);
+    likeness_five_points(points, uv, t);
     likeness_align(M, points);
-    cut(l->face, rgb, W, H, M);
+    likeness_cut(l->face, rgb, W, H, M);
     return 1;
 }
 
-static int embed(float *code, struct likeness *l, int k, const uint8_t *rgb,
-                 size_t W, size_t H, double time, struct error *err)
+/* The embedding of a frame's face: 1, 0 none, -1. */
+static int likeness_embed_face(float *code, struct likeness *l, int k,
+                               const uint8_t *rgb, size_t W, size_t H,
+                               double time, struct error *err)
 {
     static const double straight[6] = {1, 0, 0, 0, 1, 0};
     int found = 1;
 
     if (W == SIDE && H == SIDE)
-        cut(l->face, rgb, W, H, straight);
+        likeness_cut(l->face, rgb, W, H, straight);
     else
-        found = follow(l, k, rgb, W, H, time, err);
+        found = likeness_follow(l, k, rgb, W, H, time, err);
     if (found > 0)
         iresnet_forward(code, l->face, &l->net);
     return found;
@@ -194,16 +203,16 @@ int likeness_start(struct likeness *l, const char *source, struct error *err)
     struct image picture = {0};
     int found;
 
-    drop_clips(l);
+    likeness_drop_clips(l);
     l->has_source = false;
     if (!source)
         return 0;
     if (image_read(&picture, source, err))
         return -1;
-    found = embed(l->source, l, 0, picture.rgb, picture.width, picture.height,
-                  0, err);
+    found = likeness_embed_face(l->source, l, 0, picture.rgb, picture.width,
+                                picture.height, 0, err);
     image_release(&picture);
-    drop_clips(l);
+    likeness_drop_clips(l);
     if (found == 0)
         error_set(err, EX_DATAERR, "%s: no face found", source);
     l->has_source = found > 0;
@@ -213,10 +222,11 @@ int likeness_start(struct likeness *l, const char *source, struct error *err)
 int likeness_embed(struct likeness *l, int k, const uint8_t *rgb, size_t W,
                    size_t H, double time, struct error *err)
 {
-    return embed(l->code[k], l, k, rgb, W, H, time, err);
+    return likeness_embed_face(l->code[k], l, k, rgb, W, H, time, err);
 }
 
-static double cosine(const float *a, const float *b, size_t n)
+/* Of two vectors of unit length. */
+static double likeness_cosine(const float *a, const float *b, size_t n)
 {
     double sum = 0;
 
@@ -227,11 +237,12 @@ static double cosine(const float *a, const float *b, size_t n)
 
 double likeness_pair(const struct likeness *l)
 {
-    return cosine(l->code[0], l->code[1], iresnet_size(&l->net));
+    return likeness_cosine(l->code[0], l->code[1], iresnet_size(&l->net));
 }
 
 double likeness_source(const struct likeness *l)
 {
-    return l->has_source ? cosine(l->source, l->code[1],
-                                  iresnet_size(&l->net)) : NAN;
+    return l->has_source
+               ? likeness_cosine(l->source, l->code[1], iresnet_size(&l->net))
+               : NAN;
 }

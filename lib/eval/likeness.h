@@ -31,7 +31,8 @@ struct likeness {
 /* Weights of an iresnet; model and head (may be NULL) find faces.  head is
  * borrowed, the model may be closed afterwards. */
 int likeness_init(struct likeness *l, const char *weights,
-                  const struct model *model, const struct head *head, struct error *err);
+                  const struct model *model, const struct head *head,
+                  struct error *err);
 void likeness_release(struct likeness *l);
 
 /* Forget the clips; source (may be NULL) is a picture of the person that

@@ -57,6 +57,7 @@ static int pairs_parse(struct pair *p, char *line, const char *path,
     return 0;
 }
 
+/* Append what a line says. */
 static int pairs_add(struct pairs *p, size_t *room, char *line,
                      const char *path, size_t number, struct error *err)
 {
@@ -75,13 +76,14 @@ static int pairs_add(struct pairs *p, size_t *room, char *line,
 int pairs_read(struct pairs *p, const char *path, struct error *err)
 {
     size_t number = 0, room = 0;
+    char *rest, *line;
     int rc = 0;
 
     memset(p, 0, sizeof *p);
     p->text = pairs_text(path, err);
     if (!p->text)
         return -1;
-    for (char *rest = p->text, *line; rc == 0 && (line = strsep(&rest, "\n"));) {
+    for (rest = p->text; rc == 0 && (line = strsep(&rest, "\n"));) {
         number++;
         line[strcspn(line, "\r")] = 0;
         if (*line && *line != '#')
@@ -99,4 +101,28 @@ void pairs_release(struct pairs *p)
     free(p->pair);
     free(p->text);
     memset(p, 0, sizeof *p);
+}
+
+unsigned protocol_parse(const char *word)
+{
+    if (!word)
+        return 0;
+    return !strcmp(word, "self")    ? PROTOCOL_SELF
+           : !strcmp(word, "cross") ? PROTOCOL_CROSS
+                                    : 0;
+}
+
+void protocols_write(FILE *f, unsigned protocols, const char *mark)
+{
+    if (protocols & PROTOCOL_SELF)
+        fprintf(f, "%sself: the source is the first frame of a clip, the "
+                "driver that clip, the truth its frames\n", mark);
+    if (protocols & PROTOCOL_CROSS)
+        fprintf(f, "%scross: the source is the first frame of a clip, the "
+                "driver the next identity's clip, the truth the driver's "
+                "motion\n", mark);
+    if (protocols & PROTOCOL_UNCHANGED)
+        fprintf(f, "%s" PAIRS_UNCHANGED ": the truth's first frame in place "
+                "of every later one; psnr_later and beats_0_pct are of the "
+                "same frames\n", mark);
 }

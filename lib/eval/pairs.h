@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdio.h>
 
 #include "lib/base/error.h"
 
@@ -26,5 +27,14 @@ struct pairs {
  * skipped.  EX_DATAERR naming file and line; a list without pairs is one. */
 int pairs_read(struct pairs *p, const char *path, struct error *err);
 void pairs_release(struct pairs *p);
+
+/* What is explained under a table, as bits: protocols, and the null line. */
+enum { PROTOCOL_SELF = 1, PROTOCOL_CROSS = 2, PROTOCOL_UNCHANGED = 4 };
+/* The null line's row. */
+#define PAIRS_UNCHANGED "frame 0 unchanged"
+/* The bit of "self" or "cross"; 0 for any other word and for NULL. */
+unsigned protocol_parse(const char *word);
+/* What each of them is, a line each with `mark` in front. */
+void protocols_write(FILE *f, unsigned protocols, const char *mark);
 
 #endif

@@ -35,7 +35,7 @@ struct people {
 
 /* What a protocol does with a driven frame: it is drawn, and its truth lies in
  * e->truth. */
-typedef int people_visit_fn(struct people *e, const struct motion_state *st,
+typedef int people_visit_fn(struct people *e, const struct driven *st,
                             const struct data_frame *f, size_t i,
                             struct error *err);
 
@@ -45,23 +45,24 @@ static const struct {
 } ablation[] = {
     {"w/o dynamic", WITHOUT_DYNAMIC}, {"w/o static", WITHOUT_STATIC},
     {"w/o mouth", WITHOUT_MOUTH},     {"w/o interp", WITHOUT_INTERP},
-    {"w/o deform", WITHOUT_DEFORM},
-    {"w/o bend", WITHOUT_BEND},
+    {"w/o deform", WITHOUT_DEFORM},   {"w/o bend", WITHOUT_NECK},
 };
 
+/* A value into a cell. */
 static void people_add(struct people *e, const char *row, const char *column,
-                int better, double value)
+                       int better, double value)
 {
     table_add(e->t, table_row(e->t, row), table_column(e->t, column, better),
               value);
 }
 
+/* Interleaved to planar, rounded to 8 bits as a file would hold it. */
 static void people_planar(float *out, const float *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
-            out[c * n + i] = roundf(255 * fminf(1, fmaxf(0, rgb[3 * i + c])))
-                             / 255;
+            out[c * n + i] =
+                roundf(255 * fminf(1, fmaxf(0, rgb[3 * i + c]))) / 255;
 }
 
 /* Mean squared error of e->b against e->a inside a box. */
@@ -83,7 +84,8 @@ static double people_box_mse(const struct people *e, struct box box)
 /* Picture figures of rgb against the truth f, which lies in e->a; the picture
  * is rounded to 8 bits, as a file would hold it. */
 static int people_picture(struct people *e, const char *row, const float *rgb,
-                   const struct data_frame *f, bool full, struct error *err)
+                          const struct data_frame *f, bool full,
+                          struct error *err)
 {
     struct box mouth = data_mouth(f, e->S);
     size_t n = e->S * e->S;
@@ -97,7 +99,8 @@ static int people_picture(struct people *e, const char *row, const float *rgb,
         return -1;
     people_add(e, row, "ssim", 1, s.mean);
     if (!box_is_empty(mouth))
-        people_add(e, row, "psnr_mouth", 1, metric_psnr(people_box_mse(e, mouth)));
+        people_add(e, row, "psnr_mouth", 1,
+                   metric_psnr(people_box_mse(e, mouth)));
     if (!full || e->S < METRIC_MSSSIM_MIN)
         return 0;
     if (metric_msssim(&m, NULL, e->a, e->b, 3, e->S, e->S, err))
@@ -108,7 +111,8 @@ static int people_picture(struct people *e, const char *row, const float *rgb,
 
 /* Distance of the outer eye corners in pixels as if seen from the front at
  * the head's true distance: does not shrink when the head turns. */
-static double people_eye_pixels(const struct people *e, const struct data_frame *f)
+static double people_eye_pixels(const struct people *e,
+                                const struct data_frame *f)
 {
     struct head_motion rest = {.exp = NULL};
     float x[68 * 3];
@@ -122,8 +126,8 @@ static double people_eye_pixels(const struct people *e, const struct data_frame 
 }
 
 /* Motion figures of what the encoder found in a frame. */
-static void people_motion(struct people *e, const struct motion_state *st,
-                   const struct data_frame *f)
+static void people_motion(struct people *e, const struct driven *st,
+                          const struct data_frame *f)
 {
     const struct head *h = e->s->head;
     float x[68 * 3], uv[68][2];
@@ -141,7 +145,7 @@ static void people_motion(struct people *e, const struct motion_state *st,
     }
     people_add(e, "SpiD", "pose_deg", -1, mean);
     people_add(e, "SpiD", "geodesic_deg", -1,
-        metric_rotation_degrees(st->R, f->motion.rot));
+               metric_rotation_degrees(st->R, f->motion.rot));
     head_landmarks(x, h, st->verts);
     camera_project(&uv[0][0], NULL, st->cam, (float)f->size, x, 68);
     metric_points(&p, (const float(*)[2])f->lmk, (const float(*)[2])uv);
@@ -149,9 +153,9 @@ static void people_motion(struct people *e, const struct motion_state *st,
     people_add(e, "SpiD", "aed", -1, p.aed * to512);
     people_add(e, "SpiD", "apd", -1, p.apd * to512);
     people_add(e, "SpiD", "landmark_pct", -1,
-        100 * p.akd / people_eye_pixels(e, f));
+               100 * p.akd / people_eye_pixels(e, f));
     people_add(e, "SpiD", "landmark_pct_2d", -1,
-        100 * p.akd / metric_eye_distance((const float(*)[2])f->lmk));
+               100 * p.akd / metric_eye_distance((const float(*)[2])f->lmk));
     if (e->n < e->room) {
         e->curve[0][e->n] = metric_jaw_open(st->motion.jaw);
         e->curve[1][e->n] = metric_jaw_open(f->motion.jaw);
@@ -161,7 +165,7 @@ static void people_motion(struct people *e, const struct motion_state *st,
 }
 
 /* The driven frame: motion found in crop *q, which then follows the face. */
-static int people_drive(struct people *e, struct motion_state *st,
+static int people_drive(struct people *e, struct driven *st,
                         const struct data_frame *f, struct square *q,
                         struct error *err)
 {
@@ -199,7 +203,7 @@ static int people_walk(struct people *e, const struct data_person *p,
         return -1;
     for (size_t i = 1; i < count; i++) {
         const struct data_frame *f = &d->frame[i];
-        struct motion_state st;
+        struct driven st;
 
         if (people_drive(e, &st, f, &q, err))
             return -1;
@@ -217,7 +221,8 @@ static int people_walk(struct people *e, const struct data_person *p,
 
 /* ---- driven by themselves ----------------------------------------------- */
 
-static int people_sheet_row(struct people *e, const struct motion_state *st,
+/* The row of a person: pictures, error, branches. */
+static int people_sheet_row(struct people *e, const struct driven *st,
                             struct error *err)
 {
     struct reenactor *s = e->s;
@@ -248,7 +253,8 @@ static size_t people_widest(const struct data_person *p, size_t count)
     return best;
 }
 
-static int people_visit_self(struct people *e, const struct motion_state *st,
+/* Motion figures, and pictures of SpiD, SpiD* and the unchanged source. */
+static int people_visit_self(struct people *e, const struct driven *st,
                              const struct data_frame *f, size_t i,
                              struct error *err)
 {
@@ -266,14 +272,16 @@ static int people_visit_self(struct people *e, const struct motion_state *st,
     return 0;
 }
 
+/* A person driven by themselves. */
 static int people_self(struct people *e, const struct data_person *p,
                        struct error *err)
 {
     int rc = -1;
 
     e->show = people_widest(p, people_frames(e, p));
-    if (head_fold(&e->id, e->s->head, p->shape, e->s->head->nshape, err) == 0
-        && data_portrait(e->source, NULL, e->S, &p->frame[0], err) == 0)
+    if (head_fold(&e->id, e->s->head, p->shape, e->s->head->nshape, err) ==
+            0 &&
+        data_portrait(e->source, NULL, e->S, &p->frame[0], err) == 0)
         rc = people_walk(e, p, p, 0, 1, people_visit_self, err);
     identity_release(&e->id);
     return rc;
@@ -281,8 +289,8 @@ static int people_self(struct people *e, const struct data_person *p,
 
 /* ---- ablations ---------------------------------------------------------- */
 
-static int people_visit_ablation(struct people *e,
-                                 const struct motion_state *st,
+/* Pictures of SpiD* without something. */
+static int people_visit_ablation(struct people *e, const struct driven *st,
                                  const struct data_frame *f, size_t i,
                                  struct error *err)
 {
@@ -325,12 +333,14 @@ static void people_colour(double c[3], const float *rgb, size_t S,
         c[k] /= n;
 }
 
+/* Mean absolute difference. */
 static double people_colour_distance(const double a[3], const double b[3])
 {
     return (fabs(a[0] - b[0]) + fabs(a[1] - b[1]) + fabs(a[2] - b[2])) / 3;
 }
 
-static int people_visit_cross(struct people *e, const struct motion_state *st,
+/* Whose colours and whose pose the result has. */
+static int people_visit_cross(struct people *e, const struct driven *st,
                               const struct data_frame *f, size_t i,
                               struct error *err)
 {
@@ -369,9 +379,10 @@ static int people_evaluate_one(struct people *e, const struct data_person *p,
                                struct error *err)
 {
     if (p->count < 2)
-        return error_set(err, EX_DATAERR, "person %d has %zu frames "
-                         "(expected a source and at least one more)", p->id,
-                         p->count);
+        return error_set(err, EX_DATAERR,
+                         "person %d has %zu frames "
+                         "(expected a source and at least one more)",
+                         p->id, p->count);
     e->s->beta = p->shape;
     if (people_self(e, p, err) ||
         (e->opt->ablations && people_ablate(e, p, err)))
@@ -379,6 +390,7 @@ static int people_evaluate_one(struct people *e, const struct data_person *p,
     return e->opt->cross && driver ? people_cross(e, p, driver, err) : 0;
 }
 
+/* Pictures, meshes and curves. */
 static int people_allocate(struct people *e, struct error *err)
 {
     size_t n = e->S * e->S, V = e->s->head->V;
@@ -404,11 +416,14 @@ static int people_allocate(struct people *e, struct error *err)
 }
 
 int people_evaluate(struct table *t, struct contact_sheet *sheet,
-                    struct reenactor *s,
-                 const struct people_options *opt, struct error *err)
+                    struct reenactor *s, const struct people_options *opt,
+                    struct error *err)
 {
-    struct people e = {.t = t, .s = s, .opt = opt, .S = s->config.size,
-                      .sheet = opt->sheet_rows ? sheet : NULL};
+    struct people e = {.t = t,
+                       .s = s,
+                       .opt = opt,
+                       .S = s->config.size,
+                       .sheet = opt->sheet_rows ? sheet : NULL};
     struct data_reader *in = data_open(&opt->stream, 1, 0, err);
     struct data_person p[2] = {{0}, {0}};
     int rc = -1, end;
@@ -417,8 +432,8 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
         data_close(in);
         return -1;
     }
-    if (e.sheet && contact_sheet_init(sheet, opt->sheet_rows, PEOPLE_SHEET_COLS, e.S,
-                              err))
+    if (e.sheet && contact_sheet_init(sheet, opt->sheet_rows,
+                                      PEOPLE_SHEET_COLS, e.S, err))
         goto out;
     data_once(in);
     for (end = data_next(in, &p[0], err); !end;) {
@@ -438,9 +453,9 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
     if (end < 0)
         goto out;
     people_add(&e, "SpiD", "jaw_corr", 1,
-        metric_correlation(e.curve[0], e.curve[1], e.n));
+               metric_correlation(e.curve[0], e.curve[1], e.n));
     people_add(&e, "SpiD", "blink_corr", 1,
-        metric_correlation(e.curve[2], e.curve[3], e.n));
+               metric_correlation(e.curve[2], e.curve[3], e.n));
     rc = 0;
 out:
     if (rc && e.sheet)

@@ -8,11 +8,25 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
+#include "lib/net/motion_code.h"
 
 #define N MOTION_ENCODER_SIZE
 
+int reenactor_parse_truth(unsigned *bits, const char *word, struct error *err)
+{
+    if (strcmp(word, "shape") == 0)
+        *bits |= REENACTOR_TRUE_SHAPE;
+    else if (strcmp(word, "motion") == 0)
+        *bits |= REENACTOR_TRUE_MOTION;
+    else
+        return error_set(err, EX_USAGE, "unknown truth \"%s\" (expected "
+                         "shape or motion)", word);
+    return 0;
+}
+
 /* ---- making it ---------------------------------------------------------- */
 
+/* All tensors of the model. */
 static int reenactor_declare(struct reenactor *r, struct error *err)
 {
     const struct avatar_config *c = &r->config;
@@ -79,6 +93,7 @@ static int reenactor_plan_splat(struct reenactor *r, struct error *err)
     return 0;
 }
 
+/* Everything for one picture at a time. */
 static int reenactor_plan(struct reenactor *r, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
@@ -167,7 +182,7 @@ static int reenactor_picture(struct reenactor *r, const struct data_frame *f,
 int reenactor_source(struct reenactor *r, const struct data_frame *f,
                      unsigned without, struct error *err)
 {
-    struct motion_state st = {.verts = r->verts};
+    struct driven st = {.verts = r->verts};
 
     r->avatar.without = without;
     if (reenactor_shape(r, f, err) ||
@@ -189,7 +204,7 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
 
 /* ---- Phase B ------------------------------------------------------------ */
 
-int reenactor_motion(struct reenactor *r, struct motion_state *st,
+int reenactor_motion(struct reenactor *r, struct driven *st,
                      const struct data_frame *f, struct square q,
                      struct error *err)
 {
@@ -203,12 +218,15 @@ int reenactor_motion(struct reenactor *r, struct motion_state *st,
     if (data_sample(r->crop, N, f, q, NULL, NULL, err))
         return -1;
     motion_tta_forward(r->out, &r->motion_tta, r->crop);
-    motion_decode(st, r->out, f, q, &r->id);
+    motion_code_decode(st->R, st->t, &st->motion, r->out, q,
+                       (double)f->size);
+    camera_make(st->cam, st->R, st->t);
+    head_pose(st->verts, &r->id, &st->motion);
     return 0;
 }
 
 struct square reenactor_follow(const struct reenactor *r,
-                               const struct motion_state *st, size_t size)
+                               const struct driven *st, size_t size)
 {
     float x[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS];
 
@@ -224,7 +242,7 @@ int reenactor_draw(struct reenactor *r, const float *verts,
     const size_t C = r->config.has_refiner ? r->config.channels : 3;
     struct splat_camera sc = splat_camera_square(cam, (int)r->config.size,
                                                  CAMERA_FOCAL);
-    float turn[TURN_COUNT];
+    float turn[RELATIVE_POSE_SIZE];
 
     avatar_drive(r->means, &r->avatar, verts, cam);
     if (splat_update(&r->splat, r->means, 0, r->avatar.set.n, err) ||
@@ -236,7 +254,7 @@ int reenactor_draw(struct reenactor *r, const float *verts,
         memcpy(r->rgb, r->coarse, 3 * n * sizeof *r->rgb);
         return 0;
     }
-    avatar_turn(turn, &r->avatar, cam);
+    avatar_relative_pose(turn, &r->avatar, cam);
     refiner_turn(&r->refiner, turn);
     refiner_forward(r->rgb, r->features, &r->refiner);
     return 0;

@@ -18,11 +18,20 @@
 #include "lib/net/shape_encoder.h"
 #include "lib/splat/splat.h"
 #include "lib/track/tta.h"
-#include "lib/train/motion_loss.h"
 
 /* What may be taken from the data instead of the encoders, to tell their share
  * of an error from the branches'. */
 enum { REENACTOR_TRUE_SHAPE = 1, REENACTOR_TRUE_MOTION = 2 };
+/* Add "shape" or "motion" to *bits; -1 and EX_USAGE for another word. */
+int reenactor_parse_truth(unsigned *bits, const char *word,
+                          struct error *err);
+
+/* The head as a frame drives it. */
+struct driven {
+    float R[9], t[3], cam[12];  /* of the portrait window */
+    struct head_motion motion;
+    float *verts;               /* (V,3), the caller's */
+};
 
 struct reenactor {
     const struct head *head;
@@ -66,13 +75,13 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
 
 /* Phase B's first half: the source's person with the motion in crop q of f.
  * st->verts is the caller's (V,3); st->motion.exp points into r->out. */
-int reenactor_motion(struct reenactor *r, struct motion_state *st,
+int reenactor_motion(struct reenactor *r, struct driven *st,
                      const struct data_frame *f, struct square q,
                      struct error *err);
 /* The crop that the landmarks of a posed head ask for, in a picture of `size`
  * pixels. */
 struct square reenactor_follow(const struct reenactor *r,
-                               const struct motion_state *st, size_t size);
+                               const struct driven *st, size_t size);
 
 /* Phase B's second half: features, alpha, coarse and rgb of driven vertices
  * (V,3) seen by cam. */

@@ -1,6 +1,8 @@
+/* Sums and counts of every cell, and four ways to print their means. */
 #include "lib/eval/table.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -86,7 +88,7 @@ int table_format_parse(enum table_format *f, const char *word)
 }
 
 /* Most failures in any cell of a row: frames that could not be judged. */
-static size_t row_failed(const struct table *t, size_t row)
+static size_t table_row_failed(const struct table *t, size_t row)
 {
     size_t most = 0;
 
@@ -96,7 +98,8 @@ static size_t row_failed(const struct table *t, size_t row)
     return most;
 }
 
-static size_t row_count(const struct table *t, size_t row)
+/* Most measured in any cell of a row: its frames. */
+static size_t table_row_count(const struct table *t, size_t row)
 {
     size_t most = 0;
 
@@ -106,7 +109,8 @@ static size_t row_count(const struct table *t, size_t row)
     return most;
 }
 
-static void number(FILE *f, double x, const char *missing)
+/* A number as LaTeX shows it. */
+static void table_number(FILE *f, double x, const char *missing)
 {
     if (isnan(x))
         fputs(missing, f);
@@ -115,14 +119,20 @@ static void number(FILE *f, double x, const char *missing)
                 x);
 }
 
-static void write_text(FILE *f, const struct table *t, int tsv)
+/* Columns for people, or tab-separated. */
+static void table_write_text(FILE *f, const struct table *t, bool tsv)
 {
-    fprintf(f, tsv ? "method" : "%-18s", "method");
+    int wide = 18;
+
+    for (size_t r = 0; r < t->rows && !tsv; r++)
+        wide = (int)strlen(t->row[r].name) > wide ? (int)strlen(t->row[r].name)
+                                                  : wide;
+    fprintf(f, "%-*s", tsv ? 0 : wide, "method");
     for (size_t c = 0; c < t->columns; c++)
         fprintf(f, tsv ? "\t%s" : " %11s", t->column[c]);
     fprintf(f, tsv ? "\tframes\tfailed\n" : "  frames  failed\n");
     for (size_t r = 0; r < t->rows; r++) {
-        fprintf(f, tsv ? "%s" : "%-18s", t->row[r].name);
+        fprintf(f, "%-*s", tsv ? 0 : wide, t->row[r].name);
         for (size_t c = 0; c < t->columns; c++) {
             double x = table_mean(t, r, c);
             char cell[40] = "-";
@@ -133,12 +143,13 @@ static void write_text(FILE *f, const struct table *t, int tsv)
                                                 : "%.4f", x);
             fprintf(f, tsv ? "\t%s" : " %11s", cell);
         }
-        fprintf(f, tsv ? "\t%zu\t%zu\n" : " %7zu %7zu\n", row_count(t, r),
-                row_failed(t, r));
+        fprintf(f, tsv ? "\t%zu\t%zu\n" : " %7zu %7zu\n",
+                table_row_count(t, r), table_row_failed(t, r));
     }
 }
 
-static void json_string(FILE *f, const char *s)
+/* A string with what JSON wants escaped. */
+static void table_json_string(FILE *f, const char *s)
 {
     fputc('"', f);
     for (; *s; s++) {
@@ -152,28 +163,30 @@ static void json_string(FILE *f, const char *s)
     fputc('"', f);
 }
 
-static void write_json(FILE *f, const struct table *t)
+/* Rows as objects. */
+static void table_write_json(FILE *f, const struct table *t)
 {
     fputs("{", f);
     for (size_t r = 0; r < t->rows; r++) {
         fputs(r ? ",\n " : "\n ", f);
-        json_string(f, t->row[r].name);
+        table_json_string(f, t->row[r].name);
         fputs(": {", f);
         for (size_t c = 0; c < t->columns; c++) {
             double x = table_mean(t, r, c);
-            json_string(f, t->column[c]);
+            table_json_string(f, t->column[c]);
             if (isnan(x))
                 fputs(": null, ", f);
             else
                 fprintf(f, ": %.9g, ", x);
         }
-        fprintf(f, "\"frames\": %zu, \"failed\": %zu}", row_count(t, r),
-                row_failed(t, r));
+        fprintf(f, "\"frames\": %zu, \"failed\": %zu}", table_row_count(t, r),
+                table_row_failed(t, r));
     }
     fputs("\n}\n", f);
 }
 
-static void latex_string(FILE *f, const char *s)
+/* A string with what LaTeX wants escaped. */
+static void table_latex_string(FILE *f, const char *s)
 {
     for (; *s; s++) {
         if (strchr("_&%#$", *s))
@@ -182,19 +195,21 @@ static void latex_string(FILE *f, const char *s)
     }
 }
 
-static int is_best(const struct table *t, size_t row, size_t col)
+/* Whether no row has a better mean in this column. */
+static bool table_is_best(const struct table *t, size_t row, size_t col)
 {
     double x = table_mean(t, row, col);
 
     if (isnan(x) || !t->better[col])
-        return 0;
+        return false;
     for (size_t r = 0; r < t->rows; r++)
         if (table_mean(t, r, col) * t->better[col] > x * t->better[col])
-            return 0;
-    return 1;
+            return false;
+    return true;
 }
 
-static void write_latex(FILE *f, const struct table *t)
+/* A tabular, best values bold. */
+static void table_write_latex(FILE *f, const struct table *t)
 {
     fputs("\\begin{tabular}{l", f);
     for (size_t c = 0; c < t->columns; c++)
@@ -202,17 +217,17 @@ static void write_latex(FILE *f, const struct table *t)
     fputs("}\n\\toprule\nMethod", f);
     for (size_t c = 0; c < t->columns; c++) {
         fputs(" & ", f);
-        latex_string(f, t->column[c]);
+        table_latex_string(f, t->column[c]);
         if (t->better[c])
             fputs(t->better[c] > 0 ? "$\\uparrow$" : "$\\downarrow$", f);
     }
     fputs(" \\\\\n\\midrule\n", f);
     for (size_t r = 0; r < t->rows; r++) {
-        latex_string(f, t->row[r].name);
+        table_latex_string(f, t->row[r].name);
         for (size_t c = 0; c < t->columns; c++) {
-            int best = is_best(t, r, c);
+            bool best = table_is_best(t, r, c);
             fputs(best ? " & \\textbf{" : " & ", f);
-            number(f, table_mean(t, r, c), "--");
+            table_number(f, table_mean(t, r, c), "--");
             fputs(best ? "}" : "", f);
         }
         fputs(" \\\\\n", f);
@@ -223,9 +238,9 @@ static void write_latex(FILE *f, const struct table *t)
 void table_write(FILE *f, const struct table *t, enum table_format format)
 {
     if (format == TABLE_JSON)
-        write_json(f, t);
+        table_write_json(f, t);
     else if (format == TABLE_LATEX)
-        write_latex(f, t);
+        table_write_latex(f, t);
     else
-        write_text(f, t, format == TABLE_TSV);
+        table_write_text(f, t, format == TABLE_TSV);
 }

@@ -10,6 +10,7 @@
 
 #define TABLE_COLUMNS 32
 #define TABLE_NAME 64
+#define TABLE_NO_ROW ((size_t)-1)
 
 struct table_cell {
     double sum;
@@ -35,7 +36,7 @@ void table_init(struct table *t);
 void table_release(struct table *t);
 
 /* Index of the column or row of that name, made when new.  A row index of
- * (size_t)-1: memory is short; a column of that index: there are too many. */
+ * TABLE_NO_ROW: memory is short; a column of that index: there are too many. */
 size_t table_column(struct table *t, const char *name, int better);
 size_t table_row(struct table *t, const char *name);
 

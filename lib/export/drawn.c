@@ -28,7 +28,7 @@ static void back_release(struct back *b)
 }
 
 /* As a viewer would read it: degree 0, three channels. */
-static int read_ply(struct back *b, const char *path, int turned,
+static int read_ply(struct back *b, const char *path, bool turned,
                     struct error *err)
 {
     const struct ply_scene *s = &b->ply;
@@ -141,7 +141,7 @@ out:
 }
 
 int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
-                  const struct scene *s, int turned, float unit,
+                  const struct scene *s, bool turned, float unit,
                   struct error *err)
 {
     struct back b = {0};

@@ -3,6 +3,7 @@
 #ifndef SPID_EXPORT_DRAWN_H
 #define SPID_EXPORT_DRAWN_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/base/error.h"
@@ -28,7 +29,7 @@ struct drawn {
  * metre, for GLB.  EX_SOFTWARE when the file has another number of Gaussians
  * or, .splat apart, is under DRAWN_LEAST. */
 int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
-                  const struct scene *s, int turned, float unit,
+                  const struct scene *s, bool turned, float unit,
                   struct error *err);
 
 /* The same of a GLB of the head, in its first frame. */

@@ -20,8 +20,10 @@
 static int name_conversions(const char *name)
 {
     int n = 0;
+
     for (const char *p = name; (p = strchr(p, '%')); p++) {
         const char *q = p + 1 + strspn(p + 1, "0123456789");
+
         if (*q != 'd' || q - p > 4)
             return -1;
         n++;
@@ -34,6 +36,7 @@ static int check_name(const char *option, const char *name, bool pattern,
                       struct error *err)
 {
     int n = name ? name_conversions(name) : 0;
+
     if (n < 0 || n > (pattern ? 1 : 0))
         return error_set(err, EX_USAGE,
                          "%s=%s: bad file name (expected %s)", option, name,
@@ -106,6 +109,7 @@ static int write_splat(struct export *x, const char *path, struct error *err)
 {
     struct flat f = {0};
     int rc = flat_init(&f, &x->scene, 1, err);
+
     if (!rc)
         rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale,
                              x->scene.quat, x->scene.opacity, f.color, 3,
@@ -125,10 +129,12 @@ static int write_glb(struct export *x, const char *path, struct error *err)
 {
     struct flat f = {0};
     int rc = flat_init(&f, &x->scene, 1 / head_scale(x), err);
+
     if (!rc) {
         const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
                                      x->scene.quat, x->scene.opacity,
                                      f.color};
+
         rc = glb_write_splats(path, &g, err);
     }
     flat_release(&f);

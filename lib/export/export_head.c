@@ -56,10 +56,12 @@ int export_head_init(struct export_head *e, const struct identity *id,
     memset(e, 0, sizeof *e);
     e->head = h;
     e->opt = *opt;
+    /* without them the mouth of a head of scans would stay shut */
+    e->opt.correctives |= head_has_arkit(h) != 0;
     if (e->opt.expressions > h->nexp)
         e->opt.expressions = h->nexp;
     e->targets = e->opt.expressions + LIDS +
-                 (opt->correctives ? HEAD_POSE_DIRS : 0);
+                 (e->opt.correctives ? HEAD_POSE_DIRS : 0);
     if (e->targets > GLB_MAX_TARGETS)
         return error_set(err, EX_USAGE,
                          "%zu morph targets (expected at most %d)",
@@ -77,6 +79,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
     head_normals(e->normal, h, e->position);
     for (size_t v = 0; v < h->V; v++) {        /* a vertex of no face */
         float *n = e->normal + 3 * v;
+
         if (n[0] * n[0] + n[1] * n[1] + n[2] * n[2] < 0.5f)
             n[2] = 1;
     }
@@ -130,6 +133,7 @@ static int frames_grow(struct export_head *e, struct error *err)
         return 0;
     for (size_t i = 0; i < 4; i++) {
         float *p = realloc(*field[i], room * width[i] * sizeof *p);
+
         if (!p)
             return error_set(err, EX_OSERR, "out of memory for %zu frames",
                              room);
@@ -143,6 +147,7 @@ static int frames_grow(struct export_head *e, struct error *err)
 static void store_quat(float *out, const float R[9])
 {
     float q[4];
+
     rotation_to_quat(q, R);
     out[0] = q[1];
     out[1] = q[2];
@@ -161,6 +166,7 @@ static void store_root(float *rotation, float *translation,
 
     for (int i = 0; i < 3; i++) {
         float t = cam[4 * i + 3] / e->head->scale;
+
         for (int j = 0; j < 3; j++) {
             R[3 * i + j] = flip[i] * cam[4 * i + j];
             t += cam[4 * i + j] * e->joints[j];
@@ -175,6 +181,7 @@ static void store_weights(float *w, const struct export_head *e,
                           const struct head_motion *m, float (*R)[9])
 {
     size_t at = 0;
+
     for (size_t k = 0; k < e->opt.expressions; k++)
         w[at++] = m->exp ? m->exp[k] : 0;
     w[at++] = m->lid[0];

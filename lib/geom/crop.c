@@ -156,6 +156,7 @@ static void sample_pixel(double *out, const float *f, const uint8_t *u,
     for (int k = 0; k < 4; k++) {
         ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
         double w = (k & 1 ? wx : 1 - wx) * (k & 2 ? wy : 1 - wy);
+
         if (px < 0 || py < 0 || px >= (ptrdiff_t)W || py >= (ptrdiff_t)H)
             continue;
         for (int c = 0; c < 3; c++)
@@ -174,11 +175,13 @@ static void sample_plain(float *out, size_t n, const float *f,
     for (size_t i = 0; i < n; i++) {
         float wy;
         ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
+
         for (size_t j = 0; j < n; j++, out += 3) {
             double p[3];
             float wx;
             ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
                                        &wx);
+
             sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
             for (int c = 0; c < 3; c++)
                 out[c] = (float)p[c];
@@ -199,11 +202,14 @@ void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
         for (size_t j = 0; j < n; j++, out += 3) {
             double px = sample_place(q.x, q.size, j, n);
             double py = sample_place(q.y, q.size, i, n);
+
             for (int c = 0; c < 3; c++) {
                 double v = 0;
+
                 for (int k = 0; k < 4; k++) {
                     double x = floor(px) + (k & 1), y = floor(py) + (k >> 1);
                     double w = (1 - fabs(px - x)) * (1 - fabs(py - y));
+
                     if (x >= 0 && y >= 0 && x < (double)W && y < (double)H)
                         v += w * rgb[((size_t)y * W + (size_t)x) * 3
                                      + (size_t)c];
@@ -224,20 +230,24 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
         float wy, wx;
         ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
         double v = ((double)i + 0.5) / (double)n - 0.5;
+
         for (size_t j = 0; j < n; j++, gout += 3) {
             ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
                                        &wx);
             double u = ((double)j + 0.5) / (double)n - 0.5, dx = 0, dy = 0;
+
             for (int k = 0; k < 4; k++) {
                 ptrdiff_t px = x + (k & 1), py = y + (k >> 1);
                 double ax = k & 1 ? wx : 1 - wx, ay = k & 2 ? wy : 1 - wy;
                 size_t at;
+
                 if (px < 0 || py < 0 || px >= (ptrdiff_t)W
                     || py >= (ptrdiff_t)H)
                     continue;
                 at = ((size_t)py * W + (size_t)px) * 3;
                 for (int c = 0; c < 3; c++) {
                     double g = gout[c], t = g * rgb[at + (size_t)c];
+
                     if (grgb)
                         grgb[at + (size_t)c] += (float)(ax * ay * g);
                     dx += k & 1 ? ay * t : -ay * t;
@@ -261,27 +271,18 @@ struct kernels {
     crop_halve_fn *halve;
 };
 
+#define KERNELS(isa) { crop_blend_##isa, crop_gather_##isa, crop_halve_##isa }
+
 /* The versions for this processor. */
 static const struct kernels *crop_kernels(void)
 {
-    static const struct kernels baseline = {
-        crop_blend_baseline, crop_gather_baseline, crop_halve_baseline
-    };
+    static const struct kernels baseline = KERNELS(baseline);
 #ifdef SPID_X86
-    static const struct kernels avx2 = {
-        crop_blend_avx2, crop_gather_avx2, crop_halve_avx2
-    };
-    static const struct kernels avx512 = {
-        crop_blend_avx512, crop_gather_avx512, crop_halve_avx512
-    };
-
-    switch (cpu_level()) {
-    case CPU_AVX512: return &avx512;
-    case CPU_AVX2: return &avx2;
-    default: break;
-    }
+    static const struct kernels avx2 = KERNELS(avx2);
+    static const struct kernels avx512 = KERNELS(avx512);
 #endif
-    return &baseline;
+
+    return CPU_PICK(&baseline, &avx2, &avx512);
 }
 
 #define SPAN 1024              /* picture columns of the fast path */
@@ -307,6 +308,7 @@ static int find_columns(struct columns *c, size_t n, size_t W,
         return -1;
     for (size_t j = 0; j < n; j++) {
         double p = sample_place(q.x, q.size, j, n), f = floor(p);
+
         c->at[j] = (int32_t)(f - first) * 3;
         c->w[j] = (float)(p - f);
     }
@@ -342,6 +344,7 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
                                   : black;
         const uint8_t *b = y >= -1 && y + 1 < (ptrdiff_t)H
             ? rgb + (size_t)(y + 1) * stride + 3 * c.x0 : black;
+
         if (c.x1 > c.x0)
             k->blend(row + 3 * skip, a, b, wy, 3 * (c.x1 - c.x0));
         k->gather(line, row, c.at, c.w, n);
@@ -392,6 +395,7 @@ static void filter_row(float *out, const uint8_t *row, const char *filters,
         const struct filter *f = (const void *)(filters + j * bytes);
         const uint8_t *p = row + f->lo * C;
         float v[4] = {0};
+
         for (size_t k = 0; k < f->count; k++, p += C)
             for (size_t c = 0; c < C; c++)
                 v[c] += f->w[k] * p[c];
@@ -427,9 +431,11 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     /* each picture row is filtered once and added to the rows it reaches */
     for (size_t y = 0; y < H; y++) {
         int filtered = 0;
+
         for (size_t i = first; i < n; i++) {
             const struct filter *f = (const void *)(fy + i * bytes);
             float w;
+
             if (f->lo > y)
                 break;
             if (f->lo + f->count <= y) {
@@ -447,6 +453,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     }
     for (size_t k = 0; k < n * line; k++) {
         float v = acc[k] + 0.5f;
+
         out[k] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
     }
     free(fx);

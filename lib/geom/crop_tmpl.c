@@ -21,6 +21,7 @@ void ISA(crop_gather)(float *out, const float *row, const int32_t *at,
 {
     for (size_t i = 0; i < n; i++, out += 3) {
         v4f p, q;
+
         memcpy(&p, row + at[i], sizeof p);
         memcpy(&q, row + at[i] + 3, sizeof q);
         p += (q - p) * w[i];

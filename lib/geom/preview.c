@@ -20,6 +20,7 @@ static void mesh_project(float *out, const struct preview_mesh *m,
 {
     float a = v->yaw * (float)M_PI / 180, b = v->pitch * (float)M_PI / 180;
     float scale = (float)c->h / v->height, far = 6 * v->height;
+
     for (size_t i = 0; i < m->nv; i++) {
         float x = m->verts[i * 3] - v->centre[0];
         float y = m->verts[i * 3 + 1] - v->centre[1];
@@ -27,6 +28,7 @@ static void mesh_project(float *out, const struct preview_mesh *m,
         float x1 = cosf(a) * x + sinf(a) * z, z1 = cosf(a) * z - sinf(a) * x;
         float y1 = cosf(b) * y - sinf(b) * z1, z2 = sinf(b) * y + cosf(b) * z1;
         float k = far / (far - z2);
+
         out[i * 3] = (float)c->w / 2 + x1 * k * scale;
         out[i * 3 + 1] = (float)c->h / 2 - y1 * k * scale;
         out[i * 3 + 2] = z2 * scale;
@@ -45,6 +47,7 @@ static void mesh_normals(float *n, const float *p,
         float v[3] = { c[0] - a[0], a[1] - c[1], c[2] - a[2] };
         float g[3] = { u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
                        u[0] * v[1] - u[1] * v[0] };
+
         for (int k = 0; k < 3; k++)
             for (int d = 0; d < 3; d++)
                 n[f[k] * 3 + d] += g[d];
@@ -58,6 +61,7 @@ static void sample_shade(float *out, float nx, float ny, float nz,
     static const float clay[3] = { 0.62f, 0.53f, 0.46f };
     const float *base = albedo ? albedo : clay;
     float l = sqrtf(nx * nx + ny * ny + nz * nz) + 1e-9f;
+
     nx /= l, ny /= l, nz /= l;
     if (nz < 0)
         nz = -nz;
@@ -82,10 +86,11 @@ static float triangle_edge(const float *a, const float *b, float x, float y)
 /* Depth test, interpolated normal and albedo, and the edges if asked for. */
 static void triangle_draw(struct canvas *c, const float *p, const float *n,
                           const int32_t *f, const struct preview_mesh *m,
-                          int wire)
+                          bool wire)
 {
     const float *q[3] = { p + f[0] * 3, p + f[1] * 3, p + f[2] * 3 };
     float area = triangle_edge(q[0], q[1], q[2][0], q[2][1]);
+
     if (fabsf(area) < 1e-6f)
         return;
     float lo[2] = { 1e9f, 1e9f }, hi[2] = { -1e9f, -1e9f };
@@ -104,6 +109,7 @@ static void triangle_draw(struct canvas *c, const float *p, const float *n,
     for (int y = ya; y <= yb; y++)
         for (int x = xa; x <= xb; x++) {
             float sx = (float)x + 0.5f, sy = (float)y + 0.5f, w[3];
+
             w[0] = triangle_edge(q[1], q[2], sx, sy) / area;
             w[1] = triangle_edge(q[2], q[0], sx, sy) / area;
             w[2] = 1 - w[0] - w[1];
@@ -146,6 +152,7 @@ static void canvas_resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
         for (size_t x = 0; x < c->w / SS; x++)
             for (size_t d = 0; d < 3; d++) {
                 float s = 0;
+
                 for (size_t k = 0; k < SS * SS; k++)
                     s += c->rgb[((y * SS + k / SS) * c->w + x * SS + k % SS) *
                                 3 + d];
@@ -163,6 +170,7 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
     float *p = malloc(mesh->nv * 3 * sizeof *p);
     float *nrm = malloc(mesh->nv * 3 * sizeof *nrm);
     int rc = -1;
+
     c.depth = malloc(n * sizeof *c.depth);
     c.rgb = malloc(n * 3 * sizeof *c.rgb);
     if (!p || !nrm || !c.depth || !c.rgb) {
@@ -172,6 +180,7 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
     }
     for (size_t i = 0; i < n; i++) {
         float g = 0.05f + 0.05f * (float)(i / c.w) / (float)c.h;
+
         c.depth[i] = -1e30f;
         c.rgb[i * 3] = c.rgb[i * 3 + 1] = g;
         c.rgb[i * 3 + 2] = g * 1.1f;

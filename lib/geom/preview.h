@@ -3,6 +3,7 @@
 #ifndef SPID_GEOM_PREVIEW_H
 #define SPID_GEOM_PREVIEW_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -19,7 +20,7 @@ struct preview_view {
     float yaw, pitch;         /* degrees the head turns: yaw > 0 to its left */
     float centre[3];          /* what lies in the middle, the mesh's unit */
     float height;             /* what spans the picture's height, same unit */
-    int wire;                 /* draw the triangles' edges */
+    bool wire;                /* draw the triangles' edges */
 };
 
 /* Draw into the rectangle at (x0, y0), w x h, of rgb (H, stride pixels, 3):

@@ -27,14 +27,9 @@ static const struct kernels *resample_kernels(void)
 #ifdef SPID_X86
     static const struct kernels avx2 = KERNELS(avx2);
     static const struct kernels avx512 = KERNELS(avx512);
-
-    switch (cpu_level()) {
-    case CPU_AVX512: return &avx512;
-    case CPU_AVX2: return &avx2;
-    default: break;
-    }
 #endif
-    return &baseline;
+
+    return CPU_PICK(&baseline, &avx2, &avx512);
 }
 
 void grid_sample(float *out, const float *x, const float *grid, size_t B,
@@ -76,6 +71,7 @@ void affine_grid(float *grid, const float *theta, size_t B, size_t h,
             for (size_t j = 0; j < w; j++, grid += 2) {
                 double x = axis_coordinate(j, w, align);
                 double y = axis_coordinate(i, h, align);
+
                 grid[0] = (float)(theta[0] * x + theta[1] * y + theta[2]);
                 grid[1] = (float)(theta[3] * x + theta[4] * y + theta[5]);
             }
@@ -86,10 +82,12 @@ void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
 {
     for (size_t b = 0; b < B; b++, gtheta += 6) {
         double s[6] = {0};
+
         for (size_t i = 0; i < h; i++)
             for (size_t j = 0; j < w; j++, ggrid += 2) {
                 double x = axis_coordinate(j, w, align);
                 double y = axis_coordinate(i, h, align);
+
                 for (int k = 0; k < 2; k++) {
                     s[3 * k] += ggrid[k] * x;
                     s[3 * k + 1] += ggrid[k] * y;
@@ -152,6 +150,7 @@ static void axis_antialias(struct resize_axis *a, size_t i)
         size_t j = lo + k;
         double w = j < hi
             ? 1 - fabs(((double)j - c + 0.5) / support) : 0;
+
         a->at[i * a->taps + k] = clamp_index((double)j, a->in);
         a->weight[i * a->taps + k] = (float)(w > 0 ? w : 0);
         sum += w > 0 ? w : 0;

@@ -32,6 +32,7 @@ static inline double grid_position(float g, size_t n, bool align, bool border,
     }
     if (border) {
         double end = (double)n - 1;
+
         if (p <= 0 || p >= end)
             *slope = 0;
         p = p < 0 ? 0 : p > end ? end : p;
@@ -59,6 +60,7 @@ static inline void grid_taps(struct taps *t, double slope[2], const float *g,
 
     for (int k = 0; k < 4; k++) {
         float wx = k & 1 ? a : 1 - a, wy = k & 2 ? b : 1 - b;
+
         t->at[k] = grid_tap(x + (k & 1), y + (k >> 1), W, H);
         t->w[k] = wx * wy;
         t->dx[k] = k & 1 ? wy : -wy;
@@ -77,11 +79,13 @@ void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
         float *o = out + i * C;
         struct taps t;
         double slope[2];
+
         grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (size_t c = 0; c < C; c++)
             o[c] = 0;
         for (int k = 0; k < 4; k++) {
             const float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
+
             if (t.at[k] < 0)
                 continue;
             for (size_t c = 0; c < C; c++)
@@ -100,10 +104,12 @@ void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
         const float *xb = x + i / N * H * W * C, *g = gout + i * C;
         struct taps t;
         double slope[2], sx = 0, sy = 0;
+
         grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (int k = 0; k < 4; k++) {
             const float *p = xb + (size_t)t.at[k] * C;
             float dot = 0;
+
             if (t.at[k] < 0)
                 continue;
             for (size_t c = 0; c < C; c++)
@@ -130,13 +136,16 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
         const size_t b = j / slices, c0 = j % slices * SLICE;
         const size_t n = C - c0 < SLICE ? C - c0 : SLICE;
         float *xb = gx + b * H * W * C + c0;
+
         for (size_t i = b * N; i < (b + 1) * N; i++) {
             const float *g = gout + i * C + c0;
             struct taps t;
             double slope[2];
+
             grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
             for (int k = 0; k < 4; k++) {
                 float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
+
                 if (t.at[k] < 0)
                     continue;
                 for (size_t c = 0; c < n; c++)
@@ -157,6 +166,7 @@ static void resize_columns(float *tmp, const float *x,
             const int32_t *at = a->at + i * a->taps;
             const float *w = a->weight + i * a->taps;
             float *o = tmp + i * C;
+
             for (size_t c = 0; c < C; c++)
                 o[c] = w[0] * x[(size_t)at[0] * C + c];
             for (size_t k = 1; k < a->taps; k++)
@@ -172,6 +182,7 @@ static void resize_rows(float *out, const float *tmp,
     for (size_t i = 0; i < a->out; i++, out += n) {
         const int32_t *at = a->at + i * a->taps;
         const float *w = a->weight + i * a->taps;
+
         for (size_t c = 0; c < n; c++)
             out[c] = w[0] * tmp[(size_t)at[0] * n + c];
         for (size_t k = 1; k < a->taps; k++)
@@ -203,6 +214,7 @@ void ISA(resize_backward)(float *gx, const float *gout,
         for (size_t k = 0; k < ay->taps; k++) {
             const float w = ay->weight[i * ay->taps + k];
             float *t = tmp + (size_t)ay->at[i * ay->taps + k] * n;
+
             for (size_t c = 0; c < n; c++)
                 t[c] += w * gout[c];
         }
@@ -211,6 +223,7 @@ void ISA(resize_backward)(float *gx, const float *gout,
             for (size_t k = 0; k < ax->taps; k++) {
                 const float w = ax->weight[i * ax->taps + k];
                 float *g = gx + (size_t)ax->at[i * ax->taps + k] * C;
+
                 for (size_t c = 0; c < C; c++)
                     g[c] += w * tmp[i * C + c];
             }

@@ -319,6 +319,7 @@ static void to_quat(double q[4], const double R[9])
         q[3] = R[3] - R[1];
     } else {
         int i = R[4] > R[0] ? 1 : 0;
+
         if (R[8] > R[4 * i])
             i = 2;
         int j = (i + 1) % 3, k = (i + 2) % 3;

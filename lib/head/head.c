@@ -353,6 +353,9 @@ static void copy_small(struct head *h, const struct head_arrays *a)
         }
     for (size_t i = 0; i < 3 * a->nlid * a->nlid_shape; i++)
         h->lid_shapedirs[i] *= h->scale;
+    h->jaw_shape = 1;
+    for (size_t v = 0; v < a->V; v++)
+        h->jaw_shape &= a->weights[HEAD_JOINTS * v + JOINT_JAW] == 0;
     block_skin(h->skin, a->weights, a->V);
     regress_template(h, a);
 }

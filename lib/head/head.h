@@ -81,6 +81,8 @@ struct head {
     int public_rodrigues;       /* rotate by the public FLAME code's formula
                                  * (rotation.h) instead of the exact map; off
                                  * unless set after loading */
+    int jaw_shape;              /* no vertex hangs on the jaw: pose corrections
+                                 * alone open it */
     char hash[17];              /* hex, of the numbers above: same head, same
                                  * hash, whatever file it came from */
     float *v_template;          /* (V,3) */
@@ -131,6 +133,10 @@ void head_direction(float *out, const struct head *h, const float *dirs,
  * order: places 0 to 52 are there and exactly those of joints and lids are
  * zero shapes. */
 int head_has_arkit(const struct head *h);
+
+/* How much of the jaw's turn vertex v makes, 0 to 1: its skinning weight or,
+ * where no vertex has one (head->jaw_shape), by its pose corrections. */
+float head_jaw_share(const struct head *h, size_t v);
 
 /* Positions (68,3) of the landmarks on verts (V,3). */
 void head_landmarks(float *lmk, const struct head *h, const float *verts);

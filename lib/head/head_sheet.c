@@ -16,7 +16,7 @@ struct cell {
     int person;               /* 0: the mean; else seed of random shape */
     float jaw, lid, gaze[2];  /* radians; lid 0..1; gaze down, left */
     int wire;
-    int close;                /* the eyes or mouth alone: 1, 2 */
+    int close;                /* the eyes, mouth, face: 1, 2, 3 */
 };
 
 static const struct cell cells[] = {
@@ -81,6 +81,8 @@ static int pose_cell(float *verts, const struct head *h, const struct cell *c,
         beta[k] = (float)random_normal(&r);
     if (expression >= 0 && head_has_arkit(h)) {
         w[expression] = 1;
+        if (expression == ARKIT_MOUTH_CLOSE)    /* it closes an open jaw */
+            w[ARKIT_JAW_OPENED] = 1;
         arkit_to_motion(exp, (int)h->nexp, m.jaw, m.lid, m.eye, w);
     } else if (expression >= 0 && (size_t)expression < h->nexp) {
         exp[expression] = 1;
@@ -100,7 +102,7 @@ static int pose_cell(float *verts, const struct head *h, const struct cell *c,
 static int draw_cells(uint8_t *rgb, float *verts, const float *color,
                       const struct head *h, size_t size, struct error *err)
 {
-    static const struct cell plain = { .yaw = 0 };
+    static const struct cell plain = { .close = 3 };
     struct preview_mesh mesh = { verts, h->f, color, h->V, h->F };
 
     for (size_t i = 0; i < CELLS; i++) {
@@ -110,9 +112,11 @@ static int draw_cells(uint8_t *rgb, float *verts, const float *color,
             { 0, -0.012f * h->scale, 0 }, 0.325f * h->scale, c->wire };
 
         if (c->close) {
-            view.centre[1] = (c->close == 1 ? 0.025f : -0.045f) * h->scale;
+            static const float y[] = { 0, 0.025f, -0.045f, -0.01f };
+
+            view.centre[1] = y[c->close] * h->scale;
             view.centre[2] = 0.08f * h->scale;
-            view.height = 0.11f * h->scale;
+            view.height = (c->close == 3 ? 0.19f : 0.11f) * h->scale;
         }
         if (pose_cell(verts, h, c, expression, err) ||
             preview_draw(rgb, ACROSS * size, i % ACROSS * size,

@@ -40,6 +40,23 @@ int head_has_arkit(const struct head *h)
     return 1;
 }
 
+float head_jaw_share(const struct head *h, size_t v)
+{
+    /* of sin in R - I of a turn about x */
+    const size_t column = 9 * (JOINT_JAW - 1) + 7;
+    const float *x = h->v_template + 3 * v;
+    const float *jaw = h->joint_template + 3 * JOINT_JAW;
+    const float *d = h->pose_dirs +
+                     (v / HEAD_BLOCK * HEAD_POSE_DIRS + column) * 3 *
+                     HEAD_BLOCK + v % HEAD_BLOCK;
+    float arm = hypotf(x[1] - jaw[1], x[2] - jaw[2]);
+
+    if (!h->jaw_shape)
+        return h->weights[HEAD_JOINTS * v + JOINT_JAW];
+    return fminf(1, hypotf(d[HEAD_BLOCK], d[2 * HEAD_BLOCK]) /
+                    fmaxf(arm, 0.01f * h->scale));
+}
+
 void head_landmarks(float *lmk, const struct head *h, const float *verts)
 {
     for (int i = 0; i < HEAD_LANDMARKS; i++) {

@@ -7,6 +7,9 @@
 /* Cosine of directions that are one: what keeps lips apart leaves some of the
  * built-in head's expressions symmetric to 0.986 only. */
 #define SAME 0.98
+/* Difference of their lengths squared over the sum: the scans' left and right
+ * expressions are of different people's halves. */
+#define ALIKE 0.1
 
 /* Directions (n,V,3) and where their vertices lie across. */
 struct directions {
@@ -98,7 +101,7 @@ static int pair(struct head_mirror *m, const struct directions *s, size_t k,
 {
     double a = s->square[k], b = s->square[j], with;
 
-    if (fabs(a - b) > (1 - SAME) * (a + b))
+    if (fabs(a - b) > ALIKE * (a + b))
         return 0;
     with = across(s, k, j);
     if (fabs(with) < SAME * sqrt(a * b))

@@ -84,7 +84,7 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
     const char *const meta[] = { "format", "spid-head", "scale", "5",
         "nshape", "300", "nexp", "100", "unit", "metre",
         "expression_names", names, "identity", "0-99: ICT-FaceKit's weights, "
-        "standard normal; 100-139: skull and neck, standard normal; rest 0",
+        "standard normal; 100-123: skull and neck, standard normal; rest 0",
         "scan_to_metres", place, "arkit_angles", angles,
         "source", source, "licence", licence, NULL };
     size_t V = s->nv;

@@ -10,7 +10,7 @@
 
 enum {
     DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS,
-    EXTRA = 40                  /* directions of skull and neck */
+    EXTRA = TRANSFER_EXTRA
 };
 
 /* ---- eyes ------------------------------------------------------------------ */
@@ -108,6 +108,31 @@ int transfer_shape(double *d, const struct registration *r,
     return 0;
 }
 
+/* The scans' identities are even or odd under mirroring, as are the sculpted
+ * head's: what rounding has left of the other kind goes. */
+static void make_pure(double *d, const struct sculpt *s)
+{
+    double with = 0;
+
+    for (size_t v = 0; v < s->nv; v++) {
+        const double *a = d + 3 * v, *b = d + 3 * s->mirror[v];
+
+        with += a[1] * b[1] + a[2] * b[2] - a[0] * b[0];
+    }
+    double sign = with < 0 ? -1 : 1;
+    for (size_t v = 0; v < s->nv; v++) {
+        size_t w = (size_t)s->mirror[v];
+
+        for (size_t c = 0; w >= v && c < 3; c++) {
+            double flip = c == 0 ? -sign : sign;
+            double a = (d[3 * v + c] + flip * d[3 * w + c]) / 2;
+
+            d[3 * v + c] = a;
+            d[3 * w + c] = flip * a;
+        }
+    }
+}
+
 /* Column k of s->shapedirs = d (nv,3). */
 static void store(struct sculpt *s, size_t k, const double *d)
 {
@@ -127,7 +152,7 @@ static void extra_mask(double *mask, const struct registration *r)
         double ear = r->s->region[v] == REGION_EAR ||
                      r->s->region[v] == REGION_EYEBALL ? 0 : 1;
 
-        mask[v] = ear * fmax(neck, 0.7 * skull);
+        mask[v] = ear * fmax(neck, 0.4 * skull);
     }
 }
 
@@ -137,10 +162,17 @@ static int carry_identities(struct sculpt *s, const struct registration *r,
     extra_mask(d, r);
     if (transfer_extras(s, SCAN_IDENTITIES, EXTRA, d, err))
         return -1;
+    for (size_t k = SCAN_IDENTITIES; k < SCAN_IDENTITIES + EXTRA; k++) {
+        for (size_t i = 0; i < 3 * s->nv; i++)
+            d[i] = s->shapedirs[i * DIRS + k];
+        make_pure(d, s);
+        store(s, k, d);
+    }
     for (size_t k = 0; k < SCAN_IDENTITIES; k++) {
         if (transfer_shape(d, r, r->scan->identity + k * 3 * SCAN_VERTS, 0, 1,
                            err))
             return -1;
+        make_pure(d, s);
         store(s, k, d);
     }
     for (size_t k = SCAN_IDENTITIES + EXTRA; k < SCULPT_SHAPES; k++)
@@ -161,7 +193,7 @@ static int carry_expressions(struct sculpt *s, const struct registration *r,
         store(s, SCULPT_SHAPES + k, k < ARKIT_COUNT && !arkit_is_rig((int)k)
               ? all + 3 * s->nv * k : NULL);
     if (!rc)
-        rc = transfer_rig(s, r, all, err);
+        rc = transfer_rig(s, all, err);
     free(all);
     return rc;
 }

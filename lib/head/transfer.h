@@ -5,9 +5,11 @@
 
 #include "lib/head/register.h"
 
+enum { TRANSFER_EXTRA = 24 };   /* directions of skull and neck */
+
 /* Rewrite s (which r was made from) as the head of the scans:
  *  v_template  the matched points of the neutral face; eyeballs as spheres
- *  shapedirs   0..99 the scans' identities, then EXTRA of what the sculpted
+ *  shapedirs   0..99 the scans' identities, then 24 of what the sculpted
  *              head varies where they end or say little (skull, neck), the
  *              rest 0; expressions in lib/head/arkit.h's order, 0 where a
  *              joint or lid does it, and from ARKIT_COUNT on
@@ -35,7 +37,7 @@ int transfer_lids(struct sculpt *s, const struct registration *r,
 
 /* Weights, joints, pose correctives and lids, from the expressions
  * (ARKIT_COUNT,nv,3) on our vertices. */
-int transfer_rig(struct sculpt *s, const struct registration *r,
-                 const double *expressions, struct error *err);
+int transfer_rig(struct sculpt *s, const double *expressions,
+                 struct error *err);
 
 #endif

@@ -31,6 +31,7 @@ double metric_mse(const float *a, const float *b, size_t n)
 
     for (size_t i = 0; i < n; i++) {
         double d = (double)a[i] - (double)b[i];
+
         sum += d * d;
     }
     return sum / (double)n;
@@ -53,6 +54,30 @@ void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
             planar[c * n + i] = (float)rgb[3 * i + c] / 255.0f;
+}
+
+/* Luma of pixel i of planar rgb [3,n]. */
+static double luma_at(const float *rgb, size_t n, size_t i)
+{
+    return 0.2989 * (double)rgb[i] + 0.587 * (double)rgb[n + i] +
+           0.114 * (double)rgb[2 * n + i];
+}
+
+double metric_edges(const float *rgb, size_t H, size_t W)
+{
+    const size_t n = H * W;
+    double sum = 0;
+
+    for (size_t y = 0; y + 1 < H; y++)
+        for (size_t x = 0; x + 1 < W; x++) {
+            const size_t i = y * W + x;
+            double here = luma_at(rgb, n, i);
+            double dx = luma_at(rgb, n, i + 1) - here;
+            double dy = luma_at(rgb, n, i + W) - here;
+
+            sum += sqrt(dx * dx + dy * dy);
+        }
+    return sum / (double)((H - 1) * (W - 1));
 }
 
 double metric_flicker(const float *a0, const float *a1, const float *b0,
@@ -289,10 +314,12 @@ static double level_product(double d[METRIC_LEVELS],
 
     for (int l = 0; l < METRIC_LEVELS; l++) {
         double v = m->level[l][l < METRIC_LEVELS - 1][c];
+
         product *= v > 0 ? pow(v, level_weight[l]) : 0;
     }
     for (int l = 0; l < METRIC_LEVELS; l++) {
         double v = m->level[l][l < METRIC_LEVELS - 1][c];
+
         d[l] = product > 0 ? product * level_weight[l] / v : 0;
     }
     return product;

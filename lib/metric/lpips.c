@@ -28,6 +28,7 @@ static void lpips_declare(struct lpips *l)
     for (int i = 0; i < LPIPS_STAGES; i++) {
         size_t k = stage[i].kernel, c = stage[i].out;
         size_t w[4] = {c, stage[i].in, k, k}, lin[4] = {1, c, 1, 1};
+
         snprintf(name, sizeof name, "features.%d.weight", stage[i].index);
         params_add(&l->ps, name, 4, w, PARAM_ZERO, 1);
         snprintf(name, sizeof name, "features.%d.bias", stage[i].index);
@@ -96,6 +97,7 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
     for (int i = 0; i < LPIPS_STAGES; i++) {
         struct conv *c = &l->conv[i];
         size_t k2 = stage[i].kernel * stage[i].kernel;
+
         if (stage[i].pool) {
             h = pool_size(h);
             w = pool_size(w);
@@ -140,8 +142,10 @@ static void pool_forward(float *out, const float *in, size_t H, size_t W,
     for (size_t i = 0; i < h * w; i++)
         for (size_t c = 0; c < C; c++) {
             float best = -INFINITY;
+
             for (size_t k = 0; k < 9; k++) {
                 size_t y = 2 * (i / w) + k / 3, x = 2 * (i % w) + k % 3;
+
                 best = fmaxf(best, in[(y * W + x) * C + c]);
             }
             out[i * C + c] = best;
@@ -158,11 +162,13 @@ static void stage_unfold(float *out, const float *in, size_t H, size_t W,
         long y0 = (long)(p / w * stage[i].stride) - (long)stage[i].pad;
         long x0 = (long)(p % w * stage[i].stride) - (long)stage[i].pad;
         float *o = out + p * C * k * k;
+
         for (size_t t = 0; t < k * k; t++) {
             long y = y0 + (long)(t / k), x = x0 + (long)(t % k);
             int inside = y >= 0 && x >= 0 && y < (long)H && x < (long)W;
             const float *s = inside ? in + ((size_t)y * W + (size_t)x) * C
                                     : NULL;
+
             for (size_t c = 0; c < C; c++)
                 o[c * k * k + t] = s ? s[c] : 0;
         }
@@ -203,6 +209,7 @@ static double stage_distance(const float *a, const float *b, const float *w,
 
     for (size_t i = 0; i < n; i++) {
         double na = 0, nb = 0;
+
         for (size_t c = 0; c < C; c++) {
             na += (double)a[i * C + c] * a[i * C + c];
             nb += (double)b[i * C + c] * b[i * C + c];
@@ -211,6 +218,7 @@ static double stage_distance(const float *a, const float *b, const float *w,
         nb = 1 / (sqrt(nb) + 1e-10);
         for (size_t c = 0; c < C; c++) {
             double d = a[i * C + c] * na - b[i * C + c] * nb;
+
             sum += w[c] * d * d;
         }
     }

@@ -14,6 +14,7 @@ void metric_points(struct metric_points *out, const float a[68][2],
 
     for (int i = 0; i < METRIC_LANDMARKS; i++) {
         double d = hypot((double)a[i][0] - b[i][0], (double)a[i][1] - b[i][1]);
+
         if (i < METRIC_JAW)
             jaw += d;
         else
@@ -40,6 +41,7 @@ double metric_rotation_degrees(const float a[9], const float b[9])
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3, k = (i + 2) % 3;
         double djk = 0, dkj = 0;
+
         for (int r = 0; r < 3; r++) {
             djk += (double)a[3 * r + j] * b[3 * r + k];
             dkj += (double)a[3 * r + k] * b[3 * r + j];

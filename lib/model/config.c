@@ -1,3 +1,4 @@
+/* The configuration's JSON, read with ranges and printed in one order. */
 #include "lib/model/config.h"
 
 #include <cjson/cJSON.h>
@@ -47,8 +48,8 @@ void avatar_config_shipped(struct avatar_config *c)
 /* ---- reading ----------------------------------------------------------- */
 
 /* obj.key as a whole number between lo and hi; unchanged when absent. */
-static int take_size(size_t *out, const cJSON *obj, const char *key, size_t lo,
-                     size_t hi, struct error *err)
+static int config_take_size(size_t *out, const cJSON *obj, const char *key,
+                            size_t lo, size_t hi, struct error *err)
 {
     const cJSON *v = obj ? cJSON_GetObjectItem(obj, key) : NULL;
 
@@ -68,8 +69,9 @@ static int take_size(size_t *out, const cJSON *obj, const char *key, size_t lo,
     return 0;
 }
 
-static int take_bool(bool *out, const cJSON *obj, const char *key,
-                     struct error *err)
+/* obj.key as a truth value; unchanged when absent. */
+static int config_take_bool(bool *out, const cJSON *obj, const char *key,
+                            struct error *err)
 {
     const cJSON *v = cJSON_GetObjectItem(obj, key);
 
@@ -81,8 +83,9 @@ static int take_bool(bool *out, const cJSON *obj, const char *key,
     return 0;
 }
 
-static int take_text(char *out, size_t room, const cJSON *obj,
-                     const char *key, struct error *err)
+/* obj.key as a string; unchanged when absent. */
+static int config_take_text(char *out, size_t room, const cJSON *obj,
+                            const char *key, struct error *err)
 {
     const cJSON *v = obj ? cJSON_GetObjectItem(obj, key) : NULL;
 
@@ -96,33 +99,35 @@ static int take_text(char *out, size_t room, const cJSON *obj,
     return 0;
 }
 
-static int take_backbone(struct avatar_config *c, const cJSON *root,
-                         struct error *err)
+/* The object "backbone". */
+static int config_take_backbone(struct avatar_config *c, const cJSON *root,
+                                struct error *err)
 {
     const cJSON *b = cJSON_GetObjectItem(root, "backbone");
     struct backbone_config *k = &c->backbone;
     char type[16] = "dinov2";
 
-    if (take_text(type, sizeof type, b, "type", err))
+    if (config_take_text(type, sizeof type, b, "type", err))
         return -1;
     if (strcmp(type, "small") && strcmp(type, "dinov2"))
         return error_set(err, EX_CONFIG, "configuration: backbone type is "
                          "\"%s\" (expected \"small\" or \"dinov2\")", type);
     k->type = type[0] == 's' ? BACKBONE_SMALL : BACKBONE_DINOV2;
-    if (take_size(&k->width, b, "width", 1, 1024, err) ||
-        take_size(&k->embed, b, "embed", 1, 4096, err) ||
-        take_size(&k->depth, b, "depth", 4, 64, err) ||
-        take_size(&k->heads, b, "heads", 1, 64, err) ||
-        take_size(&k->patch, b, "patch", 1, 64, err) ||
-        take_size(&k->image, b, "image", 14, 4096, err))
+    if (config_take_size(&k->width, b, "width", 1, 1024, err) ||
+        config_take_size(&k->embed, b, "embed", 1, 4096, err) ||
+        config_take_size(&k->depth, b, "depth", 4, 64, err) ||
+        config_take_size(&k->heads, b, "heads", 1, 64, err) ||
+        config_take_size(&k->patch, b, "patch", 1, 64, err) ||
+        config_take_size(&k->image, b, "image", 14, 4096, err))
         return -1;
     k->features = c->feature;
     k->size = c->plane;
     return 0;
 }
 
-static int take_refiner(struct avatar_config *c, const cJSON *root,
-                        struct error *err)
+/* The object "refiner"; without one the model has none. */
+static int config_take_refiner(struct avatar_config *c, const cJSON *root,
+                               struct error *err)
 {
     const cJSON *r = cJSON_GetObjectItem(root, "refiner");
     char type[16] = "narrow";
@@ -131,9 +136,9 @@ static int take_refiner(struct avatar_config *c, const cJSON *root,
     if (!c->has_refiner)
         return 0;
     const cJSON *m = cJSON_GetObjectItem(r, "multiplier");
-    if (take_text(type, sizeof type, r, "type", err) ||
-        take_size(&c->refiner.width, r, "width", 1, 1024, err) ||
-        take_bool(&c->refiner.turn, r, "turn", err))
+    if (config_take_text(type, sizeof type, r, "type", err) ||
+        config_take_size(&c->refiner.width, r, "width", 1, 1024, err) ||
+        config_take_bool(&c->refiner.turn, r, "turn", err))
         return -1;
     if (strcmp(type, "narrow") && strcmp(type, "style_unet"))
         return error_set(err, EX_CONFIG, "configuration: refiner type is "
@@ -150,39 +155,43 @@ static int take_refiner(struct avatar_config *c, const cJSON *root,
     return 0;
 }
 
-static int take_all(struct avatar_config *c, const cJSON *root,
-                    struct error *err)
+/* Every key. */
+static int config_take_all(struct avatar_config *c, const cJSON *root,
+                           struct error *err)
 {
     const cJSON *dynamic = cJSON_GetObjectItem(root, "dynamic");
     size_t version = 1, focal = 12;
 
-    if (take_size(&version, root, "version", 1, 1, err) ||
-        take_size(&focal, root, "focal", 12, 12, err) ||
-        take_size(&c->size, root, "size", 16, 4096, err) ||
-        take_size(&c->plane, root, "plane", 2, 2048, err) ||
-        take_size(&c->mouth, root, "mouth", 2, 512, err) ||
-        take_size(&c->channels, root, "channels", 3, 32, err) ||
-        take_size(&c->feature, root, "feature", 1, 4096, err) ||
-        take_text(c->head_hash, sizeof c->head_hash, root, "head_hash",
-                  err) ||
-        take_text(c->motion_net, sizeof c->motion_net,
-                  cJSON_GetObjectItem(root, "motion"), "net", err) ||
-        take_text(c->shape_net, sizeof c->shape_net,
-                  cJSON_GetObjectItem(root, "shape"), "net", err) ||
-        take_size(&c->init_width, cJSON_GetObjectItem(root, "init"), "width",
-                  1, 1024, err) ||
-        take_size(&c->static_width, cJSON_GetObjectItem(root, "static"),
-                  "width", 1, 1024, err) ||
-        take_size(&c->dynamic_width, dynamic, "width", 1, 4096, err) ||
-        take_size(&c->dynamic_hidden, dynamic, "head", 1, 4096, err) ||
-        take_size(&c->vertex_width, dynamic, "vertex", 1, 4096, err) ||
-        take_size(&c->mouth_width,
-                  cJSON_GetObjectItem(root, "mouth_decoder"), "width", 1,
-                  1024, err) ||
-        take_bool(&c->rgb_skip, root, "rgb_skip", err) ||
-        take_bool(&c->public_quirks, root, "public_quirks", err))
+    if (config_take_size(&version, root, "version", 1, 1, err) ||
+        config_take_size(&focal, root, "focal", 12, 12, err) ||
+        config_take_size(&c->size, root, "size", 16, 4096, err) ||
+        config_take_size(&c->plane, root, "plane", 2, 2048, err) ||
+        config_take_size(&c->mouth, root, "mouth", 2, 512, err) ||
+        config_take_size(&c->channels, root, "channels", 3, 32, err) ||
+        config_take_size(&c->feature, root, "feature", 1, 4096, err) ||
+        config_take_text(c->head_hash, sizeof c->head_hash, root, "head_hash",
+                         err) ||
+        config_take_text(c->motion_net, sizeof c->motion_net,
+                         cJSON_GetObjectItem(root, "motion"), "net", err) ||
+        config_take_text(c->shape_net, sizeof c->shape_net,
+                         cJSON_GetObjectItem(root, "shape"), "net", err) ||
+        config_take_size(&c->init_width, cJSON_GetObjectItem(root, "init"),
+                         "width", 1, 1024, err) ||
+        config_take_size(&c->static_width, cJSON_GetObjectItem(root, "static"),
+                         "width", 1, 1024, err) ||
+        config_take_size(&c->dynamic_width, dynamic, "width", 1, 4096, err) ||
+        config_take_size(&c->dynamic_hidden, dynamic, "head", 1, 4096, err) ||
+        config_take_size(&c->vertex_width, dynamic, "vertex", 1, 4096, err) ||
+        config_take_size(&c->mouth_width,
+                         cJSON_GetObjectItem(root, "mouth_decoder"), "width",
+                         1, 1024, err) ||
+        config_take_bool(&c->rgb_skip, root, "rgb_skip", err) ||
+        config_take_bool(&c->public_quirks, root, "public_quirks", err))
         return -1;
-    return take_backbone(c, root, err) || take_refiner(c, root, err) ? -1 : 0;
+    return config_take_backbone(c, root, err) ||
+                   config_take_refiner(c, root, err)
+               ? -1
+               : 0;
 }
 
 int avatar_config_parse(struct avatar_config *c, const char *json,
@@ -197,50 +206,54 @@ int avatar_config_parse(struct avatar_config *c, const char *json,
         error_set(err, EX_CONFIG, "configuration: not a JSON object near "
                   "\"%.20s\"", stop ? stop : json);
     else
-        rc = take_all(c, root, err);
+        rc = config_take_all(c, root, err);
     cJSON_Delete(root);
     return rc;
 }
 
 /* ---- writing ----------------------------------------------------------- */
 
-static cJSON *object_of(cJSON *root, const char *key)
+/* A new object under key. */
+static cJSON *config_object(cJSON *root, const char *key)
 {
     return cJSON_AddObjectToObject(root, key);
 }
 
-static void put(cJSON *obj, const char *key, size_t value)
+/* A whole number under key. */
+static void config_put(cJSON *obj, const char *key, size_t value)
 {
     cJSON_AddNumberToObject(obj, key, (double)value);
 }
 
-static void put_backbone(cJSON *root, const struct backbone_config *k)
+/* The object "backbone". */
+static void config_put_backbone(cJSON *root, const struct backbone_config *k)
 {
-    cJSON *b = object_of(root, "backbone");
+    cJSON *b = config_object(root, "backbone");
 
     if (k->type == BACKBONE_SMALL) {
         cJSON_AddStringToObject(b, "type", "small");
-        put(b, "width", k->width);
+        config_put(b, "width", k->width);
         return;
     }
     cJSON_AddStringToObject(b, "type", "dinov2");
-    put(b, "embed", k->embed);
-    put(b, "depth", k->depth);
-    put(b, "heads", k->heads);
-    put(b, "patch", k->patch);
-    put(b, "image", k->image);
+    config_put(b, "embed", k->embed);
+    config_put(b, "depth", k->depth);
+    config_put(b, "heads", k->heads);
+    config_put(b, "patch", k->patch);
+    config_put(b, "image", k->image);
 }
 
-static void put_refiner(cJSON *root, const struct avatar_config *c)
+/* The object "refiner", or null. */
+static void config_put_refiner(cJSON *root, const struct avatar_config *c)
 {
     if (!c->has_refiner) {
         cJSON_AddNullToObject(root, "refiner");
         return;
     }
-    cJSON *r = object_of(root, "refiner");
+    cJSON *r = config_object(root, "refiner");
     if (c->refiner.type == REFINER_NARROW) {
         cJSON_AddStringToObject(r, "type", "narrow");
-        put(r, "width", c->refiner.width);
+        config_put(r, "width", c->refiner.width);
         cJSON_AddBoolToObject(r, "turn", c->refiner.turn);
     } else {
         cJSON_AddStringToObject(r, "type", "style_unet");
@@ -253,27 +266,28 @@ char *avatar_config_print(const struct avatar_config *c)
 {
     cJSON *root = cJSON_CreateObject();
 
-    put(root, "version", 1);
-    put(root, "size", c->size);
-    put(root, "focal", 12);
-    put(root, "plane", c->plane);
-    put(root, "mouth", c->mouth);
-    put(root, "channels", c->channels);
-    put(root, "feature", c->feature);
+    config_put(root, "version", 1);
+    config_put(root, "size", c->size);
+    config_put(root, "focal", 12);
+    config_put(root, "plane", c->plane);
+    config_put(root, "mouth", c->mouth);
+    config_put(root, "channels", c->channels);
+    config_put(root, "feature", c->feature);
     cJSON_AddStringToObject(root, "head_hash", c->head_hash);
-    cJSON_AddStringToObject(object_of(root, "motion"), "net", c->motion_net);
-    cJSON_AddStringToObject(object_of(root, "shape"), "net", c->shape_net);
-    put_backbone(root, &c->backbone);
-    put(object_of(root, "init"), "width", c->init_width);
-    put(object_of(root, "static"), "width", c->static_width);
-    cJSON *d = object_of(root, "dynamic");
-    put(d, "width", c->dynamic_width);
-    put(d, "head", c->dynamic_hidden);
-    put(d, "vertex", c->vertex_width);
-    put(object_of(root, "mouth_decoder"), "width", c->mouth_width);
+    cJSON_AddStringToObject(config_object(root, "motion"), "net",
+                            c->motion_net);
+    cJSON_AddStringToObject(config_object(root, "shape"), "net", c->shape_net);
+    config_put_backbone(root, &c->backbone);
+    config_put(config_object(root, "init"), "width", c->init_width);
+    config_put(config_object(root, "static"), "width", c->static_width);
+    cJSON *d = config_object(root, "dynamic");
+    config_put(d, "width", c->dynamic_width);
+    config_put(d, "head", c->dynamic_hidden);
+    config_put(d, "vertex", c->vertex_width);
+    config_put(config_object(root, "mouth_decoder"), "width", c->mouth_width);
     cJSON_AddBoolToObject(root, "rgb_skip", c->rgb_skip);
     cJSON_AddBoolToObject(root, "public_quirks", c->public_quirks);
-    put_refiner(root, c);
+    config_put_refiner(root, c);
     char *text = cJSON_PrintUnformatted(root);
     cJSON_Delete(root);
     return text;

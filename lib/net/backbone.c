@@ -14,7 +14,8 @@ struct backbone_impl {
     struct dino_base dino;
 };
 
-static bool is_small(const struct backbone *b)
+/* Which of the two it is. */
+static bool backbone_is_small(const struct backbone *b)
 {
     return b->config.type == BACKBONE_SMALL;
 }
@@ -32,7 +33,7 @@ int backbone_init(struct backbone *b, struct params *ps, const char *prefix,
     if (!b->impl)
         return error_set(err, EX_OSERR, "out of memory");
     b->config = *config;
-    if (is_small(b)) {
+    if (backbone_is_small(b)) {
         small_backbone_init(&b->impl->small, ps, prefix, config->features,
                             config->size, config->width);
         return 0;
@@ -53,7 +54,7 @@ int backbone_plan(struct backbone *b, size_t batch, size_t input,
     size_t image = b->config.image;
     b->batch = batch;
     b->input = input;
-    if (is_small(b))
+    if (backbone_is_small(b))
         return small_backbone_plan(&b->impl->small, batch, input, opt, err);
     return dino_base_plan(&b->impl->dino, batch, input, input, image, image,
                           b->config.size, opt, err);
@@ -61,7 +62,7 @@ int backbone_plan(struct backbone *b, size_t batch, size_t input,
 
 void backbone_update(struct backbone *b)
 {
-    if (is_small(b))
+    if (backbone_is_small(b))
         small_backbone_update(&b->impl->small);
     else
         dino_base_update(&b->impl->dino);
@@ -71,7 +72,7 @@ void backbone_release(struct backbone *b)
 {
     if (!b->impl)
         return;
-    if (is_small(b))
+    if (backbone_is_small(b))
         small_backbone_release(&b->impl->small);
     else
         dino_base_release(&b->impl->dino);
@@ -81,7 +82,7 @@ void backbone_release(struct backbone *b)
 
 void backbone_forward(float *features, const float *rgb, struct backbone *b)
 {
-    if (is_small(b))
+    if (backbone_is_small(b))
         small_backbone_forward(features, rgb, &b->impl->small);
     else
         dino_base_forward(features, rgb, &b->impl->dino);
@@ -89,7 +90,7 @@ void backbone_forward(float *features, const float *rgb, struct backbone *b)
 
 void backbone_backward(const float *dfeatures, struct backbone *b)
 {
-    if (is_small(b))
+    if (backbone_is_small(b))
         small_backbone_backward(dfeatures, &b->impl->small);
     else
         dino_base_backward(dfeatures, &b->impl->dino);

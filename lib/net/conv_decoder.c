@@ -61,7 +61,7 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
         float **y = i < 3 ? &im->y[i] : &im->raw;
         *y = nn_plan_map(p, pixels * (i < 3 ? d->width : raw));
         conv_plan(&im->conv[i], p, batch, height, width);
-        nn_plan_give(p, i ? im->y[i - 1] : im->x);
+        nn_plan_recycle(p, i ? im->y[i - 1] : im->x);
     }
     if (nn_plan_backward(p)) {
         size_t most = d->width > raw ? d->width : raw;

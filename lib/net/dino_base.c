@@ -9,8 +9,9 @@
 static const float mean[3] = { 0.485f, 0.456f, 0.406f };
 static const float deviation[3] = { 0.229f, 0.224f, 0.225f };
 
-static void unit_init(struct residual_unit *u, struct params *ps,
-                      const char *at, size_t C)
+/* A residual unit of C channels, conv1 and conv2 under `at`. */
+static void dino_unit_init(struct residual_unit *u, struct params *ps,
+                           const char *at, size_t C)
 {
     char name[120];
     conv_init(&u->conv1, ps, nn_name(name, "%s.conv1", at), C, C, 3, 1, true);
@@ -20,8 +21,10 @@ static void unit_init(struct residual_unit *u, struct params *ps,
     ps->tensor[u->conv2.weight].gain = 0.5f;
 }
 
-static void level_init(struct dino_level *l, struct params *ps,
-                       const char *prefix, size_t k, size_t embed, size_t out)
+/* Level k: projection of the tokens, its change of scale, layer_rn. */
+static void dino_level_init(struct dino_level *l, struct params *ps,
+                            const char *prefix, size_t k, size_t embed,
+                            size_t out)
 {
     static const size_t times[DINO_LEVELS] = { 1, 2, 4, 4 };
     static const size_t factor[DINO_LEVELS] = { 4, 2, 1, 1 };
@@ -57,16 +60,16 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
         return error_set(err, EX_CONFIG, "the fusion head takes %d blocks, "
                          "not %zu", DINO_LEVELS, vit->last);
     for (size_t k = 0; k < DINO_LEVELS; k++)
-        level_init(&d->level[k], ps, prefix, k, vit->embed, out);
+        dino_level_init(&d->level[k], ps, prefix, k, vit->embed, out);
     for (size_t i = 0; i < DINO_LEVELS; i++) {
         struct dino_fusion *f = &d->fusion[i];
         nn_name(name, "%srefinenet.%zu.out_conv", prefix, i);
         conv_init(&f->out, ps, name, out, out, 1, 1, true);
         /* the first has a skip unit in the checkpoints that nothing uses */
         nn_name(name, "%srefinenet.%zu.resConfUnit1", prefix, i);
-        unit_init(&f->skip, ps, name, out);
+        dino_unit_init(&f->skip, ps, name, out);
         nn_name(name, "%srefinenet.%zu.resConfUnit2", prefix, i);
-        unit_init(&f->main, ps, name, out);
+        dino_unit_init(&f->main, ps, name, out);
     }
     conv_init(&d->last, ps, nn_name(name, "%soutput_conv", prefix), out, out,
               3, 1, true);
@@ -76,18 +79,20 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
 /* ---- planning -------------------------------------------------------------
  */
 
-static void unit_plan(struct residual_unit *u, struct nn_plan *p, size_t B,
-                      size_t h, size_t w, size_t C)
+/* A unit on B maps (h,w,C). */
+static void dino_unit_plan(struct residual_unit *u, struct nn_plan *p,
+                           size_t B, size_t h, size_t w, size_t C)
 {
     u->r = nn_plan_map(p, B * h * w * C);
     u->h = nn_plan_map(p, B * h * w * C);
     conv_plan(&u->conv1, p, B, h, w);
     conv_plan(&u->conv2, p, B, h, w);
-    nn_plan_give(p, u->r);
-    nn_plan_give(p, u->h);
+    nn_plan_recycle(p, u->r);
+    nn_plan_recycle(p, u->h);
 }
 
-static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
+/* Level k's maps at its own scale. */
+static void dino_level_plan(struct dino_level *l, struct dino_base *d, size_t k)
 {
     struct nn_plan *p = &d->plan;
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
@@ -98,12 +103,12 @@ static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
     l->tokens = nn_plan_map(p, patches * d->vit.config.embed);
     l->p = nn_plan_map(p, patches * C);
     conv_plan(&l->project, p, B, gh, gw);
-    nn_plan_give(p, l->tokens);
+    nn_plan_recycle(p, l->tokens);
     l->f = k == 2 ? l->p : nn_plan_map(p, pixels * C);
     if (l->factor > 1) {
         l->shuffled = nn_plan_map(p, pixels * C);
         conv_plan(&l->grow, p, B, gh, gw);
-        nn_plan_give(p, l->shuffled);
+        nn_plan_recycle(p, l->shuffled);
     } else if (k == 3) {
         conv_plan(&l->shrink, p, B, gh, gw);
     }
@@ -113,13 +118,14 @@ static void level_plan(struct dino_level *l, struct dino_base *d, size_t k)
     l->cat = nn_plan_map(p, pixels * l->join.in_data);
     l->rn = nn_plan_map(p, pixels * d->out);
     conv_plan(&l->join, p, B, l->h, l->w);
-    nn_plan_give(p, l->p);
-    nn_plan_give(p, l->f == l->p ? NULL : l->f);
-    nn_plan_give(p, l->image);
-    nn_plan_give(p, l->cat);
+    nn_plan_recycle(p, l->p);
+    nn_plan_recycle(p, l->f == l->p ? NULL : l->f);
+    nn_plan_recycle(p, l->image);
+    nn_plan_recycle(p, l->cat);
 }
 
-static void fusion_plan(struct dino_base *d, size_t i)
+/* Fusion i, from the coarsest level on. */
+static void dino_fusion_plan(struct dino_base *d, size_t i)
 {
     struct nn_plan *p = &d->plan;
     struct dino_fusion *f = &d->fusion[i];
@@ -132,16 +138,16 @@ static void fusion_plan(struct dino_base *d, size_t i)
     size_t n = B * f->h * f->w * C;
     f->y = nn_plan_map(p, n);
     if (i)
-        unit_plan(&f->skip, p, B, f->h, f->w, C);
+        dino_unit_plan(&f->skip, p, B, f->h, f->w, C);
     f->m = nn_plan_map(p, n);
-    unit_plan(&f->main, p, B, f->h, f->w, C);
+    dino_unit_plan(&f->main, p, B, f->h, f->w, C);
     f->c = nn_plan_map(p, n);
     conv_plan(&f->out, p, B, f->h, f->w);
     rescale_plan(&f->grow, p, RESCALE_ALIGNED, B, f->h, f->w, f->oh, f->ow, C);
     f->o = nn_plan_map(p, B * f->oh * f->ow * C);
-    nn_plan_give(p, f->y);
-    nn_plan_give(p, f->m);
-    nn_plan_give(p, f->c);
+    nn_plan_recycle(p, f->y);
+    nn_plan_recycle(p, f->m);
+    nn_plan_recycle(p, f->c);
 }
 
 int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
@@ -164,9 +170,9 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
                      input_w, h, w, 3);
     d->picture = nn_plan_floats(p, batch * h * w * 3);
     for (size_t k = 0; k < DINO_LEVELS; k++)
-        level_plan(&d->level[k], d, k);
+        dino_level_plan(&d->level[k], d, k);
     for (size_t i = 0; i < DINO_LEVELS; i++)
-        fusion_plan(d, i);
+        dino_fusion_plan(d, i);
     size_t oh = d->fusion[3].oh, ow = d->fusion[3].ow;
     size_t most = batch * oh * ow * d->out;
     d->resize_out = oh != size || ow != size;
@@ -191,7 +197,7 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
 }
 
 /* Every convolution that runs. */
-static void each(struct dino_base *d, void (*what)(struct conv *))
+static void dino_base_each(struct dino_base *d, void (*what)(struct conv *))
 {
     for (size_t k = 0; k < DINO_LEVELS; k++) {
         struct dino_level *l = &d->level[k];
@@ -207,19 +213,20 @@ static void each(struct dino_base *d, void (*what)(struct conv *))
         what(&d->last);
 }
 
-static void update_one(struct conv *c)
+/* conv_update as dino_base_each wants it. */
+static void dino_base_update_one(struct conv *c)
 {
     conv_update(c, NULL);
 }
 
 void dino_base_update(struct dino_base *d)
 {
-    each(d, update_one);
+    dino_base_each(d, dino_base_update_one);
 }
 
 void dino_base_release(struct dino_base *d)
 {
-    each(d, conv_release);
+    dino_base_each(d, conv_release);
     dinov2_release(&d->vit);
     nn_plan_release(&d->plan);
     memset(d, 0, sizeof *d);
@@ -229,15 +236,18 @@ void dino_base_release(struct dino_base *d)
  */
 
 /* y += conv2(relu(conv1(relu(x)))); y holds x, and what else is summed. */
-static void unit_forward(float *y, const float *x, size_t n,
-                         struct residual_unit *u)
+static void dino_unit_forward(float *y, const float *x, size_t n,
+                              struct residual_unit *u)
 {
     relu_copy(u->r, x, n);
     conv_forward(u->h, u->r, &u->conv1);
     conv_forward(y, u->h, &u->conv2);
 }
 
-static void level_forward(struct dino_level *l, struct dino_base *d, size_t k)
+/* The patch tokens of block k as a map at its scale, joined with the
+ * picture. */
+static void dino_level_forward(struct dino_level *l, struct dino_base *d,
+                               size_t k)
 {
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
     size_t E = d->vit.config.embed, N = gh * gw;
@@ -258,7 +268,8 @@ static void level_forward(struct dino_level *l, struct dino_base *d, size_t k)
     conv_forward(l->rn, l->cat, &l->join);
 }
 
-static void fusion_forward(struct dino_base *d, size_t i)
+/* The map so far plus level 3 - i, refined and brought to the next scale. */
+static void dino_fusion_forward(struct dino_base *d, size_t i)
 {
     struct dino_fusion *f = &d->fusion[i];
     const float *rn = d->level[3 - i].rn;
@@ -266,16 +277,17 @@ static void fusion_forward(struct dino_base *d, size_t i)
     memcpy(f->y, rn, n * sizeof *rn);
     if (i) {
         image_add(f->y, d->fusion[i - 1].o, n);
-        unit_forward(f->y, rn, n, &f->skip);
+        dino_unit_forward(f->y, rn, n, &f->skip);
     }
     memcpy(f->m, f->y, n * sizeof *rn);
-    unit_forward(f->m, f->y, n, &f->main);
+    dino_unit_forward(f->m, f->y, n, &f->main);
     /* a 1x1 convolution and a bilinear resizing commute: small one first */
     conv_forward(f->c, f->m, &f->out);
     rescale_forward(f->o, f->c, &f->grow);
 }
 
-static void normalise(float *x, size_t pixels)
+/* To the mean and deviation that DINOv2 was trained with. */
+static void dino_base_normalise(float *x, size_t pixels)
 {
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < pixels; i++)
@@ -290,12 +302,12 @@ void dino_base_forward(float *features, const float *rgb, struct dino_base *d)
         rescale_forward(d->picture, rgb, &d->resized);
     else
         memcpy(d->picture, rgb, pixels * 3 * sizeof *rgb);
-    normalise(d->picture, pixels);
+    dino_base_normalise(d->picture, pixels);
     dinov2_forward(d->picture, &d->vit);
     for (size_t k = 0; k < DINO_LEVELS; k++)
-        level_forward(&d->level[k], d, k);
+        dino_level_forward(&d->level[k], d, k);
     for (size_t i = 0; i < DINO_LEVELS; i++)
-        fusion_forward(d, i);
+        dino_fusion_forward(d, i);
     conv_forward(d->resize_out ? d->feature : features, d->fusion[3].o,
                  &d->last);
     if (d->resize_out)
@@ -321,8 +333,8 @@ const float *dino_base_stage(size_t s[4], const struct dino_base *d,
 
 /* In the forward pass: y = ... + x + conv2(relu(conv1(relu(x)))).
  * dx (holding dy on entry) += the inner way's part; a, b are scratch. */
-static void unit_backward(float *dx, float *dy, float *a, float *b, size_t n,
-                          struct residual_unit *u)
+static void dino_unit_backward(float *dx, float *dy, float *a, float *b,
+                               size_t n, struct residual_unit *u)
 {
     conv_backward(a, dy, NULL, u->h, &u->conv2);
     conv_backward(b, a, u->h, u->r, &u->conv1);
@@ -330,8 +342,8 @@ static void unit_backward(float *dx, float *dy, float *a, float *b, size_t n,
 }
 
 /* g0: gradient of rn; g1, g2 scratch. */
-static void level_backward(struct dino_level *l, struct dino_base *d, size_t k,
-                           float *g0, float *g1, float *g2)
+static void dino_level_backward(struct dino_level *l, struct dino_base *d,
+                                size_t k, float *g0, float *g1, float *g2)
 {
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
     conv_backward(g1, g0, l->rn, l->cat, &l->join);
@@ -362,10 +374,10 @@ void dino_base_backward(const float *dfeatures, struct dino_base *d)
         rescale_backward(g[0], g[1], &f->grow);            /* dc */
         conv_backward(g[1], g[0], NULL, f->m, &f->out);   /* dm */
         memcpy(g[0], g[1], n * sizeof *g[0]);
-        unit_backward(g[0], g[1], g[2], g[3], n, &f->main);   /* g0: dy */
+        dino_unit_backward(g[0], g[1], g[2], g[3], n, &f->main);   /* g0: dy */
         memcpy(g[1], g[0], n * sizeof *g[0]);             /* dprev */
         if (i)
-            unit_backward(g[0], g[1], g[2], g[3], n, &f->skip);
-        level_backward(&d->level[3 - i], d, 3 - i, g[0], g[2], g[3]);
+            dino_unit_backward(g[0], g[1], g[2], g[3], n, &f->skip);
+        dino_level_backward(&d->level[3 - i], d, 3 - i, g[0], g[2], g[3]);
     }
 }

@@ -13,7 +13,7 @@
 #define EPS 1e-6f
 #define OFFSET 0.1               /* of the public code's position resizing */
 
-struct block {
+struct dinov2_block {
     struct conv qkv, proj, fc1, fc2;
     size_t norm1[2], norm2[2];   /* weight, bias in ps */
     size_t scale1, scale2;       /* LayerScale */
@@ -28,7 +28,7 @@ struct dinov2_impl {
     struct params *ps;
     struct conv patch;
     size_t cls, pos, norm[2];
-    struct block *block;
+    struct dinov2_block *block;
     struct attention attention;
     struct rescale resize;
     bool native;                 /* no resizing of the positions */
@@ -40,28 +40,31 @@ struct dinov2_impl {
     float *dx, *ds, *dn, *dwide, *dpos, *sums;
 };
 
-static size_t declare(struct params *ps, const char *prefix, const char *name,
-                      size_t n, enum param_init init, float gain)
+/* A vector of n weights. */
+static size_t dinov2_declare(struct params *ps, const char *prefix,
+                             const char *name, size_t n, enum param_init init,
+                             float gain)
 {
     char buf[120];
     return params_add(ps, nn_name(buf, "%s%s", prefix, name), 1, &n, init,
                       gain);
 }
 
-static void block_init(struct block *b, struct params *ps, const char *at,
-                       size_t E)
+/* A transformer block of width E, its tensors under `at`. */
+static void dinov2_block_init(struct dinov2_block *b, struct params *ps,
+                              const char *at, size_t E)
 {
     char name[120];
-    b->norm1[0] = declare(ps, at, "norm1.weight", E, PARAM_ONE, 1);
-    b->norm1[1] = declare(ps, at, "norm1.bias", E, PARAM_ZERO, 0);
+    b->norm1[0] = dinov2_declare(ps, at, "norm1.weight", E, PARAM_ONE, 1);
+    b->norm1[1] = dinov2_declare(ps, at, "norm1.bias", E, PARAM_ZERO, 0);
     linear_init(&b->qkv, ps, nn_name(name, "%sattn.qkv", at), E, 3 * E, true);
     linear_init(&b->proj, ps, nn_name(name, "%sattn.proj", at), E, E, true);
-    b->scale1 = declare(ps, at, "ls1.gamma", E, PARAM_CONSTANT, 0.1f);
-    b->norm2[0] = declare(ps, at, "norm2.weight", E, PARAM_ONE, 1);
-    b->norm2[1] = declare(ps, at, "norm2.bias", E, PARAM_ZERO, 0);
+    b->scale1 = dinov2_declare(ps, at, "ls1.gamma", E, PARAM_CONSTANT, 0.1f);
+    b->norm2[0] = dinov2_declare(ps, at, "norm2.weight", E, PARAM_ONE, 1);
+    b->norm2[1] = dinov2_declare(ps, at, "norm2.bias", E, PARAM_ZERO, 0);
     linear_init(&b->fc1, ps, nn_name(name, "%smlp.fc1", at), E, 4 * E, true);
     linear_init(&b->fc2, ps, nn_name(name, "%smlp.fc2", at), 4 * E, E, true);
-    b->scale2 = declare(ps, at, "ls2.gamma", E, PARAM_CONSTANT, 0.1f);
+    b->scale2 = dinov2_declare(ps, at, "ls2.gamma", E, PARAM_CONSTANT, 0.1f);
 }
 
 int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
@@ -96,18 +99,18 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
               E, P, P, true);
     im->patch.pad = CONV_NONE;
     for (size_t i = 0; i < c->depth; i++)
-        block_init(&im->block[i], ps,
-                   nn_name(name, "%sblocks.%zu.", prefix, i), E);
-    im->norm[0] = declare(ps, prefix, "norm.weight", E, PARAM_ONE, 1);
-    im->norm[1] = declare(ps, prefix, "norm.bias", E, PARAM_ZERO, 0);
+        dinov2_block_init(&im->block[i], ps,
+                          nn_name(name, "%sblocks.%zu.", prefix, i), E);
+    im->norm[0] = dinov2_declare(ps, prefix, "norm.weight", E, PARAM_ONE, 1);
+    im->norm[1] = dinov2_declare(ps, prefix, "norm.bias", E, PARAM_ZERO, 0);
     for (size_t i = first; i < ps->count; i++)
         ps->tensor[i].frozen = frozen;
     return 0;
 }
 
 /* The buffers of a block that live only inside it may be another's too. */
-static void block_plan(struct block *b, struct nn_plan *p, size_t rows,
-                       size_t E)
+static void dinov2_block_plan(struct dinov2_block *b, struct nn_plan *p,
+                              size_t rows, size_t E)
 {
     bool train = nn_plan_backward(p);
     struct conv *last[2] = { &b->proj, &b->fc2 };
@@ -121,27 +124,29 @@ static void block_plan(struct block *b, struct nn_plan *p, size_t rows,
     b->stat1 = nn_plan_map(p, 2 * rows);
     b->heads = nn_plan_map(p, rows * 3 * E);
     linear_plan(&b->qkv, p, rows);
-    nn_plan_give(p, b->n1);
+    nn_plan_recycle(p, b->n1);
     b->att = nn_plan_map(p, rows * E);
-    nn_plan_give(p, b->heads);
+    nn_plan_recycle(p, b->heads);
     linear_plan(&b->proj, p, rows);
-    nn_plan_give(p, b->att);
+    nn_plan_recycle(p, b->att);
     b->n2 = nn_plan_map(p, rows * E);
     b->stat2 = nn_plan_map(p, 2 * rows);
     b->f1 = nn_plan_map(p, rows * 4 * E);
     linear_plan(&b->fc1, p, rows);
     b->g = train ? nn_plan_map(p, rows * 4 * E) : b->f1;
     linear_plan(&b->fc2, p, rows);
-    nn_plan_give(p, b->n2);
-    nn_plan_give(p, b->f1);
-    nn_plan_give(p, b->stat1);
-    nn_plan_give(p, b->stat2);
+    nn_plan_recycle(p, b->n2);
+    nn_plan_recycle(p, b->f1);
+    nn_plan_recycle(p, b->stat1);
+    nn_plan_recycle(p, b->stat2);
     b->mid = train ? nn_plan_map(p, rows * E) : b->x;
     b->p = train ? nn_plan_map(p, rows * E) : NULL;
     b->f2 = train ? nn_plan_map(p, rows * E) : NULL;
 }
 
-static void plan_position(struct dinov2 *d, size_t height, size_t width)
+/* The position embedding, resized as the public code does (with its
+ * offset). */
+static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
 {
     struct dinov2_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
@@ -172,13 +177,13 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     size_t rows = batch * d->tokens, E = c->embed;
     im->patches = nn_plan_floats(p, rows * E);
     conv_plan(&im->patch, p, batch, height, width);
-    plan_position(d, height, width);
+    dinov2_plan_position(d, height, width);
     attention_plan(&im->attention, p, batch, d->tokens, c->heads,
                    E / c->heads);
     float *x = nn_plan_floats(p, rows * E);
     for (size_t i = 0; i < c->depth; i++) {
         im->block[i].x = x;
-        block_plan(&im->block[i], p, rows, E);
+        dinov2_block_plan(&im->block[i], p, rows, E);
         if (nn_plan_backward(p))
             x = nn_plan_floats(p, rows * E);
     }
@@ -210,7 +215,7 @@ void dinov2_update(struct dinov2 *d)
     const float *pos = param_w(im->ps, im->pos);
     conv_update(&im->patch, NULL);
     for (size_t i = 0; i < d->config.depth; i++) {
-        struct block *b = &im->block[i];
+        struct dinov2_block *b = &im->block[i];
         conv_update(&b->qkv, NULL);
         conv_update(&b->proj, NULL);
         conv_update(&b->fc1, NULL);
@@ -245,16 +250,19 @@ void dinov2_release(struct dinov2 *d)
 /* ---- one pass -------------------------------------------------------------
  */
 
-static void norm(float *y, float *stat, const float *x, const size_t wb[2],
-                 size_t rows, size_t E, const struct params *ps)
+/* y = layer norm of x with weight and bias wb; stat (2,rows) is kept. */
+static void dinov2_norm(float *y, float *stat, const float *x,
+                        const size_t wb[2], size_t rows, size_t E,
+                        const struct params *ps)
 {
     layer_norm_forward(y, stat, stat + rows, x, param_w(ps, wb[0]),
                        param_w(ps, wb[1]), EPS, rows, E);
 }
 
 /* y = x + gamma p */
-static void residual(float *y, const float *x, const float *p, size_t gamma,
-                     size_t rows, size_t E, const struct params *ps)
+static void dinov2_residual(float *y, const float *x, const float *p,
+                            size_t gamma, size_t rows, size_t E,
+                            const struct params *ps)
 {
     const struct nn_kernels *k = nn_kernels();
 #pragma omp parallel for schedule(static)
@@ -264,25 +272,26 @@ static void residual(float *y, const float *x, const float *p, size_t gamma,
 }
 
 /* x += ls1 attn(norm1 x); x += ls2 mlp(norm2 x); to `next` or in place */
-static void block_forward(float *next, struct block *b, struct dinov2 *d)
+static void dinov2_block_forward(float *next, struct dinov2_block *b,
+                                 struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;
     const struct params *ps = im->ps;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
     bool train = nn_plan_backward(&im->plan);
-    norm(b->n1, b->stat1, b->x, b->norm1, rows, E, ps);
+    dinov2_norm(b->n1, b->stat1, b->x, b->norm1, rows, E, ps);
     conv_forward(b->heads, b->n1, &b->qkv);
     attention_forward(b->att, b->heads, &im->attention);
     conv_forward(train ? b->p : b->x, b->att, &b->proj);
     if (train)
-        residual(b->mid, b->x, b->p, b->scale1, rows, E, ps);
-    norm(b->n2, b->stat2, b->mid, b->norm2, rows, E, ps);
+        dinov2_residual(b->mid, b->x, b->p, b->scale1, rows, E, ps);
+    dinov2_norm(b->n2, b->stat2, b->mid, b->norm2, rows, E, ps);
     conv_forward(b->f1, b->n2, &b->fc1);
     if (train)
         act_forward(b->g, b->f1, ACT_GELU, rows * 4 * E);
     conv_forward(train ? b->f2 : b->x, b->g, &b->fc2);
     if (train)
-        residual(next, b->mid, b->f2, b->scale2, rows, E, ps);
+        dinov2_residual(next, b->mid, b->f2, b->scale2, rows, E, ps);
 }
 
 void dinov2_forward(const float *rgb, struct dinov2 *d)
@@ -303,12 +312,12 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
         }
     for (size_t i = 0; i < depth; i++) {
         float *next = i + 1 < depth ? im->block[i + 1].x : im->out;
-        block_forward(next, &im->block[i], d);
+        dinov2_block_forward(next, &im->block[i], d);
         if (i + d->config.last < depth)
             continue;
         size_t k = i + d->config.last - depth;
-        norm(im->given[k], im->given_stat[k], next, im->norm, d->batch * T, E,
-             ps);
+        dinov2_norm(im->given[k], im->given_stat[k], next, im->norm,
+                    d->batch * T, E, ps);
     }
 }
 
@@ -331,10 +340,10 @@ const float *dinov2_position(const struct dinov2 *d)
  */
 
 /* dx = or += the gradient through norm */
-static void norm_backward(float *dx, float *tmp, const float *dy,
-                          const float *x, const float *stat,
-                          const size_t wb[2], size_t rows, size_t E,
-                          struct dinov2_impl *im)
+static void dinov2_norm_backward(float *dx, float *tmp, const float *dy,
+                                 const float *x, const float *stat,
+                                 const size_t wb[2], size_t rows, size_t E,
+                                 struct dinov2_impl *im)
 {
     layer_norm_backward(tmp, param_g(im->ps, wb[0]), param_g(im->ps, wb[1]),
                         im->sums, dy, x, stat, stat + rows,
@@ -343,9 +352,9 @@ static void norm_backward(float *dx, float *tmp, const float *dy,
 }
 
 /* In the forward pass: y = x + gamma p.  dp = gamma dy, dgamma += dy p. */
-static void residual_backward(float *dp, const float *dy, const float *p,
-                              size_t gamma, size_t rows, size_t E,
-                              struct dinov2_impl *im)
+static void dinov2_residual_backward(float *dp, const float *dy,
+                                     const float *p, size_t gamma, size_t rows,
+                                     size_t E, struct dinov2_impl *im)
 {
     const float *g = param_w(im->ps, gamma);
     float *dg = param_g(im->ps, gamma);
@@ -356,27 +365,27 @@ static void residual_backward(float *dp, const float *dy, const float *p,
 }
 
 /* im->dx: gradient after the block; on return, before it. */
-static void block_backward(struct block *b, struct dinov2 *d)
+static void dinov2_block_backward(struct dinov2_block *b, struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
     float *wide = im->dwide, *wide2 = wide + rows * 4 * E;
-    residual_backward(im->ds, im->dx, b->f2, b->scale2, rows, E, im);
+    dinov2_residual_backward(im->ds, im->dx, b->f2, b->scale2, rows, E, im);
     conv_backward(wide, im->ds, b->f2, b->g, &b->fc2);
     act_backward(wide, wide, b->f1, ACT_GELU, rows * 4 * E);
     conv_backward(im->dn, wide, b->f1, b->n2, &b->fc1);
-    norm_backward(im->dx, im->ds, im->dn, b->mid, b->stat2, b->norm2, rows, E,
-                  im);
-    residual_backward(im->ds, im->dx, b->p, b->scale1, rows, E, im);
+    dinov2_norm_backward(im->dx, im->ds, im->dn, b->mid, b->stat2, b->norm2,
+                         rows, E, im);
+    dinov2_residual_backward(im->ds, im->dx, b->p, b->scale1, rows, E, im);
     conv_backward(im->dn, im->ds, b->p, b->att, &b->proj);
     attention_backward(wide2, im->dn, b->heads, &im->attention);
     conv_backward(im->dn, wide2, b->heads, b->n1, &b->qkv);
-    norm_backward(im->dx, im->ds, im->dn, b->x, b->stat1, b->norm1, rows, E,
-                  im);
+    dinov2_norm_backward(im->dx, im->ds, im->dn, b->x, b->stat1, b->norm1,
+                         rows, E, im);
 }
 
 /* The embeddings: dcls, dpos, and the patches' gradient to im->ds. */
-static void embedding_backward(struct dinov2 *d)
+static void dinov2_embedding_backward(struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;
     size_t E = d->config.embed, T = d->tokens, G = d->config.grid;
@@ -412,10 +421,10 @@ void dinov2_backward(float *drgb, const float *const *dtokens,
         const float *x = dinov2_raw(d, i + 1);
         size_t k = i + d->config.last - depth;
         if (i + d->config.last >= depth && dtokens[k])
-            norm_backward(im->dx, im->ds, dtokens[k], x, im->given_stat[k],
-                          im->norm, rows, E, im);
-        block_backward(&im->block[i], d);
+            dinov2_norm_backward(im->dx, im->ds, dtokens[k], x,
+                                 im->given_stat[k], im->norm, rows, E, im);
+        dinov2_block_backward(&im->block[i], d);
     }
-    embedding_backward(d);
+    dinov2_embedding_backward(d);
     conv_backward(drgb, im->ds, im->patches, im->rgb, &im->patch);
 }

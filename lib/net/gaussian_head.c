@@ -14,33 +14,36 @@ size_t gaussian_head_width(const struct gaussian_head *h)
 }
 
 /* Whether colour channel c of point n goes through the sigmoid. */
-static bool squashed(const struct gaussian_head *h, size_t n, size_t c,
-                     size_t image_w)
+static bool gaussian_squashed(const struct gaussian_head *h, size_t n,
+                              size_t c, size_t image_w)
 {
     return h->quirk_columns ? n % image_w < 3 : c < 3;
 }
 
-static float norm4(const float *q)
+/* Length of a quaternion, never 0. */
+static float gaussian_quat_norm(const float *q)
 {
     double n = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] +
                     (double)q[2] * (double)q[2] + (double)q[3] * (double)q[3]);
     return (float)fmax(n, TINY);
 }
 
-static void one_forward(struct gaussian_out *o, const float *raw,
-                        const float *logit, const struct gaussian_head *h,
-                        size_t at, size_t n, size_t image_w)
+/* Gaussian `at` of all, point n of its item. */
+static void gaussian_forward(struct gaussian_out *o, const float *raw,
+                             const float *logit, const struct gaussian_head *h,
+                             size_t at, size_t n, size_t image_w)
 {
     size_t C = h->colors;
     float *color = o->color + at * C;
     for (size_t c = 0; c < C; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
-        color[c] = squashed(h, n, c, image_w) ? math_sigmoid(x) : x;
+        color[c] = gaussian_squashed(h, n, c, image_w) ? math_sigmoid(x) : x;
     }
     o->opacity[at] = math_sigmoid(raw[C]);
     for (size_t i = 0; i < 3; i++)
         o->scale[3 * at + i] = SCALE_MAX * math_sigmoid(raw[C + 1 + i]);
-    float unit = h->quirk_rotation ? 1.0f : 1.0f / norm4(raw + C + 4);
+    float unit = h->quirk_rotation ? 1.0f : 1.0f / gaussian_quat_norm(raw + C +
+                                                                      4);
     for (size_t i = 0; i < 4; i++)
         o->quat[4 * at + i] = raw[C + 4 + i] * unit;
     if (h->position == GAUSSIAN_POSITION_DEPTH)
@@ -51,7 +54,8 @@ static void one_forward(struct gaussian_out *o, const float *raw,
 }
 
 /* Length over the points of item b of rotation component i. */
-static double points_norm(const float *raw, size_t N, size_t stride, size_t i)
+static double gaussian_points_norm(const float *raw, size_t N, size_t stride,
+                                   size_t i)
 {
     double sum = 0;
     for (size_t n = 0; n < N; n++)
@@ -66,31 +70,33 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
 {
 #pragma omp parallel for schedule(static)
     for (size_t at = 0; at < B * N; at++)
-        one_forward(out, raw + at * stride,
-                    rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
-                    image_w);
+        gaussian_forward(out, raw + at * stride,
+                         rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
+                         image_w);
     if (!h->quirk_rotation)
         return;
     for (size_t b = 0; b < B; b++)
         for (size_t i = 0; i < 4; i++) {
-            double n = points_norm(raw + b * N * stride, N, stride,
-                                   h->colors + 4 + i);
+            double n = gaussian_points_norm(raw + b * N * stride, N, stride,
+                                            h->colors + 4 + i);
             for (size_t k = b * N; k < (b + 1) * N; k++)
                 out->quat[4 * k + i] = (float)((double)out->quat[4 * k + i] /
                                                n);
         }
 }
 
-static float sigmoid_slope(float x)
+/* Derivative of the sigmoid at x. */
+static float gaussian_sigmoid_slope(float x)
 {
     float y = math_sigmoid(x);
     return y * (1.0f - y);
 }
 
 /* In the forward pass this was: quat = raw / |raw|. */
-static void quat_backward(float *draw, const float *dq, const float *raw)
+static void gaussian_quat_backward(float *draw, const float *dq,
+                                   const float *raw)
 {
-    float n = norm4(raw);
+    float n = gaussian_quat_norm(raw);
     double along = 0;
     for (int i = 0; i < 4; i++)
         along += (double)dq[i] * (double)raw[i];
@@ -101,30 +107,35 @@ static void quat_backward(float *draw, const float *dq, const float *raw)
                            ((double)n * (double)n)) / (double)n);
 }
 
-static void one_backward(float *draw, float *dlogit,
-                         const struct gaussian_out *d, const float *raw,
-                         const float *logit, const struct gaussian_head *h,
-                         size_t at, size_t n, size_t image_w)
+/* draw, and dlogit unless NULL, of one Gaussian. */
+static void gaussian_backward(float *draw, float *dlogit,
+                              const struct gaussian_out *d, const float *raw,
+                              const float *logit,
+                              const struct gaussian_head *h, size_t at,
+                              size_t n, size_t image_w)
 {
     size_t C = h->colors;
     for (size_t c = 0; c < C; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
         float g = d->color ? d->color[at * C + c] : 0.0f;
-        draw[c] = squashed(h, n, c, image_w) ? g * sigmoid_slope(x) : g;
+        draw[c] = gaussian_squashed(h, n, c, image_w) ? g *
+            gaussian_sigmoid_slope(x) : g;
         if (dlogit && c < 3)
             dlogit[c] = draw[c];
     }
-    draw[C] = d->opacity ? d->opacity[at] * sigmoid_slope(raw[C]) : 0.0f;
+    draw[C] = d->opacity ? d->opacity[at] * gaussian_sigmoid_slope(raw[C]) :
+        0.0f;
     for (size_t i = 0; i < 3; i++)
         draw[C + 1 + i] = d->scale ? SCALE_MAX * d->scale[3 * at + i] *
-                                         sigmoid_slope(raw[C + 1 + i])
+                                         gaussian_sigmoid_slope(raw[C + 1 + i])
                                    : 0.0f;
     for (size_t i = 0; i < 4; i++)
         draw[C + 4 + i] = 0.0f;
     if (d->quat && !h->quirk_rotation)
-        quat_backward(draw + C + 4, d->quat + 4 * at, raw + C + 4);
+        gaussian_quat_backward(draw + C + 4, d->quat + 4 * at, raw + C + 4);
     if (h->position == GAUSSIAN_POSITION_DEPTH)
-        draw[C + 8] = d->position ? d->position[at] * sigmoid_slope(raw[C + 8])
+        draw[C + 8] = d->position ? d->position[at] *
+            gaussian_sigmoid_slope(raw[C + 8])
                                   : 0.0f;
     else if (h->position == GAUSSIAN_POSITION_OFFSET)
         for (size_t i = 0; i < 3; i++)
@@ -132,11 +143,12 @@ static void one_backward(float *draw, float *dlogit,
 }
 
 /* In the forward pass: quat[n] = raw[n] / sqrt(sum_n raw[n]^2), each i. */
-static void points_backward(float *draw, const float *dq, const float *raw,
-                            size_t N, size_t stride, size_t at)
+static void gaussian_points_backward(float *draw, const float *dq,
+                                     const float *raw, size_t N, size_t stride,
+                                     size_t at)
 {
     for (size_t i = 0; i < 4; i++) {
-        double n = points_norm(raw, N, stride, at + i), along = 0;
+        double n = gaussian_points_norm(raw, N, stride, at + i), along = 0;
         for (size_t k = 0; k < N; k++)
             along += (double)dq[4 * k + i] * (double)raw[k * stride + at + i];
         if (n <= TINY)
@@ -157,13 +169,15 @@ void gaussian_head_backward(float *draw, float *drgb_logit,
 {
 #pragma omp parallel for schedule(static)
     for (size_t at = 0; at < B * N; at++)
-        one_backward(draw + at * stride,
-                     drgb_logit ? drgb_logit + 3 * at : NULL, dout,
-                     raw + at * stride,
-                     rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
-                     image_w);
+        gaussian_backward(draw + at * stride,
+                          drgb_logit ? drgb_logit + 3 * at : NULL, dout,
+                          raw + at * stride,
+                          rgb_logit ? rgb_logit + 3 * at : NULL, h, at, at % N,
+                          image_w);
     if (h->quirk_rotation && dout->quat)
         for (size_t b = 0; b < B; b++)
-            points_backward(draw + b * N * stride, dout->quat + 4 * b * N,
-                            raw + b * N * stride, N, stride, h->colors + 4);
+            gaussian_points_backward(draw + b * N * stride,
+                                     dout->quat + 4 * b * N,
+                                     raw + b * N * stride, N, stride,
+                                     h->colors + 4);
 }

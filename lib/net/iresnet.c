@@ -12,7 +12,8 @@
 /* ---- sizes, from the file ----------------------------------------------- */
 
 /* Dimension d of a tensor; 0 when it is not there or has fewer. */
-static size_t size_of(const struct safetensors *st, const char *name, int d)
+static size_t iresnet_tensor_size(const struct safetensors *st,
+                                  const char *name, int d)
 {
     const struct st_tensor *t = st_find(st, name);
 
@@ -20,8 +21,9 @@ static size_t size_of(const struct safetensors *st, const char *name, int d)
 }
 
 /* Declare layerL.B, whose input has `in` channels. */
-static void declare_block(struct iresnet *n, const char *name, size_t in,
-                          size_t out, bool down, size_t side)
+static void iresnet_declare_block(struct iresnet *n, const char *name,
+                                  size_t in, size_t out, bool down,
+                                  size_t side)
 {
     struct iresnet_block *b = &n->block[n->blocks++];
     char buf[120];
@@ -47,11 +49,13 @@ static void declare_block(struct iresnet *n, const char *name, size_t in,
                     out, EPS);
 }
 
-static int declare(struct iresnet *n, const struct safetensors *st,
-                   struct error *err)
+/* All layers, as many and as wide as the file's tensors say. */
+static int iresnet_declare(struct iresnet *n, const struct safetensors *st,
+                           struct error *err)
 {
-    size_t channels = size_of(st, "conv1.weight", 0), side = IRESNET_SIDE;
-    size_t code = size_of(st, "fc.weight", 0);
+    size_t channels = iresnet_tensor_size(st, "conv1.weight",
+                                          0), side = IRESNET_SIDE;
+    size_t code = iresnet_tensor_size(st, "fc.weight", 0);
     char name[64], weight[80];
 
     if (!channels || !code)
@@ -64,14 +68,14 @@ static int declare(struct iresnet *n, const struct safetensors *st,
         for (int i = 0;; i++) {
             snprintf(name, sizeof name, "layer%d.%d", stage, i);
             snprintf(weight, sizeof weight, "%s.conv1.weight", name);
-            size_t out = size_of(st, weight, 0);
+            size_t out = iresnet_tensor_size(st, weight, 0);
 
             if (!out && i)
                 break;
             if (!out || n->blocks == IRESNET_MAX_BLOCKS)
                 return error_set(err, EX_DATAERR, "%s: no %s, or too many "
                                  "blocks", st_path(st), weight);
-            declare_block(n, name, channels, out, i == 0, side);
+            iresnet_declare_block(n, name, channels, out, i == 0, side);
             channels = out;
             side = i == 0 ? side / 2 : side;
         }
@@ -83,12 +87,14 @@ static int declare(struct iresnet *n, const struct safetensors *st,
 
 /* ---- planning ----------------------------------------------------------- */
 
-static size_t larger(size_t a, size_t b)
+/* The larger of two sizes. */
+static size_t iresnet_larger(size_t a, size_t b)
 {
     return a > b ? a : b;
 }
 
-static int plan(struct iresnet *n, struct error *err)
+/* One picture, inference in float; weights from n->ps. */
+static int iresnet_plan(struct iresnet *n, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, NN_F32};
     size_t most = (size_t)IRESNET_SIDE * IRESNET_SIDE * n->stem.out;
@@ -103,9 +109,10 @@ static int plan(struct iresnet *n, struct error *err)
         conv_plan(&b->conv2, &n->plan, 1, b->side, b->side);
         if (b->has_down)
             conv_plan(&b->down, &n->plan, 1, b->side, b->side);
-        most = larger(most, b->side * b->side * larger(b->conv1.in,
-                                                       b->conv1.out));
-        most = larger(most, side * side * b->conv2.out);
+        most = iresnet_larger(most,
+                              b->side * b->side * iresnet_larger(b->conv1.in,
+                                  b->conv1.out));
+        most = iresnet_larger(most, side * side * b->conv2.out);
     }
     linear_plan(&n->fc, &n->plan, 1);
     n->x = nn_plan_floats(&n->plan, most);
@@ -136,8 +143,8 @@ int iresnet_open(struct iresnet *n, const char *path, struct error *err)
     if (!st)
         return -1;
     params_init(&n->ps);
-    if (!declare(n, st, err) && !params_allocate(&n->ps, err) &&
-        !params_load(&n->ps, st, "", err) && !plan(n, err))
+    if (!iresnet_declare(n, st, err) && !params_allocate(&n->ps, err) &&
+        !params_load(&n->ps, st, "", err) && !iresnet_plan(n, err))
         rc = 0;
     st_close(st);
     if (rc)
@@ -168,8 +175,8 @@ size_t iresnet_size(const struct iresnet *n)
 
 /* y (rows,C) = batch norm of x with the running statistics.  Before a padded
  * convolution it cannot be folded: the padding is 0 after it, not before. */
-static void normalise(float *y, const float *x, const struct batch_norm *b,
-                      size_t rows)
+static void iresnet_normalise(float *y, const float *x,
+                              const struct batch_norm *b, size_t rows)
 {
     const size_t C = b->channels;
     const float *w = param_w(b->ps, b->weight), *o = param_w(b->ps, b->bias);
@@ -182,7 +189,8 @@ static void normalise(float *y, const float *x, const struct batch_norm *b,
                            o[c];
 }
 
-static void prelu(float *x, const float *slope, size_t rows, size_t C)
+/* x < 0 is multiplied by its channel's slope, in place. */
+static void iresnet_prelu(float *x, const float *slope, size_t rows, size_t C)
 {
     #pragma omp parallel for
     for (size_t r = 0; r < rows; r++)
@@ -192,14 +200,14 @@ static void prelu(float *x, const float *slope, size_t rows, size_t C)
 }
 
 /* n->x -> n->x */
-static void forward_block(struct iresnet *n, struct iresnet_block *b)
+static void iresnet_block_forward(struct iresnet *n, struct iresnet_block *b)
 {
     const size_t rows = b->side * b->side, out = b->conv1.out;
     float *swap = n->x;
 
-    normalise(n->t, n->x, &b->bn1, rows);
+    iresnet_normalise(n->t, n->x, &b->bn1, rows);
     conv_forward(n->y, n->t, &b->conv1);
-    prelu(n->y, param_w(&n->ps, b->prelu), rows, out);
+    iresnet_prelu(n->y, param_w(&n->ps, b->prelu), rows, out);
     if (b->has_down) {
         conv_forward(n->t, n->x, &b->down);
         n->x = n->t;
@@ -215,16 +223,16 @@ void iresnet_forward(float *embedding, const float *rgb, struct iresnet *n)
     double sum = 0;
 
     conv_forward(n->x, rgb, &n->stem);
-    prelu(n->x, param_w(&n->ps, n->prelu),
-          (size_t)IRESNET_SIDE * IRESNET_SIDE, n->stem.out);
+    iresnet_prelu(n->x, param_w(&n->ps, n->prelu),
+                  (size_t)IRESNET_SIDE * IRESNET_SIDE, n->stem.out);
     for (size_t i = 0; i < n->blocks; i++)
-        forward_block(n, &n->block[i]);
-    normalise(n->t, n->x, &n->bn_last, places);
+        iresnet_block_forward(n, &n->block[i]);
+    iresnet_normalise(n->t, n->x, &n->bn_last, places);
     for (size_t p = 0; p < places; p++)        /* channels slowest, as the */
         for (size_t c = 0; c < C; c++)         /* layer's weights have it */
             n->y[c * places + p] = n->t[p * C + c];
     conv_forward(n->code, n->y, &n->fc);
-    normalise(embedding, n->code, &n->bn_feature, 1);
+    iresnet_normalise(embedding, n->code, &n->bn_feature, 1);
     for (size_t i = 0; i < size; i++)
         sum += (double)embedding[i] * embedding[i];
     for (size_t i = 0; i < size; i++)

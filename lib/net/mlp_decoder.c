@@ -25,7 +25,7 @@ struct mlp_decoder_impl {
 };
 
 /* Numbers of attribute i. */
-static size_t attribute_width(const struct mlp_decoder *d, int i)
+static size_t mlp_decoder_width(const struct mlp_decoder *d, int i)
 {
     return i == 0 ? d->head.colors : i == 1 ? 1 : i == 2 ? 3 : 4;
 }
@@ -58,14 +58,15 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
         im->inner[i].act = ACT_RELU;
         ps->tensor[im->inner[i].weight].gain = 1.4142135f;
         nn_name(name, "%s%s_layers.2", prefix, attribute[i]);
-        linear_init(&im->outer[i], ps, name, hidden, attribute_width(d, i),
+        linear_init(&im->outer[i], ps, name, hidden, mlp_decoder_width(d, i),
                     true);
         ps->tensor[im->outer[i].weight].gain = 0.3f;
     }
     return 0;
 }
 
-static void plan_gradients(struct mlp_decoder *d, size_t rows)
+/* What the backward needs besides the activations. */
+static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
 {
     struct mlp_decoder_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
@@ -96,19 +97,19 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
         im->y[i] = nn_plan_map(p, rows * d->width);
         linear_plan(&im->trunk[i], p, rows);
         if (i)
-            nn_plan_give(p, im->y[i - 1]);
+            nn_plan_recycle(p, im->y[i - 1]);
     }
     im->x = nn_plan_map(p, rows * im->padded);
     for (int i = 0; i < 4; i++) {
         im->inner[i].in_data = im->padded;
         im->h[i] = nn_plan_map(p, rows * d->hidden);
         linear_plan(&im->inner[i], p, rows);
-        im->o[i] = nn_plan_map(p, rows * attribute_width(d, i));
+        im->o[i] = nn_plan_map(p, rows * mlp_decoder_width(d, i));
         linear_plan(&im->outer[i], p, rows);
-        nn_plan_give(p, im->h[i]);
+        nn_plan_recycle(p, im->h[i]);
     }
     if (nn_plan_backward(p))
-        plan_gradients(d, rows);
+        mlp_decoder_plan_gradients(d, rows);
     if (nn_plan_finish(p, err))
         return -1;
     mlp_decoder_update(d);
@@ -139,12 +140,13 @@ void mlp_decoder_release(struct mlp_decoder *d)
 }
 
 /* raw (rows,colors+8) <-> the four attributes' own arrays. */
-static void gather(struct mlp_decoder *d, float *const part[4], bool back)
+static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
+                               bool back)
 {
     struct mlp_decoder_impl *im = d->impl;
     size_t rows = d->batch * d->points, row = d->head.colors + 8, at = 0;
     for (int i = 0; i < 4; i++) {
-        size_t n = attribute_width(d, i);
+        size_t n = mlp_decoder_width(d, i);
 #pragma omp parallel for schedule(static)
         for (size_t r = 0; r < rows; r++) {
             if (back)
@@ -174,7 +176,7 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
         conv_forward(im->h[i], im->x, &im->inner[i]);
         conv_forward(im->o[i], im->h[i], &im->outer[i]);
     }
-    gather(d, im->o, false);
+    mlp_decoder_gather(d, im->o, false);
     gaussian_head_forward(out, im->raw, rgb_logit, &d->head, d->batch,
                           d->points, d->head.colors + 8, d->points);
 }
@@ -190,7 +192,7 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     gaussian_head_backward(im->draw, drgb_logit, dout, im->raw, rgb_logit,
                            &d->head, d->batch, d->points, d->head.colors + 8,
                            d->points);
-    gather(d, im->o, true);       /* o[i] holds its gradient now */
+    mlp_decoder_gather(d, im->o, true);       /* o[i] holds its gradient now */
     for (int i = 0; i < 4; i++) {
         conv_backward(b, im->o[i], im->o[i], im->h[i], &im->outer[i]);
         conv_backward(i ? im->dx : im->dsum, b, im->h[i], im->x,

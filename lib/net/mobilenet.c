@@ -5,19 +5,19 @@
 #include <sysexits.h>
 
 #include "lib/nn/depthwise.h"
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #define BLOCKS 18
 
 /* One block as the table describes it; stage 255 ends the table.  expand 0 is
  * a depthwise-separable block, kernel 0 the last 1x1. */
-struct row {
+struct mobilenet_row {
     unsigned char stage, kernel, stride;
     bool hs, se;                  /* hardswish instead of ReLU */
     unsigned short expand, out;
 };
 
-static const struct row small_100[] = {
+static const struct mobilenet_row small_100[] = {
     { 0, 3, 2, false, true, 0, 16 },
     { 1, 3, 2, false, false, 72, 24 }, { 1, 3, 1, false, false, 88, 24 },
     { 2, 5, 2, true, true, 96, 40 }, { 2, 5, 1, true, true, 240, 40 },
@@ -28,7 +28,7 @@ static const struct row small_100[] = {
     { 5, 0, 1, true, false, 0, 576 }, { .stage = 255 }
 };
 
-static const struct row small_minimal[] = {
+static const struct mobilenet_row small_minimal[] = {
     { 0, 3, 2, false, false, 0, 16 },
     { 1, 3, 2, false, false, 72, 24 }, { 1, 3, 1, false, false, 88, 24 },
     { 2, 3, 2, false, false, 96, 40 }, { 2, 3, 1, false, false, 240, 40 },
@@ -39,7 +39,7 @@ static const struct row small_minimal[] = {
     { 5, 0, 1, false, false, 0, 576 }, { .stage = 255 }
 };
 
-static const struct row large_minimal[] = {
+static const struct mobilenet_row large_minimal[] = {
     { 0, 3, 1, false, false, 0, 16 },
     { 1, 3, 2, false, false, 64, 24 }, { 1, 3, 1, false, false, 72, 24 },
     { 2, 3, 2, false, false, 72, 40 }, { 2, 3, 1, false, false, 120, 40 },
@@ -52,9 +52,9 @@ static const struct row large_minimal[] = {
     { 6, 0, 1, false, false, 0, 960 }, { .stage = 255 }
 };
 
-static const struct variant {
+static const struct mobilenet_variant {
     const char *name;
-    const struct row *rows;
+    const struct mobilenet_row *rows;
     double width;                 /* multiplies the table's channels */
     bool stem_hs, same;           /* SAME padding, eps 1e-3: the tf ones */
     signed char stage[5];         /* after which stage golden 01 looks */
@@ -70,7 +70,7 @@ static const struct variant {
 };
 
 /* A convolution, its batch norm, its activation. */
-struct unit {
+struct mobilenet_unit {
     bool depthwise;
     struct conv conv;
     struct depthwise dw;
@@ -80,20 +80,20 @@ struct unit {
     float *z, *y;                 /* before and after norm and activation */
 };
 
-struct block {
+struct mobilenet_block {
     bool expand, se, residual, last;
     unsigned char stage;
-    struct unit up, dw, down;
-    struct squeeze squeeze;
+    struct mobilenet_unit up, dw, down;
+    struct squeeze_excite squeeze;
     float *gated;                 /* the squeeze's output */
     const float *in;
 };
 
 struct mobilenet_impl {
-    const struct variant *v;
+    const struct mobilenet_variant *v;
     struct nn_plan plan;
-    struct unit stem;
-    struct block block[BLOCKS];
+    struct mobilenet_unit stem;
+    struct mobilenet_block block[BLOCKS];
     size_t blocks;
     const float *rgb;
     float *mean_part;
@@ -103,10 +103,13 @@ struct mobilenet_impl {
 /* ---- declaring ------------------------------------------------------------
  */
 
-static void unit_init(struct unit *u, struct mobilenet_impl *im,
-                      struct params *ps, const char *at, const char *conv,
-                      const char *bn, size_t in, size_t out, size_t kernel,
-                      size_t stride, enum nn_act act, bool depthwise)
+/* Tensors under `at`: a convolution named conv, its norm named bn. */
+static void mobilenet_unit_init(struct mobilenet_unit *u,
+                                struct mobilenet_impl *im, struct params *ps,
+                                const char *at, const char *conv,
+                                const char *bn, size_t in, size_t out,
+                                size_t kernel, size_t stride, enum nn_act act,
+                                bool depthwise)
 {
     char name[120];
     enum conv_pad pad = im->v->same ? CONV_SAME : CONV_HALF;
@@ -127,7 +130,7 @@ static void unit_init(struct unit *u, struct mobilenet_impl *im,
 }
 
 /* The multiple of 8 next to C, never less than nine tenths of it. */
-static size_t channels(double C)
+static size_t mobilenet_channels(double C)
 {
     size_t n = (size_t)(C + 4) / 8 * 8;
     n = n < 8 ? 8 : n;
@@ -135,14 +138,16 @@ static size_t channels(double C)
 }
 
 /* base: the table's channels before this row; in: this network's. */
-static void block_init(struct block *b, struct mobilenet_impl *im,
-                       struct params *ps, const char *at, const struct row *r,
-                       size_t base, size_t in)
+static void mobilenet_block_init(struct mobilenet_block *b,
+                                 struct mobilenet_impl *im, struct params *ps,
+                                 const char *at, const struct mobilenet_row *r,
+                                 size_t base, size_t in)
 {
     char name[120];
     enum nn_act act = r->hs ? ACT_HARDSWISH : ACT_RELU;
-    size_t out = channels(r->out * im->v->width);
-    size_t mid = r->expand ? channels((double)(in * r->expand) / (double)base)
+    size_t out = mobilenet_channels(r->out * im->v->width);
+    size_t mid = r->expand ? mobilenet_channels((double)(in * r->expand) /
+                                                (double)base)
                            : in;
     b->stage = r->stage;
     b->expand = r->expand;
@@ -150,27 +155,30 @@ static void block_init(struct block *b, struct mobilenet_impl *im,
     b->last = r->kernel == 0;
     b->residual = !b->last && r->stride == 1 && in == out;
     if (b->last) {
-        unit_init(&b->down, im, ps, at, "conv", "bn1", in, out, 1, 1, act,
-                  false);
+        mobilenet_unit_init(&b->down, im, ps, at, "conv", "bn1", in, out, 1, 1,
+                            act, false);
         return;
     }
     if (b->expand)
-        unit_init(&b->up, im, ps, at, "conv_pw", "bn1", in, mid, 1, 1, act,
-                  false);
-    unit_init(&b->dw, im, ps, at, "conv_dw", b->expand ? "bn2" : "bn1", mid,
-              mid, r->kernel, r->stride, act, true);
+        mobilenet_unit_init(&b->up, im, ps, at, "conv_pw", "bn1", in, mid, 1,
+                            1, act, false);
+    mobilenet_unit_init(&b->dw, im, ps, at, "conv_dw",
+                        b->expand ? "bn2" : "bn1", mid, mid, r->kernel,
+                        r->stride, act, true);
     if (b->se)
-        squeeze_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
-                     channels((double)(mid / 4)));
-    unit_init(&b->down, im, ps, at, b->expand ? "conv_pwl" : "conv_pw",
-              b->expand ? "bn3" : "bn2", mid, out, 1, 1, ACT_NONE, false);
+        squeeze_excite_init(&b->squeeze, ps, nn_name(name, "%sse", at), mid,
+                            mobilenet_channels((double)(mid / 4)));
+    mobilenet_unit_init(&b->down, im, ps, at,
+                        b->expand ? "conv_pwl" : "conv_pw",
+                        b->expand ? "bn3" : "bn2", mid, out, 1, 1, ACT_NONE,
+                        false);
 }
 
 int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
                    const char *variant, struct error *err)
 {
     char at[120];
-    const struct variant *v = NULL;
+    const struct mobilenet_variant *v = NULL;
     memset(m, 0, sizeof *m);
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
         if (!strcmp(variants[i].name, variant))
@@ -186,14 +194,14 @@ int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
         return error_set(err, EX_OSERR, "out of memory");
     m->impl = im;
     im->v = v;
-    size_t base = 16, in = channels(base * v->width), index = 0;
-    unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, in, 3, 2,
-              v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
-    for (const struct row *r = v->rows; r->stage != 255; r++) {
+    size_t base = 16, in = mobilenet_channels(base * v->width), index = 0;
+    mobilenet_unit_init(&im->stem, im, ps, prefix, "conv_stem", "bn1", 3, in,
+                        3, 2, v->stem_hs ? ACT_HARDSWISH : ACT_RELU, false);
+    for (const struct mobilenet_row *r = v->rows; r->stage != 255; r++) {
         index = r > v->rows && r->stage == r[-1].stage ? index + 1 : 0;
         nn_name(at, "%sblocks.%d.%zu.", prefix, r->stage, index);
-        struct block *b = &im->block[im->blocks++];
-        block_init(b, im, ps, at, r, base, in);
+        struct mobilenet_block *b = &im->block[im->blocks++];
+        mobilenet_block_init(b, im, ps, at, r, base, in);
         base = r->out;
         in = b->down.C;
     }
@@ -219,8 +227,9 @@ void mobilenet_release(struct mobilenet *m)
 /* ---- planning -------------------------------------------------------------
  */
 
-static void unit_plan(struct unit *u, struct nn_plan *p, size_t batch,
-                      size_t h, size_t w, bool add)
+/* One unit; add: the block's input is added to what it gives. */
+static void mobilenet_unit_plan(struct mobilenet_unit *u, struct nn_plan *p,
+                                size_t batch, size_t h, size_t w, bool add)
 {
     bool train = nn_plan_backward(p);
     if (u->depthwise) {
@@ -246,40 +255,41 @@ static void unit_plan(struct unit *u, struct nn_plan *p, size_t batch,
 }
 
 /* Returns the largest map of the block, in floats. */
-static size_t block_plan(struct block *b, struct nn_plan *p, size_t batch,
-                         size_t *h, size_t *w, float **x)
+static size_t mobilenet_block_plan(struct mobilenet_block *b,
+                                   struct nn_plan *p, size_t batch, size_t *h,
+                                   size_t *w, float **x)
 {
     size_t most = 0, n;
     float *in = *x;
     b->in = in;
     if (b->last) {
-        unit_plan(&b->down, p, batch, *h, *w, false);
+        mobilenet_unit_plan(&b->down, p, batch, *h, *w, false);
         *x = b->down.y;
         return batch * *h * *w * b->down.C;
     }
     if (b->expand) {
-        unit_plan(&b->up, p, batch, *h, *w, false);
+        mobilenet_unit_plan(&b->up, p, batch, *h, *w, false);
         most = batch * *h * *w * b->up.C;
     }
-    unit_plan(&b->dw, p, batch, *h, *w, false);
+    mobilenet_unit_plan(&b->dw, p, batch, *h, *w, false);
     if (b->expand)
-        nn_plan_give(p, b->up.y);
+        nn_plan_recycle(p, b->up.y);
     *h = b->dw.h;
     *w = b->dw.w;
     n = batch * *h * *w * b->dw.C;
     most = n > most ? n : most;
     b->gated = b->dw.y;
     if (b->se) {
-        squeeze_plan(&b->squeeze, p, batch, *h * *w);
+        squeeze_excite_plan(&b->squeeze, p, batch, *h * *w);
         if (nn_plan_backward(p))
             b->gated = nn_plan_map(p, n);
     }
-    unit_plan(&b->down, p, batch, *h, *w, b->residual);
-    nn_plan_give(p, b->dw.y);
+    mobilenet_unit_plan(&b->down, p, batch, *h, *w, b->residual);
+    nn_plan_recycle(p, b->dw.y);
     if (!nn_plan_backward(p) && b->residual)
         b->down.y = in;
     else
-        nn_plan_give(p, in);
+        nn_plan_recycle(p, in);
     *x = b->down.y;
     return most;
 }
@@ -294,11 +304,11 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     m->batch = batch;
     m->height = height;
     m->width = width;
-    unit_plan(&im->stem, p, batch, height, width, false);
+    mobilenet_unit_plan(&im->stem, p, batch, height, width, false);
     size_t h = im->stem.h, w = im->stem.w, most = batch * h * w * im->stem.C;
     float *x = im->stem.y;
     for (size_t i = 0; i < im->blocks; i++) {
-        size_t n = block_plan(&im->block[i], p, batch, &h, &w, &x);
+        size_t n = mobilenet_block_plan(&im->block[i], p, batch, &h, &w, &x);
         most = n > most ? n : most;
     }
     m->out_h = h;
@@ -313,7 +323,8 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     return 0;
 }
 
-static void unit_update(struct unit *u, bool fold)
+/* Weights changed; fold: the norm goes into them. */
+static void mobilenet_unit_update(struct mobilenet_unit *u, bool fold)
 {
     if (u->depthwise)
         depthwise_update(&u->dw, fold ? &u->bn : NULL);
@@ -325,14 +336,14 @@ void mobilenet_update(struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
     bool fold = !nn_plan_backward(&im->plan);
-    unit_update(&im->stem, fold);
+    mobilenet_unit_update(&im->stem, fold);
     for (size_t i = 0; i < im->blocks; i++) {
-        struct block *b = &im->block[i];
+        struct mobilenet_block *b = &im->block[i];
         if (b->expand)
-            unit_update(&b->up, fold);
+            mobilenet_unit_update(&b->up, fold);
         if (!b->last)
-            unit_update(&b->dw, fold);
-        unit_update(&b->down, fold);
+            mobilenet_unit_update(&b->dw, fold);
+        mobilenet_unit_update(&b->down, fold);
     }
 }
 
@@ -340,8 +351,8 @@ void mobilenet_update(struct mobilenet *m)
  */
 
 /* Returns the unit's output; res (or NULL) is added to it. */
-static float *unit_forward(struct unit *u, const float *x, const float *res,
-                           bool train)
+static float *mobilenet_unit_forward(struct mobilenet_unit *u, const float *x,
+                                     const float *res, bool train)
 {
     float *z = train ? u->z : u->y;
     if (u->depthwise)
@@ -353,20 +364,22 @@ static float *unit_forward(struct unit *u, const float *x, const float *res,
     return u->y;
 }
 
-static const float *block_forward(struct block *b, const float *x, bool train)
+/* Expansion, depthwise, squeeze and excite, projection; returns the output. */
+static const float *mobilenet_block_forward(struct mobilenet_block *b,
+                                            const float *x, bool train)
 {
     const float *in = x;
     b->in = x;
     if (b->last)
-        return unit_forward(&b->down, x, NULL, train);
+        return mobilenet_unit_forward(&b->down, x, NULL, train);
     if (b->expand)
-        x = unit_forward(&b->up, x, NULL, train);
-    x = unit_forward(&b->dw, x, NULL, train);
+        x = mobilenet_unit_forward(&b->up, x, NULL, train);
+    x = mobilenet_unit_forward(&b->dw, x, NULL, train);
     if (b->se) {
-        squeeze_forward(b->gated, x, &b->squeeze);
+        squeeze_excite_forward(b->gated, x, &b->squeeze);
         x = b->gated;
     }
-    return unit_forward(&b->down, x, b->residual ? in : NULL, train);
+    return mobilenet_unit_forward(&b->down, x, b->residual ? in : NULL, train);
 }
 
 void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m)
@@ -374,15 +387,16 @@ void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m)
     struct mobilenet_impl *im = m->impl;
     bool train = nn_plan_backward(&im->plan);
     im->rgb = rgb;
-    const float *x = unit_forward(&im->stem, rgb, NULL, train);
+    const float *x = mobilenet_unit_forward(&im->stem, rgb, NULL, train);
     for (size_t i = 0; i < im->blocks; i++)
-        x = block_forward(&im->block[i], x, train);
+        x = mobilenet_block_forward(&im->block[i], x, train);
     spatial_mean_forward(pooled, im->mean_part, x, m->batch,
                          m->out_h * m->out_w, m->features);
 }
 
 /* dy is overwritten; dx (or NULL) is written. */
-static void unit_backward(float *dx, float *dy, const float *x, struct unit *u)
+static void mobilenet_unit_backward(float *dx, float *dy, const float *x,
+                                    struct mobilenet_unit *u)
 {
     batch_norm_backward(dy, dy, u->z, &u->bn);
     if (u->depthwise)
@@ -393,12 +407,12 @@ static void unit_backward(float *dx, float *dy, const float *x, struct unit *u)
 
 /* g[0] holds the gradient of the block's output; on return, of its input.
  * The three buffers change places. */
-static void block_backward(float *g[3], struct block *b)
+static void mobilenet_block_backward(float *g[3], struct mobilenet_block *b)
 {
     float *dy = g[0], *s = g[1], *t = g[2];
     size_t n = b->down.C * b->down.h * b->down.w;
     if (b->last) {
-        unit_backward(s, dy, b->in, &b->down);
+        mobilenet_unit_backward(s, dy, b->in, &b->down);
         g[0] = s;
         g[1] = dy;
         return;
@@ -406,17 +420,17 @@ static void block_backward(float *g[3], struct block *b)
     if (b->residual) {            /* dy is needed again at the end */
         n *= b->down.bn.rows / (b->down.h * b->down.w);
         memcpy(t, dy, n * sizeof *t);
-        unit_backward(s, t, b->gated, &b->down);
+        mobilenet_unit_backward(s, t, b->gated, &b->down);
     } else {
-        unit_backward(s, dy, b->gated, &b->down);
+        mobilenet_unit_backward(s, dy, b->gated, &b->down);
     }
     if (b->se)
-        squeeze_backward(s, s, b->dw.y, &b->squeeze);
+        squeeze_excite_backward(s, s, b->dw.y, &b->squeeze);
     if (b->expand) {
-        unit_backward(t, s, b->up.y, &b->dw);
-        unit_backward(s, t, b->in, &b->up);
+        mobilenet_unit_backward(t, s, b->up.y, &b->dw);
+        mobilenet_unit_backward(s, t, b->in, &b->up);
     } else {
-        unit_backward(t, s, b->in, &b->dw);
+        mobilenet_unit_backward(t, s, b->in, &b->dw);
         float *swap = s;
         s = t;
         t = swap;
@@ -430,12 +444,12 @@ static void block_backward(float *g[3], struct block *b)
 }
 
 /* im->grad[0] holds the gradient of the last stage's map. */
-static void backward(float *drgb, struct mobilenet *m)
+static void mobilenet_blocks_backward(float *drgb, struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
     for (size_t i = im->blocks; i-- > 0;)
-        block_backward(im->grad, &im->block[i]);
-    unit_backward(drgb, im->grad[0], im->rgb, &im->stem);
+        mobilenet_block_backward(im->grad, &im->block[i]);
+    mobilenet_unit_backward(drgb, im->grad[0], im->rgb, &im->stem);
 }
 
 void mobilenet_backward(float *drgb, const float *dpooled,
@@ -443,7 +457,7 @@ void mobilenet_backward(float *drgb, const float *dpooled,
 {
     spatial_mean_backward(m->impl->grad[0], dpooled, m->batch,
                           m->out_h * m->out_w, m->features);
-    backward(drgb, m);
+    mobilenet_blocks_backward(drgb, m);
 }
 
 void mobilenet_backward_features(float *drgb, const float *dfeatures,
@@ -451,14 +465,14 @@ void mobilenet_backward_features(float *drgb, const float *dfeatures,
 {
     memcpy(m->impl->grad[0], dfeatures, m->batch * m->out_h * m->out_w *
            m->features * sizeof *dfeatures);
-    backward(drgb, m);
+    mobilenet_blocks_backward(drgb, m);
 }
 
 const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
                              int stage)
 {
     const struct mobilenet_impl *im = m->impl;
-    const struct unit *u = &im->stem;
+    const struct mobilenet_unit *u = &im->stem;
     for (size_t i = 0; i < im->blocks; i++)
         if (im->block[i].stage <= im->v->stage[stage])
             u = &im->block[i].down;

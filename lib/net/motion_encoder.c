@@ -34,7 +34,7 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
     return 0;
 }
 
-void motion_encoder_start(struct motion_encoder *m)
+void motion_encoder_init_weights(struct motion_encoder *m)
 {
     static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
     float *b = param_w(m->ps, m->head_b[0]);
@@ -90,7 +90,7 @@ void motion_encoder_forward(float *out, const float *rgb,
 }
 
 /* In the forward pass, for each head: out = W pooled + b. */
-static void head_backward(struct motion_encoder *m, int i)
+static void motion_encoder_head_backward(struct motion_encoder *m, int i)
 {
     size_t F = m->net.features;
     const float *w = param_w(m->ps, m->head_w[i]);
@@ -120,6 +120,6 @@ void motion_encoder_backward(float *drgb, const float *dout,
     }
     memset(m->dpooled, 0, m->batch * m->net.features * sizeof *m->dpooled);
     for (int i = 0; i < 6; i++)
-        head_backward(m, i);
+        motion_encoder_head_backward(m, i);
     mobilenet_backward(drgb, m->dpooled, &m->net);
 }

@@ -36,7 +36,7 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
 /* After params_randomise, which gives the heads a tenth of the usual weights:
  * the biases of a frontal face in the middle of its crop (rotation
  * (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
-void motion_encoder_start(struct motion_encoder *m);
+void motion_encoder_init_weights(struct motion_encoder *m);
 int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err);
 void motion_encoder_update(struct motion_encoder *m);

@@ -5,13 +5,15 @@
 
 #include "lib/nn/image.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/squeeze.h"
+#include "lib/nn/squeeze_excite.h"
 
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
-static void declare(struct conv *c, struct params *ps, const char *prefix,
-                    const char *what, size_t in, size_t out, size_t kernel,
-                    size_t stride, enum nn_act act)
+/* One convolution, "<prefix><what>.*". */
+static void narrow_refiner_declare(struct conv *c, struct params *ps,
+                                   const char *prefix, const char *what,
+                                   size_t in, size_t out, size_t kernel,
+                                   size_t stride, enum nn_act act)
 {
     char name[120];
     nn_name(name, "%s%s", prefix, what);
@@ -32,56 +34,69 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->channels = channels;
     r->width = width;
     r->turns = turns;
-    declare(&r->fold0, ps, prefix, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU);
-    declare(&r->fold1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU);
-    declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2, ACT_LRELU);
-    declare(&r->down2, ps, prefix, "down.2", w1, w2, 3, 2, ACT_LRELU);
-    declare(&r->mid, ps, prefix, "mid", w2, w2, 3, 1, ACT_LRELU);
+    narrow_refiner_declare(&r->stem0, ps, prefix, "fold.0", channels, w0 / 2,
+                           2, 2, ACT_LRELU);
+    narrow_refiner_declare(&r->stem1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->down2, ps, prefix, "down.2", w1, w2, 3, 2,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->mid, ps, prefix, "mid", w2, w2, 3, 1, ACT_LRELU);
     r->mid.add = true;
-    declare(&r->style1, ps, prefix, "style.0", w2, w2, 1, 1, ACT_LRELU);
-    declare(&r->style2, ps, prefix, "style.1", w2, w2, 1, 1, ACT_NONE);
-    declare(&r->up2, ps, prefix, "up.2", w2, w1, 3, 1, ACT_LRELU);
-    declare(&r->cond1, ps, prefix, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE);
-    declare(&r->body1, ps, prefix, "body.1", w1, w1, 3, 1, ACT_LRELU);
-    declare(&r->up1, ps, prefix, "up.1", w1, w0, 1, 1, ACT_LRELU);
-    declare(&r->cond0, ps, prefix, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE);
-    declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1, ACT_LRELU);
-    declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
+    narrow_refiner_declare(&r->style1, ps, prefix, "style.0", w2, w2, 1, 1,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->style2, ps, prefix, "style.1", w2, w2, 1, 1,
+                           ACT_NONE);
+    narrow_refiner_declare(&r->up2, ps, prefix, "up.2", w2, w1, 3, 1,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->cond1, ps, prefix, "condition.1", w1, 2 * w1, 1,
+                           1, ACT_NONE);
+    narrow_refiner_declare(&r->body1, ps, prefix, "body.1", w1, w1, 3, 1,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->up1, ps, prefix, "up.1", w1, w0, 1, 1,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->cond0, ps, prefix, "condition.0", w0, 2 * w0, 1,
+                           1, ACT_NONE);
+    narrow_refiner_declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1,
+                           ACT_LRELU);
+    narrow_refiner_declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
     if (turns) {
-        vary_init(&r->vary1, &r->cond1,
-                  nn_name(name, "%scondition.1", prefix), TURN_COUNT);
-        vary_init(&r->vary0, &r->cond0,
-                  nn_name(name, "%scondition.0", prefix), TURN_COUNT);
+        conditional_conv_init(&r->vary1, &r->cond1,
+                  nn_name(name, "%scondition.1", prefix), RELATIVE_POSE_SIZE);
+        conditional_conv_init(&r->vary0, &r->cond0,
+                  nn_name(name, "%scondition.0", prefix), RELATIVE_POSE_SIZE);
     }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
 }
 
 /* Every convolution of the network, NULL at the end. */
-static void convs(struct conv *c[15], struct narrow_refiner *r)
+static void narrow_refiner_convs(struct conv *c[15], struct narrow_refiner *r)
 {
     struct conv *all[15] = {
-        &r->fold0, &r->fold1, &r->down1, &r->down2, &r->mid, &r->style1,
+        &r->stem0, &r->stem1, &r->down1, &r->down2, &r->mid, &r->style1,
         &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
         &r->body0, &r->rgb, NULL
     };
     memcpy(c, all, sizeof all);
 }
 
-static void plan_forward(struct narrow_refiner *r)
+/* The maps and layers in the order of the forward pass. */
+static void narrow_refiner_plan_forward(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
     size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
     r->f0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
-    r->folds = !nn_plan_backward(p) && fold_possible(&r->fold0);
-    if (r->folds)
-        fold_plan(&r->fold, &r->fold0, p, B, h, w);
+    r->fused = !nn_plan_backward(p) && fused_stem_possible(&r->stem0);
+    if (r->fused)
+        fused_stem_plan(&r->stem, &r->stem0, p, B, h, w);
     else
-        conv_plan(&r->fold0, p, B, h, w);
+        conv_plan(&r->stem0, p, B, h, w);
     r->e0 = nn_plan_map(p, a0 * w0);
-    conv_plan(&r->fold1, p, B, h / 2, w / 2);
-    nn_plan_give(p, r->f0);
+    conv_plan(&r->stem1, p, B, h / 2, w / 2);
+    nn_plan_recycle(p, r->f0);
     r->e1 = nn_plan_map(p, a1 * w1);
     conv_plan(&r->down1, p, B, h / 4, w / 4);
     r->e2 = nn_plan_map(p, a2 * w2);
@@ -118,12 +133,13 @@ static void plan_forward(struct narrow_refiner *r)
     r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
     if (r->turns) {
-        vary_plan(&r->vary1, p);
-        vary_plan(&r->vary0, p);
+        conditional_conv_plan(&r->vary1, p);
+        conditional_conv_plan(&r->vary0, p);
     }
 }
 
-static void plan_backward(struct narrow_refiner *r)
+/* Gradients on their way, at the three scales. */
+static void narrow_refiner_plan_backward(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
     size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0;
@@ -152,42 +168,43 @@ int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
     r->batch = batch;
     r->h = h;
     r->w = w;
-    plan_forward(r);
+    narrow_refiner_plan_forward(r);
     if (nn_plan_backward(&r->plan))
-        plan_backward(r);
+        narrow_refiner_plan_backward(r);
     if (nn_plan_finish(&r->plan, err))
         return -1;
     narrow_refiner_update(r);
     return 0;
 }
 
-static void set_turn(struct narrow_refiner *r)
+/* The conditional convolutions' weights for the relative pose in r. */
+static void narrow_refiner_set_turn(struct narrow_refiner *r)
 {
     if (!r->turns)
         return;
-    vary_set(&r->vary1, r->turn);
-    vary_set(&r->vary0, r->turn);
+    conditional_conv_set(&r->vary1, r->turn);
+    conditional_conv_set(&r->vary0, r->turn);
 }
 
 void narrow_refiner_update(struct narrow_refiner *r)
 {
     struct conv *c[15];
-    set_turn(r);
-    convs(c, r);
+    narrow_refiner_set_turn(r);
+    narrow_refiner_convs(c, r);
     for (int i = 0; c[i]; i++)
         if (c[i]->impl)
             conv_update(c[i], NULL);
-    if (r->folds)
-        fold_update(&r->fold);
+    if (r->fused)
+        fused_stem_update(&r->stem);
 }
 
 void narrow_refiner_turn(struct narrow_refiner *r,
-                         const float turn[TURN_COUNT])
+                         const float turn[RELATIVE_POSE_SIZE])
 {
     if (!r->turns || !memcmp(r->turn, turn, sizeof r->turn))
         return;
     memcpy(r->turn, turn, sizeof r->turn);
-    set_turn(r);
+    narrow_refiner_set_turn(r);
     conv_update(&r->cond1, NULL);
     conv_update(&r->cond0, NULL);
 }
@@ -195,7 +212,7 @@ void narrow_refiner_turn(struct narrow_refiner *r,
 void narrow_refiner_release(struct narrow_refiner *r)
 {
     struct conv *c[15];
-    convs(c, r);
+    narrow_refiner_convs(c, r);
     for (int i = 0; c[i]; i++)
         conv_release(c[i]);
     nn_plan_release(&r->plan);
@@ -203,7 +220,7 @@ void narrow_refiner_release(struct narrow_refiner *r)
 }
 
 /* ms = m (1 + s), s a vector per image: the style. */
-static void style_forward(struct narrow_refiner *r)
+static void narrow_refiner_style_forward(struct narrow_refiner *r)
 {
     size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
     spatial_mean_forward(r->pool, r->part, r->m, r->batch, pixels, w2);
@@ -218,8 +235,8 @@ static void style_forward(struct narrow_refiner *r)
 }
 
 /* dm (written, may be dms) from dms. */
-static void style_backward(float *dm, const float *dms,
-                           struct narrow_refiner *r)
+static void narrow_refiner_style_backward(float *dm, const float *dms,
+                                          struct narrow_refiner *r)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
@@ -237,7 +254,7 @@ static void style_backward(float *dm, const float *dms,
 }
 
 /* From e0, a quarter of the size, to sixteen pixels' corrections per place. */
-static void forward_folded(struct narrow_refiner *r)
+static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
 {
     size_t w0 = r->width, w1 = w0 * 3 / 2;
     size_t a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
@@ -246,7 +263,7 @@ static void forward_folded(struct narrow_refiner *r)
     conv_forward(r->e2, r->e1, &r->down2);
     memcpy(r->m, r->e2, a2 * 2 * w0 * sizeof(float));
     conv_forward(r->m, r->e2, &r->mid);             /* lrelu(e2 + conv e2) */
-    style_forward(r);
+    narrow_refiner_style_forward(r);
     /* up, conditioned on the encoder's maps */
     conv_forward(r->c1, r->ms, &r->up2);
     rescale_forward(r->r1, r->c1, &r->grow1);
@@ -263,48 +280,51 @@ static void forward_folded(struct narrow_refiner *r)
 
 bool narrow_refiner_views(const struct narrow_refiner *r)
 {
-    return r->folds;
+    return r->fused;
 }
 
-void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
+void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
                                  struct narrow_refiner *r)
 {
-    fold_forward(r->f0, rgb, feat, &r->fold);
-    conv_forward(r->e0, r->f0, &r->fold1);
-    forward_folded(r);
+    fused_stem_forward(r->f0, rgb, feat, &r->stem);
+    conv_forward(r->e0, r->f0, &r->stem1);
+    narrow_refiner_forward_quarter(r);
     depth_to_space_add(rgb, rgb, 3, r->d, r->batch, r->h / 4, r->w / 4, 3, 4);
 }
 
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r)
 {
-    struct fold_view view = { .f32 = feat, .stride = r->w * r->channels };
+    struct feature_view view = { .f32 = feat, .stride = r->w * r->channels };
     r->feat = feat;
-    if (r->folds) {
+    if (r->fused) {
         narrow_refiner_forward_view(rgb, &view, r);
         return;
     }
-    conv_forward(r->f0, feat, &r->fold0);
-    conv_forward(r->e0, r->f0, &r->fold1);
-    forward_folded(r);
+    conv_forward(r->f0, feat, &r->stem0);
+    conv_forward(r->e0, r->f0, &r->stem1);
+    narrow_refiner_forward_quarter(r);
     depth_to_space_add(rgb, feat, r->channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
 }
 
 /* de (written) from dt, the gradient of the condition t that map e makes. */
-static void condition_backward(float *de, float *dt, const float *t,
-                               const float *e, struct conv *c,
-                               struct vary *v, struct narrow_refiner *r)
+static void narrow_refiner_condition_backward(float *de, float *dt,
+                                              const float *t, const float *e,
+                                              struct conv *c,
+                                              struct conditional_conv *v,
+                                              struct narrow_refiner *r)
 {
     if (r->turns)
-        vary_backward(de, r->dturn, dt, t, e, r->turn, v);
+        conditional_conv_backward(de, r->dturn, dt, t, e, r->turn, v);
     else
         conv_backward(de, dt, t, e, c);
 }
 
 /* The forward pass's lines from the last to the first. */
-static void decoder_backward(float *de0, float *de1, float *dm,
-                             const float *drgb, struct narrow_refiner *r)
+static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
+                                            const float *drgb,
+                                            struct narrow_refiner *r)
 {
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
     size_t a0 = B * h * w / 16, a1 = a0 / 4;
@@ -313,13 +333,15 @@ static void decoder_backward(float *de0, float *de1, float *dm,
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
-    condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0, &r->vary0, r);
+    narrow_refiner_condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0,
+                                      &r->vary0, r);
     float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
     rescale_backward(dc0, dy0, &r->grow0);
     conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
     conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
     sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
-    condition_backward(de1, r->dst1, r->t1, r->e1, &r->cond1, &r->vary1, r);
+    narrow_refiner_condition_backward(de1, r->dst1, r->t1, r->e1, &r->cond1,
+                                      &r->vary1, r);
     rescale_backward(r->g2[1], dy1, &r->grow1);
     conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
 }
@@ -331,16 +353,16 @@ void narrow_refiner_backward(float *dfeat, const float *drgb,
     size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
     float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
     memset(r->dturn, 0, sizeof r->dturn);
-    decoder_backward(de0, de1, dm, drgb, r);
-    style_backward(dm, dm, r);
+    narrow_refiner_decoder_backward(de0, de1, dm, drgb, r);
+    narrow_refiner_style_backward(dm, dm, r);
     conv_backward(de2, dm, r->m, r->e2, &r->mid);
     image_add(de2, dm, a2 * w2);
     conv_backward(r->g1[1], de2, r->e2, r->e1, &r->down2);
     image_add(de1, r->g1[1], a1 * w1);
     conv_backward(r->g0[1], de1, r->e1, r->e0, &r->down1);
     image_add(de0, r->g0[1], a0 * w0);
-    conv_backward(r->df, de0, r->e0, r->f0, &r->fold1);
-    conv_backward(dfeat, r->df, r->f0, r->feat, &r->fold0);
+    conv_backward(r->df, de0, r->e0, r->f0, &r->stem1);
+    conv_backward(dfeat, r->df, r->f0, r->feat, &r->stem0);
     if (!dfeat)
         return;
     /* rgb = feat's first three + correction */

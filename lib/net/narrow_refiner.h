@@ -7,24 +7,25 @@
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
-#include "lib/geom/turn.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/nn/conv.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/rescale.h"
-#include "lib/nn/vary.h"
+#include "lib/nn/conditional_conv.h"
 
 struct narrow_refiner {
     struct nn_plan plan;
     struct params *ps;
     size_t channels, width, batch, h, w;
-    struct conv fold0, fold1;     /* 2x2 stride 2, twice: S -> S/4 */
+    struct conv stem0, stem1;     /* 2x2 stride 2, twice: S -> S/4 */
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
-    struct vary vary1, vary0;     /* of cond1 and cond0, when turns */
-    struct fold fold;             /* fold0 in inference, where it fits */
-    bool folds, turns;
-    float turn[TURN_COUNT], dturn[TURN_COUNT];    /* when turns */
+    struct conditional_conv vary1, vary0;     /* of cond1 and cond0, when turns */
+    struct fused_stem stem;             /* stem0 in inference, where it fits */
+    bool fused, turns;
+    float turn[RELATIVE_POSE_SIZE];     /* when turns */
+    float dturn[RELATIVE_POSE_SIZE];
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
@@ -46,12 +47,12 @@ void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
 /* The same from half floats, or from a part of a larger image: the view's
  * rows may be further apart.  Only where narrow_refiner_views says so. */
-void narrow_refiner_forward_view(float *rgb, const struct fold_view *feat,
+void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
                                  struct narrow_refiner *r);
 bool narrow_refiner_views(const struct narrow_refiner *r);
 /* The turn from now on; nothing else needs an update. */
 void narrow_refiner_turn(struct narrow_refiner *r,
-                         const float turn[TURN_COUNT]);
+                         const float turn[RELATIVE_POSE_SIZE]);
 /* Writes dfeat (or NULL: no) and r->dturn. */
 void narrow_refiner_backward(float *dfeat, const float *drgb,
                              struct narrow_refiner *r);

@@ -12,7 +12,8 @@ struct refiner_impl {
     struct style_unet unet;
 };
 
-static bool is_narrow(const struct refiner *r)
+/* Which of the two it is. */
+static bool refiner_is_narrow(const struct refiner *r)
 {
     return r->config.type == REFINER_NARROW;
 }
@@ -30,7 +31,7 @@ int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
     if (!r->impl)
         return error_set(err, EX_OSERR, "out of memory");
     r->config = *config;
-    if (!is_narrow(r))
+    if (!refiner_is_narrow(r))
         return style_unet_init(&r->impl->unet, ps, prefix, config->channels,
                                config->size, config->size, config->multiplier,
                                err);
@@ -45,7 +46,7 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
     r->batch = batch;
     r->height = height;
     r->width = width;
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         return narrow_refiner_plan(&r->impl->narrow, batch, height, width,
                                    opt, err);
     if (height != r->config.size || width != r->config.size)
@@ -57,7 +58,7 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
 
 void refiner_update(struct refiner *r)
 {
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         narrow_refiner_update(&r->impl->narrow);
     else
         style_unet_update(&r->impl->unet);
@@ -67,7 +68,7 @@ void refiner_release(struct refiner *r)
 {
     if (!r->impl)
         return;
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         narrow_refiner_release(&r->impl->narrow);
     else
         style_unet_release(&r->impl->unet);
@@ -75,15 +76,15 @@ void refiner_release(struct refiner *r)
     memset(r, 0, sizeof *r);
 }
 
-void refiner_turn(struct refiner *r, const float turn[TURN_COUNT])
+void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE])
 {
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         narrow_refiner_turn(&r->impl->narrow, turn);
 }
 
 void refiner_forward(float *rgb, const float *feat, struct refiner *r)
 {
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         narrow_refiner_forward(rgb, feat, &r->impl->narrow);
     else
         style_unet_forward(rgb, feat, &r->impl->unet);
@@ -91,19 +92,19 @@ void refiner_forward(float *rgb, const float *feat, struct refiner *r)
 
 bool refiner_views(const struct refiner *r)
 {
-    return is_narrow(r) && narrow_refiner_views(&r->impl->narrow);
+    return refiner_is_narrow(r) && narrow_refiner_views(&r->impl->narrow);
 }
 
-void refiner_forward_view(float *rgb, const struct fold_view *feat,
+void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r)
 {
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
-void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
+void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],
                       const float *drgb, struct refiner *r)
 {
-    if (is_narrow(r))
+    if (refiner_is_narrow(r))
         narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
     else
         style_unet_backward(dfeat, drgb, &r->impl->unet);

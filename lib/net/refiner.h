@@ -4,8 +4,8 @@
 #ifndef SPID_NET_REFINER_H
 #define SPID_NET_REFINER_H
 
-#include "lib/geom/turn.h"
-#include "lib/nn/fold.h"
+#include "lib/geom/relative_pose.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/nn.h"
 #include "lib/nn/params.h"
 
@@ -37,9 +37,10 @@ int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
 void refiner_update(struct refiner *r);
 void refiner_release(struct refiner *r);
 
-/* How the head has turned since the source (turn_since), for all forwards from
- * now on; at first zero.  Without config.turn it makes no difference. */
-void refiner_turn(struct refiner *r, const float turn[TURN_COUNT]);
+/* How the head has turned since the source (lib/geom/relative_pose.h), for all
+ * forwards from now on; at first zero.  Without config.turn it makes no
+ * difference. */
+void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE]);
 
 /* rgb (B,H,W,3) from feat (B,H,W,channels), whose first three channels are
  * the coarse RGB.  NARROW is not clamped (a trainer wants the gradient; a
@@ -48,11 +49,11 @@ void refiner_turn(struct refiner *r, const float turn[TURN_COUNT]);
 void refiner_forward(float *rgb, const float *feat, struct refiner *r);
 /* The same from half floats, or from a part of a larger image, without a copy:
  * a NARROW refiner planned with NN_INFER, where refiner_views says so. */
-void refiner_forward_view(float *rgb, const struct fold_view *feat,
+void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r);
 bool refiner_views(const struct refiner *r);
 /* dfeat (B,H,W,channels) is written, and dturn unless NULL. */
-void refiner_backward(float *dfeat, float dturn[TURN_COUNT],
+void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],
                       const float *drgb, struct refiner *r);
 
 #endif

@@ -7,9 +7,11 @@
 #define L SMALL_LEVELS
 #define GAIN 1.4142135f
 
-static void declare(struct conv *c, struct params *ps, const char *prefix,
-                    const char *what, size_t i, size_t in, size_t out,
-                    size_t stride, float gain)
+/* One 3x3 convolution with ReLU, "<prefix><what>.<i>.*". */
+static void small_backbone_declare(struct conv *c, struct params *ps,
+                                   const char *prefix, const char *what,
+                                   size_t i, size_t in, size_t out,
+                                   size_t stride, float gain)
 {
     char name[120];
     conv_init(c, ps, nn_name(name, "%s%s.%zu", prefix, what, i), in, out, 3,
@@ -28,22 +30,25 @@ void small_backbone_init(struct small_backbone *s, struct params *ps,
     s->size = size;
     for (size_t i = 0; i < L; i++) {
         s->channels[i] = times[i] * width;
-        declare(&s->down[i], ps, prefix, "down", i,
-                i ? s->channels[i - 1] : 12, s->channels[i], i ? 2 : 1, GAIN);
+        small_backbone_declare(&s->down[i], ps, prefix, "down", i,
+                               i ? s->channels[i - 1] : 12, s->channels[i],
+                               i ? 2 : 1, GAIN);
         if (i) {
-            declare(&s->same[i], ps, prefix, "same", i, s->channels[i],
-                    s->channels[i], 1, 0.5f);
+            small_backbone_declare(&s->same[i], ps, prefix, "same", i,
+                                   s->channels[i], s->channels[i], 1, 0.5f);
             s->same[i].add = true;
         }
     }
     for (size_t i = L - 1; i-- > 0;)
-        declare(&s->up[i], ps, prefix, "up", i, s->channels[i],
-                i ? s->channels[i - 1] : features, 1, i ? GAIN : 1.0f);
+        small_backbone_declare(&s->up[i], ps, prefix, "up", i, s->channels[i],
+                               i ? s->channels[i - 1] : features, 1,
+                               i ? GAIN : 1.0f);
     s->up[0].act = ACT_NONE;
     s->down[0].no_din = true;
 }
 
-static void plan_levels(struct small_backbone *s)
+/* The maps and layers of the way down and of the way up. */
+static void small_backbone_plan_levels(struct small_backbone *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, n = s->size;
@@ -83,7 +88,7 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
                 2 * n, 3);
     s->large = nn_plan_floats(p, batch * 4 * n * n * 3);
     s->x = nn_plan_floats(p, batch * n * n * 12);
-    plan_levels(s);
+    small_backbone_plan_levels(s);
     for (size_t i = 0; i < L && nn_plan_backward(p); i++) {
         size_t area = batch * s->side[i] * s->side[i];
         s->da[i] = nn_plan_floats(p, area * s->channels[i]);
@@ -119,7 +124,9 @@ void small_backbone_release(struct small_backbone *s)
     memset(s, 0, sizeof *s);
 }
 
-static size_t level_size(const struct small_backbone *s, size_t i)
+/* Values of level i's map. */
+static size_t small_backbone_level_size(const struct small_backbone *s,
+                                        size_t i)
 {
     return s->batch * s->side[i] * s->side[i] * s->channels[i];
 }
@@ -134,12 +141,13 @@ void small_backbone_forward(float *features, const float *rgb,
     conv_forward(s->a[0], s->x, &s->down[0]);
     for (size_t i = 1; i < L; i++) {
         conv_forward(s->a[i], s->b[i - 1], &s->down[i]);
-        memcpy(s->b[i], s->a[i], level_size(s, i) * sizeof(float));
+        memcpy(s->b[i], s->a[i], small_backbone_level_size(s, i) *
+               sizeof(float));
         conv_forward(s->b[i], s->a[i], &s->same[i]);   /* relu(a + conv a) */
     }
     for (size_t i = L - 1; i-- > 0;) {
         rescale_forward(s->u[i], s->v[i + 1], &s->grow[i]);
-        image_add(s->u[i], s->b[i], level_size(s, i));
+        image_add(s->u[i], s->b[i], small_backbone_level_size(s, i));
         conv_forward(i ? s->v[i] : features, s->u[i], &s->up[i]);
     }
 }
@@ -159,10 +167,10 @@ void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
     for (size_t i = L - 1; i > 0; i--) {
         /* b = relu(a + conv a): db becomes the gradient before the relu */
         conv_backward(s->da[i], s->db[i], s->b[i], s->a[i], &s->same[i]);
-        image_add(s->da[i], s->db[i], level_size(s, i));
+        image_add(s->da[i], s->db[i], small_backbone_level_size(s, i));
         float *below = i > 1 ? s->da[i - 1] : s->da[0];
         conv_backward(below, s->da[i], s->a[i], s->b[i - 1], &s->down[i]);
-        image_add(s->db[i - 1], below, level_size(s, i - 1));
+        image_add(s->db[i - 1], below, small_backbone_level_size(s, i - 1));
     }
     conv_backward(NULL, s->db[0], s->a[0], s->x, &s->down[0]);
 }

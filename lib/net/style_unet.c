@@ -11,7 +11,7 @@
 #define EPS 1e-8
 
 /* Channels of the encoder at a side; the decoder has twice as many. */
-static size_t width_at(const struct style_unet *s, size_t side)
+static size_t style_unet_width(const struct style_unet *s, size_t side)
 {
     size_t full = side <= 32 ? 256 : 8192 / side;
     size_t n = (size_t)((float)full * s->multiplier + 0.5f);
@@ -21,41 +21,47 @@ static size_t width_at(const struct style_unet *s, size_t side)
 /* ---- declaring ------------------------------------------------------------
  */
 
-static void lrelu_conv(struct conv *c, struct params *ps, const char *name,
-                       size_t in, size_t out, size_t kernel)
+/* A convolution with leaky ReLU and the gain that goes with it. */
+static void style_unet_conv(struct conv *c, struct params *ps,
+                            const char *name, size_t in, size_t out,
+                            size_t kernel)
 {
     conv_init(c, ps, name, in, out, kernel, 1, true);
     c->act = ACT_LRELU;
     ps->tensor[c->weight].gain = LRELU_GAIN;
 }
 
-static void res_init(struct style_res *r, struct params *ps, const char *at,
-                     size_t in, size_t out, bool up)
+/* A residual block that halves the map or doubles it. */
+static void style_res_init(struct style_res *r, struct params *ps,
+                           const char *at, size_t in, size_t out, bool up)
 {
     char name[120];
     r->up = up;
-    lrelu_conv(&r->conv1, ps, nn_name(name, "%s.conv1", at), in, in, 3);
-    lrelu_conv(&r->conv2, ps, nn_name(name, "%s.conv2", at), in, out, 3);
+    style_unet_conv(&r->conv1, ps, nn_name(name, "%s.conv1", at), in, in, 3);
+    style_unet_conv(&r->conv2, ps, nn_name(name, "%s.conv2", at), in, out, 3);
     conv_init(&r->skip, ps, nn_name(name, "%s.skip", at), in, out, 1, 1,
               false);
 }
 
-static void condition_init(struct style_condition *c, struct params *ps,
-                           const char *at, size_t in, size_t out, float bias)
+/* Two convolutions that make a scale (bias 1) or a shift (bias 0). */
+static void style_condition_init(struct style_condition *c, struct params *ps,
+                                 const char *at, size_t in, size_t out,
+                                 float bias)
 {
     char name[120];
-    lrelu_conv(&c->a, ps, nn_name(name, "%s.0", at), in, in, 3);
+    style_unet_conv(&c->a, ps, nn_name(name, "%s.0", at), in, in, 3);
     conv_init(&c->b, ps, nn_name(name, "%s.2", at), in, out, 3, 1, true);
     ps->tensor[c->b.weight].gain = 0.3f;
     ps->tensor[c->b.bias].init = PARAM_CONSTANT;
     ps->tensor[c->b.bias].gain = bias;
 }
 
-static void decoder_init(struct style_unet *s, const char *prefix)
+/* StyleGAN2's decoder: style layers, constant input, levels from 4x4 on. */
+static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
 {
     struct params *ps = s->ps;
     char at[120], name[120], noise[120];
-    size_t C = 2 * width_at(s, 4), Z = s->latent;
+    size_t C = 2 * style_unet_width(s, 4), Z = s->latent;
     size_t constant[4] = { 1, C, 4, 4 };
     nn_name(at, "%sstylegan_decoder.", prefix);
     for (size_t i = 0; i < 8; i++) {
@@ -72,8 +78,8 @@ static void decoder_init(struct style_unet *s, const char *prefix)
     to_rgb_init(&s->rgb1, ps, nn_name(name, "%sto_rgb1", at), C, Z, true);
     for (size_t i = 0; i < s->levels; i++) {
         struct style_level *l = &s->level[i];
-        size_t side = 8u << i, out = 2 * width_at(s, side);
-        size_t in = 2 * width_at(s, side / 2);
+        size_t side = 8u << i, out = 2 * style_unet_width(s, side);
+        size_t in = 2 * style_unet_width(s, side / 2);
         style_conv_init(&l->enlarge, ps,
                         nn_name(name, "%sstyle_convs.%zu", at, 2 * i),
                         nn_name(noise, "%snoises.noise%zu", at, 2 * i + 1),
@@ -88,11 +94,11 @@ static void decoder_init(struct style_unet *s, const char *prefix)
 }
 
 /* Weights of the public checkpoints that nothing uses. */
-static void unused_init(struct style_unet *s, const char *prefix)
+static void style_unet_unused_init(struct style_unet *s, const char *prefix)
 {
     char name[120];
     for (size_t i = 0; i < s->levels; i++) {
-        size_t dims[4] = { 3, width_at(s, 8u << i), 1, 1 };
+        size_t dims[4] = { 3, style_unet_width(s, 8u << i), 1, 1 };
         nn_name(name, "%stoRGB.%zu.weight", prefix, i);
         size_t t = params_add(s->ps, name, 4, dims, PARAM_ZERO, 0);
         s->ps->tensor[t].frozen = true;
@@ -102,35 +108,47 @@ static void unused_init(struct style_unet *s, const char *prefix)
     }
 }
 
-static void encoder_init(struct style_unet *s, const char *prefix)
+/* The way down, the way up, the conditions and the code of the style. */
+static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
 {
     struct params *ps = s->ps;
     char name[120];
-    size_t top = s->halve ? s->in_size : s->out_size, C = width_at(s, 4);
+    size_t top = s->halve ? s->in_size : s->out_size, C = style_unet_width(s,
+                                                                           4);
     nn_name(name, "%sconv_body_first%s", prefix, s->halve ? ".0" : "");
-    lrelu_conv(&s->first, ps, name, s->channels, width_at(s, top), 1);
+    style_unet_conv(&s->first, ps, name, s->channels, style_unet_width(s, top),
+                    1);
     if (s->halve)
-        res_init(&s->first_res, ps, nn_name(name, "%sconv_body_first.1",
-                 prefix), width_at(s, top), width_at(s, s->out_size), false);
+        style_res_init(&s->first_res, ps,
+                       nn_name(name, "%sconv_body_first.1", prefix),
+                       style_unet_width(s, top),
+                       style_unet_width(s, s->out_size), false);
     for (size_t i = 0; i < s->levels; i++) {
         struct style_level *l = &s->level[i];
-        size_t from = s->out_size >> i, side = 8u << i, up = width_at(s, side);
-        res_init(&l->down, ps, nn_name(name, "%sconv_body_down.%zu", prefix,
-                 i), width_at(s, from), width_at(s, from / 2), false);
-        res_init(&l->up, ps, nn_name(name, "%sconv_body_up.%zu", prefix, i),
-                 width_at(s, side / 2), up, true);
-        condition_init(&l->scale, ps, nn_name(name, "%scondition_scale.%zu",
-                       prefix, i), up, 2 * up, 1.0f);
-        condition_init(&l->shift, ps, nn_name(name, "%scondition_shift.%zu",
-                       prefix, i), up, 2 * up, 0.0f);
+        size_t from = s->out_size >> i, side = 8u << i, up =
+            style_unet_width(s, side);
+        style_res_init(&l->down, ps,
+                       nn_name(name, "%sconv_body_down.%zu", prefix, i),
+                       style_unet_width(s, from),
+                       style_unet_width(s, from / 2), false);
+        style_res_init(&l->up, ps,
+                       nn_name(name, "%sconv_body_up.%zu", prefix, i),
+                       style_unet_width(s, side / 2), up, true);
+        style_condition_init(&l->scale, ps,
+                             nn_name(name, "%scondition_scale.%zu", prefix, i),
+                             up, 2 * up, 1.0f);
+        style_condition_init(&l->shift, ps,
+                             nn_name(name, "%scondition_shift.%zu", prefix, i),
+                             up, 2 * up, 0.0f);
     }
-    lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix), C,
-               C, 3);
+    style_unet_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
+                    C, C, 3);
     linear_init(&s->final_linear, ps, nn_name(name, "%sfinal_linear", prefix),
                 16 * C, s->latent, true);
 }
 
-static bool power_of_two(size_t n)
+/* Whether n is one. */
+static bool style_unet_power_of_two(size_t n)
 {
     return n && (n & (n - 1)) == 0;
 }
@@ -140,9 +158,9 @@ int style_unet_init(struct style_unet *s, struct params *ps,
                     size_t out_size, float multiplier, struct error *err)
 {
     memset(s, 0, sizeof *s);
-    if (!power_of_two(in_size) || !power_of_two(out_size) || out_size < 8 ||
-        out_size > 2048 || in_size > 2 * out_size || multiplier <= 0 ||
-        !channels)
+    if (!style_unet_power_of_two(in_size) || !style_unet_power_of_two(out_size)
+        || out_size < 8 || out_size > 2048 || in_size > 2 * out_size ||
+        multiplier <= 0 || !channels)
         return error_set(err, EX_CONFIG, "StyleUNet of %zu to %zu pixels, "
                          "%zu channels, width %g (expected powers of two, "
                          "8 to 2048, and a width above 0)", in_size, out_size,
@@ -155,18 +173,19 @@ int style_unet_init(struct style_unet *s, struct params *ps,
     s->halve = in_size > out_size;
     for (s->levels = 0; 4u << s->levels < out_size;)
         s->levels++;
-    s->latent = 2 * width_at(s, 4);
-    encoder_init(s, prefix);
-    unused_init(s, prefix);
-    decoder_init(s, prefix);
+    s->latent = 2 * style_unet_width(s, 4);
+    style_unet_encoder_init(s, prefix);
+    style_unet_unused_init(s, prefix);
+    style_unet_decoder_init(s, prefix);
     return 0;
 }
 
 /* ---- planning -------------------------------------------------------------
  */
 
-static void res_plan(struct style_res *r, struct nn_plan *p, size_t B,
-                     size_t side)
+/* A residual block on B maps of side x side. */
+static void style_res_plan(struct style_res *r, struct nn_plan *p, size_t B,
+                           size_t side)
 {
     size_t in = r->conv1.in, out = r->conv2.out;
     size_t to = r->up ? 2 * side : side / 2;
@@ -176,43 +195,45 @@ static void res_plan(struct style_res *r, struct nn_plan *p, size_t B,
     conv_plan(&r->conv1, p, B, side, side);
     r->h1s = nn_plan_map(p, B * to * to * in);
     rescale_plan(&r->move_h, p, RESCALE_BILINEAR, B, side, side, to, to, in);
-    nn_plan_give(p, r->h1);
+    nn_plan_recycle(p, r->h1);
     r->out = nn_plan_map(p, B * to * to * out);
     r->h2 = train ? nn_plan_map(p, B * to * to * out) : r->out;
     conv_plan(&r->conv2, p, B, to, to);
-    nn_plan_give(p, r->h1s);
+    nn_plan_recycle(p, r->h1s);
     if (r->up) {                  /* the 1x1 is cheaper before enlarging */
         r->sx = nn_plan_map(p, B * side * side * out);
         r->xs = nn_plan_map(p, B * to * to * out);
         conv_plan(&r->skip, p, B, side, side);
         rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
                      out);
-        nn_plan_give(p, r->sx);
+        nn_plan_recycle(p, r->sx);
     } else {
         r->xs = nn_plan_map(p, B * to * to * in);
         r->sx = nn_plan_map(p, B * to * to * out);
         rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
                      in);
         conv_plan(&r->skip, p, B, to, to);
-        nn_plan_give(p, r->sx);
+        nn_plan_recycle(p, r->sx);
     }
-    nn_plan_give(p, r->xs);
+    nn_plan_recycle(p, r->xs);
 }
 
-static void condition_plan(struct style_condition *c, struct nn_plan *p,
-                           size_t B, size_t side)
+/* A condition on B maps of side x side. */
+static void style_condition_plan(struct style_condition *c, struct nn_plan *p,
+                                 size_t B, size_t side)
 {
     c->h = nn_plan_map(p, B * side * side * c->a.out);
     conv_plan(&c->a, p, B, side, side);
     c->out = nn_plan_map(p, B * side * side * c->b.out);
     conv_plan(&c->b, p, B, side, side);
-    nn_plan_give(p, c->h);
+    nn_plan_recycle(p, c->h);
 }
 
-static void plan_encoder(struct style_unet *s)
+/* The way down, in the order of the forward pass. */
+static void style_unet_plan_encoder(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
-    size_t B = s->batch, C = width_at(s, 4);
+    size_t B = s->batch, C = style_unet_width(s, 4);
     size_t top = s->halve ? s->in_size : s->out_size;
     if (s->in_size < s->out_size) {
         s->in = nn_plan_map(p, B * top * top * s->channels);
@@ -222,11 +243,11 @@ static void plan_encoder(struct style_unet *s)
     s->x0 = nn_plan_map(p, B * top * top * s->first.out);
     conv_plan(&s->first, p, B, top, top);
     if (s->halve)
-        res_plan(&s->first_res, p, B, top);
+        style_res_plan(&s->first_res, p, B, top);
     for (size_t i = 0; i < s->levels; i++) {
-        res_plan(&s->level[i].down, p, B, s->out_size >> i);
+        style_res_plan(&s->level[i].down, p, B, s->out_size >> i);
         if (i == 0)
-            nn_plan_give(p, s->x0);
+            nn_plan_recycle(p, s->x0);
     }
     s->inner = nn_plan_map(p, B * 16 * C);
     conv_plan(&s->final_conv, p, B, 4, 4);
@@ -241,10 +262,10 @@ static void plan_encoder(struct style_unet *s)
 }
 
 /* The order of the forward pass, so that maps are shared rightly. */
-static void plan_decoder(struct style_unet *s)
+static void style_unet_plan_decoder(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
-    size_t B = s->batch, C = 2 * width_at(s, 4);
+    size_t B = s->batch, C = 2 * style_unet_width(s, 4);
     s->constants = nn_plan_floats(p, B * 16 * C);
     style_conv_plan(&s->conv1, p, B, 4, 4);
     to_rgb_plan(&s->rgb1, p, B, 4, 4);
@@ -255,21 +276,21 @@ static void plan_decoder(struct style_unet *s)
         size_t side = 8u << i, half = side / 2;
         l->side = side;
         l->f = nn_plan_map(p, B * half * half * l->up.conv1.in);
-        nn_plan_give(p, f);
-        nn_plan_give(p, down->out);
-        res_plan(&l->up, p, B, half);
-        nn_plan_give(p, l->f);
-        condition_plan(&l->scale, p, B, side);
-        condition_plan(&l->shift, p, B, side);
+        nn_plan_recycle(p, f);
+        nn_plan_recycle(p, down->out);
+        style_res_plan(&l->up, p, B, half);
+        nn_plan_recycle(p, l->f);
+        style_condition_plan(&l->scale, p, B, side);
+        style_condition_plan(&l->shift, p, B, side);
         style_conv_plan(&l->enlarge, p, B, side, side);
-        nn_plan_give(p, x);
+        nn_plan_recycle(p, x);
         l->sft = nn_plan_backward(p)
             ? nn_plan_map(p, B * side * side * l->enlarge.out)
             : l->enlarge.y;
-        nn_plan_give(p, l->scale.out);
-        nn_plan_give(p, l->shift.out);
+        nn_plan_recycle(p, l->scale.out);
+        nn_plan_recycle(p, l->shift.out);
         style_conv_plan(&l->same, p, B, side, side);
-        nn_plan_give(p, l->enlarge.y);
+        nn_plan_recycle(p, l->enlarge.y);
         to_rgb_plan(&l->rgb, p, B, side, side);
         f = l->up.out;
         x = l->same.y;
@@ -277,7 +298,8 @@ static void plan_decoder(struct style_unet *s)
     s->image = nn_plan_floats(p, B * s->out_size * s->out_size * 3);
 }
 
-static void plan_gradients(struct style_unet *s)
+/* Gradients on their way; the skips keep theirs at each level. */
+static void style_unet_plan_gradients(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, top = s->halve ? s->in_size : s->out_size;
@@ -296,7 +318,7 @@ static void plan_gradients(struct style_unet *s)
         s->g[i] = nn_plan_floats(p, B * most);
     s->dlatent = nn_plan_floats(p, B * s->latent);
     s->dstyle = nn_plan_floats(p, B * s->latent);
-    s->dflat = nn_plan_floats(p, B * 16 * width_at(s, 4));
+    s->dflat = nn_plan_floats(p, B * 16 * style_unet_width(s, 4));
     for (int i = 0; i < 2; i++)
         s->drgb[i] = nn_plan_floats(p, B * s->out_size * s->out_size * 3);
 }
@@ -307,22 +329,24 @@ int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
     nn_plan_release(&s->plan);
     nn_plan_init(&s->plan, opt);
     s->batch = batch;
-    plan_encoder(s);
-    plan_decoder(s);
+    style_unet_plan_encoder(s);
+    style_unet_plan_decoder(s);
     if (nn_plan_backward(&s->plan))
-        plan_gradients(s);
+        style_unet_plan_gradients(s);
     if (nn_plan_finish(&s->plan, err))
         return -1;
     style_unet_update(s);
     return 0;
 }
 
-static void update_one(struct conv *c)
+/* conv_update as style_unet_each wants it. */
+static void style_unet_update_one(struct conv *c)
 {
     conv_update(c, NULL);
 }
 
-static void each(struct style_unet *s, void (*what)(struct conv *))
+/* Every plain convolution that is planned. */
+static void style_unet_each(struct style_unet *s, void (*what)(struct conv *))
 {
     struct conv *few[] = { &s->first, &s->final_conv, &s->final_linear,
                            &s->first_res.conv1, &s->first_res.conv2,
@@ -347,7 +371,7 @@ static void each(struct style_unet *s, void (*what)(struct conv *))
 
 void style_unet_update(struct style_unet *s)
 {
-    each(s, update_one);
+    style_unet_each(s, style_unet_update_one);
     style_conv_update(&s->conv1);
     to_rgb_update(&s->rgb1);
     for (size_t i = 0; i < s->levels; i++) {
@@ -359,7 +383,7 @@ void style_unet_update(struct style_unet *s)
 
 void style_unet_release(struct style_unet *s)
 {
-    each(s, conv_release);
+    style_unet_each(s, conv_release);
     style_conv_release(&s->conv1);
     to_rgb_release(&s->rgb1);
     for (size_t i = 0; i < s->levels; i++) {
@@ -374,12 +398,14 @@ void style_unet_release(struct style_unet *s)
 /* ---- one pass -------------------------------------------------------------
  */
 
-static size_t res_out(const struct style_res *r)
+/* Values of the block's output. */
+static size_t style_res_size(const struct style_res *r)
 {
     return r->conv2.batch * r->conv2.oh * r->conv2.ow * r->conv2.out;
 }
 
-static void res_forward(const float *x, struct style_res *r)
+/* r->out from x. */
+static void style_res_forward(const float *x, struct style_res *r)
 {
     conv_forward(r->h1, x, &r->conv1);
     rescale_forward(r->h1s, r->h1, &r->move_h);
@@ -392,13 +418,13 @@ static void res_forward(const float *x, struct style_res *r)
         conv_forward(r->sx, r->xs, &r->skip);
     }
     if (r->out != r->h2)
-        memcpy(r->out, r->h2, res_out(r) * sizeof *r->out);
-    image_add(r->out, r->up ? r->xs : r->sx, res_out(r));
+        memcpy(r->out, r->h2, style_res_size(r) * sizeof *r->out);
+    image_add(r->out, r->up ? r->xs : r->sx, style_res_size(r));
 }
 
 /* dx (written) from dout; a, b scratch; dout is overwritten. */
-static void res_backward(float *dx, float *dout, const float *x, float *a,
-                         float *b, struct style_res *r)
+static void style_res_backward(float *dx, float *dout, const float *x,
+                               float *a, float *b, struct style_res *r)
 {
     size_t n = r->conv1.batch * r->h * r->w * r->conv1.in;
     if (r->up) {
@@ -414,15 +440,17 @@ static void res_backward(float *dx, float *dout, const float *x, float *a,
     image_add(dx, a, n);
 }
 
-static void condition_forward(const float *f, struct style_condition *c)
+/* c->out from the map f. */
+static void style_condition_forward(const float *f, struct style_condition *c)
 {
     conv_forward(c->h, f, &c->a);
     conv_forward(c->out, c->h, &c->b);
 }
 
 /* df += ; dout is not kept. */
-static void condition_backward(float *df, float *dout, const float *f,
-                               float *a, float *b, struct style_condition *c)
+static void style_condition_backward(float *df, float *dout, const float *f,
+                                     float *a, float *b,
+                                     struct style_condition *c)
 {
     conv_backward(a, dout, NULL, c->h, &c->b);
     conv_backward(b, a, c->h, f, &c->a);
@@ -430,7 +458,8 @@ static void condition_backward(float *df, float *dout, const float *f,
 }
 
 /* flat (B,C*16) <-> inner (B,16,C) */
-static void flatten(float *flat, float *inner, size_t B, size_t C, bool back)
+static void style_unet_flatten(float *flat, float *inner, size_t B, size_t C,
+                               bool back)
 {
     for (size_t n = 0; n < B; n++)
         for (size_t i = 0; i < 16; i++)
@@ -445,10 +474,11 @@ static void flatten(float *flat, float *inner, size_t B, size_t C, bool back)
 }
 
 /* s = code rsqrt(mean(code^2) + eps), then the eight layers. */
-static void style_forward(struct style_unet *s)
+static void style_unet_style_forward(struct style_unet *s)
 {
     size_t Z = s->latent;
-    flatten(s->flat, s->inner, s->batch, width_at(s, 4), false);
+    style_unet_flatten(s->flat, s->inner, s->batch, style_unet_width(s, 4),
+                       false);
     conv_forward(s->code, s->flat, &s->final_linear);
     for (size_t n = 0; n < s->batch; n++) {
         const float *c = s->code + n * Z;
@@ -463,7 +493,8 @@ static void style_forward(struct style_unet *s)
         conv_forward(s->style[i], i ? s->style[i - 1] : s->normal, &s->mlp[i]);
 }
 
-static void encoder_forward(const float *feat, struct style_unet *s)
+/* The way down, to the innermost map s->inner. */
+static void style_unet_encoder_forward(const float *feat, struct style_unet *s)
 {
     const float *x = feat;
     if (s->in) {
@@ -474,27 +505,30 @@ static void encoder_forward(const float *feat, struct style_unet *s)
     conv_forward(s->x0, x, &s->first);
     x = s->x0;
     if (s->halve) {
-        res_forward(x, &s->first_res);
+        style_res_forward(x, &s->first_res);
         x = s->first_res.out;
     }
     for (size_t i = 0; i < s->levels; i++) {
-        res_forward(x, &s->level[i].down);
+        style_res_forward(x, &s->level[i].down);
         x = s->level[i].down.out;
     }
     conv_forward(s->inner, x, &s->final_conv);
 }
 
 /* y = x scale + shift, two maps */
-static void transform(float *y, const float *x, const float *scale,
-                      const float *shift, size_t n)
+static void style_unet_transform(float *y, const float *x, const float *scale,
+                                 const float *shift, size_t n)
 {
 #pragma omp parallel for simd schedule(static)
     for (size_t i = 0; i < n; i++)
         y[i] = x[i] * scale[i] + shift[i];
 }
 
-static void level_forward(struct style_unet *s, size_t i, const float *f,
-                          const float *x, const float *rgb)
+/* One level up: conditions from the encoder, two style convolutions,
+ * picture. */
+static void style_unet_level_forward(struct style_unet *s, size_t i,
+                                     const float *f, const float *x,
+                                     const float *rgb)
 {
     struct style_level *l = &s->level[i];
     const struct style_res *down = &s->level[s->levels - 1 - i].down;
@@ -502,22 +536,22 @@ static void level_forward(struct style_unet *s, size_t i, const float *f,
     size_t n = s->batch * l->side / 2 * l->side / 2 * l->up.conv1.in;
     memcpy(l->f, f, n * sizeof *f);
     image_add(l->f, down->out, n);
-    res_forward(l->f, &l->up);
-    condition_forward(l->up.out, &l->scale);
-    condition_forward(l->up.out, &l->shift);
+    style_res_forward(l->f, &l->up);
+    style_condition_forward(l->up.out, &l->scale);
+    style_condition_forward(l->up.out, &l->shift);
     style_conv_forward(x, latent, &l->enlarge);
-    transform(l->sft, l->enlarge.y, l->scale.out, l->shift.out,
-              s->batch * l->side * l->side * l->enlarge.out);
+    style_unet_transform(l->sft, l->enlarge.y, l->scale.out, l->shift.out,
+                         s->batch * l->side * l->side * l->enlarge.out);
     style_conv_forward(l->sft, latent, &l->same);
     to_rgb_forward(l->same.y, latent, rgb, &l->rgb);
 }
 
 void style_unet_forward(float *image, const float *feat, struct style_unet *s)
 {
-    size_t C = 2 * width_at(s, 4), n = s->out_size * s->out_size * 3;
+    size_t C = 2 * style_unet_width(s, 4), n = s->out_size * s->out_size * 3;
     const float *constant = param_w(s->ps, s->constant);
-    encoder_forward(feat, s);
-    style_forward(s);
+    style_unet_encoder_forward(feat, s);
+    style_unet_style_forward(s);
     for (size_t b = 0; b < s->batch; b++)
         for (size_t i = 0; i < 16; i++)
             for (size_t c = 0; c < C; c++)
@@ -526,7 +560,7 @@ void style_unet_forward(float *image, const float *feat, struct style_unet *s)
     to_rgb_forward(s->conv1.y, s->style[7], NULL, &s->rgb1);
     const float *f = s->inner, *x = s->conv1.y, *rgb = s->rgb1.rgb;
     for (size_t i = 0; i < s->levels; i++) {
-        level_forward(s, i, f, x, rgb);
+        style_unet_level_forward(s, i, f, x, rgb);
         f = s->level[i].up.out;
         x = s->level[i].same.y;
         rgb = s->level[i].rgb.rgb;
@@ -549,8 +583,9 @@ const float *style_unet_logits(const struct style_unet *s)
  */
 
 /* d(x scale + shift): dscale = dy x, dx = dy scale (may be over dy). */
-static void transform_backward(float *dx, float *dscale, const float *dy,
-                               const float *x, const float *scale, size_t n)
+static void style_unet_transform_backward(float *dx, float *dscale,
+                                          const float *dy, const float *x,
+                                          const float *scale, size_t n)
 {
 #pragma omp parallel for simd schedule(static)
     for (size_t i = 0; i < n; i++) {
@@ -563,8 +598,9 @@ static void transform_backward(float *dx, float *dscale, const float *dy,
 /* On entry g[0]: gradient of same.y from the next level, g[1]: of up.out from
  * the next level; drgb: of this level's picture.  On return the same for the
  * level before (its x, and f). */
-static void level_backward(struct style_unet *s, size_t i, const float *x,
-                           float *drgb, float *dprevious)
+static void style_unet_level_backward(struct style_unet *s, size_t i,
+                                      const float *x, float *drgb,
+                                      float *dprevious)
 {
     struct style_level *l = &s->level[i];
     struct style_level *other = &s->level[s->levels - 1 - i];
@@ -578,12 +614,13 @@ static void level_backward(struct style_unet *s, size_t i, const float *x,
                         &l->same);
     /* g2: gradient of sft = y scale + shift */
     memcpy(g[3], g[2], n * sizeof *g[3]);
-    condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->shift);
-    transform_backward(g[2], g[3], g[2], l->enlarge.y, l->scale.out, n);
-    condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->scale);
+    style_condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->shift);
+    style_unet_transform_backward(g[2], g[3], g[2], l->enlarge.y, l->scale.out,
+                                  n);
+    style_condition_backward(g[1], g[3], l->up.out, g[0], g[4], &l->scale);
     style_conv_backward(g[0], s->dlatent, g[2], x, latent, g[3], g[4],
                         &l->enlarge);
-    res_backward(g[2], g[1], l->f, g[3], g[4], &l->up);
+    style_res_backward(g[2], g[1], l->f, g[3], g[4], &l->up);
     memcpy(other->ddown, g[2], half * sizeof *g[2]);
     float *swap = g[1];
     g[1] = g[2];
@@ -592,7 +629,7 @@ static void level_backward(struct style_unet *s, size_t i, const float *x,
 
 /* dlatent through the eight layers and the normalisation, to the innermost
  * map's gradient, which is added to dinner. */
-static void style_backward(float *dinner, struct style_unet *s)
+static void style_unet_style_backward(float *dinner, struct style_unet *s)
 {
     size_t Z = s->latent;
     float *a = s->dlatent, *b = s->dstyle;
@@ -617,14 +654,16 @@ static void style_backward(float *dinner, struct style_unet *s)
                                                       (m * (double)Z)));
     }
     conv_backward(s->dflat, a, s->code, s->flat, &s->final_linear);
-    flatten(s->dflat, dinner, s->batch, width_at(s, 4), true);
+    style_unet_flatten(s->dflat, dinner, s->batch, style_unet_width(s, 4),
+                       true);
 }
 
-static void encoder_backward(float *dfeat, struct style_unet *s)
+/* From the innermost map's gradient g[1] and the skips' to dfeat. */
+static void style_unet_encoder_backward(float *dfeat, struct style_unet *s)
 {
     float **g = s->g;
     const struct style_level *last = &s->level[s->levels - 1];
-    size_t n = s->batch * 16 * width_at(s, 4);
+    size_t n = s->batch * 16 * style_unet_width(s, 4);
     /* g1: gradient of final_conv's output */
     conv_backward(g[0], g[1], s->inner, last->down.out, &s->final_conv);
     image_add(g[0], last->ddown, n);
@@ -632,16 +671,16 @@ static void encoder_backward(float *dfeat, struct style_unet *s)
         struct style_level *l = &s->level[i];
         const float *x = i ? s->level[i - 1].down.out
                        : s->halve ? s->first_res.out : s->x0;
-        res_backward(g[1], g[0], x, g[2], g[3], &l->down);
+        style_res_backward(g[1], g[0], x, g[2], g[3], &l->down);
         if (i)
             image_add(g[1], s->level[i - 1].ddown,
-                      res_out(&s->level[i - 1].down));
+                      style_res_size(&s->level[i - 1].down));
         float *swap = g[0];
         g[0] = g[1];
         g[1] = swap;
     }
     if (s->halve) {
-        res_backward(g[1], g[0], s->x0, g[2], g[3], &s->first_res);
+        style_res_backward(g[1], g[0], s->x0, g[2], g[3], &s->first_res);
         float *swap = g[0];
         g[0] = g[1];
         g[1] = swap;
@@ -655,16 +694,18 @@ static void encoder_backward(float *dfeat, struct style_unet *s)
 void style_unet_backward(float *dfeat, const float *dimage,
                          struct style_unet *s)
 {
-    size_t B = s->batch, C = 2 * width_at(s, 4), L = s->levels;
+    size_t B = s->batch, C = 2 * style_unet_width(s, 4), L = s->levels;
     size_t top = s->out_size;
     float **g = s->g, *drgb = s->drgb[0], *dprev = s->drgb[1];
     memset(s->dlatent, 0, B * s->latent * sizeof *s->dlatent);
     act_backward_out(drgb, dimage, s->image, ACT_SIGMOID, B * top * top * 3);
-    memset(g[0], 0, B * top * top * 2 * width_at(s, top) * sizeof *g[0]);
-    memset(g[1], 0, res_out(&s->level[L - 1].up) * sizeof *g[1]);
+    memset(g[0], 0, B * top * top * 2 * style_unet_width(s, top) * sizeof
+           *g[0]);
+    memset(g[1], 0, style_res_size(&s->level[L - 1].up) * sizeof *g[1]);
     for (size_t i = L; i-- > 0;) {
-        level_backward(s, i, i ? s->level[i - 1].same.y : s->conv1.y, drgb,
-                       dprev);
+        style_unet_level_backward(s, i,
+                                  i ? s->level[i - 1].same.y : s->conv1.y,
+                                  drgb, dprev);
         float *swap = drgb;
         drgb = dprev;
         dprev = swap;
@@ -678,6 +719,6 @@ void style_unet_backward(float *dfeat, const float *dimage,
         for (size_t i = 0; i < 16; i++)
             for (size_t c = 0; c < C; c++)
                 dc[c * 16 + i] += g[2][(b * 16 + i) * C + c];
-    style_backward(g[1], s);
-    encoder_backward(dfeat, s);
+    style_unet_style_backward(g[1], s);
+    style_unet_encoder_backward(dfeat, s);
 }

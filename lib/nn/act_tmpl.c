@@ -4,7 +4,7 @@
 #include "lib/nn/vector.h"
 
 /* math_act and math_slope, to the bit, of a vector. */
-VF_INLINE vf vf_act(vf x, int act)
+VF_INLINE vf act_of(vf x, int act)
 {
     vf t;
     switch (act) {
@@ -26,26 +26,27 @@ VF_INLINE vf vf_act(vf x, int act)
 }
 
 /* m ? a : b in each lane. */
-VF_INLINE vf vf_choose(vf_i32 m, vf a, vf b)
+VF_INLINE vf act_choose(vf_i32 m, vf a, vf b)
 {
     return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
 }
 
-VF_INLINE vf vf_slope(vf x, int act)
+/* math_slope, to the bit, of a vector. */
+VF_INLINE vf act_slope_of(vf x, int act)
 {
     const vf zero = vf_set(0), one = vf_set(1);
     vf in, y;
     switch (act) {
     case ACT_RELU:
-        return vf_choose(x > 0.0f, one, zero);
+        return act_choose(x > 0.0f, one, zero);
     case ACT_LRELU:
-        return vf_choose(x > 0.0f, one, vf_set(ACT_SLOPE));
+        return act_choose(x > 0.0f, one, vf_set(ACT_SLOPE));
     case ACT_HARDSWISH:
-        in = vf_choose(x > -3.0f, (2.0f * x + 3.0f) * (1.0f / 6), zero);
-        return vf_choose(x < 3.0f, in, one);
+        in = act_choose(x > -3.0f, (2.0f * x + 3.0f) * (1.0f / 6), zero);
+        return act_choose(x < 3.0f, in, one);
     case ACT_HARDSIGMOID:
-        in = vf_choose(x > -3.0f, vf_set(1.0f / 6), zero);
-        return vf_choose(x < 3.0f, in, zero);
+        in = act_choose(x > -3.0f, vf_set(1.0f / 6), zero);
+        return act_choose(x < 3.0f, in, zero);
     case ACT_SIGMOID:
         y = vf_sigmoid(x);
         return y * (1.0f - y);
@@ -68,7 +69,7 @@ void ISA(act_forward)(float *y, const float *x, int act, size_t n)
     size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
     for (size_t i = 0; i < whole; i += VF_LANES)                             \
-        vf_store(y + i, vf_act(vf_load(x + i), A));                          \
+        vf_store(y + i, act_of(vf_load(x + i), A));                          \
     for (size_t i = whole; i < n; i++)                                       \
         y[i] = math_act(x[i], A);
     MATH_FOR_ACT(act, LOOP)
@@ -81,7 +82,8 @@ void ISA(act_backward)(float *dx, const float *dy, const float *x, int act,
     size_t whole = act_whole(act, n);
 #define LOOP(A)                                                              \
     for (size_t i = 0; i < whole; i += VF_LANES)                             \
-        vf_store(dx + i, vf_load(dy + i) * vf_slope(vf_load(x + i), A));     \
+        vf_store(dx + i,                                                     \
+                 vf_load(dy + i) * act_slope_of(vf_load(x + i), A));         \
     for (size_t i = whole; i < n; i++)                                       \
         dx[i] = dy[i] * math_slope(x[i], A);
     MATH_FOR_ACT(act, LOOP)

@@ -9,12 +9,13 @@
 #define ROWS 48        /* queries at once */
 
 /* One thread's scratch: packed matrices and two blocks of probabilities. */
-struct work {
+struct attention_work {
     float *kt, *v, *k, *vt, *block, *p, *dp;
     size_t ld;
 };
 
-static size_t up(size_t n, size_t to)
+/* n rounded up to a multiple of `to`. */
+static size_t attention_round_up(size_t n, size_t to)
 {
     return (n + to - 1) / to * to;
 }
@@ -24,7 +25,7 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
 {
     *a = (struct attention){ .batch = batch, .tokens = tokens,
                              .heads = heads, .dim = dim, .plan = p };
-    size_t T = up(tokens, 32), d = up(dim, 32);
+    size_t T = attention_round_up(tokens, 32), d = attention_round_up(dim, 32);
     a->work = 2 * T * d + ROWS * T;
     if (nn_plan_backward(p))
         a->work += 2 * T * d + ROWS * T + ROWS * d;
@@ -32,12 +33,14 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
                            (size_t)omp_get_max_threads());
 }
 
-static struct work thread_work(const struct attention *a)
+/* Where the calling thread's share of the plan's scratch lies. */
+static struct attention_work attention_work(const struct attention *a)
 {
-    size_t T = up(a->tokens, 32), d = up(a->dim, 32);
+    size_t T = attention_round_up(a->tokens, 32), d =
+        attention_round_up(a->dim, 32);
     float *at = (float *)(void *)a->plan->scratch +
                 (size_t)omp_get_thread_num() * a->work;
-    struct work w = { .ld = T };
+    struct attention_work w = { .ld = T };
     w.kt = at;
     w.v = w.kt + T * d;
     w.p = w.v + T * d;
@@ -48,10 +51,13 @@ static struct work thread_work(const struct attention *a)
     return w;
 }
 
-static void one_forward(float *out, const float *q, const struct attention *a)
+/* One head of one item: a block of queries at a time, p = softmax(q k^T
+ * scale), out = p v. */
+static void attention_head_forward(float *out, const float *q,
+                                   const struct attention *a)
 {
     const struct nn_kernels *k = nn_kernels();
-    struct work w = thread_work(a);
+    struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
     k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
     k->gemm_pack(w.v, q + 2 * E, 3 * E, 1, T, d);
@@ -69,17 +75,17 @@ void attention_forward(float *out, const float *qkv, struct attention *a)
 #pragma omp parallel for collapse(2) schedule(static)
     for (size_t b = 0; b < a->batch; b++)
         for (size_t h = 0; h < a->heads; h++)
-            one_forward(out + b * T * E + h * d,
-                        qkv + b * T * 3 * E + h * d, a);
+            attention_head_forward(out + b * T * E + h * d,
+                                   qkv + b * T * 3 * E + h * d, a);
 }
 
 /* In the forward pass, for a block of queries: p = softmax(q k^T scale),
  * out = p v. */
-static void one_backward(float *dq, const float *dout, const float *q,
-                         const struct attention *a)
+static void attention_head_backward(float *dq, const float *dout,
+                                    const float *q, const struct attention *a)
 {
     const struct nn_kernels *k = nn_kernels();
-    struct work w = thread_work(a);
+    struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
     float scale = 1.0f / sqrtf((float)d);
     k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
@@ -106,7 +112,7 @@ void attention_backward(float *dqkv, const float *dout, const float *qkv,
 #pragma omp parallel for collapse(2) schedule(static)
     for (size_t b = 0; b < a->batch; b++)
         for (size_t h = 0; h < a->heads; h++)
-            one_backward(dqkv + b * T * 3 * E + h * d,
-                         dout + b * T * E + h * d,
-                         qkv + b * T * 3 * E + h * d, a);
+            attention_head_backward(dqkv + b * T * 3 * E + h * d,
+                                    dout + b * T * E + h * d,
+                                    qkv + b * T * 3 * E + h * d, a);
 }

@@ -34,7 +34,8 @@ struct conv {
     size_t gamma;                 /* tensor (out) in ps that scales the whole
                                    * output, folded; or NN_NONE.  NN_INFER */
     const float *from;            /* weights in place of the tensor's, for
-                                   * conv_update (lib/nn/vary.h); or NULL */
+                                   * conv_update (conditional_conv.h), or
+                                   * NULL */
     size_t shuffle;               /* factor of a transposed convolution, or 0:
                                    * `out` then counts its pixels too */
     size_t in_data;               /* channels in memory if more than `in`
@@ -67,7 +68,8 @@ void conv_release(struct conv *c);
 /* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))). */
 void conv_forward(float *out, const float *in, struct conv *c);
 /* din (B,h,w,in) is written unless NULL; weight and bias gradients are added
- * to ps->g; dout is overwritten by the gradient before the activation. */
+ * to ps->g, unless their tensors are frozen (which weights must be before the
+ * planning, or never); dout is overwritten by the gradient before the activation. */
 void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c);
 

@@ -19,7 +19,9 @@ void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
                            PARAM_HE, 1.0f);
 }
 
-static size_t out_size(size_t *before, size_t size, const struct depthwise *d)
+/* Output pixels along an axis of `size`, and the padding before the first. */
+static size_t depthwise_out_size(size_t *before, size_t size,
+                                 const struct depthwise *d)
 {
     size_t out = (size + d->stride - 1) / d->stride;
     size_t need = (out - 1) * d->stride + d->kernel;
@@ -37,8 +39,8 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
     d->batch = batch;
     d->h = h;
     d->w = w;
-    d->oh = out_size(&d->top, h, d);
-    d->ow = out_size(&d->left, w, d);
+    d->oh = depthwise_out_size(&d->top, h, d);
+    d->ow = depthwise_out_size(&d->left, w, d);
     d->taps = nn_plan_floats(p, K * K * C);
     d->bias = nn_plan_floats(p, C);
     size_t wide = (d->ow + T) * S + w + T + 2 * K;
@@ -74,7 +76,8 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
     }
 }
 
-static float *thread_pad(const struct depthwise *d)
+/* The calling thread's padded buffer in the plan's scratch. */
+static float *depthwise_thread_pad(const struct depthwise *d)
 {
     return (float *)(void *)d->plan->scratch +
            (size_t)omp_get_thread_num() * d->pad_size;
@@ -89,9 +92,9 @@ void depthwise_forward(float *out, const float *in, struct depthwise *d)
     for (size_t n = 0; n < d->batch; n++)
         for (size_t b = 0; b < bands; b++)
             for (size_t c = 0; c < blocks; c++)
-                k->depthwise_forward(out, in, thread_pad(d), d, n, c * L,
-                                     b * R,
-                                     b + 1 < bands ? (b + 1) * R : d->oh);
+                k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n, c
+                                     * L, b * R, b + 1 < bands ? (b + 1) * R :
+                                     d->oh);
 }
 
 /* In the forward pass this was, per channel, with S the stride:
@@ -107,7 +110,7 @@ void depthwise_backward(float *din, const float *dout, const float *in,
     for (size_t n = 0; n < d->batch; n++)
         for (size_t c = 0; c < blocks; c++)
             k->depthwise_backward_weights(d->dw + n * taps * C, dout, in,
-                                          thread_pad(d), d, n, c * L);
+                                          depthwise_thread_pad(d), d, n, c * L);
     float *g = param_g(d->ps, d->weight);
     for (size_t n = 0; n < d->batch; n++)
         for (size_t i = 0; i < taps; i++)
@@ -120,6 +123,6 @@ void depthwise_backward(float *din, const float *dout, const float *in,
         for (size_t b = 0; b < bands; b++)
             for (size_t c = 0; c < blocks; c++)
                 k->depthwise_backward_data(
-                    din, dout, thread_pad(d), d, n, c * L, b * R,
+                    din, dout, depthwise_thread_pad(d), d, n, c * L, b * R,
                     b + 1 < bands ? (b + 1) * R : d->h);
 }

@@ -1,6 +1,7 @@
 /* Depthwise convolution of 16 channels at a time.  The input piece is first
  * copied into a padded buffer (row, column, 16 lanes), so that the arithmetic
- * has no borders: seven output columns of one vector of channels in registers. */
+ * has no borders: seven output columns of one vector of channels in
+ * registers. */
 #include "lib/nn/depthwise.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/math.h"
@@ -10,14 +11,14 @@
 #define LANES DEPTHWISE_LANES
 
 /* A picture (h,w,C) whose channels [c0,c0+m) are read. */
-struct source {
+struct depthwise_source {
     const float *data;
     size_t h, w, C, c0, m;
 };
 
 /* One row of the picture into to (w, 16 lanes), step lanes apart. */
-VF_INLINE void copy_row(float *to, size_t step, const struct source *s,
-                         size_t y)
+VF_INLINE void depthwise_copy_row(float *to, size_t step,
+                                  const struct depthwise_source *s, size_t y)
 {
     size_t at = y * s->w * s->C + s->c0;
     const float *p = s->data + at;
@@ -35,8 +36,9 @@ VF_INLINE void copy_row(float *to, size_t step, const struct source *s,
 
 /* pad (rows,cols,16) <- the picture from row y0 and column x0 on (either may
  * be negative), its pixels `dilate` apart, zeros elsewhere. */
-static void fill(float *pad, const struct source *s, ptrdiff_t y0,
-                 size_t rows, ptrdiff_t x0, size_t cols, size_t dilate)
+static void depthwise_fill(float *pad, const struct depthwise_source *s,
+                           ptrdiff_t y0, size_t rows, ptrdiff_t x0,
+                           size_t cols, size_t dilate)
 {
     ptrdiff_t d = (ptrdiff_t)dilate;
     for (size_t r = 0; r < rows; r++) {
@@ -53,13 +55,15 @@ static void fill(float *pad, const struct source *s, ptrdiff_t y0,
                        (cols - left - used) * LANES * sizeof *row);
         }
         if (inside)
-            copy_row(row + left * LANES, dilate * LANES, s, (size_t)(y / d));
+            depthwise_copy_row(row + left * LANES, dilate * LANES, s,
+                               (size_t)(y / d));
     }
 }
 
 /* seven columns of one row: acc = bias + sum of taps */
-VF_INLINE void seven(vf acc[T], const float *pad, const float *taps,
-                      size_t C, vf bias, size_t cols, int K, int S)
+VF_INLINE void depthwise_columns(vf acc[T], const float *pad,
+                                 const float *taps, size_t C, vf bias,
+                                 size_t cols, int K, int S)
 {
     for (int t = 0; t < T; t++)
         acc[t] = bias;
@@ -73,13 +77,13 @@ VF_INLINE void seven(vf acc[T], const float *pad, const float *taps,
 }
 
 /* Where results go: (ow,C) rows, channels [c0,c0+m). */
-struct target {
+struct depthwise_target {
     float *data;
     size_t w, C, c0, m;
 };
 
 /* math_act, to the bit: a loop over lanes stays scalar code. */
-VF_INLINE vf activated(vf x, int act)
+VF_INLINE vf depthwise_activate(vf x, int act)
 {
     vf zero = { 0 }, t;
     switch (act) {
@@ -94,12 +98,12 @@ VF_INLINE vf activated(vf x, int act)
 }
 
 /* Lanes [lane, lane + VF_LANES) of the 16, as far as there are channels. */
-VF_INLINE void put(const struct target *o, size_t y, size_t x, size_t lane,
-                   vf v, int act)
+VF_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
+                               size_t x, size_t lane, vf v, int act)
 {
     float *to = o->data + (y * o->w + x) * o->C + o->c0 + lane;
     size_t left = o->m - lane;
-    v = activated(v, act);
+    v = depthwise_activate(v, act);
     if (left >= VF_LANES)
         vf_store(to, v);
     else if (left == LANES / 2)
@@ -110,38 +114,41 @@ VF_INLINE void put(const struct target *o, size_t y, size_t x, size_t lane,
 
 /* Rows [y0,y1) of the output from pad, whose first row is y0's first tap.
  * taps (K*K, 16 used of C); bias 16 lanes. */
-VF_INLINE void rows_of(const struct target *o, const float *pad,
-                        const float *taps, size_t C, const float *bias,
-                        size_t y0, size_t y1, size_t cols, int K, int S,
-                        int act)
+VF_INLINE void depthwise_rows(const struct depthwise_target *o,
+                              const float *pad, const float *taps, size_t C,
+                              const float *bias, size_t y0, size_t y1,
+                              size_t cols, int K, int S, int act)
 {
     vf acc[T];
     for (size_t y = y0; y < y1; y++)
         for (size_t x = 0; x < o->w; x += T)
             for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {
-                seven(acc, pad + ((y - y0) * cols + x) * (size_t)S * LANES + i,
-                      taps + i, C, vf_load(bias + i), cols, K, S);
+                depthwise_columns(acc,
+                                  pad + ((y - y0) * cols + x) * (size_t)S *
+                                      LANES + i, taps + i, C,
+                                  vf_load(bias + i), cols, K, S);
                 size_t n = o->w - x < T ? o->w - x : T;
                 for (size_t t = 0; t < T; t++)
                     if (t < n)
-                        put(o, y, x + t, i, acc[t], act);
+                        depthwise_store(o, y, x + t, i, acc[t], act);
             }
 }
 
-static void rows_any(const struct target *o, const float *pad,
-                     const float *taps, size_t C, const float *bias,
-                     size_t y0, size_t y1, size_t cols, size_t K, size_t S,
-                     int act)
+/* depthwise_rows with kernel, stride and activation as constants. */
+static void depthwise_rows_any(const struct depthwise_target *o,
+                               const float *pad, const float *taps, size_t C,
+                               const float *bias, size_t y0, size_t y1,
+                               size_t cols, size_t K, size_t S, int act)
 {
 #define LOOP(A)                                                              \
     if (K == 3 && S == 1)                                                    \
-        rows_of(o, pad, taps, C, bias, y0, y1, cols, 3, 1, A);               \
+        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 3, 1, A);      \
     else if (K == 3)                                                         \
-        rows_of(o, pad, taps, C, bias, y0, y1, cols, 3, 2, A);               \
+        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 3, 2, A);      \
     else if (S == 1)                                                         \
-        rows_of(o, pad, taps, C, bias, y0, y1, cols, 5, 1, A);               \
+        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 5, 1, A);      \
     else                                                                     \
-        rows_of(o, pad, taps, C, bias, y0, y1, cols, 5, 2, A);
+        depthwise_rows(o, pad, taps, C, bias, y0, y1, cols, 5, 2, A);
     switch (act) {
     case ACT_RELU: LOOP(ACT_RELU) break;
     case ACT_HARDSWISH: LOOP(ACT_HARDSWISH) break;
@@ -151,8 +158,8 @@ static void rows_any(const struct target *o, const float *pad,
 }
 
 /* The taps of 16 channels, zeros beyond the last channel. */
-static void sixteen(float *to, const float *taps, const struct depthwise *d,
-                    size_t c0, size_t m)
+static void depthwise_taps(float *to, const float *taps,
+                           const struct depthwise *d, size_t c0, size_t m)
 {
     size_t n = d->kernel * d->kernel;
     memset(to, 0, n * LANES * sizeof *to);
@@ -160,7 +167,8 @@ static void sixteen(float *to, const float *taps, const struct depthwise *d,
         memcpy(to + i * LANES, taps + i * d->channels + c0, m * sizeof *to);
 }
 
-static size_t columns(size_t w, size_t S, size_t K)
+/* Columns of the padded input for w outputs, whole groups of T. */
+static size_t depthwise_padded_width(size_t w, size_t S, size_t K)
 {
     return ((w + T - 1) / T * T - 1) * S + K;
 }
@@ -172,15 +180,18 @@ void ISA(depthwise_forward)(float *out, const float *in, float *pad,
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
     float taps[25 * LANES], bias[LANES] = { 0 };
-    struct source s = { in + image * d->h * d->w * C, d->h, d->w, C, c0, m };
-    struct target o = { out + image * d->oh * d->ow * C, d->ow, C, c0, m };
-    size_t cols = columns(d->ow, d->stride, d->kernel);
-    sixteen(taps, d->taps, d, c0, m);
+    struct depthwise_source s = { in + image * d->h * d->w * C, d->h, d->w,
+                                  C, c0, m };
+    struct depthwise_target o = { out + image * d->oh * d->ow * C, d->ow, C,
+                                  c0, m };
+    size_t cols = depthwise_padded_width(d->ow, d->stride, d->kernel);
+    depthwise_taps(taps, d->taps, d, c0, m);
     memcpy(bias, d->bias + c0, m * sizeof *bias);
-    fill(pad, &s, (ptrdiff_t)(y0 * d->stride) - (ptrdiff_t)d->top,
-         (y1 - y0 - 1) * d->stride + d->kernel, -(ptrdiff_t)d->left, cols, 1);
-    rows_any(&o, pad, taps, LANES, bias, y0, y1, cols, d->kernel, d->stride,
-             (int)d->act);
+    depthwise_fill(pad, &s, (ptrdiff_t)(y0 * d->stride) - (ptrdiff_t)d->top,
+                   (y1 - y0 - 1) * d->stride + d->kernel, -(ptrdiff_t)d->left,
+                   cols, 1);
+    depthwise_rows_any(&o, pad, taps, LANES, bias, y0, y1, cols, d->kernel,
+                       d->stride, (int)d->act);
 }
 
 /* Rows [y0,y1) of din: a convolution of the dilated dout, taps flipped. */
@@ -190,23 +201,25 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
     float taps[25 * LANES], zero[LANES] = { 0 };
-    struct source s = { dout + image * d->oh * d->ow * C, d->oh, d->ow, C, c0,
-                        m };
-    struct target o = { din + image * d->h * d->w * C, d->w, C, c0, m };
-    size_t cols = columns(d->w, 1, d->kernel), K = d->kernel;
+    struct depthwise_source s = { dout + image * d->oh * d->ow * C, d->oh,
+                                  d->ow, C, c0, m };
+    struct depthwise_target o = { din + image * d->h * d->w * C, d->w, C, c0,
+                                  m };
+    size_t cols = depthwise_padded_width(d->w, 1, d->kernel), K = d->kernel;
     size_t used = K - 1 - d->left + (d->ow - 1) * d->stride + 1;
     if (cols < used)
         cols = used;
-    sixteen(taps, d->flipped, d, c0, m);
-    fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1),
-         y1 - y0 + K - 1, (ptrdiff_t)d->left - (ptrdiff_t)(K - 1), cols,
-         d->stride);
-    rows_any(&o, pad, taps, LANES, zero, y0, y1, cols, K, 1, ACT_NONE);
+    depthwise_taps(taps, d->flipped, d, c0, m);
+    depthwise_fill(pad, &s, (ptrdiff_t)(y0 + d->top) - (ptrdiff_t)(K - 1),
+                   y1 - y0 + K - 1, (ptrdiff_t)d->left - (ptrdiff_t)(K - 1),
+                   cols, d->stride);
+    depthwise_rows_any(&o, pad, taps, LANES, zero, y0, y1, cols, K, 1,
+                       ACT_NONE);
 }
 
 /* acc[K] += one row of dout times the K shifted rows of the input */
-VF_INLINE void row_taps(vf *acc, const float *pad, const float *g, size_t w,
-                         int K, int S)
+VF_INLINE void depthwise_row_taps(vf *acc, const float *pad, const float *g,
+                                  size_t w, int K, int S)
 {
     for (size_t x = 0; x < w; x++) {
         vf dy = vf_load(g + x * LANES);
@@ -217,8 +230,9 @@ VF_INLINE void row_taps(vf *acc, const float *pad, const float *g, size_t w,
 }
 
 /* sum (K*K,16) += the taps' gradients from `rows` rows of dout. */
-VF_INLINE void weights_of(float *sum, const float *pad, const float *g,
-                          size_t rows, size_t w, size_t cols, int K, int S)
+VF_INLINE void depthwise_weights(float *sum, const float *pad, const float *g,
+                                 size_t rows, size_t w, size_t cols, int K,
+                                 int S)
 {
     for (int i = 0; i < LANES * K; i += VF_LANES) {
         int ky = i / LANES, lane = i % LANES;
@@ -227,8 +241,10 @@ VF_INLINE void weights_of(float *sum, const float *pad, const float *g,
         for (int k = 0; k < K; k++)
             acc[k] = vf_load(to + k * LANES);
         for (size_t y = 0; y < rows; y++)
-            row_taps(acc, pad + (y * (size_t)S + (size_t)ky) * cols * LANES +
-                         lane, g + y * w * LANES + lane, w, K, S);
+            depthwise_row_taps(acc,
+                               pad + (y * (size_t)S + (size_t)ky) * cols *
+                                   LANES + lane, g + y * w * LANES + lane, w,
+                               K, S);
         for (int k = 0; k < K; k++)
             vf_store(to + k * LANES, acc[k]);
     }
@@ -241,27 +257,28 @@ void ISA(depthwise_backward_weights)(float *dw, const float *dout,
                                      size_t c0)
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
-    size_t K = d->kernel, S = d->stride, cols = columns(d->ow, S, K);
+    size_t K = d->kernel, S = d->stride, cols = depthwise_padded_width(d->ow,
+                                                                       S, K);
     float sum[25 * LANES] = { 0 };
-    struct source s = { in + image * d->h * d->w * C, d->h, d->w, C,
-                        c0, m };
-    struct source g = { dout + image * d->oh * d->ow * C, d->oh, d->ow,
-                        C, c0, m };
+    struct depthwise_source s = { in + image * d->h * d->w * C, d->h, d->w,
+                                  C, c0, m };
+    struct depthwise_source g = { dout + image * d->oh * d->ow * C, d->oh,
+                                  d->ow, C, c0, m };
     float *rows = pad + ((DEPTHWISE_ROWS - 1) * S + K) * cols * LANES;
     for (size_t y0 = 0; y0 < d->oh; y0 += DEPTHWISE_ROWS) {
         size_t n = d->oh - y0 < DEPTHWISE_ROWS ? d->oh - y0 : DEPTHWISE_ROWS;
-        fill(pad, &s, (ptrdiff_t)(y0 * S) - (ptrdiff_t)d->top,
-             (n - 1) * S + K, -(ptrdiff_t)d->left, cols, 1);
+        depthwise_fill(pad, &s, (ptrdiff_t)(y0 * S) - (ptrdiff_t)d->top,
+                       (n - 1) * S + K, -(ptrdiff_t)d->left, cols, 1);
         for (size_t y = 0; y < n; y++)
-            copy_row(rows + y * d->ow * LANES, LANES, &g, y0 + y);
+            depthwise_copy_row(rows + y * d->ow * LANES, LANES, &g, y0 + y);
         if (K == 3 && S == 1)
-            weights_of(sum, pad, rows, n, d->ow, cols, 3, 1);
+            depthwise_weights(sum, pad, rows, n, d->ow, cols, 3, 1);
         else if (K == 3)
-            weights_of(sum, pad, rows, n, d->ow, cols, 3, 2);
+            depthwise_weights(sum, pad, rows, n, d->ow, cols, 3, 2);
         else if (S == 1)
-            weights_of(sum, pad, rows, n, d->ow, cols, 5, 1);
+            depthwise_weights(sum, pad, rows, n, d->ow, cols, 5, 1);
         else
-            weights_of(sum, pad, rows, n, d->ow, cols, 5, 2);
+            depthwise_weights(sum, pad, rows, n, d->ow, cols, 5, 2);
     }
     for (size_t i = 0; i < K * K; i++)
         memcpy(dw + i * C + c0, sum + i * LANES, m * sizeof *dw);

@@ -45,7 +45,7 @@ static dnnl_cpu_isa_t engine_user_limit(dnnl_cpu_isa_t most)
 /* oneDNN obeys $SPID_CPU as well as its own variable, and never uses AMX: a
  * virtual machine was seen that shows it, grants it, and then calls its
  * instructions illegal. */
-static void limit_instructions(void)
+static void engine_limit_instructions(void)
 {
 #ifdef SPID_X86
     enum cpu_level level = cpu_level();
@@ -56,9 +56,10 @@ static void limit_instructions(void)
 #endif
 }
 
-static void start(void)
+/* Make the engine and its stream; engine stays NULL when either fails. */
+static void engine_start(void)
 {
-    limit_instructions();
+    engine_limit_instructions();
     if (dnnl_engine_create(&engine, dnnl_cpu, 0) != dnnl_success) {
         engine = NULL;
         return;
@@ -70,7 +71,7 @@ static void start(void)
 
 dnnl_engine_t nn_engine(void)
 {
-    pthread_once(&once, start);
+    pthread_once(&once, engine_start);
     return engine;
 }
 

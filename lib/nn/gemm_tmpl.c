@@ -37,9 +37,9 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
 }
 
 /* C block of `rows` (a constant) by COLUMNS */
-VF_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
-                      size_t cs, const float *B, size_t K, size_t n,
-                      int accumulate, const int rows)
+VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
+                          size_t cs, const float *B, size_t K, size_t n,
+                          int accumulate, const int rows)
 {
     vf acc[ROWS][WIDE];
     for (int r = 0; r < rows; r++)
@@ -72,14 +72,14 @@ VF_INLINE void block(float *C, size_t ldc, const float *A, size_t rs,
 }
 
 /* The rows that are left over: any number below ROWS. */
-static void block_few(float *C, size_t ldc, const float *A, size_t rs,
-                      size_t cs, const float *B, size_t K, size_t n,
-                      int accumulate, size_t rows)
+static void gemm_block_few(float *C, size_t ldc, const float *A, size_t rs,
+                           size_t cs, const float *B, size_t K, size_t n,
+                           int accumulate, size_t rows)
 {
     for (; rows >= 3; rows -= 3, C += 3 * ldc, A += 3 * rs)
-        block(C, ldc, A, rs, cs, B, K, n, accumulate, 3);
+        gemm_block(C, ldc, A, rs, cs, B, K, n, accumulate, 3);
     for (; rows; rows--, C += ldc, A += rs)
-        block(C, ldc, A, rs, cs, B, K, n, accumulate, 1);
+        gemm_block(C, ldc, A, rs, cs, B, K, n, accumulate, 1);
 }
 
 /* C (M,N), rows ldc apart, = or += A B; A's element (m,k) at A[m rs + k cs],
@@ -92,10 +92,10 @@ void ISA(gemm)(float *C, size_t ldc, const float *A, size_t rs, size_t cs,
         const float *B = packed + n0 / PANEL * PANEL * K + n0 % PANEL;
         size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS, m = 0;
         for (; m + ROWS <= M; m += ROWS)
-            block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
-                  accumulate, ROWS);
-        block_few(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
-                  accumulate, M - m);
+            gemm_block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
+                       accumulate, ROWS);
+        gemm_block_few(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
+                       accumulate, M - m);
     }
 }
 

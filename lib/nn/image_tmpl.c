@@ -4,8 +4,9 @@
 #include "lib/nn/vector.h"
 
 /* to = sum_k w[k] rows[k], rows n values long and `stride` apart. */
-VF_INLINE void weighted(float *restrict to, const float *restrict from,
-                         const float *w, size_t taps, size_t stride, size_t n)
+VF_INLINE void rescale_weighted(float *restrict to, const float *restrict from,
+                                const float *w, size_t taps, size_t stride,
+                                size_t n)
 {
     if (taps == 2) {
         float a = w[0], b = w[1];
@@ -26,8 +27,8 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
 {
     const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->in * C;
-    weighted(line, in + (size_t)y->first[o] * row, y->weight + o * y->taps,
-             y->taps, row, row);
+    rescale_weighted(line, in + (size_t)y->first[o] * row,
+                     y->weight + o * y->taps, y->taps, row, row);
     if (C % 16 == 0 && x->taps == 2) {
         for (size_t j = 0; j < x->out; j++) {
             const float *p = line + (size_t)x->first[j] * C;
@@ -40,8 +41,8 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
         return;
     }
     for (size_t j = 0; j < x->out; j++)
-        weighted(out + j * C, line + (size_t)x->first[j] * C,
-                 x->weight + j * x->taps, x->taps, C, C);
+        rescale_weighted(out + j * C, line + (size_t)x->first[j] * C,
+                         x->weight + j * x->taps, x->taps, C, C);
 }
 
 /* Row i of the input's gradient. */

@@ -53,7 +53,7 @@ void int8_update(struct int8 *q, const struct conv *c, const float *w)
 }
 
 /* Least and greatest of 0 and the input. */
-static void range(float *lo, float *hi, const float *in, size_t n)
+static void int8_range(float *lo, float *hi, const float *in, size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
     float least = 0, most = 0;
@@ -67,9 +67,9 @@ static void range(float *lo, float *hi, const float *in, size_t n)
 }
 
 /* Row y of the padded picture, from row y - top of the picture if it has it. */
-static void quantise_row(uint8_t *to, const float *in, const struct int8 *q,
-                         const struct conv *c, size_t y, float inverse,
-                         float zero)
+static void int8_quantise_row(uint8_t *to, const float *in,
+                              const struct int8 *q, const struct conv *c,
+                              size_t y, float inverse, float zero)
 {
     const size_t C = c->in_data, n = c->w * C;
     const int z = (int)zero;
@@ -91,13 +91,13 @@ const uint8_t *int8_input(struct int8 *q, const struct conv *c,
     const size_t image = c->h * c->w * c->in_data, row = q->w * c->in_data;
     float lo, hi;
 
-    range(&lo, &hi, in, c->batch * image);
+    int8_range(&lo, &hi, in, c->batch * image);
     const float step = hi > lo ? (hi - lo) / 255 : 1;
     const float zero = rintf(-lo / step);
 #pragma omp parallel for schedule(static)
     for (size_t y = 0; y < c->batch * q->h; y++)
-        quantise_row(bytes + y * row, in + y / q->h * image, q, c, y % q->h,
-                     1 / step, zero);
+        int8_quantise_row(bytes + y * row, in + y / q->h * image, q, c,
+                          y % q->h, 1 / step, zero);
     for (size_t o = 0; o < c->out; o++) {
         q->scale[o] = step * q->step[o];
         q->bias[o] = bias[o] / q->scale[o] - zero * q->sum[o];

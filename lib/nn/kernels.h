@@ -11,7 +11,8 @@
 #include "lib/base/isa.h"
 
 struct depthwise;
-struct fold_rows;
+struct fused_stem_rows;
+struct max_pool;
 struct rescale;
 struct winograd;
 
@@ -78,9 +79,9 @@ struct winograd;
     X(void, range, (float *lo, float *hi, const float *x, size_t n))         \
     X(void, quantise, (uint8_t *y, const float *x, float inverse,            \
                        float zero, size_t n))                                \
-    X(void, fold_row, (float *out, const struct fold_rows *in,               \
-                       const float *w, const float *bias, size_t pixels,     \
-                       size_t C, size_t O))                                  \
+    X(void, fused_stem_row, (float *out, const struct fused_stem_rows *in,   \
+                             const float *w, const float *bias,              \
+                             size_t pixels, size_t C, size_t O))             \
     X(void, pick_rgb, (float *rgb, const float *in, size_t pixels,           \
                        size_t C))                                            \
     X(void, widen, (float *y, const uint16_t *x, size_t n))                  \
@@ -106,6 +107,11 @@ struct winograd;
                    size_t K, int accumulate))                                \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
+    X(void, max_pool_row, (float *out, float *which, const float *in,        \
+                           const struct max_pool *m, size_t y))              \
+    X(void, max_pool_row_backward, (float *din, const float *dout,           \
+                                    const float *which,                      \
+                                    const struct max_pool *m, size_t y))     \
     X(void, winograd_input, (float *v, const float *in,                      \
                              const struct winograd *g, size_t slot,          \
                              ptrdiff_t y0, ptrdiff_t x0))                    \

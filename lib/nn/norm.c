@@ -42,23 +42,24 @@ void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows)
     n->part = nn_plan_floats(p, NN_SUMS * 2 * C);
 }
 
-static size_t part_count(size_t rows)
+/* Parts that sums over rows are made in: by their number alone. */
+static size_t norm_part_count(size_t rows)
 {
     return rows < 8 * NN_SUMS ? 1 : NN_SUMS;
 }
 
 /* a (period) holds C values: repeat them. */
-static void repeat_channels(float *a, size_t C, size_t period)
+static void norm_repeat_channels(float *a, size_t C, size_t period)
 {
     for (size_t i = C; i < period; i++)
         a[i] = a[i - C];
 }
 
 /* Statistics of x, and the running ones moved towards them. */
-static void batch_statistics(struct batch_norm *n, const float *x)
+static void norm_batch_statistics(struct batch_norm *n, const float *x)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = n->channels, rows = n->rows, parts = part_count(rows);
+    size_t C = n->channels, rows = n->rows, parts = norm_part_count(rows);
     float *run_mean = param_w(n->ps, n->mean);
     float *run_var = param_w(n->ps, n->var);
 #pragma omp parallel for schedule(static) if (parts > 1)
@@ -85,7 +86,7 @@ static void batch_statistics(struct batch_norm *n, const float *x)
 }
 
 /* Rows [r0,r1) of chunk i; chunks begin at whole periods. */
-static size_t chunk_rows(const struct batch_norm *n)
+static size_t norm_chunk_rows(const struct batch_norm *n)
 {
     size_t rep = n->period / n->channels;
     size_t rows = 8192 / n->period * rep;
@@ -96,10 +97,10 @@ void batch_norm_forward(float *y, const float *x, const float *res,
                         struct batch_norm *n)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = n->channels, step = chunk_rows(n);
+    size_t C = n->channels, step = norm_chunk_rows(n);
     const float *w = param_w(n->ps, n->weight), *b = param_w(n->ps, n->bias);
     if (n->plan->opt.mode == NN_TRAIN) {
-        batch_statistics(n, x);
+        norm_batch_statistics(n, x);
     } else {
         for (size_t c = 0; c < C; c++) {
             n->batch_mean[c] = param_w(n->ps, n->mean)[c];
@@ -110,8 +111,8 @@ void batch_norm_forward(float *y, const float *x, const float *res,
         n->scale[c] = w[c] * n->rstd[c];
         n->shift[c] = b[c] - n->batch_mean[c] * n->scale[c];
     }
-    repeat_channels(n->scale, C, n->period);
-    repeat_channels(n->shift, C, n->period);
+    norm_repeat_channels(n->scale, C, n->period);
+    norm_repeat_channels(n->shift, C, n->period);
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < n->rows; r += step) {
         size_t m = n->rows - r < step ? n->rows - r : step;
@@ -126,8 +127,8 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
                          struct batch_norm *n)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t C = n->channels, rows = n->rows, parts = part_count(rows);
-    size_t P = n->period, step = chunk_rows(n);
+    size_t C = n->channels, rows = n->rows, parts = norm_part_count(rows);
+    size_t P = n->period, step = norm_chunk_rows(n);
 #pragma omp parallel for schedule(static) if (parts > 1)
     for (size_t i = 0; i < parts; i++) {
         size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
@@ -153,7 +154,7 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
         coef[3 * P + c] = n->batch_mean[c];
     }
     for (size_t i = 0; i < 4; i++)
-        repeat_channels(coef + i * P, C, P);
+        norm_repeat_channels(coef + i * P, C, P);
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < rows; r += step) {
         size_t m = rows - r < step ? rows - r : step;
@@ -184,7 +185,7 @@ void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
                          size_t C)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t parts = part_count(rows);
+    size_t parts = norm_part_count(rows);
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < parts; i++) {
         size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;

@@ -26,7 +26,7 @@ void params_release(struct params *ps)
 
 /* Growing the table may fail; the failure is kept (room = SIZE_MAX) and
  * reported by params_allocate, so that declarations need no checks. */
-static bool grow(struct params *ps)
+static bool params_grow(struct params *ps)
 {
     if (ps->count < ps->room)
         return ps->room != SIZE_MAX;
@@ -41,7 +41,7 @@ static bool grow(struct params *ps)
 size_t params_add(struct params *ps, const char *name, int ndim,
                   const size_t *dims, enum param_init init, float gain)
 {
-    if (!grow(ps))
+    if (!params_grow(ps))
         return 0;
     struct param *t = &ps->tensor[ps->count];
     memset(t, 0, sizeof *t);
@@ -67,7 +67,8 @@ size_t params_find(const struct params *ps, const char *name)
     return (size_t)-1;
 }
 
-static int block(float **out, size_t n, struct error *err)
+/* A zeroed block of n floats in place of *out. */
+static int params_block(float **out, size_t n, struct error *err)
 {
     free(*out);
     *out = aligned_alloc(64, (n * sizeof **out + 64) / 64 * 64);
@@ -81,15 +82,16 @@ int params_allocate(struct params *ps, struct error *err)
 {
     if (ps->room == SIZE_MAX)
         return error_set(err, EX_OSERR, "out of memory for tensor names");
-    return block(&ps->w, ps->total, err);
+    return params_block(&ps->w, ps->total, err);
 }
 
 int params_allocate_gradients(struct params *ps, struct error *err)
 {
-    return block(&ps->g, ps->total, err);
+    return params_block(&ps->g, ps->total, err);
 }
 
-static void fill(float *w, const struct param *t, uint64_t seed)
+/* A tensor's initial values, from its name and the seed alone. */
+static void params_fill(float *w, const struct param *t, uint64_t seed)
 {
     struct random r;
     double fan_in = t->ndim > 1 ? (double)t->count / (double)t->dim[0] : 1;
@@ -109,7 +111,7 @@ static void fill(float *w, const struct param *t, uint64_t seed)
 void params_randomise(struct params *ps, uint64_t seed)
 {
     for (size_t i = 0; i < ps->count; i++)
-        fill(param_w(ps, i), &ps->tensor[i], seed);
+        params_fill(param_w(ps, i), &ps->tensor[i], seed);
 }
 
 int params_load(struct params *ps, const struct safetensors *st,
@@ -120,8 +122,8 @@ int params_load(struct params *ps, const struct safetensors *st,
 
 /* The name in the file of a tensor, or false when it does not begin with
  * prefix. */
-static bool renamed(char name[256], const struct param *t, const char *prefix,
-                    const char *from)
+static bool params_renamed(char name[256], const struct param *t,
+                           const char *prefix, const char *from)
 {
     size_t n = strlen(prefix);
 
@@ -137,7 +139,7 @@ int params_load_from(struct params *ps, const struct safetensors *st,
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *t = &ps->tensor[i];
         char name[256];
-        if (!renamed(name, t, prefix, from))
+        if (!params_renamed(name, t, prefix, from))
             continue;
         float *w = st_load_f32(st, name, t->ndim, t->dim, NULL, err);
         if (!w)
@@ -150,8 +152,8 @@ int params_load_from(struct params *ps, const struct safetensors *st,
 
 /* Rows and columns that the tensor has in the file; 0 where it is absent,
  * wider, or of another number of dimensions. */
-static size_t narrower(size_t *cols, const struct param *t,
-                       const struct safetensors *st, const char *name)
+static size_t params_narrower(size_t *cols, const struct param *t,
+                              const struct safetensors *st, const char *name)
 {
     const struct st_tensor *f = st_find(st, name);
 
@@ -169,10 +171,10 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
         const struct param *t = &ps->tensor[i];
         size_t dims[5], rows, cols, row = 0, cell = 0;
         char name[256];
-        if (!renamed(name, t, prefix, from))
+        if (!params_renamed(name, t, prefix, from))
             continue;
         memcpy(dims, t->dim, sizeof dims);
-        rows = narrower(&cols, t, st, name);
+        rows = params_narrower(&cols, t, st, name);
         if (rows) {
             row = t->count / t->dim[0];
             cell = t->ndim > 1 ? row / t->dim[1] : row;
@@ -193,7 +195,8 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
 }
 
 /* The weights of one tensor in the file's dtype, packed at out. */
-static void convert(void *out, const float *w, size_t n, enum st_dtype dtype)
+static void params_convert(void *out, const float *w, size_t n,
+                           enum st_dtype dtype)
 {
     uint16_t *h = out;
     if (dtype == ST_F32)
@@ -218,7 +221,7 @@ int params_save(const struct params *ps, const char *path,
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
         char *at = bytes + p->offset * sizeof(float);
-        convert(at, param_w(ps, i), p->count, dtype);
+        params_convert(at, param_w(ps, i), p->count, dtype);
         t[i] = (struct st_tensor){.name = p->name, .dtype = dtype,
                                   .ndim = p->ndim, .count = p->count,
                                   .data = at};

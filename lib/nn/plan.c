@@ -61,7 +61,7 @@ void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
 
 /* Large buffers in huge pages where the system has them: kernels walk across
  * many rows and planes at once, more than there are entries for small pages. */
-static void *aligned_zeros(size_t bytes)
+static void *nn_plan_zeros(size_t bytes)
 {
     size_t unit = bytes >= HUGE / 2 ? HUGE : 64;
     if (bytes > SIZE_MAX - unit)
@@ -79,7 +79,7 @@ static void *aligned_zeros(size_t bytes)
 }
 
 /* The smallest idle chunk that is large enough. */
-static struct nn_chunk *idle_chunk(struct nn_plan *p, size_t bytes)
+static struct nn_chunk *nn_plan_idle_chunk(struct nn_plan *p, size_t bytes)
 {
     struct nn_chunk *best = NULL;
     for (size_t i = 0; i < p->chunks; i++) {
@@ -104,7 +104,7 @@ void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
         p->chunk = grown;
         p->room = room;
     }
-    void *data = aligned_zeros(bytes ? bytes : 64);
+    void *data = nn_plan_zeros(bytes ? bytes : 64);
     if (!data) {
         nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
         return NULL;
@@ -121,24 +121,24 @@ float *nn_plan_floats(struct nn_plan *p, size_t count)
 float *nn_plan_map(struct nn_plan *p, size_t count)
 {
     size_t bytes = count * sizeof(float);
-    struct nn_chunk *c = p->err.code ? NULL : idle_chunk(p, bytes);
+    struct nn_chunk *c = p->err.code ? NULL : nn_plan_idle_chunk(p, bytes);
     if (!c)
         return nn_plan_bytes(p, bytes);
     c->idle = false;
     return c->data;
 }
 
-void nn_plan_give_back(struct nn_plan *p, void *map)
+void nn_plan_free(struct nn_plan *p, void *map)
 {
     for (size_t i = 0; i < p->chunks; i++)
         if (p->chunk[i].data == map)
             p->chunk[i].idle = true;
 }
 
-void nn_plan_give(struct nn_plan *p, void *map)
+void nn_plan_recycle(struct nn_plan *p, void *map)
 {
     if (!nn_plan_backward(p))
-        nn_plan_give_back(p, map);
+        nn_plan_free(p, map);
 }
 
 void nn_plan_scratch(struct nn_plan *p, size_t bytes)
@@ -151,7 +151,7 @@ int nn_plan_finish(struct nn_plan *p, struct error *err)
 {
     if (!p->err.code) {
         free(p->scratch);
-        p->scratch = aligned_zeros(p->scratch_size + 64);
+        p->scratch = nn_plan_zeros(p->scratch_size + 64);
         if (!p->scratch)
             nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes of scratch)",
                          p->scratch_size);

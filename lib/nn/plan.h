@@ -43,10 +43,10 @@ float *nn_plan_floats(struct nn_plan *p, size_t count);
  * layer's before, given back. */
 float *nn_plan_map(struct nn_plan *p, size_t count);
 /* The map's content is dead from here on in the order of planning.  Only
- * inference gives anything back; nn_plan_give_back always does (gradients on
+ * inference gives anything back; nn_plan_free always does (gradients on
  * their way). */
-void nn_plan_give(struct nn_plan *p, void *map);
-void nn_plan_give_back(struct nn_plan *p, void *map);
+void nn_plan_recycle(struct nn_plan *p, void *map);
+void nn_plan_free(struct nn_plan *p, void *map);
 /* Some layer needs this much scratch while it runs. */
 void nn_plan_scratch(struct nn_plan *p, size_t bytes);
 /* Remember a failure; the first one stays. */

@@ -8,13 +8,14 @@
 #include "lib/nn/kernels.h"
 
 /* Which inputs output o reads: indices may repeat and lie outside. */
-struct taps {
+struct rescale_taps {
     int n;
     long index[64];
     double weight[64];
 };
 
-static double cubic(double t)
+/* Keys' cubic convolution kernel, A = -0.75, at distance t. */
+static double rescale_cubic(double t)
 {
     double A = -0.75, x = fabs(t);
     if (x <= 1)
@@ -22,7 +23,9 @@ static double cubic(double t)
     return x < 2 ? ((A * x - 5 * A) * x + 8 * A) * x - 4 * A : 0;
 }
 
-static void antialias(struct taps *t, size_t n, double scale, size_t o)
+/* A triangle as wide as an output pixel, cut at the borders and normalised. */
+static void rescale_antialias(struct rescale_taps *t, size_t n, double scale,
+                              size_t o)
 {
     double support = scale > 1 ? scale : 1, sum = 0;
     double c = scale * ((double)o + 0.5);
@@ -41,12 +44,13 @@ static void antialias(struct taps *t, size_t n, double scale, size_t o)
         t->weight[i] /= sum;
 }
 
-static void find_taps(struct taps *t, enum rescale_mode mode, size_t n,
-                      size_t m, double scale, size_t o)
+/* What output o of m reads of n inputs, which lie `scale` apart. */
+static void rescale_find_taps(struct rescale_taps *t, enum rescale_mode mode,
+                              size_t n, size_t m, double scale, size_t o)
 {
     t->n = 0;
     if (mode == RESCALE_ANTIALIAS) {
-        antialias(t, n, scale, o);
+        rescale_antialias(t, n, scale, o);
         return;
     }
     double src = ((double)o + 0.5) * scale - 0.5;
@@ -59,19 +63,21 @@ static void find_taps(struct taps *t, enum rescale_mode mode, size_t n,
     int lo = mode == RESCALE_BICUBIC ? -1 : 0;
     int hi = mode == RESCALE_BICUBIC ? 2 : 1;
     for (int k = lo; k <= hi; k++) {
-        double w = mode == RESCALE_BICUBIC ? cubic(f - k) : k ? f : 1 - f;
+        double w = mode == RESCALE_BICUBIC ? rescale_cubic(f - k) : k ? f : 1 -
+            f;
         t->index[t->n] = i0 + k;
         t->weight[t->n++] = w;
     }
 }
 
-static long clamp_to(long i, size_t n)
+/* i, within [0, n). */
+static long rescale_clamp(long i, size_t n)
 {
     return i < 0 ? 0 : i >= (long)n ? (long)n - 1 : i;
 }
 
 /* The transposed lists, output order ascending. */
-static void transpose(struct rescale_axis *a)
+static void rescale_transpose(struct rescale_axis *a)
 {
     for (size_t o = 0; o < a->out; o++)
         for (size_t k = 0; k < a->taps; k++)
@@ -94,17 +100,18 @@ static void transpose(struct rescale_axis *a)
     }
 }
 
-static void plan_axis(struct rescale_axis *a, struct nn_plan *p,
-                      enum rescale_mode mode, size_t in, size_t out,
-                      double scale)
+/* The sparse matrix of one axis and its transpose. */
+static void rescale_plan_axis(struct rescale_axis *a, struct nn_plan *p,
+                              enum rescale_mode mode, size_t in, size_t out,
+                              double scale)
 {
-    struct taps t;
+    struct rescale_taps t;
     *a = (struct rescale_axis){ .in = in, .out = out, .taps = 1 };
     for (size_t o = 0; o < out; o++) {
         long lo = (long)in, hi = 0;
-        find_taps(&t, mode, in, out, scale, o);
+        rescale_find_taps(&t, mode, in, out, scale, o);
         for (int i = 0; i < t.n; i++) {
-            long j = clamp_to(t.index[i], in);
+            long j = rescale_clamp(t.index[i], in);
             lo = j < lo ? j : lo;
             hi = j > hi ? j : hi;
         }
@@ -120,22 +127,24 @@ static void plan_axis(struct rescale_axis *a, struct nn_plan *p,
         return;
     for (size_t o = 0; o < out; o++) {
         long lo = (long)in;
-        find_taps(&t, mode, in, out, scale, o);
+        rescale_find_taps(&t, mode, in, out, scale, o);
         for (int i = 0; i < t.n; i++)
-            lo = clamp_to(t.index[i], in) < lo ? clamp_to(t.index[i], in) : lo;
+            lo = rescale_clamp(t.index[i], in) < lo ? rescale_clamp(t.index[i],
+                                                                    in) : lo;
         if (lo + (long)a->taps > (long)in)
             lo = (long)in - (long)a->taps;
         a->first[o] = (int32_t)lo;
         for (int i = 0; i < t.n; i++)
             a->weight[o * a->taps +
-                      (size_t)(clamp_to(t.index[i], in) - lo)] +=
+                      (size_t)(rescale_clamp(t.index[i], in) - lo)] +=
                 (float)t.weight[i];
     }
-    transpose(a);
+    rescale_transpose(a);
 }
 
-static void plan_rest(struct rescale *r, struct nn_plan *p, size_t batch,
-                      size_t C)
+/* What both ways of planning share: sizes, and a scratch row per thread. */
+static void rescale_plan_rest(struct rescale *r, struct nn_plan *p,
+                              size_t batch, size_t C)
 {
     r->batch = batch;
     r->C = C;
@@ -150,21 +159,22 @@ void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
                  size_t batch, size_t h, size_t w, size_t oh, size_t ow,
                  size_t C)
 {
-    plan_axis(&r->y, p, mode, h, oh, (double)h / (double)oh);
-    plan_axis(&r->x, p, mode, w, ow, (double)w / (double)ow);
-    plan_rest(r, p, batch, C);
+    rescale_plan_axis(&r->y, p, mode, h, oh, (double)h / (double)oh);
+    rescale_plan_axis(&r->x, p, mode, w, ow, (double)w / (double)ow);
+    rescale_plan_rest(r, p, batch, C);
 }
 
 void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
                         size_t h, size_t w, size_t oh, size_t ow,
                         double factor_y, double factor_x, size_t C)
 {
-    plan_axis(&r->y, p, RESCALE_BICUBIC, h, oh, 1 / factor_y);
-    plan_axis(&r->x, p, RESCALE_BICUBIC, w, ow, 1 / factor_x);
-    plan_rest(r, p, batch, C);
+    rescale_plan_axis(&r->y, p, RESCALE_BICUBIC, h, oh, 1 / factor_y);
+    rescale_plan_axis(&r->x, p, RESCALE_BICUBIC, w, ow, 1 / factor_x);
+    rescale_plan_rest(r, p, batch, C);
 }
 
-static float *thread_line(const struct rescale *r)
+/* The calling thread's row in the plan's scratch. */
+static float *rescale_thread_line(const struct rescale *r)
 {
     return (float *)(void *)r->plan->scratch +
            (size_t)omp_get_thread_num() * r->line;
@@ -177,7 +187,7 @@ void rescale_forward(float *out, const float *in, struct rescale *r)
     for (size_t n = 0; n < r->batch; n++)
         for (size_t o = 0; o < r->y.out; o++)
             k->rescale_line(out + (n * r->y.out + o) * r->x.out * r->C,
-                           thread_line(r),
+                           rescale_thread_line(r),
                            in + n * r->y.in * r->x.in * r->C, r, o);
 }
 
@@ -188,6 +198,7 @@ void rescale_backward(float *din, const float *dout, struct rescale *r)
     for (size_t n = 0; n < r->batch; n++)
         for (size_t i = 0; i < r->y.in; i++)
             k->rescale_line_backward(
-                din + (n * r->y.in + i) * r->x.in * r->C, thread_line(r),
+                din + (n * r->y.in + i) * r->x.in * r->C,
+                    rescale_thread_line(r),
                 dout + n * r->y.out * r->x.out * r->C, r, i);
 }

@@ -9,15 +9,16 @@
 #define EPS 1e-8
 #define ROOT2 1.4142135623730951
 
-static size_t part_count(size_t rows)
+/* Parts that sums over rows are made in: by their number alone. */
+static size_t style_part_count(size_t rows)
 {
     return rows < 8 * NN_SUMS ? 1 : NN_SUMS;
 }
 
 /* A conv's weight as StyleGAN names and shapes it: (1,out,in,k,k). */
-static void declare_modulated(struct conv *c, struct conv *modulation,
-                              struct params *ps, const char *name, size_t in,
-                              size_t out, size_t kernel, size_t latent)
+static void style_declare(struct conv *c, struct conv *modulation,
+                          struct params *ps, const char *name, size_t in,
+                          size_t out, size_t kernel, size_t latent)
 {
     char buf[120];
     nn_name(buf, "%s.modulated_conv", name);
@@ -43,7 +44,7 @@ void style_conv_init(struct style_conv *s, struct params *ps,
     s->in = in;
     s->out = out;
     s->up = up;
-    declare_modulated(&s->conv, &s->modulation, ps, name, in, out, 3, latent);
+    style_declare(&s->conv, &s->modulation, ps, name, in, out, 3, latent);
     s->gain = params_add(ps, nn_name(buf, "%s.weight", name), 1, &one,
                          PARAM_ZERO, 0);
     s->bias = params_add(ps, nn_name(buf, "%s.bias", name), 4, bias,
@@ -73,9 +74,9 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
     conv_plan(&s->conv, p, batch, h, w);
     s->y = nn_plan_map(p, rows * s->out);
     s->u = nn_plan_backward(p) ? nn_plan_map(p, rows * s->out) : s->y;
-    nn_plan_give(p, s->xs);
+    nn_plan_recycle(p, s->xs);
     if (s->up)
-        nn_plan_give(p, s->xu);
+        nn_plan_recycle(p, s->xu);
     if (!nn_plan_backward(p))
         return;
     s->part = nn_plan_floats(p, NN_SUMS * 3 * most);
@@ -104,7 +105,7 @@ void style_conv_release(struct style_conv *s)
 }
 
 /* d = sqrt 2 / sqrt(sum_i st_i^2 squares[o][i] + eps) */
-static void demodulation(struct style_conv *s)
+static void style_demodulate(struct style_conv *s)
 {
     for (size_t n = 0; n < s->batch; n++)
         for (size_t o = 0; o < s->out; o++) {
@@ -117,11 +118,11 @@ static void demodulation(struct style_conv *s)
 }
 
 /* y = x st, a vector per image of `pixels` rows. */
-static void scale_images(float *y, const float *x, const float *st, size_t B,
-                         size_t pixels, size_t C)
+static void style_scale_images(float *y, const float *x, const float *st,
+                               size_t B, size_t pixels, size_t C)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t P = part_count(pixels);
+    size_t P = style_part_count(pixels);
 #pragma omp parallel for collapse(2) schedule(static)
     for (size_t n = 0; n < B; n++)
         for (size_t i = 0; i < P; i++) {
@@ -135,14 +136,14 @@ void style_conv_forward(const float *x, const float *latent,
                         struct style_conv *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t pixels = s->h * s->w, P = part_count(pixels), C = s->out;
+    size_t pixels = s->h * s->w, P = style_part_count(pixels), C = s->out;
     const float *noise = param_w(s->ps, s->noise);
     const float *bias = param_w(s->ps, s->bias);
     float gain = *param_w(s->ps, s->gain);
     conv_forward(s->st, latent, &s->modulation);
-    demodulation(s);
-    scale_images(s->xs, x, s->st, s->batch, s->up ? pixels / 4 : pixels,
-                 s->in);
+    style_demodulate(s);
+    style_scale_images(s->xs, x, s->st, s->batch, s->up ? pixels / 4 : pixels,
+                       s->in);
     if (s->up)
         rescale_forward(s->xu, s->xs, &s->grow);
     conv_forward(s->u, s->xu, &s->conv);
@@ -157,11 +158,11 @@ void style_conv_forward(const float *x, const float *latent,
 }
 
 /* One image: du from dy; bias, noise gain; dd (out), the gradient of d. */
-static void finish_backward(float *du, float *dd, const float *dy, size_t n,
-                            struct style_conv *s)
+static void style_finish_backward(float *du, float *dd, const float *dy,
+                                  size_t n, struct style_conv *s)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t pixels = s->h * s->w, P = part_count(pixels), C = s->out;
+    size_t pixels = s->h * s->w, P = style_part_count(pixels), C = s->out;
     const float *noise = param_w(s->ps, s->noise);
     float *db = param_g(s->ps, s->bias), *dgain = param_g(s->ps, s->gain);
 #pragma omp parallel for schedule(static)
@@ -183,8 +184,8 @@ static void finish_backward(float *du, float *dd, const float *dy, size_t n,
 }
 
 /* In the forward pass: d = sqrt 2 (q + eps)^-1/2, q = sum_i st_i^2 squares. */
-static void demodulation_backward(const float *dd, size_t n,
-                                  struct style_conv *s)
+static void style_demodulate_backward(const float *dd, size_t n,
+                                      struct style_conv *s)
 {
     const float *w = param_w(s->ps, s->conv.weight);
     float *dw = param_g(s->ps, s->conv.weight);
@@ -209,11 +210,11 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
 {
     const struct nn_kernels *k = nn_kernels();
     size_t pixels = s->h * s->w, low = s->up ? pixels / 4 : pixels;
-    size_t B = s->batch, P = part_count(low);
+    size_t B = s->batch, P = style_part_count(low);
     memset(s->dst, 0, B * s->in * sizeof *s->dst);
     for (size_t n = 0; n < B; n++) {
-        finish_backward(g0, s->dd, dy, n, s);
-        demodulation_backward(s->dd, n, s);
+        style_finish_backward(g0, s->dd, dy, n, s);
+        style_demodulate_backward(s->dd, n, s);
     }
     conv_backward(g1, g0, NULL, s->xu, &s->conv);
     if (s->up)
@@ -232,7 +233,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
             for (size_t c = 0; c < s->in; c++)
                 s->dst[n * s->in + c] += s->part[i * s->in + c];
     }
-    scale_images(dx, dxs, s->st, B, low, s->in);
+    style_scale_images(dx, dxs, s->st, B, low, s->in);
     conv_backward(s->dlatent, s->dst, s->st, latent, &s->modulation);
     image_add(dlatent, s->dlatent, B * s->modulation.in);
 }
@@ -250,7 +251,7 @@ void to_rgb_init(struct to_rgb *t, struct params *ps, const char *name,
     t->ps = ps;
     t->in = in;
     t->first = first;
-    declare_modulated(&shape, &t->modulation, ps, name, in, 3, 1, latent);
+    style_declare(&shape, &t->modulation, ps, name, in, 3, 1, latent);
     t->weight = shape.weight;
     t->bias = params_add(ps, nn_name(buf, "%s.bias", name), 4, bias,
                          PARAM_ZERO, 0);
@@ -291,7 +292,7 @@ void to_rgb_forward(const float *x, const float *latent,
                     const float *previous, struct to_rgb *t)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t pixels = t->h * t->w, P = part_count(pixels), C = t->in;
+    size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
     const float *w = param_w(t->ps, t->weight), *b = param_w(t->ps, t->bias);
     conv_forward(t->st, latent, &t->modulation);
     for (size_t n = 0; n < t->batch; n++)
@@ -317,7 +318,7 @@ void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
                      struct to_rgb *t)
 {
     const struct nn_kernels *k = nn_kernels();
-    size_t pixels = t->h * t->w, P = part_count(pixels), C = t->in;
+    size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
     const float *w = param_w(t->ps, t->weight);
     float *dw = param_g(t->ps, t->weight), *db = param_g(t->ps, t->bias);
     memset(t->dst, 0, t->batch * C * sizeof *t->dst);

@@ -12,7 +12,7 @@ static const struct {
 };
 
 /* Distance of two layers: how many doublings apart. */
-static double apart(double a, double b)
+static double tune_distance(double a, double b)
 {
     return fabs(log2(a / b));
 }
@@ -22,9 +22,9 @@ bool tune_winograd(size_t in, size_t out, size_t h, size_t w, bool bf16)
     double best = INFINITY;
     bool wanted = false;
     for (size_t i = 0; i < sizeof table / sizeof *table; i++) {
-        double d = apart((double)in, table[i].in) +
-                   apart((double)out, table[i].out) +
-                   apart(sqrt((double)h * (double)w), table[i].side);
+        double d = tune_distance((double)in, table[i].in) +
+                   tune_distance((double)out, table[i].out) +
+                   tune_distance(sqrt((double)h * (double)w), table[i].side);
         if (d < best) {
             best = d;
             wanted = (bf16 ? table[i].ratio_bf16 : table[i].ratio) < 1.0f;

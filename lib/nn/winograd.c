@@ -29,14 +29,14 @@ bool winograd_wanted(const struct conv *c)
 
 /* As many tiles as keep a thread's share of the second-level cache, but enough
  * for the weights to be worth their way from memory. */
-static size_t tile_count(size_t in, size_t out)
+static size_t winograd_tile_count(size_t in, size_t out)
 {
     size_t n = 262144 / (36 * (in + out)) / 12 * 12;
     return n < 48 ? 48 : n > 120 ? 120 : n;
 }
 
 /* n floats rounded up to an odd number of 64-byte lines */
-static size_t odd_lines(size_t n)
+static size_t winograd_odd_lines(size_t n)
 {
     return ((n + 15) / 16 | 1) * 16;
 }
@@ -46,21 +46,21 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
     *g = (struct winograd){ .batch = c->batch, .h = c->h, .w = c->w,
                             .in = c->in_data, .out = c->out, .act = c->act,
                             .add = c->add, .plan = p };
-    g->tiles = tile_count(g->in, g->out);
+    g->tiles = winograd_tile_count(g->in, g->out);
     /* against rounding; beside bfloat16's own it would not be seen */
     g->piece = p->opt.type == NN_BF16 || g->in < PIECE ? g->in : PIECE;
     g->u_size = g->in * ((g->out + 31) / 32 * 32);
     g->u = nn_plan_floats(p, 36 * g->u_size);
     g->bias = nn_plan_floats(p, g->out);
-    g->v_size = odd_lines(g->tiles * g->in);
-    g->m_size = odd_lines(g->tiles * g->out);
+    g->v_size = winograd_odd_lines(g->tiles * g->in);
+    g->m_size = winograd_odd_lines(g->tiles * g->out);
     g->work = 36 * (g->v_size + g->m_size);
     nn_plan_scratch(p, g->work * sizeof(float) *
                            (size_t)omp_get_max_threads());
 }
 
 /* u (6,6) = G w G^T, in double. */
-static void transform_weight(double u[36], const float *w)
+static void winograd_weight(double u[36], const float *w)
 {
     static const double G[6][3] = {
         { 1.0 / 4, 0, 0 },
@@ -87,7 +87,7 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
     for (size_t o = 0; o < out; o++)
         for (size_t i = 0; i < in; i++) {
             double u[36];
-            transform_weight(u, w + (o * in + i) * 9);
+            winograd_weight(u, w + (o * in + i) * 9);
             /* piece by piece, each as gemm_pack lays it out: panels of 32
              * columns */
             size_t first = i / g->piece * g->piece;
@@ -100,8 +100,9 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
 }
 
 /* Tiles [t0, t0 + n) of all images' tiles. */
-static void group(float *out, const float *in, const struct winograd *g,
-                  float *v, size_t t0, size_t n)
+static void winograd_group(float *out, const float *in,
+                           const struct winograd *g, float *v, size_t t0,
+                           size_t n)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t across = (g->w + 3) / 4, image = across * ((g->h + 3) / 4);
@@ -131,6 +132,7 @@ void winograd_forward(float *out, const float *in, struct winograd *g)
     for (size_t t = 0; t < all; t += g->tiles) {
         float *v = (float *)(void *)g->plan->scratch +
                    (size_t)omp_get_thread_num() * g->work;
-        group(out, in, g, v, t, all - t < g->tiles ? all - t : g->tiles);
+        winograd_group(out, in, g, v, t,
+                       all - t < g->tiles ? all - t : g->tiles);
     }
 }

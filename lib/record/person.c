@@ -32,6 +32,7 @@ static int person_take_conf(struct person *p, const struct record *rec)
     return 1;
 }
 
+/* SHAP: a copy of beta. */
 static int person_take_shape(struct person *p, const struct record *rec,
                              struct error *err)
 {
@@ -62,20 +63,27 @@ static int person_take_picture(struct person *p, const struct record *rec,
     size_t S = record_find(rec, "rgb")->dim[0];
     size_t square[3] = {S, S, 3};
     const uint8_t *matte = record_get(rec, "matte", DTYPE_U8, 2, square, err);
+    const uint8_t *back = NULL;
     if (!matte || !record_get(rec, "rgb", DTYPE_U8, 3, square, err) ||
         (record_find(rec, "crop") &&
          (record_check_finite(rec, err) ||
-          !(crop = record_get(rec, "crop", DTYPE_F32, 1, three, err)))))
+          !(crop = record_get(rec, "crop", DTYPE_F32, 1, three, err)))) ||
+        (record_find(rec, "back") &&
+         !(back = record_get(rec, "back", DTYPE_U8, 3, square, err))))
         return -1;
     if (crop)
         memcpy(p->crop, crop, sizeof p->crop);
     free(p->rgb);
     free(p->matte);
+    free(p->back);
     p->size = S;
     p->rgb = malloc(3 * S * S + 1);
     p->matte = malloc(S * S + 1);
-    if (!p->rgb || !p->matte)
+    p->back = back ? malloc(3 * S * S + 1) : NULL;
+    if (!p->rgb || !p->matte || (back && !p->back))
         return error_set(err, EX_OSERR, "no memory for the source picture");
+    if (back)
+        memcpy(p->back, back, 3 * S * S);
     memcpy(p->rgb, rgb, 3 * S * S);
     memcpy(p->matte, matte, S * S);
     return 1;
@@ -127,17 +135,25 @@ int person_load(struct person *p, const char *path, size_t nexp,
     return 0;
 }
 
+int person_write_picture(struct stream_writer *w, const struct person *p,
+                         struct error *err)
+{
+    struct array a[4] = {
+        array_make("rgb", DTYPE_U8, p->rgb, 3, p->size, p->size, 3, 0),
+        array_make("matte", DTYPE_U8, p->matte, 2, p->size, p->size, 0, 0),
+        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0),
+        array_make("back", DTYPE_U8, p->back, 3, p->size, p->size, 3, 0)
+    };
+
+    return stream_write(w, "SRCI", 0, 0, a, p->back ? 4 : 3, err);
+}
+
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err)
 {
     const struct shape shape = {.beta = p->shape, .n = p->nshape};
-    struct array a[3] = {
-        array_make("rgb", DTYPE_U8, p->rgb, 3, p->size, p->size, 3, 0),
-        array_make("matte", DTYPE_U8, p->matte, 2, p->size, p->size, 0, 0),
-        array_make("crop", DTYPE_F32, p->crop, 1, 3, 0, 0, 0)
-    };
 
-    if (stream_write(w, "SRCI", 0, 0, a, 3, err) ||
+    if (person_write_picture(w, p, err) ||
         shape_write(w, 0, 0, &shape, err) ||
         motion_write(w, 0, 0, &p->source, nexp, NULL, 0, err))
         return -1;
@@ -149,6 +165,7 @@ void person_release(struct person *p)
     free(p->shape);
     free(p->rgb);
     free(p->matte);
+    free(p->back);
     memset(p, 0, sizeof *p);
 }
 

@@ -19,6 +19,7 @@ struct person {
     float *shape;               /* (nshape) beta */
     size_t nshape;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
+    uint8_t *back;              /* (size,size,3) what the person hides */
     size_t size;
     float crop[3];              /* of the source picture in its file */
     struct motion source;       /* the source's own motion */
@@ -34,6 +35,9 @@ int person_take(struct person *p, const struct record *rec, size_t nexp,
 /* Read an identity file up to its END.  Fails when it has no SHAP. */
 int person_load(struct person *p, const char *path, size_t nexp,
                 struct error *err);
+/* Write SRCI (frame 0). */
+int person_write_picture(struct stream_writer *w, const struct person *p,
+                         struct error *err);
 /* Write SRCI, SHAP and MOTN (frame 0), in this order. */
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err);

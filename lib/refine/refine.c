@@ -1,3 +1,7 @@
+/* The refiner (Eq. SR) on a picture or on the part with the head.  The
+ * network is planned for one size; a part that does not fit is planned anew,
+ * never smaller than before, so that a moving head does not plan at every
+ * frame. */
 #include "lib/refine/refine.h"
 
 #include <stdlib.h>
@@ -7,6 +11,7 @@
 #include "formats/compose.h"
 #include "lib/base/covered.h"
 #include "lib/base/half.h"
+#include "lib/texture/texture.h"
 
 int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                 bool roi, struct error *err)
@@ -22,7 +27,8 @@ int refine_open(struct refine *r, const struct model *m, enum nn_type type,
     return 0;
 }
 
-static void plan_release(struct refine_plan *p)
+/* The network and its weights. */
+static void refine_plan_release(struct refine_plan *p)
 {
     refiner_release(&p->net);
     params_release(&p->ps);
@@ -31,7 +37,7 @@ static void plan_release(struct refine_plan *p)
 
 void refine_release(struct refine *r)
 {
-    plan_release(&r->plan);
+    refine_plan_release(&r->plan);
     free(r->part);
     free(r->out);
     free(r->start);
@@ -41,8 +47,8 @@ void refine_release(struct refine *r)
 
 /* A network of this size, with the model's weights; *p stays where it is, for
  * its convolutions point to its weights. */
-static int plan_make(struct refine_plan *p, const struct refine *r,
-                     size_t height, size_t width, struct error *err)
+static int refine_plan_make(struct refine_plan *p, const struct refine *r,
+                            size_t height, size_t width, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, r->type};
 
@@ -53,7 +59,7 @@ static int plan_make(struct refine_plan *p, const struct refine *r,
         params_allocate(&p->ps, err) ||
         model_load(&p->ps, r->model, "refine.", err) ||
         refiner_plan(&p->net, 1, height, width, opt, err)) {
-        plan_release(p);
+        refine_plan_release(p);
         return -1;
     }
     p->height = height;
@@ -67,35 +73,38 @@ struct part {
     size_t top, left, height, width;
 };
 
-static size_t round_up(size_t n)
+/* To the next multiple of the step. */
+static size_t refine_round_up(size_t n)
 {
     return (n + REFINE_STEP - 1) / REFINE_STEP * REFINE_STEP;
 }
 
 /* Rows or columns from lo to hi (end) with margin, as a multiple of the step
  * inside n (itself rounded up). */
-static void grow(size_t *start, size_t *size, size_t lo, size_t hi, size_t n)
+static void refine_grow_span(size_t *start, size_t *size, size_t lo, size_t hi,
+                             size_t n)
 {
     size_t a = lo > REFINE_MARGIN ? lo - REFINE_MARGIN : 0;
     size_t b = hi + REFINE_MARGIN;
 
     a = a / REFINE_STEP * REFINE_STEP;
-    b = round_up(b) < round_up(n) ? round_up(b) : round_up(n);
+    b = refine_round_up(b) < refine_round_up(n) ? refine_round_up(b)
+                                                : refine_round_up(n);
     *start = a;
     *size = b - a;
 }
 
 /* The box of alpha above one level; the whole picture without alpha. */
-static struct part find_part(const struct refine *r,
-                             const struct refine_input *in)
+static struct part refine_find_part(const struct refine *r,
+                                    const struct refine_input *in)
 {
     const bool style = r->model->config.refiner.type == REFINER_STYLE_UNET;
     struct part p = {0, 0, in->height, in->width};
     size_t x0 = in->width, x1 = 0, y0 = in->height, y1 = 0;
 
     if (!style) {
-        p.height = round_up(p.height);
-        p.width = round_up(p.width);
+        p.height = refine_round_up(p.height);
+        p.width = refine_round_up(p.width);
     }
     if (!r->roi || !in->alpha || style)
         return p;
@@ -115,35 +124,35 @@ static struct part find_part(const struct refine *r,
     }
     if (x0 >= x1)
         x0 = y0 = 0, x1 = y1 = 1;      /* nothing to see */
-    grow(&p.left, &p.width, x0, x1, in->width);
-    grow(&p.top, &p.height, y0, y1, in->height);
+    refine_grow_span(&p.left, &p.width, x0, x1, in->width);
+    refine_grow_span(&p.top, &p.height, y0, y1, in->height);
     return p;
 }
 
 /* Use the planned size if the part fits into it, placed so that it covers the
  * part; otherwise plan one that fits this and the last. */
-static int fit(struct refine *r, const struct refine_input *in,
-               struct error *err)
+static int refine_fit(struct refine *r, const struct refine_input *in,
+                      struct error *err)
 {
-    struct part p = find_part(r, in);
+    struct part p = refine_find_part(r, in);
     size_t h = p.height, w = p.width;
     const bool fits = r->plan.height >= h && r->plan.width >= w
         && (r->roi || (r->plan.height == h && r->plan.width == w));
 
     if (!fits) {
-        if (r->roi && r->plan.height > h
-            && r->plan.height <= round_up(in->height))
+        if (r->roi && r->plan.height > h &&
+            r->plan.height <= refine_round_up(in->height))
             h = r->plan.height;
-        if (r->roi && r->plan.width > w
-            && r->plan.width <= round_up(in->width))
+        if (r->roi && r->plan.width > w &&
+            r->plan.width <= refine_round_up(in->width))
             w = r->plan.width;
-        plan_release(&r->plan);
-        if (plan_make(&r->plan, r, h, w, err) != 0)
+        refine_plan_release(&r->plan);
+        if (refine_plan_make(&r->plan, r, h, w, err) != 0)
             return -1;
         r->plans++;
     }
-    h = round_up(in->height);
-    w = round_up(in->width);
+    h = refine_round_up(in->height);
+    w = refine_round_up(in->width);
     r->top = p.top;
     r->left = p.left;
     if (r->top + r->plan.height > h)
@@ -157,8 +166,8 @@ static int fit(struct refine *r, const struct refine_input *in,
 
 /* p, or more room in its place, for n values of so many bytes each; NULL and
  * *err when there is none. */
-static void *make_room(void *p, size_t *room, size_t n, size_t bytes,
-                       struct error *err)
+static void *refine_make_room(void *p, size_t *room, size_t n, size_t bytes,
+                              struct error *err)
 {
     if (n <= *room)
         return p;
@@ -171,7 +180,7 @@ static void *make_room(void *p, size_t *room, size_t n, size_t bytes,
 }
 
 /* The part's features as floats, zero outside the picture. */
-static void copy_part(struct refine *r, const struct refine_input *in)
+static void refine_copy_part(struct refine *r, const struct refine_input *in)
 {
     const size_t C = in->channels, h = r->plan.height, w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
@@ -193,8 +202,8 @@ static void copy_part(struct refine *r, const struct refine_input *in)
 }
 
 /* First three channels of what lies outside the part. */
-static void copy_coarse(float *rgb, const struct refine *r,
-                        const struct refine_input *in)
+static void refine_copy_coarse(float *rgb, const struct refine *r,
+                               const struct refine_input *in)
 {
     const size_t C = in->channels;
 
@@ -211,8 +220,9 @@ static void copy_coarse(float *rgb, const struct refine *r,
     }
 }
 
-static void copy_back(float *rgb, const struct refine *r,
-                      const struct refine_input *in)
+/* The part's colours into the picture. */
+static void refine_copy_back(float *rgb, const struct refine *r,
+                             const struct refine_input *in)
 {
     const size_t w = r->plan.width;
     const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
@@ -222,8 +232,9 @@ static void copy_back(float *rgb, const struct refine *r,
                r->out + y * w * 3, cols * 3 * sizeof *rgb);
 }
 
-static int check_input(const struct refine *r, const struct refine_input *in,
-                       struct error *err)
+/* Channels and size. */
+static int refine_check_input(const struct refine *r,
+                              const struct refine_input *in, struct error *err)
 {
     if (in->channels != r->model->config.refiner.channels)
         return error_set(err, EX_DATAERR, "FEAT has %zu channels (expected "
@@ -237,11 +248,11 @@ static int check_input(const struct refine *r, const struct refine_input *in,
 }
 
 /* Where the rows of packed features begin. */
-static int find_rows(struct refine *r, const struct refine_input *in,
-                     struct error *err)
+static int refine_find_rows(struct refine *r, const struct refine_input *in,
+                            struct error *err)
 {
-    r->start = make_room(r->start, &r->start_room, in->height,
-                         sizeof *r->start, err);
+    r->start = refine_make_room(r->start, &r->start_room, in->height,
+                                sizeof *r->start, err);
     if (!r->start)
         return -1;
     if (covered_rows(r->start, in->alpha, in->height, in->width)
@@ -252,14 +263,14 @@ static int find_rows(struct refine *r, const struct refine_input *in,
 }
 
 /* *whole: all pixels of packed features. */
-static int unpack(struct refine_input *whole, struct refine *r,
-                  const struct refine_input *in, struct error *err)
+static int refine_unpack(struct refine_input *whole, struct refine *r,
+                         const struct refine_input *in, struct error *err)
 {
     const size_t n = in->height * in->width;
     const size_t bytes = in->channels * (in->f32 ? sizeof *in->f32
                                                  : sizeof *in->f16);
 
-    r->all = make_room(r->all, &r->all_room, n * bytes, 1, err);
+    r->all = refine_make_room(r->all, &r->all_room, n * bytes, 1, err);
     if (!r->all)
         return -1;
     covered_unpack(r->all, in->f32 ? (const void *)in->f32 : in->f16,
@@ -272,14 +283,14 @@ static int unpack(struct refine_input *whole, struct refine *r,
 }
 
 /* The network on the planned part; out is its rgb. */
-static int forward(float *out, struct refine *r, const struct refine_input *in,
-                   struct error *err)
+static int refine_forward(float *out, struct refine *r,
+                          const struct refine_input *in, struct error *err)
 {
-    static const float straight[TURN_COUNT] = {0};
+    static const float straight[RELATIVE_POSE_SIZE] = {0};
     const bool inside = r->top + r->plan.height <= in->height
         && r->left + r->plan.width <= in->width;
     const size_t at = (r->top * in->width + r->left) * in->channels;
-    const struct fold_view view = {
+    const struct feature_view view = {
         .f32 = in->f32 ? in->f32 + at : NULL,
         .f16 = in->f32 ? NULL : in->f16 + at,
         .stride = in->width * in->channels,
@@ -296,11 +307,12 @@ static int forward(float *out, struct refine *r, const struct refine_input *in,
         refiner_forward(out, in->f32, &r->plan.net);
         return 0;
     }
-    r->part = make_room(r->part, &r->part_room, r->plan.height
-                        * r->plan.width * in->channels, sizeof *r->part, err);
+    r->part = refine_make_room(r->part, &r->part_room,
+                               r->plan.height * r->plan.width * in->channels,
+                               sizeof *r->part, err);
     if (!r->part)
         return -1;
-    copy_part(r, in);
+    refine_copy_part(r, in);
     refiner_forward(out, r->part, &r->plan.net);
     return 0;
 }
@@ -310,23 +322,42 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
 {
     struct refine_input unpacked;
 
-    if (check_input(r, in, err) || (in->packed && find_rows(r, in, err))
-        || fit(r, in, err))
+    if (refine_check_input(r, in, err) ||
+        (in->packed && refine_find_rows(r, in, err)) || refine_fit(r, in, err))
         return -1;
     const bool whole = r->plan.height == in->height
         && r->plan.width == in->width;
     if (in->packed && !(whole && refiner_views(&r->plan.net))) {
-        if (unpack(&unpacked, r, in, err))
+        if (refine_unpack(&unpacked, r, in, err))
             return -1;
         in = &unpacked;
     }
     if (whole)
-        return forward(rgb, r, in, err);
-    r->out = make_room(r->out, &r->out_room, r->plan.height * r->plan.width
-                       * 3, sizeof *r->out, err);
-    if (!r->out || forward(r->out, r, in, err))
+        return refine_forward(rgb, r, in, err);
+    r->out = refine_make_room(r->out, &r->out_room,
+                              r->plan.height * r->plan.width * 3,
+                              sizeof *r->out, err);
+    if (!r->out || refine_forward(r->out, r, in, err))
         return -1;
-    copy_coarse(rgb, r, in);
-    copy_back(rgb, r, in);
+    refine_copy_coarse(rgb, r, in);
+    refine_copy_back(rgb, r, in);
     return 0;
+}
+
+void refine_photo(float *rgb, float *alpha, const struct refine_input *in)
+{
+    const size_t n = in->height * in->width;
+    const float *photo = in->photo;
+
+    if (!photo)
+        return;
+    if (!in->packed) {
+        texture_mix(rgb, 3, alpha, photo, n);
+        return;
+    }
+    for (size_t i = 0; i < n; i++)
+        if (in->alpha[i] != 0) {
+            texture_mix(rgb + 3 * i, 3, alpha + i, photo, 1);
+            photo += TEXTURE_PHOTO;
+        }
 }

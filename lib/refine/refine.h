@@ -45,9 +45,12 @@ struct refine_input {
     const float *f32;
     const uint16_t *f16;        /* if f32 is NULL */
     const float *alpha;
-    const float *turn;          /* (TURN_COUNT) of the head, or NULL: none */
+    const float *turn;          /* (RELATIVE_POSE_SIZE), or NULL: none */
     bool packed;
     size_t pixels;
+    const float *photo;         /* (height,width,5), packed (pixels,5): what
+                                 * the photograph shows (lib/texture), or
+                                 * NULL */
 };
 
 /* Prepare the refiner of a model, which must stay open until refine_release.
@@ -63,5 +66,9 @@ void refine_release(struct refine *r);
  * covers. */
 int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
                  struct error *err);
+
+/* What the photograph shows over the refined rgb (height,width,3), and its
+ * matte into alpha (height,width).  Without in->photo nothing. */
+void refine_photo(float *rgb, float *alpha, const struct refine_input *in);
 
 #endif

@@ -54,6 +54,7 @@ static int clip_keep(struct clip *c, const struct frame *f)
 {
     size_t bytes = f->width * f->height * 3;
     uint8_t *rgb = malloc(bytes);
+
     if (!rgb)
         return -1;
     memcpy(rgb, f->rgb, bytes);
@@ -77,6 +78,7 @@ int clip_read(struct clip *c, const char *path, struct error *err)
            framesource_read(s, &frame, err) > 0) {
         size_t due = c->count * (total > 1 ? total - 1 : 0) /
                      (REPORT_FRAMES - 1);
+
         if (n++ == due && clip_keep(c, &frame))
             rc = error_set(err, EX_OSERR, "%s: out of memory", path);
     }
@@ -104,6 +106,7 @@ static void sheet_put(uint8_t *sheet, size_t row, size_t column,
             size_t x0 = x * width / CELL, x1 = (x + 1) * width / CELL;
             size_t y0 = y * height / CELL, y1 = (y + 1) * height / CELL;
             unsigned sum[3] = {0}, n = 0;
+
             for (size_t v = y0; v < y1 || v == y0; v++)
                 for (size_t u = x0; u < x1 || u == x0; u++, n++)
                     for (size_t c = 0; c < 3; c++)
@@ -141,6 +144,7 @@ int report_sheet(const char *path, const char *dir, struct error *err)
 {
     static const char *const name[] = {"source", "driver", "star", "avatar",
                                        "dynamic", "static", "mouth"};
+
     enum { ROWS = sizeof name / sizeof *name };
     const size_t width = (size_t)REPORT_FRAMES * CELL;
     uint8_t *sheet = calloc(ROWS * width * CELL, 3);

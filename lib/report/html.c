@@ -3,6 +3,7 @@
 #include "lib/report/html.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <sysexits.h>
 
@@ -81,11 +82,13 @@ static void html_base64(FILE *f, const uint8_t *p, size_t n)
 {
     static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
                                 "abcdefghijklmnopqrstuvwxyz0123456789+/";
+
     for (size_t i = 0; i < n; i += 3) {
         size_t left = n - i;
         unsigned v = (unsigned)p[i] << 16 |
                      (left > 1 ? (unsigned)p[i + 1] << 8 : 0) |
                      (left > 2 ? p[i + 2] : 0);
+
         fputc(digit[v >> 18], f);
         fputc(digit[v >> 12 & 63], f);
         fputc(left > 1 ? digit[v >> 6 & 63] : '=', f);
@@ -130,6 +133,7 @@ struct axis {
 static double axis_place(const struct axis *a, double v)
 {
     double span = a->hi > a->lo ? a->hi - a->lo : 1;
+
     return a->from + (v - a->lo) / span * (a->to - a->from);
 }
 
@@ -138,6 +142,7 @@ static struct axis value_axis(const struct html_curve *c, size_t count,
                               size_t n)
 {
     struct axis a = {INFINITY, -INFINITY, HIGH - FOOT, TOP};
+
     for (size_t k = 0; k < count; k++)
         for (size_t i = 0; i < n; i++)
             if (isfinite(c[k].y[i])) {
@@ -155,6 +160,7 @@ static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
 {
     for (int k = 0; k <= 4; k++) {
         double v = y->lo + (y->hi - y->lo) * k / 4, at = axis_place(y, v);
+
         fprintf(f, "<line x1=\"%d\" x2=\"%d\" y1=\"%.1f\" y2=\"%.1f\" "
                 "stroke=\"#ddd\"/><text x=\"%d\" y=\"%.1f\" "
                 "text-anchor=\"end\">%.3g</text>", LEFT, WIDE - RIGHT, at, at,
@@ -171,17 +177,17 @@ static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
                        size_t index)
 {
     const char *color = palette[index % COLORS];
-    int pen = 0;
+    bool pen = false;
 
     fputs("<path fill=\"none\" stroke-width=\"1.6\" d=\"", f);
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(c->y[i])) {
-            pen = 0;
+            pen = false;
             continue;
         }
         fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', axis_place(x, xs[i]),
                 axis_place(y, c->y[i]));
-        pen = 1;
+        pen = true;
     }
     fprintf(f, "\" stroke=\"%s\"/><text x=\"%zu\" y=\"16\" fill=\"%s\">",
             color, LEFT + 120 * index, color);
@@ -209,6 +215,7 @@ void html_bars(FILE *f, const char *title, const char *unit,
                const char *const *name, const double *value, size_t n)
 {
     double top = 0;
+
     for (size_t i = 0; i < n; i++)
         top = fmax(top, value[i]);
     fputs("<h3>", f);
@@ -217,6 +224,7 @@ void html_bars(FILE *f, const char *title, const char *unit,
             24 * n + 8);
     for (size_t i = 0; i < n; i++) {
         double w = top > 0 ? value[i] / top * (WIDE - 330) : 0;
+
         fprintf(f, "<text x=\"170\" y=\"%zu\" text-anchor=\"end\">",
                 24 * i + 18);
         html_text(f, name[i]);

@@ -31,9 +31,11 @@ static void write_missing(FILE *f, const char *name)
 static int show_clip(FILE *f, const struct clip *c, struct error *err)
 {
     int rc = 0;
+
     html_row(f);
     for (size_t i = 0; !rc && i < c->count; i++) {
         char caption[40];
+
         snprintf(caption, sizeof caption, "frame %zu", c->index[i]);
         rc = html_picture(f, c->rgb[i], c->width, c->height, caption, err);
     }
@@ -55,8 +57,10 @@ static int show_errors(FILE *f, const struct clip *a, const struct clip *b,
     for (size_t i = 0; !rc && i < a->count && i < b->count; i++) {
         char caption[64];
         double sum = 0;
+
         for (size_t k = 0; k < n; k++) {
             int d = abs(a->rgb[i][k] - b->rgb[i][k]);
+
             sum += d;
             map[k] = (uint8_t)(d > 63 ? 255 : 4 * d);
         }
@@ -86,6 +90,7 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
     for (size_t i = 0; !rc && i < sizeof part / sizeof *part; i++) {
         struct clip other = {0};
         struct clip *c = i == 0 ? &driver : i == 1 ? &result : &other;
+
         html_section(f, part[i].title, NULL);
         if (run_find(path, sizeof path, dir, part[i].name)) {
             rc = clip_read(c, path, err);
@@ -223,6 +228,7 @@ static int write_motion(FILE *f, const char *dir, const char *file,
         const struct html_curve face[] = {{"jaw (rad)", m.y[JAW]},
                                           {"left lid", m.y[LID_LEFT]},
                                           {"right lid", m.y[LID_RIGHT]}};
+
         html_chart(f, "Head pose in degrees", "s", m.time, m.n, pose, 3);
         html_chart(f, "Jaw and eyelids", "s", m.time, m.n, face, 3);
     }
@@ -253,6 +259,7 @@ static int write_times(FILE *f, const char *dir)
     }
     while (n < MOST && fgets(line, sizeof line, in)) {
         char *save = NULL, *cell = strtok_r(line, "\t\n", &save);
+
         for (int k = 0; cell; k++, cell = strtok_r(NULL, "\t\n", &save)) {
             if (!strncmp(cell, "median", 6))
                 column = k;
@@ -275,6 +282,7 @@ static void write_numbers(FILE *f, const cJSON *j, const char *prefix)
 {
     for (j = j ? j->child : NULL; j; j = j->next) {
         char name[200], value[40];
+
         snprintf(name, sizeof name, "%s%s%s", prefix, *prefix ? "." : "",
                  j->string ? j->string : "");
         if (cJSON_IsNumber(j)) {

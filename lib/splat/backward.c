@@ -1,3 +1,8 @@
+/* Gradients of a frame on all threads.  Every tile adds up, for each Gaussian
+ * it touches, sums over its pixels (backward_tmpl.c) at a place of its own, so
+ * that no two threads write to one; a second pass adds each Gaussian's places
+ * in a fixed order and goes from the screen to its parameters
+ * (gradient_tmpl.c). */
 #include "lib/splat/backward.h"
 
 #include <math.h>
@@ -5,6 +10,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/splat/kernels.h"
 
 int backward_init(struct splat *s)
 {
@@ -17,7 +24,9 @@ int backward_init(struct splat *s)
     b->stride = 16 + s->state->row;
     b->T = malloc(pixels * sizeof *b->T);
     b->image = malloc(pixels * (size_t)s->opt.channels * sizeof *b->image);
-    return b->T && b->image ? 0 : -1;
+    if (s->opt.place)
+        b->place = malloc(pixels * 3 * sizeof *b->place);
+    return b->T && b->image && (b->place || !s->opt.place) ? 0 : -1;
 }
 
 void backward_release(struct splat *s)
@@ -28,15 +37,17 @@ void backward_release(struct splat *s)
         return;
     free(b->pair);
     free(b->seen);
-    free(b->place);
+    free(b->range);
     free(b->inverse_length);
     free(b->inverse_opacity);
     free(b->rt);
     free(b->T);
     free(b->image);
+    free(b->place);
     free(b);
 }
 
+/* Room per Gaussian, and what a given quaternion and opacity are divided by. */
 int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err)
 {
@@ -44,16 +55,16 @@ int backward_load(struct splat *s, const struct gaussians *g,
     size_t n = (g->n + 15) / 16 * 16 + 16;
 
     if (b->n != n) {
-        free(b->place);
+        free(b->range);
         free(b->inverse_length);
         free(b->inverse_opacity);
         free(b->rt);
         b->n = n;
-        b->place = malloc(n * sizeof *b->place);
+        b->range = malloc(n * sizeof *b->range);
         b->inverse_length = malloc(n * sizeof *b->inverse_length);
         b->inverse_opacity = malloc(n * sizeof *b->inverse_opacity);
         b->rt = malloc((n / GRADIENT_BATCH + 1) * 12 * sizeof *b->rt);
-        if (!b->place || !b->inverse_length || !b->inverse_opacity ||
+        if (!b->range || !b->inverse_length || !b->inverse_opacity ||
             !b->rt) {
             b->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
@@ -77,12 +88,15 @@ int backward_load(struct splat *s, const struct gaussians *g,
     return 0;
 }
 
+/* T and the image without background go where backward_run finds them. */
 void backward_keep(struct splat *s, struct target *out)
 {
     struct splat_gradient_state *b = s->state->gradient;
 
     out->final_T = b->T;
-    out->bare = b->image;
+    out->background_free = b->image;
+    out->kept_place = out->place ? b->place : NULL;
+    b->placed = out->place != NULL;
     b->drawn = true;
     memset(b->background, 0, sizeof b->background);
     if (out->background)
@@ -91,7 +105,7 @@ void backward_keep(struct splat *s, struct target *out)
 }
 
 /* Room for the pairs of the last frame. */
-static int make_room(struct splat *s, struct error *err)
+static int backward_make_room(struct splat *s, struct error *err)
 {
     struct splat_gradient_state *b = s->state->gradient;
 
@@ -100,7 +114,7 @@ static int make_room(struct splat *s, struct error *err)
     free(b->pair);
     free(b->seen);
     b->room = s->pairs + s->pairs / 8;
-    b->pair = splat_block(b->room * (size_t)b->stride * sizeof *b->pair);
+    b->pair = state_block(b->room * (size_t)b->stride * sizeof *b->pair);
     b->seen = malloc(b->room);
     if (b->pair && b->seen)
         return 0;
@@ -110,26 +124,27 @@ static int make_room(struct splat *s, struct error *err)
 }
 
 /* First of n that thread t works on. */
-static size_t share(size_t n, int t, int threads)
+static size_t backward_share(size_t n, int t, int threads)
 {
     return n * (size_t)t / (size_t)threads;
 }
 
 /* Number the pairs Gaussian by Gaussian; every thread its part, which begins
  * where the parts before it end. */
-static void number_pairs(const struct splat *s, uint32_t *part)
+static void backward_number_pairs(const struct splat *s, uint32_t *part)
 {
     const struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
     int t = omp_get_thread_num(), threads = omp_get_num_threads();
-    size_t first = share(s->n, t, threads), last = share(s->n, t + 1, threads);
+    size_t first = backward_share(s->n, t, threads);
+    size_t last = backward_share(s->n, t + 1, threads);
     uint32_t sum = 0, at = 0;
 
     for (size_t i = first; i < last; i++) {
         struct rect r = st->rect[i];
         uint32_t across = (uint32_t)(r.x1 - r.x0);
 
-        b->place[i] = (struct place){sum - r.y0 * across - r.x0, across};
+        b->range[i] = (struct pair_range){sum - r.y0 * across - r.x0, across};
         if (st->key[i] != HIDDEN)
             sum += across * (uint32_t)(r.y1 - r.y0);
     }
@@ -138,13 +153,15 @@ static void number_pairs(const struct splat *s, uint32_t *part)
     for (int k = 0; k < t; k++)
         at += part[k];
     for (size_t i = first; at && i < last; i++)
-        b->place[i].origin += at;
-    first = share(s->pairs, t, threads);
-    memset(b->seen + first, 0, share(s->pairs, t + 1, threads) - first);
+        b->range[i].origin += at;
+    first = backward_share(s->pairs, t, threads);
+    memset(b->seen + first, 0,
+           backward_share(s->pairs, t + 1, threads) - first);
 #pragma omp barrier
 }
 
-static void sum_camera(float *rt, const double *part, size_t batches)
+/* rt += the batches' sums, in double and in order. */
+static void backward_sum_camera(float *rt, const double *part, size_t batches)
 {
     for (int k = 0; k < 12; k++) {
         double sum = 0;
@@ -155,9 +172,9 @@ static void sum_camera(float *rt, const double *part, size_t batches)
     }
 }
 
-int splat_backward(struct splat *s, const struct splat_gradients *g,
-                   const float *d_image, const float *d_alpha,
-                   struct error *err)
+/* Number the pairs, sum up tile by tile, then Gaussian by Gaussian. */
+int backward_run(struct splat *s, const struct splat_gradients *g,
+                 const struct splat_picture_gradients *d, struct error *err)
 {
     struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
@@ -169,18 +186,22 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
     if (!b || !b->drawn || !st->projected)
         return error_set(err, EX_SOFTWARE, "no picture to differentiate "
                          "(expected splat_forward with opt.gradients)");
-    if (make_room(s, err))
+    if (d->place && !b->placed)
+        return error_set(err, EX_SOFTWARE, "no places to differentiate "
+                         "(expected splat_draw with them)");
+    if (backward_make_room(s, err))
         return -1;
+    b->pulled = d->place != NULL;
 #pragma omp parallel num_threads(st->threads)
     {
         struct splat_work *w = (struct splat_work *)
             ((char *)st->work +
              (size_t)omp_get_thread_num() * st->work_size);
 
-        number_pairs(s, part);
+        backward_number_pairs(s, part);
 #pragma omp for schedule(dynamic, 1)
         for (uint32_t i = 0; i < tiles; i++)
-            k->tile_backward(s, w, st->zorder[i], d_image, d_alpha);
+            k->tile_backward(s, w, st->zorder[i], d);
 #pragma omp for schedule(static)
         for (size_t i = 0; i < batches; i++) {
             size_t first = i * GRADIENT_BATCH, last = first + GRADIENT_BATCH;
@@ -190,6 +211,6 @@ int splat_backward(struct splat *s, const struct splat_gradients *g,
         }
     }
     if (g->rt)
-        sum_camera(g->rt, b->rt, batches);
+        backward_sum_camera(g->rt, b->rt, batches);
     return 0;
 }

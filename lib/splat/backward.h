@@ -9,19 +9,19 @@
                                 * in float, in a fixed order */
 
 /* Sums over a tile's pixels of dL/dq x^k y^f are float 4 k + f of a pair (of
- * these, k + f <= 2 are meant); of dL/dcolor, up to three channels, float 4 c +
- * 3. */
+ * these, k + f <= 2 are meant); of dL/dcolor, up to three channels, or with
+ * places of dL/dplace, float 4 c + 3. */
 #define MOMENT(k, f) (4 * (k) + (f))
-#define TINT(c) (4 * (c) + 3)
+#define GRAD_COLOR(c) (4 * (c) + 3)
 
 /* Where a Gaussian's pairs are: that of tile (tx, ty) is origin + ty across +
  * tx, by the rules of uint32_t. */
-struct place {
+struct pair_range {
     uint32_t origin, across;
 };
 
 /* A pair has 16 floats, about the Gaussian's centre, and with more than three
- * channels dL/dcolor behind them; `stride` floats in all.  seen[p] is 0 where
+ * channels or places dL/dcolor behind them; `stride` floats in all.  seen[p] is 0 where
  * nothing was written, else 1 + its Gaussian's number modulo the
  * lanes of a vector. */
 struct splat_gradient_state {
@@ -29,7 +29,7 @@ struct splat_gradient_state {
     uint8_t *seen;
     size_t room;               /* pairs that fit */
     int stride;
-    struct place *place;       /* (N) */
+    struct pair_range *range;  /* (N) */
     float *inverse_length;     /* (N) 1 / |quat as given| */
     float *inverse_opacity;    /* (N), 0 for opacity 0 */
     double *rt;                /* (batches, 12) */
@@ -38,14 +38,21 @@ struct splat_gradient_state {
     float *image;              /* (H,W,C) the last forward's, without
                                 * background */
     float background[SPLAT_MAX_CHANNELS];
-    bool drawn;
+    float *place;              /* (H,W,3) its places, with opt.place */
+    bool drawn, placed;        /* there was a frame; places were drawn, ... */
+    bool pulled;               /* ... and have gradients */
 };
 
-int backward_init(struct splat *s);                /* -1: no memory */
+/* What the picture's size decides; -1: no memory. */
+int backward_init(struct splat *s);
 void backward_release(struct splat *s);
+/* What goes with a new set of Gaussians.  EX_OSERR. */
 int backward_load(struct splat *s, const struct gaussians *g,
                   struct error *err);
-/* Have the frame about to be drawn keep T. */
+/* Have the frame about to be drawn keep T and its image without background. */
 void backward_keep(struct splat *s, struct target *out);
+/* splat_backward (splat.h). */
+int backward_run(struct splat *s, const struct splat_gradients *g,
+                 const struct splat_picture_gradients *d, struct error *err);
 
 #endif

@@ -1,5 +1,6 @@
-/* Gradients of a tile's pixels: the forward walk again, front to back, with
- * what is behind each Gaussian as the whole minus what has passed. */
+/* Gradients of a tile's pixels: the traversal of the forward pass again, front
+ * to back, with what is behind each Gaussian as the whole minus what has
+ * passed. */
 #include <string.h>
 
 #include "lib/base/isa.h"
@@ -7,12 +8,13 @@
 #include "lib/splat/chunk.h"
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
-                              uint32_t t, const float *d_image,
-                              const float *d_alpha);
+                              uint32_t t,
+                              const struct splat_picture_gradients *d);
 
 /* Pixels of the block at (x0, y0), as numbers; those outside the picture are
  * taken as pixel 0.  Returns which are inside. */
-VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
+VEC_INLINE uint32_t backward_pixels(vi *at, const struct splat *s, int x0,
+                                    int y0)
 {
     vi x = vi_set(x0) + (vi_iota() >> 2), y = vi_set(y0) + (vi_iota() & 3);
     vf W = vf_set((float)s->opt.width), H = vf_set((float)s->opt.height);
@@ -23,29 +25,31 @@ VEC_INLINE uint32_t pixels_of(vi *at, const struct splat *s, int x0, int y0)
     return vm_bits(in);
 }
 
-/* dL/dcolor of block k's pixels by channel, for the sums of four Gaussians. */
-static void load_tint(struct splat_work *w, int k)
+/* Gradients of three channels at block k's pixels, for the sums of four
+ * Gaussians. */
+static void backward_load_grad_color(struct splat_work *w, int k,
+                                     const float (*grad)[VEC])
 {
     for (int p = 0; p < VEC; p++) {
-        float r = w->g[k][0][p], g = w->g[k][1][p], b = w->g[k][2][p];
+        float r = grad[0][p], g = grad[1][p], b = grad[2][p];
 
 #if VEC == 16
         vf two = vf_sel((vm)0x00f0, vf_set(g), vf_set(r));
 
-        vf_store(w->tint[k][p],
+        vf_store(w->grad_color[k][p],
                  vf_keep((vm)0x0fff, vf_sel((vm)0x0f00, vf_set(b), two)));
 #else
-        vq_store(w->tint[k][p], (vq){r, r, r, r});
-        vq_store(w->tint[k][p] + 4, (vq){g, g, g, g});
-        vq_store(w->tint[k][p] + 8, (vq){b, b, b, b});
-        vq_store(w->tint[k][p] + 12, (vq){0});
+        vq_store(w->grad_color[k][p], (vq){r, r, r, r});
+        vq_store(w->grad_color[k][p] + 4, (vq){g, g, g, g});
+        vq_store(w->grad_color[k][p] + 8, (vq){b, b, b, b});
+        vq_store(w->grad_color[k][p] + 12, (vq){0});
 #endif
     }
 }
 
 /* Fetch a tile's pixels, up to three channels. */
-VEC_INLINE void fetch_pixels(const struct splat *s, const float *d_image,
-                             int x0, int y0)
+VEC_INLINE void backward_fetch_pixels(const struct splat *s,
+                                      const float *d_image, int x0, int y0)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     size_t C = (size_t)s->opt.channels;
@@ -54,29 +58,49 @@ VEC_INLINE void fetch_pixels(const struct splat *s, const float *d_image,
     for (int y = y0; y < y0 + TILE && y < s->opt.height; y++) {
         size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x0;
 
-        fetch(d_image + at * C, n * C * sizeof *d_image);
-        fetch(b->image + at * C, n * C * sizeof *b->image);
-        fetch(b->T + at, n * sizeof *b->T);
+        chunk_fetch(d_image + at * C, n * C * sizeof *d_image);
+        chunk_fetch(b->image + at * C, n * C * sizeof *b->image);
+        chunk_fetch(b->T + at, n * sizeof *b->T);
     }
 }
 
-/* Load dL/dcolor of the tile, and rest = what all the light is worth:
- * sum_i w_i c_i.g + T (background.g - dL/dalpha). */
-static void load_pixels(struct splat_work *w, const struct splat *s,
-                        const float *d_image, const float *d_alpha, int x0,
-                        int y0)
+/* dL/dplace of block k's pixels, numbers at; returns what the places are
+ * worth. */
+VEC_INLINE vf backward_load_places(struct splat_work *w, int k,
+                                   const float *place, const float *d_place,
+                                   vi at)
+{
+    vf sum = vf_set(0);
+
+    for (int m = 0; m < 3; m++) {
+        vf g = vf_gather(d_place + m, at * 3);
+
+        vf_store(w->g_place[k][m], g);
+        sum = vf_fma(vf_gather(place + m, at * 3), g, sum);
+    }
+    backward_load_grad_color(w, k, (const float (*)[VEC])w->g_place[k]);
+    return sum;
+}
+
+/* Load the gradients of the tile's pictures, and remaining = what all the
+ * light is worth: sum_i w_i c_i.g + T (background.g - dL/dalpha), places among
+ * the c_i. */
+static void backward_load_pixels(struct splat_work *w, const struct splat *s,
+                                 const struct splat_picture_gradients *d,
+                                 int x0, int y0)
 {
     const struct splat_gradient_state *b = s->state->gradient;
+    const float *d_image = d->image;
     int C = s->opt.channels;
 
     if (!s->state->row)
-        fetch_pixels(s, d_image, x0, y0);
+        backward_fetch_pixels(s, d_image, x0, y0);
     for (int k = 0; k < BLOCKS; k++) {
         vf sum = vf_set(0), behind = sum;
         vi at;
 
-        w->alive[k] = pixels_of(&at, s, x0 + COLUMNS * (k % ACROSS),
-                                y0 + 4 * (k / ACROSS));
+        w->alive[k] = backward_pixels(&at, s, x0 + COLUMNS * (k % ACROSS),
+                                      y0 + 4 * (k / ACROSS));
         vf_store(w->T[k], vf_set(1));
         for (int m = 0; m < C; m++) {
             vf g = vf_gather(d_image + m, at * C);
@@ -87,16 +111,18 @@ static void load_pixels(struct splat_work *w, const struct splat *s,
         }
         for (int m = C; m < SPLAT_MAX_CHANNELS; m++)
             vf_store(w->g[k][m], vf_set(0));
-        if (d_alpha)
-            behind -= vf_gather(d_alpha, at);
-        vf_store(w->rest[k], vf_fma(vf_gather(b->T, at), behind, sum));
+        if (d->place)
+            sum += backward_load_places(w, k, b->place, d->place, at);
+        if (d->alpha)
+            behind -= vf_gather(d->alpha, at);
+        vf_store(w->remaining[k], vf_fma(vf_gather(b->T, at), behind, sum));
         if (!s->state->row)
-            load_tint(w, k);
+            backward_load_grad_color(w, k, (const float (*)[VEC])w->g[k]);
     }
 }
 
 /* 1 / (1 - alpha); alpha <= 0.99. */
-VEC_INLINE vf inverse(vf x)
+VEC_INLINE vf backward_inverse(vf x)
 {
 #ifdef ISA_AVX512
     vf r = (vf)_mm512_rcp14_ps((__m512)x);
@@ -107,8 +133,10 @@ VEC_INLINE vf inverse(vf x)
 #endif
 }
 
-/* worth[j] = color_j . g at the block's pixels, for all entries of its list. */
-static void worths(struct splat_work *w, int b, const float *table, int row)
+/* color_dot_grad[j] = color_j . g at the block's pixels, for all entries of its
+ * list. */
+static void backward_color_dot_grads(struct splat_work *w, int b,
+                                     const float *table, int row)
 {
     const uint32_t *list = w->list[b];
     uint32_t n = w->count[b];
@@ -131,18 +159,19 @@ static void worths(struct splat_work *w, int b, const float *table, int row)
                 acc[k] = vf_fma(vf_set(c[k][m]), g, acc[k]);
         }
         for (uint32_t k = 0; k < 4; k++)
-            vf_store(w->worth[j + k], acc[k]);
+            vf_store(w->color_dot_grad[j + k], acc[k]);
     }
 }
 
 /* Where a block's pixels are about the tile's centre: rows and their squares,
  * and of column x the powers 0, 1, 2 of its place, each four times. */
-struct places {
+struct powers {
     float y[4], yy[4];
     float x[COLUMNS][16];
 };
 
-VEC_INLINE void places_of(struct places *at, int b)
+/* The powers of block b. */
+VEC_INLINE void backward_powers(struct powers *at, int b)
 {
     for (int k = 0; k < 4; k++) {
         float y = 4 * (float)(b / ACROSS) - 7.5f + (float)k;
@@ -158,10 +187,10 @@ VEC_INLINE void places_of(struct places *at, int b)
     }
 }
 
-/* Sums over the columns of numbers by column and Gaussian, times the places'
+/* Sums over the columns of numbers by column and Gaussian, times the
  * powers part .. of sixteen: lanes 4 power + Gaussian. */
-VEC_INLINE vf column_sum(const float *row, const struct places *at,
-                         const int part)
+VEC_INLINE vf backward_column_sum(const float *row, const struct powers *at,
+                                  const int part)
 {
     vf m = vf_repeat(row) * vf_load(at->x[0] + part);
 
@@ -171,26 +200,30 @@ VEC_INLINE vf column_sum(const float *row, const struct places *at,
     return m;
 }
 
-/* The same of the weights' rows, times dL/dcolor: lanes 4 channel + Gaussian. */
-VEC_INLINE vf tint_sum(const float (*row)[VEC], const float (*tint)[16],
-                       const int part)
+/* The same of the weights' rows, times dL/dcolor: lanes 4 channel +
+ * Gaussian. */
+VEC_INLINE vf backward_grad_color_sum(const float (*row)[VEC],
+                                      const float (*grad_color)[16],
+                                      const int part)
 {
     vf sum[4];
 
-    FOUR sum[k] = vf_repeat(row[k]) * vf_load(tint[k] + part);
+    FOUR sum[k] = vf_repeat(row[k]) * vf_load(grad_color[k] + part);
 #pragma GCC unroll 3
     for (int x = 1; x < COLUMNS; x++)
         FOUR sum[k] = vf_fma(vf_repeat(row[k] + 4 * x),
-                             vf_load(tint[4 * x + k] + part), sum[k]);
+                             vf_load(grad_color[4 * x + k] + part), sum[k]);
     return sum[0] + sum[1] + (sum[2] + sum[3]);
 }
 
-/* Add the sums of four list entries to their rows of w->pair: dq and weight
- * at the block's pixels.  First columns are summed, lanes 4 x + Gaussian, then
- * the columns together, lanes 4 power + Gaussian. */
-VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
-                      const uint32_t *list, vf dq[4], vf weight[4],
-                      const struct places *at, const int wide)
+/* Add the sums of four list entries to their rows of w->pair: dq, and with
+ * three channels to sum up here the weights, at the block's pixels.  First
+ * columns are summed, lanes 4 x + Gaussian, then the columns together, lanes
+ * 4 power + Gaussian. */
+VEC_INLINE void backward_flush(struct splat_work *w,
+                               const float (*grad_color)[16],
+                               const uint32_t *list, vf dq[4], vf weight[4],
+                               const struct powers *at, const bool three)
 {
     float row[3][VEC], shade[4][VEC];
     vf m[4];
@@ -208,7 +241,7 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
     for (int f = 0; f < 3; f++)
         vf_store(row[f], m[f]);
     FROM_MEMORY(row);
-    if (!wide) {
+    if (three) {
         vf_transpose_quads(weight);
         FOUR vf_store(shade[k], weight[k]);
         FROM_MEMORY(shade);
@@ -218,9 +251,11 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
     for (int part = 0; part < 12; part += VEC) {
 #pragma GCC unroll 3
         for (int f = 0; f < 3; f++)
-            m[f] = column_sum(row[f], at, part);
-        m[3] = wide ? vf_set(0)
-                    : tint_sum((const float (*)[VEC])shade, tint, part);
+            m[f] = backward_column_sum(row[f], at, part);
+        m[3] = vf_set(0);
+        if (three)
+            m[3] = backward_grad_color_sum((const float (*)[VEC])shade,
+                                           grad_color, part);
         vf_transpose_quads(m);
         FOUR {
             float *to = w->pair[list[k]] + part;
@@ -231,7 +266,7 @@ VEC_INLINE void flush(struct splat_work *w, const float (*tint)[16],
 }
 
 /* dcolor (entry, row) += weight (entry, VEC pixels) g (VEC pixels, row). */
-static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
+static void backward_colors(struct splat_work *w, int b, uint32_t n, int row)
 {
     for (int part = 0; part < row; part += VEC) {
         const float *from[VEC];
@@ -252,109 +287,138 @@ static void color_backward(struct splat_work *w, int b, uint32_t n, int row)
     }
 }
 
-/* One block: up to three channels have their colours in the chunk, more go
- * through worths and color_backward. */
-VEC_INLINE void block_backward(struct splat_work *w, int b,
-                               const struct splat_state *st, const int degree,
-                               const int wide)
+/* Where a block's colours are: up to three channels in the chunk; of more in
+ * the table, by backward_color_dot_grads and backward_colors, and then there
+ * may be places in the chunk. */
+enum backward_kind { BACKWARD_CHUNK, BACKWARD_TABLE, BACKWARD_TABLE_PLACE };
+
+/* One block's share of the chunk. */
+VEC_INLINE void backward_traverse(struct splat_work *w, int b,
+                                  const struct splat_state *st,
+                                  const int degree,
+                                  const enum backward_kind kind)
 {
     const struct view *v = &st->view;
-    const float (*tint)[16] = (const float (*)[16])w->tint[b];
+    const float (*grad_color)[16] = (const float (*)[16])w->grad_color[b];
     const uint32_t *list = w->list[b];
+    const bool wide = kind != BACKWARD_CHUNK;
+    const bool place = kind == BACKWARD_TABLE_PLACE;
     uint32_t n = w->count[b], j = 0;
-    vf x = block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
+    vf x = chunk_block_x(b), cut = vf_set(v->cut), stop = vf_set(v->t_cut);
     vm alive = vm_from_bits(w->alive[b]);
-    vf T = vf_keep(alive, vf_load(w->T[b])), rest = vf_load(w->rest[b]), g[3];
-    struct places at;
+    vf T = vf_keep(alive, vf_load(w->T[b])), g[3];
+    vf remaining = vf_load(w->remaining[b]);
+    struct powers at;
 
-    places_of(&at, b);
+    backward_powers(&at, b);
     if (wide)
-        worths(w, b, st->table, st->row);
+        backward_color_dot_grads(w, b, st->table, st->row);
     for (int c = 0; c < 3; c++)
-        g[c] = vf_load(w->g[b][c]);
+        g[c] = vf_load(place ? w->g_place[b][c] : w->g[b][c]);
     for (; j < n && vm_any(alive); j += 4) {
-        vf e[4], alpha[4], behind[4], worth[4], dq[4], weight[4];
+        vf e[4], alpha[4], behind[4], color_dot_grad[4], dq[4], weight[4];
         vm on[4];
 
-        alphas(alpha, on, e, w, list + j, b, x, cut, degree);
-        FOUR behind[k] = inverse(vf_set(1) - alpha[k]);
+        chunk_alphas(alpha, on, e, w, list + j, b, x, cut, degree);
+        FOUR behind[k] = backward_inverse(vf_set(1) - alpha[k]);
         ABREAST(behind);
         FOUR {
-            const float *c = w->info[list[j + (uint32_t)k]];
+            uint32_t entry = list[j + (uint32_t)k];
+            const float *c = place ? w->place[entry] : w->info[entry] + 1;
+            vf dot = vf_fma(vf_set(c[0]), g[0],
+                            vf_fma(vf_set(c[1]), g[1], vf_set(c[2]) * g[2]));
 
-            worth[k] = wide ? vf_load(w->worth[j + (uint32_t)k])
-                            : vf_fma(vf_set(c[1]), g[0],
-                                     vf_fma(vf_set(c[2]), g[1],
-                                            vf_set(c[3]) * g[2]));
+            color_dot_grad[k] =
+                wide ? vf_load(w->color_dot_grad[j + (uint32_t)k]) : dot;
+            if (place)
+                color_dot_grad[k] += dot;
         }
         FOUR {
-            vf all = vf_mul_keep(on[k], alpha[k], T), before = rest;
+            vf all = vf_mul_keep(on[k], alpha[k], T), before = remaining;
 
             T -= all;
             vm drawn = vf_gt_and(on[k], T, stop);
 
             weight[k] = vf_keep(drawn, all);
-            /* image = sum w c + T bg: behind this one is rest - w c.g, which
-             * 1 - alpha divides; dL/dq = alpha dL/dalpha */
-            rest = vf_fnma(weight[k], worth[k], rest);
+            /* image = sum w c + T bg: behind this one is remaining - w c.g,
+             * which 1 - alpha divides; dL/dq = alpha dL/dalpha */
+            remaining = vf_fnma(weight[k], color_dot_grad[k], remaining);
             if (!v->dgr)               /* which forgets the clamp */
                 drawn = vf_gt_and(drawn, vf_set(0.99f), e[k]);
-            dq[k] = vf_fnma_keep(drawn, rest, behind[k], before);
+            dq[k] = vf_fnma_keep(drawn, remaining, behind[k], before);
             if (wide)
                 vf_store(w->weight[j + (uint32_t)k], weight[k]);
         }
-        flush(w, tint, list + j, dq, weight, &at, wide);
+        backward_flush(w, grad_color, list + j, dq, weight, &at,
+                       !wide || place);
         alive = vf_gt(T, stop);
     }
     if (wide)
-        color_backward(w, b, j < n ? j : n, st->row);
+        backward_colors(w, b, j < n ? j : n, st->row);
     vf_store(w->T[b], T);
-    vf_store(w->rest[b], rest);
+    vf_store(w->remaining[b], remaining);
     w->alive[b] = vm_bits(alive);
 }
 
-/* Each combination is compiled apart; few people differentiate at less than
- * degree 5. */
-static void block(struct splat_work *w, int b, const struct splat_state *st,
-                  int degree)
+/* Each kind is compiled apart, and each of the degrees that a renderer with
+ * gradients has. */
+static void backward_block(struct splat_work *w, int b,
+                           const struct splat_state *st, int degree,
+                           enum backward_kind kind)
 {
-    switch (degree * 2 + (st->row > 0)) {
-    case 6: block_backward(w, b, st, 3, 0); return;
-    case 7: block_backward(w, b, st, 3, 1); return;
-    case 10: block_backward(w, b, st, 5, 0); return;
-    default: block_backward(w, b, st, 5, 1); return;
+    switch (kind) {
+    case BACKWARD_CHUNK:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_CHUNK);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_CHUNK);
+        return;
+    case BACKWARD_TABLE:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_TABLE);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_TABLE);
+        return;
+    case BACKWARD_TABLE_PLACE:
+        if (degree == 3)
+            backward_traverse(w, b, st, 3, BACKWARD_TABLE_PLACE);
+        else
+            backward_traverse(w, b, st, 5, BACKWARD_TABLE_PLACE);
+        return;
     }
 }
 
 /* Where the pairs of n entries of tile (tx, ty) go. */
-static void find_pairs(struct splat_work *w, const struct splat *s,
-                       const uint32_t *list, uint32_t n, uint32_t tx,
-                       uint32_t ty)
+static void backward_find_pairs(struct splat_work *w, const struct splat *s,
+                                const uint32_t *list, uint32_t n, uint32_t tx,
+                                uint32_t ty)
 {
     const struct splat_gradient_state *b = s->state->gradient;
 
     for (uint32_t e = 0; e < n; e++) {
-        struct place p = b->place[list[e]];
+        struct pair_range p = b->range[list[e]];
 
-        w->place[e] = p.origin + ty * p.across + tx;
+        w->pair_of[e] = p.origin + ty * p.across + tx;
     }
 }
 
 /* Fetch the places of block b's share of n entries: all at once, they would be
  * waited for. */
-VEC_INLINE void fetch_pairs(const struct splat_work *w, const struct splat *s,
-                        uint32_t n, uint32_t b)
+VEC_INLINE void backward_fetch_pairs(const struct splat_work *w,
+                                     const struct splat *s, uint32_t n,
+                                     uint32_t b)
 {
     const struct splat_gradient_state *g = s->state->gradient;
 
     for (uint32_t e = n * b / BLOCKS; e < n * (b + 1) / BLOCKS; e++)
-        __builtin_prefetch(g->pair + (size_t)w->place[e] * (size_t)g->stride,
+        __builtin_prefetch(g->pair + (size_t)w->pair_of[e] * (size_t)g->stride,
                            1);
 }
 
 /* Store an entry's sums m about the tile's centre, about its own centre (u,
  * v): each step takes x - u or y - v for one x or y. */
-VEC_INLINE void put_centered(float *to, const float m[16], float u, float v)
+VEC_INLINE void backward_put_centered(float *to, const float m[16], float u,
+                                      float v)
 {
     const vq along = {u, u, u, 0}, first = {0, v, v, 0}, second = {0, 0, v, 0};
     vq q[3] = {vq_load(m), vq_load(m + 4), vq_load(m + 8)};
@@ -372,53 +436,60 @@ VEC_INLINE void put_centered(float *to, const float m[16], float u, float v)
 }
 
 /* The chunk's sums to their pairs' places. */
-static void store_pairs(const struct splat_work *w, const struct splat *s,
-                        const uint32_t *list, uint32_t n)
+static void backward_store_pairs(const struct splat_work *w,
+                                 const struct splat *s, const uint32_t *list,
+                                 uint32_t n)
 {
     const struct splat_gradient_state *b = s->state->gradient;
     size_t colors = (size_t)s->state->row * sizeof(float);
 
     for (uint32_t e = 0; e < n; e++) {
-        float *to = b->pair + (size_t)w->place[e] * (size_t)b->stride;
+        float *to = b->pair + (size_t)w->pair_of[e] * (size_t)b->stride;
 
-        put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
+        backward_put_centered(to, w->pair[e], w->center[0][e], w->center[1][e]);
         if (colors)
             memcpy(to + 16, w->dcolor[e], colors);
-        b->seen[w->place[e]] = (uint8_t)(1 + list[e] % VEC);
+        b->seen[w->pair_of[e]] = (uint8_t)(1 + list[e] % VEC);
     }
 }
 
-static void chunk(struct splat_work *w, const struct splat *s,
-                  const uint32_t *list, uint32_t n, int tx, int ty)
+/* The next n entries of a tile's list: find their pairs, lay them out, add up
+ * block by block, put the sums away. */
+static void backward_chunk(struct splat_work *w, const struct splat *s,
+                           const uint32_t *list, uint32_t n, int tx, int ty,
+                           enum backward_kind kind)
 {
-    find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
+    backward_find_pairs(w, s, list, n, (uint32_t)tx, (uint32_t)ty);
     chunk_build(w, s->state, list, n, (float)(TILE * tx) + 8,
                 (float)(TILE * ty) + 8, false);
     memset(w->pair, 0, n * sizeof w->pair[0]);
     if (s->state->row)
         memset(w->dcolor, 0, n * sizeof w->dcolor[0]);
     for (int b = 0; b < BLOCKS; b++) {
-        fetch_pairs(w, s, n, (uint32_t)b);
+        backward_fetch_pairs(w, s, n, (uint32_t)b);
         if (w->count[b])
-            block(w, b, s->state, s->opt.exp_degree);
+            backward_block(w, b, s->state, s->opt.exp_degree, kind);
     }
-    store_pairs(w, s, list, n);
+    backward_store_pairs(w, s, list, n);
 }
 
 void ISA(splat_tile_backward)(const struct splat *s, struct splat_work *w,
-                              uint32_t t, const float *d_image,
-                              const float *d_alpha)
+                              uint32_t t,
+                              const struct splat_picture_gradients *d)
 {
     const struct splat_state *st = s->state;
     int tx = (int)(t % (uint32_t)st->view.tx);
     int ty = (int)(t / (uint32_t)st->view.tx);
+    enum backward_kind kind = !st->row   ? BACKWARD_CHUNK
+                              : d->place ? BACKWARD_TABLE_PLACE
+                                         : BACKWARD_TABLE;
     uint32_t any = 1;
 
-    load_pixels(w, s, d_image, d_alpha, TILE * tx, TILE * ty);
+    backward_load_pixels(w, s, d, TILE * tx, TILE * ty);
     for (uint32_t i = st->start[t]; i < st->end[t] && any; i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        chunk(w, s, st->list + i, n, tx, ty);
+        backward_chunk(w, s, st->list + i, n, tx, ty, kind);
         any = 0;
         for (int b = 0; b < BLOCKS; b++)
             any |= w->alive[b];

@@ -20,6 +20,7 @@ struct splat_work {
     float rows[4][CHUNK + 2][8];
     float info[COLUMN][4];                 /* root, the first three colours */
     float fourth[COLUMN];                  /* colour 3, or depth */
+    float place[COLUMN][4];                /* place channels, and 0 */
     uint32_t index[COLUMN];                /* Gaussian of each entry */
     uint32_t list[BLOCKS][COLUMN];         /* entries that reach a block */
     uint32_t count[BLOCKS];
@@ -29,17 +30,19 @@ struct splat_work {
     float weight[COLUMN + 2][VEC];         /* of one block, wide path */
     uint32_t used[COLUMN + 16];            /* Gaussian of each weight row */
     float depth[BLOCKS][VEC];
+    float blended[3][BLOCKS][VEC];         /* place channels */
     float wide[BLOCKS * VEC][SPLAT_MAX_CHANNELS];
     float g[BLOCKS][SPLAT_MAX_CHANNELS][VEC];  /* dL/dcolor, backward */
-    float rest[BLOCKS][VEC];               /* backward: light still behind */
-    float worth[COLUMN][VEC];              /* backward: color . g */
+    float remaining[BLOCKS][VEC];          /* backward: light still behind */
+    float g_place[BLOCKS][3][VEC];         /* backward: dL/dplace */
+    float color_dot_grad[COLUMN][VEC];     /* backward: color . g */
     float pair[COLUMN][16];                /* backward: sums of each entry
                                             * about the tile's centre */
-    float tint[BLOCKS][VEC][16];           /* backward, up to 3 channels: at
+    float grad_color[BLOCKS][VEC][16];     /* backward, up to 3 channels: at
                                             * pixel p, number 4 c + 0..3 is
                                             * dL/dcolor of c */
     float center[2][COLUMN];               /* x, y about the tile's centre */
-    uint32_t place[COLUMN];                /* backward: pair of each entry */
+    uint32_t pair_of[COLUMN];              /* backward: pair of each entry */
     float dcolor[COLUMN][SPLAT_MAX_CHANNELS];
 };
 
@@ -51,7 +54,7 @@ struct splat_work {
 
 /* Fetch the lines of an array that are needed in a while.  Inline as all that
  * only fetches: the compiler drops calls of what it takes to do nothing. */
-VEC_INLINE void fetch(const void *array, size_t bytes)
+VEC_INLINE void chunk_fetch(const void *array, size_t bytes)
 {
     const char *line = array;
 
@@ -61,19 +64,22 @@ VEC_INLINE void fetch(const void *array, size_t bytes)
 }
 
 /* Fetch what a Gaussian's entry is made of, and its colours. */
-VEC_INLINE void fetch_entry(const struct splat_state *s, size_t i)
+VEC_INLINE void chunk_fetch_entry(const struct splat_state *s, size_t i)
 {
-    __builtin_prefetch(&s->record[i]);
+    __builtin_prefetch(&s->projection[i]);
     if (s->fixed)
         __builtin_prefetch(s->fixed + SPLAT_MAX_CHANNELS * i);
     else if (s->row)
-        fetch(s->table + (size_t)s->row * i, (size_t)s->row * sizeof(float));
+        chunk_fetch(s->table + (size_t)s->row * i,
+                    (size_t)s->row * sizeof(float));
     else
         __builtin_prefetch(&s->color[i]);
+    if (s->place)
+        __builtin_prefetch(&s->place[i]);
 }
 
 /* Columns of block b's pixels, about the tile's centre. */
-VEC_INLINE vf block_x(int b)
+VEC_INLINE vf chunk_block_x(int b)
 {
     static const float column[16] = {0, 0, 0, 0, 1, 1, 1, 1,
                                      2, 2, 2, 2, 3, 3, 3, 3};
@@ -83,8 +89,8 @@ VEC_INLINE vf block_x(int b)
 }
 
 /* The geometry of VEC list entries by column: g[k] = field k. */
-VEC_INLINE void gather(vf g[8], const struct record *record,
-                       const uint32_t *list)
+VEC_INLINE void chunk_gather(vf g[8], const struct projected_gaussian *record,
+                             const uint32_t *list)
 {
     const float *r[VEC];
 
@@ -98,8 +104,8 @@ VEC_INLINE void gather(vf g[8], const struct record *record,
  * columns from its leftmost to its rightmost point, or where the row's edge
  * cuts it.  The ellipse is taken a little too large, so that rounding loses
  * none. */
-VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
-                      uint32_t at, uint32_t valid, float cut)
+VEC_INLINE void chunk_sieve(struct splat_work *w, const vf g[8], vf u, vf v,
+                            uint32_t at, uint32_t valid, float cut)
 {
     vf room = vf_fma(g[FTOP] - vf_set(cut), vf_set(1.003f), vf_set(0.01f));
     vf peak = g[FSX] * g[FWIDE], tiny = vf_set(1e-20f);
@@ -116,8 +122,8 @@ VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
         vf first = vf_set(4 * (float)y - 7.5f) - v, last = first + vf_set(3);
         vf right = vf_clamp(peak, first, last);
         vf left = vf_clamp(-peak, first, last);
-        vf r2 = vf_fnma(g[FFALL] * right, right, room);
-        vf l2 = vf_fnma(g[FFALL] * left, left, room);
+        vf r2 = vf_fnma(g[FFALLOFF] * right, right, room);
+        vf l2 = vf_fnma(g[FFALLOFF] * left, left, room);
         vf hi = vf_fma(g[FSY], right, u) + slack, lo = vf_fma(g[FSY], left, u);
 
         hi = vf_fma(half, vf_sqrt_above(vf_max(r2, tiny)), hi);
@@ -134,23 +140,23 @@ VEC_INLINE void sieve(struct splat_work *w, const vf g[8], vf u, vf v,
             if (!w->alive[b])
                 continue;
             vf edge = vf_set((float)(COLUMNS * x) - 7.5f);
-            vm hit = vf_gt_and(vf_gt_and(some, hi, edge),
-                               edge + vf_set(COLUMNS - 1), lo);
+            vm in = vf_gt_and(vf_gt_and(some, hi, edge),
+                              edge + vf_set(COLUMNS - 1), lo);
 
-            w->count[b] += vm_list(w->list[b] + w->count[b], hit, at);
+            w->count[b] += vm_list(w->list[b] + w->count[b], in, at);
         }
     }
 }
 
 /* What makes the rows of VEC entries: shift = base + tilt row, high = top
- * - fall (row - y)^2, rows about the tile's centre. */
+ * - falloff (row - y)^2, rows about the tile's centre. */
 struct slopes {
-    float base[VEC], tilt[VEC], y[VEC], fall[VEC], top[VEC];
+    float base[VEC], tilt[VEC], y[VEC], falloff[VEC], top[VEC];
 };
 
 /* Rows of one entry. */
-VEC_INLINE void rows_build(struct splat_work *w, uint32_t e,
-                           const struct slopes *s, uint32_t k)
+VEC_INLINE void chunk_build_rows(struct splat_work *w, uint32_t e,
+                                 const struct slopes *s, uint32_t k)
 {
     static const float row[TILE] = {
         -7.5f, -6.5f, -5.5f, -4.5f, -3.5f, -2.5f, -1.5f, -0.5f,
@@ -160,7 +166,7 @@ VEC_INLINE void rows_build(struct splat_work *w, uint32_t e,
     for (int i = 0; i < TILE; i += VEC) {
         vf y = vf_load(row + i), dy = y - vf_set(s->y[k]);
         vf shift = vf_fma(y, vf_set(s->tilt[k]), vf_set(s->base[k]));
-        vf high = vf_fnma(vf_set(s->fall[k]) * dy, dy, vf_set(s->top[k]));
+        vf high = vf_fnma(vf_set(s->falloff[k]) * dy, dy, vf_set(s->top[k]));
 
 #if VEC == 16
         const __m512i low = _mm512_setr_epi32(0, 1, 2, 3, 16, 17, 18, 19,
@@ -193,7 +199,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
     for (int b = 0; b < BLOCKS; b++)
         w->count[b] = 0;
     for (uint32_t k = 0; k < AHEAD && k < n; k++)
-        fetch_entry(s, list[k]);
+        chunk_fetch_entry(s, list[k]);
     for (uint32_t k = 0; k < n; k += VEC)  /* lists have room behind them */
         memcpy(w->index + k, list + k, VEC * sizeof *list);
     for (uint32_t k = 0; k < VEC; k++)      /* entry n and on: nothing */
@@ -204,8 +210,8 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         vf g[8];
 
         for (uint32_t k = 0; k < VEC && i + AHEAD + k < n; k++)
-            fetch_entry(s, w->index[i + AHEAD + k]);
-        gather(g, s->record, w->index + i);
+            chunk_fetch_entry(s, w->index[i + AHEAD + k]);
+        chunk_gather(g, s->projection, w->index + i);
         vf u = g[FX] - vf_set(cx), v = g[FY] - vf_set(cy);
 
         if (s->fine[0]) {
@@ -217,21 +223,23 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
         vf_store(t.base, g[FROOT] * vf_fnma(g[FSY], v, u));
         vf_store(t.tilt, g[FROOT] * g[FSY]);
         vf_store(t.y, v);
-        vf_store(t.fall, g[FFALL]);
+        vf_store(t.falloff, g[FFALLOFF]);
         vf_store(t.top, g[FTOP]);
         for (uint32_t k = 0; k < left; k++) {
             uint32_t one = w->index[i + k];
 
-            w->info[i + k][0] = s->record[one].root;
+            w->info[i + k][0] = s->projection[one].root;
             if (!s->row)
                 memcpy(w->info[i + k] + 1, s->color[one], 3 * sizeof(float));
+            if (s->place)
+                memcpy(w->place[i + k], s->place[one], sizeof w->place[0]);
             if (depth)
                 memcpy(&w->fourth[i + k], &s->key[one], sizeof(float));
             else
                 w->fourth[i + k] = s->row ? 0 : s->color[one][3];
-            rows_build(w, i + k, &t, k);
+            chunk_build_rows(w, i + k, &t, k);
         }
-        sieve(w, g, u, v, i, (1u << left) - 1, s->view.cut);
+        chunk_sieve(w, g, u, v, i, (1u << left) - 1, s->view.cut);
     }
     /* lists end with entries that add nothing, for loops that take four */
     for (int y = 0; y < 4; y++)
@@ -239,13 +247,14 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
             w->rows[y][CHUNK][k] = k < 4 ? 0 : -1e30f;
     memset(w->info[CHUNK], 0, sizeof w->info[0]);
     w->fourth[CHUNK] = 0;
+    memset(w->place[CHUNK], 0, sizeof w->place[0]);
     for (int b = 0; b < BLOCKS; b++)
         vi_store(w->list[b] + w->count[b], vi_set(CHUNK));
 }
 
-/* Of four entries: q at block b's pixels, x of block_x(b). */
-VEC_INLINE void exponents(vf q[4], const struct splat_work *w,
-                          const uint32_t *entry, int b, vf x)
+/* Of four entries: q at block b's pixels, x of chunk_block_x(b). */
+VEC_INLINE void chunk_exponents(vf q[4], const struct splat_work *w,
+                                const uint32_t *entry, int b, vf x)
 {
     const float (*row)[8] = w->rows[b / ACROSS];
 
@@ -257,11 +266,11 @@ VEC_INLINE void exponents(vf q[4], const struct splat_work *w,
 }
 
 /* Their alphas, also before the clamp, and where they are not cut off. */
-VEC_INLINE void alphas(vf alpha[4], vm on[4], vf free[4],
-                       const struct splat_work *w, const uint32_t *entry,
-                       int b, vf x, vf cut, const int degree)
+VEC_INLINE void chunk_alphas(vf alpha[4], vm on[4], vf free[4],
+                             const struct splat_work *w, const uint32_t *entry,
+                             int b, vf x, vf cut, const int degree)
 {
-    exponents(free, w, entry, b, x);
+    chunk_exponents(free, w, entry, b, x);
     FOUR on[k] = vf_ge(free[k], cut);
     vf_exp2_four(free, degree);
     FOUR alpha[k] = vf_min_positive(free[k], vf_set(0.99f));

@@ -1,9 +1,15 @@
+/* One frame on all threads, step by step: project what has moved, sort by depth
+ * (stable radix sort, or a merge into the last frame's order), count and fill
+ * each tile's list, draw the tiles in Z order.  Every step cuts its work the
+ * same way for any number of threads as far as results go. */
 #include "lib/splat/frame.h"
 
 #include <omp.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/splat/kernels.h"
 
 #define RADIX 2048
 #define BATCH 1024             /* Gaussians projected, then collected */
@@ -25,7 +31,7 @@ struct frame {
 };
 
 /* Thread 0 notes what has passed since the last phase. */
-static void phase(struct frame *f, int t, enum splat_phase p)
+static void frame_note_phase(struct frame *f, int t, enum splat_phase p)
 {
     double now = t ? 0 : omp_get_wtime();
 
@@ -41,7 +47,7 @@ static size_t min_size(size_t a, size_t b)
 }
 
 /* First of n that thread t works on. */
-static size_t share(size_t n, int t, int threads)
+static size_t frame_share(size_t n, int t, int threads)
 {
     return n * (size_t)t / (size_t)threads;
 }
@@ -49,7 +55,7 @@ static size_t share(size_t n, int t, int threads)
 /* ---- projection ---------------------------------------------------------- */
 
 /* Append the visible of [i, end) to the thread's part of the sort input. */
-static void collect(struct frame *f, int t, size_t i, size_t end)
+static void frame_collect(struct frame *f, int t, size_t i, size_t end)
 {
     struct splat_state *st = f->s->state;
     uint64_t *out = st->sort0 + f->lo[t] + f->count[t], *at = out;
@@ -71,13 +77,13 @@ static void collect(struct frame *f, int t, size_t i, size_t end)
 }
 
 /* Project what moved in [first, last) of all Gaussians, and collect it. */
-static void project_part(struct frame *f, int t, size_t first, size_t last)
+static void frame_project(struct frame *f, int t, size_t first, size_t last)
 {
     struct splat_state *st = f->s->state;
     size_t n = last - first;
-    size_t i = first + share(n, t, f->threads) / PAD * PAD;
+    size_t i = first + frame_share(n, t, f->threads) / PAD * PAD;
     size_t end = t + 1 == f->threads ? last
-        : first + share(n, t + 1, f->threads) / PAD * PAD;
+        : first + frame_share(n, t + 1, f->threads) / PAD * PAD;
 
     f->lo[t] = i - first;
     f->count[t] = 0;
@@ -87,14 +93,15 @@ static void project_part(struct frame *f, int t, size_t first, size_t last)
         size_t stop = min_size(i + BATCH, end);
 
         f->k->project(st, i, stop);
-        collect(f, t, i, stop);
+        frame_collect(f, t, i, stop);
     }
 }
 
 /* ---- sort: radix of 11 bits over (bits of z - least), stable ------------ */
 
-static void tally(uint32_t *h, const uint64_t *in, size_t n, uint32_t least,
-                  int shift)
+/* How many keys have each value of the digit at shift. */
+static void frame_tally(uint32_t *h, const uint64_t *in, size_t n,
+                        uint32_t least, int shift)
 {
     memset(h, 0, RADIX * sizeof *h);
     for (size_t i = 0; i < n; i++)
@@ -102,8 +109,8 @@ static void tally(uint32_t *h, const uint64_t *in, size_t n, uint32_t least,
 }
 
 /* Where this thread's first entry of each digit goes. */
-static void offsets(uint32_t *at, const uint32_t *histogram, int t,
-                    int threads)
+static void frame_offsets(uint32_t *at, const uint32_t *histogram, int t,
+                          int threads)
 {
     uint32_t sum = 0;
 
@@ -115,8 +122,9 @@ static void offsets(uint32_t *at, const uint32_t *histogram, int t,
         }
 }
 
-static void scatter(uint64_t *out, uint32_t *at, const uint64_t *in, size_t n,
-                    uint32_t least, int shift)
+/* Entries to where their digit goes; equal digits keep their order. */
+static void frame_scatter(uint64_t *out, uint32_t *at, const uint64_t *in,
+                          size_t n, uint32_t least, int shift)
 {
     for (size_t i = 0; i < n; i++) {
         uint64_t e = in[i];
@@ -125,7 +133,8 @@ static void scatter(uint64_t *out, uint32_t *at, const uint64_t *in, size_t n,
     }
 }
 
-static size_t collected(const struct frame *f)
+/* Gaussians on the screen, of all threads. */
+static size_t frame_collected(const struct frame *f)
 {
     size_t all = 0;
 
@@ -135,12 +144,12 @@ static size_t collected(const struct frame *f)
 }
 
 /* Sort what was collected; returns where it is, sort0 or sort1. */
-static uint64_t *sort_part(struct frame *f, int t)
+static uint64_t *frame_sort(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
     uint32_t least = UINT32_MAX, most = 0, at[RADIX];
     uint64_t *from = st->sort0, *to = st->sort1;
-    size_t lo = f->lo[t], n = f->count[t], all = collected(f);
+    size_t lo = f->lo[t], n = f->count[t], all = frame_collected(f);
 
     for (int k = 0; k < f->threads; k++) {
         least = f->least[k] < least ? f->least[k] : least;
@@ -150,17 +159,17 @@ static uint64_t *sort_part(struct frame *f, int t)
         bool last = shift == 22 || (most - least) >> (shift + 11) == 0;
         uint64_t *swap = from;
 
-        tally(st->histogram + t * RADIX, from + lo, n, least, shift);
+        frame_tally(st->histogram + t * RADIX, from + lo, n, least, shift);
 #pragma omp barrier
-        offsets(at, st->histogram, t, f->threads);
-        scatter(to, at, from + lo, n, least, shift);
+        frame_offsets(at, st->histogram, t, f->threads);
+        frame_scatter(to, at, from + lo, n, least, shift);
 #pragma omp barrier
         from = to;
         to = swap;
         if (last)
             break;
-        lo = share(all, t, f->threads);
-        n = share(all, t + 1, f->threads) - lo;
+        lo = frame_share(all, t, f->threads);
+        n = frame_share(all, t + 1, f->threads) - lo;
     }
     return from;
 }
@@ -170,9 +179,9 @@ static uint64_t *sort_part(struct frame *f, int t)
 /* The last order without the Gaussians [first, last) and the sorted ones of
  * these, merged.  Entries are different numbers, so any way of merging gives
  * the same order. */
-static size_t merge(uint64_t *out, const uint64_t *old, size_t n,
-                    const uint64_t *fresh, size_t fresh_n, size_t first,
-                    size_t last)
+static size_t frame_merge(uint64_t *out, const uint64_t *old, size_t n,
+                          const uint64_t *fresh, size_t fresh_n, size_t first,
+                          size_t last)
 {
     uint64_t *at = out;
     uint64_t next = fresh_n ? *fresh : UINT64_MAX;
@@ -195,7 +204,8 @@ static size_t merge(uint64_t *out, const uint64_t *old, size_t n,
 
 /* ---- depths that are one float ------------------------------------------- */
 
-static int by_tail(const void *a, const void *b, void *tail)
+/* For qsort_r: by what float has lost of z, then by number. */
+static int frame_by_tail(const void *a, const void *b, void *tail)
 {
     uint32_t i = (uint32_t)*(const uint64_t *)a;
     uint32_t j = (uint32_t)*(const uint64_t *)b;
@@ -205,7 +215,7 @@ static int by_tail(const void *a, const void *b, void *tail)
 }
 
 /* Order Gaussians of the same float depth by what float has lost of it. */
-static void settle_ties(struct splat_state *st, size_t n)
+static void frame_settle_ties(struct splat_state *st, size_t n)
 {
     uint64_t *e = st->order;
 
@@ -213,7 +223,7 @@ static void settle_ties(struct splat_state *st, size_t n)
         for (next = k + 1; next < n && e[next] >> 32 == e[k] >> 32;)
             next++;
         if (next > k + 1)
-            qsort_r(e + k, next - k, sizeof *e, by_tail, st->fine[2]);
+            qsort_r(e + k, next - k, sizeof *e, frame_by_tail, st->fine[2]);
     }
 }
 
@@ -222,16 +232,16 @@ static void settle_ties(struct splat_state *st, size_t n)
 /* Count the tiles of this thread's part of the order: each rectangle [x0,x1)
  * x [y0,y1) as four corners of a difference table, then the table summed up.
  * The rectangles are copied in order, for fill. */
-static void count_part(struct frame *f, int t)
+static void frame_count_tiles(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
-    size_t end = share(f->s->drawn, t + 1, f->threads);
+    size_t end = frame_share(f->s->drawn, t + 1, f->threads);
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
     size_t cells = (size_t)stride * (size_t)(ty + 1);
     int32_t *c = st->count + (size_t)t * cells;
 
     memset(c, 0, cells * sizeof *c);
-    for (size_t k = share(f->s->drawn, t, f->threads); k < end; k++) {
+    for (size_t k = frame_share(f->s->drawn, t, f->threads); k < end; k++) {
         struct rect r = st->rect[(uint32_t)st->order[k]];
 
         if (k + AHEAD < end)
@@ -253,7 +263,7 @@ static void count_part(struct frame *f, int t)
 
 /* Start and end of each tile's list, and where each thread fills in (over its
  * counts). */
-static void plan_lists(struct frame *f)
+static void frame_plan_lists(struct frame *f)
 {
     struct splat_state *st = f->s->state;
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
@@ -292,17 +302,17 @@ static void plan_lists(struct frame *f)
  * Gaussians touch at most 2 x 2 tiles: four are written, those that do not
  * count to a spare place, so that no branch waits for the rectangle's
  * shape. */
-static void fill(struct frame *f, int t)
+static void frame_fill_lists(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
-    size_t last = share(f->s->drawn, t + 1, f->threads);
+    size_t last = frame_share(f->s->drawn, t + 1, f->threads);
     int stride = st->view.tx + 1;
     int32_t *end = st->count + (size_t)t * cells;
     int32_t spare = (int32_t)(f->room + SPARE * (size_t)t);
     uint32_t *list = st->list;
 
-    for (size_t k = share(f->s->drawn, t, f->threads); k < last; k++) {
+    for (size_t k = frame_share(f->s->drawn, t, f->threads); k < last; k++) {
         uint32_t i = (uint32_t)st->order[k];
         struct rect r = st->ordered[k];
 
@@ -328,7 +338,8 @@ static void fill(struct frame *f, int t)
 
 /* ---- a frame ------------------------------------------------------------- */
 
-static void draw_part(struct frame *f, int t)
+/* Draw: runs of neighbouring tiles go to whichever thread is free. */
+static void frame_draw_tiles(struct frame *f, int t)
 {
     struct splat_state *st = f->s->state;
     uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
@@ -343,23 +354,23 @@ static void draw_part(struct frame *f, int t)
 /* Gaussians to sorted lists.  With all Gaussians in place but those of
  * [first, last), only these are projected and sorted, and merged into the
  * order of the last frame. */
-static void list_part(struct frame *f, int t, size_t first, size_t last)
+static void frame_make_lists(struct frame *f, int t, size_t first, size_t last)
 {
     struct splat_state *st = f->s->state;
     bool some = last - first < f->s->n;
 
-    project_part(f, t, first, last);
+    frame_project(f, t, first, last);
 #pragma omp barrier
-    phase(f, t, SPLAT_PROJECT);
-    uint64_t *sorted = sort_part(f, t);
+    frame_note_phase(f, t, SPLAT_PROJECT);
+    uint64_t *sorted = frame_sort(f, t);
 
     if (t == 0) {
         uint64_t **own = sorted == st->sort0 ? &st->sort0 : &st->sort1;
         uint64_t *other = sorted == st->sort0 ? st->sort1 : st->sort0;
 
-        f->s->drawn = some ? merge(other, st->order, f->s->drawn, sorted,
-                                   collected(f), first, last)
-                           : collected(f);
+        f->s->drawn = some ? frame_merge(other, st->order, f->s->drawn, sorted,
+                                         frame_collected(f), first, last)
+                           : frame_collected(f);
         /* the buffer of the order is taken out of the sort's two */
         uint64_t **to = other == st->sort0 ? &st->sort0 : &st->sort1;
         uint64_t *old = st->order;
@@ -367,20 +378,22 @@ static void list_part(struct frame *f, int t, size_t first, size_t last)
         st->order = some ? other : sorted;
         *(some ? to : own) = old;
         if (st->fine[2])
-            settle_ties(st, f->s->drawn);
+            frame_settle_ties(st, f->s->drawn);
     }
 #pragma omp barrier
-    phase(f, t, SPLAT_SORT);
-    count_part(f, t);
+    frame_note_phase(f, t, SPLAT_SORT);
+    frame_count_tiles(f, t);
 #pragma omp barrier
 #pragma omp single
-    plan_lists(f);
+    frame_plan_lists(f);
     if (!f->failed)
-        fill(f, t);
+        frame_fill_lists(f, t);
 #pragma omp barrier
-    phase(f, t, SPLAT_BIN);
+    frame_note_phase(f, t, SPLAT_BIN);
 }
 
+/* All steps in one parallel region; those whose input has not changed are left
+ * out. */
 int frame_draw(struct splat *s, const struct target *out, struct error *err)
 {
     struct splat_state *st = s->state;
@@ -400,11 +413,11 @@ int frame_draw(struct splat *s, const struct target *out, struct error *err)
 #pragma omp single
         f.threads = omp_get_num_threads();
         if (first < last || !st->projected)
-            list_part(&f, t, first, last);
+            frame_make_lists(&f, t, first, last);
         if (!f.failed)
-            draw_part(&f, t);
+            frame_draw_tiles(&f, t);
     }
-    phase(&f, 0, SPLAT_DRAW);
+    frame_note_phase(&f, 0, SPLAT_DRAW);
     st->projected = !f.failed;
     st->dirty0 = SIZE_MAX;
     st->dirty1 = 0;

@@ -1,4 +1,5 @@
-/* From sums on the screen to the parameters of the Gaussians, VEC at a time. */
+/* From sums on the screen to the parameters of the Gaussians, VEC at a time:
+ * the chain rule through the EWA projection, backwards. */
 #include <string.h>
 
 #include "lib/base/isa.h"
@@ -23,27 +24,27 @@ struct lanes {
 };
 
 /* First pair of a Gaussian. */
-static size_t first_pair(const struct splat *s, size_t i)
+static size_t gradient_first_pair(const struct splat *s, size_t i)
 {
     struct rect r = s->state->rect[i];
-    struct place p;
+    struct pair_range p;
 
     if (i >= s->n)
         return s->pairs;
-    p = s->state->gradient->place[i];
+    p = s->state->gradient->range[i];
     return (uint32_t)(p.origin + r.y0 * p.across + r.x0);
 }
 
 /* Add up the pairs of VEC Gaussians, `stride` numbers each: of Gaussian i + k
  * into row k + 1 of out, pairs that nothing was written to into row 0. */
-VEC_INLINE void sum_pairs(float *out, const struct splat *s, size_t i,
-                          const size_t stride)
+VEC_INLINE void gradient_sum_pairs(float *out, const struct splat *s, size_t i,
+                                   const size_t stride)
 {
     const struct splat_gradient_state *b = s->state->gradient;
-    size_t end = first_pair(s, i + VEC);
+    size_t end = gradient_first_pair(s, i + VEC);
 
     memset(out, 0, (VEC + 1) * stride * sizeof *out);
-    for (size_t at = first_pair(s, i); at < end; at++) {
+    for (size_t at = gradient_first_pair(s, i); at < end; at++) {
         const float *pair = b->pair + at * stride;
         float *to = out + b->seen[at] * stride;
 
@@ -54,16 +55,16 @@ VEC_INLINE void sum_pairs(float *out, const struct splat *s, size_t i,
 }
 
 /* q = top - (a dx^2 + b dx dy + c dy^2), dx = pixel - x; a = root^2, b = -2 a
- * sy, c = fall + a sy^2.  The sums are of d log alpha = ln 2 dq. */
-VEC_INLINE void screen_backward(struct lanes *d, const vf m[16],
-                                const vf r[FIELDS])
+ * sy, c = falloff + a sy^2.  The sums are of d log alpha = ln 2 dq. */
+VEC_INLINE void gradient_of_screen(struct lanes *d, const vf m[16],
+                                   const vf r[FIELDS])
 {
     vf x = vf_set(LN2) * m[MOMENT(1, 0)], y = vf_set(LN2) * m[MOMENT(0, 1)];
     vf along = r[FROOT] * r[FROOT] * (x - r[FSY] * y);
 
     d->top = m[MOMENT(0, 0)];
     d->x = along + along;
-    d->y = vf_set(2) * (r[FFALL] * y - r[FSY] * along);
+    d->y = vf_set(2) * (r[FFALLOFF] * y - r[FSY] * along);
     d->a = -vf_set(LN2) * m[MOMENT(2, 0)];
     d->b = -vf_set(LN2) * m[MOMENT(1, 1)];
     d->c = -vf_set(LN2) * m[MOMENT(0, 2)];
@@ -71,22 +72,25 @@ VEC_INLINE void screen_backward(struct lanes *d, const vf m[16],
 
 /* dL/dcov2d as S = (xx, xy, yy) with dL = S0 dxx + 2 S1 dxy + S2 dyy, from
  * (a, b, c) = log2e (A/2, B, C/2), conic K = cov^-1: S = -K G K.  K as
- * L^T L, L = (root, -root sy; 0, sqrt(fall)), which needles need. */
-VEC_INLINE void cov_backward(vf S[3], const struct lanes *d, const vf r[FIELDS])
+ * L^T L, L = (root, -root sy; 0, sqrt(falloff)), which needles need. */
+VEC_INLINE void gradient_of_cov(vf S[3], const struct lanes *d,
+                                const vf r[FIELDS])
 {
-    vf sy = r[FSY], fall = r[FFALL], root = r[FROOT], flat = vf_sqrt(fall);
+    vf sy = r[FSY], falloff = r[FFALLOFF], root = r[FROOT];
+    vf flat = vf_sqrt(falloff);
     vf f = vf_set(-2 / LOG2E), two = vf_set(2);
     vf mix = d->b - sy * d->c;
     vf h00 = root * root * (d->a - sy * (d->b + mix));
-    vf h01 = root * flat * mix, h11 = fall * d->c;
+    vf h01 = root * flat * mix, h11 = falloff * d->c;
     vf tilt = root * sy;
 
     S[0] = f * root * root * h00;
     S[1] = f * root * (flat * h01 - tilt * h00);
-    S[2] = f * (tilt * tilt * h00 - two * tilt * flat * h01 + fall * h11);
+    S[2] = f * (tilt * tilt * h00 - two * tilt * flat * h01 + falloff * h11);
 }
 
-VEC_INLINE void rotation(vf R[3][3], const vf q[4])
+/* R of normalised quaternions. */
+VEC_INLINE void gradient_rotation(vf R[3][3], const vf q[4])
 {
     vf w = q[0], x = q[1], y = q[2], z = q[3], one = vf_set(1);
     vf x2 = x + x, y2 = y + y, z2 = z + z;
@@ -103,8 +107,8 @@ VEC_INLINE void rotation(vf R[3][3], const vf q[4])
 }
 
 /* dL/dquat as given, from dL/dR; inverse = 1 / |quat|, along is removed. */
-VEC_INLINE void quat_backward(vf out[4], vf dR[3][3], const vf q[4],
-                              vf inverse, bool normalised)
+VEC_INLINE void gradient_of_quat(vf out[4], vf dR[3][3], const vf q[4],
+                                 vf inverse, bool normalised)
 {
     vf w = q[0], x = q[1], y = q[2], z = q[3], two = vf_set(2), d[4];
     vf s01 = dR[0][1] + dR[1][0], s02 = dR[0][2] + dR[2][0];
@@ -128,9 +132,9 @@ VEC_INLINE void quat_backward(vf out[4], vf dR[3][3], const vf q[4],
 
 /* One screen axis: its row of J W was f / z (P[row] - u P[2]), its centre
  * f x / z + c. */
-VEC_INLINE void axis_backward(struct lanes *d, vf dc[3], const vf dJ[3],
-                              vf center, const vf c[3], float f, float lim,
-                              const int row, const struct view *v)
+VEC_INLINE void gradient_of_axis(struct lanes *d, vf dc[3], const vf dJ[3],
+                                 vf center, const vf c[3], float f, float lim,
+                                 const int row, const struct view *v)
 {
     const float *P = v->rt;
     vf iz = vf_set(1) / c[2], u = c[row] * iz, du = vf_set(0);
@@ -160,8 +164,8 @@ VEC_INLINE void axis_backward(struct lanes *d, vf dc[3], const vf dJ[3],
 /* Where the centres are in front of the camera, from where the forward pass,
  * in double, has put them on the screen: near the camera float's z is not
  * good enough. */
-VEC_INLINE void centers(vf c[3], const struct splat_state *st, size_t i,
-                        const vf r[FIELDS])
+VEC_INLINE void gradient_centers(vf c[3], const struct splat_state *st,
+                                 size_t i, const vf r[FIELDS])
 {
     const struct view *v = &st->view;
     vf x = r[FX] - vf_set(v->cx) + vf_load(st->fine[0] + i);
@@ -172,8 +176,11 @@ VEC_INLINE void centers(vf c[3], const struct splat_state *st, size_t i,
     c[1] = y * c[2] / vf_set(v->fy);
 }
 
-VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
-                           size_t i, const vf S[3], const vf c[3])
+/* dL of mean, scale, quat and camera from that of the screen covariance (S) and
+ * of the centre (d->x, d->y): cov = U U^T + 0.3 with U = J W R diag(s). */
+VEC_INLINE void gradient_of_parameters(struct lanes *d,
+                                       const struct splat_state *st, size_t i,
+                                       const vf S[3], const vf c[3])
 {
     const struct view *v = &st->view;
     const float *P = v->rt;
@@ -184,7 +191,7 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
         q[k] = vf_load(st->cloud.quat[k] + i);
     for (int k = 0; k < 3; k++)
         m[k] = vf_load(st->cloud.mean[k] + i);
-    rotation(R, q);
+    gradient_rotation(R, q);
     for (int r = 0; r < 3; r++)
         dc[r] = dJ[0][r] = dJ[1][r] = vf_set(0);
     for (int r = 0; r < 2; r++)
@@ -214,10 +221,10 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
             dR[l][k] = da * s;
         }
     }
-    quat_backward(d->quat, dR, q, vf_load(st->gradient->inverse_length + i),
-                  !v->dgr);
-    axis_backward(d, dc, dJ[0], d->x, c, f[0], lim[0], 0, v);
-    axis_backward(d, dc, dJ[1], d->y, c, f[1], lim[1], 1, v);
+    gradient_of_quat(d->quat, dR, q, vf_load(st->gradient->inverse_length + i),
+                     !v->dgr);
+    gradient_of_axis(d, dc, dJ[0], d->x, c, f[0], lim[0], 0, v);
+    gradient_of_axis(d, dc, dJ[1], d->y, c, f[1], lim[1], 1, v);
     for (int l = 0; l < 3; l++)
         d->mean[l] = dc[0] * vf_set(P[l]) + dc[1] * vf_set(P[4 + l]) +
                      dc[2] * vf_set(P[8 + l]);
@@ -228,6 +235,21 @@ VEC_INLINE void parameters(struct lanes *d, const struct splat_state *st,
     }
 }
 
+/* Places pull at the centre, through what the view makes of it: the channels
+ * are seen (2 uv - 1 - A x - b), dplace their gradients. */
+VEC_INLINE void gradient_of_place(struct lanes *d, const vf dplace[2],
+                                  const struct splat_state *st, size_t i)
+{
+    const struct view *v = &st->view;
+    const float *A = v->place.A;
+    vf seen = vf_load(st->cloud.seen + i);
+    vf u = seen * dplace[0], w = seen * dplace[1];
+
+    d->x -= vf_set(2 / (float)v->width) * (vf_set(A[0]) * u + vf_set(A[2]) * w);
+    d->y -=
+        vf_set(2 / (float)v->height) * (vf_set(A[1]) * u + vf_set(A[3]) * w);
+}
+
 /* VEC Gaussians of those drawn, i and on; `left` of them are in the arrays. */
 struct drawn {
     size_t i, left;
@@ -235,8 +257,8 @@ struct drawn {
 };
 
 /* to (N, width) += lanes of v, of those that are drawn. */
-VEC_INLINE void add(float *to, const vf *v, const size_t width,
-                    const struct drawn *d)
+VEC_INLINE void gradient_add(float *to, const vf *v, const size_t width,
+                             const struct drawn *d)
 {
     float flat[4 * VEC];
     vf row[4];
@@ -250,7 +272,7 @@ VEC_INLINE void add(float *to, const vf *v, const size_t width,
     if (d->left >= VEC) {
         for (size_t k = 0; k < width; k++)
             vf_store(to + VEC * k, vf_load(to + VEC * k) +
-                                   vf_load(flat + VEC * k));
+                     vf_load(flat + VEC * k));
         return;
     }
     for (size_t k = 0; k < d->left * width; k++)
@@ -259,19 +281,20 @@ VEC_INLINE void add(float *to, const vf *v, const size_t width,
 
 /* dL/dcolor of Gaussian i and on: up to three channels from the transposed
  * sums m, more from behind the sums. */
-static void add_colors(float *to, const struct splat *s, const vf m[16],
-                       const float *sum, const struct drawn *d)
+static void gradient_add_colors(float *to, const struct splat *s,
+                                const vf m[16], const float *sum,
+                                const struct drawn *d)
 {
     size_t C = (size_t)s->opt.channels, row = (size_t)s->state->row;
-    vf rgb[3] = {m[TINT(0)], m[TINT(1)], m[TINT(2)]};
+    vf rgb[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)], m[GRAD_COLOR(2)]};
 
     if (!to)
         return;
     if (!row) {
         if (C == 3)
-            add(to, rgb, 3, d);
+            gradient_add(to, rgb, 3, d);
         else
-            add(to, rgb, C, d);
+            gradient_add(to, rgb, C, d);
         return;
     }
     for (size_t n = 0; n < VEC && n < d->left; n++) {
@@ -282,10 +305,12 @@ static void add_colors(float *to, const struct splat *s, const vf m[16],
     }
 }
 
-void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
-                                  size_t last,
-                                  const struct splat_gradients *g,
-                                  double *rt)
+/* All Gaussians of first .. last - 1.  Compiled apart for places: a branch in
+ * between would change which products the compiler fuses with sums. */
+VEC_INLINE void gradient_of_gaussians(const struct splat *s, size_t first,
+                                      size_t last,
+                                      const struct splat_gradients *g,
+                                      double *rt, const bool places)
 {
     const struct splat_state *st = s->state;
     const size_t stride = 16 + (size_t)st->row;
@@ -303,29 +328,47 @@ void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
 
         if (!vm_any(on))
             continue;
-        sum_pairs(sum, s, i, stride);
+        gradient_sum_pairs(sum, s, i, stride);
         for (size_t k = 0; k < VEC; k++) {
             pair[k] = sum + (1 + k) * stride;
-            record[k] = (const float *)&st->record[i + k];
+            record[k] = (const float *)&st->projection[i + k];
         }
         vf_columns(m, pair, 4);
         vf_columns(r, record, 2);
         for (int k = 0; k < FIELDS; k++)
             r[k] = vf_keep(on, r[k]);
-        screen_backward(&d, m, r);
-        cov_backward(S, &d, r);
+        gradient_of_screen(&d, m, r);
+        if (places) {
+            vf place[3] = {m[GRAD_COLOR(0)], m[GRAD_COLOR(1)],
+                           m[GRAD_COLOR(2)]};
+
+            gradient_of_place(&d, place, st, i);
+            gradient_add(g->place, place, 3, &here);
+        }
+        gradient_of_cov(S, &d, r);
         memcpy(before, d.P, sizeof before);
-        centers(c, st, i, r);
-        parameters(&d, st, i, S, c);
+        gradient_centers(c, st, i, r);
+        gradient_of_parameters(&d, st, i, S, c);
         for (int k = 0; k < 12; k++)
             d.P[k] = vf_sel(on, d.P[k], before[k]);
         d.top *= vf_load(st->gradient->inverse_opacity + i);
-        add(g->opacity, &d.top, 1, &here);
-        add(g->mean, d.mean, 3, &here);
-        add(g->scale, d.scale, 3, &here);
-        add(g->quat, d.quat, 4, &here);
-        add_colors(g->color, s, m, sum, &here);
+        gradient_add(g->opacity, &d.top, 1, &here);
+        gradient_add(g->mean, d.mean, 3, &here);
+        gradient_add(g->scale, d.scale, 3, &here);
+        gradient_add(g->quat, d.quat, 4, &here);
+        gradient_add_colors(g->color, s, m, sum, &here);
     }
     for (int k = 0; k < 12; k++)
         rt[k] = vf_sum(d.P[k]);
+}
+
+void ISA(splat_gaussian_backward)(const struct splat *s, size_t first,
+                                  size_t last,
+                                  const struct splat_gradients *g,
+                                  double *rt)
+{
+    if (s->state->gradient->pulled)
+        gradient_of_gaussians(s, first, last, g, rt, true);
+    else
+        gradient_of_gaussians(s, first, last, g, rt, false);
 }

@@ -1,4 +1,5 @@
-/* Gaussians to screen ellipses, VEC at a time. */
+/* Gaussians to screen ellipses by EWA splatting (the paper's preliminaries),
+ * VEC at a time, and the tiles each may touch. */
 #include "lib/splat/state.h"
 
 #include <math.h>
@@ -34,6 +35,7 @@ VEC_INLINE vd select_double(vl on, vd a, vd b)
     return (vd)((on & (vl)a) | (~on & (vl)b));
 }
 
+/* Widened. */
 VEC_INLINE vd load_double(const float *p)
 {
     vh v;
@@ -66,7 +68,7 @@ VEC_INLINE vd within_double(vd x, float most)
 
 /* First tile and one past the last, along one axis, of pixel centres within
  * [c - r, c + r]. */
-VEC_INLINE vm tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
+VEC_INLINE vm project_tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
 {
     vf p = vf_clamp(c - r, vf_set(-1), vf_set((float)size));
     vf q = vf_clamp(c + r, vf_set(-1), vf_set((float)size));
@@ -84,9 +86,10 @@ VEC_INLINE vm tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
     return some;
 }
 
-VEC_INLINE void store_records(struct splat_state *s, size_t i, vf f[FIELDS])
+/* Fields by column to records. */
+VEC_INLINE void project_store(struct splat_state *s, size_t i, vf f[FIELDS])
 {
-    float *to = (float *)&s->record[i];
+    float *to = (float *)&s->projection[i];
 
     /* after this, quad q of f[k] is half a record: of 4q + k, its first
      * four fields (k < 4), or of 4q + k - 4, its last */
@@ -109,8 +112,8 @@ VEC_INLINE void store_records(struct splat_state *s, size_t i, vf f[FIELDS])
 }
 
 /* The CUDA rasteriser's own choice of tiles. */
-VEC_INLINE void dgr_rect(struct rect *out, float x, float y, float xx,
-                         float yy, float det, const struct view *v)
+VEC_INLINE void project_dgr_rect(struct rect *out, float x, float y, float xx,
+                                 float yy, float det, const struct view *v)
 {
     float mid = 0.5f * (xx + yy);
     float r = ceilf(3 * sqrtf(mid + sqrtf(fmaxf(0.1f, mid * mid - det))));
@@ -127,10 +130,11 @@ VEC_INLINE void dgr_rect(struct rect *out, float x, float y, float xx,
 }
 
 /* The same from double, with what float loses of place and depth. */
-VEC_INLINE void place_fine(struct lanes *l, struct splat_state *s, size_t i)
+VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
+                                   size_t i)
 {
     vf *to[] = {&l->x, &l->y, &l->z, &l->xx, &l->xy, &l->yy, &l->det,
-                &l->fall, &l->square, &l->sx, &l->sy};
+                &l->falloff, &l->square, &l->sx, &l->sy};
     float narrow[11][VEC], ok[VEC];
 
     for (size_t part = 0; part < VEC; part += HALF) {
@@ -138,7 +142,7 @@ VEC_INLINE void place_fine(struct lanes *l, struct splat_state *s, size_t i)
 
         place_double(&d, s, i + part);
         const vd *from[] = {&d.x, &d.y, &d.z, &d.xx, &d.xy, &d.yy, &d.det,
-                            &d.fall, &d.square, &d.sx, &d.sy};
+                            &d.falloff, &d.square, &d.sx, &d.sy};
 
         for (int k = 0; k < 11; k++) {
             vh x = __builtin_convertvector(*from[k], vh);
@@ -159,6 +163,30 @@ VEC_INLINE void place_fine(struct lanes *l, struct splat_state *s, size_t i)
     l->ok = vf_gt(vf_load(ok), vf_set(0));
 }
 
+/* Place channels of Gaussians i and on: what their places in the source
+ * picture differ by from where the view takes their centres. */
+VEC_INLINE void project_channels(struct splat_state *s, size_t i,
+                                 const struct lanes *l)
+{
+    const struct view *v = &s->view;
+    vf x = l->x * vf_set(2 / (float)v->width) - vf_set(1);
+    vf y = l->y * vf_set(2 / (float)v->height) - vf_set(1);
+    vf seen = vf_load(s->cloud.seen + i), row[4];
+
+    for (int k = 0; k < 2; k++) {
+        const float *A = v->place.A + 2 * k;
+        vf at = vf_fma(vf_set(A[0]), x,
+                       vf_fma(vf_set(A[1]), y, vf_set(v->place.b[k])));
+
+        /* a centre may be anywhere where nothing was seen of it */
+        row[k] = vf_keep(vf_gt(seen, vf_set(0)),
+                         seen * (vf_load(s->cloud.uv[k] + i) - at));
+    }
+    row[2] = seen;
+    row[3] = vf_set(0);
+    vf_put_rows(s->place[i], row, 4);
+}
+
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 {
     const struct view *v = &s->view;
@@ -169,7 +197,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         vf row[FIELDS], x0, x1, y0, y1;
 
         if (s->fine[0])
-            place_fine(&l, s, i);
+            project_place_fine(&l, s, i);
         else
             place(&l, s, i);
         /* beyond float's range a Gaussian is flat over any picture */
@@ -182,29 +210,31 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         row[FX] = l.x;
         row[FY] = l.y;
         row[FTOP] = top;
-        row[FFALL] = vf_keep(sane, l.fall);
+        row[FFALLOFF] = vf_keep(sane, l.falloff);
         row[FSX] = vf_keep(sane, l.sx);
         row[FSY] = vf_keep(sane, l.sy);
         row[FWIDE] = rx;
         row[FROOT] = vf_sqrt(vf_keep(sane, l.square));
         vm ok = vm_and(l.ok, vf_ge(room, zero));
 
-        ok = vm_and(ok, tiles(&x0, &x1, l.x, rx, v->width, v->tx));
-        ok = vm_and(ok, tiles(&y0, &y1, l.y, ry, v->height, v->ty));
+        ok = vm_and(ok, project_tiles(&x0, &x1, l.x, rx, v->width, v->tx));
+        ok = vm_and(ok, project_tiles(&y0, &y1, l.y, ry, v->height, v->ty));
         vi tx0 = vf_round(x0) >> 4, tx1 = (vf_round(x1) >> 4) + 1;
         vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
 
         vi_store(&s->key[i], (vi)vf_sel(ok, l.z, (vf)vi_set(-1)));
+        if (s->place)
+            project_channels(s, i, &l);
         vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
         for (size_t k = 0; v->dgr && k < VEC; k++) {
             struct rect *r = &s->rect[i + k];
 
             if (s->key[i + k] == HIDDEN)
                 continue;
-            dgr_rect(r, l.x[k], l.y[k], l.xx[k], l.yy[k], l.det[k], v);
+            project_dgr_rect(r, l.x[k], l.y[k], l.xx[k], l.yy[k], l.det[k], v);
             if (r->x0 >= r->x1 || r->y0 >= r->y1)
                 s->key[i + k] = HIDDEN;
         }
-        store_records(s, i, row);
+        project_store(s, i, row);
     }
 }

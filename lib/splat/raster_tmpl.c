@@ -1,4 +1,5 @@
-/* A tile of the picture: its Gaussians front to back, block by block. */
+/* A tile of the picture: Eq. C, sum_i c_i alpha_i prod_j<i (1 - alpha_j), its
+ * Gaussians front to back, block by block, a pixel to each lane. */
 #include <math.h>
 #include <string.h>
 
@@ -16,6 +17,7 @@ struct light {
     vf T, kept, cut, stop;
 };
 
+/* What block b's pixels let through so far. */
 VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
                            const struct view *v)
 {
@@ -25,6 +27,7 @@ VEC_INLINE void light_init(struct light *l, const struct splat_work *w, int b,
     l->stop = vf_set(v->t_cut);
 }
 
+/* The same put back, and which pixels still take light. */
 VEC_INLINE void light_store(struct splat_work *w, int b,
                             const struct light *l)
 {
@@ -36,7 +39,7 @@ VEC_INLINE void light_store(struct splat_work *w, int b,
  * T (1 - alpha) <= t_cut drops the Gaussian and all behind it, is applied to
  * products that run ahead: T only falls, so what comes after the first that is
  * too small is too small as well. */
-VEC_INLINE vm pass(vf *weight, struct light *l, vm on, vf alpha)
+VEC_INLINE vm light_pass(vf *weight, struct light *l, vm on, vf alpha)
 {
     *weight = vf_mul_keep(on, alpha, l->T);
     l->T -= *weight;
@@ -47,8 +50,8 @@ VEC_INLINE vm pass(vf *weight, struct light *l, vm on, vf alpha)
 
 /* Keep a weight as a row for the product, unless it is 0 everywhere.  Returns
  * the rows. */
-VEC_INLINE uint32_t keep_row(struct splat_work *w, uint32_t rows, uint32_t e,
-                             vf weight)
+VEC_INLINE uint32_t raster_keep_row(struct splat_work *w, uint32_t rows,
+                                    uint32_t e, vf weight)
 {
     vf_store(w->weight[rows], weight);
     w->used[rows] = w->index[e < CHUNK ? e : 0];
@@ -57,9 +60,11 @@ VEC_INLINE uint32_t keep_row(struct splat_work *w, uint32_t rows, uint32_t e,
 
 /* Pass light through a block's list, T in a register: blend 3 or 4 channels,
  * which stay in registers, or for more (channels 0) put the weights into
- * w->weight and return their rows. */
-VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
-                         const int degree, const int channels)
+ * w->weight and return their rows.  Places are three further channels in
+ * registers. */
+VEC_INLINE uint32_t raster_traverse(struct splat_work *w, int b,
+                                    const struct view *v, const int degree,
+                                    const int channels, const bool place)
 {
     const uint32_t *list = w->list[b];
     float *sums[4] = {w->color[0][b], w->color[1][b], w->color[2][b],
@@ -67,30 +72,35 @@ VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
     const int first = channels ? 0 : 3, last = channels ? channels : 4;
     uint32_t n = w->count[b], rows = 0;
     struct light l;
-    vf c[4], x = block_x(b);
+    vf c[4], p[3], x = chunk_block_x(b);
 
     light_init(&l, w, b, v);
     for (int k = first; k < last; k++)
         c[k] = vf_load(sums[k]);
+    for (int k = 0; place && k < 3; k++)
+        p[k] = vf_load(w->blended[k][b]);
     for (uint32_t j = 0; j < n; j += 4) {
         vm on = VM_ALL, seen[4];
         vf alpha[4], free[4];
 
-        alphas(alpha, seen, free, w, list + j, b, x, l.cut, degree);
+        chunk_alphas(alpha, seen, free, w, list + j, b, x, l.cut, degree);
 #pragma GCC unroll 4
         for (uint32_t i = 0; i < 4; i++) {
             uint32_t e = list[j + i];
             vf weight;
 
-            on = pass(&weight, &l, seen[i], alpha[i]);
+            on = light_pass(&weight, &l, seen[i], alpha[i]);
 #pragma GCC unroll 3
             for (int m = first; m < 3; m++)
                 c[m] = vf_fma_keep(on, weight, vf_set(w->info[e][1 + m]),
                                    c[m]);
             if (last > 3)
                 c[3] = vf_fma_keep(on, weight, vf_set(w->fourth[e]), c[3]);
+#pragma GCC unroll 3
+            for (int m = 0; place && m < 3; m++)
+                p[m] = vf_fma_keep(on, weight, vf_set(w->place[e][m]), p[m]);
             if (!channels)
-                rows = keep_row(w, rows, e, vf_keep(on, weight));
+                rows = raster_keep_row(w, rows, e, vf_keep(on, weight));
         }
         l.T = vf_keep(on, l.T);
         if (!vm_any(on))
@@ -98,6 +108,8 @@ VEC_INLINE uint32_t walk(struct splat_work *w, int b, const struct view *v,
     }
     for (int k = first; k < last; k++)
         vf_store(sums[k], c[k]);
+    for (int k = 0; place && k < 3; k++)
+        vf_store(w->blended[k][b], p[k]);
     light_store(w, b, &l);
     return rows;
 }
@@ -112,8 +124,8 @@ enum { PIXELS_ABREAST = 4, VECTORS_ABREAST = 2 };
 
 /* wide (VEC pixels, row) += weight^T (rows, VEC pixels) table (rows, row):
  * lanes are channels. */
-static void product(struct splat_work *w, int b, uint32_t rows,
-                    const float *table, int row)
+static void raster_product(struct splat_work *w, int b, uint32_t rows,
+                           const float *table, int row)
 {
     const int step = VEC * VECTORS_ABREAST;
 
@@ -146,7 +158,7 @@ static void product(struct splat_work *w, int b, uint32_t rows,
 
 #ifdef __SSE2__
 /* acc += pairs of 16-bit numbers in c times those of *g. */
-VEC_INLINE vi add_pairs(vi acc, vi c, const uint32_t *g)
+VEC_INLINE vi raster_add_pairs(vi acc, vi c, const uint32_t *g)
 {
 #if VEC == 16
     /* by hand: the compiler would copy every sum before and after */
@@ -164,8 +176,8 @@ enum { FIXED_ABREAST = VEC == 16 ? 8 : 4 };   /* pixels summed up at a time */
 
 /* Rows of two Gaussians interleaved: lane n of c[0] is channel n of both, of
  * c[1] channel 16 + n (splat.c, pack_fixed). */
-VEC_INLINE void interleave_fixed(vi c[2], const int16_t *r0,
-                                 const int16_t *r1)
+VEC_INLINE void raster_interleave_fixed(vi c[2], const int16_t *r0,
+                                        const int16_t *r1)
 {
     vi a = vi_load(r0), b = vi_load(r1);
 
@@ -180,23 +192,23 @@ VEC_INLINE void interleave_fixed(vi c[2], const int16_t *r0,
 
 /* Sums of the channels first .. and 16 + first .. of a few pixels, over pairs
  * of rows. */
-VEC_INLINE void sum_fixed(struct splat_work *w, int pixel, int first,
-                          uint32_t pairs, const uint32_t (*pair)[VEC],
-                          const int16_t *table, const float *scale)
+VEC_INLINE void raster_sum_fixed(struct splat_work *w, int pixel, int first,
+                                 uint32_t pairs, const uint32_t (*pair)[VEC],
+                                 const int16_t *table, const float *scale)
 {
     vi acc[2][FIXED_ABREAST] = {0};
 
     for (uint32_t j = 0; j < pairs; j++) {
         vi c[2];
 
-        interleave_fixed(c, table + 32 * w->used[2 * j],
-                         table + 32 * w->used[2 * j + 1]);
+        raster_interleave_fixed(c, table + 32 * w->used[2 * j],
+                                table + 32 * w->used[2 * j + 1]);
 #pragma GCC unroll 8
         for (int p = 0; p < FIXED_ABREAST; p++) {
             const uint32_t *g = &pair[j][p];
 
-            acc[0][p] = add_pairs(acc[0][p], c[0], g);
-            acc[1][p] = add_pairs(acc[1][p], c[1], g);
+            acc[0][p] = raster_add_pairs(acc[0][p], c[0], g);
+            acc[1][p] = raster_add_pairs(acc[1][p], c[1], g);
         }
     }
 #pragma GCC unroll 8
@@ -214,8 +226,8 @@ VEC_INLINE void sum_fixed(struct splat_work *w, int pixel, int first,
 /* The same in 16-bit integers, two Gaussians at a time: weights and colours
  * in Q15, sums in 32 bits.  table rows hold channels in the order that the
  * interleaving undoes. */
-static void product_fixed(struct splat_work *w, int b, uint32_t rows,
-                          const int16_t *table, const float *scale)
+static void raster_product_fixed(struct splat_work *w, int b, uint32_t rows,
+                                 const int16_t *table, const float *scale)
 {
     uint32_t pair[COLUMN / 2 + 1][VEC], pairs = (rows + 1) / 2;
 
@@ -231,61 +243,82 @@ static void product_fixed(struct splat_work *w, int b, uint32_t rows,
     }
     for (int p = 0; p < VEC; p += FIXED_ABREAST)
         for (int c = 0; c < 16; c += VEC)
-            sum_fixed(w, VEC * b + p, c, pairs,
-                      (const uint32_t (*)[VEC])&pair[0][p], table + 2 * c,
-                      scale);
+            raster_sum_fixed(w, VEC * b + p, c, pairs,
+                             (const uint32_t (*)[VEC])&pair[0][p],
+                             table + 2 * c, scale);
 }
 #endif
 
-VEC_INLINE void wide_block(const struct splat_state *st, struct splat_work *w,
-                           int b, const int degree)
+/* More than four channels: weights first, then their product with the table. */
+VEC_INLINE void raster_wide_block(const struct splat_state *st,
+                                  struct splat_work *w, int b, const int degree,
+                                  const bool place)
 {
-    uint32_t rows = walk(w, b, &st->view, degree, 0);
+    uint32_t rows = raster_traverse(w, b, &st->view, degree, 0, place);
 
     if (!rows)
         return;
 #ifdef __SSE2__
     if (st->fixed) {
-        product_fixed(w, b, rows, st->fixed, st->fixed_scale);
+        raster_product_fixed(w, b, rows, st->fixed, st->fixed_scale);
         return;
     }
 #endif
-    product(w, b, rows, st->table, st->row);
+    raster_product(w, b, rows, st->table, st->row);
 }
 
-/* One block's share of the chunk.  Each combination is compiled apart. */
-static void block(const struct splat *s, struct splat_work *w, int b)
-{
-    const struct splat_state *st = s->state;
-    int kind = st->row ? 2 : s->opt.channels > 3 || s->opt.depth;
+/* How a block's colours are summed: three channels or four (or depth) in
+ * registers, more by products with the table. */
+enum blend { BLEND_THREE, BLEND_FOUR, BLEND_TABLE };
 
-    switch (s->opt.exp_degree * 3 + kind) {
-    case 6: walk(w, b, &st->view, 2, 3); return;
-    case 7: walk(w, b, &st->view, 2, 4); return;
-    case 8: wide_block(st, w, b, 2); return;
-    case 12: walk(w, b, &st->view, 4, 3); return;
-    case 13: walk(w, b, &st->view, 4, 4); return;
-    case 14: wide_block(st, w, b, 4); return;
-    case 9: walk(w, b, &st->view, 3, 3); return;
-    case 10: walk(w, b, &st->view, 3, 4); return;
-    case 11: wide_block(st, w, b, 3); return;
-    case 15: walk(w, b, &st->view, 5, 3); return;
-    case 16: walk(w, b, &st->view, 5, 4); return;
-    default: wide_block(st, w, b, 5); return;
+/* One kind's traversal; degree and place are constants. */
+VEC_INLINE void raster_blend(const struct splat_state *st,
+                             struct splat_work *w, int b, enum blend kind,
+                             const int degree, const bool place)
+{
+    const struct view *v = &st->view;
+
+    switch (kind) {
+    case BLEND_THREE: raster_traverse(w, b, v, degree, 3, place); return;
+    case BLEND_FOUR: raster_traverse(w, b, v, degree, 4, place); return;
+    case BLEND_TABLE: raster_wide_block(st, w, b, degree, place); return;
     }
 }
 
-static void chunk(const struct splat *s, struct splat_work *w,
-                  const uint32_t *list, uint32_t n, float cx, float cy)
+/* One block's share of the chunk.  Each combination is compiled apart. */
+static void raster_block(const struct splat *s, struct splat_work *w, int b,
+                         bool place)
+{
+    const struct splat_state *st = s->state;
+    enum blend kind = st->row ? BLEND_TABLE
+                      : s->opt.channels > 3 || s->opt.depth ? BLEND_FOUR
+                                                            : BLEND_THREE;
+
+    switch (s->opt.exp_degree * 2 + place) {
+    case 2 * 2: raster_blend(st, w, b, kind, 2, false); return;
+    case 2 * 3: raster_blend(st, w, b, kind, 3, false); return;
+    case 2 * 4: raster_blend(st, w, b, kind, 4, false); return;
+    case 2 * 5: raster_blend(st, w, b, kind, 5, false); return;
+    case 2 * 2 + 1: raster_blend(st, w, b, kind, 2, true); return;
+    case 2 * 3 + 1: raster_blend(st, w, b, kind, 3, true); return;
+    case 2 * 4 + 1: raster_blend(st, w, b, kind, 4, true); return;
+    default: raster_blend(st, w, b, kind, 5, true); return;
+    }
+}
+
+/* The next n entries of the tile's list, block by block. */
+static void raster_chunk(const struct splat *s, struct splat_work *w,
+                         const uint32_t *list, uint32_t n, float cx, float cy,
+                         bool place)
 {
     chunk_build(w, s->state, list, n, cx, cy, s->opt.depth);
     for (int b = 0; b < BLOCKS; b++)
         if (w->count[b])
-            block(s, w, b);
+            raster_block(s, w, b, place);
 }
 
 /* Pixels of block b that lie in the picture. */
-static uint32_t inside(const struct splat *s, int b, int x0, int y0)
+static uint32_t raster_inside(const struct splat *s, int b, int x0, int y0)
 {
     uint32_t bits = 0;
 
@@ -297,15 +330,18 @@ static uint32_t inside(const struct splat *s, int b, int x0, int y0)
 }
 
 /* Nothing drawn yet; pixels outside the picture are not alive. */
-static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
+static void raster_begin(struct splat_work *w, const struct splat *s, int x0,
+                         int y0)
 {
     bool whole = x0 + TILE <= s->opt.width && y0 + TILE <= s->opt.height;
 
     for (int b = 0; b < BLOCKS; b++) {
-        w->alive[b] = whole ? ALL_ALIVE : inside(s, b, x0, y0);
+        w->alive[b] = whole ? ALL_ALIVE : raster_inside(s, b, x0, y0);
         vf_store(w->T[b], vf_set(1));
         vf_store(w->depth[b], vf_set(0));
     }
+    if (s->state->place)
+        memset(w->blended, 0, sizeof w->blended);
     if (s->state->row)
         memset(w->wide, 0, sizeof w->wide);
     else
@@ -313,7 +349,7 @@ static void begin(struct splat_work *w, const struct splat *s, int x0, int y0)
 }
 
 /* Four rows of sixteen pixels from a row of blocks. */
-VEC_INLINE void block_rows(float out[4][TILE], const float *blocks)
+VEC_INLINE void raster_block_rows(float out[4][TILE], const float *blocks)
 {
 #if VEC == 16
     const vi turned = {0, 4, 8, 12, 1, 5, 9, 13, 2, 6, 10, 14, 3, 7, 11, 15};
@@ -342,7 +378,7 @@ VEC_INLINE void block_rows(float out[4][TILE], const float *blocks)
 }
 
 /* n pixels of up to 4 channels from planes to (n, C). */
-static void put_colors(float *out, float (*row)[TILE], int n, int C)
+static void raster_put_colors(float *out, float (*row)[TILE], int n, int C)
 {
     if (C == 3 && n == TILE) {
         for (int x = 0; x < TILE; x += VEC) {
@@ -358,7 +394,8 @@ static void put_colors(float *out, float (*row)[TILE], int n, int C)
             out[x * C + c] = row[c][x];
 }
 
-static void to_half(uint16_t *out, const float *in, size_t n)
+/* n floats to half precision. */
+static void raster_to_half(uint16_t *out, const float *in, size_t n)
 {
     for (; n >= VEC; n -= VEC, in += VEC, out += VEC)
         vf_store_half(out, vf_load(in));
@@ -367,26 +404,29 @@ static void to_half(uint16_t *out, const float *in, size_t n)
 }
 
 /* Sums of the tile's pixel (x, y) of more than 4 channels. */
-VEC_INLINE const float *wide_pixel(const struct splat_work *w, int x, int y)
+VEC_INLINE const float *raster_wide_pixel(const struct splat_work *w, int x,
+                                          int y)
 {
     return w->wide[4 * TILE * (y >> 2) + 4 * x + (y & 3)];
 }
 
 /* n pixels, C floats each, from their blocks' sums. */
-VEC_INLINE void put_wide(float *out, const struct splat_work *w, int y, int n,
-                         const size_t C)
+VEC_INLINE void raster_put_wide(float *out, const struct splat_work *w, int y,
+                                int n, const size_t C)
 {
     for (int x = 0; x < n; x++)
-        memcpy(out + (size_t)x * C, wide_pixel(w, x, y), C * sizeof *out);
+        memcpy(out + (size_t)x * C, raster_wide_pixel(w, x, y),
+               C * sizeof *out);
 }
 
 #ifdef __SSE2__
 /* The same past the caches, all 32 channels: a large picture would only push
  * the Gaussians out of them.  out is aligned to 16 bytes. */
-static void stream_wide(float *out, const struct splat_work *w, int y, int n)
+static void raster_stream_wide(float *out, const struct splat_work *w, int y,
+                               int n)
 {
     for (int x = 0; x < n; x++) {
-        const float *in = wide_pixel(w, x, y);
+        const float *in = raster_wide_pixel(w, x, y);
 
 #pragma GCC unroll 8
         for (int k = 0; k < SPLAT_MAX_CHANNELS; k += 4)
@@ -399,11 +439,11 @@ static void stream_wide(float *out, const struct splat_work *w, int y, int n)
 /* And as halves: a pixel is one line of the cache, and out aligned to it.
  * T: NULL, or pixels of 1 are left as they were; what remains is about to be
  * sent, and short enough for the caches. */
-static void stream_half(uint16_t *out, const struct splat_work *w, int y,
-                        int n, const float *T)
+static void raster_stream_half(uint16_t *out, const struct splat_work *w, int y,
+                               int n, const float *T)
 {
     for (int x = 0; x < n; x++, out += SPLAT_MAX_CHANNELS) {
-        const float *in = wide_pixel(w, x, y);
+        const float *in = raster_wide_pixel(w, x, y);
 
         if (T && T[x] == 1)
             continue;
@@ -435,84 +475,88 @@ static void stream_half(uint16_t *out, const struct splat_work *w, int y,
     }
 }
 
-/* Four rows of a tile on their way out: T, depth, up to 4 colours. */
+/* Four rows of a tile on their way out: T, depth, up to 4 colours,
+ * place channels. */
 struct strip {
-    float T[4][TILE], z[4][TILE], color[4][4][TILE];
+    float T[4][TILE], z[4][TILE], color[4][4][TILE], place[3][4][TILE];
 };
 
 /* Can colours of more than 4 channels go straight to where they belong? */
-VEC_INLINE bool straight(const struct splat *s, const struct target *out)
+VEC_INLINE bool raster_straight(const struct splat *s, const struct target *out)
 {
-    return s->opt.channels == SPLAT_MAX_CHANNELS && !out->bare &&
+    return s->opt.channels == SPLAT_MAX_CHANNELS && !out->background_free &&
            !out->background;
 }
 
 /* Colours of row y, more than 4 channels, into `to`.  true: and that is all
  * there is to do. */
-static bool finish_wide(struct splat_work *w, const struct strip *p,
-                        const struct splat *s, const struct target *out,
-                        float *to, size_t at, int y, int n)
+static bool raster_finish_wide(struct splat_work *w, const struct strip *p,
+                               const struct splat *s, const struct target *out,
+                               float *to, size_t at, int y, int n)
 {
     size_t C = (size_t)s->opt.channels;
 
-    if (straight(s, out)) {
+    if (raster_straight(s, out)) {
         uint16_t *half = out->half ? out->half + at * C : NULL;
 
         if (half && !((uintptr_t)half & 63)) {
-            stream_half(half, w, y, n, s->opt.covered ? p->T[y & 3] : NULL);
+            raster_stream_half(half, w, y, n,
+                               s->opt.covered ? p->T[y & 3] : NULL);
             return true;
         }
 #ifdef __SSE2__
         if (!half && !((uintptr_t)to & 15)) {
-            stream_wide(to, w, y, n);
+            raster_stream_wide(to, w, y, n);
             return true;
         }
 #endif
     }
     if (C == SPLAT_MAX_CHANNELS)
-        put_wide(to, w, y, n, SPLAT_MAX_CHANNELS);
+        raster_put_wide(to, w, y, n, SPLAT_MAX_CHANNELS);
     else
-        put_wide(to, w, y, n, C);
+        raster_put_wide(to, w, y, n, C);
     return false;
 }
 
-/* Colours of row y: without background into bare (or NULL), with it into the
- * picture. */
-static void finish_colors(struct splat_work *w, struct strip *p,
-                          const struct splat *s, const struct target *out,
-                          size_t at, int y, int n)
+/* Colours of row y: without background into background_free (or NULL), with it
+ * into the picture. */
+static void raster_finish_colors(struct splat_work *w, struct strip *p,
+                                 const struct splat *s,
+                                 const struct target *out, size_t at, int y,
+                                 int n)
 {
     float line[16 * SPLAT_MAX_CHANNELS], row[4][TILE];
     size_t C = (size_t)s->opt.channels, values = (size_t)n * C;
     bool wide = s->state->row > 0;
     float *to = out->half ? line : out->image + at * C;
 
-    if (wide && finish_wide(w, p, s, out, to, at, y, n))
+    if (wide && raster_finish_wide(w, p, s, out, to, at, y, n))
         return;
     for (size_t c = 0; !wide && c < C; c++)
         memcpy(row[c], p->color[c][y & 3], sizeof row[c]);
-    if (out->bare && !wide)
-        put_colors(to, row, n, (int)C);
-    if (out->bare)
-        memcpy(out->bare + at * C, to, values * sizeof *to);
+    if (out->background_free && !wide)
+        raster_put_colors(to, row, n, (int)C);
+    if (out->background_free)
+        memcpy(out->background_free + at * C, to, values * sizeof *to);
     if (wide && out->background)
         for (int x = 0; x < n; x++)
             for (size_t c = 0; c < C; c++)
                 to[(size_t)x * C + c] += p->T[y & 3][x] * out->background[c];
-    if (!wide && (out->background || !out->bare)) {
+    if (!wide && (out->background || !out->background_free)) {
         for (size_t c = 0; out->background && c < C; c++)
             for (size_t x = 0; x < TILE; x += VEC)
                 vf_store(row[c] + x, vf_fma(vf_load(p->T[y & 3] + x),
                                             vf_set(out->background[c]),
                                             vf_load(row[c] + x)));
-        put_colors(to, row, n, (int)C);
+        raster_put_colors(to, row, n, (int)C);
     }
     if (out->half)
-        to_half(out->half + at * C, line, values);
+        raster_to_half(out->half + at * C, line, values);
 }
 
-static void finish_row(const struct strip *p, const struct target *out,
-                       size_t at, int y, int n)
+/* T, alpha and depth of row y of a strip. */
+static void raster_finish_row(const struct strip *p, const struct target *out,
+                              size_t at, int y, int n)
 {
     const float *T = p->T[y], *z = p->z[y];
     float opaque[TILE], depth[TILE];
@@ -526,6 +570,15 @@ static void finish_row(const struct strip *p, const struct target *out,
         memcpy(out->alpha + at, opaque, sizeof opaque);
     else if (out->alpha)
         memcpy(out->alpha + at, opaque, bytes);
+    if (out->place) {
+        float row[4][TILE];
+
+        for (int c = 0; c < 3; c++)
+            memcpy(row[c], p->place[c][y], sizeof row[c]);
+        raster_put_colors(out->place + 3 * at, row, n, 3);
+        if (out->kept_place)
+            memcpy(out->kept_place + 3 * at, out->place + 3 * at, 3 * bytes);
+    }
     if (!out->depth)
         return;
     for (int x = 0; x < n; x++)
@@ -533,33 +586,36 @@ static void finish_row(const struct strip *p, const struct target *out,
     memcpy(out->depth + at, depth, bytes);
 }
 
-static void finish(struct splat_work *w, const struct splat *s,
-                   const struct target *out, int x0, int y0)
+/* The tile's sums to the pictures, four rows at a time. */
+static void raster_finish(struct splat_work *w, const struct splat *s,
+                          const struct target *out, int x0, int y0)
 {
     int n = s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE;
     struct strip p;
 
     for (int by = 0; by < 4; by++) {
-        block_rows(p.T, w->T[ACROSS * by]);
+        raster_block_rows(p.T, w->T[ACROSS * by]);
         for (int c = 0; !s->state->row && c < 4; c++)
-            block_rows(p.color[c], w->color[c][ACROSS * by]);
+            raster_block_rows(p.color[c], w->color[c][ACROSS * by]);
+        for (int c = 0; out->place && c < 3; c++)
+            raster_block_rows(p.place[c], w->blended[c][ACROSS * by]);
         if (out->depth && s->state->row)
-            block_rows(p.z, w->depth[ACROSS * by]);
+            raster_block_rows(p.z, w->depth[ACROSS * by]);
         else if (out->depth)
             memcpy(p.z, p.color[3], sizeof p.z);
         for (int y = 4 * by; y < 4 * by + 4 && y0 + y < s->opt.height; y++) {
             size_t at = (size_t)(y0 + y) * (size_t)s->opt.width + (size_t)x0;
 
-            finish_colors(w, &p, s, out, at, y, n);
-            finish_row(&p, out, at, y & 3, n);
+            raster_finish_colors(w, &p, s, out, at, y, n);
+            raster_finish_row(&p, out, at, y & 3, n);
         }
     }
 }
 
 /* Fetch where the tile goes: written at its end, every line would be waited
  * for.  32 channels are more than the caches should hold. */
-VEC_INLINE void fetch_target(const struct splat *s, const struct target *out,
-                         int x0, int y0)
+VEC_INLINE void raster_fetch_target(const struct splat *s,
+                                    const struct target *out, int x0, int y0)
 {
     size_t C = s->state->row ? 0 : (size_t)s->opt.channels;
     size_t n = (size_t)(s->opt.width - x0 < TILE ? s->opt.width - x0 : TILE);
@@ -568,17 +624,21 @@ VEC_INLINE void fetch_target(const struct splat *s, const struct target *out,
         size_t at = (size_t)y * (size_t)s->opt.width + (size_t)x0;
 
         if (C && out->image)
-            fetch(out->image + at * C, n * C * sizeof *out->image);
-        if (C && out->bare)
-            fetch(out->bare + at * C, n * C * sizeof *out->bare);
+            chunk_fetch(out->image + at * C, n * C * sizeof *out->image);
+        if (C && out->background_free)
+            chunk_fetch(out->background_free + at * C,
+                        n * C * sizeof *out->background_free);
+        if (out->place)
+            chunk_fetch(out->place + 3 * at, 3 * n * sizeof *out->place);
         if (out->alpha)
-            fetch(out->alpha + at, n * sizeof *out->alpha);
+            chunk_fetch(out->alpha + at, n * sizeof *out->alpha);
         if (out->final_T)
-            fetch(out->final_T + at, n * sizeof *out->final_T);
+            chunk_fetch(out->final_T + at, n * sizeof *out->final_T);
     }
 }
 
-static bool any_alive(const struct splat_work *w)
+/* Does any pixel of the tile still take light? */
+static bool raster_any_alive(const struct splat_work *w)
 {
     uint32_t any = 0;
 
@@ -595,15 +655,15 @@ void ISA(splat_tile)(const struct splat *s, struct splat_work *w, uint32_t t,
     int y0 = TILE * (int)(t / (uint32_t)st->view.tx);
     float cx = (float)x0 + 8, cy = (float)y0 + 8;
 
-    begin(w, s, x0, y0);
-    fetch_target(s, out, x0, y0);
-    for (uint32_t i = st->start[t]; i < st->end[t] && any_alive(w);
+    raster_begin(w, s, x0, y0);
+    raster_fetch_target(s, out, x0, y0);
+    for (uint32_t i = st->start[t]; i < st->end[t] && raster_any_alive(w);
          i += CHUNK) {
         uint32_t n = st->end[t] - i < CHUNK ? st->end[t] - i : CHUNK;
 
-        chunk(s, w, st->list + i, n, cx, cy);
+        raster_chunk(s, w, st->list + i, n, cx, cy, out->place != NULL);
     }
-    finish(w, s, out, x0, y0);
+    raster_finish(w, s, out, x0, y0);
 }
 
 size_t ISA(splat_work_size)(void)

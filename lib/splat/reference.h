@@ -3,10 +3,10 @@
 #ifndef SPID_SPLAT_REFERENCE_H
 #define SPID_SPLAT_REFERENCE_H
 
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 /* Everything in double, so that finite differences make sense. */
-struct splat_truth {
+struct reference {
     int width, height, channels;
     enum splat_rules rules;
     double near, alpha_cut, t_cut;
@@ -14,21 +14,30 @@ struct splat_truth {
     double *mean, *scale, *quat, *opacity, *color;   /* owned; (N,3) (N,3)
                                                       * (N,4) (N) (N,C) */
     double rt[12], fx, fy, cx, cy;
-    double background[SPLAT_MAX_CHANNELS];
+    double background[SPLAT_MAX_CHANNELS + 3];
+    double *uv, *seen;     /* owned; (N,2) from -1 to 1, (N); or NULL */
+    struct splat_place_view view;
     uint32_t *order;       /* NULL, or (N): drawn in this order, not by depth
                             * (finite differences); owned by the caller */
 };
 
 /* Copy and widen g and cam; branches as in splat_options.  Defaults of the
  * rules: near 0.01 (DGR 0.2), alpha_cut 1/255, t_cut 1e-4. */
-int splat_truth_init(struct splat_truth *t, const struct gaussians *g,
-                     const struct splat_camera *cam, int width, int height,
-                     int channels, enum splat_rules rules,
-                     unsigned branches, struct error *err);
-void splat_truth_release(struct splat_truth *t);
+int reference_init(struct reference *t, const struct gaussians *g,
+                   const struct splat_camera *cam, int width, int height,
+                   int channels, enum splat_rules rules,
+                   unsigned branches, struct error *err);
+void reference_release(struct reference *t);
+
+/* Have the pictures end in three channels of places, and color's rows with
+ * them: channels grows by 3.  g is that of reference_init, without branches.
+ * What color holds of places is made anew whenever it is drawn. */
+int reference_add_places(struct reference *t, const struct gaussians *g,
+                         const struct splat_place_view *view,
+                         struct error *err);
 
 /* One Gaussian on the screen. */
-struct splat_point {
+struct reference_point {
     bool front;            /* z > near */
     double x, y, z;        /* centre in pixels, camera depth */
     double cov3[6];        /* xx xy xz yy yz zz of R S S R^T, world */
@@ -37,33 +46,31 @@ struct splat_point {
     double det, det_sharp; /* determinant of cov with and without the 0.3 */
     int tile[4];           /* DGR: columns and rows [x0,x1) [y0,y1) */
 };
-void splat_truth_project(struct splat_point *p, const struct splat_truth *t,
-                         size_t i);
+/* Gaussian i of t. */
+void reference_project(struct reference_point *p, const struct reference *t,
+                       size_t i);
+
+/* R (3,3) of a quaternion w,x,y,z: normalised unless DGR. */
+void reference_rotation(double R[9], const double *quat,
+                        enum splat_rules rules);
 
 /* Draw.  image (H,W,C), alpha and depth (H,W) or NULL; ambiguous u8 (H,W) or
  * NULL: 1 where a cut-off is within 1e-5 relative of being decided the other
  * way.  Under EXACT a term with e^-sigma below
  * 1e-18 is left out. */
-int splat_reference_forward(double *image, double *alpha, double *depth,
-                            uint8_t *ambiguous, const struct splat_truth *t,
-                            struct error *err);
+int reference_forward(double *image, double *alpha, double *depth,
+                      uint8_t *ambiguous, const struct reference *t,
+                      struct error *err);
 
-/* Gradients, overwritten; sizes as in struct splat_truth, C = channels.
- * conic (N,3) and center (N,2) are those on the screen; each may be NULL. */
-struct splat_truth_gradients {
+/* Gradients, overwritten; sizes as in struct reference, C = channels.
+ * conic (N,3) and center (N,2) are those on the screen; each may be NULL, but
+ * with places color may not: what pulls at the centres goes through it. */
+struct reference_gradients {
     double *mean, *scale, *quat, *opacity, *color, *rt, *center, *conic;
 };
-int splat_reference_backward(const struct splat_truth_gradients *g,
-                             const struct splat_truth *t,
-                             const double *d_image, const double *d_alpha,
-                             struct error *err);
-
-/* The plain float renderer, Gaussian by Gaussian over its bounding box: what
- * the kernels' speed is compared with.  GSPLAT rules.  image (H,W,C), alpha
- * (H,W). */
-int splat_plain_forward(float *image, float *alpha, const struct gaussians *g,
-                        const struct splat_camera *cam, int width,
-                        int height, int channels, const float *background,
-                        struct error *err);
+int reference_backward(const struct reference_gradients *g,
+                       const struct reference *t,
+                       const double *d_image, const double *d_alpha,
+                       struct error *err);
 
 #endif

@@ -1,3 +1,5 @@
+/* The double-precision reference, fourth part: the gradients of Eq. C and of
+ * the EWA projection, by the chain rule, step by step backwards. */
 #include "lib/splat/reference.h"
 
 #include <math.h>
@@ -5,7 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/splat/reference_walk.h"
+#include "lib/splat/reference_traversal.h"
 
 /* Sums of one Gaussian over the pixels. */
 struct screen {
@@ -14,7 +16,8 @@ struct screen {
     double opacity;
 };
 
-static double dot(const double *a, const double *b, size_t n)
+/* a . b */
+static double reference_dot(const double *a, const double *b, size_t n)
 {
     double sum = 0;
 
@@ -26,30 +29,31 @@ static double dot(const double *a, const double *b, size_t n)
 /* Back to front through one pixel.  behind = what the light behind a Gaussian
  * is worth to the loss, so that dL/dalpha = T (c.g - behind): no division by
  * 1 - alpha, which may be 0 under EXACT. */
-static void pixel_backward(struct screen *s, double *d_color,
-                           const struct hit *hit, size_t hits,
-                           const struct walk *w, const double *g,
-                           double d_alpha)
+static void reference_pixel_backward(struct screen *s, double *d_color,
+                                     const struct contribution *found,
+                                     size_t count, const struct traversal *w,
+                                     const double *g, double d_alpha)
 {
-    const struct splat_truth *t = w->truth;
+    const struct reference *t = w->scene;
     size_t C = (size_t)t->channels;
-    double behind = dot(t->background, g, C) - d_alpha;
+    double behind = reference_dot(t->background, g, C) - d_alpha;
 
-    for (size_t k = hits; k-- > 0;) {
-        const struct hit *h = &hit[k];
-        const struct splat_point *p = &w->point[h->i];
-        const double *color = t->color + h->i * C;
-        double cg = dot(color, g, C), da = h->T * (cg - behind);
+    for (size_t k = count; k-- > 0;) {
+        const struct contribution *h = &found[k];
+        const struct reference_point *p = &w->point[h->i];
+        const double *color = w->color + h->i * C;
+        double cg = reference_dot(color, g, C), da = h->T * (cg - behind);
 
         behind = h->alpha * cg + (1 - h->alpha) * behind;
         for (size_t c = 0; d_color && c < C; c++)
             d_color[h->i * C + c] += h->alpha * h->T * g[c];
         if (h->clamped && t->rules != SPLAT_DGR)
             continue;
-        double ds = -t->opacity[h->i] * h->fall * da; /* alpha = o e^-sigma */
+        /* alpha = o e^-sigma */
+        double ds = -t->opacity[h->i] * h->falloff * da;
         struct screen *o = &s[h->i];
 
-        o->opacity += h->fall * da;
+        o->opacity += h->falloff * da;
         o->x += ds * (p->conic[0] * h->dx + p->conic[1] * h->dy);
         o->y += ds * (p->conic[2] * h->dy + p->conic[1] * h->dx);
         o->conic[0] += ds * 0.5 * h->dx * h->dx;
@@ -60,8 +64,9 @@ static void pixel_backward(struct screen *s, double *d_color,
 
 /* dL/dcov (symmetric: xx, xy, yy with dL = xx.dxx + 2 xy.dxy + yy.dyy) from
  * dL/dconic: -K G K. */
-static void conic_backward(double S[3], const double *G,
-                           const struct splat_point *p, enum splat_rules rules)
+static void reference_conic_backward(double S[3], const double *G,
+                                     const struct reference_point *p,
+                                     enum splat_rules rules)
 {
     const double *k = p->conic;
     double g[2][2] = {{G[0], G[1] / 2}, {G[1] / 2, G[2]}};
@@ -78,13 +83,14 @@ static void conic_backward(double S[3], const double *G,
 }
 
 /* dL/dquat from dL/dR. */
-static void rotation_backward(double *out, const double dR[9],
-                              const double *quat, enum splat_rules rules)
+static void reference_rotation_backward(double *out, const double dR[9],
+                                        const double *quat,
+                                        enum splat_rules rules)
 {
     double n = 1, q[4], d[4];
 
     if (rules != SPLAT_DGR)
-        n = fmax(sqrt(dot(quat, quat, 4)), 1e-12);
+        n = fmax(sqrt(reference_dot(quat, quat, 4)), 1e-12);
     for (int k = 0; k < 4; k++)
         q[k] = quat[k] / n;
     double w = q[0], x = q[1], y = q[2], z = q[3];
@@ -97,16 +103,18 @@ static void rotation_backward(double *out, const double dR[9],
                 w * (dR[2] - dR[6])) - 4 * y * (dR[0] + dR[8]);
     d[3] = 2 * (x * (dR[2] + dR[6]) + y * (dR[5] + dR[7]) +
                 w * (dR[3] - dR[1])) - 4 * z * (dR[0] + dR[4]);
-    double along = rules != SPLAT_DGR && n > 1e-12 ? dot(d, q, 4) : 0;
+    double along = rules != SPLAT_DGR && n > 1e-12 ? reference_dot(d, q, 4) : 0;
 
     for (int k = 0; k < 4; k++)
         out[k] = (d[k] - along * q[k]) / n;
 }
 
 /* What one screen axis passes back: its row of J W, its centre. */
-static void axis_backward(double dc[3], double *d_rt, const double dJ[3],
-                          double d_center, double f, double lim, int row,
-                          const double c[3], const struct splat_truth *t)
+static void reference_axis_backward(double dc[3], double *d_rt,
+                                    const double dJ[3], double d_center,
+                                    double f, double lim, int row,
+                                    const double c[3],
+                                    const struct reference *t)
 {
     const double *P = t->rt;
     double z = c[2], u = c[row] / z, eps = t->rules == SPLAT_DGR ? 1e-7 : 0;
@@ -133,9 +141,11 @@ struct gradient {
     double mean[3], scale[3], quat[4], rt[12];
 };
 
-static void gaussian_backward(struct gradient *out, const struct screen *s,
-                              const struct splat_point *p,
-                              const struct splat_truth *t, size_t i)
+/* From the screen's sums to Gaussian i's parameters and the camera. */
+static void reference_gaussian_backward(struct gradient *out,
+                                        const struct screen *s,
+                                        const struct reference_point *p,
+                                        const struct reference *t, size_t i)
 {
     const double *P = t->rt, *m = t->mean + 3 * i, *sc = t->scale + 3 * i;
     double S[3], R[9], dR[9], c[3], dc[3] = {0}, dJ[2][3] = {{0}}, J[2][3];
@@ -144,9 +154,9 @@ static void gaussian_backward(struct gradient *out, const struct screen *s,
 
     memset(out, 0, sizeof *out);
     for (int r = 0; r < 3; r++)
-        c[r] = dot(P + 4 * r, m, 3) + P[4 * r + 3];
-    conic_backward(S, s->conic, p, t->rules);
-    splat_truth_rotation(R, t->quat + 4 * i, t->rules);
+        c[r] = reference_dot(P + 4 * r, m, 3) + P[4 * r + 3];
+    reference_conic_backward(S, s->conic, p, t->rules);
+    reference_rotation(R, t->quat + 4 * i, t->rules);
     for (int r = 0; r < 2; r++)
         for (int l = 0; l < 3; l++) {
             double u = fmin(fmax(c[r] / c[2], -lim[r]), lim[r]);
@@ -171,9 +181,10 @@ static void gaussian_backward(struct gradient *out, const struct screen *s,
             dR[3 * l + k] = da * sc[k];
         }
     }
-    rotation_backward(out->quat, dR, t->quat + 4 * i, t->rules);
+    reference_rotation_backward(out->quat, dR, t->quat + 4 * i, t->rules);
     for (int r = 0; r < 2; r++)
-        axis_backward(dc, out->rt, dJ[r], center[r], f[r], lim[r], r, c, t);
+        reference_axis_backward(dc, out->rt, dJ[r], center[r], f[r], lim[r], r,
+                                c, t);
     for (int r = 0; r < 3; r++) {
         for (int l = 0; l < 3; l++) {
             out->mean[l] += dc[r] * P[4 * r + l];
@@ -183,25 +194,38 @@ static void gaussian_backward(struct gradient *out, const struct screen *s,
     }
 }
 
-static void store(double *to, const double *from, size_t i, size_t n)
+/* Row i of to, which may be NULL. */
+static void reference_store(double *to, const double *from, size_t i, size_t n)
 {
     if (to)
         memcpy(to + i * n, from, n * sizeof *to);
 }
 
-int splat_reference_backward(const struct splat_truth_gradients *g,
-                             const struct splat_truth *t,
-                             const double *d_image, const double *d_alpha,
-                             struct error *err)
+/* Gradients of Gaussian i's place channels to its centre's. */
+static void reference_place_backward(struct screen *s, const double *d_color,
+                                     const struct reference *t, size_t i)
+{
+    const double *d = d_color + (i + 1) * (size_t)t->channels - 3;
+    const float *A = t->view.A;
+    double u = -t->seen[i] * d[0], v = -t->seen[i] * d[1];
+
+    s->x += 2.0 / t->width * (A[0] * u + A[2] * v);
+    s->y += 2.0 / t->height * (A[1] * u + A[3] * v);
+}
+
+int reference_backward(const struct reference_gradients *g,
+                       const struct reference *t,
+                       const double *d_image, const double *d_alpha,
+                       struct error *err)
 {
     struct screen *s = calloc(t->n + 1, sizeof *s);
-    struct hit *hit = NULL;
-    struct walk w = {0};
+    struct contribution *found = NULL;
+    struct traversal w = {0};
     int rc = -1;
 
-    if (!s || walk_init(&w, t, err) ||
-        !(hit = malloc((walk_longest(&w) + 1) * sizeof *hit))) {
-        if (!w.point || !hit)
+    if (!s || traversal_init(&w, t, err) ||
+        !(found = malloc((traversal_longest(&w) + 1) * sizeof *found))) {
+        if (!w.point || !found)
             error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
@@ -213,32 +237,36 @@ int splat_reference_backward(const struct splat_truth_gradients *g,
         for (int x = 0; x < t->width; x++) {
             size_t at = (size_t)y * (size_t)t->width + (size_t)x;
             double T;
-            size_t hits = walk_pixel(hit, &T, NULL, &w, x, y);
+            size_t count = traversal_pixel(found, &T, NULL, &w, x, y);
 
-            pixel_backward(s, g->color, hit, hits, &w, d_image + at * C,
-                           d_alpha ? d_alpha[at] : 0);
+            reference_pixel_backward(s, g->color, found, count, &w,
+                                     d_image + at * C,
+                                     d_alpha ? d_alpha[at] : 0);
         }
     if (g->rt)
         memset(g->rt, 0, 12 * sizeof *g->rt);
     for (size_t i = 0; i < t->n; i++) {
         struct gradient one = {0};
+
+        if (t->seen && g->color)
+            reference_place_backward(&s[i], g->color, t, i);
         double center[2] = {s[i].x, s[i].y};
 
         if (w.point[i].front)
-            gaussian_backward(&one, &s[i], &w.point[i], t, i);
-        store(g->mean, one.mean, i, 3);
-        store(g->scale, one.scale, i, 3);
-        store(g->quat, one.quat, i, 4);
-        store(g->opacity, &s[i].opacity, i, 1);
-        store(g->center, center, i, 2);
-        store(g->conic, s[i].conic, i, 3);
+            reference_gaussian_backward(&one, &s[i], &w.point[i], t, i);
+        reference_store(g->mean, one.mean, i, 3);
+        reference_store(g->scale, one.scale, i, 3);
+        reference_store(g->quat, one.quat, i, 4);
+        reference_store(g->opacity, &s[i].opacity, i, 1);
+        reference_store(g->center, center, i, 2);
+        reference_store(g->conic, s[i].conic, i, 3);
         for (int k = 0; g->rt && k < 12; k++)
             g->rt[k] += one.rt[k];
     }
     rc = 0;
 out:
-    free(hit);
+    free(found);
     free(s);
-    walk_release(&w);
+    traversal_release(&w);
     return rc;
 }

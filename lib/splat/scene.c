@@ -1,3 +1,5 @@
+/* GAUS and GMOV records as a set of Gaussians: checked copies of the arrays,
+ * moved as lib/geom/drive.h says. */
 #include "lib/splat/scene.h"
 
 #include <math.h>
@@ -6,8 +8,9 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
-#include "lib/geom/bend.h"
-#include "lib/record/gaussians.h"
+#include "lib/geom/drive.h"
+#include "lib/geom/neck_blend.h"
+#include "lib/stream/gaussians.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 
@@ -18,15 +21,17 @@ void scene_release(struct scene *s)
     free(s->scale);
     free(s->quat);
     free(s->opacity);
-    free(s->bend);
+    free(s->neck);
     free(s->color);
     free(s->color_half);
     free(s->branch);
+    free(s->uv);
+    free(s->seen);
     memset(s, 0, sizeof *s);
 }
 
 /* A copy of n bytes; a scene without Gaussians still has its arrays. */
-static void *copy(const void *p, size_t n)
+static void *scene_copy(const void *p, size_t n)
 {
     void *out = malloc(n + 1);
     if (out && n)
@@ -34,8 +39,9 @@ static void *copy(const void *p, size_t n)
     return out;
 }
 
-static int take_color(struct scene *s, const struct gaus *g,
-                      struct error *err)
+/* Required colours in either precision, copied. */
+static int scene_take_color(struct scene *s, const struct gaus *g,
+                            struct error *err)
 {
     const size_t count = g->n * g->channels;
     void *p;
@@ -44,8 +50,8 @@ static int take_color(struct scene *s, const struct gaus *g,
         return error_set(err, EX_DATAERR, "GAUS color has %zu channels "
                          "(expected 1 to %d)", g->channels,
                          SPLAT_MAX_CHANNELS);
-    p = g->color ? copy(g->color, count * sizeof *g->color)
-                 : copy(g->color_half, count * sizeof *g->color_half);
+    p = g->color ? scene_copy(g->color, count * sizeof *g->color)
+                 : scene_copy(g->color_half, count * sizeof *g->color_half);
     if (!p)
         return error_set(err, EX_OSERR, "out of memory for the colours");
     s->g.channels = (int)g->channels;
@@ -56,8 +62,8 @@ static int take_color(struct scene *s, const struct gaus *g,
     return 0;
 }
 
-/* The mouth sheet moves as one block, so it must be one range. */
-static int find_mouth(struct scene *s, struct error *err)
+/* The mouth moves as one block, so its Gaussians must be one range. */
+static int scene_find_mouth(struct scene *s, struct error *err)
 {
     s->mouth = s->mouth_count = 0;
     for (size_t i = 0; s->branch && i < s->g.n; i++) {
@@ -77,26 +83,21 @@ static int find_mouth(struct scene *s, struct error *err)
     return 0;
 }
 
-static int bends(const struct scene *s, size_t i)
+/* Only static Gaussians follow the shoulders; a scene that does not say which
+ * they are has none. */
+static void scene_find_blended(struct scene *s)
 {
-    return s->branch[i] == STATIC && s->bend[i] != 0;
+    size_t n = s->neck && s->branch ? s->g.n : 0;
+
+    for (size_t i = 0; i < n; i++)
+        if (s->branch[i] != STATIC)
+            s->neck[i] = 0;
+    neck_blend_range(&s->blended, &s->blended_count, s->neck, 0, n);
 }
 
-/* The smallest range that holds every static Gaussian that bends. */
-static void find_bent(struct scene *s)
-{
-    size_t lo = 0, hi = s->bend && s->branch ? s->g.n : 0;
-
-    while (lo < hi && !bends(s, lo))
-        lo++;
-    while (hi > lo && !bends(s, hi - 1))
-        hi--;
-    s->bent = lo;
-    s->bent_count = hi - lo;
-}
-
-static int take_camera(struct scene *s, const struct record *rec,
-                       struct error *err)
+/* The optional camera. */
+static int scene_take_camera(struct scene *s, const struct record *rec,
+                             struct error *err)
 {
     static const size_t dims[2] = {3, 4};
     const float *cam;
@@ -111,8 +112,8 @@ static int take_camera(struct scene *s, const struct record *rec,
 }
 
 /* Copies of the arrays of a GAUS record. */
-static int copy_arrays(struct scene *s, const struct gaus *g,
-                       struct error *err)
+static int scene_copy_arrays(struct scene *s, const struct gaus *g,
+                             struct error *err)
 {
     const size_t n = s->g.n = g->n;
 
@@ -125,22 +126,30 @@ static int copy_arrays(struct scene *s, const struct gaus *g,
         memcpy(s->light, g->light, sizeof s->light);
         s->has_source = 1;
     }
-    s->g.mean = s->mean = copy(g->mean, 3 * n * sizeof *g->mean);
-    s->loaded = copy(g->mean, 3 * n * sizeof *g->mean);
-    s->g.scale = s->scale = copy(g->scale, 3 * n * sizeof *g->scale);
-    s->g.quat = s->quat = copy(g->quat, 4 * n * sizeof *g->quat);
-    s->g.opacity = s->opacity = copy(g->opacity, n * sizeof *g->opacity);
+    s->g.mean = s->mean = scene_copy(g->mean, 3 * n * sizeof *g->mean);
+    s->loaded = scene_copy(g->mean, 3 * n * sizeof *g->mean);
+    s->g.scale = s->scale = scene_copy(g->scale, 3 * n * sizeof *g->scale);
+    s->g.quat = s->quat = scene_copy(g->quat, 4 * n * sizeof *g->quat);
+    s->g.opacity = s->opacity = scene_copy(g->opacity, n * sizeof *g->opacity);
     if (g->bend)
-        s->bend = copy(g->bend, n * sizeof *g->bend);
+        s->neck = scene_copy(g->bend, n * sizeof *g->bend);
     if (g->branch)
-        s->g.branch = s->branch = copy(g->branch, n);
+        s->g.branch = s->branch = scene_copy(g->branch, n);
+    if (g->view) {
+        memcpy(s->view, g->view, sizeof s->view);
+        s->g.uv = s->uv = scene_copy(g->uv, 2 * n * sizeof *g->uv);
+        s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
+    }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
-        (g->bend && !s->bend) || (g->branch && !s->branch))
+        (g->bend && !s->neck) || (g->branch && !s->branch) ||
+        (g->view && (!s->uv || !s->seen)))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
-    return take_color(s, g, err);
+    return scene_take_color(s, g, err);
 }
 
-static int load(struct scene *s, const struct record *rec, struct error *err)
+/* A GAUS record in place of all the scene holds but its camera. */
+static int scene_load(struct scene *s, const struct record *rec,
+                      struct error *err)
 {
     struct scene next = {.has_cam = s->has_cam};
     struct gaus g;
@@ -148,18 +157,19 @@ static int load(struct scene *s, const struct record *rec, struct error *err)
     memcpy(next.cam, s->cam, sizeof next.cam);
     if (gaus_read(&g, rec, err))
         return -1;
-    if (copy_arrays(&next, &g, err) || find_mouth(&next, err)) {
+    if (scene_copy_arrays(&next, &g, err) || scene_find_mouth(&next, err)) {
         scene_release(&next);
         return -1;
     }
-    find_bent(&next);
+    scene_find_blended(&next);
     scene_release(s);
     *s = next;
     return SCENE_LOADED;
 }
 
-static int move_means(struct scene *s, const struct record *rec,
-                      struct error *err)
+/* The centres that GMOV brings as they are. */
+static int scene_move_means(struct scene *s, const struct record *rec,
+                            struct error *err)
 {
     static const size_t one[1] = {1}, any[2] = {0, 3};
     const struct array *a = record_find(rec, "mean");
@@ -182,10 +192,22 @@ static int move_means(struct scene *s, const struct record *rec,
     return 0;
 }
 
-static int move_mouth(struct scene *s, const struct record *rec,
-                      struct error *err)
+/* How the scene moves beyond what GMOV brings whole. */
+static struct drive scene_drive(const struct scene *s)
+{
+    return (struct drive){
+        .mouth = s->mouth, .mouth_count = s->mouth_count, .mean = s->loaded,
+        .weight = s->neck
+    };
+}
+
+/* The mouth goes by l_d - l_s as a whole. */
+static int scene_move_mouth(struct scene *s, const struct record *rec,
+                            struct error *err)
 {
     static const size_t three[1] = {3};
+    const struct drive d = scene_drive(s);
+    struct drive_frame f = {.from = {0}};
     const float *shift;
 
     s->shifted = 0;
@@ -194,47 +216,51 @@ static int move_mouth(struct scene *s, const struct record *rec,
     if (!(shift = record_get(rec, "shift", DTYPE_F32, 1, three, err)))
         return -1;
     memcpy(s->shift, shift, sizeof s->shift);
+    memcpy(f.to, shift, sizeof f.to);
     s->shifted = 1;
-    for (size_t i = 3 * s->mouth; i < 3 * (s->mouth + s->mouth_count); i++)
-        s->mean[i] = s->loaded[i] + shift[i % 3];
+    drive_mouth(s->mean + 3 * s->mouth, &d, &f);
     return 0;
 }
 
-/* Static Gaussians follow the shoulders (lib/geom/bend.h). */
-static int move_shoulders(struct scene *s, const struct record *rec,
-                          struct error *err)
+/* Static Gaussians follow the shoulders. */
+static int scene_move_shoulders(struct scene *s, const struct record *rec,
+                                struct error *err)
 {
     static const size_t dims[2] = {3, 4};
+    const struct drive d = scene_drive(s);
+    struct drive_frame f;
     const float *body;
 
-    s->bowed = 0;
-    if (!record_find(rec, "body") || !s->bent_count)
+    s->neck_moved = 0;
+    if (!record_find(rec, "body") || !s->blended_count)
         return 0;
     if (!(body = record_get(rec, "body", DTYPE_F32, 2, dims, err)))
         return -1;
-    for (size_t i = s->bent; i < s->bent + s->bent_count; i++)
-        if (bends(s, i))
-            bend_points(s->mean + 3 * i, s->loaded + 3 * i, s->bend + i, 1,
-                        body);
-    s->bowed = 1;
+    memcpy(f.plane, body, sizeof f.plane);
+    for (size_t i = s->blended; i < s->blended + s->blended_count; i++)
+        if (s->neck[i] != 0)    /* others may have moved otherwise */
+            drive_static(s->mean + 3 * i, &d, &f, i, 1);
+    s->neck_moved = 1;
     return 0;
 }
 
+/* GAUS replaces all, GMOV moves; other records are nobody's business here. */
 int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
     if (record_is(rec, "GAUS"))
-        return load(s, rec, err);
+        return scene_load(s, rec, err);
     if (!record_is(rec, "GMOV"))
         return SCENE_NONE;
     if (!s->mean)
         return error_set(err, EX_DATAERR, "GMOV before any GAUS");
-    if (record_check_finite(rec, err) || take_camera(s, rec, err) ||
-        move_means(s, rec, err) || move_shoulders(s, rec, err) ||
-        move_mouth(s, rec, err))
+    if (record_check_finite(rec, err) || scene_take_camera(s, rec, err) ||
+        scene_move_means(s, rec, err) || scene_move_shoulders(s, rec, err) ||
+        scene_move_mouth(s, rec, err))
         return -1;
     return SCENE_MOVED;
 }
 
+/* Ranges that moved, in the order that scene_apply applied them. */
 int scene_to_splat(struct splat *out, const struct scene *s,
                    enum scene_change change, struct error *err)
 {
@@ -243,8 +269,9 @@ int scene_to_splat(struct splat *out, const struct scene *s,
     if (change == SCENE_MOVED && s->count &&
         splat_update(out, s->mean + 3 * s->first, s->first, s->count, err))
         return -1;
-    if (change == SCENE_MOVED && s->bowed &&
-        splat_update(out, s->mean + 3 * s->bent, s->bent, s->bent_count, err))
+    if (change == SCENE_MOVED && s->neck_moved &&
+        splat_update(out, s->mean + 3 * s->blended, s->blended,
+                     s->blended_count, err))
         return -1;
     if (change == SCENE_MOVED && s->shifted && s->mouth_count)
         return splat_shift(out, s->shift, s->mouth, s->mouth_count, err);

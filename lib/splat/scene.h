@@ -22,17 +22,21 @@ struct scene {
     int has_cam;
     size_t first, count;        /* centres set by the last GMOV */
     size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
-    float shift[3];     /* of the mouth sheet against its GAUS centres */
+    float shift[3];     /* of the mouth against its GAUS centres */
     int shifted;        /* the last GMOV carried a shift */
     float source[9];    /* R of the camera that the head was baked from */
     float light[3];     /* on it */
     int has_source;
-    size_t bent, bent_count;    /* the static Gaussians that bend, by GAUS */
-    int bowed;          /* the last GMOV carried the shoulders' motion */
+    size_t blended, blended_count;  /* static Gaussians that the neck blend
+                                     * moves lie in this range, by GAUS */
+    int neck_moved;     /* the last GMOV carried the shoulders' motion */
+    float view[12];     /* the source's camera, which saw g.uv; when it has
+                         * them */
 
     /* owned */
-    float *mean, *loaded, *scale, *quat, *opacity, *color;
-    float *bend;        /* (N) weights of the bending at the neck, or NULL */
+    float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen;
+    float *neck;        /* (N) neck blend weights, 0 but in the static
+                         * branch (GAUS "bend"), or NULL */
     uint16_t *color_half;
     uint8_t *branch;
 };

@@ -1,24 +1,20 @@
+/* The renderer as its callers see it: options checked and memory made, then
+ * Gaussians in, pictures out.  The work itself: pack.c (layout), frame.c (one
+ * frame: project, sort, tile lists, draw), backward.c (gradients), and the
+ * kernels in *_tmpl.c. */
 #include "lib/splat/splat.h"
 
 #include <math.h>
 #include <omp.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/mman.h>
 #include <sysexits.h>
 
 #include "lib/base/half.h"
-#include "lib/base/isa.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"
-
-#define ALIGN 64
-
-#ifdef SPID_X86
-#define SPLAT_FIXED16 true     /* the kernels multiply 16-bit numbers */
-#else
-#define SPLAT_FIXED16 false
-#endif
+#include "lib/splat/kernels.h"
+#include "lib/splat/pack.h"
 
 struct splat_camera splat_camera_square(const float rt[12], int size,
                                         float focal)
@@ -39,117 +35,10 @@ struct splat_options splat_defaults(int width, int height, int channels)
         .fixed16 = channels > SPLAT_COLORS};
 }
 
-/* ---- kernels ------------------------------------------------------------- */
-
-#define DECLARE(isa)                                                      \
-    void splat_project_##isa(struct splat_state *, size_t, size_t);       \
-    void splat_tile_##isa(const struct splat *, struct splat_work *,      \
-                          uint32_t, const struct target *);               \
-    void splat_tile_backward_##isa(const struct splat *,                  \
-                                   struct splat_work *, uint32_t,         \
-                                   const float *, const float *);         \
-    void splat_gaussian_backward_##isa(                                   \
-        const struct splat *, size_t, size_t,                             \
-        const struct splat_gradients *, double *);                        \
-    size_t splat_work_size_##isa(void);
-#define TABLE(isa)                                                        \
-    {splat_project_##isa, splat_tile_##isa, splat_tile_backward_##isa,    \
-     splat_gaussian_backward_##isa, splat_work_size_##isa}
-
-DECLARE(baseline)
-#ifdef SPID_X86
-DECLARE(avx2)
-DECLARE(avx512)
-#endif
-
-const struct splat_kernels *splat_kernels(enum cpu_level level)
-{
-    static const struct splat_kernels table[] = {
-        TABLE(baseline),
-#ifdef SPID_X86
-        TABLE(avx2), TABLE(avx512)
-#endif
-    };
-
-    return &table[level];
-}
-
-/* ---- memory -------------------------------------------------------------- */
-
-void *splat_block(size_t bytes)
-{
-    size_t huge = (size_t)2 << 20;
-    size_t align = bytes >= huge ? huge : ALIGN;
-    void *p = aligned_alloc(align, (bytes + align - 1) / align * align);
-
-#ifdef MADV_HUGEPAGE
-    if (p && bytes >= huge)
-        madvise(p, bytes, MADV_HUGEPAGE);
-#endif
-    return p;
-}
-
-/* Take bytes of a block; with base NULL only count. */
-static void *carve(char *base, size_t *used, size_t bytes)
-{
-    void *p = base ? base + *used : NULL;
-
-    *used += (bytes + ALIGN - 1) / ALIGN * ALIGN + ALIGN;
-    return p;
-}
-
-/* Lay out what the picture's size decides; returns the bytes. */
-static size_t screen_layout(struct splat_state *st, char *base)
-{
-    size_t tiles = (size_t)st->view.tx * (size_t)st->view.ty, used = 0;
-    size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
-    size_t T = (size_t)st->threads;
-
-    st->start = carve(base, &used, tiles * sizeof *st->start);
-    st->end = carve(base, &used, tiles * sizeof *st->end);
-    st->zorder = carve(base, &used, tiles * sizeof *st->zorder);
-    st->count = carve(base, &used, T * cells * sizeof *st->count);
-    st->histogram = carve(base, &used, T * 2048 * sizeof *st->histogram);
-    st->work = carve(base, &used, T * st->work_size);
-    return used;
-}
-
-/* Lay out what the number of Gaussians decides; n padded to 16. */
-static size_t cloud_layout(struct splat *s, char *base, size_t n)
-{
-    struct splat_state *st = s->state;
-    size_t used = 0, row = n * sizeof(float);
-
-    for (int k = 0; k < 3; k++) {
-        st->cloud.mean[k] = carve(base, &used, row);
-        st->cloud.scale[k] = carve(base, &used, row);
-    }
-    for (int k = 0; k < 4; k++)
-        st->cloud.quat[k] = carve(base, &used, row);
-    st->cloud.top = carve(base, &used, row);
-    st->record = carve(base, &used, n * sizeof *st->record);
-    st->color = carve(base, &used, n * sizeof *st->color);
-    st->key = carve(base, &used, n * sizeof *st->key);
-    for (int k = 0; k < 3; k++)
-        st->fine[k] = s->opt.gradients ? carve(base, &used, row) : NULL;
-    st->rect = carve(base, &used, n * sizeof *st->rect);
-    st->sort0 = carve(base, &used, n * sizeof *st->sort0);
-    st->sort1 = carve(base, &used, n * sizeof *st->sort1);
-    st->order = carve(base, &used, n * sizeof *st->order);
-    st->ordered = carve(base, &used, n * sizeof *st->ordered);
-    st->loaded_mean = carve(base, &used, 3 * row);
-    st->table = NULL;
-    st->fixed = NULL;
-    if (st->row && s->opt.fixed16 && SPLAT_FIXED16)
-        st->fixed = carve(base, &used, n * 32 * sizeof *st->fixed);
-    if (st->row && (!st->fixed || s->opt.gradients))
-        st->table = carve(base, &used, (size_t)st->row * row);
-    return used;
-}
-
 /* ---- init ---------------------------------------------------------------- */
 
-static int check_options(const struct splat_options *o, struct error *err)
+/* EX_USAGE names the option that is out of range. */
+static int splat_check_options(const struct splat_options *o, struct error *err)
 {
     if (o->width < 1 || o->height < 1 || o->width > SPLAT_MAX_SIZE ||
         o->height > SPLAT_MAX_SIZE)
@@ -174,7 +63,7 @@ static int check_options(const struct splat_options *o, struct error *err)
 }
 
 /* Interleave the bits of x and y. */
-static uint64_t morton(uint32_t x, uint32_t y)
+static uint64_t splat_morton(uint32_t x, uint32_t y)
 {
     uint64_t z = 0;
 
@@ -184,14 +73,16 @@ static uint64_t morton(uint32_t x, uint32_t y)
     return z;
 }
 
-static int by_value(const void *a, const void *b)
+/* For qsort. */
+static int splat_by_value(const void *a, const void *b)
 {
     uint64_t p = *(const uint64_t *)a, q = *(const uint64_t *)b;
 
     return p < q ? -1 : p > q;
 }
 
-static int make_zorder(struct splat_state *st)
+/* The tiles along a Z curve: neighbours share Gaussians.  -1: no memory. */
+static int splat_make_zorder(struct splat_state *st)
 {
     uint32_t tx = (uint32_t)st->view.tx, ty = (uint32_t)st->view.ty;
     uint64_t *z = malloc((size_t)tx * ty * sizeof *z);
@@ -199,8 +90,8 @@ static int make_zorder(struct splat_state *st)
     if (!z)
         return -1;
     for (uint32_t t = 0; t < tx * ty; t++)
-        z[t] = morton(t % tx, t / tx) << 24 | t;
-    qsort(z, (size_t)tx * ty, sizeof *z, by_value);
+        z[t] = splat_morton(t % tx, t / tx) << 24 | t;
+    qsort(z, (size_t)tx * ty, sizeof *z, splat_by_value);
     for (uint32_t t = 0; t < tx * ty; t++)
         st->zorder[t] = (uint32_t)(z[t] & 0xffffff);
     free(z);
@@ -211,7 +102,7 @@ int splat_init(struct splat *s, const struct splat_options *opt,
                struct error *err)
 {
     memset(s, 0, sizeof *s);
-    if (check_options(opt, err))
+    if (splat_check_options(opt, err))
         return -1;
     struct splat_state *st = calloc(1, sizeof *st);
 
@@ -231,7 +122,7 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     if (st->threads > SPLAT_MAX_THREADS)
         st->threads = SPLAT_MAX_THREADS;
     if (opt->channels > 4 || (opt->channels == 4 && opt->depth) ||
-        (opt->gradients && opt->channels > 3))
+        (opt->gradients && (opt->channels > 3 || opt->place)))
         st->row = opt->channels > 16 ? 32 : 16;
     st->view.width = opt->width;
     st->view.height = opt->height;
@@ -242,12 +133,12 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     st->view.near = opt->near > 0 ? opt->near : st->view.dgr ? 0.2f : 0.01f;
     st->view.cut = log2f(opt->alpha_cut);
     st->view.t_cut = opt->t_cut;
-    s->bytes = screen_layout(st, NULL);
-    st->screen = splat_block(s->bytes);
+    s->bytes = state_screen_layout(st, NULL);
+    st->screen = state_block(s->bytes);
     if (!st->screen)
         goto out;
-    screen_layout(st, st->screen);
-    if (make_zorder(st) || (opt->gradients && backward_init(s)))
+    state_screen_layout(st, st->screen);
+    if (splat_make_zorder(st) || (opt->gradients && backward_init(s)))
         goto out;
     return 0;
 out:
@@ -271,9 +162,10 @@ void splat_release(struct splat *s)
 
 /* ---- load ---------------------------------------------------------------- */
 
-static int check_array(const float *x, size_t n, size_t row, const char *name,
-                       float lo, float hi, const char *expected,
-                       struct error *err)
+/* Every number within lo .. hi, or EX_DATAERR with its place. */
+static int splat_check_array(const float *x, size_t n, size_t row,
+                             const char *name, float lo, float hi,
+                             const char *expected, struct error *err)
 {
     size_t bad = SIZE_MAX;
 
@@ -289,23 +181,33 @@ static int check_array(const float *x, size_t n, size_t row, const char *name,
 
 #define WIDEST 3e38f
 
-static int check_gaussians(const struct splat *s, const struct gaussians *g,
-                           struct error *err)
+/* What the kernels take for granted of Gaussians. */
+static int splat_check_gaussians(const struct splat *s,
+                                 const struct gaussians *g, struct error *err)
 {
     static const char finite[] = "a finite number";
 
     if (g->channels < s->opt.channels)
         return error_set(err, EX_DATAERR, "color has %d channels (expected at "
                          "least %d)", g->channels, s->opt.channels);
-    if (check_array(g->mean, g->n, 3, "mean", -WIDEST, WIDEST, finite, err) ||
-        check_array(g->scale, g->n, 3, "scale", 0, WIDEST,
-                    "a finite number, not negative", err) ||
-        check_array(g->quat, g->n, 4, "quat", -WIDEST, WIDEST, finite, err) ||
-        check_array(g->opacity, g->n, 1, "opacity", 0, 1, "0 to 1", err))
+    if (splat_check_array(g->mean, g->n, 3, "mean", -WIDEST, WIDEST, finite,
+                          err) ||
+        splat_check_array(g->scale, g->n, 3, "scale", 0, WIDEST,
+                          "a finite number, not negative", err) ||
+        splat_check_array(g->quat, g->n, 4, "quat", -WIDEST, WIDEST, finite,
+                          err) ||
+        splat_check_array(g->opacity, g->n, 1, "opacity", 0, 1, "0 to 1",
+                          err))
+        return -1;
+    if (s->opt.place &&
+        ((g->uv && splat_check_array(g->uv, g->n, 2, "uv", -1e6f, 1e6f,
+                                     "-1e6 to 1e6", err)) ||
+         (g->seen && splat_check_array(g->seen, g->n, 1, "seen", 0, 1,
+                                       "0 to 1", err))))
         return -1;
     if (g->color)
-        return check_array(g->color, g->n, (size_t)g->channels, "color",
-                           -WIDEST, WIDEST, finite, err);
+        return splat_check_array(g->color, g->n, (size_t)g->channels, "color",
+                                 -WIDEST, WIDEST, finite, err);
     for (size_t i = 0; i < g->n * (size_t)g->channels; i++)
         if ((g->color_half[i] & 0x7c00) == 0x7c00)
             return error_set(err, EX_DATAERR, "color[%zu] is not finite "
@@ -313,107 +215,33 @@ static int check_gaussians(const struct splat *s, const struct gaussians *g,
     return 0;
 }
 
-static float color_of(const struct gaussians *g, size_t i, int c)
-{
-    size_t at = i * (size_t)g->channels + (size_t)c;
-
-    return g->color ? g->color[at] : half_to_float(g->color_half[at]);
-}
-
-static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
-{
-    struct splat_state *st = s->state;
-    const float *q = g->quat + 4 * i;
-    float len = 1, o = g->opacity[i];
-
-    if (!st->view.dgr) {
-        double l2 = 0;
-
-        for (int k = 0; k < 4; k++)
-            l2 += (double)q[k] * q[k];
-        len = (float)fmax(sqrt(l2), 1e-12);
-    }
-    for (int k = 0; k < 4; k++)
-        st->cloud.quat[k][i] = q[k] / len;
-    for (int k = 0; k < 3; k++) {
-        st->cloud.mean[k][i] = g->mean[3 * i + (size_t)k];
-        st->cloud.scale[k][i] = g->scale[3 * i + (size_t)k];
-        st->loaded_mean[3 * i + (size_t)k] = g->mean[3 * i + (size_t)k];
-    }
-    bool drawn = o > 0 && o >= s->opt.prune &&
-                 (!s->opt.branches || !g->branch ||
-                  s->opt.branches >> g->branch[i] & 1);
-
-    st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
-    for (int c = 0; c < 4; c++)
-        st->color[i][c] =
-            c < s->opt.channels ? color_of(g, i, c) : 0;
-    if (st->table)
-        for (int c = 0; c < st->row; c++)
-            st->table[i * (size_t)st->row + (size_t)c] =
-                c < s->opt.channels ? color_of(g, i, c) : 0;
-}
-
-/* Colours in Q15 of each channel's greatest magnitude.  Within each group of
- * 8 the two halves are spread so that interleaving the rows of two Gaussians
- * (unpack low, high) puts channels 0..15 in the first and 16..31 in the
- * second vector. */
-static void pack_fixed(struct splat *s, const struct gaussians *g)
-{
-    struct splat_state *st = s->state;
-    float most[SPLAT_MAX_CHANNELS] = {0};
-    int C = s->opt.channels;
-
-    for (size_t i = 0; i < g->n; i++)
-        for (int c = 0; c < C; c++)
-            most[c] = fmaxf(most[c], fabsf(color_of(g, i, c)));
-    for (int c = 0; c < SPLAT_MAX_CHANNELS; c++)
-        st->fixed_scale[c] = most[c] / (32767.0f * 32767.0f);
-#pragma omp parallel for if (g->n > 10000)
-    for (size_t i = 0; i < g->n; i++)
-        for (int e = 0; e < 32; e++) {
-            /* element e of a row: lane e/8, low or high half of the lane */
-            int c = e / 8 * 4 + e % 4 + (e % 8 >= 4 ? 16 : 0);
-            float x = c < C && most[c] > 0
-                ? color_of(g, i, c) / most[c] * 32767 : 0;
-
-            st->fixed[i * 32 + (size_t)e] = (int16_t)lrintf(x);
-        }
-}
-
 int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
 {
     struct splat_state *st = s->state;
-    size_t n = (g->n + 15) / 16 * 16 + 16;
+    size_t n = (g->n + PAD - 1) / PAD * PAD + PAD;
 
     if (g->n >= UINT32_MAX / 64)
         return error_set(err, EX_DATAERR, "%zu Gaussians (expected at most "
                          "%u)", g->n, UINT32_MAX / 64);
-    if (check_gaussians(s, g, err))
+    if (splat_check_gaussians(s, g, err))
         return -1;
     if (!st->block || s->n != g->n) {
-        size_t bytes = cloud_layout(s, NULL, n);
+        size_t bytes = state_cloud_layout(s, NULL, n);
 
         free(st->block);
         s->bytes += bytes - st->block_bytes;
         st->block_bytes = bytes;
-        st->block = splat_block(bytes);
+        st->block = state_block(bytes);
         if (!st->block) {
             s->n = 0;
             return error_set(err, EX_OSERR, "%zu Gaussians: out of memory",
                              g->n);
         }
         memset(st->block, 0, bytes);
-        cloud_layout(s, st->block, n);
+        state_cloud_layout(s, st->block, n);
     }
     s->n = g->n;
-#pragma omp parallel for num_threads(st->threads) if (g->n > 10000)
-    for (size_t i = 0; i < g->n; i++)
-        pack_one(s, g, i);
-    for (size_t i = g->n; i < n; i++)
-        st->cloud.top[i] = -1e30f;
-    if (st->fixed)
-        pack_fixed(s, g);
+    pack_gaussians(s, g);
     st->projected = false;
     if (s->opt.gradients)
         return backward_load(s, g, err);
@@ -422,8 +250,9 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
 
 /* ---- moving -------------------------------------------------------------- */
 
-static int check_range(const struct splat *s, size_t first, size_t count,
-                       struct error *err)
+/* Gaussians first .. first + count - 1 exist. */
+static int splat_check_range(const struct splat *s, size_t first, size_t count,
+                             struct error *err)
 {
     if (first > s->n || count > s->n - first)
         return error_set(err, EX_DATAERR, "Gaussians %zu to %zu move "
@@ -431,7 +260,8 @@ static int check_range(const struct splat *s, size_t first, size_t count,
     return 0;
 }
 
-static void mark(struct splat_state *st, size_t first, size_t count)
+/* These are projected again. */
+static void splat_mark_moved(struct splat_state *st, size_t first, size_t count)
 {
     if (first < st->dirty0)
         st->dirty0 = first;
@@ -444,14 +274,14 @@ int splat_update(struct splat *s, const float *mean, size_t first,
 {
     struct splat_state *st = s->state;
 
-    if (check_range(s, first, count, err) ||
-        check_array(mean, count, 3, "mean", -WIDEST, WIDEST,
-                    "a finite number", err))
+    if (splat_check_range(s, first, count, err) ||
+        splat_check_array(mean, count, 3, "mean", -WIDEST, WIDEST,
+                          "a finite number", err))
         return -1;
     for (size_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++)
             st->cloud.mean[k][first + i] = mean[3 * i + (size_t)k];
-    mark(st, first, count);
+    splat_mark_moved(st, first, count);
     return 0;
 }
 
@@ -460,28 +290,30 @@ int splat_shift(struct splat *s, const float shift[3], size_t first,
 {
     struct splat_state *st = s->state;
 
-    if (check_range(s, first, count, err) ||
-        check_array(shift, 1, 3, "shift", -WIDEST, WIDEST, "a finite number",
-                    err))
+    if (splat_check_range(s, first, count, err) ||
+        splat_check_array(shift, 1, 3, "shift", -WIDEST, WIDEST,
+                          "a finite number", err))
         return -1;
     for (size_t i = first; i < first + count; i++)
         for (int k = 0; k < 3; k++)
             st->cloud.mean[k][i] =
                 st->loaded_mean[3 * i + (size_t)k] + shift[k];
-    mark(st, first, count);
+    splat_mark_moved(st, first, count);
     return 0;
 }
 
 /* ---- drawing ------------------------------------------------------------- */
 
-static int check_camera(const struct splat_camera *cam, struct error *err)
+/* What the kernels take for granted of a camera. */
+static int splat_check_camera(const struct splat_camera *cam, struct error *err)
 {
     const float *P = cam->rt;
     double det = P[0] * ((double)P[5] * P[10] - (double)P[6] * P[9]) -
                  P[1] * ((double)P[4] * P[10] - (double)P[6] * P[8]) +
                  P[2] * ((double)P[4] * P[9] - (double)P[5] * P[8]);
 
-    if (check_array(P, 12, 1, "cam", -1e18f, 1e18f, "a finite number", err))
+    if (splat_check_array(P, 12, 1, "cam", -1e18f, 1e18f, "a finite number",
+                          err))
         return -1;
     if (!(fabs(det) > 1e-12))
         return error_set(err, EX_DATAERR, "cam has a singular rotation "
@@ -495,7 +327,9 @@ static int check_camera(const struct splat_camera *cam, struct error *err)
     return 0;
 }
 
-static void set_camera(struct splat_state *st, const struct splat_camera *cam)
+/* What a camera means to the kernels; an equal one changes nothing. */
+static void splat_set_camera(struct splat_state *st,
+                             const struct splat_camera *cam)
 {
     struct view *v = &st->view;
 
@@ -512,8 +346,11 @@ static void set_camera(struct splat_state *st, const struct splat_camera *cam)
     v->limy = 0.65f * (float)v->height / cam->fy;
 }
 
-static int draw(struct splat *s, struct target *out,
-                const struct splat_camera *cam, struct error *err)
+/* What was asked for fits what the renderer was made for. */
+static int splat_check_pictures(const struct splat *s,
+                                const struct splat_pictures *out,
+                                const struct splat_place_view *view,
+                                struct error *err)
 {
     if (!s->state->block)
         return error_set(err, EX_SOFTWARE, "nothing loaded (expected "
@@ -521,30 +358,76 @@ static int draw(struct splat *s, struct target *out,
     if (out->depth && !s->opt.depth)
         return error_set(err, EX_SOFTWARE, "depth asked for (expected the "
                          "option when the renderer was made)");
-    if (check_camera(cam, err))
+    if (out->place && !(s->opt.place && view))
+        return error_set(err, EX_SOFTWARE, "places asked for (expected a view "
+                         "and the option when the renderer was made)");
+    return 0;
+}
+
+/* Another view: the place channels are made again, where the Gaussians are
+ * projected. */
+static void splat_set_view(struct splat_state *st,
+                           const struct splat_place_view *view)
+{
+    if (!view || !memcmp(&st->view.place, view, sizeof *view))
+        return;
+    st->view.place = *view;
+    st->projected = false;
+}
+
+int splat_draw(struct splat *s, const struct splat_pictures *out,
+               const struct splat_camera *cam,
+               const struct splat_place_view *view, const float *background,
+               struct error *err)
+{
+    struct target to = {.image = out->image, .half = out->half,
+                        .alpha = out->alpha, .depth = out->depth,
+                        .place = out->place, .background = background};
+
+    if (splat_check_pictures(s, out, view, err) ||
+        splat_check_camera(cam, err) ||
+        (view && splat_check_array(view->A, 6, 1, "view", -1e6f, 1e6f,
+                                   "-1e6 to 1e6", err)))
         return -1;
-    set_camera(s->state, cam);
+    splat_set_camera(s->state, cam);
+    splat_set_view(s->state, view);
     if (s->opt.gradients)
-        backward_keep(s, out);
-    return frame_draw(s, out, err);
+        backward_keep(s, &to);
+    return frame_draw(s, &to, err);
 }
 
 int splat_forward(struct splat *s, float *image, float *alpha, float *depth,
                   const struct splat_camera *cam, const float *background,
                   struct error *err)
 {
-    struct target out = {.image = image, .alpha = alpha, .depth = depth,
-                         .background = background};
+    struct splat_pictures out = {
+        .image = image, .alpha = alpha, .depth = depth};
 
-    return draw(s, &out, cam, err);
+    return splat_draw(s, &out, cam, NULL, background, err);
 }
 
 int splat_forward_half(struct splat *s, uint16_t *image, float *alpha,
                        float *depth, const struct splat_camera *cam,
                        const float *background, struct error *err)
 {
-    struct target out = {.half = image, .alpha = alpha, .depth = depth,
-                         .background = background};
+    struct splat_pictures out = {
+        .half = image, .alpha = alpha, .depth = depth};
 
-    return draw(s, &out, cam, err);
+    return splat_draw(s, &out, cam, NULL, background, err);
+}
+
+int splat_draw_backward(struct splat *s, const struct splat_gradients *g,
+                        const struct splat_picture_gradients *d,
+                        struct error *err)
+{
+    return backward_run(s, g, d, err);
+}
+
+int splat_backward(struct splat *s, const struct splat_gradients *g,
+                   const float *d_image, const float *d_alpha,
+                   struct error *err)
+{
+    struct splat_picture_gradients d = {.image = d_image, .alpha = d_alpha};
+
+    return backward_run(s, g, &d, err);
 }

@@ -3,8 +3,7 @@
 #ifndef SPID_SPLAT_STATE_H
 #define SPID_SPLAT_STATE_H
 
-#include "lib/base/cpu.h"
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 #define TILE 16                /* pixels; a tile is 4 rows of blocks */
 #define CHUNK 256              /* list entries a tile works on at a time */
@@ -14,11 +13,11 @@
 
 /* A Gaussian on the screen.  alpha at pixel distance (dx,dy) is 2^q, q = top -
  * (a dx^2 + b dx dy + c dy^2): the conic and the opacity carry log2 e.  Kept as
- * two squares, which do not cancel: q = top - fall dy^2 - (root (dx - sy
+ * two squares, which do not cancel: q = top - falloff dy^2 - (root (dx - sy
  * dy))^2. */
-struct record {
+struct projected_gaussian {
     float x, y;                /* centre, pixels */
-    float top, fall;           /* fall = c - b^2 / 4a */
+    float top, falloff;        /* falloff = c - b^2 / 4a */
     float sx, sy;              /* -b/2c and -b/2a: dy per dx, dx per dy along
                                 * which q is greatest */
     float wide;                /* where alpha_cut is reached, the largest dx */
@@ -26,7 +25,7 @@ struct record {
 };
 
 /* Its floats by number. */
-enum field { FX, FY, FTOP, FFALL, FSX, FSY, FWIDE, FROOT, FIELDS };
+enum field { FX, FY, FTOP, FFALLOFF, FSX, FSY, FWIDE, FROOT, FIELDS };
 
 /* Tiles [x0,x1) x [y0,y1) that a Gaussian may touch. */
 struct rect {
@@ -42,6 +41,7 @@ struct view {
     float t_cut;
     int width, height, tx, ty; /* pixels; tiles across and down */
     bool dgr;
+    struct splat_place_view place;
 };
 
 /* Gaussians, one array per number, padded to 16. */
@@ -49,6 +49,8 @@ struct cloud {
     float *mean[3];            /* as loaded and moved */
     float *scale[3], *quat[4]; /* quat normalised unless DGR */
     float *top;                /* log2 opacity; -1e30 for 0 */
+    float *uv[2], *seen;       /* with places: -1..1 across the source
+                                * picture, and how much; else NULL */
 };
 
 struct splat_gradient_state;
@@ -59,15 +61,16 @@ struct splat_state {
     int threads;
     struct view view;
     struct splat_camera camera;
-    bool projected;            /* record, key, rect are of this camera ... */
+    bool projected;            /* projection, key, rect are of this camera */
     size_t dirty0, dirty1;     /* ... but for these Gaussians */
 
     /* one block, sized by N in splat_load */
     void *block;
     size_t block_bytes;
     struct cloud cloud;
-    struct record *record;     /* (N) */
+    struct projected_gaussian *projection;   /* (N) */
     float (*color)[4];         /* (N) the first channels */
+    float (*place)[4];         /* (N) place channels and 0, or NULL */
     uint32_t *key;             /* (N) bits of z, or HIDDEN */
     float *fine[3];            /* (N) with gradients: what float loses of x, y,
                                 * z; else NULL */
@@ -99,35 +102,21 @@ struct splat_state {
 struct target {
     float *image;
     uint16_t *half;
-    float *alpha, *depth;
-    float *final_T, *bare;     /* for backward: T, image without background */
+    float *alpha, *depth, *place;
+    float *final_T;            /* for backward: T at the end, ... */
+    float *background_free;    /* ... and the image without background ... */
+    float *kept_place;         /* ... and the places */
     const float *background;
 };
 
-struct splat_work;
-
-/* One table per instruction set. */
-struct splat_kernels {
-    /* Project Gaussians first .. last - 1 (first a multiple of PAD). */
-    void (*project)(struct splat_state *s, size_t first, size_t last);
-    /* Draw tile number t (of row-major order). */
-    void (*tile)(const struct splat *s, struct splat_work *w, uint32_t t,
-                 const struct target *out);
-    /* Gradients of tile t's pixels into the pair records. */
-    void (*tile_backward)(const struct splat *s, struct splat_work *w,
-                          uint32_t t, const float *d_image,
-                          const float *d_alpha);
-    /* From screen to parameters for Gaussians first .. last - 1. */
-    void (*gaussian_backward)(const struct splat *s, size_t first,
-                              size_t last, const struct splat_gradients *g,
-                              double *rt);
-    /* Bytes of one thread's struct splat_work. */
-    size_t (*work_size)(void);
-};
-
 /* Memory for free(), aligned to 64 bytes; large blocks ask for huge pages: the
- * records are read in tile order.  NULL: none. */
-void *splat_block(size_t bytes);
-const struct splat_kernels *splat_kernels(enum cpu_level level);
+ * projections are read in tile order.  NULL: none. */
+void *state_block(size_t bytes);
+
+/* Lay out in block what the picture's size decides, or with block NULL only
+ * count; returns the bytes. */
+size_t state_screen_layout(struct splat_state *st, char *block);
+/* The same of what the number of Gaussians decides; n is padded to PAD. */
+size_t state_cloud_layout(struct splat *s, char *block, size_t n);
 
 #endif

@@ -1,8 +1,8 @@
 /* Lanes for the rasteriser's kernels: one vector is one register, of sixteen
  * floats (AVX-512), eight (AVX2) or four (SSE2, NEON and whatever else GCC's
  * vectors cover).  A wider vector than the registers would be taken apart
- * through memory.  Types and what every width shares; vec_avx512.h and
- * vec_any.h have the operations, vec_shuffle.h moves numbers between lanes.
+ * through memory.  Types and what every width shares; vec_avx512.inc and
+ * vec_any.inc have the operations, vec_shuffle.h moves numbers between lanes.
  *
  * vf, vi, vu are floats, ints and unsigned ints; C's operators work on them.
  * vm is a mask; its bit or lane i belongs to lane i. */
@@ -95,9 +95,9 @@ VEC_INLINE vi vi_iota(void)
 }
 
 #if defined(ISA_AVX512)
-#include "lib/splat/vec_avx512.h"
+#include "lib/splat/vec_avx512.inc"
 #else
-#include "lib/splat/vec_any.h"
+#include "lib/splat/vec_any.inc"
 #endif
 
 VEC_INLINE vf vf_abs(vf a)

@@ -14,14 +14,8 @@ struct hash {
 /* The widest that this processor has, or $SPID_CPU allows. */
 static const struct hash_table *hash_version(void)
 {
-#ifdef SPID_X86
-    switch (cpu_level()) {
-    case CPU_AVX512: return &hash_table_avx512;
-    case CPU_AVX2: return &hash_table_avx2;
-    case CPU_BASELINE: break;
-    }
-#endif
-    return &hash_table_baseline;
+    return CPU_PICK(&hash_table_baseline, &hash_table_avx2,
+                    &hash_table_avx512);
 }
 
 struct hash *hash_new(void)

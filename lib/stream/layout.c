@@ -32,11 +32,11 @@ void layout_put_header(struct layout_header *h, const char *type,
 }
 
 /* Four printable characters, the first no blank. */
-static int type_is_valid(const char type[4])
+static bool type_is_valid(const char type[4])
 {
     for (int i = 0; i < 4; i++)
         if (type[i] < ' ' || type[i] > '~')
-            return 0;
+            return false;
     return type[0] != ' ';
 }
 
@@ -99,19 +99,19 @@ int layout_get_header(struct record *rec, const struct layout_header *h,
 }
 
 /* One to 23 printable characters, then NULs to the end. */
-static int name_is_valid(const char name[STREAM_NAME])
+static bool name_is_valid(const char name[STREAM_NAME])
 {
     size_t n = strnlen(name, STREAM_NAME);
 
     if (n == 0 || n == STREAM_NAME)
-        return 0;
+        return false;
     for (size_t i = 0; i < n; i++)
         if (name[i] <= ' ' || name[i] > '~')
-            return 0;
+            return false;
     for (size_t i = n; i < STREAM_NAME; i++)
         if (name[i])
-            return 0;
-    return 1;
+            return false;
+    return true;
 }
 
 int layout_put_table(struct layout_entry *table, size_t *payload_bytes,
@@ -154,11 +154,11 @@ static int shape_bytes(size_t *bytes, const struct layout_entry *e,
                        size_t limit)
 {
     unsigned __int128 n = dtype_size((enum dtype)e->dtype);
-    int empty = 0;
+    bool empty = false;
 
     for (uint32_t k = 0; k < e->ndim; k++) {
         if (e->dim[k] == 0)
-            empty = 1;
+            empty = true;
         else if ((n *= e->dim[k]) > limit)
             n = (unsigned __int128)limit + 1; /* stays too large */
     }

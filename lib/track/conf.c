@@ -1,3 +1,4 @@
+/* The head of a stream: who made it, in which units, camera and window. */
 #include "lib/track/conf.h"
 
 #include <cjson/cJSON.h>
@@ -9,14 +10,16 @@
 
 #include "lib/geom/camera.h"
 
-static cJSON *pair(double a, double b)
+/* An array of two numbers. */
+static cJSON *conf_pair(double a, double b)
 {
     const double v[2] = {a, b};
 
     return cJSON_CreateDoubleArray(v, 2);
 }
 
-static char *print(const struct conf *c)
+/* The record's JSON, or NULL; the caller frees. */
+static char *conf_print(const struct conf *c)
 {
     cJSON *j = cJSON_CreateObject(), *camera;
     char *text;
@@ -29,10 +32,10 @@ static char *print(const struct conf *c)
     cJSON_AddNumberToObject(camera, "size", (double)c->model->config.size);
     cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
     if (c->fps_num > 0)
-        cJSON_AddItemToObject(j, "fps", pair(c->fps_num, c->fps_den));
+        cJSON_AddItemToObject(j, "fps", conf_pair(c->fps_num, c->fps_den));
     if (c->width)
-        cJSON_AddItemToObject(j, "picture", pair((double)c->width,
-                                                 (double)c->height));
+        cJSON_AddItemToObject(j, "picture",
+                              conf_pair((double)c->width, (double)c->height));
     if (c->window) {
         const double q[3] = {c->window->x, c->window->y, c->window->size};
         cJSON_AddItemToObject(j, "window", cJSON_CreateDoubleArray(q, 3));
@@ -47,7 +50,7 @@ static char *print(const struct conf *c)
 int conf_write(struct stream_writer *w, const struct conf *c,
                struct error *err)
 {
-    char *text = print(c);
+    char *text = conf_print(c);
     struct array a;
     int rc;
 

@@ -1,3 +1,5 @@
+/* Frames of a driving clip through the tracker.  Frames before the first face
+ * are counted, and delivered with the first motion once it is known. */
 #include "lib/track/driver.h"
 
 #include <stdlib.h>
@@ -28,8 +30,8 @@ int driver_read_source(void *source, struct frame *f, struct error *err)
 }
 
 /* Remember that a frame without a face was there. */
-static int remember(struct driver *d, const struct frame *f,
-                    struct error *err)
+static int driver_remember(struct driver *d, const struct frame *f,
+                           struct error *err)
 {
     if (d->early_count == d->early_room) {
         size_t room = d->early_room ? 2 * d->early_room : 64;
@@ -43,18 +45,25 @@ static int remember(struct driver *d, const struct frame *f,
     return 0;
 }
 
-static int no_face(const struct driver *d, const struct frame *f,
-                   struct error *err)
+/* What was tried in vain; f is the last frame. */
+static enum driver_status driver_no_face(const struct driver *d,
+                                         const struct frame *f,
+                                         struct error *err)
 {
-    return error_set(err, EX_DATAERR, "no face in %zu frame%s of %zu x %zu "
-                     "pixels (looked for frontal and profile faces from a "
-                     "twelfth of the picture up; --crop X,Y,SIZE says where "
-                     "it is)", d->early_count, d->early_count == 1 ? "" : "s",
-                     f->width, f->height);
+    if (d->early_count == 0)
+        error_set(err, EX_DATAERR, "no frames");
+    else
+        error_set(err, EX_DATAERR,
+                  "no face in %zu frame%s of %zu x %zu pixels (looked for "
+                  "frontal and profile faces from a twelfth of the picture "
+                  "up; --crop X,Y,SIZE says where it is)", d->early_count,
+                  d->early_count == 1 ? "" : "s", f->width, f->height);
+    return DRIVER_NO_FACE;
 }
 
-int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
-                 void *seen_ctx, struct error *err)
+enum driver_status driver_start(struct driver *d,
+                                void (*seen)(void *, const struct frame *),
+                                void *seen_ctx, struct error *err)
 {
     struct frame f = {0}, last = {0};
     int rc;
@@ -63,28 +72,35 @@ int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
         int found = track_start(d->track, &d->found, f.rgb, f.width,
                                 f.height, f.time, err);
         if (found < 0)
-            return -1;
+            return DRIVER_ERROR;
         if (found) {
             d->first = f;
             d->started = true;
-            return 0;
+            return DRIVER_STARTED;
         }
         if (seen)
             seen(seen_ctx, &f);
-        if (remember(d, &f, err) != 0)
-            return -1;
+        if (driver_remember(d, &f, err) != 0)
+            return DRIVER_ERROR;
         last = f;
         if (d->early_count == d->patience)
-            return no_face(d, &last, err);
+            return driver_no_face(d, &last, err);
     }
     if (rc < 0)
-        return -1;
-    if (d->early_count == 0)
-        return error_set(err, EX_DATAERR, "no frames");
-    return no_face(d, &last, err);
+        return DRIVER_ERROR;
+    return driver_no_face(d, &last, err);
 }
 
-int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
+void driver_set_relative(struct driver *d, const struct motion *source,
+                         size_t nexp)
+{
+    relative_init(&d->rest, source, &d->found.motion, nexp);
+    d->relative = true;
+}
+
+/* As the track has them: 1, 0 at the end, -1. */
+static int driver_track(struct driver *d, struct driver_frame *f,
+                        struct error *err)
 {
     double begun;
     int rc;
@@ -116,4 +132,13 @@ int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
         return -1;
     f->r.motion.pose.exp = f->r.motion.exp;
     return 1;
+}
+
+int driver_next(struct driver *d, struct driver_frame *f, struct error *err)
+{
+    int rc = driver_track(d, f, err);
+
+    if (rc == 1 && d->relative)
+        relative_apply(&f->r.motion, &d->rest);
+    return rc;
 }

@@ -9,6 +9,7 @@
 
 #include "formats/framesource.h"
 #include "lib/base/error.h"
+#include "lib/track/relative.h"
 #include "lib/track/track.h"
 
 #define DRIVER_PATIENCE 1000   /* frames looked through for a first face */
@@ -16,6 +17,14 @@
 /* The next frame: 1, 0 at the end, -1 (framesource_read with its source as
  * ctx, or a live source's own). */
 typedef int driver_read_fn(void *ctx, struct frame *f, struct error *err);
+
+enum driver_status {
+    DRIVER_ERROR = -1,          /* *err names the input */
+    DRIVER_STARTED = 0,
+    DRIVER_NO_FACE = 1          /* in the clip or in its first `patience`
+                                 * frames: *err says what was tried, the caller
+                                 * knows the input's name (error_prefix) */
+};
 
 struct driver {
     struct track *track;        /* borrowed; CONF needs its window */
@@ -27,6 +36,8 @@ struct driver {
     double *early;              /* times of the frames before it */
     size_t early_count, early_next, early_room;
     bool started, first_given;
+    bool relative;              /* motions are relative to the first */
+    struct relative rest;
 };
 
 struct driver_frame {
@@ -42,10 +53,16 @@ void driver_release(struct driver *d);
 
 /* Read on until a face is found, so that the window is known (CONF is written
  * before the first motion).  seen, when not NULL, is called for every frame
- * looked through in vain.  0; -1: EX_DATAERR with what was tried when there
- * is no face in the clip or in its first `patience` frames. */
-int driver_start(struct driver *d, void (*seen)(void *, const struct frame *),
-                 void *seen_ctx, struct error *err);
+ * looked through in vain. */
+enum driver_status driver_start(struct driver *d,
+                                void (*seen)(void *, const struct frame *),
+                                void *seen_ctx, struct error *err);
+
+/* From now on motions are what the driver does relative to its first frame
+ * with a face, added to source (nexp components of expression).  After
+ * driver_start. */
+void driver_set_relative(struct driver *d, const struct motion *source,
+                         size_t nexp);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

@@ -1,3 +1,5 @@
+/* Landmark poses at the cost of a few vertices: the corners of the triangles
+ * that landmarks hang on, cut out of the head as a head of their own. */
 #include "lib/track/landmarks.h"
 
 #include <stdlib.h>
@@ -8,8 +10,8 @@
 
 /* to (blocks', rows, parts * B) = the columns of from (blocks, rows, parts *
  * B) that belong to the vertices pick [n]. */
-static float *gather(const float *from, size_t rows, size_t parts,
-                     const int32_t *pick, size_t n)
+static float *landmarks_gather(const float *from, size_t rows, size_t parts,
+                               const int32_t *pick, size_t n)
 {
     const size_t blocks = (n + B - 1) / B, line = parts * B;
     float *to;
@@ -31,7 +33,7 @@ static float *gather(const float *from, size_t rows, size_t parts,
 }
 
 /* Index of v in pick [*n], added when it is new. */
-static int32_t pick_index(int32_t *pick, size_t *n, int32_t v)
+static int32_t landmarks_pick(int32_t *pick, size_t *n, int32_t v)
 {
     for (size_t i = 0; i < *n; i++)
         if (pick[i] == v)
@@ -54,23 +56,23 @@ int landmarks_init(struct landmarks *l, const struct identity *id,
                          "(expected landmark_faces and landmark_bary)");
     for (int i = 0; i < HEAD_LANDMARKS; i++)
         for (int k = 0; k < 3; k++)
-            l->corner[3 * i + k] = pick_index(
-                pick, &n, h->f[3 * h->landmark_faces[i] + k]);
+            l->corner[3 * i + k] =
+                landmarks_pick(pick, &n, h->f[3 * h->landmark_faces[i] + k]);
     l->bary = h->landmark_bary;
     *s = *h;
     s->V = n;
     s->F = 0;
     s->blocks = (n + B - 1) / B;
-    s->exp_dirs = gather(h->exp_dirs, h->nexp, 3, pick, n);
-    s->pose_dirs = gather(h->pose_dirs, HEAD_POSE_DIRS, 3, pick, n);
-    s->skin = gather(h->skin, HEAD_JOINTS, 1, pick, n);
-    s->lids = gather(id->lids, 2, 3, pick, n);
+    s->exp_dirs = landmarks_gather(h->exp_dirs, h->nexp, 3, pick, n);
+    s->pose_dirs = landmarks_gather(h->pose_dirs, HEAD_POSE_DIRS, 3, pick, n);
+    s->skin = landmarks_gather(h->skin, HEAD_JOINTS, 1, pick, n);
+    s->lids = landmarks_gather(id->lids, 2, 3, pick, n);
     s->nlid = 0;
     l->id = *id;
     l->id.head = s;
     l->id.lids = s->lids;
     l->id.own_lids = NULL;
-    l->id.shaped = gather(id->shaped, 1, 3, pick, n);
+    l->id.shaped = landmarks_gather(id->shaped, 1, 3, pick, n);
     l->verts = malloc(3 * s->blocks * B * sizeof *l->verts);
     if (s->exp_dirs && s->pose_dirs && s->skin && s->lids && l->id.shaped
         && l->verts)

@@ -1,3 +1,6 @@
+/* The one-euro filter (Casiez et al. 2012): a low-pass whose cut-off rises
+ * with speed, so that a still head does not tremble and a moving one does not
+ * lag. */
 #include "lib/track/oneeuro.h"
 
 #include <assert.h>
@@ -19,7 +22,7 @@ void oneeuro_reset(struct oneeuro *f)
 }
 
 /* Weight of the new sample after dt seconds of an exponential filter. */
-static double weight(double cutoff, double dt)
+static double oneeuro_weight(double cutoff, double dt)
 {
     double r = TWO_PI * cutoff * dt;
 
@@ -45,9 +48,9 @@ void oneeuro_step(struct oneeuro *f, float *x, const float *beta, size_t n,
         dt = 1e-6;
     for (size_t i = 0; i < n; i++) {
         double v = ((double)x[i] - f->x[i]) / dt;
-        double a = weight(SPEED_CUTOFF, dt);
+        double a = oneeuro_weight(SPEED_CUTOFF, dt);
         f->dx[i] = (float)(a * v + (1 - a) * f->dx[i]);
-        a = weight(f->cutoff + beta[i] * fabs(f->dx[i]), dt);
+        a = oneeuro_weight(f->cutoff + beta[i] * fabs(f->dx[i]), dt);
         f->x[i] = (float)(a * x[i] + (1 - a) * f->x[i]);
         x[i] = f->x[i];
     }

@@ -1,3 +1,5 @@
+/* Wire, landmarks and squares in a picture, and the mesh's silhouette by
+ * filling its projected triangles. */
 #include "lib/track/overlay.h"
 
 #include <math.h>
@@ -35,7 +37,8 @@ void overlay_release(struct overlay *o)
 }
 
 /* Vertices in window pixels. */
-static void project(struct overlay *o, const struct motion *m, double size)
+static void overlay_project(struct overlay *o, const struct motion *m,
+                            double size)
 {
     struct head_motion pose = m->pose;
     float cam[12];
@@ -48,14 +51,16 @@ static void project(struct overlay *o, const struct motion *m, double size)
 
 /* Twice the signed area of a triangle on screen; negative faces the camera
  * (y points down). */
-static float area(const float *uv, const int32_t *f)
+static float overlay_area(const float *uv, const int32_t *f)
 {
     const float *a = uv + 2 * f[0], *b = uv + 2 * f[1], *c = uv + 2 * f[2];
 
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
 }
 
-static void to_picture(float *xy, size_t n, struct square window, double size)
+/* From window pixels to picture pixels. */
+static void overlay_to_picture(float *xy, size_t n, struct square window,
+                               double size)
 {
     for (size_t i = 0; i < n; i++) {
         struct square p = {xy[2 * i], xy[2 * i + 1], 0};
@@ -66,14 +71,14 @@ static void to_picture(float *xy, size_t n, struct square window, double size)
 }
 
 /* Edges of the faces that look at the camera, each once. */
-static size_t wire(struct overlay *o)
+static size_t overlay_wire(struct overlay *o)
 {
     const struct head *h = o->id->head;
     size_t n = 0;
 
     for (size_t i = 0; i < h->F; i++) {
         const int32_t *f = h->f + 3 * i;
-        if (area(o->uv, f) >= 0)
+        if (overlay_area(o->uv, f) >= 0)
             continue;
         for (int k = 0; k < 3; k++) {
             int32_t a = f[k], b = f[(k + 1) % 3];
@@ -88,18 +93,19 @@ static size_t wire(struct overlay *o)
     return n;
 }
 
-static void draw_head(struct overlay *o, struct canvas *c,
-                      const struct motion *m, struct square window,
-                      double size)
+/* Wire of the front, landmarks and face crop. */
+static void overlay_draw_head(struct overlay *o, struct canvas *c,
+                              const struct motion *m, struct square window,
+                              double size)
 {
     const struct head *h = o->id->head;
     const double dot = fmax(1.2, window.size / 300);
     float lmk[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS], cam[12];
     size_t n;
 
-    project(o, m, size);
-    n = wire(o);
-    to_picture(o->segments, 2 * n, window, size);
+    overlay_project(o, m, size);
+    n = overlay_wire(o);
+    overlay_to_picture(o->segments, 2 * n, window, size);
     draw_segments(c, o->segments, n,
                   (struct pen){{90, 220, 255}, 1, 0.35});
     if (!h->has_landmarks)
@@ -107,7 +113,7 @@ static void draw_head(struct overlay *o, struct canvas *c,
     head_landmarks(lmk, h, o->verts);
     camera_make(cam, m->R, m->t);
     camera_project(uv, NULL, cam, (float)size, lmk, HEAD_LANDMARKS);
-    to_picture(uv, HEAD_LANDMARKS, window, size);
+    overlay_to_picture(uv, HEAD_LANDMARKS, window, size);
     draw_dots(c, uv, HEAD_LANDMARKS, dot, (struct pen){{255, 220, 40}, 1, 1});
 }
 
@@ -136,7 +142,7 @@ const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,
             pen.color[0] = 255;
             pen.color[1] = pen.color[2] = 40;
         } else {
-            draw_head(o, &c, m, window, size);
+            overlay_draw_head(o, &c, m, window, size);
         }
         draw_square(&c, window, (struct pen){{80, 120, 255}, line, 0.8});
         draw_square(&c, q, pen);
@@ -149,8 +155,8 @@ const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,
 }
 
 /* Fill a triangle: pixels whose centre lies inside. */
-static void fill(uint8_t *mask, size_t n, const float *a, const float *b,
-                 const float *c)
+static void overlay_fill(uint8_t *mask, size_t n, const float *a,
+                         const float *b, const float *c)
 {
     const float top = (float)n;
     float x0 = fmaxf(0, floorf(fminf(a[0], fminf(b[0], c[0]))));
@@ -174,12 +180,12 @@ void overlay_silhouette(uint8_t *mask, struct overlay *o,
     const struct head *h = o->id->head;
 
     memset(mask, 0, n * n);
-    project(o, m, (double)n);
+    overlay_project(o, m, (double)n);
     for (size_t i = 0; i < h->F; i++) {
         const int32_t *f = h->f + 3 * i;
         if (o->z[f[0]] > CAMERA_NEAR && o->z[f[1]] > CAMERA_NEAR
             && o->z[f[2]] > CAMERA_NEAR)
-            fill(mask, n, o->uv + 2 * f[0], o->uv + 2 * f[1],
-                 o->uv + 2 * f[2]);
+            overlay_fill(mask, n, o->uv + 2 * f[0], o->uv + 2 * f[1],
+                         o->uv + 2 * f[2]);
     }
 }

@@ -1,9 +1,12 @@
+/* Phase A up to beta (Section 3.1): detect, crop, E_m, E_beta; then the
+ * matte, from the file, a mask or the picture's colours. */
 #include "lib/track/source.h"
 
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
 #include "lib/track/tta.h"
@@ -20,8 +23,8 @@ const char *source_matte_name(enum source_matte how)
 }
 
 /* The face and its motion, with the mean head's landmarks for the crop. */
-static int find_face(struct source *s, struct track *t,
-                     const struct image *im, struct error *err)
+static int source_find_face(struct source *s, struct track *t,
+                            const struct image *im, struct error *err)
 {
     struct track_result r;
     int found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
@@ -52,7 +55,9 @@ struct view {
     const struct image *im;
 };
 
-static int look(void *ctx, float *rgb, struct square q, struct error *err)
+/* The tracker's cut of square q: a tta_crop_fn, ctx is a struct view. */
+static int source_crop(void *ctx, float *rgb, struct square q,
+                       struct error *err)
 {
     const struct view *v = ctx;
 
@@ -61,9 +66,9 @@ static int look(void *ctx, float *rgb, struct square q, struct error *err)
 }
 
 /* beta of the crop the motion encoder last saw. */
-static int find_shape(struct source *s, struct track *t,
-                      const struct image *im, const struct head *head,
-                      struct encoders *nets, struct error *err)
+static int source_find_shape(struct source *s, struct track *t,
+                             const struct image *im, const struct head *head,
+                             struct encoders *nets, struct error *err)
 {
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
@@ -73,8 +78,8 @@ static int find_shape(struct source *s, struct track *t,
     int rc = -1;
 
     if (shape_tta_init(&l, &nets->shape, head, err) ||
-        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]}, look, &v,
-                    err))
+        shape_tta_forward(beta, &l, (struct square){c[0], c[1], c[2]},
+                          source_crop, &v, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
                                                  : SHAPE_ENCODER_OUT;
@@ -91,8 +96,9 @@ out:
     return rc;
 }
 
-static int cut_window(struct source *s, const struct image *im,
-                      struct error *err)
+/* The portrait window at S x S. */
+static int source_cut_window(struct source *s, const struct image *im,
+                             struct error *err)
 {
     const size_t S = s->person.size;
     double begun = cpu_seconds();
@@ -100,7 +106,8 @@ static int cut_window(struct source *s, const struct image *im,
 
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
-    if (!s->person.rgb || !s->person.matte)
+    s->person.back = malloc(3 * S * S);
+    if (!s->person.rgb || !s->person.matte || !s->person.back)
         return error_set(err, EX_OSERR, "no memory for the source crop");
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
                         3 * im->width, 3, s->window);
@@ -109,8 +116,8 @@ static int cut_window(struct source *s, const struct image *im,
 }
 
 /* The matte from a channel of the picture's size. */
-static int matte_from(struct source *s, const uint8_t *plane, size_t W,
-                      size_t H, size_t step, struct error *err)
+static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
+                              size_t H, size_t step, struct error *err)
 {
     uint8_t *one = malloc(W * H);
     int rc = -1;
@@ -126,8 +133,8 @@ static int matte_from(struct source *s, const uint8_t *plane, size_t W,
 }
 
 /* Where the window lies inside the picture. */
-static void inside_mask(uint8_t *inside, const struct source *s,
-                        const struct image *im)
+static void source_inside_mask(uint8_t *inside, const struct source *s,
+                               const struct image *im)
 {
     const double k = s->window.size / (double)s->person.size;
     const double x0 = s->window.x - s->window.size / 2;
@@ -143,18 +150,19 @@ static void inside_mask(uint8_t *inside, const struct source *s,
 }
 
 /* Pixel (x,y) as row `from` above it has it: of the person, the mean over a
- * stretch that grows with the distance. */
-static void smear(struct source *s, size_t x, size_t y, size_t from)
+ * stretch that grows with the distance, before the background. */
+static void source_smear(struct source *s, size_t x, size_t y, size_t from)
 {
     const size_t n = s->person.size, r = (y - from) / 4;
     const size_t lo = x > r ? x - r : 0, hi = x + r < n ? x + r : n - 1;
     const uint8_t *matte = s->person.matte + from * n;
     const uint8_t *above = s->person.rgb + 3 * from * n;
+    const uint8_t *back = s->person.back + 3 * (y * n + x);
     uint8_t *rgb = s->person.rgb + 3 * (y * n + x);
-    unsigned sum[3] = {0}, weight = 0;
+    unsigned sum[3] = {0}, weight = 0, m = matte[x];
 
     s->person.matte[y * n + x] = matte[x];
-    memcpy(rgb, above + 3 * x, 3);
+    memcpy(rgb, back, 3);
     if (!matte[x])
         return;
     for (size_t k = lo; k <= hi; k++) {
@@ -163,29 +171,54 @@ static void smear(struct source *s, size_t x, size_t y, size_t from)
             sum[c] += (unsigned)matte[k] * above[3 * k + c];
     }
     for (size_t c = 0; c < 3; c++)
-        rgb[c] = (uint8_t)(sum[c] / weight);
+        rgb[c] = (uint8_t)((m * sum[c] / weight + (255 - m) * back[c] + 127) /
+                           255);
 }
 
-/* What the window shows beyond the picture is black and nobody: but shoulders
- * that leave the picture below go on as they left it, three rows above its
- * edge, where no black is mixed in. */
-static void continue_body(struct source *s, const uint8_t *inside)
+/* What the window shows beyond the picture is nobody: but shoulders that leave
+ * the picture below go on as they left it, three rows above its edge, where no
+ * black is mixed in. */
+static void source_continue_body(struct source *s, const uint8_t *inside)
 {
     const size_t n = s->person.size;
     size_t end = n;
 
     while (end > 0 && !memchr(inside + (end - 1) * n, 255, n))
         end--;
-    for (size_t i = 0; i < n * n; i++)
-        if (!inside[i])
-            s->person.matte[i] = 0;
     for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
         for (size_t x = 0; x < n; x++)
-            smear(s, x, y, end - 3);
+            source_smear(s, x, y, end - 3);
 }
 
-static int matte_from_colours(struct source *s, const struct image *im,
-                              const struct head *head, struct error *err)
+/* Person and background apart, and both beyond the picture's edges.  Only a
+ * matte that was guessed is changed at its border. */
+static int source_split(struct source *s, const struct image *im,
+                        struct error *err)
+{
+    struct person *p = &s->person;
+    const bool guessed = s->how == SOURCE_GRABCUT || s->how == SOURCE_DISC;
+    uint8_t *inside = malloc(p->size * p->size);
+    int rc;
+
+    if (!inside)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    source_inside_mask(inside, s, im);
+    for (size_t i = 0; i < p->size * p->size; i++)
+        if (!inside[i])
+            p->matte[i] = 0;
+    rc = guessed ? layers_split(p->matte, p->back, p->rgb, inside, p->size,
+                                err)
+                 : layers_fill(p->back, p->rgb, p->matte, inside, p->size,
+                               err);
+    if (rc == 0)
+        source_continue_body(s, inside);
+    free(inside);
+    return rc;
+}
+
+/* By GrabCut, from the projected head's silhouette. */
+static int source_matte_colours(struct source *s, const struct image *im,
+                                const struct head *head, struct error *err)
 {
     uint8_t *silhouette = malloc(2 * s->person.size * s->person.size), *inside;
     struct identity id = {0};
@@ -201,15 +234,10 @@ static int matte_from_colours(struct source *s, const struct image *im,
         goto out;
     overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
     inside = silhouette + s->person.size * s->person.size;
-    inside_mask(inside, s, im);
+    source_inside_mask(inside, s, im);
     rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
                        inside, s->person.size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
-    if (rc == 0 && !fallback)
-        rc = matte_unmix(s->person.rgb, s->person.matte, inside,
-                         s->person.size, err);
-    if (rc == 0 && !fallback)
-        continue_body(s, inside);
 out:
     overlay_release(&o);
     identity_release(&id);
@@ -217,9 +245,10 @@ out:
     return rc;
 }
 
-static int make_matte(struct source *s, const struct image *im,
-                      const struct image *mask, const struct head *head,
-                      struct error *err)
+/* The mask's, the file's own, or one from colours. */
+static int source_make_matte(struct source *s, const struct image *im,
+                             const struct image *mask, const struct head *head,
+                             struct error *err)
 {
     double begun = cpu_seconds();
     int rc;
@@ -231,15 +260,18 @@ static int make_matte(struct source *s, const struct image *im,
                              mask->width, mask->height, im->width,
                              im->height);
         s->how = SOURCE_MASK;
-        rc = mask->alpha
-            ? matte_from(s, mask->alpha, im->width, im->height, 1, err)
-            : matte_from(s, mask->rgb, im->width, im->height, 3, err);
+        rc = mask->alpha ? source_matte_plane(s, mask->alpha, im->width,
+                                              im->height, 1, err)
+                         : source_matte_plane(s, mask->rgb, im->width,
+                                              im->height, 3, err);
     } else if (im->alpha) {
         s->how = SOURCE_ALPHA;
-        rc = matte_from(s, im->alpha, im->width, im->height, 1, err);
+        rc = source_matte_plane(s, im->alpha, im->width, im->height, 1, err);
     } else {
-        rc = matte_from_colours(s, im, head, err);
+        rc = source_matte_colours(s, im, head, err);
     }
+    if (rc == 0)
+        rc = source_split(s, im, err);
     s->matte_s = cpu_seconds() - begun;
     return rc;
 }
@@ -259,13 +291,13 @@ int source_make(struct source *s, const struct image *im,
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,
                          im->height);
-    if (head_fold(&mean, head, NULL, 0, err) != 0
-        || track_init(&t, &mean, &nets->motion, opt, err) != 0
-        || find_face(s, &t, im, err) != 0)
+    if (head_fold(&mean, head, NULL, 0, err) != 0 ||
+        track_init(&t, &mean, &nets->motion, opt, err) != 0 ||
+        source_find_face(s, &t, im, err) != 0)
         goto out;
-    if (find_shape(s, &t, im, head, nets, err) != 0
-        || cut_window(s, im, err) != 0
-        || make_matte(s, im, mask, head, err) != 0)
+    if (source_find_shape(s, &t, im, head, nets, err) != 0 ||
+        source_cut_window(s, im, err) != 0 ||
+        source_make_matte(s, im, mask, head, err) != 0)
         goto out;
     rc = 0;
 out:

@@ -1,3 +1,5 @@
+/* The tracker: E_m on a crop that follows the projected head (Eqs. rot to
+ * eye), with a detector for the start, for doubts and after a loss. */
 #include "lib/track/track.h"
 
 #include <math.h>
@@ -9,6 +11,7 @@
 #include "lib/base/cpu.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
+#include "lib/net/motion_code.h"
 
 #define FIRST_PASSES 4         /* network runs that settle the first crop */
 #define CHECK_EVERY 30         /* frames between looks by the detector */
@@ -50,8 +53,8 @@ void track_release(struct track *t)
 
 /* The part of the picture about q at half size, until two pixels of it or
  * fewer make one of the crop.  Updates picture, sizes and q. */
-static int shrink(struct track *t, const uint8_t **rgb, size_t *W, size_t *H,
-                  size_t *stride, struct square *q)
+static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
+                        size_t *H, size_t *stride, struct square *q)
 {
     while (q->size > 2 * CROP_NET && *W > 1 && *H > 1) {
         double l = floor(q->x - q->size / 2) - 4;
@@ -93,64 +96,28 @@ int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
     struct square q = square_out_of(crop, t->window, t->opt.size);
     size_t stride = 3 * W;
 
-    if (shrink(t, &rgb, &W, &H, &stride, &q) != 0)
+    if (track_shrink(t, &rgb, &W, &H, &stride, &q) != 0)
         return error_set(err, EX_OSERR, "no memory to shrink a frame");
     crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
     return 0;
 }
 
-static int take_crop(struct track *t, const uint8_t *rgb, size_t W, size_t H,
-                     struct square crop, struct error *err)
+/* The crop into t->input. */
+static int track_take_crop(struct track *t, const uint8_t *rgb, size_t W,
+                           size_t H, struct square crop, struct error *err)
 {
     return track_cut(t->input, t, rgb, W, H, crop, err);
 }
 
 /* ---- what the network says -------------------------------------------- */
 
-/* Gram-Schmidt gives no rotation where a1 is (nearly) zero or a2 (nearly)
- * parallel to it.  Then: a1 falls back to (1,0,0), a2 to the axis among
- * (0,-1,0), (0,0,1) that is further from a1's line. */
-static void decode_rotation(float R[9], const float x[6])
-{
-    float v[6];
-    double n1, n2, dot;
-
-    for (int i = 0; i < 6; i++)
-        v[i] = isfinite(x[i]) ? x[i] : 0;
-    n1 = hypot(hypot(v[0], v[1]), v[2]);
-    if (n1 < 1e-6) {
-        v[0] = 1;
-        v[1] = v[2] = 0;
-        n1 = 1;
-    }
-    n2 = hypot(hypot(v[3], v[4]), v[5]);
-    dot = ((double)v[0] * v[3] + (double)v[1] * v[4] + (double)v[2] * v[5])
-          / n1;
-    if (n2 < 1e-6 || n2 * n2 - dot * dot < 1e-8 * n2 * n2) {
-        v[3] = 0;
-        v[4] = fabs(v[1]) < 0.8 * n1 ? -1 : 0;
-        v[5] = v[4] == 0 ? 1 : 0;
-    }
-    rotation_6d(R, v);
-}
-
 void track_decode(struct motion *m, const float out[MOTION_OUT],
                   struct square crop, double size)
 {
-    const double tn[3] = {out[MOTION_TRANS], out[MOTION_TRANS + 1],
-                          out[MOTION_TRANS + 2]};
-    double tw[3];
-
     memset(m, 0, sizeof *m);
-    decode_rotation(m->R, out + MOTION_ROT);
-    crop_translation(tw, tn, crop, size, camera_focal((float)size));
-    for (int i = 0; i < 3; i++) {
-        m->t[i] = (float)tw[i];
-        m->pose.jaw[i] = out[MOTION_JAW + i];
-    }
+    motion_code_decode(m->R, m->t, &m->pose, out, crop, size);
     memcpy(m->exp, out + MOTION_EXP, (MOTION_JAW - MOTION_EXP) * sizeof *out);
-    memcpy(m->pose.lid, out + MOTION_LID, sizeof m->pose.lid);
-    memcpy(m->pose.eye, out + MOTION_EYE, sizeof m->pose.eye);
+    m->pose.exp = NULL;         /* a copy would point at the original's */
     m->crop[0] = (float)crop.x;
     m->crop[1] = (float)crop.y;
     m->crop[2] = (float)crop.size;
@@ -168,7 +135,7 @@ void track_project(float *uv, struct track *t, const struct motion *m)
 }
 
 /* The crop that the projected head asks for. */
-static struct square crop_of(struct track *t, const struct motion *m)
+static struct square track_next_crop(struct track *t, const struct motion *m)
 {
     float uv[2 * HEAD_LANDMARKS];
 
@@ -177,14 +144,14 @@ static struct square crop_of(struct track *t, const struct motion *m)
 }
 
 /* The paper's line: motion of the picture in one crop. */
-static int encode(struct track *t, struct track_result *r,
-                  const uint8_t *rgb, size_t W, size_t H, struct square crop,
-                  struct error *err)
+static int track_encode(struct track *t, struct track_result *r,
+                        const uint8_t *rgb, size_t W, size_t H,
+                        struct square crop, struct error *err)
 {
     float out[MOTION_OUT];
     double t0 = cpu_seconds(), t1, t2;
 
-    if (take_crop(t, rgb, W, H, crop, err) != 0)
+    if (track_take_crop(t, rgb, W, H, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
     motion_tta_forward(out, &t->tta, t->input);
@@ -200,7 +167,7 @@ static int encode(struct track *t, struct track_result *r,
 
 /* Mean-free grey picture of the crop, unit length; returns its standard
  * deviation before. */
-static double make_thumb(float *thumb, const float *input)
+static double track_make_thumb(float *thumb, const float *input)
 {
     const size_t n = TRACK_THUMB, cell = CROP_NET / n;
     double sum = 0, square = 0, scale;
@@ -229,8 +196,8 @@ static double make_thumb(float *thumb, const float *input)
 }
 
 /* Area of the crop that lies inside the picture, as a fraction. */
-static double visible(const struct track *t, struct square crop, size_t W,
-                      size_t H)
+static double track_visible(const struct track *t, struct square crop,
+                            size_t W, size_t H)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
     double w = fmin(q.x + q.size / 2, (double)W) - fmax(q.x - q.size / 2, 0);
@@ -240,9 +207,10 @@ static double visible(const struct track *t, struct square crop, size_t W,
 }
 
 /* NULL, or why this cannot be the head that the last frame had. */
-static const char *implausible(const struct track *t, const struct motion *m,
-                               struct square next, struct square used,
-                               size_t W, size_t H)
+static const char *track_implausible(const struct track *t,
+                                     const struct motion *m,
+                                     struct square next, struct square used,
+                                     size_t W, size_t H)
 {
     double move = hypot(next.x - used.x, next.y - used.y);
 
@@ -255,15 +223,15 @@ static const char *implausible(const struct track *t, const struct motion *m,
         return "its size jumped";
     if (-m->R[8] < -0.2)
         return "it turned away";
-    if (visible(t, next, W, H) < 0.4)
+    if (track_visible(t, next, W, H) < 0.4)
         return "it left the picture";
     return NULL;
 }
 
 /* Whether the detector, asked now and then, still sees a face where a frontal
  * one is claimed. */
-static const char *doubtful(struct track *t, const struct motion *m,
-                            const uint8_t *rgb, size_t W, size_t H)
+static const char *track_doubtful(struct track *t, const struct motion *m,
+                                  const uint8_t *rgb, size_t W, size_t H)
 {
     struct square q;
 
@@ -284,9 +252,9 @@ static const char *doubtful(struct track *t, const struct motion *m,
 /* ---- detection -------------------------------------------------------- */
 
 /* The detector's crop in picture pixels: 1, 0 none, -1 no detector. */
-static int detect(struct track *t, struct track_result *r,
-                  struct square *crop, const uint8_t *rgb, size_t W,
-                  size_t H, struct error *err)
+static int track_detect(struct track *t, struct track_result *r,
+                        struct square *crop, const uint8_t *rgb, size_t W,
+                        size_t H, struct error *err)
 {
     double begun = cpu_seconds();
     struct square face;
@@ -303,18 +271,18 @@ static int detect(struct track *t, struct track_result *r,
 
 /* Run the network on a first guess (window pixels) until its own projection
  * agrees; a projection far from the guess is not followed. */
-static int settle(struct track *t, struct track_result *r,
-                  const uint8_t *rgb, size_t W, size_t H,
-                  struct square guess, struct error *err)
+static int track_settle_crop(struct track *t, struct track_result *r,
+                             const uint8_t *rgb, size_t W, size_t H,
+                             struct square guess, struct error *err)
 {
     struct square crop = guess;
 
     for (int i = 0; i < FIRST_PASSES; i++) {
         struct square next;
-        if (encode(t, r, rgb, W, H, crop, err) != 0)
+        if (track_encode(t, r, rgb, W, H, crop, err) != 0)
             return -1;
-        next = crop_of(t, &r->motion);
-        if (implausible(t, &r->motion, next, guess, W, H))
+        next = track_next_crop(t, &r->motion);
+        if (track_implausible(t, &r->motion, next, guess, W, H))
             break;
         if (hypot(next.x - crop.x, next.y - crop.y)
             + fabs(next.size - crop.size) < 0.01 * crop.size)
@@ -323,7 +291,7 @@ static int settle(struct track *t, struct track_result *r,
     }
     t->crop = crop;
     t->last = r->motion;
-    t->has_thumb = make_thumb(t->thumb, t->input) > FLAT_DEVIATION;
+    t->has_thumb = track_make_thumb(t->thumb, t->input) > FLAT_DEVIATION;
     t->since_check = t->misses = 0;
     return 0;
 }
@@ -332,7 +300,7 @@ static int settle(struct track *t, struct track_result *r,
 
 /* R, t, exp, jaw, lid, eye in one row, smoothed.  Rotations are filtered as
  * two rows and made orthonormal again. */
-static void smooth(struct track *t, struct motion *m, double time)
+static void track_smooth(struct track *t, struct motion *m, double time)
 {
     enum { R6 = 6, ALL = 6 + 3 + 100 + 3 + 2 + 6 };
     const int first = !t->filter.started;
@@ -356,7 +324,7 @@ static void smooth(struct track *t, struct motion *m, double time)
     oneeuro_step(&t->filter, x, beta, ALL, time);
     if (first)
         return;                        /* as it is, to the bit */
-    decode_rotation(m->R, x);
+    motion_code_rotation(m->R, x);
     memcpy(m->t, x + R6, sizeof m->t);
     m->t[2] *= 10;
     memcpy(m->exp, x + 9, 100 * sizeof *x);
@@ -367,16 +335,17 @@ static void smooth(struct track *t, struct motion *m, double time)
 
 /* ---- frames ----------------------------------------------------------- */
 
-static void clear(struct track_result *r)
+/* Nothing spent, nothing found. */
+static void track_clear_result(struct track_result *r)
 {
     memset(r, 0, sizeof *r);
 }
 
 /* Copies of a motion point at their own expression. */
-static void deliver(struct track *t, struct track_result *r, double time)
+static void track_deliver(struct track *t, struct track_result *r, double time)
 {
     if (!t->lost)
-        smooth(t, &r->motion, time);
+        track_smooth(t, &r->motion, time);
     r->motion.pose.exp = r->motion.exp;
     r->lost = t->lost;
 }
@@ -386,39 +355,40 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
 {
     struct square crop = t->opt.crop;
 
-    clear(r);
+    track_clear_result(r);
     if (W == 0 || H == 0)
         return 0;
     if (!t->opt.has_crop) {
-        int found = detect(t, r, &crop, rgb, W, H, err);
+        int found = track_detect(t, r, &crop, rgb, W, H, err);
         if (found <= 0)
             return found;
     }
     t->window = t->opt.has_window ? t->opt.window : window_from_crop(crop);
     crop = square_into(crop, t->window, t->opt.size);
     if (t->opt.has_crop) {
-        if (encode(t, r, rgb, W, H, crop, err) != 0)
+        if (track_encode(t, r, rgb, W, H, crop, err) != 0)
             return -1;
         t->crop = crop;
         t->last = r->motion;
-    } else if (settle(t, r, rgb, W, H, crop, err) != 0) {
+    } else if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0) {
         return -1;
     }
     t->started = true;
-    deliver(t, r, time);
+    track_deliver(t, r, time);
     return 1;
 }
 
 /* While the face is lost: does the last crop look unlike the frame before? */
-static bool changed(struct track *t, const uint8_t *rgb, size_t W, size_t H)
+static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
+                          size_t H)
 {
     float thumb[TRACK_THUMB * TRACK_THUMB];
     const bool had = t->has_thumb;
     double same = 0;
 
-    if (take_crop(t, rgb, W, H, t->crop, NULL) != 0)
+    if (track_take_crop(t, rgb, W, H, t->crop, NULL) != 0)
         return false;
-    t->has_thumb = make_thumb(thumb, t->input) > FLAT_DEVIATION;
+    t->has_thumb = track_make_thumb(thumb, t->input) > FLAT_DEVIATION;
     for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
         same += (double)thumb[i] * t->thumb[i];
     memcpy(t->thumb, thumb, sizeof thumb);
@@ -426,9 +396,9 @@ static bool changed(struct track *t, const uint8_t *rgb, size_t W, size_t H)
 }
 
 /* Look for the face again; hold the last motion when there is none. */
-static int search(struct track *t, struct track_result *r,
-                  const uint8_t *rgb, size_t W, size_t H, double time,
-                  const char *why, struct error *err)
+static int track_search(struct track *t, struct track_result *r,
+                        const uint8_t *rgb, size_t W, size_t H, double time,
+                        const char *why, struct error *err)
 {
     struct square crop;
     struct error none = {0};
@@ -436,9 +406,9 @@ static int search(struct track *t, struct track_result *r,
 
     /* every frame at first, then every sixth, or when something happens:
      * looking costs 30 ms and more */
-    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0
-        || changed(t, rgb, W, H))
-        found = detect(t, r, &crop, rgb, W, H, &none) == 1;
+    if (!t->lost || t->lost_frames < 3 || t->lost_frames % 6 == 0 ||
+        track_changed(t, rgb, W, H))
+        found = track_detect(t, r, &crop, rgb, W, H, &none) == 1;
     if (found) {
         crop = square_into(crop, t->window, t->opt.size);
         found = crop.x > 0 && crop.y > 0 && crop.x < t->opt.size
@@ -452,10 +422,10 @@ static int search(struct track *t, struct track_result *r,
             t->has_thumb = false;
         t->lost = true;
         t->lost_frames++;
-        deliver(t, r, time);
+        track_deliver(t, r, time);
         return 0;
     }
-    if (settle(t, r, rgb, W, H, crop, err) != 0)
+    if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0)
         return -1;
     if (t->lost) {
         r->event = TRACK_FOUND;
@@ -463,7 +433,7 @@ static int search(struct track *t, struct track_result *r,
     }
     t->lost = false;
     t->lost_frames = 0;
-    deliver(t, r, time);
+    track_deliver(t, r, time);
     return 0;
 }
 
@@ -475,14 +445,14 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
     const char *why = NULL;
     double same = 0, contrast;
 
-    clear(r);
+    track_clear_result(r);
     if (t->lost)
-        return search(t, r, rgb, W, H, time, "still no face", err);
-    if (encode(t, r, rgb, W, H, t->crop, err) != 0)
+        return track_search(t, r, rgb, W, H, time, "still no face", err);
+    if (track_encode(t, r, rgb, W, H, t->crop, err) != 0)
         return -1;
     if (!t->opt.has_crop) {
-        next = crop_of(t, &r->motion);
-        contrast = make_thumb(thumb, t->input);
+        next = track_next_crop(t, &r->motion);
+        contrast = track_make_thumb(thumb, t->input);
         for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
             same += (double)thumb[i] * t->thumb[i];
         if (contrast < FLAT_DEVIATION)
@@ -490,16 +460,16 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
         else if (t->has_thumb && same < CUT_CORRELATION)
             why = "the scene changed";
         else
-            why = implausible(t, &r->motion, next, t->crop, W, H);
+            why = track_implausible(t, &r->motion, next, t->crop, W, H);
         if (!why)
-            why = doubtful(t, &r->motion, rgb, W, H);
+            why = track_doubtful(t, &r->motion, rgb, W, H);
         if (why)
-            return search(t, r, rgb, W, H, time, why, err);
+            return track_search(t, r, rgb, W, H, time, why, err);
         memcpy(t->thumb, thumb, sizeof thumb);
         t->has_thumb = true;
         t->crop = next;
     }
     t->last = r->motion;
-    deliver(t, r, time);
+    track_deliver(t, r, time);
     return 0;
 }

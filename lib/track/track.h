@@ -90,7 +90,8 @@ int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
                size_t H, struct square crop, struct error *err);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
- * (always a rotation: see track.c for parallel or tiny columns), t' to t. */
+ * (always a rotation: motion_code.h says how), t' to t.  m->pose.exp is left
+ * NULL. */
 void track_decode(struct motion *m, const float out[MOTION_OUT],
                   struct square crop, double size);
 

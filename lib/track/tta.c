@@ -63,8 +63,7 @@ static void shape_tta_add(float *sum, struct shape_tta *t, bool mirrored)
 }
 
 int shape_tta_forward(float *beta, struct shape_tta *t, struct square q,
-                      tta_crop_fn *crop,
-                      void *ctx, struct error *err)
+                      tta_crop_fn *crop, void *ctx, struct error *err)
 {
     memset(beta, 0, SHAPE_ENCODER_OUT * sizeof *beta);
     for (size_t i = 0; i < VIEWS; i++) {
@@ -94,8 +93,8 @@ int motion_mirror_init(struct motion_mirror *m, const struct head *h,
     static const float rot[6] = {1, -1, -1, -1, 1, 1};
     static const float axis[3] = {1, -1, -1};
     struct head_mirror e;
-    int rc = h->nexp <= MOTION_JAW - MOTION_EXP ? head_mirror_exp(&e, h, err)
-                                                : 0;
+    int rc =
+        h->nexp <= MOTION_JAW - MOTION_EXP ? head_mirror_exp(&e, h, err) : 0;
 
     if (rc <= 0)
         return rc;
@@ -128,8 +127,8 @@ void motion_mirror_mean(float *out, const float *mirrored,
 }
 
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
-                      size_t batch, const struct head *h, bool wanted,
-                      struct error *err)
+                    size_t batch, const struct head *h, bool wanted,
+                    struct error *err)
 {
     memset(t, 0, sizeof *t);
     t->net = net;
@@ -171,6 +170,6 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
     motion_encoder_forward(t->raw, t->rgb, t->net);
     memcpy(out, t->raw, B * MOTION_OUT * sizeof *out);
     for (size_t i = 0; i < B; i++)
-        motion_mirror_mean(out + i * MOTION_OUT,
-                           t->raw + (B + i) * MOTION_OUT, &t->across);
+        motion_mirror_mean(out + i * MOTION_OUT, t->raw + (B + i) * MOTION_OUT,
+                           &t->across);
 }

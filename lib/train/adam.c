@@ -1,3 +1,5 @@
+/* Adam (Kingma and Ba 2015) with a limit on the gradient's norm and an
+ * exponential average of the weights, which is what is saved. */
 #include "lib/train/adam.h"
 
 #include <math.h>
@@ -65,9 +67,9 @@ size_t adam_first_bad(const struct params *ps, int values)
 }
 
 /* One tensor: m and v move, then the weights. */
-static void update_tensor(const struct adam *a, float *w, float *m, float *v,
-                          const float *g, size_t n, float scale, float rate,
-                          float root2)
+static void adam_update_tensor(const struct adam *a, float *w, float *m,
+                               float *v, const float *g, size_t n, float scale,
+                               float rate, float root2)
 {
     float b1 = a->beta1, b2 = a->beta2, eps = a->eps;
 
@@ -79,7 +81,8 @@ static void update_tensor(const struct adam *a, float *w, float *m, float *v,
     }
 }
 
-static void move_average(struct adam *a, const struct params *ps)
+/* One step of the exponential average, faster in the first steps. */
+static void adam_move_average(struct adam *a, const struct params *ps)
 {
     double t = (double)a->step;
     float keep = (float)fmin(a->decay, (1 + t) / (10 + t));
@@ -108,10 +111,10 @@ void adam_update(struct adam *a, struct params *ps, double rate, double norm)
     for (size_t k = 0; k < ps->count; k++) {
         const struct param *p = &ps->tensor[k];
         if (!p->frozen)
-            update_tensor(a, ps->w + p->offset, a->m + p->offset,
-                          a->v + p->offset, ps->g + p->offset, p->count,
-                          (float)scale, step, root2);
+            adam_update_tensor(a, ps->w + p->offset, a->m + p->offset,
+                               a->v + p->offset, ps->g + p->offset, p->count,
+                               (float)scale, step, root2);
     }
     if (a->average)
-        move_average(a, ps);
+        adam_move_average(a, ps);
 }

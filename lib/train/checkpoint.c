@@ -1,3 +1,5 @@
+/* Checkpoints as safetensors, and joining the tensors of several model files
+ * into one. */
 #include "lib/train/checkpoint.h"
 
 #include <inttypes.h>
@@ -11,7 +13,8 @@
 #include "lib/base/half.h"
 #include "lib/base/random.h"
 
-static uint64_t fold(uint64_t h, uint64_t x)
+/* x into a digest. */
+static uint64_t checkpoint_mix(uint64_t h, uint64_t x)
 {
     return random_mix(h ^ x);
 }
@@ -19,24 +22,26 @@ static uint64_t fold(uint64_t h, uint64_t x)
 void checkpoint_fingerprint(char text[17], const struct train_config *c,
                             const struct params *ps)
 {
-    uint64_t h = fold(random_name(train_stage_name(c->stage)),
-                      (uint64_t)c->seed);
+    uint64_t h = checkpoint_mix(random_name(train_stage_name(c->stage)),
+                                (uint64_t)c->seed);
 
-    h = fold(h, (uint64_t)c->batch);
-    h = fold(h, (uint64_t)c->micro);
-    h = fold(h, (uint64_t)c->pool);
-    h = fold(h, (uint64_t)(c->people_per_step * 1e6));
+    h = checkpoint_mix(h, (uint64_t)c->batch);
+    h = checkpoint_mix(h, (uint64_t)c->micro);
+    h = checkpoint_mix(h, (uint64_t)c->pool);
+    h = checkpoint_mix(h, (uint64_t)(c->people_per_step * 1e6));
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
-        h = fold(h, random_name(p->name));
-        h = fold(h, p->frozen);
+        h = checkpoint_mix(h, random_name(p->name));
+        h = checkpoint_mix(h, p->frozen);
         for (int k = 0; k < p->ndim; k++)
-            h = fold(h, p->dim[k]);
+            h = checkpoint_mix(h, p->dim[k]);
     }
     snprintf(text, 17, "%016" PRIx64, h);
 }
 
-static struct st_tensor block(const char *name, const float *x, size_t n)
+/* n floats as a tensor. */
+static struct st_tensor checkpoint_block(const char *name, const float *x,
+                                         size_t n)
 {
     struct st_tensor t = {.name = name, .dtype = ST_F32, .ndim = 1,
                           .dim = {n}, .count = n, .data = x};
@@ -56,16 +61,17 @@ int checkpoint_save(const char *path, const struct params *ps,
     snprintf(s, sizeof s, "%" PRIu64, step);
     snprintf(k, sizeof k, "%" PRIu64, skipped);
     snprintf(u, sizeof u, "%" PRIu64, a->step);
-    t[n++] = block("w", ps->w, ps->total);
-    t[n++] = block("m", a->m, a->total);
-    t[n++] = block("v", a->v, a->total);
+    t[n++] = checkpoint_block("w", ps->w, ps->total);
+    t[n++] = checkpoint_block("m", a->m, a->total);
+    t[n++] = checkpoint_block("v", a->v, a->total);
     if (a->average)
-        t[n++] = block("average", a->average, a->total);
+        t[n++] = checkpoint_block("average", a->average, a->total);
     return st_save(path, t, n, meta, err);
 }
 
-static int take(float *out, const struct safetensors *st, const char *name,
-                size_t n, struct error *err)
+/* A tensor of n floats of the file. */
+static int checkpoint_take(float *out, const struct safetensors *st,
+                           const char *name, size_t n, struct error *err)
 {
     const struct st_tensor *t = st_find(st, name);
 
@@ -77,7 +83,9 @@ static int take(float *out, const struct safetensors *st, const char *name,
     return 0;
 }
 
-static uint64_t number(const struct safetensors *st, const char *key)
+/* A number of the metadata, 0 without it. */
+static uint64_t checkpoint_number(const struct safetensors *st,
+                                  const char *key)
 {
     const char *s = st_meta(st, key);
 
@@ -104,14 +112,15 @@ int checkpoint_load(const char *path, struct params *ps, struct adam *a,
                   fingerprint);
         goto out;
     }
-    if (take(ps->w, st, "w", ps->total, err) ||
-        take(a->m, st, "m", a->total, err) ||
-        take(a->v, st, "v", a->total, err) ||
-        (a->average && take(a->average, st, "average", a->total, err)))
+    if (checkpoint_take(ps->w, st, "w", ps->total, err) ||
+        checkpoint_take(a->m, st, "m", a->total, err) ||
+        checkpoint_take(a->v, st, "v", a->total, err) ||
+        (a->average &&
+         checkpoint_take(a->average, st, "average", a->total, err)))
         goto out;
-    *step = number(st, "step");
-    *skipped = number(st, "skipped");
-    a->step = number(st, "updates");
+    *step = checkpoint_number(st, "step");
+    *skipped = checkpoint_number(st, "skipped");
+    a->step = checkpoint_number(st, "updates");
     rc = 1;
 out:
     st_close(st);
@@ -140,9 +149,10 @@ struct joined {
 };
 
 /* The tensor as dtype, in memory of its own. */
-static int convert(struct st_tensor *to, const struct safetensors *st,
-                   const struct st_tensor *from, enum st_dtype dtype,
-                   struct error *err)
+static int checkpoint_convert(struct st_tensor *to,
+                              const struct safetensors *st,
+                              const struct st_tensor *from,
+                              enum st_dtype dtype, struct error *err)
 {
     float *f = malloc((from->count + 1) * sizeof *f);
     uint16_t *h;
@@ -166,9 +176,11 @@ static int convert(struct st_tensor *to, const struct safetensors *st,
     return 0;
 }
 
-static int add_tensor(struct joined *j, const struct safetensors *st,
-                      const struct st_tensor *t, enum st_dtype dtype,
-                      struct error *err)
+/* Append a tensor, or replace the one of its name. */
+static int checkpoint_add_tensor(struct joined *j,
+                                 const struct safetensors *st,
+                                 const struct st_tensor *t,
+                                 enum st_dtype dtype, struct error *err)
 {
     size_t i = 0;
 
@@ -189,7 +201,7 @@ static int add_tensor(struct joined *j, const struct safetensors *st,
         memset(&j->t[i], 0, sizeof j->t[i]);
         j->count++;
     }
-    return convert(&j->t[i], st, t, dtype, err);
+    return checkpoint_convert(&j->t[i], st, t, dtype, err);
 }
 
 int checkpoint_join(const char *path, const char *const *parts, size_t count,
@@ -207,7 +219,8 @@ int checkpoint_join(const char *path, const char *const *parts, size_t count,
         if (!open[k])
             goto out;
         for (size_t i = 0; i < st_count(open[k]); i++)
-            if (add_tensor(&j, open[k], st_at(open[k], i), dtype, err))
+            if (checkpoint_add_tensor(&j, open[k], st_at(open[k], i), dtype,
+                                      err))
                 goto out;
     }
     rc = st_save(path, j.t, j.count, spid ? meta : NULL, err);

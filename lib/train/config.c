@@ -1,3 +1,5 @@
+/* The run's JSON by a table of keys, each with its range and default; the
+ * learning rate and lambda_3 over the steps. */
 #include "lib/train/config.h"
 
 #include <cjson/cJSON.h>
@@ -65,8 +67,11 @@ static const struct key keys[] = {
     {"log_every", KIND_INT, AT(log_every), 1, 1e9, 10},
     {"sheet_every", KIND_INT, AT(sheet_every), 0, 1e9, 0},
     {"checkpoint_every", KIND_INT, AT(checkpoint_every), 1, 1e9, 500},
-    {"held_every", KIND_INT, AT(held_every), 0, 1e9, 0},
-    {"held_people", KIND_INT, AT(held_people), 1, 1e6, 16},
+    {"validation_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
+    {"validation_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
+    /* older names of these two */
+    {"held_every", KIND_INT, AT(validation_every), 0, 1e9, 0},
+    {"held_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
 };
 
 static const char *const stages[] = {"shape", "motion", "avatar", "all"};
@@ -76,7 +81,8 @@ const char *train_stage_name(enum train_stage stage)
     return stages[stage];
 }
 
-static void store(struct train_config *c, const struct key *k, double x)
+/* x into the field of a key, as its kind. */
+static void config_store(struct train_config *c, const struct key *k, double x)
 {
     char *at = (char *)c + k->offset;
 
@@ -87,11 +93,12 @@ static void store(struct train_config *c, const struct key *k, double x)
     else if (k->kind == KIND_FLOAT)
         *(float *)(void *)at = (float)x;
     else
-        *(int *)(void *)at = x != 0;
+        *(bool *)(void *)at = x != 0;
 }
 
-static int set_number(struct train_config *c, const char *name,
-                      const cJSON *value, struct error *err)
+/* A key of the table. */
+static int config_set_number(struct train_config *c, const char *name,
+                             const cJSON *value, struct error *err)
 {
     const struct key *k = NULL;
     double x;
@@ -106,7 +113,7 @@ static int set_number(struct train_config *c, const char *name,
         if (!cJSON_IsBool(value))
             return error_set(err, EX_CONFIG, "%s: expected true or false",
                              name);
-        store(c, k, cJSON_IsTrue(value));
+        config_store(c, k, cJSON_IsTrue(value));
         return 0;
     }
     if (!cJSON_IsNumber(value))
@@ -118,12 +125,13 @@ static int set_number(struct train_config *c, const char *name,
         return error_set(err, EX_CONFIG, "%s: %g (expected %s%g to %g)", name,
                          x, k->kind == KIND_INT ? "a whole number, " : "",
                          k->min, k->max);
-    store(c, k, x);
+    config_store(c, k, x);
     return 0;
 }
 
-static int set_stage(struct train_config *c, const cJSON *value,
-                     struct error *err)
+/* The stage by its name. */
+static int config_set_stage(struct train_config *c, const cJSON *value,
+                            struct error *err)
 {
     for (int i = 0; cJSON_IsString(value) && i < 4; i++)
         if (!strcmp(value->valuestring, stages[i])) {
@@ -136,8 +144,9 @@ static int set_stage(struct train_config *c, const cJSON *value,
                                            : "not a string");
 }
 
-static int set_freeze(struct train_config *c, const cJSON *value,
-                      struct error *err)
+/* The beginning of names. */
+static int config_set_freeze(struct train_config *c, const cJSON *value,
+                             struct error *err)
 {
     const char *s = cJSON_GetStringValue(value);
 
@@ -148,8 +157,22 @@ static int set_freeze(struct train_config *c, const cJSON *value,
     return 0;
 }
 
-static int set_object(struct train_config *c, const cJSON *object,
-                      const char *prefix, struct error *err)
+/* The file of the perceptual network's weights. */
+static int config_set_perceptual(struct train_config *c, const cJSON *value,
+                                 struct error *err)
+{
+    const char *s = cJSON_GetStringValue(value);
+
+    if (!s || strlen(s) >= sizeof c->perceptual_file)
+        return error_set(err, EX_CONFIG, "perceptual: expected the name of "
+                         "a file");
+    strcpy(c->perceptual_file, s);
+    return 0;
+}
+
+/* Every key of an object, its name behind prefix. */
+static int config_set_object(struct train_config *c, const cJSON *object,
+                             const char *prefix, struct error *err)
 {
     const cJSON *item;
 
@@ -159,10 +182,13 @@ static int set_object(struct train_config *c, const cJSON *object,
         snprintf(name, sizeof name, "%s%s%s", prefix, *prefix ? "." : "",
                  item->string);
         if (!strcmp(name, "stage")) {
-            if (set_stage(c, item, err))
+            if (config_set_stage(c, item, err))
                 return -1;
         } else if (!strcmp(name, "freeze")) {
-            if (set_freeze(c, item, err))
+            if (config_set_freeze(c, item, err))
+                return -1;
+        } else if (!strcmp(name, "perceptual")) {
+            if (config_set_perceptual(c, item, err))
                 return -1;
         } else if (!strcmp(name, "model")) {
             if (!cJSON_IsObject(item))
@@ -172,16 +198,17 @@ static int set_object(struct train_config *c, const cJSON *object,
             c->model = cJSON_PrintUnformatted(item);
         } else if (cJSON_IsObject(item) && (!strcmp(name, "loss") ||
                                             !strcmp(name, "augment"))) {
-            if (set_object(c, item, name, err))
+            if (config_set_object(c, item, name, err))
                 return -1;
-        } else if (set_number(c, name, item, err)) {
+        } else if (config_set_number(c, name, item, err)) {
             return -1;
         }
     }
     return 0;
 }
 
-static int check(struct train_config *c, struct error *err)
+/* What keys demand of each other; defaults that follow from others. */
+static int config_check(struct train_config *c, struct error *err)
 {
     if (!c->micro)
         c->micro = c->batch;
@@ -205,7 +232,7 @@ int train_config_parse(struct train_config *c, const char *text,
 
     memset(c, 0, sizeof *c);
     for (size_t i = 0; i < sizeof keys / sizeof *keys; i++)
-        store(c, &keys[i], keys[i].normal);
+        config_store(c, &keys[i], keys[i].normal);
     if (!json)
         error_set(err, EX_CONFIG, "not JSON at byte %ld",
                   (long)(end ? end - text : 0));
@@ -214,7 +241,7 @@ int train_config_parse(struct train_config *c, const char *text,
     else if (!cJSON_GetObjectItem(json, "stage"))
         error_set(err, EX_CONFIG, "stage: missing (expected shape, motion, "
                   "avatar or all)");
-    else if (!set_object(c, json, "", err) && !check(c, err))
+    else if (!config_set_object(c, json, "", err) && !config_check(c, err))
         rc = 0;
     cJSON_Delete(json);
     if (rc) {

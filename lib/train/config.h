@@ -2,6 +2,7 @@
 #ifndef SPID_TRAIN_CONFIG_H
 #define SPID_TRAIN_CONFIG_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -21,7 +22,7 @@ struct train_config {
     double rate, rate_end;      /* Adam's, falling by a half cosine */
     int64_t warmup;             /* steps in which it rises */
     double clip, average;       /* gradient norm; averaging of the weights */
-    int running_norm;           /* the encoders' batch norm stays at its
+    bool running_norm;          /* the encoders' batch norm stays at its
                                  * running statistics: no noise from the batch
                                  * in the last, small steps */
     int64_t pool;               /* people in memory */
@@ -34,15 +35,18 @@ struct train_config {
     int64_t anchor_steps;       /* ... over this many steps (lambda_3) */
     double coarse, refined;     /* L1 of the two pictures (lambda_1) */
     double face;                /* factor of the face crop's terms */
-    double perceptual;          /* pyramid L1 of the face crop (lambda_2) */
+    double perceptual;          /* L_perc of the face crop (lambda_2) */
+    char perceptual_file[TRAIN_PATH]; /* SqueezeNet's weights for it; "": a
+                                 * Laplacian pyramid's L1 */
     double silhouette;          /* alpha against the mask */
     double mouth;               /* L1 and half of L_perc between open lips */
     double square;              /* mean square of the two pictures: what PSNR
                                  * measures */
-    int smooth;                 /* squares instead of |x| in pictures, and no
+    bool smooth;                /* squares instead of |x| in pictures, and no
                                  * cut-offs in the renderer: for comparing
                                  * gradients with differences */
-    int64_t log_every, sheet_every, checkpoint_every, held_every, held_people;
+    int64_t log_every, sheet_every, checkpoint_every;
+    int64_t validation_every, validation_people;
     char freeze[64];            /* tensors whose names begin so stay as they
                                  * are; "" for none */
     char *model;                /* JSON of the model's configuration */

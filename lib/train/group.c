@@ -1,3 +1,5 @@
+/* Sums over processes by MPI where there is one; without it, a group of one
+ * in which they do nothing. */
 #include "lib/train/group.h"
 
 #include <limits.h>
@@ -9,13 +11,14 @@
 
 /* mpirun of the common implementations says so in the environment; without
  * it MPI_Init would only cost time, or fail where no daemon runs. */
-static bool launched(void)
+static bool group_launched(void)
 {
     return getenv("OMPI_COMM_WORLD_SIZE") || getenv("PMI_SIZE") ||
            getenv("PMIX_RANK");
 }
 
-static int check(int rc, const char *what, struct error *err)
+/* 0, or -1 with MPI's own words. */
+static int group_check(int rc, const char *what, struct error *err)
 {
     char text[MPI_MAX_ERROR_STRING] = "";
     int length;
@@ -31,9 +34,9 @@ int group_init(struct group *g, struct error *err)
 {
     g->rank = 0;
     g->size = 1;
-    if (!launched())
+    if (!group_launched())
         return 0;
-    if (check(MPI_Init(NULL, NULL), "start", err))
+    if (group_check(MPI_Init(NULL, NULL), "start", err))
         return -1;
     MPI_Comm_set_errhandler(MPI_COMM_WORLD, MPI_ERRORS_RETURN);
     MPI_Comm_rank(MPI_COMM_WORLD, &g->rank);
@@ -52,8 +55,9 @@ void group_release(struct group *g)
     g->size = 1;
 }
 
-static int sum(const struct group *g, void *x, size_t n, size_t size,
-               MPI_Datatype type, struct error *err)
+/* x[n] of a type = sum over the group, in parts that an int can count. */
+static int group_sum_type(const struct group *g, void *x, size_t n,
+                          size_t size, MPI_Datatype type, struct error *err)
 {
     size_t most = 1 << 24;
 
@@ -61,9 +65,9 @@ static int sum(const struct group *g, void *x, size_t n, size_t size,
         return 0;
     for (size_t at = 0; at < n; at += most) {
         int count = (int)(n - at < most ? n - at : most);
-        if (check(MPI_Allreduce(MPI_IN_PLACE, (char *)x + at * size, count,
-                                type, MPI_SUM, MPI_COMM_WORLD),
-                  "sum", err))
+        if (group_check(MPI_Allreduce(MPI_IN_PLACE, (char *)x + at * size,
+                                      count, type, MPI_SUM, MPI_COMM_WORLD),
+                        "sum", err))
             return -1;
     }
     return 0;
@@ -71,13 +75,13 @@ static int sum(const struct group *g, void *x, size_t n, size_t size,
 
 int group_sum(const struct group *g, float *x, size_t n, struct error *err)
 {
-    return sum(g, x, n, sizeof *x, MPI_FLOAT, err);
+    return group_sum_type(g, x, n, sizeof *x, MPI_FLOAT, err);
 }
 
 int group_sum_double(const struct group *g, double *x, size_t n,
                      struct error *err)
 {
-    return sum(g, x, n, sizeof *x, MPI_DOUBLE, err);
+    return group_sum_type(g, x, n, sizeof *x, MPI_DOUBLE, err);
 }
 
 int group_copy(const struct group *g, float *x, size_t n, struct error *err)
@@ -88,8 +92,8 @@ int group_copy(const struct group *g, float *x, size_t n, struct error *err)
         return 0;
     for (size_t at = 0; at < n; at += most) {
         int count = (int)(n - at < most ? n - at : most);
-        if (check(MPI_Bcast(x + at, count, MPI_FLOAT, 0, MPI_COMM_WORLD),
-                  "copy", err))
+        if (group_check(MPI_Bcast(x + at, count, MPI_FLOAT, 0, MPI_COMM_WORLD),
+                        "copy", err))
             return -1;
     }
     return 0;
@@ -101,9 +105,9 @@ int group_any(const struct group *g, bool *flag, struct error *err)
 
     if (g->size < 2)
         return 0;
-    if (check(MPI_Allreduce(MPI_IN_PLACE, &x, 1, MPI_INT, MPI_MAX,
-                            MPI_COMM_WORLD),
-              "vote", err))
+    if (group_check(MPI_Allreduce(MPI_IN_PLACE, &x, 1, MPI_INT, MPI_MAX,
+                                  MPI_COMM_WORLD),
+                    "vote", err))
         return -1;
     *flag = x != 0;
     return 0;

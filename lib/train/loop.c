@@ -1,3 +1,6 @@
+/* A step: passes share the batch, gradients are summed, numbers that are not
+ * finite are refused, Adam moves the weights.  Everything a step draws
+ * follows from seed and step, so a run resumes to the byte. */
 #include "lib/train/loop.h"
 
 #include <errno.h>
@@ -19,27 +22,39 @@ struct run {
     struct data_pool pool;
     float *base, *sum;      /* running statistics before the step, and their
                              * sum over its passes: laid out as ps.w */
-    FILE *log, *held;
+    FILE *log, *figures;    /* log.tsv, held.tsv */
     char fingerprint[17];
     uint64_t skipped_row;   /* bad steps in a row */
     double begun;
     uint64_t first;         /* step of this process */
 };
 
-static void path_in(char *out, size_t size, const struct loop *l,
-                    const char *name)
+/* The name of a file in the run's folder. */
+static void loop_path(char *out, size_t size, const struct loop *l,
+                      const char *name)
 {
     snprintf(out, size, "%s/%s", l->folder, name);
 }
 
-static bool running(const struct param *p)
+/* A running statistic of batch norm. */
+static bool loop_is_statistic(const struct param *p)
 {
     return p->frozen && strstr(p->name, ".running_");
 }
 
-/* For every running statistic: which 0 base = w, 1 w = base, 2 sum += w,
- * 3 w = sum / passes. */
-static void statistics(struct run *r, int which, double passes)
+/* What loop_statistics does with every running statistic. */
+enum statistics_step {
+    STATISTICS_KEEP,            /* base = w, sum = 0: before the step */
+    STATISTICS_RESTORE,         /* w = base: before a pass, or to undo all */
+    STATISTICS_ADD,             /* sum += w: after a pass */
+    STATISTICS_MEAN             /* w = sum / passes: after the step */
+};
+
+/* Batch norm's statistics move in a forward pass: every pass starts from those
+ * before the step, and the step ends with their mean, so that they do not
+ * depend on how passes are shared out. */
+static void loop_statistics(struct run *r, enum statistics_step what,
+                            double passes)
 {
     struct params *ps = &r->l->task->ps;
 
@@ -47,18 +62,24 @@ static void statistics(struct run *r, int which, double passes)
         const struct param *p = &ps->tensor[k];
         float *w = ps->w + p->offset, *b = r->base + p->offset;
         float *s = r->sum + p->offset;
-        if (!running(p))
+
+        if (!loop_is_statistic(p))
             continue;
         for (size_t i = 0; i < p->count; i++) {
-            if (which == 0) {
+            switch (what) {
+            case STATISTICS_KEEP:
                 b[i] = w[i];
                 s[i] = 0;
-            } else if (which == 1) {
+                break;
+            case STATISTICS_RESTORE:
                 w[i] = b[i];
-            } else if (which == 2) {
+                break;
+            case STATISTICS_ADD:
                 s[i] += w[i];
-            } else {
+                break;
+            case STATISTICS_MEAN:
                 w[i] = (float)(s[i] / passes);
+                break;
             }
         }
     }
@@ -66,29 +87,31 @@ static void statistics(struct run *r, int which, double passes)
 
 /* ---- files -------------------------------------------------------------- */
 
-static FILE *open_log(const struct loop *l, const char *name, int fresh,
-                      struct error *err)
+/* A log, fresh or to go on with. */
+static FILE *loop_open_log(const struct loop *l, const char *name, bool fresh,
+                           struct error *err)
 {
     char path[TRAIN_PATH];
     FILE *f;
 
-    path_in(path, sizeof path, l, name);
+    loop_path(path, sizeof path, l, name);
     f = fopen(path, fresh ? "w" : "a");
     if (!f)
         error_set(err, EX_CANTCREAT, "%s: %s", path, strerror(errno));
     return f;
 }
 
-static int open_logs(struct run *r, struct error *err)
+/* Both logs, with their column names when fresh; rank 0 alone writes. */
+static int loop_open_logs(struct run *r, struct error *err)
 {
     const struct task *t = r->l->task;
-    int fresh = r->l->step == 0;
+    bool fresh = r->l->step == 0;
 
     if (r->l->group->rank)
         return 0;
-    r->log = open_log(r->l, "log.tsv", fresh, err);
-    r->held = r->log ? open_log(r->l, "held.tsv", fresh, err) : NULL;
-    if (!r->held)
+    r->log = loop_open_log(r->l, "log.tsv", fresh, err);
+    r->figures = r->log ? loop_open_log(r->l, "held.tsv", fresh, err) : NULL;
+    if (!r->figures)
         return -1;
     if (!fresh)
         return 0;
@@ -96,14 +119,15 @@ static int open_logs(struct run *r, struct error *err)
     for (int i = 0; i < t->nparts; i++)
         fprintf(r->log, "\t%s", t->part_name[i]);
     fprintf(r->log, "\tnorm\trate\tseconds\n");
-    fprintf(r->held, "step");
+    fprintf(r->figures, "step");
     for (int i = 0; i < t->nfigures; i++)
-        fprintf(r->held, "\t%s", t->held_name[i]);
-    fprintf(r->held, "\n");
+        fprintf(r->figures, "\t%s", t->figure_name[i]);
+    fprintf(r->figures, "\n");
     return 0;
 }
 
-static void swap_average(struct run *r)
+/* Exchange the weights and their average. */
+static void loop_swap_average(struct run *r)
 {
     float *w = r->l->task->ps.w;
 
@@ -113,7 +137,8 @@ static void swap_average(struct run *r)
     }
 }
 
-static int save(struct run *r, struct error *err)
+/* The checkpoint, and the averaged weights as a model. */
+static int loop_save(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     char path[TRAIN_PATH];
@@ -123,39 +148,41 @@ static int save(struct run *r, struct error *err)
 
     if (l->group->rank)
         return 0;
-    path_in(path, sizeof path, l, "checkpoint.safetensors");
+    loop_path(path, sizeof path, l, "checkpoint.safetensors");
     if (checkpoint_save(path, &l->task->ps, &r->adam, l->step, l->skipped,
                         r->fingerprint, err))
         return -1;
-    path_in(path, sizeof path, l, "model.safetensors");
-    swap_average(r);
+    loop_path(path, sizeof path, l, "model.safetensors");
+    loop_swap_average(r);
     rc = params_save(&l->task->ps, path, ST_F32, meta, err);
-    swap_average(r);
+    loop_swap_average(r);
     return rc;
 }
 
-static int judge(struct run *r, struct error *err)
+/* Figures of the averaged weights on people never trained on. */
+static int loop_validate(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     int rc;
 
-    if (l->group->rank || !l->task->nheld)
+    if (l->group->rank || !l->task->nvalidation)
         return 0;
-    swap_average(r);
-    rc = l->task->type->held(l->task, l->held, err);
-    swap_average(r);
+    loop_swap_average(r);
+    rc = l->task->type->validate(l->task, l->figures, err);
+    loop_swap_average(r);
     l->task->type->update(l->task);
     if (rc)
         return -1;
-    fprintf(r->held, "%" PRIu64, l->step);
+    fprintf(r->figures, "%" PRIu64, l->step);
     for (int i = 0; i < l->task->nfigures; i++)
-        fprintf(r->held, "\t%.5g", l->held[i]);
-    fprintf(r->held, "\n");
-    fflush(r->held);
+        fprintf(r->figures, "\t%.5g", l->figures[i]);
+    fprintf(r->figures, "\n");
+    fflush(r->figures);
     return 0;
 }
 
-static int draw_sheet(struct run *r, struct error *err)
+/* A contact sheet of the averaged weights. */
+static int loop_draw_sheet(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     char path[TRAIN_PATH], name[40];
@@ -163,13 +190,13 @@ static int draw_sheet(struct run *r, struct error *err)
     size_t H, W;
     int rc;
 
-    if (l->group->rank || !l->write_png || !l->task->nheld)
+    if (l->group->rank || !l->write_png || !l->task->nvalidation)
         return 0;
     snprintf(name, sizeof name, "sheet-%06" PRIu64 ".png", l->step);
-    path_in(path, sizeof path, l, name);
-    swap_average(r);
+    loop_path(path, sizeof path, l, name);
+    loop_swap_average(r);
     rc = l->task->type->sheet(l->task, &rgb, &H, &W, err);
-    swap_average(r);
+    loop_swap_average(r);
     l->task->type->update(l->task);
     if (!rc)
         rc = l->write_png(path, rgb, H, W, err);
@@ -180,7 +207,7 @@ static int draw_sheet(struct run *r, struct error *err)
 /* ---- a step ------------------------------------------------------------- */
 
 /* Losses and gradients of the whole batch, over all processes. */
-static int gather(struct run *r, double *parts, struct error *err)
+static int loop_gather(struct run *r, double *parts, struct error *err)
 {
     struct loop *l = r->l;
     struct params *ps = &l->task->ps;
@@ -188,31 +215,31 @@ static int gather(struct run *r, double *parts, struct error *err)
 
     memset(ps->g, 0, ps->total * sizeof *ps->g);
     memset(parts, 0, TASK_PARTS * sizeof *parts);
-    statistics(r, 0, 0);
+    loop_statistics(r, STATISTICS_KEEP, 0);
     for (size_t k = 0; k < passes; k++) {
         if (k % (size_t)l->group->size != (size_t)l->group->rank)
             continue;
-        statistics(r, 1, 0);
+        loop_statistics(r, STATISTICS_RESTORE, 0);
         if (l->task->type->pass(l->task, parts, l->step, k, err))
             return -1;
-        statistics(r, 2, 0);
+        loop_statistics(r, STATISTICS_ADD, 0);
     }
     if (group_sum(l->group, ps->g, ps->total, err) ||
         group_sum(l->group, r->sum, ps->total, err) ||
         group_sum_double(l->group, parts, TASK_PARTS, err))
         return -1;
-    statistics(r, 3, (double)passes);
+    loop_statistics(r, STATISTICS_MEAN, (double)passes);
     return 0;
 }
 
 /* A step whose numbers are not finite is undone; too many end the run. */
-static int skip(struct run *r, const char *what, const char *name,
-                struct error *err)
+static int loop_skip(struct run *r, const char *what, const char *name,
+                     struct error *err)
 {
     struct loop *l = r->l;
     char text[200];
 
-    statistics(r, 1, 0);
+    loop_statistics(r, STATISTICS_RESTORE, 0);
     l->skipped++;
     snprintf(text, sizeof text, "step %" PRIu64 ": %s %s is not finite; the "
              "step is skipped", l->step, what, name);
@@ -224,14 +251,15 @@ static int skip(struct run *r, const char *what, const char *name,
     return 0;
 }
 
-static int step(struct run *r, double *parts, double *loss, double *norm,
-                struct error *err)
+/* Losses and gradients of a batch, then the update. */
+static int loop_step(struct run *r, double *parts, double *loss, double *norm,
+                     struct error *err)
 {
     struct loop *l = r->l;
     struct params *ps = &l->task->ps;
     size_t bad;
 
-    if (gather(r, parts, err))
+    if (loop_gather(r, parts, err))
         return -1;
     *loss = 0;
     for (int i = 0; i < l->task->nparts; i++)
@@ -239,19 +267,20 @@ static int step(struct run *r, double *parts, double *loss, double *norm,
     *norm = adam_norm(ps);
     if (!isfinite(*norm)) {
         bad = adam_first_bad(ps, 0);
-        return skip(r, "gradient of",
-                    bad < ps->count ? ps->tensor[bad].name : "all", err);
+        return loop_skip(r, "gradient of",
+                         bad < ps->count ? ps->tensor[bad].name : "all", err);
     }
     if (!isfinite(*loss))
-        return skip(r, "the", "loss", err);
+        return loop_skip(r, "the", "loss", err);
     r->skipped_row = 0;
     adam_update(&r->adam, ps, train_rate(l->config, l->step), *norm);
     l->task->type->update(l->task);
     return 0;
 }
 
-static void write_log(struct run *r, const double *parts, double loss,
-                      double norm)
+/* A line of log.tsv, and the program's report. */
+static void loop_write_log(struct run *r, const double *parts, double loss,
+                           double norm)
 {
     struct loop *l = r->l;
     double now = cpu_seconds() - r->begun;
@@ -277,12 +306,14 @@ static void write_log(struct run *r, const double *parts, double loss,
     fflush(r->log);
 }
 
-static bool due(int64_t every, uint64_t at)
+/* Every so many steps; 0 never. */
+static bool loop_due(int64_t every, uint64_t at)
 {
     return every > 0 && at % (uint64_t)every == 0;
 }
 
-static int steps(struct run *r, struct error *err)
+/* Steps until the last one or a signal. */
+static int loop_steps(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     const struct train_config *c = l->config;
@@ -298,15 +329,15 @@ static int steps(struct run *r, struct error *err)
         if (stop)
             break;
         if (data_pool_advance(&r->pool, want, err) ||
-            step(r, parts, &loss, &norm, err))
+            loop_step(r, parts, &loss, &norm, err))
             return -1;
-        write_log(r, parts, loss, norm);
+        loop_write_log(r, parts, loss, norm);
         l->step++;
-        if (due(c->held_every, l->step) && judge(r, err))
+        if (loop_due(c->validation_every, l->step) && loop_validate(r, err))
             return -1;
-        if (due(c->sheet_every, l->step) && draw_sheet(r, err))
+        if (loop_due(c->sheet_every, l->step) && loop_draw_sheet(r, err))
             return -1;
-        if (due(c->checkpoint_every, l->step) && save(r, err))
+        if (loop_due(c->checkpoint_every, l->step) && loop_save(r, err))
             return -1;
     }
     return 0;
@@ -314,7 +345,8 @@ static int steps(struct run *r, struct error *err)
 
 /* ---- the run ------------------------------------------------------------ */
 
-static int start(struct run *r, struct error *err)
+/* Folder, weights, checkpoint, pool and logs. */
+static int loop_start(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     struct params *ps = &l->task->ps;
@@ -332,7 +364,7 @@ static int start(struct run *r, struct error *err)
                   (float)l->config->average, err))
         return -1;
     checkpoint_fingerprint(r->fingerprint, l->config, ps);
-    path_in(path, sizeof path, l, "checkpoint.safetensors");
+    loop_path(path, sizeof path, l, "checkpoint.safetensors");
     rc = checkpoint_load(path, ps, &r->adam, &l->step, &l->skipped,
                          r->fingerprint, err);
     if (rc < 0)
@@ -350,29 +382,29 @@ static int start(struct run *r, struct error *err)
     r->sum = calloc(ps->total + 1, sizeof *r->sum);
     if (!r->base || !r->sum)
         return error_set(err, EX_OSERR, "out of memory");
-    return open_logs(r, err);
+    return loop_open_logs(r, err);
 }
 
 int loop_run(struct loop *l, struct error *err)
 {
     struct run r = {.l = l};
-    int rc = start(&r, err);
+    int rc = loop_start(&r, err);
 
     r.begun = cpu_seconds();
     r.first = l->step;
     if (!rc && l->step == 0)
-        rc = draw_sheet(&r, err);
+        rc = loop_draw_sheet(&r, err);
     if (!rc)
-        rc = steps(&r, err);
-    if (!rc && (rc = save(&r, err)) == 0 && l->step > r.first) {
-        rc = judge(&r, err);
+        rc = loop_steps(&r, err);
+    if (!rc && (rc = loop_save(&r, err)) == 0 && l->step > r.first) {
+        rc = loop_validate(&r, err);
         if (!rc && l->step == (uint64_t)l->config->steps)
-            rc = draw_sheet(&r, err);
+            rc = loop_draw_sheet(&r, err);
     }
     if (r.log)
         fclose(r.log);
-    if (r.held)
-        fclose(r.held);
+    if (r.figures)
+        fclose(r.figures);
     data_pool_release(&r.pool);
     adam_release(&r.adam);
     free(r.base);

@@ -40,7 +40,7 @@ struct loop {
                      size_t W, struct error *err);
     /* Outcome. */
     uint64_t step, skipped;
-    double held[TASK_PARTS];
+    double figures[TASK_PARTS]; /* of the last validation */
 };
 
 /* Run to config->steps, from the checkpoint in folder where there is one.

@@ -1,3 +1,6 @@
+/* The terms of L_aux and L_lmk, forward and backward: the motion is decoded,
+ * the head posed and projected, and every term's gradient goes back to E_m's
+ * numbers. */
 #include "lib/train/motion_loss.h"
 
 #include <math.h>
@@ -6,8 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/geom/rotation.h"
-#include "lib/net/motion_encoder.h"
+#include "lib/net/motion_code.h"
 
 const char *const motion_term_name[TERM_COUNT] = {
     "vertex", "rotation", "translation", "eye",
@@ -17,21 +19,8 @@ void motion_decode(struct motion_state *s, const float *out,
                    const struct data_frame *f, struct square q,
                    const struct identity *id)
 {
-    double t[3], tnet[3];
-
-    for (int i = 0; i < 3; i++)
-        tnet[i] = out[MOTION_TRANS + i];
-    rotation_6d(s->R, out + MOTION_ROT);
-    crop_translation(t, tnet, q, (double)f->size,
-                     camera_focal((float)f->size));
-    for (int i = 0; i < 3; i++)
-        s->t[i] = (float)t[i];
+    motion_code_decode(s->R, s->t, &s->motion, out, q, (double)f->size);
     camera_make(s->cam, s->R, s->t);
-    memset(&s->motion, 0, sizeof s->motion);
-    s->motion.exp = out + MOTION_EXP;
-    memcpy(s->motion.jaw, out + MOTION_JAW, sizeof s->motion.jaw);
-    memcpy(s->motion.eye, out + MOTION_EYE, sizeof s->motion.eye);
-    memcpy(s->motion.lid, out + MOTION_LID, sizeof s->motion.lid);
     head_pose(s->verts, id, &s->motion);
 }
 
@@ -40,32 +29,12 @@ void motion_decode_backward(float *dout, const float *dverts,
                             const float *out, const struct data_frame *f,
                             struct square q, const struct identity *id)
 {
-    struct head_motion_grad g = {.exp = dout + MOTION_EXP};
+    struct head_motion_grad g = motion_code_gradient(dout);
 
-    if (dverts) {
+    if (dverts)
         head_pose_backward(&g, dverts, NULL, id, &s->motion);
-        for (int i = 0; i < 3; i++)
-            dout[MOTION_JAW + i] += g.jaw[i];
-        for (int i = 0; i < 6; i++)
-            dout[MOTION_EYE + i] += g.eye[i];
-        for (int i = 0; i < 2; i++)
-            dout[MOTION_LID + i] += g.lid[i];
-    }
-    if (dcam) {
-        float dR[9];
-        double dt[3], dtnet[3] = {0}, dcrop[3] = {0}, tnet[3];
-        for (int i = 0; i < 3; i++) {
-            memcpy(dR + 3 * i, dcam + 4 * i, 3 * sizeof *dR);
-            dt[i] = dcam[4 * i + 3];
-            tnet[i] = out[MOTION_TRANS + i];
-        }
-        rotation_6d_backward(dout + MOTION_ROT, dR, out + MOTION_ROT);
-        crop_translation_backward(dtnet, dcrop, dt, tnet, q,
-                                  (double)f->size,
-                                  camera_focal((float)f->size));
-        for (int i = 0; i < 3; i++)
-            dout[MOTION_TRANS + i] += (float)dtnet[i];
-    }
+    motion_code_decode_backward(dout, dverts ? &g : NULL, dcam, out, q,
+                                (double)f->size);
 }
 
 int motion_loss_init(struct motion_loss *l, const struct head *h,
@@ -90,8 +59,8 @@ void motion_loss_release(struct motion_loss *l)
 }
 
 /* weight * mean |b - a|; db += scale * gradient. */
-static double mean_l1(float *db, const float *b, const float *a, size_t n,
-                      double weight, double scale)
+static double motion_loss_l1(float *db, const float *b, const float *a,
+                             size_t n, double weight, double scale)
 {
     double sum = 0;
     float g = (float)(weight * scale / (double)n);
@@ -106,8 +75,8 @@ static double mean_l1(float *db, const float *b, const float *a, size_t n,
 
 /* Mean distance of uv (n,2) from truth, or its square, with pixels as if the
  * picture had 512, over 64; uv becomes scale times its gradient. */
-static double mean_distance(float *uv, const float *truth, size_t n,
-                            size_t size, int square, double scale)
+static double motion_loss_distance(float *uv, const float *truth, size_t n,
+                                   size_t size, int square, double scale)
 {
     double unit = 512.0 / (64.0 * (double)size), sum = 0;
 
@@ -124,11 +93,11 @@ static double mean_distance(float *uv, const float *truth, size_t n,
 }
 
 /* Landmarks of the posed head in the picture; gradients for dverts, dcam. */
-static double landmark_term(float *dverts, float dcam[12],
-                            const struct motion_state *s,
-                            const struct data_frame *f,
-                            const struct motion_weights *w, double scale,
-                            const struct motion_loss *l)
+static double motion_loss_landmarks(float *dverts, float dcam[12],
+                                    const struct motion_state *s,
+                                    const struct data_frame *f,
+                                    const struct motion_weights *w,
+                                    double scale, const struct motion_loss *l)
 {
     const struct head *h = l->id->head;
     float x[68 * 3], uv[68 * 2], dx[68 * 3] = {0};
@@ -136,8 +105,8 @@ static double landmark_term(float *dverts, float dcam[12],
 
     head_landmarks(x, h, s->verts);
     camera_project(uv, NULL, s->cam, (float)f->size, x, 68);
-    mean = mean_distance(uv, &f->lmk[0][0], 68, f->size, w->square_landmarks,
-                         weight * scale);
+    mean = motion_loss_distance(uv, &f->lmk[0][0], 68, f->size,
+                                w->square_landmarks, weight * scale);
     camera_project_backward(dx, dcam, uv, NULL, s->cam, (float)f->size, x,
                             68);
     head_landmarks_backward(dverts, dx, h);
@@ -146,11 +115,11 @@ static double landmark_term(float *dverts, float dcam[12],
 
 /* All of the posed head in the picture against the truly posed one (l->truth):
  * what of a wrong camera shows in hair and shoulders, too. */
-static double mesh_term(float *dverts, float dcam[12],
-                        const struct motion_state *s,
-                        const struct data_frame *f,
-                        const struct motion_weights *w, double scale,
-                        const struct motion_loss *l)
+static double motion_loss_mesh(float *dverts, float dcam[12],
+                               const struct motion_state *s,
+                               const struct data_frame *f,
+                               const struct motion_weights *w, double scale,
+                               const struct motion_loss *l)
 {
     size_t V = l->id->head->V;
     double weight = w->term[TERM_MESH], mean;
@@ -159,7 +128,8 @@ static double mesh_term(float *dverts, float dcam[12],
     camera_make(cam, f->motion.rot, f->motion.trans);
     camera_project(l->uv_truth, NULL, cam, (float)f->size, l->truth, V);
     camera_project(l->uv, NULL, s->cam, (float)f->size, s->verts, V);
-    mean = mean_distance(l->uv, l->uv_truth, V, f->size, 0, weight * scale);
+    mean = motion_loss_distance(l->uv, l->uv_truth, V, f->size, 0,
+                                weight * scale);
     camera_project_backward(dverts, dcam, l->uv, NULL, s->cam,
                             (float)f->size, s->verts, V);
     return weight * mean;
@@ -186,33 +156,35 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     motion_decode(s, out, f, q, l->id);
 
     memset(l->dverts, 0, 3 * h->V * sizeof *l->dverts);
-    parts[TERM_VERTEX] += mean_l1(l->dverts, s->verts, l->truth, 3 * h->V,
-                                  w->term[TERM_VERTEX], scale);
-    parts[TERM_ROTATION] += mean_l1(dR, s->R, m->rot, 9,
-                                    w->term[TERM_ROTATION], scale);
+    parts[TERM_VERTEX] += motion_loss_l1(
+        l->dverts, s->verts, l->truth, 3 * h->V, w->term[TERM_VERTEX], scale);
+    parts[TERM_ROTATION] +=
+        motion_loss_l1(dR, s->R, m->rot, 9, w->term[TERM_ROTATION], scale);
     for (int i = 0; i < 9; i++)
         dcam[i / 3 * 4 + i % 3] += dR[i];
     if (h->has_landmarks && w->term[TERM_LANDMARK] > 0)
-        parts[TERM_LANDMARK] += landmark_term(l->dverts, dcam, s, f, w,
-                                              scale, l);
+        parts[TERM_LANDMARK] +=
+            motion_loss_landmarks(l->dverts, dcam, s, f, w, scale, l);
     if (w->term[TERM_MESH] > 0)
-        parts[TERM_MESH] += mesh_term(l->dverts, dcam, s, f, w, scale, l);
+        parts[TERM_MESH] +=
+            motion_loss_mesh(l->dverts, dcam, s, f, w, scale, l);
     motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
 
     data_net_translation(t, f, q);
     for (int i = 0; i < 3; i++)
         tnet[i] = (float)t[i];
-    parts[TERM_TRANSLATION] += mean_l1(dout + MOTION_TRANS,
-                                       out + MOTION_TRANS, tnet, 3,
-                                       w->term[TERM_TRANSLATION], scale);
-    parts[TERM_EYE] += mean_l1(dout + MOTION_EYE, out + MOTION_EYE, m->eye,
-                               6, w->term[TERM_EYE], scale);
-    parts[TERM_EXP] += mean_l1(dout + MOTION_EXP, out + MOTION_EXP, m->exp,
-                               DATA_EXP, w->term[TERM_EXP], scale);
-    parts[TERM_JAW] += mean_l1(dout + MOTION_JAW, out + MOTION_JAW, m->jaw,
-                               3, w->term[TERM_JAW], scale);
-    parts[TERM_LID] += mean_l1(dout + MOTION_LID, out + MOTION_LID, m->lid,
-                               2, w->term[TERM_LID], scale);
+    parts[TERM_TRANSLATION] +=
+        motion_loss_l1(dout + MOTION_TRANS, out + MOTION_TRANS, tnet, 3,
+                       w->term[TERM_TRANSLATION], scale);
+    parts[TERM_EYE] += motion_loss_l1(dout + MOTION_EYE, out + MOTION_EYE,
+                                      m->eye, 6, w->term[TERM_EYE], scale);
+    parts[TERM_EXP] +=
+        motion_loss_l1(dout + MOTION_EXP, out + MOTION_EXP, m->exp, DATA_EXP,
+                       w->term[TERM_EXP], scale);
+    parts[TERM_JAW] += motion_loss_l1(dout + MOTION_JAW, out + MOTION_JAW,
+                                      m->jaw, 3, w->term[TERM_JAW], scale);
+    parts[TERM_LID] += motion_loss_l1(dout + MOTION_LID, out + MOTION_LID,
+                                      m->lid, 2, w->term[TERM_LID], scale);
     for (int i = 0; i < TERM_COUNT; i++)
         after += parts[i];
     return after - before;

@@ -4,6 +4,7 @@
 #ifndef SPID_TRAIN_MOTION_LOSS_H
 #define SPID_TRAIN_MOTION_LOSS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/base/error.h"
@@ -30,7 +31,7 @@ extern const char *const motion_term_name[TERM_COUNT];
 
 struct motion_weights {
     float term[TERM_COUNT];     /* paper: 100, 10, 5, 10, and 1 with squares */
-    int square_landmarks;
+    bool square_landmarks;
 };
 
 /* A predicted motion put together: what drives the avatar. */

@@ -1,3 +1,6 @@
+/* Squared vertex distance as a form of beta - beta*: points that directions
+ * move are freed of what a similarity undoes, and their Gram matrix is the
+ * form. */
 #include "lib/train/shape_loss.h"
 
 #include <math.h>
@@ -14,6 +17,7 @@ struct points {
     double *x, *d;
 };
 
+/* Room for P points and n directions. */
 static int points_init(struct points *p, size_t P, size_t n,
                        struct error *err)
 {
@@ -26,7 +30,8 @@ static int points_init(struct points *p, size_t P, size_t n,
     return 0;
 }
 
-static void subtract_along(double *a, const double *unit, size_t count)
+/* a (count) without its part along a vector of length 1. */
+static void points_subtract(double *a, const double *unit, size_t count)
 {
     double along = 0;
 
@@ -36,7 +41,8 @@ static void subtract_along(double *a, const double *unit, size_t count)
         a[i] -= along * unit[i];
 }
 
-static void middle(double mean[3], const struct points *p)
+/* The points' centroid. */
+static void points_middle(double mean[3], const struct points *p)
 {
     memset(mean, 0, 3 * sizeof *mean);
     for (size_t i = 0; i < 3 * p->P; i++)
@@ -45,12 +51,12 @@ static void middle(double mean[3], const struct points *p)
 
 /* unit (4,P*3): what moving the points and making them larger do to them,
  * each of length 1 and square to the others. */
-static void similarities(double *unit, const struct points *p)
+static void points_similarities(double *unit, const struct points *p)
 {
     size_t count = 3 * p->P;
     double mean[3];
 
-    middle(mean, p);
+    points_middle(mean, p);
     for (size_t i = 0; i < count; i++) {
         unit[i % 3 * count + i] = 1 / sqrt((double)p->P);
         unit[3 * count + i] = p->x[i] - mean[i % 3];
@@ -62,8 +68,9 @@ static void similarities(double *unit, const struct points *p)
         larger[i] /= sqrt(sum);
 }
 
-static int fill_gram(struct shape_loss *l, const struct points *p,
-                     struct error *err)
+/* Free the directions of similarities, then make their Gram matrix. */
+static int shape_loss_fill(struct shape_loss *l, const struct points *p,
+                           struct error *err)
 {
     size_t count = 3 * p->P, n = p->n;
     double *unit = calloc(SIMILARITIES * count, sizeof *unit);
@@ -74,10 +81,10 @@ static int fill_gram(struct shape_loss *l, const struct points *p,
         free(unit);
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     }
-    similarities(unit, p);
+    points_similarities(unit, p);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < SIMILARITIES; k++)
-            subtract_along(p->d + i * count, unit + k * count, count);
+            points_subtract(p->d + i * count, unit + k * count, count);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
             double sum = 0;
@@ -89,15 +96,16 @@ static int fill_gram(struct shape_loss *l, const struct points *p,
     return 0;
 }
 
-static void put(double *to, const float *from, size_t count)
+/* Floats as doubles. */
+static void points_put(double *to, const float *from, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         to[i] = from[i];
 }
 
 /* The landmarks, or every vertex. */
-static int take_points(struct points *p, const struct head *h, size_t n,
-                       int landmarks, struct error *err)
+static int points_take(struct points *p, const struct head *h, size_t n,
+                       bool landmarks, struct error *err)
 {
     size_t P = landmarks ? HEAD_LANDMARKS : h->V;
     float *verts = malloc(3 * h->V * sizeof *verts);
@@ -115,20 +123,21 @@ static int take_points(struct points *p, const struct head *h, size_t n,
             head_direction(verts, h, h->shape_dirs, h->nshape, k - 1);
         if (landmarks)
             head_landmarks(lmk, h, from);
-        put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
+        points_put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
     }
     free(verts);
     return 0;
 }
 
+/* The form of h's landmarks, or of all its vertices. */
 static int shape_loss_init(struct shape_loss *l, const struct head *h,
-                           size_t n, int landmarks, struct error *err)
+                           size_t n, bool landmarks, struct error *err)
 {
     struct points p = {0};
     int rc;
 
     memset(l, 0, sizeof *l);
-    rc = take_points(&p, h, n, landmarks, err) || fill_gram(l, &p, err);
+    rc = points_take(&p, h, n, landmarks, err) || shape_loss_fill(l, &p, err);
     free(p.x);
     return rc ? -1 : 0;
 }
@@ -136,14 +145,14 @@ static int shape_loss_init(struct shape_loss *l, const struct head *h,
 int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
                         struct error *err)
 {
-    return shape_loss_init(l, h, n, 0, err);
+    return shape_loss_init(l, h, n, false, err);
 }
 
 int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
                          struct error *err)
 {
     if (h->has_landmarks)
-        return shape_loss_init(l, h, n, 1, err);
+        return shape_loss_init(l, h, n, true, err);
     l->n = n;
     l->gram = calloc(n * n, sizeof *l->gram);
     return l->gram ? 0 : error_set(err, EX_OSERR, "out of memory");
@@ -174,11 +183,12 @@ double shape_loss(double *g, const float *beta, const float *truth,
     return rms;
 }
 
-static void fill_place(struct shape_place *out, const struct points *p)
+/* Size and place by each direction. */
+static void shape_place_fill(struct shape_place *out, const struct points *p)
 {
     double spread = 0;
 
-    middle(out->centre, p);
+    points_middle(out->centre, p);
     for (size_t i = 0; i < 3 * p->P; i++)
         spread += (p->x[i] - out->centre[i % 3]) *
                   (p->x[i] - out->centre[i % 3]);
@@ -204,9 +214,9 @@ int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
     if (!p->along)
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     if (h->has_landmarks)
-        rc = take_points(&points, h, n, 1, err);
+        rc = points_take(&points, h, n, true, err);
     if (h->has_landmarks && !rc)
-        fill_place(p, &points);
+        shape_place_fill(p, &points);
     free(points.x);
     return rc;
 }

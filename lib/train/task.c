@@ -1,9 +1,11 @@
+/* A task by its stage's name. */
 #include "lib/train/task.h"
 
 #include <string.h>
 #include <sysexits.h>
 
-static int make(struct task *t, struct error *err)
+/* The stage's own constructor. */
+static int task_make(struct task *t, struct error *err)
 {
     switch (t->config->stage) {
     case STAGE_SHAPE:
@@ -16,7 +18,8 @@ static int make(struct task *t, struct error *err)
 }
 
 /* The configuration's "freeze": it must name something. */
-static int freeze(struct params *ps, const char *prefix, struct error *err)
+static int task_freeze(struct params *ps, const char *prefix,
+                       struct error *err)
 {
     size_t found = 0;
 
@@ -38,7 +41,7 @@ int task_init(struct task *t, const struct train_config *c,
     t->config = c;
     t->head = h;
     params_init(&t->ps);
-    return make(t, err) ? -1 : freeze(&t->ps, c->freeze, err);
+    return task_make(t, err) ? -1 : task_freeze(&t->ps, c->freeze, err);
 }
 
 void task_release(struct task *t)

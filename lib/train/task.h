@@ -26,8 +26,8 @@ struct task_type {
                 struct error *err);
     /* The weights changed. */
     void (*update)(struct task *t);
-    /* Figures on people never trained on: names in held_name. */
-    int (*held)(struct task *t, double *figures, struct error *err);
+    /* Figures on people never trained on: names in figure_name. */
+    int (*validate)(struct task *t, double *figures, struct error *err);
     /* A contact sheet of what it does, as rgb (H,W,3) bytes, malloced. */
     int (*sheet)(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
                  struct error *err);
@@ -38,18 +38,18 @@ struct task {
     const struct train_config *config;
     const struct head *head;
     struct data_pool *pool;     /* people to train on */
-    struct data_person *held;   /* people to be judged by */
-    size_t nheld;
+    struct data_person *validation; /* people never trained on */
+    size_t nvalidation;
     struct params ps;
     int nparts, nfigures;
     const char *part_name[TASK_PARTS];
-    const char *held_name[TASK_PARTS];
+    const char *figure_name[TASK_PARTS];
     void *impl;
 };
 
 /* Make the task of the configuration's stage: declares, allocates and fills
- * its tensors from the seed.  pool and held are set by the caller before the
- * first pass. */
+ * its tensors from the seed.  pool and validation are set by the caller before
+ * the first pass. */
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err);
 void task_release(struct task *t);

@@ -12,33 +12,35 @@
 #include "lib/train/motion_loss.h"
 #include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 
 #define N MOTION_ENCODER_SIZE
 
 struct impl {
-    struct trainee tr;
-    int with_motion;                /* stage "all" */
+    struct avatar_system tr;
+    bool with_motion;               /* stage "all" */
     struct motion_encoder net;
     struct motion_loss loss;
-    struct motion_tta looks;      /* E_m looks twice, unless it learns */
+    struct motion_tta tta;          /* of E_m, unless it learns */
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
-enum { HELD_PSNR, HELD_SSIM, HELD_L1, HELD_STAR, HELD_SSIM_STAR, HELD_SOURCE,
-       HELD_COUNT };
-static const char *const held_name[HELD_COUNT] = {
+/* Figures of validation, in the order of held.tsv. */
+enum { FIGURE_PSNR, FIGURE_SSIM, FIGURE_L1, FIGURE_STAR, FIGURE_SSIM_STAR,
+       FIGURE_SOURCE, FIGURE_COUNT };
+static const char *const figure_name[FIGURE_COUNT] = {
     "psnr", "ssim", "l1", "psnr_star", "ssim_star", "psnr_source"};
 
-static void release(struct task *t)
+/* NULL before it is made. */
+static void avatar_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
     if (!m)
         return;
-    trainee_release(&m->tr);
+    avatar_system_release(&m->tr);
     if (m->with_motion) {
-        motion_tta_release(&m->looks);
+        motion_tta_release(&m->tta);
         motion_encoder_release(&m->net);
         motion_loss_release(&m->loss);
     }
@@ -48,18 +50,18 @@ static void release(struct task *t)
 }
 
 /* What one pass works on: a person, a source frame, target frames. */
-struct lesson {
+struct avatar_sample {
     const struct data_person *who;
     const struct data_frame *source;
     const struct data_frame *target[64];
-    struct square q[65];            /* the source's last */
+    struct square q[65]; /* the source's last */
     struct identity id;
 };
 
-/* What E_m will see of item i of a lesson. */
-static int look(struct task *t, struct lesson *l, size_t i,
-                const struct data_frame *f, struct random *r,
-                struct error *err)
+/* The crop of item i of a sample that E_m will receive. */
+static int avatar_sample_crop(struct task *t, struct avatar_sample *l,
+                              size_t i, const struct data_frame *f,
+                              struct random *r, struct error *err)
 {
     const struct data_augment *how = &t->config->augment;
     struct impl *m = t->impl;
@@ -70,8 +72,9 @@ static int look(struct task *t, struct lesson *l, size_t i,
                           : 0;
 }
 
-static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
-                       size_t micro, struct error *err)
+/* Person, source and targets of a pass, with their crops. */
+static int avatar_sample_draw(struct avatar_sample *l, struct task *t,
+                              uint64_t step, size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
     struct random r;
@@ -81,21 +84,22 @@ static int draw_lesson(struct lesson *l, struct task *t, uint64_t step,
     for (int64_t i = 0; i < c->targets; i++) {
         uint32_t k = random_below(&r, (uint32_t)l->who->count);
         l->target[i] = &l->who->frame[k];
-        if (look(t, l, (size_t)i, l->target[i], &r, err))
+        if (avatar_sample_crop(t, l, (size_t)i, l->target[i], &r, err))
             return -1;
     }
-    if (look(t, l, (size_t)c->targets, l->source, &r, err))
+    if (avatar_sample_crop(t, l, (size_t)c->targets, l->source, &r, err))
         return -1;
     memset(&l->id, 0, sizeof l->id);
     return head_fold(&l->id, t->head, l->who->shape, t->head->nshape, err);
 }
 
 /* Draw target i, add its losses, and go back to the encoder's numbers. */
-static int study(struct task *t, double *parts, const struct lesson *l,
-                 size_t i, uint64_t step, struct error *err)
+static int avatar_task_target(struct task *t, double *parts,
+                              const struct avatar_sample *l, size_t i,
+                              uint64_t step, struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
+    struct avatar_system *tr = &m->tr;
     const struct data_frame *f = l->target[i];
     double scale = 1.0 / (double)(t->config->batch * t->config->targets);
     double terms[TERM_COUNT] = {0};
@@ -117,68 +121,73 @@ static int study(struct task *t, double *parts, const struct lesson *l,
         data_truth(&truth, cam, f);
         head_pose(tr->verts, &l->id, &truth);
     }
-    if (trainee_draw(tr, m->with_motion ? s.verts : tr->verts, cam, err) ||
-        trainee_losses(tr, parts, f, t->config, scale, err) ||
-        trainee_draw_backward(tr, err))
+    if (avatar_system_draw(tr, m->with_motion ? s.verts : tr->verts, cam,
+                           err) ||
+        avatar_system_losses(tr, parts, f, t->config, scale, err) ||
+        avatar_system_draw_backward(tr, err))
         return -1;
     if (m->with_motion)
-        motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts,
-                               tr->dcam, &s, m->out + i * MOTION_OUT, f,
-                               l->q[i], &l->id);
+        motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts, tr->dcam,
+                               &s, m->out + i * MOTION_OUT, f, l->q[i],
+                               &l->id);
     return 0;
 }
 
-/* Phase A as it will be: the source's own motion is what E_m sees, too.  The
+/* Phase A as it will be: the source's own motion is E_m's, too.  The
  * bake has no gradient by it, so what compares gradients takes the truth. */
-static int bake(struct task *t, const struct lesson *l, struct error *err)
+static int avatar_task_bake(struct task *t, const struct avatar_sample *l,
+                            struct error *err)
 {
     struct impl *m = t->impl;
     size_t n = (size_t)t->config->targets;
     struct motion_state s = {.verts = m->tr.verts};
 
     if (m->with_motion) {
-        motion_tta_forward(m->out, &m->looks, m->crops);
+        motion_tta_forward(m->out, &m->tta, m->crops);
         memset(m->dout, 0, (n + 1) * MOTION_OUT * sizeof *m->dout);
     }
     if (!m->with_motion || t->config->smooth)
-        return trainee_bake(&m->tr, l->source, &l->id, NULL, NULL, err);
+        return avatar_system_bake(&m->tr, l->source, &l->id, NULL, NULL, err);
     motion_decode(&s, m->out + n * MOTION_OUT, l->source, l->q[n], &l->id);
-    return trainee_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
+    return avatar_system_bake(&m->tr, l->source, &l->id, &s.motion, s.cam, err);
 }
 
-static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
-                struct error *err)
+/* One person: bake, every target forward and back, the bake's backward. */
+static int avatar_task_pass(struct task *t, double *parts, uint64_t step,
+                            size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
-    struct lesson l;
+    struct avatar_sample l;
     size_t n = (size_t)t->config->targets;
-    int rc = draw_lesson(&l, t, step, micro, err);
+    int rc = avatar_sample_draw(&l, t, step, micro, err);
 
     if (!rc)
-        rc = bake(t, &l, err);
+        rc = avatar_task_bake(t, &l, err);
     for (size_t i = 0; i < n && !rc; i++)
-        rc = study(t, parts, &l, i, step, err);
+        rc = avatar_task_target(t, parts, &l, i, step, err);
     if (!rc) {
-        trainee_bake_backward(&m->tr);
-        if (m->with_motion && !m->looks.mirror)
+        avatar_system_bake_backward(&m->tr);
+        if (m->with_motion && !m->tta.mirror)
             motion_encoder_backward(NULL, m->dout, &m->net);
     }
     identity_release(&l.id);
     return rc;
 }
 
-static void update(struct task *t)
+/* After the weights changed. */
+static void avatar_task_update(struct task *t)
 {
     struct impl *m = t->impl;
 
-    trainee_update(&m->tr);
+    avatar_system_update(&m->tr);
     if (m->with_motion)
         motion_encoder_update(&m->net);
 }
 
-/* ---- held-out people ---------------------------------------------------- */
+/* ---- validation --------------------------------------------------------- */
 
-static void to_planar(float *planar, const float *rgb, size_t n)
+/* Interleaved to planar, clamped. */
+static void avatar_task_planar(float *planar, const float *rgb, size_t n)
 {
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
@@ -186,15 +195,15 @@ static void to_planar(float *planar, const float *rgb, size_t n)
 }
 
 /* PSNR and, ssim not NULL, SSIM of rgb against target, both interleaved. */
-static int compare(double *psnr, double *ssim, double *l1, const float *rgb,
-                   const float *target, size_t S, float *tmp,
-                   struct error *err)
+static int avatar_task_compare(double *psnr, double *ssim, double *l1,
+                               const float *rgb, const float *target, size_t S,
+                               float *tmp, struct error *err)
 {
     struct metric_ssim m = {0};
     float *a = tmp, *b = tmp + 3 * S * S;
 
-    to_planar(a, target, S * S);
-    to_planar(b, rgb, S * S);
+    avatar_task_planar(a, target, S * S);
+    avatar_task_planar(b, rgb, S * S);
     *psnr += metric_psnr(fmax(1e-10, metric_mse(a, b, 3 * S * S)));
     if (l1)
         *l1 += metric_l1(a, b, 3 * S * S);
@@ -205,20 +214,22 @@ static int compare(double *psnr, double *ssim, double *l1, const float *rgb,
     return 0;
 }
 
-/* Frames of a held-out person that are looked at. */
-#define HELD_FRAMES 4
+/* Frames of a person that validation draws. */
+#define VALIDATION_FRAMES 4
 
-static const struct data_frame *held_frame(const struct data_person *p,
-                                           size_t k)
+/* The k-th frame that validation draws. */
+static const struct data_frame *avatar_task_frame(const struct data_person *p,
+                                                  size_t k)
 {
-    return &p->frame[(k + 1) * p->count / (HELD_FRAMES + 1)];
+    return &p->frame[(k + 1) * p->count / (VALIDATION_FRAMES + 1)];
 }
 
-/* How a frame moves id: as E_m sees it in stage "all", else as it is.
- * Fills the trainee's verts, and m, whose pointers last until the next call. */
-static int motion_of(struct task *t, struct head_motion *motion,
-                     float cam[12], const struct data_frame *f,
-                     const struct identity *id, struct error *err)
+/* How a frame moves id: by E_m in stage "all", else as it is.
+ * Fills the avatar system's verts, and m, whose pointers last until the next
+ * call. */
+static int avatar_task_motion(struct task *t, struct head_motion *motion,
+                              float cam[12], const struct data_frame *f,
+                              const struct identity *id, struct error *err)
 {
     struct impl *m = t->impl;
     struct motion_state s = {.verts = m->tr.verts};
@@ -230,19 +241,20 @@ static int motion_of(struct task *t, struct head_motion *motion,
     }
     if (data_sample(m->crops, N, f, f->crop, NULL, NULL, err))
         return -1;
-    motion_tta_forward(m->out, &m->looks, m->crops);
+    motion_tta_forward(m->out, &m->tta, m->crops);
     motion_decode(&s, m->out, f, f->crop, id);
     *motion = s.motion;
     memcpy(cam, s.cam, sizeof s.cam);
     return 0;
 }
 
-static int judge_person(struct task *t, double *sum,
-                        const struct data_person *p, float *tmp,
-                        struct error *err)
+/* Add a person's figures to sum. */
+static int avatar_task_validate_person(struct task *t, double *sum,
+                                       const struct data_person *p, float *tmp,
+                                       struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
+    struct avatar_system *tr = &m->tr;
     struct identity id = {0};
     size_t S = tr->image, n = 3 * S * S;
     float *source = tmp + 2 * n, cam[12];
@@ -250,21 +262,22 @@ static int judge_person(struct task *t, double *sum,
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
-        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
+        avatar_task_motion(t, &motion, cam, &p->frame[0], &id, err) ||
+        avatar_system_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(source, NULL, S, &p->frame[0], err))
         goto out;
-    for (size_t k = 0; k < HELD_FRAMES; k++) {
-        const struct data_frame *f = held_frame(p, k);
-        if (motion_of(t, &motion, cam, f, &id, err) ||
-            trainee_draw(tr, tr->verts, cam, err) ||
+    for (size_t k = 0; k < VALIDATION_FRAMES; k++) {
+        const struct data_frame *f = avatar_task_frame(p, k);
+        if (avatar_task_motion(t, &motion, cam, f, &id, err) ||
+            avatar_system_draw(tr, tr->verts, cam, err) ||
             data_portrait(tr->target, tr->mask, S, f, err) ||
-            compare(&sum[HELD_PSNR], &sum[HELD_SSIM], &sum[HELD_L1], tr->rgb,
-                    tr->target, S, tmp, err) ||
-            compare(&sum[HELD_STAR], &sum[HELD_SSIM_STAR], NULL, tr->coarse,
-                    tr->target, S, tmp, err) ||
-            compare(&sum[HELD_SOURCE], NULL, NULL, source, tr->target, S,
-                    tmp, err))
+            avatar_task_compare(&sum[FIGURE_PSNR], &sum[FIGURE_SSIM],
+                                &sum[FIGURE_L1], tr->rgb, tr->target, S, tmp,
+                                err) ||
+            avatar_task_compare(&sum[FIGURE_STAR], &sum[FIGURE_SSIM_STAR],
+                                NULL, tr->coarse, tr->target, S, tmp, err) ||
+            avatar_task_compare(&sum[FIGURE_SOURCE], NULL, NULL, source,
+                                tr->target, S, tmp, err))
             goto out;
     }
     rc = 0;
@@ -275,7 +288,8 @@ out:
 
 /* Running statistics move when a network planned for training runs: keep the
  * weights of frozen tensors across what does not belong to training. */
-static int held(struct task *t, double *figures, struct error *err)
+static int avatar_task_validate(struct task *t, double *figures,
+                                struct error *err)
 {
     struct impl *m = t->impl;
     size_t n = 3 * m->tr.image * m->tr.image;
@@ -289,12 +303,13 @@ static int held(struct task *t, double *figures, struct error *err)
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    memset(figures, 0, HELD_COUNT * sizeof *figures);
-    update(t);
-    for (size_t i = 0; i < t->nheld && !rc; i++)
-        rc = judge_person(t, figures, &t->held[i], tmp, err);
-    for (int k = 0; k < HELD_COUNT; k++)
-        figures[k] /= (double)(t->nheld * HELD_FRAMES);
+    memset(figures, 0, FIGURE_COUNT * sizeof *figures);
+    avatar_task_update(t);
+    for (size_t i = 0; i < t->nvalidation && !rc; i++)
+        rc = avatar_task_validate_person(t, figures, &t->validation[i], tmp,
+                                         err);
+    for (int k = 0; k < FIGURE_COUNT; k++)
+        figures[k] /= (double)(t->nvalidation * VALIDATION_FRAMES);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(tmp);
     free(keep);
@@ -304,26 +319,26 @@ static int held(struct task *t, double *figures, struct error *err)
 /* ---- contact sheet ------------------------------------------------------ */
 
 /* source, target, coarse, final, difference */
-static int sheet_row(struct contact_sheet *sh, struct task *t,
-                     const struct data_person *p, size_t row,
-                     struct error *err)
+static int avatar_task_sheet_row(struct contact_sheet *sh, struct task *t,
+                                 const struct data_person *p, size_t row,
+                                 struct error *err)
 {
     struct impl *m = t->impl;
-    struct trainee *tr = &m->tr;
-    const struct data_frame *f = held_frame(p, row % HELD_FRAMES);
+    struct avatar_system *tr = &m->tr;
+    const struct data_frame *f = avatar_task_frame(p, row % VALIDATION_FRAMES);
     struct identity id = {0};
     struct head_motion motion;
     float cam[12];
     int rc = -1;
 
     if (head_fold(&id, t->head, p->shape, t->head->nshape, err) ||
-        motion_of(t, &motion, cam, &p->frame[0], &id, err) ||
-        trainee_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
+        avatar_task_motion(t, &motion, cam, &p->frame[0], &id, err) ||
+        avatar_system_bake(tr, &p->frame[0], &id, &motion, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, &p->frame[0], err))
         goto out;
     contact_sheet_picture(sh, row, 0, tr->target, tr->mask);
-    if (motion_of(t, &motion, cam, f, &id, err) ||
-        trainee_draw(tr, tr->verts, cam, err) ||
+    if (avatar_task_motion(t, &motion, cam, f, &id, err) ||
+        avatar_system_draw(tr, tr->verts, cam, err) ||
         data_portrait(tr->target, tr->mask, tr->image, f, err))
         goto out;
     contact_sheet_picture(sh, row, 1, tr->target, tr->mask);
@@ -336,11 +351,12 @@ out:
     return rc;
 }
 
-static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
-                      struct error *err)
+/* A row for each of the first six people. */
+static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+                             size_t *W, struct error *err)
 {
     struct impl *m = t->impl;
-    size_t rows = t->nheld < 6 ? t->nheld : 6;
+    size_t rows = t->nvalidation < 6 ? t->nvalidation : 6;
     float *keep = malloc((t->ps.total + 1) * sizeof *keep);
     struct contact_sheet sh;
     int rc = 0;
@@ -350,9 +366,9 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
         return error_set(err, EX_OSERR, "out of memory");
     }
     memcpy(keep, t->ps.w, t->ps.total * sizeof *keep);
-    update(t);
+    avatar_task_update(t);
     for (size_t i = 0; i < rows && !rc; i++)
-        rc = sheet_row(&sh, t, &t->held[i], i, err);
+        rc = avatar_task_sheet_row(&sh, t, &t->validation[i], i, err);
     memcpy(t->ps.w, keep, t->ps.total * sizeof *keep);
     free(keep);
     if (rc)
@@ -362,18 +378,25 @@ static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
     return rc;
 }
 
-static const struct task_type type = {
-    "backbone., init., static., dynamic., mouth., refine.", 0, release, pass,
-    update, held, make_sheet};
+static const struct task_type avatar_task_type = {
+    "backbone., init., static., dynamic., mouth., refine.",
+    0,
+    avatar_task_release,
+    avatar_task_pass,
+    avatar_task_update,
+    avatar_task_validate,
+    avatar_task_sheet};
 
 /* ---- making it ---------------------------------------------------------- */
 
-static int add_motion(struct task *t, const char *net, struct error *err)
+/* Stage "all": E_m, its crops and its terms. */
+static int avatar_task_add_motion(struct task *t, const char *net,
+                                  struct error *err)
 {
     struct impl *m = t->impl;
     size_t T = (size_t)t->config->targets + 1;
 
-    m->with_motion = 1;
+    m->with_motion = true;
     memcpy(t->part_name + PICTURE_COUNT, motion_term_name,
            sizeof motion_term_name);
     t->nparts = PICTURE_COUNT + TERM_COUNT;
@@ -385,8 +408,9 @@ static int add_motion(struct task *t, const char *net, struct error *err)
     return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
 }
 
-static int read_config(struct avatar_config *model,
-                       const struct train_config *c, struct error *err)
+/* The model's configuration, the shipped one by default. */
+static int avatar_task_config(struct avatar_config *model,
+                              const struct train_config *c, struct error *err)
 {
     if (!c->model) {
         avatar_config_shipped(model);
@@ -407,30 +431,33 @@ int task_avatar_init(struct task *t, struct error *err)
     if (!m)
         return error_set(err, EX_OSERR, "out of memory");
     t->impl = m;
-    t->type = &type;
+    t->type = &avatar_task_type;
     t->nparts = PICTURE_COUNT;
     memcpy(t->part_name, picture_term_name, sizeof picture_term_name);
-    t->nfigures = HELD_COUNT;
-    memcpy(t->held_name, held_name, sizeof held_name);
+    t->nfigures = FIGURE_COUNT;
+    memcpy(t->figure_name, figure_name, sizeof figure_name);
     if (c->micro != 1)
         return error_set(err, EX_CONFIG, "micro: %lld (expected 1 in this "
                          "stage: a pass is one person)",
                          (long long)c->micro);
-    if (read_config(&model, c, err) ||
-        trainee_init(&m->tr, &t->ps, &model, t->head, err) ||
-        (c->stage == STAGE_ALL && add_motion(t, model.motion_net, err)) ||
-        params_allocate(&t->ps, err) ||
-        params_allocate_gradients(&t->ps, err))
+    if (avatar_task_config(&model, c, err) ||
+        avatar_system_init(&m->tr, &t->ps, &model, t->head, err) ||
+        (c->stage == STAGE_ALL &&
+         avatar_task_add_motion(t, model.motion_net, err)) ||
+        params_allocate(&t->ps, err) || params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
-    if (trainee_plan(&m->tr, (size_t)c->image, 1, c->smooth, train, err))
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
+                           err) ||
+        (*c->perceptual_file &&
+         avatar_system_perceptual(&m->tr, c->perceptual_file, err)))
         return -1;
     if (!m->with_motion)
         return 0;
-    motion_encoder_start(&m->net);
+    motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
-        motion_tta_init(&m->looks, &m->net, (size_t)c->targets + 1, t->head,
-                          strcmp(c->freeze, "motion.") == 0, err))
+        motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
+                        strcmp(c->freeze, "motion.") == 0, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }

@@ -1,132 +1,134 @@
-/* E_m alone: supervised by the true motions of rendered crops. */
+/* E_m alone (Section 3.3): supervised by the true motions of rendered crops
+ * through L_aux and L_lmk. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/data/contact_sheet.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/motion.h"
 #include "lib/net/motion_encoder.h"
+#include "lib/train/encoder_task.h"
 #include "lib/train/motion_loss.h"
-#include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
 
 #define N MOTION_ENCODER_SIZE
-#define MOST 256 /* items of one pass */
+#define SHEET_ROWS 4 /* people and frames of each on a contact sheet */
+#define SHEET_COLS 6
 
 struct impl {
+    struct encoder_task e;
     struct motion_encoder net;
-    struct params judge_ps;         /* a copy that infers, for held */
-    struct motion_encoder judge;
+    struct motion_encoder validator; /* in e.copy, for inference */
     struct motion_loss loss;
-    struct identity *id;            /* one for each slot of the pool ... */
-    uint64_t *id_of;                /* ... and 1 + the person it is of */
-    float *rgb, *out, *dout;        /* (micro,...) */
+    struct identity *id; /* one for each slot of the pool ... */
+    uint64_t *id_of;     /* ... and 1 + the person it is of */
 };
 
-enum { HELD_POSE, HELD_YAW, HELD_PITCH, HELD_ROLL, HELD_LANDMARK, HELD_JAW,
-       HELD_BLINK, HELD_VERTEX, HELD_COUNT };
-static const char *const held_name[HELD_COUNT] = {
+/* Figures of validation, in the order of held.tsv. */
+enum {
+    FIGURE_POSE, FIGURE_YAW, FIGURE_PITCH, FIGURE_ROLL, FIGURE_LANDMARK,
+    FIGURE_JAW, FIGURE_BLINK, FIGURE_VERTEX, FIGURE_COUNT
+};
+static const char *const figure_name[FIGURE_COUNT] = {
     "pose_deg", "yaw_deg", "pitch_deg", "roll_deg", "landmark_pct",
     "jaw_corr", "blink_corr", "vertex_mm"};
 
-static void release(struct task *t)
+/* NULL before it is made. */
+static void motion_task_release(struct task *t)
 {
     struct impl *m = t->impl;
 
     if (!m)
         return;
     motion_encoder_release(&m->net);
-    motion_encoder_release(&m->judge);
-    params_release(&m->judge_ps);
+    motion_encoder_release(&m->validator);
     motion_loss_release(&m->loss);
     for (size_t i = 0; m->id && i < (size_t)t->config->pool; i++)
         identity_release(&m->id[i]);
     free(m->id);
     free(m->id_of);
-    free(m->rgb);
+    encoder_task_release(&m->e);
     free(m);
     t->impl = NULL;
 }
 
+/* ---- a pass ------------------------------------------------------------- */
+
 /* The identity of the person in a slot of the pool, folded when new. */
-static const struct identity *identity_of(struct task *t,
-                                          const struct data_person *who,
-                                          struct error *err)
+static const struct identity *motion_task_identity(struct task *t,
+                                                   const struct data_person *p,
+                                                   struct error *err)
 {
     struct impl *m = t->impl;
-    size_t slot = (size_t)(who - t->pool->person), n = t->pool->size;
+    size_t slot = (size_t)(p - t->pool->person), n = t->pool->size;
     uint64_t last = t->pool->read - 1;
     uint64_t person = last - (last % n + n - slot) % n;
 
     if (m->id_of[slot] != person + 1) {
         identity_release(&m->id[slot]);
         m->id_of[slot] = 0;
-        if (head_fold(&m->id[slot], t->head, who->shape, t->head->nshape,
-                      err))
+        if (head_fold(&m->id[slot], t->head, p->shape, t->head->nshape, err))
             return NULL;
         m->id_of[slot] = person + 1;
     }
     return &m->id[slot];
 }
 
-static int pass(struct task *t, double *parts, uint64_t step, size_t micro,
-                struct error *err)
+/* A batch forward, its losses, and back. */
+static int motion_task_pass(struct task *t, double *parts, uint64_t step,
+                            size_t micro, struct error *err)
 {
     struct impl *m = t->impl;
+    struct encoder_task *e = &m->e;
     const struct train_config *c = t->config;
-    size_t B = (size_t)c->micro;
     struct motion_weights w = c->geometry;
-    const struct data_frame *frame[MOST];
-    const struct data_person *who[MOST];
-    struct square q[MOST];
     double scale = 1.0 / (double)c->batch, mine[TERM_COUNT] = {0};
 
     for (int k = 0; k < TERM_COUNT; k++)
         w.term[k] *= (float)train_anchor(c, step);
-    for (size_t i = 0; i < B; i++) {
-        struct random r;
-        data_random(&r, (uint64_t)c->seed, step, micro * B + i);
-        frame[i] = data_pool_draw(t->pool, &who[i], &r);
-        q[i] = data_jitter(frame[i], c->augment.jitter, &r);
-        if (data_sample(m->rgb + i * N * N * 3, N, frame[i], q[i],
-                        &c->augment, &r, err))
-            return -1;
-    }
-    motion_encoder_forward(m->out, m->rgb, &m->net);
-    memset(m->dout, 0, B * MOTION_OUT * sizeof *m->dout);
-    for (size_t i = 0; i < B; i++) {
+    if (encoder_task_draw(e, t, step, micro, err))
+        return -1;
+    motion_encoder_forward(e->out, e->rgb, &m->net);
+    memset(e->dout, 0, e->batch * MOTION_OUT * sizeof *e->dout);
+    for (size_t i = 0; i < e->batch; i++) {
+        const struct encoder_item *k = &e->item[i];
         struct motion_state s;
-        m->loss.id = identity_of(t, who[i], err);
+
+        m->loss.id = motion_task_identity(t, k->who, err);
         if (!m->loss.id)
             return -1;
-        motion_loss(m->dout + i * MOTION_OUT, mine, &s,
-                    m->out + i * MOTION_OUT, frame[i], q[i], &w, scale,
+        motion_loss(e->dout + i * MOTION_OUT, mine, &s,
+                    e->out + i * MOTION_OUT, k->frame, k->q, &w, scale,
                     &m->loss);
     }
     for (int k = 0; k < TERM_COUNT; k++)
         parts[k] += mine[k] * scale;
-    motion_encoder_backward(NULL, m->dout, &m->net);
+    motion_encoder_backward(NULL, e->dout, &m->net);
     return 0;
 }
 
-static void update(struct task *t)
+/* After the weights changed. */
+static void motion_task_update(struct task *t)
 {
     struct impl *m = t->impl;
 
     motion_encoder_update(&m->net);
 }
 
-/* ---- held-out people ---------------------------------------------------- */
+/* ---- validation --------------------------------------------------------- */
 
+/* Sums over all frames of all people. */
 struct score {
-    double sum[HELD_COUNT];
-    double *jaw[2], *lid[2];        /* predicted, true: all frames */
+    double sum[FIGURE_COUNT];
+    double *jaw[2], *lid[2]; /* predicted, true: all frames */
     size_t n, room;
 };
 
-static void add_score(struct score *s, const float *out,
+/* Add what was predicted for a frame; truth (V,3) is its true mesh. */
+static void score_add(struct score *s, const float *out,
                       const struct motion_state *st,
                       const struct data_frame *f, const struct head *h,
                       const float *truth)
@@ -135,18 +137,18 @@ static void add_score(struct score *s, const float *out,
     double e[3], et[3], eye = metric_eye_distance((const float(*)[2])f->lmk);
     struct metric_points p;
 
-    s->sum[HELD_POSE] += metric_rotation_degrees(st->R, f->motion.rot);
+    s->sum[FIGURE_POSE] += metric_rotation_degrees(st->R, f->motion.rot);
     metric_euler_degrees(e, st->R);
     metric_euler_degrees(et, f->motion.rot);
     for (int k = 0; k < 3; k++)
-        s->sum[HELD_YAW + k] += fabs(remainder(e[k] - et[k], 360));
+        s->sum[FIGURE_YAW + k] += fabs(remainder(e[k] - et[k], 360));
     head_landmarks(x, h, st->verts);
     camera_project(&uv[0][0], NULL, st->cam, (float)f->size, x, 68);
     metric_points(&p, (const float(*)[2])f->lmk, (const float(*)[2])uv);
-    s->sum[HELD_LANDMARK] += 100 * p.akd / fmax(eye, 1);
+    s->sum[FIGURE_LANDMARK] += 100 * p.akd / fmax(eye, 1);
     for (size_t i = 0; i < 3 * h->V; i++)
-        s->sum[HELD_VERTEX] += fabsf(truth[i] - st->verts[i]) * 1000 /
-                               (h->scale * (double)(3 * h->V));
+        s->sum[FIGURE_VERTEX] += fabsf(truth[i] - st->verts[i]) * 1000 /
+                                 (h->scale * (double)(3 * h->V));
     if (s->n < s->room) {
         s->jaw[0][s->n] = metric_jaw_open(out + MOTION_JAW);
         s->jaw[1][s->n] = metric_jaw_open(f->motion.jaw);
@@ -156,51 +158,61 @@ static void add_score(struct score *s, const float *out,
     s->n++;
 }
 
-static int judge_person(struct task *t, struct score *s,
-                        const struct data_person *p, struct error *err)
+/* What the validation network says of frame f of person id: out (120) and its
+ * motion; verts (V,3) is posed.  The crop lies in the task's first item. */
+static int motion_task_predict(struct task *t, float *out,
+                               struct motion_state *st,
+                               const struct data_frame *f,
+                               const struct identity *id, struct error *err)
+{
+    struct impl *m = t->impl;
+
+    st->verts = m->loss.verts;
+    if (data_sample(m->e.rgb, N, f, f->crop, NULL, NULL, err))
+        return -1;
+    motion_encoder_forward(out, m->e.rgb, &m->validator);
+    motion_decode(st, out, f, f->crop, id);
+    return 0;
+}
+
+/* Add all of a person's frames to the score. */
+static int motion_task_validate_person(struct task *t, struct score *s,
+                                       const struct data_person *p,
+                                       struct error *err)
 {
     struct impl *m = t->impl;
     struct identity id = {0};
-    float *rgb = malloc(N * N * 3 * sizeof *rgb), out[MOTION_OUT];
-    int rc = -1;
+    float out[MOTION_OUT];
+    int rc = head_fold(&id, t->head, p->shape, t->head->nshape, err);
 
-    if (!rgb) {
-        error_set(err, EX_OSERR, "out of memory");
-        goto out;
-    }
-    if (head_fold(&id, t->head, p->shape, t->head->nshape, err))
-        goto out;
-    for (size_t i = 0; i < p->count; i++) {
+    for (size_t i = 0; rc == 0 && i < p->count; i++) {
         const struct data_frame *f = &p->frame[i];
-        struct head_motion truth = {.exp = f->motion.exp};
-        struct motion_state st = {.verts = m->loss.verts};
+        struct head_motion truth;
+        struct motion_state st;
+        float cam[12];
 
-        if (data_sample(rgb, N, f, f->crop, NULL, NULL, err))
-            goto out;
-        motion_encoder_forward(out, rgb, &m->judge);
-        motion_decode(&st, out, f, f->crop, &id);
-        memcpy(truth.jaw, f->motion.jaw, sizeof truth.jaw);
-        memcpy(truth.eye, f->motion.eye, sizeof truth.eye);
-        memcpy(truth.lid, f->motion.lid, sizeof truth.lid);
+        rc = motion_task_predict(t, out, &st, f, &id, err);
+        if (rc)
+            break;
+        data_truth(&truth, cam, f);
         head_pose(m->loss.truth, &id, &truth);
-        add_score(s, out, &st, f, t->head, m->loss.truth);
+        score_add(s, out, &st, f, t->head, m->loss.truth);
     }
-    rc = 0;
-out:
     identity_release(&id);
-    free(rgb);
     return rc;
 }
 
-static int held(struct task *t, double *figures, struct error *err)
+/* Means of angles and distances; correlations of jaw and lids. */
+static int motion_task_validate(struct task *t, double *figures,
+                                struct error *err)
 {
     struct impl *m = t->impl;
     struct score s = {0};
     double *curves;
     int rc = 0;
 
-    for (size_t i = 0; i < t->nheld; i++)
-        s.room += t->held[i].count;
+    for (size_t i = 0; i < t->nvalidation; i++)
+        s.room += t->validation[i].count;
     curves = malloc((4 * s.room + 1) * sizeof *curves);
     if (!curves)
         return error_set(err, EX_OSERR, "out of memory");
@@ -208,14 +220,14 @@ static int held(struct task *t, double *figures, struct error *err)
         s.jaw[k] = curves + (size_t)k * s.room;
         s.lid[k] = curves + (size_t)(2 + k) * s.room;
     }
-    memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    motion_encoder_update(&m->judge);
-    for (size_t i = 0; i < t->nheld && !rc; i++)
-        rc = judge_person(t, &s, &t->held[i], err);
-    for (int k = 0; k < HELD_COUNT; k++)
+    encoder_task_copy(&m->e, t);
+    motion_encoder_update(&m->validator);
+    for (size_t i = 0; i < t->nvalidation && !rc; i++)
+        rc = motion_task_validate_person(t, &s, &t->validation[i], err);
+    for (int k = 0; k < FIGURE_COUNT; k++)
         figures[k] = s.sum[k] / (double)(s.n ? s.n : 1);
-    figures[HELD_JAW] = metric_correlation(s.jaw[0], s.jaw[1], s.n);
-    figures[HELD_BLINK] = metric_correlation(s.lid[0], s.lid[1], s.n);
+    figures[FIGURE_JAW] = metric_correlation(s.jaw[0], s.jaw[1], s.n);
+    figures[FIGURE_BLINK] = metric_correlation(s.lid[0], s.lid[1], s.n);
     free(curves);
     return rc;
 }
@@ -223,102 +235,104 @@ static int held(struct task *t, double *figures, struct error *err)
 /* ---- contact sheet ------------------------------------------------------ */
 
 /* One crop with its landmarks: true in green, found in red. */
-static void draw_item(struct contact_sheet *sh, struct task *t,
-                      const struct data_frame *f,
-                      const struct identity *id, size_t row, size_t col)
+static int motion_task_sheet_cell(struct contact_sheet *sh, struct task *t,
+                                  const struct data_frame *f,
+                                  const struct identity *id, size_t row,
+                                  size_t col, struct error *err)
 {
     struct impl *m = t->impl;
-    struct motion_state st = {.verts = m->loss.verts};
+    struct motion_state st;
     float out[MOTION_OUT], x[68 * 3], uv[68][2];
 
-    if (data_sample(m->rgb, N, f, f->crop, NULL, NULL, NULL))
-        return;
-    motion_encoder_forward(out, m->rgb, &m->judge);
-    motion_decode(&st, out, f, f->crop, id);
+    if (motion_task_predict(t, out, &st, f, id, err))
+        return -1;
     head_landmarks(x, t->head, st.verts);
     camera_project(&uv[0][0], NULL, st.cam, (float)f->size, x, 68);
-    contact_sheet_picture(sh, row, col, m->rgb, NULL);
-    contact_sheet_points(sh, row, col, (const float(*)[2])f->lmk, 68, f->crop, 0);
-    contact_sheet_points(sh, row, col, (const float(*)[2])uv, 68, f->crop, 1);
-}
-
-static int make_sheet(struct task *t, uint8_t **rgb, size_t *H, size_t *W,
-                      struct error *err)
-{
-    struct impl *m = t->impl;
-    struct contact_sheet sh;
-    size_t rows = t->nheld < 4 ? t->nheld : 4;
-
-    if (contact_sheet_init(&sh, rows ? rows : 1, 6, N, err))
-        return -1;
-    memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    motion_encoder_update(&m->judge);
-    for (size_t i = 0; i < rows; i++) {
-        struct identity id = {0};
-        const struct data_person *p = &t->held[i];
-        if (head_fold(&id, t->head, p->shape, t->head->nshape, err)) {
-            contact_sheet_release(&sh);
-            return -1;
-        }
-        for (size_t k = 0; k < 6; k++)
-            draw_item(&sh, t, &p->frame[k * p->count / 6], &id, i, k);
-        identity_release(&id);
-    }
-    contact_sheet_take(&sh, rgb, H, W);
+    contact_sheet_picture(sh, row, col, m->e.rgb, NULL);
+    contact_sheet_points(sh, row, col, (const float(*)[2])f->lmk, 68, f->crop,
+                         CONTACT_SHEET_TRUE);
+    contact_sheet_points(sh, row, col, (const float(*)[2])uv, 68, f->crop,
+                         CONTACT_SHEET_FOUND);
     return 0;
 }
 
-static const struct task_type type = {
-    "motion.", 1.5, release, pass, update, held, make_sheet};
-
-static int judge_init(struct task *t, const char *net, struct error *err)
+/* Six frames of each of the first four people. */
+static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
+                             size_t *W, struct error *err)
 {
     struct impl *m = t->impl;
-    struct nn_options opt = {NN_INFER, NN_F32};
+    struct contact_sheet sh;
+    size_t rows = t->nvalidation < SHEET_ROWS ? t->nvalidation : SHEET_ROWS;
+    int rc = 0;
 
-    params_init(&m->judge_ps);
-    if (motion_encoder_init(&m->judge, &m->judge_ps, "motion.", net, err) ||
-        params_allocate(&m->judge_ps, err))
+    if (contact_sheet_init(&sh, rows ? rows : 1, SHEET_COLS, N, err))
         return -1;
-    memcpy(m->judge_ps.w, t->ps.w, t->ps.total * sizeof *t->ps.w);
-    return motion_encoder_plan(&m->judge, 1, opt, err);
+    encoder_task_copy(&m->e, t);
+    motion_encoder_update(&m->validator);
+    for (size_t i = 0; i < rows && rc == 0; i++) {
+        struct identity id = {0};
+        const struct data_person *p = &t->validation[i];
+
+        rc = head_fold(&id, t->head, p->shape, t->head->nshape, err);
+        for (size_t k = 0; k < SHEET_COLS && rc == 0; k++)
+            rc = motion_task_sheet_cell(&sh, t,
+                                        &p->frame[k * p->count / SHEET_COLS],
+                                        &id, i, k, err);
+        identity_release(&id);
+    }
+    if (rc)
+        contact_sheet_release(&sh);
+    else
+        contact_sheet_take(&sh, rgb, H, W);
+    return rc;
+}
+
+/* ---- making it ---------------------------------------------------------- */
+
+static const struct task_type motion_task_type = {
+    "motion.", 1.5, motion_task_release, motion_task_pass,
+    motion_task_update, motion_task_validate, motion_task_sheet};
+
+/* Declare, fill and plan the network and its copy for validation. */
+static int motion_task_networks(struct task *t, struct error *err)
+{
+    const struct train_config *c = t->config;
+    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_F32};
+    struct impl *m = t->impl;
+    char net[64];
+
+    train_config_net(net, sizeof net, c, "motion", "mobilenetv3_small_100");
+    if (motion_encoder_init(&m->net, &t->ps, "motion.", net, err) ||
+        encoder_task_fill(t, err))
+        return -1;
+    motion_encoder_init_weights(&m->net);
+    if (motion_encoder_plan(&m->net, m->e.batch, opt, err) ||
+        motion_encoder_init(&m->validator, &m->e.copy, "motion.", net, err) ||
+        encoder_task_allocate_copy(&m->e, t, err))
+        return -1;
+    opt.mode = NN_INFER;
+    return motion_encoder_plan(&m->validator, 1, opt, err);
 }
 
 int task_motion_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
-    size_t B = (size_t)c->micro, n = N * N * 3;
-    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_F32};
     struct impl *m = calloc(1, sizeof *m);
-    char net[64];
 
     if (!m)
         return error_set(err, EX_OSERR, "out of memory");
     t->impl = m;
-    t->type = &type;
-    if (B > MOST)
-        return error_set(err, EX_CONFIG, "micro: %zu (expected at most %d "
-                         "in this stage)", B, MOST);
+    t->type = &motion_task_type;
     t->nparts = TERM_COUNT;
     memcpy(t->part_name, motion_term_name, sizeof motion_term_name);
-    t->nfigures = HELD_COUNT;
-    memcpy(t->held_name, held_name, sizeof held_name);
-    train_config_net(net, sizeof net, c, "motion", "mobilenetv3_small_100");
+    t->nfigures = FIGURE_COUNT;
+    memcpy(t->figure_name, figure_name, sizeof figure_name);
     m->id = calloc((size_t)c->pool, sizeof *m->id);
     m->id_of = calloc((size_t)c->pool, sizeof *m->id_of);
-    m->rgb = malloc(B * (n + 2 * MOTION_OUT) * sizeof *m->rgb);
-    if (!m->id || !m->id_of || !m->rgb)
-        return error_set(err, EX_OSERR, "out of memory (batch of %zu)", B);
-    m->out = m->rgb + B * n;
-    m->dout = m->out + B * MOTION_OUT;
-    if (motion_encoder_init(&m->net, &t->ps, "motion.", net, err) ||
-        params_allocate(&t->ps, err) ||
-        params_allocate_gradients(&t->ps, err))
-        return -1;
-    params_randomise(&t->ps, (uint64_t)c->seed);
-    motion_encoder_start(&m->net);
-    if (motion_encoder_plan(&m->net, B, opt, err) ||
+    if (!m->id || !m->id_of)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (encoder_task_init(&m->e, t, MOTION_OUT, err) ||
         motion_loss_init(&m->loss, t->head, err))
         return -1;
-    return judge_init(t, net, err);
+    return motion_task_networks(t, err);
 }

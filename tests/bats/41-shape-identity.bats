@@ -53,16 +53,26 @@ crop=--crop=50,40,30
     has "2 pictures are damaged or cut short"
 }
 
-@test "the matte is the mask where the picture is, and empty outside" {
+@test "the matte is the mask where the picture is, and goes on below alone" {
+    need_numpy
     ppm 100 80 abcdefg >me.ppm
     printf 'P5 100 80 255\n' >mask.pgm
     head -c 8000 /dev/zero | tr '\0' '\377' >>mask.pgm
     spid-shape $crop --window 50,40,160 --mask mask.pgm me.ppm -o me.spid
-    run spid-dump --json --only SRCI me.spid
-    # 100 x 80 of 160 x 160 pixels are inside
-    mean=$(grep -o '"name":"matte"[^}]*' <<<"$output" |
-        grep -o '"mean":[0-9.]*' | cut -d: -f2)
-    awk -v m="$mean" 'BEGIN { exit !(m > 78.5 && m < 80.8) }'
+    spid-dump --npy . --only SRCI me.spid
+    "$PYTHON" - <<'PY'
+import numpy as np
+m = np.load('SRCI.matte.npy').reshape(512, 512)
+# 100 x 80 of 160 x 160 pixels are inside; a body goes on below, as it left
+# the picture three rows above its end
+x, y = (30 * 3.2, 130 * 3.2), (40 * 3.2, 120 * 3.2)
+assert not m[:int(y[0]) - 1].any()
+assert not m[:, :int(x[0]) - 1].any() and not m[:, int(x[1]) + 2:].any()
+inside = slice(int(y[0]) + 4, int(y[1]) - 4), slice(int(x[0]) + 4, int(x[1]) - 4)
+assert (m[inside] == 255).all()
+assert (m[int(y[1]) + 1:, inside[1]] >= 250).all()
+assert abs(m.mean() / 255 - 100 * 120 / 160**2) < 0.005, m.mean()
+PY
 }
 
 @test "a mask of another size is refused" {

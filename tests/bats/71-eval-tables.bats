@@ -48,6 +48,53 @@ setup_file() {
     [[ $output == *"ours, cross"* ]]
 }
 
+# stripes DIR NUMBER MIDDLE HEIGHT: a picture of vertical stripes, MIDDLE plus
+# and minus half of HEIGHT.
+stripes() {
+    mkdir -p "$DIR/$1"
+    python3 -c '
+import sys
+middle, height = int(sys.argv[1]), int(sys.argv[2])
+row = b"".join(bytes([middle + (height // 2 if x % 2 else -(height // 2))] * 3) for x in range(64))
+sys.stdout.buffer.write(b"P6\n64 48\n255\n" + row * 48)' "$3" "$4" >"$DIR/$1/$2.ppm"
+}
+
+# figure COLUMN ROW: of a tab-separated table.
+figure() {
+    awk -F '\t' -v column="$1" -v row="$2" 'NR == 1 { for (i = 1; i <= NF; i++) c[$i] = i }
+        $1 == row { printf "%.2f", $c[column] }' <<<"$output"
+}
+
+@test "a list's frames stand beside their first frame, unchanged" {
+    # truth at 100, 104, 108; result at 103, 110, 110, half as sharp
+    for i in 1 2 3; do stripes truth $i $((96 + 4 * i)) 40; done
+    stripes result 1 103 20; stripes result 2 110 20; stripes result 3 110 20
+    printf 'x\tframes\t%s\t%s\tself\nx\tframes\t%s\t%s\tcross\n' "$DIR/truth" "$DIR/result" \
+        "$DIR/truth" "$DIR/result" >"$DIR/null"
+    run spid-eval -q -f tsv --pairs "$DIR/null"
+    [ "$status" = 0 ]
+    # off by 3 and by half of the stripes, 10: mean square 109; then 136, 104
+    [ "$(figure psnr_first 'x, self')" = 27.76 ]
+    [ "$(figure psnr_later 'x, self')" = 27.38 ]
+    # off by 4 and by 8
+    [ "$(figure psnr_later 'frame 0 unchanged, self')" = 33.08 ]
+    [ "$(figure beats_0_pct 'x, self')" = 0.00 ]
+    [ "$(figure edge_ratio 'x, self')" = 0.50 ]
+    [ "$(figure edge_ratio 'frame 0 unchanged, self')" = 1.00 ]
+    # another's clip has no first frame of this person
+    [[ $output != *"frame 0 unchanged, cross"* ]]
+    [[ $output == *"# frame 0 unchanged: "* ]]
+}
+
+@test "the share of frames that beat the first one" {
+    for i in 1 2 3; do stripes still $i $((96 + 4 * i)) 40; done
+    stripes moved 1 103 40; stripes moved 2 110 40; stripes moved 3 110 40
+    printf 'x\tframes\t%s\t%s\tself\n' "$DIR/still" "$DIR/moved" >"$DIR/half"
+    run spid-eval -q -f tsv --pairs "$DIR/half"
+    # 6 levels against 4, then 2 against 8
+    [ "$(figure beats_0_pct 'x, self')" = 50.00 ]
+}
+
 @test "a missing clip fails its pair and is counted" {
     printf 'x\tframes\t%s\t%s\nx\tframes\t%s\t/nowhere\n' "$DIR/a" "$DIR/b" \
         "$DIR/a" > "$DIR/pairs"

@@ -41,6 +41,7 @@ double golden_probe(uint64_t seed, uint64_t i)
 static void *grab(size_t n, size_t size)
 {
     void *p = calloc(n + 1, size);
+
     if (!p) {
         fprintf(stderr, "golden: out of memory\n");
         exit(EX_OSERR);
@@ -53,6 +54,7 @@ float *golden_array(const char *name, uint64_t seed, size_t n, double offset,
 {
     float *x = grab(n, sizeof *x);
     uint64_t key = random_name(name) ^ seed;
+
     for (size_t i = 0; i < n; i++)
         x[i] = value(key, i, offset, bound);
     return x;
@@ -77,6 +79,7 @@ float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
             for (size_t u = 0; u < w; u++, i++) {
                 size_t cell = (c * gh + y / 16) * gw + u / 16;
                 float v = (float)(0.75 * unit(kc, cell) + 0.25 * unit(kf, i));
+
                 x[i] = signed_range ? (float)(2.0 * v - 1.0) : v;
             }
     return x;
@@ -93,6 +96,7 @@ static _Noreturn void broken(const struct golden *g, const char *what)
 const char *golden_meta(const struct golden *g, const char *key)
 {
     const char *v = st_meta(g->st, key);
+
     if (!v)
         broken(g, key);
     return v;
@@ -106,7 +110,25 @@ double golden_number(const struct golden *g, const char *key)
 cJSON *golden_json(const struct golden *g, const char *key)
 {
     const char *v = st_meta(g->st, key);
+
     return v ? cJSON_Parse(v) : NULL;
+}
+
+void golden_input_shape(size_t in[4], const struct golden *g)
+{
+    static const int from[4] = {0, 2, 3, 1};
+    cJSON *shape = golden_json(g, "input_shape");
+
+    for (int i = 0; i < 4; i++)
+        in[i] = (size_t)cJSON_GetNumberValue(
+            cJSON_GetArrayItem(shape, from[i]));
+    cJSON_Delete(shape);
+}
+
+void golden_fail(struct golden *g, const struct error *err)
+{
+    printf("%s: %s\n", g->name, err->text);
+    g->failed++;
 }
 
 bool golden_has(const struct golden *g, const char *name)
@@ -117,11 +139,13 @@ bool golden_has(const struct golden *g, const char *name)
 double *golden_f64(const struct golden *g, const char *name, size_t *count)
 {
     const struct st_tensor *t = st_find(g->st, name);
+
     if (!t)
         broken(g, name);
     double *out = grab(t->count, sizeof *out);
     for (size_t i = 0; i < t->count; i++) {
         const char *p = (const char *)t->data + i * st_dtype_size(t->dtype);
+
         union { double d; float f; int64_t l; int32_t n; uint8_t u; } v;
         memcpy(&v, p, st_dtype_size(t->dtype));
         switch (t->dtype) {
@@ -143,6 +167,7 @@ float *golden_f32(const struct golden *g, const char *name, size_t *count)
     size_t n;
     double *d = golden_f64(g, name, &n);
     float *out = grab(n, sizeof *out);
+
     for (size_t i = 0; i < n; i++)
         out[i] = (float)d[i];
     free(d);
@@ -157,6 +182,7 @@ void golden_check(struct golden *g, const char *name, double max_abs,
                   double relative, double tolerance)
 {
     bool ok = max_abs <= tolerance;             /* a NaN fails */
+
     printf("%-38s %-34s abs %.2e  rel %.2e  tol %.2e  %s\n", g->name, name,
            max_abs, relative, tolerance, ok ? "ok" : "FAILED");
     g->checked++;
@@ -225,6 +251,7 @@ static void statistics(struct golden *g, const char *name, const float *x,
     uint64_t probe = random_name("probe") ^ g->seed;
     for (size_t i = 0; i < n; i++) {
         double v = x[i];
+
         s[0] += v;
         s[1] += fabs(v);
         s[2] += v * v;
@@ -235,6 +262,7 @@ static void statistics(struct golden *g, const char *name, const float *x,
     double *tol = golden_f64(g, key, NULL);
     for (int k = 0; k < 4; k++) {
         double e = fabs(s[k] - want[k]) / fmax(tol[k], 1e-300);
+
         if (!(e <= worst))                      /* NaN counts as worst */
             worst = e;
     }
@@ -257,6 +285,7 @@ static void compare(struct golden *g, const char *name, const void *x,
     for (size_t k = 0; k < t.n; k++) {
         size_t i = t.offset + k * t.stride;
         double e = fabs(at(x, is_double, i) - t.v[k]);
+
         if ((!skip || !skip[i % pixels]) && !(e <= worst))
             worst = e;
     }
@@ -294,6 +323,7 @@ void golden_compare_l2(struct golden *g, const char *name, const float *x,
         return;
     for (size_t k = 0; k < t.n; k++) {
         double d = x[t.offset + k * t.stride] - t.v[k];
+
         dd += d * d;
         tt += t.v[k] * t.v[k];
     }
@@ -308,6 +338,7 @@ static char *read_text(const char *path)
 {
     size_t room = 1 << 20;
     FILE *f = fopen(path, "rb");
+
     if (!f) {
         fprintf(stderr, "golden: %s: cannot be read\n", path);
         exit(EX_NOINPUT);
@@ -333,6 +364,7 @@ static void check_sums(const struct golden_weights *w, struct golden *g)
         float *x = golden_array(w->t[i].name, g->seed, w->t[i].n,
                                 w->t[i].offset, w->t[i].bound);
         double s = 0;
+
         for (size_t k = 0; k < w->t[i].n; k++)
             s += x[k];
         worst = fmax(worst, fabs(s - sum[i]) / fmax(1, fabs(sum[i])));
@@ -346,6 +378,7 @@ static void check_sums(const struct golden_weights *w, struct golden *g)
 static void parse_weight(struct golden_weight *t, const cJSON *j)
 {
     const cJSON *d = member(j, "shape");
+
     t->name = cJSON_GetStringValue(member(j, "name"));
     t->offset = cJSON_GetNumberValue(member(j, "offset"));
     t->bound = cJSON_GetNumberValue(member(j, "bound"));
@@ -399,6 +432,7 @@ void golden_weights_fill(struct params *ps, const struct golden_weights *w,
 {
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
+
         if (strncmp(p->name, prefix, strlen(prefix)))
             continue;
         const struct golden_weight *t = listed(w, p->name + strlen(prefix));
@@ -421,6 +455,7 @@ static double gradient_error(const double *s, const double *truth,
                              const double *f32, bool kinks)
 {
     double worst = 0;
+
     for (int m = 0; m < 4; m++) {
         if (m == 2)                              /* not linear */
             continue;
@@ -447,12 +482,14 @@ void golden_weights_gradients(struct golden *g, const struct params *ps,
     for (size_t i = 0; i < w->count; i++) {
         char name[256];
         double s[4] = {0};
+
         snprintf(name, sizeof name, "%s%s", prefix, w->t[i].name);
         size_t k = params_find(ps, name);
         if (truth[4 * i + 1] == 0)
             continue;                            /* no gradient there */
         for (size_t j = 0; k != (size_t)-1 && j < w->t[i].n; j++) {
             double v = param_g(ps, k)[j];
+
             s[0] += v;
             s[1] += fabs(v);
             s[3] += v * (2 * unit(probe, j) - 1);
@@ -533,6 +570,7 @@ static int visit(const char *path, const struct stat *sb, int kind,
                  struct FTW *where)
 {
     size_t n = strlen(path);
+
     (void)sb;
     (void)where;
     if (kind == FTW_F && n > 12 && !strcmp(path + n - 12, ".safetensors") &&

@@ -54,6 +54,13 @@ const char *golden_meta(const struct golden *g, const char *key);
 double golden_number(const struct golden *g, const char *key);
 cJSON *golden_json(const struct golden *g, const char *key);
 
+/* in <- metadata "input_shape" (N,C,H,W) as this toolkit orders it: N, H, W,
+ * C. */
+void golden_input_shape(size_t in[4], const struct golden *g);
+
+/* The case could not run: print the error, count a failure. */
+void golden_fail(struct golden *g, const struct error *err);
+
 bool golden_has(const struct golden *g, const char *name);  /* stored input */
 /* A stored tensor as doubles or floats (the caller frees); count may be
  * NULL. */

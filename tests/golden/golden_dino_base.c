@@ -15,12 +15,14 @@ static void compare_stages(struct golden *g, const struct dino_base *d)
                    { "refine", DINO_REFINE } };
     char name[32];
     size_t s[4];
+
     for (size_t k = 0; k < DINO_LEVELS; k++)
         for (int i = 0; i < 3; i++) {
             const float *x = dino_base_stage(s, d, kinds[i].stage, k);
             size_t C = i ? s[3] : d->level[k].channels + 3;
             /* cat is stored with its channels padded */
             float *tight = malloc(s[0] * s[1] * s[2] * C * sizeof *tight);
+
             for (size_t r = 0; r < s[0] * s[1] * s[2]; r++)
                 memcpy(tight + r * C, x + r * s[3], C * sizeof *tight);
             snprintf(name, sizeof name, "%s%zu", kinds[i].name, k);
@@ -38,6 +40,7 @@ static void gradients(struct golden *g, struct dino_base *d,
         "output_conv.bias"
     };
     size_t s[4];
+
     dino_base_stage(s, d, DINO_FEATURE, 0);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
@@ -48,6 +51,7 @@ static void gradients(struct golden *g, struct dino_base *d,
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         char name[80];
         size_t t = params_find(ps, names[i]);
+
         snprintf(name, sizeof name, "grad.%s", names[i]);
         golden_compare_l2(g, name, param_g(ps, t), ps->tensor[t].count);
     }
@@ -63,9 +67,9 @@ static void run_mode(struct golden *g, struct dino_base *d, struct params *ps,
     struct nn_options opt = { mode, mode == NN_INFER ? NN_FAST : NN_F32 };
     struct error err = { 0 };
     char name[32];
+
     if (dino_base_plan(d, 1, h, wide, h, wide, size, opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     size_t E = d->vit.config.embed, n = size * size * d->out, s[4];
@@ -100,13 +104,13 @@ static void run_dino_base(struct golden *g)
     size_t h = (size_t)cJSON_GetArrayItem(shape, 2)->valuedouble;
     size_t wide = (size_t)cJSON_GetArrayItem(shape, 3)->valuedouble;
     size_t size = (size_t)cJSON_GetArrayItem(sizes, 0)->valuedouble;
+
     cJSON_Delete(shape);
     cJSON_Delete(sizes);
     params_init(&ps);
     if (dino_base_init(&d, &ps, "", &vit, 256, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);

@@ -13,6 +13,7 @@ static float *part(const float *x, const struct dinov2 *d, bool cls)
 {
     size_t N = cls ? 1 : d->tokens - 1, E = EMBED;
     float *out = malloc(d->batch * N * E * sizeof *out);
+
     for (size_t b = 0; b < d->batch; b++)
         memcpy(out + b * N * E, x + (b * d->tokens + !cls) * E,
                N * E * sizeof *out);
@@ -23,6 +24,7 @@ static void compare_part(struct golden *g, const char *name, const float *x,
                          const struct dinov2 *d, bool cls)
 {
     float *p = part(x, d, cls);
+
     golden_compare(g, name, p, d->batch * (cls ? 1 : d->tokens - 1) * EMBED);
     free(p);
 }
@@ -31,6 +33,7 @@ static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
 {
     char name[32];
     size_t E = EMBED;
+
     golden_compare(g, "pos_embed_resized", dinov2_position(d), d->tokens * E);
     if (raw)
         golden_compare(g, "tokens", dinov2_raw(d, 0),
@@ -59,6 +62,7 @@ static void gradients(struct golden *g, struct dinov2 *d, struct params *ps,
 {
     size_t B = d->batch, T = d->tokens, E = EMBED;
     float *probe = golden_probe_array(g->seed, B * T * E), *dtok[4];
+
     for (int k = 0; k < 4; k++) {
         dtok[k] = calloc(B * T * E, sizeof(float));
         for (size_t b = 0; b < B; b++) {
@@ -77,6 +81,7 @@ static void gradients(struct golden *g, struct dinov2 *d, struct params *ps,
     for (int i = 0; i < 3; i++) {
         char name[64];
         size_t t = params_find(ps, names[i]);
+
         snprintf(name, sizeof name, "grad.%s", names[i]);
         golden_compare(g, name, param_g(ps, t), ps->tensor[t].count);
     }
@@ -94,17 +99,13 @@ static void run_dinov2_vit(struct golden *g)
     struct golden_weights w;
     struct error err = { 0 };
     struct dinov2_config config = { EMBED, 4, 3, 14, 37, 4 };
-    cJSON *shape = golden_json(g, "input_shape");
     size_t in[4];
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, i == 3 ? 1 : i ? i + 1 : 0)
-                    ->valuedouble;
-    cJSON_Delete(shape);
+
+    golden_input_shape(in, g);
     params_init(&ps);
     if (dinov2_init(&d, &ps, "", &config, false, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);
@@ -114,9 +115,9 @@ static void run_dinov2_vit(struct golden *g)
     float *rgb = layout_rows(image, in[0], in[1] * in[2], in[3]);
     for (int i = 0; i < 2; i++) {
         struct nn_options opt = { i ? NN_FROZEN : NN_INFER, NN_F32 };
+
         if (dinov2_plan(&d, in[0], in[1], in[2], opt, &err)) {
-            printf("%s: %s\n", g->name, err.text);
-            g->failed++;
+            golden_fail(g, &err);
             break;
         }
         dinov2_forward(rgb, &d);

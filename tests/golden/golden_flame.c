@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/head/lbs.h"
+#include "tests/golden/flame_file.h"
 #include "tests/golden/golden.h"
 
 #define NV 5023
@@ -26,6 +27,7 @@ static void make_regressor(float *J, uint64_t seed)
             double u = golden_u("flame.J_index", seed,
                                 (uint64_t)(12 * j + k));
             int v = (j * 977 + k * 401 + (int)(400 * u)) % NV;
+
             J[j * NV + v] += (float)(w[k] / sum);
         }
     }
@@ -60,7 +62,8 @@ static float *transpose_posedirs(const float *p)
     return t;
 }
 
-static void make_head(struct head *h, struct golden *g)
+/* The case's head; with `imported` through FLAME's files. */
+static void make_head(struct head *h, struct golden *g, bool imported)
 {
     static const int32_t parents[5] = {-1, 0, 1, 1, 1}, face[3] = {0, 1, 2};
     float *template = golden_array("flame.v_template", g->seed, 3 * NV, 0, 0.1);
@@ -83,7 +86,7 @@ static void make_head(struct head *h, struct golden *g)
 
     make_regressor(J, g->seed);
     make_weights(w, g->seed);
-    if (head_init(h, &a, &err)) {
+    if (imported ? flame_file_import(h, &a, &err) : head_init(h, &a, &err)) {
         fprintf(stderr, "golden: %s: %s\n", g->name, err.text);
         exit(1);
     }
@@ -192,14 +195,14 @@ static void run_double(struct golden *g, const char *pose,
 }
 
 /* Every pose P of the case: the tensors P.pose. */
-static void run_flame(struct golden *g)
+static void run_poses(struct golden *g, bool imported)
 {
     struct head h;
     struct identity id;
     struct error err = {0};
     float *betas = golden_array("input.betas", g->seed, K, 0, 1);
 
-    make_head(&h, g);
+    make_head(&h, g, imported);
     h.public_rodrigues = 1;
     if (head_fold(&id, &h, betas, NSHAPE, &err))
         exit(1);
@@ -222,6 +225,13 @@ static void run_flame(struct golden *g)
     identity_release(&id);
     head_release(&h);
     free(betas);
+}
+
+static void run_flame(struct golden *g)
+{
+    run_poses(g, false);
+    printf("the same head from a pickle, imported:\n");
+    run_poses(g, true);
 }
 
 GOLDEN_CASE("06_flame_lbs", run_flame)

@@ -23,6 +23,7 @@ static void sides_init(struct sides *s, struct golden *g, size_t n,
                        &s->out.quat, &s->out.position };
     float **probe[5] = { &s->probe.color, &s->probe.opacity, &s->probe.scale,
                          &s->probe.quat, &s->probe.position };
+
     s->n = n;
     for (int i = 0; i < 5; i++) {
         *out[i] = calloc(n * width[i] + 1, sizeof(float));
@@ -36,6 +37,7 @@ static void sides_release(struct sides *s)
                        s->out.quat, s->out.position, s->probe.color,
                        s->probe.opacity, s->probe.scale, s->probe.quat,
                        s->probe.position };
+
     for (int i = 0; i < 10; i++)
         free(all[i]);
 }
@@ -55,6 +57,7 @@ static void compare_weight(struct golden *g, const struct params *ps,
 {
     char name[160];
     size_t i = params_find(ps, tensor);
+
     snprintf(name, sizeof name, "grad.%s", tensor);
     golden_compare_l2(g, name, param_g(ps, i), ps->tensor[i].count);
 }
@@ -76,6 +79,7 @@ static size_t config(const cJSON *json, const char *key)
 static void harmonic(struct golden *g, const float *dir, size_t B)
 {
     float enc[8 * HARMONIC_OUT];
+
     harmonic_forward(enc, dir, B);
     golden_compare(g, "dir_encoding", enc, B * HARMONIC_OUT);
 }
@@ -89,6 +93,7 @@ static void run_conv(struct golden *g, struct params *ps,
     struct conv_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
+
     if (failed(g, conv_decoder_init(&d, ps, "", 256, 128, head, &err) ||
                       params_allocate(ps, &err) ||
                       params_allocate_gradients(ps, &err), &err))
@@ -143,6 +148,7 @@ static void run_linear(struct golden *g, struct params *ps,
     struct mlp_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
+
     if (failed(g, mlp_decoder_init(&d, ps, "", 1024, 256, 128, head, &err) ||
                       params_allocate(ps, &err) ||
                       params_allocate_gradients(ps, &err), &err))
@@ -176,6 +182,7 @@ static void run_gs_generators(struct golden *g)
     struct params ps;
     struct golden_weights w;
     cJSON *json = golden_json(g, "config");
+
     params_init(&ps);
     golden_weights_open(&w, g, NULL);
     if (!strncmp(golden_meta(g, "network"), "conv", 4))

@@ -23,6 +23,7 @@ static void box_mean(struct pair *p, int r)
         for (size_t y = 0; y < p->H; y++)
             for (size_t x = 0; x < p->W; x++, k++) {
                 double sum = 0;
+
                 for (int dy = -r; dy <= r; dy++)
                     for (int dx = -r; dx <= r; dx++)
                         sum += p->a[(c * p->H + clamp_index((long)y + dy,
@@ -36,6 +37,7 @@ static void noise(struct pair *p, uint64_t seed, double amount)
 {
     for (size_t i = 0; i < p->n; i++) {
         double v = p->a[i] + amount * (golden_u("input.noise", seed, i) - 0.5);
+
         p->b[i] = (float)fmax(0, fmin(1, v));
     }
 }
@@ -154,6 +156,7 @@ static void run_metrics(struct golden *g)
     cJSON_ArrayForEach(how, all) {
         double *map = malloc(p.n * sizeof *map);
         double *grad = malloc(p.n * sizeof *grad);
+
         p.b = malloc(p.n * sizeof *p.b);
         if (!map || !grad || !p.b ||
             distort(&p, how->valuestring, g->seed))

@@ -17,8 +17,10 @@ static void compare_stages(struct golden *g, struct mobilenet *m)
     static const char *const names[] = { "stage0", "stage1", "stage2",
                                          "stage3", "features" };
     size_t s[4];
+
     for (int i = 0; i < 5; i++) {
         const float *x = mobilenet_stage(s, m, i);
+
         compare(g, names[i], x, s, false);
     }
 }
@@ -28,6 +30,7 @@ static void gradients(struct golden *g, struct mobilenet *m,
                       const size_t in[4])
 {
     size_t s[4], n = in[0] * in[1] * in[2] * in[3];
+
     mobilenet_stage(s, m, 4);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
@@ -50,9 +53,9 @@ static void run_mode(struct golden *g, struct mobilenet *m, struct params *ps,
 {
     struct error err = { 0 };
     struct nn_options opt = { mode, NN_F32 };
+
     if (mobilenet_plan(m, in[0], in[1], in[2], opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     float *pooled = malloc(in[0] * m->features * sizeof *pooled);
@@ -71,17 +74,13 @@ static void run_mobilenet(struct golden *g)
     struct params ps;
     struct golden_weights w;
     struct error err = { 0 };
-    cJSON *shape = golden_json(g, "input_shape");
     size_t in[4];
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, (i == 3 ? 1 : i ? i + 1 : 0))
-                    ->valuedouble;
-    cJSON_Delete(shape);
+
+    golden_input_shape(in, g);
     params_init(&ps);
     if (mobilenet_init(&m, &ps, "", golden_meta(g, "network"), &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);

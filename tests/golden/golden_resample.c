@@ -16,6 +16,7 @@ static float *turned(const float *x, size_t B, size_t C, size_t n,
         for (size_t c = 0; c < C; c++)
             for (size_t i = 0; i < n; i++) {
                 size_t p = (b * C + c) * n + i, q = (b * n + i) * C + c;
+
                 if (to_planes)
                     y[p] = x[q];
                 else
@@ -124,6 +125,7 @@ static void run_grids(struct golden *g, const cJSON *ops)
             name, d[0], d[1], d[2], d[3], d[4] * d[5], k & 1,
             k & 2 ? RESAMPLE_BORDER : RESAMPLE_ZEROS, x, grid
         };
+
         snprintf(name, sizeof name, "gs.ac%d.%s", k & 1,
                  k & 2 ? "border" : "zeros");
         run_sampling(g, &s);
@@ -134,6 +136,7 @@ static void run_grids(struct golden *g, const cJSON *ops)
             k ? "pt.ac1.border" : "pt.ac0.zeros", 1, p[0], p[1], p[2], p[3],
             k, k ? RESAMPLE_BORDER : RESAMPLE_ZEROS, px, pgrid
         };
+
         run_sampling(g, &s);
     }
     free(x);
@@ -153,6 +156,7 @@ static void run_affine(struct golden *g, const cJSON *ops)
         float *grid = malloc(n * sizeof *grid);
         float *gtheta = calloc(d[0] * 6, sizeof *gtheta);
         float *probe = golden_probe_array(g->seed, n);
+
         affine_grid(grid, theta, d[0], d[4], d[5], k);
         golden_compare(g, k ? "affine.ac1.out" : "affine.ac0.out", grid, n);
         affine_grid_backward(gtheta, probe, d[0], d[4], d[5], k);
@@ -220,11 +224,13 @@ static void run_sizes(struct golden *g, const cJSON *ops)
     x = input(g, "it.x", d[0] * d[1] * d[2] * d[3], 1);
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "sizes")) {
         size_t m[2];
+
         numbers(m, 2, size);
         for (size_t k = 0; k < 4; k++) {
             struct resizing s = {
                 "", kinds[k].kind, d[0], d[1], d[2], d[3], m[0], m[1], 0, 0, x
             };
+
             snprintf(s.name, sizeof s.name, "it.%s.%zux%zu", kinds[k].name,
                      m[0], m[1]);
             run_resizing(g, &s);
@@ -237,6 +243,7 @@ static void run_sizes(struct golden *g, const cJSON *ops)
             d[3], (size_t)((double)d[2] * f), (size_t)((double)d[3] * f), f,
             f, x
         };
+
         snprintf(s.name, sizeof s.name, "it.scale%s.bilinear.ac%d",
                  k < 2 ? "2" : "0p5", k == 1);
         run_resizing(g, &s);
@@ -258,6 +265,7 @@ static void run_positions(struct golden *g, const cJSON *ops)
             "", RESIZE_BICUBIC, 1, d[1], d[0], d[0], 0, 0, 0, 0, planes
         };
         size_t m[2];
+
         numbers(m, 2, size);
         s.h = m[0];
         s.w = m[1];
@@ -282,6 +290,7 @@ static void run_images(struct golden *g, const cJSON *ops)
             "", RESIZE_ANTIALIAS, d[0], d[1], d[2], d[3], 0, 0, 0, 0, x
         };
         size_t m[2];
+
         numbers(m, 2, size);
         s.h = m[0];
         s.w = m[1];

@@ -49,6 +49,7 @@ static void compare_rows(struct golden *g, const char *name, const double *x,
                          size_t rows, size_t m, double rel, const char *kind)
 {
     char key[160];
+
     snprintf(key, sizeof key, "%s.rowtol", name);
     double *truth = golden_f64(g, name, NULL);
     double *tol = golden_f64(g, key, NULL);
@@ -56,8 +57,10 @@ static void compare_rows(struct golden *g, const char *name, const double *x,
 
     for (size_t r = 0; r < rows; r++) {
         double e = 0, big = 1e-300;
+
         for (size_t i = 0; i < m; i++) {
             double d = fabs(x[r * m + i] - truth[r * m + i]);
+
             e = d >= e || isnan(d) ? d : e;
             big = fmax(big, fabs(truth[r * m + i]));
         }

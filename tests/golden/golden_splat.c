@@ -6,6 +6,7 @@
 #include <string.h>
 
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
 #include "tests/golden/golden.h"
 
 struct scene {
@@ -110,7 +111,7 @@ static void to_row_vector(double out[12], const double rt[12])
     }
 }
 
-static void compare_projection(struct golden *g, const struct splat_truth *t,
+static void compare_projection(struct golden *g, const struct reference *t,
                                size_t N)
 {
     double *xy = grab(2 * N), *conic = grab(3 * N), *z = grab(N);
@@ -118,9 +119,9 @@ static void compare_projection(struct golden *g, const struct splat_truth *t,
     double *front = golden_f64(g, "proj.in_front", NULL);
 
     for (size_t i = 0; i < N; i++) {
-        struct splat_point p;
+        struct reference_point p;
 
-        splat_truth_project(&p, t, i);
+        reference_project(&p, t, i);
         wrong += p.front != (front[i] != 0);
         memcpy(cov3 + 6 * i, p.cov3, sizeof p.cov3);
         if (!p.front)
@@ -153,7 +154,8 @@ static void planes(double *out, const double *in, const struct scene *s)
             out[c * s->H * s->W + p] = in[p * s->C + c];
 }
 
-/* Tolerance of gradients, relative to the largest (tests/golden/data/README.md). */
+/* Tolerance of gradients, relative to the largest
+ * (tests/golden/data/README.md). */
 static double gradient_tolerance(const struct golden *g, const char *mode)
 {
     if (!strcmp(mode, "dgr"))
@@ -162,10 +164,10 @@ static double gradient_tolerance(const struct golden *g, const char *mode)
 }
 
 static void reference_gradients(struct golden *g, const struct scene *s,
-                                const struct splat_truth *t, const char *mode)
+                                const struct reference *t, const char *mode)
 {
     size_t N = s->N, C = s->C, P = s->W * s->H;
-    struct splat_truth_gradients d = {
+    struct reference_gradients d = {
         grab(3 * N), grab(3 * N), grab(4 * N), grab(N), grab(C * N),
         grab(12), grab(2 * N), grab(3 * N)};
     double *probe = grab(P * C), T[12], tol = gradient_tolerance(g, mode);
@@ -173,7 +175,7 @@ static void reference_gradients(struct golden *g, const struct scene *s,
 
     for (size_t i = 0; i < P * C; i++)
         probe[i] = s->probe[i];
-    if (splat_reference_backward(&d, t, probe, NULL, &err))
+    if (reference_backward(&d, t, probe, NULL, &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
     compare_if(g, key(mode, "grad.means"), d.mean, 3 * N, tol);
     compare_if(g, key(mode, "grad.scales"), d.scale, 3 * N, tol);
@@ -200,18 +202,18 @@ static void run_reference(struct golden *g, const struct scene *s,
     size_t P = s->W * s->H;
     double *image = grab(P * s->C), *plane = grab(P * s->C);
     double *alpha = grab(P);
-    struct splat_truth t;
+    struct reference t;
     struct error err = {0};
 
     if (!golden_has(g, key(mode, "T.err")) ||
-        splat_truth_init(&t, &s->g, &s->cam, (int)s->W, (int)s->H, (int)s->C,
-                         rules, 0, &err))
+        reference_init(&t, &s->g, &s->cam, (int)s->W, (int)s->H, (int)s->C,
+                       rules, 0, &err))
         goto out;
     for (size_t c = 0; c < s->C; c++)
         t.background[c] = s->bg[c];
     if (rules == SPLAT_EXACT)
         compare_projection(g, &t, s->N);
-    if (splat_reference_forward(image, alpha, NULL, NULL, &t, &err))
+    if (reference_forward(image, alpha, NULL, NULL, &t, &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
     planes(plane, image, s);
     for (size_t i = 0; i < P; i++)
@@ -220,7 +222,7 @@ static void run_reference(struct golden *g, const struct scene *s,
     golden_compare_f64(g, key(mode, "T"), alpha, P, 1e-9);
     if (golden_has(g, key(mode, "grad.means.err")))
         reference_gradients(g, s, &t, mode);
-    splat_truth_release(&t);
+    reference_release(&t);
 out:
     free(image);
     free(plane);
@@ -263,7 +265,7 @@ static void kernel_gradients(struct golden *g, struct splat *r,
     size_t N = s->N, C = s->C;
     float *all = calloc(N * (11 + C) + 12, sizeof *all);
     struct splat_gradients d = {all, all + 3 * N, all + 6 * N, all + 10 * N,
-                                all + 11 * N, all + (11 + C) * N};
+                                all + 11 * N, all + (11 + C) * N, NULL};
     double rt[12], T[12];
     float Tf[12];
     struct error err = {0};

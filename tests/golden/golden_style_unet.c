@@ -11,6 +11,7 @@ static void compare_map(struct golden *g, const char *what, size_t i,
                         size_t side, size_t C)
 {
     char name[64];
+
     snprintf(name, sizeof name, "%s%zu%s", what, i, end);
     layout_compare(g, name, x, B, side * side, C, false);
 }
@@ -18,12 +19,14 @@ static void compare_map(struct golden *g, const char *what, size_t i,
 static void compare_maps(struct golden *g, const struct style_unet *s)
 {
     size_t B = s->batch;
+
     golden_compare(g, "style_code", s->code, B * s->latent);
     golden_compare(g, "latent", style_unet_latent(s), B * s->latent);
     layout_compare(g, "dec.style_conv1", s->conv1.y, B, 16, s->conv1.out,
                    false);
     for (size_t i = 0; i < s->levels; i++) {
         const struct style_level *l = &s->level[i];
+
         compare_map(g, "down", i, "", l->down.out, B, s->out_size >> (i + 1),
                     l->down.conv2.out);
         compare_map(g, "up", i, "", l->up.out, B, l->side, l->up.conv2.out);
@@ -49,11 +52,13 @@ static void gradients(struct golden *g, struct style_unet *s,
     float *probe = golden_probe_array(g->seed, B * 3 * P);
     float *dout = layout_rows(probe, B, P, 3);
     float *dfeat = malloc(B * in * s->channels * sizeof *dfeat);
+
     style_unet_backward(dfeat, dout, s);
     layout_compare(g, "grad.input", dfeat, B, in, s->channels, true);
     for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
         char name[100];
         size_t t = params_find(ps, names[i]);
+
         snprintf(name, sizeof name, "grad.%s", names[i]);
         golden_compare_l2(g, name, param_g(ps, t), ps->tensor[t].count);
     }
@@ -72,9 +77,9 @@ static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
     struct nn_options opt = { mode, mode == NN_INFER ? NN_FAST : NN_F32 };
     struct error err = { 0 };
     size_t P = s->out_size * s->out_size;
+
     if (style_unet_plan(s, batch, opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     float *image = malloc(batch * P * 3 * sizeof *image);
@@ -100,13 +105,13 @@ static void run_style_unet(struct golden *g)
     size_t B = (size_t)cJSON_GetArrayItem(shape, 0)->valuedouble;
     size_t side = (size_t)cJSON_GetArrayItem(shape, 2)->valuedouble;
     size_t out = (size_t)cJSON_GetObjectItem(config, "out_size")->valuedouble;
+
     cJSON_Delete(shape);
     cJSON_Delete(config);
     params_init(&ps);
     if (style_unet_init(&s, &ps, "", 32, side, out, 1, &err) ||
         params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+        golden_fail(g, &err);
         return;
     }
     golden_weights_open(&w, g, NULL);

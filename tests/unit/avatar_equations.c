@@ -4,7 +4,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/branches.h"
+#include "lib/avatar/avatar.h"
 #include "lib/avatar/coverage.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
@@ -48,28 +48,28 @@ static void plane(void)
     const float turn[3] = {0.3f, 0.8f, -0.2f}, rise[2] = {0.25f, 0.25f};
     float mid[2] = {0.625f, 0.625f}, uv[4];
 
-    static_grid(U0, 2);
+    static_branch_grid(U0, 2);
     expect("U_0 of the first cell of 2 x 2", U0[0], -0.5, 0);
     expect("U_0 of the last cell of 2 x 2, y", U0[7], 0.5, 0);
     camera_frontal(cam, 12);
-    static_normal(n, cam);
+    source_mesh_normal(n, cam);
     expect("n_s of the frontal camera is +z", n[2], 1, 0);
-    static_lift(mu, U, p, NULL, cam, n, 2);
+    static_branch_lift(mu, U, p, NULL, cam, n, 2);
     expect("cell at the right border: x", mu[0], 1, 1e-6);
     expect("cell at the right border: z (p = 1/2)", mu[2], 0, 1e-6);
     expect("cell above the middle is below y = 0", mu[4], -0.25, 1e-6);
     expect("p = 3/4 lifts by 1/2", mu[5], 0.5, 1e-6);
     rotation_exp(R, turn);
     camera_make(cam, R, t);
-    static_normal(n, cam);
-    static_lift(mu, U, (const float[2]){0.5f, 0.5f}, NULL, cam, n, 2);
+    source_mesh_normal(n, cam);
+    static_branch_lift(mu, U, (const float[2]){0.5f, 0.5f}, NULL, cam, n, 2);
     camera_project(uv, NULL, cam, 2, mu, 2);
     expect("turned camera: projection of the lifted cell, x", uv[2] - 1, -0.5,
            1e-5);
     expect("turned camera: projection of the lifted cell, y", uv[3] - 1, 0.25,
            1e-5);
     /* 2p - 1 = 0.25 = the surface's height: back on its ray */
-    static_lift(mu, U, mid, rise, cam, n, 2);
+    static_branch_lift(mu, U, mid, rise, cam, n, 2);
     camera_project(uv, NULL, cam, 2, mu, 2);
     expect("at the surface's height: projection, x", uv[2] - 1, -0.5, 1e-5);
     camera_apply(mu, cam, mu + 3);
@@ -85,32 +85,33 @@ static void mouth(void)
     float q[9] = {1, 2, 0.05f, 0, 0, -0.5f, 0, 0, 0.2f}, raw[9];
     float dq[9] = {1, 1, 1, 1, 1, 1, 1, 1, 1};
 
-    mouth_sheet(g, uv, centre, 0.2f, 2);
-    expect("first cell of the sheet: u", uv[0], -0.5, 0);
-    expect("first cell of the sheet: v is up", uv[1], 0.5, 0);
+    mouth_branch_grid(g, uv, centre, 0.2f, 2);
+    expect("first cell of the grid: u", uv[0], -0.5, 0);
+    expect("first cell of the grid: v is up", uv[1], 0.5, 0);
     expect("its x: 0.1 - 0.2 / 2", g[0], 0, 1e-7);
     expect("its y: -0.3 + 0.2 / 2", g[1], -0.2, 1e-7);
     expect("its z: the centroid's", g[2], 0.4f, 0);
     /* 11.82 mm and 16.59 mm at 5 units a metre, epsilon 2 mm */
-    expect("cap of the paper's typical subject, mm", mouth_cap(&m) / 5 * 1000,
+    expect("cap of the paper's typical subject, mm",
+           mouth_branch_cap(&m) / 5 * 1000,
            11.82 + 16.59 / 2 + 2, 1e-3);
     memcpy(raw, q, sizeof raw);
-    expect("clamped of three", (double)mouth_clamp(q, 3, 0.1f), 2, 0);
+    expect("clamped of three", (double)mouth_branch_clamp(q, 3, 0.1f), 2, 0);
     expect("q inside the cap stays", q[2], 0.05f, 0);
     expect("q below it", q[5], -0.1f, 0);
     expect("x and y are free", q[1], 2, 0);
-    mouth_clamp_backward(dq, raw, 3, 0.1f);
+    mouth_branch_clamp_backward(dq, raw, 3, 0.1f);
     expect("gradient passes inside", dq[2], 1, 0);
     expect("and not where the clamp acted", dq[5] + dq[8], 0, 0);
 }
 
-/* Offsets held behind the lips, and the derivative against differences. */
-static void mouth_held(void)
+/* Offsets bounded behind the lips, and the derivative against differences. */
+static void mouth_bounded(void)
 {
     float q[6] = {0, 0, 0, 50, -50, 50}, worst = 0;
     const float at[3] = {0.7f, -0.3f, 0.4f};
 
-    mouth_hold(q, 2, 0.2f, 0.1f);
+    mouth_branch_bound(q, 2, 0.2f, 0.1f);
     expect("nothing asked for: half the cap behind the lips", q[2], -0.05f, 0);
     expect("and not to the side", q[0] + q[1], 0, 0);
     expect("at most half the radius to the side", q[3], 0.1f, 1e-7);
@@ -123,9 +124,9 @@ static void mouth_held(void)
         lo[i] -= step;
         hi[i] += step;
         d[i] = 1;
-        mouth_hold(lo, 1, 0.2f, 0.1f);
-        mouth_hold(hi, 1, 0.2f, 0.1f);
-        mouth_hold_backward(d, at, 1, 0.2f, 0.1f);
+        mouth_branch_bound(lo, 1, 0.2f, 0.1f);
+        mouth_branch_bound(hi, 1, 0.2f, 0.1f);
+        mouth_branch_bound_backward(d, at, 1, 0.2f, 0.1f);
         worst = fmaxf(worst, fabsf((hi[i] - lo[i]) / (2 * step) / d[i] - 1));
     }
     expect("its derivative against differences, relative", worst, 0, 2e-3);
@@ -192,7 +193,7 @@ static void spread(void)
 
     densify_init(&d, faces, 4, 6, &err);
     expect("edges of the strip", (double)d.E, 9, 0);
-    dynamic_spread(rgb, weight, &d, level, tmp);
+    dynamic_branch_spread(rgb, weight, &d, level, tmp);
     expect("colour at the far end, red", rgb[15], 0.8, 1e-6);
     expect("colour of the last midpoint, blue", rgb[3 * 14 + 2], 0.1, 1e-6);
     expect("ring of the far end", level[5], 2, 0);
@@ -204,7 +205,7 @@ int main(void)
     midpoints();
     plane();
     mouth();
-    mouth_held();
+    mouth_bounded();
     coverage();
     shifts();
     spread();

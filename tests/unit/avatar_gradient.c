@@ -7,7 +7,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/branches.h"
+#include "lib/avatar/avatar.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
@@ -72,7 +72,7 @@ static void make(struct world *w, bool skip, unsigned without)
         exit(1);
     }
     params_randomise(&w->ps, 7);
-    avatar_start(&w->a);
+    avatar_init_weights(&w->a);
     /* the last layer of Phi_init starts at zero: move the plane a little */
     for (size_t i = 0; i < w->ps.count; i++)
         for (size_t k = 0; strncmp(w->ps.tensor[i].name, "init.4", 6) == 0 &&
@@ -96,9 +96,10 @@ static void make(struct world *w, bool skip, unsigned without)
     rotation_exp(R, (const float[3]){-0.2f, 0.3f, 0.1f});
     mat3_mul(Q, F, R);
     camera_make(w->frame, Q, t);
-    w->a.bend.top = 0.2f;       /* a sphere has no neck: bend its lower half */
+    /* a sphere has no neck: blend its lower half */
+    w->a.weights.blend.top = 0.2f;
     for (size_t i = 0; i < V + w->a.dense.E; i++)
-        w->a.neck[i] = (float)random_range(&r, 0, 1);
+        w->a.weights.neck[i] = (float)random_range(&r, 0, 1);
     for (size_t i = 0; i < 3 * S * S; i++) {    /* smooth, so that steps of
                                                  * the plane see a slope */
         size_t x = i / 3 % S, y = i / 3 / S;
@@ -243,16 +244,16 @@ static void camera(struct world *w, const float dcam[12])
 
     for (int i = 0; i < 12; i++)
         most = fmax(most, fabs(dcam[i]));
-    check("camera: gradient of the bending by differences",
+    check("camera: gradient of the neck blend by differences",
           worst_slope(w, w->frame, dcam, 12, 1), 1e-5);
     check("camera: it has one (0 or 1 missing)", most > 1 ? 0 : 1, 0.5);
 }
 
 /* x + w (B x - x), B = p + R_d^T from (x - p). */
-static void bend(double x[3], const struct world *w, double weight,
+static void blend(double x[3], const struct world *w, double weight,
                  const float *from, size_t row)
 {
-    const float *p = w->a.bend.pivot;
+    const float *p = w->a.weights.blend.pivot;
     double a[3], y[3];
 
     for (size_t i = 0; i < 3; i++)
@@ -270,7 +271,8 @@ static void bend(double x[3], const struct world *w, double weight,
 static void reference(struct world *w)
 {
     const struct avatar *a = &w->a;
-    const struct avatar_scratch *s = a->scratch;
+    const struct static_branch *s = &a->plane;
+    size_t K = a->mouth.K;
     double worst = 0, ls[3] = {0}, ld[3] = {0};
 
     loss(w);
@@ -281,13 +283,13 @@ static void reference(struct world *w)
         for (size_t c = 0; c < 3; c++)
             m[c] = 0.5 * (w->driven[3 * (size_t)a->dense.edge[2 * e] + c] +
                           w->driven[3 * (size_t)a->dense.edge[2 * e + 1] + c]);
-        bend(m, w, s->bend[k], avatar_upright, 3);
+        blend(m, w, a->drive.weight[k], neck_blend_upright, 3);
         for (size_t c = 0; c < 3; c++)
             worst = fmax(worst, fabs(m[c] - w->means[3 * k + c]));
     }
-    check("dynamic: bent midpoints of driven vertices", worst, 2e-6);
+    check("dynamic: blended midpoints of driven vertices", worst, 2e-6);
     worst = 0;
-    for (size_t k = 0; k < s->n2 && a->first[2] > a->first[1]; k++) {
+    for (size_t k = 0; k < s->count && a->first[2] > a->first[1]; k++) {
         double rise = a->config.rgb_skip ? s->surface[k] : 0;
         double z = w->cam[11] - rise, mu[3];
 
@@ -301,12 +303,12 @@ static void reference(struct world *w)
                   w->cam[8 + c];
             mu[c] = o + z * ray - (2.0 * s->p[k] - 1 - rise) * w->cam[8 + c];
         }
-        bend(mu, w, s->bend[a->first[1] + k], w->cam, 4);
+        blend(mu, w, a->drive.weight[a->first[1] + k], w->cam, 4);
         for (size_t c = 0; c < 3; c++)
             worst = fmax(worst, fabs(mu[c] -
                                      w->means[3 * (a->first[1] + k) + c]));
     }
-    check("static: o_s + d_s r_k + (2p - 1) n_s, bent", worst, 1e-5);
+    check("static: o_s + d_s r_k + (2p - 1) n_s, blended", worst, 1e-5);
     for (size_t i = 0; i < w->head.nlip_inner; i++)
         for (int c = 0; c < 3; c++) {
             ls[c] += w->verts[3 * w->head.lip_inner[i] + c] /
@@ -316,18 +318,18 @@ static void reference(struct world *w)
         }
     worst = 0;
     for (size_t k = 0; k < a->first[3] - a->first[2]; k++) {
-        double uv[2] = {(double)(2 * (k % s->K) + 1) / (double)s->K - 1,
-                        1 - (double)(2 * (k / s->K) + 1) / (double)s->K};
+        double uv[2] = {(double)(2 * (k % K) + 1) / (double)K - 1,
+                        1 - (double)(2 * (k / K) + 1) / (double)K};
 
         for (int c = 0; c < 3; c++) {
-            double q = s->q[3 * k + (size_t)c];
+            double q = a->mouth.q[3 * k + (size_t)c];
 
             if (a->config.rgb_skip)
-                q = c < 2 ? 0.5 * (double)a->mouth.radius * tanh(q)
-                          : 0.5 * (double)a->cap * (tanh(q) - 1);
+                q = c < 2 ? 0.5 * (double)a->mouth.lips.radius * tanh(q)
+                          : 0.5 * (double)a->mouth.cap * (tanh(q) - 1);
             else if (c == 2)
-                q = fmin(fmax(q, -a->cap), a->cap);
-            double g = ls[c] + (c < 2 ? a->mouth.radius * uv[c] : 0);
+                q = fmin(fmax(q, -a->mouth.cap), a->mouth.cap);
+            double g = ls[c] + (c < 2 ? a->mouth.lips.radius * uv[c] : 0);
             worst = fmax(worst, fabs(g - ls[c] + ld[c] + q -
                                      w->means[3 * (a->first[2] + k) +
                                               (size_t)c]));
@@ -359,7 +361,7 @@ static void run(bool skip, unsigned without)
         direction(&w, groups[i]);
     }
     vertices(&w, dverts);
-    if (!(without & WITHOUT_BEND))
+    if (!(without & WITHOUT_NECK))
         camera(&w, dcam);
     free(dverts);
     release(&w);
@@ -374,6 +376,6 @@ int main(void)
     run(true, WITHOUT_STATIC);
     run(true, WITHOUT_DYNAMIC);
     run(true, WITHOUT_MOUTH);
-    run(true, WITHOUT_BEND);
+    run(true, WITHOUT_NECK);
     return check_status();
 }

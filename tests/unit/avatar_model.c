@@ -41,8 +41,8 @@ static void configure(struct avatar_config *c, const char *kind)
     }
 }
 
-/* A refiner that has learned nothing adds nothing, and what it hears of the
- * head's turn would go unnoticed. */
+/* A refiner that has learned nothing adds nothing, and what it receives of the
+ * head's relative pose would go unnoticed. */
 static void teach(struct params *ps)
 {
     struct random r;
@@ -82,8 +82,8 @@ static void write_model(const char *path, const struct head *h,
         give_up(&err);
     params_randomise(&ps, 1);
     teach(&ps);
-    motion_encoder_start(&motion);
-    avatar_start(&a);
+    motion_encoder_init_weights(&motion);
+    avatar_init_weights(&a);
     char *json = avatar_config_print(&c);
     const char *meta[] = {"spid", json, NULL};
     if (params_save(&ps, path, ST_F32, meta, &err))

@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "lib/avatar/baked.h"
-#include "lib/avatar/branches.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
@@ -90,7 +89,7 @@ static void make(struct world *w)
         exit(1);
     }
     params_randomise(&w->ps, 7);
-    avatar_start(&w->a);
+    avatar_init_weights(&w->a);
     if (avatar_plan(&w->a, (struct nn_options){NN_INFER, NN_F32}, &err)) {
         printf("%s\n", err.text);
         exit(1);
@@ -119,10 +118,10 @@ int main(void)
     check_that("profile source, half the vertices hidden",
                try(&w, &rest, profile, front, &open));
     size_t hidden = 0;
-    for (size_t k = 0; k < w.a.scratch->D; k++)
-        hidden += w.a.scratch->weight[k] < 0.5f;
+    for (size_t k = 0; k < w.a.dynamic.count; k++)
+        hidden += w.a.dynamic.trust[k] < 0.5f;
     check_that("  and the hidden ones are known",
-               hidden > w.a.scratch->D / 3 && hidden < w.a.scratch->D);
+               hidden > w.a.dynamic.count / 3 && hidden < w.a.dynamic.count);
     check_that("source at the picture's border",
                try(&w, &rest, none, border, &open));
     check_that("source outside the picture",
@@ -143,8 +142,9 @@ int main(void)
     for (size_t i = 0; i < w.head.nlip_inner; i++)
         w.head.lip_inner[i] = w.head.lip_inner[0];
     check_that("lips pressed to a point", try(&w, &rest, none, front, &open));
-    check_that("  and the sheet keeps a finite size",
-               w.a.mouth.radius == 0 && w.a.set.scale[3 * w.a.first[2]] > 0);
+    check_that("  and the grid keeps a finite size",
+               w.a.mouth.lips.radius == 0 &&
+               w.a.set.scale[3 * w.a.first[2]] > 0);
     avatar_release(&w.a);
     params_release(&w.ps);
     identity_release(&w.id);

@@ -132,10 +132,11 @@ static void at_level(const char *level)
         setenv("SPID_CPU", level, 1);
         test_versions();
         fflush(stdout);
-        _exit(failed);
+        _exit(check_status());
     }
-    if (child < 0 || waitpid(child, &status, 0) < 0 || status)
-        failed = 1;
+    if (child < 0 || waitpid(child, &status, 0) < 0)
+        status = 1;
+    check_that(level, status == 0);
 }
 
 int main(void)

@@ -24,6 +24,20 @@
 #include "tests/fuzz/fuzz_frames.c"
 #undef LLVMFuzzerTestOneInput
 
+#define LLVMFuzzerTestOneInput fuzz_pickle
+#include "tests/fuzz/fuzz_pickle.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_zip
+#include "tests/fuzz/fuzz_zip.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_npz
+#define put put_npz
+#include "tests/fuzz/fuzz_npz.c"
+#undef put
+#undef LLVMFuzzerTestOneInput
+
 static const struct {
     const char *name;
     int (*run)(const uint8_t *data, size_t size);
@@ -31,7 +45,10 @@ static const struct {
                 { "fuzz_npy", fuzz_npy },
                 { "fuzz_json", fuzz_json },
                 { "fuzz_safetensors", fuzz_safetensors },
-                { "fuzz_frames", fuzz_frames } };
+                { "fuzz_frames", fuzz_frames },
+                { "fuzz_pickle", fuzz_pickle },
+                { "fuzz_zip", fuzz_zip },
+                { "fuzz_npz", fuzz_npz } };
 
 static int replay(const char *path, int (*run)(const uint8_t *, size_t))
 {

@@ -6,8 +6,8 @@
 
 #include "lib/base/random.h"
 #include "lib/geom/camera.h"
+#include "lib/geom/relative_pose.h"
 #include "lib/geom/rotation.h"
-#include "lib/geom/turn.h"
 #include "tests/check.h"
 
 typedef void (*forward)(double *R, const double *x);
@@ -174,7 +174,8 @@ static void turns(struct random *r)
         static const float nowhere[3] = {0};
         double x[3], angle = 1e-12, change = 0, predicted = 0;
         float Q[9], R[9], QR[9], by_x[3], axis[3], cam[12], moved[12], l[3];
-        float t[TURN_COUNT], t2[TURN_COUNT], d[TURN_COUNT], dcam[12] = {0};
+        float t[RELATIVE_POSE_SIZE], t2[RELATIVE_POSE_SIZE];
+        float d[RELATIVE_POSE_SIZE], dcam[12] = {0};
 
         scaled(x, 3, random_range(r, 0.01, 1.4), r);
         for (int k = 0; k < 3; k++) {
@@ -183,14 +184,14 @@ static void turns(struct random *r)
             l[k] = (float)random_range(r, -1, 1);
             angle += x[k] * x[k];
         }
-        for (int k = 0; k < TURN_COUNT; k++)
+        for (int k = 0; k < RELATIVE_POSE_SIZE; k++)
             d[k] = (float)random_range(r, -1, 1);
         rotation_exp(R, axis);
         rotation_exp(Q, by_x);
         mat3_mul(QR, Q, R);
         camera_make(cam, QR, nowhere);
         angle = sqrt(angle);
-        turn_since(t, R, l, cam);
+        relative_pose(t, R, l, cam);
         for (int k = 0; k < 3; k++) {
             double before = 0, now = 0;
             worst = fmax(worst, fabs((double)t[k] -
@@ -201,14 +202,14 @@ static void turns(struct random *r)
             }
             dark = fmax(dark, fabs(before - now));
         }
-        turn_since_backward(dcam, d, R, l);
+        relative_pose_backward(dcam, d, R, l);
         for (int i = 0; i < 12; i++) {
             double by = random_range(r, -1, 1);
             moved[i] = cam[i] + (float)by;
             predicted += by * (double)dcam[i];
         }
-        turn_since(t2, R, l, moved);
-        for (int k = 0; k < TURN_COUNT; k++)
+        relative_pose(t2, R, l, moved);
+        for (int k = 0; k < RELATIVE_POSE_SIZE; k++)
             change += (double)d[k] * ((double)t2[k] - (double)t[k]);
         grad = fmax(grad, fabs(change - predicted));
     }

@@ -6,17 +6,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-
-static int failed;
-
-static void check(const char *what, double value, double lo, double hi)
-{
-    int ok = value >= lo && value <= hi;
-
-    printf("%-46s %12.6g (expected %g to %g) %s\n", what, value, lo, hi,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
+#include "tests/check.h"
 
 /* Weights a face can have: of two that contradict each other one is 0. */
 static void sample(float *w, struct random *r)
@@ -53,8 +43,8 @@ static void test_round_trip(void)
             if (k >= ARKIT_COUNT || arkit_is_rig(k))
                 rig = fmax(rig, fabs(exp[k]));
     }
-    check("weights there and back, off by", worst, 0, 1e-6);
-    check("components of joints and beyond", rig, 0, 0);
+    check_range("weights there and back, off by", worst, 0, 1e-6);
+    check_range("components of joints and beyond", rig, 0, 0);
 }
 
 /* Signs as in MOTN: a jaw opens and an eye looks down about +x, to the
@@ -68,13 +58,13 @@ static void test_signs(void)
     w[ARKIT_EYE_LOOK_DOWN_L] = w[ARKIT_EYE_LOOK_UP_R] = 1;
     w[ARKIT_EYE_BLINK_R] = 1;
     arkit_to_motion(exp, ARKIT_EXP, jaw, lid, eye, w);
-    check("jaw open", jaw[0], 0.44, 0.45);
-    check("jaw to the right", jaw[1], -0.09, -0.08);
-    check("left eye looks down", eye[0], 0.5, 0.53);
-    check("left eye looks out, to the left", eye[1], 0.5, 0.53);
-    check("right eye looks up", eye[3], -0.44, -0.43);
-    check("right eye looks in, to the left", eye[4], 0.5, 0.53);
-    check("right lid", lid[1] - lid[0], 1, 1);
+    check_range("jaw open", jaw[0], 0.44, 0.45);
+    check_range("jaw to the right", jaw[1], -0.09, -0.08);
+    check_range("left eye looks down", eye[0], 0.5, 0.53);
+    check_range("left eye looks out, to the left", eye[1], 0.5, 0.53);
+    check_range("right eye looks up", eye[3], -0.44, -0.43);
+    check_range("right eye looks in, to the left", eye[4], 0.5, 0.53);
+    check_range("right lid", lid[1] - lid[0], 1, 1);
 }
 
 static void test_names(void)
@@ -98,7 +88,7 @@ static void test_names(void)
     }
     for (int k = 0; k < ARKIT_COUNT; k++)
         wrong += arkit_find(at, arkit_name(k)) != 1 || at[0] != k;
-    check("names misread", wrong, 0, 0);
+    check_range("names misread", wrong, 0, 0);
 }
 
 int main(void)
@@ -106,5 +96,5 @@ int main(void)
     test_round_trip();
     test_signs();
     test_names();
-    return failed;
+    return check_status();
 }

@@ -47,6 +47,13 @@ static void make_head(struct head *h, struct random *r, size_t V)
         .r_eyelid = numbers(r, 3 * V, 0.01),
         .lip_inner = face, .nlip_inner = 1
     };
+    /* lids of two vertices, one each, that depend on the first shapes */
+    int32_t lid[2] = {0, (int32_t)(V - 1)}, side[2] = {0, 1};
+    a.nlid = 2;
+    a.nlid_shape = NS - 2;
+    a.lid_vertices = lid;
+    a.lid_sides = side;
+    a.lid_shapedirs = numbers(r, 6 * (NS - 2), 0.01);
     float *w = numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
     struct error err;
 
@@ -71,6 +78,7 @@ static void make_head(struct head *h, struct random *r, size_t V)
     free((void *)a.posedirs);
     free((void *)a.l_eyelid);
     free((void *)a.r_eyelid);
+    free((void *)a.lid_shapedirs);
     free(w);
     free(J);
 }

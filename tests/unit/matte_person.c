@@ -1,15 +1,17 @@
 /* The matte of a drawn person (skin, dark hair, a shirt) before a bright wall,
  * in a picture smaller than its square: GrabCut finds him, learns nothing from
- * the black about the picture, and unmixing gives the soft rim the colours of
- * what it is the rim of, and touches nothing else: not a striped shirt where the
+ * the black about the picture, and his layer has the soft rim's colours without
+ * the wall's, and is unchanged elsewhere: not a striped shirt where the
  * picture ends in black.  A picture with nothing in it but the face gets the disc. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/random.h"
+#include "lib/texture/texture.h"
 #include "tests/check.h"
 
 enum { N = 256, LEFT = 56, TOP = 48, RIGHT = 198, BOTTOM = 204 };
@@ -99,26 +101,67 @@ static double missed(const uint8_t *matte, const struct drawing *d)
     return out / all;
 }
 
+/* Largest distance of person + (1 - matte) back from the picture, levels. */
+static double imbalance(const uint8_t *rgb, const uint8_t *matte,
+                        const uint8_t *back, const uint8_t *inside)
+{
+    static uint8_t own[3 * N * N];
+    double most = 0;
+
+    texture_straight(own, rgb, matte, back, N * N);
+    for (size_t i = 0; i < 3 * N * N; i++) {
+        double m = matte[i / 3] / 255.0;
+        double sum = m * own[i] + (1 - m) * back[i];
+
+        if (inside[i / 3])
+            most = fmax(most, fabs(sum - rgb[i]));
+    }
+    return most;
+}
+
+/* Mean distance of the background from the wall where the person hid it. */
+static double ghost(const uint8_t *back, const struct drawing *d)
+{
+    static const double wall[3] = {188, 200, 208};
+    double sum = 0;
+    size_t n = 0;
+
+    for (size_t i = 0; i < N * N; i++)
+        if (d->person[i] > 0.05 && d->picture[i]) {
+            for (size_t c = 0; c < 3; c++)
+                sum += fabs(back[3 * i + c] - wall[c]) / 3;
+            n++;
+        }
+    return sum / (double)n;
+}
+
+/* rgb: the person's own colours as found. */
 static void find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
 {
+    static uint8_t back[3 * N * N], picture[3 * N * N];
     struct error err = {0};
     int fallback;
     double before;
 
-    memcpy(rgb, d->rgb, 3 * N * N);
-    if (matte_grabcut(matte, &fallback, rgb, d->head, d->picture, N, &err)) {
+    memcpy(picture, d->rgb, sizeof picture);
+    if (matte_grabcut(matte, &fallback, picture, d->head, d->picture, N,
+                      &err)) {
         printf("%s\n", err.text);
         exit(1);
     }
     before = missed(matte, d);
-    if (matte_unmix(rgb, matte, d->picture, N, &err)) {
+    if (layers_split(matte, back, picture, d->picture, N, &err)) {
         printf("%s\n", err.text);
         exit(1);
     }
+    texture_straight(rgb, picture, matte, back, N * N);
     check("the colours decide", fallback, 0);
     check("unmixing takes nothing from the person",
           missed(matte, d) - before, 0.001);
     check("his own colours stay", impurity(rgb, d, 1, 1), 0.5);
+    check("the layers make the picture again, levels",
+          imbalance(picture, matte, back, d->picture), 2);
+    check("no ghost of the person behind him, levels", ghost(back, d), 5);
 }
 
 static void only_the_face(const struct drawing *whole)

@@ -28,8 +28,9 @@ struct subject {
 };
 
 /* the refiner's */
-static float turn[TURN_COUNT] = { 0.8f, -0.5f, 0.3f, -0.2f, 0.6f, 0.1f };
-static float dturn[TURN_COUNT];
+static float turn[RELATIVE_POSE_SIZE] = { 0.8f, -0.5f, 0.3f, -0.2f, 0.6f,
+                                         0.1f };
+static float dturn[RELATIVE_POSE_SIZE];
 
 static double loss(const struct subject *n, const float *in, float *out,
                    const float *probe)
@@ -106,8 +107,8 @@ static void run(const struct subject *n)
     if (n->lo < n->hi && strcmp(n->name, "backbone"))
         check_gradient(n, "input", in, din, n->in, in, out, probe, 0.02);
     if (!strcmp(n->name, "refiner"))
-        check_gradient(n, "turn", turn, dturn, TURN_COUNT, in, out,
-                       probe, 0.02);
+        check_gradient(n, "turn", turn, dturn, RELATIVE_POSE_SIZE, in,
+                       out, probe, 0.02);
     printf("%s: %zu tensors compared\n", n->name, ps->count);
     free(in);
     free(din);

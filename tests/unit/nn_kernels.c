@@ -11,7 +11,7 @@
 #include "lib/base/random.h"
 #include "lib/nn/act.h"
 #include "lib/nn/depthwise.h"
-#include "lib/nn/fold.h"
+#include "lib/nn/fused_stem.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/rescale.h"
 #include "lib/nn/winograd.h"
@@ -92,9 +92,9 @@ CASE(round_bf16, k->round_bf16(out[0], in[0], n))
 CASE(range, out[0][0] = out[0][1] = 0;
      k->range(out[0], out[0] + 1, in[0], n))
 CASE(quantise, k->quantise(bytes, in[0], 100, 117, n))
-CASE(fold_row, struct fold_rows r = { { in[0], in[1] },
+CASE(fused_stem_row, struct fused_stem_rows r = { { in[0], in[1] },
                                       { (char *)in[2], (char *)in[3] }, 64 };
-     k->fold_row(out[0], &r, in[4], in[5], rows, C, 16))
+     k->fused_stem_row(out[0], &r, in[4], in[5], rows, C, 16))
 CASE(pick_rgb, k->pick_rgb(out[0], in[0], rows, C))
 CASE(widen, k->widen(out[0], half, n))
 CASE(softmax, memcpy(out[0], in[0], n * sizeof(float));
@@ -145,8 +145,12 @@ static const struct kernel_case {
     ROW(rescale_line_backward, 1, 1, 2, 1e-6),
     ROW(sft_forward, 1024, 32, 10, 1e-6),
     ROW(sft_backward, 1024, 32, 10, 1e-6), ROW(add, 1021, 40, 10, 0),
-    ROW(to_bf16, 1021, 41, 10, 0), ROW(round_bf16, 1021, 41, 10, 0), ROW(range, 1021, 41, 10, 0),
-    ROW(quantise, 1021, 41, 10, 0), ROW(fold_row, 253, 32, 4, 1e-5),
+    ROW(to_bf16, 1021, 41, 10, 0), ROW(round_bf16, 1021, 41, 10, 0), ROW(range,
+                                                                         1021,
+                                                                         41,
+                                                                         10,
+                                                                         0),
+    ROW(quantise, 1021, 41, 10, 0), ROW(fused_stem_row, 253, 32, 4, 1e-5),
     ROW(pick_rgb, 512, 32, 10, 0), ROW(widen, 1021, 41, 10, 0),
     ROW(softmax, 48, 1369, 2, 1e-5), ROW(softmax_backward, 48, 1369, 4, 1e-5),
     ROW(scale_add, 64, 768, 10, 1e-6), ROW(style_finish, 512, 64, 10, 1e-6),

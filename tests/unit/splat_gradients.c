@@ -16,7 +16,7 @@ static void random_gradient(float *g, size_t n)
 
 /* ---- finite differences, double against double --------------------------- */
 
-static double loss(const struct splat_truth *t, const double *d_image,
+static double loss(const struct reference *t, const double *d_image,
                    const double *d_alpha)
 {
     size_t P = (size_t)t->width * (size_t)t->height;
@@ -24,7 +24,7 @@ static double loss(const struct splat_truth *t, const double *d_image,
     double *image = grab(P * C, sizeof *image);
     double *alpha = grab(P, sizeof *alpha), sum = 0;
 
-    if (splat_reference_forward(image, alpha, NULL, NULL, t, NULL))
+    if (reference_forward(image, alpha, NULL, NULL, t, NULL))
         exit(1);
     for (size_t i = 0; i < P * C; i++)
         sum += image[i] * d_image[i];
@@ -36,7 +36,7 @@ static double loss(const struct splat_truth *t, const double *d_image,
 }
 
 /* Four-point difference of the loss in *x. */
-static double difference(double *x, double h, const struct splat_truth *t,
+static double difference(double *x, double h, const struct reference *t,
                          const double *g, const double *ga)
 {
     static const double at[4] = {-2, -1, 1, 2}, weight[4] = {1, -8, 8, -1};
@@ -53,13 +53,13 @@ static double difference(double *x, double h, const struct splat_truth *t,
 static void finite_differences(enum splat_rules rules)
 {
     struct testscene scene;
-    struct splat_truth t;
+    struct reference t;
     size_t P = 16 * 16;
     float *f = grab(P * 4, sizeof *f);
     double *g = grab(P * 3, sizeof *g), *ga = grab(P, sizeof *ga);
     double mean[3 * 30], scale[3 * 30], quat[4 * 30], opacity[30];
     double color[3 * 30], rt[12], worst = 0;
-    struct splat_truth_gradients d = {mean, scale, quat, opacity, color, rt,
+    struct reference_gradients d = {mean, scale, quat, opacity, color, rt,
                                       NULL, NULL};
     uint32_t order[30];
     struct error err = {0};
@@ -72,7 +72,7 @@ static void finite_differences(enum splat_rules rules)
         g[i] = f[i];
     for (size_t p = 0; p < P; p++)
         ga[p] = f[P * 3 + p];
-    if (splat_truth_init(&t, &scene.g, &cam, 16, 16, 3, rules, 0, &err))
+    if (reference_init(&t, &scene.g, &cam, 16, 16, 3, rules, 0, &err))
         exit(1);
     /* cut-offs out of the way, the order fixed, off the 0.99 clamp */
     t.alpha_cut = 1e-14;
@@ -83,7 +83,7 @@ static void finite_differences(enum splat_rules rules)
         t.quat[4 * i] *= 1.7;
     }
     t.order = order;
-    if (splat_reference_backward(&d, &t, g, ga, &err))
+    if (reference_backward(&d, &t, g, ga, &err))
         CHECK(0, "%s", err.text);
     struct { double *x, *d; size_t n; double h; } part[] = {
         {t.mean, mean, 90, 1e-5}, {t.scale, scale, 90, 1e-5},
@@ -109,7 +109,7 @@ static void finite_differences(enum splat_rules rules)
            rules, worst);
     CHECK(worst <= 1e-6, "finite differences");
     t.order = NULL;
-    splat_truth_release(&t);
+    reference_release(&t);
     testscene_release(&scene);
     free(f);
     free(g);
@@ -139,7 +139,7 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
     float *all = grab(n * (11 + C) + 12, sizeof *all);
     float *image = grab(SIZE * SIZE * C, sizeof *image);
     struct splat_gradients g = {all, all + 3 * n, all + 6 * n, all + 10 * n,
-                                all + 11 * n, all + (11 + C) * n};
+                                all + 11 * n, all + (11 + C) * n, NULL};
     struct splat s = {0};
     struct error err = {0};
 
@@ -159,7 +159,7 @@ static void kernels(size_t C)
 {
     size_t n = 10 * N, P = SIZE * SIZE, all = n * (11 + C) + 12;
     struct testscene scene;
-    struct splat_truth t;
+    struct reference t;
     struct error err = {0};
     float *d_image = grab(P * C, sizeof *d_image);
     float *d_alpha = grab(P, sizeof *d_alpha), bg[SPLAT_MAX_CHANNELS];
@@ -175,16 +175,16 @@ static void kernels(size_t C)
         g[i] = d_image[i];
     for (size_t p = 0; p < P; p++)
         ga[p] = d_alpha[p];
-    if (splat_truth_init(&t, &scene.g, &cam, SIZE, SIZE, (int)C, SPLAT_GSPLAT,
-                         0, &err))
+    if (reference_init(&t, &scene.g, &cam, SIZE, SIZE, (int)C, SPLAT_GSPLAT,
+                       0, &err))
         exit(1);
     for (size_t c = 0; c < SPLAT_MAX_CHANNELS; c++)
         t.background[c] = bg[c] = 0.3f;
-    struct splat_truth_gradients d = {want, want + 3 * n, want + 6 * n,
+    struct reference_gradients d = {want, want + 3 * n, want + 6 * n,
                                       want + 10 * n, want + 11 * n,
                                       want + (11 + C) * n, NULL, NULL};
 
-    if (splat_reference_backward(&d, &t, g, ga, &err))
+    if (reference_backward(&d, &t, g, ga, &err))
         CHECK(0, "%s", err.text);
     float *one = kernel_gradients(&scene, n, C, 1, d_image, d_alpha, bg);
     float *seven = kernel_gradients(&scene, n, C, 7, d_image, d_alpha, bg);
@@ -200,7 +200,7 @@ static void kernels(size_t C)
         CHECK(e <= 1e-3, "%s", name[k]);
     }
     CHECK(!memcmp(one, seven, all * sizeof *one), "other bits for 7 threads");
-    splat_truth_release(&t);
+    reference_release(&t);
     testscene_release(&scene);
     free(one);
     free(seven);

@@ -10,7 +10,7 @@ enum { SIZE = 96, N = 2000 };
 static void hard(enum testscene_hard kind)
 {
     struct testscene t;
-    struct splat_truth truth;
+    struct reference truth;
     struct splat s = {0};
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
     struct error err = {0};
@@ -29,9 +29,9 @@ static void hard(enum testscene_hard kind)
         CHECK(0, "%s", err.text);
     double taken = cpu_seconds() - begun;
 
-    if (splat_truth_init(&truth, &t.g, &cam, SIZE, SIZE, 3, SPLAT_GSPLAT, 0,
-                         &err) ||
-        splat_reference_forward(want, NULL, NULL, NULL, &truth, &err))
+    if (reference_init(&truth, &t.g, &cam, SIZE, SIZE, 3, SPLAT_GSPLAT, 0,
+                       &err) ||
+        reference_forward(want, NULL, NULL, NULL, &truth, &err))
         CHECK(0, "%s", err.text);
     for (size_t i = 0; i < P * 3; i++) {
         double e = fabs(image[i] - want[i]);
@@ -46,7 +46,7 @@ static void hard(enum testscene_hard kind)
     CHECK(worst <= 2e-2 && odd <= P * 3 / 100, "far from the truth");
     CHECK(taken < 5, "stalls");
     splat_release(&s);
-    splat_truth_release(&truth);
+    reference_release(&truth);
     testscene_release(&t);
     free(image);
     free(want);

@@ -27,7 +27,7 @@ static void compare(size_t n, int width, int height, int channels, int degree,
                     bool depth)
 {
     struct testscene t;
-    struct splat_truth truth;
+    struct reference truth;
     struct error err = {0};
     struct splat_options o = splat_defaults(width, height, channels);
     size_t P = (size_t)width * (size_t)height, C = (size_t)channels;
@@ -50,12 +50,12 @@ static void compare(size_t n, int width, int height, int channels, int degree,
         o.fixed16 = false;
     float *image = draw(&t, o, alpha, depth ? z : NULL, bg);
 
-    if (splat_truth_init(&truth, &t.g, &cam, width, height, channels,
-                         SPLAT_GSPLAT, 0, &err))
+    if (reference_init(&truth, &t.g, &cam, width, height, channels,
+                       SPLAT_GSPLAT, 0, &err))
         exit(1);
     for (size_t c = 0; c < C; c++)
         truth.background[c] = bg[c];
-    if (splat_reference_forward(want, wa, wz, skip, &truth, &err))
+    if (reference_forward(want, wa, wz, skip, &truth, &err))
         CHECK(0, "%s", err.text);
     for (size_t p = 0; p < P; p++) {
         if (skip[p])
@@ -74,7 +74,7 @@ static void compare(size_t n, int width, int height, int channels, int degree,
            n, width, height, channels, degree, worst, worst_a, worst_z);
     CHECK(worst <= tol && worst_a <= tol, "over %.1e", tol);
     CHECK(worst_z <= 1e-4 + 20 * tol, "depth");
-    splat_truth_release(&truth);
+    reference_release(&truth);
     testscene_release(&t);
     free(image);
     free(want);

@@ -6,12 +6,12 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
-#include <unistd.h>
 
 #include "lib/bench/testscene.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
 #include "tests/check.h"
+#include "tests/unit/levels.h"
 
 __attribute__((unused)) static void *grab(size_t n, size_t size)
 {
@@ -35,31 +35,6 @@ __attribute__((unused)) static void small_scene(struct testscene *t, size_t n,
     for (size_t i = 0; i < 3 * n; i++)       /* small, and not round */
         ((float *)t->g.scale)[i] =
             fminf(t->g.scale[i], 0.15f) * (1 - 0.3f * (float)(i % 3));
-}
-
-/* Run test() in a process of its own at each instruction set's level. */
-__attribute__((unused)) static int at_each_level(int (*test)(void))
-{
-    static const char *const level[] = {"baseline", "avx2", "avx512"};
-    int bad = 0;
-
-    for (int i = 0; i < 3; i++) {
-        fflush(stdout);
-        pid_t child = fork();
-        int status = 1;
-
-        if (child == 0) {
-            setenv("SPID_CPU", level[i], 1);
-            printf("level %s\n", level[i]);
-            int rc = test();
-
-            fflush(stdout);
-            _exit(rc);
-        }
-        if (child < 0 || waitpid(child, &status, 0) < 0 || status)
-            bad = 1;
-    }
-    return bad;
 }
 
 #endif

@@ -212,7 +212,7 @@ static void make_encoder(struct params *ps, struct motion_encoder *net)
         exit(1);
     }
     params_randomise(ps, 1);
-    motion_encoder_start(net);
+    motion_encoder_init_weights(net);
     if (motion_encoder_plan(net, 1, (struct nn_options){NN_INFER, NN_F32},
                             &err)) {
         printf("%s\n", err.text);
@@ -314,7 +314,7 @@ static int write_model(const char *path)
         return 1;
     }
     params_randomise(&ps, 1);
-    motion_encoder_start(&net);
+    motion_encoder_init_weights(&net);
     fill_zero_layers(&ps);
     bias = param_w(&ps, params_find(&ps, "motion.trans.bias"));
     bias[0] = 0;                       /* the built-in head's face, centred */

@@ -8,7 +8,7 @@
 #include "lib/base/random.h"
 #include "lib/train/adam.h"
 #include "lib/train/losses.h"
-#include "lib/train/trainee.h"
+#include "lib/train/avatar_system.h"
 #include "tests/check.h"
 
 enum { H = 21, W = 26, NV = 3 * H * W };

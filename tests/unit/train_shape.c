@@ -214,7 +214,8 @@ static void test_lopsided(const struct head *h)
     memcpy(bent.shape_dirs, h->shape_dirs, n * sizeof *bent.shape_dirs);
     for (size_t i = 0; i < 96; i++)     /* 32 vertices of one direction */
         bent.shape_dirs[5 * 96 + i] += 0.1f;
-    check("a lopsided direction is seen", head_mirror_shape(&across, &bent, &err), 0);
+    check("a lopsided direction is seen",
+          head_mirror_shape(&across, &bent, &err), 0);
     free(bent.shape_dirs);
 }
 

@@ -1,0 +1,224 @@
+/* A picture's two layers (layers.h), with OpenCV's filters: the background
+ * filled in from beyond the person, the matte's border unmixed. */
+extern "C" {
+#include "formats/layers.h"
+}
+
+#include <sysexits.h>
+
+#include <algorithm>
+#include <cmath>
+
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/photo.hpp>
+
+/* Inpainting works at this side at most: its cost grows with hole and reach. */
+static const int LAYERS_SMALL = 160;
+
+static cv::Mat layers_disc(int side)
+{
+    return cv::getStructuringElement(cv::MORPH_ELLIPSE,
+                                     cv::Size(side | 1, side | 1));
+}
+
+/* colour (float) where known (0 or 1, float) says, averaged over its
+ * surroundings, and how much of them is known. */
+static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
+                           const cv::Mat &known, double reach)
+{
+    cv::Mat sum, three;
+
+    cv::cvtColor(known, three, cv::COLOR_GRAY2BGR);
+    cv::GaussianBlur(colour.mul(three), sum, cv::Size(), reach);
+    cv::GaussianBlur(known, weight, cv::Size(), reach);
+    cv::cvtColor(cv::max(weight, 1e-6), three, cv::COLOR_GRAY2BGR);
+    cv::divide(sum, three, sum);
+    return sum;
+}
+
+/* rgb at a small size, and of which of its pixels the background is known. */
+static cv::Mat layers_shrink(cv::Mat &unknown, const cv::Mat &rgb,
+                             const cv::Mat &hole, int w)
+{
+    cv::Mat small, some;
+    cv::Mat known = rgb.clone();
+
+    known.setTo(cv::Scalar(0, 0, 0), hole);
+    cv::resize(known, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+    cv::resize(hole, some, cv::Size(w, w), 0, 0, cv::INTER_AREA);
+    unknown = some > 0;
+    return small;
+}
+
+/* The hole filled from its surroundings, smooth. */
+static cv::Mat layers_inpaint(const cv::Mat &rgb, const cv::Mat &hole)
+{
+    const int n = rgb.rows, w = std::min(n, LAYERS_SMALL);
+    cv::Mat unknown, filled, blur, soft, big;
+    cv::Mat small = layers_shrink(unknown, rgb, hole, w);
+
+    if (cv::countNonZero(unknown) == w * w)
+        return cv::Mat(n, n, CV_8UC3, cv::mean(rgb));
+    cv::inpaint(small, unknown, filled, w / 20.0, cv::INPAINT_TELEA);
+    cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
+    blur.copyTo(filled, unknown);
+    cv::resize(filled, big, cv::Size(n, n), 0, 0, cv::INTER_CUBIC);
+    return big;
+}
+
+/* What the filled picture is off by at the hole's edge goes into it, less
+ * and less, from fine to coarse. */
+static void layers_settle(cv::Mat &fill, const cv::Mat &colour,
+                          const cv::Mat &known)
+{
+    for (double reach = fill.rows / 256.0; reach <= fill.rows / 16.0;
+         reach *= 4) {
+        cv::Mat weight, three;
+        cv::Mat off = layers_mean(weight, colour - fill, known, reach);
+        cv::cvtColor(cv::min(weight * 2, 1.0), three, cv::COLOR_GRAY2BGR);
+        fill += off.mul(three);
+    }
+}
+
+/* Background of colour (float, 0..255): as seen where `seen` is not 0,
+ * filled elsewhere from where `sure` is not 0. */
+static cv::Mat layers_background(const cv::Mat &rgb, const cv::Mat &seen,
+                                 const cv::Mat &sure)
+{
+    cv::Mat colour, fill, known;
+
+    rgb.convertTo(colour, CV_32F);
+    layers_inpaint(rgb, sure == 0).convertTo(fill, CV_32F);
+    seen.convertTo(known, CV_32F, 1 / 255.0);
+    layers_settle(fill, colour, known);
+    colour.copyTo(fill, seen);
+    return fill;
+}
+
+static cv::Mat layers_inside(const uint8_t *inside, int n)
+{
+    return inside ? cv::Mat(n, n, CV_8U, const_cast<uint8_t *>(inside)) > 0
+                  : cv::Mat(n, n, CV_8U, cv::Scalar(255));
+}
+
+int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
+                const uint8_t *inside, size_t n, struct error *err)
+{
+    try {
+        const int N = (int)n;
+        cv::Mat out(N, N, CV_8UC3, back), wide;
+        const cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
+        const cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
+        const cv::Mat in = layers_inside(inside, N);
+        cv::dilate(mat > 0, wide, layers_disc(std::max(3, N / 64)));
+        layers_background(pic, (mat == 0) & in, (wide == 0) & in)
+            .convertTo(out, CV_8U);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "background: %s", e.what());
+    }
+}
+
+/* How much of a pixel is the person's by its colour: *share 0 as the
+ * background, 1 as the person; returns the trust in it, 0 where the two look
+ * alike or the pixel is no mixture of them. */
+static float layers_share(float *share, const cv::Vec3f &pixel,
+                          const cv::Vec3f &back, const cv::Vec3f &fore)
+{
+    const cv::Vec3f line = fore - back;
+    const double length = cv::norm(line), alike = 24;
+
+    *share = 0;
+    if (length < 1e-3)
+        return 0;
+    const double t = (pixel - back).dot(line) / (length * length);
+    const double in = std::clamp(t, 0.0, 1.0);
+    const double off = cv::norm(pixel - back - (float)in * line) / length;
+    *share = (float)in;
+    /* full trust within a fifth of the way, none beyond two fifths */
+    return (float)(std::clamp(2 - 5 * off, 0.0, 1.0)
+                   * std::clamp(length / alike - 1, 0.0, 1.0));
+}
+
+/* The matte within `rim` pixels of its outline, from the colours to both
+ * sides.  Inside it a pixel that is half background loses that half; outside,
+ * what is clearly of the person's colour (a wisp of hair) is gained, less the
+ * further out it is. */
+static void layers_unmix(cv::Mat &mat, const cv::Mat &colour,
+                         const cv::Mat &back, const cv::Mat &in, int rim)
+{
+    cv::Mat inner, outer, known, weight, far;
+
+    /* where the picture ends is no border of the person's */
+    cv::erode((mat > 127) | (in == 0), inner, layers_disc(2 * rim));
+    cv::dilate(mat > 127, outer, layers_disc(2 * rim));
+    cv::distanceTransform(mat <= 127, far, cv::DIST_L2, 3);
+    cv::Mat own = inner & in;
+    own.convertTo(known, CV_32F, 1 / 255.0);
+    const cv::Mat fore = layers_mean(weight, colour, known, rim);
+    for (int y = 0; y < mat.rows; y++)
+        for (int x = 0; x < mat.cols; x++) {
+            if (inner.at<uchar>(y, x) || !outer.at<uchar>(y, x)
+                || !in.at<uchar>(y, x) || weight.at<float>(y, x) < 1e-3f)
+                continue;
+            float share, m = (float)mat.at<uchar>(y, x) / 255;
+            const float trust = layers_share(&share,
+                                             colour.at<cv::Vec3f>(y, x),
+                                             back.at<cv::Vec3f>(y, x),
+                                             fore.at<cv::Vec3f>(y, x));
+            const float away = far.at<float>(y, x) / (float)rim;
+            /* faint likeness is noise, and more so far out */
+            float gain = std::clamp((share - 0.05f - 0.15f * away) * 1.3f,
+                                    0.0f, 1.0f);
+            float want = away > 0 ? std::max(std::min(m, 2 * share), gain)
+                                  : std::min(m, 2 * share);
+            m += trust * (want - m);
+            mat.at<uchar>(y, x) = cv::saturate_cast<uchar>(255 * m);
+        }
+}
+
+/* back where the person's colour would have to be below 0 or above what its
+ * matte allows: what makes the sum right again. */
+static void layers_balance(cv::Mat &back, const cv::Mat &mat,
+                           const cv::Mat &colour)
+{
+    for (int y = 0; y < mat.rows; y++)
+        for (int x = 0; x < mat.cols; x++) {
+            const float m = (float)mat.at<uchar>(y, x) / 255;
+            if (m <= 0 || m > 0.98f)
+                continue;
+            for (int c = 0; c < 3; c++) {
+                float &b = back.at<cv::Vec3f>(y, x)[c];
+                const float i = colour.at<cv::Vec3f>(y, x)[c];
+                const float p = std::clamp(i - (1 - m) * b, 0.0f, 255 * m);
+                b = std::clamp((i - p) / (1 - m), 0.0f, 255.0f);
+            }
+        }
+}
+
+int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
+                 const uint8_t *inside, size_t n, struct error *err)
+{
+    try {
+        const int N = (int)n, rim = std::max(2, N / 64);
+        cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
+        cv::Mat out(N, N, CV_8UC3, back), colour, wide;
+        const cv::Mat in = layers_inside(inside, N);
+        pic.convertTo(colour, CV_32F);
+        /* the background as beyond all doubt, then up to the matte's edge */
+        cv::dilate(mat > 8, wide, layers_disc(2 * rim));
+        const cv::Mat sure = (wide == 0) & in;
+        layers_unmix(mat, colour, layers_background(pic, sure, sure), in,
+                     rim);
+        cv::Mat fill = layers_background(pic, (mat == 0) & in, sure);
+        fill.convertTo(out, CV_8U);
+        out.copyTo(pic, in == 0);
+        pic.convertTo(colour, CV_32F);
+        layers_balance(fill, mat, colour);
+        fill.convertTo(out, CV_8U);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
+    }
+}

@@ -1,0 +1,89 @@
+/* What the three branches of an avatar share: views of the Gaussians' arrays,
+ * and the prior, which makes a decoder start from what the source picture
+ * says (configuration rgb_skip). */
+#ifndef SPID_AVATAR_BRANCH_H
+#define SPID_AVATAR_BRANCH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/net/gaussian_head.h"
+#include "lib/nn/params.h"
+
+#define BRANCH_SCALE_MAX 0.05f  /* the decoders' largest, head units */
+
+/* ---- the Gaussians ----------------------------------------------------- */
+
+/* Gaussians of one branch or of all, or their gradients: n rows of arrays that
+ * the avatar owns. */
+struct branch_set {
+    size_t n, channels;
+    float *mean;            /* (n,3) centres at the source's pose */
+    float *scale;           /* (n,3) standard deviations, head units */
+    float *quat;            /* (n,4) w first */
+    float *opacity;         /* (n) */
+    float *color;           /* (n,channels) */
+    float *neck;            /* (n) neck blend weights; NULL in gradients */
+    float *seen;            /* (n) how far the source picture shows it, 0..1
+                             * (lib/texture/place.h); NULL in gradients */
+};
+
+/* Gaussians first .. first + n - 1 of s. */
+struct branch_set branch_slice(const struct branch_set *s, size_t first,
+                               size_t n);
+/* Every float of s to zero. */
+void branch_clear(struct branch_set *s);
+
+/* ---- sigmoids with a shift --------------------------------------------- */
+
+/* y = sigmoid(logit(x) + s) for x in [0,1]: a sigmoid's output as if s had
+ * been added before it. */
+float attribute_shift(float x, float s);
+/* dL/dx of it, given dL/dy. */
+float attribute_shift_backward(float dy, float x, float s);
+/* logit(x), x limited to [0.02, 0.98]; its derivative, 0 at the limits. */
+float attribute_logit(float x);
+float attribute_logit_backward(float dy, float x);
+
+/* ---- the prior --------------------------------------------------------- */
+
+/* Per Gaussian of a branch: what the decoder gave, and what is added to its
+ * logits.  The final opacity is visible sigmoid(logit + opacity_shift). */
+struct branch_prior {
+    float *opacity;         /* (n) as the decoder gave it */
+    float *scale;           /* (n,3) as the decoder gave it */
+    float *opacity_shift;   /* (n) */
+    float *scale_shift;     /* (n) */
+    float *visible;         /* (n) factor of the opacity */
+};
+
+/* Where a decoder writes: colour and rotation into out, opacity and scale
+ * into the prior, position (the branch's own) as given. */
+struct gaussian_out branch_decoder_out(const struct branch_set *out,
+                                       const struct branch_prior *p,
+                                       float *position);
+/* The same for gradients, after branch_prior_backward. */
+struct gaussian_out branch_decoder_gradient(const struct branch_set *dout,
+                                            float *dposition);
+
+/* out's opacity and scale from the decoder's; used: the prior counts
+ * (rgb_skip), otherwise they are copied. */
+void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
+                          bool used);
+/* Undo it: dout's opacity and scale become gradients of the decoder's, in
+ * place; dvisible (n) is written unless NULL. */
+void branch_prior_backward(struct branch_set *dout, float *dvisible,
+                           const struct branch_prior *p, bool used);
+
+/* ---- initial weights --------------------------------------------------- */
+
+/* The named tensor times factor; nothing when there is no such tensor. */
+void branch_scale_tensor(struct params *ps, const char *name, float factor);
+/* Numbers first .. first + n - 1 of the named tensor to value. */
+void branch_set_bias(struct params *ps, const char *name, size_t first,
+                     size_t n, float value);
+/* The bias by which scales start at what covers `spacing` (head units), or 0
+ * when the prior sees to it. */
+float branch_scale_bias(float spacing, bool prior);
+
+#endif

@@ -1,0 +1,93 @@
+/* The Dynamic Branch (Section 3.2): a Gaussian on every vertex of the head
+ * mesh and on the middle of every edge, which the driven mesh carries along.
+ *   d_k = F at p_k, p_k the projection of the densified source vertex
+ *   [c, o, s, q] = Phi_D([h_k, d_k], gamma(n_s)),  mu_k the vertex itself
+ * With the prior (rgb_skip) a Gaussian starts with the pixel at p_k, as far as
+ * the source shows it; hidden ones take colour from their neighbours on the
+ * mesh.  What the mesh has behind the lips is left to the mouth's branch. */
+#ifndef SPID_AVATAR_DYNAMIC_BRANCH_H
+#define SPID_AVATAR_DYNAMIC_BRANCH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/avatar/branch.h"
+#include "lib/avatar/source_mesh.h"
+#include "lib/avatar/source_picture.h"
+#include "lib/geom/densify.h"
+#include "lib/model/config.h"
+#include "lib/net/mlp_decoder.h"
+
+/* Numbers a Gaussian the decoder gets beyond the paper's, with the prior: n.v,
+ * seen, coverage, matte. */
+#define DYNAMIC_BRANCH_EXTRA 4
+
+struct dynamic_branch {
+    struct mlp_decoder decoder;         /* Phi_D */
+    struct params *ps;
+    size_t head_base;                   /* h_k: index in ps, (V,width) */
+    const struct densify *dense;
+    size_t count;                       /* D = V + E */
+    size_t n, feature, width;           /* maps n x n, C_f, of h_k */
+    size_t inputs;                      /* numbers a row the decoder gets */
+    bool prior;                         /* rgb_skip */
+    struct branch_prior start;          /* (D) */
+    /* Kept by the forward; with d, of the backward only: */
+    float *verts;                       /* (D,3) densified source vertices */
+    float *place;                       /* (D,2) p_k in [-1,1] */
+    float *normals;                     /* (D,3) */
+    float *seen;                        /* (D) in [0,1]: not behind others */
+    float *facing;                      /* (D) cosine between normal and way
+                                         * to the camera */
+    float *spacing;                     /* (D) to the neighbours */
+    float *sampled, *dsampled;          /* (D,Cf) d_k; one memory */
+    float *pixel;                       /* (D,4) source picture at p_k */
+    float *h, *dh;                      /* (D,width) h_k; one memory */
+    float *in, *din;                    /* (D,inputs) */
+    float *logit;                       /* (D,3) RGB to start from */
+    float *trust;                       /* (D) in the sampled colour */
+    float *tmp;                         /* (V,7) */
+    int *level;                         /* (V) */
+    float *block;                       /* what the arrays are part of */
+};
+
+/* Declare "dynamic." in ps.  h and d (of its faces) are borrowed. */
+int dynamic_branch_init(struct dynamic_branch *b, struct params *ps,
+                        const struct avatar_config *c, const struct head *h,
+                        const struct densify *d, struct error *err);
+/* After params_randomise: see avatar_init_weights. */
+void dynamic_branch_init_weights(struct params *ps,
+                                 const struct avatar_config *c);
+/* points: how many the decoder computes, V + E or V. */
+int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
+                        struct nn_options opt, struct error *err);
+void dynamic_branch_update(struct dynamic_branch *b);
+void dynamic_branch_release(struct dynamic_branch *b);
+
+/* out: the first out->n Gaussians (0: none) and their neck weights, from
+ * features F (n,n,Cf), the picture and the mesh on it.  The rows of out's
+ * colour and rotation up to the planned points are written. */
+void dynamic_branch_forward(struct branch_set *out, const float *features,
+                            const struct source_picture *picture,
+                            const struct source_mesh *mesh,
+                            struct dynamic_branch *b);
+/* dfeatures (n,n,Cf) and the weights' gradients are added to; dout's arrays
+ * are used up.  The other arguments as in the forward. */
+void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
+                             const float *features,
+                             const struct source_mesh *mesh,
+                             struct dynamic_branch *b);
+
+/* l (3): the light on the source, from the colours the last forward found on
+ * the mesh's vertices (light.h). */
+void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
+                          struct dynamic_branch *b);
+
+/* rgb (N,3) of hidden points from their neighbours on the mesh: a point keeps
+ * its colour as far as trust (N) in [0,1] says, the rest spreads from the
+ * shown ones, ring by ring, then is smoothed.  level holds V ints, tmp 7 V
+ * floats. */
+void dynamic_branch_spread(float *rgb, const float *trust,
+                           const struct densify *d, int *level, float *tmp);
+
+#endif

@@ -1,0 +1,24 @@
+/* What of a head goes with the shoulders, what moves against the skull and
+ * what lines the mouth: fixed numbers per vertex, from the head model's own
+ * arrays. */
+#ifndef SPID_AVATAR_MESH_WEIGHTS_H
+#define SPID_AVATAR_MESH_WEIGHTS_H
+
+#include "lib/base/error.h"
+#include "lib/geom/densify.h"
+#include "lib/geom/neck_blend.h"
+#include "lib/head/head.h"
+
+struct mesh_weights {
+    struct neck_blend blend;    /* of the mean head */
+    float *neck;            /* (V+E) neck blend weights */
+    float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
+                             * the skin, 0 on the skull */
+    float *lining;          /* (V+E) 1 inside the mouth, behind the lips */
+};
+
+int mesh_weights_init(struct mesh_weights *w, const struct head *h,
+                      const struct densify *d, struct error *err);
+void mesh_weights_release(struct mesh_weights *w);
+
+#endif

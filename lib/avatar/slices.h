@@ -1,0 +1,23 @@
+/* Many arrays in one block of memory: a table says which pointer gets how
+ * many floats. */
+#ifndef SPID_AVATAR_SLICES_H
+#define SPID_AVATAR_SLICES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+
+struct slice {
+    float **at;     /* where the pointer goes */
+    size_t n;       /* floats */
+    bool train;     /* only needed for a backward */
+};
+
+/* Allocate one zeroed block and point the slices into it, each at 64 bytes;
+ * those with `train` only when training, the others keep their pointer.
+ * *block is freed first; the caller frees it with free(). */
+int slices_allocate(float **block, const struct slice *slices, size_t count,
+                    bool training, struct error *err);
+
+#endif

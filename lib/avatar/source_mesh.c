@@ -1,0 +1,73 @@
+/* The source's mesh as its camera sees it: neck blend, normals, coverage and
+ * depth maps. */
+#include "lib/avatar/source_mesh.h"
+
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/avatar/coverage.h"
+#include "lib/avatar/slices.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/neck_blend.h"
+
+int source_mesh_init(struct source_mesh *m, const struct head *h,
+                     const struct mesh_weights *weights, size_t n,
+                     struct error *err)
+{
+    size_t V = h->V;
+    const struct slice slices[] = {
+        {&m->verts, 3 * V, false}, {&m->normals, 3 * V, false},
+        {&m->coverage, n * n, false}, {&m->depth, n * n, false},
+        {&m->moving, n * n, false},
+        {&m->raster, coverage_scratch(n) / sizeof(float) + 1, false}
+    };
+
+    m->head = h;
+    m->weights = weights;
+    m->n = n;
+    return slices_allocate(&m->block, slices, sizeof slices / sizeof *slices,
+                           false, err);
+}
+
+void source_mesh_release(struct source_mesh *m)
+{
+    free(m->block);
+    memset(m, 0, sizeof *m);
+}
+
+void source_mesh_normal(float normal[3], const float cam[12])
+{
+    for (int i = 0; i < 3; i++)
+        normal[i] = -cam[8 + i];
+}
+
+void source_mesh_project(float *place, const float *x, size_t N,
+                         const float cam[12])
+{
+    camera_project(place, NULL, cam, 2, x, N);
+    for (size_t i = 0; i < 2 * N; i++)
+        place[i] -= 1;
+}
+
+/* Blend, then normals and maps of what the camera sees. */
+void source_mesh_set(struct source_mesh *m, const float *posed,
+                     const float cam[12], bool blend)
+{
+    const struct head *h = m->head;
+    const struct mesh_weights *w = m->weights;
+
+    m->posed = posed;
+    memcpy(m->cam, cam, sizeof m->cam);
+    source_mesh_normal(m->normal, cam);
+    m->blend = blend;
+    neck_blend_body(m->body, w->blend.pivot, neck_blend_upright, cam);
+    if (blend)
+        neck_blend_points(m->verts, posed, w->neck, h->V, m->body);
+    else
+        memcpy(m->verts, posed, 3 * h->V * sizeof *m->verts);
+    head_normals(m->normals, h, m->verts);
+    coverage_map(m->coverage, m->verts, h->V, h->f, h->F, cam, m->n,
+                 m->raster);
+    coverage_depth(m->depth, m->moving, m->verts, w->moving, h->f, h->F, cam,
+                   m->n);
+}

@@ -1,0 +1,52 @@
+/* The source's mesh as its camera sees it: what Phase A knows of geometry.
+ * Everything here follows from vertices and camera alone and is constant for
+ * the backward. */
+#ifndef SPID_AVATAR_SOURCE_MESH_H
+#define SPID_AVATAR_SOURCE_MESH_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/avatar/mesh_weights.h"
+#include "lib/base/error.h"
+#include "lib/head/head.h"
+
+struct source_mesh {
+    const struct head *head;
+    const struct mesh_weights *weights;
+    size_t n;               /* cells along one side of the maps */
+    float cam[12];          /* (3,4) T_s */
+    float normal[3];        /* n_s: unit, from the plane to the camera */
+    bool blend;             /* shoulders stand upright (neck_blend.h) */
+    float body[12];         /* (3,4) their motion; when blend */
+    const float *posed;     /* (V,3) V_s as it came; the caller's */
+    float *verts;           /* (V,3) after the neck blend */
+    float *normals;         /* (V,3) unit, of verts */
+    float *coverage;        /* (n,n) fraction that the mesh covers, C */
+    float *depth;           /* (n,n) camera depth of the mesh; infinity
+                             * beside it */
+    float *moving;          /* (n,n) how much of what shows there moves */
+    float *raster;          /* scratch of coverage.h */
+    float *block;           /* what the arrays are part of */
+};
+
+/* Memory for meshes of h on maps of n x n; h and weights are borrowed. */
+int source_mesh_init(struct source_mesh *m, const struct head *h,
+                     const struct mesh_weights *weights, size_t n,
+                     struct error *err);
+void source_mesh_release(struct source_mesh *m);
+
+/* Take posed vertices (V,3), which must stay until the bake's end, and their
+ * camera; blend: with the neck blend from upright shoulders. */
+void source_mesh_set(struct source_mesh *m, const float *posed,
+                     const float cam[12], bool blend);
+
+/* n_s: unit vector from the plane to the camera, head frame. */
+void source_mesh_normal(float normal[3], const float cam[12]);
+
+/* Places (N,2) in [-1,1], x then y: projection of x (N,3) onto the source
+ * picture. */
+void source_mesh_project(float *place, const float *x, size_t N,
+                         const float cam[12]);
+
+#endif

@@ -1,0 +1,74 @@
+/* Phase B of the three branches as plain geometry: midpoints of the driven
+ * mesh, the neck blend and the mouth's shift, each with its gradient under
+ * it. */
+#include "lib/geom/drive.h"
+
+#include <string.h>
+
+#include "lib/geom/neck_blend.h"
+
+/* Both rigid motions of a frame. */
+void drive_bodies(struct drive_frame *f, const struct drive *d,
+                  const float cam[12])
+{
+    neck_blend_body(f->mesh, d->pivot, neck_blend_upright, cam);
+    neck_blend_body(f->plane, d->pivot, d->source, cam);
+}
+
+/* Midpoints of the driven vertices, then the neck blend. */
+void drive_dynamic(float *out, float *densified, const struct drive *d,
+                   const struct drive_frame *f, const struct densify *mesh,
+                   const float *verts)
+{
+    densify_gather(densified, d->vertex, d->dynamic, verts, mesh);
+    neck_blend_points(out, densified, d->weight, d->dynamic, f->mesh);
+}
+
+/* Blend first, then midpoints to their ends. */
+void drive_dynamic_backward(float *dverts, float dcam[12], float *ddensified,
+                            const float *dout, const float *densified,
+                            const struct drive *d,
+                            const struct densify *mesh, const float cam[12])
+{
+    memset(ddensified, 0, 3 * d->dynamic * sizeof *ddensified);
+    neck_blend_points_backward(ddensified, dcam, dout, densified, d->weight,
+                               d->dynamic, d->pivot, neck_blend_upright, cam);
+    densify_gather_backward(dverts, ddensified, d->vertex, d->dynamic, mesh);
+}
+
+/* The neck blend of source centres. */
+void drive_static(float *out, const struct drive *d,
+                  const struct drive_frame *f, size_t first, size_t count)
+{
+    neck_blend_points(out, d->mean + 3 * first, d->weight + first, count,
+                      f->plane);
+}
+
+void drive_static_backward(float *dmean, float dcam[12], const float *dout,
+                           const struct drive *d, size_t first, size_t count,
+                           const float cam[12])
+{
+    neck_blend_points_backward(dmean, dcam, dout, d->mean + 3 * first,
+                               d->weight + first, count, d->pivot, d->source,
+                               cam);
+}
+
+/* mu = (g + q) + l_d - l_s, in this order of rounding. */
+void drive_mouth(float *out, const struct drive *d,
+                 const struct drive_frame *f)
+{
+    const float *mean = d->mean + 3 * d->mouth;
+
+    for (size_t i = 0; i < 3 * d->mouth_count; i++)
+        out[i] = mean[i] + f->to[i % 3] - f->from[i % 3];
+}
+
+/* Every Gaussian passes its gradient on, to its centre and to l_d. */
+void drive_mouth_backward(float *dmean, float dto[3], const float *dout,
+                          const struct drive *d)
+{
+    for (size_t i = 0; i < 3 * d->mouth_count; i++) {
+        dto[i % 3] += dout[i];
+        dmean[i] += dout[i];
+    }
+}

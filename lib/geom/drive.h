@@ -1,0 +1,71 @@
+/* Phase B: where an avatar's Gaussians are in a frame (Section 3.2), and the
+ * gradient of it.
+ *   dynamic  the driven mesh's densified vertices, blended at the neck with
+ *            shoulders that stand upright
+ *   static   the source's centres, blended at the neck with the shoulders
+ *            where the source had them
+ *   mouth    mu = (g + q) + l_d - l_s: the source's centres, moved by the
+ *            lips' centroid
+ * Training (lib/avatar/avatar.h), baked avatars (lib/avatar/baked.h) and the
+ * renderer's scene (lib/splat/scene.h) all move by these functions.  Backward
+ * functions add to their outputs. */
+#ifndef SPID_GEOM_DRIVE_H
+#define SPID_GEOM_DRIVE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/geom/densify.h"
+
+/* What moves, in the caller's memory.  Gaussians [0, dynamic) ride on the
+ * mesh; [mouth, mouth + mouth_count) are the mouth's; the rest is static. */
+struct drive {
+    size_t dynamic, mouth, mouth_count;
+    const int32_t *vertex;  /* (dynamic) densified vertex of each; NULL: as
+                             * they come */
+    const float *mean;      /* (N,3) centres at the source's pose */
+    const float *weight;    /* (N) neck blend weights (neck_blend.h) */
+    float pivot[3];         /* of the neck blend, head units */
+    float source[9];        /* R_s: took the source's shoulders to the
+                             * camera's axes */
+};
+
+/* One frame's rigid motions, head frame. */
+struct drive_frame {
+    float mesh[12];         /* (3,4) of upright shoulders, for the mesh */
+    float plane[12];        /* (3,4) of the source's, for static Gaussians */
+    float to[3], from[3];   /* the mouth's shift: l_d and l_s */
+};
+
+/* mesh and plane of a frame whose head is seen by cam (3,4); the caller sets
+ * to and from. */
+void drive_bodies(struct drive_frame *f, const struct drive *d,
+                  const float cam[12]);
+
+/* out (dynamic,3) from the driven verts (V,3).  densified (dynamic,3): before
+ * the neck blend, for the backward; may be out. */
+void drive_dynamic(float *out, float *densified, const struct drive *d,
+                   const struct drive_frame *f, const struct densify *mesh,
+                   const float *verts);
+/* ddensified (dynamic,3) is overwritten. */
+void drive_dynamic_backward(float *dverts, float dcam[12], float *ddensified,
+                            const float *dout, const float *densified,
+                            const struct drive *d,
+                            const struct densify *mesh, const float cam[12]);
+
+/* out (count,3): static Gaussians first .. first + count - 1. */
+void drive_static(float *out, const struct drive *d,
+                  const struct drive_frame *f, size_t first, size_t count);
+/* dmean (count,3) is of their source centres. */
+void drive_static_backward(float *dmean, float dcam[12], const float *dout,
+                           const struct drive *d, size_t first, size_t count,
+                           const float cam[12]);
+
+/* out (mouth_count,3). */
+void drive_mouth(float *out, const struct drive *d,
+                 const struct drive_frame *f);
+/* dmean (mouth_count,3) of the source centres, dto (3) of l_d. */
+void drive_mouth_backward(float *dmean, float dto[3], const float *dout,
+                          const struct drive *d);
+
+#endif

@@ -1,0 +1,67 @@
+/* SqueezeNet 1.0 (Iandola et al. 2016) as features of a picture, for a
+ * perceptual loss: a first convolution and eight fire modules, each a 1x1
+ * convolution to few channels and a 1x1 and a 3x3 from them side by side.  The
+ * weights are frozen; the backward goes to the picture.  Tensors have
+ * torchvision's names, "<prefix>features.N.*". */
+#ifndef SPID_NET_SQUEEZENET_H
+#define SPID_NET_SQUEEZENET_H
+
+#include "lib/nn/conv.h"
+#include "lib/nn/pool.h"
+
+#define SQUEEZENET_FIRES 8
+#define SQUEEZENET_LEAST 15   /* pixels of a side, for the last pool */
+
+/* What the network can be asked for: the first convolution after its ReLU, and
+ * the fire modules before their pools. */
+enum squeezenet_layer {
+    SQUEEZENET_RELU1, SQUEEZENET_FIRE2, SQUEEZENET_FIRE3, SQUEEZENET_FIRE4,
+    SQUEEZENET_FIRE5, SQUEEZENET_FIRE6, SQUEEZENET_FIRE7, SQUEEZENET_FIRE8,
+    SQUEEZENET_FIRE9, SQUEEZENET_LAYERS
+};
+
+/* s = relu(squeeze x); out = [relu(expand1 s), relu(expand3 s)] */
+struct squeezenet_fire {
+    struct conv squeeze, expand1, expand3;
+    bool pooled;                  /* x is the pool of the layer before */
+    struct max_pool pool;
+    size_t h, w;                  /* of x and out */
+    float *x;                     /* (B,h,w,in) where pooled */
+    float *s, *e1, *e3;           /* (B,h,w,few), and out's two halves */
+    float *out;                   /* (B,h,w,2 * expand1.out) */
+};
+
+struct squeezenet {
+    struct params *ps;
+    struct nn_plan plan;
+    struct conv first;            /* 7x7 stride 2 without padding, 3 -> 96 */
+    struct squeezenet_fire fire[SQUEEZENET_FIRES];
+    size_t batch, height, width;
+    const float *rgb;
+    float *relu1;                 /* (B,h,w,96) */
+    float *g[4];                  /* gradients on their way */
+};
+
+/* Declare the tensors, all frozen. */
+int squeezenet_init(struct squeezenet *s, struct params *ps,
+                    const char *prefix, struct error *err);
+/* Pictures of SQUEEZENET_LEAST pixels a side or more. */
+int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
+                    size_t width, struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
+void squeezenet_update(struct squeezenet *s);
+void squeezenet_release(struct squeezenet *s);
+
+/* All layers of rgb (B,H,W,3), 0..1 sRGB, which must stay until the
+ * backward. */
+void squeezenet_forward(const float *rgb, struct squeezenet *s);
+/* A layer of the last forward, (B,h,w,C) as in shape; NN_FROZEN plans. */
+const float *squeezenet_layer(size_t shape[4], const struct squeezenet *s,
+                              enum squeezenet_layer layer);
+/* drgb (B,H,W,3) is written, from each layer's gradient, as squeezenet_layer
+ * (NULL: zero). */
+void squeezenet_backward(float *drgb,
+                         const float *const dlayer[SQUEEZENET_LAYERS],
+                         struct squeezenet *s);
+
+#endif

@@ -1,0 +1,80 @@
+/* The inside of a planned convolution: who computes its forward, and oneDNN's
+ * primitives.  Private to lib/nn/conv.c and lib/nn/conv_onednn.c. */
+#ifndef SPID_NN_CONV_IMPL_H
+#define SPID_NN_CONV_IMPL_H
+
+#include "lib/nn/conv.h"
+#include "lib/nn/engine.h"
+#include "lib/nn/im2col.h"
+#include "lib/nn/int8.h"
+#include "lib/nn/small_linear.h"
+#include "lib/nn/winograd.h"
+
+/* A convolution of n images h x w, padded, to oh x ow. */
+struct conv_shape {
+    size_t n, h, w, oh, ow;
+    size_t top, left, bottom, right;
+};
+
+/* One way to compute the forward pass. */
+struct conv_method {
+    const char *name;            /* NULL: oneDNN's own word for what it does */
+    bool (*wanted)(const struct conv *c);
+    void (*plan)(struct conv *c, const struct conv_shape *s);
+    /* new weights w (out,in_data,k,k), the bias in impl->bias */
+    void (*update)(struct conv *c, const float *w);
+    void (*forward)(float *out, const float *in, struct conv *c);
+};
+
+/* One share of the weight gradient: some images, or a band of one. */
+struct conv_part {
+    struct nn_call call;
+    size_t in_at, out_at;        /* offsets of its first values */
+    float *dw;                   /* in oneDNN's layout */
+};
+
+struct conv_impl {
+    const struct conv_method *method;
+    union {                      /* the method's own */
+        struct winograd winograd;
+        struct im2col im2col;
+        struct small_linear small_linear;
+        struct int8 int8;
+    };
+    /* oneDNN's */
+    dnnl_data_type_t input, weights;     /* what it multiplies */
+    struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;
+    void *w_fwd, *w_bwd;         /* weights as the primitives want them */
+    const char *name;            /* of the forward's implementation */
+    size_t half_at;              /* of the input as bf16 or bytes, in the
+                                  * scratch */
+    size_t parts, dw_count;      /* dw_count: floats of a part's dw */
+    size_t scratch;              /* bytes for one part */
+    struct conv_part part[NN_PARTS];
+    /* everybody's */
+    float *bias;                 /* (out), with the norm folded in */
+    float *stage;                /* (out,in_data,k,k), folded or padded */
+    float *sums;                 /* (NN_SUMS+1,out): bias gradient's parts */
+};
+
+/* Plan the forward, the input's gradient and the weights' gradient of a
+ * convolution of this shape; failures go to c->plan. */
+void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s);
+void conv_onednn_plan_backward_data(struct conv *c,
+                                    const struct conv_shape *s);
+void conv_onednn_plan_backward_weights(struct conv *c,
+                                       const struct conv_shape *s);
+
+/* Run a reorder of weights between the checkpoint's layout and oneDNN's. */
+void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
+                         struct conv *c);
+/* out (B,oh,ow,out) from src, the input in the type planned. */
+void conv_onednn_forward(float *out, const void *src, const float *bias,
+                         struct conv *c);
+/* din (B,h,w,in_data) from dout (B,oh,ow,out). */
+void conv_onednn_backward_data(float *din, const float *dout, struct conv *c);
+/* The parts' gradients, added up in order; returned in oneDNN's layout. */
+const float *conv_onednn_backward_weights(const float *dout, const float *in,
+                                          struct conv *c);
+
+#endif

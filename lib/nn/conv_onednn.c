@@ -1,0 +1,378 @@
+/* Convolutions by oneDNN's direct method: the description of the work, its
+ * primitives, and running them.  Activations are NHWC as everywhere; weights
+ * are reordered to the layout that a primitive asks for.  The weights' gradient
+ * is made from a fixed number of parts, each on one thread, so that it is the
+ * same bits for any number of threads. */
+#include <assert.h>
+#include <omp.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/nn/conv_impl.h"
+
+/* ---- describing the work ----------------------------------------------- */
+
+struct conv_onednn_mds {
+    dnnl_memory_desc_t src, wei, bia, dst;
+    dnnl_dims_t stride, pad0, pad1;
+};
+
+/* The tensors of a forward pass, and its geometry. */
+static void conv_onednn_describe(struct conv_onednn_mds *m,
+                                 const struct conv *c,
+                                 const struct conv_shape *s)
+{
+    dnnl_dims_t src = { s->n, c->in_data, s->h, s->w };
+    dnnl_dims_t wei = { c->out, c->in_data, c->kernel, c->kernel };
+    dnnl_dims_t dst = { s->n, c->out, s->oh, s->ow };
+    dnnl_dims_t bia = { c->out };
+
+    memset(m, 0, sizeof *m);
+    dnnl_memory_desc_init_by_tag(&m->src, 4, src, c->impl->input, dnnl_nhwc);
+    dnnl_memory_desc_init_by_tag(&m->wei, 4, wei, c->impl->weights,
+                                 dnnl_format_tag_any);
+    dnnl_memory_desc_init_by_tag(&m->bia, 1, bia, dnnl_f32, dnnl_a);
+    dnnl_memory_desc_init_by_tag(&m->dst, 4, dst, dnnl_f32, dnnl_nhwc);
+    m->stride[0] = m->stride[1] = c->stride;
+    m->pad0[0] = s->top;
+    m->pad0[1] = s->left;
+    m->pad1[0] = s->bottom;
+    m->pad1[1] = s->right;
+}
+
+/* (1,out,1,1): what multiplies each channel's sum of 8-bit products. */
+static void conv_onednn_describe_scale(dnnl_memory_desc_t *md,
+                                       const struct conv *c)
+{
+    dnnl_dims_t dims = { 1, c->out, 1, 1 };
+
+    dnnl_memory_desc_init_by_tag(md, 4, dims, dnnl_f32, dnnl_nchw);
+}
+
+/* What follows the sums of a forward: scale, addition, activation. */
+static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
+                                                    bool forward)
+{
+    static const dnnl_alg_kind_t alg[] = {
+        [ACT_RELU] = dnnl_eltwise_relu, [ACT_LRELU] = dnnl_eltwise_relu,
+        [ACT_HARDSWISH] = dnnl_eltwise_hardswish,
+        [ACT_SIGMOID] = dnnl_eltwise_logistic, [ACT_TANH] = dnnl_eltwise_tanh,
+        [ACT_GELU] = dnnl_eltwise_gelu_erf
+    };
+    dnnl_primitive_attr_t attr;
+    dnnl_post_ops_t post;
+
+    dnnl_primitive_attr_create(&attr);
+    dnnl_primitive_attr_set_scratchpad_mode(attr, dnnl_scratchpad_mode_user);
+    if (!forward)
+        return attr;
+    dnnl_post_ops_create(&post);
+    if (c->impl->input == dnnl_u8) {
+        dnnl_memory_desc_t scale;
+        conv_onednn_describe_scale(&scale, c);
+        dnnl_post_ops_append_binary(post, dnnl_binary_mul, &scale);
+    }
+    if (c->add)
+        dnnl_post_ops_append_sum(post, 1.0f);
+    if (c->act != ACT_NONE)
+        dnnl_post_ops_append_eltwise(post, 1.0f, alg[c->act],
+                                     c->act == ACT_LRELU ? ACT_SLOPE : 0, 0);
+    dnnl_primitive_attr_set_post_ops(attr, post);
+    dnnl_post_ops_destroy(post);
+    return attr;
+}
+
+enum conv_onednn_pass { FORWARD, BACKWARD_DATA, BACKWARD_WEIGHTS };
+
+/* The primitive descriptor of one pass; NULL after telling the plan. */
+static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
+                                                   enum conv_onednn_pass pass,
+                                                   const struct conv_shape *s)
+{
+    struct nn_plan *p = c->plan;
+    struct conv_onednn_mds m;
+    dnnl_convolution_desc_t d;
+    dnnl_primitive_desc_t pd = NULL, hint = NULL;
+    bool bwd = nn_plan_backward(p);
+
+    conv_onednn_describe(&m, c, s);
+    dnnl_primitive_attr_t attr = conv_onednn_attributes(c, pass == FORWARD);
+    dnnl_status_t ok = dnnl_convolution_forward_desc_init(
+        &d, bwd ? dnnl_forward_training : dnnl_forward_inference,
+        dnnl_convolution_direct, &m.src, &m.wei,
+        pass == FORWARD ? &m.bia : NULL, &m.dst, m.stride, m.pad0, m.pad1);
+    if (!ok)
+        ok = dnnl_primitive_desc_create(&pd, &d, attr, nn_engine(), NULL);
+    if (!ok && pass != FORWARD) {
+        hint = pd;
+        pd = NULL;
+        ok = pass == BACKWARD_DATA
+            ? dnnl_convolution_backward_data_desc_init(
+                  &d, dnnl_convolution_direct, &m.src, &m.wei, &m.dst,
+                  m.stride, m.pad0, m.pad1)
+            : dnnl_convolution_backward_weights_desc_init(
+                  &d, dnnl_convolution_direct, &m.src, &m.wei, NULL, &m.dst,
+                  m.stride, m.pad0, m.pad1);
+        if (!ok)
+            ok = dnnl_primitive_desc_create(&pd, &d, attr, nn_engine(), hint);
+        dnnl_primitive_desc_destroy(hint);
+    }
+    dnnl_primitive_attr_destroy(attr);
+    if (ok) {
+        nn_plan_fail(p, EX_SOFTWARE, "oneDNN has no convolution %zu -> %zu, "
+                     "%zux%zu, of %zux%zu (%s)", c->in, c->out, c->kernel,
+                     c->kernel, s->h, s->w, nn_type_name(p->opt.type));
+        return NULL;
+    }
+    return pd;
+}
+
+/* The layout that pd wants an argument in. */
+static const dnnl_memory_desc_t *conv_onednn_query(
+    const_dnnl_primitive_desc_t pd, dnnl_query_t what)
+{
+    return dnnl_primitive_desc_query_md(pd, what, 0);
+}
+
+/* ---- planning ---------------------------------------------------------- */
+
+/* A reorder of weights between the checkpoint's layout and oneDNN's md; back
+ * adds to what is there. */
+static void conv_onednn_plan_reorder(struct nn_call *call,
+                                     const struct conv *c,
+                                     const dnnl_memory_desc_t *md, bool back)
+{
+    struct nn_plan *p = c->plan;
+    dnnl_memory_desc_t plain;
+    dnnl_dims_t dims = { c->out, c->in_data, c->kernel, c->kernel };
+    dnnl_primitive_desc_t pd = NULL;
+    dnnl_primitive_attr_t attr;
+    dnnl_post_ops_t post;
+
+    dnnl_memory_desc_init_by_tag(&plain, 4, dims, c->impl->weights == dnnl_s8
+                                 ? dnnl_s8 : dnnl_f32, dnnl_oihw);
+    dnnl_primitive_attr_create(&attr);
+    dnnl_primitive_attr_set_scratchpad_mode(attr, dnnl_scratchpad_mode_user);
+    dnnl_post_ops_create(&post);
+    if (back)
+        dnnl_post_ops_append_sum(post, 1.0f);
+    dnnl_primitive_attr_set_post_ops(attr, post);
+    if (dnnl_reorder_primitive_desc_create(&pd, back ? md : &plain,
+                                           nn_engine(), back ? &plain : md,
+                                           nn_engine(), attr)) {
+        nn_plan_fail(p, EX_SOFTWARE, "oneDNN cannot reorder weights");
+    } else {
+        nn_call_init(call, pd, p);
+        nn_call_arg(call, DNNL_ARG_FROM, back ? md : &plain, p);
+        nn_call_arg(call, DNNL_ARG_TO, back ? &plain : md, p);
+        nn_plan_scratch(p, nn_call_scratch(call, pd, p));
+        dnnl_primitive_desc_destroy(pd);
+    }
+    dnnl_post_ops_destroy(post);
+    dnnl_primitive_attr_destroy(attr);
+}
+
+void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
+{
+    struct conv_impl *im = c->impl;
+    struct nn_plan *p = c->plan;
+    size_t values = c->batch * c->h * c->w * c->in_data;
+    dnnl_primitive_desc_t pd = conv_onednn_primitive(c, FORWARD, s);
+
+    if (!pd)
+        return;
+    nn_call_init(&im->fwd, pd, p);
+    nn_call_arg(&im->fwd, DNNL_ARG_SRC,
+                conv_onednn_query(pd, dnnl_query_src_md), p);
+    nn_call_arg(&im->fwd, DNNL_ARG_WEIGHTS,
+                conv_onednn_query(pd, dnnl_query_weights_md), p);
+    nn_call_arg(&im->fwd, DNNL_ARG_BIAS,
+                dnnl_primitive_desc_query_md(pd, dnnl_query_weights_md, 1), p);
+    nn_call_arg(&im->fwd, DNNL_ARG_DST,
+                conv_onednn_query(pd, dnnl_query_dst_md), p);
+    size_t scratch = nn_call_scratch(&im->fwd, pd, p);
+    im->half_at = (scratch + 4095) & ~(size_t)4095;
+    if (im->input == dnnl_u8) {
+        dnnl_memory_desc_t scale;
+        conv_onednn_describe_scale(&scale, c);
+        nn_call_arg(&im->fwd, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
+                    DNNL_ARG_SRC_1, &scale, p);
+        scratch = im->half_at + int8_input_size(&im->int8, c);
+    } else if (p->opt.type == NN_BF16) {
+        scratch = im->half_at + values * (im->input == dnnl_bf16
+                                              ? sizeof(uint16_t)
+                                              : sizeof(float));
+    }
+    nn_plan_scratch(p, scratch);
+    const dnnl_memory_desc_t *md = conv_onednn_query(pd,
+                                                     dnnl_query_weights_md);
+    im->w_fwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
+    conv_onednn_plan_reorder(&im->to_fwd, c, md, false);
+    dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, &im->name);
+    dnnl_primitive_desc_destroy(pd);
+}
+
+void conv_onednn_plan_backward_data(struct conv *c,
+                                    const struct conv_shape *s)
+{
+    struct conv_impl *im = c->impl;
+    struct nn_plan *p = c->plan;
+    dnnl_primitive_desc_t pd = conv_onednn_primitive(c, BACKWARD_DATA, s);
+
+    if (!pd)
+        return;
+    nn_call_init(&im->bwd_data, pd, p);
+    nn_call_arg(&im->bwd_data, DNNL_ARG_DIFF_SRC,
+                conv_onednn_query(pd, dnnl_query_diff_src_md), p);
+    nn_call_arg(&im->bwd_data, DNNL_ARG_WEIGHTS,
+                conv_onednn_query(pd, dnnl_query_weights_md), p);
+    nn_call_arg(&im->bwd_data, DNNL_ARG_DIFF_DST,
+                conv_onednn_query(pd, dnnl_query_diff_dst_md), p);
+    nn_plan_scratch(p, nn_call_scratch(&im->bwd_data, pd, p));
+    const dnnl_memory_desc_t *md = conv_onednn_query(pd,
+                                                     dnnl_query_weights_md);
+    im->w_bwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
+    conv_onednn_plan_reorder(&im->to_bwd, c, md, false);
+    dnnl_primitive_desc_destroy(pd);
+}
+
+/* Rows [y0,y1) of one image of the output as a convolution of its own; first:
+ * the first row of the input that it sees. */
+static struct conv_shape conv_onednn_band(const struct conv_shape *s,
+                                          const struct conv *c, size_t y0,
+                                          size_t y1, size_t *first)
+{
+    struct conv_shape b = *s;
+    size_t lo = y0 * c->stride, hi = (y1 - 1) * c->stride + c->kernel;
+
+    b.n = 1;
+    b.oh = y1 - y0;
+    b.top = lo < s->top ? s->top - lo : 0;
+    *first = lo < s->top ? 0 : lo - s->top;
+    size_t end = hi - s->top;
+    b.bottom = end > s->h ? end - s->h : 0;
+    b.h = (end > s->h ? s->h : end) - *first;
+    return b;
+}
+
+/* One part of the weights' gradient; the first also decides the layout. */
+static void conv_onednn_plan_part(struct conv *c, struct conv_part *part,
+                                  const struct conv_shape *s, bool first)
+{
+    struct conv_impl *im = c->impl;
+    struct nn_plan *p = c->plan;
+    dnnl_primitive_desc_t pd = conv_onednn_primitive(c, BACKWARD_WEIGHTS, s);
+
+    if (!pd)
+        return;
+    const dnnl_memory_desc_t *md =
+        conv_onednn_query(pd, dnnl_query_diff_weights_md);
+    nn_call_init(&part->call, pd, p);
+    nn_call_arg(&part->call, DNNL_ARG_SRC,
+                conv_onednn_query(pd, dnnl_query_src_md), p);
+    nn_call_arg(&part->call, DNNL_ARG_DIFF_DST,
+                conv_onednn_query(pd, dnnl_query_diff_dst_md), p);
+    nn_call_arg(&part->call, DNNL_ARG_DIFF_WEIGHTS, md, p);
+    size_t bytes = nn_call_scratch(&part->call, pd, p);
+    bytes = (bytes + 4095) & ~(size_t)4095;
+    if (bytes > im->scratch)
+        im->scratch = bytes;
+    if (first) {
+        im->dw_count = dnnl_memory_desc_get_size(md) / sizeof(float);
+        conv_onednn_plan_reorder(&im->add_dw, c, md, true);
+    } else if (dnnl_memory_desc_get_size(md) != im->dw_count * sizeof(float)) {
+        nn_plan_fail(p, EX_SOFTWARE, "parts of a gradient differ in layout");
+    }
+    dnnl_primitive_desc_destroy(pd);
+}
+
+/* Split over images, or images' bands, and make every part a primitive for
+ * one thread. */
+void conv_onednn_plan_backward_weights(struct conv *c,
+                                       const struct conv_shape *s)
+{
+    struct conv_impl *im = c->impl;
+    int threads = omp_get_max_threads();
+    size_t bands = s->n < NN_PARTS ? NN_PARTS / s->n : 1;
+
+    if (s->oh < 4 * bands)
+        bands = 1;
+    im->parts = bands > 1 ? s->n * bands : s->n < NN_PARTS ? s->n : NN_PARTS;
+    omp_set_num_threads(1);
+    for (size_t i = 0; i < im->parts; i++) {
+        struct conv_part *part = &im->part[i];
+        struct conv_shape b = *s;
+        size_t image = i * s->n / im->parts, first = 0, y0 = 0;
+        if (bands > 1) {
+            size_t k = i % bands;
+            image = i / bands;
+            y0 = k * s->oh / bands;
+            b = conv_onednn_band(s, c, y0, (k + 1) * s->oh / bands, &first);
+        } else {
+            b.n = (i + 1) * s->n / im->parts - image;
+        }
+        part->in_at = (image * s->h + first) * s->w * c->in_data;
+        part->out_at = (image * s->oh + y0) * s->ow * c->out;
+        conv_onednn_plan_part(c, part, &b, i == 0);
+    }
+    omp_set_num_threads(threads);
+    for (size_t i = 0; i < im->parts; i++)
+        im->part[i].dw = nn_plan_floats(c->plan, im->dw_count);
+    nn_plan_scratch(c->plan, im->scratch * im->parts);
+}
+
+/* ---- running ----------------------------------------------------------- */
+
+void conv_onednn_reorder(struct nn_call *call, void *to, const void *from,
+                         struct conv *c)
+{
+    nn_call_set(call, 0, from);
+    nn_call_set(call, 1, to);
+    nn_call_set(call, 2, c->plan->scratch);
+    nn_call_run(call);
+}
+
+void conv_onednn_forward(float *out, const void *src, const float *bias,
+                         struct conv *c)
+{
+    struct nn_call *call = &c->impl->fwd;
+
+    nn_call_set(call, 0, src);
+    nn_call_set(call, 1, c->impl->w_fwd);
+    nn_call_set(call, 2, bias);
+    nn_call_set(call, 3, out);
+    nn_call_set(call, 4, c->plan->scratch);
+    nn_call_run(call);
+}
+
+void conv_onednn_backward_data(float *din, const float *dout, struct conv *c)
+{
+    struct nn_call *call = &c->impl->bwd_data;
+
+    assert(call->prim);
+    nn_call_set(call, 0, din);
+    nn_call_set(call, 1, c->impl->w_bwd);
+    nn_call_set(call, 2, dout);
+    nn_call_set(call, 3, c->plan->scratch);
+    nn_call_run(call);
+}
+
+const float *conv_onednn_backward_weights(const float *dout, const float *in,
+                                          struct conv *c)
+{
+    struct conv_impl *im = c->impl;
+#pragma omp parallel for schedule(static, 1)
+    for (size_t i = 0; i < im->parts; i++) {
+        struct conv_part *part = &im->part[i];
+        nn_call_set(&part->call, 0, in + part->in_at);
+        nn_call_set(&part->call, 1, dout + part->out_at);
+        nn_call_set(&part->call, 2, part->dw);
+        nn_call_set(&part->call, 3, c->plan->scratch + i * im->scratch);
+        nn_call_run(&part->call);
+    }
+    float *sum = im->part[0].dw;
+    for (size_t i = 1; i < im->parts; i++)
+        for (size_t k = 0; k < im->dw_count; k++)
+            sum[k] += im->part[i].dw[k];
+    return sum;
+}

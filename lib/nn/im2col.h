@@ -1,0 +1,29 @@
+/* Convolutions of many channels: sums of thousands of terms, made in pieces so
+ * that their rounding errors do not pile up as one long chain's would.  oneDNN
+ * cuts such sums by the size of the cache, and so differs between machines. */
+#ifndef SPID_NN_IM2COL_H
+#define SPID_NN_IM2COL_H
+
+#include "lib/nn/act.h"
+#include "lib/nn/plan.h"
+
+struct conv;
+
+struct im2col {
+    const struct conv *c;
+    size_t K, N;             /* k k in; out rounded up to a panel */
+    float *w;                /* packed, piece by piece */
+    float *bias;
+    float *rows;             /* (a band of pixels, K) */
+    float *sum;              /* (a band of pixels, N) */
+};
+
+/* NN_F32: every sum of 512 terms or more.  NN_FAST: of 2,048 where few pixels
+ * are made of them: StyleUNet's innermost layers, whose errors would reach
+ * every other layer by the style. */
+bool im2col_wanted(const struct conv *c);
+void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p);
+void im2col_update(struct im2col *t, const float *w, const float *bias);
+void im2col_forward(float *out, const float *in, struct im2col *t);
+
+#endif

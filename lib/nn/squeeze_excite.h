@@ -1,0 +1,36 @@
+/* Squeeze and excite, and the spatial mean. */
+#ifndef SPID_NN_SQUEEZE_EXCITE_H
+#define SPID_NN_SQUEEZE_EXCITE_H
+
+#include "lib/nn/conv.h"
+
+struct squeeze_excite {
+    struct params *ps;
+    size_t reduce_w, reduce_b, expand_w, expand_b;   /* tensors in ps */
+    size_t channels, hidden;
+    /* as planned */
+    size_t batch, pixels;
+    float *mean, *inner, *gate;       /* (B,C), (B,hidden), (B,C) */
+    float *part;                      /* (B,NN_PARTS,C) */
+    float *dgate, *dinner, *dmean;    /* plans with a backward */
+};
+
+/* Declare "<name>.conv_reduce.*" and "<name>.conv_expand.*". */
+void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
+                         const char *name, size_t channels, size_t hidden);
+void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
+                         size_t batch, size_t pixels);
+/* y (B,pixels,C) = x gate, gate = hsig(W2 relu(W1 mean(x) + b1) + b2);
+ * y may be x when nobody asks for a backward. */
+void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s);
+/* dx may be dy. */
+void squeeze_excite_backward(float *dx, const float *dy, const float *x,
+                             struct squeeze_excite *s);
+
+/* mean (B,C) over pixels of x (B,pixels,C); part (B,NN_PARTS,C) scratch. */
+void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
+                          size_t pixels, size_t C);
+void spatial_mean_backward(float *dx, const float *dmean, size_t B,
+                           size_t pixels, size_t C);
+
+#endif

@@ -1,0 +1,82 @@
+/* The double-precision reference, third part: Eq. C, sum_i c_i w_i with w_i =
+ * alpha_i prod_j<i (1 - alpha_j), pixel by pixel. */
+#include "lib/splat/reference.h"
+
+#include <stdlib.h>
+#include <sysexits.h>
+
+#include "lib/splat/reference_traversal.h"
+
+/* Colours, alpha and depth of one pixel from its contributions. */
+static void reference_sum_pixel(double *image, double *alpha, double *depth,
+                                const struct contribution *found, size_t count,
+                                double T, const struct traversal *w)
+{
+    const struct reference *t = w->scene;
+    size_t C = (size_t)t->channels;
+    double weight = 0, sum_z = 0;
+
+    for (size_t c = 0; c < C; c++)
+        image[c] = T * t->background[c];
+    for (size_t k = 0; k < count; k++) {
+        double wt = found[k].alpha * found[k].T;
+
+        weight += wt;
+        sum_z += wt * w->point[found[k].i].z;
+        for (size_t c = 0; c < C; c++)
+            image[c] += wt * w->color[found[k].i * C + c];
+    }
+    if (alpha)
+        *alpha = 1 - T;
+    if (depth)
+        *depth = weight > 0 ? sum_z / weight : 0;
+}
+
+/* Row y of the picture; found has room for the longest list. */
+static void reference_draw_row(double *image, double *alpha, double *depth,
+                               uint8_t *ambiguous, const struct traversal *w,
+                               struct contribution *found, int y)
+{
+    const struct reference *t = w->scene;
+
+    for (int x = 0; x < t->width; x++) {
+        size_t at = (size_t)y * (size_t)t->width + (size_t)x;
+        uint8_t flag = 0;
+        double T;
+        size_t count =
+            traversal_pixel(found, &T, ambiguous ? &flag : NULL, w, x, y);
+
+        reference_sum_pixel(image + at * (size_t)t->channels,
+                            alpha ? alpha + at : NULL,
+                            depth ? depth + at : NULL, found, count, T, w);
+        if (ambiguous)
+            ambiguous[at] = flag;
+    }
+}
+
+/* Rows in parallel: no pixel depends on another. */
+int reference_forward(double *image, double *alpha, double *depth,
+                      uint8_t *ambiguous, const struct reference *t,
+                      struct error *err)
+{
+    struct traversal w;
+    int failed = 0;
+
+    if (traversal_init(&w, t, err))
+        return -1;
+#pragma omp parallel reduction(| : failed)
+    {
+        struct contribution *found =
+            malloc((traversal_longest(&w) + 1) * sizeof *found);
+
+        failed = !found;
+#pragma omp for schedule(dynamic, 1)
+        for (int y = 0; y < t->height; y++)
+            if (found)
+                reference_draw_row(image, alpha, depth, ambiguous, &w, found,
+                                   y);
+        free(found);
+    }
+    traversal_release(&w);
+    return failed ? error_set(err, EX_OSERR, "out of memory") : 0;
+}

@@ -1,0 +1,14 @@
+/* The renderer that the kernels' speed is compared with. */
+#ifndef SPID_SPLAT_SCALAR_H
+#define SPID_SPLAT_SCALAR_H
+
+#include "lib/splat/types.h"
+
+/* Draw in plain float, Gaussian by Gaussian over its bounding box.  GSPLAT
+ * rules.  image (H,W,C) and alpha (H,W) out; background (C) or NULL: zeros.
+ * EX_OSERR. */
+int scalar_forward(float *image, float *alpha, const struct gaussians *g,
+                   const struct splat_camera *cam, int width, int height,
+                   int channels, const float *background, struct error *err);
+
+#endif

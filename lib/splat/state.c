@@ -1,0 +1,91 @@
+/* The rasteriser's memory: two blocks, one sized by the picture and one by the
+ * Gaussians, cut into arrays. */
+#include "lib/splat/state.h"
+
+#include <stdlib.h>
+#include <sys/mman.h>
+
+#include "lib/base/isa.h"
+
+#define ALIGN 64
+
+#ifdef SPID_X86
+#define SPLAT_FIXED16 true     /* the kernels multiply 16-bit numbers */
+#else
+#define SPLAT_FIXED16 false
+#endif
+
+void *state_block(size_t bytes)
+{
+    size_t huge = (size_t)2 << 20;
+    size_t align = bytes >= huge ? huge : ALIGN;
+    void *p = aligned_alloc(align, (bytes + align - 1) / align * align);
+
+#ifdef MADV_HUGEPAGE
+    if (p && bytes >= huge)
+        madvise(p, bytes, MADV_HUGEPAGE);
+#endif
+    return p;
+}
+
+/* Take bytes of a block; with base NULL only count. */
+static void *state_carve(char *base, size_t *used, size_t bytes)
+{
+    void *p = base ? base + *used : NULL;
+
+    *used += (bytes + ALIGN - 1) / ALIGN * ALIGN + ALIGN;
+    return p;
+}
+
+size_t state_screen_layout(struct splat_state *st, char *base)
+{
+    size_t tiles = (size_t)st->view.tx * (size_t)st->view.ty, used = 0;
+    size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
+    size_t T = (size_t)st->threads;
+
+    st->start = state_carve(base, &used, tiles * sizeof *st->start);
+    st->end = state_carve(base, &used, tiles * sizeof *st->end);
+    st->zorder = state_carve(base, &used, tiles * sizeof *st->zorder);
+    st->count = state_carve(base, &used, T * cells * sizeof *st->count);
+    st->histogram = state_carve(base, &used, T * 2048 * sizeof *st->histogram);
+    st->work = state_carve(base, &used, T * st->work_size);
+    return used;
+}
+
+size_t state_cloud_layout(struct splat *s, char *base, size_t n)
+{
+    struct splat_state *st = s->state;
+    size_t used = 0, row = n * sizeof(float);
+
+    for (int k = 0; k < 3; k++) {
+        st->cloud.mean[k] = state_carve(base, &used, row);
+        st->cloud.scale[k] = state_carve(base, &used, row);
+    }
+    for (int k = 0; k < 4; k++)
+        st->cloud.quat[k] = state_carve(base, &used, row);
+    st->cloud.top = state_carve(base, &used, row);
+    st->projection = state_carve(base, &used, n * sizeof *st->projection);
+    st->color = state_carve(base, &used, n * sizeof *st->color);
+    st->place = NULL;
+    for (int k = 0; k < 3 && s->opt.place; k++)
+        *(k < 2 ? &st->cloud.uv[k] : &st->cloud.seen) =
+            state_carve(base, &used, row);
+    if (s->opt.place)
+        st->place = state_carve(base, &used, n * sizeof *st->place);
+    st->key = state_carve(base, &used, n * sizeof *st->key);
+    for (int k = 0; k < 3; k++)
+        st->fine[k] = s->opt.gradients ? state_carve(base, &used, row) : NULL;
+    st->rect = state_carve(base, &used, n * sizeof *st->rect);
+    st->sort0 = state_carve(base, &used, n * sizeof *st->sort0);
+    st->sort1 = state_carve(base, &used, n * sizeof *st->sort1);
+    st->order = state_carve(base, &used, n * sizeof *st->order);
+    st->ordered = state_carve(base, &used, n * sizeof *st->ordered);
+    st->loaded_mean = state_carve(base, &used, 3 * row);
+    st->table = NULL;
+    st->fixed = NULL;
+    if (st->row && s->opt.fixed16 && SPLAT_FIXED16)
+        st->fixed = state_carve(base, &used, n * 32 * sizeof *st->fixed);
+    if (st->row && (!st->fixed || s->opt.gradients))
+        st->table = state_carve(base, &used, (size_t)st->row * row);
+    return used;
+}

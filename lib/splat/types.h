@@ -1,0 +1,121 @@
+/* What a renderer is given and what it is: Gaussians, camera, options.  The
+ * layer that all of lib/splat stands on; splat.h has what can be done with
+ * it. */
+#ifndef SPID_SPLAT_TYPES_H
+#define SPID_SPLAT_TYPES_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/error.h"
+#include "lib/base/gaussians.h"
+
+#define SPLAT_MAX_CHANNELS 32
+#define SPLAT_COLORS 4            /* more channels are features: unless asked
+                                   * otherwise, products of 16 bits, and half
+                                   * precision on the way to the refiner */
+#define SPLAT_MAX_SIZE 16384      /* pixels along one side */
+
+/* x_cam = R x + t, x right, y down, z forward; pixel = f x/z + c, the centre
+ * of pixel i at i + 0.5. */
+struct splat_camera {
+    float rt[12];                 /* (3,4) rows of [R|t] */
+    float fx, fy;                 /* focal lengths, pixels */
+    float cx, cy;                 /* principal point, pixels */
+};
+
+enum splat_rules {
+    SPLAT_GSPLAT,   /* quaternions normalised; alpha = min(0.99, o e^-s);
+                     * skipped under alpha_cut; dropped with all behind it
+                     * when T (1 - alpha) <= t_cut; near plane z > 0.01 */
+    SPLAT_DGR,      /* as the public CUDA rasteriser: quaternions as they
+                     * are, whole 16x16 tiles at 3 sigma, near plane 0.2 */
+    SPLAT_EXACT     /* no clamp, no cut-offs, near plane 0.01: double only */
+};
+
+struct splat_options {
+    int width, height;
+    int channels;                 /* drawn: the first 1..32 of the colours */
+    enum splat_rules rules;       /* GSPLAT or DGR for the fast kernels */
+    int threads;                  /* 0: what OpenMP gives */
+    float near;                   /* drawn if z > near; 0: as the rules say */
+    float alpha_cut;              /* default 1/255; at least 2^-24 */
+    float t_cut;                  /* default 1e-4; 0: no early stop */
+    int exp_degree;               /* of the exp2 polynomial: 3 (relative error
+                                   * 7.5e-5), 2 (1.7e-3), 4 (2.6e-6) or 5
+                                   * (float's rounding); default 0: 3, and 5
+                                   * with gradients */
+    bool fixed16;                 /* over 4 channels: Q15 products where the
+                                   * processor has them; not with gradients */
+    bool depth;                   /* splat_forward may be asked for depth */
+    bool covered;                 /* splat_forward_half may leave pixels of
+                                   * alpha 0 as they were, not write zeros */
+    bool gradients;               /* splat_backward will be called */
+    float prune;                  /* Gaussians of a lower opacity are left
+                                   * out; default 0: none.  Each changes a
+                                   * pixel by less than this times the range
+                                   * of the colours */
+    bool level_set;               /* for measuring: kernels of `level`, which */
+    enum cpu_level level;         /* the processor must have, not the best */
+    bool place;                   /* places in the source picture may be asked
+                                   * for (splat_draw) */
+    unsigned branches;            /* bit b set: branch b is drawn; 0: all */
+};
+
+struct splat_state;
+
+/* What a frame is made of, for measuring. */
+enum splat_phase { SPLAT_PROJECT, SPLAT_SORT, SPLAT_BIN, SPLAT_DRAW,
+                   SPLAT_PHASES };
+
+/* A renderer: its options, and all its memory. */
+struct splat {
+    struct splat_options opt;     /* read-only after splat_init */
+    size_t n;                     /* Gaussians loaded */
+    size_t drawn, pairs;          /* of the last frame: Gaussians on screen,
+                                   * (tile, Gaussian) pairs */
+    double ms[SPLAT_PHASES];      /* of the last frame: milliseconds */
+    size_t bytes;                 /* of memory it holds, gradients apart */
+    struct splat_state *state;
+};
+
+/* How places in the driven picture become places in the source picture, but for
+ * each Gaussian's own offset: A x + b, positions from -1 to 1 across a picture.
+ * The three place channels of a Gaussian centred at x are seen (2 uv - 1 - A x
+ * - b), x before y, and seen. */
+struct splat_place_view {
+    float A[4];                   /* rows */
+    float b[2];
+};
+
+/* Where a frame goes; what is NULL is not drawn, but for image and half, of
+ * which there is one. */
+struct splat_pictures {
+    float *image;                 /* (H,W,C) or ... */
+    uint16_t *half;               /* ... the same in half precision */
+    float *alpha;                 /* (H,W) 1 - T */
+    float *depth;                 /* (H,W) with opt.depth */
+    float *place;                 /* (H,W,3) with opt.place: sum_i w_i of the
+                                   * place channels, always in float */
+};
+
+/* A loss's gradients of them; all but image may be NULL. */
+struct splat_picture_gradients {
+    const float *image, *alpha, *place;
+};
+
+/* Where splat_backward adds its results; each may be NULL. */
+struct splat_gradients {
+    float *mean;                  /* (N,3) */
+    float *scale;                 /* (N,3) */
+    float *quat;                  /* (N,4) of the quaternion as given */
+    float *opacity;               /* (N) */
+    float *color;                 /* (N,C), C of splat_options */
+    float *rt;                    /* (3,4) of the camera's [R|t], entry by
+                                   * entry (R taken as nine free numbers) */
+    float *place;                 /* (N,3) of the place channels */
+};
+
+#endif

@@ -1,0 +1,68 @@
+/* The photograph as texture.  Faces learned from afar are soft; the source
+ * picture is not.  Each Gaussian knows its place in the source picture
+ * (place.h), the renderer blends places as it blends colours, and each pixel
+ * then takes its colour from the photograph at the blended place: deferred
+ * texturing, after Deering et al. 1988 ("The triangle processor and normal
+ * vector shader") and image-based rendering since.
+ *
+ * What is looked up is the person alone: colours without their background and
+ * multiplied by the matte, so that they are laid over any other background,
+ * and interpolated, without a rim of the old one (Porter and Duff 1984). */
+#ifndef SPID_TEXTURE_TEXTURE_H
+#define SPID_TEXTURE_TEXTURE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/texture/place.h"
+
+#define TEXTURE_LEVELS 4        /* each half as large as the one before */
+
+/* Numbers of a looked-up pixel: red, green, blue, matte (premultiplied,
+ * 0..1) and the confidence in them, 0..1. */
+#define TEXTURE_PHOTO 5
+
+struct texture {
+    size_t size;                /* S, pixels along one side of level 0 */
+    size_t levels;
+    uint8_t *level[TEXTURE_LEVELS];     /* (S >> l, S >> l, 4) premultiplied
+                                         * red, green, blue, matte */
+    uint8_t *block;             /* what they are parts of */
+};
+
+/* Of a source picture rgb (S,S,3), its matte (S,S) and the background that
+ * the person hides, back (S,S,3): person = rgb - (1 - matte) back.  EX_OSERR
+ * without memory; S is at least 2. */
+int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
+                 const uint8_t *back, size_t S, struct error *err);
+void texture_release(struct texture *t);
+
+/* The person's colours themselves, out (n,3): what rgb would show without the
+ * background, rgb where the matte is 0. */
+void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
+                      const uint8_t *back, size_t n);
+
+/* photo (size,size,5) of a picture of size by size pixels.
+ *   place (size,size,3)  the blended places (place.h)
+ *   alpha (size,size)    coverage
+ * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
+ * the share of the coverage that has a place, less where the blended places
+ * disagree: where they jump from one pixel to the next, as at silhouettes. */
+void texture_lookup(float *photo, const struct texture *t,
+                    const struct splat_place_view *v, const float *place,
+                    const float *alpha, size_t size);
+
+/* Colour = confidence x photograph + rest x today's colour, alpha likewise:
+ * n pixels of color (n,channels: the first three, premultiplied) and alpha
+ * (n), in place. */
+void texture_mix(float *color, size_t channels, float *alpha,
+                 const float *photo, size_t n);
+
+/* Both for a whole picture, without keeping what was looked up: color
+ * (size,size,channels) and alpha (size,size) in place. */
+void texture_apply(float *color, size_t channels, float *alpha,
+                   const struct texture *t, const struct splat_place_view *v,
+                   const float *place, size_t size);
+
+#endif

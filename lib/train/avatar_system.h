@@ -1,0 +1,83 @@
+/* The avatar, its renderer and refiner as one thing that learns from
+ * pictures: source -> Gaussians -> features -> picture -> loss, and back. */
+#ifndef SPID_TRAIN_AVATAR_SYSTEM_H
+#define SPID_TRAIN_AVATAR_SYSTEM_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/avatar/avatar.h"
+#include "lib/base/error.h"
+#include "lib/head/lbs.h"
+#include "lib/net/refiner.h"
+#include "lib/splat/splat.h"
+#include "lib/train/config.h"
+#include "lib/data/data.h"
+#include "lib/train/losses.h"
+#include "lib/train/perceptual.h"
+
+/* L_img and L_perc, in the order of the log. */
+enum picture_term {
+    PICTURE_COARSE, PICTURE_COARSE_FACE, PICTURE_FINAL, PICTURE_FINAL_FACE,
+    PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_SQUARE, PICTURE_MOUTH,
+    PICTURE_COUNT
+};
+extern const char *const picture_term_name[PICTURE_COUNT];
+
+struct avatar_system {
+    const struct head *head;
+    struct avatar_config config;
+    struct avatar avatar;
+    struct refiner refiner;         /* when config.has_refiner */
+    struct splat splat;
+    struct perceptual perceptual;   /* side 0: a pyramid stands in for it */
+    size_t image, channels;         /* side of the picture; C */
+    float *feat, *dfeat;            /* (image,image,C) */
+    float *alpha, *dalpha;          /* (image,image) */
+    float *rgb, *drgb;              /* (image,image,3) after the refiner */
+    float *coarse, *dcoarse;        /* (image,image,3) before it */
+    float *target, *mask;           /* (image,image,3), (image,image) */
+    float *means;                   /* (N,3) of a frame */
+    float *verts, *dverts;          /* (V,3) driven */
+    float *source;                  /* (V,3) V_s */
+    float *tmp;                     /* of loss_pyramid */
+    float dcam[12];                 /* gradient for the frame's [R|t] */
+    uint8_t *bytes, *matte;         /* (S,S,3), (S,S): the source */
+    float *block;                   /* what the arrays are part of */
+};
+
+/* Declare avatar and refiner in ps. */
+int avatar_system_init(struct avatar_system *s, struct params *ps,
+                       const struct avatar_config *config,
+                       const struct head *h, struct error *err);
+/* After params_allocate and params_randomise; fresh starts the biases, smooth
+ * renders without cut-offs (see train_config). */
+int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
+                       bool smooth, struct nn_options opt, struct error *err);
+/* L_perc by the network in this file from now on; after avatar_system_plan. */
+int avatar_system_perceptual(struct avatar_system *s, const char *path,
+                             struct error *err);
+void avatar_system_update(struct avatar_system *s);
+void avatar_system_release(struct avatar_system *s);
+
+/* Phase A from a frame (which holds its whole picture, of config.size),
+ * with motion m (NULL: its true one) of identity id. */
+int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
+                       const struct identity *id, const struct head_motion *m,
+                       const float *cam, struct error *err);
+/* Phase B: verts and cam to feat, alpha, coarse and rgb. */
+int avatar_system_draw(struct avatar_system *s, const float *verts,
+                       const float cam[12], struct error *err);
+/* Losses of what was drawn against frame f: terms (PICTURE_COUNT) are added;
+ * the gradients wait in dcoarse, drgb, dalpha, times scale. */
+int avatar_system_losses(struct avatar_system *s, double *terms,
+                         const struct data_frame *f,
+                         const struct train_config *c, double scale,
+                         struct error *err);
+/* Back to the Gaussians (kept for avatar_system_bake_backward), to dverts and
+ * to dcam, which are overwritten. */
+int avatar_system_draw_backward(struct avatar_system *s, struct error *err);
+void avatar_system_bake_backward(struct avatar_system *s);
+
+#endif

@@ -1,0 +1,114 @@
+/* Packed directions: what comes back, and runs that lie are refused. */
+#include "lib/head/runs.h"
+
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+
+enum { V = 97, K = 11 };
+
+static int failed;
+
+static void check(const char *what, double value, double lo, double hi)
+{
+    int ok = value >= lo && value <= hi;
+
+    printf("%-46s %12.6g (expected %g to %g) %s\n", what, value, lo, hi,
+           ok ? "ok" : "FAILED");
+    failed |= !ok;
+}
+
+/* Columns that are empty, full, or hold islands of vertices. */
+static void draw(float *dirs, struct random *r)
+{
+    for (size_t k = 0; k < K; k++)
+        for (size_t v = 0; v < V; v++) {
+            double on = k == 0 ? 0 : k == 1 ? 1 : v / 7 % k == 1;
+
+            for (size_t c = 0; c < 3; c++)
+                dirs[(3 * v + c) * K + k] =
+                    (float)(on * random_range(r, -0.01, 0.01));
+        }
+}
+
+static float *back(const struct runs *r, const int32_t *run, size_t n,
+                   struct error *err)
+{
+    float *value = malloc((3 * r->rows + 1) * sizeof *value), *dirs;
+
+    if (!value)
+        exit(1);
+    for (size_t i = 0; i < 3 * r->rows; i++)
+        value[i] = half_to_float(r->value[i]);
+    dirs = runs_unpack(run, n, value, r->rows, V, K, err);
+    free(value);
+    return dirs;
+}
+
+static void test_round_trip(const float *dirs, const struct runs *r)
+{
+    struct error err = { 0 };
+    float *d = back(r, r->run, r->n, &err);
+    double worst = 0;
+
+    for (size_t i = 0; d && i < 3 * V * K; i++)
+        worst = fmax(worst, fabs(d[i] - dirs[i]));
+    check("unpacked", d != NULL, 1, 1);
+    /* half an ulp of a half float under 2^-6 */
+    check("off by", worst, 0, 4e-6);
+    check("rows, of 97 x 11", (double)r->rows, 97, 500);
+    free(d);
+}
+
+/* One number of one run changed. */
+static void test_damage(const struct runs *r)
+{
+    static const struct { int field; int32_t value; } cases[] = {
+        { 0, -1 }, { 0, K }, { 1, -1 }, { 1, V }, { 2, 0 }, { 2, -5 },
+        { 2, V + 1 }, { 2, INT32_MAX },
+    };
+    int32_t *run = malloc((3 * r->n + 1) * sizeof *run);
+    int refused = 0, told = 0;
+
+    if (!run)
+        exit(1);
+    for (size_t i = 0; i < sizeof cases / sizeof *cases; i++) {
+        struct error err = { 0 };
+
+        memcpy(run, r->run, 3 * r->n * sizeof *run);
+        run[3 + cases[i].field] = cases[i].value;
+        float *d = back(r, run, r->n, &err);
+        refused += !d;
+        told += strstr(err.text, "run 1 is") != NULL;
+        free(d);
+    }
+    check("damaged runs refused", refused, 8, 8);
+    check("and named", told, 8, 8);
+    struct error err = { 0 };
+    float *d = back(r, r->run, r->n - 1, &err);
+    check("a run too few is refused", !d && strstr(err.text, "all"), 1, 1);
+    free(d);
+    free(run);
+}
+
+int main(void)
+{
+    float *dirs = calloc(3 * V * K, sizeof *dirs);
+    struct runs r = { 0 };
+    struct random random;
+
+    random_init(&random, 3, "head_runs");
+    if (!dirs)
+        return 1;
+    draw(dirs, &random);
+    if (runs_pack(&r, dirs, V, K, 1e-6, NULL))
+        return 1;
+    test_round_trip(dirs, &r);
+    test_damage(&r);
+    runs_release(&r);
+    free(dirs);
+    return failed;
+}

@@ -1,0 +1,405 @@
+/* Places in the source picture: blended beside the colours, and their
+ * gradients, at every instruction set against double precision; colours keep
+ * their bits, whatever is drawn beside them. */
+#include "lib/base/random.h"
+#include "tests/unit/splat_scene.h"
+
+enum { SIZE = 40, N = 1200 };
+
+static const struct splat_place_view view = {{0.9f, 0.2f, -0.15f, 1.1f},
+                                             {0.05f, -0.1f}};
+
+/* A small scene whose Gaussians have places; a third was not seen. */
+static void places_scene(struct testscene *t, size_t n, uint64_t seed)
+{
+    float *uv = grab(2 * n, sizeof *uv), *seen = grab(n, sizeof *seen);
+    struct random r;
+
+    small_scene(t, n, seed);
+    random_init(&r, seed, "places");
+    for (size_t i = 0; i < 2 * n; i++)
+        uv[i] = (float)random_uniform(&r);
+    for (size_t i = 0; i < n; i++)
+        seen[i] = i % 3 == 0 ? 0 : i % 3 == 1 ? 1 : (float)random_uniform(&r);
+    t->g.uv = uv;
+    t->g.seen = seen;
+}
+
+static void places_release(struct testscene *t)
+{
+    free((void *)t->g.uv);
+    free((void *)t->g.seen);
+    testscene_release(t);
+}
+
+static void random_numbers(float *g, size_t n, uint64_t seed)
+{
+    struct random r;
+
+    random_init(&r, seed, "gradient");
+    for (size_t i = 0; i < n; i++)
+        g[i] = (float)random_range(&r, -1, 1);
+}
+
+/* ---- forward ------------------------------------------------------------- */
+
+/* Colours (and halves instead, if there are any) and places of a scene. */
+static void draw_places(float *image, float *place, const struct testscene *t,
+                        const struct splat_options *o)
+{
+    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
+    struct splat_pictures out = {.image = image, .place = place};
+    struct splat s = {0};
+    struct error err = {0};
+
+    check_error("drawn", splat_init(&s, o, &err) == 0 &&
+                splat_load(&s, &t->g, &err) == 0 &&
+                splat_draw(&s, &out, &cam, &view, NULL, &err) == 0, &err);
+    splat_release(&s);
+}
+
+/* Largest difference of places from double where no cut-off is doubtful. */
+static double places_error(const float *place, const struct testscene *t)
+{
+    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
+    struct reference truth;
+    struct error err = {0};
+    size_t P = SIZE * SIZE;
+    double *want = grab(P * 4, sizeof *want), worst = 0;
+    uint8_t *skip = grab(P, 1);
+
+    if (reference_init(&truth, &t->g, &cam, SIZE, SIZE, 1, SPLAT_GSPLAT, 0,
+                       &err) ||
+        reference_add_places(&truth, &t->g, &view, &err) ||
+        reference_forward(want, NULL, NULL, skip, &truth, &err))
+        exit(1);
+    for (size_t p = 0; p < P; p++)
+        for (size_t c = 0; c < 3 && !skip[p]; c++)
+            worst = fmax(worst, fabs(place[3 * p + c] - want[4 * p + 1 + c]));
+    reference_release(&truth);
+    free(want);
+    free(skip);
+    return worst;
+}
+
+static void forward(int channels, bool depth)
+{
+    struct testscene t;
+    struct splat_options o = splat_defaults(SIZE, SIZE, channels);
+    size_t P = SIZE * SIZE, C = (size_t)channels;
+    float *plain = grab(P * C, sizeof *plain);
+    float *image = grab(P * C, sizeof *image);
+    float *place = grab(P * 3, sizeof *place);
+    float *other = grab(P * 3, sizeof *other);
+    char what[64];
+
+    places_scene(&t, N, 41);
+    o.depth = depth;
+    o.threads = 1;
+    o.exp_degree = 5;
+    draw_places(plain, NULL, &t, &o);
+    o.place = true;
+    draw_places(image, place, &t, &o);
+    snprintf(what, sizeof what, "C %d: places against double", channels);
+    check(what, places_error(place, &t), 5e-5);
+    check_that("colours have the bits that they have without places",
+               !memcmp(plain, image, P * C * sizeof *image));
+    o.threads = 7;
+    draw_places(image, other, &t, &o);
+    check_that("the same bits for 7 threads",
+               !memcmp(place, other, P * 3 * sizeof *place) &&
+               !memcmp(plain, image, P * C * sizeof *image));
+    places_release(&t);
+    free(plain);
+    free(image);
+    free(place);
+    free(other);
+}
+
+/* Gaussians move, and the view changes, while the camera stays. */
+static void moving(void)
+{
+    struct testscene t;
+    struct splat_options o = splat_defaults(SIZE, SIZE, 3);
+    struct splat s = {0};
+    struct error err = {0};
+    size_t P = SIZE * SIZE;
+    float *image = grab(P * 3, sizeof *image);
+    float *place = grab(P * 3, sizeof *place);
+    float *fresh = grab(P * 3, sizeof *fresh);
+    struct splat_pictures out = {.image = image, .place = place};
+    struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}};
+
+    places_scene(&t, N, 43);
+    o.place = true;
+    struct splat_camera cam = splat_camera_square(t.cam, SIZE, 12);
+    bool ok = splat_init(&s, &o, &err) == 0 &&
+              splat_load(&s, &t.g, &err) == 0 &&
+              splat_draw(&s, &out, &cam, &first, NULL, &err) == 0;
+
+    for (size_t i = 100; i < 500; i++)
+        ((float *)t.g.mean)[3 * i] += 0.02f;
+    ok = ok && splat_update(&s, t.g.mean + 300, 100, 400, &err) == 0 &&
+         splat_draw(&s, &out, &cam, &first, NULL, &err) == 0 &&
+         splat_draw(&s, &out, &cam, &view, NULL, &err) == 0;
+    check_error("drawn thrice", ok, &err);
+    draw_places(image, fresh, &t, &o);
+    check_that("moved, another view: as drawn anew",
+               !memcmp(place, fresh, P * 3 * sizeof *place));
+    splat_release(&s);
+    places_release(&t);
+    free(image);
+    free(place);
+    free(fresh);
+}
+
+/* ---- backward ------------------------------------------------------------ */
+
+/* Rows of one Gaussian's gradients, and the camera's after them. */
+enum { MEAN = 0, SCALE = 3, QUAT = 6, OPACITY = 10, PLACE = 11, COLOR = 14 };
+
+static float *kernel_gradients(const struct testscene *t, size_t C,
+                               int threads,
+                               const struct splat_picture_gradients *d)
+{
+    struct splat_options o = splat_defaults(SIZE, SIZE, (int)C);
+    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
+    size_t n = t->g.n;
+    float *all = grab(n * (COLOR + C) + 12, sizeof *all);
+    float *image = grab(SIZE * SIZE * C, sizeof *image);
+    float *place = grab(SIZE * SIZE * 3, sizeof *place);
+    struct splat_pictures out = {.image = image, .place = place};
+    struct splat_gradients g = {
+        .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
+        .opacity = all + OPACITY * n, .place = all + PLACE * n,
+        .color = all + COLOR * n, .rt = all + (COLOR + C) * n};
+    struct splat s = {0};
+    struct error err = {0};
+
+    o.gradients = o.place = true;
+    o.threads = threads;
+    check_error("gradients", splat_init(&s, &o, &err) == 0 &&
+                splat_load(&s, &t->g, &err) == 0 &&
+                splat_draw(&s, &out, &cam, &view, NULL, &err) == 0 &&
+                splat_draw_backward(&s, &g, d, &err) == 0, &err);
+    splat_release(&s);
+    free(image);
+    free(place);
+    return all;
+}
+
+/* The reference's: channels and places are one picture there. */
+static double *reference_gradients_of(const struct testscene *t, size_t C,
+                                      const struct splat_picture_gradients *d)
+{
+    struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
+    size_t n = t->g.n, P = SIZE * SIZE, K = C + 3;
+    double *all = grab(n * (COLOR + C) + 12, sizeof *all);
+    double *color = grab(n * K, sizeof *color);
+    double *g = grab(P * K, sizeof *g), *ga = grab(P, sizeof *ga);
+    struct reference_gradients to = {
+        .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
+        .opacity = all + OPACITY * n, .color = color,
+        .rt = all + (COLOR + C) * n};
+    struct reference truth;
+    struct error err = {0};
+
+    for (size_t p = 0; p < P; p++) {
+        for (size_t c = 0; c < K; c++)
+            g[p * K + c] = c < C ? d->image[p * C + c]
+                                 : d->place[p * 3 + c - C];
+        ga[p] = d->alpha[p];
+    }
+    if (reference_init(&truth, &t->g, &cam, SIZE, SIZE, (int)C, SPLAT_GSPLAT,
+                       0, &err) ||
+        reference_add_places(&truth, &t->g, &view, &err) ||
+        reference_backward(&to, &truth, g, ga, &err))
+        exit(1);
+    for (size_t i = 0; i < n; i++)
+        for (size_t c = 0; c < K; c++)
+            all[c < C ? COLOR * n + i * C + c : PLACE * n + i * 3 + c - C] =
+                color[i * K + c];
+    reference_release(&truth);
+    free(color);
+    free(g);
+    free(ga);
+    return all;
+}
+
+/* ||x - t|| / ||t|| */
+static double relative(const float *x, const double *t, size_t n)
+{
+    double d = 0, s = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        d += (x[i] - t[i]) * (x[i] - t[i]);
+        s += t[i] * t[i];
+    }
+    return sqrt(d / fmax(s, 1e-300));
+}
+
+static void backward(size_t C)
+{
+    static const char *const name[] = {"mean", "scale", "quat", "opacity",
+                                       "place", "color", "camera"};
+    struct testscene t;
+    size_t P = SIZE * SIZE, all = N * (COLOR + C) + 12;
+    size_t at[8] = {0, SCALE * N, QUAT * N, OPACITY * N, PLACE * N,
+                    COLOR * N, (COLOR + C) * N, all};
+    float *f = grab(P * (C + 4), sizeof *f);
+    struct splat_picture_gradients d = {f, f + P * C, f + P * (C + 1)};
+
+    places_scene(&t, N, 21);
+    random_numbers(f, P * (C + 4), 3);
+    double *want = reference_gradients_of(&t, C, &d);
+    float *one = kernel_gradients(&t, C, 1, &d);
+    float *seven = kernel_gradients(&t, C, 7, &d);
+
+    for (int k = 0; k < 7; k++) {
+        char what[64];
+
+        snprintf(what, sizeof what, "C %zu %s: relative L2", C, name[k]);
+        check(what, relative(one + at[k], want + at[k], at[k + 1] - at[k]),
+              1e-3);
+    }
+    check_that("the same bits for 7 threads",
+               !memcmp(one, seven, all * sizeof *one));
+    places_release(&t);
+    free(f);
+    free(want);
+    free(one);
+    free(seven);
+}
+
+/* ---- the reference against finite differences ---------------------------- */
+
+static double loss(const struct reference *t, const double *g)
+{
+    size_t values = (size_t)t->width * (size_t)t->height * (size_t)t->channels;
+    double *image = grab(values, sizeof *image), sum = 0;
+
+    if (reference_forward(image, NULL, NULL, NULL, t, NULL))
+        exit(1);
+    for (size_t i = 0; i < values; i++)
+        sum += image[i] * g[i];
+    free(image);
+    return sum;
+}
+
+/* Relative error of d against four-point differences of the loss in x (n). */
+static double difference_error(double *x, const double *d, size_t n, double h,
+                               const struct reference *t, const double *g)
+{
+    static const double at[4] = {-2, -1, 1, 2}, weight[4] = {1, -8, 8, -1};
+    double dd = 0, ss = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        double x0 = x[i], want = 0;
+
+        for (int k = 0; k < 4; k++) {
+            x[i] = x0 + at[k] * h;
+            want += weight[k] * loss(t, g) / (12 * h);
+        }
+        x[i] = x0;
+        dd += (d[i] - want) * (d[i] - want);
+        ss += want * want;
+    }
+    return sqrt(dd / fmax(ss, 1e-300));
+}
+
+static void finite_differences(void)
+{
+    enum { FEW = 12, SMALL = 16, K = 4 };
+    struct testscene scene;
+    struct reference t;
+    struct error err = {0};
+    double mean[3 * FEW], scale[3 * FEW], opacity[FEW], color[K * FEW], rt[12];
+    double g[SMALL * SMALL * K];
+    float f[SMALL * SMALL * K];
+    uint32_t order[FEW];
+    struct reference_gradients d = {.mean = mean, .scale = scale,
+                                    .opacity = opacity, .color = color,
+                                    .rt = rt};
+
+    places_scene(&scene, FEW, 11);
+    struct splat_camera cam = splat_camera_square(scene.cam, SMALL, 12);
+
+    random_numbers(f, SMALL * SMALL * K, 5);
+    for (size_t i = 0; i < SMALL * SMALL * K; i++)
+        g[i] = f[i];
+    if (reference_init(&t, &scene.g, &cam, SMALL, SMALL, 1, SPLAT_GSPLAT, 0,
+                       &err) ||
+        reference_add_places(&t, &scene.g, &view, &err))
+        exit(1);
+    t.alpha_cut = 1e-14;            /* cut-offs out of the way */
+    t.t_cut = 0;
+    for (uint32_t i = 0; i < FEW; i++) {
+        order[i] = i * 7 % FEW;
+        t.opacity[i] *= 0.9;
+    }
+    t.order = order;
+    if (reference_backward(&d, &t, g, NULL, &err))
+        exit(1);
+    check("finite differences: mean",
+          difference_error(t.mean, mean, 3 * FEW, 1e-5, &t, g), 1e-6);
+    check("finite differences: scale",
+          difference_error(t.scale, scale, 3 * FEW, 1e-5, &t, g), 1e-6);
+    check("finite differences: opacity",
+          difference_error(t.opacity, opacity, FEW, 1e-5, &t, g), 1e-6);
+    check("finite differences: camera",
+          difference_error(t.rt, rt, 12, 1e-7, &t, g), 1e-6);
+    t.order = NULL;
+    reference_release(&t);
+    places_release(&scene);
+}
+
+/* ---- refused ------------------------------------------------------------- */
+
+static void refuses(void)
+{
+    struct testscene t;
+    struct splat_options o = splat_defaults(SIZE, SIZE, 3);
+    struct splat s = {0};
+    struct error err = {0};
+    float image[SIZE * SIZE * 3], place[SIZE * SIZE * 3];
+    struct splat_pictures out = {.image = image, .place = place};
+
+    places_scene(&t, 40, 3);
+    struct splat_camera cam = splat_camera_square(t.cam, SIZE, 12);
+
+    check_that("made without places", splat_init(&s, &o, &err) == 0 &&
+               splat_load(&s, &t.g, &err) == 0);
+    check_that("then they cannot be drawn",
+               splat_draw(&s, &out, &cam, &view, NULL, &err) != 0);
+    splat_release(&s);
+    o.place = true;
+    ((float *)t.g.seen)[7] = 1.5f;
+    check_that("seen over 1 is refused by number",
+               splat_init(&s, &o, &err) == 0 &&
+               splat_load(&s, &t.g, &err) != 0 &&
+               strstr(err.text, "seen[7]") != NULL);
+    splat_release(&s);
+    places_release(&t);
+}
+
+static int test(void)
+{
+    forward(3, false);
+    forward(3, true);
+    forward(4, false);
+    forward(32, false);
+    moving();
+    backward(3);
+    backward(8);
+    backward(32);
+    return check_status();
+}
+
+int main(void)
+{
+    int bad = at_each_level(test);
+
+    finite_differences();
+    refuses();
+    return bad || check_status();
+}

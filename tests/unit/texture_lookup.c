@@ -1,0 +1,379 @@
+/* The photograph as texture: bicubic lookups against double, exact places
+ * give the photograph back, where confidence ends, and the mixture, at every
+ * instruction set. */
+#include <math.h>
+#include <omp.h>
+#include <string.h>
+
+#include "lib/base/cpu.h"
+#include "lib/base/random.h"
+#include "lib/texture/lookup_kernel.h"
+#include "lib/texture/texture.h"
+#include "tests/check.h"
+#include "tests/unit/levels.h"
+
+enum { S = 96, PIXELS = S * S };
+
+static const struct splat_place_view straight = {{1, 0, 0, 1}, {0, 0}};
+
+/* A photograph of somebody in front of something: rgb is person + (1 - matte)
+ * back, rounded. */
+static uint8_t rgb[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
+static float color[3 * PIXELS], alpha[PIXELS], place[3 * PIXELS];
+static float photo[TEXTURE_PHOTO * PIXELS];
+
+static void photograph(uint64_t seed)
+{
+    struct random r;
+
+    random_init(&r, seed, "photograph");
+    for (size_t i = 0; i < PIXELS; i++) {
+        uint32_t kind = random_below(&r, 3);
+
+        matte[i] = (uint8_t)(kind ? 255 * (kind - 1) : random_below(&r, 256));
+        for (size_t c = 0; c < 3; c++) {
+            uint32_t own = random_below(&r, matte[i] + 1u);
+
+            back[3 * i + c] = (uint8_t)random_below(&r, 256);
+            rgb[3 * i + c] = (uint8_t)(own + ((255u - matte[i]) *
+                                              back[3 * i + c] + 127) / 255);
+        }
+    }
+}
+
+static void texture_of_photograph(struct texture *t)
+{
+    struct error err = {0};
+
+    REQUIRE(texture_init(t, rgb, matte, back, S, &err) == 0, "%s", err.text);
+}
+
+/* Every pixel is covered and has this offset and this share. */
+static void places(float x, float y, float seen, float cover)
+{
+    for (size_t i = 0; i < PIXELS; i++) {
+        place[3 * i] = x * seen;
+        place[3 * i + 1] = y * seen;
+        place[3 * i + 2] = seen;
+        alpha[i] = cover;
+    }
+}
+
+/* ---- bicubic ------------------------------------------------------------- */
+
+/* Catmull and Rom's kernel at distance d. */
+static double cubic(double d)
+{
+    d = fabs(d);
+    if (d < 1)
+        return 1.5 * d * d * d - 2.5 * d * d + 1;
+    return d < 2 ? -0.5 * d * d * d + 2.5 * d * d - 4 * d + 2 : 0;
+}
+
+static double bicubic(const uint8_t *t, long n, double u, double v, int c)
+{
+    double sum = 0;
+    long x0 = (long)floor(u - 0.5), y0 = (long)floor(v - 0.5);
+
+    for (long y = y0 - 1; y <= y0 + 2; y++)
+        for (long x = x0 - 1; x <= x0 + 2; x++) {
+            long cx = x < 0 ? 0 : x >= n ? n - 1 : x;
+            long cy = y < 0 ? 0 : y >= n ? n - 1 : y;
+
+            sum += cubic(u - 0.5 - (double)x) * cubic(v - 0.5 - (double)y) *
+                   t[4 * (cy * n + cx) + c];
+        }
+    return fmin(fmax(sum / 255, 0), 1);
+}
+
+static texture_bicubic_fn *kernel(void)
+{
+#ifdef SPID_X86
+    if (cpu_level() == CPU_AVX512)
+        return texture_bicubic_avx512;
+    if (cpu_level() == CPU_AVX2)
+        return texture_bicubic_avx2;
+#endif
+    return texture_bicubic_baseline;
+}
+
+static void against_double(size_t n)
+{
+    enum { AT = 500, STRIDE = 7 };
+    static uint8_t t[4 * 65 * 65];
+    static float uv[2 * AT], weight[AT], out[STRIDE * AT];
+    struct random r;
+    double worst = 0;
+    bool kept = true;
+    char what[64];
+
+    random_init(&r, n, "bicubic");
+    for (size_t i = 0; i < 4 * n * n; i++)
+        t[i] = (uint8_t)random_below(&r, 256);
+    for (size_t i = 0; i < AT; i++) {
+        weight[i] = i % 5 ? 1 : 0;
+        for (size_t k = 0; k < 2; k++)
+            uv[2 * i + k] = (float)random_range(&r, -1.5, (double)n + 1.5);
+        for (size_t k = 0; k < STRIDE; k++)
+            out[STRIDE * i + k] = -3;
+    }
+    kernel()(out, STRIDE, uv, weight, AT, t, n);
+    for (size_t i = 0; i < AT; i++)
+        for (int c = 0; c < STRIDE; c++) {
+            float got = out[STRIDE * i + (size_t)c];
+
+            if (weight[i] == 0 || c > 3)
+                kept = kept && got == -3;
+            else
+                worst = fmax(worst, fabs(got - bicubic(t, (long)n, uv[2 * i],
+                                                       uv[2 * i + 1], c)));
+        }
+    snprintf(what, sizeof what, "bicubic in %zu pixels against double", n);
+    check(what, worst, 2e-5);
+    check_that("without weight nothing is written", kept);
+}
+
+/* ---- the photograph comes back -------------------------------------------- */
+
+/* Largest difference of colour over the background from rgb, in levels. */
+static double off_photograph(void)
+{
+    double worst = 0;
+
+    for (size_t i = 0; i < 3 * PIXELS; i++)
+        worst = fmax(worst, fabs(255 * (double)color[i] +
+                                 (1 - (double)alpha[i / 3]) * back[i] -
+                                 rgb[i]));
+    return worst;
+}
+
+static void grey(void)
+{
+    for (size_t i = 0; i < 3 * PIXELS; i++)
+        color[i] = 0.3f;
+}
+
+static void identity(void)
+{
+    const struct splat_place_view other = {{1.1f, 0.2f, -0.3f, 0.9f},
+                                           {0.07f, -0.2f}};
+    struct texture t;
+
+    photograph(1);
+    texture_of_photograph(&t);
+    grey();
+    places(0, 0, 1, 1);
+    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    check("driven by itself: the photograph, in levels", off_photograph(), 1);
+    grey();
+    places(0, 0, 0.6f, 0.6f);
+    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    check("half covered, all of it placed: the same", off_photograph(), 1);
+    /* another view, whose difference the offsets make up for */
+    grey();
+    for (size_t i = 0; i < PIXELS; i++) {
+        float x = 2 * ((float)(i % S) + 0.5f) / S - 1;
+        float y = 2 * ((float)(i / S) + 0.5f) / S - 1;
+
+        place[3 * i] = x - other.A[0] * x - other.A[1] * y - other.b[0];
+        place[3 * i + 1] = y - other.A[2] * x - other.A[3] * y - other.b[1];
+        place[3 * i + 2] = 1;
+        alpha[i] = 1;
+    }
+    texture_apply(color, 3, alpha, &t, &other, place, S);
+    check("another view, exact places: the same", off_photograph(), 1);
+    texture_release(&t);
+}
+
+/* One step of a pixel to the right in the source. */
+static void shifted(void)
+{
+    struct texture t;
+    double worst = 0;
+
+    memset(matte, 255, sizeof matte);
+    texture_of_photograph(&t);
+    grey();
+    places(2.0f / S, 0, 1, 1);
+    texture_apply(color, 3, alpha, &t, &straight, place, S);
+    for (size_t i = 0; i < PIXELS; i++)
+        for (size_t c = 0; c < 3 && i % S + 1 < S; c++)
+            worst = fmax(worst, fabs(255 * (double)color[3 * i + c] -
+                                     rgb[3 * (i + 1) + c]));
+    check("a pixel further: the next pixel, in levels", worst, 0.05);
+    texture_release(&t);
+}
+
+static void straight_colours(void)
+{
+    static uint8_t own[3 * PIXELS];
+    double worst = 0;
+    bool same = true;
+
+    photograph(2);
+    texture_straight(own, rgb, matte, back, PIXELS);
+    for (size_t i = 0; i < 3 * PIXELS; i++) {
+        double m = matte[i / 3] / 255.0;
+
+        if (m == 0 || m == 1)
+            same = same && own[i] == rgb[i];
+        else
+            worst = fmax(worst, fabs(m * own[i] + (1 - m) * back[i] -
+                                     rgb[i]));
+    }
+    check_that("straight: without or wholly matte as they were", same);
+    check("straight over the background: the photograph", worst, 1.51);
+}
+
+/* A coarser level where the picture is smaller than the photograph. */
+static void levels(void)
+{
+    const struct splat_place_view twice = {{2, 0, 0, 2}, {0, 0}};
+    struct texture t;
+    double worst = 0;
+
+    memset(matte, 255, sizeof matte);
+    for (size_t i = 0; i < PIXELS; i++)
+        memset(rgb + 3 * i, (i % S + i / S) % 2 ? 255 : 0, 3);
+    texture_of_photograph(&t);
+    check_that("four levels", t.levels == 4 && t.size == S);
+    grey();
+    places(0, 0, 1, 1);
+    texture_apply(color, 3, alpha, &t, &twice, place, S);
+    for (size_t y = S / 4 + 2; y < 3 * S / 4 - 2; y++)
+        for (size_t x = S / 4 + 2; x < 3 * S / 4 - 2; x++)
+            worst = fmax(worst, fabs((double)color[3 * (y * S + x)] - 0.5));
+    check("a chessboard at half its size is grey", worst, 0.003);
+    texture_release(&t);
+}
+
+/* ---- confidence ------------------------------------------------------------ */
+
+static float sure(size_t x, size_t y)
+{
+    return photo[TEXTURE_PHOTO * (y * S + x) + 4];
+}
+
+static void look(const struct texture *t)
+{
+    texture_lookup(photo, t, &straight, place, alpha, S);
+}
+
+static void jumps(const struct texture *t)
+{
+    static const struct { float pixels, sure; } at[] = {
+        {1, 1}, {2.25f, 0.5f}, {3.5f, 0}, {20, 0}};
+
+    for (size_t k = 0; k < 4; k++) {
+        char what[64];
+
+        places(0, 0, 1, 1);
+        for (size_t i = 0; i < PIXELS; i++)
+            if (i % S >= S / 2)
+                place[3 * i + 1] = at[k].pixels * 2 / S;
+        look(t);
+        snprintf(what, sizeof what, "confidence where places jump %g pixels",
+                 at[k].pixels);
+        expect(what, sure(S / 2, 9), at[k].sure, 1e-4);
+        check_that("the same on the other side, all of it beyond",
+                   fabsf(sure(S / 2 - 1, 9) - at[k].sure) < 1e-4f &&
+                   sure(S / 2 - 2, 9) == 1 && sure(S / 2 + 1, 9) == 1);
+    }
+    /* beside what has no place there is no jump */
+    places(0, 0, 1, 1);
+    for (size_t i = 0; i < PIXELS; i++)
+        if (i % S >= S / 2)
+            memset(place + 3 * i, 0, 3 * sizeof *place);
+    look(t);
+    check_that("beside nothing: full", sure(S / 2 - 1, 9) == 1);
+    check_that("nothing: zeros",
+               !memcmp(photo + TEXTURE_PHOTO * (9 * S + S / 2),
+                       (float[TEXTURE_PHOTO]){0},
+                       TEXTURE_PHOTO * sizeof *photo));
+}
+
+static void shares(const struct texture *t)
+{
+    static const struct { float seen, alpha, sure; } at[] = {
+        {0.9f, 1, 0.975f}, {0.52f, 1, 0.5f}, {0.26f, 0.5f, 0.5f},
+        {0.1f, 1, 0}, {1, 1, 1}, {0.5f, 0.5f, 1}};
+
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
+        char what[64];
+
+        places(0, 0, at[k].seen, at[k].alpha);
+        look(t);
+        snprintf(what, sizeof what, "confidence of a share of %g in %g",
+                 at[k].seen, at[k].alpha);
+        expect(what, sure(40, 40), at[k].sure, 1e-5);
+    }
+}
+
+/* ---- mixture --------------------------------------------------------------- */
+
+static void mixture(void)
+{
+    float c[10] = {0.1f, 0.2f, 0.3f, 7, 8, 0.4f, 0.5f, 0.6f, 9, 10};
+    float a[2] = {0.8f, 0.9f};
+    const float p[10] = {0.5f, 0.6f, 0.7f, 1, 0.25f, 1, 1, 1, 1, 0};
+
+    texture_mix(c, 5, a, p, 2);
+    expect("a quarter of the photograph: red", c[0], 0.2, 1e-6);
+    expect("blue", c[2], 0.4, 1e-6);
+    expect("matte", a[0], 0.85, 1e-6);
+    check_that("other channels, and pixels without confidence, are kept",
+               c[3] == 7 && c[4] == 8 && c[5] == 0.4f && c[7] == 0.6f &&
+               a[1] == 0.9f);
+}
+
+/* texture_apply is texture_lookup and texture_mix, whatever the threads. */
+static void in_one(const struct texture *t)
+{
+    static float two[3 * PIXELS], cover[PIXELS];
+    struct random r;
+
+    random_init(&r, 8, "in one");
+    places(0, 0, 1, 1);
+    for (size_t i = 0; i < PIXELS; i++) {
+        alpha[i] = (float)random_uniform(&r);
+        place[3 * i + 2] = alpha[i] * (float)random_uniform(&r);
+        place[3 * i] = (float)random_range(&r, -1, 1) * 2 / S * place[3 * i + 2];
+    }
+    grey();
+    memcpy(two, color, sizeof two);
+    memcpy(cover, alpha, sizeof cover);
+    omp_set_num_threads(3);
+    look(t);
+    texture_mix(two, 3, cover, photo, PIXELS);
+    omp_set_num_threads(1);
+    texture_apply(color, 3, alpha, t, &straight, place, S);
+    check_that("applied at once and by one thread: the same bits",
+               !memcmp(two, color, sizeof two) &&
+               !memcmp(cover, alpha, sizeof cover));
+}
+
+static int at_level(void)
+{
+    struct texture t;
+
+    against_double(2);
+    against_double(3);
+    against_double(65);
+    identity();
+    shifted();
+    straight_colours();
+    levels();
+    photograph(3);
+    texture_of_photograph(&t);
+    jumps(&t);
+    shares(&t);
+    mixture();
+    in_one(&t);
+    texture_release(&t);
+    return check_status();
+}
+
+int main(void)
+{
+    return at_each_level(at_level);
+}

@@ -1,0 +1,259 @@
+/* Places in the source picture: the view between two cameras is exact for the
+ * plane that faces the source's, a place comes back through any view, and
+ * gradients agree with central differences in double. */
+#include <math.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/geom/camera.h"
+#include "lib/geom/rotation.h"
+#include "lib/texture/place.h"
+#include "tests/check.h"
+
+enum { N = 64 };
+
+/* The frontal camera at distance z, turned by axis-angle a about the head and
+ * then rolled in the picture. */
+static void turned(float cam[12], const float a[3], float roll, float z)
+{
+    const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+    const float axis[3] = {0, 0, roll};
+    const float t[3] = {0.15f, -0.1f, z};
+    float R[9], turn[9], spin[9], both[9];
+
+    rotation_exp(turn, a);
+    rotation_exp(spin, axis);
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            both[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                both[3 * i + j] += spin[3 * i + k] * front[3 * k + j];
+        }
+    for (int i = 0; i < 3; i++)
+        for (int j = 0; j < 3; j++) {
+            R[3 * i + j] = 0;
+            for (int k = 0; k < 3; k++)
+                R[3 * i + j] += both[3 * i + k] * turn[3 * k + j];
+        }
+    camera_make(cam, R, t);
+}
+
+/* Points of the plane through the head's origin that faces cam; depth: this
+ * far before or behind it at most. */
+static void facing(float *mean, const float cam[12], double depth,
+                   struct random *r)
+{
+    for (size_t i = 0; i < N; i++) {
+        float c[3] = {(float)random_range(r, -0.7, 0.7),
+                      (float)random_range(r, -0.7, 0.7),
+                      (float)random_range(r, -depth, depth)};
+
+        for (int j = 0; j < 3; j++)      /* R^T c */
+            mean[3 * i + j] = cam[j] * c[0] + cam[4 + j] * c[1] +
+                              cam[8 + j] * c[2];
+    }
+}
+
+/* Largest offset of points that lie up to depth before and behind the plane,
+ * placed by source and driven to cam, normalised. */
+static double largest_offset(const float source[12], const float cam[12],
+                             double depth)
+{
+    float mean[3 * N], uv[2 * N], seen[N], out[3 * N];
+    struct splat_place_view v;
+    struct random r;
+    double worst = 0;
+
+    random_init(&r, 3, "facing");
+    facing(mean, source, depth, &r);
+    for (size_t i = 0; i < N; i++)
+        seen[i] = 1;
+    place_of_source(uv, seen, mean, source, N);
+    place_view_make(&v, source, cam);
+    place_channels(out, mean, uv, seen, &v, cam, N);
+    for (size_t i = 0; i < N; i++)
+        worst = fmax(worst, fmax(fabsf(out[3 * i]), fabsf(out[3 * i + 1])));
+    return worst;
+}
+
+static void planes(void)
+{
+    const float look[3] = {0.1f, -0.3f, 0.05f};
+    float source[12], cam[12], yaw[3];
+
+    turned(source, look, 0.2f, 12);
+    check("source's own view: no offset, at any depth",
+          largest_offset(source, source, 0.6), 2e-6);
+    turned(cam, look, 0.2f, 18);
+    check("further away: none in the plane",
+          largest_offset(source, cam, 0), 2e-6);
+    turned(cam, look, -0.9f, 8);
+    check("rolled and nearer: none in the plane",
+          largest_offset(source, cam, 0), 2e-6);
+    memcpy(yaw, look, sizeof yaw);
+    yaw[1] += 0.5f;
+    turned(cam, yaw, 0.2f, 12);
+    /* a point that is 0.7 to the side comes 0.7 sin 29 degrees nearer: 3 % of
+     * its distance from the middle, 0.7 */
+    check("turned: of the plane what perspective adds",
+          largest_offset(source, cam, 0), 0.04);
+    check_that("turned: points before the plane have more",
+               largest_offset(source, cam, 0.6) > 0.1);
+}
+
+/* A uv, through the offsets and back by the view. */
+static void round_trip(void)
+{
+    float source[12], cam[12], mean[3 * N], uv[2 * N], seen[N], out[3 * N];
+    struct splat_place_view v;
+    struct random r;
+    double worst = 0;
+
+    random_init(&r, 4, "round trip");
+    for (int rep = 0; rep < 50; rep++) {
+        float a[3], n[2 * N];
+
+        for (int i = 0; i < 3; i++)
+            a[i] = (float)random_range(&r, -0.5, 0.5);
+        turned(source, a, (float)random_range(&r, -1, 1), 12);
+        for (int i = 0; i < 3; i++)
+            a[i] += (float)random_range(&r, -0.6, 0.6);
+        turned(cam, a, (float)random_range(&r, -1, 1),
+               (float)random_range(&r, 8, 20));
+        facing(mean, source, 0.6, &r);
+        for (size_t i = 0; i < N; i++) {
+            uv[2 * i] = (float)random_uniform(&r);
+            uv[2 * i + 1] = (float)random_uniform(&r);
+            seen[i] = (float)random_range(&r, 0.2, 1);
+        }
+        place_view_make(&v, source, cam);
+        place_channels(out, mean, uv, seen, &v, cam, N);
+        camera_project(n, NULL, cam, 2, mean, N);
+        for (size_t i = 0; i < N; i++) {
+            double x = n[2 * i] - 1, y = n[2 * i + 1] - 1;
+            double u = v.A[0] * x + v.A[1] * y + v.b[0] + out[3 * i] / seen[i];
+            double w = v.A[2] * x + v.A[3] * y + v.b[1] +
+                       out[3 * i + 1] / seen[i];
+
+            worst = fmax(worst, fabs(0.5 * (u + 1) - uv[2 * i]));
+            worst = fmax(worst, fabs(0.5 * (w + 1) - uv[2 * i + 1]));
+            worst = fmax(worst, fabs((double)out[3 * i + 2] - seen[i]));
+        }
+    }
+    check("scaled, rolled, turned: the place comes back", worst, 3e-6);
+}
+
+/* From the side and from behind the map stays small. */
+static void steep(void)
+{
+    const float none[3] = {0};
+    float source[12], cam[12], largest = 0;
+    bool finite = true;
+
+    turned(source, none, 0, 12);
+    for (int degrees = 60; degrees <= 180; degrees += 5) {
+        float a[3] = {0, (float)degrees * 0.01745329f, 0};
+        struct splat_place_view v;
+
+        turned(cam, a, 0, 12);
+        place_view_make(&v, source, cam);
+        for (int i = 0; i < 4; i++) {
+            finite = finite && isfinite(v.A[i]);
+            largest = fmaxf(largest, fabsf(v.A[i]));
+        }
+        finite = finite && isfinite(v.b[0]) && isfinite(v.b[1]);
+    }
+    check_that("from 60 to 180 degrees: numbers", finite);
+    check("from 60 to 180 degrees: largest entry of the map", largest,
+          1 / 0.35 + 1e-4);
+}
+
+/* sum of dout times the channels, in double; cam, uv and seen as given. */
+static double loss(const double *mean, const float *dout, const float *uv,
+                   const float *seen, const struct splat_place_view *v,
+                   const float cam[12])
+{
+    double c[12], n[2 * N], sum = 0;
+
+    for (int i = 0; i < 12; i++)
+        c[i] = cam[i];
+    camera_project_d(n, NULL, c, 2, mean, N);
+    for (size_t i = 0; i < N; i++) {
+        double x = n[2 * i] - 1, y = n[2 * i + 1] - 1;
+
+        sum += dout[3 * i] * seen[i] *
+               (2.0 * uv[2 * i] - 1 - v->A[0] * x - v->A[1] * y - v->b[0]);
+        sum += dout[3 * i + 1] * seen[i] *
+               (2.0 * uv[2 * i + 1] - 1 - v->A[2] * x - v->A[3] * y -
+                v->b[1]);
+        sum += (double)dout[3 * i + 2] * seen[i];
+    }
+    return sum;
+}
+
+static void gradients(void)
+{
+    const float a[3] = {0.1f, 0.4f, 0}, b[3] = {0, -0.2f, 0.1f};
+    float source[12], cam[12], mean[3 * N], uv[2 * N], seen[N], dout[3 * N];
+    float dmean[3 * N];
+    double at[3 * N], worst = 0, largest = 0;
+    struct splat_place_view v;
+    struct random r;
+
+    random_init(&r, 5, "gradients");
+    turned(source, a, 0.3f, 12);
+    turned(cam, b, -0.4f, 10);
+    facing(mean, source, 0.6, &r);
+    for (size_t i = 0; i < 3 * N; i++) {
+        dout[i] = (float)random_range(&r, -1, 1);
+        at[i] = mean[i];
+        dmean[i] = 2;                    /* added to, not written over */
+    }
+    for (size_t i = 0; i < N; i++) {
+        uv[2 * i] = (float)random_uniform(&r);
+        uv[2 * i + 1] = (float)random_uniform(&r);
+        seen[i] = i % 4 ? (float)random_uniform(&r) : 0;
+    }
+    place_view_make(&v, source, cam);
+    place_channels_backward(dmean, dout, mean, seen, &v, cam, N);
+    for (size_t i = 0; i < 3 * N; i++) {
+        const double h = 1e-5, x = at[i];
+
+        at[i] = x + h;
+        double up = loss(at, dout, uv, seen, &v, cam);
+        at[i] = x - h;
+        double down = loss(at, dout, uv, seen, &v, cam);
+        at[i] = x;
+        double want = (up - down) / (2 * h);
+        worst = fmax(worst, fabs((double)dmean[i] - 2 - want));
+        largest = fmax(largest, fabs(want));
+    }
+    check("gradient against central differences, of the largest",
+          worst / largest, 2e-6);
+}
+
+/* What lies outside of the picture was not seen. */
+static void outside(void)
+{
+    const float none[3] = {0};
+    float cam[12], uv[8], seen[4] = {0.5f, 1, 1, 1};
+    const float mean[12] = {0, 0, 0, 3, 0, 0, 0, -3, 0, 0, 0, 30};
+
+    turned(cam, none, 0, 12);
+    place_of_source(uv, seen, mean, cam, 4);
+    check_that("inside: seen as before", seen[0] == 0.5f);
+    check_that("beside, below and behind: not seen",
+               seen[1] == 0 && seen[2] == 0 && seen[3] == 0);
+    expect("place by hand, x", uv[0], 0.5 + 6 * 0.15 / 12, 1e-6);
+    expect("place by hand, y", uv[1], 0.5 - 6 * 0.1 / 12, 1e-6);
+}
+
+int main(void)
+{
+    planes();
+    round_trip();
+    steep();
+    gradients();
+    outside();
+    return check_status();
+}

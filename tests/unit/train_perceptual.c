@@ -1,0 +1,104 @@
+/* The perceptual loss with random weights: nothing for the picture itself, the
+ * gradient by central differences along its own signs (0.5 % of its length:
+ * features are floats, and units have kinks), nothing outside the box, and a
+ * file that is not there refused by name. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <unistd.h>
+
+#include "lib/base/random.h"
+#include "lib/train/perceptual.h"
+#include "tests/check.h"
+
+#define H 70
+#define W 90
+#define N (3 * H * W)
+
+static float a[N], b[N], db[N], way[N], moved[N];
+
+/* Weights for a network, random, at path. */
+static void write_weights(const char *path)
+{
+    struct squeezenet s;
+    struct params ps;
+    struct error err = { 0 };
+    params_init(&ps);
+    if (squeezenet_init(&s, &ps, "", &err) || params_allocate(&ps, &err))
+        exit(1);
+    params_randomise(&ps, 6);
+    if (params_save(&ps, path, ST_F32, NULL, &err)) {
+        printf("%s\n", err.text);
+        exit(1);
+    }
+    squeezenet_release(&s);
+    params_release(&ps);
+}
+
+static void smooth_picture(float *x, double phase, uint64_t seed)
+{
+    struct random r;
+    random_init(&r, seed, "perceptual");
+    for (size_t i = 0; i < N; i++)
+        x[i] = (float)(0.5 + 0.3 * sin((double)(i / 3 % W) / 7 + phase) *
+                                 cos((double)(i / 3 / W) / 9) +
+                       random_range(&r, -0.1, 0.1));
+}
+
+/* Along a smooth direction, so that few units change sign. */
+static void check_gradient(struct perceptual *p, const struct box *box,
+                           const char *what)
+{
+    double eps = 3e-5, ours = 0, length = 0, size = 0, step[2];
+    memset(db, 0, sizeof db);
+    perceptual_target(p, a, H, W, box);
+    double loss = perceptual_loss(db, b, H, W, box, 3, p);
+    check_range(what, loss, 1e-4, 3 * 4);
+    for (size_t i = 0; i < N; i++) {
+        way[i] = db[i] > 0 ? 1 : db[i] < 0 ? -1 : 0;
+        ours += (double)db[i] * (double)way[i];
+        length += (double)way[i] * (double)way[i];
+        size += (double)db[i] * (double)db[i];
+    }
+    for (int k = 0; k < 2; k++) {
+        for (size_t i = 0; i < N; i++)
+            moved[i] = b[i] + (k ? -1 : 1) * (float)eps * way[i];
+        step[k] = perceptual_loss(NULL, moved, H, W, box, 3, p);
+    }
+    double along = (step[0] - step[1]) / (2 * eps);
+    check("gradient against differences",
+          fabs(along - ours) / sqrt(length * size), 5e-3);
+}
+
+int main(void)
+{
+    const char *path = "perceptual-test.safetensors";
+    const struct box face = { 20, 10, 75, 62 }, none = { 5, 5, 5, 9 };
+    char name[64];
+    struct perceptual p;
+    struct error err = { 0 };
+    snprintf(name, sizeof name, "/tmp/%ld-%s", (long)getpid(), path);
+    write_weights(name);
+    check_error("open", !perceptual_open(&p, name, 64, &err), &err);
+    smooth_picture(a, 0, 1);
+    smooth_picture(b, 0.7, 2);
+    perceptual_target(&p, a, H, W, NULL);
+    check("the picture itself", perceptual_loss(NULL, a, H, W, NULL, 1, &p),
+          1e-12);
+    check_gradient(&p, NULL, "the whole picture");
+    check_gradient(&p, &face, "a box");
+    double outside = 0;
+    for (size_t i = 0; i < N; i++) {
+        size_t x = i / 3 % W, y = i / 3 / W;
+        if (x < face.x0 || x >= face.x1 || y < face.y0 || y >= face.y1)
+            outside += fabs((double)db[i]);
+    }
+    check("outside the box", outside, 0);
+    check("an empty box", perceptual_loss(db, b, H, W, &none, 1, &p), 0);
+    perceptual_release(&p);
+    remove(name);
+    check_that("no file", perceptual_open(&p, name, 64, &err) != 0 &&
+                              strstr(err.text, name) != NULL);
+    return check_status();
+}
