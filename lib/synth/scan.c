@@ -12,7 +12,7 @@
 #include "lib/synth/vec.h"
 
 #define PATH 4096
-#define BROW_LOW 0.016f         /* head units */
+#define BROW_LOW 0.038f         /* head units */
 #define BROW_BIN 0.06f
 #define LOWEST (-2.6f)          /* of clothes, head units */
 
@@ -189,8 +189,8 @@ static int make_torso(struct scan_assets *a, struct error *err)
     return rc;
 }
 
-/* Height of the scans' brows at x: along their landmarks, a little lower, as
- * on photographs. */
+/* Height of the scans' brows at x: along their landmarks, and lower by as much
+ * as a landmarker finds the brows of photographs nearer to the eyes. */
 static float brow_height(const struct scan_face *f, float x)
 {
     const float *p = NULL, *q = NULL;
@@ -202,7 +202,7 @@ static float brow_height(const struct scan_face *f, float x)
             break;
     }
     return lerpf(p[1], q[1], clampf((x - p[0]) / (q[0] - p[0]), 0, 1))
-           - BROW_LOW;
+           - lerpf(BROW_LOW, 0.4f * BROW_LOW, ramp(0.19f, 0.29f, x));
 }
 
 /* MakeHuman's brows lie low and slanted on the scans' bones: their mean comes

@@ -431,10 +431,12 @@ static void add_gaze(struct act *a, const struct act_look *l, double time)
     float f = moving(t, time, 1.1, 0.06f, &i);
 
     for (int k = 0; k < 2; k++) {
-        /* half of the looks go to the camera, the rest anywhere */
-        bool camera = slot(t ^ 77, i - 1 + k) < 0.5f;
-        float yaw = 2 * slot(t ^ 1, i - 1 + k) - 1;
-        float pitch = 2 * slot(t ^ 2, i - 1 + k) - 1;
+        /* half of the looks go to the camera, the rest mostly near it */
+        float where = slot(t ^ 77, i - 1 + k);
+        bool camera = where < 0.5f;
+        float far = where > 0.8f ? 1 : 0.45f;
+        float yaw = far * (2 * slot(t ^ 1, i - 1 + k) - 1);
+        float pitch = far * (2 * slot(t ^ 2, i - 1 + k) - 1);
         to[k] = camera ? -0.9f * a->yaw : 0.52f * yaw;
         keep[k] = camera ? -0.9f * a->pitch
                          : pitch > 0 ? 0.5f * pitch : 0.42f * pitch;
@@ -457,16 +459,54 @@ static void add_blinks(float *w, const struct act_look *l, double time)
 {
     float blink = pulse(track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
     float doze = 0.7f * pulse(track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
-    float droop = 0.10f * slot(track(l, "droop", 0), 0);
+    float droop = 0.06f * slot(track(l, "droop", 0), 0);
+    float held = pulse(track(l, "held", 0), time, 6.1, 0.45f, 0.35f);
 
     for (int e = 0; e < 2; e++) {
         float wink = pulse(track(l, "wink", e), time, 6.7, 0.16f, 0.25f);
         float *lid = &w[ARKIT_EYE_BLINK_L + e];
         *lid = clampf(fmaxf(*lid * 0.5f + droop,
-                            fmaxf(fmaxf(blink, doze), wink)), 0, 1);
+                            fmaxf(fmaxf(fmaxf(blink, held), doze), wink)), 0,
+                      1);
         if (wink > 0) {
             w[ARKIT_CHEEK_SQUINT_L + e] += 0.7f * wink;
             w[ARKIT_EYE_SQUINT_L + e] += 0.3f * wink;
+        }
+    }
+}
+
+/* What comes on top of a mood, each in its own time. */
+static const struct { uint8_t k; float chance, top; } accents[] = {
+    {ARKIT_BROW_INNER_UP_L, 0.26f, 1}, {ARKIT_BROW_OUTER_UP_L, 0.26f, 1},
+    {ARKIT_BROW_DOWN_L, 0.26f, 1}, {ARKIT_MOUTH_SMILE_L, 0.22f, 1},
+    {ARKIT_MOUTH_PUCKER, 0.17f, 1}, {ARKIT_JAW_OPENED, 0.26f, 0.85f},
+    {ARKIT_EYE_SQUINT_L, 0.14f, 1}, {ARKIT_EYE_WIDE_L, 0.12f, 1},
+    {ARKIT_MOUTH_FUNNEL, 0.08f, 1}, {ARKIT_MOUTH_FROWN_L, 0.10f, 0.9f},
+    {ARKIT_NOSE_SNEER_L, 0.08f, 0.9f}, {ARKIT_MOUTH_STRETCH_L, 0.08f, 0.8f},
+    {ARKIT_MOUTH_UPPER_UP_L, 0.08f, 0.8f}, {ARKIT_CHEEK_PUFF_L, 0.06f, 0.9f},
+    {ARKIT_MOUTH_ROLL_LOWER, 0.07f, 0.8f}, {ARKIT_JAW_FORWARD, 0.04f, 0.8f},
+    {ARKIT_MOUTH_LEFT, 0.05f, 0.8f}, {ARKIT_MOUTH_RIGHT, 0.05f, 0.8f},
+    {ARKIT_JAW_LEFT, 0.05f, 0.8f}, {ARKIT_JAW_RIGHT, 0.05f, 0.8f},
+    {ARKIT_MOUTH_PRESS_L, 0.08f, 0.8f}, {ARKIT_MOUTH_DIMPLE_L, 0.06f, 0.7f}
+};
+
+static void add_accents(float *w, const struct act_look *l, double time)
+{
+    for (size_t i = 0; i < sizeof accents / sizeof *accents; i++) {
+        uint64_t t = track(l, "accent", (int)i);
+        float v = pulse(t, time, 2.7, accents[i].chance, 1.1f);
+        int64_t n = (int64_t)floor(time / 2.7);
+        float lean = slot(t ^ 11, n) < 0.15f ? slot(t ^ 12, n) < 0.5f ? 1 : -1
+                                             : 0.4f * l->lean;
+        v *= accents[i].top * (0.35f + 0.65f * slot(t ^ 13, n));
+        if (v <= 0)
+            continue;
+        /* on top, as far as there is room */
+        for (int e = 0; e <= is_left(accents[i].k); e++) {
+            float *o = &w[accents[i].k + e];
+            *o += (1 - clampf(*o, 0, 1)) * v
+                  * (is_left(accents[i].k)
+                     ? clampf(1 + (e ? -lean : lean), 0, 1) : 1);
         }
     }
 }
@@ -485,6 +525,8 @@ static void settle(float *w)
             = fminf(shut, 1 - 0.85f * w[ARKIT_EYE_LOOK_DOWN_L + e] * 0.6f);
         w[ARKIT_BROW_INNER_UP_L + e]
             *= 1 - 0.5f * w[ARKIT_BROW_DOWN_L + e];
+        w[ARKIT_BROW_OUTER_UP_L + e]
+            *= 1 - 0.7f * w[ARKIT_BROW_DOWN_L + e];
     }
     w[ARKIT_MOUTH_CLOSE] = fminf(w[ARKIT_MOUTH_CLOSE],
                                  0.9f * w[ARKIT_JAW_OPENED]);
@@ -527,6 +569,7 @@ void act_at(struct act *a, const struct act_model *m,
                        + 0.05f * fmaxf(wander(track(l, "tremble", k), time,
                                               0.9), 0);
     add_speech(a->weight, l, time);
+    add_accents(a->weight, l, time);
     add_blinks(a->weight, l, time);
     add_gaze(a, l, time);
     settle(a->weight);

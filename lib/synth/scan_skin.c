@@ -263,6 +263,25 @@ static int drop_hair(struct skin_sample *o, const struct skin_model *s,
     return 0;
 }
 
+/* JPEG readers make grey of what is missing: a photograph must end as one
+ * does. */
+static int check_whole(const char *path, struct error *err)
+{
+    FILE *f = fopen(path, "rb");
+    uint8_t b[4] = {0};
+    bool whole = false;
+
+    if (!f)
+        return 0;                       /* image_read says why */
+    if (fread(b, 1, 2, f) == 2 && (b[0] != 0xff || b[1] != 0xd8))
+        whole = true;                   /* no JPEG */
+    else if (!fseek(f, -2, SEEK_END) && fread(b + 2, 1, 2, f) == 2)
+        whole = b[2] == 0xff && b[3] == 0xd9;
+    fclose(f);
+    return whole ? 0 : error_set(err, EX_DATAERR, "%s: cut (expected a whole "
+                                 "JPEG)", path);
+}
+
 int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
                      const struct skin_chart *c, const struct scan_face *f,
                      const struct register_map *m, const char *path,
@@ -278,7 +297,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         table[i] = decode((uint8_t)i);
     if (!shape)
         return skin_memory(err);
-    if (image_read(&im, path, err))
+    if (check_whole(path, err) || image_read(&im, path, err))
         goto out;
     if (register_fit(&r, m, f, point, true)) {
         skin_memory(err);

@@ -57,3 +57,61 @@ load helper
     grep -q '^yaw degrees' "$BATS_TEST_TMPDIR/t"
     grep -q '^people (mean)' "$BATS_TEST_TMPDIR/t"
 }
+
+@test "an assets folder that is not there, or lacks a file, is named" {
+    run spid-synth --assets "$BATS_TEST_TMPDIR/none" --size 32 -o /dev/null
+    [ "$status" -eq 66 ]
+    [[ "$output" == *none/ict/ict.safetensors* ]]
+    mkdir -p "$BATS_TEST_TMPDIR/empty/ict"
+    run spid-synth --assets "$BATS_TEST_TMPDIR/empty" --size 32 -o /dev/null
+    [ "$status" -eq 66 ]
+    [[ "$output" == *empty/ict/ict.safetensors* ]]
+    [ "${#lines[@]}" -eq 1 ]
+}
+
+@test "scans that are cut or hold something else are refused by name" {
+    mkdir -p "$BATS_TEST_TMPDIR/bad/ict"
+    head -c 100 /dev/zero > "$BATS_TEST_TMPDIR/bad/ict/ict.safetensors"
+    run spid-synth --assets "$BATS_TEST_TMPDIR/bad" --size 32 -o /dev/null
+    [ "$status" -eq 65 ]
+    [[ "$output" == *bad/ict/ict.safetensors* ]]
+    head_file=$TOP/${BUILD:-build}/share/spid/head.safetensors
+    cp "$head_file" "$BATS_TEST_TMPDIR/bad/ict/ict.safetensors"
+    run spid-synth --assets "$BATS_TEST_TMPDIR/bad" --size 32 -o /dev/null
+    [ "$status" -eq 65 ]
+    [[ "$output" == *bad/ict/ict.safetensors*neutral* ]]
+}
+
+@test "assets do not go with a sheet or statistics" {
+    run spid-synth --assets "$BATS_TEST_TMPDIR" --statistics -o /dev/null
+    [ "$status" -eq 64 ]
+}
+
+# With the assets at hand (SPID_ASSETS): the same promises for people of scans.
+@test "people of scans: same bytes for any threads, whole, finite, labelled" {
+    [ -n "$SPID_ASSETS" ] || skip "no SPID_ASSETS"
+    for j in 1 2; do
+        spid-synth --assets "$SPID_ASSETS" -n 2 --frames 2 --size 64 -s 5 \
+            -j $j -o "$BATS_TEST_TMPDIR/$j"
+    done
+    cmp "$BATS_TEST_TMPDIR/1" "$BATS_TEST_TMPDIR/2"
+    spid-dump --check "$BATS_TEST_TMPDIR/1"
+    spid-dump --json "$BATS_TEST_TMPDIR/1" | grep -q alone
+}
+
+@test "people of scans: a bad asset of each kind is refused by name" {
+    [ -n "$SPID_ASSETS" ] || skip "no SPID_ASSETS"
+    for f in hdri/quarry_01_1k.hdr makehuman/base.obj ict/ict.safetensors \
+             labels/photos.safetensors labels/mediapipe_to_ict.json \
+             photos/london/001_neutral.jpg \
+             makehuman/hair/bob02/bob02.mhclo; do
+        rm -rf "$BATS_TEST_TMPDIR/d"
+        cp -rs "$SPID_ASSETS" "$BATS_TEST_TMPDIR/d"
+        chmod -R u+w "$BATS_TEST_TMPDIR/d"
+        rm "$BATS_TEST_TMPDIR/d/$f"
+        head -c 3000 "$SPID_ASSETS/$f" > "$BATS_TEST_TMPDIR/d/$f"
+        run spid-synth --assets "$BATS_TEST_TMPDIR/d" --size 32 -o /dev/null
+        [ "$status" -eq 65 ]
+        [[ "$output" == *"$f"* ]]
+    done
+}
