@@ -4,33 +4,39 @@
 #include <string.h>
 
 #include "lib/net/dinov2.h"
-#include "tests/golden/layout.h"
+#include "tests/golden/golden_net.h"
 
 #define EMBED 96
 
 /* Patch tokens (B,N,E) or class tokens (B,E) of x (B,1+N,E), fresh. */
-static float *part(const float *x, const struct dinov2 *d, bool cls)
+static float *dinov2_part(const float *x, const struct dinov2 *d, bool cls)
 {
     size_t N = cls ? 1 : d->tokens - 1, E = EMBED;
     float *out = malloc(d->batch * N * E * sizeof *out);
+
     for (size_t b = 0; b < d->batch; b++)
         memcpy(out + b * N * E, x + (b * d->tokens + !cls) * E,
                N * E * sizeof *out);
     return out;
 }
 
-static void compare_part(struct golden *g, const char *name, const float *x,
-                         const struct dinov2 *d, bool cls)
+static void dinov2_compare_part(struct golden *g, const char *name,
+                                const float *x, const struct dinov2 *d,
+                                bool cls)
 {
-    float *p = part(x, d, cls);
+    float *p = dinov2_part(x, d, cls);
+
     golden_compare(g, name, p, d->batch * (cls ? 1 : d->tokens - 1) * EMBED);
     free(p);
 }
 
-static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
+/* Everything the case holds; raw: of plans with a backward. */
+static void dinov2_compare(struct golden *g, const struct dinov2 *d,
+                           bool raw)
 {
     char name[32];
     size_t E = EMBED;
+
     golden_compare(g, "pos_embed_resized", dinov2_position(d), d->tokens * E);
     if (raw)
         golden_compare(g, "tokens", dinov2_raw(d, 0),
@@ -38,13 +44,13 @@ static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
     for (size_t k = 0; k < 4; k++) {
         snprintf(name, sizeof name, "layer%zu.raw", k);
         if (raw)
-            compare_part(g, name, dinov2_raw(d, k + 1), d, false);
+            dinov2_compare_part(g, name, dinov2_raw(d, k + 1), d, false);
         snprintf(name, sizeof name, "layer%zu.norm_patch", k);
-        compare_part(g, name, dinov2_tokens(d, k), d, false);
+        dinov2_compare_part(g, name, dinov2_tokens(d, k), d, false);
         snprintf(name, sizeof name, "layer%zu.norm_cls", k);
-        compare_part(g, name, dinov2_tokens(d, k), d, true);
+        dinov2_compare_part(g, name, dinov2_tokens(d, k), d, true);
     }
-    compare_part(g, "forward", dinov2_tokens(d, 3), d, true);
+    dinov2_compare_part(g, "forward", dinov2_tokens(d, 3), d, true);
     float *global = malloc(d->batch * E * sizeof *global);
     for (size_t b = 0; b < d->batch; b++)
         memcpy(global + b * E, dinov2_tokens(d, 3) + (b * d->tokens + 1) * E,
@@ -54,11 +60,16 @@ static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
 }
 
 /* sum_k sum(norm_patch_k probe) + sum(norm_cls_3 probe) */
-static void gradients(struct golden *g, struct dinov2 *d, struct params *ps,
-                      const struct golden_weights *w, const size_t in[4])
+static void dinov2_gradients(struct golden_net *n, struct dinov2 *d)
 {
+    static const char *const names[] = { "pos_embed",
+                                         "blocks.0.attn.qkv.weight",
+                                         "patch_embed.proj.weight" };
+    struct golden *g = n->g;
+    const size_t *in = n->in;
     size_t B = d->batch, T = d->tokens, E = EMBED;
     float *probe = golden_probe_array(g->seed, B * T * E), *dtok[4];
+
     for (int k = 0; k < 4; k++) {
         dtok[k] = calloc(B * T * E, sizeof(float));
         for (size_t b = 0; b < B; b++) {
@@ -71,64 +82,39 @@ static void gradients(struct golden *g, struct dinov2 *d, struct params *ps,
     float *drgb = malloc(in[0] * in[1] * in[2] * in[3] * sizeof *drgb);
     dinov2_backward(drgb, (const float *const *)dtok, d);
     layout_compare(g, "grad.input", drgb, in[0], in[1] * in[2], in[3], false);
-    static const char *const names[] = { "pos_embed",
-                                         "blocks.0.attn.qkv.weight",
-                                         "patch_embed.proj.weight" };
-    for (int i = 0; i < 3; i++) {
-        char name[64];
-        size_t t = params_find(ps, names[i]);
-        snprintf(name, sizeof name, "grad.%s", names[i]);
-        golden_compare(g, name, param_g(ps, t), ps->tensor[t].count);
-    }
-    golden_weights_gradients(g, ps, w, "");
+    for (int i = 0; i < 3; i++)
+        golden_net_gradient(g, &n->ps, names[i], false);
+    golden_weights_gradients(g, &n->ps, &n->w, "");
     for (int k = 0; k < 4; k++)
         free(dtok[k]);
     free(probe);
     free(drgb);
 }
 
-static void run_dinov2_vit(struct golden *g)
+static void dinov2_run(struct golden *g)
 {
-    struct dinov2 d;
-    struct params ps;
-    struct golden_weights w;
-    struct error err = { 0 };
     struct dinov2_config config = { EMBED, 4, 3, 14, 37, 4 };
-    cJSON *shape = golden_json(g, "input_shape");
-    size_t in[4];
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, i == 3 ? 1 : i ? i + 1 : 0)
-                    ->valuedouble;
-    cJSON_Delete(shape);
-    params_init(&ps);
-    if (dinov2_init(&d, &ps, "", &config, false, &err) ||
-        params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+    struct dinov2 d;
+    struct golden_net n;
+    struct error err = { 0 };
+
+    golden_net_begin(&n, g);
+    int rc = dinov2_init(&d, &n.ps, "", &config, false, &err);
+    if (!golden_net_ready(&n, rc, true, &err))
         return;
-    }
-    golden_weights_open(&w, g, NULL);
-    golden_weights_fill(&ps, &w, g, "");
-    float *image = golden_image("input.image", g->seed, in[0] * in[3], in[1],
-                                in[2], true);
-    float *rgb = layout_rows(image, in[0], in[1] * in[2], in[3]);
     for (int i = 0; i < 2; i++) {
         struct nn_options opt = { i ? NN_FROZEN : NN_INFER, NN_F32 };
-        if (dinov2_plan(&d, in[0], in[1], in[2], opt, &err)) {
-            printf("%s: %s\n", g->name, err.text);
-            g->failed++;
+
+        rc = dinov2_plan(&d, n.in[0], n.in[1], n.in[2], opt, &err);
+        if (golden_failed(g, rc, &err))
             break;
-        }
-        dinov2_forward(rgb, &d);
-        compare_all(g, &d, i);
+        dinov2_forward(n.rgb, &d);
+        dinov2_compare(g, &d, i);
         if (i)
-            gradients(g, &d, &ps, &w, in);
+            dinov2_gradients(&n, &d);
     }
-    free(image);
-    free(rgb);
-    golden_weights_close(&w);
+    golden_net_end(&n);
     dinov2_release(&d);
-    params_release(&ps);
 }
 
-GOLDEN_CASE("02_dinov2_vit", run_dinov2_vit)
+GOLDEN_CASE("02_dinov2_vit", dinov2_run)

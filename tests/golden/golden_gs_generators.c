@@ -7,7 +7,7 @@
 #include "lib/net/conv_decoder.h"
 #include "lib/net/harmonic.h"
 #include "lib/net/mlp_decoder.h"
-#include "tests/golden/layout.h"
+#include "tests/golden/golden_net.h"
 
 /* The attributes of B x N Gaussians and probes of the same sizes. */
 struct sides {
@@ -23,6 +23,7 @@ static void sides_init(struct sides *s, struct golden *g, size_t n,
                        &s->out.quat, &s->out.position };
     float **probe[5] = { &s->probe.color, &s->probe.opacity, &s->probe.scale,
                          &s->probe.quat, &s->probe.position };
+
     s->n = n;
     for (int i = 0; i < 5; i++) {
         *out[i] = calloc(n * width[i] + 1, sizeof(float));
@@ -36,6 +37,7 @@ static void sides_release(struct sides *s)
                        s->out.quat, s->out.position, s->probe.color,
                        s->probe.opacity, s->probe.scale, s->probe.quat,
                        s->probe.position };
+
     for (int i = 0; i < 10; i++)
         free(all[i]);
 }
@@ -50,24 +52,6 @@ static void compare_out(struct golden *g, const struct sides *s, bool position)
         golden_compare(g, "positions", s->out.position, s->n);
 }
 
-static void compare_weight(struct golden *g, const struct params *ps,
-                           const char *tensor)
-{
-    char name[160];
-    size_t i = params_find(ps, tensor);
-    snprintf(name, sizeof name, "grad.%s", tensor);
-    golden_compare_l2(g, name, param_g(ps, i), ps->tensor[i].count);
-}
-
-static bool failed(struct golden *g, int rc, const struct error *err)
-{
-    if (!rc)
-        return false;
-    printf("%s: %s\n", g->name, err->text);
-    g->failed++;
-    return true;
-}
-
 static size_t config(const cJSON *json, const char *key)
 {
     return (size_t)cJSON_GetObjectItem(json, key)->valuedouble;
@@ -76,6 +60,7 @@ static size_t config(const cJSON *json, const char *key)
 static void harmonic(struct golden *g, const float *dir, size_t B)
 {
     float enc[8 * HARMONIC_OUT];
+
     harmonic_forward(enc, dir, B);
     golden_compare(g, "dir_encoding", enc, B * HARMONIC_OUT);
 }
@@ -89,12 +74,14 @@ static void run_conv(struct golden *g, struct params *ps,
     struct conv_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
-    if (failed(g, conv_decoder_init(&d, ps, "", 256, 128, head, &err) ||
-                      params_allocate(ps, &err) ||
-                      params_allocate_gradients(ps, &err), &err))
+
+    if (golden_failed(g,
+                      conv_decoder_init(&d, ps, "", 256, 128, head, &err) ||
+                          params_allocate(ps, &err) ||
+                          params_allocate_gradients(ps, &err), &err))
         return;
     golden_weights_fill(ps, w, g, "");
-    if (failed(g, conv_decoder_plan(&d, B, h, wide, opt, &err), &err))
+    if (golden_failed(g, conv_decoder_plan(&d, B, h, wide, opt, &err), &err))
         return;
     struct sides s;
     sides_init(&s, g, n, 1);
@@ -108,7 +95,7 @@ static void run_conv(struct golden *g, struct params *ps,
     conv_decoder_backward(dx, ddir, NULL, &s.probe, dir, NULL, &d);
     layout_compare(g, "grad.input", dx, B, h * wide, 256, true);
     golden_compare_l2(g, "grad.dir", ddir, 3 * B);
-    compare_weight(g, ps, "gaussian_conv.0.weight");
+    golden_net_gradient(g, ps, "gaussian_conv.0.weight", true);
     golden_weights_gradients(g, ps, w, "");
     sides_release(&s);
     free(planes);
@@ -143,12 +130,15 @@ static void run_linear(struct golden *g, struct params *ps,
     struct mlp_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
-    if (failed(g, mlp_decoder_init(&d, ps, "", 1024, 256, 128, head, &err) ||
-                      params_allocate(ps, &err) ||
-                      params_allocate_gradients(ps, &err), &err))
+
+    if (golden_failed(g,
+                      mlp_decoder_init(&d, ps, "", 1024, 256, 128, head,
+                                       &err) ||
+                          params_allocate(ps, &err) ||
+                          params_allocate_gradients(ps, &err), &err))
         return;
     golden_weights_fill(ps, w, g, "");
-    if (failed(g, mlp_decoder_plan(&d, B, N, opt, &err), &err))
+    if (golden_failed(g, mlp_decoder_plan(&d, B, N, opt, &err), &err))
         return;
     struct sides s;
     sides_init(&s, g, n, 0);
@@ -162,7 +152,7 @@ static void run_linear(struct golden *g, struct params *ps,
     mlp_decoder_backward(dx, ddir, NULL, &s.probe, dir, NULL, &d);
     golden_compare_l2(g, "grad.input", dx, n * 1024);
     golden_compare_l2(g, "grad.dir", ddir, 3 * B);
-    compare_weight(g, ps, "feature_layers.0.weight");
+    golden_net_gradient(g, ps, "feature_layers.0.weight", true);
     golden_weights_gradients(g, ps, w, "");
     sides_release(&s);
     free(x);
@@ -176,6 +166,7 @@ static void run_gs_generators(struct golden *g)
     struct params ps;
     struct golden_weights w;
     cJSON *json = golden_json(g, "config");
+
     params_init(&ps);
     golden_weights_open(&w, g, NULL);
     if (!strncmp(golden_meta(g, "network"), "conv", 4))

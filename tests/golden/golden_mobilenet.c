@@ -1,101 +1,84 @@
 /* Case 01: MobileNetV3 features, forward and backward. */
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "lib/net/mobilenet.h"
-#include "tests/golden/layout.h"
+#include "tests/golden/golden_net.h"
 
-static void compare(struct golden *g, const char *name, const float *x,
-                    const size_t s[4], bool l2)
+/* A map (B,h,w,C) of shape s. */
+static void mobilenet_compare(struct golden *g, const char *name,
+                              const float *x, const size_t s[4], bool l2)
 {
     layout_compare(g, name, x, s[0], s[1] * s[2], s[3], l2);
 }
 
-static void compare_stages(struct golden *g, struct mobilenet *m)
+static void mobilenet_compare_stages(struct golden *g, struct mobilenet *m)
 {
     static const char *const names[] = { "stage0", "stage1", "stage2",
                                          "stage3", "features" };
     size_t s[4];
+
     for (int i = 0; i < 5; i++) {
         const float *x = mobilenet_stage(s, m, i);
-        compare(g, names[i], x, s, false);
+
+        mobilenet_compare(g, names[i], x, s, false);
     }
 }
 
-static void gradients(struct golden *g, struct mobilenet *m,
-                      struct params *ps, const struct golden_weights *w,
-                      const size_t in[4])
+/* sum(features probe), back to the picture and the weights. */
+static void mobilenet_gradients(struct golden_net *n, struct mobilenet *m)
 {
-    size_t s[4], n = in[0] * in[1] * in[2] * in[3];
+    struct golden *g = n->g;
+    const size_t *in = n->in;
+    size_t s[4];
+
     mobilenet_stage(s, m, 4);
     float *probe = golden_probe_array(g->seed, s[0] * s[1] * s[2] * s[3]);
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
-    float *drgb = malloc(n * sizeof *drgb);
+    float *drgb = malloc(in[0] * in[1] * in[2] * in[3] * sizeof *drgb);
     mobilenet_backward_features(drgb, dout, m);
-    compare(g, "grad.input", drgb, in, true);
-    size_t stem = params_find(ps, "conv_stem.weight");
-    golden_compare_l2(g, "grad.conv_stem.weight", param_g(ps, stem),
-                      ps->tensor[stem].count);
-    golden_weights_gradients(g, ps, w, "");
+    mobilenet_compare(g, "grad.input", drgb, in, true);
+    golden_net_gradient(g, &n->ps, "conv_stem.weight", true);
+    golden_weights_gradients(g, &n->ps, &n->w, "");
     free(probe);
     free(dout);
     free(drgb);
 }
 
 /* Mode by mode: the folded network must give the same pooled features. */
-static void run_mode(struct golden *g, struct mobilenet *m, struct params *ps,
-                     const struct golden_weights *w, const float *rgb,
-                     const size_t in[4], enum nn_mode mode)
+static void mobilenet_run_mode(struct golden_net *n, struct mobilenet *m,
+                               enum nn_mode mode)
 {
     struct error err = { 0 };
     struct nn_options opt = { mode, NN_F32 };
-    if (mobilenet_plan(m, in[0], in[1], in[2], opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+    const size_t *in = n->in;
+
+    if (golden_failed(n->g, mobilenet_plan(m, in[0], in[1], in[2], opt, &err),
+                      &err))
         return;
-    }
     float *pooled = malloc(in[0] * m->features * sizeof *pooled);
-    mobilenet_forward(pooled, rgb, m);
-    golden_compare(g, "pooled", pooled, in[0] * m->features);
+    mobilenet_forward(pooled, n->rgb, m);
+    golden_compare(n->g, "pooled", pooled, in[0] * m->features);
     free(pooled);
     if (mode != NN_FROZEN)
         return;
-    compare_stages(g, m);
-    gradients(g, m, ps, w, in);
+    mobilenet_compare_stages(n->g, m);
+    mobilenet_gradients(n, m);
 }
 
-static void run_mobilenet(struct golden *g)
+static void mobilenet_run(struct golden *g)
 {
     struct mobilenet m;
-    struct params ps;
-    struct golden_weights w;
+    struct golden_net n;
     struct error err = { 0 };
-    cJSON *shape = golden_json(g, "input_shape");
-    size_t in[4];
-    for (int i = 0; i < 4; i++)
-        in[i] = (size_t)cJSON_GetArrayItem(shape, (i == 3 ? 1 : i ? i + 1 : 0))
-                    ->valuedouble;
-    cJSON_Delete(shape);
-    params_init(&ps);
-    if (mobilenet_init(&m, &ps, "", golden_meta(g, "network"), &err) ||
-        params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+
+    golden_net_begin(&n, g);
+    int rc = mobilenet_init(&m, &n.ps, "", golden_meta(g, "network"), &err);
+    if (!golden_net_ready(&n, rc, false, &err))
         return;
-    }
-    golden_weights_open(&w, g, NULL);
-    golden_weights_fill(&ps, &w, g, "");
-    float *image = golden_image("input.image", g->seed, in[0] * in[3], in[1],
-                                in[2], false);
-    float *rgb = layout_rows(image, in[0], in[1] * in[2], in[3]);
-    run_mode(g, &m, &ps, &w, rgb, in, NN_INFER);
-    run_mode(g, &m, &ps, &w, rgb, in, NN_FROZEN);
-    free(image);
-    free(rgb);
-    golden_weights_close(&w);
+    mobilenet_run_mode(&n, &m, NN_INFER);
+    mobilenet_run_mode(&n, &m, NN_FROZEN);
+    golden_net_end(&n);
     mobilenet_release(&m);
-    params_release(&ps);
 }
 
-GOLDEN_CASE("01_mobilenet", run_mobilenet)
+GOLDEN_CASE("01_mobilenet", mobilenet_run)

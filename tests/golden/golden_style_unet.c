@@ -4,39 +4,45 @@
 #include <string.h>
 
 #include "lib/net/style_unet.h"
-#include "tests/golden/layout.h"
+#include "tests/golden/golden_net.h"
 
-static void compare_map(struct golden *g, const char *what, size_t i,
-                        const char *end, const float *x, size_t B,
-                        size_t side, size_t C)
+/* Map "<what><i><end>", (B,side,side,C). */
+static void style_unet_compare_map(struct golden *g, const char *what,
+                                   size_t i, const char *end, const float *x,
+                                   size_t B, size_t side, size_t C)
 {
     char name[64];
+
     snprintf(name, sizeof name, "%s%zu%s", what, i, end);
     layout_compare(g, name, x, B, side * side, C, false);
 }
 
-static void compare_maps(struct golden *g, const struct style_unet *s)
+static void style_unet_compare_maps(struct golden *g,
+                                    const struct style_unet *s)
 {
     size_t B = s->batch;
+
     golden_compare(g, "style_code", s->code, B * s->latent);
     golden_compare(g, "latent", style_unet_latent(s), B * s->latent);
     layout_compare(g, "dec.style_conv1", s->conv1.y, B, 16, s->conv1.out,
                    false);
     for (size_t i = 0; i < s->levels; i++) {
         const struct style_level *l = &s->level[i];
-        compare_map(g, "down", i, "", l->down.out, B, s->out_size >> (i + 1),
-                    l->down.conv2.out);
-        compare_map(g, "up", i, "", l->up.out, B, l->side, l->up.conv2.out);
-        compare_map(g, "dec.style_conv", 2 * i, "_out", l->enlarge.y, B,
-                    l->side, l->enlarge.out);
-        compare_map(g, "dec.style_conv", 2 * i + 1, "_out", l->same.y, B,
-                    l->side, l->same.out);
-        compare_map(g, "dec.rgb", i, "", l->rgb.rgb, B, l->side, 3);
+
+        style_unet_compare_map(g, "down", i, "", l->down.out, B,
+                               s->out_size >> (i + 1), l->down.conv2.out);
+        style_unet_compare_map(g, "up", i, "", l->up.out, B, l->side,
+                               l->up.conv2.out);
+        style_unet_compare_map(g, "dec.style_conv", 2 * i, "_out",
+                               l->enlarge.y, B, l->side, l->enlarge.out);
+        style_unet_compare_map(g, "dec.style_conv", 2 * i + 1, "_out",
+                               l->same.y, B, l->side, l->same.out);
+        style_unet_compare_map(g, "dec.rgb", i, "", l->rgb.rgb, B, l->side, 3);
     }
 }
 
-static void gradients(struct golden *g, struct style_unet *s,
-                      struct params *ps, const struct golden_weights *w)
+/* sum(image probe), back to the features and the weights. */
+static void style_unet_gradients(struct golden_net *n, struct style_unet *s)
 {
     static const char *const names[] = {
         "final_linear.bias", "stylegan_decoder.constant_input.weight",
@@ -44,83 +50,65 @@ static void gradients(struct golden *g, struct style_unet *s,
         "stylegan_decoder.style_convs.0.modulated_conv.modulation.weight",
         "stylegan_decoder.style_convs.1.weight"
     };
+    struct golden *g = n->g;
     size_t B = s->batch, P = s->out_size * s->out_size;
     size_t in = s->in_size * s->in_size;
     float *probe = golden_probe_array(g->seed, B * 3 * P);
     float *dout = layout_rows(probe, B, P, 3);
     float *dfeat = malloc(B * in * s->channels * sizeof *dfeat);
+
     style_unet_backward(dfeat, dout, s);
     layout_compare(g, "grad.input", dfeat, B, in, s->channels, true);
-    for (size_t i = 0; i < sizeof names / sizeof *names; i++) {
-        char name[100];
-        size_t t = params_find(ps, names[i]);
-        snprintf(name, sizeof name, "grad.%s", names[i]);
-        golden_compare_l2(g, name, param_g(ps, t), ps->tensor[t].count);
-    }
+    for (size_t i = 0; i < sizeof names / sizeof *names; i++)
+        golden_net_gradient(g, &n->ps, names[i], true);
     /* 10^7 leaky units: some lie within rounding of their kink */
     g->kinks = true;
-    golden_weights_gradients(g, ps, w, "");
+    golden_weights_gradients(g, &n->ps, &n->w, "");
     free(probe);
     free(dout);
     free(dfeat);
 }
 
-static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
-                     const struct golden_weights *w, const float *feat,
-                     size_t batch, enum nn_mode mode)
+/* Inference as it is used, or everything in float. */
+static void style_unet_run_mode(struct golden_net *n, struct style_unet *s,
+                                enum nn_mode mode)
 {
     struct nn_options opt = { mode, mode == NN_INFER ? NN_FAST : NN_F32 };
+    struct golden *g = n->g;
     struct error err = { 0 };
-    size_t P = s->out_size * s->out_size;
-    if (style_unet_plan(s, batch, opt, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+    size_t P = s->out_size * s->out_size, B = n->in[0];
+
+    if (golden_failed(g, style_unet_plan(s, B, opt, &err), &err))
         return;
-    }
-    float *image = malloc(batch * P * 3 * sizeof *image);
-    style_unet_forward(image, feat, s);
-    layout_compare(g, "image", image, batch, P, 3, false);
-    layout_compare(g, "logits", style_unet_logits(s), batch, P, 3, false);
+    float *image = malloc(B * P * 3 * sizeof *image);
+    style_unet_forward(image, n->rgb, s);
+    layout_compare(g, "image", image, B, P, 3, false);
+    layout_compare(g, "logits", style_unet_logits(s), B, P, 3, false);
     free(image);
     if (mode == NN_INFER)
         return;
-    compare_maps(g, s);
+    style_unet_compare_maps(g, s);
     if (golden_has(g, "grad.final_linear.bias"))
-        gradients(g, s, ps, w);
+        style_unet_gradients(n, s);
 }
 
-static void run_style_unet(struct golden *g)
+static void style_unet_run(struct golden *g)
 {
     struct style_unet s;
-    struct params ps;
-    struct golden_weights w;
+    struct golden_net n;
     struct error err = { 0 };
-    cJSON *shape = golden_json(g, "input_shape");
     cJSON *config = golden_json(g, "config");
-    size_t B = (size_t)cJSON_GetArrayItem(shape, 0)->valuedouble;
-    size_t side = (size_t)cJSON_GetArrayItem(shape, 2)->valuedouble;
     size_t out = (size_t)cJSON_GetObjectItem(config, "out_size")->valuedouble;
-    cJSON_Delete(shape);
+
     cJSON_Delete(config);
-    params_init(&ps);
-    if (style_unet_init(&s, &ps, "", 32, side, out, 1, &err) ||
-        params_allocate(&ps, &err) || params_allocate_gradients(&ps, &err)) {
-        printf("%s: %s\n", g->name, err.text);
-        g->failed++;
+    golden_net_begin(&n, g);
+    int rc = style_unet_init(&s, &n.ps, "", n.in[3], n.in[1], out, 1, &err);
+    if (!golden_net_ready(&n, rc, true, &err))
         return;
-    }
-    golden_weights_open(&w, g, NULL);
-    golden_weights_fill(&ps, &w, g, "");
-    float *image = golden_image("input.image", g->seed, B * 32, side, side,
-                                true);
-    float *feat = layout_rows(image, B, side * side, 32);
-    run_mode(g, &s, &ps, &w, feat, B, NN_INFER);
-    run_mode(g, &s, &ps, &w, feat, B, NN_FROZEN);
-    free(image);
-    free(feat);
-    golden_weights_close(&w);
+    style_unet_run_mode(&n, &s, NN_INFER);
+    style_unet_run_mode(&n, &s, NN_FROZEN);
+    golden_net_end(&n);
     style_unet_release(&s);
-    params_release(&ps);
 }
 
-GOLDEN_CASE("05_style_unet", run_style_unet)
+GOLDEN_CASE("05_style_unet", style_unet_run)
