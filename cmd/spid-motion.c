@@ -47,10 +47,10 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-motion",
-    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] "
-    "[--no-tta] [--relative FILE] [--overlay FILE] [--fps RATE] "
-    "[--bt601] [-i FILE] [--head FILE] [--precision TYPE] [-o FILE] [-j N] "
-    "[-m MODEL] [-q] [--stats FILE] [INPUT...]",
+    "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
+    "[--relative FILE] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] "
+    "[--head FILE] [--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] "
+    "[--stats FILE] [INPUT...]",
     "estimate head motion from video, pictures or piped frames", options};
 
 struct program {

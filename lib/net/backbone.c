@@ -1,3 +1,4 @@
+/* The source picture's features (Section 3.2) by either of two backbones. */
 #include "lib/net/backbone.h"
 
 #include <stdlib.h>
@@ -52,6 +53,7 @@ int backbone_plan(struct backbone *b, size_t batch, size_t input,
                   struct nn_options opt, struct error *err)
 {
     size_t image = b->config.image;
+
     b->batch = batch;
     b->input = input;
     if (backbone_is_small(b))

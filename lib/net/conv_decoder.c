@@ -1,3 +1,5 @@
+/* Phi_S and Phi_M (Section 3.2): from a feature image and the viewing
+ * direction to one Gaussian per pixel. */
 #include "lib/net/conv_decoder.h"
 
 #include <stdlib.h>
@@ -23,6 +25,7 @@ int conv_decoder_init(struct conv_decoder *d, struct params *ps,
                       struct gaussian_head head, struct error *err)
 {
     char name[120];
+
     memset(d, 0, sizeof *d);
     d->impl = calloc(1, sizeof *d->impl);
     if (!d->impl)
@@ -32,6 +35,7 @@ int conv_decoder_init(struct conv_decoder *d, struct params *ps,
     d->width = width;
     for (int i = 0; i < 4; i++) {
         struct conv *c = &d->impl->conv[i];
+
         conv_init(c, ps, nn_name(name, "%sgaussian_conv.%d", prefix, 2 * i),
                   i ? width : in + HARMONIC_OUT,
                   i < 3 ? width : gaussian_head_width(&head), i < 3 ? 3 : 1,
@@ -48,6 +52,7 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     struct conv_decoder_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
     size_t pixels = batch * height * width, raw = gaussian_head_width(&d->head);
+
     nn_plan_release(p);
     nn_plan_init(p, opt);
     d->batch = batch;
@@ -59,12 +64,14 @@ int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
     im->x = nn_plan_map(p, pixels * im->padded);
     for (int i = 0; i < 4; i++) {
         float **y = i < 3 ? &im->y[i] : &im->raw;
+
         *y = nn_plan_map(p, pixels * (i < 3 ? d->width : raw));
         conv_plan(&im->conv[i], p, batch, height, width);
         nn_plan_recycle(p, i ? im->y[i - 1] : im->x);
     }
     if (nn_plan_backward(p)) {
         size_t most = d->width > raw ? d->width : raw;
+
         im->grad[0] = nn_plan_floats(p, pixels * most);
         im->grad[1] = nn_plan_floats(p, pixels * most);
         im->dx = nn_plan_floats(p, pixels * im->padded);
@@ -99,6 +106,7 @@ void conv_decoder_forward(struct gaussian_out *out, const float *features,
 {
     struct conv_decoder_impl *im = d->impl;
     size_t N = d->height * d->image_w;
+
     harmonic_forward(im->gamma, dir, d->batch);
     concat_forward(im->x, features, im->gamma, d->batch * N, d->in,
                    HARMONIC_OUT, im->padded, N);
@@ -119,6 +127,7 @@ void conv_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     size_t N = d->height * d->image_w;
     float *a = im->grad[0], *b = im->grad[1];
     bool input = dfeatures || ddir;
+
     gaussian_head_backward(a, drgb_logit, dout, im->raw, rgb_logit, &d->head,
                            d->batch, N, gaussian_head_width(&d->head),
                            d->image_w);

@@ -19,12 +19,16 @@ struct conv_decoder {
     struct conv_decoder_impl *impl;
 };
 
+/* Declare the tensors; head says what comes out. */
 int conv_decoder_init(struct conv_decoder *d, struct params *ps,
                       const char *prefix, size_t in, size_t width,
                       struct gaussian_head head, struct error *err);
+/* For features of height x width. */
 int conv_decoder_plan(struct conv_decoder *d, size_t batch, size_t height,
                       size_t width, struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void conv_decoder_update(struct conv_decoder *d);
+/* Free what _init and _plan allocated; zeroed then. */
 void conv_decoder_release(struct conv_decoder *d);
 
 /* out (B,h*w,...) from features (B,h,w,in), dir (B,3) the viewing direction,

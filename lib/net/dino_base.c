@@ -1,3 +1,5 @@
+/* GAGAvatar's backbone: tokens of DINOv2's last four blocks at four scales,
+ * fused from coarse to fine (DPT, Ranftl et al. 2021). */
 #include "lib/net/dino_base.h"
 
 #include <stdlib.h>
@@ -14,6 +16,7 @@ static void dino_unit_init(struct residual_unit *u, struct params *ps,
                            const char *at, size_t C)
 {
     char name[120];
+
     conv_init(&u->conv1, ps, nn_name(name, "%s.conv1", at), C, C, 3, 1, true);
     conv_init(&u->conv2, ps, nn_name(name, "%s.conv2", at), C, C, 3, 1, true);
     u->conv1.act = ACT_RELU;
@@ -30,6 +33,7 @@ static void dino_level_init(struct dino_level *l, struct params *ps,
     static const size_t factor[DINO_LEVELS] = { 4, 2, 1, 1 };
     char name[120];
     size_t C = times[k] * out;
+
     l->channels = C;
     l->factor = factor[k];
     conv_init(&l->project, ps, nn_name(name, "%sprojects.%zu", prefix, k),
@@ -50,6 +54,7 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
                    struct error *err)
 {
     char name[120];
+
     memset(d, 0, sizeof *d);
     d->ps = ps;
     d->out = out;
@@ -63,6 +68,7 @@ int dino_base_init(struct dino_base *d, struct params *ps, const char *prefix,
         dino_level_init(&d->level[k], ps, prefix, k, vit->embed, out);
     for (size_t i = 0; i < DINO_LEVELS; i++) {
         struct dino_fusion *f = &d->fusion[i];
+
         nn_name(name, "%srefinenet.%zu.out_conv", prefix, i);
         conv_init(&f->out, ps, name, out, out, 1, 1, true);
         /* the first has a skip unit in the checkpoints that nothing uses */
@@ -97,6 +103,7 @@ static void dino_level_plan(struct dino_level *l, struct dino_base *d, size_t k)
     struct nn_plan *p = &d->plan;
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
     size_t C = l->channels, patches = B * gh * gw;
+
     l->h = k == 3 ? (gh + 1) / 2 : gh * l->factor;
     l->w = k == 3 ? (gw + 1) / 2 : gw * l->factor;
     size_t pixels = B * l->h * l->w;
@@ -131,6 +138,7 @@ static void dino_fusion_plan(struct dino_base *d, size_t i)
     struct dino_fusion *f = &d->fusion[i];
     const struct dino_level *at = &d->level[3 - i];
     size_t B = d->batch, C = d->out;
+
     f->h = at->h;
     f->w = at->w;
     f->oh = i < 3 ? d->level[2 - i].h : 2 * at->h;
@@ -156,6 +164,7 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
 {
     struct nn_plan *p = &d->plan;
     struct nn_options frozen = { NN_INFER, opt.type };
+
     nn_plan_release(p);
     nn_plan_init(p, opt);
     d->batch = batch;
@@ -185,6 +194,7 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
         const struct dino_level *l = &d->level[k];
         size_t n = batch * l->h * l->w * l->join.in_data;
         size_t up = batch * d->vit.grid_h * d->vit.grid_w * l->channels;
+
         most = n > most ? n : most;
         most = up > most ? up : most;
     }
@@ -205,6 +215,7 @@ static void dino_base_each(struct dino_base *d, void (*what)(struct conv *))
         struct conv *all[] = { &l->project, &l->grow, &l->shrink, &l->join,
                                &f->out, &f->skip.conv1, &f->skip.conv2,
                                &f->main.conv1, &f->main.conv2 };
+
         for (size_t i = 0; i < sizeof all / sizeof *all; i++)
             if (all[i]->impl)
                 what(all[i]);
@@ -252,6 +263,7 @@ static void dino_level_forward(struct dino_level *l, struct dino_base *d,
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
     size_t E = d->vit.config.embed, N = gh * gw;
     const float *tokens = dinov2_tokens(&d->vit, k);
+
     for (size_t n = 0; n < B; n++)
         memcpy(l->tokens + n * N * E, tokens + (n * (N + 1) + 1) * E,
                N * E * sizeof *tokens);
@@ -274,6 +286,7 @@ static void dino_fusion_forward(struct dino_base *d, size_t i)
     struct dino_fusion *f = &d->fusion[i];
     const float *rn = d->level[3 - i].rn;
     size_t n = d->batch * f->h * f->w * d->out;
+
     memcpy(f->y, rn, n * sizeof *rn);
     if (i) {
         image_add(f->y, d->fusion[i - 1].o, n);
@@ -298,6 +311,7 @@ static void dino_base_normalise(float *x, size_t pixels)
 void dino_base_forward(float *features, const float *rgb, struct dino_base *d)
 {
     size_t pixels = d->batch * d->h * d->w;
+
     if (d->resize_in)
         rescale_forward(d->picture, rgb, &d->resized);
     else
@@ -320,6 +334,7 @@ const float *dino_base_stage(size_t s[4], const struct dino_base *d,
     const struct dino_level *l = &d->level[k];
     const struct dino_fusion *f = &d->fusion[stage == DINO_FEATURE ? 3 : k];
     bool early = stage == DINO_CAT || stage == DINO_RN;
+
     s[0] = d->batch;
     s[1] = early ? l->h : f->oh;
     s[2] = early ? l->w : f->ow;
@@ -346,6 +361,7 @@ static void dino_level_backward(struct dino_level *l, struct dino_base *d,
                                 size_t k, float *g0, float *g1, float *g2)
 {
     size_t B = d->batch, gh = d->vit.grid_h, gw = d->vit.grid_w;
+
     conv_backward(g1, g0, l->rn, l->cat, &l->join);
     concat_rows_backward(g2, g1, B * l->h * l->w, 3, l->channels,
                          l->join.in_data);
@@ -363,6 +379,7 @@ void dino_base_backward(const float *dfeatures, struct dino_base *d)
 {
     float **g = d->g;
     size_t n = d->batch * d->fusion[3].oh * d->fusion[3].ow * d->out;
+
     if (d->resize_out)
         rescale_backward(g[0], dfeatures, &d->final);
     else
@@ -370,6 +387,7 @@ void dino_base_backward(const float *dfeatures, struct dino_base *d)
     conv_backward(g[1], g[0], NULL, d->fusion[3].o, &d->last);
     for (size_t i = DINO_LEVELS; i-- > 0;) {
         struct dino_fusion *f = &d->fusion[i];
+
         n = d->batch * f->h * f->w * d->out;
         rescale_backward(g[0], g[1], &f->grow);            /* dc */
         conv_backward(g[1], g[0], NULL, f->m, &f->out);   /* dm */

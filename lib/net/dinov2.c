@@ -1,3 +1,4 @@
+/* DINOv2's vision transformer (Oquab et al. 2023), forward and backward. */
 #include "lib/net/dinov2.h"
 
 #include <stdlib.h>
@@ -46,6 +47,7 @@ static size_t dinov2_declare(struct params *ps, const char *prefix,
                              float gain)
 {
     char buf[120];
+
     return params_add(ps, nn_name(buf, "%s%s", prefix, name), 1, &n, init,
                       gain);
 }
@@ -55,6 +57,7 @@ static void dinov2_block_init(struct dinov2_block *b, struct params *ps,
                               const char *at, size_t E)
 {
     char name[120];
+
     b->norm1[0] = dinov2_declare(ps, at, "norm1.weight", E, PARAM_ONE, 1);
     b->norm1[1] = dinov2_declare(ps, at, "norm1.bias", E, PARAM_ZERO, 0);
     linear_init(&b->qkv, ps, nn_name(name, "%sattn.qkv", at), E, 3 * E, true);
@@ -71,6 +74,7 @@ int dinov2_init(struct dinov2 *d, struct params *ps, const char *prefix,
                 const struct dinov2_config *c, bool frozen, struct error *err)
 {
     char name[120];
+
     memset(d, 0, sizeof *d);
     if (!c->embed || !c->depth || !c->heads || c->embed % c->heads ||
         !c->patch || !c->grid || !c->last || c->last > c->depth)
@@ -115,6 +119,7 @@ static void dinov2_block_plan(struct dinov2_block *b, struct nn_plan *p,
     bool train = nn_plan_backward(p);
     struct conv *last[2] = { &b->proj, &b->fc2 };
     size_t gamma[2] = { b->scale1, b->scale2 };
+
     for (int i = 0; i < 2; i++) {
         last[i]->add = !train;
         last[i]->gamma = train ? NN_NONE : gamma[i];
@@ -151,6 +156,7 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
     struct dinov2_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
     size_t G = d->config.grid, E = d->config.embed;
+
     im->native = height == width && d->grid_h == G && d->grid_w == G;
     im->position = nn_plan_floats(p, d->tokens * E);
     if (!im->native)
@@ -165,6 +171,7 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
     struct dinov2_impl *im = d->impl;
     const struct dinov2_config *c = &d->config;
     struct nn_plan *p = &im->plan;
+
     if (height % c->patch || width % c->patch || !height || !width)
         return error_set(err, EX_DATAERR, "a picture of %zux%zu for patches of"
                          " %zu (expected multiples)", width, height, c->patch);
@@ -213,9 +220,11 @@ void dinov2_update(struct dinov2 *d)
     struct dinov2_impl *im = d->impl;
     size_t E = d->config.embed;
     const float *pos = param_w(im->ps, im->pos);
+
     conv_update(&im->patch, NULL);
     for (size_t i = 0; i < d->config.depth; i++) {
         struct dinov2_block *b = &im->block[i];
+
         conv_update(&b->qkv, NULL);
         conv_update(&b->proj, NULL);
         conv_update(&b->fc1, NULL);
@@ -232,6 +241,7 @@ void dinov2_update(struct dinov2 *d)
 void dinov2_release(struct dinov2 *d)
 {
     struct dinov2_impl *im = d->impl;
+
     if (!im)
         return;
     conv_release(&im->patch);
@@ -279,6 +289,7 @@ static void dinov2_block_forward(float *next, struct dinov2_block *b,
     const struct params *ps = im->ps;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
     bool train = nn_plan_backward(&im->plan);
+
     dinov2_norm(b->n1, b->stat1, b->x, b->norm1, rows, E, ps);
     conv_forward(b->heads, b->n1, &b->qkv);
     attention_forward(b->att, b->heads, &im->attention);
@@ -300,6 +311,7 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
     const struct params *ps = im->ps;
     size_t E = d->config.embed, T = d->tokens, depth = d->config.depth;
     float *x = im->block[0].x;
+
     im->rgb = rgb;
     conv_forward(im->patches, rgb, &im->patch);
 #pragma omp parallel for collapse(2) schedule(static)
@@ -307,11 +319,13 @@ void dinov2_forward(const float *rgb, struct dinov2 *d)
         for (size_t t = 0; t < T; t++) {
             const float *from = t ? im->patches + (n * (T - 1) + t - 1) * E
                                   : param_w(ps, im->cls);
+
             for (size_t e = 0; e < E; e++)
                 x[(n * T + t) * E + e] = from[e] + im->position[t * E + e];
         }
     for (size_t i = 0; i < depth; i++) {
         float *next = i + 1 < depth ? im->block[i + 1].x : im->out;
+
         dinov2_block_forward(next, &im->block[i], d);
         if (i + d->config.last < depth)
             continue;
@@ -358,6 +372,7 @@ static void dinov2_residual_backward(float *dp, const float *dy,
 {
     const float *g = param_w(im->ps, gamma);
     float *dg = param_g(im->ps, gamma);
+
     nn_kernels()->channel_dot(im->sums, dy, p, rows, E);
     for (size_t e = 0; e < E; e++)
         dg[e] += im->sums[e];
@@ -370,6 +385,7 @@ static void dinov2_block_backward(struct dinov2_block *b, struct dinov2 *d)
     struct dinov2_impl *im = d->impl;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
     float *wide = im->dwide, *wide2 = wide + rows * 4 * E;
+
     dinov2_residual_backward(im->ds, im->dx, b->f2, b->scale2, rows, E, im);
     conv_backward(wide, im->ds, b->f2, b->g, &b->fc2);
     act_backward(wide, wide, b->f1, ACT_GELU, rows * 4 * E);
@@ -391,9 +407,11 @@ static void dinov2_embedding_backward(struct dinov2 *d)
     size_t E = d->config.embed, T = d->tokens, G = d->config.grid;
     float *dpos = im->dpos, *dcls = param_g(im->ps, im->cls);
     float *grid = dpos + T * E, *g = param_g(im->ps, im->pos);
+
     memset(dpos, 0, T * E * sizeof *dpos);
     for (size_t n = 0; n < d->batch; n++) {
         const float *dx = im->dx + n * T * E;
+
         for (size_t i = 0; i < T * E; i++)
             dpos[i] += dx[i];
         for (size_t e = 0; e < E; e++)
@@ -416,10 +434,12 @@ void dinov2_backward(float *drgb, const float *const *dtokens,
     struct dinov2_impl *im = d->impl;
     size_t rows = d->batch * d->tokens, E = d->config.embed;
     size_t depth = d->config.depth;
+
     memset(im->dx, 0, rows * E * sizeof *im->dx);
     for (size_t i = depth; i-- > 0;) {
         const float *x = dinov2_raw(d, i + 1);
         size_t k = i + d->config.last - depth;
+
         if (i + d->config.last >= depth && dtokens[k])
             dinov2_norm_backward(im->dx, im->ds, dtokens[k], x,
                                  im->given_stat[k], im->norm, rows, E, im);

@@ -1,3 +1,5 @@
+/* The last step of every decoder: raw numbers to colour, opacity, scale,
+ * rotation and position, and back. */
 #include "lib/net/gaussian_head.h"
 
 #include <math.h>
@@ -10,6 +12,7 @@
 size_t gaussian_head_width(const struct gaussian_head *h)
 {
     static const size_t extra[] = { 0, 1, 3 };
+
     return h->colors + 8 + extra[h->position];
 }
 
@@ -25,6 +28,7 @@ static float gaussian_quat_norm(const float *q)
 {
     double n = sqrt((double)q[0] * (double)q[0] + (double)q[1] * (double)q[1] +
                     (double)q[2] * (double)q[2] + (double)q[3] * (double)q[3]);
+
     return (float)fmax(n, TINY);
 }
 
@@ -35,15 +39,17 @@ static void gaussian_forward(struct gaussian_out *o, const float *raw,
 {
     size_t C = h->colors;
     float *color = o->color + at * C;
+
     for (size_t c = 0; c < C; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
+
         color[c] = gaussian_squashed(h, n, c, image_w) ? math_sigmoid(x) : x;
     }
     o->opacity[at] = math_sigmoid(raw[C]);
     for (size_t i = 0; i < 3; i++)
         o->scale[3 * at + i] = SCALE_MAX * math_sigmoid(raw[C + 1 + i]);
-    float unit = h->quirk_rotation ? 1.0f : 1.0f / gaussian_quat_norm(raw + C +
-                                                                      4);
+    float unit = h->quirk_rotation ? 1.0f
+                                   : 1.0f / gaussian_quat_norm(raw + C + 4);
     for (size_t i = 0; i < 4; i++)
         o->quat[4 * at + i] = raw[C + 4 + i] * unit;
     if (h->position == GAUSSIAN_POSITION_DEPTH)
@@ -58,6 +64,7 @@ static double gaussian_points_norm(const float *raw, size_t N, size_t stride,
                                    size_t i)
 {
     double sum = 0;
+
     for (size_t n = 0; n < N; n++)
         sum += (double)raw[n * stride + i] * (double)raw[n * stride + i];
     return fmax(sqrt(sum), TINY);
@@ -79,6 +86,7 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
         for (size_t i = 0; i < 4; i++) {
             double n = gaussian_points_norm(raw + b * N * stride, N, stride,
                                             h->colors + 4 + i);
+
             for (size_t k = b * N; k < (b + 1) * N; k++)
                 out->quat[4 * k + i] = (float)((double)out->quat[4 * k + i] /
                                                n);
@@ -89,6 +97,7 @@ void gaussian_head_forward(struct gaussian_out *out, const float *raw,
 static float gaussian_sigmoid_slope(float x)
 {
     float y = math_sigmoid(x);
+
     return y * (1.0f - y);
 }
 
@@ -98,6 +107,7 @@ static void gaussian_quat_backward(float *draw, const float *dq,
 {
     float n = gaussian_quat_norm(raw);
     double along = 0;
+
     for (int i = 0; i < 4; i++)
         along += (double)dq[i] * (double)raw[i];
     if ((double)n <= TINY)
@@ -115,11 +125,13 @@ static void gaussian_backward(float *draw, float *dlogit,
                               size_t n, size_t image_w)
 {
     size_t C = h->colors;
+
     for (size_t c = 0; c < C; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
         float g = d->color ? d->color[at * C + c] : 0.0f;
-        draw[c] = gaussian_squashed(h, n, c, image_w) ? g *
-            gaussian_sigmoid_slope(x) : g;
+
+        draw[c] = gaussian_squashed(h, n, c, image_w)
+                      ? g * gaussian_sigmoid_slope(x) : g;
         if (dlogit && c < 3)
             dlogit[c] = draw[c];
     }
@@ -149,6 +161,7 @@ static void gaussian_points_backward(float *draw, const float *dq,
 {
     for (size_t i = 0; i < 4; i++) {
         double n = gaussian_points_norm(raw, N, stride, at + i), along = 0;
+
         for (size_t k = 0; k < N; k++)
             along += (double)dq[4 * k + i] * (double)raw[k * stride + at + i];
         if (n <= TINY)

@@ -1,3 +1,4 @@
+/* gamma(n): sines and cosines of a direction at four frequencies. */
 #include "lib/net/harmonic.h"
 
 #include <math.h>
@@ -6,8 +7,10 @@ void harmonic_forward(float *enc, const float *dir, size_t B)
 {
     for (size_t b = 0; b < B; b++) {
         float *e = enc + b * HARMONIC_OUT;
+
         for (int d = 0; d < 3; d++) {
             double v = (double)dir[3 * b + (size_t)d];
+
             for (int k = 0; k < 4; k++) {
                 e[4 * d + k] = (float)sin(ldexp(v, k));
                 e[12 + 4 * d + k] = (float)cos(ldexp(v, k));
@@ -22,9 +25,11 @@ void harmonic_backward(float *ddir, const float *denc, const float *dir,
 {
     for (size_t b = 0; b < B; b++) {
         const float *g = denc + b * HARMONIC_OUT;
+
         for (int d = 0; d < 3; d++) {
             double v = (double)dir[3 * b + (size_t)d];
             double sum = (double)g[24 + d];
+
             for (int k = 0; k < 4; k++)
                 sum += ldexp((double)g[4 * d + k] * cos(ldexp(v, k)) -
                              (double)g[12 + 4 * d + k] * sin(ldexp(v, k)), k);

@@ -1,3 +1,5 @@
+/* ArcFace's IResNet (Deng et al. 2019) for comparing identities in evaluation:
+ * inference only, its sizes read from the file. */
 #include "lib/net/iresnet.h"
 
 #include <math.h>

@@ -40,6 +40,7 @@ struct iresnet {
 /* Load and plan.  EX_DATAERR names a tensor that is missing or whose shape
  * does not fit. */
 int iresnet_open(struct iresnet *n, const char *path, struct error *err);
+/* Free what _init and _plan allocated; zeroed then. */
 void iresnet_release(struct iresnet *n);
 
 /* Length of an embedding. */

@@ -1,3 +1,5 @@
+/* Phi_D (Section 3.2): a shared trunk over the points, then a small head for
+ * each attribute. */
 #include "lib/net/mlp_decoder.h"
 
 #include <stdlib.h>
@@ -36,6 +38,7 @@ int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
                      struct error *err)
 {
     char name[120];
+
     memset(d, 0, sizeof *d);
     d->impl = calloc(1, sizeof *d->impl);
     if (!d->impl)
@@ -71,6 +74,7 @@ static void mlp_decoder_plan_gradients(struct mlp_decoder *d, size_t rows)
     struct mlp_decoder_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
     size_t most = d->width > d->hidden ? d->width : d->hidden;
+
     most = most > d->head.colors ? most : d->head.colors;
     im->grad[0] = nn_plan_floats(p, rows * most);
     im->grad[1] = nn_plan_floats(p, rows * most);
@@ -86,6 +90,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     struct mlp_decoder_impl *im = d->impl;
     struct nn_plan *p = &im->plan;
     size_t rows = batch * points;
+
     nn_plan_release(p);
     nn_plan_init(p, opt);
     d->batch = batch;
@@ -145,6 +150,7 @@ static void mlp_decoder_gather(struct mlp_decoder *d, float *const part[4],
 {
     struct mlp_decoder_impl *im = d->impl;
     size_t rows = d->batch * d->points, row = d->head.colors + 8, at = 0;
+
     for (int i = 0; i < 4; i++) {
         size_t n = mlp_decoder_width(d, i);
 #pragma omp parallel for schedule(static)
@@ -165,6 +171,7 @@ void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          struct mlp_decoder *d)
 {
     struct mlp_decoder_impl *im = d->impl;
+
     im->features = features;
     conv_forward(im->y[0], features, &im->trunk[0]);
     for (int i = 1; i < 4; i++)
@@ -189,6 +196,7 @@ void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
     struct mlp_decoder_impl *im = d->impl;
     size_t rows = d->batch * d->points;
     float *a = im->grad[0], *b = im->grad[1];
+
     gaussian_head_backward(im->draw, drgb_logit, dout, im->raw, rgb_logit,
                            &d->head, d->batch, d->points, d->head.colors + 8,
                            d->points);

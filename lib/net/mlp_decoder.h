@@ -20,13 +20,17 @@ struct mlp_decoder {
     struct mlp_decoder_impl *impl;
 };
 
+/* Declare the tensors; the sizes are the fields of these names. */
 int mlp_decoder_init(struct mlp_decoder *d, struct params *ps,
                      const char *prefix, size_t in, size_t width,
                      size_t hidden, struct gaussian_head head,
                      struct error *err);
+/* For batch items of `points` rows each. */
 int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
                      struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void mlp_decoder_update(struct mlp_decoder *d);
+/* Free what _init and _plan allocated; zeroed then. */
 void mlp_decoder_release(struct mlp_decoder *d);
 
 /* out (B,N,...) from features (B,N,in), dir (B,3), rgb_logit (B,N,3) or NULL;
@@ -34,6 +38,7 @@ void mlp_decoder_release(struct mlp_decoder *d);
 void mlp_decoder_forward(struct gaussian_out *out, const float *features,
                          const float *dir, const float *rgb_logit,
                          struct mlp_decoder *d);
+/* dfeatures (B,N,in), drgb_logit (B,N,3), ddir (B,3): written, or NULL. */
 void mlp_decoder_backward(float *dfeatures, float *ddir, float *drgb_logit,
                           const struct gaussian_out *dout,
                           const float *dir, const float *rgb_logit,

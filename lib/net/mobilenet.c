@@ -1,3 +1,5 @@
+/* MobileNetV3 (Howard et al. 2019) from a table of rows: inverted residual
+ * blocks, norms folded into the weights for inference. */
 #include "lib/net/mobilenet.h"
 
 #include <stdlib.h>
@@ -113,6 +115,7 @@ static void mobilenet_unit_init(struct mobilenet_unit *u,
 {
     char name[120];
     enum conv_pad pad = im->v->same ? CONV_SAME : CONV_HALF;
+
     u->depthwise = depthwise;
     u->C = out;
     u->act = act;
@@ -133,6 +136,7 @@ static void mobilenet_unit_init(struct mobilenet_unit *u,
 static size_t mobilenet_channels(double C)
 {
     size_t n = (size_t)(C + 4) / 8 * 8;
+
     n = n < 8 ? 8 : n;
     return (double)n < 0.9 * C ? n + 8 : n;
 }
@@ -149,6 +153,7 @@ static void mobilenet_block_init(struct mobilenet_block *b,
     size_t mid = r->expand ? mobilenet_channels((double)(in * r->expand) /
                                                 (double)base)
                            : in;
+
     b->stage = r->stage;
     b->expand = r->expand;
     b->se = r->se;
@@ -179,6 +184,7 @@ int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
 {
     char at[120];
     const struct mobilenet_variant *v = NULL;
+
     memset(m, 0, sizeof *m);
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
         if (!strcmp(variants[i].name, variant))
@@ -212,6 +218,7 @@ int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
 void mobilenet_release(struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
+
     if (!im)
         return;
     conv_release(&im->stem.conv);
@@ -232,6 +239,7 @@ static void mobilenet_unit_plan(struct mobilenet_unit *u, struct nn_plan *p,
                                 size_t batch, size_t h, size_t w, bool add)
 {
     bool train = nn_plan_backward(p);
+
     if (u->depthwise) {
         u->dw.act = train ? ACT_NONE : u->act;
         depthwise_plan(&u->dw, p, batch, h, w);
@@ -261,6 +269,7 @@ static size_t mobilenet_block_plan(struct mobilenet_block *b,
 {
     size_t most = 0, n;
     float *in = *x;
+
     b->in = in;
     if (b->last) {
         mobilenet_unit_plan(&b->down, p, batch, *h, *w, false);
@@ -299,6 +308,7 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
 {
     struct mobilenet_impl *im = m->impl;
     struct nn_plan *p = &im->plan;
+
     nn_plan_release(p);
     nn_plan_init(p, opt);
     m->batch = batch;
@@ -309,6 +319,7 @@ int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
     float *x = im->stem.y;
     for (size_t i = 0; i < im->blocks; i++) {
         size_t n = mobilenet_block_plan(&im->block[i], p, batch, &h, &w, &x);
+
         most = n > most ? n : most;
     }
     m->out_h = h;
@@ -336,9 +347,11 @@ void mobilenet_update(struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
     bool fold = !nn_plan_backward(&im->plan);
+
     mobilenet_unit_update(&im->stem, fold);
     for (size_t i = 0; i < im->blocks; i++) {
         struct mobilenet_block *b = &im->block[i];
+
         if (b->expand)
             mobilenet_unit_update(&b->up, fold);
         if (!b->last)
@@ -355,6 +368,7 @@ static float *mobilenet_unit_forward(struct mobilenet_unit *u, const float *x,
                                      const float *res, bool train)
 {
     float *z = train ? u->z : u->y;
+
     if (u->depthwise)
         depthwise_forward(z, x, &u->dw);
     else
@@ -369,6 +383,7 @@ static const float *mobilenet_block_forward(struct mobilenet_block *b,
                                             const float *x, bool train)
 {
     const float *in = x;
+
     b->in = x;
     if (b->last)
         return mobilenet_unit_forward(&b->down, x, NULL, train);
@@ -386,6 +401,7 @@ void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
     bool train = nn_plan_backward(&im->plan);
+
     im->rgb = rgb;
     const float *x = mobilenet_unit_forward(&im->stem, rgb, NULL, train);
     for (size_t i = 0; i < im->blocks; i++)
@@ -411,6 +427,7 @@ static void mobilenet_block_backward(float *g[3], struct mobilenet_block *b)
 {
     float *dy = g[0], *s = g[1], *t = g[2];
     size_t n = b->down.C * b->down.h * b->down.w;
+
     if (b->last) {
         mobilenet_unit_backward(s, dy, b->in, &b->down);
         g[0] = s;
@@ -447,6 +464,7 @@ static void mobilenet_block_backward(float *g[3], struct mobilenet_block *b)
 static void mobilenet_blocks_backward(float *drgb, struct mobilenet *m)
 {
     struct mobilenet_impl *im = m->impl;
+
     for (size_t i = im->blocks; i-- > 0;)
         mobilenet_block_backward(im->grad, &im->block[i]);
     mobilenet_unit_backward(drgb, im->grad[0], im->rgb, &im->stem);
@@ -473,6 +491,7 @@ const float *mobilenet_stage(size_t shape[4], const struct mobilenet *m,
 {
     const struct mobilenet_impl *im = m->impl;
     const struct mobilenet_unit *u = &im->stem;
+
     for (size_t i = 0; i < im->blocks; i++)
         if (im->block[i].stage <= im->v->stage[stage])
             u = &im->block[i].down;

@@ -20,15 +20,20 @@ struct mobilenet {
 /* Fails (EX_CONFIG) when the variant is unknown. */
 int mobilenet_init(struct mobilenet *m, struct params *ps, const char *prefix,
                    const char *variant, struct error *err);
+/* Pictures of height x width. */
 int mobilenet_plan(struct mobilenet *m, size_t batch, size_t height,
                    size_t width, struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void mobilenet_update(struct mobilenet *m);
+/* Free what _init and _plan allocated; zeroed then. */
 void mobilenet_release(struct mobilenet *m);
 
 /* pooled (B,features) = mean over the last stage of rgb (B,H,W,3) in [0,1].
  * NN_TRAIN: batch statistics; the running ones move by 0.1 (PyTorch's
  * momentum 0.1, unbiased variance). */
 void mobilenet_forward(float *pooled, const float *rgb, struct mobilenet *m);
+/* drgb (B,H,W,3), or NULL, from dpooled (B,features); weight gradients are
+ * added. */
 void mobilenet_backward(float *drgb, const float *dpooled,
                         struct mobilenet *m);
 

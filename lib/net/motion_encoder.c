@@ -1,3 +1,5 @@
+/* E_m (Eqs. rot to eye): MobileNetV3 on the face crop, its mean, and six
+ * linear heads. */
 #include "lib/net/motion_encoder.h"
 
 #include <string.h>
@@ -19,6 +21,7 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         struct error *err)
 {
     char name[120];
+
     memset(m, 0, sizeof *m);
     m->ps = ps;
     nn_name(name, "%sencoder.", prefix);
@@ -26,6 +29,7 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
         return -1;
     for (int i = 0; i < 6; i++) {
         size_t dims[2] = { heads[i].n, m->net.features };
+
         nn_name(name, "%s%s.weight", prefix, heads[i].name);
         m->head_w[i] = params_add(ps, name, 2, dims, PARAM_HE, 0.1f);
         nn_name(name, "%s%s.bias", prefix, heads[i].name);
@@ -38,6 +42,7 @@ void motion_encoder_init_weights(struct motion_encoder *m)
 {
     static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
     float *b = param_w(m->ps, m->head_b[0]);
+
     memcpy(b, rot, sizeof rot);
     param_w(m->ps, m->head_b[1])[2] = 7.0f;
     b = param_w(m->ps, m->head_b[4]);
@@ -48,6 +53,7 @@ int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err)
 {
     size_t S = MOTION_ENCODER_SIZE;
+
     nn_plan_release(&m->plan);
     nn_plan_init(&m->plan, opt);
     m->batch = batch;
@@ -77,9 +83,11 @@ void motion_encoder_forward(float *out, const float *rgb,
 {
     const struct nn_kernels *k = nn_kernels();
     size_t F = m->net.features;
+
     mobilenet_forward(m->pooled, rgb, &m->net);
     for (size_t n = 0; n < m->batch; n++) {
         float *row = m->out + n * MOTION_OUT;
+
         for (int i = 0; i < 6; i++)
             k->gemv(row + heads[i].at, param_w(m->ps, m->head_w[i]),
                     m->pooled + n * F, param_w(m->ps, m->head_b[i]),
@@ -96,11 +104,13 @@ static void motion_encoder_head_backward(struct motion_encoder *m, int i)
     const float *w = param_w(m->ps, m->head_w[i]);
     float *dw = param_g(m->ps, m->head_w[i]);
     float *db = param_g(m->ps, m->head_b[i]);
+
     for (size_t n = 0; n < m->batch; n++)
         for (size_t o = 0; o < heads[i].n; o++) {
             float g = m->dout[n * MOTION_OUT + heads[i].at + o];
             const float *x = m->pooled + n * F;
             float *dx = m->dpooled + n * F;
+
             db[o] += g;
             for (size_t f = 0; f < F; f++) {
                 dw[o * F + f] += g * x[f];
@@ -115,6 +125,7 @@ void motion_encoder_backward(float *drgb, const float *dout,
     memcpy(m->dout, dout, m->batch * MOTION_OUT * sizeof *dout);
     for (size_t n = 0; n < m->batch; n++) {
         size_t at = n * MOTION_OUT + MOTION_LID;
+
         act_backward_out(m->dout + at, m->dout + at, m->out + at, ACT_SIGMOID,
                          2);
     }

@@ -30,6 +30,7 @@ struct motion_encoder {
     float *out, *dout;            /* (B,120) */
 };
 
+/* Declare E_m on the MobileNet of this name (mobilenet_init). */
 int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         const char *prefix, const char *variant,
                         struct error *err);
@@ -37,14 +38,18 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
  * the biases of a frontal face in the middle of its crop (rotation
  * (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
 void motion_encoder_init_weights(struct motion_encoder *m);
+/* For `batch` face crops. */
 int motion_encoder_plan(struct motion_encoder *m, size_t batch,
                         struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void motion_encoder_update(struct motion_encoder *m);
+/* Free what _init and _plan allocated; zeroed then. */
 void motion_encoder_release(struct motion_encoder *m);
 
 /* out (B,120), see enum motion_out; rgb (B,224,224,3) in [0,1]. */
 void motion_encoder_forward(float *out, const float *rgb,
                             struct motion_encoder *m);
+/* drgb (B,224,224,3), or NULL, from dout (B,120) as in enum motion_out. */
 void motion_encoder_backward(float *drgb, const float *dout,
                              struct motion_encoder *m);
 

@@ -1,3 +1,5 @@
+/* The narrow refiner (Eq. SR): its layers in the order of the forward pass,
+ * and the same lines backwards. */
 #include "lib/net/narrow_refiner.h"
 
 #include <string.h>
@@ -9,18 +11,26 @@
 
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
-/* One convolution, "<prefix><what>.*". */
-static void narrow_refiner_declare(struct conv *c, struct params *ps,
-                                   const char *prefix, const char *what,
-                                   size_t in, size_t out, size_t kernel,
-                                   size_t stride, enum nn_act act)
+/* A layer as it is declared. */
+struct narrow_refiner_row {
+    struct conv *conv;
+    const char *name;
+    size_t in, out, kernel, stride;
+    enum nn_act act;
+};
+
+/* One convolution, "<prefix><name>.*". */
+static void narrow_refiner_declare(const struct narrow_refiner_row *row,
+                                   struct params *ps, const char *prefix)
 {
     char name[120];
-    nn_name(name, "%s%s", prefix, what);
-    conv_init(c, ps, name, in, out, kernel, stride, true);
-    c->act = act;
-    c->pad = kernel == 2 ? CONV_NONE : CONV_HALF;
-    ps->tensor[c->weight].gain = act == ACT_LRELU ? LRELU_GAIN : 0.1f;
+    struct conv *c = row->conv;
+
+    nn_name(name, "%s%s", prefix, row->name);
+    conv_init(c, ps, name, row->in, row->out, row->kernel, row->stride, true);
+    c->act = row->act;
+    c->pad = row->kernel == 2 ? CONV_NONE : CONV_HALF;
+    ps->tensor[c->weight].gain = c->act == ACT_LRELU ? LRELU_GAIN : 0.1f;
 }
 
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
@@ -29,43 +39,38 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
 {
     char name[120];
     size_t w0 = width, w1 = width * 3 / 2, w2 = 2 * width;
+
     memset(r, 0, sizeof *r);
     r->ps = ps;
     r->channels = channels;
     r->width = width;
     r->turns = turns;
-    narrow_refiner_declare(&r->stem0, ps, prefix, "fold.0", channels, w0 / 2,
-                           2, 2, ACT_LRELU);
-    narrow_refiner_declare(&r->stem1, ps, prefix, "fold.1", w0 / 2, w0, 2, 2,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->down1, ps, prefix, "down.1", w0, w1, 3, 2,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->down2, ps, prefix, "down.2", w1, w2, 3, 2,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->mid, ps, prefix, "mid", w2, w2, 3, 1, ACT_LRELU);
+    const struct narrow_refiner_row rows[] = {
+        { &r->stem0, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU },
+        { &r->stem1, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU },
+        { &r->down1, "down.1", w0, w1, 3, 2, ACT_LRELU },
+        { &r->down2, "down.2", w1, w2, 3, 2, ACT_LRELU },
+        { &r->mid, "mid", w2, w2, 3, 1, ACT_LRELU },
+        { &r->style1, "style.0", w2, w2, 1, 1, ACT_LRELU },
+        { &r->style2, "style.1", w2, w2, 1, 1, ACT_NONE },
+        { &r->up2, "up.2", w2, w1, 3, 1, ACT_LRELU },
+        { &r->cond1, "condition.1", w1, 2 * w1, 1, 1, ACT_NONE },
+        { &r->body1, "body.1", w1, w1, 3, 1, ACT_LRELU },
+        { &r->up1, "up.1", w1, w0, 1, 1, ACT_LRELU },
+        { &r->cond0, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE },
+        { &r->body0, "body.0", w0, w0, 3, 1, ACT_LRELU },
+        { &r->rgb, "rgb", w0, 48, 3, 1, ACT_NONE },
+    };
+    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+        narrow_refiner_declare(&rows[i], ps, prefix);
     r->mid.add = true;
-    narrow_refiner_declare(&r->style1, ps, prefix, "style.0", w2, w2, 1, 1,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->style2, ps, prefix, "style.1", w2, w2, 1, 1,
-                           ACT_NONE);
-    narrow_refiner_declare(&r->up2, ps, prefix, "up.2", w2, w1, 3, 1,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->cond1, ps, prefix, "condition.1", w1, 2 * w1, 1,
-                           1, ACT_NONE);
-    narrow_refiner_declare(&r->body1, ps, prefix, "body.1", w1, w1, 3, 1,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->up1, ps, prefix, "up.1", w1, w0, 1, 1,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->cond0, ps, prefix, "condition.0", w0, 2 * w0, 1,
-                           1, ACT_NONE);
-    narrow_refiner_declare(&r->body0, ps, prefix, "body.0", w0, w0, 3, 1,
-                           ACT_LRELU);
-    narrow_refiner_declare(&r->rgb, ps, prefix, "rgb", w0, 48, 3, 1, ACT_NONE);
     if (turns) {
         conditional_conv_init(&r->vary1, &r->cond1,
-                  nn_name(name, "%scondition.1", prefix), RELATIVE_POSE_SIZE);
+                              nn_name(name, "%scondition.1", prefix),
+                              RELATIVE_POSE_SIZE);
         conditional_conv_init(&r->vary0, &r->cond0,
-                  nn_name(name, "%scondition.0", prefix), RELATIVE_POSE_SIZE);
+                              nn_name(name, "%scondition.0", prefix),
+                              RELATIVE_POSE_SIZE);
     }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
@@ -79,6 +84,7 @@ static void narrow_refiner_convs(struct conv *c[15], struct narrow_refiner *r)
         &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
         &r->body0, &r->rgb, NULL
     };
+
     memcpy(c, all, sizeof all);
 }
 
@@ -88,6 +94,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     struct nn_plan *p = &r->plan;
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
     size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
+
     r->f0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
     r->fused = !nn_plan_backward(p) && fused_stem_possible(&r->stem0);
     if (r->fused)
@@ -144,6 +151,7 @@ static void narrow_refiner_plan_backward(struct narrow_refiner *r)
     struct nn_plan *p = &r->plan;
     size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0;
     size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
+
     for (int i = 0; i < 3; i++) {
         r->g0[i] = nn_plan_floats(p, a0 * w0);
         r->g2[i] = nn_plan_floats(p, a2 * w2);
@@ -189,6 +197,7 @@ static void narrow_refiner_set_turn(struct narrow_refiner *r)
 void narrow_refiner_update(struct narrow_refiner *r)
 {
     struct conv *c[15];
+
     narrow_refiner_set_turn(r);
     narrow_refiner_convs(c, r);
     for (int i = 0; c[i]; i++)
@@ -212,6 +221,7 @@ void narrow_refiner_turn(struct narrow_refiner *r,
 void narrow_refiner_release(struct narrow_refiner *r)
 {
     struct conv *c[15];
+
     narrow_refiner_convs(c, r);
     for (int i = 0; c[i]; i++)
         conv_release(c[i]);
@@ -223,6 +233,7 @@ void narrow_refiner_release(struct narrow_refiner *r)
 static void narrow_refiner_style_forward(struct narrow_refiner *r)
 {
     size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
+
     spatial_mean_forward(r->pool, r->part, r->m, r->batch, pixels, w2);
     conv_forward(r->s1, r->pool, &r->style1);
     conv_forward(r->s2, r->s1, &r->style2);
@@ -241,6 +252,7 @@ static void narrow_refiner_style_backward(float *dm, const float *dms,
     const struct nn_kernels *k = nn_kernels();
     size_t w2 = 2 * r->width, pixels = r->h * r->w / 256;
     float *ds2 = r->dsv[0], *ds1 = r->dsv[1], *dpool = r->dsv[2];
+
     for (size_t n = 0; n < r->batch; n++)
         k->channel_dot(ds2 + n * w2, dms + n * pixels * w2,
                        r->m + n * pixels * w2, pixels, w2);
@@ -258,6 +270,7 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
 {
     size_t w0 = r->width, w1 = w0 * 3 / 2;
     size_t a0 = r->batch * r->h * r->w / 16, a2 = a0 / 16;
+
     /* down */
     conv_forward(r->e1, r->e0, &r->down1);
     conv_forward(r->e2, r->e1, &r->down2);
@@ -296,6 +309,7 @@ void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r)
 {
     struct feature_view view = { .f32 = feat, .stride = r->w * r->channels };
+
     r->feat = feat;
     if (r->fused) {
         narrow_refiner_forward_view(rgb, &view, r);
@@ -329,6 +343,7 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
     size_t a0 = B * h * w / 16, a1 = a0 / 4;
     float *dz0 = r->g0[1], *dy0 = r->g0[2];
+
     depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
@@ -352,6 +367,7 @@ void narrow_refiner_backward(float *dfeat, const float *drgb,
     size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0, C = r->channels;
     size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
     float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
+
     memset(r->dturn, 0, sizeof r->dturn);
     narrow_refiner_decoder_backward(de0, de1, dm, drgb, r);
     narrow_refiner_style_backward(dm, dm, r);

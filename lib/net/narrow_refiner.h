@@ -21,8 +21,8 @@ struct narrow_refiner {
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
-    struct conditional_conv vary1, vary0;     /* of cond1 and cond0, when turns */
-    struct fused_stem stem;             /* stem0 in inference, where it fits */
+    struct conditional_conv vary1, vary0;    /* of cond1, cond0; when turns */
+    struct fused_stem stem;       /* stem0 in inference, where it fits */
     bool fused, turns;
     float turn[RELATIVE_POSE_SIZE];     /* when turns */
     float dturn[RELATIVE_POSE_SIZE];
@@ -36,19 +36,25 @@ struct narrow_refiner {
     float *dsv[3];                /* (B,2w) of the style */
 };
 
+/* Declare the tensors; turns: the conditions depend on the relative pose. */
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
                          const char *prefix, size_t channels, size_t width,
                          bool turns);
+/* Feature images of h x w pixels, multiples of 32. */
 int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
                         size_t w, struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void narrow_refiner_update(struct narrow_refiner *r);
+/* Free what _init and _plan allocated; zeroed then. */
 void narrow_refiner_release(struct narrow_refiner *r);
+/* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped. */
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
 /* The same from half floats, or from a part of a larger image: the view's
  * rows may be further apart.  Only where narrow_refiner_views says so. */
 void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
                                  struct narrow_refiner *r);
+/* Whether narrow_refiner_forward_view may be called. */
 bool narrow_refiner_views(const struct narrow_refiner *r);
 /* The turn from now on; nothing else needs an update. */
 void narrow_refiner_turn(struct narrow_refiner *r,

@@ -1,3 +1,4 @@
+/* Phi_init (Eq. for Delta U): how far the cells of the static plane move. */
 #include "lib/net/plane_init.h"
 
 #include <stdlib.h>
@@ -19,6 +20,7 @@ int plane_init_init(struct plane_init *p, struct params *ps,
                     struct error *err)
 {
     char name[120];
+
     memset(p, 0, sizeof *p);
     p->impl = calloc(1, sizeof *p->impl);
     if (!p->impl)
@@ -27,6 +29,7 @@ int plane_init_init(struct plane_init *p, struct params *ps,
     p->width = width;
     for (int i = 0; i < 3; i++) {
         struct conv *c = &p->impl->conv[i];
+
         conv_init(c, ps, nn_name(name, "%s%d", prefix, 2 * i),
                   i ? width : in, i < 2 ? width : 2, 3, 1, true);
         c->act = i < 2 ? ACT_RELU : ACT_NONE;
@@ -43,6 +46,7 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     struct plane_init_impl *im = p->impl;
     struct nn_plan *pl = &im->plan;
     size_t pixels = batch * height * width;
+
     nn_plan_release(pl);
     nn_plan_init(pl, opt);
     p->batch = batch;
@@ -50,6 +54,7 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     p->image_w = width;
     for (int i = 0; i < 3; i++) {
         float **y = i < 2 ? &im->y[i] : &im->t;
+
         *y = nn_plan_floats(pl, pixels * (i < 2 ? p->width : 2));
         conv_plan(&im->conv[i], pl, batch, height, width);
     }
@@ -85,6 +90,7 @@ void plane_init_forward(float *delta, const float *in, struct plane_init *p)
 {
     struct plane_init_impl *im = p->impl;
     size_t n = p->batch * p->height * p->image_w * 2;
+
     im->in = in;
     conv_forward(im->y[0], in, &im->conv[0]);
     conv_forward(im->y[1], im->y[0], &im->conv[1]);
@@ -99,6 +105,7 @@ void plane_init_backward(float *din, const float *ddelta,
 {
     struct plane_init_impl *im = p->impl;
     size_t n = p->batch * p->height * p->image_w * 2;
+
     for (size_t i = 0; i < n; i++)
         im->dt[i] = ddelta[i] * PLANE_INIT_MAX;
     act_backward_out(im->dt, im->dt, im->t, ACT_TANH, n);

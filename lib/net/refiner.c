@@ -1,3 +1,4 @@
+/* Eq. SR by either of two refiners. */
 #include "lib/net/refiner.h"
 
 #include <stdlib.h>

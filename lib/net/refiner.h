@@ -29,12 +29,16 @@ struct refiner {
     struct refiner_impl *impl;
 };
 
+/* Declare a refiner of this kind; EX_CONFIG on sizes that do not go
+ * together. */
 int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
                  const struct refiner_config *config, struct error *err);
 /* NARROW: height and width multiples of 32.  STYLE_UNET: config's size. */
 int refiner_plan(struct refiner *r, size_t batch, size_t height, size_t width,
                  struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void refiner_update(struct refiner *r);
+/* Free what _init and _plan allocated; zeroed then. */
 void refiner_release(struct refiner *r);
 
 /* How the head has turned since the source (lib/geom/relative_pose.h), for all
@@ -51,6 +55,7 @@ void refiner_forward(float *rgb, const float *feat, struct refiner *r);
  * a NARROW refiner planned with NN_INFER, where refiner_views says so. */
 void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r);
+/* Whether refiner_forward_view may be called. */
 bool refiner_views(const struct refiner *r);
 /* dfeat (B,H,W,channels) is written, and dturn unless NULL. */
 void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],

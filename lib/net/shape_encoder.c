@@ -1,3 +1,4 @@
+/* E_beta (Eq. beta): MobileNetV3 on the face crop and one linear layer. */
 #include "lib/net/shape_encoder.h"
 
 #include <string.h>
@@ -10,6 +11,7 @@ int shape_encoder_init(struct shape_encoder *s, struct params *ps,
                        struct error *err)
 {
     char name[120];
+
     memset(s, 0, sizeof *s);
     s->ps = ps;
     nn_name(name, "%sencoder.", prefix);
@@ -27,6 +29,7 @@ int shape_encoder_plan(struct shape_encoder *s, size_t batch,
                        struct nn_options opt, struct error *err)
 {
     size_t S = SHAPE_ENCODER_SIZE;
+
     nn_plan_release(&s->plan);
     nn_plan_init(&s->plan, opt);
     s->batch = batch;
@@ -53,6 +56,7 @@ void shape_encoder_forward(float *beta, const float *rgb,
                            struct shape_encoder *s)
 {
     size_t F = s->net.features;
+
     mobilenet_forward(s->pooled, rgb, &s->net);
     for (size_t n = 0; n < s->batch; n++)
         nn_kernels()->gemv(beta + n * SHAPE_ENCODER_OUT,
@@ -67,10 +71,12 @@ void shape_encoder_backward(float *drgb, const float *dbeta,
     size_t F = s->net.features;
     const float *w = param_w(s->ps, s->weight);
     float *dw = param_g(s->ps, s->weight), *db = param_g(s->ps, s->bias);
+
     memset(s->dpooled, 0, s->batch * F * sizeof *s->dpooled);
     for (size_t n = 0; n < s->batch; n++)
         for (size_t o = 0; o < SHAPE_ENCODER_OUT; o++) {
             float g = dbeta[n * SHAPE_ENCODER_OUT + o];
+
             db[o] += g;
             for (size_t f = 0; f < F; f++) {
                 dw[o * F + f] += g * s->pooled[n * F + f];

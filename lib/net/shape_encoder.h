@@ -18,17 +18,22 @@ struct shape_encoder {
     float *pooled, *dpooled;      /* (B,features) */
 };
 
+/* Declare E_beta on the MobileNet of this name (mobilenet_init). */
 int shape_encoder_init(struct shape_encoder *s, struct params *ps,
                        const char *prefix, const char *variant,
                        struct error *err);
+/* For `batch` face crops. */
 int shape_encoder_plan(struct shape_encoder *s, size_t batch,
                        struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void shape_encoder_update(struct shape_encoder *s);
+/* Free what _init and _plan allocated; zeroed then. */
 void shape_encoder_release(struct shape_encoder *s);
 
 /* beta (B,300); rgb (B,224,224,3) in [0,1]. */
 void shape_encoder_forward(float *beta, const float *rgb,
                            struct shape_encoder *s);
+/* drgb (B,224,224,3), or NULL, from dbeta (B,300). */
 void shape_encoder_backward(float *drgb, const float *dbeta,
                             struct shape_encoder *s);
 

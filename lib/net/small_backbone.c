@@ -1,3 +1,5 @@
+/* The shipped backbone: a small encoder-decoder with skips (U-Net, Ronneberger
+ * et al. 2015). */
 #include "lib/net/small_backbone.h"
 
 #include <string.h>
@@ -14,6 +16,7 @@ static void small_backbone_declare(struct conv *c, struct params *ps,
                                    size_t stride, float gain)
 {
     char name[120];
+
     conv_init(c, ps, nn_name(name, "%s%s.%zu", prefix, what, i), in, out, 3,
               stride, true);
     c->act = ACT_RELU;
@@ -25,6 +28,7 @@ void small_backbone_init(struct small_backbone *s, struct params *ps,
                          size_t width)
 {
     static const size_t times[L] = { 2, 3, 6, 8, 8 };
+
     memset(s, 0, sizeof *s);
     s->features = features;
     s->size = size;
@@ -52,8 +56,10 @@ static void small_backbone_plan_levels(struct small_backbone *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, n = s->size;
+
     for (size_t i = 0; i < L; i++) {
         size_t in = n;
+
         n = i ? (n + 1) / 2 : n;
         s->side[i] = n;
         s->a[i] = nn_plan_floats(p, B * n * n * s->channels[i]);
@@ -80,6 +86,7 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
 {
     struct nn_plan *p = &s->plan;
     size_t n = s->size;
+
     nn_plan_release(p);
     nn_plan_init(p, opt);
     s->batch = batch;
@@ -91,6 +98,7 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     small_backbone_plan_levels(s);
     for (size_t i = 0; i < L && nn_plan_backward(p); i++) {
         size_t area = batch * s->side[i] * s->side[i];
+
         s->da[i] = nn_plan_floats(p, area * s->channels[i]);
         s->db[i] = nn_plan_floats(p, area * s->channels[i]);
         s->dv[i] = nn_plan_floats(p, area * (i ? s->channels[i - 1]
@@ -136,13 +144,14 @@ void small_backbone_forward(float *features, const float *rgb,
 {
     static const float mean[3] = { 0.45f, 0.45f, 0.45f };
     size_t n = 2 * s->size;
+
     rescale_forward(s->large, rgb, &s->enlarge);
     space_to_depth(s->x, s->large, mean, 4.0f, s->batch, n, n, 3, 2);
     conv_forward(s->a[0], s->x, &s->down[0]);
     for (size_t i = 1; i < L; i++) {
         conv_forward(s->a[i], s->b[i - 1], &s->down[i]);
-        memcpy(s->b[i], s->a[i], small_backbone_level_size(s, i) *
-               sizeof(float));
+        memcpy(s->b[i], s->a[i],
+               small_backbone_level_size(s, i) * sizeof(float));
         conv_forward(s->b[i], s->a[i], &s->same[i]);   /* relu(a + conv a) */
     }
     for (size_t i = L - 1; i-- > 0;) {
@@ -157,6 +166,7 @@ void small_backbone_forward(float *features, const float *rgb,
 void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
 {
     size_t n = s->batch * s->size * s->size * s->features;
+
     memcpy(s->dv[0], dfeatures, n * sizeof *dfeatures);
     for (size_t i = 0; i + 1 < L; i++) {
         /* u = b[i] + grow(v[i+1]); v[i] = conv u */

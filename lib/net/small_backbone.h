@@ -23,15 +23,21 @@ struct small_backbone {
     float *da[SMALL_LEVELS], *db[SMALL_LEVELS], *dv[SMALL_LEVELS], *dx;
 };
 
+/* Declare the tensors: C_f features of size x size, channels by width. */
 void small_backbone_init(struct small_backbone *s, struct params *ps,
                          const char *prefix, size_t features, size_t size,
                          size_t width);
+/* Pictures of input x input pixels. */
 int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
                         struct nn_options opt, struct error *err);
+/* The weights in ps changed. */
 void small_backbone_update(struct small_backbone *s);
+/* Free what _init and _plan allocated; zeroed then. */
 void small_backbone_release(struct small_backbone *s);
+/* features (B,size,size,features) from rgb (B,input,input,3) in [0,1]. */
 void small_backbone_forward(float *features, const float *rgb,
                             struct small_backbone *s);
+/* The weights' gradients; the picture has none. */
 void small_backbone_backward(const float *dfeatures,
                              struct small_backbone *s);
 

@@ -105,6 +105,7 @@ int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
     s->relu1 = nn_plan_floats(p, most);
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
         struct squeezenet_fire *f = &s->fire[i];
+
         squeezenet_fire_plan(f, p, batch, &h, &w);
         size_t n = batch * h * w * 2 * f->expand1.out;
         most = n > most ? n : most;

@@ -50,6 +50,7 @@ int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
                     size_t width, struct nn_options opt, struct error *err);
 /* The weights in ps changed. */
 void squeezenet_update(struct squeezenet *s);
+/* Free what _init and _plan allocated; zeroed then. */
 void squeezenet_release(struct squeezenet *s);
 
 /* All layers of rgb (B,H,W,3), 0..1 sRGB, which must stay until the

@@ -1,3 +1,5 @@
+/* StyleUNet (GAGAvatar's upsampler): declaration, one pass, and the same
+ * backwards. */
 #include "lib/net/style_unet.h"
 
 #include <math.h>
@@ -15,46 +17,12 @@ static size_t style_unet_width(const struct style_unet *s, size_t side)
 {
     size_t full = side <= 32 ? 256 : 8192 / side;
     size_t n = (size_t)((float)full * s->multiplier + 0.5f);
+
     return n < 8 ? 8 : (n + 7) / 8 * 8;
 }
 
 /* ---- declaring ------------------------------------------------------------
  */
-
-/* A convolution with leaky ReLU and the gain that goes with it. */
-static void style_unet_conv(struct conv *c, struct params *ps,
-                            const char *name, size_t in, size_t out,
-                            size_t kernel)
-{
-    conv_init(c, ps, name, in, out, kernel, 1, true);
-    c->act = ACT_LRELU;
-    ps->tensor[c->weight].gain = LRELU_GAIN;
-}
-
-/* A residual block that halves the map or doubles it. */
-static void style_res_init(struct style_res *r, struct params *ps,
-                           const char *at, size_t in, size_t out, bool up)
-{
-    char name[120];
-    r->up = up;
-    style_unet_conv(&r->conv1, ps, nn_name(name, "%s.conv1", at), in, in, 3);
-    style_unet_conv(&r->conv2, ps, nn_name(name, "%s.conv2", at), in, out, 3);
-    conv_init(&r->skip, ps, nn_name(name, "%s.skip", at), in, out, 1, 1,
-              false);
-}
-
-/* Two convolutions that make a scale (bias 1) or a shift (bias 0). */
-static void style_condition_init(struct style_condition *c, struct params *ps,
-                                 const char *at, size_t in, size_t out,
-                                 float bias)
-{
-    char name[120];
-    style_unet_conv(&c->a, ps, nn_name(name, "%s.0", at), in, in, 3);
-    conv_init(&c->b, ps, nn_name(name, "%s.2", at), in, out, 3, 1, true);
-    ps->tensor[c->b.weight].gain = 0.3f;
-    ps->tensor[c->b.bias].init = PARAM_CONSTANT;
-    ps->tensor[c->b.bias].gain = bias;
-}
 
 /* StyleGAN2's decoder: style layers, constant input, levels from 4x4 on. */
 static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
@@ -63,6 +31,7 @@ static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
     char at[120], name[120], noise[120];
     size_t C = 2 * style_unet_width(s, 4), Z = s->latent;
     size_t constant[4] = { 1, C, 4, 4 };
+
     nn_name(at, "%sstylegan_decoder.", prefix);
     for (size_t i = 0; i < 8; i++) {
         linear_init(&s->mlp[i], ps,
@@ -80,6 +49,7 @@ static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
         struct style_level *l = &s->level[i];
         size_t side = 8u << i, out = 2 * style_unet_width(s, side);
         size_t in = 2 * style_unet_width(s, side / 2);
+
         style_conv_init(&l->enlarge, ps,
                         nn_name(name, "%sstyle_convs.%zu", at, 2 * i),
                         nn_name(noise, "%snoises.noise%zu", at, 2 * i + 1),
@@ -97,8 +67,10 @@ static void style_unet_decoder_init(struct style_unet *s, const char *prefix)
 static void style_unet_unused_init(struct style_unet *s, const char *prefix)
 {
     char name[120];
+
     for (size_t i = 0; i < s->levels; i++) {
         size_t dims[4] = { 3, style_unet_width(s, 8u << i), 1, 1 };
+
         nn_name(name, "%stoRGB.%zu.weight", prefix, i);
         size_t t = params_add(s->ps, name, 4, dims, PARAM_ZERO, 0);
         s->ps->tensor[t].frozen = true;
@@ -115,8 +87,9 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
     char name[120];
     size_t top = s->halve ? s->in_size : s->out_size, C = style_unet_width(s,
                                                                            4);
+
     nn_name(name, "%sconv_body_first%s", prefix, s->halve ? ".0" : "");
-    style_unet_conv(&s->first, ps, name, s->channels, style_unet_width(s, top),
+    style_lrelu_conv(&s->first, ps, name, s->channels, style_unet_width(s, top),
                     1);
     if (s->halve)
         style_res_init(&s->first_res, ps,
@@ -127,6 +100,7 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
         struct style_level *l = &s->level[i];
         size_t from = s->out_size >> i, side = 8u << i, up =
             style_unet_width(s, side);
+
         style_res_init(&l->down, ps,
                        nn_name(name, "%sconv_body_down.%zu", prefix, i),
                        style_unet_width(s, from),
@@ -141,7 +115,7 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
                              nn_name(name, "%scondition_shift.%zu", prefix, i),
                              up, 2 * up, 0.0f);
     }
-    style_unet_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
+    style_lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
                     C, C, 3);
     linear_init(&s->final_linear, ps, nn_name(name, "%sfinal_linear", prefix),
                 16 * C, s->latent, true);
@@ -183,58 +157,13 @@ int style_unet_init(struct style_unet *s, struct params *ps,
 /* ---- planning -------------------------------------------------------------
  */
 
-/* A residual block on B maps of side x side. */
-static void style_res_plan(struct style_res *r, struct nn_plan *p, size_t B,
-                           size_t side)
-{
-    size_t in = r->conv1.in, out = r->conv2.out;
-    size_t to = r->up ? 2 * side : side / 2;
-    bool train = nn_plan_backward(p);
-    r->h = r->w = side;
-    r->h1 = nn_plan_map(p, B * side * side * in);
-    conv_plan(&r->conv1, p, B, side, side);
-    r->h1s = nn_plan_map(p, B * to * to * in);
-    rescale_plan(&r->move_h, p, RESCALE_BILINEAR, B, side, side, to, to, in);
-    nn_plan_recycle(p, r->h1);
-    r->out = nn_plan_map(p, B * to * to * out);
-    r->h2 = train ? nn_plan_map(p, B * to * to * out) : r->out;
-    conv_plan(&r->conv2, p, B, to, to);
-    nn_plan_recycle(p, r->h1s);
-    if (r->up) {                  /* the 1x1 is cheaper before enlarging */
-        r->sx = nn_plan_map(p, B * side * side * out);
-        r->xs = nn_plan_map(p, B * to * to * out);
-        conv_plan(&r->skip, p, B, side, side);
-        rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
-                     out);
-        nn_plan_recycle(p, r->sx);
-    } else {
-        r->xs = nn_plan_map(p, B * to * to * in);
-        r->sx = nn_plan_map(p, B * to * to * out);
-        rescale_plan(&r->move_x, p, RESCALE_BILINEAR, B, side, side, to, to,
-                     in);
-        conv_plan(&r->skip, p, B, to, to);
-        nn_plan_recycle(p, r->sx);
-    }
-    nn_plan_recycle(p, r->xs);
-}
-
-/* A condition on B maps of side x side. */
-static void style_condition_plan(struct style_condition *c, struct nn_plan *p,
-                                 size_t B, size_t side)
-{
-    c->h = nn_plan_map(p, B * side * side * c->a.out);
-    conv_plan(&c->a, p, B, side, side);
-    c->out = nn_plan_map(p, B * side * side * c->b.out);
-    conv_plan(&c->b, p, B, side, side);
-    nn_plan_recycle(p, c->h);
-}
-
 /* The way down, in the order of the forward pass. */
 static void style_unet_plan_encoder(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, C = style_unet_width(s, 4);
     size_t top = s->halve ? s->in_size : s->out_size;
+
     if (s->in_size < s->out_size) {
         s->in = nn_plan_map(p, B * top * top * s->channels);
         rescale_plan(&s->enlarge, p, RESCALE_BILINEAR, B, s->in_size,
@@ -266,6 +195,7 @@ static void style_unet_plan_decoder(struct style_unet *s)
 {
     struct nn_plan *p = &s->plan;
     size_t B = s->batch, C = 2 * style_unet_width(s, 4);
+
     s->constants = nn_plan_floats(p, B * 16 * C);
     style_conv_plan(&s->conv1, p, B, 4, 4);
     to_rgb_plan(&s->rgb1, p, B, 4, 4);
@@ -274,6 +204,7 @@ static void style_unet_plan_decoder(struct style_unet *s)
         struct style_level *l = &s->level[i];
         struct style_res *down = &s->level[s->levels - 1 - i].down;
         size_t side = 8u << i, half = side / 2;
+
         l->side = side;
         l->f = nn_plan_map(p, B * half * half * l->up.conv1.in);
         nn_plan_recycle(p, f);
@@ -305,9 +236,11 @@ static void style_unet_plan_gradients(struct style_unet *s)
     size_t B = s->batch, top = s->halve ? s->in_size : s->out_size;
     size_t most = top * top * s->first.out;
     size_t in = top * top * s->channels;
+
     for (size_t i = 0; i < s->levels; i++) {
         struct style_level *l = &s->level[i];
         size_t n = l->side * l->side * l->enlarge.in;
+
         most = n > most ? n : most;
         l->ddown = nn_plan_floats(p, B * (s->out_size >> (i + 1)) *
                                          (s->out_size >> (i + 1)) *
@@ -351,6 +284,7 @@ static void style_unet_each(struct style_unet *s, void (*what)(struct conv *))
     struct conv *few[] = { &s->first, &s->final_conv, &s->final_linear,
                            &s->first_res.conv1, &s->first_res.conv2,
                            &s->first_res.skip };
+
     for (size_t i = 0; i < sizeof few / sizeof *few; i++)
         if (few[i]->impl)
             what(few[i]);
@@ -363,6 +297,7 @@ static void style_unet_each(struct style_unet *s, void (*what)(struct conv *))
                                &l->up.conv1, &l->up.conv2, &l->up.skip,
                                &l->scale.a, &l->scale.b, &l->shift.a,
                                &l->shift.b };
+
         for (size_t i = 0; i < sizeof all / sizeof *all; i++)
             if (all[i]->impl)
                 what(all[i]);
@@ -398,65 +333,6 @@ void style_unet_release(struct style_unet *s)
 /* ---- one pass -------------------------------------------------------------
  */
 
-/* Values of the block's output. */
-static size_t style_res_size(const struct style_res *r)
-{
-    return r->conv2.batch * r->conv2.oh * r->conv2.ow * r->conv2.out;
-}
-
-/* r->out from x. */
-static void style_res_forward(const float *x, struct style_res *r)
-{
-    conv_forward(r->h1, x, &r->conv1);
-    rescale_forward(r->h1s, r->h1, &r->move_h);
-    conv_forward(r->h2, r->h1s, &r->conv2);
-    if (r->up) {
-        conv_forward(r->sx, x, &r->skip);
-        rescale_forward(r->xs, r->sx, &r->move_x);
-    } else {
-        rescale_forward(r->xs, x, &r->move_x);
-        conv_forward(r->sx, r->xs, &r->skip);
-    }
-    if (r->out != r->h2)
-        memcpy(r->out, r->h2, style_res_size(r) * sizeof *r->out);
-    image_add(r->out, r->up ? r->xs : r->sx, style_res_size(r));
-}
-
-/* dx (written) from dout; a, b scratch; dout is overwritten. */
-static void style_res_backward(float *dx, float *dout, const float *x,
-                               float *a, float *b, struct style_res *r)
-{
-    size_t n = r->conv1.batch * r->h * r->w * r->conv1.in;
-    if (r->up) {
-        rescale_backward(a, dout, &r->move_x);
-        conv_backward(dx, a, NULL, x, &r->skip);
-    } else {
-        conv_backward(a, dout, NULL, r->xs, &r->skip);
-        rescale_backward(dx, a, &r->move_x);
-    }
-    conv_backward(a, dout, r->h2, r->h1s, &r->conv2);
-    rescale_backward(b, a, &r->move_h);
-    conv_backward(a, b, r->h1, x, &r->conv1);
-    image_add(dx, a, n);
-}
-
-/* c->out from the map f. */
-static void style_condition_forward(const float *f, struct style_condition *c)
-{
-    conv_forward(c->h, f, &c->a);
-    conv_forward(c->out, c->h, &c->b);
-}
-
-/* df += ; dout is not kept. */
-static void style_condition_backward(float *df, float *dout, const float *f,
-                                     float *a, float *b,
-                                     struct style_condition *c)
-{
-    conv_backward(a, dout, NULL, c->h, &c->b);
-    conv_backward(b, a, c->h, f, &c->a);
-    image_add(df, b, c->a.batch * c->a.h * c->a.w * c->a.in);
-}
-
 /* flat (B,C*16) <-> inner (B,16,C) */
 static void style_unet_flatten(float *flat, float *inner, size_t B, size_t C,
                                bool back)
@@ -466,6 +342,7 @@ static void style_unet_flatten(float *flat, float *inner, size_t B, size_t C,
             for (size_t c = 0; c < C; c++) {
                 float *a = flat + (n * C + c) * 16 + i;
                 float *b = inner + (n * 16 + i) * C + c;
+
                 if (back)
                     *b += *a;
                 else
@@ -477,12 +354,14 @@ static void style_unet_flatten(float *flat, float *inner, size_t B, size_t C,
 static void style_unet_style_forward(struct style_unet *s)
 {
     size_t Z = s->latent;
+
     style_unet_flatten(s->flat, s->inner, s->batch, style_unet_width(s, 4),
                        false);
     conv_forward(s->code, s->flat, &s->final_linear);
     for (size_t n = 0; n < s->batch; n++) {
         const float *c = s->code + n * Z;
         double sum = 0;
+
         for (size_t i = 0; i < Z; i++)
             sum += (double)c[i] * (double)c[i];
         double unit = 1 / sqrt(sum / (double)Z + EPS);
@@ -497,6 +376,7 @@ static void style_unet_style_forward(struct style_unet *s)
 static void style_unet_encoder_forward(const float *feat, struct style_unet *s)
 {
     const float *x = feat;
+
     if (s->in) {
         rescale_forward(s->in, feat, &s->enlarge);
         x = s->in;
@@ -534,6 +414,7 @@ static void style_unet_level_forward(struct style_unet *s, size_t i,
     const struct style_res *down = &s->level[s->levels - 1 - i].down;
     const float *latent = s->style[7];
     size_t n = s->batch * l->side / 2 * l->side / 2 * l->up.conv1.in;
+
     memcpy(l->f, f, n * sizeof *f);
     image_add(l->f, down->out, n);
     style_res_forward(l->f, &l->up);
@@ -550,6 +431,7 @@ void style_unet_forward(float *image, const float *feat, struct style_unet *s)
 {
     size_t C = 2 * style_unet_width(s, 4), n = s->out_size * s->out_size * 3;
     const float *constant = param_w(s->ps, s->constant);
+
     style_unet_encoder_forward(feat, s);
     style_unet_style_forward(s);
     for (size_t b = 0; b < s->batch; b++)
@@ -590,6 +472,7 @@ static void style_unet_transform_backward(float *dx, float *dscale,
 #pragma omp parallel for simd schedule(static)
     for (size_t i = 0; i < n; i++) {
         float g = dy[i];
+
         dscale[i] = g * x[i];
         dx[i] = g * scale[i];
     }
@@ -608,6 +491,7 @@ static void style_unet_level_backward(struct style_unet *s, size_t i,
     float **g = s->g;
     size_t n = s->batch * l->side * l->side * l->enlarge.out;
     size_t half = s->batch * l->side * l->side / 4 * l->up.conv1.in;
+
     to_rgb_backward(g[0], s->dlatent, dprevious, drgb, l->same.y, latent,
                     &l->rgb);
     style_conv_backward(g[2], s->dlatent, g[0], l->sft, latent, g[3], g[4],
@@ -633,6 +517,7 @@ static void style_unet_style_backward(float *dinner, struct style_unet *s)
 {
     size_t Z = s->latent;
     float *a = s->dlatent, *b = s->dstyle;
+
     for (size_t i = 8; i-- > 0;) {
         conv_backward(b, a, s->style[i], i ? s->style[i - 1] : s->normal,
                       &s->mlp[i]);
@@ -644,6 +529,7 @@ static void style_unet_style_backward(float *dinner, struct style_unet *s)
         const float *c = s->code + n * Z;
         float *d = a + n * Z;
         double sum = 0, along = 0;
+
         for (size_t i = 0; i < Z; i++) {
             sum += (double)c[i] * (double)c[i];
             along += (double)c[i] * (double)d[i];
@@ -664,6 +550,7 @@ static void style_unet_encoder_backward(float *dfeat, struct style_unet *s)
     float **g = s->g;
     const struct style_level *last = &s->level[s->levels - 1];
     size_t n = s->batch * 16 * style_unet_width(s, 4);
+
     /* g1: gradient of final_conv's output */
     conv_backward(g[0], g[1], s->inner, last->down.out, &s->final_conv);
     image_add(g[0], last->ddown, n);
@@ -671,6 +558,7 @@ static void style_unet_encoder_backward(float *dfeat, struct style_unet *s)
         struct style_level *l = &s->level[i];
         const float *x = i ? s->level[i - 1].down.out
                        : s->halve ? s->first_res.out : s->x0;
+
         style_res_backward(g[1], g[0], x, g[2], g[3], &l->down);
         if (i)
             image_add(g[1], s->level[i - 1].ddown,
@@ -697,6 +585,7 @@ void style_unet_backward(float *dfeat, const float *dimage,
     size_t B = s->batch, C = 2 * style_unet_width(s, 4), L = s->levels;
     size_t top = s->out_size;
     float **g = s->g, *drgb = s->drgb[0], *dprev = s->drgb[1];
+
     memset(s->dlatent, 0, B * s->latent * sizeof *s->dlatent);
     act_backward_out(drgb, dimage, s->image, ACT_SIGMOID, B * top * top * 3);
     memset(g[0], 0, B * top * top * 2 * style_unet_width(s, top) * sizeof

@@ -5,24 +5,10 @@
 #ifndef SPID_NET_STYLE_UNET_H
 #define SPID_NET_STYLE_UNET_H
 
+#include "lib/net/style_blocks.h"
 #include "lib/nn/style.h"
 
 #define STYLE_LEVELS 9       /* up to 2048 pixels */
-
-/* h = lrelu(conv1 x); h = rs(h, f); h = lrelu(conv2 h); h + skip(rs(x, f)) */
-struct style_res {
-    struct conv conv1, conv2, skip;
-    bool up;
-    size_t h, w;                 /* of the input */
-    struct rescale move_h, move_x;
-    float *h1, *h1s, *h2, *xs, *sx, *out;
-};
-
-/* conv, lrelu, conv */
-struct style_condition {
-    struct conv a, b;
-    float *h, *out;
-};
 
 struct style_level {
     struct style_res down, up;
@@ -61,9 +47,12 @@ struct style_unet {
 int style_unet_init(struct style_unet *s, struct params *ps,
                     const char *prefix, size_t channels, size_t in_size,
                     size_t out_size, float multiplier, struct error *err);
+/* For `batch` feature images of in_size. */
 int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
                     struct error *err);
+/* The weights in ps changed. */
 void style_unet_update(struct style_unet *s);
+/* Free what _init and _plan allocated; zeroed then. */
 void style_unet_release(struct style_unet *s);
 /* image (B,out,out,3) = sigmoid of s's last rgb, from feat (B,in,in,C). */
 void style_unet_forward(float *image, const float *feat,
@@ -73,6 +62,7 @@ void style_unet_backward(float *dfeat, const float *dimage,
                          struct style_unet *s);
 /* The latent style (B,latent) and, before the sigmoid, the picture. */
 const float *style_unet_latent(const struct style_unet *s);
+/* The picture before the sigmoid, (B,out,out,3). */
 const float *style_unet_logits(const struct style_unet *s);
 
 #endif

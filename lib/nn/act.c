@@ -1,3 +1,5 @@
+/* Activations over whole maps, in chunks of a fixed size over threads, and
+ * their derivatives from the input or from the output. */
 #include "lib/nn/act.h"
 
 #include <math.h>
@@ -39,11 +41,13 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
 {
     const struct nn_kernels *k = nn_kernels();
     size_t parts = rows < 8 * NN_SUMS ? 1 : NN_SUMS;
+
     if (!db && act == ACT_NONE)
         return;
 #pragma omp parallel for schedule(static) if (parts > 1)
     for (size_t i = 0; i < parts; i++) {
         size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+
         k->act_sums(part + i * C, dout + r0 * C, out ? out + r0 * C : dout,
                     (int)act, r1 - r0, C);
     }
@@ -57,6 +61,7 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
 double act_value(enum nn_act act, double x)
 {
     double t = fmin(fmax(x + 3, 0), 6) / 6;
+
     switch (act) {
     case ACT_RELU:
         return x > 0 ? x : 0;
@@ -80,6 +85,7 @@ double act_value(enum nn_act act, double x)
 double act_slope(enum nn_act act, double x)
 {
     double y = act_value(act, x);
+
     switch (act) {
     case ACT_RELU:
         return x > 0;

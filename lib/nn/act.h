@@ -36,6 +36,7 @@ void act_bias_backward(float *db, float *dout, float *part, const float *out,
 
 /* One value, in double: the reference of the tests. */
 double act_value(enum nn_act act, double x);
+/* Its derivative. */
 double act_slope(enum nn_act act, double x);
 
 #endif

@@ -1,3 +1,6 @@
+/* Softmax attention (Vaswani et al. 2017), a block of queries against all keys
+ * at a time, so that the probabilities stay in the cache; the backward makes
+ * them again. */
 #include "lib/nn/attention.h"
 
 #include <math.h>
@@ -36,11 +39,12 @@ void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
 /* Where the calling thread's share of the plan's scratch lies. */
 static struct attention_work attention_work(const struct attention *a)
 {
-    size_t T = attention_round_up(a->tokens, 32), d =
-        attention_round_up(a->dim, 32);
+    size_t T = attention_round_up(a->tokens, 32);
+    size_t d = attention_round_up(a->dim, 32);
     float *at = (float *)(void *)a->plan->scratch +
                 (size_t)omp_get_thread_num() * a->work;
     struct attention_work w = { .ld = T };
+
     w.kt = at;
     w.v = w.kt + T * d;
     w.p = w.v + T * d;
@@ -59,10 +63,12 @@ static void attention_head_forward(float *out, const float *q,
     const struct nn_kernels *k = nn_kernels();
     struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
+
     k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
     k->gemm_pack(w.v, q + 2 * E, 3 * E, 1, T, d);
     for (size_t m = 0; m < T; m += ROWS) {
         size_t n = T - m < ROWS ? T - m : ROWS;
+
         k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
         k->softmax(w.p, n, T, w.ld, 1.0f / sqrtf((float)d));
         k->gemm(out + m * E, E, w.p, w.ld, 1, w.v, n, d, T, 0);
@@ -88,11 +94,13 @@ static void attention_head_backward(float *dq, const float *dout,
     struct attention_work w = attention_work(a);
     size_t T = a->tokens, d = a->dim, E = a->heads * d;
     float scale = 1.0f / sqrtf((float)d);
+
     k->gemm_pack(w.kt, q + E, 1, 3 * E, d, T);
     k->gemm_pack(w.vt, q + 2 * E, 1, 3 * E, d, T);
     k->gemm_pack(w.k, q + E, 3 * E, 1, T, d);
     for (size_t m = 0; m < T; m += ROWS) {
         size_t n = T - m < ROWS ? T - m : ROWS;
+
         k->gemm(w.p, w.ld, q + m * 3 * E, 3 * E, 1, w.kt, n, T, d, 0);
         k->softmax(w.p, n, T, w.ld, scale);
         k->gemm(w.dp, w.ld, dout + m * E, E, 1, w.vt, n, T, d, 0);

@@ -10,6 +10,7 @@ struct attention {
     size_t work;                         /* floats of scratch per thread */
 };
 
+/* For items of `tokens` rows, `heads` heads of `dim` numbers. */
 void attention_plan(struct attention *a, struct nn_plan *p, size_t batch,
                     size_t tokens, size_t heads, size_t dim);
 /* out (B,T,heads*dim) = softmax(q k^T / sqrt(dim)) v, qkv (B,T,3,heads,dim) */

@@ -1,3 +1,6 @@
+/* A convolution whose weights are a linear function of a few numbers
+ * (CondConv, Yang et al. 2019, with given coefficients): the refiner's
+ * conditions on how the head has turned. */
 #include "lib/nn/conditional_conv.h"
 
 #include <string.h>
@@ -13,6 +16,7 @@ void conditional_conv_init(struct conditional_conv *v, struct conv *c,
 {
     char buf[120];
     size_t dims[5] = { n, c->out, c->in, c->kernel, c->kernel };
+
     *v = (struct conditional_conv){ .conv = c, .n = n };
     v->tensor = params_add(c->ps, nn_name(buf, "%s.vary", name), 5, dims,
                            PARAM_ZERO, 0.0f);
@@ -21,14 +25,15 @@ void conditional_conv_init(struct conditional_conv *v, struct conv *c,
 void conditional_conv_plan(struct conditional_conv *v, struct nn_plan *p)
 {
     v->sum = nn_plan_floats(p, conditional_conv_count(v));
-    v->was = nn_plan_backward(p) ? nn_plan_floats(p, conditional_conv_count(v))
-        : NULL;
+    v->was = nn_plan_backward(p)
+                 ? nn_plan_floats(p, conditional_conv_count(v)) : NULL;
 }
 
 void conditional_conv_set(struct conditional_conv *v, const float *by)
 {
     size_t count = conditional_conv_count(v);
     const float *V = param_w(v->conv->ps, v->tensor);
+
     memcpy(v->sum, param_w(v->conv->ps, v->conv->weight),
            count * sizeof *v->sum);
     for (size_t j = 0; j < v->n; j++)
@@ -47,11 +52,13 @@ void conditional_conv_backward(float *din, float *dby, float *dout,
     const float *V = param_w(v->conv->ps, v->tensor);
     float *g = param_g(v->conv->ps, v->conv->weight);
     float *gv = param_g(v->conv->ps, v->tensor);
+
     memcpy(v->was, g, count * sizeof *g);
     memset(g, 0, count * sizeof *g);
     conv_backward(din, dout, out, in, v->conv);
     for (size_t j = 0; j < v->n; j++) {
         double dot = 0;
+
         for (size_t i = 0; i < count; i++) {
             gv[j * count + i] += by[j] * g[i];
             dot += (double)g[i] * (double)V[j * count + i];

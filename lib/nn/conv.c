@@ -19,6 +19,7 @@
 const char *nn_name(char buf[120], const char *format, ...)
 {
     va_list ap;
+
     va_start(ap, format);
     vsnprintf(buf, 120, format, ap);
     va_end(ap);
@@ -31,6 +32,7 @@ static void conv_declare(struct conv *c, struct params *ps, const char *name,
                          bool bias, int ndim)
 {
     char buf[120];
+
     memset(c, 0, sizeof *c);
     *c = (struct conv){ .ps = ps, .in = in, .out = out, .kernel = kernel,
                         .stride = stride, .bias = NN_NONE, .gamma = NN_NONE };
@@ -59,6 +61,7 @@ void deconv_init(struct conv *c, struct params *ps, const char *name,
 {
     char buf[120];
     size_t dims[4] = { in, out, f, f };
+
     memset(c, 0, sizeof *c);
     *c = (struct conv){ .ps = ps, .in = in, .out = f * f * out, .kernel = 1,
                         .stride = 1, .shuffle = f, .gamma = NN_NONE };
@@ -76,6 +79,7 @@ static size_t conv_padded(size_t n, size_t before, size_t windows,
                           const struct conv *c)
 {
     size_t seen = (windows - 1) * c->stride + c->kernel;
+
     return seen > n + before ? seen : n + before;
 }
 
@@ -230,6 +234,7 @@ static void conv_pad_axis(size_t *before, size_t *after, size_t *out,
                           size_t size, const struct conv *c)
 {
     size_t k = c->kernel, s = c->stride;
+
     if (c->pad == CONV_SAME) {
         *out = (size + s - 1) / s;
         size_t need = (*out - 1) * s + k;
@@ -322,11 +327,13 @@ const char *conv_kernel(const struct conv *c)
 static void conv_shuffle_weights(const struct conv *c, float *w, bool back)
 {
     size_t ff = c->shuffle * c->shuffle, O = c->out / ff;
+
     for (size_t d = 0; d < ff; d++)
         for (size_t o = 0; o < O; o++)
             for (size_t i = 0; i < c->in; i++) {
                 float *s = c->impl->stage + (d * O + o) * c->in + i;
                 float *p = w + (i * O + o) * ff + d;
+
                 if (back)
                     *p += *s;
                 else
@@ -339,6 +346,7 @@ static void conv_shuffle_weights(const struct conv *c, float *w, bool back)
 static const float *conv_shuffled_weights(struct conv *c)
 {
     size_t O = c->out / (c->shuffle * c->shuffle);
+
     for (size_t o = 0; o < c->out; o++)
         c->impl->bias[o] = param_w(c->ps, c->bias)[o % O];
     conv_shuffle_weights(c, param_w(c->ps, c->weight), false);
@@ -353,17 +361,20 @@ static const float *conv_staged_weights(struct conv *c,
     const float *w = c->from ? c->from : param_w(c->ps, c->weight);
     const float *b = c->bias == NN_NONE ? NULL : param_w(c->ps, c->bias);
     size_t taps = c->kernel * c->kernel;
+
     for (size_t o = 0; o < c->out; o++)
         im->bias[o] = b ? b[o] : 0.0f;
     if (!bn && c->in_data == c->in && c->gamma == NN_NONE)
         return w;
     for (size_t o = 0; o < c->out; o++) {
         float scale = 1.0f;
+
         if (c->gamma != NN_NONE) {
             scale = param_w(c->ps, c->gamma)[o];
             im->bias[o] *= scale;
         } else if (bn) {
             const struct params *ps = c->ps;
+
             scale = param_w(ps, bn->weight)[o] /
                     sqrtf(param_w(ps, bn->var)[o] + bn->eps);
             im->bias[o] = param_w(ps, bn->bias)[o] +

@@ -58,18 +58,22 @@ void linear_init(struct conv *c, struct params *ps, const char *name,
  * depth_to_space (lib/nn/image.h) lays out as (B,h f,w f,out). */
 void deconv_init(struct conv *c, struct params *ps, const char *name,
                  size_t in, size_t out, size_t f);
+/* Inputs (batch,h,w,in_data); chooses who computes the forward. */
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w);
+/* A linear layer on `rows` rows. */
 void linear_plan(struct conv *c, struct nn_plan *p, size_t rows);
 /* Weights changed.  bn (or NULL) is folded in. */
 void conv_update(struct conv *c, const struct batch_norm *bn);
+/* Free what _init and _plan allocated; zeroed then. */
 void conv_release(struct conv *c);
 
 /* out (B,oh,ow,out) = act(conv(in (B,h,w,in_data))). */
 void conv_forward(float *out, const float *in, struct conv *c);
 /* din (B,h,w,in) is written unless NULL; weight and bias gradients are added
  * to ps->g, unless their tensors are frozen (which weights must be before the
- * planning, or never); dout is overwritten by the gradient before the activation. */
+ * planning, or never); dout is overwritten by the gradient before the
+ * activation. */
 void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c);
 

@@ -57,11 +57,12 @@ struct conv_impl {
     float *sums;                 /* (NN_SUMS+1,out): bias gradient's parts */
 };
 
-/* Plan the forward, the input's gradient and the weights' gradient of a
- * convolution of this shape; failures go to c->plan. */
+/* Plan the forward of a convolution of this shape; failures go to c->plan. */
 void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s);
+/* The same for the input's gradient. */
 void conv_onednn_plan_backward_data(struct conv *c,
                                     const struct conv_shape *s);
+/* The same for the weights' gradient, in parts of one thread each. */
 void conv_onednn_plan_backward_weights(struct conv *c,
                                        const struct conv_shape *s);
 

@@ -91,6 +91,7 @@ static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
 {
     struct nn_plan *p = c->plan;
     struct conv_onednn_mds m;
+
     dnnl_convolution_desc_t d;
     dnnl_primitive_desc_t pd = NULL, hint = NULL;
     bool bwd = nn_plan_backward(p);
@@ -143,6 +144,7 @@ static void conv_onednn_plan_reorder(struct nn_call *call,
                                      const dnnl_memory_desc_t *md, bool back)
 {
     struct nn_plan *p = c->plan;
+
     dnnl_memory_desc_t plain;
     dnnl_dims_t dims = { c->out, c->in_data, c->kernel, c->kernel };
     dnnl_primitive_desc_t pd = NULL;
@@ -177,6 +179,7 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
     struct conv_impl *im = c->impl;
     struct nn_plan *p = c->plan;
     size_t values = c->batch * c->h * c->w * c->in_data;
+
     dnnl_primitive_desc_t pd = conv_onednn_primitive(c, FORWARD, s);
 
     if (!pd)
@@ -217,6 +220,7 @@ void conv_onednn_plan_backward_data(struct conv *c,
 {
     struct conv_impl *im = c->impl;
     struct nn_plan *p = c->plan;
+
     dnnl_primitive_desc_t pd = conv_onednn_primitive(c, BACKWARD_DATA, s);
 
     if (!pd)
@@ -261,6 +265,7 @@ static void conv_onednn_plan_part(struct conv *c, struct conv_part *part,
 {
     struct conv_impl *im = c->impl;
     struct nn_plan *p = c->plan;
+
     dnnl_primitive_desc_t pd = conv_onednn_primitive(c, BACKWARD_WEIGHTS, s);
 
     if (!pd)
@@ -303,8 +308,10 @@ void conv_onednn_plan_backward_weights(struct conv *c,
         struct conv_part *part = &im->part[i];
         struct conv_shape b = *s;
         size_t image = i * s->n / im->parts, first = 0, y0 = 0;
+
         if (bands > 1) {
             size_t k = i % bands;
+
             image = i / bands;
             y0 = k * s->oh / bands;
             b = conv_onednn_band(s, c, y0, (k + 1) * s->oh / bands, &first);
@@ -364,6 +371,7 @@ const float *conv_onednn_backward_weights(const float *dout, const float *in,
 #pragma omp parallel for schedule(static, 1)
     for (size_t i = 0; i < im->parts; i++) {
         struct conv_part *part = &im->part[i];
+
         nn_call_set(&part->call, 0, in + part->in_at);
         nn_call_set(&part->call, 1, dout + part->out_at);
         nn_call_set(&part->call, 2, part->dw);

@@ -1,3 +1,5 @@
+/* Depthwise convolutions: planning, weights with the norm folded in, and the
+ * split of the work into 16 channels by a band of rows. */
 #include "lib/nn/depthwise.h"
 
 #include <assert.h>
@@ -12,6 +14,7 @@ void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
 {
     char buf[120];
     size_t dims[4] = { channels, 1, kernel, kernel };
+
     assert((kernel == 3 || kernel == 5) && (stride == 1 || stride == 2));
     *d = (struct depthwise){ .ps = ps, .channels = channels,
                              .kernel = kernel, .stride = stride };
@@ -26,6 +29,7 @@ static size_t depthwise_out_size(size_t *before, size_t size,
     size_t out = (size + d->stride - 1) / d->stride;
     size_t need = (out - 1) * d->stride + d->kernel;
     size_t total = need > size ? need - size : 0;
+
     *before = d->pad == CONV_SAME ? total / 2 : d->kernel / 2;
     return out;
 }
@@ -35,6 +39,7 @@ void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
 {
     size_t C = d->channels, K = d->kernel, S = d->stride;
     size_t T = DEPTHWISE_COLUMNS, R = DEPTHWISE_ROWS;
+
     d->plan = p;
     d->batch = batch;
     d->h = h;
@@ -59,8 +64,10 @@ void depthwise_update(struct depthwise *d, const struct batch_norm *bn)
     const struct params *ps = d->ps;
     const float *w = param_w(ps, d->weight);
     size_t C = d->channels, taps = d->kernel * d->kernel;
+
     for (size_t c = 0; c < C; c++) {
         float scale = 1.0f, bias = 0.0f;
+
         if (bn) {
             scale = param_w(ps, bn->weight)[c] /
                     sqrtf(param_w(ps, bn->var)[c] + bn->eps);
@@ -92,9 +99,9 @@ void depthwise_forward(float *out, const float *in, struct depthwise *d)
     for (size_t n = 0; n < d->batch; n++)
         for (size_t b = 0; b < bands; b++)
             for (size_t c = 0; c < blocks; c++)
-                k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n, c
-                                     * L, b * R, b + 1 < bands ? (b + 1) * R :
-                                     d->oh);
+                k->depthwise_forward(out, in, depthwise_thread_pad(d), d, n,
+                                     c * L, b * R,
+                                     b + 1 < bands ? (b + 1) * R : d->oh);
 }
 
 /* In the forward pass this was, per channel, with S the stride:

@@ -29,8 +29,10 @@ struct depthwise {
     float *dw;                    /* (batch,k*k,C) */
 };
 
+/* Declare "<name>.weight"; kernel 3 or 5, stride 1 or 2. */
 void depthwise_init(struct depthwise *d, struct params *ps, const char *name,
                     size_t channels, size_t kernel, size_t stride);
+/* Inputs (batch,h,w,channels). */
 void depthwise_plan(struct depthwise *d, struct nn_plan *p, size_t batch,
                     size_t h, size_t w);
 /* Weights changed; bn (or NULL) is folded in. */

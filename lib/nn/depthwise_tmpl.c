@@ -22,6 +22,7 @@ VF_INLINE void depthwise_copy_row(float *to, size_t step,
 {
     size_t at = y * s->w * s->C + s->c0;
     const float *p = s->data + at;
+
     if (s->m == LANES)
         for (size_t x = 0; x < s->w; x++, p += s->C, to += step)
             for (size_t i = 0; i < LANES; i += VF_LANES)
@@ -41,11 +42,13 @@ static void depthwise_fill(float *pad, const struct depthwise_source *s,
                            size_t cols, size_t dilate)
 {
     ptrdiff_t d = (ptrdiff_t)dilate;
+
     for (size_t r = 0; r < rows; r++) {
         ptrdiff_t y = y0 + (ptrdiff_t)r;
         float *row = pad + r * cols * LANES;
         bool inside = y >= 0 && y % d == 0 && y / d < (ptrdiff_t)s->h;
         size_t left = (size_t)-x0, used = (s->w - 1) * dilate + 1;
+
         if (!inside || dilate > 1) {
             memset(row, 0, cols * LANES * sizeof *row);
         } else {
@@ -103,6 +106,7 @@ VF_INLINE void depthwise_store(const struct depthwise_target *o, size_t y,
 {
     float *to = o->data + (y * o->w + x) * o->C + o->c0 + lane;
     size_t left = o->m - lane;
+
     v = depthwise_activate(v, act);
     if (left >= VF_LANES)
         vf_store(to, v);
@@ -123,10 +127,10 @@ VF_INLINE void depthwise_rows(const struct depthwise_target *o,
     for (size_t y = y0; y < y1; y++)
         for (size_t x = 0; x < o->w; x += T)
             for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {
-                depthwise_columns(acc,
-                                  pad + ((y - y0) * cols + x) * (size_t)S *
-                                      LANES + i, taps + i, C,
-                                  vf_load(bias + i), cols, K, S);
+                const float *p = pad + ((y - y0) * cols + x) * (size_t)S * LANES;
+
+                depthwise_columns(acc, p + i, taps + i, C, vf_load(bias + i),
+                                  cols, K, S);
                 size_t n = o->w - x < T ? o->w - x : T;
                 for (size_t t = 0; t < T; t++)
                     if (t < n)
@@ -162,6 +166,7 @@ static void depthwise_taps(float *to, const float *taps,
                            const struct depthwise *d, size_t c0, size_t m)
 {
     size_t n = d->kernel * d->kernel;
+
     memset(to, 0, n * LANES * sizeof *to);
     for (size_t i = 0; i < n; i++)
         memcpy(to + i * LANES, taps + i * d->channels + c0, m * sizeof *to);
@@ -185,6 +190,7 @@ void ISA(depthwise_forward)(float *out, const float *in, float *pad,
     struct depthwise_target o = { out + image * d->oh * d->ow * C, d->ow, C,
                                   c0, m };
     size_t cols = depthwise_padded_width(d->ow, d->stride, d->kernel);
+
     depthwise_taps(taps, d->taps, d, c0, m);
     memcpy(bias, d->bias + c0, m * sizeof *bias);
     depthwise_fill(pad, &s, (ptrdiff_t)(y0 * d->stride) - (ptrdiff_t)d->top,
@@ -207,6 +213,7 @@ void ISA(depthwise_backward_data)(float *din, const float *dout, float *pad,
                                   m };
     size_t cols = depthwise_padded_width(d->w, 1, d->kernel), K = d->kernel;
     size_t used = K - 1 - d->left + (d->ow - 1) * d->stride + 1;
+
     if (cols < used)
         cols = used;
     depthwise_taps(taps, d->flipped, d, c0, m);
@@ -237,14 +244,16 @@ VF_INLINE void depthwise_weights(float *sum, const float *pad, const float *g,
     for (int i = 0; i < LANES * K; i += VF_LANES) {
         int ky = i / LANES, lane = i % LANES;
         float *to = sum + ky * K * LANES + lane;
+
         vf acc[5];
         for (int k = 0; k < K; k++)
             acc[k] = vf_load(to + k * LANES);
-        for (size_t y = 0; y < rows; y++)
-            depthwise_row_taps(acc,
-                               pad + (y * (size_t)S + (size_t)ky) * cols *
-                                   LANES + lane, g + y * w * LANES + lane, w,
-                               K, S);
+        for (size_t y = 0; y < rows; y++) {
+            size_t row = (y * (size_t)S + (size_t)ky) * cols;
+
+            depthwise_row_taps(acc, pad + row * LANES + lane,
+                               g + y * w * LANES + lane, w, K, S);
+        }
         for (int k = 0; k < K; k++)
             vf_store(to + k * LANES, acc[k]);
     }
@@ -257,16 +266,18 @@ void ISA(depthwise_backward_weights)(float *dw, const float *dout,
                                      size_t c0)
 {
     size_t C = d->channels, m = C - c0 < LANES ? C - c0 : LANES;
-    size_t K = d->kernel, S = d->stride, cols = depthwise_padded_width(d->ow,
-                                                                       S, K);
+    size_t K = d->kernel, S = d->stride;
+    size_t cols = depthwise_padded_width(d->ow, S, K);
     float sum[25 * LANES] = { 0 };
     struct depthwise_source s = { in + image * d->h * d->w * C, d->h, d->w,
                                   C, c0, m };
     struct depthwise_source g = { dout + image * d->oh * d->ow * C, d->oh,
                                   d->ow, C, c0, m };
     float *rows = pad + ((DEPTHWISE_ROWS - 1) * S + K) * cols * LANES;
+
     for (size_t y0 = 0; y0 < d->oh; y0 += DEPTHWISE_ROWS) {
         size_t n = d->oh - y0 < DEPTHWISE_ROWS ? d->oh - y0 : DEPTHWISE_ROWS;
+
         depthwise_fill(pad, &s, (ptrdiff_t)(y0 * S) - (ptrdiff_t)d->top,
                        (n - 1) * S + K, -(ptrdiff_t)d->left, cols, 1);
         for (size_t y = 0; y < n; y++)

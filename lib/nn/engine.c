@@ -1,3 +1,5 @@
+/* oneDNN's engine and stream, once in a process, and calls of its
+ * primitives. */
 #include "lib/nn/engine.h"
 
 #include <assert.h>

@@ -28,6 +28,7 @@ void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,
                   struct nn_plan *p);
 /* The same primitive with arguments of its own, for another thread. */
 void nn_call_share(struct nn_call *c, const struct nn_call *from);
+/* Free what _init and _plan allocated; zeroed then. */
 void nn_call_release(struct nn_call *c);
 /* Declare argument `id` (DNNL_ARG_SRC, ...); returns its index. */
 int nn_call_arg(struct nn_call *c, int id, const dnnl_memory_desc_t *md,
@@ -37,6 +38,7 @@ size_t nn_call_scratch(struct nn_call *c, const_dnnl_primitive_desc_t pd,
                        struct nn_plan *p);
 /* Point argument index i at data. */
 void nn_call_set(struct nn_call *c, int i, const void *data);
+/* Run it on the stream, with the arguments as set. */
 void nn_call_run(struct nn_call *c);
 
 #endif

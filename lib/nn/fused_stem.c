@@ -1,3 +1,5 @@
+/* The narrow refiner's first layer in one pass over the feature image: half
+ * floats widened, packed rows spread, the coarse picture picked out. */
 #include "lib/nn/fused_stem.h"
 
 #include <omp.h>
@@ -31,9 +33,11 @@ void fused_stem_update(struct fused_stem *f)
 {
     const struct conv *c = f->c;
     const float *w = param_w(c->ps, c->weight);      /* (out,in,2,2) */
+
     memcpy(f->bias, param_w(c->ps, c->bias), c->out * sizeof *f->bias);
     for (size_t o = 0; o < c->out; o++) {
         float sum = f->bias[o] + 0.0f;      /* no -0, as the sum's */
+
         f->empty[o] = sum > ACT_SLOPE * sum ? sum : ACT_SLOPE * sum;
     }
     for (size_t o = 0; o < c->out; o++)
@@ -50,6 +54,7 @@ static size_t fused_stem_spread(float *wide, const struct feature_view *in,
                                 size_t C)
 {
     size_t first = at;
+
     for (size_t x = 0, end; x < n; x = end) {
         end = covered_run(alpha, x, n);
         if (alpha[x] == 0) {
@@ -77,13 +82,16 @@ static bool fused_stem_gather(struct fused_stem_rows *rows, float *wide,
 {
     size_t C = f->c->in, from = 2 * r * in->stride + 2 * x * C, some = 0;
     size_t ahead = from + 2 * PIECE * C;
+
     for (size_t y = 0; y < 2; y++, from += in->stride, ahead += in->stride) {
         float *to = wide + y * 2 * n * C;
+
         rows->row[y] = to;
         rows->step = 16 * (in->f32 ? sizeof *in->f32 : sizeof *in->f16);
         if (in->start) {
             size_t took = fused_stem_spread(to, in, in->alpha + from / C,
                                             at[y], 2 * n, C);
+
             some += took;
             at[y] += took;
             ahead = at[y] * C;
@@ -109,6 +117,7 @@ static void fused_stem_line(float *out, float *rgb,
                      in->start ? in->start[2 * r + 1] : 0 };
     float *wide = f->wide + (size_t)omp_get_thread_num() * f->line;
     struct fused_stem_rows rows;
+
     for (size_t x = 0, n; x < half; x += n) {
         n = half - x < PIECE ? half - x : PIECE;
         float *to = out + (r * half + x) * O;

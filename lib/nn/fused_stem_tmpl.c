@@ -26,6 +26,7 @@ VF_INLINE void fused_stem_block(float *out, const struct fused_stem_rows *in,
     for (int y = 0; y < 2; y++, w += 32 * C) {
         const float *p = in->row[y] + 2 * x * C;
         const char *next = in->next[y] + x * 2 * in->step * (C / 16);
+
         for (size_t k = 0; k < 2 * C; k++) {
             vf b[VF_PARTS];
             for (int j = 0; j < VF_PARTS; j++)
@@ -50,6 +51,7 @@ VF_INLINE void fused_stem_pieces(float *out, const struct fused_stem_rows *in,
 {
     for (size_t o = 0; o < O; o += 16, w += 64 * C) {
         size_t x = 0;
+
         for (; x + PIXELS <= pixels; x += PIXELS)
             fused_stem_block(out + x * O + o, in, x, w, bias + o, C, O, PIXELS);
         for (; x < pixels; x++)
@@ -59,9 +61,9 @@ VF_INLINE void fused_stem_pieces(float *out, const struct fused_stem_rows *in,
 
 /* out (pixels,O) = lrelu(bias + w . the 2x2 pixels of C channels in two
  * rows); w (O/16, 4 C, 16). */
-void ISA(fused_stem_row)(float *out, const struct fused_stem_rows *in, const
-                         float *w, const float *bias, size_t pixels, size_t C,
-                         size_t O)
+void ISA(fused_stem_row)(float *out, const struct fused_stem_rows *in,
+                         const float *w, const float *bias, size_t pixels,
+                         size_t C, size_t O)
 {
     if (C == 32 && O == 16)      /* as shipped: the strides are constants */
         fused_stem_pieces(out, in, w, bias, pixels, 32, 16);
@@ -88,6 +90,7 @@ VF_INLINE bool widen_normal(float *y, const uint16_t *x)
     __m128i m = _mm_andnot_si128(sign, h), none = _mm_cmpeq_epi16(m, zero);
     __m128i tiny = _mm_cmplt_epi16(m, _mm_set1_epi16(0x0400));
     __m128i huge = _mm_cmpgt_epi16(m, _mm_set1_epi16(0x7bff));
+
     if (_mm_movemask_epi8(_mm_or_si128(_mm_andnot_si128(none, tiny), huge)))
         return false;
     __m128i high = _mm_add_epi16(_mm_srli_epi16(m, 3),
@@ -117,6 +120,7 @@ void ISA(widen)(float *y, const uint16_t *x, size_t n)
     for (; i < n; i++) {
         uint16_t half[VF_LANES] = { x[i] };
         float lane[VF_LANES];
+
         vf_store(lane, vf_load_f16(half));
         y[i] = lane[0];
     }

@@ -26,8 +26,10 @@ void ISA(gemm_pack)(float *packed, const float *B, size_t rs, size_t cs,
 {
     for (size_t n0 = 0; n0 < N; n0 += PANEL) {
         size_t n = N - n0 < PANEL ? N - n0 : PANEL;
+
         for (size_t k = 0; k < K; k++, packed += PANEL) {
             const float *p = B + k * rs + n0 * cs;
+
             for (size_t j = 0; j < n; j++)
                 packed[j] = p[j * cs];
             for (size_t j = n; j < PANEL; j++)
@@ -51,6 +53,7 @@ VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
             b[j] = vf_load(B + k * PANEL + VF_LANES * j);
         for (int r = 0; r < rows; r++) {
             float a = A[(size_t)r * rs + k * cs];
+
             for (int j = 0; j < WIDE; j++)
                 acc[r][j] += a * b[j];
         }
@@ -59,6 +62,7 @@ VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
         for (int j = 0; j < WIDE; j++) {
             size_t done = VF_LANES * (size_t)j, left = n > done ? n - done : 0;
             float *c = C + (size_t)r * ldc + done, lane[VF_LANES];
+
             if (left >= VF_LANES) {
                 if (accumulate)
                     acc[r][j] += vf_load(c);
@@ -91,6 +95,7 @@ void ISA(gemm)(float *C, size_t ldc, const float *A, size_t rs, size_t cs,
     for (size_t n0 = 0; n0 < N; n0 += COLUMNS) {
         const float *B = packed + n0 / PANEL * PANEL * K + n0 % PANEL;
         size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS, m = 0;
+
         for (; m + ROWS <= M; m += ROWS)
             gemm_block(C + m * ldc + n0, ldc, A + m * rs, rs, cs, B, K, n,
                        accumulate, ROWS);
@@ -106,6 +111,7 @@ void ISA(softmax)(float *p, size_t rows, size_t n, size_t ld, float scale)
         float *restrict row = p + r * ld;
         float lane[16], sum = 0.0f, most;
         size_t whole = n / 16 * 16;
+
         for (int i = 0; i < 16; i++)
             lane[i] = row[0];
         for (size_t k = 0; k < whole; k += 16)
@@ -143,6 +149,7 @@ void ISA(softmax_backward)(float *dp, const float *p, size_t rows, size_t n,
         float *restrict d = dp + r * ld;
         const float *restrict q = p + r * ld;
         float lane[16] = { 0 }, sum = 0.0f;
+
         for (size_t k = 0; k < n; k += 16)
             for (size_t i = 0; i < 16 && k + i < n; i++)
                 lane[i] += d[k + i] * q[k + i];

@@ -1,3 +1,5 @@
+/* Convolutions as a product of unfolded windows (im2col) and weights, each sum
+ * made in pieces of at most 128 terms. */
 #include "lib/nn/im2col.h"
 
 #include <string.h>
@@ -15,6 +17,7 @@ bool im2col_wanted(const struct conv *c)
     enum nn_type type = c->plan->opt.type;
     size_t terms = c->kernel * c->kernel * c->in_data;
     bool few = c->h * c->w <= 256 && c->kernel == 3;
+
     return c->pad == CONV_HALF && c->act <= ACT_LRELU &&
            (type == NN_F32 ? terms >= 512
                            : type == NN_FAST && few && terms >= 2048);
@@ -24,6 +27,7 @@ void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)
 {
     size_t pixels = c->batch * c->oh * c->ow;
     size_t rows = pixels < BAND ? pixels : BAND;
+
     t->c = c;
     t->K = c->kernel * c->kernel * c->in_data;
     t->N = (c->out + COLUMNS - 1) / COLUMNS * COLUMNS;
@@ -37,6 +41,7 @@ void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p)
 static size_t im2col_pieces(const struct im2col *t)
 {
     size_t taps = t->c->kernel * t->c->kernel;
+
     return taps * ((t->c->in_data + PIECE - 1) / PIECE);
 }
 
@@ -45,6 +50,7 @@ static size_t im2col_piece(const struct im2col *t, size_t j, size_t *first)
 {
     size_t in = t->c->in_data, each = (in + PIECE - 1) / PIECE;
     size_t at = j % each * PIECE;
+
     *first = j / each * in + at;
     return in - at < PIECE ? in - at : PIECE;
 }
@@ -55,10 +61,12 @@ void im2col_update(struct im2col *t, const float *w, const float *bias)
     const struct nn_kernels *k = nn_kernels();
     size_t in = t->c->in_data, out = t->c->out;
     size_t taps = t->c->kernel * t->c->kernel;
+
     memcpy(t->bias, bias, out * sizeof *bias);
 #pragma omp parallel for schedule(static)
     for (size_t j = 0; j < im2col_pieces(t); j++) {
         size_t first, terms = im2col_piece(t, j, &first);
+
         k->gemm_pack(t->w + first * t->N, w + first % in * taps + first / in,
                      taps, taps * in, terms, out);
     }
@@ -76,8 +84,10 @@ static void im2col_unfold(const float *in, struct im2col *t, size_t m0,
         size_t n = r / (c->oh * c->ow);
         size_t y = r / c->ow % c->oh * c->stride, x = r % c->ow * c->stride;
         float *to = t->rows + (r - m0) * t->K;
+
         for (size_t tap = 0; tap < k * k; tap++, to += C) {
             size_t yy = y + tap / k, xx = x + tap % k;   /* `half` too many */
+
             if (yy < half || yy >= c->h + half || xx < half ||
                 xx >= c->w + half)
                 memset(to, 0, C * sizeof *to);
@@ -98,8 +108,10 @@ static void im2col_multiply(float *out, struct im2col *t, size_t M)
         for (size_t n0 = 0; n0 < t->N; n0 += COLUMNS) {
             size_t n = N - n0 < COLUMNS ? N - n0 : COLUMNS;
             size_t m = M - m0 < ROWS ? M - m0 : ROWS;
+
             for (size_t j = 0; j < im2col_pieces(t); j++) {
                 size_t first, terms = im2col_piece(t, j, &first);
+
                 k->gemm(t->sum + m0 * t->N + n0, t->N,
                         t->rows + m0 * t->K + first, t->K, 1,
                         t->w + first * t->N + n0 * terms, m, n, terms, j > 0);
@@ -108,6 +120,7 @@ static void im2col_multiply(float *out, struct im2col *t, size_t M)
     for (size_t r = 0; r < M; r++) {
         float *to = out + r * N;
         const float *from = t->sum + r * t->N;
+
         for (size_t o = 0; o < N; o++)
             to[o] = (t->c->add ? to[o] : 0.0f) + (from[o] + t->bias[o]);
     }
@@ -117,8 +130,10 @@ void im2col_forward(float *out, const float *in, struct im2col *t)
 {
     const struct conv *c = t->c;
     size_t pixels = c->batch * c->oh * c->ow;
+
     for (size_t m = 0; m < pixels; m += BAND) {
         size_t M = pixels - m < BAND ? pixels - m : BAND;
+
         im2col_unfold(in, t, m, M);
         im2col_multiply(out + m * c->out, t, M);
     }

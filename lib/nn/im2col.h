@@ -22,8 +22,11 @@ struct im2col {
  * are made of them: StyleUNet's innermost layers, whose errors would reach
  * every other layer by the style. */
 bool im2col_wanted(const struct conv *c);
+/* Buffers for the layer c, whose sizes are known. */
 void im2col_plan(struct im2col *t, const struct conv *c, struct nn_plan *p);
+/* From weights w (out,in_data,k,k) and bias (out). */
 void im2col_update(struct im2col *t, const float *w, const float *bias);
+/* out (B,oh,ow,out) from in (B,h,w,in_data). */
 void im2col_forward(float *out, const float *in, struct im2col *t);
 
 #endif

@@ -1,3 +1,5 @@
+/* Elementwise work on feature images, split over threads in chunks of a fixed
+ * size. */
 #include "lib/nn/image.h"
 
 #include <string.h>
@@ -60,6 +62,7 @@ void concat_forward(float *out, const float *a, const float *b, size_t rows,
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < rows; r++) {
         float *to = out + r * C;
+
         memcpy(to, a + r * A, A * sizeof *to);
         memcpy(to + A, b + r / group * Bc, Bc * sizeof *to);
         memset(to + A + Bc, 0, (C - A - Bc) * sizeof *to);
@@ -80,6 +83,7 @@ void concat_backward(float *da, float *db, const float *dout, size_t rows,
     for (size_t c = 0; c < Bc; c++)
         for (size_t g = 0; g < rows / group; g++) {
             double sum = 0;
+
             for (size_t r = g * group; r < (g + 1) * group; r++)
                 sum += (double)dout[r * C + A + c];
             db[g * Bc + c] += (float)sum;
@@ -123,9 +127,11 @@ void space_to_depth(float *out, const float *in, const float *mean,
         for (size_t y = 0; y < oh; y++)
             for (size_t x = 0; x < ow; x++) {
                 float *to = out + ((n * oh + y) * ow + x) * row;
+
                 for (size_t dy = 0; dy < f; dy++) {
                     const float *p = in + ((n * h + y * f + dy) * w + x * f) *
                                               C;
+
                     for (size_t i = 0; i < f * C; i++)
                         to[dy * f * C + i] =
                             (p[i] - (mean ? mean[i % C] : 0.0f)) * scale;
@@ -141,6 +147,7 @@ void depth_to_space(float *out, const float *in, size_t B, size_t h, size_t w,
         for (size_t y = 0; y < h * f; y++) {
             const float *p = in + ((n * h + y / f) * w * f + y % f) * f * C;
             float *to = out + (n * h * f + y) * w * f * C;
+
             for (size_t x = 0; x < w; x++, p += f * f * C, to += f * C)
                 memcpy(to, p, f * C * sizeof *to);
         }
@@ -156,6 +163,7 @@ void depth_to_space_add(float *out, const float *base, size_t base_C,
             const float *p = in + ((n * h + y / f) * w * f + y % f) * f * C;
             const float *b = base + (n * h * f + y) * w * f * base_C;
             float *to = out + (n * h * f + y) * w * f * C;
+
             for (size_t x = 0; x < w; x++, p += f * f * C)
                 for (size_t i = 0; i < f; i++, b += base_C, to += C)
                     for (size_t c = 0; c < C; c++)
@@ -171,6 +179,7 @@ void depth_to_space_backward(float *din, const float *dout, size_t B,
         for (size_t y = 0; y < h * f; y++) {
             float *p = din + ((n * h + y / f) * w * f + y % f) * f * C;
             const float *g = dout + (n * h * f + y) * w * f * C;
+
             for (size_t x = 0; x < w; x++, p += f * f * C, g += f * C)
                 memcpy(p, g, f * C * sizeof *p);
         }

@@ -17,6 +17,7 @@ void image_round_bf16(float *y, const float *x, size_t n);
  * s then t; one is 0 or 1.  dx may be dy. */
 void sft_forward(float *y, const float *x, const float *st, float one,
                  size_t rows, size_t C);
+/* dx (rows,C) and dst (rows,2C) from dy; dx may be dy. */
 void sft_backward(float *dx, float *dst, const float *dy, const float *x,
                   const float *st, float one, size_t rows, size_t C);
 
@@ -28,13 +29,15 @@ void concat_forward(float *out, const float *a, const float *b, size_t rows,
 void concat_backward(float *da, float *db, const float *dout, size_t rows,
                      size_t A, size_t Bc, size_t C, size_t group);
 
-/* out (rows,C) = [a (rows,A), b (rows,Bc), 0], and b's part of the gradient. */
+/* out (rows,C) = [a (rows,A), b (rows,Bc), 0]. */
 void concat_rows(float *out, const float *a, const float *b, size_t rows,
                  size_t A, size_t Bc, size_t C);
+/* db (rows,Bc) is written. */
 void concat_rows_backward(float *db, const float *dout, size_t rows, size_t A,
                           size_t Bc, size_t C);
-/* y = x where x > 0, else 0; and dx += dy where y > 0. */
+/* y = x where x > 0, else 0. */
 void relu_copy(float *y, const float *x, size_t n);
+/* dx += dy where y > 0. */
 void relu_add_backward(float *dx, const float *dy, const float *y, size_t n);
 
 /* out (B,h/f,w/f,f*f*C): out[..][(dy f + dx) C + c] = (in - mean[c]) scale. */

@@ -10,6 +10,7 @@ VF_INLINE void rescale_weighted(float *restrict to, const float *restrict from,
 {
     if (taps == 2) {
         float a = w[0], b = w[1];
+
         for (size_t i = 0; i < n; i++)
             to[i] = a * from[i] + b * from[stride + i];
         return;
@@ -27,11 +28,13 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
 {
     const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->in * C;
+
     rescale_weighted(line, in + (size_t)y->first[o] * row,
                      y->weight + o * y->taps, y->taps, row, row);
     if (C % 16 == 0 && x->taps == 2) {
         for (size_t j = 0; j < x->out; j++) {
             const float *p = line + (size_t)x->first[j] * C;
+
             vf a = vf_set(x->weight[2 * j]);
             vf b = vf_set(x->weight[2 * j + 1]);
             for (size_t c = 0; c < C; c += VF_LANES)
@@ -52,21 +55,25 @@ void ISA(rescale_line_backward)(float *din, float *line, const float *dout,
     const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->out * C;
     float *restrict t = line;
+
     for (size_t k = 0; k < row; k++)
         t[k] = 0.0f;
     for (int32_t j = y->start[i]; j < y->start[i + 1]; j++) {
         const float *restrict p = dout + (size_t)y->from[j] * row;
         float w = y->tweight[j];
+
         for (size_t k = 0; k < row; k++)
             t[k] += w * p[k];
     }
     for (size_t k = 0; k < x->in; k++) {
         float *restrict d = din + k * C;
+
         for (size_t c = 0; c < C; c++)
             d[c] = 0.0f;
         for (int32_t j = x->start[k]; j < x->start[k + 1]; j++) {
             const float *restrict p = t + (size_t)x->from[j] * C;
             float w = x->tweight[j];
+
             for (size_t c = 0; c < C; c++)
                 d[c] += w * p[c];
         }
@@ -96,6 +103,7 @@ void ISA(sft_backward)(float *dx, float *dst, const float *dy, const float *x,
 #pragma GCC ivdep
         for (size_t c = 0; c < C; c++) {
             float v = g[c];
+
             ds[c] = v * p[c];
             dt[c] = v;
             d[c] = v * (one + s[c]);
@@ -114,11 +122,13 @@ void ISA(add)(float *y, const float *x, size_t n)
 void ISA(to_bf16)(uint16_t *y, const float *x, size_t n)
 {
     size_t i = 0;
+
     for (; i + 2 * VF_LANES <= n; i += 2 * VF_LANES)
         vf_store_bf16(y + i, vf_load(x + i), vf_load(x + i + VF_LANES));
     if (i < n) {
         float lane[2 * VF_LANES] = { 0 };
         uint16_t half[2 * VF_LANES];
+
         memcpy(lane, x + i, (n - i) * sizeof *x);
         vf_store_bf16(half, vf_load(lane), vf_load(lane + VF_LANES));
         memcpy(y + i, half, (n - i) * sizeof *y);
@@ -160,11 +170,13 @@ void ISA(quantise)(uint8_t *y, const float *x, float inverse, float zero,
                    size_t n)
 {
     size_t whole = n / (2 * VF_LANES) * (2 * VF_LANES);
+
     for (size_t i = 0; i < whole; i += 2 * VF_LANES)
         vf_store_u8(y + i, vf_load(x + i) * inverse + (zero + 0.5f),
                     vf_load(x + i + VF_LANES) * inverse + (zero + 0.5f));
     for (size_t i = whole; i < n; i++) {
         float v = x[i] * inverse + (zero + 0.5f);
+
         y[i] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
     }
 }

@@ -1,3 +1,5 @@
+/* 8-bit convolutions: weights quantised for each output channel once, inputs
+ * by the range of the picture at hand. */
 #include "lib/nn/int8.h"
 
 #include <math.h>

@@ -9,6 +9,18 @@
 
 #include "lib/nn/act.h"
 
+/* p = e^r for |r| <= ln 2 / 2, once p holds 1.9875691500e-4; floats or vectors
+ * of them. */
+#define MATH_EXP_SERIES(p, r)                                                \
+    do {                                                                     \
+        p = p * r + 1.3981999507e-3f;                                        \
+        p = p * r + 8.3334519073e-3f;                                        \
+        p = p * r + 4.1665795894e-2f;                                        \
+        p = p * r + 1.6666665459e-1f;                                        \
+        p = p * r + 5.0000001201e-1f;                                        \
+        p = p * r * r + r + 1.0f;                                            \
+    } while (0)
+
 /* e^x to 2 units in the last place; saturates at +-87. */
 static inline float math_exp(float x)
 {
@@ -19,12 +31,7 @@ static inline float math_exp(float x)
     float n = (x * 1.44269504f + magic) - magic;
     float r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
     float p = 1.9875691500e-4f;
-    p = p * r + 1.3981999507e-3f;
-    p = p * r + 8.3334519073e-3f;
-    p = p * r + 4.1665795894e-2f;
-    p = p * r + 1.6666665459e-1f;
-    p = p * r + 5.0000001201e-1f;
-    p = p * r * r + r + 1.0f;
+    MATH_EXP_SERIES(p, r);
     union { int32_t i; float f; } s = { ((int32_t)n + 127) << 23 };
     return p * s.f;
 }

@@ -53,6 +53,7 @@ struct nn_options {
 
 /* "f32", "bf16", "fast", "int8"; -1 for any other word. */
 int nn_type_parse(enum nn_type *type, const char *word);
+/* The word for it. */
 const char *nn_type_name(enum nn_type type);
 /* Whether the processor computes this type natively. */
 bool nn_type_native(enum nn_type type);

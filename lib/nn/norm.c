@@ -1,3 +1,5 @@
+/* Batch normalisation (Ioffe and Szegedy 2015) and layer normalisation (Ba et
+ * al. 2016), forward and backward, sums in a fixed number of parts. */
 #include "lib/nn/norm.h"
 
 #include <math.h>
@@ -13,6 +15,7 @@ void batch_norm_init(struct batch_norm *n, struct params *ps,
                      const char *name, size_t channels, float eps)
 {
     char buf[120];
+
     memset(n, 0, sizeof *n);
     n->ps = ps;
     n->channels = channels;
@@ -31,6 +34,7 @@ void batch_norm_init(struct batch_norm *n, struct params *ps,
 void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows)
 {
     size_t C = n->channels;
+
     n->plan = p;
     n->rows = rows;
     n->period = C * ((PERIOD + C - 1) / C);
@@ -65,11 +69,13 @@ static void norm_batch_statistics(struct batch_norm *n, const float *x)
 #pragma omp parallel for schedule(static) if (parts > 1)
     for (size_t i = 0; i < parts; i++) {
         size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+
         /* any value of the channel serves as origin */
         k->norm_sums(n->part + i * 2 * C, x + r0 * C, x, r1 - r0, C);
     }
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows;
+
         for (size_t i = 0; i < parts; i++) {
             s += (double)n->part[i * 2 * C + c];
             q += (double)n->part[i * 2 * C + C + c];
@@ -90,6 +96,7 @@ static size_t norm_chunk_rows(const struct batch_norm *n)
 {
     size_t rep = n->period / n->channels;
     size_t rows = 8192 / n->period * rep;
+
     return rows ? rows : rep;
 }
 
@@ -99,6 +106,7 @@ void batch_norm_forward(float *y, const float *x, const float *res,
     const struct nn_kernels *k = nn_kernels();
     size_t C = n->channels, step = norm_chunk_rows(n);
     const float *w = param_w(n->ps, n->weight), *b = param_w(n->ps, n->bias);
+
     if (n->plan->opt.mode == NN_TRAIN) {
         norm_batch_statistics(n, x);
     } else {
@@ -116,6 +124,7 @@ void batch_norm_forward(float *y, const float *x, const float *res,
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < n->rows; r += step) {
         size_t m = n->rows - r < step ? n->rows - r : step;
+
         k->norm_apply(y + r * C, x + r * C, res ? res + r * C : NULL,
                       n->scale, n->shift, (int)n->act, n->period, m * C);
     }
@@ -132,6 +141,7 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
 #pragma omp parallel for schedule(static) if (parts > 1)
     for (size_t i = 0; i < parts; i++) {
         size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
+
         k->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C, dy + r0 * C,
                               x + r0 * C, n->scale, n->shift, n->batch_mean,
                               (int)n->act, r1 - r0, C);
@@ -141,6 +151,7 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
     bool train = n->plan->opt.mode == NN_TRAIN;
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows, rstd = (double)n->rstd[c];
+
         for (size_t i = 0; i < parts; i++) {
             s += (double)n->part[i * 2 * C + c];
             q += (double)n->part[i * 2 * C + C + c];
@@ -158,6 +169,7 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < rows; r += step) {
         size_t m = rows - r < step ? rows - r : step;
+
         k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, coef, P,
                                m * C);
     }
@@ -173,6 +185,7 @@ void layer_norm_forward(float *y, float *mean, float *rstd, const float *x,
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < rows; r += LN_ROWS) {
         size_t m = rows - r < LN_ROWS ? rows - r : LN_ROWS;
+
         k->layer_norm_forward(y + r * C, mean ? mean + r : NULL,
                               rstd ? rstd + r : NULL, x + r * C, weight, bias,
                               eps, m, C);
@@ -189,6 +202,7 @@ void layer_norm_backward(float *dx, float *dweight, float *dbias, float *part,
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < parts; i++) {
         size_t r = i * rows / parts, m = (i + 1) * rows / parts - r;
+
         k->layer_norm_backward(dx + r * C, part + i * 2 * C, dy + r * C,
                                x + r * C, mean + r, rstd + r, weight, m, C);
     }

@@ -25,6 +25,7 @@ struct batch_norm {
 /* Declare "<name>.weight", ".bias", ".running_mean", ".running_var". */
 void batch_norm_init(struct batch_norm *n, struct params *ps,
                      const char *name, size_t channels, float eps);
+/* Maps of `rows` pixels in all, channels wide. */
 void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows);
 
 /* y (rows,C) = act((x - mean) / sqrt(var + eps) * weight + bias) (+ res, or

@@ -1,3 +1,5 @@
+/* Named tensors in one block of floats: declared by the networks, started at
+ * random, loaded from and saved to safetensors. */
 #include "lib/nn/params.h"
 
 #include <math.h>
@@ -139,6 +141,7 @@ int params_load_from(struct params *ps, const struct safetensors *st,
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *t = &ps->tensor[i];
         char name[256];
+
         if (!params_renamed(name, t, prefix, from))
             continue;
         float *w = st_load_f32(st, name, t->ndim, t->dim, NULL, err);
@@ -171,6 +174,7 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
         const struct param *t = &ps->tensor[i];
         size_t dims[5], rows, cols, row = 0, cell = 0;
         char name[256];
+
         if (!params_renamed(name, t, prefix, from))
             continue;
         memcpy(dims, t->dim, sizeof dims);
@@ -186,6 +190,7 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
             return -1;
         for (size_t r = 0; r < rows; r++) {
             float *to = param_w(ps, i) + r * row;
+
             memset(to, 0, row * sizeof *to);
             memcpy(to, w + r * cols * cell, cols * cell * sizeof *to);
         }
@@ -199,6 +204,7 @@ static void params_convert(void *out, const float *w, size_t n,
                            enum st_dtype dtype)
 {
     uint16_t *h = out;
+
     if (dtype == ST_F32)
         memcpy(out, w, n * sizeof *w);
     else
@@ -221,6 +227,7 @@ int params_save(const struct params *ps, const char *path,
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
         char *at = bytes + p->offset * sizeof(float);
+
         params_convert(at, param_w(ps, i), p->count, dtype);
         t[i] = (struct st_tensor){.name = p->name, .dtype = dtype,
                                   .ndim = p->ndim, .count = p->count,

@@ -38,7 +38,9 @@ struct params {
     float *g;          /* NULL until params_allocate_gradients */
 };
 
+/* No tensors. */
 void params_init(struct params *ps);
+/* Free everything; ready for declarations again. */
 void params_release(struct params *ps);
 
 /* Declare a tensor (before params_allocate); returns its index.  Names are
@@ -51,7 +53,9 @@ size_t params_find(const struct params *ps, const char *name);
 /* Make w; zero-filled.  params_randomise then fills it from a seed, each
  * tensor by its own name, so that adding one leaves the others alone. */
 int params_allocate(struct params *ps, struct error *err);
+/* Zeroed gradients g, as large as w. */
 int params_allocate_gradients(struct params *ps, struct error *err);
+/* Fill w by each tensor's init, from the seed and its name alone. */
 void params_randomise(struct params *ps, uint64_t seed);
 
 static inline float *param_w(const struct params *ps, size_t i)

@@ -1,3 +1,5 @@
+/* Memory and options of a planned network: buffers that live as long as it,
+ * maps that layers pass on to each other, one scratch for all. */
 #include "lib/nn/plan.h"
 
 #include <stdarg.h>
@@ -64,6 +66,7 @@ void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
 static void *nn_plan_zeros(size_t bytes)
 {
     size_t unit = bytes >= HUGE / 2 ? HUGE : 64;
+
     if (bytes > SIZE_MAX - unit)
         return NULL;
     size_t size = (bytes + unit - 1) & ~(unit - 1);
@@ -82,8 +85,10 @@ static void *nn_plan_zeros(size_t bytes)
 static struct nn_chunk *nn_plan_idle_chunk(struct nn_plan *p, size_t bytes)
 {
     struct nn_chunk *best = NULL;
+
     for (size_t i = 0; i < p->chunks; i++) {
         struct nn_chunk *c = &p->chunk[i];
+
         if (c->idle && c->size >= bytes && (!best || c->size < best->size))
             best = c;
     }
@@ -97,6 +102,7 @@ void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
     if (p->chunks == p->room) {
         size_t room = p->room ? 2 * p->room : 64;
         void *grown = realloc(p->chunk, room * sizeof *p->chunk);
+
         if (!grown) {
             nn_plan_fail(p, EX_OSERR, "out of memory");
             return NULL;
@@ -122,6 +128,7 @@ float *nn_plan_map(struct nn_plan *p, size_t count)
 {
     size_t bytes = count * sizeof(float);
     struct nn_chunk *c = p->err.code ? NULL : nn_plan_idle_chunk(p, bytes);
+
     if (!c)
         return nn_plan_bytes(p, bytes);
     c->idle = false;

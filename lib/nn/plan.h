@@ -30,22 +30,25 @@ struct nn_plan {
     char *scratch;                 /* shared by all layers, one at a time */
 };
 
+/* An empty plan; NN_F32 only, unless NN_INFER. */
 void nn_plan_init(struct nn_plan *p, struct nn_options opt);
+/* Free all its buffers. */
 void nn_plan_release(struct nn_plan *p);
 
 /* A zero-filled buffer, aligned to 64 bytes, owned by the plan, of its own:
  * for weights and whatever else must last from pass to pass.  NULL after a
  * failure (which the plan remembers). */
 void *nn_plan_bytes(struct nn_plan *p, size_t bytes);
+/* The same, counted in floats. */
 float *nn_plan_floats(struct nn_plan *p, size_t count);
 
 /* A buffer for one pass, activations or gradients.  It may have been another
  * layer's before, given back. */
 float *nn_plan_map(struct nn_plan *p, size_t count);
 /* The map's content is dead from here on in the order of planning.  Only
- * inference gives anything back; nn_plan_free always does (gradients on
- * their way). */
+ * inference gives anything back. */
 void nn_plan_recycle(struct nn_plan *p, void *map);
+/* The same in every mode: for gradients on their way. */
 void nn_plan_free(struct nn_plan *p, void *map);
 /* Some layer needs this much scratch while it runs. */
 void nn_plan_scratch(struct nn_plan *p, size_t bytes);

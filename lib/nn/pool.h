@@ -14,6 +14,7 @@ struct max_pool {
 
 /* Pixels that come of n, which is 2 or more. */
 size_t max_pool_size(size_t n);
+/* Maps (batch,h,w,channels) of 2x2 pixels or more. */
 void max_pool_plan(struct max_pool *m, struct nn_plan *p, size_t batch,
                    size_t h, size_t w, size_t channels);
 /* out (B,oh,ow,C) from in (B,h,w,C); of equal values the first counts. */

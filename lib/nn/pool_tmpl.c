@@ -26,9 +26,11 @@ void ISA(max_pool_row)(float *out, float *which, const float *in,
 {
     size_t C = m->channels, step = m->w * C;
     size_t rows = m->h - 2 * y < 3 ? m->h - 2 * y : 3;
+
     for (size_t x = 0; x < m->ow; x++) {
         size_t cols = m->w - 2 * x < 3 ? m->w - 2 * x : 3;
         const float *p = in + 2 * y * step + 2 * x * C;
+
         for (size_t c = 0; c < C; c += VF_LANES) {
             vf at;
             vf_store(out + x * C + c,
@@ -47,15 +49,18 @@ void ISA(max_pool_row_backward)(float *din, const float *dout,
 {
     size_t C = m->channels, y1 = y / 2 < m->oh ? y / 2 : m->oh - 1;
     size_t y0 = y < 2 ? 0 : (y - 1) / 2;
+
     for (size_t x = 0; x < m->w; x++) {
         size_t x1 = x / 2 < m->ow ? x / 2 : m->ow - 1;
         size_t x0 = x < 2 ? 0 : (x - 1) / 2;
+
         for (size_t c = 0; c < C; c += VF_LANES) {
             vf sum = { 0 };
             for (size_t oy = y0; oy <= y1; oy++)
                 for (size_t ox = x0; ox <= x1; ox++) {
                     size_t at = (oy * m->ow + ox) * C + c;
                     size_t place = 3 * (y - 2 * oy) + x - 2 * ox;
+
                     vf_i32 here = vf_load(which + at) == (float)place;
                     sum += (vf)(here & (vf_i32)vf_load(dout + at));
                 }

@@ -1,3 +1,5 @@
+/* Resizing by a sparse matrix per axis, and its transpose for the backward:
+ * bilinear, antialiased, and Keys' bicubic. */
 #include "lib/nn/rescale.h"
 
 #include <math.h>
@@ -18,6 +20,7 @@ struct rescale_taps {
 static double rescale_cubic(double t)
 {
     double A = -0.75, x = fabs(t);
+
     if (x <= 1)
         return ((A + 2) * x - (A + 3)) * x * x + 1;
     return x < 2 ? ((A * x - 5 * A) * x + 8 * A) * x - 4 * A : 0;
@@ -30,10 +33,12 @@ static void rescale_antialias(struct rescale_taps *t, size_t n, double scale,
     double support = scale > 1 ? scale : 1, sum = 0;
     double c = scale * ((double)o + 0.5);
     long lo = (long)(c - support + 0.5), hi = (long)(c + support + 0.5);
+
     lo = lo < 0 ? 0 : lo;
     hi = hi > (long)n ? (long)n : hi;
     for (long j = lo; j < hi && t->n < 64; j++) {
         double w = 1 - fabs(((double)j - c + 0.5) / support);
+
         if (w <= 0)
             continue;
         t->index[t->n] = j;
@@ -63,8 +68,9 @@ static void rescale_find_taps(struct rescale_taps *t, enum rescale_mode mode,
     int lo = mode == RESCALE_BICUBIC ? -1 : 0;
     int hi = mode == RESCALE_BICUBIC ? 2 : 1;
     for (int k = lo; k <= hi; k++) {
-        double w = mode == RESCALE_BICUBIC ? rescale_cubic(f - k) : k ? f : 1 -
-            f;
+        double w = mode == RESCALE_BICUBIC ? rescale_cubic(f - k)
+                   : k ? f : 1 - f;
+
         t->index[t->n] = i0 + k;
         t->weight[t->n++] = w;
     }
@@ -87,8 +93,10 @@ static void rescale_transpose(struct rescale_axis *a)
         a->start[i + 1] += a->start[i];
     for (size_t i = 0; i < a->in; i++) {
         int32_t at = a->start[i];
+
         for (size_t o = 0; o < a->out && at < a->start[i + 1]; o++) {
             long k = (long)i - a->first[o];
+
             if (k < 0 || k >= (long)a->taps)
                 continue;
             float w = a->weight[o * a->taps + (size_t)k];
@@ -106,12 +114,15 @@ static void rescale_plan_axis(struct rescale_axis *a, struct nn_plan *p,
                               double scale)
 {
     struct rescale_taps t;
+
     *a = (struct rescale_axis){ .in = in, .out = out, .taps = 1 };
     for (size_t o = 0; o < out; o++) {
         long lo = (long)in, hi = 0;
+
         rescale_find_taps(&t, mode, in, out, scale, o);
         for (int i = 0; i < t.n; i++) {
             long j = rescale_clamp(t.index[i], in);
+
             lo = j < lo ? j : lo;
             hi = j > hi ? j : hi;
         }
@@ -127,6 +138,7 @@ static void rescale_plan_axis(struct rescale_axis *a, struct nn_plan *p,
         return;
     for (size_t o = 0; o < out; o++) {
         long lo = (long)in;
+
         rescale_find_taps(&t, mode, in, out, scale, o);
         for (int i = 0; i < t.n; i++)
             lo = rescale_clamp(t.index[i], in) < lo ? rescale_clamp(t.index[i],

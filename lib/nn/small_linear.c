@@ -1,3 +1,4 @@
+/* Linear layers of at most 16 rows, every sum in double precision. */
 #include "lib/nn/small_linear.h"
 
 #include <string.h>
@@ -10,6 +11,7 @@
 bool small_linear_wanted(const struct conv *c)
 {
     enum nn_type type = c->plan->opt.type;
+
     return (type == NN_F32 || type == NN_FAST) && c->kernel == 1 &&
            c->stride == 1 && c->batch * c->h * c->w <= ROWS &&
            c->act <= ACT_LRELU;
@@ -42,6 +44,7 @@ void small_linear_forward(float *out, const float *in,
             double sum = k->dot(t->w + o * K, in + r * K, K) +
                          (double)t->bias[o];
             float *to = out + r * N + o;
+
             *to = (float)(c->add ? sum + (double)*to : sum);
         }
     if (c->act != ACT_NONE)

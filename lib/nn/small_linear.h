@@ -15,10 +15,13 @@ struct small_linear {
 
 /* 1x1 of at most 16 pixels in all, in NN_F32 or NN_FAST. */
 bool small_linear_wanted(const struct conv *c);
+/* Buffers for the layer c, whose sizes are known. */
 void small_linear_plan(struct small_linear *t, const struct conv *c,
                        struct nn_plan *p);
+/* From weights w (out,in_data) and bias (out). */
 void small_linear_update(struct small_linear *t, const float *w,
                          const float *bias);
+/* out (rows,out) = act(in (rows,in_data) w^T + bias) (+ out: add). */
 void small_linear_forward(float *out, const float *in,
                           const struct small_linear *t);
 

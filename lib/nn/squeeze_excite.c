@@ -1,3 +1,5 @@
+/* Squeeze and excite (Hu et al. 2018) as MobileNetV3 has it, and the mean over
+ * pixels. */
 #include "lib/nn/squeeze_excite.h"
 
 #include <string.h>
@@ -10,6 +12,7 @@ void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
     char buf[120];
     size_t down[4] = { hidden, channels, 1, 1 };
     size_t up[4] = { channels, hidden, 1, 1 };
+
     *s = (struct squeeze_excite){ .ps = ps, .channels = channels,
                                   .hidden = hidden };
     s->reduce_w = params_add(ps, nn_name(buf, "%s.conv_reduce.weight", name),
@@ -50,6 +53,7 @@ static void squeeze_excite_fold(float *sum, const float *part, size_t n,
 {
     for (size_t c = 0; c < C; c++) {
         float s = part[c];
+
         for (size_t i = 1; i < n; i++)
             s += part[i * C + c];
         sum[c] = s * scale;
@@ -65,6 +69,7 @@ void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
     for (size_t i = 0; i < B * P; i++) {
         size_t n = i / P, r0 = i % P * pixels / P;
         size_t r1 = (i % P + 1) * pixels / P;
+
         /* no activation: the map is read only */
         k->act_sums(part + i * C, (float *)x + (n * pixels + r0) * C, x,
                     ACT_NONE, r1 - r0, C);
@@ -91,6 +96,7 @@ static void squeeze_excite_gate(struct squeeze_excite *s, size_t n)
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, H = s->hidden;
     float *inner = s->inner + n * H, *gate = s->gate + n * C;
+
     k->gemv(inner, param_w(s->ps, s->reduce_w), s->mean + n * C,
             param_w(s->ps, s->reduce_b), H, C);
     k->act_forward(inner, inner, ACT_RELU, H);
@@ -103,6 +109,7 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 {
     const struct nn_kernels *k = nn_kernels();
     size_t C = s->channels, P = squeeze_excite_pieces(s->pixels), B = s->batch;
+
     spatial_mean_forward(s->mean, s->part, x, B, s->pixels, C);
 #pragma omp parallel for schedule(static) if (B > 1)
     for (size_t n = 0; n < B; n++)
@@ -112,6 +119,7 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
         size_t n = i / P, r0 = i % P * s->pixels / P;
         size_t r1 = (i % P + 1) * s->pixels / P;
         size_t at = (n * s->pixels + r0) * C;
+
         k->channel_scale(y + at, x + at, s->gate + n * C, NULL, r1 - r0, C);
     }
 }
@@ -125,6 +133,7 @@ static void squeeze_excite_gate_backward(struct squeeze_excite *s)
     float *dwe = param_g(ps, s->expand_w), *dwr = param_g(ps, s->reduce_w);
     float *dbe = param_g(ps, s->expand_b), *dbr = param_g(ps, s->reduce_b);
     float unit = 1.0f / (float)s->pixels;
+
     memset(s->dinner, 0, B * H * sizeof *s->dinner);
     memset(s->dmean, 0, B * C * sizeof *s->dmean);
     for (size_t n = 0; n < B; n++)
@@ -142,6 +151,7 @@ static void squeeze_excite_gate_backward(struct squeeze_excite *s)
         for (size_t h = 0; h < H; h++) {
             float du = s->inner[n * H + h] > 0.0f ? s->dinner[n * H + h]
                                                   : 0.0f;
+
             dbr[h] += du;
             for (size_t c = 0; c < C; c++) {
                 dwr[h * C + c] += du * s->mean[n * C + c];
@@ -161,6 +171,7 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
         size_t n = i / P, r0 = i % P * s->pixels / P;
         size_t r1 = (i % P + 1) * s->pixels / P;
         size_t at = (n * s->pixels + r0) * C;
+
         k->channel_dot(s->part + i * C, dy + at, x + at, r1 - r0, C);
     }
     for (size_t n = 0; n < B; n++)
@@ -171,6 +182,7 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
         size_t n = i / P, r0 = i % P * s->pixels / P;
         size_t r1 = (i % P + 1) * s->pixels / P;
         size_t at = (n * s->pixels + r0) * C;
+
         k->channel_scale(dx + at, dy + at, s->gate + n * C, s->dmean + n * C,
                          r1 - r0, C);
     }

@@ -18,6 +18,7 @@ struct squeeze_excite {
 /* Declare "<name>.conv_reduce.*" and "<name>.conv_expand.*". */
 void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
                          const char *name, size_t channels, size_t hidden);
+/* Maps of `pixels` pixels. */
 void squeeze_excite_plan(struct squeeze_excite *s, struct nn_plan *p,
                          size_t batch, size_t pixels);
 /* y (B,pixels,C) = x gate, gate = hsig(W2 relu(W1 mean(x) + b1) + b2);
@@ -30,6 +31,7 @@ void squeeze_excite_backward(float *dx, const float *dy, const float *x,
 /* mean (B,C) over pixels of x (B,pixels,C); part (B,NN_PARTS,C) scratch. */
 void spatial_mean_forward(float *mean, float *part, const float *x, size_t B,
                           size_t pixels, size_t C);
+/* dx (B,pixels,C) is written from dmean (B,C). */
 void spatial_mean_backward(float *dx, const float *dmean, size_t B,
                            size_t pixels, size_t C);
 

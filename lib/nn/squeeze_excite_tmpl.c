@@ -8,8 +8,10 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
                size_t out, size_t in)
 {
     size_t whole = in / 16 * 16;
+
     for (size_t o = 0; o < out; o++) {
         const float *row = w + o * in;
+
         vf acc[VF_PARTS] = { { 0 } };
         float lane[16], sum = b ? b[o] : 0.0f;
         for (size_t i = 0; i < whole; i += 16)
@@ -31,6 +33,7 @@ double ISA(dot)(const float *a, const float *b, size_t n)
 {
     double lane[16] = { 0 }, sum = 0;
     size_t whole = n / 16 * 16;
+
     for (size_t i = 0; i < whole; i += 16)
         for (size_t j = 0; j < 16; j++)
             lane[j] += (double)a[i + j] * (double)b[i + j];
@@ -48,6 +51,7 @@ void ISA(channel_scale)(float *y, const float *x, const float *gate,
     for (size_t r = 0; r < rows; r++) {
         const float *p = x + r * C;
         float *q = y + r * C;
+
         if (add)
 #pragma GCC ivdep
             for (size_t c = 0; c < C; c++)
@@ -64,6 +68,7 @@ void ISA(channel_dot)(float *sum, const float *a, const float *b, size_t rows,
                       size_t C)
 {
     float *restrict s = sum;
+
     for (size_t c = 0; c < C; c++)
         s[c] = 0.0f;
     for (size_t r = 0; r < rows; r++)

@@ -1,3 +1,6 @@
+/* StyleGAN2's modulated convolution (Karras et al. 2020) as a scaling of the
+ * input by the style and of the output by the demodulation, and its layer to
+ * RGB. */
 #include "lib/nn/style.h"
 
 #include <math.h>
@@ -21,6 +24,7 @@ static void style_declare(struct conv *c, struct conv *modulation,
                           size_t out, size_t kernel, size_t latent)
 {
     char buf[120];
+
     nn_name(buf, "%s.modulated_conv", name);
     conv_init(c, ps, buf, in, out, kernel, 1, false);
     struct param *t = &ps->tensor[c->weight];
@@ -39,6 +43,7 @@ void style_conv_init(struct style_conv *s, struct params *ps,
 {
     char buf[120];
     size_t one = 1, bias[4] = { 1, out, 1, 1 }, noise[4] = { 1, 1, size, size };
+
     memset(s, 0, sizeof *s);
     s->ps = ps;
     s->in = in;
@@ -58,6 +63,7 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
 {
     size_t rows = batch * h * w, low = s->up ? rows / 4 : rows;
     size_t most = s->in > s->out ? s->in : s->out;
+
     s->plan = p;
     s->batch = batch;
     s->h = h;
@@ -88,8 +94,10 @@ void style_conv_plan(struct style_conv *s, struct nn_plan *p, size_t batch,
 void style_conv_update(struct style_conv *s)
 {
     const float *w = param_w(s->ps, s->conv.weight);
+
     for (size_t i = 0; i < s->out * s->in; i++) {
         double sum = 0;
+
         for (size_t k = 0; k < 9; k++)
             sum += (double)w[i * 9 + k] * (double)w[i * 9 + k];
         s->squares[i] = (float)sum;
@@ -111,6 +119,7 @@ static void style_demodulate(struct style_conv *s)
         for (size_t o = 0; o < s->out; o++) {
             const float *st = s->st + n * s->in, *q = s->squares + o * s->in;
             double sum = EPS;
+
             for (size_t i = 0; i < s->in; i++)
                 sum += (double)(st[i] * st[i]) * (double)q[i];
             s->d[n * s->out + o] = (float)(ROOT2 / sqrt(sum));
@@ -128,6 +137,7 @@ static void style_scale_images(float *y, const float *x, const float *st,
         for (size_t i = 0; i < P; i++) {
             size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
             size_t at = (n * pixels + r0) * C;
+
             k->channel_scale(y + at, x + at, st + n * C, NULL, r1 - r0, C);
         }
 }
@@ -140,6 +150,7 @@ void style_conv_forward(const float *x, const float *latent,
     const float *noise = param_w(s->ps, s->noise);
     const float *bias = param_w(s->ps, s->bias);
     float gain = *param_w(s->ps, s->gain);
+
     conv_forward(s->st, latent, &s->modulation);
     style_demodulate(s);
     style_scale_images(s->xs, x, s->st, s->batch, s->up ? pixels / 4 : pixels,
@@ -152,6 +163,7 @@ void style_conv_forward(const float *x, const float *latent,
         for (size_t i = 0; i < P; i++) {
             size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
             size_t at = (n * pixels + r0) * C;
+
             k->style_finish(s->y + at, s->u + at, s->d + n * C, bias,
                             noise + r0, gain, r1 - r0, C);
         }
@@ -169,11 +181,13 @@ static void style_finish_backward(float *du, float *dd, const float *dy,
     for (size_t i = 0; i < P; i++) {
         size_t r0 = i * pixels / P, r1 = (i + 1) * pixels / P;
         size_t at = (n * pixels + r0) * C;
+
         k->style_backward(du + at, s->part + i * 3 * C, dy + at, s->y + at,
                           s->u + at, s->d + n * C, noise + r0, r1 - r0, C);
     }
     for (size_t c = 0; c < C; c++) {
         double sum[3] = { 0 };
+
         for (size_t i = 0; i < P; i++)
             for (size_t j = 0; j < 3; j++)
                 sum[j] += (double)s->part[(i * 3 + j) * C + c];
@@ -191,11 +205,14 @@ static void style_demodulate_backward(const float *dd, size_t n,
     float *dw = param_g(s->ps, s->conv.weight);
     const float *st = s->st + n * s->in;
     float *dst = s->dst + n * s->in;
+
     for (size_t o = 0; o < s->out; o++) {
         double d = (double)s->d[n * s->out + o];
         float dq = (float)(-0.25 * d * d * d * (double)dd[o]);
+
         for (size_t i = 0; i < s->in; i++) {
             float a = 2.0f * dq * st[i];
+
             dst[i] += a * s->squares[o * s->in + i];
             for (size_t k = 0; k < 9; k++)
                 dw[(o * s->in + i) * 9 + k] +=
@@ -211,6 +228,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
     const struct nn_kernels *k = nn_kernels();
     size_t pixels = s->h * s->w, low = s->up ? pixels / 4 : pixels;
     size_t B = s->batch, P = style_part_count(low);
+
     memset(s->dst, 0, B * s->in * sizeof *s->dst);
     for (size_t n = 0; n < B; n++) {
         style_finish_backward(g0, s->dd, dy, n, s);
@@ -226,6 +244,7 @@ void style_conv_backward(float *dx, float *dlatent, const float *dy,
         for (size_t i = 0; i < P; i++) {
             size_t r0 = i * low / P, r1 = (i + 1) * low / P;
             size_t at = (n * low + r0) * s->in;
+
             k->channel_dot(s->part + i * s->in, dxs + at, x + at, r1 - r0,
                            s->in);
         }
@@ -247,6 +266,7 @@ void to_rgb_init(struct to_rgb *t, struct params *ps, const char *name,
     char buf[120];
     struct conv shape;
     size_t bias[4] = { 1, 3, 1, 1 };
+
     memset(t, 0, sizeof *t);
     t->ps = ps;
     t->in = in;
@@ -294,6 +314,7 @@ void to_rgb_forward(const float *x, const float *latent,
     const struct nn_kernels *k = nn_kernels();
     size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
     const float *w = param_w(t->ps, t->weight), *b = param_w(t->ps, t->bias);
+
     conv_forward(t->st, latent, &t->modulation);
     for (size_t n = 0; n < t->batch; n++)
         for (size_t i = 0; i < 3 * C; i++)
@@ -307,6 +328,7 @@ void to_rgb_forward(const float *x, const float *latent,
         for (size_t i = 0; i < P; i++) {
             size_t r0 = n * pixels + i * pixels / P;
             size_t r1 = n * pixels + (i + 1) * pixels / P;
+
             k->rgb_forward(t->rgb + 3 * r0, x + r0 * C,
                            t->scaled + n * 3 * C, b, r1 - r0, C);
         }
@@ -321,17 +343,20 @@ void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
     size_t pixels = t->h * t->w, P = style_part_count(pixels), C = t->in;
     const float *w = param_w(t->ps, t->weight);
     float *dw = param_g(t->ps, t->weight), *db = param_g(t->ps, t->bias);
+
     memset(t->dst, 0, t->batch * C * sizeof *t->dst);
     for (size_t n = 0; n < t->batch; n++) {
 #pragma omp parallel for schedule(static)
         for (size_t i = 0; i < P; i++) {
             size_t r0 = n * pixels + i * pixels / P;
             size_t r1 = n * pixels + (i + 1) * pixels / P;
+
             k->rgb_backward(dx + r0 * C, t->part + i * 3 * C, drgb + 3 * r0,
                             x + r0 * C, t->scaled + n * 3 * C, r1 - r0, C);
         }
         for (size_t j = 0; j < 3 * C; j++) {
             double sum = 0;
+
             for (size_t i = 0; i < P; i++)
                 sum += (double)t->part[i * 3 * C + j];
             dw[j] += (float)sum * t->st[n * C + j % C];
@@ -339,6 +364,7 @@ void to_rgb_backward(float *dx, float *dlatent, float *dprevious,
         }
         for (size_t c = 0; c < 3; c++) {
             double sum = 0;
+
             for (size_t i = n * pixels; i < (n + 1) * pixels; i++)
                 sum += (double)drgb[3 * i + c];
             db[c] += (float)sum;

@@ -13,6 +13,7 @@ void ISA(style_finish)(float *y, const float *u, const float *d,
 #pragma GCC ivdep
         for (size_t c = 0; c < C; c++) {
             float z = p[c] * d[c] + (n + b[c]);
+
             q[c] = z > 0.0f ? z : ACT_SLOPE * z;
         }
     }
@@ -25,6 +26,7 @@ void ISA(style_backward)(float *du, float *sum, const float *dy,
                          const float *noise, size_t rows, size_t C)
 {
     float *restrict s0 = sum, *restrict s1 = sum + C, *restrict s2 = s1 + C;
+
     for (size_t c = 0; c < 3 * C; c++)
         sum[c] = 0.0f;
     for (size_t r = 0; r < rows; r++) {
@@ -33,6 +35,7 @@ void ISA(style_backward)(float *du, float *sum, const float *dy,
 #pragma GCC ivdep
         for (size_t c = 0; c < C; c++) {
             float dz = g[c] * (q[c] > 0.0f ? 1.0f : ACT_SLOPE);
+
             s0[c] += dz;
             s1[c] += dz * p[c];
             s2[c] += dz * n;
@@ -49,12 +52,14 @@ void ISA(rgb_forward)(float *rgb, const float *x, const float *w,
         float lane[3][16] = { { 0 } };
         const float *p = x + r * C;
         size_t whole = C / 16 * 16;
+
         for (size_t c = 0; c < whole; c += 16)
             for (size_t o = 0; o < 3; o++)
                 for (size_t i = 0; i < 16; i++)
                     lane[o][i] += p[c + i] * w[o * C + c + i];
         for (size_t o = 0; o < 3; o++) {
             float s8[8], sum;
+
             for (int i = 0; i < 8; i++)
                 s8[i] = lane[o][i] + lane[o][i + 8];
             sum = ((s8[0] + s8[4]) + (s8[1] + s8[5])) +
@@ -72,6 +77,7 @@ void ISA(rgb_backward)(float *dx, float *sum, const float *drgb,
 {
     const float *w1 = w + C, *w2 = w1 + C;
     float *restrict s0 = sum, *restrict s1 = sum + C, *restrict s2 = s1 + C;
+
     for (size_t c = 0; c < 3 * C; c++)
         sum[c] = 0.0f;
     for (size_t r = 0; r < rows; r++) {

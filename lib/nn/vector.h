@@ -10,6 +10,8 @@
 #include <immintrin.h>
 #endif
 
+#include "lib/nn/math.h"
+
 #if defined(ISA_AVX512)
 #define VF_LANES 16
 #elif defined(ISA_AVX2)
@@ -155,7 +157,7 @@ VF_INLINE void vf_store_u8(uint8_t *p, vf a, vf b)
 #endif
 }
 
-/* e^x, the sigmoid and tanh: lib/nn/math.h's, to the bit. */
+/* e^x, and below the sigmoid and tanh: math.h's, to the bit. */
 VF_INLINE vf vf_exp(vf x)
 {
     x = vf_max(vf_set(-87.0f), x);
@@ -164,20 +166,17 @@ VF_INLINE vf vf_exp(vf x)
     vf n = (x * 1.44269504f + magic) - magic;
     vf r = (x - n * 0.693359375f) - n * -2.12194440e-4f;
     vf p = vf_set(1.9875691500e-4f);
-    p = p * r + 1.3981999507e-3f;
-    p = p * r + 8.3334519073e-3f;
-    p = p * r + 4.1665795894e-2f;
-    p = p * r + 1.6666665459e-1f;
-    p = p * r + 5.0000001201e-1f;
-    p = p * r * r + r + 1.0f;
+    MATH_EXP_SERIES(p, r);
     return p * (vf)((__builtin_convertvector(n, vf_i32) + 127) << 23);
 }
 
+/* 1 / (1 + e^-x) */
 VF_INLINE vf vf_sigmoid(vf x)
 {
     return 1.0f / (1.0f + vf_exp(-x));
 }
 
+/* tanh by e^2x */
 VF_INLINE vf vf_tanh(vf x)
 {
     return 1.0f - 2.0f / (1.0f + vf_exp(2.0f * x));

@@ -1,3 +1,6 @@
+/* Winograd convolution F(4x4,3x3) (Lavin and Gray 2016): weights transformed
+ * once, then tiles in groups: transform, 36 matrix products, transform
+ * back. */
 #include "lib/nn/winograd.h"
 
 #include <omp.h>
@@ -9,9 +12,9 @@
 
 #define PIECE 64         /* terms of one chain of a float's sum */
 
-static int forced;
+static enum winograd_choice forced;
 
-void winograd_force(int how)
+void winograd_force(enum winograd_choice how)
 {
     forced = how;
 }
@@ -21,8 +24,8 @@ bool winograd_wanted(const struct conv *c)
     if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
         c->act > ACT_LRELU || c->plan->opt.type == NN_F32)
         return false;
-    if (forced)
-        return forced > 0;
+    if (forced != WINOGRAD_BY_TABLE)
+        return forced == WINOGRAD_WHEREVER_POSSIBLE;
     return tune_winograd(c->in_data, c->out, c->oh, c->ow,
                          c->plan->opt.type == NN_BF16);
 }
@@ -32,6 +35,7 @@ bool winograd_wanted(const struct conv *c)
 static size_t winograd_tile_count(size_t in, size_t out)
 {
     size_t n = 262144 / (36 * (in + out)) / 12 * 12;
+
     return n < 48 ? 48 : n > 120 ? 120 : n;
 }
 
@@ -69,6 +73,7 @@ static void winograd_weight(double u[36], const float *w)
         { 0, 0, 1 }
     };
     double t[6][3];
+
     for (int i = 0; i < 6; i++)
         for (int x = 0; x < 3; x++)
             t[i][x] = G[i][0] * (double)w[x] + G[i][1] * (double)w[3 + x] +
@@ -82,11 +87,13 @@ static void winograd_weight(double u[36], const float *w)
 void winograd_update(struct winograd *g, const float *w, const float *bias)
 {
     size_t in = g->in, out = g->out;
+
     memcpy(g->bias, bias, out * sizeof *bias);
 #pragma omp parallel for schedule(static)
     for (size_t o = 0; o < out; o++)
         for (size_t i = 0; i < in; i++) {
             double u[36];
+
             winograd_weight(u, w + (o * in + i) * 9);
             /* piece by piece, each as gemm_pack lays it out: panels of 32
              * columns */
@@ -107,8 +114,10 @@ static void winograd_group(float *out, const float *in,
     const struct nn_kernels *k = nn_kernels();
     size_t across = (g->w + 3) / 4, image = across * ((g->h + 3) / 4);
     float *m = v + 36 * g->v_size;
+
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
+
         k->winograd_input(v, in + b * g->h * g->w * g->in, g, i,
                           (ptrdiff_t)(t / across * 4) - 1,
                           (ptrdiff_t)(t % across * 4) - 1);
@@ -120,6 +129,7 @@ static void winograd_group(float *out, const float *in,
                     g->in - i < g->piece ? g->in - i : g->piece, i > 0);
     for (size_t i = 0; i < n; i++) {
         size_t b = (t0 + i) / image, t = (t0 + i) % image;
+
         k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,
                            t / across * 4, t % across * 4);
     }
@@ -132,6 +142,7 @@ void winograd_forward(float *out, const float *in, struct winograd *g)
     for (size_t t = 0; t < all; t += g->tiles) {
         float *v = (float *)(void *)g->plan->scratch +
                    (size_t)omp_get_thread_num() * g->work;
+
         winograd_group(out, in, g, v, t,
                        all - t < g->tiles ? all - t : g->tiles);
     }

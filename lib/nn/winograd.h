@@ -29,13 +29,17 @@ struct winograd {
  * channels, and the table of `make tune` says that it is faster.  Depends on
  * the layer's sizes only, never on a clock, so that two runs agree. */
 bool winograd_wanted(const struct conv *c);
-/* The same without the table, for tests and for `make tune` itself: -1 never,
- * 0 as the table says, 1 wherever it is possible. */
-void winograd_force(int how);
+enum winograd_choice {
+    WINOGRAD_BY_TABLE, WINOGRAD_NEVER, WINOGRAD_WHEREVER_POSSIBLE
+};
+/* From now on, for tests and for `make tune` itself. */
+void winograd_force(enum winograd_choice how);
+/* Buffers for the layer c, whose sizes are known. */
 void winograd_plan(struct winograd *g, const struct conv *c,
                    struct nn_plan *p);
 /* w (out,in,3,3), bias (out) */
 void winograd_update(struct winograd *g, const float *w, const float *bias);
+/* out (B,h,w,out) from in (B,h,w,in). */
 void winograd_forward(float *out, const float *in, struct winograd *g);
 
 #endif

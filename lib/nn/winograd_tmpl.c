@@ -32,12 +32,14 @@ void ISA(winograd_input)(float *v, const float *in, const struct winograd *g,
 {
     ptrdiff_t h = (ptrdiff_t)g->h, w = (ptrdiff_t)g->w;
     size_t C = g->in, plane = g->v_size;
+
     for (size_t c = 0; c < C; c += VF_LANES) {
         vf t[6][6];
         for (int x = 0; x < 6; x++) {
             vf d[6], col[6];
             for (int y = 0; y < 6; y++) {
                 ptrdiff_t yy = y0 + y, xx = x0 + x;
+
                 d[y] = (vf){ 0 };
                 if (yy >= 0 && yy < h && xx >= 0 && xx < w)
                     d[y] = vf_load(in + (size_t)(yy * w + xx) * C + c);
@@ -64,6 +66,7 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
     size_t C = g->out, plane = g->m_size;
     size_t ny = g->h - y0 < 4 ? g->h - y0 : 4;
     size_t nx = g->w - x0 < 4 ? g->w - x0 : 4;
+
     vf slope = vf_set(g->act == ACT_NONE ? 1.0f
                         : g->act == ACT_RELU ? 0.0f : ACT_SLOPE);
     for (size_t c = 0; c < C; c += VF_LANES) {
@@ -82,6 +85,7 @@ void ISA(winograd_output)(float *out, const float *m, const struct winograd *g,
             OUTPUT_SIX(row, t[y]);
             for (size_t x = 0; x < nx; x++) {
                 float *to = out + ((y0 + y) * g->w + x0 + x) * C + c;
+
                 vf r = row[x] + bias;
                 if (g->add)
                     r += vf_load(to);

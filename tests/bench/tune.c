@@ -30,15 +30,17 @@ static const size_t layers[][3] = {
 };
 
 /* Of the processor, so that others' work on the machine does not count. */
-static double seconds(void)
+static double tune_seconds(void)
 {
     struct timespec t;
+
     clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &t);
     return (double)t.tv_sec + 1e-9 * (double)t.tv_nsec;
 }
 
 /* Best of several runs, seconds; the process ends on an error. */
-static double best_time(const size_t layer[3], enum nn_type type, int method)
+static double tune_best_time(const size_t layer[3], enum nn_type type,
+                             enum winograd_choice method)
 {
     struct params ps;
     struct conv c;
@@ -48,6 +50,7 @@ static double best_time(const size_t layer[3], enum nn_type type, int method)
     size_t side = layer[2], n = side * side * layer[0];
     float *in = malloc(n * sizeof *in);
     float *out = malloc(side * side * layer[1] * sizeof *out);
+
     params_init(&ps);
     conv_init(&c, &ps, "c", layer[0], layer[1], 3, 1, true);
     c.act = ACT_LRELU;
@@ -67,11 +70,12 @@ static double best_time(const size_t layer[3], enum nn_type type, int method)
     random_init(&r, 1, "tune");
     for (size_t i = 0; i < n; i++)
         in[i] = (float)random_range(&r, -1, 1);
-    double best = INFINITY, start = seconds();
-    for (int i = 0; i < 4 || seconds() - start < 0.3; i++) {
-        double t = seconds();
+    double best = INFINITY, start = tune_seconds();
+    for (int i = 0; i < 4 || tune_seconds() - start < 0.3; i++) {
+        double t = tune_seconds();
+
         conv_forward(out, in, &c);
-        t = seconds() - t;
+        t = tune_seconds() - t;
         best = t < best ? t : best;
     }
     conv_release(&c);
@@ -90,9 +94,10 @@ int main(void)
            "tune. */\n");
     for (size_t i = 0; i < sizeof layers / sizeof *layers; i++) {
         const size_t *l = layers[i];
-        double direct = best_time(l, NN_F32, -1);
-        double half = best_time(l, NN_BF16, -1);
-        double wino = best_time(l, NN_FAST, 1);
+        double direct = tune_best_time(l, NN_F32, WINOGRAD_NEVER);
+        double half = tune_best_time(l, NN_BF16, WINOGRAD_NEVER);
+        double wino = tune_best_time(l, NN_FAST, WINOGRAD_WHEREVER_POSSIBLE);
+
         printf("{ %zu, %zu, %zu, %.2ff, %.2ff },\n", l[0], l[1], l[2],
                wino / direct, wino / half);
         fprintf(stderr, "%zu -> %zu, %zux%zu: direct %.2f ms, bf16 %.2f, "

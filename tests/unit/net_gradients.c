@@ -36,6 +36,7 @@ static double loss(const struct subject *n, const float *in, float *out,
                    const float *probe)
 {
     double sum = 0;
+
     n->update(n->self);
     n->forward(out, in, n->self);
     for (size_t i = 0; i < n->out; i++)
@@ -49,6 +50,7 @@ static void check_gradient(const struct subject *n, const char *what, float *w,
                            float *out, const float *probe, double step)
 {
     double norm = 0, size = 0;
+
     for (size_t i = 0; i < count; i++) {
         norm += (double)g[i] * (double)g[i];
         size += (double)w[i] * (double)w[i];
@@ -63,6 +65,7 @@ static void check_gradient(const struct subject *n, const char *what, float *w,
     /* kinks and rounding ask for different steps: one of eight must do */
     for (int k = 0; k < 8 && error > 0.03; k++, step *= 0.25) {
         double eps = step * (sqrt(size) + 1e-2 * sqrt((double)count)), l[2];
+
         for (int s = 0; s < 2; s++) {
             for (size_t i = 0; i < count; i++)
                 w[i] = keep[i] + (float)((s ? -eps : eps) * (double)g[i] /
@@ -85,6 +88,7 @@ static void run(const struct subject *n)
     float *in = malloc(n->in * sizeof *in), *din = malloc(n->in * sizeof *in);
     float *out = malloc(n->out * sizeof *out);
     float *probe = malloc(n->out * sizeof *probe);
+
     random_init(&r, 7, n->name);
     for (size_t i = 0; i < n->in; i++)
         in[i] = (float)random_range(&r, (double)n->lo, (double)n->hi);
@@ -203,6 +207,7 @@ static void small_nets(void)
     struct backbone backbone;
     struct backbone_config bc = { .type = BACKBONE_SMALL, .features = 8,
                                   .size = 20, .width = 4 };
+
     params_init(&ps);
     ready(&ps, backbone_init(&backbone, &ps, "b.", &bc, &err));
     planned(backbone_plan(&backbone, 2, 32, train, &err));
@@ -230,6 +235,7 @@ static void encoders(void)
     struct motion_encoder motion_encoder;
     struct shape_encoder shape_encoder;
     size_t in = 2 * 224 * 224 * 3;
+
     params_init(&ps);
     ready(&ps, motion_encoder_init(&motion_encoder, &ps, "m.",
                                    "tf_mobilenetv3_small_minimal_100", &err));

@@ -25,6 +25,7 @@ struct map {
 static struct map map_of(size_t h, size_t w, size_t C)
 {
     struct map m = { h, w, C, calloc(h * w * C, sizeof(double)) };
+
     if (!m.v)
         exit(1);
     return m;
@@ -36,13 +37,16 @@ static void plain_conv(struct map *out, size_t at, const struct map *in,
                        const struct conv *c, size_t half)
 {
     const float *w = param_w(c->ps, c->weight), *b = param_w(c->ps, c->bias);
+
     for (size_t i = 0; i < out->h * out->w * c->out; i++) {
         size_t o = i % c->out, x = i / c->out % out->w, y = i / c->out /
                                                             out->w;
         double sum = (double)b[o];
+
         for (size_t k = 0; k < c->kernel * c->kernel; k++) {
             size_t yy = y * c->stride + k / c->kernel;
             size_t xx = x * c->stride + k % c->kernel;
+
             if (yy < half || yy >= in->h + half || xx < half ||
                 xx >= in->w + half)
                 continue;
@@ -59,9 +63,11 @@ static void plain_conv(struct map *out, size_t at, const struct map *in,
 static struct map plain_pool(const struct map *in)
 {
     struct map out = map_of(max_pool_size(in->h), max_pool_size(in->w), in->C);
+
     for (size_t i = 0; i < out.h * out.w * out.C; i++) {
         size_t c = i % out.C, x = i / out.C % out.w, y = i / out.C / out.w;
         double most = -INFINITY;
+
         for (size_t yy = 2 * y; yy < 2 * y + 3 && yy < in->h; yy++)
             for (size_t xx = 2 * x; xx < 2 * x + 3 && xx < in->w; xx++)
                 most = fmax(most, in->v[(yy * in->w + xx) * in->C + c]);
@@ -79,6 +85,7 @@ static void plain_net(struct map layer[SQUEEZENET_LAYERS],
     for (size_t i = 0; i < SQUEEZENET_FIRES; i++) {
         const struct squeezenet_fire *f = &s->fire[i];
         struct map x = layer[i];
+
         if (f->pooled)
             x = plain_pool(&layer[i]);
         struct map few = map_of(x.h, x.w, f->squeeze.out);
@@ -98,9 +105,11 @@ static double plain_loss(const struct map *rgb, float *const *probe,
 {
     struct map layer[SQUEEZENET_LAYERS];
     double sum = 0;
+
     plain_net(layer, rgb, s);
     for (size_t k = 0; k < SQUEEZENET_LAYERS; k++) {
         size_t n = layer[k].h * layer[k].w * layer[k].C;
+
         for (size_t i = 0; i < n && probe[k]; i++)
             sum += layer[k].v[i] * (double)probe[k][i];
         free(layer[k].v);
@@ -112,6 +121,7 @@ static double plain_loss(const struct map *rgb, float *const *probe,
 static double relative(const float *x, const double *truth, size_t n)
 {
     double most = 0, size = 1e-30;
+
     for (size_t i = 0; i < n; i++) {
         most = fmax(most, fabs((double)x[i] - truth[i]));
         size = fmax(size, fabs(truth[i]));
@@ -125,6 +135,7 @@ static float *noise(size_t n, uint64_t seed, double from, double to)
 {
     struct random r;
     float *x = malloc(n * sizeof *x);
+
     random_init(&r, seed, "squeezenet");
     for (size_t i = 0; i < n; i++)
         x[i] = (float)random_range(&r, from, to);
@@ -136,11 +147,13 @@ static void check_layers(struct squeezenet *s, const struct map *rgb)
     struct map layer[SQUEEZENET_LAYERS];
     char what[32];
     size_t shape[4];
+
     plain_net(layer, rgb, s);
     for (size_t k = 0; k < SQUEEZENET_LAYERS; k++) {
         const float *x = squeezenet_layer(shape, s,
                                           (enum squeezenet_layer)k);
         size_t n = layer[k].h * layer[k].w * layer[k].C;
+
         snprintf(what, sizeof what, "layer %zu", k);
         check_that("sizes", shape[1] == layer[k].h && shape[2] == layer[k].w &&
                                 shape[3] == layer[k].C);
@@ -154,6 +167,7 @@ static void check_gradient(struct squeezenet *s, struct map *rgb)
     float *probe[SQUEEZENET_LAYERS], *drgb = malloc(SIDE * SIDE * 3 *
                                                     sizeof *drgb);
     size_t shape[4], n = SIDE * SIDE * 3;
+
     for (size_t k = 0; k < SQUEEZENET_LAYERS; k++) {
         squeezenet_layer(shape, s, (enum squeezenet_layer)k);
         /* some layers have no part in a loss */
@@ -164,6 +178,7 @@ static void check_gradient(struct squeezenet *s, struct map *rgb)
     for (uint64_t d = 0; d < 3; d++) {
         float *way = noise(n, 30 + d, -1, 1);
         double eps = 1e-7, ours = 0, along, length = 0, size = 0;
+
         for (size_t i = 0; i < n; i++) {
             ours += (double)drgb[i] * (double)way[i];
             length += (double)way[i] * (double)way[i];
@@ -191,6 +206,7 @@ static void check_random(void)
     struct squeezenet s;
     struct params ps;
     struct error err = { 0 };
+
     params_init(&ps);
     if (squeezenet_init(&s, &ps, "", &err) || params_allocate(&ps, &err))
         exit(1);
@@ -222,6 +238,7 @@ static void check_stored(const struct safetensors *st, const char *name,
     size_t dim[4] = { 1, s[3], s[1], s[2] }, n = s[1] * s[2] * s[3];
     float *planes = st_load_f32(st, name, 4, dim, NULL, &err);
     double *truth = malloc(n * sizeof *truth);
+
     check_error(name, planes != NULL, &err);
     for (size_t i = 0; planes && i < n; i++)
         truth[i] = (double)planes[i % s[3] * s[1] * s[2] + i / s[3]];
@@ -240,6 +257,7 @@ static void check_file(const char *folder)
     struct params ps;
     struct error err = { 0 };
     size_t dim[4] = { 1, 3, 64, 64 }, shape[4];
+
     params_init(&ps);
     snprintf(path, sizeof path, "%s/squeezenet10.safetensors", folder);
     struct safetensors *st = st_open(path, &err);
@@ -254,12 +272,14 @@ static void check_file(const char *folder)
     check_error("stored picture", in != NULL, &err);
     if (ok && in) {
         float *x = malloc(64 * 64 * 3 * sizeof *x);
+
         for (size_t i = 0; i < 64 * 64 * 3; i++)
             x[i] = in[i % 3 * 64 * 64 + i / 3];
         squeezenet_forward(x, &s);
         for (int k = 0; k < SQUEEZENET_LAYERS; k++) {
             const float *y = squeezenet_layer(shape, &s,
                                               (enum squeezenet_layer)k);
+
             snprintf(name, sizeof name, k ? "fire%d" : "relu%d", k + 1);
             check_stored(st, name, y, shape);
         }
@@ -277,6 +297,7 @@ int main(void)
 {
     const char *assets = getenv("SPID_ASSETS");
     char folder[900], path[1000];
+
     check_random();
     snprintf(folder, sizeof folder, "%s/perceptual",
              assets ? assets : "../shared/assets");

@@ -77,6 +77,7 @@ static long tap(const struct shape *s, long py, long px, size_t b, size_t y,
                 size_t x, size_t ky, size_t kx, size_t c)
 {
     long yy = (long)(y * s->s + ky) - py, xx = (long)(x * s->s + kx) - px;
+
     if (yy < 0 || yy >= (long)s->h || xx < 0 || xx >= (long)s->w)
         return -1;
     return (long)(((b * s->h + (size_t)yy) * s->w + (size_t)xx) * s->in + c);
@@ -89,12 +90,14 @@ static void reference(struct result *r, const float *in, const float *w,
 {
     size_t o_, group = s->depthwise ? 1 : s->in;
     long py, px;
+
     sides(s, s->h, &o_, &py);
     sides(s, s->w, &o_, &px);
     for (size_t i = 0; i < r->out_n; i++) {
         size_t o = i % s->out, x = i / s->out % ow;
         size_t y = i / s->out / ow % oh, b = i / s->out / ow / oh;
         double sum = bias ? (double)bias[o] : 0, g = 0;
+
         if (dout)
             g = (double)dout[i] * act_slope(s->act, r->out[i]);
         for (size_t ci = 0; ci < group; ci++)
@@ -102,6 +105,7 @@ static void reference(struct result *r, const float *in, const float *w,
                 size_t c = s->depthwise ? o : ci;
                 long at = tap(s, py, px, b, y, x, t / s->k, t % s->k, c);
                 size_t wi = (o * group + ci) * s->k * s->k + t;
+
                 if (at < 0)
                     continue;
                 sum += (double)in[at] * (double)w[wi];
@@ -118,6 +122,7 @@ static void compare(const char *what, const struct shape *s, const float *x,
                     const double *truth, size_t n, double tolerance)
 {
     double worst = 0, most = 1e-30;
+
     for (size_t i = 0; i < n; i++) {
         worst = fmax(worst, fabs((double)x[i] - truth[i]));
         most = fmax(most, fabs(truth[i]));
@@ -132,6 +137,7 @@ static uint64_t bits(uint64_t sum, const float *x, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         uint32_t u;
+
         memcpy(&u, x + i, sizeof u);
         sum = random_mix(sum ^ u);
     }
@@ -142,6 +148,7 @@ static float *noise(size_t n, uint64_t seed)
 {
     struct random r;
     float *x = malloc(n * sizeof *x);
+
     random_init(&r, seed, "nn_conv");
     for (size_t i = 0; i < n; i++)
         x[i] = (float)random_range(&r, -1, 1);
@@ -159,6 +166,7 @@ static uint64_t run(float *out, float *din, struct params *ps, const float *in,
     struct error err = { 0 };
     size_t n = s->B * oh * ow * s->out;
     float *g = malloc(n * sizeof *g);
+
     memcpy(g, dout, n * sizeof *g);
     nn_plan_init(&p, (struct nn_options){ NN_TRAIN, NN_F32 });
     params_init(ps);
@@ -202,6 +210,7 @@ static void check_shape(const struct shape *s)
     size_t oh, ow;
     long unused;
     struct params ps;
+
     sides(s, s->h, &oh, &unused);
     sides(s, s->w, &ow, &unused);
     struct result r = { .out_n = s->B * oh * ow * s->out,
@@ -253,6 +262,7 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     struct error err = { 0 };
     struct result r = { 2 * h * w * out, 2 * h * w * in, 9 * in * out, out,
                         NULL, NULL, NULL, NULL };
+
     reserve(&r);
     float *x = noise(r.in_n, 3), *y = malloc(r.out_n * sizeof *y);
     params_init(&ps);
@@ -261,7 +271,7 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 5);
-    winograd_force(1);
+    winograd_force(WINOGRAD_WHEREVER_POSSIBLE);
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_FAST });
     conv_plan(&c, &p, 2, h, w);
     if (nn_plan_finish(&p, &err))
@@ -270,7 +280,7 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     conv_forward(y, x, &c);
     reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h, w);
     compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
-    winograd_force(0);
+    winograd_force(WINOGRAD_BY_TABLE);
     conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
@@ -289,6 +299,7 @@ static void check_int8(const struct shape *s, bool add)
     struct conv c;
     struct nn_plan p;
     struct error err = { 0 };
+
     sides(s, s->h, &oh, &unused);
     sides(s, s->w, &ow, &unused);
     struct result r = { .out_n = s->B * oh * ow * s->out,
@@ -355,6 +366,7 @@ int main(void)
         { 3, 17, 19, 64, 32, 1, 1, CONV_HALF, ACT_NONE, false },
         { 1, 34, 35, 32, 32, 1, 2, CONV_HALF, ACT_NONE, false },
     };
+
     for (size_t i = 0; i < sizeof bytes / sizeof *bytes; i++)
         for (int add = 0; add < 2; add++)
             check_int8(&bytes[i], add);

@@ -45,11 +45,14 @@ static double plain(double *out, const float *in, const struct conv *c,
     const float *w = param_w(c->ps, c->weight), *b = param_w(c->ps, c->bias);
     size_t oh = s->h / 2, ow = s->w / 2;
     double most = 0;
+
     for (size_t i = 0; i < s->B * oh * ow * s->O; i++) {
         size_t o = i % s->O, x = i / s->O % ow, y = i / s->O / ow;
         double sum = (double)b[o];
+
         for (size_t k = 0; k < 4 * s->C; k++) {
             size_t ch = k / 4, dy = k % 4 / 2, dx = k % 2;
+
             sum += (double)in[((2 * y + dy) * s->w + 2 * x + dx) * s->C + ch] *
                    (double)w[(o * s->C + ch) * 4 + dy * 2 + dx];
         }
@@ -63,6 +66,7 @@ static double plain(double *out, const float *in, const struct conv *c,
 static void values(uint16_t *half, float *in, size_t n)
 {
     struct random r;
+
     random_init(&r, 5, "fold");
     for (size_t i = 0; i < n; i++) {
         half[i] = i % 97 == 5 ? (uint16_t)(i % 1024)
@@ -87,8 +91,10 @@ static void run_packed(const struct fused_stem *f, float *in, uint16_t *half,
     float *out[2] = { floats(outs), floats(outs) };
     float *rgb[2] = { floats(3 * pixels), floats(3 * pixels) };
     size_t *start = malloc(rows * sizeof *start), count = 0;
+
     for (size_t i = 0; i < pixels; i++) {
         size_t x = i % s->w, y = i / s->w;
+
         alpha[i] = (x / 3 + y) % 5 && x < 70 && y % 7 < 4 ? 0.5f : 0;
         if (alpha[i] != 0) {
             memmove(half + count * C, half + i * C, C * sizeof *half);
@@ -137,6 +143,7 @@ static void run(const struct shape *s)
     float *out2 = floats(outs), *rgb2 = floats(3 * pixels);
     uint16_t *half = malloc(n * sizeof *half);
     double *truth = malloc(outs * sizeof *truth), worst = 0;
+
     params_init(&ps);
     conv_init(&c, &ps, "c", s->C, s->O, 2, 2, true);
     c.pad = CONV_NONE;
@@ -193,6 +200,7 @@ static void refine(float *rgb, const float *feat, struct params *ps,
 {
     struct narrow_refiner r;
     struct params declared;
+
     params_init(&declared);
     narrow_refiner_init(&r, &declared, "r.", 32, 32, false);
     must(params_allocate(&declared, &err));
@@ -212,6 +220,7 @@ static void whole(void)
     struct params ps;
     struct random rnd;
     double worst = 0;
+
     params_init(&ps);
     narrow_refiner_init(&r, &ps, "r.", 32, 32, false);
     must(params_allocate(&ps, &err));

@@ -166,6 +166,7 @@ static const struct kernel_case {
 static void prepare(void)
 {
     struct random r;
+
     random_init(&r, 7, "nn kernels");
     for (size_t b = 0; b < 6; b++)
         for (size_t i = 0; i < ROOM; i++)
@@ -185,6 +186,7 @@ static void prepare(void)
 static double apart(const float *a, const float *b, size_t n)
 {
     double most = 0, size = 1e-30;
+
     for (size_t i = 0; i < n; i++) {
         most = fmax(most, fabs((double)a[i] - (double)b[i]));
         size = fmax(size, fabs((double)b[i]));
@@ -209,6 +211,7 @@ static int compare(const struct kernel_case *c, enum cpu_level level)
     static float want[ROOM];
     static uint16_t want_half[ROOM];
     static uint8_t want_bytes[ROOM];
+
     poison();
     c->run(nn_kernels_at(CPU_BASELINE), c->rows, c->C);
     memcpy(want, out[0], sizeof want);
@@ -231,10 +234,12 @@ static void time_case(const struct kernel_case *c)
 {
     double best[3] = { INFINITY, INFINITY, INFINITY };
     int top = (int)cpu_level();
+
     for (int round = 0; round < ROUNDS; round++)
         for (int i = 0; i <= top; i++) {
             const struct nn_kernels *k = nn_kernels_at((enum cpu_level)i);
             double start = cpu_seconds();
+
             for (size_t j = 0; j < c->repeat; j++)
                 c->run(k, c->rows, c->C);
             best[i] = fmin(best[i], (cpu_seconds() - start) /
@@ -250,6 +255,7 @@ int main(int argc, char **argv)
 {
     bool timing = argc > 1 && !strcmp(argv[1], "--time");
     int failures = 0;
+
     prepare();
     if (timing) {
         printf("%-42s", "kernel, rows x channels; time, speed");

@@ -24,6 +24,7 @@ static void write_weights(const char *path)
     struct squeezenet s;
     struct params ps;
     struct error err = { 0 };
+
     params_init(&ps);
     if (squeezenet_init(&s, &ps, "", &err) || params_allocate(&ps, &err))
         exit(1);
@@ -39,6 +40,7 @@ static void write_weights(const char *path)
 static void smooth_picture(float *x, double phase, uint64_t seed)
 {
     struct random r;
+
     random_init(&r, seed, "perceptual");
     for (size_t i = 0; i < N; i++)
         x[i] = (float)(0.5 + 0.3 * sin((double)(i / 3 % W) / 7 + phase) *
@@ -51,6 +53,7 @@ static void check_gradient(struct perceptual *p, const struct box *box,
                            const char *what)
 {
     double eps = 3e-5, ours = 0, length = 0, size = 0, step[2];
+
     memset(db, 0, sizeof db);
     perceptual_target(p, a, H, W, box);
     double loss = perceptual_loss(db, b, H, W, box, 3, p);
@@ -78,6 +81,7 @@ int main(void)
     char name[64];
     struct perceptual p;
     struct error err = { 0 };
+
     snprintf(name, sizeof name, "/tmp/%ld-%s", (long)getpid(), path);
     write_weights(name);
     check_error("open", !perceptual_open(&p, name, 64, &err), &err);
@@ -91,6 +95,7 @@ int main(void)
     double outside = 0;
     for (size_t i = 0; i < N; i++) {
         size_t x = i / 3 % W, y = i / 3 / W;
+
         if (x < face.x0 || x >= face.x1 || y < face.y0 || y >= face.y1)
             outside += fabs((double)db[i]);
     }
