@@ -59,7 +59,7 @@ truth() {
     mkdir -p "$out/truth/$name"
     # shellcheck disable=SC2086
     ffmpeg -nostdin -v error -y -i "$clip" $frames -fps_mode passthrough -vf \
-        "pad=iw+2*$side:ih+2*$side:$side:$side,crop=$side:$side:$((x + side)):$((y + side)),scale=$size:$size:flags=area" \
+        "format=rgb24,pad=iw+2*$side:ih+2*$side:$side:$side,crop=$side:$side:$((x + side)):$((y + side)),scale=$size:$size:flags=area" \
         "$out/truth/$name/%05d.png" || return
     window=$((size / 2)),$((size / 2)),$size
     spid-motion -q --window "$window" "$out/truth/$name" -o "$out/truth/$name.spid" &&
