@@ -1,4 +1,4 @@
-# SpiD toolkit.  make deps | make | make check | make bench | make demo |
+# SpiD toolkit.  make deps | make | make web | make check | make bench | make demo |
 # make install | make clean.  Everything generated goes under build/.
 
 PREFIX  ?= /usr/local
@@ -37,7 +37,7 @@ MPI_LIBS   := $(shell pkg-config --libs ompi-c)
 endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
-LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ldnnl -lOpenImageIO \
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -lz -ldnnl -lOpenImageIO \
         -lOpenImageIO_Util -lopencv_core -lopencv_imgproc -lopencv_imgcodecs \
         -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         $(MPI_LIBS) -lm
@@ -74,13 +74,36 @@ CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
 
-all: $(PROGRAMS) $(HEAD)
+# The page that spid-export --html fills, where there is npm to fetch its
+# engine; without it, or without a network, all else is built.
+PLAYER   := $(BUILD)/share/spid/player.html
+PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
 
-# The head model: sculpted from tables, the same bytes every time.
-$(HEAD): $(BUILD)/bin/spid-head
+all: $(PROGRAMS) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
+
+# The head model is data: spid-head(1) --from says how it was made.
+$(HEAD): examples/model/head.safetensors
 	@mkdir -p $(@D)
-	$(SAY) HEAD $@
-	$< -o $@
+	cp $< $@
+
+$(PLAYER): $(PLAYER_SOURCES)
+	@mkdir -p $(BUILD)/web $(@D)
+	$(SAY) WEB $@
+	cp $(PLAYER_SOURCES) $(BUILD)/web
+	cd $(BUILD)/web && npm install --silent --no-audit --no-fund \
+	  --fetch-retries=1 --fetch-timeout=30000
+	cd $(BUILD)/web && node build.mjs player.built
+	mv $(BUILD)/web/player.built $@
+
+# Once for each change of the sources, so that a make without a network does
+# not wait for one every time.
+$(BUILD)/web/tried: $(PLAYER_SOURCES)
+	@mkdir -p $(@D)
+	@$(MAKE) $(PLAYER) || echo "no page for spid-export --html: npm installed \
+	  nothing (make web tries again)"
+	@touch $@
+
+web: $(PLAYER)
 
 # make V=1 shows the commands themselves.
 ifeq ($(V),)
@@ -99,6 +122,13 @@ $(BUILD)/obj/%.o: %.cc
 	@mkdir -p $(@D)
 	$(SAY) CXX $@
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+
+# A page's style and script as C strings.
+$(BUILD)/gen/report_%.inc: lib/report/%
+	@mkdir -p $(@D)
+	sed 's/[\\"]/\\&/g; s/.*/"&\\n"/' $< > $@
+$(BUILD)/obj/lib/report/html.o: $(BUILD)/gen/report_page.css.inc \
+                                $(BUILD)/gen/report_page.js.inc
 
 # Pictures of spid-synth are the same bytes on every processor.
 $(BUILD)/obj/lib/synth/%: TMPL_LAST := -ffp-contract=off
@@ -140,6 +170,7 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 # ---- what people call ------------------------------------------------------
 
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
+        zlib1g-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
         libtinygltf-dev libzip-dev libopenmpi-dev openmpi-bin ffmpeg \
         gnuplot-nox bats mandoc python3 python3-numpy
@@ -149,6 +180,10 @@ tests: all $(UNIT) $(if $(GOLDEN_C),$(BUILD)/tests/golden)
 # make check T="stream dump" runs only the tests with these words in the name.
 check: tests
 	BUILD=$(BUILD) tests/run $(T)
+
+# What takes minutes and gigabytes: the paper's run at its full size.
+check-long: tests
+	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper
 
 bench: all
 	$(BUILD)/bin/spid-bench --levels all
@@ -189,7 +224,8 @@ install: all
 	install $(PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
 	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
 	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
-	for f in $(BUILD)/share/spid/* examples/model/*.safetensors; do \
+	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \
+	  examples/model/README.md; do \
 	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \
 	done
 
@@ -209,13 +245,14 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors*.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
-                   formats/png.[ch] formats/ply.[ch] formats/outfile.[ch] \
+                   formats/png.[ch] formats/mark.[ch] formats/ply.[ch] \
+                   formats/outfile.[ch] \
                    formats/pickle*.[ch] formats/tensorfile*.[ch] \
                    formats/arrayview.[ch] formats/ziparchive.[ch]) \
                  tests/fuzz/memory_file.h
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
-	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE $(JSON_CFLAGS) \
+	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' $(JSON_CFLAGS) \
 	  -DISA_ONE -DISA_NAME=baseline \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lzip -lm -o $@
@@ -232,4 +269,5 @@ tune: $(BUILD)/tests/tune
 clean:
 	rm -rf build
 
-.PHONY: tune all tests check bench model eval-model demo deps install fuzz clean
+.PHONY: tune all web tests check check-long bench model eval-model demo deps install \
+        fuzz clean

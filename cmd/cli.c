@@ -9,6 +9,7 @@
 #include <string.h>
 
 #include "cmd/cli_parts.h"
+#include "formats/mark.h"
 #include "lib/base/cpu.h"
 #include "lib/stream/stream.h"
 
@@ -32,6 +33,16 @@ static int option_bytes(const char *value, void *dest, struct error *err)
     return 0;
 }
 
+/* --no-mark. */
+static int option_no_mark(const char *value, void *dest, struct error *err)
+{
+    (void)value;
+    (void)dest;
+    (void)err;
+    mark_off();
+    return 0;
+}
+
 static long threads;           /* -j; 0: not given */
 static size_t max_bytes;       /* --max-bytes; 0: not given */
 static const struct cli_option shared[] = {
@@ -46,6 +57,9 @@ static const struct cli_option shared[] = {
                   "write per-stage times to FILE as TSV"),
     OPTION_CALL("max-bytes", 0, &max_bytes, "SIZE", option_bytes,
                 "refuse larger records (default 1G)"),
+    OPTION_CALL("no-mark", 0, NULL, NULL, option_no_mark,
+                "do not write into pictures and videos that they are "
+                "synthetic"),
     OPTION_FLAG("help", 0, NULL, "this text"),
     OPTION_FLAG("version", 0, NULL, "the version"),
     { 0 }

@@ -11,9 +11,11 @@
 #include "formats/framesink.h"
 #include "formats/framesource.h"
 #include "lib/animate/animate.h"
+#include "lib/animate/framing.h"
 #include "lib/animate/joblist.h"
 #include "lib/animate/prepare.h"
 #include "lib/animate/report.h"
+#include "lib/track/neutral.h"
 
 static struct framesource_options source_options;
 static struct track_options track_options;
@@ -22,21 +24,26 @@ static struct animate_options animate_options = {
 };
 static struct framesink_options sink_options;
 static struct background background;
+static struct framing_options framing_options;
+static struct neutral neutral;
 static struct prepare models = {.prune = -1};
-static const char *head_path, *mask_path, *list_path, *background_word;
+static const char *head_path, *mask_path, *list_path;
 static double closed_mm = -1;
-static bool live_mode, relative;
+static bool live_mode, relative, absolute;
 
 static int parse_background(const char *value, void *dest, struct error *err)
 {
-    background_word = value;
-    return strcmp(value, "source") == 0 ? 0
-                                        : background_parse(value, dest, err);
+    framing_options.background_given = true;
+    framing_options.source_background = strcmp(value, "source") == 0;
+    return framing_options.source_background
+               ? 0 : background_parse(value, dest, err);
 }
 
 static const struct cli_option options[] = {
     {"star", 's', CLI_FLAG, &animate_options.star, 0, 0, NULL,
      "SpiD*: draw three channels, no refiner", NULL},
+    {"size", 0, CLI_INT, &framing_options.size, 32, PERSON_LARGEST, "N",
+     "pictures of N by N pixels (default the model's, 512)", NULL},
     {"live", 'l', CLI_FLAG, &live_mode, 0, 0, NULL,
      "drop frames instead of lagging; report the latency", NULL},
     {"list", 0, CLI_STRING, &list_path, 0, 0, "FILE",
@@ -53,8 +60,13 @@ static const struct cli_option options[] = {
     {"mask", 0, CLI_STRING, &mask_path, 0, 0, "FILE",
      "matte of the source: white where the person is", NULL},
     {"background", 'b', CLI_CALL, &background, 0, 0, "WHAT",
-     "R,G,B, a name, a picture, or source (default black)",
+     "R,G,B, a name, a picture, or source (a picture's default)",
      parse_background},
+    {"into-source", 0, CLI_FLAG, &framing_options.into_source, 0, 0, NULL,
+     "the driven head in the whole photograph, moving from where it was",
+     NULL},
+    {"cut", 0, CLI_FLAG, &framing_options.cut, 0, 0, NULL,
+     "leave out what of the window lies outside of the photograph", NULL},
     {"format", 'f', CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
      "stream, y4m, png, pam, exr or mp4 (default by the name)",
      framesink_parse_format},
@@ -64,8 +76,13 @@ static const struct cli_option options[] = {
      "one-euro smoothing with this cut-off at rest (default 0: off)", NULL},
     OPTION_NO_TTA(&track_options.no_tta),
     {"relative", 0, CLI_FLAG, &relative, 0, 0, NULL,
-     "do what the driver does since its first frame, from the source's rest",
-     NULL},
+     "what the driver does since it was neutral, from the source's rest (the "
+     "default)", NULL},
+    {"absolute", 0, CLI_FLAG, &absolute, 0, 0, NULL,
+     "the driver's own pose and expression", NULL},
+    {"neutral", 0, CLI_CALL, &neutral, 0, 0, "FRAME",
+     "first, auto or a number: the driver's frame at rest (default first)",
+     neutral_parse},
     {"fps", 0, CLI_FLOAT, &source_options.rate, 0.001, 100000, "RATE",
      "frames a second of pictures without times (default 25)", NULL},
     {"bt601", 0, CLI_FLAG, &source_options.bt601, 0, 0, NULL,
@@ -80,11 +97,12 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-animate", "[-s] [-l] [--without PART] [--prune EPS] [--no-photo] "
-    "[--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] [-f FORMAT] "
-    "[--alpha] [--smooth HZ] [--no-tta] [--relative] [--fps RATE] [--bt601] "
-    "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] [-m MODEL] "
-    "[-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
+    "spid-animate", "[-s] [--size N] [-l] [--without PART] [--prune EPS] "
+    "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] "
+    "[--into-source] [--cut] [-f FORMAT] [--alpha] [--smooth HZ] [--no-tta] "
+    "[--relative] [--absolute] [--neutral FRAME] [--fps RATE] [--bt601] "
+    "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] "
+    "[-m MODEL] [-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",
     "drive a person's picture by a video", options
 };
 
@@ -92,11 +110,13 @@ static const struct cli_usage usage = {
 struct clip {
     const struct job *job;
     struct prepared source;
-    struct framesource *frames;
+    struct framesource *frames; /* or */
+    struct stream_reader *records;
     struct live live;
     struct track track;
     struct identity mean;       /* the driver's head: nobody's shape */
     struct driver driver;
+    struct framing framing;
     struct animate animate;
     struct framesink *sink;
     struct animate_report report;
@@ -116,8 +136,10 @@ static void open_models(void)
         prepare_open(&models, model, head_path ? head_path : head, &err))
         die_error(&err);
     track_options.size = (double)models.model.config.size;
-    animate_options.size = models.model.config.size;
+    framing_options.model_size = models.model.config.size;
     animate_options.model = &models.model;
+    animate_options.rules = models.model.config.system == SYSTEM_GAGAVATAR
+                                ? SPLAT_DGR : SPLAT_GSPLAT;
     animate_options.workers = cli.threads > 0 ? cli.threads
                                               : omp_get_max_threads();
     animate_options.closed = closed_mm < 0 ? BAKED_CLOSED
@@ -141,14 +163,12 @@ static int open_source(struct clip *c, struct error *err)
         stats_end("A: shape", stats_begin() - s->shape_s);
         stats_end("A: branches", stats_begin() - s->bake_s);
     }
-    if (background_word && strcmp(background_word, "source") == 0) {
-        if (!s->person.rgb)
-            return error_set(err, EX_DATAERR, "%s: no picture for the "
-                             "background", c->job->source);
+    if (framing_init(&c->framing, &animate_options, &framing_options, s, err))
+        return error_prefix(err, "%s", c->job->source);
+    if (c->framing.background.rgb) {    /* the sink has the address */
         background_release(&background);
-        return background_from_source(&background, s->person.rgb,
-                                      s->person.matte, s->person.back,
-                                      s->person.size, err);
+        background = c->framing.background;
+        c->framing.background = (struct background){0};
     }
     return 0;
 }
@@ -161,11 +181,54 @@ static const struct animate_options *clip_options(const struct clip *c)
     return &animate_options;
 }
 
+/* Motions from the source's own, since the driver was neutral. */
+static int set_relative(struct clip *c, struct error *err)
+{
+    const struct neutral_clip clip = {
+        &c->job->driver, 1, &source_options, &track_options, &c->mean,
+        &models.nets.motion, models.head.nexp
+    };
+    struct motion rest;
+
+    if (!c->source.person.has_source)   /* an avatar alone: nothing to add to */
+        return 0;
+    if (neutral.given && neutral_find(&rest, &neutral, &clip, err))
+        return -1;
+    driver_set_relative(&c->driver, &c->source.person.source,
+                        neutral.given ? &rest : NULL, models.head.nexp);
+    return 0;
+}
+
+/* A driver whose motions a stream has already; pictures are none. */
+static int open_records(struct clip *c, struct error *err)
+{
+    if (live_mode)
+        return error_set(err, EX_USAGE, "%s: a stream of motions cannot be "
+                         "live (expected frames)", c->job->driver);
+    c->records = stream_open(c->job->driver, NULL, err);
+    if (!c->records)
+        return -1;
+    driver_init_records(&c->driver, c->records, models.head.nexp);
+    if (driver_start(&c->driver, NULL, NULL, err) != DRIVER_STARTED)
+        return -1;
+    if (source_options.rate > 0)
+        framesink_set_rate(c->sink, (int)(1000 * source_options.rate + 0.5),
+                           1000);
+    else
+        framesink_set_rate(c->sink, 25, 1);
+    if (neutral.given)
+        return error_set(err, EX_USAGE, "%s: --neutral looks through frames "
+                         "(expected a clip)", c->job->driver);
+    return relative ? set_relative(c, err) : 0;
+}
+
 static int open_driver(struct clip *c, struct error *err)
 {
     enum driver_status status;
     int num, den;
 
+    if (prepare_is_stream(c->job->driver))
+        return open_records(c, err);
     c->frames = framesource_open(&c->job->driver, 1, &source_options, err);
     if (!c->frames || head_fold(&c->mean, &models.head, NULL, 0, err) ||
         track_init(&c->track, &c->mean, &models.nets.motion, &track_options,
@@ -181,9 +244,8 @@ static int open_driver(struct clip *c, struct error *err)
         error_prefix(err, "%s", c->job->driver);
     if (status != DRIVER_STARTED)
         return -1;
-    if (relative)
-        driver_set_relative(&c->driver, &c->source.person.source,
-                            models.head.nexp);
+    if (!absolute && set_relative(c, err))
+        return -1;
     framesource_rate(c->frames, &num, &den);
     framesink_set_rate(c->sink, num, den);
     if (c->driver.early_count)
@@ -207,7 +269,7 @@ static void frame_done(void *ctx, const struct animate_frame *f)
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);
     progress("frames", f->index + 1,
-             live_mode ? 0 : framesource_total(c->frames),
+             live_mode || !c->frames ? 0 : framesource_total(c->frames),
              f->track->lost ? "lost" : NULL);
 }
 
@@ -223,8 +285,10 @@ static void close_clip(struct clip *c, int failed)
         warn("%s: %zu pictures are damaged or cut short: what is missing is "
              "grey", c->job->driver, framesource_damaged(c->frames));
     framesource_close(c->frames);
+    stream_close(c->records);
     if (failed)
         framesink_abandon(c->sink);
+    framing_release(&c->framing);
     prepared_release(&c->source);
     animate_report_release(&c->report);
 }
@@ -301,6 +365,14 @@ int main(int argc, char **argv)
     if (argc - first != (list_path ? 0 : 2))
         die(EX_USAGE, "%d operands (expected %s)", argc - first,
             list_path ? "none with --list" : "SOURCE and DRIVER");
+    if (absolute && (relative || neutral.given || framing_options.into_source))
+        die(EX_USAGE, "--absolute: the driver's own pose (expected no %s)",
+            relative ? "--relative"
+                     : neutral.given ? "--neutral" : "--into-source");
+    if (framing_options.into_source &&
+        (framing_options.cut || sink_options.alpha))
+        die(EX_USAGE, "--into-source: the whole photograph (expected no %s)",
+            sink_options.alpha ? "--alpha" : "--cut");
     open_models();
     if (list_path) {
         rc = run_list();

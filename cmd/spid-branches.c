@@ -121,10 +121,10 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
 /* Leave out what is never drawn, and by --prune what hardly is. */
 static void prune_avatar(struct bake *k)
 {
-    const struct avatar *a = &k->baker.avatar;
     struct prune_report r;
     struct error err = {0};
     struct identity id;
+    struct densify dense;
 
     if (!keep_clear) {
         size_t n = baked_drop_clear(&k->baked);
@@ -135,10 +135,12 @@ static void prune_avatar(struct bake *k)
     if (prune_eps < 0)
         return;
     if (person_fold(&id, &k->head, &k->person, &err) ||
-        prune_views(&k->baked, &r, &a->dense, &id, a->config.size,
+        densify_init(&dense, k->head.f, k->head.F, k->head.V, &err) ||
+        prune_views(&k->baked, &r, &dense, &id, k->baker.config.size,
                     prune_eps, &err))
         die_error(&err);
     identity_release(&id);
+    densify_release(&dense);
     print_note(
         "pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
         "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
@@ -157,19 +159,23 @@ static void bake_avatar(struct stream_writer *out)
     copy_identity(out, &k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
-        baked_from_avatar(&k.baked, &k.baker.avatar, &err)) {
+        baker_take(&k.baked, &k.baker, &err)) {
         stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
         die_error(&err);
     }
     stats_end("bake", begun);
-    const struct avatar *a = &k.baker.avatar;
-    print_note(
-        "%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, %zu "
-        "clamped",
-        k.baked.N, a->mouth.lips.bowl / k.head.scale * 1e3,
-        a->mouth.lips.lip / k.head.scale * 1e3,
-        a->mouth.cap / k.head.scale * 1e3, a->mouth.clamped);
+    const struct mouth_branch *mouth = &k.baker.avatar.mouth;
+    if (k.baker.config.system == SYSTEM_GAGAVATAR)
+        print_note("%zu Gaussians, %zu of them on vertices", k.baked.N,
+                   k.baked.dynamic);
+    else
+        print_note(
+            "%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, "
+            "%zu clamped",
+            k.baked.N, mouth->lips.bowl / k.head.scale * 1e3,
+            mouth->lips.lip / k.head.scale * 1e3,
+            mouth->cap / k.head.scale * 1e3, mouth->clamped);
     prune_avatar(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);

@@ -1,5 +1,5 @@
-/* spid-export: Gaussians, meshes and motion of a stream as PLY, .splat, glTF
- * and OBJ; and a check of other people's files. */
+/* spid-export: Gaussians, meshes and motion of a stream as PLY, .splat, glTF,
+ * OBJ and a page that plays them; and a check of other people's files. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -25,10 +25,13 @@ static const struct cli_option options[] = {
                   "animation"),
     OPTION_STRING("obj", 0, &opt.obj, "FILE",
                   "OBJ of one frame's mesh; name_%06d.obj for every frame"),
+    OPTION_STRING("html", 0, &opt.html, "FILE",
+                  "a page that plays the driven avatar in a browser"),
     OPTION_INT("frame", 0, &opt.frame, 0, 1e9, "N",
                "the frame for names without %d (default: the first)"),
     OPTION_STRING("identity", 'i', &identity_path, "FILE",
-                  "shape and source picture from this identity"),
+                  "shape, source picture and, for --html, Gaussians "
+                  "from this identity"),
     OPTION_HEAD(&head_path),
     OPTION_INT("expressions", 0, &expressions, 0, 198, "N",
                "expression directions kept as morph targets (default 50)"),
@@ -44,8 +47,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-export",
     "[--ply FILE] [--splat FILE] [--glb-splats FILE] [--glb-head FILE] "
-    "[--obj FILE] [--frame N] [-i FILE] [--head FILE] [--expressions N] "
-    "[--correctives] [--model-space] [-o FILE] [-j N] [-m MODEL] [-q] "
+    "[--obj FILE] [--html FILE] [--frame N] [-i FILE] [--head FILE] "
+    "[--expressions N] [--correctives] [--model-space] [-o FILE] [-j N] [-m MODEL] [-q] "
     "[--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
 };
@@ -103,6 +106,28 @@ static void print_drawn(const struct export *x)
         printf("%.1f dB\n", h->psnr_db);
 }
 
+/* How large the page became. */
+static void print_page(const struct export *x)
+{
+    if (opt.html && !cli.quiet)
+        printf("%s: %zu Gaussians, %zu frames, %.1f MB\n", opt.html,
+               x->page.baked.N, x->page.frames, (double)x->page_bytes / 1e6);
+}
+
+/* The template of --html. */
+static void open_player(void)
+{
+    static char path[4096];
+    struct error err = {0};
+
+    if (!opt.html)
+        return;
+    if (cli_find_model("player.html", path, sizeof path, &err))
+        die(EX_NOINPUT, "--html needs the player that make web builds: %s",
+            err.text);
+    opt.player = path;
+}
+
 /* What the options ask for, with the head where one is needed. */
 static void open_export(struct export *x)
 {
@@ -110,18 +135,19 @@ static void open_export(struct export *x)
     char path[4096] = "";
 
     if (!opt.ply && !opt.splat && !opt.glb_splats && !opt.glb_head &&
-        !opt.obj)
+        !opt.obj && !opt.html)
         die(EX_USAGE, "nothing to write (expected --ply, --splat, "
-            "--glb-splats, --glb-head or --obj)");
+            "--glb-splats, --glb-head, --obj or --html)");
     opt.head.expressions = (size_t)expressions;
     opt.head.clip = "driven";
     if (export_needs_head(&opt) && !head_path &&
         cli_find_model("head.safetensors", path, sizeof path, &err))
         die_error(&err);
+    open_player();
     if (export_init(x, &opt, head_path ? head_path : path, &err))
         die_error(&err);
     if (identity_path && x->has_head &&
-        person_load(&x->person, identity_path, x->head.nexp, &err))
+        export_load_identity(x, identity_path, &err))
         die_error(&err);
 }
 
@@ -159,6 +185,7 @@ int main(int argc, char **argv)
     open_export(&x);
     export_stream(&x, at < argc ? argv[at] : "-");
     print_drawn(&x);
+    print_page(&x);
     if (x.coarse)
         warn("only the first three channels were written: the coarse picture "
              "without the refiner");

@@ -83,7 +83,7 @@ static void take_head(struct head *h, const struct sculpt *s)
         die_error(&err);
 }
 
-static void compare(const struct head *h)
+static void compare_heads(const struct head *h)
 {
     static const double active[] = { 0, 0.1, 0.25 };
     struct compare_part part[COMPARE_PARTS];
@@ -127,7 +127,7 @@ int main(int argc, char **argv)
     if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
         die_error(&err);
     if (check)
-        compare(&h);
+        compare_heads(&h);
     head_release(&h);
     sculpt_release(&s);
     stats_write();

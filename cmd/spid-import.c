@@ -19,18 +19,26 @@ static int parse_kind(const char *value, void *dest, struct error *err)
             return 0;
         }
     return error_set(err, EX_USAGE, "not a kind (expected flame, dinov2, "
-                     "smirk, gagavatar, lpips, arcface or squeezenet)");
+                     "smirk, gagavatar, lpips, arcface, squeezenet or model)");
 }
 
 static const struct cli_option options[] = {
     OPTION_CALL("as", 0, &kind, "KIND", parse_kind,
-                "flame, dinov2, smirk, gagavatar, lpips, arcface or "
-                "squeezenet"),
+                "flame, dinov2, smirk, gagavatar, lpips, arcface, "
+                "squeezenet or model"),
     OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
                   "flame: closing displacements, one file or LEFT,RIGHT"),
     OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",
                   "flame: landmark embedding"),
     OPTION_STRING("linear", 0, &with.linear, "FILE", "lpips: linear weights"),
+    OPTION_STRING("config", 0, &with.config, "FILE",
+                  "gagavatar: its configuration"),
+    OPTION_STRING("encoders", 0, &with.encoders, "MODEL",
+                  "gagavatar: take motion and shape encoder of this model"),
+    OPTION_STRING("head", 0, &with.head, "FILE",
+                  "gagavatar, model: move encoders to this head"),
+    OPTION_STRING("from-head", 0, &with.from_head, "FILE",
+                  "the head they were trained with"),
     OPTION_FLAG("list", 0, &list,
                 "print name, type and shape of every tensor"),
     { 0 }
@@ -39,7 +47,8 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-import",
     "FILE -o OUT [--as KIND] [--eyelids FILE] [--landmarks FILE]"
-    " [--linear FILE] [-j N] [-m MODEL] [-q] [--stats FILE]"
+    " [--linear FILE] [--config FILE] [--encoders MODEL] [--head FILE]"
+    " [--from-head FILE] [-j N] [-m MODEL] [-q] [--stats FILE]"
     " | FILE --list",
     "convert public checkpoints to safetensors", options
 };
@@ -81,8 +90,8 @@ static void print_problems(const struct convert *c, const char *path,
         warn("%s: %sand %zu more", path, label, n - LINES);
 }
 
-static void convert(struct convert *c, struct tensorfile *f,
-                    struct error *err)
+static void convert_file(struct convert *c, struct tensorfile *f,
+                         struct error *err)
 {
     const char *path = tensorfile_path(f);
 
@@ -120,7 +129,7 @@ int main(int argc, char **argv)
             die(EX_IOERR, "<stdout>: cannot write");
     } else {
         begun = stats_begin();
-        convert(&c, f, &err);
+        convert_file(&c, f, &err);
         if (convert_save(&c, cli.output, &err))
             die_error(&err);
         stats_end("convert", begun);

@@ -5,19 +5,21 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "cmd/motion_output.h"
 #include "cmd/options.h"
-#include "formats/framesink.h"
+#include "cmd/take.h"
 #include "formats/framesource.h"
 #include "lib/record/person.h"
-#include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
 #include "lib/track/encoders.h"
-#include "lib/track/overlay.h"
+#include "lib/track/neutral.h"
 
 static struct framesource_options source_options;
 static struct track_options track_options;
 static const char *head_path, *identity_path, *overlay_path, *relative_path;
+static struct neutral neutral;
+static const char *take_path, *stream_path;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 static const struct cli_option options[] = {
@@ -30,10 +32,18 @@ static const struct cli_option options[] = {
                  "off)"),
     OPTION_NO_TTA(&track_options.no_tta),
     OPTION_STRING("relative", 0, &relative_path, "FILE",
-                  "movements since the first frame, from this identity's "
+                  "movements since the neutral frame, from this identity's "
                   "own"),
+    OPTION_CALL("neutral", 0, &neutral, "FRAME", neutral_parse,
+                "first, auto or a number: the driver's frame at rest "
+                "(default first)"),
     OPTION_STRING("overlay", 0, &overlay_path, "FILE",
                   "write a video of crop, landmarks and mesh on the frames"),
+    OPTION_STRING("arkit", 0, &take_path, "FILE",
+                  "write a take of Live Link Face (CSV), and no stream "
+                  "without -o"),
+    OPTION_STRING("output", 'o', &stream_path, "FILE",
+                  "write to FILE (\"-\": standard output, the default)"),
     OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
                  "frames a second of pictures without times (default 25)"),
     OPTION_FLAG("bt601", 0, &source_options.bt601,
@@ -48,9 +58,9 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-motion",
     "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
-    "[--relative FILE] [--overlay FILE] [--fps RATE] [--bt601] [-i FILE] "
-    "[--head FILE] [--precision TYPE] [-o FILE] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE] [INPUT...]",
+    "[--relative FILE] [--neutral FRAME] [--overlay FILE] [--arkit FILE] "
+    "[--fps RATE] [--bt601] [-i FILE] [--head FILE] [--precision TYPE] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [INPUT...]",
     "estimate head motion from video, pictures or piped frames", options};
 
 struct program {
@@ -60,12 +70,11 @@ struct program {
     struct model model;
     struct encoders nets;
     struct track track;
+    const char *const *name;    /* of the inputs */
+    size_t names;
     struct framesource *in;
     struct driver driver;
-    struct stream_writer *out;
-    struct overlay overlay;
-    struct framesink *drawn;    /* NULL without --overlay */
-    uint64_t drawn_frames;
+    struct motion_output out;
     size_t lost;
 };
 
@@ -81,6 +90,8 @@ static void open_model(struct program *p)
                                          p->head.nexp, &err))
         || person_fold(&p->id, &p->head, &p->person, &err))
         die_error(&err);
+    if (take_path && take_check_head(&p->head, &err))
+        die_error(&err);
     track_options.size = (double)p->model.config.size;
 }
 
@@ -90,34 +101,13 @@ static void open_input(struct program *p, char **name, int count)
     static const char *const standard_input[] = {"-"};
     struct error err = {0};
 
-    p->in = framesource_open(count ? (const char *const *)name
-                                   : standard_input,
-                             count ? (size_t)count : 1, &source_options,
-                             &err);
+    p->name = count ? (const char *const *)name : standard_input;
+    p->names = count ? (size_t)count : 1;
+    p->in = framesource_open(p->name, p->names, &source_options, &err);
     if (!p->in || track_init(&p->track, &p->id, &p->nets.motion,
                              &track_options, &err))
         die_error(&err);
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
-}
-
-/* The stream, and the video of --overlay. */
-static void open_output(struct program *p)
-{
-    struct error err = {0};
-
-    p->out = stream_create(cli.output, &err);
-    if (!p->out)
-        die_error(&err);
-    if (!overlay_path)
-        return;
-    p->drawn = framesink_open(&(struct framesink_options){
-        .path = overlay_path, .format = FRAMESINK_AUTO
-    }, &err);
-    if (p->drawn && framesink_stream(p->drawn))
-        die(EX_USAGE, "--overlay=%s: not a name of a video or pictures "
-            "(expected .mp4, .y4m, .png with %%05d)", overlay_path);
-    if (!p->drawn || overlay_init(&p->overlay, &p->id, &err))
-        die_error(&err);
 }
 
 /* Draw one frame; r is NULL for a frame before the first face. */
@@ -125,27 +115,12 @@ static void draw_overlay(struct program *p, const struct frame *f,
                          const struct track_result *r)
 {
     struct error err = {0};
-    struct framesink_frame g = {.width = f->width, .height = f->height,
-                                .frame = p->drawn_frames++, .time = f->time};
-    double begun = stats_begin();
-    char text[80];
+    int num, den;
 
-    snprintf(text, sizeof text, "%llu  %.2f s%s",
-             (unsigned long long)f->index, f->time,
-             !r ? "  no face yet" : r->lost ? "  lost" : "");
-    if (g.frame == 0) {
-        int num, den;
-        framesource_rate(p->in, &num, &den);
-        framesink_set_rate(p->drawn, num, den);
-    }
-    g.rgb = overlay_draw(&p->overlay, f->rgb, f->width, f->height,
-                         r ? &r->motion : NULL, r && r->lost,
-                         p->track.window, track_options.size, text);
-    if (!g.rgb)
-        die(EX_OSERR, "no memory for the overlay");
-    if (framesink_write(p->drawn, &g, &err))
+    framesource_rate(p->in, &num, &den);
+    if (motion_output_draw(&p->out, f, r, &p->track.window,
+                           track_options.size, num, den, &err))
         die_error(&err);
-    stats_end("overlay", begun);
 }
 
 /* A frame in which the face was looked for in vain. */
@@ -153,14 +128,30 @@ static void draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
 
-    if (p->drawn)
+    if (p->out.drawn)
         draw_overlay(p, f, NULL);
+}
+
+/* --neutral: looked for before anything is written. */
+static void find_neutral(struct program *p, struct motion *rest)
+{
+    const struct neutral_clip clip = {
+        p->name, p->names, &source_options, &track_options, &p->id,
+        &p->nets.motion, p->head.nexp
+    };
+    struct error err = {0};
+
+    if (neutral_find(rest, &neutral, &clip, &err)) {
+        motion_output_abandon(&p->out);
+        die_error(&err);
+    }
 }
 
 /* --relative: the driver's movements, from that person's own motion. */
 static void set_relative(struct program *p)
 {
     struct person source = {0};
+    struct motion rest;
     struct error err = {0};
 
     if (person_load(&source, relative_path, p->head.nexp, &err))
@@ -168,7 +159,10 @@ static void set_relative(struct program *p)
     if (!source.has_source)
         die(EX_DATAERR, "--relative=%s: no MOTN record (expected an "
             "identity, as spid-shape writes it)", relative_path);
-    driver_set_relative(&p->driver, &source.source, p->head.nexp);
+    if (neutral.given)
+        find_neutral(p, &rest);
+    driver_set_relative(&p->driver, &source.source,
+                        neutral.given ? &rest : NULL, p->head.nexp);
     person_release(&source);
 }
 
@@ -185,8 +179,7 @@ static void start_tracking(struct program *p)
 
     status = driver_start(&p->driver, draw_searched_frame, p, &err);
     if (status != DRIVER_STARTED) {
-        stream_abandon(p->out);
-        framesink_abandon(p->drawn);
+        motion_output_abandon(&p->out);
         if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
         die_error(&err);
@@ -198,7 +191,7 @@ static void start_tracking(struct program *p)
     conf.window = &p->track.window;
     conf.width = p->driver.first.width;
     conf.height = p->driver.first.height;
-    if (conf_write(p->out, &conf, &err))
+    if (motion_output_begin(&p->out, &conf, take_path, &err))
         die_error(&err);
     if (p->driver.early_count)
         warn("%s: no face in the first %zu frames: they take the motion of "
@@ -233,43 +226,15 @@ static void count_times(const struct driver_frame *f)
         stats_end("detect", now - f->r.detect_s);
 }
 
-/* MOTN: Theta_d of one frame. */
-static int write_motion(struct program *p, const struct driver_frame *f,
-                        struct error *err)
+/* What is to be said about a clip that has been read. */
+static void report_clip(const struct program *p)
 {
-    static const uint8_t one = 1;
-    struct array lost = array_make("lost", DTYPE_U8, &one, 1, 1, 0, 0, 0);
-    double begun = stats_begin();
-    int rc = motion_write(p->out, f->picture.index, f->picture.time,
-                          &f->r.motion, p->head.nexp, &lost, f->r.lost, err);
-
-    stats_end("encode", begun);
-    return rc;
-}
-
-/* Complete both outputs, or give them up. */
-static int finish_outputs(struct program *p, int rc, struct error *err)
-{
-    progress_end();
-    if (p->drawn && rc == 0) {
-        rc = framesink_finish(p->drawn, err);
-        p->drawn = NULL;
-    }
-    if (rc < 0) {               /* no END: the next program knows */
-        stream_abandon(p->out);
-        if (p->drawn)
-            framesink_finish(p->drawn, NULL);
-        die_error(err);
-    }
-    if (stream_finish(p->out, err))
-        die_error(err);
     if (p->lost)
         warn("%s: no face in %zu frames in all", framesource_name(p->in),
              p->lost);
     if (framesource_damaged(p->in))
         warn("%zu pictures are damaged or cut short: what is missing is grey",
              framesource_damaged(p->in));
-    return 0;
 }
 
 int main(int argc, char **argv)
@@ -280,29 +245,36 @@ int main(int argc, char **argv)
     int rc;
 
     int first = cli_parse_stage(&usage, argc, argv, false);
+    if (neutral.given && !relative_path)
+        die(EX_USAGE, "--neutral: relative to whom (expected --relative "
+            "FILE)");
     open_model(&p);
     open_input(&p, argv + first, argc - first);
-    open_output(&p);
+    if (motion_output_open(&p.out, stream_path, take_path, overlay_path,
+                           &p.id, &err))
+        die_error(&err);
     start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
         report_frame(&p, &f);
         count_times(&f);
-        if (write_motion(&p, &f, &err)) {
+        if (motion_output_write(&p.out, &f, p.head.nexp, &err)) {
             rc = -1;
             break;
         }
-        if (p.drawn && f.picture.rgb)
+        if (p.out.drawn && f.picture.rgb)
             draw_overlay(&p, &f.picture, &f.r);
         progress("frames", f.picture.index + 1, framesource_total(p.in),
                  f.r.lost ? "lost" : NULL);
     }
-    finish_outputs(&p, rc, &err);
+    progress_end();
+    if (motion_output_close(&p.out, rc, &err))
+        die_error(&err);
+    report_clip(&p);
     stats_write();
     driver_release(&p.driver);
     track_release(&p.track);
     encoders_release(&p.nets);
     model_close(&p.model);
-    overlay_release(&p.overlay);
     framesource_close(p.in);
     identity_release(&p.id);
     person_release(&p.person);

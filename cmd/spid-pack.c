@@ -6,6 +6,8 @@
 #include <sys/stat.h>
 
 #include "cmd/cli.h"
+#include "cmd/options.h"
+#include "cmd/take.h"
 #include "formats/npy.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
@@ -15,10 +17,10 @@
 #include "lib/base/file.h"
 #include "lib/stream/stream.h"
 
-static const char *type, *ply_path;
+static const char *type, *ply_path, *take_path, *head_path, *relative_path;
 static struct recordply_options ply;
 static bool stack, raw;
-static double fps = 25.0;
+static double fps;             /* 0: not given */
 static long first_frame;
 
 static const struct cli_option options[] = {
@@ -29,10 +31,16 @@ static const struct cli_option options[] = {
     OPTION_INT("frame", 0, &first_frame, 0, 1e15, "N",
                "number of the first such record (default 0)"),
     OPTION_FLOAT("fps", 0, &fps, 1e-3, 1e6, "N",
-                 "frames a second, for times not given (default 25)"),
+                 "frames a second, for times not given (default 25) and "
+                 "timecodes"),
     OPTION_FLAG("raw", 0, &raw, "do not put a CONF record in front"),
     OPTION_STRING("ply", 0, &ply_path, "FILE",
                   "a Gaussian scene as a GAUS record, as SOURCE.ply does"),
+    OPTION_STRING("arkit", 0, &take_path, "FILE",
+                  "a take of Live Link Face (CSV) as MOTN records"),
+    OPTION_STRING("relative", 0, &relative_path, "FILE",
+                  "its movements, from this identity's own motion"),
+    OPTION_HEAD(&head_path),
     OPTION_CALL("eye", 0, &ply, "X,Y,Z", recordply_parse_eye,
                 "where its spherical harmonics are seen from"),
     OPTION_FLAG("flat", 0, &ply.flat,
@@ -44,8 +52,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-pack", "[-q] [--raw] [--fps N] [-t TYPE [-s] [--frame N]] "
-    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--max-bytes SIZE] "
-    "[-o FILE] SOURCE ...",
+    "[--ply FILE] [--eye X,Y,Z] [--flat] [--model-space] [--arkit FILE "
+    "[--relative FILE] [--head FILE]] [--max-bytes SIZE] [-o FILE] SOURCE ...",
     "make a stream from JSON, npy and safetensors files, or streams\n\n"
     "SOURCE is a stream, a .json or .ply file, a directory or .safetensors\n"
     "file of spid-dump, or plain arrays: NAME=FILE.npy, NAME.npy,\n"
@@ -69,6 +77,12 @@ struct pack {
     struct plain plain[STREAM_MAX_ARRAYS];
     int plains;
 };
+
+/* For times that nobody gives. */
+static double frame_rate(void)
+{
+    return fps > 0 ? fps : 25;
+}
 
 /* What the packed records are not asked to say: who made them, and units. */
 static int put_conf(struct pack *p, struct error *err)
@@ -193,7 +207,7 @@ static int put_plain(struct pack *p, struct error *err)
         rec.type[i] = *type ? *type++ : ' ';
     for (size_t row = 0; row < rows; row++) {
         rec.frame = (uint64_t)first_frame + row;
-        rec.time = (double)rec.frame / fps;
+        rec.time = (double)rec.frame / frame_rate();
         for (int i = 0; i < p->plains; i++) {
             const struct plain *a = &p->plain[i];
 
@@ -237,7 +251,7 @@ static int add_source(struct pack *p, const char *source, struct error *err)
     if (file_ends(source, ".ply"))
         return recordply_read(source, &ply, put_record, p, err);
     if (file_ends(source, ".json") || file_ends(source, ".jsonl"))
-        return recordjson_read(source, fps, stream_limit(), put_record, p,
+        return recordjson_read(source, frame_rate(), stream_limit(), put_record, p,
                                err);
     if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))
         return recordfile_read_npy(source, put_record, p, err);
@@ -250,7 +264,7 @@ int main(int argc, char **argv)
     struct error err = { 0 };
     int rc = 0, first = cli_parse(&usage, argc, argv);
 
-    if (first == argc && !ply_path)
+    if (first == argc && !ply_path && !take_path)
         die(EX_USAGE, "nothing to pack (expected SOURCE ..., see --help)");
     cpu_keep_denormals();
     p.out = stream_create(cli.output, &err);
@@ -258,6 +272,10 @@ int main(int argc, char **argv)
         die_error(&err);
     if (ply_path)
         rc = recordply_read(ply_path, &ply, put_record, &p, &err);
+    if (take_path && rc == 0) {
+        rc = take_pack(p.out, take_path, fps, head_path, relative_path, &err);
+        p.records++;            /* it has a CONF of its own */
+    }
     for (int i = first; i < argc && rc == 0; i++)
         rc = add_source(&p, argv[i], &err);
     if (rc == 0)

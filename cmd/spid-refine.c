@@ -8,7 +8,9 @@
 #include "formats/framesink.h"
 #include "lib/refine/refine.h"
 #include "lib/stream/ahead.h"
+#include "lib/record/person.h"
 #include "lib/texture/texture.h"
+#include "lib/texture/zoom.h"
 
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 static struct framesink_options sink_options;
@@ -16,11 +18,14 @@ static struct background background;
 static const char *background_text, *identity_path;
 static double fps;
 static bool roi;
+static long size;
 
 static const struct cli_option options[] = {
     OPTION_PRECISION_REFINE(&precision, "network"),
     {"roi", 0, CLI_FLAG, &roi, 0, 0, NULL,
      "refine only the part of the picture where the head is", NULL},
+    {"size", 0, CLI_INT, &size, 1, PERSON_LARGEST, "N",
+     "pictures of N by N pixels (default FEAT's size)", NULL},
     {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
      "stream, y4m, png, pam, exr or mp4 (default by the output's name)",
      framesink_parse_format},
@@ -38,7 +43,7 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    "spid-refine", "[--precision TYPE] [--roi] [--format FORMAT] "
+    "spid-refine", "[--precision TYPE] [--roi] [--size N] [--format FORMAT] "
     "[--background WHAT] [-i FILE] [--alpha] [--fps RATE] [--bt601] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [STREAM]",
     "refine splatted feature images into pictures", options
@@ -52,6 +57,9 @@ struct program {
     struct framesink *out;
     float *rgb, *alpha;
     size_t room;                /* pixels in rgb and alpha */
+    struct person person;       /* whose photograph, from SRCI */
+    struct texture texture;     /* no levels: none */
+    struct zoom zoom;           /* to --size */
     bool compared;
 };
 
@@ -124,6 +132,23 @@ static int check_size(const struct array *feat, const struct array *alpha,
     return 0;
 }
 
+/* Where the photograph is looked up. */
+static int take_places(struct refine_input *in, const struct record *rec,
+                       const struct array *alpha, struct error *err)
+{
+    const size_t numbers[1] = {6};
+    const float *map = record_get(rec, "map", DTYPE_F32, 1, numbers, err);
+
+    if (!map || !alpha ||
+        !(in->place = record_get(rec, "place", DTYPE_F32, 3,
+                                 (size_t[]){alpha->dim[0], alpha->dim[1],
+                                            PLACE_CHANNELS}, err)))
+        return -1;
+    memcpy(in->view.A, map, sizeof in->view.A);
+    memcpy(in->view.b, map + 4, sizeof in->view.b);
+    return 0;
+}
+
 /* The arrays of a FEAT record. */
 static int take_features(struct refine_input *in, const struct record *rec,
                          struct error *err)
@@ -146,6 +171,8 @@ static int take_features(struct refine_input *in, const struct record *rec,
     if (record_find(rec, "turn")
         && !(in->turn = record_get(rec, "turn", DTYPE_F32, 1, turns, err)))
         return -1;
+    if (record_find(rec, "photo") && !alpha)
+        return error_set(err, EX_DATAERR, "FEAT has photo without alpha");
     if (record_find(rec, "photo")
         && !(in->photo = record_get(rec, "photo", DTYPE_F32, packed ? 2 : 3,
                                     (size_t[]){packed ? a->dim[0]
@@ -153,6 +180,8 @@ static int take_features(struct refine_input *in, const struct record *rec,
                                                packed ? TEXTURE_PHOTO
                                                       : alpha->dim[1],
                                                TEXTURE_PHOTO}, err)))
+        return -1;
+    if (record_find(rec, "place") && take_places(in, rec, alpha, err))
         return -1;
     in->f16 = type == DTYPE_F16 ? feat : NULL;
     in->f32 = type == DTYPE_F32 ? feat : NULL;
@@ -196,6 +225,63 @@ static void compare_precision(const struct program *p,
     free(want);
 }
 
+/* What is refined, enlarged, with the photograph. */
+static int enlarge(struct framesink_frame *f, struct program *p,
+                   const struct refine_input *in, struct error *err)
+{
+    struct zoom *z = &p->zoom;
+    const bool photo = in->place && p->texture.levels;
+
+    if (in->height != in->width || in->height > (size_t)size || !in->alpha)
+        return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels%s "
+                         "(expected a square of at most --size=%ld, with "
+                         "alpha)", in->width, in->height,
+                         in->alpha ? "" : " without alpha", size);
+    if (z->from != in->width) {
+        zoom_release(z);
+        if (zoom_init(z, in->width, (size_t)size, true, err))
+            return -1;
+    }
+    texture_hold(p->rgb, 3, in->alpha, in->height * in->width);
+    zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
+                 &p->texture);
+    f->height = f->width = z->to;
+    f->color = z->color;
+    f->alpha = z->alpha;
+    return 0;
+}
+
+/* The photograph over what was refined, at the picture's size. */
+static int show_photo(struct framesink_frame *f, struct program *p,
+                      const struct refine_input *in, struct error *err)
+{
+    if (size && (size_t)size != in->width)
+        return enlarge(f, p, in, err);
+    if (in->alpha) {
+        memcpy(p->alpha, in->alpha,
+               in->height * in->width * sizeof *p->alpha);
+        if (refine_photo(p->rgb, p->alpha, &p->refine, in, err))
+            return -1;
+    }
+    f->height = in->height;
+    f->width = in->width;
+    f->color = p->rgb;
+    f->alpha = in->alpha ? p->alpha : NULL;
+    return 0;
+}
+
+/* The photograph that places are places of. */
+static int take_photo(struct program *p, const struct record *rec,
+                      struct error *err)
+{
+    if (person_take(&p->person, rec, 0, err) < 0)
+        return -1;
+    texture_release(&p->texture);
+    return p->person.back
+         ? texture_init(&p->texture, p->person.rgb, p->person.matte,
+                        p->person.back, p->person.size, err) : 0;
+}
+
 /* The line that is this program: I' = SR(F). */
 static int write_picture(struct program *p, const struct record *rec,
                          struct error *err)
@@ -226,14 +312,8 @@ static int write_picture(struct program *p, const struct record *rec,
                          || precision == NN_INT8))
         compare_precision(p, &in);
     p->compared = true;
-    if (in.alpha) {
-        memcpy(p->alpha, in.alpha, in.height * in.width * sizeof *p->alpha);
-        refine_photo(p->rgb, p->alpha, &in);
-    }
-    f.height = in.height;
-    f.width = in.width;
-    f.color = p->rgb;
-    f.alpha = in.alpha ? p->alpha : NULL;
+    if (show_photo(&f, p, &in, err))
+        return -1;
     begun = stats_begin();
     if (framesink_write(p->out, &f, err))
         return -1;
@@ -250,6 +330,8 @@ static int pass_record(struct program *p, const struct record *rec,
 
     if (record_is(rec, "FEAT"))
         return write_picture(p, rec, err);
+    if (record_is(rec, "SRCI") && size && take_photo(p, rec, err))
+        return -1;
     if (record_is(rec, "CONF"))
         framesink_take_conf(p->out, rec);
     return out ? stream_copy(out, rec, err) : 0;
@@ -292,6 +374,9 @@ int main(int argc, char **argv)
     refine_release(&p.refine);
     model_close(&p.model);
     background_release(&background);
+    zoom_release(&p.zoom);
+    texture_release(&p.texture);
+    person_release(&p.person);
     free(p.rgb);
     free(p.alpha);
     return 0;

@@ -14,13 +14,14 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-report",
     "[--sheet FILE] [-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] RUN",
-    "write one HTML page of a run: pictures, errors, motion, times, metrics",
+    "write one HTML page of a run: videos, motion, pictures, times, metrics",
     options};
 
 int main(int argc, char **argv)
 {
-    struct error err = {0};
+    struct error err = {0}, none;
     struct outfile out;
+    char card[4096];
     int at = cli_parse(&usage, argc, argv);
 
     if (at != argc - 1)
@@ -30,7 +31,9 @@ int main(int argc, char **argv)
         die_error(&err);
     if (outfile_open(&out, cli.output, &err))
         die_error(&err);
-    if (report_write(out.file, argv[at], &err)) {
+    if (cli_find_model("README.md", card, sizeof card, &none))
+        card[0] = '\0';
+    if (report_write(out.file, argv[at], card[0] ? card : NULL, &err)) {
         outfile_abandon(&out);
         die_error(&err);
     }

@@ -7,6 +7,7 @@
 #include "cmd/options.h"
 #include "formats/draw.h"
 #include "formats/image.h"
+#include "formats/mark.h"
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/encoders.h"
@@ -92,6 +93,9 @@ static void make_identity(struct program *p, const char *path)
     stats_end("motion", now - s->motion_s);
     stats_end("shape", now - s->shape_s);
     stats_end("matte", now - s->matte_s);
+    if (s->turned)
+        warn("%s: the face lay on its side or upside down: turned by %d "
+             "degrees clockwise", path, 90 * s->turned);
     if (s->how == SOURCE_DISC)
         warn("%s: no outline of the person found: the matte is a disc about "
              "the head (--mask FILE gives a better one)", path);
@@ -158,11 +162,12 @@ static void write_overlay(const struct program *p)
     if (dim) {
         dim_background(dim, p);
         drawn = overlay_draw(&o, dim, W, H, &p->source.person.source, false,
-                             p->source.window, (double)p->source.person.size,
+                             p->source.window, track_options.size,
                              source_matte_name(p->source.how));
     }
     if (!drawn)
         die(EX_OSERR, "no memory for the overlay");
+    mark_off();                 /* it is the photograph, drawn upon */
     if (image_write_png(overlay_path, drawn, W, H, 3, &err))
         die_error(&err);
     overlay_release(&o);

@@ -72,21 +72,6 @@ static const struct cli_usage usage = {
     "make people: pictures with their true parameters", options
 };
 
-/* With assets, the head that is registered to the scans, if there is one
- * beside the model. */
-static void open_head(struct head *head)
-{
-    struct error err = {0};
-    static char found[4096];
-
-    if (assets_path && !head_path
-        && !cli_find_model("head-scans.safetensors", found, sizeof found,
-                           &err))
-        head_path = found;
-    if (option_head_load(head, head_path, &err))
-        die_error(&err);
-}
-
 /* CONF: camera, units, seed, and which head. */
 static int write_conf(struct stream_writer *w, const struct head *head,
                       struct error *err)
@@ -255,8 +240,9 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%s: nothing is read (expected no "
             "operand without --statistics)",
             argv[operand]);
-    open_head(&head);
     struct error err = {0};
+    if (option_head_load(&head, head_path, &err))
+        die_error(&err);
     if (head.nexp > HEAD_MAX_EXP || head.nexp > MOTION_EXP_MAX)
         die(EX_DATAERR, "head has %zu expression directions (expected at "
             "most %d)", head.nexp, HEAD_MAX_EXP);

@@ -3,6 +3,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <sys/resource.h>
 
 #include "cmd/options.h"
 #include "formats/image.h"
@@ -92,6 +93,19 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
+/* Steps of this run, and its memory's most: what a longer run will need. */
+static void print_cost(size_t steps, double seconds)
+{
+    struct rusage use;
+
+    if (steps && !getrusage(RUSAGE_SELF, &use))
+        fprintf(stderr, "spid-train: %zu steps, %.2f s a step, at most %.2f "
+                "GB\n", steps, seconds / (double)steps,
+                (double)use.ru_maxrss / 1e6);
+}
+
+static size_t steps_done;
+
 /* The line of progress. */
 static void print_step(const struct loop_report *r)
 {
@@ -105,6 +119,7 @@ static void print_step(const struct loop_report *r)
     snprintf(note + at, sizeof note - (size_t)at,
              " %.1f items/s, %ld:%02ld:%02ld left", r->items_per_second,
              left / 3600, left / 60 % 60, left % 60);
+    steps_done++;
     progress(train_stage_name(r->task->config->stage), (size_t)r->step + 1,
              (size_t)r->steps, note);
 }
@@ -250,9 +265,11 @@ static int run_training(const struct train_config *c, const char *const *files,
         loop.reader = data_open(files, count, task.type->margin, &err);
         if (loop.reader && opt.shapes)
             data_reshape(loop.reader, predicted_shape_apply, &shape);
+        double begun = stats_begin();
         rc = loop.reader ? loop_run(&loop, &err) : -1;
+        progress_end();
+        print_cost(steps_done, stats_begin() - begun);
     }
-    progress_end();
     if (rc) {
         fprintf(stderr, "spid-train: %s\n", err.text);
         group_abort(group, err.code);

@@ -62,8 +62,10 @@ truth() {
         "format=rgb24,pad=iw+2*$side:ih+2*$side:$side:$side,crop=$side:$side:$((x + side)):$((y + side)),scale=$size:$size:flags=area" \
         "$out/truth/$name/%05d.png" || return
     window=$((size / 2)),$((size / 2)),$size
-    spid-motion -q --window "$window" "$out/truth/$name" -o "$out/truth/$name.spid" &&
-        spid-shape -q --window "$window" "$out/truth/$name/00001.png" -o "$out/person/$name.me.spid" &&
+    # the source is the clip's own picture: black beside it would be its background
+    ffmpeg -nostdin -v error -y -i "$clip" -frames:v 1 -pix_fmt rgb24 "$out/person/$name.png" &&
+        spid-motion -q --window "$window" "$out/truth/$name" -o "$out/truth/$name.spid" &&
+        spid-shape -q --window "$((x + side / 2)),$((y + side / 2)),$side" "$out/person/$name.png" -o "$out/person/$name.me.spid" &&
         spid-branches -q --bake "$out/person/$name.me.spid" -o "$out/person/$name.spid"
 }
 

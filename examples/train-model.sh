@@ -61,5 +61,8 @@ train avatar-512 people-held.spid --init "$dir/avatar/model.safetensors" \
 join "$dir/apart.safetensors" all avatar-512 motion-fine
 train all people-held.spid --shapes "$dir/seen.safetensors" \
     --init "$dir/apart.safetensors" "$dir/people.spid"
+# how sure the finished E_m is of a face
+train sure faces-held.spid \
+    --init "$dir/all/model.safetensors:motion.encoder." "$dir/faces.spid"
 
-join "$dir/model.safetensors" all all shape
+join "$dir/model.safetensors" all all shape sure

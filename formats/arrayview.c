@@ -1,3 +1,4 @@
+/* Element types, byte orders and strides taken apart and put in our order. */
 #include "formats/arrayview.h"
 
 #include <string.h>

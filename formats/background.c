@@ -8,6 +8,7 @@
 #include "formats/framesink.h"
 #include "formats/image.h"
 #include "formats/layers.h"
+#include "lib/geom/crop.h"
 
 /* "white", "#rrggbb" or "r,g,b". */
 static int parse_color(const char *value, uint8_t color[3])
@@ -67,6 +68,28 @@ void background_release(struct background *bg)
 {
     free(bg->rgb);
     memset(bg, 0, sizeof *bg);
+}
+
+int background_fit(struct background *out, const struct background *bg,
+                   size_t size, struct error *err)
+{
+    const double w = (double)bg->width, h = (double)bg->height;
+    const struct square middle = {w / 2, h / 2, w < h ? w : h};
+    uint8_t *rgb;
+
+    memset(out, 0, sizeof *out);
+    memcpy(out->color, bg->color, sizeof out->color);
+    if (!bg->rgb)
+        return 0;
+    rgb = malloc(3 * size * size);
+    if (!rgb || crop_resize_u8(rgb, size, bg->rgb, bg->width, bg->height,
+                               3 * bg->width, 3, middle)) {
+        free(rgb);
+        return error_set(err, EX_OSERR, "no memory for the background");
+    }
+    out->rgb = rgb;
+    out->width = out->height = size;
+    return 0;
 }
 
 int background_from_source(struct background *bg, const uint8_t *rgb,

@@ -18,7 +18,7 @@ typedef float vf __attribute__((vector_size(4 * LANES)));
 typedef int32_t vi __attribute__((vector_size(4 * LANES)));
 typedef uint8_t vb __attribute__((vector_size(LANES)));
 
-static inline vf load(const float *p)
+static inline vf compose_load(const float *p)
 {
     vf v;
 
@@ -94,12 +94,12 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
     for (; i + LANES <= n; i += LANES) {
         const uint8_t *b = bg_step ? bg + 3 * i : fill;
 
-        vf t = 1.0f - load(alpha + i);
+        vf t = 1.0f - compose_load(alpha + i);
 
 #pragma GCC unroll 3
         for (size_t k = 0; k < 3; k++)
             store_bytes(out + 3 * i + LANES * k,
-                        load(color + 3 * i + LANES * k) * 255.0f +
+                        compose_load(color + 3 * i + LANES * k) * 255.0f +
                         __builtin_shuffle(t, pixel[k]) *
                         load_bytes(b + LANES * k));
     }
@@ -112,14 +112,14 @@ void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
     size_t i = 0;
 
     for (; i + LANES <= n; i += LANES)
-        store_bytes(out + i, load(x + i) * 255.0f);
+        store_bytes(out + i, compose_load(x + i) * 255.0f);
     compose_quantise_c(out + i, x + i, n - i);
 }
 
 #if defined(ISA_BASELINE)
 
 /* on ? a : b, lanes of on being 0 or -1 */
-static inline vi choose(vi on, vi a, vi b)
+static inline vi compose_choose(vi on, vi a, vi b)
 {
     return (on & a) | (~on & b);
 }
@@ -133,12 +133,12 @@ void ISA(compose_half)(uint16_t *out, const float *x, size_t n)
     size_t i = 0;
 
     for (; i + LANES <= n; i += LANES) {
-        vi bits = (vi)load(x + i), a = bits & 0x7fffffff;
+        vi bits = (vi)compose_load(x + i), a = bits & 0x7fffffff;
         vi h = (a + 0xfff + (a >> 13 & 1) - 0x38000000) >> 13;
 
-        h = choose(a < 0x38800000, (vi)((vf)a + half) - (vi)half, h);
-        h = choose(a >= 0x477ff000, (vi){0} + 0x7c00, h);
-        h = choose(a > 0x7f800000, (vi){0} + 0x7e00, h);
+        h = compose_choose(a < 0x38800000, (vi)((vf)a + half) - (vi)half, h);
+        h = compose_choose(a >= 0x477ff000, (vi){0} + 0x7c00, h);
+        h = compose_choose(a > 0x7f800000, (vi){0} + 0x7e00, h);
         vh packed = __builtin_convertvector(h | (bits >> 16 & 0x8000), vh);
 
         memcpy(out + i, &packed, sizeof packed);

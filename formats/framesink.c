@@ -13,9 +13,12 @@
 
 #include "formats/compose.h"
 #include "formats/exr.h"
+#include "formats/mark.h"
 #include "formats/outfile.h"
 #include "formats/png.h"
 #include "formats/pnm.h"
+#include "formats/terminal.h"
+#include "formats/v4l2.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
 #include "lib/base/file.h"
@@ -29,9 +32,11 @@ struct framesink {
     char *part;                    /* of a video */
     size_t count;                  /* frames written */
     size_t width, height;          /* of the first */
+    struct background fitted;      /* opt.background at that size */
     struct outfile out;            /* Y4M, PAM, PNG to one file or stdout */
     struct stream_writer *stream;
     struct video_writer *video;
+    struct v4l2_sink *device;
     struct y4m y4m;
     uint8_t *pixel;                /* composed frame */
     uint8_t *planes;               /* Y4M */
@@ -82,6 +87,8 @@ static enum framesink_format format_of(const char *path)
     };
     const char *dot = strrchr(path, '.');
 
+    if (strncmp(path, "/dev/video", 10) == 0)
+        return FRAMESINK_DEVICE;
     for (size_t i = 0; dot && i < sizeof names / sizeof *names; i++)
         if (strcasecmp(dot, names[i].end) == 0)
             return names[i].format;
@@ -202,6 +209,7 @@ struct framesink *framesink_open(const struct framesink_options *opt,
         if (!s->stream)
             goto failed;
     } else if (strcmp(s->path, "-") == 0
+               && s->opt.format != FRAMESINK_TERMINAL
                && outfile_open(&s->out, "-", err) != 0) {
         goto failed;
     }
@@ -424,7 +432,7 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
                             : f->color;
     const struct covered *c = &s->covered;
     const float *photo = f->photo && packed ? packed_photo(s, f) : f->photo;
-    struct array a[5];
+    struct array a[7];
     int n = 1;
 
     if (!feat || !photo != !f->photo || (packed && covered_find(&s->covered, feat, f->alpha, N,
@@ -444,6 +452,11 @@ static int write_feat(struct framesink *s, const struct framesink_frame *f,
                                      FRAMESINK_PHOTO, 0, 0)
                         : array_make("photo", DTYPE_F32, photo, 3, f->height,
                                      f->width, FRAMESINK_PHOTO, 0);
+    if (f->place) {
+        a[n++] = array_make("place", DTYPE_F32, f->place, 3, f->height,
+                            f->width, 3, 0);
+        a[n++] = array_make("map", DTYPE_F32, f->map, 1, 6, 0, 0, 0);
+    }
     if (f->turned)
         a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
                             RELATIVE_POSE_SIZE, 0, 0, 0);
@@ -476,20 +489,40 @@ static int write_picture(struct framesink *s,
     }
     errno = 0;
     if (s->opt.format == FRAMESINK_PNG)
-        rc = png_write(o->file, s->pixel, f->width, f->height, C, err);
+        rc = png_write_marked(o->file, s->pixel, f->width, f->height, C, err);
     else if (s->opt.format == FRAMESINK_PAM)
         rc = pnm_write(o->file, s->pixel, f->width, f->height, (size_t)C);
     else
         rc = write_y4m(s);
-    if (rc == 0 && ferror(o->file))
-        rc = -1;
     if (rc != 0 && s->opt.format != FRAMESINK_PNG)
         outfile_error(o, err);
+    else if (rc == 0 && (fflush(o->file) || ferror(o->file)))
+        rc = outfile_error(o, err);     /* now: someone may be watching */
     if (own && rc == 0)
         return outfile_close(&one, err);
     if (own)
         outfile_abandon(&one);
     return rc;
+}
+
+/* On the terminal, as large as it is now. */
+static int write_terminal(struct framesink *s, struct error *err)
+{
+    int columns, lines;
+
+    terminal_size(stdout, &columns, &lines);
+    if (terminal_draw(stdout, s->pixel, s->width, s->height, columns, lines))
+        return error_set(err, EX_IOERR, "<stdout>: cannot write: %s",
+                         strerror(errno));
+    return 0;
+}
+
+/* To a video device. */
+static int write_device(struct framesink *s, struct error *err)
+{
+    if (!s->device)
+        s->device = v4l2_open(s->path, s->width, s->height, err);
+    return s->device ? v4l2_write(s->device, s->pixel, err) : -1;
 }
 
 /* The frame in the format that was chosen. */
@@ -501,6 +534,10 @@ static int write_any(struct framesink *s, const struct framesink_frame *f,
                                                : write_feat(s, f, err);
     if (s->opt.format == FRAMESINK_VIDEO)
         return write_video(s, err);
+    if (s->opt.format == FRAMESINK_TERMINAL)
+        return write_terminal(s, err);
+    if (s->opt.format == FRAMESINK_DEVICE)
+        return write_device(s, err);
     if (s->opt.format == FRAMESINK_EXR) {
         char *name = pattern_name(s->path, f->frame);
         int rc = name ? write_exr(s, name, f, err)
@@ -527,13 +564,29 @@ static int check_frame(const struct framesink *s,
                          "frame-%%05d.%s)", s->path,
                          (unsigned long long)f->frame,
                          k == FRAMESINK_EXR ? "exr" : "png");
-    if ((k == FRAMESINK_Y4M || k == FRAMESINK_VIDEO)
+    if ((k == FRAMESINK_Y4M || k == FRAMESINK_VIDEO || k == FRAMESINK_DEVICE)
         && (f->width != s->width || f->height != s->height))
         return error_set(err, EX_DATAERR, "%s: frame %llu: %zu x %zu pixels "
                          "(expected %zu x %zu, as the frames before)",
                          s->path, (unsigned long long)f->frame, f->width,
                          f->height, s->width, s->height);
     return 0;
+}
+
+/* A background picture of another size is brought to the frames' once; frames
+ * that are not square have it resized as they are composed. */
+static int fit_background(struct framesink *s, const struct framesink_frame *f,
+                          struct error *err)
+{
+    const struct background *bg = s->opt.background;
+
+    if (f->width == s->fitted.width && f->height == s->fitted.height)
+        return 0;
+    background_release(&s->fitted);
+    if (!bg || !bg->rgb || f->width != f->height ||
+        (bg->width == f->width && bg->height == f->height))
+        return 0;
+    return background_fit(&s->fitted, bg, f->width, err);
 }
 
 int framesink_write(struct framesink *s, const struct framesink_frame *f,
@@ -557,12 +610,15 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
             return error_set(err, EX_OSERR, "out of memory for a picture of "
                              "%zu x %zu pixels", f->width, f->height);
     }
+    if (!raw && fit_background(s, f, err))
+        return -1;
     s->width = f->width;
     s->height = f->height;
     if (!raw && s->opt.alpha)
         framesink_compose_rgba(s->pixel, f);
     else if (!raw)
-        framesink_compose(s->pixel, f, s->opt.background);
+        framesink_compose(s->pixel, f, s->fitted.rgb ? &s->fitted
+                                                     : s->opt.background);
     if (write_any(s, f, err) != 0)
         return -1;
     s->count++;
@@ -574,6 +630,10 @@ int framesink_write(struct framesink *s, const struct framesink_frame *f,
 /* Everything but what is still open. */
 static void framesink_release(struct framesink *s)
 {
+    background_release(&s->fitted);
+    if (s->opt.format == FRAMESINK_TERMINAL && s->count)
+        terminal_end(stdout);
+    v4l2_close(s->device);
     free(s->pixel);
     free(s->planes);
     free(s->plane);
@@ -597,6 +657,8 @@ int framesink_finish(struct framesink *s, struct error *err)
     if (s->video) {
         rc = video_finish(s->video, err);
         s->video = NULL;
+        if (rc == 0 && mark_video(s->part, err) < 0)
+            rc = -1;
         if (rc == 0 && file_rename(s->part, s->path) != 0)
             rc = error_set(err, EX_CANTCREAT, "%s: cannot rename '%s': %s",
                            s->path, s->part, strerror(errno));

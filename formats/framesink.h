@@ -14,9 +14,12 @@
 
 enum framesink_format {
     FRAMESINK_AUTO,         /* by the name: .mp4 .mkv .avi .mov .webm video,
-                             * .y4m .png .pam .ppm .exr, else stream */
+                             * .y4m .png .pam .ppm .exr, /dev/videoN,
+                             * else stream */
     FRAMESINK_STREAM, FRAMESINK_Y4M, FRAMESINK_PNG, FRAMESINK_PAM,
-    FRAMESINK_EXR, FRAMESINK_VIDEO
+    FRAMESINK_EXR, FRAMESINK_VIDEO,
+    FRAMESINK_TERMINAL,     /* drawn on standard output, whatever path says */
+    FRAMESINK_DEVICE        /* formats/v4l2.h */
 };
 
 /* What FRAMESINK_STREAM writes. */
@@ -42,6 +45,10 @@ struct background {
  * option tables' CLI_CALL: dest is a struct background. */
 int background_parse(const char *value, void *dest, struct error *err);
 void background_release(struct background *bg);
+/* out = bg's picture as size by size pixels, or bg's colour; the middle of one
+ * that is not square.  The caller releases out. */
+int background_fit(struct background *out, const struct background *bg,
+                   size_t size, struct error *err);
 /* --background source: the picture of an identity file (its SRCI record)
  * with the person filled in from around him. */
 int background_from_identity(struct background *bg, const char *path,
@@ -81,6 +88,9 @@ struct framesink_frame {
     const float *depth;     /* [height, width] or NULL: FEAT and EXR only */
     const float *photo;     /* [height, width, 5] or NULL, FEAT only: what the
                              * photograph shows (lib/texture) */
+    const float *place;     /* [height, width, 3] or NULL, FEAT only: blended
+                             * places, and their view: A and b */
+    float map[6];
     bool turned;            /* FEAT only: it says how the head has turned */
     float turn[RELATIVE_POSE_SIZE];
     uint64_t frame;

@@ -147,7 +147,7 @@ static int add_input(struct framesource *s, const char *path,
 
     if (path[0] == '@')
         return add_list(s, path + 1, err);
-    if (strcmp(path, "-") != 0 && strncmp(path, "camera:", 7) != 0
+    if (strcmp(path, "-") != 0 && !video_is_live(path)
         && stat(path, &st) == 0 && S_ISDIR(st.st_mode))
         return add_folder(s, path, err);
     return add_path(s, path, err);
@@ -251,30 +251,33 @@ static int open_y4m(struct framesource *s, struct error *err)
     return 0;
 }
 
-/* One of the piped formats, by its first byte. */
+/* One of the piped formats, by its first byte, which cannot be read twice. */
+static int open_pipe(struct framesource *s, FILE *fp, const char *name,
+                     struct error *err)
+{
+    int c = getc(fp);
+
+    s->name = name;
+    s->fp = fp;
+    if (c == EOF)
+        return error_set(err, EX_DATAERR, "%s: empty (expected Y4M, PAM, "
+                         "PPM or PNG frames)", name);
+    ungetc(c, fp);
+    s->kind = c == 'Y' ? KIND_Y4M : c == 'P' ? KIND_PNM
+              : c == 0x89 ? KIND_PNG : KIND_NONE;
+    if (s->kind == KIND_NONE)
+        return error_set(err, EX_DATAERR, "%s: not Y4M, PAM, PPM or PNG"
+                         " frames (decode other formats with ffmpeg, or name "
+                         "the file)", name);
+    return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+}
+
 static int open_stdin(struct framesource *s, struct error *err)
 {
-    unsigned char b[1];
-    int c;
-
     if (isatty(STDIN_FILENO))
         return error_set(err, EX_USAGE, "<stdin>: a terminal (expected Y4M, "
                          "PAM, PPM or PNG frames through a pipe)");
-    s->name = "<stdin>";
-    s->fp = stdin;
-    c = getc(stdin);
-    if (c == EOF)
-        return error_set(err, EX_DATAERR, "<stdin>: empty (expected Y4M, PAM,"
-                         " PPM or PNG frames)");
-    ungetc(c, stdin);
-    b[0] = (unsigned char)c;
-    s->kind = b[0] == 'Y' ? KIND_Y4M : b[0] == 'P' ? KIND_PNM
-              : b[0] == 0x89 ? KIND_PNG : KIND_NONE;
-    if (s->kind == KIND_NONE)
-        return error_set(err, EX_DATAERR, "<stdin>: not Y4M, PAM, PPM or PNG"
-                         " frames (decode other formats with ffmpeg, or name "
-                         "the file)");
-    return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+    return open_pipe(s, stdin, "<stdin>", err);
 }
 
 /* A picture, or else a video. */
@@ -282,12 +285,15 @@ static int open_file(struct framesource *s, const char *path,
                      struct error *err)
 {
     unsigned char b[16];
+    struct stat st;
     size_t n;
     FILE *fp = fopen(path, "rb");
 
     if (!fp)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          strerror(errno));
+    if (fstat(fileno(fp), &st) == 0 && S_ISFIFO(st.st_mode))
+        return open_pipe(s, fp, path, err);
     n = fread(b, 1, sizeof b, fp);
     if (n == 0) {
         fclose(fp);
@@ -323,10 +329,12 @@ static int open_next(struct framesource *s, struct error *err)
     s->kind = KIND_NONE;
     if (strcmp(path, "-") == 0)
         return open_stdin(s, err);
-    if (strncmp(path, "camera:", 7) != 0)
+    if (!video_is_live(path))
         return open_file(s, path, err);
     s->kind = KIND_VIDEO;
     s->video = video_open(path, s->opt.bt601, err);
+    if (s->video)
+        set_rate(s, video_rate(s->video));
     return s->video ? 0 : -1;
 }
 

@@ -22,13 +22,17 @@ struct frame {
     const uint8_t *rgb;     /* [height, width, 3]; valid until the next read */
     uint64_t index;         /* from 0, in the order delivered */
     double time;            /* seconds from the first frame */
+    bool restart;           /* set by lib/animate/live.h: nothing is where it
+                             * was in the frame before */
 };
 
 struct framesource;
 
 /* Open the inputs, read one after the other as one clip: "-" is a stream on
  * standard input, a directory means its pictures in natural order, "@FILE" a
- * list with one name per line, "camera:N" a device.  NULL on failure.  A
+ * list with one name per line, "camera:N" or "/dev/videoN" a device; an address
+ * such as "rtsp://..." is opened as a video, a fifo like standard input.  NULL
+ * on failure.  A
  * picture without frames and an empty stream are EX_DATAERR. */
 struct framesource *framesource_open(const char *const *paths, size_t count,
                                      const struct framesource_options *opt,

@@ -3,6 +3,7 @@
 extern "C" {
 #include "formats/exr.h"
 #include "formats/image.h"
+#include "formats/mark.h"
 #include "formats/png.h"
 }
 
@@ -292,6 +293,8 @@ int exr_write(const char *path, const float *pixel, size_t width,
         spec.channelnames.assign(names, names + channels);
         spec.attribute("compression", "zip");
         spec.attribute("spid:encoding", "sRGB");
+        if (mark_text())
+            spec.attribute("ImageDescription", mark_text());
         auto out = OIIO::ImageOutput::create("exr");
         if (!out || !out->open(path, spec))
             return error_set(err, EX_CANTCREAT, "%s: cannot create: %s", path,

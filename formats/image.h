@@ -35,8 +35,8 @@ void image_release(struct image *im);
 int image_size(const char *path, size_t *width, size_t *height,
                struct error *err);
 
-/* Write an 8-bit PNG beside its final name and rename it.  channels: 1 grey,
- * 2 grey + alpha, 3 RGB, 4 RGBA (straight). */
+/* Write an 8-bit PNG, marked (formats/mark.h), beside its final name and rename
+ * it.  channels: 1 grey, 2 grey + alpha, 3 RGB, 4 RGBA (straight). */
 int image_write_png(const char *path, const uint8_t *pixel, size_t width,
                     size_t height, int channels, struct error *err);
 

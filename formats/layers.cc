@@ -8,6 +8,7 @@ extern "C" {
 
 #include <algorithm>
 #include <cmath>
+#include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -178,6 +179,95 @@ static void layers_unmix(cv::Mat &mat, const cv::Mat &colour,
         }
 }
 
+/* How far a picture's colours are from the background's about them (away,
+ * float), expected; returns where that is more than the background varies. */
+static cv::Mat layers_strange(cv::Mat &expected, cv::Mat &away,
+                              const cv::Mat &colour, const cv::Mat &sure)
+{
+    cv::Mat known, weight, off, plane[3], usual;
+
+    sure.convertTo(known, CV_32F, 1 / 255.0);
+    expected = layers_mean(weight, colour, known, colour.rows / 48.0);
+    cv::absdiff(colour, expected, off);
+    cv::split(off, plane);
+    cv::max(plane[0], cv::max(plane[1], plane[2]), away);
+    cv::cvtColor(away, off, cv::COLOR_GRAY2BGR);
+    cv::extractChannel(layers_mean(weight, off, known, colour.rows / 24.0),
+                       usual, 0);
+    return (away > cv::max(usual * 4, 20.0)) & (weight > 1e-3);
+}
+
+/* Of these, what is thin and hangs together with the person. */
+static cv::Mat layers_attached(const cv::Mat &strange, const cv::Mat &person)
+{
+    const int n = person.rows;
+    cv::Mat wide, near, label;
+
+    cv::morphologyEx(strange & ~person, wide, cv::MORPH_OPEN,
+                     layers_disc(std::max(5, n / 40)));
+    cv::dilate(person, near, layers_disc(std::max(5, n / 4)));
+    const cv::Mat thin = (strange & ~wide & near) | person;
+    const int count = cv::connectedComponents(thin, label, 8);
+    std::vector<uchar> own((size_t)count, 0);
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++)
+            if (person.at<uchar>(y, x))
+                own[(size_t)label.at<int>(y, x)] = 255;
+    own[0] = 0;
+    cv::Mat out(n, n, CV_8U, cv::Scalar(0));
+    for (int y = 0; y < n; y++)
+        for (int x = 0; x < n; x++)
+            if (thin.at<uchar>(y, x) && !person.at<uchar>(y, x))
+                out.at<uchar>(y, x) = own[(size_t)label.at<int>(y, x)];
+    return out;
+}
+
+/* The locks' colours without the background's share: as the strangest of
+ * their pixels have them. */
+static cv::Mat layers_lock_colour(const cv::Mat &colour, const cv::Mat &away,
+                                  const cv::Mat &locks)
+{
+    cv::Mat weight, known;
+
+    cv::pow(away / 255, 4, known);
+    known.setTo(0, locks == 0);
+    return layers_mean(weight, colour, known * 1e3, colour.rows / 128.0);
+}
+
+/* A matte of locks that hang away from the head, beyond its rim: what before a
+ * background of little change is of another colour, thin, and hangs together
+ * with the person.  sure loses what they cover. */
+static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
+                            const cv::Mat &colour, const cv::Mat &in, int rim)
+{
+    cv::Mat expected, away, hidden, near, out(mat.size(), CV_8U, cv::Scalar(0));
+    const cv::Mat person = mat > 127;
+    /* twice: what looked strange is no measure of the background */
+    cv::Mat strange = layers_strange(expected, away, colour, sure) & in;
+    cv::dilate(strange, hidden, layers_disc(3));
+    strange = layers_strange(expected, away, colour, sure & ~hidden) & in;
+    const cv::Mat locks = layers_attached(strange, person);
+    if (cv::countNonZero(locks) == 0)
+        return out;
+    cv::dilate(locks, hidden, layers_disc(5));
+    sure &= ~hidden;
+    cv::dilate(person, near, layers_disc(2 * rim));
+    hidden &= in & ~near;
+    const cv::Mat fore = layers_lock_colour(colour, away, locks);
+    for (int y = 0; y < mat.rows; y++)
+        for (int x = 0; x < mat.cols; x++) {
+            if (!hidden.at<uchar>(y, x))
+                continue;
+            float share;
+            layers_share(&share, colour.at<cv::Vec3f>(y, x),
+                         expected.at<cv::Vec3f>(y, x),
+                         fore.at<cv::Vec3f>(y, x));
+            out.at<uchar>(y, x) = cv::saturate_cast<uchar>(
+                255 * std::clamp((share - 0.05f) * 1.1f, 0.0f, 1.0f));
+        }
+    return out;
+}
+
 /* back where the person's colour would have to be below 0 or above what its
  * matte allows: what makes the sum right again. */
 static void layers_balance(cv::Mat &back, const cv::Mat &mat,
@@ -208,15 +298,95 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         pic.convertTo(colour, CV_32F);
         /* the background as beyond all doubt, then up to the matte's edge */
         cv::dilate(mat > 8, wide, layers_disc(2 * rim));
-        const cv::Mat sure = (wide == 0) & in;
+        cv::Mat sure = (wide == 0) & in;
+        const cv::Mat locks = layers_locks(sure, mat, colour, in, rim);
         layers_unmix(mat, colour, layers_background(pic, sure, sure), in,
                      rim);
+        cv::max(mat, locks, mat);
         cv::Mat fill = layers_background(pic, (mat == 0) & in, sure);
         fill.convertTo(out, CV_8U);
         out.copyTo(pic, in == 0);
         pic.convertTo(colour, CV_32F);
         layers_balance(fill, mat, colour);
         fill.convertTo(out, CV_8U);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
+    }
+}
+
+/* ---- the same, larger -------------------------------------------------- */
+
+static cv::Mat layers_up(const cv::Mat &small, int n)
+{
+    cv::Mat big;
+
+    cv::resize(small, big, cv::Size(n, n), 0, 0, cv::INTER_LINEAR);
+    return big;
+}
+
+/* The person's colours about each pixel of the small picture, and how many
+ * there are. */
+static cv::Mat layers_foreground(cv::Mat &weight, const cv::Mat &rgb,
+                                 const cv::Mat &mat)
+{
+    const int rim = std::max(2, rgb.rows / 64);
+    cv::Mat own, known, colour;
+
+    cv::erode(mat > 250, own, layers_disc(rim));
+    own.convertTo(known, CV_32F, 1 / 255.0);
+    rgb.convertTo(colour, CV_32F);
+    return layers_mean(weight, colour, known, rim);
+}
+
+/* A matte that was enlarged, where it is neither 0 nor whole: what the finer
+ * colours say, as far as they can be told apart. */
+static void layers_sharpen(cv::Mat &mat, const cv::Mat &colour,
+                           const cv::Mat &back, const cv::Mat &fore,
+                           const cv::Mat &weight)
+{
+    for (int y = 0; y < mat.rows; y++)
+        for (int x = 0; x < mat.cols; x++) {
+            uchar &m = mat.at<uchar>(y, x);
+            if (m == 0 || m == 255 || weight.at<float>(y, x) < 1e-3f)
+                continue;
+            float share;
+            const float trust = layers_share(&share,
+                                             colour.at<cv::Vec3f>(y, x),
+                                             back.at<cv::Vec3f>(y, x),
+                                             fore.at<cv::Vec3f>(y, x));
+            const float want = std::clamp((share - 0.05f) * 1.1f, 0.0f, 1.0f);
+            m = cv::saturate_cast<uchar>(m + trust * (255 * want - m));
+        }
+}
+
+int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
+                   const uint8_t *matte_s, const uint8_t *back_s,
+                   const uint8_t *rgb_s, size_t s, const uint8_t *inside,
+                   bool known, struct error *err)
+{
+    try {
+        const int N = (int)n, S = (int)s;
+        const cv::Mat small(S, S, CV_8UC3, const_cast<uint8_t *>(rgb_s));
+        const cv::Mat mat_s(S, S, CV_8U, const_cast<uint8_t *>(matte_s));
+        const cv::Mat rear(S, S, CV_8UC3, const_cast<uint8_t *>(back_s));
+        const cv::Mat out = layers_inside(inside, N) == 0;
+        cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
+        cv::Mat fill(N, N, CV_8UC3, back), colour, behind, weight;
+        layers_up(small, N).copyTo(pic, out);
+        pic.convertTo(colour, CV_32F);
+        layers_up(rear, N).convertTo(behind, CV_32F);
+        if (known) {
+            layers_up(mat_s, N).copyTo(mat, out);
+        } else {
+            layers_up(mat_s, N).copyTo(mat);
+            const cv::Mat fore = layers_foreground(weight, small, mat_s);
+            layers_sharpen(mat, colour, behind, layers_up(fore, N),
+                           layers_up(weight, N));
+        }
+        colour.copyTo(behind, mat == 0);
+        layers_balance(behind, mat, colour);
+        behind.convertTo(fill, CV_8U);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

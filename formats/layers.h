@@ -4,6 +4,7 @@
 #ifndef SPID_FORMATS_LAYERS_H
 #define SPID_FORMATS_LAYERS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -29,5 +30,18 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
  *   inside [n,n] as above, but not NULL */
 int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
                  const uint8_t *inside, size_t n, struct error *err);
+
+/* Layers found at s by s pixels for the same picture at n by n, n > s.  Small
+ * (_s): matte, back and rgb as layers_split or layers_fill left them.
+ *   rgb [n,n,3]   in; out: outside of the picture what rgb_s has there
+ *   matte [n,n]   out: matte_s, and along its border what the finer colours
+ *                 say; or in, when it is known: then only changed outside
+ *   back [n,n,3]  out: rgb where matte is 0, back_s elsewhere; such that
+ *                 rgb = person + (1 - matte) back
+ *   inside [n,n]  0 where the square lies outside the picture */
+int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
+                   const uint8_t *matte_s, const uint8_t *back_s,
+                   const uint8_t *rgb_s, size_t s, const uint8_t *inside,
+                   bool known, struct error *err);
 
 #endif

@@ -258,7 +258,7 @@ static int parse_header(struct npy_header *h, size_t *count, const char *text,
 
 /* Bytes of the preamble, and of the text that follows it; 0 when head, the
  * first `have` bytes of a file, is not an npy file's. */
-static size_t preamble(size_t *text, const unsigned char *head, size_t have)
+static size_t npy_preamble(size_t *text, const unsigned char *head, size_t have)
 {
     size_t wide = have > 6 && head[6] > 1 ? 2 : 0;
 
@@ -274,7 +274,7 @@ static size_t preamble(size_t *text, const unsigned char *head, size_t have)
 int npy_header_read(struct npy_header *h, const void *head, size_t have,
                     size_t bytes, struct error *err)
 {
-    size_t size = 0, count, at = preamble(&size, head, have);
+    size_t size = 0, count, at = npy_preamble(&size, head, have);
     char *text;
     int rc;
 
@@ -301,7 +301,7 @@ static char *read_text(FILE *f)
         return NULL;
     more = head[6] > 1 ? 2 : 0;
     if ((more && fread(head + PREAMBLE, more, 1, f) != 1) ||
-        !preamble(&size, head, PREAMBLE + more) ||
+        !npy_preamble(&size, head, PREAMBLE + more) ||
         !(text = calloc(1, size + 1)))
         return NULL;
     if (size && fread(text, size, 1, f) != 1) {

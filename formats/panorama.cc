@@ -49,7 +49,8 @@ static int check_pixels(const struct panorama *p, const char *path,
     return 0;
 }
 
-static int read(struct panorama *p, const char *path, struct error *err)
+static int panorama_pixels(struct panorama *p, const char *path,
+                           struct error *err)
 {
     auto in = OIIO::ImageInput::open(path);
 
@@ -80,7 +81,7 @@ extern "C" int panorama_read(struct panorama *p, const char *path,
 
     *p = panorama();
     try {
-        rc = read(p, path, err);
+        rc = panorama_pixels(p, path, err);
     } catch (const std::exception &e) {
         rc = error_set(err, EX_DATAERR, "%s: %s", path, e.what());
     }

@@ -1,3 +1,4 @@
+/* The opcodes, one function each, and the table of them. */
 #include "formats/pickle.h"
 
 #include <stdlib.h>
@@ -198,7 +199,7 @@ static int op_text_line(struct pickle_machine *m, int kind, size_t n)
 }
 
 /* One character of a Python 2 string literal; *p moves behind it. */
-static int unescape(const char **p, const char *end)
+static int pickle_unescape(const char **p, const char *end)
 {
     static const char names[] = "\\'\"abfnrtv";
     static const char values[] = "\\'\"\a\b\f\n\r\t\v";
@@ -235,7 +236,7 @@ static int op_string_line(struct pickle_machine *m, int kind, size_t n)
     if (!out)
         return -1;
     for (const char *p = line.p + 1, *end = line.p + line.n - 1; p < end;)
-        out[n++] = (char)unescape(&p, end);
+        out[n++] = (char)pickle_unescape(&p, end);
     return push_text(m, kind, out, n);
 }
 
@@ -383,7 +384,7 @@ static int op_memoize(struct pickle_machine *m, int kind, size_t n)
 /* ---- opcodes: objects --------------------------------------------------- */
 
 /* A name for a message: printable, not too long. */
-static const char *printable(char out[64], struct pickle_text s)
+static const char *pickle_printable(char out[64], struct pickle_text s)
 {
     size_t k = 0;
 
@@ -399,7 +400,8 @@ static int refuse_name(struct pickle_machine *m, struct pickle_text module,
     char a[64], b[64];
 
     return pickle_fail(m, "%s.%s is not allowed (expected arrays and plain "
-                       "data)", printable(a, module), printable(b, name));
+                       "data)", pickle_printable(a, module),
+                       pickle_printable(b, name));
 }
 
 static int push_name(struct pickle_machine *m, struct pickle_text module,

@@ -1,3 +1,4 @@
+/* Values, the stack and the memo of a machine, with their limits. */
 #include "formats/pickle_machine.h"
 
 #include <stdarg.h>

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
+#include "formats/mark.h"
 #include "formats/outfile.h"
 
 /* libpng's text, kept for the return value. */
@@ -37,8 +38,25 @@ static int color_type(int channels)
     return type[channels];
 }
 
-int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
-              int channels, struct error *err)
+/* The mark, as text and as XMP, unless marks are off. */
+static void set_mark(png_structp png, png_infop info)
+{
+    static char comment[] = "Comment", xmp[] = "XML:com.adobe.xmp";
+    png_text text[2] = {
+        {.compression = PNG_TEXT_COMPRESSION_NONE, .key = comment,
+         .text = (png_charp)mark_text()},
+        {.compression = PNG_ITXT_COMPRESSION_NONE, .key = xmp,
+         .text = (png_charp)mark_xmp()}
+    };
+
+    if (mark_text())
+        png_set_text(png, info, text, 2);
+}
+
+/* With or without the mark. */
+static int write_picture(FILE *fp, const uint8_t *pixel, size_t width,
+                         size_t height, int channels, bool marked,
+                         struct error *err)
 {
     struct error e = {0};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &e,
@@ -58,6 +76,8 @@ int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
                  color_type(channels), PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
+    if (marked)
+        set_mark(png, info);
     png_set_compression_level(png, 2);
     png_set_filter(png, 0, PNG_FILTER_SUB | PNG_FILTER_UP);
     png_write_info(png, info);
@@ -66,6 +86,18 @@ int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
     png_write_end(png, info);
     png_destroy_write_struct(&png, &info);
     return 0;
+}
+
+int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
+              int channels, struct error *err)
+{
+    return write_picture(fp, pixel, width, height, channels, false, err);
+}
+
+int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
+                     size_t height, int channels, struct error *err)
+{
+    return write_picture(fp, pixel, width, height, channels, true, err);
 }
 
 /* What is being read; lives outside the frame that longjmp returns to. */
@@ -176,7 +208,7 @@ int image_write_png(const char *path, const uint8_t *pixel, size_t width,
 
     if (outfile_open(&o, path, err) != 0)
         return -1;
-    if (png_write(o.file, pixel, width, height, channels, err) != 0) {
+    if (png_write_marked(o.file, pixel, width, height, channels, err) != 0) {
         outfile_abandon(&o);
         return error_prefix(err, "%s", path);
     }

@@ -12,6 +12,10 @@
 int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
               int channels, struct error *err);
 
+/* The same of what the toolkit drew: with its mark (formats/mark.h). */
+int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
+                     size_t height, int channels, struct error *err);
+
 /* Read the next PNG of fp as RGB [height,width,3] and, where the file has it,
  * alpha; both are for the caller to free.  16 bits are rounded to 8.  most:
  * pixels at most. */

@@ -6,6 +6,7 @@
 
 #include <stddef.h>
 #include <stdint.h>
+#include <stdio.h>
 
 #include "lib/base/error.h"
 
@@ -73,7 +74,10 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
  * order; data start 64-byte aligned.  meta is key, value, key, value, NULL. */
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
             const char *const *meta, struct error *err);
-/* The same, for tensors that are not in memory all at once: where data is
+/* The same into an open stream, which stays open. */
+int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
+             const char *const *meta, struct error *err);
+/* As st_save, for tensors that are not in memory all at once: where data is
  * NULL, fetch(context, i, err) gives the bytes of tensor i, valid until the
  * next call, or NULL and *err. */
 typedef const void *(*st_fetch)(void *context, size_t i, struct error *err);

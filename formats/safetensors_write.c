@@ -73,8 +73,30 @@ static bool write_all(FILE *f, const char *json, struct save *s,
         s->unfetched = !data && bytes;
         ok = !bytes || (data && fwrite(data, 1, bytes, f) == bytes);
     }
-    /* A device or a pipe has nothing to sync (EINVAL). */
-    return ok && !fflush(f) && (!fsync(fileno(f)) || errno == EINVAL);
+    return ok && !fflush(f);
+}
+
+/* A device or a pipe has nothing to sync (EINVAL). */
+static bool write_sync(FILE *f)
+{
+    return !fsync(fileno(f)) || errno == EINVAL;
+}
+
+int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
+             const char *const *meta, struct error *err)
+{
+    struct save save = {.tensors = tensors, .count = count};
+    cJSON *root = header_describe(tensors, count, meta);
+    char *json = root ? cJSON_PrintUnformatted(root) : NULL;
+    int rc = 0;
+
+    if (!json)
+        rc = error_set(err, EX_OSERR, "out of memory");
+    else if (!write_all(f, json, &save, err))
+        rc = error_set(err, EX_IOERR, "%s", strerror(errno));
+    cJSON_Delete(root);
+    cJSON_free(json);
+    return rc;
 }
 
 int st_save(const char *path, const struct st_tensor *tensors, size_t count,
@@ -105,7 +127,7 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
         error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
         goto out;
     }
-    bool ok = write_all(f, json, &save, err);
+    bool ok = write_all(f, json, &save, err) && write_sync(f);
     int why = errno;
     ok = !fclose(f) && ok;
     if (!ok || (!special && file_rename(part, path))) {

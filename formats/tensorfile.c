@@ -1,3 +1,5 @@
+/* What a file is by its first bytes, its tensors by name, and their
+ * elements. */
 #include "formats/tensorfile.h"
 
 #include <errno.h>
@@ -138,7 +140,7 @@ static int open_objects(struct tensorfile *f, const char *name,
 }
 
 /* "dir/l_eyelid.npy" -> "l_eyelid": what an array without a name is called. */
-static const char *stem(char out[TENSORFILE_NAME], const char *path)
+static const char *array_stem(char out[TENSORFILE_NAME], const char *path)
 {
     const char *slash = strrchr(path, '/'), *dot;
 
@@ -156,7 +158,7 @@ static int open_npy(struct tensorfile *f, struct error *err)
     char name[TENSORFILE_NAME];
 
     f->format = "numpy npy";
-    stem(name, f->path);
+    array_stem(name, f->path);
     if (npy_header_read(&h, f->map, f->bytes, f->bytes, err))
         return -1;
     if (h.kind == 'O')
@@ -250,8 +252,10 @@ static int open_safetensors(struct tensorfile *f, struct error *err)
 
     f->format = "safetensors";
     f->st = st_open(f->path, err);
-    if (!f->st)
+    if (!f->st) {
+        f->named = true;
         return -1;
+    }
     for (size_t i = 0; i < st_count(f->st) && !rc; i++) {
         const struct st_tensor *t = st_at(f->st, i);
         struct tensor_place p = {.data = t->data, .entry = SIZE_MAX};
@@ -321,8 +325,9 @@ static int open_pickle(struct tensorfile *f, struct error *err)
     if (pickle_storages(f->pickle[0])->n)
         return error_set(err, EX_DATAERR, "a pickle with PyTorch storages "
                          "alone (expected the file that holds them too)");
-    return tensorfile_flatten(f, root->kind == PICKLE_ARRAY
-                                     ? stem(name, f->path) : "", root, err);
+    return tensorfile_flatten(
+        f, root->kind == PICKLE_ARRAY ? array_stem(name, f->path) : "", root,
+        err);
 }
 
 /* The first bytes say what a file is. */
@@ -353,7 +358,7 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
     }
     f->cached = SIZE_MAX;
     if (map_file(f, err) || open_contents(f, err) || sort_names(f, err)) {
-        if (strncmp(err->text, path, strlen(path)))    /* st_open names it */
+        if (!f->named)
             error_prefix(err, "%s", path);
         tensorfile_close(f);
         return NULL;
@@ -452,8 +457,8 @@ const char *tensorfile_other(const struct tensorfile *f, size_t i,
 /* All of an entry, unpacked; the last one is kept.  Tensors that share an
  * entry lie beside each other, so that one is enough; a file where they do
  * not is read again and again, but only so often. */
-static const char *unpacked(struct tensorfile *f, size_t entry,
-                            struct error *err)
+static const char *entry_unpacked(struct tensorfile *f, size_t entry,
+                                  struct error *err)
 {
     size_t bytes = ziparchive_size(f->zip, entry);
 
@@ -498,7 +503,7 @@ const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
     if (!p->view.count)
         return "";
     if (!from) {
-        from = unpacked(f, p->entry, err);
+        from = entry_unpacked(f, p->entry, err);
         if (!from) {
             error_prefix(err, "%s: tensor '%s'", f->path, f->tensor[i].name);
             return NULL;

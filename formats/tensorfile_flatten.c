@@ -77,9 +77,9 @@ static bool path_down(struct path *path, const struct pickle_value *key)
            path_append(path, key);
 }
 
-static int flatten(struct tensorfile *f, struct path *path,
-                   const struct pickle_value *v, int depth,
-                   struct error *err);
+static int flatten_value(struct tensorfile *f, struct path *path,
+                         const struct pickle_value *v, int depth,
+                         struct error *err);
 
 static int flatten_items(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
@@ -94,7 +94,7 @@ static int flatten_items(struct tensorfile *f, struct path *path,
                                      .u.i = (int64_t)i};
 
         if (path_down(path, step == 2 ? l->item[i] : &index))
-            rc = flatten(f, path, l->item[i + step - 1], depth + 1, err);
+            rc = flatten_value(f, path, l->item[i + step - 1], depth + 1, err);
         else
             tensorfile_add_other(f, path->text, "value under an odd key");
         path->n = before;
@@ -103,18 +103,23 @@ static int flatten_items(struct tensorfile *f, struct path *path,
     return rc;
 }
 
+/* An array of objects: one stands for itself. */
+static int flatten_objects(struct tensorfile *f, struct path *path,
+                           const struct pickle_value *v, int depth,
+                           struct error *err)
+{
+    return v->u.list.n == 1
+               ? flatten_value(f, path, v->u.list.item[0], depth + 1, err)
+               : flatten_items(f, path, v, depth + 1, err);
+}
+
+/* An array of numbers, wherever they lie. */
 static int flatten_array(struct tensorfile *f, struct path *path,
-                         const struct pickle_array *a, int depth,
-                         struct error *err)
+                         const struct pickle_array *a, struct error *err)
 {
     struct tensor_place p = {.view = a->view, .data = a->data,
                              .entry = SIZE_MAX};
 
-    if (a->objects)             /* one object stands for itself */
-        return a->objects->u.list.n == 1
-                   ? flatten(f, path, a->objects->u.list.item[0], depth + 1,
-                             err)
-                   : flatten_items(f, path, a->objects, depth + 1, err);
     if (!a->filled)
         return error_set(err, EX_DATAERR, "the array is never filled in");
     if (!a->known) {
@@ -137,9 +142,9 @@ static int flatten_array(struct tensorfile *f, struct path *path,
     return tensorfile_add(f, path->text, &p, err);
 }
 
-static int flatten(struct tensorfile *f, struct path *path,
-                   const struct pickle_value *v, int depth,
-                   struct error *err)
+static int flatten_value(struct tensorfile *f, struct path *path,
+                         const struct pickle_value *v, int depth,
+                         struct error *err)
 {
     struct tensor_place p = {.entry = SIZE_MAX};
     int rc;
@@ -160,9 +165,11 @@ static int flatten(struct tensorfile *f, struct path *path,
         if (!v->u.inner)
             return error_set(err, EX_DATAERR, "byte %zu: '%s' is a chumpy "
                              "array without one", v->at, path->text);
-        return flatten(f, path, v->u.inner, depth + 1, err);
+        return flatten_value(f, path, v->u.inner, depth + 1, err);
     case PICKLE_ARRAY:
-        rc = flatten_array(f, path, v->u.array, depth, err);
+        if (v->u.array->objects)        /* their errors say where they are */
+            return flatten_objects(f, path, v->u.array->objects, depth, err);
+        rc = flatten_array(f, path, v->u.array, err);
         break;
     case PICKLE_SPARSE:
         rc = tensorfile_dense(&p, f, v->u.sparse, err) ||
@@ -172,7 +179,7 @@ static int flatten(struct tensorfile *f, struct path *path,
         tensorfile_add_other(f, path->text, pickle_kind_name(v));
         return 0;
     }
-    if (rc && strncmp(err->text, "byte ", 5))
+    if (rc)
         error_prefix(err, "byte %zu: tensor '%s'", v->at, path->text);
     return rc;
 }
@@ -186,7 +193,7 @@ int tensorfile_flatten(struct tensorfile *f, const char *name,
     if (path.n >= sizeof path.text)
         return error_set(err, EX_DATAERR, "name of more than %d bytes",
                          TENSORFILE_NAME);
-    return flatten(f, &path, v, 0, err);
+    return flatten_value(f, &path, v, 0, err);
 }
 
 /* ---- sparse matrices ---------------------------------------------------- */
@@ -214,9 +221,9 @@ static void *packed_row(const struct pickle_array *a, size_t *count,
 
 /* Add the entries of the rows (csr) or columns (csc) to out (dim[0],dim[1]).
  * -1 when an index is outside. */
-static int scatter(double *out, const struct pickle_sparse *s,
-                   const void *data, const void *indices, const void *starts,
-                   size_t entries)
+static int flatten_sparse(double *out, const struct pickle_sparse *s,
+                          const void *data, const void *indices,
+                          const void *starts, size_t entries)
 {
     size_t lines = s->dim[s->rows ? 0 : 1], across = s->dim[s->rows ? 1 : 0];
     size_t from = 0;
@@ -291,7 +298,7 @@ int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
     out = full_matrix(p, f, s, entries, err);
     if (!out)
         goto out;
-    rc = scatter(out, s, data, indices, start, entries);
+    rc = flatten_sparse(out, s, data, indices, start, entries);
     if (rc)
         error_set(err, EX_DATAERR, "sparse matrix of %zu by %zu has an index "
                   "outside", s->dim[0], s->dim[1]);

@@ -29,6 +29,7 @@ struct legacy_storage {
 struct tensorfile {
     char *path;
     const char *format;
+    bool named;                     /* an error while opening names the file */
     char hash[33];
     const unsigned char *map;       /* the file; empty: NULL */
     size_t bytes;

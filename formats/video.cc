@@ -124,14 +124,28 @@ struct video_reader {
     bool live = false;
 };
 
-/* A camera by its number, or a file. */
+static bool is_camera(const char *path)
+{
+    return std::strncmp(path, "camera:", 7) == 0
+        || std::strncmp(path, "/dev/video", 10) == 0;
+}
+
+bool video_is_live(const char *path)
+{
+    return is_camera(path) || std::strstr(path, "://");
+}
+
+/* A camera by its number or device, an address, or a file. */
 static bool open_capture(video_reader *v, const char *path)
 {
-    if (std::strncmp(path, "camera:", 7) == 0) {
-        v->live = true;
-        return v->capture.open(std::atoi(path + 7));
-    }
-    return v->capture.open(path, cv::CAP_FFMPEG);
+    v->live = video_is_live(path);
+    if (!is_camera(path))
+        return v->capture.open(path, cv::CAP_FFMPEG);
+    if (*path == '/' ? !v->capture.open(path, cv::CAP_V4L2)
+                     : !v->capture.open(std::atoi(path + 7)))
+        return false;
+    v->capture.set(cv::CAP_PROP_BUFFERSIZE, 1);     /* the newest frame */
+    return true;
 }
 
 /* Tags, or by size as players do; the matrix that corrects OpenCV's. */
@@ -153,7 +167,7 @@ struct video_reader *video_open(const char *path, bool bt601,
     video_reader *v = nullptr;
 
     opencv_hush();
-    if (std::strncmp(path, "camera:", 7) != 0 && stat(path, &st) != 0) {
+    if (!video_is_live(path) && stat(path, &st) != 0) {
         error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                   std::strerror(errno));
         return nullptr;

@@ -1,3 +1,4 @@
+/* The directory is read and checked whole before the first entry is. */
 #include "formats/ziparchive.h"
 
 #include <stdbool.h>

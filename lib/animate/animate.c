@@ -22,6 +22,7 @@ static int worker_open_renderer(struct animate_worker *w, int channels,
                                               (int)a->opt.size, channels);
     struct gaussians g = baked_set(a->baked);
 
+    opt.rules = a->opt.rules;
     opt.threads = threads;
     opt.place = a->opt.texture;
     opt.fixed16 = opt.fixed16 && !a->opt.f32;
@@ -42,6 +43,27 @@ static bool worker_open_features(struct animate_worker *w)
     return w->features_half || w->features;
 }
 
+/* What the portrait is cut to, or set into. */
+static int worker_open_frame(struct animate_worker *w, struct error *err)
+{
+    const struct animate_part *part = w->owner->opt.part;
+    const struct inset *inset = w->owner->opt.inset;
+
+    if (inset) {
+        w->whole = malloc(3 * inset->photo->width * inset->photo->height);
+        if (!w->whole)
+            return error_set(err, EX_OSERR, "no memory for the photograph");
+        return inset_scratch_init(&w->inset, inset, err);
+    }
+    if (!part)
+        return 0;
+    const size_t n = part->width * part->height;
+    w->part_color = malloc(3 * n * sizeof *w->part_color);
+    w->part_alpha = malloc(n * sizeof *w->part_alpha);
+    return w->part_color && w->part_alpha ? 0
+        : error_set(err, EX_OSERR, "no memory for a picture");
+}
+
 /* Buffers, renderer and refiner of one worker. */
 static int worker_open(struct animate_worker *w, struct error *err)
 {
@@ -55,14 +77,21 @@ static int worker_open(struct animate_worker *w, struct error *err)
     w->alpha = malloc(pixels * sizeof *w->alpha);
     w->place = a->opt.texture ? malloc(PLACE_CHANNELS * pixels *
                                        sizeof *w->place) : NULL;
+    w->photo = a->opt.texture && !a->opt.star
+             ? malloc(TEXTURE_PHOTO * pixels * sizeof *w->photo) : NULL;
     if (!w->verts || !w->image || !w->alpha ||
-        (a->opt.texture && !w->place) ||
+        (a->opt.texture && (!w->place || (!a->opt.star && !w->photo))) ||
         (!a->opt.star && !worker_open_features(w)))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
     if (baked_move_init(&w->move, a->baked, err))
         return -1;
     if (worker_open_renderer(w, channels, threads, err))
+        return -1;
+    if (a->opt.picture > a->opt.size &&
+        zoom_init(&w->zoom, a->opt.size, a->opt.picture, a->opt.texture, err))
+        return -1;
+    if (worker_open_frame(w, err))
         return -1;
     if (a->opt.star)
         return 0;
@@ -105,11 +134,17 @@ void animate_release(struct animate *a)
 
         splat_release(&w->splat);
         refine_release(&w->refine);
+        zoom_release(&w->zoom);
+        inset_scratch_release(&w->inset);
+        free(w->whole);
+        free(w->part_color);
+        free(w->part_alpha);
         free(w->verts);
         baked_move_release(&w->move);
         free(w->image);
         free(w->alpha);
         free(w->place);
+        free(w->photo);
         free(w->features);
         free(w->features_half);
     }
@@ -124,22 +159,33 @@ void animate_release(struct animate *a)
 
 /* ---- a frame ----------------------------------------------------------- */
 
-/* Eq. SR on what was drawn. */
-static int worker_refine(struct animate_worker *w, struct error *err)
+/* Eq. SR on what was drawn, and what the photograph shows of it. */
+static int worker_refine(struct animate_worker *w,
+                         const struct splat_place_view *view,
+                         struct error *err)
 {
     const struct animate *a = w->owner;
     struct refine_input in = {
         .height = a->opt.size, .width = a->opt.size, .channels = a->baked->C,
         .f32 = w->features, .f16 = w->features_half, .alpha = w->alpha,
-        .turn = w->move.relative_pose
+        .turn = w->move.relative_pose, .photo = w->photo
     };
 
-    return refine_frame(w->image, &w->refine, &in, err);
+    if (w->photo)
+        texture_lookup(w->photo, a->opt.texture, view, w->place, w->alpha,
+                       a->opt.size);
+    if (refine_frame(w->image, &w->refine, &in, err))
+        return -1;
+    if (!w->zoom.to)
+        return refine_photo(w->image, w->alpha, &w->refine, &in, err);
+    texture_hold(w->image, 3, w->alpha, a->opt.size * a->opt.size);
+    return 0;
 }
 
 /* Eq. C: colours for SpiD*, features for the refiner; places, too, where
  * there is a photograph to look them up in. */
-static int worker_splat(struct animate_worker *w, const struct splat_place_view *v,
+static int worker_splat(struct animate_worker *w,
+                        const struct splat_place_view *v,
                         const float cam[12], struct error *err)
 {
     const struct animate *a = w->owner;
@@ -151,6 +197,29 @@ static int worker_splat(struct animate_worker *w, const struct splat_place_view 
         .image = image, .half = image ? NULL : w->features_half,
         .alpha = w->alpha, .place = w->place
     }, &c, v, NULL, err);
+}
+
+/* The photograph over what was drawn, at the picture's size. */
+static void worker_show(struct animate_worker *w,
+                        const struct splat_place_view *v)
+{
+    const struct animate *a = w->owner;
+
+    if (w->zoom.to)
+        zoom_picture(&w->zoom, w->image, w->alpha, w->place, v,
+                     a->opt.texture);
+    else if (a->opt.star && w->place)
+        texture_apply(w->image, 3, w->alpha, a->opt.texture, v, w->place,
+                      a->opt.size);
+}
+
+struct animate_picture animate_picture(const struct animate_worker *w)
+{
+    const struct zoom *z = &w->zoom;
+
+    return z->to ? (struct animate_picture){z->to, z->color, z->alpha}
+                 : (struct animate_picture){w->owner->opt.size, w->image,
+                                            w->alpha};
 }
 
 int animate_draw(struct animate_worker *w, struct animate_times *t,
@@ -175,11 +244,10 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
         worker_splat(w, &view, cam, err))
         return -1;
     double t3 = cpu_seconds();
-    if (!a->opt.star && worker_refine(w, err))
+    if (!a->opt.star && worker_refine(w, &view, err))
         return -1;
-    if (w->place)
-        texture_apply(w->image, 3, w->alpha, a->opt.texture, &view, w->place,
-                      a->opt.size);
+    worker_show(w, &view);
+    w->shoulders = inset_motion(b->pivot, b->view, cam);
     t->flame = t1 - t0;
     t->branches = t2 - t1;
     t->splat = t3 - t2;
@@ -228,6 +296,50 @@ static int animate_take(struct animate *a, struct driver_frame *f,
     return rc == 1;
 }
 
+/* The part of the portrait that is written. */
+static void worker_cut(struct animate_worker *w, struct framesink_frame *g,
+                       const struct animate_part *part)
+{
+    for (size_t y = 0; y < part->height; y++) {
+        const size_t from = (y + part->top) * g->width + part->left;
+        const size_t to = y * part->width;
+
+        memcpy(w->part_color + 3 * to, g->color + 3 * from,
+               3 * part->width * sizeof *g->color);
+        memcpy(w->part_alpha + to, g->alpha + from,
+               part->width * sizeof *g->alpha);
+    }
+    g->color = w->part_color;
+    g->alpha = w->part_alpha;
+    g->width = part->width;
+    g->height = part->height;
+}
+
+/* The frame as it is written: the portrait, part of it, or the photograph
+ * with it. */
+static struct framesink_frame worker_frame(struct animate_worker *w,
+                                           const struct frame *of)
+{
+    const struct animate_options *opt = &w->owner->opt;
+    const struct animate_picture p = animate_picture(w);
+    struct framesink_frame g = {
+        .width = p.side, .height = p.side, .channels = 3, .color = p.color,
+        .alpha = p.alpha, .frame = of->index, .time = of->time
+    };
+
+    if (opt->inset) {
+        inset_draw(w->whole, opt->inset, &w->inset, p.color, p.alpha,
+                   &w->shoulders);
+        g.width = opt->inset->photo->width;
+        g.height = opt->inset->photo->height;
+        g.color = g.alpha = NULL;
+        g.rgb = w->whole;
+    } else if (opt->part) {
+        worker_cut(w, &g, opt->part);
+    }
+    return g;
+}
+
 /* Wait for the frame's turn and write it; -1 when it or an earlier one
  * failed. */
 static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
@@ -235,11 +347,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
                            double arrived)
 {
     struct animate *a = w->owner;
-    struct framesink_frame g = {
-        .width = a->opt.size, .height = a->opt.size, .channels = 3,
-        .color = w->image, .alpha = w->alpha, .frame = f->picture.index,
-        .time = f->picture.time
-    };
+    const struct framesink_frame g = worker_frame(w, &f->picture);
     struct error err = {0};
     int rc = 0;
 
@@ -258,7 +366,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
     if (rc == 0 && a->done) {
         struct animate_frame r = {
             .index = f->picture.index, .time = f->picture.time,
-            .track = &f->r, .color = w->image, .t = *t,
+            .track = &f->r, .color = animate_picture(w).color, .t = *t,
             .latency = a->live ? cpu_seconds() - arrived : 0
         };
         a->done(a->ctx, &r);

@@ -14,6 +14,7 @@
 #include <stdint.h>
 
 #include "formats/framesink.h"
+#include "lib/animate/inset.h"
 #include "lib/animate/live.h"
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
@@ -22,12 +23,22 @@
 #include "lib/refine/refine.h"
 #include "lib/splat/splat.h"
 #include "lib/texture/texture.h"
+#include "lib/texture/zoom.h"
 #include "lib/track/driver.h"
 
+/* Part of a portrait, pixels. */
+struct animate_part {
+    size_t left, top, width, height;
+};
+
 struct animate_options {
-    size_t size;                /* of the picture, pixels */
+    size_t size;                /* of what is drawn and refined, pixels */
+    size_t picture;             /* of the picture, at least size: colours are
+                                 * enlarged to it, the photograph looked up
+                                 * in it; 0: as size */
     const struct model *model;  /* open, for the refiner; NULL with star */
     bool star;                  /* SpiD*: three channels, no refiner */
+    enum splat_rules rules;     /* the renderer's */
     bool roi;                   /* refine only where the head is */
     bool f32;                   /* features drawn and kept in float, as by
                                  * spid-splat --f32, not in half precision */
@@ -36,6 +47,9 @@ struct animate_options {
     float closed;               /* as in baked_drive */
     const struct texture *texture;      /* the photograph, borrowed; NULL:
                                          * baked colours alone */
+    const struct inset *inset;          /* set the portrait into this
+                                         * photograph; NULL: the portrait */
+    const struct animate_part *part;    /* write only this; NULL: all of it */
 };
 
 /* Seconds a frame spent in each stage. */
@@ -49,7 +63,7 @@ struct animate_frame {
     uint64_t index;
     double time;                /* of the clip */
     const struct track_result *track;
-    const float *color;         /* (S,S,3) as written, over black */
+    const float *color;         /* (P,P,3) of the portrait, over black */
     struct animate_times t;
     double latency;             /* from its arrival, 0 unless live */
 };
@@ -64,6 +78,12 @@ struct animate_worker {
     uint16_t *features_half;    /* or in half precision; neither for SpiD* */
     float *alpha;               /* (S,S) */
     float *place;               /* (S,S,3) blended places, with a texture */
+    struct zoom zoom;           /* to the picture's size, when larger */
+    float *part_color, *part_alpha;     /* of opt.part */
+    struct inset_scratch inset;
+    struct inset_motion shoulders;      /* of the last animate_draw */
+    uint8_t *whole;             /* the photograph with the portrait in it */
+    float *photo;               /* (S,S,5) what it shows, for the refiner */
     pthread_t thread;
     struct animate *owner;
 };
@@ -105,8 +125,15 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
                 void (*done)(void *ctx, const struct animate_frame *f),
                 void *ctx, struct error *err);
 
-/* One frame of one worker, without reading and writing: the motion's picture
- * into w->image (S,S,3) and w->alpha. */
+/* The finished picture of animate_draw: side P in pixels, color (P,P,3)
+ * premultiplied and alpha (P,P). */
+struct animate_picture {
+    size_t side;
+    const float *color, *alpha;
+};
+struct animate_picture animate_picture(const struct animate_worker *w);
+
+/* One frame of one worker, without reading and writing. */
 int animate_draw(struct animate_worker *w, struct animate_times *t,
                  const struct motion *m, struct error *err);
 

@@ -5,6 +5,8 @@
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+#include <time.h>
+#include <unistd.h>
 
 #include "lib/base/cpu.h"
 
@@ -28,6 +30,74 @@ static int live_keep(struct live_slot *s, const struct frame *f)
     return 0;
 }
 
+/* Has the program been asked to end? */
+static bool live_asked(const struct live *l)
+{
+    return l->stop || (l->follow.stop && *l->follow.stop);
+}
+
+/* Number and time of a followed source's frame, and whether it belongs to the
+ * one before. */
+static void live_stamp(struct live *l, struct frame *f)
+{
+    const struct frame *before = &l->newest.frame;
+
+    if (!l->follow.open)
+        return;
+    if (l->seen == 0)
+        l->begun = cpu_seconds();
+    else if (f->width != before->width || f->height != before->height)
+        l->restart = true;
+    f->index = l->seen;
+    f->time = cpu_seconds() - l->begun;
+    f->restart = l->restart;
+}
+
+/* The next frame of the source, which is opened again when it is followed: 1;
+ * 0 at the end, -1. */
+static int live_next(struct live *l, struct frame *f, struct error *err)
+{
+    double left = cpu_seconds();
+    bool away = false;
+
+    for (;;) {
+        int rc = l->source ? framesource_read(l->source, f, err) : -1;
+
+        if (rc == 1) {
+            l->restarts += away;
+            l->restart |= away;
+            return 1;
+        }
+        if (!l->follow.open || live_asked(l) ||
+            cpu_seconds() - left > l->follow.patience)
+            return rc;
+        if (!away)
+            l->follow.away(l->follow.ctx, rc < 0 ? err : NULL);
+        else
+            usleep(100000);
+        away = true;
+        framesource_close(l->source);
+        *err = (struct error){0};
+        l->source = l->follow.open(l->follow.ctx, err);
+    }
+}
+
+/* Take over what the reader read; l->lock is held. */
+static int live_deliver(struct live *l, struct frame *f, struct error *err)
+{
+    bool skipped = l->fresh;    /* a restart in a dropped frame still counts */
+
+    live_stamp(l, f);
+    f->restart |= skipped && l->newest.frame.restart;
+    if (live_keep(&l->newest, f))
+        return error_set(err, EX_OSERR, "no memory for a frame");
+    l->restart = false;
+    l->seen++;
+    l->dropped += skipped;
+    l->fresh = true;
+    return 1;
+}
+
 /* The thread: reads until the end, a fault or live_stop. */
 static void *live_reader(void *arg)
 {
@@ -38,19 +108,14 @@ static void *live_reader(void *arg)
     while (rc == 1) {
         struct error err = {0};
 
-        rc = framesource_read(l->source, &f, &err);
+        rc = live_next(l, &f, &err);
         pthread_mutex_lock(&l->lock);
-        if (rc == 1 && live_keep(&l->newest, &f))
-            rc = error_set(&err, EX_OSERR, "no memory for a frame");
-        if (rc == 1) {
-            l->seen++;
-            l->dropped += l->fresh;
-            l->fresh = true;
-        }
+        if (rc == 1)
+            rc = live_deliver(l, &f, &err);
         l->status = rc;
         if (rc < 0)
             l->err = err;
-        if (l->stop)
+        if (live_asked(l))
             rc = 0;
         pthread_cond_broadcast(&l->changed);
         pthread_mutex_unlock(&l->lock);
@@ -60,8 +125,15 @@ static void *live_reader(void *arg)
 
 int live_start(struct live *l, struct framesource *source, struct error *err)
 {
+    return live_start_follow(l, source, &(struct live_follow){0}, err);
+}
+
+int live_start_follow(struct live *l, struct framesource *source,
+                      const struct live_follow *follow, struct error *err)
+{
     memset(l, 0, sizeof *l);
     l->source = source;
+    l->follow = *follow;
     l->status = 1;
     pthread_mutex_init(&l->lock, NULL);
     pthread_cond_init(&l->changed, NULL);
@@ -71,19 +143,37 @@ int live_start(struct live *l, struct framesource *source, struct error *err)
     return 0;
 }
 
+/* A moment from now, as pthread functions want it. */
+static struct timespec live_moment(long ms)
+{
+    struct timespec t;
+
+    clock_gettime(CLOCK_REALTIME, &t);
+    t.tv_nsec += ms % 1000 * 1000000;
+    t.tv_sec += ms / 1000 + t.tv_nsec / 1000000000;
+    t.tv_nsec %= 1000000000;
+    return t;
+}
+
 int live_read(void *live, struct frame *f, struct error *err)
 {
     struct live *l = live;
     int rc = 1;
 
     pthread_mutex_lock(&l->lock);
-    while (!l->fresh && l->status == 1)
-        pthread_cond_wait(&l->changed, &l->lock);
-    if (l->fresh) {
+    while (!l->fresh && l->status == 1 && !live_asked(l)) {
+        struct timespec soon = live_moment(100);    /* a signal wakes nobody */
+
+        pthread_cond_timedwait(&l->changed, &l->lock, &soon);
+    }
+    if (live_asked(l)) {
+        rc = 0;
+    } else if (l->fresh) {
         struct live_slot t = l->current;
 
         l->current = l->newest;
         l->newest = t;
+        l->newest.frame = l->current.frame;     /* to compare the next with */
         l->fresh = false;
         *f = l->current.frame;
     } else {
@@ -104,10 +194,17 @@ void live_stop(struct live *l)
 {
     if (!l->started)
         return;
+    struct timespec soon = live_moment(1000);
+
     pthread_mutex_lock(&l->lock);
     l->stop = true;
     pthread_mutex_unlock(&l->lock);
-    pthread_join(l->thread, NULL);
+    if (!l->follow.open)
+        pthread_join(l->thread, NULL);
+    else if (pthread_timedjoin_np(l->thread, NULL, &soon))
+        return;                 /* waits for a source: ends with the program */
+    else
+        framesource_close(l->source);
     free(l->newest.rgb);
     free(l->current.rgb);
     pthread_mutex_destroy(&l->lock);

@@ -1,9 +1,11 @@
 /* Frames as they come: a thread reads the source and keeps only the newest
- * frame, so that a slow consumer drops frames instead of falling behind. */
+ * frame, so that a slow consumer drops frames instead of falling behind.  A
+ * source that ends may be waited for until it is back. */
 #ifndef SPID_ANIMATE_LIVE_H
 #define SPID_ANIMATE_LIVE_H
 
 #include <pthread.h>
+#include <signal.h>
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -18,8 +20,19 @@ struct live_slot {
     double arrived;             /* cpu_seconds() when it was complete */
 };
 
+/* What to do when the source ends or fails. */
+struct live_follow {
+    struct framesource *(*open)(void *ctx, struct error *err);  /* again */
+    void (*away)(void *ctx, const struct error *why);   /* it is gone; called
+                                                         * by the thread */
+    void *ctx;
+    double patience;            /* seconds without a frame, then it has ended */
+    volatile sig_atomic_t *stop;        /* set: no more frames */
+};
+
 struct live {
-    struct framesource *source;         /* borrowed */
+    struct framesource *source;         /* borrowed; owned when followed */
+    struct live_follow follow;          /* open is NULL: it ends */
     pthread_t thread;
     pthread_mutex_t lock;
     pthread_cond_t changed;
@@ -28,17 +41,26 @@ struct live {
     bool started, stop;
     int status;                 /* of framesource_read: 1 while it goes on */
     struct error err;
-    size_t seen, dropped;
+    size_t seen, dropped, restarts;
+    double begun;               /* clock of the first frame */
+    bool restart;               /* the next frame follows no other */
 };
 
 int live_start(struct live *l, struct framesource *source,
                struct error *err);
+/* The same, but follow says how the source, which is owned from here on, comes
+ * back.  Frames count on, their times are the clock's, and the first one after
+ * a restart or of another size has `restart` set. */
+int live_start_follow(struct live *l, struct framesource *source,
+                      const struct live_follow *follow, struct error *err);
 /* The newest frame (driver_read_fn with the struct live as ctx): waits for
  * one; 0 at the end; valid until the next call. */
 int live_read(void *live, struct frame *f, struct error *err);
 /* When the frame of the last live_read arrived. */
 double live_arrived(const struct live *l);
-/* Ends the thread once its read returns, and frees the buffers. */
+/* Ends the thread once its read returns, and frees the buffers; when it does
+ * not return within a second and the source is followed, both stay until the
+ * program ends. */
 void live_stop(struct live *l);
 
 #endif

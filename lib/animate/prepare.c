@@ -34,8 +34,7 @@ void prepare_release(struct prepare *p)
 
 /* ---- reading a source -------------------------------------------------- */
 
-/* True for a record stream: its first four letters are the magic. */
-static bool prepare_is_stream(const char *path)
+bool prepare_is_stream(const char *path)
 {
     char magic[4] = "";
     FILE *f = fopen(path, "rb");
@@ -76,25 +75,24 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 struct error *err)
 {
     const struct track_options opt = {.size = (double)p->model.config.size};
-    struct image picture = {0}, mask = {0};
+    struct image mask = {0};
     struct source src = {0};
     int rc = -1;
 
-    if (image_read(&picture, path, err) ||
+    if (image_read(&s->picture, path, err) ||
         (mask_path && image_read(&mask, mask_path, err)))
         goto out;
-    if (source_make(&src, &picture, mask_path ? &mask : NULL, &p->head,
+    if (source_make(&src, &s->picture, mask_path ? &mask : NULL, &p->head,
                     &p->nets, &opt, err)) {
         error_prefix(err, "%s", path);
         goto out;
     }
     s->disc = src.how == SOURCE_DISC;
     s->person = source_take_person(&src);
-    s->damaged = picture.damaged;
+    s->damaged = s->picture.damaged;
     rc = 0;
 out:
     source_release(&src);
-    image_release(&picture);
     image_release(&mask);
     return rc;
 }
@@ -114,7 +112,7 @@ static int prepare_bake(struct prepared *s, struct prepare *p,
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
     int rc = baker_bake(&p->baker, verts, &s->person, err) ||
-             baked_from_avatar(&s->baked, &p->baker.avatar, err) ? -1 : 0;
+             baker_take(&s->baked, &p->baker, err) ? -1 : 0;
     free(verts);
     if (rc == 0 && !p->keep_clear)
         baked_drop_clear(&s->baked);
@@ -157,6 +155,7 @@ fail:
 void prepared_release(struct prepared *s)
 {
     texture_release(&s->texture);
+    image_release(&s->picture);
     identity_release(&s->id);
     baked_release(&s->baked);
     person_release(&s->person);

@@ -4,6 +4,7 @@
 
 #include <stdbool.h>
 
+#include "formats/image.h"
 #include "lib/avatar/baked.h"
 #include "lib/geom/densify.h"
 #include "lib/avatar/baker.h"
@@ -34,6 +35,8 @@ struct prepared {
     struct identity id;         /* beta folded */
     struct baked baked;
     struct texture texture;     /* the photograph; no levels: none */
+    struct image picture;       /* all of it, as it was read; of a stream:
+                                 * none */
     struct prune_report report; /* views is 0 without pruning */
     double shape_s, bake_s;     /* Phase A: crop to beta; branches */
     bool disc;                  /* no outline found: the matte is a disc */
@@ -51,5 +54,8 @@ void prepare_release(struct prepare *p);
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, struct error *err);
 void prepared_release(struct prepared *s);
+
+/* Whether the file is a record stream: its first four letters say. */
+bool prepare_is_stream(const char *path);
 
 #endif

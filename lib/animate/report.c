@@ -120,7 +120,8 @@ void animate_report_print(FILE *to, struct animate_report *r,
 {
     double seconds = r->ended - r->begun;
 
-    fprintf(to, "spid-animate: %zu frames, %.1f a second", r->frames,
+    fprintf(to, "%s: %zu frames, %.1f a second",
+            r->program ? r->program : "spid-animate", r->frames,
             r->frames > 1 && seconds > 0
                 ? (double)(r->frames - 1) / seconds : 0.0);
     if (r->lost)

@@ -10,6 +10,7 @@
 enum { REPORT_STAGES = 9 };
 
 struct animate_report {
+    const char *program;        /* NULL: "spid-animate" */
     size_t frames, lost, dropped, room;
     double begun, ended;        /* clock at the first and the last frame */
     float *ms[REPORT_STAGES];   /* (frames) of each stage */

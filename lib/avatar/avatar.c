@@ -21,6 +21,9 @@ int avatar_init(struct avatar *a, struct params *ps,
     a->config = *config;
     a->head = head;
     a->ps = ps;
+    if (config->system != SYSTEM_SPID)
+        return error_set(err, EX_CONFIG, "the configuration is of another "
+                         "system (expected \"system\": \"spid\")");
     if (model_check_head(config, head, err))
         return -1;
     if (head->nlip_inner == 0)

@@ -47,21 +47,32 @@ static void baked_find_blended(struct baked *b)
                      b->N - b->mouth);
 }
 
-int baked_from_avatar(struct baked *b, const struct avatar *a,
-                      struct error *err)
+int baked_from_set(struct baked *b, const struct gaussians *g, size_t dynamic,
+                   struct error *err)
 {
-    const struct gaussians *g = &a->set;
-    size_t N = g->n, C = (size_t)g->channels;
+    const size_t N = g->n, C = (size_t)g->channels;
 
-    if (baked_allocate(b, N, C, a->first[BRANCH_STATIC], err))
+    if (baked_allocate(b, N, C, dynamic, err))
         return -1;
-    b->mouth = N - a->first[BRANCH_MOUTH];
     memcpy(b->mean, g->mean, 3 * N * sizeof *b->mean);
     memcpy(b->scale, g->scale, 3 * N * sizeof *b->scale);
     memcpy(b->quat, g->quat, 4 * N * sizeof *b->quat);
     memcpy(b->opacity, g->opacity, N * sizeof *b->opacity);
     memcpy(b->color, g->color, N * C * sizeof *b->color);
     memcpy(b->branch, g->branch, N);
+    for (size_t i = 0; i < b->dynamic; i++)
+        b->vertex[i] = (int32_t)i;
+    return 0;
+}
+
+int baked_from_avatar(struct baked *b, const struct avatar *a,
+                      struct error *err)
+{
+    const size_t N = a->set.n;
+
+    if (baked_from_set(b, &a->set, a->first[BRANCH_STATIC], err))
+        return -1;
+    b->mouth = N - a->first[BRANCH_MOUTH];
     memcpy(b->lip, a->mouth.lips.centre, sizeof b->lip);
     memcpy(b->neck, a->drive.weight, N * sizeof *b->neck);
     memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
@@ -73,8 +84,6 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
-    for (size_t i = 0; i < b->dynamic; i++)
-        b->vertex[i] = (int32_t)i;
     return 0;
 }
 

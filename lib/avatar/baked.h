@@ -42,6 +42,10 @@ struct baked {
 /* A copy of what avatar_bake made. */
 int baked_from_avatar(struct baked *b, const struct avatar *a,
                       struct error *err);
+/* A copy of a set whose first `dynamic` Gaussians sit on as many vertices
+ * while the others stay: no mouth, no neck blend, no places. */
+int baked_from_set(struct baked *b, const struct gaussians *g, size_t dynamic,
+                   struct error *err);
 /* From a GAUS record: checks order of branches, sizes, finite numbers, and
  * that vertex indices are under `vertices` (V + E; 0: unknown).  A record
  * without `vertex` has its dynamic Gaussians in order. */

@@ -8,6 +8,31 @@
 
 #include "lib/texture/texture.h"
 
+/* Whether it is GAGAvatar's. */
+static bool baker_is_gagavatar(const struct baker *b)
+{
+    return b->config.system == SYSTEM_GAGAVATAR;
+}
+
+/* Declare the networks. */
+static int baker_declare(struct baker *b, unsigned without, struct error *err)
+{
+    if (!baker_is_gagavatar(b)) {
+        int rc = avatar_init(&b->avatar, &b->ps, &b->config, b->head, err);
+
+        b->avatar.without = without;
+        return rc;
+    }
+    if (without)
+        return error_set(err, EX_USAGE, "a gagavatar has none of SpiD's parts "
+                         "to leave out (expected no --without)");
+    return model_check_head(&b->config, b->head, err) ||
+                   gagavatar_init(&b->gagavatar, &b->ps, &b->config,
+                                  b->head->V, err)
+               ? -1
+               : 0;
+}
+
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
                unsigned without, enum nn_type type, struct error *err)
 {
@@ -16,13 +41,15 @@ int baker_open(struct baker *b, const struct model *m, const struct head *h,
     memset(b, 0, sizeof *b);
     params_init(&b->ps);
     memcpy(b->hash, m->hash, sizeof b->hash);
-    if (avatar_init(&b->avatar, &b->ps, &m->config, h, err)) {
+    b->config = m->config;
+    b->head = h;
+    if (baker_declare(b, without, err)) {
         error_prefix(err, "%s", model_path(m));
         goto fail;
     }
-    b->avatar.without = without;
     if (params_allocate(&b->ps, err) || model_load(&b->ps, m, "", err) ||
-        avatar_plan(&b->avatar, opt, err))
+        (baker_is_gagavatar(b) ? gagavatar_plan(&b->gagavatar, type, err)
+                               : avatar_plan(&b->avatar, opt, err)))
         goto fail;
     return 0;
 fail:
@@ -33,6 +60,7 @@ fail:
 void baker_release(struct baker *b)
 {
     avatar_release(&b->avatar);
+    gagavatar_release(&b->gagavatar);
     params_release(&b->ps);
     memset(b, 0, sizeof *b);
 }
@@ -41,15 +69,16 @@ void baker_release(struct baker *b)
 static int baker_check(const struct baker *b, const struct person *p,
                        struct error *err)
 {
-    const size_t size = b->avatar.config.size;
+    const size_t size = b->config.size;
 
     if (!p->rgb || !p->has_source)
         return error_set(err, EX_DATAERR, "identity has no %s record "
                          "(expected an identity, as spid-shape writes it)",
                          p->rgb ? "MOTN" : "SRCI");
-    if (p->size != size)
+    if (p->size < size || p->size > PERSON_LARGEST)
         return error_set(err, EX_DATAERR, "source picture is %zu pixels wide "
-                         "(expected %zu, the model's)", p->size, size);
+                         "(expected %zu to %d)", p->size, size,
+                         PERSON_LARGEST);
     if (p->model[0] && strcmp(p->model, b->hash))
         return error_set(err, EX_DATAERR, "identity was made with model %s "
                          "(expected %s, the model in use)", p->model,
@@ -57,28 +86,77 @@ static int baker_check(const struct baker *b, const struct person *p,
     return 0;
 }
 
+/* The person over black, in [0,1], through GAGAvatar's networks. */
+static int baker_bake_gagavatar(struct baker *b, const uint8_t *rgb,
+                                const uint8_t *matte, const float *verts,
+                                const float cam[12], struct error *err)
+{
+    const size_t n = 3 * b->config.size * b->config.size;
+    float *picture = malloc(n * sizeof *picture);
+
+    if (!picture)
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    for (size_t i = 0; i < n; i++)
+        picture[i] = (float)rgb[i] / 255 *
+                     (matte ? (float)matte[i / 3] / 255 : 1);
+    gagavatar_bake(&b->gagavatar, picture, cam, verts);
+    free(picture);
+    return 0;
+}
+
+/* The picture of p, of the model's size, through the posed mesh. */
+static int baker_read_picture(struct baker *b, const struct person *p,
+                              const float *verts, const float cam[12],
+                              struct error *err)
+{
+    const size_t n = p->size * p->size;
+    uint8_t *own = malloc(3 * n);
+    int rc = 0;
+
+    if (!own)
+        return error_set(err, EX_OSERR, "no memory for the source picture");
+    if (p->back)
+        texture_straight(own, p->rgb, p->matte, p->back, n);
+    else
+        memcpy(own, p->rgb, 3 * n);
+    if (baker_is_gagavatar(b))
+        rc = baker_bake_gagavatar(b, own, p->matte, verts, cam, err);
+    else
+        avatar_bake(&b->avatar, &(struct avatar_source){
+            .rgb = own, .matte = p->matte, .verts = verts, .cam = cam
+        });
+    free(own);
+    return rc;
+}
+
 int baker_bake(struct baker *b, float *verts, const struct person *p,
                struct error *err)
 {
+    const size_t size = b->config.size;
+    struct person small = {0};
     struct identity id;
     float cam[12];
 
     if (baker_check(b, p, err) ||
-        person_fold(&id, b->avatar.head, p, err))
+        person_fold(&id, b->head, p, err))
         return -1;
     head_pose(verts, &id, &p->source.pose);
     identity_release(&id);
     motion_camera(cam, &p->source);
-    uint8_t *own = malloc(3 * p->size * p->size);
-    if (!own)
-        return error_set(err, EX_OSERR, "no memory for the source picture");
-    if (p->back)
-        texture_straight(own, p->rgb, p->matte, p->back, p->size * p->size);
-    else
-        memcpy(own, p->rgb, 3 * p->size * p->size);
-    avatar_bake(&b->avatar, &(struct avatar_source){
-        .rgb = own, .matte = p->matte, .verts = verts, .cam = cam
-    });
-    free(own);
+    if (p->size == size)
+        return baker_read_picture(b, p, verts, cam, err);
+    int rc = person_resize(&small, p, size, err) ||
+             baker_read_picture(b, &small, verts, cam, err) ? -1 : 0;
+    person_release(&small);
+    return rc;
+}
+
+int baker_take(struct baked *out, struct baker *b, struct error *err)
+{
+    if (!baker_is_gagavatar(b))
+        return baked_from_avatar(out, &b->avatar, err);
+    if (baked_from_set(out, &b->gagavatar.set, b->gagavatar.V, err))
+        return -1;
+    gagavatar_unit_rotations(out->scale, out->quat, out->N);
     return 0;
 }

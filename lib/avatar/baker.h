@@ -1,10 +1,13 @@
 /* Phase A from a model file: the avatar's networks with their trained weights,
- * which turn an identity's source picture into Gaussians. */
+ * which turn an identity's source picture into Gaussians: SpiD's three
+ * branches, or GAGAvatar's vertices and planes. */
 #ifndef SPID_AVATAR_BAKER_H
 #define SPID_AVATAR_BAKER_H
 
 #include "lib/avatar/avatar.h"
+#include "lib/avatar/baked.h"
 #include "lib/base/error.h"
+#include "lib/gagavatar/gagavatar.h"
 #include "lib/head/lbs.h"
 #include "lib/model/model.h"
 #include "lib/record/person.h"
@@ -12,11 +15,14 @@
 struct baker {
     char hash[17];              /* of the model: see struct model */
     struct params ps;
-    struct avatar avatar;
+    struct avatar_config config;
+    const struct head *head;    /* borrowed */
+    struct avatar avatar;       /* SYSTEM_SPID */
+    struct gagavatar gagavatar; /* SYSTEM_GAGAVATAR */
 };
 
 /* Load the avatar's weights for head h (borrowed); `without` is enum
- * avatar_without.  The model may be closed afterwards.  Errors name file,
+ * avatar_without (gagavatar: 0).  The model may be closed afterwards.  Errors name file,
  * tensor, expected and found shape; EX_CONFIG when the model was made for
  * another head. */
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
@@ -29,5 +35,7 @@ void baker_release(struct baker *b);
  * was made with another model or head. */
 int baker_bake(struct baker *b, float *verts, const struct person *p,
                struct error *err);
+/* What the last baker_bake made, for Phase B; released by baked_release. */
+int baker_take(struct baked *out, struct baker *b, struct error *err);
 
 #endif

@@ -241,7 +241,10 @@ static void dynamic_branch_start(const struct source_picture *picture,
         extra[3] = matte;
         b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-        b->start.visible[k] = 1 - mesh->weights->lining[k];
+        /* what lies beside the person in the picture is not the person, seen
+         * or hidden (a visual hull of one view, Laurentini 1994) */
+        b->start.visible[k] = (1 - mesh->weights->lining[k]) *
+                              dynamic_branch_ramp(matte, 0, 0.4f);
         b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);

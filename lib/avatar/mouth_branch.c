@@ -16,8 +16,9 @@
 #define SOLID 0.9f
 #define WIDE 0.45f
 
-/* What an unseen mouth starts as, sRGB. */
+/* What an unseen mouth starts as, sRGB, and the tongue in it. */
 static const float mouth_branch_dark[3] = {0.22f, 0.08f, 0.08f};
+static const float mouth_branch_tongue[3] = {0.42f, 0.19f, 0.18f};
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -194,7 +195,7 @@ static void mouth_branch_start(const struct source_picture *picture, float r,
         const float *uv = b->uv + 2 * k, *pixel = b->pixel + 4 * k;
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
         float w = mouth_branch_opening(&b->lips, uv, r) * pixel[3];
-        float out = uv[0] * uv[0] / 0.42f + uv[1] * uv[1] / 0.35f - 1;
+        float out = uv[0] * uv[0] / 0.5f + uv[1] * uv[1] / 0.8f - 1;
 
         extra[0] = w;
         extra[1] = b->lips.gap / r;
@@ -231,6 +232,56 @@ static void mouth_branch_solid_backward(struct gaussian_out *dg, size_t M)
         dg->opacity[i] *= 1 - SOLID;
     for (size_t i = 0; i < 3 * M; i++)
         dg->scale[i] *= 1 - WIDE;
+}
+
+/* How much of cell k the source shows, as mouth_branch_start wrote it. */
+static float mouth_branch_shown(const struct mouth_branch *b, size_t k)
+{
+    return b->in[(k + 1) * b->inputs - MOUTH_BRANCH_EXTRA];
+}
+
+/* What the source does not show is the prior's alone, flat, dense and halfway
+ * into the mouth: decoders that saw most mouths closed paint a torn veil there.
+ * out's centres are offsets from the grid as yet. */
+static void mouth_branch_unseen(struct branch_set *out,
+                                const struct mouth_branch *b)
+{
+    const float back[3] = {0, 0, -0.5f * b->cap};
+    const float round = fminf(1.6f * mouth_branch_radius(b) / (float)b->K,
+                              BRANCH_SCALE_MAX);
+
+    for (size_t k = 0; k < b->count; k++) {
+        const float *uv = b->uv + 2 * k;
+        float w = mouth_branch_shown(b, k);
+        float tongue = mouth_branch_ramp(-uv[1], 0.15f, 0.6f) *
+                       mouth_branch_ramp(-fabsf(uv[0]), -0.6f, -0.2f);
+
+        for (int c = 0; c < 3; c++) {
+            float *color = out->color + k * out->channels + c;
+            float *at = out->mean + 3 * k + c;
+            float *size = out->scale + 3 * k + c;
+            float inside = mouth_branch_dark[c] +
+                tongue * (mouth_branch_tongue[c] - mouth_branch_dark[c]);
+
+            *color = w * *color + (1 - w) * inside;
+            *at = w * *at + (1 - w) * back[c];
+            *size = w * *size + (1 - w) * round;
+        }
+    }
+}
+
+/* Reverse of mouth_branch_unseen, in place; dq (count,3) of the offsets. */
+static void mouth_branch_unseen_backward(struct branch_set *dout, float *dq,
+                                         const struct mouth_branch *b)
+{
+    for (size_t k = 0; k < b->count; k++)
+        for (int c = 0; c < 3; c++) {
+            float w = mouth_branch_shown(b, k);
+
+            dout->color[k * dout->channels + c] *= w;
+            dout->scale[3 * k + c] *= w;
+            dq[3 * k + c] *= w;
+        }
 }
 
 /* The decoder's input rows [F at g, u, v]; the grid has radius r. */
@@ -276,6 +327,8 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     memcpy(out->mean, b->q, 3 * b->count * sizeof *out->mean);
     if (b->prior)
         mouth_branch_bound(out->mean, b->count, r, b->cap);
+    if (b->prior)
+        mouth_branch_unseen(out, b);
     b->clamped = mouth_branch_clamp(out->mean, b->count, b->cap);
     for (size_t i = 0; i < 3 * b->count; i++)   /* l_d - l_s comes later */
         out->mean[i] += b->grid[i];
@@ -294,6 +347,8 @@ void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
     if (dout->n == 0)
         return;
     memcpy(b->dq, dout->mean, 3 * b->count * sizeof *b->dq);
+    if (b->prior)
+        mouth_branch_unseen_backward(dout, b->dq, b);
     if (b->prior)       /* what is bounded is never clamped */
         mouth_branch_bound_backward(b->dq, b->q, b->count,
                                     mouth_branch_radius(b), b->cap);

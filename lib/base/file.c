@@ -3,8 +3,10 @@
 
 #include <errno.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
+#include <sysexits.h>
 
 bool file_is_special(const char *path)
 {
@@ -27,4 +29,26 @@ int file_rename(const char *part, const char *path)
         return -1;
     }
     return rename(part, path);
+}
+
+char *file_read_text(const char *path, size_t most, struct error *err)
+{
+    FILE *f = fopen(path, "rb");
+    char *text = f ? malloc(most + 2) : NULL;
+
+    if (!f) {
+        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+        return NULL;
+    }
+    size_t n = text ? fread(text, 1, most + 1, f) : 0;
+    if (!text || ferror(f) || n > most) {
+        error_set(err, EX_NOINPUT, "%s: cannot be read (expected a file of at "
+                  "most %zu bytes)", path, most);
+        free(text);
+        text = NULL;
+    } else {
+        text[n] = 0;
+    }
+    fclose(f);
+    return text;
 }

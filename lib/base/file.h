@@ -1,5 +1,5 @@
-/* Files that take their name when they are complete, and what must not be
- * replaced by one. */
+/* Files that take their name when they are complete, what must not be
+ * replaced by one, and small ones read whole. */
 #ifndef SPID_BASE_FILE_H
 #define SPID_BASE_FILE_H
 
@@ -8,6 +8,9 @@ extern "C" {
 #endif
 
 #include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
 
 /* The path exists and is not a regular file: a device, a fifo, a directory.
  * Such a thing is written in place or not at all. */
@@ -19,6 +22,10 @@ bool file_ends(const char *name, const char *ending);
 /* rename(2), but fails with EEXIST rather than replace something special.
  * 0, or -1 and errno. */
 int file_rename(const char *part, const char *path);
+
+/* All of a file of at most `most` bytes, ended by a 0; the caller frees.  NULL
+ * and *err, which names the path. */
+char *file_read_text(const char *path, size_t most, struct error *err);
 
 #ifdef __cplusplus
 }

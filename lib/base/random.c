@@ -43,6 +43,11 @@ double random_range(struct random *r, double lo, double hi)
     return lo + (hi - lo) * random_uniform(r);
 }
 
+float random_float(struct random *r, double lo, double hi)
+{
+    return (float)random_range(r, lo, hi);
+}
+
 /* Box-Muller; both draws are spent, so value i always costs two indices. */
 double random_normal(struct random *r)
 {
@@ -56,4 +61,9 @@ uint32_t random_below(struct random *r, uint32_t n)
 {
     /* The high half of a 32x64 product: bias below n / 2^64. */
     return (uint32_t)(((unsigned __int128)random_u64(r) * n) >> 64);
+}
+
+bool random_chance(struct random *r, double p)
+{
+    return random_uniform(r) < p;
 }

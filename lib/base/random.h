@@ -3,6 +3,7 @@
 #ifndef SPID_BASE_RANDOM_H
 #define SPID_BASE_RANDOM_H
 
+#include <stdbool.h>
 #include <stdint.h>
 
 /* SplitMix64's finaliser applied to x + the golden gamma. */
@@ -23,7 +24,9 @@ void random_init(struct random *r, uint64_t seed, const char *name);
 uint64_t random_u64(struct random *r);
 double random_uniform(struct random *r);                 /* [0,1) */
 double random_range(struct random *r, double lo, double hi);
+float random_float(struct random *r, double lo, double hi);
 double random_normal(struct random *r);                  /* N(0,1) */
 uint32_t random_below(struct random *r, uint32_t n);     /* 0..n-1, n > 0 */
+bool random_chance(struct random *r, double p);          /* true with p */
 
 #endif

@@ -116,6 +116,8 @@ int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 int bench_pipeline(struct bench *b, struct error *err);
 int bench_train(struct bench *b, struct error *err);
+/* The public system that SpiD builds on, at its size. */
+int bench_gagavatar(struct bench *b, struct error *err);
 /* What breaks other people's kernels: time and error of each, apart. */
 int bench_hard(struct bench *b, struct error *err);
 

@@ -405,7 +405,7 @@ static int bench_all(struct pipeline *l, struct error *err)
             return error_set(err, EX_OSERR, "no memory for pictures");
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
-        baked_from_avatar(&s->baked, &s->baker.avatar, err))
+        baker_take(&s->baked, &s->baker, err))
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)

@@ -196,7 +196,8 @@ static int call_refiner(void *context, struct error *err)
 
     (void)err;
     refiner_forward(c->tr.rgb, c->tr.feat, &c->tr.refiner);
-    refiner_backward(c->tr.dfeat, NULL, c->tr.drgb, &c->tr.refiner);
+    refiner_backward(&(struct refiner_gradients){.feat = c->tr.dfeat},
+                     c->tr.drgb, c->tr.dfield, &c->tr.refiner);
     return 0;
 }
 

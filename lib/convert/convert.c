@@ -1,3 +1,4 @@
+/* What a kind needs, looked for in the file and written under our names. */
 #include "lib/convert/convert.h"
 
 #include <stdarg.h>
@@ -10,11 +11,11 @@
 
 const char *const convert_kinds[] = {"flame",     "dinov2", "smirk",
                                      "gagavatar", "lpips",  "arcface",
-                                     "squeezenet", NULL};
+                                     "squeezenet", "model", NULL};
 
 static convert_kind *const kind_run[] = {
     convert_flame, convert_dinov2, convert_smirk, convert_gagavatar,
-    convert_lpips, convert_arcface, convert_squeezenet};
+    convert_lpips, convert_arcface, convert_squeezenet, convert_model};
 
 /* ---- notes and metadata ------------------------------------------------- */
 
@@ -233,7 +234,8 @@ double *convert_numbers(struct convert *c, int file, size_t index,
 
 /* ---- the whole ---------------------------------------------------------- */
 
-static int begin(struct convert *c, struct tensorfile *f, struct error *err)
+static int convert_begin(struct convert *c, struct tensorfile *f,
+                         struct error *err)
 {
     memset(c, 0, sizeof *c);
     c->file[0] = f;
@@ -246,7 +248,7 @@ static int begin(struct convert *c, struct tensorfile *f, struct error *err)
 
 int convert_all(struct convert *c, struct tensorfile *f, struct error *err)
 {
-    if (begin(c, f, err))
+    if (convert_begin(c, f, err))
         return -1;
     for (size_t i = 0; i < tensorfile_count(f); i++) {
         const struct tensorfile_tensor *in = tensorfile_at(f, i);
@@ -286,7 +288,7 @@ int convert_as(struct convert *c, struct tensorfile *f, const char *kind,
 {
     size_t k = 0;
 
-    if (begin(c, f, err))
+    if (convert_begin(c, f, err))
         return -1;
     while (convert_kinds[k] && strcmp(kind, convert_kinds[k]))
         k++;
@@ -307,7 +309,7 @@ int convert_as(struct convert *c, struct tensorfile *f, const char *kind,
 
 /* Elements of a tensor that lies in a file; float64 as float32 where the
  * output is. */
-static const void *fetch(void *context, size_t i, struct error *err)
+static const void *convert_fetch(void *context, size_t i, struct error *err)
 {
     struct convert *c = context;
     const struct convert_tensor *t = &c->tensor[i];
@@ -344,8 +346,8 @@ int convert_save(struct convert *c, const char *path, struct error *err)
         t[i].count = c->tensor[i].count;
         t[i].data = c->tensor[i].data;
     }
-    rc = st_save_from(path, t, c->count, (const char *const *)c->meta, fetch,
-                      c, err);
+    rc = st_save_from(path, t, c->count, (const char *const *)c->meta,
+                      convert_fetch, c, err);
     free(t);
     return rc;
 }

@@ -53,6 +53,10 @@ struct convert_options {
     const char *eyelids;        /* FLAME: one file, or "LEFT,RIGHT" */
     const char *landmarks;      /* FLAME: the landmark embedding */
     const char *linear;         /* LPIPS: the linear weights */
+    const char *config;         /* GAGAvatar: its configuration, JSON */
+    const char *encoders;       /* GAGAvatar: a model with E_m and E_beta */
+    const char *head;           /* the head that models come to fit, */
+    const char *from_head;      /* and theirs until now */
 };
 
 /* Names of the kinds, ended by NULL. */

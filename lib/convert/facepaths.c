@@ -1,3 +1,5 @@
+/* Shortest ways along edges between landmarks, and the lids' closing along
+ * them. */
 #include "lib/convert/facepaths.h"
 
 #include <math.h>
@@ -20,12 +22,12 @@ struct face_paths {
     bool *face;         /* (V) connected to the corner of an eye */
 };
 
-static const float *vertex(const struct face_paths *p, int32_t v)
+static const float *path_vertex(const struct face_paths *p, int32_t v)
 {
     return p->mesh.verts + 3 * (size_t)v;
 }
 
-static double distance(const float *a, const float *b)
+static double path_distance(const float *a, const float *b)
 {
     double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
 
@@ -126,7 +128,7 @@ static int32_t take_nearest(struct face_paths *p, size_t n)
 }
 
 /* Dijkstra's search; p->from leads back.  False: not connected, or too far. */
-static bool search(struct face_paths *p, int32_t start, int32_t goal)
+static bool path_search(struct face_paths *p, int32_t start, int32_t goal)
 {
     size_t open = 1, passed = 0;
 
@@ -144,7 +146,8 @@ static bool search(struct face_paths *p, int32_t start, int32_t goal)
         p->done[v] = true;
         for (size_t i = p->first[v]; i < p->first[v + 1]; i++) {
             int32_t w = p->next[i];
-            double cost = p->cost[v] + distance(vertex(p, v), vertex(p, w));
+            double cost = p->cost[v]
+                          + path_distance(path_vertex(p, v), path_vertex(p, w));
 
             if (p->done[w] || (p->cost[w] >= 0 && p->cost[w] <= cost))
                 continue;
@@ -164,7 +167,7 @@ static int append_way(int32_t **list, size_t *n, struct face_paths *p,
     int32_t *more;
     size_t steps = 0;
 
-    if (!search(p, start, goal))
+    if (!path_search(p, start, goal))
         return error_set(err, EX_DATAERR, "vertices %d and %d of the "
                          "landmarks are not connected", start, goal);
     for (int32_t v = goal; v != start; v = p->from[v])
@@ -216,7 +219,7 @@ struct eye {
 };
 
 /* Where along the axis a point lies: 0 at the first corner, 1 at the other. */
-static double along(const struct eye *e, const float *x)
+static double eye_along(const struct eye *e, const float *x)
 {
     double sum = 0;
 
@@ -231,11 +234,11 @@ static void lower_at(double out[3], const struct face_paths *p,
 {
     size_t i = 1;
 
-    while (i + 1 < e->nlower && along(e, vertex(p, e->lower[i])) < t)
+    while (i + 1 < e->nlower && eye_along(e, path_vertex(p, e->lower[i])) < t)
         i++;
-    const float *a = vertex(p, e->lower[i - 1]);
-    const float *b = vertex(p, e->lower[i]);
-    double ta = along(e, a), tb = along(e, b);
+    const float *a = path_vertex(p, e->lower[i - 1]);
+    const float *b = path_vertex(p, e->lower[i]);
+    double ta = eye_along(e, a), tb = eye_along(e, b);
     double s = tb > ta ? fmin(fmax((t - ta) / (tb - ta), 0), 1) : 0;
 
     for (int c = 0; c < 3; c++)
@@ -250,7 +253,7 @@ static int32_t nearest_of(double *far, const struct face_paths *p,
 
     *far = INFINITY;
     for (size_t i = 0; i < n; i++) {
-        double d = distance(vertex(p, path[i]), x);
+        double d = path_distance(path_vertex(p, path[i]), x);
 
         if (d < *far) {
             *far = d;
@@ -260,7 +263,7 @@ static int32_t nearest_of(double *far, const struct face_paths *p,
     return best;
 }
 
-static double radius(const double x[3], const float centre[3])
+static double eye_radius(const double x[3], const float centre[3])
 {
     double a = x[0] - centre[0], b = x[1] - centre[1], c = x[2] - centre[2];
 
@@ -273,19 +276,19 @@ static void close_vertex(float out[3], const struct face_paths *p,
                          const float centre[3])
 {
     double upper, lower, to[3], moved[3], rest[3] = {x[0], x[1], x[2]};
-    const float *edge = vertex(p, nearest_of(&upper, p, e->upper, e->nupper,
-                                             x));
+    const float *edge
+        = path_vertex(p, nearest_of(&upper, p, e->upper, e->nupper, x));
 
     nearest_of(&lower, p, e->lower, e->nlower, x);
     if (upper >= REACH * e->width || lower < upper)
         return;
     double s = upper / (REACH * e->width), w = (1 - s * s) * (1 - s * s);
 
-    lower_at(to, p, e, along(e, edge));
+    lower_at(to, p, e, eye_along(e, edge));
     for (int c = 0; c < 3; c++)
         moved[c] = x[c] + w * (to[c] - edge[c]);
-    double least = fmin(radius(rest, centre), radius(to, centre));
-    double r = radius(moved, centre);
+    double least = fmin(eye_radius(rest, centre), eye_radius(to, centre));
+    double r = eye_radius(moved, centre);
     double grow = r > 0 && r < least ? least / r : 1;
 
     for (int c = 0; c < 3; c++)
@@ -323,10 +326,10 @@ int face_paths_eyelid(float *out, struct face_paths *p, int side,
     if (face_paths_trace(&e.upper, &e.nupper, p, upper[side], 4, err) ||
         face_paths_trace(&e.lower, &e.nlower, p, lower[side], 4, err))
         goto out;
-    e.corner = vertex(p, e.upper[0]);
-    const float *other = vertex(p, e.upper[e.nupper - 1]);
+    e.corner = path_vertex(p, e.upper[0]);
+    const float *other = path_vertex(p, e.upper[e.nupper - 1]);
 
-    e.width = distance(e.corner, other);
+    e.width = path_distance(e.corner, other);
     for (int c = 0; c < 3; c++)
         e.axis[c] = other[c] - e.corner[c];
     if (!(e.width > 0) || e.nlower < 2) {
@@ -336,7 +339,7 @@ int face_paths_eyelid(float *out, struct face_paths *p, int side,
     mark_connected(p, e.upper[0]);
     for (size_t v = 0; v < p->mesh.V; v++)
         if (p->face[v])
-            close_vertex(out + 3 * v, p, &e, vertex(p, (int32_t)v),
+            close_vertex(out + 3 * v, p, &e, path_vertex(p, (int32_t)v),
                          p->mesh.eye[side]);
     rc = 0;
 out:

@@ -247,7 +247,7 @@ static int derive_eyelids(struct flame *m, struct face_paths *p,
 }
 
 /* Lips, and lids unless a file has them. */
-static int derive(struct flame *m, bool lids, struct error *err)
+static int flame_derive(struct flame *m, bool lids, struct error *err)
 {
     static const int inner[] = {64, 63, 62, 61, 60, 67, 66, 65, 64};
     static const int outer[] = {54, 53, 52, 51, 50, 49, 48};
@@ -335,7 +335,7 @@ static int take_eyelids(struct flame *m, const char *path, struct error *err)
 
 /* ---- the whole ---------------------------------------------------------- */
 
-static int convert_model(struct flame *m, const struct convert_options *o,
+static int flame_convert(struct flame *m, const struct convert_options *o,
                          struct error *err)
 {
     int file = 0;
@@ -356,14 +356,14 @@ static int convert_model(struct flame *m, const struct convert_options *o,
                          "their own (expected --landmarks FILE)");
         return 0;
     }
-    return load_mesh(m, err) || derive(m, !o->eyelids, err) ? -1 : 0;
+    return load_mesh(m, err) || flame_derive(m, !o->eyelids, err) ? -1 : 0;
 }
 
 int convert_flame(struct convert *c, const struct convert_options *o,
                   struct error *err)
 {
     struct flame m = {.c = c};
-    int rc = convert_model(&m, o, err);
+    int rc = flame_convert(&m, o, err);
 
     free(m.verts);
     free(m.joints);

@@ -37,7 +37,9 @@ struct data_reader {
 static void data_frame_release(struct data_frame *f)
 {
     free(f->rgba);
-    f->rgba = NULL;
+    free(f->alone);
+    free(f->hidden);
+    f->rgba = f->alone = f->hidden = NULL;
 }
 
 void data_person_release(struct data_person *p)
@@ -204,6 +206,33 @@ static void data_choose_part(struct data_frame *f, size_t size, double margin)
     f->height = data_clamp_edge(ceil(f->crop.y + half), size) - f->y0;
 }
 
+#define LABEL_FRONT 15      /* spid-synth(1): something before the person */
+
+/* Of whole pictures: the person alone, and what hides them, if it is there. */
+static int data_take_extras(struct data_frame *f, const struct record *rec,
+                            size_t size, struct error *err)
+{
+    const size_t dims[3] = {size, size, 3}, n = size * size;
+    const uint8_t *alone = NULL, *label = NULL;
+
+    if ((record_find(rec, "alone") &&
+         !(alone = record_get(rec, "alone", DTYPE_U8, 3, dims, err))) ||
+        (record_find(rec, "label") &&
+         !(label = record_get(rec, "label", DTYPE_U8, 2, dims, err))))
+        return -1;
+    bool hides = label && memchr(label, LABEL_FRONT, n);
+    f->alone = alone ? malloc(3 * n) : NULL;
+    f->hidden = hides ? malloc(n) : NULL;
+    if ((alone && !f->alone) || (hides && !f->hidden))
+        return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
+                         size, size);
+    if (alone)
+        memcpy(f->alone, alone, 3 * n);
+    for (size_t i = 0; hides && i < n; i++)
+        f->hidden[i] = label[i] == LABEL_FRONT;
+    return 0;
+}
+
 /* IMAG: the part of the picture that is kept, with its mask. */
 static int data_take_picture(struct data_reader *r, const struct record *rec,
                              struct error *err)
@@ -220,7 +249,8 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
     m = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
     if (!m || !record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
         return -1;
-    if (r->size && size != r->size)
+    /* crops are sampled at one size from whatever there is */
+    if (r->margin == 0 && r->size && size != r->size)
         return error_set(err, EX_DATAERR, "picture of %zux%zu among pictures "
                          "of %zux%zu (expected one size)", size, size,
                          r->size, r->size);
@@ -238,7 +268,7 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
             memcpy(to, rgb + 3 * (y * size + x), 3);
             to[3] = m[y * size + x];
         }
-    return 0;
+    return r->margin > 0 ? 0 : data_take_extras(f, rec, size, err);
 }
 
 /* Append a frame, whose picture moves. */
@@ -254,7 +284,7 @@ static int data_keep_frame(struct data_person *p, struct data_frame *f,
         p->room = room;
     }
     p->frame[p->count++] = *f;
-    f->rgba = NULL;
+    f->rgba = f->alone = f->hidden = NULL;
     return 0;
 }
 

@@ -4,6 +4,7 @@
 #ifndef SPID_DATA_DATA_H
 #define SPID_DATA_DATA_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -30,6 +31,11 @@ struct data_frame {
     struct square crop;     /* the face crop they ask for, pixels */
     size_t size, x0, y0, width, height;
     uint8_t *rgba;          /* (height,width,4): colours and the mask */
+    uint8_t *alone;         /* (height,width,3) the person over black without
+                             * noise, if whole pictures are kept and the
+                             * stream has it; else NULL */
+    uint8_t *hidden;        /* (height,width) 1 where something is in front of
+                             * the person, likewise; else NULL */
 };
 
 struct data_person {
@@ -59,8 +65,8 @@ typedef int data_shape_fn(void *ctx, struct data_person *p,
 void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx);
 
 /* The next person with at least one frame into *p (empty before).  -1 when
- * the data end, a truth record is missing, or sizes are mixed; the message
- * names file and frame. */
+ * the data end, a truth record is missing, or whole pictures (margin 0)
+ * differ in size; the message names file and frame. */
 int data_next(struct data_reader *r, struct data_person *p,
               struct error *err);
 /* One pass only: data_next returns 1, *p empty, after the last person. */
@@ -124,11 +130,17 @@ struct square data_jitter(const struct data_frame *f, float jitter,
 void data_net_translation(double tnet[3], const struct data_frame *f,
                           struct square q);
 
-/* Whole picture as (n,n,3) in [0,1] over black by its mask, and the mask
- * (n,n) unless NULL; the frame must hold its whole picture, whose side is a
- * multiple of n (box means) or equal to it. */
+/* Whole picture as (n,n,3) in [0,1] over black, by its mask or as the stream
+ * has it, and the mask (n,n) unless NULL; the frame must hold its whole
+ * picture, whose side is a multiple of n (box means) or equal to it. */
 int data_portrait(float *rgb, float *mask, size_t n,
                   const struct data_frame *f, struct error *err);
+
+/* What hides the person says nothing about them: there, and two pixels about,
+ * target (n,n,channels) becomes what was drawn, so that no loss and no figure
+ * counts it.  Whether there is anything. */
+bool data_excuse(float *target, const float *drawn, size_t channels, size_t n,
+                 const struct data_frame *f);
 
 /* ---- truth -------------------------------------------------------------- */
 

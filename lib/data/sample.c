@@ -39,11 +39,16 @@ void data_net_translation(double tnet[3], const struct data_frame *f,
                              camera_focal((float)f->size));
 }
 
+/* Red, green, blue and the mask of a pixel. */
+typedef float float4 __attribute__((vector_size(16)));
+typedef int32_t mask4 __attribute__((vector_size(16)));
+
 /* ---- backgrounds ------------------------------------------------------- */
 
 /* A background: a plane of colours with a slope, plus waves. */
 struct backdrop {
-    float base[3], dx[3], dy[3], wave[3], kx, ky, phase;
+    float4 base, dx, dy, wave;
+    float kx, ky, phase;
 };
 
 /* Another background: flat, sloping or wavy, one in five black. */
@@ -65,9 +70,12 @@ static void sample_draw_backdrop(struct backdrop *b, struct random *r)
 }
 
 /* To [0,1]. */
-static float sample_clamp(float x)
+static inline float4 sample_clamp(float4 x)
 {
-    return x < 0 ? 0 : x > 1 ? 1 : x;
+    const float4 one = {1, 1, 1, 1};
+    mask4 in = (mask4)x & (x > 0), over = x > 1;
+
+    return (float4)((in & ~over) | ((mask4)one & over));
 }
 
 /* ---- sampling ---------------------------------------------------------- */
@@ -94,64 +102,92 @@ static void sample_make_taps(struct tap *t, size_t n, double centre,
     }
 }
 
-typedef float float4 __attribute__((vector_size(16)));
 typedef uint8_t byte4 __attribute__((vector_size(4)));
 
-/* The four numbers of a pixel, 0 to 255; zeros outside. */
-static inline float4 sample_pixel(const struct data_frame *f, long y, long x)
+/* The four numbers of pixel x of a row, 0 to 255; zeros outside. */
+static inline float4 sample_pixel(const uint8_t *row, long x)
 {
     byte4 p = {0, 0, 0, 0};
 
-    if (x >= 0 && y >= 0)
-        memcpy(&p, f->rgba + 4 * ((size_t)y * f->width + (size_t)x),
-               sizeof p);
+    if (x >= 0)
+        memcpy(&p, row + 4 * x, sizeof p);
     return __builtin_convertvector(p, float4);
 }
 
-/* Colours and mask (n,n,4) of the square, black outside. */
-static void sample_plain(float *out, size_t n, const struct data_frame *f,
-                         struct square q, struct tap *tx, struct tap *ty)
+/* out (n,4) = row y of the frame at the taps; zeros outside. */
+static void sample_row(float4 *out, size_t n, const struct data_frame *f,
+                       long y, const struct tap *tx)
 {
+    const uint8_t *row = f->rgba + 4 * (size_t)y * f->width;
+
+    if (y < 0) {
+        memset(out, 0, n * sizeof *out);
+        return;
+    }
+    for (size_t x = 0; x < n; x++) {
+        float w = tx[x].w;
+        out[x] = sample_pixel(row, tx[x].a) * (1 - w) +
+                 sample_pixel(row, tx[x].b) * w;
+    }
+}
+
+/* Colours and mask (n,n,4) of the square, black outside.  rows (2,n): the two
+ * rows of the frame that a row of the square lies between, kept for the
+ * next. */
+static void sample_plain(float4 *out, size_t n, const struct data_frame *f,
+                         struct square q, struct tap *tx, struct tap *ty,
+                         float4 *rows)
+{
+    float4 *top = rows, *low = rows + n;
+    long have_top = -2, have_low = -2;      /* -1 is a row: outside */
+
     sample_make_taps(tx, n, q.x, q.size, f->x0, f->width);
     sample_make_taps(ty, n, q.y, q.size, f->y0, f->height);
     for (size_t y = 0; y < n; y++) {
         float wy = ty[y].w;
-        for (size_t x = 0; x < n; x++) {
-            float wx = tx[x].w;
-            float4 top = sample_pixel(f, ty[y].a, tx[x].a) * (1 - wx) +
-                         sample_pixel(f, ty[y].a, tx[x].b) * wx;
-            float4 low = sample_pixel(f, ty[y].b, tx[x].a) * (1 - wx) +
-                         sample_pixel(f, ty[y].b, tx[x].b) * wx;
-            float4 v = (top * (1 - wy) + low * wy) * (1.0f / 255);
-            memcpy(out + 4 * (y * n + x), &v, sizeof v);
+
+        if (ty[y].a != have_top && ty[y].a == have_low) {
+            float4 *swap = top;
+            top = low;
+            low = swap;
+            have_low = have_top;
+            have_top = ty[y].a;
         }
+        if (ty[y].a != have_top)
+            sample_row(top, n, f, have_top = ty[y].a, tx);
+        if (ty[y].b != have_low)
+            sample_row(low, n, f, have_low = ty[y].b, tx);
+        for (size_t x = 0; x < n; x++)
+            out[y * n + x] = (top[x] * (1 - wy) + low[x] * wy) * (1.0f / 255);
     }
 }
 
 /* Behind the mask. */
-static void sample_replace_background(float *rgba, size_t n, struct random *r)
+static void sample_replace_background(float4 *rgba, size_t n, struct random *r)
 {
     struct backdrop b;
 
     sample_draw_backdrop(&b, r);
     for (size_t y = 0; y < n; y++)
         for (size_t x = 0; x < n; x++) {
-            float *o = rgba + 4 * (y * n + x), m = o[3];
+            float4 *o = rgba + y * n + x;
+            float m = (*o)[3];
             float u = (float)x / (float)n - 0.5f;
             float v = (float)y / (float)n - 0.5f;
-            float s = m < 1 ? sinf(b.kx * u + b.ky * v + b.phase) : 0;
-            for (int c = 0; c < 3; c++)
-                o[c] = m * o[c] +
-                       (1 - m) * sample_clamp(b.base[c] + b.dx[c] * u +
-                                              b.dy[c] * v + b.wave[c] * s);
+            if (m >= 1)
+                continue;
+            float s = sinf(b.kx * u + b.ky * v + b.phase);
+            *o = m * *o + (1 - m) * sample_clamp(b.base + b.dx * u + b.dy * v +
+                                                 b.wave * s);
         }
 }
 
 /* Gain, gamma by a curve, saturation and noise. */
-static void sample_change_colours(float *rgb, size_t n, float amount,
+static void sample_change_colours(float4 *rgba, size_t n, float amount,
                                   struct random *r)
 {
-    float gain[3], curve = amount * (float)random_range(r, -0.5, 0.5);
+    float4 gain = {0};
+    float curve = amount * (float)random_range(r, -0.5, 0.5);
     float bright = 1 + amount * (float)random_range(r, -0.35, 0.3);
     float grey = amount * (float)random_range(r, -0.2, 0.6);
     float noise = amount * 0.06f * (float)random_uniform(r);
@@ -163,36 +199,41 @@ static void sample_change_colours(float *rgb, size_t n, float amount,
     for (int c = 0; c < 3; c++)
         gain[c] = bright * (1 + amount * (float)random_range(r, -0.12, 0.12));
     for (size_t i = 0; i < n; i++) {
-        float *p = rgb + 3 * i, luma = 0.3f * p[0] + 0.59f * p[1] +
-                                       0.11f * p[2];
-        uint64_t dice = noise > 0 ? random_mix(key + i) : 0;
-        for (int c = 0; c < 3; c++) {
-            float x = sample_clamp((p[c] + grey * (luma - p[c])) * gain[c]);
-            x += curve * x * (1 - x);
-            if (noise > 0)
-                x += noise * ((float)(dice >> (21 * c) & 0x1fffff) *
-                              (1.0f / 1048576) - 1);
-            p[c] = sample_clamp(x);
+        float4 p = rgba[i], x;
+        float luma = 0.3f * p[0] + 0.59f * p[1] + 0.11f * p[2];
+
+        x = sample_clamp((p + grey * (luma - p)) * gain);
+        x += curve * x * (1 - x);
+        if (noise > 0) {
+            uint64_t dice = random_mix(key + i);
+            mask4 part = {dice & 0x1fffff, dice >> 21 & 0x1fffff,
+                          dice >> 42 & 0x1fffff, 0};
+            x += noise * (__builtin_convertvector(part, float4) *
+                          (1.0f / 1048576) - 1);
         }
+        rgba[i] = sample_clamp(x);
     }
 }
 
 /* Three-tap blur along rows, then columns: softer pictures. */
-static void sample_soften(float *rgb, size_t n, float w)
+static void sample_soften(float4 *rgba, size_t n, float w)
 {
-    for (int pass = 0; pass < 2; pass++) {
-        size_t step = pass ? 3 * n : 3, line = pass ? 3 : 3 * n;
-        for (size_t l = 0; l < n; l++) {
-            float before[3];
-            memcpy(before, rgb + l * line, sizeof before);
-            for (size_t i = 0; i + 1 < n; i++) {
-                float *p = rgb + l * line + i * step;
-                for (int c = 0; c < 3; c++) {
-                    float here = p[c];
-                    p[c] = (1 - 2 * w) * here + w * (before[c] + p[step + c]);
-                    before[c] = here;
-                }
-            }
+    for (size_t y = 0; y < n; y++) {
+        float4 *p = rgba + y * n, before = p[0];
+
+        for (size_t x = 0; x + 1 < n; x++) {
+            float4 here = p[x];
+            p[x] = (1 - 2 * w) * here + w * (before + p[x + 1]);
+            before = here;
+        }
+    }
+    for (size_t x = 0; x < n; x++) {
+        float4 *p = rgba + x, before = p[0];
+
+        for (size_t y = 0; y + 1 < n; y++, p += n) {
+            float4 here = p[0];
+            p[0] = (1 - 2 * w) * here + w * (before + p[n]);
+            before = here;
         }
     }
 }
@@ -202,24 +243,25 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
                 struct random *r, struct error *err)
 {
     struct tap *tx = malloc(2 * n * sizeof *tx);
-    float *rgba = malloc(4 * n * n * sizeof *rgba);
+    float4 *rgba = aligned_alloc(64, ((n + 2) * n * sizeof *rgba + 63) / 64 *
+                                         64);
     int rc = -1;
 
     if (!tx || !rgba) {
         error_set(err, EX_OSERR, "out of memory (crop of %zu)", n);
         goto out;
     }
-    sample_plain(rgba, n, f, q, tx, tx + n);
+    sample_plain(rgba, n, f, q, tx, tx + n, rgba + n * n);
     if (how && random_uniform(r) < how->background)
         sample_replace_background(rgba, n, r);
-    for (size_t i = 0; i < n * n; i++)
-        memcpy(rgb + 3 * i, rgba + 4 * i, 3 * sizeof *rgb);
     if (how && how->colour > 0) {
         float w = how->colour * (float)random_range(r, -0.3, 0.25);
         if (w > 0)
-            sample_soften(rgb, n, w);
-        sample_change_colours(rgb, n * n, how->colour, r);
+            sample_soften(rgba, n, w);
+        sample_change_colours(rgba, n * n, how->colour, r);
     }
+    for (size_t i = 0; i < n * n; i++)
+        memcpy(rgb + 3 * i, rgba + i, 3 * sizeof *rgb);
     rc = 0;
 out:
     free(rgba);
@@ -249,12 +291,45 @@ int data_portrait(float *rgb, float *mask, size_t n,
     for (size_t y = 0; y < f->size; y++)
         for (size_t x = 0; x < f->size; x++) {
             const uint8_t *p = f->rgba + 4 * (y * f->size + x);
+            const uint8_t *own = f->alone ? f->alone + 3 * (y * f->size + x)
+                                          : NULL;
             size_t o = y / k * n + x / k;
             float m = (float)p[3] * part;
             for (int c = 0; c < 3; c++)
-                rgb[3 * o + c] += m * (float)p[c] * (1.0f / 255);
+                rgb[3 * o + c] += own ? part * (float)own[c]
+                                      : m * (float)p[c] * (1.0f / 255);
             if (mask)
                 mask[o] += m;
         }
     return 0;
+}
+
+/* Whether something hides the person within EXCUSE pixels of (x,y). */
+static bool sample_is_hidden(const struct data_frame *f, size_t x, size_t y)
+{
+    enum { EXCUSE = 2 };
+    size_t y0 = y > EXCUSE ? y - EXCUSE : 0, x0 = x > EXCUSE ? x - EXCUSE : 0;
+
+    for (size_t v = y0; v <= y + EXCUSE && v < f->size; v++)
+        for (size_t u = x0; u <= x + EXCUSE && u < f->size; u++)
+            if (f->hidden[v * f->size + u])
+                return true;
+    return false;
+}
+
+bool data_excuse(float *target, const float *drawn, size_t channels, size_t n,
+                 const struct data_frame *f)
+{
+    size_t k = n ? f->size / n : 0;
+
+    if (!f->hidden || !k)
+        return false;
+    for (size_t i = 0; i < n * n; i++) {
+        size_t x = i % n * k + k / 2, y = i / n * k + k / 2;
+
+        if (sample_is_hidden(f, x, y))
+            memcpy(target + channels * i, drawn + channels * i,
+                   channels * sizeof *target);
+    }
+    return true;
 }

@@ -9,6 +9,7 @@
 
 #include "lib/geom/camera.h"
 #include "lib/net/motion_code.h"
+#include "lib/texture/place.h"
 
 #define N MOTION_ENCODER_SIZE
 
@@ -51,9 +52,10 @@ static int reenactor_allocate(struct reenactor *r, struct error *err)
     const size_t C = c->has_refiner ? c->channels : 3;
     const size_t means = V + r->avatar.dense.E + c->plane * c->plane +
                          c->mouth * c->mouth;
-    size_t part[] = {N * N * 3, n * C, n, 3 * n, 3 * n, 3 * means, 3 * V};
+    size_t part[] = {N * N * 3, n * C, n, 3 * n, 3 * n, 3 * means, 3 * V,
+                     3 * n, TEXTURE_PHOTO * n, n};
     float **to[] = {&r->crop, &r->features, &r->alpha, &r->coarse, &r->rgb,
-                    &r->means, &r->verts};
+                    &r->means, &r->verts, &r->place, &r->photo, &r->cover};
     size_t total = 0, count = sizeof part / sizeof *part;
     float *block;
 
@@ -81,6 +83,7 @@ static int reenactor_plan_splat(struct reenactor *r, struct error *err)
     struct splat_options so = splat_defaults(S, S, C);
 
     so.exp_degree = 5;
+    so.place = r->config.rgb_skip;
     if (splat_init(&r->splat, &so, err))
         return -1;
     r->has_alone = true;
@@ -138,6 +141,7 @@ void reenactor_release(struct reenactor *r)
     motion_encoder_release(&r->motion);
     shape_encoder_release(&r->shape);
     params_release(&r->ps);
+    texture_release(&r->texture);
     free(r->crop);              /* the block */
     free(r->picture);
     memset(r, 0, sizeof *r);
@@ -162,6 +166,23 @@ static int reenactor_shape(struct reenactor *r, const struct data_frame *f,
     return head_fold(&r->id, r->head, beta, n, err);
 }
 
+/* The person alone, premultiplied, for lookups. */
+static int reenactor_texture(struct reenactor *r, struct error *err)
+{
+    const size_t S = r->config.size, n = S * S;
+    uint8_t *own = calloc(n, 6);
+
+    if (!own)
+        return error_set(err, EX_OSERR, "out of memory (texture of %zu "
+                         "pixels)", S);
+    for (size_t i = 0; i < 3 * n; i++)
+        own[i] = (uint8_t)((r->picture[i] * r->matte[i / 3] + 127) / 255);
+    texture_release(&r->texture);
+    int rc = texture_init(&r->texture, own, r->matte, own + 3 * n, S, err);
+    free(own);
+    return rc;
+}
+
 /* Picture and matte of the source from the frame's RGBA. */
 static int reenactor_picture(struct reenactor *r, const struct data_frame *f,
                              struct error *err)
@@ -176,7 +197,7 @@ static int reenactor_picture(struct reenactor *r, const struct data_frame *f,
         memcpy(r->picture + 3 * i, f->rgba + 4 * i, 3);
         r->matte[i] = f->rgba[4 * i + 3];
     }
-    return 0;
+    return reenactor_texture(r, err);
 }
 
 int reenactor_source(struct reenactor *r, const struct data_frame *f,
@@ -194,6 +215,7 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
         .rgb = r->picture, .matte = r->matte, .verts = r->verts,
         .cam = st.cam
     });
+    memcpy(r->source_cam, st.cam, sizeof r->source_cam);
     if (splat_load(&r->splat, &r->avatar.set, err))
         return -1;
     for (int b = 0; b < BRANCH_COUNT; b++)
@@ -235,28 +257,64 @@ struct square reenactor_follow(const struct reenactor *r,
     return crop_from_landmarks(uv, HEAD_LANDMARKS);
 }
 
+/* Eq. C, and what the photograph shows of it; nothing where the model has no
+ * places. */
+static int reenactor_splat(struct reenactor *r, const float cam[12],
+                           struct error *err)
+{
+    const size_t S = r->config.size;
+    const struct splat_camera sc = splat_camera_square(cam, (int)S,
+                                                       CAMERA_FOCAL);
+    const bool places = r->config.rgb_skip;
+    const struct splat_pictures out = {
+        .image = r->features, .alpha = r->alpha,
+        .place = places ? r->place : NULL
+    };
+    struct splat_place_view view;
+
+    place_view_make(&view, r->source_cam, cam);
+    if (splat_draw(&r->splat, &out, &sc, &view, NULL, err))
+        return -1;
+    if (places)
+        texture_lookup(r->photo, &r->texture, &view, r->place, r->alpha, S);
+    return 0;
+}
+
+/* A picture with the photograph in it. */
+static void reenactor_compose(struct reenactor *r, float *rgb,
+                              const float *field)
+{
+    const size_t S = r->config.size;
+    const struct texture_field f = {field, S / TEXTURE_FIELD_STEP,
+                                    S / TEXTURE_FIELD_STEP};
+
+    memcpy(r->cover, r->alpha, S * S * sizeof *r->cover);
+    texture_compose(rgb, r->cover, r->photo, &f, S, S);
+}
+
 int reenactor_draw(struct reenactor *r, const float *verts,
                    const float cam[12], struct error *err)
 {
     const size_t n = r->config.size * r->config.size;
     const size_t C = r->config.has_refiner ? r->config.channels : 3;
-    struct splat_camera sc = splat_camera_square(cam, (int)r->config.size,
-                                                 CAMERA_FOCAL);
     float turn[RELATIVE_POSE_SIZE];
 
     avatar_drive(r->means, &r->avatar, verts, cam);
     if (splat_update(&r->splat, r->means, 0, r->avatar.set.n, err) ||
-        splat_forward(&r->splat, r->features, r->alpha, NULL, &sc, NULL, err))
+        reenactor_splat(r, cam, err))
         return -1;
     for (size_t i = 0; i < n; i++)
         memcpy(r->coarse + 3 * i, r->features + C * i, 3 * sizeof *r->coarse);
+    reenactor_compose(r, r->coarse, NULL);
     if (!r->config.has_refiner) {
         memcpy(r->rgb, r->coarse, 3 * n * sizeof *r->rgb);
         return 0;
     }
     avatar_relative_pose(turn, &r->avatar, cam);
     refiner_turn(&r->refiner, turn);
+    refiner_photo(&r->refiner, r->photo);
     refiner_forward(r->rgb, r->features, &r->refiner);
+    reenactor_compose(r, r->rgb, refiner_field(&r->refiner));
     return 0;
 }
 

@@ -17,6 +17,7 @@
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/splat/splat.h"
+#include "lib/texture/texture.h"
 #include "lib/track/tta.h"
 
 /* What may be taken from the data instead of the encoders, to tell their share
@@ -49,13 +50,17 @@ struct reenactor {
     struct shape_tta shape_tta;         /* as spid-shape and spid-motion */
     struct motion_tta motion_tta;
     bool has_alone;
+    struct texture texture;     /* of the source */
+    float source_cam[12];
 
     struct identity id;         /* of the source: E_beta's beta, folded */
     float out[MOTION_OUT];      /* E_m's last output */
     /* One block of floats, S = config.size: */
     float *crop;                /* (224,224,3) */
     float *features, *alpha;    /* (S,S,C), (S,S) as drawn */
-    float *coarse;              /* (S,S,3) SpiD*: before the refiner */
+    float *place, *photo;       /* (S,S,3), (S,S,5) of lib/texture */
+    float *cover;               /* (S,S) alpha after the photograph joined */
+    float *coarse;              /* (S,S,3) SpiD*: without the refiner */
     float *rgb;                 /* (S,S,3) SpiD */
     float *means;               /* (N,3) of a frame */
     float *verts;               /* (V,3) of the source */

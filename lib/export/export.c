@@ -299,7 +299,7 @@ static int write_obj(struct export *x, const struct record *rec,
 
 bool export_needs_head(const struct export_options *opt)
 {
-    return opt->obj || opt->glb_head;
+    return opt->obj || opt->glb_head || opt->html;
 }
 
 int export_init(struct export *x, const struct export_options *opt,
@@ -311,14 +311,24 @@ int export_init(struct export *x, const struct export_options *opt,
         check_name("--splat", opt->splat, true, err) ||
         check_name("--glb-splats", opt->glb_splats, true, err) ||
         check_name("--obj", opt->obj, true, err) ||
-        check_name("--glb-head", opt->glb_head, false, err))
+        check_name("--glb-head", opt->glb_head, false, err) ||
+        check_name("--html", opt->html, false, err))
         return -1;
     if (!export_needs_head(opt))
         return 0;
     if (head_load(&x->head, head_path, err))
         return -1;
     x->has_head = true;
+    page_init(&x->page, x->head.nexp);
     return 0;
+}
+
+int export_load_identity(struct export *x, const char *path,
+                         struct error *err)
+{
+    if (person_load(&x->person, path, x->head.nexp, err))
+        return -1;
+    return x->opt.html ? page_load_avatar(&x->page, path, err) : 0;
 }
 
 void export_release(struct export *x)
@@ -327,6 +337,7 @@ void export_release(struct export *x)
     identity_release(&x->id);
     person_release(&x->person);
     scene_release(&x->scene);
+    page_release(&x->page);
     head_release(&x->head);
     free(x->shown);
 }
@@ -335,16 +346,16 @@ int export_record(struct export *x, const struct record *rec,
                   struct error *err)
 {
     int change = scene_apply(&x->scene, rec, err);
+    /* before any mesh or Gaussian, MOTN beside SRCI is the source's own */
+    bool own = record_is(rec, "MOTN") && x->person.rgb &&
+               !x->person.has_source;
 
-    if (change < 0)
+    if (change < 0 || (x->opt.html && !own && page_record(&x->page, rec, err)))
         return -1;
     if (change != SCENE_NONE)
         return write_gaussians(x, rec, err);
     if (!x->has_head)
         return 0;
-    /* before any mesh or Gaussian, MOTN beside SRCI is the source's own */
-    bool own = record_is(rec, "MOTN") && x->person.rgb &&
-               !x->person.has_source;
     int taken = 0;
     if (own || !record_is(rec, "MOTN"))
         taken = person_take(&x->person, rec, x->head.nexp, err);
@@ -378,6 +389,13 @@ int export_finish(struct export *x, struct error *err)
             drawn_head_compare(&x->drawn_head, o->glb_head,
                                x->shown ? x->shown : x->skinned.position,
                                &x->head, err))
+            return -1;
+        x->files++;
+    }
+    if (o->html) {
+        if (export_fold(x, err) ||
+            page_write(&x->page, o->html, o->player, &x->id, &x->person,
+                       &x->page_bytes, err))
             return -1;
         x->files++;
     }

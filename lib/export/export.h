@@ -8,6 +8,7 @@
 
 #include "lib/export/drawn.h"
 #include "lib/export/export_head.h"
+#include "lib/export/page.h"
 #include "lib/record/person.h"
 #include "lib/splat/scene.h"
 #include "lib/stream/stream.h"
@@ -16,6 +17,7 @@
  * face_%06d.ply) makes a file per frame; any other holds the frame chosen. */
 struct export_options {
     const char *ply, *splat, *glb_splats, *obj, *glb_head;
+    const char *html, *player;  /* the page, and the template it is made of */
     long frame;             /* the frame for names without %d; -1: the first */
     bool model_space;       /* PLY: not turned to y down */
     struct export_head_options head;
@@ -28,6 +30,8 @@ struct export {
     struct person person;
     struct scene scene;
     struct export_head skinned;
+    struct page page;
+    size_t page_bytes;      /* of the page written */
     bool has_head, folded;
     size_t files, frames;   /* written; keyframes of the animation */
     bool coarse;            /* feature channels were left behind */
@@ -40,8 +44,8 @@ struct export {
     } done;
 };
 
-/* Check the options (EX_USAGE) and load the head from head_path when --obj or
- * --glb-head ask for it. */
+/* Check the options (EX_USAGE) and load the head from head_path when the
+ * options need it. */
 int export_init(struct export *x, const struct export_options *opt,
                 const char *head_path, struct error *err);
 void export_release(struct export *x);
@@ -49,14 +53,19 @@ void export_release(struct export *x);
 /* True when the options need the head model. */
 bool export_needs_head(const struct export_options *opt);
 
+/* Shape, source picture, source motion and, for a page, Gaussians from an
+ * identity's file.  Before the first record. */
+int export_load_identity(struct export *x, const char *path,
+                         struct error *err);
+
 /* Take one record; writes the files that are complete with it, and reads them
  * back into x->drawn. */
 int export_record(struct export *x, const struct record *rec,
                   struct error *err);
 
-/* Write what needs the whole stream (the animated head) and read it back into
- * x->drawn_head; -1 also when a file
- * that was asked for could not be made of this stream, naming what lacked. */
+/* Write what needs the whole stream: the animated head, read back into
+ * x->drawn_head, and the page.  -1 also when a file that was asked for could
+ * not be made of this stream, naming what lacked. */
 int export_finish(struct export *x, struct error *err);
 
 #endif

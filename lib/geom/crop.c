@@ -70,6 +70,21 @@ struct square square_out_of(struct square q, struct square window, double S)
     };
 }
 
+void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
+                   struct square q)
+{
+    const double k = q.size / (double)n;
+    const double x0 = q.x - q.size / 2, y0 = q.y - q.size / 2;
+
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            double u = x0 + ((double)x + 0.5) * k;
+            double v = y0 + ((double)y + 0.5) * k;
+            *inside++ = u >= 0 && v >= 0 && u < (double)W && v < (double)H
+                ? 255 : 0;
+        }
+}
+
 /* ---- what the network's translation means ----------------------------- */
 
 /* The networks see the crop as if it were a whole picture of S pixels with

@@ -32,6 +32,10 @@ struct square window_from_crop(struct square crop);
  * back.  Points follow the same rule. */
 struct square square_into(struct square q, struct square window, double S);
 struct square square_out_of(struct square q, struct square window, double S);
+/* inside [n,n] = 255 where the square's n x n pixels lie in a picture of W x H,
+ * 0 beyond its border. */
+void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
+                   struct square q);
 
 /* The network's translation t' (relative to the crop, as if the crop were a
  * whole picture of S pixels) to the portrait window's t, and back.  crop is in

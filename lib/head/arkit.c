@@ -1,3 +1,4 @@
+/* Tables of ARKit's names and the arithmetic between weights and joints. */
 #include "lib/head/arkit.h"
 
 #include <ctype.h>
@@ -83,7 +84,7 @@ void arkit_to_motion(float *exp, int nexp, float jaw[3], float lid[2],
 }
 
 /* The part of x above 0, as a share of whole. */
-static float share(float x, double whole)
+static float arkit_share(float x, double whole)
 {
     return x > 0 ? (float)(x / whole) : 0;
 }
@@ -94,18 +95,18 @@ void arkit_from_motion(float *w, const float *exp, int nexp,
 {
     for (int k = 0; k < ARKIT_COUNT; k++)
         w[k] = k < nexp && !arkit_is_rig(k) ? exp[k] : 0;
-    w[ARKIT_JAW_OPENED] = share(jaw[0], ARKIT_JAW_OPEN);
-    w[ARKIT_JAW_LEFT] = share(jaw[1], ARKIT_JAW_SIDE);
-    w[ARKIT_JAW_RIGHT] = share(-jaw[1], ARKIT_JAW_SIDE);
+    w[ARKIT_JAW_OPENED] = arkit_share(jaw[0], ARKIT_JAW_OPEN);
+    w[ARKIT_JAW_LEFT] = arkit_share(jaw[1], ARKIT_JAW_SIDE);
+    w[ARKIT_JAW_RIGHT] = arkit_share(-jaw[1], ARKIT_JAW_SIDE);
     for (int side = 0; side < 2; side++) {
         float *s = w + side;
         float down = eye[3 * side];
         float out = side ? -eye[4] : eye[1];
 
         s[ARKIT_EYE_BLINK_L] = lid[side];
-        s[ARKIT_EYE_LOOK_DOWN_L] = share(down, ARKIT_EYE_DOWN);
-        s[ARKIT_EYE_LOOK_UP_L] = share(-down, ARKIT_EYE_UP);
-        s[ARKIT_EYE_LOOK_OUT_L] = share(out, ARKIT_EYE_OUT);
-        s[ARKIT_EYE_LOOK_IN_L] = share(-out, ARKIT_EYE_IN);
+        s[ARKIT_EYE_LOOK_DOWN_L] = arkit_share(down, ARKIT_EYE_DOWN);
+        s[ARKIT_EYE_LOOK_UP_L] = arkit_share(-down, ARKIT_EYE_UP);
+        s[ARKIT_EYE_LOOK_OUT_L] = arkit_share(out, ARKIT_EYE_OUT);
+        s[ARKIT_EYE_LOOK_IN_L] = arkit_share(-out, ARKIT_EYE_IN);
     }
 }

@@ -1,3 +1,4 @@
+/* Both surfaces posed alike, and the distances between them part by part. */
 #include "lib/head/compare.h"
 
 #include <math.h>
@@ -127,7 +128,7 @@ static int pose_both(float *ours, float *theirs, const struct head *h,
     return 0;
 }
 
-static void summarise(struct compare_part *p, float *d, size_t n)
+static void compare_summarise(struct compare_part *p, float *d, size_t n)
 {
     double sum = 0;
 
@@ -186,7 +187,7 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
     for (int k = 0; k < COMPARE_PARTS; k++) {
         part[k].name = names[k];
         part[k].n = count[k] / (size_t)people;
-        summarise(&part[k], d + (size_t)k * all, count[k]);
+        compare_summarise(&part[k], d + (size_t)k * all, count[k]);
     }
     rc = 0;
 out:

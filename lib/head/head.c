@@ -1,3 +1,5 @@
+/* Arrays checked one by one, then laid out in blocks of vertices for the
+ * kernels, with a hash of all of them. */
 #include "lib/head/head.h"
 
 #include <math.h>
@@ -8,11 +10,10 @@
 #include <xxhash.h>
 
 #include "formats/safetensors.h"
-#include "lib/head/runs.h"
+#include "lib/head/head_fill.h"
 
 #define BLOCK HEAD_BLOCK
 #define ROW (3 * BLOCK)
-enum { MAX_DIRECTIONS = 4096 };     /* of a packed file, which could lie */
 
 /* ---- checking ---------------------------------------------------------- */
 
@@ -129,7 +130,7 @@ static int check_arrays(const struct head_arrays *a, struct error *err)
 /* ---- the posing layout ------------------------------------------------- */
 
 /* Where component c of vertex v lies in a row of its block. */
-static size_t lane(size_t v, int c)
+static size_t block_lane(size_t v, int c)
 {
     return (size_t)c * BLOCK + v % BLOCK;
 }
@@ -142,7 +143,7 @@ static void block_rows(float *out, const float *x, size_t from, size_t to,
     for (size_t v = from; v < to; v++)
         for (int c = 0; c < 3; c++) {
             const float *col = x + (3 * v + c) * stride + first;
-            float *row = out + v / BLOCK * n * ROW + lane(v, c);
+            float *row = out + v / BLOCK * n * ROW + block_lane(v, c);
 
             for (size_t k = 0; k < n; k++)
                 row[k * ROW] = scale * col[k];
@@ -154,6 +155,23 @@ static void block_dirs(float *out, const float *x, size_t V, size_t n,
                        float scale)
 {
     block_rows(out, x, 0, V, n, 0, n, scale);
+}
+
+/* Bits of the n directions (blocks, n, 96) that move something in a block, in
+ * `words` words of a block. */
+static void block_live(uint64_t *live, size_t words, const float *dirs,
+                       size_t blocks, size_t n)
+{
+    for (size_t b = 0; b < blocks; b++)
+        for (size_t k = 0; k < n; k++) {
+            const float *d = dirs + (b * n + k) * ROW;
+            size_t i = 0;
+
+            while (i < ROW && d[i] == 0)
+                i++;
+            if (i < ROW)
+                live[b * words + k / 64] |= (uint64_t)1 << k % 64;
+        }
 }
 
 static void block_skin(float *out, const float *weights, size_t V)
@@ -267,7 +285,7 @@ static void hash_end(struct head *h, XXH64_state_t *s,
 /* ---- making and freeing ------------------------------------------------ */
 
 /* n floats, zeroed, 64-byte aligned; NULL sets *failed. */
-static float *zeroed(size_t n, int *failed)
+static float *head_zeroed(size_t n, int *failed)
 {
     size_t bytes = ((n ? n : 1) * sizeof(float) + 63) / 64 * 64;
     float *p = aligned_alloc(64, bytes);
@@ -279,7 +297,7 @@ static float *zeroed(size_t n, int *failed)
     return p;
 }
 
-static void *copy(const void *from, size_t bytes, int *failed)
+static void *head_copy(const void *from, size_t bytes, int *failed)
 {
     void *p = from ? malloc(bytes ? bytes : 1) : NULL;
 
@@ -290,37 +308,41 @@ static void *copy(const void *from, size_t bytes, int *failed)
     return p;
 }
 
-static int allocate(struct head *h, const struct head_arrays *a,
-                    struct error *err)
+static int head_allocate(struct head *h, const struct head_arrays *a,
+                         struct error *err)
 {
     size_t V = a->V, B = h->blocks;
     int failed = 0;
 
-    h->v_template = zeroed(3 * V, &failed);
-    h->f = copy(a->f, 3 * a->F * sizeof *h->f, &failed);
-    h->weights = copy(a->weights, HEAD_JOINTS * V * sizeof(float), &failed);
-    h->l_eyelid = zeroed(3 * V, &failed);
-    h->r_eyelid = zeroed(3 * V, &failed);
-    h->lip_inner = copy(a->lip_inner, a->nlip_inner * sizeof(int32_t),
-                        &failed);
-    h->lip_upper_outer = copy(a->lip_upper_outer, a->nlip_upper_outer *
-                              sizeof(int32_t), &failed);
-    h->region = copy(a->region, V * sizeof(int32_t), &failed);
-    h->hair = copy(a->hair, V * sizeof(float), &failed);
-    h->uv = copy(a->uv, 2 * V * sizeof(float), &failed);
-    h->lid_vertices = copy(a->lid_vertices, a->nlid * sizeof(int32_t),
+    h->v_template = head_zeroed(3 * V, &failed);
+    h->f = head_copy(a->f, 3 * a->F * sizeof *h->f, &failed);
+    h->weights = head_copy(a->weights, HEAD_JOINTS * V * sizeof(float),
                            &failed);
-    h->lid_sides = copy(a->lid_sides, a->nlid * sizeof(int32_t), &failed);
-    h->lid_shapedirs = copy(a->lid_shapedirs, 3 * a->nlid * a->nlid_shape *
-                            sizeof(float), &failed);
-    h->shape_dirs = zeroed(B * a->nshape * ROW, &failed);
-    h->exp_dirs = zeroed(B * a->nexp * ROW, &failed);
-    h->pose_dirs = zeroed(B * HEAD_POSE_DIRS * ROW, &failed);
-    h->skin = zeroed(B * HEAD_JOINTS * BLOCK, &failed);
-    h->lids = zeroed(B * 2 * ROW, &failed);
-    h->template_blocks = zeroed(B * ROW, &failed);
-    h->joint_shape = zeroed(15 * a->nshape, &failed);
-    h->joint_exp = zeroed(15 * a->nexp, &failed);
+    h->l_eyelid = head_zeroed(3 * V, &failed);
+    h->r_eyelid = head_zeroed(3 * V, &failed);
+    h->lip_inner = head_copy(a->lip_inner, a->nlip_inner * sizeof(int32_t),
+                             &failed);
+    h->lip_upper_outer = head_copy(a->lip_upper_outer, a->nlip_upper_outer *
+                                   sizeof(int32_t), &failed);
+    h->region = head_copy(a->region, V * sizeof(int32_t), &failed);
+    h->hair = head_copy(a->hair, V * sizeof(float), &failed);
+    h->uv = head_copy(a->uv, 2 * V * sizeof(float), &failed);
+    h->lid_vertices = head_copy(a->lid_vertices, a->nlid * sizeof(int32_t),
+                                &failed);
+    h->lid_sides = head_copy(a->lid_sides, a->nlid * sizeof(int32_t), &failed);
+    h->lid_shapedirs = head_copy(a->lid_shapedirs, 3 * a->nlid * a->nlid_shape *
+                                 sizeof(float), &failed);
+    h->shape_dirs = head_zeroed(B * a->nshape * ROW, &failed);
+    h->exp_dirs = head_zeroed(B * a->nexp * ROW, &failed);
+    h->pose_dirs = head_zeroed(B * HEAD_POSE_DIRS * ROW, &failed);
+    h->exp_live = calloc(B * HEAD_MAX_EXP / 64, sizeof *h->exp_live);
+    h->pose_live = calloc(B, sizeof *h->pose_live);
+    failed |= !h->exp_live || !h->pose_live;
+    h->skin = head_zeroed(B * HEAD_JOINTS * BLOCK, &failed);
+    h->lids = head_zeroed(B * 2 * ROW, &failed);
+    h->template_blocks = head_zeroed(B * ROW, &failed);
+    h->joint_shape = head_zeroed(15 * a->nshape, &failed);
+    h->joint_exp = head_zeroed(15 * a->nexp, &failed);
     if (failed) {
         head_release(h);
         return error_set(err, EX_OSERR, "no memory for a head of %zu "
@@ -347,7 +369,7 @@ static void copy_small(struct head *h, const struct head_arrays *a)
     block_dirs(h->pose_dirs, a->posedirs, a->V, HEAD_POSE_DIRS, h->scale);
     for (size_t v = 0; v < a->V; v++)
         for (int c = 0; c < 3; c++) {
-            float *row = h->lids + v / BLOCK * 2 * ROW + lane(v, c);
+            float *row = h->lids + v / BLOCK * 2 * ROW + block_lane(v, c);
             row[0] = h->l_eyelid[3 * v + c];
             row[ROW] = h->r_eyelid[3 * v + c];
         }
@@ -360,9 +382,8 @@ static void copy_small(struct head *h, const struct head_arrays *a)
     regress_template(h, a);
 }
 
-/* head_init; st, when the arrays lie in a mapped file, gives pages back. */
-static int fill(struct head *h, const struct head_arrays *a,
-                const struct safetensors *st, struct error *err)
+int head_fill(struct head *h, const struct head_arrays *a,
+              const struct safetensors *st, struct error *err)
 {
     memset(h, 0, sizeof *h);
     if (check_arrays(a, err))
@@ -377,7 +398,7 @@ static int fill(struct head *h, const struct head_arrays *a,
     h->nlip_upper_outer = a->nlip_upper_outer;
     h->nlid = a->nlid;
     h->nlid_shape = a->nlid_shape;
-    if (allocate(h, a, err))
+    if (head_allocate(h, a, err))
         return -1;
     XXH64_state_t *hash = XXH64_createState();
     hash_begin(hash, h, a);
@@ -385,6 +406,9 @@ static int fill(struct head *h, const struct head_arrays *a,
     int rc = take_directions(h, hash, a, st, err);
     hash_end(h, hash, a);
     XXH64_freeState(hash);
+    block_live(h->exp_live, HEAD_MAX_EXP / 64, h->exp_dirs, h->blocks,
+               h->nexp);
+    block_live(h->pose_live, 1, h->pose_dirs, h->blocks, HEAD_POSE_DIRS);
     if (rc)
         head_release(h);
     return rc;
@@ -392,7 +416,7 @@ static int fill(struct head *h, const struct head_arrays *a,
 
 int head_init(struct head *h, const struct head_arrays *a, struct error *err)
 {
-    return fill(h, a, NULL, err);
+    return head_fill(h, a, NULL, err);
 }
 
 void head_release(struct head *h)
@@ -410,232 +434,7 @@ void head_release(struct head *h)
     free(h->region);
     free(h->lid_vertices);
     free(h->lid_sides);
+    free(h->exp_live);
+    free(h->pose_live);
     memset(h, 0, sizeof *h);
-}
-
-/* ---- from a file ------------------------------------------------------- */
-
-/* What had to be converted or copied of a file's arrays, owned until
- * loaded_release. */
-struct loaded {
-    float *f32[16];
-    int32_t *i32[12];
-    int nf, ni;
-};
-
-static const float *take_f32(struct loaded *l, const struct safetensors *st,
-                             const char *name, int ndim, size_t d0, size_t d1,
-                             size_t d2, struct error *err)
-{
-    size_t dims[3] = {d0, d1, d2};
-
-    return st_borrow_f32(st, name, ndim, dims, &l->f32[l->nf++], err);
-}
-
-static const int32_t *take_i32(struct loaded *l, const struct safetensors *st,
-                               const char *name, int ndim, size_t d0,
-                               size_t d1, size_t *count, struct error *err)
-{
-    size_t dims[2] = {d0, d1};
-
-    return l->i32[l->ni++] = st_load_i32(st, name, ndim, dims, count, err);
-}
-
-static void loaded_release(struct loaded *l)
-{
-    for (int i = 0; i < l->nf; i++)
-        free(l->f32[i]);
-    for (int i = 0; i < l->ni; i++)
-        free(l->i32[i]);
-}
-
-/* A number from the metadata, or the default when the key is absent. */
-static int meta_number(double *out, const struct safetensors *st,
-                       const char *key, double fallback, struct error *err)
-{
-    const char *text = st_meta(st, key);
-    char *end;
-
-    *out = fallback;
-    if (!text)
-        return 0;
-    *out = strtod(text, &end);
-    if (end == text || *end || !(*out >= 0) || *out > 1e6)
-        return error_set(err, EX_DATAERR, "%s: metadata \"%s\" is \"%s\" "
-                         "(expected a number)", st_path(st), key, text);
-    return 0;
-}
-
-/* Directions `name` (V,3,K), or the runs of them that a file holds instead:
- * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h). */
-static const float *take_directions_file(struct loaded *l,
-                                         const struct safetensors *st,
-                                         const char *name, size_t V,
-                                         size_t K, struct error *err)
-{
-    char runs[64], values[64];
-    size_t dims[2] = {0, 3}, n, rows;
-
-    snprintf(runs, sizeof runs, "%s_runs", name);
-    if (!st_find(st, runs))
-        return take_f32(l, st, name, 3, V, 3, K, err);
-    snprintf(values, sizeof values, "%s_values", name);
-    int32_t *run = st_load_i32(st, runs, 2, dims, &n, err);
-    float *value = run ? st_load_f32(st, values, 2, dims, &rows, err) : NULL;
-    float *dirs = value ? runs_unpack(run, n / 3, value, rows / 3, V, K, err)
-                        : NULL;
-    if (value && !dirs)
-        error_prefix(err, "%s: %s", st_path(st), runs);
-    free(run);
-    free(value);
-    return l->f32[l->nf++] = dirs;
-}
-
-/* K, the number of directions: of the tensor or, when it is packed, by the
- * metadata; -1 when neither is sound. */
-static int read_count(size_t *K, const struct safetensors *st,
-                      struct error *err)
-{
-    const struct st_tensor *t = st_find(st, "shapedirs");
-    double nshape, nexp;
-
-    if (st_find(st, "shapedirs_runs")) {
-        if (meta_number(&nshape, st, "nshape", 300, err) ||
-            meta_number(&nexp, st, "nexp", 100, err))
-            return -1;
-        *K = (size_t)(nshape + nexp);
-        return *K <= MAX_DIRECTIONS ? 0 : error_set(err, EX_DATAERR,
-            "%s: metadata has %zu directions (expected at most %d)",
-            st_path(st), *K, MAX_DIRECTIONS);
-    }
-    if (!t || t->ndim != 3 || t->dim[1] != 3)
-        return error_set(err, EX_DATAERR, "%s: shapedirs %s (expected "
-                         "[V,3,K])", st_path(st),
-                         t ? "has a wrong shape" : "is missing");
-    *K = t->dim[2];
-    return 0;
-}
-
-/* Sizes from the shapes of v_template, f and shapedirs and the metadata. */
-static int read_sizes(struct head_arrays *a, const struct safetensors *st,
-                      struct error *err)
-{
-    static const char *const names[2] = {"v_template", "f"};
-    const struct st_tensor *t[2];
-    double scale, nshape;
-    size_t K = 0;
-
-    for (int i = 0; i < 2; i++) {
-        t[i] = st_find(st, names[i]);
-        if (!t[i] || t[i]->ndim != 2 || t[i]->dim[1] != 3)
-            return error_set(err, EX_DATAERR, "%s: %s %s (expected [%s,3])",
-                             st_path(st), names[i],
-                             t[i] ? "has a wrong shape" : "is missing",
-                             i ? "F" : "V");
-    }
-    if (read_count(&K, st, err))
-        return -1;
-    if (meta_number(&scale, st, "scale", 5, err) ||
-        meta_number(&nshape, st, "nshape", K < 300 ? (double)K : 300, err))
-        return -1;
-    if (nshape > (double)K)
-        return error_set(err, EX_DATAERR, "%s: metadata \"nshape\" is %g "
-                         "(expected at most %zu, the directions there are)",
-                         st_path(st), nshape, K);
-    if (!(scale > 0))
-        return error_set(err, EX_DATAERR, "%s: metadata \"scale\" is %g "
-                         "(expected a positive number)", st_path(st), scale);
-    a->V = t[0]->dim[0];
-    a->F = t[1]->dim[0];
-    a->nshape = (size_t)nshape;
-    a->nexp = K - a->nshape;
-    a->scale = (float)scale;
-    return 0;
-}
-
-/* What shapes add to the lids. */
-static int read_lids(struct head_arrays *a, struct loaded *l,
-                     const struct safetensors *st, struct error *err)
-{
-    const struct st_tensor *t = st_find(st, "lid_shapedirs");
-
-    if (t->ndim != 3 || t->dim[1] != 3)
-        return error_set(err, EX_DATAERR, "%s: lid_shapedirs has a wrong "
-                         "shape (expected [n,3,m])", st_path(st));
-    a->nlid = t->dim[0];
-    a->nlid_shape = t->dim[2];
-    return (a->lid_vertices = take_i32(l, st, "lid_vertices", 1, a->nlid, 0,
-                                       NULL, err)) &&
-           (a->lid_sides = take_i32(l, st, "lid_sides", 1, a->nlid, 0, NULL,
-                                    err)) &&
-           (a->lid_shapedirs = take_f32(l, st, "lid_shapedirs", 3, a->nlid, 3,
-                                        a->nlid_shape, err)) ? 0 : -1;
-}
-
-static int read_arrays(struct head_arrays *a, struct loaded *l,
-                       const struct safetensors *st, struct error *err)
-{
-    size_t V = a->V;
-
-    if (!(a->v_template = take_f32(l, st, "v_template", 2, V, 3, 0, err)) ||
-        !(a->f = take_i32(l, st, "f", 2, a->F, 3, NULL, err)) ||
-        !(a->shapedirs = take_directions_file(l, st, "shapedirs", V,
-                                              a->nshape + a->nexp, err)) ||
-        !(a->posedirs = take_directions_file(l, st, "posedirs", V,
-                                             HEAD_POSE_DIRS, err)) ||
-        !(a->J_regressor = take_f32(l, st, "J_regressor", 2, HEAD_JOINTS, V,
-                                    0, err)) ||
-        !(a->weights = take_f32(l, st, "weights", 2, V, HEAD_JOINTS, 0,
-                                err)) ||
-        !(a->parents = take_i32(l, st, "parents", 1, HEAD_JOINTS, 0, NULL,
-                                err)) ||
-        !(a->l_eyelid = take_f32(l, st, "l_eyelid", 2, V, 3, 0, err)) ||
-        !(a->r_eyelid = take_f32(l, st, "r_eyelid", 2, V, 3, 0, err)) ||
-        !(a->lip_inner = take_i32(l, st, "lip_inner", 1, 0, 0,
-                                  &a->nlip_inner, err)) ||
-        !(a->lip_upper_outer = take_i32(l, st, "lip_upper_outer", 1, 0, 0,
-                                        &a->nlip_upper_outer, err)) ||
-        !(a->landmark_faces = take_i32(l, st, "landmark_faces", 1,
-                                       HEAD_LANDMARKS, 0, NULL, err)) ||
-        !(a->landmark_bary = take_f32(l, st, "landmark_bary", 2,
-                                      HEAD_LANDMARKS, 3, 0, err)))
-        return -1;
-    if (st_find(st, "region") &&
-        !(a->region = take_i32(l, st, "region", 1, V, 0, NULL, err)))
-        return -1;
-    if (st_find(st, "hair") &&
-        !(a->hair = take_f32(l, st, "hair", 1, V, 0, 0, err)))
-        return -1;
-    if (st_find(st, "uv") &&
-        !(a->uv = take_f32(l, st, "uv", 2, V, 2, 0, err)))
-        return -1;
-    if (st_find(st, "lid_shapedirs") && read_lids(a, l, st, err))
-        return -1;
-    if (a->nlip_inner < 3 || a->nlip_upper_outer < 2)
-        return error_set(err, EX_DATAERR, "%s: lip_inner has %zu and "
-                         "lip_upper_outer %zu vertices (expected at least 3 "
-                         "and 2)", st_path(st), a->nlip_inner,
-                         a->nlip_upper_outer);
-    return 0;
-}
-
-int head_load(struct head *h, const char *path, struct error *err)
-{
-    struct head_arrays a = {0};
-    struct loaded l = {0};
-    int rc = -1;
-
-    memset(h, 0, sizeof *h);
-    struct safetensors *st = st_open(path, err);
-    if (!st)
-        return -1;
-    if (read_sizes(&a, st, err) || read_arrays(&a, &l, st, err))
-        goto out;
-    rc = fill(h, &a, st, err);
-    if (rc)
-        error_prefix(err, "%s", path);
-out:
-    loaded_release(&l);
-    st_close(st);
-    return rc;
 }

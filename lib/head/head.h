@@ -108,6 +108,9 @@ struct head {
     float *shape_dirs;          /* (blocks, nshape, 96) */
     float *exp_dirs;            /* (blocks, nexp, 96) */
     float *pose_dirs;           /* (blocks, 36, 96) */
+    uint64_t *exp_live;         /* (blocks, HEAD_MAX_EXP / 64) bit k: direction
+                                 * k moves something in the block; or NULL */
+    uint64_t *pose_live;        /* (blocks) the same of pose_dirs, or NULL */
     float *skin;                /* (blocks, 5, 32) weights */
     float *lids;                /* (blocks, 2, 96) left, right; the mean
                                  * identity's */

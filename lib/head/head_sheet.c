@@ -1,3 +1,4 @@
+/* Cells of posed heads under one light. */
 #include "lib/head/head_sheet.h"
 
 #include <stdlib.h>
@@ -40,7 +41,7 @@ enum {
 };
 
 /* Eyes with iris and pupil, lips redder; linear albedo. */
-static void colors(float *c, const struct head *h)
+static void sheet_colors(float *c, const struct head *h)
 {
     for (size_t v = 0; v < h->V; v++) {
         static const float skin[3] = { 0.60f, 0.47f, 0.40f };
@@ -139,7 +140,7 @@ int head_sheet(const char *path, const struct head *h, size_t size,
                   size);
         goto out;
     }
-    colors(color, h);
+    sheet_colors(color, h);
     if (draw_cells(rgb, verts, color, h, size, err) == 0)
         rc = image_write_png(path, rgb, ACROSS * size, DOWN * size, 3,
                              err);

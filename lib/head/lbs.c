@@ -1,3 +1,5 @@
+/* A frame's small numbers (joints, correctives) here, the vertices in
+ * kernels by blocks (lbs_tmpl.c), and the same backward. */
 #include "lib/head/lbs.h"
 
 #include <stdlib.h>

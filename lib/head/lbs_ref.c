@@ -11,7 +11,7 @@
 #define ROW (3 * HEAD_BLOCK)
 
 /* Component c of vertex v in direction k of a block layout of n directions. */
-static double at(const float *dirs, size_t n, size_t k, size_t v, int c)
+static double dirs_at(const float *dirs, size_t n, size_t k, size_t v, int c)
 {
     return dirs[(v / HEAD_BLOCK * n + k) * ROW + (size_t)c * HEAD_BLOCK +
                 v % HEAD_BLOCK];
@@ -45,12 +45,12 @@ static void rest_d(double p[3], const struct head *h, const struct lbs_chain *c,
     for (int i = 0; i < 3; i++) {
         p[i] = h->v_template[3 * v + i];
         for (size_t k = 0; k < h->nshape; k++)
-            p[i] += m->beta[k] * at(h->shape_dirs, h->nshape, k, v, i);
+            p[i] += m->beta[k] * dirs_at(h->shape_dirs, h->nshape, k, v, i);
         for (size_t k = 0; k < h->nexp; k++)
-            p[i] += m->exp[k] * at(h->exp_dirs, h->nexp, k, v, i);
+            p[i] += m->exp[k] * dirs_at(h->exp_dirs, h->nexp, k, v, i);
         for (int k = 0; k < HEAD_POSE_DIRS; k++)
             p[i] += (c->R[1 + k / 9][k % 9] - (k % 9 % 4 == 0)) *
-                    at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
+                    dirs_at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
     }
 }
 
@@ -127,12 +127,12 @@ static void vertex_backward_d(struct head_motion_grad_d *g,
             dA[j][4 * i + 3] += w * dv[i];
         }
         for (size_t k = 0; g->exp && k < h->nexp; k++)
-            g->exp[k] += dp * at(h->exp_dirs, h->nexp, k, v, i);
+            g->exp[k] += dp * dirs_at(h->exp_dirs, h->nexp, k, v, i);
         for (size_t k = 0; g->beta && k < h->nshape; k++)
-            g->beta[k] += dp * at(h->shape_dirs, h->nshape, k, v, i);
+            g->beta[k] += dp * dirs_at(h->shape_dirs, h->nshape, k, v, i);
         for (int k = 0; k < HEAD_POSE_DIRS; k++)
-            feature[k] += dp * at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v,
-                                  i);
+            feature[k]
+                += dp * dirs_at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
     }
 }
 

@@ -44,23 +44,49 @@ static inline void add_rows(vec a[NV], const float *rows, const int *index,
     }
 }
 
+/* Words of a block's bits in head->exp_live. */
+#define WORDS (HEAD_MAX_EXP / 64)
+
+/* Of n directions and their values those that move the block; live NULL: all.
+ * Returns how many are in at and with. */
+static inline size_t live_rows(int *at, float *with, const int *index,
+                               const float *value, size_t n,
+                               const uint64_t *live)
+{
+    size_t m = 0;
+
+    for (size_t i = 0; i < n; i++) {
+        size_t k = (size_t)index[i];
+
+        at[m] = index[i];
+        with[m] = value[i];
+        m += !live || (live[k / 64] >> k % 64 & 1);
+    }
+    return m;
+}
+
 /* p = T + B_S + B_E + B_P of block b. */
 static inline void rest_block(vec p[NV], const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
     const vec *shaped = (const vec *)(fr->id->shaped + b * ROW);
+    int at[HEAD_MAX_EXP];
+    float with[HEAD_MAX_EXP];
+    size_t n;
 
     for (int i = 0; i < NV; i++)
         p[i] = shaped[i];
-    add_rows(p, h->exp_dirs + b * h->nexp * ROW, fr->exp_index,
-             fr->exp_value, fr->nexp);
-    add_rows(p, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, fr->pose_index,
-             fr->pose_value, fr->npose);
+    n = live_rows(at, with, fr->exp_index, fr->exp_value, fr->nexp,
+                  h->exp_live ? h->exp_live + b * WORDS : NULL);
+    add_rows(p, h->exp_dirs + b * h->nexp * ROW, at, with, n);
+    n = live_rows(at, with, fr->pose_index, fr->pose_value, fr->npose,
+                  h->pose_live ? h->pose_live + b : NULL);
+    add_rows(p, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, at, with, n);
 }
 
 /* M (12) = sum_j w_j A_j for vector s of the block. */
-static inline void blend(vec M[12], const struct lbs_frame *fr,
-                         const vec *skin, int s)
+static inline void skin_blend(vec M[12], const struct lbs_frame *fr,
+                              const vec *skin, int s)
 {
     vec w = skin[s];
 
@@ -82,7 +108,7 @@ static inline void skin_block(vec q[NV], const vec p[NV],
     for (int s = 0; s < HV; s++) {
         vec M[12];
 
-        blend(M, fr, skin, s);
+        skin_blend(M, fr, skin, s);
         for (int i = 0; i < 3; i++)
             q[HV * i + s] = M[4 * i] * p[s] + M[4 * i + 1] * p[HV + s] +
                             M[4 * i + 2] * p[2 * HV + s] + M[4 * i + 3];
@@ -127,7 +153,7 @@ void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
 /* ---- backward ---------------------------------------------------------- */
 
 /* Sum of a vector's lanes, in one order for every width. */
-static inline float lanes(const vec *v)
+static inline float sum_lanes(const vec *v)
 {
     const float *x = (const float *)v;
     float s[4] = {0};
@@ -137,26 +163,29 @@ static inline float lanes(const vec *v)
     return (s[0] + s[1]) + (s[2] + s[3]);
 }
 
-/* out[k] += rows[k] . g for n rows */
+/* out[k] += rows[k] . g for the n rows, those alive (NULL: all). */
 static inline void dot_rows(float *out, const float *rows, const vec g[NV],
-                            size_t n)
+                            size_t n, const uint64_t *live)
 {
     for (size_t k = 0; k < n; k++) {
         const vec *d = (const vec *)(rows + k * ROW);
+
+        if (live && !(live[k / 64] >> k % 64 & 1))
+            continue;
 
         vec s = d[0] * g[0];
 
 #pragma GCC unroll 24
         for (int i = 1; i < NV; i++)
             s += d[i] * g[i];
-        out[k] += lanes(&s);
+        out[k] += sum_lanes(&s);
     }
 }
 
 /* Undo q = M p: dp = M^T dq, and dA_j += w_j dq [p;1]^T. */
-static inline void skin_back(vec dp[NV], struct lbs_sums *s, const vec dq[NV],
-                             const vec p[NV], const struct lbs_frame *fr,
-                             size_t b)
+static inline void skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
+                             const vec dq[NV], const vec p[NV],
+                             const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
     const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
@@ -164,7 +193,7 @@ static inline void skin_back(vec dp[NV], struct lbs_sums *s, const vec dq[NV],
     for (int o = 0; o < HV; o++) {
         vec M[12];
 
-        blend(M, fr, skin, o);
+        skin_blend(M, fr, skin, o);
         for (int c = 0; c < 3; c++)
             dp[HV * c + o] = M[c] * dq[o] + M[4 + c] * dq[HV + o] +
                              M[8 + c] * dq[2 * HV + o];
@@ -172,12 +201,9 @@ static inline void skin_back(vec dp[NV], struct lbs_sums *s, const vec dq[NV],
             for (int i = 0; i < 3; i++) {
                 vec wd = skin[HV * j + o] * dq[HV * i + o];
 
-                for (int c = 0; c < 3; c++) {
-                    vec t = wd * p[HV * c + o];
-
-                    s->A[j][4 * i + c] += lanes(&t);
-                }
-                s->A[j][4 * i + 3] += lanes(&wd);
+                for (int c = 0; c < 3; c++)
+                    dA[j][4 * i + c] += wd * p[HV * c + o];
+                dA[j][4 * i + 3] += wd;
             }
     }
 }
@@ -186,7 +212,9 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
                    const struct lbs_frame *fr)
 {
     const struct head *h = fr->id->head;
+    vec dA[HEAD_JOINTS][12];
 
+    memset(dA, 0, sizeof dA);
     for (size_t b = 0; b < h->blocks; b++) {
         size_t n = block_length(h, b);
         vec p[NV], dq[NV], dp[NV];
@@ -198,15 +226,19 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
                 g[c * B + i] = dverts[b * ROW + 3 * i + c];
         rest_block(p, fr, b);
         /* in the forward pass this was q = M p + lid . Delta */
-        dot_rows(s->lid, fr->id->lids + b * 2 * ROW, dq, 2);
-        skin_back(dp, s, dq, p, fr, b);
+        dot_rows(s->lid, fr->id->lids + b * 2 * ROW, dq, 2, NULL);
+        skin_back(dp, dA, dq, p, fr, b);
         /* p = T + shape + expression + pose correctives */
         if (s->exp)
-            dot_rows(s->exp, h->exp_dirs + b * h->nexp * ROW, dp, h->nexp);
+            dot_rows(s->exp, h->exp_dirs + b * h->nexp * ROW, dp, h->nexp,
+                     h->exp_live ? h->exp_live + b * WORDS : NULL);
         if (s->beta)
             dot_rows(s->beta, h->shape_dirs + b * h->nshape * ROW, dp,
-                     h->nshape);
+                     h->nshape, NULL);
         dot_rows(s->pose, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, dp,
-                 HEAD_POSE_DIRS);
+                 HEAD_POSE_DIRS, h->pose_live ? h->pose_live + b : NULL);
     }
+    for (int j = 0; j < HEAD_JOINTS; j++)
+        for (int i = 0; i < 12; i++)
+            s->A[j][i] += sum_lanes(&dA[j][i]);
 }

@@ -105,7 +105,8 @@ void head_lip_centroid_backward(float *dverts, const float dc[3],
 }
 
 /* Range of coordinate c over a list of vertices. */
-static float range(const int32_t *list, size_t n, const float *verts, int c)
+static float measure_range(const int32_t *list, size_t n, const float *verts,
+                           int c)
 {
     float lo = INFINITY, hi = -INFINITY;
 
@@ -126,7 +127,7 @@ void head_mouth(struct head_mouth *m, const struct head *h,
     if (h->nlip_inner == 0)
         return;
     head_lip_centroid(m->centre, h, verts);
-    float half = 0.25f * range(h->lip_inner, h->nlip_inner, verts, 0);
+    float half = 0.25f * measure_range(h->lip_inner, h->nlip_inner, verts, 0);
     for (size_t i = 0; i < h->nlip_inner; i++) {
         const float *v = verts + 3 * (size_t)h->lip_inner[i];
         float x = v[0] - m->centre[0], y = v[1] - m->centre[1];
@@ -145,8 +146,8 @@ void head_mouth(struct head_mouth *m, const struct head *h,
     }
     m->gap = (float)((nup ? up / (double)nup : 0) -
                      (ndown ? down / (double)ndown : 0));
-    m->bowl = range(h->lip_inner, h->nlip_inner, verts, 2);
-    m->lip = range(h->lip_upper_outer, h->nlip_upper_outer, verts, 2);
+    m->bowl = measure_range(h->lip_inner, h->nlip_inner, verts, 2);
+    m->lip = measure_range(h->lip_upper_outer, h->nlip_upper_outer, verts, 2);
 }
 
 void head_normals(float *normals, const struct head *h, const float *verts)

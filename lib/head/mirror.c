@@ -1,3 +1,5 @@
+/* Opposite vertices of the mean head by their heights, and for every
+ * direction the one that its mirror image is. */
 #include "lib/head/mirror.h"
 
 #include <math.h>
@@ -35,7 +37,7 @@ static int by_height(const void *a, const void *b)
 }
 
 /* Square of how far vertex w is from the mirror image of v. */
-static float apart(const struct head *h, size_t v, size_t w)
+static float mirror_distance(const struct head *h, size_t v, size_t w)
 {
     const float *x = h->v_template + 3 * v, *y = h->v_template + 3 * w;
     float a = x[0] + y[0], b = x[1] - y[1], c = x[2] - y[2];
@@ -45,15 +47,16 @@ static float apart(const struct head *h, size_t v, size_t w)
 
 /* The vertex of the mean head nearest to the mirror image of order[at]'s: from
  * there up and down, until the height alone is further. */
-static size_t opposite(const struct head *h, const struct place *order,
-                       size_t at)
+static size_t mirror_vertex(const struct head *h, const struct place *order,
+                            size_t at)
 {
     size_t v = order[at].v, best = v;
-    float least = apart(h, v, v);
+    float least = mirror_distance(h, v, v);
 
     for (int way = -1; way <= 1; way += 2)
         for (size_t i = at + (size_t)way; i < h->V; i += (size_t)way) {
-            float dy = order[i].y - order[at].y, far = apart(h, v, order[i].v);
+            float dy = order[i].y - order[at].y;
+            float far = mirror_distance(h, v, order[i].v);
 
             if (dy * dy > least)
                 break;
@@ -76,13 +79,13 @@ static int find_opposites(struct directions *s, const struct head *h,
         order[v] = (struct place){h->v_template[3 * v + 1], v};
     qsort(order, h->V, sizeof *order, by_height);
     for (size_t at = 0; at < h->V; at++)
-        s->other[order[at].v] = opposite(h, order, at);
+        s->other[order[at].v] = mirror_vertex(h, order, at);
     free(order);
     return 0;
 }
 
 /* Inner product of direction k with the mirror image of direction j. */
-static double across(const struct directions *s, size_t k, size_t j)
+static double mirror_product(const struct directions *s, size_t k, size_t j)
 {
     const float *a = s->d + k * 3 * s->V, *b = s->d + j * 3 * s->V;
     double sum = 0;
@@ -96,14 +99,14 @@ static double across(const struct directions *s, size_t k, size_t j)
 }
 
 /* Whether k's mirror image is j, or j with the other sign. */
-static int pair(struct head_mirror *m, const struct directions *s, size_t k,
-                size_t j)
+static int mirror_pair(struct head_mirror *m, const struct directions *s,
+                       size_t k, size_t j)
 {
     double a = s->square[k], b = s->square[j], with;
 
     if (fabs(a - b) > ALIKE * (a + b))
         return 0;
-    with = across(s, k, j);
+    with = mirror_product(s, k, j);
     if (fabs(with) < SAME * sqrt(a * b))
         return 0;
     m->from[k] = (int)j;
@@ -115,18 +118,18 @@ static int find_pairs(struct head_mirror *m, const struct directions *s)
 {
     m->n = s->n;
     for (size_t k = 0; k < s->n; k++) {
-        int found = pair(m, s, k, k);
+        int found = mirror_pair(m, s, k, k);
 
         for (size_t j = 0; j < s->n && !found; j++)
-            found = pair(m, s, k, j);
+            found = mirror_pair(m, s, k, j);
         if (!found)
             return 0;
     }
     return 1;
 }
 
-static int make(struct head_mirror *m, const struct head *h,
-                const float *dirs, size_t n, struct error *err)
+static int mirror_make(struct head_mirror *m, const struct head *h,
+                       const float *dirs, size_t n, struct error *err)
 {
     struct directions s = {.V = h->V, .n = n};
     int rc = -1;
@@ -160,13 +163,13 @@ out:
 int head_mirror_shape(struct head_mirror *m, const struct head *h,
                       struct error *err)
 {
-    return make(m, h, h->shape_dirs, h->nshape, err);
+    return mirror_make(m, h, h->shape_dirs, h->nshape, err);
 }
 
 int head_mirror_exp(struct head_mirror *m, const struct head *h,
                     struct error *err)
 {
-    return make(m, h, h->exp_dirs, h->nexp, err);
+    return mirror_make(m, h, h->exp_dirs, h->nexp, err);
 }
 
 void head_mirror_apply(float *out, const float *c,

@@ -1,3 +1,5 @@
+/* Boxes halved along their longest axis; what is further away than the best
+ * so far is left out. */
 #include "lib/head/nearest.h"
 
 #include <math.h>
@@ -47,7 +49,8 @@ void nearest_update(struct nearest *t)
 
 /* Faces of n on the lower side of the middle of its longest axis come first;
  * returns how many. */
-static uint32_t partition(struct nearest *t, const struct nearest_node *n)
+static uint32_t nearest_partition(struct nearest *t,
+                                  const struct nearest_node *n)
 {
     int axis = 0;
     uint32_t below = 0;
@@ -98,7 +101,7 @@ int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
         fit_box(n, t);
         if (n->count <= LEAF)
             continue;
-        uint32_t below = partition(t, n);
+        uint32_t below = nearest_partition(t, n);
         n->left = (uint32_t)t->nodes;
         t->node[t->nodes++] = (struct nearest_node){
             .first = n->first, .count = below};
@@ -122,7 +125,8 @@ static double dot3(const double a[3], const double b[3])
 
 /* Barycentric coordinates of the point of the segment a b nearest to 0, from
  * a's and b's dot products; *square its distance. */
-static double segment(double *square, double aa, double ab, double bb)
+static double nearest_on_segment(double *square, double aa, double ab,
+                                 double bb)
 {
     double l = aa - 2 * ab + bb, s = l > 0 ? (aa - ab) / l : 0;
 
@@ -134,7 +138,7 @@ static double segment(double *square, double aa, double ab, double bb)
 /* The point of the triangle with corners x (relative to the point asked for)
  * nearest to 0: inside when the foot of the perpendicular is, else on one of
  * the edges. */
-static double triangle(double bary[3], double x[3][3])
+static double nearest_on_triangle(double bary[3], double x[3][3])
 {
     double d[3][3], square, best = INFINITY;
 
@@ -159,7 +163,7 @@ static double triangle(double bary[3], double x[3][3])
     }
     for (int i = 0; i < 3; i++) {
         int j = (i + 1) % 3;
-        double s = segment(&square, d[i][i], d[i][j], d[j][j]);
+        double s = nearest_on_segment(&square, d[i][i], d[i][j], d[j][j]);
 
         if (square < best) {
             best = square;
@@ -180,7 +184,7 @@ static void try_face(struct nearest_hit *hit, const struct nearest *t,
     for (int k = 0; k < 3; k++)
         for (int d = 0; d < 3; d++)
             x[k][d] = t->verts[3 * t->faces[3 * face + k] + d] - p[d];
-    double square = triangle(bary, x);
+    double square = nearest_on_triangle(bary, x);
     if (square >= hit->square)
         return;
     if (normal) {

@@ -1,3 +1,5 @@
+/* Rims, bending by radial bases, iterated closest points, evening out: one
+ * after another. */
 #include "lib/head/register.h"
 
 #include <stdlib.h>
@@ -20,7 +22,7 @@ void match_point(double out[3], const struct match *m, const float *x)
 
 /* ---- radial basis --------------------------------------------------------- */
 
-static double distance(const double a[3], const double b[3])
+static double fit_distance(const double a[3], const double b[3])
 {
     double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
 
@@ -28,7 +30,7 @@ static double distance(const double a[3], const double b[3])
 }
 
 /* Solve A X = B, A (n,n), B (n,3), in place, with the largest pivot. */
-static int solve(double *A, double *B, size_t n)
+static int solve_rows(double *A, double *B, size_t n)
 {
     for (size_t k = 0; k < n; k++) {
         size_t best = k;
@@ -76,7 +78,7 @@ int register_bend(double *at, size_t n, const struct control *c,
     }
     for (size_t i = 0; i < count; i++) {
         for (size_t j = 0; j < count; j++)
-            A[i * m + j] = distance(c[i].from, c[j].from);
+            A[i * m + j] = fit_distance(c[i].from, c[j].from);
         A[i * m + i] -= slack;
         for (size_t k = 0; k < 4; k++)
             A[i * m + count + k] = A[(count + k) * m + i] =
@@ -84,14 +86,15 @@ int register_bend(double *at, size_t n, const struct control *c,
         for (size_t k = 0; k < 3; k++)
             B[3 * i + k] = c[i].to[k] - c[i].from[k];
     }
-    int rc = solve(A, B, m) ? error_set(err, EX_DATAERR, "the controls do not "
-                              "span a space (expected four apart)") : 0;
+    int rc = !solve_rows(A, B, m) ? 0 :
+             error_set(err, EX_DATAERR, "the controls do not span a space "
+                       "(expected four apart)");
     for (size_t v = 0; !rc && v < n; v++) {
         double p[3], *x = at + 3 * v;
 
         memcpy(p, x, sizeof p);
         for (size_t i = 0; i < m; i++) {
-            double k = i < count ? distance(p, c[i].from)
+            double k = i < count ? fit_distance(p, c[i].from)
                      : i == count ? 1 : p[i - count - 1];
 
             for (int d = 0; d < 3; d++)
@@ -125,7 +128,7 @@ static size_t left_of(const struct registration *r, size_t v)
 
 /* How far the scans are to be followed at p: down the throat to where their
  * shoulders begin, at the back higher up. */
-static double reach(const double p[3])
+static double scan_reach(const double p[3])
 {
     double front = ramp(0, 0.05, p[2]);
 
@@ -188,7 +191,7 @@ static void match_near(struct match *m, const struct fit *f, const double p[3],
         m->v[k] = f->skin.faces[3 * hit.face + k];
         m->w[k] = hit.bary[k];
     }
-    m->trust = reach(p);
+    m->trust = scan_reach(p);
 }
 
 /* Vertices matched by their loops keep that match. */
@@ -227,7 +230,8 @@ static void match_all(struct fit *f, double least, double most)
 
 /* One step: the smooth displacement from the start that lies near the
  * matches. */
-static int step(struct fit *f, double stiff, double slide, struct error *err)
+static int fit_step(struct fit *f, double stiff, double slide,
+                    struct error *err)
 {
     struct registration *r = f->r;
 
@@ -270,7 +274,7 @@ static int is_nostril_rim(const struct half *h, size_t v)
 
 /* How close together vertices should lie: closer where the skin bends more,
  * on the nose. */
-static double density(const double p[3])
+static double fit_density(const double p[3])
 {
     double y = p[1] + 0.012, z = p[2] - 0.100;
     double square = p[0] * p[0] + y * y + z * z;
@@ -287,7 +291,7 @@ static void dense_mean(double out[3], const struct fit *f, size_t v)
     memset(out, 0, 3 * sizeof *out);
     for (int32_t i = m->at[v]; i < m->at[v + 1]; i++) {
         const double *p = f->r->at + 3 * m->link[i];
-        double w = density(p);
+        double w = fit_density(p);
 
         sum += w;
         for (int c = 0; c < 3; c++)
@@ -327,7 +331,7 @@ static void even_out(struct fit *f, double much)
 }
 
 /* Trusted vertices lie where they are matched. */
-static void settle(struct fit *f)
+static void fit_settle(struct fit *f)
 {
     struct registration *r = f->r;
 
@@ -426,7 +430,7 @@ static int is_still(const struct registration *r, size_t v)
 /* Flat faces cut the corners of a round surface: raise the vertices until the
  * scans' own lie as much outside of our faces as inside.  At most a
  * millimetre; rims stay where they are. */
-static int swell(struct fit *f, struct error *err)
+static int fit_swell(struct fit *f, struct error *err)
 {
     enum { ROUNDS = 8 };
     struct registration *r = f->r;
@@ -508,16 +512,16 @@ static int fit_all(struct fit *f, struct error *err)
         double t = (double)i / (STEPS - 1);
 
         match_all(f, 0.35, 0.02);
-        if (step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
+        if (fit_step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
             return -1;
     }
-    settle(f);
+    fit_settle(f);
     for (int i = 0; i < 30; i++)
         even_out(f, 0.4);
     if (fill_neck(f, err))
         return -1;
     memcpy(f->d, f->r->at, 3 * f->r->s->nv * sizeof *f->d);
-    if (swell(f, err))
+    if (fit_swell(f, err))
         return -1;
     part_lips(f->r);
     return 0;
@@ -525,7 +529,7 @@ static int fit_all(struct fit *f, struct error *err)
 
 /* Bend the template by the rims, landmarks and ears, both sides, less and
  * less down the neck. */
-static int bend(struct registration *r, struct error *err)
+static int bend_template(struct registration *r, struct error *err)
 {
     struct control c[2 * CONTROLS];
     size_t n = register_controls(c, CONTROLS, r), both = n;
@@ -593,7 +597,8 @@ int registration_init(struct registration *r, const struct sculpt *s,
     sculpt_topology(r->h);
     for (size_t i = 0; i < 3 * s->nv; i++)
         r->at[i] = s->v_template[i];
-    if (!register_rims(r, err) && !bend(r, err) && !fit_init(&f, r, err))
+    if (!register_rims(r, err) && !bend_template(r, err)
+        && !fit_init(&f, r, err))
         rc = fit_all(&f, err);
     fit_release(&f);
     if (rc)

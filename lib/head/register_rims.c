@@ -11,7 +11,7 @@
 
 enum { LOOP = 80, EYE_LOOP = 42, MOUTH_LOOP = 74, LIP_LOOPS = 16 };
 
-static double apart(const float *a, const float *b)
+static double rim_distance(const float *a, const float *b)
 {
     double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
 
@@ -24,8 +24,8 @@ static void path_shares(double *share, const int32_t *path, size_t n,
 {
     share[0] = 0;
     for (size_t i = 1; i < n; i++)
-        share[i] = share[i - 1] + apart(verts + 3 * path[i],
-                                        verts + 3 * path[i - 1]);
+        share[i] = share[i - 1] + rim_distance(verts + 3 * path[i],
+                                               verts + 3 * path[i - 1]);
     for (size_t i = 1; i < n; i++)
         share[i] /= share[n - 1];
 }
@@ -191,7 +191,7 @@ static int read_lips(struct lips *l, const struct scan *s, struct error *err)
 }
 
 /* Loop of the vermilion border at column u, through the outer landmarks. */
-static double vermilion(const struct lips *l, double u)
+static double lip_border(const struct lips *l, double u)
 {
     const double top = (double)l->top, corner = (double)l->corner;
     const double bottom = (double)l->bottom, t = u - top;
@@ -251,7 +251,7 @@ static int match_lips(struct registration *r, struct error *err)
         return -1;
     lip_columns(column, r, &l);
     for (int j = 0; j <= MOUTH_N; j++) {
-        double border = vermilion(&l, column[j]);
+        double border = lip_border(&l, column[j]);
 
         for (int k = LIP_BORDER; k <= MOUTH_RINGS; k++) {
             double depth = k <= LIP_INNER
@@ -289,7 +289,7 @@ static const double ear[12][2] = {
 
 /* The outermost point of the skin's left at y, z: of the vertices nearest in
  * side view the one that stands out most. */
-static void outermost(double p[3], const struct scan *s, double y, double z)
+static void rim_outermost(double p[3], const struct scan *s, double y, double z)
 {
     p[0] = 0, p[1] = y, p[2] = z;
     for (int32_t v = 0; v < SCAN_SKIN; v++) {
@@ -343,7 +343,7 @@ size_t register_controls(struct control *c, size_t room,
         double to[3];
         int v = r->h->ear[3][i * EAR_N / 12];
 
-        outermost(to, r->scan, ear[i][0], ear[i][1]);
+        rim_outermost(to, r->scan, ear[i][0], ear[i][1]);
         control_at(&c[n++], r, v, to);
     }
     for (int i = 0; i < EYE_N && n < room; i += 2) {

@@ -1,3 +1,4 @@
+/* Runs out of dense directions and dense directions out of runs, checked. */
 #include "lib/head/runs.h"
 
 #include <math.h>
@@ -8,8 +9,8 @@
 /* A gap this short costs less than a new run. */
 enum { GAP = 2 };
 
-static int moves(const float *dirs, size_t K, size_t v, size_t k,
-                 double least)
+static int run_moves(const float *dirs, size_t K, size_t v, size_t k,
+                     double least)
 {
     double x = dirs[3 * v * K + k], y = dirs[(3 * v + 1) * K + k];
     double z = dirs[(3 * v + 2) * K + k];
@@ -24,7 +25,7 @@ static size_t run_end(const float *dirs, size_t V, size_t K, size_t v,
     size_t end = v + 1;
 
     for (size_t u = v + 1; u < V && u <= end + GAP; u++)
-        if (moves(dirs, K, u, k, least))
+        if (run_moves(dirs, K, u, k, least))
             end = u + 1;
     return end;
 }
@@ -37,7 +38,7 @@ int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
 
         for (size_t k = 0; k < K; k++)
             for (size_t v = 0; v < V; v++) {
-                if (!moves(dirs, K, v, k, least))
+                if (!run_moves(dirs, K, v, k, least))
                     continue;
                 size_t end = run_end(dirs, V, K, v, k, least);
                 if (pass) {

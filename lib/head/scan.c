@@ -1,3 +1,4 @@
+/* ICT-FaceKit's files read, checked and moved into our world. */
 #include "lib/head/scan.h"
 
 #include <cjson/cJSON.h>

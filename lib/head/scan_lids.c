@@ -1,3 +1,5 @@
+/* Both margins of a lid as lines over the ball, where they meet, and how
+ * what is near them follows. */
 #include "lib/head/scan_lids.h"
 
 #include <math.h>
@@ -69,13 +71,13 @@ static void find_meetings(struct scan_lid_line *a,
 }
 
 /* d = x - y. */
-static void minus(float d[3], const float *x, const float *y)
+static void lid_difference(float d[3], const float *x, const float *y)
 {
     for (int c = 0; c < 3; c++)
         d[c] = x[c] - y[c];
 }
 
-static float length(const float d[3])
+static float lid_length(const float d[3])
 {
     return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
@@ -95,10 +97,10 @@ static void find_distances(struct scan_lid_line *a, const float *p, int side,
     for (int i = 0; i < a->n; i++) {
         float d[3];
 
-        minus(d, p + 3 * a->v[i], centre);
+        lid_difference(d, p + 3 * a->v[i], centre);
         for (int c = 0; c < 3; c++)
             d[c] += a->move[i][c];
-        a->out[i] = length(d);
+        a->out[i] = lid_length(d);
         for (int c = 0; c < 3; c++)
             a->away[i][c] = d[c] / a->out[i];
         if (!lower)
@@ -146,8 +148,8 @@ static float nearest_place(int *at, float *part, const struct scan_lid_line *a,
         f = f < 0 ? 0 : f > 1 ? 1 : f;
         for (int c = 0; c < 3; c++)
             d[c] = x[c] + f * (y[c] - x[c]) - q[c];
-        if (length(d) < best) {
-            best = length(d);
+        if (lid_length(d) < best) {
+            best = lid_length(d);
             *at = i;
             *part = f;
         }
@@ -156,9 +158,10 @@ static float nearest_place(int *at, float *part, const struct scan_lid_line *a,
 }
 
 /* How vertex v follows the margins of its side; weight 0: not at all. */
-static struct scan_lid_part follow(const struct scan_lids *l, const float *p,
-                                   const float *const blink[2], double unit,
-                                   int32_t v)
+static struct scan_lid_part lid_follow(const struct scan_lids *l,
+                                       const float *p,
+                                       const float *const blink[2], double unit,
+                                       int32_t v)
 {
     const float *q = p + 3 * v;
     struct scan_lid_part o = {.v = v};
@@ -187,7 +190,7 @@ static struct scan_lid_part follow(const struct scan_lids *l, const float *p,
                     p[3 * on[0] + c]) - (float)(unit * eye[c]);
     }
     double fall = d / unit / (o.line % 2 ? LOWER_FALL : UPPER_FALL);
-    int inside = length(away) < length(margin) - 1e-4 * unit;
+    int inside = lid_length(away) < lid_length(margin) - 1e-4 * unit;
     o.weight = inside || v >= SCAN_LASHES ? 1 : (float)exp(-fall * fall);
     for (int c = 0; c < 3; c++)     /* where the blink has brought it */
         away[c] += blink[side][3 * v + c];
@@ -195,7 +198,7 @@ static struct scan_lid_part follow(const struct scan_lids *l, const float *p,
     o.up[1] = 1;
     o.up[2] = fmaxf(-1, fminf(1, back));
     for (int c = 0; c < 3; c++)
-        o.away[c] = away[c] / length(away);
+        o.away[c] = away[c] / lid_length(away);
     return o;
 }
 
@@ -216,7 +219,7 @@ int scan_lids_init(struct scan_lids *l, const float *neutral,
         /* gums, teeth and eyeballs have no part in it */
         if (v >= SCAN_ORBIT_END && v < SCAN_EYE_END)
             continue;
-        l->p[l->n] = follow(l, neutral, blink, unit, v);
+        l->p[l->n] = lid_follow(l, neutral, blink, unit, v);
         l->n += l->p[l->n].weight > 1e-3f;
     }
     return 0;
@@ -248,8 +251,8 @@ static void lay_line(float *out, const struct scan_lids *l, int k,
 }
 
 /* Height of vertex i of line a, closed and laid on the ball. */
-static float height(const struct scan_lid_line *a, int i, const float *out,
-                    const float *folded)
+static float lid_height(const struct scan_lid_line *a, int i, const float *out,
+                        const float *folded)
 {
     return folded[3 * a->v[i] + 1] + a->move[i][1] + out[i] * a->away[i][1];
 }
@@ -263,9 +266,9 @@ static void close_line(float *up, const struct scan_lids *l, int k,
 
     for (int i = 0; i < a->n; i++) {
         int j = a->meet[i];
-        float y0 = height(b, j, out[k ^ 1], folded);
-        float y1 = height(b, j + 1, out[k ^ 1], folded);
-        float gap = height(a, i, out[k], folded) -
+        float y0 = lid_height(b, j, out[k ^ 1], folded);
+        float y1 = lid_height(b, j + 1, out[k ^ 1], folded);
+        float gap = lid_height(a, i, out[k], folded) -
                     (y0 + a->part[i] * (y1 - y0));
 
         /* of a lower lid the gap is upside down */

@@ -39,7 +39,7 @@ static const struct { double size, lift, rise; } rings[EAR_RINGS + 1] = {
     { 0.32, 0, -5.0 },
 };
 
-static double spline(const double *y, double t)
+static double ear_spline(const double *y, double t)
 {
     int i = (int)floor(t);
     double u = t - i;
@@ -70,8 +70,8 @@ void sculpt_ear(struct half *h)
     }
     for (int j = 0; j < EAR_N; j++) {
         double t = 12.0 * j / EAR_N;
-        double p = spline(op, t), q = spline(oq, t);
-        double flare = fmax(spline(of, t), 0.8), groove = spline(og, t);
+        double p = ear_spline(op, t), q = ear_spline(oq, t);
+        double flare = fmax(ear_spline(of, t), 0.8), groove = ear_spline(og, t);
         for (int k = 0; k <= EAR_RINGS; k++) {
             double size = rings[k].size, g = k < 3 ? 1 : groove;
             /* in front the loops lie flat: the skin runs into the cheek */

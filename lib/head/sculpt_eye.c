@@ -15,7 +15,7 @@ static const double canthus_in[2] = { 16.3, 23.6 }, canthus_out[2] = { 46.6,
 #define INNER_RADIUS 12.8     /* inner edge of the lid margin, open */
 
 /* Edge of the fissure at t from the inner to the outer corner. */
-static void edge(double t, int upper, double *x, double *y)
+static void eye_edge(double t, int upper, double *x, double *y)
 {
     *x = mix(canthus_in[0], canthus_out[0], t);
     double line = mix(canthus_in[1], canthus_out[1], t);
@@ -36,8 +36,8 @@ static double ring_t(int i, int *upper)
 static void edge_normal(double t, int upper, double *nx, double *ny)
 {
     double x0, y0, x1, y1, e = 0.02;
-    edge(clamp01(t - e), upper, &x0, &y0);
-    edge(clamp01(t + e), upper, &x1, &y1);
+    eye_edge(clamp01(t - e), upper, &x0, &y0);
+    eye_edge(clamp01(t + e), upper, &x1, &y1);
     double dx = x1 - x0, dy = y1 - y0, l = hypot(dx, dy);
     *nx = (upper ? -dy : dy) / l;
     *ny = (upper ? dx : -dx) / l;
@@ -67,7 +67,7 @@ static void place_lids(struct half *h)
     for (int i = 0; i < EYE_N; i++) {
         int upper;
         double t = ring_t(i, &upper), x, y, nx, ny;
-        edge(t, upper, &x, &y);
+        eye_edge(t, upper, &x, &y);
         edge_normal(t, upper, &nx, &ny);
         double mid = sin(M_PI * t);
         for (int k = 3; k <= EYE_MARGIN; k++) {
@@ -133,8 +133,8 @@ void sculpt_eyelid(const struct half *h, struct vec *delta)
     for (int i = 0; i < EYE_N; i++) {
         int upper;
         double t = ring_t(i, &upper), x, yu, yl;
-        edge(t, 1, &x, &yu);
-        edge(t, 0, &x, &yl);
+        eye_edge(t, 1, &x, &yu);
+        eye_edge(t, 0, &x, &yl);
         double meet = mix(yu, yl, UPPER_SHARE);
         double way = upper ? meet - yu : meet - yl;
         for (int k = 2; k <= EYE_RINGS; k++) {

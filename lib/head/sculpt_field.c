@@ -1,3 +1,5 @@
+/* Fields of displacements: falloffs and waves, made orthogonal and scaled to
+ * millimetres. */
 #include "lib/head/sculpt_field.h"
 
 #include <stdlib.h>
@@ -77,7 +79,8 @@ void field_settle_eyes(struct vec *d, const struct full *m)
 
 /* Columns are gathered into rows first: a column of dirs jumps through
  * memory. */
-static void gather(double *x, const float *dirs, size_t K, size_t k, size_t n)
+static void field_gather(double *x, const float *dirs, size_t K, size_t k,
+                         size_t n)
 {
     for (size_t i = 0; i < n; i++)
         x[i] = dirs[i * K + k];
@@ -101,7 +104,7 @@ int field_store(float *dirs, size_t K, size_t first, size_t k,
     for (size_t pass = 0; pass < 2; pass++)
         for (size_t j = first; j < k; j++) {
             double xy = 0, yy = 0;
-            gather(y, dirs, K, j, 3 * nv);
+            field_gather(y, dirs, K, j, 3 * nv);
             for (size_t i = 0; i < 3 * nv; i++) {
                 xy += x[i] * y[i];
                 yy += y[i] * y[i];
@@ -120,7 +123,7 @@ struct size {
     size_t column;
 };
 
-static int larger(const void *a, const void *b)
+static int field_larger(const void *a, const void *b)
 {
     const struct size *x = a, *y = b;
     if (x->norm != y->norm)
@@ -140,7 +143,7 @@ int field_sort(float *dirs, size_t K, size_t first, size_t n, size_t nv)
                          dirs[i * K + first + k];
     }
     if (!rc)
-        qsort(s, n, sizeof *s, larger);
+        qsort(s, n, sizeof *s, field_larger);
     for (size_t i = 0; !rc && i < 3 * nv; i++) {
         for (size_t k = 0; k < n; k++)
             row[k] = dirs[i * K + s[k].column];

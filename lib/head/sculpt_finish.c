@@ -46,7 +46,7 @@ static const struct touch {
 };
 
 /* exp(-|(p - c) / r|^2) */
-static double bell(struct vec p, const double *c, const double *r)
+static double finish_bell(struct vec p, const double *c, const double *r)
 {
     double x = (p.x - c[0]) / r[0], y = (p.y - c[1]) / r[1],
            z = (p.z - c[2]) / r[2];
@@ -54,7 +54,7 @@ static double bell(struct vec p, const double *c, const double *r)
 }
 
 /* Lips, lid margins and the ear's relief are authored to the point. */
-static double freedom(const struct half *h, int v)
+static double finish_freedom(const struct half *h, int v)
 {
     int k = h->ring[v];
     switch (h->part[v]) {
@@ -81,7 +81,8 @@ static void even_out(struct half *h, struct vec *next, const int (*nbr)[2],
             weight[a] += w;
         }
         for (int v = 0; v < h->nv; v++) {
-            double w = 0.5 * freedom(h, v) * bell(h->p[v], t->c, t->r);
+            double w = 0.5 * finish_freedom(h, v)
+                       * finish_bell(h->p[v], t->c, t->r);
             if (weight[v] <= 0 || (h->part[v] == PART_GRID && !h->row[v]))
                 continue;
             h->p[v] = lerp(h->p[v], mul(next[v], 1 / weight[v]), w);
@@ -133,7 +134,7 @@ int sculpt_finish(struct half *h)
         struct vec d = vec(0, 0, 0);
         for (size_t i = 0; i < sizeof touches / sizeof *touches; i++) {
             const struct touch *t = &touches[i];
-            double w = bell(h->p[v], t->c, t->r);
+            double w = finish_bell(h->p[v], t->c, t->r);
             out += w * t->out;
             d = add(d, vec(w * t->v[0], w * t->v[1], w * t->v[2]));
         }
@@ -142,7 +143,7 @@ int sculpt_finish(struct half *h)
             d.x = 0;
         if (h->part[v] == PART_GRID && h->row[v] == 0)
             d.y = 0;
-        next[v] = mul(d, freedom(h, v));
+        next[v] = mul(d, finish_freedom(h, v));
     }
     for (int v = 0; v < h->nv; v++)
         h->p[v] = add(h->p[v], next[v]);

@@ -34,7 +34,7 @@ static void links_make(struct links *l, const struct half *h)
 }
 
 /* Mean of the neighbours; on the midline also of their mirror images. */
-static struct vec around(const struct half *h, const struct links *l, int v)
+static struct vec links_mean(const struct half *h, const struct links *l, int v)
 {
     struct vec s = vec(0, 0, 0);
     double w = 0;
@@ -52,7 +52,7 @@ static struct vec around(const struct half *h, const struct links *l, int v)
 
 /* Even out the vertices that are not authored, keeping them on the base
  * surface as far as they follow it. */
-static void relax(struct half *h, const struct links *l, int rounds)
+static void half_relax(struct half *h, const struct links *l, int rounds)
 {
     for (int n = 0; n < rounds; n++)
         for (int v = 0; v < h->nv; v++) {
@@ -60,7 +60,7 @@ static void relax(struct half *h, const struct links *l, int rounds)
                 continue;
             int cut = h->part[v] == PART_GRID && h->row[v] == 0;
             double y = h->p[v].y;
-            struct vec p = lerp(h->p[v], around(h, l, v),
+            struct vec p = lerp(h->p[v], links_mean(h, l, v),
                                 0.5 * (1 - h->hold[v]));
             if (h->snap[v] > 0)
                 p = lerp(p, sculpt_surface_project(p), h->snap[v]);
@@ -88,7 +88,7 @@ static void add_details(struct half *h)
 
 /* Cheek, jaw and throat come out of the base surface with more relief than
  * skin has: even them out. */
-static void soften(struct half *h, const struct links *l, int rounds)
+static void half_soften(struct half *h, const struct links *l, int rounds)
 {
     for (int n = 0; n < rounds; n++)
         for (int v = 0; v < h->nv; v++) {
@@ -98,7 +98,7 @@ static void soften(struct half *h, const struct links *l, int rounds)
             if (h->snap[v] <= 0 || h->hold[v] > 0.4 ||
                 h->part[v] == PART_EYE || w <= 0 || h->row[v] == 0)
                 continue;
-            h->p[v] = lerp(p, around(h, l, v), 0.5 * w);
+            h->p[v] = lerp(p, links_mean(h, l, v), 0.5 * w);
             if (h->seam[v])
                 h->p[v].x = 0;
         }
@@ -116,9 +116,9 @@ static int sculpt_half(struct half *h)
     sculpt_eye(h);
     sculpt_lips(h);
     links_make(l, h);
-    relax(h, l, 14);
+    half_relax(h, l, 14);
     add_details(h);
-    soften(h, l, 12);
+    half_soften(h, l, 12);
     free(l);
     return 0;
 }
@@ -246,30 +246,30 @@ void sculpt_full_release(struct full *m)
 
 /* ---- the file's arrays --------------------------------------------------- */
 
-static void *array(size_t n, size_t size)
+static void *full_array(size_t n, size_t size)
 {
     return calloc(n ? n : 1, size);
 }
 
-static int allocate(struct sculpt *s, const struct full *m)
+static int full_allocate(struct sculpt *s, const struct full *m)
 {
     size_t v = s->nv = (size_t)m->nv;
     s->nf = (size_t)m->nf;
-    s->v_template = array(v * 3, sizeof *s->v_template);
-    s->f = array(s->nf * 3, sizeof *s->f);
-    s->shapedirs = array(v * 3 * (SCULPT_SHAPES + SCULPT_EXPRESSIONS),
-                         sizeof *s->shapedirs);
-    s->posedirs = array(v * 3 * SCULPT_POSES, sizeof *s->posedirs);
-    s->j_regressor = array(v * SCULPT_JOINTS, sizeof *s->j_regressor);
-    s->weights = array(v * SCULPT_JOINTS, sizeof *s->weights);
-    s->l_eyelid = array(v * 3, sizeof *s->l_eyelid);
-    s->r_eyelid = array(v * 3, sizeof *s->r_eyelid);
-    s->lip_inner = array(2 * MOUTH_N, sizeof *s->lip_inner);
-    s->lip_upper_outer = array(2 * MOUTH_N, sizeof *s->lip_upper_outer);
-    s->region = array(v, sizeof *s->region);
-    s->mirror = array(v, sizeof *s->mirror);
-    s->hair = array(v, sizeof *s->hair);
-    s->uv = array(v * 2, sizeof *s->uv);
+    s->v_template = full_array(v * 3, sizeof *s->v_template);
+    s->f = full_array(s->nf * 3, sizeof *s->f);
+    s->shapedirs = full_array(v * 3 * (SCULPT_SHAPES + SCULPT_EXPRESSIONS),
+                              sizeof *s->shapedirs);
+    s->posedirs = full_array(v * 3 * SCULPT_POSES, sizeof *s->posedirs);
+    s->j_regressor = full_array(v * SCULPT_JOINTS, sizeof *s->j_regressor);
+    s->weights = full_array(v * SCULPT_JOINTS, sizeof *s->weights);
+    s->l_eyelid = full_array(v * 3, sizeof *s->l_eyelid);
+    s->r_eyelid = full_array(v * 3, sizeof *s->r_eyelid);
+    s->lip_inner = full_array(2 * MOUTH_N, sizeof *s->lip_inner);
+    s->lip_upper_outer = full_array(2 * MOUTH_N, sizeof *s->lip_upper_outer);
+    s->region = full_array(v, sizeof *s->region);
+    s->mirror = full_array(v, sizeof *s->mirror);
+    s->hair = full_array(v, sizeof *s->hair);
+    s->uv = full_array(v * 2, sizeof *s->uv);
     return s->v_template && s->f && s->shapedirs && s->posedirs &&
            s->j_regressor && s->weights && s->l_eyelid && s->r_eyelid &&
            s->lip_inner && s->lip_upper_outer && s->region && s->mirror &&
@@ -303,7 +303,7 @@ int sculpt_make(struct sculpt *s, struct error *err)
     struct full m = { 0 };
     memset(s, 0, sizeof *s);
     int rc = h && !sculpt_half(h) && !sculpt_full_init(&m, h) &&
-             !allocate(s, &m) ? 0 : -1;
+             !full_allocate(s, &m) ? 0 : -1;
     if (rc == 0) {
         copy_mesh(s, &m);
         rc = sculpt_labels(s, &m) || sculpt_rig(s, &m) ||

@@ -3,7 +3,7 @@
 
 #include <stdlib.h>
 
-static int region(const struct full *m, int v)
+static int label_region(const struct full *m, int v)
 {
     const struct half *h = m->h;
     int s = m->src[v], part = h->part[s], ring = h->ring[s];
@@ -34,7 +34,7 @@ static int region(const struct full *m, int v)
 
 /* Density behind a hairline that runs over the forehead, past the temples,
  * round the ears and down to the nape. */
-static double hair(const struct full *m, int v)
+static double label_hair(const struct full *m, int v)
 {
     struct vec p = m->p[v];
     int part = m->h->part[m->src[v]];
@@ -61,7 +61,7 @@ static void lip_list(int32_t *list, size_t *n, const struct full *m, int ring,
 
 /* ---- landmarks ----------------------------------------------------------- */
 
-static int nearest(const struct full *m, struct vec q, int parts)
+static int label_nearest(const struct full *m, struct vec q, int parts)
 {
     int best = 0;
     for (int v = 1; v < m->nv; v++) {
@@ -81,7 +81,7 @@ static const struct vec brow[5] = {     /* inner to outer */
     { 11, 40, 92 }, { 20, 45, 91 }, { 30, 46.5, 87 }, { 40, 44, 80 },
     { 50, 38, 68 } };
 
-static void set(struct sculpt *s, int k, int v)
+static void label_set(struct sculpt *s, int k, int v)
 {
     for (size_t i = 0; i < s->nf; i++)
         for (int c = 0; c < 3; c++)
@@ -92,11 +92,11 @@ static void set(struct sculpt *s, int k, int v)
             }
 }
 
-static void pair(struct sculpt *s, const struct full *m, int left, int right,
-                 int v)
+static void label_pair(struct sculpt *s, const struct full *m, int left,
+                       int right, int v)
 {
-    set(s, left, v);
-    set(s, right, m->mirror[v]);
+    label_set(s, left, v);
+    label_set(s, right, m->mirror[v]);
 }
 
 /* The lid margin's vertex nearest to a place along the eye, t from the inner
@@ -126,7 +126,7 @@ static int lid_at(const struct half *h, double t, int upper)
     return at;
 }
 
-static void landmarks(struct sculpt *s, const struct full *m)
+static void label_landmarks(struct sculpt *s, const struct full *m)
 {
     const struct half *h = m->h;
     const int skin = 1 << PART_GRID | 1 << PART_MOUTH | 1 << PART_NOSTRIL |
@@ -134,33 +134,34 @@ static void landmarks(struct sculpt *s, const struct full *m)
     const int *outer = h->mouth[LIP_BORDER], *inner = h->mouth[LIP_INNER];
 
     for (int k = 0; k < 8; k++)
-        pair(s, m, 16 - k, k, nearest(m, jaw[k], skin));
-    set(s, 8, nearest(m, vec(0, -95, 84), skin));
+        label_pair(s, m, 16 - k, k, label_nearest(m, jaw[k], skin));
+    label_set(s, 8, label_nearest(m, vec(0, -95, 84), skin));
     for (int k = 0; k < 5; k++)
-        pair(s, m, 22 + k, 21 - k, nearest(m, brow[k], skin));
+        label_pair(s, m, 22 + k, 21 - k, label_nearest(m, brow[k], skin));
     for (int k = 0; k < 4; k++)
-        set(s, 27 + k, nearest(m, vec(0, 22 - 12.5 * k, 97 + 5.5 * k), skin));
-    set(s, 33, nearest(m, vec(0, -24, 101), skin));
-    pair(s, m, 34, 32, nearest(m, vec(6.5, -22.5, 100), skin));
-    pair(s, m, 35, 31, nearest(m, vec(14, -20, 95), skin));
-    pair(s, m, 42, 39, lid_at(h, 0, 1));
-    pair(s, m, 43, 38, lid_at(h, 0.33, 1));
-    pair(s, m, 44, 37, lid_at(h, 0.67, 1));
-    pair(s, m, 45, 36, lid_at(h, 1, 1));
-    pair(s, m, 46, 41, lid_at(h, 0.67, 0));
-    pair(s, m, 47, 40, lid_at(h, 0.33, 0));
-    set(s, 51, outer[0]);
-    pair(s, m, 52, 50, outer[4]);
-    pair(s, m, 53, 49, outer[8]);
-    pair(s, m, 54, 48, outer[MOUTH_CORNER]);
-    pair(s, m, 55, 59, outer[MOUTH_N - 8]);
-    pair(s, m, 56, 58, outer[MOUTH_N - 4]);
-    set(s, 57, outer[MOUTH_N]);
-    set(s, 62, inner[0]);
-    pair(s, m, 63, 61, inner[6]);
-    pair(s, m, 64, 60, inner[MOUTH_CORNER]);
-    pair(s, m, 65, 67, inner[MOUTH_N - 6]);
-    set(s, 66, inner[MOUTH_N]);
+        label_set(s, 27 + k,
+                  label_nearest(m, vec(0, 22 - 12.5 * k, 97 + 5.5 * k), skin));
+    label_set(s, 33, label_nearest(m, vec(0, -24, 101), skin));
+    label_pair(s, m, 34, 32, label_nearest(m, vec(6.5, -22.5, 100), skin));
+    label_pair(s, m, 35, 31, label_nearest(m, vec(14, -20, 95), skin));
+    label_pair(s, m, 42, 39, lid_at(h, 0, 1));
+    label_pair(s, m, 43, 38, lid_at(h, 0.33, 1));
+    label_pair(s, m, 44, 37, lid_at(h, 0.67, 1));
+    label_pair(s, m, 45, 36, lid_at(h, 1, 1));
+    label_pair(s, m, 46, 41, lid_at(h, 0.67, 0));
+    label_pair(s, m, 47, 40, lid_at(h, 0.33, 0));
+    label_set(s, 51, outer[0]);
+    label_pair(s, m, 52, 50, outer[4]);
+    label_pair(s, m, 53, 49, outer[8]);
+    label_pair(s, m, 54, 48, outer[MOUTH_CORNER]);
+    label_pair(s, m, 55, 59, outer[MOUTH_N - 8]);
+    label_pair(s, m, 56, 58, outer[MOUTH_N - 4]);
+    label_set(s, 57, outer[MOUTH_N]);
+    label_set(s, 62, inner[0]);
+    label_pair(s, m, 63, 61, inner[6]);
+    label_pair(s, m, 64, 60, inner[MOUTH_CORNER]);
+    label_pair(s, m, 65, 67, inner[MOUTH_N - 6]);
+    label_set(s, 66, inner[MOUTH_N]);
 }
 
 int sculpt_labels(struct sculpt *s, const struct full *m)
@@ -169,8 +170,8 @@ int sculpt_labels(struct sculpt *s, const struct full *m)
 
     for (int v = 0; v < m->nv; v++) {
         struct vec p = m->p[v];
-        s->region[v] = region(m, v);
-        s->hair[v] = (float)hair(m, v);
+        s->region[v] = label_region(m, v);
+        s->hair[v] = (float)label_hair(m, v);
         s->uv[2 * v] = (float)(0.5 + atan2(p.x, p.z + 10) / (2 * M_PI));
         s->uv[2 * v + 1] = (float)clamp01((p.y + 170) / 320);
     }
@@ -182,6 +183,6 @@ int sculpt_labels(struct sculpt *s, const struct full *m)
         s->lip_inner[s->n_lip_inner++] = h->mouth[LIP_INNER][j];
     lip_list(s->lip_upper_outer, &s->n_lip_upper_outer, m, LIP_BORDER,
              MOUTH_CORNER, 0);
-    landmarks(s, m);
+    label_landmarks(s, m);
     return 0;
 }

@@ -32,7 +32,7 @@ double sculpt_jaw_weight(const struct half *h, int src, struct vec p)
     return below * front * throat;
 }
 
-static void weights(struct sculpt *s, const struct full *m)
+static void rig_weights(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
         float *w = s->weights + SCULPT_JOINTS * v;
@@ -51,7 +51,7 @@ static void weights(struct sculpt *s, const struct full *m)
 
 /* Does joint j hang on vertex v: eyes on their ball, the others on the skin of
  * about their height. */
-static int carries(const struct full *m, int j, int v)
+static int rig_carries(const struct full *m, int j, int v)
 {
     int part = m->h->part[m->src[v]];
     if (j >= 3)
@@ -65,20 +65,20 @@ static int carries(const struct full *m, int j, int v)
  * Weights linear in the distance from the plain mean u move it to its place
  * and keep the sum: w = (1 + (x - u) . A^-1 (at - u)) / n, A the covariance,
  * taken as diagonal and repeated until the place is met. */
-static void regressor(struct sculpt *s, const struct full *m)
+static void rig_regressor(struct sculpt *s, const struct full *m)
 {
     for (int j = 0; j < SCULPT_JOINTS; j++) {
         float *row = s->j_regressor + (size_t)j * s->nv;
         struct vec u = vec(0, 0, 0), q = vec(1, 1, 1), k = vec(0, 0, 0);
         double n = 0;
         for (int v = 0; v < m->nv; v++)
-            if (carries(m, j, v)) {
+            if (rig_carries(m, j, v)) {
                 u = add(u, m->p[v]);
                 n++;
             }
         u = mul(u, 1 / n);
         for (int v = 0; v < m->nv; v++)
-            if (carries(m, j, v)) {
+            if (rig_carries(m, j, v)) {
                 struct vec d = sub(m->p[v], u);
                 q = add(q, mul(vec(d.x * d.x, d.y * d.y, d.z * d.z), 1 / n));
             }
@@ -86,7 +86,7 @@ static void regressor(struct sculpt *s, const struct full *m)
             struct vec c = vec(0, 0, 0);
             for (int v = 0; v < m->nv; v++) {
                 row[v] = 0;
-                if (!carries(m, j, v))
+                if (!rig_carries(m, j, v))
                     continue;
                 row[v] = (float)((1 + dot(sub(m->p[v], u), k)) / n);
                 c = add(c, mul(m->p[v], row[v]));
@@ -100,7 +100,7 @@ static void regressor(struct sculpt *s, const struct full *m)
 /* Opening the jaw draws the cheek in and the corner of the mouth back: the
  * entries of R_jaw - I that grow with a turn about x are (1,1) and (2,2),
  * falling, and (2,1), rising. */
-static void correctives(struct sculpt *s, const struct full *m)
+static void rig_correctives(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
         struct vec p = m->p[v];
@@ -115,7 +115,7 @@ static void correctives(struct sculpt *s, const struct full *m)
     }
 }
 
-static int eyelids(struct sculpt *s, const struct full *m)
+static int rig_eyelids(struct sculpt *s, const struct full *m)
 {
     struct vec *delta = calloc((size_t)m->nhalf, sizeof *delta);
     if (!delta)
@@ -137,8 +137,8 @@ int sculpt_rig(struct sculpt *s, const struct full *m)
     static const int32_t parents[] = { -1, 0, 1, 1, 1 };
     for (int j = 0; j < SCULPT_JOINTS; j++)
         s->parents[j] = parents[j];
-    weights(s, m);
-    regressor(s, m);
-    correctives(s, m);
-    return eyelids(s, m);
+    rig_weights(s, m);
+    rig_regressor(s, m);
+    rig_correctives(s, m);
+    return rig_eyelids(s, m);
 }

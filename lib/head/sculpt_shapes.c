@@ -76,8 +76,8 @@ static const struct proportion named[] = {
 };
 enum { NAMED = sizeof named / sizeof *named };
 
-static void proportion(struct vec *d, const struct full *m,
-                       const struct proportion *p)
+static void shape_proportion(struct vec *d, const struct full *m,
+                             const struct proportion *p)
 {
     int lopsided = p - named >= NAMED - 2;
     for (int v = 0; v < m->nv; v++) {
@@ -92,7 +92,7 @@ static void proportion(struct vec *d, const struct full *m,
 }
 
 /* How far the most moved point of direction k goes, mm. */
-static double most(size_t k, double wave)
+static double shape_extent(size_t k, double wave)
 {
     return k < NAMED ? (k < 3 ? 5.5 : 3.2) : 1.7 * wave * wave / (170. * 170);
 }
@@ -106,11 +106,11 @@ int sculpt_shapes(struct sculpt *s, const struct full *m)
         double wave = 34 + 136 * exp(-(double)(k - NAMED) / 110);
         memset(d, 0, (size_t)m->nv * sizeof *d);
         if (k < NAMED)
-            proportion(d, m, &named[k]);
+            shape_proportion(d, m, &named[k]);
         else
             field_wave(d, m, k, wave, k % 5 == 4);
         field_settle_eyes(d, m);
-        field_store(s->shapedirs, DIRS, 0, k, d, s->nv, most(k, wave));
+        field_store(s->shapedirs, DIRS, 0, k, d, s->nv, shape_extent(k, wave));
     }
     free(d);
     return field_sort(s->shapedirs, DIRS, 0, SCULPT_SHAPES, s->nv);

@@ -48,7 +48,7 @@ static const struct form forms[] = {
     { "columella", ROD, 4, { 0, -17, 102 }, { 0, -21, 92 }, 3.8, 4.4 },
 };
 
-static double ellipsoid(struct vec p, const double *c, const double *r)
+static double form_ellipsoid(struct vec p, const double *c, const double *r)
 {
     struct vec d = sub(p, vec(c[0], c[1], c[2]));
     struct vec q = vec(d.x / r[0], d.y / r[1], d.z / r[2]);
@@ -57,7 +57,7 @@ static double ellipsoid(struct vec p, const double *c, const double *r)
     return l > 1e-9 ? k * (k - 1) / l : -fmin(r[0], fmin(r[1], r[2]));
 }
 
-static double rod(struct vec p, const struct form *f)
+static double form_rod(struct vec p, const struct form *f)
 {
     struct vec a = vec(f->a[0], f->a[1], f->a[2]);
     struct vec ab = sub(vec(f->b[0], f->b[1], f->b[2]), a), ap = sub(p, a);
@@ -76,7 +76,7 @@ static double smooth_min(double a, double b, double k)
 
 static double form_distance(const struct form *f, struct vec p)
 {
-    return f->op == ROD ? rod(p, f) : ellipsoid(p, f->a, f->b);
+    return f->op == ROD ? form_rod(p, f) : form_ellipsoid(p, f->a, f->b);
 }
 
 double sculpt_surface(struct vec p)
@@ -214,7 +214,7 @@ stations[ROWS + 1] = {
 };
 
 /* Lateral distance of the front columns over the half breadth there. */
-static double azimuth(int c)
+static double grid_azimuth(int c)
 {
     static const double x[16] = { 0, 3.5, 7, 10.5, 14, 17.5, 21, 24.5, 28,
         32, 37, 42.5, 48.5, 55, 62.5, 69 };
@@ -227,7 +227,7 @@ static double azimuth(int c)
 
 static struct vec grid_point(int r, int c)
 {
-    double a = azimuth(c), s = sin(a), k = cos(a);
+    double a = grid_azimuth(c), s = sin(a), k = cos(a);
     double x = stations[r].sx * s;
     double nose = 1 - ramp(0.16, 0.34, s);
     if (k >= 0) {

@@ -6,7 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
-static int vertex(struct half *h, enum part part, int ring, int col, int row)
+static int half_vertex(struct half *h, enum part part, int ring, int col,
+                       int row)
 {
     assert(h->nv < HALF_VERTS);
     int v = h->nv++;
@@ -18,7 +19,7 @@ static int vertex(struct half *h, enum part part, int ring, int col, int row)
     return v;
 }
 
-static void quad(struct half *h, int a, int b, int c, int d)
+static void half_quad(struct half *h, int a, int b, int c, int d)
 {
     assert(h->nq < HALF_QUADS);
     int *q = h->quad[h->nq++];
@@ -53,15 +54,15 @@ static void make_grid(struct half *h)
     for (int r = 0; r <= ROWS; r++)
         for (int c = 0; c <= COLS; c++) {
             h->grid[r][c] = in_block(r, c, 0) ? -1
-                          : vertex(h, PART_GRID, 0, c, r);
+                          : half_vertex(h, PART_GRID, 0, c, r);
             if (h->grid[r][c] >= 0 && (c == 0 || c == COLS))
                 h->seam[h->grid[r][c]] = 1;
         }
     for (int r = 0; r < ROWS; r++)
         for (int c = 0; c < COLS; c++)
             if (!in_block(r, c, 1))
-                quad(h, h->grid[r][c], h->grid[r][c + 1],
-                     h->grid[r + 1][c + 1], h->grid[r + 1][c]);
+                half_quad(h, h->grid[r][c], h->grid[r][c + 1],
+                          h->grid[r + 1][c + 1], h->grid[r + 1][c]);
 }
 
 /* Crown: columns along the front, side and back of a rectangle of cells. */
@@ -72,18 +73,18 @@ static void make_cap(struct half *h)
             int c = j == 0 ? i : j == 2 * CAP ? COLS - i
                   : i == CAP ? CAP + j : -1;
             h->cap[i][j] = c >= 0 ? h->grid[ROWS][c]
-                         : vertex(h, PART_CAP, 0, i, j);
+                         : half_vertex(h, PART_CAP, 0, i, j);
             h->seam[h->cap[i][j]] = i == 0;
         }
     for (int i = 0; i < CAP; i++)
         for (int j = 0; j < 2 * CAP; j++)
-            quad(h, h->cap[i][j], h->cap[i + 1][j], h->cap[i + 1][j + 1],
-                 h->cap[i][j + 1]);
+            half_quad(h, h->cap[i][j], h->cap[i + 1][j], h->cap[i + 1][j + 1],
+                      h->cap[i][j + 1]);
 }
 
 /* Border of a block, clockwise from outside, starting in the middle of the
  * column nearest the front: up, back, down, forward. */
-static void border(const struct half *h, const struct block *b, int *ring)
+static void block_border(const struct half *h, const struct block *b, int *ring)
 {
     int n = 0, mid = (b->r0 + b->r1) / 2;
     for (int r = mid; r < b->r1; r++) ring[n++] = h->grid[r][b->c0];
@@ -100,12 +101,12 @@ static void make_rings(struct half *h, int *rings, int stride, int n,
     for (int k = 1; k <= count; k++) {
         int *out = rings + (k - 1) * stride, *in = rings + k * stride;
         for (int i = 0; i < n + open; i++) {
-            in[i] = vertex(h, part, k, i, 0);
+            in[i] = half_vertex(h, part, k, i, 0);
             h->seam[in[i]] = open && (i == 0 || i == n);
         }
         for (int i = 0; i < n; i++) {
             int j = open ? i + 1 : (i + 1) % n;
-            quad(h, in[i], in[j], out[j], out[i]);
+            half_quad(h, in[i], in[j], out[j], out[i]);
         }
     }
 }
@@ -122,11 +123,11 @@ static void make_fill(struct half *h, const struct block *b, const int *ring,
     for (int r = 0; r < mid; r++) fill[r * (w + 1)] = ring[n++];
     for (int r = 1; r < t; r++)
         for (int c = 1; c < w; c++)
-            fill[r * (w + 1) + c] = vertex(h, part, label, c, r);
+            fill[r * (w + 1) + c] = half_vertex(h, part, label, c, r);
     for (int r = 0; r < t; r++)
         for (int c = 0; c < w; c++) {
             const int *q = fill + r * (w + 1) + c;
-            quad(h, q[0], q[1], q[w + 2], q[w + 1]);
+            half_quad(h, q[0], q[1], q[w + 2], q[w + 1]);
         }
 }
 
@@ -145,18 +146,18 @@ static void make_mouth(struct half *h)
 /* Eyeball: rings around the line of sight, front pole first, back pole last. */
 static void make_ball(struct half *h)
 {
-    int v = h->ball_first = vertex(h, PART_BALL, 0, 0, 0);
+    int v = h->ball_first = half_vertex(h, PART_BALL, 0, 0, 0);
     for (int k = 1; k <= BALL_RINGS; k++)
         for (int i = 0; i < BALL_N; i++)
-            vertex(h, PART_BALL, k, i, 0);
-    int back = vertex(h, PART_BALL, BALL_RINGS + 1, 0, 0);
+            half_vertex(h, PART_BALL, k, i, 0);
+    int back = half_vertex(h, PART_BALL, BALL_RINGS + 1, 0, 0);
     for (int i = 0; i < BALL_N; i++) {
         int j = (i + 1) % BALL_N, last = v + 1 + (BALL_RINGS - 1) * BALL_N;
-        quad(h, v, v + 1 + i, v + 1 + j, -1);
-        quad(h, back, last + j, last + i, -1);
+        half_quad(h, v, v + 1 + i, v + 1 + j, -1);
+        half_quad(h, back, last + j, last + i, -1);
         for (int k = 0; k < BALL_RINGS - 1; k++) {
             int a = v + 1 + k * BALL_N, b = a + BALL_N;
-            quad(h, a + i, b + i, b + j, a + j);
+            half_quad(h, a + i, b + i, b + j, a + j);
         }
     }
 }
@@ -166,14 +167,14 @@ void sculpt_topology(struct half *h)
     memset(h, 0, sizeof *h);
     make_grid(h);
     make_cap(h);
-    border(h, &blocks[0], h->eye[0]);
+    block_border(h, &blocks[0], h->eye[0]);
     make_rings(h, h->eye[0], EYE_N, EYE_N, 0, EYE_RINGS, PART_EYE);
     make_mouth(h);
-    border(h, &blocks[2], h->ear[0]);
+    block_border(h, &blocks[2], h->ear[0]);
     make_rings(h, h->ear[0], EAR_N, EAR_N, 0, EAR_RINGS, PART_EAR);
     make_fill(h, &blocks[2], h->ear[EAR_RINGS], h->ear_fill[0], PART_EAR,
               EAR_RINGS + 1);
-    border(h, &blocks[3], h->nostril[0]);
+    block_border(h, &blocks[3], h->nostril[0]);
     make_rings(h, h->nostril[0], NOS_N, NOS_N, 0, NOS_RINGS, PART_NOSTRIL);
     make_fill(h, &blocks[3], h->nostril[NOS_RINGS], h->nostril_fill[0],
               PART_NOSTRIL, NOS_RINGS + 1);

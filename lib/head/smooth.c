@@ -1,3 +1,5 @@
+/* Conjugate gradients: weights times the distance to what is asked for, plus
+ * the stiffness times the squared differences between neighbours. */
 #include "lib/head/smooth.h"
 
 #include <stdlib.h>
@@ -87,7 +89,7 @@ static void pull_add(double out[3], const struct system *s, size_t v,
 }
 
 /* out = A d: weights and stiff L^T L. */
-static void apply(double *out, const struct system *s, const double *d)
+static void system_apply(double *out, const struct system *s, const double *d)
 {
     const struct smooth_mesh *m = s->m;
 
@@ -111,7 +113,7 @@ static void apply(double *out, const struct system *s, const double *d)
     }
 }
 
-static double dot(const double *a, const double *b, size_t n)
+static double smooth_dot(const double *a, const double *b, size_t n)
 {
     double sum = 0;
 
@@ -134,21 +136,21 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
         return error_set(err, EX_OSERR, "no memory for a smooth fit");
     for (size_t v = 0; v < m->nv; v++)
         pull_add(r + 3 * v, &s, v, target + 3 * v);
-    double start = dot(r, r, n);
-    apply(q, &s, d);
+    double start = smooth_dot(r, r, n);
+    system_apply(q, &s, d);
     for (size_t i = 0; i < n; i++)
         r[i] -= q[i];
     double before = 0;
-    for (int round = 0; round < rounds && dot(r, r, n) > 1e-14 * start;
+    for (int round = 0; round < rounds && smooth_dot(r, r, n) > 1e-14 * start;
          round++) {
         for (size_t i = 0; i < n; i++)      /* about A's diagonal */
             z[i] = r[i] / (weight[i / 3] + 1.2 * stiff + 1e-30);
-        double rz = dot(r, z, n);
+        double rz = smooth_dot(r, z, n);
         for (size_t i = 0; i < n; i++)
             p[i] = z[i] + (round ? rz / before * p[i] : 0);
         before = rz;
-        apply(q, &s, p);
-        double step = rz / dot(p, q, n);
+        system_apply(q, &s, p);
+        double step = rz / smooth_dot(p, q, n);
         for (size_t i = 0; i < n; i++) {
             d[i] += step * p[i];
             r[i] -= step * q[i];

@@ -1,3 +1,4 @@
+/* The scans' identities, expressions and landmarks at our vertices. */
 #include "lib/head/transfer.h"
 
 #include <stdlib.h>
@@ -134,7 +135,7 @@ static void make_pure(double *d, const struct sculpt *s)
 }
 
 /* Column k of s->shapedirs = d (nv,3). */
-static void store(struct sculpt *s, size_t k, const double *d)
+static void transfer_store(struct sculpt *s, size_t k, const double *d)
 {
     for (size_t i = 0; i < 3 * s->nv; i++)
         s->shapedirs[i * DIRS + k] = d ? (float)d[i] : 0;
@@ -166,17 +167,17 @@ static int carry_identities(struct sculpt *s, const struct registration *r,
         for (size_t i = 0; i < 3 * s->nv; i++)
             d[i] = s->shapedirs[i * DIRS + k];
         make_pure(d, s);
-        store(s, k, d);
+        transfer_store(s, k, d);
     }
     for (size_t k = 0; k < SCAN_IDENTITIES; k++) {
         if (transfer_shape(d, r, r->scan->identity + k * 3 * SCAN_VERTS, 0, 1,
                            err))
             return -1;
         make_pure(d, s);
-        store(s, k, d);
+        transfer_store(s, k, d);
     }
     for (size_t k = SCAN_IDENTITIES + EXTRA; k < SCULPT_SHAPES; k++)
-        store(s, k, NULL);
+        transfer_store(s, k, NULL);
     return 0;
 }
 
@@ -190,8 +191,10 @@ static int carry_expressions(struct sculpt *s, const struct registration *r,
         rc = transfer_shape(all + 3 * s->nv * k, r, r->scan->expression +
                             k * 3 * SCAN_VERTS, 1, 0, err);
     for (size_t k = 0; !rc && k < SCULPT_EXPRESSIONS; k++)
-        store(s, SCULPT_SHAPES + k, k < ARKIT_COUNT && !arkit_is_rig((int)k)
-              ? all + 3 * s->nv * k : NULL);
+        transfer_store(s, SCULPT_SHAPES + k,
+                       k < ARKIT_COUNT && !arkit_is_rig((int)k)
+                           ? all + 3 * s->nv * k
+                           : NULL);
     if (!rc)
         rc = transfer_rig(s, all, err);
     free(all);

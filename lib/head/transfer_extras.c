@@ -44,7 +44,7 @@ static double jacobi_sweep(double *A, double *V)
 }
 
 /* A (N,N) = X^T X of the masked identity columns, X (3 nv, N) in mm. */
-static void gram(double *A, const struct sculpt *s, const double *mask)
+static void extras_gram(double *A, const struct sculpt *s, const double *mask)
 {
     for (size_t i = 0; i < 3 * s->nv; i++) {
         const float *x = s->shapedirs + i * DIRS;
@@ -62,8 +62,8 @@ static void gram(double *A, const struct sculpt *s, const double *mask)
 /* X V of the count largest eigenvalues, in place: column V_k has norm
  * sqrt(lambda_k), its standard deviation when the old coefficients are
  * standard normal. */
-static int rotate(struct sculpt *s, size_t first, size_t count,
-                  const double *mask, const double *A, const double *V)
+static int extras_rotate(struct sculpt *s, size_t first, size_t count,
+                         const double *mask, const double *A, const double *V)
 {
     size_t *order = malloc(N * sizeof *order);
     float row[N];
@@ -103,13 +103,13 @@ int transfer_extras(struct sculpt *s, size_t first, size_t count,
     int rc = -1;
 
     if (A) {
-        gram(A, s, mask);
+        extras_gram(A, s, mask);
         for (size_t k = 0; k < N; k++)
             V[k * N + k] = 1;
         double small = 1e-9 * A[0];
         for (int sweep = 0; sweep < 12 && jacobi_sweep(A, V) > small; sweep++)
             ;
-        rc = rotate(s, first, count, mask, A, V);
+        rc = extras_rotate(s, first, count, mask, A, V);
     }
     free(A);
     return rc ? error_set(err, EX_OSERR, "no memory for %d directions", N)

@@ -13,8 +13,8 @@ enum { ROW = 3 * SCAN_VERTS };
 
 /* shape (SCAN_VERTS,3) = the correction of both lids for the mean face with
  * `identity` added, less that of the mean; of the mean when it is NULL. */
-static void correction(float *shape, float *folded, const struct scan *scan,
-                       const struct scan_lids *l, const float *identity)
+static void lid_correction(float *shape, float *folded, const struct scan *scan,
+                           const struct scan_lids *l, const float *identity)
 {
     memset(shape, 0, ROW * sizeof *shape);
     scan_lids_add(shape, l, scan->neutral, identity ? -1 : 1,
@@ -27,8 +27,8 @@ static void correction(float *shape, float *folded, const struct scan *scan,
 }
 
 /* The shape on our vertex v. */
-static void carried(double d[3], const struct registration *r,
-                    const float *shape, size_t v)
+static void lid_carried(double d[3], const struct registration *r,
+                        const float *shape, size_t v)
 {
     memset(d, 0, 3 * sizeof *d);
     if (r->match[v].trust > 0)
@@ -43,7 +43,7 @@ static void add_mean(struct sculpt *s, const struct registration *r,
         float *lid = s->v_template[3 * v] > 0 ? s->l_eyelid : s->r_eyelid;
         double d[3];
 
-        carried(d, r, shape, v);
+        lid_carried(d, r, shape, v);
         for (size_t c = 0; c < 3; c++)
             lid[3 * v + c] += (float)d[c];
     }
@@ -61,7 +61,7 @@ static int list_vertices(struct sculpt *s, const struct registration *r,
     for (size_t v = 0; v < s->nv; v++) {
         double d[3];
 
-        carried(d, r, shape, v);
+        lid_carried(d, r, shape, v);
         if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < 1e-10)
             continue;
         s->lid_vertices[s->n_lid] = (int32_t)v;
@@ -85,21 +85,21 @@ int transfer_lids(struct sculpt *s, const struct registration *r,
         return error_set(err, EX_OSERR, "no memory for lids");
     if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, err))
         goto out;
-    correction(shape, NULL, scan, &l, NULL);
+    lid_correction(shape, NULL, scan, &l, NULL);
     add_mean(s, r, shape);
     /* a shape that opens both eyes moves all that ever follows */
-    correction(shape, shape + ROW, scan, &l, scan->identity);
+    lid_correction(shape, shape + ROW, scan, &l, scan->identity);
     if (list_vertices(s, r, shape)) {
         error_set(err, EX_OSERR, "no memory for lids");
         goto out;
     }
     for (size_t k = 0; k < SCULPT_LID_SHAPES; k++) {
-        correction(shape, shape + ROW, scan, &l,
-                   scan->identity + k * (size_t)ROW);
+        lid_correction(shape, shape + ROW, scan, &l,
+                       scan->identity + k * (size_t)ROW);
         for (size_t i = 0; i < s->n_lid; i++) {
             double d[3];
 
-            carried(d, r, shape, (size_t)s->lid_vertices[i]);
+            lid_carried(d, r, shape, (size_t)s->lid_vertices[i]);
             for (size_t c = 0; c < 3; c++)
                 s->lid_shapedirs[(3 * i + c) * SCULPT_LID_SHAPES + k] =
                     (float)d[c];

@@ -24,7 +24,7 @@ static const double joint_neck[3] = { 0, -0.062, -0.022 };
 static const double joint_jaw[3] = { 0, -0.01647, 0.00519 };
 
 /* Column of posedirs: entry (row, column) of R - I of joint j. */
-static size_t entry(int j, int row, int column)
+static size_t posedir_column(int j, int row, int column)
 {
     return (size_t)(9 * (j - 1) + 3 * row + column);
 }
@@ -44,8 +44,8 @@ static void set_weights(struct sculpt *s)
 
 /* Whether joint j hangs on vertex v: eyes on their ball; the others on skin of
  * about their height that no expression moves. */
-static int carries(const struct sculpt *s, int j, size_t v,
-                   const double *still, const double at[3])
+static int joint_carries(const struct sculpt *s, int j, size_t v,
+                         const double *still, const double at[3])
 {
     const float *p = s->v_template + 3 * v;
 
@@ -65,7 +65,7 @@ static int regress_joint(float *row, const struct sculpt *s, int j,
     const float *p = s->v_template;
 
     for (size_t v = 0; v < s->nv; v++)
-        if (carries(s, j, v, still, at)) {
+        if (joint_carries(s, j, v, still, at)) {
             for (size_t c = 0; c < 3; c++)
                 u[c] += p[3 * v + c];
             n++;
@@ -73,7 +73,7 @@ static int regress_joint(float *row, const struct sculpt *s, int j,
     for (int c = 0; n > 0 && c < 3; c++)
         u[c] /= n;
     for (size_t v = 0; v < s->nv; v++)
-        for (size_t c = 0; carries(s, j, v, still, at) && c < 3; c++)
+        for (size_t c = 0; joint_carries(s, j, v, still, at) && c < 3; c++)
             q[c] += (p[3 * v + c] - u[c]) * (p[3 * v + c] - u[c]) / n;
     for (int round = 0; round < 200; round++) {
         double got[3] = {0};
@@ -82,7 +82,7 @@ static int regress_joint(float *row, const struct sculpt *s, int j,
             double w = 1;
 
             row[v] = 0;
-            if (!carries(s, j, v, still, at))
+            if (!joint_carries(s, j, v, still, at))
                 continue;
             for (size_t c = 0; c < 3; c++)
                 w += (p[3 * v + c] - u[c]) * k[c];
@@ -154,8 +154,10 @@ static void set_corrections(struct sculpt *s, const struct drive *d,
                             const double *expressions)
 {
     /* the sine of a turn about x stands at (2,1), about y at (0,2) */
-    size_t sine = d->axis ? entry(d->joint, 0, 2) : entry(d->joint, 2, 1);
-    size_t cosine = d->axis ? entry(d->joint, 0, 0) : entry(d->joint, 1, 1);
+    size_t sine = d->axis ? posedir_column(d->joint, 0, 2)
+                          : posedir_column(d->joint, 2, 1);
+    size_t cosine = d->axis ? posedir_column(d->joint, 0, 0)
+                            : posedir_column(d->joint, 1, 1);
     double m[2][2], det;
 
     for (int i = 0; i < 2; i++) {

@@ -4,8 +4,11 @@
 #include <cjson/cJSON.h>
 #include <math.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/base/file.h"
 
 void avatar_config_paper(struct avatar_config *c)
 {
@@ -23,6 +26,18 @@ void avatar_config_paper(struct avatar_config *c)
         .refiner = {.type = REFINER_STYLE_UNET, .channels = 32, .width = 32,
                     .multiplier = 1, .size = 512}
     };
+}
+
+void avatar_config_gagavatar(struct avatar_config *c)
+{
+    avatar_config_paper(c);
+    c->system = SYSTEM_GAGAVATAR;
+    c->public_quirks = true;
+}
+
+const char *avatar_config_refiner(const struct avatar_config *c)
+{
+    return c->system == SYSTEM_GAGAVATAR ? "upsampler." : "refine.";
 }
 
 void avatar_config_shipped(struct avatar_config *c)
@@ -138,7 +153,8 @@ static int config_take_refiner(struct avatar_config *c, const cJSON *root,
     const cJSON *m = cJSON_GetObjectItem(r, "multiplier");
     if (config_take_text(type, sizeof type, r, "type", err) ||
         config_take_size(&c->refiner.width, r, "width", 1, 1024, err) ||
-        config_take_bool(&c->refiner.turn, r, "turn", err))
+        config_take_bool(&c->refiner.turn, r, "turn", err) ||
+        config_take_bool(&c->refiner.photo, r, "photo", err))
         return -1;
     if (strcmp(type, "narrow") && strcmp(type, "style_unet"))
         return error_set(err, EX_CONFIG, "configuration: refiner type is "
@@ -149,9 +165,27 @@ static int config_take_refiner(struct avatar_config *c, const cJSON *root,
         return error_set(err, EX_CONFIG, "configuration: refiner multiplier "
                          "is no number in (0,16]");
     c->refiner.type = type[0] == 'n' ? REFINER_NARROW : REFINER_STYLE_UNET;
+    if (c->refiner.photo && c->refiner.type != REFINER_NARROW)
+        return error_set(err, EX_CONFIG, "configuration: refiner photo is "
+                         "true (expected false: only a narrow one has it)");
     c->refiner.channels = c->channels;
     c->refiner.size = c->size;
     c->refiner.multiplier = m ? (float)m->valuedouble : 1;
+    return 0;
+}
+
+/* "system". */
+static int config_take_system(struct avatar_config *c, const cJSON *root,
+                              struct error *err)
+{
+    char word[16] = "spid";
+
+    if (config_take_text(word, sizeof word, root, "system", err))
+        return -1;
+    if (strcmp(word, "spid") && strcmp(word, "gagavatar"))
+        return error_set(err, EX_CONFIG, "configuration: system is \"%s\" "
+                         "(expected \"spid\" or \"gagavatar\")", word);
+    c->system = word[0] == 's' ? SYSTEM_SPID : SYSTEM_GAGAVATAR;
     return 0;
 }
 
@@ -164,6 +198,7 @@ static int config_take_all(struct avatar_config *c, const cJSON *root,
 
     if (config_take_size(&version, root, "version", 1, 1, err) ||
         config_take_size(&focal, root, "focal", 12, 12, err) ||
+        config_take_system(c, root, err) ||
         config_take_size(&c->size, root, "size", 16, 4096, err) ||
         config_take_size(&c->plane, root, "plane", 2, 2048, err) ||
         config_take_size(&c->mouth, root, "mouth", 2, 512, err) ||
@@ -211,6 +246,26 @@ int avatar_config_parse(struct avatar_config *c, const char *json,
     return rc;
 }
 
+int avatar_config_load(struct avatar_config *c, const char *path,
+                       struct error *err)
+{
+    char *text = file_read_text(path, 1 << 20, err);
+    int rc = -1;
+
+    if (!text)
+        return -1;
+    cJSON *root = cJSON_Parse(text);
+    const cJSON *model = cJSON_GetObjectItem(root, "model");
+    char *json = model ? cJSON_PrintUnformatted(model) : NULL;
+    rc = avatar_config_parse(c, json ? json : text, err);
+    if (rc)
+        error_prefix(err, "%s", path);
+    cJSON_free(json);
+    cJSON_Delete(root);
+    free(text);
+    return rc;
+}
+
 /* ---- writing ----------------------------------------------------------- */
 
 /* A new object under key. */
@@ -255,6 +310,8 @@ static void config_put_refiner(cJSON *root, const struct avatar_config *c)
         cJSON_AddStringToObject(r, "type", "narrow");
         config_put(r, "width", c->refiner.width);
         cJSON_AddBoolToObject(r, "turn", c->refiner.turn);
+        if (c->refiner.photo)
+            cJSON_AddBoolToObject(r, "photo", true);
     } else {
         cJSON_AddStringToObject(r, "type", "style_unet");
         cJSON_AddNumberToObject(r, "multiplier",
@@ -267,6 +324,8 @@ char *avatar_config_print(const struct avatar_config *c)
     cJSON *root = cJSON_CreateObject();
 
     config_put(root, "version", 1);
+    if (c->system == SYSTEM_GAGAVATAR)
+        cJSON_AddStringToObject(root, "system", "gagavatar");
     config_put(root, "size", c->size);
     config_put(root, "focal", 12);
     config_put(root, "plane", c->plane);

@@ -90,6 +90,22 @@ void backbone_forward(float *features, const float *rgb, struct backbone *b)
         dino_base_forward(features, rgb, &b->impl->dino);
 }
 
+void backbone_token(float *token, const struct backbone *b)
+{
+    const struct dinov2 *vit = &b->impl->dino.vit;
+    const size_t E = vit->config.embed;
+    const float *last = dinov2_tokens(vit, DINO_LEVELS - 1);
+
+    for (size_t n = 0; n < b->batch; n++)
+        memcpy(token + n * E, last + (n * vit->tokens + 1) * E,
+               E * sizeof *token);
+}
+
+const struct dino_base *backbone_dino(const struct backbone *b)
+{
+    return backbone_is_small(b) ? NULL : &b->impl->dino;
+}
+
 void backbone_backward(const float *dfeatures, struct backbone *b)
 {
     if (backbone_is_small(b))

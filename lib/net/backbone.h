@@ -20,6 +20,7 @@ struct backbone_config {
 };
 
 struct backbone_impl;
+struct dino_base;
 
 struct backbone {
     struct backbone_config config;
@@ -42,6 +43,12 @@ void backbone_release(struct backbone *b);
  * features covers the same part of the picture as cell (i,j) of a plain
  * n x n grid over it. */
 void backbone_forward(float *features, const float *rgb, struct backbone *b);
+/* token (B,embed): what the whole picture looked like in the last forward, as
+ * GAGAvatar takes it: the first patch's token after the last block (its code
+ * means the class token).  BACKBONE_DINOV2 only. */
+void backbone_token(float *token, const struct backbone *b);
+/* The network behind it; NULL unless BACKBONE_DINOV2.  For tests. */
+const struct dino_base *backbone_dino(const struct backbone *b);
 /* No gradient for the picture; the ViT is frozen, its fusion head is not. */
 void backbone_backward(const float *dfeatures, struct backbone *b);
 

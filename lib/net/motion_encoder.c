@@ -38,6 +38,16 @@ int motion_encoder_init(struct motion_encoder *m, struct params *ps,
     return 0;
 }
 
+void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix)
+{
+    sure_head_init(&m->sure, m->ps, prefix, m->net.features);
+}
+
+float motion_encoder_sure(const struct motion_encoder *m, size_t n)
+{
+    return sure_head_forward(&m->sure, m->pooled + n * m->net.features);
+}
+
 void motion_encoder_init_weights(struct motion_encoder *m)
 {
     static const float rot[6] = { 1, 0, 0, 0, -1, 0 };
@@ -100,6 +110,7 @@ void motion_encoder_forward(float *out, const float *rgb,
 /* In the forward pass, for each head: out = W pooled + b. */
 static void motion_encoder_head_backward(struct motion_encoder *m, int i)
 {
+    const struct nn_kernels *k = nn_kernels();
     size_t F = m->net.features;
     const float *w = param_w(m->ps, m->head_w[i]);
     float *dw = param_g(m->ps, m->head_w[i]);
@@ -108,14 +119,10 @@ static void motion_encoder_head_backward(struct motion_encoder *m, int i)
     for (size_t n = 0; n < m->batch; n++)
         for (size_t o = 0; o < heads[i].n; o++) {
             float g = m->dout[n * MOTION_OUT + heads[i].at + o];
-            const float *x = m->pooled + n * F;
-            float *dx = m->dpooled + n * F;
 
             db[o] += g;
-            for (size_t f = 0; f < F; f++) {
-                dw[o * F + f] += g * x[f];
-                dx[f] += g * w[o * F + f];
-            }
+            k->outer_backward(dw + o * F, m->dpooled + n * F, w + o * F,
+                              m->pooled + n * F, g, F);
         }
 }
 

@@ -1,10 +1,12 @@
 /* E_m: MobileNetV3 on the face crop and six linear heads (Eqs. rot to eye).
  * Tensors: "<prefix>encoder.*" (timm's names) and
- * "<prefix>{rot,trans,exp,jaw,lid,eye}.{weight,bias}". */
+ * "<prefix>{rot,trans,exp,jaw,lid,eye}.{weight,bias}"; the head that says how
+ * sure it is (sure_head.h) only where motion_encoder_add_sure declares it. */
 #ifndef SPID_NET_MOTION_ENCODER_H
 #define SPID_NET_MOTION_ENCODER_H
 
 #include "lib/net/mobilenet.h"
+#include "lib/net/sure_head.h"
 #include "lib/nn/plan.h"
 
 #define MOTION_ENCODER_SIZE 224
@@ -24,6 +26,7 @@ struct motion_encoder {
     struct mobilenet net;
     struct params *ps;
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
+    struct sure_head sure;        /* zeroed: none */
     size_t batch;
     struct nn_plan plan;
     float *pooled, *dpooled;      /* (B,features) */
@@ -34,6 +37,8 @@ struct motion_encoder {
 int motion_encoder_init(struct motion_encoder *m, struct params *ps,
                         const char *prefix, const char *variant,
                         struct error *err);
+/* Declare the sure head, after motion_encoder_init. */
+void motion_encoder_add_sure(struct motion_encoder *m, const char *prefix);
 /* After params_randomise, which gives the heads a tenth of the usual weights:
  * the biases of a frontal face in the middle of its crop (rotation
  * (1,0,0, 0,-1,0), translation (0,0,7), lids 0.12). */
@@ -49,6 +54,9 @@ void motion_encoder_release(struct motion_encoder *m);
 /* out (B,120), see enum motion_out; rgb (B,224,224,3) in [0,1]. */
 void motion_encoder_forward(float *out, const float *rgb,
                             struct motion_encoder *m);
+/* How sure the last forward was of crop n's face, 0 to 1; 1 without a sure
+ * head. */
+float motion_encoder_sure(const struct motion_encoder *m, size_t n);
 /* drgb (B,224,224,3), or NULL, from dout (B,120) as in enum motion_out. */
 void motion_encoder_backward(float *drgb, const float *dout,
                              struct motion_encoder *m);

@@ -35,7 +35,7 @@ static void narrow_refiner_declare(const struct narrow_refiner_row *row,
 
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
                          const char *prefix, size_t channels, size_t width,
-                         bool turns)
+                         bool turns, bool photos)
 {
     char name[120];
     size_t w0 = width, w1 = width * 3 / 2, w2 = 2 * width;
@@ -45,6 +45,7 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     r->channels = channels;
     r->width = width;
     r->turns = turns;
+    r->photos = photos;
     const struct narrow_refiner_row rows[] = {
         { &r->stem0, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU },
         { &r->stem1, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU },
@@ -60,8 +61,12 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
         { &r->cond0, "condition.0", w0, 2 * w0, 1, 1, ACT_NONE },
         { &r->body0, "body.0", w0, w0, 3, 1, ACT_LRELU },
         { &r->rgb, "rgb", w0, 48, 3, 1, ACT_NONE },
+        { &r->photo0, "photo.0", NARROW_REFINER_PHOTO, w0 / 2, 2, 2,
+          ACT_LRELU },
+        { &r->photo1, "photo.1", w0 / 2, w0, 2, 2, ACT_LRELU },
+        { &r->field, "field", w0, NARROW_REFINER_FIELD, 3, 1, ACT_NONE },
     };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows; i++)
+    for (size_t i = 0; i < sizeof rows / sizeof *rows - (photos ? 0 : 3); i++)
         narrow_refiner_declare(&rows[i], ps, prefix);
     r->mid.add = true;
     if (turns) {
@@ -74,16 +79,29 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
     }
     /* training starts from the coarse picture */
     ps->tensor[r->rgb.weight].init = PARAM_ZERO;
+    if (!photos)
+        return;
+    /* ... and from what a refiner without the photograph makes of it */
+    ps->tensor[r->photo1.weight].init = PARAM_ZERO;
+    ps->tensor[r->field.weight].init = PARAM_ZERO;
+    r->stem1.act = ACT_NONE;        /* after the photograph has joined */
+    r->photo1.add = true;
 }
 
 /* Every convolution of the network, NULL at the end. */
-static void narrow_refiner_convs(struct conv *c[15], struct narrow_refiner *r)
+static void narrow_refiner_convs(struct conv *c[18], struct narrow_refiner *r)
 {
-    struct conv *all[15] = {
+    struct conv *all[18] = {
         &r->stem0, &r->stem1, &r->down1, &r->down2, &r->mid, &r->style1,
         &r->style2, &r->up2, &r->cond1, &r->body1, &r->up1, &r->cond0,
-        &r->body0, &r->rgb, NULL
+        &r->body0, &r->rgb, NULL, NULL, NULL, NULL
     };
+
+    if (r->photos) {
+        all[14] = &r->photo0;
+        all[15] = &r->photo1;
+        all[16] = &r->field;
+    }
 
     memcpy(c, all, sizeof all);
 }
@@ -104,6 +122,12 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     r->e0 = nn_plan_map(p, a0 * w0);
     conv_plan(&r->stem1, p, B, h / 2, w / 2);
     nn_plan_recycle(p, r->f0);
+    if (r->photos) {
+        r->p0 = nn_plan_map(p, 4 * a0 * (w0 / 2));
+        conv_plan(&r->photo0, p, B, h, w);
+        conv_plan(&r->photo1, p, B, h / 2, w / 2);
+        nn_plan_recycle(p, r->p0);
+    }
     r->e1 = nn_plan_map(p, a1 * w1);
     conv_plan(&r->down1, p, B, h / 4, w / 4);
     r->e2 = nn_plan_map(p, a2 * w2);
@@ -139,6 +163,10 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     conv_plan(&r->body0, p, B, h / 4, w / 4);
     r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
+    if (r->photos) {
+        r->k = nn_plan_map(p, a0 * NARROW_REFINER_FIELD);
+        conv_plan(&r->field, p, B, h / 4, w / 4);
+    }
     if (r->turns) {
         conditional_conv_plan(&r->vary1, p);
         conditional_conv_plan(&r->vary0, p);
@@ -163,6 +191,10 @@ static void narrow_refiner_plan_backward(struct narrow_refiner *r)
     r->dst1 = nn_plan_floats(p, a1 * 2 * w1);
     r->df = nn_plan_floats(p, 4 * a0 * (w0 / 2));
     r->dd = nn_plan_floats(p, a0 * 48);
+    if (r->photos) {
+        r->dp = nn_plan_floats(p, 4 * a0 * (w0 / 2));
+        r->dk = nn_plan_floats(p, a0 * NARROW_REFINER_FIELD);
+    }
 }
 
 int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
@@ -196,7 +228,7 @@ static void narrow_refiner_set_turn(struct narrow_refiner *r)
 
 void narrow_refiner_update(struct narrow_refiner *r)
 {
-    struct conv *c[15];
+    struct conv *c[18];
 
     narrow_refiner_set_turn(r);
     narrow_refiner_convs(c, r);
@@ -220,7 +252,7 @@ void narrow_refiner_turn(struct narrow_refiner *r,
 
 void narrow_refiner_release(struct narrow_refiner *r)
 {
-    struct conv *c[15];
+    struct conv *c[18];
 
     narrow_refiner_convs(c, r);
     for (int i = 0; c[i]; i++)
@@ -289,6 +321,18 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
     conv_forward(r->z0, r->y0, &r->body0);
     conv_forward(r->d, r->z0, &r->rgb);
+    if (r->photos)
+        conv_forward(r->k, r->z0, &r->field);
+}
+
+/* e0, a quarter of the size, from f0 and the photograph. */
+static void narrow_refiner_forward_stem(struct narrow_refiner *r)
+{
+    conv_forward(r->e0, r->f0, &r->stem1);
+    if (!r->photos)
+        return;
+    conv_forward(r->p0, r->photo, &r->photo0);
+    conv_forward(r->e0, r->p0, &r->photo1);         /* lrelu(e0 + conv p0) */
 }
 
 bool narrow_refiner_views(const struct narrow_refiner *r)
@@ -300,7 +344,7 @@ void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
                                  struct narrow_refiner *r)
 {
     fused_stem_forward(r->f0, rgb, feat, &r->stem);
-    conv_forward(r->e0, r->f0, &r->stem1);
+    narrow_refiner_forward_stem(r);
     narrow_refiner_forward_quarter(r);
     depth_to_space_add(rgb, rgb, 3, r->d, r->batch, r->h / 4, r->w / 4, 3, 4);
 }
@@ -316,7 +360,7 @@ void narrow_refiner_forward(float *rgb, const float *feat,
         return;
     }
     conv_forward(r->f0, feat, &r->stem0);
-    conv_forward(r->e0, r->f0, &r->stem1);
+    narrow_refiner_forward_stem(r);
     narrow_refiner_forward_quarter(r);
     depth_to_space_add(rgb, feat, r->channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
@@ -338,6 +382,7 @@ static void narrow_refiner_condition_backward(float *de, float *dt,
 /* The forward pass's lines from the last to the first. */
 static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
                                             const float *drgb,
+                                            const float *dfield,
                                             struct narrow_refiner *r)
 {
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w1 = w0 * 3 / 2;
@@ -346,6 +391,11 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
 
     depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
+    if (r->photos) {
+        memcpy(r->dk, dfield, a0 * NARROW_REFINER_FIELD * sizeof *r->dk);
+        conv_backward(r->g0[0], r->dk, r->k, r->z0, &r->field);
+        image_add(dz0, r->g0[0], a0 * w0);
+    }
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
     narrow_refiner_condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0,
@@ -361,15 +411,24 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
 }
 
-void narrow_refiner_backward(float *dfeat, const float *drgb,
-                             struct narrow_refiner *r)
+/* From de0 to the photograph (dphoto written unless NULL); de0 becomes the
+ * gradient of what stem1 gave. */
+static void narrow_refiner_photo_backward(float *dphoto, float *de0,
+                                          struct narrow_refiner *r)
+{
+    conv_backward(r->dp, de0, r->e0, r->p0, &r->photo1);
+    conv_backward(dphoto, r->dp, r->p0, r->photo, &r->photo0);
+}
+
+void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
+                             const float *dfield, struct narrow_refiner *r)
 {
     size_t w0 = r->width, w1 = w0 * 3 / 2, w2 = 2 * w0, C = r->channels;
     size_t a0 = r->batch * r->h * r->w / 16, a1 = a0 / 4, a2 = a1 / 4;
     float *de0 = r->g0[0], *de1 = r->g1[0], *dm = r->g2[0], *de2 = r->g2[1];
 
     memset(r->dturn, 0, sizeof r->dturn);
-    narrow_refiner_decoder_backward(de0, de1, dm, drgb, r);
+    narrow_refiner_decoder_backward(de0, de1, dm, drgb, dfield, r);
     narrow_refiner_style_backward(dm, dm, r);
     conv_backward(de2, dm, r->m, r->e2, &r->mid);
     image_add(de2, dm, a2 * w2);
@@ -377,6 +436,8 @@ void narrow_refiner_backward(float *dfeat, const float *drgb,
     image_add(de1, r->g1[1], a1 * w1);
     conv_backward(r->g0[1], de1, r->e1, r->e0, &r->down1);
     image_add(de0, r->g0[1], a0 * w0);
+    if (r->photos)
+        narrow_refiner_photo_backward(dphoto, de0, r);
     conv_backward(r->df, de0, r->e0, r->f0, &r->stem1);
     conv_backward(dfeat, r->df, r->f0, r->feat, &r->stem0);
     if (!dfeat)

@@ -3,7 +3,12 @@
  * (feature transforms), a global style, and the picture grown from coarse to
  * fine.  With turns, what the maps make of the decoder depends on how the head
  * has turned: the light stays where it is.  About 0.85 GMAC at 512 with width
- * 32.  Behind lib/net/refiner.h. */
+ * 32.
+ *
+ * With a photograph (lib/texture), what it shows of every pixel enters beside
+ * the features, and at a quarter of the size comes out how far it is to be
+ * believed and brightened: the field of texture_compose.  Behind
+ * lib/net/refiner.h. */
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
@@ -21,25 +26,32 @@ struct narrow_refiner {
     struct conv down1, down2;     /* 3x3 stride 2: S/8, S/16 */
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
+    struct conv photo0, photo1, field;      /* when photos */
     struct conditional_conv vary1, vary0;    /* of cond1, cond0; when turns */
     struct fused_stem stem;       /* stem0 in inference, where it fits */
-    bool fused, turns;
+    bool fused, turns, photos;
+    const float *photo;           /* (B,h,w,5) of the frame, when photos */
     float turn[RELATIVE_POSE_SIZE];     /* when turns */
     float dturn[RELATIVE_POSE_SIZE];
     struct rescale grow1, grow0;
     const float *feat;
     /* activations, in the order of the forward pass */
-    float *f0, *e0, *e1, *e2, *m, *pool, *part, *s1, *s2, *ms;
-    float *c1, *r1, *t1, *y1, *z1, *c0, *r0, *t0, *y0, *z0, *d;
+    float *f0, *p0, *e0, *e1, *e2, *m, *pool, *part, *s1, *s2, *ms;
+    float *c1, *r1, *t1, *y1, *z1, *c0, *r0, *t0, *y0, *z0, *d, *k;
     /* gradients */
     float *g0[3], *g1[4], *g2[3], *de0, *de1, *dst0, *dst1, *df, *dd;
+    float *dp, *dk;
     float *dsv[3];                /* (B,2w) of the style */
 };
 
-/* Declare the tensors; turns: the conditions depend on the relative pose. */
+#define NARROW_REFINER_PHOTO 5  /* numbers of a pixel of the photograph */
+#define NARROW_REFINER_FIELD 4  /* numbers of the field */
+
+/* Declare the tensors; turns: the conditions depend on the relative pose;
+ * photos: there is a photograph. */
 void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
                          const char *prefix, size_t channels, size_t width,
-                         bool turns);
+                         bool turns, bool photos);
 /* Feature images of h x w pixels, multiples of 32. */
 int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
                         size_t w, struct nn_options opt, struct error *err);
@@ -47,7 +59,8 @@ int narrow_refiner_plan(struct narrow_refiner *r, size_t batch, size_t h,
 void narrow_refiner_update(struct narrow_refiner *r);
 /* Free what _init and _plan allocated; zeroed then. */
 void narrow_refiner_release(struct narrow_refiner *r);
-/* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped. */
+/* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped; with photos also from
+ * r->photo, which must be set, and r->k (B,h/4,w/4,4) is the field. */
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
 /* The same from half floats, or from a part of a larger image: the view's
@@ -59,8 +72,9 @@ bool narrow_refiner_views(const struct narrow_refiner *r);
 /* The turn from now on; nothing else needs an update. */
 void narrow_refiner_turn(struct narrow_refiner *r,
                          const float turn[RELATIVE_POSE_SIZE]);
-/* Writes dfeat (or NULL: no) and r->dturn. */
-void narrow_refiner_backward(float *dfeat, const float *drgb,
-                             struct narrow_refiner *r);
+/* Writes dfeat and dphoto (or NULL: no) and r->dturn, given the gradients of
+ * rgb and of the field (NULL without photos). */
+void narrow_refiner_backward(float *dfeat, float *dphoto, const float *drgb,
+                             const float *dfield, struct narrow_refiner *r);
 
 #endif

@@ -37,7 +37,7 @@ int refiner_init(struct refiner *r, struct params *ps, const char *prefix,
                                config->size, config->size, config->multiplier,
                                err);
     narrow_refiner_init(&r->impl->narrow, ps, prefix, config->channels,
-                        config->width, config->turn);
+                        config->width, config->turn, config->photo);
     return 0;
 }
 
@@ -83,6 +83,16 @@ void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE])
         narrow_refiner_turn(&r->impl->narrow, turn);
 }
 
+void refiner_photo(struct refiner *r, const float *photo)
+{
+    r->impl->narrow.photo = photo;
+}
+
+const float *refiner_field(const struct refiner *r)
+{
+    return r->impl->narrow.k;
+}
+
 void refiner_forward(float *rgb, const float *feat, struct refiner *r)
 {
     if (refiner_is_narrow(r))
@@ -102,13 +112,14 @@ void refiner_forward_view(float *rgb, const struct feature_view *feat,
     narrow_refiner_forward_view(rgb, feat, &r->impl->narrow);
 }
 
-void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],
-                      const float *drgb, struct refiner *r)
+void refiner_backward(const struct refiner_gradients *g, const float *drgb,
+                      const float *dfield, struct refiner *r)
 {
     if (refiner_is_narrow(r))
-        narrow_refiner_backward(dfeat, drgb, &r->impl->narrow);
+        narrow_refiner_backward(g->feat, g->photo, drgb, dfield,
+                                &r->impl->narrow);
     else
-        style_unet_backward(dfeat, drgb, &r->impl->unet);
-    if (dturn)      /* zero where nothing hears it */
-        memcpy(dturn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
+        style_unet_backward(g->feat, drgb, &r->impl->unet);
+    if (g->turn)        /* zero where nothing hears it */
+        memcpy(g->turn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
 }

@@ -17,6 +17,7 @@ struct refiner_config {
     size_t width;        /* NARROW: channels at a quarter of the size, 32 */
     float multiplier;    /* STYLE_UNET: of every width, 1 in the paper */
     bool turn;           /* NARROW: is told how the head has turned */
+    bool photo;          /* NARROW: is shown the photograph */
     size_t size;         /* STYLE_UNET: pixels of a side, a power of two; its
                           * number of levels follows from it */
 };
@@ -46,6 +47,14 @@ void refiner_release(struct refiner *r);
  * difference. */
 void refiner_turn(struct refiner *r, const float turn[RELATIVE_POSE_SIZE]);
 
+/* What the photograph shows, photo (B,H,W,5) as texture_lookup has it, for all
+ * forwards from now on; borrowed, and it must stay until the backward.  Must
+ * be set where config.photo is, and makes no difference elsewhere. */
+void refiner_photo(struct refiner *r, const float *photo);
+/* What the last forward says of the photograph: the field (B,H/4,W/4,4) of
+ * texture_compose, or NULL without config.photo. */
+const float *refiner_field(const struct refiner *r);
+
 /* rgb (B,H,W,3) from feat (B,H,W,channels), whose first three channels are
  * the coarse RGB.  NARROW is not clamped (a trainer wants the gradient; a
  * writer clamps); STYLE_UNET ends in a sigmoid.  feat must stay as it is
@@ -57,8 +66,15 @@ void refiner_forward_view(float *rgb, const struct feature_view *feat,
                           struct refiner *r);
 /* Whether refiner_forward_view may be called. */
 bool refiner_views(const struct refiner *r);
-/* dfeat (B,H,W,channels) is written, and dturn unless NULL. */
-void refiner_backward(float *dfeat, float dturn[RELATIVE_POSE_SIZE],
-                      const float *drgb, struct refiner *r);
+/* Gradients of a refiner's inputs, written unless NULL. */
+struct refiner_gradients {
+    float *feat;        /* (B,H,W,channels) */
+    float *turn;        /* (RELATIVE_POSE_SIZE) */
+    float *photo;       /* (B,H,W,5), with config.photo */
+};
+
+/* From drgb (B,H,W,3) and, with config.photo, dfield (B,H/4,W/4,4). */
+void refiner_backward(const struct refiner_gradients *g, const float *drgb,
+                      const float *dfield, struct refiner *r);
 
 #endif

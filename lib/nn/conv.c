@@ -2,7 +2,8 @@
  * forward pass, weights with a norm folded in, and gradients.  The methods are
  * oneDNN's direct convolution (conv_onednn.c), the same with 8-bit products
  * (int8.c), Winograd's F(4x4,3x3) (winograd.c), im2col with sums in pieces
- * (im2col.c), and dot products in double for a few rows (small_linear.c). */
+ * (im2col.c), dot products in double for a few rows (small_linear.c), and 1x1
+ * layers in bfloat16 that learn (pointwise.c). */
 #include "lib/nn/conv.h"
 
 #include <assert.h>
@@ -136,6 +137,23 @@ static void conv_forward_small_linear(float *out, const float *in,
     small_linear_forward(out, in, &c->impl->small_linear);
 }
 
+static void conv_plan_pointwise(struct conv *c, const struct conv_shape *s)
+{
+    (void)s;
+    pointwise_plan(&c->impl->pointwise, c, c->plan);
+}
+
+static void conv_update_pointwise(struct conv *c, const float *w)
+{
+    pointwise_update(&c->impl->pointwise, w);
+}
+
+static void conv_forward_pointwise(float *out, const float *in,
+                                   struct conv *c)
+{
+    pointwise_forward(out, in, &c->impl->pointwise);
+}
+
 static void conv_plan_im2col(struct conv *c, const struct conv_shape *s)
 {
     (void)s;
@@ -177,7 +195,21 @@ static size_t conv_weight_count(const struct conv *c)
 /* Whether bfloat16 has to be emulated by rounded floats. */
 static bool conv_rounds(const struct conv *c)
 {
-    return c->plan->opt.type == NN_BF16 && !nn_bf16_products();
+    return nn_plan_type(c->plan) == NN_BF16 && !nn_bf16_products();
+}
+
+/* Layers that learn in bfloat16 and have enough channels to gain by it. */
+static bool conv_half_wanted(const struct conv *c)
+{
+    return nn_plan_backward(c->plan) && c->plan->opt.type == NN_BF16 &&
+           nn_type_native(NN_BF16) && c->in >= 16 && c->out >= 16 &&
+           c->batch * c->h * c->w >= 256;
+}
+
+static void conv_plan_half(struct conv *c, const struct conv_shape *s)
+{
+    c->impl->input = c->impl->weights = dnnl_bf16;
+    conv_onednn_plan_forward(c, s);
 }
 
 static bool conv_direct_wanted(const struct conv *c)
@@ -202,12 +234,12 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
     void *half = c->plan->scratch + c->impl->half_at;
     size_t count = c->batch * c->h * c->w * c->in_data;
 
-    if (c->plan->opt.type != NN_BF16)
-        half = NULL;
+    if (c->impl->input == dnnl_bf16)
+        image_to_bf16(half, in, count);
     else if (conv_rounds(c))
         image_round_bf16(half, in, count);
     else
-        image_to_bf16(half, in, count);
+        half = NULL;
     conv_onednn_forward(out, half ? half : in, c->impl->bias, c);
 }
 
@@ -215,6 +247,10 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 static const struct conv_method conv_methods[] = {
     { NULL, int8_wanted, conv_plan_int8, conv_update_int8,
       conv_forward_int8 },
+    { "pointwise", pointwise_wanted, conv_plan_pointwise,
+      conv_update_pointwise, conv_forward_pointwise },
+    { NULL, conv_half_wanted, conv_plan_half, conv_update_direct,
+      conv_forward_direct },
     { "small linear", small_linear_wanted, conv_plan_small_linear,
       conv_update_small_linear, conv_forward_small_linear },
     { "im2col", im2col_wanted, conv_plan_im2col, conv_update_im2col,
@@ -224,6 +260,12 @@ static const struct conv_method conv_methods[] = {
     { NULL, conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
       conv_forward_direct },
 };
+
+/* Whether the layer's backward is pointwise.c's, too. */
+static bool conv_pointwise(const struct conv *c)
+{
+    return c->impl->method->plan == conv_plan_pointwise;
+}
 
 /* ---- planning -------------------------------------------------------------
  */
@@ -276,7 +318,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     c->ow = s.ow;
     assert(!nn_plan_backward(p) || c->act <= ACT_LRELU);
     im->input = im->weights =
-        p->opt.type == NN_BF16 && nn_bf16_products() ? dnnl_bf16 : dnnl_f32;
+        nn_plan_type(p) == NN_BF16 && nn_bf16_products() ? dnnl_bf16 : dnnl_f32;
     while (!m->wanted(c))
         m++;
     im->method = m;
@@ -286,9 +328,9 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     im->stage = nn_plan_floats(p, conv_weight_count(c));
     if (nn_plan_backward(p)) {
         im->sums = nn_plan_floats(p, (NN_SUMS + 1) * c->out);
-        if (!c->no_din)
+        if (!c->no_din && !conv_pointwise(c))
             conv_onednn_plan_backward_data(c, &s);
-        if (!c->ps->tensor[c->weight].frozen)
+        if (!conv_pointwise(c) && !c->ps->tensor[c->weight].frozen)
             conv_onednn_plan_backward_weights(c, &s);
     }
 }
@@ -446,6 +488,14 @@ void conv_backward(float *din, float *dout, const float *out, const float *in,
         for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
              o < c->out; o++)
             param_g(c->ps, c->bias)[o % O] += each[o];
+    if (conv_pointwise(c)) {
+        if (!c->ps->tensor[c->weight].frozen)
+            pointwise_backward_weights(param_g(c->ps, c->weight), dout, in,
+                                       &im->pointwise);
+        if (din)
+            pointwise_backward_data(din, dout, &im->pointwise);
+        return;
+    }
     if (!c->ps->tensor[c->weight].frozen)
         conv_backward_weights(c, dout, in);
     if (din)

@@ -7,6 +7,7 @@
 #include "lib/nn/engine.h"
 #include "lib/nn/im2col.h"
 #include "lib/nn/int8.h"
+#include "lib/nn/pointwise.h"
 #include "lib/nn/small_linear.h"
 #include "lib/nn/winograd.h"
 
@@ -39,6 +40,7 @@ struct conv_impl {
         struct winograd winograd;
         struct im2col im2col;
         struct small_linear small_linear;
+        struct pointwise pointwise;
         struct int8 int8;
     };
     /* oneDNN's */
@@ -48,6 +50,7 @@ struct conv_impl {
     const char *name;            /* of the forward's implementation */
     size_t half_at;              /* of the input as bf16 or bytes, in the
                                   * scratch */
+    size_t back_at;              /* of a backward's bf16 values, there too */
     size_t parts, dw_count;      /* dw_count: floats of a part's dw */
     size_t scratch;              /* bytes for one part */
     struct conv_part part[NN_PARTS];

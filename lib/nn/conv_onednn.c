@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/nn/conv_impl.h"
+#include "lib/nn/image.h"
 
 /* ---- describing the work ----------------------------------------------- */
 
@@ -84,6 +85,27 @@ static dnnl_primitive_attr_t conv_onednn_attributes(const struct conv *c,
 
 enum conv_onednn_pass { FORWARD, BACKWARD_DATA, BACKWARD_WEIGHTS };
 
+/* Whether a layer that learns multiplies bfloat16: then all that is read of
+ * activations and gradients is, and what is written is float. */
+static bool conv_onednn_half(const struct conv *c)
+{
+    return nn_plan_backward(c->plan) && c->impl->input == dnnl_bf16;
+}
+
+/* The types of a backward pass, which differ from its forward's. */
+static void conv_onednn_describe_backward(struct conv_onednn_mds *m,
+                                          const struct conv *c,
+                                          enum conv_onednn_pass pass)
+{
+    if (!conv_onednn_half(c))
+        return;
+    m->dst.data_type = dnnl_bf16;
+    if (pass == BACKWARD_DATA)
+        m->src.data_type = dnnl_f32;
+    else
+        m->wei.data_type = dnnl_f32;
+}
+
 /* The primitive descriptor of one pass; NULL after telling the plan. */
 static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
                                                    enum conv_onednn_pass pass,
@@ -107,6 +129,7 @@ static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
     if (!ok && pass != FORWARD) {
         hint = pd;
         pd = NULL;
+        conv_onednn_describe_backward(&m, c, pass);
         ok = pass == BACKWARD_DATA
             ? dnnl_convolution_backward_data_desc_init(
                   &d, dnnl_convolution_direct, &m.src, &m.wei, &m.dst,
@@ -122,7 +145,7 @@ static dnnl_primitive_desc_t conv_onednn_primitive(const struct conv *c,
     if (ok) {
         nn_plan_fail(p, EX_SOFTWARE, "oneDNN has no convolution %zu -> %zu, "
                      "%zux%zu, of %zux%zu (%s)", c->in, c->out, c->kernel,
-                     c->kernel, s->h, s->w, nn_type_name(p->opt.type));
+                     c->kernel, s->h, s->w, nn_type_name(nn_plan_type(p)));
         return NULL;
     }
     return pd;
@@ -201,7 +224,7 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
         nn_call_arg(&im->fwd, DNNL_ARG_ATTR_MULTIPLE_POST_OP(0) |
                     DNNL_ARG_SRC_1, &scale, p);
         scratch = im->half_at + int8_input_size(&im->int8, c);
-    } else if (p->opt.type == NN_BF16) {
+    } else if (nn_plan_type(p) == NN_BF16 || conv_onednn_half(c)) {
         scratch = im->half_at + values * (im->input == dnnl_bf16
                                               ? sizeof(uint16_t)
                                               : sizeof(float));
@@ -213,6 +236,22 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
     conv_onednn_plan_reorder(&im->to_fwd, c, md, false);
     dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, &im->name);
     dnnl_primitive_desc_destroy(pd);
+}
+
+/* A backward's scratch: `bytes` of oneDNN's, then the input and the output's
+ * gradient as bfloat16 where those are read. */
+static void conv_onednn_reserve(struct conv *c, size_t bytes)
+{
+    struct conv_impl *im = c->impl;
+    size_t in = c->batch * c->h * c->w * c->in_data;
+    size_t out = c->batch * c->oh * c->ow * c->out;
+
+    bytes = (bytes + 4095) & ~(size_t)4095;
+    if (bytes > im->back_at)
+        im->back_at = bytes;
+    if (conv_onednn_half(c))
+        bytes = im->back_at + ((in + out) * sizeof(uint16_t) + 128);
+    nn_plan_scratch(c->plan, bytes);
 }
 
 void conv_onednn_plan_backward_data(struct conv *c,
@@ -232,7 +271,7 @@ void conv_onednn_plan_backward_data(struct conv *c,
                 conv_onednn_query(pd, dnnl_query_weights_md), p);
     nn_call_arg(&im->bwd_data, DNNL_ARG_DIFF_DST,
                 conv_onednn_query(pd, dnnl_query_diff_dst_md), p);
-    nn_plan_scratch(p, nn_call_scratch(&im->bwd_data, pd, p));
+    conv_onednn_reserve(c, nn_call_scratch(&im->bwd_data, pd, p));
     const dnnl_memory_desc_t *md = conv_onednn_query(pd,
                                                      dnnl_query_weights_md);
     im->w_bwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
@@ -325,7 +364,7 @@ void conv_onednn_plan_backward_weights(struct conv *c,
     omp_set_num_threads(threads);
     for (size_t i = 0; i < im->parts; i++)
         im->part[i].dw = nn_plan_floats(c->plan, im->dw_count);
-    nn_plan_scratch(c->plan, im->scratch * im->parts);
+    conv_onednn_reserve(c, im->scratch * im->parts);
 }
 
 /* ---- running ----------------------------------------------------------- */
@@ -352,14 +391,38 @@ void conv_onednn_forward(float *out, const void *src, const float *bias,
     nn_call_run(call);
 }
 
+/* n values at place `at` of the backward's bfloat16 ones, or as they are. */
+static const void *conv_onednn_narrow(const float *x, size_t n, size_t at,
+                                      const struct conv *c)
+{
+    uint16_t *half = (uint16_t *)(void *)(c->plan->scratch +
+                                          c->impl->back_at) + at;
+
+    if (!conv_onednn_half(c))
+        return x;
+    image_to_bf16(half, x, n);
+    return half;
+}
+
+/* Part of an array of floats or, in a layer of halves, of half as many
+ * bytes. */
+static const void *conv_onednn_at(const void *x, size_t at,
+                                  const struct conv *c)
+{
+    return (const char *)x + at * (conv_onednn_half(c) ? sizeof(uint16_t)
+                                                       : sizeof(float));
+}
+
 void conv_onednn_backward_data(float *din, const float *dout, struct conv *c)
 {
     struct nn_call *call = &c->impl->bwd_data;
+    const void *from = conv_onednn_narrow(dout, c->batch * c->oh * c->ow *
+                                          c->out, 0, c);
 
     assert(call->prim);
     nn_call_set(call, 0, din);
     nn_call_set(call, 1, c->impl->w_bwd);
-    nn_call_set(call, 2, dout);
+    nn_call_set(call, 2, from);
     nn_call_set(call, 3, c->plan->scratch);
     nn_call_run(call);
 }
@@ -368,12 +431,17 @@ const float *conv_onednn_backward_weights(const float *dout, const float *in,
                                           struct conv *c)
 {
     struct conv_impl *im = c->impl;
+    size_t out = c->batch * c->oh * c->ow * c->out;
+    const void *d = conv_onednn_narrow(dout, out, 0, c);
+    const void *x = conv_onednn_narrow(in, c->batch * c->h * c->w *
+                                       c->in_data, (out + 31) & ~(size_t)31,
+                                       c);
 #pragma omp parallel for schedule(static, 1)
     for (size_t i = 0; i < im->parts; i++) {
         struct conv_part *part = &im->part[i];
 
-        nn_call_set(&part->call, 0, in + part->in_at);
-        nn_call_set(&part->call, 1, dout + part->out_at);
+        nn_call_set(&part->call, 0, conv_onednn_at(x, part->in_at, c));
+        nn_call_set(&part->call, 1, conv_onednn_at(d, part->out_at, c));
         nn_call_set(&part->call, 2, part->dw);
         nn_call_set(&part->call, 3, c->plan->scratch + i * im->scratch);
         nn_call_run(&part->call);

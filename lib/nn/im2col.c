@@ -14,7 +14,7 @@
 
 bool im2col_wanted(const struct conv *c)
 {
-    enum nn_type type = c->plan->opt.type;
+    enum nn_type type = nn_plan_type(c->plan);
     size_t terms = c->kernel * c->kernel * c->in_data;
     bool few = c->h * c->w <= 256 && c->kernel == 3;
 

@@ -13,7 +13,7 @@
 
 bool int8_wanted(const struct conv *c)
 {
-    return c->plan->opt.type == NN_INT8 && nn_type_native(NN_INT8) &&
+    return nn_plan_type(c->plan) == NN_INT8 && nn_type_native(NN_INT8) &&
            c->in_data % 16 == 0 &&
            c->out % 16 == 0 && c->batch * c->oh * c->ow >= PLACES;
 }

@@ -33,7 +33,7 @@ struct winograd;
     X(void, norm_backward_sums, (float *sum, float *dz, const float *dy,     \
                                  const float *x, const float *scale,         \
                                  const float *shift, const float *mean,      \
-                                 int act, size_t rows, size_t C))            \
+                                 int act, int last, size_t rows, size_t C))  \
     X(void, norm_backward_apply, (float *dx, const float *dz,                \
                                   const float *x, const float *abcm,         \
                                   size_t period, size_t n))                  \
@@ -59,6 +59,8 @@ struct winograd;
     X(void, gemv, (float *y, const float *w, const float *x, const float *b, \
                    size_t out, size_t in))                                   \
     X(double, dot, (const float *a, const float *b, size_t n))               \
+    X(void, outer_backward, (float *dw, float *dx, const float *w,           \
+                             const float *x, float dy, size_t n))            \
     X(void, channel_scale, (float *y, const float *x, const float *gate,     \
                             const float *add, size_t rows, size_t C))        \
     X(void, channel_dot, (float *sum, const float *a, const float *b,        \
@@ -105,6 +107,14 @@ struct winograd;
     X(void, gemm, (float *C, size_t ldc, const float *A, size_t rs,          \
                    size_t cs, const float *packed, size_t M, size_t N,       \
                    size_t K, int accumulate))                                \
+    X(void, pointwise_pack, (uint32_t *packed, const float *B, size_t ks,    \
+                             size_t ns, size_t K, size_t N))                 \
+    X(void, pointwise_rows, (float *C, const float *A, uint32_t *half,       \
+                             const uint32_t *packed, size_t M, size_t N,     \
+                             size_t K))                                      \
+    X(void, pointwise_weights, (float *dw, const float *dout,                \
+                                const float *in, uint32_t *pairs, size_t M,  \
+                                size_t out, size_t channels))                \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
     X(void, max_pool_row, (float *out, float *which, const float *in,        \

@@ -24,10 +24,12 @@
 #include "lib/base/error.h"
 
 /* The type of what convolutions and linear layers multiply; sums, other
- * layers and all borders are float always.  NN_BF16 is for inference; where
- * the processor has no such instructions they are emulated, slower and with
- * the same meaning.  The large 3x3 layers that Winograd in float does in less
- * time are computed so (see NN_FAST). */
+ * layers and all borders are float always.  NN_BF16 in inference is emulated
+ * where the processor has no such instructions, slower and with the same
+ * meaning; in training it is for layers of 16 channels and more and 1x1 layers
+ * (pointwise.h), on processors that have them, and the rest is float.  The
+ * large 3x3 layers that Winograd in float does in less time are computed so
+ * (see NN_FAST). */
 enum nn_type {
     NN_F32,
     NN_BF16,
@@ -48,7 +50,7 @@ enum nn_mode {
 
 struct nn_options {
     enum nn_mode mode;
-    enum nn_type type;      /* NN_F32 unless NN_INFER */
+    enum nn_type type;      /* NN_F32 or NN_BF16 unless NN_INFER */
 };
 
 /* "f32", "bf16", "fast", "int8"; -1 for any other word. */

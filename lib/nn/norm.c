@@ -138,17 +138,17 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
     const struct nn_kernels *k = nn_kernels();
     size_t C = n->channels, rows = n->rows, parts = norm_part_count(rows);
     size_t P = n->period, step = norm_chunk_rows(n);
+    bool train = n->plan->opt.mode == NN_TRAIN;
 #pragma omp parallel for schedule(static) if (parts > 1)
     for (size_t i = 0; i < parts; i++) {
         size_t r0 = i * rows / parts, r1 = (i + 1) * rows / parts;
 
         k->norm_backward_sums(n->part + i * 2 * C, dx + r0 * C, dy + r0 * C,
                               x + r0 * C, n->scale, n->shift, n->batch_mean,
-                              (int)n->act, r1 - r0, C);
+                              (int)n->act, !train, r1 - r0, C);
     }
     float *dw = param_g(n->ps, n->weight), *db = param_g(n->ps, n->bias);
     float *coef = n->coef;
-    bool train = n->plan->opt.mode == NN_TRAIN;
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows, rstd = (double)n->rstd[c];
 
@@ -160,10 +160,12 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
         db[c] += (float)s;
         double a = (double)n->scale[c];
         coef[c] = (float)a;
-        coef[P + c] = train ? (float)(-a * rstd * rstd * q / count) : 0.0f;
-        coef[2 * P + c] = train ? (float)(-a * s / count) : 0.0f;
+        coef[P + c] = (float)(-a * rstd * rstd * q / count);
+        coef[2 * P + c] = (float)(-a * s / count);
         coef[3 * P + c] = n->batch_mean[c];
     }
+    if (!train)
+        return;
     for (size_t i = 0; i < 4; i++)
         norm_repeat_channels(coef + i * P, C, P);
 #pragma omp parallel for schedule(static)

@@ -91,11 +91,12 @@ void ISA(norm_apply)(float *y, const float *x, const float *res,
 }
 
 /* dz = dy act'(x scale + shift); sum (2,C) = sums of dz and dz (x - mean).
- * scale and shift are read over one period of norm_repeat(C) rows. */
+ * last: then dz is scaled, which is all there is to frozen statistics.  scale
+ * and shift are read over one period of norm_repeat(C) rows. */
 void ISA(norm_backward_sums)(float *sum, float *dz, const float *dy,
                              const float *x, const float *scale,
                              const float *shift, const float *mean, int act,
-                             size_t rows, size_t C)
+                             int last, size_t rows, size_t C)
 {
     struct norm_long_row t;
 
@@ -112,7 +113,7 @@ void ISA(norm_backward_sums)(float *sum, float *dz, const float *dy,
         _Pragma("GCC ivdep")                                                 \
         for (size_t c = 0; c < n; c++) {                                     \
             float g = q[c] * math_slope(p[c] * scale[c] + shift[c], A);      \
-            d[c] = g;                                                        \
+            d[c] = last ? g * scale[c] : g;                                  \
             a[c] += g;                                                       \
             b[c] += g * (p[c] - m[c]);                                       \
         }                                                                    \

@@ -170,6 +170,8 @@ static size_t params_narrower(size_t *cols, const struct param *t,
 int params_grow_from(struct params *ps, const struct safetensors *st,
                      const char *prefix, const char *from, struct error *err)
 {
+    size_t first = SIZE_MAX, found = 0;
+
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *t = &ps->tensor[i];
         size_t dims[5], rows, cols, row = 0, cell = 0;
@@ -177,6 +179,10 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
 
         if (!params_renamed(name, t, prefix, from))
             continue;
+        first = first < i ? first : i;
+        if (!st_find(st, name))         /* a new layer */
+            continue;
+        found++;
         memcpy(dims, t->dim, sizeof dims);
         rows = params_narrower(&cols, t, st, name);
         if (rows) {
@@ -196,7 +202,10 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
         }
         free(w);
     }
-    return 0;
+    return found || first == SIZE_MAX
+               ? 0
+               : error_set(err, EX_DATAERR, "%s: no tensor %s...", st_path(st),
+                           from);
 }
 
 /* The weights of one tensor in the file's dtype, packed at out. */

@@ -79,7 +79,8 @@ int params_load_from(struct params *ps, const struct safetensors *st,
 /* The same from a narrower network, such that the wider one computes what it
  * did: what the file has goes into the first rows and columns (dimensions 0
  * and 1), the new columns of these rows are zero and whole new rows stay as
- * they are.  Fails where the file's tensor is the larger one. */
+ * they are, as do layers the file does not have.  Fails where the file's tensor
+ * is the larger one, or nothing is found. */
 int params_grow_from(struct params *ps, const struct safetensors *st,
                      const char *prefix, const char *from,
                      struct error *err);

@@ -30,7 +30,7 @@ struct nn_plan {
     char *scratch;                 /* shared by all layers, one at a time */
 };
 
-/* An empty plan; NN_F32 only, unless NN_INFER. */
+/* An empty plan; NN_F32 or NN_BF16, unless NN_INFER. */
 void nn_plan_init(struct nn_plan *p, struct nn_options opt);
 /* Free all its buffers. */
 void nn_plan_release(struct nn_plan *p);
@@ -62,6 +62,12 @@ int nn_plan_finish(struct nn_plan *p, struct error *err);
 static inline bool nn_plan_backward(const struct nn_plan *p)
 {
     return p->opt.mode != NN_INFER;
+}
+
+/* The type of layers that know only one type when they learn: float. */
+static inline enum nn_type nn_plan_type(const struct nn_plan *p)
+{
+    return nn_plan_backward(p) ? NN_F32 : p->opt.type;
 }
 
 #endif

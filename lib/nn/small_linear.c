@@ -10,7 +10,7 @@
 
 bool small_linear_wanted(const struct conv *c)
 {
-    enum nn_type type = c->plan->opt.type;
+    enum nn_type type = nn_plan_type(c->plan);
 
     return (type == NN_F32 || type == NN_FAST) && c->kernel == 1 &&
            c->stride == 1 && c->batch * c->h * c->w <= ROWS &&

@@ -127,6 +127,7 @@ void squeeze_excite_forward(float *y, const float *x, struct squeeze_excite *s)
 /* The gate's gradient through its two small layers: dgate -> dmean. */
 static void squeeze_excite_gate_backward(struct squeeze_excite *s)
 {
+    const struct nn_kernels *k = nn_kernels();
     struct params *ps = s->ps;
     size_t C = s->channels, H = s->hidden, B = s->batch;
     const float *we = param_w(ps, s->expand_w), *wr = param_w(ps, s->reduce_w);
@@ -142,22 +143,21 @@ static void squeeze_excite_gate_backward(struct squeeze_excite *s)
             float g = s->gate[n * C + c];
             float du = g > 0.0f && g < 1.0f ? s->dgate[n * C + c] / 6 : 0.0f;
             dbe[c] += du;
-            for (size_t h = 0; h < H; h++) {
-                dwe[c * H + h] += du * s->inner[n * H + h];
-                s->dinner[n * H + h] += du * we[c * H + h];
-            }
+            k->outer_backward(dwe + c * H, s->dinner + n * H, we + c * H,
+                              s->inner + n * H, du, H);
         }
-    for (size_t n = 0; n < B; n++)
+    for (size_t n = 0; n < B; n++) {
         for (size_t h = 0; h < H; h++) {
             float du = s->inner[n * H + h] > 0.0f ? s->dinner[n * H + h]
                                                   : 0.0f;
 
             dbr[h] += du;
-            for (size_t c = 0; c < C; c++) {
-                dwr[h * C + c] += du * s->mean[n * C + c];
-                s->dmean[n * C + c] += du * wr[h * C + c] * unit;
-            }
+            k->outer_backward(dwr + h * C, s->dmean + n * C, wr + h * C,
+                              s->mean + n * C, du, C);
         }
+        for (size_t c = 0; c < C; c++)
+            s->dmean[n * C + c] *= unit;
+    }
 }
 
 /* In the forward pass this was: y = x gate(mean(x)). */

@@ -28,6 +28,17 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
     }
 }
 
+/* One output's share of y = W x backward: dw += dy x, dx += dy w. */
+void ISA(outer_backward)(float *dw, float *dx, const float *w, const float *x,
+                         float dy, size_t n)
+{
+#pragma GCC ivdep
+    for (size_t i = 0; i < n; i++) {
+        dw[i] += dy * x[i];
+        dx[i] += dy * w[i];
+    }
+}
+
 /* Summed in double precision. */
 double ISA(dot)(const float *a, const float *b, size_t n)
 {

@@ -22,12 +22,12 @@ void winograd_force(enum winograd_choice how)
 bool winograd_wanted(const struct conv *c)
 {
     if (c->kernel != 3 || c->stride != 1 || c->in_data % 16 || c->out % 16 ||
-        c->act > ACT_LRELU || c->plan->opt.type == NN_F32)
+        c->act > ACT_LRELU || nn_plan_type(c->plan) == NN_F32)
         return false;
     if (forced != WINOGRAD_BY_TABLE)
         return forced == WINOGRAD_WHEREVER_POSSIBLE;
     return tune_winograd(c->in_data, c->out, c->oh, c->ow,
-                         c->plan->opt.type == NN_BF16);
+                         nn_plan_type(c->plan) == NN_BF16);
 }
 
 /* As many tiles as keep a thread's share of the second-level cache, but enough
@@ -52,7 +52,7 @@ void winograd_plan(struct winograd *g, const struct conv *c, struct nn_plan *p)
                             .add = c->add, .plan = p };
     g->tiles = winograd_tile_count(g->in, g->out);
     /* against rounding; beside bfloat16's own it would not be seen */
-    g->piece = p->opt.type == NN_BF16 || g->in < PIECE ? g->in : PIECE;
+    g->piece = nn_plan_type(p) == NN_BF16 || g->in < PIECE ? g->in : PIECE;
     g->u_size = g->in * ((g->out + 31) / 32 * 32);
     g->u = nn_plan_floats(p, 36 * g->u_size);
     g->bias = nn_plan_floats(p, g->out);

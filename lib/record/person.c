@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/geom/crop.h"
 #include "lib/record/shape.h"
 
 /* out = the string under key, when there is one. */
@@ -133,6 +134,34 @@ int person_load(struct person *p, const char *path, size_t nexp,
         return -1;
     }
     return 0;
+}
+
+int person_resize(struct person *q, const struct person *p, size_t size,
+                  struct error *err)
+{
+    const size_t from = p->size;
+    const double side = (double)from;
+    const struct square all = {side / 2, side / 2, side};
+    const uint8_t *in[3] = {p->rgb, p->matte, p->back};
+    uint8_t **out[3] = {&q->rgb, &q->matte, &q->back};
+    bool done = true;
+
+    memset(q, 0, sizeof *q);
+    q->size = size;
+    for (int k = 0; k < 3 && done; k++) {
+        const int channels = k == 1 ? 1 : 3;
+
+        if (!in[k])
+            continue;
+        *out[k] = malloc((size_t)channels * size * size);
+        done = *out[k] &&
+               crop_resize_u8(*out[k], size, in[k], from, from,
+                              (size_t)channels * from, channels, all) == 0;
+    }
+    if (done)
+        return 0;
+    person_release(q);
+    return error_set(err, EX_OSERR, "no memory for the source picture");
 }
 
 int person_write_picture(struct stream_writer *w, const struct person *p,

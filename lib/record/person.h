@@ -14,13 +14,17 @@
 #include "lib/record/motion.h"
 #include "lib/stream/stream.h"
 
+#define PERSON_LARGEST 2048     /* pixels along a side of the picture */
+
 /* Owned copies; absent parts are NULL or 0. */
 struct person {
     float *shape;               /* (nshape) beta */
     size_t nshape;
     uint8_t *rgb, *matte;       /* (size,size,3), (size,size) */
     uint8_t *back;              /* (size,size,3) what the person hides */
-    size_t size;
+    size_t size;                /* the window's in the source picture, from
+                                 * what the networks see up to
+                                 * PERSON_LARGEST */
     float crop[3];              /* of the source picture in its file */
     struct motion source;       /* the source's own motion */
     bool has_source;
@@ -35,6 +39,10 @@ int person_take(struct person *p, const struct record *rec, size_t nexp,
 /* Read an identity file up to its END.  Fails when it has no SHAP. */
 int person_load(struct person *p, const char *path, size_t nexp,
                 struct error *err);
+/* The picture of p and its parts as size by size pixels into q, which has no
+ * other parts; the caller releases q. */
+int person_resize(struct person *q, const struct person *p, size_t size,
+                  struct error *err);
 /* Write SRCI (frame 0). */
 int person_write_picture(struct stream_writer *w, const struct person *p,
                          struct error *err);

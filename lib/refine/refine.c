@@ -42,6 +42,9 @@ void refine_release(struct refine *r)
     free(r->out);
     free(r->start);
     free(r->all);
+    free(r->photo);
+    free(r->photo_part);
+    free(r->field);
     memset(r, 0, sizeof *r);
 }
 
@@ -54,10 +57,11 @@ static int refine_plan_make(struct refine_plan *p, const struct refine *r,
 
     memset(p, 0, sizeof *p);
     params_init(&p->ps);
-    if (refiner_init(&p->net, &p->ps, "refine.", &r->model->config.refiner,
+    const char *prefix = avatar_config_refiner(&r->model->config);
+    if (refiner_init(&p->net, &p->ps, prefix, &r->model->config.refiner,
                      err) ||
         params_allocate(&p->ps, err) ||
-        model_load(&p->ps, r->model, "refine.", err) ||
+        model_load(&p->ps, r->model, prefix, err) ||
         refiner_plan(&p->net, 1, height, width, opt, err)) {
         refine_plan_release(p);
         return -1;
@@ -282,6 +286,52 @@ static int refine_unpack(struct refine_input *whole, struct refine *r,
     return 0;
 }
 
+/* r->shown, unpacked if need be. */
+static int refine_unpack_photo(struct refine *r, const struct refine_input *in,
+                               struct error *err)
+{
+    const size_t n = in->height * in->width, bytes = TEXTURE_PHOTO *
+                                                     sizeof *r->photo;
+
+    r->shown = in->photo;
+    if (!in->photo || !in->packed)
+        return 0;
+    r->photo = refine_make_room(r->photo, &r->photo_room, TEXTURE_PHOTO * n,
+                                sizeof *r->photo, err);
+    if (!r->photo)
+        return -1;
+    covered_unpack(r->photo, in->photo, in->pixels, in->alpha, n, bytes);
+    r->shown = r->photo;
+    return 0;
+}
+
+/* Give the network the planned part of the photograph, zeros where there is
+ * none. */
+static int refine_show_photo(struct refine *r, const struct refine_input *in,
+                             struct error *err)
+{
+    const size_t h = r->plan.height, w = r->plan.width, C = TEXTURE_PHOTO;
+    const size_t cols = r->left + w <= in->width ? w : in->width - r->left;
+
+    if (!r->model->config.refiner.photo)
+        return 0;
+    if (r->shown && h == in->height && w == in->width) {
+        refiner_photo(&r->plan.net, r->shown);
+        return 0;
+    }
+    r->photo_part = refine_make_room(r->photo_part, &r->photo_part_room,
+                                     h * w * C, sizeof *r->photo_part, err);
+    if (!r->photo_part)
+        return -1;
+    memset(r->photo_part, 0, h * w * C * sizeof *r->photo_part);
+    for (size_t y = 0; r->shown && y < h && y + r->top < in->height; y++)
+        memcpy(r->photo_part + y * w * C,
+               r->shown + ((y + r->top) * in->width + r->left) * C,
+               cols * C * sizeof *r->photo_part);
+    refiner_photo(&r->plan.net, r->photo_part);
+    return 0;
+}
+
 /* The network on the planned part; out is its rgb. */
 static int refine_forward(float *out, struct refine *r,
                           const struct refine_input *in, struct error *err)
@@ -323,7 +373,9 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     struct refine_input unpacked;
 
     if (refine_check_input(r, in, err) ||
-        (in->packed && refine_find_rows(r, in, err)) || refine_fit(r, in, err))
+        (in->packed && refine_find_rows(r, in, err)) ||
+        refine_unpack_photo(r, in, err) || refine_fit(r, in, err) ||
+        refine_show_photo(r, in, err))
         return -1;
     const bool whole = r->plan.height == in->height
         && r->plan.width == in->width;
@@ -344,20 +396,45 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     return 0;
 }
 
-void refine_photo(float *rgb, float *alpha, const struct refine_input *in)
+/* What the network said of the photograph, for the whole picture: nothing
+ * outside the planned part. */
+static int refine_whole_field(struct texture_field *f, struct refine *r,
+                              const struct refine_input *in, struct error *err)
 {
-    const size_t n = in->height * in->width;
-    const float *photo = in->photo;
+    const size_t step = TEXTURE_FIELD_STEP, h = r->plan.height / step;
+    const size_t w = r->plan.width / step;
 
-    if (!photo)
-        return;
-    if (!in->packed) {
-        texture_mix(rgb, 3, alpha, photo, n);
-        return;
+    *f = (struct texture_field){refiner_field(&r->plan.net), h, w};
+    if (!f->at || (r->plan.height == in->height && r->plan.width == in->width))
+        return 0;
+    f->height = refine_round_up(in->height) / step;
+    f->width = refine_round_up(in->width) / step;
+    size_t n = TEXTURE_FIELD * f->height * f->width;
+    r->field = refine_make_room(r->field, &r->field_room, n, sizeof *r->field,
+                                err);
+    if (!r->field)
+        return -1;
+    memset(r->field, 0, n * sizeof *r->field);
+    for (size_t y = 0; y < h; y++)
+        memcpy(r->field + TEXTURE_FIELD * ((y + r->top / step) * f->width +
+                                           r->left / step),
+               f->at + TEXTURE_FIELD * y * w,
+               TEXTURE_FIELD * w * sizeof *r->field);
+    f->at = r->field;
+    return 0;
+}
+
+int refine_photo(float *rgb, float *alpha, struct refine *r,
+                 const struct refine_input *in, struct error *err)
+{
+    struct texture_field field;
+
+    if (!r->shown) {
+        texture_hold(rgb, 3, alpha, in->height * in->width);
+        return 0;
     }
-    for (size_t i = 0; i < n; i++)
-        if (in->alpha[i] != 0) {
-            texture_mix(rgb + 3 * i, 3, alpha + i, photo, 1);
-            photo += TEXTURE_PHOTO;
-        }
+    if (refine_whole_field(&field, r, in, err))
+        return -1;
+    texture_compose(rgb, alpha, r->shown, &field, in->height, in->width);
+    return 0;
 }

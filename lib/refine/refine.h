@@ -11,6 +11,7 @@
 #include "lib/model/model.h"
 #include "lib/net/refiner.h"
 #include "lib/nn/params.h"
+#include "lib/splat/types.h"
 
 #define REFINE_STEP 32         /* sides of what is refined are multiples */
 #define REFINE_MARGIN 24       /* pixels about the head that count too */
@@ -34,6 +35,12 @@ struct refine {
     size_t start_room;
     void *all;                  /* unpacked, where the network wants it */
     size_t all_room;
+    const float *shown;         /* (height,width,5) the frame's photograph, or
+                                 * NULL */
+    float *photo, *photo_part;  /* unpacked; the part of it, or zeros */
+    size_t photo_room, photo_part_room;
+    float *field;               /* what is said of it, the whole picture's */
+    size_t field_room;
     size_t plans;               /* how often a size was planned */
 };
 
@@ -51,6 +58,8 @@ struct refine_input {
     const float *photo;         /* (height,width,5), packed (pixels,5): what
                                  * the photograph shows (lib/texture), or
                                  * NULL */
+    const float *place;         /* (height,width,3) where it does, or NULL, */
+    struct splat_place_view view;       /* and the view to there */
 };
 
 /* Prepare the refiner of a model, which must stay open until refine_release.
@@ -67,8 +76,10 @@ void refine_release(struct refine *r);
 int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
                  struct error *err);
 
-/* What the photograph shows over the refined rgb (height,width,3), and its
- * matte into alpha (height,width).  Without in->photo nothing. */
-void refine_photo(float *rgb, float *alpha, const struct refine_input *in);
+/* What the photograph of the last refine_frame shows over its rgb
+ * (height,width,3), and its matte into alpha (height,width), if there was one;
+ * then no more light in rgb than alpha lets through.  EX_OSERR. */
+int refine_photo(float *rgb, float *alpha, struct refine *r,
+                 const struct refine_input *in, struct error *err);
 
 #endif

@@ -19,7 +19,9 @@ int run_find(char *path, size_t size, const char *dir, const char *name)
     for (struct dirent *e; d && !found && (e = readdir(d));)
         if (!strncmp(e->d_name, name, n) &&
             (!e->d_name[n] || e->d_name[n] == '.') &&
-            !strstr(e->d_name, ".part")) {
+            !strstr(e->d_name + n, ".part") &&
+            !strstr(e->d_name + n, ".spid") &&
+            !strstr(e->d_name + n, ".html")) {
             snprintf(path, size, "%s/%s", dir, e->d_name);
             found = 1;
         }

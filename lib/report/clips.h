@@ -9,7 +9,8 @@
 #include "lib/base/error.h"
 #include "lib/report/report.h"
 
-/* Path of dir/name or dir/name.anything; 0 when there is none. */
+/* Path of dir/name, or of dir/name.anything that is no stream and no page; 0
+ * when there is none. */
 int run_find(char *path, size_t size, const char *dir, const char *name);
 
 /* A few frames of a clip, spread evenly. */

@@ -7,31 +7,33 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
+#include "formats/base64.h"
 #include "formats/png.h"
 
+/* The page's own style and script (page.css, page.js), as the Makefile turns
+ * them into strings. */
 static const char style[] =
-    "body{font:15px/1.5 system-ui,sans-serif;max-width:72rem;margin:2rem auto;"
-    "padding:0 1rem;color:#1c1c1e;background:#fff}"
-    "h1{font-size:1.7rem}h2{font-size:1.2rem;margin-top:2.2rem;"
-    "border-bottom:1px solid #ddd}"
-    ".row{display:flex;flex-wrap:wrap;gap:.6rem}"
-    "figure{margin:0}figure img{display:block;width:10.8rem;height:auto;"
-    "background:#000;border-radius:4px}"
-    "figcaption{font-size:.8rem;color:#555;text-align:center}"
-    "table{border-collapse:collapse}td,th{padding:.15rem .8rem;"
-    "border-bottom:1px solid #eee;text-align:left}"
-    "td+td{text-align:right;font-variant-numeric:tabular-nums}"
-    "svg{width:100%;max-width:60rem;height:auto}svg text{font:12px sans-serif}";
+#include "report_page.css.inc"
+    ;
+static const char script[] =
+#include "report_page.js.inc"
+    ;
 
-static const char *const palette[] = {"#0b6bcb", "#d1495b", "#2a9d4a",
-                                      "#b8860b", "#7a4fbf", "#008080"};
-#define COLORS (sizeof palette / sizeof *palette)
+static const struct {
+    const char *color, *dash;
+} looks[] = {[HTML_FIRST] = {"#0072b2", "none"},
+             [HTML_SECOND] = {"#d55e00", "7 2"},
+             [HTML_THIRD] = {"#008060", "2 3"},
+             [HTML_NULL] = {"#6b6b6b", "1 4"}};
 
 void html_begin(FILE *f, const char *title)
 {
     fputs("<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">"
-          "<meta name=\"viewport\" content=\"width=device-width\"><title>",
-          f);
+          "<meta name=\"viewport\" content=\"width=device-width, "
+          "initial-scale=1\">"
+          "<meta http-equiv=\"Content-Security-Policy\" content=\"default-src "
+          "'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; "
+          "img-src data:; media-src data: blob:\"><title>", f);
     html_text(f, title);
     fprintf(f, "</title><style>%s</style></head><body>\n<h1>", style);
     html_text(f, title);
@@ -40,7 +42,7 @@ void html_begin(FILE *f, const char *title)
 
 void html_end(FILE *f)
 {
-    fputs("</body></html>\n", f);
+    fprintf(f, "<script>%s</script>\n</body></html>\n", script);
 }
 
 void html_text(FILE *f, const char *text)
@@ -77,25 +79,6 @@ void html_row_end(FILE *f)
     fputs("</div>\n", f);
 }
 
-/* n bytes as RFC 4648 says, without line breaks. */
-static void html_base64(FILE *f, const uint8_t *p, size_t n)
-{
-    static const char digit[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ"
-                                "abcdefghijklmnopqrstuvwxyz0123456789+/";
-
-    for (size_t i = 0; i < n; i += 3) {
-        size_t left = n - i;
-        unsigned v = (unsigned)p[i] << 16 |
-                     (left > 1 ? (unsigned)p[i + 1] << 8 : 0) |
-                     (left > 2 ? p[i + 2] : 0);
-
-        fputc(digit[v >> 18], f);
-        fputc(digit[v >> 12 & 63], f);
-        fputc(left > 1 ? digit[v >> 6 & 63] : '=', f);
-        fputc(left > 2 ? digit[v & 63] : '=', f);
-    }
-}
-
 int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
                  const char *caption, struct error *err)
 {
@@ -110,8 +93,10 @@ int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
     if (fclose(memory) && !rc)
         rc = error_set(err, EX_OSERR, "out of memory for a picture");
     if (!rc) {
-        fputs("<figure><img alt=\"\" src=\"data:image/png;base64,", f);
-        html_base64(f, (const uint8_t *)bytes, n);
+        fputs("<figure><img alt=\"", f);
+        html_text(f, caption);
+        fputs("\" src=\"data:image/png;base64,", f);
+        base64_write(f, (const uint8_t *)bytes, n);
         fputs("\"><figcaption>", f);
         html_text(f, caption);
         fputs("</figcaption></figure>\n", f);
@@ -120,13 +105,36 @@ int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
     return rc;
 }
 
+void html_wipe(FILE *f, const uint8_t *mp4, size_t n, size_t size,
+               double rate)
+{
+    fprintf(f, "<div id=\"wipe\" data-rate=\"%.6g\">\n"
+            "<div class=\"screen\"><video muted loop playsinline "
+            "preload=\"auto\" aria-label=\"Driver and result side by "
+            "side\" src=\"data:video/mp4;base64,", rate);
+    base64_write(f, mp4, n);
+    fprintf(f, "\"></video>\n<canvas width=\"%zu\" height=\"%zu\" "
+            "role=\"img\" aria-label=\"Driver left of the line, result "
+            "right of it\"></canvas><b class=\"left\">Driver</b>"
+            "<b class=\"right\">Result</b><i></i></div>\n"
+            "<label>Wipe <input type=\"range\" id=\"line\" min=\"0\" "
+            "max=\"100\" value=\"50\"></label>\n"
+            "<div class=\"bar\"><button id=\"play\">Play</button>"
+            "<label>Time <input type=\"range\" id=\"time\" min=\"0\" "
+            "max=\"1\" step=\"any\" value=\"0\"></label>"
+            "<output id=\"clock\">0.00 s</output></div>\n"
+            "<p id=\"unplayed\" hidden>This browser does not play the video: "
+            "the frames below show the same.</p>\n</div>\n", size, size);
+}
+
 /* ---- charts ------------------------------------------------------------- */
 
-enum { WIDE = 900, HIGH = 220, LEFT = 60, RIGHT = 20, TOP = 26, FOOT = 40 };
+enum { WIDE = 560, HIGH = 200, LEFT = 52, RIGHT = 16, TOP = 30, FOOT = 34 };
 
 struct axis {
     double lo, hi;
     int from, to;             /* SVG coordinates of lo and hi */
+    double step;              /* between grid lines */
 };
 
 /* Where the value v lies, in pixels. */
@@ -137,11 +145,19 @@ static double axis_place(const struct axis *a, double v)
     return a->from + (v - a->lo) / span * (a->to - a->from);
 }
 
-/* Vertical, spanning all finite values of the curves. */
+/* A round number (1, 2 or 5 times a power of ten) near span / 4. */
+static double axis_step(double span)
+{
+    double step = pow(10, floor(log10(span / 4))), rest = span / 4 / step;
+
+    return step * (rest < 1.5 ? 1 : rest < 3.5 ? 2 : rest < 7.5 ? 5 : 10);
+}
+
+/* Vertical, spanning all finite values of the curves between round ends. */
 static struct axis value_axis(const struct html_curve *c, size_t count,
                               size_t n)
 {
-    struct axis a = {INFINITY, -INFINITY, HIGH - FOOT, TOP};
+    struct axis a = {INFINITY, -INFINITY, HIGH - FOOT, TOP, 1};
 
     for (size_t k = 0; k < count; k++)
         for (size_t i = 0; i < n; i++)
@@ -151,6 +167,11 @@ static struct axis value_axis(const struct html_curve *c, size_t count,
             }
     if (!(a.hi >= a.lo))
         a.lo = a.hi = 0;
+    if (!(a.hi - a.lo > 1e-6 * fmax(fabs(a.lo), 1e-3)))
+        a.hi = a.lo + fmax(fabs(a.lo), 1e-3);
+    a.step = axis_step(a.hi - a.lo);
+    a.lo = floor(a.lo / a.step + 1e-9) * a.step;
+    a.hi = ceil(a.hi / a.step - 1e-9) * a.step;
     return a;
 }
 
@@ -158,8 +179,11 @@ static struct axis value_axis(const struct html_curve *c, size_t count,
 static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
                       const char *x_label)
 {
-    for (int k = 0; k <= 4; k++) {
-        double v = y->lo + (y->hi - y->lo) * k / 4, at = axis_place(y, v);
+    int lines = (int)lround((y->hi - y->lo) / y->step);
+
+    for (int k = 0; k <= lines; k++) {
+        double v = (round(y->lo / y->step) + k) * y->step;
+        double at = axis_place(y, v);
 
         fprintf(f, "<line x1=\"%d\" x2=\"%d\" y1=\"%.1f\" y2=\"%.1f\" "
                 "stroke=\"#ddd\"/><text x=\"%d\" y=\"%.1f\" "
@@ -167,8 +191,8 @@ static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
                 LEFT - 6, at + 4, v);
     }
     fprintf(f, "<text x=\"%d\" y=\"%d\">%.3g</text><text x=\"%d\" y=\"%d\" "
-            "text-anchor=\"end\">%.3g %s</text>", LEFT, HIGH - 18, x->lo,
-            WIDE - RIGHT, HIGH - 18, x->hi, x_label);
+            "text-anchor=\"end\">%.3g %s</text>", LEFT, HIGH - 14, x->lo,
+            WIDE - RIGHT, HIGH - 14, x->hi, x_label);
 }
 
 /* A path that lifts its pen over values that are not finite. */
@@ -176,10 +200,10 @@ static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
                        const double *xs, const struct html_curve *c, size_t n,
                        size_t index)
 {
-    const char *color = palette[index % COLORS];
+    const char *color = looks[c->look].color, *dash = looks[c->look].dash;
     bool pen = false;
 
-    fputs("<path fill=\"none\" stroke-width=\"1.6\" d=\"", f);
+    fputs("<path fill=\"none\" stroke-width=\"2\" d=\"", f);
     for (size_t i = 0; i < n; i++) {
         if (!isfinite(c->y[i])) {
             pen = false;
@@ -189,8 +213,11 @@ static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
                 axis_place(y, c->y[i]));
         pen = true;
     }
-    fprintf(f, "\" stroke=\"%s\"/><text x=\"%zu\" y=\"16\" fill=\"%s\">",
-            color, LEFT + 120 * index, color);
+    fprintf(f, "\" stroke=\"%s\" stroke-dasharray=\"%s\"/>"
+            "<path stroke-width=\"3\" d=\"M%zu 12h26\" stroke=\"%s\" "
+            "stroke-dasharray=\"%s\"/><text x=\"%zu\" y=\"16\">",
+            color, dash, LEFT + 116 * index, color, dash,
+            LEFT + 32 + 116 * index);
     html_text(f, c->name);
     fputs("</text>", f);
 }
@@ -199,16 +226,22 @@ void html_chart(FILE *f, const char *title, const char *x_label,
                 const double *x, size_t n, const struct html_curve *curves,
                 size_t count)
 {
-    struct axis ax = {n ? x[0] : 0, n ? x[n - 1] : 1, LEFT, WIDE - RIGHT};
+    struct axis ax = {n ? x[0] : 0, n ? x[n - 1] : 1, LEFT, WIDE - RIGHT,
+                      1};
     struct axis ay = value_axis(curves, count, n);
 
     fputs("<h3>", f);
     html_text(f, title);
-    fprintf(f, "</h3>\n<svg viewBox=\"0 0 %d %d\" role=\"img\">", WIDE, HIGH);
+    fprintf(f, "</h3>\n<svg class=\"chart\" viewBox=\"0 0 %d %d\" "
+            "role=\"img\" aria-label=\"", WIDE, HIGH);
+    html_text(f, title);
+    fprintf(f, "\" data-from=\"%.9g\" data-to=\"%.9g\" data-left=\"%d\" "
+            "data-right=\"%d\">", ax.lo, ax.hi, ax.from, ax.to);
     draw_axes(f, &ax, &ay, x_label);
     for (size_t k = 0; k < count; k++)
         draw_curve(f, &ax, &ay, x, &curves[k], n, k);
-    fputs("</svg>\n", f);
+    fprintf(f, "<line class=\"now\" x1=\"%d\" x2=\"%d\" y1=\"%d\" "
+            "y2=\"%d\"/></svg>\n", LEFT, LEFT, TOP, HIGH - FOOT);
 }
 
 void html_bars(FILE *f, const char *title, const char *unit,
@@ -230,8 +263,8 @@ void html_bars(FILE *f, const char *title, const char *unit,
         html_text(f, name[i]);
         fprintf(f, "</text><rect x=\"180\" y=\"%zu\" width=\"%.1f\" "
                 "height=\"16\" fill=\"%s\"/><text x=\"%.1f\" y=\"%zu\">"
-                "%.3g %s</text>", 24 * i + 5, w, palette[0], 188 + w,
-                24 * i + 18, value[i], unit);
+                "%.3g %s</text>", 24 * i + 5, w, looks[HTML_FIRST].color,
+                188 + w, 24 * i + 18, value[i], unit);
     }
     fputs("</svg>\n", f);
 }

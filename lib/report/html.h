@@ -24,11 +24,21 @@ void html_row_end(FILE *f);
 int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
                  const char *caption, struct error *err);
 
+/* How a curve is drawn: colours that people with any kind of colour vision
+ * tell apart (Okabe and Ito 2008), and dashes besides. */
+enum html_look { HTML_FIRST, HTML_SECOND, HTML_THIRD, HTML_NULL };
+
 /* One curve of a chart; values that are not finite leave a gap. */
 struct html_curve {
     const char *name;
     const double *y;          /* (n) */
+    enum html_look look;
 };
+
+/* Driver and result, halves of one video (mp4, n bytes), one over the other
+ * with a wipe between them.  The page's charts follow its time. */
+void html_wipe(FILE *f, const uint8_t *mp4, size_t n, size_t size,
+               double rate);
 
 /* Curves over x (n, increasing), drawn to one scale, with a legend. */
 void html_chart(FILE *f, const char *title, const char *x_label,

@@ -4,18 +4,18 @@
 
 #include <cjson/cJSON.h>
 #include <errno.h>
-#include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
 
 #include "formats/image.h"
-#include "lib/metric/motion.h"
-#include "lib/record/motion.h"
+#include "lib/report/card.h"
 #include "lib/report/clips.h"
+#include "lib/report/curves.h"
 #include "lib/report/html.h"
-#include "lib/stream/stream.h"
+#include "lib/report/pair.h"
 
 /* ---- pictures ----------------------------------------------------------- */
 
@@ -130,110 +130,93 @@ static int write_source(FILE *f, const char *dir, struct error *err)
     return rc;
 }
 
-/* ---- motion curves ------------------------------------------------------ */
+/* ---- motion ------------------------------------------------------------- */
 
-enum { YAW, PITCH, ROLL, JAW, LID_LEFT, LID_RIGHT, CURVES };
-
-struct motion_curves {
-    size_t n, room;
-    double *time;
-    double *y[CURVES];
+/* The motions that the folder has. */
+struct motions {
+    struct curves driver, result, truth, still;
 };
 
-static void curves_release(struct motion_curves *m)
+static void motions_release(struct motions *m)
 {
-    free(m->time);
-    for (int k = 0; k < CURVES; k++)
-        free(m->y[k]);
-    memset(m, 0, sizeof *m);
+    curves_release(&m->driver);
+    curves_release(&m->result);
+    curves_release(&m->truth);
+    curves_release(&m->still);
 }
 
-/* Room for one frame more. */
-static int curves_grow(struct motion_curves *m)
+/* motion.spid, result.spid, truth.spid; the source's own motion is in the
+ * identity or the avatar. */
+static int motions_read(struct motions *m, const char *dir, struct error *err)
 {
-    size_t room = m->room ? 2 * m->room : 256;
-    double *t;
+    const struct {
+        const char *name;
+        struct curves *to;
+        bool first;
+    } part[] = {{"motion.spid", &m->driver, false},
+                {"result.spid", &m->result, false},
+                {"truth.spid", &m->truth, false},
+                {"me.spid", &m->still, true},
+                {"avatar.spid", &m->still, true}};
+    char path[4096];
 
-    if (m->n < m->room)
-        return 0;
-    if (!(t = realloc(m->time, room * sizeof *t)))
-        return -1;
-    m->time = t;
-    for (int k = 0; k < CURVES; k++) {
-        if (!(t = realloc(m->y[k], room * sizeof *t)))
+    memset(m, 0, sizeof *m);
+    for (size_t i = 0; i < sizeof part / sizeof *part; i++)
+        if (!part[i].to->n && run_find(path, sizeof path, dir, part[i].name) &&
+            curves_read(part[i].to, path, part[i].first, err))
             return -1;
-        m->y[k] = t;
-    }
-    m->room = room;
     return 0;
 }
 
-/* Angles, jaw and lids of one MOTN record. */
-static int curves_add(struct motion_curves *m, const struct record *rec,
+/* What the encoder saw in driver and result, as curves over time. */
+static void write_motion(FILE *f, const struct motions *m)
+{
+    html_section(f, "Motion: driver against result",
+                 "The encoder's view of the driver's frames and of the "
+                 "result's.  The null line is the source photograph's own "
+                 "motion: what an avatar that does not move would show.  "
+                 "Click into a chart to see that moment.");
+    if (!m->driver.n) {
+        write_missing(f, "motion.spid");
+        return;
+    }
+    if (!m->result.n)
+        write_missing(f, "result.spid");
+    if (!m->still.n)
+        write_missing(f, "me.spid");
+    curves_write(f, &m->driver, &m->result, &m->truth, &m->still);
+}
+
+/* Both clips over each other. */
+static int write_wipe(FILE *f, const char *dir, const struct motions *m,
                       struct error *err)
 {
-    struct motion now;
-    double angles[3];
+    char driver[4096], result[4096];
+    struct pair p;
 
-    if (motion_read(&now, rec, 0, err))
+    html_section(f, "Driver and result", NULL);
+    if (!run_find(driver, sizeof driver, dir, "driver") ||
+        !run_find(result, sizeof result, dir, "avatar")) {
+        write_missing(f, "driver and avatar");
+        return 0;
+    }
+    if (pair_make(&p, driver, result,
+                  m->driver.has_window ? &m->driver.window : NULL, err))
         return -1;
-    if (curves_grow(m))
-        return error_set(err, EX_OSERR, "out of memory for %zu frames",
-                         m->n);
-    metric_euler_degrees(angles, now.R);
-    m->time[m->n] = rec->time;
-    for (int k = 0; k < 3; k++)
-        m->y[YAW + k][m->n] = angles[k];
-    m->y[JAW][m->n] = metric_jaw_open(now.pose.jaw);
-    m->y[LID_LEFT][m->n] = now.pose.lid[0];
-    m->y[LID_RIGHT][m->n] = now.pose.lid[1];
-    m->n++;
+    html_wipe(f, p.mp4, p.bytes, p.size, p.rate);
+    pair_release(&p);
     return 0;
 }
 
-/* Those of every MOTN record of a stream. */
-static int curves_read(struct motion_curves *m, const char *path,
-                       struct error *err)
+/* What the model's card says it cannot do. */
+static int write_limits(FILE *f, const char *card, struct error *err)
 {
-    struct stream_options opt = {0};
-    struct stream_reader *r = stream_open(path, &opt, err);
-    struct record rec;
-    int rc = r ? 1 : -1;
+    html_section(f, "Limits", "What the model's card says:");
+    int rc = card ? card_write_limits(f, card, err) : 1;
 
-    while (rc > 0 && (rc = stream_read(r, &rec, err)) > 0)
-        if (record_is(&rec, "MOTN") && curves_add(m, &rec, err))
-            rc = -1;
-    stream_close(r);
-    return rc;
-}
-
-/* What the encoder saw, as curves over time. */
-static int write_motion(FILE *f, const char *dir, const char *file,
-                        const char *title, struct error *err)
-{
-    struct motion_curves m = {0};
-    char path[4096];
-    int rc = 0;
-
-    html_section(f, title, NULL);
-    if (!run_find(path, sizeof path, dir, file)) {
-        write_missing(f, file);
-        return 0;
-    }
-    rc = curves_read(&m, path, err);
-    if (!rc) {
-        const struct html_curve pose[] = {{"yaw", m.y[YAW]},
-                                          {"pitch", m.y[PITCH]},
-                                          {"roll", m.y[ROLL]}};
-        const struct html_curve face[] = {{"jaw (rad)", m.y[JAW]},
-                                          {"left lid", m.y[LID_LEFT]},
-                                          {"right lid", m.y[LID_RIGHT]}};
-
-        html_chart(f, "Head pose in degrees", "s", m.time, m.n, pose, 3);
-        html_chart(f, "Jaw and eyelids", "s", m.time, m.n, face, 3);
-    }
-    curves_release(&m);
-    return rc;
+    if (rc > 0)
+        write_missing(f, "Limits of a README.md beside the model");
+    return rc < 0 ? -1 : 0;
 }
 
 /* ---- times and figures -------------------------------------------------- */
@@ -332,20 +315,28 @@ static int write_metrics(FILE *f, const char *dir, struct error *err)
     return 0;
 }
 
-int report_write(FILE *f, const char *dir, struct error *err)
+int report_write(FILE *f, const char *dir, const char *card,
+                 struct error *err)
 {
+    struct motions m = {0};
     struct stat sb;
+    int rc = -1;
 
     if (stat(dir, &sb))
         return error_set(err, EX_NOINPUT, "%s: %s", dir, strerror(errno));
     if (!S_ISDIR(sb.st_mode))
         return error_set(err, EX_NOINPUT, "%s: not a folder", dir);
     html_begin(f, "SpiD run");
+    if (motions_read(&m, dir, err) || write_wipe(f, dir, &m, err) ||
+        write_limits(f, card, err))
+        goto out;
+    write_motion(f, &m);
     if (write_source(f, dir, err) || write_clips(f, dir, err) ||
-        write_motion(f, dir, "motion.spid", "Motion", err) ||
-        write_motion(f, dir, "truth.spid", "True motion", err) ||
         write_times(f, dir) || write_metrics(f, dir, err))
-        return -1;
+        goto out;
     html_end(f);
-    return 0;
+    rc = 0;
+out:
+    motions_release(&m);
+    return rc;
 }

@@ -6,8 +6,10 @@
  *   driver.*  avatar.*  star.*      clips (mp4, y4m, ...): what drove, the
  *                                   result, the result without refiner
  *   dynamic.* static.* mouth.*      the branches apart
- *   motion.spid                     MOTN records of the run
- *   truth.spid                      MOTN records of the truth
+ *   motion.spid                     MOTN records of the driver
+ *   result.spid                     the same measured on the result
+ *   truth.spid                      the same of the truth
+ *   me.spid or avatar.spid          the source's own MOTN
  *   stats.tsv                       times of --stats
  *   metrics.json                    spid-eval's figures */
 #ifndef SPID_REPORT_REPORT_H
@@ -25,8 +27,10 @@
 #define REPORT_CELL 192
 int report_sheet(const char *path, const char *dir, struct error *err);
 
-/* Write the page of the run in folder dir to f.  -1 when dir is no folder or
- * a file in it is damaged (*err names it). */
-int report_write(FILE *f, const char *dir, struct error *err);
+/* Write the page of the run in folder dir to f.  card: the model's card, for
+ * its limits, or NULL.  -1 when dir is no folder or a file in it is damaged
+ * (*err names it). */
+int report_write(FILE *f, const char *dir, const char *card,
+                 struct error *err);
 
 #endif

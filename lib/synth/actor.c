@@ -1,3 +1,4 @@
+/* Meshes and strands grow as the parts of a person add theirs. */
 #include "lib/synth/actor.h"
 
 #include <stdlib.h>
@@ -6,7 +7,7 @@
 
 #include "lib/synth/vec.h"
 
-static int grow(void *block, size_t count, size_t size)
+static int actor_reserve(void *block, size_t count, size_t size)
 {
     void **p = block, *n = realloc(*p, (count ? count : 1) * size);
     if (!n)
@@ -19,12 +20,12 @@ int actor_grow(struct actor *a, size_t nv, size_t nf, size_t *v0, size_t *f0,
                struct error *err)
 {
     size_t v = a->nv + nv, f = a->nf + nf;
-    if (grow(&a->neutral, 3 * v, sizeof *a->neutral)
-        || grow(&a->paint, v, sizeof *a->paint)
-        || grow(&a->anchor, v, sizeof *a->anchor)
-        || grow(&a->faces, 3 * f, sizeof *a->faces)
-        || grow(&a->material, f, sizeof *a->material)
-        || grow(&a->label, f, sizeof *a->label))
+    if (actor_reserve(&a->neutral, 3 * v, sizeof *a->neutral)
+        || actor_reserve(&a->paint, v, sizeof *a->paint)
+        || actor_reserve(&a->anchor, v, sizeof *a->anchor)
+        || actor_reserve(&a->faces, 3 * f, sizeof *a->faces)
+        || actor_reserve(&a->material, f, sizeof *a->material)
+        || actor_reserve(&a->label, f, sizeof *a->label))
         return error_set(err, EX_OSERR, "out of memory for %zu vertices", v);
     memset(a->paint + a->nv, 0, nv * sizeof *a->paint);
     memset(a->anchor + a->nv, 0, nv);
@@ -40,13 +41,13 @@ struct strand_point *actor_strand(struct actor *a, enum strand_kind kind,
 {
     if (a->nstrand == a->strand_room) {
         size_t room = a->strand_room ? 2 * a->strand_room : 4096;
-        if (grow(&a->strand, room, sizeof *a->strand))
+        if (actor_reserve(&a->strand, room, sizeof *a->strand))
             return NULL;
         a->strand_room = room;
     }
     if (a->npoint + (size_t)n > a->point_room) {
         size_t room = a->point_room ? 2 * a->point_room : 65536;
-        if (grow(&a->point, room, sizeof *a->point))
+        if (actor_reserve(&a->point, room, sizeof *a->point))
             return NULL;
         a->point_room = room;
     }
@@ -83,7 +84,7 @@ static void measure_skull(struct actor *a)
     a->skull_radius[1] = hi[1] - a->skull[1];
 }
 
-static void measure(struct actor *a)
+static void actor_measure(struct actor *a)
 {
     const struct head *h = a->head;
     float r2 = 0, lowest = 9;
@@ -143,7 +144,7 @@ static int take_head(struct actor *a, struct error *err)
         return error_set(err, EX_OSERR, "out of memory");
     head_pose(a->neutral, &a->id, &rest);
     memcpy(a->faces, h->f, 3 * h->F * sizeof *a->faces);
-    measure(a);
+    actor_measure(a);
     float chin = a->lmk[8][1], base = a->neck_base[1];
     for (size_t i = 0; i < h->V; i++) {
         const float *p = a->neutral + 3 * i;

@@ -96,11 +96,13 @@ void backdrop_paint(float *wall, const struct persona *p, int n)
             float v = 2 * ((float)y + 0.5f) / (float)n - 1;
             float *c = wall + 3 * (y * n + x);
             switch (p->backdrop) {
-            case 1: bokeh_at(c, p, u, v); break;
-            case 2: garden_at(c, p, u, v); break;
-            case 3: room_at(c, p, u, v); break;
-            case 4: shelf_at(c, p, u, v); break;
-            default: wall_at(c, p, u, v);
+            case SCENERY_BOKEH: bokeh_at(c, p, u, v); break;
+            case SCENERY_GARDEN: garden_at(c, p, u, v); break;
+            case SCENERY_ROOM: room_at(c, p, u, v); break;
+            case SCENERY_SHELF: shelf_at(c, p, u, v); break;
+            case SCENERY_WALL:
+            case SCENERY_WALL_TOO:
+            case SCENERIES: wall_at(c, p, u, v);
             }
             for (int k = 0; k < 3; k++)
                 c[k] = fmaxf(c[k], 0);

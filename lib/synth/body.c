@@ -13,7 +13,7 @@
 
 /* The bare body at ring t (0 inside the neck, 1 shoulder, 2 below the window)
  * and angle phi (0 at the front, growing to the left). */
-static void torso(const struct actor *a, float p[3], float t, float phi)
+static void body_torso(const struct actor *a, float p[3], float t, float phi)
 {
     const float *b = a->neck_base;
     float wide = 0.98f * a->look.shoulder, u = clampf(t, 0, 1);
@@ -38,7 +38,7 @@ static void torso(const struct actor *a, float p[3], float t, float phi)
 }
 
 /* Where the cloth begins, as t, at angle phi. */
-static float neckline(enum collar collar, float phi)
+static float body_neckline(enum collar collar, float phi)
 {
     float front = 0.5f + 0.5f * cosf(phi);
     float tight = expf(-phi * phi * 5);
@@ -53,7 +53,7 @@ static float neckline(enum collar collar, float phi)
 }
 
 /* Height of the cloth over the body at distance d (in t) past its edge. */
-static float thickness(const struct persona *p, float d, float phi)
+static float body_thickness(const struct persona *p, float d, float phi)
 {
     float base = 0.020f, edge = ramp(0, 0.02f, d);
     float back = 0.5f - 0.5f * cosf(phi);
@@ -81,9 +81,9 @@ static void body_vertex(struct actor *a, size_t i, float t, float phi)
 {
     float *p = a->neutral + 3 * i, e[3], f[3], n[3], q[3];
     const float *shift = a->look.cloth.shift;
-    torso(a, p, t, phi);
-    torso(a, e, t + 0.02f, phi);
-    torso(a, f, t, phi + 0.05f);
+    body_torso(a, p, t, phi);
+    body_torso(a, e, t + 0.02f, phi);
+    body_torso(a, f, t, phi + 0.05f);
     sub3(e, e, p);
     sub3(f, f, p);
     cross3(n, e, f);
@@ -91,8 +91,8 @@ static void body_vertex(struct actor *a, size_t i, float t, float phi)
     if (n[1] < 0 && t < 1)
         for (int k = 0; k < 3; k++)
             n[k] = -n[k];
-    float d = t - neckline(a->look.collar, phi);
-    float up = thickness(&a->look, d, phi);
+    float d = t - body_neckline(a->look.collar, phi);
+    float up = body_thickness(&a->look, d, phi);
     if (d > 0) {                     /* folds */
         for (int k = 0; k < 3; k++)
             q[k] = p[k] * 4 + shift[k];
@@ -138,7 +138,7 @@ int body_build(struct actor *a, struct error *err)
                 a->faces[3 * f + (size_t)k] = quad[k];
             float phi = 2 * PI * ((float)c + 0.5f) / AROUND - PI;
             float t = 0.5f * (ring_t(r) + ring_t(r + 1));
-            int cloth = t > neckline(a->look.collar, phi);
+            int cloth = t > body_neckline(a->look.collar, phi);
             for (int k = 0; k < 2; k++, f++) {
                 a->material[f] = cloth ? MATERIAL_CLOTH : MATERIAL_SKIN;
                 a->label[f] = cloth ? LABEL_CLOTH : LABEL_NECK;

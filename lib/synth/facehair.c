@@ -14,9 +14,9 @@ static int no_memory(struct error *err)
 }
 
 /* A strand on face f at (s, t) leaning along dir, bent towards the skin. */
-static int plant(struct actor *a, enum strand_kind kind, size_t f, float s,
-                 float t, const float dir[3], float length, float half,
-                 float random, float lift)
+static int facehair_plant(struct actor *a, enum strand_kind kind, size_t f,
+                          float s, float t, const float dir[3], float length,
+                          float half, float random, float lift)
 {
     const int32_t *v = a->head->f + 3 * f;
     float e[3], g[3], n[3], p[3], d[3];
@@ -108,9 +108,9 @@ static int grow_brows(struct actor *a, struct random *r)
                 continue;
             for (int k = 0; k < 3; k++)
                 dir[k] += (float)random_range(r, -0.3, 0.3);
-            if (plant(a, STRAND_BROW, f, s, t, dir,
-                      (float)random_range(r, 0.025, 0.045), 0.0017f,
-                      (float)random_range(r, -1, 1), 0.007f))
+            if (facehair_plant(a, STRAND_BROW, f, s, t, dir,
+                               (float)random_range(r, 0.025, 0.045), 0.0017f,
+                               (float)random_range(r, -1, 1), 0.007f))
                 return -1;
         }
     }
@@ -146,9 +146,9 @@ static int grow_beard(struct actor *a, struct random *r)
             float dir[3] = { (float)random_range(r, -.4, .4)
                              + (upper > 0 ? copysignf(0.8f, o[0]) : 0), -1,
                              (float)random_range(r, -.2, .3) };
-            if (plant(a, STRAND_BEARD, f, s, t, dir,
-                      l * (float)random_range(r, 0.6, 1.3), 0.0017f,
-                      (float)random_range(r, -1, 1), l * 0.6f))
+            if (facehair_plant(a, STRAND_BEARD, f, s, t, dir,
+                               l * (float)random_range(r, 0.6, 1.3), 0.0017f,
+                               (float)random_range(r, -1, 1), l * 0.6f))
                 return -1;
         }
     }
@@ -200,7 +200,8 @@ int face_hair_grow(struct actor *a, struct error *err)
 }
 
 /* One tube of the frame through n points. */
-static int tube(struct actor *a, const float (*p)[3], int n, float half)
+static int facehair_tube(struct actor *a, const float (*p)[3], int n,
+                         float half)
 {
     struct strand_point *q = actor_strand(a, STRAND_FRAME, n, half, 1);
     if (!q)
@@ -237,7 +238,7 @@ int glasses_build(struct actor *a, struct error *err)
             float out = fabsf(p[i][0]) - apart;
             p[i][2] = z - 0.25f * fmaxf(out, 0) * fmaxf(out, 0) * 4;
         }
-        if (tube(a, (const float (*)[3])p, AROUND, half))
+        if (facehair_tube(a, (const float (*)[3])p, AROUND, half))
             return no_memory(err);
         const float *ear = a->lmk[s ? 0 : 16];
         float temple[4][3] = {
@@ -245,7 +246,7 @@ int glasses_build(struct actor *a, struct error *err)
             { ear[0] * 0.97f, c[1] + 0.04f, z - 0.12f },
             { ear[0] * 1.04f, c[1] + 0.03f, ear[2] },
             { ear[0] * 1.04f, c[1] - 0.02f, ear[2] - 0.2f } };
-        if (tube(a, (const float (*)[3])temple, 4, half))
+        if (facehair_tube(a, (const float (*)[3])temple, 4, half))
             return no_memory(err);
     }
     float b = apart - rx + 0.02f;
@@ -255,5 +256,5 @@ int glasses_build(struct actor *a, struct error *err)
         p[i][1] = a->eye[0][1] + 0.03f - 0.02f * x * x;
         p[i][2] = z + 0.02f * (1 - x * x);
     }
-    return tube(a, (const float (*)[3])p, 7, half) ? no_memory(err) : 0;
+    return facehair_tube(a, (const float(*)[3])p, 7, half) ? no_memory(err) : 0;
 }

@@ -71,7 +71,7 @@ static void gather_strand(struct gather *g, int queue, int i, size_t at,
     b->k[2][i] = lerpf(q[0].open, q[1].open, x);
 }
 
-static void flush(struct gather *g, int queue)
+static void gather_flush(struct gather *g, int queue)
 {
     struct shade_block *b = &g->block[queue];
     const struct persona *p = &g->a->look;
@@ -93,7 +93,7 @@ static void flush(struct gather *g, int queue)
     g->count[queue] = 0;
 }
 
-static void take(struct gather *g, size_t at, uint32_t id, float ao)
+static void gather_take(struct gather *g, size_t at, uint32_t id, float ao)
 {
     uint32_t point = id & ~RASTER_STRAND;
     int queue, i;
@@ -110,10 +110,10 @@ static void take(struct gather *g, size_t at, uint32_t id, float ao)
     else
         gather_face(g, queue, i, at, id);
     if (g->count[queue] == SHADE_N)
-        flush(g, queue);
+        gather_flush(g, queue);
 }
 
-static void prepare(struct gather *g)
+static void gather_prepare(struct gather *g)
 {
     const struct persona *p = &g->a->look;
     g->teeth = (struct shade_cloth){ .gloss = 0.35f, .wet = 1, .grain = 0.02f,
@@ -154,7 +154,7 @@ void stage_shade(struct stage *s, const struct actor *a,
     g.a = a;
     g.env = env;
     g.kernels = shade_kernels();
-    prepare(&g);
+    gather_prepare(&g);
     for (int y = 0; y < s->eye.h; y++)
         for (int x = 0; x < s->eye.w; x++) {
             size_t at = (size_t)y * (size_t)s->eye.w + (size_t)x;
@@ -163,11 +163,11 @@ void stage_shade(struct stage *s, const struct actor *a,
                 continue;
             size_t pixel = (size_t)(y / STAGE_GRID) * (size_t)s->size
                            + (size_t)(x / STAGE_GRID);
-            take(&g, at, id, s->ao[pixel]);
+            gather_take(&g, at, id, s->ao[pixel]);
         }
     for (int q = 0; q < QUEUES; q++)
         if (g.count[q])
-            flush(&g, q);
+            gather_flush(&g, q);
 }
 
 static uint8_t label_of(const struct stage *s, const struct actor *a,

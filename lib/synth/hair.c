@@ -90,7 +90,7 @@ static void keep_clear(const struct actor *a, float p[3], float depth)
 }
 
 /* Which way hair is combed at p. */
-static void flow(const struct actor *a, float f[3], const float p[3])
+static void hair_flow(const struct actor *a, float f[3], const float p[3])
 {
     const struct hair_look *h = &a->look.hair;
     float part = h->part, top = ramp(0.1f, 0.8f, (p[1] - a->skull[1])
@@ -156,7 +156,7 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
     for (int i = 0; i < n; i++) {
         float t = (float)i / (float)(n - 1);
         copy3(q[i].p, p);
-        flow(a, f, p);
+        hair_flow(a, f, p);
         float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t,
                        root[2] * 9 };
         noise4(w, s);

@@ -12,8 +12,8 @@ static const uint8_t luma_table[64] = {
 };
 
 /* b = C a C^T (forward) or C^T a C of an 8x8 block. */
-static void cosine(float b[64], const float a[64], const float c[64],
-                   int forward)
+static void jpeg_cosine(float b[64], const float a[64], const float c[64],
+                        int forward)
 {
     float t[64];
     for (int i = 0; i < 8; i++)
@@ -50,7 +50,7 @@ static void round_plane(float *plane, int n, int quality, int chroma)
                 v = v < n ? v : n - 1;
                 a[i] = plane[v * n + u];
             }
-            cosine(b, a, c, 1);
+            jpeg_cosine(b, a, c, 1);
             for (int i = 0; i < 64; i++) {
                 int low = i % 8 + i / 8, base = luma_table[i];
                 if (chroma)
@@ -59,14 +59,14 @@ static void round_plane(float *plane, int n, int quality, int chroma)
                 q = q < 1 ? 1 : q;
                 b[i] = rintf(b[i] / q) * q;
             }
-            cosine(a, b, c, 0);
+            jpeg_cosine(a, b, c, 0);
             for (int i = 0; i < 64; i++)
                 if (x + i % 8 < n && y + i / 8 < n)
                     plane[(y + i / 8) * n + x + i % 8] = a[i];
         }
 }
 
-static uint8_t byte(float v)
+static uint8_t jpeg_byte(float v)
 {
     return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v + 0.5f);
 }
@@ -93,8 +93,8 @@ void jpeg_damage(uint8_t *rgb, float *scratch, int n, int quality)
     for (int i = 0; i < n * n; i++) {
         int at = (i / n / 2) * m + i % n / 2;
         float y = luma[i] + 128, b = cb[at], r = cr[at];
-        rgb[3 * i] = byte(y + 1.402f * r);
-        rgb[3 * i + 1] = byte(y - 0.344f * b - 0.714f * r);
-        rgb[3 * i + 2] = byte(y + 1.772f * b);
+        rgb[3 * i] = jpeg_byte(y + 1.402f * r);
+        rgb[3 * i + 1] = jpeg_byte(y - 0.344f * b - 0.714f * r);
+        rgb[3 * i + 2] = jpeg_byte(y + 1.772f * b);
     }
 }

@@ -1,3 +1,5 @@
+/* Linear light to encoded bytes: exposure, tone, blur, noise, coarse cells,
+ * JPEG. */
 #include "lib/synth/lens.h"
 
 #include <math.h>
@@ -10,7 +12,7 @@
 /* sRGB-encoded value of linear x (0..1), from a table over the square root. */
 static float srgb_table[1026];
 
-static float encode(float x)
+static float lens_encode(float x)
 {
     float t = sqrtf(clampf(x, 0, 1)) * 1024;
     int i = (int)t;
@@ -27,13 +29,13 @@ void lens_init(void)
 }
 
 /* Highlights roll off instead of clipping. */
-static float shoulder(float x)
+static float lens_shoulder(float x)
 {
     return x < 0.55f ? x : 0.55f + 0.45f * (1 - 1 / (1 + (x - 0.55f) * 2.2f));
 }
 
 /* Separable blur of (n,n,3) by a Gaussian of sigma pixels, in place. */
-static void soften(float *img, float *tmp, int n, float sigma)
+static void lens_soften(float *img, float *tmp, int n, float sigma)
 {
     int r = (int)ceilf(2.5f * sigma);
     float w[16], sum = 0;
@@ -61,7 +63,7 @@ static void soften(float *img, float *tmp, int n, float sigma)
 }
 
 /* Mean along a short straight way: a hand-held or moving head. */
-static void smear(float *img, float *tmp, int n, float dx, float dy)
+static void lens_smear(float *img, float *tmp, int n, float dx, float dy)
 {
     int taps = (int)ceilf(fmaxf(fabsf(dx), fabsf(dy))) + 1;
     taps = taps > 9 ? 9 : taps;
@@ -83,7 +85,7 @@ static void smear(float *img, float *tmp, int n, float dx, float dy)
 }
 
 /* A coarser sensor: means over cells of 1/low pixels, read back bilinear. */
-static void coarsen(float *img, float *tmp, int n, float low)
+static void lens_coarsen(float *img, float *tmp, int n, float low)
 {
     int m = (int)((float)n * low);
     m = m < 8 ? 8 : m;
@@ -119,7 +121,7 @@ static void coarsen(float *img, float *tmp, int n, float low)
 }
 
 /* Linear light to encoded colours: balance, vignette, tone, saturation. */
-static void develop(float *img, int n, const struct lens_look *l)
+static void lens_develop(float *img, int n, const struct lens_look *l)
 {
     float half = 0.5f * (float)n;
     for (int y = 0; y < n; y++)
@@ -129,7 +131,7 @@ static void develop(float *img, int n, const struct lens_look *l)
             float e = l->exposure * (1 - l->vignette * 0.35f
                                          * (dx * dx + dy * dy));
             for (int k = 0; k < 3; k++)
-                v[k] = encode(shoulder(p[k] * e * l->balance[k]));
+                v[k] = lens_encode(lens_shoulder(p[k] * e * l->balance[k]));
             gray = 0.30f * v[0] + 0.59f * v[1] + 0.11f * v[2];
             for (int k = 0; k < 3; k++) {
                 float c = gray + (v[k] - gray) * l->saturation;
@@ -141,8 +143,8 @@ static void develop(float *img, int n, const struct lens_look *l)
         }
 }
 
-static void finish(struct stage *s, const float *img, const struct persona *p,
-                   uint64_t frame)
+static void lens_finish(struct stage *s, const float *img,
+                        const struct persona *p, uint64_t frame)
 {
     size_t n = (size_t)s->size * (size_t)s->size;
     uint64_t key = random_mix(p->key ^ random_mix(frame + 0x6e6f));
@@ -172,13 +174,13 @@ void lens_expose(struct stage *s, const struct persona *p, const float *wall,
             img[3 * i + k] += wall[3 * i + k] * (1 - s->cover[i]);
     occluder_draw(s, p, time);
     if (l->shutter > 0 && fabsf(blur_x) + fabsf(blur_y) > 1)
-        smear(img, s->scratch, s->size, blur_x, blur_y);
+        lens_smear(img, s->scratch, s->size, blur_x, blur_y);
     float blur = (0.42f + l->blur) * (float)s->size / 256;
-    soften(img, s->scratch, s->size, blur);
-    develop(img, s->size, l);
+    lens_soften(img, s->scratch, s->size, blur);
+    lens_develop(img, s->size, l);
     if (l->low < 0.95f)
-        coarsen(img, s->scratch, s->size, l->low);
-    finish(s, img, p, frame);
+        lens_coarsen(img, s->scratch, s->size, l->low);
+    lens_finish(s, img, p, frame);
     if (l->jpeg)
         jpeg_damage(s->rgb, s->scratch, s->size, l->jpeg);
 }

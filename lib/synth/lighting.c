@@ -23,7 +23,7 @@ static struct raster_vertex sun_vertex(const struct shade_shadow *w,
 }
 
 /* Three-texel box, twice: about the softness of a small window. */
-static void soften(float *map, float *tmp, int n)
+static void lighting_soften(float *map, float *tmp, int n)
 {
     for (int pass = 0; pass < 2; pass++) {
         for (int y = 0; y < n; y++)
@@ -77,14 +77,14 @@ void stage_shadow(struct stage *s, const struct actor *a,
         float h = s->sun.q[i] > 0 ? s->sun.q[i] - 8 : -2;
         s->shadow[i] = expf(SUN_SHARP * clampf(h, -2, 2));
     }
-    soften(s->shadow, s->blur, STAGE_SHADOW);
+    lighting_soften(s->shadow, s->blur, STAGE_SHADOW);
 }
 
 /* ---- ambient occlusion ------------------------------------------------- */
 
 /* Place of sample (x, y) in camera space. */
-static void unproject(float p[3], const struct stage *s, int x, int y,
-                      float inv_focal)
+static void lighting_unproject(float p[3], const struct stage *s, int x, int y,
+                               float inv_focal)
 {
     float q = s->eye.q[(size_t)y * (size_t)s->eye.w + (size_t)x];
     float z = 1 / q, half = 0.5f * (float)s->eye.w;
@@ -115,7 +115,7 @@ static float occlusion_at(const struct stage *s, const struct actor *a, int x,
                                     .78f, .89f, 1 };
     size_t at = (size_t)y * (size_t)s->eye.w + (size_t)x;
     float p[3], n[3], sum = 0;
-    unproject(p, s, x, y, inv_focal);
+    lighting_unproject(p, s, x, y, inv_focal);
     sample_normal(n, s, a, at);
     float reach = 0.15f / (p[2] * inv_focal);
     uint32_t h = (uint32_t)(x >> 1) * 0x9e3779b1u
@@ -135,7 +135,7 @@ static float occlusion_at(const struct stage *s, const struct actor *a, int x,
             || s->eye.q[(size_t)v * (size_t)s->eye.w + (size_t)u] <= 0)
             continue;
         float q[3], d[3];
-        unproject(q, s, u, v, inv_focal);
+        lighting_unproject(q, s, u, v, inv_focal);
         sub3(d, q, p);
         float l2 = dot3(d, d), up = dot3(d, n) - 0.004f;
         float near = clampf(1 - l2 / 0.06f, 0, 1);

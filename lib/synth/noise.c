@@ -1,3 +1,4 @@
+/* The lattice and its trilinear weights. */
 #include "lib/synth/noise.h"
 
 #include <math.h>
@@ -16,7 +17,7 @@ const uint32_t *noise_lattice(void)
     return noise_lattice_data;
 }
 
-static uint32_t cell(int x, int y, int z)
+static uint32_t noise_cell(int x, int y, int z)
 {
     int m = NOISE_N - 1;
     int at = ((z & m) * NOISE_N + (y & m)) * NOISE_N + (x & m);
@@ -35,7 +36,7 @@ void noise4(float out[4], const float p[3])
     }
     for (int c = 0; c < 8; c++) {
         int a = c & 1, b = c >> 1 & 1, d = c >> 2;
-        uint32_t v = cell(i[0] + a, i[1] + b, i[2] + d);
+        uint32_t v = noise_cell(i[0] + a, i[1] + b, i[2] + d);
         float w = (a ? f[0] : 1 - f[0]) * (b ? f[1] : 1 - f[1])
                   * (d ? f[2] : 1 - f[2]);
         for (int k = 0; k < 4; k++)

@@ -12,7 +12,7 @@ struct bar {
 };
 
 /* Light on a surface turned to n. */
-static void lit(float o[3], const struct shade_env *e, const float n[3])
+static void occlude_lit(float o[3], const struct shade_env *e, const float n[3])
 {
     for (int k = 0; k < 3; k++) {
         o[k] = 0;
@@ -48,7 +48,7 @@ static void draw_bar(struct stage *s, const struct bar *b,
             float v = clampf(dist / b->r, 0, 1);
             float m[3] = { d[0] / b->r, d[1] / b->r, -sqrtf(1 - v * v) };
             size_t at = (size_t)y * (size_t)n + (size_t)x;
-            lit(c, env, m);
+            occlude_lit(c, env, m);
             for (int k = 0; k < 3; k++)
                 s->light[3 * at + (size_t)k]
                     = lerpf(s->light[3 * at + (size_t)k], c[k] * b->color[k],
@@ -122,9 +122,9 @@ void occluder_draw(struct stage *s, const struct persona *p, double time)
     float phase = (float)(time * 1.3) + p->skin.shift[0];
     u = fmaxf(u, 0.08f * (float)s->size);
     switch (p->lens.occluder) {
-    case 1: draw_hand(s, p, u, phase); break;
-    case 2: draw_microphone(s, p, u, phase); break;
-    case 3: draw_strands(s, p, u, phase); break;
-    default: break;
+    case OCCLUDER_HAND: draw_hand(s, p, u, phase); break;
+    case OCCLUDER_MICROPHONE: draw_microphone(s, p, u, phase); break;
+    case OCCLUDER_STRANDS: draw_strands(s, p, u, phase); break;
+    case OCCLUDER_NONE: break;
     }
 }

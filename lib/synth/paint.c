@@ -7,7 +7,7 @@
 #include "lib/synth/vec.h"
 
 /* exp(-(d / size)^2) of the distance from p to point c, squashed in z. */
-static float blob(const float p[3], const float c[3], float size)
+static float paint_blob(const float p[3], const float c[3], float size)
 {
     float x = p[0] - c[0], y = p[1] - c[1], z = 0.5f * (p[2] - c[2]);
     return expf(-(x * x + y * y + z * z) / (size * size));
@@ -62,15 +62,16 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
         float c[3], e[3];
         lerp3(c, a->lmk[s ? 46 : 41], a->lmk[s ? 54 : 48], 0.45f);
         c[0] *= 1.25f;
-        cheek += blob(p, c, 0.15f);
+        cheek += paint_blob(p, c, 0.15f);
         lerp3(e, a->lmk[s ? 42 : 36], a->lmk[s ? 45 : 39], 0.5f);
         e[1] -= 0.025f;
-        socket += blob(p, e, 0.10f);
+        socket += paint_blob(p, e, 0.10f);
         float d = line_distance(a, p, s ? 22 : 17, s ? 26 : 21);
         brow = d < brow ? d : brow;
     }
-    float nose = blob(p, a->lmk[30], 0.09f), mouth = blob(p, a->mouth, 0.14f);
-    float chin = blob(p, a->lmk[8], 0.12f);
+    float nose = paint_blob(p, a->lmk[30], 0.09f),
+          mouth = paint_blob(p, a->mouth, 0.14f);
+    float chin = paint_blob(p, a->lmk[8], 0.12f);
     int front = region != REGION_NECK && region != REGION_EYEBALL;
     q->k[PAINT_RED] = front ? 0.42f * cheek + 0.5f * nose + 0.25f * mouth
                               + 0.15f * chin : 0.05f;

@@ -1,3 +1,4 @@
+/* Each trait from a sequence of its own, named by what it is. */
 #include "lib/synth/persona.h"
 
 #include <math.h>
@@ -6,20 +7,12 @@
 #include "lib/base/random.h"
 #include "lib/synth/vec.h"
 
-static float range(struct random *r, double lo, double hi)
-{
-    return (float)random_range(r, lo, hi);
-}
-static float normal(struct random *r)
+static float persona_normal(struct random *r)
 {
     return clampf((float)random_normal(r), -2.5f, 2.5f);
 }
-static int chance(struct random *r, double p)
-{
-    return random_uniform(r) < p;
-}
 /* sRGB 0..255 to linear light */
-static void linear(float out[3], const float srgb[3])
+static void persona_linear(float out[3], const float srgb[3])
 {
     for (int k = 0; k < 3; k++) {
         float v = srgb[k] / 255;
@@ -28,27 +21,29 @@ static void linear(float out[3], const float srgb[3])
     }
 }
 /* Linear colour at place t (0..1) of a row of n sRGB colours. */
-static void palette(float out[3], const float (*row)[3], int n, float t)
+static void persona_palette(float out[3], const float (*row)[3], int n, float t)
 {
     float a[3], b[3], x = clampf(t, 0, 1) * (float)(n - 1);
     int i = (int)x;
     i = i > n - 2 ? n - 2 : i;
-    linear(a, row[i]);
-    linear(b, row[i + 1]);
+    persona_linear(a, row[i]);
+    persona_linear(b, row[i + 1]);
     lerp3(out, a, b, x - (float)i);
 }
-static void jitter(struct random *r, float c[3], float s)
+static void persona_jitter(struct random *r, float c[3], float s)
 {
-    float all = 1 + s * normal(r);
+    float all = 1 + s * persona_normal(r);
     for (int k = 0; k < 3; k++)
-        c[k] = clampf(c[k] * (all + 0.35f * s * normal(r)), 0.003f, 0.95f);
+        c[k] = clampf(c[k] * (all + 0.35f * s * persona_normal(r)), 0.003f,
+                      0.95f);
 }
 /* Any colour: hue anywhere, saturation and brightness within bounds. */
 static void any_color(struct random *r, float c[3], float sat, float lo,
                       float hi)
 {
-    float h = range(r, 0, 6), s = sat * range(r, 0, 1) * range(r, 0.3, 1);
-    float v = range(r, lo, hi);
+    float h = random_float(r, 0, 6),
+          s = sat * random_float(r, 0, 1) * random_float(r, 0.3, 1);
+    float v = random_float(r, lo, hi);
     for (int k = 0; k < 3; k++) {
         float d = fabsf(fmodf(h + 2 * (float)k, 6) - 3) - 1;
         c[k] = v * lerpf(1, clampf(d, 0, 1), s);
@@ -62,7 +57,7 @@ static void sample_shape(struct persona *p, uint64_t key, size_t nshape)
     random_init(&r, key, "shape");
     p->nbeta = nshape < PERSONA_SHAPE_MAX ? nshape : PERSONA_SHAPE_MAX;
     for (size_t i = 0; i < p->nbeta; i++)
-        p->beta[i] = normal(&r) * (i < 50 ? 0.9f : 0.4f);
+        p->beta[i] = persona_normal(&r) * (i < 50 ? 0.9f : 0.4f);
 }
 
 static const float skin_row[7][3] = {
@@ -75,26 +70,31 @@ static void sample_skin(struct persona *p, uint64_t key)
     struct random r;
     struct shade_skin *s = &p->skin;
     random_init(&r, key, "skin");
-    p->tone = clampf(range(&r, 0, 1) * range(&r, 0.35, 1.1), 0, 1);
-    palette(s->base, skin_row, 7, p->tone);
-    jitter(&r, s->base, 0.05f);
+    p->tone = clampf(random_float(&r, 0, 1) * random_float(&r, 0.35, 1.1), 0,
+                     1);
+    persona_palette(s->base, skin_row, 7, p->tone);
+    persona_jitter(&r, s->base, 0.05f);
     for (int k = 0; k < 3; k++)
-        s->shift[k] = range(&r, 0, 4000) - 2000;
-    s->blotch = range(&r, 0.06, 0.22);
-    s->freckle = chance(&r, 0.2) && p->tone < 0.35f ? range(&r, 0.2, 0.8) : 0;
-    s->pores = range(&r, 0.02, 0.055) + 0.04f * p->age;
-    s->oil = range(&r, 0.4, 1.3);
+        s->shift[k] = random_float(&r, 0, 4000) - 2000;
+    s->blotch = random_float(&r, 0.06, 0.22);
+    s->freckle = random_chance(&r, 0.2) && p->tone < 0.35f
+                     ? random_float(&r, 0.2, 0.8)
+                     : 0;
+    s->pores = random_float(&r, 0.02, 0.055) + 0.04f * p->age;
+    s->oil = random_float(&r, 0.4, 1.3);
     s->wrinkle = p->age;
-    float red[3] = { 184, 88, 86 }, lip[3], blend = range(&r, 0.3, 0.8);
-    linear(lip, red);
+    float red[3] = { 184, 88, 86 }, lip[3], blend = random_float(&r, 0.3, 0.8);
+    persona_linear(lip, red);
     for (int k = 0; k < 3; k++)
         s->lip[k] = lerpf(lip[k], s->base[k] * (k ? 0.50f : 0.90f), blend);
-    s->gloss = range(&r, 0.3, 1.2);
-    p->makeup = p->male < 0.5f && chance(&r, 0.4) ? range(&r, 0.3, 1) : 0;
+    s->gloss = random_float(&r, 0.3, 1.2);
+    p->makeup = p->male < 0.5f && random_chance(&r, 0.4)
+                    ? random_float(&r, 0.3, 1)
+                    : 0;
     if (p->makeup > 0) {
-        float stick[3] = { range(&r, 130, 210), range(&r, 25, 90),
-                           range(&r, 45, 100) }, c[3];
-        linear(c, stick);
+        float stick[3] = { random_float(&r, 130, 210), random_float(&r, 25, 90),
+                           random_float(&r, 45, 100) }, c[3];
+        persona_linear(c, stick);
         lerp3(s->lip, s->lip, c, p->makeup * 0.75f);
     }
 }
@@ -113,7 +113,7 @@ static void sample_hair(struct persona *p, uint64_t key)
     struct hair_look *h = &p->hair;
     struct random r;
     random_init(&r, key, "hair");
-    float total = 0, pick = range(&r, 0, 1);
+    float total = 0, pick = random_float(&r, 0, 1);
     const float *odds = p->male > 0.5f ? male : female;
     for (int i = 0; i < HAIR_STYLES; i++)
         total += odds[i];
@@ -123,68 +123,71 @@ static void sample_hair(struct persona *p, uint64_t key)
         if (pick < 0)
             break;
     }
-    float light = range(&r, 0, 1) * clampf(1.15f - 1.8f * p->tone, 0.12f, 1);
-    palette(h->color, hair_row, 8, light);
+    float light = random_float(&r, 0, 1)
+                  * clampf(1.15f - 1.8f * p->tone, 0.12f, 1);
+    persona_palette(h->color, hair_row, 8, light);
     float red[3], gray[3], rs[3] = { 118, 58, 30 }, gs[3] = { 168, 166, 164 };
-    linear(red, rs);
-    linear(gray, gs);
-    if (chance(&r, 0.08) && p->tone < 0.4f)
-        lerp3(h->color, h->color, red, range(&r, 0.4, 1));
-    h->gray = clampf((p->age - 0.55f) * 2.2f * range(&r, 0.2, 1.2), 0, 0.95f);
+    persona_linear(red, rs);
+    persona_linear(gray, gs);
+    if (random_chance(&r, 0.08) && p->tone < 0.4f)
+        lerp3(h->color, h->color, red, random_float(&r, 0.4, 1));
+    h->gray = clampf((p->age - 0.55f) * 2.2f * random_float(&r, 0.2, 1.2), 0,
+                     0.95f);
     lerp3(h->color, h->color, gray, h->gray);
-    jitter(&r, h->color, 0.08f);
-    h->spread = range(&r, 0.18, 0.4);
-    h->gloss = range(&r, 0.4, 1.4);
-    h->length = range(&r, 0.7, 1.35);
-    h->volume = range(&r, 0.6, 1.4);
-    h->curl = range(&r, 0, 1);
-    h->part = chance(&r, 0.35) ? range(&r, -0.03, 0.03)
-                               : (chance(&r, 0.5) ? 1 : -1) * range(&r, .1, .2);
-    h->fringe = chance(&r, p->male > 0.5f ? 0.15 : 0.3);
+    persona_jitter(&r, h->color, 0.08f);
+    h->spread = random_float(&r, 0.18, 0.4);
+    h->gloss = random_float(&r, 0.4, 1.4);
+    h->length = random_float(&r, 0.7, 1.35);
+    h->volume = random_float(&r, 0.6, 1.4);
+    h->curl = random_float(&r, 0, 1);
+    h->part = random_chance(&r, 0.35) ? random_float(&r, -0.03, 0.03)
+                                      : (random_chance(&r, 0.5) ? 1 : -1)
+                                            * random_float(&r, .1, .2);
+    h->fringe = random_chance(&r, p->male > 0.5f ? 0.15 : 0.3);
     copy3(p->skin.hair, h->color);
-    p->skin.shaved = h->style == HAIR_SHAVED ? range(&r, 0.55, 1) : 0;
+    p->skin.shaved = h->style == HAIR_SHAVED ? random_float(&r, 0.55, 1) : 0;
 }
 
 static void sample_face(struct persona *p, uint64_t key)
 {
     struct random r;
     random_init(&r, key, "face");
-    p->brow_weight = range(&r, 0.5, 1) * lerpf(0.75f, 1.1f, p->male);
-    p->brow_arch = range(&r, -0.3, 1);
+    p->brow_weight = random_float(&r, 0.5, 1) * lerpf(0.75f, 1.1f, p->male);
+    p->brow_arch = random_float(&r, -0.3, 1);
     for (int k = 0; k < 3; k++) {
         float c = lerpf(p->hair.color[k], 0.02f, 0.35f);
         p->brow_color[k] = p->skin.brow[k] = c;
         p->beard_color[k] = p->hair.color[k] * 0.9f;
     }
-    p->lash = range(&r, 0.5, 0.9) + (p->male < 0.5f ? 0.5f : 0)
-              * range(&r, 0.3, 1);
+    p->lash = random_float(&r, 0.5, 0.9) + (p->male < 0.5f ? 0.5f : 0)
+              * random_float(&r, 0.3, 1);
     if (p->male > 0.5f) {
-        p->skin.stubble = range(&r, 0.1, 1) * range(&r, 0.3, 0.9);
+        p->skin.stubble = random_float(&r, 0.1, 1) * random_float(&r, 0.3, 0.9);
         int kind = (int)random_below(&r, 10);
         if (kind < 3) {
-            p->beard = range(&r, 0.5, 1);
+            p->beard = random_float(&r, 0.5, 1);
             p->moustache = 1;
-            p->beard_length = range(&r, 0.015, 0.05);
+            p->beard_length = random_float(&r, 0.015, 0.05);
             p->skin.stubble = 0.85f;
         } else if (kind < 5) {
-            p->beard = p->moustache = range(&r, 0.3, 0.8);
-            p->beard_length = range(&r, 0.006, 0.014);
+            p->beard = p->moustache = random_float(&r, 0.3, 0.8);
+            p->beard_length = random_float(&r, 0.006, 0.014);
             p->skin.stubble = 0.6f;
         } else if (kind == 5) {
-            p->moustache = range(&r, 0.6, 1);
-            p->beard_length = range(&r, 0.02, 0.04);
+            p->moustache = random_float(&r, 0.6, 1);
+            p->beard_length = random_float(&r, 0.02, 0.04);
         }
     }
-    float yellow = range(&r, 0, 0.25);
+    float yellow = random_float(&r, 0, 0.25);
     float tooth[3] = { 0.74f, 0.69f - 0.1f * yellow, 0.58f - 0.5f * yellow };
     float gum[3] = { 0.40f, 0.12f, 0.12f }, tongue[3] = { 0.42f, .13f, .13f };
     copy3(p->tooth, tooth);
     copy3(p->gum, gum);
     copy3(p->tongue, tongue);
-    p->glasses = chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
-    p->frame_width = p->glasses == 3 ? range(&r, 0.006, 0.009)
-                                     : range(&r, 0.01, 0.024);
-    if (chance(&r, 0.6))
+    p->glasses = random_chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
+    p->frame_width = p->glasses == 3 ? random_float(&r, 0.006, 0.009)
+                                     : random_float(&r, 0.01, 0.024);
+    if (random_chance(&r, 0.6))
         p->frame_color[0] = p->frame_color[1] = p->frame_color[2] = 0.015f;
     else
         any_color(&r, p->frame_color, 0.8f, 0.1f, 0.6f);
@@ -200,21 +203,22 @@ static void sample_eyes(struct persona *p, uint64_t key)
     struct random r;
     struct shade_eye *e = &p->eye;
     random_init(&r, key, "eyes");
-    float t = p->tone > 0.4f || chance(&r, 0.4) ? range(&r, 0, 0.3)
-                                                : range(&r, 0.2, 1);
-    palette(e->iris, iris_row, 7, t);
-    jitter(&r, e->iris, 0.12f);
+    float t = p->tone > 0.4f || random_chance(&r, 0.4)
+                  ? random_float(&r, 0, 0.3)
+                  : random_float(&r, 0.2, 1);
+    persona_palette(e->iris, iris_row, 7, t);
+    persona_jitter(&r, e->iris, 0.12f);
     for (int k = 0; k < 3; k++) {
         e->ring[k] = e->iris[k] * (k == 0 ? 0.6f : 0.65f);
-        e->shift[k] = range(&r, 0, 4000) - 2000;
+        e->shift[k] = random_float(&r, 0, 4000) - 2000;
     }
-    e->iris_radius = range(&r, 0.47, 0.53);
-    e->pupil = range(&r, 0.15, 0.27);
-    float white = range(&r, 0.62, 0.78);
+    e->iris_radius = random_float(&r, 0.47, 0.53);
+    e->pupil = random_float(&r, 0.15, 0.27);
+    float white = random_float(&r, 0.62, 0.78);
     e->white[0] = white;
     e->white[1] = white * 0.95f;
     e->white[2] = white * 0.92f;
-    e->vein = range(&r, 0.2, 1);
+    e->vein = random_float(&r, 0.2, 1);
 }
 
 static void sample_clothes(struct persona *p, uint64_t key)
@@ -226,26 +230,27 @@ static void sample_clothes(struct persona *p, uint64_t key)
     if (p->collar == COLLAR_WIDE && p->male > 0.5f)
         p->collar = COLLAR_CREW;
     *c = (struct shade_cloth){ .weave = CLOTH_PLAIN };
-    if (chance(&r, 0.5))
+    if (random_chance(&r, 0.5))
         c->weave = (enum cloth_weave)random_below(&r, CLOTH_WEAVES);
     if (c->weave == CLOTH_PLAID && p->collar != COLLAR_SHIRT)
         c->weave = CLOTH_KNIT;
-    any_color(&r, c->base, chance(&r, 0.5) ? 0.25f : 0.9f, 0.08f, 0.85f);
+    any_color(&r, c->base, random_chance(&r, 0.5) ? 0.25f : 0.9f, 0.08f, 0.85f);
     any_color(&r, c->second, 0.7f, 0.1f, 0.9f);
     if (c->weave == CLOTH_PLAIN || c->weave == CLOTH_KNIT)
         for (int k = 0; k < 3; k++)
             c->second[k] = c->base[k] * 1.25f;
-    c->scale = c->weave == CLOTH_KNIT ? range(&r, 9, 16) : range(&r, 4, 9);
-    c->bump = range(&r, 0.15, 0.45);
-    c->gloss = range(&r, 0, 0.15);
-    c->grain = range(&r, 0.02, 0.12);
+    c->scale = c->weave == CLOTH_KNIT ? random_float(&r, 9, 16)
+                                      : random_float(&r, 4, 9);
+    c->bump = random_float(&r, 0.15, 0.45);
+    c->gloss = random_float(&r, 0, 0.15);
+    c->grain = random_float(&r, 0.02, 0.12);
     for (int k = 0; k < 3; k++)
-        c->shift[k] = range(&r, 0, 4000) - 2000;
-    p->shoulder = range(&r, 0.95, 1.1) * lerpf(0.98f, 1.16f, p->male);
-    p->build = range(&r, 0.85, 1.2);
+        c->shift[k] = random_float(&r, 0, 4000) - 2000;
+    p->shoulder = random_float(&r, 0.95, 1.1) * lerpf(0.98f, 1.16f, p->male);
+    p->build = random_float(&r, 0.85, 1.2);
 }
 
-static void aim(float dir[3], float azimuth, float height)
+static void persona_aim(float dir[3], float azimuth, float height)
 {
     dir[0] = sinf(azimuth) * cosf(height);
     dir[1] = -sinf(height);
@@ -262,7 +267,7 @@ static void white_light(float rgb[3], float warmth, float power)
 
 /* Scale all light so that a face to the camera receives `want`: what a
  * camera's exposure does. */
-static void meter(struct shade_env *e, float want)
+static void persona_meter(struct shade_env *e, float want)
 {
     float got = 0.7f * e->cube[4][1] + 0.15f * (e->cube[0][1] + e->cube[1][1]);
     for (int i = 0; i < SHADE_LIGHTS; i++) {
@@ -282,25 +287,30 @@ static void meter(struct shade_env *e, float want)
 static void sample_light(struct persona *p, struct random *r)
 {
     struct shade_env *e = &p->env;
-    float side = chance(r, 0.5) ? 1 : -1, key = range(r, 0.5, 2.1);
-    int studio = chance(r, 0.35);
-    aim(e->light[0].dir, side * range(r, 0.1, studio ? 0.7 : 1.35),
-        range(r, 0.15, 1.0));
-    white_light(e->light[0].rgb, range(r, -0.5, 0.9), key);
-    aim(e->light[1].dir, -side * range(r, 0.4, 1.4), range(r, -0.1, 0.6));
-    white_light(e->light[1].rgb, range(r, -0.8, 0.5), key * range(r, 0, .45));
-    aim(e->light[2].dir, (chance(r, 0.5) ? 1 : -1) * range(r, 2.1, 2.7),
-        range(r, 0.1, 0.7));
-    white_light(e->light[2].rgb, range(r, -0.8, 0.8),
-                chance(r, 0.5) ? key * range(r, 0.2, 1.2) : 0);
-    float amb = range(r, 0.2, 0.6), warm = range(r, -0.6, 0.6);
+    float side = random_chance(r, 0.5) ? 1 : -1,
+          key = random_float(r, 0.5, 2.1);
+    int studio = random_chance(r, 0.35);
+    persona_aim(e->light[0].dir,
+                side * random_float(r, 0.1, studio ? 0.7 : 1.35),
+                random_float(r, 0.15, 1.0));
+    white_light(e->light[0].rgb, random_float(r, -0.5, 0.9), key);
+    persona_aim(e->light[1].dir, -side * random_float(r, 0.4, 1.4),
+                random_float(r, -0.1, 0.6));
+    white_light(e->light[1].rgb, random_float(r, -0.8, 0.5),
+                key * random_float(r, 0, .45));
+    persona_aim(e->light[2].dir,
+                (random_chance(r, 0.5) ? 1 : -1) * random_float(r, 2.1, 2.7),
+                random_float(r, 0.1, 0.7));
+    white_light(e->light[2].rgb, random_float(r, -0.8, 0.8),
+                random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2) : 0);
+    float amb = random_float(r, 0.2, 0.6), warm = random_float(r, -0.6, 0.6);
     static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
     for (int k = 0; k < 6; k++)
-        white_light(e->cube[k], warm + range(r, -0.2, 0.2),
-                    amb * faces[k] * range(r, 0.7, 1.3));
+        white_light(e->cube[k], warm + random_float(r, -0.2, 0.2),
+                    amb * faces[k] * random_float(r, 0.7, 1.3));
     /* -y is up: the sky; +y gives back the warm floor and the clothes */
-    white_light(e->cube[3], warm + 0.4f, amb * range(r, 0.25, 0.6));
-    meter(e, (1.0f + 0.3f * p->tone) * expf(normal(r) * 0.16f));
+    white_light(e->cube[3], warm + 0.4f, amb * random_float(r, 0.25, 0.6));
+    persona_meter(e, (1.0f + 0.3f * p->tone) * expf(persona_normal(r) * 0.16f));
 }
 
 void persona_relight(struct persona *p, int k)
@@ -308,8 +318,8 @@ void persona_relight(struct persona *p, int k)
     struct random r;
     random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
     sample_light(p, &r);
-    aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
-        k % 3 == 2 ? 0.1f : 0.5f);
+    persona_aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
+                k % 3 == 2 ? 0.1f : 0.5f);
 }
 
 static void sample_lens(struct persona *p, uint64_t key, float effects)
@@ -320,20 +330,22 @@ static void sample_lens(struct persona *p, uint64_t key, float effects)
     *l = (struct lens_look){ .gamma = 1, .contrast = 1, .low = 1,
                              .exposure = 1, .saturation = 1,
                              .balance = { 1, 1, 1 } };
-    float e = effects, warm = normal(&r) * 0.06f * e;
-    l->exposure = expf(normal(&r) * 0.16f * e);
-    l->gamma = expf(normal(&r) * 0.08f * e);
-    l->contrast = 1 + 0.10f * e * normal(&r);
-    l->saturation = clampf(0.92f + 0.13f * e * normal(&r), 0.3f, 1.3f);
+    float e = effects, warm = persona_normal(&r) * 0.06f * e;
+    l->exposure = expf(persona_normal(&r) * 0.16f * e);
+    l->gamma = expf(persona_normal(&r) * 0.08f * e);
+    l->contrast = 1 + 0.10f * e * persona_normal(&r);
+    l->saturation = clampf(0.92f + 0.13f * e * persona_normal(&r), 0.3f, 1.3f);
     l->balance[0] = expf(warm);
-    l->balance[2] = expf(-warm + normal(&r) * 0.03f * e);
-    l->noise = range(&r, 0, 1) * range(&r, 0, 0.03) * e;
-    l->blur = chance(&r, 0.3) ? range(&r, 0, 0.9) * e : 0;
-    l->vignette = range(&r, 0, 0.35) * e;
-    l->shutter = chance(&r, 0.4) ? range(&r, 0, 0.03) * e : 0;
-    l->jpeg = chance(&r, 0.45 * e) ? (int)range(&r, 45, 95) : 0;
-    l->low = chance(&r, 0.15 * e) ? range(&r, 0.4, 0.8) : 1;
-    l->occluder = chance(&r, 0.10 * e) ? 1 + (int)random_below(&r, 3) : 0;
+    l->balance[2] = expf(-warm + persona_normal(&r) * 0.03f * e);
+    l->noise = random_float(&r, 0, 1) * random_float(&r, 0, 0.03) * e;
+    l->blur = random_chance(&r, 0.3) ? random_float(&r, 0, 0.9) * e : 0;
+    l->vignette = random_float(&r, 0, 0.35) * e;
+    l->shutter = random_chance(&r, 0.4) ? random_float(&r, 0, 0.03) * e : 0;
+    l->jpeg = random_chance(&r, 0.45 * e) ? (int)random_float(&r, 45, 95) : 0;
+    l->low = random_chance(&r, 0.15 * e) ? random_float(&r, 0.4, 0.8) : 1;
+    l->occluder = OCCLUDER_NONE;
+    if (random_chance(&r, 0.10 * e))
+        l->occluder = (enum occluder)(OCCLUDER_HAND + random_below(&r, 3));
 }
 
 void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
@@ -344,8 +356,9 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
     random_init(&r, seed, "synth.person");
     p->key = random_mix(r.key ^ random_mix(index));
     random_init(&r, p->key, "kind");
-    p->age = range(&r, 0, 1) * range(&r, 0.3, 1);
-    p->male = chance(&r, 0.5) ? range(&r, 0.6, 1) : range(&r, 0, 0.4);
+    p->age = random_float(&r, 0, 1) * random_float(&r, 0.3, 1);
+    p->male = random_chance(&r, 0.5) ? random_float(&r, 0.6, 1)
+                                     : random_float(&r, 0, 0.4);
     sample_shape(p, p->key, nshape);
     sample_skin(p, p->key);
     sample_hair(p, p->key);
@@ -356,14 +369,14 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
     sample_light(p, &r);
     sample_lens(p, p->key, effects);
     random_init(&r, p->key, "framing");
-    p->backdrop = (int)random_below(&r, 6);
+    p->backdrop = (enum scenery)random_below(&r, SCENERIES);
     any_color(&r, p->wall, 0.4f, 0.3f, 1.0f);
     any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
-    p->rest[0] = normal(&r) * 0.06f;
-    p->rest[1] = normal(&r) * 0.05f - 0.02f;
-    p->rest[2] = clampf(11.2f * expf(normal(&r) * 0.12f), 8.6f, 14.5f);
-    p->yaw = normal(&r) * 0.14f;
-    p->pitch = normal(&r) * 0.07f;
-    p->roll = normal(&r) * 0.05f;
-    p->lively = range(&r, 0.7, 1.25);
+    p->rest[0] = persona_normal(&r) * 0.06f;
+    p->rest[1] = persona_normal(&r) * 0.05f - 0.02f;
+    p->rest[2] = clampf(11.2f * expf(persona_normal(&r) * 0.12f), 8.6f, 14.5f);
+    p->yaw = persona_normal(&r) * 0.14f;
+    p->pitch = persona_normal(&r) * 0.07f;
+    p->roll = persona_normal(&r) * 0.05f;
+    p->lively = random_float(&r, 0.7, 1.25);
 }

@@ -25,6 +25,16 @@ struct hair_look {
     int fringe;
 };
 
+enum occluder {
+    OCCLUDER_NONE, OCCLUDER_HAND, OCCLUDER_MICROPHONE, OCCLUDER_STRANDS
+};
+
+/* What is seen behind a person; two in six stand before a wall. */
+enum scenery {
+    SCENERY_WALL, SCENERY_BOKEH, SCENERY_GARDEN, SCENERY_ROOM, SCENERY_SHELF,
+    SCENERY_WALL_TOO, SCENERIES
+};
+
 /* Camera, print and damage: fixed for a clip but for what noise adds. */
 struct lens_look {
     float exposure, gamma, contrast, saturation;
@@ -33,8 +43,7 @@ struct lens_look {
     float shutter;                       /* seconds of motion blur */
     int jpeg;                            /* quality 1..100, 0: none */
     float low;                           /* resolution factor, 1: full */
-    int occluder;                        /* 0 none, 1 hand, 2 microphone,
-                                          * 3 strand */
+    enum occluder occluder;              /* what passes before the face */
 };
 
 struct persona {
@@ -56,7 +65,7 @@ struct persona {
     struct shade_cloth cloth;
     float shoulder, build;
     struct shade_env env;                /* shadow: the stage's */
-    int backdrop;                        /* kind of background */
+    enum scenery backdrop;
     float wall[3], accent[3];
     struct lens_look lens;
     /* framing: where the head rests */

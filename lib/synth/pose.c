@@ -7,8 +7,8 @@
 #include "lib/geom/camera.h"
 #include "lib/synth/vec.h"
 
-static void rigid(float o[3], const float r[9], const float t[3],
-                  const float p[3])
+static void pose_rigid(float o[3], const float r[9], const float t[3],
+                       const float p[3])
 {
     rot3(o, r, p);
     for (int k = 0; k < 3; k++)
@@ -35,7 +35,7 @@ static void place_vertices(struct stage *s, const struct actor *a,
         if (a->anchor[i] == ANCHOR_JAW) {
             float d[3];
             sub3(d, p, joint);
-            rigid(p, jaw, joint, d);
+            pose_rigid(p, jaw, joint, d);
         }
     }
     if (h->nlip_inner > 2)
@@ -44,9 +44,9 @@ static void place_vertices(struct stage *s, const struct actor *a,
         float *o = s->place + 3 * i, b[3];
         const float *p = s->verts + 3 * i;
         float w = i < h->V ? a->neck[i] : a->anchor[i] == ANCHOR_BODY;
-        rigid(o, m->rot, m->trans, p);
+        pose_rigid(o, m->rot, m->trans, p);
         if (w > 0) {
-            rigid(b, m->body, m->body_trans, p);
+            pose_rigid(b, m->body, m->body_trans, p);
             lerp3(o, o, b, w);
         }
     }
@@ -86,8 +86,8 @@ static void face_frame(float m[9], const float *p, const int32_t *f)
 }
 
 /* A strand that rides on a face of the skin. */
-static void ride(struct stage *s, const struct actor *a,
-                 const struct strand *t)
+static void pose_ride(struct stage *s, const struct actor *a,
+                      const struct strand *t)
 {
     const int32_t *f = a->head->f + 3 * t->face;
     float rest[9], now[9], turn[9], rt[9];
@@ -116,7 +116,7 @@ static void ride(struct stage *s, const struct actor *a,
     for (int i = 0; i < t->points; i++) {
         float *p = s->tuft + 3 * (t->first + (size_t)i);
         sub3(d, q[i].p, root);
-        rigid(p, turn, at, d);
+        pose_rigid(p, turn, at, d);
         rot3(s->tuft_normal + 3 * (t->first + (size_t)i), turn, q[i].n);
     }
 }
@@ -131,8 +131,8 @@ static void landmark_place(float o[3], const struct stage *s,
 }
 
 /* A lash: its root runs along the lid between two landmarks. */
-static void lash(struct stage *s, const struct actor *a,
-                 const struct strand *t, const struct synth_motion *m)
+static void pose_lash(struct stage *s, const struct actor *a,
+                      const struct strand *t, const struct synth_motion *m)
 {
     int k = -2 - t->face;
     float p[3], q[3], shut = m->lid[k < 42 ? 1 : 0];
@@ -145,7 +145,7 @@ static void lash(struct stage *s, const struct actor *a,
         float d[3];
         copy3(d, o->p);
         d[1] = lerpf(d[1], -0.5f * d[1] - 0.3f * d[2], shut);
-        rigid(s->tuft + at, m->rot, p, d);
+        pose_rigid(s->tuft + at, m->rot, p, d);
         rot3(s->tuft_normal + at, m->rot, o->n);
     }
 }
@@ -159,29 +159,29 @@ static void place_strands(struct stage *s, const struct actor *a,
         for (int j = 0; j < t->points; j++)
             s->owner[t->first + (size_t)j] = (uint32_t)i;
         if (t->face >= 0) {
-            ride(s, a, t);
+            pose_ride(s, a, t);
             continue;
         }
         if (t->face < -1) {
-            lash(s, a, t, m);
+            pose_lash(s, a, t, m);
             continue;
         }
         for (int j = 0; j < t->points; j++) {
             const struct strand_point *q = a->point + t->first + j;
             float *p = s->tuft + 3 * (t->first + (size_t)j), b[3];
-            rigid(p, m->rot, m->trans, q->p);
+            pose_rigid(p, m->rot, m->trans, q->p);
             rot3(s->tuft_normal + 3 * (t->first + (size_t)j), m->rot, q->n);
             float w = t->loose > 0 ? ramp(top, base, q->p[1]) : 0;
             if (w > 0) {
-                rigid(b, m->body, m->body_trans, q->p);
+                pose_rigid(b, m->body, m->body_trans, q->p);
                 lerp3(p, p, b, w);
             }
         }
     }
 }
 
-static void project(struct raster_vertex *o, const float *p, size_t n,
-                    float size)
+static void pose_project(struct raster_vertex *o, const float *p, size_t n,
+                         float size)
 {
     float f = camera_focal(size);
     for (size_t i = 0; i < n; i++) {
@@ -199,8 +199,8 @@ void stage_pose(struct stage *s, const struct actor *a,
     place_vertices(s, a, m);
     find_normals(s, a);
     place_strands(s, a, m);
-    project(s->spot, s->place, a->nv, (float)s->eye.w);
-    project(s->tuft_spot, s->tuft, a->npoint, (float)s->eye.w);
+    pose_project(s->spot, s->place, a->nv, (float)s->eye.w);
+    pose_project(s->tuft_spot, s->tuft, a->npoint, (float)s->eye.w);
     camera_make(cam, m->rot, m->trans);
     head_landmarks(lmk, a->head, s->verts);
     camera_project(&s->lmk[0][0], NULL, cam, (float)s->size, lmk, 68);

@@ -1,3 +1,4 @@
+/* Triangles and strands by spans, nearest sample first. */
 #include "lib/synth/raster.h"
 
 #include <math.h>
@@ -84,9 +85,10 @@ static void fill_span(struct raster *r, int y, int x0, int x1, uint32_t id,
     }
 }
 
-static void triangle(struct raster *r, const struct raster_vertex *a,
-                     const struct raster_vertex *b,
-                     const struct raster_vertex *c, uint32_t id, int cull)
+static void raster_triangle(struct raster *r, const struct raster_vertex *a,
+                            const struct raster_vertex *b,
+                            const struct raster_vertex *c, uint32_t id,
+                            int cull)
 {
     float area = (b->x - a->x) * (c->y - a->y) - (c->x - a->x) * (b->y - a->y);
     int flip = area < 0;
@@ -131,12 +133,13 @@ void raster_triangles(struct raster *r, const struct raster_vertex *v,
 {
     for (size_t i = 0; i < count; i++) {
         const int32_t *f = faces + 3 * i;
-        triangle(r, &v[f[0]], &v[f[1]], &v[f[2]], base + (uint32_t)i, cull);
+        raster_triangle(r, &v[f[0]], &v[f[1]], &v[f[2]], base + (uint32_t)i,
+                        cull);
     }
 }
 
 /* A cheap hash to thin out strands that are narrower than a sample. */
-static float sprinkle(uint32_t id, int step)
+static float raster_sprinkle(uint32_t id, int step)
 {
     uint32_t h = id * 0x9e3779b1u ^ (uint32_t)step * 0x85ebca6bu;
     h ^= h >> 15;
@@ -145,8 +148,8 @@ static float sprinkle(uint32_t id, int step)
     return (float)(h >> 8) * (1.0f / 16777216.0f);
 }
 
-static void put(struct raster *r, int x, int y, float q, uint32_t id, float t,
-                float u)
+static void raster_put(struct raster *r, int x, int y, float q, uint32_t id,
+                       float t, float u)
 {
     if (x < 0 || y < 0 || x >= r->w || y >= r->h)
         return;
@@ -159,9 +162,9 @@ static void put(struct raster *r, int x, int y, float q, uint32_t id, float t,
     r->b2[k] = u;
 }
 
-static void segment(struct raster *r, const struct raster_vertex *a,
-                    const struct raster_vertex *b, uint32_t id, float wa,
-                    float wb)
+static void raster_segment(struct raster *r, const struct raster_vertex *a,
+                           const struct raster_vertex *b, uint32_t id, float wa,
+                           float wb)
 {
     float dx = b->x - a->x, dy = b->y - a->y;
     int steep = fabsf(dy) > fabsf(dx);
@@ -181,7 +184,7 @@ static void segment(struct raster *r, const struct raster_vertex *a,
         float half = lerpf(wa, wb, t) * grow, mid = oa + slope * along;
         float q = lerpf(a->q, b->q, t);
         if (half < 0.5f) {
-            if (sprinkle(id, p) > 2 * half)
+            if (raster_sprinkle(id, p) > 2 * half)
                 continue;
             half = 0.5f;
         }
@@ -189,7 +192,7 @@ static void segment(struct raster *r, const struct raster_vertex *a,
         int hi = (int)ceilf(mid + half - 0.5f);
         for (int o = lo; o < hi; o++) {
             float u = ((float)o + 0.5f - mid) / half;
-            put(r, steep ? o : p, steep ? p : o, q, id, t, u);
+            raster_put(r, steep ? o : p, steep ? p : o, q, id, t, u);
         }
     }
 }
@@ -200,7 +203,8 @@ void raster_strand(struct raster *r, const struct raster_vertex *v, int n,
     for (int i = 0; i + 1 < n; i++) {
         float t0 = (float)i / (float)(n - 1);
         float t1 = (float)(i + 1) / (float)(n - 1);
-        segment(r, &v[i], &v[i + 1], (base + (uint32_t)i) | RASTER_STRAND,
-                half * lerpf(1, tip, t0), half * lerpf(1, tip, t1));
+        raster_segment(r, &v[i], &v[i + 1],
+                       (base + (uint32_t)i) | RASTER_STRAND,
+                       half * lerpf(1, tip, t0), half * lerpf(1, tip, t1));
     }
 }

@@ -1,3 +1,5 @@
+/* The folder's lists, labels and meshes, read once and checked against the
+ * head. */
 #include "lib/synth/scan.h"
 
 #include <dirent.h>
@@ -18,7 +20,7 @@
 
 /* ---- folders ------------------------------------------------------------ */
 
-static int compare(const void *a, const void *b)
+static int scan_compare(const void *a, const void *b)
 {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
@@ -54,7 +56,7 @@ static char **list_names(const char *dir, const char *end, struct error *err)
                   "least one)", dir, end);
         return NULL;
     }
-    qsort(list, n, sizeof *list, compare);
+    qsort(list, n, sizeof *list, scan_compare);
     return list;
 }
 
@@ -116,7 +118,7 @@ static int load_irises(struct scan_assets *a, const char *dir,
         return -1;
     for (size_t i = 0; !rc && name[i] && a->niris < SCAN_PIECES; i++) {
         snprintf(file, sizeof file, "%s/%s", path, name[i]);
-        rc = texture_load(&a->iris[a->niris++], file, err);
+        rc = bitmap_load(&a->iris[a->niris++], file, err);
     }
     list_free(name);
     return rc;
@@ -286,7 +288,7 @@ static int check_head(const struct scan_assets *a, const struct head *h,
     if (sum > 0.03f)
         return error_set(err, EX_DATAERR, "head whose landmarks lie %.1f mm "
                          "from the scans' (expected one registered to them: "
-                         "head-scans.safetensors)", (double)(sum * 200));
+                         "head.safetensors)", (double)(sum * 200));
     return 0;
 }
 

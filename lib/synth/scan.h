@@ -29,7 +29,7 @@ struct scan_assets {
     struct piece torso;         /* the body's own skin below the chin */
     struct piece hand;          /* its left hand */
     struct scan_rack hair, brow, hat, cloth;
-    struct texture iris[SCAN_PIECES];
+    struct bitmap iris[SCAN_PIECES];
     size_t niris;
     struct light_map *light;
     size_t nlight;

@@ -1,3 +1,5 @@
+/* Kinds of expression fitted to the labels of the assets; from them
+ * expressions, speech, blinks, gaze and turns at any time. */
 #include "lib/synth/scan_act.h"
 
 #include <cjson/cJSON.h>
@@ -32,7 +34,7 @@ static float label_gain(int k)
 
 /* Pictures of one person or clip share the name before '#', or, of photographs,
  * before '_'. */
-static size_t stem(const char *name)
+static size_t act_stem(const char *name)
 {
     const char *hash = strchr(name, '#'), *base = strrchr(name, '/');
     const char *line = base ? strrchr(base, '_') : NULL;
@@ -43,7 +45,7 @@ static size_t stem(const char *name)
     return hash ? (size_t)(hash - name) : strlen(name);
 }
 
-static int compare(const void *a, const void *b)
+static int act_compare(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
 
@@ -59,7 +61,7 @@ static void take_calm(float (*w)[ARKIT_COUNT], size_t n)
     for (int k = 0; v && k < ARKIT_COUNT; k++) {
         for (size_t i = 0; i < n; i++)
             v[i] = w[i][k];
-        qsort(v, n, sizeof *v, compare);
+        qsort(v, n, sizeof *v, act_compare);
         float calm = v[n / 20];
         for (size_t i = 0; i < n; i++)
             w[i][k] = clampf(label_gain(k) * (w[i][k] - calm), 0, 1);
@@ -114,7 +116,7 @@ static int add_labels(struct seen *s, const struct safetensors *st,
     const cJSON *name = rc ? NULL : names->child;
     for (size_t i = 0; !rc && i < n; i++, name = name->next) {
         const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
-        if (strncmp(last, t, stem(t) + 1)) {
+        if (strncmp(last, t, act_stem(t) + 1)) {
             take_calm(s->w + first, s->n - first);
             first = s->n;
             last = t;
@@ -207,27 +209,27 @@ int act_model_fit(struct act_model *m, const char *dir, struct error *err)
 
 /* ---- tracks of time ------------------------------------------------------ */
 
-static uint64_t track(const struct act_look *l, const char *name, int i)
+static uint64_t act_track(const struct act_look *l, const char *name, int i)
 {
     return random_mix((l->key ^ random_name(name)) + (uint64_t)i);
 }
 
 /* Random number 0..1 of a track in slot i. */
-static float slot(uint64_t track, int64_t i)
+static float act_slot(uint64_t track, int64_t i)
 {
     return (float)(random_mix(track + (uint64_t)i) >> 40)
            * (1.0f / 16777216.0f);
 }
 
 /* Smooth noise in -1..1 that takes a new value every `period` seconds. */
-static float wander(uint64_t t, double time, double period)
+static float act_wander(uint64_t t, double time, double period)
 {
-    double x = time / period + 1000 + (double)slot(t, -7);
+    double x = time / period + 1000 + (double)act_slot(t, -7);
     int64_t i = (int64_t)floor(x);
     float f = (float)(x - (double)i), y[4];
 
     for (int k = 0; k < 4; k++)
-        y[k] = 2 * slot(t, i - 1 + k) - 1;
+        y[k] = 2 * act_slot(t, i - 1 + k) - 1;
     float g = 1 - f, f2 = f * f, f3 = f2 * f;
     return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
                     + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
@@ -235,29 +237,29 @@ static float wander(uint64_t t, double time, double period)
 
 /* An event now and then: rises to 1 and falls again.  chance is that of a
  * slot of `period` seconds to have one, width its share of the slot. */
-static float pulse(uint64_t t, double time, double period, float chance,
-                   float width)
+static float act_pulse(uint64_t t, double time, double period, float chance,
+                       float width)
 {
-    double x = time / period + 1000 + (double)slot(t, -9);
+    double x = time / period + 1000 + (double)act_slot(t, -9);
     int64_t i = (int64_t)floor(x);
     float f = (float)(x - (double)i);
 
-    if (slot(t, i) > chance)
+    if (act_slot(t, i) > chance)
         return 0;
-    float half = 0.5f * width * (0.7f + 0.6f * slot(t ^ 9, i));
-    float mid = half + (1 - 2 * half) * slot(t ^ 5, i);
+    float half = 0.5f * width * (0.7f + 0.6f * act_slot(t ^ 9, i));
+    float mid = half + (1 - 2 * half) * act_slot(t ^ 5, i);
     float d = fabsf(f - mid) / half;
     return d < 1 ? ramp(1, 0.25f, d) : 0;
 }
 
 /* Place between slots i - 1 and i (0..1): holds, then moves within `move`. */
-static float moving(uint64_t t, double time, double period, float move,
-                    int64_t *i)
+static float act_moving(uint64_t t, double time, double period, float move,
+                        int64_t *i)
 {
-    double x = time / period + 1000 + (double)slot(t, -11);
+    double x = time / period + 1000 + (double)act_slot(t, -11);
 
     *i = (int64_t)floor(x);
-    float start = slot(t ^ 0x51, *i) * (1 - move);
+    float start = act_slot(t ^ 0x51, *i) * (1 - move);
     return ramp(start, start + move, (float)(x - (double)*i));
 }
 
@@ -337,7 +339,7 @@ static void draw_expression(float *w, const struct act_model *m,
     float lean;
 
     memset(w, 0, ARKIT_COUNT * sizeof *w);
-    random_init(&r, track(l, "expression", 0) + (uint64_t)i, "slot");
+    random_init(&r, act_track(l, "expression", 0) + (uint64_t)i, "slot");
     float kind = (float)random_uniform(&r);
     float size = l->lively * (float)random_range(&r, 0.5, 1.3);
     lean = l->lean * (float)random_range(&r, 0, 1);
@@ -390,9 +392,9 @@ static const struct viseme visemes[] = {
 
 static void add_speech(float *w, const struct act_look *l, double time)
 {
-    uint64_t t = track(l, "speech", 0);
-    float phrase = pulse(t, time, 3.3, l->talk, 1.3f);
-    double rate = 0.12 + 0.06 * (double)slot(t, -3);
+    uint64_t t = act_track(l, "speech", 0);
+    float phrase = act_pulse(t, time, 3.3, l->talk, 1.3f);
+    double rate = 0.12 + 0.06 * (double)act_slot(t, -3);
     double x = time / rate + 1000;
     int64_t i = (int64_t)floor(x);
     float f = ramp(0, 1, (float)(x - (double)i));
@@ -402,7 +404,7 @@ static void add_speech(float *w, const struct act_look *l, double time)
         return;
     for (int k = 0; k < 2; k++) {
         int64_t s = i + k;
-        float g = phrase * (k ? f : 1 - f) * (0.6f + 0.6f * slot(t ^ 7, s));
+        float g = phrase * (k ? f : 1 - f) * (0.6f + 0.6f * act_slot(t ^ 7, s));
         const struct viseme *v
             = &visemes[random_mix((t ^ 3) + (uint64_t)s) % n];
         w[ARKIT_JAW_OPENED] += g * v->jaw;
@@ -418,32 +420,32 @@ static void add_speech(float *w, const struct act_look *l, double time)
     }
     /* the jaw leads its lips: some of its opening is closed by them */
     w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
-                                * fmaxf(wander(t ^ 31, time, 0.8), 0);
+                                * fmaxf(act_wander(t ^ 31, time, 0.8), 0);
     w[ARKIT_BROW_INNER_UP_R] = fmaxf(w[ARKIT_BROW_INNER_UP_R],
                                      w[ARKIT_BROW_INNER_UP_L]);
 }
 
 static void add_gaze(struct act *a, const struct act_look *l, double time)
 {
-    uint64_t t = track(l, "gaze", 0);
+    uint64_t t = act_track(l, "gaze", 0);
     float *w = a->weight, to[2], keep[2];
     int64_t i;
-    float f = moving(t, time, 1.1, 0.06f, &i);
+    float f = act_moving(t, time, 1.1, 0.06f, &i);
 
     for (int k = 0; k < 2; k++) {
         /* half of the looks go to the camera, the rest mostly near it */
-        float where = slot(t ^ 77, i - 1 + k);
+        float where = act_slot(t ^ 77, i - 1 + k);
         bool camera = where < 0.5f;
         float far = where > 0.8f ? 1 : 0.45f;
-        float yaw = far * (2 * slot(t ^ 1, i - 1 + k) - 1);
-        float pitch = far * (2 * slot(t ^ 2, i - 1 + k) - 1);
+        float yaw = far * (2 * act_slot(t ^ 1, i - 1 + k) - 1);
+        float pitch = far * (2 * act_slot(t ^ 2, i - 1 + k) - 1);
         to[k] = camera ? -0.9f * a->yaw : 0.52f * yaw;
         keep[k] = camera ? -0.9f * a->pitch
                          : pitch > 0 ? 0.5f * pitch : 0.42f * pitch;
     }
     float yaw = clampf(lerpf(to[0], to[1], f), -0.52f, 0.52f);
     float pitch = clampf(lerpf(keep[0], keep[1], f), -0.42f, 0.5f);
-    float verge = 0.012f + 0.03f * slot(t, -5);
+    float verge = 0.012f + 0.03f * act_slot(t, -5);
     for (int e = 0; e < 2; e++) {
         float y = yaw + (e ? verge : -verge);
         float out = e ? -y : y;
@@ -457,13 +459,15 @@ static void add_gaze(struct act *a, const struct act_look *l, double time)
 
 static void add_blinks(float *w, const struct act_look *l, double time)
 {
-    float blink = pulse(track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
-    float doze = 0.7f * pulse(track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
-    float droop = 0.06f * slot(track(l, "droop", 0), 0);
-    float held = pulse(track(l, "held", 0), time, 6.1, 0.45f, 0.35f);
+    float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
+    float doze = 0.7f
+                 * act_pulse(act_track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
+    float droop = 0.06f * act_slot(act_track(l, "droop", 0), 0);
+    float held = act_pulse(act_track(l, "held", 0), time, 6.1, 0.45f, 0.35f);
 
     for (int e = 0; e < 2; e++) {
-        float wink = pulse(track(l, "wink", e), time, 6.7, 0.16f, 0.25f);
+        float wink = act_pulse(act_track(l, "wink", e), time, 6.7, 0.16f,
+                               0.25f);
         float *lid = &w[ARKIT_EYE_BLINK_L + e];
         *lid = clampf(fmaxf(*lid * 0.5f + droop,
                             fmaxf(fmaxf(fmaxf(blink, held), doze), wink)), 0,
@@ -493,12 +497,13 @@ static const struct { uint8_t k; float chance, top; } accents[] = {
 static void add_accents(float *w, const struct act_look *l, double time)
 {
     for (size_t i = 0; i < sizeof accents / sizeof *accents; i++) {
-        uint64_t t = track(l, "accent", (int)i);
-        float v = pulse(t, time, 2.7, accents[i].chance, 1.1f);
+        uint64_t t = act_track(l, "accent", (int)i);
+        float v = act_pulse(t, time, 2.7, accents[i].chance, 1.1f);
         int64_t n = (int64_t)floor(time / 2.7);
-        float lean = slot(t ^ 11, n) < 0.15f ? slot(t ^ 12, n) < 0.5f ? 1 : -1
-                                             : 0.4f * l->lean;
-        v *= accents[i].top * (0.35f + 0.65f * slot(t ^ 13, n));
+        float lean = act_slot(t ^ 11, n) < 0.15f
+                         ? act_slot(t ^ 12, n) < 0.5f ? 1 : -1
+                         : 0.4f * l->lean;
+        v *= accents[i].top * (0.35f + 0.65f * act_slot(t ^ 13, n));
         if (v <= 0)
             continue;
         /* on top, as far as there is room */
@@ -512,7 +517,7 @@ static void add_accents(float *w, const struct act_look *l, double time)
 }
 
 /* Weights within 0..1, and none that undo or cross each other. */
-static void settle(float *w)
+static void act_settle(float *w)
 {
     for (int k = 0; k < ARKIT_COUNT; k++)
         w[k] = clampf(w[k], 0, 1);
@@ -551,26 +556,28 @@ void act_at(struct act *a, const struct act_model *m,
 
     memset(a, 0, sizeof *a);
     for (int k = 0; k < 3; k++) {
-        float slow = wander(track(l, "pose", k), time, 2.2);
-        float fast = wander(track(l, "nod", k), time, 0.7);
+        float slow = act_wander(act_track(l, "pose", k), time, 2.2);
+        float fast = act_wander(act_track(l, "nod", k), time, 0.7);
         pose[k] = (k ? size[k] : l->turn) * l->lively
                   * (slow * fabsf(slow) * 0.6f + slow * 0.4f + 0.10f * fast);
-        a->drift[k] = wander(track(l, "drift", k), time, 3.1);
+        a->drift[k] = act_wander(act_track(l, "drift", k), time, 3.1);
     }
     a->yaw = clampf(l->yaw + pose[0], -1.05f, 1.05f);
     a->pitch = clampf(l->pitch + pose[1], -0.44f, 0.44f);
     a->roll = clampf(l->roll + pose[2], -0.35f, 0.35f);
-    a->pupil = wander(track(l, "pupil", 0), time, 4);
-    float f = moving(track(l, "mood", 0), time, 1.3, 0.35f, &i);
+    a->pupil = act_wander(act_track(l, "pupil", 0), time, 4);
+    float f = act_moving(act_track(l, "mood", 0), time, 1.3, 0.35f, &i);
     draw_expression(from, m, l, i - 1);
     draw_expression(to, m, l, i);
     for (int k = 0; k < ARKIT_COUNT; k++)
-        a->weight[k] = lerpf(from[k], to[k], f)
-                       + 0.05f * fmaxf(wander(track(l, "tremble", k), time,
-                                              0.9), 0);
+        a->weight[k]
+            = lerpf(from[k], to[k], f)
+              + 0.05f
+                    * fmaxf(act_wander(act_track(l, "tremble", k), time, 0.9),
+                            0);
     add_speech(a->weight, l, time);
     add_accents(a->weight, l, time);
     add_blinks(a->weight, l, time);
     add_gaze(a, l, time);
-    settle(a->weight);
+    act_settle(a->weight);
 }

@@ -60,8 +60,8 @@ static void surface_normals(float *n, size_t nv, const float *p,
 
 /* d (n,3) becomes the mean over neighbours; where w > 0 it is drawn to its
  * own goal. */
-static void relax(float *d, float *next, float *count, const float *goal,
-                  const float *w, size_t n, const int32_t *f, size_t nf)
+static void body_relax(float *d, float *next, float *count, const float *goal,
+                       const float *w, size_t n, const int32_t *f, size_t nf)
 {
     memset(next, 0, 3 * n * sizeof *next);
     memset(count, 0, n * sizeof *count);
@@ -117,8 +117,8 @@ static void draw_to_scans(struct body *b, struct fit *t)
         memset(t->d, 0, 3 * n * sizeof *t->d);
         int smooth = (int)(60 * stiff) + 6;
         for (int k = 0; k < smooth; k++)
-            relax(t->d, t->next, t->count, t->goal, t->w, n, b->mesh.f,
-                  b->mesh.nf);
+            body_relax(t->d, t->next, t->count, t->goal, t->w, n, b->mesh.f,
+                       b->mesh.nf);
         for (size_t i = 0; i < 3 * n; i++)
             b->place[i] += t->d[i];
     }

@@ -1,3 +1,4 @@
+/* Cosine transforms of blocks, quantised, and their edges evened out. */
 #include "lib/synth/scan_codec.h"
 
 #include <math.h>
@@ -16,8 +17,8 @@ static void make_basis(float c[BLOCK * BLOCK])
 }
 
 /* b = C a C^T (forward) or C^T a C. */
-static void transform(float b[64], const float a[64], const float c[64],
-                      int forward)
+static void codec_transform(float b[64], const float a[64], const float c[64],
+                            int forward)
 {
     float t[64], m[64];
 
@@ -39,7 +40,7 @@ static void transform(float b[64], const float a[64], const float c[64],
 
 /* A plane (n,n) through quantised blocks; step is that of the slowest
  * frequencies. */
-static void quantise(float *p, int n, float step)
+static void codec_quantise(float *p, int n, float step)
 {
     float c[64], a[64], b[64];
 
@@ -50,7 +51,7 @@ static void quantise(float *p, int n, float step)
                 int u = x + i % 8, v = y + i / 8;
                 a[i] = p[(v < n ? v : n - 1) * n + (u < n ? u : n - 1)];
             }
-            transform(b, a, c, 1);
+            codec_transform(b, a, c, 1);
             for (int i = 0; i < 64; i++) {
                 float s = step * (1 + 0.10f * (float)(i % 8 + i / 8));
                 float l = fabsf(b[i]) / s;
@@ -58,7 +59,7 @@ static void quantise(float *p, int n, float step)
                 l = i ? floorf(l + 0.30f) : rintf(l);
                 b[i] = copysignf(l * s, b[i]);
             }
-            transform(a, b, c, 0);
+            codec_transform(a, b, c, 0);
             for (int i = 0; i < 64; i++)
                 if (x + i % 8 < n && y + i / 8 < n)
                     p[(y + i / 8) * n + x + i % 8] = a[i];
@@ -67,7 +68,7 @@ static void quantise(float *p, int n, float step)
 
 /* The four values about a border, at p, p + d, ...: a step smaller than the
  * limit is a fault of the blocks, and goes. */
-static void mend(float *p, int d, float limit)
+static void codec_mend(float *p, int d, float limit)
 {
     float step = p[2 * d] - p[d];
 
@@ -79,14 +80,14 @@ static void mend(float *p, int d, float limit)
     p[3 * d] -= 0.125f * step;
 }
 
-static void deblock(float *p, int n, float limit)
+static void codec_deblock(float *p, int n, float limit)
 {
     for (int y = 0; y < n; y++)
         for (int x = BLOCK; x + 2 <= n; x += BLOCK)
-            mend(p + y * n + x - 2, 1, limit);
+            codec_mend(p + y * n + x - 2, 1, limit);
     for (int y = BLOCK; y + 2 <= n; y += BLOCK)
         for (int x = 0; x < n; x++)
-            mend(p + (y - 2) * n + x, n, limit);
+            codec_mend(p + (y - 2) * n + x, n, limit);
 }
 
 static uint8_t byte_of(float v)
@@ -112,10 +113,10 @@ void codec_damage(uint8_t *rgb, float *scratch, int n, int q)
         cb[at] += 0.564f * ((float)p[2] - y) / (float)(wide * tall);
         cr[at] += 0.713f * ((float)p[0] - y) / (float)(wide * tall);
     }
-    quantise(luma, n, step);
-    deblock(luma, n, 2.0f * step);
-    quantise(cb, m, step);
-    quantise(cr, m, step);
+    codec_quantise(luma, n, step);
+    codec_deblock(luma, n, 2.0f * step);
+    codec_quantise(cb, m, step);
+    codec_quantise(cr, m, step);
     for (int i = 0; i < n * n; i++) {
         int at = (i / n / 2) * m + i % n / 2;
         float y = luma[i] + 128, b = cb[at], r = cr[at];

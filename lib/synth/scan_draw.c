@@ -99,7 +99,7 @@ void scan_draw(struct scan_stage *s)
 
 /* ---- veils -------------------------------------------------------------- */
 
-static int compare(const void *a, const void *b)
+static int draw_compare(const void *a, const void *b)
 {
     uint64_t x, y;
 
@@ -161,7 +161,7 @@ void scan_veils(struct scan_stage *s)
         memcpy(&key, &q, sizeof key);
         s->order[n++] = (uint64_t)key << 32 | i;
     }
-    qsort(s->order, n, sizeof *s->order, compare);
+    qsort(s->order, n, sizeof *s->order, draw_compare);
     for (size_t k = 0; k < n; k++)
         draw_veil(s, (uint32_t)s->order[k]);
 }

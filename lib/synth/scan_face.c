@@ -1,3 +1,4 @@
+/* ICT-FaceKit's whole mesh read, and split where texture coordinates part. */
 #include "lib/synth/scan_face.h"
 
 #include <cjson/cJSON.h>

@@ -1,3 +1,5 @@
+/* Face, body and pieces joined into one mesh with colours and normals; what
+ * covers what. */
 #include "lib/synth/scan_figure.h"
 
 #include <math.h>
@@ -13,7 +15,7 @@ static int figure_memory(struct error *err)
     return error_set(err, EX_OSERR, "out of memory for a person");
 }
 
-static bool stretch(void *block, size_t count, size_t size)
+static bool figure_stretch(void *block, size_t count, size_t size)
 {
     void **p = block, *n = realloc(*p, (count ? count : 1) * size);
 
@@ -29,16 +31,17 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
     size_t c = f->nc + nc, n = f->nf + nf;
 
     if (f->nparts == FIGURE_PARTS
-        || !stretch(&f->place, 3 * c, sizeof *f->place)
-        || !stretch(&f->normal, 3 * c, sizeof *f->normal)
-        || !stretch(&f->uv, 2 * c, sizeof *f->uv)
-        || !stretch(&f->moment, 10 * c, sizeof *f->moment)
-        || !stretch(&f->neck, c, sizeof *f->neck)
-        || !stretch(&f->extra, c, sizeof *f->extra)
-        || !stretch(&f->bind, 4 * c, sizeof *f->bind)
-        || !stretch(&f->weight, 4 * c, sizeof *f->weight)
-        || !stretch(&f->faces, 3 * n, sizeof *f->faces)
-        || !stretch(&f->part, n, 1) || !stretch(&f->stuff, n, 1)) {
+        || !figure_stretch(&f->place, 3 * c, sizeof *f->place)
+        || !figure_stretch(&f->normal, 3 * c, sizeof *f->normal)
+        || !figure_stretch(&f->uv, 2 * c, sizeof *f->uv)
+        || !figure_stretch(&f->moment, 10 * c, sizeof *f->moment)
+        || !figure_stretch(&f->neck, c, sizeof *f->neck)
+        || !figure_stretch(&f->extra, c, sizeof *f->extra)
+        || !figure_stretch(&f->bind, 4 * c, sizeof *f->bind)
+        || !figure_stretch(&f->weight, 4 * c, sizeof *f->weight)
+        || !figure_stretch(&f->faces, 3 * n, sizeof *f->faces)
+        || !figure_stretch(&f->part, n, 1)
+        || !figure_stretch(&f->stuff, n, 1)) {
         figure_memory(err);
         return NULL;
     }
@@ -289,8 +292,8 @@ static float neck_share(const struct figure *f, const float *p)
 }
 
 /* Directions a corner sees, given what is worn. */
-static uint64_t sees(const struct figure *f, const struct figure_part *p,
-                     size_t corner)
+static uint64_t figure_sees(const struct figure *f, const struct figure_part *p,
+                            size_t corner)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
@@ -316,7 +319,7 @@ static void find_moments(struct figure *f)
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         for (size_t c = p->c0; c < p->c1; c++)
-            sky_moments(f->moment + 10 * c, sees(f, p, c),
+            sky_moments(f->moment + 10 * c, figure_sees(f, p, c),
                         f->normal + 3 * c);
     }
 }
@@ -365,7 +368,7 @@ static int find_normals(struct figure *f, struct error *err)
 static bool sees_along(const struct figure *f, size_t corner,
                        const float to[3])
 {
-    uint64_t mask = sees(f, &f->parts[0], corner);
+    uint64_t mask = figure_sees(f, &f->parts[0], corner);
     int best = 0;
     float most = -2;
 
@@ -409,7 +412,7 @@ static void face_light(float e[3], const struct figure *f)
 }
 
 /* What exposure and white balance suit the light on the face. */
-static void expose(struct figure *f)
+static void figure_expose(struct figure *f)
 {
     float e[3], lum, white[3];
     const struct scan_camera *c = &f->look.camera;
@@ -430,7 +433,7 @@ static void expose(struct figure *f)
     f->exposure = c->exposure * 0.40f / (lum * powf(tone, 0.5f));
 }
 
-static void measure(struct figure *f)
+static void figure_measure(struct figure *f)
 {
     const struct scan_face *s = &f->assets->face;
 
@@ -470,7 +473,7 @@ int figure_init(struct figure *f, const struct scan_assets *a,
     for (int i = 0; !rc && i < 7; i++) {
         rc = add_scans(f, solid[i], err);
         if (i == 0 && !rc)
-            measure(f);
+            figure_measure(f);
     }
     rc = rc || add_worn(f, err) || figure_add_solids(f, err)
          || figure_add_front(f, err)
@@ -486,7 +489,7 @@ int figure_init(struct figure *f, const struct scan_assets *a,
             f->neck[c] = f->parts[i].ride == RIDE_BODY
                          ? 1 : neck_share(f, f->place + 3 * c);
     find_moments(f);
-    expose(f);
+    figure_expose(f);
     return 0;
 }
 

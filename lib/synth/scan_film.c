@@ -1,3 +1,4 @@
+/* Linear light to encoded bytes: background, exposure, optics, grain, codec. */
 #include "lib/synth/scan_film.h"
 
 #include <math.h>
@@ -37,7 +38,7 @@ void scan_film_release(struct scan_film *f)
 /* ---- background --------------------------------------------------------- */
 
 /* Mean over a disc of radius r pixels, of one plane. */
-static void defocus(float *out, const float *in, int n, int r)
+static void film_defocus(float *out, const float *in, int n, int r)
 {
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
@@ -108,21 +109,21 @@ void scan_backdrop(float *wall, float *tmp, const struct figure *f, int n)
         return;
     for (int k = 0; k < 3; k++) {
         memcpy(tmp, wall + (size_t)k * plane, plane * sizeof *tmp);
-        defocus(wall + (size_t)k * plane, tmp, n, r);
+        film_defocus(wall + (size_t)k * plane, tmp, n, r);
     }
 }
 
 /* ---- tone --------------------------------------------------------------- */
 
 /* Highlights roll off instead of clipping. */
-static float shoulder(float x)
+static float film_shoulder(float x)
 {
     return x < 0.5f ? x : 0.5f + 0.5f * (1 - 1 / (1 + (x - 0.5f) * 2));
 }
 
 /* Encoded value of linear x within 0.001, by interpolation in a table of
  * square roots. */
-static float encode(const float *table, float x)
+static float film_encode(const float *table, float x)
 {
     float r = 512 * sqrtf(clampf(x, 0, 1));
     int i = (int)r;
@@ -160,8 +161,8 @@ static void tone_apply(float c[3], const struct tone *t, float vignette)
     float gray;
 
     for (int k = 0; k < 3; k++)
-        c[k] = encode(t->table, shoulder(fmaxf(c[k], 0) * t->gain[k]
-                                         * vignette));
+        c[k] = film_encode(t->table, film_shoulder(fmaxf(c[k], 0) * t->gain[k]
+                                                   * vignette));
     gray = 0.30f * c[0] + 0.59f * c[1] + 0.11f * c[2];
     for (int k = 0; k < 3; k++) {
         float v = gray + (c[k] - gray) * t->saturation;
@@ -171,8 +172,8 @@ static void tone_apply(float c[3], const struct tone *t, float vignette)
 
 /* The stage and the wall into encoded planes, person and front premultiplied
  * by their cover. */
-static void develop(struct scan_film *film, const struct scan_stage *s,
-                    const float *wall, const struct tone *t)
+static void film_develop(struct scan_film *film, const struct scan_stage *s,
+                         const float *wall, const struct tone *t)
 {
     const struct scan_camera *cam = &s->figure->look.camera;
     size_t n = (size_t)film->size * (size_t)film->size;
@@ -205,7 +206,7 @@ static void develop(struct scan_film *film, const struct scan_stage *s,
 /* ---- optics, plane by plane --------------------------------------------- */
 
 /* Separable blur by a Gaussian of sigma pixels, in place. */
-static void soften(float *p, float *tmp, int n, float sigma)
+static void film_soften(float *p, float *tmp, int n, float sigma)
 {
     int r = (int)ceilf(2.5f * sigma);
     float w[33], sum = 0;
@@ -235,7 +236,7 @@ static void soften(float *p, float *tmp, int n, float sigma)
 }
 
 /* Mean along a short straight way. */
-static void smear(float *p, float *tmp, int n, const float move[2])
+static void film_smear(float *p, float *tmp, int n, const float move[2])
 {
     int taps = (int)ceilf(fmaxf(fabsf(move[0]), fabsf(move[1]))) + 1;
 
@@ -255,7 +256,7 @@ static void smear(float *p, float *tmp, int n, const float move[2])
 }
 
 /* A coarser sensor: means over cells, read back bilinear. */
-static void coarsen(float *p, float *tmp, int n, float low)
+static void film_coarsen(float *p, float *tmp, int n, float low)
 {
     int m = (int)((float)n * low);
 
@@ -284,26 +285,26 @@ static void coarsen(float *p, float *tmp, int n, float low)
         }
 }
 
-static void optics(float *p, float *tmp, int n, const struct scan_camera *c,
-                   const float move[2])
+static void film_optics(float *p, float *tmp, int n,
+                        const struct scan_camera *c, const float move[2])
 {
     float blur = (0.40f + c->blur) * (float)n / 256;
 
     if (fabsf(move[0]) + fabsf(move[1]) > 0.7f)
-        smear(p, tmp, n, move);
+        film_smear(p, tmp, n, move);
     if (blur > 0.3f)
-        soften(p, tmp, n, blur);
+        film_soften(p, tmp, n, blur);
     if (c->low < 0.95f)
-        coarsen(p, tmp, n, c->low);
+        film_coarsen(p, tmp, n, c->low);
 }
 
 /* p += amount (p - its blur): what cameras do to their pictures. */
-static void sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
+static void film_sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
 {
     size_t m = (size_t)n * (size_t)n;
 
     memcpy(tmp, p, m * sizeof *p);
-    soften(tmp, tmp2, n, 1.0f * (float)n / 256);
+    film_soften(tmp, tmp2, n, 1.0f * (float)n / 256);
     for (size_t i = 0; i < m; i++)
         p[i] += amount * (p[i] - tmp[i]);
 }
@@ -316,8 +317,9 @@ static uint8_t byte_of(float v)
 }
 
 /* rgb = person + front + what they leave of the wall, with noise. */
-static void compose(const struct scan_print *out, const struct scan_film *f,
-                    const struct scan_stage *s, uint64_t frame)
+static void film_compose(const struct scan_print *out,
+                         const struct scan_film *f, const struct scan_stage *s,
+                         uint64_t frame)
 {
     const struct scan_person *p = &s->figure->look;
     size_t n = (size_t)f->size * (size_t)f->size;
@@ -353,22 +355,22 @@ void scan_expose(const struct scan_print *out, struct scan_film *f,
     struct tone t;
 
     tone_init(&t, s->figure, time);
-    develop(f, s, wall, &t);
+    film_develop(f, s, wall, &t);
     for (size_t k = 0; k < (front ? 8u : 4u); k++)
-        optics(f->layer + k * n, f->tmp, f->size, c, move);
+        film_optics(f->layer + k * n, f->tmp, f->size, c, move);
     for (size_t k = 0; k < 3; k++) {
-        optics(f->wall + k * n, f->tmp, f->size, c, still);
+        film_optics(f->wall + k * n, f->tmp, f->size, c, still);
         for (size_t i = 0; i < n; i++)
             f->wall[k * n + i] *= 1 - f->layer[3 * n + i]
                                   - f->layer[7 * n + i];
     }
     for (size_t k = 0; c->sharpen > 0 && k < 3; k++) {
-        sharpen(f->layer + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
-        sharpen(f->layer + (4 + k) * n, f->tmp, f->tmp + n, f->size,
-                c->sharpen);
-        sharpen(f->wall + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
+        film_sharpen(f->layer + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
+        film_sharpen(f->layer + (4 + k) * n, f->tmp, f->tmp + n, f->size,
+                     c->sharpen);
+        film_sharpen(f->wall + k * n, f->tmp, f->tmp + n, f->size, c->sharpen);
     }
-    compose(out, f, s, frame);
+    film_compose(out, f, s, frame);
     if (c->codec)
         codec_damage(out->rgb, f->tmp, f->size, c->codec);
     else if (c->jpeg)

@@ -1,3 +1,5 @@
+/* How far the head's arcs leave the straight lines, carried to the scans'
+ * skin and teeth. */
 #include "lib/synth/scan_follow.h"
 
 #include <math.h>
@@ -65,8 +67,8 @@ void follow_map_release(struct follow_map *m)
 }
 
 /* The head under weights w; joints: also what is a joint's. */
-static void pose(float *verts, const struct identity *id, const float *w,
-                 bool joints)
+static void follow_pose(float *verts, const struct identity *id, const float *w,
+                        bool joints)
 {
     float exp[HEAD_MAX_EXP];
     struct head_motion m = {.exp = exp};
@@ -92,11 +94,11 @@ int follow_init(struct follow *o, const struct follow_map *m,
         free(rest);
         return error_set(err, EX_OSERR, "out of memory");
     }
-    pose(rest, id, w, true);
+    follow_pose(rest, id, w, true);
     for (int k = 0; k < FOLLOW_RIGS; k++) {
         float *d = o->full + (size_t)k * n;
         w[rig[k]] = 1;
-        pose(d, id, w, true);
+        follow_pose(d, id, w, true);
         w[rig[k]] = 0;
         for (size_t i = 0; i < n; i++)
             d[i] -= rest[i];
@@ -145,7 +147,7 @@ void follow_bend(float *x, float *scratch, const struct follow *o,
     const struct follow_map *m = o->map;
     size_t n = 3 * m->head->V;
 
-    pose(scratch, o->id, w, false);
+    follow_pose(scratch, o->id, w, false);
     for (size_t i = 0; i < n; i++)
         scratch[i] = verts[i] - scratch[i];
     for (int k = 0; k < FOLLOW_RIGS; k++) {

@@ -1,3 +1,4 @@
+/* A file parsed whole by cJSON, and its values by name; errors say which. */
 #include "lib/synth/scan_json.h"
 
 #include <errno.h>

@@ -1,3 +1,5 @@
+/* The panorama projected on harmonics, its peaks taken out as lamps, and
+ * blurred levels of it. */
 #include "lib/synth/scan_light.h"
 
 #include <math.h>
@@ -14,13 +16,13 @@
 static const int lobe[LIGHT_LEVELS] = {0, 90, 22, 5};
 static const int level_width[LIGHT_LEVELS] = {512, 64, 48, 32};
 
-static float luminance(const float c[3])
+static float light_luminance(const float c[3])
 {
     return 0.30f * c[0] + 0.59f * c[1] + 0.11f * c[2];
 }
 
 /* World direction of the middle of pixel (x, y). */
-static void direction(float d[3], int x, int y, int w, int h)
+static void light_direction(float d[3], int x, int y, int w, int h)
 {
     float phi = 2 * PI_F * (((float)x + 0.5f) / (float)w - 0.5f);
     float theta = PI_F * ((float)y + 0.5f) / (float)h;
@@ -40,7 +42,8 @@ static float solid_angle(int y, int w, int h)
 /* ---- preparing a panorama ----------------------------------------------- */
 
 /* out (h,w,3) = means over the cells of a larger picture. */
-static void shrink(float *out, int w, int h, const float *in, int iw, int ih)
+static void light_shrink(float *out, int w, int h, const float *in, int iw,
+                         int ih)
 {
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++) {
@@ -65,7 +68,7 @@ static double mean_light(const float *p, int w, int h)
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++)
             sum += (double)(solid_angle(y, w, h)
-                            * luminance(p + 3 * (y * w + x)));
+                            * light_luminance(p + 3 * (y * w + x)));
     return sum / (4 * (double)PI_F);
 }
 
@@ -78,16 +81,16 @@ static int take_lamp(struct lamp *l, float *p, int w, int h)
     const float reach = 0.22f;
 
     for (int i = 0; i < w * h; i++)
-        if (luminance(p + 3 * i) > best) {
-            best = luminance(p + 3 * i);
-            direction(peak, i % w, i / w, w, h);
+        if (light_luminance(p + 3 * i) > best) {
+            best = light_luminance(p + 3 * i);
+            light_direction(peak, i % w, i / w, w, h);
         }
     *l = (struct lamp){0};
     for (int pass = 0; pass < 2; pass++) {
         float size = 0, all = 0;
         for (int i = 0; i < w * h; i++) {
             float d[3], *c = p + 3 * i, sa = solid_angle(i / w, w, h);
-            direction(d, i % w, i / w, w, h);
+            light_direction(d, i % w, i / w, w, h);
             float angle = acosf(clampf(dot3(d, peak), -1, 1));
             if (pass == 0 && angle > reach && angle < 1.5f * reach) {
                 mad3(rim, rim, c, sa);
@@ -110,7 +113,7 @@ static int take_lamp(struct lamp *l, float *p, int w, int h)
     }
     unit3(l->dir);
     /* the whole sphere at mean luminance 1 gives irradiance pi */
-    return luminance(l->rgb) > 0.12f;
+    return light_luminance(l->rgb) > 0.12f;
 }
 
 static float power_of(float x, int n)
@@ -133,10 +136,10 @@ static void blur_level(float *out, int w, int h, const float *in, int iw,
     for (int i = 0; dir && i < ih; i++)
         area[i] = solid_angle(i, iw, ih);
     for (int i = 0; dir && i < iw * ih; i++)
-        direction(dir + 3 * i, i % iw, i / iw, iw, ih);
+        light_direction(dir + 3 * i, i % iw, i / iw, iw, ih);
     for (int i = 0; dir && i < w * h; i++) {
         float d[3], sum[3] = {0, 0, 0}, all = 0;
-        direction(d, i % w, i / w, w, h);
+        light_direction(d, i % w, i / w, w, h);
         for (int j = 0; j < iw * ih; j++) {
             float c = dot3(d, dir + 3 * j);
             if (c < least)
@@ -170,9 +173,9 @@ static int make_levels(struct light_map *m, const struct panorama *p)
         free(small);
         return -1;
     }
-    shrink(m->level[0], m->w[0], m->h[0], p->rgb, (int)p->width,
-           (int)p->height);
-    shrink(small, sw, sh, m->level[0], m->w[0], m->h[0]);
+    light_shrink(m->level[0], m->w[0], m->h[0], p->rgb, (int)p->width,
+                 (int)p->height);
+    light_shrink(small, sw, sh, m->level[0], m->w[0], m->h[0]);
     double mean = mean_light(small, sw, sh);
     for (int i = 0; i < 3 * m->w[0] * m->h[0]; i++)
         m->level[0][i] = (float)((double)m->level[0][i] / mean);
@@ -284,9 +287,9 @@ static void to_camera(float o[3], const float d[3], float t)
 }
 
 /* Light that falls on people has been about: paler than what it comes from. */
-static void pale(float c[3])
+static void light_pale(float c[3])
 {
-    float lum = luminance(c), gray[3] = {lum, lum, lum};
+    float lum = light_luminance(c), gray[3] = {lum, lum, lum};
 
     lerp3(c, c, gray, 0.35f);
 }
@@ -300,11 +303,11 @@ void light_init(struct light *l, const struct light_map *m, float turn,
     copy3(l->gain, gain);
     for (int i = 0; i < w * h; i++) {
         float d[3], c[3];
-        direction(d, i % w, i / w, w, h);
+        light_direction(d, i % w, i / w, w, h);
         to_camera(c, d, turn);
         float rgb[3];
         copy3(rgb, m->calm + 3 * i);
-        pale(rgb);
+        light_pale(rgb);
         for (int k = 0; k < 3; k++)
             harmonic2_add(&l->sky[k], c, gain[k] * rgb[k]
                                          * solid_angle(i / w, w, h));
@@ -312,7 +315,7 @@ void light_init(struct light *l, const struct light_map *m, float turn,
     for (int i = 0; i < m->nlamp; i++) {
         l->lamp[i] = m->lamp[i];
         to_camera(l->lamp[i].dir, m->lamp[i].dir, turn);
-        pale(l->lamp[i].rgb);
+        light_pale(l->lamp[i].rgb);
         for (int k = 0; k < 3; k++)
             l->lamp[i].rgb[k] *= gain[k];
     }

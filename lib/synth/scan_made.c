@@ -15,8 +15,8 @@
 
 /* A tube through n points, closed on itself or not, into part p from corner c
  * and face i on. */
-static void tube(struct figure *f, size_t c, size_t i,
-                 float (*at)[3], int n, bool closed, float r)
+static void made_tube(struct figure *f, size_t c, size_t i,
+                      float (*at)[3], int n, bool closed, float r)
 {
     for (int k = 0; k < n; k++) {
         const float *a = at[k > 0 ? k - 1 : closed ? n - 1 : 0];
@@ -125,7 +125,7 @@ static int add_frame(struct figure *f, struct error *err)
     for (int e = 0; e < 2; e++) {
         for (int k = 0; k < RIM; k++)
             rim_point(at[k], &g, e, k);
-        tube(f, c, i, at, RIM, true, g.r);
+        made_tube(f, c, i, at, RIM, true, g.r);
         c += tube_corners(RIM);
         i += tube_faces(RIM, true);
     }
@@ -136,7 +136,7 @@ static int add_frame(struct figure *f, struct error *err)
                    + 0.012f * sinf(PI_F * t);
         at[k][2] = g.centre[0][2] + 0.004f;
     }
-    tube(f, c, i, at, 4, false, g.r);
+    made_tube(f, c, i, at, 4, false, g.r);
     c += tube_corners(4);
     i += tube_faces(4, false);
     const int32_t *lmk = f->assets->face.landmark;
@@ -152,7 +152,7 @@ static int add_frame(struct figure *f, struct error *err)
             at[k][2] = lerpf(g.centre[e][2] - 0.35f * outer * outer,
                              ear[2] - 0.25f, t);
         }
-        tube(f, c, i, at, 5, false, g.r * 0.9f);
+        made_tube(f, c, i, at, 5, false, g.r * 0.9f);
         c += tube_corners(5);
         i += tube_faces(5, false);
     }
@@ -296,9 +296,9 @@ static int add_earrings(struct figure *f, struct error *err)
             at[k][1] = lobe[1] + 0.012f - r + r * cosf(t);
             at[k][2] = lobe[2] + r * sinf(t);
         }
-        tube(f, p->c0 + (size_t)e * tube_corners(RING),
-             p->f0 + (size_t)e * tube_faces(RING, true), at, RING, true,
-             0.006f);
+        made_tube(f, p->c0 + (size_t)e * tube_corners(RING),
+                  p->f0 + (size_t)e * tube_faces(RING, true), at, RING, true,
+                  0.006f);
     }
     bind_part(f, p);
     return 0;

@@ -1,3 +1,4 @@
+/* Points by the cell they lie in, in a hash table. */
 #include "lib/synth/scan_near.h"
 
 #include <math.h>
@@ -64,8 +65,8 @@ void near_release(struct near_grid *g)
 }
 
 /* Point i at squared distance d into the sorted list of at most k. */
-static int insert(int32_t *index, float *d2, int have, int k, int32_t i,
-                  float d)
+static int near_insert(int32_t *index, float *d2, int have, int k, int32_t i,
+                       float d)
 {
     int at = have < k ? have : k - 1;
 
@@ -93,7 +94,7 @@ static int scan_slot(int32_t *index, float *d2, int have, int k,
         if (l > limit || (n && g->normal
                           && dot3(n, g->normal + 3 * i) < 0.5f))
             continue;
-        have = insert(index, d2, have, k, i, l);
+        have = near_insert(index, d2, have, k, i, l);
     }
     return have;
 }

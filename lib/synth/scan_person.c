@@ -1,3 +1,4 @@
+/* Each trait from a sequence of its own, named by what it is. */
 #include "lib/synth/scan_person.h"
 
 #include <math.h>
@@ -6,43 +7,37 @@
 #include "lib/base/random.h"
 #include "lib/synth/vec.h"
 
-static float range(struct random *r, double lo, double hi)
-{
-    return (float)random_range(r, lo, hi);
-}
-static float normal(struct random *r, float limit)
+static float person_normal(struct random *r, float limit)
 {
     return clampf((float)random_normal(r), -limit, limit);
-}
-static bool chance(struct random *r, double p)
-{
-    return random_uniform(r) < p;
 }
 /* One of n, or -1 with the chance of none. */
 static int one_of(struct random *r, size_t n, double none)
 {
-    bool without = chance(r, none);
+    bool without = random_chance(r, none);
     uint32_t k = random_below(r, n ? (uint32_t)n : 1);
 
     return without || !n ? -1 : (int)k;
 }
 /* sRGB 0..255 to linear light, scaled by 1 +- s as a whole and by channel. */
-static void color(struct random *r, float out[3], const float srgb[3],
-                  float s)
+static void person_color(struct random *r, float out[3], const float srgb[3],
+                         float s)
 {
-    float all = 1 + s * normal(r, 2);
+    float all = 1 + s * person_normal(r, 2);
 
     for (int k = 0; k < 3; k++) {
         float v = srgb[k] / 255;
         v = v <= 0.04045f ? v / 12.92f : powf((v + 0.055f) / 1.055f, 2.4f);
-        out[k] = clampf(v * (all + 0.3f * s * normal(r, 2)), 0.002f, 0.95f);
+        out[k] = clampf(v * (all + 0.3f * s * person_normal(r, 2)), 0.002f,
+                        0.95f);
     }
 }
 /* Any colour: hue anywhere, saturation and brightness within bounds. */
 static void any_color(struct random *r, float c[3], float sat, float lo,
                       float hi)
 {
-    float h = range(r, 0, 6), s = sat * range(r, 0, 1), v = range(r, lo, hi);
+    float h = random_float(r, 0, 6), s = sat * random_float(r, 0, 1),
+          v = random_float(r, lo, hi);
 
     for (int k = 0; k < 3; k++) {
         float d = fabsf(fmodf(h + 2 * (float)k, 6) - 3) - 1;
@@ -57,30 +52,35 @@ static void draw_skin(struct scan_person *p)
 
     random_init(&r, p->key, "skin");
     for (int k = 0; k < SKIN_PARTS; k++)
-        s->z[k] = normal(&r, 2.2f);
+        s->z[k] = person_normal(&r, 2.2f);
     s->key = random_u64(&r);
     /* darker people are rarer in the photographs than in the world */
-    s->tone = 0.16f * normal(&r, 2);
-    if (chance(&r, 0.25))
-        s->tone -= range(&r, 0.2, 1.1);
-    s->red = 0.5f * normal(&r, 2);
+    s->tone = 0.16f * person_normal(&r, 2);
+    if (random_chance(&r, 0.25))
+        s->tone -= random_float(&r, 0.2, 1.1);
+    s->red = 0.5f * person_normal(&r, 2);
     s->age = p->age;
-    s->grain = range(&r, 0.6, 1.2) + 0.4f * p->age;
-    s->freckle = chance(&r, 0.15) && s->tone > -0.3f ? range(&r, 0.3, 1) : 0;
-    s->mole = chance(&r, 0.5) ? range(&r, 0.2, 1) : 0;
-    s->stubble = p->male > 0.5f && chance(&r, 0.6) ? range(&r, 0.1, 0.8) : 0;
-    bool made_up = p->male < 0.5f && chance(&r, 0.45);
-    float stick[3] = {range(&r, 120, 210), range(&r, 20, 100),
-                      range(&r, 40, 110)};
-    float lid[3] = {range(&r, 40, 170), range(&r, 30, 120),
-                    range(&r, 30, 140)};
-    color(&r, s->lip, stick, 0.05f);
-    color(&r, s->lid, lid, 0.05f);
-    s->lipstick = made_up ? range(&r, 0.2, 0.9) : 0;
-    s->shadow = made_up && chance(&r, 0.5) ? range(&r, 0.15, 0.7) : 0;
-    s->blush = made_up ? range(&r, 0, 0.5) : 0;
-    p->gloss = range(&r, 0.5, 1.5);
-    p->wet = range(&r, 0.6, 1.6) + (made_up ? 0.8f : 0);
+    s->grain = random_float(&r, 0.6, 1.2) + 0.4f * p->age;
+    s->freckle = random_chance(&r, 0.15) && s->tone > -0.3f
+                     ? random_float(&r, 0.3, 1)
+                     : 0;
+    s->mole = random_chance(&r, 0.5) ? random_float(&r, 0.2, 1) : 0;
+    s->stubble = p->male > 0.5f && random_chance(&r, 0.6)
+                     ? random_float(&r, 0.1, 0.8)
+                     : 0;
+    bool made_up = p->male < 0.5f && random_chance(&r, 0.45);
+    float stick[3] = {random_float(&r, 120, 210), random_float(&r, 20, 100),
+                      random_float(&r, 40, 110)};
+    float lid[3] = {random_float(&r, 40, 170), random_float(&r, 30, 120),
+                    random_float(&r, 30, 140)};
+    person_color(&r, s->lip, stick, 0.05f);
+    person_color(&r, s->lid, lid, 0.05f);
+    s->lipstick = made_up ? random_float(&r, 0.2, 0.9) : 0;
+    s->shadow = made_up && random_chance(&r, 0.5) ? random_float(&r, 0.15, 0.7)
+                                                  : 0;
+    s->blush = made_up ? random_float(&r, 0, 0.5) : 0;
+    p->gloss = random_float(&r, 0.5, 1.5);
+    p->wet = random_float(&r, 0.6, 1.6) + (made_up ? 0.8f : 0);
 }
 
 static const float hair_rows[9][3] = {
@@ -94,39 +94,46 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
 
     random_init(&r, p->key, "hair");
     /* the darker the skin, the darker the hair, mostly */
-    int rows = p->skin.tone < -0.5f && chance(&r, 0.85) ? 3 : 9;
-    color(&r, p->hair_color, hair_rows[random_below(&r, (uint32_t)rows)],
-          0.12f);
-    p->hair_gray = chance(&r, p->age * 0.9) ? range(&r, 0.1, 1) * p->age : 0;
-    if (chance(&r, 0.04))
+    int rows = p->skin.tone < -0.5f && random_chance(&r, 0.85) ? 3 : 9;
+    person_color(&r, p->hair_color, hair_rows[random_below(&r, (uint32_t)rows)],
+                 0.12f);
+    p->hair_gray = random_chance(&r, p->age * 0.9)
+                       ? random_float(&r, 0.1, 1) * p->age
+                       : 0;
+    if (random_chance(&r, 0.04))
         any_color(&r, p->hair_color, 0.9f, 0.3f, 0.8f);
     float gray[3] = {0.42f, 0.41f, 0.40f};
     lerp3(p->hair_color, p->hair_color, gray, p->hair_gray);
-    p->hair_gloss = range(&r, 0.3, 1.3);
+    p->hair_gloss = random_float(&r, 0.3, 1.3);
     p->hair = one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
     /* long hair and short hair change hands now and then */
     for (int k = 0; k < 6 && p->hair >= 0; k++) {
         bool is_short = !strncmp(a->hair.piece[p->hair].name, "short", 5);
-        if (is_short == (p->male > 0.5f) || chance(&r, 0.15))
+        if (is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
             break;
         p->hair = one_of(&r, a->hair.n, 0);
     }
-    p->buzz = p->hair < 0 ? range(&r, 0, 1) : 0;
+    p->buzz = p->hair < 0 ? random_float(&r, 0, 1) : 0;
     p->hat = one_of(&r, a->hat.n, 0.955);
-    p->cap = p->hat < 0 && chance(&r, 0.05) ? 1 + (int)random_below(&r, 2)
-                                            : 0;
+    p->cap = p->hat < 0 && random_chance(&r, 0.05)
+                 ? 1 + (int)random_below(&r, 2)
+                 : 0;
     if (p->hat >= 0 || p->cap)
-        p->hair = p->male > 0.5f || chance(&r, 0.3) ? -1 : p->hair;
+        p->hair = p->male > 0.5f || random_chance(&r, 0.3) ? -1 : p->hair;
     any_color(&r, p->cap_color, 0.8f, 0.1f, 0.9f);
     p->brow = one_of(&r, a->brow.n, 0);
-    p->brow_weight = range(&r, 0.55, 1.0);
+    p->brow_weight = random_float(&r, 0.55, 1.0);
     for (int k = 0; k < 3; k++)
         p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.16f)
-                           * range(&r, 0.5, 0.9);
-    p->beard = p->male > 0.5f && chance(&r, 0.35) ? range(&r, 0.3, 1) : 0;
-    p->moustache = p->male > 0.5f && chance(&r, p->beard > 0 ? 0.85 : 0.08)
-                   ? range(&r, 0.4, 1) : 0;
-    p->beard_length = range(&r, 0.1, 1);
+                           * random_float(&r, 0.5, 0.9);
+    p->beard = p->male > 0.5f && random_chance(&r, 0.35)
+                   ? random_float(&r, 0.3, 1)
+                   : 0;
+    p->moustache = p->male > 0.5f
+                           && random_chance(&r, p->beard > 0 ? 0.85 : 0.08)
+                       ? random_float(&r, 0.4, 1)
+                       : 0;
+    p->beard_length = random_float(&r, 0.1, 1);
 }
 
 static void draw_features(struct scan_person *p, const struct scan_assets *a)
@@ -135,30 +142,30 @@ static void draw_features(struct scan_person *p, const struct scan_assets *a)
 
     random_init(&r, p->key, "features");
     p->iris = one_of(&r, a->niris, 0);
-    p->iris_size = range(&r, 0.94, 1.06);
+    p->iris_size = random_float(&r, 0.94, 1.06);
     /* most of the world's eyes are brown; the pictures' are mostly blue */
-    float brown[3] = {range(&r, 50, 110), range(&r, 32, 62),
-                      range(&r, 14, 34)};
-    color(&r, p->iris_tint, brown, 0.1f);
-    if (!chance(&r, p->skin.tone < -0.4f ? 0.95 : 0.6))
+    float brown[3] = {random_float(&r, 50, 110), random_float(&r, 32, 62),
+                      random_float(&r, 14, 34)};
+    person_color(&r, p->iris_tint, brown, 0.1f);
+    if (!random_chance(&r, p->skin.tone < -0.4f ? 0.95 : 0.6))
         p->iris_tint[0] = -1;   /* as pictured */
-    p->lash = range(&r, 0.35, 0.9) + (p->skin.lipstick > 0 ? 0.4f : 0);
-    float t = range(&r, 0, 1);
+    p->lash = random_float(&r, 0.35, 0.9) + (p->skin.lipstick > 0 ? 0.4f : 0);
+    float t = random_float(&r, 0, 1);
     p->tooth[0] = lerpf(0.68f, 0.80f, t);
     p->tooth[1] = lerpf(0.60f, 0.77f, t);
     p->tooth[2] = lerpf(0.44f, 0.70f, t);
-    p->gum[0] = range(&r, 0.36, 0.48);
-    p->gum[1] = range(&r, 0.12, 0.19);
-    p->gum[2] = range(&r, 0.12, 0.18);
-    p->glasses = chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
-    if (chance(&r, 0.012))
+    p->gum[0] = random_float(&r, 0.36, 0.48);
+    p->gum[1] = random_float(&r, 0.12, 0.19);
+    p->gum[2] = random_float(&r, 0.12, 0.18);
+    p->glasses = random_chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
+    if (random_chance(&r, 0.012))
         p->glasses = 4;
     any_color(&r, p->glass_color, 0.5f, 0.05f, 0.5f);
-    if (chance(&r, 0.5))
+    if (random_chance(&r, 0.5))
         p->glass_color[0] = p->glass_color[1] = p->glass_color[2] = 0.02f;
-    p->earring = p->male < 0.5f && chance(&r, 0.3);
+    p->earring = p->male < 0.5f && random_chance(&r, 0.3);
     p->cloth = one_of(&r, a->cloth.n, 0);
-    p->cloth_own = chance(&r, 0.3);
+    p->cloth_own = random_chance(&r, 0.3);
     any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
 }
 
@@ -168,41 +175,44 @@ static void draw_camera(struct scan_person *p, float effects)
     struct scan_camera *c = &p->camera;
 
     random_init(&r, p->key, "camera");
-    float far = range(&r, 0, 1), e = effects;
-    p->rest[2] = 12 * expf(0.28f * normal(&r, 2) + 0.04f);
+    float far = random_float(&r, 0, 1), e = effects;
+    p->rest[2] = 12 * expf(0.28f * person_normal(&r, 2) + 0.04f);
     c->distance = p->rest[2];
     if (far < 0.45f)            /* an arm's length, or a desk's */
-        c->distance = fminf(c->distance, 5 * range(&r, 0.32, 1.6));
+        c->distance = fminf(c->distance, 5 * random_float(&r, 0.32, 1.6));
     else if (far < 0.5f)        /* a telephone at 15 to 32 cm from the face */
-        c->distance = 5 * range(&r, 0.24, 0.36);
-    p->rest[0] = 0.13f * normal(&r, 2) * p->rest[2] / 12;
-    p->rest[1] = (0.10f * normal(&r, 2) - 0.02f) * p->rest[2] / 12;
-    c->exposure = range(&r, 0.72, 1.28);
-    c->contrast = 1 + e * 0.16f * normal(&r, 2);
-    c->saturation = 1 + e * 0.18f * normal(&r, 2);
+        c->distance = 5 * random_float(&r, 0.24, 0.36);
+    p->rest[0] = 0.13f * person_normal(&r, 2) * p->rest[2] / 12;
+    p->rest[1] = (0.10f * person_normal(&r, 2) - 0.02f) * p->rest[2] / 12;
+    c->exposure = random_float(&r, 0.72, 1.28);
+    c->contrast = 1 + e * 0.16f * person_normal(&r, 2);
+    c->saturation = 1 + e * 0.18f * person_normal(&r, 2);
     for (int k = 0; k < 3; k++)
-        c->balance[k] = 1 + e * (k == 1 ? 0.02f : 0.09f) * normal(&r, 2);
-    c->blur = chance(&r, 0.5) ? e * range(&r, 0, 0.5)
-                              : chance(&r, 0.4) ? e * range(&r, 0.3, 1.6) : 0;
-    c->sharpen = chance(&r, 0.4) ? e * range(&r, 0.2, 0.9) : 0;
-    c->shutter = e * (chance(&r, 0.6) ? range(&r, 0, 0.012)
-                                      : range(&r, 0.01, 0.035));
-    c->noise = e * (chance(&r, 0.6) ? range(&r, 0.001, 0.012)
-                                    : range(&r, 0.01, 0.035));
-    c->vignette = e * (chance(&r, 0.4) ? range(&r, 0, 0.5) : 0);
-    c->low = e > 0 && chance(&r, 0.35) ? range(&r, 0.35, 0.9) : 1;
-    c->jpeg = e > 0 && chance(&r, 0.5) ? (int)range(&r, 30, 96) : 0;
-    c->codec = e > 0 && chance(&r, 0.4) ? (int)range(&r, 20, 36) : 0;
-    c->drift = e * (chance(&r, 0.4) ? range(&r, 0, 1) : 0);
-    c->depth = chance(&r, 0.8) ? range(&r, 0.2, 1) : 0.05f;
-    c->backdrop = chance(&r, 0.72) ? BACKDROP_ROOM : BACKDROP_WALL;
-    c->view = range(&r, 0.35, 1.15);
-    c->tilt = 0.12f * normal(&r, 2);
-    any_color(&r, c->wall, chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f, 0.95f);
+        c->balance[k] = 1 + e * (k == 1 ? 0.02f : 0.09f) * person_normal(&r, 2);
+    c->blur = random_chance(&r, 0.5)   ? e * random_float(&r, 0, 0.5)
+              : random_chance(&r, 0.4) ? e * random_float(&r, 0.3, 1.6)
+                                       : 0;
+    c->sharpen = random_chance(&r, 0.4) ? e * random_float(&r, 0.2, 0.9) : 0;
+    c->shutter = e * (random_chance(&r, 0.6) ? random_float(&r, 0, 0.012)
+                                      : random_float(&r, 0.01, 0.035));
+    c->noise = e * (random_chance(&r, 0.6) ? random_float(&r, 0.001, 0.012)
+                                    : random_float(&r, 0.01, 0.035));
+    c->vignette = e * (random_chance(&r, 0.4) ? random_float(&r, 0, 0.5) : 0);
+    c->low = e > 0 && random_chance(&r, 0.35) ? random_float(&r, 0.35, 0.9) : 1;
+    c->jpeg = e > 0 && random_chance(&r, 0.5) ? (int)random_float(&r, 30, 96)
+                                              : 0;
+    c->codec = e > 0 && random_chance(&r, 0.4) ? (int)random_float(&r, 20, 36)
+                                               : 0;
+    c->drift = e * (random_chance(&r, 0.4) ? random_float(&r, 0, 1) : 0);
+    c->depth = random_chance(&r, 0.8) ? random_float(&r, 0.2, 1) : 0.05f;
+    c->backdrop = random_chance(&r, 0.72) ? BACKDROP_ROOM : BACKDROP_WALL;
+    c->view = random_float(&r, 0.35, 1.15);
+    c->tilt = 0.12f * person_normal(&r, 2);
+    any_color(&r, c->wall, random_chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f, 0.95f);
     p->front = FRONT_NONE;
-    if (e > 0 && chance(&r, 0.09))
-        p->front = chance(&r, 0.6) ? FRONT_HAND
-                   : chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
+    if (e > 0 && random_chance(&r, 0.09))
+        p->front = random_chance(&r, 0.6) ? FRONT_HAND
+                   : random_chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
 }
 
 static void draw_light(struct scan_person *p, const struct scan_assets *a)
@@ -211,7 +221,7 @@ static void draw_light(struct scan_person *p, const struct scan_assets *a)
 
     random_init(&r, p->key, "light");
     p->light = one_of(&r, a->nlight, 0);
-    p->turn = range(&r, 0, 6.2831853);
+    p->turn = random_float(&r, 0, 6.2831853);
     for (int k = 0; k < 3; k++)
         p->gain[k] = 1;
 }
@@ -223,13 +233,14 @@ static void draw_act(struct scan_person *p)
 
     random_init(&r, p->key, "act");
     l->key = random_u64(&r);
-    l->lively = range(&r, 0.5, 1.25);
-    l->turn = chance(&r, 0.35) ? range(&r, 0.5, 1.05) : range(&r, 0.15, 0.6);
-    l->yaw = 0.35f * l->turn * normal(&r, 2);
-    l->pitch = 0.07f * normal(&r, 2);
-    l->roll = 0.05f * normal(&r, 2);
-    l->lean = normal(&r, 2) * 0.4f;
-    l->talk = chance(&r, 0.6) ? range(&r, 0.2, 0.9) : 0;
+    l->lively = random_float(&r, 0.5, 1.25);
+    l->turn = random_chance(&r, 0.35) ? random_float(&r, 0.5, 1.05)
+                                      : random_float(&r, 0.15, 0.6);
+    l->yaw = 0.35f * l->turn * person_normal(&r, 2);
+    l->pitch = 0.07f * person_normal(&r, 2);
+    l->roll = 0.05f * person_normal(&r, 2);
+    l->lean = person_normal(&r, 2) * 0.4f;
+    l->talk = random_chance(&r, 0.6) ? random_float(&r, 0.2, 0.9) : 0;
 }
 
 void scan_person_draw(struct scan_person *p, const struct scan_assets *a,
@@ -240,11 +251,11 @@ void scan_person_draw(struct scan_person *p, const struct scan_assets *a,
     memset(p, 0, sizeof *p);
     p->key = random_mix(random_mix(seed ^ random_name("scan person")) + index);
     random_init(&r, p->key, "who");
-    p->male = range(&r, 0, 1);
-    p->age = range(&r, 0, 1) * range(&r, 0.4, 1);
+    p->male = random_float(&r, 0, 1);
+    p->age = random_float(&r, 0, 1) * random_float(&r, 0.4, 1);
     random_init(&r, p->key, "shape");
     for (int k = 0; k < SCAN_IDENTITIES; k++)
-        p->beta[k] = normal(&r, 2.5f);
+        p->beta[k] = person_normal(&r, 2.5f);
     draw_skin(p);
     draw_hair(p, a);
     draw_features(p, a);

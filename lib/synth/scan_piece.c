@@ -1,3 +1,5 @@
+/* A mesh of MakeHuman's and its picture read, laid on the neutral face and
+ * bound to it. */
 #include "lib/synth/scan_piece.h"
 
 #include <math.h>
@@ -9,7 +11,7 @@
 #include "formats/image.h"
 #include "lib/synth/vec.h"
 
-void texture_look(float rgba[4], const struct texture *t, float u, float v)
+void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v)
 {
     if (!t->rgba) {
         rgba[0] = rgba[1] = rgba[2] = rgba[3] = 1;
@@ -34,9 +36,9 @@ static int piece_memory(struct error *err, const char *name)
 }
 
 /* Corners of faces above a height, split where texture places part. */
-static int cut(struct piece *p, const float *place, size_t nv,
-               const int32_t *f, const float *vt, const int32_t *ft,
-               size_t nf, float above, struct error *err)
+static int piece_cut(struct piece *p, const float *place, size_t nv,
+                     const int32_t *f, const float *vt, const int32_t *ft,
+                     size_t nf, float above, struct error *err)
 {
     int32_t *first = malloc(nv * sizeof *first);
 
@@ -46,7 +48,8 @@ static int cut(struct piece *p, const float *place, size_t nv,
     p->origin = malloc(3 * nf * sizeof *p->origin);
     int32_t *t_of = malloc(3 * nf * sizeof *t_of);
     int32_t *chain = malloc(3 * nf * sizeof *chain);
-    if (!first || !p->place || !p->uv || !p->faces || !p->origin || !t_of || !chain) {
+    if (!first || !p->place || !p->uv || !p->faces || !p->origin || !t_of
+        || !chain) {
         free(first);
         free(t_of);
         free(chain);
@@ -101,7 +104,7 @@ static int bind_corners(struct piece *p, const struct body *b,
 static void measure_picture(struct piece *p)
 {
     double sum[4] = {0, 0, 0, 1e-9};
-    const struct texture *t = &p->picture;
+    const struct bitmap *t = &p->picture;
 
     for (int i = 0; i < t->w * t->h; i++) {
         const uint8_t *c = t->rgba + 4 * i;
@@ -113,11 +116,11 @@ static void measure_picture(struct piece *p)
         p->mean[k] = t->rgba ? (float)(sum[k] / sum[3]) : 1;
 }
 
-int texture_load(struct texture *t, const char *path, struct error *err)
+int bitmap_load(struct bitmap *t, const char *path, struct error *err)
 {
     struct image im;
 
-    *t = (struct texture){0};
+    *t = (struct bitmap){0};
     if (image_read(&im, path, err))
         return -1;
     t->w = (int)im.width;
@@ -162,9 +165,9 @@ int piece_load(struct piece *p, const struct body *b, const char *dir,
     }
     mhclo_place(place, &m, b->place);
     if (picture && snprintf(path, sizeof path, "%s/%s", dir, picture) > 0
-        && texture_load(&p->picture, path, err))
+        && bitmap_load(&p->picture, path, err))
         goto out;
-    rc = cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
+    rc = piece_cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
          || bind_corners(p, b, err);
     measure_picture(p);
     p->hidden = m.hidden;
@@ -185,7 +188,7 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
     *p = (struct piece){0};
     snprintf(p->name, sizeof p->name, "%s", name);
     measure_picture(p);
-    if (cut(p, place, nv, faces, NULL, NULL, nf, above, err)
+    if (piece_cut(p, place, nv, faces, NULL, NULL, nf, above, err)
         || bind_corners(p, b, err)) {
         piece_release(p);
         return -1;

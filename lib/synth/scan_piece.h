@@ -12,16 +12,16 @@
 #include "lib/synth/scan_near.h"
 
 /* A picture to look colours up in; u to the right, v upwards. */
-struct texture {
+struct bitmap {
     int w, h;
     uint8_t *rgba;              /* (h,w,4) top row first; NULL: white */
 };
 
 /* Colour and alpha (0..1, as encoded) at (u, v), bilinear, clamped. */
-void texture_look(float rgba[4], const struct texture *t, float u, float v);
+void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v);
 
 /* Read a picture of at least 2 x 2 pixels. */
-int texture_load(struct texture *t, const char *path, struct error *err);
+int bitmap_load(struct bitmap *t, const char *path, struct error *err);
 
 /* A mesh on the neutral face.  bind: the vertices of the face that carry it
  * when the face is another person's. */
@@ -37,7 +37,7 @@ struct piece {
     float *weight;              /* (nc,4) */
     uint64_t *seen;             /* (nc) directions it is seen from */
     uint64_t *shade;            /* (FACE_VERTICES) directions it shuts off */
-    struct texture picture;
+    struct bitmap picture;
     float mean[3];              /* of the picture, by alpha, linear */
 };
 

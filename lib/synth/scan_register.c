@@ -75,7 +75,7 @@ void register_project(float o[3], const struct registration *r,
 }
 
 /* a (n,n) x = b for a symmetric positive definite a, by Cholesky in place. */
-static void solve(double *x, double *a, size_t n)
+static void register_solve(double *x, double *a, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
@@ -98,8 +98,9 @@ static void solve(double *x, double *a, size_t n)
 }
 
 /* The landmarks' places under the terms, head frame. */
-static void place(float *p, const struct registration *r,
-                  const struct register_map *m, const struct scan_face *f)
+static void register_place(float *p, const struct registration *r,
+                           const struct register_map *m,
+                           const struct scan_face *f)
 {
     for (int i = 0; i < REGISTER_POINTS; i++)
         copy3(p + 3 * i, f->neutral + 3 * m->vertex[i]);
@@ -134,7 +135,7 @@ static void step_pose(struct registration *r, const struct register_map *m,
     }
     for (int u = 0; u < 6; u++)
         a[7 * u] *= 1 + 1e-9;
-    solve(b, a, 6);
+    register_solve(b, a, 6);
     float w[3] = {(float)b[0], (float)b[1], (float)b[2]}, d[9], o[9];
     rodrigues33(d, w);
     mul33(o, d, r->rot);
@@ -178,7 +179,7 @@ static int step_terms(struct registration *r, const struct register_map *m,
     if (a && row) {
         for (size_t u = 0; u < N; u++)
             a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
-        solve(b, a, N);
+        register_solve(b, a, N);
         for (size_t u = 0; u < N; u++)
             r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
                                 u < SCAN_IDENTITIES ? 4 : 1.2f);
@@ -206,13 +207,13 @@ int register_fit(struct registration *r, const struct register_map *m,
     r->at[1] = y;
     r->scale = sx / 0.2f;
     for (int round = 0; round < ROUNDS; round++) {
-        place(p, r, m, f);
+        register_place(p, r, m, f);
         for (int k = 0; k < (round ? 3 : 10); k++)
             step_pose(r, m, p, point);
         if (step_terms(r, m, f, point, calm))
             return -1;
     }
-    place(p, r, m, f);
+    register_place(p, r, m, f);
     for (int i = 0; i < REGISTER_POINTS; i++) {
         float o[3];
         register_project(o, r, p + 3 * i);

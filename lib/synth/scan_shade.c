@@ -13,12 +13,12 @@ struct gloss {
     float f0;                   /* reflectance straight on */
 };
 
-static float square(float x)
+static float shade_square(float x)
 {
     return x * x;
 }
 
-static float fresnel(float f0, float c)
+static float shade_fresnel(float f0, float c)
 {
     float m = 1 - clampf(c, 0, 1);
 
@@ -29,16 +29,16 @@ static float fresnel(float f0, float c)
 static float lamp_gloss(const struct scan_point *o, const struct lamp *l,
                         float rough, float f0)
 {
-    float h[3], a = square(rough) + 0.4f * l->size;
+    float h[3], a = shade_square(rough) + 0.4f * l->size;
 
     for (int k = 0; k < 3; k++)
         h[k] = l->dir[k] + o->view[k];
     unit3(h);
     float nh = fmaxf(dot3(o->n, h), 0), lh = fmaxf(dot3(l->dir, h), 0.1f);
-    float a2 = square(a), d = square(nh) * (a2 - 1) + 1;
+    float a2 = shade_square(a), d = shade_square(nh) * (a2 - 1) + 1;
 
-    return a2 / (3.14159f * square(d) + 1e-7f) * fresnel(f0, lh)
-           / (4 * square(lh));
+    return a2 / (3.14159f * shade_square(d) + 1e-7f) * shade_fresnel(f0, lh)
+           / (4 * shade_square(lh));
 }
 
 /* Light mirrored: the sky's and the lamps', where `open` of it is free. */
@@ -53,7 +53,7 @@ static void add_gloss(float rgb[3], const struct scan_stage *s,
     for (int k = 0; k < 3; k++)
         r[k] = 2 * nv * o->n[k] - o->view[k];
     /* rough surfaces reach their full mirror only at grazing views */
-    float f = fresnel(g->f0, fmaxf(nv, 0.02f) + 0.15f * g->rough);
+    float f = shade_fresnel(g->f0, fmaxf(nv, 0.02f) + 0.15f * g->rough);
     light_mirror(c, l, r, g->rough * 5);
     mad3(rgb, rgb, c, g->amount * fminf(f, 0.35f) * open * open);
     for (int i = 0; i < l->nlamp; i++) {
@@ -67,9 +67,9 @@ static void add_gloss(float rgb[3], const struct scan_stage *s,
 }
 
 /* Diffuse light (over pi); wrap: how far light creeps round per channel. */
-static void diffuse(float e[3], float shadow[LIGHT_LAMPS],
-                    const struct scan_stage *s, const struct scan_point *o,
-                    const float wrap[3])
+static void shade_diffuse(float e[3], float shadow[LIGHT_LAMPS],
+                          const struct scan_stage *s,
+                          const struct scan_point *o, const float wrap[3])
 {
     const struct light *l = &s->figure->light;
 
@@ -121,8 +121,8 @@ static void skin_look(float c[3], float slope[2], const uint8_t *skin,
 
 /* Tilt the normal by a slope along the texture's axes, which follow the
  * head's: u to its left, v up. */
-static void tilt(float n[3], const float rot[9], const float slope[2],
-                 float amount)
+static void shade_tilt(float n[3], const float rot[9], const float slope[2],
+                       float amount)
 {
     float up[3] = {rot[1], rot[4], rot[7]}, t[3], b[3];
 
@@ -143,9 +143,9 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
     copy3(c, f->tone);
     if (textured) {
         skin_look(c, slope, f->skin, o->u, o->v);
-        tilt(o->n, s->view.rot, slope, 0.004f);
+        shade_tilt(o->n, s->view.rot, slope, 0.004f);
     }
-    diffuse(e, shadow, s, o, skin_wrap);
+    shade_diffuse(e, shadow, s, o, skin_wrap);
     for (int k = 0; k < 3; k++)
         rgb[k] = c[k] * e[k];
     struct gloss broad = {0.85f * f->look.gloss, 0.46f, 0.028f};
@@ -193,10 +193,10 @@ static void eye_color(float c[3], const struct figure *f, float x, float y,
                                 : 0.30f + (r - pupil) * 0.70f / (1 - pupil)
                     : r;
     float g = r > 1e-5f ? t / r : 1;
-    texture_look(rgba, &f->assets->iris[l->iris < 0 ? 0 : l->iris],
+    bitmap_look(rgba, &f->assets->iris[l->iris < 0 ? 0 : l->iris],
                  0.70f + 0.115f * x * g, 0.70f + 0.115f * y * g);
     for (int k = 0; k < 3; k++)
-        c[k] = square(rgba[k]);
+        c[k] = shade_square(rgba[k]);
     if (l->iris_tint[0] >= 0) {
         float lum = 0.3f * c[0] + 0.6f * c[1] + 0.1f * c[2];
         float own = ramp(1.06f, 0.92f, r);
@@ -240,7 +240,7 @@ static void shade_eye(float rgb[3], const struct scan_stage *s,
         }
     }
     eye_color(c, f, x / radius, y / radius, pupil);
-    diffuse(light, shadow, s, o, (float[3]){0.25f, 0.2f, 0.18f});
+    shade_diffuse(light, shadow, s, o, (float[3]){0.25f, 0.2f, 0.18f});
     for (int k = 0; k < 3; k++)
         rgb[k] = c[k] * light[k] * (r > radius ? 0.88f : 1);
     struct gloss wet = {1, 0.03f, 0.025f};
@@ -255,7 +255,7 @@ static void shade_plain(float rgb[3], const struct scan_stage *s,
 {
     float e[3], shadow[LIGHT_LAMPS];
 
-    diffuse(e, shadow, s, o, wrap);
+    shade_diffuse(e, shadow, s, o, wrap);
     for (int k = 0; k < 3; k++)
         rgb[k] = color[k] * e[k];
     if (g)
@@ -271,16 +271,16 @@ static float piece_color(float c[3], const struct figure_part *p, float u,
     copy3(c, p->tint);
     if (!p->piece || !p->piece->picture.rgba)
         return 1;
-    texture_look(t, &p->piece->picture, u, v);
+    bitmap_look(t, &p->piece->picture, u, v);
     float lum = 0, mean = 0;
     static const float w[3] = {0.3f, 0.59f, 0.11f};
     for (int k = 0; k < 3; k++) {
-        lum += w[k] * square(t[k]);
+        lum += w[k] * shade_square(t[k]);
         mean += w[k] * p->piece->mean[k];
     }
     float g = powf(clampf(lum / fmaxf(mean, 0.004f), 0.05f, 6), 0.55f);
     for (int k = 0; k < 3; k++)
-        c[k] = p->own ? square(t[k]) : clampf(c[k] * g, 0, 0.95f);
+        c[k] = p->own ? shade_square(t[k]) : clampf(c[k] * g, 0, 0.95f);
     return t[3];
 }
 
@@ -344,8 +344,8 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
         float shadow = scan_shadow_at(s, i, o->p, o->n);
         float nl = clampf(0.5f + 0.5f * dot3(o->n, a->dir), 0, 1);
         float g1 = tl + tv - 0.10f, g2 = tl + tv + 0.18f;
-        float h1 = 1 / square(1 + 40 * g1 * g1);
-        float h2 = 1 / square(1 + 14 * g2 * g2);
+        float h1 = 1 / shade_square(1 + 40 * g1 * g1);
+        float h2 = 1 / shade_square(1 + 14 * g2 * g2);
         for (int k = 0; k < 3; k++) {
             e[k] += a->rgb[k] * 0.3183f * shadow * sl * nl * 0.8f;
             shine[k] += a->rgb[k] * shadow * nl * sl
@@ -374,7 +374,7 @@ static float shade_lens(float rgb[3], const struct scan_stage *s,
     for (int k = 0; k < 3; k++)
         r[k] = 2 * nv * o->n[k] - o->view[k];
     light_mirror(c, &f->light, r, 0);
-    float g = fresnel(f->look.glasses == 4 ? 0.05f : 0.035f, nv);
+    float g = shade_fresnel(f->look.glasses == 4 ? 0.05f : 0.035f, nv);
     for (int k = 0; k < 3; k++)
         rgb[k] = fminf(c[k], 40) * g / a
                  + (f->look.glasses == 4 ? 0.01f : 0.02f);
@@ -423,7 +423,7 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
         rgb[0] = rgb[1] = rgb[2] = 0.012f;
         return lash_cover(o, f->look.lash);
     case STUFF_TEAR:
-        diffuse(e, shadow, s, o, no_wrap);
+        shade_diffuse(e, shadow, s, o, no_wrap);
         rgb[0] = rgb[1] = rgb[2] = 0;
         add_gloss(rgb, s, o, &wet, shadow);
         for (int k = 0; k < 3; k++)

@@ -33,7 +33,7 @@ static bool is_hole(const struct figure *f, const struct figure_part *p,
         u += w[k] * f->uv[2 * v[k]];
         t += w[k] * f->uv[2 * v[k] + 1];
     }
-    texture_look(c, &p->piece->picture, u, t);
+    bitmap_look(c, &p->piece->picture, u, t);
     return c[3] < 0.45f;
 }
 

@@ -169,7 +169,7 @@ static int make_masks(struct skin_model *s, const struct scan_face *f,
 
 /* ---- one photograph ----------------------------------------------------- */
 
-static float decode(uint8_t c)
+static float skin_decode(uint8_t c)
 {
     float v = (float)c / 255;
 
@@ -178,10 +178,10 @@ static float decode(uint8_t c)
 
 /* Colours of a photograph on the texture square, log linear; weight 0 where
  * the skin faces away or something else covers it. */
-static void unwrap(struct skin_sample *o, const struct image *im,
-                   const struct scan_face *f, const struct skin_chart *c,
-                   const struct registration *r, const float *shape,
-                   const float *normal, const float *table)
+static void skin_unwrap(struct skin_sample *o, const struct image *im,
+                        const struct scan_face *f, const struct skin_chart *c,
+                        const struct registration *r, const float *shape,
+                        const float *normal, const float *table)
 {
     for (int i = 0; i < N * N; i++) {
         float p[3] = {0, 0, 0}, n[3] = {0, 0, 0}, px[3], q[3];
@@ -218,7 +218,7 @@ static void unwrap(struct skin_sample *o, const struct image *im,
     }
 }
 
-static int compare(const void *a, const void *b)
+static int skin_compare(const void *a, const void *b)
 {
     float x = *(const float *)a, y = *(const float *)b;
 
@@ -243,7 +243,7 @@ static int drop_hair(struct skin_sample *o, const struct skin_model *s,
                 if (o->weight[y * N + x] > 0.5f && !s->brow[y * N + x]
                     && !s->lip[y * N + x])
                     v[n++] = o->log[3 * (y * N + x) + k];
-        qsort(v, n, sizeof *v, compare);
+        qsort(v, n, sizeof *v, skin_compare);
         mean[k] = n ? v[n / 2] : -1;
     }
     free(v);
@@ -294,7 +294,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
     int rc = -1;
 
     for (int i = 0; i < 256; i++)
-        table[i] = decode((uint8_t)i);
+        table[i] = skin_decode((uint8_t)i);
     if (!shape)
         return skin_memory(err);
     if (check_whole(path, err) || image_read(&im, path, err))
@@ -305,7 +305,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         float *normal = shape + 3 * (size_t)FACE_VERTICES;
         register_shape(shape, f, &r);
         scan_face_normals(normal, shape, f);
-        unwrap(o, &im, f, c, &r, shape, normal, table);
+        skin_unwrap(o, &im, f, c, &r, shape, normal, table);
         rc = drop_hair(o, s, mean) ? skin_memory(err) : 0;
         copy3(o->mean, mean);
         o->rms = r.rms;

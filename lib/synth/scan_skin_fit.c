@@ -1,3 +1,5 @@
+/* Light divided out of photographs, their mean and principal components, and
+ * grain. */
 #include "lib/synth/scan_skin_fit.h"
 
 #include <math.h>
@@ -44,7 +46,7 @@ void skin_fit_release(struct skin_fit *t)
 /* ---- one photograph ----------------------------------------------------- */
 
 /* Box sums of v (N,N) over 2 r + 1 texels along both axes, in place. */
-static void box(float *v, float *tmp, int r)
+static void skin_box(float *v, float *tmp, int r)
 {
     for (int pass = 0; pass < 2; pass++) {
         const float *in = pass ? tmp : v;
@@ -78,8 +80,8 @@ static int take_grain(int8_t *grain, const struct skin_sample *o)
         v[i] = w[i] * (0.3f * l[0] + 0.5f * l[1] + 0.2f * l[2]);
     }
     for (int k = 0; k < 2; k++) {
-        box(v, tmp, 5);
-        box(w, tmp, 5);
+        skin_box(v, tmp, 5);
+        skin_box(w, tmp, 5);
     }
     for (int i = 0; i < N * N; i++) {
         const float *l = o->log + 3 * i;
@@ -139,7 +141,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
 
 /* Fill texels of v (M,M,c) of weight 0 from their neighbours: coarser and
  * coarser means, read back. */
-static void fill(float *v, float *w, int c, int m)
+static void skin_fill(float *v, float *w, int c, int m)
 {
     if (m < 4)
         return;
@@ -158,7 +160,7 @@ static void fill(float *v, float *w, int c, int m)
         cw[i] = fminf(cw[i], 1);
     }
     if (cv && cw)
-        fill(cv, cw, c, h);
+        skin_fill(cv, cw, c, h);
     for (int y = 0; cv && cw && y < m; y++)
         for (int x = 0; x < m; x++) {
             float a = clampf(w[y * m + x] * 3, 0, 1);
@@ -208,7 +210,7 @@ static void light_terms(double o[LIGHT_TERMS], const float n[3])
 }
 
 /* x of the normal equations a (n,n) x = b, by elimination. */
-static void eliminate(double *a, double *b, int n)
+static void skin_eliminate(double *a, double *b, int n)
 {
     for (int i = 0; i < n; i++)
         for (int j = i + 1; j < n; j++) {
@@ -253,7 +255,7 @@ static void find_light(double light[3][LIGHT_TERMS], const float *mean,
         }
         for (int u = 0; u < LIGHT_TERMS; u++)
             a[u * (LIGHT_TERMS + 1)] += 1;
-        eliminate(a, light[c], LIGHT_TERMS);
+        skin_eliminate(a, light[c], LIGHT_TERMS);
     }
 }
 
@@ -290,7 +292,7 @@ static void spread_out(float *x, const struct skin_fit *t, const float *mean)
                 o[3 * p + k] = w[p] > 0
                     ? clampf(t->slow[3 * (i * PLANE + p) + k]
                              - mean[3 * p + k], -0.8f, 0.8f) : 0;
-        fill(o, w, 3, M);
+        skin_fill(o, w, 3, M);
         for (size_t p = 0; p < PLANE; p++)
             for (size_t k = 0; k < 3; k++) {
                 /* own overall colour, which the filling has left out */
@@ -301,7 +303,7 @@ static void spread_out(float *x, const struct skin_fit *t, const float *mean)
 }
 
 /* Eigenvectors of the symmetric g (n,n) in the columns of v, by Jacobi. */
-static void eigen(double *g, double *v, size_t n)
+static void skin_eigen(double *g, double *v, size_t n)
 {
     memset(v, 0, n * n * sizeof *v);
     for (size_t i = 0; i < n; i++)
@@ -355,7 +357,7 @@ static int find_parts(struct skin_model *s, const float *x, size_t n,
                 sum += a[p] * b[p] + a[p + 1] * b[p + 1] + a[p + 2] * b[p + 2];
             g[i * n + j] = g[j * n + i] = (double)sum;
         }
-    eigen(g, v, n);
+    skin_eigen(g, v, n);
     s->parts = SKIN_PARTS < (int)n ? SKIN_PARTS : (int)n;
     for (int k = 0; k < s->parts; k++) {
         size_t best = 0;
@@ -375,8 +377,8 @@ static int find_parts(struct skin_model *s, const float *x, size_t n,
 }
 
 /* Take the mean off the rows, into s->mean with the studio's mean added. */
-static void center(struct skin_model *s, float *x, size_t n,
-                   const float *mean)
+static void skin_center(struct skin_model *s, float *x, size_t n,
+                        const float *mean)
 {
     size_t d = 3 * PLANE;
     float lum = 0;
@@ -444,9 +446,9 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
     find_light(light, mean, weight, t, s);
     divide_light(t, light);
     find_mean(mean, weight, t);
-    fill(mean, weight, 3, M);
+    skin_fill(mean, weight, 3, M);
     spread_out(x, t, mean);
-    center(s, x, 2 * t->n, mean);
+    skin_center(s, x, 2 * t->n, mean);
     rc = find_parts(s, x, 2 * t->n, threads, err) || split_grain(s, t, err)
          ? -1 : 0;
     s->people = t->n;

@@ -127,7 +127,7 @@ static void add_spots(float *o, struct random *r, int k, float size,
     }
 }
 
-static float bilinear(const float *p, int x, int y, int k)
+static float skin_bilinear(const float *p, int x, int y, int k)
 {
     float fx = clampf(((float)x + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
     float fy = clampf(((float)y + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
@@ -141,8 +141,8 @@ static float bilinear(const float *p, int x, int y, int k)
 }
 
 /* Stubble and make-up on one texel's colour. */
-static void decorate(float c[3], const struct skin_model *m,
-                     const struct skin_look *l, int i, float hair)
+static void skin_decorate(float c[3], const struct skin_model *m,
+                          const struct skin_look *l, int i, float hair)
 {
     static const float blue[3] = {0.60f, 0.72f, 0.80f};
     float x = (float)(i % N) / N, y = (float)(i / N) / N;
@@ -192,14 +192,14 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
         uint64_t h = random_mix(l->key + (uint64_t)i);
         float hair = (float)(h & 255) / 255, c[3];
         for (int k = 0; k < 3; k++)
-            c[k] = clampf(expf(bilinear(slow, i % N, i / N, k)
+            c[k] = clampf(expf(skin_bilinear(slow, i % N, i / N, k)
                                + share[k] * fine[i]), 0.01f, 0.93f);
         /* where the scans' photographs end, the rest of the head begins */
         float x = fabsf((float)(i % N) / N - 0.5f), y = (float)(i / N) / N;
         float in = ramp(0.5f, 0.42f, x) * ramp(0, 0.10f, y)
                    * ramp(1, 0.88f, y);
         lerp3(c, tone, c, in);
-        decorate(c, m, l, i, hair);
+        skin_decorate(c, m, l, i, hair);
         /* pores: finer than the photographs show */
         float pore = ((float)(h >> 8 & 255) + (float)(h >> 16 & 255)) / 255
                      - 1;

@@ -57,7 +57,7 @@ static struct raster_vertex view_place(const struct view *o, const float p[3])
 /* Faces into a depth map; texels whose alpha is low are holes. */
 static void draw_depth(float *map, const struct raster_vertex *at,
                        const int32_t *faces, size_t nf, const float *uv,
-                       const struct texture *picture)
+                       const struct bitmap *picture)
 {
     for (size_t i = 0; i < nf; i++) {
         const int32_t *v = faces + 3 * i;
@@ -77,7 +77,7 @@ static void draw_depth(float *map, const struct raster_vertex *at,
                 if (q <= map[y * MAP + x])
                     continue;
                 if (picture && picture->rgba) {
-                    texture_look(c, picture,
+                    bitmap_look(c, picture,
                                  b0 * uv[2 * v[0]] + b1 * uv[2 * v[1]]
                                  + b2 * uv[2 * v[2]],
                                  b0 * uv[2 * v[0] + 1] + b1 * uv[2 * v[1] + 1]

@@ -1,3 +1,4 @@
+/* The figure posed, drawn into the z-buffer and shaded sample by sample. */
 #include "lib/synth/scan_stage.h"
 
 #include <stdlib.h>

@@ -1,3 +1,4 @@
+/* The choice among the kernels of shade_tmpl.c. */
 #include "lib/synth/shade.h"
 
 #include "lib/base/cpu.h"

@@ -1,3 +1,4 @@
+/* Rows of people, expressions and lights, rendered small. */
 #include "lib/synth/sheet.h"
 
 #include <omp.h>

@@ -1,3 +1,4 @@
+/* The actor posed, drawn into the z-buffer, gathered and shaded. */
 #include "lib/synth/stage.h"
 
 #include <math.h>
@@ -73,7 +74,7 @@ void stage_release(struct stage *s)
 }
 
 /* Room for this actor's vertices and strands. */
-static int fit(struct stage *s, const struct actor *a, struct error *err)
+static int stage_fit(struct stage *s, const struct actor *a, struct error *err)
 {
     if (a->nv <= s->room_v && a->npoint <= s->room_p && s->verts)
         return 0;
@@ -97,7 +98,7 @@ static int fit(struct stage *s, const struct actor *a, struct error *err)
 
 /* Backs are drawn too: our sheets are seen from both sides, and at the corner
  * of an eye one looks into the head. */
-static void draw(struct stage *s, const struct actor *a)
+static void stage_draw(struct stage *s, const struct actor *a)
 {
     float focal = camera_focal((float)s->eye.w);
     raster_clear(&s->eye);
@@ -114,10 +115,10 @@ int stage_render(struct stage *s, const struct actor *a,
                  const struct synth_motion *m, struct error *err)
 {
     struct shade_env env = a->look.env;
-    if (fit(s, a, err))
+    if (stage_fit(s, a, err))
         return -1;
     stage_pose(s, a, m);
-    draw(s, a);
+    stage_draw(s, a);
     stage_shadow(s, a, &env);
     stage_occlusion(s, a);
     stage_shade(s, a, &env);

@@ -1,3 +1,4 @@
+/* Means and spreads over many drawn people, as a table. */
 #include "lib/synth/statistics.h"
 
 #include <math.h>
@@ -14,7 +15,7 @@ struct table {
     int count;
 };
 
-static void add(struct table *t, const char *name, double v)
+static void statistics_add(struct table *t, const char *name, double v)
 {
     int i = 0;
     while (i < t->count && strcmp(t->row[i].name, name))
@@ -39,7 +40,7 @@ static void add_row(struct table *t, const char *name, const float *v, int n)
     char full[24];
     for (int i = 0; i < n; i++) {
         snprintf(full, sizeof full, "%s[%d]", name, i);
-        add(t, full, (double)v[i]);
+        statistics_add(t, full, (double)v[i]);
     }
 }
 
@@ -49,33 +50,34 @@ static void add_persona(struct table *t, const struct persona *p)
     for (size_t i = 0; i < p->nbeta; i++)
         *(i < 50 ? &beta : &rest) += (double)p->beta[i] * (double)p->beta[i];
     add_row(t, "beta", p->beta, p->nbeta < 4 ? (int)p->nbeta : 4);
-    add(t, "beta rms 0..49", sqrt(beta / 50));
+    statistics_add(t, "beta rms 0..49", sqrt(beta / 50));
     if (p->nbeta > 50)
-        add(t, "beta rms 50..", sqrt(rest / (double)(p->nbeta - 50)));
-    add(t, "age", (double)p->age);
-    add(t, "male", (double)p->male);
-    add(t, "skin tone", (double)p->tone);
+        statistics_add(t, "beta rms 50..",
+                       sqrt(rest / (double)(p->nbeta - 50)));
+    statistics_add(t, "age", (double)p->age);
+    statistics_add(t, "male", (double)p->male);
+    statistics_add(t, "skin tone", (double)p->tone);
     add_row(t, "skin", p->skin.base, 3);
     add_row(t, "lip", p->skin.lip, 3);
     add_row(t, "hair", p->hair.color, 3);
-    add(t, "hair style", p->hair.style);
-    add(t, "hair gray", (double)p->hair.gray);
+    statistics_add(t, "hair style", p->hair.style);
+    statistics_add(t, "hair gray", (double)p->hair.gray);
     add_row(t, "iris", p->eye.iris, 3);
-    add(t, "pupil", (double)p->eye.pupil);
-    add(t, "beard", (double)p->beard);
-    add(t, "makeup", (double)p->makeup);
-    add(t, "glasses", p->glasses != 0);
-    add(t, "collar", p->collar);
+    statistics_add(t, "pupil", (double)p->eye.pupil);
+    statistics_add(t, "beard", (double)p->beard);
+    statistics_add(t, "makeup", (double)p->makeup);
+    statistics_add(t, "glasses", p->glasses != 0);
+    statistics_add(t, "collar", p->collar);
     add_row(t, "cloth", p->cloth.base, 3);
     add_row(t, "key light", p->env.light[0].rgb, 3);
     add_row(t, "key from", p->env.light[0].dir, 3);
-    add(t, "backdrop", p->backdrop);
-    add(t, "exposure", (double)p->lens.exposure);
-    add(t, "gamma", (double)p->lens.gamma);
-    add(t, "noise", (double)p->lens.noise);
-    add(t, "jpeg quality", p->lens.jpeg);
-    add(t, "low resolution", (double)p->lens.low);
-    add(t, "occluder", p->lens.occluder != 0);
+    statistics_add(t, "backdrop", p->backdrop);
+    statistics_add(t, "exposure", (double)p->lens.exposure);
+    statistics_add(t, "gamma", (double)p->lens.gamma);
+    statistics_add(t, "noise", (double)p->lens.noise);
+    statistics_add(t, "jpeg quality", p->lens.jpeg);
+    statistics_add(t, "low resolution", (double)p->lens.low);
+    statistics_add(t, "occluder", p->lens.occluder != 0);
 }
 
 static void add_motion(struct table *t, const struct synth_motion *m,
@@ -83,17 +85,17 @@ static void add_motion(struct table *t, const struct synth_motion *m,
 {
     const float degrees = 57.29578f;
     double small = 0, named = 0, rest = 0;
-    add(t, "yaw degrees", (double)(m->yaw * degrees));
-    add(t, "pitch degrees", (double)(m->pitch * degrees));
-    add(t, "roll degrees", (double)(m->roll * degrees));
+    statistics_add(t, "yaw degrees", (double)(m->yaw * degrees));
+    statistics_add(t, "pitch degrees", (double)(m->pitch * degrees));
+    statistics_add(t, "roll degrees", (double)(m->roll * degrees));
     add_row(t, "trans", m->trans, 3);
     for (size_t i = 0; i < nexp; i++)
         *(i < 28 ? &named : i < 40 ? &small : &rest)
             += (double)m->exp[i] * (double)m->exp[i];
     add_row(t, "exp", m->exp, nexp < 4 ? (int)nexp : 4);
-    add(t, "exp rms 0..27", sqrt(named / 28));
-    add(t, "exp rms 28..39", sqrt(small / 12));
-    add(t, "exp rms 40..", sqrt(rest / 60));
+    statistics_add(t, "exp rms 0..27", sqrt(named / 28));
+    statistics_add(t, "exp rms 28..39", sqrt(small / 12));
+    statistics_add(t, "exp rms 40..", sqrt(rest / 60));
     add_row(t, "jaw", m->jaw, 3);
     add_row(t, "lid", m->lid, 2);
     add_row(t, "eye", m->eye, 6);

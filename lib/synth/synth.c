@@ -1,3 +1,4 @@
+/* Batches of frames made in parallel and handed out in order. */
 #include "lib/synth/synth.h"
 
 #include <stdlib.h>
@@ -9,22 +10,22 @@
 #include "lib/geom/crop.h"
 #include "lib/synth/lens.h"
 #include "lib/synth/noise.h"
-#include "lib/synth/scan_shoot.h"
+#include "lib/synth/scan_scene.h"
 #include "lib/synth/stage.h"
 
 /* A batch of frames is made in parallel, one frame a worker, and handed out
  * in order.  `slots` people are ready at a time. */
-struct cast {                   /* a person and the background behind them */
+struct synth_scene {            /* a person and the background behind them */
     struct actor actor;
     float *wall;
-    struct scan_cast scan;      /* in their place, with assets */
+    struct scan_scene scan;      /* in their place, with assets */
     uint64_t index;             /* of the person; UINT64_MAX: none */
 };
 
-struct shot {                   /* a finished frame */
+struct synth_picture {          /* a finished frame */
     uint64_t number;            /* person * frames + frame */
     struct synth_motion motion;
-    struct cast *cast;
+    struct synth_scene *scene;
     float lmk[68][2];
     float crop[3];
     float *verts;
@@ -36,13 +37,13 @@ struct synth {
     const struct head *head;
     size_t slots, batch, made, given;
     uint64_t next, total;
-    struct cast *cast;          /* (slots) */
-    struct shot *shot;          /* (batch) */
+    struct synth_scene *scene;          /* (slots) */
+    struct synth_picture *picture;          /* (batch) */
     struct stage *stage;        /* (threads) */
-    struct scan_crew *crew;     /* (threads), with assets */
+    struct scan_worker *worker;     /* (threads), with assets */
 };
 
-static int shot_init(struct shot *t, const struct synth *s)
+static int picture_init(struct synth_picture *t, const struct synth *s)
 {
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
     t->rgb = malloc(3 * n);
@@ -67,24 +68,24 @@ struct synth *synth_open(const struct head *head,
     s->slots = (size_t)s->opt.threads * 2;
     s->batch = (size_t)s->opt.threads * 4;
     s->total = opt->people * opt->frames;
-    s->cast = calloc(s->slots, sizeof *s->cast);
-    s->shot = calloc(s->batch, sizeof *s->shot);
+    s->scene = calloc(s->slots, sizeof *s->scene);
+    s->picture = calloc(s->batch, sizeof *s->picture);
     s->stage = calloc((size_t)s->opt.threads, sizeof *s->stage);
-    s->crew = calloc((size_t)s->opt.threads, sizeof *s->crew);
-    if (!s->cast || !s->shot || !s->stage || !s->crew)
+    s->worker = calloc((size_t)s->opt.threads, sizeof *s->worker);
+    if (!s->scene || !s->picture || !s->stage || !s->worker)
         goto memory;
     for (size_t i = 0; i < s->slots; i++)
-        s->cast[i].index = UINT64_MAX;
+        s->scene[i].index = UINT64_MAX;
     for (size_t i = 0; !opt->assets && i < s->slots; i++) {
-        s->cast[i].wall = malloc(3 * n * sizeof(float));
-        if (!s->cast[i].wall)
+        s->scene[i].wall = malloc(3 * n * sizeof(float));
+        if (!s->scene[i].wall)
             goto memory;
     }
     for (size_t i = 0; i < s->batch; i++)
-        if (shot_init(&s->shot[i], s))
+        if (picture_init(&s->picture[i], s))
             goto memory;
     for (int i = 0; i < s->opt.threads; i++)
-        if (opt->assets ? scan_crew_init(&s->crew[i], head, opt->size, err)
+        if (opt->assets ? scan_worker_init(&s->worker[i], head, opt->size, err)
                         : stage_init(&s->stage[i], opt->size, err))
             goto out;
     noise_lattice();
@@ -102,43 +103,43 @@ void synth_close(struct synth *s)
 {
     if (!s)
         return;
-    for (size_t i = 0; s->cast && i < s->slots; i++) {
-        actor_release(&s->cast[i].actor);
-        scan_cast_release(&s->cast[i].scan);
-        free(s->cast[i].wall);
+    for (size_t i = 0; s->scene && i < s->slots; i++) {
+        actor_release(&s->scene[i].actor);
+        scan_scene_release(&s->scene[i].scan);
+        free(s->scene[i].wall);
     }
-    for (size_t i = 0; s->shot && i < s->batch; i++) {
-        free(s->shot[i].rgb);
-        free(s->shot[i].mask);
-        free(s->shot[i].label);
-        free(s->shot[i].alone);
-        free(s->shot[i].verts);
+    for (size_t i = 0; s->picture && i < s->batch; i++) {
+        free(s->picture[i].rgb);
+        free(s->picture[i].mask);
+        free(s->picture[i].label);
+        free(s->picture[i].alone);
+        free(s->picture[i].verts);
     }
     for (int i = 0; s->stage && i < s->opt.threads; i++)
         stage_release(&s->stage[i]);
-    for (int i = 0; s->crew && i < s->opt.threads; i++)
-        scan_crew_release(&s->crew[i]);
-    free(s->crew);
-    free(s->cast);
-    free(s->shot);
+    for (int i = 0; s->worker && i < s->opt.threads; i++)
+        scan_worker_release(&s->worker[i]);
+    free(s->worker);
+    free(s->scene);
+    free(s->picture);
     free(s->stage);
     free(s);
 }
 
 /* Person `index` onto their slot. */
-static int dress(struct synth *s, uint64_t index, struct error *err)
+static int scene_prepare(struct synth *s, uint64_t index, struct error *err)
 {
-    struct cast *c = &s->cast[index % s->slots];
+    struct synth_scene *c = &s->scene[index % s->slots];
     struct persona p;
     if (c->index == index)
         return 0;
     if (c->index != UINT64_MAX) {
         actor_release(&c->actor);
-        scan_cast_release(&c->scan);
+        scan_scene_release(&c->scan);
     }
     c->index = UINT64_MAX;
     if (s->opt.assets) {
-        if (scan_cast_init(&c->scan, s->opt.assets, s->head, s->opt.seed,
+        if (scan_scene_init(&c->scan, s->opt.assets, s->head, s->opt.seed,
                            s->opt.first + index, s->opt.effects, s->opt.size,
                            err))
             return -1;
@@ -154,7 +155,7 @@ static int dress(struct synth *s, uint64_t index, struct error *err)
     return 0;
 }
 
-static void shot_crop(struct shot *t)
+static void picture_crop(struct synth_picture *t)
 {
     struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
     t->crop[0] = (float)q.x;
@@ -163,27 +164,28 @@ static void shot_crop(struct shot *t)
 }
 
 /* The same with assets. */
-static int shoot_scan(struct synth *s, struct shot *t, struct scan_crew *crew,
-                      struct error *err)
+static int picture_render_scan(struct synth *s, struct synth_picture *t,
+                               struct scan_worker *worker, struct error *err)
 {
     uint64_t frame = t->number % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
-    t->cast = &s->cast[t->number / s->opt.frames % s->slots];
-    if (scan_shoot(&out, &t->motion, t->lmk, crew, &t->cast->scan, frame,
-                   (double)frame / s->opt.fps, err))
+    t->scene = &s->scene[t->number / s->opt.frames % s->slots];
+    if (scan_scene_render(&out, &t->motion, t->lmk, worker, &t->scene->scan,
+                          frame, (double)frame / s->opt.fps, err))
         return -1;
-    shot_crop(t);
+    picture_crop(t);
     if (t->verts)
-        memcpy(t->verts, crew->verts, 3 * s->head->V * sizeof(float));
+        memcpy(t->verts, worker->verts, 3 * s->head->V * sizeof(float));
     return 0;
 }
 
-static int shoot(struct synth *s, struct shot *t, struct stage *stage,
-                 struct error *err)
+/* One frame of a sculpted person. */
+static int picture_render(struct synth *s, struct synth_picture *t,
+                          struct stage *stage, struct error *err)
 {
     uint64_t person = t->number / s->opt.frames;
     uint64_t frame = t->number % s->opt.frames;
-    struct cast *c = &s->cast[person % s->slots];
+    struct synth_scene *c = &s->scene[person % s->slots];
     const struct persona *p = &c->actor.look;
     struct synth_motion before;
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
@@ -199,8 +201,8 @@ static int shoot(struct synth *s, struct shot *t, struct stage *stage,
                + 0.45f * (t->motion.pitch - before.pitch);
     lens_expose(stage, p, c->wall, frame, time, dx * f, dy * f);
     memcpy(t->lmk, stage->lmk, sizeof t->lmk);
-    shot_crop(t);
-    t->cast = c;
+    picture_crop(t);
+    t->scene = c;
     memcpy(t->rgb, stage->rgb, 3 * n);
     memcpy(t->mask, stage->mask, n);
     memcpy(t->label, stage->label, n);
@@ -226,7 +228,7 @@ static int make_batch(struct synth *s, struct error *err)
 #pragma omp for schedule(dynamic, 1)
         for (uint64_t i = first; i <= last; i++) {
             struct error mine = { 0 };
-            if (dress(s, i, &mine))
+            if (scene_prepare(s, i, &mine))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;
@@ -236,11 +238,14 @@ static int make_batch(struct synth *s, struct error *err)
 #pragma omp for schedule(dynamic, 1)
         for (size_t i = 0; i < s->made; i++) {
             struct error mine = { 0 };
-            s->shot[i].number = s->next + i;
+            s->picture[i].number = s->next + i;
             int me = omp_get_thread_num();
-            if (!failed && (s->opt.assets
-                            ? shoot_scan(s, &s->shot[i], &s->crew[me], &mine)
-                            : shoot(s, &s->shot[i], &s->stage[me], &mine)))
+            if (!failed
+                && (s->opt.assets
+                        ? picture_render_scan(s, &s->picture[i],
+                                              &s->worker[me], &mine)
+                        : picture_render(s, &s->picture[i], &s->stage[me],
+                                         &mine)))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;
@@ -265,13 +270,13 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
         if (make_batch(s, err))
             return -1;
     }
-    const struct shot *t = &s->shot[s->given++];
+    const struct synth_picture *t = &s->picture[s->given++];
     *frame = (struct synth_frame){
         .person = s->opt.first + t->number / s->opt.frames,
         .frame = t->number % s->opt.frames,
-        .beta = s->opt.assets ? t->cast->scan.beta : t->cast->actor.look.beta,
+        .beta = s->opt.assets ? t->scene->scan.beta : t->scene->actor.look.beta,
         .nbeta = s->opt.assets ? s->head->nshape
-                               : t->cast->actor.look.nbeta,
+                               : t->scene->actor.look.nbeta,
         .alone = t->alone,
         .motion = &t->motion, .lmk = &t->lmk[0][0], .verts = t->verts,
         .rgb = t->rgb, .mask = t->mask, .label = t->label

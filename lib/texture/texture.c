@@ -8,14 +8,12 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/geom/crop.h"
+#include "lib/texture/lookup.h"
 #include "lib/texture/lookup_kernel.h"
 
-/* Below this blended weight there is no place to speak of. */
-#define TEXTURE_LEAST 0.004f
-/* How a place may change from pixel to pixel, beside the view's own change,
- * before it is doubted, and when it is not believed at all. */
-#define TEXTURE_JUMP 1.5f
-#define TEXTURE_LEAP 3.0f
+/* Octaves by which a finer level is preferred. */
+#define TEXTURE_FINER 0.1f
 
 /* ---- the person alone -------------------------------------------------- */
 
@@ -49,47 +47,77 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
     }
 }
 
-/* out (s,s,4) = means of two by two pixels of in (2s or 2s+1 wide). */
-static void texture_halve(uint8_t *out, const uint8_t *in, size_t s,
-                          size_t width)
+/* out (s,s,4) = means of two by two pixels of in (2s,2s,4). */
+static void texture_halve(uint8_t *out, const uint8_t *in, size_t s)
 {
+    const size_t line = 8 * s;
+
     for (size_t y = 0; y < s; y++)
         for (size_t x = 0; x < 4 * s; x++) {
-            const uint8_t *p = in + 8 * y * width + 2 * (x & ~(size_t)3) +
+            const uint8_t *p = in + 2 * y * line + 2 * (x & ~(size_t)3) +
                                (x & 3);
 
-            out[4 * s * y + x] = (uint8_t)((p[0] + p[4] + p[4 * width] +
-                                            p[4 * width + 4] + 2) / 4);
+            out[4 * s * y + x] = (uint8_t)((p[0] + p[4] + p[line] +
+                                            p[line + 4] + 2) / 4);
         }
+}
+
+/* Sides of the levels: the picture's own, then powers of two, so that one of
+ * them is the size that the networks work at and heads are drawn at; returns
+ * the bytes of all. */
+static size_t texture_sides(struct texture *t, size_t S)
+{
+    size_t bytes = 4 * S * S, side = 1;
+
+    t->side[0] = S;
+    t->levels = 1;
+    while (2 * side < S)
+        side *= 2;
+    while (t->levels < TEXTURE_LEVELS && side >= 2) {
+        t->side[t->levels++] = side;
+        bytes += 4 * side * side;
+        side /= 2;
+    }
+    return bytes;
+}
+
+/* Level l from the one before. */
+static int texture_shrink(struct texture *t, size_t l)
+{
+    const size_t from = t->side[l - 1], to = t->side[l];
+    const double S = (double)from;
+
+    if (from == 2 * to) {
+        texture_halve(t->level[l], t->level[l - 1], to);
+        return 0;
+    }
+    return crop_resize_u8(t->level[l], to, t->level[l - 1], from, from,
+                          4 * from, 4, (struct square){S / 2, S / 2, S});
 }
 
 int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err)
 {
-    size_t bytes = 0;
-
     memset(t, 0, sizeof *t);
     if (S < 2)
         return error_set(err, EX_DATAERR, "source picture of %zu x %zu pixels "
                          "(expected at least 2 x 2)", S, S);
-    t->size = S;
-    while (t->levels < TEXTURE_LEVELS && S >> t->levels >= 2) {
-        bytes += 4 * (S >> t->levels) * (S >> t->levels);
-        t->levels++;
-    }
-    t->block = malloc(bytes);
-    if (!t->block)
-        return error_set(err, EX_OSERR, "no memory for a texture of %zu "
-                         "pixels", S);
+    t->block = malloc(texture_sides(t, S));
+    int rc = t->block ? 0 : -1;
     uint8_t *at = t->block;
-    for (size_t l = 0; l < t->levels; l++) {
+    for (size_t l = 0; l < t->levels && rc == 0; l++) {
         t->level[l] = at;
-        at += 4 * (S >> l) * (S >> l);
+        at += 4 * t->side[l] * t->side[l];
+        if (l > 0)
+            rc = texture_shrink(t, l);
+        else
+            texture_cut(t->level[0], rgb, matte, back, S * S);
     }
-    texture_cut(t->level[0], rgb, matte, back, S * S);
-    for (size_t l = 1; l < t->levels; l++)
-        texture_halve(t->level[l], t->level[l - 1], S >> l, S >> (l - 1));
-    return 0;
+    if (rc == 0)
+        return 0;
+    texture_release(t);
+    return error_set(err, EX_OSERR, "no memory for a texture of %zu pixels",
+                     S);
 }
 
 void texture_release(struct texture *t)
@@ -112,9 +140,78 @@ static float texture_change(const float *p, long step, float size)
     return 0.5f * size * sqrtf(x * x + y * y);
 }
 
+/* d (2): by how much the offset changes along a line of size pixels, at pixel
+ * `at` of it and `step` pixels of place apart, over the same change of the
+ * picture's position. */
+static void texture_slope(float d[2], const float *p, size_t at, long step,
+                          size_t size)
+{
+    const size_t most = TEXTURE_ACROSS;
+    size_t back = at < most ? at : most;
+    size_t ahead = size - 1 - at < most ? size - 1 - at : most;
+    const float *a = p - 3 * (long)back * step, *b = p + 3 * (long)ahead * step;
+
+    if (!(a[2] > TEXTURE_LEAST)) {
+        a = p;
+        back = 0;
+    }
+    if (!(b[2] > TEXTURE_LEAST)) {
+        b = p;
+        ahead = 0;
+    }
+    float n = 0.5f * (float)size / fmaxf((float)(back + ahead), 1);
+    d[0] = n * (b[0] / b[2] - a[0] / a[2]);
+    d[1] = n * (b[1] / b[2] - a[1] / a[2]);
+}
+
+/* What the view enlarges by, without its turn: A's smaller singular value,
+ * squared. */
+static float texture_zoom(const float A[4])
+{
+    float square = A[0] * A[0] + A[1] * A[1] + A[2] * A[2] + A[3] * A[3];
+    float area = A[0] * A[3] - A[1] * A[2];
+
+    return 0.5f * (square - sqrtf(fmaxf(square * square - 4 * area * area, 0)));
+}
+
+float texture_stretch(const float *place, const struct splat_place_view *v,
+                      size_t x, size_t y, size_t size)
+{
+    const float *p = place + 3 * (y * size + x), *A = v->A;
+    float dx[2], dy[2];
+
+    texture_slope(dx, p, x, 1, size);
+    texture_slope(dy, p, y, (long)size, size);
+    float area = (A[0] + dx[0]) * (A[3] + dy[1]) -
+                 (A[1] + dy[0]) * (A[2] + dx[1]);
+    area /= fmaxf(texture_zoom(A), 1e-6f);
+    float t = (area - TEXTURE_STRETCHED) / (TEXTURE_SHARP - TEXTURE_STRETCHED);
+    return fminf(fmaxf(t, 0), 1);
+}
+
+float texture_turned(const struct splat_place_view *v)
+{
+    const float *A = v->A;
+    float square = A[0] * A[0] + A[1] * A[1] + A[2] * A[2] + A[3] * A[3];
+    float area = fmaxf(A[0] * A[3] - A[1] * A[2], 1e-6f);
+    /* (1 - c) / sqrt(c), c the cosine: singular values differ by it */
+    float off = sqrtf(fmaxf(square / area - 2, 0));
+
+    return fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1);
+}
+
+float texture_whole(float matte, float turned)
+{
+    float t = fminf(fmaxf((matte - 0.5f) / 0.45f, 0), 1);
+
+    return 1 - turned * (1 - t);
+}
+
 /* How far pixel (x,y) is to be believed. */
-static float texture_confidence(const float *place, const float *alpha,
-                                size_t x, size_t y, size_t size)
+static float texture_confidence(const float *place,
+                                const struct splat_place_view *v,
+                                const float *alpha, size_t x, size_t y,
+                                size_t size)
 {
     const float *p = place + 3 * (y * size + x);
     float share = p[2] / fmaxf(alpha[y * size + x], TEXTURE_LEAST);
@@ -130,8 +227,11 @@ static float texture_confidence(const float *place, const float *alpha,
     if (y + 1 < size)
         jump = fmaxf(jump, texture_change(p, row, n));
     float sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
-    float own = 1.25f * share - 0.15f;
-    return fminf(fmaxf(own, 0), 1) * fminf(fmaxf(sure, 0), 1);
+    float own = TEXTURE_SHARE(share);
+    if (!(own > 0 && sure > 0))
+        return 0;
+    return fminf(own, 1) * fminf(sure, 1) *
+           texture_stretch(place, v, x, y, size);
 }
 
 /* ---- lookup ------------------------------------------------------------ */
@@ -147,20 +247,25 @@ static texture_bicubic_fn *texture_bicubic(void)
     return texture_bicubic_baseline;
 }
 
-/* The level whose pixels are no smaller than three quarters of the picture's:
- * one that is much finer would flicker. */
-static size_t texture_level(const struct texture *t,
+/* The level whose pixels are nearest to the picture's in size, rather a finer
+ * one: one that is much finer would flicker. */
+size_t texture_level(const struct texture *t,
                             const struct splat_place_view *v, size_t size)
 {
-    float step = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) *
-                 (float)t->size / (float)size;
-    size_t l = 0;
+    const float zoom = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) /
+                       (float)size;
+    float least = INFINITY;
+    size_t best = 0;
 
-    while (l + 1 < t->levels && step > 1.6f) {
-        step *= 0.5f;
-        l++;
+    for (size_t l = 0; l < t->levels; l++) {
+        float away = fabsf(log2f(zoom * (float)t->side[l]) - TEXTURE_FINER);
+
+        if (away < least) {
+            least = away;
+            best = l;
+        }
     }
-    return l;
+    return best;
 }
 
 #define TEXTURE_RUN 64          /* pixels looked up at once */
@@ -172,6 +277,7 @@ struct lookup {
     const float *place, *alpha;
     texture_bicubic_fn *bicubic;
     size_t level, size;
+    float turned;
 };
 
 static struct lookup lookup_make(const struct texture *t,
@@ -180,7 +286,8 @@ static struct lookup lookup_make(const struct texture *t,
                                  size_t size)
 {
     return (struct lookup){t, v, place, alpha, texture_bicubic(),
-                           texture_level(t, v, size), size};
+                           texture_level(t, v, size), size,
+                           texture_turned(v)};
 }
 
 /* photo (n,5) of pixels x0 .. x0 + n - 1 of row y, n at most TEXTURE_RUN. */
@@ -190,7 +297,7 @@ static void lookup_run(float *photo, const struct lookup *k, size_t x0,
     const float step = 2.0f / (float)k->size;
     const float ny = ((float)y + 0.5f) * step - 1;
     const float *A = k->v->A, *b = k->v->b;
-    size_t S = k->t->size >> k->level, any = 0;
+    size_t S = k->t->side[k->level], any = 0;
     float uv[2 * TEXTURE_RUN], sure[TEXTURE_RUN], half = 0.5f * (float)S;
 
     memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
@@ -201,7 +308,8 @@ static void lookup_run(float *photo, const struct lookup *k, size_t x0,
         sure[i] = 0;
         if (!(p[2] > TEXTURE_LEAST))
             continue;
-        sure[i] = texture_confidence(k->place, k->alpha, x0 + i, y, k->size);
+        sure[i] = texture_confidence(k->place, k->v, k->alpha, x0 + i, y,
+                                     k->size);
         any += sure[i] > 0;
         uv[2 * i] = half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1);
         uv[2 * i + 1] = half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] +
@@ -211,7 +319,8 @@ static void lookup_run(float *photo, const struct lookup *k, size_t x0,
         return;
     k->bicubic(photo, TEXTURE_PHOTO, uv, sure, n, k->t->level[k->level], S);
     for (size_t i = 0; i < n; i++)
-        photo[TEXTURE_PHOTO * i + 4] = sure[i];
+        photo[TEXTURE_PHOTO * i + 4] =
+            sure[i] * texture_whole(photo[TEXTURE_PHOTO * i + 3], k->turned);
 }
 
 void texture_lookup(float *photo, const struct texture *t,
@@ -227,21 +336,6 @@ void texture_lookup(float *photo, const struct texture *t,
 
             lookup_run(photo + TEXTURE_PHOTO * (y * size + x), &k, x, n, y);
         }
-}
-
-void texture_mix(float *color, size_t channels, float *alpha,
-                 const float *photo, size_t n)
-{
-    for (size_t i = 0; i < n; i++) {
-        const float *p = photo + TEXTURE_PHOTO * i;
-
-        if (p[4] == 0)
-            continue;
-        for (size_t c = 0; c < 3; c++)
-            color[channels * i + c] +=
-                p[4] * (p[c] - color[channels * i + c]);
-        alpha[i] += p[4] * (p[3] - alpha[i]);
-    }
 }
 
 void texture_apply(float *color, size_t channels, float *alpha,

@@ -17,17 +17,18 @@
 #include "lib/base/error.h"
 #include "lib/texture/place.h"
 
-#define TEXTURE_LEVELS 4        /* each half as large as the one before */
+#define TEXTURE_LEVELS 6        /* at most */
 
 /* Numbers of a looked-up pixel: red, green, blue, matte (premultiplied,
  * 0..1) and the confidence in them, 0..1. */
 #define TEXTURE_PHOTO 5
 
 struct texture {
-    size_t size;                /* S, pixels along one side of level 0 */
     size_t levels;
-    uint8_t *level[TEXTURE_LEVELS];     /* (S >> l, S >> l, 4) premultiplied
-                                         * red, green, blue, matte */
+    size_t side[TEXTURE_LEVELS];        /* pixels: the picture's, then the
+                                         * powers of two below it */
+    uint8_t *level[TEXTURE_LEVELS];     /* (side, side, 4) premultiplied red,
+                                         * green, blue, matte */
     uint8_t *block;             /* what they are parts of */
 };
 
@@ -48,7 +49,9 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  *   alpha (size,size)    coverage
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
  * the share of the coverage that has a place, less where the blended places
- * disagree: where they jump from one pixel to the next, as at silhouettes. */
+ * disagree: where they jump from one pixel to the next, as at silhouettes, or
+ * hardly move, so that a rim of the photograph would be drawn out; and, on a
+ * head that has turned, where the matte is not full. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);
@@ -58,6 +61,47 @@ void texture_lookup(float *photo, const struct texture *t,
  * (n), in place. */
 void texture_mix(float *color, size_t channels, float *alpha,
                  const float *photo, size_t n);
+
+/* What a refiner says of the photograph, a quarter of the picture's size and
+ * linear between: doubt, and gains of red, green and blue. */
+#define TEXTURE_FIELD 4         /* numbers of a place of it */
+#define TEXTURE_FIELD_STEP 4    /* pixels from one place to the next */
+
+struct texture_field {
+    const float *at;            /* (height,width,4), or NULL: zeros */
+    size_t height, width;
+};
+
+/* The mixture of a whole picture, with a field: rgb (height,width,3) and alpha
+ * (height,width) in place, photo (height,width,5).  A pixel believes b =
+ * confidence (1 - doubt), held in 0..1, and becomes rgb + b (photograph
+ * (1 + gain) - rgb), but no more than the alpha it ends with. */
+void texture_compose(float *rgb, float *alpha, const float *photo,
+                     const struct texture_field *field, size_t height,
+                     size_t width);
+
+/* Back through texture_compose: drgb and dalpha in place, dphoto and dfield
+ * are written.  rgb and alpha are what went in. */
+void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
+                              float *dfield, const float *rgb,
+                              const float *alpha, const float *photo,
+                              const struct texture_field *field,
+                              size_t height, size_t width);
+
+/* dplace (size,size,3) and dalpha (size,size) += the gradient of dphoto
+ * (size,size,5), that of photo, what texture_lookup gave; the view is held, and
+ * how much the photograph is drawn out or on a rim. */
+void texture_lookup_backward(float *dplace, float *dalpha,
+                             const float *dphoto, const float *photo,
+                             const struct texture *t,
+                             const struct splat_place_view *v,
+                             const float *place, const float *alpha,
+                             size_t size);
+
+/* No more light than alpha (n) lets through: color (n,channels: the first
+ * three, premultiplied) at most alpha, in place.  A refiner that adds to a
+ * picture may otherwise make the background shine. */
+void texture_hold(float *color, size_t channels, const float *alpha, size_t n);
 
 /* Both for a whole picture, without keeping what was looked up: color
  * (size,size,channels) and alpha (size,size) in place. */

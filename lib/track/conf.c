@@ -10,6 +10,8 @@
 
 #include "lib/geom/camera.h"
 
+#define CONF_SIZE 512   /* pixels of a portrait window that no model sets */
+
 /* An array of two numbers. */
 static cJSON *conf_pair(double a, double b)
 {
@@ -29,7 +31,8 @@ static char *conf_print(const struct conf *c)
     cJSON_AddStringToObject(j, "units", "head");
     cJSON_AddNumberToObject(j, "scale", c->head->scale);
     camera = cJSON_AddObjectToObject(j, "camera");
-    cJSON_AddNumberToObject(camera, "size", (double)c->model->config.size);
+    cJSON_AddNumberToObject(camera, "size",
+                            c->model ? (double)c->model->config.size : CONF_SIZE);
     cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
     if (c->fps_num > 0)
         cJSON_AddItemToObject(j, "fps", conf_pair(c->fps_num, c->fps_den));
@@ -41,7 +44,8 @@ static char *conf_print(const struct conf *c)
         cJSON_AddItemToObject(j, "window", cJSON_CreateDoubleArray(q, 3));
     }
     cJSON_AddStringToObject(j, "head_hash", c->head->hash);
-    cJSON_AddStringToObject(j, "model_hash", c->model->hash);
+    if (c->model)
+        cJSON_AddStringToObject(j, "model_hash", c->model->hash);
     text = cJSON_PrintUnformatted(j);
     cJSON_Delete(j);
     return text;

@@ -14,7 +14,7 @@
 struct conf {
     const char *producer;           /* "spid-motion" */
     const struct head *head;
-    const struct model *model;
+    const struct model *model;      /* NULL: the stream is of no network */
     int fps_num, fps_den;           /* 0: left out */
     const struct square *window;    /* picture pixels; NULL: left out */
     size_t width, height;           /* of the picture */

@@ -18,6 +18,54 @@ void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
     d->patience = DRIVER_PATIENCE;
 }
 
+void driver_init_records(struct driver *d, struct stream_reader *records,
+                         size_t nexp)
+{
+    memset(d, 0, sizeof *d);
+    d->records = records;
+    d->nexp = nexp;
+}
+
+/* The next MOTN record: 1; 0 when there is none; -1. */
+static int driver_read_record(struct driver *d, struct driver_frame *f,
+                              struct error *err)
+{
+    struct record rec;
+    int rc;
+
+    memset(f, 0, sizeof *f);
+    while ((rc = stream_read(d->records, &rec, err)) == 1) {
+        if (!record_is(&rec, "MOTN"))
+            continue;
+        f->picture.index = rec.frame;
+        f->picture.time = rec.time;
+        if (motion_read(&f->r.motion, &rec, d->nexp, err) == 0)
+            return 1;
+        error_prefix(err, "%s: frame %llu", stream_name(d->records),
+                     (unsigned long long)rec.frame);
+        return -1;
+    }
+    return rc;
+}
+
+/* The first of them. */
+static enum driver_status driver_start_records(struct driver *d,
+                                               struct error *err)
+{
+    struct driver_frame f;
+    int rc = driver_read_record(d, &f, err);
+
+    if (rc == 0)
+        error_set(err, EX_DATAERR, "%s: no MOTN records",
+                  stream_name(d->records));
+    if (rc != 1)
+        return DRIVER_ERROR;
+    d->first = f.picture;
+    d->found = f.r;
+    d->started = true;
+    return DRIVER_STARTED;
+}
+
 void driver_release(struct driver *d)
 {
     free(d->early);
@@ -50,7 +98,9 @@ static enum driver_status driver_no_face(const struct driver *d,
                                          const struct frame *f,
                                          struct error *err)
 {
-    if (d->early_count == 0)
+    if (d->live && f->width)
+        error_set(err, EX_DATAERR, "no face before the end");
+    else if (d->early_count == 0)
         error_set(err, EX_DATAERR, "no frames");
     else
         error_set(err, EX_DATAERR,
@@ -68,6 +118,8 @@ enum driver_status driver_start(struct driver *d,
     struct frame f = {0}, last = {0};
     int rc;
 
+    if (d->records)
+        return driver_start_records(d, err);
     while ((rc = d->read(d->ctx, &f, err)) == 1) {
         int found = track_start(d->track, &d->found, f.rgb, f.width,
                                 f.height, f.time, err);
@@ -80,9 +132,11 @@ enum driver_status driver_start(struct driver *d,
         }
         if (seen)
             seen(seen_ctx, &f);
+        last = f;
+        if (d->live)
+            continue;
         if (driver_remember(d, &f, err) != 0)
             return DRIVER_ERROR;
-        last = f;
         if (d->early_count == d->patience)
             return driver_no_face(d, &last, err);
     }
@@ -92,10 +146,37 @@ enum driver_status driver_start(struct driver *d,
 }
 
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         size_t nexp)
+                         const struct motion *neutral, size_t nexp)
 {
-    relative_init(&d->rest, source, &d->found.motion, nexp);
+    relative_init(&d->rest, source, neutral ? neutral : &d->found.motion,
+                  nexp);
     d->relative = true;
+}
+
+/* One frame of a live source, which may have started again with another size
+ * or another view: then the face is looked for as in a first frame, and the
+ * last motion held. */
+static int driver_follow(struct driver *d, struct driver_frame *f,
+                         struct error *err)
+{
+    const struct frame *p = &f->picture;
+    const bool first = p->restart && !d->astray;
+    int found;
+
+    if (!p->restart && !d->astray)
+        return track_step(d->track, &f->r, p->rgb, p->width, p->height,
+                          p->time, err);
+    found = track_start(d->track, &f->r, p->rgb, p->width, p->height, p->time,
+                        err);
+    if (found < 0)
+        return -1;
+    d->astray = !found;
+    f->r.lost = !found;
+    f->r.event = found ? TRACK_FOUND : first ? TRACK_LOST : TRACK_NOTHING;
+    f->r.why = "the source has started again";
+    if (!found)
+        f->r.motion = d->held;
+    return 0;
 }
 
 /* As the track has them: 1, 0 at the end, -1. */
@@ -120,16 +201,19 @@ static int driver_track(struct driver *d, struct driver_frame *f,
         f->picture = d->first;
         f->r = d->found;
         f->r.motion.pose.exp = f->r.motion.exp;
+        d->held = f->r.motion;
         return 1;
     }
+    if (d->records)
+        return driver_read_record(d, f, err);
     begun = cpu_seconds();
     rc = d->read(d->ctx, &f->picture, err);
     f->decode_s = cpu_seconds() - begun;
     if (rc <= 0)
         return rc;
-    if (track_step(d->track, &f->r, f->picture.rgb, f->picture.width,
-                   f->picture.height, f->picture.time, err) != 0)
+    if (driver_follow(d, f, err) != 0)
         return -1;
+    d->held = f->r.motion;
     f->r.motion.pose.exp = f->r.motion.exp;
     return 1;
 }

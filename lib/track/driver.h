@@ -1,4 +1,5 @@
-/* A driving clip: frames in, one motion per frame out.  spid-motion and
+/* A driving clip: frames in, one motion per frame out; or motions that a
+ * stream has already, passed on as they are.  spid-motion and
  * spid animate both read their driver through this. */
 #ifndef SPID_TRACK_DRIVER_H
 #define SPID_TRACK_DRIVER_H
@@ -9,6 +10,7 @@
 
 #include "formats/framesource.h"
 #include "lib/base/error.h"
+#include "lib/stream/stream.h"
 #include "lib/track/relative.h"
 #include "lib/track/track.h"
 
@@ -30,12 +32,20 @@ struct driver {
     struct track *track;        /* borrowed; CONF needs its window */
     driver_read_fn *read;
     void *ctx;
+    struct stream_reader *records;      /* instead of frames, or NULL */
+    size_t nexp;                /* of its motions */
     size_t patience;
     struct frame first;         /* the frame with the first face */
     struct track_result found;
     double *early;              /* times of the frames before it */
     size_t early_count, early_next, early_room;
     bool started, first_given;
+    bool live;                  /* set by the caller before driver_start: looks
+                                 * for a face as long as there are frames, and
+                                 * delivers none from before it */
+    bool astray;                /* live: the source has started again, and no
+                                 * face was found in it yet */
+    struct motion held;         /* live: the last one */
     bool relative;              /* motions are relative to the first */
     struct relative rest;
 };
@@ -49,6 +59,10 @@ struct driver_frame {
 
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx);
+/* From the MOTN records of a stream (borrowed) for a head of nexp expression
+ * directions: no tracker, no pictures. */
+void driver_init_records(struct driver *d, struct stream_reader *records,
+                         size_t nexp);
 void driver_release(struct driver *d);
 
 /* Read on until a face is found, so that the window is known (CONF is written
@@ -58,11 +72,11 @@ enum driver_status driver_start(struct driver *d,
                                 void (*seen)(void *, const struct frame *),
                                 void *seen_ctx, struct error *err);
 
-/* From now on motions are what the driver does relative to its first frame
- * with a face, added to source (nexp components of expression).  After
- * driver_start. */
+/* From now on motions are what the driver does relative to neutral (NULL: its
+ * first frame with a face), added to source (nexp components of expression).
+ * After driver_start. */
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         size_t nexp);
+                         const struct motion *neutral, size_t nexp);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

@@ -4,6 +4,18 @@
 
 #include <string.h>
 
+/* E_m, with the sure head where the model has one. */
+static int encoders_init_motion(struct encoders *e, const struct model *m,
+                                struct error *err)
+{
+    if (motion_encoder_init(&e->motion, &e->ps, "motion.",
+                            m->config.motion_net, err))
+        return -1;
+    if (m->st && st_find(m->st, "motion.sure.weight"))
+        motion_encoder_add_sure(&e->motion, "motion.");
+    return 0;
+}
+
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err)
 {
@@ -13,8 +25,7 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
     memset(e, 0, sizeof *e);
     params_init(&e->ps);
     e->has_shape = with_shape;
-    if (motion_encoder_init(&e->motion, &e->ps, "motion.", c->motion_net,
-                            err) ||
+    if (encoders_init_motion(e, m, err) ||
         (with_shape && shape_encoder_init(&e->shape, &e->ps, "shape.",
                                           c->shape_net, err)) ||
         params_allocate(&e->ps, err) || model_load(&e->ps, m, "", err) ||

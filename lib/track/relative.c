@@ -63,6 +63,13 @@ static float relative_lid(float lid, float neutral, float source)
     return fminf(fmaxf(source + way, 0), 1);
 }
 
+/* Jaws that are shut shut no further, whatever the neutral frame was, than
+ * source or driver themselves do. */
+static float relative_open(float open, float neutral, float source)
+{
+    return fmaxf(source + open - neutral, fminf(fminf(source, open), 0));
+}
+
 void relative_apply(struct motion *m, const struct relative *r)
 {
     const struct motion *s = &r->source, *n = &r->neutral;
@@ -71,7 +78,9 @@ void relative_apply(struct motion *m, const struct relative *r)
     relative_move(m->t, n->t, s->t);
     for (size_t i = 0; i < r->nexp; i++)
         m->exp[i] += s->exp[i] - n->exp[i];
-    for (int i = 0; i < 3; i++)
+    m->pose.jaw[0] = relative_open(m->pose.jaw[0], n->pose.jaw[0],
+                                   s->pose.jaw[0]);
+    for (int i = 1; i < 3; i++)
         m->pose.jaw[i] += s->pose.jaw[i] - n->pose.jaw[i];
     for (int i = 0; i < 6; i++)
         m->pose.eye[i] += s->pose.eye[i] - n->pose.eye[i];

@@ -2,6 +2,7 @@
  * matte, from the file, a mask or the picture's colours. */
 #include "lib/track/source.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -10,7 +11,11 @@
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
 #include "lib/track/tta.h"
+#include "lib/track/turned.h"
 #include "lib/track/overlay.h"
+
+#define SOURCE_SURE 0.8         /* surer than this, other turns are not tried */
+#define SOURCE_TURN 0.6         /* and a turn must be surer than this */
 
 const char *source_matte_name(enum source_matte how)
 {
@@ -20,6 +25,68 @@ const char *source_matte_name(enum source_matte how)
     };
 
     return name[how];
+}
+
+/* How sure E_m is of the face in a picture that it sees turned; 0 when there
+ * is none, -1. */
+static double source_look(struct source *s, struct track *t,
+                          struct track_result *r, const struct image *im,
+                          struct error *err)
+{
+    int found = track_start(t, r, im->rgb, im->width, im->height, 0, err);
+
+    s->detect_s += r->detect_s;
+    return found <= 0 ? found : (double)r->sure;
+}
+
+/* The turn that shows the surest face, unless the picture as it is shows a
+ * sure one: *quarters.  -1. */
+static int source_find_turn(struct source *s, struct track *t,
+                            const struct image *im, int *quarters,
+                            struct error *err)
+{
+    struct track_result r = {0};
+    double best = source_look(s, t, &r, im, err);
+
+    *quarters = 0;
+    for (int k = 1; k < 4 && best >= 0 && best < SOURCE_SURE; k++) {
+        struct image turned;
+        double sure;
+
+        if (turned_copy(&turned, im, k, err))
+            return -1;
+        sure = source_look(s, t, &r, &turned, err);
+        image_release(&turned);
+        if (sure < 0)
+            return -1;
+        if (sure > fmax(best, SOURCE_TURN)) {
+            best = sure;
+            *quarters = k;
+        }
+    }
+    return best < 0 ? -1 : 0;
+}
+
+/* The picture, and its mask, upright. */
+static int source_stand_up(struct source *s, struct track *t,
+                           struct image *im, struct image *mask,
+                           struct error *err)
+{
+    struct image *const each[2] = {im, mask};
+
+    if (source_find_turn(s, t, im, &s->turned, err))
+        return -1;
+    for (int i = 0; i < 2 && s->turned; i++) {
+        struct image turned;
+
+        if (!each[i])
+            continue;
+        if (turned_copy(&turned, each[i], s->turned, err))
+            return -1;
+        image_release(each[i]);
+        *each[i] = turned;
+    }
+    return 0;
 }
 
 /* The face and its motion, with the mean head's landmarks for the crop. */
@@ -34,8 +101,9 @@ static int source_find_face(struct source *s, struct track *t,
     if (!found)
         return error_set(err, EX_DATAERR, "no face in a picture of %zu x %zu "
                          "pixels (looked for frontal and profile faces from "
-                         "a twelfth of the picture up; --crop X,Y,SIZE says "
-                         "where it is)", im->width, im->height);
+                         "a twelfth of the picture up%s; --crop X,Y,SIZE says "
+                         "where it is)", im->width, im->height,
+                         t->tta.net->sure.ps ? ", upright and turned" : "");
     s->person.source = r.motion;
     s->person.source.pose.exp = s->person.source.exp;
     s->person.has_source = true;
@@ -45,7 +113,7 @@ static int source_find_face(struct source *s, struct track *t,
     s->person.crop[2] = (float)t->window.size;
     s->crop_s = r.crop_s;
     s->motion_s = r.network_s + r.heads_s;
-    s->detect_s = r.detect_s;
+    s->detect_s += r.detect_s;
     return 0;
 }
 
@@ -96,14 +164,14 @@ out:
     return rc;
 }
 
-/* The portrait window at S x S. */
+/* The portrait window at S x S pixels. */
 static int source_cut_window(struct source *s, const struct image *im,
-                             struct error *err)
+                             size_t S, struct error *err)
 {
-    const size_t S = s->person.size;
     double begun = cpu_seconds();
     int rc;
 
+    s->person.size = S;
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
     s->person.back = malloc(3 * S * S);
@@ -130,23 +198,6 @@ static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
     }
     free(one);
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
-}
-
-/* Where the window lies inside the picture. */
-static void source_inside_mask(uint8_t *inside, const struct source *s,
-                               const struct image *im)
-{
-    const double k = s->window.size / (double)s->person.size;
-    const double x0 = s->window.x - s->window.size / 2;
-    const double y0 = s->window.y - s->window.size / 2;
-
-    for (size_t y = 0; y < s->person.size; y++)
-        for (size_t x = 0; x < s->person.size; x++) {
-            double u = x0 + ((double)x + 0.5) * k;
-            double v = y0 + ((double)y + 0.5) * k;
-            inside[y * s->person.size + x] = u >= 0 && v >= 0
-                && u < (double)im->width && v < (double)im->height ? 255 : 0;
-        }
 }
 
 /* Pixel (x,y) as row `from` above it has it: of the person, the mean over a
@@ -190,26 +241,30 @@ static void source_continue_body(struct source *s, const uint8_t *inside)
             source_smear(s, x, y, end - 3);
 }
 
+static bool source_guessed(const struct source *s)
+{
+    return s->how == SOURCE_GRABCUT || s->how == SOURCE_DISC;
+}
+
 /* Person and background apart, and both beyond the picture's edges.  Only a
  * matte that was guessed is changed at its border. */
 static int source_split(struct source *s, const struct image *im,
                         struct error *err)
 {
     struct person *p = &s->person;
-    const bool guessed = s->how == SOURCE_GRABCUT || s->how == SOURCE_DISC;
     uint8_t *inside = malloc(p->size * p->size);
     int rc;
 
     if (!inside)
         return error_set(err, EX_OSERR, "no memory for the background");
-    source_inside_mask(inside, s, im);
+    square_inside(inside, s->person.size, im->width, im->height,
+                  s->window);
     for (size_t i = 0; i < p->size * p->size; i++)
         if (!inside[i])
             p->matte[i] = 0;
-    rc = guessed ? layers_split(p->matte, p->back, p->rgb, inside, p->size,
-                                err)
-                 : layers_fill(p->back, p->rgb, p->matte, inside, p->size,
-                               err);
+    rc = source_guessed(s)
+             ? layers_split(p->matte, p->back, p->rgb, inside, p->size, err)
+             : layers_fill(p->back, p->rgb, p->matte, inside, p->size, err);
     if (rc == 0)
         source_continue_body(s, inside);
     free(inside);
@@ -234,7 +289,8 @@ static int source_matte_colours(struct source *s, const struct image *im,
         goto out;
     overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
     inside = silhouette + s->person.size * s->person.size;
-    source_inside_mask(inside, s, im);
+    square_inside(inside, s->person.size, im->width, im->height,
+                  s->window);
     rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
                        inside, s->person.size, err);
     s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
@@ -243,6 +299,16 @@ out:
     identity_release(&id);
     free(silhouette);
     return rc;
+}
+
+/* The matte that was given, at the size of the window's picture. */
+static int source_matte_given(struct source *s, const struct image *im,
+                              const struct image *mask, struct error *err)
+{
+    if (mask && !mask->alpha)
+        return source_matte_plane(s, mask->rgb, im->width, im->height, 3, err);
+    return source_matte_plane(s, mask ? mask->alpha : im->alpha, im->width,
+                              im->height, 1, err);
 }
 
 /* The mask's, the file's own, or one from colours. */
@@ -260,13 +326,10 @@ static int source_make_matte(struct source *s, const struct image *im,
                              mask->width, mask->height, im->width,
                              im->height);
         s->how = SOURCE_MASK;
-        rc = mask->alpha ? source_matte_plane(s, mask->alpha, im->width,
-                                              im->height, 1, err)
-                         : source_matte_plane(s, mask->rgb, im->width,
-                                              im->height, 3, err);
+        rc = source_matte_given(s, im, mask, err);
     } else if (im->alpha) {
         s->how = SOURCE_ALPHA;
-        rc = source_matte_plane(s, im->alpha, im->width, im->height, 1, err);
+        rc = source_matte_given(s, im, mask, err);
     } else {
         rc = source_matte_colours(s, im, head, err);
     }
@@ -276,28 +339,73 @@ static int source_make_matte(struct source *s, const struct image *im,
     return rc;
 }
 
-int source_make(struct source *s, const struct image *im,
-                const struct image *mask, const struct head *head,
+/* The window's picture as fine as it is in the photograph, from what was
+ * found at the networks' size (small). */
+static int source_refine(struct source *s, const struct person *small,
+                         const struct image *im, const struct image *mask,
+                         struct error *err)
+{
+    struct person *p = &s->person;
+    uint8_t *inside = malloc(p->size * p->size);
+    int rc;
+
+    if (!inside)
+        return error_set(err, EX_OSERR, "no memory for the background");
+    square_inside(inside, p->size, im->width, im->height, s->window);
+    rc = source_guessed(s) ? 0 : source_matte_given(s, im, mask, err);
+    if (rc == 0)
+        rc = layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,
+                            small->back, small->rgb, small->size, inside,
+                            !source_guessed(s), err);
+    free(inside);
+    return rc;
+}
+
+static int source_enlarge(struct source *s, const struct image *im,
+                          const struct image *mask, struct error *err)
+{
+    const double own = fmin(round(s->window.size), PERSON_LARGEST);
+    struct person *p = &s->person;
+    struct person small = {.rgb = p->rgb, .matte = p->matte, .back = p->back,
+                           .size = p->size};
+    double begun = cpu_seconds();
+
+    if (!(own > (double)p->size))
+        return 0;
+    p->rgb = p->matte = p->back = NULL;
+    int rc = source_cut_window(s, im, (size_t)own, err) ||
+             source_refine(s, &small, im, mask, err) ? -1 : 0;
+    person_release(&small);
+    s->matte_s += cpu_seconds() - begun;
+    return rc;
+}
+
+int source_make(struct source *s, struct image *im, struct image *mask,
+                const struct head *head,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err)
 {
+    struct track_options whole = *opt;
     struct identity mean = {0};
     struct track t = {0};
     int rc = -1;
 
     memset(s, 0, sizeof *s);
-    s->person.size = (size_t)opt->size;
+    whole.whole = true;
     if (im->width < 16 || im->height < 16)
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,
                          im->height);
     if (head_fold(&mean, head, NULL, 0, err) != 0 ||
-        track_init(&t, &mean, &nets->motion, opt, err) != 0 ||
+        track_init(&t, &mean, &nets->motion, &whole, err) != 0 ||
+        (nets->motion.sure.ps && !opt->has_crop &&
+         source_stand_up(s, &t, im, mask, err) != 0) ||
         source_find_face(s, &t, im, err) != 0)
         goto out;
     if (source_find_shape(s, &t, im, head, nets, err) != 0 ||
-        source_cut_window(s, im, err) != 0 ||
-        source_make_matte(s, im, mask, head, err) != 0)
+        source_cut_window(s, im, (size_t)opt->size, err) != 0 ||
+        source_make_matte(s, im, mask, head, err) != 0 ||
+        source_enlarge(s, im, mask, err) != 0)
         goto out;
     rc = 0;
 out:

@@ -25,14 +25,18 @@ struct source {
                                  * shape and motion; no hashes */
     enum source_matte how;
     struct square window;       /* in the picture */
+    int turned;                 /* quarter turns clockwise that the picture
+                                 * was given to stand upright, 0 to 3 */
     double crop_s, motion_s, shape_s, matte_s, detect_s;
 };
 
 /* From a picture (and mask, NULL or of the same size; its red channel counts)
- * with the head it is for; `opt` may fix crop and window.  EX_DATAERR with
- * what was tried when there is no face. */
-int source_make(struct source *s, const struct image *im,
-                const struct image *mask, const struct head *head,
+ * with the head it is for; `opt` may fix crop and window.  A picture that is
+ * found to lie on its side or upside down is turned upright, with its mask,
+ * when the model says how sure it is of a face.  EX_DATAERR with what was
+ * tried when there is no face. */
+int source_make(struct source *s, struct image *im, struct image *mask,
+                const struct head *head,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err);
 void source_release(struct source *s);

@@ -17,6 +17,7 @@
 #define CHECK_EVERY 30         /* frames between looks by the detector */
 #define CHECK_AGAIN 5          /* and after one that failed */
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
+#define SURE_ENOUGH 0.35       /* E_m less sure than this of a face has none */
 #define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
 
 int track_init(struct track *t, const struct identity *id,
@@ -155,6 +156,7 @@ static int track_encode(struct track *t, struct track_result *r,
         return -1;
     t1 = cpu_seconds();
     motion_tta_forward(out, &t->tta, t->input);
+    r->sure = motion_tta_sure(&t->tta, 0);
     t2 = cpu_seconds();
     track_decode(&r->motion, out, crop, t->opt.size);
     r->crop_s += t1 - t0;
@@ -350,6 +352,19 @@ static void track_deliver(struct track *t, struct track_result *r, double time)
     r->lost = t->lost;
 }
 
+/* The portrait window about a first crop. */
+static struct square track_window(const struct track *t, struct square crop)
+{
+    struct square w = t->opt.has_window ? t->opt.window
+                                        : window_from_crop(crop);
+
+    if (!t->opt.whole || t->opt.has_window || w.size < 2)
+        return w;
+    const double size = round(w.size), half = size / 2;
+    return (struct square){round(w.x - half) + half,
+                           round(w.y - half) + half, size};
+}
+
 int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
                 size_t W, size_t H, double time, struct error *err)
 {
@@ -363,7 +378,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
         if (found <= 0)
             return found;
     }
-    t->window = t->opt.has_window ? t->opt.window : window_from_crop(crop);
+    t->window = track_window(t, crop);
     crop = square_into(crop, t->window, t->opt.size);
     if (t->opt.has_crop) {
         if (track_encode(t, r, rgb, W, H, crop, err) != 0)
@@ -372,8 +387,12 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
         t->last = r->motion;
     } else if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0) {
         return -1;
+    } else if (r->sure < SURE_ENOUGH) {
+        return 0;
     }
     t->started = true;
+    t->lost = false;            /* a live source may start several times */
+    t->lost_frames = 0;
     track_deliver(t, r, time);
     return 1;
 }
@@ -414,6 +433,15 @@ static int track_search(struct track *t, struct track_result *r,
         found = crop.x > 0 && crop.y > 0 && crop.x < t->opt.size
                 && crop.y < t->opt.size && crop.size > t->opt.size / 32;
     }
+    if (found) {
+        struct motion last = t->last;
+
+        if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0)
+            return -1;
+        found = r->sure >= SURE_ENOUGH;
+        if (!found)
+            t->last = last;
+    }
     if (!found) {
         r->motion = t->last;
         r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
@@ -425,8 +453,6 @@ static int track_search(struct track *t, struct track_result *r,
         track_deliver(t, r, time);
         return 0;
     }
-    if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0)
-        return -1;
     if (t->lost) {
         r->event = TRACK_FOUND;
         oneeuro_reset(&t->filter);
@@ -463,6 +489,8 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
             why = track_implausible(t, &r->motion, next, t->crop, W, H);
         if (!why)
             why = track_doubtful(t, &r->motion, rgb, W, H);
+        if (!why && r->sure < SURE_ENOUGH)
+            why = "no whole, upright face is seen";
         if (why)
             return track_search(t, r, rgb, W, H, time, why, err);
         memcpy(t->thumb, thumb, sizeof thumb);

@@ -27,6 +27,8 @@ struct track_options {
     struct square crop;         /* fixed face crop, picture pixels */
     struct square window;       /* portrait window, picture pixels */
     double smooth;              /* one-euro cut-off, Hz; 0: off */
+    bool whole;                 /* a window that is found lies on whole
+                                 * pixels */
     bool no_tta;                /* E_m on the crop alone, not its mirror
                                  * image, too */
 };
@@ -41,6 +43,8 @@ enum track_event {
 struct track_result {
     struct motion motion;       /* held when lost; crop is the one used */
     bool lost;
+    float sure;                 /* of E_m, 0 to 1, that the crop shows a face
+                                 * in place; 1 from models that do not say */
     enum track_event event;
     const char *why;            /* of TRACK_LOST */
     double crop_s, network_s, heads_s, detect_s;    /* seconds spent */

@@ -173,3 +173,12 @@ void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb)
         motion_mirror_mean(out + i * MOTION_OUT, t->raw + (B + i) * MOTION_OUT,
                            &t->across);
 }
+
+float motion_tta_sure(const struct motion_tta *t, size_t n)
+{
+    float sure = motion_encoder_sure(t->net, n);
+
+    return t->mirror ? 0.5f * (sure + motion_encoder_sure(t->net,
+                                                          t->batch + n))
+                     : sure;
+}

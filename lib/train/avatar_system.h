@@ -1,5 +1,8 @@
 /* The avatar, its renderer and refiner as one thing that learns from
- * pictures: source -> Gaussians -> features -> picture -> loss, and back. */
+ * pictures: source -> Gaussians -> features -> picture -> loss, and back.
+ *
+ * With a refiner that is shown the photograph, places are blended, looked up
+ * and composed as lib/animate does (lib/texture), for both pictures. */
 #ifndef SPID_TRAIN_AVATAR_SYSTEM_H
 #define SPID_TRAIN_AVATAR_SYSTEM_H
 
@@ -15,6 +18,7 @@
 #include "lib/train/config.h"
 #include "lib/data/data.h"
 #include "lib/train/losses.h"
+#include "lib/texture/texture.h"
 #include "lib/train/perceptual.h"
 
 /* L_img and L_perc, in the order of the log. */
@@ -32,16 +36,30 @@ struct avatar_system {
     struct refiner refiner;         /* when config.has_refiner */
     struct splat splat;
     struct perceptual perceptual;   /* side 0: a pyramid stands in for it */
+    struct texture texture;         /* of the source, when photo */
+    struct splat_place_view view;   /* of the last frame, when photo */
+    bool photo;                     /* the refiner is shown the photograph */
+    bool fixed;                     /* only the refiner learns: the rest runs
+                                     * as in use, and has no gradient */
     size_t image, channels;         /* side of the picture; C */
     float *feat, *dfeat;            /* (image,image,C) */
-    float *alpha, *dalpha;          /* (image,image) */
-    float *rgb, *drgb;              /* (image,image,3) after the refiner */
-    float *coarse, *dcoarse;        /* (image,image,3) before it */
+    float *alpha, *dalpha;          /* (image,image) as splatted */
+    float *rgb, *drgb;              /* (image,image,3) the final picture */
+    float *rgb_alpha, *drgb_alpha;  /* (image,image) of it */
+    float *refined;                 /* (image,image,3) as the refiner has it,
+                                     * before the photograph joins */
+    float *coarse, *dcoarse;        /* (image,image,3) without the refiner */
+    float *coarse_alpha;            /* (image,image) of it */
+    float *place, *dplace;          /* (image,image,3), when photo */
+    float *shown, *dshown;          /* (image,image,5) what the photograph
+                                     * shows; zeros unless photo */
+    float *dfield;                  /* (image/4,image/4,4) */
     float *target, *mask;           /* (image,image,3), (image,image) */
     float *means;                   /* (N,3) of a frame */
     float *verts, *dverts;          /* (V,3) driven */
     float *source;                  /* (V,3) V_s */
     float *tmp;                     /* of loss_pyramid */
+    float source_cam[12];           /* T_s */
     float dcam[12];                 /* gradient for the frame's [R|t] */
     uint8_t *bytes, *matte;         /* (S,S,3), (S,S): the source */
     float *block;                   /* what the arrays are part of */
@@ -52,7 +70,7 @@ int avatar_system_init(struct avatar_system *s, struct params *ps,
                        const struct avatar_config *config,
                        const struct head *h, struct error *err);
 /* After params_allocate and params_randomise; fresh starts the biases, smooth
- * renders without cut-offs (see train_config). */
+ * renders without cut-offs (see train_config).  s->fixed may be set before. */
 int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
                        bool smooth, struct nn_options opt, struct error *err);
 /* L_perc by the network in this file from now on; after avatar_system_plan. */
@@ -76,7 +94,8 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
                          const struct train_config *c, double scale,
                          struct error *err);
 /* Back to the Gaussians (kept for avatar_system_bake_backward), to dverts and
- * to dcam, which are overwritten. */
+ * to dcam, which are overwritten; with fixed, to the refiner's weights
+ * alone. */
 int avatar_system_draw_backward(struct avatar_system *s, struct error *err);
 void avatar_system_bake_backward(struct avatar_system *s);
 

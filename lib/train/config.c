@@ -3,13 +3,14 @@
 #include "lib/train/config.h"
 
 #include <cjson/cJSON.h>
-#include <errno.h>
 #include <math.h>
 #include <stddef.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/base/file.h"
 
 enum kind { KIND_INT, KIND_DOUBLE, KIND_FLOAT, KIND_BOOL };
 
@@ -74,7 +75,9 @@ static const struct key keys[] = {
     {"held_people", KIND_INT, AT(validation_people), 1, 1e6, 16},
 };
 
-static const char *const stages[] = {"shape", "motion", "avatar", "all"};
+static const char *const stages[STAGE_COUNT] = {
+    "shape", "motion", "sure", "avatar", "all"
+};
 
 const char *train_stage_name(enum train_stage stage)
 {
@@ -133,27 +136,27 @@ static int config_set_number(struct train_config *c, const char *name,
 static int config_set_stage(struct train_config *c, const cJSON *value,
                             struct error *err)
 {
-    for (int i = 0; cJSON_IsString(value) && i < 4; i++)
+    for (int i = 0; cJSON_IsString(value) && i < STAGE_COUNT; i++)
         if (!strcmp(value->valuestring, stages[i])) {
             c->stage = (enum train_stage)i;
             return 0;
         }
     return error_set(err, EX_CONFIG, "stage: %s (expected shape, motion, "
-                     "avatar or all)",
+                     "sure, avatar or all)",
                      cJSON_IsString(value) ? value->valuestring
                                            : "not a string");
 }
 
-/* The beginning of names. */
-static int config_set_freeze(struct train_config *c, const cJSON *value,
-                             struct error *err)
+/* The beginning of names: "freeze" or "learn", in room for 64. */
+static int config_set_names(char *out, const char *name, const cJSON *value,
+                            struct error *err)
 {
     const char *s = cJSON_GetStringValue(value);
 
-    if (!s || strlen(s) >= sizeof c->freeze)
-        return error_set(err, EX_CONFIG, "freeze: expected the beginning of "
-                         "tensors' names");
-    strcpy(c->freeze, s);
+    if (!s || strlen(s) >= 64)
+        return error_set(err, EX_CONFIG, "%s: expected the beginning of "
+                         "tensors' names", name);
+    strcpy(out, s);
     return 0;
 }
 
@@ -184,8 +187,9 @@ static int config_set_object(struct train_config *c, const cJSON *object,
         if (!strcmp(name, "stage")) {
             if (config_set_stage(c, item, err))
                 return -1;
-        } else if (!strcmp(name, "freeze")) {
-            if (config_set_freeze(c, item, err))
+        } else if (!strcmp(name, "freeze") || !strcmp(name, "learn")) {
+            if (config_set_names(*name == 'f' ? c->freeze : c->learn, name,
+                                 item, err))
                 return -1;
         } else if (!strcmp(name, "perceptual")) {
             if (config_set_perceptual(c, item, err))
@@ -254,26 +258,13 @@ int train_config_parse(struct train_config *c, const char *text,
 int train_config_load(struct train_config *c, const char *path,
                       struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    char *text;
-    size_t n;
-    int rc;
+    char *text = file_read_text(path, 1 << 20, err);
+    int rc = -1;
 
     memset(c, 0, sizeof *c);
-    if (!f)
-        return error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
-    text = calloc(1, 1 << 20);
-    n = text ? fread(text, 1, (1 << 20) - 1, f) : 0;
-    if (!text || ferror(f) || !feof(f)) {
-        error_set(err, EX_NOINPUT, "%s: cannot be read as a configuration "
-                  "(expected JSON of at most 1 MB)", path);
-        rc = -1;
-    } else {
-        text[n] = 0;
+    if (text)
         rc = train_config_parse(c, text, path, err);
-    }
     free(text);
-    fclose(f);
     return rc;
 }
 

@@ -12,10 +12,13 @@
 
 #define TRAIN_PATH 400
 
-enum train_stage { STAGE_SHAPE, STAGE_MOTION, STAGE_AVATAR, STAGE_ALL };
+enum train_stage {
+    STAGE_SHAPE, STAGE_MOTION, STAGE_SURE, STAGE_AVATAR, STAGE_ALL,
+    STAGE_COUNT
+};
 
 struct train_config {
-    enum train_stage stage;     /* "shape" "motion" "avatar" "all" */
+    enum train_stage stage;     /* by its name */
     int64_t seed, steps;
     int64_t batch, micro;       /* items of a step; of one pass (batch norm
                                  * sees these): micro divides batch */
@@ -49,6 +52,8 @@ struct train_config {
     int64_t validation_every, validation_people;
     char freeze[64];            /* tensors whose names begin so stay as they
                                  * are; "" for none */
+    char learn[64];             /* only tensors whose names begin so are
+                                 * learned; "" for all */
     char *model;                /* JSON of the model's configuration */
 };
 

@@ -12,25 +12,29 @@ static int task_make(struct task *t, struct error *err)
         return task_shape_init(t, err);
     case STAGE_MOTION:
         return task_motion_init(t, err);
+    case STAGE_SURE:
+        return task_sure_init(t, err);
     default:
         return task_avatar_init(t, err);
     }
 }
 
-/* The configuration's "freeze": it must name something. */
-static int task_freeze(struct params *ps, const char *prefix,
+/* The configuration's "freeze", or what its "learn" leaves out; a prefix must
+ * name something. */
+static int task_freeze(struct params *ps, const char *prefix, bool learn,
                        struct error *err)
 {
     size_t found = 0;
 
-    for (size_t i = 0; *prefix && i < ps->count; i++)
-        if (!strncmp(ps->tensor[i].name, prefix, strlen(prefix))) {
-            ps->tensor[i].frozen = true;
-            found++;
-        }
+    for (size_t i = 0; *prefix && i < ps->count; i++) {
+        bool named = !strncmp(ps->tensor[i].name, prefix, strlen(prefix));
+
+        ps->tensor[i].frozen = ps->tensor[i].frozen || named != learn;
+        found += named;
+    }
     return *prefix && !found
-               ? error_set(err, EX_CONFIG, "freeze: no tensor's name begins "
-                           "with \"%s\"", prefix)
+               ? error_set(err, EX_CONFIG, "%s: no tensor's name begins with "
+                           "\"%s\"", learn ? "learn" : "freeze", prefix)
                : 0;
 }
 
@@ -41,7 +45,10 @@ int task_init(struct task *t, const struct train_config *c,
     t->config = c;
     t->head = h;
     params_init(&t->ps);
-    return task_make(t, err) ? -1 : task_freeze(&t->ps, c->freeze, err);
+    return task_make(t, err) || task_freeze(&t->ps, c->freeze, false, err) ||
+                   task_freeze(&t->ps, c->learn, true, err)
+               ? -1
+               : 0;
 }
 
 void task_release(struct task *t)

@@ -57,6 +57,7 @@ void task_release(struct task *t);
 /* The stages' constructors; t->config and t->head are set. */
 int task_motion_init(struct task *t, struct error *err);
 int task_shape_init(struct task *t, struct error *err);
+int task_sure_init(struct task *t, struct error *err);
 int task_avatar_init(struct task *t, struct error *err);
 
 #endif

@@ -297,7 +297,7 @@ static const struct task_type motion_task_type = {
 static int motion_task_networks(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
-    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_F32};
+    struct nn_options opt = {c->running_norm ? NN_FROZEN : NN_TRAIN, NN_BF16};
     struct impl *m = t->impl;
     char net[64];
 
@@ -310,7 +310,7 @@ static int motion_task_networks(struct task *t, struct error *err)
         motion_encoder_init(&m->validator, &m->e.copy, "motion.", net, err) ||
         encoder_task_allocate_copy(&m->e, t, err))
         return -1;
-    opt.mode = NN_INFER;
+    opt = (struct nn_options){NN_INFER, NN_F32};
     return motion_encoder_plan(&m->validator, 1, opt, err);
 }
 

@@ -2,7 +2,7 @@
 load helper
 
 scans_head() {
-    SCANS=$TOP/examples/model/head-scans.safetensors
+    SCANS=$TOP/examples/model/head.safetensors
     [ -e "$SCANS" ] || skip "no head of the scans"
 }
 
@@ -12,22 +12,22 @@ scans_head() {
     cmp a.safetensors b.safetensors
 }
 
-@test "a head of the scans poses a stream, and its hash is not the default's" {
+@test "a head of the scans poses a stream, and not as the sculpted one does" {
     scans_head
     motion 2
     spid-flame --head "$SCANS" motion.spid -o scans.spid
-    spid-flame --head "$TOP/${BUILD:-build}/share/spid/head.safetensors" \
-        motion.spid -o own.spid
+    spid-head -o sculpted.safetensors
+    spid-flame --head sculpted.safetensors motion.spid -o own.spid
     spid-dump --check scans.spid
     [ "$(spid-dump --json --only MESH scans.spid | wc -l)" -eq 2 ]
     run cmp -s scans.spid own.spid
     [ "$status" -eq 1 ]
 }
 
-@test "a model refuses the head of the scans" {
-    scans_head
+@test "a model refuses the sculpted head" {
     [ -e "$TOP/examples/model/model.safetensors" ] || skip "no model shipped"
-    status 78 spid-branches --head "$SCANS" --bake nothing.spid -o x.spid
+    spid-head -o sculpted.safetensors
+    status 78 spid-branches --head sculpted.safetensors --bake nothing.spid -o x.spid
     has "model was made for head"
 }
 

@@ -29,6 +29,23 @@ prepare() {
     [ "$(spid-dump moved.spid | grep -c '^GAUS')" = 1 ]
 }
 
+@test "an avatar that nothing moves is drawn as its source shows it" {
+    need_numpy
+    side=$(spid-dump avatar.spid | sed -n 's/^ *matte .*\[\([0-9]*\),.*/\1/p')
+    spid-splat -q --imag -s "$side" avatar.spid -o still.spid
+    [ "$(spid-dump still.spid | grep -c '^IMAG')" = 1 ]
+    spid-dump --npy dir still.spid
+    "$PYTHON" - <<'P'
+import numpy as np
+still, rgb, matte = (np.load(f"dir/{f}.npy").squeeze().astype(float)
+                     for f in ("IMAG.rgb", "SRCI.rgb", "SRCI.matte"))
+person = rgb * matte[..., None] / 255
+both = (still.sum(2) > 0) & (matte > 250)
+print(both.mean(), abs(still - person)[both].mean())
+assert both.mean() > 0.1 and abs(still - person)[both].mean() < 12
+P
+}
+
 @test "whole records draw the same picture as movements" {
     spid-branches -i avatar.spid mesh.spid -o moved.spid
     spid-branches -i avatar.spid --full mesh.spid -o full.spid

@@ -5,7 +5,7 @@ load animate
 prepare() { animate_files; }
 
 @test "SpiD*: one process and the pipe give the same bytes" {
-    spid-animate -q -m model -s source.png drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model -s -b black source.png drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
         spid-branches -i avatar.spid | spid-splat -q --size 128 -o pipe.y4m
@@ -13,7 +13,7 @@ prepare() { animate_files; }
 }
 
 @test "SpiD: one process and the pipe give the same bytes" {
-    spid-animate -q -m model source.png drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model -b black source.png drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
         spid-branches -i avatar.spid |
@@ -35,7 +35,7 @@ prepare() { animate_files; }
 }
 
 @test "SpiD in float: one process and the pipe give the same bytes" {
-    spid-animate -q -m model --f32 avatar.spid drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model --f32 avatar.spid drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
         spid-branches -i avatar.spid |
@@ -46,7 +46,7 @@ prepare() { animate_files; }
 
 @test "programs of a pipe wait asleep without being told" {
     unset OMP_WAIT_POLICY
-    spid-animate -q -m model avatar.spid drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model avatar.spid drive.y4m -o one.y4m
     set -o pipefail
     spid-motion -q -j 2 -m model drive.y4m |
         spid-flame -m model -i avatar.spid | spid-branches -i avatar.spid |
@@ -56,8 +56,8 @@ prepare() { animate_files; }
 }
 
 @test "the number of threads does not change a byte" {
-    spid-animate -q -m model -s -j 1 me.spid drive.y4m -o a.y4m
-    spid-animate -q -m model -s -j 3 avatar.spid drive.y4m -o b.y4m
+    spid-animate -q --absolute -m model -s -j 1 me.spid drive.y4m -o a.y4m
+    spid-animate -q --absolute -m model -s -j 3 avatar.spid drive.y4m -o b.y4m
     cmp a.y4m b.y4m
 }
 

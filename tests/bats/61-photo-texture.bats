@@ -58,11 +58,12 @@ PY
             -o own.png
         spid-shape -q --head "$HEAD" own.png -o own.spid
         spid-dump --npy . --only SRCI own.spid
+        side=$(spid-dump own.spid | sed -n 's/^ *matte .*\[\([0-9]*\),.*/\1/p')
         for star in "" -s; do
-            spid-animate -q $star --head "$HEAD" -b source own.spid own.png \
+            spid-animate -q $star --size "$side" --head "$HEAD" -b source own.spid own.png \
                 -o a.png
             likeness a.png SRCI.rgb.npy SRCI.matte.npy >like
-            spid-animate -q $star --head "$HEAD" -b source --no-photo \
+            spid-animate -q $star --size "$side" --head "$HEAD" -b source --no-photo \
                 own.spid own.png -o b.png
             likeness b.png SRCI.rgb.npy >plain
             echo "$seed $star: $(cat like), without the photograph $(cat plain)"
@@ -75,8 +76,8 @@ PY
 }
 
 @test "without the photograph: another picture, one process or the pipe" {
-    spid-animate -q -m model -s avatar.spid drive.y4m -o photo.y4m
-    spid-animate -q -m model -s --no-photo avatar.spid drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model -s avatar.spid drive.y4m -o photo.y4m
+    spid-animate -q --absolute -m model -s --no-photo avatar.spid drive.y4m -o one.y4m
     status 1 cmp -s photo.y4m one.y4m
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
@@ -93,10 +94,10 @@ PY
     spid-splat -q --size 128 --channels 8 --no-photo gaus.spid -o plain.spid
     spid-dump --json --only FEAT plain.spid >json
     status 1 grep -q '"name":"photo"' json
-    spid-animate -q -m model avatar.spid drive.y4m -o photo.y4m
+    spid-animate -q --absolute -m model avatar.spid drive.y4m -o photo.y4m
     spid-refine -q -m model feat.spid -o pipe.y4m
     cmp photo.y4m pipe.y4m
-    spid-animate -q -m model --no-photo avatar.spid drive.y4m -o one.y4m
+    spid-animate -q --absolute -m model --no-photo avatar.spid drive.y4m -o one.y4m
     spid-refine -q -m model plain.spid -o pipe.y4m
     cmp one.y4m pipe.y4m
 }
@@ -104,8 +105,8 @@ PY
 @test "streams without places are drawn as without the photograph" {
     edit avatar.spid old.spid uv seen view
     spid-dump --check old.spid
-    spid-animate -q -m model -s old.spid drive.y4m -o old.y4m
-    spid-animate -q -m model -s --no-photo avatar.spid drive.y4m -o none.y4m
+    spid-animate -q --absolute -m model -s old.spid drive.y4m -o old.y4m
+    spid-animate -q --absolute -m model -s --no-photo avatar.spid drive.y4m -o none.y4m
     cmp old.y4m none.y4m
     set -o pipefail
     spid-motion -q -m model drive.y4m | spid-flame -m model -i old.spid |

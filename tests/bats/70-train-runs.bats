@@ -90,11 +90,10 @@ train() {
     [[ $output == *short.spid* ]]
 }
 
-@test "pictures of mixed sizes are refused" {
+@test "encoders see crops of pictures of any size" {
     spid-synth --people 1 --frames 2 --size 64 --seed 6 -q -o "$DIR/q.spid"
-    run train -q -c "$DIR/m.json" -o "$DIR/z" "$DIR/q.spid" "$DIR/p.spid"
-    [ "$status" = 65 ]
-    [[ $output == *96x96*64x64* ]]
+    train -q -c "$DIR/m.json" -o "$DIR/z" --steps 2 "$DIR/q.spid" "$DIR/p.spid"
+    [ "$(wc -l <"$DIR/z/log.tsv")" -ge 2 ]
 }
 
 @test "a full disk leaves the last checkpoint" {

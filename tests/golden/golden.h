@@ -88,7 +88,8 @@ struct golden_weights {
 void golden_weights_open(struct golden_weights *w, struct golden *g,
                          const char *network);
 void golden_weights_close(struct golden_weights *w);
-/* Fill every tensor of ps whose name is prefix + NAME from NAME's formula; a
+/* Fill every tensor of ps whose name is prefix + NAME from NAME's formula, or
+ * from weight.NAME where the case stores it; a
  * tensor of ps that the list lacks, or another size, counts as a failure. */
 void golden_weights_fill(struct params *ps, const struct golden_weights *w,
                          struct golden *g, const char *prefix);

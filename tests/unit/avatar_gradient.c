@@ -323,10 +323,14 @@ static void reference(struct world *w)
 
         for (int c = 0; c < 3; c++) {
             double q = a->mouth.q[3 * k + (size_t)c];
+            double shown = a->mouth.in[(k + 1) * a->mouth.inputs -
+                                       MOUTH_BRANCH_EXTRA];
 
             if (a->config.rgb_skip)
-                q = c < 2 ? 0.5 * (double)a->mouth.lips.radius * tanh(q)
-                          : 0.5 * (double)a->mouth.cap * (tanh(q) - 1);
+                q = c < 2 ? shown * 0.5 * (double)a->mouth.lips.radius *
+                                tanh(q)
+                          : 0.5 * (double)a->mouth.cap *
+                                (shown * tanh(q) - 1);
             else if (c == 2)
                 q = fmin(fmax(q, -a->mouth.cap), a->mouth.cap);
             double g = ls[c] + (c < 2 ? a->mouth.lips.radius * uv[c] : 0);

@@ -16,7 +16,7 @@
 #include "lib/head/mirror.h"
 #include "lib/head/sculpt_impl.h"
 
-#define FILE_NAME "examples/model/head-scans.safetensors"
+#define FILE_NAME "examples/model/head.safetensors"
 #define MM 200          /* millimetres in a head unit */
 enum { PEOPLE = 50, SHAPES = 300 };
 

@@ -153,7 +153,8 @@ static void refiner_up(void *s)
 
 static void refiner_bwd(float *din, const float *dout, void *s)
 {
-    refiner_backward(din, dturn, dout, s);
+    refiner_backward(&(struct refiner_gradients){.feat = din, .turn = dturn},
+                     dout, NULL, s);
 }
 
 static void plane_init_bwd(float *din, const float *dout, void *s)

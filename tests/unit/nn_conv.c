@@ -1,7 +1,7 @@
 /* Convolutions and depthwise convolutions of odd sizes against plain loops in
  * double: output, input gradient, weight and bias gradients; and the same bits
  * for 1, 2 and 7 threads.  Errors are relative to the largest value: 1e-5 for
- * sums in float, 6e-5 for Winograd, 1e-2 for 8-bit values. */
+ * sums in float, 6e-5 for Winograd, 1e-2 for bfloat16 and 8-bit values. */
 #include <math.h>
 #include <omp.h>
 #include <stdio.h>
@@ -13,29 +13,41 @@
 #include "lib/nn/winograd.h"
 #include "tests/check.h"
 
+enum kind {
+    FLOATS,
+    HALVES,                     /* products of bfloat16, no bias */
+    DEPTHWISE
+};
+
 struct shape {
     size_t B, h, w, in, out, k, s;
     enum conv_pad pad;
     enum nn_act act;
-    bool depthwise;
+    enum kind kind;
 };
 
 static const struct shape shapes[] = {
-    { 1, 5, 7, 3, 8, 3, 2, CONV_HALF, ACT_RELU, false },
-    { 2, 9, 6, 16, 24, 3, 1, CONV_HALF, ACT_LRELU, false },
-    { 5, 4, 4, 8, 5, 1, 1, CONV_HALF, ACT_NONE, false },
-    { 1, 33, 1, 27, 40, 1, 1, CONV_HALF, ACT_RELU, false },
-    { 3, 11, 8, 3, 16, 3, 2, CONV_SAME, ACT_NONE, false },
-    { 1, 16, 24, 12, 16, 2, 2, CONV_NONE, ACT_LRELU, false },
-    { 1, 8, 8, 256, 32, 3, 1, CONV_HALF, ACT_LRELU, false },   /* in pieces */
-    { 2, 37, 31, 272, 40, 3, 1, CONV_HALF, ACT_RELU, false },  /* two bands */
-    { 1, 9, 14, 96, 24, 3, 2, CONV_HALF, ACT_NONE, false },
-    { 1, 40, 1, 600, 33, 1, 1, CONV_HALF, ACT_LRELU, false },
-    { 3, 1, 1, 517, 70, 1, 1, CONV_HALF, ACT_LRELU, false },   /* few rows */
-    { 2, 13, 10, 20, 20, 3, 1, CONV_HALF, ACT_NONE, true },
-    { 1, 15, 9, 24, 24, 5, 2, CONV_HALF, ACT_NONE, true },
-    { 4, 7, 7, 40, 40, 5, 1, CONV_SAME, ACT_NONE, true },
-    { 1, 12, 31, 16, 16, 3, 2, CONV_SAME, ACT_NONE, true },
+    { 1, 5, 7, 3, 8, 3, 2, CONV_HALF, ACT_RELU, FLOATS },
+    { 2, 9, 6, 16, 24, 3, 1, CONV_HALF, ACT_LRELU, FLOATS },
+    { 5, 4, 4, 8, 5, 1, 1, CONV_HALF, ACT_NONE, FLOATS },
+    { 1, 33, 1, 27, 40, 1, 1, CONV_HALF, ACT_RELU, FLOATS },
+    { 3, 11, 8, 3, 16, 3, 2, CONV_SAME, ACT_NONE, FLOATS },
+    { 1, 16, 24, 12, 16, 2, 2, CONV_NONE, ACT_LRELU, FLOATS },
+    { 1, 8, 8, 256, 32, 3, 1, CONV_HALF, ACT_LRELU, FLOATS },   /* in pieces */
+    { 2, 37, 31, 272, 40, 3, 1, CONV_HALF, ACT_RELU, FLOATS },  /* two bands */
+    { 1, 9, 14, 96, 24, 3, 2, CONV_HALF, ACT_NONE, FLOATS },
+    { 1, 40, 1, 600, 33, 1, 1, CONV_HALF, ACT_LRELU, FLOATS },
+    { 3, 1, 1, 517, 70, 1, 1, CONV_HALF, ACT_LRELU, FLOATS },   /* few rows */
+    { 2, 9, 13, 24, 40, 1, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 1, 31, 26, 32, 24, 3, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 3, 18, 13, 16, 48, 3, 2, CONV_HALF, ACT_NONE, HALVES },
+    { 1, 33, 16, 80, 33, 3, 1, CONV_SAME, ACT_NONE, HALVES },
+    { 3, 15, 7, 54, 30, 1, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 1, 1, 1, 8, 72, 1, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 2, 13, 10, 20, 20, 3, 1, CONV_HALF, ACT_NONE, DEPTHWISE },
+    { 1, 15, 9, 24, 24, 5, 2, CONV_HALF, ACT_NONE, DEPTHWISE },
+    { 4, 7, 7, 40, 40, 5, 1, CONV_SAME, ACT_NONE, DEPTHWISE },
+    { 1, 12, 31, 16, 16, 3, 2, CONV_SAME, ACT_NONE, DEPTHWISE },
 };
 
 /* What one layer gives, as floats or doubles. */
@@ -88,7 +100,7 @@ static void reference(struct result *r, const float *in, const float *w,
                       const float *bias, const float *dout,
                       const struct shape *s, size_t oh, size_t ow)
 {
-    size_t o_, group = s->depthwise ? 1 : s->in;
+    size_t o_, group = s->kind == DEPTHWISE ? 1 : s->in;
     long py, px;
 
     sides(s, s->h, &o_, &py);
@@ -102,7 +114,7 @@ static void reference(struct result *r, const float *in, const float *w,
             g = (double)dout[i] * act_slope(s->act, r->out[i]);
         for (size_t ci = 0; ci < group; ci++)
             for (size_t t = 0; t < s->k * s->k; t++) {
-                size_t c = s->depthwise ? o : ci;
+                size_t c = s->kind == DEPTHWISE ? o : ci;
                 long at = tap(s, py, px, b, y, x, t / s->k, t % s->k, c);
                 size_t wi = (o * group + ci) * s->k * s->k + t;
 
@@ -168,16 +180,17 @@ static uint64_t run(float *out, float *din, struct params *ps, const float *in,
     float *g = malloc(n * sizeof *g);
 
     memcpy(g, dout, n * sizeof *g);
-    nn_plan_init(&p, (struct nn_options){ NN_TRAIN, NN_F32 });
+    enum nn_type type = s->kind == HALVES ? NN_BF16 : NN_F32;
+    nn_plan_init(&p, (struct nn_options){ NN_TRAIN, type });
     params_init(ps);
-    if (s->depthwise)
+    if (s->kind == DEPTHWISE)
         depthwise_init(&d, ps, "c", s->in, s->k, s->s);
     else
-        conv_init(&c, ps, "c", s->in, s->out, s->k, s->s, true);
+        conv_init(&c, ps, "c", s->in, s->out, s->k, s->s, s->kind != HALVES);
     if (params_allocate(ps, &err) || params_allocate_gradients(ps, &err))
         exit(1);
     params_randomise(ps, 5);
-    if (s->depthwise) {
+    if (s->kind == DEPTHWISE) {
         d.pad = s->pad;
         depthwise_plan(&d, &p, s->B, s->h, s->w);
     } else {
@@ -189,7 +202,7 @@ static uint64_t run(float *out, float *din, struct params *ps, const float *in,
         printf("%s\n", err.text);
         exit(1);
     }
-    if (s->depthwise) {
+    if (s->kind == DEPTHWISE) {
         depthwise_update(&d, NULL);
         depthwise_forward(out, in, &d);
         depthwise_backward(din, g, in, &d);
@@ -215,8 +228,9 @@ static void check_shape(const struct shape *s)
     sides(s, s->w, &ow, &unused);
     struct result r = { .out_n = s->B * oh * ow * s->out,
                         .in_n = s->B * s->h * s->w * s->in,
-                        .w_n = s->out * (s->depthwise ? 1 : s->in) * s->k *
-                               s->k, .b_n = s->out };
+                        .w_n = s->out * s->k * s->k *
+                               (s->kind == DEPTHWISE ? 1 : s->in),
+                        .b_n = s->out };
     reserve(&r);
     float *in = noise(r.in_n, 1), *dout = noise(r.out_n, 2);
     float *out = malloc(r.out_n * sizeof *out);
@@ -234,14 +248,15 @@ static void check_shape(const struct shape *s)
             params_release(&ps);
     }
     const float *w = param_w(&ps, 0);
-    const float *b = s->depthwise ? NULL : param_w(&ps, 1);
+    const float *b = s->kind ? NULL : param_w(&ps, 1);
+    double most = s->kind == HALVES ? 1e-2 : 1e-5;
     reference(&r, in, w, b, NULL, s, oh, ow);
-    compare("output", s, out, r.out, r.out_n, 1e-5);
+    compare("output", s, out, r.out, r.out_n, most);
     memset(r.din, 0, r.in_n * sizeof(double));
     memset(r.dw, 0, r.w_n * sizeof(double));
     reference(&r, in, w, b, dout, s, oh, ow);
-    compare("input gradient", s, din, r.din, r.in_n, 1e-5);
-    compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, 1e-5);
+    compare("input gradient", s, din, r.din, r.in_n, most);
+    compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, most);
     if (b)
         compare("bias gradient", s, param_g(&ps, 1), r.db, r.b_n, 1e-5);
     params_release(&ps);
@@ -255,7 +270,7 @@ static void check_shape(const struct shape *s)
 /* Winograd against the direct convolution. */
 static void check_winograd(size_t h, size_t w, size_t in, size_t out)
 {
-    struct shape s = { 2, h, w, in, out, 3, 1, CONV_HALF, ACT_LRELU, false };
+    struct shape s = { 2, h, w, in, out, 3, 1, CONV_HALF, ACT_LRELU, FLOATS };
     struct params ps;
     struct conv c;
     struct nn_plan p;
@@ -359,12 +374,12 @@ static void check_int8(const struct shape *s, bool add)
 int main(void)
 {
     static const struct shape bytes[] = {
-        { 1, 19, 23, 32, 48, 3, 1, CONV_HALF, ACT_LRELU, false },
-        { 1, 40, 37, 16, 32, 3, 2, CONV_HALF, ACT_RELU, false },
-        { 2, 33, 36, 32, 16, 3, 2, CONV_SAME, ACT_NONE, false },
-        { 1, 38, 44, 16, 16, 2, 2, CONV_NONE, ACT_LRELU, false },
-        { 3, 17, 19, 64, 32, 1, 1, CONV_HALF, ACT_NONE, false },
-        { 1, 34, 35, 32, 32, 1, 2, CONV_HALF, ACT_NONE, false },
+        { 1, 19, 23, 32, 48, 3, 1, CONV_HALF, ACT_LRELU, FLOATS },
+        { 1, 40, 37, 16, 32, 3, 2, CONV_HALF, ACT_RELU, FLOATS },
+        { 2, 33, 36, 32, 16, 3, 2, CONV_SAME, ACT_NONE, FLOATS },
+        { 1, 38, 44, 16, 16, 2, 2, CONV_NONE, ACT_LRELU, FLOATS },
+        { 3, 17, 19, 64, 32, 1, 1, CONV_HALF, ACT_NONE, FLOATS },
+        { 1, 34, 35, 32, 32, 1, 2, CONV_HALF, ACT_NONE, FLOATS },
     };
 
     for (size_t i = 0; i < sizeof bytes / sizeof *bytes; i++)

@@ -202,7 +202,7 @@ static void refine(float *rgb, const float *feat, struct params *ps,
     struct params declared;
 
     params_init(&declared);
-    narrow_refiner_init(&r, &declared, "r.", 32, 32, false);
+    narrow_refiner_init(&r, &declared, "r.", 32, 32, false, false);
     must(params_allocate(&declared, &err));
     must(params_allocate_gradients(&declared, &err));
     memcpy(declared.w, ps->w, ps->total * sizeof *ps->w);
@@ -222,7 +222,7 @@ static void whole(void)
     double worst = 0;
 
     params_init(&ps);
-    narrow_refiner_init(&r, &ps, "r.", 32, 32, false);
+    narrow_refiner_init(&r, &ps, "r.", 32, 32, false, false);
     must(params_allocate(&ps, &err));
     params_randomise(&ps, 4);
     random_init(&rnd, 6, "fold whole");

@@ -55,7 +55,7 @@ CASE(norm_apply, k->norm_apply(out[0], in[0], in[1], in[2], in[3],
                                ACT_HARDSWISH, C * ((128 + C - 1) / C), n))
 CASE(norm_backward_sums,
      k->norm_backward_sums(out[0], out[1], in[0], in[1], in[2], in[3], in[4],
-                           ACT_RELU, rows, C))
+                           ACT_RELU, 0, rows, C))
 CASE(norm_backward_apply,
      k->norm_backward_apply(out[0], in[0], in[1], in[2],
                             C * ((128 + C - 1) / C), n))

@@ -12,7 +12,7 @@
 #include "tests/check.h"
 #include "tests/unit/levels.h"
 
-enum { S = 96, PIXELS = S * S };
+enum { S = 128, PIXELS = S * S };
 
 static const struct splat_place_view straight = {{1, 0, 0, 1}, {0, 0}};
 
@@ -155,7 +155,7 @@ static void grey(void)
 
 static void identity(void)
 {
-    const struct splat_place_view other = {{1.1f, 0.2f, -0.3f, 0.9f},
+    const struct splat_place_view other = {{1.1f, 0.2f, -0.2f, 1.1f},
                                            {0.07f, -0.2f}};
     struct texture t;
 
@@ -182,6 +182,34 @@ static void identity(void)
     }
     texture_apply(color, 3, alpha, &t, &other, place, S);
     check("another view, exact places: the same", off_photograph(), 1);
+    texture_release(&t);
+}
+
+/* A head that has turned: rims of the photograph, where the matte is not
+ * full, are not believed, nor what is drawn out of a few of its pixels. */
+static void turned(void)
+{
+    const struct splat_place_view side = {{1.3f, 0, 0, 1}, {0, 0}};
+    struct texture t;
+    bool rims = true, drawn = true;
+
+    photograph(2);
+    texture_of_photograph(&t);
+    places(0, 0, 1, 1);
+    texture_lookup(photo, &t, &side, place, alpha, S);
+    for (size_t i = 0; i < PIXELS; i++) {
+        const float *p = photo + TEXTURE_PHOTO * i;
+
+        rims = rims && (p[3] > 0.5f || p[4] == 0) &&
+               (p[3] < 0.95f || p[4] == 1);
+    }
+    check_that("turned: rims are not believed, what is whole is", rims);
+    for (size_t i = 0; i < PIXELS; i++)
+        place[3 * i] = -0.95f * (2 * ((float)(i % S) + 0.5f) / S - 1);
+    texture_lookup(photo, &t, &straight, place, alpha, S);
+    for (size_t i = 0; i < PIXELS; i++)
+        drawn = drawn && photo[TEXTURE_PHOTO * i + 4] == 0;
+    check_that("drawn out twenty times: not believed", drawn);
     texture_release(&t);
 }
 
@@ -236,7 +264,8 @@ static void levels(void)
     for (size_t i = 0; i < PIXELS; i++)
         memset(rgb + 3 * i, (i % S + i / S) % 2 ? 255 : 0, 3);
     texture_of_photograph(&t);
-    check_that("four levels", t.levels == 4 && t.size == S);
+    check_that("levels of half the size each",
+               t.levels == 6 && t.side[0] == S && t.side[5] == S / 32);
     grey();
     places(0, 0, 1, 1);
     texture_apply(color, 3, alpha, &t, &twice, place, S);
@@ -360,6 +389,7 @@ static int at_level(void)
     against_double(3);
     against_double(65);
     identity();
+    turned();
     shifted();
     straight_colours();
     levels();

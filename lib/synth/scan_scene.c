@@ -1,4 +1,6 @@
-#include "lib/synth/scan_shoot.h"
+/* The head's motion from the act, the camera that sees it so, the figure
+ * rendered and put on film. */
+#include "lib/synth/scan_scene.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -8,10 +10,10 @@
 #include "lib/geom/camera.h"
 #include "lib/synth/vec.h"
 
-int scan_crew_init(struct scan_crew *c, const struct head *h, int size,
+int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
                    struct error *err)
 {
-    *c = (struct scan_crew){.verts = malloc(3 * h->V * sizeof *c->verts),
+    *c = (struct scan_worker){.verts = malloc(3 * h->V * sizeof *c->verts),
                             .bend = malloc(3 * h->V * sizeof *c->bend)};
     if (!c->verts || !c->bend)
         return error_set(err, EX_OSERR, "out of memory");
@@ -19,16 +21,16 @@ int scan_crew_init(struct scan_crew *c, const struct head *h, int size,
            || scan_film_init(&c->film, size, err) ? -1 : 0;
 }
 
-void scan_crew_release(struct scan_crew *c)
+void scan_worker_release(struct scan_worker *c)
 {
     scan_stage_release(&c->stage);
     scan_film_release(&c->film);
     free(c->verts);
     free(c->bend);
-    *c = (struct scan_crew){0};
+    *c = (struct scan_worker){0};
 }
 
-int scan_cast_init(struct scan_cast *c, const struct scan_assets *a,
+int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
                    const struct head *h, uint64_t seed, uint64_t index,
                    float effects, int size, struct error *err)
 {
@@ -37,7 +39,7 @@ int scan_cast_init(struct scan_cast *c, const struct scan_assets *a,
     float *tmp = malloc(n * sizeof *tmp);
     int rc = -1;
 
-    *c = (struct scan_cast){.size = size};
+    *c = (struct scan_scene){.size = size};
     c->wall = malloc(n * sizeof *c->wall);
     if (!c->wall || !tmp) {
         error_set(err, EX_OSERR, "out of memory");
@@ -56,17 +58,17 @@ int scan_cast_init(struct scan_cast *c, const struct scan_assets *a,
 out:
     free(tmp);
     if (rc)
-        scan_cast_release(c);
+        scan_scene_release(c);
     return rc;
 }
 
-void scan_cast_release(struct scan_cast *c)
+void scan_scene_release(struct scan_scene *c)
 {
     figure_release(&c->figure);
     follow_release(&c->follow);
     identity_release(&c->id);
     free(c->wall);
-    *c = (struct scan_cast){0};
+    *c = (struct scan_scene){0};
 }
 
 /* ---- where the head is -------------------------------------------------- */
@@ -85,8 +87,8 @@ static void face_rotation(float rot[9], float yaw, float pitch, float roll)
     mul33(rot, front, b);
 }
 
-static void stand(struct scan_view *v, const struct figure *f,
-                  const struct act *act)
+static void scene_stand(struct scan_view *v, const struct figure *f,
+                        const struct act *act)
 {
     const struct scan_person *p = &f->look;
     float at[3], pivot[3];
@@ -113,7 +115,7 @@ static void stand(struct scan_view *v, const struct figure *f,
 
 /* Solve the normal equations a (6,6) x = b by elimination; a is positive
  * definite. */
-static void solve6(double x[6], double a[6][6], const double b[6])
+static void scene_solve6(double x[6], double a[6][6], const double b[6])
 {
     memcpy(x, b, 6 * sizeof *x);
     for (int i = 0; i < 6; i++) {
@@ -165,7 +167,7 @@ static void camera_step(float rot[9], float trans[3], const float *verts,
     }
     for (int m = 0; m < 6; m++)
         a[m][m] *= 1 + 1e-9;
-    solve6(x, a, b);
+    scene_solve6(x, a, b);
     float w[3] = {(float)x[0], (float)x[1], (float)x[2]}, d[9], o[9];
     rodrigues33(d, w);
     mul33(o, d, rot);
@@ -194,7 +196,7 @@ static void find_camera(struct synth_motion *m, const float *verts,
 }
 
 /* The head's motion during the exposure, pixels. */
-static void find_move(float move[2], const struct scan_cast *c,
+static void find_move(float move[2], const struct scan_scene *c,
                       const struct act *now, double time)
 {
     const struct scan_person *p = &c->figure.look;
@@ -209,9 +211,9 @@ static void find_move(float move[2], const struct scan_cast *c,
                     + 0.45f * (now->pitch - before.pitch));
 }
 
-int scan_shoot(const struct scan_print *out, struct synth_motion *m,
-               float lmk[68][2], struct scan_crew *crew,
-               const struct scan_cast *c, uint64_t frame, double time,
+int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
+               float lmk[68][2], struct scan_worker *worker,
+               const struct scan_scene *c, uint64_t frame, double time,
                struct error *err)
 {
     const struct figure *f = &c->figure;
@@ -227,20 +229,20 @@ int scan_shoot(const struct scan_print *out, struct synth_motion *m,
     memcpy(hm.jaw, m->jaw, sizeof hm.jaw);
     memcpy(hm.eye, m->eye, sizeof hm.eye);
     memcpy(hm.lid, m->lid, sizeof hm.lid);
-    head_pose(crew->verts, &c->id, &hm);
-    stand(&v, f, &act);
-    find_camera(m, crew->verts, h, f, &v);
+    head_pose(worker->verts, &c->id, &hm);
+    scene_stand(&v, f, &act);
+    find_camera(m, worker->verts, h, f, &v);
     m->yaw = act.yaw;
     m->pitch = act.pitch;
     m->roll = act.roll;
-    crew->stage.follow = &c->follow;
-    crew->stage.verts = crew->verts;
-    crew->stage.bend = crew->bend;
-    if (scan_stage_render(&crew->stage, f, &act, &v, err))
+    worker->stage.follow = &c->follow;
+    worker->stage.verts = worker->verts;
+    worker->stage.bend = worker->bend;
+    if (scan_stage_render(&worker->stage, f, &act, &v, err))
         return -1;
     find_move(move, c, &act, time);
-    scan_expose(out, &crew->film, &crew->stage, c->wall, frame, time, move);
-    head_landmarks(at, h, crew->verts);
+    scan_expose(out, &worker->film, &worker->stage, c->wall, frame, time, move);
+    head_landmarks(at, h, worker->verts);
     for (int k = 0; k < 68; k++) {
         float p[3], s = (float)c->size;
         rot3(p, v.rot, at + 3 * k);

@@ -1,0 +1,191 @@
+/* spid-fit: labelled pictures of real people as training data. */
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "cmd/options.h"
+#include "lib/fit/agreement.h"
+#include "lib/fit/face_fit.h"
+#include "lib/fit/fit_records.h"
+
+#define MAX_SAME 64
+
+static long size = 384, rounds = 5;
+static const char *head_path, *assets_path, *base_path, *except_name;
+static const char *agreement_path;
+static const char *same[MAX_SAME][2];
+static size_t nsame;
+
+/* --same A,B */
+static int parse_same(const char *value, void *dest, struct error *err)
+{
+    char *text = strdup(value), *comma = text ? strchr(text, ',') : NULL;
+
+    (void)dest;
+    if (!text)
+        return error_set(err, EX_OSERR, "out of memory");
+    if (!comma || comma == text || !comma[1] || strchr(comma + 1, ',')) {
+        free(text);
+        return error_set(err, EX_USAGE, "'%s' is no pair (expected A,B)",
+                         value);
+    }
+    if (nsame == MAX_SAME) {
+        free(text);
+        return error_set(err, EX_USAGE, "more than %d pairs", MAX_SAME);
+    }
+    *comma = 0;
+    same[nsame][0] = text;
+    same[nsame++][1] = comma + 1;
+    return 0;
+}
+
+static const struct cli_option options[] = {
+    OPTION_STRING("assets", 0, &assets_path, "DIR",
+                  "where ict/ and labels/mediapipe_to_ict.json are"),
+    OPTION_STRING("base", 0, &base_path, "DIR",
+                  "what the labels' names are relative to (default: the "
+                  "folder that DIR of --assets is in)"),
+    OPTION_STRING("except", 0, &except_name, "PREFIX",
+                  "leave out the names that begin so"),
+    OPTION_CALL("same", 0, &nsame, "A,B", parse_same,
+                "these two files show one person"),
+    OPTION_INT("size", 0, &size, 64, 2048, "PIXELS",
+               "side of the pictures (default 384)"),
+    OPTION_INT("rounds", 0, &rounds, 1, 100, "N",
+               "rounds of the fit (default 5)"),
+    OPTION_STRING("agreement", 0, &agreement_path, "FILE",
+                  "write how the fit follows the labels, by clip"),
+    OPTION_HEAD(&head_path),
+    {0}
+};
+
+static const struct cli_usage usage = {
+    "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
+    "[--size PIXELS] [--rounds N] [--agreement FILE] [--head FILE] "
+    "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
+    "make training data of labelled pictures", options
+};
+
+/* The landmarks' points on the head. */
+static void open_points(struct face_points *p, const struct head *head)
+{
+    struct error err = {0};
+    struct landmark_map map;
+    struct scan scan;
+    char path[4096];
+
+    snprintf(path, sizeof path, "%s/labels/mediapipe_to_ict.json",
+             assets_path);
+    if (landmark_map_read(&map, path, &err))
+        die_error(&err);
+    snprintf(path, sizeof path, "%s/ict/ict.safetensors", assets_path);
+    if (scan_load(&scan, path, &err) ||
+        face_points_init(p, head, &scan, &map, &err))
+        die_error(&err);
+    scan_release(&scan);
+}
+
+/* All labels of the operands, sorted by person. */
+static void open_labels(struct labels *l, char **file, int count)
+{
+    struct error err = {0};
+
+    for (int i = 0; i < count; i++)
+        if (labels_read(l, file[i], except_name, &err))
+            die_error(&err);
+    if (labels_sort(l, (const char *const (*)[2])same, nsame, &err))
+        die_error(&err);
+}
+
+/* The fit, round by round. */
+static void run_rounds(struct face_fit *f)
+{
+    struct error err = {0};
+
+    for (long i = 0; i < rounds; i++) {
+        double begun = stats_begin();
+
+        if (face_fit_round(f, &err))
+            die_error(&err);
+        stats_end("round", begun);
+        progress("rounds", (size_t)i + 1, (size_t)rounds, NULL);
+    }
+    progress_end();
+    if (!cli.quiet)
+        fprintf(stderr, "%s: %zu people, %zu frames, off by %.2f of %g "
+                "pixels in the mean\n", usage.program, f->people, f->count,
+                face_fit_error(f), FIT_SIZE);
+}
+
+/* The table of --agreement. */
+static void write_agreement(const struct face_fit *f)
+{
+    struct error err = {0};
+    FILE *out = strcmp(agreement_path, "-") ? fopen(agreement_path, "w")
+                                            : stdout;
+
+    if (!out)
+        die(EX_CANTCREAT, "%s: %s", agreement_path, strerror(errno));
+    if (agreement_write(out, f, &err) || (out != stdout && fclose(out)))
+        die(EX_IOERR, "%s: cannot write", agreement_path);
+}
+
+/* Everybody's records. */
+static void write_stream(const struct head *head, const struct face_fit *f)
+{
+    struct error err = {0};
+    struct fit_records r;
+    int rc = 0;
+
+    if (fit_records_open(&r, cli.output, head, f, base_path, (size_t)size,
+                         &err))
+        die_error(&err);
+    for (size_t k = 0; k < f->count; k++) {
+        double begun = stats_begin();
+
+        if ((rc = fit_records_write(&r, k, &err)))
+            break;
+        stats_end("cut", begun);
+        progress("frames", k + 1, f->count, NULL);
+    }
+    progress_end();
+    if (fit_records_close(&r, rc == 0, &err))
+        die_error(&err);
+}
+
+int main(int argc, char **argv)
+{
+    static char above[4096];
+    struct head head;
+    struct face_points points;
+    struct labels labels = {0};
+    struct face_fit fit;
+    struct error err = {0};
+    int operand = cli_parse(&usage, argc, argv);
+
+    if (!assets_path)
+        die(EX_USAGE, "--assets is missing (expected a folder with ict/)");
+    if (operand == argc)
+        die(EX_USAGE, "no labels (expected safetensors of landmarks)");
+    if (!base_path) {
+        snprintf(above, sizeof above, "%s/..", assets_path);
+        base_path = above;
+    }
+    if (option_head_load(&head, head_path, &err))
+        die_error(&err);
+    open_labels(&labels, argv + operand, argc - operand);
+    open_points(&points, &head);
+    if (face_fit_init(&fit, &points, &labels, &err))
+        die_error(&err);
+    run_rounds(&fit);
+    if (agreement_path)
+        write_agreement(&fit);
+    write_stream(&head, &fit);
+    face_fit_release(&fit);
+    face_points_release(&points);
+    labels_release(&labels);
+    head_release(&head);
+    stats_write();
+    return 0;
+}

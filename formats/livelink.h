@@ -1,0 +1,77 @@
+/* Takes of Epic's Live Link Face app: a CSV of ARKit's 52 blendshape weights
+ * and nine angles, a row for every picture of the phone's camera.
+ *
+ *   Timecode,BlendShapeCount,EyeBlinkLeft,...,TongueOut,HeadYaw,...
+ *   12:21:59:06.595,61,0.0009391578,...
+ *   12:21:59:08.595,0
+ *
+ * The last part of a timecode counts frames within the second, with a
+ * fraction.  A row of no blendshapes is a picture in which the app saw no
+ * face.  Angles are radians; lib/record/take.h says which way they turn. */
+#ifndef SPID_FORMATS_LIVELINK_H
+#define SPID_FORMATS_LIVELINK_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/error.h"
+
+/* Places of a row's numbers: weights, then angles. */
+#define LIVELINK_WEIGHTS 52
+#define LIVELINK_CHANNELS 61
+enum livelink_angles {
+    LIVELINK_HEAD = LIVELINK_WEIGHTS,   /* yaw, pitch, roll */
+    LIVELINK_LEFT_EYE = LIVELINK_HEAD + 3,
+    LIVELINK_RIGHT_EYE = LIVELINK_HEAD + 6
+};
+
+/* The header's name of channel k: "EyeBlinkLeft". */
+const char *livelink_channel(int k);
+
+/* ---- reading ----------------------------------------------------------- */
+
+struct livelink_frame {
+    double time;        /* seconds since the first row */
+    bool held;          /* no face, or no row: value is the frame's before it,
+                         * zeros before the first face */
+    const float *value; /* (LIVELINK_CHANNELS), until the next call */
+};
+
+struct livelink;
+
+/* Open path ("-": standard input) and read its header.  The columns may stand
+ * in any order and names begin with a small letter; weights must all be there
+ * except TongueOut, an angle that is missing is 0.  rate: frames of a second
+ * in the timecodes; 0 takes it from the largest one in a file, 60 in a pipe.
+ * NULL and *err, which names file, row and column. */
+struct livelink *livelink_open(const char *path, double rate,
+                               struct error *err);
+/* The next frame: 1; 0 at the end; -1.  Rows that are missing by their
+ * timecodes, up to a minute, are made up: held. */
+int livelink_read(struct livelink *l, struct livelink_frame *f,
+                  struct error *err);
+/* The rate used. */
+double livelink_rate(const struct livelink *l);
+/* Names of columns that mean nothing here, with commas, and how many; NULL
+ * when there are none. */
+const char *livelink_unknown(const struct livelink *l, size_t *count);
+void livelink_close(struct livelink *l);        /* NULL is allowed */
+
+/* ---- writing ----------------------------------------------------------- */
+
+struct livelink_writer;
+
+/* Write such a file, or to standard output ("-"), a row at a time and at once.
+ * rate: frames of a second, for the timecodes; a fraction counts as the next
+ * whole number, as timecodes of 29.97 pictures a second do.  NULL and *err. */
+struct livelink_writer *livelink_create(const char *path, double rate,
+                                        struct error *err);
+/* A row at time seconds; value (LIVELINK_CHANNELS) is NULL when no face was
+ * seen. */
+int livelink_write(struct livelink_writer *w, double time, const float *value,
+                   struct error *err);
+/* The file takes its name.  The writer is released in any case. */
+int livelink_finish(struct livelink_writer *w, struct error *err);
+void livelink_abandon(struct livelink_writer *w);       /* NULL is allowed */
+
+#endif

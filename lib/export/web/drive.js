@@ -1,0 +1,85 @@
+// Where the Gaussians are in a frame, as lib/geom/drive.c says: on the mesh,
+// blended at the neck with the shoulders, or moved with the lips.
+
+const UPRIGHT = [1, 0, 0, 0, -1, 0, 0, 0, -1];
+const CLOSED = 0.0025;          // BAKED_CLOSED in lib/avatar/baked.h
+
+// [M | p - M p] with M = R^T from (lib/geom/neck_blend.c).
+function body(pivot, from, cam) {
+  const out = new Float32Array(12);
+  for (let i = 0; i < 3; i++) {
+    out[4 * i + 3] = pivot[i];
+    for (let j = 0; j < 3; j++) {
+      const m = cam[i] * from[j] + cam[4 + i] * from[3 + j] +
+                cam[8 + i] * from[6 + j];
+      out[4 * i + j] = m;
+      out[4 * i + 3] -= m * pivot[j];
+    }
+  }
+  return out;
+}
+
+// to[at..] = x + w (B x - x).
+function blend(to, at, B, w, x, y, z) {
+  to[at] = x + w * (B[0] * x + B[1] * y + B[2] * z + B[3] - x);
+  to[at + 1] = y + w * (B[4] * x + B[5] * y + B[6] * z + B[7] - y);
+  to[at + 2] = z + w * (B[8] * x + B[9] * y + B[10] * z + B[11] - z);
+}
+
+export class Drive {
+  // a: rides (dynamic,2), mean planes (3, others), bend (N), counts, pivot,
+  // shoulders, lip.
+  constructor(a) {
+    Object.assign(this, a);
+    [this.dynamic, this.fixed, this.mouth] = a.counts;
+    this.count = this.dynamic + this.fixed + this.mouth;
+    this.meshBend = null;
+  }
+
+  // Neck weights of the mesh's vertices: those of the Gaussians on them, and
+  // where there is none of the neighbours'.
+  bendOfMesh(vertices, faces) {
+    const bend = new Float32Array(vertices).fill(-1);
+    for (let i = 0; i < this.dynamic; i++)
+      if (this.rides[2 * i] === this.rides[2 * i + 1])
+        bend[this.rides[2 * i]] = this.bend[i];
+    for (let open = true, turn = 0; open && turn < 50; turn++) {
+      open = false;
+      for (let f = 0; f < faces.length; f++) {
+        const next = faces[f % 3 === 2 ? f - 2 : f + 1];
+        if (bend[faces[f]] < 0 && bend[next] >= 0) bend[faces[f]] = bend[next];
+        open ||= bend[faces[f]] < 0;
+      }
+    }
+    this.meshBend = bend.map((w) => Math.max(w, 0));
+  }
+
+  // The posed mesh, its shoulders where the Gaussians' are.
+  mesh(out, verts, cam) {
+    const B = body(this.pivot, UPRIGHT, cam);
+    for (let v = 0; v < this.meshBend.length; v++)
+      blend(out, 3 * v, B, this.meshBend[v], verts[3 * v], verts[3 * v + 1],
+            verts[3 * v + 2]);
+  }
+
+  // means (count,4) of the posed head; returns whether the mouth shows.
+  means(out, verts, mouth, cam) {
+    const { rides, bend, dynamic, fixed, mean } = this;
+    const n = fixed + this.mouth;
+    let B = body(this.pivot, UPRIGHT, cam);
+    for (let i = 0; i < dynamic; i++) {
+      const a = 3 * rides[2 * i], b = 3 * rides[2 * i + 1];
+      blend(out, 4 * i, B, bend[i], 0.5 * (verts[a] + verts[b]),
+            0.5 * (verts[a + 1] + verts[b + 1]),
+            0.5 * (verts[a + 2] + verts[b + 2]));
+    }
+    B = body(this.pivot, this.shoulders, cam);
+    for (let i = 0; i < fixed; i++)
+      blend(out, 4 * (dynamic + i), B, bend[dynamic + i], mean[i], mean[n + i],
+            mean[2 * n + i]);
+    for (let i = fixed; i < n; i++)
+      for (let c = 0; c < 3; c++)
+        out[4 * (dynamic + i) + c] = mean[c * n + i] + mouth.lip[c] - this.lip[c];
+    return mouth.gap >= CLOSED;
+  }
+}

@@ -1,0 +1,227 @@
+// The page: unpacks the avatar, plays the drive, keeps what is shown and what
+// the controls say the same.
+import { Archive } from "./archive.js";
+import { Motion } from "./motion.js";
+import { Panel } from "./panel.js";
+import { View, texelsFor } from "./view.js";
+import { fromLink, toLink } from "./link.js";
+import workerCode from "worker";
+
+const $ = (id) => document.getElementById(id);
+
+// What the worker needs, copied out of the archive.
+function drivenArrays(a, count) {
+  return {
+    shaped: a.planes("shaped"), expDirs: a.planes("exp_dirs"),
+    poseDirs: a.planes("pose_dirs"), lids: a.planes("lids"),
+    weights: a.planes("weights"), joints: a.array("joints"),
+    jointExp: a.array("joint_exp"), parents: a.array("parents"),
+    faces: a.array("faces"), lipInner: a.array("lip_inner"),
+    rides: a.array("rides"), mean: a.planes("mean"), bend: a.planes("bend"),
+    counts: a.array("counts"), pivot: a.array("pivot"),
+    shoulders: a.array("shoulders"), lip: a.array("lip"),
+    texels: texelsFor(count),
+  };
+}
+
+// What is drawn; the photograph where there is one.
+function drawnArrays(a, count) {
+  const g = {
+    count, counts: a.array("counts"), scale: a.planes("scale"),
+    quat: a.planes("quat"), opacity: a.planes("opacity"),
+    color: a.planes("color"), faces: a.array("faces"),
+    vertices: a.shape("weights")[1],
+  };
+  if (a.has("rgb")) Object.assign(g, { rgb: a.picture("rgb", 3),
+                                       matte: a.picture("matte", 1) });
+  if (a.has("back")) g.back = a.picture("back", 3);
+  if (a.has("uv")) Object.assign(g, { uv: a.planes("uv"), seen: a.planes("seen"),
+                                      view: a.array("view") });
+  return g;
+}
+
+// The drive; without one the source's own pose, a single frame.
+function motionOf(a) {
+  const [frames, width] = a.shape("motion");
+  if (frames) return new Motion(a.array("motion"), a.array("time"), width);
+  const still = a.has("source") ? a.array("source") : new Float32Array(width);
+  if (!a.has("source")) still.set([1, 0, 0, 0, -1, 0, 0, 0, -1, 0, 0, 12]);
+  return new Motion(still, new Float64Array(1), width);
+}
+
+class Player {
+  constructor(archive) {
+    const count = archive.array("counts").reduce((s, n) => s + n, 0);
+    const bytes = document.documentElement.innerHTML.length;
+    this.motion = motionOf(archive);
+    const z = this.motion.row(0)[11];
+    this.view = new View($("canvas"), drawnArrays(archive, count), z);
+    this.worker = new Worker(URL.createObjectURL(
+      new Blob([workerCode], { type: "text/javascript" })));
+    this.worker.onmessage = ({ data }) => this.take(data);
+    this.worker.onerror = (e) => { throw new Error(e.message); };
+    this.worker.postMessage({ setup: drivenArrays(archive, count) });
+    this.spare = {};
+    this.time = 0;
+    this.speed = 1;
+    this.playing = false;
+    this.scale = 1;             // of the canvas's pixels, less when it is slow
+    this.drawn = 0;             // pictures so far
+    this.wanted = { pose: true, view: true };   // has changed since asked for
+    const moving = archive.shape("exp_dirs")[0];
+    const ranges = archive.array("exp_dirs.range");
+    this.panel = new Panel(this, JSON.parse(archive.meta.names),
+      Array.from({ length: moving }, (_, k) => k)
+        .filter((k) => ranges[2 * k + 1] > ranges[2 * k]),
+      `${count.toLocaleString("en")} Gaussians, ${this.motion.frames} frames, ` +
+      `${(bytes / 1e6).toFixed(1)} MB`);
+    this.view.orbit.addEventListener("change", () => this.changed("view"));
+    new ResizeObserver(() => this.resize()).observe($("stage"));
+    this.resize();
+    const told = fromLink(this, location.hash);
+    addEventListener("hashchange", () => fromLink(this, location.hash));
+    this.play(!told && this.motion.frames > 1 &&
+              !matchMedia("(prefers-reduced-motion: reduce)").matches);
+    requestAnimationFrame((now) => this.tick(now));
+  }
+
+  changed(what) { this.wanted[what] = true; }
+
+  resize() {
+    const box = $("stage").getBoundingClientRect();
+    // more pixels than that show nothing more of a portrait 512 wide
+    const ratio = this.scale * Math.min(devicePixelRatio, 2,
+                                        1024 / Math.min(box.width, box.height));
+    const [width, height] = this.fixed ??
+      [box.width, box.height].map((x) => Math.max(1, Math.round(x * ratio)));
+    this.view.resize(width, height);
+    this.stale = true;
+  }
+
+  play(on) {
+    this.playing = on && this.motion.frames > 1;
+    this.last = null;
+    this.panel.playing(this.playing);
+  }
+
+  // Frame i, standing still.
+  seek(i) {
+    const { motion } = this;
+    this.time = motion.time(Math.max(0, Math.min(motion.frames - 1, i)));
+    this.changed("pose");
+  }
+
+  frame() { return this.motion.frame(this.time); }
+
+  // Seconds have passed.
+  advance(now) {
+    if (this.playing && this.last !== null) {
+      const before = this.frame();
+      this.time += Math.min(now - this.last, 250) / 1000 * this.speed;
+      if (this.time >= this.motion.length) this.time %= this.motion.length;
+      if (this.speed < 1 || this.frame() !== before) this.changed("pose");
+    }
+    this.last = now;
+  }
+
+  // Ask the worker for what has changed; one question at a time.
+  ask() {
+    const { pose, view } = this.wanted;
+    if (this.busy || !(pose || view)) return;
+    if (pose) this.now = this.motion.at(this.time, this.playing && this.speed < 1);
+    const spare = this.spare;
+    this.spare = {};
+    this.busy = true;
+    this.wanted = { pose: false, view: false };
+    this.worker.postMessage(
+      { pose: pose ? this.now.pose : null, cam: this.now.cam,
+        view: this.view.through(this.now.cam), spare },
+      Object.values(spare).map((x) => x.buffer));
+    if (pose) this.panel.show(this.now.values);
+  }
+
+  // The worker's answer.
+  take(found) {
+    Object.assign(this.spare, this.view.take(found));
+    this.cam = found.cam;
+    this.busy = false;
+    this.stale = true;
+    $("wait").classList.add("done");
+    this.ask();
+  }
+
+  // Fewer pixels while it moves too slowly, all of them when it rests.
+  adapt(now) {
+    const moves = this.playing || now - (this.turned ?? 0) < 300;
+    const gap = now - (this.drewAt ?? now);
+    this.drewAt = now;
+    if (!moves) return;
+    this.pace = 0.9 * (this.pace ?? 25) + 0.1 * Math.min(gap, 400);
+    if (this.pace > 48 && this.scale > 0.5 && !this.fixed) {
+      this.scale = Math.max(0.5, 0.8 * this.scale);
+      this.pace = 25;
+      this.resize();
+    }
+  }
+
+  tick(now) {
+    this.advance(now);
+    if (this.view.orbit.update()) this.turned = now;
+    this.ask();
+    if (!this.playing && this.scale < 1 && now - (this.turned ?? 0) > 400) {
+      this.scale = 1;
+      this.resize();
+    }
+    if ((this.stale || this.wanted.view) && this.cam) {
+      this.view.draw(this.cam);
+      this.drawn++;
+      this.stale = false;
+      this.adapt(now);
+    }
+    requestAnimationFrame((next) => this.tick(next));
+  }
+
+  link() { return location.href.split("#")[0] + toLink(this); }
+}
+
+// For scripts and tests: settled() resolves when the picture is the one asked
+// for, camera() is its [R|t], picture() its pixels as a PNG.
+function expose(player) {
+  const { view } = player;
+  window.spid = {
+    frames: player.motion.frames, view,
+    seek: (i) => { player.play(false); player.seek(i); },
+    play: (on) => player.play(on),
+    drawn: () => player.drawn,
+    size: (width, height) => {  // pixels of the picture, whatever the screen's
+      player.fixed = [width, height];
+      player.resize();
+    },
+    link: () => player.link(),
+    values: () => player.now.values,
+    camera: () => Array.from(view.through(player.cam)),
+    settled: async () => {
+      do await new Promise(requestAnimationFrame);
+      while (player.busy || player.wanted.pose || player.stale);
+    },
+    picture: () => { view.draw(player.cam); return $("canvas").toDataURL(); },
+  };
+}
+
+function fail(error) {
+  $("wait").textContent = `This page cannot show the avatar: ${error.message}`;
+  $("wait").className = "bad";
+  throw error;
+}
+
+addEventListener("DOMContentLoaded", () => setTimeout(() => {
+  try {
+    const text = $("avatar")?.textContent;
+    if (!text) throw new Error("there is none in it (spid-export --html puts one in)");
+    const player = new Player(new Archive(text));
+    $("avatar").remove();
+    expose(player);
+  } catch (error) {
+    fail(error);
+  }
+}, 20));

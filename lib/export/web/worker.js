@@ -1,0 +1,37 @@
+// Off the main thread: poses the head, moves the Gaussians, sorts them.
+//   in   {setup: arrays}, then {pose, cam, view, spare}: pose null when only
+//        the view has changed; spare: buffers given back
+//   out  {order, means, mesh, mouth, cam}: means and mesh null when unchanged
+import { Drive } from "./drive.js";
+import { Head } from "./head.js";
+import { Order } from "./order.js";
+
+let head, drive, order, texels;
+let means = null;               // the last frame's, for a turn of the view
+
+function setup(a) {
+  head = new Head(a);
+  drive = new Drive(a);
+  drive.bendOfMesh(head.vertices, a.faces);
+  order = new Order(drive.count);
+  texels = a.texels;
+  means = new Float32Array(4 * texels);
+}
+
+function frame({ pose, cam, view, spare }) {
+  const out = { order: spare.order ?? new Uint32Array(texels), cam,
+                means: null, mesh: null };
+  if (pose) {
+    const verts = head.pose(pose);
+    out.mesh = spare.mesh ?? new Float32Array(verts.length);
+    out.means = spare.means ?? new Float32Array(4 * texels);
+    drive.mesh(out.mesh, verts, cam);
+    out.mouth = drive.means(means, verts, head.mouth(), cam);
+    out.means.set(means);
+  }
+  order.sort(out.order, drive.count, means, view);
+  postMessage(out, [out.order, out.means, out.mesh].filter(Boolean)
+    .map((x) => x.buffer));
+}
+
+onmessage = ({ data }) => data.setup ? setup(data.setup) : frame(data);

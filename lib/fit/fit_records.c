@@ -1,0 +1,147 @@
+#include "lib/fit/fit_records.h"
+
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/camera.h"
+#include "lib/record/shape.h"
+
+#define FIT_RATE 25.0           /* frames a second, of what has no times */
+#define FIT_BETA 300
+
+/* CONF: camera, units, which head. */
+static int fit_records_conf(const struct fit_records *r, struct error *err)
+{
+    char json[512];
+    int n = snprintf(json, sizeof json,
+                     "{\"producer\":\"spid-fit\",\"version\":\"%s\","
+                     "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":"
+                     "%zu,\"focal\":12},\"fps\":%g,\"head_hash\":\"%s\"}",
+                     SPID_VERSION, (double)r->head->scale, r->size, FIT_RATE,
+                     r->head->hash);
+    struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
+
+    return stream_write(r->out, "CONF", 0, 0, &a, 1, err);
+}
+
+int fit_records_open(struct fit_records *r, const char *path,
+                     const struct head *head, const struct face_fit *fit,
+                     const char *base, size_t size, struct error *err)
+{
+    *r = (struct fit_records){
+        .head = head, .fit = fit, .base = base, .size = size
+    };
+    r->out = stream_create(path, err);
+    if (!r->out)
+        return -1;
+    r->verts = malloc(3 * head->V * sizeof *r->verts);
+    if (!r->verts)
+        error_set(err, EX_OSERR, "out of memory");
+    if (r->verts && !portrait_init(&r->portrait, size, err) &&
+        !fit_records_conf(r, err))
+        return 0;
+    return fit_records_close(r, false, err);
+}
+
+int fit_records_close(struct fit_records *r, bool whole, struct error *err)
+{
+    int rc = -1;
+
+    framesource_close(r->in);
+    portrait_release(&r->portrait);
+    identity_release(&r->id);
+    free(r->verts);
+    if (whole)
+        rc = stream_finish(r->out, err);
+    else
+        stream_abandon(r->out);
+    memset(r, 0, sizeof *r);
+    return rc;
+}
+
+/* SHAP of a person whose first frame is k. */
+static int fit_records_person(struct fit_records *r, size_t who, size_t k,
+                              struct error *err)
+{
+    const struct fit_person *p = &r->fit->person[who];
+    float beta[FIT_BETA] = {0};
+    int32_t person = (int32_t)who;
+    struct shape s = {.beta = beta, .n = FIT_BETA, .person = &person};
+
+    for (int i = 0; i < FACE_SHAPES; i++)
+        beta[i] = (float)p->beta[i];
+    identity_release(&r->id);
+    if (head_fold(&r->id, r->head, beta, FACE_SHAPES, err))
+        return -1;
+    return shape_write(r->out, k, (double)k / FIT_RATE, &s, err);
+}
+
+/* The label's picture into r->frame. */
+static int fit_records_picture(struct fit_records *r, const struct label *l,
+                               struct error *err)
+{
+    struct framesource_options opt = {0};
+    char path[4096];
+    const char *name[1] = {path};
+    int rc = 1;
+
+    snprintf(path, sizeof path, "%s/%s", r->base, l->file);
+    if (!r->file || strcmp(r->file, l->file) || r->frame.index > l->frame) {
+        framesource_close(r->in);
+        r->file = l->file;
+        r->in = framesource_open(name, 1, &opt, err);
+        rc = r->in ? framesource_read(r->in, &r->frame, err) : -1;
+    }
+    while (rc > 0 && r->frame.index < l->frame)
+        rc = framesource_read(r->in, &r->frame, err);
+    if (!rc)
+        error_set(err, EX_DATAERR, "%s: ended before frame %llu, which is "
+                  "labelled", path, (unsigned long long)l->frame);
+    return rc > 0 ? 0 : -1;
+}
+
+/* The landmarks (68,2) of motion m in pixels, and the crop around them. */
+static void fit_records_landmarks(float *lmk, const struct fit_records *r,
+                                  struct motion *m)
+{
+    float at[3 * HEAD_LANDMARKS], cam[12];
+
+    head_pose(r->verts, &r->id, &m->pose);
+    head_landmarks(at, r->head, r->verts);
+    motion_camera(cam, m);
+    camera_project(lmk, NULL, cam, (float)r->size, at, HEAD_LANDMARKS);
+    struct square q = crop_from_landmarks(lmk, HEAD_LANDMARKS);
+    m->crop[0] = (float)q.x;
+    m->crop[1] = (float)q.y;
+    m->crop[2] = (float)q.size;
+}
+
+int fit_records_write(struct fit_records *r, size_t k, struct error *err)
+{
+    const struct fit_frame *f = &r->fit->frame[k];
+    const size_t n = r->size, who = f->label->person;
+    const double time = (double)k / FIT_RATE;
+    struct motion m;
+    float lmk[2 * HEAD_LANDMARKS] = {0};
+    struct array l = array_make("lmk", DTYPE_F32, lmk, 2, HEAD_LANDMARKS, 2,
+                                0, 0);
+    struct array image[2] = {
+        array_make("rgb", DTYPE_U8, r->portrait.rgb, 3, n, n, 3, 0),
+        array_make("mask", DTYPE_U8, r->portrait.mask, 2, n, n, 0, 0)
+    };
+
+    if (k == r->fit->person[who].first &&
+        fit_records_person(r, who, k, err))
+        return -1;
+    face_fit_motion(&m, r->fit, k);
+    m.pose.exp = m.exp;
+    fit_records_landmarks(lmk, r, &m);
+    if (fit_records_picture(r, f->label, err) ||
+        portrait_cut(&r->portrait, r->frame.rgb, r->frame.width,
+                     r->frame.height, f->window, &r->id, &m, err))
+        return -1;
+    return motion_write(r->out, k, time, &m, r->head->nexp, &l, 1, err) ||
+           stream_write(r->out, "IMAG", k, time, image, 2, err) ? -1 : 0;
+}

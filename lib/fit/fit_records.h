@@ -1,0 +1,40 @@
+/* A fit as training data: the records that spid-train reads (SHAP, MOTN,
+ * IMAG), with the pictures that the labels are of. */
+#ifndef SPID_FIT_FIT_RECORDS_H
+#define SPID_FIT_FIT_RECORDS_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "formats/framesource.h"
+#include "lib/base/error.h"
+#include "lib/fit/face_fit.h"
+#include "lib/fit/portrait.h"
+#include "lib/stream/stream.h"
+
+struct fit_records {
+    const struct head *head;        /* borrowed, as are fit and base */
+    const struct face_fit *fit;
+    const char *base;               /* folder of the labels' names */
+    size_t size;                    /* of the pictures */
+    struct stream_writer *out;
+    struct portrait portrait;
+    struct identity id;             /* of the person being written */
+    float *verts;                   /* (V,3) */
+    struct framesource *in;         /* the clip being read, */
+    const char *file;               /* called so */
+    struct frame frame;
+};
+
+/* Create the stream and write CONF. */
+int fit_records_open(struct fit_records *r, const char *path,
+                     const struct head *head, const struct face_fit *fit,
+                     const char *base, size_t size, struct error *err);
+/* Frame k, in order: SHAP where a person begins; MOTN with the landmarks of
+ * our head and the face crop; IMAG with rgb and mask. */
+int fit_records_write(struct fit_records *r, size_t k, struct error *err);
+/* Finish the stream, or give it up unless `whole`; -1 then, and *err is left
+ * as it was. */
+int fit_records_close(struct fit_records *r, bool whole, struct error *err);
+
+#endif

@@ -1,0 +1,31 @@
+/* A person cut from a picture as the networks' training data have it: the
+ * portrait window, square, and the mask of who is in it. */
+#ifndef SPID_FIT_PORTRAIT_H
+#define SPID_FIT_PORTRAIT_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+#include "lib/head/lbs.h"
+#include "lib/record/motion.h"
+
+struct portrait {
+    size_t size;                /* pixels a side */
+    uint8_t *rgb;               /* (size,size,3) */
+    uint8_t *mask;              /* (size,size) 255 person, soft at the rim */
+    uint8_t *scratch;           /* background, silhouette, inside */
+};
+
+int portrait_init(struct portrait *p, size_t size, struct error *err);
+void portrait_release(struct portrait *p);
+
+/* Fill rgb and mask from the window of a picture rgb (H,W,3).  The mask is
+ * GrabCut's about the head that m poses id into, softened by the colours, and
+ * 0 beyond the picture's border, where rgb goes on as background. */
+int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
+                 struct square window, const struct identity *id,
+                 const struct motion *m, struct error *err);
+
+#endif

@@ -1,0 +1,101 @@
+/* 1x1 convolutions in bfloat16: planning, and the split of the work into bands
+ * of rows and, where rows are summed, into a fixed number of parts. */
+#include "lib/nn/pointwise.h"
+
+#include <omp.h>
+
+#include "lib/nn/conv.h"
+#include "lib/nn/kernels.h"
+#include "lib/nn/pointwise_kernel.h"
+
+bool pointwise_wanted(const struct conv *c)
+{
+    return nn_plan_backward(c->plan) && c->plan->opt.type == NN_BF16 &&
+           cpu_level() == CPU_AVX512 && c->kernel == 1 && c->stride == 1 &&
+           c->in % 2 == 0 && c->out % 2 == 0 && c->in_data == c->in &&
+           c->bias == NN_NONE && c->gamma == NN_NONE && !c->shuffle &&
+           !c->add && c->act == ACT_NONE;
+}
+
+/* n up to whole panels. */
+static size_t pointwise_panels(size_t n)
+{
+    return (n + POINTWISE_PANEL - 1) / POINTWISE_PANEL * POINTWISE_PANEL;
+}
+
+void pointwise_plan(struct pointwise *t, const struct conv *c,
+                    struct nn_plan *p)
+{
+    size_t in = c->in, out = c->out, most = in > out ? in : out;
+    size_t wide = pointwise_panels(in), R = POINTWISE_PAIRS;
+
+    t->plan = p;
+    t->rows = c->batch * c->h * c->w;
+    t->in = in;
+    t->out = out;
+    t->band = 8 * POINTWISE_ROWS;
+    t->forward = nn_plan_bytes(p, in / 2 * pointwise_panels(out) * 4);
+    t->back = nn_plan_bytes(p, out / 2 * wide * 4);
+    t->dw = nn_plan_floats(p, NN_PARTS * out * wide);
+    t->half_size = (POINTWISE_ROWS * most * 2 + 63) / 64 * 64;
+    t->pairs_size = ((pointwise_panels(out) + wide) * R + POINTWISE_ROWS) * 4;
+    t->pairs_size = (t->pairs_size + 63) / 64 * 64;
+    nn_plan_scratch(p, t->half_size * (size_t)omp_get_max_threads());
+    nn_plan_scratch(p, t->pairs_size * NN_PARTS);
+}
+
+void pointwise_update(struct pointwise *t, const float *w)
+{
+    const struct nn_kernels *k = nn_kernels();
+
+    k->pointwise_pack(t->forward, w, 1, t->in, t->in, t->out);
+    k->pointwise_pack(t->back, w, t->in, 1, t->out, t->in);
+}
+
+/* C (rows,N) = A (rows,K) times packed weights. */
+static void pointwise_multiply(float *C, const float *A,
+                               const uint32_t *packed, size_t N, size_t K,
+                               const struct pointwise *t)
+{
+    const struct nn_kernels *k = nn_kernels();
+#pragma omp parallel for schedule(static)
+    for (size_t r = 0; r < t->rows; r += t->band) {
+        size_t m = t->rows - r < t->band ? t->rows - r : t->band;
+        char *half = t->plan->scratch +
+                     (size_t)omp_get_thread_num() * t->half_size;
+
+        k->pointwise_rows(C + r * N, A + r * K, (uint32_t *)(void *)half,
+                          packed, m, N, K);
+    }
+}
+
+void pointwise_forward(float *out, const float *in, struct pointwise *t)
+{
+    pointwise_multiply(out, in, t->forward, t->out, t->in, t);
+}
+
+void pointwise_backward_data(float *din, const float *dout,
+                             struct pointwise *t)
+{
+    pointwise_multiply(din, dout, t->back, t->in, t->out, t);
+}
+
+void pointwise_backward_weights(float *g, const float *dout, const float *in,
+                                struct pointwise *t)
+{
+    const struct nn_kernels *k = nn_kernels();
+    size_t wide = pointwise_panels(t->in), size = t->out * wide;
+#pragma omp parallel for schedule(static, 1)
+    for (size_t i = 0; i < NN_PARTS; i++) {
+        size_t r = i * t->rows / NN_PARTS;
+        size_t m = (i + 1) * t->rows / NN_PARTS - r;
+        char *pairs = t->plan->scratch + i * t->pairs_size;
+
+        k->pointwise_weights(t->dw + i * size, dout + r * t->out,
+                             in + r * t->in, (uint32_t *)(void *)pairs, m,
+                             t->out, t->in);
+    }
+    for (size_t o = 0; o < t->out; o++)
+        for (size_t i = 0; i < NN_PARTS; i++)
+            k->add(g + o * t->in, t->dw + i * size + o * wide, t->in);
+}

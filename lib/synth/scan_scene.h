@@ -1,0 +1,41 @@
+/* Frames of a person of the scans with their truth in the head's terms. */
+#ifndef SPID_SYNTH_SCAN_SCENE_H
+#define SPID_SYNTH_SCAN_SCENE_H
+
+#include "lib/head/lbs.h"
+#include "lib/synth/motion.h"
+#include "lib/synth/scan_film.h"
+
+/* A person ready to be rendered, with the background behind them. */
+struct scan_scene {
+    struct figure figure;
+    struct identity id;
+    struct follow follow;
+    float beta[PERSONA_SHAPE_MAX];
+    float *wall;                /* (3,size,size) */
+    int size;
+};
+
+struct scan_worker {              /* one worker's */
+    struct scan_stage stage;
+    struct scan_film film;
+    float *verts, *bend;        /* (V,3) */
+};
+
+int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
+                   struct error *err);
+void scan_worker_release(struct scan_worker *c);
+
+int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
+                   const struct head *h, uint64_t seed, uint64_t index,
+                   float effects, int size, struct error *err);
+void scan_scene_release(struct scan_scene *c);
+
+/* The scene at `time` seconds: the print, the true motion, the 68 landmarks in
+ * pixels and the driven vertices (worker->verts). */
+int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
+               float lmk[68][2], struct scan_worker *worker,
+               const struct scan_scene *c, uint64_t frame, double time,
+               struct error *err);
+
+#endif

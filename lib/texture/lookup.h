@@ -1,0 +1,38 @@
+/* Inside lib/texture: the constants of a lookup, which its backward shares. */
+#ifndef SPID_TEXTURE_LOOKUP_H
+#define SPID_TEXTURE_LOOKUP_H
+
+#include "lib/texture/texture.h"
+
+/* Below this blended weight there is no place to speak of. */
+#define TEXTURE_LEAST 0.004f
+/* How a place may change from pixel to pixel, beside the view's own change,
+ * before it is doubted, and when it is not believed at all. */
+#define TEXTURE_JUMP 1.5f
+#define TEXTURE_LEAP 3.0f
+/* How many of the photograph's pixels a pixel must show to be believed, and
+ * below how few it is not at all: a cheek seen from the side and now from the
+ * front would be its outline, drawn out.  Measured across so many pixels. */
+#define TEXTURE_SHARP 0.3f
+#define TEXTURE_STRETCHED 0.12f
+#define TEXTURE_ACROSS 3
+/* The confidence by the share of the coverage that has a place. */
+#define TEXTURE_SHARE(share) (1.25f * (share) - 0.15f)
+
+/* Which level of t a picture of size by size pixels is looked up in. */
+size_t texture_level(const struct texture *t, const struct splat_place_view *v,
+                     size_t size);
+
+/* Less than 1 where the places about pixel (x,y), which has one, draw the
+ * photograph out or fold it over.  The backward holds it. */
+float texture_stretch(const float *place, const struct splat_place_view *v,
+                      size_t x, size_t y, size_t size);
+
+/* How far a turned head's view is from the source's but for scale and turns in
+ * the picture: 0 at 12 degrees and less, 1 at 25 and more. */
+float texture_turned(const struct splat_place_view *v);
+/* What of the confidence is left where the matte is less than full: a rim of
+ * the source, which on a turned head is torn. */
+float texture_whole(float matte, float turned);
+
+#endif

@@ -1,0 +1,180 @@
+/* Back through the lookup in the photograph (texture.h): from colours to the
+ * places they were taken at, and from the confidence to what it goes by. */
+#include "lib/texture/texture.h"
+
+#include <math.h>
+
+#include "lib/texture/lookup.h"
+
+/* ---- colours ----------------------------------------------------------- */
+
+/* Catmull and Rom's weights at t in [0,1), and their derivatives. */
+static void lookup_weights(float w[4], float dw[4], float t)
+{
+    float t2 = t * t, t3 = t2 * t;
+
+    w[0] = -0.5f * t3 + t2 - 0.5f * t;
+    w[1] = 1.5f * t3 - 2.5f * t2 + 1;
+    w[2] = -1.5f * t3 + 2 * t2 + 0.5f * t;
+    w[3] = 0.5f * t3 - 0.5f * t2;
+    dw[0] = -1.5f * t2 + 2 * t - 0.5f;
+    dw[1] = 4.5f * t2 - 5 * t;
+    dw[2] = -4.5f * t2 + 4 * t + 0.5f;
+    dw[3] = 1.5f * t2 - t;
+}
+
+/* Index i of n pixels, held inside. */
+static size_t lookup_clamp(long i, long n)
+{
+    return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
+}
+
+/* duv (2) = gradient by the position (u,v), pixels, of a lookup whose four
+ * numbers have gradient d. */
+static void lookup_position_backward(float duv[2], const float d[4],
+                                     const uint8_t *texture, size_t S,
+                                     float u, float v)
+{
+    const float end = (float)S;
+    float x = fminf(fmaxf(u, -2), end + 2) - 0.5f;
+    float y = fminf(fmaxf(v, -2), end + 2) - 0.5f;
+    float fx = floorf(x), fy = floorf(y), wx[4], wy[4], dx[4], dy[4];
+    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0};
+
+    lookup_weights(wx, dx, x - fx);
+    lookup_weights(wy, dy, y - fy);
+    for (int k = 0; k < 16; k++) {
+        int i = k % 4, j = k / 4;
+        const uint8_t *p = texture + 4 *
+            (S * lookup_clamp((long)fy - 1 + j, (long)S) +
+             lookup_clamp((long)fx - 1 + i, (long)S));
+
+        for (int c = 0; c < 4; c++) {
+            float value = (float)p[c] / 255;
+
+            sum[c] += wy[j] * wx[i] * value;
+            by_x[c] += wy[j] * dx[i] * value;
+            by_y[c] += dy[j] * wx[i] * value;
+        }
+    }
+    duv[0] = duv[1] = 0;
+    for (int c = 0; c < 4; c++)
+        if (sum[c] > 0 && sum[c] < 1) {         /* the lookup holds it there */
+            duv[0] += d[c] * by_x[c];
+            duv[1] += d[c] * by_y[c];
+        }
+}
+
+/* dp (3) += duv through the place p (3), half its picture's side. */
+static void lookup_place_backward(float *dp, const float duv[2],
+                                  const float *p, float half)
+{
+    dp[0] += half * duv[0] / p[2];
+    dp[1] += half * duv[1] / p[2];
+    dp[2] -= half * (duv[0] * p[0] + duv[1] * p[1]) / (p[2] * p[2]);
+}
+
+/* ---- confidence -------------------------------------------------------- */
+
+/* The neighbour (0: none) to which the place changes most, and by how much. */
+static long lookup_jump(float *jump, const float *place, size_t x, size_t y,
+                        size_t size)
+{
+    const float *p = place + 3 * (y * size + x);
+    const long row = (long)size;
+    const long step[4] = {x > 0 ? -1 : 0, x + 1 < size ? 1 : 0,
+                          y > 0 ? -row : 0, y + 1 < size ? row : 0};
+    long most = 0;
+
+    *jump = 0;
+    for (int k = 0; k < 4; k++) {
+        const float *q = p + 3 * step[k];
+
+        if (!step[k] || !(q[2] > TEXTURE_LEAST))
+            continue;
+        float dx = q[0] / q[2] - p[0] / p[2], dy = q[1] / q[2] - p[1] / p[2];
+        float far = 0.5f * (float)size * sqrtf(dx * dx + dy * dy);
+        if (far > *jump) {
+            *jump = far;
+            most = step[k];
+        }
+    }
+    return most;
+}
+
+/* Both places' gradients by the jump between p and q. */
+static void lookup_jump_backward(float *dp, float *dq, const float *p,
+                                 const float *q, float djump, size_t size)
+{
+    float dx = q[0] / q[2] - p[0] / p[2], dy = q[1] / q[2] - p[1] / p[2];
+    float scale = 0.5f * (float)size * djump / sqrtf(dx * dx + dy * dy);
+    const float to[2] = {scale * dx, scale * dy};
+    const float from[2] = {-to[0], -to[1]};
+
+    lookup_place_backward(dq, to, q, 1);
+    lookup_place_backward(dp, from, p, 1);
+}
+
+/* dplace and dalpha += the confidence's gradient at pixel (x,y), and what the
+ * confidence was. */
+static float lookup_confidence_backward(float *dplace, float *dalpha,
+                                        const float *place,
+                                        const struct splat_place_view *v,
+                                        float alpha, float d, size_t x,
+                                        size_t y, size_t size)
+{
+    const size_t i = y * size + x;
+    const float *p = place + 3 * i;
+    float cover = fmaxf(alpha, TEXTURE_LEAST), jump;
+    float own = TEXTURE_SHARE(p[2] / cover);
+    long to = lookup_jump(&jump, place, x, y, size);
+    float sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
+    float held = fminf(fmaxf(sure, 0), 1), most = fminf(fmaxf(own, 0), 1);
+    float drawn = texture_stretch(place, v, x, y, size);
+
+    d *= drawn;
+    if (own > 0 && own < 1) {
+        const float slope = TEXTURE_SHARE(1) - TEXTURE_SHARE(0);
+
+        dplace[3 * i + 2] += d * held * slope / cover;
+        if (alpha > TEXTURE_LEAST)
+            dalpha[i] -= d * held * slope * p[2] / (cover * cover);
+    }
+    if (sure > 0 && sure < 1)
+        lookup_jump_backward(dplace + 3 * i, dplace + 3 * i + 3 * to, p,
+                             p + 3 * to,
+                             -d * most / (TEXTURE_LEAP - TEXTURE_JUMP), size);
+    return most * held * drawn;
+}
+
+/* ---- all --------------------------------------------------------------- */
+
+void texture_lookup_backward(float *dplace, float *dalpha,
+                             const float *dphoto, const float *photo,
+                             const struct texture *t,
+                             const struct splat_place_view *v,
+                             const float *place, const float *alpha,
+                             size_t size)
+{
+    const size_t level = texture_level(t, v, size), S = t->side[level];
+    const float step = 2.0f / (float)size, half = 0.5f * (float)S;
+    const float *A = v->A, *b = v->b, turned = texture_turned(v);
+
+    for (size_t i = 0; i < size * size; i++) {
+        const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
+        float whole = texture_whole(photo[TEXTURE_PHOTO * i + 3], turned);
+        float nx = ((float)(i % size) + 0.5f) * step - 1;
+        float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
+
+        if (!(p[2] > TEXTURE_LEAST) ||
+            !(lookup_confidence_backward(dplace, dalpha, place, v, alpha[i],
+                                         d[4] * whole, i % size, i / size,
+                                         size) > 0))
+            continue;
+        lookup_position_backward(
+            duv, d, t->level[level], S,
+            half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
+            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1));
+        lookup_place_backward(dplace + 3 * i, duv, p, half);
+    }
+}

@@ -1,0 +1,277 @@
+/* Frames spread over a clip, each made a source picture of (lib/track/source),
+ * then written with one shape for all. */
+#include "lib/track/clip.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/framesource.h"
+#include "formats/image.h"
+#include "lib/head/lbs.h"
+#include "lib/record/person.h"
+#include "lib/record/shape.h"
+#include "lib/track/conf.h"
+#include "lib/track/landmarks.h"
+#include "lib/track/source.h"
+#include "lib/geom/camera.h"
+
+/* What is known of a clip while it is read. */
+struct clip_state {
+    struct person *person;      /* (kept) */
+    double *time;               /* (kept) */
+    uint64_t *index;            /* (kept) */
+    size_t room;
+    struct square window;
+    size_t width, height;
+    int fps_num, fps_den;
+    size_t outlined;
+    double face;                /* sum */
+};
+
+static void clip_state_release(struct clip_state *s, size_t kept)
+{
+    for (size_t i = 0; i < kept; i++)
+        person_release(&s->person[i]);
+    free(s->person);
+    free(s->time);
+    free(s->index);
+}
+
+static int clip_state_init(struct clip_state *s, size_t room,
+                           struct error *err)
+{
+    *s = (struct clip_state){.room = room};
+    s->person = calloc(room, sizeof *s->person);
+    s->time = calloc(room, sizeof *s->time);
+    s->index = calloc(room, sizeof *s->index);
+    if (s->person && s->time && s->index)
+        return 0;
+    clip_state_release(s, 0);
+    return error_set(err, EX_OSERR, "no memory for %zu frames", room);
+}
+
+/* A person's picture at the records' size, not at the clip's own. */
+static int clip_resize(struct person *p, size_t size, struct error *err)
+{
+    struct person small = {0}, own = {.rgb = p->rgb, .matte = p->matte,
+                                      .back = p->back, .size = p->size};
+
+    if (p->size == size)
+        return 0;
+    if (person_resize(&small, p, size, err))
+        return -1;
+    p->rgb = small.rgb;
+    p->matte = small.matte;
+    p->back = small.back;
+    p->size = small.size;
+    person_release(&own);
+    return 0;
+}
+
+/* The frame's pixels, which may be turned; released by the caller. */
+static int clip_copy(struct image *im, const struct frame *f,
+                     struct error *err)
+{
+    const size_t n = 3 * f->width * f->height;
+
+    *im = (struct image){.width = f->width, .height = f->height,
+                         .rgb = malloc(n)};
+    if (!im->rgb)
+        return error_set(err, EX_OSERR, "no memory for a frame");
+    memcpy(im->rgb, f->rgb, n);
+    return 0;
+}
+
+/* A frame's picture, face and matte; a frame without a good face is passed
+ * over.  -1 only when memory is short. */
+static int clip_take(struct clip_state *s, struct clip_report *r,
+                     const struct clip *c, const struct frame *f,
+                     struct error *err)
+{
+    struct image im;
+    struct track_options opt = c->opt.track;
+    struct source src;
+    struct error why = {0};
+
+    r->tried++;
+    if (r->kept) {
+        opt.has_window = true;
+        opt.window = s->window;
+    }
+    if (clip_copy(&im, f, err))
+        return -1;
+    int rc = source_make(&src, &im, NULL, c->head, c->nets, &opt, &why);
+    image_release(&im);
+    if (rc) {
+        if (why.code != EX_OSERR)
+            return 0;
+        *err = why;
+        return -1;
+    }
+    const double face = src.person.source.crop[2] * src.window.size /
+                        c->opt.track.size;
+    if (face < c->opt.min_face) {
+        source_release(&src);
+        return 0;
+    }
+    s->window = src.window;
+    s->width = f->width;
+    s->height = f->height;
+    s->outlined += src.how != SOURCE_DISC;
+    s->face += face;
+    s->time[r->kept] = f->time;
+    s->index[r->kept] = f->index;
+    s->person[r->kept] = source_take_person(&src);
+    return clip_resize(&s->person[r->kept++], (size_t)c->opt.track.size, err);
+}
+
+/* The frames of a clip: as it says, or counted. */
+static size_t clip_length(const char *path, const struct framesource *in)
+{
+    const struct framesource_options opt = {0};
+    size_t n = framesource_total(in);
+    struct error why = {0};
+    struct frame f;
+
+    if (n)
+        return n;
+    struct framesource *again = framesource_open(&path, 1, &opt, &why);
+    while (again && framesource_read(again, &f, &why) == 1)
+        n++;
+    framesource_close(again);
+    return n;
+}
+
+/* All frames through; every so many-th is looked at. */
+static int clip_read(struct clip_state *s, struct clip_report *r,
+                     const struct clip *c, const char *path,
+                     struct framesource *in, struct error *err)
+{
+    const size_t all = clip_length(path, in);
+    const size_t step = all > s->room ? all / s->room : 1;
+    struct frame f;
+    int rc;
+
+    while ((rc = framesource_read(in, &f, err)) == 1) {
+        framesource_rate(in, &s->fps_num, &s->fps_den);
+        if (r->read++ % step == 0 && r->kept < s->room &&
+            clip_take(s, r, c, &f, err))
+            return -1;
+    }
+    if (rc < 0 && r->kept >= c->opt.least)
+        rc = 0;                 /* a cut video's whole frames will do */
+    return rc;
+}
+
+/* The mean of what E_beta said of each frame. */
+static int clip_mean_shape(float *beta, struct identity *id,
+                           const struct clip_state *s, size_t kept,
+                           const struct head *head, struct error *err)
+{
+    const size_t n = s->person[0].nshape;
+
+    memset(beta, 0, SHAPE_ENCODER_OUT * sizeof *beta);
+    for (size_t i = 0; i < kept; i++)
+        for (size_t k = 0; k < n; k++)
+            beta[k] += s->person[i].shape[k] / (float)kept;
+    return head_fold(id, head, beta, n, err);
+}
+
+/* MOTN with landmarks and IMAG with the mask of frame i. */
+static int clip_write_frame(struct stream_writer *w,
+                            const struct clip_state *s, size_t i,
+                            struct landmarks *l, const struct clip *c,
+                            struct error *err)
+{
+    struct person *p = &s->person[i];
+    const int S = (int)p->size;
+    float lmk[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS], cam[12];
+    const struct array mark = array_make("lmk", DTYPE_F32, uv, 2,
+                                         HEAD_LANDMARKS, 2, 0, 0);
+    const struct array picture[2] = {
+        array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0),
+        array_make("mask", DTYPE_U8, p->matte, 2, S, S, 0, 0)};
+
+    p->source.pose.exp = p->source.exp;
+    landmarks_pose(lmk, l, &p->source.pose);
+    motion_camera(cam, &p->source);
+    camera_project(uv, NULL, cam, (float)S, lmk, HEAD_LANDMARKS);
+    return motion_write(w, s->index[i], s->time[i], &p->source, c->head->nexp,
+                        &mark, 1, err) ||
+                   stream_write(w, "IMAG", s->index[i], s->time[i], picture, 2,
+                                err)
+               ? -1
+               : 0;
+}
+
+/* Everything that was kept. */
+static int clip_write(struct stream_writer *w, const struct clip_state *s,
+                      size_t kept, const struct clip *c, struct error *err)
+{
+    const struct conf conf = {
+        .producer = "spid-prepare", .head = c->head, .model = c->model,
+        .fps_num = s->fps_num, .fps_den = s->fps_den, .window = &s->window,
+        .width = s->width, .height = s->height};
+    float beta[SHAPE_ENCODER_OUT];
+    struct identity id = {0};
+    struct landmarks l = {0};
+    int rc = -1;
+
+    if (clip_mean_shape(beta, &id, s, kept, c->head, err) == 0 &&
+        landmarks_init(&l, &id, err) == 0 &&
+        conf_write(w, &conf, err) == 0)
+        rc = shape_write(w, s->index[0], s->time[0], &(struct shape){
+            .beta = beta, .n = SHAPE_ENCODER_OUT}, err);
+    for (size_t i = 0; i < kept && rc == 0; i++)
+        rc = clip_write_frame(w, s, i, &l, c, err);
+    landmarks_release(&l);
+    identity_release(&id);
+    return rc;
+}
+
+/* Whether enough is good; the score. */
+static int clip_judge(struct clip_report *r, const struct clip_state *s,
+                      const struct clip *c, const char *path,
+                      struct error *err)
+{
+    if (r->kept < c->opt.least || r->kept == 0) {
+        error_set(err, EX_DATAERR, "%s: a good face in %zu of %zu frames "
+                  "looked at (expected %zu, of at least %.0f pixels)", path,
+                  r->kept, r->tried, c->opt.least, c->opt.min_face);
+        return 1;
+    }
+    r->face = s->face / (double)r->kept;
+    r->outlined = (double)s->outlined / (double)r->kept;
+    r->score = (double)r->kept / (double)r->tried * (r->outlined + 1) / 2 *
+               fmin(1, r->face / 256);
+    return 0;
+}
+
+int clip_prepare(struct stream_writer *w, struct clip_report *r,
+                 const struct clip *c, const char *path, struct error *err)
+{
+    struct clip_state s;
+    struct framesource *in;
+    int rc;
+
+    memset(r, 0, sizeof *r);
+    in = framesource_open(&path, 1, &(struct framesource_options){0}, err);
+    if (!in)
+        return 1;
+    if (clip_state_init(&s, c->opt.frames, err)) {
+        framesource_close(in);
+        return -1;
+    }
+    rc = clip_read(&s, r, c, path, in, err);
+    framesource_close(in);
+    if (rc < 0 && err->code != EX_OSERR)
+        rc = 1;                 /* damaged: bad, and said so */
+    if (rc == 0)
+        rc = clip_judge(r, &s, c, path, err);
+    if (rc == 0)
+        rc = clip_write(w, &s, r->kept, c, err);
+    clip_state_release(&s, r->kept);
+    return rc;
+}

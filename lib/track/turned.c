@@ -1,0 +1,42 @@
+#include "lib/track/turned.h"
+
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+/* Pixels of `step` bytes. */
+static uint8_t *turned_plane(const uint8_t *from, size_t W, size_t H,
+                             size_t step, int quarters)
+{
+    uint8_t *to = malloc(W * H * step + 1), *p = to;
+    const size_t w = quarters % 2 ? H : W, h = quarters % 2 ? W : H;
+
+    for (size_t y = 0; to && y < h; y++)
+        for (size_t x = 0; x < w; x++, p += step) {
+            size_t u = quarters == 0 ? x : quarters == 1 ? y
+                     : quarters == 2 ? W - 1 - x : W - 1 - y;
+            size_t v = quarters == 0 ? y : quarters == 1 ? H - 1 - x
+                     : quarters == 2 ? H - 1 - y : x;
+
+            memcpy(p, from + (v * W + u) * step, step);
+        }
+    return to;
+}
+
+int turned_copy(struct image *out, const struct image *im, int quarters,
+                struct error *err)
+{
+    const size_t W = im->width, H = im->height;
+
+    *out = *im;
+    out->width = quarters % 2 ? H : W;
+    out->height = quarters % 2 ? W : H;
+    out->rgb = turned_plane(im->rgb, W, H, 3, quarters);
+    out->alpha = im->alpha ? turned_plane(im->alpha, W, H, 1, quarters)
+                           : NULL;
+    if (out->rgb && (out->alpha || !im->alpha))
+        return 0;
+    image_release(out);
+    return error_set(err, EX_OSERR, "no memory to turn a picture of %zu x "
+                     "%zu pixels", W, H);
+}

@@ -1,0 +1,63 @@
+# spid-fit: labelled photographs as training data, and labels that are none.
+load helper
+
+setup_file() {
+    export ASSETS=$TOP/../shared/assets
+}
+
+# fit OPTION ...: the two people of the CC0 photographs, small.
+fit() {
+    spid-fit -q --assets "$ASSETS" --except assets/photos/london --size 64 \
+        --rounds 2 --head "$TOP/examples/model/head.safetensors" \
+        "$@" "$ASSETS/labels/photos.safetensors"
+}
+
+has_labels() {
+    [ -e "$ASSETS/labels/photos.safetensors" ] && [ -e "$ASSETS/ict" ] &&
+        [ -e "$ASSETS/photos/cc0" ] || skip "no labels in ../shared/assets"
+}
+
+@test "labelled photographs become people, the same for any thread count" {
+    has_labels
+    fit -j 1 -o one.spid
+    fit -j 3 -o three.spid --agreement table.tsv
+    cmp one.spid three.spid
+    spid-dump --check one.spid
+    [ "$(spid-dump --json --only SHAP one.spid | wc -l)" -eq 2 ]
+    [ "$(spid-dump --json --only IMAG one.spid | wc -l)" -eq 8 ]
+    [ "$(awk 'END { print $1, $2 }' table.tsv)" = "all 8" ]
+}
+
+@test "frames that --same joins are one person" {
+    has_labels
+    fit --same lisa1,15cm -o one.spid
+    [ "$(spid-dump --json --only SHAP one.spid | wc -l)" -eq 1 ]
+}
+
+@test "a picture that is missing is named, and nothing is left" {
+    has_labels
+    run fit --base . -o x.spid
+    [ "$status" -eq 66 ]
+    [[ $output == *15cm.jpg* ]]
+    [ ! -e x.spid ]
+}
+
+@test "labels and scans that are missing or something else are named" {
+    status 66 spid-fit --assets . nothing.safetensors -o x.spid
+    has nothing.safetensors
+    status 65 spid-fit --assets . -o x.spid \
+        "$TOP/examples/model/head.safetensors"
+    has landmarks
+    status 64 spid-fit nothing.safetensors
+    has --assets
+    status 64 spid-fit --assets . --same one nothing.safetensors
+    has A,B
+}
+
+@test "a head that is not of the scans is refused" {
+    has_labels
+    spid-head -o sculpted.safetensors
+    status 78 spid-fit --assets "$ASSETS" -o x.spid \
+        --head sculpted.safetensors "$ASSETS/labels/photos.safetensors"
+    has "registered to the scans"
+}

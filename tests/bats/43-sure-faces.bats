@@ -1,0 +1,60 @@
+# How sure the encoder is of a face: turned pictures stand up, false finds are
+# refused, motions say so.
+load helper
+
+need_sure() {
+    MODEL=${SPID_MODEL:-$TOP/examples/model/model.safetensors}
+    [ -e "$MODEL" ] || skip "no model shipped"
+    head -c 100000 "$MODEL" | grep -aq 'motion.sure.weight' ||
+        skip "the model does not say how sure it is"
+    need_numpy
+}
+
+# turned QUARTERS IN OUT: a PAM picture turned anticlockwise, as PPM.
+turned() {
+    "$PYTHON" - "$@" <<'END'
+import sys
+import numpy as np
+head, _, body = open(sys.argv[2], 'rb').read().partition(b'ENDHDR\n')
+size = dict(l.split()[:2] for l in head.decode().splitlines()[1:])
+h, w = int(size['HEIGHT']), int(size['WIDTH'])
+x = np.rot90(np.frombuffer(body, np.uint8).reshape(h, w, 3), int(sys.argv[1]))
+open(sys.argv[3], 'wb').write(b'P6 %d %d 255\n' % x.shape[1::-1] + x.tobytes())
+END
+}
+
+@test "a picture on its side is turned, and that is said" {
+    need_sure
+    spid-synth -q -s 3 --effects 0 -o a.pam
+    turned 0 a.pam a.ppm
+    run spid-shape a.ppm -o a.spid
+    [ "$status" -eq 0 ]
+    [[ $output != *turned* ]]
+    for q in 1 2; do
+        turned $q a.pam b.ppm
+        run spid-shape b.ppm -o b.spid
+        [ "$status" -eq 0 ]
+        has "turned by $((90 * q)) degrees clockwise"
+    done
+    cmp <(spid-dump --json --values --only SHAP a.spid) \
+        <(spid-dump --json --values --only SHAP b.spid)
+}
+
+@test "motions say how sure the encoder is" {
+    need_sure
+    spid-synth -q -s 3 --frames 3 --effects 0 -o a.y4m
+    spid-motion -q a.y4m -o a.spid
+    [ "$(spid-dump --only MOTN a.spid | grep -c '^ *sure')" -eq 3 ]
+}
+
+@test "no face in noise: one line, no file" {
+    need_sure
+    "$PYTHON" -c 'import numpy as np, sys
+x = np.random.RandomState(1).randint(0, 256, (24, 24, 3), np.uint8)
+x = np.kron(x, np.ones((20, 20, 1), np.uint8))
+sys.stdout.buffer.write(b"P6 480 480 255\n" + x.tobytes())' >noise.ppm
+    status 65 spid-shape noise.ppm -o x.spid
+    one_line
+    has "upright and turned"
+    [ ! -e x.spid ]
+}

@@ -1,0 +1,154 @@
+/* Hair before a wall, dark before white and light before dark, with locks that
+ * hang away from the head: when the person moves, neither a ghost of them
+ * stays on the wall nor does a rim of the wall go with them. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/layers.h"
+#include "formats/matte.h"
+#include "lib/base/random.h"
+#include "lib/texture/texture.h"
+#include "tests/check.h"
+
+enum { N = 256, LOCKS = 6 };
+
+struct palette {
+    const char *name;
+    double wall[3], hair[3];
+};
+
+struct drawing {
+    uint8_t rgb[3 * N * N], head[N * N], inside[N * N];
+    double person[N * N], own[3 * N * N];
+};
+
+static double ellipse(double x, double y, double cx, double cy, double rx,
+                      double ry)
+{
+    return (1 - hypot((x - cx) / rx, (y - cy) / ry)) * fmin(rx, ry);
+}
+
+static double cover(double depth)
+{
+    return fmin(1, fmax(0, depth + 0.5));
+}
+
+/* How much of a pixel locks cover: curves a pixel and a half wide that leave
+ * the head to both sides and hang down. */
+static double locks(double x, double y)
+{
+    double most = 0;
+
+    for (int k = 0; k < LOCKS; k++) {
+        double side = k % 2 ? 1 : -1, out = 10 + 4 * k;
+
+        for (double t = 0; t <= 1; t += 0.01) {
+            double lx = 127 + side * (38 + out * sin(2.2 * t));
+            double ly = 110 + 10 * (k / 2) + 45 * t;
+            most = fmax(most, cover(0.9 - hypot(x - lx, y - ly)));
+        }
+    }
+    return most;
+}
+
+static void draw(struct drawing *d, const struct palette *p)
+{
+    static const double skin[3] = {205, 150, 125}, shirt[3] = {120, 60, 60};
+    struct random r;
+
+    random_init(&r, 4, p->name);
+    memset(d->inside, 255, sizeof d->inside);
+    for (int y = 0; y < N; y++)
+        for (int x = 0; x < N; x++) {
+            int i = y * N + x;
+            double head = ellipse(x, y, 127, 112, 46, 56);
+            double body = ellipse(x, y, 127, 240, 84, 70);
+            double face = cover(ellipse(x, y, 127, 124, 34, 42));
+            double lock = fmax(cover(head), locks(x, y));
+            double a = fmax(lock, cover(body));
+            double noise = 3 * random_normal(&r);
+
+            for (int k = 0; k < 3; k++) {
+                double own = lock > 0 ? p->hair[k] : shirt[k];
+
+                own += face * (skin[k] - own);
+                d->own[3 * i + k] = own;
+                d->rgb[3 * i + k] = (uint8_t)fmin(255, fmax(0,
+                    a * own + (1 - a) * p->wall[k] + noise));
+            }
+            d->person[i] = a;
+            d->head[i] = ellipse(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
+        }
+}
+
+/* Of the wall as it is taken to be, the share of those pixels that a person
+ * with thin hair hides or touches that is off by more than 12 levels. */
+static double ghost(const uint8_t *back, const struct drawing *d,
+                    const struct palette *p)
+{
+    double off = 0, n = 0;
+
+    for (size_t i = 0; i < N * N; i++) {
+        double most = 0;
+
+        for (size_t k = 0; k < 3; k++)
+            most = fmax(most, fabs(back[3 * i + k] - p->wall[k]));
+        off += d->person[i] > 0.1 && most > 12;
+        n += d->person[i] > 0.1;
+    }
+    return off / n;
+}
+
+/* The person laid over another wall: mean distance from how that would look,
+ * in levels, over the pixels at the edge. */
+static double halo(const uint8_t *rgb, const uint8_t *matte,
+                   const uint8_t *back, const struct drawing *d,
+                   const double wall[3])
+{
+    double sum = 0, n = 0;
+
+    for (size_t i = 0; i < N * N; i++) {
+        if (d->person[i] <= 0.02 || d->person[i] >= 0.98)
+            continue;
+        double m = matte[i] / 255.0, a = d->person[i];
+        for (size_t k = 0; k < 3; k++) {
+            double p = fmax(0, rgb[3 * i + k] - (1 - m) * back[3 * i + k]);
+            double got = p + (1 - m) * wall[k];
+
+            sum += fabs(got - a * d->own[3 * i + k] - (1 - a) * wall[k]) / 3;
+        }
+        n++;
+    }
+    return sum / n;
+}
+
+int main(void)
+{
+    static const struct palette palette[2] = {
+        {"dark hair, white wall", {235, 236, 238}, {40, 28, 22}},
+        {"light hair, dark wall", {38, 42, 50}, {214, 182, 128}}
+    };
+    static struct drawing d;
+    static uint8_t matte[N * N], back[3 * N * N], rgb[3 * N * N];
+
+    for (int k = 0; k < 2; k++) {
+        struct error err = {0};
+        int fallback;
+        char text[80];
+
+        draw(&d, &palette[k]);
+        memcpy(rgb, d.rgb, sizeof rgb);
+        REQUIRE(matte_grabcut(matte, &fallback, rgb, d.head, d.inside, N,
+                              &err) == 0, "%s", err.text);
+        REQUIRE(layers_split(matte, back, rgb, d.inside, N, &err) == 0, "%s",
+                err.text);
+        snprintf(text, sizeof text, "%s: ghost, share of pixels",
+                 palette[k].name);
+        check(text, ghost(back, &d, &palette[k]), 0.015);
+        snprintf(text, sizeof text, "%s: halo, levels", palette[k].name);
+        check(text, halo(rgb, matte, back, &d, palette[1 - k].wall), 25);
+    }
+    return check_status();
+}

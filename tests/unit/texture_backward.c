@@ -1,0 +1,302 @@
+/* Back through the photograph: composition and lookup against differences of
+ * the same functions in double, whose values the float ones have, too. */
+#include <math.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/texture/lookup.h"
+#include "tests/check.h"
+
+enum { S = 24, PIXELS = S * S, FIELD = S / TEXTURE_FIELD_STEP };
+
+static struct random dice;
+
+static float draw(double lo, double hi)
+{
+    return (float)random_range(&dice, lo, hi);
+}
+
+/* Whether a gradient is what differences say. */
+static double worst;
+
+static void compare(double got, double want, double scale)
+{
+    worst = fmax(worst, fabs(got - want) / scale);
+}
+
+/* ---- composition ---------------------------------------------------------- */
+
+enum { RGB, ALPHA, PHOTO, SAID, KINDS };
+static const size_t count[KINDS] = {
+    3 * PIXELS, PIXELS, TEXTURE_PHOTO * PIXELS, TEXTURE_FIELD * FIELD * FIELD
+};
+static float in[KINDS][TEXTURE_PHOTO * PIXELS];
+static float grad[KINDS][TEXTURE_PHOTO * PIXELS];
+static double wide[KINDS][TEXTURE_PHOTO * PIXELS];
+static float probe_rgb[3 * PIXELS], probe_alpha[PIXELS];
+
+/* The field at pixel (x,y), channel c, linear between places. */
+static double said_at(size_t x, size_t y, size_t c)
+{
+    double at[2] = {((double)x + 0.5) / TEXTURE_FIELD_STEP - 0.5,
+                    ((double)y + 0.5) / TEXTURE_FIELD_STEP - 0.5};
+    double sum = 0;
+
+    for (int k = 0; k < 4; k++) {
+        double w = 1;
+        size_t i[2];
+
+        for (int d = 0; d < 2; d++) {
+            double low = floor(at[d]), t = at[d] - low;
+            double place = k >> d & 1 ? low + 1 : low;
+
+            w *= k >> d & 1 ? t : 1 - t;
+            i[d] = (size_t)fmin(fmax(place, 0), FIELD - 1);
+        }
+        sum += w * wide[SAID][TEXTURE_FIELD * (i[1] * FIELD + i[0]) + c];
+    }
+    return sum;
+}
+
+/* Loss: the probes' products with what texture_compose makes, in double. */
+static double compose_loss(double *rgb, double *alpha)
+{
+    double loss = 0;
+
+    for (size_t i = 0; i < PIXELS; i++) {
+        const double *p = wide[PHOTO] + TEXTURE_PHOTO * i;
+        double b = p[4] * (1 - said_at(i % S, i / S, 0));
+
+        b = fmin(fmax(b, 0), 1);
+        alpha[i] = wide[ALPHA][i] + b * (p[3] - wide[ALPHA][i]);
+        loss += alpha[i] * (double)probe_alpha[i];
+        for (size_t c = 0; c < 3; c++) {
+            double x = wide[RGB][3 * i + c];
+            double gain = 1 + said_at(i % S, i / S, c + 1);
+
+            x += b * (p[c] * gain - x);
+            rgb[3 * i + c] = fmin(x, alpha[i]);
+            loss += rgb[3 * i + c] * (double)probe_rgb[3 * i + c];
+        }
+    }
+    return loss;
+}
+
+static void compose_inputs(void)
+{
+    random_init(&dice, 3, "compose");
+    for (size_t i = 0; i < PIXELS; i++) {
+        float *p = in[PHOTO] + TEXTURE_PHOTO * i;
+
+        in[ALPHA][i] = draw(0, 1);
+        p[3] = draw(0, 1);
+        p[4] = random_below(&dice, 4) ? draw(0.05, 0.95) : 0;
+        probe_alpha[i] = draw(-1, 1);
+        for (size_t c = 0; c < 3; c++) {
+            in[RGB][3 * i + c] = draw(0, 1.2) * in[ALPHA][i];
+            p[c] = draw(0, 1) * p[3];
+            probe_rgb[3 * i + c] = draw(-1, 1);
+        }
+    }
+    for (size_t i = 0; i < count[SAID]; i++)
+        in[SAID][i] = draw(-0.6, 0.6);
+    for (int k = 0; k < KINDS; k++)
+        for (size_t i = 0; i < count[k]; i++)
+            wide[k][i] = (double)in[k][i];
+}
+
+static void composition(void)
+{
+    static double rgb[3 * PIXELS], alpha[PIXELS];
+    static float got[3 * PIXELS], cover[PIXELS];
+    const struct texture_field field = {in[SAID], FIELD, FIELD};
+    double off = 0;
+
+    compose_inputs();
+    memcpy(got, in[RGB], sizeof got);
+    memcpy(cover, in[ALPHA], sizeof cover);
+    texture_compose(got, cover, in[PHOTO], &field, S, S);
+    compose_loss(rgb, alpha);
+    for (size_t i = 0; i < 3 * PIXELS; i++)
+        off = fmax(off, fabs((double)got[i] - rgb[i]));
+    check("composition", off, 1e-6);
+    memcpy(grad[RGB], probe_rgb, sizeof probe_rgb);
+    memcpy(grad[ALPHA], probe_alpha, sizeof probe_alpha);
+    texture_compose_backward(grad[RGB], grad[ALPHA], grad[PHOTO], grad[SAID],
+                             in[RGB], in[ALPHA], in[PHOTO], &field, S, S);
+    worst = 0;
+    for (int k = 0; k < KINDS; k++)
+        for (size_t i = 0; i < count[k]; i++) {
+            const double e = 1e-7;
+            double keep = wide[k][i], f[2];
+
+            if (k == PHOTO && wide[PHOTO][i / TEXTURE_PHOTO * TEXTURE_PHOTO +
+                                          4] == 0)
+                continue;           /* nothing is looked up there */
+            for (int s = 0; s < 2; s++) {
+                wide[k][i] = keep + (s ? e : -e);
+                f[s] = compose_loss(rgb, alpha);
+            }
+            wide[k][i] = keep;
+            compare((double)grad[k][i], (f[1] - f[0]) / (2 * e), 1);
+        }
+    check("its gradient", worst, 1e-5);
+}
+
+/* ---- lookup --------------------------------------------------------------- */
+
+static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
+static const struct splat_place_view view = {{0.9f, 0.1f, -0.1f, 0.95f},
+                                             {0.02f, -0.03f}};
+static double place[3 * PIXELS], cover[PIXELS];
+static double drawn[PIXELS];    /* how much the photograph is drawn out, and on
+                                 * a rim: held */
+static float place_f[3 * PIXELS], cover_f[PIXELS];
+static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
+static float probe[TEXTURE_PHOTO * PIXELS];
+
+/* Catmull and Rom's weight of tap k of four. */
+static double cubic(int k, double t)
+{
+    double x = fabs(t + 1 - k);
+
+    return x < 1 ? 1.5 * x * x * x - 2.5 * x * x + 1
+         : x < 2 ? -0.5 * x * x * x + 2.5 * x * x - 4 * x + 2 : 0;
+}
+
+static double lookup_number(const uint8_t *t, double u, double v, int c)
+{
+    double fx = floor(u - 0.5), fy = floor(v - 0.5), sum = 0;
+
+    for (int k = 0; k < 16; k++) {
+        double x = fmin(fmax(fx - 1 + k % 4, 0), S - 1);
+        double y = fmin(fmax(fy - 1 + k / 4, 0), S - 1);
+
+        sum += cubic(k % 4, u - 0.5 - fx) * cubic(k / 4, v - 0.5 - fy) *
+               t[4 * ((size_t)y * S + (size_t)x) + (size_t)c] / 255.0;
+    }
+    return fmin(fmax(sum, 0), 1);
+}
+
+static double confidence(size_t i)
+{
+    const double *p = place + 3 * i;
+    const long step[4] = {i % S ? -1 : 0, i % S + 1 < S ? 1 : 0,
+                          i >= S ? -S : 0, i + S < PIXELS ? S : 0};
+    double jump = 0, own = 1.25 * p[2] / cover[i] - 0.15;
+
+    for (int k = 0; k < 4; k++) {
+        const double *q = p + 3 * step[k];
+
+        jump = fmax(jump, 0.5 * S * hypot(q[0] / q[2] - p[0] / p[2],
+                                          q[1] / q[2] - p[1] / p[2]));
+    }
+    return fmin(fmax(own, 0), 1) * fmin(fmax((3 - jump) / 1.5, 0), 1) *
+           drawn[i];
+}
+
+/* What pixel i and its neighbours add to the loss. */
+static double lookup_loss(const struct texture *t, size_t i)
+{
+    const size_t at[5] = {i, i % S ? i - 1 : i, i % S + 1 < S ? i + 1 : i,
+                          i >= S ? i - S : i, i + S < PIXELS ? i + S : i};
+    double loss = 0;
+
+    for (int k = 0; k < 5; k++) {
+        const size_t j = at[k];
+        const double *p = place + 3 * j, sure = confidence(j);
+        double nx = (2.0 * (double)(j % S) + 1) / S - 1;
+        double ny = (2.0 * (double)(j / S) + 1) / S - 1;
+        double u = 0.5 * S * ((double)view.A[0] * nx + (double)view.A[1] * ny +
+                              (double)view.b[0] + p[0] / p[2] + 1);
+        double v = 0.5 * S * ((double)view.A[2] * nx + (double)view.A[3] * ny +
+                              (double)view.b[1] + p[1] / p[2] + 1);
+
+        if ((k && j == i) || sure <= 0)
+            continue;
+        for (int c = 0; c < 4; c++)
+            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] *
+                    lookup_number(t->level[0], u, v, c);
+        loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure;
+    }
+    return loss;
+}
+
+static void lookup_inputs(void)
+{
+    random_init(&dice, 4, "lookup");
+    for (size_t i = 0; i < PIXELS; i++) {
+        matte[i] = (uint8_t)(55 + random_below(&dice, 200));
+        for (size_t c = 0; c < 3; c++)
+            rgb8[3 * i + c] = (uint8_t)random_below(&dice, matte[i] + 1u);
+        cover_f[i] = draw(0.6, 1);
+        place_f[3 * i + 2] = draw(0.4, 1) * cover_f[i];
+        for (size_t c = 0; c < 2; c++)
+            place_f[3 * i + c] = draw(-1.6, 1.6) / S * place_f[3 * i + 2];
+        for (size_t c = 0; c < TEXTURE_PHOTO; c++)
+            probe[TEXTURE_PHOTO * i + c] = draw(-1, 1);
+    }
+    for (size_t i = 0; i < 3 * PIXELS; i++)
+        place[i] = (double)place_f[i];
+    for (size_t i = 0; i < PIXELS; i++) {
+        cover[i] = (double)cover_f[i];
+        drawn[i] = (double)texture_stretch(place_f, &view, i % S, i / S, S);
+    }
+}
+
+/* The derivative by *x, of what pixel i touches. */
+static double lookup_difference(const struct texture *t, double *x, size_t i)
+{
+    const double e = 1e-8, keep = *x;
+    double f[2];
+
+    for (int s = 0; s < 2; s++) {
+        *x = keep + (s ? e : -e);
+        f[s] = lookup_loss(t, i);
+    }
+    *x = keep;
+    return (f[1] - f[0]) / (2 * e);
+}
+
+static void lookup(void)
+{
+    struct texture t;
+    struct error err = {0};
+    double off = 0;
+    size_t doubted = 0;
+
+    lookup_inputs();
+    REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
+    texture_lookup(photo, &t, &view, place_f, cover_f, S);
+    for (size_t i = 0; i < PIXELS; i++)
+        drawn[i] *= (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
+                                          texture_turned(&view));
+    for (size_t i = 0; i < PIXELS; i++) {
+        double sure = confidence(i);
+
+        off = fmax(off, fabs(sure - (double)photo[TEXTURE_PHOTO * i + 4]));
+        doubted += sure > 0 && sure < 1;
+    }
+    check("confidence", off, 1e-5);
+    check_that("most pixels are doubted a little", doubted > PIXELS / 3);
+    texture_lookup_backward(dplace, dcover, probe, photo, &t, &view, place_f,
+                            cover_f, S);
+    worst = 0;
+    for (size_t i = 0; i < PIXELS; i++) {
+        for (size_t c = 0; c < 3; c++) {
+            double want = lookup_difference(&t, &place[3 * i + c], i);
+
+            compare((double)dplace[3 * i + c], want, 10 + fabs(want));
+        }
+        compare((double)dcover[i], lookup_difference(&t, &cover[i], i), 1);
+    }
+    check("its gradient", worst, 1e-3);
+    texture_release(&t);
+}
+
+int main(void)
+{
+    composition();
+    lookup();
+    return check_status();
+}

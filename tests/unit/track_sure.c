@@ -1,0 +1,134 @@
+/* How sure the encoder is: the logistic unit's gradient against differences,
+ * pictures turned, and crops that are astray. */
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/data/astray.h"
+#include "lib/geom/crop.h"
+#include "lib/net/sure_head.h"
+#include "lib/track/turned.h"
+#include "tests/check.h"
+
+enum { FEATURES = 7, SIDE = 96, CROP = 3 * CROP_NET * CROP_NET };
+
+static void test_head(void)
+{
+    struct sure_head none = {0}, s;
+    struct params ps;
+    struct error err = {0};
+    float pooled[FEATURES], *w, *g;
+    double worst = 0;
+
+    check_that("without a head it is sure", sure_head_forward(&none, NULL) ==
+               1);
+    params_init(&ps);
+    sure_head_init(&s, &ps, "motion.", FEATURES);
+    REQUIRE(!params_allocate(&ps, &err) &&
+            !params_allocate_gradients(&ps, &err), "%s", err.text);
+    params_randomise(&ps, 3);
+    for (int k = 0; k < FEATURES; k++)
+        pooled[k] = 0.3f * (float)(k - 3);
+    w = param_w(&ps, s.w);
+    g = param_g(&ps, s.w);
+    for (int truth = 0; truth < 2; truth++) {
+        memset(ps.g, 0, ps.total * sizeof *ps.g);
+        sure_head_loss(&s, pooled, truth, 0.5);
+        double bias = (double)*param_g(&ps, s.b);
+        float own[FEATURES];
+        memcpy(own, g, sizeof own);
+        for (int k = 0; k <= FEATURES; k++) {
+            float *at = k < FEATURES ? w + k : param_w(&ps, s.b), was = *at;
+            double lo, hi;
+
+            *at = was - 1e-2f;
+            lo = sure_head_loss(&s, pooled, truth, 0.5);
+            *at = was + 1e-2f;
+            hi = sure_head_loss(&s, pooled, truth, 0.5);
+            *at = was;
+            worst = fmax(worst, fabs((hi - lo) / 2e-2 -
+                                     (k < FEATURES ? (double)own[k] : bias)));
+        }
+    }
+    check("gradient of the logistic loss", worst, 2e-5);
+    check("loss and probability agree",
+          fabs(sure_head_loss(&s, pooled, 1, 1) +
+               log((double)sure_head_forward(&s, pooled))), 1e-6);
+    params_release(&ps);
+}
+
+static void test_turned(void)
+{
+    uint8_t rgb[2 * 3 * 3], alpha[6];
+    struct image im = {.width = 3, .height = 2, .rgb = rgb, .alpha = alpha};
+    struct image turned, back;
+    struct error err = {0};
+
+    for (int i = 0; i < 18; i++)
+        rgb[i] = (uint8_t)i;
+    for (int i = 0; i < 6; i++)
+        alpha[i] = (uint8_t)(10 * i);
+    REQUIRE(!turned_copy(&turned, &im, 1, &err), "%s", err.text);
+    /* clockwise: the bottom left pixel comes to the top left */
+    check_that("a quarter turn", turned.width == 2 && turned.height == 3 &&
+               turned.rgb[0] == 9 && turned.alpha[0] == 30 &&
+               turned.alpha[1] == 0 && turned.alpha[5] == 20);
+    REQUIRE(!turned_copy(&back, &turned, 3, &err), "%s", err.text);
+    check_that("and back", back.width == 3 && !memcmp(back.rgb, rgb, 18) &&
+               !memcmp(back.alpha, alpha, 6));
+    image_release(&turned);
+    image_release(&back);
+    REQUIRE(!turned_copy(&turned, &im, 2, &err), "%s", err.text);
+    check_that("half a turn", turned.alpha[0] == 50 && turned.alpha[5] == 0);
+    image_release(&turned);
+}
+
+/* A frame with a bright square for a face. */
+static void test_astray(void)
+{
+    static uint8_t rgba[SIDE * SIDE * 4];
+    static float a[CROP], b[CROP];
+    struct data_frame f = {
+        .crop = {48, 48, 40}, .size = SIDE, .width = SIDE, .height = SIDE,
+        .rgba = rgba
+    };
+    struct data_augment none = {0};
+    double middle[ASTRAY_COUNT] = {0};
+    struct random r, again;
+    struct error err = {0};
+    bool same = true, inside = true;
+
+    for (int i = 0; i < SIDE * SIDE; i++) {
+        int x = i % SIDE, y = i / SIDE;
+
+        memset(rgba + 4 * i, abs(x - 48) < 20 && abs(y - 48) < 20 ? 255 : 20,
+               4);
+    }
+    for (int how = 0; how < ASTRAY_COUNT; how++)
+        for (uint64_t n = 0; n < 20; n++) {
+            data_random(&r, 1, n, (uint64_t)how);
+            data_random(&again, 1, n, (uint64_t)how);
+            REQUIRE(!astray_sample(a, &f, (enum astray)how, &none, &r, &err) &&
+                    !astray_sample(b, &f, (enum astray)how, &none, &again,
+                                   &err), "%s", err.text);
+            same = same && !memcmp(a, b, sizeof a);
+            for (int i = 0; i < CROP; i++)
+                inside = inside && a[i] >= 0 && a[i] <= 1;
+            middle[how] += (double)a[3 * (CROP_NET / 2 * CROP_NET +
+                                          CROP_NET / 2)] / 20;
+        }
+    check_that("the same crop from the same numbers", same);
+    check_that("colours in range", inside);
+    check_range("in place: the face in the middle", middle[ASTRAY_NOT], 0.99,
+                1.0001);
+    check_range("turned: there, too", middle[ASTRAY_TURNED], 0.99,
+                1.0001);
+    check_range("missed: not there", middle[ASTRAY_MISSED], 0, 0.1);
+}
+
+int main(void)
+{
+    test_head();
+    test_turned();
+    test_astray();
+    return check_failures != 0;
+}
