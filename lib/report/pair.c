@@ -47,13 +47,16 @@ struct pairing {
     struct framesource *driver, *result;
     struct video_writer *video;
     uint8_t *both, *half;
-    char path[64];              /* of the file while it is written */
+    char path[256];             /* of the file while it is written */
 };
 
 /* The file that the video's writer takes its kind from. */
 static int pair_name(struct pairing *g, struct error *err)
 {
-    snprintf(g->path, sizeof g->path, "/tmp/spid-report-XXXXXX.mp4");
+    const char *dir = getenv("TMPDIR");
+
+    snprintf(g->path, sizeof g->path, "%s/spid-report-XXXXXX.mp4",
+             dir && strlen(dir) < 200 ? dir : "/tmp");
     int fd = mkstemps(g->path, 4);
 
     if (fd < 0) {

@@ -23,10 +23,13 @@
 size_t texture_level(const struct texture *t, const struct splat_place_view *v,
                      size_t size);
 
+/* What the view enlarges by, without its turn: A's smaller singular value,
+ * squared. */
+float texture_zoom(const struct splat_place_view *v);
 /* Less than 1 where the places about pixel (x,y), which has one, draw the
  * photograph out or fold it over.  The backward holds it. */
 float texture_stretch(const float *place, const struct splat_place_view *v,
-                      size_t x, size_t y, size_t size);
+                      float zoom, size_t x, size_t y, size_t size);
 
 /* How far a turned head's view is from the source's but for scale and turns in
  * the picture: 0 at 12 degrees and less, 1 at 25 and more. */

@@ -120,7 +120,7 @@ static void lookup_jump_backward(float *dp, float *dq, const float *p,
 static float lookup_confidence_backward(float *dplace, float *dalpha,
                                         const float *place,
                                         const struct splat_place_view *v,
-                                        float alpha, float d, size_t x,
+                                        float zoom, float alpha, float d, size_t x,
                                         size_t y, size_t size)
 {
     const size_t i = y * size + x;
@@ -130,7 +130,7 @@ static float lookup_confidence_backward(float *dplace, float *dalpha,
     long to = lookup_jump(&jump, place, x, y, size);
     float sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
     float held = fminf(fmaxf(sure, 0), 1), most = fminf(fmaxf(own, 0), 1);
-    float drawn = texture_stretch(place, v, x, y, size);
+    float drawn = texture_stretch(place, v, zoom, x, y, size);
 
     d *= drawn;
     if (own > 0 && own < 1) {
@@ -158,7 +158,8 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 {
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
-    const float *A = v->A, *b = v->b, turned = texture_turned(v);
+    const float *A = v->A, *b = v->b;
+    const float turned = texture_turned(v), zoom = texture_zoom(v);
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
@@ -167,9 +168,9 @@ void texture_lookup_backward(float *dplace, float *dalpha,
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
 
         if (!(p[2] > TEXTURE_LEAST) ||
-            !(lookup_confidence_backward(dplace, dalpha, place, v, alpha[i],
-                                         d[4] * whole, i % size, i / size,
-                                         size) > 0))
+            !(lookup_confidence_backward(dplace, dalpha, place, v, zoom,
+                                         alpha[i], d[4] * whole, i % size,
+                                         i / size, size) > 0))
             continue;
         lookup_position_backward(
             duv, d, t->level[level], S,

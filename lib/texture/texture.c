@@ -164,10 +164,9 @@ static void texture_slope(float d[2], const float *p, size_t at, long step,
     d[1] = n * (b[1] / b[2] - a[1] / a[2]);
 }
 
-/* What the view enlarges by, without its turn: A's smaller singular value,
- * squared. */
-static float texture_zoom(const float A[4])
+float texture_zoom(const struct splat_place_view *v)
 {
+    const float *A = v->A;
     float square = A[0] * A[0] + A[1] * A[1] + A[2] * A[2] + A[3] * A[3];
     float area = A[0] * A[3] - A[1] * A[2];
 
@@ -175,7 +174,7 @@ static float texture_zoom(const float A[4])
 }
 
 float texture_stretch(const float *place, const struct splat_place_view *v,
-                      size_t x, size_t y, size_t size)
+                      float zoom, size_t x, size_t y, size_t size)
 {
     const float *p = place + 3 * (y * size + x), *A = v->A;
     float dx[2], dy[2];
@@ -184,7 +183,7 @@ float texture_stretch(const float *place, const struct splat_place_view *v,
     texture_slope(dy, p, y, (long)size, size);
     float area = (A[0] + dx[0]) * (A[3] + dy[1]) -
                  (A[1] + dy[0]) * (A[2] + dx[1]);
-    area /= fmaxf(texture_zoom(A), 1e-6f);
+    area /= fmaxf(zoom, 1e-6f);
     float t = (area - TEXTURE_STRETCHED) / (TEXTURE_SHARP - TEXTURE_STRETCHED);
     return fminf(fmaxf(t, 0), 1);
 }
@@ -209,7 +208,7 @@ float texture_whole(float matte, float turned)
 
 /* How far pixel (x,y) is to be believed. */
 static float texture_confidence(const float *place,
-                                const struct splat_place_view *v,
+                                const struct splat_place_view *v, float zoom,
                                 const float *alpha, size_t x, size_t y,
                                 size_t size)
 {
@@ -231,7 +230,7 @@ static float texture_confidence(const float *place,
     if (!(own > 0 && sure > 0))
         return 0;
     return fminf(own, 1) * fminf(sure, 1) *
-           texture_stretch(place, v, x, y, size);
+           texture_stretch(place, v, zoom, x, y, size);
 }
 
 /* ---- lookup ------------------------------------------------------------ */
@@ -277,7 +276,7 @@ struct lookup {
     const float *place, *alpha;
     texture_bicubic_fn *bicubic;
     size_t level, size;
-    float turned;
+    float turned, zoom;     /* texture_turned, texture_zoom of v */
 };
 
 static struct lookup lookup_make(const struct texture *t,
@@ -287,7 +286,7 @@ static struct lookup lookup_make(const struct texture *t,
 {
     return (struct lookup){t, v, place, alpha, texture_bicubic(),
                            texture_level(t, v, size), size,
-                           texture_turned(v)};
+                           texture_turned(v), texture_zoom(v)};
 }
 
 /* photo (n,5) of pixels x0 .. x0 + n - 1 of row y, n at most TEXTURE_RUN. */
@@ -308,8 +307,8 @@ static void lookup_run(float *photo, const struct lookup *k, size_t x0,
         sure[i] = 0;
         if (!(p[2] > TEXTURE_LEAST))
             continue;
-        sure[i] = texture_confidence(k->place, k->v, k->alpha, x0 + i, y,
-                                     k->size);
+        sure[i] = texture_confidence(k->place, k->v, k->zoom, k->alpha, x0 + i,
+                                     y, k->size);
         any += sure[i] > 0;
         uv[2 * i] = half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1);
         uv[2 * i + 1] = half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] +

@@ -240,7 +240,9 @@ static void lookup_inputs(void)
         place[i] = (double)place_f[i];
     for (size_t i = 0; i < PIXELS; i++) {
         cover[i] = (double)cover_f[i];
-        drawn[i] = (double)texture_stretch(place_f, &view, i % S, i / S, S);
+        drawn[i] = (double)texture_stretch(place_f, &view,
+                                           texture_zoom(&view), i % S,
+                                           i / S, S);
     }
 }
 
