@@ -1,5 +1,6 @@
 /* The fixed list of things that a pickle may make, and how each is made from
- * its arguments and its state.  None of them runs anything. */
+ * its arguments and its state; PyTorch's are in pickle_torch.c.  None of them
+ * runs anything. */
 #include <string.h>
 
 #include "formats/pickle_machine.h"
@@ -49,7 +50,7 @@ static const struct {
     {"torch", "BoolStorage", NAME_STORAGE + ST_BOOL},
 };
 
-static bool text_is(struct pickle_text s, const char *word)
+static bool pickle_text_is(struct pickle_text s, const char *word)
 {
     return s.n == strlen(word) && !memcmp(s.p, word, s.n);
 }
@@ -57,13 +58,14 @@ static bool text_is(struct pickle_text s, const char *word)
 int pickle_lookup(struct pickle_text module, struct pickle_text name)
 {
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
-        if (text_is(name, names[i].name) && text_is(module, names[i].module))
+        if (pickle_text_is(name, names[i].name)
+            && pickle_text_is(module, names[i].module))
             return names[i].value;
     return NAME_NONE;
 }
 
 /* The name of a value, for messages. */
-static const char *name_text(int name)
+static const char *pickle_name_text(int name)
 {
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (names[i].value == name)
@@ -73,22 +75,20 @@ static const char *name_text(int name)
 
 /* ---- arguments ---------------------------------------------------------- */
 
-/* Item i of a tuple; NULL when it has fewer. */
-static struct pickle_value *tuple_at(const struct pickle_value *t, size_t i)
+struct pickle_value *pickle_item(const struct pickle_value *t, size_t i)
 {
     return i < t->u.list.n ? t->u.list.item[i] : NULL;
 }
 
-static bool is_kind(const struct pickle_value *v, enum pickle_kind kind)
+bool pickle_is_kind(const struct pickle_value *v, enum pickle_kind kind)
 {
     return v && v->kind == kind;
 }
 
-/* A whole number that is not negative. */
-static int take_size(struct pickle_machine *m, size_t *out,
-                     const struct pickle_value *v, const char *what)
+int pickle_take_size(struct pickle_machine *m, size_t *out,
+                            const struct pickle_value *v, const char *what)
 {
-    if (!is_kind(v, PICKLE_INT) || v->u.i < 0)
+    if (!pickle_is_kind(v, PICKLE_INT) || v->u.i < 0)
         return pickle_fail(m, "%s is %s (expected a number, 0 or more)",
                            what, v ? v->kind == PICKLE_INT ? "negative"
                                      : pickle_kind_name(v) : "missing");
@@ -96,27 +96,25 @@ static int take_size(struct pickle_machine *m, size_t *out,
     return 0;
 }
 
-/* A tuple of at most 8 sizes; returns how many, or -1. */
-static int take_sizes(struct pickle_machine *m, size_t out[ARRAY_VIEW_DIMS],
-                      const struct pickle_value *v, const char *what)
+int pickle_take_sizes(struct pickle_machine *m, size_t out[ARRAY_VIEW_DIMS],
+                             const struct pickle_value *v, const char *what)
 {
-    if (is_kind(v, PICKLE_INT)) {       /* numpy takes a bare number too */
-        return take_size(m, out, v, what) ? -1 : 1;
+    if (pickle_is_kind(v, PICKLE_INT)) { /* numpy takes a bare number too */
+        return pickle_take_size(m, out, v, what) ? -1 : 1;
     }
-    if (!is_kind(v, PICKLE_TUPLE) && !is_kind(v, PICKLE_LIST))
+    if (!pickle_is_kind(v, PICKLE_TUPLE) && !pickle_is_kind(v, PICKLE_LIST))
         return pickle_fail(m, "%s is %s (expected a tuple)", what,
                            v ? pickle_kind_name(v) : "missing");
     if (v->u.list.n > ARRAY_VIEW_DIMS)
         return pickle_fail(m, "%s has %zu numbers (expected at most %d)",
                            what, v->u.list.n, ARRAY_VIEW_DIMS);
     for (size_t i = 0; i < v->u.list.n; i++)
-        if (take_size(m, &out[i], v->u.list.item[i], what))
+        if (pickle_take_size(m, &out[i], v->u.list.item[i], what))
             return -1;
     return (int)v->u.list.n;
 }
 
-/* A string is read once more; all such may be as long as the pickle. */
-static int read_again(struct pickle_machine *m, const struct pickle_value *s)
+int pickle_read_again(struct pickle_machine *m, const struct pickle_value *s)
 {
     m->decoded += s->u.s.n;
     return m->decoded > m->size
@@ -126,15 +124,15 @@ static int read_again(struct pickle_machine *m, const struct pickle_value *s)
 /* ---- Python's own ------------------------------------------------------- */
 
 /* No arguments, or pairs: Python 2 gives them as a list of lists. */
-static struct pickle_value *call_dict(struct pickle_machine *m,
-                                      const struct pickle_value *args)
+static struct pickle_value *pickle_call_dict(struct pickle_machine *m,
+                                             const struct pickle_value *args)
 {
     struct pickle_value *v = pickle_make(m, PICKLE_DICT);
-    const struct pickle_value *pairs = tuple_at(args, 0);
+    const struct pickle_value *pairs = pickle_item(args, 0);
 
     if (!v || !pairs)
         return v;
-    if (!is_kind(pairs, PICKLE_LIST))
+    if (!pickle_is_kind(pairs, PICKLE_LIST))
         return pickle_fail(m, "OrderedDict of a %s (expected a list)",
                            pickle_kind_name(pairs)), NULL;
     for (size_t i = 0; i < pairs->u.list.n; i++) {
@@ -151,36 +149,38 @@ static struct pickle_value *call_dict(struct pickle_machine *m,
     return v;
 }
 
-static struct pickle_value *call_set(struct pickle_machine *m,
-                                     const struct pickle_value *args)
+static struct pickle_value *pickle_call_set(struct pickle_machine *m,
+                                            const struct pickle_value *args)
 {
     struct pickle_value *v = pickle_make(m, PICKLE_SET);
-    const struct pickle_value *items = tuple_at(args, 0);
+    const struct pickle_value *items = pickle_item(args, 0);
 
     if (!v || !items)
         return v;
-    if (!is_kind(items, PICKLE_LIST) && !is_kind(items, PICKLE_TUPLE))
+    if (!pickle_is_kind(items, PICKLE_LIST)
+        && !pickle_is_kind(items, PICKLE_TUPLE))
         return pickle_fail(m, "set of a %s (expected a list)",
-                           pickle_kind_name(items)), NULL;
+                           pickle_kind_name(items)),
+               NULL;
     v->u.list = items->u.list;
     v->u.list.room = v->u.list.n;       /* appending copies */
     return v;
 }
 
 /* Text back to the bytes that Python 3 wrote as text. */
-static struct pickle_value *call_encode(struct pickle_machine *m,
-                                        const struct pickle_value *args)
+static struct pickle_value *pickle_call_encode(struct pickle_machine *m,
+                                               const struct pickle_value *args)
 {
-    const struct pickle_value *text = tuple_at(args, 0);
-    const struct pickle_value *code = tuple_at(args, 1);
+    const struct pickle_value *text = pickle_item(args, 0);
+    const struct pickle_value *code = pickle_item(args, 1);
     struct pickle_value *v;
     char *out;
     size_t n = 0;
 
-    if (!is_kind(text, PICKLE_TEXT) || !code ||
+    if (!pickle_is_kind(text, PICKLE_TEXT) || !code ||
         !(pickle_is(code, "latin1") || pickle_is(code, "latin-1")))
         return pickle_fail(m, "encode of other than text in latin1"), NULL;
-    if (read_again(m, text))
+    if (pickle_read_again(m, text))
         return NULL;
     v = pickle_make(m, PICKLE_BYTES);
     out = v ? pickle_alloc_string(m, text->u.s.n) : NULL;
@@ -205,27 +205,28 @@ static struct pickle_value *call_encode(struct pickle_machine *m,
     return v;
 }
 
-static struct pickle_value *call_reconstructor(struct pickle_machine *m,
-                                               const struct pickle_value *args)
+static struct pickle_value *pickle_call_reconstructor(
+    struct pickle_machine *m, const struct pickle_value *args)
 {
-    const struct pickle_value *cls = tuple_at(args, 0);
-    const struct pickle_value *base = tuple_at(args, 1);
+    const struct pickle_value *cls = pickle_item(args, 0);
+    const struct pickle_value *base = pickle_item(args, 1);
 
-    if (!is_kind(cls, PICKLE_NAME) || !is_kind(base, PICKLE_NAME) ||
-        base->u.name != NAME_OBJECT || !is_kind(tuple_at(args, 2),
-                                                PICKLE_NONE))
+    if (!pickle_is_kind(cls, PICKLE_NAME) || !pickle_is_kind(base, PICKLE_NAME)
+        || base->u.name != NAME_OBJECT
+        || !pickle_is_kind(pickle_item(args, 2), PICKLE_NONE))
         return pickle_fail(m, "_reconstructor of other than a class, object "
-                           "and None"), NULL;
+                              "and None"),
+               NULL;
     return pickle_new(m, cls->u.name);
 }
 
 /* ---- numpy -------------------------------------------------------------- */
 
 /* "f8", "<i4", "O8", ..; what we cannot hold stays unknown. */
-static struct pickle_value *call_dtype(struct pickle_machine *m,
-                                       const struct pickle_value *args)
+static struct pickle_value *pickle_call_dtype(struct pickle_machine *m,
+                                              const struct pickle_value *args)
 {
-    const struct pickle_value *text = tuple_at(args, 0);
+    const struct pickle_value *text = pickle_item(args, 0);
     struct pickle_value *v = pickle_make(m, PICKLE_DTYPE);
     struct pickle_dtype *d = v ? pickle_alloc(m, sizeof *d) : NULL;
     enum st_dtype dtype;
@@ -251,26 +252,26 @@ static struct pickle_value *call_dtype(struct pickle_machine *m,
 }
 
 /* (version, byte order, subarray, names, fields, size, alignment, flags) */
-static int build_dtype(struct pickle_machine *m, struct pickle_value *object,
-                       const struct pickle_value *state)
+static int pickle_build_dtype(struct pickle_machine *m,
+                              struct pickle_value *object,
+                              const struct pickle_value *state)
 {
     struct pickle_dtype *d = object->u.dtype;
     const struct pickle_value *order, *names_of;
 
-    if (!is_kind(state, PICKLE_TUPLE) || state->u.list.n < 5)
+    if (!pickle_is_kind(state, PICKLE_TUPLE) || state->u.list.n < 5)
         return pickle_fail(m, "state of a dtype is a %s (expected 5 or more "
                            "values)", pickle_kind_name(state));
-    order = tuple_at(state, 1);
-    names_of = tuple_at(state, 3);
+    order = pickle_item(state, 1);
+    names_of = pickle_item(state, 3);
     d->swap = pickle_is(order, ">");
-    if (!is_kind(tuple_at(state, 2), PICKLE_NONE) ||
-        !is_kind(names_of, PICKLE_NONE))
+    if (!pickle_is_kind(pickle_item(state, 2), PICKLE_NONE) ||
+        !pickle_is_kind(names_of, PICKLE_NONE))
         d->known = false;               /* a structure */
     return 0;
 }
 
-/* A new, empty array. */
-static struct pickle_value *make_array(struct pickle_machine *m)
+struct pickle_value *pickle_make_array(struct pickle_machine *m)
 {
     struct pickle_value *v = pickle_make(m, PICKLE_ARRAY);
 
@@ -280,14 +281,15 @@ static struct pickle_value *make_array(struct pickle_machine *m)
 }
 
 /* Shape and dtype into an array; fails when the product is too large. */
-static int set_shape(struct pickle_machine *m, struct pickle_array *a,
-                     const struct pickle_value *shape,
-                     const struct pickle_value *dtype, bool fortran)
+static int pickle_set_shape(struct pickle_machine *m, struct pickle_array *a,
+                            const struct pickle_value *shape,
+                            const struct pickle_value *dtype, bool fortran)
 {
-    if (!is_kind(dtype, PICKLE_DTYPE))
+    if (!pickle_is_kind(dtype, PICKLE_DTYPE))
         return pickle_fail(m, "array of a %s (expected a dtype)",
                            dtype ? pickle_kind_name(dtype) : "nothing");
-    a->view.ndim = take_sizes(m, a->view.dim, shape, "shape of an array");
+    a->view.ndim = pickle_take_sizes(m, a->view.dim, shape,
+                                     "shape of an array");
     if (a->view.ndim < 0)
         return -1;
     a->known = dtype->u.dtype->known;
@@ -301,13 +303,13 @@ static int set_shape(struct pickle_machine *m, struct pickle_array *a,
 }
 
 /* The array's bytes, which are as many as its shape says. */
-static int set_data(struct pickle_machine *m, struct pickle_array *a,
-                    const struct pickle_value *data)
+static int pickle_set_data(struct pickle_machine *m, struct pickle_array *a,
+                           const struct pickle_value *data)
 {
     a->filled = true;
     if (!a->known)
         return 0;
-    if (!is_kind(data, PICKLE_BYTES))
+    if (!pickle_is_kind(data, PICKLE_BYTES))
         return pickle_fail(m, "data of an array are a %s (expected bytes)",
                            data ? pickle_kind_name(data) : "nothing");
     if (data->u.s.n != a->view.count * st_dtype_size(a->view.dtype))
@@ -319,235 +321,93 @@ static int set_data(struct pickle_machine *m, struct pickle_array *a,
 }
 
 /* (version, shape, dtype, is_fortran, data), or without the version */
-static int build_array(struct pickle_machine *m, struct pickle_value *object,
-                       const struct pickle_value *state)
+static int pickle_build_array(struct pickle_machine *m,
+                              struct pickle_value *object,
+                              const struct pickle_value *state)
 {
     struct pickle_array *a = object->u.array;
     const struct pickle_value *dtype, *data, *order;
     size_t first;
 
-    if (!is_kind(state, PICKLE_TUPLE) || state->u.list.n < 4 ||
+    if (!pickle_is_kind(state, PICKLE_TUPLE) || state->u.list.n < 4 ||
         state->u.list.n > 5 || a->filled || a->storage)
         return pickle_fail(m, "state of an array is a %s (expected 4 or 5 "
                            "values, once)", pickle_kind_name(state));
     first = state->u.list.n - 4;
-    dtype = tuple_at(state, first + 1);
-    order = tuple_at(state, first + 2);
-    data = tuple_at(state, first + 3);
-    if (set_shape(m, a, tuple_at(state, first), dtype,
-                  (order->kind == PICKLE_BOOL || order->kind == PICKLE_INT) &&
-                      order->u.i))
+    dtype = pickle_item(state, first + 1);
+    order = pickle_item(state, first + 2);
+    data = pickle_item(state, first + 3);
+    if (pickle_set_shape(
+            m, a, pickle_item(state, first), dtype,
+            (order->kind == PICKLE_BOOL || order->kind == PICKLE_INT)
+                && order->u.i))
         return -1;
-    if (dtype->u.dtype->kind == 'O' && is_kind(data, PICKLE_LIST)) {
+    if (dtype->u.dtype->kind == 'O' && pickle_is_kind(data, PICKLE_LIST)) {
         a->filled = true;
         a->objects = data;
         return 0;
     }
-    return set_data(m, a, data);
+    return pickle_set_data(m, a, data);
 }
 
 /* (dtype, bytes) */
-static struct pickle_value *call_scalar(struct pickle_machine *m,
-                                        const struct pickle_value *args)
+static struct pickle_value *pickle_call_scalar(struct pickle_machine *m,
+                                               const struct pickle_value *args)
 {
-    struct pickle_value *v = make_array(m), *shape;
+    struct pickle_value *v = pickle_make_array(m), *shape;
 
     shape = v ? pickle_make(m, PICKLE_TUPLE) : NULL;
     if (!shape ||
-        set_shape(m, v->u.array, shape, tuple_at(args, 0), false) ||
-        set_data(m, v->u.array, tuple_at(args, 1)))
+        pickle_set_shape(m, v->u.array, shape, pickle_item(args, 0), false) ||
+        pickle_set_data(m, v->u.array, pickle_item(args, 1)))
         return NULL;
     return v;
 }
 
 /* (bytes, dtype, shape, 'C' or 'F') */
-static struct pickle_value *call_frombuffer(struct pickle_machine *m,
-                                            const struct pickle_value *args)
+static struct pickle_value *pickle_call_frombuffer(
+    struct pickle_machine *m, const struct pickle_value *args)
 {
-    const struct pickle_value *order = tuple_at(args, 3);
-    struct pickle_value *v = make_array(m);
+    const struct pickle_value *order = pickle_item(args, 3);
+    struct pickle_value *v = pickle_make_array(m);
 
-    if (!v || set_shape(m, v->u.array, tuple_at(args, 2), tuple_at(args, 1),
-                        order && pickle_is(order, "F")) ||
-        set_data(m, v->u.array, tuple_at(args, 0)))
+    if (!v
+        || pickle_set_shape(m, v->u.array, pickle_item(args, 2),
+                            pickle_item(args, 1),
+                            order && pickle_is(order, "F"))
+        || pickle_set_data(m, v->u.array, pickle_item(args, 0)))
         return NULL;
     return v;
-}
-
-/* ---- PyTorch ------------------------------------------------------------ */
-
-/* ('storage', type, key, place, elements[, view of another]) */
-struct pickle_value *pickle_persistent(struct pickle_machine *m,
-                                       const struct pickle_value *id)
-{
-    const struct pickle_value *type, *key, *view;
-    struct pickle_value *v;
-    struct pickle_storage *s;
-
-    if (!is_kind(id, PICKLE_TUPLE) || id->u.list.n < 5 || id->u.list.n > 6 ||
-        !pickle_is(tuple_at(id, 0), "storage"))
-        return pickle_fail(m, "persistent id is a %s (expected a storage)",
-                           pickle_kind_name(id)), NULL;
-    type = tuple_at(id, 1);
-    key = tuple_at(id, 2);
-    if (!is_kind(type, PICKLE_NAME) || type->u.name < NAME_STORAGE ||
-        (key->kind != PICKLE_TEXT && key->kind != PICKLE_BYTES))
-        return pickle_fail(m, "storage of type %s with a %s as key",
-                           pickle_kind_name(type), pickle_kind_name(key)),
-               NULL;
-    v = pickle_make(m, PICKLE_STORAGE);
-    s = v ? pickle_alloc(m, sizeof *s) : NULL;
-    if (!s || take_size(m, &s->count, tuple_at(id, 4), "storage's size"))
-        return NULL;
-    s->dtype = (enum st_dtype)(type->u.name - NAME_STORAGE);
-    s->key = key->u.s;
-    v->u.storage = s;
-    if (pickle_append(m, &m->p->storages, v))
-        return NULL;
-    view = tuple_at(id, 5);
-    if (!view || view->kind == PICKLE_NONE)
-        return v;
-    if (view->kind != PICKLE_TUPLE || view->u.list.n != 3)
-        return pickle_fail(m, "view of a storage is a %s (expected 3 values)",
-                           pickle_kind_name(view)), NULL;
-    if (take_size(m, &s->first, tuple_at(view, 1), "view's offset") ||
-        take_size(m, &s->count, tuple_at(view, 2), "view's size"))
-        return NULL;
-    return v;
-}
-
-/* (storage, offset, size, stride, ..) */
-static struct pickle_value *call_tensor(struct pickle_machine *m,
-                                        const struct pickle_value *args)
-{
-    const struct pickle_value *storage = tuple_at(args, 0);
-    struct pickle_value *v = make_array(m);
-    struct pickle_array *a = v ? v->u.array : NULL;
-    size_t stride[ARRAY_VIEW_DIMS], reach;
-    int n;
-
-    if (!v)
-        return NULL;
-    if (!is_kind(storage, PICKLE_STORAGE))
-        return pickle_fail(m, "tensor of a %s (expected a storage)",
-                           storage ? pickle_kind_name(storage) : "nothing"),
-               NULL;
-    a->view.ndim = take_sizes(m, a->view.dim, tuple_at(args, 2),
-                              "size of a tensor");
-    n = take_sizes(m, stride, tuple_at(args, 3), "stride of a tensor");
-    if (a->view.ndim < 0 || n < 0 ||
-        take_size(m, &a->first, tuple_at(args, 1), "offset of a tensor"))
-        return NULL;
-    if (n != a->view.ndim || !array_view_pack(&a->view, false))
-        return pickle_fail(m, "tensor of %d dimensions has %d strides, or is "
-                           "too large", a->view.ndim, n), NULL;
-    memcpy(a->view.stride, stride, (size_t)n * sizeof *stride);
-    reach = array_view_reach(&a->view);
-    if (reach > storage->u.storage->count ||
-        (reach && a->first > storage->u.storage->count - reach))
-        return pickle_fail(m, "tensor of %zu elements from %zu on, reaching "
-                           "%zu further, in a storage of %zu", a->view.count,
-                           a->first, reach, storage->u.storage->count), NULL;
-    a->first = reach ? a->first + storage->u.storage->first : 0;
-    a->storage = storage->u.storage;
-    a->view.dtype = a->storage->dtype;
-    a->known = a->filled = true;
-    return v;
-}
-
-/* (bytes): a storage alone in PyTorch's older form, pickled as a string.  The
- * number, the version and the machine are left unread. */
-static struct pickle_value *call_load(struct pickle_machine *m,
-                                      const struct pickle_value *args)
-{
-    const struct pickle_value *s = tuple_at(args, 0);
-    struct pickle_value *v = pickle_make(m, PICKLE_STORAGE);
-    struct pickle_storage *out = v ? pickle_alloc(m, sizeof *out) : NULL;
-    uint64_t count = 0;
-    size_t at = 0, used, size;
-
-    if (!out)
-        return NULL;
-    v->u.storage = out;
-    if (!is_kind(s, PICKLE_BYTES) || m->inner)
-        return pickle_fail(m, "of other than bytes, or inside of another"),
-               NULL;
-    if (read_again(m, s))
-        return NULL;
-    for (int i = 0; i < 5; i++) {
-        struct error why;
-        struct pickle *p = pickle_read_inner(s->u.s.p + at, s->u.s.n - at,
-                                             &used, &why);
-
-        if (!p)
-            return pickle_fail(m, "pickle %d, %s", i, why.text), NULL;
-        if (i == 3 && p->root->kind == PICKLE_STORAGE)
-            *out = *p->root->u.storage;
-        pickle_free(p);
-        at += used;
-    }
-    size = st_dtype_size(out->dtype);
-    if (s->u.s.n - at >= sizeof count)
-        memcpy(&count, s->u.s.p + at, sizeof count);
-    if (!out->key.n || s->u.s.n - at < sizeof count || out->first ||
-        count != out->count || count > (s->u.s.n - at - 8) / size)
-        return pickle_fail(m, "holds no storage of %zu elements", out->count),
-               NULL;
-    out->key = (struct pickle_text){"", 0};     /* was in that pickle */
-    out->data = s->u.s.p + at + 8;
-    return v;
-}
-
-/* (tensor, ..) */
-static struct pickle_value *call_parameter(struct pickle_machine *m,
-                                           const struct pickle_value *args)
-{
-    struct pickle_value *tensor = tuple_at(args, 0);
-
-    if (!is_kind(tensor, PICKLE_ARRAY) || !tensor->u.array->storage)
-        return pickle_fail(m, "parameter of a %s (expected a tensor)",
-                           tensor ? pickle_kind_name(tensor) : "nothing"),
-               NULL;
-    return tensor;
-}
-
-static struct pickle_value *call_size(struct pickle_machine *m,
-                                      const struct pickle_value *args)
-{
-    struct pickle_value *sizes = tuple_at(args, 0);
-
-    if (!is_kind(sizes, PICKLE_TUPLE) && !is_kind(sizes, PICKLE_LIST))
-        return pickle_fail(m, "Size of other than a tuple"), NULL;
-    return sizes;
 }
 
 /* ---- scipy and chumpy --------------------------------------------------- */
 
 /* An array of the state, through chumpy's wrapping; NULL when absent. */
-static const struct pickle_array *state_array(const struct pickle_value *state,
-                                              const char *key)
+static const struct pickle_array *pickle_state_array(
+    const struct pickle_value *state, const char *key)
 {
     const struct pickle_value *v = pickle_get(state, key);
 
-    if (is_kind(v, PICKLE_CHUMPY))
+    if (pickle_is_kind(v, PICKLE_CHUMPY))
         v = v->u.inner;
-    return is_kind(v, PICKLE_ARRAY) ? v->u.array : NULL;
+    return pickle_is_kind(v, PICKLE_ARRAY) ? v->u.array : NULL;
 }
 
-static int build_sparse(struct pickle_machine *m, struct pickle_value *object,
-                        const struct pickle_value *state)
+static int pickle_build_sparse(struct pickle_machine *m,
+                               struct pickle_value *object,
+                               const struct pickle_value *state)
 {
     struct pickle_sparse *s = object->u.sparse;
     size_t dim[ARRAY_VIEW_DIMS];
     int n;
 
-    n = take_sizes(m, dim, pickle_get(state, "_shape"),
-                   "_shape of a sparse matrix");
+    n = pickle_take_sizes(m, dim, pickle_get(state, "_shape"),
+                          "_shape of a sparse matrix");
     if (n < 0)
         return -1;
-    s->data = state_array(state, "data");
-    s->indices = state_array(state, "indices");
-    s->starts = state_array(state, "indptr");
+    s->data = pickle_state_array(state, "data");
+    s->indices = pickle_state_array(state, "indices");
+    s->starts = pickle_state_array(state, "indptr");
     if (n != 2 || !s->data || !s->indices || !s->starts)
         return pickle_fail(m, "sparse matrix of %d dimensions, or without "
                            "data, indices and indptr", n);
@@ -556,14 +416,15 @@ static int build_sparse(struct pickle_machine *m, struct pickle_value *object,
     return 0;
 }
 
-static int build_chumpy(struct pickle_machine *m, struct pickle_value *object,
-                        const struct pickle_value *state)
+static int pickle_build_chumpy(struct pickle_machine *m,
+                               struct pickle_value *object,
+                               const struct pickle_value *state)
 {
     struct pickle_value *x = pickle_get(state, "x");
 
-    if (is_kind(x, PICKLE_CHUMPY))
+    if (pickle_is_kind(x, PICKLE_CHUMPY))
         x = x->u.inner;
-    if (!is_kind(x, PICKLE_ARRAY))
+    if (!pickle_is_kind(x, PICKLE_ARRAY))
         return pickle_fail(m, "chumpy array whose x is %s (expected an "
                            "array)", x ? pickle_kind_name(x) : "missing");
     object->u.inner = x;
@@ -590,7 +451,7 @@ struct pickle_value *pickle_new(struct pickle_machine *m, int name)
         return v;
     default:
         pickle_fail(m, "%s is not a class to make things of",
-                    name_text(name));
+                    pickle_name_text(name));
         return NULL;
     }
 }
@@ -599,20 +460,20 @@ struct pickle_value *pickle_call(struct pickle_machine *m, int name,
                                  const struct pickle_value *args)
 {
     switch (name) {
-    case NAME_ORDERED_DICT: return call_dict(m, args);
-    case NAME_SET: return call_set(m, args);
-    case NAME_ENCODE: return call_encode(m, args);
-    case NAME_RECONSTRUCTOR: return call_reconstructor(m, args);
-    case NAME_DTYPE: return call_dtype(m, args);
-    case NAME_RECONSTRUCT: return make_array(m);
-    case NAME_SCALAR: return call_scalar(m, args);
-    case NAME_FROMBUFFER: return call_frombuffer(m, args);
-    case NAME_TENSOR: return call_tensor(m, args);
-    case NAME_LOAD: return call_load(m, args);
-    case NAME_PARAMETER: return call_parameter(m, args);
-    case NAME_SIZE: return call_size(m, args);
+    case NAME_ORDERED_DICT: return pickle_call_dict(m, args);
+    case NAME_SET: return pickle_call_set(m, args);
+    case NAME_ENCODE: return pickle_call_encode(m, args);
+    case NAME_RECONSTRUCTOR: return pickle_call_reconstructor(m, args);
+    case NAME_DTYPE: return pickle_call_dtype(m, args);
+    case NAME_RECONSTRUCT: return pickle_make_array(m);
+    case NAME_SCALAR: return pickle_call_scalar(m, args);
+    case NAME_FROMBUFFER: return pickle_call_frombuffer(m, args);
+    case NAME_TENSOR: return pickle_torch_tensor(m, args);
+    case NAME_LOAD: return pickle_torch_load(m, args);
+    case NAME_PARAMETER: return pickle_torch_parameter(m, args);
+    case NAME_SIZE: return pickle_torch_size(m, args);
     default:
-        pickle_fail(m, "%s is not a function to call", name_text(name));
+        pickle_fail(m, "%s is not a function to call", pickle_name_text(name));
         return NULL;
     }
 }
@@ -621,10 +482,10 @@ int pickle_build(struct pickle_machine *m, struct pickle_value *object,
                  const struct pickle_value *state)
 {
     switch (object->kind) {
-    case PICKLE_ARRAY: return build_array(m, object, state);
-    case PICKLE_DTYPE: return build_dtype(m, object, state);
-    case PICKLE_SPARSE: return build_sparse(m, object, state);
-    case PICKLE_CHUMPY: return build_chumpy(m, object, state);
+    case PICKLE_ARRAY: return pickle_build_array(m, object, state);
+    case PICKLE_DTYPE: return pickle_build_dtype(m, object, state);
+    case PICKLE_SPARSE: return pickle_build_sparse(m, object, state);
+    case PICKLE_CHUMPY: return pickle_build_chumpy(m, object, state);
     case PICKLE_DICT:                   /* attributes: not data */
         if (state->kind == PICKLE_DICT)
             return 0;

@@ -1,4 +1,5 @@
-/* What the opcodes (pickle.c) and the constructors (pickle_call.c) share. */
+/* What the opcodes (pickle.c, pickle_constant.c) and the constructors
+ * (pickle_call.c, pickle_torch.c) share. */
 #ifndef SPID_FORMATS_PICKLE_MACHINE_H
 #define SPID_FORMATS_PICKLE_MACHINE_H
 
@@ -103,9 +104,62 @@ struct pickle_value *pickle_new(struct pickle_machine *m, int name);
 /* Fill in an object from its state. */
 int pickle_build(struct pickle_machine *m, struct pickle_value *object,
                  const struct pickle_value *state);
-/* A storage from its persistent id. */
+/* A storage from its persistent id, the tuple
+ * ('storage', type, key, place, elements[, view of another]). */
 struct pickle_value *pickle_persistent(struct pickle_machine *m,
                                        const struct pickle_value *id);
+
+/* ---- arguments of a constructor ------------------------------------------ */
+
+/* Item i of a tuple; NULL when it has fewer. */
+struct pickle_value *pickle_item(const struct pickle_value *t, size_t i);
+/* Of that kind; v may be NULL, which is of none. */
+bool pickle_is_kind(const struct pickle_value *v, enum pickle_kind kind);
+/* A whole number that is not negative; `what` it is, for the message. */
+int pickle_take_size(struct pickle_machine *m, size_t *out,
+                     const struct pickle_value *v, const char *what);
+/* A tuple of at most 8 sizes, or a bare one; returns how many, or -1. */
+int pickle_take_sizes(struct pickle_machine *m, size_t out[ARRAY_VIEW_DIMS],
+                      const struct pickle_value *v, const char *what);
+/* A string is read once more; all such may be as long as the pickle. */
+int pickle_read_again(struct pickle_machine *m, const struct pickle_value *s);
+/* A new, empty array. */
+struct pickle_value *pickle_make_array(struct pickle_machine *m);
+
+/* ---- PyTorch's constructors (pickle_torch.c) ------------------------------ */
+
+struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
+                                         const struct pickle_value *args);
+struct pickle_value *pickle_torch_load(struct pickle_machine *m,
+                                       const struct pickle_value *args);
+struct pickle_value *pickle_torch_parameter(struct pickle_machine *m,
+                                            const struct pickle_value *args);
+struct pickle_value *pickle_torch_size(struct pickle_machine *m,
+                                       const struct pickle_value *args);
+
+/* ---- opcodes of constants (pickle_constant.c) ----------------------------- */
+
+/* Each pushes a value of `kind`; n is the bytes of the number, or of the
+ * length of the string, behind the opcode. */
+
+/* None, True and False: kind and value. */
+int pickle_op_constant(struct pickle_machine *m, int kind, size_t value);
+/* A decimal line, with or without the L of Python 2. */
+int pickle_op_int_line(struct pickle_machine *m, int kind, size_t n);
+/* A number of n bytes; only four have a sign. */
+int pickle_op_int(struct pickle_machine *m, int kind, size_t n);
+/* Two's complement, lowest byte first, behind a length of n bytes. */
+int pickle_op_long(struct pickle_machine *m, int kind, size_t n);
+/* A line of text, as strtod reads it. */
+int pickle_op_float_line(struct pickle_machine *m, int kind, size_t n);
+/* Eight bytes, highest first. */
+int pickle_op_float(struct pickle_machine *m, int kind, size_t n);
+/* A string behind its length of n bytes. */
+int pickle_op_string(struct pickle_machine *m, int kind, size_t n);
+/* Latin1, and other characters as \uXXXX or \UXXXXXXXX. */
+int pickle_op_text_line(struct pickle_machine *m, int kind, size_t n);
+/* A literal of Python 2, in quotes. */
+int pickle_op_string_line(struct pickle_machine *m, int kind, size_t n);
 
 #ifdef __cplusplus
 }

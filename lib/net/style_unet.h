@@ -47,6 +47,8 @@ struct style_unet {
 int style_unet_init(struct style_unet *s, struct params *ps,
                     const char *prefix, size_t channels, size_t in_size,
                     size_t out_size, float multiplier, struct error *err);
+/* Channels of the encoder at a side; the decoder has twice as many. */
+size_t style_unet_width(const struct style_unet *s, size_t side);
 /* For `batch` feature images of in_size. */
 int style_unet_plan(struct style_unet *s, size_t batch, struct nn_options opt,
                     struct error *err);
