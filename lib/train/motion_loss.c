@@ -10,10 +10,11 @@
 
 #include "lib/geom/camera.h"
 #include "lib/net/motion_code.h"
+#include "lib/train/expression_features.h"
 
 const char *const motion_term_name[TERM_COUNT] = {
     "vertex", "rotation", "translation", "eye",
-    "landmark", "exp", "jaw", "lid", "mesh"};
+    "landmark", "exp", "jaw", "lid", "mesh", "feature"};
 
 void motion_decode(struct motion_state *s, const float *out,
                    const struct data_frame *f, struct square q,
@@ -135,6 +136,33 @@ static double motion_loss_mesh(float *dverts, float dcam[12],
     return weight * mean;
 }
 
+/* What lips, lids and brows do, against the truly posed head (l->truth). */
+static double motion_loss_features(float *dverts, const struct motion_state *s,
+                                   const struct motion_weights *w,
+                                   double scale, const struct motion_loss *l)
+{
+    enum { N = EXPRESSION_FEATURES };
+    const struct head *h = l->id->head;
+    const float unit = 1000 / h->scale;         /* millimetres */
+    float x[68 * 3], dx[68 * 3] = {0}, f[N], truth[N], df[N] = {0};
+    double sum;
+
+    head_landmarks(x, h, l->truth);
+    expression_features(truth, x);
+    head_landmarks(x, h, s->verts);
+    expression_features(f, x);
+    for (int k = 0; k < N; k++) {
+        f[k] *= unit;
+        truth[k] *= unit;
+    }
+    sum = motion_loss_l1(df, f, truth, N, w->term[TERM_FEATURE], scale);
+    for (int k = 0; k < N; k++)
+        df[k] *= unit;
+    expression_features_backward(dx, df, x);
+    head_landmarks_backward(dverts, dx, h);
+    return sum;
+}
+
 double motion_loss(float *dout, double *parts, struct motion_state *s,
                    const float *out, const struct data_frame *f,
                    struct square q, const struct motion_weights *w,
@@ -168,6 +196,9 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     if (w->term[TERM_MESH] > 0)
         parts[TERM_MESH] +=
             motion_loss_mesh(l->dverts, dcam, s, f, w, scale, l);
+    if (h->has_landmarks && w->term[TERM_FEATURE] > 0)
+        parts[TERM_FEATURE] +=
+            motion_loss_features(l->dverts, s, w, scale, l);
     motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
 
     data_net_translation(t, f, q);

@@ -24,6 +24,8 @@ enum motion_term {
     TERM_LID,           /* mean |e_lid - e_lid*| */
     TERM_MESH,          /* all vertices, posed as they are and as they should
                          * be: mean distance in the picture, as landmarks */
+    TERM_FEATURE,       /* mean |f - f*| of what an expression shows, see
+                         * expression_features.h, millimetres */
     TERM_COUNT
 };
 
