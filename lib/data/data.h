@@ -30,6 +30,8 @@ struct data_frame {
     float lmk[68][2];       /* true landmarks, pixels */
     struct square crop;     /* the face crop they ask for, pixels */
     size_t size, x0, y0, width, height;
+    double turn;            /* radians about the picture's middle, clockwise,
+                             * by which rgba is to be turned; see data_turn */
     uint8_t *rgba;          /* (height,width,4): colours and the mask */
     uint8_t *alone;         /* (height,width,3) the person over black without
                              * noise, if whole pictures are kept and the
@@ -110,7 +112,14 @@ struct data_augment {
     float jitter;       /* of the crop's place and size */
     float colour;       /* gain, gamma, saturation, noise, blur */
     float background;   /* share of pictures with another background */
+    float roll;         /* spread of turns in the picture's plane, degrees */
 };
+
+/* f as a camera turned by `angle` (radians, clockwise) about its axis would
+ * have it: truth, landmarks and crop; the pixels stay f's and are turned when
+ * they are sampled.  Exact, for the axis goes through the picture's middle. */
+void data_turn(struct data_frame *out, const struct data_frame *f,
+               double angle);
 
 /* rgb (n,n,3) in [0,1] = the square q of the frame (black outside), changed
  * by r and how.  how NULL: as it is, over its own background. */

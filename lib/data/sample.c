@@ -162,6 +162,46 @@ static void sample_plain(float4 *out, size_t n, const struct data_frame *f,
     }
 }
 
+/* Two rows' pixels of a frame, weighed; the border goes on beyond it. */
+static float4 sample_point(const struct data_frame *f, double x, double y)
+{
+    const long w = (long)f->width - 1, h = (long)f->height - 1;
+    const double px = x - 0.5 - (double)f->x0, py = y - 0.5 - (double)f->y0;
+    const double left = floor(px), top = floor(py);
+    const float u = (float)(px - left), v = (float)(py - top);
+    float4 row[2];
+
+    for (long i = 0; i < 2; i++) {
+        long at = (long)top + i;
+        long a = (long)left, b = a + 1;
+
+        at = at < 0 ? 0 : at > h ? h : at;
+        a = a < 0 ? 0 : a > w ? w : a;
+        b = b < 0 ? 0 : b > w ? w : b;
+        const uint8_t *p = f->rgba + 4 * (size_t)at * f->width;
+        row[i] = sample_pixel(p, a) * (1 - u) + sample_pixel(p, b) * u;
+    }
+    return row[0] * (1 - v) + row[1] * v;
+}
+
+/* sample_plain of a turned frame. */
+static void sample_turned(float4 *out, size_t n, const struct data_frame *f,
+                          struct square q)
+{
+    const double c = cos(f->turn), s = sin(f->turn);
+    const double middle = 0.5 * (double)f->size, step = q.size / (double)n;
+
+    for (size_t y = 0; y < n; y++)
+        for (size_t x = 0; x < n; x++) {
+            double px = q.x - middle + step * ((double)x + 0.5) - q.size / 2;
+            double py = q.y - middle + step * ((double)y + 0.5) - q.size / 2;
+
+            out[y * n + x] = (1.0f / 255) *
+                sample_point(f, middle + c * px + s * py,
+                             middle - s * px + c * py);
+        }
+}
+
 /* Behind the mask. */
 static void sample_replace_background(float4 *rgba, size_t n, struct random *r)
 {
@@ -251,7 +291,10 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
         error_set(err, EX_OSERR, "out of memory (crop of %zu)", n);
         goto out;
     }
-    sample_plain(rgba, n, f, q, tx, tx + n, rgba + n * n);
+    if (f->turn != 0)
+        sample_turned(rgba, n, f, q);
+    else
+        sample_plain(rgba, n, f, q, tx, tx + n, rgba + n * n);
     if (how && random_uniform(r) < how->background)
         sample_replace_background(rgba, n, r);
     if (how && how->colour > 0) {

@@ -19,6 +19,30 @@ void data_truth(struct head_motion *m, float cam[12],
     camera_make(cam, f->motion.rot, f->motion.trans);
 }
 
+void data_turn(struct data_frame *out, const struct data_frame *f,
+               double angle)
+{
+    const float c = (float)cos(angle), s = (float)sin(angle);
+    const float middle = 0.5f * (float)f->size;
+
+    *out = *f;
+    out->turn = f->turn + angle;
+    for (int i = 0; i < 3; i++) {
+        out->motion.rot[i] = c * f->motion.rot[i] - s * f->motion.rot[3 + i];
+        out->motion.rot[3 + i] = s * f->motion.rot[i] +
+                                 c * f->motion.rot[3 + i];
+    }
+    out->motion.trans[0] = c * f->motion.trans[0] - s * f->motion.trans[1];
+    out->motion.trans[1] = s * f->motion.trans[0] + c * f->motion.trans[1];
+    for (int i = 0; i < 68; i++) {
+        float x = f->lmk[i][0] - middle, y = f->lmk[i][1] - middle;
+
+        out->lmk[i][0] = middle + c * x - s * y;
+        out->lmk[i][1] = middle + s * x + c * y;
+    }
+    out->crop = crop_from_landmarks(&out->lmk[0][0], 68);
+}
+
 /* lo to hi, in pixels, inside a picture of `image` pixels a side. */
 static struct box data_clip(const double lo[2], const double hi[2],
                             size_t image)

@@ -43,6 +43,7 @@ static const struct key keys[] = {
     {"augment.jitter", KIND_FLOAT, AT(augment.jitter), 0, 4, 1},
     {"augment.colour", KIND_FLOAT, AT(augment.colour), 0, 2, 1},
     {"augment.background", KIND_FLOAT, AT(augment.background), 0, 1, 0.5},
+    {"augment.roll", KIND_FLOAT, AT(augment.roll), 0, 90, 0},
     {"loss.vertex", KIND_FLOAT, TERM(TERM_VERTEX), 0, 1e6, 100},
     {"loss.rotation", KIND_FLOAT, TERM(TERM_ROTATION), 0, 1e6, 10},
     {"loss.translation", KIND_FLOAT, TERM(TERM_TRANSLATION), 0, 1e6, 5},

@@ -2,6 +2,7 @@
  * that it is the same on whichever process it falls. */
 #include "lib/train/encoder_task.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -46,6 +47,11 @@ int encoder_task_draw(struct encoder_task *e, const struct task *t,
 
         data_random(&k->r, (uint64_t)c->seed, step, micro * e->batch + i);
         k->frame = data_pool_draw(t->pool, &k->who, &k->r);
+        if (c->augment.roll > 0) {
+            data_turn(&k->turned, k->frame, M_PI / 180 * random_normal(&k->r)
+                                            * (double)c->augment.roll);
+            k->frame = &k->turned;
+        }
         k->q = data_jitter(k->frame, c->augment.jitter, &k->r);
         if (data_sample(e->rgb + i * CROP, CROP_NET, k->frame, k->q,
                         &c->augment, &k->r, err))

@@ -14,7 +14,8 @@
 /* One crop of a pass. */
 struct encoder_item {
     const struct data_person *who;
-    const struct data_frame *frame;
+    const struct data_frame *frame;     /* the stream's, or */
+    struct data_frame turned;           /* turned in its plane */
     struct square q;            /* the part of the frame that was cut */
     struct random r;            /* behind what the crop drew */
 };
