@@ -13,7 +13,8 @@
 
 static long size = 384, rounds = 5;
 static const char *head_path, *assets_path, *base_path, *except_name;
-static const char *agreement_path;
+static const char *agreement_path, *motions_path;
+static long acts = 20;
 static const char *same[MAX_SAME][2];
 static size_t nsame;
 
@@ -54,6 +55,10 @@ static const struct cli_option options[] = {
                "side of the pictures (default 384)"),
     OPTION_INT("rounds", 0, &rounds, 1, 100, "N",
                "rounds of the fit (default 5)"),
+    OPTION_STRING("motions", 0, &motions_path, "FILE",
+                  "also avatars of the people, acting as this stream's do"),
+    OPTION_INT("acts", 0, &acts, 1, 100000, "N",
+               "pictures of each avatar (default 20)"),
     OPTION_STRING("agreement", 0, &agreement_path, "FILE",
                   "write how the fit follows the labels, by clip"),
     OPTION_HEAD(&head_path),
@@ -62,7 +67,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
-    "[--size PIXELS] [--rounds N] [--agreement FILE] [--head FILE] "
+    "[--size PIXELS] [--rounds N] [--motions FILE] [--acts N] "
+    "[--agreement FILE] [--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
     "make training data of labelled pictures", options
 };
@@ -131,16 +137,37 @@ static void write_agreement(const struct face_fit *f)
         die(EX_IOERR, "%s: cannot write", agreement_path);
 }
 
+/* Avatars by the model, at work for r. */
+static void open_reenact(struct reenact *reenact, struct fit_records *r)
+{
+    struct error err = {0};
+    char model[4096], head[4096];
+
+    if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
+        (!head_path &&
+         cli_find_model("head.safetensors", head, sizeof head, &err)) ||
+        reenact_open(reenact, model, head_path ? head_path : head,
+                     motions_path, (size_t)size, 1, &err)) {
+        fit_records_close(r, false, &err);
+        die_error(&err);
+    }
+    r->reenact = reenact;
+    r->acts = (size_t)acts;
+}
+
 /* Everybody's records. */
 static void write_stream(const struct head *head, const struct face_fit *f)
 {
     struct error err = {0};
     struct fit_records r;
+    struct reenact reenact;
     int rc = 0;
 
     if (fit_records_open(&r, cli.output, head, f, base_path, (size_t)size,
                          &err))
         die_error(&err);
+    if (motions_path)
+        open_reenact(&reenact, &r);
     for (size_t k = 0; k < f->count; k++) {
         double begun = stats_begin();
 
@@ -152,6 +179,8 @@ static void write_stream(const struct head *head, const struct face_fit *f)
     progress_end();
     if (fit_records_close(&r, rc == 0, &err))
         die_error(&err);
+    if (motions_path)
+        reenact_release(&reenact);
 }
 
 int main(int argc, char **argv)

@@ -122,22 +122,15 @@ static int prepare_bake(struct prepared *s, struct prepare *p,
     return rc;
 }
 
-int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, struct error *err)
+int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
 {
     double begun = cpu_seconds();
 
-    memset(s, 0, sizeof *s);
-    if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
-                                : prepare_read_picture(s, p, path, mask, err))
-        goto fail;
     /* a copied motion points at the numbers it was copied from */
     s->person.source.pose.exp = s->person.source.exp;
-    if (person_fold(&s->id, &p->head, &s->person, err)) {
-        error_prefix(err, "%s", path);
+    if (person_fold(&s->id, &p->head, &s->person, err))
         goto fail;
-    }
-    s->shape_s = cpu_seconds() - begun;
+    s->shape_s += cpu_seconds() - begun;
     begun = cpu_seconds();
     if (s->baked.N == 0 && prepare_bake(s, p, err))
         goto fail;
@@ -150,6 +143,22 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
 fail:
     prepared_release(s);
     return -1;
+}
+
+int prepare_source(struct prepared *s, struct prepare *p, const char *path,
+                   const char *mask, struct error *err)
+{
+    double begun = cpu_seconds();
+
+    memset(s, 0, sizeof *s);
+    if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
+                                : prepare_read_picture(s, p, path, mask,
+                                                       err)) {
+        prepared_release(s);
+        return -1;
+    }
+    s->shape_s = cpu_seconds() - begun;
+    return prepare_person(s, p, err) ? error_prefix(err, "%s", path) : 0;
 }
 
 void prepared_release(struct prepared *s)

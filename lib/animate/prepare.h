@@ -53,6 +53,9 @@ void prepare_release(struct prepare *p);
  * told by its magic). */
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, struct error *err);
+/* From s->person, whose parts were set and all else is 0: folded, baked and,
+ * unless no_photo, textured.  On an error s is released. */
+int prepare_person(struct prepared *s, struct prepare *p, struct error *err);
 void prepared_release(struct prepared *s);
 
 /* Whether the file is a record stream: its first four letters say. */

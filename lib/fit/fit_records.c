@@ -10,6 +10,7 @@
 
 #define FIT_RATE 25.0           /* frames a second, of what has no times */
 #define FIT_BETA 300
+#define FIT_SOURCES 4         /* frames of a person that act */
 
 /* CONF: camera, units, which head. */
 static int fit_records_conf(const struct fit_records *r, struct error *err)
@@ -61,21 +62,28 @@ int fit_records_close(struct fit_records *r, bool whole, struct error *err)
     return rc;
 }
 
-/* SHAP of a person whose first frame is k. */
-static int fit_records_person(struct fit_records *r, size_t who, size_t k,
+static void fit_records_shape(float beta[FIT_BETA], const struct fit_person *p)
+{
+    memset(beta, 0, FIT_BETA * sizeof *beta);
+    for (int i = 0; i < FACE_SHAPES; i++)
+        beta[i] = (float)p->beta[i];
+}
+
+/* SHAP of a person. */
+static int fit_records_person(struct fit_records *r, size_t who,
                               struct error *err)
 {
     const struct fit_person *p = &r->fit->person[who];
-    float beta[FIT_BETA] = {0};
+    float beta[FIT_BETA];
     int32_t person = (int32_t)who;
     struct shape s = {.beta = beta, .n = FIT_BETA, .person = &person};
 
-    for (int i = 0; i < FACE_SHAPES; i++)
-        beta[i] = (float)p->beta[i];
+    fit_records_shape(beta, p);
     identity_release(&r->id);
     if (head_fold(&r->id, r->head, beta, FACE_SHAPES, err))
         return -1;
-    return shape_write(r->out, k, (double)k / FIT_RATE, &s, err);
+    return shape_write(r->out, r->written, (double)r->written / FIT_RATE, &s,
+                       err);
 }
 
 /* The label's picture into r->frame. */
@@ -118,30 +126,72 @@ static void fit_records_landmarks(float *lmk, const struct fit_records *r,
     m->crop[2] = (float)q.size;
 }
 
-int fit_records_write(struct fit_records *r, size_t k, struct error *err)
+/* MOTN and IMAG of motion m, whose picture rgb and mask show. */
+static int fit_records_frame(struct fit_records *r, struct motion *m,
+                             uint8_t *rgb, uint8_t *mask, struct error *err)
 {
-    const struct fit_frame *f = &r->fit->frame[k];
-    const size_t n = r->size, who = f->label->person;
-    const double time = (double)k / FIT_RATE;
-    struct motion m;
+    const size_t n = r->size;
+    const double time = (double)r->written / FIT_RATE;
     float lmk[2 * HEAD_LANDMARKS] = {0};
     struct array l = array_make("lmk", DTYPE_F32, lmk, 2, HEAD_LANDMARKS, 2,
                                 0, 0);
     struct array image[2] = {
-        array_make("rgb", DTYPE_U8, r->portrait.rgb, 3, n, n, 3, 0),
-        array_make("mask", DTYPE_U8, r->portrait.mask, 2, n, n, 0, 0)
+        array_make("rgb", DTYPE_U8, rgb, 3, n, n, 3, 0),
+        array_make("mask", DTYPE_U8, mask, 2, n, n, 0, 0)
     };
 
-    if (k == r->fit->person[who].first &&
-        fit_records_person(r, who, k, err))
+    m->pose.exp = m->exp;
+    fit_records_landmarks(lmk, r, m);
+    if (motion_write(r->out, r->written, time, m, r->head->nexp, &l, 1, err) ||
+        stream_write(r->out, "IMAG", r->written, time, image, 2, err))
+        return -1;
+    r->written++;
+    return 0;
+}
+
+/* The portrait that was cut last, of person p doing m, acts.  An avatar's
+ * pictures keep their background: all of them is mask. */
+static int fit_records_act(struct fit_records *r, const struct fit_person *p,
+                           const struct motion *m, struct error *err)
+{
+    float beta[FIT_BETA];
+    struct motion act;
+
+    fit_records_shape(beta, p);
+    if (reenact_person(r->reenact, &r->portrait, beta, FIT_BETA, m, err))
+        return -1;
+    memset(r->portrait.mask, 255, r->size * r->size);
+    for (size_t i = 0; i < r->acts; i++)
+        if (reenact_draw(r->reenact, &act, err) ||
+            fit_records_frame(r, &act, r->reenact->rgb, r->portrait.mask, err))
+            return -1;
+    return 0;
+}
+
+/* Whether the k-th of a person's n frames is one that acts. */
+static bool fit_records_acts(size_t k, size_t n)
+{
+    size_t every = (n + FIT_SOURCES - 1) / FIT_SOURCES;
+
+    return k % every == 0;
+}
+
+int fit_records_write(struct fit_records *r, size_t k, struct error *err)
+{
+    const struct fit_frame *f = &r->fit->frame[k];
+    const size_t who = f->label->person;
+    const struct fit_person *p = &r->fit->person[who];
+    struct motion m;
+
+    if (k == p->first && fit_records_person(r, who, err))
         return -1;
     face_fit_motion(&m, r->fit, k);
     m.pose.exp = m.exp;
-    fit_records_landmarks(lmk, r, &m);
     if (fit_records_picture(r, f->label, err) ||
         portrait_cut(&r->portrait, r->frame.rgb, r->frame.width,
-                     r->frame.height, f->window, &r->id, &m, err))
+                     r->frame.height, f->window, &r->id, &m, err) ||
+        fit_records_frame(r, &m, r->portrait.rgb, r->portrait.mask, err))
         return -1;
-    return motion_write(r->out, k, time, &m, r->head->nexp, &l, 1, err) ||
-           stream_write(r->out, "IMAG", k, time, image, 2, err) ? -1 : 0;
+    return r->reenact && fit_records_acts(k - p->first, p->count)
+               ? fit_records_act(r, p, &m, err) : 0;
 }

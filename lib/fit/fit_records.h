@@ -10,6 +10,7 @@
 #include "lib/base/error.h"
 #include "lib/fit/face_fit.h"
 #include "lib/fit/portrait.h"
+#include "lib/fit/reenact.h"
 #include "lib/stream/stream.h"
 
 struct fit_records {
@@ -24,6 +25,9 @@ struct fit_records {
     struct framesource *in;         /* the clip being read, */
     const char *file;               /* called so */
     struct frame frame;
+    uint64_t written;               /* frames so far */
+    struct reenact *reenact;        /* borrowed, set by the caller, or NULL */
+    size_t acts;                    /* pictures of each photograph by it */
 };
 
 /* Create the stream and write CONF. */
@@ -31,7 +35,8 @@ int fit_records_open(struct fit_records *r, const char *path,
                      const struct head *head, const struct face_fit *fit,
                      const char *base, size_t size, struct error *err);
 /* Frame k, in order: SHAP where a person begins; MOTN with the landmarks of
- * our head and the face crop; IMAG with rgb and mask. */
+ * our head and the face crop; IMAG with rgb and mask.  Up to four frames of a
+ * person are followed by r->acts pictures of them as avatars. */
 int fit_records_write(struct fit_records *r, size_t k, struct error *err);
 /* Finish the stream, or give it up unless `whole`; -1 then, and *err is left
  * as it was. */

@@ -15,8 +15,9 @@ int portrait_init(struct portrait *p, size_t size, struct error *err)
     *p = (struct portrait){.size = size};
     p->rgb = malloc(3 * n);
     p->mask = malloc(n);
-    p->scratch = malloc(5 * n);
-    if (p->rgb && p->mask && p->scratch)
+    p->back = malloc(3 * n);
+    p->scratch = malloc(2 * n);
+    if (p->rgb && p->mask && p->back && p->scratch)
         return 0;
     portrait_release(p);
     return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
@@ -27,6 +28,7 @@ void portrait_release(struct portrait *p)
 {
     free(p->rgb);
     free(p->mask);
+    free(p->back);
     free(p->scratch);
     memset(p, 0, sizeof *p);
 }
@@ -56,13 +58,12 @@ int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  const struct motion *m, struct error *err)
 {
     const size_t n = p->size * p->size;
-    uint8_t *back = p->scratch, *silhouette = back + 3 * n;
-    uint8_t *inside = silhouette + n;
+    uint8_t *silhouette = p->scratch, *inside = silhouette + n;
 
     if (crop_resize_u8(p->rgb, p->size, rgb, W, H, 3 * W, 3, window))
         return error_set(err, EX_OSERR, "out of memory (window)");
     square_inside(inside, p->size, W, H, window);
     if (portrait_mask(p, silhouette, inside, id, m, err))
         return -1;
-    return layers_split(p->mask, back, p->rgb, inside, p->size, err);
+    return layers_split(p->mask, p->back, p->rgb, inside, p->size, err);
 }

@@ -15,13 +15,14 @@ struct portrait {
     size_t size;                /* pixels a side */
     uint8_t *rgb;               /* (size,size,3) */
     uint8_t *mask;              /* (size,size) 255 person, soft at the rim */
-    uint8_t *scratch;           /* background, silhouette, inside */
+    uint8_t *back;              /* (size,size,3) what the person hides */
+    uint8_t *scratch;           /* silhouette, inside */
 };
 
 int portrait_init(struct portrait *p, size_t size, struct error *err);
 void portrait_release(struct portrait *p);
 
-/* Fill rgb and mask from the window of a picture rgb (H,W,3).  The mask is
+/* Fill rgb, mask and back from the window of a picture rgb (H,W,3).  The mask is
  * GrabCut's about the head that m poses id into, softened by the colours, and
  * 0 beyond the picture's border, where rgb goes on as background. */
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,

@@ -34,6 +34,26 @@ has_labels() {
     [ "$(spid-dump --json --only SHAP one.spid | wc -l)" -eq 1 ]
 }
 
+@test "photographs act as avatars, with their truth" {
+    has_labels
+    spid-synth -q -n 2 --frames 3 --size 64 --without mesh -o moves.spid \
+        --head "$TOP/examples/model/head.safetensors"
+    acts() {
+        fit --size 128 --motions moves.spid --acts 2 "$@" \
+            -m "$TOP/examples/model/model.safetensors"
+    }
+    acts -j 1 -o one.spid
+    acts -j 3 -o three.spid
+    cmp one.spid three.spid
+    spid-dump --check one.spid
+    [ "$(spid-dump --json --only SHAP one.spid | wc -l)" -eq 2 ]
+    [ "$(spid-dump --json --only IMAG one.spid | wc -l)" -eq 24 ]
+    [ "$(spid-dump --json --only MOTN one.spid | grep -c lmk)" -eq 24 ]
+    status 65 acts --motions "$TOP/examples/model/head.safetensors" -o x.spid
+    has head.safetensors
+    [ ! -e x.spid ]
+}
+
 @test "a picture that is missing is named, and nothing is left" {
     has_labels
     run fit --base . -o x.spid

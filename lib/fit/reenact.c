@@ -1,0 +1,212 @@
+#include "lib/fit/reenact.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/rotation.h"
+
+/* How far the avatar is taken from its photograph: what it shows beyond is
+ * less and less a picture of a person. */
+#define REENACT_TURN_LEAST 0.2      /* shares of the turn of who acts, */
+#define REENACT_TURN_MOST 0.5
+#define REENACT_OWN_LEAST 0.3       /* and at least so much of one's own */
+#define REENACT_ROLL 0.15           /* spread, radians */
+#define REENACT_SHIFT 0.06          /* spread, head units */
+#define REENACT_DISTANCE 0.06       /* spread of its logarithm */
+#define REENACT_WHOLE 0.7           /* share of faces taken as they are */
+
+static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
+
+/* ---- opening ------------------------------------------------------------ */
+
+static int reenact_add(struct reenact *r, const struct record *rec,
+                       struct error *err)
+{
+    if ((r->acts & (r->acts - 1)) == 0) {
+        size_t room = r->acts ? 2 * r->acts : 1;
+        struct motion *grown = realloc(r->act, room * sizeof *grown);
+
+        if (!grown)
+            return error_set(err, EX_OSERR, "no memory for %zu motions",
+                             room);
+        r->act = grown;
+    }
+    if (motion_read(&r->act[r->acts], rec, r->models.head.nexp, err))
+        return -1;
+    r->acts++;
+    return 0;
+}
+
+static int reenact_read(struct reenact *r, const char *path,
+                        struct error *err)
+{
+    struct record rec;
+    struct stream_reader *in = stream_open(path, NULL, err);
+    int rc;
+
+    if (!in)
+        return -1;
+    while ((rc = stream_read(in, &rec, err)) > 0)
+        if (record_is(&rec, "MOTN") && (rc = reenact_add(r, &rec, err)))
+            break;
+    stream_close(in);
+    if (rc == 0 && !r->acts)
+        error_set(err, EX_DATAERR, "no motions (expected MOTN records)");
+    return rc || !r->acts ? error_prefix(err, "%s", path) : 0;
+}
+
+int reenact_open(struct reenact *r, const char *model, const char *head,
+                 const char *motions, size_t size, uint64_t seed,
+                 struct error *err)
+{
+    *r = (struct reenact){.size = size};
+    random_init(&r->random, seed, "reenact");
+    r->models.prune = -1;
+    r->rgb = malloc(3 * size * size);
+    if (!r->rgb)
+        return error_set(err, EX_OSERR, "no memory for a picture");
+    if (prepare_open(&r->models, model, head, err) == 0 &&
+        reenact_read(r, motions, err) == 0)
+        return 0;
+    reenact_release(r);
+    return -1;
+}
+
+void reenact_release(struct reenact *r)
+{
+    animate_release(&r->animate);
+    prepared_release(&r->person);
+    prepare_release(&r->models);
+    free(r->act);
+    free(r->rgb);
+    memset(r, 0, sizeof *r);
+}
+
+/* ---- a person ----------------------------------------------------------- */
+
+/* The portrait as a person's picture, at least as large as the model's. */
+static int reenact_picture(struct reenact *r, const struct portrait *portrait,
+                           struct error *err)
+{
+    const struct person own = {
+        .size = portrait->size, .rgb = portrait->rgb,
+        .matte = portrait->mask, .back = portrait->back
+    };
+    size_t least = r->models.model.config.size;
+
+    return person_resize(&r->person.person, &own,
+                         own.size < least ? least : own.size, err);
+}
+
+int reenact_person(struct reenact *r, const struct portrait *portrait,
+                   const float *beta, size_t n, const struct motion *m,
+                   struct error *err)
+{
+    struct person *p = &r->person.person;
+    struct animate_options opt = {
+        .size = r->size, .picture = r->size, .model = &r->models.model,
+        .workers = 1, .rules = SPLAT_GSPLAT, .precision = NN_FAST,
+        .closed = BAKED_CLOSED
+    };
+
+    animate_release(&r->animate);
+    prepared_release(&r->person);
+    r->back = portrait->back;
+    if (reenact_picture(r, portrait, err))
+        return -1;
+    p->crop[0] = p->crop[1] = 0.5f * (float)r->size;
+    p->crop[2] = (float)r->size;
+    p->source = *m;
+    p->has_source = true;
+    p->nshape = n;
+    p->shape = malloc(n * sizeof *beta);
+    if (!p->shape)
+        return error_set(err, EX_OSERR, "no memory for a person");
+    memcpy(p->shape, beta, n * sizeof *beta);
+    if (prepare_person(&r->person, &r->models, err))
+        return -1;
+    opt.texture = r->person.texture.levels ? &r->person.texture : NULL;
+    return animate_init(&r->animate, &opt, &r->person.id, &r->person.baked,
+                        &r->models.dense, err);
+}
+
+/* ---- a picture ---------------------------------------------------------- */
+
+/* R = exp(share log(R)) */
+static void reenact_part(float R[9], double share)
+{
+    float turn[3];
+
+    rotation_log(turn, R);
+    for (int i = 0; i < 3; i++)
+        turn[i] *= (float)share;
+    rotation_exp(R, turn);
+}
+
+/* The camera: part of what one turned from the front at the photograph, part
+ * of what another's head does, and a roll. */
+static void reenact_camera(struct motion *m, const struct motion *own,
+                           const struct motion *act, struct random *random)
+{
+    const float roll[3] = {
+        0, 0, (float)(REENACT_ROLL * random_normal(random))
+    };
+    float mine[9], theirs[9], rolled[9], both[9];
+
+    mat3_mul(mine, own->R, reenact_front);      /* the front is symmetric */
+    mat3_mul(theirs, act->R, reenact_front);
+    reenact_part(theirs, random_range(random, REENACT_TURN_LEAST,
+                                      REENACT_TURN_MOST));
+    reenact_part(mine, random_range(random, REENACT_OWN_LEAST, 1));
+    rotation_exp(rolled, roll);
+    mat3_mul(both, rolled, theirs);
+    mat3_mul(theirs, mine, both);
+    mat3_mul(m->R, theirs, reenact_front);
+    for (int i = 0; i < 2; i++)
+        m->t[i] = own->t[i] + (float)(REENACT_SHIFT * random_normal(random));
+    m->t[2] = own->t[2] * (float)exp(REENACT_DISTANCE *
+                                     random_normal(random));
+}
+
+static void reenact_motion(struct motion *m, struct reenact *r)
+{
+    struct random *random = &r->random;
+    const struct motion *own = &r->person.person.source;
+    const struct motion *turn = &r->act[random_below(random,
+                                                     (uint32_t)r->acts)];
+    const struct motion *face = &r->act[random_below(random,
+                                                     (uint32_t)r->acts)];
+    float share = random_chance(random, REENACT_WHOLE)
+                      ? 1 : (float)random_uniform(random);
+
+    *m = *face;
+    m->pose.exp = m->exp;
+    memcpy(m->crop, own->crop, sizeof m->crop);
+    for (size_t k = 0; k < r->models.head.nexp; k++)
+        m->exp[k] += (1 - share) * (own->exp[k] - face->exp[k]);
+    for (int i = 0; i < 3; i++)
+        m->pose.jaw[i] += (1 - share) *
+                          (own->pose.jaw[i] - face->pose.jaw[i]);
+    reenact_camera(m, own, turn, random);
+}
+
+int reenact_draw(struct reenact *r, struct motion *m, struct error *err)
+{
+    struct animate_worker *w = r->animate.worker;
+    struct animate_times times = {0};
+    struct animate_picture p;
+
+    reenact_motion(m, r);
+    if (animate_draw(w, &times, m, err))
+        return -1;
+    p = animate_picture(w);
+    for (size_t i = 0; i < 3 * r->size * r->size; i++) {
+        float behind = (1 - p.alpha[i / 3]) * (float)r->back[i];
+        float level = 255 * p.color[i] + behind;
+
+        r->rgb[i] = (uint8_t)(fminf(fmaxf(level, 0), 255) + 0.5f);
+    }
+    return 0;
+}
