@@ -3,9 +3,10 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/resource.h>
 
+#include "cmd/clips.h"
 #include "cmd/options.h"
+#include "cmd/train_report.h"
 #include "formats/image.h"
 #include "lib/model/config.h"
 #include "lib/head/head.h"
@@ -16,11 +17,11 @@
 #define MOST_PARTS 16
 
 static struct {
-    const char *config, *head, *validation, *join, *shapes;
+    const char *config, *head, *validation, *join, *shapes, *records;
     struct checkpoint_source init[MOST_PARTS];
     size_t ninit;
-    long steps;
-} opt = {.steps = -1};
+    long steps, frames;
+} opt = {.steps = -1, .frames = CLIPS_FRAMES};
 
 static volatile sig_atomic_t stop;
 
@@ -30,25 +31,11 @@ static void on_signal(int number)
     stop = 1;
 }
 
-/* FILE, FILE:PREFIX or FILE:PREFIX=FROM */
 static int add_source(const char *value, bool grow, struct error *err)
 {
-    char *copy = strdup(value), *colon, *equals;
-
-    if (opt.ninit == MOST_PARTS || !copy) {
-        free(copy);
+    if (opt.ninit == MOST_PARTS)
         return error_set(err, EX_USAGE, "more than %d files", MOST_PARTS);
-    }
-    colon = strrchr(copy, ':');
-    if (colon)
-        *colon++ = 0;
-    equals = colon ? strchr(colon, '=') : NULL;
-    if (equals)
-        *equals++ = 0;
-    opt.init[opt.ninit++] = (struct checkpoint_source){
-        .path = copy, .prefix = colon ? colon : "",
-        .from = equals ? equals : colon ? colon : "", .grow = grow};
-    return 0;
+    return checkpoint_source_parse(&opt.init[opt.ninit++], value, grow, err);
 }
 
 static int parse_init(const char *value, void *dest, struct error *err)
@@ -64,70 +51,36 @@ static int parse_grow(const char *value, void *dest, struct error *err)
 }
 
 static const struct cli_option options[] = {
-    {.name = "config", .letter = 'c', .kind = CLI_STRING, .dest = &opt.config,
-     .arg = "FILE", .help = "JSON configuration of the run (required)"},
-    {.name = "validation", .kind = CLI_STRING, .dest = &opt.validation,
-     .arg = "FILE", .help = "people for validation, never trained on"},
-    {.name = "held", .kind = CLI_STRING, .dest = &opt.validation,
-     .arg = "FILE", .help = "the same as --validation"},
+    OPTION_STRING("config", 'c', &opt.config, "FILE",
+                  "JSON configuration of the run (required)"),
+    OPTION_STRING("records", 0, &opt.records, "DIR",
+                  "records of plain clips (default records in the run's "
+                  "folder)"),
+    OPTION_CLIP_FRAMES(&opt.frames),
+    OPTION_STRING("validation", 0, &opt.validation, "FILE",
+                  "people for validation, never trained on"),
+    OPTION_STRING("held", 0, &opt.validation, "FILE",
+                  "the same as --validation"),
     OPTION_HEAD(&opt.head),
-    {.name = "shapes", .kind = CLI_STRING, .dest = &opt.shapes, .arg = "FILE",
-     .help = "people's shapes by FILE's E_beta, not the true ones"},
-    {.name = "init", .kind = CLI_CALL, .parse = parse_init,
-     .arg = "FILE[:PREFIX[=FROM]]",
-     .help = "start tensors PREFIX... from FILE's FROM...; repeatable"},
-    {.name = "grow", .kind = CLI_CALL, .parse = parse_grow,
-     .arg = "FILE[:PREFIX[=FROM]]",
-     .help = "the same from a narrower network"},
-    {.name = "join", .kind = CLI_STRING, .dest = &opt.join, .arg = "FILE",
-     .help = "no training: join model files into FILE, half precision"},
-    {.name = "steps", .kind = CLI_INT, .dest = &opt.steps, .min = 0,
-     .max = 1e9, .arg = "N", .help = "instead of the configuration's steps"},
-    {.name = NULL},
+    OPTION_STRING("shapes", 0, &opt.shapes, "FILE",
+                  "people's shapes by FILE's E_beta, not the true ones"),
+    OPTION_CALL("init", 0, NULL, "FILE[:PREFIX[=FROM]]", parse_init,
+                "start tensors PREFIX... from FILE's FROM...; repeatable"),
+    OPTION_CALL("grow", 0, NULL, "FILE[:PREFIX[=FROM]]", parse_grow,
+                "the same from a narrower network"),
+    OPTION_STRING("join", 0, &opt.join, "FILE",
+                  "no training: join model files into FILE, half precision"),
+    OPTION_INT("steps", 0, &opt.steps, 0, 1e9, "N",
+               "instead of the configuration's steps"),
+    {0}
 };
 
 static const struct cli_usage usage = {
     .program = "spid-train",
-    .synopsis = "-c CONFIG -o DIR [OPTION ...] [STREAM ...]",
+    .synopsis = "-c CONFIG -o DIR [OPTION ...] [STREAM|CLIP|FOLDER|@LIST ...]",
     .purpose = "train the encoders and the avatar through the renderer",
     .options = options,
 };
-
-/* Steps of this run, and its memory's most: what a longer run will need. */
-static void print_cost(size_t steps, double seconds)
-{
-    struct rusage use;
-
-    if (steps && !getrusage(RUSAGE_SELF, &use))
-        fprintf(stderr, "spid-train: %zu steps, %.2f s a step, at most %.2f "
-                "GB\n", steps, seconds / (double)steps,
-                (double)use.ru_maxrss / 1e6);
-}
-
-static size_t steps_done;
-
-/* The line of progress. */
-static void print_step(const struct loop_report *r)
-{
-    char note[300];
-    int at = snprintf(note, sizeof note, "loss %.4f", r->loss);
-    long left = (long)r->left;
-
-    for (int i = 0; i < r->task->nparts && at < 200; i++)
-        at += snprintf(note + at, sizeof note - (size_t)at, " %.4s %.3f",
-                       r->task->part_name[i], r->parts[i]);
-    snprintf(note + at, sizeof note - (size_t)at,
-             " %.1f items/s, %ld:%02ld:%02ld left", r->items_per_second,
-             left / 3600, left / 60 % 60, left % 60);
-    steps_done++;
-    progress(train_stage_name(r->task->config->stage), (size_t)r->step + 1,
-             (size_t)r->steps, note);
-}
-
-static void print_warning(const char *text)
-{
-    warn("%s", text);
-}
 
 static int write_png(const char *path, const uint8_t *rgb, size_t H, size_t W,
                      struct error *err)
@@ -144,8 +97,7 @@ static void load_head(struct head *h)
 }
 
 /* People of --validation. */
-static void load_validation(struct task *t, const struct train_config *c,
-                            struct predicted_shape *shape)
+static void load_validation(struct task *t, struct predicted_shape *shape)
 {
     struct error err = {0};
     struct data_reader *r;
@@ -153,42 +105,32 @@ static void load_validation(struct task *t, const struct train_config *c,
     if (!opt.validation)
         return;
     r = data_open(&opt.validation, 1, t->type->margin, &err);
-    t->validation = calloc((size_t)c->validation_people, sizeof *t->validation);
-    if (!r || !t->validation)
-        die_error(&err);
-    if (opt.shapes)
+    if (r && opt.shapes)
         data_reshape(r, predicted_shape_apply, shape);
-    data_once(r);
-    for (; t->nvalidation < (size_t)c->validation_people; t->nvalidation++) {
-        int rc = data_next(r, &t->validation[t->nvalidation], &err);
-        if (rc < 0)
-            die_error(&err);
-        if (rc)
-            break;
-    }
+    if (!r || task_read_validation(t, r, &err))
+        die_error(&err);
     data_close(r);
 }
 
-static void release_validation(struct task *t)
+/* The model that is trained. */
+static struct avatar_config read_model(const struct train_config *c)
 {
-    for (size_t i = 0; i < t->nvalidation; i++)
-        data_person_release(&t->validation[i]);
-    free(t->validation);
-    t->validation = NULL;
-    t->nvalidation = 0;
+    struct error err = {0};
+    struct avatar_config model;
+
+    avatar_config_shipped(&model);
+    if (c->model && avatar_config_parse(&model, c->model, &err))
+        die_error(&err);
+    return model;
 }
 
 /* The metadata of a model: its configuration, with the head it is for. */
 static char *describe_model(const struct train_config *c)
 {
-    struct error err = {0};
-    struct avatar_config model;
+    struct avatar_config model = read_model(c);
     struct head head;
     char *text;
 
-    avatar_config_shipped(&model);
-    if (c->model && avatar_config_parse(&model, c->model, &err))
-        die_error(&err);
     load_head(&head);
     memcpy(model.head_hash, head.hash, sizeof model.head_hash);
     head_release(&head);
@@ -213,23 +155,27 @@ static int join_models(const struct train_config *c, char **parts, int count)
     return EX_OK;
 }
 
-/* What is trained, and what stands in for what is not given. */
-static void print_run(const struct task *t, const struct train_config *c)
+/* The streams to read.  Records of plain clips are made first; the processes
+ * of the group share them out. */
+static size_t gather_data(const char **data, char **operand,
+                          const struct train_config *c,
+                          const struct group *group)
 {
-    size_t learning = 0;
+    static char folder[4096];
+    struct error err = {0};
+    bool none = false;
+    const struct clips_job job = {
+        .folder = opt.records ? opt.records : folder, .head_path = opt.head,
+        .precision = OPTION_PRECISION_DEFAULT, .size = read_model(c).size,
+        .part = (size_t)group->rank, .parts = (size_t)group->size,
+        .opt = {.frames = (size_t)opt.frames, .least = CLIPS_LEAST,
+                .min_face = CLIPS_MIN_FACE}};
 
-    if (cli.quiet)
-        return;
-    for (size_t i = 0; i < t->ps.count; i++)
-        learning += t->ps.tensor[i].frozen ? 0 : t->ps.tensor[i].count;
-    fprintf(stderr, "spid-train: stage %s, %zu weights learn, batch %lld\n",
-            train_stage_name(c->stage), learning, (long long)c->batch);
-    if (c->stage >= STAGE_AVATAR && !*c->perceptual_file)
-        fprintf(stderr, "spid-train: no perceptual network is given: a "
-                "Laplacian pyramid stands in for L_perc\n");
-    if (c->stage == STAGE_MOTION || c->stage == STAGE_ALL)
-        fprintf(stderr, "spid-train: no alignment network is given: "
-                "projected landmarks stand in for L_lmk\n");
+    snprintf(folder, sizeof folder, "%s/records", cli.output);
+    size_t n = clips_gather(data, operand, &job);
+    if (group_any(group, &none, &err))          /* wait for the others */
+        die_error(&err);
+    return n;
 }
 
 /* Returns the exit code. */
@@ -248,8 +194,8 @@ static int run_training(const struct train_config *c, const char *const *files,
         .init = opt.init,
         .ninit = opt.ninit,
         .stop = &stop,
-        .warn = print_warning,
-        .report = cli.quiet ? NULL : print_step,
+        .warn = train_report_warning,
+        .report = cli.quiet ? NULL : train_report_step,
         .write_png = write_png,
     };
     int rc;
@@ -259,16 +205,16 @@ static int run_training(const struct train_config *c, const char *const *files,
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_validation(&task, c, &shape);
+        load_validation(&task, &shape);
         if (!group->rank)
-            print_run(&task, c);
+            train_report_run(&task);
         loop.reader = data_open(files, count, task.type->margin, &err);
         if (loop.reader && opt.shapes)
             data_reshape(loop.reader, predicted_shape_apply, &shape);
-        double begun = stats_begin();
         rc = loop.reader ? loop_run(&loop, &err) : -1;
         progress_end();
-        print_cost(steps_done, stats_begin() - begun);
+        if (!group->rank)
+            train_report_cost(&loop.cost);
     }
     if (rc) {
         fprintf(stderr, "spid-train: %s\n", err.text);
@@ -279,7 +225,6 @@ static int run_training(const struct train_config *c, const char *const *files,
     }
     data_close(loop.reader);
     predicted_shape_close(&shape);
-    release_validation(&task);
     task_release(&task);
     head_release(&head);
     return rc ? (err.code ? err.code : EX_SOFTWARE) : EX_OK;
@@ -308,8 +253,12 @@ int main(int argc, char **argv)
             die(EX_USAGE, "no folder for the model (expected -o DIR)");
         signal(SIGINT, on_signal);
         signal(SIGTERM, on_signal);
-        rc = run_training(&config, (const char *const *)argv + first,
-                          (size_t)(argc - first), &group);
+        const char **data = calloc((size_t)(argc - first) + 1, sizeof *data);
+        if (!data)
+            die(EX_OSERR, "out of memory");
+        size_t n = gather_data(data, argv + first, &config, &group);
+        rc = run_training(&config, data, n, &group);
+        free(data);
     }
     train_config_release(&config);
     group_release(&group);

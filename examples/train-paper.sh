@@ -7,16 +7,20 @@
 #   LANDMARKS  FLAME's landmark embedding (beside FLAME.pkl)
 #   EYELIDS    the lids' displacements (made from the landmarks without)
 #   MODEL, HEAD  the model, and its head, whose encoders look at the clips first
-#   STEPS      of every stage, for a trial; BATCH of the last one
+#   PERCEPTUAL torchvision's SqueezeNet 1.0, for L_perc (a pyramid without)
+#   CONFIG     what is trained (config/paper.json); STEPS of every stage, for a
+#              trial; BATCH of the last one (8), a quarter of the others'
 #   RUN        before every spid-train: mpirun -n 8
 #   JOBS       parts that the clips are prepared in at once (1)
 set -eu
 
-[ $# = 4 ] || { sed -n '2,13s/^# \{0,1\}//p' "$0" >&2; exit 64; }
+[ $# = 4 ] || { sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 64; }
 flame=$1 dino=$2 clips=$3 out=$4
 here=$(dirname "$0")
 landmarks=${LANDMARKS:-$(dirname "$flame")/landmark_embedding.npy}
 model=${MODEL:-$here/model/model.safetensors}
+config=${CONFIG:-$here/config/paper.json}
+batch=${BATCH:-8}
 from=${HEAD:-$(dirname "$(command -v spid-import)")/../share/spid/head.safetensors}
 jobs=${JOBS:-1}
 mkdir -p "$out"
@@ -27,16 +31,21 @@ mkdir -p "$out"
     -o "$out/head.safetensors"
 [ -e "$out/dino.safetensors" ] || spid-import -q "$dino" --as dinov2 \
     -o "$out/dino.safetensors"
+if [ -n "${PERCEPTUAL:-}" ] && [ ! -e "$out/perceptual.safetensors" ]; then
+    spid-import -q "$PERCEPTUAL" --as squeezenet \
+        -o "$out/perceptual.safetensors"
+fi
 # our encoders in FLAME's coefficients
 [ -e "$out/start.safetensors" ] || spid-import "$model" --as model \
     --from-head "$from" --head "$out/head.safetensors" \
     -o "$out/start.safetensors"
 
-# the clips, once
+# the clips, once, at the size of the model
+size=$(sed -n 's/.*"size": *\([0-9]*\).*/\1/p' "$config")
 part=1 parts=
 while [ "$part" -le "$jobs" ]; do
     spid-prepare -m "$out/start.safetensors" --head "$out/head.safetensors" \
-        ${FRAMES:+--frames "$FRAMES" --least 2} --part "$part/$jobs" \
+        --size "$size" ${FRAMES:+--frames "$FRAMES" --least 2} --part "$part/$jobs" \
         -o "$out/records" "$clips" &
     parts="$parts $!"
     part=$((part + 1))
@@ -55,13 +64,14 @@ train() { # STAGE OPTIONS
 # The encoders learn what ours say of the clips, 32 crops a step; then, with the
 # anchors on that fading, everything learns from the pictures.
 for stage in motion shape; do
-    sed 's/"stage": "all"/"stage": "'$stage'"/; s/"batch": 8/"batch": 32/
-         s/"micro": 1/"micro": 8/; s/"steps": [0-9]*/"steps": 20000/
-         s/"rate": 1e-4/"rate": 1e-3/' "$here/config/paper.json" \
-        > "$out/$stage.json"
+    sed 's/"stage": "all"/"stage": "'$stage'"/; s/"micro": 1,/"micro": '$batch',/
+         s/"batch": [0-9]*/"batch": '$((4 * batch))'/
+         s/"steps": [0-9]*/"steps": 20000/; s/"rate": 1e-4/"rate": 1e-3/' \
+        "$config" > "$out/$stage.json"
 done
-sed "s/\"batch\": 8/\"batch\": ${BATCH:-8}/" "$here/config/paper.json" \
-    > "$out/all.json"
+sed "s/\"batch\": [0-9]*/\"batch\": $batch/
+     ${PERCEPTUAL:+s|\"seed\"|\"perceptual\": \"$out/perceptual.safetensors\", &|}" \
+    "$config" > "$out/all.json"
 train motion
 train shape
 train all --init "$out/dino.safetensors:backbone.dino_model." \

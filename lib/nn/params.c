@@ -208,17 +208,25 @@ int params_grow_from(struct params *ps, const struct safetensors *st,
                            from);
 }
 
-/* The weights of one tensor in the file's dtype, packed at out. */
-static void params_convert(void *out, const float *w, size_t n,
-                           enum st_dtype dtype)
-{
-    uint16_t *h = out;
+/* A file's tensors in its own dtype, one after another. */
+struct params_output {
+    const struct params *ps;
+    enum st_dtype dtype;
+    uint16_t *half;             /* room for the largest tensor */
+};
 
-    if (dtype == ST_F32)
-        memcpy(out, w, n * sizeof *w);
-    else
-        for (size_t i = 0; i < n; i++)
-            h[i] = dtype == ST_F16 ? float_to_half(w[i]) : float_to_bf16(w[i]);
+/* The weights of tensor i in 16 bits: a st_fetch. */
+static const void *params_halves(void *context, size_t i, struct error *err)
+{
+    const struct params_output *o = context;
+    const struct param *p = &o->ps->tensor[i];
+    const float *w = param_w(o->ps, i);
+
+    (void)err;
+    for (size_t k = 0; k < p->count; k++)
+        o->half[k] = o->dtype == ST_F16 ? float_to_half(w[k])
+                                        : float_to_bf16(w[k]);
+    return o->half;
 }
 
 int params_save(const struct params *ps, const char *path,
@@ -226,26 +234,29 @@ int params_save(const struct params *ps, const char *path,
                 struct error *err)
 {
     struct st_tensor *t = calloc(ps->count + 1, sizeof *t);
-    char *bytes = malloc(ps->total * sizeof(float) + 1);
+    struct params_output o = {ps, dtype, NULL};
+    size_t most = 1;
     int rc = -1;
 
-    if (!t || !bytes) {
+    for (size_t i = 0; i < ps->count; i++)
+        most = ps->tensor[i].count > most ? ps->tensor[i].count : most;
+    if (dtype != ST_F32)
+        o.half = malloc(most * sizeof *o.half);
+    if (!t || (dtype != ST_F32 && !o.half)) {
         error_set(err, EX_OSERR, "%s: out of memory", path);
         goto out;
     }
     for (size_t i = 0; i < ps->count; i++) {
         const struct param *p = &ps->tensor[i];
-        char *at = bytes + p->offset * sizeof(float);
 
-        params_convert(at, param_w(ps, i), p->count, dtype);
         t[i] = (struct st_tensor){.name = p->name, .dtype = dtype,
                                   .ndim = p->ndim, .count = p->count,
-                                  .data = at};
+                                  .data = o.half ? NULL : param_w(ps, i)};
         memcpy(t[i].dim, p->dim, sizeof p->dim);
     }
-    rc = st_save(path, t, ps->count, meta, err);
+    rc = st_save_from(path, t, ps->count, meta, params_halves, &o, err);
 out:
     free(t);
-    free(bytes);
+    free(o.half);
     return rc;
 }

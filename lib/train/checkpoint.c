@@ -127,6 +127,25 @@ out:
     return rc;
 }
 
+int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
+                            bool grow, struct error *err)
+{
+    char *copy = strdup(text), *colon, *equals;
+
+    if (!copy)
+        return error_set(err, EX_OSERR, "out of memory");
+    colon = strrchr(copy, ':');
+    if (colon)
+        *colon++ = 0;
+    equals = colon ? strchr(colon, '=') : NULL;
+    if (equals)
+        *equals++ = 0;
+    *s = (struct checkpoint_source){
+        .path = copy, .prefix = colon ? colon : "",
+        .from = equals ? equals : colon ? colon : "", .grow = grow};
+    return 0;
+}
+
 int checkpoint_import(struct params *ps, const struct checkpoint_source *s,
                       struct error *err)
 {

@@ -34,6 +34,11 @@ struct checkpoint_source {
     bool grow;                  /* the file's network is the narrower one */
 };
 
+/* "FILE", "FILE:PREFIX" or "FILE:PREFIX=FROM"; *s keeps a copy for good, as
+ * options are kept. */
+int checkpoint_source_parse(struct checkpoint_source *s, const char *text,
+                            bool grow, struct error *err);
+
 /* Fill tensors of ps from a model file: those whose name starts with prefix
  * must all be there, under names that start with `from` instead. */
 int checkpoint_import(struct params *ps, const struct checkpoint_source *s,

@@ -206,12 +206,42 @@ static int loop_draw_sheet(struct run *r, struct error *err)
 
 /* ---- a step ------------------------------------------------------------- */
 
+/* What processes exchange: gradients of what learns, or running statistics. */
+static bool loop_is_shared(const struct param *p, bool statistics)
+{
+    return statistics ? loop_is_statistic(p) : !p->frozen;
+}
+
+/* x, laid out as the weights = its sum over the processes, where a tensor is
+ * shared; neighbours go in one message. */
+static int loop_sum(struct run *r, float *x, bool statistics,
+                    struct error *err)
+{
+    const struct params *ps = &r->l->task->ps;
+
+    for (size_t k = 0, end; k < ps->count; k = end) {
+        const struct param *t = ps->tensor;
+
+        end = k + 1;
+        if (!loop_is_shared(&t[k], statistics))
+            continue;
+        while (end < ps->count && loop_is_shared(&t[end], statistics))
+            end++;
+        size_t n = t[end - 1].offset + t[end - 1].count - t[k].offset;
+        if (group_sum(r->l->group, x + t[k].offset, n, err))
+            return -1;
+        r->l->cost.sum_bytes += n * sizeof *x;
+    }
+    return 0;
+}
+
 /* Losses and gradients of the whole batch, over all processes. */
 static int loop_gather(struct run *r, double *parts, struct error *err)
 {
     struct loop *l = r->l;
     struct params *ps = &l->task->ps;
     size_t passes = (size_t)(l->config->batch / l->config->micro);
+    double begun = cpu_seconds();
 
     memset(ps->g, 0, ps->total * sizeof *ps->g);
     memset(parts, 0, TASK_PARTS * sizeof *parts);
@@ -223,11 +253,15 @@ static int loop_gather(struct run *r, double *parts, struct error *err)
         if (l->task->type->pass(l->task, parts, l->step, k, err))
             return -1;
         loop_statistics(r, STATISTICS_ADD, 0);
+        l->cost.passes++;
     }
-    if (group_sum(l->group, ps->g, ps->total, err) ||
-        group_sum(l->group, r->sum, ps->total, err) ||
+    double summed = cpu_seconds();
+    l->cost.pass_seconds += summed - begun;
+    l->cost.sum_bytes = 0;
+    if (loop_sum(r, ps->g, false, err) || loop_sum(r, r->sum, true, err) ||
         group_sum_double(l->group, parts, TASK_PARTS, err))
         return -1;
+    l->cost.sum_seconds += cpu_seconds() - summed;
     loop_statistics(r, STATISTICS_MEAN, (double)passes);
     return 0;
 }
@@ -328,9 +362,12 @@ static int loop_steps(struct run *r, struct error *err)
             return -1;
         if (stop)
             break;
+        double begun = cpu_seconds();
         if (data_pool_advance(&r->pool, want, err) ||
             loop_step(r, parts, &loss, &norm, err))
             return -1;
+        l->cost.seconds += cpu_seconds() - begun;
+        l->cost.steps++;
         loop_write_log(r, parts, loss, norm);
         l->step++;
         if (loop_due(c->validation_every, l->step) && loop_validate(r, err))

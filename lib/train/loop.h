@@ -23,6 +23,15 @@ struct loop_report {
     const struct task *task;
 };
 
+/* What the steps of this process took, all together. */
+struct loop_cost {
+    uint64_t steps, passes;
+    double seconds;             /* data, passes, sums and update */
+    double pass_seconds;
+    double sum_seconds;         /* sums over the processes, */
+    size_t sum_bytes;           /* and their size in one step */
+};
+
 struct loop {
     const struct train_config *config;
     struct task *task;
@@ -41,6 +50,7 @@ struct loop {
     /* Outcome. */
     uint64_t step, skipped;
     double figures[TASK_PARTS]; /* of the last validation */
+    struct loop_cost cost;
 };
 
 /* Run to config->steps, from the checkpoint in folder where there is one.

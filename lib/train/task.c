@@ -1,6 +1,7 @@
 /* A task by its stage's name. */
 #include "lib/train/task.h"
 
+#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -51,8 +52,28 @@ int task_init(struct task *t, const struct train_config *c,
                : 0;
 }
 
+int task_read_validation(struct task *t, struct data_reader *r,
+                         struct error *err)
+{
+    size_t most = (size_t)t->config->validation_people;
+
+    t->validation = calloc(most, sizeof *t->validation);
+    if (!t->validation)
+        return error_set(err, EX_OSERR, "out of memory (%zu people)", most);
+    data_once(r);
+    for (; t->nvalidation < most; t->nvalidation++) {
+        int rc = data_next(r, &t->validation[t->nvalidation], err);
+        if (rc)
+            return rc < 0 ? -1 : 0;
+    }
+    return 0;
+}
+
 void task_release(struct task *t)
 {
+    for (size_t i = 0; i < t->nvalidation; i++)
+        data_person_release(&t->validation[i]);
+    free(t->validation);
     if (t->type)
         t->type->release(t);
     params_release(&t->ps);

@@ -53,6 +53,9 @@ struct task {
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err);
 void task_release(struct task *t);
+/* At most config->validation_people of one pass become t->validation. */
+int task_read_validation(struct task *t, struct data_reader *r,
+                         struct error *err);
 
 /* The stages' constructors; t->config and t->head are set. */
 int task_motion_init(struct task *t, struct error *err);

@@ -9,10 +9,7 @@ run_prepare() {
 }
 
 @test "clips become records that train, a bad one is listed, a second run does nothing" {
-    mkdir clips
-    cp drive.y4m clips/one.y4m
-    spid-synth -q -n 1 --frames 3 -s 8 --size 192 --head "$HEAD" -o clips/two.y4m
-    echo 'no video' >clips/three.mp4
+    three_clips
     status 0 run_prepare -o records clips
     has 'three.mp4: '
     has '3 clips: 2 made, 0 were there, 1 bad'
@@ -29,10 +26,6 @@ run_prepare() {
     status 0 run_prepare -o records clips
     has '3 clips: 0 made, 3 were there, 0 bad'
     [ "$(wc -l <records/clips.tsv)" -eq 3 ]
-    # in parts, the same bytes
-    run_prepare -q -o parts --part 1/2 clips
-    run_prepare -q -o parts --part 2/2 clips 2>/dev/null || true
-    for f in records/*.spid; do cmp "$f" "parts/${f##*/}"; done
     # the whole system learns from them: anchors are these motions
     cat >all.json <<'J'
 {"stage": "all", "steps": 2, "log_every": 1, "rate": 1e-3, "batch": 1, "micro": 1, "pool": 2, "image": 128, "targets": 1,
@@ -53,6 +46,113 @@ import numpy as np, import_read
 a, b = (import_read.load(d + "/model.safetensors")[0]["motion.exp.weight"] for d in ("still", "run"))
 assert np.abs(a - b).max() > 1e-5, np.abs(a - b).max()
 P
+}
+
+# Three clips, of which one is no video.
+three_clips() {
+    mkdir clips
+    cp drive.y4m clips/one.y4m
+    echo 'no video' >clips/three.mp4
+    spid-synth -q -n 1 --frames 3 -s 8 --size 192 --head "$HEAD" -o clips/two.y4m
+}
+
+# same_records A B: the same streams and reasons in two folders.
+same_records() {
+    local f
+    [ "$(cd "$1" && ls *.spid *.bad)" = "$(cd "$2" && ls *.spid *.bad)" ]
+    for f in "$1"/*.spid; do cmp "$f" "$2/${f##*/}"; done
+    cmp <(sort "$1/clips.tsv") <(sort "$2/clips.tsv")
+}
+
+@test "prepare in parallel, by each recipe of the manual, is prepare in one" {
+    three_clips
+    run_prepare -q -o one clips 2>/dev/null
+    # each part alone, both at once
+    seq 2 | xargs -P 2 -I{} spid-prepare -q -j 1 -m model --frames 3 --least 2 \
+        --min-face 20 --part {}/2 -o xargs clips 2>/dev/null || [ $? = 123 ]
+    same_records one xargs
+    if command -v parallel >/dev/null && parallel --version 2>/dev/null | grep -q GNU; then
+        seq 2 | parallel spid-prepare -q -j 1 -m model --frames 3 --least 2 \
+            --min-face 20 --part {}/2 -o gnu clips 2>/dev/null || true
+        same_records one gnu
+    fi
+    if command -v mpirun >/dev/null; then
+        mpirun --allow-run-as-root --oversubscribe -n 2 sh -c 'spid-prepare -q -j 1 -m model --frames 3 \
+            --least 2 --min-face 20 --part $((OMPI_COMM_WORLD_RANK + 1))/$OMPI_COMM_WORLD_SIZE -o mpi clips || :' 2>/dev/null
+        same_records one mpi
+    fi
+}
+
+@test "prepare that was killed goes on where it was" {
+    three_clips
+    run_prepare -q -o whole clips 2>/dev/null
+    spid-prepare -q -m model --frames 3 --least 2 --min-face 20 -o cut clips 2>/dev/null &
+    local pid=$! i
+    for ((i = 0; i < 600; i++)); do
+        compgen -G 'cut/*.spid' >/dev/null && break
+        sleep 0.05
+    done
+    kill -9 "$pid" || true
+    wait "$pid" || true
+    # as if it had been in the midst of the last one
+    rm -f cut/two-*
+    sed -i '/two\.y4m/d' cut/clips.tsv
+    head -c 1000 whole/two-*.spid >"cut/$(basename whole/two-*.spid).part"
+    stat -c %Y%i cut/one-*.spid >before
+    status 0 run_prepare -o cut clips
+    has '3 clips: '
+    stat -c %Y%i cut/one-*.spid | cmp - before
+    same_records whole cut
+    [ -z "$(find cut -name '*.part')" ]
+}
+
+@test "spid-train makes records of plain clips itself, once, and learns from their pictures alone" {
+    local model=$TOP/examples/model/model.safetensors
+    need_numpy
+    spid-synth -q -n 1 --frames 6 -s 8 --size 256 --head "$HEAD" -o clip.y4m
+    echo nothing >bad.mp4
+    printf '# clips\nclip.y4m\nbad.mp4\n' >list
+    cat >all.json <<'J'
+{"stage": "all", "steps": 40, "log_every": 1, "rate": 1e-3, "batch": 1, "micro": 1, "pool": 1, "image": 128, "targets": 1,
+ "validation_every": 10, "validation_people": 1,
+ "loss": {"anchor_start": 1, "anchor_end": 0.1, "anchor_steps": 30},
+ "model": {"size": 128, "plane": 32, "mouth": 4, "channels": 8, "feature": 8,
+  "motion": {"net": "mobilenetv3_small_150"}, "shape": {"net": "mobilenetv3_small_100"},
+  "backbone": {"type": "small", "width": 4}, "init": {"width": 8}, "static": {"width": 8},
+  "dynamic": {"width": 8, "head": 8, "vertex": 8}, "mouth_decoder": {"width": 8},
+  "rgb_skip": true, "refiner": {"type": "narrow", "width": 16}}}
+J
+    train() { spid-train -c all.json --head "$HEAD" --frames 5 -m "$model" "$@"; }
+    status 0 train -o none --steps 0 --records records --init "$model:motion." @list
+    has 'bad.mp4: not a video'
+    has '2 clips: 1 made, 0 were there, 1 bad'
+    [ "$(find records -name 'clip-*.spid' | wc -l)" -eq 1 ]
+    status 0 train -o run --records records --validation records/clip-*.spid \
+        --init "$model:motion." @list
+    has '2 clips: 0 made, 2 were there, 0 bad'
+    has 's a step ('
+    # 40 steps of source and target frames: nearer to the clip, by an encoder
+    # that has moved, for the anchors fade
+    awk -F'\t' 'NR == 2 {a = $2} {b = $2} END {print a, b; exit b > a + 1 ? 0 : 1}' run/held.tsv
+    PYTHONPATH=$BATS_TEST_DIRNAME "$PYTHON" - "$model" <<'P'
+import sys, numpy as np, import_read
+a, b = (import_read.load(f)[0]["motion.exp.weight"].astype("f4") for f in (sys.argv[1], "run/model.safetensors"))
+assert np.abs(a - b).max() > 1e-4, np.abs(a - b).max()
+P
+    # a folder of clips is prepared as its list was; a folder of records is read
+    mkdir folder
+    cp clip.y4m folder
+    train -q -o inside --steps 1 folder
+    [ "$(find inside/records -name '*.spid' | wc -l)" -eq 1 ]
+    train -q -o again --steps 1 records
+    [ ! -e again/records ]
+    # nothing but bad clips is an error
+    status 66 train -q -o empty --steps 1 bad.mp4
+    has 'empty/records: no streams'
+    mkdir nothing
+    status 66 train -q -o empty --steps 1 nothing
+    has 'nothing: an empty folder (expected clips)'
+    status 66 train -q -o empty --steps 1 @missing
 }
 
 @test "prepare: what cannot be is one line" {

@@ -1,45 +1,90 @@
-# examples/train-paper.sh at the paper's full size, from public files made here:
-# minutes and gigabytes, so only with SPID_LONG=1 (make check-long).
+# examples/train-paper.sh from public files made here: a small architecture
+# always, the paper's full size, minutes and gigabytes, with SPID_LONG=1 (make
+# check-long).
 load helper
 load flame
 
+# flame.pkl with its landmarks, dino.npz of a width, three clips.
 prepare() {
-    [ -n "${SPID_LONG:-}" ] || skip "long (make check-long)"
+    local i own=$TOP/${BUILD:-build}/share/spid/head.safetensors
     export PYTHONPATH=$BATS_TEST_DIRNAME
-    HEAD=$TOP/${BUILD:-build}/share/spid/head.safetensors
     need_numpy
-}
-
-@test "FLAME, DINOv2 and three clips become a model that animate runs" {
-    local i
-    local own=$HEAD
     HEAD=sculpted.safetensors               # its arrays are not packed
     spid-head -q -o "$HEAD"
     flame_files
-    HEAD=$own
     cp landmarks.npy landmark_embedding.npy
-    vit_names 768 "" | random_npz dino.npz
+    export HEAD=$own
     mkdir clips
     for i in 1 2 3; do
         spid-synth -q -n 1 --frames 6 -s $i --size 256 --head "$HEAD" -o clips/$i.y4m
     done
-    FRAMES=4 STEPS=2 BATCH=1 HEAD=$HEAD run "$TOP/examples/train-paper.sh" \
-        flame.pkl dino.npz clips out
+}
+
+# squeezenet_names: names and shapes of torchvision's SqueezeNet 1.0, as JSON.
+squeezenet_names() {
+    "$PYTHON" - <<'P'
+import json
+names = {"features.0.weight": [96, 3, 7, 7], "features.0.bias": [96],
+         "classifier.1.weight": [1000, 512, 1, 1], "classifier.1.bias": [1000]}
+for i, c, s, e in ((3, 96, 16, 64), (4, 128, 16, 64), (5, 128, 32, 128), (7, 256, 32, 128),
+                   (8, 256, 48, 192), (9, 384, 48, 192), (10, 384, 64, 256), (12, 512, 64, 256)):
+    f = f"features.{i}."
+    names.update({f + "squeeze.weight": [s, c, 1, 1], f + "squeeze.bias": [s], f + "expand1x1.weight": [e, s, 1, 1],
+                  f + "expand1x1.bias": [e], f + "expand3x3.weight": [e, s, 3, 3], f + "expand3x3.bias": [e]})
+print(json.dumps(names))
+P
+}
+
+# runs WHAT...: train-paper.sh with these settings makes a model that animate
+# runs, says what a step took, and has nothing to do when it is called again.
+runs() {
+    run env FRAMES=4 "$@" "$TOP/examples/train-paper.sh" flame.pkl dino.npz clips out
     echo "$output"
     [ "$status" -eq 0 ]
     [ "$(wc -l <out/all/log.tsv)" -eq 3 ]
-    has 's a step, '
     # memory and time of a step, for who watches
-    echo "# ${lines[-1]}" >&3
+    local cost
+    cost=$(grep 's a step' <<<"$output" | tail -n 1)
+    [[ $cost == *'2 steps, '*' MB summed in '*' GB' ]]
+    echo "# $cost" >&3
     spid-synth -q -n 1 --frames 1 -s 9 --size 256 --head "$HEAD" -o me.png
     spid-animate -q -m out me.png clips/1.y4m -o me.y4m
+    run env FRAMES=4 "$@" "$TOP/examples/train-paper.sh" flame.pkl dino.npz clips out
+    [ "$status" -eq 0 ]
+    [[ $output != *'s a step'* ]]
+    [[ $output == *'3 clips: 0 made, 3 were there'* ]]
+}
+
+@test "a small architecture: FLAME, DINOv2, SqueezeNet and clips become a model that animate runs" {
+    vit_names 384 "" | random_npz dino.npz
+    squeezenet_names | random_npz squeeze.npz
+    cat >small.json <<'J'
+{
+  "stage": "all", "seed": 1, "steps": 500000, "batch": 8, "micro": 1, "rate": 1e-4,
+  "pool": 3, "image": 128, "targets": 1, "log_every": 1,
+  "loss": { "square_landmarks": true, "anchor_start": 1, "anchor_end": 0.1, "anchor_steps": 250000 },
+  "model": { "version": 1, "size": 128, "plane": 24, "mouth": 4, "channels": 8, "feature": 8,
+    "motion": { "net": "mobilenetv3_small_100" }, "shape": { "net": "mobilenetv3_small_100" },
+    "backbone": { "type": "dinov2", "embed": 384, "depth": 12, "heads": 6, "patch": 14, "image": 56 },
+    "init": { "width": 8 }, "static": { "width": 8 }, "mouth_decoder": { "width": 8 },
+    "dynamic": { "width": 8, "head": 8, "vertex": 8 },
+    "rgb_skip": false, "refiner": { "type": "narrow", "width": 16 } }
+}
+J
+    runs STEPS=2 BATCH=2 CONFIG=small.json PERCEPTUAL=squeeze.npz
+    grep -q '"perceptual": "out/perceptual.safetensors"' out/all.json
+    [ "$(wc -c <me.y4m)" -gt 100000 ]
+}
+
+@test "the paper's size: FLAME, DINOv2 and clips become a model that animate runs" {
+    [ -n "${SPID_LONG:-}" ] || skip "long (make check-long)"
+    vit_names 768 "" | random_npz dino.npz
+    runs STEPS=2 BATCH=1
     [ "$(wc -c <me.y4m)" -gt 2000000 ]
-    # it was stopped nowhere: the same command has nothing left to do
-    FRAMES=4 STEPS=2 BATCH=1 HEAD=$HEAD "$TOP/examples/train-paper.sh" \
-        flame.pkl dino.npz clips out
 }
 
 @test "train-paper.sh says what it wants" {
     status 64 "$TOP/examples/train-paper.sh"
     has 'FLAME.pkl DINOV2.pth CLIPS OUT'
+    has 'BATCH of the last one'
 }
