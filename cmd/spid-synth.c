@@ -108,7 +108,10 @@ static int write_frame(struct stream_writer *w, const struct head *head,
     size_t n = (size_t)size;
     struct motion m = {0};
     float cam[12];
-    struct array lmk = array_make("lmk", DTYPE_F32, f->lmk, 2, 68, 2, 0, 0);
+    struct array marks[2] = {
+        array_make("lmk", DTYPE_F32, f->lmk, 2, 68, 2, 0, 0),
+        array_make("points", DTYPE_F32, f->points, 2, SYNTH_POINTS, 2, 0, 0)
+    };
     struct array image[4] = {
         array_make("rgb", DTYPE_U8, f->rgb, 3, n, n, 3, 0),
         array_make("mask", DTYPE_U8, f->mask, 2, n, n, 0, 0),
@@ -123,7 +126,8 @@ static int write_frame(struct stream_writer *w, const struct head *head,
     memcpy(m.pose.lid, t->lid, sizeof m.pose.lid);
     memcpy(m.pose.eye, t->eye, sizeof m.pose.eye);
     memcpy(m.crop, f->crop, sizeof m.crop);
-    if (motion_write(w, number, time, &m, head->nexp, &lmk, 1, err))
+    if (motion_write(w, number, time, &m, head->nexp, marks,
+                     f->points ? 2 : 1, err))
         return -1;
     motion_camera(cam, &m);
     if (f->verts && mesh_write(w, number, time, head, f->verts, cam,

@@ -1,5 +1,6 @@
 /* The person cut out of the source picture: GrabCut seeded by the projected
- * head (Rother et al. 2004), its border refined. */
+ * head (Rother et al. 2004), its border refined; or a network's coarse matte
+ * at the picture's own size. */
 extern "C" {
 #include "formats/matte.h"
 }
@@ -9,6 +10,7 @@ extern "C" {
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -186,6 +188,83 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
         border_refine(big > 127, pic).copyTo(out);
         out.setTo(0, in == 0);
+        return 0;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
+    }
+}
+
+/* What hangs together with the head: pieces of more than a quarter elsewhere
+ * are other people or things. */
+static void region_keep(cv::Mat &alpha, const cv::Mat &head)
+{
+    cv::Mat label;
+    const int n = cv::connectedComponents(alpha > 0.25f, label, 8);
+    std::vector<uchar> keep((size_t)n, 0);
+
+    keep[0] = 1;                /* too faint to be a piece */
+    for (int y = 0; y < head.rows; y++)
+        for (int x = 0; x < head.cols; x++)
+            if (head.at<uchar>(y, x))
+                keep[(size_t)label.at<int>(y, x)] = 1;
+    for (int y = 0; y < head.rows; y++)
+        for (int x = 0; x < head.cols; x++)
+            if (!keep[(size_t)label.at<int>(y, x)])
+                alpha.at<float>(y, x) = 0;
+}
+
+/* alpha at the picture's size: enlarged, and where neighbouring pixels say
+ * that it goes with the brightness, with the brightness's fine part (the lines
+ * of a guided filter, He et al. 2010). */
+static cv::Mat detail_add(const cv::Mat &alpha, const cv::Mat &rgb)
+{
+    const cv::Size k(5, 5);
+    cv::Mat I, small, coarse, a, mI, mp, mIp, mII, big;
+
+    cv::cvtColor(rgb, I, cv::COLOR_RGB2GRAY);
+    I.convertTo(I, CV_32F, 1 / 255.0);
+    cv::resize(I, small, alpha.size(), 0, 0, cv::INTER_AREA);
+    cv::blur(small, mI, k);
+    cv::blur(alpha, mp, k);
+    cv::blur(small.mul(alpha), mIp, k);
+    cv::blur(small.mul(small), mII, k);
+    cv::divide(mIp - mI.mul(mp), mII - mI.mul(mI) + 2e-3, a);
+    cv::resize(alpha, big, rgb.size(), 0, 0, cv::INTER_LINEAR);
+    cv::resize(a, a, rgb.size(), 0, 0, cv::INTER_LINEAR);
+    cv::resize(small, coarse, rgb.size(), 0, 0, cv::INTER_LINEAR);
+    return big + a.mul(I - coarse);
+}
+
+int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
+                 const uint8_t *rgb, const uint8_t *head,
+                 const uint8_t *inside, size_t n, struct error *err)
+{
+    try {
+        const int N = (int)n, W = (int)w;
+        cv::Mat out(N, N, CV_8U, matte), sh, core, fine;
+        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
+        cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
+        cv::Mat alpha = cv::Mat(W, W, CV_32F,
+                                const_cast<float *>(coarse)).clone();
+        cv::resize(hd, sh, cv::Size(W, W), 0, 0, cv::INTER_AREA);
+        sh = sh > 127;
+        region_keep(alpha, sh);
+        /* the face itself is the person's, whatever crosses it */
+        const cv::Rect box = cv::boundingRect(sh);
+        cv::erode(sh, core, brush_disc(std::max(3, std::max(box.width,
+                                                            box.height) / 8)));
+        const int ha = cv::countNonZero(core);
+        const int in = cv::countNonZero(core & (alpha > 0.5f));
+        const int area = cv::countNonZero(alpha > 0.5f);
+        *absurd = !ha || in < ha * 7 / 10 || area > W * W * 97 / 100;
+        if (*absurd)
+            return 0;
+        alpha.setTo(1, core);
+        fine = (detail_add(alpha, pic) - 0.04) / 0.92;
+        fine.convertTo(out, CV_8U, 255);
+        for (size_t i = 0; inside && i < n * n; i++)
+            if (!inside[i])
+                matte[i] = 0;
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

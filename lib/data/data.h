@@ -127,7 +127,11 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
                 struct square q, const struct data_augment *how,
                 struct random *r, struct error *err);
 
-/* The same as it is; frame is a const struct data_frame, rgb (224,224,3): a
+/* rgba (n,n,4) = the square with its mask, as they are; zeros outside. */
+int data_sample_plain(float *rgba, size_t n, const struct data_frame *f,
+                      struct square q, struct error *err);
+
+/* The colours alone; frame is a const struct data_frame, rgb (224,224,3): a
  * tta_crop_fn (lib/track/tta.h). */
 int data_crop(void *frame, float *rgb, struct square q, struct error *err);
 

@@ -278,23 +278,36 @@ static void sample_soften(float4 *rgba, size_t n, float w)
     }
 }
 
-int data_sample(float *rgb, size_t n, const struct data_frame *f,
-                struct square q, const struct data_augment *how,
-                struct random *r, struct error *err)
+/* Room for a square of n x n pixels with its two rows of the frame, and the
+ * square in it; the caller frees.  NULL and *err. */
+static float4 *sample_square(size_t n, const struct data_frame *f,
+                             struct square q, struct error *err)
 {
     struct tap *tx = malloc(2 * n * sizeof *tx);
     float4 *rgba = aligned_alloc(64, ((n + 2) * n * sizeof *rgba + 63) / 64 *
                                          64);
-    int rc = -1;
 
-    if (!tx || !rgba) {
-        error_set(err, EX_OSERR, "out of memory (crop of %zu)", n);
-        goto out;
-    }
-    if (f->turn != 0)
+    if (tx && rgba && f->turn != 0) {
         sample_turned(rgba, n, f, q);
-    else
+    } else if (tx && rgba) {
         sample_plain(rgba, n, f, q, tx, tx + n, rgba + n * n);
+    } else {
+        error_set(err, EX_OSERR, "out of memory (crop of %zu)", n);
+        free(rgba);
+        rgba = NULL;
+    }
+    free(tx);
+    return rgba;
+}
+
+int data_sample(float *rgb, size_t n, const struct data_frame *f,
+                struct square q, const struct data_augment *how,
+                struct random *r, struct error *err)
+{
+    float4 *rgba = sample_square(n, f, q, err);
+
+    if (!rgba)
+        return -1;
     if (how && random_uniform(r) < how->background)
         sample_replace_background(rgba, n, r);
     if (how && how->colour > 0) {
@@ -305,11 +318,20 @@ int data_sample(float *rgb, size_t n, const struct data_frame *f,
     }
     for (size_t i = 0; i < n * n; i++)
         memcpy(rgb + 3 * i, rgba + i, 3 * sizeof *rgb);
-    rc = 0;
-out:
     free(rgba);
-    free(tx);
-    return rc;
+    return 0;
+}
+
+int data_sample_plain(float *rgba, size_t n, const struct data_frame *f,
+                      struct square q, struct error *err)
+{
+    float4 *own = sample_square(n, f, q, err);
+
+    if (!own)
+        return -1;
+    memcpy(rgba, own, n * n * sizeof *own);
+    free(own);
+    return 0;
 }
 
 int data_crop(void *frame, float *rgb, struct square q, struct error *err)

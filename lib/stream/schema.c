@@ -23,6 +23,8 @@ static const struct schema table[] = {
     { "MOTN", "eye", "f32", "6", true, "axis-angle, radians, left, right" },
     { "MOTN", "crop", "f32", "3", false, "face crop, portrait pixels" },
     { "MOTN", "lmk", "f32", "68,2", false, "landmarks, portrait pixels" },
+    { "MOTN", "points", "f32", "468,2", false,
+      "dense landmarks, portrait pixels" },
     { "MOTN", "lost", "u8", "1", false, "1: no face, the last motion held" },
     { "MOTN", "sure", "f32", "1", false, "how sure the encoder is, 0 to 1" },
     { "MESH", "verts", "f32", "V,3", true, "vertices, head units" },

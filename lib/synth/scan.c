@@ -16,6 +16,7 @@
 #define PATH 4096
 #define BROW_LOW 0.038f         /* head units */
 #define BROW_BIN 0.06f
+#define BROW_LEAST 0.07f        /* of their picture: MakeHuman's are plucked */
 #define LOWEST (-2.6f)          /* of clothes, head units */
 
 /* ---- folders ------------------------------------------------------------ */
@@ -207,8 +208,8 @@ static float brow_height(const struct scan_face *f, float x)
            - lerpf(BROW_LOW, 0.4f * BROW_LOW, ramp(0.19f, 0.29f, x));
 }
 
-/* MakeHuman's brows lie low and slanted on the scans' bones: their mean comes
- * up to the landmarks; each keeps its own way. */
+/* MakeHuman's brows lie low, slanted and thin on the scans' bones: their mean
+ * comes up to the landmarks and they grow; each keeps its own way. */
 static int raise_brows(struct scan_assets *a, struct error *err)
 {
     enum { BINS = 6 };
@@ -228,10 +229,14 @@ static int raise_brows(struct scan_assets *a, struct error *err)
     for (int b = 0; b <= BINS; b++)
         dy[b] = count[b] > 0 ? dy[b] / count[b] : BROW_LOW;
     dy[0] = count[0] > 8 ? dy[0] : dy[1];
-    for (size_t i = 0; i < a->brow.n; i++)
-        piece_slide(&a->brow.piece[i], &a->body, n, dy, BINS, BROW_BIN);
+    int rc = 0;
+    for (size_t i = 0; !rc && i < a->brow.n; i++) {
+        struct piece *p = &a->brow.piece[i];
+        piece_slide(p, &a->body, n, dy, BINS, BROW_BIN);
+        rc = piece_thicken(p, BROW_LEAST + 0.25f * piece_share(p), err);
+    }
     free(n);
-    return 0;
+    return rc;
 }
 
 /* What the vertices are, after the nearest of the head's. */
@@ -262,6 +267,23 @@ static int find_labels(struct scan_assets *a, const struct head *h,
             a->label[i] = label[r];
     }
     near_release(&g);
+    return 0;
+}
+
+/* The corners that the labels' landmarks mean. */
+static int find_points(struct scan_assets *a, const char *dir,
+                       struct error *err)
+{
+    int32_t vertex[REGISTER_POINTS];
+
+    if (register_map_read(vertex, NULL, dir, err))
+        return -1;
+    for (int k = 0; k < REGISTER_POINTS; k++) {
+        size_t c = 0;
+        while (c + 1 < a->face.nc && a->face.source[c] != vertex[k])
+            c++;
+        a->point[k] = (int32_t)c;
+    }
     return 0;
 }
 
@@ -305,7 +327,7 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
     }
     snprintf(path, sizeof path, "%s/ict", dir);
     rc = scan_face_load(&a->face, path, err) || check_head(a, head, err)
-         || find_labels(a, head, err)
+         || find_labels(a, head, err) || find_points(a, dir, err)
          || follow_map_init(&a->follow, &a->face, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
     rc = rc || body_load(&a->body, &a->face, path, err)

@@ -13,6 +13,7 @@
 #include "lib/synth/scan_follow.h"
 #include "lib/synth/scan_light.h"
 #include "lib/synth/scan_piece.h"
+#include "lib/synth/scan_register.h"
 #include "lib/synth/scan_skin.h"
 
 #define SCAN_PIECES 24          /* of one kind at most */
@@ -39,6 +40,8 @@ struct scan_assets {
                                  * from, bald */
     uint8_t *label;             /* (FACE_VERTICES) enum synth_label */
     float *hairy;               /* (FACE_VERTICES) 0 bare .. 1 under hair */
+    int32_t point[REGISTER_POINTS]; /* the face's corners that the labels'
+                                     * landmarks mean */
 };
 
 /* Read everything under DIR (ict/, makehuman/, hdri/, photos/, labels/).  head

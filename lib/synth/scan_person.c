@@ -124,7 +124,7 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
     p->brow = one_of(&r, a->brow.n, 0);
     p->brow_weight = random_float(&r, 0.55, 1.0);
     for (int k = 0; k < 3; k++)
-        p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.16f)
+        p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.11f)
                            * random_float(&r, 0.5, 0.9);
     p->beard = p->male > 0.5f && random_chance(&r, 0.35)
                    ? random_float(&r, 0.3, 1)

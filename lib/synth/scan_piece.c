@@ -214,6 +214,53 @@ void piece_slide(struct piece *p, const struct body *b, const float *normal,
     }
 }
 
+float piece_share(const struct piece *p)
+{
+    size_t n = (size_t)p->picture.w * (size_t)p->picture.h, sum = 0;
+
+    for (size_t i = 0; p->picture.rgba && i < n; i++)
+        sum += p->picture.rgba[4 * i + 3];
+    return p->picture.rgba ? (float)sum / (255 * (float)n) : 1;
+}
+
+/* Every pixel takes after the neighbour with the most, a little less. */
+static void piece_grow(uint8_t *to, const uint8_t *from, int w, int h)
+{
+    for (int y = 0; y < h; y++)
+        for (int x = 0; x < w; x++) {
+            const uint8_t *best = from + 4 * (y * w + x);
+            int most = best[3];
+            for (int k = 0; k < 4; k++) {
+                int u = x + (k == 0) - (k == 1), v = y + (k == 2) - (k == 3);
+                if (u < 0 || v < 0 || u >= w || v >= h)
+                    continue;
+                const uint8_t *p = from + 4 * (v * w + u);
+                if (p[3] * 15 / 16 > most) {
+                    most = p[3] * 15 / 16;
+                    best = p;
+                }
+            }
+            memcpy(to + 4 * (y * w + x), best, 3);
+            to[4 * (y * w + x) + 3] = (uint8_t)most;
+        }
+}
+
+int piece_thicken(struct piece *p, float share, struct error *err)
+{
+    struct bitmap *t = &p->picture;
+    size_t bytes = 4 * (size_t)t->w * (size_t)t->h;
+    uint8_t *from = t->rgba ? malloc(bytes) : NULL;
+
+    if (t->rgba && !from)
+        return error_set(err, EX_OSERR, "out of memory");
+    for (int k = 0; from && k < 32 && piece_share(p) < share; k++) {
+        memcpy(from, t->rgba, bytes);
+        piece_grow(t->rgba, from, t->w, t->h);
+    }
+    free(from);
+    return 0;
+}
+
 void piece_release(struct piece *p)
 {
     free(p->place);

@@ -77,4 +77,11 @@ int hand_make(struct piece *p, const struct body *b, struct error *err);
 void piece_slide(struct piece *p, const struct body *b, const float *normal,
                  const float *dy, int bins, float bin);
 
+/* Grow what its picture shows, as if by more hairs of the same, until they
+ * cover `share` of it (mean alpha).  0, or -1 when memory is short. */
+int piece_thicken(struct piece *p, float share, struct error *err);
+
+/* Mean alpha of its picture; 1 without one. */
+float piece_share(const struct piece *p);
+
 #endif

@@ -15,33 +15,43 @@
 #define ROUNDS 3
 #define SIGMA 2.5f              /* pixels that a landmark may be off */
 
-int register_map_load(struct register_map *m, const struct scan_face *f,
-                      const char *dir, struct error *err)
+int register_map_read(int32_t *vertex, float *spread, const char *dir,
+                      struct error *err)
 {
     char path[4096];
-    int32_t landmark[REGISTER_POINTS], vertex[REGISTER_POINTS];
-    size_t one = 3 * (size_t)FACE_VERTICES;
+    int32_t landmark[REGISTER_POINTS], at[REGISTER_POINTS];
 
-    *m = (struct register_map){.basis = NULL};
     snprintf(path, sizeof path, "%s/labels/mediapipe_to_ict.json", dir);
     cJSON *j = scan_json_read(path, err);
     if (!j)
         return -1;
     int rc = scan_json_ints(landmark, REGISTER_POINTS, REGISTER_POINTS, j,
                             "landmark", err)
-             || scan_json_ints(vertex, REGISTER_POINTS, FACE_VERTICES, j,
+             || scan_json_ints(at, REGISTER_POINTS, FACE_VERTICES, j,
                                "vertex", err);
-    const cJSON *spread = cJSON_GetObjectItemCaseSensitive(j, "spread_cm");
-    const cJSON *s = spread ? spread->child : NULL;
+    const cJSON *cm = cJSON_GetObjectItemCaseSensitive(j, "spread_cm");
+    const cJSON *s = cm ? cm->child : NULL;
     for (int i = 0; !rc && i < REGISTER_POINTS; i++) {
-        m->vertex[landmark[i]] = vertex[i];
-        float cm = s && cJSON_IsNumber(s) ? (float)s->valuedouble : 0.15f;
-        m->weight[landmark[i]] = 1 / (0.1f + cm);
+        vertex[landmark[i]] = at[i];
+        if (spread)
+            spread[landmark[i]] = s && cJSON_IsNumber(s)
+                ? (float)s->valuedouble : 0.15f;
         s = s ? s->next : NULL;
     }
     cJSON_Delete(j);
-    if (rc)
-        return error_prefix(err, "%s", path);
+    return rc ? error_prefix(err, "%s", path) : 0;
+}
+
+int register_map_load(struct register_map *m, const struct scan_face *f,
+                      const char *dir, struct error *err)
+{
+    size_t one = 3 * (size_t)FACE_VERTICES;
+
+    *m = (struct register_map){.basis = NULL};
+    if (register_map_read(m->vertex, m->weight, dir, err))
+        return -1;
+    for (int i = 0; i < REGISTER_POINTS; i++)
+        m->weight[i] = 1 / (0.1f + m->weight[i]);
     m->basis = malloc(3 * (size_t)REGISTER_POINTS * REGISTER_TERMS
                       * sizeof *m->basis);
     if (!m->basis)

@@ -29,6 +29,10 @@ struct registration {
 /* Read DIR/labels/mediapipe_to_ict.json. */
 int register_map_load(struct register_map *m, const struct scan_face *f,
                       const char *dir, struct error *err);
+/* vertex and spread (REGISTER_POINTS, cm; NULL: not wanted) alone, by
+ * landmark. */
+int register_map_read(int32_t *vertex, float *spread, const char *dir,
+                      struct error *err);
 void register_map_release(struct register_map *m);
 
 /* Fit to points (REGISTER_POINTS,3: x, y, unused) of a picture; calm: the

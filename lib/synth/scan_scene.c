@@ -211,8 +211,17 @@ static void find_move(float move[2], const struct scan_scene *c,
                     + 0.45f * (now->pitch - before.pitch));
 }
 
+/* Camera frame to pixels. */
+static void scene_project(float xy[2], const float p[3],
+                          const struct scan_view *v, int size)
+{
+    for (int j = 0; j < 2; j++)
+        xy[j] = (float)size * (0.5f + v->focal * p[j] / p[2]);
+}
+
 int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
-               float lmk[68][2], struct scan_worker *worker,
+               float lmk[68][2], float (*points)[2],
+               struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,
                struct error *err)
 {
@@ -244,11 +253,13 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     scan_expose(out, &worker->film, &worker->stage, c->wall, frame, time, move);
     head_landmarks(at, h, worker->verts);
     for (int k = 0; k < 68; k++) {
-        float p[3], s = (float)c->size;
+        float p[3];
         rot3(p, v.rot, at + 3 * k);
         mad3(p, p, v.trans, 1);
-        for (int j = 0; j < 2; j++)
-            lmk[k][j] = s * (0.5f + v.focal * p[j] / p[2]);
+        scene_project(lmk[k], p, &v, c->size);
     }
+    for (int k = 0; k < REGISTER_POINTS; k++)
+        scene_project(points[k], worker->stage.place
+                      + 3 * f->assets->point[k], &v, c->size);
     return 0;
 }

@@ -31,10 +31,12 @@ int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
                    float effects, int size, struct error *err);
 void scan_scene_release(struct scan_scene *c);
 
-/* The scene at `time` seconds: the print, the true motion, the 68 landmarks in
- * pixels and the driven vertices (worker->verts). */
+/* The scene at `time` seconds: the print, the true motion, the head's 68
+ * landmarks and the labels' REGISTER_POINTS on the scans' own skin in pixels,
+ * and the driven vertices (worker->verts). */
 int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
-               float lmk[68][2], struct scan_worker *worker,
+               float lmk[68][2], float (*points)[2],
+               struct scan_worker *worker,
                const struct scan_scene *c, uint64_t frame, double time,
                struct error *err);
 

@@ -26,7 +26,7 @@ struct synth_picture {          /* a finished frame */
     uint64_t number;            /* person * frames + frame */
     struct synth_motion motion;
     struct synth_scene *scene;
-    float lmk[68][2];
+    float lmk[68][2], points[SYNTH_POINTS][2];
     float crop[3];
     float *verts;
     uint8_t *rgb, *mask, *label, *alone;
@@ -170,8 +170,9 @@ static int picture_render_scan(struct synth *s, struct synth_picture *t,
     uint64_t frame = t->number % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
     t->scene = &s->scene[t->number / s->opt.frames % s->slots];
-    if (scan_scene_render(&out, &t->motion, t->lmk, worker, &t->scene->scan,
-                          frame, (double)frame / s->opt.fps, err))
+    if (scan_scene_render(&out, &t->motion, t->lmk, t->points, worker,
+                          &t->scene->scan, frame,
+                          (double)frame / s->opt.fps, err))
         return -1;
     picture_crop(t);
     if (t->verts)
@@ -279,6 +280,7 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
                                : t->scene->actor.look.nbeta,
         .alone = t->alone,
         .motion = &t->motion, .lmk = &t->lmk[0][0], .verts = t->verts,
+        .points = s->opt.assets ? &t->points[0][0] : NULL,
         .rgb = t->rgb, .mask = t->mask, .label = t->label
     };
     memcpy(frame->crop, t->crop, sizeof t->crop);

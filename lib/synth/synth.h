@@ -12,6 +12,7 @@
 
 struct scan_assets;
 
+#define SYNTH_POINTS 468        /* of mediapipe_to_ict.json */
 #define SYNTH_SIZE_MIN 32
 #define SYNTH_SIZE_MAX 2048
 
@@ -37,6 +38,9 @@ struct synth_frame {
     const struct synth_motion *motion;
     float crop[3];              /* face crop: x, y, size, pixels */
     const float *lmk;           /* (68,2) pixels of the picture */
+    const float *points;        /* (SYNTH_POINTS,2) where the labels'
+                                 * landmarks lie on the scans' skin, pixels;
+                                 * NULL without assets */
     const float *verts;         /* (V,3) driven, head frame; NULL: no mesh */
     const uint8_t *rgb;         /* (size,size,3) sRGB */
     const uint8_t *alone;       /* (size,size,3) the person over black, before

@@ -1,4 +1,5 @@
-/* E_m and E_beta of a model file, ready to run on one face crop. */
+/* E_m and E_beta of a model file, ready to run on one face crop, and the
+ * matte network, on one portrait. */
 #ifndef SPID_TRACK_ENCODERS_H
 #define SPID_TRACK_ENCODERS_H
 
@@ -6,6 +7,7 @@
 
 #include "lib/base/error.h"
 #include "lib/model/model.h"
+#include "lib/net/matte_net.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 #include "lib/nn/params.h"
@@ -14,12 +16,14 @@ struct encoders {
     struct params ps;
     struct motion_encoder motion;
     struct shape_encoder shape;         /* when has_shape */
-    bool has_shape;
+    struct matte_net matte;             /* when has_matte */
+    bool has_shape, has_matte;
 };
 
-/* Load the motion encoder, and the shape encoder when with_shape.  The model
- * may be closed afterwards.  Errors name file, tensor, expected and found
- * shape; nothing is left allocated then. */
+/* Load the motion encoder, and when with_shape the shape encoder and the
+ * matte network, which a model may lack.  The model may be closed afterwards.
+ * Errors name file, tensor, expected and found shape; nothing is left
+ * allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);
 void encoders_release(struct encoders *e);

@@ -20,7 +20,8 @@
 const char *source_matte_name(enum source_matte how)
 {
     static const char *const name[] = {
-        "the file's alpha", "the mask file", "GrabCut", "a disc about the "
+        "the file's alpha", "the mask file", "the model's matte network",
+        "GrabCut", "a disc about the "
         "head (GrabCut found no outline)"
     };
 
@@ -243,7 +244,7 @@ static void source_continue_body(struct source *s, const uint8_t *inside)
 
 static bool source_guessed(const struct source *s)
 {
-    return s->how == SOURCE_GRABCUT || s->how == SOURCE_DISC;
+    return s->how >= SOURCE_NETWORK;
 }
 
 /* Person and background apart, and both beyond the picture's edges.  Only a
@@ -271,32 +272,77 @@ static int source_split(struct source *s, const struct image *im,
     return rc;
 }
 
-/* By GrabCut, from the projected head's silhouette. */
-static int source_matte_colours(struct source *s, const struct image *im,
-                                const struct head *head, struct error *err)
+/* silhouette [S,S]: 255 where the projected head lands. */
+static int source_project_head(uint8_t *silhouette, const struct source *s,
+                               const struct head *head, struct error *err)
 {
-    uint8_t *silhouette = malloc(2 * s->person.size * s->person.size), *inside;
     struct identity id = {0};
     struct overlay o = {0};
-    int fallback = 0, rc = -1;
+    int rc = head_fold(&id, head, s->person.shape, s->person.nshape, err) ||
+             overlay_init(&o, &id, err) ? -1 : 0;
 
-    if (!silhouette) {
+    if (rc == 0)
+        overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
+    overlay_release(&o);
+    identity_release(&id);
+    return rc;
+}
+
+/* By the matte network: 1, 0 where it sees no person about the head, -1. */
+static int source_matte_network(struct source *s, const uint8_t *silhouette,
+                                const uint8_t *inside, struct encoders *nets,
+                                struct error *err)
+{
+    const size_t S = s->person.size, n = MATTE_SIDE, pixels = n * n;
+    const double half = 0.5 * (double)S;
+    uint8_t *small = malloc(3 * pixels);
+    float *rgb = malloc(4 * pixels * sizeof *rgb);
+    int absurd = 0, rc = -1;
+
+    if (!small || !rgb ||
+        crop_resize_u8(small, n, s->person.rgb, S, S, 3 * S, 3,
+                       (struct square){half, half, (double)S})) {
         error_set(err, EX_OSERR, "no memory for the matte");
         goto out;
     }
-    if (head_fold(&id, head, s->person.shape, s->person.nshape, err) != 0
-        || overlay_init(&o, &id, err) != 0)
-        goto out;
-    overlay_silhouette(silhouette, &o, &s->person.source, s->person.size);
-    inside = silhouette + s->person.size * s->person.size;
-    square_inside(inside, s->person.size, im->width, im->height,
-                  s->window);
-    rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb, silhouette,
-                       inside, s->person.size, err);
-    s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
+    for (size_t i = 0; i < 3 * pixels; i++)
+        rgb[i] = (float)small[i] / 255;
+    matte_net_forward(rgb + 3 * pixels, rgb, &nets->matte);
+    for (size_t i = 3 * pixels; i < 4 * pixels; i++)
+        rgb[i] = (float)matte_net_alpha(rgb[i]);
+    rc = matte_refine(s->person.matte, &absurd, rgb + 3 * pixels, n,
+                      s->person.rgb, silhouette, inside, S, err);
+    s->how = SOURCE_NETWORK;
 out:
-    overlay_release(&o);
-    identity_release(&id);
+    free(small);
+    free(rgb);
+    return rc ? -1 : !absurd;
+}
+
+/* From the picture: by the model's network, else by GrabCut, from the
+ * projected head's silhouette. */
+static int source_matte_found(struct source *s, const struct image *im,
+                              const struct head *head, struct encoders *nets,
+                              struct error *err)
+{
+    const size_t S = s->person.size;
+    uint8_t *silhouette = malloc(2 * S * S), *inside = silhouette + S * S;
+    int fallback = 0, found = 0, rc = -1;
+
+    if (!silhouette)
+        return error_set(err, EX_OSERR, "no memory for the matte");
+    if (source_project_head(silhouette, s, head, err))
+        goto out;
+    square_inside(inside, S, im->width, im->height, s->window);
+    if (nets->has_matte && S >= MATTE_SIDE)
+        found = source_matte_network(s, silhouette, inside, nets, err);
+    rc = found < 0 ? -1 : 0;
+    if (!found) {
+        rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb,
+                           silhouette, inside, S, err);
+        s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
+    }
+out:
     free(silhouette);
     return rc;
 }
@@ -311,10 +357,10 @@ static int source_matte_given(struct source *s, const struct image *im,
                               im->height, 1, err);
 }
 
-/* The mask's, the file's own, or one from colours. */
+/* The mask's, the file's own, or one found in the picture. */
 static int source_make_matte(struct source *s, const struct image *im,
                              const struct image *mask, const struct head *head,
-                             struct error *err)
+                             struct encoders *nets, struct error *err)
 {
     double begun = cpu_seconds();
     int rc;
@@ -331,7 +377,7 @@ static int source_make_matte(struct source *s, const struct image *im,
         s->how = SOURCE_ALPHA;
         rc = source_matte_given(s, im, mask, err);
     } else {
-        rc = source_matte_colours(s, im, head, err);
+        rc = source_matte_found(s, im, head, nets, err);
     }
     if (rc == 0)
         rc = source_split(s, im, err);
@@ -404,7 +450,7 @@ int source_make(struct source *s, struct image *im, struct image *mask,
         goto out;
     if (source_find_shape(s, &t, im, head, nets, err) != 0 ||
         source_cut_window(s, im, (size_t)opt->size, err) != 0 ||
-        source_make_matte(s, im, mask, head, err) != 0 ||
+        source_make_matte(s, im, mask, head, nets, err) != 0 ||
         source_enlarge(s, im, mask, err) != 0)
         goto out;
     rc = 0;

@@ -78,7 +78,7 @@ static const struct key keys[] = {
 };
 
 static const char *const stages[STAGE_COUNT] = {
-    "shape", "motion", "sure", "avatar", "all"
+    "shape", "motion", "sure", "matte", "avatar", "all"
 };
 
 const char *train_stage_name(enum train_stage stage)
@@ -144,7 +144,7 @@ static int config_set_stage(struct train_config *c, const cJSON *value,
             return 0;
         }
     return error_set(err, EX_CONFIG, "stage: %s (expected shape, motion, "
-                     "sure, avatar or all)",
+                     "sure, matte, avatar or all)",
                      cJSON_IsString(value) ? value->valuestring
                                            : "not a string");
 }

@@ -61,6 +61,7 @@ int task_read_validation(struct task *t, struct data_reader *r,
 int task_motion_init(struct task *t, struct error *err);
 int task_shape_init(struct task *t, struct error *err);
 int task_sure_init(struct task *t, struct error *err);
+int task_matte_init(struct task *t, struct error *err);
 int task_avatar_init(struct task *t, struct error *err);
 
 #endif

@@ -10,6 +10,7 @@
 
 #include "lib/base/random.h"
 #include "lib/net/backbone.h"
+#include "lib/net/matte_net.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/plane_init.h"
 #include "lib/net/refiner.h"
@@ -108,7 +109,8 @@ static void run(const struct subject *n)
             check_gradient(n, ps->tensor[t].name, param_w(ps, t),
                            param_g(ps, t), ps->tensor[t].count, in, out,
                            probe, 0.02);
-    if (n->lo < n->hi && strcmp(n->name, "backbone"))
+    if (n->lo < n->hi && strcmp(n->name, "backbone") &&
+        strcmp(n->name, "matte_net"))
         check_gradient(n, "input", in, din, n->in, in, out, probe, 0.02);
     if (!strcmp(n->name, "refiner"))
         check_gradient(n, "turn", turn, dturn, RELATIVE_POSE_SIZE, in,
@@ -138,6 +140,13 @@ ADAPT_FORWARD(refiner)
 ADAPT(plane_init)
 ADAPT(motion_encoder)
 ADAPT(shape_encoder)
+ADAPT(matte_net)
+
+static void matte_net_bwd(float *din, const float *dout, void *s)
+{
+    (void)din;
+    matte_net_backward(dout, s);
+}
 
 static void backbone_bwd(float *din, const float *dout, void *s)
 {
@@ -213,6 +222,13 @@ static void small_nets(void)
     ready(&ps, backbone_init(&backbone, &ps, "b.", &bc, &err));
     planned(backbone_plan(&backbone, 2, 32, train, &err));
     RUN(backbone, 0, 1, 2 * 32 * 32 * 3, 2 * 20 * 20 * 8);
+
+    struct matte_net matte_net;
+    params_init(&ps);
+    matte_net_init(&matte_net, &ps, "m.", 64, 4);
+    ready(&ps, 0);
+    planned(matte_net_plan(&matte_net, 2, train, &err));
+    RUN(matte_net, 0, 1, 2 * 64 * 64 * 3, 2 * 64 * 64);
 
     struct refiner refiner;
     struct refiner_config rc = { .type = REFINER_NARROW, .channels = 12,

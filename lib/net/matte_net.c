@@ -1,0 +1,71 @@
+/* The matte network: a U-Net (Ronneberger et al. 2015) with one logit for
+ * every pixel. */
+#include "lib/net/matte_net.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/nn/image.h"
+
+void matte_net_init(struct matte_net *m, struct params *ps,
+                    const char *prefix, size_t side, size_t width)
+{
+    memset(m, 0, sizeof *m);
+    m->side = side;
+    small_backbone_init(&m->net, ps, prefix, 4, side / 2, width);
+}
+
+int matte_net_plan(struct matte_net *m, size_t batch, struct nn_options opt,
+                   struct error *err)
+{
+    m->batch = batch;
+    if (small_backbone_plan(&m->net, batch, m->side, opt, err))
+        return -1;
+    m->cell = nn_plan_floats(&m->net.plan, batch * m->side * m->side);
+    return nn_plan_finish(&m->net.plan, err);
+}
+
+void matte_net_update(struct matte_net *m)
+{
+    small_backbone_update(&m->net);
+}
+
+void matte_net_release(struct matte_net *m)
+{
+    small_backbone_release(&m->net);
+    memset(m, 0, sizeof *m);
+}
+
+void matte_net_forward(float *logit, const float *rgb, struct matte_net *m)
+{
+    small_backbone_forward(m->cell, rgb, &m->net);
+    depth_to_space(logit, m->cell, m->batch, m->side / 2, m->side / 2, 1, 2);
+}
+
+/* In the forward pass: logit = depth_to_space(cell). */
+void matte_net_backward(const float *dlogit, struct matte_net *m)
+{
+    depth_to_space_backward(m->cell, dlogit, m->batch, m->side / 2,
+                            m->side / 2, 1, 2);
+    small_backbone_backward(m->cell, &m->net);
+}
+
+double matte_net_alpha(float logit)
+{
+    return 1 / (1 + exp(-(double)logit));
+}
+
+double matte_net_loss(float *dlogit, const float *logit, const float *alpha,
+                      const float *weight, double scale, size_t n)
+{
+    double sum = 0, each = scale / (double)n;
+
+    for (size_t i = 0; i < n; i++) {
+        double z = (double)logit[i], a = (double)alpha[i];
+        double w = each * (double)weight[i];
+
+        sum += w * (fmax(z, 0) - z * a + log1p(exp(-fabs(z))));
+        dlogit[i] = (float)(w * (matte_net_alpha(logit[i]) - a));
+    }
+    return sum;
+}

@@ -1,0 +1,160 @@
+/* The matte network about its convolutions: its loss against one computed
+ * plainly, the gradient against differences, what it learns from (the picture
+ * is the truth's composite), and a coarse matte brought to the picture's
+ * size. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/matte.h"
+#include "lib/base/random.h"
+#include "lib/data/portrait_sample.h"
+#include "lib/net/matte_net.h"
+#include "tests/check.h"
+
+enum { N = 64, BIG = 256 };
+
+static void test_loss(void)
+{
+    enum { COUNT = 40 };
+    float logit[COUNT], alpha[COUNT], weight[COUNT], d[COUNT], unused[COUNT];
+    double want = 0, most = 0;
+    struct random r;
+
+    random_init(&r, 1, "matte loss");
+    for (int i = 0; i < COUNT; i++) {
+        double p;
+        logit[i] = (float)(6 * random_normal(&r));
+        alpha[i] = i % 3 ? (float)random_uniform(&r) : (float)(i % 2);
+        weight[i] = i % 5 ? 1 : 0;
+        p = 1 / (1 + exp(-(double)logit[i]));
+        want -= 2.0 / COUNT * (double)weight[i] *
+                ((double)alpha[i] * log(p) +
+                 (1 - (double)alpha[i]) * log1p(-p));
+    }
+    check("cross entropy, relative",
+          fabs(matte_net_loss(d, logit, alpha, weight, 2, COUNT) / want - 1),
+          1e-6);
+    for (int i = 0; i < COUNT; i++) {
+        float keep = logit[i], h = 1e-2f;
+        logit[i] = keep + h;
+        double up = matte_net_loss(unused, logit, alpha, weight, 2, COUNT);
+        logit[i] = keep - h;
+        double down = matte_net_loss(unused, logit, alpha, weight, 2, COUNT);
+        logit[i] = keep;
+        most = fmax(most, fabs((up - down) / (2 * (double)h) - (double)d[i]));
+    }
+    check("its gradient against differences", most, 1e-5);
+    logit[0] = 300;
+    alpha[0] = weight[0] = 1;
+    check_that("a sure logit is finite",
+          isfinite(matte_net_loss(d, logit, alpha, weight, 2,
+                                       COUNT)));
+}
+
+/* A disc of one colour before a wall, half of it hidden to the left. */
+static void paint(struct data_frame *f, uint8_t *rgba, uint8_t *alone,
+                  uint8_t *hidden, const uint8_t person[3],
+                  const uint8_t wall[3])
+{
+    *f = (struct data_frame){.size = N, .width = N, .height = N, .rgba = rgba,
+                             .alone = alone, .hidden = hidden};
+    for (int i = 0; i < N * N; i++) {
+        double d = 20.5 - hypot(i % N - 31.5, i / N - 31.5);
+        double m = fmin(1, fmax(0, d));
+        rgba[4 * i + 3] = (uint8_t)(255 * m + 0.5);
+        hidden[i] = i % N < 20;
+        for (int c = 0; c < 3; c++) {
+            alone[3 * i + c] = (uint8_t)(m * person[c] + 0.5);
+            rgba[4 * i + c] = (uint8_t)(m * person[c] + (1 - m) * wall[c]
+                                        + 0.5);
+        }
+    }
+}
+
+static void test_sample(void)
+{
+    static uint8_t rgba[4 * N * N], alone[3 * N * N], hidden[N * N];
+    static float rgb[3 * N * N], alpha[N * N], weight[N * N];
+    const uint8_t person[3] = {200, 30, 30}, wall[3] = {20, 20, 220};
+    const struct data_augment plain = {0}, other = {.background = 1};
+    struct error err = {0};
+    struct data_frame f;
+    struct random r;
+    double off = 0, rim = 0;
+    int changed = 0;
+
+    paint(&f, rgba, alone, hidden, person, wall);
+    random_init(&r, 2, "own");
+    REQUIRE(!portrait_sample(rgb, alpha, weight, N, &f, &f, &plain, &r, &err),
+            "%s", err.text);
+    for (int i = 0; i < N * N; i++)
+        for (int c = 0; c < 3; c++)
+            off = fmax(off, fabs((double)rgb[3 * i + c] -
+                                 ((double)alpha[i] * person[c] +
+                                  (1 - (double)alpha[i]) * wall[c]) / 255));
+    check("picture = alpha person + (1 - alpha) wall", off, 1.6 / 255);
+    for (int k = 0; k < 12; k++) {
+        random_init(&r, 3 + (uint64_t)k, "other");
+        REQUIRE(!portrait_sample(rgb, alpha, weight, N, &f, &f, &other, &r,
+                                 &err), "%s", err.text);
+        for (int i = 0; i < N * N; i++) {
+            bool blue = rgb[3 * i + 2] > 0.6f && rgb[3 * i] < 0.2f;
+            if (weight[i] > 0 && alpha[i] >= 1)
+                for (int c = 0; c < 3; c++)
+                    rim = fmax(rim, fabs((double)rgb[3 * i + c] -
+                                         person[c] / 255.0));
+            changed += weight[i] > 0 && alpha[i] <= 0 && !blue;
+        }
+    }
+    check("the person before another wall is as before", rim, 1.6 / 255);
+    check_that("the wall is another one", changed > 4 * N * N);
+}
+
+static void test_refine(void)
+{
+    static uint8_t rgb[3 * BIG * BIG], head[BIG * BIG], out[BIG * BIG];
+    static float coarse[N * N];
+    struct error err = {0};
+    double error = 0, elsewhere = 0;
+    int absurd = 0;
+
+    for (int i = 0; i < BIG * BIG; i++) {
+        double x = i % BIG, y = i / BIG;
+        double in = fmin(1, fmax(0, 80.5 - hypot(x - 127.5, y - 127.5)));
+        head[i] = hypot(x - 127.5, y - 127.5) < 50 ? 255 : 0;
+        memset(rgb + 3 * i, (int)(30 + 200 * in), 3);
+    }
+    /* the disc four times smaller, and a piece of somebody else */
+    for (int i = 0; i < N * N; i++) {
+        double x = i % N, y = i / N;
+        coarse[i] = (float)fmin(1, fmax(0, 20.5 - hypot(x - 31.5, y - 31.5)));
+        if (x < 6 && y < 6)
+            coarse[i] = 1;
+    }
+    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
+            "%s", err.text);
+    for (int i = 0; i < BIG * BIG; i++) {
+        double want = (rgb[3 * i] - 30) / 200.0, got = out[i] / 255.0;
+        if (i % BIG < 24 && i / BIG < 24)
+            elsewhere = fmax(elsewhere, got);
+        error += fabs(got - want) / (BIG * BIG);
+    }
+    check_that("a sensible matte", !absurd);
+    check("what hangs together with no head is left out", elsewhere, 0.01);
+    check("mean distance from the fine outline", error, 0.006);
+    for (int i = 0; i < N * N; i++)
+        coarse[i] = 0;
+    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
+            "%s", err.text);
+    check_that("nobody about the head is absurd", absurd);
+}
+
+int main(void)
+{
+    test_loss();
+    test_sample();
+    test_refine();
+    return check_status();
+}
