@@ -5,6 +5,12 @@
 #include <math.h>
 #include <string.h>
 
+/* The smaller one, a where b is not a number: fminf is a call. */
+static inline float compose_least(float a, float b)
+{
+    return b < a ? b : a;
+}
+
 void texture_mix(float *color, size_t channels, float *alpha,
                  const float *photo, size_t n)
 {
@@ -25,8 +31,8 @@ void texture_hold(float *color, size_t channels, const float *alpha, size_t n)
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
-            color[channels * i + c] = fminf(color[channels * i + c],
-                                            alpha[i]);
+            color[channels * i + c] = compose_least(color[channels * i + c],
+                                                    alpha[i]);
 }
 
 /* ---- the field --------------------------------------------------------- */
@@ -83,14 +89,62 @@ static void compose_field_add(float *dfield, const struct texture_field *f,
 
 /* ---- forward ----------------------------------------------------------- */
 
-/* One pixel: rgb (3) and its alpha. */
-static void compose_pixel(float *rgb, float *alpha, const float *p, field4 f)
-{
-    float b = fminf(fmaxf(p[4] * (1 - f[0]), 0), 1);
+#define COMPOSE_RUN 64          /* pixels at a time, */
+#define COMPOSE_PLACES (COMPOSE_RUN / TEXTURE_FIELD_STEP + 2)   /* ... between
+                                                                 * so many */
 
-    for (int c = 0; c < 3; c++)
-        rgb[c] += b * (p[c] * (1 + f[c + 1]) - rgb[c]);
-    *alpha += b * (p[3] - *alpha);
+/* The field between two of its lines, at places from the one left of pixel x0
+ * on. */
+static void compose_field_line(field4 line[COMPOSE_PLACES],
+                               const struct texture_field *f,
+                               struct compose_tap y, size_t x0)
+{
+    for (size_t k = 0; k < COMPOSE_PLACES; k++) {
+        size_t x = x0 / TEXTURE_FIELD_STEP + k;
+        field4 a, b;
+
+        x = x ? x - 1 : 0;
+        x = x < f->width ? x : f->width - 1;
+        memcpy(&a, f->at + TEXTURE_FIELD * (y.a * f->width + x), sizeof a);
+        memcpy(&b, f->at + TEXTURE_FIELD * (y.b * f->width + x), sizeof b);
+        line[k] = a + y.w * (b - a);
+    }
+}
+
+/* One pixel: rgb (3) and its alpha. */
+static inline void compose_pixel(float *rgb, float *alpha, const float *p,
+                                 field4 f)
+{
+    const field4 was = {rgb[0], rgb[1], rgb[2], *alpha};
+    const field4 gain = {1 + f[1], 1 + f[2], 1 + f[3], 1};
+    field4 photo;
+    float b = p[4] * (1 - f[0]);
+
+    memcpy(&photo, p, sizeof photo);
+    b = b > 0 ? compose_least(b, 1) : 0;
+    photo = was + b * (photo * gain - was);
+    for (size_t c = 0; c < 3; c++)
+        rgb[c] = photo[c];
+    *alpha = photo[3];
+}
+
+/* n pixels of a row; line: the field's, from the place left of the first. */
+static void compose_run(float *rgb, float *alpha, const float *photo,
+                        const field4 line[COMPOSE_PLACES], size_t n)
+{
+    for (size_t x = 0; x < n; x++, rgb += 3, alpha++, photo += TEXTURE_PHOTO) {
+        /* half a place to the left of the pixel's own */
+        const size_t at = x + TEXTURE_FIELD_STEP / 2;
+        const size_t k = at / TEXTURE_FIELD_STEP;
+        const float w = ((float)(at % TEXTURE_FIELD_STEP) + 0.5f) /
+                        TEXTURE_FIELD_STEP;
+
+        if (photo[4] > 0)
+            compose_pixel(rgb, alpha, photo,
+                          line[k] + w * (line[k + 1] - line[k]));
+        for (size_t c = 0; c < 3; c++)
+            rgb[c] = compose_least(rgb[c], *alpha);
+    }
 }
 
 void texture_compose(float *rgb, float *alpha, const float *photo,
@@ -99,19 +153,16 @@ void texture_compose(float *rgb, float *alpha, const float *photo,
 {
 #pragma omp parallel for schedule(static)
     for (size_t y = 0; y < height; y++) {
-        struct compose_tap ty = compose_tap_make(y, field->height);
+        field4 line[COMPOSE_PLACES] = {{0}};
 
-        for (size_t x = 0, i = y * width; x < width; x++, i++) {
-            const float *p = photo + TEXTURE_PHOTO * i;
-            field4 f = {0};
+        for (size_t x = 0; x < width; x += COMPOSE_RUN) {
+            const size_t i = y * width + x, left = width - x;
 
-            if (p[4] > 0 && field->at)
-                f = compose_field_at(field, ty,
-                                     compose_tap_make(x, field->width));
-            if (p[4] > 0)
-                compose_pixel(rgb + 3 * i, alpha + i, p, f);
-            for (size_t c = 0; c < 3; c++)
-                rgb[3 * i + c] = fminf(rgb[3 * i + c], alpha[i]);
+            if (field->at)
+                compose_field_line(line, field,
+                                   compose_tap_make(y, field->height), x);
+            compose_run(rgb + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
+                        line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
         }
     }
 }

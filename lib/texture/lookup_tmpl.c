@@ -1,89 +1,297 @@
-/* Bicubic lookups (Catmull and Rom 1974) in a picture of four bytes a pixel:
- * four lanes are a pixel's four channels, so the code is the same for every
- * instruction set and only its width differs. */
+/* Lookups in the photograph: offsets and confidence of VEC pixels at once, and
+ * Catmull and Rom's bicubic (1974) in a picture of four bytes a pixel, where
+ * lanes are four neighbours' four channels. */
 #include "lib/texture/lookup_kernel.h"
 
-#include <math.h>
-#include <string.h>
+#include "lib/splat/vec.h"
+#include "lib/texture/lookup.h"
 
-typedef float lookup4 __attribute__((vector_size(16)));
-typedef int32_t mask4 __attribute__((vector_size(16)));
-typedef uint8_t bytes4 __attribute__((vector_size(4)));
+/* ---- offsets ------------------------------------------------------------- */
 
-/* Each lane held between 0 and 1: the cubic overshoots at edges. */
-static inline lookup4 lookup_hold(lookup4 c)
+/* Numbers k, k + 3, k + 6 ... of the 3 VEC in a, b and c. */
+VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
 {
-    const mask4 one = (mask4)(lookup4){1, 1, 1, 1};
-    mask4 big = c > 1.0f;
+    const vi at = 3 * vi_iota() + k;
+    const vi first = at < 2 * VEC;
 
-    return (lookup4)(((mask4)c & (c > 0.0f) & ~big) | (one & big));
+    a = __builtin_shuffle(a, b, at & first);
+    return __builtin_shuffle(a, c, (vi_iota() & first) | ((at - VEC) & ~first));
 }
 
-/* Weights of the four neighbours at t in [0,1) past the second. */
-static inline void lookup_weights(float w[4], float t)
+static bool ISA(texture_offsets)(float *x, float *y, float *w,
+                                 const float *place, size_t n)
 {
-    float t2 = t * t, t3 = t2 * t;
+    vf most = vf_set(0);
 
-    w[0] = -0.5f * t3 + t2 - 0.5f * t;
-    w[1] = 1.5f * t3 - 2.5f * t2 + 1;
-    w[2] = -1.5f * t3 + 2 * t2 + 0.5f * t;
-    w[3] = 0.5f * t3 - 0.5f * t2;
+    for (size_t i = 0; i < n; i += VEC, place += 3 * VEC) {
+        vf a = vf_load(place), b = vf_load(place + VEC);
+        vf c = vf_load(place + 2 * VEC);
+        vf weight = lookup_every_third(a, b, c, 2);
+        vm has = vf_gt(weight, vf_set(TEXTURE_LEAST));
+
+        if (!vm_any(has)) {
+            vf_store(x + i, vf_set(0));
+            vf_store(y + i, vf_set(0));
+            vf_store(w + i, vf_set(0));
+            continue;
+        }
+        vf_store(x + i, vf_keep(has, lookup_every_third(a, b, c, 0) / weight));
+        vf_store(y + i, vf_keep(has, lookup_every_third(a, b, c, 1) / weight));
+        vf_store(w + i, vf_keep(has, weight));
+        most = vf_max(most, vf_keep(has, weight));
+    }
+    return vm_any(vf_gt(most, vf_set(0)));
 }
 
-static inline lookup4 lookup_pixel(const uint8_t *p)
-{
-    bytes4 b;
+/* ---- confidence ------------------------------------------------------------
+ */
 
-    memcpy(&b, p, sizeof b);
-    return __builtin_convertvector(b, lookup4);
+/* VEC pixels' own offsets, and where they lie in the planes. */
+struct lookup_here {
+    const float *x, *y, *w;
+    vf ox, oy;
+};
+
+/* At least `most`, or the square of the offset's change to the pixels `step`
+ * further. */
+VEC_INLINE vf lookup_change(vf most, const struct lookup_here *h,
+                            ptrdiff_t step)
+{
+    vf dx = vf_load(h->x + step) - h->ox, dy = vf_load(h->y + step) - h->oy;
+    vm has = vf_gt(vf_load(h->w + step), vf_set(0));
+
+    return vf_max(vf_keep(has, dx * dx + dy * dy), most);
+}
+
+/* The offset's change in each direction along a line, over the position's:
+ * texture_slope. */
+VEC_INLINE void lookup_slope(vf d[2], const struct lookup_here *h,
+                             ptrdiff_t step, float size)
+{
+    const vf across = vf_set(TEXTURE_ACROSS);
+    vm back = vf_gt(vf_load(h->w - TEXTURE_ACROSS * step), vf_set(0));
+    vm ahead = vf_gt(vf_load(h->w + TEXTURE_ACROSS * step), vf_set(0));
+    vf far = vf_keep(back, across) + vf_keep(ahead, across);
+    vf n = vf_set(0.5f * size) / vf_max(far, vf_set(1));
+    const float *const plane[2] = {h->x, h->y};
+    const vf own[2] = {h->ox, h->oy};
+
+    for (int k = 0; k < 2; k++) {
+        vf a = vf_load(plane[k] - TEXTURE_ACROSS * step);
+        vf b = vf_load(plane[k] + TEXTURE_ACROSS * step);
+
+        d[k] = n * (vf_sel(ahead, b, own[k]) - vf_sel(back, a, own[k]));
+    }
+}
+
+/* texture_stretch */
+VEC_INLINE vf lookup_stretch(const struct lookup_here *h,
+                             const struct lookup_view *k)
+{
+    const float *A = k->v.A;
+    vf dx[2], dy[2];
+
+    lookup_slope(dx, h, 1, k->size);
+    lookup_slope(dy, h, LOOKUP_LINE, k->size);
+    vf area = (A[0] + dx[0]) * (A[3] + dy[1]) -
+              (A[1] + dy[0]) * (A[2] + dx[1]);
+    area /= vf_max(vf_set(k->zoom), vf_set(1e-6f));
+    return vf_clamp((area - TEXTURE_STRETCHED) /
+                    (TEXTURE_SHARP - TEXTURE_STRETCHED), vf_set(0), vf_set(1));
+}
+
+/* VEC pixels from the row's pixel i on. */
+VEC_INLINE void lookup_confide(struct lookup_row *r,
+                               const struct lookup_view *k, size_t i)
+{
+    const struct lookup_here h = {r->x + i, r->y + i, r->w + i,
+                                  vf_load(r->x + i), vf_load(r->y + i)};
+    const float *A = k->v.A, *b = k->v.b;
+    vf w = vf_load(h.w), zero = vf_set(0), one = vf_set(1), jump = zero;
+
+    vf_store(r->sure + i, zero);
+    if (!vm_any(vf_gt(w, zero)))
+        return;
+    jump = lookup_change(jump, &h, -1);
+    jump = lookup_change(jump, &h, 1);
+    jump = lookup_change(jump, &h, -LOOKUP_LINE);
+    jump = lookup_change(jump, &h, LOOKUP_LINE);
+    jump = 0.5f * k->size * vf_sqrt(jump);
+    vf sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
+    vf own = TEXTURE_SHARE(w / vf_max(vf_load(r->alpha + i),
+                                      vf_set(TEXTURE_LEAST)));
+    vm some = vm_and(vf_gt(w, zero), vm_and(vf_gt(own, zero),
+                                            vf_gt(sure, zero)));
+    vf_store(r->sure + i, vf_keep(some, vf_min(own, one) *
+                                  vf_min(sure, one) * lookup_stretch(&h, k)));
+    vf nx = __builtin_convertvector(vi_iota() + (int)i, vf) * r->step + r->nx;
+    vf_store(r->u + i, k->half * (A[0] * nx + A[1] * r->ny + b[0] + h.ox + 1));
+    vf_store(r->v + i, k->half * (A[2] * nx + A[3] * r->ny + b[1] + h.oy + 1));
+}
+
+static void ISA(texture_confide)(struct lookup_row *row,
+                                 const struct lookup_view *k, size_t n)
+{
+    for (size_t i = 0; i < n; i += VEC)
+        lookup_confide(row, k, i);
+}
+
+/* ---- bicubic --------------------------------------------------------------
+ */
+
+#define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
+
+/* The four neighbours' weights at t in [0,1) past the second are polynomials:
+ * their numbers from the highest power, one for each lane. */
+static const float weights[4][16] = {
+    {-0.5f, -0.5f, -0.5f, -0.5f, 1.5f, 1.5f, 1.5f, 1.5f,
+     -1.5f, -1.5f, -1.5f, -1.5f, 0.5f, 0.5f, 0.5f, 0.5f},
+    {1, 1, 1, 1, -2.5f, -2.5f, -2.5f, -2.5f,
+     2, 2, 2, 2, -0.5f, -0.5f, -0.5f, -0.5f},
+    {-0.5f, -0.5f, -0.5f, -0.5f, 0, 0, 0, 0,
+     0.5f, 0.5f, 0.5f, 0.5f, 0, 0, 0, 0},
+    {0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0}};
+
+/* Four pixels' bytes. */
+VEC_INLINE void lookup_bytes(vf p[PARTS], const uint8_t *row)
+{
+#if defined(ISA_AVX512)
+    p[0] = (vf)_mm512_cvtepi32_ps(_mm512_cvtepu8_epi32(
+        _mm_loadu_si128((const __m128i *)row)));
+#elif defined(ISA_AVX2)
+    for (int k = 0; k < PARTS; k++)
+        p[k] = (vf)_mm256_cvtepi32_ps(_mm256_cvtepu8_epi32(
+            _mm_loadl_epi64((const __m128i *)(row + VEC * k))));
+#elif defined(__SSE2__)
+    const __m128i zero = _mm_setzero_si128();
+    const __m128i b = _mm_loadu_si128((const __m128i *)row);
+    const __m128i low = _mm_unpacklo_epi8(b, zero);
+    const __m128i high = _mm_unpackhi_epi8(b, zero);
+
+    p[0] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(low, zero));
+    p[1] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(low, zero));
+    p[2] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(high, zero));
+    p[3] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(high, zero));
+#else
+    for (int k = 0; k < PARTS; k++)
+        for (int i = 0; i < VEC; i++)
+            p[k][i] = row[VEC * k + i];
+#endif
+}
+
+/* Sum of the four pixels, in order. */
+VEC_INLINE vq lookup_sum(const vf p[PARTS])
+{
+#if defined(ISA_AVX512)
+    __m256 half = _mm256_add_ps(_mm512_castps512_ps256((__m512)p[0]),
+                                _mm512_extractf32x8_ps((__m512)p[0], 1));
+    return (vq)_mm_add_ps(_mm256_castps256_ps128(half),
+                          _mm256_extractf128_ps(half, 1));
+#else
+    vq q[4];
+
+    memcpy(q, p, sizeof q);
+    return (q[0] + q[2]) + (q[1] + q[3]);
+#endif
+}
+
+/* The sum over four rows `stride` bytes apart, at (tx,ty) past the second
+ * pixel of the second row. */
+VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride, float tx,
+                           float ty)
+{
+    vf sum[PARTS] = {{0}}, p[PARTS];
+    float wy[4];
+
+    for (int i = 0; i < 4; i++)
+        wy[i] = ((weights[0][4 * i] * ty + weights[1][4 * i]) * ty +
+                 weights[2][4 * i]) * ty + weights[3][4 * i];
+    for (int j = 0; j < 4; j++, row += stride) {
+        lookup_bytes(p, row);
+        for (int k = 0; k < PARTS; k++)
+            sum[k] = vf_fma(vf_set(wy[j]), p[k], sum[k]);
+    }
+    for (int k = 0; k < PARTS; k++) {
+        vf w = vf_fma(vf_load(weights[0] + VEC * k), vf_set(tx),
+                      vf_load(weights[1] + VEC * k));
+
+        w = vf_fma(w, vf_set(tx), vf_load(weights[2] + VEC * k));
+        sum[k] *= vf_fma(w, vf_set(tx), vf_load(weights[3] + VEC * k));
+    }
+    return lookup_sum(sum);
 }
 
 /* Index i of n pixels, held inside. */
-static inline size_t lookup_clamp(long i, long n)
+static inline size_t lookup_clamp(int32_t i, int32_t n)
 {
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
 }
 
-static inline lookup4 lookup_at(const uint8_t *texture, size_t S, float u,
-                                float v)
+/* The same where rows or columns are missing. */
+static vq lookup_border(const uint8_t *texture, size_t S, int32_t x0,
+                        int32_t y0, float tx, float ty)
 {
-    const float end = (float)S;
-    /* what is far outside is the border's anyway; NaN becomes the corner */
-    float x = fminf(fmaxf(u, -2), end + 2) - 0.5f;
-    float y = fminf(fmaxf(v, -2), end + 2) - 0.5f;
-    float fx = floorf(x), fy = floorf(y), wx[4], wy[4];
-    long x0 = (long)fx - 1, y0 = (long)fy - 1, n = (long)S;
-    lookup4 sum = {0};
+    uint8_t near[4][16];
 
-    lookup_weights(wx, x - fx);
-    lookup_weights(wy, y - fy);
-    if (x0 >= 0 && y0 >= 0 && x0 + 3 < n && y0 + 3 < n) {
-        const uint8_t *row = texture + 4 * ((size_t)y0 * S + (size_t)x0);
-        for (int j = 0; j < 4; j++, row += 4 * S)
-            sum += wy[j] * (wx[0] * lookup_pixel(row) +
-                            wx[1] * lookup_pixel(row + 4) +
-                            wx[2] * lookup_pixel(row + 8) +
-                            wx[3] * lookup_pixel(row + 12));
-        return sum;
-    }
-    for (int j = 0; j < 4; j++) {
-        const uint8_t *row = texture + 4 * S * lookup_clamp(y0 + j, n);
+    for (int j = 0; j < 4; j++)
         for (int i = 0; i < 4; i++)
-            sum += wy[j] * wx[i] *
-                   lookup_pixel(row + 4 * lookup_clamp(x0 + i, n));
-    }
-    return sum;
+            memcpy(near[j] + 4 * i, texture + 4 *
+                   (S * lookup_clamp(y0 + j, (int32_t)S) +
+                    lookup_clamp(x0 + i, (int32_t)S)), 4);
+    return lookup_cubic(near[0], sizeof near[0], tx, ty);
 }
 
-void ISA(texture_bicubic)(float *out, size_t stride, const float *uv,
-                          const float *weight, size_t n,
-                          const uint8_t *texture, size_t S)
+/* Pixels before the positions p (VEC), held near the texture, and how far past
+ * the second of the four.  What is far outside is the border's anyway; NaN
+ * becomes the corner. */
+VEC_INLINE void lookup_split(int32_t first[VEC], float past[VEC],
+                             const float *p, float end)
 {
-    for (size_t i = 0; i < n; i++) {
+    vf x = vf_min(vf_max(vf_load(p), vf_set(-2)), vf_set(end + 2)) - 0.5f;
+    vi i = __builtin_convertvector(x, vi);
+
+    i += x < __builtin_convertvector(i, vf);        /* downwards */
+    vi_store(first, i - 1);
+    vf_store(past, x - __builtin_convertvector(i, vf));
+}
+
+/* Each lane of c / 255 held between 0 and 1: the cubic overshoots at edges. */
+VEC_INLINE vq lookup_hold(vq c)
+{
+    const vq one = {1, 1, 1, 1};
+
+    c *= 1.0f / 255;
+    c = (vq)((c > 0.0f) & (typeof(c > c))c);
+    typeof(c > c) big = c > one;
+    return (vq)((big & (typeof(big))one) | (~big & (typeof(big))c));
+}
+
+static void ISA(texture_bicubic)(float *out, size_t stride, const float *u,
+                                 const float *v, const float *weight, size_t n,
+                                 const uint8_t *texture, size_t S)
+{
+    const int32_t last = (int32_t)S - 3;
+    int32_t x0[VEC], y0[VEC];
+    float tx[VEC], ty[VEC];
+
+    for (size_t i = 0; i < n; i++, out += stride) {
+        size_t k = i % VEC;
+
+        if (k == 0) {
+            lookup_split(x0, tx, u + i, (float)S);
+            lookup_split(y0, ty, v + i, (float)S);
+        }
         if (!(weight[i] > 0))
             continue;
-        lookup4 c = lookup_hold(lookup_at(texture, S, uv[2 * i],
-                                          uv[2 * i + 1]) * (1.0f / 255));
-        memcpy(out + i * stride, &c, sizeof c);
+        bool inside = x0[k] >= 0 && y0[k] >= 0 && x0[k] < last && y0[k] < last;
+        vq c = inside ? lookup_cubic(texture + 4 * ((size_t)y0[k] * S +
+                                                    (size_t)x0[k]),
+                                     4 * S, tx[k], ty[k])
+                      : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
+        vq_store(out, lookup_hold(c));
     }
 }
+
+const struct lookup_kernels ISA(lookup_kernels) = {
+    ISA(texture_offsets), ISA(texture_confide), ISA(texture_bicubic)
+};

@@ -1,5 +1,5 @@
 /* The photograph as texture (texture.h): the person cut out of the source
- * picture in several sizes, looked up at blended places. */
+ * picture in several sizes, and where it is to be believed. */
 #include "lib/texture/texture.h"
 
 #include <math.h>
@@ -7,13 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/cpu.h"
 #include "lib/geom/crop.h"
 #include "lib/texture/lookup.h"
-#include "lib/texture/lookup_kernel.h"
-
-/* Octaves by which a finer level is preferred. */
-#define TEXTURE_FINER 0.1f
 
 /* ---- the person alone -------------------------------------------------- */
 
@@ -128,18 +123,6 @@ void texture_release(struct texture *t)
 
 /* ---- confidence -------------------------------------------------------- */
 
-/* How much the offset changes from this pixel to the one `step` further, in
- * units of the step; 0 where one of the two has no place. */
-static float texture_change(const float *p, long step, float size)
-{
-    const float *q = p + 3 * step;
-
-    if (!(q[2] > TEXTURE_LEAST))
-        return 0;
-    float x = q[0] / q[2] - p[0] / p[2], y = q[1] / q[2] - p[1] / p[2];
-    return 0.5f * size * sqrtf(x * x + y * y);
-}
-
 /* d (2): by how much the offset changes along a line of size pixels, at pixel
  * `at` of it and `step` pixels of place apart, over the same change of the
  * picture's position. */
@@ -204,153 +187,4 @@ float texture_whole(float matte, float turned)
     float t = fminf(fmaxf((matte - 0.5f) / 0.45f, 0), 1);
 
     return 1 - turned * (1 - t);
-}
-
-/* How far pixel (x,y) is to be believed. */
-static float texture_confidence(const float *place,
-                                const struct splat_place_view *v, float zoom,
-                                const float *alpha, size_t x, size_t y,
-                                size_t size)
-{
-    const float *p = place + 3 * (y * size + x);
-    float share = p[2] / fmaxf(alpha[y * size + x], TEXTURE_LEAST);
-    float jump = 0, n = (float)size;
-    long row = (long)size;
-
-    if (x > 0)
-        jump = fmaxf(jump, texture_change(p, -1, n));
-    if (x + 1 < size)
-        jump = fmaxf(jump, texture_change(p, 1, n));
-    if (y > 0)
-        jump = fmaxf(jump, texture_change(p, -row, n));
-    if (y + 1 < size)
-        jump = fmaxf(jump, texture_change(p, row, n));
-    float sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
-    float own = TEXTURE_SHARE(share);
-    if (!(own > 0 && sure > 0))
-        return 0;
-    return fminf(own, 1) * fminf(sure, 1) *
-           texture_stretch(place, v, zoom, x, y, size);
-}
-
-/* ---- lookup ------------------------------------------------------------ */
-
-static texture_bicubic_fn *texture_bicubic(void)
-{
-#ifdef SPID_X86
-    if (cpu_level() >= CPU_AVX512)
-        return texture_bicubic_avx512;
-    if (cpu_level() >= CPU_AVX2)
-        return texture_bicubic_avx2;
-#endif
-    return texture_bicubic_baseline;
-}
-
-/* The level whose pixels are nearest to the picture's in size, rather a finer
- * one: one that is much finer would flicker. */
-size_t texture_level(const struct texture *t,
-                            const struct splat_place_view *v, size_t size)
-{
-    const float zoom = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) /
-                       (float)size;
-    float least = INFINITY;
-    size_t best = 0;
-
-    for (size_t l = 0; l < t->levels; l++) {
-        float away = fabsf(log2f(zoom * (float)t->side[l]) - TEXTURE_FINER);
-
-        if (away < least) {
-            least = away;
-            best = l;
-        }
-    }
-    return best;
-}
-
-#define TEXTURE_RUN 64          /* pixels looked up at once */
-
-/* A picture's lookups: what is the same for all of its pixels. */
-struct lookup {
-    const struct texture *t;
-    const struct splat_place_view *v;
-    const float *place, *alpha;
-    texture_bicubic_fn *bicubic;
-    size_t level, size;
-    float turned, zoom;     /* texture_turned, texture_zoom of v */
-};
-
-static struct lookup lookup_make(const struct texture *t,
-                                 const struct splat_place_view *v,
-                                 const float *place, const float *alpha,
-                                 size_t size)
-{
-    return (struct lookup){t, v, place, alpha, texture_bicubic(),
-                           texture_level(t, v, size), size,
-                           texture_turned(v), texture_zoom(v)};
-}
-
-/* photo (n,5) of pixels x0 .. x0 + n - 1 of row y, n at most TEXTURE_RUN. */
-static void lookup_run(float *photo, const struct lookup *k, size_t x0,
-                       size_t n, size_t y)
-{
-    const float step = 2.0f / (float)k->size;
-    const float ny = ((float)y + 0.5f) * step - 1;
-    const float *A = k->v->A, *b = k->v->b;
-    size_t S = k->t->side[k->level], any = 0;
-    float uv[2 * TEXTURE_RUN], sure[TEXTURE_RUN], half = 0.5f * (float)S;
-
-    memset(photo, 0, TEXTURE_PHOTO * n * sizeof *photo);
-    for (size_t i = 0; i < n; i++) {
-        const float *p = k->place + 3 * (y * k->size + x0 + i);
-        float nx = ((float)(x0 + i) + 0.5f) * step - 1;
-
-        sure[i] = 0;
-        if (!(p[2] > TEXTURE_LEAST))
-            continue;
-        sure[i] = texture_confidence(k->place, k->v, k->zoom, k->alpha, x0 + i,
-                                     y, k->size);
-        any += sure[i] > 0;
-        uv[2 * i] = half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1);
-        uv[2 * i + 1] = half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] +
-                                1);
-    }
-    if (!any)
-        return;
-    k->bicubic(photo, TEXTURE_PHOTO, uv, sure, n, k->t->level[k->level], S);
-    for (size_t i = 0; i < n; i++)
-        photo[TEXTURE_PHOTO * i + 4] =
-            sure[i] * texture_whole(photo[TEXTURE_PHOTO * i + 3], k->turned);
-}
-
-void texture_lookup(float *photo, const struct texture *t,
-                    const struct splat_place_view *v, const float *place,
-                    const float *alpha, size_t size)
-{
-    const struct lookup k = lookup_make(t, v, place, alpha, size);
-
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < size; y++)
-        for (size_t x = 0; x < size; x += TEXTURE_RUN) {
-            size_t n = size - x < TEXTURE_RUN ? size - x : TEXTURE_RUN;
-
-            lookup_run(photo + TEXTURE_PHOTO * (y * size + x), &k, x, n, y);
-        }
-}
-
-void texture_apply(float *color, size_t channels, float *alpha,
-                   const struct texture *t, const struct splat_place_view *v,
-                   const float *place, size_t size)
-{
-    const struct lookup k = lookup_make(t, v, place, alpha, size);
-
-#pragma omp parallel for schedule(dynamic, 8)
-    for (size_t y = 0; y < size; y++)
-        for (size_t x = 0; x < size; x += TEXTURE_RUN) {
-            size_t n = size - x < TEXTURE_RUN ? size - x : TEXTURE_RUN;
-            size_t at = y * size + x;
-            float photo[TEXTURE_PHOTO * TEXTURE_RUN];
-
-            lookup_run(photo, &k, x, n, y);
-            texture_mix(color + channels * at, channels, alpha + at, photo, n);
-        }
 }

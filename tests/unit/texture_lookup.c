@@ -86,22 +86,11 @@ static double bicubic(const uint8_t *t, long n, double u, double v, int c)
     return fmin(fmax(sum / 255, 0), 1);
 }
 
-static texture_bicubic_fn *kernel(void)
-{
-#ifdef SPID_X86
-    if (cpu_level() == CPU_AVX512)
-        return texture_bicubic_avx512;
-    if (cpu_level() == CPU_AVX2)
-        return texture_bicubic_avx2;
-#endif
-    return texture_bicubic_baseline;
-}
-
 static void against_double(size_t n)
 {
     enum { AT = 500, STRIDE = 7 };
     static uint8_t t[4 * 65 * 65];
-    static float uv[2 * AT], weight[AT], out[STRIDE * AT];
+    static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
     struct random r;
     double worst = 0;
     bool kept = true;
@@ -113,11 +102,11 @@ static void against_double(size_t n)
     for (size_t i = 0; i < AT; i++) {
         weight[i] = i % 5 ? 1 : 0;
         for (size_t k = 0; k < 2; k++)
-            uv[2 * i + k] = (float)random_range(&r, -1.5, (double)n + 1.5);
+            uv[k][i] = (float)random_range(&r, -1.5, (double)n + 1.5);
         for (size_t k = 0; k < STRIDE; k++)
             out[STRIDE * i + k] = -3;
     }
-    kernel()(out, STRIDE, uv, weight, AT, t, n);
+    lookup_kernels()->bicubic(out, STRIDE, uv[0], uv[1], weight, AT, t, n);
     for (size_t i = 0; i < AT; i++)
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];
@@ -125,8 +114,8 @@ static void against_double(size_t n)
             if (weight[i] == 0 || c > 3)
                 kept = kept && got == -3;
             else
-                worst = fmax(worst, fabs(got - bicubic(t, (long)n, uv[2 * i],
-                                                       uv[2 * i + 1], c)));
+                worst = fmax(worst, fabs(got - bicubic(t, (long)n, uv[0][i],
+                                                       uv[1][i], c)));
         }
     snprintf(what, sizeof what, "bicubic in %zu pixels against double", n);
     check(what, worst, 2e-5);
