@@ -167,6 +167,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
         r->k = nn_plan_map(p, a0 * NARROW_REFINER_FIELD);
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
+    narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL, p);
     if (r->turns) {
         conditional_conv_plan(&r->vary1, p);
         conditional_conv_plan(&r->vary0, p);
@@ -237,6 +238,7 @@ void narrow_refiner_update(struct narrow_refiner *r)
             conv_update(c[i], NULL);
     if (r->fused)
         fused_stem_update(&r->stem);
+    narrow_end_update(&r->end);
 }
 
 void narrow_refiner_turn(struct narrow_refiner *r,
@@ -320,9 +322,18 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->t0, r->e0, &r->cond0);
     sft_forward(r->y0, r->r0, r->t0, 1.0f, a0, w0);
     conv_forward(r->z0, r->y0, &r->body0);
+}
+
+/* The picture's corrections, added to rgb, and the field. */
+static void narrow_refiner_forward_end(float *rgb, const float *coarse,
+                                       size_t channels,
+                                       struct narrow_refiner *r)
+{
     conv_forward(r->d, r->z0, &r->rgb);
     if (r->photos)
         conv_forward(r->k, r->z0, &r->field);
+    depth_to_space_add(rgb, coarse, channels, r->d, r->batch, r->h / 4,
+                       r->w / 4, 3, 4);
 }
 
 /* e0, a quarter of the size, from f0 and the photograph. */
@@ -345,8 +356,13 @@ void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
 {
     fused_stem_forward(r->f0, rgb, feat, &r->stem);
     narrow_refiner_forward_stem(r);
+    narrow_end_cover(&r->end, &r->body0, feat->alpha,
+                     feat->stride / r->channels);
     narrow_refiner_forward_quarter(r);
-    depth_to_space_add(rgb, rgb, 3, r->d, r->batch, r->h / 4, r->w / 4, 3, 4);
+    if (r->end.joint.u)
+        narrow_end_forward(rgb, r->k, r->z0, &r->end);
+    else
+        narrow_refiner_forward_end(rgb, rgb, 3, r);
 }
 
 void narrow_refiner_forward(float *rgb, const float *feat,
@@ -362,8 +378,7 @@ void narrow_refiner_forward(float *rgb, const float *feat,
     conv_forward(r->f0, feat, &r->stem0);
     narrow_refiner_forward_stem(r);
     narrow_refiner_forward_quarter(r);
-    depth_to_space_add(rgb, feat, r->channels, r->d, r->batch, r->h / 4,
-                       r->w / 4, 3, 4);
+    narrow_refiner_forward_end(rgb, feat, r->channels, r);
 }
 
 /* de (written) from dt, the gradient of the condition t that map e makes. */

@@ -13,6 +13,7 @@
 #define SPID_NET_NARROW_REFINER_H
 
 #include "lib/geom/relative_pose.h"
+#include "lib/net/narrow_end.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/fused_stem.h"
 #include "lib/nn/rescale.h"
@@ -29,6 +30,7 @@ struct narrow_refiner {
     struct conv photo0, photo1, field;      /* when photos */
     struct conditional_conv vary1, vary0;    /* of cond1, cond0; when turns */
     struct fused_stem stem;       /* stem0 in inference, where it fits */
+    struct narrow_end end;        /* rgb and field, the same */
     bool fused, turns, photos;
     const float *photo;           /* (B,h,w,5) of the frame, when photos */
     float turn[RELATIVE_POSE_SIZE];     /* when turns */

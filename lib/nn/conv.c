@@ -357,6 +357,12 @@ void conv_release(struct conv *c)
     c->impl = NULL;
 }
 
+struct winograd *conv_winograd(struct conv *c)
+{
+    return c->impl && c->impl->method->plan == conv_plan_winograd
+               ? &c->impl->winograd : NULL;
+}
+
 const char *conv_kernel(const struct conv *c)
 {
     return c->impl && c->impl->name ? c->impl->name : "none";

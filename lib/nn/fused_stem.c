@@ -72,6 +72,20 @@ static size_t fused_stem_spread(float *wide, const struct feature_view *in,
     return at - first;
 }
 
+/* Whether one of n pixels of a row is covered. */
+static bool fused_stem_covered(const float *alpha, size_t n)
+{
+    uint32_t bits = 0;
+
+    for (size_t x = 0; x < n; x++) {
+        uint32_t one;
+
+        memcpy(&one, alpha + x, sizeof one);
+        bits |= one;
+    }
+    return bits << 1 != 0;
+}
+
 /* What the kernel reads of the next 2 n pixels from x on in rows 2 r and
  * 2 r + 1, and what will follow it; false when all of it is zeros.  at: of
  * packed rows, the places. */
@@ -83,6 +97,10 @@ static bool fused_stem_gather(struct fused_stem_rows *rows, float *wide,
     size_t C = f->c->in, from = 2 * r * in->stride + 2 * x * C, some = 0;
     size_t ahead = from + 2 * PIECE * C;
 
+    if (in->alpha && !in->start &&
+        !fused_stem_covered(in->alpha + from / C, 2 * n) &&
+        !fused_stem_covered(in->alpha + (from + in->stride) / C, 2 * n))
+        return false;
     for (size_t y = 0; y < 2; y++, from += in->stride, ahead += in->stride) {
         float *to = wide + y * 2 * n * C;
 

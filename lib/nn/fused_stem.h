@@ -15,9 +15,10 @@ struct feature_view {
     const float *f32;
     const uint16_t *f16;
     size_t stride;           /* values from row to row, at least w C */
+    const float *alpha;      /* (B,h,w), rows stride / C apart: 0 where all of
+                              * a pixel's features are zeros; or NULL */
     /* NULL, or only the covered pixels are there, one after another; the
      * others are zeros (lib/base/covered.h) */
-    const float *alpha;      /* (B,h,w) not 0 where one is */
     const size_t *start;     /* (B h) how many come before each row */
 };
 

@@ -106,7 +106,13 @@ void winograd_update(struct winograd *g, const float *w, const float *bias)
         }
 }
 
-/* Tiles [t0, t0 + n) of all images' tiles. */
+/* The number of tile i of those that are wanted. */
+static size_t winograd_tile(const struct winograd *g, size_t i)
+{
+    return g->list ? g->list[i] : i;
+}
+
+/* Tiles [t0, t0 + n) of those that are wanted. */
 static void winograd_group(float *out, const float *in,
                            const struct winograd *g, float *v, size_t t0,
                            size_t n)
@@ -116,7 +122,8 @@ static void winograd_group(float *out, const float *in,
     float *m = v + 36 * g->v_size;
 
     for (size_t i = 0; i < n; i++) {
-        size_t b = (t0 + i) / image, t = (t0 + i) % image;
+        size_t b = winograd_tile(g, t0 + i) / image;
+        size_t t = winograd_tile(g, t0 + i) % image;
 
         k->winograd_input(v, in + b * g->h * g->w * g->in, g, i,
                           (ptrdiff_t)(t / across * 4) - 1,
@@ -128,7 +135,8 @@ static void winograd_group(float *out, const float *in,
                     g->u + j * g->u_size + i * (g->u_size / g->in), n, g->out,
                     g->in - i < g->piece ? g->in - i : g->piece, i > 0);
     for (size_t i = 0; i < n; i++) {
-        size_t b = (t0 + i) / image, t = (t0 + i) % image;
+        size_t b = winograd_tile(g, t0 + i) / image;
+        size_t t = winograd_tile(g, t0 + i) % image;
 
         k->winograd_output(out + b * g->h * g->w * g->out, m, g, i,
                            t / across * 4, t % across * 4);
@@ -137,7 +145,8 @@ static void winograd_group(float *out, const float *in,
 
 void winograd_forward(float *out, const float *in, struct winograd *g)
 {
-    size_t all = g->batch * ((g->w + 3) / 4) * ((g->h + 3) / 4);
+    size_t all = g->list ? g->listed
+                         : g->batch * ((g->w + 3) / 4) * ((g->h + 3) / 4);
 #pragma omp parallel for schedule(static)
     for (size_t t = 0; t < all; t += g->tiles) {
         float *v = (float *)(void *)g->plan->scratch +

@@ -3,6 +3,8 @@
 #ifndef SPID_NN_WINOGRAD_H
 #define SPID_NN_WINOGRAD_H
 
+#include <stdint.h>
+
 #include "lib/nn/act.h"
 #include "lib/nn/plan.h"
 
@@ -22,7 +24,12 @@ struct winograd {
     float *bias;             /* (out) */
     struct nn_plan *plan;
     size_t work;             /* floats of one thread: 36 (v_size + m_size) */
+    const uint32_t *list;    /* numbers of the tiles of 4x4 outputs that are
+                              * wanted (listed), row by row; NULL: all */
+    size_t listed;
 };
+
+#define WINOGRAD_TILE 4      /* outputs across a tile */
 
 /* Whether Winograd serves this layer: 3x3, stride 1, NN_FAST (or NN_BF16,
  * whose large layers are faster so than in bfloat16), multiples of 16
@@ -39,7 +46,8 @@ void winograd_plan(struct winograd *g, const struct conv *c,
                    struct nn_plan *p);
 /* w (out,in,3,3), bias (out) */
 void winograd_update(struct winograd *g, const float *w, const float *bias);
-/* out (B,h,w,out) from in (B,h,w,in). */
+/* out (B,h,w,out) from in (B,h,w,in); of listed tiles, whose inputs are the
+ * 6x6 about each, what other tiles hold is left as it is. */
 void winograd_forward(float *out, const float *in, struct winograd *g);
 
 #endif

@@ -344,7 +344,7 @@ static int refine_forward(float *out, struct refine *r,
         .f32 = in->f32 ? in->f32 + at : NULL,
         .f16 = in->f32 ? NULL : in->f16 + at,
         .stride = in->width * in->channels,
-        .alpha = in->packed ? in->alpha : NULL,
+        .alpha = in->alpha ? in->alpha + r->top * in->width + r->left : NULL,
         .start = in->packed ? r->start : NULL
     };
 
