@@ -3,6 +3,7 @@
 #include "lib/nn/plan.h"
 
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -39,12 +40,33 @@ void nn_plan_init(struct nn_plan *p, struct nn_options opt)
                      nn_type_name(opt.type));
 }
 
+#define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
+
+/* Bytes that nn_plan_zeros takes from the system for so many; 0: it is left
+ * to the heap. */
+static size_t nn_plan_mapped(size_t bytes)
+{
+    return bytes < HUGE / 2 || bytes > SIZE_MAX - 2 * HUGE
+               ? 0 : (bytes + HUGE - 1) & ~(HUGE - 1);
+}
+
+/* Give back what nn_plan_zeros gave, or NULL. */
+static void nn_plan_drop(void *data, size_t bytes)
+{
+    size_t mapped = nn_plan_mapped(bytes);
+
+    if (mapped && data)
+        munmap(data, mapped);
+    else
+        free(data);
+}
+
 void nn_plan_release(struct nn_plan *p)
 {
     for (size_t i = 0; i < p->chunks; i++)
-        free(p->chunk[i].data);
+        nn_plan_drop(p->chunk[i].data, p->chunk[i].size);
     free(p->chunk);
-    free(p->scratch);
+    nn_plan_drop(p->scratch, p->scratch_room);
     memset(p, 0, sizeof *p);
 }
 
@@ -59,26 +81,40 @@ void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
     p->err.code = code;
 }
 
-#define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
+/* `mapped` zero bytes (whole huge pages) at a huge page's border, which become
+ * memory when they are touched, or NULL. */
+static void *nn_plan_map_zeros(size_t mapped)
+{
+    const size_t all = mapped + HUGE;
+    char *base = mmap(NULL, all, PROT_READ | PROT_WRITE,
+                      MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+
+    if (base == MAP_FAILED)
+        return NULL;
+    const size_t before = (HUGE - (uintptr_t)base % HUGE) % HUGE;
+    if (before)
+        munmap(base, before);
+    if (before < HUGE)
+        munmap(base + before + mapped, HUGE - before);
+#ifdef MADV_HUGEPAGE
+    madvise(base + before, mapped, MADV_HUGEPAGE);
+#endif
+    return base + before;
+}
 
 /* Large buffers in huge pages where the system has them: kernels walk across
  * many rows and planes at once, more than there are entries for small pages. */
 static void *nn_plan_zeros(size_t bytes)
 {
-    size_t unit = bytes >= HUGE / 2 ? HUGE : 64;
+    const size_t mapped = nn_plan_mapped(bytes);
 
-    if (bytes > SIZE_MAX - unit)
+    if (bytes > SIZE_MAX - 2 * HUGE)
         return NULL;
-    size_t size = (bytes + unit - 1) & ~(unit - 1);
-    void *data = aligned_alloc(unit, size);
-    if (!data)
-        return NULL;
-#ifdef MADV_HUGEPAGE
-    if (unit == HUGE)
-        madvise(data, size, MADV_HUGEPAGE);
-#endif
-    memset(data, 0, size);
-    return data;
+    if (mapped)
+        return nn_plan_map_zeros(mapped);
+    size_t size = (bytes + 63) & ~(size_t)63;
+    void *data = aligned_alloc(64, size);
+    return data ? memset(data, 0, size) : NULL;
 }
 
 /* The smallest idle chunk that is large enough. */
@@ -110,7 +146,8 @@ void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
         p->chunk = grown;
         p->room = room;
     }
-    void *data = nn_plan_zeros(bytes ? bytes : 64);
+    bytes = bytes ? bytes : 64;
+    void *data = nn_plan_zeros(bytes);
     if (!data) {
         nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
         return NULL;
@@ -157,8 +194,9 @@ void nn_plan_scratch(struct nn_plan *p, size_t bytes)
 int nn_plan_finish(struct nn_plan *p, struct error *err)
 {
     if (!p->err.code) {
-        free(p->scratch);
-        p->scratch = nn_plan_zeros(p->scratch_size + 64);
+        nn_plan_drop(p->scratch, p->scratch_room);
+        p->scratch_room = p->scratch_size + 64;
+        p->scratch = nn_plan_zeros(p->scratch_room);
         if (!p->scratch)
             nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes of scratch)",
                          p->scratch_size);

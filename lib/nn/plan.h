@@ -26,7 +26,8 @@ struct nn_plan {
     struct error err;              /* code 0: all well so far */
     struct nn_chunk *chunk;
     size_t chunks, room;
-    size_t scratch_size;
+    size_t scratch_size;           /* wanted so far */
+    size_t scratch_room;           /* of scratch, bytes */
     char *scratch;                 /* shared by all layers, one at a time */
 };
 
