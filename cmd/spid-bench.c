@@ -49,6 +49,7 @@ static const struct stage {
     { "branches", bench_branches },
     { "train", bench_train },
     { "pipeline", bench_pipeline },
+    { "start", bench_start },
     { "gagavatar", bench_gagavatar },
     { "hard", bench_hard },
 };

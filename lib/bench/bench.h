@@ -115,6 +115,8 @@ int bench_refine(struct bench *b, struct error *err);
 int bench_flame(struct bench *b, struct error *err);
 int bench_branches(struct bench *b, struct error *err);
 int bench_pipeline(struct bench *b, struct error *err);
+/* A process of spid-animate, up to its first frame. */
+int bench_start(struct bench *b, struct error *err);
 int bench_train(struct bench *b, struct error *err);
 /* The public system that SpiD builds on, at its size. */
 int bench_gagavatar(struct bench *b, struct error *err);

@@ -74,6 +74,7 @@ int bench_person_open(struct bench_person *p, struct bench *b,
 void bench_person_close(struct bench_person *p)
 {
     baked_release(&p->baked);
+    texture_release(&p->texture);
     baker_release(&p->baker);
     model_close(&p->model);
     densify_release(&p->dense);

@@ -11,6 +11,7 @@
 #include "lib/bench/bench.h"
 #include "lib/head/lbs.h"
 #include "lib/record/motion.h"
+#include "lib/texture/texture.h"
 
 #define PERSON_SIZE 512
 #define PERSON_FRAMES 30    /* of the clip in memory, shown again and again */
@@ -28,6 +29,7 @@ struct bench_person {
     struct baker baker;
     struct densify dense;
     struct baked baked;
+    struct texture texture;     /* the first frame's */
     float *verts;
     struct baked_move move;
 };

@@ -34,6 +34,25 @@ static void levels_exec(const struct bench *b, const char *level,
     _exit(127);
 }
 
+/* How fast a narrower set is beside this process's own row of the same name:
+ * median times. */
+static void levels_note_ratio(struct bench *b, const struct bench_row *r,
+                              const char *knob)
+{
+    for (size_t i = 0; i < b->rows; i++) {
+        const struct bench_row *own = &b->row[i];
+
+        if (own == r || strcmp(own->stage, r->stage) ||
+            strcmp(own->config, r->config) || strcmp(own->knob, knob) ||
+            own->threads != r->threads || !(r->ms_median > 0))
+            continue;
+        bench_note(b, "%s, %s, %s, %d threads: %.2f of %s's speed", r->stage,
+                   r->config, r->knob, r->threads,
+                   own->ms_median / r->ms_median, cpu_level_name(cpu_level()));
+        return;
+    }
+}
+
 /* A row of the child's report; false when the line is none. */
 static bool levels_row(struct bench *b, const char *level, char *line)
 {
@@ -54,8 +73,10 @@ static bool levels_row(struct bench *b, const char *level, char *line)
         b, cell[0], cell[1], knob, atoi(cell[3]), &t,
         strcmp(cell[7], "NA") ? strtod(cell[7], NULL) : (double)NAN,
         strcmp(cell[8], "NA") ? strtod(cell[8], NULL) : (double)NAN);
-    if (r)
+    if (r) {
         r->hard = atoi(cell[10]) != 0;
+        levels_note_ratio(b, r, cell[2]);
+    }
     return r != NULL;
 }
 

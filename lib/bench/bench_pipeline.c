@@ -62,6 +62,7 @@ struct variant {
     bool exact;                 /* the truth: no cut-offs */
     bool f32, roi;              /* features in float */
     bool no_tta;                /* the encoder on one crop */
+    bool no_photo;              /* baked colours alone */
     enum nn_type type;          /* of the networks */
     bool report;                /* into the JSON's "fps" and "ms" */
 };
@@ -235,7 +236,8 @@ static int pipe_open(struct pipe *p, struct pipeline *l,
     const struct animate_options opt = {
         .size = PERSON_SIZE, .model = &s->model, .star = v->star,
         .f32 = v->f32 || v->exact, .roi = v->roi, .workers = s->b->threads,
-        .closed = BAKED_CLOSED, .precision = v->type
+        .closed = BAKED_CLOSED, .precision = v->type,
+        .texture = v->no_photo ? NULL : &s->texture
     };
     const struct framesink_options sink = {.path = "/dev/null",
                                            .format = FRAMESINK_PAM};
@@ -376,6 +378,18 @@ static int bench_fewer(struct pipeline *l, struct error *err)
     return 0;
 }
 
+/* The first frame as texture; what the person hides is taken for black. */
+static int pipe_make_texture(struct bench_person *s, struct error *err)
+{
+    uint8_t *back = calloc(FRAME_VALUES, 1);
+    int rc = back ? texture_init(&s->texture, s->rgb, s->mask, back,
+                                 PERSON_SIZE, err)
+                  : error_set(err, EX_OSERR, "no memory for a picture");
+
+    free(back);
+    return rc;
+}
+
 /* Every variant, then fewer Gaussians. */
 static int bench_all(struct pipeline *l, struct error *err)
 {
@@ -384,10 +398,12 @@ static int bench_all(struct pipeline *l, struct error *err)
         {"f32, no cut-offs", false, .exact = true, .type = NN_F32},
         {"default", true, .type = NN_FAST, .report = true},
         {"--no-tta", true, .type = NN_FAST, .no_tta = true},
+        {"--no-photo", true, .type = NN_FAST, .no_photo = true},
         {"f32 networks", true, .type = NN_F32},
         {"bf16 networks", true, .type = NN_BF16},
         {"default", false, .type = NN_FAST, .report = true},
         {"--no-tta", false, .type = NN_FAST, .no_tta = true},
+        {"--no-photo", false, .type = NN_FAST, .no_photo = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},
         {"int8 refiner", false, .type = NN_INT8},
@@ -405,7 +421,8 @@ static int bench_all(struct pipeline *l, struct error *err)
             return error_set(err, EX_OSERR, "no memory for pictures");
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
-        baker_take(&s->baked, &s->baker, err))
+        baker_take(&s->baked, &s->baker, err) ||
+        pipe_make_texture(s, err))
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)

@@ -12,6 +12,7 @@
 #include "lib/base/random.h"
 #include "lib/model/model.h"
 #include "lib/net/refiner.h"
+#include "lib/texture/texture.h"
 
 #define SIDE 512
 #define CHANNELS 32
@@ -26,6 +27,7 @@ struct refine_case {
     struct params ps;
     struct refiner net;
     float *feat, *rgb, *truth;   /* (PIXELS,CHANNELS), (PIXELS,3) twice */
+    float *photo;                /* (PIXELS,TEXTURE_PHOTO) what it is shown */
 };
 
 /* The network on the whole picture. */
@@ -46,7 +48,8 @@ static int refine_case_features(struct refine_case *c, struct error *err)
     c->feat = malloc(PIXELS * CHANNELS * sizeof *c->feat);
     c->rgb = malloc(PIXELS * 3 * sizeof *c->rgb);
     c->truth = malloc(PIXELS * 3 * sizeof *c->truth);
-    if (!c->feat || !c->rgb || !c->truth)
+    c->photo = malloc(PIXELS * TEXTURE_PHOTO * sizeof *c->photo);
+    if (!c->feat || !c->rgb || !c->truth || !c->photo)
         return error_set(err, EX_OSERR, "no memory for the refiner's bench");
     random_init(&r, 3, "bench refine");
     for (size_t i = 0; i < PIXELS; i++) {
@@ -57,6 +60,9 @@ static int refine_case_features(struct refine_case *c, struct error *err)
             c->feat[i * CHANNELS + k] =
                 (float)(k < 3 ? 0.5 + 0.4 * wave + grain : wave + grain);
         }
+        for (size_t k = 0; k < TEXTURE_PHOTO; k++)
+            c->photo[i * TEXTURE_PHOTO + k] =
+                k < 3 ? c->feat[i * CHANNELS + k] : 1;
     }
     return 0;
 }
@@ -113,8 +119,11 @@ static int refine_case_bench(struct refine_case *c, enum nn_type type,
     }
     if (refiner_init(&c->net, &c->ps, "refine.", &c->refiner, err) ||
         params_allocate(&c->ps, err) || refine_case_load(c, err) ||
-        refiner_plan(&c->net, 1, SIDE, SIDE, opt, err) ||
-        bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, refine_case_call,
+        refiner_plan(&c->net, 1, SIDE, SIDE, opt, err))
+        goto out;
+    if (c->refiner.photo)
+        refiner_photo(&c->net, c->photo);
+    if (bench_time(&t, c->b->seconds / (narrow ? 20 : 8), 3, refine_case_call,
                    c, err))
         goto out;
     if (truth)
@@ -214,5 +223,6 @@ int bench_refine(struct bench *b, struct error *err)
     free(c.feat);
     free(c.rgb);
     free(c.truth);
+    free(c.photo);
     return rc;
 }

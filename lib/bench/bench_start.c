@@ -1,0 +1,162 @@
+/* From a photograph to the first frame: spid-animate as a process, its start,
+ * Phase A and one picture; files are in the page cache. */
+#include "lib/bench/bench.h"
+
+#include <fcntl.h>
+#include <math.h>
+#include <spawn.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sys/wait.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+#include "lib/bench/bench_avatar.h"
+
+extern char **environ;
+
+#define PARTS 3
+
+struct start {
+    const struct bench *b;
+    char program[4096], threads[16];
+    char dir[32], picture[48], stats[48];
+    double part[PARTS][64];     /* milliseconds, of each run */
+    size_t runs;
+};
+
+static const char *const start_part[PARTS] = {
+    "A: shape", "A: branches", "encoder"
+};
+
+/* spid-animate where spid-bench is. */
+static int start_find_program(struct start *s, struct error *err)
+{
+    ssize_t n = readlink("/proc/self/exe", s->program, sizeof s->program - 16);
+    char *slash;
+
+    s->program[n > 0 ? n : 0] = 0;
+    slash = strrchr(s->program, '/');
+    if (slash)
+        strcpy(slash, "/spid-animate");
+    if (!slash || access(s->program, X_OK))
+        return error_set(err, EX_NOINPUT, "no spid-animate beside "
+                         "spid-bench");
+    return 0;
+}
+
+/* The synthetic person's first frame as a file. */
+static int start_write_picture(struct start *s, const uint8_t *rgb,
+                               struct error *err)
+{
+    const size_t bytes = 3 * PERSON_SIZE * PERSON_SIZE;
+    FILE *f;
+
+    snprintf(s->dir, sizeof s->dir, "/tmp/spid-bench-XXXXXX");
+    if (!mkdtemp(s->dir)) {
+        s->dir[0] = 0;
+        return error_set(err, EX_CANTCREAT, "/tmp: no room for a picture");
+    }
+    snprintf(s->picture, sizeof s->picture, "%s/me.ppm", s->dir);
+    snprintf(s->stats, sizeof s->stats, "%s/stats.tsv", s->dir);
+    f = fopen(s->picture, "wb");
+    bool ok = f && fprintf(f, "P6 %d %d 255\n", PERSON_SIZE, PERSON_SIZE) > 0
+        && fwrite(rgb, 1, bytes, f) == bytes;
+    if ((f && fclose(f)) || !ok)
+        return error_set(err, EX_CANTCREAT, "%s: cannot be written",
+                         s->picture);
+    return 0;
+}
+
+/* What the run said of its parts. */
+static void start_read_stats(struct start *s)
+{
+    char line[256];
+    FILE *f = fopen(s->stats, "r");
+
+    for (int i = 0; i < PARTS; i++)
+        s->part[i][s->runs % 64] = 0;
+    while (f && fgets(line, sizeof line, f))
+        for (int i = 0; i < PARTS; i++) {
+            const size_t n = strlen(start_part[i]);
+
+            if (!strncmp(line, start_part[i], n) && line[n] == '\t')
+                sscanf(line + n, "%*d %lf", &s->part[i][s->runs % 64]);
+        }
+    if (f)
+        fclose(f);
+    s->runs++;
+}
+
+/* One frame of the picture driven by itself. */
+static int start_call(void *context, struct error *err)
+{
+    struct start *s = context;
+    const char *const args[] = {
+        s->program, "-q", "-j", s->threads, "-m", s->b->model, "--head",
+        s->b->head, "--stats", s->stats, "-f", "pam", "-o", "/dev/null",
+        s->picture, s->picture, NULL
+    };
+    pid_t child;
+    int status = -1;
+
+    if (posix_spawn(&child, s->program, NULL, NULL, (char *const *)args,
+                    environ) ||
+        waitpid(child, &status, 0) != child || status)
+        return error_set(err, EX_SOFTWARE, "spid-animate did not finish");
+    start_read_stats(s);
+    return 0;
+}
+
+static int start_compare(const void *a, const void *b)
+{
+    const double x = *(const double *)a, y = *(const double *)b;
+
+    return (x > y) - (x < y);
+}
+
+/* A part's row. */
+static bool start_add_part(struct bench *b, struct start *s, int i)
+{
+    const size_t n = s->runs < 64 ? s->runs : 64;
+    double *t = s->part[i];
+
+    qsort(t, n, sizeof *t, start_compare);
+    const struct bench_times times = {n, t[0], t[n / 2],
+                                      t[(n - 1) * 95 / 100]};
+    return bench_add(b, "start", i < 2 ? "Phase A" : "first frame",
+                     start_part[i], b->threads, &times, NAN, NAN) != NULL;
+}
+
+static void start_close(struct start *s)
+{
+    if (!s->dir[0])
+        return;
+    unlink(s->picture);
+    unlink(s->stats);
+    rmdir(s->dir);
+}
+
+int bench_start(struct bench *b, struct error *err)
+{
+    struct bench_person *p = calloc(1, sizeof *p);
+    struct start s = {.b = b};
+    struct bench_times t;
+
+    if (!p)
+        return error_set(err, EX_OSERR, "no memory");
+    snprintf(s.threads, sizeof s.threads, "%d", b->threads);
+    int rc = bench_person_open(p, b, err) || start_find_program(&s, err) ||
+             start_write_picture(&s, p->rgb, err) ||
+             bench_time(&t, b->seconds, 7, start_call, &s, err) ? -1 : 0;
+    if (rc == 0 && !bench_add(b, "start", "spid-animate, photo to first frame",
+                              "default", b->threads, &t, NAN, NAN))
+        rc = -1;
+    for (int i = 0; i < PARTS && rc == 0; i++)
+        rc = start_add_part(b, &s, i) ? 0 : -1;
+    start_close(&s);
+    bench_person_close(p);
+    free(p);
+    return rc;
+}
