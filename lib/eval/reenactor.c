@@ -108,7 +108,8 @@ static int reenactor_plan(struct reenactor *r, struct error *err)
         motion_encoder_plan(&r->motion, 1, opt, err) ||
         shape_encoder_plan(&r->shape, 1, opt, err) ||
         shape_tta_init(&r->shape_tta, &r->shape, r->head, err) ||
-        motion_tta_init(&r->motion_tta, &r->motion, 1, r->head, true, err))
+        motion_tta_init(&r->motion_tta, &r->motion, 1, r->head, true,
+                        false, err))
         return -1;
     return reenactor_plan_splat(r, err);
 }

@@ -28,6 +28,7 @@ struct motion_encoder {
     size_t head_w[6], head_b[6];  /* tensor indices in ps */
     struct sure_head sure;        /* zeroed: none */
     size_t batch;
+    bool quick;                   /* NN_FAST was asked for, NN_BF16 planned */
     struct nn_plan plan;
     float *pooled, *dpooled;      /* (B,features) */
     float *out, *dout;            /* (B,120) */

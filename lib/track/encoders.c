@@ -30,19 +30,10 @@ static void encoders_init_matte(struct encoders *e, const struct model *m)
                        first->dim[0] / 2);
 }
 
-/* E_m's products: its rounding in bfloat16 is a sixth of what its output
- * trembles by from frame to frame anyway. */
-static enum nn_type encoders_motion_type(enum nn_type type)
-{
-    return type == NN_FAST && nn_type_native(NN_BF16) ? NN_BF16 : type;
-}
-
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err)
 {
     const struct nn_options opt = {NN_INFER, type};
-    const struct nn_options each_frame = {NN_INFER,
-                                          encoders_motion_type(type)};
     const struct avatar_config *c = &m->config;
 
     memset(e, 0, sizeof *e);
@@ -54,7 +45,7 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
         (with_shape && shape_encoder_init(&e->shape, &e->ps, "shape.",
                                           c->shape_net, err)) ||
         params_allocate(&e->ps, err) || model_load(&e->ps, m, "", err) ||
-        motion_encoder_plan(&e->motion, 1, each_frame, err) ||
+        motion_encoder_plan(&e->motion, 1, opt, err) ||
         (with_shape && shape_encoder_plan(&e->shape, 1, opt, err)) ||
         (e->has_matte && matte_net_plan(&e->matte, 1, opt, err))) {
         encoders_release(e);

@@ -23,8 +23,7 @@ struct encoders {
 /* Load the motion encoder, and when with_shape the shape encoder and the
  * matte network, which a model may lack.  The model may be closed afterwards.
  * Errors name file, tensor, expected and found shape; nothing is left
- * allocated then.  NN_FAST lets the motion encoder multiply in bfloat16 where
- * the processor does so by itself. */
+ * allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);
 void encoders_release(struct encoders *e);

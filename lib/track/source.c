@@ -438,6 +438,7 @@ int source_make(struct source *s, struct image *im, struct image *mask,
 
     memset(s, 0, sizeof *s);
     whole.whole = true;
+    whole.still = true;
     if (im->width < 16 || im->height < 16)
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,

@@ -34,7 +34,7 @@ int track_init(struct track *t, const struct identity *id,
     if (!t->input)
         error_set(err, EX_OSERR, "no memory for the face crop");
     else if (motion_tta_init(&t->tta, net, 1, id->head, !opt->no_tta,
-                               err) == 0)
+                             !opt->still, err) == 0)
         return 0;
     track_release(t);
     return -1;

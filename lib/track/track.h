@@ -31,6 +31,8 @@ struct track_options {
                                  * pixels */
     bool no_tta;                /* E_m on the crop alone, not its mirror
                                  * image, too */
+    bool still;                 /* a photograph, on which all that follows
+                                 * rests: E_m is not hurried (tta.h) */
 };
 
 enum track_event {

@@ -126,9 +126,23 @@ void motion_mirror_mean(float *out, const float *mirrored,
         out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }
 
+/* net for so many crops, of the type that is wanted, unless it is so. */
+static int motion_tta_plan(struct motion_encoder *net, size_t batch,
+                           bool quick, struct error *err)
+{
+    struct nn_options opt = net->plan.opt;
+
+    if (net->quick || (opt.mode == NN_INFER && opt.type == NN_FAST)) {
+        net->quick = quick && nn_type_native(NN_BF16);
+        opt.type = net->quick ? NN_BF16 : NN_FAST;
+    }
+    return net->batch == batch && net->plan.opt.type == opt.type
+               ? 0 : motion_encoder_plan(net, batch, opt, err);
+}
+
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
-                    struct error *err)
+                    bool quick, struct error *err)
 {
     memset(t, 0, sizeof *t);
     t->net = net;
@@ -138,8 +152,7 @@ int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
         return -1;
     t->mirror = rc > 0;
     size_t both = t->mirror ? 2 * batch : batch;
-    if (net->batch != both &&
-        motion_encoder_plan(net, both, net->plan.opt, err))
+    if (motion_tta_plan(net, both, quick, err))
         return -1;
     if (!t->mirror)
         return 0;

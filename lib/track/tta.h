@@ -64,11 +64,13 @@ struct motion_tta {
     float *rgb, *raw;                   /* (2B,224,224,3); (2B,120) */
 };
 
-/* wanted false: the crops alone.  net has been planned; it is planned again
- * where its batch is not what this needs. */
+/* wanted false: the crops alone.  quick: a net of type NN_FAST multiplies in
+ * bfloat16 where the processor does so by itself, whose rounding is a sixth of
+ * what poses tremble by from frame to frame anyway.  net has been planned; it
+ * is planned again where its batch or type is not what this needs. */
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
-                    struct error *err);
+                    bool quick, struct error *err);
 void motion_tta_release(struct motion_tta *t);
 /* out (B,120) of crops rgb (B,224,224,3). */
 void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);

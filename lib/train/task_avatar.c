@@ -465,7 +465,7 @@ int task_avatar_init(struct task *t, struct error *err)
     motion_encoder_init_weights(&m->net);
     if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
         motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
-                        strcmp(c->freeze, "motion.") == 0, err))
+                        strcmp(c->freeze, "motion.") == 0, false, err))
         return -1;
     return motion_loss_init(&m->loss, t->head, err);
 }
