@@ -99,12 +99,27 @@ static int scan_slot(int32_t *index, float *d2, int have, int k,
     return have;
 }
 
+/* Squared distance of x from the grid: 0 inside. */
+static float near_outside(const struct near_grid *g, const float x[3])
+{
+    float sum = 0;
+
+    for (int k = 0; k < 3; k++) {
+        float below = g->lo[k] - x[k];
+        float above = -below - (float)g->dim[k] * g->cell;
+        float out = fmaxf(fmaxf(below, above), 0);
+        sum += out * out;
+    }
+    return sum;
+}
+
 int near_find(int32_t *index, float *d2, const struct near_grid *g,
               const float x[3], const float *n, int k, float reach)
 {
     float d[NEAR_MAX];
     int have = 0, rings = (int)ceilf(reach / g->cell) + 1;
     int at[3], widest = 0;
+    float outside = near_outside(g, x);
 
     k = k > NEAR_MAX ? NEAR_MAX : k;
     for (int a = 0; a < 3; a++) {
@@ -114,7 +129,9 @@ int near_find(int32_t *index, float *d2, const struct near_grid *g,
     rings = rings > widest ? widest : rings;
     for (int r = 0; r <= rings; r++) {
         float done = (float)(r - 1) * g->cell;
-        if (have == k && r > 1 && d[k - 1] < done * done)
+        /* a cell of this ring lies so far along one axis, and x beyond the
+         * grid along others or further on along the same */
+        if (have == k && r > 1 && d[k - 1] < done * done + outside)
             break;
         for (int z = at[2] - r; z <= at[2] + r; z++)
             for (int y = at[1] - r; y <= at[1] + r; y++) {
