@@ -180,6 +180,7 @@ static int step_terms(struct registration *r, const struct register_map *m,
             const float *v = row + c * N;
             for (size_t u = 0; u < N; u++) {
                 double x = (double)(w * v[u]);
+#pragma omp simd
                 for (size_t k = 0; k <= u; k++)
                     a[u * N + k] += x * (double)v[k];
                 b[u] += x * e;

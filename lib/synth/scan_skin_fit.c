@@ -45,23 +45,37 @@ void skin_fit_release(struct skin_fit *t)
 
 /* ---- one photograph ----------------------------------------------------- */
 
-/* Box sums of v (N,N) over 2 r + 1 texels along both axes, in place. */
+/* Texel i of a side, or the nearest there is. */
+static int skin_clamp(int i)
+{
+    return i < 0 ? 0 : i >= N ? N - 1 : i;
+}
+
+/* Box sums of v (N,N) over 2 r + 1 texels along both axes, in place: along
+ * rows, then of all columns at once. */
 static void skin_box(float *v, float *tmp, int r)
 {
-    for (int pass = 0; pass < 2; pass++) {
-        const float *in = pass ? tmp : v;
-        float *out = pass ? v : tmp;
-        int step = pass ? N : 1, across = pass ? 1 : N;
+    float sum[N] = {0};
+
+    for (int j = 0; j < N; j++) {
+        const float *in = v + j * N;
+        float one = 0;
+        for (int i = -r; i <= r; i++)
+            one += in[skin_clamp(i)];
+        for (int i = 0; i < N; i++) {
+            tmp[j * N + i] = one;
+            one += in[skin_clamp(i + r + 1)] - in[skin_clamp(i - r)];
+        }
+    }
+    for (int i = -r; i <= r; i++)
+        for (int j = 0; j < N; j++)
+            sum[j] += tmp[skin_clamp(i) * N + j];
+    for (int i = 0; i < N; i++) {
+        const float *below = tmp + skin_clamp(i + r + 1) * N;
+        const float *above = tmp + skin_clamp(i - r) * N;
         for (int j = 0; j < N; j++) {
-            float sum = 0;
-            for (int i = -r; i <= r; i++)
-                sum += in[j * across + (i < 0 ? 0 : i) * step];
-            for (int i = 0; i < N; i++) {
-                int a = i - r < 0 ? 0 : i - r;
-                int b = i + r + 1 >= N ? N - 1 : i + r + 1;
-                out[j * across + i * step] = sum;
-                sum += in[j * across + b * step] - in[j * across + a * step];
-            }
+            v[i * N + j] = sum[j];
+            sum[j] += below[j] - above[j];
         }
     }
 }
