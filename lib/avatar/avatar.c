@@ -160,7 +160,9 @@ static void avatar_views(struct avatar *a)
     a->drive = (struct drive){
         .dynamic = a->first[BRANCH_STATIC], .mouth = a->first[BRANCH_MOUTH],
         .mouth_count = s->n - a->first[BRANCH_MOUTH], .mean = s->mean,
-        .weight = s->neck
+        .weight = s->neck,
+        .jaw = a->mouth.prior && a->head->nchin && a->mouth.lips.radius > 0
+             ? a->mouth.jaw : NULL
     };
     memcpy(a->drive.pivot, a->weights.blend.pivot, sizeof a->drive.pivot);
     for (int i = 0; i < 9; i++)     /* R_s */
@@ -174,10 +176,11 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set dynamic = avatar_part(a, &a->all, BRANCH_DYNAMIC);
     struct branch_set plane = avatar_part(a, &a->all, BRANCH_STATIC);
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
+    float white[3] = {0.8f, 0.8f, 0.8f};
 
     source_picture_set(&a->picture, src->rgb, src->matte,
                        a->config.rgb_skip);
-    source_mesh_set(&a->source, src->verts, src->cam,
+    source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
     /* in this order: see dynamic_branch_forward's rows */
@@ -185,7 +188,9 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
-    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source,
+    if (dynamic.n)
+        dynamic_branch_white(white, &a->source, &a->dynamic);
+    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
     memset(a->light, 0, sizeof a->light);
@@ -227,8 +232,15 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
 
     memcpy(a->frame_cam, cam, sizeof a->frame_cam);
     drive_bodies(&f, d, cam);
-    head_lip_centroid(f.to, a->head, verts);
-    memcpy(f.from, a->mouth.lips.centre, sizeof f.from);
+    memset(f.to, 0, sizeof f.to);
+    memset(f.from, 0, sizeof f.from);
+    head_chin_centroid(f.chin, a->head, verts);
+    for (int c = 0; c < 3; c++)
+        f.chin[c] -= a->mouth.lips.chin[c];
+    if (!d->jaw) {
+        head_lip_centroid(f.to, a->head, verts);
+        memcpy(f.from, a->mouth.lips.centre, sizeof f.from);
+    }
     drive_dynamic(means, a->densified, d, &f, &a->dense, verts);
     drive_static(means + 3 * d->dynamic, d, &f, d->dynamic,
                  d->mouth - d->dynamic);
@@ -240,14 +252,17 @@ void avatar_drive_backward(float *dverts, float dcam[12], struct avatar *a)
 {
     const struct drive *d = &a->drive;
     size_t at = 3 * d->dynamic, mouth = 3 * d->mouth;
-    float dlip[3] = {0}, *dout = a->frame_dmean;
+    float dlip[3] = {0}, dchin[3] = {0}, *dout = a->frame_dmean;
 
     drive_dynamic_backward(dverts, dcam, a->ddensified, dout, a->densified, d,
                            &a->dense, a->frame_cam);
     drive_static_backward(a->dall.mean + at, dcam, dout + at, d, d->dynamic,
                           d->mouth - d->dynamic, a->frame_cam);
-    drive_mouth_backward(a->dall.mean + mouth, dlip, dout + mouth, d);
-    head_lip_centroid_backward(dverts, dlip, a->head);
+    drive_mouth_backward(a->dall.mean + mouth, dlip, dchin, dout + mouth, d);
+    if (d->jaw)
+        head_chin_centroid_backward(dverts, dchin, a->head);
+    else
+        head_lip_centroid_backward(dverts, dlip, a->head);
     memset(dout, 0, 3 * a->all.n * sizeof *dout);
 }
 

@@ -56,6 +56,8 @@ struct avatar_source {
     const uint8_t *matte;   /* (S,S) */
     const float *verts;     /* (V,3) V_s */
     const float *cam;       /* (3,4) T_s */
+    const float *rest;      /* (V,3) the same face at rest (identity_rest), or
+                             * NULL: verts */
 };
 
 struct avatar {

@@ -19,7 +19,7 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (15 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (18 + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -33,8 +33,9 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->neck = b->opacity + N;
     b->uv = b->neck + N;
     b->seen = b->uv + 2 * N;
-    b->color = b->seen + N;
-    memset(b->uv, 0, 3 * N * sizeof *b->uv);
+    b->jaw = b->seen + N;
+    b->color = b->jaw + 3 * N;
+    memset(b->uv, 0, 6 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -74,6 +75,11 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
         return -1;
     b->mouth = N - a->first[BRANCH_MOUTH];
     memcpy(b->lip, a->mouth.lips.centre, sizeof b->lip);
+    b->has_jaw = a->drive.jaw != NULL;
+    if (b->has_jaw)
+        memcpy(b->jaw + 3 * (N - b->mouth), a->drive.jaw,
+               3 * b->mouth * sizeof *b->jaw);
+    memcpy(b->chin, a->mouth.lips.chin, sizeof b->chin);
     memcpy(b->neck, a->drive.weight, N * sizeof *b->neck);
     memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
     memcpy(b->source, a->drive.source, sizeof b->source);
@@ -107,6 +113,12 @@ struct gaussians baked_set(const struct baked *b)
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
         .branch = b->branch, .uv = b->uv, .seen = b->seen
     };
+}
+
+/* The mouth's rows of jaw, where it has them. */
+static const float *baked_jaw(const struct baked *b)
+{
+    return b->has_jaw ? b->jaw + 3 * (b->N - b->mouth) : NULL;
 }
 
 /* ---- records ----------------------------------------------------------- */
@@ -152,6 +164,16 @@ static int baked_read_motion(struct baked *b, const struct gaus *g,
 {
     if (g->lip)
         memcpy(b->lip, g->lip, sizeof b->lip);
+    b->has_jaw = g->jaw != NULL;
+    if (g->jaw && g->jaws != b->mouth)
+        return error_set(err, EX_DATAERR, "GAUS jaw has %zu rows (expected "
+                         "%zu, one for each of the mouth's)", g->jaws,
+                         b->mouth);
+    if (g->jaw) {
+        memcpy(b->jaw + 3 * (b->N - b->mouth), g->jaw,
+               3 * b->mouth * sizeof *b->jaw);
+        memcpy(b->chin, g->chin, sizeof b->chin);
+    }
     if (g->light)
         memcpy(b->light, g->light, sizeof b->light);
     if (!g->bend)
@@ -216,6 +238,11 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .uv = b->uv, .seen = b->seen, .view = b->view
     };
 
+    if (b->has_jaw) {
+        g.jaw = baked_jaw(b);
+        g.jaws = b->mouth;
+        g.chin = b->chin;
+    }
     if (!baked_has_places(b))
         g.uv = g.seen = g.view = NULL;
 
@@ -248,6 +275,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->neck, 1, keep, b->N);
     baked_keep_rows(b->uv, 2, keep, b->N);
     baked_keep_rows(b->seen, 1, keep, b->N);
+    baked_keep_rows(b->jaw, 3, keep, b->N);
     baked_keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
@@ -290,7 +318,8 @@ int baked_move_init(struct baked_move *m, const struct baked *b,
     memset(m, 0, sizeof *m);
     m->mean = malloc((3 * b->dynamic + 1) * sizeof *m->mean);
     m->blended = malloc((3 * b->blended + 1) * sizeof *m->blended);
-    if (m->mean && m->blended)
+    m->mouth = malloc((3 * b->mouth + 1) * sizeof *m->mouth);
+    if (m->mean && m->blended && m->mouth)
         return 0;
     baked_move_release(m);
     return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
@@ -300,6 +329,7 @@ void baked_move_release(struct baked_move *m)
 {
     free(m->mean);
     free(m->blended);
+    free(m->mouth);
     memset(m, 0, sizeof *m);
 }
 
@@ -309,7 +339,7 @@ static struct drive baked_how(const struct baked *b)
     struct drive d = {
         .dynamic = b->dynamic, .mouth = b->N - b->mouth,
         .mouth_count = b->mouth, .vertex = b->vertex, .mean = b->mean,
-        .weight = b->neck
+        .weight = b->neck, .jaw = baked_jaw(b)
     };
 
     memcpy(d.pivot, b->pivot, sizeof d.pivot);
@@ -321,8 +351,8 @@ static struct drive baked_how(const struct baked *b)
  * baked_means wants those. */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
-                 const float lip[3], float gap, float closed,
-                 const float cam[12])
+                 const float lip[3], const float *chin, float gap,
+                 float closed, const float cam[12])
 {
     const struct drive d = baked_how(b);
 
@@ -330,9 +360,11 @@ void baked_drive(struct baked_move *m, const struct baked *b,
     drive_dynamic(m->mean, m->mean, &d, &m->frame, mesh, verts);
     relative_pose(m->relative_pose, b->source, b->light, cam);
     /* a hidden mouth goes 1000 units behind */
-    for (int c = 0; c < 3; c++)
+    for (int c = 0; c < 3; c++) {
         m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]
-                                      : lip[c] - b->lip[c];
+                         : b->has_jaw ? 0 : lip[c] - b->lip[c];
+        m->frame.chin[c] = chin ? chin[c] - b->chin[c] : 0;
+    }
 }
 
 /* Only what moved goes to the renderer. */
@@ -342,11 +374,12 @@ int baked_move_scene(struct splat *s, struct baked_move *m,
     const struct drive d = baked_how(b);
 
     drive_static(m->blended, &d, &m->frame, b->first, b->blended);
+    drive_mouth(m->mouth, &d, &m->frame);
     if (splat_update(s, m->mean, 0, b->dynamic, err) ||
         (b->blended &&
          splat_update(s, m->blended, b->first, b->blended, err)) ||
-        (b->mouth && splat_shift(s, m->frame.to, b->N - b->mouth, b->mouth,
-                                 err)))
+        (b->mouth && splat_update(s, m->mouth, b->N - b->mouth, b->mouth,
+                                  err)))
         return -1;
     return 0;
 }

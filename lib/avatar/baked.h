@@ -27,6 +27,9 @@ struct baked {
     uint8_t *branch;
     int32_t *vertex;        /* (dynamic) densified vertex of each */
     float lip[3];           /* l_s */
+    bool has_jaw;           /* the mouth goes with the chin, by */
+    float *jaw;             /* (N,3) (lib/geom/drive.h), not with the lips; */
+    float chin[3];          /* c_s */
     float *neck;            /* (N) neck blend weights (lib/geom/neck_blend.h) */
     float pivot[3];         /* of the neck blend */
     float source[9];        /* R_s, where the static branch's shoulders were */
@@ -75,11 +78,11 @@ void baked_drop_neck(struct baked *b);
 /* What moves in a frame. */
 struct baked_move {
     float *mean;            /* (dynamic,3) on the densified driven vertices */
-    float *blended;         /* (blended,3) static centres, by
-                             * baked_move_scene */
+    float *blended;         /* (blended,3) static centres and */
+    float *mouth;           /* (mouth,3) the mouth's, by baked_move_scene */
     struct drive_frame frame;   /* plane: the static branch's shoulders; to:
-                             * the mouth's shift l_d - l_s, or a way behind
-                             * the camera, from: 0 */
+                             * the mouth's shift l_d - l_s (0 with jaw), or a
+                             * way behind the camera, from: 0 */
     float relative_pose[RELATIVE_POSE_SIZE];    /* of the head */
 };
 int baked_move_init(struct baked_move *m, const struct baked *b,
@@ -88,11 +91,12 @@ void baked_move_release(struct baked_move *m);
 
 /* One frame's mean, rigid motions and relative pose.  The mouth's Gaussians
  * hide when gap, the opening of the driven lips, is under closed (0: never).
- * verts (V,3) driven, lip (3) their centroid l_d, cam (3,4) the frame's. */
+ * verts (V,3) driven, lip (3) their centroid l_d, chin (3) their chin's (NULL:
+ * unknown, the jaw stays), cam (3,4) the frame's. */
 void baked_drive(struct baked_move *m, const struct baked *b,
                  const struct densify *mesh, const float *verts,
-                 const float lip[3], float gap, float closed,
-                 const float cam[12]);
+                 const float lip[3], const float *chin, float gap,
+                 float closed, const float cam[12]);
 /* Hand it to a renderer that has loaded baked_set. */
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err);

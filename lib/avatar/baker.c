@@ -106,8 +106,8 @@ static int baker_bake_gagavatar(struct baker *b, const uint8_t *rgb,
 
 /* The picture of p, of the model's size, through the posed mesh. */
 static int baker_read_picture(struct baker *b, const struct person *p,
-                              const float *verts, const float cam[12],
-                              struct error *err)
+                              const float *verts, const float *rest,
+                              const float cam[12], struct error *err)
 {
     const size_t n = p->size * p->size;
     uint8_t *own = malloc(3 * n);
@@ -123,7 +123,8 @@ static int baker_read_picture(struct baker *b, const struct person *p,
         rc = baker_bake_gagavatar(b, own, p->matte, verts, cam, err);
     else
         avatar_bake(&b->avatar, &(struct avatar_source){
-            .rgb = own, .matte = p->matte, .verts = verts, .cam = cam
+            .rgb = own, .matte = p->matte, .verts = verts, .cam = cam,
+            .rest = rest
         });
     free(own);
     return rc;
@@ -135,19 +136,27 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     const size_t size = b->config.size;
     struct person small = {0};
     struct identity id;
-    float cam[12];
+    float cam[12], *rest = malloc(3 * b->head->V * sizeof *rest);
+    int rc;
 
-    if (baker_check(b, p, err) ||
-        person_fold(&id, b->head, p, err))
+    if (!rest)
+        return error_set(err, EX_OSERR, "no memory for %zu vertices",
+                         b->head->V);
+    if (baker_check(b, p, err) || person_fold(&id, b->head, p, err)) {
+        free(rest);
         return -1;
+    }
     head_pose(verts, &id, &p->source.pose);
+    identity_rest(rest, &id);
     identity_release(&id);
     motion_camera(cam, &p->source);
     if (p->size == size)
-        return baker_read_picture(b, p, verts, cam, err);
-    int rc = person_resize(&small, p, size, err) ||
-             baker_read_picture(b, &small, verts, cam, err) ? -1 : 0;
+        rc = baker_read_picture(b, p, verts, rest, cam, err);
+    else
+        rc = person_resize(&small, p, size, err) ||
+             baker_read_picture(b, &small, verts, rest, cam, err) ? -1 : 0;
     person_release(&small);
+    free(rest);
     return rc;
 }
 

@@ -15,6 +15,9 @@
 
 #define OUTSIDE 6.0f    /* opacity logits fall where the matte is empty */
 #define OVERLAP 0.6f    /* standard deviation over the spacing */
+#define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
+#define SOLID 0.97f     /* and their opacity, */
+#define REACH 2.0f      /* standard deviations that they are seen to */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 
 /* ---- colours for hidden vertices --------------------------------------- */
@@ -71,16 +74,21 @@ static void dynamic_branch_smooth(float *rgb, const float *own,
                              sum[4 * i + 3];
 }
 
-/* Breadth-first from trusted vertices, twelve sweeps of averaging, midpoints
+/* Breadth-first from trusted vertices and their mirror images, twelve sweeps of averaging, midpoints
  * from their ends. */
 void dynamic_branch_spread(float *rgb, const float *trust,
-                           const struct densify *d, int *level, float *tmp)
+                           const size_t *mirror, const struct densify *d,
+                           int *level, float *tmp)
 {
     float *own = tmp, *sum = tmp + 3 * d->V, mean[3] = {0}, total = 1e-6f;
 
     memcpy(own, rgb, 3 * d->V * sizeof *own);
     for (size_t i = 0; i < d->V; i++) {
-        level[i] = trust[i] > 0.5f ? 0 : -1;
+        const size_t across = mirror[i];
+
+        level[i] = trust[i] > 0.5f || trust[across] > 0.5f ? 0 : -1;
+        if (!(trust[i] > 0.5f) && level[i] == 0)
+            memcpy(rgb + 3 * i, own + 3 * across, 3 * sizeof *rgb);
         for (int c = 0; c < 3; c++)
             mean[c] += trust[i] * rgb[3 * i + c];
         total += trust[i];
@@ -158,6 +166,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
+        {&b->hull, D, false},
         {&b->tmp, 7 * V, false}, {(float **)&b->level, V, false}
     };
 
@@ -218,6 +227,29 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
 }
 
+/* The least matte about every densified vertex, as far as a hidden Gaussian
+ * reaches: what stood out beside the person in the picture would be seen there
+ * (a visual hull of one view, Laurentini 1994). */
+static void dynamic_branch_hull(const struct source_picture *picture,
+                                const struct source_mesh *mesh,
+                                struct dynamic_branch *b)
+{
+    const float scale = REACH * CLOSED * CAMERA_FOCAL /
+                        fmaxf(mesh->cam[11], CAMERA_NEAR);
+
+    for (size_t k = 0; k < b->count; k++) {
+        const float *p = b->place + 2 * k, r = scale * b->spacing[k];
+        const float at[8] = {p[0] - r, p[1], p[0] + r, p[1],
+                             p[0], p[1] - r, p[0], p[1] + r};
+        float rgba[16], least = 1;
+
+        source_picture_sample(rgba, picture, at, 4);
+        for (int i = 0; i < 4; i++)
+            least = fminf(least, rgba[4 * i + 3]);
+        b->hull[k] = dynamic_branch_ramp(least, 0.5f, 0.95f);
+    }
+}
+
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
@@ -230,6 +262,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
     source_picture_sample(b->pixel, picture, b->place, b->count);
+    dynamic_branch_hull(picture, mesh, b);
     for (size_t k = 0; k < b->count; k++) {
         const float *pixel = b->pixel + 4 * k;
         float *extra = b->in + (k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA;
@@ -241,17 +274,63 @@ static void dynamic_branch_start(const struct source_picture *picture,
         extra[3] = matte;
         b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
-        /* what lies beside the person in the picture is not the person, seen
-         * or hidden (a visual hull of one view, Laurentini 1994) */
+        /* what lies beside the person in the picture is not the person */
         b->start.visible[k] = (1 - mesh->weights->lining[k]) *
                               dynamic_branch_ramp(matte, 0, 0.4f);
         b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);
     }
-    dynamic_branch_spread(rgb, b->trust, b->dense, b->level, b->tmp);
+    dynamic_branch_spread(rgb, b->trust, mesh->weights->mirror, b->dense,
+                          b->level, b->tmp);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
+}
+
+/* How far the source shows Gaussian k, as dynamic_branch_start wrote it. */
+static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
+{
+    return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2];
+}
+
+/* What the source does not show is the prior's alone, dense and round: the
+ * decoder would paint the back of everybody's head as in its training people,
+ * and leave what they seldom turned to the camera half clear.  Features beyond
+ * the colour are 0: a refiner adds nothing of its own there. */
+static void dynamic_branch_unseen(struct branch_set *out,
+                                  const struct dynamic_branch *b)
+{
+    for (size_t k = 0; k < out->n; k++) {
+        float w = dynamic_branch_shown(b, k), *scale = out->scale + 3 * k;
+        float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
+        float *color = out->color + k * out->channels;
+
+        for (size_t c = 0; c < 3; c++) {
+            float own = 1 / (1 + expf(-b->logit[3 * k + c]));
+
+            color[c] = w * color[c] + (1 - w) * own;
+            scale[c] = w * scale[c] + (1 - w) * round;
+        }
+        for (size_t c = 3; c < out->channels; c++)
+            color[c] *= w;
+        out->opacity[k] = w * out->opacity[k] +
+                          (1 - w) * SOLID * b->hull[k] * b->start.visible[k];
+    }
+}
+
+/* Reverse of dynamic_branch_unseen, in place. */
+static void dynamic_branch_unseen_backward(struct branch_set *dout,
+                                           const struct dynamic_branch *b)
+{
+    for (size_t k = 0; k < dout->n; k++) {
+        float w = dynamic_branch_shown(b, k);
+
+        for (size_t c = 0; c < dout->channels; c++)
+            dout->color[k * dout->channels + c] *= w;
+        for (size_t c = 0; c < 3; c++)
+            dout->scale[3 * k + c] *= w;
+        dout->opacity[k] *= w;
+    }
 }
 
 /* Rows [h_k, d_k, extras] through Phi_D; the centre is the vertex. */
@@ -281,6 +360,8 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     mlp_decoder_forward(&raw, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
+    if (b->prior)
+        dynamic_branch_unseen(out, b);
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
@@ -302,6 +383,8 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 
     if (dout->n == 0)
         return;
+    if (b->prior)
+        dynamic_branch_unseen_backward(dout, b);
     branch_prior_backward(dout, NULL, &b->start, b->prior);
     struct gaussian_out draw = branch_decoder_gradient(dout, NULL);
     mlp_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
@@ -323,4 +406,49 @@ void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b)
 {
     light_fit(l, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
+}
+
+/* Mean of rgba (V,4) over vertices of region (any: -1) as bright as `least` and
+ * more; returns their weight. */
+static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
+                                 const int32_t *regions, int region,
+                                 float least)
+{
+    float sum = 0;
+
+    memset(rgb, 0, 3 * sizeof *rgb);
+    for (size_t v = 0; v < b->dense->V; v++) {
+        const float *p = b->pixel + 4 * v, w = b->trust[v];
+
+        if (!(w > 0.2f) || p[0] + p[1] + p[2] < 3 * least ||
+            (region >= 0 && (!regions || regions[v] != region)))
+            continue;
+        sum += w;
+        for (int c = 0; c < 3; c++)
+            rgb[c] += w * p[c];
+    }
+    for (int c = 0; c < 3; c++)
+        rgb[c] /= fmaxf(sum, 1e-6f);
+    return sum;
+}
+
+/* The brighter half of the eyeballs' visible vertices, twice over. */
+void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
+                          struct dynamic_branch *b)
+{
+    const int32_t *regions = mesh->head->region;
+    float gray = 0, n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
+                                            0);
+    const bool eyes = n > 8;
+
+    for (int i = 0; i < 2 && eyes; i++)
+        dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
+                            (white[0] + white[1] + white[2]) / 3);
+    if (!eyes)
+        dynamic_branch_mean(white, b, regions, -1, 0);
+    for (int c = 0; c < 3; c++)
+        gray += white[c] / 3;
+    for (int c = 0; c < 3; c++)     /* lids shade the one, the other is tan */
+        white[c] = fminf(fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray), 0.2f),
+                         1);
 }

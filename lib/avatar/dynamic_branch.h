@@ -3,8 +3,8 @@
  *   d_k = F at p_k, p_k the projection of the densified source vertex
  *   [c, o, s, q] = Phi_D([h_k, d_k], gamma(n_s)),  mu_k the vertex itself
  * With the prior (rgb_skip) a Gaussian starts with the pixel at p_k, as far as
- * the source shows it; hidden ones take colour from their neighbours on the
- * mesh.  What the mesh has behind the lips is left to the mouth's branch. */
+ * the source shows it; hidden ones take it from the vertex across the face
+ * where that is shown, or from their neighbours on the mesh, and keep it.  What the mesh has behind the lips is left to the mouth's branch. */
 #ifndef SPID_AVATAR_DYNAMIC_BRANCH_H
 #define SPID_AVATAR_DYNAMIC_BRANCH_H
 
@@ -45,6 +45,8 @@ struct dynamic_branch {
     float *h, *dh;                      /* (D,width) h_k; one memory */
     float *in, *din;                    /* (D,inputs) */
     float *logit;                       /* (D,3) RGB to start from */
+    float *hull;                        /* (D) 1 where all of a Gaussian lies
+                                         * on the person in the picture */
     float *trust;                       /* (D) in the sampled colour */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
@@ -83,11 +85,17 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b);
 
-/* rgb (N,3) of hidden points from their neighbours on the mesh: a point keeps
- * its colour as far as trust (N) in [0,1] says, the rest spreads from the
- * shown ones, ring by ring, then is smoothed.  level holds V ints, tmp 7 V
- * floats. */
+/* white (3): how bright and of what colour white things are in the picture,
+ * from the eyes' whites where they are seen, else from the skin. */
+void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
+                          struct dynamic_branch *b);
+
+/* rgb (N,3) of hidden points from the shown ones: a point keeps its colour as
+ * far as trust (N) in [0,1] says; a vertex that is hidden while mirror (V), the
+ * one across the face, is shown starts from that one's; the rest spreads ring
+ * by ring, then is smoothed.  level holds V ints, tmp 7 V floats. */
 void dynamic_branch_spread(float *rgb, const float *trust,
-                           const struct densify *d, int *level, float *tmp);
+                           const size_t *mirror, const struct densify *d,
+                           int *level, float *tmp);
 
 #endif

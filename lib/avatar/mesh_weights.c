@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/head/mirror.h"
+
 #define JAW_ANGLE 0.2f      /* radians the jaw is thought to open */
 #define STILL_MM 0.5f       /* who moves less than this belongs to the skull */
 #define MOVES_MM 2.0f
@@ -77,7 +79,8 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->neck = malloc(D * sizeof *w->neck);
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);
-    if (!w->neck || !w->moving || !w->lining)
+    w->mirror = malloc(V * sizeof *w->mirror);
+    if (!w->neck || !w->moving || !w->lining || !w->mirror)
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     for (size_t v = 0; v < V; v++) {
         const float *skin = h->weights + HEAD_JOINTS * v;
@@ -94,7 +97,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* an edge to the lips is lip */
         w->lining[k] = w->lining[k] == 1;
-    return 0;
+    return head_mirror_vertices(w->mirror, h, err);
 }
 
 void mesh_weights_release(struct mesh_weights *w)
@@ -102,5 +105,6 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->neck);
     free(w->moving);
     free(w->lining);
+    free(w->mirror);
     memset(w, 0, sizeof *w);
 }

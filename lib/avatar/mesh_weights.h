@@ -15,6 +15,7 @@ struct mesh_weights {
     float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
                              * the skin, 0 on the skull */
     float *lining;          /* (V+E) 1 inside the mouth, behind the lips */
+    size_t *mirror;         /* (V) the vertex across the face */
 };
 
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,

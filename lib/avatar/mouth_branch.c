@@ -9,16 +9,7 @@
 #include "lib/avatar/slices.h"
 #include "lib/geom/resample.h"
 
-#define OUTSIDE 6.0f    /* opacity logits fall outside the mouth's ellipse */
-#define OVERLAP 0.6f    /* standard deviation over the spacing */
-/* The decoder can ask for no less opacity, and no less of the largest scale
- * before the shift: the grid has no holes. */
-#define SOLID 0.9f
-#define WIDE 0.45f
-
-/* What an unseen mouth starts as, sRGB, and the tongue in it. */
-static const float mouth_branch_dark[3] = {0.22f, 0.08f, 0.08f};
-static const float mouth_branch_tongue[3] = {0.42f, 0.19f, 0.18f};
+#define SOLID 0.97f     /* the prior's opacity: no holes */
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -64,31 +55,6 @@ void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
             dq[3 * k + 2] = 0;
 }
 
-/* (side tanh x, side tanh y, depth (tanh z - 1)). */
-void mouth_branch_bound(float *q, size_t N, float radius, float cap)
-{
-    float side = 0.5f * radius, depth = 0.5f * cap;
-
-    for (size_t k = 0; k < N; k++, q += 3) {
-        q[0] = side * tanhf(q[0]);
-        q[1] = side * tanhf(q[1]);
-        q[2] = depth * (tanhf(q[2]) - 1);
-    }
-}
-
-/* d tanh = 1 - tanh^2. */
-void mouth_branch_bound_backward(float *dq, const float *raw, size_t N,
-                                 float radius, float cap)
-{
-    float room[3] = {0.5f * radius, 0.5f * radius, 0.5f * cap};
-
-    for (size_t i = 0; i < 3 * N; i++) {
-        float t = tanhf(raw[i]);
-
-        dq[i] *= room[i % 3] * (1 - t * t);
-    }
-}
-
 /* ---- the branch -------------------------------------------------------- */
 
 int mouth_branch_init(struct mouth_branch *b, struct params *ps,
@@ -132,11 +98,10 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
     size_t M = b->count;
     const struct slice slices[] = {
         {&b->start.opacity, M, false}, {&b->start.scale, 3 * M, false},
-        {&b->start.opacity_shift, M, false},
-        {&b->start.scale_shift, M, false}, {&b->start.visible, M, false},
         {&b->grid, 3 * M, false}, {&b->uv, 2 * M, false},
         {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
-        {&b->pixel, 4 * M, false}, {&b->in, M * b->inputs, false},
+        {(float **)&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
+        {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false}, {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
         {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
     };
@@ -182,29 +147,27 @@ static float mouth_branch_opening(const struct head_mouth *m,
     return 1 - mouth_branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
 }
 
-/* The prior: extra columns of the decoder's input, colours, shifts; r is the
- * grid's radius. */
-static void mouth_branch_start(const struct source_picture *picture, float r,
+/* The prior: extra columns of the decoder's input, and the colours it starts
+ * from; white: the light in the picture. */
+static void mouth_branch_start(const struct source_picture *picture,
+                               const float white[3], float r,
                                struct mouth_branch *b)
 {
-    float spacing = 2 * r / (float)b->K;
-    float size_shift = attribute_logit(OVERLAP * spacing / BRANCH_SCALE_MAX);
-
     source_picture_sample(b->pixel, picture, b->place, b->count);
     for (size_t k = 0; k < b->count; k++) {
         const float *uv = b->uv + 2 * k, *pixel = b->pixel + 4 * k;
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
         float w = mouth_branch_opening(&b->lips, uv, r) * pixel[3];
-        float out = uv[0] * uv[0] / 0.5f + uv[1] * uv[1] / 0.8f - 1;
 
-        extra[0] = w;
+        extra[0] = w = teeth_hidden(b->teeth, b->K, k) ? 0 : w;
         extra[1] = b->lips.gap / r;
-        for (int c = 0; c < 3; c++)
-            b->logit[3 * k + c] = attribute_logit(
-                w * pixel[c] + (1 - w) * mouth_branch_dark[c]);
-        b->start.visible[k] = 1;
-        b->start.opacity_shift[k] = -OUTSIDE * fminf(fmaxf(2 * out, 0), 1);
-        b->start.scale_shift[k] = size_shift;
+        for (int c = 0; c < 3; c++) {
+            float *own = &b->teeth[k].color[c];
+
+            *own *= white[c];
+            b->logit[3 * k + c] = attribute_logit(w * pixel[c] +
+                                                  (1 - w) * *own);
+        }
     }
 }
 
@@ -214,74 +177,62 @@ static float mouth_branch_radius(const struct mouth_branch *b)
     return fmaxf(b->lips.radius, 1e-3f);
 }
 
-/* Most frames show closed lips and a shadow of the grid through them:
- * training would make it fade or shrink below what is drawn, and the back of
- * the head, seen through open lips, would be painted as their inside. */
-static void mouth_branch_solid(struct gaussian_out *g, size_t M)
-{
-    for (size_t i = 0; i < M; i++)
-        g->opacity[i] = SOLID + (1 - SOLID) * g->opacity[i];
-    for (size_t i = 0; i < 3 * M; i++)
-        g->scale[i] = WIDE * BRANCH_SCALE_MAX + (1 - WIDE) * g->scale[i];
-}
-
-/* Reverse of mouth_branch_solid, in place. */
-static void mouth_branch_solid_backward(struct gaussian_out *dg, size_t M)
-{
-    for (size_t i = 0; i < M; i++)
-        dg->opacity[i] *= 1 - SOLID;
-    for (size_t i = 0; i < 3 * M; i++)
-        dg->scale[i] *= 1 - WIDE;
-}
-
 /* How much of cell k the source shows, as mouth_branch_start wrote it. */
 static float mouth_branch_shown(const struct mouth_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - MOUTH_BRANCH_EXTRA];
 }
 
-/* What the source does not show is the prior's alone, flat, dense and halfway
- * into the mouth: decoders that saw most mouths closed paint a torn veil there.
- * out's centres are offsets from the grid as yet. */
+/* Place and shape are the teeth's; so is the colour of what the source does
+ * not show, and features beyond it are 0: decoders that saw most mouths closed
+ * paint a torn veil there. */
 static void mouth_branch_unseen(struct branch_set *out,
                                 const struct mouth_branch *b)
 {
-    const float back[3] = {0, 0, -0.5f * b->cap};
-    const float round = fminf(1.6f * mouth_branch_radius(b) / (float)b->K,
-                              BRANCH_SCALE_MAX);
-
     for (size_t k = 0; k < b->count; k++) {
-        const float *uv = b->uv + 2 * k;
-        float w = mouth_branch_shown(b, k);
-        float tongue = mouth_branch_ramp(-uv[1], 0.15f, 0.6f) *
-                       mouth_branch_ramp(-fabsf(uv[0]), -0.6f, -0.2f);
+        const struct teeth_cell *t = &b->teeth[k];
+        float w = mouth_branch_shown(b, k), *color = out->color +
+                                                     k * out->channels;
 
-        for (int c = 0; c < 3; c++) {
-            float *color = out->color + k * out->channels + c;
-            float *at = out->mean + 3 * k + c;
-            float *size = out->scale + 3 * k + c;
-            float inside = mouth_branch_dark[c] +
-                tongue * (mouth_branch_tongue[c] - mouth_branch_dark[c]);
-
-            *color = w * *color + (1 - w) * inside;
-            *at = w * *at + (1 - w) * back[c];
-            *size = w * *size + (1 - w) * round;
-        }
+        for (size_t c = 0; c < out->channels; c++)
+            color[c] = w * color[c] + (c < 3 ? (1 - w) * t->color[c] : 0);
+        memcpy(out->scale + 3 * k, t->scale, sizeof t->scale);
+        memcpy(out->quat + 4 * k, t->quat, sizeof t->quat);
+        memcpy(out->mean + 3 * k, t->mean, sizeof t->mean);
+        memcpy(b->jaw + 3 * k, t->jaw, sizeof t->jaw);
+        out->opacity[k] = SOLID;
+        out->seen[k] = w;
     }
 }
 
-/* Reverse of mouth_branch_unseen, in place; dq (count,3) of the offsets. */
-static void mouth_branch_unseen_backward(struct branch_set *dout, float *dq,
+/* Reverse of mouth_branch_unseen, in place: of the decoder only colours are
+ * left. */
+static void mouth_branch_unseen_backward(struct branch_set *dout,
                                          const struct mouth_branch *b)
 {
-    for (size_t k = 0; k < b->count; k++)
-        for (int c = 0; c < 3; c++) {
-            float w = mouth_branch_shown(b, k);
+    const size_t C = dout->channels;
 
-            dout->color[k * dout->channels + c] *= w;
-            dout->scale[3 * k + c] *= w;
-            dq[3 * k + c] *= w;
-        }
+    for (size_t i = 0; i < b->count * C; i++)
+        dout->color[i] *= mouth_branch_shown(b, i / C);
+    memset(dout->scale, 0, 3 * b->count * sizeof *dout->scale);
+    memset(dout->quat, 0, 4 * b->count * sizeof *dout->quat);
+    memset(dout->opacity, 0, b->count * sizeof *dout->opacity);
+    memset(b->dq, 0, 3 * b->count * sizeof *b->dq);
+}
+
+/* The teeth in place of the grid, and their canonical coordinates. */
+static void mouth_branch_teeth(float r, const struct source_mesh *mesh,
+                               struct mouth_branch *b)
+{
+    struct head_mouth rest;
+
+    head_mouth(&rest, mesh->head, mesh->rest);
+    teeth_make(b->teeth, mesh->head, &rest, b->lips.chin, b->K);
+    for (size_t k = 0; k < b->count; k++) {
+        memcpy(b->grid + 3 * k, b->teeth[k].mean, sizeof b->teeth[k].mean);
+        for (size_t c = 0; c < 2; c++)
+            b->uv[2 * k + c] = (b->grid[3 * k + c] - b->lips.centre[c]) / r;
+    }
 }
 
 /* The decoder's input rows [F at g, u, v]; the grid has radius r. */
@@ -291,7 +242,10 @@ static void mouth_branch_inputs(const float *features, float r,
 {
     size_t Cf = b->feature;
 
-    mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
+    if (b->prior)
+        mouth_branch_teeth(r, mesh, b);
+    else
+        mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
     source_mesh_project(b->place, b->grid, b->count, mesh->cam);
     grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
@@ -307,7 +261,7 @@ static void mouth_branch_inputs(const float *features, float r,
 void mouth_branch_forward(struct branch_set *out, const float *features,
                           const struct source_picture *picture,
                           const struct source_mesh *mesh,
-                          struct mouth_branch *b)
+                          const float white[3], struct mouth_branch *b)
 {
     head_mouth(&b->lips, mesh->head, mesh->posed);
     b->cap = mouth_branch_cap(&b->lips);
@@ -317,23 +271,21 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     float r = mouth_branch_radius(b);
     mouth_branch_inputs(features, r, mesh, b);
     if (b->prior)
-        mouth_branch_start(picture, r, b);
+        mouth_branch_start(picture, white, r, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);
     conv_decoder_forward(&raw, b->in, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
-    if (b->prior)
-        mouth_branch_solid(&raw, b->count);
-    branch_prior_forward(out, &b->start, b->prior);
-    memcpy(out->mean, b->q, 3 * b->count * sizeof *out->mean);
-    if (b->prior)
-        mouth_branch_bound(out->mean, b->count, r, b->cap);
-    if (b->prior)
+    memset(out->neck, 0, b->count * sizeof *out->neck);
+    memset(out->seen, 0, b->count * sizeof *out->seen);
+    if (b->prior) {
         mouth_branch_unseen(out, b);
+        return;
+    }
+    branch_prior_forward(out, &b->start, false);
+    memcpy(out->mean, b->q, 3 * b->count * sizeof *out->mean);
     b->clamped = mouth_branch_clamp(out->mean, b->count, b->cap);
     for (size_t i = 0; i < 3 * b->count; i++)   /* l_d - l_s comes later */
         out->mean[i] += b->grid[i];
-    memset(out->neck, 0, b->count * sizeof *out->neck);
-    memset(out->seen, 0, b->count * sizeof *out->seen);
 }
 
 /* g is a constant: gradients go to Phi_M and the features. */
@@ -346,18 +298,13 @@ void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
 
     if (dout->n == 0)
         return;
-    memcpy(b->dq, dout->mean, 3 * b->count * sizeof *b->dq);
-    if (b->prior)
-        mouth_branch_unseen_backward(dout, b->dq, b);
-    if (b->prior)       /* what is bounded is never clamped */
-        mouth_branch_bound_backward(b->dq, b->q, b->count,
-                                    mouth_branch_radius(b), b->cap);
-    else
+    if (b->prior) {
+        mouth_branch_unseen_backward(dout, b);
+    } else {
+        memcpy(b->dq, dout->mean, 3 * b->count * sizeof *b->dq);
         mouth_branch_clamp_backward(b->dq, b->q, b->count, b->cap);
-    branch_prior_backward(dout, NULL, &b->start, b->prior);
+    }
     struct gaussian_out draw = branch_decoder_gradient(dout, b->dq);
-    if (b->prior)
-        mouth_branch_solid_backward(&draw, b->count);
     conv_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
                           b->prior ? b->logit : NULL, &b->decoder);
     for (size_t k = 0; k < b->count; k++)

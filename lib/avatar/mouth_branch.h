@@ -3,9 +3,9 @@
  *   g = l_s + r_lip [u, v, 0]
  *   [c, o, s, q_rot, q] = Phi_M([F at g, u, v], gamma(n_s))
  *   mu = g + q, q's depth within cap = d_bowl + d_lip / 2 + epsilon
- * With the prior (rgb_skip) colours start at the pixel between open lips and
- * dark elsewhere, opacity falls outside the mouth's ellipse, and the grid can
- * neither fade nor shrink nor leave the space behind the lips. */
+ * With the prior (rgb_skip) the grid is rolled up into teeth and what is behind
+ * them (teeth.h), the upper ones on the skull, the lower on the jaw; colours
+ * start at the pixel between open lips and are the teeth's elsewhere. */
 #ifndef SPID_AVATAR_MOUTH_BRANCH_H
 #define SPID_AVATAR_MOUTH_BRANCH_H
 
@@ -15,6 +15,7 @@
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
+#include "lib/avatar/teeth.h"
 #include "lib/model/config.h"
 #include "lib/net/conv_decoder.h"
 
@@ -32,12 +33,14 @@ struct mouth_branch {
     struct head_mouth lips;             /* l_s, r_lip, d_bowl, d_lip */
     float cap;                          /* head units */
     size_t clamped;                     /* Gaussians the cap changed */
-    struct branch_prior start;          /* (K*K) */
+    struct branch_prior start;          /* (K*K) what the decoder gave */
     /* Kept by the forward; with d, of the backward only: */
     float *grid;                        /* (K,K,3) g */
     float *uv;                          /* (K,K,2) */
     float *place;                       /* (K,K,2) g in the picture, [-1,1] */
     float *sampled, *dsampled;          /* (K,K,Cf) F there; one memory */
+    struct teeth_cell *teeth;           /* (K,K) with the prior, and */
+    float *jaw;                         /* (K,K,3) how they go with the chin */
     float *pixel;                       /* (K,K,4) the picture there */
     float *in, *din;                    /* (K,K,inputs) */
     float *logit;                       /* (K,K,3) RGB to start from */
@@ -57,12 +60,12 @@ void mouth_branch_update(struct mouth_branch *b);
 void mouth_branch_release(struct mouth_branch *b);
 
 /* out: all K*K Gaussians (nothing but lips and cap when out->n is 0), from
- * features F (n,n,Cf), the picture and the mesh on it.  They do not blend at
- * the neck. */
+ * features F (n,n,Cf), the picture and the mesh on it; white (3): what is white
+ * in the picture.  They do not blend at the neck. */
 void mouth_branch_forward(struct branch_set *out, const float *features,
                           const struct source_picture *picture,
                           const struct source_mesh *mesh,
-                          struct mouth_branch *b);
+                          const float white[3], struct mouth_branch *b);
 /* dfeatures (n,n,Cf) and the weights' gradients are added to; dout's arrays
  * are used up.  The other arguments as in the forward. */
 void mouth_branch_backward(float *dfeatures, struct branch_set *dout,
@@ -83,13 +86,5 @@ size_t mouth_branch_clamp(float *q, size_t N, float cap);
 /* Zero the depth gradient where the clamp acted: raw (N,3) before it. */
 void mouth_branch_clamp_backward(float *dq, const float *raw, size_t N,
                                  float cap);
-/* With the prior, what the decoder gave for q (N,3) becomes an offset: within
- * half the grid's radius to the sides, between 0 and cap behind the lips.
- * Adam's first steps would carry a plain offset centimetres away, where no
- * gradient reaches it. */
-void mouth_branch_bound(float *q, size_t N, float radius, float cap);
-/* dq times the derivative at raw (N,3), what the decoder gave. */
-void mouth_branch_bound_backward(float *dq, const float *raw, size_t N,
-                                 float radius, float cap);
 
 #endif

@@ -116,9 +116,9 @@ static int mover_write(struct stream_writer *out, struct mover *m,
         array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
         array_make("mean", DTYPE_F32, m->move.mean, 2, m->baked.dynamic, 3,
                    0, 0),
-        array_make("shift", DTYPE_F32, m->move.frame.to, 1, 3, 0, 0, 0),
-        array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4, 0, 0)
+        array_make("shift", DTYPE_F32, m->move.frame.to, 1, 3, 0, 0, 0)
     };
+    int n = 4;
 
     /* places are of no use without the photograph */
     if (!m->sent && m->person.back && baked_has_places(&m->baked) &&
@@ -134,8 +134,12 @@ static int mover_write(struct stream_writer *out, struct mover *m,
                                 NULL, err))
         return -1;
     m->sent = true;
-    int n = m->baked.blended ? 5 : 4;   /* no shoulders: no body */
-
+    if (m->baked.has_jaw)
+        a[n++] = array_make("chin", DTYPE_F32, m->move.frame.chin, 1, 3, 0, 0,
+                            0);
+    if (m->baked.blended)
+        a[n++] = array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4,
+                            0, 0);
     n += record_others(a + n, n, rec, mesh_arrays);
     return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
 }
@@ -154,7 +158,7 @@ static int mover_frame(struct stream_writer *out, struct mover *m,
                          "%zu, as the first one)", mesh.V, m->dense.V);
     /* an unknown opening counts as open */
     baked_drive(&m->move, &m->baked, &m->dense, mesh.verts, mesh.lip,
-                mesh.gap ? *mesh.gap : 1, m->opt.closed, mesh.cam);
+                mesh.chin, mesh.gap ? *mesh.gap : 1, m->opt.closed, mesh.cam);
     return mover_write(out, m, rec, mesh.cam, err);
 }
 

@@ -10,13 +10,30 @@
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
 
+/* The head's faces, and a fan over the ring of the inner lips about vertex
+ * V. */
+static void source_mesh_close_lips(int32_t *faces, const struct head *h)
+{
+    const size_t L = h->nlip_inner;
+    int32_t *fan = faces + 3 * h->F;
+
+    memcpy(faces, h->f, 3 * h->F * sizeof *faces);
+    for (size_t i = 0; i < L; i++) {
+        fan[3 * i] = h->lip_inner[i];
+        fan[3 * i + 1] = h->lip_inner[(i + 1) % L];
+        fan[3 * i + 2] = (int32_t)h->V;
+    }
+}
+
 int source_mesh_init(struct source_mesh *m, const struct head *h,
                      const struct mesh_weights *weights, size_t n,
                      struct error *err)
 {
-    size_t V = h->V;
+    size_t V = h->V, L = h->nlip_inner;
     const struct slice slices[] = {
-        {&m->verts, 3 * V, false}, {&m->normals, 3 * V, false},
+        {&m->verts, 3 * (V + 1), false}, {&m->normals, 3 * V, false},
+        {(float **)&m->faces, 3 * (h->F + L), false},
+        {&m->moving_verts, V + 1, false},
         {&m->coverage, n * n, false}, {&m->depth, n * n, false},
         {&m->moving, n * n, false},
         {&m->raster, coverage_scratch(n) / sizeof(float) + 1, false}
@@ -25,8 +42,13 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
     m->head = h;
     m->weights = weights;
     m->n = n;
-    return slices_allocate(&m->block, slices, sizeof slices / sizeof *slices,
-                           false, err);
+    if (slices_allocate(&m->block, slices, sizeof slices / sizeof *slices,
+                        false, err))
+        return -1;
+    source_mesh_close_lips(m->faces, h);
+    memcpy(m->moving_verts, weights->moving, V * sizeof *m->moving_verts);
+    m->moving_verts[V] = 1;
+    return 0;
 }
 
 void source_mesh_release(struct source_mesh *m)
@@ -51,12 +73,13 @@ void source_mesh_project(float *place, const float *x, size_t N,
 
 /* Blend, then normals and maps of what the camera sees. */
 void source_mesh_set(struct source_mesh *m, const float *posed,
-                     const float cam[12], bool blend)
+                     const float *rest, const float cam[12], bool blend)
 {
     const struct head *h = m->head;
     const struct mesh_weights *w = m->weights;
 
     m->posed = posed;
+    m->rest = rest ? rest : posed;
     memcpy(m->cam, cam, sizeof m->cam);
     source_mesh_normal(m->normal, cam);
     m->blend = blend;
@@ -66,8 +89,10 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
     else
         memcpy(m->verts, posed, 3 * h->V * sizeof *m->verts);
     head_normals(m->normals, h, m->verts);
-    coverage_map(m->coverage, m->verts, h->V, h->f, h->F, cam, m->n,
+    head_lip_centroid(m->verts + 3 * h->V, h, m->verts);
+    const size_t F = h->F + h->nlip_inner;
+    coverage_map(m->coverage, m->verts, h->V + 1, m->faces, F, cam, m->n,
                  m->raster);
-    coverage_depth(m->depth, m->moving, m->verts, w->moving, h->f, h->F, cam,
-                   m->n);
+    coverage_depth(m->depth, m->moving, m->verts, m->moving_verts, m->faces,
+                   F, cam, m->n);
 }

@@ -20,8 +20,14 @@ struct source_mesh {
     bool blend;             /* shoulders stand upright (neck_blend.h) */
     float body[12];         /* (3,4) their motion; when blend */
     const float *posed;     /* (V,3) V_s as it came; the caller's */
-    float *verts;           /* (V,3) after the neck blend */
+    const float *rest;      /* (V,3) the same face at rest; the caller's */
+    float *verts;           /* (V+1,3) after the neck blend; the last: the
+                             * inner lips' centroid */
     float *normals;         /* (V,3) unit, of verts */
+    int32_t *faces;         /* (F+L,3) the head's, and L that close the lips:
+                             * no map looks through an open mouth at the back
+                             * of the head */
+    float *moving_verts;    /* (V+1) how much each moves */
     float *coverage;        /* (n,n) fraction that the mesh covers, C */
     float *depth;           /* (n,n) camera depth of the mesh; infinity
                              * beside it */
@@ -36,10 +42,10 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
                      struct error *err);
 void source_mesh_release(struct source_mesh *m);
 
-/* Take posed vertices (V,3), which must stay until the bake's end, and their
- * camera; blend: with the neck blend from upright shoulders. */
+/* Take posed vertices (V,3) and those of the same face at rest (V,3, or NULL:
+ * posed is), which must stay until the bake's end, and their camera; blend: with the neck blend from upright shoulders. */
 void source_mesh_set(struct source_mesh *m, const float *posed,
-                     const float cam[12], bool blend);
+                     const float *rest, const float cam[12], bool blend);
 
 /* n_s: unit vector from the plane to the camera, head frame. */
 void source_mesh_normal(float normal[3], const float cam[12]);

@@ -16,10 +16,6 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
-/* The rim that stays along the mesh's outline: cells, and head units (24 mm)
- * behind the skin. */
-#define RIM 5.0f
-#define BEHIND 0.12f
 #define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
 
 /* ---- the equations ----------------------------------------------------- */
@@ -128,9 +124,9 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->sampled, n2 * Cf, false}, {&b->in, n2 * b->inputs, false},
         {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->surface, n2, false},
-        {&b->covered, n2, false}, {&b->moving, n2, false},
+        {&b->moving, n2, false},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
-        {&b->dp, n2, true}, {&b->dvisible, n2, true}, {&b->tmp, n2, false}
+        {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
 
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
@@ -168,23 +164,6 @@ static void static_branch_surface(struct static_branch *b,
 
         b->surface[k] = isfinite(h) && mesh->coverage[k] >= OUTLINE
                       ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
-    }
-}
-
-/* What the mesh covers (b->covered) and what of it moves (b->moving) is the
- * dynamic branch's, but for a rim along the mesh's outline, which goes behind
- * the skin: what a turn of the head uncovers there must not be a hole. */
-static void static_branch_keep_rim(struct static_branch *b,
-                                   const struct source_mesh *mesh)
-{
-    coverage_blur(b->covered, mesh->coverage, b->n, RIM, b->tmp);
-    for (size_t k = 0; k < b->count; k++) {
-        float inside = fminf(fmaxf((b->covered[k] - 0.75f) / 0.2f, 0), 1);
-
-        b->covered[k] = mesh->coverage[k] * inside;
-        /* interpolation may pass its ends by a rounding */
-        b->moving[k] = inside * fminf(fmaxf(mesh->moving[k], 0), 1);
-        b->surface[k] -= BEHIND * (mesh->coverage[k] - b->covered[k]);
     }
 }
 
@@ -277,7 +256,7 @@ static void static_branch_inputs(const struct source_mesh *mesh,
         for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(pixel[c]);
         b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[k]);
-        b->start.opacity_shift[k] = -COVERED * b->covered[k];
+        b->start.opacity_shift[k] = -COVERED * mesh->coverage[k];
         b->start.scale_shift[k] = size_shift;
         b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
     }
@@ -313,7 +292,8 @@ void static_branch_forward(struct branch_set *out, const float *features,
     if (out->n == 0)
         return;
     static_branch_surface(b, mesh);
-    static_branch_keep_rim(b, mesh);
+    for (size_t k = 0; k < b->count; k++)   /* interpolation may pass 1 */
+        b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
     static_branch_neck(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
     grid_sample(b->sampled, features, b->U, 1, b->n, b->n, b->feature,

@@ -43,12 +43,10 @@ struct static_branch {
     float *logit, *dlogit;              /* (n,n,3) RGB to start from */
     float *surface;                     /* (n,n) height of the mesh over the
                                          * plane, head units */
-    float *covered;                     /* (n,n) what is left to the mesh */
     float *moving;                      /* (n,n) what may not be drawn */
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */
-    float *tmp;                         /* (n,n) */
     float *block;                       /* what the arrays are part of */
 };
 

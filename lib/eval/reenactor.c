@@ -53,9 +53,9 @@ static int reenactor_allocate(struct reenactor *r, struct error *err)
     const size_t means = V + r->avatar.dense.E + c->plane * c->plane +
                          c->mouth * c->mouth;
     size_t part[] = {N * N * 3, n * C, n, 3 * n, 3 * n, 3 * means, 3 * V,
-                     3 * n, TEXTURE_PHOTO * n, n};
+                     3 * V, 3 * n, TEXTURE_PHOTO * n, n};
     float **to[] = {&r->crop, &r->features, &r->alpha, &r->coarse, &r->rgb,
-                    &r->means, &r->verts, &r->place, &r->photo, &r->cover};
+                    &r->means, &r->verts, &r->rest, &r->place, &r->photo, &r->cover};
     size_t total = 0, count = sizeof part / sizeof *part;
     float *block;
 
@@ -212,9 +212,10 @@ int reenactor_source(struct reenactor *r, const struct data_frame *f,
         reenactor_picture(r, f, err))
         return -1;
     head_pose(r->verts, &r->id, &st.motion);
+    identity_rest(r->rest, &r->id);
     avatar_bake(&r->avatar, &(struct avatar_source){
         .rgb = r->picture, .matte = r->matte, .verts = r->verts,
-        .cam = st.cam
+        .cam = st.cam, .rest = r->rest
     });
     memcpy(r->source_cam, st.cam, sizeof r->source_cam);
     if (splat_load(&r->splat, &r->avatar.set, err))

@@ -63,7 +63,7 @@ struct reenactor {
     float *coarse;              /* (S,S,3) SpiD*: without the refiner */
     float *rgb;                 /* (S,S,3) SpiD */
     float *means;               /* (N,3) of a frame */
-    float *verts;               /* (V,3) of the source */
+    float *verts, *rest;        /* (V,3) of the source, at rest */
     uint8_t *picture, *matte;   /* (S,S,3), (S,S): the source */
 };
 

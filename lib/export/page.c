@@ -294,6 +294,10 @@ static void page_pack_gaussians(struct pack *k, const struct baked *b)
     pack_add(k, "pivot", ST_F32, 3, 0, b->pivot);
     pack_add(k, "shoulders", ST_F32, 3, 3, b->source);
     pack_add(k, "lip", ST_F32, 3, 0, b->lip);
+    if (!b->has_jaw)
+        return;
+    pack_columns(k, "jaw", b->jaw + 3 * (b->N - b->mouth), b->mouth, 3, 3);
+    pack_add(k, "chin", ST_F32, 3, 0, b->chin);
 }
 
 /* The identity's head: Eq. M with beta folded in. */
@@ -314,6 +318,7 @@ static void page_pack_head(struct pack *k, const struct identity *id)
     pack_add(k, "parents", ST_I32, HEAD_JOINTS, 0, h->parents);
     pack_add(k, "faces", ST_I32, h->F, 3, h->f);
     pack_add(k, "lip_inner", ST_I32, h->nlip_inner, 0, h->lip_inner);
+    pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
 }
 
 static void page_pack_motion(struct pack *k, const struct page *p,

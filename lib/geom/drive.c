@@ -53,7 +53,19 @@ void drive_static_backward(float *dmean, float dcam[12], const float *dout,
                                cam);
 }
 
-/* mu = (g + q) + l_d - l_s, in this order of rounding. */
+void drive_jaw(float jaw[3], const float x[3], float share,
+               const float hinge[3], const float chin[3])
+{
+    const float p[2] = {x[2] - hinge[2], x[1] - hinge[1]};
+    const float c[2] = {chin[2] - hinge[2], chin[1] - hinge[1]};
+    const float square = c[0] * c[0] + c[1] * c[1] + 1e-6f;
+
+    jaw[0] = share * (p[0] * c[0] + p[1] * c[1]) / square;
+    jaw[1] = jaw[0];
+    jaw[2] = share * (p[1] * c[0] - p[0] * c[1]) / square;
+}
+
+/* mu = (g + q) + l_d - l_s, in this order of rounding, and the jaw's. */
 void drive_mouth(float *out, const struct drive *d,
                  const struct drive_frame *f)
 {
@@ -61,14 +73,29 @@ void drive_mouth(float *out, const struct drive *d,
 
     for (size_t i = 0; i < 3 * d->mouth_count; i++)
         out[i] = mean[i] + f->to[i % 3] - f->from[i % 3];
+    for (size_t i = 0; d->jaw && i < d->mouth_count; i++) {
+        const float *j = d->jaw + 3 * i, *chin = f->chin;
+
+        out[3 * i] += j[0] * chin[0];
+        out[3 * i + 1] += j[2] * chin[2] + j[1] * chin[1];
+        out[3 * i + 2] += j[1] * chin[2] - j[2] * chin[1];
+    }
 }
 
-/* Every Gaussian passes its gradient on, to its centre and to l_d. */
-void drive_mouth_backward(float *dmean, float dto[3], const float *dout,
-                          const struct drive *d)
+/* Every Gaussian passes its gradient on, to its centre, to l_d and to the
+ * chin. */
+void drive_mouth_backward(float *dmean, float dto[3], float dchin[3],
+                          const float *dout, const struct drive *d)
 {
     for (size_t i = 0; i < 3 * d->mouth_count; i++) {
         dto[i % 3] += dout[i];
         dmean[i] += dout[i];
+    }
+    for (size_t i = 0; d->jaw && i < d->mouth_count; i++) {
+        const float *j = d->jaw + 3 * i, *g = dout + 3 * i;
+
+        dchin[0] += j[0] * g[0];
+        dchin[1] += j[1] * g[1] - j[2] * g[2];
+        dchin[2] += j[2] * g[1] + j[1] * g[2];
     }
 }

@@ -5,7 +5,8 @@
  *   static   the source's centres, blended at the neck with the shoulders
  *            where the source had them
  *   mouth    mu = (g + q) + l_d - l_s: the source's centres, moved by the
- *            lips' centroid
+ *            lips' centroid; or, where they say how (jaw), with the jaw: the
+ *            upper teeth not at all, the lower ones as it turns
  * Training (lib/avatar/avatar.h), baked avatars (lib/avatar/baked.h) and the
  * renderer's scene (lib/splat/scene.h) all move by these functions.  Backward
  * functions add to their outputs. */
@@ -25,6 +26,8 @@ struct drive {
                              * they come */
     const float *mean;      /* (N,3) centres at the source's pose */
     const float *weight;    /* (N) neck blend weights (neck_blend.h) */
+    const float *jaw;       /* (mouth_count,3) how each moves with the chin
+                             * (drive_jaw); NULL: the mouth goes as a whole */
     float pivot[3];         /* of the neck blend, head units */
     float source[9];        /* R_s: took the source's shoulders to the
                              * camera's axes */
@@ -35,6 +38,7 @@ struct drive_frame {
     float mesh[12];         /* (3,4) of upright shoulders, for the mesh */
     float plane[12];        /* (3,4) of the source's, for static Gaussians */
     float to[3], from[3];   /* the mouth's shift: l_d and l_s */
+    float chin[3];          /* c_d - c_s, of the head's chin; with jaw */
 };
 
 /* mesh and plane of a frame whose head is seen by cam (3,4); the caller sets
@@ -61,11 +65,21 @@ void drive_static_backward(float *dmean, float dcam[12], const float *dout,
                            const struct drive *d, size_t first, size_t count,
                            const float cam[12]);
 
+/* How a point x of the lower jaw moves when the jaw turns about the hinge
+ * (both head units, at rest) and that takes the chin there:
+ *   dz + i dy = (a + i b) (chin's dz + i dy),   dx = s chin's dx,
+ * for a turn in the yz plane is the product with a complex number, so (a + i b)
+ * is the ratio of what the two are away from the hinge; exact for turns, and
+ * linear.  jaw (3) = share (s, a, b), share 1 on the jaw, 0 on the skull. */
+void drive_jaw(float jaw[3], const float x[3], float share,
+               const float hinge[3], const float chin[3]);
+
 /* out (mouth_count,3). */
 void drive_mouth(float *out, const struct drive *d,
                  const struct drive_frame *f);
-/* dmean (mouth_count,3) of the source centres, dto (3) of l_d. */
-void drive_mouth_backward(float *dmean, float dto[3], const float *dout,
-                          const struct drive *d);
+/* dmean (mouth_count,3) of the source centres, dto (3) of l_d, dchin (3) of
+ * the chin's. */
+void drive_mouth_backward(float *dmean, float dto[3], float dchin[3],
+                          const float *dout, const struct drive *d);
 
 #endif

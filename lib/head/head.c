@@ -411,6 +411,8 @@ int head_fill(struct head *h, const struct head_arrays *a,
     block_live(h->pose_live, 1, h->pose_dirs, h->blocks, HEAD_POSE_DIRS);
     if (rc)
         head_release(h);
+    else
+        head_find_chin(h);
     return rc;
 }
 

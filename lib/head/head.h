@@ -38,6 +38,7 @@
 #define HEAD_LANDMARKS 68
 #define HEAD_MAX_EXP 512   /* expression directions at most */
 #define HEAD_BLOCK 32      /* vertices of one block of the posing layout */
+#define HEAD_CHIN 32       /* vertices of the chin at most */
 
 enum head_joint {
     JOINT_ROOT, JOINT_NECK, JOINT_JAW, JOINT_EYE_LEFT, JOINT_EYE_RIGHT
@@ -92,6 +93,8 @@ struct head {
     float *l_eyelid, *r_eyelid; /* (V,3) */
     int32_t *lip_inner, *lip_upper_outer;
     size_t nlip_inner, nlip_upper_outer;
+    int32_t chin[HEAD_CHIN];    /* vertices that go with the jaw most */
+    size_t nchin;               /* 0: nothing tells how the jaw turns */
     int32_t landmark_faces[HEAD_LANDMARKS];
     float landmark_bary[HEAD_LANDMARKS * 3];
     int has_landmarks;
@@ -160,9 +163,19 @@ struct head_mouth {
     float bowl;         /* d_bowl: depth range of the inner ring */
     float lip;          /* d_lip: depth range of the upper lip's outer edge */
     float gap;          /* mean vertical opening of the inner ring */
+    float chin[3];      /* the chin's centroid */
 };
 void head_mouth(struct head_mouth *m, const struct head *h,
                 const float *verts);
+
+/* Fill h->chin, once the rest of h is there: what lies below the lips in the
+ * middle and makes nearly all of the jaw's turn. */
+void head_find_chin(struct head *h);
+/* Centroid of the chin of verts (V,3), 0 without one. */
+void head_chin_centroid(float c[3], const struct head *h, const float *verts);
+/* dverts (V,3) += gradient of dc (3). */
+void head_chin_centroid_backward(float *dverts, const float dc[3],
+                                 const struct head *h);
 
 /* Unit vertex normals (V,3) of verts (V,3), area weighted; 0 where a vertex
  * has no face. */

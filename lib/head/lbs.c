@@ -278,6 +278,11 @@ void head_pose(float *verts, const struct identity *id,
     lbs_pose_baseline(verts, &fr);
 }
 
+void identity_rest(float *verts, const struct identity *id)
+{
+    head_pose(verts, id, &(struct head_motion){0});
+}
+
 void head_pose_joints(float *joints, const struct identity *id,
                       const struct head_motion *m)
 {

@@ -49,6 +49,8 @@ void identity_release(struct identity *id);
  * to the head's size: tests/unit/head_lbs.c. */
 void head_pose(float *verts, const struct identity *id,
                const struct head_motion *m);
+/* verts (V,3) out: the identity at rest, no pose and no expression. */
+void identity_rest(float *verts, const struct identity *id);
 /* Also the posed joints (5,3). */
 void head_pose_joints(float *joints, const struct identity *id,
                       const struct head_motion *m);

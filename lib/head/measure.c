@@ -83,25 +83,74 @@ void head_landmarks_backward(float *dverts, const float *dlmk,
     }
 }
 
-/* The mean position of the inner lip ring: the paper's l-bar. */
-void head_lip_centroid(float c[3], const struct head *h, const float *verts)
+/* The mean of n listed vertices. */
+static void measure_centroid(float c[3], const int32_t *list, size_t n,
+                             const float *verts)
 {
     double sum[3] = {0};
 
-    for (size_t i = 0; i < h->nlip_inner; i++)
+    for (size_t i = 0; i < n; i++)
         for (int k = 0; k < 3; k++)
-            sum[k] += verts[3 * (size_t)h->lip_inner[i] + k];
+            sum[k] += verts[3 * (size_t)list[i] + k];
     for (int k = 0; k < 3; k++)
-        c[k] = (float)(sum[k] / (double)h->nlip_inner);
+        c[k] = n ? (float)(sum[k] / (double)n) : 0;
+}
+
+/* Reverse of it: each vertex gets its share. */
+static void measure_centroid_backward(float *dverts, const float dc[3],
+                                      const int32_t *list, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        for (int k = 0; k < 3; k++)
+            dverts[3 * (size_t)list[i] + k] += dc[k] / (float)n;
+}
+
+/* The mean position of the inner lip ring: the paper's l-bar. */
+void head_lip_centroid(float c[3], const struct head *h, const float *verts)
+{
+    measure_centroid(c, h->lip_inner, h->nlip_inner, verts);
 }
 
 void head_lip_centroid_backward(float *dverts, const float dc[3],
                                 const struct head *h)
 {
-    for (size_t i = 0; i < h->nlip_inner; i++)
-        for (int k = 0; k < 3; k++)
-            dverts[3 * (size_t)h->lip_inner[i] + k] +=
-                dc[k] / (float)h->nlip_inner;
+    measure_centroid_backward(dverts, dc, h->lip_inner, h->nlip_inner);
+}
+
+void head_chin_centroid(float c[3], const struct head *h, const float *verts)
+{
+    measure_centroid(c, h->chin, h->nchin, verts);
+}
+
+void head_chin_centroid_backward(float *dverts, const float dc[3],
+                                 const struct head *h)
+{
+    measure_centroid_backward(dverts, dc, h->chin, h->nchin);
+}
+
+/* Whether vertex v lies where a chin does: below the lips, in front, within
+ * 12 mm of the middle. */
+static int measure_is_chin(const struct head *h, size_t v, const float lip[3])
+{
+    const float *x = h->v_template + 3 * v, mm = 1e-3f * h->scale;
+    const float *jaw = h->joint_template + 3 * JOINT_JAW;
+
+    return fabsf(x[0]) < 12 * mm && x[1] < lip[1] - 22 * mm &&
+           x[2] > 0.5f * (jaw[2] + lip[2]);
+}
+
+void head_find_chin(struct head *h)
+{
+    float lip[3], most = 0;
+
+    h->nchin = 0;
+    head_lip_centroid(lip, h, h->v_template);
+    for (size_t v = 0; v < h->V; v++)
+        if (measure_is_chin(h, v, lip))
+            most = fmaxf(most, head_jaw_share(h, v));
+    for (size_t v = 0; v < h->V && h->nchin < HEAD_CHIN && most > 0.5f; v++)
+        if (measure_is_chin(h, v, lip) && head_jaw_share(h, v) > 0.95f * most)
+            h->chin[h->nchin++] = (int32_t)v;
 }
 
 /* Range of coordinate c over a list of vertices. */
@@ -147,6 +196,7 @@ void head_mouth(struct head_mouth *m, const struct head *h,
     m->gap = (float)((nup ? up / (double)nup : 0) -
                      (ndown ? down / (double)ndown : 0));
     m->bowl = measure_range(h->lip_inner, h->nlip_inner, verts, 2);
+    head_chin_centroid(m->chin, h, verts);
     m->lip = measure_range(h->lip_upper_outer, h->nlip_upper_outer, verts, 2);
 }
 

@@ -68,8 +68,8 @@ static size_t mirror_vertex(const struct head *h, const struct place *order,
     return best;
 }
 
-static int find_opposites(struct directions *s, const struct head *h,
-                          struct error *err)
+int head_mirror_vertices(size_t *other, const struct head *h,
+                         struct error *err)
 {
     struct place *order = malloc(h->V * sizeof *order);
 
@@ -79,7 +79,7 @@ static int find_opposites(struct directions *s, const struct head *h,
         order[v] = (struct place){h->v_template[3 * v + 1], v};
     qsort(order, h->V, sizeof *order, by_height);
     for (size_t at = 0; at < h->V; at++)
-        s->other[order[at].v] = mirror_vertex(h, order, at);
+        other[order[at].v] = mirror_vertex(h, order, at);
     free(order);
     return 0;
 }
@@ -143,7 +143,7 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
         error_set(err, EX_OSERR, "no memory for %zu directions", n);
         goto out;
     }
-    if (find_opposites(&s, h, err))
+    if (head_mirror_vertices(s.other, h, err))
         goto out;
     for (size_t k = 0; k < n; k++) {
         float *d = s.d + k * 3 * h->V;

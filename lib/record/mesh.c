@@ -4,7 +4,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-const char *const mesh_arrays[] = {"verts", "cam", "lip", "gap", "faces",
+const char *const mesh_arrays[] = {"verts", "cam", "lip", "gap", "chin", "faces",
                                    NULL};
 
 int mesh_read(struct mesh *m, const struct record *rec, struct error *err)
@@ -20,6 +20,9 @@ int mesh_read(struct mesh *m, const struct record *rec, struct error *err)
         return -1;
     if (record_find(rec, "gap") &&
         !(m->gap = record_get(rec, "gap", DTYPE_F32, 1, d1, err)))
+        return -1;
+    if (record_find(rec, "chin") &&
+        !(m->chin = record_get(rec, "chin", DTYPE_F32, 1, d3, err)))
         return -1;
     m->V = record_find(rec, "verts")->dim[0];
     return 0;
@@ -58,6 +61,8 @@ int mesh_write(struct stream_writer *w, uint64_t frame, double time,
     a[n++] = array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0);
     a[n++] = array_make("lip", DTYPE_F32, mouth.centre, 1, 3, 0, 0, 0);
     a[n++] = array_make("gap", DTYPE_F32, &mouth.gap, 1, 1, 0, 0, 0);
+    if (h->nchin)
+        a[n++] = array_make("chin", DTYPE_F32, mouth.chin, 1, 3, 0, 0, 0);
     if (with_faces)
         a[n++] = array_make("faces", DTYPE_I32, h->f, 2, h->F, 3, 0, 0);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)

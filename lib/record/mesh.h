@@ -16,6 +16,7 @@ struct mesh {
     const float *cam;           /* (3,4) [R|t] */
     const float *lip;           /* (3) centroid of the inner lips */
     const float *gap;           /* (1) their opening; NULL: not said */
+    const float *chin;          /* (3) centroid of the chin; NULL: not said */
 };
 
 /* Names of the arrays that mesh_write writes, NULL at the end: what else a
@@ -29,7 +30,7 @@ int mesh_read(struct mesh *m, const struct record *rec, struct error *err);
 int mesh_read_faces(const int32_t **faces, size_t *F,
                     const struct record *rec, struct error *err);
 /* Write a MESH record: verts (V,3), cam, the inner lips' centroid and
- * opening; faces when with_faces is set (the first one of a stream); others
+ * opening, the chin's centroid; faces when with_faces is set (the first one of a stream); others
  * appended. */
 int mesh_write(struct stream_writer *w, uint64_t frame, double time,
                const struct head *h, const float *verts, const float cam[12],

@@ -22,6 +22,7 @@ void scene_release(struct scene *s)
     free(s->quat);
     free(s->opacity);
     free(s->neck);
+    free(s->jaw);
     free(s->color);
     free(s->color_half);
     free(s->branch);
@@ -83,6 +84,17 @@ static int scene_find_mouth(struct scene *s, struct error *err)
     return 0;
 }
 
+/* Every Gaussian of the mouth has its row of jaw. */
+static int scene_check_jaw(const struct scene *s, const struct gaus *g,
+                           struct error *err)
+{
+    if (!g->jaw || g->jaws == s->mouth_count)
+        return 0;
+    return error_set(err, EX_DATAERR, "GAUS jaw has %zu rows (expected %zu, "
+                     "one for each of the mouth's)", g->jaws,
+                     s->mouth_count);
+}
+
 /* Only static Gaussians follow the shoulders; a scene that does not say which
  * they are has none. */
 static void scene_find_blended(struct scene *s)
@@ -133,6 +145,8 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
     s->g.opacity = s->opacity = scene_copy(g->opacity, n * sizeof *g->opacity);
     if (g->bend)
         s->neck = scene_copy(g->bend, n * sizeof *g->bend);
+    if (g->jaw)
+        s->jaw = scene_copy(g->jaw, 3 * g->jaws * sizeof *g->jaw);
     if (g->branch)
         s->g.branch = s->branch = scene_copy(g->branch, n);
     if (g->view) {
@@ -141,7 +155,7 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
     }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
-        (g->bend && !s->neck) || (g->branch && !s->branch) ||
+        (g->bend && !s->neck) || (g->jaw && !s->jaw) || (g->branch && !s->branch) ||
         (g->view && (!s->uv || !s->seen)))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
@@ -157,7 +171,8 @@ static int scene_load(struct scene *s, const struct record *rec,
     memcpy(next.cam, s->cam, sizeof next.cam);
     if (gaus_read(&g, rec, err))
         return -1;
-    if (scene_copy_arrays(&next, &g, err) || scene_find_mouth(&next, err)) {
+    if (scene_copy_arrays(&next, &g, err) || scene_find_mouth(&next, err) ||
+        scene_check_jaw(&next, &g, err)) {
         scene_release(&next);
         return -1;
     }
@@ -197,27 +212,40 @@ static struct drive scene_drive(const struct scene *s)
 {
     return (struct drive){
         .mouth = s->mouth, .mouth_count = s->mouth_count, .mean = s->loaded,
-        .weight = s->neck
+        .weight = s->neck, .jaw = s->jaw
     };
 }
 
-/* The mouth goes by l_d - l_s as a whole. */
+/* A shift (3) of GMOV that may be left out: 1, 0 without it, or -1. */
+static int scene_take_shift(float out[3], const struct record *rec,
+                            const char *name, struct error *err)
+{
+    static const size_t three[1] = {3};
+    const float *shift;
+
+    if (!record_find(rec, name))
+        return 0;
+    if (!(shift = record_get(rec, name, DTYPE_F32, 1, three, err)))
+        return -1;
+    memcpy(out, shift, 3 * sizeof *out);
+    return 1;
+}
+
+/* The mouth goes by l_d - l_s as a whole, or with the chin. */
 static int scene_move_mouth(struct scene *s, const struct record *rec,
                             struct error *err)
 {
-    static const size_t three[1] = {3};
     const struct drive d = scene_drive(s);
     struct drive_frame f = {.from = {0}};
-    const float *shift;
+    int shift = scene_take_shift(f.to, rec, "shift", err);
+    int chin = scene_take_shift(f.chin, rec, "chin", err);
 
-    s->shifted = 0;
-    if (!record_find(rec, "shift"))
-        return 0;
-    if (!(shift = record_get(rec, "shift", DTYPE_F32, 1, three, err)))
+    s->shifted = shift > 0 || (chin > 0 && s->jaw);
+    if (shift < 0 || chin < 0)
         return -1;
-    memcpy(s->shift, shift, sizeof s->shift);
-    memcpy(f.to, shift, sizeof f.to);
-    s->shifted = 1;
+    if (!s->shifted)
+        return 0;
+    memcpy(s->shift, f.to, sizeof s->shift);
     drive_mouth(s->mean + 3 * s->mouth, &d, &f);
     return 0;
 }
@@ -274,7 +302,8 @@ int scene_to_splat(struct splat *out, const struct scene *s,
                      s->blended_count, err))
         return -1;
     if (change == SCENE_MOVED && s->shifted && s->mouth_count)
-        return splat_shift(out, s->shift, s->mouth, s->mouth_count, err);
+        return splat_update(out, s->mean + 3 * s->mouth, s->mouth,
+                            s->mouth_count, err);
     return 0;
 }
 

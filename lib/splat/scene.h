@@ -23,7 +23,7 @@ struct scene {
     size_t first, count;        /* centres set by the last GMOV */
     size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
     float shift[3];     /* of the mouth against its GAUS centres */
-    int shifted;        /* the last GMOV carried a shift */
+    int shifted;        /* the last GMOV carried a shift or the chin's */
     float source[9];    /* R of the camera that the head was baked from */
     float light[3];     /* on it */
     int has_source;
@@ -35,6 +35,8 @@ struct scene {
 
     /* owned */
     float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen;
+    float *jaw;         /* (mouth_count,3) how the mouth goes with the chin, or
+                         * NULL */
     float *neck;        /* (N) neck blend weights, 0 but in the static
                          * branch (GAUS "bend"), or NULL */
     uint16_t *color_half;
@@ -51,7 +53,7 @@ int scene_apply(struct scene *s, const struct record *rec,
                 struct error *err);
 
 /* Hand the change to a renderer: splat_load after SCENE_LOADED, splat_update
- * and splat_shift after SCENE_MOVED. */
+ * after SCENE_MOVED. */
 int scene_to_splat(struct splat *out, const struct scene *s,
                    enum scene_change change, struct error *err);
 

@@ -73,6 +73,23 @@ static int gaus_read_labels(struct gaus *g, const struct record *rec,
     return 0;
 }
 
+/* How the mouth goes with the chin, where said. */
+static int gaus_read_jaw(struct gaus *g, const struct record *rec,
+                         struct error *err)
+{
+    const struct array *a = record_find(rec, "jaw");
+
+    if (!a && !record_find(rec, "chin"))
+        return 0;
+    if (!a)
+        return error_set(err, EX_DATAERR, "GAUS has chin without jaw");
+    g->jaws = a->dim[0];
+    return gaus_optional(&g->jaw, rec, "jaw", g->jaws, 3, err) ||
+                   !(g->chin = gaus_rows(rec, "chin", DTYPE_F32, 3, 1, err))
+               ? -1
+               : 0;
+}
+
 int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
 {
     static const size_t any[2] = {0, 3};
@@ -92,6 +109,7 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
     if (!g->opacity || gaus_read_color(g, rec, err) ||
         gaus_read_labels(g, rec, err) ||
         gaus_optional(&g->lip, rec, "lip", 3, 1, err) ||
+        gaus_read_jaw(g, rec, err) ||
         gaus_optional(&g->bend, rec, "bend", g->n, 1, err) ||
         gaus_optional(&g->pivot, rec, "pivot", 3, 1, err) ||
         gaus_optional(&g->source, rec, "source", 3, 3, err) ||
@@ -122,6 +140,8 @@ int gaus_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("color", type, color, 2, n, g->channels, 0, 0),
         array_make("branch", DTYPE_U8, g->branch, 1, n, 0, 0, 0),
         array_make("lip", DTYPE_F32, g->lip, 1, 3, 0, 0, 0),
+        array_make("jaw", DTYPE_F32, g->jaw, 2, g->jaws, 3, 0, 0),
+        array_make("chin", DTYPE_F32, g->chin, 1, 3, 0, 0, 0),
         array_make("vertex", DTYPE_I32, g->vertex, 1, g->vertices, 0, 0, 0),
         array_make("bend", DTYPE_F32, g->bend, 1, n, 0, 0, 0),
         array_make("pivot", DTYPE_F32, g->pivot, 1, 3, 0, 0, 0),

@@ -21,6 +21,9 @@ struct gaus {
     const int32_t *vertex;              /* (vertices) densified vertex of */
     size_t vertices;                    /* each dynamic Gaussian */
     const float *lip;                   /* (3) the source's lip centroid */
+    const float *jaw;                   /* (jaws,3) how the mouth's move */
+    size_t jaws;                        /* with the chin (drive_jaw), and */
+    const float *chin;                  /* (3) the source's: both or none */
     const float *bend;                  /* (n) neck blend's weights */
     const float *pivot;                 /* (3) in the neck */
     const float *source;                /* (3,3) R of the source's camera */

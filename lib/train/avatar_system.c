@@ -55,6 +55,7 @@ static int avatar_system_allocate(struct avatar_system *s, struct error *err)
         {&s->target, 3 * n, false}, {&s->mask, n, false},
         {&s->means, 3 * N, false}, {&s->verts, 3 * V, false},
         {&s->dverts, 3 * V, false}, {&s->source, 3 * V, false},
+        {&s->rest, 3 * V, false},
         {&s->tmp, loss_pyramid_scratch(s->image, s->image), false},
         {(float **)&s->bytes, S * S, false}     /* 4 bytes a pixel */
     };
@@ -173,7 +174,7 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
     float truth_cam[12];
     struct head_motion truth;
     struct avatar_source src = {.rgb = s->bytes, .matte = s->matte,
-                                .verts = s->source};
+                                .verts = s->source, .rest = s->rest};
 
     if (f->size != S || f->width != S || f->height != S)
         return error_set(err, EX_DATAERR, "pictures of %zux%zu (expected "
@@ -183,6 +184,7 @@ int avatar_system_bake(struct avatar_system *s, const struct data_frame *f,
     data_truth(&truth, truth_cam, f);
     src.cam = m ? cam : truth_cam;
     head_pose(s->source, id, m ? m : &truth);
+    identity_rest(s->rest, id);
     avatar_bake(&s->avatar, &src);
     memcpy(s->source_cam, src.cam, sizeof s->source_cam);
     if (s->photo && avatar_system_texture(s, err))

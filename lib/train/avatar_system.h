@@ -57,7 +57,7 @@ struct avatar_system {
     float *target, *mask;           /* (image,image,3), (image,image) */
     float *means;                   /* (N,3) of a frame */
     float *verts, *dverts;          /* (V,3) driven */
-    float *source;                  /* (V,3) V_s */
+    float *source, *rest;           /* (V,3) V_s, the same at rest */
     float *tmp;                     /* of loss_pyramid */
     float source_cam[12];           /* T_s */
     float dcam[12];                 /* gradient for the frame's [R|t] */

@@ -105,33 +105,6 @@ static void mouth(void)
     expect("and not where the clamp acted", dq[5] + dq[8], 0, 0);
 }
 
-/* Offsets bounded behind the lips, and the derivative against differences. */
-static void mouth_bounded(void)
-{
-    float q[6] = {0, 0, 0, 50, -50, 50}, worst = 0;
-    const float at[3] = {0.7f, -0.3f, 0.4f};
-
-    mouth_branch_bound(q, 2, 0.2f, 0.1f);
-    expect("nothing asked for: half the cap behind the lips", q[2], -0.05f, 0);
-    expect("and not to the side", q[0] + q[1], 0, 0);
-    expect("at most half the radius to the side", q[3], 0.1f, 1e-7);
-    expect("to either side", q[4], -0.1f, 1e-7);
-    expect("never before the lips", q[5], 0, 1e-7);
-    for (int i = 0; i < 3; i++) {
-        float lo[3], hi[3], d[3] = {0, 0, 0}, step = 1e-2f;
-        memcpy(lo, at, sizeof lo);
-        memcpy(hi, at, sizeof hi);
-        lo[i] -= step;
-        hi[i] += step;
-        d[i] = 1;
-        mouth_branch_bound(lo, 1, 0.2f, 0.1f);
-        mouth_branch_bound(hi, 1, 0.2f, 0.1f);
-        mouth_branch_bound_backward(d, at, 1, 0.2f, 0.1f);
-        worst = fmaxf(worst, fabsf((hi[i] - lo[i]) / (2 * step) / d[i] - 1));
-    }
-    expect("its derivative against differences, relative", worst, 0, 2e-3);
-}
-
 /* A square from the middle to the right border, top to bottom: NDC 0..1. */
 static void coverage(void)
 {
@@ -188,15 +161,19 @@ static void spread(void)
     float rgb[3 * (6 + 9)] = {0.8f, 0.2f, 0.1f, 0.8f, 0.2f, 0.1f};
     float weight[15] = {1, 1}, tmp[42];
     int level[6];
+    size_t mirror[6] = {0, 1, 2, 3, 4, 5};
     struct densify d;
     struct error err;
 
     densify_init(&d, faces, 4, 6, &err);
     expect("edges of the strip", (double)d.E, 9, 0);
-    dynamic_branch_spread(rgb, weight, &d, level, tmp);
+    dynamic_branch_spread(rgb, weight, mirror, &d, level, tmp);
     expect("colour at the far end, red", rgb[15], 0.8, 1e-6);
     expect("colour of the last midpoint, blue", rgb[3 * 14 + 2], 0.1, 1e-6);
     expect("ring of the far end", level[5], 2, 0);
+    mirror[5] = 0;
+    dynamic_branch_spread(rgb, weight, mirror, &d, level, tmp);
+    expect("no ring but its mirror image's", level[5], 0, 0);
     densify_release(&d);
 }
 
@@ -205,7 +182,6 @@ int main(void)
     midpoints();
     plane();
     mouth();
-    mouth_bounded();
     coverage();
     shifts();
     spread();

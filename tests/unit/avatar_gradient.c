@@ -21,7 +21,7 @@ struct world {
     struct params ps;
     struct avatar a;
     struct identity id;
-    float *verts, *driven;
+    float *verts, *driven, *rest;
     uint8_t rgb[3 * S * S], matte[S * S];
     float cam[12], frame[12];   /* the source's and the frame's */
     float *probe;           /* for every number of the set, fixed */
@@ -88,6 +88,8 @@ static void make(struct world *w, bool skip, unsigned without)
     w->driven = calloc(3 * V, sizeof(float));
     head_fold(&w->id, &w->head, beta, 2, &err);
     head_pose(w->verts, &w->id, &m);
+    w->rest = calloc(3 * V, sizeof(float));
+    identity_rest(w->rest, &w->id);
     head_pose(w->driven, &w->id, &d);
     rotation_exp(R, turn);
     float Q[9];
@@ -121,6 +123,7 @@ static void release(struct world *w)
     head_release(&w->head);
     free(w->verts);
     free(w->driven);
+    free(w->rest);
     free(w->probe);
     free(w->means);
 }
@@ -128,7 +131,8 @@ static void release(struct world *w)
 /* sum probe . (means of the driven frame, scale, quat, opacity, colour). */
 static double loss(struct world *w)
 {
-    struct avatar_source src = {w->rgb, w->matte, w->verts, w->cam};
+    struct avatar_source src = {w->rgb, w->matte, w->verts, w->cam,
+                                w->rest};
     double sum = 0;
     const float *p = w->probe;
 

@@ -123,7 +123,8 @@ static double likeness(struct baker *m, const float *verts)
 
     paint(rgb, matte);
     camera_frontal(cam, 12);
-    avatar_bake(&m->avatar, &(struct avatar_source){rgb, matte, verts, cam});
+    avatar_bake(&m->avatar, &(struct avatar_source){rgb, matte, verts, cam,
+                                                      NULL});
     view = splat_camera_square(cam, S, CAMERA_FOCAL);
     if (splat_init(&splat, &so, &err) ||
         splat_load(&splat, &m->avatar.set, &err) ||

@@ -28,7 +28,7 @@ function blend(to, at, B, w, x, y, z) {
 
 export class Drive {
   // a: rides (dynamic,2), mean planes (3, others), bend (N), counts, pivot,
-  // shoulders, lip.
+  // shoulders, lip; with jaw planes (3, mouth) chin.
   constructor(a) {
     Object.assign(this, a);
     [this.dynamic, this.fixed, this.mouth] = a.counts;
@@ -62,6 +62,21 @@ export class Drive {
             verts[3 * v + 2]);
   }
 
+  // The mouth's: with the lips, or with the jaw (drive_mouth in
+  // lib/geom/drive.c).
+  mouthMeans(out, n, mouth) {
+    const { jaw, mean, fixed, dynamic, mouth: m } = this;
+    const from = jaw ? this.chin : this.lip;
+    const d = [0, 1, 2].map((c) => (jaw ? mouth.chin : mouth.lip)[c] - from[c]);
+    for (let i = 0; i < m; i++) {
+      const [s, a, b] = jaw ? [jaw[i], jaw[m + i], jaw[2 * m + i]] : [1, 1, 0];
+      const at = 4 * (dynamic + fixed + i), j = fixed + i;
+      out[at] = mean[j] + s * d[0];
+      out[at + 1] = mean[n + j] + b * d[2] + a * d[1];
+      out[at + 2] = mean[2 * n + j] + a * d[2] - b * d[1];
+    }
+  }
+
   // means (count,4) of the posed head; returns whether the mouth shows.
   means(out, verts, mouth, cam) {
     const { rides, bend, dynamic, fixed, mean } = this;
@@ -77,9 +92,7 @@ export class Drive {
     for (let i = 0; i < fixed; i++)
       blend(out, 4 * (dynamic + i), B, bend[dynamic + i], mean[i], mean[n + i],
             mean[2 * n + i]);
-    for (let i = fixed; i < n; i++)
-      for (let c = 0; c < 3; c++)
-        out[4 * (dynamic + i) + c] = mean[c * n + i] + mouth.lip[c] - this.lip[c];
+    this.mouthMeans(out, n, mouth);
     return mouth.gap >= CLOSED;
   }
 }

@@ -39,6 +39,7 @@ export class Head {
     this.jointExp = a.jointExp;
     this.parents = a.parents;
     this.lipInner = a.lipInner;
+    this.chinVertices = a.chinVertices;
     this.rest = new Float32Array(n);
     this.verts = new Float32Array(n);
   }
@@ -97,17 +98,19 @@ export class Head {
     return verts;
   }
 
-  // Centroid of the inner lips and their opening away from the corners
-  // (head_mouth in lib/head/measure.c).
+  // Centroids of the inner lips and the chin, and the lips' opening away from
+  // the corners (head_mouth in lib/head/measure.c).
   mouth() {
-    const ring = Array.from(this.lipInner, (v) => this.verts.subarray(3 * v, 3 * v + 3));
-    const n = ring.length || 1, mean = (x) => x.reduce((s, v) => s + v, 0) / (x.length || 1);
-    const lip = [0, 1, 2].map((c) => ring.reduce((s, v) => s + v[c], 0) / n);
+    const points = (list) => Array.from(list, (v) => this.verts.subarray(3 * v, 3 * v + 3));
+    const mean = (x) => x.reduce((s, v) => s + v, 0) / (x.length || 1);
+    const centroid = (p) => [0, 1, 2].map((c) => mean(p.map((v) => v[c])));
+    const ring = points(this.lipInner), lip = centroid(ring);
+    const chin = centroid(points(this.chinVertices));
     const across = ring.map((v) => v[0]);
     const half = 0.25 * (Math.max(...across) - Math.min(...across));
     const heights = ring.filter((v) => Math.abs(v[0] - lip[0]) <= half)
       .map((v) => v[1] - lip[1]);
-    return { lip, gap: mean(heights.filter((y) => y > 0)) -
+    return { lip, chin, gap: mean(heights.filter((y) => y > 0)) -
                        mean(heights.filter((y) => !(y > 0))) };
   }
 }

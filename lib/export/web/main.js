@@ -17,9 +17,11 @@ function drivenArrays(a, count) {
     weights: a.planes("weights"), joints: a.array("joints"),
     jointExp: a.array("joint_exp"), parents: a.array("parents"),
     faces: a.array("faces"), lipInner: a.array("lip_inner"),
+    chinVertices: a.array("chin_vertices"),
     rides: a.array("rides"), mean: a.planes("mean"), bend: a.planes("bend"),
     counts: a.array("counts"), pivot: a.array("pivot"),
     shoulders: a.array("shoulders"), lip: a.array("lip"),
+    ...(a.has("jaw") ? { jaw: a.planes("jaw"), chin: a.array("chin") } : {}),
     texels: texelsFor(count),
   };
 }

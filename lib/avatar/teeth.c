@@ -1,0 +1,177 @@
+/* Teeth tooth by tooth along a parabola, four to a side. */
+#include "lib/avatar/teeth.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/geom/drive.h"
+
+#define SIDE 4              /* teeth of a side */
+#define ARCH 0.031f         /* of the parabola z = -ARCH x^2, 1 / mm */
+#define HALF 22.0f          /* mm: half the width of the scans' inner lips */
+
+/* One jaw's crowns from the middle, mm: width, height, how far the edge stays
+ * behind the first tooth's; and the light that the cheeks leave. */
+struct teeth_row {
+    float width[SIDE], height[SIDE], raise[SIDE], light[SIDE];
+    float edge[2];          /* y and z of the first edge, from the inner lips'
+                             * centroid at rest */
+    float way;              /* 1: crowns grow upwards */
+    float lean;             /* how much they go back on their way */
+};
+
+static const struct teeth_row teeth_rows[2] = {
+    {{8.5f, 6.5f, 7.5f, 7}, {10.5f, 9, 10, 8.5f}, {0, 0.7f, 0.2f, 1.2f},
+     {1, 0.95f, 0.84f, 0.66f}, {-1.2f, 0.2f}, 1, 0.12f},
+    {{5.3f, 5.9f, 6.8f, 7}, {8.8f, 9, 10, 8.5f}, {0, 0, 0.1f, 0.6f},
+     {0.94f, 0.9f, 0.8f, 0.62f}, {-0.2f, -1.9f}, -1, 0.06f}
+};
+static const float teeth_enamel[3] = {0.90f, 0.85f, 0.76f};
+static const float teeth_gum[3] = {0.78f, 0.50f, 0.48f};
+static const float teeth_dark[3] = {0.17f, 0.06f, 0.06f};
+static const float teeth_tongue[3] = {0.46f, 0.22f, 0.21f};
+
+/* Smooth step from 0 at lo to 1 at hi. */
+static float teeth_ramp(float x, float lo, float hi)
+{
+    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
+
+    return t * t * (3 - 2 * t);
+}
+
+/* x, mm, at length a along the parabola, by Newton's method. */
+static float teeth_along(float a)
+{
+    float x = 0.9f * a;
+
+    for (int i = 0; i < 6; i++) {
+        float slope = 2 * ARCH * x, root = sqrtf(1 + slope * slope);
+
+        x -= (0.5f * x * root + asinhf(slope) / (4 * ARCH) - a) / root;
+    }
+    return x;
+}
+
+/* Along the arch, u in -1..1: which tooth, where across it (0..1). */
+static size_t teeth_tooth(float *across, float u)
+{
+    float t = fminf(fabsf(u), 0.9999f) * SIDE;
+
+    *across = t - floorf(t);
+    return (size_t)t;
+}
+
+/* Column u of a jaw's row r of n: place in mm from the lips' centroid, size
+ * and colour. */
+static void teeth_crown(struct teeth_cell *c, const struct teeth_row *j,
+                        float u, size_t r, size_t n, float columns)
+{
+    float across, a = 0, up, enamel = 1;
+    const size_t t = teeth_tooth(&across, u), crown = (7 * n + 9) / 10;
+    const float step = j->height[t] / (float)crown;
+
+    for (size_t i = 0; i < t; i++)
+        a += j->width[i];
+    const float x = copysignf(teeth_along(a + across * j->width[t]), u);
+    const float rim = fabsf(across - 0.5f) > 0.25f ? 1 : 0;
+    if (r < crown) {
+        up = ((float)r + 0.5f) * step + (r == 0 ? 0.4f * rim : 0);
+    } else {
+        up = j->height[t] + ((float)(r - crown) + 0.3f) * 2.2f;
+        enamel = 0;
+    }
+    const float height = up / j->height[t];
+    const float light = j->light[t] * (1 - 0.14f * rim) *
+                        (1 - 0.18f * fminf(height * height, 1.2f));
+    for (int k = 0; k < 3; k++)
+        c->color[k] = light * (enamel > 0 ? teeth_enamel[k] : teeth_gum[k]);
+    c->mean[0] = x;
+    c->mean[1] = j->edge[0] + j->way * (j->raise[t] + up);
+    c->mean[2] = j->edge[1] - ARCH * x * x - j->lean * up;
+    const float turn = 0.5f * atanf(2 * ARCH * x);
+    c->quat[0] = cosf(turn);
+    c->quat[2] = sinf(turn);
+    c->scale[0] = 0.55f * SIDE * 2 * j->width[t] / columns;
+    c->scale[1] = enamel > 0 ? 0.6f * step : 1.4f;
+    c->scale[2] = 0.35f;
+}
+
+/* Row r of n behind the teeth, v from the palate (1) down (-1). */
+static void teeth_behind(struct teeth_cell *c, float u, float v, float step,
+                         float columns)
+{
+    const float x = 27 * u;
+    const float tongue = teeth_ramp(-v, 0.1f, 0.5f) *
+                         teeth_ramp(-fabsf(u), -0.7f, -0.3f);
+
+    for (int k = 0; k < 3; k++)
+        c->color[k] = teeth_dark[k] +
+                      tongue * (teeth_tongue[k] - teeth_dark[k]);
+    c->mean[0] = x;
+    c->mean[1] = v > 0 ? 16 * v : 24 * v;
+    c->mean[2] = -ARCH * x * x - 10 - 12 * (1 - u * u) + 6 * tongue;
+    c->scale[0] = 0.75f * 54 / columns;
+    c->scale[1] = 1.2f * 24 * step;
+    c->scale[2] = 0.5f;
+}
+
+static struct teeth_cell teeth_cell_make(float *share, size_t i, size_t j,
+                                         size_t K)
+{
+    const size_t upper = 5 * K / 16, lower = K / 4;
+    const float n = (float)K, u = (float)(2 * j + 1) / n - 1;
+    struct teeth_cell c = {.quat = {1}, .layer = TEETH_UPPER};
+
+    *share = 0;
+    if (i < upper) {
+        teeth_crown(&c, &teeth_rows[0], u, i, upper, n);
+    } else if (i < upper + lower) {
+        c.layer = TEETH_LOWER;
+        *share = 1;
+        teeth_crown(&c, &teeth_rows[1], u, i - upper, lower, n);
+    } else {
+        const float rows = (float)(K - upper - lower);
+        const float v = 1 - (float)(2 * (i - upper - lower) + 1) / rows;
+
+        c.layer = TEETH_BACK;
+        *share = 0.5f - 0.5f * v;
+        teeth_behind(&c, u, v, 2 / rows, n);
+    }
+    return c;
+}
+
+void teeth_make(struct teeth_cell *cells, const struct head *h,
+                const struct head_mouth *rest, const float chin[3], size_t K)
+{
+    const float mm = 1e-3f * h->scale;
+    const float size = fminf(fmaxf(rest->radius / (HALF * mm), 0.85f), 1.15f);
+    const float *hinge = h->joint_template + 3 * JOINT_JAW;
+    const float d[3] = {chin[0] - rest->chin[0], chin[1] - rest->chin[1],
+                        chin[2] - rest->chin[2]};
+
+    for (size_t k = 0; k < K * K; k++) {
+        struct teeth_cell *c = &cells[k];
+        float share, *m = c->mean;
+
+        *c = teeth_cell_make(&share, k / K, k % K, K);
+        for (int i = 0; i < 3; i++) {
+            m[i] = rest->centre[i] + mm * size * m[i];
+            c->scale[i] *= mm * size;
+        }
+        if (!h->nchin)
+            continue;
+        drive_jaw(c->jaw, m, share, hinge, rest->chin);
+        m[0] += c->jaw[0] * d[0];
+        m[1] += c->jaw[2] * d[2] + c->jaw[1] * d[1];
+        m[2] += c->jaw[1] * d[2] - c->jaw[2] * d[1];
+    }
+}
+
+int teeth_hidden(const struct teeth_cell *cells, size_t K, size_t k)
+{
+    const size_t column = k % K, lower = 5 * K / 16 * K;
+    const float y = cells[k].mean[1];
+
+    return (cells[k].layer != TEETH_UPPER && y > cells[column].mean[1]) ||
+           (cells[k].layer == TEETH_BACK && y < cells[lower + column].mean[1]);
+}

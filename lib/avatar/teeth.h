@@ -1,0 +1,35 @@
+/* A mouth's inside where no picture shows it: a generic set of teeth with gums,
+ * and what is dark behind them, as a grid of Gaussians in place of the mouth
+ * branch's flat one.  Widths and heights of crowns are the means of dental
+ * anatomy (Ash and Nelson 2003, "Wheeler's Dental Anatomy"), the arch and where
+ * it lies behind the lips are measured on the mean of the ICT scans. */
+#ifndef SPID_AVATAR_TEETH_H
+#define SPID_AVATAR_TEETH_H
+
+#include <stddef.h>
+
+#include "lib/head/head.h"
+
+enum teeth_layer { TEETH_UPPER, TEETH_LOWER, TEETH_BACK };
+
+/* A cell of the grid; lengths in head units. */
+struct teeth_cell {
+    float mean[3];      /* at the source's pose */
+    float scale[3], quat[4];
+    float color[3];     /* under white light, 0..1 */
+    float jaw[3];       /* how it goes with the chin (lib/geom/drive.h) */
+    enum teeth_layer layer;
+};
+
+/* cells (K,K): the upper rows of the grid are the upper teeth from their edges
+ * up, the next the lower teeth from their edges down, the others the back from
+ * the palate down.  rest: the mouth of the person's face at rest; chin: where
+ * the source's is; h has the jaw's hinge. */
+void teeth_make(struct teeth_cell *cells, const struct head *h,
+                const struct head_mouth *rest, const float chin[3], size_t K);
+
+/* Whether the upper teeth (or, of the back, the teeth) hide a cell from the
+ * front, as the source has them. */
+int teeth_hidden(const struct teeth_cell *cells, size_t K, size_t k);
+
+#endif
