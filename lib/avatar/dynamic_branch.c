@@ -227,9 +227,23 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
 }
 
+/* Whether the mesh, as the source's camera sees it, lies before a point at
+ * place (2) of depth z. */
+static bool dynamic_branch_behind(const struct source_mesh *mesh,
+                                  const float place[2], float z)
+{
+    const float n = (float)mesh->n;
+    float x = 0.5f * n * (place[0] + 1), y = 0.5f * n * (place[1] + 1);
+
+    x = fminf(fmaxf(x, 0), n - 1);
+    y = fminf(fmaxf(y, 0), n - 1);
+    return mesh->depth[(size_t)y * mesh->n + (size_t)x] < z + SLACK;
+}
+
 /* The least matte about every densified vertex, as far as a hidden Gaussian
- * reaches: what stood out beside the person in the picture would be seen there
- * (a visual hull of one view, Laurentini 1994). */
+ * reaches; 0 where the mesh does not hide it that far: what stood out beside
+ * the face in the picture would be seen there (a visual hull of one view,
+ * Laurentini 1994). */
 static void dynamic_branch_hull(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
@@ -241,11 +255,15 @@ static void dynamic_branch_hull(const struct source_picture *picture,
         const float *p = b->place + 2 * k, r = scale * b->spacing[k];
         const float at[8] = {p[0] - r, p[1], p[0] + r, p[1],
                              p[0], p[1] - r, p[0], p[1] + r};
+        const float *x = b->verts + 3 * k, *cam = mesh->cam;
+        const float z = cam[8] * x[0] + cam[9] * x[1] + cam[10] * x[2] +
+                        cam[11];
         float rgba[16], least = 1;
 
         source_picture_sample(rgba, picture, at, 4);
         for (int i = 0; i < 4; i++)
-            least = fminf(least, rgba[4 * i + 3]);
+            least = dynamic_branch_behind(mesh, at + 2 * i, z)
+                  ? fminf(least, rgba[4 * i + 3]) : 0;
         b->hull[k] = dynamic_branch_ramp(least, 0.5f, 0.95f);
     }
 }
@@ -293,6 +311,13 @@ static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2];
 }
 
+/* How far Gaussian k lies on the side of the head that the source shows, its
+ * outline included: there nothing may hide what is beside the head. */
+static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
+{
+    return b->seen[k] * dynamic_branch_ramp(b->facing[k], -0.4f, -0.1f);
+}
+
 /* What the source does not show is the prior's alone, dense and round: the
  * decoder would paint the back of everybody's head as in its training people,
  * and leave what they seldom turned to the camera half clear.  Features beyond
@@ -302,6 +327,7 @@ static void dynamic_branch_unseen(struct branch_set *out,
 {
     for (size_t k = 0; k < out->n; k++) {
         float w = dynamic_branch_shown(b, k), *scale = out->scale + 3 * k;
+        float v = dynamic_branch_ahead(b, k);
         float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
         float *color = out->color + k * out->channels;
 
@@ -309,12 +335,12 @@ static void dynamic_branch_unseen(struct branch_set *out,
             float own = 1 / (1 + expf(-b->logit[3 * k + c]));
 
             color[c] = w * color[c] + (1 - w) * own;
-            scale[c] = w * scale[c] + (1 - w) * round;
+            scale[c] = v * scale[c] + (1 - v) * round;
         }
         for (size_t c = 3; c < out->channels; c++)
             color[c] *= w;
-        out->opacity[k] = w * out->opacity[k] +
-                          (1 - w) * SOLID * b->hull[k] * b->start.visible[k];
+        out->opacity[k] = v * out->opacity[k] +
+                          (1 - v) * SOLID * b->hull[k] * b->start.visible[k];
     }
 }
 
@@ -323,13 +349,13 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < dout->n; k++) {
-        float w = dynamic_branch_shown(b, k);
+        float w = dynamic_branch_shown(b, k), v = dynamic_branch_ahead(b, k);
 
         for (size_t c = 0; c < dout->channels; c++)
             dout->color[k * dout->channels + c] *= w;
         for (size_t c = 0; c < 3; c++)
-            dout->scale[3 * k + c] *= w;
-        dout->opacity[k] *= w;
+            dout->scale[3 * k + c] *= v;
+        dout->opacity[k] *= v;
     }
 }
 
@@ -366,9 +392,11 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
-        /* beside the person too: there the photograph's matte is clear */
+        /* beside the person too: there the photograph's matte is clear; and
+         * on the face's very outline, which nothing else could show */
         out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
-                                  dynamic_branch_ramp(b->facing[k], 0, 0.25f)
+                                  dynamic_branch_ramp(b->facing[k], -0.2f,
+                                                      0.05f)
                                 : 0;
     }
 }

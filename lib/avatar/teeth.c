@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/avatar/branch.h"
 #include "lib/geom/drive.h"
 
 #define SIDE 4              /* teeth of a side */
@@ -156,7 +157,7 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
         *c = teeth_cell_make(&share, k / K, k % K, K);
         for (int i = 0; i < 3; i++) {
             m[i] = rest->centre[i] + mm * size * m[i];
-            c->scale[i] *= mm * size;
+            c->scale[i] = fminf(c->scale[i] * mm * size, BRANCH_SCALE_MAX);
         }
         if (!h->nchin)
             continue;

@@ -46,7 +46,7 @@ static const struct schema table[] = {
     { "GAUS", "pivot", "f32", "3", false, "in the neck, head units" },
     { "GAUS", "source", "f32", "3,3", false, "R of the source's camera" },
     { "GAUS", "light", "f32", "3", false, "on the source, head frame" },
-    { "GAUS", "jaw", "f32", "M,3", false, "how the mouth goes with the chin" },
+    { "GAUS", "jaw", "f32", "K,3", false, "how the mouth goes with the chin" },
     { "GAUS", "chin", "f32", "3", false, "source's chin, head units" },
     { "GAUS", "uv", "f32", "N,2", false, "place in the source picture, 0..1" },
     { "GAUS", "seen", "f32", "N", false, "how far the source shows it" },

@@ -62,7 +62,7 @@ static int try(struct world *w, const struct head_motion *at,
     camera_make(cam, Q, t);
     head_pose(w->verts, &w->id, at);
     avatar_bake(&w->a, &(struct avatar_source){w->rgb, w->matte, w->verts,
-                                               cam});
+                                               cam, NULL});
     head_pose(w->verts, &w->id, to);
     avatar_drive(w->means, &w->a, w->verts, cam);
     return sound(&w->a.set, w->means);
