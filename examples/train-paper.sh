@@ -7,14 +7,15 @@
 #   LANDMARKS  FLAME's landmark embedding (beside FLAME.pkl)
 #   EYELIDS    the lids' displacements (made from the landmarks without)
 #   MODEL, HEAD  the model, and its head, whose encoders look at the clips first
-#   PERCEPTUAL torchvision's SqueezeNet 1.0, for L_perc (a pyramid without)
+#   PERCEPTUAL for L_perc: torchvision's AlexNet, with LINEAR, LPIPS's alex.pth;
+#              or its SqueezeNet 1.0 alone (without, a pyramid stands in)
 #   CONFIG     what is trained (config/paper.json); STEPS of every stage, for a
 #              trial; BATCH of the last one (8), a quarter of the others'
 #   RUN        before every spid-train: mpirun -n 8
 #   JOBS       parts that the clips are prepared in at once (1)
 set -eu
 
-[ $# = 4 ] || { sed -n '2,15s/^# \{0,1\}//p' "$0" >&2; exit 64; }
+[ $# = 4 ] || { sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 64; }
 flame=$1 dino=$2 clips=$3 out=$4
 here=$(dirname "$0")
 landmarks=${LANDMARKS:-$(dirname "$flame")/landmark_embedding.npy}
@@ -32,8 +33,12 @@ mkdir -p "$out"
 [ -e "$out/dino.safetensors" ] || spid-import -q "$dino" --as dinov2 \
     -o "$out/dino.safetensors"
 if [ -n "${PERCEPTUAL:-}" ] && [ ! -e "$out/perceptual.safetensors" ]; then
-    spid-import -q "$PERCEPTUAL" --as squeezenet \
-        -o "$out/perceptual.safetensors"
+    if [ -n "${LINEAR:-}" ]; then
+        set -- --as lpips --linear "$LINEAR"
+    else
+        set -- --as squeezenet
+    fi
+    spid-import -q "$PERCEPTUAL" "$@" -o "$out/perceptual.safetensors"
 fi
 # our encoders in FLAME's coefficients
 [ -e "$out/start.safetensors" ] || spid-import "$model" --as model \

@@ -1,6 +1,6 @@
 /* LPIPS (Zhang et al. 2018) on AlexNet's features, for weights that the
  * user brings: differences of unit-length features, weighted by channel,
- * averaged. */
+ * averaged; and the gradient by one of the pictures. */
 #include "lib/metric/lpips.h"
 
 #include <math.h>
@@ -19,6 +19,10 @@ static const struct {
     {10, 0, 256, 256, 3, 1, 1},
 };
 
+/* The network sees (2 rgb - 1 - shift) / scale. */
+static const float lpips_shift[3] = {-0.030f, -0.088f, -0.188f};
+static const float lpips_scale[3] = {0.458f, 0.448f, 0.450f};
+
 /* The tensors that the file must hold, by torchvision's and LPIPS's names. */
 static void lpips_declare(struct lpips *l)
 {
@@ -36,6 +40,8 @@ static void lpips_declare(struct lpips *l)
         snprintf(name, sizeof name, "lin%d.model.1.weight", i);
         l->lin[i] = params_add(&l->ps, name, 4, lin, PARAM_ZERO, 1);
     }
+    for (size_t i = 0; i < l->ps.count; i++)
+        l->ps.tensor[i].frozen = true;
 }
 
 int lpips_init(struct lpips *l, const char *path, struct error *err)
@@ -89,8 +95,8 @@ static size_t pool_size(size_t n)
  * (out,in,k,k) read as (out, in*k*k). */
 static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 {
-    struct nn_options opt = {NN_INFER, NN_F32};
-    size_t h = H, w = W, patches = 0, in = 3 * H * W;
+    struct nn_options opt = {l->learns ? NN_FROZEN : NN_INFER, NN_F32};
+    size_t h = H, w = W, patches = 0, in = 3 * H * W, most = in;
 
     lpips_drop_plan(l);
     nn_plan_init(&l->plan, opt);
@@ -106,6 +112,8 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
             in = h * w * stage[i].in;
         l->h[i] = h = conv_size(i, h);
         l->w[i] = w = conv_size(i, w);
+        if (h * w * stage[i].out > most)
+            most = h * w * stage[i].out;
         if (h * w * k2 * stage[i].in > patches)
             patches = h * w * k2 * stage[i].in;
         memset(c, 0, sizeof *c);
@@ -122,6 +130,9 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
     }
     l->patches = nn_plan_floats(&l->plan, patches);
     l->in = nn_plan_floats(&l->plan, in);
+    l->dpatches = nn_plan_floats(&l->plan, l->learns ? patches : 1);
+    l->din = nn_plan_floats(&l->plan, l->learns ? in : 1);
+    l->dout = nn_plan_floats(&l->plan, l->learns ? most : 1);
     l->H = H;
     l->W = W;
     if (nn_plan_finish(&l->plan, err)) {
@@ -178,14 +189,13 @@ static void stage_unfold(float *out, const float *in, size_t H, size_t W,
 /* The five feature maps of a picture into l->out[which]. */
 static void lpips_features(struct lpips *l, int which, const float *rgb)
 {
-    static const float shift[3] = {-0.030f, -0.088f, -0.188f};
-    static const float scale[3] = {0.458f, 0.448f, 0.450f};
     size_t n = l->H * l->W, h = l->H, w = l->W;
     const float *x = l->in;
 
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
-            l->in[3 * i + c] = (2 * rgb[c * n + i] - 1 - shift[c]) / scale[c];
+            l->in[3 * i + c] = (2 * rgb[c * n + i] - 1 - lpips_shift[c]) /
+                               lpips_scale[c];
     for (int i = 0; i < LPIPS_STAGES; i++) {
         if (stage[i].pool) {
             pool_forward(l->in, x, h, w, stage[i].in);
@@ -241,4 +251,105 @@ int lpips_distance(double *distance, struct lpips *l, const float *a,
                                     param_w(&l->ps, l->lin[i]),
                                     l->h[i] * l->w[i], stage[i].out);
     return 0;
+}
+
+/* ---- the gradient ------------------------------------------------------- */
+
+/* g += gradient of stage_distance by b.  With u = b/|b| and e = 2 w (u - v):
+ * (e - u (u . e)) / |b|, over n. */
+static void stage_distance_backward(float *g, const float *a, const float *b,
+                                    const float *w, size_t n, size_t C)
+{
+    for (size_t i = 0; i < n; i++) {
+        double na = 0, nb = 0, along = 0;
+
+        for (size_t c = 0; c < C; c++) {
+            na += (double)a[i * C + c] * a[i * C + c];
+            nb += (double)b[i * C + c] * b[i * C + c];
+        }
+        na = 1 / (sqrt(na) + 1e-10);
+        nb = 1 / (sqrt(nb) + 1e-10);
+        for (size_t c = 0; c < C; c++) {
+            double u = b[i * C + c] * nb;
+
+            along += 2 * w[c] * (u - a[i * C + c] * na) * u;
+        }
+        for (size_t c = 0; c < C; c++) {
+            double u = b[i * C + c] * nb;
+
+            g[i * C + c] += (float)((2 * w[c] * (u - a[i * C + c] * na) -
+                                     u * along) * nb / (double)n);
+        }
+    }
+}
+
+/* stage_unfold in reverse: in (H,W,C) = the sum of what went to patches. */
+static void stage_fold(float *in, const float *patches, size_t H, size_t W,
+                       int i, size_t h, size_t w)
+{
+    size_t k = stage[i].kernel, C = stage[i].in;
+
+    memset(in, 0, H * W * C * sizeof *in);
+    for (size_t p = 0; p < h * w; p++) {
+        long y0 = (long)(p / w * stage[i].stride) - (long)stage[i].pad;
+        long x0 = (long)(p % w * stage[i].stride) - (long)stage[i].pad;
+        const float *o = patches + p * C * k * k;
+
+        for (size_t t = 0; t < k * k; t++) {
+            long y = y0 + (long)(t / k), x = x0 + (long)(t % k);
+
+            if (y < 0 || x < 0 || y >= (long)H || x >= (long)W)
+                continue;
+            for (size_t c = 0; c < C; c++)
+                in[((size_t)y * W + (size_t)x) * C + c] += o[c * k * k + t];
+        }
+    }
+}
+
+/* pool_forward in reverse: din (H,W,C) gets dout where `in` was largest, the
+ * first of equals. */
+static void pool_backward(float *din, const float *dout, const float *in,
+                          size_t H, size_t W, size_t C)
+{
+    size_t h = pool_size(H), w = pool_size(W);
+
+    memset(din, 0, H * W * C * sizeof *din);
+    for (size_t i = 0; i < h * w; i++)
+        for (size_t c = 0; c < C; c++) {
+            size_t best = 0;
+
+            for (size_t k = 0; k < 9; k++) {
+                size_t y = 2 * (i / w) + k / 3, x = 2 * (i % w) + k % 3;
+                size_t at = (y * W + x) * C + c;
+
+                best = k == 0 || in[at] > in[best] ? at : best;
+            }
+            din[best] += dout[i * C + c];
+        }
+}
+
+void lpips_backward(float *db, struct lpips *l)
+{
+    size_t n = l->H * l->W;
+
+    for (int i = LPIPS_STAGES - 1; i >= 0; i--) {
+        size_t h = l->h[i], w = l->w[i], C = stage[i].out;
+        size_t H = i ? l->h[i - 1] : l->H, W = i ? l->w[i - 1] : l->W;
+
+        if (i == LPIPS_STAGES - 1)
+            memset(l->dout, 0, h * w * C * sizeof *l->dout);
+        stage_distance_backward(l->dout, l->out[0][i], l->out[1][i],
+                                param_w(&l->ps, l->lin[i]), h * w, C);
+        conv_backward(l->dpatches, l->dout, l->out[1][i], l->patches,
+                      &l->conv[i]);
+        if (!stage[i].pool) {
+            stage_fold(l->dout, l->dpatches, H, W, i, h, w);
+            continue;
+        }
+        stage_fold(l->din, l->dpatches, pool_size(H), pool_size(W), i, h, w);
+        pool_backward(l->dout, l->din, l->out[1][i - 1], H, W, stage[i].in);
+    }
+    for (size_t i = 0; i < n; i++)
+        for (size_t c = 0; c < 3; c++)
+            db[c * n + i] = l->dout[3 * i + c] * 2 / lpips_scale[c];
 }

@@ -4,6 +4,7 @@
 #ifndef SPID_METRIC_LPIPS_H
 #define SPID_METRIC_LPIPS_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/base/error.h"
@@ -20,6 +21,9 @@ struct lpips {
     size_t H, W;                        /* as planned; 0: not yet */
     size_t h[LPIPS_STAGES], w[LPIPS_STAGES];
     float *patches, *in, *out[2][LPIPS_STAGES];
+    bool learns;                        /* planned for a gradient: set before
+                                         * the first distance */
+    float *dpatches, *din, *dout;       /* when learns; of one stage */
 };
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
@@ -29,5 +33,8 @@ void lpips_release(struct lpips *l);
 /* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more. */
 int lpips_distance(double *distance, struct lpips *l, const float *a,
                    const float *b, size_t H, size_t W, struct error *err);
+/* db (3,H,W) = the gradient of the last distance by its second picture;
+ * l->learns.  The weights are constants. */
+void lpips_backward(float *db, struct lpips *l);
 
 #endif

@@ -26,6 +26,28 @@ static const float *perceptual_layer(size_t *pixels, size_t *channels,
     return x;
 }
 
+/* LPIPS's weights, planned for boxes of p->side. */
+static int perceptual_open_lpips(struct perceptual *p, const char *path,
+                                 struct error *err)
+{
+    size_t n = 3 * p->side * p->side;
+    double none;
+
+    p->weighed = true;
+    for (int k = 0; k < 3; k++)
+        p->planar[k] = nn_plan_floats(&p->plan, n);
+    p->crop = nn_plan_floats(&p->plan, n);
+    p->dcrop = nn_plan_floats(&p->plan, n);
+    if (lpips_init(&p->lpips, path, err))
+        return -1;
+    p->lpips.learns = true;
+    if (nn_plan_finish(&p->plan, err))
+        return -1;
+    memset(p->planar[0], 0, n * sizeof *p->planar[0]);
+    return lpips_distance(&none, &p->lpips, p->planar[0], p->planar[0],
+                          p->side, p->side, err);
+}
+
 int perceptual_open(struct perceptual *p, const char *path, size_t side,
                     struct error *err)
 {
@@ -37,6 +59,10 @@ int perceptual_open(struct perceptual *p, const char *path, size_t side,
     params_init(&p->ps);
     nn_plan_init(&p->plan, opt);
     p->side = side;
+    if (st && st_find(st, "lin0.model.1.weight")) {
+        rc = perceptual_open_lpips(p, path, err);
+        goto out;
+    }
     if (!st || squeezenet_init(&p->net, &p->ps, "", err) ||
         params_allocate(&p->ps, err) || params_load(&p->ps, st, "", err) ||
         squeezenet_plan(&p->net, 1, side, side, opt, err))
@@ -61,6 +87,7 @@ out:
 void perceptual_release(struct perceptual *p)
 {
     squeezenet_release(&p->net);
+    lpips_release(&p->lpips);
     nn_plan_release(&p->plan);
     params_release(&p->ps);
     memset(p, 0, sizeof *p);
@@ -118,7 +145,36 @@ static void perceptual_crop(struct perceptual *p, const float *from,
     }
 }
 
-/* ---- the distance ------------------------------------------------------- */
+/* ---- LPIPS -------------------------------------------------------------- */
+
+/* The crop, channel by channel. */
+static void perceptual_planar(float *planar, const struct perceptual *p)
+{
+    size_t n = p->side * p->side;
+
+    for (size_t i = 0; i < 3 * n; i++)
+        planar[i % 3 * n + i / 3] = p->crop[i];
+}
+
+/* The distance of crop and target; with grad, p->dcrop is its gradient. */
+static double perceptual_lpips(struct perceptual *p, bool grad)
+{
+    size_t n = p->side * p->side;
+    struct error none = {0};        /* it is planned: nothing can fail */
+    double sum = 0;
+
+    perceptual_planar(p->planar[1], p);
+    lpips_distance(&sum, &p->lpips, p->planar[0], p->planar[1], p->side,
+                   p->side, &none);
+    if (!grad)
+        return sum;
+    lpips_backward(p->planar[2], &p->lpips);
+    for (size_t i = 0; i < 3 * n; i++)
+        p->dcrop[i] = p->planar[2][i % 3 * n + i / 3];
+    return sum;
+}
+
+/* ---- SqueezeNet --------------------------------------------------------- */
 
 /* 1 / length of a pixel's C channels. */
 static double perceptual_unit(const float *x, size_t C)
@@ -140,6 +196,10 @@ void perceptual_target(struct perceptual *p, const float *a, size_t H,
     if (box_is_empty(*box))
         return;
     perceptual_crop(p, a, NULL, W, box, 0);
+    if (p->weighed) {
+        perceptual_planar(p->planar[0], p);
+        return;
+    }
     squeezenet_forward(p->crop, &p->net);
     for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
         const float *x = perceptual_layer(&n, &C, p, k);
@@ -191,6 +251,12 @@ double perceptual_loss(float *db, const float *b, size_t H, size_t W,
     if (box_is_empty(*box))
         return 0;
     perceptual_crop(p, b, NULL, W, box, 0);
+    if (p->weighed) {
+        sum = perceptual_lpips(p, db != NULL);
+        if (db)
+            perceptual_crop(p, NULL, db, W, box, (float)weight);
+        return weight * sum;
+    }
     squeezenet_forward(p->crop, &p->net);
     for (size_t k = 0; k < PERCEPTUAL_LAYERS; k++) {
         const float *x = perceptual_layer(&n, &C, p, k);

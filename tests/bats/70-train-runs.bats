@@ -113,3 +113,31 @@ train() {
     run train -q -c "$DIR/m.json" -o "$DIR/w"
     [ "$status" = 64 ]
 }
+
+@test "what a long run would take follows from a short one's line" {
+    local time=$TOP/examples/train-time.sh
+    train -c "$DIR/m.json" -o "$DIR/cost" --steps 1 "$DIR/p.spid" 2>"$DIR/real.log"
+    cd "$DIR"
+    grep -Eq '^spid-train: 1 steps, .* s a step \(2.0 passes of .* s, .* MB summed in .* s\), at most .* GB$' real.log
+    "$time" real.log | grep -Eq '^ +64 +64 +62500 '
+    # by hand: 8 x 2 + 3 s; 2 + 3 + 7/4 GB at 1 GB/s + 14 ms; on 64, 63/32 + 126 ms
+    echo 'spid-train: 2 steps, 20.00 s a step (8.0 passes of 2.00 s, 1000.0 MB summed in 1.00 s), at most 8.00 GB' >log
+    GIGABIT=8 LATENCY=1000 "$time" log >table
+    awk '{ $1 = $1; print }' table >got
+    cat >want <<'T'
+machines batch steps s a step s summing days
+1 8 500000 19.00 0.00 110.0
+8 8 500000 6.76 1.76 39.1
+64 8 500000 7.09 2.09 41.1
+64 64 62500 7.09 2.09 5.1
+T
+    diff want got
+    run "$time"
+    [ "$status" -eq 64 ]
+    run "$time" missing
+    [ "$status" -eq 66 ]
+    echo nothing >empty
+    run "$time" empty
+    [ "$status" -eq 65 ]
+    [[ $output == *'empty: no line'* ]]
+}

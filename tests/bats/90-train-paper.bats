@@ -20,19 +20,20 @@ prepare() {
     done
 }
 
-# squeezenet_names: names and shapes of torchvision's SqueezeNet 1.0, as JSON.
-squeezenet_names() {
+# alexnet_names, linear_names: what LPIPS takes, as JSON.
+alexnet_names() {
     "$PYTHON" - <<'P'
 import json
-names = {"features.0.weight": [96, 3, 7, 7], "features.0.bias": [96],
-         "classifier.1.weight": [1000, 512, 1, 1], "classifier.1.bias": [1000]}
-for i, c, s, e in ((3, 96, 16, 64), (4, 128, 16, 64), (5, 128, 32, 128), (7, 256, 32, 128),
-                   (8, 256, 48, 192), (9, 384, 48, 192), (10, 384, 64, 256), (12, 512, 64, 256)):
-    f = f"features.{i}."
-    names.update({f + "squeeze.weight": [s, c, 1, 1], f + "squeeze.bias": [s], f + "expand1x1.weight": [e, s, 1, 1],
-                  f + "expand1x1.bias": [e], f + "expand3x3.weight": [e, s, 3, 3], f + "expand3x3.bias": [e]})
+names = {}
+for i, o, c, k in ((0, 64, 3, 11), (3, 192, 64, 5), (6, 384, 192, 3), (8, 256, 384, 3), (10, 256, 256, 3)):
+    names.update({f"features.{i}.weight": [o, c, k, k], f"features.{i}.bias": [o]})
 print(json.dumps(names))
 P
+}
+
+linear_names() {
+    echo '{"lin0.model.1.weight": [1, 64, 1, 1], "lin1.model.1.weight": [1, 192, 1, 1], "lin2.model.1.weight": [1, 384, 1, 1],
+        "lin3.model.1.weight": [1, 256, 1, 1], "lin4.model.1.weight": [1, 256, 1, 1]}'
 }
 
 # runs WHAT...: train-paper.sh with these settings makes a model that animate
@@ -55,9 +56,10 @@ runs() {
     [[ $output == *'3 clips: 0 made, 3 were there'* ]]
 }
 
-@test "a small architecture: FLAME, DINOv2, SqueezeNet and clips become a model that animate runs" {
+@test "a small architecture: FLAME, DINOv2, LPIPS and clips become a model that animate runs" {
     vit_names 384 "" | random_npz dino.npz
-    squeezenet_names | random_npz squeeze.npz
+    alexnet_names | random_npz alexnet.npz
+    linear_names | random_npz alex.npz
     cat >small.json <<'J'
 {
   "stage": "all", "seed": 1, "steps": 500000, "batch": 8, "micro": 1, "rate": 1e-4,
@@ -71,7 +73,7 @@ runs() {
     "rgb_skip": false, "refiner": { "type": "narrow", "width": 16 } }
 }
 J
-    runs STEPS=2 BATCH=2 CONFIG=small.json PERCEPTUAL=squeeze.npz
+    runs STEPS=2 BATCH=2 CONFIG=small.json PERCEPTUAL=alexnet.npz LINEAR=alex.npz
     grep -q '"perceptual": "out/perceptual.safetensors"' out/all.json
     [ "$(wc -c <me.y4m)" -gt 100000 ]
 }

@@ -1,4 +1,4 @@
-/* The perceptual loss with random weights: nothing for the picture itself, the
+/* The perceptual loss of both networks with random weights: nothing for the picture itself, the
  * gradient by central differences along its own signs (0.5 % of its length:
  * features are floats, and units have kinks), nothing outside the box, and a
  * file that is not there refused by name. */
@@ -34,6 +34,38 @@ static void write_weights(const char *path)
         exit(1);
     }
     squeezenet_release(&s);
+    params_release(&ps);
+}
+
+/* LPIPS's, with weights of channels above 0 as the learned ones are. */
+static void write_lpips(const char *path)
+{
+    static const struct {
+        const char *name;
+        size_t dim[4];
+    } conv[5] = {{"0", {64, 3, 11, 11}}, {"3", {192, 64, 5, 5}},
+                 {"6", {384, 192, 3, 3}}, {"8", {256, 384, 3, 3}},
+                 {"10", {256, 256, 3, 3}}};
+    struct params ps;
+    struct error err = { 0 };
+    char name[40];
+
+    params_init(&ps);
+    for (size_t i = 0; i < 5; i++) {
+        const size_t lin[4] = { 1, conv[i].dim[0], 1, 1 };
+
+        snprintf(name, sizeof name, "features.%s.weight", conv[i].name);
+        params_add(&ps, name, 4, conv[i].dim, PARAM_HE, 1.4f);
+        snprintf(name, sizeof name, "features.%s.bias", conv[i].name);
+        params_add(&ps, name, 1, conv[i].dim, PARAM_NORMAL, 0.1f);
+        snprintf(name, sizeof name, "lin%zu.model.1.weight", i);
+        params_add(&ps, name, 4, lin, PARAM_CONSTANT, 0.1f + 0.1f * (float)i);
+    }
+    if (params_allocate(&ps, &err))
+        exit(1);
+    params_randomise(&ps, 6);
+    if (params_save(&ps, path, ST_F32, NULL, &err))
+        exit(1);
     params_release(&ps);
 }
 
@@ -74,17 +106,14 @@ static void check_gradient(struct perceptual *p, const struct box *box,
           fabs(along - ours) / sqrt(length * size), 5e-3);
 }
 
-int main(void)
+/* All that is asked of either network's file, which is removed. */
+static void check_network(const char *path)
 {
-    const char *path = "perceptual-test.safetensors";
     const struct box face = { 20, 10, 75, 62 }, none = { 5, 5, 5, 9 };
-    char name[64];
     struct perceptual p;
     struct error err = { 0 };
 
-    snprintf(name, sizeof name, "/tmp/%ld-%s", (long)getpid(), path);
-    write_weights(name);
-    check_error("open", !perceptual_open(&p, name, 64, &err), &err);
+    check_error("open", !perceptual_open(&p, path, 64, &err), &err);
     smooth_picture(a, 0, 1);
     smooth_picture(b, 0.7, 2);
     perceptual_target(&p, a, H, W, NULL);
@@ -102,8 +131,20 @@ int main(void)
     check("outside the box", outside, 0);
     check("an empty box", perceptual_loss(db, b, H, W, &none, 1, &p), 0);
     perceptual_release(&p);
-    remove(name);
-    check_that("no file", perceptual_open(&p, name, 64, &err) != 0 &&
-                              strstr(err.text, name) != NULL);
+    remove(path);
+    check_that("no file", perceptual_open(&p, path, 64, &err) != 0 &&
+                              strstr(err.text, path) != NULL);
+}
+
+int main(void)
+{
+    char path[64];
+
+    snprintf(path, sizeof path, "/tmp/%ld-perceptual-test.safetensors",
+             (long)getpid());
+    write_weights(path);
+    check_network(path);
+    write_lpips(path);
+    check_network(path);
     return check_status();
 }
