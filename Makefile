@@ -208,8 +208,11 @@ deps:
 
 # The shipped model from its seeds (hours; see spid-train(1)), and how it does
 # on people it has never seen.
+# ASSETS=DIR: for real people, from the scans and photographs there
 model: all
-	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" examples/train-model.sh $(BUILD)/train
+	PATH="$(CURDIR)/$(BUILD)/bin:$$PATH" $(if $(ASSETS), \
+	  examples/train-real.sh "$(ASSETS)" $(BUILD)/train-real, \
+	  examples/train-model.sh $(BUILD)/train)
 
 SEED   ?= 77
 PEOPLE ?= 40

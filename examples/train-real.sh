@@ -1,0 +1,92 @@
+#!/bin/sh
+# train-real.sh ASSETS [DIR]: a model for real people, start to end.  What
+# `make model ASSETS=...` runs.  People of scans under real light, labelled
+# photographs and clips, and at last the people of the photographs as avatars
+# that act.  Everything lands in DIR (default build/train-real; 30 GB); a run
+# that was stopped goes on where it was.  SEED, PEOPLE, ACTS (pictures of each
+# avatar) and STEPS (of every stage, for a trial) change the size.
+set -eu
+
+here=$(dirname "$0")
+assets=$1
+dir=${2:-build/train-real}
+seed=${SEED:-1}
+people=${PEOPLE:-8000}
+chunks=8
+mkdir -p "$dir"
+
+make_once() { # FILE COMMAND...: -o FILE is added
+    file=$dir/$1
+    shift
+    [ -e "$file" ] || "$@" -o "$file"
+}
+synth() { # FILE PEOPLE FRAMES SIZE SEED EFFECTS
+    make_once "$1" spid-synth --assets "$assets" --people "$2" --frames "$3" \
+        --size "$4" --seed "$5" --effects "$6" --fps 0.8 --without mesh \
+        --head "$dir/head.safetensors"
+}
+fit() { # FILE OPTION...
+    name=$1
+    shift
+    make_once "$name" spid-fit --assets "$assets" --except real/ \
+        --same id2_vcd_swwp2s,pwij3p --head "$dir/head.safetensors" "$@" \
+        "$assets/labels/photos.safetensors" "$assets/labels/clips.safetensors"
+}
+train() { # NAME CONFIG HELD OPTIONS AND DATA
+    name=$1 config=$dir/$1.json held=$3
+    sed "s:\.\./shared/assets:$assets:" "$here/config/small-$2.json" \
+        > "$config"
+    shift 3
+    spid-train -c "$config" -o "$dir/$name" --validation "$dir/$held" \
+        --head "$dir/head.safetensors" ${STEPS:+--steps "$STEPS"} "$@"
+}
+join() { # FILE FIRST STAGE...
+    file=$dir/$1 first=$2
+    shift 2
+    for stage; do
+        set -- "$@" "$dir/$stage/model.safetensors"
+        shift
+    done
+    spid-train -c "$here/config/small-avatar-photo.json" \
+        --head "$dir/head.safetensors" --join "$file" \
+        "$dir/$first/model.safetensors" "$@"
+}
+
+make_once head.safetensors spid-head --from "$assets/ict/ict.safetensors"
+
+# People to learn from, in pieces that real ones come between, and others to
+# be judged by.
+mixed='' i=0
+fit real.spid
+while [ $i -lt $chunks ]; do
+    synth "faces-$i.spid" "$((people / chunks))" 1 256 \
+        "$((60000 + 100 * seed + i))" 1
+    mixed="$mixed $dir/faces-$i.spid $dir/real.spid"
+    i=$((i + 1))
+done
+synth held.spid 40 4 384 "$((90000 + seed))" 1
+synth faces-384.spid "$((people / 80 + 1))" 3 384 "$((62000 + seed))" 1
+synth held-512.spid 8 4 512 "$((91000 + seed))" 1
+synth people.spid "$((people / 40 + 1))" 4 512 "$((80000 + seed))" 0.4
+
+# pose and expression, shape, then branches and refiner through the photograph
+# shellcheck disable=SC2086 # a list of files
+train motion motion-real held.spid $mixed
+# shellcheck disable=SC2086
+train shape shape held.spid $mixed
+train avatar avatar-photo held-512.spid "$dir/people.spid"
+join first.safetensors avatar motion shape
+
+# what that model makes of the photographs, and pose and expression again
+fit acts.spid --acts "${ACTS:-20}" --motions "$dir/held.spid" -m "$dir/first.safetensors"
+# shellcheck disable=SC2086
+train motion-acts motion-acts held.spid \
+    --init "$dir/motion/model.safetensors" \
+    --shapes "$dir/first.safetensors" \
+    $(echo "$mixed" | sed "s:$dir/real.spid:$dir/acts.spid:g")
+train refiner refiner-photo held-512.spid \
+    --init "$dir/avatar/model.safetensors" "$dir/people.spid"
+train sure sure held.spid \
+    --init "$dir/motion-acts/model.safetensors:motion.encoder." \
+    "$dir/faces-384.spid" "$dir/real.spid"
+join model.safetensors refiner motion-acts shape sure
