@@ -57,15 +57,25 @@ UNIT    := $(patsubst tests/%.c,$(BUILD)/tests/%,\
 GOLDEN_C := $(sort $(wildcard tests/golden/*.c))
 
 # x_tmpl.c is compiled once per instruction set; ISA(name) appends the suffix.
+# The compiler's machine counts, not this one.
+MACHINE := $(shell $(CC) -dumpmachine)
 ISAS := baseline
-ifneq ($(filter x86_64 amd64,$(shell uname -m)),)
+ifneq ($(filter x86_64-%,$(MACHINE)),)
 ISAS += avx2 avx512
 endif
 TMPL_baseline := -DISA_BASELINE
+# There the baseline is NEON, which has fused multiply-add.
+ifneq ($(filter aarch64-%,$(MACHINE)),)
+TMPL_baseline += -ffp-contract=fast
+endif
 TMPL_avx2     := -DISA_AVX2 -mavx2 -mfma -mf16c -mbmi2 -ffp-contract=fast
 TMPL_avx512   := -DISA_AVX512 -mavx512f -mavx512bw -mavx512vl -mavx512dq \
                  -mavx512vnni -mavx512bf16 -mavx2 -mfma -mf16c -mbmi2 \
                  -mprefer-vector-width=512 -ffp-contract=fast
+
+# GCC's debug information of the unrolled kernels would take minutes.
+TMPL_DEBUG := $(shell $(CC) -fno-var-tracking-assignments -E -x c /dev/null \
+                >/dev/null 2>&1 && echo -fno-var-tracking-assignments)
 
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
@@ -137,7 +147,7 @@ define tmpl_rule
 $(BUILD)/obj/%.$(1).o: %.c
 	@mkdir -p $$(@D)
 	$$(SAY) CC $$@
-	$$(CC) $$(CFLAGS_ALL) -O3 -Wno-psabi -fno-var-tracking-assignments \
+	$$(CC) $$(CFLAGS_ALL) -O3 -Wno-psabi $$(TMPL_DEBUG) \
 	    $$(TMPL_$(1)) $$(TMPL_LAST) -DISA_NAME=$(1) -c $$< -o $$@
 endef
 $(foreach i,$(ISAS),$(eval $(call tmpl_rule,$(i))))
@@ -147,7 +157,7 @@ $(CMD): $(SHARED:%.c=$(BUILD)/obj/%.o)
 $(LIB) $(CMD):
 	@rm -f $@
 	$(SAY) AR $@
-	ar rcs $@ $^
+	$(AR) rcs $@ $^
 
 $(BUILD)/bin/%: $(BUILD)/obj/cmd/%.o $(CMD) $(LIB)
 	@mkdir -p $(@D)
@@ -184,6 +194,17 @@ check: tests
 # What takes minutes and gigabytes: the paper's run at its full size.
 check-long: tests
 	BUILD=$(BUILD) SPID_LONG=1 LIMIT=7200 tests/run train-paper
+
+# Live driving for half an hour, every program of the pipe killed a hundred
+# times, two hundred clips of which ten are killed.
+soak: tests
+	BUILD=$(BUILD) SPID_SOAK=30 SPID_KILLS=100 SPID_JOBS=200 \
+	  SPID_JOB_KILLS=10 LIMIT=7200 tests/run live-soak faults farm
+
+# The kernels on aarch64, cross-built and run by qemu; one line where Debian's
+# gcc-aarch64-linux-gnu, qemu-user-static or mmdebstrap is missing.
+check-arm:
+	tests/check-arm $(T) || [ $$? = 77 ]
 
 bench: all
 	$(BUILD)/bin/spid-bench --levels all
@@ -272,5 +293,5 @@ tune: $(BUILD)/tests/tune
 clean:
 	rm -rf build
 
-.PHONY: tune all web tests check check-long bench model eval-model demo deps install \
-        fuzz clean
+.PHONY: tune all web tests check check-long check-arm soak bench model \
+        eval-model demo deps install fuzz clean

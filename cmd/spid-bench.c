@@ -6,6 +6,7 @@
 #include <sys/wait.h>
 
 #include "cmd/cli.h"
+#include "formats/outfile.h"
 #include "lib/base/cpu.h"
 #include "lib/bench/bench.h"
 
@@ -92,12 +93,19 @@ static void run_stage(struct bench *b, const char *name)
 /* To a file or standard output. */
 static void write_text(const char *text, const char *path)
 {
-    FILE *f = strcmp(path, "-") ? fopen(path, "w") : stdout;
+    struct outfile o;
+    struct error err = {0};
 
-    if (!f)
-        die(EX_CANTCREAT, "%s: cannot be written", path);
-    if (fputs(text, f) < 0 || fflush(f) || (f != stdout && fclose(f)))
-        die(EX_IOERR, "%s: cannot be written", path);
+    if (!strcmp(path, "-")) {
+        if (fputs(text, stdout) < 0 || fflush(stdout))
+            die(EX_IOERR, "<stdout>: cannot be written");
+        return;
+    }
+    if (outfile_open(&o, path, &err))
+        die_error(&err);
+    fputs(text, o.file);
+    if (outfile_close(&o, &err))
+        die_error(&err);
 }
 
 /* In the form asked for. */

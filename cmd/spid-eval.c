@@ -7,6 +7,7 @@
 #include <unistd.h>
 
 #include "cmd/options.h"
+#include "formats/outfile.h"
 #include "lib/base/file.h"
 #include "lib/eval/compare.h"
 #include "lib/eval/pairs.h"
@@ -83,7 +84,7 @@ struct comparison {
     struct lpips lpips;
     struct likeness likeness;
     struct compare_nets nets;
-    FILE *tsv;
+    struct outfile tsv;         /* --frames-tsv */
     unsigned protocols;         /* that rows name */
 };
 
@@ -140,7 +141,7 @@ static int compare_pair(struct table *t, const char *row,
                         const struct pair *p, struct comparison *j)
 {
     struct error err = {0};
-    struct compare_log log = {.tsv = j->tsv, .pair = p->result};
+    struct compare_log log = {.tsv = j->tsv.file, .pair = p->result};
     struct compare_rows rows = {table_row(t, row), TABLE_NO_ROW};
     const unsigned protocol = protocol_parse(p->protocol);
     char still[TABLE_NAME];
@@ -234,8 +235,8 @@ static void open_comparison(struct comparison *j)
     struct error err = {0};
     struct model model = {0};
 
-    if (opt.frames_tsv && !(j->tsv = fopen(opt.frames_tsv, "w")))
-        die(EX_CANTCREAT, "%s: %s", opt.frames_tsv, strerror(errno));
+    if (opt.frames_tsv && outfile_open(&j->tsv, opt.frames_tsv, &err))
+        die_error(&err);
     load_head(&j->head, opt.people != NULL);
     if (opt.lpips) {
         if (lpips_init(&j->lpips, opt.lpips, &err))
@@ -256,8 +257,10 @@ static void open_comparison(struct comparison *j)
 
 static void close_comparison(struct comparison *j)
 {
-    if (j->tsv && fclose(j->tsv))
-        die(EX_IOERR, "%s: %s", opt.frames_tsv, strerror(errno));
+    struct error err = {0};
+
+    if (j->tsv.file && outfile_close(&j->tsv, &err))
+        die_error(&err);
     if (j->nets.lpips)
         lpips_release(&j->lpips);
     if (j->nets.likeness)

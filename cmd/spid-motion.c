@@ -110,6 +110,14 @@ static void open_input(struct program *p, char **name, int count)
     driver_init(&p->driver, &p->track, driver_read_source, p->in);
 }
 
+/* The program ends; of what it began to write whole frames stay. */
+static void __attribute__((noreturn)) give_up(struct program *p,
+                                              const struct error *err)
+{
+    motion_output_abandon(&p->out);
+    die_error(err);
+}
+
 /* Draw one frame; r is NULL for a frame before the first face. */
 static void draw_overlay(struct program *p, const struct frame *f,
                          const struct track_result *r)
@@ -120,7 +128,7 @@ static void draw_overlay(struct program *p, const struct frame *f,
     framesource_rate(p->in, &num, &den);
     if (motion_output_draw(&p->out, f, r, &p->track.window,
                            track_options.size, num, den, &err))
-        die_error(&err);
+        give_up(p, &err);
 }
 
 /* A frame in which the face was looked for in vain. */
@@ -141,10 +149,8 @@ static void find_neutral(struct program *p, struct motion *rest)
     };
     struct error err = {0};
 
-    if (neutral_find(rest, &neutral, &clip, &err)) {
-        motion_output_abandon(&p->out);
-        die_error(&err);
-    }
+    if (neutral_find(rest, &neutral, &clip, &err))
+        give_up(p, &err);
 }
 
 /* --relative: the driver's movements, from that person's own motion. */
@@ -155,10 +161,12 @@ static void set_relative(struct program *p)
     struct error err = {0};
 
     if (person_load(&source, relative_path, p->head.nexp, &err))
-        die_error(&err);
-    if (!source.has_source)
-        die(EX_DATAERR, "--relative=%s: no MOTN record (expected an "
-            "identity, as spid-shape writes it)", relative_path);
+        give_up(p, &err);
+    if (!source.has_source) {
+        error_set(&err, EX_DATAERR, "--relative=%s: no MOTN record (expected "
+                  "an identity, as spid-shape writes it)", relative_path);
+        give_up(p, &err);
+    }
     if (neutral.given)
         find_neutral(p, &rest);
     driver_set_relative(&p->driver, &source.source,
@@ -179,10 +187,9 @@ static void start_tracking(struct program *p)
 
     status = driver_start(&p->driver, draw_searched_frame, p, &err);
     if (status != DRIVER_STARTED) {
-        motion_output_abandon(&p->out);
         if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
-        die_error(&err);
+        give_up(p, &err);
     }
     stats_end("start", begun);
     if (relative_path)
@@ -192,7 +199,7 @@ static void start_tracking(struct program *p)
     conf.width = p->driver.first.width;
     conf.height = p->driver.first.height;
     if (motion_output_begin(&p->out, &conf, take_path, &err))
-        die_error(&err);
+        give_up(p, &err);
     if (p->driver.early_count)
         warn("%s: no face in the first %zu frames: they take the motion of "
              "frame %zu", framesource_name(p->in), p->driver.early_count,
@@ -252,7 +259,7 @@ int main(int argc, char **argv)
     open_input(&p, argv + first, argc - first);
     if (motion_output_open(&p.out, stream_path, take_path, overlay_path,
                            &p.id, &err))
-        die_error(&err);
+        give_up(&p, &err);
     start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
         report_frame(&p, &f);

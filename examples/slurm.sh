@@ -3,9 +3,13 @@
 #SBATCH --array=0-99%8
 #SBATCH --cpus-per-task=4
 #SBATCH --mem=2G
+#SBATCH --requeue
+#SBATCH --open-mode=append
 # sbatch slurm.sh LIST: task i of the array makes the lines i, i + N, i + 2N,
 # ... of LIST (SOURCE, DRIVER, OUT with tabs between), N tasks in all.  The
-# list may be longer or shorter than the array.
+# list may be longer or shorter than the array.  A clip that is killed is tried
+# again (one.sh), a task whose machine died is queued again, and both leave
+# what is there already; sbatch it once more for what is still missing.
 set -euo pipefail
 here=${SPID_EXAMPLES:-$(cd "$(dirname "$0")" && pwd)}
 list=$1 bad=0 i=0

@@ -6,6 +6,8 @@
 
 #if defined(__SSE2__)
 #include <immintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
 #endif
 
 #if defined(ISA_BASELINE)
@@ -36,6 +38,13 @@ static inline vf load_bytes(const uint8_t *p)
     __m128i wide = _mm_unpacklo_epi8(_mm_cvtsi32_si128(four), zero);
 
     return (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(wide, zero));
+#elif defined(__ARM_NEON)
+    uint32_t four;
+
+    memcpy(&four, p, sizeof four);
+    uint16x8_t wide = vmovl_u8(vcreate_u8(four));
+
+    return (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(wide)));
 #else
     vb v;
 
@@ -44,7 +53,8 @@ static inline vf load_bytes(const uint8_t *p)
 #endif
 }
 
-/* x in levels, rounded and clamped; NaN becomes 0 (maxps keeps its second). */
+/* x in levels, rounded and clamped; NaN becomes 0 (maxps keeps its second,
+ * and NEON's conversion to unsigned makes 0 of it as of what is negative). */
 static inline void store_bytes(uint8_t *p, vf x)
 {
 #if defined(ISA_BASELINE) && defined(__SSE2__)
@@ -52,6 +62,13 @@ static inline void store_bytes(uint8_t *p, vf x)
     __m128i i = _mm_cvttps_epi32(_mm_min_ps(v, _mm_set1_ps(255)));
     __m128i h = _mm_packs_epi32(i, i);
     int32_t four = _mm_cvtsi128_si32(_mm_packus_epi16(h, h));
+
+    memcpy(p, &four, sizeof four);
+#elif defined(__ARM_NEON)
+    uint16x4_t h = vqmovn_u32(vcvtq_u32_f32((float32x4_t)(x + 0.5f)));
+    uint8x8_t b = vqmovn_u16(vcombine_u16(h, h));
+
+    uint32_t four = vget_lane_u32(vreinterpret_u32_u8(b), 0);
 
     memcpy(p, &four, sizeof four);
 #elif defined(ISA_AVX2)
@@ -75,17 +92,24 @@ static inline void store_bytes(uint8_t *p, vf x)
 #endif
 }
 
+/* What belongs to the values of vector k of three: value i is of pixel i / 3.
+ * k is a constant. */
+static inline vf compose_spread(vf t, size_t k)
+{
+#if defined(ISA_BASELINE)
+    return k == 0   ? __builtin_shufflevector(t, t, 0, 0, 0, 1)
+           : k == 1 ? __builtin_shufflevector(t, t, 1, 1, 2, 2)
+                    : __builtin_shufflevector(t, t, 2, 3, 3, 3);
+#else
+    return k == 0   ? __builtin_shufflevector(t, t, 0, 0, 0, 1, 1, 1, 2, 2)
+           : k == 1 ? __builtin_shufflevector(t, t, 2, 3, 3, 3, 4, 4, 4, 5)
+                    : __builtin_shufflevector(t, t, 5, 5, 6, 6, 6, 7, 7, 7);
+#endif
+}
+
 void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
                   const uint8_t *bg, size_t bg_step, size_t n)
 {
-    /* LANES pixels are three vectors; value k belongs to pixel k / 3 */
-#if defined(ISA_BASELINE)
-    const vi pixel[3] = {{0, 0, 0, 1}, {1, 1, 2, 2}, {2, 3, 3, 3}};
-#else
-    const vi pixel[3] = {{0, 0, 0, 1, 1, 1, 2, 2},
-                         {2, 3, 3, 3, 4, 4, 4, 5},
-                         {5, 5, 6, 6, 6, 7, 7, 7}};
-#endif
     uint8_t fill[3 * LANES];
     size_t i = 0;
 
@@ -100,7 +124,7 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
         for (size_t k = 0; k < 3; k++)
             store_bytes(out + 3 * i + LANES * k,
                         compose_load(color + 3 * i + LANES * k) * 255.0f +
-                        __builtin_shuffle(t, pixel[k]) *
+                        compose_spread(t, k) *
                         load_bytes(b + LANES * k));
     }
     compose_c(out + 3 * i, color + 3 * i, alpha + i, bg + bg_step * i,

@@ -309,7 +309,7 @@ void framesink_abandon(struct framesink *s)
         if (s->count == 0)
             unlink(s->part);
     }
-    if (s->out.part && s->count > 0) {
+    if (s->out.part && s->count > 0 && !fflush(s->out.file)) {
         fclose(s->out.file);           /* complete frames: .part stays */
         free(s->out.part);
         free(s->out.path);

@@ -9,11 +9,12 @@
 #include <cstdio>
 #include <cstdlib>
 #include <cstring>
+#include <sstream>
 #include <string>
 #include <vector>
 
 #include "formats/glb_guard.hh"
-#include "lib/base/file.h"
+#include "formats/outfile.h"
 
 using namespace tinygltf;
 
@@ -99,24 +100,21 @@ void model_start(Model &m)
     m.scenes.emplace_back();
 }
 
-/* Write beside the final name, then rename. */
+/* Made in memory: the library does not notice a disk that is full. */
 int save(Model &m, const char *path, struct error *err)
 {
-    std::string part = std::string(path) + ".part";
-    TinyGLTF writer;
     std::vector<unsigned char> &b = m.buffers[0].data;
+    std::ostringstream text;
+    struct outfile o;
+    TinyGLTF writer;
     b.resize((b.size() + 3) / 4 * 4);
-    if (!std::strcmp(path, "-"))
-        part = "/dev/stdout";
-    bool ok = writer.WriteGltfSceneToFile(&m, part, true, true, false, true);
-    if (ok && std::strcmp(path, "-"))
-        ok = !file_rename(part.c_str(), path);
-    if (ok)
-        return 0;
-    int rc = error_set(err, EX_IOERR, "%s: cannot be written", path);
-    if (std::strcmp(path, "-"))
-        std::remove(part.c_str());
-    return rc;
+    if (!writer.WriteGltfSceneToStream(&m, text, false, true))
+        return error_set(err, EX_SOFTWARE, "%s: no glTF was made", path);
+    if (outfile_open(&o, path, err))
+        return -1;
+    const std::string glb = text.str();
+    std::fwrite(glb.data(), 1, glb.size(), o.file);
+    return outfile_close(&o, err);
 }
 
 /* EX_DATAERR with the first index that is not finite. */

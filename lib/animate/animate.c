@@ -420,7 +420,8 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->done = done;
     a->ctx = ctx;
     a->next_in = a->next_out = 0;
-    a->ended = a->failed = false;
+    a->ended = false;
+    a->failed = false;
     if (a->opt.workers == 1)
         worker_run(&a->worker[0]);
     for (int i = 0; a->opt.workers > 1 && i < a->opt.workers; i++)

@@ -2,6 +2,7 @@
  * treats denormal numbers, and a clock. */
 #include "lib/base/cpu.h"
 
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -94,17 +95,38 @@ const char *cpu_name(void)
     return name[0] ? name : strcpy(name, "unknown");
 }
 
+#ifdef __aarch64__
+#define FPCR_FZ ((uint64_t)1 << 24)
+
+static uint64_t cpu_fpcr(void)
+{
+    uint64_t x;
+
+    __asm__ volatile("mrs %0, fpcr" : "=r"(x));
+    return x;
+}
+
+static void cpu_set_fpcr(uint64_t x)
+{
+    __asm__ volatile("msr fpcr, %0" : : "r"(x));
+}
+#endif
+
 void cpu_flush_denormals(void)
 {
-#ifdef SPID_X86
+#if defined(SPID_X86)
     _mm_setcsr(_mm_getcsr() | 0x8040); /* FTZ and DAZ */
+#elif defined(__aarch64__)
+    cpu_set_fpcr(cpu_fpcr() | FPCR_FZ);
 #endif
 }
 
 void cpu_keep_denormals(void)
 {
-#ifdef SPID_X86
+#if defined(SPID_X86)
     _mm_setcsr(_mm_getcsr() & ~0x8040u);
+#elif defined(__aarch64__)
+    cpu_set_fpcr(cpu_fpcr() & ~FPCR_FZ);
 #endif
 }
 

@@ -24,9 +24,10 @@ const char *cpu_level_name(enum cpu_level level);
 /* Marketing name of the processor from /proc/cpuinfo, or "unknown". */
 const char *cpu_name(void);
 
-/* Flush denormals to zero (FTZ, DAZ) in the calling thread and in every thread
- * that it starts from now on: new threads inherit the mode, so a call before
- * the first parallel region covers OpenMP's workers.  cli_parse does it. */
+/* Flush denormals to zero (FTZ and DAZ of x86, FZ of aarch64) in the calling
+ * thread and in every thread that it starts from now on: new threads inherit
+ * the mode, so a call before the first parallel region covers OpenMP's
+ * workers.  cli_parse does it. */
 void cpu_flush_denormals(void);
 /* Undo it in the calling thread: for programs that print and convert. */
 void cpu_keep_denormals(void);

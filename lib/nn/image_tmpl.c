@@ -87,7 +87,7 @@ void ISA(sft_forward)(float *y, const float *x, const float *st, float one,
     for (size_t r = 0; r < rows; r++) {
         const float *p = x + r * C, *s = st + 2 * r * C, *t = s + C;
         float *q = y + r * C;
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++)
             q[c] = p[c] * (one + s[c]) + t[c];
     }
@@ -100,7 +100,7 @@ void ISA(sft_backward)(float *dx, float *dst, const float *dy, const float *x,
     for (size_t r = 0; r < rows; r++) {
         const float *p = x + r * C, *s = st + 2 * r * C, *g = dy + r * C;
         float *d = dx + r * C, *ds = dst + 2 * r * C, *dt = ds + C;
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
             float v = g[c];
 
@@ -186,7 +186,7 @@ void ISA(scale_add)(float *y, const float *x, const float *p,
                     const float *gamma, size_t rows, size_t C)
 {
     for (size_t r = 0; r < rows; r++)
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++)
             y[r * C + c] = x[r * C + c] + gamma[c] * p[r * C + c];
 }

@@ -10,6 +10,15 @@
 #include "lib/base/cpu.h"
 #include "lib/base/isa.h"
 
+/* Before a loop: no round of it reads what another one writes, which GCC
+ * cannot see of its pointers.  Clang compares them when the loop begins, and
+ * takes its own pragma for an order that it may not be able to obey. */
+#ifdef __clang__
+#define KERNEL_INDEPENDENT
+#else
+#define KERNEL_INDEPENDENT _Pragma("GCC ivdep")
+#endif
+
 struct depthwise;
 struct fused_stem_rows;
 struct max_pool;

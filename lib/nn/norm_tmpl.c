@@ -110,7 +110,7 @@ void ISA(norm_backward_sums)(float *sum, float *dz, const float *dy,
         const float *restrict p = x + r * C;                                 \
         const float *q = dy + r * C;                                         \
         float *d = dz + r * C;                                               \
-        _Pragma("GCC ivdep")                                                 \
+        KERNEL_INDEPENDENT                                                   \
         for (size_t c = 0; c < n; c++) {                                     \
             float g = q[c] * math_slope(p[c] * scale[c] + shift[c], A);      \
             d[c] = last ? g * scale[c] : g;                                  \
@@ -135,7 +135,7 @@ void ISA(norm_backward_apply)(float *dx, const float *dz, const float *x,
         float *to = dx + i;
         const float *from = dz + i;
         const float *restrict p = x + i;
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < len; c++)
             to[c] = a[c] * from[c] + b[c] * (p[c] - m[c]) + k[c];
     }
@@ -204,7 +204,7 @@ void ISA(layer_norm_backward)(float *dx, float *sum, const float *dy,
             }
         float s1 = norm_lane_sum(s) / (float)C;
         float s2 = norm_lane_sum(t) / (float)C;
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
             float hat = (p[c] - m) * k, gy = g[c];
 

@@ -32,7 +32,7 @@ void ISA(gemv)(float *y, const float *w, const float *x, const float *b,
 void ISA(outer_backward)(float *dw, float *dx, const float *w, const float *x,
                          float dy, size_t n)
 {
-#pragma GCC ivdep
+    KERNEL_INDEPENDENT
     for (size_t i = 0; i < n; i++) {
         dw[i] += dy * x[i];
         dx[i] += dy * w[i];
@@ -64,11 +64,11 @@ void ISA(channel_scale)(float *y, const float *x, const float *gate,
         float *q = y + r * C;
 
         if (add)
-#pragma GCC ivdep
+            KERNEL_INDEPENDENT
             for (size_t c = 0; c < C; c++)
                 q[c] = p[c] * gate[c] + add[c];
         else
-#pragma GCC ivdep
+            KERNEL_INDEPENDENT
             for (size_t c = 0; c < C; c++)
                 q[c] = p[c] * gate[c];
     }

@@ -10,7 +10,7 @@ void ISA(style_finish)(float *y, const float *u, const float *d,
     for (size_t r = 0; r < rows; r++) {
         const float *p = u + r * C;
         float *q = y + r * C, n = gain * noise[r];
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
             float z = p[c] * d[c] + (n + b[c]);
 
@@ -32,7 +32,7 @@ void ISA(style_backward)(float *du, float *sum, const float *dy,
     for (size_t r = 0; r < rows; r++) {
         const float *p = u + r * C, *q = y + r * C, *g = dy + r * C;
         float *to = du + r * C, n = noise[r];
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
             float dz = g[c] * (q[c] > 0.0f ? 1.0f : ACT_SLOPE);
 
@@ -84,7 +84,7 @@ void ISA(rgb_backward)(float *dx, float *sum, const float *drgb,
         float a = drgb[3 * r], b = drgb[3 * r + 1], e = drgb[3 * r + 2];
         const float *p = x + r * C;
         float *d = dx + r * C;
-#pragma GCC ivdep
+        KERNEL_INDEPENDENT
         for (size_t c = 0; c < C; c++) {
             d[c] += a * w[c] + b * w1[c] + e * w2[c];
             s0[c] += a * p[c];

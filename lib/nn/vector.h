@@ -6,8 +6,10 @@
 
 #include <stdint.h>
 #include <string.h>
-#ifdef __SSE2__
+#if defined(__SSE2__)
 #include <immintrin.h>
+#elif defined(__ARM_NEON)
+#include <arm_neon.h>
 #endif
 
 #include "lib/nn/math.h"
@@ -72,6 +74,8 @@ VF_INLINE vf vf_max(vf a, vf b)
     return (vf)_mm256_max_ps((__m256)a, (__m256)b);
 #elif defined(__SSE2__)
     return (vf)_mm_max_ps((__m128)a, (__m128)b);
+#elif defined(__ARM_NEON)
+    return (vf)vbslq_f32((uint32x4_t)(a > b), (float32x4_t)a, (float32x4_t)b);
 #else
     vf_i32 m = a > b;
     return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
@@ -87,6 +91,8 @@ VF_INLINE vf vf_min(vf a, vf b)
     return (vf)_mm256_min_ps((__m256)a, (__m256)b);
 #elif defined(__SSE2__)
     return (vf)_mm_min_ps((__m128)a, (__m128)b);
+#elif defined(__ARM_NEON)
+    return (vf)vbslq_f32((uint32x4_t)(a < b), (float32x4_t)a, (float32x4_t)b);
 #else
     vf_i32 m = a < b;
     return (vf)((m & (vf_i32)a) | (~m & (vf_i32)b));
@@ -100,6 +106,8 @@ VF_INLINE vf vf_load_f16(const uint16_t *p)
     return (vf)_mm512_cvtph_ps(_mm256_loadu_si256((const __m256i *)p));
 #elif defined(ISA_AVX2)
     return (vf)_mm256_cvtph_ps(_mm_loadu_si128((const __m128i *)p));
+#elif defined(__ARM_NEON)
+    return (vf)vcvt_f32_f16(vreinterpret_f16_u16(vld1_u16(p)));
 #else
     vf_u32 h = __builtin_convertvector(*(const vf_u16 *)p, vf_u32);
     vf_u32 m = h & 0x7fff;
@@ -136,7 +144,7 @@ VF_INLINE void vf_store_bf16(uint16_t *p, vf a, vf b)
  * 255, which packing does by itself. */
 VF_INLINE void vf_store_u8(uint8_t *p, vf a, vf b)
 {
-#if !defined(__SSE2__) || defined(ISA_AVX512)
+#if !(defined(__SSE2__) || defined(__ARM_NEON)) || defined(ISA_AVX512)
     a = vf_min(vf_max(a, vf_set(0)), vf_set(255));
     b = vf_min(vf_max(b, vf_set(0)), vf_set(255));
 #endif
@@ -151,6 +159,9 @@ VF_INLINE void vf_store_u8(uint8_t *p, vf a, vf b)
 #elif defined(__SSE2__) && !defined(ISA_AVX512)
     __m128i h = _mm_packs_epi32((__m128i)i, (__m128i)j);
     _mm_storel_epi64((__m128i *)p, _mm_packus_epi16(h, h));
+#elif defined(__ARM_NEON)
+    vst1_u8(p, vqmovun_s16(vqmovn_high_s32(vqmovn_s32((int32x4_t)i),
+                                           (int32x4_t)j)));
 #else
     *(vf_u8 *)p = __builtin_convertvector(i, vf_u8);
     *(vf_u8 *)(p + VF_LANES) = __builtin_convertvector(j, vf_u8);

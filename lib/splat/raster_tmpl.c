@@ -156,7 +156,7 @@ static void raster_product(struct splat_work *w, int b, uint32_t rows,
         }
 }
 
-#ifdef __SSE2__
+#if defined(__SSE2__) || defined(__ARM_NEON)
 /* acc += pairs of 16-bit numbers in c times those of *g. */
 VEC_INLINE vi raster_add_pairs(vi acc, vi c, const uint32_t *g)
 {
@@ -167,6 +167,12 @@ VEC_INLINE vi raster_add_pairs(vi acc, vi c, const uint32_t *g)
 #elif VEC == 8
     return acc + (vi)_mm256_madd_epi16((__m256i)c,
                                        _mm256_set1_epi32((int)*g));
+#elif defined(__ARM_NEON)
+    int16x4_t two = vreinterpret_s16_u32(vdup_n_u32(*g));
+    int32x4_t sum = vmlal_lane_s16((int32x4_t)acc,
+                                   vget_low_s16((int16x8_t)c), two, 0);
+
+    return (vi)vmlal_high_lane_s16(sum, (int16x8_t)c, two, 1);
 #else
     return acc + (vi)_mm_madd_epi16((__m128i)c, _mm_set1_epi32((int)*g));
 #endif
@@ -175,7 +181,8 @@ VEC_INLINE vi raster_add_pairs(vi acc, vi c, const uint32_t *g)
 enum { FIXED_ABREAST = VEC == 16 ? 8 : 4 };   /* pixels summed up at a time */
 
 /* Rows of two Gaussians interleaved: lane n of c[0] is channel n of both, of
- * c[1] channel 16 + n (splat.c, pack_fixed). */
+ * c[1] channel 16 + n (pack.c, pack_fixed).  NEON, which multiplies by a lane,
+ * has the first Gaussian's channels in the lower half, the second's above. */
 VEC_INLINE void raster_interleave_fixed(vi c[2], const int16_t *r0,
                                         const int16_t *r1)
 {
@@ -184,6 +191,9 @@ VEC_INLINE void raster_interleave_fixed(vi c[2], const int16_t *r0,
 #if VEC == 16
     c[0] = (vi)_mm512_unpacklo_epi16((__m512i)a, (__m512i)b);
     c[1] = (vi)_mm512_unpackhi_epi16((__m512i)a, (__m512i)b);
+#elif defined(__ARM_NEON)
+    c[0] = (vi)vzip1q_s64((int64x2_t)a, (int64x2_t)b);
+    c[1] = (vi)vzip2q_s64((int64x2_t)a, (int64x2_t)b);
 #else
     c[0] = (vi)X86(unpacklo_epi16)((X86_I)a, (X86_I)b);
     c[1] = (vi)X86(unpackhi_epi16)((X86_I)a, (X86_I)b);
@@ -258,7 +268,7 @@ VEC_INLINE void raster_wide_block(const struct splat_state *st,
 
     if (!rows)
         return;
-#ifdef __SSE2__
+#if defined(__SSE2__) || defined(__ARM_NEON)
     if (st->fixed) {
         raster_product_fixed(w, b, rows, st->fixed, st->fixed_scale);
         return;

@@ -9,7 +9,7 @@
 
 #define ALIGN 64
 
-#ifdef SPID_X86
+#if defined(SPID_X86) || defined(__ARM_NEON)
 #define SPLAT_FIXED16 true     /* the kernels multiply 16-bit numbers */
 #else
 #define SPLAT_FIXED16 false

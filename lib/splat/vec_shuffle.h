@@ -214,6 +214,8 @@ VEC_INLINE void vf_store_half(uint16_t *to, vf x)
     _mm256_storeu_si256((__m256i *)to, _mm512_cvtps_ph((__m512)x, 0));
 #elif VEC == 8
     _mm_storeu_si128((__m128i *)to, _mm256_cvtps_ph((__m256)x, 0));
+#elif defined(__ARM_NEON)
+    vst1_u16(to, vreinterpret_u16_f16(vcvt_f16_f32((float32x4_t)x)));
 #else
     typedef uint16_t vh __attribute__((vector_size(8)));
     const vf half = vf_set(0.5f);

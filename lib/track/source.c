@@ -21,8 +21,7 @@ const char *source_matte_name(enum source_matte how)
 {
     static const char *const name[] = {
         "the file's alpha", "the mask file", "the model's matte network",
-        "GrabCut", "a disc about the "
-        "head (GrabCut found no outline)"
+        "GrabCut", "a disc about the head (GrabCut found no outline)"
     };
 
     return name[how];
