@@ -1,7 +1,7 @@
-/* The perceptual loss of both networks with random weights: nothing for the picture itself, the
- * gradient by central differences along its own signs (0.5 % of its length:
- * features are floats, and units have kinks), nothing outside the box, and a
- * file that is not there refused by name. */
+/* The perceptual loss of both networks with random weights: nothing for the
+ * picture itself, the gradient by central differences along its own signs
+ * (0.5 % of its length: features are floats, and units have kinks), nothing
+ * outside the box, and a file that is not there refused by name. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
