@@ -98,7 +98,8 @@ def print_points(title, motion, lab, seen, table):
 
 
 def print_weights(title, motion, lab, seen, names):
-    """Correlation of its blendshapes with the true weights."""
+    """Correlation of its blendshapes with the true weights; nan for a weight
+    that these people never move, which the mean leaves out."""
     mean = {}
     for group, members in GROUPS.items():
         mean[group] = np.mean([correlation(
@@ -107,7 +108,7 @@ def print_weights(title, motion, lab, seen, names):
             for name, which in members.items()])
     print(f"{title}: r of", ", ".join(f"{g} {m:.2f}"
                                       for g, m in mean.items()),
-          f"mean {np.mean(list(mean.values())):.2f}")
+          f"mean {np.nanmean(list(mean.values())):.2f}")
 
 
 def hidden(motion):
