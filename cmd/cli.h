@@ -82,11 +82,13 @@ void warn(const char *format, ...) __attribute__((format(printf, 1, 2)));
 /* A bar on stderr when that is a terminal and the work is long; total 0 when
  * unknown.  note (may be NULL) is shown at the end of the line. */
 void progress(const char *what, size_t done, size_t total, const char *note);
+/* Clear the bar, if there was one: before anything else is said. */
 void progress_end(void);
 
 /* Per-stage times for --stats, as TSV: stage, calls, total, mean, median, p95
  * (ms).  stats_begin returns the clock; stats_end adds to the named stage. */
 double stats_begin(void);
+/* Add the time since stats_begin returned `begun` to the named stage. */
 void stats_end(const char *stage, double begun);
 void stats_write(void);     /* at exit of a program; no-op without --stats */
 

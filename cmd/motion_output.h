@@ -40,6 +40,7 @@ int motion_output_draw(struct motion_output *o, const struct frame *f,
 /* Complete all of them; when rc < 0, *err says why they are given up.  0 or
  * -1. */
 int motion_output_close(struct motion_output *o, int rc, struct error *err);
+/* Leave no output under its final name. */
 void motion_output_abandon(struct motion_output *o);
 
 #endif

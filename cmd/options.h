@@ -5,7 +5,10 @@
 #include "cmd/cli.h"
 #include "lib/head/head.h"
 
+struct animate_frame;
+struct animation_options;
 struct model;
+struct prepare;
 
 /* Rows of an option table. */
 #define OPTION_HEAD(path)                                                     \
@@ -29,18 +32,49 @@ struct model;
     OPTION_CALL("without", 0, bits, "PART", option_without,                   \
                 "leave out dynamic, static, mouth, interp, deform or neck "   \
                 "(commas)")
+/* hz: a struct track_options' smooth. */
+#define OPTION_SMOOTH(hz)                                                     \
+    OPTION_FLOAT("smooth", 0, hz, 0, 100, "HZ",                               \
+                 "one-euro smoothing with this cut-off at rest (default 0: "  \
+                 "off)")
+/* neutral: a struct neutral. */
+#define OPTION_NEUTRAL(neutral)                                               \
+    OPTION_CALL("neutral", 0, neutral, "FRAME", neutral_parse,                \
+                "first, auto or a number: the driver's frame at rest "        \
+                "(default first)")
 /* flag: a struct track_options' no_tta; --once is an older name. */
 #define OPTION_NO_TTA(flag)                                                   \
     OPTION_FLAG("no-tta", 0, flag,                                            \
                 "no test-time augmentation of the encoder: faster, less "     \
                 "exact"),                                                     \
     OPTION_FLAG("once", 0, flag, "the same as --no-tta")
+/* Rows of what spid animate and spid live both do; o: a struct
+ * animation_options. */
+#define OPTIONS_ANIMATION(o)                                                  \
+    OPTION_FLAG("star", 's', &(o).animate.star,                               \
+                "SpiD*: draw three channels, no refiner"),                    \
+    OPTION_STRING("mask", 0, &(o).mask, "FILE",                               \
+                  "matte of the source: white where the person is"),          \
+    OPTION_SMOOTH(&(o).track.smooth),                                         \
+    OPTION_NO_TTA(&(o).track.no_tta),                                         \
+    OPTION_FLOAT("fps", 0, &(o).source.rate, 0.001, 100000, "RATE",           \
+                 "frames a second of what has no times (default 25)"),        \
+    OPTION_FLAG("bt601", 0, &(o).source.bt601,                                \
+                "Y4M is BT.601 (default BT.709)"),                            \
+    OPTION_FLAG("roi", 0, &(o).animate.roi,                                   \
+                "refine only the part with the head"),                        \
+    OPTION_PRECISION_REFINE(&(o).animate.precision, "networks"),              \
+    OPTION_HEAD(&(o).head)
 
 /* Their parsers: dest is an enum nn_type, a struct track_options. */
 int option_precision(const char *value, void *dest, struct error *err);
+/* The same with int8, for what runs a refiner. */
 int option_precision_refine(const char *value, void *dest, struct error *err);
+/* dest: a struct track_options, whose crop is set and marked as given. */
 int option_crop(const char *value, void *dest, struct error *err);
+/* The same for its portrait window. */
 int option_window(const char *value, void *dest, struct error *err);
+/* dest: unsigned, to which the bits of enum avatar_without are added. */
 int option_without(const char *value, void *dest, struct error *err);
 
 /* Load the head of --head, or when that was not given (NULL) the one that
@@ -48,5 +82,12 @@ int option_without(const char *value, void *dest, struct error *err);
 int option_head_load(struct head *h, const char *path, struct error *err);
 /* Open the model of -m, or the one that cli_find_model finds. */
 int option_model_open(struct model *m, struct error *err);
+
+/* Open the model of -m and the head for animations, with as many workers as -j
+ * says; dies when they cannot be. */
+void option_animation_load(struct prepare *models,
+                           struct animation_options *opt);
+/* Say that a driver's face was lost, or found again, in this frame. */
+void option_animation_warn(const char *name, const struct animate_frame *f);
 
 #endif

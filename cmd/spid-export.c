@@ -48,8 +48,8 @@ static const struct cli_usage usage = {
     "spid-export",
     "[--ply FILE] [--splat FILE] [--glb-splats FILE] [--glb-head FILE] "
     "[--obj FILE] [--html FILE] [--frame N] [-i FILE] [--head FILE] "
-    "[--expressions N] [--correctives] [--model-space] [-o FILE] [-j N] [-m MODEL] [-q] "
-    "[--stats FILE] [STREAM] | --lint FILE",
+    "[--expressions N] [--correctives] [--model-space] [-o FILE] "
+    "[-j N] [-m MODEL] [-q] [--stats FILE] [STREAM] | --lint FILE",
     "write Gaussians and the driven head for other programs", options
 };
 

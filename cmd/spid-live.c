@@ -1,60 +1,36 @@
 /* spid-live: an avatar that a camera drives, until it is stopped.  Phase B of
  * the paper on the newest frame there is, whatever becomes of the camera. */
-#include <omp.h>
 #include <signal.h>
 #include <stdio.h>
 #include <string.h>
 
 #include "cmd/options.h"
-#include "formats/framesink.h"
-#include "formats/framesource.h"
-#include "lib/animate/animate.h"
-#include "lib/animate/prepare.h"
-#include "lib/animate/report.h"
+#include "lib/animate/animation.h"
 
-static struct framesource_options source_options;
-static struct track_options track_options;
-static struct animate_options animate_options = {
-    .precision = OPTION_PRECISION_DEFAULT, .closed = BAKED_CLOSED
+static struct animation_options opt = {
+    .animate.precision = OPTION_PRECISION_DEFAULT, .closed_mm = -1,
+    .framing.background_given = true, .live = true
 };
-static struct framesink_options sink_options;
-static struct background background;
 static struct prepare models = {.prune = -1};
-static const char *head_path, *mask_path;
 static double patience = 10;
 static long most;               /* frames; 0: no end */
-static bool preview, relative;
+static bool preview;
 
 static const struct cli_option options[] = {
-    OPTION_FLAG("star", 's', &animate_options.star,
-                "SpiD*: draw three channels, no refiner"),
+    OPTIONS_ANIMATION(opt),
     OPTION_FLAG("preview", 'p', &preview, "show it in this terminal"),
-    OPTION_CALL("format", 'f', &sink_options.format, "FORMAT",
+    OPTION_CALL("format", 'f', &opt.sink.format, "FORMAT",
                 framesink_parse_format,
                 "y4m, png, pam, stream or mp4 (default by the name; y4m for a "
                 "pipe)"),
-    OPTION_CALL("background", 'b', &background, "WHAT", background_parse,
+    OPTION_CALL("background", 'b', &opt.background, "WHAT", background_parse,
                 "R,G,B, a name or a picture (default black)"),
     OPTION_FLOAT("patience", 0, &patience, 0, 1e6, "SECONDS",
                  "wait so long for a source that stops (default 10)"),
     OPTION_INT("frames", 0, &most, 1, 1e15, "N", "end after so many frames"),
-    OPTION_FLAG("relative", 0, &relative,
+    OPTION_FLAG("relative", 0, &opt.relative,
                 "do what the driver does since its first frame, from the "
                 "source's rest"),
-    OPTION_FLOAT("smooth", 0, &track_options.smooth, 0, 100, "HZ",
-                 "one-euro smoothing with this cut-off at rest (default 0: "
-                 "off)"),
-    OPTION_NO_TTA(&track_options.no_tta),
-    OPTION_FLOAT("fps", 0, &source_options.rate, 0.001, 100000, "RATE",
-                 "frames a second of what has no times (default 25)"),
-    OPTION_FLAG("bt601", 0, &source_options.bt601,
-                "Y4M is BT.601 (default BT.709)"),
-    OPTION_FLAG("roi", 0, &animate_options.roi,
-                "refine only the part with the head"),
-    OPTION_STRING("mask", 0, &mask_path, "FILE",
-                  "matte of the source: white where the person is"),
-    OPTION_PRECISION_REFINE(&animate_options.precision, "networks"),
-    OPTION_HEAD(&head_path),
     {0}
 };
 
@@ -68,47 +44,35 @@ static const struct cli_usage usage = {
 
 struct program {
     const char *camera;         /* its name */
-    struct prepared source;
-    struct live live;
-    struct track track;
-    struct identity mean;       /* the driver's head: nobody's shape */
-    struct driver driver;
-    struct animate animate;
-    struct framesink *sink;
-    struct animate_report report;
+    struct animation animation;
     size_t restarts;            /* told so far */
 };
 
 /* Set by a signal, or when there are enough frames. */
 static volatile sig_atomic_t stopped;
 
-static void stop(int signal)
+static void on_signal(int signal)
 {
     (void)signal;
     stopped = 1;
 }
 
-/* Phase A. */
-static void open_source(struct program *p, const char *name)
+/* Where the pictures go: a name, a pipe or this terminal. */
+static void open_output(struct program *p)
 {
     struct error err = {0};
-    char model[4096], head[4096];
+    const bool pipe = strcmp(cli.output, "-") == 0;
 
-    models.precision = animate_options.precision == NN_INT8
-                           ? NN_FAST : animate_options.precision;
-    if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
-        (!head_path && cli_find_model("head.safetensors", head, sizeof head,
-                                      &err)) ||
-        prepare_open(&models, model, head_path ? head_path : head, &err) ||
-        prepare_source(&p->source, &models, name, mask_path, &err))
+    if (preview && !pipe)
+        die(EX_USAGE, "--preview: not with -o %s (expected one of them)",
+            cli.output);
+    if (preview)
+        opt.sink.format = FRAMESINK_TERMINAL;
+    else if (pipe && opt.sink.format == FRAMESINK_AUTO)
+        opt.sink.format = FRAMESINK_Y4M;
+    if (animation_open(&p->animation, &opt, &models, cli.output, &err))
         die_error(&err);
-    track_options.size = (double)models.model.config.size;
-    animate_options.size = models.model.config.size;
-    animate_options.model = &models.model;
-    animate_options.workers = cli.threads > 0 ? cli.threads
-                                              : omp_get_max_threads();
-    animate_options.texture = p->source.texture.levels ? &p->source.texture
-                                                       : NULL;
+    p->animation.report.program = usage.program;
 }
 
 /* The camera, once more; it is opened by its first frame. */
@@ -116,7 +80,7 @@ static struct framesource *open_camera(void *program, struct error *err)
 {
     const struct program *p = program;
 
-    return framesource_open(&p->camera, 1, &source_options, err);
+    return framesource_open(&p->camera, 1, &opt.source, err);
 }
 
 /* It is gone. */
@@ -129,110 +93,47 @@ static void camera_away(void *program, const struct error *why)
              why ? " (" : "", why ? why->text : "", why ? ")" : "");
 }
 
-/* Standard input ends for good. */
-static void start_camera(struct program *p)
+/* Phase A, then the camera until there is a face; standard input ends for
+ * good. */
+static int open_driver(struct program *p, const char *source,
+                       struct error *err)
 {
-    struct live_follow follow = {
-        .open = strcmp(p->camera, "-") ? open_camera : NULL,
-        .away = camera_away, .ctx = p, .patience = patience, .stop = &stopped
+    const struct live_follow follow = {
+        .open = open_camera, .away = camera_away, .ctx = p,
+        .patience = patience, .stop = &stopped
     };
-    struct error err = {0};
-    struct framesource *frames = open_camera(p, &err);
+    struct sigaction action = {.sa_handler = on_signal};
 
-    if (!frames || live_start_follow(&p->live, frames, &follow, &err))
-        die_error(&err);
+    if (animation_open_source(&p->animation, source, err))
+        return -1;
+    sigaction(SIGINT, &action, NULL);
+    sigaction(SIGTERM, &action, NULL);
+    return animation_open_camera(&p->animation, p->camera, &follow,
+                                 strcmp(p->camera, "-") == 0, err);
 }
 
-/* Frames until there is a face. */
-static int find_face(struct program *p, struct error *err)
-{
-    enum driver_status status;
-
-    if (head_fold(&p->mean, &models.head, NULL, 0, err) ||
-        track_init(&p->track, &p->mean, &models.nets.motion, &track_options,
-                   err))
-        return -1;
-    driver_init(&p->driver, &p->track, live_read, &p->live);
-    p->driver.live = true;
-    status = driver_start(&p->driver, NULL, NULL, err);
-    if (status == DRIVER_NO_FACE)
-        error_prefix(err, "%s", p->camera);
-    if (status != DRIVER_STARTED)
-        return -1;
-    if (relative)
-        driver_set_relative(&p->driver, &p->source.person.source,
-                            NULL, models.head.nexp);
-    return 0;
-}
-
+/* A frame has left: warnings and times; enough of them end the program. */
 static void frame_done(void *program, const struct animate_frame *f)
 {
     struct program *p = program;
-    const unsigned long long n = f->index;
+    struct animation *a = &p->animation;
 
-    if (p->live.restarts != p->restarts)
-        warn("%s: frame %llu: frames again", p->camera, n);
-    p->restarts = p->live.restarts;
-    if (f->track->event == TRACK_LOST)
-        warn("%s: frame %llu: face lost (%s); holding the last motion",
-             p->camera, n, f->track->why);
-    else if (f->track->event == TRACK_FOUND)
-        warn("%s: frame %llu: face found again", p->camera, n);
-    animate_report_frame(&p->report, f);
+    if (a->live.restarts != p->restarts)
+        warn("%s: frame %llu: frames again", p->camera,
+             (unsigned long long)f->index);
+    p->restarts = a->live.restarts;
+    option_animation_warn(p->camera, f);
+    animate_report_frame(&a->report, f);
     if (cli.stats)
         animate_report_times(stats_begin, stats_end, f);
-    if (most && p->report.frames >= (size_t)most)
+    if (most && a->report.frames >= (size_t)most)
         stopped = 1;
-}
-
-static void open_output(struct program *p)
-{
-    struct error err = {0};
-
-    sink_options.path = cli.output;
-    sink_options.bt601 = source_options.bt601;
-    sink_options.record = FRAMESINK_IMAG;
-    sink_options.background = &background;
-    if (preview && strcmp(cli.output, "-"))
-        die(EX_USAGE, "--preview: not with -o %s (expected one of them)",
-            cli.output);
-    if (preview)
-        sink_options.format = FRAMESINK_TERMINAL;
-    else if (!strcmp(cli.output, "-") &&
-             sink_options.format == FRAMESINK_AUTO)
-        sink_options.format = FRAMESINK_Y4M;
-    p->sink = framesink_open(&sink_options, &err);
-    if (!p->sink)
-        die_error(&err);
-}
-
-/* Free everything; when the run has failed its output is given up. */
-static int close_all(struct program *p, int rc, struct error *err)
-{
-    if (rc == 0)
-        rc = framesink_finish(p->sink, err);
-    else
-        framesink_abandon(p->sink);
-    p->report.dropped = p->live.dropped;
-    if (!cli.quiet && p->report.frames)
-        animate_report_print(stderr, &p->report, &p->source,
-                             cli.stats != NULL, true);
-    animate_release(&p->animate);
-    driver_release(&p->driver);
-    live_stop(&p->live);
-    track_release(&p->track);
-    identity_release(&p->mean);
-    prepared_release(&p->source);
-    animate_report_release(&p->report);
-    background_release(&background);
-    prepare_release(&models);
-    return rc;
 }
 
 int main(int argc, char **argv)
 {
     static struct program p;
-    struct sigaction action = {.sa_handler = stop};
+    struct animation *a = &p.animation;
     struct error err = {0};
     int rc, first = cli_parse(&usage, argc, argv);
 
@@ -240,22 +141,19 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
             argc - first);
     p.camera = argv[first + 1];
-    p.report.program = usage.program;
     open_output(&p);
-    open_source(&p, argv[first]);
-    sigaction(SIGINT, &action, NULL);
-    sigaction(SIGTERM, &action, NULL);
-    start_camera(&p);
-    rc = find_face(&p, &err);
+    option_animation_load(&models, &opt);
+    rc = open_driver(&p, argv[first], &err);
     if (rc == 0)
-        rc = animate_init(&p.animate, &animate_options, &p.source.id,
-                          &p.source.baked, &models.dense, &err);
-    if (rc == 0)
-        rc = animate_run(&p.animate, &p.driver, &p.live, p.sink, frame_done,
-                         &p, &err);
-    if (rc && stopped && !p.report.frames)      /* nothing was expected */
+        rc = animation_run(a, frame_done, &p, &err);
+    if (!cli.quiet && a->report.frames)
+        animate_report_print(stderr, &a->report, &a->source,
+                             cli.stats != NULL, true);
+    if (rc && stopped && !a->report.frames)     /* nothing was expected */
         err = (struct error){0};
-    rc = close_all(&p, rc, &err);
+    animation_close(a);
+    background_release(&opt.background);
+    prepare_release(&models);
     if (rc && err.code)
         die_error(&err);
     stats_write();

@@ -27,16 +27,12 @@ static const struct cli_option options[] = {
                 "fixed face crop: centre and side in pixels of the frame"),
     OPTION_WINDOW(&track_options,
                   "portrait window (default: about the first face)"),
-    OPTION_FLOAT("smooth", 0, &track_options.smooth, 0, 100, "HZ",
-                 "one-euro smoothing with this cut-off at rest (default 0: "
-                 "off)"),
+    OPTION_SMOOTH(&track_options.smooth),
     OPTION_NO_TTA(&track_options.no_tta),
     OPTION_STRING("relative", 0, &relative_path, "FILE",
                   "movements since the neutral frame, from this identity's "
                   "own"),
-    OPTION_CALL("neutral", 0, &neutral, "FRAME", neutral_parse,
-                "first, auto or a number: the driver's frame at rest "
-                "(default first)"),
+    OPTION_NEUTRAL(&neutral),
     OPTION_STRING("overlay", 0, &overlay_path, "FILE",
                   "write a video of crop, landmarks and mesh on the frames"),
     OPTION_STRING("arkit", 0, &take_path, "FILE",

@@ -251,8 +251,8 @@ static int add_source(struct pack *p, const char *source, struct error *err)
     if (file_ends(source, ".ply"))
         return recordply_read(source, &ply, put_record, p, err);
     if (file_ends(source, ".json") || file_ends(source, ".jsonl"))
-        return recordjson_read(source, frame_rate(), stream_limit(), put_record, p,
-                               err);
+        return recordjson_read(source, frame_rate(), stream_limit(),
+                               put_record, p, err);
     if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))
         return recordfile_read_npy(source, put_record, p, err);
     return add_stream(p, source, err);

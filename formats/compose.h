@@ -24,8 +24,11 @@ typedef void compose_widen_fn(float *out, const uint16_t *x, size_t n);
 /* Plainly, one number at a time: for what is left of a row, and for tests. */
 void compose_c(uint8_t *out, const float *color, const float *alpha,
                const uint8_t *bg, size_t bg_step, size_t n);
+/* compose_quantise_fn likewise, ... */
 void compose_quantise_c(uint8_t *out, const float *x, size_t n);
+/* ... compose_half_fn ... */
 void compose_half_c(uint16_t *out, const float *x, size_t n);
+/* ... and compose_widen_fn. */
 void compose_widen_c(float *out, const uint16_t *x, size_t n);
 
 compose_fn compose_baseline;
@@ -46,6 +49,7 @@ struct compose_table {
     compose_half_fn *half;
     compose_widen_fn *widen;
 };
+/* Those of the best instruction set that cpu_level allows. */
 const struct compose_table *compose_table(void);
 
 #endif

@@ -23,6 +23,7 @@ struct pen {
  * coordinate that is not finite are left out. */
 void draw_segments(struct canvas *c, const float *xy, size_t n,
                    struct pen pen);
+/* The outline of q, whose sides lie along the picture's. */
 void draw_square(struct canvas *c, struct square q, struct pen pen);
 /* Filled dots of the given radius at xy [n,2]. */
 void draw_dots(struct canvas *c, const float *xy, size_t n, double radius,

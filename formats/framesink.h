@@ -44,6 +44,7 @@ struct background {
  * picture file (resized to the frame, covering it, centre kept).  For the
  * option tables' CLI_CALL: dest is a struct background. */
 int background_parse(const char *value, void *dest, struct error *err);
+/* Free what it holds; zeroed then. */
 void background_release(struct background *bg);
 /* out = bg's picture as size by size pixels, or bg's colour; the middle of one
  * that is not square.  The caller releases out. */

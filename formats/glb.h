@@ -59,6 +59,8 @@ struct glb_head {
                                * driven root moves before it */
 };
 
+/* Write h as one binary file, beside its name first.  EX_CANTCREAT,
+ * EX_IOERR. */
 int glb_write_head(const char *path, const struct glb_head *h,
                    struct error *err);
 

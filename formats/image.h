@@ -29,6 +29,7 @@ struct image {
  * opened.  The caller releases *im; on failure it is zeroed. */
 int image_read(struct image *im, const char *path, struct error *err);
 
+/* Free what it holds; zeroed then. */
 void image_release(struct image *im);
 
 /* Size in the pixels of the oriented picture, without reading them. */

@@ -130,7 +130,7 @@ static double timecode_parse(const char *text, double rate)
     return ((h * 60.0 + m) * 60.0 + s) * rate + f;
 }
 
-/* ---- the header ----------------------------------------------------------- */
+/* ---- the header --------------------------------------------------------- */
 
 /* What a header's name means. */
 static int column_meaning(const char *name)
@@ -215,7 +215,7 @@ static int livelink_header(struct livelink *l, struct error *err)
     return livelink_check_header(l, have, timecode, err);
 }
 
-/* ---- the rate ------------------------------------------------------------- */
+/* ---- the rate ----------------------------------------------------------- */
 
 /* Frames of a second by the largest number of a frame in the file, which is
  * then at its beginning again; the default when all lie in one second. */
@@ -247,7 +247,7 @@ static double livelink_find_rate(struct livelink *l)
     return DEFAULT_RATE;
 }
 
-/* ---- rows ----------------------------------------------------------------- */
+/* ---- rows --------------------------------------------------------------- */
 
 /* The number of column k. */
 static int livelink_number(const struct livelink *l, float *out, int k,
@@ -367,7 +367,7 @@ int livelink_read(struct livelink *l, struct livelink_frame *f,
     return 1;
 }
 
-/* ---- opening and closing -------------------------------------------------- */
+/* ---- opening and closing ------------------------------------------------ */
 
 struct livelink *livelink_open(const char *path, double rate,
                                struct error *err)

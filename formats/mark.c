@@ -36,7 +36,7 @@ const char *mark_xmp(void)
     return off ? NULL : packet;
 }
 
-/* ---- MP4 ------------------------------------------------------------------ */
+/* ---- MP4 ---------------------------------------------------------------- */
 
 #define DEEPEST 4
 static const char chain[DEEPEST][5] = {"moov", "udta", "meta", "ilst"};

@@ -29,10 +29,11 @@ struct npy_header {
     size_t bytes;              /* of the header: data begin here */
 };
 
+#define NPY_HEADER_MAX (65536 + 12)
+
 /* Read the header of a file of `bytes` bytes from its first `have`, of which
  * NPY_HEADER_MAX are enough.  The data that follow are, but for O, at least
  * what the shape needs. */
-#define NPY_HEADER_MAX (65536 + 12)
 int npy_header_read(struct npy_header *h, const void *head, size_t have,
                     size_t bytes, struct error *err);
 
@@ -41,10 +42,13 @@ int npy_header_read(struct npy_header *h, const void *head, size_t have,
  * files are refused before anything large is allocated.  Objects (pickles)
  * are never read. */
 int npy_load(struct npy *a, const char *path, struct error *err);
+/* Free what it holds. */
 void npy_release(struct npy *a);
 
 /* A file that grows along a new first axis: open, append rows, close. */
 struct npy_writer;
+/* Rows of dims (ndim of them) of dtype; without stack the file holds exactly
+ * one array, and no first axis is added.  NULL and *err. */
 struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
                               const size_t *dims, bool stack,
                               struct error *err);

@@ -1,7 +1,6 @@
 /* A page with an archive inside: template, zlib, base64. */
 #include "formats/pagefile.h"
 
-#include <errno.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -9,6 +8,7 @@
 
 #include "formats/base64.h"
 #include "formats/outfile.h"
+#include "lib/base/file.h"
 
 #define PAGEFILE_LEVEL 6        /* zlib's: 9 takes three times as long for one
                                  * part in two hundred */
@@ -17,23 +17,10 @@
 static char *pagefile_template(char **place, const char *path,
                                struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    char *text = NULL;
-    size_t n = 0;
+    char *text = file_read_text(path, PAGEFILE_LARGEST, err);
 
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+    if (!text)
         return NULL;
-    }
-    text = malloc(PAGEFILE_LARGEST + 1);
-    if (text)
-        n = fread(text, 1, PAGEFILE_LARGEST, f);
-    fclose(f);
-    if (!text) {
-        error_set(err, EX_OSERR, "%s: out of memory", path);
-        return NULL;
-    }
-    text[n] = '\0';
     *place = strstr(text, PAGEFILE_PLACE);
     if (*place && !strstr(*place + 1, PAGEFILE_PLACE))
         return text;

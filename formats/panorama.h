@@ -21,6 +21,7 @@ struct panorama {
  * on failure it is zeroed. */
 int panorama_read(struct panorama *p, const char *path, struct error *err);
 
+/* Free what it holds. */
 void panorama_release(struct panorama *p);
 
 #endif

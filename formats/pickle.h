@@ -107,6 +107,7 @@ struct pickle;
  * NULL) gets its length.  NULL on failure; *err is "byte N: OPCODE: what". */
 struct pickle *pickle_read(const void *data, size_t size, size_t *used,
                            struct error *err);
+/* What the whole pickle is; it lives as long as the pickle. */
 const struct pickle_value *pickle_root(const struct pickle *p);
 /* PyTorch: all storages that tensors may lie in, in the order of mention. */
 const struct pickle_list *pickle_storages(const struct pickle *p);

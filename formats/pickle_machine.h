@@ -62,25 +62,32 @@ int pickle_fail(struct pickle_machine *m, const char *format, ...)
 void *pickle_alloc(struct pickle_machine *m, size_t bytes);
 /* The same for a string, which counts by the size of the pickle. */
 char *pickle_alloc_string(struct pickle_machine *m, size_t bytes);
+/* A zeroed value of that kind, which lives as long as the pickle. */
 struct pickle_value *pickle_make(struct pickle_machine *m,
                                  enum pickle_kind kind);
 /* Room for n more items; append one. */
 int pickle_reserve(struct pickle_machine *m, struct pickle_list *l, size_t n);
+/* v at the end of l. */
 int pickle_append(struct pickle_machine *m, struct pickle_list *l,
                   struct pickle_value *v);
 
 /* The next n bytes; a little-endian number of n bytes, at most 8; the rest of
  * a line without its end; the same as a string. */
 const unsigned char *pickle_bytes(struct pickle_machine *m, uint64_t n);
+/* A little-endian number of n bytes, at most 8. */
 int pickle_number(struct pickle_machine *m, size_t n, uint64_t *out);
+/* The rest of a line, without its end. */
 int pickle_line(struct pickle_machine *m, struct pickle_text *line);
+/* The same as a string that ends in 0; a longer one is cut. */
 int pickle_number_line(struct pickle_machine *m, char out[PICKLE_LINE]);
 
 /* v NULL: it could not be made, which is passed on. */
 int pickle_push(struct pickle_machine *m, struct pickle_value *v);
+/* A mark: what later opcodes gather down to. */
 int pickle_push_mark(struct pickle_machine *m);
 /* The topmost value, which is not a mark. */
 struct pickle_value *pickle_top(struct pickle_machine *m);
+/* The same, taken off the stack. */
 struct pickle_value *pickle_pop(struct pickle_machine *m);
 /* Index of the first value above the topmost mark; 0 and *m->err without. */
 size_t pickle_marked(struct pickle_machine *m);
@@ -88,6 +95,7 @@ size_t pickle_marked(struct pickle_machine *m);
 int pickle_move(struct pickle_machine *m, struct pickle_list *l, size_t from);
 /* Entry i of the memo is the topmost value; push entry i. */
 int pickle_memo_put(struct pickle_machine *m, uint64_t i);
+/* Push entry i of the memo. */
 int pickle_memo_get(struct pickle_machine *m, uint64_t i);
 
 /* pickle_read of a pickle inside of another, which may not hold a third. */
@@ -126,18 +134,23 @@ int pickle_read_again(struct pickle_machine *m, const struct pickle_value *s);
 /* A new, empty array. */
 struct pickle_value *pickle_make_array(struct pickle_machine *m);
 
-/* ---- PyTorch's constructors (pickle_torch.c) ------------------------------ */
+/* ---- PyTorch's constructors (pickle_torch.c) ---------------------------- */
 
+/* (storage, offset, size, stride, ..): a view of a storage. */
 struct pickle_value *pickle_torch_tensor(struct pickle_machine *m,
                                          const struct pickle_value *args);
+/* (bytes): a storage alone in PyTorch's older form, pickled as a string.  The
+ * number, the version and the machine are left unread. */
 struct pickle_value *pickle_torch_load(struct pickle_machine *m,
                                        const struct pickle_value *args);
+/* (tensor, ..): the tensor. */
 struct pickle_value *pickle_torch_parameter(struct pickle_machine *m,
                                             const struct pickle_value *args);
+/* (tuple): the tuple. */
 struct pickle_value *pickle_torch_size(struct pickle_machine *m,
                                        const struct pickle_value *args);
 
-/* ---- opcodes of constants (pickle_constant.c) ----------------------------- */
+/* ---- opcodes of constants (pickle_constant.c) --------------------------- */
 
 /* Each pushes a value of `kind`; n is the bytes of the number, or of the
  * length of the string, behind the opcode. */

@@ -41,6 +41,7 @@ struct ply_scene {
  * before anything is allocated; EX_DATAERR names file, property and index. */
 int ply_read(struct ply_scene *s, const char *path, bool turn,
              struct error *err);
+/* Free what it holds; zeroed then. */
 void ply_release(struct ply_scene *s);
 
 /* Evaluate the higher bands for an eye at that place (scene axes) into color

@@ -19,6 +19,8 @@ struct recordfile *recordfile_create_st(const char *path, struct error *err);
  * the next ones go to MOTN.exp.1.npy.  records.json lists the records. */
 struct recordfile *recordfile_create_npy(const char *dir, struct error *err);
 
+/* One more record: its row of the index, and its arrays.  -1 and *err when they
+ * cannot be written. */
 int recordfile_add(struct recordfile *w, const struct record *rec,
                    struct error *err);
 /* Complete the files; frees w. */
@@ -28,6 +30,7 @@ void recordfile_abandon(struct recordfile *w);     /* NULL is allowed */
 /* Hand every record of such a file or directory to sink. */
 int recordfile_read_st(const char *path, record_sink sink, void *context,
                        struct error *err);
+/* The same of a directory that recordfile_create_npy wrote. */
 int recordfile_read_npy(const char *dir, record_sink sink, void *context,
                         struct error *err);
 

@@ -15,6 +15,7 @@ enum st_dtype {
     ST_BOOL, ST_I16, ST_U16, ST_U32, ST_U64
 };
 
+/* Bytes of one number. */
 size_t st_dtype_size(enum st_dtype t);
 const char *st_dtype_name(enum st_dtype t);  /* "F32", as in the file */
 
@@ -35,7 +36,9 @@ struct safetensors *st_open(const char *path, struct error *err);
 void st_close(struct safetensors *st);          /* NULL is allowed */
 const char *st_path(const struct safetensors *st);
 
+/* How many tensors there are. */
 size_t st_count(const struct safetensors *st);
+/* The i-th of them from 0; NULL beyond the last. */
 const struct st_tensor *st_at(const struct safetensors *st, size_t i);
 const struct st_tensor *st_find(const struct safetensors *st,
                                 const char *name);     /* NULL: absent */
@@ -81,6 +84,7 @@ int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
  * NULL, fetch(context, i, err) gives the bytes of tensor i, valid until the
  * next call, or NULL and *err. */
 typedef const void *(*st_fetch)(void *context, size_t i, struct error *err);
+/* st_save with fetch for the tensors whose data is NULL. */
 int st_save_from(const char *path, const struct st_tensor *tensors,
                  size_t count, const char *const *meta, st_fetch fetch,
                  void *context, struct error *err);

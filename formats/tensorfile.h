@@ -44,7 +44,9 @@ const char *tensorfile_format(const struct tensorfile *f);
 /* XXH3 of all bytes, 128 bits in hex. */
 const char *tensorfile_hash(const struct tensorfile *f);
 
+/* How many tensors there are. */
 size_t tensorfile_count(const struct tensorfile *f);
+/* The i-th of them from 0; NULL beyond the last. */
 const struct tensorfile_tensor *tensorfile_at(const struct tensorfile *f,
                                               size_t i);
 /* Index of a tensor, or SIZE_MAX. */
@@ -57,7 +59,9 @@ const void *tensorfile_data(struct tensorfile *f, size_t i,
 /* Values that are no tensors: how many, and the name and kind ("text") of the
  * i-th of the first TENSORFILE_NOTED. */
 #define TENSORFILE_NOTED 64
+/* How many values are no tensors. */
 size_t tensorfile_others(const struct tensorfile *f);
+/* The name of the i-th of them, and its kind. */
 const char *tensorfile_other(const struct tensorfile *f, size_t i,
                              const char **kind);
 

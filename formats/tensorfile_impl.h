@@ -84,6 +84,7 @@ int tensorfile_storage(struct tensor_place *p, struct tensorfile *f,
 
 /* A zip archive of PyTorch's, whose tree is entry i; the older form. */
 int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err);
+/* The older form, whose first pickle ends at `used`. */
 int tensorfile_torch_legacy(struct tensorfile *f, size_t used,
                             struct error *err);
 

@@ -13,8 +13,8 @@ struct video_reader;
 /* Whether the name is a camera ("camera:N", "/dev/videoN") or the address of a
  * stream ("rtsp://..."): frames come when they come, and it has no end. */
 bool video_is_live(const char *path);
-/* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there, EX_DATAERR
- * when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4, MOV or
+/* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
+ * EX_DATAERR when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4, MOV or
  * Matroska file says; where it does not, BT.709 from 1280 columns or 577 rows
  * on.  bt601: BT.601 whatever it says. */
 struct video_reader *video_open(const char *path, bool bt601,
@@ -41,6 +41,7 @@ struct video_writer;
 struct video_writer *video_create(const char *path, size_t width,
                                   size_t height, double rate,
                                   struct error *err);
+/* One frame more, rgb (height,width,3). */
 int video_write(struct video_writer *v, const uint8_t *rgb,
                 struct error *err);
 /* Close, open again and count: -1 when the file cannot be read back. */

@@ -21,6 +21,7 @@ struct wavefront {
  * of fewer than three corners, no faces.  On failure *m is zeroed. */
 int wavefront_read(struct wavefront *m, const char *path, const char *group,
                    struct error *err);
+/* Free what it holds; zeroed then. */
 void wavefront_release(struct wavefront *m);
 
 /* Vertex i lies at sum_k weight[k] base[index[k]] + scale * offset. */
@@ -37,6 +38,7 @@ struct mhclo {
  * name: other counts, indices out of range, numbers that are not finite. */
 int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
                struct error *err);
+/* Free what it holds; zeroed then. */
 void mhclo_release(struct mhclo *m);
 
 /* out (n,3): the asset on base (nbase,3). */

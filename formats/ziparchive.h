@@ -24,7 +24,9 @@ struct ziparchive;
 struct ziparchive *ziparchive_open(const char *path, struct error *err);
 void ziparchive_close(struct ziparchive *z);     /* NULL is allowed */
 
+/* How many entries there are. */
 size_t ziparchive_count(const struct ziparchive *z);
+/* The name of the i-th, which lives as long as the archive. */
 const char *ziparchive_name(const struct ziparchive *z, size_t i);
 /* Unpacked bytes. */
 size_t ziparchive_size(const struct ziparchive *z, size_t i);

@@ -114,6 +114,7 @@ struct animate {
 int animate_init(struct animate *a, const struct animate_options *opt,
                  const struct identity *id, const struct baked *baked,
                  const struct densify *dense, struct error *err);
+/* Free what it holds; zeroed then. */
 void animate_release(struct animate *a);
 
 /* From the driver's frames (driver_start was called) to the sink, which stays
@@ -131,6 +132,7 @@ struct animate_picture {
     size_t side;
     const float *color, *alpha;
 };
+/* That of w's last frame, valid until the next one. */
 struct animate_picture animate_picture(const struct animate_worker *w);
 
 /* One frame of one worker, without reading and writing. */

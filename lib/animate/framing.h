@@ -32,6 +32,7 @@ struct framing {
 int framing_init(struct framing *f, struct animate_options *opt,
                  const struct framing_options *want,
                  const struct prepared *s, struct error *err);
+/* Free what it holds; zeroed then. */
 void framing_release(struct framing *f);
 
 #endif

@@ -45,9 +45,12 @@ struct inset_scratch {
  * window lies outside. */
 int inset_init(struct inset *s, const struct image *photo,
                const struct person *p, size_t side, struct error *err);
+/* Free what it holds; zeroed then. */
 void inset_release(struct inset *s);
+/* Memory for one thread's drawing into s. */
 int inset_scratch_init(struct inset_scratch *w, const struct inset *s,
                        struct error *err);
+/* Free what it holds; zeroed then. */
 void inset_scratch_release(struct inset_scratch *w);
 
 /* Where shoulders at pivot (3), head units, go between the source's camera

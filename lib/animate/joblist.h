@@ -20,6 +20,7 @@ struct joblist {
 /* "-" is standard input.  EX_DATAERR naming file and line when a line has not
  * three fields or two lines have the same output. */
 int joblist_read(struct joblist *l, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void joblist_release(struct joblist *l);
 
 #endif

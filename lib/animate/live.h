@@ -46,6 +46,7 @@ struct live {
     bool restart;               /* the next frame follows no other */
 };
 
+/* Start the thread on a source (borrowed) that ends when it ends. */
 int live_start(struct live *l, struct framesource *source,
                struct error *err);
 /* The same, but follow says how the source, which is owned from here on, comes

@@ -47,6 +47,7 @@ struct prepared {
  * the caller before. */
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err);
+/* Free what it holds; zeroed then. */
 void prepare_release(struct prepare *p);
 
 /* From a picture (mask: path or NULL), an identity or an avatar (a stream,
@@ -56,6 +57,7 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
 /* From s->person, whose parts were set and all else is 0: folded, baked and,
  * unless no_photo, textured.  On an error s is released. */
 int prepare_person(struct prepared *s, struct prepare *p, struct error *err);
+/* Free what it holds; zeroed then. */
 void prepared_release(struct prepared *s);
 
 /* Whether the file is a record stream: its first four letters say. */

@@ -29,6 +29,7 @@ void animate_report_times(double (*begin)(void),
  * (A100), with live the latency. */
 void animate_report_print(FILE *to, struct animate_report *r,
                           const struct prepared *s, bool stages, bool live);
+/* Free what it holds; zeroed then. */
 void animate_report_release(struct animate_report *r);
 
 #endif

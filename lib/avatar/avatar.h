@@ -104,6 +104,8 @@ int avatar_init(struct avatar *a, struct params *ps,
 /* After params_randomise: last layers small, biases such that an untrained
  * model draws opaque Gaussians about as large as their spacing. */
 void avatar_init_weights(struct avatar *a);
+/* Buffers for one source picture at the configured sizes, for inference or for
+ * training. */
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
 void avatar_update(struct avatar *a);   /* after every optimiser step */
 void avatar_release(struct avatar *a);
@@ -120,6 +122,7 @@ void avatar_drive(float *means, struct avatar *a, const float *verts,
  * (lib/geom/relative_pose.h), and back: dcam (3,4) is added to. */
 void avatar_relative_pose(float pose[RELATIVE_POSE_SIZE],
                           const struct avatar *a, const float cam[12]);
+/* dcam (3,4) += what dpose gives it. */
 void avatar_relative_pose_backward(float dcam[12],
                                    const float dpose[RELATIVE_POSE_SIZE],
                                    const struct avatar *a);

@@ -59,6 +59,7 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
 int baked_write(struct stream_writer *w, uint64_t frame, double time,
                 const struct baked *b, const float *means, const float *cam,
                 struct error *err);
+/* Free what it holds; zeroed then. */
 void baked_release(struct baked *b);
 
 /* Whether the Gaussians know their places in the source picture. */
@@ -85,8 +86,10 @@ struct baked_move {
                              * way behind the camera, from: 0 */
     float relative_pose[RELATIVE_POSE_SIZE];    /* of the head */
 };
+/* Memory for what moves of b in a frame.  EX_OSERR. */
 int baked_move_init(struct baked_move *m, const struct baked *b,
                     struct error *err);
+/* Free what it holds; zeroed then. */
 void baked_move_release(struct baked_move *m);
 
 /* One frame's mean, rigid motions and relative pose.  The mouth's Gaussians

@@ -22,11 +22,12 @@ struct baker {
 };
 
 /* Load the avatar's weights for head h (borrowed); `without` is enum
- * avatar_without (gagavatar: 0).  The model may be closed afterwards.  Errors name file,
- * tensor, expected and found shape; EX_CONFIG when the model was made for
- * another head. */
+ * avatar_without (gagavatar: 0).  The model may be closed afterwards.  Errors
+ * name file, tensor, expected and found shape; EX_CONFIG when the model was
+ * made for another head. */
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
                unsigned without, enum nn_type type, struct error *err);
+/* Free what it holds; zeroed then. */
 void baker_release(struct baker *b);
 
 /* Bake a person: fold the shape, pose the source, run the branches.  verts

@@ -43,6 +43,7 @@ float attribute_shift(float x, float s);
 float attribute_shift_backward(float dy, float x, float s);
 /* logit(x), x limited to [0.02, 0.98]; its derivative, 0 at the limits. */
 float attribute_logit(float x);
+/* dL/dx of it, given dL/dy; 0 where x was limited. */
 float attribute_logit_backward(float dy, float x);
 
 /* ---- the prior --------------------------------------------------------- */

@@ -13,6 +13,7 @@
 void coverage_map(float *C, const float *verts, size_t V,
                   const int32_t *faces, size_t F, const float cam[12],
                   size_t n, void *scratch);
+/* Bytes of scratch that maps of n x n need. */
 size_t coverage_scratch(size_t n);
 /* The fractions before the Gaussian. */
 void coverage_fraction(float *C, const float *verts, size_t V,

@@ -18,8 +18,11 @@ struct mesh_weights {
     size_t *mirror;         /* (V) the vertex across the face */
 };
 
+/* From h's skinning weights, directions and regions; the edges are d's.
+ * EX_OSERR. */
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err);
+/* Free what it holds; zeroed then. */
 void mesh_weights_release(struct mesh_weights *w);
 
 #endif

@@ -54,9 +54,12 @@ int mouth_branch_init(struct mouth_branch *b, struct params *ps,
 /* After params_randomise: see avatar_init_weights. */
 void mouth_branch_init_weights(struct params *ps,
                                const struct avatar_config *c);
+/* Buffers for the configured K x K sheet. */
 int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
                       struct error *err);
+/* The weights in ps changed. */
 void mouth_branch_update(struct mouth_branch *b);
+/* Free what it holds; zeroed then. */
 void mouth_branch_release(struct mouth_branch *b);
 
 /* out: all K*K Gaussians (nothing but lips and cap when out->n is 0), from

@@ -30,6 +30,7 @@ struct mover {
 /* Read the avatar.  -1 and *err when the file has none. */
 int mover_open(struct mover *m, const char *path,
                const struct mover_options *opt, struct error *err);
+/* Free what it holds; zeroed then. */
 void mover_release(struct mover *m);
 
 /* Answer a record: a MESH with the avatar's GAUS (once) and a GMOV, anything

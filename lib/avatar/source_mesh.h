@@ -40,6 +40,7 @@ struct source_mesh {
 int source_mesh_init(struct source_mesh *m, const struct head *h,
                      const struct mesh_weights *weights, size_t n,
                      struct error *err);
+/* Free what it holds; zeroed then. */
 void source_mesh_release(struct source_mesh *m);
 
 /* Take posed vertices (V,3) and those of the same face at rest (V,3, or NULL:

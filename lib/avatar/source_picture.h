@@ -23,6 +23,7 @@ struct source_picture {
 /* Memory for pictures of size x size. */
 int source_picture_init(struct source_picture *p, size_t size,
                         struct error *err);
+/* Free what it holds; zeroed then. */
 void source_picture_release(struct source_picture *p);
 
 /* Take rgb (S,S,3) and matte (S,S; NULL: all is the person); pad: run the

@@ -56,9 +56,12 @@ int static_branch_init(struct static_branch *b, struct params *ps,
 /* After params_randomise: see avatar_init_weights. */
 void static_branch_init_weights(struct params *ps,
                                 const struct avatar_config *c);
+/* Buffers for the configured n x n plane. */
 int static_branch_plan(struct static_branch *b, struct nn_options opt,
                        struct error *err);
+/* The weights in ps changed. */
 void static_branch_update(struct static_branch *b);
+/* Free what it holds; zeroed then. */
 void static_branch_release(struct static_branch *b);
 
 /* out: all n*n Gaussians and their neck weights (nothing when out->n is 0),

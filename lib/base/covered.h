@@ -18,6 +18,7 @@ struct covered {
  * -1 when there is no memory. */
 int covered_find(struct covered *c, const void *image, const float *alpha,
                  size_t n, size_t bytes);
+/* Free what it holds; zeroed then. */
 void covered_release(struct covered *c);
 
 /* The way back: image (n pixels) <- count packed ones, and zeros between.

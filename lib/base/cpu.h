@@ -19,6 +19,7 @@ enum cpu_level { CPU_BASELINE, CPU_AVX2, CPU_AVX512 };
  * ("baseline", "avx2", "avx512") so that tests can run every version. */
 enum cpu_level cpu_level(void);
 
+/* As $SPID_CPU writes it. */
 const char *cpu_level_name(enum cpu_level level);
 
 /* Marketing name of the processor from /proc/cpuinfo, or "unknown". */

@@ -6,8 +6,11 @@
 
 /* IEEE half and bfloat16 conversions, round to nearest even. */
 float half_to_float(uint16_t h);
+/* To the nearest IEEE half, ties to even; too large is infinity. */
 uint16_t float_to_half(float f);
+/* Exact: a bfloat16 is the upper half of a float. */
 float bf16_to_float(uint16_t h);
+/* To the nearest bfloat16, ties to even. */
 uint16_t float_to_bf16(float f);
 
 #endif

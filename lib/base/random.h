@@ -21,9 +21,11 @@ struct random {
 /* Sequence for seed and name; sub-sequences by random_init(r, key, name). */
 void random_init(struct random *r, uint64_t seed, const char *name);
 
+/* All 64 bits; every other draw is made of this one. */
 uint64_t random_u64(struct random *r);
 double random_uniform(struct random *r);                 /* [0,1) */
 double random_range(struct random *r, double lo, double hi);
+/* The same as random_range, rounded to float. */
 float random_float(struct random *r, double lo, double hi);
 double random_normal(struct random *r);                  /* N(0,1) */
 uint32_t random_below(struct random *r, uint32_t n);     /* 0..n-1, n > 0 */

@@ -44,7 +44,9 @@ struct bench {
     size_t notes_length;
 };
 
+/* No rows yet; one thread, 20 seconds. */
 void bench_init(struct bench *b);
+/* Free what it holds; zeroed then. */
 void bench_release(struct bench *b);
 
 /* Times of repeated calls, milliseconds. */
@@ -77,6 +79,8 @@ int bench_levels(struct bench *b, const char *stage, struct error *err);
  * earlier one of the same name. */
 void bench_note(struct bench *b, const char *format, ...)
     __attribute__((format(printf, 2, 3)));
+/* A number for the JSON's "fps" or "ms", in place of an earlier one of the
+ * same name. */
 void bench_number(struct bench *b, const char *object, const char *key,
                   double value);
 
@@ -85,6 +89,7 @@ void bench_number(struct bench *b, const char *object, const char *key,
 struct bench_line {
     double at_zero, slope, r2;
 };
+/* Of n points, n > 1. */
 struct bench_line bench_fit(const double *x, const double *y, size_t n);
 
 /* Greatest difference, and PSNR with a peak of 1, of n values. */
@@ -95,7 +100,9 @@ void bench_compare(double *max_abs, double *psnr_db, const float *x,
  * for people (with the paper's figures beside ours when the pipeline was
  * timed), one JSON object, or a row per line with tabs between. */
 char *bench_table(const struct bench *b);
+/* One JSON object. */
 char *bench_json(const struct bench *b);
+/* A row per line with tabs between. */
 char *bench_tsv(const struct bench *b);
 
 /* A gnuplot script, as text the caller frees, that draws the rows with an
@@ -106,17 +113,25 @@ char *bench_plot(const struct bench *b, const char *file, struct error *err);
 
 /* ---- the stages ---------------------------------------------------------- */
 
+/* The rasteriser on a scene, with every knob beside the error it costs. */
 int bench_splat(struct bench *b, struct error *err);
+/* Records of Gaussians and of motions, written and read. */
 int bench_stream(struct bench *b, struct error *err);
+/* The crop, E_m in its precisions, and its heads. */
 int bench_motion(struct bench *b, struct error *err);
+/* E_beta in its precisions, and the rest of Phase A. */
 int bench_shape(struct bench *b, struct error *err);
 int bench_phase_a(struct bench *b, struct error *err);   /* shape's part */
 int bench_refine(struct bench *b, struct error *err);
+/* Head meshes: posing one, with every direction active. */
 int bench_flame(struct bench *b, struct error *err);
+/* Baking a person, and what a frame of Phase B moves. */
 int bench_branches(struct bench *b, struct error *err);
+/* The whole of Phase B as spid animate runs it, SpiD and SpiD*. */
 int bench_pipeline(struct bench *b, struct error *err);
 /* A process of spid-animate, up to its first frame. */
 int bench_start(struct bench *b, struct error *err);
+/* Training steps of encoder, refiner and the whole system, in parts. */
 int bench_train(struct bench *b, struct error *err);
 /* The public system that SpiD builds on, at its size. */
 int bench_gagavatar(struct bench *b, struct error *err);

@@ -37,6 +37,7 @@ struct bench_person {
 /* The clip and the head, no avatar yet.  EX_NOINPUT without a model. */
 int bench_person_open(struct bench_person *p, struct bench *b,
                       struct error *err);
+/* Free what it holds. */
 void bench_person_close(struct bench_person *p);
 
 /* The model's weights, on the paper's grid: 296 and 32. */

@@ -20,6 +20,7 @@ int testscene_make(struct testscene *t, size_t n, uint64_t seed,
 /* A .safetensors file with mean, scale, quat, opacity, color (N,C), cam;
  * missing channels up to 32 are filled with uniform numbers in -0.5..0.5. */
 int testscene_load(struct testscene *t, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void testscene_release(struct testscene *t);
 
 /* What makes rasterisers slow or wrong. */
@@ -27,6 +28,7 @@ enum testscene_hard {
     HARD_NEEDLES, HARD_ZERO_SCALE, HARD_OPACITY, HARD_NEAR, HARD_STACK,
     HARD_QUATERNIONS, HARD_HUGE, HARD_TIES, HARD_COUNT
 };
+/* In words, for rows of a table. */
 const char *testscene_hard_name(enum testscene_hard kind);
 /* Turn an ordinary scene into a hard one, in place. */
 void testscene_harden(struct testscene *t, enum testscene_hard kind,

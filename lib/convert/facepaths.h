@@ -25,6 +25,7 @@ struct face_paths;
 /* NULL and *err when memory is short. */
 struct face_paths *face_paths_open(const struct face_mesh *m,
                                    struct error *err);
+/* NULL is allowed. */
 void face_paths_close(struct face_paths *p);
 
 /* Vertices from landmark to landmark along the shortest edges, a ring when

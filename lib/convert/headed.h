@@ -22,6 +22,7 @@ struct headed {
  * own.  After a failure headed_release, too. */
 int headed_open(struct headed *h, const char *model, const char *from,
                 const char *to, struct error *err);
+/* Free what it holds; zeroed then. */
 void headed_release(struct headed *h);
 
 /* Add both encoders, with the map multiplied into their last layers. */

@@ -1,3 +1,6 @@
+/* What a tracker's crop shows when it has lost its face: another place of the
+ * picture, a face too large or small, one lying down.  Each is drawn from a
+ * person's own pictures, as often as the others. */
 #include "lib/data/astray.h"
 
 #include <math.h>

@@ -13,8 +13,10 @@ struct contact_sheet {
     uint8_t *rgb;           /* (rows*side, cols*side, 3) */
 };
 
+/* rows x cols cells of side x side pixels, black. */
 int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
                        size_t side, struct error *err);
+/* Free what it holds. */
 void contact_sheet_release(struct contact_sheet *s);
 
 /* Put rgb (side,side,3), values clamped to [0,1], into a place; with alpha

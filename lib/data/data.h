@@ -47,6 +47,7 @@ struct data_person {
     struct data_frame *frame;
 };
 
+/* Free what it holds; zeroed then. */
 void data_person_release(struct data_person *p);
 
 /* ---- reading ----------------------------------------------------------- */
@@ -59,11 +60,13 @@ struct data_reader;
  * are borrowed.  NULL when there is no file. */
 struct data_reader *data_open(const char *const *names, size_t count,
                               double margin, struct error *err);
+/* NULL is allowed. */
 void data_close(struct data_reader *r);
 /* From here on, fn says what shape every person read has; an error of its is
  * data_next's. */
 typedef int data_shape_fn(void *ctx, struct data_person *p,
                           struct error *err);
+/* fn and ctx are borrowed until data_close. */
 void data_reshape(struct data_reader *r, data_shape_fn *fn, void *ctx);
 
 /* The next person with at least one frame into *p (empty before).  -1 when
@@ -90,6 +93,7 @@ struct data_pool {
 /* Fill the pool so that `read` people (at least size) have passed. */
 int data_pool_init(struct data_pool *pool, struct data_reader *reader,
                    size_t size, uint64_t read, struct error *err);
+/* Free what it holds. */
 void data_pool_release(struct data_pool *pool);
 /* Read on until `read` people have passed. */
 int data_pool_advance(struct data_pool *pool, uint64_t read,

@@ -33,6 +33,7 @@ struct likeness {
 int likeness_init(struct likeness *l, const char *weights,
                   const struct model *model, const struct head *head,
                   struct error *err);
+/* Free what it holds; zeroed then. */
 void likeness_release(struct likeness *l);
 
 /* Forget the clips; source (may be NULL) is a picture of the person that
@@ -47,6 +48,7 @@ int likeness_embed(struct likeness *l, int k, const uint8_t *rgb, size_t W,
 /* Cosine of clip 1 with clip 0, and with the source (NaN without one), after
  * both frames were embedded. */
 double likeness_pair(const struct likeness *l);
+/* Of clip 1 with the source; NaN without one. */
 double likeness_source(const struct likeness *l);
 
 /* The similarity M (2,3), from aligned to picture pixels, that takes the five

@@ -1,35 +1,17 @@
 /* Reading a list of pairs. */
 #include "lib/eval/pairs.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
+
+#define PAIRS_LARGEST ((size_t)16 << 20)        /* of a list, bytes */
+
 enum { FIELD_NAME, FIELD_KIND, FIELD_TRUTH, FIELD_RESULT, FIELD_PROTOCOL,
        FIELD_SOURCE, FIELDS };
-
-/* The whole file as a string; NULL and *err. */
-static char *pairs_text(const char *path, struct error *err)
-{
-    FILE *f = fopen(path, "r");
-    char *text = NULL;
-    size_t room = 0;
-
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
-        return NULL;
-    }
-    if (getdelim(&text, &room, 0, f) < 0) {
-        free(text);
-        text = ferror(f) ? NULL : strdup("");
-        if (!text)
-            error_set(err, EX_IOERR, "%s: cannot be read", path);
-    }
-    fclose(f);
-    return text;
-}
 
 /* One line into a pair. */
 static int pairs_parse(struct pair *p, char *line, const char *path,
@@ -80,7 +62,7 @@ int pairs_read(struct pairs *p, const char *path, struct error *err)
     int rc = 0;
 
     memset(p, 0, sizeof *p);
-    p->text = pairs_text(path, err);
+    p->text = file_read_text(path, PAIRS_LARGEST, err);
     if (!p->text)
         return -1;
     for (rest = p->text; rc == 0 && (line = strsep(&rest, "\n"));) {

@@ -26,6 +26,7 @@ struct pairs {
  * any, protocol and source; empty lines and those that begin with # are
  * skipped.  EX_DATAERR naming file and line; a list without pairs is one. */
 int pairs_read(struct pairs *p, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void pairs_release(struct pairs *p);
 
 /* What is explained under a table, as bits: protocols, and the null line. */

@@ -45,7 +45,7 @@ static const struct {
 } ablation[] = {
     {"w/o dynamic", WITHOUT_DYNAMIC}, {"w/o static", WITHOUT_STATIC},
     {"w/o mouth", WITHOUT_MOUTH},     {"w/o interp", WITHOUT_INTERP},
-    {"w/o deform", WITHOUT_DEFORM},   {"w/o bend", WITHOUT_NECK},
+    {"w/o deform", WITHOUT_DEFORM},   {"w/o neck", WITHOUT_NECK},
 };
 
 /* A value into a cell. */

@@ -71,6 +71,7 @@ struct reenactor {
  * one it was trained with. */
 int reenactor_init(struct reenactor *r, const struct model *m,
                    const struct head *head, struct error *err);
+/* Free what it holds; zeroed then. */
 void reenactor_release(struct reenactor *r);
 
 /* Phase A: shape, motion and bake of a source frame, which holds its whole

@@ -32,12 +32,15 @@ struct table {
 
 enum table_format { TABLE_TEXT, TABLE_TSV, TABLE_JSON, TABLE_LATEX };
 
+/* No rows and no columns yet; it cannot fail. */
 void table_init(struct table *t);
+/* Free what it holds; zeroed then. */
 void table_release(struct table *t);
 
 /* Index of the column or row of that name, made when new.  A row index of
  * TABLE_NO_ROW: memory is short; a column of that index: there are too many. */
 size_t table_column(struct table *t, const char *name, int better);
+/* The same for a row. */
 size_t table_row(struct table *t, const char *name);
 
 /* Add a value; one that is not finite counts as failed. */

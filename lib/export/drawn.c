@@ -106,9 +106,9 @@ static double drawn_psnr(double *worst, const float *a, const float *b)
 }
 
 /* Draw the file's Gaussians g and the scene's; fill d's row of this format. */
-static int drawn_judge(struct drawn *d, enum drawn_format format,
-                       const char *path, const struct gaussians *g,
-                       const struct scene *s, struct error *err)
+static int drawn_measure(struct drawn *d, enum drawn_format format,
+                         const char *path, const struct gaussians *g,
+                         const struct scene *s, struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     float *own = malloc(2 * n * sizeof *own), *other = own + n;
@@ -158,7 +158,7 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
         rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
                        "(expected %zu)", path, b.g.n, s->g.n);
     if (rc == 0)
-        rc = drawn_judge(d, format, path, &b.g, s, err);
+        rc = drawn_measure(d, format, path, &b.g, s, err);
     back_release(&b);
     return rc;
 }
@@ -193,9 +193,9 @@ static int draw_mesh(float *image, const float *verts, const float *around,
 
 /* The mesh read back (metres) against our own vertices: metres, and both
  * drawn. */
-static int drawn_judge_mesh(struct drawn_head *d, const char *path,
-                            const float *back, const float *own,
-                            const struct head *h, struct error *err)
+static int drawn_measure_mesh(struct drawn_head *d, const char *path,
+                              const float *back, const float *own,
+                              const struct head *h, struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     float *image = malloc(2 * n * sizeof *image);
@@ -244,7 +244,7 @@ int drawn_head_compare(struct drawn_head *d, const char *path,
         rc = memcmp(faces, h->f, 3 * h->F * sizeof *faces)
                  ? error_set(err, EX_SOFTWARE, "%s: the faces read back are "
                              "others", path)
-                 : drawn_judge_mesh(d, path, back, verts, h, err);
+                 : drawn_measure_mesh(d, path, back, verts, h, err);
     free(back);
     free(faces);
     return rc;

@@ -48,6 +48,7 @@ struct export {
  * options need it. */
 int export_init(struct export *x, const struct export_options *opt,
                 const char *head_path, struct error *err);
+/* Free what it holds. */
 void export_release(struct export *x);
 
 /* True when the options need the head model. */

@@ -45,6 +45,7 @@ struct export_head {
 int export_head_init(struct export_head *e, const struct identity *id,
                      const struct export_head_options *opt,
                      struct error *err);
+/* Free what it holds; zeroed then. */
 void export_head_release(struct export_head *e);
 
 /* Texture from the source picture: texture coordinates are the projections of

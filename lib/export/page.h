@@ -36,6 +36,7 @@ struct page {
 
 /* nexp: expression directions of the head.  A zeroed page may be released. */
 void page_init(struct page *p, size_t nexp);
+/* Free what it holds; zeroed then. */
 void page_release(struct page *p);
 
 /* Take a GAUS, MOTN, GMOV or MESH record, the avatar or one frame of the

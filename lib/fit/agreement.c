@@ -1,3 +1,5 @@
+/* Measures of labels and of the fitted head beside each other; correlation and
+ * slope of what varies within a clip. */
 #include "lib/fit/agreement.h"
 
 #include <math.h>

@@ -1,3 +1,5 @@
+/* The rounds of the fit: which step follows which (face_fit.h), people in
+ * parallel, and where cameras and windows start. */
 #include "lib/fit/face_fit.h"
 
 #include <math.h>

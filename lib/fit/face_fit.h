@@ -57,6 +57,7 @@ struct face_fit {
 /* Windows, priors and first cameras for sorted labels, which are borrowed. */
 int face_fit_init(struct face_fit *f, const struct face_points *p,
                   const struct labels *l, struct error *err);
+/* Free what it holds; zeroed then. */
 void face_fit_release(struct face_fit *f);
 /* One round of all steps. */
 int face_fit_round(struct face_fit *f, struct error *err);
@@ -81,14 +82,26 @@ void fit_points(double x[LANDMARK_FACE][3], const struct face_fit *f,
 void fit_project(double uv[2], double j[2][3], double pose[2][6],
                  const struct fit_frame *frame, const double x[3]);
 
+/* Gauss-Newton steps on rotation and translation of a frame, its expression
+ * held. */
 void fit_pose(const struct face_fit *f, const struct fit_person *p,
               struct fit_frame *frame, int steps);
+/* Ridge regression of the person's shape over its frames: expressions are held,
+ * poses are free. */
 int fit_identity(struct face_fit *f, struct fit_person *p, struct error *err);
+/* f->offset: where on the head each labelled point really lies, the same for
+ * everybody, from what is left over in all frames. */
 int fit_offsets(struct face_fit *f, struct error *err);
+/* A frame's expression by bounded least squares with the labelled blendshapes
+ * as prior, its pose held. */
 int fit_expression(const struct face_fit *f, const struct fit_person *p,
                    struct fit_frame *frame, struct error *err);
+/* Each person's place of the iris points beside the pupils, drawn towards
+ * everybody's mean. */
 void fit_iris(struct face_fit *f);
+/* Both eyes of a frame towards its iris points. */
 void fit_gaze(const struct fit_person *p, struct fit_frame *frame);
+/* Blinks and wide eyes of a frame, from the gaps between its lid points. */
 void fit_lids(const struct face_fit *f, const struct fit_person *p,
               struct fit_frame *frame);
 /* The opening of a lid of points xy, (n,2), along `down`: mean of four gaps,

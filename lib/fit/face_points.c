@@ -1,3 +1,5 @@
+/* Each landmark's place on our skin, found by the vertex of the scans that it
+ * means, with its own rows of the blendshapes: all that the fit looks at. */
 #include "lib/fit/face_points.h"
 
 #include <math.h>
@@ -82,7 +84,7 @@ static void face_displacement(float *d, const struct identity *id, int k)
 }
 
 /* Whether a triangle is of the skin. */
-static int face_is_skin(const struct head *h, const int32_t *f)
+static bool face_is_skin(const struct head *h, const int32_t *f)
 {
     for (int k = 0; h->region && k < 3; k++)
         if (h->region[f[k]] == REGION_EYEBALL ||

@@ -46,7 +46,7 @@ int landmark_map_read(struct landmark_map *m, const char *path,
 int face_points_init(struct face_points *p, const struct head *head,
                      const struct scan *scan, const struct landmark_map *m,
                      struct error *err);
-void face_points_release(struct face_points *p);    /* a zeroed one is allowed */
+void face_points_release(struct face_points *p);    /* may be zeroed */
 
 /* A person's: identity folded in. */
 struct face_own {
@@ -54,6 +54,7 @@ struct face_own {
     double lid[2][LANDMARK_FACE][3];
     double joint[2][3], pupil[2][3];
 };
+/* beta: standard deviations. */
 void face_points_fold(struct face_own *o, const struct face_points *p,
                       const double beta[FACE_SHAPES]);
 

@@ -13,7 +13,7 @@
 #define FIT_ENOUGH 5            /* frames of a person that add up */
 #define FIT_TOLD 12             /* frames that are looked at */
 #define FIT_LIVELY 0.4          /* weight of a frame that is not calm */
-#define FIT_OWN 0.5             /* ridge of a person's offsets, of everyone's: */
+#define FIT_OWN 0.5             /* ridge of a person's offsets, everyone's: */
 #define FIT_COMMON 2.0          /* in points seen from the front */
 
 /* ---- identity ------------------------------------------------------------ */

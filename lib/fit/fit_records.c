@@ -1,3 +1,5 @@
+/* One person after the other as the streams of spid-synth are: who, then each
+ * frame's motion and picture. */
 #include "lib/fit/fit_records.h"
 
 #include <stdio.h>

@@ -1,3 +1,4 @@
+/* Reading the labels' files, and sorting their rows by person, clip and frame. */
 #include "lib/fit/labels.h"
 
 #include <cjson/cJSON.h>

@@ -43,6 +43,7 @@ int labels_read(struct labels *l, const char *path, const char *except,
  * there is no label. */
 int labels_sort(struct labels *l, const char *const (*same)[2], size_t nsame,
                 struct error *err);
+/* Free what it holds; zeroed then. */
 void labels_release(struct labels *l);
 
 #endif

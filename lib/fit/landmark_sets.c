@@ -1,3 +1,4 @@
+/* The lists of landmark_sets.h: numbers of MediaPipe's face mesh. */
 #include "lib/fit/landmark_sets.h"
 
 const int landmark_lid[2][LANDMARK_LID] = {

@@ -18,7 +18,7 @@ extern const int landmark_brow[LANDMARK_BROW];
 extern const int landmark_box[LANDMARK_BOX];        /* brows, cheeks, chin: the
                                                      * extent of the 68 */
 extern const int landmark_iris[2];                  /* centres */
-extern const int landmark_corner[2][2];             /* of an eye: outer, inner */
+extern const int landmark_corner[2][2];      /* of an eye: outer, inner */
 extern const int landmark_upper[2][LANDMARK_GAP];   /* lid middles */
 extern const int landmark_lower[2][LANDMARK_GAP];   /* those below them */
 

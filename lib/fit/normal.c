@@ -1,9 +1,13 @@
+/* Cholesky's decomposition of the normal equations, and the bounded solution
+ * by coordinate descent. */
 #include "lib/fit/normal.h"
 
 #include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
+
+#include "lib/geom/cholesky.h"
 
 #define NORMAL_PIVOT 1e-12
 #define NORMAL_SWEEPS 200
@@ -77,29 +81,8 @@ void normal_reduce(struct normal *to, struct normal *e, double weight)
 
 void normal_solve(double *x, struct normal *e)
 {
-    const size_t n = e->n;
-    double *a = e->a;
-
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j <= i; j++) {
-            double s = a[i * n + j];
-
-            for (size_t k = 0; k < j; k++)
-                s -= a[i * n + k] * a[j * n + k];
-            a[i * n + j] = i == j ? sqrt(fmax(s, NORMAL_PIVOT))
-                                  : s / a[j * n + j];
-        }
-    memmove(x, e->b, n * sizeof *x);
-    for (size_t i = 0; i < n; i++) {
-        for (size_t k = 0; k < i; k++)
-            x[i] -= a[i * n + k] * x[k];
-        x[i] /= a[i * n + i];
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t k = i + 1; k < n; k++)
-            x[i] -= a[k * n + i] * x[k];
-        x[i] /= a[i * n + i];
-    }
+    memmove(x, e->b, e->n * sizeof *x);
+    cholesky_solve(x, e->a, e->n);
 }
 
 /* Row k of a times x. */

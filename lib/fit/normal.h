@@ -14,13 +14,17 @@ struct normal {
     double *a, *b;
 };
 
+/* Equations in n unknowns, all zero. */
 int normal_init(struct normal *e, size_t n, struct error *err);
+/* Free what it holds; zeroed then. */
 void normal_release(struct normal *e);
+/* Zero again, for other rows. */
 void normal_clear(struct normal *e);
 
 /* One row (n) more; or a prior: x_k is about value. */
 void normal_add(struct normal *e, const double *row, double weight,
                 double value);
+/* x_k is about value, as much as a row of this weight would say. */
 void normal_prior(struct normal *e, size_t k, double weight, double value);
 
 /* What e says about its first to->n unknowns when the others are left free

@@ -1,3 +1,5 @@
+/* Window, matte and resizing of a labelled picture, with what the matting
+ * leaves out grown back. */
 #include "lib/fit/portrait.h"
 
 #include <stdlib.h>

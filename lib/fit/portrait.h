@@ -19,7 +19,9 @@ struct portrait {
     uint8_t *scratch;           /* silhouette, inside */
 };
 
+/* Memory for portraits of size x size. */
 int portrait_init(struct portrait *p, size_t size, struct error *err);
+/* Free what it holds; zeroed then. */
 void portrait_release(struct portrait *p);
 
 /* Fill rgb, mask and back from the window of a picture rgb (H,W,3).  The mask is

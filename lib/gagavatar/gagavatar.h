@@ -58,6 +58,7 @@ int gagavatar_init_refiner(struct refiner *r, struct params *ps,
                            struct error *err);
 /* After params_allocate; inference only. */
 int gagavatar_plan(struct gagavatar *g, enum nn_type type, struct error *err);
+/* Free what it holds; zeroed then. */
 void gagavatar_release(struct gagavatar *g);
 
 /* Fill g->set from the source picture rgb (S,S,3) in [0,1] and its camera;

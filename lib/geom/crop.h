@@ -31,6 +31,7 @@ struct square window_from_crop(struct square crop);
 /* The same square seen from inside window, whose side becomes S pixels; and
  * back.  Points follow the same rule. */
 struct square square_into(struct square q, struct square window, double S);
+/* And back out of the window. */
 struct square square_out_of(struct square q, struct square window, double S);
 /* inside [n,n] = 255 where the square's n x n pixels lie in a picture of W x H,
  * 0 beyond its border. */
@@ -43,6 +44,7 @@ void square_inside(uint8_t *inside, size_t n, size_t W, size_t H,
  * for the derivation and what is neglected. */
 void crop_translation(double t[3], const double tnet[3], struct square crop,
                       double S, double focal);
+/* What the network would have said, from t. */
 void crop_translation_inverse(double tnet[3], const double t[3],
                               struct square crop, double S, double focal);
 /* Gradient: adds to gtnet[3] and gcrop[3] (x, y, size) from gt = dL/dt. */

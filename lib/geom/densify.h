@@ -17,6 +17,7 @@ struct densify {
 /* From faces (F,3) with indices under V. */
 int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
                  struct error *err);
+/* Free what it holds; zeroed then. */
 void densify_release(struct densify *d);
 
 /* out (V+E,C) = x (V,C), then the mean of the ends of every edge. */

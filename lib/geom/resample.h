@@ -28,6 +28,7 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
  * picture's pixels. */
 void affine_grid(float *grid, const float *theta, size_t B, size_t h,
                  size_t w, bool align);
+/* gtheta [B,2,3] += what ggrid gives it. */
 void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
                           size_t h, size_t w, bool align);
 
@@ -47,10 +48,12 @@ struct resize;
 struct resize *resize_plan(enum resize_kind kind, size_t H, size_t W,
                            size_t h, size_t w, double scale_y,
                            double scale_x);
+/* NULL is allowed. */
 void resize_release(struct resize *r);
 
 /* out [B,h,w,C] from x [B,H,W,C]; tmp holds resize_scratch floats. */
 size_t resize_scratch(const struct resize *r, size_t C);
+/* out [B,h,w,C] from x [B,H,W,C]. */
 void resize_forward(const struct resize *r, float *out, const float *x,
                     size_t B, size_t C, float *tmp);
 /* Adds to gx from gout. */

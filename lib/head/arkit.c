@@ -55,7 +55,7 @@ int arkit_find(int component[2], const char *name)
     return n;
 }
 
-int arkit_is_rig(int k)
+bool arkit_is_rig(int k)
 {
     return (k >= ARKIT_EYE_BLINK_L && k <= ARKIT_EYE_LOOK_UP_R) ||
            k == ARKIT_JAW_LEFT || k == ARKIT_JAW_OPENED ||

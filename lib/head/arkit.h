@@ -14,6 +14,8 @@
 #ifndef SPID_HEAD_ARKIT_H
 #define SPID_HEAD_ARKIT_H
 
+#include <stdbool.h>
+
 #define ARKIT_COUNT 53
 #define ARKIT_EXP 100           /* expression components of a motion */
 
@@ -64,7 +66,7 @@ int arkit_find(int component[2], const char *name);
 
 /* Whether component k is a joint's or a lid's, and so a zero shape among the
  * expression directions. */
-int arkit_is_rig(int k);
+bool arkit_is_rig(int k);
 
 /* The motion of weights w (ARKIT_COUNT).  exp (nexp): components, 0 beyond
  * ARKIT_COUNT.  jaw and eye (left, right) axis-angle; lid left, right. */

@@ -54,7 +54,7 @@ void compare_scan(float *verts, const struct scan *s, const float *identity,
         verts[i] *= scale;
 }
 
-/* ---- which vertices count ------------------------------------------------- */
+/* ---- which vertices count ----------------------------------------------- */
 
 enum { FACE, LIDS, LIPS, REST };
 

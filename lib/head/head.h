@@ -28,6 +28,7 @@
 #ifndef SPID_HEAD_HEAD_H
 #define SPID_HEAD_HEAD_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -138,7 +139,7 @@ void head_direction(float *out, const struct head *h, const float *dirs,
 /* Whether the expression components are ARKit's shapes in lib/head/arkit.h's
  * order: places 0 to 52 are there and exactly those of joints and lids are
  * zero shapes. */
-int head_has_arkit(const struct head *h);
+bool head_has_arkit(const struct head *h);
 
 /* How much of the jaw's turn vertex v makes, 0 to 1: its skinning weight or,
  * where no vertex has one (head->jaw_shape), by its pose corrections. */
@@ -165,6 +166,7 @@ struct head_mouth {
     float gap;          /* mean vertical opening of the inner ring */
     float chin[3];      /* the chin's centroid */
 };
+/* Of posed vertices verts (V,3); a head without mouth lists gives zeros. */
 void head_mouth(struct head_mouth *m, const struct head *h,
                 const float *verts);
 

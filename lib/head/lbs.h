@@ -42,6 +42,7 @@ struct head_motion_grad {
  * too large or memory is short.  The identity borrows h. */
 int head_fold(struct identity *id, const struct head *h, const float *beta,
               size_t nbeta, struct error *err);
+/* Free what it holds; zeroed then. */
 void identity_release(struct identity *id);
 
 /* verts (V,3) out: driven vertices, head units.  One core, no allocation;

@@ -35,6 +35,7 @@ struct head_map {
 int head_map_init(struct head_map *m, const struct head *from,
                   const struct head *to, size_t nexp, size_t nshape,
                   struct error *err);
+/* Free what it holds; zeroed then. */
 void head_map_release(struct head_map *m);
 
 /* Numbers per vertex, carried over: out (to->V,width) from in

@@ -18,7 +18,7 @@ void head_direction(float *out, const struct head *h, const float *dirs,
 }
 
 /* Whether expression direction k moves nothing. */
-static int direction_is_zero(const struct head *h, size_t k)
+static bool direction_is_zero(const struct head *h, size_t k)
 {
     for (size_t b = 0; b < h->blocks; b++) {
         const float *d = h->exp_dirs + (b * h->nexp + k) * 3 * HEAD_BLOCK;
@@ -30,7 +30,7 @@ static int direction_is_zero(const struct head *h, size_t k)
     return 1;
 }
 
-int head_has_arkit(const struct head *h)
+bool head_has_arkit(const struct head *h)
 {
     if (h->nexp < ARKIT_COUNT)
         return 0;

@@ -24,6 +24,7 @@ struct head_mirror {
  * when memory is short. */
 int head_mirror_shape(struct head_mirror *m, const struct head *h,
                       struct error *err);
+/* The same of expression directions. */
 int head_mirror_exp(struct head_mirror *m, const struct head *h,
                     struct error *err);
 

@@ -118,7 +118,7 @@ void nearest_release(struct nearest *t)
     memset(t, 0, sizeof *t);
 }
 
-static double dot3(const double a[3], const double b[3])
+static double nearest_dot(const double a[3], const double b[3])
 {
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 }
@@ -144,7 +144,7 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
 
     for (int i = 0; i < 3; i++)
         for (int j = 0; j < 3; j++)
-            d[i][j] = dot3(x[i], x[j]);
+            d[i][j] = nearest_dot(x[i], x[j]);
     /* minimise |x0 + s e1 + t e2|^2 */
     double a = d[1][1] - 2 * d[0][1] + d[0][0];
     double b = d[1][2] - d[0][1] - d[0][2] + d[0][0];
@@ -196,7 +196,7 @@ static void try_face(struct nearest_hit *hit, const struct nearest *t,
         }
         double n[3] = {u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2],
                        u[0] * v[1] - u[1] * v[0]};
-        if (dot3(n, normal) < least * sqrt(dot3(n, n)))
+        if (nearest_dot(n, normal) < least * sqrt(nearest_dot(n, n)))
             return;
     }
     hit->face = face;

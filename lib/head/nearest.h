@@ -26,8 +26,10 @@ struct nearest_hit {
     double bary[3], at[3], square;
 };
 
+/* Over faces (nf,3) of verts (.,3), which are borrowed. */
 int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
                  size_t nf, struct error *err);
+/* Free what it holds; zeroed then. */
 void nearest_release(struct nearest *t);
 /* verts have moved: the boxes are fitted to them again. */
 void nearest_update(struct nearest *t);

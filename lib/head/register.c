@@ -19,7 +19,7 @@ void match_point(double out[3], const struct match *m, const float *x)
     }
 }
 
-/* ---- iterated closest points ---------------------------------------------- */
+/* ---- iterated closest points -------------------------------------------- */
 
 struct fit {
     struct registration *r;
@@ -28,28 +28,28 @@ struct fit {
     double *start, *d, *target, *weight, *normal, *along;
 };
 
-static int is_ball(const struct registration *r, size_t v)
+static bool register_is_ball(const struct registration *r, size_t v)
 {
     return r->s->region[v] == REGION_EYEBALL;
 }
 
 /* Vertex of the left half (or midline) that v is, or mirrors. */
-static size_t left_of(const struct registration *r, size_t v)
+static size_t register_left(const struct registration *r, size_t v)
 {
     return v < (size_t)r->h->nv ? v : (size_t)r->s->mirror[v];
 }
 
 /* How far the scans are to be followed at p: down the throat to where their
  * shoulders begin, at the back higher up. */
-static double scan_reach(const double p[3])
+static double register_reach(const double p[3])
 {
     double front = ramp(0, 0.05, p[2]);
 
     return ramp(mix(-0.106, -0.118, front), mix(-0.082, -0.096, front), p[1]);
 }
 
-static void vertex_normals(double *n, const struct sculpt *s,
-                           const double *at)
+static void register_normals(double *n, const struct sculpt *s,
+                             const double *at)
 {
     memset(n, 0, 3 * s->nv * sizeof *n);
     for (size_t i = 0; i < s->nf; i++) {
@@ -76,7 +76,7 @@ static void vertex_normals(double *n, const struct sculpt *s,
 }
 
 /* The right half is the left one's mirror image; x = 0 on the midline. */
-static void make_symmetric(double *x, const struct registration *r)
+static void register_mirror(double *x, const struct registration *r)
 {
     for (size_t v = 0; v < (size_t)r->h->nv; v++) {
         size_t w = (size_t)r->s->mirror[v];
@@ -91,8 +91,9 @@ static void make_symmetric(double *x, const struct registration *r)
 
 /* A left vertex's match to the skin near p, its normal agreeing to `least`.
  * Trusted as far as the scans reach; not at all when nothing is near. */
-static void match_near(struct match *m, const struct fit *f, const double p[3],
-                       const double *normal, double least, double most)
+static void register_match_near(struct match *m, const struct fit *f,
+                                const double p[3], const double *normal,
+                                double least, double most)
 {
     struct nearest_hit hit;
 
@@ -104,21 +105,21 @@ static void match_near(struct match *m, const struct fit *f, const double p[3],
         m->v[k] = f->skin.faces[3 * hit.face + k];
         m->w[k] = hit.bary[k];
     }
-    m->trust = scan_reach(p);
+    m->trust = register_reach(p);
 }
 
 /* Vertices matched by their loops keep that match. */
-static int is_rim(const struct registration *r, size_t v)
+static bool register_is_rim(const struct registration *r, size_t v)
 {
     const struct half *h = r->h;
 
-    v = left_of(r, v);
+    v = register_left(r, v);
     return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
            (h->part[v] == PART_MOUTH && h->ring[v] >= LIP_BORDER);
 }
 
-static void mirror_match(struct match *out, const struct match *m,
-                         const struct scan *s)
+static void register_mirror_match(struct match *out, const struct match *m,
+                                  const struct scan *s)
 {
     *out = *m;
     for (int k = 0; k < 4; k++)
@@ -126,18 +127,19 @@ static void mirror_match(struct match *out, const struct match *m,
 }
 
 /* Matches of all vertices at their present places. */
-static void match_all(struct fit *f, double least, double most)
+static void register_match_all(struct fit *f, double least, double most)
 {
     struct registration *r = f->r;
 
     for (size_t v = 0; v < (size_t)r->h->nv; v++) {
-        if (is_ball(r, v))
+        if (register_is_ball(r, v))
             r->match[v].trust = 0;
-        else if (!is_rim(r, v))
-            match_near(&r->match[v], f, r->at + 3 * v, f->normal + 3 * v,
-                       least, most);
+        else if (!register_is_rim(r, v))
+            register_match_near(&r->match[v], f, r->at + 3 * v,
+                                f->normal + 3 * v, least, most);
         if ((size_t)r->s->mirror[v] != v)
-            mirror_match(&r->match[r->s->mirror[v]], &r->match[v], r->scan);
+            register_mirror_match(&r->match[r->s->mirror[v]], &r->match[v],
+                                  r->scan);
     }
 }
 
@@ -152,12 +154,12 @@ static int fit_step(struct fit *f, double stiff, double slide,
         const struct match *m = &r->match[v];
         double p[3];
         /* the neck's cut stays where it is */
-        int cut = r->h->part[left_of(r, v)] == PART_GRID &&
-                  r->h->row[left_of(r, v)] == 0;
+        bool cut = r->h->part[register_left(r, v)] == PART_GRID &&
+                  r->h->row[register_left(r, v)] == 0;
 
         match_point(p, m, r->scan->neutral);
-        f->weight[v] = is_rim(r, v) ? 20 : m->trust;
-        f->along[v] = is_rim(r, v) ? 1 : slide;
+        f->weight[v] = register_is_rim(r, v) ? 20 : m->trust;
+        f->along[v] = register_is_rim(r, v) ? 1 : slide;
         for (size_t c = 0; c < 3; c++)
             f->target[3 * v + c] = m->trust > 0
                 ? p[c] - f->start[3 * v + c] : 0;
@@ -169,16 +171,16 @@ static int fit_step(struct fit *f, double stiff, double slide,
     if (smooth_fit(f->d, &f->mesh, f->target, f->weight, f->normal, f->along,
                    stiff, 400, err))
         return -1;
-    make_symmetric(f->d, r);
+    register_mirror(f->d, r);
     for (size_t i = 0; i < 3 * r->s->nv; i++)
         r->at[i] = f->start[i] + f->d[i];
-    vertex_normals(f->normal, r->s, r->at);
+    register_normals(f->normal, r->s, r->at);
     return 0;
 }
 
-static int is_nostril_rim(const struct half *h, size_t v)
+static bool register_is_nostril(const struct half *h, size_t v)
 {
-    int found = 0;
+    bool found = false;
 
     for (int i = 0; i < NOS_N; i++)
         found |= h->nostril[0][i] == (int)v;
@@ -196,7 +198,7 @@ static double fit_density(const double p[3])
 }
 
 /* The middle of v's neighbours, each with its density. */
-static void dense_mean(double out[3], const struct fit *f, size_t v)
+static void fit_dense_mean(double out[3], const struct fit *f, size_t v)
 {
     const struct smooth_mesh *m = &f->mesh;
     double sum = 0;
@@ -215,7 +217,7 @@ static void dense_mean(double out[3], const struct fit *f, size_t v)
 }
 
 /* Free skin slides to the middle of its neighbours, along the surface. */
-static void even_out(struct fit *f, double much)
+static void fit_even_out(struct fit *f, double much)
 {
     struct registration *r = f->r;
     const struct half *h = r->h;
@@ -223,24 +225,24 @@ static void even_out(struct fit *f, double much)
     for (size_t v = 0; v < (size_t)h->nv; v++) {
         double mean[3], p[3];
         int part = h->part[v], ring = h->ring[v];
-        int stays = is_rim(r, v) || is_ball(r, v) || part == PART_EAR ||
-                    part == PART_NOSTRIL || is_nostril_rim(h, v) ||
-                    r->match[v].trust < 1 ||
-                    (part == PART_EYE && ring > 5) ||
-                    (part == PART_MOUTH && ring > 3);
+        bool stays = register_is_rim(r, v) || register_is_ball(r, v)
+                     || part == PART_EAR || part == PART_NOSTRIL
+                     || register_is_nostril(h, v) || r->match[v].trust < 1
+                     || (part == PART_EYE && ring > 5)
+                     || (part == PART_MOUTH && ring > 3);
 
         if (stays)
             continue;
-        dense_mean(mean, f, v);
+        fit_dense_mean(mean, f, v);
         for (size_t c = 0; c < 3; c++)
             p[c] = mix(r->at[3 * v + c], mean[c], much);
         if (h->seam[v])
             p[0] = 0;
-        match_near(&r->match[v], f, p, f->normal + 3 * v, 0.3, 0.02);
+        register_match_near(&r->match[v], f, p, f->normal + 3 * v, 0.3, 0.02);
         match_point(r->at + 3 * v, &r->match[v], r->scan->neutral);
     }
-    make_symmetric(r->at, r);
-    vertex_normals(f->normal, r->s, r->at);
+    register_mirror(r->at, r);
+    register_normals(f->normal, r->s, r->at);
 }
 
 /* Trusted vertices lie where they are matched. */
@@ -248,7 +250,7 @@ static void fit_settle(struct fit *f)
 {
     struct registration *r = f->r;
 
-    match_all(f, 0.3, 0.02);
+    register_match_all(f, 0.3, 0.02);
     for (size_t v = 0; v < r->s->nv; v++) {
         double p[3];
 
@@ -256,12 +258,12 @@ static void fit_settle(struct fit *f)
         for (size_t c = 0; r->match[v].trust >= 1 && c < 3; c++)
             r->at[3 * v + c] = p[c];
     }
-    make_symmetric(r->at, r);
-    vertex_normals(f->normal, r->s, r->at);
+    register_mirror(r->at, r);
+    register_normals(f->normal, r->s, r->at);
 }
 
 /* The extent of the neck's cut: half its width, its back and its front. */
-static void cut_extent(double e[3], const struct registration *r)
+static void fit_cut_extent(double e[3], const struct registration *r)
 {
     e[0] = 0, e[1] = INFINITY, e[2] = -INFINITY;
     for (int c = 0; c <= COLS; c++) {
@@ -275,12 +277,12 @@ static void cut_extent(double e[3], const struct registration *r)
 
 /* The neck's cut without the folds of the sculpted throat: evened out along
  * itself, then as wide and deep as it was. */
-static void smooth_cut(struct registration *r)
+static void fit_smooth_cut(struct registration *r)
 {
     const int *row = r->h->grid[0];
     double was[3], is[3];
 
-    cut_extent(was, r);
+    fit_cut_extent(was, r);
     for (int round = 0; round < 120; round++)
         for (int c = 0; c <= COLS; c++) {
             const double *a = r->at + 3 * row[c ? c - 1 : 1];
@@ -291,28 +293,28 @@ static void smooth_cut(struct registration *r)
                 x[0] = mix(x[0], (a[0] + b[0]) / 2, 0.5);
             x[2] = mix(x[2], (a[2] + b[2]) / 2, 0.5);
         }
-    cut_extent(is, r);
+    fit_cut_extent(is, r);
     for (int c = 0; c <= COLS; c++) {
         double *x = r->at + 3 * row[c];
 
         x[0] *= was[0] / is[0];
         x[2] = was[1] + (x[2] - is[1]) * (was[2] - was[1]) / (is[2] - is[1]);
     }
-    make_symmetric(r->at, r);
+    register_mirror(r->at, r);
 }
 
 /* Below the scans the neck is a thin plate between them and its own cut. */
-static int fill_neck(struct fit *f, struct error *err)
+static int fit_fill_neck(struct fit *f, struct error *err)
 {
     struct registration *r = f->r;
 
-    smooth_cut(r);
+    fit_smooth_cut(r);
     for (size_t v = 0; v < r->s->nv; v++) {
-        size_t u = left_of(r, v);
-        int cut = r->h->part[u] == PART_GRID && r->h->row[u] == 0;
+        size_t u = register_left(r, v);
+        bool cut = r->h->part[u] == PART_GRID && r->h->row[u] == 0;
         double trust = r->match[v].trust;
 
-        f->weight[v] = is_ball(r, v) || trust >= 1 ? 1e4
+        f->weight[v] = register_is_ball(r, v) || trust >= 1 ? 1e4
                      : trust > 0 ? 0.3 * trust * trust : cut ? 1e3 : 0;
         for (size_t c = 0; c < 3; c++) {
             f->d[3 * v + c] = r->at[3 * v + c];
@@ -323,19 +325,19 @@ static int fill_neck(struct fit *f, struct error *err)
                    err))
         return -1;
     for (size_t i = 0; i < 3 * r->s->nv; i++)
-        if (!is_ball(r, i / 3) && r->match[i / 3].trust < 1)
+        if (!register_is_ball(r, i / 3) && r->match[i / 3].trust < 1)
             r->at[i] = f->d[i];
-    make_symmetric(r->at, r);
-    vertex_normals(f->normal, r->s, r->at);
+    register_mirror(r->at, r);
+    register_normals(f->normal, r->s, r->at);
     return 0;
 }
 
 /* Rims proper: lid margins, and the lips from where they touch. */
-static int is_still(const struct registration *r, size_t v)
+static bool register_is_still(const struct registration *r, size_t v)
 {
     const struct half *h = r->h;
 
-    v = left_of(r, v);
+    v = register_left(r, v);
     return (h->part[v] == PART_EYE && h->ring[v] >= EYE_MARGIN) ||
            (h->part[v] == PART_MOUTH && h->ring[v] > 7);
 }
@@ -379,8 +381,8 @@ static int fit_swell(struct fit *f, struct error *err)
             const double *home = f->d + 3 * v, *n = f->normal + 3 * v;
             double *x = r->at + 3 * v, up = 0;
 
-            if (is_still(r, v) || is_ball(r, v) || r->match[v].trust < 1 ||
-                count[v] < 0.5)
+            if (register_is_still(r, v) || register_is_ball(r, v)
+                || r->match[v].trust < 1 || count[v] < 0.5)
                 continue;
             for (int c = 0; c < 3; c++)
                 up += n[c] * (x[c] - home[c]);
@@ -388,7 +390,7 @@ static int fit_swell(struct fit *f, struct error *err)
             for (int c = 0; c < 3; c++)
                 x[c] = home[c] + up * n[c];
         }
-        make_symmetric(r->at, r);
+        register_mirror(r->at, r);
         for (size_t i = 0; i < 3 * nv; i++)
             verts[i] = (float)r->at[i];
         nearest_update(&ours);
@@ -400,7 +402,7 @@ static int fit_swell(struct fit *f, struct error *err)
 
 /* Towards their corners the scans' lips lie in each other by a tenth of a
  * millimetre: there the loops where they touch are drawn a little apart. */
-static void part_lips(struct registration *r)
+static void fit_part_lips(struct registration *r)
 {
     const double least = 0.00025;
 
@@ -414,7 +416,7 @@ static void part_lips(struct registration *r)
             up[1] += push;
             low[1] -= push;
         }
-    make_symmetric(r->at, r);
+    register_mirror(r->at, r);
 }
 
 static int fit_all(struct fit *f, struct error *err)
@@ -424,25 +426,25 @@ static int fit_all(struct fit *f, struct error *err)
     for (int i = 0; i < STEPS; i++) {
         double t = (double)i / (STEPS - 1);
 
-        match_all(f, 0.35, 0.02);
+        register_match_all(f, 0.35, 0.02);
         if (fit_step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
             return -1;
     }
     fit_settle(f);
     for (int i = 0; i < 30; i++)
-        even_out(f, 0.4);
-    if (fill_neck(f, err))
+        fit_even_out(f, 0.4);
+    if (fit_fill_neck(f, err))
         return -1;
     memcpy(f->d, f->r->at, 3 * f->r->s->nv * sizeof *f->d);
     if (fit_swell(f, err))
         return -1;
-    part_lips(f->r);
+    fit_part_lips(f->r);
     return 0;
 }
 
 /* Bend the template by the rims, landmarks and ears, both sides, less and
  * less down the neck. */
-static int bend_template(struct registration *r, struct error *err)
+static int register_bend_template(struct registration *r, struct error *err)
 {
     struct control c[2 * CONTROLS];
     size_t n = register_controls(c, CONTROLS, r), both = n;
@@ -487,7 +489,7 @@ static int fit_init(struct fit *f, struct registration *r, struct error *err)
     f->normal = f->weight + n;
     f->along = f->normal + n;
     memcpy(f->start, r->at, n * sizeof *f->start);
-    vertex_normals(f->normal, r->s, r->at);
+    register_normals(f->normal, r->s, r->at);
     return smooth_mesh_init(&f->mesh, r->s->f, r->s->nf, r->s->nv, err) ||
            nearest_init(&f->skin, r->scan->neutral, r->scan->f, r->scan->nf,
                         err) ? -1 : 0;
@@ -510,7 +512,7 @@ int registration_init(struct registration *r, const struct sculpt *s,
     sculpt_topology(r->h);
     for (size_t i = 0; i < 3 * s->nv; i++)
         r->at[i] = s->v_template[i];
-    if (!register_rims(r, err) && !bend_template(r, err)
+    if (!register_rims(r, err) && !register_bend_template(r, err)
         && !fit_init(&f, r, err))
         rc = fit_all(&f, err);
     fit_release(&f);

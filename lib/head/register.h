@@ -34,8 +34,12 @@ struct registration {
     double *at;                 /* (nv,3) where the template came to lie */
 };
 
+/* Lay the template of s (borrowed) on the neutral face of scan (borrowed).
+ * -1 and *err when
+ * memory is short or the rims do not match. */
 int registration_init(struct registration *r, const struct sculpt *s,
                       const struct scan *scan, struct error *err);
+/* Free what it holds; zeroed then. */
 void registration_release(struct registration *r);
 
 /* out (3) = the matched point in x (SCAN_VERTS,3): neutral or a shape. */

@@ -61,11 +61,11 @@ static struct match on_skin(const struct nearest *t, const double p[3])
                            {hit.bary[0], hit.bary[1], hit.bary[2]}, 1 };
 }
 
-/* ---- lids ----------------------------------------------------------------- */
+/* ---- lids --------------------------------------------------------------- */
 
 /* Match loop k's vertices 0 to 18 (upper) or 18 to 36 = 0 (lower) to a path
  * from the inner corner to the outer. */
-static void match_lid(struct registration *r, int k, int upper,
+static void match_lid(struct registration *r, int k, bool upper,
                       const int32_t *path, size_t n)
 {
     enum { HALF = EYE_N / 2 };
@@ -146,7 +146,7 @@ static int match_eye(struct registration *r, const struct nearest *skin,
     return 0;
 }
 
-/* ---- lips ----------------------------------------------------------------- */
+/* ---- lips --------------------------------------------------------------- */
 
 /* The scans' lips as a sheet of LIP_LOOPS loops, the mouth's border first, of
  * MOUTH_LOOP columns; left half from column `top` over `corner` to `bottom`. */
@@ -275,7 +275,7 @@ int register_rims(struct registration *r, struct error *err)
     return rc;
 }
 
-/* ---- controls ------------------------------------------------------------- */
+/* ---- controls ----------------------------------------------------------- */
 
 /* The scans' left ear in side view, metres y and z, at the twelve places of
  * our own outline (sculpt_ear.c): tragus, root of the helix, over the top,

@@ -21,6 +21,7 @@ struct runs {
 /* Of dirs (V,3,K): what moves less than `least` is left out. */
 int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
               double least, struct error *err);
+/* Free what it holds; zeroed then. */
 void runs_release(struct runs *r);
 
 /* dirs (V,3,K), freshly allocated (the caller frees), from run (n,3) and value

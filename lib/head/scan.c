@@ -256,7 +256,7 @@ void scan_release(struct scan *s)
 
 /* ---- loops of vertices --------------------------------------------------- */
 
-static int is_skin(const int32_t *q)
+static bool is_skin(const int32_t *q)
 {
     return q[0] < SCAN_SKIN && q[1] < SCAN_SKIN && q[2] < SCAN_SKIN &&
            q[3] < SCAN_SKIN;

@@ -3,6 +3,7 @@
 #include "lib/head/scan_lids.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -128,7 +129,7 @@ static void make_lines(struct scan_lids *l, const float *p,
         find_distances(&l->line[k], p, k / 2, k % 2, unit);
 }
 
-/* ---- what follows ---------------------------------------------------------- */
+/* ---- what follows ------------------------------------------------------- */
 
 /* The place of line a nearest to q; returns the distance. */
 static float nearest_place(int *at, float *part, const struct scan_lid_line *a,
@@ -190,7 +191,7 @@ static struct scan_lid_part lid_follow(const struct scan_lids *l,
                     p[3 * on[0] + c]) - (float)(unit * eye[c]);
     }
     double fall = d / unit / (o.line % 2 ? LOWER_FALL : UPPER_FALL);
-    int inside = lid_length(away) < lid_length(margin) - 1e-4 * unit;
+    bool inside = lid_length(away) < lid_length(margin) - 1e-4 * unit;
     o.weight = inside || v >= SCAN_LASHES ? 1 : (float)exp(-fall * fall);
     for (int c = 0; c < 3; c++)     /* where the blink has brought it */
         away[c] += blink[side][3 * v + c];

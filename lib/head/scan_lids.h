@@ -52,6 +52,7 @@ struct scan_lids {
 int scan_lids_init(struct scan_lids *l, const float *neutral,
                    const float *blink_left, const float *blink_right,
                    double unit, struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_lids_release(struct scan_lids *l);
 
 /* x (SCAN_VERTS,3) += the correction of a blink of weights left and right (0

@@ -50,6 +50,7 @@ struct sculpt {
 
 /* Sculpt the head.  0, or -1 when memory runs out.  Release in any case. */
 int sculpt_make(struct sculpt *s, struct error *err);
+/* Free what it holds; zeroed then. */
 void sculpt_release(struct sculpt *s);
 
 /* The same as head_init takes it; points into s. */
@@ -66,6 +67,7 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
 /* Short names of direction k for tables and pictures: "smile left", or
  * "smooth" for one of the unnamed surface modes. */
 const char *sculpt_shape_name(size_t k);
+/* The same of expression directions. */
 const char *sculpt_expression_name(size_t k);
 
 #endif

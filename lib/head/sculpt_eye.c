@@ -15,7 +15,7 @@ static const double canthus_in[2] = { 16.3, 23.6 }, canthus_out[2] = { 46.6,
 #define INNER_RADIUS 12.8     /* inner edge of the lid margin, open */
 
 /* Edge of the fissure at t from the inner to the outer corner. */
-static void eye_edge(double t, int upper, double *x, double *y)
+static void eye_edge(double t, bool upper, double *x, double *y)
 {
     *x = mix(canthus_in[0], canthus_out[0], t);
     double line = mix(canthus_in[1], canthus_out[1], t);
@@ -25,7 +25,7 @@ static void eye_edge(double t, int upper, double *x, double *y)
 }
 
 /* Along the ring: upper from the inner corner to the outer, then back. */
-static double ring_t(int i, int *upper)
+static double ring_t(int i, bool *upper)
 {
     *upper = i <= HALF;
     double s = i <= HALF ? (double)i / HALF : (double)(EYE_N - i) / HALF;
@@ -33,7 +33,7 @@ static double ring_t(int i, int *upper)
 }
 
 /* Outward normal of the edge in front view. */
-static void edge_normal(double t, int upper, double *nx, double *ny)
+static void edge_normal(double t, bool upper, double *nx, double *ny)
 {
     double x0, y0, x1, y1, e = 0.02;
     eye_edge(clamp01(t - e), upper, &x0, &y0);
@@ -65,7 +65,7 @@ static void place_lids(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
     for (int i = 0; i < EYE_N; i++) {
-        int upper;
+        bool upper;
         double t = ring_t(i, &upper), x, y, nx, ny;
         eye_edge(t, upper, &x, &y);
         edge_normal(t, upper, &nx, &ny);
@@ -131,7 +131,7 @@ void sculpt_eyelid(const struct half *h, struct vec *delta)
 {
     const struct vec e = EYE_CENTRE;
     for (int i = 0; i < EYE_N; i++) {
-        int upper;
+        bool upper;
         double t = ring_t(i, &upper), x, yu, yl;
         eye_edge(t, 1, &x, &yu);
         eye_edge(t, 0, &x, &yl);

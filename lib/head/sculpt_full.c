@@ -58,7 +58,7 @@ static void half_relax(struct half *h, const struct links *l, int rounds)
         for (int v = 0; v < h->nv; v++) {
             if (h->hold[v] >= 1 || h->part[v] == PART_BALL)
                 continue;
-            int cut = h->part[v] == PART_GRID && h->row[v] == 0;
+            bool cut = h->part[v] == PART_GRID && h->row[v] == 0;
             double y = h->p[v].y;
             struct vec p = lerp(h->p[v], links_mean(h, l, v),
                                 0.5 * (1 - h->hold[v]));

@@ -4,6 +4,7 @@
 #define SPID_HEAD_SCULPT_IMPL_H
 
 #include <math.h>
+#include <stdbool.h>
 
 #include "lib/head/sculpt.h"
 
@@ -112,6 +113,7 @@ void sculpt_grid_guess(struct half *h);
 
 /* Signed distance of the base surface (negative inside), mm. */
 double sculpt_surface(struct vec p);
+/* Its unit gradient, outwards. */
 struct vec sculpt_surface_normal(struct vec p);
 /* Nearest point along the gradient. */
 struct vec sculpt_surface_project(struct vec p);
@@ -122,8 +124,11 @@ double sculpt_surface_detail(struct vec p);
 
 /* Authored parts: set p and hold of their rings. */
 void sculpt_eye(struct half *h);
+/* Lips and the bag behind them. */
 void sculpt_lips(struct half *h);
+/* The left ear. */
 void sculpt_ear(struct half *h);
+/* The left nostril. */
 void sculpt_nostril(struct half *h);
 
 /* Centre of the left eyeball and its radius, mm. */
@@ -148,16 +153,22 @@ struct full {
     const struct half *h;
     int *nbr_at, *nbr;            /* neighbours of v: nbr[nbr_at[v]..] */
 };
+/* Both halves with their neighbours; -1 when memory is short. */
 int sculpt_full_init(struct full *m, const struct half *h);
+/* Free what it holds; zeroed then. */
 void sculpt_full_release(struct full *m);
 
 /* How much the jaw carries vertex src of the half, at p in the whole. */
 double sculpt_jaw_weight(const struct half *h, int src, struct vec p);
 
-/* Fill s->shapedirs (both halves), weights, joints, pose correctives. */
+/* The identity directions of s->shapedirs, both halves.  This and the next
+ * three return -1 when memory is short. */
 int sculpt_shapes(struct sculpt *s, const struct full *m);
+/* The expression directions behind them. */
 int sculpt_expressions(struct sculpt *s, const struct full *m);
+/* Joints, skinning weights, pose correctives and lids. */
 int sculpt_rig(struct sculpt *s, const struct full *m);
+/* Regions, hair, texture places, lip rings and landmarks. */
 int sculpt_labels(struct sculpt *s, const struct full *m);
 
 #endif

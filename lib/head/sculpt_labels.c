@@ -101,7 +101,7 @@ static void label_pair(struct sculpt *s, const struct full *m, int left,
 
 /* The lid margin's vertex nearest to a place along the eye, t from the inner
  * corner (0) to the outer (1), upper or lower. */
-static int lid_at(const struct half *h, double t, int upper)
+static int lid_at(const struct half *h, double t, bool upper)
 {
     const int *ring = h->eye[EYE_MARGIN];
     double lo = 1e9, hi = -1e9, mid = 0, best = 1e9;

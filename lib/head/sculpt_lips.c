@@ -26,7 +26,7 @@ static const struct loop loops[MOUTH_RINGS + 1] = {
 
 static struct vec loop_point(const struct loop *l, int j)
 {
-    int upper = j <= MOUTH_CORNER;
+    bool upper = j <= MOUTH_CORNER;
     double s = (double)(upper ? j : MOUTH_N - j) / MOUTH_CORNER;
     double t = 0.55 * sin(s * M_PI / 2) + 0.45 * s;      /* x over width */
     double x = l->cx * t;

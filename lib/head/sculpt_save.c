@@ -1,3 +1,5 @@
+/* The sculpted head as a file: every array of it under the name that spid-
+ * head(1) gives, and the metadata that say what it is. */
 #include "lib/head/sculpt.h"
 
 #include <stdio.h>
@@ -12,14 +14,49 @@
 /* Metres: what a direction moves by less than this it does not move. */
 #define LEAST 2e-6
 
-static struct st_tensor save_tensor(const char *name, enum st_dtype type,
-                                    const void *data, size_t a, size_t b,
-                                    size_t c)
+/* The file's tensors, in the order of the file. */
+struct save_list {
+    struct st_tensor tensor[24];
+    size_t count;
+};
+
+/* One more, of up to three dimensions; those that are 0 are left out. */
+static void save_add(struct save_list *l, const char *name,
+                     enum st_dtype type, const void *data, size_t a, size_t b,
+                     size_t c)
 {
-    struct st_tensor t = { .name = name, .dtype = type, .data = data,
-                           .ndim = c ? 3 : b ? 2 : 1, .dim = { a, b, c } };
-    t.count = a * (b ? b : 1) * (c ? c : 1);
-    return t;
+    l->tensor[l->count++] = (struct st_tensor){
+        .name = name, .dtype = type, .data = data,
+        .ndim = c ? 3 : b ? 2 : 1, .dim = { a, b, c },
+        .count = a * (b ? b : 1) * (c ? c : 1)
+    };
+}
+
+/* The mesh, which comes before its directions ... */
+static void save_mesh(struct save_list *l, const struct sculpt *s)
+{
+    save_add(l, "v_template", ST_F32, s->v_template, s->nv, 3, 0);
+    save_add(l, "f", ST_I32, s->f, s->nf, 3, 0);
+}
+
+/* ... and what follows them: rig, lip rings, landmarks, regions. */
+static void save_rig(struct save_list *l, const struct sculpt *s)
+{
+    const size_t V = s->nv, J = SCULPT_JOINTS, L = SCULPT_LANDMARKS;
+
+    save_add(l, "J_regressor", ST_F32, s->j_regressor, J, V, 0);
+    save_add(l, "weights", ST_F32, s->weights, V, J, 0);
+    save_add(l, "parents", ST_I32, s->parents, J, 0, 0);
+    save_add(l, "l_eyelid", ST_F32, s->l_eyelid, V, 3, 0);
+    save_add(l, "r_eyelid", ST_F32, s->r_eyelid, V, 3, 0);
+    save_add(l, "lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0);
+    save_add(l, "lip_upper_outer", ST_I32, s->lip_upper_outer,
+             s->n_lip_upper_outer, 0, 0);
+    save_add(l, "landmark_faces", ST_I32, s->landmark_face, L, 0, 0);
+    save_add(l, "landmark_bary", ST_F32, s->landmark_bary, L, 3, 0);
+    save_add(l, "region", ST_I32, s->region, V, 0, 0);
+    save_add(l, "hair", ST_F32, s->hair, V, 0, 0);
+    save_add(l, "uv", ST_F32, s->uv, V, 2, 0);
 }
 
 void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
@@ -44,7 +81,7 @@ void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
 }
 
 /* The names of the ARKit shapes as a JSON list. */
-static void expression_names(char *out, size_t room)
+static void save_expression_names(char *out, size_t room)
 {
     size_t n = (size_t)snprintf(out, room, "[");
 
@@ -90,9 +127,10 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
         "source", source, "licence", licence, NULL };
     size_t V = s->nv;
     struct runs shape = {0}, pose = {0};
+    struct save_list l = {.count = 0};
     int rc = -1;
 
-    expression_names(names, sizeof names);
+    save_expression_names(names, sizeof names);
     snprintf(place, sizeof place, "{\"scale\":%g,\"shift\":[%g,%g,%g]}",
              SCAN_SCALE, SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z);
     snprintf(angles, sizeof angles, "{\"jawOpen\":%.9g,\"jawLeft\":%.9g,"
@@ -110,34 +148,17 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
                   LEAST, err) ||
         runs_pack(&pose, s->posedirs, V, SCULPT_POSES, LEAST, err))
         goto out;
-    const struct st_tensor t[] = {
-        save_tensor("v_template", ST_F32, s->v_template, V, 3, 0),
-        save_tensor("f", ST_I32, s->f, s->nf, 3, 0),
-        save_tensor("shapedirs_runs", ST_I32, shape.run, shape.n, 3, 0),
-        save_tensor("shapedirs_values", ST_F16, shape.value, shape.rows, 3, 0),
-        save_tensor("posedirs_runs", ST_I32, pose.run, pose.n, 3, 0),
-        save_tensor("posedirs_values", ST_F16, pose.value, pose.rows, 3, 0),
-        save_tensor("J_regressor", ST_F32, s->j_regressor, SCULPT_JOINTS, V, 0),
-        save_tensor("weights", ST_F32, s->weights, V, SCULPT_JOINTS, 0),
-        save_tensor("parents", ST_I32, s->parents, SCULPT_JOINTS, 0, 0),
-        save_tensor("l_eyelid", ST_F32, s->l_eyelid, V, 3, 0),
-        save_tensor("r_eyelid", ST_F32, s->r_eyelid, V, 3, 0),
-        save_tensor("lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0),
-        save_tensor("lip_upper_outer", ST_I32, s->lip_upper_outer,
-                    s->n_lip_upper_outer, 0, 0),
-        save_tensor("landmark_faces", ST_I32, s->landmark_face,
-                    SCULPT_LANDMARKS, 0, 0),
-        save_tensor("landmark_bary", ST_F32, s->landmark_bary, SCULPT_LANDMARKS,
-                    3, 0),
-        save_tensor("region", ST_I32, s->region, V, 0, 0),
-        save_tensor("hair", ST_F32, s->hair, V, 0, 0),
-        save_tensor("uv", ST_F32, s->uv, V, 2, 0),
-        save_tensor("lid_vertices", ST_I32, s->lid_vertices, s->n_lid, 0, 0),
-        save_tensor("lid_sides", ST_I32, s->lid_sides, s->n_lid, 0, 0),
-        save_tensor("lid_shapedirs", ST_F16, lid, s->n_lid, 3,
-                    SCULPT_LID_SHAPES),
-    };
-    rc = st_save(path, t, sizeof t / sizeof *t, meta, err);
+    save_mesh(&l, s);
+    save_add(&l, "shapedirs_runs", ST_I32, shape.run, shape.n, 3, 0);
+    save_add(&l, "shapedirs_values", ST_F16, shape.value, shape.rows, 3, 0);
+    save_add(&l, "posedirs_runs", ST_I32, pose.run, pose.n, 3, 0);
+    save_add(&l, "posedirs_values", ST_F16, pose.value, pose.rows, 3, 0);
+    save_rig(&l, s);
+    save_add(&l, "lid_vertices", ST_I32, s->lid_vertices, s->n_lid, 0, 0);
+    save_add(&l, "lid_sides", ST_I32, s->lid_sides, s->n_lid, 0, 0);
+    save_add(&l, "lid_shapedirs", ST_F16, lid, s->n_lid, 3,
+             SCULPT_LID_SHAPES);
+    rc = st_save(path, l.tensor, l.count, meta, err);
 out:
     free(lid);
     runs_release(&shape);
@@ -149,28 +170,12 @@ int sculpt_save(const struct sculpt *s, const char *path, struct error *err)
 {
     static const char *const meta[] = { "format", "spid-head", "scale", "5",
         "nshape", "300", "unit", "metre", NULL };
-    size_t V = s->nv;
-    const struct st_tensor t[] = {
-        save_tensor("v_template", ST_F32, s->v_template, V, 3, 0),
-        save_tensor("f", ST_I32, s->f, s->nf, 3, 0),
-        save_tensor("shapedirs", ST_F32, s->shapedirs, V, 3,
-                    SCULPT_SHAPES + SCULPT_EXPRESSIONS),
-        save_tensor("posedirs", ST_F32, s->posedirs, V, 3, SCULPT_POSES),
-        save_tensor("J_regressor", ST_F32, s->j_regressor, SCULPT_JOINTS, V, 0),
-        save_tensor("weights", ST_F32, s->weights, V, SCULPT_JOINTS, 0),
-        save_tensor("parents", ST_I32, s->parents, SCULPT_JOINTS, 0, 0),
-        save_tensor("l_eyelid", ST_F32, s->l_eyelid, V, 3, 0),
-        save_tensor("r_eyelid", ST_F32, s->r_eyelid, V, 3, 0),
-        save_tensor("lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0),
-        save_tensor("lip_upper_outer", ST_I32, s->lip_upper_outer,
-                    s->n_lip_upper_outer, 0, 0),
-        save_tensor("landmark_faces", ST_I32, s->landmark_face,
-                    SCULPT_LANDMARKS, 0, 0),
-        save_tensor("landmark_bary", ST_F32, s->landmark_bary, SCULPT_LANDMARKS,
-                    3, 0),
-        save_tensor("region", ST_I32, s->region, V, 0, 0),
-        save_tensor("hair", ST_F32, s->hair, V, 0, 0),
-        save_tensor("uv", ST_F32, s->uv, V, 2, 0),
-    };
-    return st_save(path, t, sizeof t / sizeof *t, meta, err);
+    struct save_list l = {.count = 0};
+
+    save_mesh(&l, s);
+    save_add(&l, "shapedirs", ST_F32, s->shapedirs, s->nv, 3,
+             SCULPT_SHAPES + SCULPT_EXPRESSIONS);
+    save_add(&l, "posedirs", ST_F32, s->posedirs, s->nv, 3, SCULPT_POSES);
+    save_rig(&l, s);
+    return st_save(path, l.tensor, l.count, meta, err);
 }

@@ -13,8 +13,10 @@ struct smooth_mesh {
     size_t nv;
     int32_t *at, *link;
 };
+/* From faces (nf,3) of nv vertices. */
 int smooth_mesh_init(struct smooth_mesh *m, const int32_t *faces, size_t nf,
                      size_t nv, struct error *err);
+/* Free what it holds; zeroed then. */
 void smooth_mesh_release(struct smooth_mesh *m);
 
 /* out (3) = mean of x (V,3) over v's neighbours; x[v] where it has none. */

@@ -14,7 +14,7 @@ enum {
     EXTRA = TRANSFER_EXTRA
 };
 
-/* ---- eyes ------------------------------------------------------------------ */
+/* ---- eyes --------------------------------------------------------------- */
 
 /* Polar angles of the ball's rings, degrees: pupil 2 mm, iris 5.9 mm. */
 static const double polar[BALL_RINGS] = { 7.8, 15.6, 23.5, 33, 46, 63, 88,
@@ -50,7 +50,7 @@ static void place_balls(double *at, const struct registration *r)
     }
 }
 
-/* ---- shapes ----------------------------------------------------------------- */
+/* ---- shapes ------------------------------------------------------------- */
 
 /* Balls of a shape: (SCAN_VERTS,3) the face with it, NULL when they stay. */
 static void move_balls(double *d, const struct registration *r,
@@ -201,7 +201,7 @@ static int carry_expressions(struct sculpt *s, const struct registration *r,
     return rc;
 }
 
-/* ---- landmarks -------------------------------------------------------------- */
+/* ---- landmarks ---------------------------------------------------------- */
 
 /* Landmarks are the scans', on the faces of our skin. */
 static int carry_landmarks(struct sculpt *s, const struct scan *scan,

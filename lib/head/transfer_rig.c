@@ -40,7 +40,7 @@ static void set_weights(struct sculpt *s)
     }
 }
 
-/* ---- joints ----------------------------------------------------------------- */
+/* ---- joints ------------------------------------------------------------- */
 
 /* Whether joint j hangs on vertex v: eyes on their ball; the others on skin of
  * about their height that no expression moves. */
@@ -126,7 +126,7 @@ static int set_joints(struct sculpt *s, const double *expressions,
     return rc;
 }
 
-/* ---- corrections ------------------------------------------------------------ */
+/* ---- corrections -------------------------------------------------------- */
 
 /* A turn of a joint about an axis that says two shapes. */
 struct drive {

@@ -15,6 +15,7 @@
 
 /* Mean |a-b| and mean (a-b)^2 over n values, n > 0. */
 double metric_l1(const float *a, const float *b, size_t n);
+/* Mean (a-b)^2 likewise. */
 double metric_mse(const float *a, const float *b, size_t n);
 /* -10 log10(mse), peak 1; INFINITY when mse is 0. */
 double metric_psnr(double mse);

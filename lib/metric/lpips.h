@@ -28,6 +28,7 @@ struct lpips {
 
 /* Load the weights; EX_DATAERR names a tensor that is missing. */
 int lpips_init(struct lpips *l, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void lpips_release(struct lpips *l);
 
 /* Distance of two planar pictures (3,H,W) in [0,1], both sides 64 or more. */

@@ -14,6 +14,7 @@ struct metric_points {
     double akd, aed, apd;
 };
 
+/* Of two sets of 68 landmarks in the same unit. */
 void metric_points(struct metric_points *out, const float a[68][2],
                    const float b[68][2]);
 

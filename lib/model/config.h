@@ -1,8 +1,8 @@
 /* The configuration of a model: JSON under the metadata key "spid" of
  * model.safetensors; every size of the networks and branches follows from it.
  *
- *   {"version":1, "system":"spid", "size":512, "focal":12, "plane":296, "mouth":32,
- *    "channels":32, "feature":256, "head_hash":"0123456789abcdef",
+ *   {"version":1, "system":"spid", "size":512, "focal":12, "plane":296,
+ *    "mouth":32, "channels":32, "feature":256, "head_hash":"0123456789abcdef",
  *    "motion":{"net":"mobilenetv3_small_100"},
  *    "shape":{"net":"tf_mobilenetv3_large_minimal_100"},
  *    "backbone":{"type":"small","width":16} or

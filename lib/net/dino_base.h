@@ -73,6 +73,7 @@ void dino_base_backward(const float *dfeatures, struct dino_base *d);
 /* For golden 03, plans with a backward: cat{k}, layer_rn{k}, refine{i} and
  * `feature` before its last resizing; (B,h,w,c) in shape. */
 enum dino_stage { DINO_CAT, DINO_RN, DINO_REFINE, DINO_FEATURE };
+/* The k-th of that stage, and its shape. */
 const float *dino_base_stage(size_t shape[4], const struct dino_base *d,
                              enum dino_stage stage, size_t k);
 

@@ -120,6 +120,6 @@ void refiner_backward(const struct refiner_gradients *g, const float *drgb,
                                 &r->impl->narrow);
     else
         style_unet_backward(g->feat, drgb, &r->impl->unet);
-    if (g->turn)        /* zero where nothing hears it */
+    if (g->turn)        /* zero where nothing receives it */
         memcpy(g->turn, r->impl->narrow.dturn, sizeof r->impl->narrow.dturn);
 }

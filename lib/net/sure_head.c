@@ -1,3 +1,4 @@
+/* The logistic unit, forward and backward, and its start at certain. */
 #include "lib/net/sure_head.h"
 
 #include <math.h>

@@ -127,7 +127,8 @@ VF_INLINE void depthwise_rows(const struct depthwise_target *o,
     for (size_t y = y0; y < y1; y++)
         for (size_t x = 0; x < o->w; x += T)
             for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {
-                const float *p = pad + ((y - y0) * cols + x) * (size_t)S * LANES;
+                const float *p = pad +
+                    ((y - y0) * cols + x) * (size_t)S * LANES;
 
                 depthwise_columns(acc, p + i, taps + i, C, vf_load(bias + i),
                                   cols, K, S);

@@ -49,6 +49,7 @@ int person_write_picture(struct stream_writer *w, const struct person *p,
 /* Write SRCI, SHAP and MOTN (frame 0), in this order. */
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,
                  struct error *err);
+/* Free what it holds; zeroed then. */
 void person_release(struct person *p);
 
 /* Fold the person's beta into h; fails when the identity was made for another

@@ -66,6 +66,7 @@ struct refine_input {
  * EX_CONFIG when it has none. */
 int refine_open(struct refine *r, const struct model *m, enum nn_type type,
                 bool roi, struct error *err);
+/* Free what it holds; zeroed then. */
 void refine_release(struct refine *r);
 
 /* rgb [height,width,3] from the features.  The network is planned at the

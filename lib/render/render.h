@@ -50,6 +50,7 @@ struct render {
 /* EX_USAGE for an option out of range, EX_OSERR without memory. */
 int render_init(struct render *r, const struct render_options *opt,
                 struct framesink *sink, struct error *err);
+/* Free what it holds. */
 void render_release(struct render *r);
 
 /* Take the next record: draw what it changes, pass on what is not ours.

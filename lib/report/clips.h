@@ -22,6 +22,7 @@ struct clip {
 
 /* Read path twice: once to count, once to keep REPORT_FRAMES frames. */
 int clip_read(struct clip *c, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void clip_release(struct clip *c);
 
 #endif

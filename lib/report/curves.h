@@ -28,6 +28,7 @@ struct curves {
  * components that a record does not have are 0. */
 int curves_read(struct curves *c, const char *path, bool first,
                 struct error *err);
+/* Free what it holds; zeroed then. */
 void curves_release(struct curves *c);
 
 /* Charts of driver against result (may be empty) and truth (may be empty),

@@ -9,7 +9,9 @@
 
 #include "lib/base/error.h"
 
+/* Head of a page with this title, its style and script inside. */
 void html_begin(FILE *f, const char *title);
+/* What html_begin left open. */
 void html_end(FILE *f);
 
 /* Text with <, >, & and quotes escaped. */
@@ -19,6 +21,7 @@ void html_section(FILE *f, const char *title, const char *lead);
 
 /* A row of pictures with captions: html_row, html_picture..., html_row_end. */
 void html_row(FILE *f);
+/* The end of the row. */
 void html_row_end(FILE *f);
 /* rgb [height,width,3] as a PNG inside the page. */
 int html_picture(FILE *f, const uint8_t *rgb, size_t width, size_t height,
@@ -51,7 +54,9 @@ void html_bars(FILE *f, const char *title, const char *unit,
 
 /* Flat table of name and value. */
 void html_table_begin(FILE *f, const char *const *heads, size_t n);
+/* A row of n cells, escaped. */
 void html_table_row(FILE *f, const char *const *cells, size_t n);
+/* The end of the table. */
 void html_table_end(FILE *f);
 
 #endif

@@ -24,6 +24,7 @@ struct pair {
  * one is damaged or the video cannot be made. */
 int pair_make(struct pair *p, const char *driver, const char *result,
               const struct square *window, struct error *err);
+/* Free what it holds; zeroed then. */
 void pair_release(struct pair *p);
 
 #endif

@@ -25,6 +25,7 @@
  * (source, driver, star, avatar, dynamic, static, mouth), REPORT_FRAMES cells
  * of REPORT_CELL pixels, over black. */
 #define REPORT_CELL 192
+/* Of the run in dir.  EX_NOINPUT when none of its clips is there. */
 int report_sheet(const char *path, const char *dir, struct error *err);
 
 /* Write the page of the run in folder dir to f.  card: the model's card, for

@@ -21,9 +21,9 @@ struct pair_range {
 };
 
 /* A pair has 16 floats, about the Gaussian's centre, and with more than three
- * channels or places dL/dcolor behind them; `stride` floats in all.  seen[p] is 0 where
- * nothing was written, else 1 + its Gaussian's number modulo the
- * lanes of a vector. */
+ * channels or places dL/dcolor behind them; `stride` floats in all.  seen[p] is
+ * 0 where nothing was written, else 1 + its Gaussian's number modulo the lanes
+ * of a vector. */
 struct splat_gradient_state {
     float *pair;
     uint8_t *seen;
@@ -45,6 +45,7 @@ struct splat_gradient_state {
 
 /* What the picture's size decides; -1: no memory. */
 int backward_init(struct splat *s);
+/* NULL is allowed. */
 void backward_release(struct splat *s);
 /* What goes with a new set of Gaussians.  EX_OSERR. */
 int backward_load(struct splat *s, const struct gaussians *g,

@@ -27,6 +27,7 @@ int reference_init(struct reference *t, const struct gaussians *g,
                    const struct splat_camera *cam, int width, int height,
                    int channels, enum splat_rules rules,
                    unsigned branches, struct error *err);
+/* Free what it holds; zeroed then. */
 void reference_release(struct reference *t);
 
 /* Have the pictures end in three channels of places, and color's rows with
@@ -68,6 +69,8 @@ int reference_forward(double *image, double *alpha, double *depth,
 struct reference_gradients {
     double *mean, *scale, *quat, *opacity, *color, *rt, *center, *conic;
 };
+/* Add to what g names, from d_image (H,W,C) and d_alpha (H,W; may be NULL).
+ * EX_OSERR. */
 int reference_backward(const struct reference_gradients *g,
                        const struct reference *t,
                        const double *d_image, const double *d_alpha,

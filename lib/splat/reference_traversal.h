@@ -27,6 +27,7 @@ struct contribution {
 /* Project and list the Gaussians of t, which is borrowed.  EX_OSERR. */
 int traversal_init(struct traversal *w, const struct reference *t,
                    struct error *err);
+/* Free what it holds; zeroed then. */
 void traversal_release(struct traversal *w);
 /* Entries of the longest list: room for what a pixel can have. */
 size_t traversal_longest(const struct traversal *w);

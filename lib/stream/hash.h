@@ -17,7 +17,9 @@ void hash_free(struct hash *h);           /* NULL is allowed */
 
 /* XXH3-64 with seed 0 of all that was added since hash_begin. */
 void hash_begin(struct hash *h);
+/* So many bytes more. */
 void hash_add(struct hash *h, const void *data, size_t bytes);
+/* What it has come to; more may be added. */
 uint64_t hash_end(const struct hash *h);
 
 /* The same on the library's state, one version per instruction set. */

@@ -9,6 +9,7 @@ struct array_stats {
     size_t nonfinite;          /* NaN or infinite */
 };
 
+/* Of all numbers of a. */
 void array_stats(struct array_stats *s, const struct array *a);
 
 /* Element i as a double (exact for every dtype). */

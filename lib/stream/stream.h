@@ -84,6 +84,7 @@ struct stream_options {
 /* Largest payload that readers opened from now on accept, unless their options
  * say otherwise; STREAM_MAX_BYTES at start.  --max-bytes sets it. */
 void stream_set_limit(size_t max_bytes);
+/* What it is now, bytes. */
 size_t stream_limit(void);
 
 /* Open path ("-" is standard input).  A regular file is mapped, a pipe read in

@@ -79,6 +79,7 @@ struct actor {
 /* Make a ready for persona p.  The actor borrows head. */
 int actor_init(struct actor *a, const struct head *head,
                const struct persona *p, struct error *err);
+/* Free what it holds. */
 void actor_release(struct actor *a);
 
 /* ---- its parts, for actor.c ------------------------------------------- */
@@ -90,13 +91,20 @@ int actor_grow(struct actor *a, size_t nv, size_t nf, size_t *v0, size_t *f0,
 struct strand_point *actor_strand(struct actor *a, enum strand_kind kind,
                                   int n, float half, float tip);
 
+/* What the persona has on each vertex and face of the head: skin, lips,
+ * hair. */
 void paint_head(struct actor *a);
 /* Hang the mouth bowl of verts (nv,3) on the lips of its first V vertices. */
 void mouth_pose(float *verts, const struct actor *a);
+/* Neck and shoulders, rings about an axis. */
 int body_build(struct actor *a, struct error *err);
+/* The bowl of the mouth, both rows of teeth and the tongue. */
 int mouth_build(struct actor *a, struct error *err);
+/* Strands of hair in the persona's cut. */
 int hair_grow(struct actor *a, struct error *err);
+/* Brows, lashes and beard. */
 int face_hair_grow(struct actor *a, struct error *err);
+/* The persona's glasses, or none. */
 int glasses_build(struct actor *a, struct error *err);
 
 #endif

@@ -34,16 +34,25 @@ static float lens_shoulder(float x)
     return x < 0.55f ? x : 0.55f + 0.45f * (1 - 1 / (1 + (x - 0.55f) * 2.2f));
 }
 
-/* Separable blur of (n,n,3) by a Gaussian of sigma pixels, in place. */
-static void lens_soften(float *img, float *tmp, int n, float sigma)
+int lens_blur_weights(float *w, int most, float sigma)
 {
     int r = (int)ceilf(2.5f * sigma);
-    float w[16], sum = 0;
-    r = r < 1 ? 1 : r > 7 ? 7 : r;
+    float sum = 0;
+
+    r = r < 1 ? 1 : r > most ? most : r;
     for (int i = -r; i <= r; i++)
         sum += w[i + r] = expf(-0.5f * (float)(i * i) / (sigma * sigma));
     for (int i = 0; i <= 2 * r; i++)
         w[i] /= sum;
+    return r;
+}
+
+/* Separable blur of (n,n,3) by a Gaussian of sigma pixels, in place. */
+static void lens_soften(float *img, float *tmp, int n, float sigma)
+{
+    float w[15];
+    int r = lens_blur_weights(w, 7, sigma);
+
     for (int pass = 0; pass < 2; pass++) {
         const float *in = pass ? tmp : img;
         float *out = pass ? img : tmp;

@@ -21,6 +21,10 @@ void backdrop_paint(float *wall, const struct persona *p, int n);
 void lens_expose(struct stage *s, const struct persona *p, const float *wall,
                  uint64_t frame, double time, float blur_x, float blur_y);
 
+/* The weights w (2 r + 1) of a blur by a Gaussian of sigma pixels, which sum
+ * to 1; returns r, 1 to `most`. */
+int lens_blur_weights(float *w, int most, float sigma);
+
 /* Draw the persona's occluder, if any, over light; takes it out of cover and
  * labels it. */
 void occluder_draw(struct stage *s, const struct persona *p, double time);

@@ -146,11 +146,11 @@ static void sample_eyes(struct synth_motion *m, const struct persona *p,
     }
 }
 
-/* R = diag(1,-1,-1) for a face to the camera; yaw turns it to its left. */
-static void face_rotation(float rot[9], float yaw, float pitch, float roll)
+void synth_face_rotation(float rot[9], float yaw, float pitch, float roll)
 {
     static const float front[9] = { 1, 0, 0, 0, -1, 0, 0, 0, -1 };
     float a[9], b[9], c[9], t[9];
+
     axis33(a, 1, yaw);
     axis33(b, 0, pitch);
     axis33(c, 2, roll);
@@ -164,7 +164,7 @@ static void motion_stand(struct synth_motion *m, const float at[3])
 {
     static const float pivot[3] = { 0, -0.50f, -0.16f };
     float a[3], b[3];
-    face_rotation(m->rot, m->yaw, m->pitch, m->roll);
+    synth_face_rotation(m->rot, m->yaw, m->pitch, m->roll);
     rot3(a, m->body, pivot);
     rot3(b, m->rot, pivot);
     for (int k = 0; k < 3; k++) {
@@ -176,7 +176,7 @@ static void motion_stand(struct synth_motion *m, const float at[3])
 void synth_still(struct synth_motion *m, const struct persona *p)
 {
     m->yaw = m->pitch = m->roll = 0;
-    face_rotation(m->body, 0, 0, 0);
+    synth_face_rotation(m->body, 0, 0, 0);
     motion_stand(m, p->rest);
 }
 
@@ -195,7 +195,7 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
     m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);
     m->roll = clampf(p->roll + pose[2], -MOTION_ROLL, MOTION_ROLL);
-    face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
+    synth_face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
                   0.1f * m->roll);
     /* the shoulders drift a little */
     for (int k = 0; k < 3; k++)

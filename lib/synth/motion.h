@@ -31,6 +31,10 @@ struct synth_motion {
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp);
 
+/* rot (3,3) of a face's camera, radians: diag(1,-1,-1) for a face to the
+ * camera; yaw turns it to its left. */
+void synth_face_rotation(float rot[9], float yaw, float pitch, float roll);
+
 /* Turn m to the camera: head and shoulders upright, nothing else changed. */
 void synth_still(struct synth_motion *m, const struct persona *p);
 

@@ -72,7 +72,7 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
     float nose = paint_blob(p, a->lmk[30], 0.09f),
           mouth = paint_blob(p, a->mouth, 0.14f);
     float chin = paint_blob(p, a->lmk[8], 0.12f);
-    int front = region != REGION_NECK && region != REGION_EYEBALL;
+    bool front = region != REGION_NECK && region != REGION_EYEBALL;
     q->k[PAINT_RED] = front ? 0.42f * cheek + 0.5f * nose + 0.25f * mouth
                               + 0.15f * chin : 0.05f;
     if (region == REGION_EAR)
@@ -113,7 +113,7 @@ static int label_of(int region)
 
 /* Receding hair leaves the forehead and the crown; everyone's hairline has
  * its own edge. */
-static void thin_hair(struct actor *a)
+static void paint_thin_hair(struct actor *a)
 {
     const struct hair_look *h = &a->look.hair;
     for (size_t i = 0; i < a->head->V; i++) {
@@ -140,7 +140,7 @@ void paint_head(struct actor *a)
         unit3(n);
         paint_vertex(a, i, n);
     }
-    thin_hair(a);
+    paint_thin_hair(a);
     for (size_t f = 0; f < h->F; f++) {
         int count[16] = { 0 }, region = 0;
         for (int k = 0; k < 3; k++) {

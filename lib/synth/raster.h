@@ -26,8 +26,11 @@ struct raster {
     float *b1, *b2;
 };
 
+/* Memory for w x h samples; raster_clear comes before what is drawn. */
 int raster_init(struct raster *r, int w, int h, struct error *err);
+/* Free what it holds. */
 void raster_release(struct raster *r);
+/* No sample is drawn. */
 void raster_clear(struct raster *r);
 
 /* Draw faces [count,3]; face i gets id base + i.  Corners run counter-clockwise

@@ -41,13 +41,14 @@ static void lay_on_eyes(float *out, const float *v, size_t n,
             out[3 * i + k] = to[k] + s * (v[3 * i + k] - from[k]);
 }
 
-static void surface_normals(float *n, size_t nv, const float *p,
-                            const int32_t *f, size_t nf)
+void piece_normals(float *n, const float *p, size_t nv,
+                   const int32_t *faces, size_t nf)
 {
     memset(n, 0, 3 * nv * sizeof *n);
     for (size_t i = 0; i < nf; i++) {
-        const int32_t *v = f + 3 * i;
+        const int32_t *v = faces + 3 * i;
         float a[3], b[3], c[3];
+
         sub3(a, p + 3 * v[1], p + 3 * v[0]);
         sub3(b, p + 3 * v[2], p + 3 * v[0]);
         cross3(c, a, b);
@@ -101,7 +102,7 @@ static void draw_to_scans(struct body *b, struct fit *t)
 
     for (int round = 0; round < ROUNDS; round++) {
         float stiff = (float)(ROUNDS - round) / ROUNDS;
-        surface_normals(t->normal, n, b->place, b->mesh.f, b->mesh.nf);
+        piece_normals(t->normal, b->place, n, b->mesh.f, b->mesh.nf);
         for (size_t i = 0; i < n; i++) {
             int32_t at;
             float *p = b->place + 3 * i;
@@ -183,7 +184,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
         goto out;
     float *normal = malloc(3 * FACE_VERTICES * sizeof *normal);
     if (normal) {
-        surface_normals(normal, FACE_VERTICES, f->neutral, f->raw, f->nf);
+        piece_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
         b->near.normal = normal;
         draw_to_scans(b, &t);
         b->near.normal = NULL;

@@ -53,6 +53,7 @@ struct scan_face {
 /* Read DIR/ict.safetensors and DIR/vertex_indices.json.  -1 and *err naming
  * file and array when one is missing, cut, of another shape or not finite. */
 int scan_face_load(struct scan_face *f, const char *dir, struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_face_release(struct scan_face *f);
 
 /* out (FACE_VERTICES,3): the neutral face of identity beta (n standard

@@ -262,24 +262,6 @@ static int add_hair(struct figure *f, struct error *err)
 
 /* ---- light and carriage ------------------------------------------------- */
 
-/* Unit normals (nv,3) of places p. */
-static void rest_normals(float *n, const float *p, size_t nv,
-                         const int32_t *faces, size_t nf)
-{
-    memset(n, 0, 3 * nv * sizeof *n);
-    for (size_t i = 0; i < nf; i++) {
-        const int32_t *v = faces + 3 * i;
-        float a[3], b[3], c[3];
-        sub3(a, p + 3 * v[1], p + 3 * v[0]);
-        sub3(b, p + 3 * v[2], p + 3 * v[0]);
-        cross3(c, a, b);
-        for (int k = 0; k < 3; k++)
-            mad3(n + 3 * v[k], n + 3 * v[k], c, 1);
-    }
-    for (size_t i = 0; i < nv; i++)
-        unit3(n + 3 * i);
-}
-
 /* How far a resting place goes with the shoulders. */
 static float neck_share(const struct figure *f, const float *p)
 {
@@ -338,7 +320,7 @@ static int find_normals(struct figure *f, struct error *err)
         return figure_memory(err);
     }
     scan_face_normals(n, f->rest, s);
-    rest_normals(all, f->place, f->nc, f->faces, f->nf);
+    piece_normals(all, f->place, f->nc, f->faces, f->nf);
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         for (size_t c = p->c0; c < p->c1; c++) {

@@ -62,8 +62,10 @@ struct figure {
     float pivot[3];             /* the head turns about it */
 };
 
+/* All that p wears and is, as meshes; a is borrowed. */
 int figure_init(struct figure *f, const struct scan_assets *a,
                 const struct scan_person *p, struct error *err);
+/* Free what it holds; zeroed then. */
 void figure_release(struct figure *f);
 
 /* Add room for a part; its corners and faces are to be filled.  NULL and *err
@@ -74,6 +76,7 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
 /* What is modelled and not read (figure_made.c): frames of glasses, rings;
  * beards and lenses. */
 int figure_add_solids(struct figure *f, struct error *err);
+/* Beards, stubble on the scalp and lenses: what is seen through. */
 int figure_add_veils(struct figure *f, struct error *err);
 /* What stands in front of the person (scan_front.c). */
 int figure_add_front(struct figure *f, struct error *err);

@@ -208,14 +208,9 @@ static void film_develop(struct scan_film *film, const struct scan_stage *s,
 /* Separable blur by a Gaussian of sigma pixels, in place. */
 static void film_soften(float *p, float *tmp, int n, float sigma)
 {
-    int r = (int)ceilf(2.5f * sigma);
-    float w[33], sum = 0;
+    float w[33];
+    int r = lens_blur_weights(w, 16, sigma);
 
-    r = r < 1 ? 1 : r > 16 ? 16 : r;
-    for (int i = -r; i <= r; i++)
-        sum += w[i + r] = expf(-0.5f * (float)(i * i) / (sigma * sigma));
-    for (int i = 0; i <= 2 * r; i++)
-        w[i] /= sum;
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
             float v = 0;

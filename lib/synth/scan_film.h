@@ -23,7 +23,9 @@ struct scan_film {
     float *tmp;                 /* scratch (3,size,size) */
 };
 
+/* Memory for pictures of size x size. */
 int scan_film_init(struct scan_film *f, int size, struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_film_release(struct scan_film *f);
 
 /* Linear background (3,size,size) behind a figure: a view of its panorama out

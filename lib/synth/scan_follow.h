@@ -19,8 +19,10 @@ struct follow_map {
     float *weight;              /* (FACE_NECK_END,4) */
 };
 
+/* Four vertices of h's skin, with weights, for each of f's; h is borrowed. */
 int follow_map_init(struct follow_map *m, const struct scan_face *f,
                     const struct head *h, struct error *err);
+/* Free what it holds. */
 void follow_map_release(struct follow_map *m);
 
 /* One person's: what each component does at weight 1. */
@@ -30,8 +32,10 @@ struct follow {
     float *full;                /* (FOLLOW_RIGS,V,3) */
 };
 
+/* A person of m (borrowed) with the shape folded into id (borrowed). */
 int follow_init(struct follow *o, const struct follow_map *m,
                 const struct identity *id, struct error *err);
+/* Free what it holds. */
 void follow_release(struct follow *o);
 
 /* x (FACE_VERTICES,3), the expression w of the person `rest` on straight

@@ -1,29 +1,23 @@
 /* A file parsed whole by cJSON, and its values by name; errors say which. */
 #include "lib/synth/scan_json.h"
 
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/file.h"
+
 #define JSON_MAX ((size_t)16 << 20)
 
 cJSON *scan_json_read(const char *path, struct error *err)
 {
-    FILE *f = fopen(path, "rb");
-    char *text = f ? malloc(JSON_MAX) : NULL;
-    cJSON *j = NULL;
+    char *text = file_read_text(path, JSON_MAX, err);
+    cJSON *j;
 
-    if (!f) {
-        error_set(err, EX_NOINPUT, "%s: %s", path, strerror(errno));
+    if (!text)
         return NULL;
-    }
-    if (text) {
-        size_t n = fread(text, 1, JSON_MAX, f);
-        j = n < JSON_MAX ? cJSON_ParseWithLength(text, n) : NULL;
-    }
-    fclose(f);
+    j = cJSON_Parse(text);
     free(text);
     if (!j)
         error_set(err, EX_DATAERR, "%s: cut or damaged (expected JSON)",

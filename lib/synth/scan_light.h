@@ -48,8 +48,10 @@ struct light {
 
 /* Read and prepare a panorama: see panorama_read for what is refused. */
 int light_map_load(struct light_map *m, const char *path, struct error *err);
+/* Free what it holds; zeroed then. */
 void light_map_release(struct light_map *m);
 
+/* m (borrowed) turned by `turn` radians about the vertical, times gain (3). */
 void light_init(struct light *l, const struct light_map *m, float turn,
                 const float gain[3]);
 

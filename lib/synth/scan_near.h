@@ -18,8 +18,10 @@ struct near_grid {
     int32_t *start, *item;
 };
 
+/* Over n points p (n,3) in cells of side `cell`; p is borrowed. */
 int near_init(struct near_grid *g, const float *p, size_t n, float cell,
               struct error *err);
+/* Free what it holds; zeroed then. */
 void near_release(struct near_grid *g);
 
 /* The k (at most NEAR_MAX) points nearest to x within `reach`, nearest first;

@@ -23,6 +23,10 @@ void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v);
 /* Read a picture of at least 2 x 2 pixels. */
 int bitmap_load(struct bitmap *t, const char *path, struct error *err);
 
+/* Unit normals n (nv,3) of places p (nv,3), each face by its area. */
+void piece_normals(float *n, const float *p, size_t nv,
+                   const int32_t *faces, size_t nf);
+
 /* A mesh on the neutral face.  bind: the vertices of the face that carry it
  * when the face is another person's. */
 struct piece {
@@ -53,6 +57,7 @@ struct body {
 /* Read DIR/base.obj and lay it on the face. */
 int body_load(struct body *b, const struct scan_face *f, const char *dir,
               struct error *err);
+/* Free what it holds; zeroed then. */
 void body_release(struct body *b);
 
 /* Read DIR/NAME.mhclo with DIR/MESH.obj and DIR/PICTURE (NULL: it has none).
@@ -65,6 +70,7 @@ int piece_load(struct piece *p, const struct body *b, const char *dir,
 int piece_make(struct piece *p, const struct body *b, const char *name,
                const float *place, size_t nv, const int32_t *faces, size_t nf,
                float above, struct error *err);
+/* Free what it holds; zeroed then. */
 void piece_release(struct piece *p);
 
 /* The body's left hand with its forearm (scan_front.c): x across, y along the

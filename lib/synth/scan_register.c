@@ -9,6 +9,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/geom/cholesky.h"
 #include "lib/synth/scan_json.h"
 #include "lib/synth/vec.h"
 
@@ -84,29 +85,6 @@ void register_project(float o[3], const struct registration *r,
     o[2] = q[2];
 }
 
-/* a (n,n) x = b for a symmetric positive definite a, by Cholesky in place. */
-static void register_solve(double *x, double *a, size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j <= i; j++) {
-            double s = a[i * n + j];
-            for (size_t k = 0; k < j; k++)
-                s -= a[i * n + k] * a[j * n + k];
-            a[i * n + j] = i == j ? sqrt(s > 1e-12 ? s : 1e-12)
-                                  : s / a[j * n + j];
-        }
-    for (size_t i = 0; i < n; i++) {
-        for (size_t k = 0; k < i; k++)
-            x[i] -= a[i * n + k] * x[k];
-        x[i] /= a[i * n + i];
-    }
-    for (size_t i = n; i-- > 0;) {
-        for (size_t k = i + 1; k < n; k++)
-            x[i] -= a[k * n + i] * x[k];
-        x[i] /= a[i * n + i];
-    }
-}
-
 /* The landmarks' places under the terms, head frame. */
 static void register_place(float *p, const struct registration *r,
                            const struct register_map *m,
@@ -145,7 +123,7 @@ static void step_pose(struct registration *r, const struct register_map *m,
     }
     for (int u = 0; u < 6; u++)
         a[7 * u] *= 1 + 1e-9;
-    register_solve(b, a, 6);
+    cholesky_solve(b, a, 6);
     float w[3] = {(float)b[0], (float)b[1], (float)b[2]}, d[9], o[9];
     rodrigues33(d, w);
     mul33(o, d, r->rot);
@@ -190,7 +168,7 @@ static int step_terms(struct registration *r, const struct register_map *m,
     if (a && row) {
         for (size_t u = 0; u < N; u++)
             a[u * N + u] += u < SCAN_IDENTITIES ? 1 : calm ? 30 : 4;
-        register_solve(b, a, N);
+        cholesky_solve(b, a, N);
         for (size_t u = 0; u < N; u++)
             r->term[u] = clampf((float)b[u], u < SCAN_IDENTITIES ? -4 : -0.3f,
                                 u < SCAN_IDENTITIES ? 4 : 1.2f);

@@ -33,6 +33,7 @@ int register_map_load(struct register_map *m, const struct scan_face *f,
  * landmark. */
 int register_map_read(int32_t *vertex, float *spread, const char *dir,
                       struct error *err);
+/* Free what it holds. */
 void register_map_release(struct register_map *m);
 
 /* Fit to points (REGISTER_POINTS,3: x, y, unused) of a picture; calm: the

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
+#include "lib/synth/motion.h"
 #include "lib/synth/vec.h"
 
 int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
@@ -73,28 +74,14 @@ void scan_scene_release(struct scan_scene *c)
 
 /* ---- where the head is -------------------------------------------------- */
 
-/* R = diag(1,-1,-1) for a face to the camera; yaw turns it to its left. */
-static void face_rotation(float rot[9], float yaw, float pitch, float roll)
-{
-    static const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
-    float a[9], b[9], c[9], t[9];
-
-    axis33(a, 1, yaw);
-    axis33(b, 0, pitch);
-    axis33(c, 2, roll);
-    mul33(t, a, b);
-    mul33(b, c, t);
-    mul33(rot, front, b);
-}
-
 static void scene_stand(struct scan_view *v, const struct figure *f,
                         const struct act *act)
 {
     const struct scan_person *p = &f->look;
     float at[3], pivot[3];
 
-    face_rotation(v->rot, act->yaw, act->pitch, act->roll);
-    face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
+    synth_face_rotation(v->rot, act->yaw, act->pitch, act->roll);
+    synth_face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
                   0.06f * act->pitch, 0.1f * act->roll);
     for (int k = 0; k < 3; k++)
         at[k] = p->rest[k]

@@ -22,13 +22,18 @@ struct scan_worker {              /* one worker's */
     float *verts, *bend;        /* (V,3) */
 };
 
+/* One thread's memory for people of head h (borrowed) at size x size. */
 int scan_worker_init(struct scan_worker *c, const struct head *h, int size,
                    struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_worker_release(struct scan_worker *c);
 
+/* Person `index` of the seed: looks, clothes and light from a (borrowed), in
+ * pictures of size x size; effects from 0, a perfect camera, to 1. */
 int scan_scene_init(struct scan_scene *c, const struct scan_assets *a,
                    const struct head *h, uint64_t seed, uint64_t index,
                    float effects, int size, struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_scene_release(struct scan_scene *c);
 
 /* The scene at `time` seconds: the print, the true motion, the head's 68

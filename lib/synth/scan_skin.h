@@ -42,6 +42,7 @@ struct skin_look {
  * DIR/labels. */
 int skin_model_fit(struct skin_model *m, const struct scan_face *f,
                    const char *dir, int threads, struct error *err);
+/* Free what it holds; zeroed then. */
 void skin_model_release(struct skin_model *m);
 
 /* A texture (SKIN_SIZE,SKIN_SIZE,4), top row first: the square root of linear

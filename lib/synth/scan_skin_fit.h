@@ -34,12 +34,16 @@ struct skin_fit {
     float (*mean)[3];           /* (n) */
 };
 
+/* The skin of the photograph at path, whose landmarks are point, laid on the
+ * chart. */
 int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
                      const struct skin_chart *c, const struct scan_face *f,
                      const struct register_map *m, const char *path,
                      const float *point, struct error *err);
 
+/* Memory for n samples. */
 int skin_fit_init(struct skin_fit *t, size_t n, struct error *err);
+/* Free what it holds. */
 void skin_fit_release(struct skin_fit *t);
 /* Photograph i; may be called from several threads. */
 int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,

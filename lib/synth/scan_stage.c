@@ -148,7 +148,7 @@ void scan_resolve(struct scan_stage *s)
                             * (size_t)s->grid
                             + (size_t)(x * SCAN_GRID + i % SCAN_GRID);
                 l[i] = s->label[at];
-                int front = l[i] == LABEL_OCCLUDER;
+                bool front = l[i] == LABEL_OCCLUDER;
                 cover[front] += s->cover[at] * (1.0f / N);
                 mad3(sum[front], sum[front], s->color + 3 * at, 1.0f / N);
             }

@@ -61,7 +61,9 @@ struct scan_stage {
     uint8_t *tag;               /* (size,size) enum synth_label */
 };
 
+/* Memory for pictures of size x size. */
 int scan_stage_init(struct scan_stage *s, int size, struct error *err);
+/* Free what it holds; zeroed then. */
 void scan_stage_release(struct scan_stage *s);
 
 /* Draw a figure: fills light, alpha, front, block and tag.  s->follow, verts
@@ -72,10 +74,16 @@ int scan_stage_render(struct scan_stage *s, const struct figure *f,
 
 /* ---- its parts ---------------------------------------------------------- */
 
+/* Vertices and normals of all pieces in the frame's pose, and their places on
+ * the screen. */
 void scan_pose(struct scan_stage *s);
+/* A shadow map for each lamp. */
 void scan_shadows(struct scan_stage *s);
+/* Opaque pieces into the samples. */
 void scan_draw(struct scan_stage *s);
+/* Hair, lashes and lenses over them, from behind forwards. */
 void scan_veils(struct scan_stage *s);
+/* Samples to pixels: means of colours, the commonest label. */
 void scan_resolve(struct scan_stage *s);
 
 /* ---- shading, for scan_draw and scan_veils ------------------------------ */
@@ -89,6 +97,8 @@ struct scan_point {
     float w[3];                 /* weights of the corners */
 };
 
+/* What a point of a face, at weights b1 and b2 of its second and third corner,
+ * is made of. */
 void scan_gather(struct scan_point *o, const struct scan_stage *s,
                  uint32_t face, float b1, float b2);
 /* Share of lamp i's light that reaches p. */

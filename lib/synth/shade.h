@@ -108,6 +108,7 @@ struct shade_kernels {
     shade_cloth_fn *cloth;
     shade_strand_fn *strand;
 };
+/* Those that cpu_level allows. */
 const struct shade_kernels *shade_kernels(void);
 
 #endif

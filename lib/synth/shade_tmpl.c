@@ -19,22 +19,22 @@ shade_eye_fn ISA(shade_eye);
 shade_cloth_fn ISA(shade_cloth);
 shade_strand_fn ISA(shade_strand);
 
-static inline float clamp01(float x)
+static inline float shade_clamp01(float x)
 {
     x = x > 0 ? x : 0;
     return x < 1 ? x : 1;
 }
-static inline float mixf(float a, float b, float t)
+static inline float shade_mix(float a, float b, float t)
 {
     return a + (b - a) * t;
 }
-static inline float maxf(float a, float b)
+static inline float shade_max(float a, float b)
 {
     return a > b ? a : b;
 }
-static inline float step01(float a, float b, float x)
+static inline float shade_step01(float a, float b, float x)
 {
-    float t = clamp01((x - a) / (b - a));
+    float t = shade_clamp01((x - a) / (b - a));
     return t * t * (3 - 2 * t);
 }
 
@@ -122,9 +122,10 @@ static void shadow_block(lane lit, const struct shade_block *b,
         int ui = (int)u, vi = (int)v;
         float fu = u - (float)ui, fv = v - (float)vi;
         int at = vi * s->n + ui;
-        float m = mixf(mixf(map[at], map[at + 1], fu),
-                       mixf(map[at + s->n], map[at + s->n + 1], fu), fv);
-        lit[i] = clamp01(exp_fast(s->sharp * (h + bias)) / (m + 1e-30f));
+        float m = shade_mix(shade_mix(map[at], map[at + 1], fu),
+                            shade_mix(map[at + s->n], map[at + s->n + 1], fu),
+                            fv);
+        lit[i] = shade_clamp01(exp_fast(s->sharp * (h + bias)) / (m + 1e-30f));
     }
 }
 
@@ -160,9 +161,9 @@ static void gloss_block(lane out, const lane n[3], const lane v[3],
         float vh = (v[0][i] * h0 + v[1][i] * h1 + v[2][i] * h2) * s;
         float nl = n[0][i] * l->dir[0] + n[1][i] * l->dir[1]
                    + n[2][i] * l->dir[2];
-        float g = 1 - clamp01(vh), f = 0.04f + 0.96f * g * g * g * g * g;
-        float e = clamp01(nh) - 1;
-        out[i] = f * clamp01(nl * 4)
+        float g = 1 - shade_clamp01(vh), f = 0.04f + 0.96f * g * g * g * g * g;
+        float e = shade_clamp01(nh) - 1;
+        out[i] = f * shade_clamp01(nl * 4)
                  * (broad * 0.2f * exp_fast(broad * e)
                     + share * tight * 0.2f * exp_fast(tight * e));
     }
@@ -187,8 +188,8 @@ static void skin_light(lane out[3], const lane n[3], const lane lit,
         LANES {
             float nl = n[0][i] * l->dir[0] + n[1][i] * l->dir[1]
                        + n[2][i] * l->dir[2];
-            float s = lit[i], open = mixf(s * s, sqrtf(s), w + 0.35f);
-            out[c][i] += l->rgb[c] * maxf(nl + w, 0) * k * open;
+            float s = lit[i], open = shade_mix(s * s, sqrtf(s), w + 0.35f);
+            out[c][i] += l->rgb[c] * shade_max(nl + w, 0) * k * open;
         }
     }
 }
@@ -204,24 +205,24 @@ static void skin_albedo(lane a[3], const struct shade_block *b,
         LANES {
             float red = b->k[PAINT_RED][i] + s->blotch * low[0][i];
             float x = s->base[c] * (1 + 0.05f * low[1][i] + 0.05f * mid[0][i]);
-            x *= mixf(1, blood[c], clamp01(red));
-            x *= mixf(1, shade[c], b->k[PAINT_DARK][i]);
-            float spot = clamp01((spots[i] - 0.42f) * 4) * s->freckle
-                         * clamp01(0.15f + 1.6f * b->k[PAINT_RED][i]);
+            x *= shade_mix(1, blood[c], shade_clamp01(red));
+            x *= shade_mix(1, shade[c], b->k[PAINT_DARK][i]);
+            float spot = shade_clamp01((spots[i] - 0.42f) * 4) * s->freckle
+                         * shade_clamp01(0.15f + 1.6f * b->k[PAINT_RED][i]);
             x *= 1 - spot * (0.25f + 0.15f * (float)c);
             float chin = b->k[PAINT_BEARD][i] * (0.8f + 0.4f * mid[2][i]);
-            x = mixf(x, x * shaven[c] + 0.06f * s->hair[c],
-                     clamp01(chin * s->stubble));
-            float lip = step01(0.25f, 0.75f, b->k[PAINT_LIP][i]
-                                             + 0.05f * mid[3][i]);
-            x = mixf(x, s->lip[c] * (1 + 0.12f * mid[2][i]), lip);
-            float cap = step01(0.2f, 0.6f, b->k[PAINT_HAIR][i]
-                                           + 0.15f * mid[1][i]);
-            float root = mixf(s->hair[c] * (0.55f + 0.25f * mid[0][i]), x,
-                              s->shaved);
-            x = mixf(x, root, cap);
-            x = mixf(x, s->brow[c], 0.35f * b->k[PAINT_BROW][i]);
-            a[c][i] = maxf(x, 0.002f);
+            x = shade_mix(x, x * shaven[c] + 0.06f * s->hair[c],
+                          shade_clamp01(chin * s->stubble));
+            float lip = shade_step01(0.25f, 0.75f, b->k[PAINT_LIP][i]
+                                                   + 0.05f * mid[3][i]);
+            x = shade_mix(x, s->lip[c] * (1 + 0.12f * mid[2][i]), lip);
+            float cap = shade_step01(0.2f, 0.6f, b->k[PAINT_HAIR][i]
+                                                 + 0.15f * mid[1][i]);
+            float root = shade_mix(s->hair[c] * (0.55f + 0.25f * mid[0][i]), x,
+                                   s->shaved);
+            x = shade_mix(x, root, cap);
+            x = shade_mix(x, s->brow[c], 0.35f * b->k[PAINT_BROW][i]);
+            a[c][i] = shade_max(x, 0.002f);
         }
 }
 
@@ -254,7 +255,7 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
         }
     for (int l = 0; l < SHADE_LIGHTS; l++) {
         if (l == 1)
-            LANES lit[i] = mixf(0.35f, 1, b->ao[i]);
+            LANES lit[i] = shade_mix(0.35f, 1, b->ao[i]);
         skin_light(sum, n, lit, &env->light[l]);
     }
     for (int c = 0; c < 3; c++)
@@ -268,8 +269,8 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
                                   * (l == 0 ? lit[i] : b->ao[i]);
     }
     LANES {
-        float nv = clamp01(n[0][i] * v[0][i] + n[1][i] * v[1][i]
-                           + n[2][i] * v[2][i]);
+        float nv = shade_clamp01(n[0][i] * v[0][i] + n[1][i] * v[1][i]
+                                 + n[2][i] * v[2][i]);
         float f = 1 - nv, rim = f * f * f * f * 0.35f * b->ao[i] * shine[i];
         b->rgb[0][i] += amb[0][i] * rim;
         b->rgb[1][i] += amb[1][i] * rim;
@@ -287,15 +288,16 @@ static void eye_albedo(lane a[3], lane wet, const lane e[3],
         LANES {
             float r = sqrtf(e[0][i] * e[0][i] + e[1][i] * e[1][i]);
             r += e[2][i] < 0 ? 2 : 0;
-            float t = clamp01((r - rp) / (ri - rp));
-            float x = mixf(s->iris[c] * 1.25f, s->ring[c], t * t);
+            float t = shade_clamp01((r - rp) / (ri - rp));
+            float x = shade_mix(s->iris[c] * 1.25f, s->ring[c], t * t);
             x *= 1 + 0.55f * streak[0][i] * (0.4f + 0.6f * t);
-            x = mixf(x, s->ring[c] * 0.18f, step01(ri - 0.09f, ri, r));
-            x = mixf(0.004f, x, step01(rp - 0.02f, rp + 0.03f, r));
-            float edge = clamp01(fabsf(e[0][i]) * 1.3f - 0.35f);
+            x = shade_mix(x, s->ring[c] * 0.18f,
+                          shade_step01(ri - 0.09f, ri, r));
+            x = shade_mix(0.004f, x, shade_step01(rp - 0.02f, rp + 0.03f, r));
+            float edge = shade_clamp01(fabsf(e[0][i]) * 1.3f - 0.35f);
             float red = edge * s->vein * (0.5f + 0.5f * vein[0][i]);
             float w = s->white[c] * (1 - red * (c == 0 ? 0.12f : 0.42f));
-            a[c][i] = mixf(x, w, step01(ri - 0.03f, ri + 0.05f, r));
+            a[c][i] = shade_mix(x, w, shade_step01(ri - 0.03f, ri + 0.05f, r));
             wet[i] = 1;
         }
 }
@@ -308,7 +310,7 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
     for (int k = 0; k < 3; k++)
         LANES {
             float right = b->c[0][i] < 0 ? 1 : 0;
-            float o = mixf(s->centre[0][k], s->centre[1][k], right);
+            float o = shade_mix(s->centre[0][k], s->centre[1][k], right);
             e[k][i] = b->c[k][i] - o;
         }
     unit_block(e);
@@ -342,13 +344,13 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
         }
     for (int l = 0; l < SHADE_LIGHTS; l++) {
         const struct shade_light *q = &env->light[l];
-        LANES lit[i] = l == 0 ? maxf(lit[i], 0.15f) : b->ao[i];
+        LANES lit[i] = l == 0 ? shade_max(lit[i], 0.15f) : b->ao[i];
         gloss_block(g, n, v, q, 120, 900, 1);
         for (int c = 0; c < 3; c++)
             LANES {
                 float nl = n[0][i] * q->dir[0] + n[1][i] * q->dir[1]
                            + n[2][i] * q->dir[2];
-                float d = maxf(nl + 0.25f, 0) * 0.64f * lit[i] * b->ao[i];
+                float d = shade_max(nl + 0.25f, 0) * 0.64f * lit[i] * b->ao[i];
                 b->rgb[c][i] += q->rgb[c] * (a[c][i] * d
                                              + 0.5f * g[i] * lit[i]);
             }
@@ -367,7 +369,8 @@ static void weave_block(lane second, lane height, const struct shade_block *b,
         float u = b->c[0][i] * k, v = b->c[1][i] * k;
         float fu = fabsf(u - (float)(int)(u + 4096) + 4095.5f) * 2;
         float fv = fabsf(v - (float)(int)(v + 4096) + 4095.5f) * 2;
-        float su = step01(0.45f, 0.55f, fu), sv = step01(0.45f, 0.55f, fv);
+        float su = shade_step01(0.45f, 0.55f, fu),
+              sv = shade_step01(0.45f, 0.55f, fv);
         second[i] = stripe * sv + plaid * 0.5f * (su + sv)
                     + s->grain * 0.5f * (1 + mid[0][i]);
         float row = v * 6 + 0.6f * (fu - 0.5f);
@@ -402,7 +405,7 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
         LANES {
             float nl = n[0][i] * q->dir[0] + n[1][i] * q->dir[1]
                        + n[2][i] * q->dir[2];
-            float d = maxf(nl + 0.06f, 0) * 0.94f
+            float d = shade_max(nl + 0.06f, 0) * 0.94f
                       * (l == 0 ? lit[i] : b->ao[i]);
             for (int c = 0; c < 3; c++)
                 b->rgb[c][i] += q->rgb[c] * d;
@@ -410,12 +413,13 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
     }
     for (int c = 0; c < 3; c++)
         LANES {
-            float a = mixf(s->base[c], s->second[c], clamp01(second[i]));
+            float a = shade_mix(s->base[c], s->second[c],
+                                shade_clamp01(second[i]));
             a *= (0.55f + 0.45f * height[i]) * (1 + s->grain * mid[0][i]);
             b->rgb[c][i] *= a * (1 - 0.75f * b->k[PAINT_DARK][i]);
         }
     for (int l = 0; l < SHADE_LIGHTS; l++) {
-        gloss_block(g, n, v, &env->light[l], mixf(8, 60, s->wet), 300,
+        gloss_block(g, n, v, &env->light[l], shade_mix(8, 60, s->wet), 300,
                     s->wet);
         for (int c = 0; c < 3; c++)
             LANES b->rgb[c][i] += g[i] * s->gloss * env->light[l].rgb[c]
@@ -456,18 +460,18 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
                 tv += b->c[k][i] * v[k][i];
                 nl += b->n[k][i] * q->dir[k];
             }
-            float sl = sqrtf(clamp01(1 - tl * tl));
-            float sv = sqrtf(clamp01(1 - tv * tv));
-            float open = (l == 0 ? mixf(lit[i], sqrtf(lit[i]), 0.6f) : 1)
+            float sl = sqrtf(shade_clamp01(1 - tl * tl));
+            float sv = sqrtf(shade_clamp01(1 - tv * tv));
+            float open = (l == 0 ? shade_mix(lit[i], sqrtf(lit[i]), 0.6f) : 1)
                          * b->k[2][i];
-            float face = clamp01(nl * 0.75f + 0.25f + s->soft);
+            float face = shade_clamp01(nl * 0.75f + 0.25f + s->soft);
             float d = sl * face * open;
             /* Kajiya and Kay's cone, shifted to root and tip */
             float cone = sl * sv - tl * tv;
             float jitter = 0.10f * b->k[0][i];
-            float e1 = clamp01(cone + 0.02f + jitter) - 1;
-            float e2 = clamp01(cone - 0.04f - jitter) - 1;
-            float w = clamp01(nl * 2 + 0.2f) * open;
+            float e1 = shade_clamp01(cone + 0.02f + jitter) - 1;
+            float e2 = shade_clamp01(cone - 0.04f - jitter) - 1;
+            float w = shade_clamp01(nl * 2 + 0.2f) * open;
             float white = s->gloss * w * exp_fast(60 * e1);
             float tint = s->tint * w * exp_fast(22 * e2);
             for (int c = 0; c < 3; c++) {

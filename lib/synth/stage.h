@@ -36,7 +36,9 @@ struct stage {
     float lmk[68][2];           /* projected, pixels */
 };
 
+/* Memory for pictures of size x size. */
 int stage_init(struct stage *s, int size, struct error *err);
+/* Free what it holds. */
 void stage_release(struct stage *s);
 
 /* Pose and draw: fills verts, lmk, light, cover, label. */
@@ -45,13 +47,18 @@ int stage_render(struct stage *s, const struct actor *a,
 
 /* ---- its parts --------------------------------------------------------- */
 
+/* Vertices and normals of a for motion m, seen by the motion's camera. */
 void stage_pose(struct stage *s, const struct actor *a,
                 const struct synth_motion *m);
+/* The depth that the light of env sees, for shadows. */
 void stage_shadow(struct stage *s, const struct actor *a,
                   struct shade_env *env);
+/* How much of the sky each pixel sees, smoothed. */
 void stage_occlusion(struct stage *s, const struct actor *a);
+/* Every visible sample in the light of env. */
 void stage_shade(struct stage *s, const struct actor *a,
                  const struct shade_env *env);
+/* Samples to pixels: means of colours, the commonest label. */
 void stage_resolve(struct stage *s, const struct actor *a);
 
 #endif

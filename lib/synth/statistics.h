@@ -18,6 +18,7 @@ int synth_statistics(FILE *out, const struct head *head,
 struct picture_figures {
     double mean[3], deviation[3], edge, bin[8];
 };
+/* Of rgb (h,w,3). */
 void picture_figures(struct picture_figures *f, const unsigned char *rgb,
                      int w, int h);
 

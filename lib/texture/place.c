@@ -76,8 +76,8 @@ void place_channels(float *out, const float *mean, const float *uv,
 
 void place_channels_backward(float *dmean, const float *dout,
                              const float *mean, const float *seen,
-                             const struct splat_place_view *v, const float cam[12],
-                             size_t N)
+                             const struct splat_place_view *v,
+                             const float cam[12], size_t N)
 {
     for (size_t i = 0; i < N; i++) {
         /* out = seen (2 uv - 1 - A x - b) */

@@ -33,8 +33,8 @@ void place_channels(float *out, const float *mean, const float *uv,
 /* dmean (N,3) += gradient of dout (N,3); the view is held. */
 void place_channels_backward(float *dmean, const float *dout,
                              const float *mean, const float *seen,
-                             const struct splat_place_view *v, const float cam[12],
-                             size_t N);
+                             const struct splat_place_view *v,
+                             const float cam[12], size_t N);
 
 /* uv (N,2) of centres mean (N,3) as the source's camera sees them; what it
  * does not see, outside of the picture, has its seen (N) set to 0. */

@@ -37,6 +37,7 @@ struct texture {
  * without memory, EX_DATAERR if S is less than 2. */
 int texture_init(struct texture *t, const uint8_t *rgb, const uint8_t *matte,
                  const uint8_t *back, size_t S, struct error *err);
+/* Free what it holds; zeroed then. */
 void texture_release(struct texture *t);
 
 /* The person's colours themselves, out (n,3): what rgb would show without the

@@ -27,6 +27,7 @@ struct zoom {
 /* place: room for the photograph's places, too. */
 int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
               struct error *err);
+/* Free what it holds; zeroed then. */
 void zoom_release(struct zoom *z);
 
 /* z->color and z->alpha from color (from,from,3) and alpha (from,from); with

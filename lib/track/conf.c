@@ -31,8 +31,8 @@ static char *conf_print(const struct conf *c)
     cJSON_AddStringToObject(j, "units", "head");
     cJSON_AddNumberToObject(j, "scale", c->head->scale);
     camera = cJSON_AddObjectToObject(j, "camera");
-    cJSON_AddNumberToObject(camera, "size",
-                            c->model ? (double)c->model->config.size : CONF_SIZE);
+    cJSON_AddNumberToObject(camera, "size", c->model
+                            ? (double)c->model->config.size : CONF_SIZE);
     cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
     if (c->fps_num > 0)
         cJSON_AddItemToObject(j, "fps", conf_pair(c->fps_num, c->fps_den));

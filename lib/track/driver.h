@@ -57,12 +57,14 @@ struct driver_frame {
     double decode_s;
 };
 
+/* From frames: read with ctx gives them, t (borrowed) follows the face. */
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx);
 /* From the MOTN records of a stream (borrowed) for a head of nexp expression
  * directions: no tracker, no pictures. */
 void driver_init_records(struct driver *d, struct stream_reader *records,
                          size_t nexp);
+/* Free what it holds; zeroed then. */
 void driver_release(struct driver *d);
 
 /* Read on until a face is found, so that the window is known (CONF is written

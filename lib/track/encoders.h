@@ -26,6 +26,7 @@ struct encoders {
  * allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);
+/* Free what it holds; zeroed then. */
 void encoders_release(struct encoders *e);
 
 #endif

@@ -19,6 +19,7 @@ struct landmarks {
  * EX_CONFIG when the head has no landmarks. */
 int landmarks_init(struct landmarks *l, const struct identity *id,
                    struct error *err);
+/* Free what it holds; zeroed then. */
 void landmarks_release(struct landmarks *l);
 
 /* lmk (68,3), head frame: as head_landmarks of head_pose, same bits up to the

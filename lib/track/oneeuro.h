@@ -17,6 +17,7 @@ struct oneeuro {
     float dx[ONEEURO_MAX];      /* smoothed derivative, per second */
 };
 
+/* cutoff: Hz at rest. */
 void oneeuro_init(struct oneeuro *f, double cutoff);
 /* Forget the past: after a lost face. */
 void oneeuro_reset(struct oneeuro *f);

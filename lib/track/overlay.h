@@ -19,8 +19,10 @@ struct overlay {
     size_t room;
 };
 
+/* Memory for id's mesh and landmarks; id is borrowed. */
 int overlay_init(struct overlay *o, const struct identity *id,
                  struct error *err);
+/* Free what it holds; zeroed then. */
 void overlay_release(struct overlay *o);
 
 /* A copy of the picture [H,W,3] with, from a motion in the window of `size`

@@ -16,6 +16,8 @@ struct relative {
     size_t nexp;                /* components of expression */
 };
 
+/* Motions are to be what has changed since neutral, added to source; nexp
+ * components of expression.  Nothing is borrowed. */
 void relative_init(struct relative *r, const struct motion *source,
                    const struct motion *neutral, size_t nexp);
 

@@ -246,19 +246,32 @@ static bool source_guessed(const struct source *s)
     return s->how >= SOURCE_NETWORK;
 }
 
+/* Which pixels of the window lie in the photograph: 255, others 0; the caller
+ * frees.  NULL and *err. */
+static uint8_t *source_inside(const struct source *s, const struct image *im,
+                              struct error *err)
+{
+    const size_t n = s->person.size;
+    uint8_t *inside = malloc(n * n);
+
+    if (inside)
+        square_inside(inside, n, im->width, im->height, s->window);
+    else
+        error_set(err, EX_OSERR, "no memory for the background");
+    return inside;
+}
+
 /* Person and background apart, and both beyond the picture's edges.  Only a
  * matte that was guessed is changed at its border. */
 static int source_split(struct source *s, const struct image *im,
                         struct error *err)
 {
     struct person *p = &s->person;
-    uint8_t *inside = malloc(p->size * p->size);
+    uint8_t *inside = source_inside(s, im, err);
     int rc;
 
     if (!inside)
-        return error_set(err, EX_OSERR, "no memory for the background");
-    square_inside(inside, s->person.size, im->width, im->height,
-                  s->window);
+        return -1;
     for (size_t i = 0; i < p->size * p->size; i++)
         if (!inside[i])
             p->matte[i] = 0;
@@ -391,12 +404,11 @@ static int source_refine(struct source *s, const struct person *small,
                          struct error *err)
 {
     struct person *p = &s->person;
-    uint8_t *inside = malloc(p->size * p->size);
+    uint8_t *inside = source_inside(s, im, err);
     int rc;
 
     if (!inside)
-        return error_set(err, EX_OSERR, "no memory for the background");
-    square_inside(inside, p->size, im->width, im->height, s->window);
+        return -1;
     rc = source_guessed(s) ? 0 : source_matte_given(s, im, mask, err);
     if (rc == 0)
         rc = layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,

@@ -40,11 +40,13 @@ int source_make(struct source *s, struct image *im, struct image *mask,
                 const struct head *head,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err);
+/* Free what it holds; zeroed then. */
 void source_release(struct source *s);
 /* Move the person out, for whoever keeps them (person_release); set
  * source.pose.exp of the copy to its own exp. */
 struct person source_take_person(struct source *s);
 
+/* In words, for messages. */
 const char *source_matte_name(enum source_matte how);
 
 #endif

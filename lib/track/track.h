@@ -77,6 +77,7 @@ struct track {
 int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
                struct error *err);
+/* Free what it holds; zeroed then. */
 void track_release(struct track *t);
 
 /* Find the face in a first frame [H,W,3] and fix the portrait window.  1:

@@ -33,6 +33,7 @@ struct shape_tta {
  * none. */
 int shape_tta_init(struct shape_tta *t, struct shape_encoder *net,
                    const struct head *h, struct error *err);
+/* Free what it holds. */
 void shape_tta_release(struct shape_tta *t);
 
 /* beta (300) of the face in crop q; -1 only when crop fails. */
@@ -71,6 +72,7 @@ struct motion_tta {
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
                     bool quick, struct error *err);
+/* Free what it holds. */
 void motion_tta_release(struct motion_tta *t);
 /* out (B,120) of crops rgb (B,224,224,3). */
 void motion_tta_forward(float *out, struct motion_tta *t, const float *rgb);

@@ -1,3 +1,4 @@
+/* A quarter turn at a time, the matte with the colours. */
 #include "lib/track/turned.h"
 
 #include <stdlib.h>

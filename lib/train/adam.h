@@ -22,6 +22,7 @@ struct adam {
 /* Zero moments for ps (allocated); the average starts as ps->w. */
 int adam_init(struct adam *a, const struct params *ps, float clip,
               float decay, struct error *err);
+/* Free what it holds; zeroed then. */
 void adam_release(struct adam *a);
 
 /* Euclidean norm of the gradients of the tensors that learn. */

@@ -76,7 +76,9 @@ int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
 /* L_perc by the network in this file from now on; after avatar_system_plan. */
 int avatar_system_perceptual(struct avatar_system *s, const char *path,
                              struct error *err);
+/* The weights changed. */
 void avatar_system_update(struct avatar_system *s);
+/* Free what it holds; zeroed then. */
 void avatar_system_release(struct avatar_system *s);
 
 /* Phase A from a frame (which holds its whole picture, of config.size),
@@ -97,6 +99,8 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
  * to dcam, which are overwritten; with fixed, to the refiner's weights
  * alone. */
 int avatar_system_draw_backward(struct avatar_system *s, struct error *err);
+/* From the kept gradients of the Gaussians back through the branches to their
+ * weights; with fixed nothing is done. */
 void avatar_system_bake_backward(struct avatar_system *s);
 
 #endif

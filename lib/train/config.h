@@ -61,8 +61,10 @@ struct train_config {
  * name the key, what was found and what was expected. */
 int train_config_parse(struct train_config *c, const char *text,
                        const char *path, struct error *err);
+/* The same from a file.  EX_NOINPUT, too. */
 int train_config_load(struct train_config *c, const char *path,
                       struct error *err);
+/* Free what it holds; zeroed then. */
 void train_config_release(struct train_config *c);
 
 /* The string at model.OBJECT.net of the configuration, or `normal`, in out. */
@@ -70,6 +72,7 @@ const char *train_config_net(char *out, size_t size,
                              const struct train_config *c, const char *object,
                              const char *normal);
 
+/* As the configuration writes it. */
 const char *train_stage_name(enum train_stage stage);
 
 /* Adam's rate at a step. */

@@ -28,8 +28,10 @@ struct encoder_task {
     struct params copy;         /* of the validation network, as task.ps */
 };
 
+/* Memory for a pass of t and an encoder of so many outputs. */
 int encoder_task_init(struct encoder_task *e, const struct task *t,
                       size_t outputs, struct error *err);
+/* Free what it holds; zeroed then. */
 void encoder_task_release(struct encoder_task *e);
 
 /* Draw and cut the items of pass `micro` of a step. */

@@ -15,10 +15,12 @@ struct group {
 /* Join; outside mpirun (or without MPI) a group of one.  Errors inside later
  * calls end in a return of -1, so that the last checkpoint stays. */
 int group_init(struct group *g, struct error *err);
+/* Free what it holds. */
 void group_release(struct group *g);
 
 /* x[n] = sum over the group. */
 int group_sum(const struct group *g, float *x, size_t n, struct error *err);
+/* The same of doubles. */
 int group_sum_double(const struct group *g, double *x, size_t n,
                      struct error *err);
 /* Rank 0's x for everybody. */

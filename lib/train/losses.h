@@ -23,6 +23,7 @@ double loss_l2(float *db, const float *b, const float *a, size_t n,
  * the box under 2^LOSS_LEVELS use fewer scales.  tmp holds
  * loss_pyramid_scratch(box) floats. */
 size_t loss_pyramid_scratch(size_t H, size_t W);
+/* The loss itself; db (H,W,3; may be NULL) += its gradient times weight. */
 double loss_pyramid(float *db, const float *b, const float *a, size_t H,
                     size_t W, const struct box *box, double weight,
                     float *tmp);

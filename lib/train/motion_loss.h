@@ -61,8 +61,10 @@ struct motion_loss {
     float *uv, *uv_truth;               /* (V,2) each */
 };
 
+/* For motions of head h (borrowed). */
 int motion_loss_init(struct motion_loss *l, const struct head *h,
                      struct error *err);
+/* Free what it holds; zeroed then. */
 void motion_loss_release(struct motion_loss *l);
 
 /* Weighted terms into parts[TERM_COUNT] (added), their sum returned; dout

@@ -32,6 +32,7 @@ struct perceptual {
  * Errors name the file and its tensor; nothing is left allocated then. */
 int perceptual_open(struct perceptual *p, const char *path, size_t side,
                     struct error *err);
+/* Free what it holds; zeroed then. */
 void perceptual_release(struct perceptual *p);
 
 /* Picture a (H,W,3), 0..1, inside the box (NULL: all of it) is what the

@@ -18,6 +18,7 @@ struct predicted_shape {
 /* E_beta of a model file, for people with head h (borrowed). */
 int predicted_shape_open(struct predicted_shape *s, const char *path,
                          const struct head *h, struct error *err);
+/* Free what it holds. */
 void predicted_shape_close(struct predicted_shape *s);
 
 /* p->shape by E_beta from p's first frame, the source, and every frame's

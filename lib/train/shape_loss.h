@@ -21,8 +21,10 @@ struct shape_loss {
  * none); of its first n directions. */
 int shape_loss_vertices(struct shape_loss *l, const struct head *h, size_t n,
                         struct error *err);
+/* Over its landmarks; 0 everywhere when h has none. */
 int shape_loss_landmarks(struct shape_loss *l, const struct head *h, size_t n,
                          struct error *err);
+/* Free what it holds; zeroed then. */
 void shape_loss_release(struct shape_loss *l);
 
 /* What shape_loss leaves out: how large and where the face of one shape is
@@ -36,6 +38,7 @@ struct shape_place {
 /* A head without landmarks: always size 1, place 0. */
 int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
                      struct error *err);
+/* Free what it holds; zeroed then. */
 void shape_place_release(struct shape_place *p);
 /* place in head units. */
 void shape_place(double *size, double place[3], const float *a,

@@ -52,6 +52,7 @@ struct task {
  * the first pass. */
 int task_init(struct task *t, const struct train_config *c,
               const struct head *h, struct error *err);
+/* Free what it holds; zeroed then. */
 void task_release(struct task *t);
 /* At most config->validation_people of one pass become t->validation. */
 int task_read_validation(struct task *t, struct data_reader *r,
@@ -59,9 +60,13 @@ int task_read_validation(struct task *t, struct data_reader *r,
 
 /* The stages' constructors; t->config and t->head are set. */
 int task_motion_init(struct task *t, struct error *err);
+/* E_beta, ... */
 int task_shape_init(struct task *t, struct error *err);
+/* ... how sure E_m is, ... */
 int task_sure_init(struct task *t, struct error *err);
+/* ... the matte network, ... */
 int task_matte_init(struct task *t, struct error *err);
+/* ... branches and refiner, or all of the model. */
 int task_avatar_init(struct task *t, struct error *err);
 
 #endif

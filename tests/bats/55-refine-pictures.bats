@@ -146,7 +146,7 @@ PY
     status 74 bash -c 'spid-refine --format pam feat.spid >/dev/full'
 }
 
-@test "the turn of the head is heard, and must have its six numbers" {
+@test "the turn of the head is received, and must have its six numbers" {
     "$PYTHON" -c "import numpy as np
 np.save('turn.npy', np.zeros(6, 'f4'))"
     spid-refine feat.spid -o a.pam

@@ -20,7 +20,11 @@ sources=$(grep -E '\.(c|h|cc|hh)$' <<<"$files")
 report "over 100 columns" < <(xargs grep -nE '^.{101,}$' <<<"$sources" | cut -c 1-70)
 long=$(xargs cat <<<"$sources" | grep -cE '^.{81,}$') all=$(xargs cat <<<"$sources" | wc -l)
 [ $((100 * long)) -lt "$all" ] || bad "over 80 columns" <<<"$long of $all lines (expected under 1 %)"
-report "longer than 700 lines" < <(grep -E '\.(c|cc)$' <<<"$files" | xargs wc -l | awk '$1 > 700 && $2 != "total" { print $2, $1 }')
+# longer LINES FILTER: files of more lines.
+longer() { grep -E "$2" <<<"$files" | xargs wc -l | awk -v n="$1" '$1 > n && $2 != "total" { print $2, $1 }'; }
+report "longer than 300 lines" < <(longer 300 '^cmd/.*\.c$')
+report "longer than 600 lines" < <(longer 600 '^(lib|formats)/.*\.(c|cc|h)$')
+report "longer than 700 lines" < <(longer 700 '^tests/.*\.c$')
 
 # The words of SYNOPSIS on one line, as --help prints them after "Usage:".
 synopsis() {

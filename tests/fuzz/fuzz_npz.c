@@ -19,7 +19,7 @@ static uint32_t crc32_of(const uint8_t *p, size_t n)
     return ~c;
 }
 
-static size_t put(uint8_t *out, size_t at, const void *p, size_t n)
+static size_t npz_put(uint8_t *out, size_t at, const void *p, size_t n)
 {
     memcpy(out + at, p, n);
     return at + n;
@@ -43,19 +43,19 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     memcpy(head + 14, &n, 4);
     memcpy(head + 18, &n, 4);
     head[22] = sizeof name;
-    at = put(zip, 0, "PK\3\4", 4);
-    at = put(zip, at, head, 26);
-    at = put(zip, at, name, sizeof name);
-    at = put(zip, at, data, size);
+    at = npz_put(zip, 0, "PK\3\4", 4);
+    at = npz_put(zip, at, head, 26);
+    at = npz_put(zip, at, name, sizeof name);
+    at = npz_put(zip, at, data, size);
     start = (uint32_t)at;
-    at = put(zip, at, "PK\1\2\24\0", 6);
-    at = put(zip, at, head, 26);
+    at = npz_put(zip, at, "PK\1\2\24\0", 6);
+    at = npz_put(zip, at, head, 26);
     memset(zip + at, 0, 14);
-    at = put(zip, at + 14, name, sizeof name);
+    at = npz_put(zip, at + 14, name, sizeof name);
     length = (uint32_t)at - start;
-    at = put(zip, at, "PK\5\6\0\0\0\0\1\0\1\0", 12);
-    at = put(zip, at, &length, 4);
-    at = put(zip, at, &start, 4);
-    at = put(zip, at, "\0\0", 2);
+    at = npz_put(zip, at, "PK\5\6\0\0\0\0\1\0\1\0", 12);
+    at = npz_put(zip, at, &length, 4);
+    at = npz_put(zip, at, &start, 4);
+    at = npz_put(zip, at, "\0\0", 2);
     return read_tensors(zip, at);
 }

@@ -12,7 +12,7 @@
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
 /* Walk the records and repair magic and checksums as far as they reach. */
-static void repair(unsigned char *p, size_t size)
+static void stream_repair(unsigned char *p, size_t size)
 {
     struct layout_header h;
 
@@ -36,7 +36,7 @@ static void repair(unsigned char *p, size_t size)
 
 /* What a program does with a good record; its table must encode again to the
  * same bytes. */
-static void use(const struct record *rec)
+static void stream_use(const struct record *rec)
 {
     struct layout_entry table[STREAM_MAX_ARRAYS];
     struct array_stats s;
@@ -68,10 +68,10 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
     memcpy(copy, data + 1, size - 1);
     opt.trust = data[0] & 2;
     if (data[0] & 1)
-        repair(copy, size - 1);
+        stream_repair(copy, size - 1);
     r = stream_open_memory(copy, size - 1, "fuzz", &opt, &err);
     while (r && stream_read(r, &rec, &err) > 0)
-        use(&rec);
+        stream_use(&rec);
     stream_close(r);
     free(copy);
     return 0;

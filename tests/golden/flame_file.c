@@ -1,3 +1,5 @@
+/* A head file with FLAME's arrays and random numbers, for golden cases that
+ * come without the head itself. */
 #include "tests/golden/flame_file.h"
 
 #include <stdbool.h>
@@ -11,7 +13,7 @@
 
 /* ---- pickling ----------------------------------------------------------- */
 
-static void put(FILE *f, const void *p, size_t n)
+static void flame_put(FILE *f, const void *p, size_t n)
 {
     fwrite(p, 1, n, f);
 }
@@ -26,7 +28,7 @@ static void put_int(FILE *f, size_t v)
     int32_t i = (int32_t)v;
 
     fputc('J', f);
-    put(f, &i, sizeof i);
+    flame_put(f, &i, sizeof i);
 }
 
 /* numpy's array of n elements of `size` bytes, type "f8" and the like. */
@@ -42,17 +44,17 @@ static void put_array(FILE *f, const char *type, const void *data,
     put_int(f, 0);
     fputc('t', f);
     put_word(f, "b");
-    put(f, "\x87R(K\1(", 6);
+    flame_put(f, "\x87R(K\1(", 6);
     for (int i = 0; i < ndim; i++) {
         put_int(f, dim[i]);
         n *= dim[i];
     }
     fputs("tcnumpy\ndtype\n", f);
     put_word(f, type);
-    put(f, state, sizeof state - 1);
+    flame_put(f, state, sizeof state - 1);
     bytes = (uint32_t)(n * size);
-    put(f, &bytes, 4);
-    put(f, data, n * size);
+    flame_put(f, &bytes, 4);
+    flame_put(f, data, n * size);
     fputs("tb", f);
 }
 
@@ -144,7 +146,7 @@ static int write_pickle(const char *path, const struct head_arrays *a)
         kin[j] = (uint32_t)a->parents[j];
         kin[HEAD_JOINTS + j] = (uint32_t)j;
     }
-    put(f, "\x80\2}(", 4);
+    flame_put(f, "\x80\2}(", 4);
     put_floats(f, "v_template", a->v_template, verts, 2, true);
     put_word(f, "f");
     put_array(f, "u4", a->f, sizeof *a->f, faces, 2);

@@ -12,25 +12,25 @@
 
 /* ---- the formula -------------------------------------------------------- */
 
-static double unit(uint64_t key, uint64_t i)
+static double golden_unit(uint64_t key, uint64_t i)
 {
     return (double)(random_mix(key + i) >> 40) / 16777216.0;
 }
 
 double golden_u(const char *name, uint64_t seed, uint64_t i)
 {
-    return unit(random_name(name) ^ seed, i);
+    return golden_unit(random_name(name) ^ seed, i);
 }
 
-static float value(uint64_t key, uint64_t i, double offset, double bound)
+static float golden_value(uint64_t key, uint64_t i, double offset, double bound)
 {
-    return (float)(offset + bound * (2.0 * unit(key, i) - 1.0));
+    return (float)(offset + bound * (2.0 * golden_unit(key, i) - 1.0));
 }
 
 float golden_v(const char *name, uint64_t seed, uint64_t i, double offset,
                double bound)
 {
-    return value(random_name(name) ^ seed, i, offset, bound);
+    return golden_value(random_name(name) ^ seed, i, offset, bound);
 }
 
 double golden_probe(uint64_t seed, uint64_t i)
@@ -38,7 +38,7 @@ double golden_probe(uint64_t seed, uint64_t i)
     return 2 * golden_u("probe", seed, i) - 1;
 }
 
-static void *grab(size_t n, size_t size)
+static void *golden_grab(size_t n, size_t size)
 {
     void *p = calloc(n + 1, size);
 
@@ -52,11 +52,11 @@ static void *grab(size_t n, size_t size)
 float *golden_array(const char *name, uint64_t seed, size_t n, double offset,
                     double bound)
 {
-    float *x = grab(n, sizeof *x);
+    float *x = golden_grab(n, sizeof *x);
     uint64_t key = random_name(name) ^ seed;
 
     for (size_t i = 0; i < n; i++)
-        x[i] = value(key, i, offset, bound);
+        x[i] = golden_value(key, i, offset, bound);
     return x;
 }
 
@@ -69,7 +69,7 @@ float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
                     size_t w, bool signed_range)
 {
     char coarse[128];
-    float *x = grab(planes * h * w, sizeof *x);
+    float *x = golden_grab(planes * h * w, sizeof *x);
     size_t gh = (h + 15) / 16, gw = (w + 15) / 16, i = 0;
 
     snprintf(coarse, sizeof coarse, "%s.coarse", name);
@@ -78,7 +78,8 @@ float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
         for (size_t y = 0; y < h; y++)
             for (size_t u = 0; u < w; u++, i++) {
                 size_t cell = (c * gh + y / 16) * gw + u / 16;
-                float v = (float)(0.75 * unit(kc, cell) + 0.25 * unit(kf, i));
+                float v = (float)(0.75 * golden_unit(kc, cell)
+                                  + 0.25 * golden_unit(kf, i));
 
                 x[i] = signed_range ? (float)(2.0 * v - 1.0) : v;
             }
@@ -87,7 +88,7 @@ float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
 
 /* ---- what the case file says -------------------------------------------- */
 
-static _Noreturn void broken(const struct golden *g, const char *what)
+static _Noreturn void golden_broken(const struct golden *g, const char *what)
 {
     fprintf(stderr, "golden: %s: no '%s'\n", g->path, what);
     exit(EX_DATAERR);
@@ -98,7 +99,7 @@ const char *golden_meta(const struct golden *g, const char *key)
     const char *v = st_meta(g->st, key);
 
     if (!v)
-        broken(g, key);
+        golden_broken(g, key);
     return v;
 }
 
@@ -141,8 +142,8 @@ double *golden_f64(const struct golden *g, const char *name, size_t *count)
     const struct st_tensor *t = st_find(g->st, name);
 
     if (!t)
-        broken(g, name);
-    double *out = grab(t->count, sizeof *out);
+        golden_broken(g, name);
+    double *out = golden_grab(t->count, sizeof *out);
     for (size_t i = 0; i < t->count; i++) {
         const char *p = (const char *)t->data + i * st_dtype_size(t->dtype);
 
@@ -154,7 +155,7 @@ double *golden_f64(const struct golden *g, const char *name, size_t *count)
         case ST_I64: out[i] = (double)v.l; break;
         case ST_I32: out[i] = v.n; break;
         case ST_U8: out[i] = v.u; break;
-        default: broken(g, name);
+        default: golden_broken(g, name);
         }
     }
     if (count)
@@ -166,7 +167,7 @@ float *golden_f32(const struct golden *g, const char *name, size_t *count)
 {
     size_t n;
     double *d = golden_f64(g, name, &n);
-    float *out = grab(n, sizeof *out);
+    float *out = golden_grab(n, sizeof *out);
 
     for (size_t i = 0; i < n; i++)
         out[i] = (float)d[i];
@@ -232,15 +233,15 @@ static bool truth_open(struct truth *t, struct golden *g, const char *name,
 }
 
 /* Value i of an output in either precision. */
-static double at(const void *x, bool is_double, size_t i)
+static double golden_at(const void *x, bool is_double, size_t i)
 {
     return is_double ? ((const double *)x)[i] : ((const float *)x)[i];
 }
 
 /* sum, sum of |x|, sum of squares, dot with the probe: all values, so that
  * what the sample skips is covered too. */
-static void statistics(struct golden *g, const char *name, const float *x,
-                       size_t n)
+static void golden_statistics(struct golden *g, const char *name,
+                              const float *x, size_t n)
 {
     char key[200];
     double s[4] = {0}, worst = 0;
@@ -255,7 +256,7 @@ static void statistics(struct golden *g, const char *name, const float *x,
         s[0] += v;
         s[1] += fabs(v);
         s[2] += v * v;
-        s[3] += v * (2 * unit(probe, i) - 1);
+        s[3] += v * (2 * golden_unit(probe, i) - 1);
     }
     double *want = golden_f64(g, key, NULL);
     snprintf(key, sizeof key, "%s.stats_tol", name);
@@ -273,9 +274,10 @@ static void statistics(struct golden *g, const char *name, const float *x,
 }
 
 /* tolerance < 0 takes the file's atol. */
-static void compare(struct golden *g, const char *name, const void *x,
-                    bool is_double, size_t n, double tolerance,
-                    const uint8_t *skip, size_t pixels)
+static void golden_test_compare(struct golden *g, const char *name,
+                                const void *x, bool is_double, size_t n,
+                                double tolerance, const uint8_t *skip,
+                                size_t pixels)
 {
     struct truth t;
     double worst = 0;
@@ -284,7 +286,7 @@ static void compare(struct golden *g, const char *name, const void *x,
         return;
     for (size_t k = 0; k < t.n; k++) {
         size_t i = t.offset + k * t.stride;
-        double e = fabs(at(x, is_double, i) - t.v[k]);
+        double e = fabs(golden_at(x, is_double, i) - t.v[k]);
 
         if ((!skip || !skip[i % pixels]) && !(e <= worst))
             worst = e;
@@ -297,20 +299,20 @@ static void compare(struct golden *g, const char *name, const void *x,
 void golden_compare(struct golden *g, const char *name, const float *x,
                     size_t n)
 {
-    compare(g, name, x, false, n, -1, NULL, 1);
-    statistics(g, name, x, n);
+    golden_test_compare(g, name, x, false, n, -1, NULL, 1);
+    golden_statistics(g, name, x, n);
 }
 
 void golden_compare_f64(struct golden *g, const char *name, const double *x,
                         size_t n, double rel)
 {
-    compare(g, name, x, true, n, rel, NULL, 1);
+    golden_test_compare(g, name, x, true, n, rel, NULL, 1);
 }
 
 void golden_compare_masked(struct golden *g, const char *name, const float *x,
                            size_t n, const uint8_t *skip, size_t pixels)
 {
-    compare(g, name, x, false, n, -1, skip, pixels);
+    golden_test_compare(g, name, x, false, n, -1, skip, pixels);
 }
 
 void golden_compare_l2(struct golden *g, const char *name, const float *x,
@@ -343,13 +345,13 @@ static char *read_text(const char *path)
         fprintf(stderr, "golden: %s: cannot be read\n", path);
         exit(EX_NOINPUT);
     }
-    char *text = grab(room, 1);
+    char *text = golden_grab(room, 1);
     text[fread(text, 1, room, f)] = 0;
     fclose(f);
     return text;
 }
 
-static const cJSON *member(const cJSON *j, const char *name)
+static const cJSON *golden_member(const cJSON *j, const char *name)
 {
     return cJSON_GetObjectItemCaseSensitive(j, name);
 }
@@ -366,7 +368,7 @@ static float *weight_values(struct golden *g, const struct golden_weight *t)
         return golden_array(t->name, g->seed, t->n, t->offset, t->bound);
     float *x = golden_f32(g, key, &n);
     if (n != t->n)
-        broken(g, key);
+        golden_broken(g, key);
     return x;
 }
 
@@ -392,12 +394,12 @@ static void check_sums(const struct golden_weights *w, struct golden *g)
 
 static void parse_weight(struct golden_weight *t, const cJSON *j)
 {
-    const cJSON *d = member(j, "shape");
+    const cJSON *d = golden_member(j, "shape");
 
-    t->name = cJSON_GetStringValue(member(j, "name"));
-    t->offset = cJSON_GetNumberValue(member(j, "offset"));
-    t->bound = cJSON_GetNumberValue(member(j, "bound"));
-    t->used = cJSON_IsTrue(member(j, "used"));
+    t->name = cJSON_GetStringValue(golden_member(j, "name"));
+    t->offset = cJSON_GetNumberValue(golden_member(j, "offset"));
+    t->bound = cJSON_GetNumberValue(golden_member(j, "bound"));
+    t->used = cJSON_IsTrue(golden_member(j, "used"));
     t->n = 1;
     for (d = d ? d->child : NULL; d && t->ndim < 5; d = d->next) {
         t->dim[t->ndim++] = (size_t)d->valuedouble;
@@ -417,9 +419,9 @@ void golden_weights_open(struct golden_weights *w, struct golden *g,
     char *text = read_text(path);
     w->json = cJSON_Parse(text);
     free(text);
-    const cJSON *list = member(w->json, "tensors");
+    const cJSON *list = golden_member(w->json, "tensors");
     w->count = (size_t)cJSON_GetArraySize(list);
-    w->t = grab(w->count, sizeof *w->t);
+    w->t = golden_grab(w->count, sizeof *w->t);
     const cJSON *j = list ? list->child : NULL;
     for (size_t i = 0; j; j = j->next, i++)
         parse_weight(&w->t[i], j);
@@ -433,8 +435,8 @@ void golden_weights_close(struct golden_weights *w)
     cJSON_Delete(w->json);
 }
 
-static const struct golden_weight *listed(const struct golden_weights *w,
-                                          const char *name)
+static const struct golden_weight *golden_listed(const struct golden_weights *w,
+                                                 const char *name)
 {
     for (size_t i = 0; i < w->count; i++)
         if (!strcmp(w->t[i].name, name))
@@ -450,7 +452,8 @@ void golden_weights_fill(struct params *ps, const struct golden_weights *w,
 
         if (strncmp(p->name, prefix, strlen(prefix)))
             continue;
-        const struct golden_weight *t = listed(w, p->name + strlen(prefix));
+        const struct golden_weight *t = golden_listed(w,
+                                                      p->name + strlen(prefix));
         if (!t || t->n != p->count) {
             printf("%-38s tensor %s has no formula of its size  FAILED\n",
                    g->name, p->name);
@@ -507,7 +510,7 @@ void golden_weights_gradients(struct golden *g, const struct params *ps,
 
             s[0] += v;
             s[1] += fabs(v);
-            s[3] += v * (2 * unit(probe, j) - 1);
+            s[3] += v * (2 * golden_unit(probe, j) - 1);
         }
         double e = gradient_error(s, truth + 4 * i, f32 + 4 * i,
                                   g->kinks);
@@ -538,7 +541,7 @@ void golden_register(const char *case_name, golden_run run)
     }
 }
 
-static golden_run runner(const char *case_name)
+static golden_run golden_runner(const char *case_name)
 {
     for (int i = 0; i < case_count; i++)
         if (!strcmp(cases[i].name, case_name))
@@ -557,7 +560,7 @@ static void run_file(const char *path)
         failed++;
         return;
     }
-    golden_run run = runner(golden_meta(&g, "case"));
+    golden_run run = golden_runner(golden_meta(&g, "case"));
     g.seed = strtoull(golden_meta(&g, "seed"), NULL, 0);
     snprintf(name, sizeof name, "%s/%s", golden_meta(&g, "case"),
              golden_meta(&g, "variant"));
@@ -581,8 +584,8 @@ static void run_file(const char *path)
 static char *found[4096];
 static size_t found_count;
 
-static int visit(const char *path, const struct stat *sb, int kind,
-                 struct FTW *where)
+static int golden_visit(const char *path, const struct stat *sb, int kind,
+                        struct FTW *where)
 {
     size_t n = strlen(path);
 
@@ -606,7 +609,7 @@ int main(int argc, char **argv)
         return EX_USAGE;
     }
     for (int i = 1; i < argc; i++)
-        if (nftw(argv[i], visit, 16, FTW_PHYS)) {
+        if (nftw(argv[i], golden_visit, 16, FTW_PHYS)) {
             fprintf(stderr, "golden: %s: cannot be read\n", argv[i]);
             return EX_NOINPUT;
         }

@@ -24,6 +24,7 @@ struct golden {
 };
 
 typedef void (*golden_run)(struct golden *g);
+/* run checks the cases of that name. */
 void golden_register(const char *case_name, golden_run run);
 
 #define GOLDEN_CASE(case_name, run)                                   \
@@ -41,6 +42,7 @@ double golden_probe(uint64_t seed, uint64_t i);                 /* [-1,1) */
 /* Fresh arrays (the caller frees); the process ends when memory does. */
 float *golden_array(const char *name, uint64_t seed, size_t n, double offset,
                     double bound);
+/* golden_array of the name "probe", offset 0 and bound 1. */
 float *golden_probe_array(uint64_t seed, size_t n);
 /* img and img11: planes of h x w, all leading dimensions folded into planes. */
 float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
@@ -51,7 +53,9 @@ float *golden_image(const char *name, uint64_t seed, size_t planes, size_t h,
 /* Metadata as text, number or JSON; a missing key ends the run with a message,
  * golden_json returns NULL instead.  The caller deletes the cJSON. */
 const char *golden_meta(const struct golden *g, const char *key);
+/* The same as a number, ... */
 double golden_number(const struct golden *g, const char *key);
+/* ... and as JSON, or NULL. */
 cJSON *golden_json(const struct golden *g, const char *key);
 
 /* in <- metadata "input_shape" (N,C,H,W) as this toolkit orders it: N, H, W,
@@ -65,6 +69,7 @@ bool golden_has(const struct golden *g, const char *name);  /* stored input */
 /* A stored tensor as doubles or floats (the caller frees); count may be
  * NULL. */
 double *golden_f64(const struct golden *g, const char *name, size_t *count);
+/* The same as floats. */
 float *golden_f32(const struct golden *g, const char *name, size_t *count);
 
 /* ---- weights of a network: <network>.shapes.json beside the case ------- */
@@ -87,6 +92,7 @@ struct golden_weights {
  * formula (a line is printed).  network NULL: metadata "network". */
 void golden_weights_open(struct golden_weights *w, struct golden *g,
                          const char *network);
+/* Free what it holds. */
 void golden_weights_close(struct golden_weights *w);
 /* Fill every tensor of ps whose name is prefix + NAME from NAME's formula, or
  * from weight.NAME where the case stores it; a

@@ -31,8 +31,8 @@ static void compare_stages(struct golden *g, const struct dino_base *d)
         }
 }
 
-static void gradients(struct golden *g, struct dino_base *d,
-                      struct params *ps, const struct golden_weights *w)
+static void dino_gradients(struct golden *g, struct dino_base *d,
+                           struct params *ps, const struct golden_weights *w)
 {
     static const char *const names[] = {
         "projects.0.weight", "resize_layers.0.weight", "resize_layers.3.bias",
@@ -87,7 +87,7 @@ static void run_mode(struct golden *g, struct dino_base *d, struct params *ps,
             layout_compare(g, "feature", features, 1, s[1] * s[2], s[3],
                            false);
         if (golden_has(g, "grad.output_conv.bias"))
-            gradients(g, d, ps, w);
+            dino_gradients(g, d, ps, w);
     }
     free(features);
 }

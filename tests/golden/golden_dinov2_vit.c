@@ -9,7 +9,7 @@
 #define EMBED 96
 
 /* Patch tokens (B,N,E) or class tokens (B,E) of x (B,1+N,E), fresh. */
-static float *part(const float *x, const struct dinov2 *d, bool cls)
+static float *dinov2_part(const float *x, const struct dinov2 *d, bool cls)
 {
     size_t N = cls ? 1 : d->tokens - 1, E = EMBED;
     float *out = malloc(d->batch * N * E * sizeof *out);
@@ -23,7 +23,7 @@ static float *part(const float *x, const struct dinov2 *d, bool cls)
 static void compare_part(struct golden *g, const char *name, const float *x,
                          const struct dinov2 *d, bool cls)
 {
-    float *p = part(x, d, cls);
+    float *p = dinov2_part(x, d, cls);
 
     golden_compare(g, name, p, d->batch * (cls ? 1 : d->tokens - 1) * EMBED);
     free(p);
@@ -57,8 +57,9 @@ static void compare_all(struct golden *g, const struct dinov2 *d, bool raw)
 }
 
 /* sum_k sum(norm_patch_k probe) + sum(norm_cls_3 probe) */
-static void gradients(struct golden *g, struct dinov2 *d, struct params *ps,
-                      const struct golden_weights *w, const size_t in[4])
+static void dinov2_gradients(struct golden *g, struct dinov2 *d,
+                             struct params *ps, const struct golden_weights *w,
+                             const size_t in[4])
 {
     size_t B = d->batch, T = d->tokens, E = EMBED;
     float *probe = golden_probe_array(g->seed, B * T * E), *dtok[4];
@@ -123,7 +124,7 @@ static void run_dinov2_vit(struct golden *g)
         dinov2_forward(rgb, &d);
         compare_all(g, &d, i);
         if (i)
-            gradients(g, &d, &ps, &w, in);
+            dinov2_gradients(g, &d, &ps, &w, in);
     }
     free(image);
     free(rgb);

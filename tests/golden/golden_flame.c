@@ -100,8 +100,8 @@ static void make_head(struct head *h, struct golden *g, bool imported)
     free(pt);
 }
 
-static void check(struct golden *g, const char *pose, const char *what,
-                  const float *x, size_t n)
+static void flame_check(struct golden *g, const char *pose, const char *what,
+                        const float *x, size_t n)
 {
     char name[128];
 
@@ -135,8 +135,8 @@ static void run_float(struct golden *g, const char *pose, const float *angles,
     memcpy(m.lid, lid, sizeof m.lid);
     head_pose(verts, id, &m);
     head_pose_joints(joints, id, &m);
-    check(g, pose, "vertices", verts, 3 * NV);
-    check(g, pose, "joints", joints, 15);
+    flame_check(g, pose, "vertices", verts, 3 * NV);
+    flame_check(g, pose, "joints", joints, 15);
     for (int of_joints = 0; of_joints < 2; of_joints++) {
         float db[K] = {0}, dp[15];
         struct head_motion_grad d = {.exp = db + NSHAPE, .beta = db};
@@ -147,10 +147,12 @@ static void run_float(struct golden *g, const char *pose, const float *angles,
         memcpy(dp + 3, d.neck, sizeof d.neck);
         memcpy(dp + 6, d.jaw, sizeof d.jaw);
         memcpy(dp + 9, d.eye, sizeof d.eye);
-        check(g, pose, of_joints ? "joint_grad_betas" : "grad_betas", db, K);
-        check(g, pose, of_joints ? "joint_grad_pose" : "grad_pose", dp, 15);
+        flame_check(g, pose, of_joints ? "joint_grad_betas" : "grad_betas", db,
+                    K);
+        flame_check(g, pose, of_joints ? "joint_grad_pose" : "grad_pose", dp,
+                    15);
         if (!of_joints)
-            check(g, pose, "grad_eyelid", d.lid, 2);
+            flame_check(g, pose, "grad_eyelid", d.lid, 2);
     }
     free(verts);
     free(probe);

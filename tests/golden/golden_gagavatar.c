@@ -15,7 +15,7 @@
 #include "tests/golden/layout.h"
 
 /* Memory, or the end. */
-static void *grab(size_t n, size_t size)
+static void *gagavatar_grab(size_t n, size_t size)
 {
     void *p = calloc(n + 1, size);
 
@@ -77,7 +77,7 @@ static void compare_backbone(struct golden *g, const struct gagavatar *a,
     nn_plan_init(&plan, (struct nn_options){NN_INFER, NN_F32});
     rescale_plan(&larger, &plan, RESCALE_BILINEAR, 1, c->size, c->size, side,
                  side, 3);
-    float *f = grab(side * side * 3, sizeof *f);
+    float *f = gagavatar_grab(side * side * 3, sizeof *f);
     if (!nn_plan_finish(&plan, &plan.err)) {
         rescale_forward(f, rgb, &larger);
         layout_compare(g, "f_image", f, 1, side * side, 3, false);
@@ -150,8 +150,9 @@ static void compare_projection(struct golden *g, const struct gagavatar *a,
         golden_fail(g, &err);
         return;
     }
-    float *xy = grab(2 * N, sizeof *xy), *conic = grab(3 * N, sizeof *conic);
-    float *z = grab(N, sizeof *z);
+    float *xy = gagavatar_grab(2 * N, sizeof *xy),
+          *conic = gagavatar_grab(3 * N, sizeof *conic);
+    float *z = gagavatar_grab(N, sizeof *z);
     for (size_t i = 0; i < N; i++) {
         reference_project(&p, &r, i);
         xy[2 * i] = (float)(p.x - 0.5);     /* their centres are integers */
@@ -174,7 +175,7 @@ static void compare_blocks(struct golden *g, const char *name, const float *x,
                            size_t C, size_t side, size_t block)
 {
     const size_t small = side / block;
-    float *mean = grab(C * small * small, sizeof *mean);
+    float *mean = gagavatar_grab(C * small * small, sizeof *mean);
 
     for (size_t i = 0; i < C * small * small; i++) {
         const float *at = x + (i / (small * small)) * side * side +
@@ -219,16 +220,17 @@ static void compare_flips(struct golden *g, const char *name, const float *x)
 }
 
 /* feat (S,S,C) drawn by the public rasteriser's rules. */
-static bool draw(float *feat, struct golden *g, const struct gagavatar *a,
-                 const struct splat_camera *cam)
+static bool gagavatar_draw(float *feat, struct golden *g,
+                           const struct gagavatar *a,
+                           const struct splat_camera *cam)
 {
     const size_t S = a->config.size, P = S * S, C = a->config.channels;
     struct splat_options opt = splat_defaults((int)S, (int)S, (int)C);
     struct splat r = {0};
     struct error err = {0};
-    float *T = grab(P, sizeof *T);
+    float *T = gagavatar_grab(P, sizeof *T);
     double *flag = golden_f64(g, "render.ambiguous", NULL);
-    uint8_t *skip = grab(P, 1);
+    uint8_t *skip = gagavatar_grab(P, 1);
 
     opt.rules = SPLAT_DGR;
     opt.exp_degree = 5;
@@ -260,8 +262,8 @@ static bool draw(float *feat, struct golden *g, const struct gagavatar *a,
 }
 
 /* The picture, from the features as drawn. */
-static void refine(struct golden *g, const struct golden_weights *w,
-                   const struct avatar_config *c, const float *feat)
+static void gagavatar_refine(struct golden *g, const struct golden_weights *w,
+                             const struct avatar_config *c, const float *feat)
 {
     const size_t P = c->size * c->size;
     struct style_unet s;
@@ -279,7 +281,7 @@ static void refine(struct golden *g, const struct golden_weights *w,
     if (style_unet_plan(&s, 1, (struct nn_options){NN_INFER, NN_FAST}, &err)) {
         golden_fail(g, &err);
     } else {
-        float *rgb = grab(3 * P, sizeof *rgb);
+        float *rgb = gagavatar_grab(3 * P, sizeof *rgb);
 
         style_unet_forward(rgb, feat, &s);
         golden_compare(g, "style_code", s.code, s.latent);
@@ -296,8 +298,9 @@ static void refine(struct golden *g, const struct golden_weights *w,
 
 /* Source to Gaussians; the network's memory is given back before the refiner
  * takes its own. */
-static bool bake(float *feat, struct golden *g, const struct golden_weights *w,
-                 const struct avatar_config *c)
+static bool gagavatar_test_bake(float *feat, struct golden *g,
+                                const struct golden_weights *w,
+                                const struct avatar_config *c)
 {
     struct gagavatar a;
     struct params ps;
@@ -331,7 +334,7 @@ static bool bake(float *feat, struct golden *g, const struct golden_weights *w,
             compare_backbone(g, &a, rgb);
             compare_bake(g, &a);
             compare_projection(g, &a, &cam);
-            drawn = draw(feat, g, &a, &cam);
+            drawn = gagavatar_draw(feat, g, &a, &cam);
         }
     }
     gagavatar_release(&a);
@@ -354,9 +357,9 @@ static void run_gagavatar(struct golden *g)
     c.channels = (size_t)cJSON_GetObjectItem(json, "channels")->valuedouble;
     cJSON_Delete(json);
     golden_weights_open(&w, g, NULL);
-    float *feat = grab(c.size * c.size * c.channels, sizeof *feat);
-    if (bake(feat, g, &w, &c))
-        refine(g, &w, &c, feat);
+    float *feat = gagavatar_grab(c.size * c.size * c.channels, sizeof *feat);
+    if (gagavatar_test_bake(feat, g, &w, &c))
+        gagavatar_refine(g, &w, &c, feat);
     free(feat);
     golden_weights_close(&w);
 }

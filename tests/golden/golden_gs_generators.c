@@ -62,7 +62,7 @@ static void compare_weight(struct golden *g, const struct params *ps,
     golden_compare_l2(g, name, param_g(ps, i), ps->tensor[i].count);
 }
 
-static bool failed(struct golden *g, int rc, const struct error *err)
+static bool generators_failed(struct golden *g, int rc, const struct error *err)
 {
     if (!rc)
         return false;
@@ -71,12 +71,12 @@ static bool failed(struct golden *g, int rc, const struct error *err)
     return true;
 }
 
-static size_t config(const cJSON *json, const char *key)
+static size_t generators_config(const cJSON *json, const char *key)
 {
     return (size_t)cJSON_GetObjectItem(json, key)->valuedouble;
 }
 
-static void harmonic(struct golden *g, const float *dir, size_t B)
+static void generators_harmonic(struct golden *g, const float *dir, size_t B)
 {
     float enc[8 * HARMONIC_OUT];
 
@@ -87,19 +87,22 @@ static void harmonic(struct golden *g, const float *dir, size_t B)
 static void run_conv(struct golden *g, struct params *ps,
                      struct golden_weights *w, const cJSON *json)
 {
-    size_t B = config(json, "B"), h = config(json, "h");
-    size_t wide = config(json, "w"), n = B * h * wide;
+    size_t B = generators_config(json, "B"), h = generators_config(json, "h");
+    size_t wide = generators_config(json, "w"), n = B * h * wide;
     struct gaussian_head head = { 32, GAUSSIAN_POSITION_DEPTH, true, false };
     struct conv_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
 
-    if (failed(g, conv_decoder_init(&d, ps, "", 256, 128, head, &err) ||
-                      params_allocate(ps, &err) ||
-                      params_allocate_gradients(ps, &err), &err))
+    if (generators_failed(g,
+                          conv_decoder_init(&d, ps, "", 256, 128, head, &err)
+                              || params_allocate(ps, &err)
+                              || params_allocate_gradients(ps, &err),
+                          &err))
         return;
     golden_weights_fill(ps, w, g, "");
-    if (failed(g, conv_decoder_plan(&d, B, h, wide, opt, &err), &err))
+    if (generators_failed(g, conv_decoder_plan(&d, B, h, wide, opt, &err),
+                          &err))
         return;
     struct sides s;
     sides_init(&s, g, n, 1);
@@ -107,7 +110,7 @@ static void run_conv(struct golden *g, struct params *ps,
     float *x = layout_rows(planes, B, h * wide, 256), ddir[24];
     float *dir = golden_f32(g, "input.dir", NULL);
     float *dx = malloc(n * 256 * sizeof *dx);
-    harmonic(g, dir, B);
+    generators_harmonic(g, dir, B);
     conv_decoder_forward(&s.out, x, dir, NULL, &d);
     compare_out(g, &s, true);
     conv_decoder_backward(dx, ddir, NULL, &s.probe, dir, NULL, &d);
@@ -143,18 +146,22 @@ static float *linear_input(struct golden *g, size_t B, size_t N, bool head)
 static void run_linear(struct golden *g, struct params *ps,
                        struct golden_weights *w, const cJSON *json)
 {
-    size_t B = config(json, "B"), N = config(json, "N"), n = B * N;
+    size_t B = generators_config(json, "B"), N = generators_config(json, "N"),
+           n = B * N;
     struct gaussian_head head = { 32, GAUSSIAN_POSITION_NONE, false, true };
     struct mlp_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
 
-    if (failed(g, mlp_decoder_init(&d, ps, "", 1024, 256, 128, head, &err) ||
-                      params_allocate(ps, &err) ||
-                      params_allocate_gradients(ps, &err), &err))
+    if (generators_failed(
+            g,
+            mlp_decoder_init(&d, ps, "", 1024, 256, 128, head, &err)
+                || params_allocate(ps, &err)
+                || params_allocate_gradients(ps, &err),
+            &err))
         return;
     golden_weights_fill(ps, w, g, "");
-    if (failed(g, mlp_decoder_plan(&d, B, N, opt, &err), &err))
+    if (generators_failed(g, mlp_decoder_plan(&d, B, N, opt, &err), &err))
         return;
     struct sides s;
     sides_init(&s, g, n, 0);
@@ -162,7 +169,7 @@ static void run_linear(struct golden *g, struct params *ps,
                             cJSON_IsTrue(cJSON_GetObjectItem(json, "head")));
     float *dir = golden_f32(g, "input.dir", NULL), ddir[24];
     float *dx = malloc(n * 1024 * sizeof *dx);
-    harmonic(g, dir, B);
+    generators_harmonic(g, dir, B);
     mlp_decoder_forward(&s.out, x, dir, NULL, &d);
     compare_out(g, &s, false);
     mlp_decoder_backward(dx, ddir, NULL, &s.probe, dir, NULL, &d);

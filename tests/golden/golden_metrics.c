@@ -33,7 +33,7 @@ static void box_mean(struct pair *p, int r)
             }
 }
 
-static void noise(struct pair *p, uint64_t seed, double amount)
+static void metrics_noise(struct pair *p, uint64_t seed, double amount)
 {
     for (size_t i = 0; i < p->n; i++) {
         double v = p->a[i] + amount * (golden_u("input.noise", seed, i) - 0.5);
@@ -42,7 +42,7 @@ static void noise(struct pair *p, uint64_t seed, double amount)
     }
 }
 
-static void shift(struct pair *p)
+static void metrics_shift(struct pair *p)
 {
     for (size_t c = 0, k = 0; c < 3; c++)
         for (size_t y = 0; y < p->H; y++)
@@ -52,19 +52,19 @@ static void shift(struct pair *p)
 }
 
 /* 0, or -1 for an unknown distortion. */
-static int distort(struct pair *p, const char *how, uint64_t seed)
+static int metrics_distort(struct pair *p, const char *how, uint64_t seed)
 {
     if (!strcmp(how, "noisy")) {
-        noise(p, seed, 0.4);
+        metrics_noise(p, seed, 0.4);
     } else if (!strcmp(how, "small_noise")) {
-        noise(p, seed, 0.01);
+        metrics_noise(p, seed, 0.01);
     } else if (!strncmp(how, "blur", 4)) {
         box_mean(p, (atoi(how + 4) - 1) / 2);
     } else if (!strcmp(how, "invert")) {
         for (size_t i = 0; i < p->n; i++)
             p->b[i] = (float)(1.0 - p->a[i]);
     } else if (!strcmp(how, "shift")) {
-        shift(p);
+        metrics_shift(p);
     } else if (!strcmp(how, "const")) {
         for (size_t i = 0; i < p->n; i++)
             p->b[i] = 0.5f;
@@ -81,8 +81,8 @@ static int distort(struct pair *p, const char *how, uint64_t seed)
 
 /* Compare `count` doubles with <how>.<what> when the file has it, within the
  * file's own float32 tolerance. */
-static void compare(struct golden *g, const char *how, const char *what,
-                    const double *x, size_t count)
+static void metrics_compare(struct golden *g, const char *how, const char *what,
+                            const double *x, size_t count)
 {
     char name[64], stored[80];
     float *f = malloc((count + 1) * sizeof *f);
@@ -105,13 +105,14 @@ static void check_scales(struct golden *g, const char *how,
 
     if (metric_msssim(&m, grad, p->a, p->b, 3, p->H, p->W, NULL))
         return;                       /* too small: the file has none */
-    compare(g, how, "msssim", &m.mean, 1);
+    metrics_compare(g, how, "msssim", &m.mean, 1);
     for (int l = 0; l < METRIC_LEVELS; l++)
         for (int k = 0; k < 2; k++)
             for (int c = 0; c < 3; c++)
                 level[l][k][c] = m.level[l][k][c];
-    compare(g, how, "msssim_levels", &level[0][0][0], METRIC_LEVELS * 6);
-    compare(g, how, "grad_msssim", grad, p->n);
+    metrics_compare(g, how, "msssim_levels", &level[0][0][0],
+                    METRIC_LEVELS * 6);
+    metrics_compare(g, how, "grad_msssim", grad, p->n);
 }
 
 static void check_pair(struct golden *g, const char *how,
@@ -121,16 +122,16 @@ static void check_pair(struct golden *g, const char *how,
     size_t hw = p->H * p->W, valid = (p->H - 10) * (p->W - 10);
     struct metric_ssim s;
 
-    compare(g, how, "l1", &v, 1);
+    metrics_compare(g, how, "l1", &v, 1);
     v = metric_mse(p->a, p->b, p->n);
-    compare(g, how, "mse", &v, 1);
+    metrics_compare(g, how, "mse", &v, 1);
     v = metric_psnr(v);
-    compare(g, how, "psnr", &v, 1);
+    metrics_compare(g, how, "psnr", &v, 1);
     metric_ssim(&s, map, grad, p->a, p->b, 3, p->H, p->W, NULL);
-    compare(g, how, "ssim", &s.mean, 1);
-    compare(g, how, "ssim_channels", s.channel, 3);
-    compare(g, how, "ssim_map0", map, valid);
-    compare(g, how, "grad_ssim", grad, p->n);
+    metrics_compare(g, how, "ssim", &s.mean, 1);
+    metrics_compare(g, how, "ssim_channels", s.channel, 3);
+    metrics_compare(g, how, "ssim_map0", map, valid);
+    metrics_compare(g, how, "grad_ssim", grad, p->n);
     check_scales(g, how, p, grad);
 
     float *gray = malloc(2 * hw * sizeof *gray);
@@ -138,7 +139,7 @@ static void check_pair(struct golden *g, const char *how,
         metric_gray(gray, p->a, hw);
         metric_gray(gray + hw, p->b, hw);
         metric_ssim(&s, NULL, NULL, gray, gray + hw, 1, p->H, p->W, NULL);
-        compare(g, how, "ssim_gray", &s.mean, 1);
+        metrics_compare(g, how, "ssim_gray", &s.mean, 1);
     }
     free(gray);
 }
@@ -159,7 +160,7 @@ static void run_metrics(struct golden *g)
 
         p.b = malloc(p.n * sizeof *p.b);
         if (!map || !grad || !p.b ||
-            distort(&p, how->valuestring, g->seed))
+            metrics_distort(&p, how->valuestring, g->seed))
             golden_check(g, how->valuestring, 1, 1, 0);
         else
             check_pair(g, how->valuestring, &p, map, grad);

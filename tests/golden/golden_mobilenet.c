@@ -6,8 +6,8 @@
 #include "lib/net/mobilenet.h"
 #include "tests/golden/layout.h"
 
-static void compare(struct golden *g, const char *name, const float *x,
-                    const size_t s[4], bool l2)
+static void mobilenet_compare(struct golden *g, const char *name,
+                              const float *x, const size_t s[4], bool l2)
 {
     layout_compare(g, name, x, s[0], s[1] * s[2], s[3], l2);
 }
@@ -21,13 +21,14 @@ static void compare_stages(struct golden *g, struct mobilenet *m)
     for (int i = 0; i < 5; i++) {
         const float *x = mobilenet_stage(s, m, i);
 
-        compare(g, names[i], x, s, false);
+        mobilenet_compare(g, names[i], x, s, false);
     }
 }
 
-static void gradients(struct golden *g, struct mobilenet *m,
-                      struct params *ps, const struct golden_weights *w,
-                      const size_t in[4])
+static void mobilenet_gradients(struct golden *g, struct mobilenet *m,
+                                struct params *ps,
+                                const struct golden_weights *w,
+                                const size_t in[4])
 {
     size_t s[4], n = in[0] * in[1] * in[2] * in[3];
 
@@ -36,7 +37,7 @@ static void gradients(struct golden *g, struct mobilenet *m,
     float *dout = layout_rows(probe, s[0], s[1] * s[2], s[3]);
     float *drgb = malloc(n * sizeof *drgb);
     mobilenet_backward_features(drgb, dout, m);
-    compare(g, "grad.input", drgb, in, true);
+    mobilenet_compare(g, "grad.input", drgb, in, true);
     size_t stem = params_find(ps, "conv_stem.weight");
     golden_compare_l2(g, "grad.conv_stem.weight", param_g(ps, stem),
                       ps->tensor[stem].count);
@@ -65,7 +66,7 @@ static void run_mode(struct golden *g, struct mobilenet *m, struct params *ps,
     if (mode != NN_FROZEN)
         return;
     compare_stages(g, m);
-    gradients(g, m, ps, w, in);
+    mobilenet_gradients(g, m, ps, w, in);
 }
 
 static void run_mobilenet(struct golden *g)

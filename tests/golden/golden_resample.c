@@ -7,8 +7,8 @@
 #include "tests/golden/golden.h"
 
 /* [B,C,n] to [B,n,C], or back when to_planes. */
-static float *turned(const float *x, size_t B, size_t C, size_t n,
-                     bool to_planes)
+static float *resample_turned(const float *x, size_t B, size_t C, size_t n,
+                              bool to_planes)
 {
     float *y = malloc(B * C * n * sizeof *y);
 
@@ -26,8 +26,8 @@ static float *turned(const float *x, size_t B, size_t C, size_t n,
 }
 
 /* The stored input, or the formula's. */
-static float *input(struct golden *g, const char *name, size_t n,
-                    double bound)
+static float *resample_input(struct golden *g, const char *name, size_t n,
+                             double bound)
 {
     char full[80];
 
@@ -40,13 +40,13 @@ static float *input(struct golden *g, const char *name, size_t n,
 static void compare_planes(struct golden *g, const char *name,
                            const float *x, size_t B, size_t C, size_t n)
 {
-    float *y = turned(x, B, C, n, true);
+    float *y = resample_turned(x, B, C, n, true);
 
     golden_compare(g, name, y, B * C * n);
     free(y);
 }
 
-static void numbers(size_t *out, size_t n, const cJSON *list)
+static void resample_numbers(size_t *out, size_t n, const cJSON *list)
 {
     for (size_t i = 0; i < n; i++)
         out[i] = (size_t)cJSON_GetArrayItem(list, (int)i)->valuedouble;
@@ -65,12 +65,12 @@ struct sampling {
 static void run_sampling(struct golden *g, const struct sampling *s)
 {
     const size_t in = s->H * s->W;
-    float *x = turned(s->x, s->B, s->C, in, false);
+    float *x = resample_turned(s->x, s->B, s->C, in, false);
     float *out = malloc(s->B * s->N * s->C * sizeof *out);
     float *gx = calloc(s->B * in * s->C, sizeof *gx);
     float *ggrid = calloc(s->B * s->N * 2, sizeof *ggrid);
     float *probe = golden_probe_array(g->seed, s->B * s->C * s->N);
-    float *gout = turned(probe, s->B, s->C, s->N, false);
+    float *gout = resample_turned(probe, s->B, s->C, s->N, false);
     char name[80];
 
     grid_sample(out, x, s->grid, s->B, s->H, s->W, s->C, s->N, s->align,
@@ -95,7 +95,7 @@ static void run_edge(struct golden *g, const struct sampling *s)
 {
     size_t count;
     float *grid = golden_f32(g, "gs.edge_grid", &count);
-    float *x = turned(s->x, s->B, s->C, s->H * s->W, false);
+    float *x = resample_turned(s->x, s->B, s->C, s->H * s->W, false);
     size_t N = count / 2 / s->B;
     float *out = malloc(s->B * N * s->C * sizeof *out);
     char name[80];
@@ -113,12 +113,12 @@ static void run_grids(struct golden *g, const cJSON *ops)
     size_t d[6], p[4];
     float *x, *grid, *px, *pgrid;
 
-    numbers(d, 6, cJSON_GetObjectItem(ops, "gs"));
-    numbers(p, 4, cJSON_GetObjectItem(ops, "pt"));
-    x = input(g, "gs.x", d[0] * d[1] * d[2] * d[3], 1);
-    grid = input(g, "gs.grid", d[0] * d[4] * d[5] * 2, 1.3);
-    px = input(g, "pt.x", p[0] * p[1] * p[2], 1);
-    pgrid = input(g, "pt.grid", p[3] * 2, 1.05);
+    resample_numbers(d, 6, cJSON_GetObjectItem(ops, "gs"));
+    resample_numbers(p, 4, cJSON_GetObjectItem(ops, "pt"));
+    x = resample_input(g, "gs.x", d[0] * d[1] * d[2] * d[3], 1);
+    grid = resample_input(g, "gs.grid", d[0] * d[4] * d[5] * 2, 1.3);
+    px = resample_input(g, "pt.x", p[0] * p[1] * p[2], 1);
+    pgrid = resample_input(g, "pt.grid", p[3] * 2, 1.05);
     for (int k = 0; k < 4; k++) {
         char name[32];
         struct sampling s = {
@@ -150,7 +150,7 @@ static void run_affine(struct golden *g, const cJSON *ops)
     size_t d[6];
     float *theta = golden_f32(g, "affine.theta", NULL);
 
-    numbers(d, 6, cJSON_GetObjectItem(ops, "gs"));
+    resample_numbers(d, 6, cJSON_GetObjectItem(ops, "gs"));
     for (int k = 0; k < 2; k++) {
         size_t n = d[0] * d[4] * d[5] * 2;
         float *grid = malloc(n * sizeof *grid);
@@ -184,12 +184,12 @@ static void run_resizing(struct golden *g, const struct resizing *s)
     const size_t in = s->H * s->W, out = s->h * s->w;
     struct resize *r = resize_plan(s->kind, s->H, s->W, s->h, s->w, s->fy,
                                    s->fx);
-    float *x = turned(s->x, s->B, s->C, in, false);
+    float *x = resample_turned(s->x, s->B, s->C, in, false);
     float *y = malloc(s->B * s->C * out * sizeof *y);
     float *gx = calloc(s->B * s->C * in, sizeof *gx);
     float *tmp = malloc(resize_scratch(r, s->C) * sizeof *tmp);
     float *probe = golden_probe_array(g->seed, s->B * s->C * out);
-    float *gout = turned(probe, s->B, s->C, out, false);
+    float *gout = resample_turned(probe, s->B, s->C, out, false);
     char name[96];
 
     resize_forward(r, y, x, s->B, s->C, tmp);
@@ -220,12 +220,12 @@ static void run_sizes(struct golden *g, const cJSON *ops)
     size_t d[4];
     float *x;
 
-    numbers(d, 4, cJSON_GetObjectItem(ops, "it"));
-    x = input(g, "it.x", d[0] * d[1] * d[2] * d[3], 1);
+    resample_numbers(d, 4, cJSON_GetObjectItem(ops, "it"));
+    x = resample_input(g, "it.x", d[0] * d[1] * d[2] * d[3], 1);
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "sizes")) {
         size_t m[2];
 
-        numbers(m, 2, size);
+        resample_numbers(m, 2, size);
         for (size_t k = 0; k < 4; k++) {
             struct resizing s = {
                 "", kinds[k].kind, d[0], d[1], d[2], d[3], m[0], m[1], 0, 0, x
@@ -257,7 +257,7 @@ static void run_positions(struct golden *g, const cJSON *ops)
     size_t d[2];
     float *x, *planes;
 
-    numbers(d, 2, cJSON_GetObjectItem(ops, "pe"));
+    resample_numbers(d, 2, cJSON_GetObjectItem(ops, "pe"));
     x = golden_array("input.pe.x", g->seed, d[0] * d[0] * d[1], 0, 0.5);
     planes = x;
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "pesz")) {
@@ -266,7 +266,7 @@ static void run_positions(struct golden *g, const cJSON *ops)
         };
         size_t m[2];
 
-        numbers(m, 2, size);
+        resample_numbers(m, 2, size);
         s.h = m[0];
         s.w = m[1];
         s.fy = ((double)m[0] + 0.1) / (double)d[0];
@@ -283,7 +283,7 @@ static void run_images(struct golden *g, const cJSON *ops)
     size_t d[4];
     float *x;
 
-    numbers(d, 4, cJSON_GetObjectItem(ops, "im"));
+    resample_numbers(d, 4, cJSON_GetObjectItem(ops, "im"));
     x = golden_image("input.image", g->seed, d[0] * d[1], d[2], d[3], false);
     cJSON_ArrayForEach(size, cJSON_GetObjectItem(ops, "imsz")) {
         struct resizing s = {
@@ -291,7 +291,7 @@ static void run_images(struct golden *g, const cJSON *ops)
         };
         size_t m[2];
 
-        numbers(m, 2, size);
+        resample_numbers(m, 2, size);
         s.h = m[0];
         s.w = m[1];
         snprintf(s.name, sizeof s.name, "im.tvresize.%zux%zu", m[0], m[1]);

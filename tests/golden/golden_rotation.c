@@ -17,7 +17,7 @@ struct form {
     double grad_rel;            /* tolerance of the double gradient */
 };
 
-static void d6(double *R, const double *x) { rotation_6d_d(R, x); }
+static void rotation_d6(double *R, const double *x) { rotation_6d_d(R, x); }
 static void d6_back(double *dx, const double *dR, const double *x)
 {
     rotation_6d_backward_d(dx, dR, x);
@@ -27,7 +27,7 @@ static void d6_back_f(float *dx, const float *dR, const float *x)
 {
     rotation_6d_backward(dx, dR, x);
 }
-static void aa(double *R, const double *x) { rotation_exp_d(R, x); }
+static void rotation_aa(double *R, const double *x) { rotation_exp_d(R, x); }
 static void aa_back(double *dx, const double *dR, const double *x)
 {
     rotation_exp_backward_d(dx, dR, x);
@@ -37,7 +37,10 @@ static void aa_back_f(float *dx, const float *dR, const float *x)
 {
     rotation_exp_backward(dx, dR, x);
 }
-static void eps(double *R, const double *x) { rotation_rodrigues_eps_d(R, x); }
+static void rotation_eps(double *R, const double *x)
+{
+    rotation_rodrigues_eps_d(R, x);
+}
 static void eps_back(double *dx, const double *dR, const double *x)
 {
     rotation_rodrigues_eps_backward_d(dx, dR, x);
@@ -128,11 +131,12 @@ static void run_group(struct golden *g, const char *group,
 
 static void run_rotation(struct golden *g)
 {
-    static const struct form six = {"", 6, d6, d6_back, d6_f, d6_back_f, 1e-9};
-    static const struct form exact = {".quat", 3, aa, aa_back, aa_f,
+    static const struct form six = {"",   6,         rotation_d6, d6_back,
+                                    d6_f, d6_back_f, 1e-9};
+    static const struct form exact = {".quat", 3, rotation_aa, aa_back, aa_f,
                                       aa_back_f, 1e-9};
-    static const struct form shifted = {".rodrigues_eps", 3, eps, eps_back,
-                                        NULL, NULL, 1e-7};
+    static const struct form shifted
+        = {".rodrigues_eps", 3, rotation_eps, eps_back, NULL, NULL, 1e-7};
     static const char *const d6_groups[] = {"d6.rand", "d6.ident",
                                             "d6.nearpar", "d6.tiny",
                                             "d6.degen"};

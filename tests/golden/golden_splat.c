@@ -70,7 +70,7 @@ static void scene_close(struct scene *s)
     free(s->probe);
 }
 
-static double *grab(size_t n)
+static double *splat_grab(size_t n)
 {
     double *p = calloc(n + 1, sizeof *p);
 
@@ -81,7 +81,7 @@ static double *grab(size_t n)
     return p;
 }
 
-static const char *key(const char *mode, const char *name)
+static const char *splat_key(const char *mode, const char *name)
 {
     static char text[80];
 
@@ -114,8 +114,9 @@ static void to_row_vector(double out[12], const double rt[12])
 static void compare_projection(struct golden *g, const struct reference *t,
                                size_t N)
 {
-    double *xy = grab(2 * N), *conic = grab(3 * N), *z = grab(N);
-    double *cov3 = grab(6 * N), *comp = grab(N), wrong = 0;
+    double *xy = splat_grab(2 * N), *conic = splat_grab(3 * N),
+           *z = splat_grab(N);
+    double *cov3 = splat_grab(6 * N), *comp = splat_grab(N), wrong = 0;
     double *front = golden_f64(g, "proj.in_front", NULL);
 
     for (size_t i = 0; i < N; i++) {
@@ -147,7 +148,7 @@ static void compare_projection(struct golden *g, const struct reference *t,
 }
 
 /* (H,W,C) to planes. */
-static void planes(double *out, const double *in, const struct scene *s)
+static void splat_planes(double *out, const double *in, const struct scene *s)
 {
     for (size_t c = 0; c < s->C; c++)
         for (size_t p = 0; p < s->H * s->W; p++)
@@ -167,24 +168,25 @@ static void reference_gradients(struct golden *g, const struct scene *s,
                                 const struct reference *t, const char *mode)
 {
     size_t N = s->N, C = s->C, P = s->W * s->H;
-    struct reference_gradients d = {
-        grab(3 * N), grab(3 * N), grab(4 * N), grab(N), grab(C * N),
-        grab(12), grab(2 * N), grab(3 * N)};
-    double *probe = grab(P * C), T[12], tol = gradient_tolerance(g, mode);
+    struct reference_gradients d = {splat_grab(3 * N), splat_grab(3 * N),
+                                    splat_grab(4 * N), splat_grab(N),
+                                    splat_grab(C * N), splat_grab(12),
+                                    splat_grab(2 * N), splat_grab(3 * N)};
+    double *probe = splat_grab(P * C), T[12], tol = gradient_tolerance(g, mode);
     struct error err = {0};
 
     for (size_t i = 0; i < P * C; i++)
         probe[i] = s->probe[i];
     if (reference_backward(&d, t, probe, NULL, &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
-    compare_if(g, key(mode, "grad.means"), d.mean, 3 * N, tol);
-    compare_if(g, key(mode, "grad.scales"), d.scale, 3 * N, tol);
-    compare_if(g, key(mode, "grad.quats"), d.quat, 4 * N, tol);
-    compare_if(g, key(mode, "grad.opacities"), d.opacity, N, tol);
-    compare_if(g, key(mode, "grad.colors"), d.color, C * N, tol);
+    compare_if(g, splat_key(mode, "grad.means"), d.mean, 3 * N, tol);
+    compare_if(g, splat_key(mode, "grad.scales"), d.scale, 3 * N, tol);
+    compare_if(g, splat_key(mode, "grad.quats"), d.quat, 4 * N, tol);
+    compare_if(g, splat_key(mode, "grad.opacities"), d.opacity, N, tol);
+    compare_if(g, splat_key(mode, "grad.colors"), d.color, C * N, tol);
     to_row_vector(T, d.rt);
     if (t->rules != SPLAT_DGR)
-        compare_if(g, key(mode, "grad.T"), T, 12, tol);
+        compare_if(g, splat_key(mode, "grad.T"), T, 12, tol);
     if (t->rules == SPLAT_EXACT) {
         golden_compare_f64(g, "exact.grad2d.means2d", d.center, 2 * N, tol);
         golden_compare_f64(g, "exact.grad2d.conics", d.conic, 3 * N, tol);
@@ -200,12 +202,12 @@ static void run_reference(struct golden *g, const struct scene *s,
                           const char *mode, enum splat_rules rules)
 {
     size_t P = s->W * s->H;
-    double *image = grab(P * s->C), *plane = grab(P * s->C);
-    double *alpha = grab(P);
+    double *image = splat_grab(P * s->C), *plane = splat_grab(P * s->C);
+    double *alpha = splat_grab(P);
     struct reference t;
     struct error err = {0};
 
-    if (!golden_has(g, key(mode, "T.err")) ||
+    if (!golden_has(g, splat_key(mode, "T.err")) ||
         reference_init(&t, &s->g, &s->cam, (int)s->W, (int)s->H, (int)s->C,
                        rules, 0, &err))
         goto out;
@@ -215,12 +217,12 @@ static void run_reference(struct golden *g, const struct scene *s,
         compare_projection(g, &t, s->N);
     if (reference_forward(image, alpha, NULL, NULL, &t, &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
-    planes(plane, image, s);
+    splat_planes(plane, image, s);
     for (size_t i = 0; i < P; i++)
         alpha[i] = 1 - alpha[i];
-    golden_compare_f64(g, key(mode, "image"), plane, P * s->C, 1e-9);
-    golden_compare_f64(g, key(mode, "T"), alpha, P, 1e-9);
-    if (golden_has(g, key(mode, "grad.means.err")))
+    golden_compare_f64(g, splat_key(mode, "image"), plane, P * s->C, 1e-9);
+    golden_compare_f64(g, splat_key(mode, "T"), alpha, P, 1e-9);
+    if (golden_has(g, splat_key(mode, "grad.means.err")))
         reference_gradients(g, s, &t, mode);
     reference_release(&t);
 out:
@@ -272,24 +274,25 @@ static void kernel_gradients(struct golden *g, struct splat *r,
 
     if (splat_backward(r, &d, s->probe, NULL, &err))
         golden_check(g, err.text, INFINITY, INFINITY, 0);
-    compare_l2_if(g, key(mode, "grad.means"), d.mean, 3 * N);
-    compare_l2_if(g, key(mode, "grad.scales"), d.scale, 3 * N);
-    compare_l2_if(g, key(mode, "grad.quats"), d.quat, 4 * N);
-    compare_l2_if(g, key(mode, "grad.opacities"), d.opacity, N);
-    compare_l2_if(g, key(mode, "grad.colors"), d.color, C * N);
+    compare_l2_if(g, splat_key(mode, "grad.means"), d.mean, 3 * N);
+    compare_l2_if(g, splat_key(mode, "grad.scales"), d.scale, 3 * N);
+    compare_l2_if(g, splat_key(mode, "grad.quats"), d.quat, 4 * N);
+    compare_l2_if(g, splat_key(mode, "grad.opacities"), d.opacity, N);
+    compare_l2_if(g, splat_key(mode, "grad.colors"), d.color, C * N);
     for (int k = 0; k < 12; k++)
         rt[k] = d.rt[k];
     to_row_vector(T, rt);
     for (int k = 0; k < 12; k++)
         Tf[k] = (float)T[k];
-    compare_l2_if(g, key(mode, "grad.T"), Tf, 12);
+    compare_l2_if(g, splat_key(mode, "grad.T"), Tf, 12);
     free(all);
 }
 
 /* T comes out as alpha = 1 - T in float: half a unit in its last place, 3e-8,
  * may be lost, which the tolerance of the files (relative to T) forgets. */
-static void transmittance(struct golden *g, const char *name, const float *T,
-                          const uint8_t *skip, size_t pixels)
+static void splat_transmittance(struct golden *g, const char *name,
+                                const float *T, const uint8_t *skip,
+                                size_t pixels)
 {
     char text[96];
     size_t n;
@@ -318,9 +321,9 @@ static void run_kernels(struct golden *g, const struct scene *s,
     struct splat r = {0};
     uint8_t *skip = calloc(P + 1, 1);
 
-    if (!golden_has(g, key(mode, "T.err")))
+    if (!golden_has(g, splat_key(mode, "T.err")))
         goto out;
-    double *ambiguous = golden_f64(g, key(mode, "ambiguous"), NULL);
+    double *ambiguous = golden_f64(g, splat_key(mode, "ambiguous"), NULL);
 
     for (size_t p = 0; p < P; p++)
         skip[p] = ambiguous[p] != 0;
@@ -331,10 +334,10 @@ static void run_kernels(struct golden *g, const struct scene *s,
             for (size_t c = 0; c < s->C; c++)
                 plane[c * P + p] = image[p * s->C + c];
         }
-        golden_compare_masked(g, key(mode, "image"), plane, P * s->C, skip,
-                              P);
-        transmittance(g, key(mode, "T"), T, skip, P);
-        if (golden_has(g, key(mode, "grad.means.err")))
+        golden_compare_masked(g, splat_key(mode, "image"), plane, P * s->C,
+                              skip, P);
+        splat_transmittance(g, splat_key(mode, "T"), T, skip, P);
+        if (golden_has(g, splat_key(mode, "grad.means.err")))
             kernel_gradients(g, &r, s, mode);
     }
 out:

@@ -38,8 +38,9 @@ static void compare_maps(struct golden *g, const struct style_unet *s)
     }
 }
 
-static void gradients(struct golden *g, struct style_unet *s,
-                      struct params *ps, const struct golden_weights *w)
+static void style_unet_gradients(struct golden *g, struct style_unet *s,
+                                 struct params *ps,
+                                 const struct golden_weights *w)
 {
     static const char *const names[] = {
         "final_linear.bias", "stylegan_decoder.constant_input.weight",
@@ -91,7 +92,7 @@ static void run_mode(struct golden *g, struct style_unet *s, struct params *ps,
         return;
     compare_maps(g, s);
     if (golden_has(g, "grad.final_linear.bias"))
-        gradients(g, s, ps, w);
+        style_unet_gradients(g, s, ps, w);
 }
 
 static void run_style_unet(struct golden *g)

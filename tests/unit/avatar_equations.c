@@ -11,7 +11,7 @@
 #include "tests/check.h"
 
 /* v_mid: one square of two triangles has five edges, the diagonal once. */
-static void midpoints(void)
+static void equation_midpoints(void)
 {
     static const int32_t faces[6] = {0, 1, 2, 0, 2, 3};
     const float x[12] = {0, 0, 0, 2, 0, 0, 2, 2, 0, 0, 2, 4};
@@ -41,7 +41,7 @@ static void midpoints(void)
 
 /* U_0, mu = o + d r, mu += (2p-1) n.  Frontal camera at 12: the plane is z = 0
  * and U = (1, 0) meets it at x = 12 * 1 / 12 = 1. */
-static void plane(void)
+static void equation_plane(void)
 {
     float U0[8], cam[12], n[3], mu[6], R[9], t[3] = {0.1f, -0.2f, 11};
     const float U[4] = {1, 0, -0.5f, 0.25f}, p[2] = {0.5f, 0.75f};
@@ -77,7 +77,7 @@ static void plane(void)
 }
 
 /* g = l + r [u,v,0]; cap; the clamp and its gradient. */
-static void mouth(void)
+static void equation_mouth(void)
 {
     const float centre[3] = {0.1f, -0.3f, 0.4f};
     float g[12], uv[8];
@@ -106,7 +106,7 @@ static void mouth(void)
 }
 
 /* A square from the middle to the right border, top to bottom: NDC 0..1. */
-static void coverage(void)
+static void equation_coverage(void)
 {
     const float verts[12] = {0, 1, 0, 1, 1, 0, 1, -1, 0, 0, -1, 0};
     static const int32_t faces[6] = {0, 1, 2, 0, 2, 3};
@@ -136,7 +136,7 @@ static void coverage(void)
 }
 
 /* Starting values: shifts of sigmoids. */
-static void shifts(void)
+static void equation_shifts(void)
 {
     double x = 0.3, s = -1.7, l = log(x / (1 - x)) + s;
     double h = 1e-3;
@@ -155,7 +155,7 @@ static void shifts(void)
 
 /* Hidden vertices take the colour of the seen ones: a strip of triangles,
  * seen only at its left end. */
-static void spread(void)
+static void equation_spread(void)
 {
     static const int32_t faces[12] = {0, 1, 2, 1, 3, 2, 2, 3, 4, 3, 5, 4};
     float rgb[3 * (6 + 9)] = {0.8f, 0.2f, 0.1f, 0.8f, 0.2f, 0.1f};
@@ -179,11 +179,11 @@ static void spread(void)
 
 int main(void)
 {
-    midpoints();
-    plane();
-    mouth();
-    coverage();
-    shifts();
-    spread();
+    equation_midpoints();
+    equation_plane();
+    equation_mouth();
+    equation_coverage();
+    equation_shifts();
+    equation_spread();
     return check_status();
 }

@@ -29,7 +29,7 @@ struct world {
     float *means;           /* of the driven frame */
 };
 
-static void configure(struct avatar_config *c, bool skip)
+static void gradient_configure(struct avatar_config *c, bool skip)
 {
     avatar_config_shipped(c);
     c->size = S;
@@ -50,7 +50,7 @@ static void configure(struct avatar_config *c, bool skip)
     c->has_refiner = false;
 }
 
-static void make(struct world *w, bool skip, unsigned without)
+static void gradient_make(struct world *w, bool skip, unsigned without)
 {
     struct avatar_config c;
     struct error err = {0};
@@ -64,7 +64,7 @@ static void make(struct world *w, bool skip, unsigned without)
     memset(w, 0, sizeof *w);
     random_init(&r, 3, "avatar_gradient");
     sphere_head(&w->head, 9, 14);
-    configure(&c, skip);
+    gradient_configure(&c, skip);
     params_init(&w->ps);
     if (avatar_init(&w->a, &w->ps, &c, &w->head, &err) ||
         params_allocate(&w->ps, &err) ||
@@ -119,7 +119,7 @@ static void make(struct world *w, bool skip, unsigned without)
     w->means = malloc(3 * 4096 * sizeof(float));
 }
 
-static void release(struct world *w)
+static void gradient_release(struct world *w)
 {
     avatar_release(&w->a);
     params_release(&w->ps);
@@ -133,7 +133,7 @@ static void release(struct world *w)
 }
 
 /* sum probe . (means of the driven frame, scale, quat, opacity, colour). */
-static double loss(struct world *w)
+static double gradient_loss(struct world *w)
 {
     struct avatar_source src = {w->rgb, w->matte, w->verts, w->cam,
                                 w->rest};
@@ -155,7 +155,7 @@ static double loss(struct world *w)
     return sum;
 }
 
-static void backward(struct world *w, float *dverts, float dcam[12])
+static void gradient_backward(struct world *w, float *dverts, float dcam[12])
 {
     struct splat_gradients d = avatar_gradients(&w->a);
     size_t n = w->a.set.n, C = (size_t)w->a.set.channels;
@@ -187,7 +187,7 @@ static double direction_step(const char *prefix)
 
 /* Along the gradient of one group of tensors, normalised: the derivative
  * must be its length. */
-static void direction(struct world *w, const char *prefix)
+static void gradient_direction(struct world *w, const char *prefix)
 {
     double norm = 0, h = direction_step(prefix);
     size_t total = w->ps.total;
@@ -205,7 +205,7 @@ static void direction(struct world *w, const char *prefix)
     for (int s = 0; s < 2; s++) {
         for (size_t i = 0; i < total; i++)
             w->ps.w[i] = keep[i] + (float)((s ? -h : h) * g[i] / norm);
-        value[s] = loss(w);
+        value[s] = gradient_loss(w);
     }
     memcpy(w->ps.w, keep, total * sizeof *keep);
     double slope = (value[0] - value[1]) / (2 * h);
@@ -249,14 +249,14 @@ static double worst_slope(struct world *w, float *x, const float *g, size_t n,
     return worst;
 }
 
-static void vertices(struct world *w, const float *dverts)
+static void gradient_vertices(struct world *w, const float *dverts)
 {
     check("driven vertices: gradient by differences",
           worst_slope(w, w->driven, dverts, 3 * w->head.V, 7), 1e-5);
 }
 
 /* The frame's rotation turns the shoulders; its translation nothing. */
-static void camera(struct world *w, const float dcam[12])
+static void gradient_camera(struct world *w, const float dcam[12])
 {
     double most = 0;
 
@@ -268,7 +268,7 @@ static void camera(struct world *w, const float dcam[12])
 }
 
 /* x + w (B x - x), B = p + R_d^T from (x - p). */
-static void blend(double x[3], const struct world *w, double weight,
+static void gradient_blend(double x[3], const struct world *w, double weight,
                  const float *from, size_t row)
 {
     const float *p = w->a.weights.blend.pivot;
@@ -318,14 +318,14 @@ static void reference_teeth(struct world *w)
 }
 
 /* Means of the driven frame, worked again in double from the equations. */
-static void reference(struct world *w)
+static void gradient_reference(struct world *w)
 {
     const struct avatar *a = &w->a;
     const struct static_branch *s = &a->plane;
     size_t K = a->mouth.K;
     double worst = 0, ls[3] = {0}, ld[3] = {0};
 
-    loss(w);
+    gradient_loss(w);
     for (size_t e = 0; w->head.V + e < a->first[1]; e++) {
         size_t k = w->head.V + e;
         double m[3];
@@ -333,7 +333,7 @@ static void reference(struct world *w)
         for (size_t c = 0; c < 3; c++)
             m[c] = 0.5 * (w->driven[3 * (size_t)a->dense.edge[2 * e] + c] +
                           w->driven[3 * (size_t)a->dense.edge[2 * e + 1] + c]);
-        blend(m, w, a->drive.weight[k], neck_blend_upright, 3);
+        gradient_blend(m, w, a->drive.weight[k], neck_blend_upright, 3);
         for (size_t c = 0; c < 3; c++)
             worst = fmax(worst, fabs(m[c] - w->means[3 * k + c]));
     }
@@ -353,7 +353,7 @@ static void reference(struct world *w)
                   w->cam[8 + c];
             mu[c] = o + z * ray - (2.0 * s->p[k] - 1 - rise) * w->cam[8 + c];
         }
-        blend(mu, w, a->drive.weight[a->first[1] + k], w->cam, 4);
+        gradient_blend(mu, w, a->drive.weight[a->first[1] + k], w->cam, 4);
         for (size_t c = 0; c < 3; c++)
             worst = fmax(worst, fabs(mu[c] -
                                      w->means[3 * (a->first[1] + k) + c]));
@@ -389,7 +389,7 @@ static void reference(struct world *w)
     check("mouth: g - l_s + l_d + q", worst, 1e-6);
 }
 
-static void run(bool skip, unsigned without)
+static void gradient_run(bool skip, unsigned without)
 {
     static const char *const groups[] = {"backbone.", "init.", "static.",
                                          "dynamic.", "dynamic.head_base",
@@ -397,36 +397,36 @@ static void run(bool skip, unsigned without)
     struct world w;
 
     printf("-- rgb_skip %d, without %u\n", skip, without);
-    make(&w, skip, without);
+    gradient_make(&w, skip, without);
     float *dverts = calloc(3 * w.head.V, sizeof *dverts), dcam[12] = {0};
-    reference(&w);
+    gradient_reference(&w);
     memset(w.ps.g, 0, w.ps.total * sizeof *w.ps.g);
-    loss(&w);
-    backward(&w, dverts, dcam);
+    gradient_loss(&w);
+    gradient_backward(&w, dverts, dcam);
     for (size_t i = 0; i < 6; i++) {
         if ((i == 1 && without & (WITHOUT_DEFORM | WITHOUT_STATIC)) ||
             (i == 2 && without & WITHOUT_STATIC) ||
             ((i == 3 || i == 4) && without & WITHOUT_DYNAMIC) ||
             (i == 5 && without & WITHOUT_MOUTH))
             continue;
-        direction(&w, groups[i]);
+        gradient_direction(&w, groups[i]);
     }
-    vertices(&w, dverts);
+    gradient_vertices(&w, dverts);
     if (!(without & WITHOUT_NECK))
-        camera(&w, dcam);
+        gradient_camera(&w, dcam);
     free(dverts);
-    release(&w);
+    gradient_release(&w);
 }
 
 int main(void)
 {
-    run(true, 0);
-    run(false, 0);
-    run(true, WITHOUT_INTERP);
-    run(true, WITHOUT_DEFORM);
-    run(true, WITHOUT_STATIC);
-    run(true, WITHOUT_DYNAMIC);
-    run(true, WITHOUT_MOUTH);
-    run(true, WITHOUT_NECK);
+    gradient_run(true, 0);
+    gradient_run(false, 0);
+    gradient_run(true, WITHOUT_INTERP);
+    gradient_run(true, WITHOUT_DEFORM);
+    gradient_run(true, WITHOUT_STATIC);
+    gradient_run(true, WITHOUT_DYNAMIC);
+    gradient_run(true, WITHOUT_MOUTH);
+    gradient_run(true, WITHOUT_NECK);
     return check_status();
 }

@@ -16,7 +16,7 @@ struct skin {
 };
 
 /* Normals all over the sphere; those that look away are not seen. */
-static void paint(struct skin *s, const double l[3], struct random *r)
+static void light_paint(struct skin *s, const double l[3], struct random *r)
 {
     static const double color[3] = {0.5, 0.3, 0.22};    /* linear */
 
@@ -39,7 +39,7 @@ static void paint(struct skin *s, const double l[3], struct random *r)
     }
 }
 
-static double off(const float l[3], const double want[3])
+static double light_off(const float l[3], const double want[3])
 {
     double d = 0;
 
@@ -69,27 +69,27 @@ int main(void)
     float l[3];
 
     random_init(&r, 5, "light");
-    paint(&s, want, &r);
+    light_paint(&s, want, &r);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
-    check("skin alone", off(l, want), 0.02);
+    check("skin alone", light_off(l, want), 0.02);
     grow_hair(&s);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
-    check("a third is hair", off(l, want), 0.05);
-    paint(&s, want, &r);
+    check("a third is hair", light_off(l, want), 0.05);
+    light_paint(&s, want, &r);
     for (size_t v = 0; v < V; v += 3)
         memset(s.rgba + 4 * v, 0, 3 * sizeof *s.rgba);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
-    check("a third is black", off(l, want), 0.02);
-    paint(&s, none, &r);
+    check("a third is black", light_off(l, want), 0.02);
+    light_paint(&s, none, &r);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
-    check("the same light from everywhere", off(l, none), 0.02);
-    paint(&s, strong, &r);
+    check("the same light from everywhere", light_off(l, none), 0.02);
+    light_paint(&s, strong, &r);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
     check("no longer than 1", hypot(hypot((double)l[0], (double)l[1]),
                                     (double)l[2]) - 1, 1e-6);
     check("and not the other way", -(double)l[2], 0);
     memset(s.weight, 0, sizeof s.weight);
     light_fit(l, s.rgba, s.normal, s.weight, V, tmp);
-    check("nothing is seen", off(l, none), 0);
+    check("nothing is seen", light_off(l, none), 0);
     return check_status();
 }

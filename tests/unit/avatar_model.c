@@ -25,7 +25,7 @@ static void give_up(const struct error *err)
     exit(1);
 }
 
-static void configure(struct avatar_config *c, const char *kind)
+static void model_configure(struct avatar_config *c, const char *kind)
 {
     avatar_config_shipped(c);
     if (strcmp(kind, "small") == 0) {
@@ -43,7 +43,7 @@ static void configure(struct avatar_config *c, const char *kind)
 
 /* A refiner that has learned nothing adds nothing, and what it receives of the
  * head's relative pose would go unnoticed. */
-static void teach(struct params *ps)
+static void model_teach(struct params *ps)
 {
     struct random r;
 
@@ -71,7 +71,7 @@ static void write_model(const char *path, const struct head *h,
     struct refiner r = {0};
     struct error err = {0};
 
-    configure(&c, kind);
+    model_configure(&c, kind);
     memcpy(c.head_hash, h->hash, sizeof c.head_hash);
     params_init(&ps);
     if (motion_encoder_init(&motion, &ps, "motion.", c.motion_net, &err) ||
@@ -81,7 +81,7 @@ static void write_model(const char *path, const struct head *h,
         params_allocate(&ps, &err))
         give_up(&err);
     params_randomise(&ps, 1);
-    teach(&ps);
+    model_teach(&ps);
     motion_encoder_init_weights(&motion);
     avatar_init_weights(&a);
     char *json = avatar_config_print(&c);
@@ -97,7 +97,7 @@ static void write_model(const char *path, const struct head *h,
 }
 
 /* A person in front of black: the sphere's disc in colours that vary slowly. */
-static void paint(uint8_t *rgb, uint8_t *matte)
+static void model_paint(uint8_t *rgb, uint8_t *matte)
 {
     for (size_t i = 0; i < S * S; i++) {
         double x = (double)(i % S) - S / 2.0, y = (double)i / S - S / 2.0;
@@ -110,7 +110,7 @@ static void paint(uint8_t *rgb, uint8_t *matte)
 }
 
 /* PSNR of the untrained avatar, drawn as the source saw it, against it. */
-static double likeness(struct baker *m, const float *verts)
+static double model_likeness(struct baker *m, const float *verts)
 {
     static uint8_t rgb[3 * S * S], matte[S * S];
     static float image[3 * S * S], alpha[S * S];
@@ -121,7 +121,7 @@ static double likeness(struct baker *m, const float *verts)
     float cam[12];
     double sum = 0;
 
-    paint(rgb, matte);
+    model_paint(rgb, matte);
     camera_frontal(cam, 12);
     avatar_bake(&m->avatar, &(struct avatar_source){rgb, matte, verts, cam,
                                                       NULL});
@@ -136,7 +136,7 @@ static double likeness(struct baker *m, const float *verts)
     return -10 * log10(sum / (3.0 * S * S));
 }
 
-static int test(void)
+static int model_test(void)
 {
     struct head h;
     struct identity id;
@@ -159,7 +159,7 @@ static int test(void)
     unlink(path);
     float *verts = malloc(3 * h.V * sizeof *verts);
     head_pose(verts, &id, &rest);
-    double psnr = likeness(&m, verts);
+    double psnr = model_likeness(&m, verts);
     printf("untrained avatar against its source: %.1f dB (at least 22)\n",
            psnr);
     free(verts);
@@ -176,7 +176,7 @@ int main(int argc, char **argv)
     struct error err = {0};
 
     if (argc == 1)
-        return test();
+        return model_test();
     if (argc != 4) {
         printf("usage: avatar_model [OUT small|shipped HEAD]\n");
         return 1;

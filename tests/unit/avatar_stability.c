@@ -23,7 +23,7 @@ static int all_finite(const float *x, size_t n)
     return 1;
 }
 
-static int within(const float *x, size_t n, float lo, float hi)
+static int stability_within(const float *x, size_t n, float lo, float hi)
 {
     for (size_t i = 0; i < n; i++)
         if (!(x[i] >= lo && x[i] <= hi))
@@ -31,13 +31,14 @@ static int within(const float *x, size_t n, float lo, float hi)
     return 1;
 }
 
-static int sound(const struct gaussians *g, const float *means)
+static int stability_sound(const struct gaussians *g, const float *means)
 {
     size_t n = g->n, C = (size_t)g->channels;
 
-    return all_finite(means, 3 * n) && all_finite(g->mean, 3 * n) &&
-           all_finite(g->quat, 4 * n) && all_finite(g->color, C * n) &&
-           within(g->opacity, n, 0, 1) && within(g->scale, 3 * n, 0, 0.05001f);
+    return all_finite(means, 3 * n) && all_finite(g->mean, 3 * n)
+           && all_finite(g->quat, 4 * n) && all_finite(g->color, C * n)
+           && stability_within(g->opacity, n, 0, 1)
+           && stability_within(g->scale, 3 * n, 0, 0.05001f);
 }
 
 struct world {
@@ -50,9 +51,9 @@ struct world {
 };
 
 /* Bake at a pose and camera, drive to another; all numbers sound? */
-static int try(struct world *w, const struct head_motion *at,
-               const float turn[3], const float t[3],
-               const struct head_motion *to)
+static int stability_try(struct world *w, const struct head_motion *at,
+                         const float turn[3], const float t[3],
+                         const struct head_motion *to)
 {
     const float F[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
     float R[9], Q[9], cam[12];
@@ -65,10 +66,10 @@ static int try(struct world *w, const struct head_motion *at,
                                                cam, NULL});
     head_pose(w->verts, &w->id, to);
     avatar_drive(w->means, &w->a, w->verts, cam);
-    return sound(&w->a.set, w->means);
+    return stability_sound(&w->a.set, w->means);
 }
 
-static void make(struct world *w)
+static void stability_make(struct world *w)
 {
     struct avatar_config c;
     struct error err = {0};
@@ -113,35 +114,37 @@ int main(void)
     struct head_motion rest = {0}, wide = {.exp = huge_exp, .jaw = {3.1f}};
     struct head_motion open = {.jaw = {0.5f}};
 
-    make(&w);
-    check_that("frontal source", try(&w, &rest, none, front, &open));
+    stability_make(&w);
+    check_that("frontal source", stability_try(&w, &rest, none, front, &open));
     check_that("profile source, half the vertices hidden",
-               try(&w, &rest, profile, front, &open));
+               stability_try(&w, &rest, profile, front, &open));
     size_t hidden = 0;
     for (size_t k = 0; k < w.a.dynamic.count; k++)
         hidden += w.a.dynamic.trust[k] < 0.5f;
     check_that("  and the hidden ones are known",
                hidden > w.a.dynamic.count / 3 && hidden < w.a.dynamic.count);
     check_that("source at the picture's border",
-               try(&w, &rest, none, border, &open));
+               stability_try(&w, &rest, none, border, &open));
     check_that("source outside the picture",
-               try(&w, &rest, none, outside, &rest));
-    check_that("camera inside the head", try(&w, &rest, none, inside, &rest));
-    check_that("camera far away", try(&w, &rest, none, far, &rest));
+               stability_try(&w, &rest, none, outside, &rest));
+    check_that("camera inside the head",
+               stability_try(&w, &rest, none, inside, &rest));
+    check_that("camera far away", stability_try(&w, &rest, none, far, &rest));
     check_that("huge expressions, jaw near pi",
-               try(&w, &open, none, front, &wide));
+               stability_try(&w, &open, none, front, &wide));
     check_that("source with huge expressions",
-               try(&w, &wide, none, front, &rest));
+               stability_try(&w, &wide, none, front, &rest));
     memset(w.matte, 0, sizeof w.matte);
-    check_that("empty matte", try(&w, &rest, none, front, &open));
+    check_that("empty matte", stability_try(&w, &rest, none, front, &open));
     check_that("  and the plane is clear",
-               within(w.a.set.opacity + w.a.first[1],
-                      w.a.first[2] - w.a.first[1], 0, 0));
+               stability_within(w.a.set.opacity + w.a.first[1],
+                                w.a.first[2] - w.a.first[1], 0, 0));
     memset(w.matte, 255, sizeof w.matte);
     /* all lip vertices on one point: r_lip = 0 */
     for (size_t i = 0; i < w.head.nlip_inner; i++)
         w.head.lip_inner[i] = w.head.lip_inner[0];
-    check_that("lips pressed to a point", try(&w, &rest, none, front, &open));
+    check_that("lips pressed to a point",
+               stability_try(&w, &rest, none, front, &open));
     check_that("  and the grid keeps a finite size",
                w.a.mouth.lips.radius == 0 &&
                w.a.set.scale[3 * w.a.first[2]] > 0);

@@ -16,7 +16,7 @@
 #define BYTES 10
 
 /* A picture of n pixels in runs of about so many. */
-static void make(uint8_t *image, float *alpha, size_t n, double run)
+static void covered_make(uint8_t *image, float *alpha, size_t n, double run)
 {
     struct random r;
     int on = 0;
@@ -33,7 +33,7 @@ static void make(uint8_t *image, float *alpha, size_t n, double run)
 }
 
 /* What the runs hold, joined. */
-static size_t join(uint8_t *packed, const struct covered *c)
+static size_t covered_join(uint8_t *packed, const struct covered *c)
 {
     size_t at = 0;
 
@@ -65,13 +65,13 @@ static void round_trip(struct covered *c, size_t n, double run)
     float *alpha = malloc(n * sizeof *alpha + 1);
     size_t want = 0, count;
 
-    make(image, alpha, n, run);
+    covered_make(image, alpha, n, run);
     memset(back, 0xee, n * BYTES);
     for (size_t i = 0; i < n; i++)
         want += alpha[i] != 0;
     CHECK(covered_find(c, image, alpha, n, BYTES) == 0,
           "%zu pixels: no memory", n);
-    count = join(packed, c);
+    count = covered_join(packed, c);
     CHECK(count == want && c->pixels == want,
           "%zu pixels: another number of pixels", n);
     for (size_t width = 1; width <= n; width = 3 * width + 1)

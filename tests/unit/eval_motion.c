@@ -9,7 +9,8 @@
 
 /* Copy a stream's SHAP and MOTN, without lmk, turned by `degrees` in roll,
  * and without the last `less` motions. */
-static void twist(const char *to, const char *from, double degrees, int less)
+static void motion_eval_twist(const char *to, const char *from, double degrees,
+                              int less)
 {
     struct error err = {0};
     struct stream_reader *in = stream_open(from, NULL, &err);
@@ -41,7 +42,7 @@ static void twist(const char *to, const char *from, double degrees, int less)
         exit(1);
 }
 
-static double mean(const struct table *t, const char *column)
+static double motion_eval_mean(const struct table *t, const char *column)
 {
     for (size_t c = 0; c < t->columns; c++)
         if (!strcmp(t->column[c], column))
@@ -64,21 +65,27 @@ int main(void)
     toy_stream(a, &h, 2, 4, 128);
 
     table_init(&t);
-    twist(b, a, 0, 0);
+    motion_eval_twist(b, a, 0, 0);
     if (compare_motions(&t, table_row(&t, "x"), a, b, &h, NULL, &err))
         printf("%s\n", err.text);
-    expect("akd, stored against posed landmarks", mean(&t, "akd"), 0, 2e-3);
-    expect("pose_deg of the same motion", mean(&t, "pose_deg"), 0, 1e-4);
-    expect("jaw_corr of the same motion", mean(&t, "jaw_corr"), 1, 1e-9);
+    expect("akd, stored against posed landmarks", motion_eval_mean(&t, "akd"),
+           0, 2e-3);
+    expect("pose_deg of the same motion", motion_eval_mean(&t, "pose_deg"), 0,
+           1e-4);
+    expect("jaw_corr of the same motion", motion_eval_mean(&t, "jaw_corr"), 1,
+           1e-9);
     table_release(&t);
 
     table_init(&t);
-    twist(b, a, 7, 0);
+    motion_eval_twist(b, a, 7, 0);
     compare_motions(&t, table_row(&t, "x"), a, b, &h, NULL, &err);
-    expect("pose_deg of a head turned by 7", mean(&t, "pose_deg"), 7, 1e-3);
-    expect("akd is (51 aed + 17 apd) / 68", mean(&t, "akd"),
-           (51 * mean(&t, "aed") + 17 * mean(&t, "apd")) / 68, 1e-6);
-    twist(b, a, 0, 2);
+    expect("pose_deg of a head turned by 7", motion_eval_mean(&t, "pose_deg"),
+           7, 1e-3);
+    expect("akd is (51 aed + 17 apd) / 68", motion_eval_mean(&t, "akd"),
+           (51 * motion_eval_mean(&t, "aed") + 17 * motion_eval_mean(&t, "apd"))
+               / 68,
+           1e-6);
+    motion_eval_twist(b, a, 0, 2);
     expect("fewer motions are refused",
            compare_motions(&t, 0, a, b, &h, NULL, &err), -1, 0);
     printf("%s\n", err.text);

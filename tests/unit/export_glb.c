@@ -14,7 +14,7 @@
 
 enum { V = 96, NSHAPE = 2, NEXP = 3, N = 500 };
 
-static float *fill(struct random *r, size_t n, double lo, double hi)
+static float *glb_fill(struct random *r, size_t n, double lo, double hi)
 {
     float *x = malloc(n * sizeof *x);
     for (size_t i = 0; i < n; i++)
@@ -27,10 +27,10 @@ static float *fill(struct random *r, size_t n, double lo, double hi)
 static void splats_round_trip(struct random *r)
 {
     struct error err = {0};
-    struct glb_splats s = {N, 5, fill(r, 3 * N, -0.1, 0.1),
-                           fill(r, 3 * N, 0.001, 0.01),
-                           fill(r, 4 * N, -1, 1), fill(r, N, 0, 1),
-                           fill(r, 5 * N, 0, 1)};
+    struct glb_splats s = {N, 5, glb_fill(r, 3 * N, -0.1, 0.1),
+                           glb_fill(r, 3 * N, 0.001, 0.01),
+                           glb_fill(r, 4 * N, -1, 1), glb_fill(r, N, 0, 1),
+                           glb_fill(r, 5 * N, 0, 1)};
     struct glb_splats back = {0};
     void *block = NULL;
     double mean = 0, color = 0, turn = 0;
@@ -83,9 +83,9 @@ static int toy_init(struct toy *t, struct random *r, struct error *err)
     float *weights = calloc(5 * V, sizeof *weights);
     struct head_arrays a = {
         .V = V, .F = V - 2, .nshape = NSHAPE, .nexp = NEXP,
-        .v_template = fill(r, 3 * V, -0.1, 0.1), .f = faces,
-        .shapedirs = fill(r, 3 * V * (NSHAPE + NEXP), -0.01, 0.01),
-        .posedirs = fill(r, 3 * V * 36, -0.002, 0.002),
+        .v_template = glb_fill(r, 3 * V, -0.1, 0.1), .f = faces,
+        .shapedirs = glb_fill(r, 3 * V * (NSHAPE + NEXP), -0.01, 0.01),
+        .posedirs = glb_fill(r, 3 * V * 36, -0.002, 0.002),
         .J_regressor = regressor, .weights = weights, .parents = parents,
         .l_eyelid = calloc(3 * V, sizeof(float)),
         .r_eyelid = calloc(3 * V, sizeof(float)), .lip_inner = lip,

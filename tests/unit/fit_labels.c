@@ -381,7 +381,7 @@ static const char *label_file(size_t points, const char *names,
     return path;
 }
 
-static void refused(const char *what, const char *path, const char *word)
+static void label_refused(const char *what, const char *path, const char *word)
 {
     struct labels l = {0};
     struct error err = {0};
@@ -418,22 +418,24 @@ static void test_labels(void)
     labels_release(&l);
     check_that("no labels are refused", labels_sort(&l, NULL, 0, &err) &&
                err.code == EX_DATAERR);
-    refused("too few points", label_file(300, NAMES, COLUMNS), "landmarks");
-    refused("no names", label_file(LANDMARK_COUNT, NULL, COLUMNS), "names");
-    refused("a name without a frame",
-            label_file(LANDMARK_COUNT, "[\"a.jpg\",\"b#1\",\"c#1\"]",
-                       COLUMNS), "a.jpg");
-    refused("foreign blendshapes",
-            label_file(LANDMARK_COUNT, NAMES, "[\"p\",\"q\"]"),
-            "blendshape_names");
+    label_refused("too few points", label_file(300, NAMES, COLUMNS),
+                  "landmarks");
+    label_refused("no names", label_file(LANDMARK_COUNT, NULL, COLUMNS),
+                  "names");
+    label_refused("a name without a frame",
+                  label_file(LANDMARK_COUNT, "[\"a.jpg\",\"b#1\",\"c#1\"]",
+                             COLUMNS), "a.jpg");
+    label_refused("foreign blendshapes",
+                  label_file(LANDMARK_COUNT, NAMES, "[\"p\",\"q\"]"),
+                  "blendshape_names");
     landmarks[2][7][1] = NAN;
-    refused("a landmark that is not a number",
-            label_file(LANDMARK_COUNT, NAMES, COLUMNS), "landmarks");
+    label_refused("a landmark that is not a number",
+                  label_file(LANDMARK_COUNT, NAMES, COLUMNS), "landmarks");
     landmarks[2][7][1] = 1e9f;
-    refused("a landmark far away",
-            label_file(LANDMARK_COUNT, NAMES, COLUMNS), "row 2, point 7");
+    label_refused("a landmark far away",
+                  label_file(LANDMARK_COUNT, NAMES, COLUMNS), "row 2, point 7");
     REQUIRE(!truncate(path, 5000), "cannot cut a file");
-    refused("a cut file", path, "");
+    label_refused("a cut file", path, "");
     unlink(path);
 }
 

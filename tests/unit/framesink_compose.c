@@ -15,7 +15,7 @@
 
 #define N 1031
 
-static int worst(const uint8_t *a, const uint8_t *b, size_t n)
+static int compose_worst(const uint8_t *a, const uint8_t *b, size_t n)
 {
     int most = 0;
 
@@ -54,12 +54,12 @@ static void test_versions(void)
             memset(b, 0xa5, sizeof b);
             compose_c(a, color, alpha, bg, step, n);
             t->blend(b, color, alpha, bg, step, n);
-            most = fmax(most, worst(a, b, 3 * n));
+            most = fmax(most, compose_worst(a, b, 3 * n));
             over += memcmp(b + 3 * n, a + 3 * n, 8) != 0;
         }
     compose_quantise_c(a, color, 3 * N);
     t->quantise(b, color, 3 * N);
-    most = fmax(most, worst(a, b, 3 * N));
+    most = fmax(most, compose_worst(a, b, 3 * N));
     color[5] = 0;
     compose_half_c(h, color, 3 * N);
     t->half(g, color, 3 * N);

@@ -165,7 +165,7 @@ static void test_video(void)
                 &err);
 }
 
-static int run(const char *format, const char *a, const char *b)
+static int format_run(const char *format, const char *a, const char *b)
 {
     char cmd[1024];
 
@@ -186,12 +186,14 @@ static void test_ffmpeg(void)
         printf("no ffmpeg here: its part left out\n");
         return;
     }
-    check_error("ffmpeg reads it",
-                run("ffmpeg -v error -y -i %s -vf scale=in_color_matrix=bt709 "
-                    "-frames:v 1 %s", folder_at("r.y4m"),
-                    folder_at("r.png")) == 0 &&
-                image_read(&im, folder_at("r.png"), &err) == 0,
-                &err);
+    check_error(
+        "ffmpeg reads it",
+        format_run("ffmpeg -v error -y -i %s -vf scale=in_color_matrix=bt709 "
+                   "-frames:v 1 %s",
+                   folder_at("r.y4m"), folder_at("r.png"))
+                == 0
+            && image_read(&im, folder_at("r.png"), &err) == 0,
+        &err);
     printf("red comes back from y4m as %d %d %d\n", im.rgb ? im.rgb[0] : -1,
            im.rgb ? im.rgb[1] : -1, im.rgb ? im.rgb[2] : -1);
     check_that("pure red through ffmpeg",
@@ -200,8 +202,8 @@ static void test_ffmpeg(void)
     check_error("ffmpeg reads mp4",
                 write_clip(folder_at("r.mp4"), 32, 18, 1, 0, 0, opt,
                            &err) == 0 &&
-                run("ffmpeg -v error -y -i %s -frames:v 1 %s",
-                    folder_at("r.mp4"), folder_at("s.png")) == 0 &&
+                format_run("ffmpeg -v error -y -i %s -frames:v 1 %s",
+                           folder_at("r.mp4"), folder_at("s.png")) == 0 &&
                 image_read(&im, folder_at("s.png"), &err) == 0,
                 &err);
     check_that("pure red from mp4 through ffmpeg",

@@ -15,8 +15,8 @@
 
 /* n frames whose grey level is 10 times their number, plus a texture of so
  * many levels. */
-static void make(const char *path, size_t W, size_t H, uint64_t n,
-                 uint32_t texture)
+static void input_make(const char *path, size_t W, size_t H, uint64_t n,
+                       uint32_t texture)
 {
     struct framesink_options opt = {.path = path, .rate_num = 30,
                                     .rate_den = 1};
@@ -45,7 +45,7 @@ struct seen {
     struct error err;
 };
 
-static struct seen see(const char *const *paths, size_t count)
+static struct seen input_see(const char *const *paths, size_t count)
 {
     struct framesource_options opt = {.rate = 10};
     struct seen r = {0};
@@ -73,10 +73,10 @@ static struct seen see_one(const char *name)
 {
     const char *path = folder_at(name);
 
-    return see(&path, 1);
+    return input_see(&path, 1);
 }
 
-static void cut(const char *from, const char *to, double part)
+static void input_cut(const char *from, const char *to, double part)
 {
     char *data = malloc(1 << 22);
     FILE *in = fopen(folder_at(from), "rb"), *out = fopen(folder_at(to), "wb");
@@ -94,12 +94,12 @@ static void test_kinds(void)
                                        "dir"};
     struct seen r;
 
-    make(folder_at("a.y4m"), 31, 21, 12, 7);
-    make(folder_at("a.ppm"), 31, 21, 12, 7);
-    make(folder_at("a.avi"), 64, 48, 12, 7);
-    make(folder_at("a.mp4"), 64, 48, 12, 7);
+    input_make(folder_at("a.y4m"), 31, 21, 12, 7);
+    input_make(folder_at("a.ppm"), 31, 21, 12, 7);
+    input_make(folder_at("a.avi"), 64, 48, 12, 7);
+    input_make(folder_at("a.mp4"), 64, 48, 12, 7);
     mkdir(folder_at("dir"), 0777);
-    make(folder_at("dir/x%d.png"), 31, 21, 12, 7);
+    input_make(folder_at("dir/x%d.png"), 31, 21, 12, 7);
     for (int i = 0; i < 5; i++) {
         double rate = i == 1 || i == 4 ? 10 : 30;
         r = see_one(name[i]);
@@ -117,7 +117,7 @@ static void test_kinds(void)
 static void test_lists(void)
 {
     const char *two[2] = {folder_at("a.y4m"), folder_at("dir")}, *list;
-    struct seen r = see(two, 2);
+    struct seen r = input_see(two, 2);
     FILE *fp;
 
     check_error("two inputs make one clip",
@@ -132,7 +132,7 @@ static void test_lists(void)
         char name[300];
         snprintf(name, sizeof name, "@%s", list);
         list = name;
-        r = see(&list, 1);
+        r = input_see(&list, 1);
     }
     check_error("a list of pictures",
                 r.rc == 0 && r.frames == 2 && r.first == 30 && r.last == 110,
@@ -150,9 +150,9 @@ static void test_faults(void)
     };
     struct seen r;
 
-    make(folder_at("b.avi"), 320, 240, 12, 120);
+    input_make(folder_at("b.avi"), 320, 240, 12, 120);
     for (size_t i = 0; i < sizeof t / sizeof *t; i++) {
-        cut(t[i].from, t[i].to, t[i].part);
+        input_cut(t[i].from, t[i].to, t[i].part);
         r = see_one(t[i].to);
         printf("%s: %zu frames before the fault\n", t[i].to, r.frames);
         check_error(t[i].to,
@@ -160,11 +160,11 @@ static void test_faults(void)
                     r.frames >= 1 && r.frames < 12,
                     &r.err);
     }
-    cut("a.mp4", "cut.mp4", 0.5);
+    input_cut("a.mp4", "cut.mp4", 0.5);
     r = see_one("cut.mp4");
     check_error("a video without its index",
                 r.rc == -1 && r.err.code == EX_DATAERR, &r.err);
-    cut("a.mp4", "empty.mp4", 0);
+    input_cut("a.mp4", "empty.mp4", 0);
     r = see_one("empty.mp4");
     check_error("an empty file", r.rc == -1 && r.err.code == EX_DATAERR,
                 &r.err);
@@ -193,7 +193,7 @@ static void test_transport(void)
     check_error("MPEG-TS by ffmpeg", system(cmd) == 0, &(struct error){0});
     r = see_one("b.ts");
     check_error("a whole MPEG-TS file", r.rc == 0 && r.frames == 12, &r.err);
-    cut("b.ts", "cut.ts", 0.7);
+    input_cut("b.ts", "cut.ts", 0.7);
     check_error("cutting it",
                 stat(folder_at("cut.ts"), &st) == 0 &&
                 truncate(folder_at("cut.ts"), st.st_size / 188 * 188 - 60) == 0,

@@ -50,7 +50,7 @@ static const struct {
                 { "fuzz_zip", fuzz_zip },
                 { "fuzz_npz", fuzz_npz } };
 
-static int replay(const char *path, int (*run)(const uint8_t *, size_t))
+static int fuzz_replay(const char *path, int (*run)(const uint8_t *, size_t))
 {
     static uint8_t data[1 << 20];
     FILE *f = fopen(path, "rb");
@@ -79,7 +79,7 @@ int main(void)
                  targets[t].name);
         glob(pattern, GLOB_APPEND, NULL, &g);
         for (size_t i = 0; i < g.gl_pathc; i++)
-            bad += replay(g.gl_pathv[i], targets[t].run);
+            bad += fuzz_replay(g.gl_pathv[i], targets[t].run);
         files += g.gl_pathc;
         globfree(&g);
     }

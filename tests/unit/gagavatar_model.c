@@ -102,7 +102,7 @@ static double rotation_error(void)
     return worst;
 }
 
-static int test(void)
+static int gagavatar_test(void)
 {
     const double plane = plane_error(), rotation = rotation_error();
 
@@ -139,7 +139,7 @@ static void write_checkpoint(const char *out, const char *config,
 int main(int argc, char **argv)
 {
     if (argc == 1)
-        return test();
+        return gagavatar_test();
     if (argc != 4) {
         printf("usage: gagavatar_model [OUT CONFIG HEAD]\n");
         return 1;

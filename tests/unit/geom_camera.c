@@ -28,7 +28,7 @@ static void by_hand(void)
           !(z < 0 && isfinite(uv[0]) && isfinite(uv[1])), 0);
 }
 
-static void rays(struct random *r)
+static void camera_rays(struct random *r)
 {
     double worst = 0;
 
@@ -54,8 +54,8 @@ static void rays(struct random *r)
 }
 
 /* sum of duv * uv + dz * z for two points. */
-static double loss(const double *cam, const double *x, const double *duv,
-                   const double *dz)
+static double camera_loss(const double *cam, const double *x, const double *duv,
+                          const double *dz)
 {
     double uv[4], z[2], sum = 0;
 
@@ -65,7 +65,7 @@ static double loss(const double *cam, const double *x, const double *duv,
     return sum + dz[0] * z[0] + dz[1] * z[1];
 }
 
-static void gradients(struct random *r)
+static void camera_gradients(struct random *r)
 {
     double cam[12] = {0.8, 0.6, 0, 0.1, 0.6, -0.8, 0, -0.2, 0, 0, -1, 12};
     double x[6], duv[4], dz[2], dx[6] = {0}, dcam[12] = {0}, worst = 0;
@@ -88,9 +88,9 @@ static void gradients(struct random *r)
         double gf = i < 6 ? dxf[i] : dcamf[i - 6];
 
         *p = keep + h;
-        double up = loss(cam, x, duv, dz);
+        double up = camera_loss(cam, x, duv, dz);
         *p = keep - h;
-        double d = (up - loss(cam, x, duv, dz)) / (2 * h);
+        double d = (up - camera_loss(cam, x, duv, dz)) / (2 * h);
         *p = keep;
         worst = fmax(worst, fabs(d - g) / (1 + fabs(g)));
         f32 = fmax(f32, fabs(gf - g) / (1 + fabs(g)));
@@ -105,7 +105,7 @@ int main(void)
 
     random_init(&r, 9, "geom_camera");
     by_hand();
-    rays(&r);
-    gradients(&r);
+    camera_rays(&r);
+    camera_gradients(&r);
     return check_status();
 }

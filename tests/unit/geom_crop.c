@@ -62,8 +62,8 @@ static void test_sampling(void)
 }
 
 /* L(q, rgb) = sum probe crop. */
-static double loss(const double *rgb, const float *probe, size_t n, size_t W,
-                   size_t H, struct square q)
+static double crop_loss(const double *rgb, const float *probe, size_t n,
+                        size_t W, size_t H, struct square q)
 {
     double *out = malloc(3 * n * n * sizeof *out), sum = 0;
 
@@ -93,9 +93,9 @@ static void test_gradient(void)
     for (size_t i = 0; i < 3 * W * H; i += 7) {
         double keep = d[i], up, down;
         d[i] = keep + h;
-        up = loss(d, probe, n, W, H, q);
+        up = crop_loss(d, probe, n, W, H, q);
         d[i] = keep - h;
-        down = loss(d, probe, n, W, H, q);
+        down = crop_loss(d, probe, n, W, H, q);
         d[i] = keep;
         worst = fmax(worst, fabs(g[i] - (up - down) / (2 * h)));
     }
@@ -104,7 +104,8 @@ static void test_gradient(void)
         a = b = q;
         (k == 0 ? &a.x : k == 1 ? &a.y : &a.size)[0] += h;
         (k == 0 ? &b.x : k == 1 ? &b.y : &b.size)[0] -= h;
-        num = (loss(d, probe, n, W, H, a) - loss(d, probe, n, W, H, b))
+        num = (crop_loss(d, probe, n, W, H, a)
+               - crop_loss(d, probe, n, W, H, b))
               / (2 * h);
         worst_q = fmax(worst_q, fabs(gq[k] - num) / fmax(1, fabs(num)));
     }
@@ -112,8 +113,8 @@ static void test_gradient(void)
     check("gradient with respect to the square", worst_q, 1e-5);
 }
 
-static void project(double uv[2], const double x[3], const double t[3],
-                    double S, double f)
+static void crop_project(double uv[2], const double x[3], const double t[3],
+                         double S, double f)
 {
     for (int k = 0; k < 2; k++)
         uv[k] = S / 2 + f * (x[k] + t[k]) / (x[2] + t[2]);
@@ -141,12 +142,12 @@ static void test_translation(void)
         for (int k = 0; k < 3; k++)
             n[k] = (float)n[k];
         crop_translation(b, n, c, S, f);
-        project(u, x, t, S, f);
-        project(v, x, b, S, f);
+        crop_project(u, x, t, S, f);
+        crop_project(v, x, b, S, f);
         worst = fmax(worst, hypot(u[0] - v[0], u[1] - v[1]));
         /* the head's origin: the crop's own picture, mapped back */
-        project(u, zero, t, S, f);
-        project(v, zero, n, S, f);
+        crop_project(u, zero, t, S, f);
+        crop_project(v, zero, n, S, f);
         for (int k = 0; k < 2; k++)
             v[k] = (k ? c.y : c.x) + (v[k] - S / 2) * c.size / S;
         origin = fmax(origin, hypot(u[0] - v[0], u[1] - v[1]));

@@ -13,18 +13,18 @@
 typedef void (*forward)(double *R, const double *x);
 typedef void (*backward)(double *dx, const double *dR, const double *x);
 
-static void f6(double *R, const double *x) { rotation_6d_d(R, x); }
-static void b6(double *d, const double *g, const double *x)
+static void rotation_f6(double *R, const double *x) { rotation_6d_d(R, x); }
+static void rotation_b6(double *d, const double *g, const double *x)
 {
     rotation_6d_backward_d(d, g, x);
 }
-static void fe(double *R, const double *x) { rotation_exp_d(R, x); }
-static void be(double *d, const double *g, const double *x)
+static void rotation_fe(double *R, const double *x) { rotation_exp_d(R, x); }
+static void rotation_be(double *d, const double *g, const double *x)
 {
     rotation_exp_backward_d(d, g, x);
 }
-static void fq(double *R, const double *x) { rotation_quat_d(R, x); }
-static void bq(double *d, const double *g, const double *x)
+static void rotation_fq(double *R, const double *x) { rotation_quat_d(R, x); }
+static void rotation_bq(double *d, const double *g, const double *x)
 {
     rotation_quat_backward_d(d, g, x);
 }
@@ -56,7 +56,7 @@ static double gradient_error(forward f, backward b, const double *x, int n,
     return worst;
 }
 
-static void scaled(double *x, int n, double length, struct random *r)
+static void rotation_scaled(double *x, int n, double length, struct random *r)
 {
     double s = 0;
 
@@ -68,7 +68,7 @@ static void scaled(double *x, int n, double length, struct random *r)
         x[i] *= length / sqrt(s);
 }
 
-static double orthogonality(const double R[9])
+static double rotation_orthogonality(const double R[9])
 {
     double P[9], worst = 0;
 
@@ -88,10 +88,11 @@ static void axis_angles(struct random *r)
         for (int rep = 0; rep < 20; rep++) {
             double x[3], y[3], z[3], R[9], S[9];
 
-            scaled(x, 3, length[i], r);
+            rotation_scaled(x, 3, length[i], r);
             rotation_exp_d(R, x);
-            ortho = fmax(ortho, orthogonality(R));
-            grad = fmax(grad, gradient_error(fe, be, x, 3, r));
+            ortho = fmax(ortho, rotation_orthogonality(R));
+            grad = fmax(grad,
+                        gradient_error(rotation_fe, rotation_be, x, 3, r));
             rotation_log_d(y, R);
             rotation_exp_d(S, y);       /* +-pi are the same rotation */
             for (int k = 0; k < 9; k++)
@@ -106,15 +107,15 @@ static void axis_angles(struct random *r)
     check("log(exp(r)) - r", trip, 1e-12);
 }
 
-static void six(struct random *r)
+static void rotation_six(struct random *r)
 {
     double grad = 0, ortho = 0, x[6], R[9], dx[6], G[9] = {1, 2, 3, 4, 5};
 
     for (int rep = 0; rep < 100; rep++) {
-        scaled(x, 6, 1.5, r);
+        rotation_scaled(x, 6, 1.5, r);
         rotation_6d_d(R, x);
-        ortho = fmax(ortho, orthogonality(R));
-        grad = fmax(grad, gradient_error(f6, b6, x, 6, r));
+        ortho = fmax(ortho, rotation_orthogonality(R));
+        grad = fmax(grad, gradient_error(rotation_f6, rotation_b6, x, 6, r));
     }
     check("6D: R R^T - I", ortho, 1e-13);
     /* nearly parallel rows turn fast within a step of 1e-5 */
@@ -134,7 +135,7 @@ static void six(struct random *r)
     check("6D: not finite for parallel or zero rows", !finite, 0);
 }
 
-static void quaternions(struct random *r)
+static void rotation_quaternions(struct random *r)
 {
     double grad = 0, trip = 0;
 
@@ -142,8 +143,8 @@ static void quaternions(struct random *r)
         double q[4], R[9];
         float Rf[9], qf[4], dot = 0;
 
-        scaled(q, 4, rep % 3 + 0.5, r);
-        grad = fmax(grad, gradient_error(fq, bq, q, 4, r));
+        rotation_scaled(q, 4, rep % 3 + 0.5, r);
+        grad = fmax(grad, gradient_error(rotation_fq, rotation_bq, q, 4, r));
         rotation_quat_d(R, q);
         for (int i = 0; i < 9; i++)
             Rf[i] = (float)R[i];
@@ -166,7 +167,7 @@ static void quaternions(struct random *r)
 /* A turn by angle a about an axis of the camera's is 4 sin a times the axis;
  * the light, fixed before the camera, turns the other way round in the head's
  * frame; both are linear in the camera. */
-static void turns(struct random *r)
+static void rotation_turns(struct random *r)
 {
     double worst = 0, dark = 0, grad = 0;
 
@@ -177,7 +178,7 @@ static void turns(struct random *r)
         float t[RELATIVE_POSE_SIZE], t2[RELATIVE_POSE_SIZE];
         float d[RELATIVE_POSE_SIZE], dcam[12] = {0};
 
-        scaled(x, 3, random_range(r, 0.01, 1.4), r);
+        rotation_scaled(x, 3, random_range(r, 0.01, 1.4), r);
         for (int k = 0; k < 3; k++) {
             by_x[k] = (float)x[k];
             axis[k] = (float)random_range(r, -2, 2);
@@ -224,8 +225,8 @@ int main(void)
 
     random_init(&r, 8, "geom_rotation");
     axis_angles(&r);
-    six(&r);
-    quaternions(&r);
-    turns(&r);
+    rotation_six(&r);
+    rotation_quaternions(&r);
+    rotation_turns(&r);
     return check_status();
 }

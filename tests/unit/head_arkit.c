@@ -9,7 +9,7 @@
 #include "tests/check.h"
 
 /* Weights a face can have: of two that contradict each other one is 0. */
-static void sample(float *w, struct random *r)
+static void arkit_sample(float *w, struct random *r)
 {
     static const int against[][2] = {
         { ARKIT_JAW_LEFT, ARKIT_JAW_RIGHT },
@@ -34,7 +34,7 @@ static void test_round_trip(void)
 
     random_init(&r, 1, "head_arkit");
     for (int n = 0; n < 100; n++) {
-        sample(w, &r);
+        arkit_sample(w, &r);
         arkit_to_motion(exp, ARKIT_EXP, jaw, lid, eye, w);
         arkit_from_motion(back, exp, ARKIT_EXP, jaw, lid, eye);
         for (int k = 0; k < ARKIT_COUNT; k++)

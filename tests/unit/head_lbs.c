@@ -25,7 +25,7 @@ static void check_at(size_t V, const char *what, double value, double limit)
     check(line, value, limit);
 }
 
-static float *numbers(struct random *r, size_t n, double bound)
+static float *lbs_numbers(struct random *r, size_t n, double bound)
 {
     float *x = malloc((n + 1) * sizeof *x);
 
@@ -40,11 +40,11 @@ static void make_head(struct head *h, struct random *r, size_t V)
     static const int32_t parents[5] = {-1, 0, 1, 1, 1}, face[3] = {0, 0, 0};
     struct head_arrays a = {
         .V = V, .F = 1, .nshape = NS, .nexp = NE, .f = face,
-        .v_template = numbers(r, 3 * V, 0.1), .parents = parents,
-        .shapedirs = numbers(r, 3 * V * (NS + NE), 0.01),
-        .posedirs = numbers(r, 3 * V * 36, 0.01),
-        .l_eyelid = numbers(r, 3 * V, 0.01),
-        .r_eyelid = numbers(r, 3 * V, 0.01),
+        .v_template = lbs_numbers(r, 3 * V, 0.1), .parents = parents,
+        .shapedirs = lbs_numbers(r, 3 * V * (NS + NE), 0.01),
+        .posedirs = lbs_numbers(r, 3 * V * 36, 0.01),
+        .l_eyelid = lbs_numbers(r, 3 * V, 0.01),
+        .r_eyelid = lbs_numbers(r, 3 * V, 0.01),
         .lip_inner = face, .nlip_inner = 1
     };
     /* lids of two vertices, one each, that depend on the first shapes */
@@ -53,8 +53,8 @@ static void make_head(struct head *h, struct random *r, size_t V)
     a.nlid_shape = NS - 2;
     a.lid_vertices = lid;
     a.lid_sides = side;
-    a.lid_shapedirs = numbers(r, 6 * (NS - 2), 0.01);
-    float *w = numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
+    a.lid_shapedirs = lbs_numbers(r, 6 * (NS - 2), 0.01);
+    float *w = lbs_numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
     struct error err;
 
     for (size_t v = 0; v < V; v++) {
@@ -91,7 +91,7 @@ struct params_pair {
     struct head_motion_d d;
 };
 
-static void draw(struct params_pair *p, struct random *r, double angle)
+static void lbs_draw(struct params_pair *p, struct random *r, double angle)
 {
     memset(p, 0, sizeof *p);
     for (int i = 0; i < NS; i++)
@@ -109,7 +109,7 @@ static void draw(struct params_pair *p, struct random *r, double angle)
     p->d.exp = p->exp_d;
 }
 
-static void forward(const struct head *h, struct random *r, double angle)
+static void lbs_forward(const struct head *h, struct random *r, double angle)
 {
     size_t V = h->V;
     float *verts = malloc((3 * V + 8) * sizeof *verts);
@@ -118,7 +118,7 @@ static void forward(const struct head *h, struct random *r, double angle)
     struct identity id;
     struct error err;
 
-    draw(&p, r, angle);
+    lbs_draw(&p, r, angle);
     for (int i = 0; i < 8; i++)
         verts[3 * V + (size_t)i] = 12345;
     head_fold(&id, h, p.beta, NS, &err);
@@ -135,8 +135,8 @@ static void forward(const struct head *h, struct random *r, double angle)
     free(ref);
 }
 
-static double loss(const struct head *h, const struct params_pair *p,
-                   const double *probe)
+static double lbs_loss(const struct head *h, const struct params_pair *p,
+                       const double *probe)
 {
     size_t n = 3 * h->V;
     double *v = malloc(n * sizeof *v), joints[15], sum = 0;
@@ -150,7 +150,7 @@ static double loss(const struct head *h, const struct params_pair *p,
     return sum;
 }
 
-static void gradients(const struct head *h, struct random *r, double angle)
+static void lbs_gradients(const struct head *h, struct random *r, double angle)
 {
     size_t n = 3 * h->V + 15;
     double *probe = malloc(n * sizeof *probe), gb[NS] = {0}, ge[NE] = {0};
@@ -163,7 +163,7 @@ static void gradients(const struct head *h, struct random *r, double angle)
     struct error err;
     double worst = 0, f32 = 0, size = 1;
 
-    draw(&p, r, angle);
+    lbs_draw(&p, r, angle);
     for (size_t i = 0; i < n; i++)
         probe_f[i] = (float)(probe[i] = (float)random_range(r, -1, 1));
     head_pose_backward_d(&g, probe, probe + n - 15, h, &p.d);
@@ -187,9 +187,9 @@ static void gradients(const struct head *h, struct random *r, double angle)
             double keep = part[k].x[i], step = 1e-5;
 
             part[k].x[i] = keep + step;
-            double up = loss(h, &p, probe);
+            double up = lbs_loss(h, &p, probe);
             part[k].x[i] = keep - step;
-            double d = (up - loss(h, &p, probe)) / (2 * step);
+            double d = (up - lbs_loss(h, &p, probe)) / (2 * step);
             part[k].x[i] = keep;
             worst = fmax(worst, fabs(d - part[k].g[i]) / size);
             f32 = fmax(f32, fabs(part[k].f[i] - part[k].g[i]) / size);
@@ -201,7 +201,7 @@ static void gradients(const struct head *h, struct random *r, double angle)
     free(probe_f);
 }
 
-static int run(void)
+static int lbs_run(void)
 {
     static const size_t sizes[] = {1, 31, 32, 33, 500, 5023};
     static const double angles[] = {0, 1e-6, 0.3, 1.81};
@@ -213,9 +213,9 @@ static int run(void)
 
         make_head(&h, &r, sizes[i]);
         for (size_t k = 0; k < 4; k++) {
-            forward(&h, &r, angles[k]);
+            lbs_forward(&h, &r, angles[k]);
             if (sizes[i] <= 500)
-                gradients(&h, &r, angles[k]);
+                lbs_gradients(&h, &r, angles[k]);
         }
         head_release(&h);
     }
@@ -235,7 +235,7 @@ int main(void)
         pid_t pid = fork();
         if (pid == 0) {
             setenv("SPID_CPU", level[i], 1);
-            status = run();
+            status = lbs_run();
             fflush(stdout);
             _exit(status);
         }

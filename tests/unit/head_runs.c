@@ -12,7 +12,7 @@ enum { V = 97, K = 11 };
 
 static int failed;
 
-static void check(const char *what, double value, double lo, double hi)
+static void runs_check(const char *what, double value, double lo, double hi)
 {
     int ok = value >= lo && value <= hi;
 
@@ -22,7 +22,7 @@ static void check(const char *what, double value, double lo, double hi)
 }
 
 /* Columns that are empty, full, or hold islands of vertices. */
-static void draw(float *dirs, struct random *r)
+static void runs_draw(float *dirs, struct random *r)
 {
     for (size_t k = 0; k < K; k++)
         for (size_t v = 0; v < V; v++) {
@@ -34,8 +34,8 @@ static void draw(float *dirs, struct random *r)
         }
 }
 
-static float *back(const struct runs *r, const int32_t *run, size_t n,
-                   struct error *err)
+static float *runs_back(const struct runs *r, const int32_t *run, size_t n,
+                        struct error *err)
 {
     float *value = malloc((3 * r->rows + 1) * sizeof *value), *dirs;
 
@@ -51,15 +51,15 @@ static float *back(const struct runs *r, const int32_t *run, size_t n,
 static void test_round_trip(const float *dirs, const struct runs *r)
 {
     struct error err = { 0 };
-    float *d = back(r, r->run, r->n, &err);
+    float *d = runs_back(r, r->run, r->n, &err);
     double worst = 0;
 
     for (size_t i = 0; d && i < 3 * V * K; i++)
         worst = fmax(worst, fabs(d[i] - dirs[i]));
-    check("unpacked", d != NULL, 1, 1);
+    runs_check("unpacked", d != NULL, 1, 1);
     /* half an ulp of a half float under 2^-6 */
-    check("off by", worst, 0, 4e-6);
-    check("rows, of 97 x 11", (double)r->rows, 97, 500);
+    runs_check("off by", worst, 0, 4e-6);
+    runs_check("rows, of 97 x 11", (double)r->rows, 97, 500);
     free(d);
 }
 
@@ -80,16 +80,16 @@ static void test_damage(const struct runs *r)
 
         memcpy(run, r->run, 3 * r->n * sizeof *run);
         run[3 + cases[i].field] = cases[i].value;
-        float *d = back(r, run, r->n, &err);
+        float *d = runs_back(r, run, r->n, &err);
         refused += !d;
         told += strstr(err.text, "run 1 is") != NULL;
         free(d);
     }
-    check("damaged runs refused", refused, 8, 8);
-    check("and named", told, 8, 8);
+    runs_check("damaged runs refused", refused, 8, 8);
+    runs_check("and named", told, 8, 8);
     struct error err = { 0 };
-    float *d = back(r, r->run, r->n - 1, &err);
-    check("a run too few is refused", !d && strstr(err.text, "all"), 1, 1);
+    float *d = runs_back(r, r->run, r->n - 1, &err);
+    runs_check("a run too few is refused", !d && strstr(err.text, "all"), 1, 1);
     free(d);
     free(run);
 }
@@ -103,7 +103,7 @@ int main(void)
     random_init(&random, 3, "head_runs");
     if (!dirs)
         return 1;
-    draw(dirs, &random);
+    runs_draw(dirs, &random);
     if (runs_pack(&r, dirs, V, K, 1e-6, NULL))
         return 1;
     test_round_trip(dirs, &r);

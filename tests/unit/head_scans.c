@@ -22,7 +22,7 @@ enum { PEOPLE = 50, SHAPES = 300 };
 
 static int failed;
 
-static void check(const char *what, double value, double lo, double hi)
+static void scans_check(const char *what, double value, double lo, double hi)
 {
     int ok = value >= lo && value <= hi;
 
@@ -31,7 +31,7 @@ static void check(const char *what, double value, double lo, double hi)
     failed |= !ok;
 }
 
-static void *room(size_t n, size_t size)
+static void *scans_room(size_t n, size_t size)
 {
     void *p = calloc(n + 1, size);
 
@@ -41,7 +41,7 @@ static void *room(size_t n, size_t size)
 }
 
 /* Person 0 is the mean; others have standard normal coefficients. */
-static void fold(struct identity *id, const struct head *h, int person)
+static void scans_fold(struct identity *id, const struct head *h, int person)
 {
     float beta[SHAPES] = { 0 };
     struct random r;
@@ -63,7 +63,7 @@ static void pose_arkit(float *verts, const struct identity *id,
     head_pose(verts, id, &m);
 }
 
-/* ---- the file ------------------------------------------------------------- */
+/* ---- the file ----------------------------------------------------------- */
 
 static void test_file(void)
 {
@@ -85,10 +85,12 @@ static void test_file(void)
         at = strstr(at, quoted);
         named &= at != NULL;
     }
-    check("size, bytes", (double)s.st_size, 1e6, 6e6);
-    check("expressions by name and in order", named, 1, 1);
-    check("the scans' notice", licence && strstr(licence, "2020 USC Institute")
-          && strstr(licence, "WITHOUT WARRANTY"), 1, 1);
+    scans_check("size, bytes", (double)s.st_size, 1e6, 6e6);
+    scans_check("expressions by name and in order", named, 1, 1);
+    scans_check("the scans' notice",
+                licence && strstr(licence, "2020 USC Institute")
+                    && strstr(licence, "WITHOUT WARRANTY"),
+                1, 1);
     st_close(st);
 }
 
@@ -99,10 +101,10 @@ static void test_shape(const struct head *h)
     double ball = 0;
 
     head_mouth(&mouth, h, h->v_template);
-    check("vertices", (double)h->V, 5140, 5140);
-    check("ARKit's expressions", head_has_arkit(h), 1, 1);
-    check("d_bowl, mm", MM * mouth.bowl, 11.6, 12.0);
-    check("d_lip, mm", MM * mouth.lip, 16.4, 16.8);
+    scans_check("vertices", (double)h->V, 5140, 5140);
+    scans_check("ARKit's expressions", head_has_arkit(h), 1, 1);
+    scans_check("d_bowl, mm", MM * mouth.bowl, 11.6, 12.0);
+    scans_check("d_lip, mm", MM * mouth.lip, 16.4, 16.8);
     for (size_t v = 0; v < h->V; v++) {
         const float *p = h->v_template + 3 * v;
         const float *e = h->joint_template + 3 * (p[0] > 0 ? JOINT_EYE_LEFT
@@ -112,17 +114,18 @@ static void test_shape(const struct head *h)
             ball = fmax(ball, fabs(MM * hypot(hypot(p[0] - e[0],
                         p[1] - e[1]), p[2] - e[2]) - 14.5));
     }
-    check("eyeballs, mm off a sphere about their joint", ball, 0, 0.01);
-    check("expressions have mirror images",
-          head_mirror_exp(&mirror, h, NULL), 1, 1);
-    check("and so have shapes", head_mirror_shape(&mirror, h, NULL), 1, 1);
+    scans_check("eyeballs, mm off a sphere about their joint", ball, 0, 0.01);
+    scans_check("expressions have mirror images",
+                head_mirror_exp(&mirror, h, NULL), 1, 1);
+    scans_check("and so have shapes", head_mirror_shape(&mirror, h, NULL), 1,
+                1);
     double moved = 0;           /* no expression moves a joint */
     for (size_t i = 0; i < 15 * h->nexp; i++)
         moved = fmax(moved, MM * fabs(h->joint_exp[i]));
-    check("joints moved by an expression, mm", moved, 0, 0.3);
+    scans_check("joints moved by an expression, mm", moved, 0, 0.3);
 }
 
-/* ---- jaw ------------------------------------------------------------------ */
+/* ---- jaw ---------------------------------------------------------------- */
 
 /* Upper lip above the lower along the middle half of the mouth, mm; negative
  * where they have crossed.  Which is upper is as in the template. */
@@ -152,12 +155,12 @@ static double lips_apart(const struct head *h, const float *v)
 
 static void test_jaw(const struct head *h)
 {
-    float w[ARKIT_COUNT] = { 0 }, *v = room(3 * h->V, sizeof *v);
+    float w[ARKIT_COUNT] = { 0 }, *v = scans_room(3 * h->V, sizeof *v);
     struct head_mouth open, rest;
     struct identity id;
     double upper = 0;
 
-    fold(&id, h, 0);
+    scans_fold(&id, h, 0);
     pose_arkit(v, &id, w);
     head_mouth(&rest, h, v);
     double apart = lips_apart(h, v);
@@ -171,25 +174,27 @@ static void test_jaw(const struct head *h)
                                               h->v_template[3 * i + c]));
     w[ARKIT_MOUTH_CLOSE] = 1;
     pose_arkit(v, &id, w);
-    check("jawOpen opens by, mm", MM * (open.gap - rest.gap), 20, 45);
-    check("and moves brows and forehead by, mm", upper, 0, 1.5);
+    scans_check("jawOpen opens by, mm", MM * (open.gap - rest.gap), 20, 45);
+    scans_check("and moves brows and forehead by, mm", upper, 0, 1.5);
     /* shapes add up as the scans' do, whose lips then cross by 6.2 mm in the
      * middle and 9.3 mm at the landmarks to its sides */
-    check("mouthClose closes it again and more, mm",
-          lips_apart(h, v) - apart, -9.3, -5);
+    scans_check("mouthClose closes it again and more, mm",
+                lips_apart(h, v) - apart, -9.3, -5);
     w[ARKIT_MOUTH_CLOSE] = 0.84f;
     pose_arkit(v, &id, w);
-    check("at 0.84 lips are as at rest, mm", lips_apart(h, v) - apart, -2, 2);
+    scans_check("at 0.84 lips are as at rest, mm", lips_apart(h, v) - apart, -2,
+                2);
     identity_release(&id);
     free(v);
 }
 
-/* ---- lids ----------------------------------------------------------------- */
+/* ---- lids --------------------------------------------------------------- */
 
 /* Least height of the upper margin over the lower one, spoke by spoke, and
  * their least distance from the ball; mm. */
-static void lids(double *gap, double *clear, const struct half *half,
-                 const struct head *h, const float *v, const float *joints)
+static void scans_lids(double *gap, double *clear, const struct half *half,
+                       const struct head *h, const float *v,
+                       const float *joints)
 {
     const float *eye = joints + 3 * JOINT_EYE_LEFT;
     const float *pole = v + 3 * half->ball_first;
@@ -213,8 +218,8 @@ static void lids(double *gap, double *clear, const struct half *half,
 
 static void test_lids(const struct head *h)
 {
-    struct half *half = room(1, sizeof *half);
-    float *v = room(3 * h->V, sizeof *v), joints[3 * HEAD_JOINTS];
+    struct half *half = scans_room(1, sizeof *half);
+    float *v = scans_room(3 * h->V, sizeof *v), joints[3 * HEAD_JOINTS];
     double gap, clear, widest = -1e9, closed = 1e9, rest = 1e9, mean[2];
 
     sculpt_topology(half);
@@ -222,38 +227,39 @@ static void test_lids(const struct head *h)
         struct head_motion open = { 0 }, shut = { .lid = { 1, 1 } };
         struct identity id;
 
-        fold(&id, h, person);
+        scans_fold(&id, h, person);
         head_pose_joints(joints, &id, &open);
         head_pose(v, &id, &open);
-        lids(&gap, &clear, half, h, v, joints);
+        scans_lids(&gap, &clear, half, h, v, joints);
         rest = fmin(rest, clear);
         mean[0] = person ? mean[0] : clear;
         head_pose(v, &id, &shut);
-        lids(&gap, &clear, half, h, v, joints);
+        scans_lids(&gap, &clear, half, h, v, joints);
         mean[1] = person ? mean[1] : gap;
         widest = fmax(widest, gap);
         closed = fmin(closed, clear);
         identity_release(&id);
     }
-    check("the mean's lid margins off the ball, mm", mean[0], 0.3, 2);
-    check("the mean's closed lids apart, mm", mean[1], -1, 0.1);
-    check("anyone's closed lids apart, mm", widest, -1, 0.4);
-    check("anyone's closed lids off the ball, mm", closed, 0.05, 3);
+    scans_check("the mean's lid margins off the ball, mm", mean[0], 0.3, 2);
+    scans_check("the mean's closed lids apart, mm", mean[1], -1, 0.1);
+    scans_check("anyone's closed lids apart, mm", widest, -1, 0.4);
+    scans_check("anyone's closed lids off the ball, mm", closed, 0.05, 3);
     /* as in the scans: a few people's eyes touch their lids at rest */
-    check("anyone's lid margins off the ball, mm", rest, -1, 2);
+    scans_check("anyone's lid margins off the ball, mm", rest, -1, 2);
     free(half);
     free(v);
 }
 
-/* ---- faces that cut each other -------------------------------------------- */
+/* ---- faces that cut each other ------------------------------------------ */
 
-static void minus(double d[3], const float *a, const float *b)
+static void scans_minus(double d[3], const float *a, const float *b)
 {
     for (int c = 0; c < 3; c++)
         d[c] = (double)a[c] - b[c];
 }
 
-static double triple(const double a[3], const double b[3], const double c[3])
+static double scans_triple(const double a[3], const double b[3],
+                           const double c[3])
 {
     return a[0] * (b[1] * c[2] - b[2] * c[1]) +
            a[1] * (b[2] * c[0] - b[0] * c[2]) +
@@ -261,23 +267,25 @@ static double triple(const double a[3], const double b[3], const double c[3])
 }
 
 /* Whether the segment p q passes through the triangle t. */
-static int pierces(const float *p, const float *q, const float *const t[3])
+static int scans_pierces(const float *p, const float *q,
+                         const float *const t[3])
 {
     double a[3], b[3], c[3], pq[3], e[3], f[3], g[3];
 
-    minus(a, t[0], p), minus(b, t[1], p), minus(c, t[2], p);
-    minus(pq, q, p);
-    double u = triple(pq, a, b), v = triple(pq, b, c), w = triple(pq, c, a);
+    scans_minus(a, t[0], p), scans_minus(b, t[1], p), scans_minus(c, t[2], p);
+    scans_minus(pq, q, p);
+    double u = scans_triple(pq, a, b), v = scans_triple(pq, b, c),
+           w = scans_triple(pq, c, a);
     if (!((u > 0 && v > 0 && w > 0) || (u < 0 && v < 0 && w < 0)))
         return 0;
-    minus(e, t[1], t[0]), minus(f, t[2], t[0]);
-    minus(g, p, t[0]);
-    double below = triple(e, f, g);
-    minus(g, q, t[0]);
-    return below * triple(e, f, g) < 0;
+    scans_minus(e, t[1], t[0]), scans_minus(f, t[2], t[0]);
+    scans_minus(g, p, t[0]);
+    double below = scans_triple(e, f, g);
+    scans_minus(g, q, t[0]);
+    return below * scans_triple(e, f, g) < 0;
 }
 
-static int apart(const float *v, const int32_t *f, const int32_t *g)
+static int scans_apart(const float *v, const int32_t *f, const int32_t *g)
 {
     for (int c = 0; c < 3; c++) {
         float lo[2] = { 1e9f, 1e9f }, hi[2] = { -1e9f, -1e9f };
@@ -302,23 +310,23 @@ static int faces_cut(const float *v, const int32_t *f, const int32_t *g)
         for (int j = 0; j < 3; j++)
             if (f[k] == g[j])
                 return 0;       /* neighbours meet */
-    if (apart(v, f, g))
+    if (scans_apart(v, f, g))
         return 0;
     for (int k = 0; k < 3; k++) {
         a[k] = v + 3 * f[k];
         b[k] = v + 3 * g[k];
     }
     for (int k = 0; k < 3; k++)
-        if (pierces(a[k], a[(k + 1) % 3], b) || pierces(b[k], b[(k + 1) % 3],
-                                                        a))
+        if (scans_pierces(a[k], a[(k + 1) % 3], b)
+            || scans_pierces(b[k], b[(k + 1) % 3], a))
             return 1;
     return 0;
 }
 
 /* Pairs of faces of lids, or of lips and the mouth, that cut each other. */
-static int cuts(const struct head *h, const float *v, int lips)
+static int scans_cuts(const struct head *h, const float *v, int lips)
 {
-    const int32_t **f = room(h->F, sizeof *f);
+    const int32_t **f = scans_room(h->F, sizeof *f);
     size_t n = 0;
     int count = 0;
 
@@ -343,37 +351,38 @@ static int cuts(const struct head *h, const float *v, int lips)
 
 static void test_cuts(const struct head *h)
 {
-    float *v = room(3 * h->V, sizeof *v);
+    float *v = scans_room(3 * h->V, sizeof *v);
     int with[2] = { 0, 0 }, mean[2] = { 0, 0 };
 
     for (int person = 0; person <= PEOPLE; person++) {
         struct head_motion m = { 0 };
         struct identity id;
 
-        fold(&id, h, person);
+        scans_fold(&id, h, person);
         head_pose(v, &id, &m);
         for (int lips = 0; lips < 2; lips++) {
-            int n = cuts(h, v, lips);
+            int n = scans_cuts(h, v, lips);
 
             mean[lips] += person ? 0 : n;
             with[lips] += person && n > 0;
         }
         identity_release(&id);
     }
-    check("faces of the mean's lids that cut", mean[0], 0, 0);
-    check("faces of the mean's lips that cut", mean[1], 0, 0);
-    check("people of 50 with lids that cut", with[0], 0, 5);
+    scans_check("faces of the mean's lids that cut", mean[0], 0, 0);
+    scans_check("faces of the mean's lips that cut", mean[1], 0, 0);
+    scans_check("people of 50 with lids that cut", with[0], 0, 5);
     /* A known limit: the scans' identities open and close the lips by 1 mm a
      * deviation, and one in six of their people has them in each other. */
-    check("people of 50 with lips that cut", with[1], 0, 35);
+    scans_check("people of 50 with lips that cut", with[1], 0, 35);
     free(v);
 }
 
-/* ---- normals at corners --------------------------------------------------- */
+/* ---- normals at corners ------------------------------------------------- */
 
 static void test_corners(const struct head *h)
 {
-    float *v = room(3 * h->V, sizeof *v), *n = room(3 * h->V, sizeof *n);
+    float *v = scans_room(3 * h->V, sizeof *v),
+          *n = scans_room(3 * h->V, sizeof *n);
     int bad = 0, zero = 0;
     struct random r;
 
@@ -385,7 +394,7 @@ static void test_corners(const struct head *h)
         for (int k = 0; k < ARKIT_COUNT; k++)
             w[k] = round < ARKIT_COUNT ? k == round
                  : round == ARKIT_COUNT ? 1 : random_range(&r, 0, 1) < 0.5;
-        fold(&id, h, round % 2 ? round : 0);
+        scans_fold(&id, h, round % 2 ? round : 0);
         pose_arkit(v, &id, w);
         head_normals(n, h, v);
         for (size_t i = 0; i < h->V; i++) {
@@ -396,8 +405,8 @@ static void test_corners(const struct head *h)
         }
         identity_release(&id);
     }
-    check("normals that are not finite", bad, 0, 0);
-    check("normals that are not of length one", zero, 0, 0);
+    scans_check("normals that are not finite", bad, 0, 0);
+    scans_check("normals that are not of length one", zero, 0, 0);
     free(v);
     free(n);
 }

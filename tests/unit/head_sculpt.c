@@ -13,7 +13,7 @@
 
 enum { PEOPLE = 10, DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS };
 
-static void *room(size_t n, size_t size)
+static void *sculpt_room(size_t n, size_t size)
 {
     void *p = calloc(n, size);
 
@@ -39,7 +39,7 @@ static int by_ends(const void *x, const void *y)
 
 static struct edge *directed_edges(const struct sculpt *s)
 {
-    struct edge *e = room(3 * s->nf, sizeof *e);
+    struct edge *e = sculpt_room(3 * s->nf, sizeof *e);
 
     for (size_t i = 0; i < 3 * s->nf; i++)
         e[i] = (struct edge){ s->f[i],
@@ -52,7 +52,7 @@ static struct edge *directed_edges(const struct sculpt *s)
  * where two meet in a vertex. */
 static int boundary_loops(const struct sculpt *s, const struct edge *e)
 {
-    int32_t *next = room(s->nv, sizeof *next);
+    int32_t *next = sculpt_room(s->nv, sizeof *next);
     int loops = 0;
 
     memset(next, 0xff, s->nv * sizeof *next);
@@ -79,7 +79,7 @@ static int boundary_loops(const struct sculpt *s, const struct edge *e)
     return loops;
 }
 
-static double volume(const struct sculpt *s)
+static double sculpt_volume(const struct sculpt *s)
 {
     double sum = 0;
 
@@ -98,7 +98,7 @@ static void test_mesh(const struct sculpt *s)
 {
     struct edge *e = directed_edges(s);
     size_t twice = 0, used = 0, lost = 0;
-    char *seen = room(s->nv, 1);
+    char *seen = sculpt_room(s->nv, 1);
 
     for (size_t i = 1; i < 3 * s->nf; i++)
         twice += !by_ends(&e[i - 1], &e[i]);
@@ -116,7 +116,7 @@ static void test_mesh(const struct sculpt *s)
     check_range("openings: neck, mouth, two eyes", boundary_loops(s, e), 4, 4);
     check_range("edges without a mirror image", (double)lost, 0, 0);
     /* 6.4 litres of skin less the openings' cones, and two eyeballs */
-    check_range("enclosed volume, litres", volume(s) * 1e3, 4, 9);
+    check_range("enclosed volume, litres", sculpt_volume(s) * 1e3, 4, 9);
     free(e);
     free(seen);
 }
@@ -165,7 +165,7 @@ static void test_sums(const struct sculpt *s)
 static void test_directions(const struct sculpt *s)
 {
     size_t n = 3 * s->nv;
-    float *row = room(SCULPT_SHAPES * n, sizeof *row);
+    float *row = sculpt_room(SCULPT_SHAPES * n, sizeof *row);
     double before = INFINITY, rise = -1, worst = 0;
 
     for (size_t k = 0; k < SCULPT_SHAPES; k++) {     /* unit rows */
@@ -210,8 +210,8 @@ static void test_landmarks(const struct sculpt *s)
 /* ---- anatomy, for the mean and other people ----------------------------- */
 
 /* Centre and radius of an eyeball: side 1 left, -1 right; head units. */
-static double eyeball(double c[3], const struct sculpt *s, const float *verts,
-                      int side)
+static double sculpt_eyeball(double c[3], const struct sculpt *s,
+                             const float *verts, int side)
 {
     double n = 0, r = 0;
     double lo[3] = { 1e9, 1e9, 1e9 }, hi[3] = { -1e9, -1e9, -1e9 };
@@ -237,10 +237,10 @@ static double eyeball(double c[3], const struct sculpt *s, const float *verts,
 
 /* Vertices on the mesh's border: around the eye, the lids' last loop, tucked
  * out of sight behind their margin. */
-static char *border(const struct sculpt *s)
+static char *sculpt_border(const struct sculpt *s)
 {
     struct edge *e = directed_edges(s);
-    char *on = room(s->nv, 1);
+    char *on = sculpt_room(s->nv, 1);
 
     for (size_t i = 0; i < 3 * s->nf; i++) {
         struct edge back = { e[i].b, e[i].a };
@@ -253,13 +253,13 @@ static char *border(const struct sculpt *s)
 
 /* Least distance from the ball's surface, mm, of the lid vertices with
  * hidden[v] equal to which (200 mm are one head unit). */
-static double clearance(const struct sculpt *s, const float *verts,
-                        const char *hidden, int which)
+static double sculpt_clearance(const struct sculpt *s, const float *verts,
+                               const char *hidden, int which)
 {
     double least = 1e9;
 
     for (int side = -1; side <= 1; side += 2) {
-        double c[3], r = eyeball(c, s, verts, side);
+        double c[3], r = sculpt_eyeball(c, s, verts, side);
         for (size_t v = 0; v < s->nv; v++)
             if (s->region[v] == REGION_EYELID && hidden[v] == which &&
                 s->v_template[3 * v] * (float)side > 0)
@@ -290,9 +290,9 @@ static double lip_gap(const struct sculpt *s, const float *verts)
 static void test_people(const struct sculpt *s, const struct head *h,
                         int first, int last)
 {
-    float beta[SCULPT_SHAPES], *verts = room(3 * s->nv, sizeof *verts);
+    float beta[SCULPT_SHAPES], *verts = sculpt_room(3 * s->nv, sizeof *verts);
     double closing = 1e9, tucked = 1e9, open = 1e9, closed = 1e9, gap = 1e9;
-    char *hidden = border(s);
+    char *hidden = sculpt_border(s);
 
     for (int person = first; person <= last; person++) {
         struct identity id;
@@ -306,9 +306,9 @@ static void test_people(const struct sculpt *s, const struct head *h,
             struct head_motion m = { .lid = { 0.125f * (float)step,
                                               0.125f * (float)step } };
             head_pose(verts, &id, &m);
-            double c = clearance(s, verts, hidden, 0);
+            double c = sculpt_clearance(s, verts, hidden, 0);
             closing = fmin(closing, c);
-            tucked = fmin(tucked, clearance(s, verts, hidden, 1));
+            tucked = fmin(tucked, sculpt_clearance(s, verts, hidden, 1));
             if (step == 0)
                 gap = fmin(gap, lip_gap(s, verts));
             if (step == 0)
@@ -338,8 +338,8 @@ static void test_mean(const struct sculpt *s, const struct head *h)
     double l[3], r[3];
 
     head_mouth(&mouth, h, h->v_template);
-    double radius = 200 * eyeball(l, s, h->v_template, 1);
-    eyeball(r, s, h->v_template, -1);
+    double radius = 200 * sculpt_eyeball(l, s, h->v_template, 1);
+    sculpt_eyeball(r, s, h->v_template, -1);
     check_range("d_bowl, mm", 200 * mouth.bowl, 11.6, 12.0);
     check_range("d_lip, mm", 200 * mouth.lip, 16.4, 16.8);
     check_range("eyeball radius, mm", radius, 11.9, 12.1);
@@ -353,7 +353,8 @@ static void test_mean(const struct sculpt *s, const struct head *h)
 /* A jaw turned by 0.25 opens the mouth and leaves the upper face alone. */
 static void test_jaw(const struct sculpt *s, const struct head *h)
 {
-    float *a = room(3 * s->nv, sizeof *a), *b = room(3 * s->nv, sizeof *b);
+    float *a = sculpt_room(3 * s->nv, sizeof *a),
+          *b = sculpt_room(3 * s->nv, sizeof *b);
     struct head_motion rest = { 0 }, open = { .jaw = { 0.25f, 0, 0 } };
     struct head_mouth before, after;
     struct identity id;

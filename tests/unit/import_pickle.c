@@ -88,7 +88,7 @@ static void test_tensor(void)
 }
 
 /* The refusal names the opcode and the byte, and nothing is returned. */
-static void refuse(const char *bytes, size_t size, const char *text)
+static void pickle_refuse(const char *bytes, size_t size, const char *text)
 {
     struct error err = {0};
     struct pickle *p = pickle_read(bytes, size, NULL, &err);
@@ -98,7 +98,7 @@ static void refuse(const char *bytes, size_t size, const char *text)
     pickle_free(p);
 }
 
-#define REFUSE(bytes, text) refuse(bytes, sizeof bytes - 1, text)
+#define REFUSE(bytes, text) pickle_refuse(bytes, sizeof bytes - 1, text)
 
 static void test_refusals(void)
 {

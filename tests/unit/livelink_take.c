@@ -19,7 +19,7 @@ static char path[300];
 
 /* A motion such as a face makes; the halves of what ARKit does not split are
  * alike. */
-static void sample(struct motion *m, struct random *r)
+static void take_sample(struct motion *m, struct random *r)
 {
     float w[ARKIT_COUNT], v[3];
 
@@ -42,7 +42,7 @@ static void sample(struct motion *m, struct random *r)
 }
 
 /* The largest difference of two motions' numbers. */
-static double difference(const struct motion *a, const struct motion *b)
+static double take_difference(const struct motion *a, const struct motion *b)
 {
     double worst = 0;
 
@@ -75,7 +75,7 @@ static void test_round_trip(void)
 
     random_init(&r, 1, "livelink_take");
     for (int i = 0; w && i < FRAMES; i++) {
-        sample(&sent[i], &r);
+        take_sample(&sent[i], &r);
         take_from_motion(value, &sent[i], ARKIT_EXP);
         livelink_write(w, i / 29.97, i == 7 ? NULL : value, &err);
     }
@@ -87,7 +87,7 @@ static void test_round_trip(void)
         struct motion got;
 
         take_to_motion(&got, ARKIT_EXP, f.value);
-        worst = fmax(worst, difference(&got, &sent[n == 7 ? 6 : n]));
+        worst = fmax(worst, take_difference(&got, &sent[n == 7 ? 6 : n]));
         late = fmax(late, fabs(f.time - n / 29.97));
         held += f.held;
         n++;

@@ -33,7 +33,7 @@ static void write_grey(const char *path)
 }
 
 /* Whether the file holds text. */
-static bool holds(const char *path, const char *text)
+static bool mark_holds(const char *path, const char *text)
 {
     FILE *f = fopen(path, "rb");
     char *data = NULL;
@@ -51,7 +51,7 @@ static bool holds(const char *path, const char *text)
 }
 
 /* The comment that ffprobe sees; "" without one. */
-static const char *probe(const char *path)
+static const char *mark_probe(const char *path)
 {
     static char line[300];
     char command[500];
@@ -85,9 +85,9 @@ static void check_video(const char *path, bool marked)
         printf("no ffprobe: comment not compared\n");
         return;
     }
-    printf("ffprobe: %s\n", probe(path));
+    printf("ffprobe: %s\n", mark_probe(path));
     check_that(marked ? "comment in the video" : "no comment in the video",
-               (strstr(probe(path), "Synthetic: drawn by the SpiD toolkit")
+               (strstr(mark_probe(path), "Synthetic: drawn by the SpiD toolkit")
                 != NULL) == marked);
 }
 
@@ -96,13 +96,15 @@ static void check_all(bool marked)
     const char *png = folder_at("a.png"), *exr = folder_at("a.exr");
 
     write_grey(png);
-    check_that("PNG: the comment", holds(png, "Synthetic: drawn") == marked);
+    check_that("PNG: the comment",
+               mark_holds(png, "Synthetic: drawn") == marked);
     check_that("PNG: IPTC's source type",
-               holds(png, "trainedAlgorithmicMedia") == marked);
+               mark_holds(png, "trainedAlgorithmicMedia") == marked);
     write_grey(exr);
-    check_that("EXR: the comments attribute",
-               (holds(exr, "Synthetic: drawn") && holds(exr, "comments"))
-               == marked);
+    check_that(
+        "EXR: the comments attribute",
+        (mark_holds(exr, "Synthetic: drawn") && mark_holds(exr, "comments"))
+            == marked);
     write_grey(folder_at("a.mp4"));
     check_video(folder_at("a.mp4"), marked);
     write_grey(folder_at("a.mov"));

@@ -24,20 +24,20 @@ struct drawing {
     double person[N * N], own[3 * N * N];
 };
 
-static double ellipse(double x, double y, double cx, double cy, double rx,
-                      double ry)
+static double hair_ellipse(double x, double y, double cx, double cy, double rx,
+                           double ry)
 {
     return (1 - hypot((x - cx) / rx, (y - cy) / ry)) * fmin(rx, ry);
 }
 
-static double cover(double depth)
+static double hair_cover(double depth)
 {
     return fmin(1, fmax(0, depth + 0.5));
 }
 
 /* How much of a pixel locks cover: curves a pixel and a half wide that leave
  * the head to both sides and hang down. */
-static double locks(double x, double y)
+static double hair_locks(double x, double y)
 {
     double most = 0;
 
@@ -47,13 +47,13 @@ static double locks(double x, double y)
         for (double t = 0; t <= 1; t += 0.01) {
             double lx = 127 + side * (38 + out * sin(2.2 * t));
             double ly = 110 + 10 * (k / 2) + 45 * t;
-            most = fmax(most, cover(0.9 - hypot(x - lx, y - ly)));
+            most = fmax(most, hair_cover(0.9 - hypot(x - lx, y - ly)));
         }
     }
     return most;
 }
 
-static void draw(struct drawing *d, const struct palette *p)
+static void hair_draw(struct drawing *d, const struct palette *p)
 {
     static const double skin[3] = {205, 150, 125}, shirt[3] = {120, 60, 60};
     struct random r;
@@ -63,11 +63,11 @@ static void draw(struct drawing *d, const struct palette *p)
     for (int y = 0; y < N; y++)
         for (int x = 0; x < N; x++) {
             int i = y * N + x;
-            double head = ellipse(x, y, 127, 112, 46, 56);
-            double body = ellipse(x, y, 127, 240, 84, 70);
-            double face = cover(ellipse(x, y, 127, 124, 34, 42));
-            double lock = fmax(cover(head), locks(x, y));
-            double a = fmax(lock, cover(body));
+            double head = hair_ellipse(x, y, 127, 112, 46, 56);
+            double body = hair_ellipse(x, y, 127, 240, 84, 70);
+            double face = hair_cover(hair_ellipse(x, y, 127, 124, 34, 42));
+            double lock = fmax(hair_cover(head), hair_locks(x, y));
+            double a = fmax(lock, hair_cover(body));
             double noise = 3 * random_normal(&r);
 
             for (int k = 0; k < 3; k++) {
@@ -79,14 +79,14 @@ static void draw(struct drawing *d, const struct palette *p)
                     a * own + (1 - a) * p->wall[k] + noise));
             }
             d->person[i] = a;
-            d->head[i] = ellipse(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
+            d->head[i] = hair_ellipse(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
         }
 }
 
 /* Of the wall as it is taken to be, the share of those pixels that a person
  * with thin hair hides or touches that is off by more than 12 levels. */
-static double ghost(const uint8_t *back, const struct drawing *d,
-                    const struct palette *p)
+static double hair_ghost(const uint8_t *back, const struct drawing *d,
+                         const struct palette *p)
 {
     double off = 0, n = 0;
 
@@ -103,9 +103,9 @@ static double ghost(const uint8_t *back, const struct drawing *d,
 
 /* The person laid over another wall: mean distance from how that would look,
  * in levels, over the pixels at the edge. */
-static double halo(const uint8_t *rgb, const uint8_t *matte,
-                   const uint8_t *back, const struct drawing *d,
-                   const double wall[3])
+static double hair_halo(const uint8_t *rgb, const uint8_t *matte,
+                        const uint8_t *back, const struct drawing *d,
+                        const double wall[3])
 {
     double sum = 0, n = 0;
 
@@ -138,7 +138,7 @@ int main(void)
         int fallback;
         char text[80];
 
-        draw(&d, &palette[k]);
+        hair_draw(&d, &palette[k]);
         memcpy(rgb, d.rgb, sizeof rgb);
         REQUIRE(matte_grabcut(matte, &fallback, rgb, d.head, d.inside, N,
                               &err) == 0, "%s", err.text);
@@ -146,9 +146,9 @@ int main(void)
                 err.text);
         snprintf(text, sizeof text, "%s: ghost, share of pixels",
                  palette[k].name);
-        check(text, ghost(back, &d, &palette[k]), 0.015);
+        check(text, hair_ghost(back, &d, &palette[k]), 0.015);
         snprintf(text, sizeof text, "%s: halo, levels", palette[k].name);
-        check(text, halo(rgb, matte, back, &d, palette[1 - k].wall), 25);
+        check(text, hair_halo(rgb, matte, back, &d, palette[1 - k].wall), 25);
     }
     return check_status();
 }

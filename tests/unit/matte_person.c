@@ -2,7 +2,8 @@
  * in a picture smaller than its square: GrabCut finds him, learns nothing from
  * the black about the picture, and his layer has the soft rim's colours without
  * the wall's, and is unchanged elsewhere: not a striped shirt where the
- * picture ends in black.  A picture with nothing in it but the face gets the disc. */
+ * picture ends in black.  A picture with nothing in it but the face gets the
+ * disc. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -17,18 +18,18 @@
 enum { N = 256, LEFT = 56, TOP = 48, RIGHT = 198, BOTTOM = 204 };
 
 /* How far (x,y) is inside an ellipse, in pixels, about. */
-static double inside(double x, double y, double cx, double cy, double rx,
-                     double ry)
+static double person_inside(double x, double y, double cx, double cy, double rx,
+                            double ry)
 {
     return (1 - hypot((x - cx) / rx, (y - cy) / ry)) * fmin(rx, ry);
 }
 
-static double cover(double depth, double soft)
+static double person_cover(double depth, double soft)
 {
     return fmin(1, fmax(0, depth / soft + 0.5));
 }
 
-static void over(double c[3], const double paint[3], double a)
+static void person_over(double c[3], const double paint[3], double a)
 {
     for (int k = 0; k < 3; k++)
         c[k] = paint[k] * a + c[k] * (1 - a);
@@ -40,7 +41,7 @@ struct drawing {
 };
 
 /* rgb, and pure: the person's colours without the wall's share. */
-static void draw(struct drawing *d, int striped)
+static void person_draw(struct drawing *d, int striped)
 {
     static const double wall[3] = {188, 200, 208}, hair[3] = {70, 45, 30};
     static const double skin[3] = {205, 150, 125}, shirt[3] = {60, 80, 110};
@@ -52,30 +53,31 @@ static void draw(struct drawing *d, int striped)
     for (int y = TOP; y < BOTTOM; y++)
         for (int x = LEFT; x < RIGHT; x++) {
             int i = y * N + x;
-            double h = inside(x, y, 127, 112, 46, 56);
-            double s = inside(x, y, 127, 220, 84, 64);
-            double a = fmax(cover(h, 4), cover(s, 4)), c[3], p[3];
+            double h = person_inside(x, y, 127, 112, 46, 56);
+            double s = person_inside(x, y, 127, 220, 84, 64);
+            double a = fmax(person_cover(h, 4), person_cover(s, 4)), c[3], p[3];
             double n = 4 * random_normal(&r);
 
             memcpy(p, h > s ? hair : striped && y / 3 % 2 ? stripe : shirt,
                    sizeof p);
-            over(p, skin, cover(inside(x, y, 127, 124, 34, 42), 2));
+            person_over(p, skin,
+                        person_cover(person_inside(x, y, 127, 124, 34, 42), 2));
             memcpy(c, wall, sizeof c);
-            over(c, p, a);
+            person_over(c, p, a);
             for (int k = 0; k < 3; k++) {
                 d->rgb[3 * i + k] = (uint8_t)fmin(255, fmax(0, c[k] + n));
                 d->pure[3 * i + k] = (uint8_t)fmin(255, fmax(0, p[k] + n));
             }
             d->person[i] = a;
-            d->head[i] = inside(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
+            d->head[i] = person_inside(x, y, 127, 122, 36, 46) > 0 ? 255 : 0;
             d->picture[i] = 255;
         }
 }
 
 /* Mean distance of rgb from the person's own colours where his share lies
  * between the two, in levels. */
-static double impurity(const uint8_t *rgb, const struct drawing *d, double lo,
-                       double hi)
+static double person_impurity(const uint8_t *rgb, const struct drawing *d,
+                              double lo, double hi)
 {
     double sum = 0;
     size_t n = 0;
@@ -90,7 +92,7 @@ static double impurity(const uint8_t *rgb, const struct drawing *d, double lo,
 }
 
 /* The part of the person's own pixels that the matte leaves out. */
-static double missed(const uint8_t *matte, const struct drawing *d)
+static double person_missed(const uint8_t *matte, const struct drawing *d)
 {
     double out = 0, all = 0;
 
@@ -102,8 +104,8 @@ static double missed(const uint8_t *matte, const struct drawing *d)
 }
 
 /* Largest distance of person + (1 - matte) back from the picture, levels. */
-static double imbalance(const uint8_t *rgb, const uint8_t *matte,
-                        const uint8_t *back, const uint8_t *inside)
+static double person_imbalance(const uint8_t *rgb, const uint8_t *matte,
+                               const uint8_t *back, const uint8_t *inside)
 {
     static uint8_t own[3 * N * N];
     double most = 0;
@@ -120,7 +122,7 @@ static double imbalance(const uint8_t *rgb, const uint8_t *matte,
 }
 
 /* Mean distance of the background from the wall where the person hid it. */
-static double ghost(const uint8_t *back, const struct drawing *d)
+static double person_ghost(const uint8_t *back, const struct drawing *d)
 {
     static const double wall[3] = {188, 200, 208};
     double sum = 0;
@@ -136,7 +138,7 @@ static double ghost(const uint8_t *back, const struct drawing *d)
 }
 
 /* rgb: the person's own colours as found. */
-static void find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
+static void person_find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
 {
     static uint8_t back[3 * N * N], picture[3 * N * N];
     struct error err = {0};
@@ -149,7 +151,7 @@ static void find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
         printf("%s\n", err.text);
         exit(1);
     }
-    before = missed(matte, d);
+    before = person_missed(matte, d);
     if (layers_split(matte, back, picture, d->picture, N, &err)) {
         printf("%s\n", err.text);
         exit(1);
@@ -157,11 +159,12 @@ static void find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
     texture_straight(rgb, picture, matte, back, N * N);
     check("the colours decide", fallback, 0);
     check("unmixing takes nothing from the person",
-          missed(matte, d) - before, 0.001);
-    check("his own colours stay", impurity(rgb, d, 1, 1), 0.5);
+          person_missed(matte, d) - before, 0.001);
+    check("his own colours stay", person_impurity(rgb, d, 1, 1), 0.5);
     check("the layers make the picture again, levels",
-          imbalance(picture, matte, back, d->picture), 2);
-    check("no ghost of the person behind him, levels", ghost(back, d), 5);
+          person_imbalance(picture, matte, back, d->picture), 2);
+    check("no ghost of the person behind him, levels", person_ghost(back, d),
+          5);
 }
 
 static void only_the_face(const struct drawing *whole)
@@ -187,8 +190,8 @@ int main(void)
     static uint8_t matte[N * N], rgb[3 * N * N];
     double both = 0, any = 0, beyond = 0, before, after;
 
-    draw(&d, 0);
-    find(matte, rgb, &d);
+    person_draw(&d, 0);
+    person_find(matte, rgb, &d);
     for (size_t i = 0; i < N * N; i++) {
         int a = matte[i] > 127, b = d.person[i] > 0.5;
         both += a && b;
@@ -198,12 +201,12 @@ int main(void)
     check_range("matte and person: intersection over union", both / any,
                 0.95, 1);
     check("pixels of the matte outside of the picture", beyond, 0);
-    before = impurity(d.rgb, &d, 0.5, 0.95);
-    after = impurity(rgb, &d, 0.5, 0.95);
+    before = person_impurity(d.rgb, &d, 0.5, 0.95);
+    after = person_impurity(rgb, &d, 0.5, 0.95);
     check_range("the rim's colours are mixed, levels", before, 10, 255);
     check("less so after unmixing, levels", after, 0.5 * before);
     only_the_face(&d);
-    draw(&d, 1);
-    find(matte, rgb, &d);
+    person_draw(&d, 1);
+    person_find(matte, rgb, &d);
     return check_status();
 }

@@ -9,7 +9,7 @@
 #include "lib/metric/image.h"
 #include "tests/check.h"
 
-static double window(int i, int j)
+static double image_window(int i, int j)
 {
     double sum = 0, g[11];
 
@@ -25,22 +25,22 @@ static double ssim_at(const float *a, const float *b, size_t W, size_t y,
 
     for (int i = 0; i < 11; i++)
         for (int j = 0; j < 11; j++) {
-            ma += window(i, j) * a[(y + i) * W + x + j];
-            mb += window(i, j) * b[(y + i) * W + x + j];
+            ma += image_window(i, j) * a[(y + i) * W + x + j];
+            mb += image_window(i, j) * b[(y + i) * W + x + j];
         }
     for (int i = 0; i < 11; i++)
         for (int j = 0; j < 11; j++) {
             double da = a[(y + i) * W + x + j] - ma;
             double db = b[(y + i) * W + x + j] - mb;
-            va += window(i, j) * da * da;
-            vb += window(i, j) * db * db;
-            vab += window(i, j) * da * db;
+            va += image_window(i, j) * da * da;
+            vb += image_window(i, j) * db * db;
+            vab += image_window(i, j) * da * db;
         }
     return (2 * ma * mb + 1e-4) / (ma * ma + mb * mb + 1e-4) *
            (2 * vab + 9e-4) / (va + vb + 9e-4);
 }
 
-static void fill(float *x, size_t n, const char *name)
+static void image_test_fill(float *x, size_t n, const char *name)
 {
     struct random r;
 
@@ -56,8 +56,8 @@ static void check_plain(void)
     double map[3 * (H - 10) * (W - 10)], worst = 0, mean = 0;
     struct metric_ssim s;
 
-    fill(a, 3 * H * W, "a");
-    fill(b, 3 * H * W, "b");
+    image_test_fill(a, 3 * H * W, "a");
+    image_test_fill(b, 3 * H * W, "b");
     if (metric_ssim(&s, map, NULL, a, b, 3, H, W, NULL))
         exit(1);
     for (size_t c = 0, i = 0; c < 3; c++)
@@ -82,8 +82,8 @@ static void check_gradient(const char *what, int multi, size_t H, size_t W)
     struct metric_ssim s;
     struct metric_msssim m;
 
-    fill(a, n, "a");
-    fill(b, n, "n");
+    image_test_fill(a, n, "a");
+    image_test_fill(b, n, "n");
     for (size_t i = 0; i < n; i++)
         b[i] = roundf((0.7f * a[i] + 0.3f * b[i]) * 65536) / 65536;
     if (multi ? metric_msssim(&m, db, a, b, 3, H, W, NULL)

@@ -7,7 +7,7 @@
 #include "tests/check.h"
 
 /* R = diag(1,-1,-1) Rz(r) Rx(p) Ry(y), angles in degrees. */
-static void compose(float R[9], double y, double p, double r)
+static void motion_metric_compose(float R[9], double y, double p, double r)
 {
     double k = acos(-1) / 180, Y[9], P[9], Z[9], t[9], q[9];
     double cy = cos(y * k), sy = sin(y * k), cp = cos(p * k), sp = sin(p * k);
@@ -50,18 +50,18 @@ int main(void)
     expect("eye distance", metric_eye_distance((const float(*)[2])a), 50,
            1e-12);
 
-    compose(R, 20, -7, 3);
+    motion_metric_compose(R, 20, -7, 3);
     metric_euler_degrees(e, R);
     expect("yaw", e[0], 20, 1e-4);
     expect("pitch", e[1], -7, 1e-4);
     expect("roll", e[2], 3, 1e-4);
-    compose(S, 20.001, -7, 3);
+    motion_metric_compose(S, 20.001, -7, 3);
     expect("angle of equal rotations", metric_rotation_degrees(R, R), 0,
            1e-5);
     expect("a thousandth of a degree", metric_rotation_degrees(R, S), 0.001,
            2e-5);
-    compose(R, 0, 0, 0);
-    compose(S, 0, 0, 180);
+    motion_metric_compose(R, 0, 0, 0);
+    motion_metric_compose(S, 0, 0, 180);
     expect("half a turn", metric_rotation_degrees(R, S), 180, 1e-4);
 
     expect("correlation, straight line", metric_correlation(x, y, 5), 1,

@@ -33,8 +33,8 @@ static float turn[RELATIVE_POSE_SIZE] = { 0.8f, -0.5f, 0.3f, -0.2f, 0.6f,
                                          0.1f };
 static float dturn[RELATIVE_POSE_SIZE];
 
-static double loss(const struct subject *n, const float *in, float *out,
-                   const float *probe)
+static double net_loss(const struct subject *n, const float *in, float *out,
+                       const float *probe)
 {
     double sum = 0;
 
@@ -71,7 +71,7 @@ static void check_gradient(const struct subject *n, const char *what, float *w,
             for (size_t i = 0; i < count; i++)
                 w[i] = keep[i] + (float)((s ? -eps : eps) * (double)g[i] /
                                          norm);
-            l[s] = loss(n, in, out, probe);
+            l[s] = net_loss(n, in, out, probe);
         }
         found = (l[0] - l[1]) / (2 * eps);
         error = fabs(found - norm) / norm;
@@ -82,7 +82,7 @@ static void check_gradient(const struct subject *n, const char *what, float *w,
           what, found, norm);
 }
 
-static void run(const struct subject *n)
+static void net_run(const struct subject *n)
 {
     struct random r;
     struct params *ps = n->ps;
@@ -100,7 +100,7 @@ static void run(const struct subject *n)
         for (size_t i = 0; i < ps->tensor[t].count; i++)
             if (!ps->tensor[t].frozen && param_w(ps, t)[i] == 0)
                 param_w(ps, t)[i] = 0.05f * (float)random_normal(&r);
-    loss(n, in, out, probe);
+    net_loss(n, in, out, probe);
     memset(ps->g, 0, ps->total * sizeof *ps->g);
     memcpy(out, probe, n->out * sizeof *out);
     n->backward(din, out, n->self);
@@ -184,7 +184,7 @@ static void shape_encoder_bwd(float *din, const float *dout, void *s)
 static const struct nn_options train = { NN_TRAIN, NN_F32 };
 static struct error err;
 
-static void ready(struct params *ps, int rc)
+static void net_ready(struct params *ps, int rc)
 {
     if (rc || params_allocate(ps, &err) ||
         params_allocate_gradients(ps, &err)) {
@@ -198,12 +198,12 @@ static void ready(struct params *ps, int rc)
     do {                                                                     \
         struct subject n = { #net, net##_up, net##_fwd, net##_bwd, &net,     \
                              &ps, in_, out_, lo_, hi_ };                     \
-        run(&n);                                                             \
+        net_run(&n);                                                           \
         net##_release(&net);                                                 \
         params_release(&ps);                                                 \
     } while (0)
 
-static void planned(int rc)
+static void net_planned(int rc)
 {
     if (rc) {
         printf("%s\n", err.text);
@@ -219,8 +219,8 @@ static void small_nets(void)
                                   .size = 20, .width = 4 };
 
     params_init(&ps);
-    ready(&ps, backbone_init(&backbone, &ps, "b.", &bc, &err));
-    planned(backbone_plan(&backbone, 2, 32, train, &err));
+    net_ready(&ps, backbone_init(&backbone, &ps, "b.", &bc, &err));
+    net_planned(backbone_plan(&backbone, 2, 32, train, &err));
     RUN(backbone, 0, 1, 2 * 32 * 32 * 3, 2 * 20 * 20 * 8);
 
     struct matte_net matte_net;
@@ -235,18 +235,18 @@ static void small_nets(void)
                                  .width = 16, .multiplier = 1,
                                  .turn = true };
     params_init(&ps);
-    ready(&ps, refiner_init(&refiner, &ps, "r.", &rc, &err));
-    planned(refiner_plan(&refiner, 2, 64, 32, train, &err));
+    net_ready(&ps, refiner_init(&refiner, &ps, "r.", &rc, &err));
+    net_planned(refiner_plan(&refiner, 2, 64, 32, train, &err));
     RUN(refiner, -1, 1, 2 * 64 * 32 * 12, 2 * 64 * 32 * 3);
 
     struct plane_init plane_init;
     params_init(&ps);
-    ready(&ps, plane_init_init(&plane_init, &ps, "p.", 9, 16, &err));
-    planned(plane_init_plan(&plane_init, 1, 11, 13, train, &err));
+    net_ready(&ps, plane_init_init(&plane_init, &ps, "p.", 9, 16, &err));
+    net_planned(plane_init_plan(&plane_init, 1, 11, 13, train, &err));
     RUN(plane_init, -1, 1, 11 * 13 * 9, 11 * 13 * 2);
 }
 
-static void encoders(void)
+static void net_encoders(void)
 {
     struct params ps;
     struct motion_encoder motion_encoder;
@@ -254,21 +254,22 @@ static void encoders(void)
     size_t in = 2 * 224 * 224 * 3;
 
     params_init(&ps);
-    ready(&ps, motion_encoder_init(&motion_encoder, &ps, "m.",
-                                   "tf_mobilenetv3_small_minimal_100", &err));
-    planned(motion_encoder_plan(&motion_encoder, 2, train, &err));
+    net_ready(&ps,
+              motion_encoder_init(&motion_encoder, &ps, "m.",
+                                  "tf_mobilenetv3_small_minimal_100", &err));
+    net_planned(motion_encoder_plan(&motion_encoder, 2, train, &err));
     RUN(motion_encoder, 0, 1, in, 2 * MOTION_OUT);
     params_init(&ps);
-    ready(&ps, shape_encoder_init(&shape_encoder, &ps, "s.",
-                                  "mobilenetv3_small_100", &err));
-    planned(shape_encoder_plan(&shape_encoder, 2, train, &err));
+    net_ready(&ps, shape_encoder_init(&shape_encoder, &ps, "s.",
+                                      "mobilenetv3_small_100", &err));
+    net_planned(shape_encoder_plan(&shape_encoder, 2, train, &err));
     RUN(shape_encoder, 0, 1, in, 2 * SHAPE_ENCODER_OUT);
 }
 
 int main(void)
 {
     small_nets();
-    encoders();
+    net_encoders();
     printf("%d gradients differ\n", check_failures);
     return check_status();
 }

@@ -14,7 +14,7 @@ enum { S = 32, C = 8, PHOTO = 5, FIELD = 4, N = S * S,
 static float feat[C * N], photo[PHOTO * N], rgb[3 * N], probe[OUT];
 static float dfeat[C * N], dphoto[PHOTO * N], turn[RELATIVE_POSE_SIZE];
 
-static void fill(float *x, size_t n, const char *name, double size)
+static void photo_fill(float *x, size_t n, const char *name, double size)
 {
     struct random r;
 
@@ -23,8 +23,8 @@ static void fill(float *x, size_t n, const char *name, double size)
         x[i] = (float)(size * random_normal(&r));
 }
 
-static void make(struct refiner *r, struct params *ps, bool shown,
-                 enum nn_mode mode)
+static void photo_make(struct refiner *r, struct params *ps, bool shown,
+                       enum nn_mode mode)
 {
     const struct refiner_config c = {
         .type = REFINER_NARROW, .channels = C, .width = 8, .turn = true,
@@ -41,7 +41,7 @@ static void make(struct refiner *r, struct params *ps, bool shown,
                          &err) == 0, "%s", err.text);
 }
 
-static double loss(struct refiner *r)
+static double photo_loss(struct refiner *r)
 {
     double sum = 0;
 
@@ -57,8 +57,8 @@ static double loss(struct refiner *r)
 }
 
 /* The derivative along d (n) by differences of the loss, over d's square. */
-static void along(const char *what, float *x, const float *d, size_t n,
-                  struct refiner *r)
+static void photo_along(const char *what, float *x, const float *d, size_t n,
+                        struct refiner *r)
 {
     double square = 0, f[2], best = 1;
     float *keep = malloc(2 * n * sizeof *keep), *way = keep + n;
@@ -71,7 +71,7 @@ static void along(const char *what, float *x, const float *d, size_t n,
         for (int s = 0; s < 2; s++) {
             for (size_t i = 0; i < n; i++)
                 x[i] = keep[i] + (float)((s ? e : -e) / sqrt(square)) * way[i];
-            f[s] = loss(r);
+            f[s] = photo_loss(r);
         }
         best = fmin(best, fabs((f[1] - f[0]) / (2 * e * sqrt(square)) - 1));
     }
@@ -81,26 +81,27 @@ static void along(const char *what, float *x, const float *d, size_t n,
     check(what, best, 5e-3);
 }
 
-static void gradients(void)
+static void photo_gradients(void)
 {
     struct refiner r;
     struct params ps;
 
-    make(&r, &ps, true, NN_TRAIN);
-    fill(ps.w, ps.total, "weights", 0.2);
-    loss(&r);
+    photo_make(&r, &ps, true, NN_TRAIN);
+    photo_fill(ps.w, ps.total, "weights", 0.2);
+    photo_loss(&r);
     memset(ps.g, 0, ps.total * sizeof *ps.g);
     refiner_backward(&(struct refiner_gradients){dfeat, NULL, dphoto}, probe,
                      probe + 3 * N, &r);
     for (size_t k = 0; k < ps.count; k++)
         if (strstr(ps.tensor[k].name, "photo.") ||
             strstr(ps.tensor[k].name, "field."))
-            along(ps.tensor[k].name, param_w(&ps, k), param_g(&ps, k),
-                  ps.tensor[k].count, &r);
-    along("fold.1", param_w(&ps, params_find(&ps, "r.fold.1.weight")),
-          param_g(&ps, params_find(&ps, "r.fold.1.weight")), 8 * 4 * 4, &r);
-    along("photograph", photo, dphoto, PHOTO * N, &r);
-    along("features", feat, dfeat, C * N, &r);
+            photo_along(ps.tensor[k].name, param_w(&ps, k), param_g(&ps, k),
+                        ps.tensor[k].count, &r);
+    photo_along("fold.1", param_w(&ps, params_find(&ps, "r.fold.1.weight")),
+                param_g(&ps, params_find(&ps, "r.fold.1.weight")), 8 * 4 * 4,
+                &r);
+    photo_along("photograph", photo, dphoto, PHOTO * N, &r);
+    photo_along("features", feat, dfeat, C * N, &r);
     refiner_release(&r);
     params_release(&ps);
 }
@@ -113,19 +114,19 @@ static void begins_the_same(void)
     struct params pa, pb;
     double off = 0, said = 0;
 
-    make(&a, &pa, false, NN_INFER);
-    make(&b, &pb, true, NN_INFER);
+    photo_make(&a, &pa, false, NN_INFER);
+    photo_make(&b, &pb, true, NN_INFER);
     for (size_t k = 0; k < pa.count; k++) {
         size_t i = params_find(&pb, pa.tensor[k].name);
 
-        fill(param_w(&pa, k), pa.tensor[k].count, pa.tensor[k].name, 0.2);
+        photo_fill(param_w(&pa, k), pa.tensor[k].count, pa.tensor[k].name, 0.2);
         memcpy(param_w(&pb, i), param_w(&pa, k),
                pa.tensor[k].count * sizeof(float));
     }
     refiner_update(&a);
     refiner_turn(&a, turn);
     refiner_forward(plain, feat, &a);
-    loss(&b);
+    photo_loss(&b);
     for (size_t i = 0; i < 3 * N; i++)
         off = fmax(off, fabs((double)rgb[i] - (double)plain[i]));
     for (size_t i = 0; i < FIELD * N / 16; i++)
@@ -141,11 +142,11 @@ static void begins_the_same(void)
 
 int main(void)
 {
-    fill(feat, C * N, "features", 0.5);
-    fill(photo, PHOTO * N, "photograph", 0.5);
-    fill(probe, OUT, "probe", 1);
-    fill(turn, RELATIVE_POSE_SIZE, "turn", 0.3);
+    photo_fill(feat, C * N, "features", 0.5);
+    photo_fill(photo, PHOTO * N, "photograph", 0.5);
+    photo_fill(probe, OUT, "probe", 1);
+    photo_fill(turn, RELATIVE_POSE_SIZE, "turn", 0.3);
     begins_the_same();
-    gradients();
+    photo_gradients();
     return check_status();
 }

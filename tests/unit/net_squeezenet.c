@@ -118,7 +118,7 @@ static double plain_loss(const struct map *rgb, float *const *probe,
 }
 
 /* Greatest difference over the greatest value. */
-static double relative(const float *x, const double *truth, size_t n)
+static double squeezenet_relative(const float *x, const double *truth, size_t n)
 {
     double most = 0, size = 1e-30;
 
@@ -131,7 +131,7 @@ static double relative(const float *x, const double *truth, size_t n)
     return most / size;
 }
 
-static float *noise(size_t n, uint64_t seed, double from, double to)
+static float *squeezenet_noise(size_t n, uint64_t seed, double from, double to)
 {
     struct random r;
     float *x = malloc(n * sizeof *x);
@@ -157,7 +157,7 @@ static void check_layers(struct squeezenet *s, const struct map *rgb)
         snprintf(what, sizeof what, "layer %zu", k);
         check_that("sizes", shape[1] == layer[k].h && shape[2] == layer[k].w &&
                                 shape[3] == layer[k].C);
-        check(what, relative(x, layer[k].v, n), 2e-5);
+        check(what, squeezenet_relative(x, layer[k].v, n), 2e-5);
         free(layer[k].v);
     }
 }
@@ -172,11 +172,11 @@ static void check_gradient(struct squeezenet *s, struct map *rgb)
         squeezenet_layer(shape, s, (enum squeezenet_layer)k);
         /* some layers have no part in a loss */
         probe[k] = k % 3 == 1 ? NULL
-            : noise(shape[1] * shape[2] * shape[3], 10 + k, -1, 1);
+            : squeezenet_noise(shape[1] * shape[2] * shape[3], 10 + k, -1, 1);
     }
     squeezenet_backward(drgb, (const float *const *)probe, s);
     for (uint64_t d = 0; d < 3; d++) {
-        float *way = noise(n, 30 + d, -1, 1);
+        float *way = squeezenet_noise(n, 30 + d, -1, 1);
         double eps = 1e-7, ours = 0, along, length = 0, size = 0;
 
         for (size_t i = 0; i < n; i++) {
@@ -215,7 +215,7 @@ static void check_random(void)
         for (size_t i = 0; i < ps.tensor[t].count; i++)
             param_w(&ps, t)[i] *= 1.5f;
     check_error("plan", !squeezenet_plan(&s, 1, SIDE, SIDE, opt, &err), &err);
-    float *x = noise(SIDE * SIDE * 3, 4, 0, 1);
+    float *x = squeezenet_noise(SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(SIDE, SIDE, 3);
     for (size_t i = 0; i < SIDE * SIDE * 3; i++)
         rgb.v[i] = (double)x[i];
@@ -243,7 +243,7 @@ static void check_stored(const struct safetensors *st, const char *name,
     for (size_t i = 0; planes && i < n; i++)
         truth[i] = (double)planes[i % s[3] * s[1] * s[2] + i / s[3]];
     if (planes)
-        check(name, relative(x, truth, n), 2e-5);
+        check(name, squeezenet_relative(x, truth, n), 2e-5);
     free(truth);
     free(planes);
 }

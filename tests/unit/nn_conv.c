@@ -56,7 +56,7 @@ struct result {
     double *out, *din, *dw, *db;
 };
 
-static void reserve(struct result *r)
+static void conv_test_reserve(struct result *r)
 {
     r->out = calloc(r->out_n, sizeof(double));
     r->din = calloc(r->in_n, sizeof(double));
@@ -64,7 +64,7 @@ static void reserve(struct result *r)
     r->db = calloc(r->b_n + 1, sizeof(double));
 }
 
-static void drop(struct result *r)
+static void conv_test_drop(struct result *r)
 {
     free(r->out);
     free(r->din);
@@ -72,7 +72,8 @@ static void drop(struct result *r)
     free(r->db);
 }
 
-static void sides(const struct shape *s, size_t n, size_t *o, long *before)
+static void conv_test_sides(const struct shape *s, size_t n, size_t *o,
+                            long *before)
 {
     if (s->pad == CONV_SAME) {
         *o = (n + s->s - 1) / s->s;
@@ -85,8 +86,8 @@ static void sides(const struct shape *s, size_t n, size_t *o, long *before)
 }
 
 /* One tap: x in the input, w in the weight; -1 outside. */
-static long tap(const struct shape *s, long py, long px, size_t b, size_t y,
-                size_t x, size_t ky, size_t kx, size_t c)
+static long conv_test_tap(const struct shape *s, long py, long px, size_t b,
+                          size_t y, size_t x, size_t ky, size_t kx, size_t c)
 {
     long yy = (long)(y * s->s + ky) - py, xx = (long)(x * s->s + kx) - px;
 
@@ -96,15 +97,16 @@ static long tap(const struct shape *s, long py, long px, size_t b, size_t y,
 }
 
 /* Plain loops: the forward when dout is NULL, else the backward. */
-static void reference(struct result *r, const float *in, const float *w,
-                      const float *bias, const float *dout,
-                      const struct shape *s, size_t oh, size_t ow)
+static void conv_test_reference(struct result *r, const float *in,
+                                const float *w, const float *bias,
+                                const float *dout, const struct shape *s,
+                                size_t oh, size_t ow)
 {
     size_t o_, group = s->kind == DEPTHWISE ? 1 : s->in;
     long py, px;
 
-    sides(s, s->h, &o_, &py);
-    sides(s, s->w, &o_, &px);
+    conv_test_sides(s, s->h, &o_, &py);
+    conv_test_sides(s, s->w, &o_, &px);
     for (size_t i = 0; i < r->out_n; i++) {
         size_t o = i % s->out, x = i / s->out % ow;
         size_t y = i / s->out / ow % oh, b = i / s->out / ow / oh;
@@ -115,7 +117,8 @@ static void reference(struct result *r, const float *in, const float *w,
         for (size_t ci = 0; ci < group; ci++)
             for (size_t t = 0; t < s->k * s->k; t++) {
                 size_t c = s->kind == DEPTHWISE ? o : ci;
-                long at = tap(s, py, px, b, y, x, t / s->k, t % s->k, c);
+                long at = conv_test_tap(s, py, px, b, y, x, t / s->k, t % s->k,
+                                        c);
                 size_t wi = (o * group + ci) * s->k * s->k + t;
 
                 if (at < 0)
@@ -130,8 +133,9 @@ static void reference(struct result *r, const float *in, const float *w,
     }
 }
 
-static void compare(const char *what, const struct shape *s, const float *x,
-                    const double *truth, size_t n, double tolerance)
+static void conv_test_compare(const char *what, const struct shape *s,
+                              const float *x, const double *truth, size_t n,
+                              double tolerance)
 {
     double worst = 0, most = 1e-30;
 
@@ -145,7 +149,7 @@ static void compare(const char *what, const struct shape *s, const float *x,
           worst / most);
 }
 
-static uint64_t bits(uint64_t sum, const float *x, size_t n)
+static uint64_t conv_test_bits(uint64_t sum, const float *x, size_t n)
 {
     for (size_t i = 0; i < n; i++) {
         uint32_t u;
@@ -156,7 +160,7 @@ static uint64_t bits(uint64_t sum, const float *x, size_t n)
     return sum;
 }
 
-static float *noise(size_t n, uint64_t seed)
+static float *conv_test_noise(size_t n, uint64_t seed)
 {
     struct random r;
     float *x = malloc(n * sizeof *x);
@@ -168,9 +172,9 @@ static float *noise(size_t n, uint64_t seed)
 }
 
 /* Run the layer; its gradients stay in ps->g.  Returns a hash of all bits. */
-static uint64_t run(float *out, float *din, struct params *ps, const float *in,
-                    const float *dout, const struct shape *s, size_t oh,
-                    size_t ow)
+static uint64_t conv_test_run(float *out, float *din, struct params *ps,
+                              const float *in, const float *dout,
+                              const struct shape *s, size_t oh, size_t ow)
 {
     struct conv c;
     struct depthwise d;
@@ -214,8 +218,9 @@ static uint64_t run(float *out, float *din, struct params *ps, const float *in,
     }
     nn_plan_release(&p);
     free(g);
-    uint64_t sum = bits(bits(0, out, n), din, s->B * s->h * s->w * s->in);
-    return bits(sum, ps->g, ps->total);
+    uint64_t sum = conv_test_bits(conv_test_bits(0, out, n), din,
+                                  s->B * s->h * s->w * s->in);
+    return conv_test_bits(sum, ps->g, ps->total);
 }
 
 static void check_shape(const struct shape *s)
@@ -224,22 +229,22 @@ static void check_shape(const struct shape *s)
     long unused;
     struct params ps;
 
-    sides(s, s->h, &oh, &unused);
-    sides(s, s->w, &ow, &unused);
+    conv_test_sides(s, s->h, &oh, &unused);
+    conv_test_sides(s, s->w, &ow, &unused);
     struct result r = { .out_n = s->B * oh * ow * s->out,
                         .in_n = s->B * s->h * s->w * s->in,
                         .w_n = s->out * s->k * s->k *
                                (s->kind == DEPTHWISE ? 1 : s->in),
                         .b_n = s->out };
-    reserve(&r);
-    float *in = noise(r.in_n, 1), *dout = noise(r.out_n, 2);
+    conv_test_reserve(&r);
+    float *in = conv_test_noise(r.in_n, 1), *dout = conv_test_noise(r.out_n, 2);
     float *out = malloc(r.out_n * sizeof *out);
     float *din = malloc(r.in_n * sizeof *din);
     uint64_t first = 0;
     static const int threads[] = { 1, 2, 7 };
     for (int i = 0; i < 3; i++) {
         omp_set_num_threads(threads[i]);
-        uint64_t hash = run(out, din, &ps, in, dout, s, oh, ow);
+        uint64_t hash = conv_test_run(out, din, &ps, in, dout, s, oh, ow);
         CHECK(!i || hash == first,
               "%zux%zux%zu -> %zu, kernel %zu: other bits with %d threads",
               s->h, s->w, s->in, s->out, s->k, threads[i]);
@@ -250,17 +255,18 @@ static void check_shape(const struct shape *s)
     const float *w = param_w(&ps, 0);
     const float *b = s->kind ? NULL : param_w(&ps, 1);
     double most = s->kind == HALVES ? 1e-2 : 1e-5;
-    reference(&r, in, w, b, NULL, s, oh, ow);
-    compare("output", s, out, r.out, r.out_n, most);
+    conv_test_reference(&r, in, w, b, NULL, s, oh, ow);
+    conv_test_compare("output", s, out, r.out, r.out_n, most);
     memset(r.din, 0, r.in_n * sizeof(double));
     memset(r.dw, 0, r.w_n * sizeof(double));
-    reference(&r, in, w, b, dout, s, oh, ow);
-    compare("input gradient", s, din, r.din, r.in_n, most);
-    compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, most);
+    conv_test_reference(&r, in, w, b, dout, s, oh, ow);
+    conv_test_compare("input gradient", s, din, r.din, r.in_n, most);
+    conv_test_compare("weight gradient", s, param_g(&ps, 0), r.dw, r.w_n, most);
     if (b)
-        compare("bias gradient", s, param_g(&ps, 1), r.db, r.b_n, 1e-5);
+        conv_test_compare("bias gradient", s, param_g(&ps, 1), r.db, r.b_n,
+                          1e-5);
     params_release(&ps);
-    drop(&r);
+    conv_test_drop(&r);
     free(in);
     free(dout);
     free(out);
@@ -278,8 +284,8 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
     struct result r = { 2 * h * w * out, 2 * h * w * in, 9 * in * out, out,
                         NULL, NULL, NULL, NULL };
 
-    reserve(&r);
-    float *x = noise(r.in_n, 3), *y = malloc(r.out_n * sizeof *y);
+    conv_test_reserve(&r);
+    float *x = conv_test_noise(r.in_n, 3), *y = malloc(r.out_n * sizeof *y);
     params_init(&ps);
     conv_init(&c, &ps, "c", in, out, 3, 1, true);
     c.act = ACT_LRELU;
@@ -293,13 +299,14 @@ static void check_winograd(size_t h, size_t w, size_t in, size_t out)
         exit(1);
     conv_update(&c, NULL);
     conv_forward(y, x, &c);
-    reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h, w);
-    compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
+    conv_test_reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, &s, h,
+                        w);
+    conv_test_compare("Winograd", &s, y, r.out, r.out_n, 6e-5);
     winograd_force(WINOGRAD_BY_TABLE);
     conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
-    drop(&r);
+    conv_test_drop(&r);
     free(x);
     free(y);
 }
@@ -315,13 +322,13 @@ static void check_int8(const struct shape *s, bool add)
     struct nn_plan p;
     struct error err = { 0 };
 
-    sides(s, s->h, &oh, &unused);
-    sides(s, s->w, &ow, &unused);
+    conv_test_sides(s, s->h, &oh, &unused);
+    conv_test_sides(s, s->w, &ow, &unused);
     struct result r = { .out_n = s->B * oh * ow * s->out,
                         .in_n = s->B * s->h * s->w * s->in,
                         .w_n = s->out * s->in * s->k * s->k, .b_n = s->out };
-    reserve(&r);
-    float *x = noise(r.in_n, 4), *y = malloc(r.out_n * sizeof *y);
+    conv_test_reserve(&r);
+    float *x = conv_test_noise(r.in_n, 4), *y = malloc(r.out_n * sizeof *y);
     params_init(&ps);
     conv_init(&c, &ps, "c", s->in, s->out, s->k, s->s, true);
     c.pad = s->pad;
@@ -347,17 +354,18 @@ static void check_int8(const struct shape *s, bool add)
         for (size_t i = 0; i < r.out_n; i++)
             y[i] = 0.25f;          /* added to, or overwritten */
         conv_forward(y, x, &c);
-        uint64_t hash = bits(0, y, r.out_n);
+        uint64_t hash = conv_test_bits(0, y, r.out_n);
         CHECK(threads == 1 || hash == first, "8 bits: other bits with %d "
               "threads", threads);
         first = hash;
     }
     for (size_t o = 0; o < s->out && add; o++)
         param_w(&ps, 1)[o] += 0.25f;
-    reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, s, oh, ow);
+    conv_test_reference(&r, x, param_w(&ps, 0), param_w(&ps, 1), NULL, s, oh,
+                        ow);
     /* in float where there are no instructions for bytes */
     bool native = nn_type_native(NN_INT8);
-    compare("8 bits", s, y, r.out, r.out_n, native ? 1e-2 : 6e-5);
+    conv_test_compare("8 bits", s, y, r.out, r.out_n, native ? 1e-2 : 6e-5);
     double off = 0;
     for (size_t i = 0; i < r.out_n; i++)
         off = fmax(off, fabs((double)y[i] - r.out[i]));
@@ -366,7 +374,7 @@ static void check_int8(const struct shape *s, bool add)
     conv_release(&c);
     nn_plan_release(&p);
     params_release(&ps);
-    drop(&r);
+    conv_test_drop(&r);
     free(x);
     free(y);
 }

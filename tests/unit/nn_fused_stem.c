@@ -25,7 +25,7 @@ static const struct shape {
 };
 
 static struct error err;
-static void must(int rc)
+static void stem_must(int rc)
 {
     if (rc) {
         printf("%s\n", err.text);
@@ -39,8 +39,8 @@ static void check_same(bool ok, const char *what, const struct shape *s)
 }
 
 /* out (B,h/2,w/2,O), plainly; the largest value. */
-static double plain(double *out, const float *in, const struct conv *c,
-                    const struct shape *s)
+static double stem_plain(double *out, const float *in, const struct conv *c,
+                         const struct shape *s)
 {
     const float *w = param_w(c->ps, c->weight), *b = param_w(c->ps, c->bias);
     size_t oh = s->h / 2, ow = s->w / 2;
@@ -63,7 +63,7 @@ static double plain(double *out, const float *in, const struct conv *c,
 }
 
 /* Values that half floats hold, among them zero and the tiny ones. */
-static void values(uint16_t *half, float *in, size_t n)
+static void stem_values(uint16_t *half, float *in, size_t n)
 {
     struct random r;
 
@@ -75,7 +75,7 @@ static void values(uint16_t *half, float *in, size_t n)
     }
 }
 
-static float *floats(size_t n)
+static float *stem_floats(size_t n)
 {
     return malloc(n * sizeof(float));
 }
@@ -87,9 +87,9 @@ static void run_packed(const struct fused_stem *f, float *in, uint16_t *half,
 {
     size_t C = s->C, rows = s->B * s->h, pixels = rows * s->w;
     size_t outs = pixels / 4 * s->O;
-    float *alpha = floats(pixels), *few = floats(pixels * C);
-    float *out[2] = { floats(outs), floats(outs) };
-    float *rgb[2] = { floats(3 * pixels), floats(3 * pixels) };
+    float *alpha = stem_floats(pixels), *few = stem_floats(pixels * C);
+    float *out[2] = { stem_floats(outs), stem_floats(outs) };
+    float *rgb[2] = { stem_floats(3 * pixels), stem_floats(3 * pixels) };
     size_t *start = malloc(rows * sizeof *start), count = 0;
 
     for (size_t i = 0; i < pixels; i++) {
@@ -129,7 +129,7 @@ static void run_packed(const struct fused_stem *f, float *in, uint16_t *half,
     free(start);
 }
 
-static void run(const struct shape *s)
+static void stem_run(const struct shape *s)
 {
     struct params ps;
     struct conv c;
@@ -138,9 +138,9 @@ static void run(const struct shape *s)
     size_t rows = s->B * s->h, row = s->w * s->C, n = rows * row;
     size_t outs = rows / 2 * (s->w / 2) * s->O, pixels = rows * s->w;
     size_t wide = row + 3 * s->C;
-    float *in = floats(n), *part = floats(rows * wide);
-    float *out = floats(outs), *rgb = floats(3 * pixels);
-    float *out2 = floats(outs), *rgb2 = floats(3 * pixels);
+    float *in = stem_floats(n), *part = stem_floats(rows * wide);
+    float *out = stem_floats(outs), *rgb = stem_floats(3 * pixels);
+    float *out2 = stem_floats(outs), *rgb2 = stem_floats(3 * pixels);
     uint16_t *half = malloc(n * sizeof *half);
     double *truth = malloc(outs * sizeof *truth), worst = 0;
 
@@ -148,7 +148,7 @@ static void run(const struct shape *s)
     conv_init(&c, &ps, "c", s->C, s->O, 2, 2, true);
     c.pad = CONV_NONE;
     c.act = ACT_LRELU;
-    must(params_allocate(&ps, &err));
+    stem_must(params_allocate(&ps, &err));
     params_randomise(&ps, 2);
     for (size_t o = 0; o < s->O; o++)
         param_w(&ps, c.bias)[o] = 0.01f * (float)o;
@@ -156,12 +156,12 @@ static void run(const struct shape *s)
     nn_plan_init(&p, (struct nn_options){ NN_INFER, NN_F32 });
     check_same(fused_stem_possible(&c), "whether it is possible", s);
     fused_stem_plan(&f, &c, &p, s->B, s->h, s->w);
-    must(nn_plan_finish(&p, &err));
+    stem_must(nn_plan_finish(&p, &err));
     fused_stem_update(&f);
-    values(half, in, n);
+    stem_values(half, in, n);
     for (size_t y = 0; y < rows; y++)
         memcpy(part + y * wide, in + y * row, row * sizeof *in);
-    double most = plain(truth, in, &c, s);
+    double most = stem_plain(truth, in, &c, s);
     fused_stem_forward(out, rgb,
                        &(struct feature_view){ .f32 = in, .stride = row }, &f);
     for (size_t i = 0; i < outs; i++)
@@ -195,25 +195,25 @@ static void run(const struct shape *s)
 }
 
 /* rgb of the planned mode */
-static void refine(float *rgb, const float *feat, struct params *ps,
-                   enum nn_mode mode)
+static void stem_refine(float *rgb, const float *feat, struct params *ps,
+                        enum nn_mode mode)
 {
     struct narrow_refiner r;
     struct params declared;
 
     params_init(&declared);
     narrow_refiner_init(&r, &declared, "r.", 32, 32, false, false);
-    must(params_allocate(&declared, &err));
-    must(params_allocate_gradients(&declared, &err));
+    stem_must(params_allocate(&declared, &err));
+    stem_must(params_allocate_gradients(&declared, &err));
     memcpy(declared.w, ps->w, ps->total * sizeof *ps->w);
-    must(narrow_refiner_plan(&r, 1, 64, 96, (struct nn_options){ mode, NN_F32 },
-                             &err));
+    stem_must(narrow_refiner_plan(&r, 1, 64, 96,
+                                  (struct nn_options){mode, NN_F32}, &err));
     narrow_refiner_forward(rgb, feat, &r);
     narrow_refiner_release(&r);
     params_release(&declared);
 }
 
-static void whole(void)
+static void stem_whole(void)
 {
     static float feat[64 * 96 * 32], a[64 * 96 * 3], b[64 * 96 * 3];
     struct narrow_refiner r;
@@ -223,7 +223,7 @@ static void whole(void)
 
     params_init(&ps);
     narrow_refiner_init(&r, &ps, "r.", 32, 32, false, false);
-    must(params_allocate(&ps, &err));
+    stem_must(params_allocate(&ps, &err));
     params_randomise(&ps, 4);
     random_init(&rnd, 6, "fold whole");
     float *w = param_w(&ps, params_find(&ps, "r.rgb.weight"));
@@ -231,8 +231,8 @@ static void whole(void)
         w[i] = (float)random_range(&rnd, -0.05, 0.05);
     for (size_t i = 0; i < 64 * 96 * 32; i++)
         feat[i] = (float)random_uniform(&rnd);
-    refine(a, feat, &ps, NN_INFER);
-    refine(b, feat, &ps, NN_FROZEN);
+    stem_refine(a, feat, &ps, NN_INFER);
+    stem_refine(b, feat, &ps, NN_FROZEN);
     for (size_t i = 0; i < 64 * 96 * 3; i++)
         worst = fmax(worst, fabs((double)a[i] - (double)b[i]));
     check("the refiner's inference against its training", worst, 1e-4);
@@ -243,7 +243,7 @@ static void whole(void)
 int main(void)
 {
     for (size_t i = 0; i < sizeof shapes / sizeof *shapes; i++)
-        run(&shapes[i]);
-    whole();
+        stem_run(&shapes[i]);
+    stem_whole();
     return check_status();
 }

@@ -18,7 +18,7 @@
 #define PIXELS (MOTION_ENCODER_SIZE * MOTION_ENCODER_SIZE * 3)
 
 static struct error err;
-static void must(int rc)
+static void grow_must(int rc)
 {
     if (rc) {
         printf("%s\n", err.text);
@@ -26,18 +26,18 @@ static void must(int rc)
     }
 }
 
-static void declare(struct motion_encoder *net, struct params *ps,
-                    const char *variant, const char *prefix)
+static void grow_declare(struct motion_encoder *net, struct params *ps,
+                         const char *variant, const char *prefix)
 {
     params_init(ps);
-    must(motion_encoder_init(net, ps, prefix, variant, &err));
-    must(params_allocate(ps, &err));
-    must(params_allocate_gradients(ps, &err));
+    grow_must(motion_encoder_init(net, ps, prefix, variant, &err));
+    grow_must(params_allocate(ps, &err));
+    grow_must(params_allocate_gradients(ps, &err));
     params_randomise(ps, 3);
 }
 
 /* Running means and biases that are not the start's zeros. */
-static void live(struct params *ps)
+static void grow_live(struct params *ps)
 {
     struct random r;
 
@@ -48,11 +48,11 @@ static void live(struct params *ps)
                 param_w(ps, i)[k] += (float)random_range(&r, 0, 0.2);
 }
 
-static void look(float out[MOTION_OUT], struct motion_encoder *net,
-                 const float *rgb, enum nn_mode mode)
+static void grow_look(float out[MOTION_OUT], struct motion_encoder *net,
+                      const float *rgb, enum nn_mode mode)
 {
-    must(motion_encoder_plan(net, 1, (struct nn_options){mode, NN_F32},
-                             &err));
+    grow_must(motion_encoder_plan(net, 1, (struct nn_options){mode, NN_F32},
+                                  &err));
     motion_encoder_forward(out, rgb, net);
 }
 
@@ -70,8 +70,8 @@ static bool columns_learn(const struct params *ps, const char *name,
     return false;
 }
 
-static void refused(const char *path, const char *variant, const char *prefix,
-                    const char *from, const char *why)
+static void grow_refused(const char *path, const char *variant,
+                         const char *prefix, const char *from, const char *why)
 {
     struct motion_encoder net;
     struct params ps;
@@ -79,8 +79,8 @@ static void refused(const char *path, const char *variant, const char *prefix,
     struct error said = {0};
 
     if (!st)
-        must(-1);
-    declare(&net, &ps, variant, prefix);
+        grow_must(-1);
+    grow_declare(&net, &ps, variant, prefix);
     check_that(why, params_grow_from(&ps, st, prefix, from, &said) != 0);
     check_that("file and tensor are named",
                strstr(said.text, path) && strstr(said.text, from));
@@ -105,17 +105,17 @@ int main(void)
     random_init(&r, 9, "grow picture");
     for (size_t i = 0; i < PIXELS; i++)
         rgb[i] = (float)random_uniform(&r);
-    declare(&narrow, &nps, NARROW, "motion.");
-    live(&nps);
-    must(params_save(&nps, path, ST_F32, NULL, &err));
+    grow_declare(&narrow, &nps, NARROW, "motion.");
+    grow_live(&nps);
+    grow_must(params_save(&nps, path, ST_F32, NULL, &err));
     st = st_open(path, &err);
     if (!st)
-        must(-1);
-    declare(&wide, &wps, WIDE, "m.");
-    must(params_grow_from(&wps, st, "m.", "motion.", &err));
+        grow_must(-1);
+    grow_declare(&wide, &wps, WIDE, "m.");
+    grow_must(params_grow_from(&wps, st, "m.", "motion.", &err));
     st_close(st);
-    look(a, &narrow, rgb, NN_INFER);
-    look(b, &wide, rgb, NN_INFER);
+    grow_look(a, &narrow, rgb, NN_INFER);
+    grow_look(b, &wide, rgb, NN_INFER);
     for (int k = 0; k < MOTION_OUT; k++) {
         worst = fmax(worst, fabs((double)a[k] - (double)b[k]));
         most = fmax(most, fabs((double)a[k]));
@@ -124,18 +124,19 @@ int main(void)
     printf("wide and narrow differ by %.1e of %.1e\n", worst, most);
     check_that("the same function", most > 0 && worst < 1e-5 * most);
 
-    look(b, &wide, rgb, NN_FROZEN);
+    grow_look(b, &wide, rgb, NN_FROZEN);
     motion_encoder_backward(NULL, ones, &wide);
     check_that("heads learn", columns_learn(&wps, "m.exp.weight", 100, 576));
     check_that("inner layers learn",
                columns_learn(&wps, "m.encoder.blocks.4.1.conv_pwl.weight", 96,
                              576));
-    must(params_save(&wps, path, ST_F32, NULL, &err));
-    refused(path, NARROW, "motion.", "m.", "a wider file is refused");
-    must(params_save(&nps, path, ST_F32, NULL, &err));
-    refused(path, "tf_mobilenetv3_small_minimal_100", "motion.", "motion.",
-            "another kernel is refused");
-    refused(path, WIDE, "motion.", "other.", "an absent tensor is refused");
+    grow_must(params_save(&wps, path, ST_F32, NULL, &err));
+    grow_refused(path, NARROW, "motion.", "m.", "a wider file is refused");
+    grow_must(params_save(&nps, path, ST_F32, NULL, &err));
+    grow_refused(path, "tf_mobilenetv3_small_minimal_100", "motion.", "motion.",
+                 "another kernel is refused");
+    grow_refused(path, WIDE, "motion.", "other.",
+                 "an absent tensor is refused");
     close(fd);
     unlink(path);
     motion_encoder_release(&narrow);

@@ -163,7 +163,7 @@ static const struct kernel_case {
 
 #define CASES (sizeof cases / sizeof *cases)
 
-static void prepare(void)
+static void kernel_prepare(void)
 {
     struct random r;
 
@@ -183,7 +183,7 @@ static void prepare(void)
 }
 
 /* Greatest difference of all that a kernel wrote, over the greatest value. */
-static double apart(const float *a, const float *b, size_t n)
+static double kernel_apart(const float *a, const float *b, size_t n)
 {
     double most = 0, size = 1e-30;
 
@@ -196,7 +196,7 @@ static double apart(const float *a, const float *b, size_t n)
     return most / size;
 }
 
-static void poison(void)
+static void kernel_poison(void)
 {
     for (size_t b = 0; b < 3; b++)
         for (size_t i = 0; i < ROOM; i++)
@@ -206,20 +206,20 @@ static void poison(void)
         half[i] = (uint16_t)(i * 40503u) & 0xfbff;   /* no infinity */
 }
 
-static int compare(const struct kernel_case *c, enum cpu_level level)
+static int kernel_compare(const struct kernel_case *c, enum cpu_level level)
 {
     static float want[ROOM];
     static uint16_t want_half[ROOM];
     static uint8_t want_bytes[ROOM];
 
-    poison();
+    kernel_poison();
     c->run(nn_kernels_at(CPU_BASELINE), c->rows, c->C);
     memcpy(want, out[0], sizeof want);
     memcpy(want_half, half, sizeof half);
     memcpy(want_bytes, bytes, sizeof bytes);
-    poison();
+    kernel_poison();
     c->run(nn_kernels_at(level), c->rows, c->C);
-    double most = apart(out[0], want, ROOM);
+    double most = kernel_apart(out[0], want, ROOM);
     bool same = !memcmp(want_half, half, sizeof half) &&
                 !memcmp(want_bytes, bytes, sizeof bytes);
     if (same && most <= c->tolerance)
@@ -256,7 +256,7 @@ int main(int argc, char **argv)
     bool timing = argc > 1 && !strcmp(argv[1], "--time");
     int failures = 0;
 
-    prepare();
+    kernel_prepare();
     if (timing) {
         printf("%-42s", "kernel, rows x channels; time, speed");
         for (int i = (int)cpu_level(); i >= 0; i--)
@@ -267,7 +267,7 @@ int main(int argc, char **argv)
         if (timing)
             time_case(&cases[i]);
         for (int k = 1; k <= (int)cpu_level() && !timing; k++)
-            failures += compare(&cases[i], (enum cpu_level)k);
+            failures += kernel_compare(&cases[i], (enum cpu_level)k);
     }
     nn_plan_release(&plan);
     if (!timing)

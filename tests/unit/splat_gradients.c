@@ -16,13 +16,13 @@ static void random_gradient(float *g, size_t n)
 
 /* ---- finite differences, double against double --------------------------- */
 
-static double loss(const struct reference *t, const double *d_image,
-                   const double *d_alpha)
+static double splat_loss(const struct reference *t, const double *d_image,
+                         const double *d_alpha)
 {
     size_t P = (size_t)t->width * (size_t)t->height;
     size_t C = (size_t)t->channels;
-    double *image = grab(P * C, sizeof *image);
-    double *alpha = grab(P, sizeof *alpha), sum = 0;
+    double *image = scene_grab(P * C, sizeof *image);
+    double *alpha = scene_grab(P, sizeof *alpha), sum = 0;
 
     if (reference_forward(image, alpha, NULL, NULL, t, NULL))
         exit(1);
@@ -36,15 +36,15 @@ static double loss(const struct reference *t, const double *d_image,
 }
 
 /* Four-point difference of the loss in *x. */
-static double difference(double *x, double h, const struct reference *t,
-                         const double *g, const double *ga)
+static double splat_difference(double *x, double h, const struct reference *t,
+                               const double *g, const double *ga)
 {
     static const double at[4] = {-2, -1, 1, 2}, weight[4] = {1, -8, 8, -1};
     double x0 = *x, sum = 0;
 
     for (int k = 0; k < 4; k++) {
         *x = x0 + at[k] * h;
-        sum += weight[k] * loss(t, g, ga);
+        sum += weight[k] * splat_loss(t, g, ga);
     }
     *x = x0;
     return sum / (12 * h);
@@ -55,8 +55,8 @@ static void finite_differences(enum splat_rules rules)
     struct testscene scene;
     struct reference t;
     size_t P = 16 * 16;
-    float *f = grab(P * 4, sizeof *f);
-    double *g = grab(P * 3, sizeof *g), *ga = grab(P, sizeof *ga);
+    float *f = scene_grab(P * 4, sizeof *f);
+    double *g = scene_grab(P * 3, sizeof *g), *ga = scene_grab(P, sizeof *ga);
     double mean[3 * 30], scale[3 * 30], quat[4 * 30], opacity[30];
     double color[3 * 30], rt[12], worst = 0;
     struct reference_gradients d = {mean, scale, quat, opacity, color, rt,
@@ -94,7 +94,7 @@ static void finite_differences(enum splat_rules rules)
         double dd = 0, ss = 0;
 
         for (size_t i = 0; i < part[k].n; i += part[k].n > 12 ? 7 : 1) {
-            double want = difference(&part[k].x[i], part[k].h, &t, g, ga);
+            double want = splat_difference(&part[k].x[i], part[k].h, &t, g, ga);
 
             dd += (part[k].d[i] - want) * (part[k].d[i] - want);
             ss += want * want;
@@ -118,7 +118,7 @@ static void finite_differences(enum splat_rules rules)
 
 /* ---- kernels against the reference --------------------------------------- */
 
-static double relative(const float *x, const double *t, size_t n)
+static double splat_relative(const float *x, const double *t, size_t n)
 {
     double d = 0, s = 0;
 
@@ -136,8 +136,8 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
 {
     struct splat_options o = splat_defaults(SIZE, SIZE, (int)C);
     struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
-    float *all = grab(n * (11 + C) + 12, sizeof *all);
-    float *image = grab(SIZE * SIZE * C, sizeof *image);
+    float *all = scene_grab(n * (11 + C) + 12, sizeof *all);
+    float *image = scene_grab(SIZE * SIZE * C, sizeof *image);
     struct splat_gradients g = {all, all + 3 * n, all + 6 * n, all + 10 * n,
                                 all + 11 * n, all + (11 + C) * n, NULL};
     struct splat s = {0};
@@ -155,16 +155,16 @@ static float *kernel_gradients(const struct testscene *t, size_t n, size_t C,
     return all;
 }
 
-static void kernels(size_t C)
+static void splat_test_kernels(size_t C)
 {
     size_t n = 10 * N, P = SIZE * SIZE, all = n * (11 + C) + 12;
     struct testscene scene;
     struct reference t;
     struct error err = {0};
-    float *d_image = grab(P * C, sizeof *d_image);
-    float *d_alpha = grab(P, sizeof *d_alpha), bg[SPLAT_MAX_CHANNELS];
-    double *g = grab(P * C, sizeof *g), *ga = grab(P, sizeof *ga);
-    double *want = grab(all, sizeof *want);
+    float *d_image = scene_grab(P * C, sizeof *d_image);
+    float *d_alpha = scene_grab(P, sizeof *d_alpha), bg[SPLAT_MAX_CHANNELS];
+    double *g = scene_grab(P * C, sizeof *g), *ga = scene_grab(P, sizeof *ga);
+    double *want = scene_grab(all, sizeof *want);
 
     small_scene(&scene, n, 21);
     struct splat_camera cam = splat_camera_square(scene.cam, SIZE, 12);
@@ -193,7 +193,7 @@ static void kernels(size_t C)
                                        "color", "camera"};
 
     for (int k = 0; k < 6; k++) {
-        double e = relative(one + at[k], want + at[k], at[k + 1] - at[k]);
+        double e = splat_relative(one + at[k], want + at[k], at[k + 1] - at[k]);
 
         printf("C %zu %s: relative L2 %.1e (tolerance 1e-3)\n", C, name[k],
                e);
@@ -211,18 +211,18 @@ static void kernels(size_t C)
     free(want);
 }
 
-static int test(void)
+static int splat_test(void)
 {
-    kernels(3);
-    kernels(8);
-    kernels(32);
+    splat_test_kernels(3);
+    splat_test_kernels(8);
+    splat_test_kernels(32);
     return check_status();
 }
 
 int main(void)
 {
     /* first what forks: a child has no threads of its parent's */
-    int bad = at_each_level(test);
+    int bad = at_each_level(splat_test);
 
     finite_differences(SPLAT_EXACT);
     finite_differences(SPLAT_GSPLAT);

@@ -7,7 +7,7 @@ enum { SIZE = 96, N = 2000 };
 
 /* Share of pixels that may be off by a Gaussian's last 1e-2: a cut-off decided
  * the other way. */
-static void hard(enum testscene_hard kind)
+static void hard_hard(enum testscene_hard kind)
 {
     struct testscene t;
     struct reference truth;
@@ -15,8 +15,8 @@ static void hard(enum testscene_hard kind)
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
     struct error err = {0};
     size_t P = SIZE * SIZE, odd = 0;
-    float *image = grab(P * 3, sizeof *image);
-    double *want = grab(P * 3, sizeof *want), worst = 0;
+    float *image = scene_grab(P * 3, sizeof *image);
+    double *want = scene_grab(P * 3, sizeof *want), worst = 0;
     bool finite = true;
 
     small_scene(&t, N, 31);
@@ -53,7 +53,7 @@ static void hard(enum testscene_hard kind)
 }
 
 /* Put value into one array; loading must fail and name it. */
-static void refuses(int array, size_t index, float value, const char *text)
+static void hard_refuses(int array, size_t index, float value, const char *text)
 {
     struct testscene t;
     struct splat s = {0};
@@ -86,13 +86,13 @@ static void refuses_options(int width, int channels)
 int main(void)
 {
     for (int k = 0; k < HARD_COUNT; k++)
-        hard((enum testscene_hard)k);
-    refuses(0, 17, NAN, "mean[17]");
-    refuses(1, 3, -1, "scale[3]");
-    refuses(1, 5, INFINITY, "scale[5]");
-    refuses(2, 2, NAN, "quat[2]");
-    refuses(3, 39, 1.5f, "opacity[39]");
-    refuses(4, 100, NAN, "color[100]");
+        hard_hard((enum testscene_hard)k);
+    hard_refuses(0, 17, NAN, "mean[17]");
+    hard_refuses(1, 3, -1, "scale[3]");
+    hard_refuses(1, 5, INFINITY, "scale[5]");
+    hard_refuses(2, 2, NAN, "quat[2]");
+    hard_refuses(3, 39, 1.5f, "opacity[39]");
+    hard_refuses(4, 100, NAN, "color[100]");
     refuses_options(0, 3);
     refuses_options(100000, 3);
     refuses_options(8, 0);

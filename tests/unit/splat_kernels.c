@@ -3,14 +3,15 @@
 #include "tests/unit/splat_scene.h"
 
 /* One picture by the kernels; the caller frees. */
-static float *draw(const struct testscene *t, struct splat_options o,
-                   float *alpha, float *depth, const float *bg)
+static float *kernel_test_draw(const struct testscene *t,
+                               struct splat_options o, float *alpha,
+                               float *depth, const float *bg)
 {
     struct splat_camera cam = splat_camera_square(t->cam, o.width, 12);
     struct splat s = {0};
     struct error err = {0};
     size_t values = (size_t)o.width * (size_t)o.height * (size_t)o.channels;
-    float *image = grab(values, sizeof *image);
+    float *image = scene_grab(values, sizeof *image);
 
     memset(image, 0x7f, values * sizeof *image);      /* junk */
     cam.cy = 0.5f * (float)o.height;
@@ -23,19 +24,20 @@ static float *draw(const struct testscene *t, struct splat_options o,
 
 /* Pixels where the reference comes within 1e-5 of a cut-off are not compared:
  * the decision may fall either way. */
-static void compare(size_t n, int width, int height, int channels, int degree,
-                    bool depth)
+static void kernel_compare(size_t n, int width, int height, int channels,
+                           int degree, bool depth)
 {
     struct testscene t;
     struct reference truth;
     struct error err = {0};
     struct splat_options o = splat_defaults(width, height, channels);
     size_t P = (size_t)width * (size_t)height, C = (size_t)channels;
-    double *want = grab(P * C, sizeof *want), *wa = grab(P, sizeof *wa);
-    double *wz = grab(P, sizeof *wz), worst = 0, worst_a = 0, worst_z = 0;
-    float *alpha = grab(P, sizeof *alpha), *z = grab(P, sizeof *z);
+    double *want = scene_grab(P * C, sizeof *want),
+           *wa = scene_grab(P, sizeof *wa);
+    double *wz = scene_grab(P, sizeof *wz), worst = 0, worst_a = 0, worst_z = 0;
+    float *alpha = scene_grab(P, sizeof *alpha), *z = scene_grab(P, sizeof *z);
     float bg[SPLAT_MAX_CHANNELS];
-    uint8_t *skip = grab(P, 1);
+    uint8_t *skip = scene_grab(P, 1);
     double tol = 2e-5;
 
     small_scene(&t, n, 7 + n);
@@ -48,7 +50,7 @@ static void compare(size_t n, int width, int height, int channels, int degree,
     o.depth = depth;
     if (degree == 5)
         o.fixed16 = false;
-    float *image = draw(&t, o, alpha, depth ? z : NULL, bg);
+    float *image = kernel_test_draw(&t, o, alpha, depth ? z : NULL, bg);
 
     if (reference_init(&truth, &t.g, &cam, width, height, channels,
                        SPLAT_GSPLAT, 0, &err))
@@ -97,7 +99,7 @@ static void same_for_any_threads(int channels)
         struct splat_options o = splat_defaults(100, 90, channels);
 
         o.threads = threads[k];
-        float *image = draw(&t, o, NULL, NULL, NULL);
+        float *image = kernel_test_draw(&t, o, NULL, NULL, NULL);
 
         if (!first)
             first = image;
@@ -113,13 +115,13 @@ static void same_for_any_threads(int channels)
 }
 
 /* splat_update and splat_shift, camera still or not, against loading anew. */
-static void moving(void)
+static void kernel_moving(void)
 {
     struct testscene t;
     struct splat_options o = splat_defaults(64, 64, 3);
     struct splat s = {0};
     struct error err = {0};
-    float *image = grab(64 * 64 * 3, sizeof *image);
+    float *image = scene_grab(64 * 64 * 3, sizeof *image);
     static const float shift[3] = {0.01f, -0.02f, 0.015f};
 
     small_scene(&t, 2000, 9);
@@ -138,7 +140,7 @@ static void moving(void)
         if (splat_update(&s, mean + 900, 300, 700, &err) ||
             splat_forward(&s, image, NULL, NULL, &cam, NULL, &err))
             CHECK(0, "%s", err.text);
-        float *fresh = draw(&t, o, NULL, NULL, NULL);
+        float *fresh = kernel_test_draw(&t, o, NULL, NULL, NULL);
 
         CHECK(!memcmp(fresh, image, 64 * 64 * 3 * sizeof *image),
               "moved, round %d: not as drawn anew", round);
@@ -149,7 +151,7 @@ static void moving(void)
         CHECK(0, "%s", err.text);
     for (size_t i = 3 * 1900; i < 3 * 2000; i++)
         ((float *)t.g.mean)[i] += shift[i % 3];
-    float *fresh = draw(&t, o, NULL, NULL, NULL);
+    float *fresh = kernel_test_draw(&t, o, NULL, NULL, NULL);
 
     CHECK(!memcmp(fresh, image, 64 * 64 * 3 * sizeof *image), "shifted");
     printf("moved and shifted Gaussians: as drawn anew\n");
@@ -159,26 +161,26 @@ static void moving(void)
     testscene_release(&t);
 }
 
-static int test(void)
+static int kernel_test(void)
 {
     static const int channels[] = {1, 2, 3, 4, 5, 16, 17, 32};
     static const size_t counts[] = {0, 1, 15, 16, 17, 400};
 
     for (size_t i = 0; i < 8; i++)
-        compare(700, 37, 50, channels[i], 5, i % 2);
+        kernel_compare(700, 37, 50, channels[i], 5, i % 2);
     for (size_t i = 0; i < 6; i++)
-        compare(counts[i], 33, 16, 3, 5, true);
-    compare(50, 1, 1, 3, 5, false);
-    compare(700, 48, 48, 3, 3, false);
-    compare(700, 48, 48, 3, 4, false);
-    compare(700, 48, 48, 32, 3, true);
+        kernel_compare(counts[i], 33, 16, 3, 5, true);
+    kernel_compare(50, 1, 1, 3, 5, false);
+    kernel_compare(700, 48, 48, 3, 3, false);
+    kernel_compare(700, 48, 48, 3, 4, false);
+    kernel_compare(700, 48, 48, 32, 3, true);
     same_for_any_threads(3);
     same_for_any_threads(32);
-    moving();
+    kernel_moving();
     return check_status();
 }
 
 int main(void)
 {
-    return at_each_level(test);
+    return at_each_level(kernel_test);
 }

@@ -12,7 +12,8 @@ static const struct splat_place_view view = {{0.9f, 0.2f, -0.15f, 1.1f},
 /* A small scene whose Gaussians have places; a third was not seen. */
 static void places_scene(struct testscene *t, size_t n, uint64_t seed)
 {
-    float *uv = grab(2 * n, sizeof *uv), *seen = grab(n, sizeof *seen);
+    float *uv = scene_grab(2 * n, sizeof *uv),
+          *seen = scene_grab(n, sizeof *seen);
     struct random r;
 
     small_scene(t, n, seed);
@@ -65,8 +66,8 @@ static double places_error(const float *place, const struct testscene *t)
     struct reference truth;
     struct error err = {0};
     size_t P = SIZE * SIZE;
-    double *want = grab(P * 4, sizeof *want), worst = 0;
-    uint8_t *skip = grab(P, 1);
+    double *want = scene_grab(P * 4, sizeof *want), worst = 0;
+    uint8_t *skip = scene_grab(P, 1);
 
     if (reference_init(&truth, &t->g, &cam, SIZE, SIZE, 1, SPLAT_GSPLAT, 0,
                        &err) ||
@@ -82,15 +83,15 @@ static double places_error(const float *place, const struct testscene *t)
     return worst;
 }
 
-static void forward(int channels, bool depth)
+static void places_forward(int channels, bool depth)
 {
     struct testscene t;
     struct splat_options o = splat_defaults(SIZE, SIZE, channels);
     size_t P = SIZE * SIZE, C = (size_t)channels;
-    float *plain = grab(P * C, sizeof *plain);
-    float *image = grab(P * C, sizeof *image);
-    float *place = grab(P * 3, sizeof *place);
-    float *other = grab(P * 3, sizeof *other);
+    float *plain = scene_grab(P * C, sizeof *plain);
+    float *image = scene_grab(P * C, sizeof *image);
+    float *place = scene_grab(P * 3, sizeof *place);
+    float *other = scene_grab(P * 3, sizeof *other);
     char what[64];
 
     places_scene(&t, N, 41);
@@ -117,16 +118,16 @@ static void forward(int channels, bool depth)
 }
 
 /* Gaussians move, and the view changes, while the camera stays. */
-static void moving(void)
+static void places_moving(void)
 {
     struct testscene t;
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
     struct splat s = {0};
     struct error err = {0};
     size_t P = SIZE * SIZE;
-    float *image = grab(P * 3, sizeof *image);
-    float *place = grab(P * 3, sizeof *place);
-    float *fresh = grab(P * 3, sizeof *fresh);
+    float *image = scene_grab(P * 3, sizeof *image);
+    float *place = scene_grab(P * 3, sizeof *place);
+    float *fresh = scene_grab(P * 3, sizeof *fresh);
     struct splat_pictures out = {.image = image, .place = place};
     struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}};
 
@@ -165,9 +166,9 @@ static float *kernel_gradients(const struct testscene *t, size_t C,
     struct splat_options o = splat_defaults(SIZE, SIZE, (int)C);
     struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
     size_t n = t->g.n;
-    float *all = grab(n * (COLOR + C) + 12, sizeof *all);
-    float *image = grab(SIZE * SIZE * C, sizeof *image);
-    float *place = grab(SIZE * SIZE * 3, sizeof *place);
+    float *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
+    float *image = scene_grab(SIZE * SIZE * C, sizeof *image);
+    float *place = scene_grab(SIZE * SIZE * 3, sizeof *place);
     struct splat_pictures out = {.image = image, .place = place};
     struct splat_gradients g = {
         .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
@@ -194,9 +195,9 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
 {
     struct splat_camera cam = splat_camera_square(t->cam, SIZE, 12);
     size_t n = t->g.n, P = SIZE * SIZE, K = C + 3;
-    double *all = grab(n * (COLOR + C) + 12, sizeof *all);
-    double *color = grab(n * K, sizeof *color);
-    double *g = grab(P * K, sizeof *g), *ga = grab(P, sizeof *ga);
+    double *all = scene_grab(n * (COLOR + C) + 12, sizeof *all);
+    double *color = scene_grab(n * K, sizeof *color);
+    double *g = scene_grab(P * K, sizeof *g), *ga = scene_grab(P, sizeof *ga);
     struct reference_gradients to = {
         .mean = all, .scale = all + SCALE * n, .quat = all + QUAT * n,
         .opacity = all + OPACITY * n, .color = color,
@@ -227,7 +228,7 @@ static double *reference_gradients_of(const struct testscene *t, size_t C,
 }
 
 /* ||x - t|| / ||t|| */
-static double relative(const float *x, const double *t, size_t n)
+static double places_relative(const float *x, const double *t, size_t n)
 {
     double d = 0, s = 0;
 
@@ -238,7 +239,7 @@ static double relative(const float *x, const double *t, size_t n)
     return sqrt(d / fmax(s, 1e-300));
 }
 
-static void backward(size_t C)
+static void places_backward(size_t C)
 {
     static const char *const name[] = {"mean", "scale", "quat", "opacity",
                                        "place", "color", "camera"};
@@ -246,7 +247,7 @@ static void backward(size_t C)
     size_t P = SIZE * SIZE, all = N * (COLOR + C) + 12;
     size_t at[8] = {0, SCALE * N, QUAT * N, OPACITY * N, PLACE * N,
                     COLOR * N, (COLOR + C) * N, all};
-    float *f = grab(P * (C + 4), sizeof *f);
+    float *f = scene_grab(P * (C + 4), sizeof *f);
     struct splat_picture_gradients d = {f, f + P * C, f + P * (C + 1)};
 
     places_scene(&t, N, 21);
@@ -259,7 +260,8 @@ static void backward(size_t C)
         char what[64];
 
         snprintf(what, sizeof what, "C %zu %s: relative L2", C, name[k]);
-        check(what, relative(one + at[k], want + at[k], at[k + 1] - at[k]),
+        check(what,
+              places_relative(one + at[k], want + at[k], at[k + 1] - at[k]),
               1e-3);
     }
     check_that("the same bits for 7 threads",
@@ -273,10 +275,10 @@ static void backward(size_t C)
 
 /* ---- the reference against finite differences ---------------------------- */
 
-static double loss(const struct reference *t, const double *g)
+static double places_loss(const struct reference *t, const double *g)
 {
     size_t values = (size_t)t->width * (size_t)t->height * (size_t)t->channels;
-    double *image = grab(values, sizeof *image), sum = 0;
+    double *image = scene_grab(values, sizeof *image), sum = 0;
 
     if (reference_forward(image, NULL, NULL, NULL, t, NULL))
         exit(1);
@@ -298,7 +300,7 @@ static double difference_error(double *x, const double *d, size_t n, double h,
 
         for (int k = 0; k < 4; k++) {
             x[i] = x0 + at[k] * h;
-            want += weight[k] * loss(t, g) / (12 * h);
+            want += weight[k] * places_loss(t, g) / (12 * h);
         }
         x[i] = x0;
         dd += (d[i] - want) * (d[i] - want);
@@ -355,7 +357,7 @@ static void finite_differences(void)
 
 /* ---- refused ------------------------------------------------------------- */
 
-static void refuses(void)
+static void places_refuses(void)
 {
     struct testscene t;
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
@@ -382,24 +384,24 @@ static void refuses(void)
     places_release(&t);
 }
 
-static int test(void)
+static int places_test(void)
 {
-    forward(3, false);
-    forward(3, true);
-    forward(4, false);
-    forward(32, false);
-    moving();
-    backward(3);
-    backward(8);
-    backward(32);
+    places_forward(3, false);
+    places_forward(3, true);
+    places_forward(4, false);
+    places_forward(32, false);
+    places_moving();
+    places_backward(3);
+    places_backward(8);
+    places_backward(32);
     return check_status();
 }
 
 int main(void)
 {
-    int bad = at_each_level(test);
+    int bad = at_each_level(places_test);
 
     finite_differences();
-    refuses();
+    places_refuses();
     return bad || check_status();
 }

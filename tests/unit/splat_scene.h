@@ -13,7 +13,7 @@
 #include "tests/check.h"
 #include "tests/unit/levels.h"
 
-__attribute__((unused)) static void *grab(size_t n, size_t size)
+__attribute__((unused)) static void *scene_grab(size_t n, size_t size)
 {
     void *p = calloc(n + 1, size);
 

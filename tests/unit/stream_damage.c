@@ -133,7 +133,7 @@ static void test_bit_flips(void)
 }
 
 /* Make the checksums of the record at `at` right again. */
-static void rehash(size_t at)
+static void damage_rehash(size_t at)
 {
     struct layout_header h;
 
@@ -145,14 +145,14 @@ static void rehash(size_t at)
 }
 
 /* Put value into record 1 (+ the place of a field) and expect `text`. */
-static void lie(size_t offset, uint64_t value, size_t bytes,
-                const char *text)
+static void damage_lie(size_t offset, uint64_t value, size_t bytes,
+                       const char *text)
 {
     int rc, n;
 
     memcpy(bad, good, size);
     memcpy(bad + starts[1] + offset, &value, bytes);
-    rehash(starts[1]);
+    damage_rehash(starts[1]);
     n = read_memory(bad, size, &rc);
     REQUIRE(rc == -1 && n == 1, "%s", err.text);
     REQUIRE(strstr(err.text, text), "%s", err.text);
@@ -166,37 +166,38 @@ static void test_lies(void)
     const size_t entry = 64;   /* the first one; byte is the next */
     int rc;
 
-    lie(0, 0x44434241, 4, "starts with 'ABCD'");
-    lie(4, 2, 2, "format version 2 (expected 1)");
-    lie(6, 128, 2, "header of 128 bytes");
-    lie(8, 0x01414141, 4, "record type 'AAA?'");
-    lie(12, 0xffffffff, 4, "4294967295 arrays (at most 64)");
-    lie(12, 5, 4, "");
-    lie(24, 0x7ff0000000000000, 8, "time is not finite");
-    lie(32, (uint64_t)1 << 60, 8, "1152921504606846976 bytes (at most");
-    lie(32, 0xffffffffffffffff, 8, "18446744073709551615 bytes (at most");
-    lie(32, (uint64_t)1 << 29, 8, "TEST");
-    lie(32, 64, 8, "cannot hold 4 arrays");
-    lie(32, 383, 8, "cannot hold");
-    lie(entry, 0, 8, "name");
-    lie(entry + 24, 5, 4, "dtype 5");
-    lie(entry + 28, 5, 4, "5 dimensions");
-    lie(entry + 28, 0xffffffff, 4, "4294967295 dimensions");
-    lie(entry + 32, 6, 4, "does not fit");
-    lie(entry + 32, 0xffffffff, 4, "does not fit");
-    lie(entry + 36, 1, 4, "(expected 0)");
-    lie(entry + 48, 0, 8, "offset 0");
-    lie(entry + 48, 0xffffffffffffffc0, 8, "offset");
-    lie(entry + 56, 24, 8, "does not fit");
-    lie(entry + 56, 0xffffffffffffffff, 8, "does not fit");
-    lie(2 * entry, 'x', 8, "two arrays 'x'");
-    lie(2 * entry + 32, 0x8000000080000000, 8, "does not fit");
-    lie(4 * entry + 64 + 21, 1, 1, "padding after x");
+    damage_lie(0, 0x44434241, 4, "starts with 'ABCD'");
+    damage_lie(4, 2, 2, "format version 2 (expected 1)");
+    damage_lie(6, 128, 2, "header of 128 bytes");
+    damage_lie(8, 0x01414141, 4, "record type 'AAA?'");
+    damage_lie(12, 0xffffffff, 4, "4294967295 arrays (at most 64)");
+    damage_lie(12, 5, 4, "");
+    damage_lie(24, 0x7ff0000000000000, 8, "time is not finite");
+    damage_lie(32, (uint64_t)1 << 60, 8, "1152921504606846976 bytes (at most");
+    damage_lie(32, 0xffffffffffffffff, 8,
+               "18446744073709551615 bytes (at most");
+    damage_lie(32, (uint64_t)1 << 29, 8, "TEST");
+    damage_lie(32, 64, 8, "cannot hold 4 arrays");
+    damage_lie(32, 383, 8, "cannot hold");
+    damage_lie(entry, 0, 8, "name");
+    damage_lie(entry + 24, 5, 4, "dtype 5");
+    damage_lie(entry + 28, 5, 4, "5 dimensions");
+    damage_lie(entry + 28, 0xffffffff, 4, "4294967295 dimensions");
+    damage_lie(entry + 32, 6, 4, "does not fit");
+    damage_lie(entry + 32, 0xffffffff, 4, "does not fit");
+    damage_lie(entry + 36, 1, 4, "(expected 0)");
+    damage_lie(entry + 48, 0, 8, "offset 0");
+    damage_lie(entry + 48, 0xffffffffffffffc0, 8, "offset");
+    damage_lie(entry + 56, 24, 8, "does not fit");
+    damage_lie(entry + 56, 0xffffffffffffffff, 8, "does not fit");
+    damage_lie(2 * entry, 'x', 8, "two arrays 'x'");
+    damage_lie(2 * entry + 32, 0x8000000080000000, 8, "does not fit");
+    damage_lie(4 * entry + 64 + 21, 1, 1, "padding after x");
 
     /* A newer version is told from damage. */
     memcpy(bad, good, size);
     bad[starts[1] + 4] = 2;
-    rehash(starts[1]);
+    damage_rehash(starts[1]);
     read_memory(bad, size, &rc);
     REQUIRE(rc == -1 && strstr(err.text, "after frame 0: format version 2"),
             "%s", err.text);
@@ -219,7 +220,7 @@ static void test_lies(void)
 }
 
 /* Peak of the address space in kB. */
-static long peak(void)
+static long damage_peak(void)
 {
     char line[200];
     long kb = 0;
@@ -239,12 +240,12 @@ static void test_allocation(void)
     int rc;
 
     read_pipe(good, size, &rc);
-    before = peak();
+    before = damage_peak();
     memcpy(bad, good, size);
     memcpy(&h, bad, sizeof h);
     h.payload_bytes = STREAM_MAX_BYTES;
     memcpy(bad, &h, sizeof h);
-    rehash(0);
+    damage_rehash(0);
     /* Its table must not be consistent with that, and it is read first. */
     read_pipe(bad, size, &rc);
     REQUIRE(rc == -1, "%s", err.text);
@@ -255,11 +256,11 @@ static void test_allocation(void)
     h.count = 1;
     memcpy(bad, &h, sizeof h);
     memcpy(bad + 64, &e, sizeof e);
-    rehash(0);
+    damage_rehash(0);
     read_pipe(bad, size, &rc);
     REQUIRE(rc == -1 && strstr(err.text, "cut short"), "%s", err.text);
-    REQUIRE(peak() - before < 4096, "%s", err.text);
-    printf("a claim of 1 GiB: %ld kB allocated\n", peak() - before);
+    REQUIRE(damage_peak() - before < 4096, "%s", err.text);
+    printf("a claim of 1 GiB: %ld kB allocated\n", damage_peak() - before);
 }
 
 /* Random bytes anywhere, checksums right: an answer, never a crash. */
@@ -276,7 +277,7 @@ static void test_random(void)
         for (uint32_t k = random_below(&r, 4) + 1; k; k--)
             bad[at + random_below(&r, at + 384 <= size ? 384 : 64)] =
                 (unsigned char)random_u64(&r);
-        rehash(at);
+        damage_rehash(at);
         read_memory(bad, size, &rc);
         passed += rc == 0;
     }

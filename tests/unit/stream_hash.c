@@ -12,7 +12,7 @@
 static _Alignas(HASH_ALIGN) unsigned char state[HASH_BYTES];
 static unsigned char data[BYTES];
 
-static void compare(const struct hash_table *f, size_t n, size_t piece)
+static void hash_compare(const struct hash_table *f, size_t n, size_t piece)
 {
     f->begin(state);
     for (size_t at = 0; at < n; at += piece)
@@ -23,26 +23,26 @@ static void compare(const struct hash_table *f, size_t n, size_t piece)
     exit(1);
 }
 
-static void check(const struct hash_table *f)
+static void hash_check(const struct hash_table *f)
 {
     for (size_t n = 0; n < 1200; n++) {
-        compare(f, n, BYTES);
-        compare(f, n, 1 + n % 67);
+        hash_compare(f, n, BYTES);
+        hash_compare(f, n, 1 + n % 67);
     }
     for (size_t piece = 1; piece <= BYTES; piece = 2 * piece + 1)
-        compare(f, BYTES, piece);
+        hash_compare(f, BYTES, piece);
 }
 
 int main(void)
 {
     for (size_t i = 0; i < BYTES; i++)
         data[i] = (unsigned char)(i * 2654435761u >> 13);
-    check(&hash_table_baseline);
+    hash_check(&hash_table_baseline);
 #ifdef SPID_X86
     if (cpu_level() >= CPU_AVX2)
-        check(&hash_table_avx2);
+        hash_check(&hash_table_avx2);
     if (cpu_level() >= CPU_AVX512)
-        check(&hash_table_avx512);
+        hash_check(&hash_table_avx512);
 #endif
     return 0;
 }

@@ -146,7 +146,7 @@ static void write_fifo(const char *path, bool ahead)
             err.text);
 }
 
-static unsigned char *slurp(const char *path, size_t *bytes)
+static unsigned char *roundtrip_slurp(const char *path, size_t *bytes)
 {
     struct stat st;
     unsigned char *p;
@@ -178,7 +178,7 @@ int main(void)
     write_all(a);
     REQUIRE(access(folder_at("a.part"), F_OK) != 0, "a.part stays");
     read_all(stream_open(a, NULL, &err), b);     /* mapped */
-    unsigned char *pa = slurp(a, &na), *pb = slurp(b, &nb);
+    unsigned char *pa = roundtrip_slurp(a, &na), *pb = roundtrip_slurp(b, &nb);
     REQUIRE(na == nb && memcmp(pa, pb, na) == 0, "%s", err.text);
     printf("file and copy: %zu bytes, same\n", na);
     read_all(stream_open_memory(pa, na, "memory", NULL, &err), NULL);

@@ -20,7 +20,7 @@
 
 static int failures;
 
-static void check(int ok, const char *what)
+static void parts_check(int ok, const char *what)
 {
     printf("%s: %s\n", ok ? "ok" : "FAILED", what);
     failures += !ok;
@@ -35,7 +35,7 @@ static const char *file_of(const char *name, const void *data, size_t size)
              name);
     f = fopen(path, "wb");
     if (!f || fwrite(data, 1, size, f) != size || fclose(f))
-        check(0, "a file could be written");
+        parts_check(0, "a file could be written");
     return path;
 }
 
@@ -64,19 +64,21 @@ static void check_obj(void)
     struct error err = {0};
     const char *path = file_of("a.obj", good, sizeof good - 1);
 
-    check(!wavefront_read(&m, path, "body", &err) && m.nv == 4 && m.nf == 2
-          && m.f[3] == 0 && m.f[4] == 2 && m.f[5] == 3 && m.ft[4] == 2
-          && m.vt[5] == 1, "a quad is two triangles, of its group alone");
+    parts_check(!wavefront_read(&m, path, "body", &err) && m.nv == 4
+                    && m.nf == 2 && m.f[3] == 0 && m.f[4] == 2 && m.f[5] == 3
+                    && m.ft[4] == 2 && m.vt[5] == 1,
+                "a quad is two triangles, of its group alone");
     wavefront_release(&m);
     unlink(path);
-    check(obj_fails("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "corner"),
-          "a corner out of range is named");
-    check(obj_fails("v 0 0 nan\nf 1 1 1\n", "line 1"),
-          "a number that is none is named by its line");
-    check(obj_fails("v 0 0 0\nf 1 1\n", "line 2"), "a face of two corners");
-    check(obj_fails("v 0 0 0\n", "no faces"), "a mesh without faces");
-    check(wavefront_read(&m, "/nonexistent/a.obj", NULL, &err)
-          && err.code == EX_NOINPUT, "a missing mesh");
+    parts_check(obj_fails("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "corner"),
+                "a corner out of range is named");
+    parts_check(obj_fails("v 0 0 nan\nf 1 1 1\n", "line 1"),
+                "a number that is none is named by its line");
+    parts_check(obj_fails("v 0 0 0\nf 1 1\n", "line 2"),
+                "a face of two corners");
+    parts_check(obj_fails("v 0 0 0\n", "no faces"), "a mesh without faces");
+    parts_check(wavefront_read(&m, "/nonexistent/a.obj", NULL, &err)
+                && err.code == EX_NOINPUT, "a missing mesh");
 }
 
 static void check_mhclo(void)
@@ -91,19 +93,21 @@ static void check_mhclo(void)
     float out[6];
     const char *path = file_of("a.mhclo", good, sizeof good - 1);
 
-    check(!mhclo_read(&m, path, 5, 2, &err), "a binding is read");
+    parts_check(!mhclo_read(&m, path, 5, 2, &err), "a binding is read");
     mhclo_place(out, &m, base);
     /* vertex 0 on base vertex 2; vertex 1 by weights, offset scaled by axis:
      * 4 / 2, 2 / 2, 3 / 1 */
-    check(out[0] == 0 && out[1] == 2 && out[2] == 0 && out[3] == 3
-          && out[4] == 1.5f && out[5] == 3, "a binding places its vertices");
-    check(m.hidden[0] && m.hidden[1] && m.hidden[2] && !m.hidden[3]
-          && m.hidden[4], "covered vertices are known");
+    parts_check(out[0] == 0 && out[1] == 2 && out[2] == 0 && out[3] == 3
+                    && out[4] == 1.5f && out[5] == 3,
+                "a binding places its vertices");
+    parts_check(m.hidden[0] && m.hidden[1] && m.hidden[2] && !m.hidden[3]
+                && m.hidden[4], "covered vertices are known");
     mhclo_release(&m);
-    check(mhclo_read(&m, path, 5, 3, &err) && strstr(err.text, "expected 3"),
-          "a binding of another count is refused");
-    check(mhclo_read(&m, path, 1, 2, &err) && err.code == EX_DATAERR,
-          "a binding to another base is refused");
+    parts_check(mhclo_read(&m, path, 5, 3, &err)
+                    && strstr(err.text, "expected 3"),
+                "a binding of another count is refused");
+    parts_check(mhclo_read(&m, path, 1, 2, &err) && err.code == EX_DATAERR,
+                "a binding to another base is refused");
     unlink(path);
 }
 
@@ -149,14 +153,15 @@ static void check_panorama(void)
 
     for (int i = 0; i < 3 * PW * PH; i++)
         rgb[i] = 1;
-    check(panorama_fails(rgb, PW / 2, PH, 0, "64 x 64"), "a square picture");
-    check(panorama_fails(rgb, PW, PH, 4000, "cut"), "a cut panorama");
+    parts_check(panorama_fails(rgb, PW / 2, PH, 0, "64 x 64"),
+                "a square picture");
+    parts_check(panorama_fails(rgb, PW, PH, 4000, "cut"), "a cut panorama");
     rgb[3 * 700 + 1] = NAN;
-    check(panorama_fails(rgb, PW, PH, 0, "nan"), "a panorama with a NaN");
+    parts_check(panorama_fails(rgb, PW, PH, 0, "nan"), "a panorama with a NaN");
     rgb[3 * 700 + 1] = -1;
-    check(panorama_fails(rgb, PW, PH, 0, "-1"), "negative light");
+    parts_check(panorama_fails(rgb, PW, PH, 0, "-1"), "negative light");
     memset(rgb, 0, sizeof rgb);
-    check(panorama_fails(rgb, PW, PH, 0, "black"), "a black panorama");
+    parts_check(panorama_fails(rgb, PW, PH, 0, "black"), "a black panorama");
 }
 
 /* A soft sky without lamps: irradiance by harmonics against the sum over all
@@ -181,9 +186,9 @@ static void check_light(void)
         memcpy(up + 3 * PW * y, rgb + 3 * PW * (PH - 1 - y),
                3 * PW * sizeof *up);
     const char *path = write_pfm(up, PW, PH, 0);
-    check(!light_map_load(&m, path, &err), "a panorama becomes a light");
+    parts_check(!light_map_load(&m, path, &err), "a panorama becomes a light");
     unlink(path);
-    check(m.nlamp == 0, "a soft sky has no lamps");
+    parts_check(m.nlamp == 0, "a soft sky has no lamps");
     for (int turn = 0; turn < 4; turn++) {
         struct light l;
         static const float one[3] = {1, 1, 1};
@@ -215,7 +220,7 @@ static void check_light(void)
         }
     }
     printf("light: irradiance by harmonics %.2g off (limit 0.01)\n", worst);
-    check(worst < 0.01, "harmonics and mirror agree at every turn");
+    parts_check(worst < 0.01, "harmonics and mirror agree at every turn");
     light_map_release(&m);
 }
 
@@ -236,7 +241,7 @@ static void check_turn(void)
                                    - harmonic2_diffuse(&o, m)));
     }
     printf("harmonics: turning is %.2g off (limit 1e-5)\n", (double)worst);
-    check(worst < 1e-5f, "turning harmonics");
+    parts_check(worst < 1e-5f, "turning harmonics");
 }
 
 /* ---- geometry ------------------------------------------------------------ */
@@ -254,7 +259,7 @@ static void check_near(void)
     for (int i = 0; i < 3 * N; i++)
         p[i] = (float)random_range(&r, -1, 1);
     if (near_init(&g, p, N, 0.13f, &err)) {
-        check(0, err.text);
+        parts_check(0, err.text);
         return;
     }
     for (int k = 0; k < 200; k++) {
@@ -281,7 +286,7 @@ static void check_near(void)
         same &= near_find(at, got, &g, x, NULL, 3, 10) == 3
                 && !memcmp(at, best, sizeof at);
     }
-    check(same, "the three nearest points are those of a plain search");
+    parts_check(same, "the three nearest points are those of a plain search");
     near_release(&g);
 }
 
@@ -313,11 +318,11 @@ static void check_tri(void)
                 total++;
             }
     }
-    check(!twice && total > 250 && total < 300,
-          "samples of a quad are covered once");
-    check(worst < 1e-4f, "weights of the corners give the sample");
-    check(!tri_setup(&(struct tri){0}, &v[0], &v[0], &v[1], N, N),
-          "a triangle without area is not drawn");
+    parts_check(!twice && total > 250 && total < 300,
+                "samples of a quad are covered once");
+    parts_check(worst < 1e-4f, "weights of the corners give the sample");
+    parts_check(!tri_setup(&(struct tri){0}, &v[0], &v[0], &v[1], N, N),
+                "a triangle without area is not drawn");
 }
 
 /* ---- codec --------------------------------------------------------------- */
@@ -340,8 +345,8 @@ static void check_codec(void)
     }
     printf("codec: mean square error %.2f at 18, %.1f at 38\n", error[0],
            error[1]);
-    check(error[0] < 12 && error[1] > 4 * error[0] && error[1] < 900,
-          "a coarser quantiser loses more");
+    parts_check(error[0] < 12 && error[1] > 4 * error[0] && error[1] < 900,
+                "a coarser quantiser loses more");
 }
 
 int main(void)

@@ -79,7 +79,7 @@ static void cover_mesh(int *cover, const struct head *h, const double *uv)
 }
 
 /* Most of cover within one pixel of i, or least. */
-static int around(const int *cover, int i, int most)
+static int truth_around(const int *cover, int i, int most)
 {
     int best = cover[i];
     for (int dy = -1; dy <= 1; dy++)
@@ -143,9 +143,9 @@ static void check_mask(const struct head *h, int index)
     cover_mesh(cover, h, uv);
     for (int i = 0; i < S * S; i++) {
         inside += cover[i] == 64;
-        if (around(cover, i, 0) == 64 && s.cover[i] < 1)
+        if (truth_around(cover, i, 0) == 64 && s.cover[i] < 1)
             missing++;
-        if (around(cover, i, 1) == 0 && shows_head(&s, h, i))
+        if (truth_around(cover, i, 1) == 0 && shows_head(&s, h, i))
             extra++;
     }
     printf("person %d: %d pixels of mesh, %d not in the mask, %d beyond a "
@@ -172,7 +172,7 @@ static void check_mask(const struct head *h, int index)
 }
 
 /* FNV of everything that frames say. */
-static uint64_t run(const struct head *h, int threads)
+static uint64_t truth_run(const struct head *h, int threads)
 {
     struct synth_options opt = {.seed = 9, .people = 3, .frames = 4,
                                 .size = 64, .fps = 2, .effects = 1,
@@ -272,9 +272,9 @@ int main(void)
     lens_init();
     for (int i = 0; i < 4; i++)
         check_mask(&h, i);
-    uint64_t one = run(&h, 1);
-    check_that("two runs, the same bytes", one == run(&h, 1));
-    check_that("three threads, the same bytes", one == run(&h, 3));
+    uint64_t one = truth_run(&h, 1);
+    check_that("two runs, the same bytes", one == truth_run(&h, 1));
+    check_that("three threads, the same bytes", one == truth_run(&h, 3));
 #ifdef SPID_X86
     check_shaders();
 #endif

@@ -11,7 +11,7 @@ enum { S = 24, PIXELS = S * S, FIELD = S / TEXTURE_FIELD_STEP };
 
 static struct random dice;
 
-static float draw(double lo, double hi)
+static float backward_draw(double lo, double hi)
 {
     return (float)random_range(&dice, lo, hi);
 }
@@ -19,12 +19,12 @@ static float draw(double lo, double hi)
 /* Whether a gradient is what differences say. */
 static double worst;
 
-static void compare(double got, double want, double scale)
+static void backward_compare(double got, double want, double scale)
 {
     worst = fmax(worst, fabs(got - want) / scale);
 }
 
-/* ---- composition ---------------------------------------------------------- */
+/* ---- composition -------------------------------------------------------- */
 
 enum { RGB, ALPHA, PHOTO, SAID, KINDS };
 static const size_t count[KINDS] = {
@@ -88,24 +88,24 @@ static void compose_inputs(void)
     for (size_t i = 0; i < PIXELS; i++) {
         float *p = in[PHOTO] + TEXTURE_PHOTO * i;
 
-        in[ALPHA][i] = draw(0, 1);
-        p[3] = draw(0, 1);
-        p[4] = random_below(&dice, 4) ? draw(0.05, 0.95) : 0;
-        probe_alpha[i] = draw(-1, 1);
+        in[ALPHA][i] = backward_draw(0, 1);
+        p[3] = backward_draw(0, 1);
+        p[4] = random_below(&dice, 4) ? backward_draw(0.05, 0.95) : 0;
+        probe_alpha[i] = backward_draw(-1, 1);
         for (size_t c = 0; c < 3; c++) {
-            in[RGB][3 * i + c] = draw(0, 1.2) * in[ALPHA][i];
-            p[c] = draw(0, 1) * p[3];
-            probe_rgb[3 * i + c] = draw(-1, 1);
+            in[RGB][3 * i + c] = backward_draw(0, 1.2) * in[ALPHA][i];
+            p[c] = backward_draw(0, 1) * p[3];
+            probe_rgb[3 * i + c] = backward_draw(-1, 1);
         }
     }
     for (size_t i = 0; i < count[SAID]; i++)
-        in[SAID][i] = draw(-0.6, 0.6);
+        in[SAID][i] = backward_draw(-0.6, 0.6);
     for (int k = 0; k < KINDS; k++)
         for (size_t i = 0; i < count[k]; i++)
             wide[k][i] = (double)in[k][i];
 }
 
-static void composition(void)
+static void backward_composition(void)
 {
     static double rgb[3 * PIXELS], alpha[PIXELS];
     static float got[3 * PIXELS], cover[PIXELS];
@@ -138,12 +138,12 @@ static void composition(void)
                 f[s] = compose_loss(rgb, alpha);
             }
             wide[k][i] = keep;
-            compare((double)grad[k][i], (f[1] - f[0]) / (2 * e), 1);
+            backward_compare((double)grad[k][i], (f[1] - f[0]) / (2 * e), 1);
         }
     check("its gradient", worst, 1e-5);
 }
 
-/* ---- lookup --------------------------------------------------------------- */
+/* ---- lookup ------------------------------------------------------------- */
 
 static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
 static const struct splat_place_view view = {{0.9f, 0.1f, -0.1f, 0.95f},
@@ -156,7 +156,7 @@ static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
 static float probe[TEXTURE_PHOTO * PIXELS];
 
 /* Catmull and Rom's weight of tap k of four. */
-static double cubic(int k, double t)
+static double backward_cubic(int k, double t)
 {
     double x = fabs(t + 1 - k);
 
@@ -172,13 +172,14 @@ static double lookup_number(const uint8_t *t, double u, double v, int c)
         double x = fmin(fmax(fx - 1 + k % 4, 0), S - 1);
         double y = fmin(fmax(fy - 1 + k / 4, 0), S - 1);
 
-        sum += cubic(k % 4, u - 0.5 - fx) * cubic(k / 4, v - 0.5 - fy) *
-               t[4 * ((size_t)y * S + (size_t)x) + (size_t)c] / 255.0;
+        sum += backward_cubic(k % 4, u - 0.5 - fx)
+               * backward_cubic(k / 4, v - 0.5 - fy)
+               * t[4 * ((size_t)y * S + (size_t)x) + (size_t)c] / 255.0;
     }
     return fmin(fmax(sum, 0), 1);
 }
 
-static double confidence(size_t i)
+static double backward_confidence(size_t i)
 {
     const double *p = place + 3 * i;
     const long step[4] = {i % S ? -1 : 0, i % S + 1 < S ? 1 : 0,
@@ -204,7 +205,7 @@ static double lookup_loss(const struct texture *t, size_t i)
 
     for (int k = 0; k < 5; k++) {
         const size_t j = at[k];
-        const double *p = place + 3 * j, sure = confidence(j);
+        const double *p = place + 3 * j, sure = backward_confidence(j);
         double nx = (2.0 * (double)(j % S) + 1) / S - 1;
         double ny = (2.0 * (double)(j / S) + 1) / S - 1;
         double u = 0.5 * S * ((double)view.A[0] * nx + (double)view.A[1] * ny +
@@ -229,12 +230,13 @@ static void lookup_inputs(void)
         matte[i] = (uint8_t)(55 + random_below(&dice, 200));
         for (size_t c = 0; c < 3; c++)
             rgb8[3 * i + c] = (uint8_t)random_below(&dice, matte[i] + 1u);
-        cover_f[i] = draw(0.6, 1);
-        place_f[3 * i + 2] = draw(0.4, 1) * cover_f[i];
+        cover_f[i] = backward_draw(0.6, 1);
+        place_f[3 * i + 2] = backward_draw(0.4, 1) * cover_f[i];
         for (size_t c = 0; c < 2; c++)
-            place_f[3 * i + c] = draw(-1.6, 1.6) / S * place_f[3 * i + 2];
+            place_f[3 * i + c] = backward_draw(-1.6, 1.6) / S
+                                 * place_f[3 * i + 2];
         for (size_t c = 0; c < TEXTURE_PHOTO; c++)
-            probe[TEXTURE_PHOTO * i + c] = draw(-1, 1);
+            probe[TEXTURE_PHOTO * i + c] = backward_draw(-1, 1);
     }
     for (size_t i = 0; i < 3 * PIXELS; i++)
         place[i] = (double)place_f[i];
@@ -260,7 +262,7 @@ static double lookup_difference(const struct texture *t, double *x, size_t i)
     return (f[1] - f[0]) / (2 * e);
 }
 
-static void lookup(void)
+static void backward_lookup(void)
 {
     struct texture t;
     struct error err = {0};
@@ -274,7 +276,7 @@ static void lookup(void)
         drawn[i] *= (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
                                           texture_turned(&view));
     for (size_t i = 0; i < PIXELS; i++) {
-        double sure = confidence(i);
+        double sure = backward_confidence(i);
 
         off = fmax(off, fabs(sure - (double)photo[TEXTURE_PHOTO * i + 4]));
         doubted += sure > 0 && sure < 1;
@@ -288,9 +290,10 @@ static void lookup(void)
         for (size_t c = 0; c < 3; c++) {
             double want = lookup_difference(&t, &place[3 * i + c], i);
 
-            compare((double)dplace[3 * i + c], want, 10 + fabs(want));
+            backward_compare((double)dplace[3 * i + c], want, 10 + fabs(want));
         }
-        compare((double)dcover[i], lookup_difference(&t, &cover[i], i), 1);
+        backward_compare((double)dcover[i], lookup_difference(&t, &cover[i], i),
+                         1);
     }
     check("its gradient", worst, 1e-3);
     texture_release(&t);
@@ -298,7 +301,7 @@ static void lookup(void)
 
 int main(void)
 {
-    composition();
-    lookup();
+    backward_composition();
+    backward_lookup();
     return check_status();
 }

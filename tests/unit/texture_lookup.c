@@ -122,7 +122,7 @@ static void against_double(size_t n)
     check_that("without weight nothing is written", kept);
 }
 
-/* ---- the photograph comes back -------------------------------------------- */
+/* ---- the photograph comes back ------------------------------------------ */
 
 /* Largest difference of colour over the background from rgb, in levels. */
 static double off_photograph(void)
@@ -265,7 +265,7 @@ static void levels(void)
     texture_release(&t);
 }
 
-/* ---- confidence ------------------------------------------------------------ */
+/* ---- confidence --------------------------------------------------------- */
 
 static float sure(size_t x, size_t y)
 {
@@ -327,7 +327,7 @@ static void shares(const struct texture *t)
     }
 }
 
-/* ---- mixture --------------------------------------------------------------- */
+/* ---- mixture ------------------------------------------------------------ */
 
 static void mixture(void)
 {
@@ -355,7 +355,8 @@ static void in_one(const struct texture *t)
     for (size_t i = 0; i < PIXELS; i++) {
         alpha[i] = (float)random_uniform(&r);
         place[3 * i + 2] = alpha[i] * (float)random_uniform(&r);
-        place[3 * i] = (float)random_range(&r, -1, 1) * 2 / S * place[3 * i + 2];
+        place[3 * i] = (float)random_range(&r, -1, 1) * 2 / S
+                       * place[3 * i + 2];
     }
     grey();
     memcpy(two, color, sizeof two);

@@ -14,7 +14,7 @@ enum { N = 64 };
 
 /* The frontal camera at distance z, turned by axis-angle a about the head and
  * then rolled in the picture. */
-static void turned(float cam[12], const float a[3], float roll, float z)
+static void place_turned(float cam[12], const float a[3], float roll, float z)
 {
     const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
     const float axis[3] = {0, 0, roll};
@@ -40,8 +40,8 @@ static void turned(float cam[12], const float a[3], float roll, float z)
 
 /* Points of the plane through the head's origin that faces cam; depth: this
  * far before or behind it at most. */
-static void facing(float *mean, const float cam[12], double depth,
-                   struct random *r)
+static void place_facing(float *mean, const float cam[12], double depth,
+                         struct random *r)
 {
     for (size_t i = 0; i < N; i++) {
         float c[3] = {(float)random_range(r, -0.7, 0.7),
@@ -65,7 +65,7 @@ static double largest_offset(const float source[12], const float cam[12],
     double worst = 0;
 
     random_init(&r, 3, "facing");
-    facing(mean, source, depth, &r);
+    place_facing(mean, source, depth, &r);
     for (size_t i = 0; i < N; i++)
         seen[i] = 1;
     place_of_source(uv, seen, mean, source, N);
@@ -76,23 +76,23 @@ static double largest_offset(const float source[12], const float cam[12],
     return worst;
 }
 
-static void planes(void)
+static void place_planes(void)
 {
     const float look[3] = {0.1f, -0.3f, 0.05f};
     float source[12], cam[12], yaw[3];
 
-    turned(source, look, 0.2f, 12);
+    place_turned(source, look, 0.2f, 12);
     check("source's own view: no offset, at any depth",
           largest_offset(source, source, 0.6), 2e-6);
-    turned(cam, look, 0.2f, 18);
+    place_turned(cam, look, 0.2f, 18);
     check("further away: none in the plane",
           largest_offset(source, cam, 0), 2e-6);
-    turned(cam, look, -0.9f, 8);
+    place_turned(cam, look, -0.9f, 8);
     check("rolled and nearer: none in the plane",
           largest_offset(source, cam, 0), 2e-6);
     memcpy(yaw, look, sizeof yaw);
     yaw[1] += 0.5f;
-    turned(cam, yaw, 0.2f, 12);
+    place_turned(cam, yaw, 0.2f, 12);
     /* a point that is 0.7 to the side comes 0.7 sin 29 degrees nearer: 3 % of
      * its distance from the middle, 0.7 */
     check("turned: of the plane what perspective adds",
@@ -115,12 +115,12 @@ static void round_trip(void)
 
         for (int i = 0; i < 3; i++)
             a[i] = (float)random_range(&r, -0.5, 0.5);
-        turned(source, a, (float)random_range(&r, -1, 1), 12);
+        place_turned(source, a, (float)random_range(&r, -1, 1), 12);
         for (int i = 0; i < 3; i++)
             a[i] += (float)random_range(&r, -0.6, 0.6);
-        turned(cam, a, (float)random_range(&r, -1, 1),
-               (float)random_range(&r, 8, 20));
-        facing(mean, source, 0.6, &r);
+        place_turned(cam, a, (float)random_range(&r, -1, 1),
+                     (float)random_range(&r, 8, 20));
+        place_facing(mean, source, 0.6, &r);
         for (size_t i = 0; i < N; i++) {
             uv[2 * i] = (float)random_uniform(&r);
             uv[2 * i + 1] = (float)random_uniform(&r);
@@ -144,18 +144,18 @@ static void round_trip(void)
 }
 
 /* From the side and from behind the map stays small. */
-static void steep(void)
+static void place_steep(void)
 {
     const float none[3] = {0};
     float source[12], cam[12], largest = 0;
     bool finite = true;
 
-    turned(source, none, 0, 12);
+    place_turned(source, none, 0, 12);
     for (int degrees = 60; degrees <= 180; degrees += 5) {
         float a[3] = {0, (float)degrees * 0.01745329f, 0};
         struct splat_place_view v;
 
-        turned(cam, a, 0, 12);
+        place_turned(cam, a, 0, 12);
         place_view_make(&v, source, cam);
         for (int i = 0; i < 4; i++) {
             finite = finite && isfinite(v.A[i]);
@@ -169,9 +169,9 @@ static void steep(void)
 }
 
 /* sum of dout times the channels, in double; cam, uv and seen as given. */
-static double loss(const double *mean, const float *dout, const float *uv,
-                   const float *seen, const struct splat_place_view *v,
-                   const float cam[12])
+static double place_loss(const double *mean, const float *dout, const float *uv,
+                         const float *seen, const struct splat_place_view *v,
+                         const float cam[12])
 {
     double c[12], n[2 * N], sum = 0;
 
@@ -191,7 +191,7 @@ static double loss(const double *mean, const float *dout, const float *uv,
     return sum;
 }
 
-static void gradients(void)
+static void place_gradients(void)
 {
     const float a[3] = {0.1f, 0.4f, 0}, b[3] = {0, -0.2f, 0.1f};
     float source[12], cam[12], mean[3 * N], uv[2 * N], seen[N], dout[3 * N];
@@ -201,9 +201,9 @@ static void gradients(void)
     struct random r;
 
     random_init(&r, 5, "gradients");
-    turned(source, a, 0.3f, 12);
-    turned(cam, b, -0.4f, 10);
-    facing(mean, source, 0.6, &r);
+    place_turned(source, a, 0.3f, 12);
+    place_turned(cam, b, -0.4f, 10);
+    place_facing(mean, source, 0.6, &r);
     for (size_t i = 0; i < 3 * N; i++) {
         dout[i] = (float)random_range(&r, -1, 1);
         at[i] = mean[i];
@@ -220,9 +220,9 @@ static void gradients(void)
         const double h = 1e-5, x = at[i];
 
         at[i] = x + h;
-        double up = loss(at, dout, uv, seen, &v, cam);
+        double up = place_loss(at, dout, uv, seen, &v, cam);
         at[i] = x - h;
-        double down = loss(at, dout, uv, seen, &v, cam);
+        double down = place_loss(at, dout, uv, seen, &v, cam);
         at[i] = x;
         double want = (up - down) / (2 * h);
         worst = fmax(worst, fabs((double)dmean[i] - 2 - want));
@@ -233,13 +233,13 @@ static void gradients(void)
 }
 
 /* What lies outside of the picture was not seen. */
-static void outside(void)
+static void place_outside(void)
 {
     const float none[3] = {0};
     float cam[12], uv[8], seen[4] = {0.5f, 1, 1, 1};
     const float mean[12] = {0, 0, 0, 3, 0, 0, 0, -3, 0, 0, 0, 30};
 
-    turned(cam, none, 0, 12);
+    place_turned(cam, none, 0, 12);
     place_of_source(uv, seen, mean, cam, 4);
     check_that("inside: seen as before", seen[0] == 0.5f);
     check_that("beside, below and behind: not seen",
@@ -250,10 +250,10 @@ static void outside(void)
 
 int main(void)
 {
-    planes();
+    place_planes();
     round_trip();
-    steep();
-    gradients();
-    outside();
+    place_steep();
+    place_gradients();
+    place_outside();
     return check_status();
 }

@@ -17,7 +17,7 @@
 #include "lib/track/track.h"
 #include "tests/check.h"
 
-static double orthonormal(const float R[9])
+static double motion_orthonormal(const float R[9])
 {
     double most = 0, det;
 
@@ -54,7 +54,7 @@ static void test_rotation(void)
     for (size_t i = 0; i < sizeof hard / sizeof *hard; i++) {
         memcpy(out, hard[i], sizeof hard[i]);
         track_decode(&m, out, crop, 512);
-        most = fmax(most, orthonormal(m.R));
+        most = fmax(most, motion_orthonormal(m.R));
     }
     check("6D: hard cases are rotations", most, 1e-6);
     most = 0;
@@ -67,7 +67,7 @@ static void test_rotation(void)
             for (int k = 0; k < 3; k++)
                 out[3 + k] = out[k] * (1 + (float)random_normal(&r) * 1e-3f);
         track_decode(&m, out, crop, 512);
-        most = fmax(most, orthonormal(m.R));
+        most = fmax(most, motion_orthonormal(m.R));
         if (i % 3 == 0)
             continue;
         rotation_6d(want, out);
@@ -114,7 +114,7 @@ static void test_oneeuro(void)
     }
 }
 
-static float *numbers(struct random *r, size_t n, double bound)
+static float *motion_numbers(struct random *r, size_t n, double bound)
 {
     float *x = malloc((n + 1) * sizeof *x);
 
@@ -140,11 +140,11 @@ static void make_head(struct head *h)
     };
 
     random_init(&r, 4, "track head");
-    a.v_template = numbers(&r, 3 * V, 0.1);
-    a.shapedirs = numbers(&r, 3 * V * (NS + NE), 0.002);
-    a.posedirs = numbers(&r, 3 * V * 36, 0.002);
-    a.l_eyelid = numbers(&r, 3 * V, 0.002);
-    a.r_eyelid = numbers(&r, 3 * V, 0.002);
+    a.v_template = motion_numbers(&r, 3 * V, 0.1);
+    a.shapedirs = motion_numbers(&r, 3 * V * (NS + NE), 0.002);
+    a.posedirs = motion_numbers(&r, 3 * V * 36, 0.002);
+    a.l_eyelid = motion_numbers(&r, 3 * V, 0.002);
+    a.r_eyelid = motion_numbers(&r, 3 * V, 0.002);
     for (size_t i = 0; i < 3 * F; i++)
         f[i] = (int32_t)random_below(&r, V);
     for (size_t v = 0; v < V; v++) {

@@ -6,7 +6,7 @@
 #include "lib/train/config.h"
 #include "tests/check.h"
 
-static void refuse(const char *text, const char *names)
+static void config_refuse(const char *text, const char *names)
 {
     struct train_config c;
     struct error err = {0};
@@ -22,20 +22,22 @@ int main(void)
     struct train_config c;
     struct error err = {0};
 
-    refuse("{", "not JSON");
-    refuse("[]", "object");
-    refuse("{}", "stage: missing");
-    refuse("{\"stage\":\"moton\"}", "moton");
-    refuse("{\"stage\":\"motion\",\"setps\":3}", "setps: unknown");
-    refuse("{\"stage\":\"motion\",\"loss\":{\"vertx\":3}}", "loss.vertx");
-    refuse("{\"stage\":\"motion\",\"steps\":-1}", "steps: -1");
-    refuse("{\"stage\":\"motion\",\"steps\":1.5}", "whole number");
-    refuse("{\"stage\":\"motion\",\"steps\":\"9\"}", "steps: not a number");
-    refuse("{\"stage\":\"motion\",\"batch\":8,\"micro\":3}", "divide");
-    refuse("{\"stage\":\"avatar\",\"image\":100}", "multiple");
-    refuse("{\"stage\":\"motion\",\"model\":3}", "model: expected");
-    refuse("{\"stage\":\"motion\",\"loss\":{\"square_landmarks\":1}}",
-           "true or false");
+    config_refuse("{", "not JSON");
+    config_refuse("[]", "object");
+    config_refuse("{}", "stage: missing");
+    config_refuse("{\"stage\":\"moton\"}", "moton");
+    config_refuse("{\"stage\":\"motion\",\"setps\":3}", "setps: unknown");
+    config_refuse("{\"stage\":\"motion\",\"loss\":{\"vertx\":3}}",
+                  "loss.vertx");
+    config_refuse("{\"stage\":\"motion\",\"steps\":-1}", "steps: -1");
+    config_refuse("{\"stage\":\"motion\",\"steps\":1.5}", "whole number");
+    config_refuse("{\"stage\":\"motion\",\"steps\":\"9\"}",
+                  "steps: not a number");
+    config_refuse("{\"stage\":\"motion\",\"batch\":8,\"micro\":3}", "divide");
+    config_refuse("{\"stage\":\"avatar\",\"image\":100}", "multiple");
+    config_refuse("{\"stage\":\"motion\",\"model\":3}", "model: expected");
+    config_refuse("{\"stage\":\"motion\",\"loss\":{\"square_landmarks\":1}}",
+                  "true or false");
     if (train_config_parse(&c, "{\"stage\":\"motion\",\"steps\":100,"
                            "\"rate\":1.0,\"rate_end\":0.0,\"warmup\":10,"
                            "\"loss\":{\"anchor_end\":0,\"anchor_steps\":50},"

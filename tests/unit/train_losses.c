@@ -13,7 +13,8 @@
 
 enum { H = 21, W = 26, NV = 3 * H * W };
 
-static double evaluate(int which, float *db, const float *b, const float *a)
+static double losses_evaluate(int which, float *db, const float *b,
+                              const float *a)
 {
     static const struct box box = {3, 2, 22, 19}, odd = {0, 0, 1, 5};
     float *tmp = malloc(loss_pyramid_scratch(H, W) * sizeof *tmp);
@@ -45,7 +46,7 @@ static void check_loss(int which, const char *name)
         b[i] = (float)random_uniform(&r);
     }
     memset(g, 0, NV * sizeof *g);
-    evaluate(which, g, b, a);
+    losses_evaluate(which, g, b, a);
     for (int k = 0; k < 8; k++) {
         double want = 0, f[2], e = 3e-5;
         float dir[NV];
@@ -56,7 +57,7 @@ static void check_loss(int which, const char *name)
         for (int s = 0; s < 2; s++) {
             for (int i = 0; i < NV; i++)
                 c[i] = b[i] + (float)(s ? e : -e) * dir[i];
-            f[s] = evaluate(which, NULL, c, a);
+            f[s] = losses_evaluate(which, NULL, c, a);
         }
         worst = fmax(worst, fabs((f[1] - f[0]) / (2 * e) - want) /
                                 (fabs(want) + 0.1));

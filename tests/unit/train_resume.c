@@ -22,8 +22,8 @@ static void on_warn(const char *text)
 }
 
 /* Train for `steps` in the subfolder; 0 or -1. */
-static int run(const char *sub, const char *data, const struct head *h,
-               int steps, struct train_config *c, struct error *err)
+static int resume_run(const char *sub, const char *data, const struct head *h,
+                      int steps, struct train_config *c, struct error *err)
 {
     char path[200];
     struct task task;
@@ -67,17 +67,17 @@ static void check_resume(const struct head *h, const char *data)
     if (train_config_parse(&c, config, "config", &err))
         exit(1);
     /* The learning rate's schedule depends on steps only when it falls. */
-    rc = run("whole", data, h, 5, &c, &err) ||
-         run("parts", data, h, 2, &c, &err) ||
-         run("parts", data, h, 3, &c, &err) ||
-         run("parts", data, h, 5, &c, &err);
+    rc = resume_run("whole", data, h, 5, &c, &err) ||
+         resume_run("parts", data, h, 2, &c, &err) ||
+         resume_run("parts", data, h, 3, &c, &err) ||
+         resume_run("parts", data, h, 5, &c, &err);
     if (rc)
         printf("%s\n", err.text);
     expect("runs end well", rc, 0, 0);
     expect("5 steps = 2 + 1 + 2 steps, to the bit",
            same_file("whole", "parts"), 1, 0);
     c.seed = 8;
-    rc = run("parts", data, h, 6, &c, &err);
+    rc = resume_run("parts", data, h, 6, &c, &err);
     printf("%s\n", err.text);
     expect("another seed's checkpoint is refused", err.code, EX_CONFIG, 0);
     train_config_release(&c);
@@ -130,10 +130,10 @@ static void check_running_norm(const struct head *h, const char *data)
 
     if (train_config_parse(&c, config, "config", &err))
         exit(1);
-    rc = run("start", data, h, 0, &c, &err) ||
-         run("moving", data, h, 2, &c, &err);
+    rc = resume_run("start", data, h, 0, &c, &err) ||
+         resume_run("moving", data, h, 2, &c, &err);
     c.running_norm = 1;
-    rc = rc || run("still", data, h, 2, &c, &err);
+    rc = rc || resume_run("still", data, h, 2, &c, &err);
     if (rc)
         printf("%s\n", err.text);
     expect("runs with either norm end well", rc, 0, 0);
@@ -158,15 +158,15 @@ static int poison_pass(struct task *t, double *parts, uint64_t step,
     return 0;
 }
 
-static void nothing(struct task *t)
+static void resume_nothing(struct task *t)
 {
     (void)t;
 }
 
 static void check_guard(const char *data)
 {
-    static const struct task_type type = {"", 1.5, nothing, poison_pass,
-                                          nothing, NULL, NULL};
+    static const struct task_type type = {"", 1.5, resume_nothing, poison_pass,
+                                          resume_nothing, NULL, NULL};
     struct train_config c;
     struct task task = {.type = &type, .config = &c};
     struct group group = {0, 1};
@@ -203,9 +203,9 @@ static void check_guard(const char *data)
 
 /* ---- the motion loss's gradient ----------------------------------------- */
 
-static double evaluate(float *dout, const float *out,
-                       const struct data_frame *f, struct square q,
-                       struct motion_loss *l, int square)
+static double resume_evaluate(float *dout, const float *out,
+                              const struct data_frame *f, struct square q,
+                              struct motion_loss *l, int square)
 {
     struct motion_weights w = {.term = {100, 10, 5, 10, 1, 1, 1, 1, 1},
                                .square_landmarks = square};
@@ -241,14 +241,14 @@ static void check_gradient(const struct head *h, const char *data,
     out[0] += 1;
     out[4] -= 1;
     out[MOTION_TRANS + 2] = 6.5f;
-    evaluate(dout, out, &p.frame[1], p.frame[1].crop, &l, square);
+    resume_evaluate(dout, out, &p.frame[1], p.frame[1].crop, &l, square);
     for (int i = 0; i < MOTION_OUT; i += i < 16 ? 1 : 7) {
         double f[2];
         for (int k = 0; k < 2; k++) {
             memcpy(c, out, sizeof c);
             c[i] += (float)(k ? e : -e);
-            f[k] = evaluate(NULL, c, &p.frame[1], p.frame[1].crop, &l,
-                            square);
+            f[k] = resume_evaluate(NULL, c, &p.frame[1], p.frame[1].crop, &l,
+                                   square);
         }
         worst = fmax(worst, fabs((f[1] - f[0]) / (2 * e) - dout[i]) /
                                 (fabs(dout[i]) + 0.3));

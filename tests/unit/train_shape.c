@@ -17,21 +17,21 @@
 
 enum { DIRS = SCULPT_SHAPES, N = SHAPE_ENCODER_SIZE };
 
-static void die(const struct error *err)
+static void shape_die(const struct error *err)
 {
     printf("%s\n", err->text);
     exit(1);
 }
 
 /* Vertices (V,3) of a shape in a neutral pose. */
-static void vertices(float *out, const struct head *h, const float *beta)
+static void shape_vertices(float *out, const struct head *h, const float *beta)
 {
     struct identity id = {0};
     struct head_motion still = {0};
     struct error err;
 
     if (head_fold(&id, h, beta, h->nshape, &err))
-        die(&err);
+        shape_die(&err);
     head_pose(out, &id, &still);
     identity_release(&id);
 }
@@ -62,7 +62,7 @@ static double by_points(const float *a, const float *b, const float *x,
     return sqrt(sum / (3.0 * (double)P));
 }
 
-static void draw(float *beta, struct random *r)
+static void shape_draw(float *beta, struct random *r)
 {
     for (int k = 0; k < DIRS; k++)
         beta[k] = random_normal(r);
@@ -84,10 +84,10 @@ static void two_init(struct two *t, const struct head *h, uint64_t seed)
     if (!t->a || !t->b || shape_loss_landmarks(&t->marks, h, DIRS, &err))
         exit(1);
     random_init(&r, seed, "two people");
-    draw(t->beta, &r);
-    draw(t->truth, &r);
-    vertices(t->a, h, t->beta);
-    vertices(t->b, h, t->truth);
+    shape_draw(t->beta, &r);
+    shape_draw(t->truth, &r);
+    shape_vertices(t->a, h, t->beta);
+    shape_vertices(t->b, h, t->truth);
     head_landmarks(t->la, h, t->a);
     head_landmarks(t->lb, h, t->b);
 }
@@ -107,7 +107,7 @@ static void test_value(const struct head *h)
     struct error err;
 
     if (shape_loss_vertices(&all, h, DIRS, &err))
-        die(&err);
+        shape_die(&err);
     two_init(&t, h, 3);
     double want = by_points(t.a, t.b, h->v_template, h->V);
     double got = shape_loss(NULL, beta, t.truth, &all);
@@ -145,7 +145,7 @@ static void test_place(const struct head *h)
     struct error err;
 
     if (shape_place_init(&place, h, DIRS, &err))
-        die(&err);
+        shape_die(&err);
     two_init(&t, h, 5);
     shape_place(&size, x, t.beta, t.truth, &place);
     for (int i = 0; i < 3 * 68; i++) {
@@ -181,12 +181,12 @@ static void test_mirror(const struct head *h, const struct sculpt *s)
         goto out;
     }
     random_init(&r, 4, "mirror");
-    draw(beta, &r);
+    shape_draw(beta, &r);
     head_mirror_apply(other, beta, &across);
     for (int k = 0; k < DIRS; k++)
         odd += across.sign[k] < 0;
-    vertices(a, h, beta);
-    vertices(b, h, other);
+    shape_vertices(a, h, beta);
+    shape_vertices(b, h, other);
     for (size_t v = 0; v < h->V; v++) {
         const float *p = a + 3 * v, *q = b + 3 * (size_t)s->mirror[v];
         most = fmax(most, fabs((double)p[0] + q[0]));
@@ -219,8 +219,8 @@ static void test_lopsided(const struct head *h)
     free(bent.shape_dirs);
 }
 
-static void pose(float *verts, float R[9], const struct head *h,
-                 const float *row)
+static void shape_pose(float *verts, float R[9], const struct head *h,
+                       const float *row)
 {
     struct identity id = {0};
     struct head_motion m = {.exp = row + MOTION_EXP};
@@ -230,7 +230,7 @@ static void pose(float *verts, float R[9], const struct head *h,
     memcpy(m.lid, row + MOTION_LID, sizeof m.lid);
     memcpy(m.eye, row + MOTION_EYE, sizeof m.eye);
     if (head_fold(&id, h, NULL, 0, &err))
-        die(&err);
+        shape_die(&err);
     head_pose(verts, &id, &m);
     identity_release(&id);
     rotation_6d(R, row + MOTION_ROT);
@@ -259,8 +259,8 @@ static void test_motion(const struct head *h, const struct sculpt *s)
         a[MOTION_LID + k] = (float)random_uniform(&r);
     for (int k = 0; k < MOTION_OUT; k++)
         b[k] = across.sign[k] * a[across.from[k]];
-    pose(x, Ra, h, a);
-    pose(y, Rb, h, b);
+    shape_pose(x, Ra, h, a);
+    shape_pose(y, Rb, h, b);
     for (size_t v = 0; v < h->V; v++) {
         const float *p = x + 3 * v, *q = y + 3 * (size_t)s->mirror[v];
         most = fmax(most, fabs((double)p[0] + q[0]));
@@ -286,7 +286,7 @@ out:
 }
 
 /* A picture of N pixels that may be mirrored, brighter to one side. */
-static int look(void *ctx, float *rgb, struct square q, struct error *err)
+static int shape_look(void *ctx, float *rgb, struct square q, struct error *err)
 {
     int flip = *(int *)ctx;
 
@@ -320,15 +320,15 @@ static void test_looks(const struct head *h)
     params_init(&ps);
     if (shape_encoder_init(&net, &ps, "shape.", "mobilenetv3_small_100",
                            &err) || params_allocate(&ps, &err))
-        die(&err);
+        shape_die(&err);
     params_randomise(&ps, 9);
     if (shape_encoder_plan(&net, 1, opt, &err) ||
         shape_tta_init(&l, &net, h, &err) ||
-        shape_tta_forward(a, &l, q, look, &flip, &err))
-        die(&err);
+        shape_tta_forward(a, &l, q, shape_look, &flip, &err))
+        shape_die(&err);
     flip = 1;
-    if (shape_tta_forward(b, &l, q, look, &flip, &err))
-        die(&err);
+    if (shape_tta_forward(b, &l, q, shape_look, &flip, &err))
+        shape_die(&err);
     for (int k = 0; k < SHAPE_ENCODER_OUT; k++) {
         most = fmax(most, fabs((double)a[k] - l.across.sign[k] *
                                               b[l.across.from[k]]));
@@ -348,10 +348,10 @@ int main(void)
     struct error err = {0};
 
     if (sculpt_make(&s, &err))
-        die(&err);
+        shape_die(&err);
     sculpt_arrays(&arrays, &s);
     if (head_init(&h, &arrays, &err))
-        die(&err);
+        shape_die(&err);
     test_value(&h);
     test_place(&h);
     test_mirror(&h, &s);

@@ -45,7 +45,8 @@ static double loss_of(struct task *t)
 }
 
 /* Derivative of the loss along direction d of tensor k by differences. */
-static double difference(struct task *t, size_t k, const float *d, double e)
+static double system_difference(struct task *t, size_t k, const float *d,
+                                double e)
 {
     struct param *p = &t->ps.tensor[k];
     float *w = param_w(&t->ps, k);
@@ -65,7 +66,7 @@ static double difference(struct task *t, size_t k, const float *d, double e)
 
 /* The best agreement over a few steps: long ones meet jumps, short ones drown
  * in sums of floats. */
-static double disagreement(struct task *t, size_t k, double *norm)
+static double system_disagreement(struct task *t, size_t k, double *norm)
 {
     struct param *p = &t->ps.tensor[k];
     float *d = malloc(p->count * sizeof *d);
@@ -78,7 +79,7 @@ static double disagreement(struct task *t, size_t k, double *norm)
     for (size_t i = 0; size > 0 && i < p->count; i++)
         d[i] = (float)(d[i] / size);
     for (double e = 1e-2; e > 3e-6 && size > 0 && best > 0.03; e *= 0.5) {
-        double fd = difference(t, k, d, e / size);
+        double fd = system_difference(t, k, d, e / size);
         best = fmin(best, fabs(fd - size) / size);
     }
     free(d);
@@ -140,7 +141,7 @@ int main(void)
         if (t.ps.tensor[k].frozen)
             continue;
         memcpy(t.ps.g, g, t.ps.total * sizeof *g);
-        off = disagreement(&t, k, &norm);
+        off = system_disagreement(&t, k, &norm);
         checked++;
         zero += norm == 0;
         /* gradients of 1e-4 of the whole drown in float sums */

@@ -11,7 +11,7 @@
 #include "tests/folder.h"
 
 static const int colour[3] = { 192, 128, 96 };
-static void compare(const char *what, const uint8_t *rgb, size_t pixels)
+static void colours_compare(const char *what, const uint8_t *rgb, size_t pixels)
 {
     int worst = 0;
     for (size_t i = 0; i < 3 * pixels; i++) {
@@ -32,7 +32,7 @@ static void read_back(const char *path, const char *what)
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
         check_error(what, false, &err);
     } else {
-        compare(what, rgb, w * h);
+        colours_compare(what, rgb, w * h);
     }
     video_close(v);
 }
@@ -76,7 +76,7 @@ static void to_ffmpeg(const char *dir)
              path);
     FILE *p = popen(command, "r");
     if (p && fread(seen, 1, sizeof seen, p) == sizeof seen)
-        compare("ours.mp4 read by ffmpeg", seen, 256);
+        colours_compare("ours.mp4 read by ffmpeg", seen, 256);
     else
         check_that("ours.mp4 read by ffmpeg", false);
     if (p)

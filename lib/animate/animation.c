@@ -1,0 +1,199 @@
+/* From a source and a driver to an output: what is opened for a clip, in
+ * order, and closed (animation.h). */
+#include "lib/animate/animation.h"
+
+#include <string.h>
+#include <sysexits.h>
+
+int animation_load(struct prepare *models, struct animation_options *opt,
+                   const char *model, const char *head, int workers,
+                   struct error *err)
+{
+    struct animate_options *a = &opt->animate;
+
+    /* 8 bits are the refiner's alone */
+    models->precision = a->precision == NN_INT8 ? NN_FAST : a->precision;
+    if (prepare_open(models, model, head, err))
+        return -1;
+    opt->track.size = (double)models->model.config.size;
+    opt->framing.model_size = models->model.config.size;
+    a->model = &models->model;
+    a->rules = models->model.config.system == SYSTEM_GAGAVATAR
+                   ? SPLAT_DGR : SPLAT_GSPLAT;
+    a->workers = workers;
+    a->closed = opt->closed_mm < 0 ? BAKED_CLOSED
+        : (float)(opt->closed_mm * 1e-3 * (double)models->head.scale);
+    return 0;
+}
+
+int animation_open(struct animation *a, const struct animation_options *opt,
+                   struct prepare *models, const char *out,
+                   struct error *err)
+{
+    struct framesink_options sink = opt->sink;
+
+    memset(a, 0, sizeof *a);
+    a->opt = opt;
+    a->models = models;
+    a->background = opt->background;
+    sink.path = out;
+    sink.bt601 = opt->source.bt601;
+    sink.record = FRAMESINK_IMAG;
+    sink.background = &a->background;
+    a->sink = framesink_open(&sink, err);
+    return a->sink ? 0 : -1;
+}
+
+int animation_open_source(struct animation *a, const char *path,
+                          struct error *err)
+{
+    const struct prepared *s = &a->source;
+
+    if (prepare_source(&a->source, a->models, path, a->opt->mask, err))
+        return -1;
+    a->animate = a->opt->animate;
+    a->animate.texture = s->texture.levels ? &s->texture : NULL;
+    if (framing_init(&a->framing, &a->animate, &a->opt->framing, s, err))
+        return error_prefix(err, "%s", path);
+    if (a->framing.background.rgb)
+        a->background = a->framing.background;
+    return 0;
+}
+
+/* Motions from the source's own, since the driver was neutral. */
+static int animation_set_relative(struct animation *a, struct error *err)
+{
+    const struct animation_options *opt = a->opt;
+    const size_t nexp = a->models->head.nexp;
+    const struct neutral_clip clip = {
+        &a->driver_name, 1, &opt->source, &opt->track, &a->mean,
+        &a->models->nets.motion, nexp
+    };
+    struct motion rest;
+
+    if (!a->source.person.has_source)   /* an avatar alone: nothing to add to */
+        return 0;
+    if (opt->neutral.given && neutral_find(&rest, &opt->neutral, &clip, err))
+        return -1;
+    driver_set_relative(&a->driver, &a->source.person.source,
+                        opt->neutral.given ? &rest : NULL, nexp);
+    return 0;
+}
+
+/* A driver whose motions a stream has already; pictures are none. */
+static int animation_open_records(struct animation *a, struct error *err)
+{
+    const struct animation_options *opt = a->opt;
+    const char *name = a->driver_name;
+
+    if (opt->live)
+        return error_set(err, EX_USAGE, "%s: a stream of motions cannot be "
+                         "live (expected frames)", name);
+    a->records = stream_open(name, NULL, err);
+    if (!a->records)
+        return -1;
+    driver_init_records(&a->driver, a->records, a->models->head.nexp);
+    if (driver_start(&a->driver, NULL, NULL, err) != DRIVER_STARTED)
+        return -1;
+    if (opt->source.rate > 0)
+        framesink_set_rate(a->sink, (int)(1000 * opt->source.rate + 0.5),
+                           1000);
+    else
+        framesink_set_rate(a->sink, 25, 1);
+    if (opt->neutral.given)
+        return error_set(err, EX_USAGE, "%s: --neutral looks through frames "
+                         "(expected a clip)", name);
+    return opt->relative_records ? animation_set_relative(a, err) : 0;
+}
+
+/* Tracker and driver over the frames that read gives, up to a first face. */
+static int animation_find_face(struct animation *a, driver_read_fn *read,
+                               void *ctx, bool camera, struct error *err)
+{
+    enum driver_status status;
+
+    if (head_fold(&a->mean, &a->models->head, NULL, 0, err) ||
+        track_init(&a->track, &a->mean, &a->models->nets.motion,
+                   &a->opt->track, err))
+        return -1;
+    driver_init(&a->driver, &a->track, read, ctx);
+    a->driver.live = camera;
+    status = driver_start(&a->driver, NULL, NULL, err);
+    if (status == DRIVER_NO_FACE)
+        error_prefix(err, "%s", a->driver_name);
+    if (status != DRIVER_STARTED)
+        return -1;
+    return a->opt->relative ? animation_set_relative(a, err) : 0;
+}
+
+int animation_open_driver(struct animation *a, const char *path,
+                          struct error *err)
+{
+    const bool live = a->opt->live;
+    int num, den;
+
+    a->driver_name = path;
+    if (prepare_is_stream(path))
+        return animation_open_records(a, err);
+    a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
+    if (!a->frames || (live && live_start(&a->live, a->frames, err)))
+        return -1;
+    if (live ? animation_find_face(a, live_read, &a->live, false, err)
+             : animation_find_face(a, driver_read_source, a->frames, false,
+                                   err))
+        return -1;
+    framesource_rate(a->frames, &num, &den);
+    framesink_set_rate(a->sink, num, den);
+    return 0;
+}
+
+int animation_open_camera(struct animation *a, const char *name,
+                          const struct live_follow *follow, bool once,
+                          struct error *err)
+{
+    struct live_follow f = *follow;
+    struct framesource *frames = follow->open(follow->ctx, err);
+
+    a->driver_name = name;
+    if (once) {
+        f.open = NULL;
+        a->frames = frames;
+    }
+    if (!frames || live_start_follow(&a->live, frames, &f, err))
+        return -1;
+    return animation_find_face(a, live_read, &a->live, true, err);
+}
+
+int animation_run(struct animation *a,
+                  void (*done)(void *ctx, const struct animate_frame *f),
+                  void *ctx, struct error *err)
+{
+    struct framesink *sink = a->sink;
+    int rc = animate_init(&a->workers, &a->animate, &a->source.id,
+                          &a->source.baked, &a->models->dense, err);
+
+    if (rc == 0)
+        rc = animate_run(&a->workers, &a->driver,
+                         a->live.started ? &a->live : NULL, sink, done, ctx,
+                         err);
+    a->report.dropped = a->live.dropped;
+    if (rc)
+        return -1;
+    a->sink = NULL;
+    return framesink_finish(sink, err);
+}
+
+void animation_close(struct animation *a)
+{
+    animate_release(&a->workers);
+    driver_release(&a->driver);
+    live_stop(&a->live);
+    track_release(&a->track);
+    identity_release(&a->mean);
+    framesource_close(a->frames);
+    stream_close(a->records);
+    framesink_abandon(a->sink);
+    framing_release(&a->framing);
+    prepared_release(&a->source);
+    animate_report_release(&a->report);
+}

@@ -1,0 +1,16 @@
+/* What a FEAT record holds, as the refiner takes it. */
+#ifndef SPID_REFINE_REFINE_RECORD_H
+#define SPID_REFINE_REFINE_RECORD_H
+
+#include "lib/base/error.h"
+#include "lib/refine/refine.h"
+#include "lib/stream/stream.h"
+
+/* *in points into rec, which must stay.  Features that came without the pixels
+ * that nothing covers are packed.  EX_DATAERR naming the array for shapes that
+ * do not agree, numbers that are not finite, and packed features that stand
+ * for more than --max-bytes. */
+int refine_read_record(struct refine_input *in, const struct record *rec,
+                       struct error *err);
+
+#endif
