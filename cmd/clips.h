@@ -17,6 +17,8 @@
 #define CLIPS_LEAST 8               /* and how many good ones it needs */
 #define CLIPS_MIN_FACE 64           /* pixels of a face crop's side */
 
+#define CLIPS_LONGEST 3000          /* characters of a name */
+
 struct clips {
     char **name;
     size_t count;
@@ -26,6 +28,7 @@ struct clips {
  * a folder of pictures is one, too), or with "@FILE" the file's lines.  A
  * failure ends the program. */
 void clips_add(struct clips *c, const char *operand);
+/* Free what it holds; zeroed then. */
 void clips_release(struct clips *c);
 
 /* How records are made. */

@@ -38,6 +38,8 @@ static void inset_ramp(float *ramp, size_t n, double begin, double end)
     }
 }
 
+/* No ramp towards edges that the photograph ends before: there is nothing to
+ * go over into. */
 static void inset_edges(struct inset *s)
 {
     const long w = (long)s->width;

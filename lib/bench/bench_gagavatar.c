@@ -71,6 +71,7 @@ static void gagavatar_bench_dress(struct gagavatar_bench *g)
     gagavatar_unit_rotations(g->net.scale, g->net.quat, g->net.set.n);
 }
 
+/* Its configuration with random weights, and buffers for one frame. */
 static int gagavatar_bench_open(struct gagavatar_bench *g, enum nn_type type,
                                 struct error *err)
 {

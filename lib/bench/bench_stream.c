@@ -32,6 +32,7 @@ enum { BLOCK = 1 << 20 };
 
 /* ---- what is timed ------------------------------------------------------- */
 
+/* Checksums of all records, no input or output. */
 static int call_hash(void *context, struct error *err)
 {
     struct traffic *t = context;
@@ -46,6 +47,7 @@ static int call_hash(void *context, struct error *err)
     return 0;
 }
 
+/* Every record, checked as programs check them. */
 static int read_all(const char *path, struct error *err)
 {
     struct stream_reader *r = stream_open(path, NULL, err);
@@ -107,6 +109,7 @@ static int call_pipe(void *context, struct error *err)
     return finish_cat(fd, child, read_all(path, err));
 }
 
+/* What the pipe costs by itself: bytes are read and forgotten. */
 static int call_count(void *context, struct error *err)
 {
     struct traffic *t = context;
@@ -120,6 +123,7 @@ static int call_count(void *context, struct error *err)
     return finish_cat(fd, child, 0);
 }
 
+/* Records written to nowhere. */
 static int call_write(void *context, struct error *err)
 {
     const struct traffic *t = context;
@@ -149,6 +153,7 @@ static void add_array(struct traffic *t, const char *name, int ndim,
     t->bytes += array_bytes(&a);
 }
 
+/* An avatar of the paper's size, eight times over. */
 static void make_gaussians(struct traffic *t)
 {
     enum { N = 108658 };
@@ -174,6 +179,7 @@ static void make_motion(struct traffic *t)
     add_array(t, "eye", 1, 6, 0);
 }
 
+/* The traffic as a stream in a temporary file. */
 static int write_file(struct traffic *t, struct error *err)
 {
     struct stream_writer *w;
@@ -195,6 +201,7 @@ static int write_file(struct traffic *t, struct error *err)
     return w ? stream_finish(w, err) : -1;
 }
 
+/* Each way of moving the traffic, timed. */
 static int add_rows(struct bench *b, struct traffic *t, struct error *err)
 {
     static const struct {

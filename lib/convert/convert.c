@@ -269,6 +269,7 @@ static bool is_idle(const char *name)
     return !strcmp(dot ? dot + 1 : name, "num_batches_tracked");
 }
 
+/* Tensors of the input that nothing took, but for those that never matter. */
 static void note_left(struct convert *c)
 {
     char shape[200];

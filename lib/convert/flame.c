@@ -63,6 +63,7 @@ static int whole_numbers(int32_t *out, const double *in, size_t n,
     return 0;
 }
 
+/* Triangles, whose numbers must be vertices. */
 static int take_faces(struct flame *m, struct error *err)
 {
     const size_t dim[2] = {m->F, 3};
@@ -96,6 +97,7 @@ static int take_parents(struct flame *m, struct error *err)
     return out ? 0 : -1;
 }
 
+/* The arrays that are copied as they are, but for their types. */
 static int take_arrays(struct flame *m, struct error *err)
 {
     const size_t verts[2] = {m->V, 3}, shape[3] = {m->V, 3, m->K};
@@ -214,6 +216,7 @@ static int take_landmarks(struct flame *m, int file, struct error *err)
 
 /* ---- what follows from the landmarks ------------------------------------ */
 
+/* A closed path along the edges through landmarks, as a list of vertices. */
 static int take_ring(struct flame *m, struct face_paths *p, const char *name,
                      const int *landmarks, size_t n, struct error *err)
 {
@@ -229,6 +232,7 @@ static int take_ring(struct flame *m, struct face_paths *p, const char *name,
     return out ? 0 : -1;
 }
 
+/* FLAME has no eyelid shapes: they are made from the mesh (face_paths). */
 static int derive_eyelids(struct flame *m, struct face_paths *p,
                           struct error *err)
 {
@@ -335,6 +339,8 @@ static int take_eyelids(struct flame *m, const char *path, struct error *err)
 
 /* ---- the whole ---------------------------------------------------------- */
 
+/* All of a FLAME head; 0 without doing anything when its sizes cannot be
+ * told. */
 static int flame_convert(struct flame *m, const struct convert_options *o,
                          struct error *err)
 {

@@ -21,6 +21,8 @@ static const struct dinov2_config transformers[] = {
 /* Behind the names that the backbone has in a model file. */
 #define DINO "backbone.dino_model."
 
+/* The tensors that a network of this configuration has, under their own
+ * names. */
 static int take_transformer(struct convert *c, const char *prefix,
                             const struct dinov2_config *config,
                             struct error *err)

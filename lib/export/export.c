@@ -346,6 +346,7 @@ int export_record(struct export *x, const struct record *rec,
                   struct error *err)
 {
     int change = scene_apply(&x->scene, rec, err);
+
     /* before any mesh or Gaussian, MOTN beside SRCI is the source's own */
     bool own = record_is(rec, "MOTN") && x->person.rgb &&
                !x->person.has_source;

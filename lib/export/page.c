@@ -276,6 +276,8 @@ static int page_pack_rides(struct pack *k, const struct baked *b,
     return rc;
 }
 
+/* The baked Gaussians as the page draws them; dynamic ones ride on the
+ * mesh. */
 static void page_pack_gaussians(struct pack *k, const struct baked *b)
 {
     const int32_t counts[3] = {(int32_t)b->dynamic,
@@ -321,6 +323,8 @@ static void page_pack_head(struct pack *k, const struct identity *id)
     pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
 }
 
+/* The clip's frames, and the source's own motion for the page to start
+ * from. */
 static void page_pack_motion(struct pack *k, const struct page *p,
                              const struct person *person)
 {

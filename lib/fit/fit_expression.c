@@ -40,6 +40,7 @@ struct fit_rows {
     double g[N][2][FIT_FREE], r[N][2];
 };
 
+/* The residual of every point, and how it moves with each free weight. */
 static void fit_rows_fill(struct fit_rows *s, const struct face_fit *f,
                           const struct fit_person *p,
                           const struct fit_frame *frame)

@@ -1,4 +1,5 @@
-/* Reading the labels' files, and sorting their rows by person, clip and frame. */
+/* Reading the labels' files, and sorting their rows by person, clip and
+ * frame. */
 #include "lib/fit/labels.h"
 
 #include <cjson/cJSON.h>
@@ -74,6 +75,7 @@ static int label_columns(struct label_rows *r, struct error *err)
                                  st_path(r->st));
 }
 
+/* The arrays of a labels file, whose lengths must agree. */
 static int label_rows_read(struct label_rows *r, const struct safetensors *st,
                            struct error *err)
 {

@@ -1,3 +1,5 @@
+/* Phase B of fitted people in one process: what they act is what a stream of
+ * motions did, drawn as spid animate draws it. */
 #include "lib/fit/reenact.h"
 
 #include <math.h>
@@ -21,6 +23,7 @@ static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
 /* ---- opening ------------------------------------------------------------ */
 
+/* One more motion to act; the room doubles when it is full. */
 static int reenact_add(struct reenact *r, const struct record *rec,
                        struct error *err)
 {
@@ -39,6 +42,7 @@ static int reenact_add(struct reenact *r, const struct record *rec,
     return 0;
 }
 
+/* All motions of a stream. */
 static int reenact_read(struct reenact *r, const char *path,
                         struct error *err)
 {
@@ -170,6 +174,8 @@ static void reenact_camera(struct motion *m, const struct motion *own,
                                      random_normal(random));
 }
 
+/* A face from one motion, in whole or in part, and a turn from another, for
+ * the person of the photograph. */
 static void reenact_motion(struct motion *m, struct reenact *r)
 {
     struct random *random = &r->random;

@@ -30,6 +30,7 @@ struct reenact {
 int reenact_open(struct reenact *r, const char *model, const char *head,
                  const char *motions, size_t size, uint64_t seed,
                  struct error *err);
+/* Free what it holds; zeroed then. */
 void reenact_release(struct reenact *r);
 
 /* The next person: the portrait that was cut, of shape beta (n), who does m

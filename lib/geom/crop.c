@@ -128,6 +128,7 @@ void crop_translation_backward(double gtnet[3], double gcrop[3],
                                struct square crop, double S, double focal)
 {
     const double tz = S / crop.size * tnet[2];
+
     /* in the forward pass this was: t_xy = t'_xy + d t_z / f */
     const double gz = gt[2] + gt[0] * (crop.x - S / 2) / focal
                       + gt[1] * (crop.y - S / 2) / focal;

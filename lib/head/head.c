@@ -72,6 +72,7 @@ static int check_parents(const int32_t *parents, struct error *err)
     return 0;
 }
 
+/* The same of the lids that follow the eyes. */
 static int check_lids(const struct head_arrays *a, struct error *err)
 {
     if (a->nlid_shape > a->nshape)
@@ -85,6 +86,7 @@ static int check_lids(const struct head_arrays *a, struct error *err)
                         3 * a->nlid * a->nlid_shape, err) ? -1 : 0;
 }
 
+/* What later code takes for granted: sizes, and indices that stay inside. */
 static int check_arrays(const struct head_arrays *a, struct error *err)
 {
     size_t V = a->V;
@@ -308,6 +310,7 @@ static void *head_copy(const void *from, size_t bytes, int *failed)
     return p;
 }
 
+/* Copies of the arrays, and zeros up to whole blocks of the kernels. */
 static int head_allocate(struct head *h, const struct head_arrays *a,
                          struct error *err)
 {
@@ -351,6 +354,7 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
     return 0;
 }
 
+/* What has a fixed size, or is optional. */
 static void copy_small(struct head *h, const struct head_arrays *a)
 {
     memcpy(h->parents, a->parents, sizeof h->parents);

@@ -170,6 +170,7 @@ static int read_lids(struct head_arrays *a, struct loaded *l,
                                         a->nlid_shape, err)) ? 0 : -1;
 }
 
+/* Required arrays first, then those that a head may lack. */
 static int read_arrays(struct head_arrays *a, struct loaded *l,
                        const struct safetensors *st, struct error *err)
 {

@@ -67,6 +67,7 @@ static void sheet_colors(float *c, const struct head *h)
     }
 }
 
+/* The mean head, or a random person, doing what the cell says. */
 static int pose_cell(float *verts, const struct head *h, const struct cell *c,
                      int expression, struct error *err)
 {
@@ -100,6 +101,7 @@ static int pose_cell(float *verts, const struct head *h, const struct cell *c,
     return 0;
 }
 
+/* Poses from a table, then each expression by itself, in rows. */
 static int draw_cells(uint8_t *rgb, float *verts, const float *color,
                       const struct head *h, size_t size, struct error *err)
 {

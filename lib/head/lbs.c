@@ -293,6 +293,7 @@ void head_pose_joints(float *joints, const struct identity *id,
         joints[i] = (float)c.tg[i / 3][i % 3];
 }
 
+/* The best kernel that the processor has. */
 static void back_kernel(struct lbs_sums *s, const float *dverts,
                         const struct lbs_frame *fr)
 {

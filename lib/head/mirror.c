@@ -114,6 +114,7 @@ static int mirror_pair(struct head_mirror *m, const struct directions *s,
     return 1;
 }
 
+/* Each direction's mirror image: itself with a sign, or another one. */
 static int find_pairs(struct head_mirror *m, const struct directions *s)
 {
     m->n = s->n;
@@ -128,6 +129,7 @@ static int find_pairs(struct head_mirror *m, const struct directions *s)
     return 1;
 }
 
+/* Directions as rows, their energies, then the pairs; 0 when one has none. */
 static int mirror_make(struct head_mirror *m, const struct head *h,
                        const float *dirs, size_t n, struct error *err)
 {

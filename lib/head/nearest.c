@@ -25,6 +25,7 @@ static void centre_of(double c[3], const struct nearest *t, int32_t face)
     }
 }
 
+/* The box about the faces of a node. */
 static void fit_box(struct nearest_node *n, const struct nearest *t)
 {
     for (int d = 0; d < 3; d++) {
@@ -175,6 +176,7 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
     return best;
 }
 
+/* Keep a face that is nearer than the best so far, if its normal agrees. */
 static void try_face(struct nearest_hit *hit, const struct nearest *t,
                      int32_t face, const double p[3], const double *normal,
                      double least)

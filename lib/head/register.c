@@ -48,6 +48,7 @@ static double register_reach(const double p[3])
     return ramp(mix(-0.106, -0.118, front), mix(-0.082, -0.096, front), p[1]);
 }
 
+/* Unit normals (nv,3) of the mesh at `at`, each face by its area. */
 static void register_normals(double *n, const struct sculpt *s,
                              const double *at)
 {
@@ -419,6 +420,8 @@ static void fit_part_lips(struct registration *r)
     register_mirror(r->at, r);
 }
 
+/* Stiff at first, then less and less; at the end what the scans do not
+ * reach. */
 static int fit_all(struct fit *f, struct error *err)
 {
     enum { STEPS = 24 };
@@ -474,6 +477,7 @@ static void fit_release(struct fit *f)
     free(f->start);
 }
 
+/* Memory, neighbours, and the search tree over the scans. */
 static int fit_init(struct fit *f, struct registration *r, struct error *err)
 {
     size_t n = 3 * r->s->nv;

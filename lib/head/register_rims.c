@@ -121,6 +121,8 @@ static int border_paths(int32_t *path[2], size_t n[2],
     return 0;
 }
 
+/* The margin by the scans' lids, the innermost loop by their border, and the
+ * one between them on the skin. */
 static int match_eye(struct registration *r, const struct nearest *skin,
                      struct error *err)
 {
@@ -155,6 +157,8 @@ struct lips {
     size_t top, corner, bottom;
 };
 
+/* The scans' lips as loops from the mouth's border on, all from the upper
+ * middle. */
 static int read_lips(struct lips *l, const struct scan *s, struct error *err)
 {
     int32_t loop[LOOP];
@@ -238,6 +242,7 @@ static void lip_columns(double *column, const struct registration *r,
     }
 }
 
+/* Lip loops between the border and the innermost one, column by column. */
 static int match_lips(struct registration *r, struct error *err)
 {
     /* Share of the way from the border (0) to the inner loop, which lies at

@@ -126,6 +126,8 @@ out:
     return rc;
 }
 
+/* The scans' centimetres to our frame; shapes are differences and only
+ * scale. */
 static void to_metres(struct scan *s)
 {
     static const double shift[3] = {SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z};

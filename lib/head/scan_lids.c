@@ -109,6 +109,7 @@ static void find_distances(struct scan_lid_line *a, const float *p, int side,
     }
 }
 
+/* The four lid margins, and where they go in a blink. */
 static void make_lines(struct scan_lids *l, const float *p,
                        const float *const blink[2], double unit)
 {

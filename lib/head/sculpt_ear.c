@@ -45,6 +45,7 @@ static double ear_spline(const double *y, double t)
     double u = t - i;
     double a = y[(i + 11) % 12], b = y[i % 12], c = y[(i + 1) % 12],
            d = y[(i + 2) % 12];
+
     return b + 0.5 * u * (c - a + u * (2 * a - 5 * b + 4 * c - d +
            u * (3 * (b - c) + d - a)));
 }
@@ -56,6 +57,7 @@ static struct vec ear_point(double p, double q, double w)
     const double c = cos(12 * M_PI / 180), s = sin(12 * M_PI / 180);
     double y = centre.y + q * c + p * s, z = centre.z - q * s + p * c;
     struct vec skull = sculpt_surface_ray(vec(130, y, z), vec(-1, 0, 0));
+
     /* the plane leans on a smoothed skull: no bumps of the jaw in the ear */
     double base = 0.45 * skull.x + 0.55 * (69.5 + 0.05 * (p + 5));
     return vec(base + w, y, z);
@@ -64,6 +66,7 @@ static struct vec ear_point(double p, double q, double w)
 void sculpt_ear(struct half *h)
 {
     double op[12], oq[12], of[12], og[12];
+
     for (int i = 0; i < 12; i++) {
         op[i] = outline[i].p, oq[i] = outline[i].q;
         of[i] = outline[i].flare, og[i] = outline[i].groove;
@@ -122,6 +125,7 @@ void sculpt_nostril(struct half *h)
     const struct vec c = vec(7.0, -20.0, 97.5);
     const struct vec along = unit(vec(-0.42, 0.10, 1));      /* to the tip */
     const struct vec across = unit(vec(1, -0.10, 0.35));
+
     for (int k = 0; k <= NOS_RINGS; k++)
         for (int i = 0; i < NOS_N; i++) {
             /* index 0 is the midline side; then front, outside, back */

@@ -108,6 +108,7 @@ static double face_mobility(const struct full *m, int v)
 {
     struct vec p = m->p[v], e = EYE_CENTRE;
     int part = m->h->part[m->src[v]];
+
     e.x *= m->side[v] < 0 ? -1 : 1;
     if (part == PART_BALL || part == PART_EAR)
         return 0;
@@ -118,6 +119,7 @@ static double face_mobility(const struct full *m, int v)
 int sculpt_expressions(struct sculpt *s, const struct full *m)
 {
     struct vec *d = malloc((size_t)m->nv * sizeof *d);
+
     if (!d)
         return -1;
     for (size_t k = 0; k < SCULPT_EXPRESSIONS; k++) {

@@ -36,6 +36,7 @@ static double ring_t(int i, bool *upper)
 static void edge_normal(double t, bool upper, double *nx, double *ny)
 {
     double x0, y0, x1, y1, e = 0.02;
+
     eye_edge(clamp01(t - e), upper, &x0, &y0);
     eye_edge(clamp01(t + e), upper, &x1, &y1);
     double dx = x1 - x0, dy = y1 - y0, l = hypot(dx, dy);
@@ -61,9 +62,12 @@ static struct vec front_hit(double x, double y)
     return sculpt_surface_ray(vec(x, y, 130), vec(0, 0, -1));
 }
 
+/* Loops about the opening that eye_edge draws, and two tucked in behind its
+ * margin. */
 static void place_lids(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
+
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
         double t = ring_t(i, &upper), x, y, nx, ny;
@@ -100,10 +104,12 @@ static void place_lids(struct half *h)
 static const double polar[BALL_RINGS] = { 9.6, 19.5, 29.4, 40, 54, 70, 90,
     115, 145 };
 
+/* A sphere about its own centre; closer rings about the cornea. */
 static void place_ball(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
     int v = h->ball_first;
+
     h->p[v] = add(e, vec(0, 0, EYE_RADIUS));
     for (int k = 0; k < BALL_RINGS; k++)
         for (int i = 0; i < BALL_N; i++) {
@@ -130,6 +136,7 @@ static const double follow[EYE_RINGS + 1] = { 0, 0, 0.06, 0.2, 0.45, 0.62,
 void sculpt_eyelid(const struct half *h, struct vec *delta)
 {
     const struct vec e = EYE_CENTRE;
+
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
         double t = ring_t(i, &upper), x, yu, yl;

@@ -37,6 +37,7 @@ void field_wave(struct vec *d, const struct full *m, uint64_t k, double wave,
                 int odd)
 {
     struct random r;
+
     random_init(&r, k, "head.wave");
     for (int n = 0; n < 6; n++) {
         struct vec dir = unit(vec(random_normal(&r), random_normal(&r),
@@ -59,6 +60,7 @@ void field_wave(struct vec *d, const struct full *m, uint64_t k, double wave,
 void field_settle_eyes(struct vec *d, const struct full *m)
 {
     const struct half *h = m->h;
+
     for (int s = 0; s < 2; s++) {
         struct vec e = EYE_CENTRE, mean = vec(0, 0, 0);
         e.x *= s ? -1 : 1;
@@ -90,6 +92,7 @@ int field_store(float *dirs, size_t K, size_t first, size_t k,
                 const struct vec *d, size_t nv, double most)
 {
     double *x = malloc(6 * nv * sizeof *x), *y = x + 3 * nv, top = 1e-12;
+
     if (!x)
         return -1;
     for (size_t v = 0; v < nv; v++)
@@ -126,6 +129,7 @@ struct size {
 static int field_larger(const void *a, const void *b)
 {
     const struct size *x = a, *y = b;
+
     if (x->norm != y->norm)
         return x->norm < y->norm ? 1 : -1;
     return (x->column > y->column) - (x->column < y->column);
@@ -136,6 +140,7 @@ int field_sort(float *dirs, size_t K, size_t first, size_t n, size_t nv)
     struct size *s = calloc(n + 1, sizeof *s);
     float *row = malloc((n + 1) * sizeof *row);
     int rc = s && row ? 0 : -1;
+
     for (size_t k = 0; !rc && k < n; k++) {
         s[k].column = first + k;
         for (size_t i = 0; i < 3 * nv; i++)

@@ -50,6 +50,7 @@ static double finish_bell(struct vec p, const double *c, const double *r)
 {
     double x = (p.x - c[0]) / r[0], y = (p.y - c[1]) / r[1],
            z = (p.z - c[2]) / r[2];
+
     return exp(-(x * x + y * y + z * z));
 }
 
@@ -57,6 +58,7 @@ static double finish_bell(struct vec p, const double *c, const double *r)
 static double finish_freedom(const struct half *h, int v)
 {
     int k = h->ring[v];
+
     switch (h->part[v]) {
     case PART_BALL: return 0;
     case PART_EYE: return k < 4 ? 1 : k == 4 ? 0.6 : k == 5 ? 0.3 : 0;
@@ -67,10 +69,13 @@ static double finish_freedom(const struct half *h, int v)
     }
 }
 
+/* Vertices move to the mean of their neighbours, as far as they are not
+ * held. */
 static void even_out(struct half *h, struct vec *next, const int (*nbr)[2],
                      size_t links, const struct smooth *t)
 {
     double *weight = malloc((size_t)h->nv * sizeof *weight);
+
     for (int n = 0; weight && n < t->rounds; n++) {
         memset(next, 0, (size_t)h->nv * sizeof *next);
         memset(weight, 0, (size_t)h->nv * sizeof *weight);
@@ -98,6 +103,7 @@ static void deepen_nostrils(struct half *h)
 {
     static const double up[NOS_RINGS + 1] = { 0, 2.0, 5.0, 8.0 };
     struct vec middle = vec(0, 0, 0);
+
     for (int i = 0; i < NOS_N; i++)
         middle = add(middle, mul(h->p[h->nostril[0][i]], 1.0 / NOS_N));
     for (int k = 1; k <= NOS_RINGS; k++)
@@ -116,6 +122,7 @@ int sculpt_finish(struct half *h)
     int (*nbr)[2] = malloc(8 * HALF_QUADS * sizeof *nbr);
     struct vec *next = malloc(HALF_VERTS * sizeof *next);
     size_t links = 0;
+
     if (!nbr || !next) {
         free(nbr);
         free(next);

@@ -20,6 +20,7 @@ static void link_add(struct links *l, int a, int b)
         l->to[a][l->n[a]++] = b;
 }
 
+/* Edges of the half's faces, both ways. */
 static void links_make(struct links *l, const struct half *h)
 {
     memset(l->n, 0, sizeof l->n);
@@ -38,6 +39,7 @@ static struct vec links_mean(const struct half *h, const struct links *l, int v)
 {
     struct vec s = vec(0, 0, 0);
     double w = 0;
+
     for (int i = 0; i < l->n[v]; i++) {
         int u = l->to[v][i];
         double k = h->seam[v] && !h->seam[u] ? 2 : 1;
@@ -104,9 +106,11 @@ static void half_soften(struct half *h, const struct links *l, int rounds)
         }
 }
 
+/* Loops and grid, authored parts, then all of it evened out. */
 static int sculpt_half(struct half *h)
 {
     struct links *l = malloc(sizeof *l);
+
     if (!l)
         return -1;
     sculpt_topology(h);
@@ -128,6 +132,7 @@ static int sculpt_half(struct half *h)
 static void put_triangle(struct full *m, int a, int b, int c)
 {
     int *f = m->f[m->nf++];
+
     f[0] = a, f[1] = b, f[2] = c;
 }
 
@@ -135,6 +140,7 @@ static void put_triangle(struct full *m, int a, int b, int c)
 static void put_quad(struct full *m, const int *q, const int *mir)
 {
     const struct vec *p = m->p;
+
     if (q[3] < 0) {
         put_triangle(m, q[0], q[1], q[2]);
         put_triangle(m, mir[q[0]], mir[q[2]], mir[q[1]]);
@@ -148,6 +154,7 @@ static void put_quad(struct full *m, const int *q, const int *mir)
     put_triangle(m, mir[a], mir[d], mir[c]);
 }
 
+/* Unit normals of the vertices, faces by their area. */
 static void make_normals(struct full *m)
 {
     for (int i = 0; i < m->nf; i++) {
@@ -166,6 +173,7 @@ static int make_neighbours(struct full *m)
 {
     int *count = calloc((size_t)m->nv + 1, sizeof *count);
     int *list = malloc((size_t)m->nf * 6 * sizeof *list);
+
     m->nbr_at = malloc(((size_t)m->nv + 1) * sizeof *m->nbr_at);
     m->nbr = list;
     if (!count || !list || !m->nbr_at) {
@@ -203,6 +211,7 @@ static int make_neighbours(struct full *m)
 int sculpt_full_init(struct full *m, const struct half *h)
 {
     size_t cap = 2 * HALF_VERTS;
+
     memset(m, 0, sizeof *m);
     m->h = h;
     m->nhalf = h->nv;
@@ -251,9 +260,11 @@ static void *full_array(size_t n, size_t size)
     return calloc(n ? n : 1, size);
 }
 
+/* Every array of the sculpted head, zeroed. */
 static int full_allocate(struct sculpt *s, const struct full *m)
 {
     size_t v = s->nv = (size_t)m->nv;
+
     s->nf = (size_t)m->nf;
     s->v_template = full_array(v * 3, sizeof *s->v_template);
     s->f = full_array(s->nf * 3, sizeof *s->f);
@@ -301,6 +312,7 @@ int sculpt_make(struct sculpt *s, struct error *err)
 {
     struct half *h = malloc(sizeof *h);
     struct full m = { 0 };
+
     memset(s, 0, sizeof *s);
     int rc = h && !sculpt_half(h) && !sculpt_full_init(&m, h) &&
              !full_allocate(s, &m) ? 0 : -1;

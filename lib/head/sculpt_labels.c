@@ -3,6 +3,7 @@
 
 #include <stdlib.h>
 
+/* By the part a vertex belongs to, and on the skin by where it lies. */
 static int label_region(const struct full *m, int v)
 {
     const struct half *h = m->h;
@@ -51,6 +52,7 @@ static void lip_list(int32_t *list, size_t *n, const struct full *m, int ring,
                      int last, int closed)
 {
     const struct half *h = m->h;
+
     *n = 0;
     /* subject's left corner first, over the midline to the right */
     for (int j = last; j >= 0; j--)
@@ -64,6 +66,7 @@ static void lip_list(int32_t *list, size_t *n, const struct full *m, int ring,
 static int label_nearest(const struct full *m, struct vec q, int parts)
 {
     int best = 0;
+
     for (int v = 1; v < m->nv; v++) {
         if (!(parts >> m->h->part[m->src[v]] & 1))
             continue;
@@ -106,6 +109,7 @@ static int lid_at(const struct half *h, double t, bool upper)
     const int *ring = h->eye[EYE_MARGIN];
     double lo = 1e9, hi = -1e9, mid = 0, best = 1e9;
     int at = ring[0];
+
     for (int i = 0; i < EYE_N; i++) {
         lo = fmin(lo, h->p[ring[i]].x);
         hi = fmax(hi, h->p[ring[i]].x);
@@ -126,6 +130,8 @@ static int lid_at(const struct half *h, double t, bool upper)
     return at;
 }
 
+/* The 68 points: nearest skin to places on the face, lips and lids by their
+ * loops. */
 static void label_landmarks(struct sculpt *s, const struct full *m)
 {
     const struct half *h = m->h;

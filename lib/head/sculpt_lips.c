@@ -24,6 +24,8 @@ static const struct loop loops[MOUTH_RINGS + 1] = {
     [11] = { -38.5, 86.0, -52.0, 85.5, 23.6, -45.2, 76.6, 0, 1.5, 1.5 },
 };
 
+/* A point of a lip loop: height and depth as functions of how far out it
+ * is. */
 static struct vec loop_point(const struct loop *l, int j)
 {
     bool upper = j <= MOUTH_CORNER;
@@ -33,6 +35,7 @@ static struct vec loop_point(const struct loop *l, int j)
     double fall = 1 - pow(t, upper ? l->upow : l->lpow);
     double y = l->cy + ((upper ? l->uy : l->ly) - l->cy) * fall;
     double z = l->cz + ((upper ? l->uz : l->lz) - l->cz) * (1 - t * t);
+
     if (upper) {   /* two peaks beside the philtrum */
         double a = (x - 6) / 4.5;
         y += l->ubow * (exp(-a * a) - exp(-36 / 20.25) * (1 - fall));

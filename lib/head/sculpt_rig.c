@@ -32,6 +32,7 @@ double sculpt_jaw_weight(const struct half *h, int src, struct vec p)
     return below * front * throat;
 }
 
+/* Balls by their eyes; skin between neck, head and jaw by place. */
 static void rig_weights(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
@@ -54,6 +55,7 @@ static void rig_weights(struct sculpt *s, const struct full *m)
 static int rig_carries(const struct full *m, int j, int v)
 {
     int part = m->h->part[m->src[v]];
+
     if (j >= 3)
         return part == PART_BALL && (m->side[v] > 0) == (j == 3);
     return (part == PART_GRID || part == PART_EAR) &&
@@ -115,9 +117,11 @@ static void rig_correctives(struct sculpt *s, const struct full *m)
     }
 }
 
+/* What closes a lid, of either side, in metres. */
 static int rig_eyelids(struct sculpt *s, const struct full *m)
 {
     struct vec *delta = calloc((size_t)m->nhalf, sizeof *delta);
+
     if (!delta)
         return -1;
     sculpt_eyelid(m->h, delta);
@@ -135,6 +139,7 @@ static int rig_eyelids(struct sculpt *s, const struct full *m)
 int sculpt_rig(struct sculpt *s, const struct full *m)
 {
     static const int32_t parents[] = { -1, 0, 1, 1, 1 };
+
     for (int j = 0; j < SCULPT_JOINTS; j++)
         s->parents[j] = parents[j];
     rig_weights(s, m);

@@ -76,10 +76,12 @@ static const struct proportion named[] = {
 };
 enum { NAMED = sizeof named / sizeof *named };
 
+/* A named direction: stretching, and pulls at places of the face. */
 static void shape_proportion(struct vec *d, const struct full *m,
                              const struct proportion *p)
 {
     int lopsided = p - named >= NAMED - 2;
+
     for (int v = 0; v < m->nv; v++) {
         struct vec q = m->p[v];
         d[v] = vec(q.x * p->stretch.x, q.y * p->stretch.y,
@@ -100,6 +102,7 @@ static double shape_extent(size_t k, double wave)
 int sculpt_shapes(struct sculpt *s, const struct full *m)
 {
     struct vec *d = malloc((size_t)m->nv * sizeof *d);
+
     if (!d)
         return -1;
     for (size_t k = 0; k < SCULPT_SHAPES; k++) {

@@ -54,6 +54,7 @@ static double form_ellipsoid(struct vec p, const double *c, const double *r)
     struct vec q = vec(d.x / r[0], d.y / r[1], d.z / r[2]);
     struct vec g = vec(q.x / r[0], q.y / r[1], q.z / r[2]);
     double k = norm(q), l = norm(g);
+
     return l > 1e-9 ? k * (k - 1) / l : -fmin(r[0], fmin(r[1], r[2]));
 }
 
@@ -62,6 +63,7 @@ static double form_rod(struct vec p, const struct form *f)
     struct vec a = vec(f->a[0], f->a[1], f->a[2]);
     struct vec ab = sub(vec(f->b[0], f->b[1], f->b[2]), a), ap = sub(p, a);
     double t = clamp01(dot(ap, ab) / dot(ab, ab));
+
     return norm(sub(ap, mul(ab, t))) - mix(f->r0, f->r1, t);
 }
 
@@ -82,6 +84,7 @@ static double form_distance(const struct form *f, struct vec p)
 double sculpt_surface(struct vec p)
 {
     double d = 1e9;
+
     for (size_t i = 0; i < sizeof forms / sizeof *forms; i++) {
         const struct form *f = &forms[i];
         int sides = f->a[0] != 0 || (f->op == ROD && f->b[0] != 0) ? 2 : 1;
@@ -105,6 +108,7 @@ struct vec sculpt_surface_normal(struct vec p)
         sculpt_surface(vec(p.x, p.y - e, p.z)),
         sculpt_surface(vec(p.x, p.y, p.z + e)) -
         sculpt_surface(vec(p.x, p.y, p.z - e)));
+
     return mul(g, 1 / (2 * e));
 }
 
@@ -124,6 +128,7 @@ struct vec sculpt_surface_project(struct vec p)
 struct vec sculpt_surface_ray(struct vec from, struct vec dir)
 {
     double t = 0;
+
     for (int i = 0; i < 200 && t < 400; i++) {
         double d = sculpt_surface(add(from, mul(dir, t)));
         if (d < 1e-3)
@@ -150,6 +155,7 @@ static const struct { const char *name; double c[3], r[3], mm; } details[] = {
 double sculpt_surface_detail(struct vec p)
 {
     double sum = 0;
+
     for (size_t i = 0; i < sizeof details / sizeof *details; i++)
         for (int s = 0; s < (details[i].c[0] != 0 ? 2 : 1); s++) {
             double x = (s ? -p.x : p.x) - details[i].c[0];
@@ -218,6 +224,7 @@ static double grid_azimuth(int c)
 {
     static const double x[16] = { 0, 3.5, 7, 10.5, 14, 17.5, 21, 24.5, 28,
         32, 37, 42.5, 48.5, 55, 62.5, 69 };
+
     if (c <= 14)
         return asin(x[c] / 72);
     if (c <= EAR_C1)
@@ -225,11 +232,13 @@ static double grid_azimuth(int c)
     return (106 + (c - EAR_C1) * 74.0 / (COLS - EAR_C1)) * M_PI / 180;
 }
 
+/* Where the grid starts: an outline at each height, flatter to the front. */
 static struct vec grid_point(int r, int c)
 {
     double a = grid_azimuth(c), s = sin(a), k = cos(a);
     double x = stations[r].sx * s;
     double nose = 1 - ramp(0.16, 0.34, s);
+
     if (k >= 0) {
         double fz = mix(stations[r].cz, stations[r].fz, nose);
         double t = ramp(0.35, 1, s);

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+/* A vertex of the half; its number. */
 static int half_vertex(struct half *h, enum part part, int ring, int col,
                        int row)
 {
@@ -49,6 +50,8 @@ static int in_block(int r, int c, int cell)
     return 0;
 }
 
+/* The skin by rows and columns, but for the blocks that have loops of their
+ * own. */
 static void make_grid(struct half *h)
 {
     for (int r = 0; r <= ROWS; r++)
@@ -87,6 +90,7 @@ static void make_cap(struct half *h)
 static void block_border(const struct half *h, const struct block *b, int *ring)
 {
     int n = 0, mid = (b->r0 + b->r1) / 2;
+
     for (int r = mid; r < b->r1; r++) ring[n++] = h->grid[r][b->c0];
     for (int c = b->c0; c < b->c1; c++) ring[n++] = h->grid[b->r1][c];
     for (int r = b->r1; r > b->r0; r--) ring[n++] = h->grid[r][b->c1];
@@ -116,6 +120,7 @@ static void make_fill(struct half *h, const struct block *b, const int *ring,
                       int *fill, enum part part, int label)
 {
     int w = b->c1 - b->c0, t = b->r1 - b->r0, n = 0, mid = t / 2;
+
     for (int r = mid; r < t; r++) fill[r * (w + 1)] = ring[n++];
     for (int c = 0; c < w; c++) fill[t * (w + 1) + c] = ring[n++];
     for (int r = t; r > 0; r--) fill[r * (w + 1) + w] = ring[n++];
@@ -135,6 +140,7 @@ static void make_mouth(struct half *h)
 {
     int n = 0;
     int *ring = h->mouth[0];
+
     for (int c = 0; c < MOUTH_C1; c++) ring[n++] = h->grid[MOUTH_R1][c];
     for (int r = MOUTH_R1; r > MOUTH_R0; r--)
         ring[n++] = h->grid[r][MOUTH_C1];
@@ -147,6 +153,7 @@ static void make_mouth(struct half *h)
 static void make_ball(struct half *h)
 {
     int v = h->ball_first = half_vertex(h, PART_BALL, 0, 0, 0);
+
     for (int k = 1; k <= BALL_RINGS; k++)
         for (int i = 0; i < BALL_N; i++)
             half_vertex(h, PART_BALL, k, i, 0);

@@ -157,6 +157,8 @@ static void extra_mask(double *mask, const struct registration *r)
     }
 }
 
+/* The scans' identities, and behind them shapes of skull and neck, which scans
+ * lack. */
 static int carry_identities(struct sculpt *s, const struct registration *r,
                             double *d, struct error *err)
 {
@@ -181,6 +183,7 @@ static int carry_identities(struct sculpt *s, const struct registration *r,
     return 0;
 }
 
+/* The scans' expressions through the registration, behind the identities. */
 static int carry_expressions(struct sculpt *s, const struct registration *r,
                              struct error *err)
 {

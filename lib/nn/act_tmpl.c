@@ -7,6 +7,7 @@
 VF_INLINE vf act_of(vf x, int act)
 {
     vf t;
+
     switch (act) {
     case ACT_RELU:
         return vf_max(x, vf_set(0));
@@ -36,6 +37,7 @@ VF_INLINE vf act_slope_of(vf x, int act)
 {
     const vf zero = vf_set(0), one = vf_set(1);
     vf in, y;
+
     switch (act) {
     case ACT_RELU:
         return act_choose(x > 0.0f, one, zero);

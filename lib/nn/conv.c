@@ -84,6 +84,7 @@ static size_t conv_padded(size_t n, size_t before, size_t windows,
     return seen > n + before ? seen : n + before;
 }
 
+/* Quantised weights, and a primitive over them. */
 static void conv_plan_int8(struct conv *c, const struct conv_shape *s)
 {
     struct conv_impl *im = c->impl;
@@ -229,6 +230,7 @@ static void conv_update_direct(struct conv *c, const float *w)
     conv_onednn_reorder(&im->to_fwd, im->w_fwd, w, c);
 }
 
+/* By the library's primitive, its input brought to the type it takes. */
 static void conv_forward_direct(float *out, const float *in, struct conv *c)
 {
     void *half = c->plan->scratch + c->impl->half_at;

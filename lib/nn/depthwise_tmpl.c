@@ -89,6 +89,7 @@ struct depthwise_target {
 VF_INLINE vf depthwise_activate(vf x, int act)
 {
     vf zero = { 0 }, t;
+
     switch (act) {
     case ACT_RELU:
         return vf_max(x, zero);
@@ -124,6 +125,7 @@ VF_INLINE void depthwise_rows(const struct depthwise_target *o,
                               size_t cols, int K, int S, int act)
 {
     vf acc[T];
+
     for (size_t y = y0; y < y1; y++)
         for (size_t x = 0; x < o->w; x += T)
             for (size_t i = 0; i < LANES && i < o->m; i += VF_LANES) {

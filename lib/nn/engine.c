@@ -145,6 +145,7 @@ size_t nn_call_scratch(struct nn_call *c, const_dnnl_primitive_desc_t pd,
     const dnnl_memory_desc_t *md =
         dnnl_primitive_desc_query_md(pd, dnnl_query_scratchpad_md, 0);
     size_t size = md ? dnnl_memory_desc_get_size(md) : 0;
+
     nn_call_arg(c, DNNL_ARG_SCRATCHPAD, md, p);
     return size;
 }

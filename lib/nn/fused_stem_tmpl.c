@@ -20,6 +20,7 @@ VF_INLINE void fused_stem_block(float *out, const struct fused_stem_rows *in,
                                 size_t C, size_t O, const int pixels)
 {
     vf acc[PIXELS][VF_PARTS];
+
     for (int i = 0; i < pixels; i++)
         for (int j = 0; j < VF_PARTS; j++)
             acc[i][j] = vf_load(bias + VF_LANES * j);

@@ -44,6 +44,7 @@ VF_INLINE void gemm_block(float *C, size_t ldc, const float *A, size_t rs,
                           int accumulate, const int rows)
 {
     vf acc[ROWS][WIDE];
+
     for (int r = 0; r < rows; r++)
         for (int j = 0; j < WIDE; j++)
             acc[r][j] = (vf){ 0 };

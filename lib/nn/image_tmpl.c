@@ -150,6 +150,7 @@ void ISA(range)(float *lo, float *hi, const float *x, size_t n)
 {
     vf least = vf_set(*lo), most = vf_set(*hi);
     size_t whole = n / VF_LANES * VF_LANES;
+
     for (size_t i = 0; i < whole; i += VF_LANES) {
         vf v = vf_load(x + i);
         least = vf_min(least, v);

@@ -8,6 +8,7 @@ VF_INLINE vf max_pool_window(vf *which, const float *p, size_t rows,
                              size_t cols, size_t step, size_t C)
 {
     vf most = vf_load(p), at = vf_set(0);
+
     for (size_t y = 0; y < rows; y++)
         for (size_t x = 0; x < cols; x++) {
             vf v = vf_load(p + y * step + x * C);

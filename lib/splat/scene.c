@@ -310,6 +310,7 @@ int scene_to_splat(struct splat *out, const struct scene *s,
 void scene_rgb(float rgb[3], const struct scene *s, size_t i)
 {
     size_t c = (size_t)s->g.channels;
+
     for (size_t k = 0; k < 3; k++) {
         size_t at = c * i + (k < c ? k : c - 1);
         rgb[k] = s->color ? s->color[at] : half_to_float(s->color_half[at]);

@@ -20,6 +20,7 @@ int actor_grow(struct actor *a, size_t nv, size_t nf, size_t *v0, size_t *f0,
                struct error *err)
 {
     size_t v = a->nv + nv, f = a->nf + nf;
+
     if (actor_reserve(&a->neutral, 3 * v, sizeof *a->neutral)
         || actor_reserve(&a->paint, v, sizeof *a->paint)
         || actor_reserve(&a->anchor, v, sizeof *a->anchor)
@@ -64,6 +65,7 @@ static void measure_skull(struct actor *a)
 {
     float lo[3] = { 9, 9, 9 }, hi[3] = { -9, -9, -9 };
     float brow = 0.5f * (a->lmk[19][1] + a->lmk[24][1]);
+
     for (size_t i = 0; i < a->head->V; i++) {
         const float *p = a->neutral + 3 * i;
         if (p[1] < brow || (a->head->region
@@ -84,11 +86,14 @@ static void measure_skull(struct actor *a)
     a->skull_radius[1] = hi[1] - a->skull[1];
 }
 
+/* Places of the neutral head that other parts are built on: landmarks, lips,
+ * eyes, skull. */
 static void actor_measure(struct actor *a)
 {
     const struct head *h = a->head;
     float r2 = 0, lowest = 9;
     size_t n = 0;
+
     head_landmarks(&a->lmk[0][0], h, a->neutral);
     head_lip_centroid(a->mouth, h, a->neutral);
     for (int k = 0; k < 3; k++) {
@@ -137,6 +142,7 @@ static int take_head(struct actor *a, struct error *err)
     const struct head *h = a->head;
     struct head_motion rest = { 0 };
     size_t v0, f0;
+
     if (actor_grow(a, h->V, h->F, &v0, &f0, err))
         return -1;
     a->neck = calloc(h->V, sizeof *a->neck);

@@ -13,6 +13,7 @@ static void wall_at(float c[3], const struct persona *p, float u, float v)
     float s = p->skin.shift[0];
     float n = noise_sum(u * 1.5f + s, v * 1.5f, 3, 2);
     float f = 0.75f + 0.25f * u * (p->yaw > 0 ? 1 : -1) - 0.1f * v + 0.05f * n;
+
     for (int k = 0; k < 3; k++)
         c[k] = p->wall[k] * f;
 }
@@ -21,6 +22,7 @@ static void wall_at(float c[3], const struct persona *p, float u, float v)
 static void bokeh_at(float c[3], const struct persona *p, float u, float v)
 {
     float s = p->skin.shift[1];
+
     for (int k = 0; k < 3; k++)
         c[k] = p->wall[k] * (0.40f + 0.28f * noise_sum(u + s, v, 1, 2)
                              + 0.07f * noise_sum(u, v + s, (float)k, 1));
@@ -45,6 +47,7 @@ static void garden_at(float c[3], const struct persona *p, float u, float v)
     float green[3] = { 0.10f + 0.08f * n, 0.18f + 0.13f * n,
                        0.05f + 0.03f * n };
     float blue[3] = { 0.50f, 0.66f, 0.85f };
+
     for (int k = 0; k < 3; k++)
         c[k] = lerpf(fmaxf(green[k], 0.01f), blue[k], sky);
 }
@@ -80,6 +83,7 @@ static void shelf_at(float c[3], const struct persona *p, float u, float v)
     float in = ramp(0.02f, 0.15f, fx) * ramp(0.98f, 0.85f, fx)
                * ramp(top - 0.06f, top + 0.06f, y - row)
                * ramp(0.97f, 0.88f, y - row);
+
     for (int k = 0; k < 3; k++) {
         float b = lerpf(p->wall[k], p->accent[k],
                         (float)(h >> 8 & 255) / 255)

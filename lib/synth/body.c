@@ -24,6 +24,7 @@ static void body_torso(const struct actor *a, float p[3], float t, float phi)
     float rz = lerpf(neck_z, 0.46f * a->look.build, ramp(0, 0.8f, u));
     float s = sinf(phi), c = cosf(phi);
     float e = lerpf(1, 0.8f, u);
+
     p[0] = b[0] + rx * copysignf(powf(fabsf(s), e), s);
     p[2] = b[2] - 0.04f * u + rz * copysignf(powf(fabsf(c), e), c);
     /* the trapezius runs down to the shoulder; chest and back drop sooner */
@@ -42,6 +43,7 @@ static float body_neckline(enum collar collar, float phi)
 {
     float front = 0.5f + 0.5f * cosf(phi);
     float tight = expf(-phi * phi * 5);
+
     switch (collar) {
     case COLLAR_VEE: return 0.20f + 0.05f * front + 0.38f * tight;
     case COLLAR_SHIRT: return 0.10f + 0.16f * tight;
@@ -57,6 +59,7 @@ static float body_thickness(const struct persona *p, float d, float phi)
 {
     float base = 0.020f, edge = ramp(0, 0.02f, d);
     float back = 0.5f - 0.5f * cosf(phi);
+
     switch (p->collar) {
     case COLLAR_HOOD:
         return edge * (0.035f + (0.09f + 0.10f * back)
@@ -73,14 +76,18 @@ static float body_thickness(const struct persona *p, float d, float phi)
 static float ring_t(int r)
 {
     float x = (float)r / (RINGS - 1);
+
     return x < 0.8f ? 1.15f * powf(x / 0.8f, 1.25f)
                     : 1.15f + (x - 0.8f) / 0.2f * 0.85f;
 }
 
+/* A point of the clothed torso: thickness and folds along its normal, the
+ * collar, and what is painted on it. */
 static void body_vertex(struct actor *a, size_t i, float t, float phi)
 {
     float *p = a->neutral + 3 * i, e[3], f[3], n[3], q[3];
     const float *shift = a->look.cloth.shift;
+
     body_torso(a, p, t, phi);
     body_torso(a, e, t + 0.02f, phi);
     body_torso(a, f, t, phi + 0.05f);
@@ -122,6 +129,7 @@ static void body_vertex(struct actor *a, size_t i, float t, float phi)
 int body_build(struct actor *a, struct error *err)
 {
     size_t v0, f0;
+
     if (actor_grow(a, RINGS * AROUND, 2 * (RINGS - 1) * AROUND, &v0, &f0, err))
         return -1;
     for (int r = 0; r < RINGS; r++)

@@ -22,6 +22,7 @@ static int facehair_plant(struct actor *a, enum strand_kind kind, size_t f,
     float e[3], g[3], n[3], p[3], d[3];
     int points = 4;
     struct strand_point *q = actor_strand(a, kind, points, half, 0.35f);
+
     if (!q)
         return -1;
     struct strand *st = &a->strand[a->nstrand - 1];
@@ -53,6 +54,7 @@ static float brow_at(const struct actor *a, const float p[3], int first,
                      float dir[3])
 {
     float best = 9, place = 0;
+
     for (int i = 0; i < 4; i++) {
         const float *q = a->lmk[first + i], *r = a->lmk[first + i + 1];
         float e[2] = { r[0] - q[0], r[1] - q[1] };
@@ -79,9 +81,11 @@ static float brow_at(const struct actor *a, const float p[3], int first,
     return ramp(wide, wide * 0.4f, best);
 }
 
+/* Short strands where brows are painted, as many as the paint is dense. */
 static int grow_brows(struct actor *a, struct random *r)
 {
     const struct head *h = a->head;
+
     for (size_t f = 0; f < h->F; f++) {
         const int32_t *v = h->f + 3 * f;
         const float *o = a->neutral + 3 * v[0];
@@ -117,10 +121,12 @@ static int grow_brows(struct actor *a, struct random *r)
     return 0;
 }
 
+/* Strands on faces of the beard's region, as dense as its paint says. */
 static int grow_beard(struct actor *a, struct random *r)
 {
     const struct head *h = a->head;
     float l = a->look.beard_length;
+
     if (l <= 0)
         return 0;
     for (size_t f = 0; f < h->F; f++) {
@@ -160,6 +166,7 @@ static int grow_beard(struct actor *a, struct random *r)
 static int grow_lashes(struct actor *a, struct random *r)
 {
     static const int upper[2][4] = { { 36, 37, 38, 39 }, { 42, 43, 44, 45 } };
+
     for (int eye = 0; eye < 2; eye++)
         for (int i = 0; i < 90; i++) {
             float x = (float)random_range(r, 0, 2.999), t, p[3], d[3];
@@ -193,6 +200,7 @@ static int grow_lashes(struct actor *a, struct random *r)
 int face_hair_grow(struct actor *a, struct error *err)
 {
     struct random r;
+
     random_init(&r, a->look.key, "face hair");
     if (grow_brows(a, &r) || grow_lashes(a, &r) || grow_beard(a, &r))
         return no_memory(err);
@@ -204,6 +212,7 @@ static int facehair_tube(struct actor *a, const float (*p)[3], int n,
                          float half)
 {
     struct strand_point *q = actor_strand(a, STRAND_FRAME, n, half, 1);
+
     if (!q)
         return -1;
     for (int i = 0; i < n; i++) {
@@ -219,6 +228,7 @@ int glasses_build(struct actor *a, struct error *err)
 {
     enum { AROUND = 33 };
     float p[AROUND][3], half = a->look.frame_width * 0.5f;
+
     if (!a->look.glasses)
         return 0;
     float z = fmaxf(a->lmk[27][2] + 0.03f,

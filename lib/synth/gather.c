@@ -21,6 +21,7 @@ struct gather {
     struct shade_strand strand[STRAND_KINDS];
 };
 
+/* A sample on a face: what its corners hold, by barycentric weights. */
 static void gather_face(struct gather *g, int queue, int i, size_t at,
                         uint32_t id)
 {
@@ -30,6 +31,7 @@ static void gather_face(struct gather *g, int queue, int i, size_t at,
     float w[3] = { 0, s->eye.b1[at], s->eye.b2[at] };
     const struct paint *q[3];
     const float *p[3], *n[3];
+
     w[0] = 1 - w[1] - w[2];
     for (int c = 0; c < 3; c++) {
         q[c] = g->a->paint + f[c];
@@ -52,6 +54,7 @@ static void gather_face(struct gather *g, int queue, int i, size_t at,
             b->n[k][i] = -b->n[k][i];
 }
 
+/* A sample on a strand: along its axis. */
 static void gather_strand(struct gather *g, int queue, int i, size_t at,
                           uint32_t point)
 {
@@ -60,6 +63,7 @@ static void gather_strand(struct gather *g, int queue, int i, size_t at,
     const struct strand *t = &g->a->strand[s->owner[point]];
     float x = s->eye.b1[at];
     const float *p = s->tuft + 3 * point, *n = s->tuft_normal + 3 * point;
+
     for (int k = 0; k < 3; k++) {
         b->p[k][i] = lerpf(p[k], p[3 + k], x);
         b->n[k][i] = lerpf(n[k], n[3 + k], x);
@@ -71,10 +75,12 @@ static void gather_strand(struct gather *g, int queue, int i, size_t at,
     b->k[2][i] = lerpf(q[0].open, q[1].open, x);
 }
 
+/* Shade a full block of a queue by its material, and put the colours back. */
 static void gather_flush(struct gather *g, int queue)
 {
     struct shade_block *b = &g->block[queue];
     const struct persona *p = &g->a->look;
+
     switch (queue) {
     case MATERIAL_SKIN: g->kernels->skin(b, g->env, &p->skin); break;
     case MATERIAL_EYE: g->kernels->eye(b, g->env, &p->eye); break;
@@ -93,10 +99,12 @@ static void gather_flush(struct gather *g, int queue)
     g->count[queue] = 0;
 }
 
+/* Put a sample into the queue of its material; full blocks are shaded. */
 static void gather_take(struct gather *g, size_t at, uint32_t id, float ao)
 {
     uint32_t point = id & ~RASTER_STRAND;
     int queue, i;
+
     if (id & RASTER_STRAND)
         queue = MATERIAL_COUNT + g->a->strand[g->s->owner[point]].kind;
     else
@@ -113,9 +121,11 @@ static void gather_take(struct gather *g, size_t at, uint32_t id, float ao)
         gather_flush(g, queue);
 }
 
+/* Materials that are the same in all samples of a person. */
 static void gather_prepare(struct gather *g)
 {
     const struct persona *p = &g->a->look;
+
     g->teeth = (struct shade_cloth){ .gloss = 0.35f, .wet = 1, .grain = 0.02f,
                                      .scale = 1 };
     copy3(g->teeth.base, p->tooth);
@@ -149,6 +159,7 @@ void stage_shade(struct stage *s, const struct actor *a,
                  const struct shade_env *env)
 {
     struct gather g;
+
     memset(&g, 0, sizeof g);
     g.s = s;
     g.a = a;
@@ -175,6 +186,7 @@ static uint8_t label_of(const struct stage *s, const struct actor *a,
 {
     static const uint8_t kinds[STRAND_KINDS] = { LABEL_HAIR, LABEL_BROW,
         LABEL_LASH, LABEL_BEARD, LABEL_GLASSES };
+
     if (id == RASTER_NONE)
         return LABEL_NONE;
     if (id & RASTER_STRAND)

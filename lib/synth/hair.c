@@ -53,10 +53,13 @@ static float skull_place(const struct actor *a, float d[3], const float p[3])
     return length3(d);
 }
 
+/* p goes out of the skull's ellipsoid, and back to it where it stands off too
+ * far. */
 static void keep_outside(const struct actor *a, float p[3], float room,
                          float slack)
 {
     float d[3], r = skull_place(a, d, p), want = 1.0f + room;
+
     if (r > want + slack && d[1] > -0.35f)
         want = lerpf(r, want + slack, 0.6f);
     else if (r >= want || r < 1e-4f)
@@ -72,6 +75,7 @@ static void keep_clear(const struct actor *a, float p[3], float depth)
 {
     float eyes = a->eye[0][1], wide = fabsf(a->lmk[1][0]) * 0.97f;
     float front = a->lmk[1][2] - 0.05f;
+
     if (p[1] < eyes + 0.16f && p[2] > front) {
         float need = wide * ramp(eyes + 0.16f, eyes - 0.05f, p[1])
                      + 0.05f * depth;
@@ -97,6 +101,7 @@ static void hair_flow(const struct actor *a, float f[3], const float p[3])
                                                  / a->skull_radius[1]);
     float x = (p[0] - part) * 8, side = x / sqrtf(1 + x * x);
     float front = p[2] / a->skull_radius[2];
+
     f[0] = 0;
     f[1] = -0.6f * (1 - top);
     f[2] = 0;
@@ -135,6 +140,8 @@ static void hair_flow(const struct actor *a, float f[3], const float p[3])
     }
 }
 
+/* From the root along the cut's direction, falling, and never into the
+ * skull. */
 static void grow_strand(struct actor *a, struct strand_point *q, int n,
                         const float root[3], const float normal[3],
                         const struct cut *cut, struct random *r)
@@ -148,6 +155,7 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
                   * h->volume * lerpf(0.6f, 1, top);
     int fringe = h->fringe && root[2] > 0.45f * a->skull_radius[2]
                  && fabsf(root[0]) < 0.22f && cut->top > 0.4f;
+
     if (fringe)
         length = (root[1] - a->lmk[24][1]) * 1.15f + 0.05f;
     float step = length / (float)(n - 1), phase = (float)random_range(r, 0, 6);
@@ -196,6 +204,7 @@ static int pick_root(const struct actor *a, float root[3], float normal[3],
                      struct random *r)
 {
     const struct head *h = a->head;
+
     for (int tries = 0; tries < 64; tries++) {
         size_t f = random_below(r, (uint32_t)h->F);
         const int32_t *v = h->f + 3 * f;
@@ -225,6 +234,7 @@ static int pick_root(const struct actor *a, float root[3], float normal[3],
 static void measure_roots(struct actor *a)
 {
     const struct head *h = a->head;
+
     a->root_area = 1e-9f;
     for (size_t i = 0; i < h->F; i++) {
         const int32_t *v = h->f + 3 * i;
@@ -244,6 +254,7 @@ static int grow_bun(struct actor *a, struct random *r, struct error *err)
     float size = 0.17f * a->look.hair.volume;
     float c[3] = { a->skull[0], a->skull[1] + 0.62f * a->skull_radius[1],
                    a->skull[2] - 1.05f * a->skull_radius[2] };
+
     for (int s = 0; s < 900; s++) {
         int n = 8;
         struct strand_point *q = actor_strand(a, STRAND_HAIR, n, 0.006f, 0.8f);
@@ -272,6 +283,7 @@ int hair_grow(struct actor *a, struct error *err)
     const struct hair_look *h = &a->look.hair;
     const struct cut *cut = &cuts[h->style];
     struct random r;
+
     random_init(&r, a->look.key, "strands");
     measure_roots(a);
     for (int i = 0; i < cut->count; i++) {

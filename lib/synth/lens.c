@@ -16,6 +16,7 @@ static float lens_encode(float x)
 {
     float t = sqrtf(clampf(x, 0, 1)) * 1024;
     int i = (int)t;
+
     return lerpf(srgb_table[i], srgb_table[i + 1], t - (float)i);
 }
 
@@ -75,6 +76,7 @@ static void lens_soften(float *img, float *tmp, int n, float sigma)
 static void lens_smear(float *img, float *tmp, int n, float dx, float dy)
 {
     int taps = (int)ceilf(fmaxf(fabsf(dx), fabsf(dy))) + 1;
+
     taps = taps > 9 ? 9 : taps;
     memset(tmp, 0, 3 * (size_t)n * (size_t)n * sizeof *tmp);
     for (int i = 0; i < taps; i++) {
@@ -97,6 +99,7 @@ static void lens_smear(float *img, float *tmp, int n, float dx, float dy)
 static void lens_coarsen(float *img, float *tmp, int n, float low)
 {
     int m = (int)((float)n * low);
+
     m = m < 8 ? 8 : m;
     float step = (float)n / (float)m;
     for (int y = 0; y < m; y++)
@@ -133,6 +136,7 @@ static void lens_coarsen(float *img, float *tmp, int n, float low)
 static void lens_develop(float *img, int n, const struct lens_look *l)
 {
     float half = 0.5f * (float)n;
+
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
             float *p = img + 3 * (y * n + x), v[3], gray;
@@ -152,11 +156,13 @@ static void lens_develop(float *img, int n, const struct lens_look *l)
         }
 }
 
+/* Noise of the sensor, then bytes. */
 static void lens_finish(struct stage *s, const float *img,
                         const struct persona *p, uint64_t frame)
 {
     size_t n = (size_t)s->size * (size_t)s->size;
     uint64_t key = random_mix(p->key ^ random_mix(frame + 0x6e6f));
+
     for (size_t i = 0; i < n; i++) {
         uint64_t h = random_mix(key + i);
         for (int k = 0; k < 3; k++) {
@@ -178,6 +184,7 @@ void lens_expose(struct stage *s, const struct persona *p, const float *wall,
     size_t n = (size_t)s->size * (size_t)s->size;
     const struct lens_look *l = &p->lens;
     float *img = s->light;
+
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < 3; k++)
             img[3 * i + k] += wall[3 * i + k] * (1 - s->cover[i]);

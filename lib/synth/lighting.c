@@ -16,6 +16,7 @@ static struct raster_vertex sun_vertex(const struct shade_shadow *w,
                                        const float p[3])
 {
     float d[3], half = 0.5f * STAGE_SHADOW;
+
     sub3(d, p, w->centre);
     return (struct raster_vertex){ dot3(d, w->u) * w->scale + half,
                                    dot3(d, w->v) * w->scale + half,
@@ -47,6 +48,7 @@ void stage_shadow(struct stage *s, const struct actor *a,
     struct shade_shadow *w = &env->shadow;
     float up[3] = { 0, -1, 0 };
     size_t n = (size_t)STAGE_SHADOW * STAGE_SHADOW;
+
     *w = (struct shade_shadow){ .map = s->shadow, .n = STAGE_SHADOW,
                                 .scale = STAGE_SHADOW / (2 * SUN_REACH),
                                 .sharp = SUN_SHARP };
@@ -88,16 +90,19 @@ static void lighting_unproject(float p[3], const struct stage *s, int x, int y,
 {
     float q = s->eye.q[(size_t)y * (size_t)s->eye.w + (size_t)x];
     float z = 1 / q, half = 0.5f * (float)s->eye.w;
+
     p[0] = ((float)x + 0.5f - half) * z * inv_focal;
     p[1] = ((float)y + 0.5f - half) * z * inv_focal;
     p[2] = z;
 }
 
+/* Interpolated over its face, unit. */
 static void sample_normal(float n[3], const struct stage *s,
                           const struct actor *a, size_t at)
 {
     const int32_t *f = a->faces + 3 * s->eye.id[at];
     float b1 = s->eye.b1[at], b2 = s->eye.b2[at];
+
     for (int k = 0; k < 3; k++)
         n[k] = s->normal[3 * f[0] + k] * (1 - b1 - b2)
                + s->normal[3 * f[1] + k] * b1 + s->normal[3 * f[2] + k] * b2;
@@ -107,6 +112,7 @@ static void sample_normal(float n[3], const struct stage *s,
             n[k] = -n[k];
 }
 
+/* Share of taps about the sample that something nearer hides. */
 static float occlusion_at(const struct stage *s, const struct actor *a, int x,
                           int y, float inv_focal)
 {
@@ -148,6 +154,7 @@ void stage_occlusion(struct stage *s, const struct actor *a)
 {
     float inv = 1 / camera_focal((float)s->eye.w);
     int n = s->size;
+
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
             int u = x * STAGE_GRID, v = y * STAGE_GRID;

@@ -12,6 +12,7 @@
 static float motion_slot(const struct persona *p, uint64_t name, int64_t i)
 {
     uint64_t u = random_mix(random_mix(p->key ^ name) + (uint64_t)i);
+
     return (float)(u >> 40) * (1.0f / 16777216.0f);
 }
 
@@ -22,6 +23,7 @@ static float motion_wander(const struct persona *p, uint64_t name, double time,
     double x = time / period + 1000 + motion_slot(p, name, -7);
     int64_t i = (int64_t)floor(x);
     float f = (float)(x - (double)i), y[4];
+
     for (int k = 0; k < 4; k++)
         y[k] = 2 * motion_slot(p, name, i - 1 + k) - 1;
     /* cubic B-spline: two continuous derivatives */
@@ -39,6 +41,7 @@ static float motion_jump(const struct persona *p, uint64_t name, double time,
     int64_t i = (int64_t)floor(x);
     float f = (float)(x - (double)i);
     float start = motion_slot(p, name ^ 0x51, i) * (1 - (float)move);
+
     return lerpf(motion_slot(p, name, i - 1), motion_slot(p, name, i),
                  ramp(start, start + (float)move, f));
 }
@@ -51,6 +54,7 @@ static float motion_pulse(const struct persona *p, uint64_t name, double time,
     double x = time / period + 1000;
     int64_t i = (int64_t)floor(x);
     float f = (float)(x - (double)i);
+
     if (motion_slot(p, name, i) > chance)
         return 0;
     float half = 0.5f * width * (0.7f + 0.6f * motion_slot(p, name ^ 9, i));
@@ -96,6 +100,7 @@ static void sample_jaw(struct synth_motion *m, const struct persona *p,
     float rate = 0.17f + 0.08f * motion_slot(p, name, -3);
     float syllable = 0.5f + 0.5f * motion_wander(p, name ^ 2, time, rate);
     float open = 0.22f * phrase * syllable * p->lively;
+
     open += 0.42f
             * motion_pulse(p, motion_track("yawn", 0), time, 4.3, 0.28f, 0.7f)
             * (0.4f + 0.6f * motion_slot(p, name, (int64_t)(time / 4.3)));
@@ -110,6 +115,7 @@ static void sample_jaw(struct synth_motion *m, const struct persona *p,
                      * motion_wander(p, motion_track("viseme", i), time, rate);
 }
 
+/* Gaze jumps from one target to the next, now and then to the camera. */
 static void sample_eyes(struct synth_motion *m, const struct persona *p,
                         double time)
 {
@@ -119,6 +125,7 @@ static void sample_eyes(struct synth_motion *m, const struct persona *p,
                   - 1;
     float camera = motion_jump(p, motion_track("gaze", 2), time, 1.9, 0.05);
     float keep = camera > 0.5f ? 1 : 0.25f;
+
     /* often the eyes hold the camera while the head turns */
     yaw = 0.42f * yaw * keep - (camera > 0.5f ? 0 : 0.55f * m->yaw);
     pitch = 0.24f * pitch * keep - (camera > 0.5f ? 0 : 0.5f * m->pitch);
@@ -164,6 +171,7 @@ static void motion_stand(struct synth_motion *m, const float at[3])
 {
     static const float pivot[3] = { 0, -0.50f, -0.16f };
     float a[3], b[3];
+
     synth_face_rotation(m->rot, m->yaw, m->pitch, m->roll);
     rot3(a, m->body, pivot);
     rot3(b, m->rot, pivot);
@@ -184,6 +192,7 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
                   size_t nexp)
 {
     float pose[3], size[3] = { 0.62f, 0.34f, 0.27f }, drift[3];
+
     memset(m, 0, sizeof *m);
     for (int k = 0; k < 3; k++) {
         float slow = motion_wander(p, motion_track("pose", k), time, 2.2);
@@ -195,8 +204,8 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
     m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);
     m->roll = clampf(p->roll + pose[2], -MOTION_ROLL, MOTION_ROLL);
-    synth_face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw, 0.06f * m->pitch,
-                  0.1f * m->roll);
+    synth_face_rotation(m->body, 0.35f * p->yaw + 0.22f * m->yaw,
+                        0.06f * m->pitch, 0.1f * m->roll);
     /* the shoulders drift a little */
     for (int k = 0; k < 3; k++)
         drift[k] = p->rest[k]

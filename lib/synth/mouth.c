@@ -15,6 +15,7 @@ static void grid_faces(struct actor *a, size_t v0, size_t f0, int rows,
                        int cols, enum material material, enum synth_label l)
 {
     size_t f = f0;
+
     for (int r = 0; r + 1 < rows; r++)
         for (int c = 0; c + 1 < cols; c++) {
             int32_t p = (int32_t)v0 + r * cols + c, q = p + cols;
@@ -32,6 +33,7 @@ static void grid_faces(struct actor *a, size_t v0, size_t f0, int rows,
 static float mouth_half(const struct actor *a)
 {
     float w = 0;
+
     for (size_t i = 0; i < a->head->nlip_inner; i++) {
         float x = a->neutral[3 * a->head->lip_inner[i]] - a->mouth[0];
         w = fmaxf(w, fabsf(x));
@@ -46,6 +48,7 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
     size_t v0, f0, nv = ARCH * ARCH_ROWS;
     float w = mouth_half(a) * 1.02f, *m = a->mouth;
     float edge = up > 0 ? 0.022f : 0.0f, tall = up > 0 ? 0.060f : 0.045f;
+
     if (actor_grow(a, nv, 2 * (ARCH - 1) * (ARCH_ROWS - 1), &v0, &f0, err))
         return -1;
     for (int r = 0; r < ARCH_ROWS; r++)
@@ -75,10 +78,12 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
     return 0;
 }
 
+/* A patch behind the lower teeth, carried by the jaw. */
 static int tongue_build(struct actor *a, struct error *err)
 {
     size_t v0, f0;
     float w = mouth_half(a) * 0.62f, *m = a->mouth;
+
     if (actor_grow(a, TONGUE * TONGUE, 2 * (TONGUE - 1) * (TONGUE - 1), &v0,
                    &f0, err))
         return -1;
@@ -109,6 +114,7 @@ void mouth_pose(float *verts, const struct actor *a)
 {
     size_t n = a->head->nlip_inner;
     float centre[3] = { 0, 0, 0 };
+
     for (size_t i = 0; i < n; i++)
         for (int k = 0; k < 3; k++)
             centre[k] += verts[3 * a->head->lip_inner[i] + k] / (float)n;
@@ -122,9 +128,11 @@ void mouth_pose(float *verts, const struct actor *a)
         }
 }
 
+/* Four rings from the inner lips backwards. */
 static int bowl_build(struct actor *a, struct error *err)
 {
     size_t n = a->head->nlip_inner, v0, f0;
+
     if (n < 3)
         return 0;
     if (actor_grow(a, 4 * n, 8 * n, &v0, &f0, err))

@@ -21,6 +21,7 @@ static uint32_t noise_cell(int x, int y, int z)
 {
     int m = NOISE_N - 1;
     int at = ((z & m) * NOISE_N + (y & m)) * NOISE_N + (x & m);
+
     return noise_lattice_data[at];
 }
 
@@ -28,6 +29,7 @@ void noise4(float out[4], const float p[3])
 {
     int i[3];
     float f[3], sum[4] = { 0, 0, 0, 0 };
+
     for (int k = 0; k < 3; k++) {
         float fl = floorf(p[k]);
         i[k] = (int)fl;
@@ -49,6 +51,7 @@ void noise4(float out[4], const float p[3])
 float noise_sum(float x, float y, float z, int octaves)
 {
     float sum = 0, weight = 1, out[4];
+
     for (int o = 0; o < octaves; o++) {
         float p[3] = { x + 17 * o, y + 31 * o, z + 47 * o };
         noise4(out, p);

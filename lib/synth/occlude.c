@@ -24,6 +24,7 @@ static void occlude_lit(float o[3], const struct shade_env *e, const float n[3])
     }
 }
 
+/* A capsule between two points of the picture, in the light of env. */
 static void draw_bar(struct stage *s, const struct bar *b,
                      const struct shade_env *env)
 {
@@ -34,6 +35,7 @@ static void draw_bar(struct stage *s, const struct bar *b,
     int y1 = (int)(fmaxf(b->a[1], b->b[1]) + b->r) + 1;
     float e[2] = { b->b[0] - b->a[0], b->b[1] - b->a[1] };
     float l2 = e[0] * e[0] + e[1] * e[1] + 1e-6f;
+
     for (int y = y0 < 0 ? 0 : y0; y <= y1 && y < n; y++)
         for (int x = x0 < 0 ? 0 : x0; x <= x1 && x < n; x++) {
             float d[2] = { (float)x + 0.5f - b->a[0],
@@ -66,6 +68,7 @@ static void draw_hand(struct stage *s, const struct persona *p, float u,
     float side = p->yaw > 0 ? 1 : -1, sway = sinf(phase);
     float cx = s->lmk[57][0] + side * u * (0.75f + 0.2f * sway);
     float cy = s->lmk[57][1] + u * (0.45f + 0.2f * sway);
+
     for (int i = 0; i < 6; i++) {
         float f = (float)i - 1.5f, tip = i < 4 ? 1 : 0;
         struct bar b = {
@@ -81,6 +84,7 @@ static void draw_hand(struct stage *s, const struct persona *p, float u,
     }
 }
 
+/* A stick and a ball before the chin. */
 static void draw_microphone(struct stage *s, const struct persona *p, float u,
                             float phase)
 {
@@ -92,10 +96,12 @@ static void draw_microphone(struct stage *s, const struct persona *p, float u,
                          .r = 0.11f * u, .color = { .03f, .03f, .035f } };
     struct bar ball = { .a = { x, y }, .b = { x + 1, y + 1 }, .r = 0.24f * u,
                         .color = { .10f, .10f, .11f } };
+
     draw_bar(s, &stick, &p->env);
     draw_bar(s, &ball, &p->env);
 }
 
+/* Five locks across the brow. */
 static void draw_strands(struct stage *s, const struct persona *p, float u,
                          float phase)
 {
@@ -120,6 +126,7 @@ void occluder_draw(struct stage *s, const struct persona *p, double time)
     float u = hypotf(s->lmk[45][0] - s->lmk[36][0],
                      s->lmk[45][1] - s->lmk[36][1]);
     float phase = (float)(time * 1.3) + p->skin.shift[0];
+
     u = fmaxf(u, 0.08f * (float)s->size);
     switch (p->lens.occluder) {
     case OCCLUDER_HAND: draw_hand(s, p, u, phase); break;

@@ -10,6 +10,7 @@
 static float paint_blob(const float p[3], const float c[3], float size)
 {
     float x = p[0] - c[0], y = p[1] - c[1], z = 0.5f * (p[2] - c[2]);
+
     return expf(-(x * x + y * y + z * z) / (size * size));
 }
 
@@ -18,6 +19,7 @@ static float line_distance(const struct actor *a, const float p[3], int first,
                            int last)
 {
     float best = 9;
+
     for (int i = first; i < last; i++) {
         float e[3], d[3];
         sub3(e, a->lmk[i + 1], a->lmk[i]);
@@ -41,6 +43,7 @@ static float beard_at(const struct actor *a, const float p[3])
     float top = lerpf(corner[1] + 0.02f, ear[1], side * side);
     float b = ramp(top + 0.03f, top - 0.05f, p[1]);
     float throat = chin[1] - 0.16f;
+
     b *= ramp(throat, throat + 0.1f, p[1]);
     b *= ramp(ear[2] - 0.16f, ear[2] - 0.02f, p[2]);
     /* the upper lip, up to the nose */
@@ -50,12 +53,14 @@ static float beard_at(const struct actor *a, const float p[3])
     return fmaxf(b, lip) * ramp(0.0f, 0.05f, p[2] - ear[2] + 0.1f);
 }
 
+/* Shares of lip, brow, hair, beard and red that a place of the head has. */
 static void paint_vertex(struct actor *a, size_t i, const float normal[3])
 {
     const float *p = a->neutral + 3 * i;
     const struct head *h = a->head;
     int region = h->region ? h->region[i] : REGION_FACE;
     struct paint *q = &a->paint[i];
+
     copy3(q->c, p);
     float cheek = 0, socket = 0, brow = 9;
     for (int s = 0; s < 2; s++) {
@@ -116,6 +121,7 @@ static int label_of(int region)
 static void paint_thin_hair(struct actor *a)
 {
     const struct hair_look *h = &a->look.hair;
+
     for (size_t i = 0; i < a->head->V; i++) {
         struct paint *q = &a->paint[i];
         float n = noise_sum(q->c[0] * 9 + a->look.skin.shift[0],
@@ -133,6 +139,7 @@ static void paint_thin_hair(struct actor *a)
 void paint_head(struct actor *a)
 {
     const struct head *h = a->head;
+
     for (size_t i = 0; i < h->V; i++) {
         float n[3] = { 0, 0, 1 }, d[3];
         sub3(d, a->neutral + 3 * i, a->skull);

@@ -25,6 +25,7 @@ static void persona_palette(float out[3], const float (*row)[3], int n, float t)
 {
     float a[3], b[3], x = clampf(t, 0, 1) * (float)(n - 1);
     int i = (int)x;
+
     i = i > n - 2 ? n - 2 : i;
     persona_linear(a, row[i]);
     persona_linear(b, row[i + 1]);
@@ -33,6 +34,7 @@ static void persona_palette(float out[3], const float (*row)[3], int n, float t)
 static void persona_jitter(struct random *r, float c[3], float s)
 {
     float all = 1 + s * persona_normal(r);
+
     for (int k = 0; k < 3; k++)
         c[k] = clampf(c[k] * (all + 0.35f * s * persona_normal(r)), 0.003f,
                       0.95f);
@@ -44,6 +46,7 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
     float h = random_float(r, 0, 6),
           s = sat * random_float(r, 0, 1) * random_float(r, 0.3, 1);
     float v = random_float(r, lo, hi);
+
     for (int k = 0; k < 3; k++) {
         float d = fabsf(fmodf(h + 2 * (float)k, 6) - 3) - 1;
         c[k] = v * lerpf(1, clampf(d, 0, 1), s);
@@ -54,6 +57,7 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
 static void sample_shape(struct persona *p, uint64_t key, size_t nshape)
 {
     struct random r;
+
     random_init(&r, key, "shape");
     p->nbeta = nshape < PERSONA_SHAPE_MAX ? nshape : PERSONA_SHAPE_MAX;
     for (size_t i = 0; i < p->nbeta; i++)
@@ -65,10 +69,12 @@ static const float skin_row[7][3] = {
     { 186, 132, 104 }, { 150, 102, 76 },  { 110, 72, 54 }, { 78, 51, 41 }
 };
 
+/* Tone, blotches, freckles, pores, lips and make-up. */
 static void sample_skin(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_skin *s = &p->skin;
+
     random_init(&r, key, "skin");
     p->tone = clampf(random_float(&r, 0, 1) * random_float(&r, 0.35, 1.1), 0,
                      1);
@@ -104,6 +110,7 @@ static const float hair_row[8][3] = {
     { 112, 82, 54 }, { 152, 116, 76 }, { 188, 156, 108 }, { 206, 180, 138 }
 };
 
+/* A cut by sex, a colour by age and skin. */
 static void sample_hair(struct persona *p, uint64_t key)
 {
     static const float male[HAIR_STYLES] = { 4, 10, 24, 20, 16, 5, 2, 2, 6, 4,
@@ -112,6 +119,7 @@ static void sample_hair(struct persona *p, uint64_t key)
                                                5, 14, 0 };
     struct hair_look *h = &p->hair;
     struct random r;
+
     random_init(&r, key, "hair");
     float total = 0, pick = random_float(&r, 0, 1);
     const float *odds = p->male > 0.5f ? male : female;
@@ -148,9 +156,11 @@ static void sample_hair(struct persona *p, uint64_t key)
     p->skin.shaved = h->style == HAIR_SHAVED ? random_float(&r, 0.55, 1) : 0;
 }
 
+/* Brows, lashes, beard, mouth and glasses. */
 static void sample_face(struct persona *p, uint64_t key)
 {
     struct random r;
+
     random_init(&r, key, "face");
     p->brow_weight = random_float(&r, 0.5, 1) * lerpf(0.75f, 1.1f, p->male);
     p->brow_arch = random_float(&r, -0.3, 1);
@@ -198,10 +208,12 @@ static const float iris_row[7][3] = {
     { 98, 118, 98 }, { 104, 132, 148 }, { 88, 124, 164 }
 };
 
+/* Iris from dark to light, darker with darker skin. */
 static void sample_eyes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_eye *e = &p->eye;
+
     random_init(&r, key, "eyes");
     float t = p->tone > 0.4f || random_chance(&r, 0.4)
                   ? random_float(&r, 0, 0.3)
@@ -221,10 +233,12 @@ static void sample_eyes(struct persona *p, uint64_t key)
     e->vein = random_float(&r, 0.2, 1);
 }
 
+/* Collar, weave and colours, and the shoulders under them. */
 static void sample_clothes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_cloth *c = &p->cloth;
+
     random_init(&r, key, "clothes");
     p->collar = (enum collar)random_below(&r, COLLARS);
     if (p->collar == COLLAR_WIDE && p->male > 0.5f)
@@ -270,6 +284,7 @@ static void white_light(float rgb[3], float warmth, float power)
 static void persona_meter(struct shade_env *e, float want)
 {
     float got = 0.7f * e->cube[4][1] + 0.15f * (e->cube[0][1] + e->cube[1][1]);
+
     for (int i = 0; i < SHADE_LIGHTS; i++) {
         const float *d = e->light[i].dir;
         float face = fmaxf(-0.85f * d[2] - 0.25f * d[1] + 0.3f * fabsf(d[0]),
@@ -284,12 +299,15 @@ static void persona_meter(struct shade_env *e, float want)
     }
 }
 
+/* A key light, a fill from the other side, often a rim from behind, and the
+ * room about them. */
 static void sample_light(struct persona *p, struct random *r)
 {
     struct shade_env *e = &p->env;
     float side = random_chance(r, 0.5) ? 1 : -1,
           key = random_float(r, 0.5, 2.1);
     int studio = random_chance(r, 0.35);
+
     persona_aim(e->light[0].dir,
                 side * random_float(r, 0.1, studio ? 0.7 : 1.35),
                 random_float(r, 0.15, 1.0));
@@ -316,16 +334,19 @@ static void sample_light(struct persona *p, struct random *r)
 void persona_relight(struct persona *p, int k)
 {
     struct random r;
+
     random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
     sample_light(p, &r);
     persona_aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
                 k % 3 == 2 ? 0.1f : 0.5f);
 }
 
+/* What the camera does, as much of it as effects says. */
 static void sample_lens(struct persona *p, uint64_t key, float effects)
 {
     struct random r;
     struct lens_look *l = &p->lens;
+
     random_init(&r, key, "lens");
     *l = (struct lens_look){ .gamma = 1, .contrast = 1, .low = 1,
                              .exposure = 1, .saturation = 1,
@@ -352,6 +373,7 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
                    size_t nshape, float effects)
 {
     struct random r;
+
     memset(p, 0, sizeof *p);
     random_init(&r, seed, "synth.person");
     p->key = random_mix(r.key ^ random_mix(index));

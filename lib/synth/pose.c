@@ -22,6 +22,7 @@ static void place_vertices(struct stage *s, const struct actor *a,
     struct head_motion hm = { .exp = m->exp };
     const struct head *h = a->head;
     float jaw[9], joint[3];
+
     memcpy(hm.jaw, m->jaw, sizeof hm.jaw);
     memcpy(hm.eye, m->eye, sizeof hm.eye);
     memcpy(hm.lid, m->lid, sizeof hm.lid);
@@ -52,6 +53,7 @@ static void place_vertices(struct stage *s, const struct actor *a,
     }
 }
 
+/* Unit normals of all vertices, faces by their area. */
 static void find_normals(struct stage *s, const struct actor *a)
 {
     memset(s->normal, 0, 3 * a->nv * sizeof(float));
@@ -72,6 +74,7 @@ static void find_normals(struct stage *s, const struct actor *a)
 static void face_frame(float m[9], const float *p, const int32_t *f)
 {
     float e[3], g[3], n[3], b[3];
+
     sub3(e, p + 3 * f[1], p + 3 * f[0]);
     sub3(g, p + 3 * f[2], p + 3 * f[0]);
     cross3(n, e, g);
@@ -91,6 +94,7 @@ static void pose_ride(struct stage *s, const struct actor *a,
 {
     const int32_t *f = a->head->f + 3 * t->face;
     float rest[9], now[9], turn[9], rt[9];
+
     face_frame(rest, a->neutral, f);
     face_frame(now, s->place, f);
     for (int i = 0; i < 9; i++)
@@ -125,6 +129,7 @@ static void landmark_place(float o[3], const struct stage *s,
                            const struct head *h, int k)
 {
     const int32_t *f = h->f + 3 * h->landmark_faces[k];
+
     o[0] = o[1] = o[2] = 0;
     for (int c = 0; c < 3; c++)
         mad3(o, o, s->place + 3 * f[c], h->landmark_bary[3 * k + c]);
@@ -136,6 +141,7 @@ static void pose_lash(struct stage *s, const struct actor *a,
 {
     int k = -2 - t->face;
     float p[3], q[3], shut = m->lid[k < 42 ? 1 : 0];
+
     landmark_place(p, s, a->head, k);
     landmark_place(q, s, a->head, k + 1);
     lerp3(p, p, q, t->random);
@@ -150,10 +156,13 @@ static void pose_lash(struct stage *s, const struct actor *a,
     }
 }
 
+/* Strands ride on their face, their lid or the head; loose ones go over to the
+ * shoulders. */
 static void place_strands(struct stage *s, const struct actor *a,
                           const struct synth_motion *m)
 {
     float top = a->lmk[8][1], base = a->neck_base[1] - 0.15f;
+
     for (size_t i = 0; i < a->nstrand; i++) {
         const struct strand *t = &a->strand[i];
         for (int j = 0; j < t->points; j++)
@@ -184,6 +193,7 @@ static void pose_project(struct raster_vertex *o, const float *p, size_t n,
                          float size)
 {
     float f = camera_focal(size);
+
     for (size_t i = 0; i < n; i++) {
         float z = p[3 * i + 2];
         float q = z > CAMERA_NEAR ? 1 / z : 0;
@@ -196,6 +206,7 @@ void stage_pose(struct stage *s, const struct actor *a,
                 const struct synth_motion *m)
 {
     float cam[12], lmk[68 * 3];
+
     place_vertices(s, a, m);
     find_normals(s, a);
     place_strands(s, a, m);

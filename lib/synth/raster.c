@@ -11,6 +11,7 @@
 int raster_init(struct raster *r, int w, int h, struct error *err)
 {
     size_t n = (size_t)w * (size_t)h;
+
     *r = (struct raster){ .w = w, .h = h };
     r->q = malloc(n * sizeof *r->q);
     r->id = malloc(n * sizeof *r->id);
@@ -34,6 +35,7 @@ void raster_release(struct raster *r)
 void raster_clear(struct raster *r)
 {
     size_t n = (size_t)r->w * (size_t)r->h;
+
     memset(r->q, 0, n * sizeof *r->q);
     memset(r->id, 0xff, n * sizeof *r->id);
 }
@@ -54,6 +56,7 @@ static struct edge edge_of(const struct raster_vertex *p,
 static void edge_clip(const struct edge *e, float y, float *lo, float *hi)
 {
     float rest = e->b * y + e->c;
+
     if (e->a > 0) {
         float x = -rest / e->a;
         if (x > *lo)
@@ -67,12 +70,14 @@ static void edge_clip(const struct edge *e, float y, float *lo, float *hi)
     }
 }
 
+/* A row of a triangle; the nearer sample wins. */
 static void fill_span(struct raster *r, int y, int x0, int x1, uint32_t id,
                       const float q[3], const float b[4], float ox, float oy)
 {
     size_t row = (size_t)y * (size_t)r->w;
     float fy = (float)y + 0.5f - oy;
     float q0 = q[2] + q[1] * fy;
+
     for (int x = x0; x <= x1; x++) {
         float fx = (float)x + 0.5f - ox;
         float qv = q0 + q[0] * fx;
@@ -85,6 +90,7 @@ static void fill_span(struct raster *r, int y, int x0, int x1, uint32_t id,
     }
 }
 
+/* Perspective-correct weights by edge functions, scanline by scanline. */
 static void raster_triangle(struct raster *r, const struct raster_vertex *a,
                             const struct raster_vertex *b,
                             const struct raster_vertex *c, uint32_t id,
@@ -92,6 +98,7 @@ static void raster_triangle(struct raster *r, const struct raster_vertex *a,
 {
     float area = (b->x - a->x) * (c->y - a->y) - (c->x - a->x) * (b->y - a->y);
     int flip = area < 0;
+
     if (area == 0 || (!flip && cull) || a->q <= 0 || b->q <= 0 || c->q <= 0)
         return;
     float ymin = fminf(a->y, fminf(b->y, c->y));
@@ -142,12 +149,14 @@ void raster_triangles(struct raster *r, const struct raster_vertex *v,
 static float raster_sprinkle(uint32_t id, int step)
 {
     uint32_t h = id * 0x9e3779b1u ^ (uint32_t)step * 0x85ebca6bu;
+
     h ^= h >> 15;
     h *= 0x2c1b3c6du;
     h ^= h >> 13;
     return (float)(h >> 8) * (1.0f / 16777216.0f);
 }
 
+/* One sample, if it lies in the picture and nothing nearer does. */
 static void raster_put(struct raster *r, int x, int y, float q, uint32_t id,
                        float t, float u)
 {
@@ -162,6 +171,7 @@ static void raster_put(struct raster *r, int x, int y, float q, uint32_t id,
     r->b2[k] = u;
 }
 
+/* A strand's segment, a sample for each step along its longer axis. */
 static void raster_segment(struct raster *r, const struct raster_vertex *a,
                            const struct raster_vertex *b, uint32_t id, float wa,
                            float wb)
@@ -171,6 +181,7 @@ static void raster_segment(struct raster *r, const struct raster_vertex *a,
     float major = steep ? dy : dx, minor = steep ? dx : dy;
     float pa = steep ? a->y : a->x, oa = steep ? a->x : a->y;
     int limit = steep ? r->h : r->w;
+
     if (a->q <= 0 || b->q <= 0 || fabsf(major) < 1e-6f)
         return;
     float slope = minor / major, grow = sqrtf(1 + slope * slope);

@@ -107,6 +107,7 @@ static int load_rack(struct scan_rack *r, const struct body *b,
     return rc;
 }
 
+/* The pictures of irises. */
 static int load_irises(struct scan_assets *a, const char *dir,
                        struct error *err)
 {
@@ -125,6 +126,7 @@ static int load_irises(struct scan_assets *a, const char *dir,
     return rc;
 }
 
+/* All panoramas, each made ready by a thread. */
 static int load_lights(struct scan_assets *a, const char *dir, int threads,
                        struct error *err)
 {

@@ -90,6 +90,7 @@ static int find_columns(int column[ARKIT_COUNT], const struct safetensors *st,
                           "(expected ARKit's)", st_path(st), LABELS) : 0;
 }
 
+/* The rows of a labels file, as weights of the expressions. */
 static int add_labels(struct seen *s, const struct safetensors *st,
                       struct error *err)
 {
@@ -316,6 +317,7 @@ static void add_both(float *w, int k, float v, float lean)
         w[k + 1] += v * clampf(1 - lean, 0, 1.2f);
 }
 
+/* One of the kinds of expression that were seen, drawn by its share. */
 static void add_kind(float *w, const struct act_model *m, struct random *r,
                      float gain)
 {
@@ -390,6 +392,7 @@ static const struct viseme visemes[] = {
     {0.20f, 0, 0, 0.08f, 0.18f, 0.12f, 0, 0, 0},        /* l n k */
 };
 
+/* Syllables within phrases, mouths blended from one to the next. */
 static void add_speech(float *w, const struct act_look *l, double time)
 {
     uint64_t t = act_track(l, "speech", 0);
@@ -425,6 +428,7 @@ static void add_speech(float *w, const struct act_look *l, double time)
                                      w[ARKIT_BROW_INNER_UP_L]);
 }
 
+/* Looks jump, keep, and take the lids along. */
 static void add_gaze(struct act *a, const struct act_look *l, double time)
 {
     uint64_t t = act_track(l, "gaze", 0);
@@ -457,6 +461,7 @@ static void add_gaze(struct act *a, const struct act_look *l, double time)
     }
 }
 
+/* Blinks, eyes that stay shut or fall half shut, and winks. */
 static void add_blinks(float *w, const struct act_look *l, double time)
 {
     float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
@@ -494,6 +499,7 @@ static const struct { uint8_t k; float chance, top; } accents[] = {
     {ARKIT_MOUTH_PRESS_L, 0.08f, 0.8f}, {ARKIT_MOUTH_DIMPLE_L, 0.06f, 0.7f}
 };
 
+/* Single movements on top, now and then of one side more than the other. */
 static void add_accents(float *w, const struct act_look *l, double time)
 {
     for (size_t i = 0; i < sizeof accents / sizeof *accents; i++) {

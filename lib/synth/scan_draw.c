@@ -115,6 +115,7 @@ static void draw_veil(struct scan_stage *s, uint32_t i)
     struct scan_point o;
     struct tri t;
     int x0, x1, n = s->grid;
+
     /* brows may sink into the skin a little */
     float slack = 1 - (f->stuff[i] == STUFF_BROW ? 0.018f : 0.004f)
                       * s->spot[v[0]].q;

@@ -129,6 +129,8 @@ static int add_scans(struct figure *f, enum stuff stuff, struct error *err)
 
 /* ---- what is worn ------------------------------------------------------- */
 
+/* A piece of the assets as a part of the figure, moved to this person's
+ * shape. */
 static int add_piece(struct figure *f, const struct piece *q,
                      enum stuff stuff, enum ride ride, struct error *err)
 {
@@ -211,6 +213,7 @@ static void color_piece(struct figure_part *p, const float color[3], bool own)
     p->own = own;
 }
 
+/* Torso, clothes, hat. */
 static int add_worn(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
@@ -237,6 +240,7 @@ static int add_worn(struct figure *f, struct error *err)
     return 0;
 }
 
+/* Brows, lashes and the hair of the head, coloured. */
 static int add_hair(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
@@ -415,6 +419,7 @@ static void figure_expose(struct figure *f)
     f->exposure = c->exposure * 0.40f / (lum * powf(tone, 0.5f));
 }
 
+/* Normals, eyes, lips and the neck's pivot of the face at rest. */
 static void figure_measure(struct figure *f)
 {
     const struct scan_face *s = &f->assets->face;

@@ -135,6 +135,7 @@ struct tone {
     float gain[3], contrast, saturation, table[514];
 };
 
+/* The curve as a table, and exposure as it wanders with time. */
 static void tone_init(struct tone *t, const struct figure *f, double time)
 {
     const struct scan_camera *c = &f->look.camera;
@@ -156,6 +157,7 @@ static void tone_init(struct tone *t, const struct figure *f, double time)
     t->saturation = c->saturation;
 }
 
+/* Gain, shoulder, encoding, saturation and contrast, in place. */
 static void tone_apply(float c[3], const struct tone *t, float vignette)
 {
     float gray;

@@ -108,6 +108,7 @@ out:
     return rc;
 }
 
+/* A hand before the lower face, at a random angle. */
 static int add_hand(struct figure *f, struct random *r, struct error *err)
 {
     const struct piece *q = &f->assets->hand;
@@ -174,6 +175,7 @@ static int add_turned(struct figure *f, const float *h, const float *r, int n,
     return 0;
 }
 
+/* A microphone or a cup, turned about its axis. */
 static int add_thing(struct figure *f, struct random *r, struct error *err)
 {
     static const float mic_h[] = {-.13f, -.12f, -.09f, -.04f, .01f, .06f,

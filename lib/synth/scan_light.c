@@ -154,6 +154,7 @@ static void blur_level(float *out, int w, int h, const float *in, int iw,
     free(dir);
 }
 
+/* Ever smaller and blurrier panoramas, and one without its lamps. */
 static int make_levels(struct light_map *m, const struct panorama *p)
 {
     int sw = level_width[1], sh = sw / 2;
@@ -359,6 +360,7 @@ void light_mirror(float rgb[3], const struct light *l, const float d[3],
 {
     const struct light_map *m = l->map;
     float flat = sqrtf(d[0] * d[0] + d[2] * d[2]);
+
     /* camera (x, z) -> world at turn 0: phi is measured from -z */
     float u = turn_of(d[0], d[2]) + l->turn / (2 * PI_F) + 0.5f;
     float v = 2 * turn_of(flat, -d[1]);

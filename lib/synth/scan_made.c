@@ -72,6 +72,7 @@ struct spectacles {
     float centre[2][3], half[2], r, square;
 };
 
+/* Where rims lie on this face: before the brows, on the nose. */
 static void measure_glasses(struct spectacles *g, const struct figure *f)
 {
     const int32_t *lmk = f->assets->face.landmark;
@@ -107,6 +108,7 @@ static void rim_point(float o[3], const struct spectacles *g, int e, int k)
     o[2] = g->centre[e][2] - 0.35f * o[0] * o[0];
 }
 
+/* Rims, bridge and temples as tubes about the eyes. */
 static int add_frame(struct figure *f, struct error *err)
 {
     struct spectacles g;
@@ -160,6 +162,7 @@ static int add_frame(struct figure *f, struct error *err)
     return 0;
 }
 
+/* A fan of faces in each rim. */
 static int add_lenses(struct figure *f, struct error *err)
 {
     struct spectacles g;
@@ -266,6 +269,7 @@ static int add_fur(struct figure *f, bool beard, float length,
 
 #define RING 10
 
+/* A ring through each lobe, the ear's lowest vertex. */
 static int add_earrings(struct figure *f, struct error *err)
 {
     struct figure_part *p = figure_grow(f, 2 * tube_corners(RING),

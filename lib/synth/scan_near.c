@@ -82,6 +82,8 @@ static int near_insert(int32_t *index, float *d2, int have, int k, int32_t i,
     return have < k ? have + 1 : k;
 }
 
+/* Take those of a cell's points that are near enough and whose normals agree
+ * into the k nearest. */
 static int scan_slot(int32_t *index, float *d2, int have, int k,
                      const struct near_grid *g, size_t slot, const float x[3],
                      const float *n, float limit)

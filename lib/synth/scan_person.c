@@ -45,6 +45,7 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
     }
 }
 
+/* Components of the photographs' skin statistics, and a tone. */
 static void draw_skin(struct scan_person *p)
 {
     struct random r;
@@ -88,6 +89,7 @@ static const float hair_rows[9][3] = {
     {118, 86, 58}, {160, 124, 84}, {192, 162, 116}, {120, 56, 30}
 };
 
+/* Colour, cut, hat, brows and beard. */
 static void draw_hair(struct scan_person *p, const struct scan_assets *a)
 {
     struct random r;
@@ -136,6 +138,7 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
     p->beard_length = random_float(&r, 0.1, 1);
 }
 
+/* Irises, lashes, teeth, glasses and what is worn. */
 static void draw_features(struct scan_person *p, const struct scan_assets *a)
 {
     struct random r;
@@ -169,6 +172,7 @@ static void draw_features(struct scan_person *p, const struct scan_assets *a)
     any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
 }
 
+/* Distance, exposure, noise, blur and codec. */
 static void draw_camera(struct scan_person *p, float effects)
 {
     struct random r;
@@ -226,6 +230,7 @@ static void draw_light(struct scan_person *p, const struct scan_assets *a)
         p->gain[k] = 1;
 }
 
+/* How lively, how talkative, how far they turn. */
 static void draw_act(struct scan_person *p)
 {
     struct random r;

@@ -65,6 +65,8 @@ static void find_folds(struct scan_stage *s)
         s->fold[i] = 0;
 }
 
+/* Corners where their part rides: on the face, the skull, the body or
+ * nothing. */
 static void place_corners(struct scan_stage *s)
 {
     const struct figure *f = s->figure;
@@ -140,6 +142,7 @@ static void place_front(struct scan_stage *s, const struct figure_part *p)
     }
 }
 
+/* To pixels, parts of the neck turned by their share. */
 static void to_camera(struct scan_stage *s)
 {
     const struct figure *f = s->figure;

@@ -74,6 +74,7 @@ void scan_scene_release(struct scan_scene *c)
 
 /* ---- where the head is -------------------------------------------------- */
 
+/* Camera of head and shoulders: the head turns about the top of the neck. */
 static void scene_stand(struct scan_view *v, const struct figure *f,
                         const struct act *act)
 {
@@ -82,7 +83,7 @@ static void scene_stand(struct scan_view *v, const struct figure *f,
 
     synth_face_rotation(v->rot, act->yaw, act->pitch, act->roll);
     synth_face_rotation(v->body, 0.35f * p->act.yaw + 0.2f * act->yaw,
-                  0.06f * act->pitch, 0.1f * act->roll);
+                        0.06f * act->pitch, 0.1f * act->roll);
     for (int k = 0; k < 3; k++)
         at[k] = p->rest[k]
                 + act->drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);

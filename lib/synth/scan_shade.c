@@ -134,6 +134,7 @@ static void shade_tilt(float n[3], const float rot[9], const float slope[2],
     unit3(n);
 }
 
+/* Scattered light with the skin's relief, and its shine. */
 static void shade_skin(float rgb[3], const struct scan_stage *s,
                        struct scan_point *o, bool textured)
 {
@@ -209,6 +210,7 @@ static void eye_color(float c[3], const struct figure *f, float x, float y,
         c[k] *= r < 1.15f ? dark : 1;
 }
 
+/* Sclera, iris behind the cornea and what it mirrors. */
 static void shade_eye(float rgb[3], const struct scan_stage *s,
                       struct scan_point *o, int e)
 {

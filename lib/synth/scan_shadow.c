@@ -37,6 +37,7 @@ static bool is_hole(const struct figure *f, const struct figure_part *p,
     return c[3] < 0.45f;
 }
 
+/* The nearest depths to the lamp, but for what pictures leave clear. */
 static void draw_face(struct scan_stage *s, float *map, size_t i)
 {
     const struct figure *f = s->figure;
@@ -85,6 +86,7 @@ static void blur_map(float *map, float *tmp, int n, int r)
     }
 }
 
+/* An orthographic map about the head, then blurred as wide as the lamp is. */
 static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
                         const struct lamp *l)
 {

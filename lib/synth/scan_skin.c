@@ -116,6 +116,8 @@ static void fill_polygon(uint8_t *mask, const struct scan_face *f,
         }
 }
 
+/* Shares of brows, lids and lips on the chart, from the landmarks that outline
+ * them. */
 static int make_masks(struct skin_model *s, const struct scan_face *f,
                       const struct register_map *m, struct error *err)
 {
@@ -353,6 +355,7 @@ static int list_photographs(struct skin_list *l, const char *dir,
                                      path, l->n);
 }
 
+/* Every photograph of the list by itself, in parallel. */
 static int take_all(struct skin_fit *t, const struct skin_model *s,
                     const struct scan_face *f, const struct register_map *m,
                     const struct skin_list *l, const char *dir, int threads,

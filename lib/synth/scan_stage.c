@@ -48,6 +48,7 @@ int scan_stage_init(struct scan_stage *s, int size, struct error *err)
     return stage_memory(err);
 }
 
+/* What was sized by the last figure. */
 static void release_figure(struct scan_stage *s)
 {
     free(s->head);

@@ -29,5 +29,6 @@ const struct shade_kernels *shade_kernels(void)
         TABLE(avx512),
 #endif
     };
+
     return &tables[cpu_level()];
 }

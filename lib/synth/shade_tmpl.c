@@ -35,6 +35,7 @@ static inline float shade_max(float a, float b)
 static inline float shade_step01(float a, float b, float x)
 {
     float t = shade_clamp01((x - a) / (b - a));
+
     return t * t * (3 - 2 * t);
 }
 
@@ -59,6 +60,7 @@ static void noise_block(lane out[4], const lane p[3], const float shift[3],
                         float scale)
 {
     const uint32_t *lattice = noise_lattice_data;
+
     LANES {
         float x = (p[0][i] * scale) + shift[0];
         float y = (p[1][i] * scale) + shift[1];
@@ -107,6 +109,7 @@ static void shadow_block(lane lit, const struct shade_block *b,
 {
     const float *map = s->map;
     float top = (float)(s->n - 2);
+
     LANES {
         float x = b->p[0][i] - s->centre[0], y = b->p[1][i] - s->centre[1];
         float z = b->p[2][i] - s->centre[2];
@@ -183,6 +186,7 @@ static void skin_light(lane out[3], const lane n[3], const lane lit,
                        const struct shade_light *l)
 {
     static const float wrap[3] = { 0.32f, 0.14f, 0.08f };
+
     for (int c = 0; c < 3; c++) {
         float w = wrap[c], k = 1 / ((1 + w) * (1 + w));
         LANES {
@@ -194,6 +198,7 @@ static void skin_light(lane out[3], const lane n[3], const lane lit,
     }
 }
 
+/* Base colour, redder, darker and shaven where the paint says, with noise. */
 static void skin_albedo(lane a[3], const struct shade_block *b,
                         const struct shade_skin *s, const lane low[4],
                         const lane mid[4], const lane spots)
@@ -201,6 +206,7 @@ static void skin_albedo(lane a[3], const struct shade_block *b,
     static const float blood[3] = { 1.06f, 0.74f, 0.72f };
     static const float shade[3] = { 0.80f, 0.66f, 0.62f };
     static const float shaven[3] = { 0.62f, 0.64f, 0.68f };
+
     for (int c = 0; c < 3; c++)
         LANES {
             float red = b->k[PAINT_RED][i] + s->blotch * low[0][i];
@@ -231,6 +237,7 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
 {
     lane low[4], mid[4], fine[4], a[3], v[3], n[3], lit, sum[3], amb[3], g;
     lane shine;
+
     noise_block(low, b->c, s->shift, 7);
     noise_block(mid, b->c, s->shift, 46);
     noise_block(fine, b->c, s->shift, 170);
@@ -284,6 +291,7 @@ static void eye_albedo(lane a[3], lane wet, const lane e[3],
                        const struct shade_eye *s)
 {
     float ri = s->iris_radius, rp = s->pupil;
+
     for (int c = 0; c < 3; c++)
         LANES {
             float r = sqrtf(e[0][i] * e[0][i] + e[1][i] * e[1][i]);
@@ -307,6 +315,7 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
 {
     lane e[3], polar[3], streak[4], vein[4], a[3], wet, v[3], n[3], lit, g;
     lane amb[3], refl[3], mirror[3];
+
     for (int k = 0; k < 3; k++)
         LANES {
             float right = b->c[0][i] < 0 ? 1 : 0;
@@ -365,6 +374,7 @@ static void weave_block(lane second, lane height, const struct shade_block *b,
     float stripe = s->weave == CLOTH_STRIPES ? 1 : 0;
     float plaid = s->weave == CLOTH_PLAID ? 1 : 0;
     float knit = s->weave == CLOTH_KNIT ? 1 : 0;
+
     LANES {
         float u = b->c[0][i] * k, v = b->c[1][i] * k;
         float fu = fabsf(u - (float)(int)(u + 4096) + 4095.5f) * 2;
@@ -384,6 +394,7 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
                       const struct shade_cloth *s)
 {
     lane low[4], mid[4], n[3], v[3], second, height, lit, amb[3], g;
+
     noise_block(low, b->c, s->shift, 5);
     noise_block(mid, b->c, s->shift, 60);
     unit_block(b->n);
@@ -431,6 +442,7 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
                        const struct shade_strand *s)
 {
     lane v[3], lit, amb[3], sum[3];
+
     unit_block(b->n);
     unit_block(b->c);
     view_block(v, b);

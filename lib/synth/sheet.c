@@ -37,6 +37,7 @@ static void pull_face(struct synth_motion *m, int k, size_t nexp)
         m->eye[1] = m->eye[4] = k == 22 ? 0.4f : -0.4f;
 }
 
+/* A person, an expression or a pose, by the number of the cell. */
 static int draw_cell(struct stage *s, int cell, const struct head *head,
                      const struct synth_options *opt, struct error *err)
 {
@@ -45,6 +46,7 @@ static int draw_cell(struct stage *s, int cell, const struct head *head,
     struct actor a;
     struct synth_motion m;
     float *wall = malloc(3 * n * n * sizeof *wall);
+
     if (!wall)
         return error_set(err, EX_OSERR, "out of memory for the sheet");
     persona_sample(&p, opt->seed, opt->first + (cell < PEOPLE
@@ -78,6 +80,7 @@ int synth_sheet(uint8_t *rgb, const struct head *head,
     size_t n = (size_t)opt->size, row = 3 * n * SHEET_COLUMNS;
     int failed = 0, threads = opt->threads < 1 ? 1 : opt->threads;
     struct stage *stage = calloc((size_t)threads, sizeof *stage);
+
     if (!stage)
         return error_set(err, EX_OSERR, "out of memory for the sheet");
     for (int i = 0; i < threads && !failed; i++)

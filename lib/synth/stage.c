@@ -14,6 +14,7 @@ int stage_init(struct stage *s, int size, struct error *err)
     size_t n = (size_t)size * (size_t)size;
     size_t m = n * STAGE_GRID * STAGE_GRID;
     size_t t = (size_t)STAGE_SHADOW * STAGE_SHADOW;
+
     *s = (struct stage){ .size = size };
     if (raster_init(&s->eye, size * STAGE_GRID, size * STAGE_GRID, err)
         || raster_init(&s->sun, STAGE_SHADOW, STAGE_SHADOW, err))
@@ -38,6 +39,7 @@ out:
     return -1;
 }
 
+/* What was sized by the last actor. */
 static void release_actor(struct stage *s)
 {
     free(s->verts);
@@ -101,6 +103,7 @@ static int stage_fit(struct stage *s, const struct actor *a, struct error *err)
 static void stage_draw(struct stage *s, const struct actor *a)
 {
     float focal = camera_focal((float)s->eye.w);
+
     raster_clear(&s->eye);
     raster_triangles(&s->eye, s->spot, a->faces, a->nf, 0, 0);
     for (size_t i = 0; i < a->nstrand; i++) {
@@ -115,6 +118,7 @@ int stage_render(struct stage *s, const struct actor *a,
                  const struct synth_motion *m, struct error *err)
 {
     struct shade_env env = a->look.env;
+
     if (stage_fit(s, a, err))
         return -1;
     stage_pose(s, a, m);

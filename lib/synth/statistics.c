@@ -15,9 +15,11 @@ struct table {
     int count;
 };
 
+/* v joins the row of that name, which is made when new. */
 static void statistics_add(struct table *t, const char *name, double v)
 {
     int i = 0;
+
     while (i < t->count && strcmp(t->row[i].name, name))
         i++;
     if (i == TALLIES)
@@ -38,15 +40,18 @@ static void statistics_add(struct table *t, const char *name, double v)
 static void add_row(struct table *t, const char *name, const float *v, int n)
 {
     char full[24];
+
     for (int i = 0; i < n; i++) {
         snprintf(full, sizeof full, "%s[%d]", name, i);
         statistics_add(t, full, (double)v[i]);
     }
 }
 
+/* What a person adds to it. */
 static void add_persona(struct table *t, const struct persona *p)
 {
     double beta = 0, rest = 0;
+
     for (size_t i = 0; i < p->nbeta; i++)
         *(i < 50 ? &beta : &rest) += (double)p->beta[i] * (double)p->beta[i];
     add_row(t, "beta", p->beta, p->nbeta < 4 ? (int)p->nbeta : 4);
@@ -80,11 +85,13 @@ static void add_persona(struct table *t, const struct persona *p)
     statistics_add(t, "occluder", p->lens.occluder != 0);
 }
 
+/* What a motion adds to the table. */
 static void add_motion(struct table *t, const struct synth_motion *m,
                        size_t nexp)
 {
     const float degrees = 57.29578f;
     double small = 0, named = 0, rest = 0;
+
     statistics_add(t, "yaw degrees", (double)(m->yaw * degrees));
     statistics_add(t, "pitch degrees", (double)(m->pitch * degrees));
     statistics_add(t, "roll degrees", (double)(m->roll * degrees));
@@ -107,6 +114,7 @@ int synth_statistics(FILE *out, const struct head *head,
     static struct table t;
     static struct persona p;
     static struct synth_motion m;
+
     t.count = 0;
     for (uint64_t i = 0; i < opt->people; i++) {
         persona_sample(&p, opt->seed, opt->first + i, head->nshape,
@@ -132,6 +140,7 @@ void picture_figures(struct picture_figures *f, const unsigned char *rgb,
                      int w, int h)
 {
     double n = (double)w * h, m = (double)(w - 1) * (h - 1);
+
     *f = (struct picture_figures){ 0 };
     for (int i = 0; i < w * h; i++)
         for (int k = 0; k < 3; k++) {
@@ -160,6 +169,7 @@ int synth_figures(struct picture_figures *f, const struct head *head,
     struct picture_figures one;
     double n = (double)(o.people = o.people < 64 ? o.people : 64);
     int rc;
+
     o.frames = 1;
     o.mesh = false;
     struct synth *s = synth_open(head, &o, err);

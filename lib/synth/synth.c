@@ -46,6 +46,7 @@ struct synth {
 static int picture_init(struct synth_picture *t, const struct synth *s)
 {
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
+
     t->rgb = malloc(3 * n);
     t->mask = malloc(n);
     t->label = malloc(n);
@@ -60,6 +61,7 @@ struct synth *synth_open(const struct head *head,
 {
     struct synth *s = calloc(1, sizeof *s);
     size_t n = (size_t)opt->size * (size_t)opt->size;
+
     if (!s)
         goto memory;
     s->opt = *opt;
@@ -131,6 +133,7 @@ static int scene_prepare(struct synth *s, uint64_t index, struct error *err)
 {
     struct synth_scene *c = &s->scene[index % s->slots];
     struct persona p;
+
     if (c->index == index)
         return 0;
     if (c->index != UINT64_MAX) {
@@ -158,6 +161,7 @@ static int scene_prepare(struct synth *s, uint64_t index, struct error *err)
 static void picture_crop(struct synth_picture *t)
 {
     struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
+
     t->crop[0] = (float)q.x;
     t->crop[1] = (float)q.y;
     t->crop[2] = (float)q.size;
@@ -169,6 +173,7 @@ static int picture_render_scan(struct synth *s, struct synth_picture *t,
 {
     uint64_t frame = t->number % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
+
     t->scene = &s->scene[t->number / s->opt.frames % s->slots];
     if (scan_scene_render(&out, &t->motion, t->lmk, t->points, worker,
                           &t->scene->scan, frame,
@@ -192,6 +197,7 @@ static int picture_render(struct synth *s, struct synth_picture *t,
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
     double time = (double)frame / s->opt.fps;
     float f = 6 * (float)s->opt.size / 12;
+
     synth_motion(&t->motion, p, time, s->head->nexp);
     if (stage_render(stage, &c->actor, &t->motion, err))
         return -1;
@@ -219,6 +225,7 @@ static int make_batch(struct synth *s, struct error *err)
     uint64_t first = s->next / s->opt.frames, room;
     int failed = 0;
     struct error e = { 0 };
+
     s->made = left < s->batch ? (size_t)left : s->batch;
     /* no more people than slots */
     room = (first + s->slots) * s->opt.frames - s->next;

@@ -176,6 +176,7 @@ float texture_turned(const struct splat_place_view *v)
     const float *A = v->A;
     float square = A[0] * A[0] + A[1] * A[1] + A[2] * A[2] + A[3] * A[3];
     float area = fmaxf(A[0] * A[3] - A[1] * A[2], 1e-6f);
+
     /* (1 - c) / sqrt(c), c the cosine: singular values differ by it */
     float off = sqrtf(fmaxf(square / area - 2, 0));
 

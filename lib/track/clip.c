@@ -39,6 +39,7 @@ static void clip_state_release(struct clip_state *s, size_t kept)
     free(s->index);
 }
 
+/* Room for the frames that are kept. */
 static int clip_state_init(struct clip_state *s, size_t room,
                            struct error *err)
 {

@@ -418,6 +418,8 @@ static int source_refine(struct source *s, const struct person *small,
     return rc;
 }
 
+/* Where the photograph is finer than what networks see, all of it once more at
+ * its own resolution. */
 static int source_enlarge(struct source *s, const struct image *im,
                           const struct image *mask, struct error *err)
 {

@@ -103,6 +103,7 @@ void adam_update(struct adam *a, struct params *ps, double rate, double norm)
 {
     double t = (double)++a->step;
     double scale = a->clip > 0 && norm > a->clip ? a->clip / norm : 1;
+
     /* m / (1 - b1^t) over sqrt(v / (1 - b2^t)) + eps */
     float step = (float)(rate / (1 - pow(a->beta1, t)));
     float root2 = (float)(1 / sqrt(1 - pow(a->beta2, t)));

@@ -45,6 +45,7 @@ static struct st_tensor checkpoint_block(const char *name, const float *x,
 {
     struct st_tensor t = {.name = name, .dtype = ST_F32, .ndim = 1,
                           .dim = {n}, .count = n, .data = x};
+
     return t;
 }
 

@@ -1,3 +1,4 @@
+/* The seven lengths as tables of distances and heights, and their gradients. */
 #include "lib/train/expression_features.h"
 
 #include <math.h>

@@ -219,6 +219,7 @@ static double perceptual_distance(float *g, const float *x, const float *t,
                                   size_t n, size_t C)
 {
     double sum = 0;
+
     for (size_t i = 0; i < n; i++) {
         const float *p = x + i * C, *q = t + i * C;
         double unit = perceptual_unit(p, C), along = 0;

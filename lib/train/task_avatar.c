@@ -429,6 +429,7 @@ static int avatar_task_config(struct avatar_config *model,
 int task_avatar_init(struct task *t, struct error *err)
 {
     const struct train_config *c = t->config;
+
     /* differences of smooth losses are taken: every digit counts */
     enum nn_type type = c->smooth ? NN_F32 : NN_BF16;
     struct nn_options train = {NN_TRAIN, type}, fixed = {NN_FROZEN, type};

@@ -58,6 +58,7 @@ static void sure_task_forward(struct impl *m)
     mobilenet_forward(m->pooled, m->rgb, &m->net);
 }
 
+/* Faces in place and crops gone astray, with the truth of each. */
 static int sure_task_pass(struct task *t, double *parts, uint64_t step,
                           size_t micro, struct error *err)
 {

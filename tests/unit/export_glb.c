@@ -17,6 +17,7 @@ enum { V = 96, NSHAPE = 2, NEXP = 3, N = 500 };
 static float *glb_fill(struct random *r, size_t n, double lo, double hi)
 {
     float *x = malloc(n * sizeof *x);
+
     for (size_t i = 0; i < n; i++)
         x[i] = (float)random_range(r, lo, hi);
     return x;
@@ -90,6 +91,7 @@ static int toy_init(struct toy *t, struct random *r, struct error *err)
         .l_eyelid = calloc(3 * V, sizeof(float)),
         .r_eyelid = calloc(3 * V, sizeof(float)), .lip_inner = lip,
         .lip_upper_outer = lip, .nlip_inner = 3, .nlip_upper_outer = 3};
+
     for (int32_t i = 0; i < V - 2; i++)
         for (int32_t k = 0; k < 3; k++)
             faces[3 * i + k] = i + k;
@@ -244,6 +246,7 @@ out:
 int main(void)
 {
     struct random r;
+
     random_init(&r, 20, "export");
     splats_round_trip(&r);
     head_matches_pose(&r);

@@ -47,6 +47,7 @@ static void make_head(struct head *h, struct random *r, size_t V)
         .r_eyelid = lbs_numbers(r, 3 * V, 0.01),
         .lip_inner = face, .nlip_inner = 1
     };
+
     /* lids of two vertices, one each, that depend on the first shapes */
     int32_t lid[2] = {0, (int32_t)(V - 1)}, side[2] = {0, 1};
     a.nlid = 2;

@@ -226,8 +226,8 @@ static void small_nets(void)
     struct matte_net matte_net;
     params_init(&ps);
     matte_net_init(&matte_net, &ps, "m.", 64, 4);
-    ready(&ps, 0);
-    planned(matte_net_plan(&matte_net, 2, train, &err));
+    net_ready(&ps, 0);
+    net_planned(matte_net_plan(&matte_net, 2, train, &err));
     RUN(matte_net, 0, 1, 2 * 64 * 64 * 3, 2 * 64 * 64);
 
     struct refiner refiner;

@@ -82,6 +82,7 @@ static void cover_mesh(int *cover, const struct head *h, const double *uv)
 static int truth_around(const int *cover, int i, int most)
 {
     int best = cover[i];
+
     for (int dy = -1; dy <= 1; dy++)
         for (int dx = -1; dx <= 1; dx++) {
             int x = i % S + dx, y = i / S + dy;
@@ -207,6 +208,7 @@ shade_strand_fn shade_strand_baseline, shade_strand_avx2, shade_strand_avx512;
 static void random_block(struct shade_block *b, struct random *r)
 {
     float *x = (float *)b;
+
     for (size_t i = 0; i < sizeof *b / sizeof *x; i++)
         x[i] = (float)random_range(r, 0, 1);
     for (int i = 0; i < SHADE_N; i++)

@@ -14,6 +14,7 @@ static const int colour[3] = { 192, 128, 96 };
 static void colours_compare(const char *what, const uint8_t *rgb, size_t pixels)
 {
     int worst = 0;
+
     for (size_t i = 0; i < 3 * pixels; i++) {
         int d = abs((int)rgb[i] - colour[i % 3]);
         worst = d > worst ? d : worst;
@@ -29,6 +30,7 @@ static void read_back(const char *path, const char *what)
     size_t w, h;
     double t;
     struct video_reader *v = video_open(path, false, &err);
+
     if (!v || video_read(v, &rgb, &w, &h, &t, &err) != 1) {
         check_error(what, false, &err);
     } else {
@@ -41,6 +43,7 @@ static void from_ffmpeg(const char *dir, const char *name, const char *size,
                         const char *matrix, const char *tags)
 {
     char path[300], command[900];
+
     snprintf(path, sizeof path, "%s/%s", dir, name);
     snprintf(command, sizeof command, "ffmpeg -v error -y -f lavfi -i "
              "color=c=0xC08060:s=%s:d=0.2,format=rgb24 -vf scale="
@@ -60,6 +63,7 @@ static void to_ffmpeg(const char *dir)
     static uint8_t frame[1280 * 720 * 3], seen[16 * 16 * 3];
     char path[300], command[900];
     struct error err = { 0 };
+
     for (size_t i = 0; i < sizeof frame; i++)
         frame[i] = (uint8_t)colour[i % 3];
     snprintf(path, sizeof path, "%s/ours.mp4", dir);
@@ -89,6 +93,7 @@ int main(void)
                           "-color_primaries bt709 -color_trc bt709";
     const char *tags601 = "-color_range tv -colorspace smpte170m "
                           "-color_primaries smpte170m -color_trc smpte170m";
+
     if (system("ffmpeg -version > /dev/null 2>&1") != 0) {
         printf("no ffmpeg\n");
         return 77;
