@@ -74,8 +74,8 @@ static void dynamic_branch_smooth(float *rgb, const float *own,
                              sum[4 * i + 3];
 }
 
-/* Breadth-first from trusted vertices and their mirror images, twelve sweeps of averaging, midpoints
- * from their ends. */
+/* Breadth-first from trusted vertices and their mirror images, twelve sweeps
+ * of averaging, midpoints from their ends. */
 void dynamic_branch_spread(float *rgb, const float *trust,
                            const size_t *mirror, const struct densify *d,
                            int *level, float *tmp)

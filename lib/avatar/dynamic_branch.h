@@ -4,7 +4,8 @@
  *   [c, o, s, q] = Phi_D([h_k, d_k], gamma(n_s)),  mu_k the vertex itself
  * With the prior (rgb_skip) a Gaussian starts with the pixel at p_k, as far as
  * the source shows it; hidden ones take it from the vertex across the face
- * where that is shown, or from their neighbours on the mesh, and keep it.  What the mesh has behind the lips is left to the mouth's branch. */
+ * where that is shown, or from their neighbours on the mesh, and keep it.
+ * What the mesh has behind the lips is left to the mouth's branch. */
 #ifndef SPID_AVATAR_DYNAMIC_BRANCH_H
 #define SPID_AVATAR_DYNAMIC_BRANCH_H
 

@@ -44,7 +44,8 @@ int source_mesh_init(struct source_mesh *m, const struct head *h,
 void source_mesh_release(struct source_mesh *m);
 
 /* Take posed vertices (V,3) and those of the same face at rest (V,3, or NULL:
- * posed is), which must stay until the bake's end, and their camera; blend: with the neck blend from upright shoulders. */
+ * posed is), which must stay until the bake's end, and their camera; blend:
+ * with the neck blend from upright shoulders. */
 void source_mesh_set(struct source_mesh *m, const float *posed,
                      const float *rest, const float cam[12], bool blend);
 
