@@ -1,8 +1,8 @@
 /* A mouth's inside where no picture shows it: a generic set of teeth with gums,
  * and what is dark behind them, as a grid of Gaussians in place of the mouth
- * branch's flat one.  Widths and heights of crowns are the means of dental
- * anatomy (Ash and Nelson 2003, "Wheeler's Dental Anatomy"), the arch and where
- * it lies behind the lips are measured on the mean of the ICT scans. */
+ * branch's flat one.  Widths and heights of crowns are what adults' teeth
+ * roughly have; the arch and where it lies behind the lips are measured on the
+ * mean of the ICT scans. */
 #ifndef SPID_AVATAR_TEETH_H
 #define SPID_AVATAR_TEETH_H
 
