@@ -52,3 +52,12 @@ char *file_read_text(const char *path, size_t most, struct error *err)
     fclose(f);
     return text;
 }
+
+void file_temporary(char *path, const char *name)
+{
+    const char *dir = getenv("TMPDIR");
+    const bool fits = dir && *dir &&
+                      strlen(dir) + strlen(name) + 2 <= FILE_TEMPORARY;
+
+    snprintf(path, FILE_TEMPORARY, "%s/%s", fits ? dir : "/tmp", name);
+}

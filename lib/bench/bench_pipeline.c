@@ -15,6 +15,7 @@
 #include "formats/framesource.h"
 #include "lib/animate/animate.h"
 #include "lib/avatar/prune.h"
+#include "lib/base/file.h"
 #include "lib/bench/bench_avatar.h"
 #include "lib/geom/camera.h"
 #include "lib/track/encoders.h"
@@ -77,7 +78,8 @@ struct pipe {
     struct track track;
     struct animate animate;
     struct framesink *sink;
-    char dir[32], clip[48], made[48];   /* of a video row; "" otherwise */
+    char dir[FILE_TEMPORARY];           /* of a video row; "" otherwise */
+    char clip[FILE_TEMPORARY + 16], made[FILE_TEMPORARY + 16];
     size_t part;                /* frames of one run */
     double sum[STAGES];
     size_t frames;
@@ -175,10 +177,11 @@ out:
 /* PART frames as a video in a directory of our own. */
 static int pipe_make_video(struct pipe *p, struct error *err)
 {
-    snprintf(p->dir, sizeof p->dir, "/tmp/spid-bench-XXXXXX");
+    file_temporary(p->dir, "spid-bench-XXXXXX");
     if (!mkdtemp(p->dir)) {
+        error_set(err, EX_CANTCREAT, "%s: no room for a video", p->dir);
         p->dir[0] = 0;
-        return error_set(err, EX_CANTCREAT, "/tmp: no room for a video");
+        return -1;
     }
     snprintf(p->clip, sizeof p->clip, "%s/clip.mp4", p->dir);
     snprintf(p->made, sizeof p->made, "%s/made.mp4", p->dir);

@@ -12,6 +12,7 @@
 #include <sysexits.h>
 #include <unistd.h>
 
+#include "lib/base/file.h"
 #include "lib/bench/bench_avatar.h"
 
 extern char **environ;
@@ -21,7 +22,8 @@ extern char **environ;
 struct start {
     const struct bench *b;
     char program[4096], threads[16];
-    char dir[32], picture[48], stats[48];
+    char dir[FILE_TEMPORARY];
+    char picture[FILE_TEMPORARY + 16], stats[FILE_TEMPORARY + 16];
     double part[PARTS][64];     /* milliseconds, of each run */
     size_t runs;
 };
@@ -53,10 +55,11 @@ static int start_write_picture(struct start *s, const uint8_t *rgb,
     const size_t bytes = 3 * PERSON_SIZE * PERSON_SIZE;
     FILE *f;
 
-    snprintf(s->dir, sizeof s->dir, "/tmp/spid-bench-XXXXXX");
+    file_temporary(s->dir, "spid-bench-XXXXXX");
     if (!mkdtemp(s->dir)) {
+        error_set(err, EX_CANTCREAT, "%s: no room for a picture", s->dir);
         s->dir[0] = 0;
-        return error_set(err, EX_CANTCREAT, "/tmp: no room for a picture");
+        return -1;
     }
     snprintf(s->picture, sizeof s->picture, "%s/me.ppm", s->dir);
     snprintf(s->stats, sizeof s->stats, "%s/stats.tsv", s->dir);

@@ -13,6 +13,7 @@
 #include <unistd.h>
 #include <xxhash.h>
 
+#include "lib/base/file.h"
 #include "lib/base/random.h"
 #include "lib/stream/schema.h"
 #include "lib/stream/stream.h"
@@ -24,7 +25,7 @@ struct traffic {
     int arrays, records;       /* of one call */
     size_t bytes;              /* of one record's data */
     float *data;
-    char path[64];             /* a stream of so many records */
+    char path[FILE_TEMPORARY]; /* a stream of so many records */
     unsigned char *block;
 };
 
@@ -185,7 +186,7 @@ static int write_file(struct traffic *t, struct error *err)
     struct stream_writer *w;
     int fd;
 
-    snprintf(t->path, sizeof t->path, "/tmp/spid-bench-XXXXXX");
+    file_temporary(t->path, "spid-bench-XXXXXX");
     fd = mkstemp(t->path);
     if (fd < 0)
         return error_set(err, EX_CANTCREAT, "%s: %s", t->path,

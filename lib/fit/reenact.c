@@ -202,17 +202,19 @@ int reenact_draw(struct reenact *r, struct motion *m, struct error *err)
 {
     struct animate_worker *w = r->animate.worker;
     struct animate_times times = {0};
+    struct background back = {.rgb = r->back, .width = r->size,
+                              .height = r->size};
     struct animate_picture p;
 
     reenact_motion(m, r);
     if (animate_draw(w, &times, m, err))
         return -1;
     p = animate_picture(w);
-    for (size_t i = 0; i < 3 * r->size * r->size; i++) {
-        float behind = (1 - p.alpha[i / 3]) * (float)r->back[i];
-        float level = 255 * p.color[i] + behind;
+    const struct framesink_frame f = {
+        .width = r->size, .height = r->size, .channels = 3,
+        .color = p.color, .alpha = p.alpha
+    };
 
-        r->rgb[i] = (uint8_t)(fminf(fmaxf(level, 0), 255) + 0.5f);
-    }
+    framesink_compose(r->rgb, &f, &back);
     return 0;
 }

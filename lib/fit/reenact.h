@@ -22,7 +22,7 @@ struct reenact {
     size_t size;                /* of the pictures */
     struct prepared person;     /* who acts, and who draws him */
     struct animate animate;
-    const uint8_t *back;        /* of his portrait, borrowed */
+    uint8_t *back;              /* of his portrait, borrowed */
     uint8_t *rgb;               /* (size,size,3) the picture last drawn */
 };
 

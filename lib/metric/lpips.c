@@ -211,6 +211,16 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
     }
 }
 
+/* One over the length of x (C), a pixel's features. */
+static double stage_inverse_length(const float *x, size_t C)
+{
+    double sum = 0;
+
+    for (size_t c = 0; c < C; c++)
+        sum += (double)x[c] * x[c];
+    return 1 / (sqrt(sum) + 1e-10);
+}
+
 /* Mean over places of sum_c w_c (a_c/|a| - b_c/|b|)^2. */
 static double stage_distance(const float *a, const float *b, const float *w,
                              size_t n, size_t C)
@@ -218,14 +228,9 @@ static double stage_distance(const float *a, const float *b, const float *w,
     double sum = 0;
 
     for (size_t i = 0; i < n; i++) {
-        double na = 0, nb = 0;
+        double na = stage_inverse_length(a + i * C, C);
+        double nb = stage_inverse_length(b + i * C, C);
 
-        for (size_t c = 0; c < C; c++) {
-            na += (double)a[i * C + c] * a[i * C + c];
-            nb += (double)b[i * C + c] * b[i * C + c];
-        }
-        na = 1 / (sqrt(na) + 1e-10);
-        nb = 1 / (sqrt(nb) + 1e-10);
         for (size_t c = 0; c < C; c++) {
             double d = a[i * C + c] * na - b[i * C + c] * nb;
 
@@ -261,14 +266,9 @@ static void stage_distance_backward(float *g, const float *a, const float *b,
                                     const float *w, size_t n, size_t C)
 {
     for (size_t i = 0; i < n; i++) {
-        double na = 0, nb = 0, along = 0;
+        double na = stage_inverse_length(a + i * C, C);
+        double nb = stage_inverse_length(b + i * C, C), along = 0;
 
-        for (size_t c = 0; c < C; c++) {
-            na += (double)a[i * C + c] * a[i * C + c];
-            nb += (double)b[i * C + c] * b[i * C + c];
-        }
-        na = 1 / (sqrt(na) + 1e-10);
-        nb = 1 / (sqrt(nb) + 1e-10);
         for (size_t c = 0; c < C; c++) {
             double u = b[i * C + c] * nb;
 

@@ -10,6 +10,7 @@
 
 #include "formats/framesource.h"
 #include "formats/video.h"
+#include "lib/base/file.h"
 
 #define PAIR_LARGEST ((size_t)256 << 20)        /* bytes of the file */
 
@@ -47,16 +48,13 @@ struct pairing {
     struct framesource *driver, *result;
     struct video_writer *video;
     uint8_t *both, *half;
-    char path[256];             /* of the file while it is written */
+    char path[FILE_TEMPORARY];  /* of the file while it is written */
 };
 
 /* The file that the video's writer takes its kind from. */
 static int pair_name(struct pairing *g, struct error *err)
 {
-    const char *dir = getenv("TMPDIR");
-
-    snprintf(g->path, sizeof g->path, "%s/spid-report-XXXXXX.mp4",
-             dir && strlen(dir) < 200 ? dir : "/tmp");
+    file_temporary(g->path, "spid-report-XXXXXX.mp4");
     int fd = mkstemps(g->path, 4);
 
     if (fd < 0) {

@@ -34,7 +34,6 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
     for (int k = 0; k < 3; k++) {
         st->cloud.mean[k][i] = g->mean[3 * i + (size_t)k];
         st->cloud.scale[k][i] = g->scale[3 * i + (size_t)k];
-        st->loaded_mean[3 * i + (size_t)k] = g->mean[3 * i + (size_t)k];
     }
     bool drawn = o > 0 && o >= s->opt.prune &&
                  (!s->opt.branches || !g->branch ||

@@ -240,12 +240,11 @@ static int scene_move_mouth(struct scene *s, const struct record *rec,
     int shift = scene_take_shift(f.to, rec, "shift", err);
     int chin = scene_take_shift(f.chin, rec, "chin", err);
 
-    s->shifted = shift > 0 || (chin > 0 && s->jaw);
+    s->mouth_moved = shift > 0 || (chin > 0 && s->jaw);
     if (shift < 0 || chin < 0)
         return -1;
-    if (!s->shifted)
+    if (!s->mouth_moved)
         return 0;
-    memcpy(s->shift, f.to, sizeof s->shift);
     drive_mouth(s->mean + 3 * s->mouth, &d, &f);
     return 0;
 }
@@ -301,7 +300,7 @@ int scene_to_splat(struct splat *out, const struct scene *s,
         splat_update(out, s->mean + 3 * s->blended, s->blended,
                      s->blended_count, err))
         return -1;
-    if (change == SCENE_MOVED && s->shifted && s->mouth_count)
+    if (change == SCENE_MOVED && s->mouth_moved && s->mouth_count)
         return splat_update(out, s->mean + 3 * s->mouth, s->mouth,
                             s->mouth_count, err);
     return 0;

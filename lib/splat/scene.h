@@ -22,8 +22,7 @@ struct scene {
     int has_cam;
     size_t first, count;        /* centres set by the last GMOV */
     size_t mouth, mouth_count;  /* the mouth branch's range, fixed by GAUS */
-    float shift[3];     /* of the mouth against its GAUS centres */
-    int shifted;        /* the last GMOV carried a shift or the chin's */
+    int mouth_moved;    /* the last GMOV carried a shift or the chin's */
     float source[9];    /* R of the camera that the head was baked from */
     float light[3];     /* on it */
     int has_source;

@@ -285,23 +285,6 @@ int splat_update(struct splat *s, const float *mean, size_t first,
     return 0;
 }
 
-int splat_shift(struct splat *s, const float shift[3], size_t first,
-                size_t count, struct error *err)
-{
-    struct splat_state *st = s->state;
-
-    if (splat_check_range(s, first, count, err) ||
-        splat_check_array(shift, 1, 3, "shift", -WIDEST, WIDEST,
-                          "a finite number", err))
-        return -1;
-    for (size_t i = first; i < first + count; i++)
-        for (int k = 0; k < 3; k++)
-            st->cloud.mean[k][i] =
-                st->loaded_mean[3 * i + (size_t)k] + shift[k];
-    splat_mark_moved(st, first, count);
-    return 0;
-}
-
 /* ---- drawing ------------------------------------------------------------- */
 
 /* What the kernels take for granted of a camera. */

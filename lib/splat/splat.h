@@ -35,11 +35,6 @@ int splat_load(struct splat *s, const struct gaussians *g,
 int splat_update(struct splat *s, const float *mean, size_t first,
                  size_t count, struct error *err);
 
-/* Move Gaussians first .. by one vector (the mouth sheet's shift), relative
- * to their loaded centres. */
-int splat_shift(struct splat *s, const float shift[3], size_t first,
-                size_t count, struct error *err);
-
 /* Draw.
  *   image (H,W,C) out  sum_i c_i w_i + T background, sRGB values for the
  *                      first three channels

@@ -80,7 +80,6 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     st->sort1 = state_carve(base, &used, n * sizeof *st->sort1);
     st->order = state_carve(base, &used, n * sizeof *st->order);
     st->ordered = state_carve(base, &used, n * sizeof *st->ordered);
-    st->loaded_mean = state_carve(base, &used, 3 * row);
     st->table = NULL;
     st->fixed = NULL;
     if (st->row && s->opt.fixed16 && SPLAT_FIXED16)

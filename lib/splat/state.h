@@ -78,7 +78,6 @@ struct splat_state {
     uint64_t *order;           /* (N) key << 32 | index, front to back */
     uint64_t *sort0, *sort1;   /* (N) room to sort */
     struct rect *ordered;      /* (N) rectangles in order */
-    float *loaded_mean;        /* (N,3), for splat_shift */
     float *table;              /* (N, row) colours of more than 4 channels */
     int16_t *fixed;            /* (N, 32) the same in Q15 of fixed_scale */
     float fixed_scale[SPLAT_MAX_CHANNELS];
