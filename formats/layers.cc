@@ -15,7 +15,7 @@ extern "C" {
 #include <opencv2/photo.hpp>
 
 /* Inpainting works at this side at most: its cost grows with hole and reach. */
-static const int LAYERS_SMALL = 160;
+static const int LAYERS_SMALL = 112;
 
 static cv::Mat layers_disc(int side)
 {
@@ -23,19 +23,45 @@ static cv::Mat layers_disc(int side)
                                      cv::Size(side | 1, side | 1));
 }
 
+/* How many times smaller a picture may be for its mean over such a reach. */
+static int layers_coarseness(double reach)
+{
+    int k = 1;
+
+    while (reach / (2 * k) >= 4)
+        k *= 2;
+    return k;
+}
+
 /* colour (float) where known (0 or 1, float) says, averaged over its
  * surroundings, and how much of them is known. */
 static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
                            const cv::Mat &known, double reach)
 {
-    cv::Mat sum, three;
+    const int k = layers_coarseness(reach);
+    const cv::Size small((colour.cols + k - 1) / k, (colour.rows + k - 1) / k);
+    const size_t n = (size_t)colour.channels();
+    cv::Mat part[4], mean[4], both, blurred;
 
-    cv::cvtColor(known, three, cv::COLOR_GRAY2BGR);
-    cv::GaussianBlur(colour.mul(three), sum, cv::Size(), reach);
-    cv::GaussianBlur(known, weight, cv::Size(), reach);
-    cv::cvtColor(cv::max(weight, 1e-6), three, cv::COLOR_GRAY2BGR);
-    cv::divide(sum, three, sum);
-    return sum;
+    cv::split(colour, part);
+    for (size_t c = 0; c < n; c++)
+        cv::multiply(part[c], known, part[c]);
+    part[n] = known;
+    cv::merge(part, n + 1, both);
+    if (k > 1) {
+        cv::resize(both, blurred, small, 0, 0, cv::INTER_AREA);
+        cv::GaussianBlur(blurred, both, cv::Size(), reach / k);
+        cv::resize(both, blurred, colour.size(), 0, 0, cv::INTER_LINEAR);
+    } else {
+        cv::GaussianBlur(both, blurred, cv::Size(), reach);
+    }
+    cv::split(blurred, mean);
+    weight = mean[n];
+    const cv::Mat least = cv::max(weight, 1e-6);
+    for (size_t c = 0; c < n; c++)
+        cv::divide(mean[c], least, mean[c]);
+    cv::merge(mean, n, both);
+    return both;
 }
 
 /* rgb at a small size, and of which of its pixels the background is known. */
@@ -83,14 +109,14 @@ static void layers_settle(cv::Mat &fill, const cv::Mat &colour,
 }
 
 /* Background of colour (float, 0..255): as seen where `seen` is not 0,
- * filled elsewhere from where `sure` is not 0. */
+ * elsewhere as filled says, without a seam. */
 static cv::Mat layers_background(const cv::Mat &rgb, const cv::Mat &seen,
-                                 const cv::Mat &sure)
+                                 const cv::Mat &filled)
 {
     cv::Mat colour, fill, known;
 
     rgb.convertTo(colour, CV_32F);
-    layers_inpaint(rgb, sure == 0).convertTo(fill, CV_32F);
+    filled.convertTo(fill, CV_32F);
     seen.convertTo(known, CV_32F, 1 / 255.0);
     layers_settle(fill, colour, known);
     colour.copyTo(fill, seen);
@@ -113,7 +139,8 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
         const cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
         const cv::Mat in = layers_inside(inside, N);
         cv::dilate(mat > 0, wide, layers_disc(std::max(3, N / 64)));
-        layers_background(pic, (mat == 0) & in, (wide == 0) & in)
+        layers_background(pic, (mat == 0) & in,
+                          layers_inpaint(pic, (wide != 0) | (in == 0)))
             .convertTo(out, CV_8U);
         return 0;
     } catch (const std::exception &e) {
@@ -191,9 +218,7 @@ static cv::Mat layers_strange(cv::Mat &expected, cv::Mat &away,
     cv::absdiff(colour, expected, off);
     cv::split(off, plane);
     cv::max(plane[0], cv::max(plane[1], plane[2]), away);
-    cv::cvtColor(away, off, cv::COLOR_GRAY2BGR);
-    cv::extractChannel(layers_mean(weight, off, known, colour.rows / 24.0),
-                       usual, 0);
+    usual = layers_mean(weight, away, known, colour.rows / 24.0);
     return (away > cv::max(usual * 4, 20.0)) & (weight > 1e-3);
 }
 
@@ -201,12 +226,12 @@ static cv::Mat layers_strange(cv::Mat &expected, cv::Mat &away,
 static cv::Mat layers_attached(const cv::Mat &strange, const cv::Mat &person)
 {
     const int n = person.rows;
-    cv::Mat wide, near, label;
+    cv::Mat wide, far, label;
 
     cv::morphologyEx(strange & ~person, wide, cv::MORPH_OPEN,
                      layers_disc(std::max(5, n / 40)));
-    cv::dilate(person, near, layers_disc(std::max(5, n / 4)));
-    const cv::Mat thin = (strange & ~wide & near) | person;
+    cv::distanceTransform(~person, far, cv::DIST_L2, 5);
+    const cv::Mat thin = (strange & ~wide & (far <= n / 8)) | person;
     const int count = cv::connectedComponents(thin, label, 8);
     std::vector<uchar> own((size_t)count, 0);
     for (int y = 0; y < n; y++)
@@ -300,10 +325,11 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         cv::dilate(mat > 8, wide, layers_disc(2 * rim));
         cv::Mat sure = (wide == 0) & in;
         const cv::Mat locks = layers_locks(sure, mat, colour, in, rim);
-        layers_unmix(mat, colour, layers_background(pic, sure, sure), in,
+        const cv::Mat filled = layers_inpaint(pic, sure == 0);
+        layers_unmix(mat, colour, layers_background(pic, sure, filled), in,
                      rim);
         cv::max(mat, locks, mat);
-        cv::Mat fill = layers_background(pic, (mat == 0) & in, sure);
+        cv::Mat fill = layers_background(pic, (mat == 0) & in, filled);
         fill.convertTo(out, CV_8U);
         out.copyTo(pic, in == 0);
         pic.convertTo(colour, CV_32F);
