@@ -37,10 +37,12 @@ MPI_LIBS   := $(shell pkg-config --libs ompi-c)
 endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
-LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -lz -ldnnl -lOpenImageIO \
-        -lOpenImageIO_Util -lopencv_core -lopencv_imgproc -lopencv_imgcodecs \
-        -lopencv_videoio -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -lz -ldnnl -lopencv_core \
+        -lopencv_imgproc -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         $(MPI_LIBS) -lm
+# These bring 250 others along, so they come with a module (formats/media.h).
+MEDIA_LIBS := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
+        -lopencv_imgproc -lopencv_videoio
 
 # ---- sources: a new file is found by where it lies -------------------------
 
@@ -80,6 +82,12 @@ TMPL_DEBUG := $(shell $(CC) -fno-var-tracking-assignments -E -x c /dev/null \
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
+# The module, and what it shares with the programs.
+MEDIA   := $(BUILD)/lib/spid/media.so
+MEDIA_O := $(patsubst %.cc,$(BUILD)/obj/%.o,\
+             $(sort $(wildcard formats/media/*.cc))) \
+           $(BUILD)/obj/module/lib/base/error.o \
+           $(BUILD)/obj/module/formats/video_name.o
 CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
@@ -89,7 +97,7 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 PLAYER   := $(BUILD)/share/spid/player.html
 PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
 
-all: $(PROGRAMS) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
+all: $(PROGRAMS) $(MEDIA) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
 
 # The head model is data: spid-head(1) --from says how it was made.
 $(HEAD): examples/model/head.safetensors
@@ -132,6 +140,19 @@ $(BUILD)/obj/%.o: %.cc
 	@mkdir -p $(@D)
 	$(SAY) CXX $@
 	$(CXX) $(CXXFLAGS_ALL) -c $< -o $@
+
+# A module shows nothing but its table.
+$(BUILD)/obj/formats/media/%.o: CXXFLAGS_ALL += -fPIC -fvisibility=hidden \
+    -fvisibility-inlines-hidden
+$(BUILD)/obj/module/%.o: %.c
+	@mkdir -p $(@D)
+	$(SAY) CC $@
+	$(CC) $(CFLAGS_ALL) -fPIC -fvisibility=hidden -c $< -o $@
+
+$(MEDIA): $(MEDIA_O)
+	@mkdir -p $(@D)
+	$(SAY) LD $@
+	$(CXX) -shared $(BASE) $(LDFLAGS) $^ $(MEDIA_LIBS) -o $@
 
 # A page's style and script as C strings.
 $(BUILD)/gen/report_%.inc: lib/report/%
@@ -246,6 +267,7 @@ install: all
 	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \
 	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5"
 	install $(PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
+	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MEDIA)
 	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
 	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \

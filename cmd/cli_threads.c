@@ -40,24 +40,35 @@ static bool threads_pipe(int fd)
     return fstat(fd, &st) == 0 && S_ISFIFO(st.st_mode);
 }
 
-/* The programs of a pipe share the processors.  OpenMP's threads wait for each
- * other by spinning, milliseconds long, which keeps the other programs from
- * the very work that is waited for: the pipe runs at a third of its speed.
- * The library reads how to wait before main begins, hence another start.
- * Whoever sets the variable decides for himself. */
-static void threads_wait_asleep(char **argv)
+/* OpenMP's threads wait for each other by spinning, milliseconds long, which
+ * keeps others from the very work that is waited for.  The library reads how
+ * to wait before main begins, hence another start with the variable set;
+ * whoever set one decides for himself. */
+static void threads_start_again(char **argv, const char *name,
+                                const char *value)
 {
     char path[4096];
-    ssize_t n;
+    ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
 
-    if (getenv("OMP_WAIT_POLICY") ||
-        !(threads_pipe(STDIN_FILENO) || threads_pipe(STDOUT_FILENO)))
-        return;
-    n = readlink("/proc/self/exe", path, sizeof path - 1);
-    if (n <= 0 || setenv("OMP_WAIT_POLICY", "passive", 0))
+    if (n <= 0 || getenv("OMP_WAIT_POLICY") || getenv("GOMP_SPINCOUNT") ||
+        setenv(name, value, 0))
         return;
     path[n] = 0;
     execv(path, argv);         /* if it fails: slower, not wrong */
+}
+
+/* The programs of a pipe share the processors; spinning, they would run at a
+ * third of their speed. */
+static void threads_wait_asleep(char **argv)
+{
+    if (threads_pipe(STDIN_FILENO) || threads_pipe(STDOUT_FILENO))
+        threads_start_again(argv, "OMP_WAIT_POLICY", "passive");
+}
+
+void cli_wait_briefly(char **argv)
+{
+    if (threads_processors() > 1)
+        threads_start_again(argv, "GOMP_SPINCOUNT", "1000");
 }
 
 /* Two programs of a pipe have most of the work, spid-splat and spid-refine,

@@ -7,6 +7,7 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
+#include "formats/media.h"
 #include "lib/animate/animation.h"
 #include "lib/animate/joblist.h"
 
@@ -195,9 +196,14 @@ static int run_list(void)
 int main(int argc, char **argv)
 {
     struct error err = {0};
-    int rc = 0, first = cli_parse(&usage, argc, argv);
+    int rc = 0, first;
 
+    cli_wait_briefly(argv);
+    first = cli_parse(&usage, argc, argv);
     check_usage(argc - first);
+    if (!list_path)
+        media_preload((const char *[]){argv[first], argv[first + 1],
+                                       cli.output}, 3);
     option_animation_load(&models, &opt);
     if (list_path) {
         rc = run_list();

@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "cmd/options.h"
+#include "formats/media.h"
 #include "lib/animate/animation.h"
 
 static struct animation_options opt = {
@@ -135,12 +136,15 @@ int main(int argc, char **argv)
     static struct program p;
     struct animation *a = &p.animation;
     struct error err = {0};
-    int rc, first = cli_parse(&usage, argc, argv);
+    int rc, first;
 
+    cli_wait_briefly(argv);
+    first = cli_parse(&usage, argc, argv);
     if (argc - first != 2)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
             argc - first);
     p.camera = argv[first + 1];
+    media_preload((const char *[]){argv[first], p.camera}, 2);
     open_output(&p);
     option_animation_load(&models, &opt);
     rc = open_driver(&p, argv[first], &err);

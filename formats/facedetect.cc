@@ -19,6 +19,7 @@ extern "C" {
 
 struct facedetect {
     cv::CascadeClassifier frontal, profile;
+    bool has_profile = false;           /* loaded when first asked for */
 };
 
 /* The longest side a picture is searched at: small for a portrait's large
@@ -59,10 +60,8 @@ struct facedetect *facedetect_open(struct error *err)
         std::string tried;
         d = new facedetect;
         if (cascade_load(d->frontal, "haarcascade_frontalface_alt2.xml",
-                         tried)) {
-            cascade_load(d->profile, "haarcascade_profileface.xml", tried);
+                         tried))
             return d;
-        }
         error_set(err, EX_UNAVAILABLE, "no face detector (install "
                   "opencv-data, or give --crop X,Y,SIZE; tried %s)",
                   tried.c_str());
@@ -101,8 +100,13 @@ static bool cascade_largest(cv::CascadeClassifier &c, cv::Rect &box,
 /* Frontal, then the profile cascade (which knows one side) both ways. */
 static bool detector_find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
 {
+    std::string tried;
+
     if (cascade_largest(d->frontal, box, grey, 4))
         return true;
+    if (!d->has_profile)
+        cascade_load(d->profile, "haarcascade_profileface.xml", tried);
+    d->has_profile = true;
     if (cascade_largest(d->profile, box, grey, 4))
         return true;
     cv::Mat turned;

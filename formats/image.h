@@ -32,10 +32,6 @@ int image_read(struct image *im, const char *path, struct error *err);
 /* Free what it holds; zeroed then. */
 void image_release(struct image *im);
 
-/* Size in the pixels of the oriented picture, without reading them. */
-int image_size(const char *path, size_t *width, size_t *height,
-               struct error *err);
-
 /* Write an 8-bit PNG, marked (formats/mark.h), beside its final name and rename
  * it.  channels: 1 grey, 2 grey + alpha, 3 RGB, 4 RGBA (straight). */
 int image_write_png(const char *path, const uint8_t *pixel, size_t width,

@@ -10,8 +10,10 @@
 
 struct video_reader;
 
-/* Whether the name is a camera ("camera:N", "/dev/videoN") or the address of a
- * stream ("rtsp://..."): frames come when they come, and it has no end. */
+/* Whether the name is a camera's: "camera:N" or "/dev/videoN". */
+bool video_is_camera(const char *path);
+/* Whether it is, or the address of a stream ("rtsp://..."): frames come when
+ * they come, and it has no end. */
 bool video_is_live(const char *path);
 /* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
  * EX_DATAERR when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4, MOV or

@@ -12,6 +12,7 @@ for f in build/bin/*; do
     [ -x "$p" ] || { echo "FAILED not installed: $f"; exit 1; }
     [[ $("$p" --version) == "$(basename "$f") "* ]] || { echo "FAILED $p --version"; exit 1; }
 done
+[ -x "$dir/opt/spid/lib/spid/media.so" ] || { echo "FAILED not installed: the module"; exit 1; }
 for f in man/*; do
     [ -r "$dir/opt/spid/share/man/man${f##*.}/$(basename "$f")" ] || { echo "FAILED not installed: $f"; exit 1; }
 done

@@ -15,5 +15,10 @@ check spid-dump
 check spid-pack
 check spid-flame
 [ ! -e "$bin/spid-branches" ] || check spid-branches dnnl
+# Pictures and videos come with the module.
+for program in "$bin"/*; do
+    ! ldd "$program" | grep -E 'OpenImageIO|opencv_videoio|avcodec' ||
+        { echo "FAILED $program links these"; fail=1; }
+done
 echo "links checked"
 exit $fail

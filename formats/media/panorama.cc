@@ -85,13 +85,9 @@ extern "C" int panorama_read(struct panorama *p, const char *path,
     } catch (const std::exception &e) {
         rc = error_set(err, EX_DATAERR, "%s: %s", path, e.what());
     }
-    if (rc)
-        panorama_release(p);
+    if (rc) {
+        free(p->rgb);
+        *p = panorama();
+    }
     return rc;
-}
-
-extern "C" void panorama_release(struct panorama *p)
-{
-    free(p->rgb);
-    *p = panorama();
 }

@@ -1,10 +1,7 @@
-/* Pictures by OpenImageIO (PNG by png.c, as from pipes), turned upright and
- * brought to 8 bits of sRGB. */
+/* Pictures by OpenImageIO, turned upright and brought to 8 bits of sRGB. */
 extern "C" {
-#include "formats/exr.h"
-#include "formats/image.h"
-#include "formats/mark.h"
-#include "formats/png.h"
+#include "formats/media.h"
+#include "formats/media/exr.h"
 }
 
 #include <sysexits.h>
@@ -225,22 +222,9 @@ static int read_any(struct image *im, const char *path,
     return image_fill(im, pix, in->spec(), err);
 }
 
+/* Everything but PNG, which formats/media.c has read. */
 int image_read(struct image *im, const char *path, struct error *err)
 {
-    std::memset(im, 0, sizeof *im);
-    FILE *fp = std::fopen(path, "rb");
-    if (!fp)
-        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
-                         std::strerror(errno));
-    int first = std::getc(fp);
-    if (first == 0x89) {               /* PNG, by the reader of the pipes */
-        std::rewind(fp);
-        int rc = png_read_next(fp, &im->rgb, &im->alpha, &im->width,
-                               &im->height, IMAGE_MAX_PIXELS, err);
-        std::fclose(fp);
-        return rc == 0 ? 0 : error_prefix(err, "%s", path);
-    }
-    std::fclose(fp);
     try {
         OIIO::Filesystem::IOFile io(path,
                                     OIIO::Filesystem::IOProxy::Mode::Read);
@@ -252,40 +236,17 @@ int image_read(struct image *im, const char *path, struct error *err)
     } catch (const std::exception &e) {
         error_set(err, EX_DATAERR, "%s: %s", path, e.what());
     }
-    image_release(im);
-    return -1;
-}
-
-int image_size(const char *path, size_t *width, size_t *height,
-               struct error *err)
-{
-    try {
-        auto in = OIIO::ImageInput::open(path);
-        if (!in)
-            return error_set(err, EX_DATAERR, "%s: not a picture that can be "
-                             "read", path);
-        const OIIO::ImageSpec &s = in->spec();
-        int o = s.get_int_attribute("Orientation", 1);
-        *width = (size_t)(o >= 5 && o <= 8 ? s.height : s.width);
-        *height = (size_t)(o >= 5 && o <= 8 ? s.width : s.height);
-        return 0;
-    } catch (const std::exception &e) {
-        return error_set(err, EX_DATAERR, "%s: %s", path, e.what());
-    }
-}
-
-void image_release(struct image *im)
-{
     free(im->rgb);
     free(im->alpha);
-    std::memset(im, 0, sizeof *im);
+    *im = image();
+    return -1;
 }
 
 /* ---- EXR -------------------------------------------------------------- */
 
-int exr_write(const char *path, const float *pixel, size_t width,
-              size_t height, int channels, const char *const *names,
-              struct error *err)
+int media_exr_write(const char *path, const float *pixel, size_t width,
+                    size_t height, int channels, const char *const *names,
+                    const char *mark, struct error *err)
 {
     try {
         OIIO::ImageSpec spec((int)width, (int)height, channels,
@@ -293,8 +254,8 @@ int exr_write(const char *path, const float *pixel, size_t width,
         spec.channelnames.assign(names, names + channels);
         spec.attribute("compression", "zip");
         spec.attribute("spid:encoding", "sRGB");
-        if (mark_text())
-            spec.attribute("ImageDescription", mark_text());
+        if (mark)
+            spec.attribute("ImageDescription", mark);
         auto out = OIIO::ImageOutput::create("exr");
         if (!out || !out->open(path, spec))
             return error_set(err, EX_CANTCREAT, "%s: cannot create: %s", path,

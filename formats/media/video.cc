@@ -124,22 +124,11 @@ struct video_reader {
     bool live = false;
 };
 
-static bool is_camera(const char *path)
-{
-    return std::strncmp(path, "camera:", 7) == 0
-        || std::strncmp(path, "/dev/video", 10) == 0;
-}
-
-bool video_is_live(const char *path)
-{
-    return is_camera(path) || std::strstr(path, "://");
-}
-
 /* A camera by its number or device, an address, or a file. */
 static bool open_capture(video_reader *v, const char *path)
 {
     v->live = video_is_live(path);
-    if (!is_camera(path))
+    if (!video_is_camera(path))
         return v->capture.open(path, cv::CAP_FFMPEG);
     if (*path == '/' ? !v->capture.open(path, cv::CAP_V4L2)
                      : !v->capture.open(std::atoi(path + 7)))
