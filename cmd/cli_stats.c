@@ -6,6 +6,7 @@
 
 #include "cmd/cli.h"
 #include "lib/base/cpu.h"
+#include "lib/base/list.h"
 
 #define MAX_STAGES 32
 
@@ -31,15 +32,10 @@ void stats_end(const char *name, double begun)
     if (s == stages + MAX_STAGES)
         return;
     s->name = name;
-    if (s->count == s->room) {
-        size_t room = s->room ? 2 * s->room : 1024;
-        double *ms = realloc(s->ms, room * sizeof *ms);
-
-        if (!ms)
-            return;
-        s->ms = ms;
-        s->room = room;
-    }
+    double *ms = list_grow(s->ms, &s->room, s->count, sizeof *ms);
+    if (!ms)
+        return;
+    s->ms = ms;
     s->ms[s->count++] = 1e3 * (cpu_seconds() - begun);
 }
 

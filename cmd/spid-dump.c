@@ -89,20 +89,28 @@ struct outputs {
 };
 
 /* Everything that is asked for besides standard output. */
-static void open_outputs(struct outputs *out)
+static int open_outputs(struct outputs *out, struct error *err)
 {
-    struct error err = { 0 };
-
-    if (tensor_path && !(out->st = recordfile_create_st(tensor_path, &err)))
-        die_error(&err);
-    if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, &err)))
-        die_error(&err);
     out->text = stdout;
+    if (tensor_path && !(out->st = recordfile_create_st(tensor_path, err)))
+        return -1;
+    if (npy_dir && !(out->npy = recordfile_create_npy(npy_dir, err)))
+        return -1;
     if (strcmp(cli.output, "-")) {
-        if (outfile_open(&out->file, cli.output, &err))
-            die_error(&err);
+        if (outfile_open(&out->file, cli.output, err))
+            return -1;
         out->text = out->file.file;
     }
+    return 0;
+}
+
+/* Nothing is left of what was not completed. */
+static void abandon_outputs(struct outputs *out)
+{
+    recordfile_abandon(out->st);
+    recordfile_abandon(out->npy);
+    outfile_abandon(&out->file);
+    scene_release(&out->scene);
 }
 
 /* By frame and type. */
@@ -229,24 +237,26 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
     return rc;
 }
 
-/* Complete the files even of a damaged stream: what was read is kept. */
-static void close_outputs(struct outputs *out)
+/* Complete all files. */
+static int finish_outputs(struct outputs *out, struct error *err)
 {
-    struct error err = { 0 };
+    struct recordfile *st = out->st, *npy = out->npy;
 
-    if (out->st && recordfile_finish(out->st, &err))
-        die_error(&err);
-    if (out->npy && recordfile_finish(out->npy, &err))
-        die_error(&err);
+    out->st = NULL;
+    if (st && recordfile_finish(st, err))
+        return -1;
+    out->npy = NULL;
+    if (npy && recordfile_finish(npy, err))
+        return -1;
     if (ply_path && !out->scene.mean)
-        die(EX_DATAERR, "no Gaussians for --ply (expected a GAUS record)");
-    if (ply_path && ply_write(ply_path, &out->scene.g, true, &err))
-        die_error(&err);
-    scene_release(&out->scene);
-    if (out->text != stdout && outfile_close(&out->file, &err))
-        die_error(&err);
-    if (fclose(stdout))
-        die(EX_IOERR, "<stdout>: cannot write: %s", strerror(errno));
+        return error_set(err, EX_DATAERR, "no Gaussians for --ply (expected "
+                         "a GAUS record)");
+    if (ply_path && ply_write(ply_path, &out->scene.g, true, err))
+        return -1;
+    if (out->text != stdout && outfile_close(&out->file, err))
+        return -1;
+    return fclose(stdout) ? error_set(err, EX_IOERR, "<stdout>: cannot write:"
+                                      " %s", strerror(errno)) : 0;
 }
 
 int main(int argc, char **argv)
@@ -266,8 +276,9 @@ int main(int argc, char **argv)
     in = stream_open(first < argc ? argv[first] : "-", NULL, &err);
     if (!in)
         die_error(&err);
-    open_outputs(&out);
-    rc = dump_stream(in, &out, &tally, &err);
+    rc = open_outputs(&out, &err);
+    if (rc == 0)
+        rc = dump_stream(in, &out, &tally, &err);
     if (check && rc == 0 && !cli.quiet)
         fprintf(out.text, "%s: %llu records, frames %llu to %llu, %llu "
                 "bytes: ok\n", stream_name(in),
@@ -275,7 +286,11 @@ int main(int argc, char **argv)
                 (unsigned long long)tally.first,
                 (unsigned long long)tally.last,
                 (unsigned long long)tally.bytes + 64);
-    close_outputs(&out);
+    /* even of a damaged stream what was read is kept */
+    if ((rc == 0 || tally.records) &&
+        finish_outputs(&out, rc == 0 ? &err : NULL))
+        rc = -1;
+    abandon_outputs(&out);
     stream_close(in);
     if (rc < 0)
         die_error(&err);

@@ -19,23 +19,24 @@ static long size;
 
 static const struct cli_option options[] = {
     OPTION_PRECISION_REFINE(&precision, "network"),
-    {"roi", 0, CLI_FLAG, &roi, 0, 0, NULL,
-     "refine only the part of the picture where the head is", NULL},
-    {"size", 0, CLI_INT, &size, 1, PERSON_LARGEST, "N",
-     "pictures of N by N pixels (default FEAT's size)", NULL},
+    OPTION_FLAG("roi", 0, &roi,
+                "refine only the part of the picture where the head is"),
+    OPTION_INT("size", 0, &size, 1, PERSON_LARGEST, "N",
+               "pictures of N by N pixels (default FEAT's size)"),
     {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
      "stream, y4m, png, pam, exr or mp4 (default by the output's name)",
      framesink_parse_format},
-    {"background", 0, CLI_STRING, &background_text, 0, 0, "WHAT",
-     "R,G,B, #RRGGBB, a name, a picture, or source (default black)", NULL},
-    {"identity", 'i', CLI_STRING, &identity_path, 0, 0, "FILE",
-     "identity whose picture --background source means", NULL},
-    {"alpha", 0, CLI_FLAG, &sink_options.alpha, 0, 0, NULL,
-     "keep transparency: straight RGBA (png, pam, exr, stream)", NULL},
-    {"fps", 0, CLI_FLOAT, &fps, 0.001, 100000, "RATE",
-     "frames a second of y4m and mp4 (default CONF's, else 25)", NULL},
-    {"bt601", 0, CLI_FLAG, &sink_options.bt601, 0, 0, NULL,
-     "write Y4M in BT.601 (default BT.709)", NULL},
+    OPTION_STRING("background", 0, &background_text, "WHAT",
+                  "R,G,B, #RRGGBB, a name, a picture, or source (default "
+                  "black)"),
+    OPTION_STRING("identity", 'i', &identity_path, "FILE",
+                  "identity whose picture --background source means"),
+    OPTION_FLAG("alpha", 0, &sink_options.alpha,
+                "keep transparency: straight RGBA (png, pam, exr, stream)"),
+    OPTION_FLOAT("fps", 0, &fps, 0.001, 100000, "RATE",
+                 "frames a second of y4m and mp4 (default CONF's, else 25)"),
+    OPTION_FLAG("bt601", 0, &sink_options.bt601,
+                "write Y4M in BT.601 (default BT.709)"),
     {0}
 };
 

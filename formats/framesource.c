@@ -18,6 +18,7 @@
 #include "formats/pnm.h"
 #include "formats/video.h"
 #include "formats/y4m.h"
+#include "lib/base/list.h"
 
 enum kind { KIND_NONE, KIND_IMAGE, KIND_VIDEO, KIND_Y4M, KIND_PNM, KIND_PNG };
 
@@ -46,15 +47,11 @@ struct framesource {
 static int add_path(struct framesource *s, const char *path,
                     struct error *err)
 {
-    if (s->count == s->room) {
-        size_t room = s->room ? 2 * s->room : 16;
-        char **p = realloc(s->path, room * sizeof *p);
+    char **p = list_grow(s->path, &s->room, s->count, sizeof *p);
 
-        if (!p)
-            return error_set(err, EX_OSERR, "out of memory");
-        s->path = p;
-        s->room = room;
-    }
+    if (!p)
+        return error_set(err, EX_OSERR, "out of memory");
+    s->path = p;
     s->path[s->count] = strdup(path);
     if (!s->path[s->count])
         return error_set(err, EX_OSERR, "out of memory");

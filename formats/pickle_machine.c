@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
+
 #define BLOCK ((size_t)64 << 10)
 
 /* ---- memory ------------------------------------------------------------- */
@@ -189,19 +191,15 @@ int pickle_number_line(struct pickle_machine *m, char out[PICKLE_LINE])
 /* v may be NULL: a mark. */
 static int stack_push(struct pickle_machine *m, struct pickle_value *v)
 {
-    if (m->top == m->room) {
-        size_t room = m->room ? 2 * m->room : 256;
-        struct pickle_value **s;
+    struct pickle_value **s;
 
-        if (m->room >= PICKLE_MAX_ITEMS)
-            return pickle_fail(m, "more than %zu values on the stack",
-                               PICKLE_MAX_ITEMS);
-        s = realloc(m->stack, room * sizeof *s);
-        if (!s)
-            return error_set(m->err, EX_OSERR, "out of memory");
-        m->stack = s;
-        m->room = room;
-    }
+    if (m->top >= PICKLE_MAX_ITEMS)
+        return pickle_fail(m, "more than %zu values on the stack",
+                           PICKLE_MAX_ITEMS);
+    s = list_grow(m->stack, &m->room, m->top, sizeof *s);
+    if (!s)
+        return error_set(m->err, EX_OSERR, "out of memory");
+    m->stack = s;
     m->stack[m->top++] = v;
     return 0;
 }

@@ -13,6 +13,7 @@
 
 #include "formats/npy.h"
 #include "formats/safetensors.h"
+#include "lib/base/list.h"
 
 #define INDEX_KEY "spid.records"
 #define PATH_ROOM 4096
@@ -31,7 +32,7 @@ struct column {
 
 struct recordfile {
     char *path;
-    bool npy;
+    bool npy, made;            /* made: the folder is new, ours */
     cJSON *index;
     uint64_t records;
     struct st_tensor *tensor;  /* safetensors: copies of all arrays */
@@ -66,9 +67,11 @@ struct recordfile *recordfile_create_st(const char *path, struct error *err)
 
 struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
 {
+    const bool made = mkdir(dir, 0777) == 0;
+    struct recordfile *w;
     struct stat st;
 
-    if (mkdir(dir, 0777) && errno != EEXIST) {
+    if (!made && errno != EEXIST) {
         error_set(err, EX_CANTCREAT, "%s: cannot create: %s", dir,
                   strerror(errno));
         return NULL;
@@ -77,7 +80,12 @@ struct recordfile *recordfile_create_npy(const char *dir, struct error *err)
         error_set(err, EX_CANTCREAT, "%s: not a directory", dir);
         return NULL;
     }
-    return recordfile_create(dir, true, err);
+    w = recordfile_create(dir, true, err);
+    if (w)
+        w->made = made;
+    else if (made)
+        rmdir(dir);
+    return w;
 }
 
 void recordfile_abandon(struct recordfile *w)
@@ -90,6 +98,8 @@ void recordfile_abandon(struct recordfile *w)
     }
     for (size_t i = 0; i < w->columns; i++)
         npy_abandon(w->column[i].w);
+    if (w->made)
+        rmdir(w->path);         /* stays when something is in it */
     free(w->tensor);
     free(w->column);
     cJSON_Delete(w->index);
@@ -106,15 +116,10 @@ static int add_tensor(struct recordfile *w, const struct record *rec,
     char *name = NULL;
     void *data;
 
-    if (w->tensors == w->room) {
-        size_t room = w->room ? 2 * w->room : 64;
-
-        t = realloc(w->tensor, room * sizeof *t);
-        if (!t)
-            return error_set(err, EX_OSERR, "out of memory");
-        w->tensor = t;
-        w->room = room;
-    }
+    t = list_grow(w->tensor, &w->room, w->tensors, sizeof *t);
+    if (!t)
+        return error_set(err, EX_OSERR, "out of memory");
+    w->tensor = t;
     data = malloc(bytes + 1);
     if (!data || asprintf(&name, "%06llu.%s.%s",
                           (unsigned long long)w->records, rec->type,

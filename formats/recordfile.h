@@ -25,7 +25,9 @@ int recordfile_add(struct recordfile *w, const struct record *rec,
                    struct error *err);
 /* Complete the files; frees w. */
 int recordfile_finish(struct recordfile *w, struct error *err);
-void recordfile_abandon(struct recordfile *w);     /* NULL is allowed */
+/* Free w and remove what is not complete, the directory too when it is new and
+ * empty; NULL is allowed. */
+void recordfile_abandon(struct recordfile *w);
 
 /* Hand every record of such a file or directory to sink. */
 int recordfile_read_st(const char *path, record_sink sink, void *context,

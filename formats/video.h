@@ -16,9 +16,9 @@ bool video_is_camera(const char *path);
  * they come, and it has no end. */
 bool video_is_live(const char *path);
 /* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
- * EX_DATAERR when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4, MOV or
- * Matroska file says; where it does not, BT.709 from 1280 columns or 577 rows
- * on.  bt601: BT.601 whatever it says. */
+ * EX_DATAERR when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4,
+ * MOV or Matroska file says; where it does not, BT.709 from 1280 columns or
+ * 577 rows on.  bt601: BT.601 whatever it says. */
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err);
 /* Frames a second; 0 when unknown. */

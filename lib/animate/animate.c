@@ -236,8 +236,8 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     motion_camera(cam, m);                              /* T_d */
     head_mouth(&mouth, a->id->head, w->verts);
     double t1 = cpu_seconds();
-    baked_drive(&w->move, b, a->dense, w->verts, mouth.centre,
-                mouth.chin, mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
+    baked_drive(&w->move, b, a->dense, w->verts, mouth.centre, mouth.chin,
+                mouth.gap, a->opt.closed, cam);         /* mu_D, mu_M */
     double t2 = cpu_seconds();
     place_view_make(&view, b->view, cam);
     if (baked_move_scene(&w->splat, &w->move, b, err) ||

@@ -6,6 +6,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
+
 #define LIST_MAX ((size_t)64 << 20)
 
 /* The whole file, NUL-terminated. */
@@ -95,15 +97,12 @@ int joblist_read(struct joblist *l, const char *path, struct error *err)
         line[strcspn(line, "\r")] = 0;
         if (!*line || *line == '#')
             continue;
-        if (l->count == room) {
-            room = room ? 2 * room : 64;
-            struct job *p = realloc(l->job, room * sizeof *p);
-            if (!p) {
-                joblist_release(l);
-                return error_set(err, EX_OSERR, "no memory for a list");
-            }
-            l->job = p;
+        struct job *p = list_grow(l->job, &room, l->count, sizeof *p);
+        if (!p) {
+            joblist_release(l);
+            return error_set(err, EX_OSERR, "no memory for a list");
         }
+        l->job = p;
         if (joblist_cut(&l->job[l->count++], line)) {
             joblist_release(l);
             return error_set(err, EX_DATAERR, "%s: line %zu: not three "

@@ -99,15 +99,20 @@ out:
 
 /* ---- baking ------------------------------------------------------------ */
 
-/* The networks of Phase A, loaded when first needed, then what is never drawn
- * left out. */
-static int prepare_bake(struct prepared *s, struct prepare *p,
-                        struct error *err)
+/* The networks of Phase A, loaded when first needed. */
+static int prepare_open_baker(struct prepare *p, struct error *err)
 {
     if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head,
                                     p->without, p->precision, err))
         return -1;
     p->has_baker = true;
+    return 0;
+}
+
+/* The Gaussians, then what is never drawn left out. */
+static int prepare_bake(struct prepared *s, struct prepare *p,
+                        struct error *err)
+{
     float *verts = malloc(3 * p->head.V * sizeof *verts);
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
@@ -132,7 +137,8 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
         goto fail;
     s->shape_s += cpu_seconds() - begun;
     begun = cpu_seconds();
-    if (s->baked.N == 0 && prepare_bake(s, p, err))
+    if (s->baked.N == 0 &&
+        (prepare_open_baker(p, err) || prepare_bake(s, p, err)))
         goto fail;
     if (!p->no_photo && s->person.back && baked_has_places(&s->baked) &&
         texture_init(&s->texture, s->person.rgb, s->person.matte,
@@ -158,7 +164,16 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
         return -1;
     }
     s->shape_s = cpu_seconds() - begun;
-    return prepare_person(s, p, err) ? error_prefix(err, "%s", path) : 0;
+    begun = cpu_seconds();
+    if (s->baked.N == 0 && prepare_open_baker(p, err)) {
+        prepared_release(s);    /* the model's fault, not the source's */
+        return -1;
+    }
+    const double opening = cpu_seconds() - begun;
+    if (prepare_person(s, p, err))
+        return error_prefix(err, "%s", path);
+    s->bake_s += opening;
+    return 0;
 }
 
 void prepared_release(struct prepared *s)

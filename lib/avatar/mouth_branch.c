@@ -101,7 +101,8 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {&b->grid, 3 * M, false}, {&b->uv, 2 * M, false},
         {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
         {(float **)&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
-        {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false}, {&b->in, M * b->inputs, false},
+        {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
+        {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
         {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
     };

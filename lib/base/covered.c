@@ -5,19 +5,16 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/list.h"
+
 /* Room for one run more. */
 static int covered_room(struct covered *c)
 {
-    size_t room = c->room ? 2 * c->room : 1024;
-    struct iovec *run;
+    struct iovec *run = list_grow(c->run, &c->room, c->runs, sizeof *run);
 
-    if (c->runs < c->room)
-        return 0;
-    run = realloc(c->run, room * sizeof *run);
     if (!run)
         return -1;
     c->run = run;
-    c->room = room;
     return 0;
 }
 

@@ -71,7 +71,7 @@ static const struct knob knobs[] = {
 };
 
 /* One renderer with its picture, as bench_time calls it. */
-struct frame {
+struct bench_frame {
     struct splat s;
     const struct splat_camera *cam;
     float *image, *alpha;
@@ -82,7 +82,7 @@ struct frame {
 /* Draw with a camera that moves by less than anybody can see, as in a clip. */
 static int frame_draw_next(void *context, struct error *err)
 {
-    struct frame *f = context;
+    struct bench_frame *f = context;
     struct splat_camera cam = *f->cam;
 
     /* a camera that moves by less than anybody can see, as in a clip */
@@ -108,7 +108,7 @@ static uint16_t *frame_halve_colors(struct gaussians *g)
 }
 
 /* Renderer, picture and Gaussians of one knob. */
-static int frame_open(struct frame *f, const struct splat_options *opt,
+static int frame_open(struct bench_frame *f, const struct splat_options *opt,
                       const struct stage *st, const struct knob *k,
                       struct error *err)
 {
@@ -128,7 +128,7 @@ static int frame_open(struct frame *f, const struct splat_options *opt,
     return splat_init(&f->s, opt, err) || splat_load(&f->s, &g, err) ? -1 : 0;
 }
 
-static void frame_close(struct frame *f)
+static void frame_close(struct bench_frame *f)
 {
     splat_release(&f->s);
     free(f->image);
@@ -138,7 +138,7 @@ static void frame_close(struct frame *f)
 }
 
 /* Error of the frame against the first channels of a 32-channel truth. */
-static int frame_error(double *max_abs, double *psnr, struct frame *f,
+static int frame_error(double *max_abs, double *psnr, struct bench_frame *f,
                        const double *truth, struct error *err)
 {
     size_t C = (size_t)f->s.opt.channels;
@@ -201,7 +201,7 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
 {
     struct splat_options o = knob_options(k, threads);
     struct bench_times t;
-    struct frame f;
+    struct bench_frame f;
     char config[96];
     double worst, psnr, worst_ruled, psnr_ruled;
     int rc = -1;

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/convert/table.h"
 
 const char *const convert_kinds[] = {"flame",     "dinov2", "smirk",
@@ -139,20 +140,15 @@ static struct convert_tensor *add_tensor(struct convert *c, const char *name,
                                          const size_t *dims,
                                          struct error *err)
 {
-    struct convert_tensor *t;
+    struct convert_tensor *t = list_grow(c->tensor, &c->room, c->count,
+                                         sizeof *t);
 
-    if (c->count == c->room) {
-        size_t room = c->room ? 2 * c->room : 64;
-
-        t = realloc(c->tensor, room * sizeof *t);
-        if (!t) {
-            error_set(err, EX_OSERR, "out of memory");
-            return NULL;
-        }
-        c->tensor = t;
-        c->room = room;
+    if (!t) {
+        error_set(err, EX_OSERR, "out of memory");
+        return NULL;
     }
-    t = &c->tensor[c->count];
+    c->tensor = t;
+    t += c->count;
     memset(t, 0, sizeof *t);
     t->name = strdup(name);
     if (!t->name) {

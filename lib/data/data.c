@@ -10,6 +10,7 @@
 #include <sys/stat.h>
 #include <sysexits.h>
 
+#include "lib/base/list.h"
 #include "lib/stream/stream.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
@@ -275,14 +276,12 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
 static int data_keep_frame(struct data_person *p, struct data_frame *f,
                            struct error *err)
 {
-    if (p->count == p->room) {
-        size_t room = p->room ? 2 * p->room : 16;
-        struct data_frame *grown = realloc(p->frame, room * sizeof *grown);
-        if (!grown)
-            return error_set(err, EX_OSERR, "out of memory");
-        p->frame = grown;
-        p->room = room;
-    }
+    struct data_frame *grown = list_grow(p->frame, &p->room, p->count,
+                                         sizeof *grown);
+
+    if (!grown)
+        return error_set(err, EX_OSERR, "out of memory");
+    p->frame = grown;
     p->frame[p->count++] = *f;
     f->rgba = f->alone = f->hidden = NULL;
     return 0;

@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/eval/compare.h"
+#include "lib/base/list.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/motion.h"
 #include "lib/record/motion.h"
@@ -40,14 +41,12 @@ struct side {
 /* Append a pose. */
 static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
 {
-    if (c->count == c->room) {
-        size_t room = c->room ? 2 * c->room : 64;
-        struct pose *grown = realloc(c->pose, room * sizeof *grown);
-        if (!grown)
-            return error_set(err, EX_OSERR, "out of memory");
-        c->pose = grown;
-        c->room = room;
-    }
+    struct pose *grown = list_grow(c->pose, &c->room, c->count,
+                                   sizeof *grown);
+
+    if (!grown)
+        return error_set(err, EX_OSERR, "out of memory");
+    c->pose = grown;
     c->pose[c->count++] = *p;
     return 0;
 }

@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/file.h"
+#include "lib/base/list.h"
 
 #define PAIRS_LARGEST ((size_t)16 << 20)        /* of a list, bytes */
 
@@ -43,15 +44,11 @@ static int pairs_parse(struct pair *p, char *line, const char *path,
 static int pairs_add(struct pairs *p, size_t *room, char *line,
                      const char *path, size_t number, struct error *err)
 {
-    if (p->count == *room) {
-        size_t more = *room ? 2 * *room : 64;
-        struct pair *grown = realloc(p->pair, more * sizeof *grown);
+    struct pair *grown = list_grow(p->pair, room, p->count, sizeof *grown);
 
-        if (!grown)
-            return error_set(err, EX_OSERR, "no memory for a list");
-        p->pair = grown;
-        *room = more;
-    }
+    if (!grown)
+        return error_set(err, EX_OSERR, "no memory for a list");
+    p->pair = grown;
     return pairs_parse(&p->pair[p->count++], line, path, number, err);
 }
 

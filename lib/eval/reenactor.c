@@ -55,7 +55,8 @@ static int reenactor_allocate(struct reenactor *r, struct error *err)
     size_t part[] = {N * N * 3, n * C, n, 3 * n, 3 * n, 3 * means, 3 * V,
                      3 * V, 3 * n, TEXTURE_PHOTO * n, n};
     float **to[] = {&r->crop, &r->features, &r->alpha, &r->coarse, &r->rgb,
-                    &r->means, &r->verts, &r->rest, &r->place, &r->photo, &r->cover};
+                    &r->means, &r->verts, &r->rest, &r->place, &r->photo,
+                    &r->cover};
     size_t total = 0, count = sizeof part / sizeof *part;
     float *block;
 

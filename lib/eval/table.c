@@ -6,6 +6,8 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/list.h"
+
 void table_init(struct table *t)
 {
     memset(t, 0, sizeof *t);
@@ -37,14 +39,11 @@ size_t table_row(struct table *t, const char *name)
     for (size_t i = 0; i < t->rows; i++)
         if (!strcmp(t->row[i].name, cut))
             return i;
-    if (t->rows == t->room) {
-        size_t room = t->room ? 2 * t->room : 8;
-        struct table_row *grown = realloc(t->row, room * sizeof *grown);
-        if (!grown)
-            return (size_t)-1;
-        t->row = grown;
-        t->room = room;
-    }
+    struct table_row *grown = list_grow(t->row, &t->room, t->rows,
+                                        sizeof *grown);
+    if (!grown)
+        return (size_t)-1;
+    t->row = grown;
     memset(&t->row[t->rows], 0, sizeof *t->row);
     memcpy(t->row[t->rows].name, cut, sizeof cut);
     return t->rows++;
@@ -87,25 +86,18 @@ int table_format_parse(enum table_format *f, const char *word)
     return -1;
 }
 
-/* Most failures in any cell of a row: frames that could not be judged. */
-static size_t table_row_failed(const struct table *t, size_t row)
+/* Most measured in any cell of a row: its frames; or most failures: frames
+ * that could not be judged. */
+static size_t table_row_most(const struct table *t, size_t row, bool failed)
 {
     size_t most = 0;
 
-    for (size_t c = 0; c < t->columns; c++)
-        if (t->row[row].cell[c].failed > most)
-            most = t->row[row].cell[c].failed;
-    return most;
-}
+    for (size_t c = 0; c < t->columns; c++) {
+        const struct table_cell *cell = &t->row[row].cell[c];
+        size_t n = failed ? cell->failed : cell->count;
 
-/* Most measured in any cell of a row: its frames. */
-static size_t table_row_count(const struct table *t, size_t row)
-{
-    size_t most = 0;
-
-    for (size_t c = 0; c < t->columns; c++)
-        if (t->row[row].cell[c].count > most)
-            most = t->row[row].cell[c].count;
+        most = n > most ? n : most;
+    }
     return most;
 }
 
@@ -144,7 +136,7 @@ static void table_write_text(FILE *f, const struct table *t, bool tsv)
             fprintf(f, tsv ? "\t%s" : " %11s", cell);
         }
         fprintf(f, tsv ? "\t%zu\t%zu\n" : " %7zu %7zu\n",
-                table_row_count(t, r), table_row_failed(t, r));
+                table_row_most(t, r, false), table_row_most(t, r, true));
     }
 }
 
@@ -179,8 +171,8 @@ static void table_write_json(FILE *f, const struct table *t)
             else
                 fprintf(f, ": %.9g, ", x);
         }
-        fprintf(f, "\"frames\": %zu, \"failed\": %zu}", table_row_count(t, r),
-                table_row_failed(t, r));
+        fprintf(f, "\"frames\": %zu, \"failed\": %zu}",
+                table_row_most(t, r, false), table_row_most(t, r, true));
     }
     fputs("\n}\n", f);
 }

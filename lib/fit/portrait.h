@@ -24,9 +24,9 @@ int portrait_init(struct portrait *p, size_t size, struct error *err);
 /* Free what it holds; zeroed then. */
 void portrait_release(struct portrait *p);
 
-/* Fill rgb, mask and back from the window of a picture rgb (H,W,3).  The mask is
- * GrabCut's about the head that m poses id into, softened by the colours, and
- * 0 beyond the picture's border, where rgb goes on as background. */
+/* Fill rgb, mask and back from the window of a picture rgb (H,W,3).  The mask
+ * is GrabCut's about the head that m poses id into, softened by the colours,
+ * and 0 beyond the picture's border, where rgb goes on as background. */
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  struct square window, const struct identity *id,
                  const struct motion *m, struct error *err);

@@ -9,4 +9,7 @@
  * 1e-12 counts as that: where a is singular x stays finite, and large. */
 void cholesky_solve(double *x, double *a, size_t n);
 
+/* The same for the columns of x (n,cols). */
+void cholesky_solve_columns(double *x, double *a, size_t n, size_t cols);
+
 #endif

@@ -62,6 +62,20 @@ bool arkit_is_rig(int k)
            k == ARKIT_JAW_RIGHT;
 }
 
+void arkit_draw_side(float *w, struct random *r)
+{
+    static const int against[][2] = {
+        { ARKIT_JAW_LEFT, ARKIT_JAW_RIGHT },
+        { ARKIT_EYE_LOOK_UP_L, ARKIT_EYE_LOOK_DOWN_L },
+        { ARKIT_EYE_LOOK_UP_R, ARKIT_EYE_LOOK_DOWN_R },
+        { ARKIT_EYE_LOOK_IN_L, ARKIT_EYE_LOOK_OUT_L },
+        { ARKIT_EYE_LOOK_IN_R, ARKIT_EYE_LOOK_OUT_R },
+    };
+
+    for (size_t i = 0; i < sizeof against / sizeof *against; i++)
+        w[against[i][random_range(r, 0, 1) < 0.5]] = 0;
+}
+
 void arkit_to_motion(float *exp, int nexp, float jaw[3], float lid[2],
                      float eye[6], const float *w)
 {

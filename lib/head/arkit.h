@@ -16,6 +16,8 @@
 
 #include <stdbool.h>
 
+#include "lib/base/random.h"
+
 #define ARKIT_COUNT 53
 #define ARKIT_EXP 100           /* expression components of a motion */
 
@@ -67,6 +69,11 @@ int arkit_find(int component[2], const char *name);
 /* Whether component k is a joint's or a lid's, and so a zero shape among the
  * expression directions. */
 bool arkit_is_rig(int k);
+
+/* Of two weights that contradict each other (jaw left and right, an eye up
+ * and down, in and out) one, drawn at random, becomes 0: then w (ARKIT_COUNT)
+ * is what a face can do. */
+void arkit_draw_side(float *w, struct random *r);
 
 /* The motion of weights w (ARKIT_COUNT).  exp (nexp): components, 0 beyond
  * ARKIT_COUNT.  jaw and eye (left, right) axis-angle; lid left, right. */

@@ -14,13 +14,6 @@
 void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
                     double active)
 {
-    static const int against[][2] = {
-        { ARKIT_JAW_LEFT, ARKIT_JAW_RIGHT },
-        { ARKIT_EYE_LOOK_UP_L, ARKIT_EYE_LOOK_DOWN_L },
-        { ARKIT_EYE_LOOK_UP_R, ARKIT_EYE_LOOK_DOWN_R },
-        { ARKIT_EYE_LOOK_IN_L, ARKIT_EYE_LOOK_OUT_L },
-        { ARKIT_EYE_LOOK_IN_R, ARKIT_EYE_LOOK_OUT_R },
-    };
     struct random r;
 
     random_init(&r, seed * 1000003 + (uint64_t)person, "head compare");
@@ -31,8 +24,7 @@ void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
 
         arkit[k] = on < active ? (float)much : 0;
     }
-    for (size_t i = 0; i < sizeof against / sizeof *against; i++)
-        arkit[against[i][random_range(&r, 0, 1) < 0.5]] = 0;
+    arkit_draw_side(arkit, &r);
 }
 
 void compare_scan(float *verts, const struct scan *s, const float *identity,

@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/geom/cholesky.h"
 #include "lib/head/lbs.h"
 #include "lib/head/nearest.h"
 #include "lib/head/register.h"
@@ -131,32 +132,6 @@ void head_map_vertices(float *out, const float *in, size_t width,
 
 /* ---- fits --------------------------------------------------------------- */
 
-/* A (n,n), positive definite, to its Cholesky factor; B (n,cols) to the
- * solution of A X = B. */
-static void map_solve(double *A, double *B, size_t n, size_t cols)
-{
-    for (size_t j = 0; j < n; j++)
-        for (size_t i = j; i < n; i++) {
-            double s = A[i * n + j];
-
-            for (size_t k = 0; k < j; k++)
-                s -= A[i * n + k] * A[j * n + k];
-            A[i * n + j] = i == j ? sqrt(fmax(s, 1e-30)) : s / A[j * n + j];
-        }
-    for (size_t c = 0; c < cols; c++) {
-        for (size_t i = 0; i < n; i++) {
-            for (size_t k = 0; k < i; k++)
-                B[i * cols + c] -= A[i * n + k] * B[k * cols + c];
-            B[i * cols + c] /= A[i * n + i];
-        }
-        for (size_t i = n; i-- > 0;) {
-            for (size_t k = i + 1; k < n; k++)
-                B[i * cols + c] -= A[k * n + i] * B[k * cols + c];
-            B[i * cols + c] /= A[i * n + i];
-        }
-    }
-}
-
 /* Displacements of to's vertices, a row of (V,3) for each column of a basis. */
 struct map_basis {
     size_t n, len;
@@ -193,7 +168,7 @@ static int map_fit(float *out, double *left, const struct map_basis *T,
                 B[i * cols + j] += (double)weight[k / 3] * t[k] *
                                    F->row[j * len + k];
     }
-    map_solve(A, B, n, cols);
+    cholesky_solve_columns(B, A, n, cols);
     for (size_t i = 0; i < n * cols; i++)
         out[i] = (float)B[i];
     for (size_t j = 0; left && j < cols; j++)

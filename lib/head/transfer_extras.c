@@ -6,42 +6,9 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/geom/jacobi.h"
+
 enum { N = SCULPT_SHAPES, DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS };
-
-/* One sweep of Jacobi rotations: A (N,N) symmetric towards diagonal, V's
- * columns its eigenvectors.  Returns the largest entry off the diagonal. */
-static double jacobi_sweep(double *A, double *V)
-{
-    double worst = 0;
-
-    for (size_t p = 0; p < N; p++)
-        for (size_t q = p + 1; q < N; q++) {
-            double apq = A[p * N + q];
-
-            worst = fmax(worst, fabs(apq));
-            if (fabs(apq) < 1e-16)
-                continue;
-            double th = (A[q * N + q] - A[p * N + p]) / (2 * apq);
-            double t = (th < 0 ? -1 : 1) / (fabs(th) + sqrt(th * th + 1));
-            double c = 1 / sqrt(t * t + 1), s = t * c;
-            for (size_t i = 0; i < N; i++) {
-                double a = A[i * N + p], b = A[i * N + q];
-
-                A[i * N + p] = c * a - s * b;
-                A[i * N + q] = s * a + c * b;
-            }
-            for (size_t i = 0; i < N; i++) {
-                double a = A[p * N + i], b = A[q * N + i];
-
-                A[p * N + i] = c * a - s * b;
-                A[q * N + i] = s * a + c * b;
-                a = V[i * N + p], b = V[i * N + q];
-                V[i * N + p] = c * a - s * b;
-                V[i * N + q] = s * a + c * b;
-            }
-        }
-    return worst;
-}
 
 /* A (N,N) = X^T X of the masked identity columns, X (3 nv, N) in mm. */
 static void extras_gram(double *A, const struct sculpt *s, const double *mask)
@@ -107,7 +74,7 @@ int transfer_extras(struct sculpt *s, size_t first, size_t count,
         for (size_t k = 0; k < N; k++)
             V[k * N + k] = 1;
         double small = 1e-9 * A[0];
-        for (int sweep = 0; sweep < 12 && jacobi_sweep(A, V) > small; sweep++)
+        for (int k = 0; k < 12 && jacobi_sweep(A, V, N) > small; k++)
             ;
         rc = extras_rotate(s, first, count, mask, A, V);
     }

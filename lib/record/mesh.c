@@ -4,8 +4,8 @@
 #include <string.h>
 #include <sysexits.h>
 
-const char *const mesh_arrays[] = {"verts", "cam", "lip", "gap", "chin", "faces",
-                                   NULL};
+const char *const mesh_arrays[] = {"verts", "cam", "lip", "gap", "chin",
+                                   "faces", NULL};
 
 int mesh_read(struct mesh *m, const struct record *rec, struct error *err)
 {

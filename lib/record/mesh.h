@@ -30,8 +30,8 @@ int mesh_read(struct mesh *m, const struct record *rec, struct error *err);
 int mesh_read_faces(const int32_t **faces, size_t *F,
                     const struct record *rec, struct error *err);
 /* Write a MESH record: verts (V,3), cam, the inner lips' centroid and
- * opening, the chin's centroid; faces when with_faces is set (the first one of a stream); others
- * appended. */
+ * opening, the chin's centroid; faces when with_faces is set (the first one of
+ * a stream); others appended. */
 int mesh_write(struct stream_writer *w, uint64_t frame, double time,
                const struct head *h, const float *verts, const float cam[12],
                bool with_faces, const struct array *others, int nothers,

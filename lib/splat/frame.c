@@ -18,7 +18,7 @@
 #define TILES 8                /* neighbours in Z order drawn by one thread:
                                 * they share Gaussians */
 
-struct frame {
+struct drawing {
     struct splat *s;
     const struct target *out;
     const struct splat_kernels *k;
@@ -31,7 +31,7 @@ struct frame {
 };
 
 /* Thread 0 notes what has passed since the last phase. */
-static void frame_note_phase(struct frame *f, int t, enum splat_phase p)
+static void frame_note_phase(struct drawing *f, int t, enum splat_phase p)
 {
     double now = t ? 0 : omp_get_wtime();
 
@@ -55,7 +55,7 @@ static size_t frame_share(size_t n, int t, int threads)
 /* ---- projection ---------------------------------------------------------- */
 
 /* Append the visible of [i, end) to the thread's part of the sort input. */
-static void frame_collect(struct frame *f, int t, size_t i, size_t end)
+static void frame_collect(struct drawing *f, int t, size_t i, size_t end)
 {
     struct splat_state *st = f->s->state;
     uint64_t *out = st->sort0 + f->lo[t] + f->count[t], *at = out;
@@ -77,7 +77,7 @@ static void frame_collect(struct frame *f, int t, size_t i, size_t end)
 }
 
 /* Project what moved in [first, last) of all Gaussians, and collect it. */
-static void frame_project(struct frame *f, int t, size_t first, size_t last)
+static void frame_project(struct drawing *f, int t, size_t first, size_t last)
 {
     struct splat_state *st = f->s->state;
     size_t n = last - first;
@@ -134,7 +134,7 @@ static void frame_scatter(uint64_t *out, uint32_t *at, const uint64_t *in,
 }
 
 /* Gaussians on the screen, of all threads. */
-static size_t frame_collected(const struct frame *f)
+static size_t frame_collected(const struct drawing *f)
 {
     size_t all = 0;
 
@@ -144,7 +144,7 @@ static size_t frame_collected(const struct frame *f)
 }
 
 /* Sort what was collected; returns where it is, sort0 or sort1. */
-static uint64_t *frame_sort(struct frame *f, int t)
+static uint64_t *frame_sort(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
     uint32_t least = UINT32_MAX, most = 0, at[RADIX];
@@ -232,7 +232,7 @@ static void frame_settle_ties(struct splat_state *st, size_t n)
 /* Count the tiles of this thread's part of the order: each rectangle [x0,x1)
  * x [y0,y1) as four corners of a difference table, then the table summed up.
  * The rectangles are copied in order, for fill. */
-static void frame_count_tiles(struct frame *f, int t)
+static void frame_count_tiles(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
     size_t end = frame_share(f->s->drawn, t + 1, f->threads);
@@ -263,7 +263,7 @@ static void frame_count_tiles(struct frame *f, int t)
 
 /* Start and end of each tile's list, and where each thread fills in (over its
  * counts). */
-static void frame_plan_lists(struct frame *f)
+static void frame_plan_lists(struct drawing *f)
 {
     struct splat_state *st = f->s->state;
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
@@ -302,7 +302,7 @@ static void frame_plan_lists(struct frame *f)
  * Gaussians touch at most 2 x 2 tiles: four are written, those that do not
  * count to a spare place, so that no branch waits for the rectangle's
  * shape. */
-static void frame_fill_lists(struct frame *f, int t)
+static void frame_fill_lists(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
@@ -339,7 +339,7 @@ static void frame_fill_lists(struct frame *f, int t)
 /* ---- a frame ------------------------------------------------------------- */
 
 /* Draw: runs of neighbouring tiles go to whichever thread is free. */
-static void frame_draw_tiles(struct frame *f, int t)
+static void frame_draw_tiles(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
     uint32_t tiles = (uint32_t)(st->view.tx * st->view.ty);
@@ -354,7 +354,8 @@ static void frame_draw_tiles(struct frame *f, int t)
 /* Gaussians to sorted lists.  With all Gaussians in place but those of
  * [first, last), only these are projected and sorted, and merged into the
  * order of the last frame. */
-static void frame_make_lists(struct frame *f, int t, size_t first, size_t last)
+static void frame_make_lists(struct drawing *f, int t, size_t first,
+                             size_t last)
 {
     struct splat_state *st = f->s->state;
     bool some = last - first < f->s->n;
@@ -397,7 +398,7 @@ static void frame_make_lists(struct frame *f, int t, size_t first, size_t last)
 int frame_draw(struct splat *s, const struct target *out, struct error *err)
 {
     struct splat_state *st = s->state;
-    struct frame f = {.s = s, .out = out, .k = splat_kernels(st->level),
+    struct drawing f = {.s = s, .out = out, .k = splat_kernels(st->level),
                       .clock = omp_get_wtime()};
     size_t first = 0, last = s->n;
 

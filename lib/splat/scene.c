@@ -155,8 +155,8 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
     }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
-        (g->bend && !s->neck) || (g->jaw && !s->jaw) || (g->branch && !s->branch) ||
-        (g->view && (!s->uv || !s->seen)))
+        (g->bend && !s->neck) || (g->jaw && !s->jaw) ||
+        (g->branch && !s->branch) || (g->view && (!s->uv || !s->seen)))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
 }

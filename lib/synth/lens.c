@@ -156,6 +156,14 @@ static void lens_develop(float *img, int n, const struct lens_look *l)
         }
 }
 
+float lens_grain(float v, int k, uint64_t h, float noise)
+{
+    /* sum of two bytes: close enough to a bell */
+    int g = (int)(h >> (16 * k) & 255) + (int)(h >> (16 * k + 8) & 255);
+
+    return v + noise * ((float)g - 255) * (1 / 104.0f) * (1.3f - 0.8f * v);
+}
+
 /* Noise of the sensor, then bytes. */
 static void lens_finish(struct stage *s, const float *img,
                         const struct persona *p, uint64_t frame)
@@ -166,11 +174,7 @@ static void lens_finish(struct stage *s, const float *img,
     for (size_t i = 0; i < n; i++) {
         uint64_t h = random_mix(key + i);
         for (int k = 0; k < 3; k++) {
-            /* sum of two bytes: close enough to a bell */
-            int g = (int)(h >> (16 * k) & 255) + (int)(h >> (16 * k + 8) & 255);
-            float v = img[3 * i + (size_t)k];
-            v += p->lens.noise * ((float)g - 255) * (1 / 104.0f)
-                 * (1.3f - 0.8f * v);
+            float v = lens_grain(img[3 * i + (size_t)k], k, h, p->lens.noise);
             s->rgb[3 * i + (size_t)k]
                 = (uint8_t)(clampf(v, 0, 1) * 255 + 0.5f);
         }

@@ -21,6 +21,9 @@ void backdrop_paint(float *wall, const struct persona *p, int n);
 void lens_expose(struct stage *s, const struct persona *p, const float *wall,
                  uint64_t frame, double time, float blur_x, float blur_y);
 
+/* v of channel k with the sensor's noise; h: the pixel's random number. */
+float lens_grain(float v, int k, uint64_t h, float noise);
+
 /* The weights w (2 r + 1) of a blur by a Gaussian of sigma pixels, which sum
  * to 1; returns r, 1 to `most`. */
 int lens_blur_weights(float *w, int most, float sigma);

@@ -325,14 +325,11 @@ static void film_compose(const struct scan_print *out,
     for (size_t i = 0; i < n; i++) {
         uint64_t h = random_mix(key + i);
         for (size_t k = 0; k < 3; k++) {
-            /* sum of two bytes: close enough to a bell */
-            int g = (int)(h >> (16 * k) & 255) + (int)(h >> (16 * k + 8) & 255);
             float person = f->layer[k * n + i];
             float v = person + f->layer[(4 + k) * n + i]
                       + f->wall[k * n + i];
             out->person[3 * i + k] = byte_of(person);
-            v += p->camera.noise * ((float)g - 255) * (1 / 104.0f)
-                 * (1.3f - 0.8f * v);
+            v = lens_grain(v, (int)k, h, p->camera.noise);
             out->rgb[3 * i + k] = byte_of(v);
         }
         out->mask[i] = byte_of(f->layer[3 * n + i]);

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/geom/jacobi.h"
 #include "lib/synth/vec.h"
 
 #define N SKIN_SIZE
@@ -316,36 +317,14 @@ static void spread_out(float *x, const struct skin_fit *t, const float *mean)
     }
 }
 
-/* Eigenvectors of the symmetric g (n,n) in the columns of v, by Jacobi. */
+/* Eigenvectors of the symmetric g (n,n) in the columns of v. */
 static void skin_eigen(double *g, double *v, size_t n)
 {
     memset(v, 0, n * n * sizeof *v);
     for (size_t i = 0; i < n; i++)
         v[i * n + i] = 1;
     for (int sweep = 0; sweep < 9; sweep++)
-        for (size_t p = 0; p < n; p++)
-            for (size_t q = p + 1; q < n; q++) {
-                double apq = g[p * n + q];
-                if (fabs(apq) < 1e-12)
-                    continue;
-                double th = (g[q * n + q] - g[p * n + p]) / (2 * apq);
-                double t = copysign(1, th) / (fabs(th) + sqrt(th * th + 1));
-                double c = 1 / sqrt(t * t + 1), s = t * c;
-                for (size_t k = 0; k < n; k++) {
-                    double a = g[k * n + p], b = g[k * n + q];
-                    g[k * n + p] = c * a - s * b;
-                    g[k * n + q] = s * a + c * b;
-                }
-                for (size_t k = 0; k < n; k++) {
-                    double a = g[p * n + k], b = g[q * n + k];
-                    g[p * n + k] = c * a - s * b;
-                    g[q * n + k] = s * a + c * b;
-                    a = v[k * n + p];
-                    b = v[k * n + q];
-                    v[k * n + p] = c * a - s * b;
-                    v[k * n + q] = s * a + c * b;
-                }
-            }
+        jacobi_sweep(g, v, n);
 }
 
 /* Principal components of the rows of x (n, 3 PLANE), which have their mean

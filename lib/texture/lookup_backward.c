@@ -120,8 +120,8 @@ static void lookup_jump_backward(float *dp, float *dq, const float *p,
 static float lookup_confidence_backward(float *dplace, float *dalpha,
                                         const float *place,
                                         const struct splat_place_view *v,
-                                        float zoom, float alpha, float d, size_t x,
-                                        size_t y, size_t size)
+                                        float zoom, float alpha, float d,
+                                        size_t x, size_t y, size_t size)
 {
     const size_t i = y * size + x;
     const float *p = place + 3 * i;

@@ -125,6 +125,7 @@ static int clip_take(struct clip_state *s, struct clip_report *r,
     s->time[r->kept] = f->time;
     s->index[r->kept] = f->index;
     s->person[r->kept] = source_take_person(&src);
+    source_release(&src);
     return clip_resize(&s->person[r->kept++], (size_t)c->opt.track.size, err);
 }
 

@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/list.h"
 
 void driver_init(struct driver *d, struct track *t, driver_read_fn *read,
                  void *ctx)
@@ -81,14 +82,12 @@ int driver_read_source(void *source, struct frame *f, struct error *err)
 static int driver_remember(struct driver *d, const struct frame *f,
                            struct error *err)
 {
-    if (d->early_count == d->early_room) {
-        size_t room = d->early_room ? 2 * d->early_room : 64;
-        double *p = realloc(d->early, room * sizeof *p);
-        if (!p)
-            return error_set(err, EX_OSERR, "out of memory");
-        d->early = p;
-        d->early_room = room;
-    }
+    double *p = list_grow(d->early, &d->early_room, d->early_count,
+                          sizeof *p);
+
+    if (!p)
+        return error_set(err, EX_OSERR, "out of memory");
+    d->early = p;
     d->early[d->early_count++] = f->time;
     return 0;
 }

@@ -164,7 +164,7 @@ out:
     return rc;
 }
 
-/* The portrait window at S x S pixels. */
+/* The portrait window at S x S pixels, and which of them the picture has. */
 static int source_cut_window(struct source *s, const struct image *im,
                              size_t S, struct error *err)
 {
@@ -175,8 +175,11 @@ static int source_cut_window(struct source *s, const struct image *im,
     s->person.rgb = malloc(3 * S * S);
     s->person.matte = malloc(S * S);
     s->person.back = malloc(3 * S * S);
-    if (!s->person.rgb || !s->person.matte || !s->person.back)
+    free(s->inside);
+    s->inside = malloc(S * S);
+    if (!s->person.rgb || !s->person.matte || !s->person.back || !s->inside)
         return error_set(err, EX_OSERR, "no memory for the source crop");
+    square_inside(s->inside, S, im->width, im->height, s->window);
     rc = crop_resize_u8(s->person.rgb, S, im->rgb, im->width, im->height,
                         3 * im->width, 3, s->window);
     s->crop_s += cpu_seconds() - begun;
@@ -229,12 +232,12 @@ static void source_smear(struct source *s, size_t x, size_t y, size_t from)
 /* What the window shows beyond the picture is nobody: but shoulders that leave
  * the picture below go on as they left it, three rows above its edge, where no
  * black is mixed in. */
-static void source_continue_body(struct source *s, const uint8_t *inside)
+static void source_continue_body(struct source *s)
 {
     const size_t n = s->person.size;
     size_t end = n;
 
-    while (end > 0 && !memchr(inside + (end - 1) * n, 255, n))
+    while (end > 0 && !memchr(s->inside + (end - 1) * n, 255, n))
         end--;
     for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
         for (size_t x = 0; x < n; x++)
@@ -246,41 +249,23 @@ static bool source_guessed(const struct source *s)
     return s->how >= SOURCE_NETWORK;
 }
 
-/* Which pixels of the window lie in the photograph: 255, others 0; the caller
- * frees.  NULL and *err. */
-static uint8_t *source_inside(const struct source *s, const struct image *im,
-                              struct error *err)
-{
-    const size_t n = s->person.size;
-    uint8_t *inside = malloc(n * n);
-
-    if (inside)
-        square_inside(inside, n, im->width, im->height, s->window);
-    else
-        error_set(err, EX_OSERR, "no memory for the background");
-    return inside;
-}
-
 /* Person and background apart, and both beyond the picture's edges.  Only a
  * matte that was guessed is changed at its border. */
-static int source_split(struct source *s, const struct image *im,
-                        struct error *err)
+static int source_split(struct source *s, struct error *err)
 {
     struct person *p = &s->person;
-    uint8_t *inside = source_inside(s, im, err);
     int rc;
 
-    if (!inside)
-        return -1;
     for (size_t i = 0; i < p->size * p->size; i++)
-        if (!inside[i])
+        if (!s->inside[i])
             p->matte[i] = 0;
     rc = source_guessed(s)
-             ? layers_split(p->matte, p->back, p->rgb, inside, p->size, err)
-             : layers_fill(p->back, p->rgb, p->matte, inside, p->size, err);
+             ? layers_split(p->matte, p->back, p->rgb, s->inside, p->size,
+                            err)
+             : layers_fill(p->back, p->rgb, p->matte, s->inside, p->size,
+                           err);
     if (rc == 0)
-        source_continue_body(s, inside);
-    free(inside);
+        source_continue_body(s);
     return rc;
 }
 
@@ -302,8 +287,7 @@ static int source_project_head(uint8_t *silhouette, const struct source *s,
 
 /* By the matte network: 1, 0 where it sees no person about the head, -1. */
 static int source_matte_network(struct source *s, const uint8_t *silhouette,
-                                const uint8_t *inside, struct encoders *nets,
-                                struct error *err)
+                                struct encoders *nets, struct error *err)
 {
     const size_t S = s->person.size, n = MATTE_SIDE, pixels = n * n;
     const double half = 0.5 * (double)S;
@@ -323,7 +307,7 @@ static int source_matte_network(struct source *s, const uint8_t *silhouette,
     for (size_t i = 3 * pixels; i < 4 * pixels; i++)
         rgb[i] = (float)matte_net_alpha(rgb[i]);
     rc = matte_refine(s->person.matte, &absurd, rgb + 3 * pixels, n,
-                      s->person.rgb, silhouette, inside, S, err);
+                      s->person.rgb, silhouette, s->inside, S, err);
     s->how = SOURCE_NETWORK;
 out:
     free(small);
@@ -333,25 +317,23 @@ out:
 
 /* From the picture: by the model's network, else by GrabCut, from the
  * projected head's silhouette. */
-static int source_matte_found(struct source *s, const struct image *im,
-                              const struct head *head, struct encoders *nets,
-                              struct error *err)
+static int source_matte_found(struct source *s, const struct head *head,
+                              struct encoders *nets, struct error *err)
 {
     const size_t S = s->person.size;
-    uint8_t *silhouette = malloc(2 * S * S), *inside = silhouette + S * S;
+    uint8_t *silhouette = malloc(S * S);
     int fallback = 0, found = 0, rc = -1;
 
     if (!silhouette)
         return error_set(err, EX_OSERR, "no memory for the matte");
     if (source_project_head(silhouette, s, head, err))
         goto out;
-    square_inside(inside, S, im->width, im->height, s->window);
     if (nets->has_matte && S >= MATTE_SIDE)
-        found = source_matte_network(s, silhouette, inside, nets, err);
+        found = source_matte_network(s, silhouette, nets, err);
     rc = found < 0 ? -1 : 0;
     if (!found) {
         rc = matte_grabcut(s->person.matte, &fallback, s->person.rgb,
-                           silhouette, inside, S, err);
+                           silhouette, s->inside, S, err);
         s->how = fallback ? SOURCE_DISC : SOURCE_GRABCUT;
     }
 out:
@@ -389,10 +371,10 @@ static int source_make_matte(struct source *s, const struct image *im,
         s->how = SOURCE_ALPHA;
         rc = source_matte_given(s, im, mask, err);
     } else {
-        rc = source_matte_found(s, im, head, nets, err);
+        rc = source_matte_found(s, head, nets, err);
     }
     if (rc == 0)
-        rc = source_split(s, im, err);
+        rc = source_split(s, err);
     s->matte_s = cpu_seconds() - begun;
     return rc;
 }
@@ -404,18 +386,12 @@ static int source_refine(struct source *s, const struct person *small,
                          struct error *err)
 {
     struct person *p = &s->person;
-    uint8_t *inside = source_inside(s, im, err);
-    int rc;
 
-    if (!inside)
+    if (!source_guessed(s) && source_matte_given(s, im, mask, err))
         return -1;
-    rc = source_guessed(s) ? 0 : source_matte_given(s, im, mask, err);
-    if (rc == 0)
-        rc = layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,
-                            small->back, small->rgb, small->size, inside,
-                            !source_guessed(s), err);
-    free(inside);
-    return rc;
+    return layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,
+                          small->back, small->rgb, small->size, s->inside,
+                          !source_guessed(s), err);
 }
 
 /* Where the photograph is finer than what networks see, all of it once more at
@@ -479,6 +455,7 @@ out:
 void source_release(struct source *s)
 {
     person_release(&s->person);
+    free(s->inside);
     memset(s, 0, sizeof *s);
 }
 

@@ -26,6 +26,8 @@ struct source {
                                  * shape and motion; no hashes */
     enum source_matte how;
     struct square window;       /* in the picture */
+    uint8_t *inside;            /* (size,size) 255 where the window shows the
+                                 * picture, 0 beyond its edges */
     int turned;                 /* quarter turns clockwise that the picture
                                  * was given to stand upright, 0 to 3 */
     double crop_s, motion_s, shape_s, matte_s, detect_s;

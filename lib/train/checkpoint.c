@@ -11,6 +11,7 @@
 
 #include "formats/safetensors.h"
 #include "lib/base/half.h"
+#include "lib/base/list.h"
 #include "lib/base/random.h"
 
 /* x into a digest. */
@@ -209,15 +210,12 @@ static int checkpoint_add_tensor(struct joined *j,
     if (i < j->count) {
         free((void *)(uintptr_t)j->t[i].data);
         j->t[i].data = NULL;
-    } else if (i == j->room) {
-        size_t room = j->room ? 2 * j->room : 256;
-        struct st_tensor *grown = realloc(j->t, room * sizeof *grown);
+    } else {
+        struct st_tensor *grown = list_grow(j->t, &j->room, i, sizeof *grown);
+
         if (!grown)
             return error_set(err, EX_OSERR, "out of memory");
         j->t = grown;
-        j->room = room;
-    }
-    if (i == j->count) {
         memset(&j->t[i], 0, sizeof j->t[i]);
         j->count++;
     }

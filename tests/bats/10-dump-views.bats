@@ -92,6 +92,19 @@ assert abs(jaw["max"] - 0.01) < 1e-8'
     [ -c /dev/null ] && [ -L nothing ] && [ ! -e nothing.part ]
 }
 
+@test "where nothing was read nothing is left, neither folder nor file" {
+    motion 2 m.spid
+    head -c 100 m.spid >cut.spid
+    status 65 spid-dump --npy d --safetensors t -o text cut.spid
+    one_line
+    [ ! -e d ] && [ ! -e t ] && [ ! -e text ] && [ ! -e text.part ]
+    status 73 spid-dump --npy d -o none/text m.spid
+    [ ! -e d ]
+    mkdir d
+    status 73 spid-dump --npy d -o none/text m.spid
+    [ -d d ]
+}
+
 @test "--help and --version end well on standard output" {
     for p in spid-dump spid-pack; do
         status 0 $p --help

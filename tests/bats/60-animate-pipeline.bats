@@ -114,6 +114,16 @@ prepare() { animate_files; }
     [ ! -e a.y4m ]
 }
 
+@test "of a source and a model that lacks weights the model is named" {
+    mkdir broken
+    cp model/head.safetensors broken/
+    LC_ALL=C sed 's/"static\.gaussian_conv\.0\.w/"static.gaussian_conv.0.x/' \
+        model/model.safetensors >broken/model.safetensors
+    status 65 spid-animate -m broken source.png drive.y4m -o x.y4m
+    [[ $output == "spid-animate: broken/model.safetensors: no tensor"* ]]
+    [ ! -e x.y4m ]
+}
+
 @test "a driver that breaks off keeps complete frames and says so" {
     head -c 250000 drive.y4m >cut.y4m
     status 65 spid-animate -q -m model -s avatar.spid cut.y4m -o f-%02d.png

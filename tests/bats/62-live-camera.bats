@@ -4,14 +4,7 @@ load helper
 load animate
 
 prepare() {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
-    animate_files
-}
-
-# camera [FILTER]: the clip of four pictures over and over, ten a second.
-camera() {
-    ffmpeg -nostdin -v error -re -stream_loop "${LOOPS:-2}" -r 10 \
-        -i drive.y4m ${1:+-vf "$1"} -f yuv4mpegpipe -
+    live_files
 }
 
 # live ARGUMENT...: spid-live on the avatar; what it says is in `said`.
@@ -49,7 +42,7 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
     reader=$!
     LOOPS=0 camera >frames
     sleep 0.3
-    LOOPS=500 camera scale=320:200 >frames 3>&- &   # it stops reading first
+    LOOPS=500 camera -vf scale=320:200 >frames 3>&- &   # it stops reading first
     writer=$!
     wait $reader
     kill $writer || true
@@ -60,7 +53,7 @@ pictures() { grep -ao FRAME "$1" | wc -l; }
 }
 
 @test "a face that goes is lost, the last motion held, and found again" {
-    LOOPS=39 camera "drawbox=enable='between(n,30,100)':color=gray:t=fill" |
+    LOOPS=39 camera -vf "drawbox=enable='between(n,30,100)':color=gray:t=fill" |
         live - -o out.y4m
     cat said
     grep -q 'face lost' said

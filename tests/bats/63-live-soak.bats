@@ -5,14 +5,7 @@ load helper
 load animate
 
 prepare() {
-    command -v ffmpeg >/dev/null || skip "no ffmpeg"
-    animate_files
-}
-
-# camera SECONDS: the clip of four pictures over and over, ten a second.
-camera() {
-    ffmpeg -nostdin -v error -re -stream_loop -1 -r 10 -t "$1" -i drive.y4m \
-        -f yuv4mpegpipe -
+    live_files
 }
 
 # hashes: of a Y4M from standard input, a line for each picture.
@@ -45,7 +38,7 @@ watch() {
 @test "driven for long: memory flat, no frame lost, the same bytes at the end" {
     seconds=$(awk "BEGIN { print int(60 * ${SPID_SOAK:-0.15}) }")
     mkfifo frames pictures
-    camera "$seconds" >frames &
+    LOOPS=-1 camera -t "$seconds" >frames &
     hashes <pictures >shown &
     sink=$!
     spid-live -m model -s -j 1 --patience 0 avatar.spid - <frames >pictures \

@@ -22,3 +22,17 @@ animate_files() {
     fi
     ln -s "$dir"/{model,drive.y4m,source.png,me.spid,avatar.spid} .
 }
+
+# camera [OPTION ...]: the clip of four pictures over and over ($LOOPS times
+# more, 2 when it is not set; -1: for ever), ten a second, as ffmpeg gives it
+# with these options.
+camera() {
+    ffmpeg -nostdin -v error -re -stream_loop "${LOOPS:-2}" -r 10 \
+        -i drive.y4m "$@" -f yuv4mpegpipe -
+}
+
+# What the tests of spid-live start with.
+live_files() {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    animate_files
+}

@@ -40,10 +40,21 @@ exports.check = (ok, what) => {
 };
 
 // Controls that no screen reader could name.
-exports.nameless = (page) => page.evaluate(() =>
+const nameless = (page) => page.evaluate(() =>
   [...document.querySelectorAll("button, input, select, summary, canvas, video")]
     .filter((e) => !(e.getAttribute("aria-label") || e.textContent.trim() ||
                      [...(e.labels ?? [])].some((l) => l.textContent.trim())))
     .map((e) => e.outerHTML.slice(0, 80)));
+
+// What every page must: names for its controls, a phone's width, a silent
+// console, and no address but its own.
+exports.manners = async (page, errors, requests) => {
+  for (const text of await nameless(page)) exports.check(false, `no name: ${text}`);
+  await page.setViewportSize({ width: 360, height: 640 });
+  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
+  exports.check(wide <= 360, `a phone's screen of 360 is ${wide} wide`);
+  for (const text of errors) exports.check(false, `console: ${text}`);
+  for (const url of requests) exports.check(false, `asked for ${url}`);
+};
 
 exports.run = (main) => main().catch((e) => { console.error(e); process.exit(1); });

@@ -3,7 +3,7 @@
 // --camera) of three poses, each SIZE pixels wide, the last one from an orbit;
 // tries controls, keys, links and a phone's screen; prints frames a second.
 const fs = require("fs");
-const { open, check, nameless, run } = require("./browser.cjs");
+const { open, check, manners, run } = require("./browser.cjs");
 
 async function pictures(page, size) {
   await page.evaluate((n) => spid.size(n, n), size);
@@ -79,12 +79,7 @@ run(async () => {
   await pictures(page, Number(size));
   const rate = await pace(page);
   await controls(page);
-  for (const text of await nameless(page)) check(false, `no name: ${text}`);
-  await page.setViewportSize({ width: 360, height: 640 });
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-  check(wide <= 360, `a phone's screen of 360 is ${wide} wide`);
-  for (const text of errors) check(false, `console: ${text}`);
-  for (const url of requests) check(false, `asked for ${url}`);
+  await manners(page, errors, requests);
   console.log(`${rate.toFixed(1)} frames a second at ${size} x ${size}, in software`);
   await close();
 });

@@ -1,6 +1,6 @@
 // node report.cjs PAGE: the page of spid-report in a browser: the video plays,
 // the wipe uncovers either side, a chart is a way to its moment.
-const { open, check, nameless, run } = require("./browser.cjs");
+const { open, check, manners, run } = require("./browser.cjs");
 
 // Mean colour of columns from .. to (shares of the width).
 const mean = (page, from, to) => page.evaluate(([from, to]) => {
@@ -39,11 +39,6 @@ run(async () => {
   await page.waitForFunction(() => !document.querySelector("video").seeking);
   const time = await page.evaluate(() => document.querySelector("video").currentTime);
   check(time > 0.4 && time < 0.9, `a click on a chart goes to ${time} s`);
-  for (const text of await nameless(page)) check(false, `no name: ${text}`);
-  await page.setViewportSize({ width: 360, height: 640 });
-  const wide = await page.evaluate(() => document.documentElement.scrollWidth);
-  check(wide <= 360, `a phone's screen of 360 is ${wide} wide`);
-  for (const text of errors) check(false, `console: ${text}`);
-  for (const url of requests) check(false, `asked for ${url}`);
+  await manners(page, errors, requests);
   await close();
 });

@@ -28,7 +28,7 @@ static struct data_frame make_frame(struct random *r)
 }
 
 /* A point of the head, seen by the frame's camera. */
-static void project(float uv[2], const struct data_frame *f)
+static void turn_project(float uv[2], const struct data_frame *f)
 {
     const float x[3] = {0.3f, 0.5f, 0.4f};
     float cam[12];
@@ -44,8 +44,8 @@ static void check_truth(const struct data_frame *f)
     float a[2], b[2];
 
     data_turn(&t, f, angle);
-    project(a, f);
-    project(b, &t);
+    turn_project(a, f);
+    turn_project(b, &t);
     for (int i = 0; i < 2; i++)
         a[i] -= SIZE / 2;
     expect("a turned camera's x", (double)b[0], SIZE / 2

@@ -11,18 +11,9 @@
 /* Weights a face can have: of two that contradict each other one is 0. */
 static void arkit_sample(float *w, struct random *r)
 {
-    static const int against[][2] = {
-        { ARKIT_JAW_LEFT, ARKIT_JAW_RIGHT },
-        { ARKIT_EYE_LOOK_UP_L, ARKIT_EYE_LOOK_DOWN_L },
-        { ARKIT_EYE_LOOK_UP_R, ARKIT_EYE_LOOK_DOWN_R },
-        { ARKIT_EYE_LOOK_IN_L, ARKIT_EYE_LOOK_OUT_L },
-        { ARKIT_EYE_LOOK_IN_R, ARKIT_EYE_LOOK_OUT_R },
-    };
-
     for (int k = 0; k < ARKIT_COUNT; k++)
         w[k] = (float)random_range(r, 0, 1);
-    for (size_t i = 0; i < sizeof against / sizeof *against; i++)
-        w[against[i][random_range(r, 0, 1) < 0.5]] = 0;
+    arkit_draw_side(w, r);
 }
 
 static void test_round_trip(void)

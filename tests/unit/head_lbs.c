@@ -12,6 +12,7 @@
 #include "lib/base/random.h"
 #include "lib/head/lbs.h"
 #include "tests/check.h"
+#include "tests/unit/random_head.h"
 
 #define NS 7
 #define NE 5
@@ -25,26 +26,17 @@ static void check_at(size_t V, const char *what, double value, double limit)
     check(line, value, limit);
 }
 
-static float *lbs_numbers(struct random *r, size_t n, double bound)
-{
-    float *x = malloc((n + 1) * sizeof *x);
-
-    for (size_t i = 0; i < n; i++)
-        x[i] = (float)random_range(r, -bound, bound);
-    return x;
-}
-
 /* A head of V random vertices, everything non-zero. */
 static void make_head(struct head *h, struct random *r, size_t V)
 {
     static const int32_t parents[5] = {-1, 0, 1, 1, 1}, face[3] = {0, 0, 0};
     struct head_arrays a = {
         .V = V, .F = 1, .nshape = NS, .nexp = NE, .f = face,
-        .v_template = lbs_numbers(r, 3 * V, 0.1), .parents = parents,
-        .shapedirs = lbs_numbers(r, 3 * V * (NS + NE), 0.01),
-        .posedirs = lbs_numbers(r, 3 * V * 36, 0.01),
-        .l_eyelid = lbs_numbers(r, 3 * V, 0.01),
-        .r_eyelid = lbs_numbers(r, 3 * V, 0.01),
+        .v_template = random_numbers(r, 3 * V, 0.1), .parents = parents,
+        .shapedirs = random_numbers(r, 3 * V * (NS + NE), 0.01),
+        .posedirs = random_numbers(r, 3 * V * 36, 0.01),
+        .l_eyelid = random_numbers(r, 3 * V, 0.01),
+        .r_eyelid = random_numbers(r, 3 * V, 0.01),
         .lip_inner = face, .nlip_inner = 1
     };
 
@@ -54,9 +46,8 @@ static void make_head(struct head *h, struct random *r, size_t V)
     a.nlid_shape = NS - 2;
     a.lid_vertices = lid;
     a.lid_sides = side;
-    a.lid_shapedirs = lbs_numbers(r, 6 * (NS - 2), 0.01);
-    float *w = lbs_numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
-    struct error err;
+    a.lid_shapedirs = random_numbers(r, 6 * (NS - 2), 0.01);
+    float *w = random_numbers(r, 5 * V, 1), *J = calloc(5 * V, sizeof *J);
 
     for (size_t v = 0; v < V; v++) {
         float sum = 0;
@@ -70,16 +61,7 @@ static void make_head(struct head *h, struct random *r, size_t V)
         J[j * V + j * 7 % V] = 1;
     a.weights = w;
     a.J_regressor = J;
-    if (head_init(h, &a, &err)) {
-        printf("%s\n", err.text);
-        exit(1);
-    }
-    free((void *)a.v_template);
-    free((void *)a.shapedirs);
-    free((void *)a.posedirs);
-    free((void *)a.l_eyelid);
-    free((void *)a.r_eyelid);
-    free((void *)a.lid_shapedirs);
+    random_head_init(h, &a);
     free(w);
     free(J);
 }

@@ -7,19 +7,9 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "tests/check.h"
 
 enum { V = 97, K = 11 };
-
-static int failed;
-
-static void runs_check(const char *what, double value, double lo, double hi)
-{
-    int ok = value >= lo && value <= hi;
-
-    printf("%-46s %12.6g (expected %g to %g) %s\n", what, value, lo, hi,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 /* Columns that are empty, full, or hold islands of vertices. */
 static void runs_draw(float *dirs, struct random *r)
@@ -56,10 +46,10 @@ static void test_round_trip(const float *dirs, const struct runs *r)
 
     for (size_t i = 0; d && i < 3 * V * K; i++)
         worst = fmax(worst, fabs(d[i] - dirs[i]));
-    runs_check("unpacked", d != NULL, 1, 1);
+    check_range("unpacked", d != NULL, 1, 1);
     /* half an ulp of a half float under 2^-6 */
-    runs_check("off by", worst, 0, 4e-6);
-    runs_check("rows, of 97 x 11", (double)r->rows, 97, 500);
+    check_range("off by", worst, 0, 4e-6);
+    check_range("rows, of 97 x 11", (double)r->rows, 97, 500);
     free(d);
 }
 
@@ -85,11 +75,11 @@ static void test_damage(const struct runs *r)
         told += strstr(err.text, "run 1 is") != NULL;
         free(d);
     }
-    runs_check("damaged runs refused", refused, 8, 8);
-    runs_check("and named", told, 8, 8);
+    check_range("damaged runs refused", refused, 8, 8);
+    check_range("and named", told, 8, 8);
     struct error err = { 0 };
     float *d = runs_back(r, r->run, r->n - 1, &err);
-    runs_check("a run too few is refused", !d && strstr(err.text, "all"), 1, 1);
+    check_that("a run too few is refused", !d && strstr(err.text, "all"));
     free(d);
     free(run);
 }
@@ -110,5 +100,5 @@ int main(void)
     test_damage(&r);
     runs_release(&r);
     free(dirs);
-    return failed;
+    return check_status();
 }

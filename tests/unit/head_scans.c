@@ -15,21 +15,11 @@
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
 #include "lib/head/sculpt_impl.h"
+#include "tests/check.h"
 
 #define FILE_NAME "examples/model/head.safetensors"
 #define MM 200          /* millimetres in a head unit */
 enum { PEOPLE = 50, SHAPES = 300 };
-
-static int failed;
-
-static void scans_check(const char *what, double value, double lo, double hi)
-{
-    int ok = value >= lo && value <= hi;
-
-    printf("%-46s %12.6g (expected %g to %g) %s\n", what, value, lo, hi,
-           ok ? "ok" : "FAILED");
-    failed |= !ok;
-}
 
 static void *scans_room(size_t n, size_t size)
 {
@@ -85,9 +75,9 @@ static void test_file(void)
         at = strstr(at, quoted);
         named &= at != NULL;
     }
-    scans_check("size, bytes", (double)s.st_size, 1e6, 6e6);
-    scans_check("expressions by name and in order", named, 1, 1);
-    scans_check("the scans' notice",
+    check_range("size, bytes", (double)s.st_size, 1e6, 6e6);
+    check_range("expressions by name and in order", named, 1, 1);
+    check_range("the scans' notice",
                 licence && strstr(licence, "2020 USC Institute")
                     && strstr(licence, "WITHOUT WARRANTY"),
                 1, 1);
@@ -101,10 +91,10 @@ static void test_shape(const struct head *h)
     double ball = 0;
 
     head_mouth(&mouth, h, h->v_template);
-    scans_check("vertices", (double)h->V, 5140, 5140);
-    scans_check("ARKit's expressions", head_has_arkit(h), 1, 1);
-    scans_check("d_bowl, mm", MM * mouth.bowl, 11.6, 12.0);
-    scans_check("d_lip, mm", MM * mouth.lip, 16.4, 16.8);
+    check_range("vertices", (double)h->V, 5140, 5140);
+    check_range("ARKit's expressions", head_has_arkit(h), 1, 1);
+    check_range("d_bowl, mm", MM * mouth.bowl, 11.6, 12.0);
+    check_range("d_lip, mm", MM * mouth.lip, 16.4, 16.8);
     for (size_t v = 0; v < h->V; v++) {
         const float *p = h->v_template + 3 * v;
         const float *e = h->joint_template + 3 * (p[0] > 0 ? JOINT_EYE_LEFT
@@ -114,15 +104,15 @@ static void test_shape(const struct head *h)
             ball = fmax(ball, fabs(MM * hypot(hypot(p[0] - e[0],
                         p[1] - e[1]), p[2] - e[2]) - 14.5));
     }
-    scans_check("eyeballs, mm off a sphere about their joint", ball, 0, 0.01);
-    scans_check("expressions have mirror images",
+    check_range("eyeballs, mm off a sphere about their joint", ball, 0, 0.01);
+    check_range("expressions have mirror images",
                 head_mirror_exp(&mirror, h, NULL), 1, 1);
-    scans_check("and so have shapes", head_mirror_shape(&mirror, h, NULL), 1,
+    check_range("and so have shapes", head_mirror_shape(&mirror, h, NULL), 1,
                 1);
     double moved = 0;           /* no expression moves a joint */
     for (size_t i = 0; i < 15 * h->nexp; i++)
         moved = fmax(moved, MM * fabs(h->joint_exp[i]));
-    scans_check("joints moved by an expression, mm", moved, 0, 0.3);
+    check_range("joints moved by an expression, mm", moved, 0, 0.3);
 }
 
 /* ---- jaw ---------------------------------------------------------------- */
@@ -174,15 +164,15 @@ static void test_jaw(const struct head *h)
                                               h->v_template[3 * i + c]));
     w[ARKIT_MOUTH_CLOSE] = 1;
     pose_arkit(v, &id, w);
-    scans_check("jawOpen opens by, mm", MM * (open.gap - rest.gap), 20, 45);
-    scans_check("and moves brows and forehead by, mm", upper, 0, 1.5);
+    check_range("jawOpen opens by, mm", MM * (open.gap - rest.gap), 20, 45);
+    check_range("and moves brows and forehead by, mm", upper, 0, 1.5);
     /* shapes add up as the scans' do, whose lips then cross by 6.2 mm in the
      * middle and 9.3 mm at the landmarks to its sides */
-    scans_check("mouthClose closes it again and more, mm",
+    check_range("mouthClose closes it again and more, mm",
                 lips_apart(h, v) - apart, -9.3, -5);
     w[ARKIT_MOUTH_CLOSE] = 0.84f;
     pose_arkit(v, &id, w);
-    scans_check("at 0.84 lips are as at rest, mm", lips_apart(h, v) - apart, -2,
+    check_range("at 0.84 lips are as at rest, mm", lips_apart(h, v) - apart, -2,
                 2);
     identity_release(&id);
     free(v);
@@ -240,12 +230,12 @@ static void test_lids(const struct head *h)
         closed = fmin(closed, clear);
         identity_release(&id);
     }
-    scans_check("the mean's lid margins off the ball, mm", mean[0], 0.3, 2);
-    scans_check("the mean's closed lids apart, mm", mean[1], -1, 0.1);
-    scans_check("anyone's closed lids apart, mm", widest, -1, 0.4);
-    scans_check("anyone's closed lids off the ball, mm", closed, 0.05, 3);
+    check_range("the mean's lid margins off the ball, mm", mean[0], 0.3, 2);
+    check_range("the mean's closed lids apart, mm", mean[1], -1, 0.1);
+    check_range("anyone's closed lids apart, mm", widest, -1, 0.4);
+    check_range("anyone's closed lids off the ball, mm", closed, 0.05, 3);
     /* as in the scans: a few people's eyes touch their lids at rest */
-    scans_check("anyone's lid margins off the ball, mm", rest, -1, 2);
+    check_range("anyone's lid margins off the ball, mm", rest, -1, 2);
     free(half);
     free(v);
 }
@@ -368,12 +358,12 @@ static void test_cuts(const struct head *h)
         }
         identity_release(&id);
     }
-    scans_check("faces of the mean's lids that cut", mean[0], 0, 0);
-    scans_check("faces of the mean's lips that cut", mean[1], 0, 0);
-    scans_check("people of 50 with lids that cut", with[0], 0, 5);
+    check_range("faces of the mean's lids that cut", mean[0], 0, 0);
+    check_range("faces of the mean's lips that cut", mean[1], 0, 0);
+    check_range("people of 50 with lids that cut", with[0], 0, 5);
     /* A known limit: the scans' identities open and close the lips by 1 mm a
      * deviation, and one in six of their people has them in each other. */
-    scans_check("people of 50 with lips that cut", with[1], 0, 35);
+    check_range("people of 50 with lips that cut", with[1], 0, 35);
     free(v);
 }
 
@@ -405,8 +395,8 @@ static void test_corners(const struct head *h)
         }
         identity_release(&id);
     }
-    scans_check("normals that are not finite", bad, 0, 0);
-    scans_check("normals that are not of length one", zero, 0, 0);
+    check_range("normals that are not finite", bad, 0, 0);
+    check_range("normals that are not of length one", zero, 0, 0);
     free(v);
     free(n);
 }
@@ -427,5 +417,5 @@ int main(void)
     test_cuts(&h);
     test_corners(&h);
     head_release(&h);
-    return failed;
+    return check_status();
 }

@@ -54,7 +54,7 @@ static void test_loss(void)
 }
 
 /* A disc of one colour before a wall, half of it hidden to the left. */
-static void paint(struct data_frame *f, uint8_t *rgba, uint8_t *alone,
+static void matte_paint(struct data_frame *f, uint8_t *rgba, uint8_t *alone,
                   uint8_t *hidden, const uint8_t person[3],
                   const uint8_t wall[3])
 {
@@ -85,7 +85,7 @@ static void test_sample(void)
     double off = 0, rim = 0;
     int changed = 0;
 
-    paint(&f, rgba, alone, hidden, person, wall);
+    matte_paint(&f, rgba, alone, hidden, person, wall);
     random_init(&r, 2, "own");
     REQUIRE(!portrait_sample(rgb, alpha, weight, N, &f, &f, &plain, &r, &err),
             "%s", err.text);

@@ -18,14 +18,14 @@ struct result {
     float rgb[3 * PIXELS], field[NARROW_REFINER_FIELD * CELLS];
 };
 
-static void must(int rc)
+static void seen_require(int rc)
 {
     REQUIRE(rc == 0, "%s", err.text);
 }
 
 /* A disc, a lone pixel in a corner and one at the border are covered; the
  * other pixels are empty. */
-static void draw(struct random *r, double x0, double y0, double radius)
+static void seen_draw(struct random *r, double x0, double y0, double radius)
 {
     for (size_t i = 0; i < PIXELS; i++) {
         const double x = (double)(i % W), y = (double)(i / W);
@@ -42,7 +42,7 @@ static void draw(struct random *r, double x0, double y0, double radius)
 }
 
 /* Some pixel of the cell, or of one of the eight about it, is covered. */
-static bool seen(size_t cell, long around)
+static bool seen_is(size_t cell, long around)
 {
     const long y0 = (long)(cell / (W / 4)), x0 = (long)(cell % (W / 4));
 
@@ -54,7 +54,8 @@ static bool seen(size_t cell, long around)
     return false;
 }
 
-static void run(struct result *out, struct narrow_refiner *r, bool covered)
+static void seen_run(struct result *out, struct narrow_refiner *r,
+                     bool covered)
 {
     const struct feature_view view = {
         .f32 = feat, .stride = W * C, .alpha = covered ? alpha : NULL
@@ -68,13 +69,13 @@ static void run(struct result *out, struct narrow_refiner *r, bool covered)
     memcpy(out->field, r->k, sizeof out->field);
 }
 
-static void plan(struct narrow_refiner *r, struct params *ps,
+static void seen_plan(struct narrow_refiner *r, struct params *ps,
                  enum nn_mode mode, enum nn_type type)
 {
     params_init(ps);
     narrow_refiner_init(r, ps, "r.", C, 32, true, true);
-    must(params_allocate(ps, &err));
-    must(params_allocate_gradients(ps, &err));
+    seen_require(params_allocate(ps, &err));
+    seen_require(params_allocate_gradients(ps, &err));
     params_randomise(ps, 4);
     for (size_t t = 0; t < ps->count; t++) {    /* none of them zeros */
         const struct param *p = &ps->tensor[t];
@@ -84,20 +85,20 @@ static void plan(struct narrow_refiner *r, struct params *ps,
         for (size_t i = 0; i < p->count && p->init == PARAM_ZERO; i++)
             param_w(ps, t)[i] = (float)random_range(&dice, -0.05, 0.05);
     }
-    must(narrow_refiner_plan(r, 1, H, W, (struct nn_options){mode, type},
-                             &err));
+    seen_require(narrow_refiner_plan(r, 1, H, W,
+                                     (struct nn_options){mode, type}, &err));
 }
 
-static void together(struct narrow_refiner *fast)
+static void seen_compare(struct narrow_refiner *fast)
 {
     static struct result a, b;
     struct narrow_refiner exact;
     struct params ps;
     double rgb = 0, field = 0;
 
-    plan(&exact, &ps, NN_FROZEN, NN_F32);
-    run(&a, &exact, false);
-    run(&b, fast, false);
+    seen_plan(&exact, &ps, NN_FROZEN, NN_F32);
+    seen_run(&a, &exact, false);
+    seen_run(&b, fast, false);
     for (size_t i = 0; i < 3 * PIXELS; i++)
         rgb = fmax(rgb, fabs((double)a.rgb[i] - (double)b.rgb[i]));
     for (size_t i = 0; i < NARROW_REFINER_FIELD * CELLS; i++)
@@ -114,24 +115,24 @@ static void where_seen(struct narrow_refiner *fast, struct random *dice)
     bool same = true, left = true, said = true;
     size_t skipped = 0;
 
-    draw(dice, 90, 60, 12);
-    run(&some, fast, true);             /* leaves values of another frame */
-    draw(dice, 40, 45, 25);
-    run(&all, fast, false);
-    run(&some, fast, true);
+    seen_draw(dice, 90, 60, 12);
+    seen_run(&some, fast, true);        /* leaves values of another frame */
+    seen_draw(dice, 40, 45, 25);
+    seen_run(&all, fast, false);
+    seen_run(&some, fast, true);
     for (size_t i = 0; i < PIXELS; i++) {
         const size_t cell = i / W / 4 * (W / 4) + i % W / 4;
 
-        if (seen(cell, 0))
+        if (seen_is(cell, 0))
             same = same && !memcmp(all.rgb + 3 * i, some.rgb + 3 * i,
                                    3 * sizeof *all.rgb);
         else
             for (size_t c = 0; c < 3; c++)
                 left = left && some.rgb[3 * i + c] == 0;
-        skipped += !seen(cell, 0);
+        skipped += !seen_is(cell, 0);
     }
     for (size_t i = 0; i < CELLS; i++)
-        said = said && (!seen(i, 1) ||
+        said = said && (!seen_is(i, 1) ||
                         !memcmp(all.field + NARROW_REFINER_FIELD * i,
                                 some.field + NARROW_REFINER_FIELD * i,
                                 NARROW_REFINER_FIELD * sizeof *all.field));
@@ -149,10 +150,10 @@ int main(void)
 
     random_init(&dice, 1, "refiner seen");
     winograd_force(WINOGRAD_WHEREVER_POSSIBLE);
-    plan(&fast, &ps, NN_INFER, NN_FAST);
+    seen_plan(&fast, &ps, NN_INFER, NN_FAST);
     check_that("the last layers are one", fast.end.joint.u != NULL);
-    draw(&dice, 60, 40, 30);
-    together(&fast);
+    seen_draw(&dice, 60, 40, 30);
+    seen_compare(&fast);
     where_seen(&fast, &dice);
     narrow_refiner_release(&fast);
     params_release(&ps);

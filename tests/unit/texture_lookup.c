@@ -22,7 +22,7 @@ static uint8_t rgb[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
 static float color[3 * PIXELS], alpha[PIXELS], place[3 * PIXELS];
 static float photo[TEXTURE_PHOTO * PIXELS];
 
-static void photograph(uint64_t seed)
+static void lookup_draw_photograph(uint64_t seed)
 {
     struct random r;
 
@@ -49,7 +49,7 @@ static void texture_of_photograph(struct texture *t)
 }
 
 /* Every pixel is covered and has this offset and this share. */
-static void places(float x, float y, float seen, float cover)
+static void lookup_set_places(float x, float y, float seen, float cover)
 {
     for (size_t i = 0; i < PIXELS; i++) {
         place[3 * i] = x * seen;
@@ -62,7 +62,7 @@ static void places(float x, float y, float seen, float cover)
 /* ---- bicubic ------------------------------------------------------------- */
 
 /* Catmull and Rom's kernel at distance d. */
-static double cubic(double d)
+static double lookup_cubic(double d)
 {
     d = fabs(d);
     if (d < 1)
@@ -70,7 +70,8 @@ static double cubic(double d)
     return d < 2 ? -0.5 * d * d * d + 2.5 * d * d - 4 * d + 2 : 0;
 }
 
-static double bicubic(const uint8_t *t, long n, double u, double v, int c)
+static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
+                             int c)
 {
     double sum = 0;
     long x0 = (long)floor(u - 0.5), y0 = (long)floor(v - 0.5);
@@ -80,7 +81,8 @@ static double bicubic(const uint8_t *t, long n, double u, double v, int c)
             long cx = x < 0 ? 0 : x >= n ? n - 1 : x;
             long cy = y < 0 ? 0 : y >= n ? n - 1 : y;
 
-            sum += cubic(u - 0.5 - (double)x) * cubic(v - 0.5 - (double)y) *
+            sum += lookup_cubic(u - 0.5 - (double)x) *
+                   lookup_cubic(v - 0.5 - (double)y) *
                    t[4 * (cy * n + cx) + c];
         }
     return fmin(fmax(sum / 255, 0), 1);
@@ -111,11 +113,14 @@ static void against_double(size_t n)
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];
 
-            if (weight[i] == 0 || c > 3)
+            if (weight[i] == 0 || c > 3) {
                 kept = kept && got == -3;
-            else
-                worst = fmax(worst, fabs(got - bicubic(t, (long)n, uv[0][i],
-                                                       uv[1][i], c)));
+            } else {
+                double want = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i],
+                                             c);
+
+                worst = fmax(worst, fabs(got - want));
+            }
         }
     snprintf(what, sizeof what, "bicubic in %zu pixels against double", n);
     check(what, worst, 2e-5);
@@ -136,30 +141,30 @@ static double off_photograph(void)
     return worst;
 }
 
-static void grey(void)
+static void lookup_set_grey(void)
 {
     for (size_t i = 0; i < 3 * PIXELS; i++)
         color[i] = 0.3f;
 }
 
-static void identity(void)
+static void test_identity(void)
 {
     const struct splat_place_view other = {{1.1f, 0.2f, -0.2f, 1.1f},
                                            {0.07f, -0.2f}};
     struct texture t;
 
-    photograph(1);
+    lookup_draw_photograph(1);
     texture_of_photograph(&t);
-    grey();
-    places(0, 0, 1, 1);
+    lookup_set_grey();
+    lookup_set_places(0, 0, 1, 1);
     texture_apply(color, 3, alpha, &t, &straight, place, S);
     check("driven by itself: the photograph, in levels", off_photograph(), 1);
-    grey();
-    places(0, 0, 0.6f, 0.6f);
+    lookup_set_grey();
+    lookup_set_places(0, 0, 0.6f, 0.6f);
     texture_apply(color, 3, alpha, &t, &straight, place, S);
     check("half covered, all of it placed: the same", off_photograph(), 1);
     /* another view, whose difference the offsets make up for */
-    grey();
+    lookup_set_grey();
     for (size_t i = 0; i < PIXELS; i++) {
         float x = 2 * ((float)(i % S) + 0.5f) / S - 1;
         float y = 2 * ((float)(i / S) + 0.5f) / S - 1;
@@ -176,15 +181,15 @@ static void identity(void)
 
 /* A head that has turned: rims of the photograph, where the matte is not
  * full, are not believed, nor what is drawn out of a few of its pixels. */
-static void turned(void)
+static void test_turned(void)
 {
     const struct splat_place_view side = {{1.3f, 0, 0, 1}, {0, 0}};
     struct texture t;
     bool rims = true, drawn = true;
 
-    photograph(2);
+    lookup_draw_photograph(2);
     texture_of_photograph(&t);
-    places(0, 0, 1, 1);
+    lookup_set_places(0, 0, 1, 1);
     texture_lookup(photo, &t, &side, place, alpha, S);
     for (size_t i = 0; i < PIXELS; i++) {
         const float *p = photo + TEXTURE_PHOTO * i;
@@ -203,15 +208,15 @@ static void turned(void)
 }
 
 /* One step of a pixel to the right in the source. */
-static void shifted(void)
+static void test_shifted(void)
 {
     struct texture t;
     double worst = 0;
 
     memset(matte, 255, sizeof matte);
     texture_of_photograph(&t);
-    grey();
-    places(2.0f / S, 0, 1, 1);
+    lookup_set_grey();
+    lookup_set_places(2.0f / S, 0, 1, 1);
     texture_apply(color, 3, alpha, &t, &straight, place, S);
     for (size_t i = 0; i < PIXELS; i++)
         for (size_t c = 0; c < 3 && i % S + 1 < S; c++)
@@ -227,7 +232,7 @@ static void straight_colours(void)
     double worst = 0;
     bool same = true;
 
-    photograph(2);
+    lookup_draw_photograph(2);
     texture_straight(own, rgb, matte, back, PIXELS);
     for (size_t i = 0; i < 3 * PIXELS; i++) {
         double m = matte[i / 3] / 255.0;
@@ -243,7 +248,7 @@ static void straight_colours(void)
 }
 
 /* A coarser level where the picture is smaller than the photograph. */
-static void levels(void)
+static void test_levels(void)
 {
     const struct splat_place_view twice = {{2, 0, 0, 2}, {0, 0}};
     struct texture t;
@@ -255,8 +260,8 @@ static void levels(void)
     texture_of_photograph(&t);
     check_that("levels of half the size each",
                t.levels == 6 && t.side[0] == S && t.side[5] == S / 32);
-    grey();
-    places(0, 0, 1, 1);
+    lookup_set_grey();
+    lookup_set_places(0, 0, 1, 1);
     texture_apply(color, 3, alpha, &t, &twice, place, S);
     for (size_t y = S / 4 + 2; y < 3 * S / 4 - 2; y++)
         for (size_t x = S / 4 + 2; x < 3 * S / 4 - 2; x++)
@@ -267,17 +272,17 @@ static void levels(void)
 
 /* ---- confidence --------------------------------------------------------- */
 
-static float sure(size_t x, size_t y)
+static float lookup_sure(size_t x, size_t y)
 {
     return photo[TEXTURE_PHOTO * (y * S + x) + 4];
 }
 
-static void look(const struct texture *t)
+static void lookup_run(const struct texture *t)
 {
     texture_lookup(photo, t, &straight, place, alpha, S);
 }
 
-static void jumps(const struct texture *t)
+static void test_jumps(const struct texture *t)
 {
     static const struct { float pixels, sure; } at[] = {
         {1, 1}, {2.25f, 0.5f}, {3.5f, 0}, {20, 0}};
@@ -285,32 +290,33 @@ static void jumps(const struct texture *t)
     for (size_t k = 0; k < 4; k++) {
         char what[64];
 
-        places(0, 0, 1, 1);
+        lookup_set_places(0, 0, 1, 1);
         for (size_t i = 0; i < PIXELS; i++)
             if (i % S >= S / 2)
                 place[3 * i + 1] = at[k].pixels * 2 / S;
-        look(t);
+        lookup_run(t);
         snprintf(what, sizeof what, "confidence where places jump %g pixels",
                  at[k].pixels);
-        expect(what, sure(S / 2, 9), at[k].sure, 1e-4);
+        expect(what, lookup_sure(S / 2, 9), at[k].sure, 1e-4);
         check_that("the same on the other side, all of it beyond",
-                   fabsf(sure(S / 2 - 1, 9) - at[k].sure) < 1e-4f &&
-                   sure(S / 2 - 2, 9) == 1 && sure(S / 2 + 1, 9) == 1);
+                   fabsf(lookup_sure(S / 2 - 1, 9) - at[k].sure) < 1e-4f &&
+                   lookup_sure(S / 2 - 2, 9) == 1 &&
+                   lookup_sure(S / 2 + 1, 9) == 1);
     }
     /* beside what has no place there is no jump */
-    places(0, 0, 1, 1);
+    lookup_set_places(0, 0, 1, 1);
     for (size_t i = 0; i < PIXELS; i++)
         if (i % S >= S / 2)
             memset(place + 3 * i, 0, 3 * sizeof *place);
-    look(t);
-    check_that("beside nothing: full", sure(S / 2 - 1, 9) == 1);
+    lookup_run(t);
+    check_that("beside nothing: full", lookup_sure(S / 2 - 1, 9) == 1);
     check_that("nothing: zeros",
                !memcmp(photo + TEXTURE_PHOTO * (9 * S + S / 2),
                        (float[TEXTURE_PHOTO]){0},
                        TEXTURE_PHOTO * sizeof *photo));
 }
 
-static void shares(const struct texture *t)
+static void test_shares(const struct texture *t)
 {
     static const struct { float seen, alpha, sure; } at[] = {
         {0.9f, 1, 0.975f}, {0.52f, 1, 0.5f}, {0.26f, 0.5f, 0.5f},
@@ -319,17 +325,17 @@ static void shares(const struct texture *t)
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
         char what[64];
 
-        places(0, 0, at[k].seen, at[k].alpha);
-        look(t);
+        lookup_set_places(0, 0, at[k].seen, at[k].alpha);
+        lookup_run(t);
         snprintf(what, sizeof what, "confidence of a share of %g in %g",
                  at[k].seen, at[k].alpha);
-        expect(what, sure(40, 40), at[k].sure, 1e-5);
+        expect(what, lookup_sure(40, 40), at[k].sure, 1e-5);
     }
 }
 
 /* ---- mixture ------------------------------------------------------------ */
 
-static void mixture(void)
+static void test_mixture(void)
 {
     float c[10] = {0.1f, 0.2f, 0.3f, 7, 8, 0.4f, 0.5f, 0.6f, 9, 10};
     float a[2] = {0.8f, 0.9f};
@@ -351,18 +357,18 @@ static void in_one(const struct texture *t)
     struct random r;
 
     random_init(&r, 8, "in one");
-    places(0, 0, 1, 1);
+    lookup_set_places(0, 0, 1, 1);
     for (size_t i = 0; i < PIXELS; i++) {
         alpha[i] = (float)random_uniform(&r);
         place[3 * i + 2] = alpha[i] * (float)random_uniform(&r);
         place[3 * i] = (float)random_range(&r, -1, 1) * 2 / S
                        * place[3 * i + 2];
     }
-    grey();
+    lookup_set_grey();
     memcpy(two, color, sizeof two);
     memcpy(cover, alpha, sizeof cover);
     omp_set_num_threads(3);
-    look(t);
+    lookup_run(t);
     texture_mix(two, 3, cover, photo, PIXELS);
     omp_set_num_threads(1);
     texture_apply(color, 3, alpha, t, &straight, place, S);
@@ -378,16 +384,16 @@ static int at_level(void)
     against_double(2);
     against_double(3);
     against_double(65);
-    identity();
-    turned();
-    shifted();
+    test_identity();
+    test_turned();
+    test_shifted();
     straight_colours();
-    levels();
-    photograph(3);
+    test_levels();
+    lookup_draw_photograph(3);
     texture_of_photograph(&t);
-    jumps(&t);
-    shares(&t);
-    mixture();
+    test_jumps(&t);
+    test_shares(&t);
+    test_mixture();
     in_one(&t);
     texture_release(&t);
     return check_status();

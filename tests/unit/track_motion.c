@@ -16,6 +16,7 @@
 #include "lib/track/oneeuro.h"
 #include "lib/track/track.h"
 #include "tests/check.h"
+#include "tests/unit/random_head.h"
 
 static double motion_orthonormal(const float R[9])
 {
@@ -114,15 +115,6 @@ static void test_oneeuro(void)
     }
 }
 
-static float *motion_numbers(struct random *r, size_t n, double bound)
-{
-    float *x = malloc((n + 1) * sizeof *x);
-
-    for (size_t i = 0; i < n; i++)
-        x[i] = (float)random_range(r, -bound, bound);
-    return x;
-}
-
 /* A head of random vertices in two clouds and triangles between them. */
 static void make_head(struct head *h)
 {
@@ -131,7 +123,6 @@ static void make_head(struct head *h)
     static int32_t f[3 * F], lip[4] = {1, 2, 3, 4}, faces[68];
     static float w[5 * V], J[5 * V], bary[68 * 3];
     struct random r;
-    struct error err = {0};
     struct head_arrays a = {
         .V = V, .F = F, .nshape = NS, .nexp = NE, .f = f, .weights = w,
         .J_regressor = J, .parents = parents, .lip_inner = lip,
@@ -140,11 +131,11 @@ static void make_head(struct head *h)
     };
 
     random_init(&r, 4, "track head");
-    a.v_template = motion_numbers(&r, 3 * V, 0.1);
-    a.shapedirs = motion_numbers(&r, 3 * V * (NS + NE), 0.002);
-    a.posedirs = motion_numbers(&r, 3 * V * 36, 0.002);
-    a.l_eyelid = motion_numbers(&r, 3 * V, 0.002);
-    a.r_eyelid = motion_numbers(&r, 3 * V, 0.002);
+    a.v_template = random_numbers(&r, 3 * V, 0.1);
+    a.shapedirs = random_numbers(&r, 3 * V * (NS + NE), 0.002);
+    a.posedirs = random_numbers(&r, 3 * V * 36, 0.002);
+    a.l_eyelid = random_numbers(&r, 3 * V, 0.002);
+    a.r_eyelid = random_numbers(&r, 3 * V, 0.002);
     for (size_t i = 0; i < 3 * F; i++)
         f[i] = (int32_t)random_below(&r, V);
     for (size_t v = 0; v < V; v++) {
@@ -158,15 +149,7 @@ static void make_head(struct head *h)
         bary[3 * i] = 0.5f;
         bary[3 * i + 1] = bary[3 * i + 2] = 0.25f;
     }
-    if (head_init(h, &a, &err)) {
-        printf("%s\n", err.text);
-        exit(1);
-    }
-    free((void *)a.v_template);
-    free((void *)a.shapedirs);
-    free((void *)a.posedirs);
-    free((void *)a.l_eyelid);
-    free((void *)a.r_eyelid);
+    random_head_init(h, &a);
 }
 
 static void test_landmarks(const struct head *h)
