@@ -48,6 +48,11 @@ struct prepare;
                 "no test-time augmentation of the encoder: faster, less "     \
                 "exact"),                                                     \
     OPTION_FLAG("once", 0, flag, "the same as --no-tta")
+/* flag: a struct track_options' no_align. */
+#define OPTION_NO_ALIGN(flag)                                                 \
+    OPTION_FLAG("no-align", 0, flag,                                          \
+                "poses as the encoder says them, not aligned with earlier "   \
+                "frames")
 /* Rows of what spid animate and spid live both do; o: a struct
  * animation_options. */
 #define OPTIONS_ANIMATION(o)                                                  \
@@ -57,6 +62,7 @@ struct prepare;
                   "matte of the source: white where the person is"),          \
     OPTION_SMOOTH(&(o).track.smooth),                                         \
     OPTION_NO_TTA(&(o).track.no_tta),                                         \
+    OPTION_NO_ALIGN(&(o).track.no_align),                                     \
     OPTION_FLOAT("fps", 0, &(o).source.rate, 0.001, 100000, "RATE",           \
                  "frames a second of what has no times (default 25)"),        \
     OPTION_FLAG("bt601", 0, &(o).source.bt601,                                \

@@ -74,6 +74,7 @@ static const struct cli_usage usage = {
     "spid-animate", "[-s] [--size N] [-l] [--without PART] [--prune EPS] "
     "[--no-photo] [--keep-clear] [--closed MM] [--mask FILE] [-b WHAT] "
     "[--into-source] [--cut] [-f FORMAT] [--alpha] [--smooth HZ] [--no-tta] "
+    "[--no-align] "
     "[--relative] [--absolute] [--neutral FRAME] [--fps RATE] [--bt601] "
     "[--roi] [--f32] [--precision TYPE] [--head FILE] [-o FILE] [-j N] "
     "[-m MODEL] [-q] [--stats FILE] [--list FILE | SOURCE DRIVER]",

@@ -37,7 +37,8 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-live", "[-s] [-p] [-f FORMAT] [-b WHAT] [--patience SECONDS] "
-    "[--frames N] [--relative] [--smooth HZ] [--no-tta] [--fps RATE] "
+    "[--frames N] [--relative] [--smooth HZ] [--no-tta] [--no-align] "
+    "[--fps RATE] "
     "[--bt601] [--roi] [--mask FILE] [--precision TYPE] [--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] SOURCE CAMERA",
     "drive a person's picture by a camera", options

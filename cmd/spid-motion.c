@@ -30,6 +30,7 @@ static const struct cli_option options[] = {
                   "portrait window (default: about the first face)"),
     OPTION_SMOOTH(&track_options.smooth),
     OPTION_NO_TTA(&track_options.no_tta),
+    OPTION_NO_ALIGN(&track_options.no_align),
     OPTION_STRING("relative", 0, &relative_path, "FILE",
                   "movements since the neutral frame, from this identity's "
                   "own"),
@@ -55,6 +56,7 @@ static const struct cli_option options[] = {
 static const struct cli_usage usage = {
     "spid-motion",
     "[--crop X,Y,SIZE] [--window X,Y,SIZE] [--smooth HZ] [--no-tta] "
+    "[--no-align] "
     "[--relative FILE] [--neutral FRAME] [--overlay FILE] [--arkit FILE] "
     "[--fps RATE] [--bt601] [-i FILE] [--head FILE] [--precision TYPE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] [INPUT...]",

@@ -63,6 +63,7 @@ struct variant {
     bool exact;                 /* the truth: no cut-offs */
     bool f32, roi;              /* features in float */
     bool no_tta;                /* the encoder on one crop */
+    bool no_align;              /* poses as it says them */
     bool no_photo;              /* baked colours alone */
     enum nn_type type;          /* of the networks */
     bool report;                /* into the JSON's "fps" and "ms" */
@@ -234,7 +235,8 @@ static int pipe_open(struct pipe *p, struct pipeline *l,
     const struct track_options track = {
         .size = PERSON_SIZE, .has_crop = true, .has_window = true,
         .crop = {(double)s->crop[0], (double)s->crop[1], (double)s->crop[2]},
-        .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta
+        .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta,
+        .no_align = v->no_align || v->exact
     };
     const struct animate_options opt = {
         .size = PERSON_SIZE, .model = &s->model, .star = v->star,
@@ -401,11 +403,13 @@ static int bench_all(struct pipeline *l, struct error *err)
         {"f32, no cut-offs", false, .exact = true, .type = NN_F32},
         {"default", true, .type = NN_FAST, .report = true},
         {"--no-tta", true, .type = NN_FAST, .no_tta = true},
+        {"--no-align", true, .type = NN_FAST, .no_align = true},
         {"--no-photo", true, .type = NN_FAST, .no_photo = true},
         {"f32 networks", true, .type = NN_F32},
         {"bf16 networks", true, .type = NN_BF16},
         {"default", false, .type = NN_FAST, .report = true},
         {"--no-tta", false, .type = NN_FAST, .no_tta = true},
+        {"--no-align", false, .type = NN_FAST, .no_align = true},
         {"--no-photo", false, .type = NN_FAST, .no_photo = true},
         {"f32 networks", false, .type = NN_F32},
         {"bf16 networks", false, .type = NN_BF16},

@@ -28,8 +28,13 @@ int track_init(struct track *t, const struct identity *id,
     t->opt = *opt;
     t->head = id->head;
     oneeuro_init(&t->filter, opt->smooth);
+    t->opt.no_align |= opt->still;
     if (landmarks_init(&t->landmarks, id, err) != 0)
         return -1;
+    if (!t->opt.no_align && align_init(&t->align, id, err) != 0) {
+        track_release(t);
+        return -1;
+    }
     t->input = malloc(3 * CROP_NET * CROP_NET * sizeof *t->input);
     if (!t->input)
         error_set(err, EX_OSERR, "no memory for the face crop");
@@ -43,6 +48,7 @@ int track_init(struct track *t, const struct identity *id,
 void track_release(struct track *t)
 {
     landmarks_release(&t->landmarks);
+    align_release(&t->align);
     facedetect_close(t->detector);
     motion_tta_release(&t->tta);
     free(t->input);
@@ -133,6 +139,26 @@ void track_project(float *uv, struct track *t, const struct motion *m)
     landmarks_pose(lmk, &t->landmarks, &pose);
     camera_make(cam, m->R, m->t);
     camera_project(uv, NULL, cam, (float)t->opt.size, lmk, HEAD_LANDMARKS);
+}
+
+/* What E_m said of the crop in t->input, laid over earlier frames. */
+static void track_align(struct track *t, struct track_result *r, size_t W,
+                        size_t H)
+{
+    const float *seen = r->motion.crop;
+    const struct square crop = {seen[0], seen[1], seen[2]};
+    const struct square q = square_out_of(crop, t->window, t->opt.size);
+    const double left = q.x - q.size / 2, top = q.y - q.size / 2;
+    const double begun = cpu_seconds();
+
+    if (t->opt.no_align)
+        return;
+    align_step(&t->align, &r->motion, t->input, crop,
+               (struct align_bounds){-left / q.size, -top / q.size,
+                                     ((double)W - left) / q.size,
+                                     ((double)H - top) / q.size},
+               t->opt.size);
+    r->heads_s += cpu_seconds() - begun;
 }
 
 /* The crop that the projected head asks for. */
@@ -390,6 +416,8 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
     } else if (r->sure < SURE_ENOUGH) {
         return 0;
     }
+    align_restart(&t->align);
+    track_align(t, r, W, H);
     t->started = true;
     t->lost = false;            /* a live source may start several times */
     t->lost_frames = 0;
@@ -453,6 +481,7 @@ static int track_search(struct track *t, struct track_result *r,
         track_deliver(t, r, time);
         return 0;
     }
+    track_align(t, r, W, H);
     if (t->lost) {
         r->event = TRACK_FOUND;
         oneeuro_reset(&t->filter);
@@ -483,8 +512,10 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
             same += (double)thumb[i] * t->thumb[i];
         if (contrast < FLAT_DEVIATION)
             why = "the picture is blank there";
-        else if (t->has_thumb && same < CUT_CORRELATION)
+        else if (t->has_thumb && same < CUT_CORRELATION) {
+            align_restart(&t->align);
             why = "the scene changed";
+        }
         else
             why = track_implausible(t, &r->motion, next, t->crop, W, H);
         if (!why)
@@ -495,8 +526,10 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
             return track_search(t, r, rgb, W, H, time, why, err);
         memcpy(t->thumb, thumb, sizeof thumb);
         t->has_thumb = true;
-        t->crop = next;
     }
+    track_align(t, r, W, H);
+    if (!t->opt.has_crop)
+        t->crop = track_next_crop(t, &r->motion);
     t->last = r->motion;
     track_deliver(t, r, time);
     return 0;

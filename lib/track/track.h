@@ -15,6 +15,7 @@
 #include "lib/head/lbs.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/record/motion.h"
+#include "lib/track/align.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/tta.h"
 #include "lib/track/oneeuro.h"
@@ -31,8 +32,11 @@ struct track_options {
                                  * pixels */
     bool no_tta;                /* E_m on the crop alone, not its mirror
                                  * image, too */
+    bool no_align;              /* poses as E_m says them, not aligned with
+                                 * keyframes (align.h) */
     bool still;                 /* a photograph, on which all that follows
-                                 * rests: E_m is not hurried (tta.h) */
+                                 * rests: E_m is not hurried (tta.h); nothing
+                                 * to align it with */
 };
 
 enum track_event {
@@ -59,6 +63,7 @@ struct track {
     const struct head *head;
     struct motion_tta tta;
     struct landmarks landmarks;
+    struct align align;         /* when opt asks for it */
     struct facedetect *detector;        /* NULL until it is needed */
     struct square window;               /* picture pixels */
     struct square crop;                 /* next one, window pixels */

@@ -1,0 +1,67 @@
+/* Photometric alignment of a driven head.  E_m knows where a head is to about
+ * half a pixel, and an expression that is not even pulls its pose along: the
+ * avatar trembles and sways.  What of a head keeps its form (skull, hairline,
+ * nose) is therefore laid over the picture of a keyframe, by Gauss-Newton
+ * steps on the pose's six numbers and on the light's gain and bias (Lucas and
+ * Kanade 1981, with the head as the model of how points move), held near
+ * E_m's pose.  Poses then differ from the keyframe's by what was seen. */
+#ifndef SPID_TRACK_ALIGN_H
+#define SPID_TRACK_ALIGN_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "lib/base/error.h"
+#include "lib/geom/crop.h"
+#include "lib/head/lbs.h"
+#include "lib/record/motion.h"
+
+#define ALIGN_SIDE (CROP_NET / 2)       /* pixels of what is compared */
+#define ALIGN_KEYFRAMES 32
+
+/* Level of a pixel and its slopes to the right and down, 0 to 255. */
+typedef float align_pixel __attribute__((vector_size(16)));
+
+/* A frame whose pose later ones are laid over. */
+struct align_keyframe {
+    float R[9], t[3];
+    size_t count;               /* points that it shows well */
+    struct align_sight {
+        uint32_t point;
+        float level, weight;
+    } *sight;                   /* (count) */
+};
+
+struct align {
+    size_t count;
+    float *point, *normal;      /* (count,3) at rest, head units */
+    float *steady;              /* (count) 0 to 1: keeps its form */
+    double middle[3];           /* of the points: what the head turns about */
+    struct align_keyframe key[ALIGN_KEYFRAMES];
+    size_t keys;
+    size_t misses;              /* frames in a row that lay over nothing */
+    align_pixel *picture;       /* (ALIGN_SIDE,ALIGN_SIDE) of this frame */
+    float *blurred;             /* (2,ALIGN_SIDE,ALIGN_SIDE) room for it */
+};
+
+/* Choose the points of a head at rest; id is not kept. */
+int align_init(struct align *a, const struct identity *id, struct error *err);
+/* Free what it holds; zeroed then. */
+void align_release(struct align *a);
+/* Forget the keyframes: another scene. */
+void align_restart(struct align *a);
+
+/* What of the crop lies in the picture, as fractions of its side. */
+struct align_bounds {
+    double left, top, right, bottom;
+};
+
+/* m->R, m->t: E_m's pose of the crop rgb (224,224,3), square q of a portrait
+ * window of `size` pixels; replaced by the aligned one.  The first frame is a
+ * keyframe and stays as it is.  false: it could not be laid over any, and m is
+ * left alone. */
+bool align_step(struct align *a, struct motion *m, const float *rgb,
+                struct square q, struct align_bounds in, double size);
+
+#endif
