@@ -37,22 +37,46 @@ void encoder_task_release(struct encoder_task *e)
     memset(e, 0, sizeof *e);
 }
 
+/* Another frame, if there is one, of the person of item *of. */
+static void encoder_task_draw_partner(struct encoder_item *k,
+                                      const struct encoder_item *of,
+                                      size_t last)
+{
+    const struct data_person *p = of->who;
+
+    k->who = p;
+    if (p->count > 1)
+        last += 1 + random_below(&k->r, (uint32_t)p->count - 1);
+    k->frame = &p->frame[last % p->count];
+}
+
 int encoder_task_draw(struct encoder_task *e, const struct task *t,
                       uint64_t step, size_t micro, struct error *err)
 {
     const struct train_config *c = t->config;
+    struct random look = {0};   /* what the last crop's colours come from */
+    size_t drawn = 0;           /* the last even item's frame */
 
     for (size_t i = 0; i < e->batch; i++) {
         struct encoder_item *k = &e->item[i];
+        const bool partner = e->pairs && i % 2;
 
         data_random(&k->r, (uint64_t)c->seed, step, micro * e->batch + i);
-        k->frame = data_pool_draw(t->pool, &k->who, &k->r);
+        if (partner) {
+            encoder_task_draw_partner(k, k - 1, drawn);
+        } else {
+            k->frame = data_pool_draw(t->pool, &k->who, &k->r);
+            drawn = (size_t)(k->frame - k->who->frame);
+        }
         if (c->augment.roll > 0) {
             data_turn(&k->turned, k->frame, M_PI / 180 * random_normal(&k->r)
                                             * (double)c->augment.roll);
             k->frame = &k->turned;
         }
         k->q = data_jitter(k->frame, c->augment.jitter, &k->r);
+        if (partner)
+            k->r = look;
+        look = k->r;
         if (data_sample(e->rgb + i * CROP, CROP_NET, k->frame, k->q,
                         &c->augment, &k->r, err))
             return -1;

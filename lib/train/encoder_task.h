@@ -3,6 +3,7 @@
 #ifndef SPID_TRAIN_ENCODER_TASK_H
 #define SPID_TRAIN_ENCODER_TASK_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,6 +23,8 @@ struct encoder_item {
 
 struct encoder_task {
     size_t batch, outputs;      /* B = config.micro; numbers of an output */
+    bool pairs;                 /* odd items are other frames of the people
+                                 * before them, seen alike */
     struct encoder_item *item;  /* (B) */
     float *rgb;                 /* (B,224,224,3) */
     float *out, *dout;          /* (B,outputs) and its gradient */

@@ -10,11 +10,10 @@
 
 #include "lib/geom/camera.h"
 #include "lib/net/motion_code.h"
-#include "lib/train/expression_features.h"
 
 const char *const motion_term_name[TERM_COUNT] = {
     "vertex", "rotation", "translation", "eye",
-    "landmark", "exp", "jaw", "lid", "mesh", "feature"};
+    "landmark", "exp", "jaw", "lid", "mesh", "feature", "change"};
 
 void motion_decode(struct motion_state *s, const float *out,
                    const struct data_frame *f, struct square q,
@@ -72,6 +71,25 @@ static double motion_loss_l1(float *db, const float *b, const float *a,
         db[i] += d > 0 ? g : d < 0 ? -g : 0;
     }
     return weight * sum / (double)n;
+}
+
+/* A term of n numbers: their distance from the truth, and how much of it the
+ * partner's errors (n, or NULL) do not share. */
+static void motion_loss_numbers(float *db, double *parts, enum motion_term term,
+                                const float *b, const float *a, size_t n,
+                                const float *partner,
+                                const struct motion_weights *w, double scale)
+{
+    const double weight = w->term[term];
+    float error[DATA_EXP];
+
+    parts[term] += motion_loss_l1(db, b, a, n, weight, scale);
+    if (!partner)
+        return;
+    for (size_t i = 0; i < n; i++)
+        error[i] = b[i] - a[i];
+    parts[TERM_CHANGE] += motion_loss_l1(db, error, partner, n,
+                                         weight * w->term[TERM_CHANGE], scale);
 }
 
 /* Mean distance of uv (n,2) from truth, or its square, with pixels as if the
@@ -136,31 +154,92 @@ static double motion_loss_mesh(float *dverts, float dcam[12],
     return weight * mean;
 }
 
-/* What lips, lids and brows do, against the truly posed head (l->truth). */
-static double motion_loss_features(float *dverts, const struct motion_state *s,
-                                   const struct motion_weights *w,
-                                   double scale, const struct motion_loss *l)
+/* What lips, lids and brows of posed vertices do, in millimetres; x (68,3):
+ * their landmarks. */
+static void motion_loss_measure(float f[EXPRESSION_FEATURES], float *x,
+                                const struct head *h, const float *verts)
+{
+    head_landmarks(x, h, verts);
+    expression_features(f, x);
+    for (int k = 0; k < EXPRESSION_FEATURES; k++)
+        f[k] *= 1000 / h->scale;
+}
+
+/* The same against the truly posed head (l->truth). */
+static void motion_loss_features(float *dverts, double *parts,
+                                 const struct motion_state *s,
+                                 const struct motion_weights *w, double scale,
+                                 const struct motion_loss *l)
 {
     enum { N = EXPRESSION_FEATURES };
     const struct head *h = l->id->head;
-    const float unit = 1000 / h->scale;         /* millimetres */
     float x[68 * 3], dx[68 * 3] = {0}, f[N], truth[N], df[N] = {0};
-    double sum;
 
-    head_landmarks(x, h, l->truth);
-    expression_features(truth, x);
-    head_landmarks(x, h, s->verts);
-    expression_features(f, x);
-    for (int k = 0; k < N; k++) {
-        f[k] *= unit;
-        truth[k] *= unit;
-    }
-    sum = motion_loss_l1(df, f, truth, N, w->term[TERM_FEATURE], scale);
+    motion_loss_measure(truth, x, h, l->truth);
+    motion_loss_measure(f, x, h, s->verts);
+    motion_loss_numbers(df, parts, TERM_FEATURE, f, truth, N,
+                        l->partner ? l->partner->feature : NULL, w, scale);
     for (int k = 0; k < N; k++)
-        df[k] *= unit;
+        df[k] *= 1000 / h->scale;
     expression_features_backward(dx, df, x);
     head_landmarks_backward(dverts, dx, h);
-    return sum;
+}
+
+/* l->truth = the head as it truly is posed. */
+static void motion_loss_pose_truth(struct motion_loss *l,
+                                   const struct data_motion *m)
+{
+    struct head_motion truth = {.exp = m->exp};
+
+    memcpy(truth.jaw, m->jaw, sizeof truth.jaw);
+    memcpy(truth.eye, m->eye, sizeof truth.eye);
+    memcpy(truth.lid, m->lid, sizeof truth.lid);
+    head_pose(l->truth, l->id, &truth);
+}
+
+/* t (3) = the true translation as E_m should say it, seen through crop q. */
+static void motion_loss_true_translation(float *t, const struct data_frame *f,
+                                         struct square q)
+{
+    double precise[3];
+
+    data_net_translation(precise, f, q);
+    for (int k = 0; k < 3; k++)
+        t[k] = (float)precise[k];
+}
+
+/* e = b - a (n). */
+static void motion_error_numbers(float *e, const float *b, const float *a,
+                                 size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        e[i] = b[i] - a[i];
+}
+
+void motion_error(struct motion_error *e, const float *out,
+                  const struct data_frame *f, struct square q,
+                  struct motion_loss *l)
+{
+    const struct data_motion *m = &f->motion;
+    struct motion_state s = {.verts = l->verts};
+    float translation[3];
+
+    motion_decode(&s, out, f, q, l->id);
+    motion_loss_true_translation(translation, f, q);
+    motion_error_numbers(e->rotation, s.R, m->rot, 9);
+    motion_error_numbers(e->translation, out + MOTION_TRANS, translation, 3);
+    motion_error_numbers(e->eye, out + MOTION_EYE, m->eye, 6);
+    motion_error_numbers(e->exp, out + MOTION_EXP, m->exp, DATA_EXP);
+    motion_error_numbers(e->jaw, out + MOTION_JAW, m->jaw, 3);
+    motion_error_numbers(e->lid, out + MOTION_LID, m->lid, 2);
+    if (l->id->head->has_landmarks) {
+        float x[68 * 3], found[EXPRESSION_FEATURES], truth[EXPRESSION_FEATURES];
+
+        motion_loss_pose_truth(l, m);
+        motion_loss_measure(truth, x, l->id->head, l->truth);
+        motion_loss_measure(found, x, l->id->head, s.verts);
+        motion_error_numbers(e->feature, found, truth, EXPRESSION_FEATURES);
+    }
 }
 
 double motion_loss(float *dout, double *parts, struct motion_state *s,
@@ -169,25 +248,22 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
                    double scale, struct motion_loss *l)
 {
     const struct data_motion *m = &f->motion;
+    const struct motion_error *p = l->partner;
     const struct head *h = l->id->head;
-    struct head_motion truth = {.exp = m->exp};
-    float dcam[12] = {0}, dR[9] = {0}, tnet[3];
-    double t[3], before = 0, after = 0;
+    float dcam[12] = {0}, dR[9] = {0}, translation[3];
+    double before = 0, after = 0;
 
     for (int i = 0; i < TERM_COUNT; i++)
         before += parts[i];
-    memcpy(truth.jaw, m->jaw, sizeof truth.jaw);
-    memcpy(truth.eye, m->eye, sizeof truth.eye);
-    memcpy(truth.lid, m->lid, sizeof truth.lid);
-    head_pose(l->truth, l->id, &truth);
+    motion_loss_pose_truth(l, m);
     s->verts = l->verts;
     motion_decode(s, out, f, q, l->id);
 
     memset(l->dverts, 0, 3 * h->V * sizeof *l->dverts);
     parts[TERM_VERTEX] += motion_loss_l1(
         l->dverts, s->verts, l->truth, 3 * h->V, w->term[TERM_VERTEX], scale);
-    parts[TERM_ROTATION] +=
-        motion_loss_l1(dR, s->R, m->rot, 9, w->term[TERM_ROTATION], scale);
+    motion_loss_numbers(dR, parts, TERM_ROTATION, s->R, m->rot, 9,
+                        p ? p->rotation : NULL, w, scale);
     for (int i = 0; i < 9; i++)
         dcam[i / 3 * 4 + i % 3] += dR[i];
     if (h->has_landmarks && w->term[TERM_LANDMARK] > 0)
@@ -197,25 +273,21 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
         parts[TERM_MESH] +=
             motion_loss_mesh(l->dverts, dcam, s, f, w, scale, l);
     if (h->has_landmarks && w->term[TERM_FEATURE] > 0)
-        parts[TERM_FEATURE] +=
-            motion_loss_features(l->dverts, s, w, scale, l);
+        motion_loss_features(l->dverts, parts, s, w, scale, l);
     motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
 
-    data_net_translation(t, f, q);
-    for (int i = 0; i < 3; i++)
-        tnet[i] = (float)t[i];
-    parts[TERM_TRANSLATION] +=
-        motion_loss_l1(dout + MOTION_TRANS, out + MOTION_TRANS, tnet, 3,
-                       w->term[TERM_TRANSLATION], scale);
-    parts[TERM_EYE] += motion_loss_l1(dout + MOTION_EYE, out + MOTION_EYE,
-                                      m->eye, 6, w->term[TERM_EYE], scale);
-    parts[TERM_EXP] +=
-        motion_loss_l1(dout + MOTION_EXP, out + MOTION_EXP, m->exp, DATA_EXP,
-                       w->term[TERM_EXP], scale);
-    parts[TERM_JAW] += motion_loss_l1(dout + MOTION_JAW, out + MOTION_JAW,
-                                      m->jaw, 3, w->term[TERM_JAW], scale);
-    parts[TERM_LID] += motion_loss_l1(dout + MOTION_LID, out + MOTION_LID,
-                                      m->lid, 2, w->term[TERM_LID], scale);
+    motion_loss_true_translation(translation, f, q);
+    motion_loss_numbers(dout + MOTION_TRANS, parts, TERM_TRANSLATION,
+                        out + MOTION_TRANS, translation, 3,
+                        p ? p->translation : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_EYE, parts, TERM_EYE, out + MOTION_EYE,
+                        m->eye, 6, p ? p->eye : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_EXP, parts, TERM_EXP, out + MOTION_EXP,
+                        m->exp, DATA_EXP, p ? p->exp : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_JAW, parts, TERM_JAW, out + MOTION_JAW,
+                        m->jaw, 3, p ? p->jaw : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_LID, parts, TERM_LID, out + MOTION_LID,
+                        m->lid, 2, p ? p->lid : NULL, w, scale);
     for (int i = 0; i < TERM_COUNT; i++)
         after += parts[i];
     return after - before;

@@ -10,6 +10,7 @@
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
 #include "lib/data/data.h"
+#include "lib/train/expression_features.h"
 
 /* Terms, in the order of the log. */
 enum motion_term {
@@ -26,6 +27,9 @@ enum motion_term {
                          * be: mean distance in the picture, as landmarks */
     TERM_FEATURE,       /* mean |f - f*| of what an expression shows, see
                          * expression_features.h, millimetres */
+    TERM_CHANGE,        /* what the two frames of a pair differ by, in the
+                         * numbers of the terms rotation to lid and feature:
+                         * sum of weight * mean |error - partner's error| */
     TERM_COUNT
 };
 
@@ -55,8 +59,16 @@ void motion_decode_backward(float *dout, const float *dverts,
                             const float *out, const struct data_frame *f,
                             struct square q, const struct identity *id);
 
+/* Predicted minus true, of what the term change compares. */
+struct motion_error {
+    float rotation[9], translation[3], eye[6], exp[DATA_EXP], jaw[3], lid[2];
+    float feature[EXPRESSION_FEATURES];         /* millimetres */
+};
+
 struct motion_loss {
     const struct identity *id;  /* of this frame: the true shape */
+    const struct motion_error *partner; /* the other frame's of its pair, held
+                                         * fixed; NULL for a single frame */
     float *verts, *truth, *dverts;      /* (V,3) each, one block with */
     float *uv, *uv_truth;               /* (V,2) each */
 };
@@ -66,6 +78,11 @@ int motion_loss_init(struct motion_loss *l, const struct head *h,
                      struct error *err);
 /* Free what it holds; zeroed then. */
 void motion_loss_release(struct motion_loss *l);
+
+/* Errors of a prediction: what motion_loss wants as its partner's. */
+void motion_error(struct motion_error *e, const float *out,
+                  const struct data_frame *f, struct square q,
+                  struct motion_loss *l);
 
 /* Weighted terms into parts[TERM_COUNT] (added), their sum returned; dout
  * (120) += scale * gradient.  s receives the decoded motion. */

@@ -23,6 +23,7 @@ struct impl {
     struct motion_encoder net;
     struct motion_encoder validator; /* in e.copy, for inference */
     struct motion_loss loss;
+    struct motion_error *error; /* (micro), where pairs are drawn */
     struct identity *id; /* one for each slot of the pool ... */
     uint64_t *id_of;     /* ... and 1 + the person it is of */
 };
@@ -48,6 +49,7 @@ static void motion_task_release(struct task *t)
     motion_loss_release(&m->loss);
     for (size_t i = 0; m->id && i < (size_t)t->config->pool; i++)
         identity_release(&m->id[i]);
+    free(m->error);
     free(m->id);
     free(m->id_of);
     encoder_task_release(&m->e);
@@ -77,6 +79,24 @@ static const struct identity *motion_task_identity(struct task *t,
     return &m->id[slot];
 }
 
+/* Errors of a pass's items, whose odd ones are partners of those before. */
+static int motion_task_errors(struct task *t, struct error *err)
+{
+    struct impl *m = t->impl;
+    const struct encoder_task *e = &m->e;
+
+    for (size_t i = 0; i < e->batch; i++) {
+        const struct encoder_item *k = &e->item[i];
+
+        m->loss.id = motion_task_identity(t, k->who, err);
+        if (!m->loss.id)
+            return -1;
+        motion_error(&m->error[i], e->out + i * MOTION_OUT, k->frame, k->q,
+                     &m->loss);
+    }
+    return 0;
+}
+
 /* A batch forward, its losses, and back. */
 static int motion_task_pass(struct task *t, double *parts, uint64_t step,
                             size_t micro, struct error *err)
@@ -93,6 +113,8 @@ static int motion_task_pass(struct task *t, double *parts, uint64_t step,
         return -1;
     motion_encoder_forward(e->out, e->rgb, &m->net);
     memset(e->dout, 0, e->batch * MOTION_OUT * sizeof *e->dout);
+    if (e->pairs && motion_task_errors(t, err))
+        return -1;
     for (size_t i = 0; i < e->batch; i++) {
         const struct encoder_item *k = &e->item[i];
         struct motion_state s;
@@ -100,6 +122,7 @@ static int motion_task_pass(struct task *t, double *parts, uint64_t step,
         m->loss.id = motion_task_identity(t, k->who, err);
         if (!m->loss.id)
             return -1;
+        m->loss.partner = e->pairs ? &m->error[i ^ 1] : NULL;
         motion_loss(e->dout + i * MOTION_OUT, mine, &s,
                     e->out + i * MOTION_OUT, k->frame, k->q, &w, scale,
                     &m->loss);
@@ -329,10 +352,15 @@ int task_motion_init(struct task *t, struct error *err)
     memcpy(t->figure_name, figure_name, sizeof figure_name);
     m->id = calloc((size_t)c->pool, sizeof *m->id);
     m->id_of = calloc((size_t)c->pool, sizeof *m->id_of);
-    if (!m->id || !m->id_of)
+    m->error = calloc((size_t)c->micro, sizeof *m->error);
+    if (!m->id || !m->id_of || !m->error)
         return error_set(err, EX_OSERR, "out of memory");
     if (encoder_task_init(&m->e, t, MOTION_OUT, err) ||
         motion_loss_init(&m->loss, t->head, err))
         return -1;
+    m->e.pairs = c->geometry.term[TERM_CHANGE] > 0;
+    if (m->e.pairs && m->e.batch % 2)
+        return error_set(err, EX_CONFIG, "loss.change: a pass has %zu crops, "
+                         "which are not pairs", m->e.batch);
     return motion_task_networks(t, err);
 }

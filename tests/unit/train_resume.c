@@ -207,8 +207,9 @@ static double resume_evaluate(float *dout, const float *out,
                               const struct data_frame *f, struct square q,
                               struct motion_loss *l, int square)
 {
-    struct motion_weights w = {.term = {100, 10, 5, 10, 1, 1, 1, 1, 1},
-                               .square_landmarks = square};
+    struct motion_weights w = {
+        .term = {100, 10, 5, 10, 1, 1, 1, 1, 1, 1, l->partner ? 0.5f : 0},
+        .square_landmarks = square};
     double parts[TERM_COUNT] = {0};
     struct motion_state s;
     float ignore[MOTION_OUT] = {0};
@@ -217,13 +218,14 @@ static double resume_evaluate(float *dout, const float *out,
 }
 
 static void check_gradient(const struct head *h, const char *data,
-                           int square)
+                           int square, bool paired)
 {
     struct error err = {0};
     struct data_reader *in = data_open(&data, 1, 1.5, &err);
     struct data_person p;
     struct identity id = {0};
     struct motion_loss l;
+    struct motion_error partner;
     struct random r;
     float out[MOTION_OUT], dout[MOTION_OUT] = {0}, c[MOTION_OUT];
     double worst = 0, e = 1e-3;
@@ -241,6 +243,10 @@ static void check_gradient(const struct head *h, const char *data,
     out[0] += 1;
     out[4] -= 1;
     out[MOTION_TRANS + 2] = 6.5f;
+    if (paired) {
+        motion_error(&partner, out, &p.frame[0], p.frame[0].crop, &l);
+        l.partner = &partner;
+    }
     resume_evaluate(dout, out, &p.frame[1], p.frame[1].crop, &l, square);
     for (int i = 0; i < MOTION_OUT; i += i < 16 ? 1 : 7) {
         double f[2];
@@ -254,8 +260,9 @@ static void check_gradient(const struct head *h, const char *data,
                                 (fabs(dout[i]) + 0.3));
     }
     /* |x| is not smooth: some of 360 coordinates cross zero in a step. */
-    expect(square ? "motion loss gradient, squared landmarks"
-                  : "motion loss gradient", worst, 0, 0.02);
+    expect(paired   ? "motion loss gradient, of a pair"
+           : square ? "motion loss gradient, squared landmarks"
+                    : "motion loss gradient", worst, 0, 0.02);
     motion_loss_release(&l);
     identity_release(&id);
     data_person_release(&p);
@@ -272,8 +279,9 @@ int main(void)
     snprintf(data, sizeof data, "%s/people.spid", folder);
     toy_head(&h, 8);
     toy_stream(data, &h, 5, 4, 96);
-    check_gradient(&h, data, 0);
-    check_gradient(&h, data, 1);
+    check_gradient(&h, data, 0, false);
+    check_gradient(&h, data, 1, false);
+    check_gradient(&h, data, 0, true);
     check_running_norm(&h, data);
     check_guard(data);
     check_resume(&h, data);
