@@ -426,10 +426,17 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
 
         if (t->dtype == ST_F32)
             memcpy(out + at, from, (end - at) * sizeof *out);
+        else if (t->dtype == ST_F16)        /* as models are kept */
+            for (size_t i = at; i < end; i++, from += size) {
+                uint16_t h;
+
+                memcpy(&h, from, sizeof h);
+                out[i] = half_to_float(h);
+            }
         else
             for (size_t i = at; i < end; i++)
                 out[i] = (float)tensor_element(t, i);
-        st_forget(st, from, (end - at) * size);
+        st_forget(st, (const char *)t->data + at * size, (end - at) * size);
         for (size_t i = at; i < end; i++)
             if (!isfinite(out[i]))
                 return error_set(err, EX_DATAERR, "%s: tensor '%s' is not "

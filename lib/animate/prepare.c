@@ -1,6 +1,8 @@
 /* Phase A in one process: a source picture or stream to a baked avatar. */
 #include "lib/animate/prepare.h"
 
+#include <omp.h>
+#include <pthread.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -109,6 +111,15 @@ static int prepare_open_baker(struct prepare *p, struct error *err)
     return 0;
 }
 
+/* The same, as a thread; what is wrong is said when they are needed. */
+static void *prepare_run_open_baker(void *arg)
+{
+    struct error err;
+
+    prepare_open_baker(arg, &err);
+    return NULL;
+}
+
 /* The Gaussians, then what is never drawn left out. */
 static int prepare_bake(struct prepared *s, struct prepare *p,
                         struct error *err)
@@ -151,6 +162,21 @@ fail:
     return -1;
 }
 
+/* A picture, while another thread loads what bakes it. */
+static int prepare_from_picture(struct prepared *s, struct prepare *p,
+                                const char *path, const char *mask,
+                                struct error *err)
+{
+    pthread_t thread;
+    const bool beside = omp_get_max_threads() > 1 && !p->has_baker &&
+        !pthread_create(&thread, NULL, prepare_run_open_baker, p);
+    int rc = prepare_read_picture(s, p, path, mask, err);
+
+    if (beside)
+        pthread_join(thread, NULL);
+    return rc;
+}
+
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, struct error *err)
 {
@@ -158,7 +184,7 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
 
     memset(s, 0, sizeof *s);
     if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
-                                : prepare_read_picture(s, p, path, mask,
+                                : prepare_from_picture(s, p, path, mask,
                                                        err)) {
         prepared_release(s);
         return -1;

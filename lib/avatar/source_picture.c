@@ -45,6 +45,20 @@ static uint8_t source_picture_inside(const float *rgba, size_t S, size_t i)
     return 1;
 }
 
+/* Whether a pixel of the three by three about i may be done: all of them for
+ * pixels at the border. */
+static bool source_picture_near(const uint8_t *done, size_t S, size_t i)
+{
+    const size_t y = i / S, x = i % S;
+
+    if (y == 0 || x == 0 || y + 1 == S || x + 1 == S)
+        return true;
+    const uint8_t *up = done + i - S - 1, *on = up + S, *down = on + S;
+
+    return up[0] | up[1] | up[2] | on[0] | on[2] | down[0] | down[1] |
+           down[2];
+}
+
 /* One step of colours outwards over the matte's edge: a pixel that is not
  * wholly the person's takes the mean of its neighbours that are, or became so
  * in an earlier step.  done (S,S) is the step a pixel got its colour in. */
@@ -54,7 +68,7 @@ static void source_picture_pad(float *rgba, uint8_t *done, size_t S,
     for (size_t i = 0; i < S * S; i++) {
         float sum[3] = {0}, n = 0;
 
-        if (done[i])
+        if (done[i] || !source_picture_near(done, S, i))
             continue;
         for (int k = 0; k < 9; k++) {
             long y = (long)(i / S) + k / 3 - 1, x = (long)(i % S) + k % 3 - 1;

@@ -62,22 +62,28 @@ static void small_backbone_plan_levels(struct small_backbone *s)
 
         n = i ? (n + 1) / 2 : n;
         s->side[i] = n;
-        s->a[i] = nn_plan_floats(p, B * n * n * s->channels[i]);
+        s->a[i] = nn_plan_map(p, B * n * n * s->channels[i]);
         conv_plan(&s->down[i], p, B, in, in);
         s->b[i] = s->a[i];
-        if (!i)
+        if (!i) {
+            nn_plan_recycle(p, s->x);
             continue;
-        s->b[i] = nn_plan_floats(p, B * n * n * s->channels[i]);
+        }
+        s->b[i] = nn_plan_map(p, B * n * n * s->channels[i]);
         conv_plan(&s->same[i], p, B, n, n);
+        nn_plan_recycle(p, s->a[i]);
     }
     s->v[L - 1] = s->b[L - 1];
     for (size_t i = L - 1; i-- > 0;) {
         n = s->side[i];
         rescale_plan(&s->grow[i], p, RESCALE_BILINEAR, B, s->side[i + 1],
                     s->side[i + 1], n, n, s->channels[i]);
-        s->u[i] = nn_plan_floats(p, B * n * n * s->channels[i]);
-        s->v[i] = i ? nn_plan_floats(p, B * n * n * s->channels[i - 1]) : NULL;
+        s->u[i] = nn_plan_map(p, B * n * n * s->channels[i]);
+        nn_plan_recycle(p, s->v[i + 1]);
+        nn_plan_recycle(p, s->b[i]);
+        s->v[i] = i ? nn_plan_map(p, B * n * n * s->channels[i - 1]) : NULL;
         conv_plan(&s->up[i], p, B, n, n);
+        nn_plan_recycle(p, s->u[i]);
     }
 }
 
@@ -93,8 +99,9 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     s->input = input;
     rescale_plan(&s->enlarge, p, RESCALE_ANTIALIAS, batch, input, input, 2 * n,
                 2 * n, 3);
-    s->large = nn_plan_floats(p, batch * 4 * n * n * 3);
-    s->x = nn_plan_floats(p, batch * n * n * 12);
+    s->large = nn_plan_map(p, batch * 4 * n * n * 3);
+    s->x = nn_plan_map(p, batch * n * n * 12);
+    nn_plan_recycle(p, s->large);
     small_backbone_plan_levels(s);
     for (size_t i = 0; i < L && nn_plan_backward(p); i++) {
         size_t area = batch * s->side[i] * s->side[i];
