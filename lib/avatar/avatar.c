@@ -11,6 +11,9 @@
 #include "lib/model/model.h"
 #include "lib/texture/place.h"
 
+#define LID_REACH 3.0f  /* mm that an upper lid may move before the photograph,
+                         * which shows it in folds, is not believed */
+
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
 int avatar_init(struct avatar *a, struct params *ps,
@@ -63,6 +66,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&s->quat, 4 * N, false}, {&s->opacity, N, false},
         {&s->color, C * N, false}, {&s->neck, N, false},
         {&s->seen, N, false}, {&a->uv, 2 * N, false},
+        {&a->reach, N, false},
         {&d->mean, 3 * N, true}, {&d->scale, 3 * N, true},
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
@@ -155,7 +159,8 @@ static void avatar_views(struct avatar *a)
     a->set = (struct gaussians){
         .n = s->n, .channels = (int)s->channels, .mean = s->mean,
         .scale = s->scale, .quat = s->quat, .opacity = s->opacity,
-        .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen
+        .color = s->color, .branch = a->branch, .uv = a->uv, .seen = s->seen,
+        .reach = a->reach
     };
     a->drive = (struct drive){
         .dynamic = a->first[BRANCH_STATIC], .mouth = a->first[BRANCH_MOUTH],
@@ -192,6 +197,11 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
         dynamic_branch_white(white, &a->source, &a->dynamic);
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);
+    memset(a->reach, 0, a->all.n * sizeof *a->reach);
+    for (size_t k = 0; k < dynamic.n && a->config.rgb_skip; k++)
+        a->reach[k] = a->weights.lid[k] > 0
+                    ? LID_REACH * 1e-3f * a->head->scale / a->weights.lid[k]
+                    : 0;
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && dynamic.n)

@@ -87,6 +87,7 @@ struct avatar {
     uint8_t *branch;                    /* (N) */
     float *uv;                          /* (N,2) places in the source picture
                                          * (lib/texture/place.h) */
+    float *reach;                       /* (N) gaussian_seen */
 
     /* Set by avatar_drive. */
     float *densified, *ddensified;      /* (D,3) before the neck blend */

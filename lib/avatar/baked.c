@@ -19,7 +19,7 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (18 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (19 + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -33,9 +33,10 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->neck = b->opacity + N;
     b->uv = b->neck + N;
     b->seen = b->uv + 2 * N;
-    b->jaw = b->seen + N;
+    b->reach = b->seen + N;
+    b->jaw = b->reach + N;
     b->color = b->jaw + 3 * N;
-    memset(b->uv, 0, 6 * N * sizeof *b->uv);
+    memset(b->uv, 0, 7 * N * sizeof *b->uv);
     memset(b->neck, 0, N * sizeof *b->neck);
     memcpy(b->source, neck_blend_upright, sizeof b->source);
     return 0;
@@ -87,6 +88,7 @@ int baked_from_avatar(struct baked *b, const struct avatar *a,
     if (a->config.rgb_skip) {
         memcpy(b->uv, a->uv, 2 * N * sizeof *b->uv);
         memcpy(b->seen, a->all.seen, N * sizeof *b->seen);
+        memcpy(b->reach, a->reach, N * sizeof *b->reach);
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
@@ -111,7 +113,8 @@ struct gaussians baked_set(const struct baked *b)
     return (struct gaussians){
         .n = b->N, .channels = (int)b->C, .mean = b->mean, .scale = b->scale,
         .quat = b->quat, .opacity = b->opacity, .color = b->color,
-        .branch = b->branch, .uv = b->uv, .seen = b->seen
+        .branch = b->branch, .uv = b->uv, .seen = b->seen,
+        .reach = b->reach
     };
 }
 
@@ -216,12 +219,27 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
         memcpy(b->uv, g.uv, 2 * g.n * sizeof *g.uv);
         memcpy(b->seen, g.seen, g.n * sizeof *g.seen);
         memcpy(b->view, g.view, sizeof b->view);
+        if (g.reach)
+            memcpy(b->reach, g.reach, g.n * sizeof *g.reach);
     }
     if (baked_read_vertices(b, &g, vertices, err) ||
         baked_read_motion(b, &g, err)) {
         baked_release(b);
         return -1;
     }
+    return 0;
+}
+
+/* What is left of seen (N) where the Gaussians have gone to means. */
+static int baked_seen(float **seen, const struct baked *b, const float *means,
+                      struct error *err)
+{
+    *seen = malloc((b->N + 1) * sizeof **seen);
+    if (!*seen)
+        return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
+    for (size_t i = 0; i < b->N; i++)
+        (*seen)[i] = gaussian_seen(b->seen[i], b->reach[i], b->mean + 3 * i,
+                                   means + 3 * i);
     return 0;
 }
 
@@ -235,18 +253,26 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
         .color = b->color, .branch = b->branch, .vertex = b->vertex,
         .vertices = b->dynamic, .lip = b->lip, .bend = b->neck,
         .pivot = b->pivot, .source = b->source, .light = b->light, .cam = cam,
-        .uv = b->uv, .seen = b->seen, .view = b->view
+        .uv = b->uv, .seen = b->seen, .view = b->view, .reach = b->reach
     };
+    float *left = NULL;
 
     if (b->has_jaw) {
         g.jaw = baked_jaw(b);
         g.jaws = b->mouth;
         g.chin = b->chin;
     }
+    if (means && baked_seen(&left, b, means, err))
+        return -1;
+    if (means) {
+        g.seen = left;
+        g.reach = NULL;
+    }
     if (!baked_has_places(b))
-        g.uv = g.seen = g.view = NULL;
-
-    return gaus_write(w, frame, time, &g, err);
+        g.uv = g.seen = g.view = g.reach = NULL;
+    int rc = gaus_write(w, frame, time, &g, err);
+    free(left);
+    return rc;
 }
 
 /* ---- leaving out ------------------------------------------------------- */
@@ -275,6 +301,7 @@ void baked_keep(struct baked *b, const uint8_t *keep)
     baked_keep_rows(b->neck, 1, keep, b->N);
     baked_keep_rows(b->uv, 2, keep, b->N);
     baked_keep_rows(b->seen, 1, keep, b->N);
+    baked_keep_rows(b->reach, 1, keep, b->N);
     baked_keep_rows(b->jaw, 3, keep, b->N);
     baked_keep_rows(b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {

@@ -37,6 +37,7 @@ struct baked {
     float *uv, *seen;       /* (N,2), (N) places in the source picture
                              * (lib/texture/place.h), seen by the */
     float view[12];         /* source's camera; all zero: no places */
+    float *reach;           /* (N) gaussian_seen, from mean on */
     size_t first, blended;  /* static Gaussians with a neck weight lie in
                              * this range: first index, count */
     float *block;           /* what the float arrays are part of */

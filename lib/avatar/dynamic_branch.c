@@ -224,6 +224,9 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
                           mesh->body);
     densify_forward(b->normals, mesh->normals, b->dense, 3);
     densify_spacing(b->spacing, mesh->verts, b->dense);
+    b->lid = mesh->weights->lid;
+    for (size_t k = 0; k < b->count && b->prior; k++)
+        b->spacing[k] *= mesh->weights->stretch[k];
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
 }
 
@@ -268,6 +271,21 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     }
 }
 
+/* Upper lids, which are all shadow and lashes in the picture of open eyes, have
+ * got the colours of the skin above them; their margin is as dark as it is. */
+static void dynamic_branch_lashes(const struct source_mesh *mesh,
+                                  struct dynamic_branch *b)
+{
+    for (size_t k = 0; k < b->count; k++) {
+        const float w = b->seen[k] * (b->lid[k] - mesh->weights->fold[k]);
+        const float *pixel = b->pixel + 4 * k;
+        float *rgb = b->logit + 3 * k;
+
+        for (int c = 0; c < 3; c++)
+            rgb[c] += w * fminf(pixel[c] - rgb[c], 0);
+    }
+}
+
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
@@ -290,7 +308,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
         extra[1] = b->seen[k];
         extra[2] = b->seen[k] * dynamic_branch_ramp(nv, 0.05f, 0.4f);
         extra[3] = matte;
-        b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f);
+        b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f) *
+                      (1 - b->lid[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
         b->start.visible[k] = (1 - mesh->weights->lining[k]) *
@@ -301,6 +320,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     }
     dynamic_branch_spread(rgb, b->trust, mesh->weights->mirror, b->dense,
                           b->level, b->tmp);
+    dynamic_branch_lashes(mesh, b);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }
@@ -312,10 +332,13 @@ static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
 }
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
- * outline included: there nothing may hide what is beside the head. */
+ * outline included: there nothing may hide what is beside the head.  Upper lids
+ * do not count: closed, they must hide the eyeballs, which the decoder has not
+ * learned. */
 static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
 {
-    return b->seen[k] * dynamic_branch_ramp(b->facing[k], -0.4f, -0.1f);
+    return b->seen[k] * dynamic_branch_ramp(b->facing[k], -0.4f, -0.1f) *
+           (1 - b->lid[k]);
 }
 
 /* What the source does not show is the prior's alone, dense and round: the
@@ -340,7 +363,8 @@ static void dynamic_branch_unseen(struct branch_set *out,
         for (size_t c = 3; c < out->channels; c++)
             color[c] *= w;
         out->opacity[k] = v * out->opacity[k] +
-                          (1 - v) * SOLID * b->hull[k] * b->start.visible[k];
+                          (1 - v) * SOLID * fmaxf(b->hull[k], b->lid[k]) *
+                              b->start.visible[k];
     }
 }
 

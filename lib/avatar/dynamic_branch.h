@@ -48,6 +48,7 @@ struct dynamic_branch {
     float *logit;                       /* (D,3) RGB to start from */
     float *hull;                        /* (D) 1 where all of a Gaussian lies
                                          * on the person in the picture */
+    const float *lid;                   /* (D) upper lids: the mesh's weights */
     float *trust;                       /* (D) in the sampled colour */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */

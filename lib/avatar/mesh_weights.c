@@ -12,6 +12,9 @@
 #define JAW_ANGLE 0.2f      /* radians the jaw is thought to open */
 #define STILL_MM 0.5f       /* who moves less than this belongs to the skull */
 #define MOVES_MM 2.0f
+#define LID_LEAST_MM 1.0f   /* upper lids come down by more than this */
+#define LID_MM 2.0f
+#define MARGIN 0.9f         /* and their margin by this share of the most */
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
  * point a third of the way from the root to the neck joint. */
@@ -69,6 +72,49 @@ static float mesh_weights_range(const struct head *h, size_t v)
            JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
+/* fold (V): 0 on the lids' margin, which comes down (V) as far as any of its
+ * neighbours or nearly so, else 1. */
+static void mesh_weights_margin(float *fold, const float *down,
+                                const struct densify *d)
+{
+    for (size_t v = 0; v < d->V; v++)
+        fold[v] = 0;
+    for (size_t e = 0; e < 2 * d->E; e++) {
+        const size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
+
+        if (down[i] < MARGIN * down[j])
+            fold[i] = 1;
+    }
+}
+
+/* Upper lids, and what they stretch by when both eyes close; closed (V,3) and
+ * open (V+E) are scratch. */
+static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
+                              const struct densify *d, float *closed,
+                              float *open)
+{
+    const size_t V = h->V, D = V + d->E;
+
+    for (size_t i = 0; i < 3 * V; i++)
+        closed[i] = h->v_template[i] + h->l_eyelid[i] + h->r_eyelid[i];
+    for (size_t v = 0; v < V; v++)
+        w->lid[v] = h->v_template[3 * v + 1] - closed[3 * v + 1];
+    mesh_weights_margin(w->fold, w->lid, d);
+    densify_midpoints(w->lid + V, w->lid, d, 1);
+    densify_midpoints(w->fold + V, w->fold, d, 1);
+    densify_spacing(open, h->v_template, d);
+    densify_spacing(w->stretch, closed, d);
+    for (size_t k = 0; k < D; k++) {
+        float mm = w->lid[k] / h->scale * 1e3f;
+        float t = (mm - LID_LEAST_MM) / (LID_MM - LID_LEAST_MM);
+        float wider = w->stretch[k] / fmaxf(open[k], 1e-6f) - 1;
+
+        w->lid[k] = fminf(fmaxf(t, 0), 1);
+        w->fold[k] *= w->lid[k];
+        w->stretch[k] = 1 + w->fold[k] * fmaxf(wider, 0);
+    }
+}
+
 /* One pass over the vertices, then means for the midpoints. */
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err)
@@ -80,8 +126,15 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);
     w->mirror = malloc(V * sizeof *w->mirror);
-    if (!w->neck || !w->moving || !w->lining || !w->mirror)
+    w->lid = malloc(D * sizeof *w->lid);
+    w->stretch = malloc(D * sizeof *w->stretch);
+    w->fold = malloc(D * sizeof *w->fold);
+    float *scratch = malloc((3 * V + D) * sizeof *scratch);
+    if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
+        !w->stretch || !w->fold || !scratch) {
+        free(scratch);
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
+    }
     for (size_t v = 0; v < V; v++) {
         const float *skin = h->weights + HEAD_JOINTS * v;
         float mm = mesh_weights_range(h, v) / h->scale * 1e3f;
@@ -97,6 +150,8 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* an edge to the lips is lip */
         w->lining[k] = w->lining[k] == 1;
+    mesh_weights_lids(w, h, d, scratch, scratch + 3 * V);
+    free(scratch);
     return head_mirror_vertices(w->mirror, h, err);
 }
 
@@ -106,5 +161,8 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->moving);
     free(w->lining);
     free(w->mirror);
+    free(w->lid);
+    free(w->fold);
+    free(w->stretch);
     memset(w, 0, sizeof *w);
 }

@@ -15,6 +15,12 @@ struct mesh_weights {
     float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
                              * the skin, 0 on the skull */
     float *lining;          /* (V+E) 1 inside the mouth, behind the lips */
+    float *lid;             /* (V+E) 1 on upper lids, which come down over the
+                             * eyes when those close */
+    float *fold;            /* (V+E) the same but for their margin: skin that
+                             * comes out of the crease */
+    float *stretch;         /* (V+E) neighbours' distance there on closed lids
+                             * over that on open ones, at least 1 */
     size_t *mirror;         /* (V) the vertex across the face */
 };
 

@@ -3,6 +3,7 @@
 #ifndef SPID_BASE_GAUSSIANS_H
 #define SPID_BASE_GAUSSIANS_H
 
+#include <math.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -22,6 +23,36 @@ struct gaussians {
                                    * 0..1 across, or NULL */
     const float *seen;            /* (N)   0..1: how much of that is so; or
                                    * NULL with uv: nothing is */
+    const float *reach;           /* (N) how far from home the photograph still
+                                   * shows it, head units; 0: anywhere; or
+                                   * NULL: all of them anywhere */
+    const float *home;            /* (N,3) centres when it was seen; NULL:
+                                   * mean */
 };
+
+/* What is left of a Gaussian's seen when it has gone from home (3) to mean (3):
+ * all up to a third of its reach, nothing from there on. */
+static inline float gaussian_seen(float seen, float reach, const float home[3],
+                                  const float mean[3])
+{
+    float square = 0, t;
+
+    if (!(reach > 0))
+        return seen;
+    for (int k = 0; k < 3; k++)
+        square += (mean[k] - home[k]) * (mean[k] - home[k]);
+    t = 1.5f * (1 - sqrtf(square) / reach);
+    t = t < 0 ? 0 : t > 1 ? 1 : t;
+    return seen * t * t * (3 - 2 * t);
+}
+
+/* The same of Gaussian i of g, where it is now. */
+static inline float gaussians_seen(const struct gaussians *g, size_t i)
+{
+    if (!g->seen || !g->reach || !g->home)
+        return g->seen ? g->seen[i] : 0;
+    return gaussian_seen(g->seen[i], g->reach[i], g->home + 3 * i,
+                         g->mean + 3 * i);
+}
 
 #endif

@@ -339,6 +339,25 @@ static void page_pack_motion(struct pack *k, const struct page *p,
         page_store_motion(to, &person->source, p->nexp);
 }
 
+/* Number, home, reach of the Gaussians that the photograph shows only near
+ * home. */
+static void page_pack_reach(struct pack *k, const struct baked *b)
+{
+    size_t n = 0;
+
+    for (size_t i = 0; i < b->N; i++)
+        n += b->reach[i] > 0;
+    float *to = n ? pack_add(k, "reach", ST_F32, n, 5, NULL) : NULL;
+    for (size_t i = 0; to && i < b->N; i++) {
+        if (!(b->reach[i] > 0))
+            continue;
+        to[0] = (float)i;
+        memcpy(to + 1, b->mean + 3 * i, 3 * sizeof *to);
+        to[4] = b->reach[i];
+        to += 5;
+    }
+}
+
 /* The source picture, and places in it where the Gaussians have them. */
 static int page_pack_photograph(struct pack *k, const struct baked *b,
                                 const struct person *person,
@@ -361,6 +380,7 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
         return 0;
     pack_columns(k, "uv", b->uv, b->N, 2, 2);
     pack_columns(k, "seen", b->seen, b->N, 1, 1);
+    page_pack_reach(k, b);
     pack_add(k, "view", ST_F32, 3, 4, b->view);
     return 0;
 }

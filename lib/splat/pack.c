@@ -41,7 +41,7 @@ static void pack_one(struct splat *s, const struct gaussians *g, size_t i)
 
     st->cloud.top[i] = drawn ? log2f(o) : -1e30f;
     if (st->place) {
-        st->cloud.seen[i] = g->seen ? g->seen[i] : 0;
+        st->cloud.seen[i] = gaussians_seen(g, i);
         for (int k = 0; k < 2; k++)
             st->cloud.uv[k][i] = g->uv ? 2 * g->uv[2 * i + (size_t)k] - 1 : 0;
     }

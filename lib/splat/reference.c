@@ -94,7 +94,7 @@ int reference_add_places(struct reference *t, const struct gaussians *g,
     }
     for (size_t i = 0; i < t->n; i++) {
         memcpy(color + i * (C + 3), t->color + i * C, C * sizeof *color);
-        t->seen[i] = g->seen[i];
+        t->seen[i] = gaussians_seen(g, i);
         for (size_t k = 0; k < 2; k++)
             t->uv[2 * i + k] = 2 * (double)g->uv[2 * i + k] - 1;
     }

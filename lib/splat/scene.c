@@ -28,6 +28,7 @@ void scene_release(struct scene *s)
     free(s->branch);
     free(s->uv);
     free(s->seen);
+    free(s->reach);
     memset(s, 0, sizeof *s);
 }
 
@@ -154,9 +155,14 @@ static int scene_copy_arrays(struct scene *s, const struct gaus *g,
         s->g.uv = s->uv = scene_copy(g->uv, 2 * n * sizeof *g->uv);
         s->g.seen = s->seen = scene_copy(g->seen, n * sizeof *g->seen);
     }
+    if (g->view && g->reach) {
+        s->g.reach = s->reach = scene_copy(g->reach, n * sizeof *g->reach);
+        s->g.home = s->loaded;
+    }
     if (!s->mean || !s->loaded || !s->scale || !s->quat || !s->opacity ||
         (g->bend && !s->neck) || (g->jaw && !s->jaw) ||
-        (g->branch && !s->branch) || (g->view && (!s->uv || !s->seen)))
+        (g->branch && !s->branch) ||
+        (g->view && (!s->uv || !s->seen || (g->reach && !s->reach))))
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians", n);
     return scene_take_color(s, g, err);
 }

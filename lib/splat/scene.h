@@ -33,7 +33,8 @@ struct scene {
                          * them */
 
     /* owned */
-    float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen;
+    float *mean, *loaded, *scale, *quat, *opacity, *color, *uv, *seen,
+          *reach;
     float *jaw;         /* (mouth_count,3) how the mouth goes with the chin, or
                          * NULL */
     float *neck;        /* (N) neck blend weights, 0 but in the static

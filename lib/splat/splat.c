@@ -155,6 +155,7 @@ void splat_release(struct splat *s)
         free(st->block);
         free(st->screen);
         free(st->list);
+        free(st->tether);
         free(st);
     }
     memset(s, 0, sizeof *s);
@@ -203,7 +204,10 @@ static int splat_check_gaussians(const struct splat *s,
         ((g->uv && splat_check_array(g->uv, g->n, 2, "uv", -1e6f, 1e6f,
                                      "-1e6 to 1e6", err)) ||
          (g->seen && splat_check_array(g->seen, g->n, 1, "seen", 0, 1,
-                                       "0 to 1", err))))
+                                       "0 to 1", err)) ||
+         (g->reach && splat_check_array(g->reach, g->n, 1, "reach", 0, WIDEST,
+                                        "a finite number, not negative",
+                                        err))))
         return -1;
     if (g->color)
         return splat_check_array(g->color, g->n, (size_t)g->channels, "color",
@@ -215,6 +219,34 @@ static int splat_check_gaussians(const struct splat *s,
     return 0;
 }
 
+/* Remember those of g that have a reach, when there are places. */
+static int splat_load_tethers(struct splat *s, const struct gaussians *g,
+                              struct error *err)
+{
+    struct splat_state *st = s->state;
+    const bool some = s->opt.place && g->reach && g->seen;
+    size_t n = 0;
+
+    for (size_t i = 0; i < g->n && some; i++)
+        n += g->reach[i] > 0;
+    free(st->tether);
+    st->tether = NULL;
+    st->tethers = 0;
+    if (n == 0)
+        return 0;
+    st->tether = malloc(n * sizeof *st->tether);
+    if (!st->tether)
+        return error_set(err, EX_OSERR, "%zu Gaussians: out of memory", n);
+    for (size_t i = 0; i < g->n; i++) {
+        const float *home = (g->home ? g->home : g->mean) + 3 * i;
+
+        if (g->reach[i] > 0)
+            st->tether[st->tethers++] = (struct splat_tether){
+                i, g->seen[i], g->reach[i], {home[0], home[1], home[2]}};
+    }
+    return 0;
+}
+
 int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
 {
     struct splat_state *st = s->state;
@@ -223,7 +255,7 @@ int splat_load(struct splat *s, const struct gaussians *g, struct error *err)
     if (g->n >= UINT32_MAX / 64)
         return error_set(err, EX_DATAERR, "%zu Gaussians (expected at most "
                          "%u)", g->n, UINT32_MAX / 64);
-    if (splat_check_gaussians(s, g, err))
+    if (splat_check_gaussians(s, g, err) || splat_load_tethers(s, g, err))
         return -1;
     if (!st->block || s->n != g->n) {
         size_t bytes = state_cloud_layout(s, NULL, n);
@@ -269,6 +301,19 @@ static void splat_mark_moved(struct splat_state *st, size_t first, size_t count)
         st->dirty1 = first + count;
 }
 
+/* How far the photograph shows those of them that have a reach. */
+static void splat_pull_tethers(struct splat_state *st, const float *mean,
+                               size_t first, size_t count)
+{
+    for (size_t k = 0; k < st->tethers; k++) {
+        const struct splat_tether *t = &st->tether[k];
+
+        if (t->at >= first && t->at - first < count)
+            st->cloud.seen[t->at] = gaussian_seen(
+                t->seen, t->reach, t->home, mean + 3 * (t->at - first));
+    }
+}
+
 int splat_update(struct splat *s, const float *mean, size_t first,
                  size_t count, struct error *err)
 {
@@ -281,6 +326,7 @@ int splat_update(struct splat *s, const float *mean, size_t first,
     for (size_t i = 0; i < count; i++)
         for (int k = 0; k < 3; k++)
             st->cloud.mean[k][first + i] = mean[3 * i + (size_t)k];
+    splat_pull_tethers(st, mean, first, count);
     splat_mark_moved(st, first, count);
     return 0;
 }

@@ -53,6 +53,12 @@ struct cloud {
                                 * picture, and how much; else NULL */
 };
 
+/* A Gaussian that the photograph shows only near home (gaussian_seen). */
+struct splat_tether {
+    size_t at;                 /* its number */
+    float seen, reach, home[3];
+};
+
 struct splat_gradient_state;
 
 struct splat_state {
@@ -68,6 +74,8 @@ struct splat_state {
     void *block;
     size_t block_bytes;
     struct cloud cloud;
+    struct splat_tether *tether;    /* (tethers), in order */
+    size_t tethers;
     struct projected_gaussian *projection;   /* (N) */
     float (*color)[4];         /* (N) the first channels */
     float (*place)[4];         /* (N) place channels and 0, or NULL */

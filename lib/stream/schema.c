@@ -51,6 +51,7 @@ static const struct schema table[] = {
     { "GAUS", "uv", "f32", "N,2", false, "place in the source picture, 0..1" },
     { "GAUS", "seen", "f32", "N", false, "how far the source shows it" },
     { "GAUS", "view", "f32", "3,4", false, "[R|t] of the source's camera" },
+    { "GAUS", "reach", "f32", "N", false, "how far it is shown from there" },
     { "GMOV", "cam", "f32", "3,4", false, "[R|t], head units" },
     { "GMOV", "first", "i32", "1", false, "number of the first of mean" },
     { "GMOV", "mean", "f32", "M,3", false, "new centres, head units" },

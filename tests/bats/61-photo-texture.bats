@@ -131,6 +131,81 @@ PY
     [ ! -e a.y4m ] && [ ! -e a.png ]
 }
 
+# lids ME.spid LID...: its own motion with the lids closed so far, a frame each.
+lids() {
+    PYTHONPATH=$TOP/examples "$PYTHON" - "$@" >lids.spid <<'PY'
+import struct
+import sys
+import spidstream
+w = spidstream.Writer(sys.stdout.buffer)
+for rec in spidstream.read_stream(open(sys.argv[1], 'rb')):
+    if rec.type == 'CONF':
+        w.write(rec)
+    if rec.type == 'MOTN':
+        for rec.frame, lid in enumerate(map(float, sys.argv[2:])):
+            rec.arrays['lid'].data = struct.pack('<2f', lid, lid)
+            w.write(rec)
+w.end()
+PY
+}
+
+# contrast MESH.spid PICTURES.y4m: a line a frame, the range of brightness (5 to
+# 95 %) between the corners of either eye, where they are in the first frame.
+contrast() {
+    rm -rf mesh && spid-dump --npy mesh --only MESH "$1"
+    "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
+import json
+import subprocess
+import sys
+import numpy as np
+raw = open(sys.argv[1], 'rb').read()
+n = int.from_bytes(raw[:8], 'little')
+entry = json.loads(raw[8:8 + n])
+def head(name, dtype):
+    a, b = entry[name]['data_offsets']
+    return np.frombuffer(raw[8 + n + a:8 + n + b], dtype).reshape(entry[name]['shape'])
+verts = np.load('mesh/MESH.verts.npy')[0].reshape(-1, 3)
+cam = np.load('mesh/MESH.cam.npy')[0].reshape(3, 4)
+x = (verts[head('f', '<i4')[head('landmark_faces', '<i4')]] *
+     head('landmark_bary', '<f4')[:, :, None]).sum(1) @ cam[:, :3].T + cam[:, 3]
+mark = 256 * (12 * x[:, :2] / x[:, 2:] + 1)
+gray = np.frombuffer(subprocess.run(
+    ['ffmpeg', '-v', 'error', '-i', sys.argv[2], '-f', 'rawvideo', '-pix_fmt',
+     'gray', '-'], capture_output=True, check=True).stdout, 'u1').reshape(-1, 512, 512)
+for frame in gray:
+    line = []
+    for eye in mark[36:42], mark[42:48]:
+        (x0, y0), (x1, y1) = eye.min(0), eye.max(0)
+        x0, x1 = 0.75 * x0 + 0.25 * x1, 0.25 * x0 + 0.75 * x1
+        box = frame[round(y0):round(y1), round(x0):round(x1)]
+        line.append(np.percentile(box, 95) - np.percentile(box, 5))
+    print('%.0f %.0f' % tuple(line))
+PY
+}
+
+@test "closed lids are skin: neither pupil nor white shows through" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$TOP/examples/model
+    set -o pipefail
+    spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
+    spid-branches -q --bake own.spid -o baked.spid
+    lids own.spid 0 1
+    spid-flame -q -i baked.spid lids.spid -o mesh.spid
+    spid-branches -q -i baked.spid mesh.spid -o gaus.spid
+    spid-splat -q gaus.spid -o star.y4m
+    spid-splat -q --channels 32 gaus.spid | spid-refine -q -o refined.y4m
+    for pictures in star refined; do
+        contrast mesh.spid $pictures.y4m >range
+        cat range
+        awk 'NR == 1 { a = $1; b = $2 }
+             END { exit !(NR == 2 && a > 100 && b > 100 && $1 < a / 2 &&
+                          $2 < b / 2) }' range
+    done
+    # whole sets say how far each is still seen
+    spid-branches -q --full -i baked.spid mesh.spid | spid-splat -q -o full.y4m
+    cmp star.y4m full.y4m
+}
+
 @test "twice the focal length shows the middle, the photograph too" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     set -o pipefail

@@ -117,10 +117,33 @@ static void places_forward(int channels, bool depth)
     free(other);
 }
 
-/* Gaussians move, and the view changes, while the camera stays. */
+/* What is left of seen, by the way from home over the reach. */
+static void places_reach(void)
+{
+    static const struct { double way, left; } at[] = {
+        {0, 1}, {1.0 / 3, 1}, {0.5, 0.84375}, {2.0 / 3, 0.5}, {1, 0}, {9, 0}
+    };
+    const float home[3] = {0.1f, -0.2f, 0.3f};
+    double worst = 0;
+
+    for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
+        const float mean[3] = {0.1f, -0.2f + (float)(0.03 * at[k].way),
+                               0.3f + (float)(0.04 * at[k].way)};
+
+        worst = fmax(worst, fabs(0.8 * at[k].left -
+                                 gaussian_seen(0.8f, 0.05f, home, mean)));
+        worst = fmax(worst, fabs(0.8 - gaussian_seen(0.8f, 0, home, mean)));
+    }
+    check("seen within reach of home", worst, 1e-5);
+}
+
+/* Gaussians move, some beyond their reach, and the view changes, while the
+ * camera stays. */
 static void places_moving(void)
 {
     struct testscene t;
+    float *home = scene_grab(3 * N, sizeof *home);
+    float *reach = scene_grab(N, sizeof *reach);
     struct splat_options o = splat_defaults(SIZE, SIZE, 3);
     struct splat s = {0};
     struct error err = {0};
@@ -132,7 +155,13 @@ static void places_moving(void)
     struct splat_place_view first = {{1, 0, 0, 1}, {0, 0}};
 
     places_scene(&t, N, 43);
+    memcpy(home, t.g.mean, 3 * N * sizeof *home);
+    for (size_t i = 0; i < N; i += 2)
+        reach[i] = 0.001f * (float)(i % 60);
+    t.g.home = home;
+    t.g.reach = reach;
     o.place = true;
+    o.exp_degree = 5;
     struct splat_camera cam = splat_camera_square(t.cam, SIZE, 12);
     bool ok = splat_init(&s, &o, &err) == 0 &&
               splat_load(&s, &t.g, &err) == 0 &&
@@ -147,8 +176,15 @@ static void places_moving(void)
     draw_places(image, fresh, &t, &o);
     check_that("moved, another view: as drawn anew",
                !memcmp(place, fresh, P * 3 * sizeof *place));
+    check("moved: places against double", places_error(place, &t), 5e-5);
+    t.g.reach = NULL;
+    draw_places(image, fresh, &t, &o);
+    check_that("which the reach has changed",
+               memcmp(place, fresh, P * 3 * sizeof *place) != 0);
     splat_release(&s);
     places_release(&t);
+    free(home);
+    free(reach);
     free(image);
     free(place);
     free(fresh);
@@ -401,6 +437,7 @@ int main(void)
 {
     int bad = at_each_level(places_test);
 
+    places_reach();
     finite_differences();
     places_refuses();
     return bad || check_status();

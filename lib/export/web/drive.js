@@ -28,7 +28,8 @@ function blend(to, at, B, w, x, y, z) {
 
 export class Drive {
   // a: rides (dynamic,2), mean planes (3, others), bend (N), counts, pivot,
-  // shoulders, lip; with jaw planes (3, mouth) chin.
+  // shoulders, lip; with jaw planes (3, mouth) chin; reach (any,5), number,
+  // home and reach of Gaussians that the photograph shows only near home.
   constructor(a) {
     Object.assign(this, a);
     [this.dynamic, this.fixed, this.mouth] = a.counts;
@@ -77,7 +78,21 @@ export class Drive {
     }
   }
 
-  // means (count,4) of the posed head; returns whether the mouth shows.
+  // What is left of seen, as gaussian_seen in lib/base/gaussians.h.
+  seen(out) {
+    const { reach } = this;
+    for (let i = 3; i < out.length; i += 4) out[i] = 1;
+    for (let k = 0; k < (reach?.length ?? 0); k += 5) {
+      const at = 4 * reach[k];
+      const way = Math.hypot(out[at] - reach[k + 1], out[at + 1] - reach[k + 2],
+                             out[at + 2] - reach[k + 3]);
+      const t = Math.min(Math.max(1.5 * (1 - way / reach[k + 4]), 0), 1);
+      out[at + 3] = t * t * (3 - 2 * t);
+    }
+  }
+
+  // means (count,4) of the posed head, and what is left of seen; returns whether
+  // the mouth shows.
   means(out, verts, mouth, cam) {
     const { rides, bend, dynamic, fixed, mean } = this;
     const n = fixed + this.mouth;
@@ -93,6 +108,7 @@ export class Drive {
       blend(out, 4 * (dynamic + i), B, bend[dynamic + i], mean[i], mean[n + i],
             mean[2 * n + i]);
     this.mouthMeans(out, n, mouth);
+    this.seen(out);
     return mouth.gap >= CLOSED;
   }
 }

@@ -22,7 +22,8 @@ void main() {
   int nth = gl_VertexID >> 2;
   vec2 corner = vec2(float(gl_VertexID & 1), float(gl_VertexID >> 1 & 1)) * 2.0 - 1.0;
   int i = int(texelFetch(order, ivec2(nth % WIDTH, nth / WIDTH), 0).x);
-  vec3 m = texelFetch(means, ivec2(i % WIDTH, i / WIDTH), 0).xyz;
+  vec4 mean = texelFetch(means, ivec2(i % WIDTH, i / WIDTH), 0);
+  vec3 m = mean.xyz;
   ivec2 at = ivec2(4 * (i % (WIDTH / 4)), i / (WIDTH / 4));
   vec4 t0 = texelFetch(table, at, 0);
   vec4 t1 = texelFetch(table, at + ivec2(1, 0), 0);
@@ -57,8 +58,9 @@ void main() {
 #ifdef PLACES
   vec4 t3 = texelFetch(table, at + ivec2(3, 0), 0);
   vec2 n = 12.0 * p.xy / p.z;
-  place = vec3(t1.w * (2.0 * t3.xy - 1.0 - placeB -
-                       vec2(dot(placeA.xy, n), dot(placeA.zw, n))), t1.w);
+  float seen = t1.w * mean.w;
+  place = vec3(seen * (2.0 * t3.xy - 1.0 - placeB -
+                       vec2(dot(placeA.xy, n), dot(placeA.zw, n))), seen);
 #endif
 }`;
 
