@@ -51,6 +51,7 @@ static const struct stage {
     { "train", bench_train },
     { "pipeline", bench_pipeline },
     { "start", bench_start },
+    { "growth", bench_growth },
     { "gagavatar", bench_gagavatar },
     { "hard", bench_hard },
 };

@@ -135,6 +135,10 @@ int bench_start(struct bench *b, struct error *err);
 int bench_train(struct bench *b, struct error *err);
 /* The public system that SpiD builds on, at its size. */
 int bench_gagavatar(struct bench *b, struct error *err);
+/* How time and memory grow with Gaussians, pixels, frames, people, bytes and
+ * threads, with fitted exponents.  A curve ends where its next point would
+ * take longer than b->seconds. */
+int bench_growth(struct bench *b, struct error *err);
 /* What breaks other people's kernels: time and error of each, apart. */
 int bench_hard(struct bench *b, struct error *err);
 

@@ -340,8 +340,7 @@ int bench_splat(struct bench *b, struct error *err)
         stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
         stage_all_knobs(&st, err) ||
         bench_splat_moving(b, st.part, err) ||
-        bench_splat_backward(b, st.part, err) ||
-        bench_splat_scaling(b, st.part, err))
+        bench_splat_backward(b, st.part, err))
         goto out;
     rc = 0;
 out:

@@ -285,57 +285,20 @@ int bench_splat_moving(struct bench *b, double seconds, struct error *err)
            (b->threads > 1 && moving_rows(b, seconds, b->threads, err));
 }
 
-/* ---- scaling ------------------------------------------------------------- */
+/* ---- growth --------------------------------------------------------------- */
 
-/* One size and number of Gaussians; *ms is the least time. */
-static int scale_row(struct bench *b, double seconds, size_t n, int size,
-                     double *ms, struct error *err)
+int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
+                     int threads, struct error *err)
 {
     struct splat_options opt = splat_defaults(size, size, 3);
-    struct bench_times t;
     struct job j = {0};
-    char config[96];
-    int rc = -1;
 
-    opt.threads = b->threads;
-    snprintf(config, sizeof config, "%dx%d N=%zu C=3 f32", size, size, n);
-    if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
-        bench_time(&t, seconds, 5, job_draw, &j, err))
-        goto out;
-    bench_add(b, "splat", config, "scaling", b->threads, &t, NAN, NAN);
-    *ms = t.min;
-    rc = 0;
-out:
+    opt.threads = threads;
+    int rc = testscene_make(&j.scene, n, 2026, err) ||
+             job_open(&j, &opt, err) ||
+             bench_time(t, seconds, 5, job_draw, &j, err) ? -1 : 0;
     job_close(&j);
     return rc;
-}
-
-int bench_splat_scaling(struct bench *b, double seconds, struct error *err)
-{
-    static const size_t counts[] = {10000, 30000, 100000, 300000, 1000000,
-                                    2000000};
-    static const int sizes[] = {128, 256, 512, 1024, 2048};
-    double x[6], ms[6];
-    struct bench_line l;
-
-    for (int i = 0; i < 6; i++) {
-        x[i] = (double)counts[i];
-        if (scale_row(b, seconds, counts[i], 512, &ms[i], err))
-            return -1;
-    }
-    l = bench_fit(x, ms, 6);
-    bench_note(b, "splat over Gaussians at 512x512: %.2f ms + %.2f ms per "
-               "100,000 (r2 %.4f)", l.at_zero, l.slope * 1e5, l.r2);
-    for (int i = 0; i < 5; i++) {
-        x[i] = (double)sizes[i] * sizes[i];
-        if (scale_row(b, seconds, TESTSCENE_N, sizes[i], &ms[i], err))
-            return -1;
-    }
-    l = bench_fit(x, ms, 5);
-    bench_note(b, "splat over pixels with %d Gaussians: %.2f ms + %.2f ms per "
-               "megapixel (r2 %.4f)", TESTSCENE_N, l.at_zero, l.slope * 1e6,
-               l.r2);
-    return 0;
 }
 
 /* ---- hard cases ---------------------------------------------------------- */

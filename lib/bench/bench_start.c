@@ -4,24 +4,21 @@
 
 #include <fcntl.h>
 #include <math.h>
-#include <spawn.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <sys/wait.h>
 #include <sysexits.h>
 #include <unistd.h>
 
 #include "lib/base/file.h"
 #include "lib/bench/bench_avatar.h"
-
-extern char **environ;
+#include "lib/bench/bench_process.h"
 
 #define PARTS 3
 
 struct start {
     const struct bench *b;
-    char program[4096], threads[16];
+    char program[PROCESS_PATH], threads[16];
     char dir[FILE_TEMPORARY];
     char picture[FILE_TEMPORARY + 16], stats[FILE_TEMPORARY + 16];
     double part[PARTS][64];     /* milliseconds, of each run */
@@ -31,22 +28,6 @@ struct start {
 static const char *const start_part[PARTS] = {
     "A: shape", "A: branches", "encoder"
 };
-
-/* spid-animate where spid-bench is. */
-static int start_find_program(struct start *s, struct error *err)
-{
-    ssize_t n = readlink("/proc/self/exe", s->program, sizeof s->program - 16);
-    char *slash;
-
-    s->program[n > 0 ? n : 0] = 0;
-    slash = strrchr(s->program, '/');
-    if (slash)
-        strcpy(slash, "/spid-animate");
-    if (!slash || access(s->program, X_OK))
-        return error_set(err, EX_NOINPUT, "no spid-animate beside "
-                         "spid-bench");
-    return 0;
-}
 
 /* The synthetic person's first frame as a file. */
 static int start_write_picture(struct start *s, const uint8_t *rgb,
@@ -101,13 +82,9 @@ static int start_call(void *context, struct error *err)
         s->b->head, "--stats", s->stats, "-f", "pam", "-o", "/dev/null",
         s->picture, s->picture, NULL
     };
-    pid_t child;
-    int status = -1;
 
-    if (posix_spawn(&child, s->program, NULL, NULL, (char *const *)args,
-                    environ) ||
-        waitpid(child, &status, 0) != child || status)
-        return error_set(err, EX_SOFTWARE, "spid-animate did not finish");
+    if (process_run(args, -1, NULL, err))
+        return -1;
     start_read_stats(s);
     return 0;
 }
@@ -150,7 +127,7 @@ int bench_start(struct bench *b, struct error *err)
     if (!p)
         return error_set(err, EX_OSERR, "no memory");
     snprintf(s.threads, sizeof s.threads, "%d", b->threads);
-    int rc = bench_person_open(p, b, err) || start_find_program(&s, err) ||
+    int rc = bench_person_open(p, b, err) || process_find(s.program, "spid-animate", err) ||
              start_write_picture(&s, p->rgb, err) ||
              bench_time(&t, b->seconds, 7, start_call, &s, err) ? -1 : 0;
     if (rc == 0 && !bench_add(b, "start", "spid-animate, photo to first frame",

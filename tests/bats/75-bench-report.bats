@@ -53,3 +53,16 @@ PY
     has "hard"
     status 66 spid-bench -m nowhere.safetensors hard
 }
+
+@test "growth: a row for each point, exponents; nothing is left behind" {
+    mkdir tmp
+    TMPDIR=$PWD/tmp spid-bench -j 1 -s 1 -o growth growth
+    [ -z "$(ls tmp)" ]
+    for of in bytes Gaussians pixels threads; do
+        grep -Eq "^growth +[0-9.e+]+ $of \\(" growth
+    done
+    grep -Eq '^growth, Gaussians 10000 to .*: time ~ x\^[0-9.]+ \(r2' growth
+    # a reader holds no more than a record of a stream, however long
+    grep ' bytes (spid-dump' growth | grep -o 'peak [0-9]*' >peaks
+    awk '$2 > 200 { exit 1 }' peaks
+}
