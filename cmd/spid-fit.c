@@ -17,6 +17,7 @@ static const char *agreement_path, *motions_path;
 static long acts = 20;
 static const char *same[MAX_SAME][2];
 static size_t nsame;
+static bool plain;
 
 /* --same A,B */
 static int parse_same(const char *value, void *dest, struct error *err)
@@ -55,6 +56,8 @@ static const struct cli_option options[] = {
                "side of the pictures (default 384)"),
     OPTION_INT("rounds", 0, &rounds, 1, 100, "N",
                "rounds of the fit (default 5)"),
+    OPTION_FLAG("plain", 0, &plain,
+                "only pictures before a plain wall: their masks are exact"),
     OPTION_STRING("motions", 0, &motions_path, "FILE",
                   "also avatars of the people, acting as this stream's do"),
     OPTION_INT("acts", 0, &acts, 1, 100000, "N",
@@ -67,7 +70,7 @@ static const struct cli_option options[] = {
 
 static const struct cli_usage usage = {
     "spid-fit", "--assets DIR [--base DIR] [--except PREFIX] [--same A,B] "
-    "[--size PIXELS] [--rounds N] [--motions FILE] [--acts N] "
+    "[--size PIXELS] [--rounds N] [--plain] [--motions FILE] [--acts N] "
     "[--agreement FILE] [--head FILE] "
     "[-o FILE] [-j N] [-m MODEL] [-q] [--stats FILE] LABELS ...",
     "make training data of labelled pictures", options
@@ -166,6 +169,7 @@ static void write_stream(const struct head *head, const struct face_fit *f)
     if (fit_records_open(&r, cli.output, head, f, base_path, (size_t)size,
                          &err))
         die_error(&err);
+    r.plain = plain;
     if (motions_path)
         open_reenact(&reenact, &r);
     for (size_t k = 0; k < f->count; k++) {

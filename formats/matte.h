@@ -29,4 +29,12 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
                  const uint8_t *rgb, const uint8_t *head,
                  const uint8_t *inside, size_t n, struct error *err);
 
+/* Matte [n,n] of rgb [n,n,3] by the colour of a plain wall behind the person,
+ * evenly lit or not: 255 person, soft where hair and wall mix.  *plain is 0,
+ * and the matte left undefined, where what surrounds the head is no such wall,
+ * else 1.  head and inside as above, inside not NULL. */
+int matte_wall(uint8_t *matte, int *plain, const uint8_t *rgb,
+               const uint8_t *head, const uint8_t *inside, size_t n,
+               struct error *err);
+
 #endif

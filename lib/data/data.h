@@ -56,7 +56,8 @@ struct data_reader;
 
 /* People of the files in order, over and over; a "-" is read once, a folder
  * means its *.spid, looked up anew in every pass.  margin: 0 keeps whole
- * pictures, 1.4 keeps the square of 1.4 face crops around the face.  The names
+ * pictures, all of one size, -1 whole pictures of any size, 1.4 the square of
+ * 1.4 face crops around the face.  The names
  * are borrowed.  NULL when there is no file. */
 struct data_reader *data_open(const char *const *names, size_t count,
                               double margin, struct error *err);

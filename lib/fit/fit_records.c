@@ -71,19 +71,28 @@ static void fit_records_shape(float beta[FIT_BETA], const struct fit_person *p)
         beta[i] = (float)p->beta[i];
 }
 
+/* The head of person p, who has no SHAP yet. */
+static int fit_records_begin(struct fit_records *r, const struct fit_person *p,
+                             struct error *err)
+{
+    float beta[FIT_BETA];
+
+    fit_records_shape(beta, p);
+    identity_release(&r->id);
+    r->named = false;
+    return head_fold(&r->id, r->head, beta, FACE_SHAPES, err);
+}
+
 /* SHAP of a person. */
 static int fit_records_person(struct fit_records *r, size_t who,
                               struct error *err)
 {
-    const struct fit_person *p = &r->fit->person[who];
     float beta[FIT_BETA];
     int32_t person = (int32_t)who;
     struct shape s = {.beta = beta, .n = FIT_BETA, .person = &person};
 
-    fit_records_shape(beta, p);
-    identity_release(&r->id);
-    if (head_fold(&r->id, r->head, beta, FACE_SHAPES, err))
-        return -1;
+    fit_records_shape(beta, &r->fit->person[who]);
+    r->named = true;
     return shape_write(r->out, r->written, (double)r->written / FIT_RATE, &s,
                        err);
 }
@@ -128,24 +137,28 @@ static void fit_records_landmarks(float *lmk, const struct fit_records *r,
     m->crop[2] = (float)q.size;
 }
 
-/* MOTN and IMAG of motion m, whose picture rgb and mask show. */
+/* MOTN and IMAG of motion m, whose picture rgb and mask show, and alone unless
+ * it is NULL. */
 static int fit_records_frame(struct fit_records *r, struct motion *m,
-                             uint8_t *rgb, uint8_t *mask, struct error *err)
+                             uint8_t *rgb, uint8_t *mask, uint8_t *alone,
+                             struct error *err)
 {
     const size_t n = r->size;
     const double time = (double)r->written / FIT_RATE;
     float lmk[2 * HEAD_LANDMARKS] = {0};
     struct array l = array_make("lmk", DTYPE_F32, lmk, 2, HEAD_LANDMARKS, 2,
                                 0, 0);
-    struct array image[2] = {
+    struct array image[3] = {
         array_make("rgb", DTYPE_U8, rgb, 3, n, n, 3, 0),
-        array_make("mask", DTYPE_U8, mask, 2, n, n, 0, 0)
+        array_make("mask", DTYPE_U8, mask, 2, n, n, 0, 0),
+        array_make("alone", DTYPE_U8, alone, 3, n, n, 3, 0)
     };
 
     m->pose.exp = m->exp;
     fit_records_landmarks(lmk, r, m);
     if (motion_write(r->out, r->written, time, m, r->head->nexp, &l, 1, err) ||
-        stream_write(r->out, "IMAG", r->written, time, image, 2, err))
+        stream_write(r->out, "IMAG", r->written, time, image,
+                     alone ? 3 : 2, err))
         return -1;
     r->written++;
     return 0;
@@ -165,7 +178,8 @@ static int fit_records_act(struct fit_records *r, const struct fit_person *p,
     memset(r->portrait.mask, 255, r->size * r->size);
     for (size_t i = 0; i < r->acts; i++)
         if (reenact_draw(r->reenact, &act, err) ||
-            fit_records_frame(r, &act, r->reenact->rgb, r->portrait.mask, err))
+            fit_records_frame(r, &act, r->reenact->rgb, r->portrait.mask,
+                              NULL, err))
             return -1;
     return 0;
 }
@@ -185,14 +199,19 @@ int fit_records_write(struct fit_records *r, size_t k, struct error *err)
     const struct fit_person *p = &r->fit->person[who];
     struct motion m;
 
-    if (k == p->first && fit_records_person(r, who, err))
+    if (k == p->first && fit_records_begin(r, p, err))
         return -1;
     face_fit_motion(&m, r->fit, k);
     m.pose.exp = m.exp;
     if (fit_records_picture(r, f->label, err) ||
         portrait_cut(&r->portrait, r->frame.rgb, r->frame.width,
-                     r->frame.height, f->window, &r->id, &m, err) ||
-        fit_records_frame(r, &m, r->portrait.rgb, r->portrait.mask, err))
+                     r->frame.height, f->window, &r->id, &m, err))
+        return -1;
+    if (r->plain && !r->portrait.plain)
+        return 0;
+    if ((!r->named && fit_records_person(r, who, err)) ||
+        fit_records_frame(r, &m, r->portrait.rgb, r->portrait.mask,
+                          r->portrait.alone, err))
         return -1;
     return r->reenact && fit_records_acts(k - p->first, p->count)
                ? fit_records_act(r, p, &m, err) : 0;

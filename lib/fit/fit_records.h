@@ -20,7 +20,8 @@ struct fit_records {
     size_t size;                    /* of the pictures */
     struct stream_writer *out;
     struct portrait portrait;
-    struct identity id;             /* of the person being written */
+    struct identity id;             /* of the person being written, */
+    bool named;                     /* whose SHAP is */
     float *verts;                   /* (V,3) */
     struct framesource *in;         /* the clip being read, */
     const char *file;               /* called so */
@@ -28,14 +29,17 @@ struct fit_records {
     uint64_t written;               /* frames so far */
     struct reenact *reenact;        /* borrowed, set by the caller, or NULL */
     size_t acts;                    /* pictures of each photograph by it */
+    bool plain;                     /* set by the caller: only pictures before
+                                     * a plain wall */
 };
 
 /* Create the stream and write CONF. */
 int fit_records_open(struct fit_records *r, const char *path,
                      const struct head *head, const struct face_fit *fit,
                      const char *base, size_t size, struct error *err);
-/* Frame k, in order: SHAP where a person begins; MOTN with the landmarks of
- * our head and the face crop; IMAG with rgb and mask.  Up to four frames of a
+/* Frame k, in order: SHAP before a person's first; MOTN with the landmarks of
+ * our head and the face crop; IMAG with rgb, mask
+ * and the person alone.  Up to four frames of a
  * person are followed by r->acts pictures of them as avatars. */
 int fit_records_write(struct fit_records *r, size_t k, struct error *err);
 /* Finish the stream, or give it up unless `whole`; -1 then, and *err is left

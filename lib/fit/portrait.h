@@ -3,6 +3,7 @@
 #ifndef SPID_FIT_PORTRAIT_H
 #define SPID_FIT_PORTRAIT_H
 
+#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 
@@ -16,6 +17,8 @@ struct portrait {
     uint8_t *rgb;               /* (size,size,3) */
     uint8_t *mask;              /* (size,size) 255 person, soft at the rim */
     uint8_t *back;              /* (size,size,3) what the person hides */
+    uint8_t *alone;             /* (size,size,3) the person over black */
+    bool plain;                 /* the mask is by a plain wall's colour */
     uint8_t *scratch;           /* silhouette, inside */
 };
 
@@ -24,9 +27,10 @@ int portrait_init(struct portrait *p, size_t size, struct error *err);
 /* Free what it holds; zeroed then. */
 void portrait_release(struct portrait *p);
 
-/* Fill rgb, mask and back from the window of a picture rgb (H,W,3).  The mask
- * is GrabCut's about the head that m poses id into, softened by the colours,
- * and 0 beyond the picture's border, where rgb goes on as background. */
+/* Fill all from the window of a picture rgb (H,W,3).  The mask is made by the
+ * colour of a plain wall where there is one, else by GrabCut about the head
+ * that m poses id into, softened by the colours; it is 0 beyond the picture's
+ * border, where rgb goes on as background. */
 int portrait_cut(struct portrait *p, const uint8_t *rgb, size_t W, size_t H,
                  struct square window, const struct identity *id,
                  const struct motion *m, struct error *err);

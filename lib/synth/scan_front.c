@@ -108,7 +108,8 @@ out:
     return rc;
 }
 
-/* A hand before the lower face, at a random angle. */
+/* A hand at the chin, a cheek or the mouth, at a random angle: its fingers
+ * seldom reach the eyes. */
 static int add_hand(struct figure *f, struct random *r, struct error *err)
 {
     const struct piece *q = &f->assets->hand;
@@ -125,8 +126,8 @@ static int add_hand(struct figure *f, struct random *r, struct error *err)
     mul33(t, a, b);
     axis33(b, 0, (float)random_range(r, -0.5, 0.5));
     mul33(m, t, b);
-    float at[3] = {side * (float)random_range(r, 0.10, 0.45),
-                   (float)random_range(r, 0.35, 0.75),
+    float at[3] = {side * (float)random_range(r, 0.20, 0.55),
+                   (float)random_range(r, 0.70, 1.10),
                    -0.75f - (float)random_range(r, 0, 0.15)};
     for (size_t i = 0; i < q->nc; i++) {
         const float *v = q->place + 3 * i;

@@ -171,14 +171,14 @@ static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 }
 
 static const struct task_type matte_task_type = {
-    "matte.", 0, matte_task_release, matte_task_pass, matte_task_update,
+    "matte.", -1, matte_task_release, matte_task_pass, matte_task_update,
     matte_task_validate, matte_task_sheet
 };
 
 /* The network, and its copy for validation. */
 static int matte_task_networks(struct task *t, struct error *err)
 {
-    struct nn_options opt = {NN_TRAIN, NN_F32};
+    struct nn_options opt = {NN_TRAIN, NN_BF16};
     struct impl *m = t->impl;
 
     matte_net_init(&m->net, &t->ps, "matte.", MATTE_SIDE, MATTE_WIDTH);

@@ -28,6 +28,14 @@ has_labels() {
     [ "$(awk 'END { print $1, $2 }' table.tsv)" = "all 8" ]
 }
 
+@test "before a plain wall nobody of these stands" {
+    has_labels
+    fit --plain -o plain.spid
+    spid-dump --check plain.spid
+    [ "$(spid-dump --json plain.spid | grep -c CONF)" -eq 1 ]
+    [ -z "$(spid-dump --json --only SHAP,MOTN,IMAG plain.spid)" ]
+}
+
 @test "frames that --same joins are one person" {
     has_labels
     fit --same lisa1,15cm -o one.spid

@@ -151,3 +151,56 @@ mean = lambda part, who: part[who].mean(0)
 assert np.abs(mean(c[430:], below) - mean(c[425], edge)).max() < 12
 PY
 }
+
+@test "a matte network in the model says who is in front" {
+    need_numpy
+    mkdir model
+    cp "$TOP/examples/model/head.safetensors" model/
+    # one that takes what is brighter than 0.55 for the person
+    "$PYTHON" - "$TOP/examples/model/model.safetensors" <<'PY'
+import json, struct, sys
+import numpy as np
+data = open(sys.argv[1], 'rb').read()
+n, = struct.unpack_from('<Q', data)
+head, body = json.loads(data[8:8 + n]), data[8 + n:]
+width = [4, 6, 12, 16, 16]
+net = {}
+for i in range(5):
+    into = width[i - 1] if i else 12
+    net['down.%d' % i] = np.zeros((width[i], into, 3, 3), np.float32)
+    if i:
+        net['same.%d' % i] = np.zeros((width[i], width[i], 3, 3), np.float32)
+    if i < 4:
+        out = width[i - 1] if i else 4
+        net['up.%d' % i] = np.zeros((out, width[i], 3, 3), np.float32)
+net['down.0'][0, :, 1, 1] = 1 / 48
+net['up.0'][:, 0, 1, 1] = 100
+for name, w in net.items():
+    bias = np.zeros(len(w), np.float32) - (10 if name == 'up.0' else 0)
+    for part, x in (('weight', w), ('bias', bias)):
+        at = len(body)
+        body += x.tobytes()
+        head['matte.%s.%s' % (name, part)] = {
+            'dtype': 'F32', 'shape': x.shape,
+            'data_offsets': [at, len(body)]}
+head = {k: head[k] for k in head if not k.startswith('matte.')
+        or k.split('.', 1)[1].rsplit('.', 1)[0] in net}
+text = json.dumps(head).encode()
+text += b' ' * (-len(text) % 8)
+open('model/model.safetensors', 'wb').write(
+    struct.pack('<Q', len(text)) + text + body)
+PY
+    spid-shape -q -m model "$TOP/examples/photo.jpg" -o net.spid
+    spid-dump -q --npy . -o /dev/null --only SRCI net.spid
+    "$PYTHON" - <<'PY'
+import numpy as np
+m = np.load('SRCI.matte.npy')[0] / 255
+y = np.load('SRCI.rgb.npy')[0].reshape(m.shape + (3,)).mean(2) / 255
+n = len(m)
+part = np.s_[n // 10:n // 2, n // 4:3 * n // 4]
+m, y = m[part], y[part]
+bright, dark = m[y > 0.65].mean(), m[y < 0.3].mean()
+print('of bright pixels %.2f is person, of dark ones %.2f' % (bright, dark))
+assert bright > 0.9 and dark < 0.25
+PY
+}

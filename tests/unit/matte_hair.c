@@ -1,6 +1,7 @@
 /* Hair before a wall, dark before white and light before dark, with locks that
  * hang away from the head: when the person moves, neither a ghost of them
- * stays on the wall nor does a rim of the wall go with them. */
+ * stays on the wall nor does a rim of the wall go with them.  And the same cut
+ * out by the wall's colour. */
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>
@@ -124,12 +125,59 @@ static double hair_halo(const uint8_t *rgb, const uint8_t *matte,
     return sum / n;
 }
 
+static const struct palette palette[2] = {
+    {"dark hair, white wall", {235, 236, 238}, {40, 28, 22}},
+    {"light hair, dark wall", {38, 42, 50}, {214, 182, 128}}
+};
+
+/* By the wall's colour, which falls off to one side; and refused where the
+ * surroundings are no wall. */
+static void hair_test_wall(void)
+{
+    static struct drawing d;
+    static uint8_t matte[N * N];
+    struct error err = {0};
+    struct random r;
+    int plain;
+
+    for (int k = 0; k < 2; k++) {
+        double error = 0;
+        char text[80];
+
+        hair_draw(&d, &palette[k]);
+        for (size_t i = 160 * N; i < 190 * N; i++)  /* with a neck */
+            if (i % N > 110 && i % N < 145) {
+                d.person[i] = 1;
+                memset(d.rgb + 3 * i, 130, 3);
+            }
+        for (size_t i = 0; i < N * N; i++) {
+            double dim = (1 - d.person[i]) * (double)(i % N) / N * 25;
+            for (size_t c = 0; c < 3; c++)
+                d.rgb[3 * i + c] = (uint8_t)fmax(0, d.rgb[3 * i + c] - dim);
+        }
+        REQUIRE(!matte_wall(matte, &plain, d.rgb, d.head, d.inside, N, &err),
+                "%s", err.text);
+        snprintf(text, sizeof text, "%s: a plain wall", palette[k].name);
+        check_that(text, plain);
+        for (size_t i = 0; i < N * N; i++)
+            error += fabs(matte[i] / 255.0 - d.person[i]) / (N * N);
+        snprintf(text, sizeof text, "%s: keyed, mean error", palette[k].name);
+        check(text, error, 0.006);
+    }
+    random_init(&r, 5, "no wall");
+    for (size_t i = 0; i < sizeof d.rgb; i++)
+        d.rgb[i] = (uint8_t)random_below(&r, 256);
+    REQUIRE(!matte_wall(matte, &plain, d.rgb, d.head, d.inside, N, &err), "%s",
+            err.text);
+    check_that("noise is no plain wall", !plain);
+    memset(d.head, 0, sizeof d.head);
+    REQUIRE(!matte_wall(matte, &plain, d.rgb, d.head, d.inside, N, &err), "%s",
+            err.text);
+    check_that("without a head there is nobody to cut out", !plain);
+}
+
 int main(void)
 {
-    static const struct palette palette[2] = {
-        {"dark hair, white wall", {235, 236, 238}, {40, 28, 22}},
-        {"light hair, dark wall", {38, 42, 50}, {214, 182, 128}}
-    };
     static struct drawing d;
     static uint8_t matte[N * N], back[3 * N * N], rgb[3 * N * N];
 
@@ -150,5 +198,6 @@ int main(void)
         snprintf(text, sizeof text, "%s: halo, levels", palette[k].name);
         check(text, hair_halo(rgb, matte, back, &d, palette[1 - k].wall), 25);
     }
+    hair_test_wall();
     return check_status();
 }
