@@ -194,6 +194,32 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
     }
 }
 
+/* Where alpha is undecided over more than a rim, the colours of what is decided
+ * settle it: GrabCut with that as seeds.  All pictures of one size, which show
+ * the photograph alone. */
+static void unsure_settle(cv::Mat alpha, const cv::Mat &small,
+                          const cv::Mat &core)
+{
+    const int w = alpha.cols;
+    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
+    cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
+
+    cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, brush_disc(w / 50));
+    if (cv::countNonZero(unsure) < w * w / 200)
+        return;
+    cv::dilate(unsure, unsure, brush_disc(w / 40));
+    label.setTo(cv::GC_PR_FGD, alpha > 0.5f);
+    label.setTo(cv::GC_BGD, alpha < 0.05f);
+    label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
+    cv::theRNG().state = 0x5eed;
+    cv::setRNGSeed(1);
+    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3, cv::GC_INIT_WITH_MASK);
+    fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
+    fg.convertTo(fg, CV_32F, 1 / 255.0);
+    cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
+    fg.copyTo(alpha, unsure);
+}
+
 /* What hangs together with the head: pieces of more than a quarter elsewhere
  * are other people or things. */
 static void region_keep(cv::Mat &alpha, const cv::Mat &head)
@@ -241,30 +267,36 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
 {
     try {
         const int N = (int)n, W = (int)w;
-        cv::Mat out(N, N, CV_8U, matte), sh, core, fine;
+        cv::Mat out(N, N, CV_8U, matte), sh, core, fine, small;
+        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), si;
         cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
         cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
         cv::Mat alpha = cv::Mat(W, W, CV_32F,
                                 const_cast<float *>(coarse)).clone();
+        if (inside)
+            std::memcpy(in.data, inside, n * n);
+        cv::resize(in, si, cv::Size(W, W), 0, 0, cv::INTER_NEAREST);
         cv::resize(hd, sh, cv::Size(W, W), 0, 0, cv::INTER_AREA);
+        cv::resize(pic, small, cv::Size(W, W), 0, 0, cv::INTER_AREA);
         sh = sh > 127;
-        region_keep(alpha, sh);
         /* the face itself is the person's, whatever crosses it */
         const cv::Rect box = cv::boundingRect(sh);
         cv::erode(sh, core, brush_disc(std::max(3, std::max(box.width,
                                                             box.height) / 8)));
+        const cv::Rect part = cv::boundingRect(si);
+        if (part.area())
+            unsure_settle(alpha(part), small(part), core(part));
+        region_keep(alpha, sh);
         const int ha = cv::countNonZero(core);
-        const int in = cv::countNonZero(core & (alpha > 0.5f));
+        const int found = cv::countNonZero(core & (alpha > 0.5f));
         const int area = cv::countNonZero(alpha > 0.5f);
-        *absurd = !ha || in < ha * 7 / 10 || area > W * W * 97 / 100;
+        *absurd = !ha || found < ha * 7 / 10 || area > W * W * 97 / 100;
         if (*absurd)
             return 0;
         alpha.setTo(1, core);
-        fine = (detail_add(alpha, pic) - 0.04) / 0.92;
+        fine = (detail_add(alpha, pic) - 0.06) / 0.88;
         fine.convertTo(out, CV_8U, 255);
-        for (size_t i = 0; inside && i < n * n; i++)
-            if (!inside[i])
-                matte[i] = 0;
+        out.setTo(0, in == 0);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

@@ -212,6 +212,20 @@ static void test_refine(void)
     check_that("a sensible matte", !absurd);
     check("what hangs together with no head is left out", elsewhere, 0.01);
     check("mean distance from the fine outline", error, 0.006);
+    /* undecided to the right, inside and outside of the disc */
+    error = 0;
+    for (int i = 0; i < N * N; i++) {
+        double x = i % N, y = i / N;
+        coarse[i] = x > 38 && y > 20 && y < 44 ? 0.5f
+                    : hypot(x - 31.5, y - 31.5) < 20 ? 1 : 0;
+    }
+    REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
+            "%s", err.text);
+    for (int i = 0; i < BIG * BIG; i++)
+        error += fabs(out[i] / 255.0 - (rgb[3 * i] - 30) / 200.0) /
+                 (BIG * BIG);
+    check_that("undecided, but not absurd", !absurd);
+    check("the colours settle it, mean distance", error, 0.012);
     for (int i = 0; i < N * N; i++)
         coarse[i] = 0;
     REQUIRE(!matte_refine(out, &absurd, coarse, N, rgb, head, NULL, BIG, &err),
