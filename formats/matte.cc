@@ -213,7 +213,8 @@ static void unsure_settle(cv::Mat alpha, const cv::Mat &small,
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
     cv::theRNG().state = 0x5eed;
     cv::setRNGSeed(1);
-    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3, cv::GC_INIT_WITH_MASK);
+    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3,
+                cv::GC_INIT_WITH_MASK);
     fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
     fg.convertTo(fg, CV_32F, 1 / 255.0);
     cv::GaussianBlur(fg, fg, cv::Size(), 1.0);

@@ -23,9 +23,9 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
 /* Matte [n,n] of rgb [n,n,3] from a coarse one, w by w numbers in [0,1] of the
  * same square, w <= n: what hangs together with the head, and the detail that
  * the colours add; where the coarse one is undecided over more than a rim,
- * GrabCut decides, with the rest as seeds.  head and inside as above.  *absurd is set, and the matte
- * left undefined, when the coarse one shows almost nothing of the head or
- * almost nothing else. */
+ * GrabCut decides, with the rest as seeds.  head and inside as above.  *absurd
+ * is set, and the matte left undefined, when the coarse one shows almost
+ * nothing of the head or almost nothing else. */
 int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
                  const uint8_t *rgb, const uint8_t *head,
                  const uint8_t *inside, size_t n, struct error *err);

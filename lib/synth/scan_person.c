@@ -89,6 +89,27 @@ static const float hair_rows[9][3] = {
     {118, 86, 58}, {160, 124, 84}, {192, 162, 116}, {120, 56, 30}
 };
 
+/* Whether hair hangs over a brow of a face seen from the front: most faces in
+ * photographs show both. */
+static bool hides_brow(const struct piece *hair, const struct scan_face *face)
+{
+    uint64_t front = 0;
+    int hidden = 0;
+
+    for (int k = 0; k < SKY_DIRECTIONS; k++) {
+        float d[3];
+
+        sky_direction(d, k);
+        if (d[2] > 0.9f)
+            front |= (uint64_t)1 << k;
+    }
+    for (int k = 17; k < 27; k++) {
+        uint64_t shut = hair->shade[face->landmark[k]] & front;
+        hidden += shut && shut == front;
+    }
+    return hidden > 1;
+}
+
 /* Colour, cut, hat, brows and beard. */
 static void draw_hair(struct scan_person *p, const struct scan_assets *a)
 {
@@ -110,8 +131,10 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
     p->hair = one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
     /* long hair and short hair change hands now and then */
     for (int k = 0; k < 6 && p->hair >= 0; k++) {
-        bool is_short = !strncmp(a->hair.piece[p->hair].name, "short", 5);
-        if (is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
+        const struct piece *q = &a->hair.piece[p->hair];
+        bool is_short = !strncmp(q->name, "short", 5);
+        if ((is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
+            && (!hides_brow(q, &a->face) || random_chance(&r, 0.25)))
             break;
         p->hair = one_of(&r, a->hair.n, 0);
     }

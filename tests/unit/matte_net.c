@@ -128,7 +128,7 @@ static void test_window(void)
     struct data_frame f;
     struct random r;
 
-    paint(&f, rgba, alone, hidden, person, wall);
+    matte_paint(&f, rgba, alone, hidden, person, wall);
     memset(hidden, 0, sizeof hidden);
     f.crop = (struct square){32, 34, 34};
     for (int k = 0; k < 40; k++) {
