@@ -11,9 +11,6 @@
 #include "lib/model/model.h"
 #include "lib/texture/place.h"
 
-#define LID_REACH 3.0f  /* mm that an upper lid may move before the photograph,
-                         * which shows it in folds, is not believed */
-
 /* The order of declaration is the order of the weights in memory, in
  * checkpoints and for Adam: it stays. */
 int avatar_init(struct avatar *a, struct params *ps,
@@ -198,10 +195,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);
-    for (size_t k = 0; k < dynamic.n && a->config.rgb_skip; k++)
-        a->reach[k] = a->weights.lid[k] > 0
-                    ? LID_REACH * 1e-3f * a->head->scale / a->weights.lid[k]
-                    : 0;
+    if (a->config.rgb_skip)
+        memcpy(a->reach, a->weights.reach, dynamic.n * sizeof *a->reach);
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && dynamic.n)

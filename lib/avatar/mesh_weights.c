@@ -14,6 +14,8 @@
 #define MOVES_MM 2.0f
 #define LID_LEAST_MM 1.0f   /* upper lids come down by more than this */
 #define LID_MM 2.0f
+#define LID_REACH 0.3f      /* of their way is seen in the photograph, */
+#define LID_REACH_MM 1.5f   /* and so much, for brows pull at them */
 #define MARGIN 0.9f         /* and their margin by this share of the most */
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
@@ -111,6 +113,10 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
 
         w->lid[k] = fminf(fmaxf(t, 0), 1);
         w->fold[k] *= w->lid[k];
+        w->reach[k] = 0;
+        if (w->lid[k] > 0)
+            w->reach[k] = fmaxf(LID_REACH * mm, LID_REACH_MM) * 1e-3f *
+                          h->scale / w->lid[k];
         w->stretch[k] = 1 + w->fold[k] * fmaxf(wider, 0);
     }
 }
@@ -129,9 +135,10 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->lid = malloc(D * sizeof *w->lid);
     w->stretch = malloc(D * sizeof *w->stretch);
     w->fold = malloc(D * sizeof *w->fold);
+    w->reach = malloc(D * sizeof *w->reach);
     float *scratch = malloc((3 * V + D) * sizeof *scratch);
     if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
-        !w->stretch || !w->fold || !scratch) {
+        !w->stretch || !w->fold || !w->reach || !scratch) {
         free(scratch);
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     }
@@ -163,6 +170,7 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->mirror);
     free(w->lid);
     free(w->fold);
+    free(w->reach);
     free(w->stretch);
     memset(w, 0, sizeof *w);
 }

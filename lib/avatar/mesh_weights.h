@@ -19,6 +19,9 @@ struct mesh_weights {
                              * eyes when those close */
     float *fold;            /* (V+E) the same but for their margin: skin that
                              * comes out of the crease */
+    float *reach;           /* (V+E) how far lids may move, head units, before
+                             * the photograph, which shows them in folds, is
+                             * not believed (gaussian_seen); 0 elsewhere */
     float *stretch;         /* (V+E) neighbours' distance there on closed lids
                              * over that on open ones, at least 1 */
     size_t *mirror;         /* (V) the vertex across the face */
