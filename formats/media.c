@@ -1,5 +1,6 @@
 /* The module of pictures and videos: found, loaded once, and its functions
- * under the names that formats/image.h, exr.h, panorama.h and video.h promise. */
+ * under the names that formats/image.h, exr.h, panorama.h and video.h
+ * promise. */
 #include "formats/media.h"
 
 #include <dlfcn.h>

@@ -12,7 +12,7 @@
 #define GROWTH_GAUSSIANS 100000         /* where they stay as many */
 #define GROWTH_SIDE 512
 
-/* ---- curves --------------------------------------------------------------- */
+/* ---- curves -------------------------------------------------------------- */
 
 bool growth_goes_on(const struct growth *g, double x)
 {
@@ -99,7 +99,7 @@ void growth_note(struct growth *g)
                    "last", g->mb[0], g->mb[g->n - 1]);
 }
 
-/* ---- the rasteriser -------------------------------------------------------- */
+/* ---- the rasteriser ------------------------------------------------------ */
 
 /* One point: n Gaussians on so many threads, side x side pixels. */
 static int growth_draw(struct growth *g, double x, size_t n, int side,

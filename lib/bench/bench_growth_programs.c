@@ -71,7 +71,7 @@ static int programs_point(struct growth *g, double x, const char *const *args,
            programs_add(g, x, &cost, err) ? -1 : 0;
 }
 
-/* ---- frames --------------------------------------------------------------- */
+/* ---- frames -------------------------------------------------------------- */
 
 /* n motions into a pipe's end, which is closed. */
 static int frames_feed(int fd, size_t n, struct error *err)
@@ -134,7 +134,7 @@ static int growth_frames(struct room *r, struct error *err)
     return 0;
 }
 
-/* ---- people --------------------------------------------------------------- */
+/* ---- people -------------------------------------------------------------- */
 
 /* A list of n clips of one frame each, every one a person of its own. */
 static int people_list(const struct room *r, const char *list, size_t n,
@@ -176,7 +176,7 @@ static int growth_people(struct room *r, struct error *err)
     return 0;
 }
 
-/* ---- bytes ----------------------------------------------------------------- */
+/* ---- bytes --------------------------------------------------------------- */
 
 /* Header and table of a record whose CHUNK bytes are zeros, and the checksum
  * of no bytes, for the record that ends a stream. */

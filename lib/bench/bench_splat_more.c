@@ -285,7 +285,7 @@ int bench_splat_moving(struct bench *b, double seconds, struct error *err)
            (b->threads > 1 && moving_rows(b, seconds, b->threads, err));
 }
 
-/* ---- growth --------------------------------------------------------------- */
+/* ---- growth -------------------------------------------------------------- */
 
 int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
                      int threads, struct error *err)

@@ -127,7 +127,8 @@ int bench_start(struct bench *b, struct error *err)
     if (!p)
         return error_set(err, EX_OSERR, "no memory");
     snprintf(s.threads, sizeof s.threads, "%d", b->threads);
-    int rc = bench_person_open(p, b, err) || process_find(s.program, "spid-animate", err) ||
+    int rc = bench_person_open(p, b, err) ||
+             process_find(s.program, "spid-animate", err) ||
              start_write_picture(&s, p->rgb, err) ||
              bench_time(&t, b->seconds, 7, start_call, &s, err) ? -1 : 0;
     if (rc == 0 && !bench_add(b, "start", "spid-animate, photo to first frame",
