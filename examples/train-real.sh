@@ -89,4 +89,11 @@ train refiner refiner-photo held-512.spid \
 train sure sure held.spid \
     --init "$dir/motion-acts/model.safetensors:motion.encoder." \
     "$dir/faces-384.spid" "$dir/real.spid"
-join model.safetensors refiner motion-acts shape sure
+
+# who is in the picture: people of scans, and photographs before plain walls
+make_once plain.spid spid-fit --assets "$assets" --plain --except real/ \
+    --head "$dir/head.safetensors" "$assets/labels/photos.safetensors"
+# shellcheck disable=SC2086
+train matte matte held.spid \
+    $(echo "$mixed" | sed "s:$dir/real.spid:$dir/plain.spid:g")
+join model.safetensors refiner motion-acts shape sure matte
