@@ -167,19 +167,19 @@ static void option_misuse(int c, char **argv)
     die(EX_USAGE, "%s %s (see --help)", argv[optind - 1], what);
 }
 
-/* Memory that was freed stays: what comes from the system is zeroed page by
- * page before it is used, a tenth of the time to a first frame. */
-static void option_keep_memory(void)
+void cli_run_networks(char **argv)
 {
+    /* Freed memory stays: what comes from the system is zeroed page by page
+     * before it is used, a tenth of the time to a first frame. */
     mallopt(M_MMAP_THRESHOLD, 32 << 20);
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
     mallopt(M_TOP_PAD, 8 << 20);
+    cli_wait_briefly(argv);
 }
 
 /* What the shared options ask for. */
 static void option_apply_shared(void)
 {
-    option_keep_memory();
     signal(SIGPIPE, SIG_DFL); /* the next program has seen enough: end */
     cli_use_threads(threads);
     if (max_bytes)

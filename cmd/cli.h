@@ -71,10 +71,10 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv);
 int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
                     bool hard_input);
 
-/* Before cli_parse, where the networks of Phase A are run: on a busy machine
- * threads that spin at every barrier take four times the processor time.  May
- * start the program again. */
-void cli_wait_briefly(char **argv);
+/* Before cli_parse, where the networks of Phase A are run: freed memory is kept
+ * for them, and threads do not spin at every barrier, which on a busy machine
+ * takes four times the processor time.  May start the program again. */
+void cli_run_networks(char **argv);
 
 /* "program: text", then exit with code.  Never returns. */
 void die(int code, const char *format, ...)

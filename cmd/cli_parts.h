@@ -12,4 +12,8 @@ void cli_print_help(const struct cli_usage *u, const struct cli_option *all,
  * or else one for every processor. */
 void cli_use_threads(long wanted);
 
+/* Threads do not spin from here on; starts the program again for it, unless
+ * the environment says how they wait. */
+void cli_wait_briefly(char **argv);
+
 #endif

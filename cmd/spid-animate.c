@@ -199,7 +199,7 @@ int main(int argc, char **argv)
     struct error err = {0};
     int rc = 0, first;
 
-    cli_wait_briefly(argv);
+    cli_run_networks(argv);
     first = cli_parse(&usage, argc, argv);
     check_usage(argc - first);
     if (!list_path)

@@ -139,7 +139,7 @@ int main(int argc, char **argv)
     struct error err = {0};
     int rc, first;
 
-    cli_wait_briefly(argv);
+    cli_run_networks(argv);
     first = cli_parse(&usage, argc, argv);
     if (argc - first != 2)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
