@@ -236,7 +236,7 @@ static int pipe_open(struct pipe *p, struct pipeline *l,
         .size = PERSON_SIZE, .has_crop = true, .has_window = true,
         .crop = {(double)s->crop[0], (double)s->crop[1], (double)s->crop[2]},
         .window = {middle, middle, PERSON_SIZE}, .no_tta = v->no_tta,
-        .no_align = v->no_align || v->exact
+        .no_align = v->no_align
     };
     const struct animate_options opt = {
         .size = PERSON_SIZE, .model = &s->model, .star = v->star,
