@@ -1,5 +1,6 @@
-/* Laying a head over its keyframes: the points, the pictures, the
- * Gauss-Newton steps, and when a frame becomes a keyframe. */
+/* Laying a head over its keyframes: the points, the Gauss-Newton steps, and
+ * when a frame becomes a keyframe.  What a frame shows at the points is
+ * align_tmpl.c's. */
 #include "lib/track/align.h"
 
 #include <math.h>
@@ -7,12 +8,14 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/cpu.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/cholesky.h"
 #include "lib/geom/rotation.h"
+#include "lib/track/align_kernel.h"
 
 #define N ALIGN_SIDE
-#define UNKNOWNS 8              /* turn, move, gain, bias */
+#define UNKNOWNS ALIGN_UNKNOWNS
 #define STEPS 8                 /* at most, and ... */
 #define SMALL 0.003             /* of E_m's spread: such a step is the last */
 #define MARGIN 3.0              /* pixels from the picture's border */
@@ -36,6 +39,18 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define TURN_ON 0.08            /* radians to the nearest keyframe, and ... */
 #define SCALE_ON 0.2            /* ... change of distance: a new one */
 #define MISSES 10               /* in a row: the keyframes are of no use */
+
+const struct align_kernels *align_kernels(void)
+{
+    return CPU_PICK(&align_kernels_baseline, &align_kernels_avx2,
+                    &align_kernels_avx512);
+}
+
+/* A whole number of the kernels' vectors. */
+static size_t align_room(size_t n)
+{
+    return (n + ALIGN_ROOM - 1) / ALIGN_ROOM * ALIGN_ROOM;
+}
 
 /* ---- points ------------------------------------------------------------- */
 
@@ -73,41 +88,55 @@ static bool align_on_skull(const struct head *h, size_t v)
             region == REGION_BROW);
 }
 
-int align_init(struct align *a, const struct identity *id, struct error *err)
+/* a's points: those of the skull, at rest and with the jaw opened (V,3). */
+static void align_choose(struct align *a, const struct head *h,
+                         const float *rest, const float *jaw,
+                         const float *normal)
 {
-    const struct head *h = id->head;
-    const struct head_motion open = {.jaw = {JAW_ACT, 0, 0}};
     const double half = MOVES * 1e-3 * h->scale;
-    float *rest = malloc(9 * h->V * sizeof *rest), *jaw = rest + 3 * h->V;
-    float *normal = rest + 6 * h->V;
 
-    memset(a, 0, sizeof *a);
-    a->point = malloc(7 * h->V * sizeof *a->point);
-    a->picture = aligned_alloc(16, N * N * sizeof *a->picture);
-    a->blurred = malloc(2 * N * N * sizeof *a->blurred);
-    if (!rest || !a->point || !a->picture || !a->blurred) {
-        free(rest);
-        align_release(a);
-        return error_set(err, EX_OSERR, "no memory to align frames");
-    }
-    a->normal = a->point + 3 * h->V;
-    a->steady = a->point + 6 * h->V;
-    identity_rest(rest, id);
-    head_pose(jaw, id, &open);
-    head_normals(normal, h, rest);
     for (size_t v = 0; v < h->V; v++) {
         double moves = align_expression(h, v);
 
         if (!align_on_skull(h, v))
             continue;
-        for (size_t c = 0; c < 3; c++)
+        for (size_t c = 0; c < 3; c++) {
             moves += pow((double)jaw[3 * v + c] - rest[3 * v + c], 2);
-        memcpy(a->point + 3 * a->count, rest + 3 * v, 3 * sizeof *rest);
-        memcpy(a->normal + 3 * a->count, normal + 3 * v, 3 * sizeof *rest);
+            a->point[c * a->room + a->count] = rest[3 * v + c];
+            a->normal[c * a->room + a->count] = normal[3 * v + c];
+            a->middle[c] += rest[3 * v + c];
+        }
         a->steady[a->count++] = (float)(1 / (1 + moves / (half * half)));
     }
-    for (size_t i = 0; i < 3 * a->count; i++)
-        a->middle[i % 3] += a->point[i] / (double)a->count;
+    for (size_t c = 0; c < 3; c++)
+        a->middle[c] /= a->count ? (double)a->count : 1;
+}
+
+int align_init(struct align *a, const struct identity *id, struct error *err)
+{
+    const struct head *h = id->head;
+    const struct head_motion open = {.jaw = {JAW_ACT, 0, 0}};
+    const size_t room = align_room(h->V);
+    const size_t work = room > N * N ? room : N * N;
+    float *rest = malloc(9 * h->V * sizeof *rest), *jaw = rest + 3 * h->V;
+    float *normal = rest + 6 * h->V;
+
+    memset(a, 0, sizeof *a);
+    a->point = calloc(7 * room, sizeof *a->point);
+    a->picture = aligned_alloc(16, N * N * sizeof *a->picture);
+    a->work = malloc(2 * work * sizeof *a->work);
+    if (!rest || !a->point || !a->picture || !a->work) {
+        free(rest);
+        align_release(a);
+        return error_set(err, EX_OSERR, "no memory to align frames");
+    }
+    a->room = room;
+    a->normal = a->point + 3 * room;
+    a->steady = a->point + 6 * room;
+    identity_rest(rest, id);
+    head_pose(jaw, id, &open);
+    head_normals(normal, h, rest);
+    align_choose(a, h, rest, jaw, normal);
     free(rest);
     return 0;
 }
@@ -117,7 +146,7 @@ void align_release(struct align *a)
     align_restart(a);
     free(a->point);
     free(a->picture);
-    free(a->blurred);
+    free(a->work);
     memset(a, 0, sizeof *a);
 }
 
@@ -128,81 +157,12 @@ void align_restart(struct align *a)
     a->misses = 0;
 }
 
-/* ---- the picture -------------------------------------------------------- */
-
-/* Index i + d, clamped to the picture. */
-static size_t align_near(size_t i, int d)
-{
-    long j = (long)i + d;
-
-    return j < 0 ? 0 : j >= N ? N - 1 : (size_t)j;
-}
-
-/* Binomial blur (1 4 6 4 1)/16 of in (N,N) along a line of pixels `step`
- * apart, lines `next` apart. */
-static void align_blur(float *out, const float *in, size_t step, size_t next)
-{
-    for (size_t l = 0; l < N; l++)
-        for (size_t i = 0; i < N; i++) {
-            const float *p = in + l * next;
-            float sides = p[align_near(i, -1) * step] +
-                          p[align_near(i, 1) * step];
-            float ends = p[align_near(i, -2) * step] +
-                         p[align_near(i, 2) * step];
-
-            out[l * next + i * step] =
-                (6 * p[i * step] + 4 * sides + ends) / 16;
-        }
-}
-
-/* a->picture = grey levels of rgb (2N,2N,3) at half its size, blurred twice
- * (an expression moves fine detail first), and their slopes. */
-static void align_take_picture(struct align *a, const float *rgb)
-{
-    float *grey = a->blurred, *lines = grey + N * N;
-
-    for (size_t y = 0; y < N; y++)
-        for (size_t x = 0; x < N; x++) {
-            const float *p = rgb + 3 * (2 * y * 2 * N + 2 * x);
-            float sum = 0;
-
-            for (size_t k = 0; k < 6; k++)
-                sum += p[k] + p[k + 6 * N];
-            grey[y * N + x] = sum * (255.0f / 12);
-        }
-    for (int k = 0; k < 2; k++) {
-        align_blur(lines, grey, 1, N);
-        align_blur(grey, lines, N, 1);
-    }
-    for (size_t y = 0; y < N; y++)
-        for (size_t x = 0; x < N; x++)
-            a->picture[y * N + x] = (align_pixel){
-                grey[y * N + x],
-                (grey[y * N + align_near(x, 1)] -
-                 grey[y * N + align_near(x, -1)]) / 2,
-                (grey[align_near(y, 1) * N + x] -
-                 grey[align_near(y, -1) * N + x]) / 2, 0};
-}
-
-/* Bilinear, at (u,v) in pixels from the corner; it must lie inside. */
-static align_pixel align_sample(const struct align *a, double u, double v)
-{
-    const double x = u - 0.5, y = v - 0.5, fx = floor(x), fy = floor(y);
-    const align_pixel *p = a->picture + (size_t)fy * N + (size_t)fx;
-    const float wx = (float)(x - fx), wy = (float)(y - fy);
-    align_pixel top = p[0] + wx * (p[1] - p[0]);
-    align_pixel bottom = p[N] + wx * (p[N + 1] - p[N]);
-
-    return top + wy * (bottom - top);
-}
-
 /* ---- a pose ------------------------------------------------------------- */
 
-/* What a frame is seen through: pixels of a->picture = scale * window pixels +
- * shift; and what of it may be looked at. */
+/* What a frame is seen through: pixels of a->picture = focal * normalised
+ * position + corner; and what of it may be looked at. */
 struct align_view {
-    double focal, middle;       /* of the portrait window */
-    double scale, left, top;
+    double focal, corner[2];
     double low[2], high[2];
 };
 
@@ -218,33 +178,30 @@ static struct align_view align_make_view(struct square q,
 
     return (struct align_view){
         .focal = camera_focal((float)size) * scale,
-        .middle = size / 2 * scale,
-        .scale = scale,
-        .left = (q.x - q.size / 2) * scale,
-        .top = (q.y - q.size / 2) * scale,
+        .corner = {(size / 2 - q.x + q.size / 2) * scale,
+                   (size / 2 - q.y + q.size / 2) * scale},
         .low = {fmax(in.left, 0) * N + MARGIN, fmax(in.top, 0) * N + MARGIN},
         .high = {fmin(in.right, 1) * N - MARGIN,
                  fmin(in.bottom, 1) * N - MARGIN},
     };
 }
 
-/* x (3) of point i by the camera; uv (2) in a->picture.  Whether it may be
- * looked at. */
-static bool align_project(double x[3], double uv[2], const struct align *a,
-                          size_t i, const struct align_pose *p,
-                          const struct align_view *v)
+/* Pose and view as the kernels take them. */
+static struct align_look align_look(const struct align_pose *p,
+                                    const struct align_view *v)
 {
-    const float *q = a->point + 3 * i;
+    struct align_look look = {.focal = (float)v->focal};
 
+    for (int k = 0; k < 9; k++)
+        look.R[k] = (float)p->R[k];
     for (int k = 0; k < 3; k++)
-        x[k] = p->R[3 * k] * q[0] + p->R[3 * k + 1] * q[1] +
-               p->R[3 * k + 2] * q[2] + p->t[k];
-    if (!(x[2] > CAMERA_NEAR))
-        return false;
-    uv[0] = v->focal * x[0] / x[2] + v->middle - v->left;
-    uv[1] = v->focal * x[1] / x[2] + v->middle - v->top;
-    return uv[0] > v->low[0] && uv[0] < v->high[0] && uv[1] > v->low[1] &&
-           uv[1] < v->high[1];
+        look.t[k] = (float)p->t[k];
+    for (int k = 0; k < 2; k++) {
+        look.corner[k] = (float)v->corner[k];
+        look.low[k] = (float)v->low[k];
+        look.high[k] = (float)v->high[k];
+    }
+    return look;
 }
 
 /* Where the points' middle is, by the camera. */
@@ -274,65 +231,19 @@ static void align_move(struct align_pose *p, const double r[3],
 
 /* ---- Gauss-Newton ------------------------------------------------------- */
 
-/* What the points say of a pose. */
-struct align_sums {
-    double a[UNKNOWNS * UNKNOWNS], b[UNKNOWNS];  /* lower triangle, J^T r */
-    double weight, off;         /* sum of weights; of weight * |residual| */
-    double x, y, xx, xy, yy;    /* for the correlation */
-};
-
-/* row = how the level at a point at x (3), with slopes s, changes with each
- * unknown, turning about c. */
-static void align_row(double row[UNKNOWNS], align_pixel s, const double x[3],
-                      const double c[3], double focal, double gain)
-{
-    const double f = gain * focal / x[2];
-    const double g[3] = {f * s[1], f * s[2],
-                         -f * (s[1] * x[0] + s[2] * x[1]) / x[2]};
-    const double o[3] = {x[0] - c[0], x[1] - c[1], x[2] - c[2]};
-
-    row[0] = g[2] * o[1] - g[1] * o[2];
-    row[1] = g[0] * o[2] - g[2] * o[0];
-    row[2] = g[1] * o[0] - g[0] * o[1];
-    for (int k = 0; k < 3; k++)
-        row[3 + k] = g[k];
-    row[6] = s[0];
-    row[7] = 1;
-}
-
-/* Residuals of pose p against a keyframe, weighed down beyond 2 * sigma
- * (Cauchy's weights). */
+/* Residuals of pose p, turning about c (3), against a keyframe; `step`: with
+ * what a step takes. */
 static void align_sum(struct align_sums *s, const struct align *a,
                       const struct align_keyframe *k,
                       const struct align_pose *p, const struct align_view *v,
-                      const double c[3], double sigma)
+                      const double c[3], double sigma, bool step)
 {
-    memset(s, 0, sizeof *s);
-    for (size_t i = 0; i < k->count; i++) {
-        const struct align_sight *seen = &k->sight[i];
-        double x[3], uv[2], row[UNKNOWNS], r, w;
+    const struct align_look look = align_look(p, v);
+    const struct align_residual r = {
+        (float)p->gain, (float)p->bias,
+        {(float)c[0], (float)c[1], (float)c[2]}, (float)sigma};
 
-        if (!align_project(x, uv, a, seen->point, p, v))
-            continue;
-        align_pixel level = align_sample(a, uv[0], uv[1]);
-
-        r = p->gain * level[0] + p->bias - seen->level;
-        w = seen->weight;
-        s->off += w * fabs(r);
-        s->weight += w;
-        s->x += w * level[0];
-        s->y += w * seen->level;
-        s->xx += w * level[0] * level[0];
-        s->xy += w * level[0] * seen->level;
-        s->yy += w * seen->level * seen->level;
-        w /= 1 + r * r / (4 * sigma * sigma);
-        align_row(row, level, x, c, v->focal, p->gain);
-        for (int m = 0; m < UNKNOWNS; m++) {
-            s->b[m] += w * row[m] * r;
-            for (int n = 0; n <= m; n++)
-                s->a[UNKNOWNS * m + n] += w * row[m] * row[n];
-        }
-    }
+    align_kernels()->sum(s, k->sight, k->room, a->picture, &look, &r, step);
 }
 
 /* Weighted correlation of the frame's levels with the keyframe's. */
@@ -399,14 +310,15 @@ static double align_fit(struct align_pose *p, const struct align *a,
     bool small = false;
 
     align_middle(c0, a, p);
-    for (int step = 0; step <= STEPS; step++) {
+    for (int step = 0; step < STEPS && !small; step++) {
         align_middle(c, a, p);
-        align_sum(&s, a, k, p, v, c, sigma);
-        if (s.weight <= 0 || step == STEPS || small)
-            break;
+        align_sum(&s, a, k, p, v, c, sigma, true);
+        if (s.weight <= 0)
+            return 0;
         sigma = fmax(1.2533 * s.off / s.weight, 1);
         small = align_improve(p, &s, &from, c, c0, sigma, hold) < SMALL;
     }
+    align_sum(&s, a, k, p, v, c, sigma, false);
     return align_correlation(&s);
 }
 
@@ -425,29 +337,33 @@ static void align_keep(struct align *a, const struct motion *m,
                        const struct align_pose *p, const struct align_view *v)
 {
     struct align_keyframe *k = &a->key[a->keys];
+    const struct align_look look = align_look(p, v);
+    float *level = a->work, *weight = level + a->room;
+    size_t n = 0, room;
 
+    align_kernels()->show(level, weight, a->point, a->normal, a->room,
+                          a->picture, &look);
+    for (size_t i = 0; i < a->count; i++) {
+        const bool well = weight[i] >= FACING && a->steady[i] >= STEADY;
+
+        weight[i] *= well ? a->steady[i] : 0;
+        n += well;
+    }
+    room = align_room(n);
     if (a->keys == ALIGN_KEYFRAMES ||
-        !(k->sight = malloc((a->count + 1) * sizeof *k->sight)))
+        !(k->sight = calloc(5 * room + 1, sizeof *k->sight)))
         return;
-    k->count = 0;
+    a->keys++;
+    k->room = room;
     memcpy(k->R, m->R, sizeof k->R);
     memcpy(k->t, m->t, sizeof k->t);
-    a->keys++;
-    for (size_t i = 0; i < a->count; i++) {
-        const float *n = a->normal + 3 * i;
-        double x[3], uv[2], facing = 0;
-
-        if (!align_project(x, uv, a, i, p, v))
+    for (size_t i = 0, to = 0; i < a->count; i++) {
+        if (!(weight[i] > 0))
             continue;
-        for (int r = 0; r < 3; r++)
-            facing -= x[r] * (p->R[3 * r] * n[0] + p->R[3 * r + 1] * n[1] +
-                              p->R[3 * r + 2] * n[2]);
-        facing /= sqrt(x[0] * x[0] + x[1] * x[1] + x[2] * x[2]);
-        if (facing < FACING || a->steady[i] < STEADY)
-            continue;
-        k->sight[k->count++] = (struct align_sight){
-            (uint32_t)i, align_sample(a, uv[0], uv[1])[0],
-            a->steady[i] * (float)facing};
+        for (size_t c = 0; c < 3; c++)
+            k->sight[c * room + to] = a->point[c * a->room + i];
+        k->sight[3 * room + to] = level[i];
+        k->sight[4 * room + to++] = weight[i];
     }
 }
 
@@ -463,7 +379,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
         p.R[k] = m->R[k];
     for (int k = 0; k < 3; k++)
         p.t[k] = m->t[k];
-    align_take_picture(a, rgb);
+    align_kernels()->picture(a->picture, a->work, rgb);
     for (size_t k = 0; k < a->keys; k++) {
         double far = align_distance(&a->key[k], m->R, m->t);
 

@@ -10,7 +10,6 @@
 
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
@@ -26,23 +25,21 @@ typedef float align_pixel __attribute__((vector_size(16)));
 /* A frame whose pose later ones are laid over. */
 struct align_keyframe {
     float R[9], t[3];
-    size_t count;               /* points that it shows well */
-    struct align_sight {
-        uint32_t point;
-        float level, weight;
-    } *sight;                   /* (count) */
+    size_t room;
+    float *sight;               /* (5,room): points that it shows well, at
+                                 * rest (3), their levels, their weights */
 };
 
 struct align {
-    size_t count;
-    float *point, *normal;      /* (count,3) at rest, head units */
-    float *steady;              /* (count) 0 to 1: keeps its form */
+    size_t count, room;         /* points; numbers of a plane of them */
+    float *point, *normal;      /* (3,room) at rest, head units */
+    float *steady;              /* (room) 0 to 1: keeps its form */
     double middle[3];           /* of the points: what the head turns about */
     struct align_keyframe key[ALIGN_KEYFRAMES];
     size_t keys;
     size_t misses;              /* frames in a row that lay over nothing */
     align_pixel *picture;       /* (ALIGN_SIDE,ALIGN_SIDE) of this frame */
-    float *blurred;             /* (2,ALIGN_SIDE,ALIGN_SIDE) room for it */
+    float *work;                /* for it, and for a keyframe's points */
 };
 
 /* Choose the points of a head at rest; id is not kept. */

@@ -1,0 +1,73 @@
+/* Inside lib/track: the inner loops of photometric alignment, once per
+ * instruction set.  Points lie in planes of `room` numbers, a multiple of
+ * ALIGN_ROOM; what is beyond the last point weighs nothing. */
+#ifndef SPID_TRACK_ALIGN_KERNEL_H
+#define SPID_TRACK_ALIGN_KERNEL_H
+
+#include <stdbool.h>
+#include <stddef.h>
+
+#include "lib/base/isa.h"
+#include "lib/track/align.h"
+
+#define ALIGN_ROOM 16
+#define ALIGN_UNKNOWNS 8        /* turn, move, gain, bias */
+
+/* A pose and what it is seen through: pixels of the picture = focal *
+ * normalised position + corner. */
+struct align_look {
+    float R[9], t[3];
+    float focal, corner[2];
+    float low[2], high[2];      /* what of the picture may be looked at */
+};
+
+/* What a step is weighed by. */
+struct align_residual {
+    float gain, bias;           /* of the light */
+    float centre[3];            /* what the head turns about, by the camera */
+    float sigma;                /* Cauchy's weights: less beyond twice this */
+};
+
+/* What the points say of a pose. */
+struct align_sums {
+    double a[ALIGN_UNKNOWNS * ALIGN_UNKNOWNS];  /* J^T W J, lower triangle */
+    double b[ALIGN_UNKNOWNS];   /* J^T W r */
+    double weight, off;         /* sum of weights; of weight * |residual| */
+    double x, y, xx, xy, yy;    /* for the correlation */
+};
+
+/* picture (N,N) = grey levels of rgb (2N,2N,3) at half its size, blurred twice
+ * (an expression moves fine detail first), and their slopes; N = ALIGN_SIDE.
+ * work (2,N,N). */
+typedef void align_picture_fn(align_pixel *picture, float *work,
+                              const float *rgb);
+
+/* level, facing (room): what points (3,room) show in the picture, and the
+ * cosine of their normals (3,room) to the camera; 0 where they may not be
+ * looked at. */
+typedef void align_show_fn(float *level, float *facing, const float *point,
+                           const float *normal, size_t room,
+                           const align_pixel *picture,
+                           const struct align_look *look);
+
+/* s = sums over a keyframe's sight (5,room); a and b only where asked for. */
+typedef void align_sum_fn(struct align_sums *s, const float *sight,
+                          size_t room, const align_pixel *picture,
+                          const struct align_look *look,
+                          const struct align_residual *r, bool step);
+
+struct align_kernels {
+    align_picture_fn *picture;
+    align_show_fn *show;
+    align_sum_fn *sum;
+};
+
+/* The widest that the processor has (cpu_level). */
+const struct align_kernels *align_kernels(void);
+
+extern const struct align_kernels align_kernels_baseline;
+#ifdef SPID_X86
+extern const struct align_kernels align_kernels_avx2, align_kernels_avx512;
+#endif
+
+#endif
