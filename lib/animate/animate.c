@@ -247,7 +247,7 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     if (!a->opt.star && worker_refine(w, &view, err))
         return -1;
     worker_show(w, &view);
-    w->shoulders = inset_motion(b->pivot, b->view, cam);
+    w->shoulders = inset_motion(b->pivot, w->move.frame.stay, b->view, cam);
     t->flame = t1 - t0;
     t->branches = t2 - t1;
     t->splat = t3 - t2;

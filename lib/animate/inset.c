@@ -161,13 +161,15 @@ static float inset_project(float at[2], const float pivot[3],
     return x[2];
 }
 
-struct inset_motion inset_motion(const float pivot[3], const float source[12],
-                                 const float cam[12])
+struct inset_motion inset_motion(const float pivot[3], const float stay[3],
+                                 const float source[12], const float cam[12])
 {
+    const float now[3] = {pivot[0] + stay[0], pivot[1] + stay[1],
+                          pivot[2] + stay[2]};
     struct inset_motion m;
     float from[2], to[2];
     float zs = inset_project(from, pivot, source);
-    float z = inset_project(to, pivot, cam);
+    float z = inset_project(to, now, cam);
 
     m.scale = zs / z;
     for (int i = 0; i < 2; i++)

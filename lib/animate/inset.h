@@ -54,9 +54,9 @@ int inset_scratch_init(struct inset_scratch *w, const struct inset *s,
 void inset_scratch_release(struct inset_scratch *w);
 
 /* Where shoulders at pivot (3), head units, go between the source's camera
- * and a frame's, (3,4) each. */
-struct inset_motion inset_motion(const float pivot[3], const float source[12],
-                                 const float cam[12]);
+ * and a frame's, (3,4) each, where they stay (3) behind (neck_blend_stay). */
+struct inset_motion inset_motion(const float pivot[3], const float stay[3],
+                                 const float source[12], const float cam[12]);
 
 /* out (height,width,3 of the photograph) with the driven portrait color
  * (N,N,3, premultiplied) and alpha (N,N). */

@@ -366,7 +366,8 @@ static struct drive baked_how(const struct baked *b)
     struct drive d = {
         .dynamic = b->dynamic, .mouth = b->N - b->mouth,
         .mouth_count = b->mouth, .vertex = b->vertex, .mean = b->mean,
-        .weight = b->neck, .jaw = baked_jaw(b)
+        .weight = b->neck, .jaw = baked_jaw(b),
+        .view = baked_has_places(b) ? b->view : NULL
     };
 
     memcpy(d.pivot, b->pivot, sizeof d.pivot);

@@ -8,7 +8,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/neck_blend.h"
 #include "lib/geom/camera.h"
 #include "lib/synth/synth.h"
 
@@ -210,11 +209,8 @@ static int call_drive(void *context, struct error *err)
 static double drive_error(struct bench_person *p)
 {
     const struct baked *b = &p->baked;
-    float cam[12], body[12];
     double worst = 0;
 
-    motion_camera(cam, &p->motion[(p->at - 1) % PERSON_FRAMES]);
-    neck_blend_body(body, b->pivot, neck_blend_upright, cam);
     for (size_t i = 0; i < b->dynamic; i++) {
         size_t k = (size_t)b->vertex[i], V = p->dense.V;
         const int32_t *e = p->dense.edge + 2 * (k < V ? 0 : k - V);
@@ -225,7 +221,7 @@ static double drive_error(struct bench_person *p)
         for (int c = 0; c < 3; c++)
             x[c] = 0.5 * ((double)v[c] + (double)w[c]);
         for (int c = 0; c < 3; c++) {
-            const float *m = body + 4 * c;
+            const float *m = p->move.frame.mesh + 4 * c;
             double to = (double)m[0] * x[0] + (double)m[1] * x[1] +
                         (double)m[2] * x[2] + (double)m[3];
             double want = x[c] + (double)b->neck[i] * (to - x[c]);

@@ -7,12 +7,20 @@
 
 #include "lib/geom/neck_blend.h"
 
-/* Both rigid motions of a frame. */
+/* Both rigid motions of a frame, about a pivot that stays behind. */
 void drive_bodies(struct drive_frame *f, const struct drive *d,
                   const float cam[12])
 {
     neck_blend_body(f->mesh, d->pivot, neck_blend_upright, cam);
     neck_blend_body(f->plane, d->pivot, d->source, cam);
+    memset(f->stay, 0, sizeof f->stay);
+    if (!d->view)
+        return;
+    neck_blend_stay(f->stay, d->pivot, d->view, cam);
+    for (int i = 0; i < 3; i++) {
+        f->mesh[4 * i + 3] += f->stay[i];
+        f->plane[4 * i + 3] += f->stay[i];
+    }
 }
 
 /* Midpoints of the driven vertices, then the neck blend. */

@@ -31,12 +31,16 @@ struct drive {
     float pivot[3];         /* of the neck blend, head units */
     float source[9];        /* R_s: took the source's shoulders to the
                              * camera's axes */
+    const float *view;      /* (3,4) the source's camera, before which they
+                             * stay; NULL: they go where the neck goes, as a
+                             * rendered person's do in training */
 };
 
 /* One frame's rigid motions, head frame. */
 struct drive_frame {
     float mesh[12];         /* (3,4) of upright shoulders, for the mesh */
     float plane[12];        /* (3,4) of the source's, for static Gaussians */
+    float stay[3];          /* what both have of neck_blend_stay */
     float to[3], from[3];   /* the mouth's shift: l_d and l_s */
     float chin[3];          /* c_d - c_s, of the head's chin; with jaw */
 };

@@ -41,6 +41,27 @@ void neck_blend_body(float body[12], const float pivot[3],
     }
 }
 
+/* R^T d tanh(|d| / most) most / |d|, d between the pivot's two places before
+ * the camera. */
+void neck_blend_stay(float stay[3], const float pivot[3],
+                     const float source[12], const float cam[12])
+{
+    float d[3], square = 0;
+
+    for (int i = 0; i < 3; i++) {
+        const float *s = source + 4 * i, *c = cam + 4 * i;
+
+        d[i] = (s[0] - c[0]) * pivot[0] + (s[1] - c[1]) * pivot[1] +
+               (s[2] - c[2]) * pivot[2] + s[3] - c[3];
+        square += d[i] * d[i];
+    }
+    const float far = fmaxf(sqrtf(square) / NECK_BLEND_STAY, 1e-6f);
+    const float share = tanhf(far) / far;
+    for (int i = 0; i < 3; i++)
+        stay[i] = share * (cam[i] * d[0] + cam[4 + i] * d[1] +
+                           cam[8 + i] * d[2]);
+}
+
 /* x + w (B x - x). */
 void neck_blend_points(float *out, const float *x, const float *weight,
                        size_t N, const float body[12])

@@ -32,6 +32,15 @@ void neck_blend_range(size_t *first, size_t *count, const float *weight,
 void neck_blend_body(float body[12], const float pivot[3],
                      const float from[9], const float cam[12]);
 
+/* Shoulders mostly stay where they are while a head shifts a little: stay (3),
+ * in the frame of a head seen by cam (3,4), is the way back from where its neck
+ * took them to where the source's camera (3,4) saw them, all of it for ways
+ * that are short against NECK_BLEND_STAY and no more than that for long ones.
+ * Added to a body's translation. */
+#define NECK_BLEND_STAY 0.1f    /* head units: 20 mm */
+void neck_blend_stay(float stay[3], const float pivot[3],
+                     const float source[12], const float cam[12]);
+
 /* out (N,3), which may be x, from x (N,3) and weight (N). */
 void neck_blend_points(float *out, const float *x, const float *weight,
                        size_t N, const float body[12]);
