@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/avatar/coverage.h"
+#include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
 #include "lib/avatar/slices.h"
 #include "lib/geom/camera.h"
@@ -271,27 +272,13 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     }
 }
 
-/* Upper lids, which are all shadow and lashes in the picture of open eyes, have
- * got the colours of the skin above them; their margin is as dark as it is. */
-static void dynamic_branch_lashes(const struct source_mesh *mesh,
-                                  struct dynamic_branch *b)
-{
-    for (size_t k = 0; k < b->count; k++) {
-        const float w = b->seen[k] * (b->lid[k] - mesh->weights->fold[k]);
-        const float *pixel = b->pixel + 4 * k;
-        float *rgb = b->logit + 3 * k;
-
-        for (int c = 0; c < 3; c++)
-            rgb[c] += w * fminf(pixel[c] - rgb[c], 0);
-    }
-}
-
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
                                  const struct source_mesh *mesh,
                                  struct dynamic_branch *b)
 {
+    const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
     float eye[3], *rgb = b->logit;
 
     camera_origin(eye, mesh->cam);
@@ -320,7 +307,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     }
     dynamic_branch_spread(rgb, b->trust, mesh->weights->mirror, b->dense,
                           b->level, b->tmp);
-    dynamic_branch_lashes(mesh, b);
+    lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }

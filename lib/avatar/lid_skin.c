@@ -1,0 +1,131 @@
+/* The colours of closed lids: at the crease what is above it, at the margin
+ * the skin about the eye, in between a mixture.  (The crease lies in the
+ * shadow of the brow; a lid of its colour alone is a bruise.) */
+#include "lib/avatar/lid_skin.h"
+
+#include <math.h>
+#include <stdbool.h>
+#include <string.h>
+
+#define ABOUT_MM 16.0f      /* skin so far from a lid's middle lends its colour */
+#define LENT 0.8f           /* share of that colour at the margin */
+#define LASHES 0.35f        /* lashes are at most so bright, of their lid */
+
+/* One lid: where it is, and how far it comes down, head units. */
+struct lid_skin_lid {
+    bool left;              /* the subject's */
+    float middle[3], most;
+};
+
+/* Whether vertex or midpoint k is of that lid. */
+static bool lid_skin_on(const struct lid_skin_lid *lid, size_t k,
+                        const struct head *h, const struct mesh_weights *w,
+                        const struct densify *d)
+{
+    const size_t v = k < d->V ? k : (size_t)d->edge[2 * (k - d->V)];
+
+    return w->lid[k] > 0 && (h->v_template[3 * v] > 0) == lid->left;
+}
+
+/* How far vertex or midpoint k comes down when both eyes close, head units. */
+static float lid_skin_down(size_t k, const struct head *h,
+                           const struct densify *d)
+{
+    const size_t e = k < d->V ? 0 : k - d->V;
+    const size_t i = k < d->V ? k : (size_t)d->edge[2 * e];
+    const size_t j = k < d->V ? k : (size_t)d->edge[2 * e + 1];
+
+    return -0.5f * (h->l_eyelid[3 * i + 1] + h->r_eyelid[3 * i + 1] +
+                    h->l_eyelid[3 * j + 1] + h->r_eyelid[3 * j + 1]);
+}
+
+/* Find a lid; false: the head has none. */
+static bool lid_skin_find(struct lid_skin_lid *lid, const float *verts,
+                          const struct head *h, const struct mesh_weights *w,
+                          const struct densify *d)
+{
+    float sum = 0;
+
+    lid->most = 0;
+    memset(lid->middle, 0, sizeof lid->middle);
+    for (size_t v = 0; v < d->V; v++)
+        if (lid_skin_on(lid, v, h, w, d)) {
+            sum += w->lid[v];
+            for (int c = 0; c < 3; c++)
+                lid->middle[c] += w->lid[v] * verts[3 * v + c];
+            lid->most = fmaxf(lid->most, lid_skin_down(v, h, d));
+        }
+    for (int c = 0; c < 3; c++)
+        lid->middle[c] /= fmaxf(sum, 1e-6f);
+    return sum > 0;
+}
+
+/* Mean colour of the skin about x (3), neither brow nor eye, as bright as
+ * `least` and more; returns its weight. */
+static float lid_skin_mean(float rgb[3], const float *x,
+                           const struct lid_skin_source *s,
+                           const struct head *h, float least)
+{
+    const float far = ABOUT_MM * 1e-3f * h->scale;
+    float sum = 0;
+
+    memset(rgb, 0, 3 * sizeof *rgb);
+    for (size_t v = 0; v < h->V; v++) {
+        const float *p = s->pixel + 4 * v, *at = s->verts + 3 * v;
+        const int region = h->region ? h->region[v] : REGION_FACE;
+        float d2 = 0, w;
+
+        for (int c = 0; c < 3; c++)
+            d2 += (at[c] - x[c]) * (at[c] - x[c]);
+        if (d2 > 9 * far * far || p[0] + p[1] + p[2] < 3 * least ||
+            (region != REGION_FACE && region != REGION_SKIN))
+            continue;
+        w = s->trust[v] * expf(-0.5f * d2 / (far * far));
+        sum += w;
+        for (int c = 0; c < 3; c++)
+            rgb[c] += w * p[c];
+    }
+    for (int c = 0; c < 3; c++)
+        rgb[c] /= fmaxf(sum, 1e-6f);
+    return sum;
+}
+
+/* Skin, and on the margin, which does not come out of the crease, lashes. */
+static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
+                           const float skin[3],
+                           const struct lid_skin_source *s,
+                           const struct head *h, const struct mesh_weights *w,
+                           const struct densify *d)
+{
+    for (size_t k = 0; k < d->V + d->E; k++) {
+        float down, lash;
+
+        if (!lid_skin_on(lid, k, h, w, d))
+            continue;
+        down = fmaxf(lid_skin_down(k, h, d) / lid->most, 0);
+        lash = fminf(2 * (w->lid[k] - w->fold[k]), 1);
+        for (int c = 0; c < 3; c++) {
+            float *own = rgb + 3 * k + c;
+
+            *own += LENT * down * (skin[c] - *own);
+            *own += lash * (fminf(s->pixel[4 * k + c], LASHES * *own) - *own);
+        }
+    }
+}
+
+void lid_skin(float *rgb, const struct lid_skin_source *s,
+              const struct head *h, const struct mesh_weights *w,
+              const struct densify *d)
+{
+    for (int left = 0; left < 2; left++) {
+        struct lid_skin_lid lid = {.left = left};
+        float skin[3];
+
+        if (!lid_skin_find(&lid, s->verts, h, w, d) ||
+            lid_skin_mean(skin, lid.middle, s, h, 0) < 1)
+            continue;
+        lid_skin_mean(skin, lid.middle, s, h,
+                      (skin[0] + skin[1] + skin[2]) / 3);
+        lid_skin_paint(rgb, &lid, skin, s, h, w, d);
+    }
+}
