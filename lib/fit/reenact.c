@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/rotation.h"
+#include "lib/head/arkit.h"
 
 /* How far the avatar is taken from its photograph: what it shows beyond is
  * less and less a picture of a person. */
@@ -18,6 +19,11 @@
 #define REENACT_SHIFT 0.06          /* spread, head units */
 #define REENACT_DISTANCE 0.06       /* spread of its logarithm */
 #define REENACT_WHOLE 0.7           /* share of faces taken as they are */
+#define REENACT_UNEVEN 0.6          /* share of faces with another's side, */
+#define REENACT_UNEVEN_LEAST 0.4    /* and how much of it, at least */
+#define REENACT_WINK 0.4            /* share of those that take its lid, too */
+#define REENACT_ASIDE 0.3           /* share of mouths drawn to a side, */
+#define REENACT_ASIDE_LEAST 0.15    /* and how far, at least */
 
 static const float reenact_front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
 
@@ -174,24 +180,56 @@ static void reenact_camera(struct motion *m, const struct motion *own,
                                      random_normal(random));
 }
 
+/* Make a face uneven: part of one side becomes another face's, and the mouth
+ * is drawn to a side.  People who were asked to smile do it evenly, and an
+ * encoder that has seen only these takes every smirk for a small smile. */
+static void reenact_uneven(struct motion *m, const struct motion *other,
+                           struct random *random)
+{
+    const int side = random_chance(random, 0.5);
+
+    if (random_chance(random, REENACT_UNEVEN)) {
+        float share = random_float(random, REENACT_UNEVEN_LEAST, 1);
+
+        for (int k = 0; k < ARKIT_COUNT; k++)
+            if (arkit_is_left(k))
+                m->exp[k + side] += share * (other->exp[k + side] -
+                                             m->exp[k + side]);
+        if (random_chance(random, REENACT_WINK))
+            m->pose.lid[side] = other->pose.lid[side];
+    }
+    if (random_chance(random, REENACT_ASIDE)) {
+        bool left = random_chance(random, 0.5);
+        float far = random_float(random, REENACT_ASIDE_LEAST, 1);
+
+        m->exp[ARKIT_MOUTH_LEFT] = left ? far : 0;
+        m->exp[ARKIT_MOUTH_RIGHT] = left ? 0 : far;
+    }
+}
+
+/* One of the motions. */
+static const struct motion *reenact_any(struct reenact *r)
+{
+    return &r->act[random_below(&r->random, (uint32_t)r->acts)];
+}
+
 /* A face from one motion, in whole or in part, and a turn from another, for
  * the person of the photograph. */
 static void reenact_motion(struct motion *m, struct reenact *r)
 {
     struct random *random = &r->random;
     const struct motion *own = &r->person.person.source;
-    const struct motion *turn = &r->act[random_below(random,
-                                                     (uint32_t)r->acts)];
-    const struct motion *face = &r->act[random_below(random,
-                                                     (uint32_t)r->acts)];
+    const struct motion *turn = reenact_any(r), *face = reenact_any(r);
+    const struct motion *other = reenact_any(r);
     float share = random_chance(random, REENACT_WHOLE)
                       ? 1 : (float)random_uniform(random);
 
     *m = *face;
     m->pose.exp = m->exp;
+    reenact_uneven(m, other, random);
     memcpy(m->crop, own->crop, sizeof m->crop);
     for (size_t k = 0; k < r->models.head.nexp; k++)
-        m->exp[k] += (1 - share) * (own->exp[k] - face->exp[k]);
+        m->exp[k] += (1 - share) * (own->exp[k] - m->exp[k]);
     for (int i = 0; i < 3; i++)
         m->pose.jaw[i] += (1 - share) *
                           (own->pose.jaw[i] - face->pose.jaw[i]);

@@ -55,6 +55,13 @@ int arkit_find(int component[2], const char *name)
     return n;
 }
 
+bool arkit_is_left(int k)
+{
+    const char *name = arkit_name(k), *end = name ? strrchr(name, '_') : NULL;
+
+    return end && !strcmp(end, "_L");
+}
+
 bool arkit_is_rig(int k)
 {
     return (k >= ARKIT_EYE_BLINK_L && k <= ARKIT_EYE_LOOK_UP_R) ||

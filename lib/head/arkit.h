@@ -70,6 +70,9 @@ int arkit_find(int component[2], const char *name);
  * expression directions. */
 bool arkit_is_rig(int k);
 
+/* Whether component k is the left one of two sides; k + 1 is the right one. */
+bool arkit_is_left(int k);
+
 /* Of two weights that contradict each other (jaw left and right, an eye up
  * and down, in and out) one, drawn at random, becomes 0: then w (ARKIT_COUNT)
  * is what a face can do. */

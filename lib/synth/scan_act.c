@@ -300,20 +300,11 @@ static const struct recipe recipes[] = {
     {{{ARKIT_MOUTH_SHRUG_UPPER, 0.6f}, {ARKIT_MOUTH_SHRUG_LOWER, 0.8f}}},
 };
 
-/* Whether component k is the left one of a pair of mirror images. */
-static bool is_left(int k)
-{
-    const char *n = arkit_name(k);
-    size_t l = strlen(n);
-
-    return l > 2 && n[l - 2] == '_' && n[l - 1] == 'L';
-}
-
 /* w[k] += v, on both sides with one-sidedness `lean` (-1..1). */
 static void add_both(float *w, int k, float v, float lean)
 {
     w[k] += v * clampf(1 + lean, 0, 1.2f);
-    if (is_left(k))
+    if (arkit_is_left(k))
         w[k + 1] += v * clampf(1 - lean, 0, 1.2f);
 }
 
@@ -366,10 +357,10 @@ static void draw_expression(float *w, const struct act_model *m,
             float v = (float)random_range(&r, 0.3, 1);
             if (arkit_is_rig(c) && c < ARKIT_EYE_SQUINT_L)
                 continue;
-            if (!is_left(c) && c > 0 && is_left(c - 1)
+            if (!arkit_is_left(c) && c > 0 && arkit_is_left(c - 1)
                 && random_uniform(&r) < 0.6)
                 c--;
-            add_both(w, c, v, is_left(c) ? lean : 0);
+            add_both(w, c, v, arkit_is_left(c) ? lean : 0);
         }
     }
 }
@@ -494,29 +485,30 @@ static const struct { uint8_t k; float chance, top; } accents[] = {
     {ARKIT_NOSE_SNEER_L, 0.08f, 0.9f}, {ARKIT_MOUTH_STRETCH_L, 0.08f, 0.8f},
     {ARKIT_MOUTH_UPPER_UP_L, 0.08f, 0.8f}, {ARKIT_CHEEK_PUFF_L, 0.06f, 0.9f},
     {ARKIT_MOUTH_ROLL_LOWER, 0.07f, 0.8f}, {ARKIT_JAW_FORWARD, 0.04f, 0.8f},
-    {ARKIT_MOUTH_LEFT, 0.05f, 0.8f}, {ARKIT_MOUTH_RIGHT, 0.05f, 0.8f},
+    {ARKIT_MOUTH_LEFT, 0.12f, 1}, {ARKIT_MOUTH_RIGHT, 0.12f, 1},
     {ARKIT_JAW_LEFT, 0.05f, 0.8f}, {ARKIT_JAW_RIGHT, 0.05f, 0.8f},
     {ARKIT_MOUTH_PRESS_L, 0.08f, 0.8f}, {ARKIT_MOUTH_DIMPLE_L, 0.06f, 0.7f}
 };
 
-/* Single movements on top, now and then of one side more than the other. */
+/* Single movements on top, nearly half of them of one side: a motion encoder
+ * that sees few of these takes all faces for even. */
 static void add_accents(float *w, const struct act_look *l, double time)
 {
     for (size_t i = 0; i < sizeof accents / sizeof *accents; i++) {
         uint64_t t = act_track(l, "accent", (int)i);
         float v = act_pulse(t, time, 2.7, accents[i].chance, 1.1f);
         int64_t n = (int64_t)floor(time / 2.7);
-        float lean = act_slot(t ^ 11, n) < 0.15f
+        float lean = act_slot(t ^ 11, n) < 0.45f
                          ? act_slot(t ^ 12, n) < 0.5f ? 1 : -1
                          : 0.4f * l->lean;
         v *= accents[i].top * (0.35f + 0.65f * act_slot(t ^ 13, n));
         if (v <= 0)
             continue;
         /* on top, as far as there is room */
-        for (int e = 0; e <= is_left(accents[i].k); e++) {
+        for (int e = 0; e <= arkit_is_left(accents[i].k); e++) {
             float *o = &w[accents[i].k + e];
             *o += (1 - clampf(*o, 0, 1)) * v
-                  * (is_left(accents[i].k)
+                  * (arkit_is_left(accents[i].k)
                      ? clampf(1 + (e ? -lean : lean), 0, 1) : 1);
         }
     }

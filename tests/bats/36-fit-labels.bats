@@ -62,6 +62,30 @@ has_labels() {
     [ ! -e x.spid ]
 }
 
+@test "faces that act are uneven where who acts is even" {
+    has_labels
+    need_numpy
+    spid-synth -q -n 1 --frames 1 --size 64 --without mesh -o one.spid \
+        --head "$TOP/examples/model/head.safetensors"
+    spid-dump --json --values --only CONF,MOTN one.spid | "$PYTHON" -c '
+import json, sys
+for line in sys.stdin:
+    record = json.loads(line)
+    for array in record["arrays"]:
+        if array["name"] == "exp":
+            array["data"] = [0] * len(array["data"])
+    print(json.dumps(record))' >even.json
+    spid-pack even.json -o even.spid
+    fit --size 64 --motions even.spid --acts 8 \
+        -m "$TOP/examples/model/model.safetensors" -o acts.spid
+    spid-dump -q --npy acts acts.spid
+    "$PYTHON" -c '
+import numpy as np
+exp = np.load("acts/MOTN.exp.npy")
+aside = np.abs(exp[:, 34] - exp[:, 40])     # mouthLeft, mouthRight
+assert 0.1 < np.mean(aside > 0.1) < 0.6, aside'
+}
+
 @test "a picture that is missing is named, and nothing is left" {
     has_labels
     run fit --base . -o x.spid
