@@ -140,6 +140,68 @@ void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
     compose_quantise_c(out + i, x + i, n - i);
 }
 
+/* ---- planes -------------------------------------------------------------- */
+
+#if !defined(ISA_BASELINE)
+/* Red, green and blue of eight pixels: what of the first sixteen bytes and of
+ * the last eight each one takes. */
+static inline void compose_channels(__m256i c[3], const uint8_t *rgb)
+{
+    const __m128i first = _mm_loadu_si128((const __m128i *)rgb);
+    const __m128i last = _mm_loadl_epi64((const __m128i *)(rgb + 16));
+    const __m128i from[3][2] = {
+        {_mm_setr_epi8(0, 3, 6, 9, 12, 15, -1, -1,
+                       -1, -1, -1, -1, -1, -1, -1, -1),
+         _mm_setr_epi8(-1, -1, -1, -1, -1, -1, 2, 5,
+                       -1, -1, -1, -1, -1, -1, -1, -1)},
+        {_mm_setr_epi8(1, 4, 7, 10, 13, -1, -1, -1,
+                       -1, -1, -1, -1, -1, -1, -1, -1),
+         _mm_setr_epi8(-1, -1, -1, -1, -1, 0, 3, 6,
+                       -1, -1, -1, -1, -1, -1, -1, -1)},
+        {_mm_setr_epi8(2, 5, 8, 11, 14, -1, -1, -1,
+                       -1, -1, -1, -1, -1, -1, -1, -1),
+         _mm_setr_epi8(-1, -1, -1, -1, -1, 1, 4, 7,
+                       -1, -1, -1, -1, -1, -1, -1, -1)}};
+
+    for (int k = 0; k < 3; k++)
+        c[k] = _mm256_cvtepu8_epi32(
+            _mm_or_si128(_mm_shuffle_epi8(first, from[k][0]),
+                         _mm_shuffle_epi8(last, from[k][1])));
+}
+
+void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
+                         size_t n, const int32_t m[3][4])
+{
+    size_t i = 0;
+
+    for (; i + 8 <= n; i += 8) {
+        __m256i c[3];
+
+        compose_channels(c, rgb + 3 * i);
+        for (int j = 0; j < 3; j++) {
+            vi v = (m[j][0] * (vi)c[0] + m[j][1] * (vi)c[1] +
+                    m[j][2] * (vi)c[2] + m[j][3]) >> 16;
+            __m128i h = _mm_packs_epi32(
+                _mm256_castsi256_si128((__m256i)v),
+                _mm256_extracti128_si256((__m256i)v, 1));
+
+            _mm_storel_epi64((__m128i *)(plane[j] + i),
+                             _mm_packus_epi16(h, h));
+        }
+    }
+    compose_planes_c((uint8_t *[3]){plane[0] + i, plane[1] + i, plane[2] + i},
+                     rgb + 3 * i, n - i, m);
+}
+#else
+void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
+                         size_t n, const int32_t m[3][4])
+{
+    compose_planes_c(plane, rgb, n, m);
+}
+#endif
+
+/* ---- halves -------------------------------------------------------------- */
+
 #if defined(ISA_BASELINE)
 
 /* on ? a : b, lanes of on being 0 or -1 */

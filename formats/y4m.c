@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/compose.h"
 #include "formats/image.h"
 
 /* ---- the header ------------------------------------------------------- */
@@ -181,31 +182,29 @@ static uint8_t fixed_byte(int v)
     return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
 }
 
-void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
+/* m (3,4): Y, Cb and Cr from red, green, blue and 1, rounding included. */
+static void y4m_weights(int32_t w[3][4], const struct y4m *y)
 {
     const struct matrix m = matrix_of(y);
     const double ys = m.ys / 255, cs = m.cs / 255;
     const double b2 = cs / (2 * (1 - m.kb)), r2 = cs / (2 * (1 - m.kr));
-    const int half = 1 << (FIX - 1);
+    const int half = 1 << (FIX - 1), c0 = fixed_of(128) + half;
     const int yr = fixed_of(m.kr * ys), yb = fixed_of(m.kb * ys);
-    const int yg = fixed_of(ys) - yr - yb;
-    const int br = fixed_of(-m.kr * b2), bb = fixed_of(cs / 2), bg = -br - bb;
-    const int rb = fixed_of(-m.kb * r2), rr = fixed_of(cs / 2), rg = -rr - rb;
-    const int y0 = fixed_of(m.y0) + half, c0 = fixed_of(128) + half;
-    const size_t W = y->width, H = y->height, N = W * H;
-    uint8_t *cb = planes + N, *cr = cb + chroma_width(y) * chroma_height(y);
+    const int br = fixed_of(-m.kr * b2), bb = fixed_of(cs / 2);
+    const int rb = fixed_of(-m.kb * r2), rr = fixed_of(cs / 2);
+    const int32_t of[3][4] = {
+        {yr, fixed_of(ys) - yr - yb, yb, fixed_of(m.y0) + half},
+        {br, -br - bb, bb, c0}, {rr, -rr - rb, rb, c0}};
 
-    for (size_t i = 0; i < N; i++) {
-        const uint8_t *p = rgb + 3 * i;
+    memcpy(w, of, sizeof of);
+}
 
-        planes[i] = fixed_byte(yr * p[0] + yg * p[1] + yb * p[2] + y0);
-        if (y->chroma == Y4M_444) {
-            cb[i] = fixed_byte(br * p[0] + bg * p[1] + bb * p[2] + c0);
-            cr[i] = fixed_byte(rr * p[0] + rg * p[1] + rb * p[2] + c0);
-        }
-    }
-    if (y->chroma != Y4M_420)
-        return;
+/* Cb and Cr of two by two pixels each. */
+static void y4m_halve_chroma(uint8_t *cb, uint8_t *cr, const uint8_t *rgb,
+                             const struct y4m *y, const int32_t m[3][4])
+{
+    const size_t W = y->width, H = y->height;
+
     for (size_t v = 0; v < H; v += 2)
         for (size_t u = 0; u < W; u += 2) {
             size_t u1 = u + 1 < W ? u + 1 : u, v1 = v + 1 < H ? v + 1 : v;
@@ -217,9 +216,29 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
 
             for (int k = 0; k < 3; k++)
                 t[k] = p[k] + q[k] + r[k] + s[k];
-            *cb++ = fixed_byte((br * t[0] + bg * t[1] + bb * t[2]) / 4 + c0);
-            *cr++ = fixed_byte((rr * t[0] + rg * t[1] + rb * t[2]) / 4 + c0);
+            *cb++ = fixed_byte((m[1][0] * t[0] + m[1][1] * t[1] +
+                                m[1][2] * t[2]) / 4 + m[1][3]);
+            *cr++ = fixed_byte((m[2][0] * t[0] + m[2][1] * t[1] +
+                                m[2][2] * t[2]) / 4 + m[2][3]);
         }
+}
+
+void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
+{
+    const size_t N = y->width * y->height;
+    uint8_t *cb = planes + N, *cr = cb + chroma_width(y) * chroma_height(y);
+    int32_t m[3][4];
+
+    y4m_weights(m, y);
+    if (y->chroma == Y4M_444) {
+        compose_table()->planes((uint8_t *[3]){planes, cb, cr}, rgb, N, m);
+        return;
+    }
+    for (size_t i = 0; i < N; i++, rgb += 3)
+        planes[i] = fixed_byte(m[0][0] * rgb[0] + m[0][1] * rgb[1] +
+                               m[0][2] * rgb[2] + m[0][3]);
+    if (y->chroma == Y4M_420)
+        y4m_halve_chroma(cb, cr, rgb - 3 * N, y, m);
 }
 
 /* Where chroma is for luma position i: the lower sample and the weight of the

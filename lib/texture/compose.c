@@ -5,6 +5,8 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/texture/lookup_kernel.h"
+
 /* The smaller one, a where b is not a number: fminf is a call. */
 static inline float compose_least(float a, float b)
 {
@@ -14,6 +16,10 @@ static inline float compose_least(float a, float b)
 void texture_mix(float *color, size_t channels, float *alpha,
                  const float *photo, size_t n)
 {
+    if (channels == 3) {
+        lookup_kernels()->mix(color, alpha, photo, n);
+        return;
+    }
     for (size_t i = 0; i < n; i++) {
         const float *p = photo + TEXTURE_PHOTO * i;
 

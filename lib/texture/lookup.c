@@ -202,13 +202,8 @@ static void lookup_row(float *photo, struct lookup_row *r,
     memset(photo, 0, TEXTURE_PHOTO * t->n * sizeof *photo);
     k->kernels->confide(r, &k->view, t->n);
     lookup_confide_border(r, k, t, y);
-    k->kernels->bicubic(photo, TEXTURE_PHOTO, r->u, r->v, r->sure, t->n,
-                        k->t->level[k->level], S);
-    for (size_t i = 0; i < t->n; i++)
-        if (r->sure[i] > 0)
-            photo[TEXTURE_PHOTO * i + 4] =
-                r->sure[i] * texture_whole(photo[TEXTURE_PHOTO * i + 3],
-                                           k->turned);
+    k->kernels->bicubic(photo, r->u, r->v, r->sure, t->n,
+                        k->t->level[k->level], S, k->turned);
 }
 
 void texture_lookup(float *photo, const struct texture *t,

@@ -52,18 +52,24 @@ typedef bool texture_offsets_fn(float *x, float *y, float *w,
 typedef void texture_confide_fn(struct lookup_row *row,
                                 const struct lookup_view *k, size_t n);
 
-/* out (n,4), rows of `stride` floats = texture (S,S,4) at positions (u,v),
- * pixels from the corner, by Catmull and Rom's bicubic, 0..1; a position's
- * weight of 0 or less leaves its pixel alone.  Border pixels go on outside.
- * The arrays' room is a multiple of 16. */
-typedef void texture_bicubic_fn(float *out, size_t stride, const float *u,
-                                const float *v, const float *weight, size_t n,
-                                const uint8_t *texture, size_t S);
+/* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
+ * Catmull and Rom's bicubic, 0..1, and weight * texture_whole of the matte
+ * there; a position's weight of 0 or less leaves its pixel alone.  Border
+ * pixels go on outside.  u, v and weight have room for a multiple of 16. */
+typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,
+                                const float *weight, size_t n,
+                                const uint8_t *texture, size_t S,
+                                float turned);
+
+/* texture_mix of n pixels of three channels. */
+typedef void texture_mix_fn(float *color, float *alpha, const float *photo,
+                            size_t n);
 
 struct lookup_kernels {
     texture_offsets_fn *offsets;
     texture_confide_fn *confide;
     texture_bicubic_fn *bicubic;
+    texture_mix_fn *mix;
 };
 
 /* The widest that the processor has (cpu_level). */

@@ -3,7 +3,7 @@
  * lanes are four neighbours' four channels. */
 #include "lib/texture/lookup_kernel.h"
 
-#include "lib/splat/vec.h"
+#include "lib/splat/vec_shuffle.h"
 #include "lib/texture/lookup.h"
 
 /* ---- offsets ------------------------------------------------------------- */
@@ -172,10 +172,22 @@ VEC_INLINE void lookup_bytes(vf p[PARTS], const uint8_t *row)
     p[1] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(low, zero));
     p[2] = (vf)_mm_cvtepi32_ps(_mm_unpacklo_epi16(high, zero));
     p[3] = (vf)_mm_cvtepi32_ps(_mm_unpackhi_epi16(high, zero));
+#elif defined(__ARM_NEON)
+    const uint8x16_t b = vld1q_u8(row);
+    const uint16x8_t low = vmovl_u8(vget_low_u8(b));
+    const uint16x8_t high = vmovl_high_u8(b);
+
+    p[0] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(low)));
+    p[1] = (vf)vcvtq_f32_u32(vmovl_high_u16(low));
+    p[2] = (vf)vcvtq_f32_u32(vmovl_u16(vget_low_u16(high)));
+    p[3] = (vf)vcvtq_f32_u32(vmovl_high_u16(high));
 #else
+    float level[16];
+
+    for (int i = 0; i < 16; i++)
+        level[i] = row[i];
     for (int k = 0; k < PARTS; k++)
-        for (int i = 0; i < VEC; i++)
-            p[k][i] = row[VEC * k + i];
+        p[k] = vf_load(level + VEC * k);
 #endif
 }
 
@@ -266,15 +278,25 @@ VEC_INLINE vq lookup_hold(vq c)
     return (vq)((big & (typeof(big))one) | (~big & (typeof(big))c));
 }
 
-static void ISA(texture_bicubic)(float *out, size_t stride, const float *u,
-                                 const float *v, const float *weight, size_t n,
-                                 const uint8_t *texture, size_t S)
+/* texture_whole */
+static inline float lookup_whole(float matte, float turned)
+{
+    float t = (matte - 0.5f) / 0.45f;
+
+    t = t > 0 ? t < 1 ? t : 1 : 0;
+    return 1 - turned * (1 - t);
+}
+
+static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
+                                 const float *weight, size_t n,
+                                 const uint8_t *texture, size_t S,
+                                 float turned)
 {
     const int32_t last = (int32_t)S - 3;
     int32_t x0[VEC], y0[VEC];
     float tx[VEC], ty[VEC];
 
-    for (size_t i = 0; i < n; i++, out += stride) {
+    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
         size_t k = i % VEC;
 
         if (k == 0) {
@@ -288,10 +310,72 @@ static void ISA(texture_bicubic)(float *out, size_t stride, const float *u,
                                                     (size_t)x0[k]),
                                      4 * S, tx[k], ty[k])
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
-        vq_store(out, lookup_hold(c));
+
+        c = lookup_hold(c);
+        vq_store(photo, c);
+        photo[4] = weight[i] * lookup_whole(c[3], turned);
     }
 }
 
+/* ---- over what was drawn -------------------------------------------------
+ */
+
+/* Four pixels. */
+VEC_INLINE void lookup_mix_four(float *color, float *alpha,
+                                const float *photo)
+{
+    vq p[4], w, c[3], was[3], a = vq_load(alpha);
+
+    for (int k = 0; k < 4; k++) {
+        p[k] = vq_load(photo + TEXTURE_PHOTO * k);
+        w[k] = photo[TEXTURE_PHOTO * k + 4];
+    }
+    for (int k = 0; k < 3; k++)
+        was[k] = vq_load(color + 4 * k);
+    c[0] = __builtin_shufflevector(p[0], p[1], 0, 1, 2, 4);
+    c[1] = __builtin_shufflevector(p[1], p[2], 1, 2, 4, 5);
+    c[2] = __builtin_shufflevector(p[2], p[3], 2, 4, 5, 6);
+    vq_store(color, was[0] + (c[0] - was[0]) *
+             __builtin_shufflevector(w, w, 0, 0, 0, 1));
+    vq_store(color + 4, was[1] + (c[1] - was[1]) *
+             __builtin_shufflevector(w, w, 1, 1, 2, 2));
+    vq_store(color + 8, was[2] + (c[2] - was[2]) *
+             __builtin_shufflevector(w, w, 2, 3, 3, 3));
+    vq_transpose(p);
+    vq_store(alpha, a + w * (p[3] - a));
+}
+
+/* Fewer than four, at the end of a run: the same arithmetic. */
+static void lookup_mix_rest(float *color, float *alpha, const float *photo,
+                            size_t n)
+{
+    float c[12] = {0}, a[4] = {0}, p[4 * TEXTURE_PHOTO] = {0};
+
+    memcpy(c, color, 3 * n * sizeof *c);
+    memcpy(a, alpha, n * sizeof *a);
+    memcpy(p, photo, TEXTURE_PHOTO * n * sizeof *p);
+    lookup_mix_four(c, a, p);
+    memcpy(color, c, 3 * n * sizeof *c);
+    memcpy(alpha, a, n * sizeof *a);
+}
+
+static void ISA(texture_mix)(float *color, float *alpha, const float *photo,
+                             size_t n)
+{
+    size_t i = 0;
+
+    for (; i + 4 <= n; i += 4) {
+        const float *p = photo + TEXTURE_PHOTO * i;
+
+        if (p[4] + p[9] + p[14] + p[19] > 0)
+            lookup_mix_four(color + 3 * i, alpha + i, p);
+    }
+    if (i < n)
+        lookup_mix_rest(color + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
+                        n - i);
+}
+
 const struct lookup_kernels ISA(lookup_kernels) = {
-    ISA(texture_offsets), ISA(texture_confide), ISA(texture_bicubic)
+    ISA(texture_offsets), ISA(texture_confide), ISA(texture_bicubic),
+    ISA(texture_mix)
 };

@@ -7,6 +7,7 @@
 
 #include "lib/base/cpu.h"
 #include "lib/base/random.h"
+#include "lib/texture/lookup.h"
 #include "lib/texture/lookup_kernel.h"
 #include "lib/texture/texture.h"
 #include "tests/check.h"
@@ -90,7 +91,8 @@ static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
 
 static void against_double(size_t n)
 {
-    enum { AT = 500, STRIDE = 7 };
+    enum { AT = 500, STRIDE = TEXTURE_PHOTO };
+    const float turned = 0.6f;
     static uint8_t t[4 * 65 * 65];
     static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
     struct random r;
@@ -102,19 +104,23 @@ static void against_double(size_t n)
     for (size_t i = 0; i < 4 * n * n; i++)
         t[i] = (uint8_t)random_below(&r, 256);
     for (size_t i = 0; i < AT; i++) {
-        weight[i] = i % 5 ? 1 : 0;
+        weight[i] = i % 5 ? 1 - (float)i / AT : 0;
         for (size_t k = 0; k < 2; k++)
             uv[k][i] = (float)random_range(&r, -1.5, (double)n + 1.5);
         for (size_t k = 0; k < STRIDE; k++)
             out[STRIDE * i + k] = -3;
     }
-    lookup_kernels()->bicubic(out, STRIDE, uv[0], uv[1], weight, AT, t, n);
+    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, AT, t, n, turned);
     for (size_t i = 0; i < AT; i++)
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];
 
-            if (weight[i] == 0 || c > 3) {
+            if (weight[i] == 0) {
                 kept = kept && got == -3;
+            } else if (c == 4) {
+                double whole = texture_whole(out[STRIDE * i + 3], turned);
+
+                worst = fmax(worst, fabs(got - weight[i] * whole));
             } else {
                 double want = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i],
                                              c);
@@ -125,6 +131,34 @@ static void against_double(size_t n)
     snprintf(what, sizeof what, "bicubic in %zu pixels against double", n);
     check(what, worst, 2e-5);
     check_that("without weight nothing is written", kept);
+}
+
+/* Three channels in vectors against four one by one; n is no multiple. */
+static void test_mix(void)
+{
+    enum { AT = 103 };
+    float three[3 * AT], four[4 * AT], over[2][AT], from[TEXTURE_PHOTO * AT];
+    struct random r;
+    double worst = 0;
+
+    random_init(&r, 5, "mix");
+    for (size_t i = 0; i < TEXTURE_PHOTO * AT; i++)
+        from[i] = (float)random_uniform(&r);
+    for (size_t i = 0; i < AT; i++) {
+        if (i % 3 == 0 || i / 10 == 4)
+            from[TEXTURE_PHOTO * i + 4] = 0;
+        over[0][i] = over[1][i] = (float)random_uniform(&r);
+        for (size_t c = 0; c < 3; c++)
+            three[3 * i + c] = four[4 * i + c] = (float)random_uniform(&r);
+    }
+    texture_mix(three, 3, over[0], from, AT);
+    texture_mix(four, 4, over[1], from, AT);
+    for (size_t i = 0; i < AT; i++) {
+        worst = fmax(worst, fabs(over[0][i] - over[1][i]));
+        for (size_t c = 0; c < 3; c++)
+            worst = fmax(worst, fabs(three[3 * i + c] - four[4 * i + c]));
+    }
+    check("mixing, against one pixel at a time", worst, 2e-7);
 }
 
 /* ---- the photograph comes back ------------------------------------------ */
@@ -384,6 +418,7 @@ static int at_level(void)
     against_double(2);
     against_double(3);
     against_double(65);
+    test_mix();
     test_identity();
     test_turned();
     test_shifted();
