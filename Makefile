@@ -291,6 +291,7 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                  $(wildcard formats/record*.[ch] formats/safetensors*.[ch] \
                    formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
+                   formats/compose.[ch] formats/compose_tmpl.c \
                    formats/png.[ch] formats/mark.[ch] formats/ply.[ch] \
                    formats/outfile.[ch] \
                    formats/pickle*.[ch] formats/tensorfile*.[ch] \
@@ -299,7 +300,7 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
 	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' $(JSON_CFLAGS) \
-	  -DISA_ONE -DISA_NAME=baseline \
+	  -DISA_ONE -DISA_BASELINE -DISA_NAME=baseline \
 	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
 	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lzip -lm -o $@
 
