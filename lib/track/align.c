@@ -29,6 +29,11 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define HOLD 4.0
 #define HOLD_FAR 10.0           /* more of it, per square of the distance */
 #define GAIN_SPREAD 0.1
+/* Heads mostly keep still, and what a smile moves looks much like a turn: one
+ * of less than STILL radians since the keyframe must be seen clearly, so many
+ * times as clearly as what E_m says; larger ones are free (Cauchy's weights). */
+#define STILL 0.0087
+#define STILL_HOLD (20 * HOLD)
 
 #define ACT 0.6                 /* of an expression, to see what moves */
 #define JAW_ACT 0.15            /* radians */
@@ -269,6 +274,27 @@ static void align_apart(double e[6], const struct align_pose *p,
         e[3 + k] = c[k] - c0[k];
 }
 
+/* Hold a small turn of p since its keyframe near none. */
+static void align_still(struct align_sums *s, const struct align_pose *p,
+                        const struct align_keyframe *k, double sigma)
+{
+    double R[9], turn[9], r[3];
+
+    for (int i = 0; i < 9; i++)
+        R[i] = k->R[i];
+    mat3_mul_nt_d(turn, p->R, R);
+    rotation_log_d(r, turn);
+    const double square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
+    const double hold = STILL_HOLD * sigma * sigma /
+                        (1 + square / (STILL * STILL));
+    for (int m = 0; m < 3; m++) {
+        const double w = hold / (align_spread[m] * align_spread[m]);
+
+        s->a[UNKNOWNS * m + m] += w;
+        s->b[m] += w * r[m];
+    }
+}
+
 /* One step of p, held near `from` so many times; returns its size in E_m's
  * spreads. */
 static double align_improve(struct align_pose *p, struct align_sums *s,
@@ -316,6 +342,7 @@ static double align_fit(struct align_pose *p, const struct align *a,
         if (s.weight <= 0)
             return 0;
         sigma = fmax(1.2533 * s.off / s.weight, 1);
+        align_still(&s, p, k, sigma);
         small = align_improve(p, &s, &from, c, c0, sigma, hold) < SMALL;
     }
     align_sum(&s, a, k, p, v, c, sigma, false);

@@ -149,7 +149,13 @@ static size_t align_run(double given[2], double aligned[2], double large,
 static void test_poses(const struct identity *id, float *rgb)
 {
     double given[2] = {0}, small[2] = {0}, large[2] = {0}, again[2] = {0};
+    double still[2] = {0};
 
+    align_run(given, still, 0, id, rgb);
+    check("a head that keeps still: turns, of the given error",
+          still[0] / given[0], 0.02);
+    check("its places, of the given error", still[1] / given[1], 0.011);
+    memset(given, 0, sizeof given);
     check_range("keyframes of a swaying head",
                 (double)align_run(given, small, 0.2, id, rgb), 1, 1);
     check("its turns, of the given error", small[0] / given[0], 0.4);
