@@ -179,7 +179,7 @@ static int worker_refine(struct animate_worker *w,
     if (!w->zoom.to)
         return refine_photo(w->image, w->alpha, &w->refine, &in, err);
     texture_hold(w->image, 3, w->alpha, a->opt.size * a->opt.size);
-    return 0;
+    return refine_field(&w->field, &w->refine, &in, err);
 }
 
 /* Eq. C: colours for SpiD*, features for the refiner; places, too, where
@@ -207,7 +207,7 @@ static void worker_show(struct animate_worker *w,
 
     if (w->zoom.to)
         zoom_picture(&w->zoom, w->image, w->alpha, w->place, v,
-                     a->opt.texture);
+                     a->opt.texture, &w->field);
     else if (a->opt.star && w->place)
         texture_apply(w->image, 3, w->alpha, a->opt.texture, v, w->place,
                       a->opt.size);

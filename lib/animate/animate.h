@@ -78,7 +78,8 @@ struct animate_worker {
     uint16_t *features_half;    /* or in half precision; neither for SpiD* */
     float *alpha;               /* (S,S) */
     float *place;               /* (S,S,3) blended places, with a texture */
-    struct zoom zoom;           /* to the picture's size, when larger */
+    struct zoom zoom;           /* to the picture's size, when larger, and */
+    struct texture_field field; /* ... what the refiner says of it */
     float *part_color, *part_alpha;     /* of opt.part */
     struct inset_scratch inset;
     struct inset_motion shoulders;      /* of the last animate_draw */

@@ -396,15 +396,14 @@ int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
     return 0;
 }
 
-/* What the network said of the photograph, for the whole picture: nothing
- * outside the planned part. */
-static int refine_whole_field(struct texture_field *f, struct refine *r,
-                              const struct refine_input *in, struct error *err)
+int refine_field(struct texture_field *f, struct refine *r,
+                 const struct refine_input *in, struct error *err)
 {
     const size_t step = TEXTURE_FIELD_STEP, h = r->plan.height / step;
     const size_t w = r->plan.width / step;
 
-    *f = (struct texture_field){refiner_field(&r->plan.net), h, w};
+    *f = (struct texture_field){r->shown ? refiner_field(&r->plan.net) : NULL,
+                                h, w};
     if (!f->at || (r->plan.height == in->height && r->plan.width == in->width))
         return 0;
     f->height = refine_round_up(in->height) / step;
@@ -433,7 +432,7 @@ int refine_photo(float *rgb, float *alpha, struct refine *r,
         texture_hold(rgb, 3, alpha, in->height * in->width);
         return 0;
     }
-    if (refine_whole_field(&field, r, in, err))
+    if (refine_field(&field, r, in, err))
         return -1;
     texture_compose(rgb, alpha, r->shown, &field, in->height, in->width);
     return 0;

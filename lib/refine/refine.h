@@ -23,6 +23,8 @@ struct refine_plan {
     size_t height, width;       /* 0: none */
 };
 
+struct texture_field;
+
 struct refine {
     const struct model *model;  /* borrowed */
     enum nn_type type;
@@ -77,6 +79,11 @@ void refine_release(struct refine *r);
 int refine_frame(float *rgb, struct refine *r, const struct refine_input *in,
                  struct error *err);
 
+/* What the network of the last refine_frame said of the photograph, for the
+ * whole picture: nothing outside the part; f->at NULL when it was shown none or
+ * says nothing.  Valid until the next frame.  EX_OSERR. */
+int refine_field(struct texture_field *f, struct refine *r,
+                 const struct refine_input *in, struct error *err);
 /* What the photograph of the last refine_frame shows over its rgb
  * (height,width,3), and its matte into alpha (height,width), if there was one;
  * then no more light in rgb than alpha lets through.  EX_OSERR. */

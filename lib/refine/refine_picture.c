@@ -37,11 +37,13 @@ int refine_picture_refine(struct refine_picture *p, struct refine *r,
 
 /* What is refined, enlarged, with the photograph at the larger size. */
 static int refine_picture_enlarge(struct refine_picture *p,
+                                  struct refine *r,
                                   const struct refine_input *in,
                                   struct error *err)
 {
     struct zoom *z = &p->zoom;
     const bool photo = in->place && p->texture.levels;
+    struct texture_field field;
 
     if (in->height != in->width || in->height > p->size || !in->alpha)
         return error_set(err, EX_DATAERR, "FEAT of %zu x %zu pixels%s "
@@ -53,9 +55,11 @@ static int refine_picture_enlarge(struct refine_picture *p,
         if (zoom_init(z, in->width, p->size, true, err))
             return -1;
     }
+    if (refine_field(&field, r, in, err))
+        return -1;
     texture_hold(p->rgb, 3, in->alpha, in->height * in->width);
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
-                 &p->texture);
+                 &p->texture, &field);
     p->height = p->width = z->to;
     p->color = z->color;
     p->coverage = z->alpha;
@@ -66,7 +70,7 @@ int refine_picture_finish(struct refine_picture *p, struct refine *r,
                           const struct refine_input *in, struct error *err)
 {
     if (p->size && p->size != in->width)
-        return refine_picture_enlarge(p, in, err);
+        return refine_picture_enlarge(p, r, in, err);
     if (in->alpha) {
         memcpy(p->alpha, in->alpha,
                in->height * in->width * sizeof *p->alpha);

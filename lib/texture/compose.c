@@ -5,6 +5,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "lib/texture/lookup.h"
 #include "lib/texture/lookup_kernel.h"
 
 /* The smaller one, a where b is not a number: fminf is a call. */
@@ -45,16 +46,16 @@ void texture_hold(float *color, size_t channels, const float *alpha, size_t n)
 
 typedef float field4 __attribute__((vector_size(16)));
 
-/* Where pixel x of a line lies between two of n places: a and b, and the
- * weight of b. */
+/* Where pixel x of a line lies between two of n places, `step` pixels apart:
+ * a and b, and the weight of b. */
 struct compose_tap {
     size_t a, b;
     float w;
 };
 
-static struct compose_tap compose_tap_make(size_t x, size_t n)
+static struct compose_tap compose_tap_make(size_t x, size_t n, float step)
 {
-    float at = ((float)x + 0.5f) / TEXTURE_FIELD_STEP - 0.5f;
+    float at = ((float)x + 0.5f) / step - 0.5f;
     float low = floorf(at);
     size_t a = low > 0 ? (size_t)low : 0, b = (size_t)(low + 1);
 
@@ -76,6 +77,24 @@ static field4 compose_field_at(const struct texture_field *f,
     v[0] += x.w * (v[1] - v[0]);
     v[2] += x.w * (v[3] - v[2]);
     return v[0] + y.w * (v[2] - v[0]);
+}
+
+void texture_field_row(float *photo, const struct texture_field *f,
+                       float step, size_t x, size_t n, size_t y)
+{
+    const struct compose_tap ty = compose_tap_make(y, f->height, step);
+
+    for (size_t i = 0; i < n; i++, photo += TEXTURE_PHOTO) {
+        field4 at;
+
+        if (!(photo[4] > 0))
+            continue;
+        at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
+        photo[4] *= 1 - at[0];
+        photo[4] = photo[4] > 0 ? compose_least(photo[4], 1) : 0;
+        for (int c = 0; c < 3; c++)
+            photo[c] *= 1 + at[c + 1];
+    }
 }
 
 /* dfield += d at the pixel. */
@@ -166,7 +185,8 @@ void texture_compose(float *rgb, float *alpha, const float *photo,
 
             if (field->at)
                 compose_field_line(line, field,
-                                   compose_tap_make(y, field->height), x);
+                                   compose_tap_make(y, field->height,
+                                                    TEXTURE_FIELD_STEP), x);
             compose_run(rgb + 3 * i, alpha + i, photo + TEXTURE_PHOTO * i,
                         line, left < COMPOSE_RUN ? left : COMPOSE_RUN);
         }
@@ -219,10 +239,12 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
         memset(dfield, 0, TEXTURE_FIELD * field->height * field->width *
                           sizeof *dfield);
     for (size_t y = 0; y < height; y++) {
-        struct compose_tap ty = compose_tap_make(y, field->height);
+        struct compose_tap ty = compose_tap_make(y, field->height,
+                                                    TEXTURE_FIELD_STEP);
 
         for (size_t x = 0, i = y * width; x < width; x++, i++) {
-            struct compose_tap tx = compose_tap_make(x, field->width);
+            struct compose_tap tx = compose_tap_make(x, field->width,
+                                                     TEXTURE_FIELD_STEP);
             const float *p = photo + TEXTURE_PHOTO * i;
             float df[TEXTURE_FIELD] = {0};
             field4 f = {0};

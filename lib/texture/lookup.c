@@ -230,27 +230,49 @@ void texture_lookup(float *photo, const struct texture *t,
     }
 }
 
+/* Tile by tile over color (size,size,channels) and alpha, with a field or
+ * NULL. */
+static void lookup_apply(float *color, size_t channels, float *alpha,
+                         const struct lookup *k,
+                         const struct texture_field *field, float step)
+{
+#pragma omp parallel for schedule(dynamic)
+    for (size_t i = 0; i < lookup_tiles(k); i++) {
+        const struct lookup_tile tile = lookup_tile(k, i);
+        float photo[TEXTURE_PHOTO * LOOKUP_WIDE];
+        struct lookup_planes p;
+        struct lookup_row r = {0};
+
+        if (!lookup_fill(&p, k, &tile))
+            continue;
+        for (size_t y = tile.y0; y < tile.y0 + tile.m; y++) {
+            const size_t at = y * k->size + tile.x0;
+
+            lookup_row(photo, &r, k, &tile, &p, y);
+            if (field)
+                texture_field_row(photo, field, step, tile.x0, tile.n, y);
+            texture_mix(color + channels * at, channels, alpha + at, photo,
+                        tile.n);
+        }
+    }
+}
+
 void texture_apply(float *color, size_t channels, float *alpha,
                    const struct texture *t, const struct splat_place_view *v,
                    const float *place, size_t size)
 {
     const struct lookup k = lookup_make(t, v, place, alpha, size);
 
-#pragma omp parallel for schedule(dynamic)
-    for (size_t i = 0; i < lookup_tiles(&k); i++) {
-        const struct lookup_tile tile = lookup_tile(&k, i);
-        float photo[TEXTURE_PHOTO * LOOKUP_WIDE];
-        struct lookup_planes p;
-        struct lookup_row r = {0};
+    lookup_apply(color, channels, alpha, &k, NULL, 0);
+}
 
-        if (!lookup_fill(&p, &k, &tile))
-            continue;
-        for (size_t y = tile.y0; y < tile.y0 + tile.m; y++) {
-            const size_t at = y * size + tile.x0;
+void texture_apply_field(float *color, float *alpha, const struct texture *t,
+                         const struct splat_place_view *v, const float *place,
+                         size_t size, const struct texture_field *field,
+                         float step)
+{
+    const struct lookup k = lookup_make(t, v, place, alpha, size);
 
-            lookup_row(photo, &r, &k, &tile, &p, y);
-            texture_mix(color + channels * at, channels, alpha + at, photo,
-                        tile.n);
-        }
-    }
+    lookup_apply(color, 3, alpha, &k, field, step);
+    texture_hold(color, 3, alpha, size * size);
 }

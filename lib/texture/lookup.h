@@ -38,4 +38,9 @@ float texture_turned(const struct splat_place_view *v);
  * the source, which on a turned head is torn. */
 float texture_whole(float matte, float turned);
 
+/* photo (n,5) of pixels from x on in row y as a field with places `step`
+ * pixels apart has it: less confidence by its doubt, colours by its gains. */
+void texture_field_row(float *photo, const struct texture_field *f,
+                       float step, size_t x, size_t n, size_t y);
+
 #endif

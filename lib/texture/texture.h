@@ -109,5 +109,11 @@ void texture_hold(float *color, size_t channels, const float *alpha, size_t n);
 void texture_apply(float *color, size_t channels, float *alpha,
                    const struct texture *t, const struct splat_place_view *v,
                    const float *place, size_t size);
+/* The same with a field whose places lie `step` pixels apart, in a picture
+ * that was enlarged since the refiner saw it: color (size,size,3). */
+void texture_apply_field(float *color, float *alpha, const struct texture *t,
+                         const struct splat_place_view *v, const float *place,
+                         size_t size, const struct texture_field *field,
+                         float step);
 
 #endif

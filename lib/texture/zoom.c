@@ -40,12 +40,18 @@ void zoom_release(struct zoom *z)
 
 void zoom_picture(struct zoom *z, const float *color, const float *alpha,
                   const float *place, const struct splat_place_view *v,
-                  const struct texture *t)
+                  const struct texture *t, const struct texture_field *field)
 {
+    const float times = (float)z->to / (float)z->from;
+
     resize_forward(z->plan, z->color, color, 1, 3, z->scratch);
     resize_forward(z->plan, z->alpha, alpha, 1, 1, z->scratch);
     if (!place)
         return;
     resize_forward(z->plan, z->place, place, 1, PLACE_CHANNELS, z->scratch);
-    texture_apply(z->color, 3, z->alpha, t, v, z->place, z->to);
+    if (field->at)
+        texture_apply_field(z->color, z->alpha, t, v, z->place, z->to, field,
+                            times * TEXTURE_FIELD_STEP);
+    else
+        texture_apply(z->color, 3, z->alpha, t, v, z->place, z->to);
 }

@@ -31,9 +31,10 @@ int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
 void zoom_release(struct zoom *z);
 
 /* z->color and z->alpha from color (from,from,3) and alpha (from,from); with
- * place (from,from,3, or NULL) and its view v the photograph t over them. */
+ * place (from,from,3, or NULL) and its view v the photograph t over them, and
+ * what a refiner says of it (field->at NULL: nothing). */
 void zoom_picture(struct zoom *z, const float *color, const float *alpha,
                   const float *place, const struct splat_place_view *v,
-                  const struct texture *t);
+                  const struct texture *t, const struct texture_field *field);
 
 #endif

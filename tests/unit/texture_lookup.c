@@ -384,10 +384,9 @@ static void test_mixture(void)
                a[1] == 0.9f);
 }
 
-/* texture_apply is texture_lookup and texture_mix, whatever the threads. */
-static void in_one(const struct texture *t)
+/* Covers, shares and offsets by chance over grey. */
+static void lookup_set_chance(void)
 {
-    static float two[3 * PIXELS], cover[PIXELS];
     struct random r;
 
     random_init(&r, 8, "in one");
@@ -399,6 +398,50 @@ static void in_one(const struct texture *t)
                        * place[3 * i + 2];
     }
     lookup_set_grey();
+}
+
+/* With a refiner's field it is texture_lookup and texture_compose at the
+ * refiner's own size; and a field that is the same everywhere is the same in
+ * any picture. */
+static void field_in_one(const struct texture *t)
+{
+    static float two[3 * PIXELS], cover[PIXELS], at[TEXTURE_FIELD * PIXELS];
+    const size_t side = (S + TEXTURE_FIELD_STEP - 1) / TEXTURE_FIELD_STEP;
+    const struct texture_field field = {at, side, side}, one = {at, 1, 1};
+    const float steps[2] = {TEXTURE_FIELD_STEP, S};
+    struct random r;
+
+    random_init(&r, 9, "field");
+    for (size_t i = 0; i < TEXTURE_FIELD * side * side; i++)
+        at[i] = (float)random_range(&r, -0.4, 0.4);
+    for (int k = 0; k < 2; k++) {
+        const struct texture_field *f = k ? &one : &field;
+        double off = 0;
+
+        lookup_set_chance();
+        memcpy(two, color, sizeof two);
+        memcpy(cover, alpha, sizeof cover);
+        lookup_run(t);
+        texture_compose(two, cover, photo, f, S, S);
+        texture_apply_field(color, alpha, t, &straight, place, S, f,
+                            steps[k]);
+        for (size_t i = 0; i < PIXELS; i++) {
+            off = fmax(off, fabs((double)alpha[i] - cover[i]));
+            for (size_t c = 0; c < 3; c++)
+                off = fmax(off, fabs((double)color[3 * i + c] -
+                                     two[3 * i + c]));
+        }
+        check(k ? "the same field everywhere, enlarged"
+                : "a field: applied at once as composed", off, 2e-6);
+    }
+}
+
+/* texture_apply is texture_lookup and texture_mix, whatever the threads. */
+static void in_one(const struct texture *t)
+{
+    static float two[3 * PIXELS], cover[PIXELS];
+
+    lookup_set_chance();
     memcpy(two, color, sizeof two);
     memcpy(cover, alpha, sizeof cover);
     omp_set_num_threads(3);
@@ -430,6 +473,7 @@ static int at_level(void)
     test_shares(&t);
     test_mixture();
     in_one(&t);
+    field_in_one(&t);
     texture_release(&t);
     return check_status();
 }
