@@ -73,6 +73,14 @@ static double motion_loss_l1(float *db, const float *b, const float *a,
     return weight * sum / (double)n;
 }
 
+/* e = b - a (n). */
+static void motion_error_numbers(float *e, const float *b, const float *a,
+                                 size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        e[i] = b[i] - a[i];
+}
+
 /* A term of n numbers: their distance from the truth, and how much of it the
  * partner's errors (n, or NULL) do not share. */
 static void motion_loss_numbers(float *db, double *parts, enum motion_term term,
@@ -86,8 +94,7 @@ static void motion_loss_numbers(float *db, double *parts, enum motion_term term,
     parts[term] += motion_loss_l1(db, b, a, n, weight, scale);
     if (!partner)
         return;
-    for (size_t i = 0; i < n; i++)
-        error[i] = b[i] - a[i];
+    motion_error_numbers(error, b, a, n);
     parts[TERM_CHANGE] += motion_loss_l1(db, error, partner, n,
                                          weight * w->term[TERM_CHANGE], scale);
 }
@@ -206,14 +213,6 @@ static void motion_loss_true_translation(float *t, const struct data_frame *f,
     data_net_translation(precise, f, q);
     for (int k = 0; k < 3; k++)
         t[k] = (float)precise[k];
-}
-
-/* e = b - a (n). */
-static void motion_error_numbers(float *e, const float *b, const float *a,
-                                 size_t n)
-{
-    for (size_t i = 0; i < n; i++)
-        e[i] = b[i] - a[i];
 }
 
 void motion_error(struct motion_error *e, const float *out,

@@ -175,21 +175,32 @@ static void gradient_backward(struct world *w, float *dverts, float dcam[12])
     avatar_bake_backward(&w->a);
 }
 
-/* Deep layers have kinks close by; the vertices' own numbers have a small
- * gradient, which must rise above the sums' rounding. */
-static double direction_step(const char *prefix)
+/* Differences of a group of tensors: the step, and how far their slope may be
+ * from the gradient, relative. */
+struct difference {
+    double step, limit;
+};
+
+/* A forward in float rounds the sum to some 1e-5.  What is deep has kinks of
+ * relu and bilinear weights closer by than a step that rises above that: from
+ * 2e-5 to 1e-3 its slopes scatter by 1 to 3 %, without bias (the mean over 64
+ * points near these weights is within two standard errors of 0.1 %).  The
+ * vertices' own numbers have a small gradient and no kinks. */
+static struct difference gradient_difference(const char *prefix)
 {
     if (!strcmp(prefix, "dynamic.head_base"))
-        return 2e-3;
-    return !strcmp(prefix, "backbone.") || !strcmp(prefix, "init.") ? 1e-4
-                                                                    : 5e-4;
+        return (struct difference){1e-2, 1e-2};
+    if (!strcmp(prefix, "backbone.") || !strcmp(prefix, "init."))
+        return (struct difference){1e-4, 2e-2};
+    return (struct difference){5e-4, 2e-3};
 }
 
 /* Along the gradient of one group of tensors, normalised: the derivative
  * must be its length. */
 static void gradient_direction(struct world *w, const char *prefix)
 {
-    double norm = 0, h = direction_step(prefix);
+    const struct difference difference = gradient_difference(prefix);
+    double norm = 0, h = difference.step;
     size_t total = w->ps.total;
     float *keep = malloc(total * sizeof *keep), *g = calloc(total, sizeof *g);
 
@@ -212,9 +223,7 @@ static void gradient_direction(struct world *w, const char *prefix)
     char what[96];
     snprintf(what, sizeof what, "%s: |g| %.4g, slope along it %.4g", prefix,
              norm, slope);
-    /* float sums of some 10^4 terms, and kinks of relu and bilinear steps
-     * inside the step; the backbone is deepest and has most of them */
-    check(what, norm > 0 ? fabs(slope - norm) / norm : 1, 2e-2);
+    check(what, norm > 0 ? fabs(slope - norm) / norm : 1, difference.limit);
     free(keep);
     free(g);
 }
