@@ -48,8 +48,9 @@ int lens_blur_weights(float *w, int most, float sigma)
     return r;
 }
 
-/* Separable blur of (n,n,3) by a Gaussian of sigma pixels, in place. */
-static void lens_soften(float *img, float *tmp, int n, float sigma)
+/* Separable blur of (n,n,channels) by a Gaussian of sigma pixels, in place. */
+static void lens_soften(float *img, float *tmp, int n, int channels,
+                        float sigma)
 {
     float w[15];
     int r = lens_blur_weights(w, 7, sigma);
@@ -58,27 +59,30 @@ static void lens_soften(float *img, float *tmp, int n, float sigma)
         const float *in = pass ? tmp : img;
         float *out = pass ? img : tmp;
         for (int y = 0; y < n; y++) {
-            memset(out + 3 * y * n, 0, 3 * (size_t)n * sizeof *out);
+            memset(out + channels * y * n, 0,
+                   (size_t)(channels * n) * sizeof *out);
             for (int i = -r; i <= r; i++)
                 for (int x = 0; x < n; x++) {
                     int u = pass ? x : x + i, v = pass ? y + i : y;
                     u = u < 0 ? 0 : u >= n ? n - 1 : u;
                     v = v < 0 ? 0 : v >= n ? n - 1 : v;
-                    for (int k = 0; k < 3; k++)
-                        out[3 * (y * n + x) + k]
-                            += w[i + r] * in[3 * (v * n + u) + k];
+                    for (int k = 0; k < channels; k++)
+                        out[channels * (y * n + x) + k]
+                            += w[i + r] * in[channels * (v * n + u) + k];
                 }
         }
     }
 }
 
 /* Mean along a short straight way: a hand-held or moving head. */
-static void lens_smear(float *img, float *tmp, int n, float dx, float dy)
+static void lens_smear(float *img, float *tmp, int n, int channels, float dx,
+                       float dy)
 {
+    const size_t bytes = (size_t)(channels * n * n) * sizeof *img;
     int taps = (int)ceilf(fmaxf(fabsf(dx), fabsf(dy))) + 1;
 
     taps = taps > 9 ? 9 : taps;
-    memset(tmp, 0, 3 * (size_t)n * (size_t)n * sizeof *tmp);
+    memset(tmp, 0, bytes);
     for (int i = 0; i < taps; i++) {
         float t = taps > 1 ? (float)i / (float)(taps - 1) - 0.5f : 0;
         int u = (int)lrintf(t * dx), v = (int)lrintf(t * dy);
@@ -87,16 +91,17 @@ static void lens_smear(float *img, float *tmp, int n, float dx, float dy)
                 int p = x + u, q = y + v;
                 p = p < 0 ? 0 : p >= n ? n - 1 : p;
                 q = q < 0 ? 0 : q >= n ? n - 1 : q;
-                for (int k = 0; k < 3; k++)
-                    tmp[3 * (y * n + x) + k]
-                        += img[3 * (q * n + p) + k] / (float)taps;
+                for (int k = 0; k < channels; k++)
+                    tmp[channels * (y * n + x) + k]
+                        += img[channels * (q * n + p) + k] / (float)taps;
             }
     }
-    memcpy(img, tmp, 3 * (size_t)n * (size_t)n * sizeof *img);
+    memcpy(img, tmp, bytes);
 }
 
 /* A coarser sensor: means over cells of 1/low pixels, read back bilinear. */
-static void lens_coarsen(float *img, float *tmp, int n, float low)
+static void lens_coarsen(float *img, float *tmp, int n, int channels,
+                         float low)
 {
     int m = (int)((float)n * low);
 
@@ -104,16 +109,16 @@ static void lens_coarsen(float *img, float *tmp, int n, float low)
     float step = (float)n / (float)m;
     for (int y = 0; y < m; y++)
         for (int x = 0; x < m; x++)
-            for (int k = 0; k < 3; k++) {
+            for (int k = 0; k < channels; k++) {
                 int u = (int)(((float)x + 0.25f) * step);
                 int v = (int)(((float)y + 0.25f) * step);
                 int u1 = (int)(((float)x + 0.75f) * step);
                 int v1 = (int)(((float)y + 0.75f) * step);
-                tmp[3 * (y * m + x) + k]
-                    = 0.25f * (img[3 * (v * n + u) + k]
-                               + img[3 * (v * n + u1) + k]
-                               + img[3 * (v1 * n + u) + k]
-                               + img[3 * (v1 * n + u1) + k]);
+                tmp[channels * (y * m + x) + k]
+                    = 0.25f * (img[channels * (v * n + u) + k]
+                               + img[channels * (v * n + u1) + k]
+                               + img[channels * (v1 * n + u) + k]
+                               + img[channels * (v1 * n + u1) + k]);
             }
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
@@ -122,14 +127,24 @@ static void lens_coarsen(float *img, float *tmp, int n, float low)
             float fv = clampf(((float)y + 0.5f) / step - 0.5f, 0,
                               (float)(m - 1) - 0.001f);
             int u = (int)fu, v = (int)fv;
-            for (int k = 0; k < 3; k++) {
-                const float *p = tmp + 3 * (v * m + u) + k;
-                img[3 * (y * n + x) + k]
-                    = lerpf(lerpf(p[0], p[3], fu - (float)u),
-                            lerpf(p[3 * m], p[3 * m + 3], fu - (float)u),
+            for (int k = 0; k < channels; k++) {
+                const float *p = tmp + channels * (v * m + u) + k;
+                img[channels * (y * n + x) + k]
+                    = lerpf(lerpf(p[0], p[channels], fu - (float)u),
+                            lerpf(p[channels * m],
+                                  p[channels * (m + 1)], fu - (float)u),
                             fv - (float)v);
             }
         }
+}
+
+/* What happens to light on its way: motion, and a lens that is not sharp. */
+static void lens_optics(float *img, float *tmp, int n, int channels,
+                        const struct lens_look *l, float dx, float dy)
+{
+    if (l->shutter > 0 && fabsf(dx) + fabsf(dy) > 1)
+        lens_smear(img, tmp, n, channels, dx, dy);
+    lens_soften(img, tmp, n, channels, (0.42f + l->blur) * (float)n / 256);
 }
 
 /* Linear light to encoded colours: balance, vignette, tone, saturation. */
@@ -193,13 +208,13 @@ void lens_expose(struct stage *s, const struct persona *p, const float *wall,
         for (size_t k = 0; k < 3; k++)
             img[3 * i + k] += wall[3 * i + k] * (1 - s->cover[i]);
     occluder_draw(s, p, time);
-    if (l->shutter > 0 && fabsf(blur_x) + fabsf(blur_y) > 1)
-        lens_smear(img, s->scratch, s->size, blur_x, blur_y);
-    float blur = (0.42f + l->blur) * (float)s->size / 256;
-    lens_soften(img, s->scratch, s->size, blur);
+    lens_optics(img, s->scratch, s->size, 3, l, blur_x, blur_y);
+    lens_optics(s->cover, s->scratch, s->size, 1, l, blur_x, blur_y);
     lens_develop(img, s->size, l);
-    if (l->low < 0.95f)
-        lens_coarsen(img, s->scratch, s->size, l->low);
+    if (l->low < 0.95f) {
+        lens_coarsen(img, s->scratch, s->size, 3, l->low);
+        lens_coarsen(s->cover, s->scratch, s->size, 1, l->low);
+    }
     lens_finish(s, img, p, frame);
     if (l->jpeg)
         jpeg_damage(s->rgb, s->scratch, s->size, l->jpeg);

@@ -106,8 +106,12 @@ static int tongue_build(struct actor *a, struct error *err)
     return 0;
 }
 
-/* Rows of the bowl behind the ring: width over the ring's, and depth. */
-static const float bowl_shrink[4] = { 1.25f, 1.35f, 1.0f, 0.2f };
+/* Rows of the bowl behind the ring: width and height over the ring's, and
+ * depth.  Cheeks fall away behind the corners of a wide mouth, so that only
+ * the height grows. */
+static const float bowl_shrink[4][2] = {
+    { 1.0f, 1.25f }, { 0.95f, 1.35f }, { 0.8f, 1.0f }, { 0.2f, 0.2f }
+};
 static const float bowl_depth[4] = { 0.09f, 0.22f, 0.36f, 0.42f };
 
 void mouth_pose(float *verts, const struct actor *a)
@@ -123,7 +127,7 @@ void mouth_pose(float *verts, const struct actor *a)
             const float *q = verts + 3 * a->head->lip_inner[i];
             float *p = verts + 3 * (a->bowl + r * n + i);
             for (int k = 0; k < 2; k++)
-                p[k] = centre[k] + (q[k] - centre[k]) * bowl_shrink[r];
+                p[k] = centre[k] + (q[k] - centre[k]) * bowl_shrink[r][k];
             p[2] = q[2] - bowl_depth[r];
         }
 }

@@ -56,7 +56,7 @@ static void draw_bar(struct stage *s, const struct bar *b,
                     = lerpf(s->light[3 * at + (size_t)k], c[k] * b->color[k],
                             alpha);
             s->cover[at] *= 1 - alpha;
-            if (alpha > 0.5f)
+            if (alpha > 0.02f)
                 s->label[at] = LABEL_OCCLUDER;
         }
 }

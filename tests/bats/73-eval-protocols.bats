@@ -31,3 +31,29 @@ prepare() { animate_files; }
     [ "$(ls short/self/drive | wc -l)" -eq "$(ls short/truth/drive | wc -l)" ]
     [ "$(ls short/self/drive | wc -l)" -lt 50 ]
 }
+
+@test "--people: what stands before a person counts for nobody" {
+    need_numpy
+    spid-synth -q -n 1 --frames 3 -s 4 --fps 1 --effects 0 --size 128 \
+        --head "$HEAD" --without mesh -o people.spid
+    spid-dump -q --npy plain -o /dev/null people.spid
+    cat >hide.py <<'P'
+import shutil, sys
+import numpy as np
+for name, label, paint in (("hidden", 15, 0), ("painted", 15, 200), ("seen", 1, 200)):
+    shutil.copytree("plain", name)
+    for array, value in (("label", label), ("rgb", paint)):
+        a = np.load(f"plain/IMAG.{array}.npy").copy()
+        a[1:, 75:100, 45:75] = value      # not of the source, frame 0
+        np.save(f"{name}/IMAG.{array}.npy", a)
+P
+    "$PYTHON" hide.py
+    for name in hidden painted seen; do
+        spid-pack -q -o $name.spid $name
+        spid-eval -q -f tsv --people $name.spid --known motion --count 1 \
+            --no-cross --no-ablations -m model >$name.tsv
+    done
+    grep -q '^SpiD' hidden.tsv
+    cmp hidden.tsv painted.tsv
+    ! cmp -s hidden.tsv seen.tsv
+}
