@@ -42,11 +42,13 @@ train() {
 @test "two processes give the loss curve of one" {
     command -v mpirun || skip "no mpirun"
     ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
-    train -q -c "$DIR/m.json" -o "$DIR/one" "$DIR/p.spid"
+    # sums in another order differ in the last digit; short steps keep it small
+    sed 's/"rate":1e-3/"rate":1e-4/' "$DIR/m.json" >"$DIR/slow.json"
+    train -q -c "$DIR/slow.json" -o "$DIR/one" "$DIR/p.spid"
     # MPI's plugins are gone when leaks are looked for: nothing to suppress by
     export ASAN_OPTIONS=$ASAN_OPTIONS:detect_leaks=0
     mpirun --allow-run-as-root --oversubscribe -n 2 spid-train --head "$HEAD" \
-        -q -c "$DIR/m.json" -o "$DIR/two" "$DIR/p.spid"
+        -q -c "$DIR/slow.json" -o "$DIR/two" "$DIR/p.spid"
     paste "$DIR/one/log.tsv" "$DIR/two/log.tsv" | awk -v m=13 'NR > 1 {
         n = NF / 2; d = ($2 - $(n + 2)) / $2; if (d < 0) d = -d
         print $2, $(n + 2); if (d > 1e-3) bad = 1 } END { exit bad }'
