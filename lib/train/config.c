@@ -55,6 +55,7 @@ static const struct key keys[] = {
     {"loss.mesh", KIND_FLOAT, TERM(TERM_MESH), 0, 1e6, 0},
     {"loss.feature", KIND_FLOAT, TERM(TERM_FEATURE), 0, 1e6, 0},
     {"loss.change", KIND_FLOAT, TERM(TERM_CHANGE), 0, 1e6, 0},
+    {"loss.huber", KIND_FLOAT, AT(geometry.huber), 0, 1e6, 0},
     {"loss.square_landmarks", KIND_BOOL, AT(geometry.square_landmarks), 0, 1,
      1},
     {"loss.anchor_start", KIND_DOUBLE, AT(anchor_start), 0, 1e3, 1},

@@ -12,7 +12,8 @@
 #include "lib/data/data.h"
 #include "lib/train/expression_features.h"
 
-/* Terms, in the order of the log. */
+/* Terms, in the order of the log.  |x| is Huber's function where
+ * motion_weights.huber asks for it. */
 enum motion_term {
     TERM_VERTEX,        /* mean |V_d - V_d*| per coordinate, head units */
     TERM_ROTATION,      /* mean |R - R*| per entry */
@@ -38,6 +39,9 @@ extern const char *const motion_term_name[TERM_COUNT];
 struct motion_weights {
     float term[TERM_COUNT];     /* paper: 100, 10, 5, 10, and 1 with squares */
     bool square_landmarks;
+    float huber;                /* where squares end, in the unit of each term
+                                 * but rotation, translation and eye; 0: the
+                                 * plain distance everywhere */
 };
 
 /* A predicted motion put together: what drives the avatar. */

@@ -205,11 +205,11 @@ static void check_guard(const char *data)
 
 static double resume_evaluate(float *dout, const float *out,
                               const struct data_frame *f, struct square q,
-                              struct motion_loss *l, int square)
+                              struct motion_loss *l, bool square, float huber)
 {
     struct motion_weights w = {
         .term = {100, 10, 5, 10, 1, 1, 1, 1, 1, 1, l->partner ? 0.5f : 0},
-        .square_landmarks = square};
+        .square_landmarks = square, .huber = huber};
     double parts[TERM_COUNT] = {0};
     struct motion_state s;
     float ignore[MOTION_OUT] = {0};
@@ -217,8 +217,9 @@ static double resume_evaluate(float *dout, const float *out,
     return motion_loss(dout ? dout : ignore, parts, &s, out, f, q, &w, 1, l);
 }
 
-static void check_gradient(const struct head *h, const char *data,
-                           int square, bool paired)
+static void check_gradient(const char *what, const struct head *h,
+                           const char *data, bool square, float huber,
+                           bool paired)
 {
     struct error err = {0};
     struct data_reader *in = data_open(&data, 1, 1.5, &err);
@@ -247,22 +248,21 @@ static void check_gradient(const struct head *h, const char *data,
         motion_error(&partner, out, &p.frame[0], p.frame[0].crop, &l);
         l.partner = &partner;
     }
-    resume_evaluate(dout, out, &p.frame[1], p.frame[1].crop, &l, square);
+    resume_evaluate(dout, out, &p.frame[1], p.frame[1].crop, &l, square,
+                    huber);
     for (int i = 0; i < MOTION_OUT; i += i < 16 ? 1 : 7) {
         double f[2];
         for (int k = 0; k < 2; k++) {
             memcpy(c, out, sizeof c);
             c[i] += (float)(k ? e : -e);
             f[k] = resume_evaluate(NULL, c, &p.frame[1], p.frame[1].crop, &l,
-                                   square);
+                                   square, huber);
         }
         worst = fmax(worst, fabs((f[1] - f[0]) / (2 * e) - dout[i]) /
                                 (fabs(dout[i]) + 0.3));
     }
     /* |x| is not smooth: some of 360 coordinates cross zero in a step. */
-    expect(paired   ? "motion loss gradient, of a pair"
-           : square ? "motion loss gradient, squared landmarks"
-                    : "motion loss gradient", worst, 0, 0.02);
+    expect(what, worst, 0, 0.02);
     motion_loss_release(&l);
     identity_release(&id);
     data_person_release(&p);
@@ -279,9 +279,11 @@ int main(void)
     snprintf(data, sizeof data, "%s/people.spid", folder);
     toy_head(&h, 8);
     toy_stream(data, &h, 5, 4, 96);
-    check_gradient(&h, data, 0, false);
-    check_gradient(&h, data, 1, false);
-    check_gradient(&h, data, 0, true);
+    check_gradient("motion loss gradient", &h, data, false, 0, false);
+    check_gradient("squared landmarks", &h, data, true, 0, false);
+    check_gradient("of a pair", &h, data, false, 0, true);
+    check_gradient("Huber's", &h, data, false, 1, true);
+    check_gradient("Huber's, all but squares", &h, data, false, 100, true);
     check_running_norm(&h, data);
     check_guard(data);
     check_resume(&h, data);
