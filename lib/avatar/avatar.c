@@ -195,8 +195,11 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
                          &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);
+    if (a->config.rgb_skip && dynamic.n)
+        dynamic_branch_reach(a->reach, &a->source, &a->dynamic);
     if (a->config.rgb_skip)
-        memcpy(a->reach, a->weights.reach, dynamic.n * sizeof *a->reach);
+        memcpy(a->reach + a->first[BRANCH_MOUTH], a->mouth.reach,
+               mouth.n * sizeof *a->reach);
     place_of_source(a->uv, a->all.seen, a->all.mean, src->cam, a->all.n);
     memset(a->light, 0, sizeof a->light);
     if (a->config.rgb_skip && dynamic.n)

@@ -124,6 +124,26 @@ void branch_prior_backward(struct branch_set *dout, float *dvisible,
     }
 }
 
+/* ---- steps and colours ------------------------------------------------- */
+
+float branch_ramp(float x, float lo, float hi)
+{
+    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
+
+    return t * t * (3 - 2 * t);
+}
+
+float branch_likeness(const float rgb[3], const float like[3])
+{
+    const float a = rgb[0] + rgb[1] + rgb[2] + 1e-3f;
+    const float b = like[0] + like[1] + like[2] + 1e-3f;
+    float off = 0;
+
+    for (int c = 0; c < 3; c++)
+        off += fabsf(rgb[c] / a - like[c] / b);
+    return (1 - branch_ramp(off, 0.05f, 0.1f)) * branch_ramp(a / b, 0.3f, 0.5f);
+}
+
 /* ---- initial weights --------------------------------------------------- */
 
 void branch_scale_tensor(struct params *ps, const char *name, float factor)

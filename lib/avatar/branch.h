@@ -76,6 +76,13 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
 void branch_prior_backward(struct branch_set *dout, float *dvisible,
                            const struct branch_prior *p, bool used);
 
+/* ---- steps and colours ------------------------------------------------- */
+
+/* Smooth step from 0 at lo to 1 at hi. */
+float branch_ramp(float x, float lo, float hi);
+/* How much a colour (3) is like another in hue and not much darker, 0..1. */
+float branch_likeness(const float rgb[3], const float like[3]);
+
 /* ---- initial weights --------------------------------------------------- */
 
 /* The named tensor times factor; nothing when there is no such tensor. */

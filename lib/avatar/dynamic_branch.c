@@ -19,6 +19,9 @@
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
 #define REACH 2.0f      /* standard deviations that they are seen to */
+#define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
+#define PARTED_MM 1.0f  /* lips with this gap are still closed, */
+#define OPEN_MM 4.0f    /* with this one open */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 
 /* ---- colours for hidden vertices --------------------------------------- */
@@ -167,7 +170,7 @@ int dynamic_branch_plan(struct dynamic_branch *b, size_t points,
         {&b->pixel, 4 * D, false}, {&b->h, D * b->width, false},
         {&b->in, D * b->inputs, false}, {&b->din, D * b->inputs, true},
         {&b->logit, 3 * D, false}, {&b->trust, D, false},
-        {&b->hull, D, false},
+        {&b->skin, D, false}, {&b->hull, D, false},
         {&b->tmp, 7 * V, false}, {(float **)&b->level, V, false}
     };
 
@@ -207,14 +210,6 @@ static float dynamic_branch_facing(const struct dynamic_branch *b, size_t k,
     return dot / sqrtf(len);
 }
 
-/* Smooth step from 0 at lo to 1 at hi. */
-static float dynamic_branch_ramp(float x, float lo, float hi)
-{
-    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
-
-    return t * t * (3 - 2 * t);
-}
-
 /* Geometry of the densified source: vertices, normals, spacing, places. */
 static void dynamic_branch_geometry(const struct source_mesh *mesh,
                                     struct dynamic_branch *b)
@@ -226,6 +221,7 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     densify_forward(b->normals, mesh->normals, b->dense, 3);
     densify_spacing(b->spacing, mesh->verts, b->dense);
     b->lid = mesh->weights->lid;
+    b->seam = mesh->weights->seam;
     for (size_t k = 0; k < b->count && b->prior; k++)
         b->spacing[k] *= mesh->weights->stretch[k];
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
@@ -268,7 +264,64 @@ static void dynamic_branch_hull(const struct source_picture *picture,
         for (int i = 0; i < 4; i++)
             least = dynamic_branch_behind(mesh, at + 2 * i, z)
                   ? fminf(least, rgba[4 * i + 3]) : 0;
-        b->hull[k] = dynamic_branch_ramp(least, 0.5f, 0.95f);
+        b->hull[k] = branch_ramp(least, 0.5f, 0.95f);
+    }
+}
+
+/* Mean of rgba (V,4) over vertices of region (any: -1) as bright as `least` and
+ * more; returns their weight. */
+static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
+                                 const int32_t *regions, int region,
+                                 float least)
+{
+    float sum = 0;
+
+    memset(rgb, 0, 3 * sizeof *rgb);
+    for (size_t v = 0; v < b->dense->V; v++) {
+        const float *p = b->pixel + 4 * v, w = b->trust[v];
+
+        if (!(w > 0.2f) || p[0] + p[1] + p[2] < 3 * least ||
+            (region >= 0 && (!regions || regions[v] != region)))
+            continue;
+        sum += w;
+        for (int c = 0; c < 3; c++)
+            rgb[c] += w * p[c];
+    }
+    for (int c = 0; c < 3; c++)
+        rgb[c] /= fmaxf(sum, 1e-6f);
+    return sum;
+}
+
+/* How far the source's lips are closed. */
+static void dynamic_branch_close(const struct source_mesh *mesh,
+                                 struct dynamic_branch *b)
+{
+    struct head_mouth lips;
+
+    head_mouth(&lips, mesh->head, mesh->posed);
+    b->closed = 1 - branch_ramp(lips.gap / mesh->head->scale * 1e3f,
+                                PARTED_MM, OPEN_MM);
+}
+
+/* What of the neck shows cloth or hair keeps that to itself: what the jaw
+ * hides is skin. */
+static void dynamic_branch_bare(const struct source_mesh *mesh,
+                                struct dynamic_branch *b)
+{
+    const int32_t *regions = mesh->head->region, *edge = b->dense->edge;
+    const size_t V = b->dense->V;
+    float skin[3];
+
+    memcpy(b->skin, b->trust, b->count * sizeof *b->skin);
+    if (!regions || !(dynamic_branch_mean(skin, b, regions, REGION_FACE, 0) >
+                      1))
+        return;
+    for (size_t k = 0; k < b->count; k++) {
+        const size_t i = k < V ? k : (size_t)edge[2 * (k - V)];
+        const size_t j = k < V ? k : (size_t)edge[2 * (k - V) + 1];
+
+        if (regions[i] == REGION_NECK && regions[j] == REGION_NECK)
+            b->skin[k] *= branch_likeness(b->pixel + 4 * k, skin);
     }
 }
 
@@ -281,6 +334,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
     float eye[3], *rgb = b->logit;
 
+    dynamic_branch_close(mesh, b);
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
@@ -293,39 +347,46 @@ static void dynamic_branch_start(const struct source_picture *picture,
 
         b->facing[k] = extra[0] = nv;
         extra[1] = b->seen[k];
-        extra[2] = b->seen[k] * dynamic_branch_ramp(nv, 0.05f, 0.4f);
+        extra[2] = b->seen[k] * branch_ramp(nv, 0.05f, 0.4f);
         extra[3] = matte;
-        b->trust[k] = extra[2] * dynamic_branch_ramp(matte, 0.5f, 0.9f) *
-                      (1 - b->lid[k]);
+        b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
+                      (1 - b->lid[k]) * (1 - mesh->weights->lining[k]) *
+                      (1 - b->closed * b->seam[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
         b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                              dynamic_branch_ramp(matte, 0, 0.4f);
+                              branch_ramp(matte, 0, 0.4f);
         b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);
     }
-    dynamic_branch_spread(rgb, b->trust, mesh->weights->mirror, b->dense,
+    dynamic_branch_bare(mesh, b);
+    dynamic_branch_spread(rgb, b->skin, mesh->weights->mirror, b->dense,
                           b->level, b->tmp);
+    for (size_t i = 0; i < 3 * b->count; i++)
+        rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
+                  (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
     lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }
 
-/* How far the source shows Gaussian k, as dynamic_branch_start wrote it. */
+/* How far the source shows Gaussian k, as dynamic_branch_start wrote it, and
+ * in what light it will be. */
 static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
 {
-    return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2];
+    return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
+           (1 - b->closed * b->seam[k]);
 }
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
  * outline included: there nothing may hide what is beside the head.  Upper lids
  * do not count: closed, they must hide the eyeballs, which the decoder has not
- * learned. */
+ * learned; nor the lips' inner edge, which must be one against the teeth. */
 static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
 {
-    return b->seen[k] * dynamic_branch_ramp(b->facing[k], -0.4f, -0.1f) *
-           (1 - b->lid[k]);
+    return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
+           (1 - b->lid[k]) * (1 - b->seam[k]);
 }
 
 /* What the source does not show is the prior's alone, dense and round: the
@@ -406,7 +467,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
         /* beside the person too: there the photograph's matte is clear; and
          * on the face's very outline, which nothing else could show */
         out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
-                                  dynamic_branch_ramp(b->facing[k], -0.2f,
+                                  branch_ramp(b->facing[k], -0.2f,
                                                       0.05f)
                                 : 0;
     }
@@ -441,43 +502,33 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                          b->n, b->n, Cf, b->count, false, RESAMPLE_BORDER);
 }
 
+void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
+                          const struct dynamic_branch *b)
+{
+    for (size_t k = 0; k < b->count; k++) {
+        const float seam = b->closed * b->seam[k];
+
+        reach[k] = mesh->weights->reach[k];
+        if (seam > 0.1f && !(reach[k] > 0))
+            reach[k] = SEAM_MM * 1e-3f * mesh->head->scale / seam;
+    }
+}
+
 void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b)
 {
     light_fit(l, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
 }
 
-/* Mean of rgba (V,4) over vertices of region (any: -1) as bright as `least` and
- * more; returns their weight. */
-static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
-                                 const int32_t *regions, int region,
-                                 float least)
-{
-    float sum = 0;
-
-    memset(rgb, 0, 3 * sizeof *rgb);
-    for (size_t v = 0; v < b->dense->V; v++) {
-        const float *p = b->pixel + 4 * v, w = b->trust[v];
-
-        if (!(w > 0.2f) || p[0] + p[1] + p[2] < 3 * least ||
-            (region >= 0 && (!regions || regions[v] != region)))
-            continue;
-        sum += w;
-        for (int c = 0; c < 3; c++)
-            rgb[c] += w * p[c];
-    }
-    for (int c = 0; c < 3; c++)
-        rgb[c] /= fmaxf(sum, 1e-6f);
-    return sum;
-}
-
-/* The brighter half of the eyeballs' visible vertices, twice over. */
+/* The brighter half of the eyeballs' visible vertices, twice over; and no less
+ * than what makes the palest skin as bright as the face. */
 void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b)
 {
+    static const float pale[3] = {0.9f, 0.78f, 0.68f};
     const int32_t *regions = mesh->head->region;
-    float gray = 0, n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
-                                            0);
+    float skin[3], gray = 0;
+    float n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL, 0);
     const bool eyes = n > 8;
 
     for (int i = 0; i < 2 && eyes; i++)
@@ -487,7 +538,10 @@ void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
         dynamic_branch_mean(white, b, regions, -1, 0);
     for (int c = 0; c < 3; c++)
         gray += white[c] / 3;
-    for (int c = 0; c < 3; c++)     /* lids shade the one, the other is tan */
-        white[c] = fminf(fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray), 0.2f),
-                         1);
+    dynamic_branch_mean(skin, b, regions, REGION_FACE, 0);
+    for (int c = 0; c < 3; c++) {   /* lids shade the one, the other is tan */
+        white[c] = fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray),
+                         skin[c] / pale[c]);
+        white[c] = fminf(fmaxf(white[c], 0.2f), 1);
+    }
 }

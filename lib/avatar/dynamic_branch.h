@@ -48,8 +48,11 @@ struct dynamic_branch {
     float *logit;                       /* (D,3) RGB to start from */
     float *hull;                        /* (D) 1 where all of a Gaussian lies
                                          * on the person in the picture */
-    const float *lid;                   /* (D) upper lids: the mesh's weights */
-    float *trust;                       /* (D) in the sampled colour */
+    const float *lid, *seam;            /* (D) upper lids, where lips meet: the
+                                         * mesh's weights */
+    float *trust;                       /* (D) in the sampled colour, */
+    float *skin;                        /* (D) and in its being skin */
+    float closed;                       /* 1: the source's lips are, 0: open */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
     float *block;                       /* what the arrays are part of */
@@ -83,6 +86,11 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const float *features,
                              const struct source_mesh *mesh,
                              struct dynamic_branch *b);
+
+/* reach (D) of gaussian_seen, head units: of lids; and of closed lips where
+ * they meet, for the photograph shows them in each other's shadow. */
+void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
+                          const struct dynamic_branch *b);
 
 /* l (3): the light on the source, from the colours the last forward found on
  * the mesh's vertices (light.h). */

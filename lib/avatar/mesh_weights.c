@@ -7,6 +7,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/avatar/branch.h"
+#include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
 
 #define JAW_ANGLE 0.2f      /* radians the jaw is thought to open */
@@ -16,6 +18,10 @@
 #define LID_MM 2.0f
 #define LID_REACH 0.3f      /* of their way is seen in the photograph, */
 #define LID_REACH_MM 1.5f   /* and so much, for brows pull at them */
+#define SEAM_MM 1.0f        /* lips are in the other's shadow so near to it, */
+#define SEAM_END_MM 4.0f    /* and not from here on */
+#define DROP 0.4f           /* radians of a mouth wide open, */
+#define DROP_MOST 2.5f      /* and the most that counts of what it stretches */
 #define MARGIN 0.9f         /* and their margin by this share of the most */
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
@@ -121,6 +127,49 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
     }
 }
 
+/* By the distance to the nearest vertex of the inner lips' ring. */
+static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
+                              const struct densify *d)
+{
+    for (size_t v = 0; v < h->V; v++) {
+        const float *x = h->v_template + 3 * v;
+        float nearest = 1e6f;
+
+        for (size_t i = 0; i < h->nlip_inner; i++) {
+            const float *y = h->v_template + 3 * (size_t)h->lip_inner[i];
+            const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
+
+            nearest = fminf(nearest, mesh_weights_norm(off));
+        }
+        w->seam[v] = 1 - branch_ramp(nearest / h->scale * 1e3f, SEAM_MM,
+                                           SEAM_END_MM);
+    }
+    densify_midpoints(w->seam + h->V, w->seam, d, 1);
+}
+
+/* What the mean head's skin stretches by when the jaw drops; posed (V,3) and
+ * wide (V+E) are scratch. */
+static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
+                             const struct densify *d, float *posed,
+                             float *wide, struct error *err)
+{
+    const struct head_motion drop = {.jaw = {DROP}};
+    struct identity mean;
+
+    if (head_fold(&mean, h, NULL, 0, err))
+        return -1;
+    head_pose(posed, &mean, &drop);
+    identity_release(&mean);
+    densify_spacing(wide, posed, d);
+    densify_spacing(w->seam, h->v_template, d);     /* scratch, too */
+    for (size_t k = 0; k < h->V + d->E; k++) {
+        const float by = wide[k] / fmaxf(w->seam[k], 1e-6f);
+
+        w->stretch[k] = fmaxf(w->stretch[k], fminf(by, DROP_MOST));
+    }
+    return 0;
+}
+
 /* One pass over the vertices, then means for the midpoints. */
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err)
@@ -136,9 +185,11 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->stretch = malloc(D * sizeof *w->stretch);
     w->fold = malloc(D * sizeof *w->fold);
     w->reach = malloc(D * sizeof *w->reach);
+    w->seam = malloc(D * sizeof *w->seam);
     float *scratch = malloc((3 * V + D) * sizeof *scratch);
     if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
-        !w->stretch || !w->fold || !w->reach || !scratch) {
+        !w->stretch || !w->fold || !w->reach || !w->seam ||
+        !scratch) {
         free(scratch);
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     }
@@ -155,11 +206,13 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     }
     densify_midpoints(w->neck + V, w->neck, d, 1);
     densify_midpoints(w->lining + V, w->lining, d, 1);
-    for (size_t k = V; k < D; k++)      /* an edge to the lips is lip */
-        w->lining[k] = w->lining[k] == 1;
+    for (size_t k = V; k < D; k++)      /* no edge to the lips hangs out */
+        w->lining[k] = w->lining[k] > 0;
     mesh_weights_lids(w, h, d, scratch, scratch + 3 * V);
+    int rc = mesh_weights_drop(w, h, d, scratch, scratch + 3 * V, err);
     free(scratch);
-    return head_mirror_vertices(w->mirror, h, err);
+    mesh_weights_seam(w, h, d);
+    return rc ? -1 : head_mirror_vertices(w->mirror, h, err);
 }
 
 void mesh_weights_release(struct mesh_weights *w)
@@ -171,6 +224,7 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->lid);
     free(w->fold);
     free(w->reach);
+    free(w->seam);
     free(w->stretch);
     memset(w, 0, sizeof *w);
 }

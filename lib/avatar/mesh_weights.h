@@ -22,8 +22,11 @@ struct mesh_weights {
     float *reach;           /* (V+E) how far lids may move, head units, before
                              * the photograph, which shows them in folds, is
                              * not believed (gaussian_seen); 0 elsewhere */
+    float *seam;            /* (V+E) 1 where the lips meet, 0 a few mm from
+                             * there */
     float *stretch;         /* (V+E) neighbours' distance there on closed lids
-                             * over that on open ones, at least 1 */
+                             * and at a dropped jaw over that at rest, at
+                             * least 1 */
     size_t *mirror;         /* (V) the vertex across the face */
 };
 

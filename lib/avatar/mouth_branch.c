@@ -10,6 +10,7 @@
 #include "lib/geom/resample.h"
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */
+#define JAW_MM 4.5f     /* of the chin's way change what is between the lips */
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -102,6 +103,7 @@ int mouth_branch_plan(struct mouth_branch *b, struct nn_options opt,
         {&b->place, 2 * M, false}, {&b->sampled, M * b->feature, false},
         {(float **)&b->teeth, M * sizeof *b->teeth / sizeof(float), false},
         {&b->jaw, 3 * M, false}, {&b->pixel, 4 * M, false},
+        {&b->shown, M, false}, {&b->reach, M, false},
         {&b->in, M * b->inputs, false},
         {&b->din, M * b->inputs, true}, {&b->logit, 3 * M, false},
         {&b->q, 3 * M, false}, {&b->dq, 3 * M, true}
@@ -126,14 +128,6 @@ void mouth_branch_release(struct mouth_branch *b)
     memset(b, 0, sizeof *b);
 }
 
-/* Smooth step from 0 at lo to 1 at hi. */
-static float mouth_branch_ramp(float x, float lo, float hi)
-{
-    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
-
-    return t * t * (3 - 2 * t);
-}
-
 /* How much of the mouth's inside the source shows at (u, v): 1 between open
  * lips, 0 on the lips and outside. */
 static float mouth_branch_opening(const struct head_mouth *m,
@@ -145,13 +139,23 @@ static float mouth_branch_opening(const struct head_mouth *m,
     if (half < 0.02f || shape >= 1)
         return 0;
     float edge = half * sqrtf(1 - shape);
-    return 1 - mouth_branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
+    return 1 - branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
+}
+
+/* A cell in which the photograph shows something else, lips or their shadow,
+ * is like the photograph only while the jaw is where it was. */
+static float mouth_branch_reach(const struct teeth_cell *t, float mm,
+                                float like)
+{
+    const float still = hypotf(t->jaw[1], t->jaw[2]) * JAW_MM * mm;
+
+    return like < 0.99f ? still / (1 - like) : 0;
 }
 
 /* The prior: extra columns of the decoder's input, and the colours it starts
- * from; white: the light in the picture. */
+ * from; white: the light in the picture, mm: a millimetre. */
 static void mouth_branch_start(const struct source_picture *picture,
-                               const float white[3], float r,
+                               const float white[3], float r, float mm,
                                struct mouth_branch *b)
 {
     source_picture_sample(b->pixel, picture, b->place, b->count);
@@ -160,15 +164,20 @@ static void mouth_branch_start(const struct source_picture *picture,
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
         float w = mouth_branch_opening(&b->lips, uv, r) * pixel[3];
 
-        extra[0] = w = teeth_hidden(b->teeth, b->K, k) ? 0 : w;
-        extra[1] = b->lips.gap / r;
-        for (int c = 0; c < 3; c++) {
-            float *own = &b->teeth[k].color[c];
+        float *own = b->teeth[k].color;
 
-            *own *= white[c];
+        for (int c = 0; c < 3; c++)
+            own[c] *= white[c];
+        if (teeth_hidden(b->teeth, b->K, k))
+            w = 0;
+        b->shown[k] = w;
+        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm,
+                                         branch_likeness(pixel, own));
+        extra[0] = w *= branch_likeness(pixel, own);
+        extra[1] = b->lips.gap / r;
+        for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(w * pixel[c] +
-                                                  (1 - w) * *own);
-        }
+                                                  (1 - w) * own[c]);
     }
 }
 
@@ -178,8 +187,9 @@ static float mouth_branch_radius(const struct mouth_branch *b)
     return fmaxf(b->lips.radius, 1e-3f);
 }
 
-/* How much of cell k the source shows, as mouth_branch_start wrote it. */
-static float mouth_branch_shown(const struct mouth_branch *b, size_t k)
+/* How much of cell k's colour is the source's, as mouth_branch_start wrote
+ * it. */
+static float mouth_branch_own(const struct mouth_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - MOUTH_BRANCH_EXTRA];
 }
@@ -192,7 +202,7 @@ static void mouth_branch_unseen(struct branch_set *out,
 {
     for (size_t k = 0; k < b->count; k++) {
         const struct teeth_cell *t = &b->teeth[k];
-        float w = mouth_branch_shown(b, k), *color = out->color +
+        float w = mouth_branch_own(b, k), *color = out->color +
                                                      k * out->channels;
 
         for (size_t c = 0; c < out->channels; c++)
@@ -202,7 +212,7 @@ static void mouth_branch_unseen(struct branch_set *out,
         memcpy(out->mean + 3 * k, t->mean, sizeof t->mean);
         memcpy(b->jaw + 3 * k, t->jaw, sizeof t->jaw);
         out->opacity[k] = SOLID;
-        out->seen[k] = w;
+        out->seen[k] = b->shown[k];
     }
 }
 
@@ -214,7 +224,7 @@ static void mouth_branch_unseen_backward(struct branch_set *dout,
     const size_t C = dout->channels;
 
     for (size_t i = 0; i < b->count * C; i++)
-        dout->color[i] *= mouth_branch_shown(b, i / C);
+        dout->color[i] *= mouth_branch_own(b, i / C);
     memset(dout->scale, 0, 3 * b->count * sizeof *dout->scale);
     memset(dout->quat, 0, 4 * b->count * sizeof *dout->quat);
     memset(dout->opacity, 0, b->count * sizeof *dout->opacity);
@@ -272,7 +282,7 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     float r = mouth_branch_radius(b);
     mouth_branch_inputs(features, r, mesh, b);
     if (b->prior)
-        mouth_branch_start(picture, white, r, b);
+        mouth_branch_start(picture, white, r, 1e-3f * mesh->head->scale, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);
     conv_decoder_forward(&raw, b->in, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);

@@ -23,22 +23,15 @@ struct teeth_row {
 
 static const struct teeth_row teeth_rows[2] = {
     {{8.5f, 6.5f, 7.5f, 7}, {10.5f, 9, 10, 8.5f}, {0, 0.7f, 0.2f, 1.2f},
-     {1, 0.95f, 0.84f, 0.66f}, {-1.2f, 0.2f}, 1, 0.12f},
+     {1, 0.88f, 0.64f, 0.4f}, {-3.5f, 0.2f}, 1, 0.12f},
     {{5.3f, 5.9f, 6.8f, 7}, {8.8f, 9, 10, 8.5f}, {0, 0, 0.1f, 0.6f},
-     {0.94f, 0.9f, 0.8f, 0.62f}, {-0.2f, -1.9f}, -1, 0.06f}
+     {0.9f, 0.82f, 0.62f, 0.38f}, {-2, -1.9f}, -1, 0.06f}
 };
 static const float teeth_enamel[3] = {0.90f, 0.85f, 0.76f};
 static const float teeth_gum[3] = {0.78f, 0.50f, 0.48f};
-static const float teeth_dark[3] = {0.17f, 0.06f, 0.06f};
-static const float teeth_tongue[3] = {0.46f, 0.22f, 0.21f};
-
-/* Smooth step from 0 at lo to 1 at hi. */
-static float teeth_ramp(float x, float lo, float hi)
-{
-    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
-
-    return t * t * (3 - 2 * t);
-}
+static const float teeth_cheek[3] = {0.24f, 0.10f, 0.09f};
+static const float teeth_palate[3] = {0.42f, 0.24f, 0.23f};
+static const float teeth_tongue[3] = {0.66f, 0.42f, 0.38f};
 
 /* x, mm, at length a along the parabola, by Newton's method. */
 static float teeth_along(float a)
@@ -102,12 +95,14 @@ static void teeth_behind(struct teeth_cell *c, float u, float v, float step,
                          float columns)
 {
     const float x = 27 * u;
-    const float tongue = teeth_ramp(-v, 0.1f, 0.5f) *
-                         teeth_ramp(-fabsf(u), -0.7f, -0.3f);
+    const float middle = branch_ramp(-fabsf(u), -0.75f, -0.3f);
+    const float tongue = branch_ramp(-v, -0.05f, 0.45f) * middle;
 
-    for (int k = 0; k < 3; k++)
-        c->color[k] = teeth_dark[k] +
-                      tongue * (teeth_tongue[k] - teeth_dark[k]);
+    for (int k = 0; k < 3; k++) {
+        c->color[k] = teeth_cheek[k] +
+                      middle * (teeth_palate[k] - teeth_cheek[k]);
+        c->color[k] += tongue * (teeth_tongue[k] - c->color[k]);
+    }
     c->mean[0] = x;
     c->mean[1] = v > 0 ? 16 * v : 24 * v;
     c->mean[2] = -ARCH * x * x - 10 - 12 * (1 - u * u) + 6 * tongue;
@@ -123,7 +118,7 @@ static struct teeth_cell teeth_cell_make(float *share, size_t i, size_t j,
     const float n = (float)K, u = (float)(2 * j + 1) / n - 1;
     struct teeth_cell c = {.quat = {1}, .layer = TEETH_UPPER};
 
-    *share = 0;
+    *share = TEETH_TELL;
     if (i < upper) {
         teeth_crown(&c, &teeth_rows[0], u, i, upper, n);
     } else if (i < upper + lower) {

@@ -10,6 +10,10 @@
 
 #include "lib/head/head.h"
 
+/* The upper teeth's share of the jaw's way: too little to be seen, but a reach
+ * (gaussian_seen) tells by it that the jaw has moved. */
+#define TEETH_TELL 0.02f
+
 enum teeth_layer { TEETH_UPPER, TEETH_LOWER, TEETH_BACK };
 
 /* A cell of the grid; lengths in head units. */
@@ -17,7 +21,8 @@ struct teeth_cell {
     float mean[3];      /* at the source's pose */
     float scale[3], quat[4];
     float color[3];     /* under white light, 0..1 */
-    float jaw[3];       /* how it goes with the chin (lib/geom/drive.h) */
+    float jaw[3];       /* how it goes with the chin (lib/geom/drive.h): the
+                         * lower teeth all the way, the upper hardly */
     enum teeth_layer layer;
 };
 

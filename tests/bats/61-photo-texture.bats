@@ -131,9 +131,10 @@ PY
     [ ! -e a.y4m ] && [ ! -e a.png ]
 }
 
-# lids ME.spid LID...: its own motion with the lids closed so far, a frame each.
-lids() {
-    PYTHONPATH=$TOP/examples "$PYTHON" - "$@" >lids.spid <<'PY'
+# moved ME.spid lid|jaw ANGLE...: its own motion with the lids closed or the jaw
+# dropped so far, a frame each.
+moved() {
+    PYTHONPATH=$TOP/examples "$PYTHON" - "$@" <<'PY'
 import struct
 import sys
 import spidstream
@@ -142,10 +143,44 @@ for rec in spidstream.read_stream(open(sys.argv[1], 'rb')):
     if rec.type == 'CONF':
         w.write(rec)
     if rec.type == 'MOTN':
-        for rec.frame, lid in enumerate(map(float, sys.argv[2:])):
-            rec.arrays['lid'].data = struct.pack('<2f', lid, lid)
+        for rec.frame, x in enumerate(map(float, sys.argv[3:])):
+            both = (x, x) if sys.argv[2] == 'lid' else (x, 0, 0)
+            rec.arrays[sys.argv[2]].data = struct.pack('<%df' % len(both), *both)
             w.write(rec)
 w.end()
+PY
+}
+
+# mouths MESH.spid PICTURES.y4m: a line a frame, what is between the lips in the
+# middle: how bright its brightest row is in green, and its darkest, in per cent
+# of the chin's mean.
+mouths() {
+    rm -rf mesh && spid-dump --npy mesh --only MESH "$1"
+    "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
+import json
+import subprocess
+import sys
+import numpy as np
+raw = open(sys.argv[1], 'rb').read()
+n = int.from_bytes(raw[:8], 'little')
+entry = json.loads(raw[8:8 + n])
+def head(name, dtype):
+    a, b = entry[name]['data_offsets']
+    return np.frombuffer(raw[8 + n + a:8 + n + b], dtype).reshape(entry[name]['shape'])
+verts = np.load('mesh/MESH.verts.npy')
+cams = np.load('mesh/MESH.cam.npy').reshape(-1, 3, 4)
+green = np.frombuffer(subprocess.run(
+    ['ffmpeg', '-v', 'error', '-i', sys.argv[2], '-f', 'rawvideo', '-pix_fmt',
+     'rgb24', '-'], capture_output=True, check=True).stdout, 'u1').reshape(-1, 512, 512, 3)[..., 1]
+for v, cam, frame in zip(verts, cams, green):
+    x = (v[head('f', '<i4')[head('landmark_faces', '<i4')]] *
+         head('landmark_bary', '<f4')[:, :, None]).sum(1) @ cam[:, :3].T + cam[:, 3]
+    x, y = (256 * (12 * x[:, :2] / x[:, 2:] + 1)).T
+    middle = slice(round(x[61]), round(x[63]))
+    inside = frame[round(y[62]) + 1:round(y[66]), middle].astype(float)
+    chin = frame[round(0.5 * (y[57] + y[8])):round(y[8]), middle].mean()
+    rows = inside.mean(1) if inside.size else [0]
+    print('%.0f %.0f' % (100 * max(rows) / chin, 100 * min(rows) / chin))
 PY
 }
 
@@ -189,7 +224,7 @@ PY
     set -o pipefail
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
     spid-branches -q --bake own.spid -o baked.spid
-    lids own.spid 0 1
+    moved own.spid lid 0 1 >lids.spid
     spid-flame -q -i baked.spid lids.spid -o mesh.spid
     spid-branches -q -i baked.spid mesh.spid -o gaus.spid
     spid-splat -q gaus.spid -o star.y4m
@@ -204,6 +239,21 @@ PY
     # whole sets say how far each is still seen
     spid-branches -q --full -i baked.spid mesh.spid | spid-splat -q -o full.y4m
     cmp star.y4m full.y4m
+}
+
+@test "a dropped jaw shows lit teeth, and no black hole" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$TOP/examples/model
+    set -o pipefail
+    spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
+    spid-branches -q --bake own.spid -o baked.spid
+    moved own.spid jaw 0.1 0.2 0.3 >jaws.spid
+    spid-flame -q -i baked.spid jaws.spid -o mesh.spid
+    spid-branches -q -i baked.spid mesh.spid -o gaus.spid
+    spid-splat -q gaus.spid -o star.y4m
+    mouths mesh.spid star.y4m >mouths
+    cat mouths
+    awk '$1 < 70 || $2 < 20 { bad = 1 } END { exit bad || NR != 3 }' mouths
 }
 
 @test "twice the focal length shows the middle, the photograph too" {

@@ -135,6 +135,50 @@ static void equation_coverage(void)
     free(scratch);
 }
 
+/* Which colours are alike. */
+static void equation_likeness(void)
+{
+    const float skin[3] = {0.58f, 0.43f, 0.38f};
+    const float shade[3] = {0.35f, 0.26f, 0.23f}, dark[3] = {0.12f, 0.09f, 0};
+    const float gray[3] = {0.25f, 0.23f, 0.23f};
+
+    expect("a colour is like itself", branch_likeness(skin, skin), 1, 0);
+    expect("and its shade", branch_likeness(shade, skin), 1, 1e-6);
+    expect("not what is nearly black", branch_likeness(dark, skin), 0, 0);
+    expect("nor a gray hood", branch_likeness(gray, skin), 0, 0);
+}
+
+/* The generic teeth: upper edges over the lower ones and below the closed
+ * lips' middle, enamel brighter than what is behind, the tongue than the
+ * throat. */
+static void equation_teeth(void)
+{
+    enum { K = 32 };
+    struct head head = {.scale = 5};
+    const struct head_mouth rest = {.radius = 0.11f};
+    struct teeth_cell *c = malloc(K * K * sizeof *c);
+    const size_t middle = K / 2, lower = 5 * K / 16 * K + middle;
+    const size_t palate = lower + K / 4 * K, tongue = K * (K - 1) + middle;
+
+    teeth_make(c, &head, &rest, rest.chin, K);
+    check_range("upper front teeth's lowest row, mm from the closed lips",
+                200 * (double)c[middle].mean[1], -3.5, -1.5);
+    check_that("it is before the lower teeth and ends under their edge",
+               c[middle].mean[2] > c[lower].mean[2] &&
+               c[middle].mean[1] - c[middle].scale[1] <
+                   c[lower].mean[1] + c[lower].scale[1]);
+    check_that("front teeth are brighter than side teeth",
+               c[middle].color[1] > 2 * c[0].color[1]);
+    check_that("teeth are brighter than the tongue",
+               c[middle].color[1] > 1.5f * c[tongue].color[1]);
+    check_that("the tongue is brighter than the palate",
+               c[tongue].color[0] > 1.3f * c[palate].color[0]);
+    check_that("and redder than the teeth",
+               c[tongue].color[0] * c[middle].color[1] >
+               1.2f * c[tongue].color[1] * c[middle].color[0]);
+    free(c);
+}
+
 /* Starting values: shifts of sigmoids. */
 static void equation_shifts(void)
 {
@@ -183,6 +227,8 @@ int main(void)
     equation_plane();
     equation_mouth();
     equation_coverage();
+    equation_likeness();
+    equation_teeth();
     equation_shifts();
     equation_spread();
     return check_status();

@@ -9,6 +9,7 @@
 #include <sys/stat.h>
 
 #include "formats/safetensors.h"
+#include "lib/avatar/mesh_weights.h"
 #include "lib/base/random.h"
 #include "lib/head/arkit.h"
 #include "lib/head/head.h"
@@ -401,6 +402,40 @@ static void test_corners(const struct head *h)
     free(n);
 }
 
+/* ---- what an avatar takes from it ---------------------------------------- */
+
+/* Where lips meet, and what a dropped jaw stretches: corners, not the brow. */
+static void test_mouth(const struct head *h)
+{
+    struct densify d;
+    struct mesh_weights w;
+    struct error err = { 0 };
+    float corner = 0, ring = 1, far = 0, most = 0;
+
+    if (densify_init(&d, h->f, h->F, h->V, &err) ||
+        mesh_weights_init(&w, h, &d, &err)) {
+        check_error("weights of the mesh", false, &err);
+        return;
+    }
+    for (size_t i = 0; i < h->nlip_inner; i++) {
+        const size_t v = (size_t)h->lip_inner[i];
+
+        ring = fminf(ring, w.seam[v]);
+        corner = fmaxf(corner, w.stretch[v]);
+    }
+    for (size_t v = 0; v < h->V; v++) {
+        most = fmaxf(most, w.stretch[v]);
+        if (h->region[v] == REGION_NOSE || h->region[v] == REGION_BROW)
+            far = fmaxf(far, fmaxf(w.seam[v], w.stretch[v] - 1));
+    }
+    expect("seam on the inner lips", (double)ring, 1, 0);
+    check_range("stretch of the lips' corners", (double)corner, 1.5, 2.5);
+    check("nose and brows: neither seam nor stretch", (double)far, 0.3);
+    check_range("most stretch", (double)most, 1.5, 4);
+    mesh_weights_release(&w);
+    densify_release(&d);
+}
+
 int main(void)
 {
     struct error err = { 0 };
@@ -416,6 +451,7 @@ int main(void)
     test_lids(&h);
     test_cuts(&h);
     test_corners(&h);
+    test_mouth(&h);
     head_release(&h);
     return check_status();
 }
