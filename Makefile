@@ -37,12 +37,14 @@ MPI_LIBS   := $(shell pkg-config --libs ompi-c)
 endif
 CFLAGS_ALL   += $(JSON_CFLAGS)
 CXXFLAGS_ALL += $(JSON_CFLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
-LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -lz -ldnnl -lopencv_core \
+LIBS := -Wl,--as-needed -lcjson -lxxhash -lpng -ljpeg -lz -ldnnl -lopencv_core \
         -lopencv_imgproc -lopencv_objdetect -lopencv_photo -ltinygltf -lzip \
         $(MPI_LIBS) -lm
-# These bring 250 others along, so they come with a module (formats/media.h).
+# These bring 250 and 130 others along, so they come with modules
+# (formats/module.h).
 MEDIA_LIBS := -Wl,--as-needed -lOpenImageIO -lOpenImageIO_Util -lopencv_core \
         -lopencv_imgproc -lopencv_videoio
+VIDEO_LIBS := -Wl,--as-needed -lavformat -lavcodec -lswscale -lavutil
 
 # ---- sources: a new file is found by where it lies -------------------------
 
@@ -82,12 +84,16 @@ TMPL_DEBUG := $(shell $(CC) -fno-var-tracking-assignments -E -x c /dev/null \
 OBJS := $(PLAIN_C:%.c=$(BUILD)/obj/%.o) $(LIB_CC:%.cc=$(BUILD)/obj/%.o) \
         $(foreach i,$(ISAS),$(TMPL_C:%.c=$(BUILD)/obj/%.$(i).o))
 LIB  := $(BUILD)/libspid.a
-# The module, and what it shares with the programs.
+# The modules, and what they share with the programs.
 MEDIA   := $(BUILD)/lib/spid/media.so
 MEDIA_O := $(patsubst %.cc,$(BUILD)/obj/%.o,\
              $(sort $(wildcard formats/media/*.cc))) \
            $(BUILD)/obj/module/lib/base/error.o \
            $(BUILD)/obj/module/formats/video_name.o
+VIDEO   := $(BUILD)/lib/spid/video.so
+VIDEO_O := $(patsubst %.c,$(BUILD)/obj/module/%.o,\
+             $(sort $(wildcard formats/video/*.c)) \
+             lib/base/error.c lib/base/file.c)
 CMD  := $(BUILD)/libcmd.a
 
 HEAD := $(BUILD)/share/spid/head.safetensors
@@ -97,7 +103,7 @@ HEAD := $(BUILD)/share/spid/head.safetensors
 PLAYER   := $(BUILD)/share/spid/player.html
 PLAYER_SOURCES := $(sort $(wildcard lib/export/web/*))
 
-all: $(PROGRAMS) $(MEDIA) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
+all: $(PROGRAMS) $(MEDIA) $(VIDEO) $(HEAD) $(if $(shell command -v npm),$(BUILD)/web/tried)
 
 # The head model is data: spid-head(1) --from says how it was made.
 $(HEAD): examples/model/head.safetensors
@@ -154,6 +160,11 @@ $(MEDIA): $(MEDIA_O)
 	$(SAY) LD $@
 	$(CXX) -shared $(BASE) $(LDFLAGS) $^ $(MEDIA_LIBS) -o $@
 
+$(VIDEO): $(VIDEO_O)
+	@mkdir -p $(@D)
+	$(SAY) LD $@
+	$(CC) -shared $(BASE) $(LDFLAGS) $^ $(VIDEO_LIBS) -o $@
+
 # A page's style and script as C strings.
 $(BUILD)/gen/report_%.inc: lib/report/%
 	@mkdir -p $(@D)
@@ -201,8 +212,9 @@ $(BUILD)/tests/golden: $(GOLDEN_C:%.c=$(BUILD)/obj/%.o) $(LIB)
 # ---- what people call ------------------------------------------------------
 
 DEPS := build-essential pkg-config libcjson-dev libxxhash-dev libpng-dev \
-        zlib1g-dev \
+        libjpeg62-turbo-dev zlib1g-dev \
         libdnnl-dev libopenimageio-dev libopencv-dev opencv-data \
+        libavformat-dev libavcodec-dev libswscale-dev \
         libtinygltf-dev libzip-dev libopenmpi-dev openmpi-bin ffmpeg \
         gnuplot-nox bats mandoc python3 python3-numpy
 
@@ -267,7 +279,7 @@ install: all
 	install -d "$(DESTDIR)$(PREFIX)/bin" "$(DESTDIR)$(PREFIX)/share/spid" \
 	  "$(DESTDIR)$(PREFIX)/share/man/man1" "$(DESTDIR)$(PREFIX)/share/man/man5"
 	install $(PROGRAMS) "$(DESTDIR)$(PREFIX)/bin"
-	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MEDIA)
+	install -D -t "$(DESTDIR)$(PREFIX)/lib/spid" $(MEDIA) $(VIDEO)
 	install -m 644 $(wildcard man/*.1) "$(DESTDIR)$(PREFIX)/share/man/man1"
 	install -m 644 $(wildcard man/*.5) "$(DESTDIR)$(PREFIX)/share/man/man5"
 	for f in $(BUILD)/share/spid/* examples/model/*.safetensors \

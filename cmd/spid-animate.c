@@ -7,7 +7,7 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
-#include "formats/media.h"
+#include "formats/module.h"
 #include "lib/animate/animation.h"
 #include "lib/animate/joblist.h"
 
@@ -203,7 +203,7 @@ int main(int argc, char **argv)
     first = cli_parse(&usage, argc, argv);
     check_usage(argc - first);
     if (!list_path)
-        media_preload((const char *[]){argv[first], argv[first + 1],
+        module_preload((const char *[]){argv[first], argv[first + 1],
                                        cli.output}, 3);
     option_animation_load(&models, &opt);
     if (list_path) {

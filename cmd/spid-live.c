@@ -5,7 +5,7 @@
 #include <string.h>
 
 #include "cmd/options.h"
-#include "formats/media.h"
+#include "formats/module.h"
 #include "lib/animate/animation.h"
 
 static struct animation_options opt = {
@@ -145,7 +145,7 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
             argc - first);
     p.camera = argv[first + 1];
-    media_preload((const char *[]){argv[first], p.camera}, 2);
+    module_preload((const char *[]){argv[first], p.camera}, 2);
     open_output(&p);
     option_animation_load(&models, &opt);
     rc = open_driver(&p, argv[first], &err);

@@ -9,7 +9,7 @@
 #include "cmd/options.h"
 #include "cmd/take.h"
 #include "formats/framesource.h"
-#include "formats/media.h"
+#include "formats/module.h"
 #include "lib/record/person.h"
 #include "lib/track/conf.h"
 #include "lib/track/driver.h"
@@ -254,7 +254,7 @@ int main(int argc, char **argv)
     if (neutral.given && !relative_path)
         die(EX_USAGE, "--neutral: relative to whom (expected --relative "
             "FILE)");
-    media_preload((const char *const *)argv + first,
+    module_preload((const char *const *)argv + first,
                   (size_t)(argc - first));
     open_model(&p);
     open_input(&p, argv + first, argc - first);

@@ -8,7 +8,7 @@
 #include "formats/draw.h"
 #include "formats/image.h"
 #include "formats/mark.h"
-#include "formats/media.h"
+#include "formats/module.h"
 #include "lib/stream/stream.h"
 #include "lib/track/conf.h"
 #include "lib/track/encoders.h"
@@ -183,7 +183,7 @@ int main(int argc, char **argv)
     int first = cli_parse(&usage, argc, argv);
     if (argc - first != 1)
         die(EX_USAGE, "%d pictures (expected one)", argc - first);
-    media_preload((const char *[]){argv[first]}, 1);
+    module_preload((const char *[]){argv[first]}, 1);
     open_model(&p);
     read_pictures(&p, argv[first]);
     make_identity(&p, argv[first]);

@@ -1,4 +1,4 @@
-/* Video files and cameras by OpenCV, behind a C edge. */
+/* Video files by ffmpeg's libraries, cameras by OpenCV, each in a module. */
 #ifndef SPID_FORMATS_VIDEO_H
 #define SPID_FORMATS_VIDEO_H
 
@@ -16,9 +16,10 @@ bool video_is_camera(const char *path);
  * they come, and it has no end. */
 bool video_is_live(const char *path);
 /* Open a file, or what video_is_live says.  EX_NOINPUT when it is not there,
- * EX_DATAERR when no decoder takes it.  Colours by BT.709 or BT.601 as an MP4,
- * MOV or Matroska file says; where it does not, BT.709 from 1280 columns or
- * 577 rows on.  bt601: BT.601 whatever it says. */
+ * EX_DATAERR when no decoder takes it.  Colours by the matrix that the file
+ * says; where it does not, BT.709 from 1280 columns or 577 rows on, else
+ * BT.601.  bt601: BT.601 whatever it says.  Frames are turned upright where
+ * the file says how it was held. */
 struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err);
 /* Frames a second; 0 when unknown. */
@@ -39,14 +40,15 @@ struct video_writer;
 /* Write path (the container by its extension) as H.264, or MPEG-4 part 2
  * where there is no encoder for it (.webm: VP9).  Odd sizes get one more
  * column or row.  Colours by BT.601, or BT.709 where players assume it (see
- * video_open).  The file is complete after video_finish. */
+ * video_open), and tagged so.  The file is complete after video_finish, and
+ * the same bytes for any number of threads. */
 struct video_writer *video_create(const char *path, size_t width,
                                   size_t height, double rate,
                                   struct error *err);
 /* One frame more, rgb (height,width,3). */
 int video_write(struct video_writer *v, const uint8_t *rgb,
                 struct error *err);
-/* Close, open again and count: -1 when the file cannot be read back. */
+/* Write what is left and close: -1 when not all could be written. */
 int video_finish(struct video_writer *v, struct error *err);
 void video_abandon(struct video_writer *v);       /* NULL is allowed */
 

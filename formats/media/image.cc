@@ -1,7 +1,8 @@
 /* Pictures by OpenImageIO, turned upright and brought to 8 bits of sRGB. */
 extern "C" {
-#include "formats/media.h"
+#include "formats/module.h"
 #include "formats/media/exr.h"
+#include "formats/orient.h"
 }
 
 #include <sysexits.h>
@@ -20,34 +21,8 @@ extern "C" {
 
 /* ---- what the file holds, checked before its pixels are read ---------- */
 
-/* Number of components of a JPEG's first frame header, 0 if there is none:
- * OpenImageIO converts CMYK without saying so. */
-static int jpeg_components(OIIO::Filesystem::IOProxy &io)
-{
-    unsigned char b[10];
-    int64_t at = 2;
-
-    if (io.pread(b, 2, 0) != 2 || b[0] != 0xff || b[1] != 0xd8)
-        return 0;
-    while (io.pread(b, 10, at) == 10 && b[0] == 0xff) {
-        int marker = b[1];
-        if (marker >= 0xc0 && marker <= 0xcf && marker != 0xc4
-            && marker != 0xc8 && marker != 0xcc)
-            return b[9];
-        if (marker == 0xff)
-            at += 1;
-        else if (marker == 0xda || marker == 0xd9)
-            return 0;
-        else if (marker == 0x01 || (marker >= 0xd0 && marker <= 0xd8))
-            at += 2;
-        else
-            at += 2 + ((b[2] << 8) | b[3]);
-    }
-    return 0;
-}
-
 /* Whatever name the format gives it. */
-static bool is_cmyk(const OIIO::ImageSpec &spec, OIIO::Filesystem::IOProxy &io)
+static bool is_cmyk(const OIIO::ImageSpec &spec)
 {
     std::string space = spec.get_string_attribute("tiff:ColorSpace");
 
@@ -57,15 +32,12 @@ static bool is_cmyk(const OIIO::ImageSpec &spec, OIIO::Filesystem::IOProxy &io)
         return true;
     if (spec.get_int_attribute("tiff:PhotometricInterpretation") == 5)
         return true;
-    if (spec.nchannels >= 4 && (spec.channelnames[0] == "C"
-                                || spec.channelnames[0] == "Cyan"))
-        return true;
-    return jpeg_components(io) == 4;
+    return spec.nchannels >= 4 && (spec.channelnames[0] == "C"
+                                   || spec.channelnames[0] == "Cyan");
 }
 
 /* Size and channels, before anything is allocated. */
-static int check_spec(const OIIO::ImageSpec &spec,
-                      OIIO::Filesystem::IOProxy &io, const char *name,
+static int check_spec(const OIIO::ImageSpec &spec, const char *name,
                       struct error *err)
 {
     const int w = spec.width, h = spec.height;
@@ -78,7 +50,7 @@ static int check_spec(const OIIO::ImageSpec &spec,
         return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels is "
                          "too large (at most %d a side and %zu in all)",
                          name, w, h, IMAGE_MAX_SIDE, IMAGE_MAX_PIXELS);
-    if (is_cmyk(spec, io))
+    if (is_cmyk(spec))
         return error_set(err, EX_DATAERR, "%s: CMYK picture (expected grey "
                          "or RGB; convert it with its colour profile first)",
                          name);
@@ -134,21 +106,6 @@ static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
                      in.geterror().c_str());
 }
 
-/* Where pixel (x, y) of the stored picture goes in the oriented one. */
-static size_t pixel_oriented(size_t x, size_t y, size_t W, size_t H, int o)
-{
-    switch (o) {
-    case 2: return y * W + (W - 1 - x);
-    case 3: return (H - 1 - y) * W + (W - 1 - x);
-    case 4: return (H - 1 - y) * W + x;
-    case 5: return x * H + y;
-    case 6: return x * H + (H - 1 - y);
-    case 7: return (W - 1 - x) * H + (H - 1 - y);
-    case 8: return (W - 1 - x) * H + y;
-    default: return y * W + x;
-    }
-}
-
 /* im from the stored pixels [h,w,channels]. */
 static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
                       const OIIO::ImageSpec &spec, struct error *err)
@@ -170,7 +127,7 @@ static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
     for (size_t y = 0; y < H; y++)
         for (size_t x = 0; x < W; x++) {
             const uint8_t *p = pix.data() + (y * W + x) * C;
-            size_t to = pixel_oriented(x, y, W, H, o);
+            size_t to = orient_pixel(x, y, W, H, o);
             for (size_t k = 0; k < 3; k++)
                 im->rgb[3 * to + k] = p[grey ? 0 : k];
             if (im->alpha) {
@@ -212,17 +169,13 @@ static int read_any(struct image *im, const char *path,
         return error_set(err, EX_DATAERR, "%s: not a picture that can be "
                          "read", path);
     }
-    if (check_spec(in->spec(), io, path, err) != 0
+    if (check_spec(in->spec(), path, err) != 0
         || read_levels(pix, *in, path, err) != 0)
         return -1;
-    /* libjpeg fills up what is missing and only leaves a message */
-    im->damaged = in->has_error();
-    if (im->damaged)
-        (void)in->geterror();
     return image_fill(im, pix, in->spec(), err);
 }
 
-/* Everything but PNG, which formats/media.c has read. */
+/* Everything but PNG and JPEG, which formats/image.c has read. */
 int image_read(struct image *im, const char *path, struct error *err)
 {
     try {

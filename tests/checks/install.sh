@@ -12,7 +12,9 @@ for f in build/bin/*; do
     [ -x "$p" ] || { echo "FAILED not installed: $f"; exit 1; }
     [[ $("$p" --version) == "$(basename "$f") "* ]] || { echo "FAILED $p --version"; exit 1; }
 done
-[ -x "$dir/opt/spid/lib/spid/media.so" ] || { echo "FAILED not installed: the module"; exit 1; }
+for f in media.so video.so; do
+    [ -x "$dir/opt/spid/lib/spid/$f" ] || { echo "FAILED not installed: the module $f"; exit 1; }
+done
 for f in man/*; do
     [ -r "$dir/opt/spid/share/man/man${f##*.}/$(basename "$f")" ] || { echo "FAILED not installed: $f"; exit 1; }
 done

@@ -87,6 +87,44 @@ static void to_ffmpeg(const char *dir)
         pclose(p);
 }
 
+/* A clip of a telephone that was held upright: as ffmpeg turns it. */
+static void turned(const char *dir)
+{
+    static uint8_t seen[3 * 64 * 48];
+    char command[900], path[300];
+    struct error err = { 0 };
+    const uint8_t *rgb = NULL;
+    size_t w = 0, h = 0;
+    int worst = 255;
+    double t;
+
+    snprintf(path, sizeof path, "%s/turned.mp4", dir);
+    snprintf(command, sizeof command, "ffmpeg -v error -y -f lavfi -i "
+             "testsrc=s=64x48:d=0.1 -pix_fmt yuv420p %s/lying.mp4 && ffmpeg "
+             "-v error -y -i %s/lying.mp4 -c copy -metadata:s:v:0 rotate=90 "
+             "%s", dir, dir, path);
+    if (system(command) != 0)
+        return;
+    snprintf(command, sizeof command, "ffmpeg -v error -i %s -frames:v 1 -vf "
+             "scale=in_color_matrix=bt601:in_range=tv,format=rgb24 -f rawvideo "
+             "-", path);
+    FILE *p = popen(command, "r");
+    bool there = p && fread(seen, 1, sizeof seen, p) == sizeof seen;
+    struct video_reader *v = video_open(path, false, &err);
+
+    if (there && v && video_read(v, &rgb, &w, &h, &t, &err) == 1 &&
+        w == 48 && h == 64) {
+        worst = 0;
+        for (size_t i = 0; i < sizeof seen; i++)
+            worst = abs(rgb[i] - seen[i]) > worst ? abs(rgb[i] - seen[i])
+                                                  : worst;
+    }
+    check("a clip held upright, against ffmpeg", worst, 4);
+    video_close(v);
+    if (p)
+        pclose(p);
+}
+
 int main(void)
 {
     const char *tags709 = "-color_range tv -colorspace bt709 "
@@ -107,5 +145,6 @@ int main(void)
     from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
     from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
     to_ffmpeg(folder);
+    turned(folder);
     return folder_remove() || check_status();
 }

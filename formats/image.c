@@ -1,0 +1,81 @@
+/* Pictures by what reads each kind, under the names that formats/image.h, exr.h
+ * and panorama.h promise. */
+#include "formats/image.h"
+
+#include <errno.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "formats/exr.h"
+#include "formats/jpeg.h"
+#include "formats/mark.h"
+#include "formats/module.h"
+#include "formats/panorama.h"
+#include "formats/png.h"
+
+/* PNG is read as from pipes. */
+static int image_read_png(struct image *im, FILE *fp, const char *path,
+                          struct error *err)
+{
+    return png_read_next(fp, &im->rgb, &im->alpha, &im->width, &im->height,
+                         IMAGE_MAX_PIXELS, err)
+               ? error_prefix(err, "%s", path) : 0;
+}
+
+int image_read(struct image *im, const char *path, struct error *err)
+{
+    FILE *fp = fopen(path, "rb");
+    const struct media_module *m;
+    int first, second, rc;
+
+    memset(im, 0, sizeof *im);
+    if (!fp)
+        return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
+                         strerror(errno));
+    first = getc(fp);
+    second = getc(fp);
+    rewind(fp);
+    if (first == 0x89 || (first == 0xff && second == 0xd8)) {
+        rc = first == 0x89 ? image_read_png(im, fp, path, err)
+                           : jpeg_read(im, fp, path, err);
+        fclose(fp);
+        return rc;
+    }
+    fclose(fp);
+    m = module_media(err);
+    return m ? m->image_read(im, path, err) : error_prefix(err, "%s", path);
+}
+
+void image_release(struct image *im)
+{
+    free(im->rgb);
+    free(im->alpha);
+    memset(im, 0, sizeof *im);
+}
+
+int exr_write(const char *path, const float *pixel, size_t width,
+              size_t height, int channels, const char *const *names,
+              struct error *err)
+{
+    const struct media_module *m = module_media(err);
+
+    return m ? m->exr_write(path, pixel, width, height, channels, names,
+                            mark_text(), err)
+             : error_prefix(err, "%s", path);
+}
+
+int panorama_read(struct panorama *p, const char *path, struct error *err)
+{
+    const struct media_module *m = module_media(err);
+
+    memset(p, 0, sizeof *p);
+    return m ? m->panorama_read(p, path, err) : error_prefix(err, "%s", path);
+}
+
+void panorama_release(struct panorama *p)
+{
+    free(p->rgb);
+    memset(p, 0, sizeof *p);
+}

@@ -1,0 +1,125 @@
+/* Cameras and addresses of streams by OpenCV: frames that come when they
+ * come. */
+extern "C" {
+#include "formats/media/camera.h"
+}
+
+#include <sysexits.h>
+
+#include <cmath>
+#include <cstdlib>
+#include <string>
+
+#include <opencv2/core.hpp>
+#include <opencv2/core/utils/logger.hpp>
+#include <opencv2/imgproc.hpp>
+#include <opencv2/videoio.hpp>
+
+/* OpenCV and ffmpeg print what they think; our messages say it instead. */
+static void opencv_hush()
+{
+    cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
+    setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
+}
+
+struct camera : video_reader {
+    cv::VideoCapture capture;
+    cv::Mat bgr, rgb;
+    std::string path;
+    double rate = 0, last = -1;
+    size_t count = 0;
+};
+
+/* A camera by its number or device, or an address. */
+static bool camera_capture(camera *c, const char *path)
+{
+    if (!video_is_camera(path))
+        return c->capture.open(path, cv::CAP_FFMPEG);
+    if (*path == '/' ? !c->capture.open(path, cv::CAP_V4L2)
+                     : !c->capture.open(std::atoi(path + 7)))
+        return false;
+    c->capture.set(cv::CAP_PROP_BUFFERSIZE, 1);     /* the newest frame */
+    return true;
+}
+
+static double camera_rate(const struct video_reader *v)
+{
+    return static_cast<const camera *>(v)->rate;
+}
+
+/* It announces nothing, ... */
+static size_t camera_frames(const struct video_reader *)
+{
+    return 0;
+}
+
+/* ... and has no end. */
+static bool camera_cut(const struct video_reader *)
+{
+    return false;
+}
+
+static int camera_read(struct video_reader *v, const uint8_t **rgb,
+                       size_t *width, size_t *height, double *time,
+                       struct error *err)
+{
+    camera *c = static_cast<camera *>(v);
+
+    try {
+        if (!c->capture.grab() || !c->capture.retrieve(c->bgr)
+            || c->bgr.empty())
+            return 0;
+        if (c->bgr.type() != CV_8UC3)
+            return error_set(err, EX_DATAERR, "%s: frame %zu: not 8-bit "
+                             "colour", c->path.c_str(), c->count);
+        cv::cvtColor(c->bgr, c->rgb, cv::COLOR_BGR2RGB);
+        double t = c->capture.get(cv::CAP_PROP_POS_MSEC) / 1000;
+        double step = 1 / (c->rate > 0 ? c->rate : 25);
+        /* times must grow; some give none */
+        if (!(t > c->last) || !std::isfinite(t))
+            t = c->last < 0 ? 0 : c->last + step;
+        c->last = t;
+        c->count++;
+        *rgb = c->rgb.data;
+        *width = (size_t)c->rgb.cols;
+        *height = (size_t)c->rgb.rows;
+        *time = t;
+        return 1;
+    } catch (const std::exception &e) {
+        return error_set(err, EX_DATAERR, "%s: frame %zu: %s",
+                         c->path.c_str(), c->count, e.what());
+    }
+}
+
+static void camera_close(struct video_reader *v)
+{
+    delete static_cast<camera *>(v);
+}
+
+static const struct video_reading camera_functions = {
+    camera_rate, camera_frames, camera_cut, camera_read, camera_close
+};
+
+struct video_reader *camera_open(const char *path, struct error *err)
+{
+    camera *c = nullptr;
+
+    opencv_hush();
+    try {
+        c = new camera;
+        c->by = &camera_functions;
+        c->path = path;
+        if (camera_capture(c, path)) {
+            double rate = c->capture.get(cv::CAP_PROP_FPS);
+
+            c->rate = rate > 0 && rate < 100000 ? rate : 0;
+            return c;
+        }
+        error_set(err, EX_DATAERR, "%s: not a video or picture that can be "
+                  "decoded", path);
+    } catch (const std::exception &e) {
+        error_set(err, EX_DATAERR, "%s: %s", path, e.what());
+    }
+    delete c;
+    return nullptr;
+}

@@ -1,0 +1,151 @@
+/* Modules: found and loaded once each (module.h). */
+#include "formats/module.h"
+
+#include <dlfcn.h>
+#include <pthread.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+#include <strings.h>
+#include <sysexits.h>
+#include <unistd.h>
+
+struct module {
+    const char *file, *symbol, *what;
+    pthread_mutex_t lock;
+    const void *table;
+    pthread_t thread;           /* that loads it ahead of time */
+};
+
+static struct module module_pictures = {
+    .file = "media.so", .symbol = "spid_media", .what = "pictures and cameras",
+    .lock = PTHREAD_MUTEX_INITIALIZER
+};
+static struct module module_videos = {
+    .file = "video.so", .symbol = "spid_video", .what = "videos",
+    .lock = PTHREAD_MUTEX_INITIALIZER
+};
+
+/* The table of the module in a folder, or NULL. */
+static const void *module_try(const struct module *m, const char *folder)
+{
+    char path[4200];
+    void *module;
+
+    snprintf(path, sizeof path, "%s/%s", folder, m->file);
+    if (access(path, R_OK))
+        return NULL;
+    module = dlopen(path, RTLD_LAZY | RTLD_LOCAL);
+    return module ? dlsym(module, m->symbol) : NULL;
+}
+
+/* Beside the folder of the program, or of a test's. */
+static const void *module_beside(const struct module *m)
+{
+    static const char *const place[] = {
+        "../lib/spid", "../../lib/spid", "."
+    };
+    char exe[2048], folder[2100];
+    ssize_t n = readlink("/proc/self/exe", exe, sizeof exe - 1);
+    char *slash = n > 0 ? (exe[n] = 0, strrchr(exe, '/')) : NULL;
+    const void *table = NULL;
+
+    for (size_t i = 0; slash && !table && i < sizeof place / sizeof *place;
+         i++) {
+        slash[1] = 0;
+        snprintf(folder, sizeof folder, "%s%s", exe, place[i]);
+        table = module_try(m, folder);
+    }
+    return table;
+}
+
+static const void *module_load(struct module *m, struct error *err)
+{
+    const char *own = getenv("SPID_MODULES");
+
+    pthread_mutex_lock(&m->lock);
+    if (!m->table)
+        m->table = own ? module_try(m, own) : module_beside(m);
+    if (!m->table) {
+        const char *why = dlerror();
+
+        error_set(err, EX_UNAVAILABLE, "cannot load the module of %s: %s "
+                  "(expected lib/spid/%s beside the program's folder, or in "
+                  "$SPID_MODULES)", m->what, why ? why : "it is not there",
+                  m->file);
+    }
+    pthread_mutex_unlock(&m->lock);
+    return m->table;
+}
+
+const struct media_module *module_media(struct error *err)
+{
+    return module_load(&module_pictures, err);
+}
+
+const struct video_module *module_video(struct error *err)
+{
+    return module_load(&module_videos, err);
+}
+
+/* ---- ahead of time ------------------------------------------------------- */
+
+/* The module that a file of this name wants, or NULL. */
+static struct module *module_of(const char *path)
+{
+    static const char *const none[] = {
+        "png", "jpg", "jpeg", "ppm", "pgm", "pnm", "pam", "y4m", "spid"
+    };
+    static const char *const picture[] = {
+        "tif", "tiff", "bmp", "webp", "exr", "tga", "hdr", "jp2", "gif",
+        "heic", "psd", "dpx"
+    };
+    const char *dot = path ? strrchr(path, '.') : NULL;
+
+    if (!path || !strcmp(path, "-"))
+        return NULL;
+    if (video_is_live(path))
+        return &module_pictures;
+    if (!dot || strchr(dot, '/') || !strncmp(path, "/dev/", 5))
+        return NULL;
+    for (size_t i = 0; i < sizeof none / sizeof *none; i++)
+        if (!strcasecmp(dot + 1, none[i]))
+            return NULL;
+    for (size_t i = 0; i < sizeof picture / sizeof *picture; i++)
+        if (!strcasecmp(dot + 1, picture[i]))
+            return &module_pictures;
+    return &module_videos;
+}
+
+static void *module_run(void *module)
+{
+    module_load(module, NULL);
+    return NULL;
+}
+
+/* The libraries' ends must not run while they still begin. */
+static void module_wait(void)
+{
+    if (module_pictures.thread)
+        pthread_join(module_pictures.thread, NULL);
+    if (module_videos.thread)
+        pthread_join(module_videos.thread, NULL);
+}
+
+void module_preload(const char *const paths[], size_t count)
+{
+    bool any = false;
+
+    for (size_t i = 0; i < count; i++) {
+        struct module *m = module_of(paths[i]);
+
+        if (!m || m->thread)
+            continue;
+        if (pthread_create(&m->thread, NULL, module_run, m))
+            m->thread = 0;
+        else
+            any = true;
+    }
+    if (any)
+        atexit(module_wait);
+}

@@ -1,0 +1,64 @@
+/* Modules: parts that bring many shared libraries along, which would cost
+ * every program that links them a tenth of a second and more.  They lie in
+ * lib/spid beside the programs' folder, or in $SPID_MODULES, and are loaded
+ * when the first file that wants one is opened. */
+#ifndef SPID_FORMATS_MODULE_H
+#define SPID_FORMATS_MODULE_H
+
+#include <stddef.h>
+#include <stdint.h>
+
+#include "formats/image.h"
+#include "formats/panorama.h"
+#include "formats/video.h"
+
+/* What a reader of videos begins with: the functions of the module it is
+ * of. */
+struct video_reader {
+    const struct video_reading *by;
+};
+
+struct video_reading {
+    double (*rate)(const struct video_reader *v);
+    size_t (*frames)(const struct video_reader *v);
+    bool (*cut)(const struct video_reader *v);
+    int (*read)(struct video_reader *v, const uint8_t **rgb, size_t *width,
+                size_t *height, double *time, struct error *err);
+    void (*close)(struct video_reader *v);
+};
+
+/* media.so, with OpenImageIO and OpenCV: pictures but for PNG and JPEG
+ * (formats/png.h, jpeg.h), and what is live. */
+struct media_module {
+    int (*image_read)(struct image *im, const char *path, struct error *err);
+    int (*exr_write)(const char *path, const float *pixel, size_t width,
+                     size_t height, int channels, const char *const *names,
+                     const char *mark, struct error *err);
+    int (*panorama_read)(struct panorama *p, const char *path,
+                         struct error *err);
+    struct video_reader *(*camera_open)(const char *path, struct error *err);
+};
+
+/* video.so, with ffmpeg's libraries: video files in and out. */
+struct video_module {
+    struct video_reader *(*open)(const char *path, bool bt601,
+                                 struct error *err);
+    struct video_writer *(*create)(const char *path, size_t width,
+                                   size_t height, double rate,
+                                   struct error *err);
+    int (*write)(struct video_writer *v, const uint8_t *rgb,
+                 struct error *err);
+    int (*finish)(struct video_writer *v, struct error *err);
+    void (*abandon)(struct video_writer *v);
+};
+
+/* The modules' tables; NULL and EX_UNAVAILABLE when one cannot be loaded.
+ * From any thread. */
+const struct media_module *module_media(struct error *err);
+const struct video_module *module_video(struct error *err);
+
+/* Start to load what these files (NULL: none) want by their names, in another
+ * thread; whoever needs it first waits.  At exit, too. */
+void module_preload(const char *const paths[], size_t count);
+
+#endif
