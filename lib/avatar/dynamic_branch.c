@@ -19,9 +19,7 @@
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
 #define REACH 2.0f      /* standard deviations that they are seen to */
-#define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
-#define PARTED_MM 1.0f  /* lips with this gap are still closed, */
-#define OPEN_MM 4.0f    /* with this one open */
+#define SEAM_MM 3.0f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 
 /* ---- colours for hidden vertices --------------------------------------- */
@@ -292,17 +290,6 @@ static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
     return sum;
 }
 
-/* How far the source's lips are closed. */
-static void dynamic_branch_close(const struct source_mesh *mesh,
-                                 struct dynamic_branch *b)
-{
-    struct head_mouth lips;
-
-    head_mouth(&lips, mesh->head, mesh->posed);
-    b->closed = 1 - branch_ramp(lips.gap / mesh->head->scale * 1e3f,
-                                PARTED_MM, OPEN_MM);
-}
-
 /* What of the neck shows cloth or hair keeps that to itself: what the jaw
  * hides is skin. */
 static void dynamic_branch_bare(const struct source_mesh *mesh,
@@ -334,7 +321,6 @@ static void dynamic_branch_start(const struct source_picture *picture,
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
     float eye[3], *rgb = b->logit;
 
-    dynamic_branch_close(mesh, b);
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
@@ -351,7 +337,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
         extra[3] = matte;
         b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
                       (1 - b->lid[k]) * (1 - mesh->weights->lining[k]) *
-                      (1 - b->closed * b->seam[k]);
+                      (1 - b->seam[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
         b->start.visible[k] = (1 - mesh->weights->lining[k]) *
@@ -376,7 +362,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
 static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
-           (1 - b->closed * b->seam[k]);
+           (1 - b->seam[k]);
 }
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
@@ -506,7 +492,7 @@ void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                           const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < b->count; k++) {
-        const float seam = b->closed * b->seam[k];
+        const float seam = b->seam[k];
 
         reach[k] = mesh->weights->reach[k];
         if (seam > 0.1f && !(reach[k] > 0))

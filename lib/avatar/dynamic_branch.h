@@ -52,7 +52,6 @@ struct dynamic_branch {
                                          * mesh's weights */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
-    float closed;                       /* 1: the source's lips are, 0: open */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
     float *block;                       /* what the arrays are part of */
@@ -87,8 +86,8 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const struct source_mesh *mesh,
                              struct dynamic_branch *b);
 
-/* reach (D) of gaussian_seen, head units: of lids; and of closed lips where
- * they meet, for the photograph shows them in each other's shadow. */
+/* reach (D) of gaussian_seen, head units: of lids; and of lips where they meet,
+ * for the photograph shows them in each other's shadow, or teeth beside them. */
 void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                           const struct dynamic_branch *b);
 

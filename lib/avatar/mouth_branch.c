@@ -128,18 +128,19 @@ void mouth_branch_release(struct mouth_branch *b)
     memset(b, 0, sizeof *b);
 }
 
-/* How much of the mouth's inside the source shows at (u, v): 1 between open
- * lips, 0 on the lips and outside. */
-static float mouth_branch_opening(const struct head_mouth *m,
-                                  const float uv[2], float r)
+/* How much of cell k's place the source shows: 1 between open lips, 0 on the
+ * lips and outside, and where the person ends. */
+static float mouth_branch_opening(const struct mouth_branch *b, size_t k,
+                                  float r)
 {
-    float half = 0.5f * m->gap / r;
+    const float *uv = b->uv + 2 * k, half = 0.5f * b->lips.gap / r;
     float shape = uv[0] * uv[0] / 0.64f;
 
     if (half < 0.02f || shape >= 1)
         return 0;
     float edge = half * sqrtf(1 - shape);
-    return 1 - branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f);
+    return b->pixel[4 * k + 3] *
+           (1 - branch_ramp(fabsf(uv[1]), 0.5f * edge, edge + 1e-6f));
 }
 
 /* A cell in which the photograph shows something else, lips or their shadow,
@@ -153,27 +154,18 @@ static float mouth_branch_reach(const struct teeth_cell *t, float mm,
 }
 
 /* The prior: extra columns of the decoder's input, and the colours it starts
- * from; white: the light in the picture, mm: a millimetre. */
-static void mouth_branch_start(const struct source_picture *picture,
-                               const float white[3], float r, float mm,
-                               struct mouth_branch *b)
+ * from; r: the grid's radius, mm: a millimetre. */
+static void mouth_branch_start(float r, float mm, struct mouth_branch *b)
 {
-    source_picture_sample(b->pixel, picture, b->place, b->count);
     for (size_t k = 0; k < b->count; k++) {
-        const float *uv = b->uv + 2 * k, *pixel = b->pixel + 4 * k;
+        const float *pixel = b->pixel + 4 * k, *own = b->teeth[k].color;
         float *extra = b->in + (k + 1) * b->inputs - MOUTH_BRANCH_EXTRA;
-        float w = mouth_branch_opening(&b->lips, uv, r) * pixel[3];
+        const float like = branch_likeness(pixel, own);
 
-        float *own = b->teeth[k].color;
-
-        for (int c = 0; c < 3; c++)
-            own[c] *= white[c];
-        if (teeth_hidden(b->teeth, b->K, k))
-            w = 0;
-        b->shown[k] = w;
-        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm,
-                                         branch_likeness(pixel, own));
-        extra[0] = w *= branch_likeness(pixel, own);
+        b->shown[k] = teeth_hidden(b->teeth, b->K, k)
+                    ? 0 : mouth_branch_opening(b, k, r);
+        b->reach[k] = mouth_branch_reach(&b->teeth[k], mm, like);
+        const float w = extra[0] = b->shown[k] * like;
         extra[1] = b->lips.gap / r;
         for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(w * pixel[c] +
@@ -231,32 +223,51 @@ static void mouth_branch_unseen_backward(struct branch_set *dout,
     memset(b->dq, 0, 3 * b->count * sizeof *b->dq);
 }
 
-/* The teeth in place of the grid, and their canonical coordinates. */
-static void mouth_branch_teeth(float r, const struct source_mesh *mesh,
+/* The teeth in place of the grid, the upper ones lifted, their canonical
+ * coordinates and the picture there. */
+static void mouth_branch_place(const struct source_picture *picture,
+                               const float white[3], float r, float lift,
+                               const struct source_mesh *mesh,
                                struct mouth_branch *b)
 {
     struct head_mouth rest;
 
     head_mouth(&rest, mesh->head, mesh->rest);
-    teeth_make(b->teeth, mesh->head, &rest, b->lips.chin, b->K);
+    teeth_make(b->teeth, mesh->head, &rest, b->lips.chin, lift, b->K);
     for (size_t k = 0; k < b->count; k++) {
         memcpy(b->grid + 3 * k, b->teeth[k].mean, sizeof b->teeth[k].mean);
+        for (size_t c = 0; c < 3; c++)
+            b->teeth[k].color[c] *= white[c];
         for (size_t c = 0; c < 2; c++)
             b->uv[2 * k + c] = (b->grid[3 * k + c] - b->lips.centre[c]) / r;
     }
+    source_mesh_project(b->place, b->grid, b->count, mesh->cam);
+    source_picture_sample(b->pixel, picture, b->place, b->count);
 }
 
-/* The decoder's input rows [F at g, u, v]; the grid has radius r. */
-static void mouth_branch_inputs(const float *features, float r,
+/* Generic teeth, or where the source shows the upper ones as long as those;
+ * white: the light in the picture. */
+static void mouth_branch_teeth(const struct source_picture *picture,
+                               const float white[3], float r,
+                               const struct source_mesh *mesh,
+                               struct mouth_branch *b)
+{
+    mouth_branch_place(picture, white, r, 0, mesh, b);
+    for (size_t k = 0; k < b->count; k++)
+        b->shown[k] = mouth_branch_opening(b, k, r) *
+                      branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
+    const float lift = teeth_lift(b->teeth, b->shown, b->K);
+    if (lift > 0)
+        mouth_branch_place(picture, white, r, lift, mesh, b);
+}
+
+/* The decoder's input rows [F at g, u, v]. */
+static void mouth_branch_inputs(const float *features,
                                 const struct source_mesh *mesh,
                                 struct mouth_branch *b)
 {
     size_t Cf = b->feature;
 
-    if (b->prior)
-        mouth_branch_teeth(r, mesh, b);
-    else
-        mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
     source_mesh_project(b->place, b->grid, b->count, mesh->cam);
     grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
@@ -280,9 +291,13 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     if (out->n == 0)
         return;
     float r = mouth_branch_radius(b);
-    mouth_branch_inputs(features, r, mesh, b);
     if (b->prior)
-        mouth_branch_start(picture, white, r, 1e-3f * mesh->head->scale, b);
+        mouth_branch_teeth(picture, white, r, mesh, b);
+    else
+        mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
+    mouth_branch_inputs(features, mesh, b);
+    if (b->prior)
+        mouth_branch_start(r, 1e-3f * mesh->head->scale, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);
     conv_decoder_forward(&raw, b->in, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);

@@ -137,7 +137,8 @@ static struct teeth_cell teeth_cell_make(float *share, size_t i, size_t j,
 }
 
 void teeth_make(struct teeth_cell *cells, const struct head *h,
-                const struct head_mouth *rest, const float chin[3], size_t K)
+                const struct head_mouth *rest, const float chin[3],
+                float lift, size_t K)
 {
     const float mm = 1e-3f * h->scale;
     const float size = fminf(fmaxf(rest->radius / (HALF * mm), 0.85f), 1.15f);
@@ -154,6 +155,8 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
             m[i] = rest->centre[i] + mm * size * m[i];
             c->scale[i] = fminf(c->scale[i] * mm * size, BRANCH_SCALE_MAX);
         }
+        if (c->layer == TEETH_UPPER)
+            m[1] += lift;
         if (!h->nchin)
             continue;
         drive_jaw(c->jaw, m, share, hinge, rest->chin);
@@ -161,6 +164,25 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
         m[1] += c->jaw[2] * d[2] + c->jaw[1] * d[1];
         m[2] += c->jaw[1] * d[2] - c->jaw[2] * d[1];
     }
+}
+
+/* Column by column the lowest cell that is teeth; the rows of the middle half
+ * are as high as the first one's. */
+float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K)
+{
+    const size_t rows = 5 * K / 16, crown = (7 * rows + 9) / 10;
+    float sum = 0, found = 0;
+
+    for (size_t j = 3 * K / 8; j < K - 3 * K / 8; j++)
+        for (size_t i = 0; i < crown; i++) {
+            if (!(like[i * K + j] > 0.5f))
+                continue;
+            found++;
+            if (i > 0)
+                sum += cells[i * K + j].mean[1] - cells[j].mean[1];
+            break;
+        }
+    return found > (float)(K / 8) ? sum / found : 0;
 }
 
 int teeth_hidden(const struct teeth_cell *cells, size_t K, size_t k)

@@ -29,9 +29,16 @@ struct teeth_cell {
 /* cells (K,K): the upper rows of the grid are the upper teeth from their edges
  * up, the next the lower teeth from their edges down, the others the back from
  * the palate down.  rest: the mouth of the person's face at rest; chin: where
- * the source's is; h has the jaw's hinge. */
+ * the source's is; h has the jaw's hinge.  lift: how much shorter the upper
+ * crowns are than the generic ones, head units. */
 void teeth_make(struct teeth_cell *cells, const struct head *h,
-                const struct head_mouth *rest, const float chin[3], size_t K);
+                const struct head_mouth *rest, const float chin[3],
+                float lift, size_t K);
+
+/* The lift of upper teeth of which the source shows like (K,K) of each cell,
+ * 0..1: by what it shows in the middle below the generic edge, 0 where it shows
+ * no teeth there. */
+float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K);
 
 /* Whether the upper teeth (or, of the back, the teeth) hide a cell from the
  * front, as the source has them. */

@@ -160,7 +160,9 @@ static void equation_teeth(void)
     const size_t middle = K / 2, lower = 5 * K / 16 * K + middle;
     const size_t palate = lower + K / 4 * K, tongue = K * (K - 1) + middle;
 
-    teeth_make(c, &head, &rest, rest.chin, K);
+    float like[K * K] = {0};
+
+    teeth_make(c, &head, &rest, rest.chin, 0, K);
     check_range("upper front teeth's lowest row, mm from the closed lips",
                 200 * (double)c[middle].mean[1], -3.5, -1.5);
     check_that("it is before the lower teeth and ends under their edge",
@@ -176,6 +178,16 @@ static void equation_teeth(void)
     check_that("and redder than the teeth",
                c[tongue].color[0] * c[middle].color[1] >
                1.2f * c[tongue].color[1] * c[middle].color[0]);
+    expect("teeth that are not seen are not lifted",
+           (double)teeth_lift(c, like, K), 0, 0);
+    for (size_t k = 2 * K; k < 4 * K; k++)
+        like[k] = 1;
+    const float lift = teeth_lift(c, like, K), low = c[middle].mean[1];
+    check_range("two rows that lips hide below those seen, mm",
+                200 * (double)lift, 2, 3.5);
+    teeth_make(c, &head, &rest, rest.chin, lift, K);
+    expect("lifted by it", (double)(c[middle].mean[1] - low), (double)lift,
+           1e-6);
     free(c);
 }
 
