@@ -229,13 +229,14 @@ int glasses_build(struct actor *a, struct error *err)
     enum { AROUND = 33 };
     float p[AROUND][3], half = a->look.frame_width * 0.5f;
 
-    if (!a->look.glasses)
+    if (a->look.glasses == GLASSES_NONE)
         return 0;
     float z = fmaxf(a->lmk[27][2] + 0.03f,
                     fmaxf(a->eye[0][2], a->eye[1][2]) + a->eye_radius + 0.07f);
     float apart = 0.5f * (a->eye[0][0] - a->eye[1][0]);
-    float rx = apart * 0.80f, ry = rx * (a->look.glasses == 1 ? 0.95f : 0.70f);
-    float e = a->look.glasses == 1 ? 1.0f : 0.6f;
+    const bool round = a->look.glasses == GLASSES_ROUND;
+    float rx = apart * 0.80f, ry = rx * (round ? 0.95f : 0.70f);
+    float e = round ? 1.0f : 0.6f;
     for (int s = 0; s < 2; s++) {
         float side = s ? -1 : 1;
         const float *c = a->eye[s];

@@ -194,8 +194,10 @@ static void sample_face(struct persona *p, uint64_t key)
     copy3(p->tooth, tooth);
     copy3(p->gum, gum);
     copy3(p->tongue, tongue);
-    p->glasses = random_chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
-    p->frame_width = p->glasses == 3 ? random_float(&r, 0.006, 0.009)
+    p->glasses = random_chance(&r, 0.2)
+                     ? (enum glasses)(GLASSES_ROUND + random_below(&r, 3))
+                     : GLASSES_NONE;
+    p->frame_width = p->glasses == GLASSES_THIN ? random_float(&r, 0.006, 0.009)
                                      : random_float(&r, 0.01, 0.024);
     if (random_chance(&r, 0.6))
         p->frame_color[0] = p->frame_color[1] = p->frame_color[2] = 0.015f;

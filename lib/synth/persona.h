@@ -25,6 +25,9 @@ struct hair_look {
     int fringe;
 };
 
+enum glasses { GLASSES_NONE, GLASSES_ROUND, GLASSES_SQUARE, GLASSES_THIN,
+               GLASSES_SUN };
+
 enum occluder {
     OCCLUDER_NONE, OCCLUDER_HAND, OCCLUDER_MICROPHONE, OCCLUDER_STRANDS
 };
@@ -59,7 +62,7 @@ struct persona {
     float lash, makeup;
     float beard, moustache, beard_length, beard_color[3];
     float tooth[3], gum[3], tongue[3];
-    int glasses;                         /* 0 none, 1 round, 2 square, 3 thin */
+    enum glasses glasses;                /* never the sun's */
     float frame_color[3], frame_width;
     enum collar collar;
     struct shade_cloth cloth;

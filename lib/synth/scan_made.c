@@ -91,8 +91,10 @@ static void measure_glasses(struct spectacles *g, const struct figure *f)
     }
     g->half[0] = wide * (0.37f + 0.06f * (float)(key >> 4 & 15) / 15);
     g->half[1] = g->half[0] * (0.62f + 0.3f * (float)(key >> 8 & 15) / 15);
-    g->square = f->look.glasses == 1 ? 2 : f->look.glasses == 3 ? 2.6f : 4;
-    g->r = f->look.glasses == 3 ? 0.0035f : 0.007f
+    g->square = f->look.glasses == GLASSES_ROUND  ? 2
+                : f->look.glasses == GLASSES_THIN ? 2.6f
+                                                  : 4;
+    g->r = f->look.glasses == GLASSES_THIN ? 0.0035f : 0.007f
                                             + 0.006f
                                               * (float)(key >> 12 & 15) / 15;
 }

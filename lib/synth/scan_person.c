@@ -183,9 +183,11 @@ static void draw_features(struct scan_person *p, const struct scan_assets *a)
     p->gum[0] = random_float(&r, 0.36, 0.48);
     p->gum[1] = random_float(&r, 0.12, 0.19);
     p->gum[2] = random_float(&r, 0.12, 0.18);
-    p->glasses = random_chance(&r, 0.2) ? 1 + (int)random_below(&r, 3) : 0;
+    p->glasses = random_chance(&r, 0.2)
+                     ? (enum glasses)(GLASSES_ROUND + random_below(&r, 3))
+                     : GLASSES_NONE;
     if (random_chance(&r, 0.012))
-        p->glasses = 4;
+        p->glasses = GLASSES_SUN;
     any_color(&r, p->glass_color, 0.5f, 0.05f, 0.5f);
     if (random_chance(&r, 0.5))
         p->glass_color[0] = p->glass_color[1] = p->glass_color[2] = 0.02f;

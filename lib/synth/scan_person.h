@@ -5,6 +5,7 @@
 
 #include <stdbool.h>
 
+#include "lib/synth/persona.h"
 #include "lib/synth/scan.h"
 
 enum scan_backdrop { BACKDROP_ROOM, BACKDROP_WALL, BACKDROPS };
@@ -39,7 +40,7 @@ struct scan_person {
     float iris_tint[3], iris_size;
     float lash;                 /* thickness, about 1 */
     float tooth[3], gum[3];
-    int glasses;                /* 0 none, 1 round, 2 square, 3 thin, 4 sun */
+    enum glasses glasses;
     float glass_color[3];
     int earring;
     float gloss, wet;           /* of the skin, of the lips */

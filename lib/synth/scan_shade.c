@@ -371,15 +371,16 @@ static float shade_lens(float rgb[3], const struct scan_stage *s,
 {
     const struct figure *f = s->figure;
     float nv = fmaxf(dot3(o->n, o->view), 0), r[3], c[3];
-    float a = f->look.glasses == 4 ? 0.88f : 0.05f;
+    const bool sun = f->look.glasses == GLASSES_SUN;
+    float a = sun ? 0.88f : 0.05f;
 
     for (int k = 0; k < 3; k++)
         r[k] = 2 * nv * o->n[k] - o->view[k];
     light_mirror(c, &f->light, r, 0);
-    float g = shade_fresnel(f->look.glasses == 4 ? 0.05f : 0.035f, nv);
+    float g = shade_fresnel(sun ? 0.05f : 0.035f, nv);
     for (int k = 0; k < 3; k++)
         rgb[k] = fminf(c[k], 40) * g / a
-                 + (f->look.glasses == 4 ? 0.01f : 0.02f);
+                 + (sun ? 0.01f : 0.02f);
     return a;
 }
 
