@@ -16,6 +16,10 @@ extern "C" {
 
 /* Inpainting works at this side at most: its cost grows with hole and reach. */
 static const int LAYERS_SMALL = 112;
+/* A matte of more is whole: nothing is known of the background. */
+static const float LAYERS_WHOLE = 0.98f;
+/* A background may be off by so many levels for the sum's sake. */
+static const float LAYERS_GHOST = 16;
 
 static cv::Mat layers_disc(int side)
 {
@@ -293,22 +297,58 @@ static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
     return out;
 }
 
+/* The least matte by which a pixel can be a mixture of this background and of
+ * some colour. */
+static float layers_least(const cv::Vec3f &pixel, const cv::Vec3f &back)
+{
+    float least = 0;
+
+    for (int c = 0; c < 3; c++) {
+        const float d = pixel[c] - back[c];
+        const float room = d > 0 ? 255 - back[c] : back[c];
+        least = std::max(least, std::abs(d) / std::max(room, 1.0f));
+    }
+    return std::min(least, 1.0f);
+}
+
+/* The background where a pixel of such a matte is the sum of both, and the
+ * person's colour is in range. */
+static cv::Vec3f layers_behind(const cv::Vec3f &pixel, const cv::Vec3f &back,
+                               float m)
+{
+    cv::Vec3f out;
+
+    for (int c = 0; c < 3; c++) {
+        const float p = std::clamp(pixel[c] - (1 - m) * back[c], 0.0f,
+                                   255 * m);
+        out[c] = std::clamp((pixel[c] - p) / (1 - m), 0.0f, 255.0f);
+    }
+    return out;
+}
+
 /* back where the person's colour would have to be below 0 or above what its
- * matte allows: what makes the sum right again. */
-static void layers_balance(cv::Mat &back, const cv::Mat &mat,
-                           const cv::Mat &colour)
+ * matte allows: what makes the sum right again.  If that is another colour than
+ * the background's about it, a part of the person that the matte took for less
+ * than it is would stay behind on the wall: it gains matte instead. */
+static void layers_balance(cv::Mat &back, cv::Mat &mat, const cv::Mat &colour)
 {
     for (int y = 0; y < mat.rows; y++)
         for (int x = 0; x < mat.cols; x++) {
-            const float m = (float)mat.at<uchar>(y, x) / 255;
-            if (m <= 0 || m > 0.98f)
+            const cv::Vec3f &pixel = colour.at<cv::Vec3f>(y, x);
+            cv::Vec3f &b = back.at<cv::Vec3f>(y, x);
+            float m = (float)mat.at<uchar>(y, x) / 255;
+            if (m <= 0 || m > LAYERS_WHOLE)
                 continue;
-            for (int c = 0; c < 3; c++) {
-                float &b = back.at<cv::Vec3f>(y, x)[c];
-                const float i = colour.at<cv::Vec3f>(y, x)[c];
-                const float p = std::clamp(i - (1 - m) * b, 0.0f, 255 * m);
-                b = std::clamp((i - p) / (1 - m), 0.0f, 255.0f);
+            const cv::Vec3f want = layers_behind(pixel, b, m);
+            if (cv::norm(want - b, cv::NORM_INF) < LAYERS_GHOST) {
+                b = want;
+                continue;
             }
+            mat.at<uchar>(y, x) = cv::saturate_cast<uchar>(
+                255 * std::max(m, 1.2f * layers_least(pixel, b)));
+            m = (float)mat.at<uchar>(y, x) / 255;
+            if (m <= LAYERS_WHOLE)
+                b = layers_behind(pixel, b, m);
         }
 }
 

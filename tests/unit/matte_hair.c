@@ -176,6 +176,41 @@ static void hair_test_wall(void)
     check_that("without a head there is nobody to cut out", !plain);
 }
 
+/* An ear beside dark hair that a matte took for a fifth of what it is, of a
+ * colour that is no mixture of hair and wall: it does not stay on the wall, and
+ * the two layers are the picture still. */
+static void hair_test_ear(void)
+{
+    static uint8_t rgb[3 * N * N], matte[N * N], back[3 * N * N];
+    static uint8_t inside[N * N];
+    const uint8_t colour[3][3] = {{110, 140, 135}, {30, 22, 20},
+                                  {214, 150, 120}};
+    struct error err = {0};
+    double ghost = 0, sum = 0;
+
+    memset(inside, 255, sizeof inside);
+    for (size_t i = 0; i < N * N; i++) {
+        const double x = (double)(i % N), y = (double)(i / N);
+        const int what = hair_ellipse(x, y, 128, 128, 50, 70) > 0 ? 1
+                         : hair_ellipse(x, y, 179, 128, 4, 8) > 0 ? 2 : 0;
+
+        memcpy(rgb + 3 * i, colour[what], 3);
+        matte[i] = what == 1 ? 255 : what == 2 ? 51 : 0;
+    }
+    REQUIRE(layers_split(matte, back, rgb, inside, N, &err) == 0, "%s",
+            err.text);
+    for (size_t i = 0; i < N * N; i++)
+        for (size_t c = 0; c < 3; c++) {
+            const double b = back[3 * i + c], hidden = (255 - matte[i]) * b;
+
+            ghost = fmax(ghost, fabs(b - colour[0][c]));
+            sum = fmax(sum, fmax(rgb[3 * i + c] - hidden / 255 - matte[i],
+                                 hidden / 255 - rgb[3 * i + c]));
+        }
+    check("an ear that is taken for less: levels on the wall", ghost, 18);
+    check("and levels by which both layers miss the picture", sum, 1.01);
+}
+
 int main(void)
 {
     static struct drawing d;
@@ -199,5 +234,6 @@ int main(void)
         check(text, hair_halo(rgb, matte, back, &d, palette[1 - k].wall), 25);
     }
     hair_test_wall();
+    hair_test_ear();
     return check_status();
 }
