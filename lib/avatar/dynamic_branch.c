@@ -220,8 +220,10 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     densify_spacing(b->spacing, mesh->verts, b->dense);
     b->lid = mesh->weights->lid;
     b->seam = mesh->weights->seam;
-    for (size_t k = 0; k < b->count && b->prior; k++)
-        b->spacing[k] *= mesh->weights->stretch[k];
+    b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
+    if (b->prior)
+        shut_eye_stretch(b->spacing, &b->shut, mesh->weights->stretch,
+                         mesh->head, b->dense);
     source_mesh_project(b->place, b->verts, b->count, mesh->cam);
 }
 
@@ -319,11 +321,13 @@ static void dynamic_branch_start(const struct source_picture *picture,
                                  struct dynamic_branch *b)
 {
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
-    float eye[3], *rgb = b->logit;
+    float eye[3], white[3], *rgb = b->logit;
+    const struct shut_eye_light light = {white, b->pixel, b->trust};
 
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
                   mesh->cam, SLACK);
+    shut_eye_hide(b->seen, &b->shut, mesh->head, b->dense);
     source_picture_sample(b->pixel, picture, b->place, b->count);
     dynamic_branch_hull(picture, mesh, b);
     for (size_t k = 0; k < b->count; k++) {
@@ -353,6 +357,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
     lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense);
+    dynamic_branch_white(white, mesh, b);
+    shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
 }

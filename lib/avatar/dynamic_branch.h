@@ -13,6 +13,7 @@
 #include <stddef.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/avatar/shut_eye.h"
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 #include "lib/geom/densify.h"
@@ -52,6 +53,8 @@ struct dynamic_branch {
                                          * mesh's weights */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
+    float closed;                       /* 1: the source's lips are, 0: open */
+    struct shut_eye shut;               /* which eyes the source has shut */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
     float *block;                       /* what the arrays are part of */

@@ -256,6 +256,27 @@ PY
     awk '$1 < 70 || $2 < 20 { bad = 1 } END { exit bad || NR != 3 }' mouths
 }
 
+@test "eyes that the photograph shows shut open onto iris and white" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$TOP/examples/model
+    set -o pipefail
+    spid-synth -q --first 1 -s 20 --frames 21 --fps 12 --effects 0 \
+        --head "$HEAD" -o blink%d.png
+    spid-shape -q --head "$HEAD" blink20.png -o own.spid
+    spid-branches -q --head "$HEAD" --bake own.spid -o baked.spid
+    moved own.spid lid 0 1 >lids.spid
+    spid-flame -q --head "$HEAD" -i baked.spid lids.spid -o mesh.spid
+    spid-branches -q --head "$HEAD" -i baked.spid mesh.spid -o gaus.spid
+    spid-splat -q gaus.spid -o star.y4m
+    spid-splat -q --channels 32 gaus.spid | spid-refine -q -o refined.y4m
+    for pictures in star refined; do
+        contrast mesh.spid $pictures.y4m >range
+        cat range
+        awk 'NR == 1 { a = $1; b = $2 }
+             END { exit !(NR == 2 && a > 1.5 * $1 && b > 1.5 * $2) }' range
+    done
+}
+
 @test "twice the focal length shows the middle, the photograph too" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     set -o pipefail
