@@ -53,7 +53,6 @@ struct dynamic_branch {
                                          * mesh's weights */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
-    float closed;                       /* 1: the source's lips are, 0: open */
     struct shut_eye shut;               /* which eyes the source has shut */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
