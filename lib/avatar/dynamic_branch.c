@@ -19,7 +19,7 @@
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
 #define REACH 2.0f      /* standard deviations that they are seen to */
-#define SEAM_MM 3.0f    /* the photograph's seam is seen so far from home */
+#define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 
 /* ---- colours for hidden vertices --------------------------------------- */
