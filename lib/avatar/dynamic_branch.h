@@ -89,7 +89,7 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              struct dynamic_branch *b);
 
 /* reach (D) of gaussian_seen, head units: of lids; and of lips where they meet,
- * for the photograph shows them in each other's shadow, or teeth beside them. */
+ * for the photograph shows them in each other's shadow or beside teeth. */
 void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                           const struct dynamic_branch *b);
 

@@ -7,9 +7,9 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define ABOUT_MM 16.0f      /* skin so far from a lid's middle lends its colour */
+#define ABOUT_MM 16.0f      /* skin so far from a lid lends its colour */
 #define LENT 0.8f           /* share of that colour at the margin */
-#define LASHES 0.35f        /* lashes are at most so bright, of their lid */
+#define LASHES 0.55f        /* lashes are at most so bright, of their lid */
 
 /* One lid: where it is, and how far it comes down, head units. */
 struct lid_skin_lid {
@@ -103,7 +103,7 @@ static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
         if (!lid_skin_on(lid, k, h, w, d))
             continue;
         down = fmaxf(lid_skin_down(k, h, d) / lid->most, 0);
-        lash = fminf(2 * (w->lid[k] - w->fold[k]), 1);
+        lash = w->lid[k] - w->fold[k];
         for (int c = 0; c < 3; c++) {
             float *own = rgb + 3 * k + c;
 

@@ -41,8 +41,8 @@ struct mouth_branch {
     float *sampled, *dsampled;          /* (K,K,Cf) F there; one memory */
     struct teeth_cell *teeth;           /* (K,K) with the prior, and */
     float *jaw;                         /* (K,K,3) how they go with the chin */
-    float *shown;                       /* (K,K) how far the source shows them,
-                                         * so that the photograph may be drawn */
+    float *shown;                       /* (K,K) how far the source shows them:
+                                         * so far the photograph is drawn */
     float *reach;                       /* (K,K) within this (gaussian_seen) */
     float *pixel;                       /* (K,K,4) the picture there */
     float *in, *din;                    /* (K,K,inputs) */

@@ -31,7 +31,8 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define GAIN_SPREAD 0.1
 /* Heads mostly keep still, and what a smile moves looks much like a turn: one
  * of less than STILL radians since the keyframe must be seen clearly, so many
- * times as clearly as what E_m says; larger ones are free (Cauchy's weights). */
+ * times as clearly as what E_m says; larger ones are free (Cauchy's
+ * weights). */
 #define STILL 0.0087
 #define STILL_HOLD (20 * HOLD)
 
