@@ -294,6 +294,8 @@ static void page_pack_gaussians(struct pack *k, const struct baked *b)
     pack_columns(k, "color", b->color, b->N, b->C, b->C < 3 ? b->C : 3);
     pack_columns(k, "bend", b->neck, b->N, 1, 1);
     pack_add(k, "pivot", ST_F32, 3, 0, b->pivot);
+    if (baked_has_places(b))
+        pack_add(k, "view", ST_F32, 3, 4, b->view);
     pack_add(k, "shoulders", ST_F32, 3, 3, b->source);
     pack_add(k, "lip", ST_F32, 3, 0, b->lip);
     if (!b->has_jaw)
@@ -381,7 +383,6 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
     pack_columns(k, "uv", b->uv, b->N, 2, 2);
     pack_columns(k, "seen", b->seen, b->N, 1, 1);
     page_pack_reach(k, b);
-    pack_add(k, "view", ST_F32, 3, 4, b->view);
     return 0;
 }
 

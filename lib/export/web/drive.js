@@ -3,12 +3,29 @@
 
 const UPRIGHT = [1, 0, 0, 0, -1, 0, 0, 0, -1];
 const CLOSED = 0.0025;          // BAKED_CLOSED in lib/avatar/baked.h
+const STAY = 0.1;               // NECK_BLEND_STAY in lib/geom/neck_blend.h
 
-// [M | p - M p] with M = R^T from (lib/geom/neck_blend.c).
-function body(pivot, from, cam) {
+// The way back to where the source's camera saw the shoulders (neck_blend_stay
+// in lib/geom/neck_blend.c).
+function stay(pivot, source, cam) {
+  if (!source) return [0, 0, 0];
+  const d = [0, 4, 8].map((r) => {
+    let sum = source[r + 3] - cam[r + 3];
+    for (let j = 0; j < 3; j++) sum += (source[r + j] - cam[r + j]) * pivot[j];
+    return sum;
+  });
+  const far = Math.max(Math.hypot(...d) / STAY, 1e-6);
+  const share = Math.tanh(far) / far;
+  return [0, 1, 2].map((i) => share * (cam[i] * d[0] + cam[4 + i] * d[1] +
+                                       cam[8 + i] * d[2]));
+}
+
+// [M | p - M p + stay] with M = R^T from (lib/geom/neck_blend.c).
+function body(pivot, from, cam, source) {
+  const back = stay(pivot, source, cam);
   const out = new Float32Array(12);
   for (let i = 0; i < 3; i++) {
-    out[4 * i + 3] = pivot[i];
+    out[4 * i + 3] = pivot[i] + back[i];
     for (let j = 0; j < 3; j++) {
       const m = cam[i] * from[j] + cam[4 + i] * from[3 + j] +
                 cam[8 + i] * from[6 + j];
@@ -28,8 +45,9 @@ function blend(to, at, B, w, x, y, z) {
 
 export class Drive {
   // a: rides (dynamic,2), mean planes (3, others), bend (N), counts, pivot,
-  // shoulders, lip; with jaw planes (3, mouth) chin; reach (any,5), number,
-  // home and reach of Gaussians that the photograph shows only near home.
+  // shoulders, lip; view (12), the source's camera, where it is known; with
+  // jaw planes (3, mouth) chin; reach (any,5), number, home and reach of
+  // Gaussians that the photograph shows only near home.
   constructor(a) {
     Object.assign(this, a);
     [this.dynamic, this.fixed, this.mouth] = a.counts;
@@ -57,7 +75,7 @@ export class Drive {
 
   // The posed mesh, its shoulders where the Gaussians' are.
   mesh(out, verts, cam) {
-    const B = body(this.pivot, UPRIGHT, cam);
+    const B = body(this.pivot, UPRIGHT, cam, this.view);
     for (let v = 0; v < this.meshBend.length; v++)
       blend(out, 3 * v, B, this.meshBend[v], verts[3 * v], verts[3 * v + 1],
             verts[3 * v + 2]);
@@ -96,14 +114,14 @@ export class Drive {
   means(out, verts, mouth, cam) {
     const { rides, bend, dynamic, fixed, mean } = this;
     const n = fixed + this.mouth;
-    let B = body(this.pivot, UPRIGHT, cam);
+    let B = body(this.pivot, UPRIGHT, cam, this.view);
     for (let i = 0; i < dynamic; i++) {
       const a = 3 * rides[2 * i], b = 3 * rides[2 * i + 1];
       blend(out, 4 * i, B, bend[i], 0.5 * (verts[a] + verts[b]),
             0.5 * (verts[a + 1] + verts[b + 1]),
             0.5 * (verts[a + 2] + verts[b + 2]));
     }
-    B = body(this.pivot, this.shoulders, cam);
+    B = body(this.pivot, this.shoulders, cam, this.view);
     for (let i = 0; i < fixed; i++)
       blend(out, 4 * (dynamic + i), B, bend[dynamic + i], mean[i], mean[n + i],
             mean[2 * n + i]);

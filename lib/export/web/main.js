@@ -22,6 +22,7 @@ function drivenArrays(a, count) {
     counts: a.array("counts"), pivot: a.array("pivot"),
     shoulders: a.array("shoulders"), lip: a.array("lip"),
     ...(a.has("jaw") ? { jaw: a.planes("jaw"), chin: a.array("chin") } : {}),
+    ...(a.has("view") ? { view: a.array("view") } : {}),
     ...(a.has("reach") ? { reach: a.array("reach") } : {}),
     texels: texelsFor(count),
   };
