@@ -204,7 +204,7 @@ int main(int argc, char **argv)
     check_usage(argc - first);
     if (!list_path)
         module_preload((const char *[]){argv[first], argv[first + 1],
-                                       cli.output}, 3);
+                                        cli.output}, 3);
     option_animation_load(&models, &opt);
     if (list_path) {
         rc = run_list();

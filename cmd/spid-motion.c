@@ -255,7 +255,7 @@ int main(int argc, char **argv)
         die(EX_USAGE, "--neutral: relative to whom (expected --relative "
             "FILE)");
     module_preload((const char *const *)argv + first,
-                  (size_t)(argc - first));
+                   (size_t)(argc - first));
     open_model(&p);
     open_input(&p, argv + first, argc - first);
     if (motion_output_open(&p.out, stream_path, take_path, overlay_path,

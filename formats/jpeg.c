@@ -43,10 +43,15 @@ static void jpeg_hush(j_common_ptr in)
     (void)in;
 }
 
+/* A picture of very many scans is decoded for minutes. */
 static void jpeg_progress(j_common_ptr in)
 {
-    if (((j_decompress_ptr)in)->input_scan_number > JPEG_SCANS)
-        in->err->error_exit(in);
+    struct jpeg_faults *f = (struct jpeg_faults *)in->err;
+
+    if (((j_decompress_ptr)in)->input_scan_number <= JPEG_SCANS)
+        return;
+    snprintf(f->text, sizeof f->text, "more than %d scans", JPEG_SCANS);
+    longjmp(f->back, 1);
 }
 
 /* ---- how it was held ----------------------------------------------------- */

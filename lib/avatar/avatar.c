@@ -178,7 +178,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set dynamic = avatar_part(a, &a->all, BRANCH_DYNAMIC);
     struct branch_set plane = avatar_part(a, &a->all, BRANCH_STATIC);
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
-    float white[3] = {0.8f, 0.8f, 0.8f};
+    static const float grey[3] = {0.8f, 0.8f, 0.8f};
 
     source_picture_set(&a->picture, src->rgb, src->matte,
                        a->config.rgb_skip);
@@ -190,10 +190,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,
                           &a->plane);
-    if (dynamic.n)
-        dynamic_branch_white(white, &a->source, &a->dynamic);
-    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source, white,
-                         &a->mouth);
+    mouth_branch_forward(&mouth, a->features, &a->picture, &a->source,
+                         dynamic.n ? a->dynamic.white : grey, &a->mouth);
     memset(a->reach, 0, a->all.n * sizeof *a->reach);
     if (a->config.rgb_skip && dynamic.n)
         dynamic_branch_reach(a->reach, &a->source, &a->dynamic);

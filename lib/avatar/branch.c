@@ -133,6 +133,26 @@ float branch_ramp(float x, float lo, float hi)
     return t * t * (3 - 2 * t);
 }
 
+float branch_mean_color(float rgb[3], const float *rgba, const float *weight,
+                        size_t n, float least)
+{
+    float sum = 0;
+
+    memset(rgb, 0, 3 * sizeof *rgb);
+    for (size_t i = 0; i < n; i++) {
+        const float *p = rgba + 4 * i;
+
+        if (!(weight[i] > 0) || p[0] + p[1] + p[2] < 3 * least)
+            continue;
+        sum += weight[i];
+        for (int c = 0; c < 3; c++)
+            rgb[c] += weight[i] * p[c];
+    }
+    for (int c = 0; c < 3; c++)
+        rgb[c] /= fmaxf(sum, 1e-6f);
+    return sum;
+}
+
 float branch_likeness(const float rgb[3], const float like[3])
 {
     const float a = rgb[0] + rgb[1] + rgb[2] + 1e-3f;

@@ -268,28 +268,19 @@ static void dynamic_branch_hull(const struct source_picture *picture,
     }
 }
 
-/* Mean of rgba (V,4) over vertices of region (any: -1) as bright as `least` and
- * more; returns their weight. */
+/* rgb (3): mean colour of the vertices of a region (any: -1) that the picture
+ * shows, as bright as `least` and more; returns their weight. */
 static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
                                  const int32_t *regions, int region,
                                  float least)
 {
-    float sum = 0;
+    float *weight = b->tmp;
 
-    memset(rgb, 0, 3 * sizeof *rgb);
-    for (size_t v = 0; v < b->dense->V; v++) {
-        const float *p = b->pixel + 4 * v, w = b->trust[v];
-
-        if (!(w > 0.2f) || p[0] + p[1] + p[2] < 3 * least ||
-            (region >= 0 && (!regions || regions[v] != region)))
-            continue;
-        sum += w;
-        for (int c = 0; c < 3; c++)
-            rgb[c] += w * p[c];
-    }
-    for (int c = 0; c < 3; c++)
-        rgb[c] /= fmaxf(sum, 1e-6f);
-    return sum;
+    for (size_t v = 0; v < b->dense->V; v++)
+        weight[v] = b->trust[v] > 0.2f &&
+                    (region < 0 || (regions && regions[v] == region))
+                  ? b->trust[v] : 0;
+    return branch_mean_color(rgb, b->pixel, weight, b->dense->V, least);
 }
 
 /* What of the neck shows cloth or hair keeps that to itself: what the jaw
@@ -297,8 +288,7 @@ static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
 static void dynamic_branch_bare(const struct source_mesh *mesh,
                                 struct dynamic_branch *b)
 {
-    const int32_t *regions = mesh->head->region, *edge = b->dense->edge;
-    const size_t V = b->dense->V;
+    const int32_t *regions = mesh->head->region;
     float skin[3];
 
     memcpy(b->skin, b->trust, b->count * sizeof *b->skin);
@@ -306,11 +296,40 @@ static void dynamic_branch_bare(const struct source_mesh *mesh,
                       1))
         return;
     for (size_t k = 0; k < b->count; k++) {
-        const size_t i = k < V ? k : (size_t)edge[2 * (k - V)];
-        const size_t j = k < V ? k : (size_t)edge[2 * (k - V) + 1];
+        size_t end[2];
 
-        if (regions[i] == REGION_NECK && regions[j] == REGION_NECK)
+        densify_ends(end, b->dense, k);
+        if (regions[end[0]] == REGION_NECK && regions[end[1]] == REGION_NECK)
             b->skin[k] *= branch_likeness(b->pixel + 4 * k, skin);
+    }
+}
+
+/* How bright and of what colour white things are in the picture: from the
+ * brighter half of the eyeballs' visible vertices, twice over, or where none
+ * are, from the skin; and no less than what makes the palest skin as bright as
+ * the face. */
+static void dynamic_branch_white(float white[3],
+                                 const struct source_mesh *mesh,
+                                 const struct dynamic_branch *b)
+{
+    static const float pale[3] = {0.9f, 0.78f, 0.68f};
+    const int32_t *regions = mesh->head->region;
+    float skin[3], gray = 0;
+    float n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL, 0);
+    const bool eyes = n > 8;
+
+    for (int i = 0; i < 2 && eyes; i++)
+        dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
+                            (white[0] + white[1] + white[2]) / 3);
+    if (!eyes)
+        dynamic_branch_mean(white, b, regions, -1, 0);
+    for (int c = 0; c < 3; c++)
+        gray += white[c] / 3;
+    dynamic_branch_mean(skin, b, regions, REGION_FACE, 0);
+    for (int c = 0; c < 3; c++) {   /* lids shade the one, the other is tan */
+        white[c] = fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray),
+                         skin[c] / pale[c]);
+        white[c] = fminf(fmaxf(white[c], 0.2f), 1);
     }
 }
 
@@ -321,8 +340,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
                                  struct dynamic_branch *b)
 {
     const struct lid_skin_source lids = {b->verts, b->pixel, b->trust};
-    float eye[3], white[3], *rgb = b->logit;
-    const struct shut_eye_light light = {white, b->pixel, b->trust};
+    const struct shut_eye_light light = {b->white, b->pixel, b->trust};
+    float eye[3], *rgb = b->logit;
 
     camera_origin(eye, mesh->cam);
     coverage_seen(b->seen, b->verts, b->count, mesh->depth, mesh->n,
@@ -356,8 +375,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
-    lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense);
-    dynamic_branch_white(white, mesh, b);
+    lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense, b->tmp);
+    dynamic_branch_white(b->white, mesh, b);
     shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
@@ -510,30 +529,4 @@ void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b)
 {
     light_fit(l, b->pixel, mesh->normals, b->trust, b->dense->V, b->tmp);
-}
-
-/* The brighter half of the eyeballs' visible vertices, twice over; and no less
- * than what makes the palest skin as bright as the face. */
-void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
-                          struct dynamic_branch *b)
-{
-    static const float pale[3] = {0.9f, 0.78f, 0.68f};
-    const int32_t *regions = mesh->head->region;
-    float skin[3], gray = 0;
-    float n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL, 0);
-    const bool eyes = n > 8;
-
-    for (int i = 0; i < 2 && eyes; i++)
-        dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
-                            (white[0] + white[1] + white[2]) / 3);
-    if (!eyes)
-        dynamic_branch_mean(white, b, regions, -1, 0);
-    for (int c = 0; c < 3; c++)
-        gray += white[c] / 3;
-    dynamic_branch_mean(skin, b, regions, REGION_FACE, 0);
-    for (int c = 0; c < 3; c++) {   /* lids shade the one, the other is tan */
-        white[c] = fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray),
-                         skin[c] / pale[c]);
-        white[c] = fminf(fmaxf(white[c], 0.2f), 1);
-    }
 }

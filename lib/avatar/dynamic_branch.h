@@ -54,6 +54,8 @@ struct dynamic_branch {
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
     struct shut_eye shut;               /* which eyes the source has shut */
+    float white[3];                     /* what is white in the picture; with
+                                         * the prior */
     float *tmp;                         /* (V,7) */
     int *level;                         /* (V) */
     float *block;                       /* what the arrays are part of */
@@ -96,11 +98,6 @@ void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
 /* l (3): the light on the source, from the colours the last forward found on
  * the mesh's vertices (light.h). */
 void dynamic_branch_light(float l[3], const struct source_mesh *mesh,
-                          struct dynamic_branch *b);
-
-/* white (3): how bright and of what colour white things are in the picture,
- * from the eyes' whites where they are seen, else from the skin. */
-void dynamic_branch_white(float white[3], const struct source_mesh *mesh,
                           struct dynamic_branch *b);
 
 /* rgb (N,3) of hidden points from the shown ones: a point keeps its colour as

@@ -7,6 +7,8 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "lib/avatar/branch.h"
+
 #define ABOUT_MM 16.0f      /* skin so far from a lid lends its colour */
 #define LENT 0.8f           /* share of that colour at the margin */
 #define LASHES 0.55f        /* lashes are at most so bright, of their lid */
@@ -22,21 +24,22 @@ static bool lid_skin_on(const struct lid_skin_lid *lid, size_t k,
                         const struct head *h, const struct mesh_weights *w,
                         const struct densify *d)
 {
-    const size_t v = k < d->V ? k : (size_t)d->edge[2 * (k - d->V)];
+    size_t end[2];
 
-    return w->lid[k] > 0 && (h->v_template[3 * v] > 0) == lid->left;
+    densify_ends(end, d, k);
+    return w->lid[k] > 0 && (h->v_template[3 * end[0]] > 0) == lid->left;
 }
 
 /* How far vertex or midpoint k comes down when both eyes close, head units. */
 static float lid_skin_down(size_t k, const struct head *h,
                            const struct densify *d)
 {
-    const size_t e = k < d->V ? 0 : k - d->V;
-    const size_t i = k < d->V ? k : (size_t)d->edge[2 * e];
-    const size_t j = k < d->V ? k : (size_t)d->edge[2 * e + 1];
+    const float *l = h->l_eyelid + 1, *r = h->r_eyelid + 1;
+    size_t end[2];
 
-    return -0.5f * (h->l_eyelid[3 * i + 1] + h->r_eyelid[3 * i + 1] +
-                    h->l_eyelid[3 * j + 1] + h->r_eyelid[3 * j + 1]);
+    densify_ends(end, d, k);
+    return -0.5f * (l[3 * end[0]] + r[3 * end[0]] +
+                    l[3 * end[1]] + r[3 * end[1]]);
 }
 
 /* Find a lid; false: the head has none. */
@@ -60,34 +63,26 @@ static bool lid_skin_find(struct lid_skin_lid *lid, const float *verts,
     return sum > 0;
 }
 
-/* Mean colour of the skin about x (3), neither brow nor eye, as bright as
- * `least` and more; returns its weight. */
-static float lid_skin_mean(float rgb[3], const float *x,
+/* weight (V): how far vertices about x (3) say what skin is there; neither
+ * brows nor eyes do. */
+static void lid_skin_about(float *weight, const float x[3],
                            const struct lid_skin_source *s,
-                           const struct head *h, float least)
+                           const struct head *h)
 {
     const float far = ABOUT_MM * 1e-3f * h->scale;
-    float sum = 0;
 
-    memset(rgb, 0, 3 * sizeof *rgb);
     for (size_t v = 0; v < h->V; v++) {
-        const float *p = s->pixel + 4 * v, *at = s->verts + 3 * v;
+        const float *at = s->verts + 3 * v;
         const int region = h->region ? h->region[v] : REGION_FACE;
-        float d2 = 0, w;
+        float d2 = 0;
 
         for (int c = 0; c < 3; c++)
             d2 += (at[c] - x[c]) * (at[c] - x[c]);
-        if (d2 > 9 * far * far || p[0] + p[1] + p[2] < 3 * least ||
-            (region != REGION_FACE && region != REGION_SKIN))
-            continue;
-        w = s->trust[v] * expf(-0.5f * d2 / (far * far));
-        sum += w;
-        for (int c = 0; c < 3; c++)
-            rgb[c] += w * p[c];
+        weight[v] = 0;
+        if (d2 <= 9 * far * far &&
+            (region == REGION_FACE || region == REGION_SKIN))
+            weight[v] = s->trust[v] * expf(-0.5f * d2 / (far * far));
     }
-    for (int c = 0; c < 3; c++)
-        rgb[c] /= fmaxf(sum, 1e-6f);
-    return sum;
 }
 
 /* Skin, and on the margin, which does not come out of the crease, lashes. */
@@ -115,17 +110,19 @@ static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
 
 void lid_skin(float *rgb, const struct lid_skin_source *s,
               const struct head *h, const struct mesh_weights *w,
-              const struct densify *d)
+              const struct densify *d, float *tmp)
 {
     for (int left = 0; left < 2; left++) {
         struct lid_skin_lid lid = {.left = left};
         float skin[3];
 
-        if (!lid_skin_find(&lid, s->verts, h, w, d) ||
-            lid_skin_mean(skin, lid.middle, s, h, 0) < 1)
+        if (!lid_skin_find(&lid, s->verts, h, w, d))
             continue;
-        lid_skin_mean(skin, lid.middle, s, h,
-                      (skin[0] + skin[1] + skin[2]) / 3);
+        lid_skin_about(tmp, lid.middle, s, h);
+        if (branch_mean_color(skin, s->pixel, tmp, h->V, 0) < 1)
+            continue;
+        branch_mean_color(skin, s->pixel, tmp, h->V,
+                          (skin[0] + skin[1] + skin[2]) / 3);
         lid_skin_paint(rgb, &lid, skin, s, h, w, d);
     }
 }

@@ -15,9 +15,9 @@ struct lid_skin_source {
 };
 
 /* The lids' rgb (V+E,3), which have got the colours of the crease above them,
- * become skin down to their margin.  d is of h's edges. */
+ * become skin down to their margin.  d is of h's edges; tmp holds V floats. */
 void lid_skin(float *rgb, const struct lid_skin_source *s,
               const struct head *h, const struct mesh_weights *w,
-              const struct densify *d);
+              const struct densify *d, float *tmp);
 
 #endif

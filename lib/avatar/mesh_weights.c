@@ -95,11 +95,11 @@ static void mesh_weights_margin(float *fold, const float *down,
     }
 }
 
-/* Upper lids, and what they stretch by when both eyes close; closed (V,3) and
- * open (V+E) are scratch. */
+/* Upper lids, and what they stretch by when both eyes close; open (V+E): the
+ * mean head's spacing, closed (V,3) is scratch. */
 static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
-                              const struct densify *d, float *closed,
-                              float *open)
+                              const struct densify *d, const float *open,
+                              float *closed)
 {
     const size_t V = h->V, D = V + d->E;
 
@@ -110,7 +110,6 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
     mesh_weights_margin(w->fold, w->lid, d);
     densify_midpoints(w->lid + V, w->lid, d, 1);
     densify_midpoints(w->fold + V, w->fold, d, 1);
-    densify_spacing(open, h->v_template, d);
     densify_spacing(w->stretch, closed, d);
     for (size_t k = 0; k < D; k++) {
         float mm = w->lid[k] / h->scale * 1e3f;
@@ -142,16 +141,16 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
             nearest = fminf(nearest, mesh_weights_norm(off));
         }
         w->seam[v] = 1 - branch_ramp(nearest / h->scale * 1e3f, SEAM_MM,
-                                           SEAM_END_MM);
+                                     SEAM_END_MM);
     }
     densify_midpoints(w->seam + h->V, w->seam, d, 1);
 }
 
-/* What the mean head's skin stretches by when the jaw drops; posed (V,3) and
- * wide (V+E) are scratch. */
+/* What the mean head's skin stretches by when the jaw drops; rest (V+E): its
+ * spacing, posed (V,3) and wide (V+E) are scratch. */
 static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
-                             const struct densify *d, float *posed,
-                             float *wide, struct error *err)
+                             const struct densify *d, const float *rest,
+                             float *posed, float *wide, struct error *err)
 {
     const struct head_motion drop = {.jaw = {DROP}};
     struct identity mean;
@@ -161,9 +160,8 @@ static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
     head_pose(posed, &mean, &drop);
     identity_release(&mean);
     densify_spacing(wide, posed, d);
-    densify_spacing(w->seam, h->v_template, d);     /* scratch, too */
     for (size_t k = 0; k < h->V + d->E; k++) {
-        const float by = wide[k] / fmaxf(w->seam[k], 1e-6f);
+        const float by = wide[k] / fmaxf(rest[k], 1e-6f);
 
         w->stretch[k] = fmaxf(w->stretch[k], fminf(by, DROP_MOST));
     }
@@ -186,11 +184,10 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->fold = malloc(D * sizeof *w->fold);
     w->reach = malloc(D * sizeof *w->reach);
     w->seam = malloc(D * sizeof *w->seam);
-    float *scratch = malloc((3 * V + D) * sizeof *scratch);
+    float *rest = malloc((2 * D + 3 * V) * sizeof *rest);
     if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
-        !w->stretch || !w->fold || !w->reach || !w->seam ||
-        !scratch) {
-        free(scratch);
+        !w->stretch || !w->fold || !w->reach || !w->seam || !rest) {
+        free(rest);
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     }
     for (size_t v = 0; v < V; v++) {
@@ -208,9 +205,11 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* no edge to the lips hangs out */
         w->lining[k] = w->lining[k] > 0;
-    mesh_weights_lids(w, h, d, scratch, scratch + 3 * V);
-    int rc = mesh_weights_drop(w, h, d, scratch, scratch + 3 * V, err);
-    free(scratch);
+    float *wide = rest + D, *posed = wide + D;
+    densify_spacing(rest, h->v_template, d);
+    mesh_weights_lids(w, h, d, rest, posed);
+    int rc = mesh_weights_drop(w, h, d, rest, posed, wide, err);
+    free(rest);
     mesh_weights_seam(w, h, d);
     return rc ? -1 : head_mirror_vertices(w->mirror, h, err);
 }

@@ -262,13 +262,10 @@ static void mouth_branch_teeth(const struct source_picture *picture,
 }
 
 /* The decoder's input rows [F at g, u, v]. */
-static void mouth_branch_inputs(const float *features,
-                                const struct source_mesh *mesh,
-                                struct mouth_branch *b)
+static void mouth_branch_inputs(const float *features, struct mouth_branch *b)
 {
     size_t Cf = b->feature;
 
-    source_mesh_project(b->place, b->grid, b->count, mesh->cam);
     grid_sample(b->sampled, features, b->place, 1, b->n, b->n, Cf, b->count,
                 false, RESAMPLE_BORDER);
     for (size_t k = 0; k < b->count; k++) {
@@ -291,11 +288,13 @@ void mouth_branch_forward(struct branch_set *out, const float *features,
     if (out->n == 0)
         return;
     float r = mouth_branch_radius(b);
-    if (b->prior)
+    if (b->prior) {
         mouth_branch_teeth(picture, white, r, mesh, b);
-    else
+    } else {
         mouth_branch_grid(b->grid, b->uv, b->lips.centre, r, b->K);
-    mouth_branch_inputs(features, mesh, b);
+        source_mesh_project(b->place, b->grid, b->count, mesh->cam);
+    }
+    mouth_branch_inputs(features, b);
     if (b->prior)
         mouth_branch_start(r, 1e-3f * mesh->head->scale, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->q);

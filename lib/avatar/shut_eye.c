@@ -7,6 +7,8 @@
 #include <stdbool.h>
 #include <string.h>
 
+#include "lib/avatar/branch.h"
+
 #define OPEN 0.6f           /* of the lid's way: nothing is taken for shut, */
 #define SHUT 0.85f          /* ... and here all is */
 #define PUPIL 9.0f          /* degrees from the middle, */
@@ -22,14 +24,6 @@ struct shut_eye_look {
 static const struct shut_eye_look shut_eye_anybody = {
     {0.03f, 0.03f, 0.03f}, {0.32f, 0.21f, 0.13f}, {0.86f, 0.82f, 0.79f}
 };
-
-/* Smooth step from 0 at lo to 1 at hi. */
-static float shut_eye_ramp(float x, float lo, float hi)
-{
-    float t = fminf(fmaxf((x - lo) / (hi - lo), 0), 1);
-
-    return t * t * (3 - 2 * t);
-}
 
 /* What of the way lid (V,3) the vertices have gone, by least squares. */
 static float shut_eye_way(const float *posed, const float *rest,
@@ -48,8 +42,8 @@ struct shut_eye shut_eye_find(const float *posed, const float *rest,
                               const struct head *h)
 {
     return (struct shut_eye){
-        shut_eye_ramp(shut_eye_way(posed, rest, h->l_eyelid, h->V), OPEN, SHUT),
-        shut_eye_ramp(shut_eye_way(posed, rest, h->r_eyelid, h->V), OPEN, SHUT)
+        branch_ramp(shut_eye_way(posed, rest, h->l_eyelid, h->V), OPEN, SHUT),
+        branch_ramp(shut_eye_way(posed, rest, h->r_eyelid, h->V), OPEN, SHUT)
     };
 }
 
@@ -57,14 +51,14 @@ struct shut_eye shut_eye_find(const float *posed, const float *rest,
 static bool shut_eye_on(float x[3], size_t k, const struct head *h,
                         const struct densify *d)
 {
-    const size_t e = k < d->V ? 0 : k - d->V;
-    const size_t i = k < d->V ? k : (size_t)d->edge[2 * e];
-    const size_t j = k < d->V ? k : (size_t)d->edge[2 * e + 1];
+    size_t end[2];
 
-    for (int c = 0; c < 3; c++)
-        x[c] = 0.5f * (h->v_template[3 * i + c] + h->v_template[3 * j + c]);
-    return h->region && h->region[i] == REGION_EYEBALL &&
-           h->region[j] == REGION_EYEBALL;
+    densify_ends(end, d, k);
+    for (size_t c = 0; c < 3; c++)
+        x[c] = 0.5f * (h->v_template[3 * end[0] + c] +
+                       h->v_template[3 * end[1] + c]);
+    return h->region && h->region[end[0]] == REGION_EYEBALL &&
+           h->region[end[1]] == REGION_EYEBALL;
 }
 
 void shut_eye_stretch(float *spacing, const struct shut_eye *s,
@@ -200,8 +194,8 @@ void shut_eye_paint(float *rgb, const struct shut_eye *s,
         const bool left = x[0] > 0;
         const float shut = left ? s->left : s->right;
         const float angle = shut_eye_angle(x, axis[left], h);
-        const float iris = shut_eye_ramp(angle, PUPIL, PUPIL + SOFT);
-        const float sclera = shut_eye_ramp(angle, IRIS - SOFT, IRIS + SOFT);
+        const float iris = branch_ramp(angle, PUPIL, PUPIL + SOFT);
+        const float sclera = branch_ramp(angle, IRIS - SOFT, IRIS + SOFT);
 
         for (int c = 0; c < 3; c++) {
             float own = look[left].pupil[c];

@@ -261,7 +261,7 @@ static int page_pack_rides(struct pack *k, const struct baked *b,
     int32_t *to = pack_add(k, "rides", ST_I32, b->dynamic, 2, NULL);
     int rc = 0;
     for (size_t i = 0; to && !rc && i < b->dynamic; i++) {
-        size_t v = (size_t)b->vertex[i];
+        size_t v = (size_t)b->vertex[i], end[2];
 
         if (v >= d.V + d.E) {
             rc = error_set(err, EX_DATAERR, "GAUS vertex[%zu] is %zu "
@@ -269,8 +269,9 @@ static int page_pack_rides(struct pack *k, const struct baked *b,
                            "another head)", i, v, d.V + d.E);
             break;
         }
-        to[2 * i] = v < d.V ? (int32_t)v : d.edge[2 * (v - d.V)];
-        to[2 * i + 1] = v < d.V ? (int32_t)v : d.edge[2 * (v - d.V) + 1];
+        densify_ends(end, &d, v);
+        to[2 * i] = (int32_t)end[0];
+        to[2 * i + 1] = (int32_t)end[1];
     }
     densify_release(&d);
     return rc;

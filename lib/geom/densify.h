@@ -20,6 +20,15 @@ int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
 /* Free what it holds; zeroed then. */
 void densify_release(struct densify *d);
 
+/* The vertices that densified vertex k is the mean of: the ends of its edge,
+ * or the vertex itself twice. */
+static inline void densify_ends(size_t end[2], const struct densify *d,
+                                size_t k)
+{
+    for (size_t i = 0; i < 2; i++)
+        end[i] = k < d->V ? k : (size_t)d->edge[2 * (k - d->V) + i];
+}
+
 /* out (V+E,C) = x (V,C), then the mean of the ends of every edge. */
 void densify_forward(float *out, const float *x, const struct densify *d,
                      size_t C);

@@ -126,3 +126,23 @@ PY
     has 'CMYK'
     [ ! -e x.spid ]
 }
+
+@test "a JPEG picture of a thousand scans is refused in one line" {
+    # 8 x 8 pixels, progressive; each scan sends the same empty block again
+    "$PYTHON" - <<'PY'
+import struct
+def segment(marker, data):
+    return struct.pack('>BBH', 0xff, marker, len(data) + 2) + data
+def table(kind):
+    return segment(0xc4, bytes([kind, 1] + 15 * [0] + [0]))
+def scan(first, last):
+    return segment(0xda, bytes([1, 1, 0, first, last, 0])) + b'\x7f'
+with open('scans.jpg', 'wb') as f:
+    f.write(b'\xff\xd8' + segment(0xdb, bytes([0] + 64 * [1])) +
+            segment(0xc2, bytes([8, 0, 8, 0, 8, 1, 1, 0x11, 0])) +
+            table(0x00) + table(0x10) + scan(0, 0) + 999 * scan(1, 63) + b'\xff\xd9')
+PY
+    status 65 spid-shape -q -m model scans.jpg -o me2.spid
+    one_line
+    has 'scans.jpg: damaged picture: more than 500 scans'
+}

@@ -50,6 +50,14 @@ w.end()
 PY
 }
 
+# piped AVATAR.spid PICTURES: gaus.spid, the avatar driven by them, stage by
+# stage.
+piped() {
+    set -o pipefail
+    spid-motion -q -m model "$2" | spid-flame -m model -i "$1" |
+        spid-branches -i "$1" >gaus.spid
+}
+
 @test "driven by their own picture, people are that picture" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     export SPID_MODEL=$TOP/examples/model
@@ -79,9 +87,7 @@ PY
     spid-animate -q --absolute -m model -s avatar.spid drive.y4m -o photo.y4m
     spid-animate -q --absolute -m model -s --no-photo avatar.spid drive.y4m -o one.y4m
     status 1 cmp -s photo.y4m one.y4m
-    set -o pipefail
-    spid-motion -q -m model drive.y4m | spid-flame -m model -i avatar.spid |
-        spid-branches -i avatar.spid >gaus.spid
+    piped avatar.spid drive.y4m
     spid-splat -q --size 128 --no-photo gaus.spid -o pipe.y4m
     cmp one.y4m pipe.y4m
     spid-splat -q --size 128 gaus.spid -o pipe.y4m
@@ -110,9 +116,8 @@ PY
     spid-animate -q --absolute -m model -s old.spid drive.y4m -o old.y4m
     spid-animate -q --absolute -m model -s --no-photo stiff.spid drive.y4m -o none.y4m
     cmp old.y4m none.y4m
-    set -o pipefail
-    spid-motion -q -m model drive.y4m | spid-flame -m model -i old.spid |
-        spid-branches -i old.spid | spid-splat -q --size 128 -o pipe.y4m
+    piped old.spid drive.y4m
+    spid-splat -q --size 128 gaus.spid -o pipe.y4m
     cmp old.y4m pipe.y4m
 }
 
@@ -151,6 +156,22 @@ for rec in spidstream.read_stream(open(sys.argv[1], 'rb')):
             w.write(rec)
 w.end()
 PY
+}
+
+# posed lid|jaw ANGLE...: own.spid, baked (baked.spid), in its own pose but for
+# these: mesh.spid, gaus.spid and, drawn, star.y4m.
+posed() {
+    spid-branches -q --bake own.spid -o baked.spid
+    moved own.spid "$@" >posed.spid
+    spid-flame -q -i baked.spid posed.spid -o mesh.spid
+    spid-branches -q -i baked.spid mesh.spid -o gaus.spid
+    spid-splat -q gaus.spid -o star.y4m
+}
+
+# refined: gaus.spid drawn and refined, refined.y4m.
+refined() {
+    set -o pipefail
+    spid-splat -q --channels 32 gaus.spid | spid-refine -q -o refined.y4m
 }
 
 # mouths MESH.spid PICTURES.y4m: a line a frame, what is between the lips in the
@@ -223,14 +244,9 @@ PY
 @test "closed lids are skin: neither pupil nor white shows through" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     export SPID_MODEL=$TOP/examples/model
-    set -o pipefail
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
-    spid-branches -q --bake own.spid -o baked.spid
-    moved own.spid lid 0 1 >lids.spid
-    spid-flame -q -i baked.spid lids.spid -o mesh.spid
-    spid-branches -q -i baked.spid mesh.spid -o gaus.spid
-    spid-splat -q gaus.spid -o star.y4m
-    spid-splat -q --channels 32 gaus.spid | spid-refine -q -o refined.y4m
+    posed lid 0 1
+    refined
     for pictures in star refined; do
         contrast mesh.spid $pictures.y4m >range
         cat range
@@ -246,13 +262,8 @@ PY
 @test "a dropped jaw shows lit teeth, and no black hole" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     export SPID_MODEL=$TOP/examples/model
-    set -o pipefail
     spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
-    spid-branches -q --bake own.spid -o baked.spid
-    moved own.spid jaw 0.1 0.2 0.3 >jaws.spid
-    spid-flame -q -i baked.spid jaws.spid -o mesh.spid
-    spid-branches -q -i baked.spid mesh.spid -o gaus.spid
-    spid-splat -q gaus.spid -o star.y4m
+    posed jaw 0.1 0.2 0.3
     mouths mesh.spid star.y4m >mouths
     cat mouths
     awk '$1 < 70 || $2 < 20 { bad = 1 } END { exit bad || NR != 3 }' mouths
@@ -261,16 +272,11 @@ PY
 @test "eyes that the photograph shows shut open onto iris and white" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     export SPID_MODEL=$TOP/examples/model
-    set -o pipefail
     spid-synth -q --first 1 -s 20 --frames 21 --fps 12 --effects 0 \
         --head "$HEAD" -o blink%d.png
     spid-shape -q --head "$HEAD" blink20.png -o own.spid
-    spid-branches -q --head "$HEAD" --bake own.spid -o baked.spid
-    moved own.spid lid 0 1 >lids.spid
-    spid-flame -q --head "$HEAD" -i baked.spid lids.spid -o mesh.spid
-    spid-branches -q --head "$HEAD" -i baked.spid mesh.spid -o gaus.spid
-    spid-splat -q gaus.spid -o star.y4m
-    spid-splat -q --channels 32 gaus.spid | spid-refine -q -o refined.y4m
+    posed lid 0 1
+    refined
     for pictures in star refined; do
         contrast mesh.spid $pictures.y4m >range
         cat range
@@ -281,9 +287,7 @@ PY
 
 @test "twice the focal length shows the middle, the photograph too" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
-    set -o pipefail
-    spid-motion -q -m model source.png | spid-flame -m model -i avatar.spid |
-        spid-branches -i avatar.spid >gaus.spid
+    piped avatar.spid source.png
     spid-splat -q --size 256 gaus.spid -o whole.png
     spid-splat -q --size 128 --focal 24 gaus.spid -o near.png
     ffmpeg -v error -i whole.png -vf crop=128:128:64:64 -f rawvideo \

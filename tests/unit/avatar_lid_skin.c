@@ -85,9 +85,9 @@ int main(void)
         return check_status();
     }
     const size_t D = d.V + d.E;
-    float *block = malloc(14 * D * sizeof *block), *verts = block;
+    float *block = malloc(15 * D * sizeof *block), *verts = block;
     float *pixel = verts + 3 * D, *trust = pixel + 4 * D;
-    float *before = trust + D, *rgb = before + 3 * D;
+    float *before = trust + D, *rgb = before + 3 * D, *tmp = rgb + 3 * D;
     const struct lid_skin_source source = {verts, pixel, trust};
 
     if (!block)
@@ -95,7 +95,7 @@ int main(void)
     densify_forward(verts, h.v_template, &d, 3);
     lid_photograph(pixel, trust, before, verts, &w, D);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &w, &d);
+    lid_skin(rgb, &source, &h, &w, &d, tmp);
     expect("at the crease", lid_mean(rgb, &h, &w, &d, 0, 0.15, false), SHADE,
            0.06);
     check_range("further down", lid_mean(rgb, &h, &w, &d, 0.6, 0.9, false),
@@ -106,7 +106,7 @@ int main(void)
            0);
     memset(trust, 0, D * sizeof *trust);
     memcpy(rgb, before, 3 * D * sizeof *rgb);
-    lid_skin(rgb, &source, &h, &w, &d);
+    lid_skin(rgb, &source, &h, &w, &d, tmp);
     expect("nothing trusted", lid_largest_change(rgb, before, &w, D, true), 0,
            0);
     free(block);
