@@ -113,9 +113,9 @@ same_records() {
     echo nothing >bad.mp4
     printf '# clips\nclip.y4m\nbad.mp4\n' >list
     cat >all.json <<'J'
-{"stage": "all", "steps": 40, "log_every": 1, "rate": 1e-3, "batch": 1, "micro": 1, "pool": 1, "image": 128, "targets": 1,
- "validation_every": 10, "validation_people": 1,
- "loss": {"anchor_start": 1, "anchor_end": 0.1, "anchor_steps": 30},
+{"stage": "all", "steps": 160, "log_every": 1, "rate": 1e-3, "batch": 1, "micro": 1, "pool": 1, "image": 128, "targets": 1,
+ "validation_every": 20, "validation_people": 1,
+ "loss": {"anchor_start": 1, "anchor_end": 0.1, "anchor_steps": 120},
  "model": {"size": 128, "plane": 32, "mouth": 4, "channels": 8, "feature": 8,
   "motion": {"net": "mobilenetv3_small_150"}, "shape": {"net": "mobilenetv3_small_100"},
   "backbone": {"type": "small", "width": 4}, "init": {"width": 8}, "static": {"width": 8},
@@ -131,9 +131,9 @@ J
         --init "$model:motion." @list
     has '2 clips: 0 made, 2 were there, 0 bad'
     has 's a step ('
-    # 40 steps of source and target frames: nearer to the clip, by an encoder
+    # 160 steps of source and target frames: nearer to the clip, by an encoder
     # that has moved, for the anchors fade
-    awk -F'\t' 'NR == 2 {a = $2} {b = $2} END {print a, b; exit b > a + 0.3 ? 0 : 1}' run/held.tsv
+    awk -F'\t' 'NR == 2 {a = $2} {b = $2} END {print a, b; exit b > a + 1 ? 0 : 1}' run/held.tsv
     PYTHONPATH=$BATS_TEST_DIRNAME "$PYTHON" - "$model" <<'P'
 import sys, numpy as np, import_read
 a, b = (import_read.load(f)[0]["motion.exp.weight"].astype("f4") for f in (sys.argv[1], "run/model.safetensors"))
