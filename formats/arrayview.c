@@ -59,7 +59,7 @@ size_t array_view_reach(const struct array_view *v)
     return (size_t)last + 1;
 }
 
-static void reverse_bytes(unsigned char *p, size_t size, size_t count)
+static void arrayview_reverse_bytes(unsigned char *p, size_t size, size_t count)
 {
     for (; count; count--, p += size)
         for (size_t i = 0; i < size / 2; i++) {
@@ -71,7 +71,7 @@ static void reverse_bytes(unsigned char *p, size_t size, size_t count)
 }
 
 /* Elements from the end that lie in order: a run that one memcpy takes. */
-static size_t packed_run(const struct array_view *v, int *outer)
+static size_t arrayview_packed_run(const struct array_view *v, int *outer)
 {
     size_t run = 1;
     int k = v->ndim;
@@ -89,7 +89,7 @@ void array_view_copy(void *out, const struct array_view *v, const void *data)
     unsigned char *to = out;
     size_t index[ARRAY_VIEW_DIMS] = {0}, at = 0;
     int outer;
-    size_t run = packed_run(v, &outer);
+    size_t run = arrayview_packed_run(v, &outer);
 
     for (size_t done = 0; done < v->count; done += run) {
         memcpy(to + done * size, from + at * size, run * size);
@@ -102,7 +102,7 @@ void array_view_copy(void *out, const struct array_view *v, const void *data)
         }
     }
     if (v->swap)
-        reverse_bytes(out, size, v->count);
+        arrayview_reverse_bytes(out, size, v->count);
 }
 
 double array_view_number(enum st_dtype dtype, const void *packed, size_t i)

@@ -11,7 +11,7 @@
 #include "lib/geom/crop.h"
 
 /* "white", "#rrggbb" or "r,g,b". */
-static int parse_color(const char *value, uint8_t color[3])
+static int background_parse_color(const char *value, uint8_t color[3])
 {
     static const struct {
         const char *name;
@@ -48,7 +48,7 @@ int background_parse(const char *value, void *dest, struct error *err)
     struct image im;
     uint8_t color[3];
 
-    if (parse_color(value, color) == 0) {
+    if (background_parse_color(value, color) == 0) {
         background_release(bg);
         memcpy(bg->color, color, 3);
         return 0;

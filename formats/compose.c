@@ -87,8 +87,9 @@ const struct compose_table *compose_table(void)
 
 /* The first three channels of n pixels from number `at` on, packed: in place
  * where they are, else in run [n,3]. */
-static const float *color_run(float *run, const struct framesink_frame *f,
-                              size_t at, size_t n)
+static const float *compose_color_run(float *run,
+                                      const struct framesink_frame *f,
+                                      size_t at, size_t n)
 {
     const size_t C = (size_t)f->channels;
 
@@ -117,8 +118,9 @@ static size_t compose_clamp(double v, size_t top)
 
 /* n pixels of row y from column x on of the background picture, resized to
  * cover a W x H frame (four samples a pixel). */
-static void background_run(uint8_t *run, const struct background *bg,
-                           size_t W, size_t H, size_t x, size_t y, size_t n)
+static void compose_background_run(uint8_t *run, const struct background *bg,
+                                   size_t W, size_t H, size_t x, size_t y,
+                                   size_t n)
 {
     const double sx = (double)bg->width / (double)W;
     const double sy = (double)bg->height / (double)H;
@@ -150,7 +152,7 @@ static void compose_run(uint8_t *out, const struct framesink_frame *f,
     const size_t at = y * f->width + x;
     float run[3 * RUN];
     uint8_t back[3 * RUN];
-    const float *c = color_run(run, f, at, n);
+    const float *c = compose_color_run(run, f, at, n);
 
     if (!f->alpha) {
         t->quantise(out, c, 3 * n);
@@ -159,7 +161,7 @@ static void compose_run(uint8_t *out, const struct framesink_frame *f,
     } else if (bg->width == f->width && bg->height == f->height) {
         t->blend(out, c, f->alpha + at, bg->rgb + 3 * at, 3, n);
     } else {
-        background_run(back, bg, f->width, f->height, x, y, n);
+        compose_background_run(back, bg, f->width, f->height, x, y, n);
         t->blend(out, c, f->alpha + at, back, 3, n);
     }
 }
@@ -189,7 +191,7 @@ void framesink_compose_rgba(uint8_t *out, const struct framesink_frame *f)
 
     for (size_t at = 0; at < N; at += RUN) {
         size_t n = N - at < RUN ? N - at : RUN;
-        const float *c = color_run(run, f, at, n);
+        const float *c = compose_color_run(run, f, at, n);
 
         for (size_t i = 0; i < n; i++, out += 4, c += 3) {
             float a = f->alpha ? f->alpha[at + i] : 1.0f;

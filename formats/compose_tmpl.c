@@ -28,7 +28,7 @@ static inline vf compose_load(const float *p)
     return v;
 }
 
-static inline vf load_bytes(const uint8_t *p)
+static inline vf compose_load_bytes(const uint8_t *p)
 {
 #if defined(ISA_BASELINE) && defined(__SSE2__)
     __m128i zero = _mm_setzero_si128();
@@ -55,7 +55,7 @@ static inline vf load_bytes(const uint8_t *p)
 
 /* x in levels, rounded and clamped; NaN becomes 0 (maxps keeps its second,
  * and NEON's conversion to unsigned makes 0 of it as of what is negative). */
-static inline void store_bytes(uint8_t *p, vf x)
+static inline void compose_store_bytes(uint8_t *p, vf x)
 {
 #if defined(ISA_BASELINE) && defined(__SSE2__)
     __m128 v = _mm_max_ps(x + 0.5f, _mm_setzero_ps());
@@ -122,10 +122,11 @@ void ISA(compose)(uint8_t *out, const float *color, const float *alpha,
 
 #pragma GCC unroll 3
         for (size_t k = 0; k < 3; k++)
-            store_bytes(out + 3 * i + LANES * k,
-                        compose_load(color + 3 * i + LANES * k) * 255.0f +
-                        compose_spread(t, k) *
-                        load_bytes(b + LANES * k));
+            compose_store_bytes(out + 3 * i + LANES * k,
+                                255.0f * compose_load(color + 3 * i +
+                                                      LANES * k) +
+                                compose_spread(t, k) *
+                                compose_load_bytes(b + LANES * k));
     }
     compose_c(out + 3 * i, color + 3 * i, alpha + i, bg + bg_step * i,
               bg_step, n - i);
@@ -136,7 +137,7 @@ void ISA(compose_quantise)(uint8_t *out, const float *x, size_t n)
     size_t i = 0;
 
     for (; i + LANES <= n; i += LANES)
-        store_bytes(out + i, compose_load(x + i) * 255.0f);
+        compose_store_bytes(out + i, compose_load(x + i) * 255.0f);
     compose_quantise_c(out + i, x + i, n - i);
 }
 

@@ -12,7 +12,7 @@ extern "C" {
 static const int SHIFT = 4;    /* sub-pixel bits of OpenCV's drawing */
 
 /* OpenCV's coordinates with SHIFT fractional bits, of pixel centres. */
-static cv::Point fixed_point(double x, double y)
+static cv::Point draw_fixed_point(double x, double y)
 {
     const double s = 1 << SHIFT;
 
@@ -47,7 +47,7 @@ static int pen_thickness(const struct pen &pen)
 }
 
 /* Finite, and not so far away that OpenCV's integers overflow. */
-static bool point_usable(const float *p)
+static bool draw_point_usable(const float *p)
 {
     return std::fabs(p[0]) < 1e5f && std::fabs(p[1]) < 1e5f;
 }
@@ -57,9 +57,9 @@ void draw_segments(struct canvas *c, const float *xy, size_t n,
 {
     draw_blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
         for (size_t i = 0; i < n; i++, xy += 4)
-            if (point_usable(xy) && point_usable(xy + 2))
-                cv::line(m, fixed_point(xy[0], xy[1]),
-                         fixed_point(xy[2], xy[3]), color,
+            if (draw_point_usable(xy) && draw_point_usable(xy + 2))
+                cv::line(m, draw_fixed_point(xy[0], xy[1]),
+                         draw_fixed_point(xy[2], xy[3]), color,
                          pen_thickness(pen), cv::LINE_AA, SHIFT);
     });
 }
@@ -78,8 +78,8 @@ void draw_dots(struct canvas *c, const float *xy, size_t n, double radius,
 {
     draw_blended(c, pen, [&](cv::Mat &m, const cv::Scalar &color) {
         for (size_t i = 0; i < n; i++, xy += 2)
-            if (point_usable(xy))
-                cv::circle(m, fixed_point(xy[0], xy[1]),
+            if (draw_point_usable(xy))
+                cv::circle(m, draw_fixed_point(xy[0], xy[1]),
                            (int)std::lrint(radius * (1 << SHIFT)), color, -1,
                            cv::LINE_AA, SHIFT);
     });

@@ -27,8 +27,8 @@ struct facedetect {
 static const double QUICK_SIDE = 240, SEARCH_SIDE = 480;
 
 /* From $SPID_CASCADES or where packages put them; tried lists the places. */
-static bool cascade_load(cv::CascadeClassifier &c, const char *name,
-                         std::string &tried)
+static bool facedetect_cascade_load(cv::CascadeClassifier &c, const char *name,
+                                    std::string &tried)
 {
     const char *own = std::getenv("SPID_CASCADES");
     const std::string places[] = {
@@ -59,8 +59,8 @@ struct facedetect *facedetect_open(struct error *err)
     try {
         std::string tried;
         d = new facedetect;
-        if (cascade_load(d->frontal, "haarcascade_frontalface_alt2.xml",
-                         tried))
+        if (facedetect_cascade_load(d->frontal,
+                                    "haarcascade_frontalface_alt2.xml", tried))
             return d;
         error_set(err, EX_UNAVAILABLE, "no face detector (install "
                   "opencv-data, or give --crop X,Y,SIZE; tried %s)",
@@ -98,14 +98,16 @@ static bool cascade_largest(cv::CascadeClassifier &c, cv::Rect &box,
 }
 
 /* Frontal, then the profile cascade (which knows one side) both ways. */
-static bool detector_find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
+static bool facedetect_detector_find(facedetect *d, cv::Rect &box,
+                                     const cv::Mat &grey)
 {
     std::string tried;
 
     if (cascade_largest(d->frontal, box, grey, 4))
         return true;
     if (!d->has_profile)
-        cascade_load(d->profile, "haarcascade_profileface.xml", tried);
+        facedetect_cascade_load(d->profile, "haarcascade_profileface.xml",
+                                tried);
     d->has_profile = true;
     if (cascade_largest(d->profile, box, grey, 4))
         return true;
@@ -119,7 +121,8 @@ static bool detector_find(facedetect *d, cv::Rect &box, const cv::Mat &grey)
 
 /* The picture in grey with its longest side at most `side`; returns the
  * scale. */
-static double shrink_grey(cv::Mat &grey, const cv::Mat &in, double side)
+static double facedetect_shrink_grey(cv::Mat &grey, const cv::Mat &in,
+                                     double side)
 {
     double k = std::min(1.0, side / std::max(in.cols, in.rows));
     cv::Mat small = in;
@@ -140,10 +143,10 @@ int facedetect_find(struct facedetect *d, struct square *face,
         cv::Mat in((int)H, (int)W, CV_8UC3, const_cast<uint8_t *>(rgb),
                    stride), grey;
         cv::Rect box;
-        double k = shrink_grey(grey, in, QUICK_SIDE);
+        double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
         if (!cascade_largest(d->frontal, box, grey, 4, 5)) {
-            k = shrink_grey(grey, in, SEARCH_SIDE);
-            if (!detector_find(d, box, grey))
+            k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
+            if (!facedetect_detector_find(d, box, grey))
                 return 0;
         }
         face->x = (box.x + box.width / 2.0) / k;

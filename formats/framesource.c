@@ -44,8 +44,8 @@ struct framesource {
 /* ---- the list of inputs ----------------------------------------------- */
 
 /* Append one input. */
-static int add_path(struct framesource *s, const char *path,
-                    struct error *err)
+static int framesource_add_path(struct framesource *s, const char *path,
+                                struct error *err)
 {
     char **p = list_grow(s->path, &s->room, s->count, sizeof *p);
 
@@ -60,7 +60,7 @@ static int add_path(struct framesource *s, const char *path,
 }
 
 /* By its ending; hidden files are none. */
-static bool is_picture_name(const char *name)
+static bool framesource_is_picture_name(const char *name)
 {
     static const char *const end[] = {
         "png", "jpg", "jpeg", "tif", "tiff", "bmp", "webp", "exr", "ppm",
@@ -77,17 +77,18 @@ static bool is_picture_name(const char *name)
 }
 
 /* For scandir. */
-static int picture_filter(const struct dirent *e)
+static int framesource_picture_filter(const struct dirent *e)
 {
-    return is_picture_name(e->d_name);
+    return framesource_is_picture_name(e->d_name);
 }
 
 /* The pictures of a folder as a person counts them: 2 before 10. */
-static int add_folder(struct framesource *s, const char *path,
-                      struct error *err)
+static int framesource_add_folder(struct framesource *s, const char *path,
+                                  struct error *err)
 {
     struct dirent **entry;
-    int n = scandir(path, &entry, picture_filter, versionsort), rc = 0;
+    int n = scandir(path, &entry, framesource_picture_filter, versionsort),
+        rc = 0;
 
     if (n < 0)
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
@@ -103,7 +104,7 @@ static int add_folder(struct framesource *s, const char *path,
             rc = error_set(err, EX_OSERR, "out of memory");
         if (rc == 0) {
             snprintf(full, size, "%s/%s", path, entry[i]->d_name);
-            rc = add_path(s, full, err);
+            rc = framesource_add_path(s, full, err);
         }
         free(full);
         free(entry[i]);
@@ -113,8 +114,8 @@ static int add_folder(struct framesource *s, const char *path,
 }
 
 /* The lines of a file, one input each. */
-static int add_list(struct framesource *s, const char *path,
-                    struct error *err)
+static int framesource_add_list(struct framesource *s, const char *path,
+                                struct error *err)
 {
     FILE *fp = fopen(path, "r");
     char *line = NULL;
@@ -129,7 +130,7 @@ static int add_list(struct framesource *s, const char *path,
         while (n > 0 && (line[n - 1] == '\n' || line[n - 1] == '\r'))
             line[--n] = 0;
         if (n > 0)
-            rc = add_path(s, line, err);
+            rc = framesource_add_path(s, line, err);
     }
     free(line);
     fclose(fp);
@@ -137,17 +138,17 @@ static int add_list(struct framesource *s, const char *path,
 }
 
 /* A list, a folder or the thing itself. */
-static int add_input(struct framesource *s, const char *path,
-                     struct error *err)
+static int framesource_add_input(struct framesource *s, const char *path,
+                                 struct error *err)
 {
     struct stat st;
 
     if (path[0] == '@')
-        return add_list(s, path + 1, err);
+        return framesource_add_list(s, path + 1, err);
     if (strcmp(path, "-") != 0 && !video_is_live(path)
         && stat(path, &st) == 0 && S_ISDIR(st.st_mode))
-        return add_folder(s, path, err);
-    return add_path(s, path, err);
+        return framesource_add_folder(s, path, err);
+    return framesource_add_path(s, path, err);
 }
 
 struct framesource *framesource_open(const char *const *paths, size_t count,
@@ -166,7 +167,7 @@ struct framesource *framesource_open(const char *const *paths, size_t count,
         s->opt.max_pixels = IMAGE_MAX_PIXELS;
     s->name = "<no input>";
     for (size_t i = 0; i < count; i++)
-        if (add_input(s, paths[i], err) != 0) {
+        if (framesource_add_input(s, paths[i], err) != 0) {
             framesource_close(s);
             return NULL;
         }
@@ -181,7 +182,7 @@ struct framesource *framesource_open(const char *const *paths, size_t count,
 /* ---- opening one input ------------------------------------------------ */
 
 /* Rate as a fraction: 30000/1001 and its kind, else thousandths. */
-static void set_rate(struct framesource *s, double rate)
+static void framesource_set_rate(struct framesource *s, double rate)
 {
     double whole = round(rate), ntsc = whole * 1000 / 1001;
 
@@ -212,7 +213,7 @@ static enum kind kind_of_bytes(const unsigned char *b, size_t n)
 }
 
 /* The header line; frames follow. */
-static int open_y4m(struct framesource *s, struct error *err)
+static int framesource_open_y4m(struct framesource *s, struct error *err)
 {
     char line[512];
     size_t bytes;
@@ -249,8 +250,8 @@ static int open_y4m(struct framesource *s, struct error *err)
 }
 
 /* One of the piped formats, by its first byte, which cannot be read twice. */
-static int open_pipe(struct framesource *s, FILE *fp, const char *name,
-                     struct error *err)
+static int framesource_open_pipe(struct framesource *s, FILE *fp,
+                                 const char *name, struct error *err)
 {
     int c = getc(fp);
 
@@ -266,20 +267,20 @@ static int open_pipe(struct framesource *s, FILE *fp, const char *name,
         return error_set(err, EX_DATAERR, "%s: not Y4M, PAM, PPM or PNG"
                          " frames (decode other formats with ffmpeg, or name "
                          "the file)", name);
-    return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+    return s->kind == KIND_Y4M ? framesource_open_y4m(s, err) : 0;
 }
 
-static int open_stdin(struct framesource *s, struct error *err)
+static int framesource_open_stdin(struct framesource *s, struct error *err)
 {
     if (isatty(STDIN_FILENO))
         return error_set(err, EX_USAGE, "<stdin>: a terminal (expected Y4M, "
                          "PAM, PPM or PNG frames through a pipe)");
-    return open_pipe(s, stdin, "<stdin>", err);
+    return framesource_open_pipe(s, stdin, "<stdin>", err);
 }
 
 /* A picture, or else a video. */
-static int open_file(struct framesource *s, const char *path,
-                     struct error *err)
+static int framesource_open_file(struct framesource *s, const char *path,
+                                 struct error *err)
 {
     unsigned char b[16];
     struct stat st;
@@ -290,7 +291,7 @@ static int open_file(struct framesource *s, const char *path,
         return error_set(err, EX_NOINPUT, "%s: cannot open: %s", path,
                          strerror(errno));
     if (fstat(fileno(fp), &st) == 0 && S_ISFIFO(st.st_mode))
-        return open_pipe(s, fp, path, err);
+        return framesource_open_pipe(s, fp, path, err);
     n = fread(b, 1, sizeof b, fp);
     if (n == 0) {
         fclose(fp);
@@ -301,10 +302,10 @@ static int open_file(struct framesource *s, const char *path,
     if (s->kind == KIND_Y4M || s->kind == KIND_PNM) {
         rewind(fp);
         s->fp = fp;
-        return s->kind == KIND_Y4M ? open_y4m(s, err) : 0;
+        return s->kind == KIND_Y4M ? framesource_open_y4m(s, err) : 0;
     }
     fclose(fp);
-    if (s->kind == KIND_PNG || is_picture_name(path)) {
+    if (s->kind == KIND_PNG || framesource_is_picture_name(path)) {
         s->kind = KIND_IMAGE;
         return 0;
     }
@@ -312,12 +313,12 @@ static int open_file(struct framesource *s, const char *path,
     s->video = video_open(path, s->opt.bt601, err);
     if (!s->video)
         return -1;
-    set_rate(s, video_rate(s->video));
+    framesource_set_rate(s, video_rate(s->video));
     return 0;
 }
 
 /* The next input of the list. */
-static int open_next(struct framesource *s, struct error *err)
+static int framesource_open_next(struct framesource *s, struct error *err)
 {
     const char *path = s->path[s->next++];
 
@@ -325,18 +326,18 @@ static int open_next(struct framesource *s, struct error *err)
     s->here = 0;
     s->kind = KIND_NONE;
     if (strcmp(path, "-") == 0)
-        return open_stdin(s, err);
+        return framesource_open_stdin(s, err);
     if (!video_is_live(path))
-        return open_file(s, path, err);
+        return framesource_open_file(s, path, err);
     s->kind = KIND_VIDEO;
     s->video = video_open(path, s->opt.bt601, err);
     if (s->video)
-        set_rate(s, video_rate(s->video));
+        framesource_set_rate(s, video_rate(s->video));
     return s->video ? 0 : -1;
 }
 
 /* Before the next one. */
-static void close_input(struct framesource *s)
+static void framesource_close_input(struct framesource *s)
 {
     if (s->fp && s->fp != stdin)
         fclose(s->fp);
@@ -349,8 +350,8 @@ static void close_input(struct framesource *s)
 /* ---- reading ---------------------------------------------------------- */
 
 /* One frame, converted to RGB; short ones are an error. */
-static int read_y4m(struct framesource *s, struct frame *f,
-                    struct error *err)
+static int framesource_read_y4m(struct framesource *s, struct frame *f,
+                                struct error *err)
 {
     size_t bytes = y4m_frame_bytes(&s->y4m), got;
     char line[512];
@@ -376,8 +377,8 @@ static int read_y4m(struct framesource *s, struct frame *f,
 }
 
 /* One picture of a sequence. */
-static int read_pnm(struct framesource *s, struct frame *f,
-                    struct error *err)
+static int framesource_read_pnm(struct framesource *s, struct frame *f,
+                                struct error *err)
 {
     int rc = pnm_read(s->fp, &s->rgb, &s->rgb_room, &f->width, &f->height,
                       s->opt.max_pixels, err);
@@ -389,8 +390,8 @@ static int read_pnm(struct framesource *s, struct frame *f,
 }
 
 /* One picture of a sequence. */
-static int read_png(struct framesource *s, struct frame *f,
-                    struct error *err)
+static int framesource_read_png(struct framesource *s, struct frame *f,
+                                struct error *err)
 {
     uint8_t *alpha;
     int c = getc(s->fp);
@@ -410,8 +411,8 @@ static int read_png(struct framesource *s, struct frame *f,
 }
 
 /* The one picture of a file. */
-static int read_image(struct framesource *s, struct frame *f,
-                      struct error *err)
+static int framesource_read_image(struct framesource *s, struct frame *f,
+                                  struct error *err)
 {
     struct image im;
 
@@ -432,7 +433,7 @@ static int read_image(struct framesource *s, struct frame *f,
 
 /* Decoders stop at a fault as they do at the end: compare with what the
  * container promised (its estimate may be off by a frame or two). */
-static int check_video_end(struct framesource *s, struct error *err)
+static int framesource_check_video_end(struct framesource *s, struct error *err)
 {
     size_t all = video_frames(s->video);
 
@@ -450,14 +451,14 @@ static int check_video_end(struct framesource *s, struct error *err)
 }
 
 /* The next decoded frame. */
-static int read_video(struct framesource *s, struct frame *f,
-                      struct error *err)
+static int framesource_read_video(struct framesource *s, struct frame *f,
+                                  struct error *err)
 {
     int rc = video_read(s->video, &f->rgb, &f->width, &f->height, &f->time,
                         err);
 
     if (rc == 0)
-        return check_video_end(s, err);
+        return framesource_check_video_end(s, err);
     if (rc == 1 && f->width * f->height > s->opt.max_pixels)
         return error_set(err, EX_DATAERR, "%s: frames of %zu x %zu pixels "
                          "(at most %zu pixels)", s->name, f->width,
@@ -466,15 +467,15 @@ static int read_video(struct framesource *s, struct frame *f,
 }
 
 /* By the open input's kind. */
-static int read_any(struct framesource *s, struct frame *f,
-                    struct error *err)
+static int framesource_read_any(struct framesource *s, struct frame *f,
+                                struct error *err)
 {
     switch (s->kind) {
-    case KIND_IMAGE: return read_image(s, f, err);
-    case KIND_VIDEO: return read_video(s, f, err);
-    case KIND_Y4M: return read_y4m(s, f, err);
-    case KIND_PNM: return read_pnm(s, f, err);
-    case KIND_PNG: return read_png(s, f, err);
+    case KIND_IMAGE: return framesource_read_image(s, f, err);
+    case KIND_VIDEO: return framesource_read_video(s, f, err);
+    case KIND_Y4M: return framesource_read_y4m(s, f, err);
+    case KIND_PNM: return framesource_read_pnm(s, f, err);
+    case KIND_PNG: return framesource_read_png(s, f, err);
     default: return 0;
     }
 }
@@ -486,7 +487,7 @@ static void frame_stamp(struct framesource *s, struct frame *f)
     double step;
 
     if (s->num <= 0) {
-        set_rate(s, s->opt.rate > 0 ? s->opt.rate : 25);
+        framesource_set_rate(s, s->opt.rate > 0 ? s->opt.rate : 25);
         if (s->num <= 0) {
             s->num = 25;
             s->den = 1;
@@ -516,16 +517,16 @@ int framesource_read(struct framesource *s, struct frame *f,
         if (s->kind == KIND_NONE) {
             if (s->next == s->count)
                 return 0;
-            if (open_next(s, err) != 0)
+            if (framesource_open_next(s, err) != 0)
                 return -1;
         }
         memset(f, 0, sizeof *f);
-        rc = read_any(s, f, err);
+        rc = framesource_read_any(s, f, err);
         if (rc > 0)
             frame_stamp(s, f);
         if (rc != 0)
             return rc;
-        close_input(s);
+        framesource_close_input(s);
     }
 }
 
@@ -556,7 +557,7 @@ void framesource_close(struct framesource *s)
 {
     if (!s)
         return;
-    close_input(s);
+    framesource_close_input(s);
     for (size_t i = 0; i < s->count; i++)
         free(s->path[i]);
     free(s->path);

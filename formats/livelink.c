@@ -115,7 +115,7 @@ static int livelink_fields(const char *line)
 }
 
 /* "HH:MM:SS:FF.fff" as frames since midnight; -1: it is none. */
-static double timecode_parse(const char *text, double rate)
+static double livelink_timecode_parse(const char *text, double rate)
 {
     unsigned h, m, s;
     double f;
@@ -133,7 +133,7 @@ static double timecode_parse(const char *text, double rate)
 /* ---- the header --------------------------------------------------------- */
 
 /* What a header's name means. */
-static int column_meaning(const char *name)
+static int livelink_column_meaning(const char *name)
 {
     if (!strcasecmp(name, "Timecode"))
         return COLUMN_TIMECODE;
@@ -198,7 +198,7 @@ static int livelink_header(struct livelink *l, struct error *err)
                              "(expected commas)");
     while (at) {
         char *name = livelink_field(&at);
-        int k = column_meaning(name);
+        int k = livelink_column_meaning(name);
 
         if (l->columns == MAX_COLUMNS)
             return livelink_fail(l, err, "more than 512 columns");
@@ -231,8 +231,8 @@ static double livelink_find_rate(struct livelink *l)
 
         if (comma)
             *comma = '\0';
-        frame = timecode_parse(l->line, 0);     /* within its second */
-        s = timecode_parse(l->line, 1);
+        frame = livelink_timecode_parse(l->line, 0);     /* within its second */
+        s = livelink_timecode_parse(l->line, 1);
         if (frame < 0)
             continue;
         several |= second >= 0 && s - frame != second;
@@ -291,7 +291,7 @@ static int livelink_row_fields(struct livelink *l, struct livelink_row *row,
         int k = l->column[i];
 
         if (k == COLUMN_TIMECODE) {
-            row->frame = timecode_parse(text, l->rate);
+            row->frame = livelink_timecode_parse(text, l->rate);
             if (row->frame < 0)
                 return error_set(err, EX_DATAERR, "%s: row %zu: column "
                                  "Timecode: '%.40s' (expected "

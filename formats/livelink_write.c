@@ -44,7 +44,7 @@ const char *livelink_channel(int k)
 
 /* What has been written leaves the program now: someone may be reading along.
  * 0, or -1 and *err. */
-static int writer_flush(struct livelink_writer *w, struct error *err)
+static int livelink_writer_flush(struct livelink_writer *w, struct error *err)
 {
     return fflush(w->out.file) || ferror(w->out.file)
                ? outfile_error(&w->out, err) : 0;
@@ -70,7 +70,7 @@ struct livelink_writer *livelink_create(const char *path, double rate,
     for (int k = 0; k < LIVELINK_CHANNELS; k++)
         fprintf(w->out.file, ",%s", channels[k]);
     fputc('\n', w->out.file);
-    if (writer_flush(w, err)) {
+    if (livelink_writer_flush(w, err)) {
         livelink_abandon(w);
         return NULL;
     }
@@ -92,7 +92,7 @@ int livelink_write(struct livelink_writer *w, double time, const float *value,
     for (int k = 0; value && k < LIVELINK_CHANNELS; k++)
         fprintf(w->out.file, ",%.10f", (double)value[k]);
     fputc('\n', w->out.file);
-    return writer_flush(w, err);
+    return livelink_writer_flush(w, err);
 }
 
 int livelink_finish(struct livelink_writer *w, struct error *err)

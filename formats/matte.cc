@@ -19,7 +19,7 @@ extern "C" {
 static const int WORK = 256;
 
 /* For dilating and eroding. */
-static cv::Mat brush_disc(int side)
+static cv::Mat matte_brush_disc(int side)
 {
     return cv::getStructuringElement(cv::MORPH_ELLIPSE,
                                      cv::Size(side | 1, side | 1));
@@ -27,7 +27,7 @@ static cv::Mat brush_disc(int side)
 
 /* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
  * square lies in its picture. */
-static cv::Mat grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
+static cv::Mat matte_grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
 {
     const int n = head.rows;
     cv::Rect box = cv::boundingRect(head);
@@ -35,11 +35,11 @@ static cv::Mat grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
     cv::Mat label(n, n, CV_8U, cv::Scalar(cv::GC_BGD)), core, hair;
 
     /* hair and headgear reach about a third of the head beyond it */
-    cv::dilate(head, hair, brush_disc(size * 2 / 3));
+    cv::dilate(head, hair, matte_brush_disc(size * 2 / 3));
     label.setTo(cv::GC_PR_BGD, hair);
-    cv::dilate(head, hair, brush_disc(size / 5));
+    cv::dilate(head, hair, matte_brush_disc(size / 5));
     label.setTo(cv::GC_PR_FGD, hair);
-    cv::erode(head, core, brush_disc(std::max(3, size / 12)));
+    cv::erode(head, core, matte_brush_disc(std::max(3, size / 12)));
     label.setTo(cv::GC_FGD, core);
     /* neck and shoulders: a widening region below the chin */
     const int chin = box.y + box.height * 3 / 4, cx = box.x + box.width / 2;
@@ -74,7 +74,7 @@ static cv::Mat grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
 }
 
 /* Keep the piece that holds the head; fill holes inside it. */
-static void region_clean(cv::Mat &fg, const cv::Mat &head)
+static void matte_region_clean(cv::Mat &fg, const cv::Mat &head)
 {
     cv::Mat label, stats, centres;
     int n = cv::connectedComponentsWithStats(fg, label, stats, centres, 8);
@@ -101,7 +101,7 @@ static void region_clean(cv::Mat &fg, const cv::Mat &head)
 
 /* Soft border that follows the picture's edges: a guided filter of the mask,
  * with the picture's luminance as guide (He et al. 2010, local lines). */
-static cv::Mat border_refine(const cv::Mat &mask, const cv::Mat &rgb)
+static cv::Mat matte_border_refine(const cv::Mat &mask, const cv::Mat &rgb)
 {
     const int r = std::max(3, mask.rows / 100);
     const cv::Size k(2 * r + 1, 2 * r + 1);
@@ -121,8 +121,8 @@ static cv::Mat border_refine(const cv::Mat &mask, const cv::Mat &rgb)
     cv::Mat q = a.mul(I) + b, out;
     /* only the border may be soft */
     cv::Mat inner, outer;
-    cv::erode(mask, inner, brush_disc(2 * r));
-    cv::dilate(mask, outer, brush_disc(2 * r));
+    cv::erode(mask, inner, matte_brush_disc(2 * r));
+    cv::dilate(mask, outer, matte_brush_disc(2 * r));
     q = (q - 0.1) / 0.8;
     q.convertTo(out, CV_8U, 255);
     out.setTo(255, inner);
@@ -131,11 +131,11 @@ static cv::Mat border_refine(const cv::Mat &mask, const cv::Mat &rgb)
 }
 
 /* What is used when the colours decide nothing: the head, widened. */
-static void soft_disc(cv::Mat &matte, const cv::Mat &head)
+static void matte_soft_disc(cv::Mat &matte, const cv::Mat &head)
 {
     cv::Mat m;
 
-    cv::dilate(head, m, brush_disc(head.rows / 12));
+    cv::dilate(head, m, matte_brush_disc(head.rows / 12));
     cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
 }
 
@@ -162,11 +162,11 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = grabcut_seeds(sh, part)(part).clone();
+        cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone();
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
-            soft_disc(out, hd);
+            matte_soft_disc(out, hd);
             return 0;
         }
         cv::theRNG().state = 0x5eed;
@@ -175,18 +175,18 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                     cv::GC_INIT_WITH_MASK);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
-        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, brush_disc(3));
-        region_clean(fg, sh);
+        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
+        matte_region_clean(fg, sh);
         int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
         if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;
-            soft_disc(out, hd);
+            matte_soft_disc(out, hd);
             return 0;
         }
         cv::Mat big;
         cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
-        border_refine(big > 127, pic).copyTo(out);
+        matte_border_refine(big > 127, pic).copyTo(out);
         out.setTo(0, in == 0);
         return 0;
     } catch (const std::exception &e) {
@@ -197,17 +197,17 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
 /* Where alpha is undecided over more than a rim, the colours of what is decided
  * settle it: GrabCut with that as seeds.  All pictures of one size, which show
  * the photograph alone. */
-static void unsure_settle(cv::Mat alpha, const cv::Mat &small,
-                          const cv::Mat &core)
+static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
+                                const cv::Mat &core)
 {
     const int w = alpha.cols;
     cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
     cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
 
-    cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, brush_disc(w / 50));
+    cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, matte_brush_disc(w / 50));
     if (cv::countNonZero(unsure) < w * w / 200)
         return;
-    cv::dilate(unsure, unsure, brush_disc(w / 40));
+    cv::dilate(unsure, unsure, matte_brush_disc(w / 40));
     label.setTo(cv::GC_PR_FGD, alpha > 0.5f);
     label.setTo(cv::GC_BGD, alpha < 0.05f);
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
@@ -223,7 +223,7 @@ static void unsure_settle(cv::Mat alpha, const cv::Mat &small,
 
 /* What hangs together with the head: pieces of more than a quarter elsewhere
  * are other people or things. */
-static void region_keep(cv::Mat &alpha, const cv::Mat &head)
+static void matte_region_keep(cv::Mat &alpha, const cv::Mat &head)
 {
     cv::Mat label;
     const int n = cv::connectedComponents(alpha > 0.25f, label, 8);
@@ -243,7 +243,7 @@ static void region_keep(cv::Mat &alpha, const cv::Mat &head)
 /* alpha at the picture's size: enlarged, and where neighbouring pixels say
  * that it goes with the brightness, with the brightness's fine part (the lines
  * of a guided filter, He et al. 2010). */
-static cv::Mat detail_add(const cv::Mat &alpha, const cv::Mat &rgb)
+static cv::Mat matte_detail_add(const cv::Mat &alpha, const cv::Mat &rgb)
 {
     const cv::Size k(5, 5);
     cv::Mat I, small, coarse, a, mI, mp, mIp, mII, big;
@@ -282,12 +282,12 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         sh = sh > 127;
         /* the face itself is the person's, whatever crosses it */
         const cv::Rect box = cv::boundingRect(sh);
-        cv::erode(sh, core, brush_disc(std::max(3, std::max(box.width,
-                                                            box.height) / 8)));
+        const int across = std::max(3, std::max(box.width, box.height) / 8);
+        cv::erode(sh, core, matte_brush_disc(across));
         const cv::Rect part = cv::boundingRect(si);
         if (part.area())
-            unsure_settle(alpha(part), small(part), core(part));
-        region_keep(alpha, sh);
+            matte_unsure_settle(alpha(part), small(part), core(part));
+        matte_region_keep(alpha, sh);
         const int ha = cv::countNonZero(core);
         const int found = cv::countNonZero(core & (alpha > 0.5f));
         const int area = cv::countNonZero(alpha > 0.5f);
@@ -295,7 +295,7 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         if (*absurd)
             return 0;
         alpha.setTo(1, core);
-        fine = (detail_add(alpha, pic) - 0.06) / 0.88;
+        fine = (matte_detail_add(alpha, pic) - 0.06) / 0.88;
         fine.convertTo(out, CV_8U, 255);
         out.setTo(0, in == 0);
         return 0;

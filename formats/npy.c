@@ -33,7 +33,7 @@ struct npy_writer {
 static const char *const descr[] = { "|u1", "<i4", "<f2", "<f4", "<f8" };
 
 /* The header has a fixed size, so it can be written again at the end. */
-static int put_header(struct npy_writer *w, struct error *err)
+static int npy_put_header(struct npy_writer *w, struct error *err)
 {
     char head[HEADER + 1], shape[100] = "";
     size_t n = 0;
@@ -98,7 +98,7 @@ struct npy_writer *npy_create(const char *path, enum dtype dtype, int ndim,
                   strerror(errno));
         goto fail;
     }
-    if (put_header(w, err) == 0)
+    if (npy_put_header(w, err) == 0)
         return w;
 fail:
     npy_abandon(w);
@@ -121,7 +121,7 @@ int npy_finish(struct npy_writer *w, struct error *err)
 
     if (!w)
         return 0;
-    rc = put_header(w, err);
+    rc = npy_put_header(w, err);
     f = w->f;
     if (rc == 0) {
         w->f = NULL;
@@ -150,7 +150,7 @@ int npy_save(const char *path, const struct array *a, struct error *err)
 /* ---- reading ---------------------------------------------------------- */
 
 /* Text after 'key': in a header, or NULL. */
-static const char *after_key(const char *text, const char *key)
+static const char *npy_after_key(const char *text, const char *key)
 {
     char quoted[32];
     const char *p;
@@ -168,7 +168,7 @@ static const char *after_key(const char *text, const char *key)
 }
 
 /* '<f4' and its like; '|O' and what is not one of a few bytes has size 0. */
-static int parse_descr(struct npy_header *h, const char *p)
+static int npy_parse_descr(struct npy_header *h, const char *p)
 {
     h->kind = '?';
     if (!p || (*p != '\'' && *p != '['))
@@ -186,7 +186,7 @@ static int parse_descr(struct npy_header *h, const char *p)
 }
 
 /* The dtype that an array of such elements has in memory. */
-static int memory_dtype(enum dtype *dtype, const struct npy_header *h)
+static int npy_memory_dtype(enum dtype *dtype, const struct npy_header *h)
 {
     static const struct {
         char kind;
@@ -208,8 +208,8 @@ static int memory_dtype(enum dtype *dtype, const struct npy_header *h)
 }
 
 /* The tuple after 'shape':; count is the product, refused over limit. */
-static int parse_shape(struct npy_header *h, size_t *count, const char *p,
-                       size_t limit)
+static int npy_parse_shape(struct npy_header *h, size_t *count, const char *p,
+                           size_t limit)
 {
     unsigned __int128 n = 1;
     bool empty = false;
@@ -241,15 +241,15 @@ static int parse_shape(struct npy_header *h, size_t *count, const char *p,
 }
 
 /* The header text; left is how many bytes of data follow it. */
-static int parse_header(struct npy_header *h, size_t *count, const char *text,
-                        size_t left, struct error *err)
+static int npy_parse_header(struct npy_header *h, size_t *count,
+                            const char *text, size_t left, struct error *err)
 {
-    const char *order = after_key(text, "fortran_order");
+    const char *order = npy_after_key(text, "fortran_order");
 
-    if (parse_descr(h, after_key(text, "descr")))
+    if (npy_parse_descr(h, npy_after_key(text, "descr")))
         return error_set(err, EX_DATAERR, "the header has no dtype");
     h->fortran = order && strncmp(order, "True", 4) == 0;
-    if (parse_shape(h, count, after_key(text, "shape"), left) ||
+    if (npy_parse_shape(h, count, npy_after_key(text, "shape"), left) ||
         (h->size && *count > left / h->size))
         return error_set(err, EX_DATAERR, "shape does not fit the %zu bytes "
                          "of data", left);
@@ -285,13 +285,13 @@ int npy_header_read(struct npy_header *h, const void *head, size_t have,
     if (!text)
         return error_set(err, EX_OSERR, "out of memory");
     h->bytes = at + size;
-    rc = parse_header(h, &count, text, bytes - h->bytes, err);
+    rc = npy_parse_header(h, &count, text, bytes - h->bytes, err);
     free(text);
     return rc;
 }
 
 /* Read the header text of f; NULL when this is not an npy file. */
-static char *read_text(FILE *f)
+static char *npy_read_text(FILE *f)
 {
     unsigned char head[12];
     size_t size, more;
@@ -312,7 +312,7 @@ static char *read_text(FILE *f)
 }
 
 /* Big-endian numbers in place. */
-static void swap_bytes(unsigned char *p, size_t size, size_t count)
+static void npy_swap_bytes(unsigned char *p, size_t size, size_t count)
 {
     for (; count; count--, p += size)
         for (size_t i = 0; i < size / 2; i++) {
@@ -324,7 +324,7 @@ static void swap_bytes(unsigned char *p, size_t size, size_t count)
 }
 
 /* Place in the file of row-major element i of a column-major array. */
-static size_t column_major(const struct npy *a, size_t i)
+static size_t npy_column_major(const struct npy *a, size_t i)
 {
     size_t at = 0, stride = 1;
     size_t index[5];
@@ -341,7 +341,7 @@ static size_t column_major(const struct npy *a, size_t i)
 }
 
 /* With the sign spread over 64 bits. */
-static int64_t integer_at(const unsigned char *p, char kind, size_t size)
+static int64_t npy_integer_at(const unsigned char *p, char kind, size_t size)
 {
     uint64_t v = 0;
 
@@ -363,11 +363,11 @@ static int npy_convert(struct npy *a, const struct npy_header *e,
         return 0;
     }
     for (size_t i = 0; i < count; i++) {
-        size_t at = e->fortran ? column_major(a, i) : i;
+        size_t at = e->fortran ? npy_column_major(a, i) : i;
         const unsigned char *p = raw + at * e->size;
 
         if (a->dtype == DTYPE_I32) {
-            int64_t v = integer_at(p, e->kind, e->size);
+            int64_t v = npy_integer_at(p, e->kind, e->size);
 
             if (v < INT32_MIN || v > INT32_MAX)
                 return error_set(err, EX_DATAERR, "value %lld at %zu does "
@@ -387,15 +387,15 @@ static int npy_read(struct npy *a, FILE *f, struct error *err)
     struct stat st;
     size_t count = 0, left;
     unsigned char *raw = NULL;
-    char *text = read_text(f);
+    char *text = npy_read_text(f);
     int rc = -1;
 
     if (!text || fstat(fileno(f), &st) || !S_ISREG(st.st_mode))
         return error_set(err, EX_DATAERR, "not an npy file"), free(text), -1;
     left = (size_t)(st.st_size - ftell(f));
-    if (parse_header(&e, &count, text, left, err))
+    if (npy_parse_header(&e, &count, text, left, err))
         goto out;
-    if (memory_dtype(&a->dtype, &e) || e.ndim > 5) {
+    if (npy_memory_dtype(&a->dtype, &e) || e.ndim > 5) {
         error_set(err, EX_DATAERR, "dtype is not supported (expected bool, "
                   "u1, u2, i1 to i8, f2, f4 or f8, at most 5 dimensions)");
         goto out;
@@ -413,7 +413,7 @@ static int npy_read(struct npy *a, FILE *f, struct error *err)
         goto out;
     }
     if (e.swap)
-        swap_bytes(raw, e.size, count);
+        npy_swap_bytes(raw, e.size, count);
     rc = npy_convert(a, &e, raw, count, err);
 out:
     free(raw);

@@ -10,8 +10,8 @@
 #include "formats/outfile.h"
 
 /* Corners count from 1. */
-static void write_face(FILE *f, const int32_t *v, const float *normals,
-                       const float *uv)
+static void obj_write_face(FILE *f, const int32_t *v, const float *normals,
+                           const float *uv)
 {
     fputs("f", f);
     for (int k = 0; k < 3; k++) {
@@ -47,6 +47,6 @@ int obj_write(const char *path, const float *verts, const float *normals,
         fprintf(out.file, "vn %.9g %.9g %.9g\n", normals[3 * i],
                 normals[3 * i + 1], normals[3 * i + 2]);
     for (size_t i = 0; i < F; i++)
-        write_face(out.file, faces + 3 * i, normals, uv);
+        obj_write_face(out.file, faces + 3 * i, normals, uv);
     return outfile_close(&out, err);
 }

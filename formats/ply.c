@@ -22,7 +22,7 @@ static const char *const field_name[FIELDS] = {
     "scale_0", "scale_1", "scale_2", "rot_0", "rot_1", "rot_2", "rot_3"};
 
 /* The properties of FIELDS, all floats. */
-static void write_header(FILE *f, size_t n)
+static void ply_write_header(FILE *f, size_t n)
 {
     fprintf(f, "ply\nformat binary_little_endian 1.0\n"
             "comment SpiD toolkit: coarse colours, degree 0\n"
@@ -33,7 +33,7 @@ static void write_header(FILE *f, size_t n)
 }
 
 /* Unit length, w >= 0; the zero quaternion turns nothing. */
-static void quat_canonical(float q[4])
+static void ply_quat_canonical(float q[4])
 {
     double n = sqrt((double)q[0] * q[0] + (double)q[1] * q[1] +
                     (double)q[2] * q[2] + (double)q[3] * q[3]);
@@ -49,7 +49,7 @@ static void quat_canonical(float q[4])
 }
 
 /* Channel k, or the last one where there are fewer. */
-static float gaussian_channel(const struct gaussians *g, size_t i, int k)
+static float ply_gaussian_channel(const struct gaussians *g, size_t i, int k)
 {
     size_t c = (size_t)g->channels;
     size_t at = c * i + (size_t)(k < g->channels ? k : g->channels - 1);
@@ -58,8 +58,8 @@ static float gaussian_channel(const struct gaussians *g, size_t i, int k)
 }
 
 /* One Gaussian as logit opacity, log scale and degree-0 harmonics. */
-static void row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
-                     bool turn)
+static void ply_row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
+                         bool turn)
 {
     const float *m = g->mean + 3 * i, *q = g->quat + 4 * i;
     float flip = turn ? -1 : 1;
@@ -70,7 +70,7 @@ static void row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[2] = m[2];
     out[3] = out[4] = out[5] = 0;
     for (int k = 0; k < 3; k++) {
-        out[6 + k] = (float)((gaussian_channel(g, i, k) - 0.5) / PLY_SH0);
+        out[6 + k] = (float)((ply_gaussian_channel(g, i, k) - 0.5) / PLY_SH0);
         out[10 + k] = (float)log(fmax(g->scale[3 * i + (size_t)k], 1e-7));
     }
     out[9] = (float)log(o / (1 - o));
@@ -78,7 +78,7 @@ static void row_pack(float out[FIELDS], const struct gaussians *g, size_t i,
     out[14] = turn ? -q[2] : q[1];
     out[15] = turn ? q[1] : q[2];
     out[16] = turn ? q[0] : q[3];
-    quat_canonical(out + 13);
+    ply_quat_canonical(out + 13);
 }
 
 int ply_write(const char *path, const struct gaussians *g, bool turn,
@@ -88,11 +88,11 @@ int ply_write(const char *path, const struct gaussians *g, bool turn,
 
     if (outfile_open(&out, path, err))
         return -1;
-    write_header(out.file, g->n);
+    ply_write_header(out.file, g->n);
     for (size_t i = 0; i < g->n; i++) {
         float row[FIELDS];
 
-        row_pack(row, g, i, turn);
+        ply_row_pack(row, g, i, turn);
         for (int k = 0; k < FIELDS; k++)
             if (!isfinite(row[k])) {
                 outfile_abandon(&out);
@@ -130,13 +130,13 @@ struct header {
     struct property property[MAX_PROPERTIES];
 };
 
-static int bad_file(struct error *err, const char *path, const char *format,
-                    ...)
+static int ply_bad_file(struct error *err, const char *path, const char *format,
+                        ...)
     __attribute__((format(printf, 3, 4)));
 
 /* EX_DATAERR with the path in front. */
-static int bad_file(struct error *err, const char *path, const char *format,
-                    ...)
+static int ply_bad_file(struct error *err, const char *path, const char *format,
+                        ...)
 {
     char text[300];
     va_list args;
@@ -148,8 +148,9 @@ static int bad_file(struct error *err, const char *path, const char *format,
 }
 
 /* One "property TYPE NAME" of the vertices. */
-static int add_property(struct header *h, const char *type, const char *name,
-                        const char *path, struct error *err)
+static int ply_add_property(struct header *h, const char *type,
+                            const char *name, const char *path,
+                            struct error *err)
 {
     struct property *p = &h->property[h->count];
     int t = 0;
@@ -158,8 +159,9 @@ static int add_property(struct header *h, const char *type, const char *name,
            strcmp(type, numbers[t].alias))
         t++;
     if (t == NUMBERS || h->count == MAX_PROPERTIES)
-        return bad_file(err, path, "property %s of type %s (expected up to %d "
-                        "plain numbers)", name, type, MAX_PROPERTIES);
+        return ply_bad_file(err, path, "property %s of type %s (expected up "
+                            "to %d plain numbers)", name, type,
+                            MAX_PROPERTIES);
     snprintf(p->name, sizeof p->name, "%s", name);
     p->type = (enum number)t;
     p->offset = h->stride;
@@ -180,41 +182,42 @@ static int header_line(struct header *h, char *line, bool *in_vertex,
     if (!strncmp(line, "format ", 7))
         return !strcmp(line, "format binary_little_endian 1.0")
                    ? 0
-                   : bad_file(err, path, "'%.60s' (expected format "
-                              "binary_little_endian 1.0)", line);
+                   : ply_bad_file(err, path, "'%.60s' (expected format "
+                                  "binary_little_endian 1.0)", line);
     if (sscanf(line, "element %200s %llu", name, &n) == 2) {
         if (!strcmp(name, "vertex") && !*seen)
             h->n = (size_t)n;
         else if (!*seen)
-            return bad_file(err, path,
-                            "element %.60s stands before the vertices", name);
+            return ply_bad_file(err, path, "element %.60s stands before the "
+                                "vertices", name);
         *in_vertex = !strcmp(name, "vertex");
         *seen = true;
         return 0;
     }
     if (sscanf(line, "property %200s %200s", type, name) == 2)
-        return *in_vertex ? add_property(h, type, name, path, err) : 0;
-    return bad_file(err, path, "header line '%.60s' is not understood", line);
+        return *in_vertex ? ply_add_property(h, type, name, path, err) : 0;
+    return ply_bad_file(err, path, "header line '%.60s' is not understood",
+                        line);
 }
 
 /* Up to end_header; afterwards the file stands at the first row. */
-static int read_header(struct header *h, FILE *f, const char *path,
-                       struct error *err)
+static int ply_read_header(struct header *h, FILE *f, const char *path,
+                           struct error *err)
 {
     char line[LINE];
     bool in_vertex = false, seen = false;
 
     memset(h, 0, sizeof *h);
     if (!fgets(line, sizeof line, f) || strncmp(line, "ply", 3))
-        return bad_file(err, path, "not a PLY file");
+        return ply_bad_file(err, path, "not a PLY file");
     while (fgets(line, sizeof line, f)) {
         line[strcspn(line, "\r\n")] = 0;
         if (!strcmp(line, "end_header"))
-            return seen ? 0 : bad_file(err, path, "no vertex element");
+            return seen ? 0 : ply_bad_file(err, path, "no vertex element");
         if (header_line(h, line, &in_vertex, &seen, path, err))
             return -1;
     }
-    return bad_file(err, path, "the header does not end");
+    return ply_bad_file(err, path, "the header does not end");
 }
 
 /* The property of that name, or NULL. */
@@ -228,7 +231,7 @@ static const struct property *header_find(const struct header *h,
 }
 
 /* A property of a row as a double. */
-static double row_number(const char *row, const struct property *p)
+static double ply_row_number(const char *row, const struct property *p)
 {
     union {
         int8_t i8; uint8_t u8; int16_t i16; uint16_t u16; int32_t i32;
@@ -257,17 +260,17 @@ struct layout {
 };
 
 /* Which properties are the ones a scene needs. */
-static int find_layout(struct layout *l, const struct header *h,
-                       const char *path, struct error *err)
+static int ply_find_layout(struct layout *l, const struct header *h,
+                           const char *path, struct error *err)
 {
     memset(l, 0, sizeof *l);
     for (int i = 0; i < FIELDS; i++) {
         l->field[i] = header_find(h, field_name[i]);
         if (!l->field[i] && (i < 3 || i > 5))
-            return bad_file(err, path,
-                            "no property %s (is this a mesh or a point "
-                            "cloud?)",
-                            field_name[i]);
+            return ply_bad_file(err, path,
+                                "no property %s (is this a mesh or a point "
+                                "cloud?)",
+                                field_name[i]);
     }
     for (; l->nrest < MAX_REST; l->nrest++) {
         char name[20];
@@ -277,15 +280,15 @@ static int find_layout(struct layout *l, const struct header *h,
             break;
     }
     if (l->nrest && l->nrest != 9 && l->nrest != 24 && l->nrest != 45)
-        return bad_file(err, path,
-                        "%d properties f_rest_ (expected 0, 9, 24 or 45)",
-                        l->nrest);
+        return ply_bad_file(err, path,
+                            "%d properties f_rest_ (expected 0, 9, 24 or 45)",
+                            l->nrest);
     return 0;
 }
 
 /* One block for n Gaussians with nrest higher harmonics. */
-static int scene_allocate(struct ply_scene *s, size_t n, int nrest,
-                          const char *path, struct error *err)
+static int ply_scene_allocate(struct ply_scene *s, size_t n, int nrest,
+                              const char *path, struct error *err)
 {
     float *p = malloc((n * (14 + (size_t)nrest) + 1) * sizeof *p);
 
@@ -304,15 +307,15 @@ static int scene_allocate(struct ply_scene *s, size_t n, int nrest,
 }
 
 /* Gaussian i from its row, turned to y up if need be. */
-static void row_unpack(struct ply_scene *s, size_t i, const char *row,
-                       const struct layout *l)
+static void ply_row_unpack(struct ply_scene *s, size_t i, const char *row,
+                           const struct layout *l)
 {
     double v[FIELDS];
     float *q = s->quat + 4 * i;
     float flip = s->turned ? -1 : 1;
 
     for (int k = 0; k < FIELDS; k++)
-        v[k] = l->field[k] ? row_number(row, l->field[k]) : 0;
+        v[k] = l->field[k] ? ply_row_number(row, l->field[k]) : 0;
     s->mean[3 * i] = flip * (float)v[0];
     s->mean[3 * i + 1] = flip * (float)v[1];
     s->mean[3 * i + 2] = (float)v[2];
@@ -328,15 +331,15 @@ static void row_unpack(struct ply_scene *s, size_t i, const char *row,
 
         memcpy(q, t, sizeof t);
     }
-    quat_canonical(q);
+    ply_quat_canonical(q);
     for (int k = 0; k < l->nrest; k++)
         s->rest[(size_t)l->nrest * i + (size_t)k] =
-            (float)row_number(row, l->rest[k]);
+            (float)ply_row_number(row, l->rest[k]);
 }
 
 /* Everything finite, the quaternion not 0. */
-static int check_row(const struct ply_scene *s, size_t i, int nrest,
-                     const char *path, struct error *err)
+static int ply_check_row(const struct ply_scene *s, size_t i, int nrest,
+                         const char *path, struct error *err)
 {
     bool ok = isfinite(s->opacity[i]);
 
@@ -347,31 +350,31 @@ static int check_row(const struct ply_scene *s, size_t i, int nrest,
         ok &= isfinite(s->quat[4 * i + k]);
     for (size_t k = 0; k < (size_t)nrest; k++)
         ok &= isfinite(s->rest[(size_t)nrest * i + k]);
-    return ok ? 0 : bad_file(err, path, "vertex %zu is not finite", i);
+    return ok ? 0 : ply_bad_file(err, path, "vertex %zu is not finite", i);
 }
 
-static int read_rows(struct ply_scene *s, FILE *f, const struct header *h,
-                     const struct layout *l, const char *path,
-                     struct error *err)
+static int ply_read_rows(struct ply_scene *s, FILE *f, const struct header *h,
+                         const struct layout *l, const char *path,
+                         struct error *err)
 {
     char *row = malloc(h->stride + 1);
     int rc = row ? 0 : error_set(err, EX_OSERR, "%s: out of memory", path);
 
     for (size_t i = 0; !rc && i < h->n; i++) {
         if (fread(row, h->stride, 1, f) != 1) {
-            rc = bad_file(err, path, "ends at vertex %zu (expected %zu)", i,
-                          h->n);
+            rc = ply_bad_file(err, path, "ends at vertex %zu (expected %zu)", i,
+                              h->n);
             break;
         }
-        row_unpack(s, i, row, l);
-        rc = check_row(s, i, l->nrest, path, err);
+        ply_row_unpack(s, i, row, l);
+        rc = ply_check_row(s, i, l->nrest, path, err);
     }
     free(row);
     return rc;
 }
 
-static FILE *open_scene(struct header *h, struct layout *l, const char *path,
-                        struct error *err)
+static FILE *ply_open_scene(struct header *h, struct layout *l,
+                            const char *path, struct error *err)
 {
     struct stat sb;
     FILE *f = fopen(path, "rb");
@@ -380,12 +383,13 @@ static FILE *open_scene(struct header *h, struct layout *l, const char *path,
         error_set(err, EX_NOINPUT, "%s: cannot be opened as a file", path);
         goto failed;
     }
-    if (read_header(h, f, path, err) || find_layout(l, h, path, err))
+    if (ply_read_header(h, f, path, err) || ply_find_layout(l, h, path, err))
         goto failed;
     long at = ftell(f);
     if (at < 0 || h->n > ((size_t)sb.st_size - (size_t)at) / h->stride) {
-        bad_file(err, path,
-                 "holds fewer than the %zu vertices its header names", h->n);
+        ply_bad_file(err, path,
+                     "holds fewer than the %zu vertices its header names",
+                     h->n);
         goto failed;
     }
     return f;
@@ -400,15 +404,15 @@ int ply_read(struct ply_scene *s, const char *path, bool turn,
 {
     struct header h;
     struct layout l;
-    FILE *f = open_scene(&h, &l, path, err);
+    FILE *f = ply_open_scene(&h, &l, path, err);
     int rc = -1;
 
     memset(s, 0, sizeof *s);
     if (!f)
         return -1;
     s->turned = turn;
-    if (!scene_allocate(s, h.n, l.nrest, path, err))
-        rc = read_rows(s, f, &h, &l, path, err);
+    if (!ply_scene_allocate(s, h.n, l.nrest, path, err))
+        rc = ply_read_rows(s, f, &h, &l, path, err);
     fclose(f);
     if (rc)
         ply_release(s);
@@ -425,7 +429,7 @@ void ply_release(struct ply_scene *s)
 
 /* Real spherical harmonics of degrees 1 to 3 in the order and with the signs
  * of the 3DGS files. */
-static void sh_basis(double y[15], const double d[3])
+static void ply_sh_basis(double y[15], const double d[3])
 {
     const double X = d[0], Y = d[1], Z = d[2];
     const double xx = X * X, yy = Y * Y, zz = Z * Z;
@@ -467,7 +471,7 @@ void ply_shade(struct ply_scene *s, const float eye[3])
 
         for (int k = 0; k < 3; k++)
             d[k] /= n;
-        sh_basis(y, d);
+        ply_sh_basis(y, d);
         for (int c = 0; c < 3; c++) {
             const float *r = s->rest + (3 * i + (size_t)c) * (size_t)per;
             double v = s->color[3 * i + (size_t)c];
@@ -546,16 +550,16 @@ static void lint_row(const char *row, const struct layout *y, size_t *not_unit,
     double q = 0;
 
     for (int k = 0; k < FIELDS; k++)
-        if (y->field[k] && !isfinite(row_number(row, y->field[k]))) {
+        if (y->field[k] && !isfinite(ply_row_number(row, y->field[k]))) {
             ++*infinite;
             break;
         }
     for (int k = 13; k < 17; k++)
-        q += pow(row_number(row, y->field[k]), 2);
+        q += pow(ply_row_number(row, y->field[k]), 2);
     *not_unit += !(fabs(q - 1) < 1e-3);
-    double o = row_number(row, y->field[9]);
+    double o = ply_row_number(row, y->field[9]);
     *linear_opacity += o >= 0 && o <= 1;
-    *linear_scale += row_number(row, y->field[10]) > 0;
+    *linear_scale += ply_row_number(row, y->field[10]) > 0;
 }
 
 int ply_lint(const char *path, void (*say)(void *context, const char *text),
@@ -564,7 +568,7 @@ int ply_lint(const char *path, void (*say)(void *context, const char *text),
     struct lint l = {say, context, 0};
     struct header h;
     struct layout y;
-    FILE *f = open_scene(&h, &y, path, err);
+    FILE *f = ply_open_scene(&h, &y, path, err);
     char *row = f ? malloc(h.stride + 1) : NULL;
     size_t not_unit = 0, infinite = 0, opacity = 0, scale = 0;
 

@@ -12,7 +12,7 @@
 #include "formats/outfile.h"
 
 /* libpng's text, kept for the return value. */
-static void on_error(png_structp png, png_const_charp text)
+static void png_on_error(png_structp png, png_const_charp text)
 {
     struct error *err = png_get_error_ptr(png);
 
@@ -21,14 +21,14 @@ static void on_error(png_structp png, png_const_charp text)
 }
 
 /* Warnings are not errors. */
-static void on_warning(png_structp png, png_const_charp text)
+static void png_on_warning(png_structp png, png_const_charp text)
 {
     (void)png;
     (void)text;
 }
 
 /* libpng's constant for 1 to 4 channels. */
-static int color_type(int channels)
+static int png_color_type(int channels)
 {
     static const int type[5] = {
         0, PNG_COLOR_TYPE_GRAY, PNG_COLOR_TYPE_GRAY_ALPHA,
@@ -39,7 +39,7 @@ static int color_type(int channels)
 }
 
 /* The mark, as text and as XMP, unless marks are off. */
-static void set_mark(png_structp png, png_infop info)
+static void png_set_mark(png_structp png, png_infop info)
 {
     static char comment[] = "Comment", xmp[] = "XML:com.adobe.xmp";
     png_text text[2] = {
@@ -54,13 +54,13 @@ static void set_mark(png_structp png, png_infop info)
 }
 
 /* With or without the mark. */
-static int write_picture(FILE *fp, const uint8_t *pixel, size_t width,
-                         size_t height, int channels, bool marked,
-                         struct error *err)
+static int png_write_picture(FILE *fp, const uint8_t *pixel, size_t width,
+                             size_t height, int channels, bool marked,
+                             struct error *err)
 {
     struct error e = {0};
     png_structp png = png_create_write_struct(PNG_LIBPNG_VER_STRING, &e,
-                                              on_error, on_warning);
+                                              png_on_error, png_on_warning);
     png_infop info = png ? png_create_info_struct(png) : NULL;
 
     if (!info) {
@@ -73,11 +73,11 @@ static int write_picture(FILE *fp, const uint8_t *pixel, size_t width,
     }
     png_init_io(png, fp);
     png_set_IHDR(png, info, (png_uint_32)width, (png_uint_32)height, 8,
-                 color_type(channels), PNG_INTERLACE_NONE,
+                 png_color_type(channels), PNG_INTERLACE_NONE,
                  PNG_COMPRESSION_TYPE_DEFAULT, PNG_FILTER_TYPE_DEFAULT);
     png_set_sRGB(png, info, PNG_sRGB_INTENT_PERCEPTUAL);
     if (marked)
-        set_mark(png, info);
+        png_set_mark(png, info);
     png_set_compression_level(png, 2);
     png_set_filter(png, 0, PNG_FILTER_SUB | PNG_FILTER_UP);
     png_write_info(png, info);
@@ -91,13 +91,13 @@ static int write_picture(FILE *fp, const uint8_t *pixel, size_t width,
 int png_write(FILE *fp, const uint8_t *pixel, size_t width, size_t height,
               int channels, struct error *err)
 {
-    return write_picture(fp, pixel, width, height, channels, false, err);
+    return png_write_picture(fp, pixel, width, height, channels, false, err);
 }
 
 int png_write_marked(FILE *fp, const uint8_t *pixel, size_t width,
                      size_t height, int channels, struct error *err)
 {
-    return write_picture(fp, pixel, width, height, channels, true, err);
+    return png_write_picture(fp, pixel, width, height, channels, true, err);
 }
 
 /* What is being read; lives outside the frame that longjmp returns to. */
@@ -110,8 +110,8 @@ struct reading {
 };
 
 /* As RGBA of 8 bits, whatever the file holds; fails by longjmp. */
-static void read_pixels(struct reading *r, FILE *fp, size_t *width,
-                        size_t *height, size_t most)
+static void png_read_pixels(struct reading *r, FILE *fp, size_t *width,
+                            size_t *height, size_t most)
 {
     png_structp png = r->png;
     size_t W, H;
@@ -148,18 +148,18 @@ static void read_pixels(struct reading *r, FILE *fp, size_t *width,
     *height = H;
 }
 
-/* read_pixels with libpng's way of failing turned into a return value. */
-static int read_rgba(struct reading *r, FILE *fp, size_t *width,
-                     size_t *height, size_t most)
+/* png_read_pixels with libpng's way of failing turned into a return value. */
+static int png_read_rgba(struct reading *r, FILE *fp, size_t *width,
+                         size_t *height, size_t most)
 {
-    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r->e, on_error,
-                                    on_warning);
+    r->png = png_create_read_struct(PNG_LIBPNG_VER_STRING, &r->e, png_on_error,
+                                    png_on_warning);
     r->info = r->png ? png_create_info_struct(r->png) : NULL;
     if (!r->info)
         return error_set(&r->e, EX_OSERR, "png: out of memory");
     if (setjmp(png_jmpbuf(r->png)))
         return -1;
-    read_pixels(r, fp, width, height, most);
+    png_read_pixels(r, fp, width, height, most);
     return 0;
 }
 
@@ -171,7 +171,7 @@ int png_read_next(FILE *fp, uint8_t **rgb, uint8_t **alpha, size_t *width,
     int rc = -1;
 
     *rgb = *alpha = NULL;
-    if (read_rgba(&r, fp, width, height, most) != 0) {
+    if (png_read_rgba(&r, fp, width, height, most) != 0) {
         error_set(err, r.e.code, "%s", r.e.text);
         goto out;
     }

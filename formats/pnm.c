@@ -32,7 +32,7 @@ static size_t header_number(FILE *fp)
 }
 
 /* The lines up to ENDHDR. */
-static int read_pam(FILE *fp, struct header *h)
+static int pnm_read_pam(FILE *fp, struct header *h)
 {
     char line[256];
 
@@ -57,8 +57,8 @@ static int read_pam(FILE *fp, struct header *h)
 }
 
 /* 1: filled; 0: end of file; -1. */
-static int read_header(FILE *fp, struct header *h, size_t most,
-                       struct error *err)
+static int pnm_read_header(FILE *fp, struct header *h, size_t most,
+                           struct error *err)
 {
     int p = getc(fp), k;
 
@@ -73,7 +73,7 @@ static int read_header(FILE *fp, struct header *h, size_t most,
         h->width = header_number(fp);
         h->height = header_number(fp);
         h->maxval = header_number(fp);
-    } else if (p != 'P' || k != '7' || read_pam(fp, h) != 0) {
+    } else if (p != 'P' || k != '7' || pnm_read_pam(fp, h) != 0) {
         return error_set(err, EX_DATAERR, "not a PPM, PGM or PAM picture "
                          "(expected P5, P6 or P7)");
     }
@@ -92,7 +92,7 @@ static int read_header(FILE *fp, struct header *h, size_t most,
 }
 
 /* A sample scaled to 8 bits. */
-static uint8_t pixel_sample(const uint8_t *p, const struct header *h)
+static uint8_t pnm_pixel_sample(const uint8_t *p, const struct header *h)
 {
     size_t v = h->maxval > 255 ? (size_t)p[0] << 8 | p[1] : p[0];
 
@@ -108,7 +108,7 @@ int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
     struct header h;
     uint8_t *line, *out;
     size_t bytes, row;
-    int rc = read_header(fp, &h, most, err);
+    int rc = pnm_read_header(fp, &h, most, err);
 
     if (rc <= 0)
         return rc;
@@ -133,8 +133,8 @@ int pnm_read(FILE *fp, uint8_t **rgb, size_t *room, size_t *width,
                            " %zu", y, h.height);
         for (size_t x = 0; x < h.width && rc == 1; x++, out += 3)
             for (size_t c = 0; c < 3; c++)
-                out[c] = pixel_sample(line + x * step
-                                      + (h.depth < 3 ? 0 : c * one), &h);
+                out[c] = pnm_pixel_sample(line + x * step
+                                          + (h.depth < 3 ? 0 : c * one), &h);
     }
     free(line);
     *width = h.width;

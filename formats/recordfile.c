@@ -108,8 +108,8 @@ void recordfile_abandon(struct recordfile *w)
 }
 
 /* A copy of the array, named RECORD.TYPE.NAME. */
-static int add_tensor(struct recordfile *w, const struct record *rec,
-                      const struct array *a, struct error *err)
+static int recordfile_add_tensor(struct recordfile *w, const struct record *rec,
+                                 const struct array *a, struct error *err)
 {
     size_t bytes = array_bytes(a);
     struct st_tensor *t;
@@ -140,7 +140,7 @@ static int add_tensor(struct recordfile *w, const struct record *rec,
 /* ---- npy directories: writing ------------------------------------------ */
 
 /* Letters that are safe in a file name; others become %XX. */
-static void put_safe(char *out, size_t size, const char *text)
+static void recordfile_put_safe(char *out, size_t size, const char *text)
 {
     size_t n = strlen(out);
 
@@ -155,15 +155,15 @@ static void put_safe(char *out, size_t size, const char *text)
 }
 
 /* May be stacked on each other. */
-static bool same_row(const struct array *a, const struct array *b)
+static bool recordfile_same_row(const struct array *a, const struct array *b)
 {
     return a->dtype == b->dtype && a->ndim == b->ndim &&
            memcmp(a->dim, b->dim, sizeof a->dim) == 0;
 }
 
 /* The next npy file of this array. */
-static int open_column(struct recordfile *w, struct column *c,
-                       const struct array *a, struct error *err)
+static int recordfile_open_column(struct recordfile *w, struct column *c,
+                                  const struct array *a, struct error *err)
 {
     char path[PATH_ROOM];
     size_t n;
@@ -171,9 +171,9 @@ static int open_column(struct recordfile *w, struct column *c,
     c->like = *a;
     c->rows = 0;
     c->file[0] = '\0';
-    put_safe(c->file, sizeof c->file, c->type);
+    recordfile_put_safe(c->file, sizeof c->file, c->type);
     strcat(c->file, ".");
-    put_safe(c->file, sizeof c->file - 24, a->name);
+    recordfile_put_safe(c->file, sizeof c->file - 24, a->name);
     n = strlen(c->file);
     if (c->number)
         snprintf(c->file + n, sizeof c->file - n, ".%d.npy", c->number);
@@ -185,9 +185,10 @@ static int open_column(struct recordfile *w, struct column *c,
 }
 
 /* The open file for this array, newly made when there is none. */
-static struct column *find_column(struct recordfile *w,
-                                  const struct record *rec,
-                                  const struct array *a, struct error *err)
+static struct column *recordfile_find_column(struct recordfile *w,
+                                             const struct record *rec,
+                                             const struct array *a,
+                                             struct error *err)
 {
     struct column *c = w->column;
 
@@ -207,23 +208,24 @@ static struct column *find_column(struct recordfile *w,
         memset(c, 0, sizeof *c);
         strcpy(c->type, rec->type);
         w->columns++;
-        return open_column(w, c, a, err) ? NULL : c;
+        return recordfile_open_column(w, c, a, err) ? NULL : c;
     }
-    if (same_row(&c->like, a))
+    if (recordfile_same_row(&c->like, a))
         return c;
     struct npy_writer *full = c->w;
 
     c->w = NULL;
     c->number++;
-    return npy_finish(full, err) || open_column(w, c, a, err) ? NULL : c;
+    return npy_finish(full, err) || recordfile_open_column(w, c, a, err) ? NULL
+                                                                         : c;
 }
 
 /* Append to the array's column and note where it went. */
-static int add_row(struct recordfile *w, cJSON *arrays,
-                   const struct record *rec, const struct array *a,
-                   struct error *err)
+static int recordfile_add_row(struct recordfile *w, cJSON *arrays,
+                              const struct record *rec, const struct array *a,
+                              struct error *err)
 {
-    struct column *c = find_column(w, rec, a, err);
+    struct column *c = recordfile_find_column(w, rec, a, err);
     cJSON *place;
 
     if (!c || npy_append(c->w, a->data, err))
@@ -260,8 +262,8 @@ int recordfile_add(struct recordfile *w, const struct record *rec,
 
         if (!w->npy)
             cJSON_AddItemToArray(arrays, cJSON_CreateString(a->name));
-        if (w->npy ? add_row(w, arrays, rec, a, err)
-                   : add_tensor(w, rec, a, err))
+        if (w->npy ? recordfile_add_row(w, arrays, rec, a, err)
+                   : recordfile_add_tensor(w, rec, a, err))
             return -1;
     }
     w->records++;
@@ -269,7 +271,7 @@ int recordfile_add(struct recordfile *w, const struct record *rec,
 }
 
 /* Close the columns and write the index. */
-static int finish_npy(struct recordfile *w, struct error *err)
+static int recordfile_finish_npy(struct recordfile *w, struct error *err)
 {
     char path[PATH_ROOM], *text;
     FILE *f;
@@ -298,7 +300,7 @@ int recordfile_finish(struct recordfile *w, struct error *err)
     int rc;
 
     if (w->npy) {
-        rc = finish_npy(w, err);
+        rc = recordfile_finish_npy(w, err);
     } else if ((text = cJSON_PrintUnformatted(w->index))) {
         const char *meta[] = { INDEX_KEY, text, NULL };
 

@@ -15,7 +15,7 @@
 /* ---- writing ---------------------------------------------------------- */
 
 /* Escaped; control characters as \u00XX. */
-static void put_string(FILE *f, const char *s, size_t n)
+static void recordjson_put_string(FILE *f, const char *s, size_t n)
 {
     putc('"', f);
     for (size_t i = 0; i < n; i++) {
@@ -32,7 +32,7 @@ static void put_string(FILE *f, const char *s, size_t n)
 }
 
 /* Digits enough to get the same value back. */
-static void put_number(FILE *f, double v, enum dtype dtype)
+static void recordjson_put_number(FILE *f, double v, enum dtype dtype)
 {
     if (isnan(v))
         fputs("\"nan\"", f);
@@ -44,7 +44,7 @@ static void put_number(FILE *f, double v, enum dtype dtype)
 }
 
 /* null for what does not exist. */
-static void put_statistic(FILE *f, const char *key, double v)
+static void recordjson_put_statistic(FILE *f, const char *key, double v)
 {
     if (isnan(v))
         fprintf(f, ",\"%s\":null", key);
@@ -54,7 +54,7 @@ static void put_statistic(FILE *f, const char *key, double v)
 
 /* Bytes that a JSON string can carry: UTF-8 starts and continuations are
  * taken on trust, NUL is not. */
-static bool is_text(const struct array *a)
+static bool recordjson_is_text(const struct array *a)
 {
     const char *s = a->data;
     size_t n = array_count(a);
@@ -64,31 +64,31 @@ static bool is_text(const struct array *a)
 }
 
 /* Name, dtype, shape, statistics and, if asked for, every value. */
-static void put_array(FILE *f, const struct array *a, bool values)
+static void recordjson_put_array(FILE *f, const struct array *a, bool values)
 {
     struct array_stats s;
     size_t n = array_count(a);
 
     fputs("{\"name\":", f);
-    put_string(f, a->name, strlen(a->name));
+    recordjson_put_string(f, a->name, strlen(a->name));
     fprintf(f, ",\"dtype\":\"%s\",\"shape\":[", dtype_name(a->dtype));
     for (int k = 0; k < a->ndim; k++)
         fprintf(f, "%s%zu", k ? "," : "", a->dim[k]);
     putc(']', f);
     array_stats(&s, a);
-    put_statistic(f, "min", s.min);
-    put_statistic(f, "mean", s.mean);
-    put_statistic(f, "max", s.max);
+    recordjson_put_statistic(f, "min", s.min);
+    recordjson_put_statistic(f, "mean", s.mean);
+    recordjson_put_statistic(f, "max", s.max);
     fprintf(f, ",\"nonfinite\":%zu", s.nonfinite);
-    if (is_text(a)) {
+    if (recordjson_is_text(a)) {
         fputs(",\"text\":", f);
-        put_string(f, a->data, n);
+        recordjson_put_string(f, a->data, n);
     } else if (values) {
         fputs(",\"data\":[", f);
         for (size_t i = 0; i < n; i++) {
             if (i)
                 putc(',', f);
-            put_number(f, array_value(a, i), a->dtype);
+            recordjson_put_number(f, array_value(a, i), a->dtype);
         }
         putc(']', f);
     }
@@ -98,13 +98,13 @@ static void put_array(FILE *f, const struct array *a, bool values)
 void recordjson_write(FILE *f, const struct record *rec, bool values)
 {
     fputs("{\"type\":", f);
-    put_string(f, rec->type, 4);
+    recordjson_put_string(f, rec->type, 4);
     fprintf(f, ",\"frame\":%llu,\"time\":%.17g,\"arrays\":[",
             (unsigned long long)rec->frame, rec->time);
     for (int i = 0; i < rec->count; i++) {
         if (i)
             putc(',', f);
-        put_array(f, &rec->array[i], values);
+        recordjson_put_array(f, &rec->array[i], values);
     }
     fputs("]}\n", f);
 }
@@ -125,8 +125,9 @@ struct json_reader {
 };
 
 /* As given, or the first that spid-stream(5) names, or f32. */
-static int get_dtype(enum dtype *dtype, const char *type, const char *name,
-                     const cJSON *given, struct error *err)
+static int recordjson_get_dtype(enum dtype *dtype, const char *type,
+                                const char *name, const cJSON *given,
+                                struct error *err)
 {
     const struct schema *s = schema_find(type, name);
     const char *text = cJSON_GetStringValue(given);
@@ -150,8 +151,8 @@ static int get_dtype(enum dtype *dtype, const char *type, const char *name,
 }
 
 /* One number, in the array's range; words for what JSON cannot say. */
-static int put_value(const struct array *a, void *data, size_t i,
-                     const cJSON *item, struct error *err)
+static int recordjson_put_value(const struct array *a, void *data, size_t i,
+                                const cJSON *item, struct error *err)
 {
     const char *text = cJSON_GetStringValue(item);
     double v = item->valuedouble;
@@ -192,23 +193,24 @@ static int put_value(const struct array *a, void *data, size_t i,
 
 /* Leaves of nested lists in order; every list at one depth has the same
  * length. */
-static int put_nested(const struct array *a, void *data, size_t *i,
-                      const cJSON *item, int depth, struct error *err)
+static int recordjson_put_nested(const struct array *a, void *data, size_t *i,
+                                 const cJSON *item, int depth,
+                                 struct error *err)
 {
     if (depth == a->ndim)
-        return put_value(a, data, (*i)++, item, err);
+        return recordjson_put_value(a, data, (*i)++, item, err);
     if (!cJSON_IsArray(item) ||
         (size_t)cJSON_GetArraySize(item) != a->dim[depth])
         return error_set(err, EX_DATAERR, "%s is ragged (expected lists of "
                          "%zu)", a->name, a->dim[depth]);
     for (const cJSON *c = item->child; c; c = c->next)
-        if (put_nested(a, data, i, c, depth + 1, err))
+        if (recordjson_put_nested(a, data, i, c, depth + 1, err))
             return -1;
     return 0;
 }
 
 /* A string as u8. */
-static void *text_data(struct array *a, const char *text)
+static void *recordjson_text_data(struct array *a, const char *text)
 {
     size_t n = strlen(text);
     char *data = malloc(n + 1);
@@ -220,7 +222,7 @@ static void *text_data(struct array *a, const char *text)
 }
 
 /* The shape of nested lists: the lengths of the first ones. */
-static int nested_shape(struct array *a, const cJSON *item)
+static int recordjson_nested_shape(struct array *a, const cJSON *item)
 {
     for (; cJSON_IsArray(item); item = item->child) {
         if (a->ndim == 4)
@@ -233,27 +235,27 @@ static int nested_shape(struct array *a, const cJSON *item)
 }
 
 /* Shape and data from nested lists. */
-static int nested_array(struct array *a, void **data, const cJSON *value,
-                        struct error *err)
+static int recordjson_nested_array(struct array *a, void **data,
+                                   const cJSON *value, struct error *err)
 {
     size_t i = 0;
 
     if (cJSON_IsString(value)) {
-        *data = text_data(a, value->valuestring);
+        *data = recordjson_text_data(a, value->valuestring);
         return *data ? 0 : error_set(err, EX_OSERR, "out of memory");
     }
-    if (nested_shape(a, value))
+    if (recordjson_nested_shape(a, value))
         return error_set(err, EX_DATAERR, "%s has more than 4 dimensions",
                          a->name);
     *data = calloc(array_count(a) + 1, dtype_size(a->dtype));
     if (!*data)
         return error_set(err, EX_OSERR, "out of memory");
-    return put_nested(a, *data, &i, value, 0, err);
+    return recordjson_put_nested(a, *data, &i, value, 0, err);
 }
 
 /* {"name","dtype","shape","data" or "text"}. */
-static int flat_array(struct array *a, void **data, const cJSON *j,
-                      struct error *err)
+static int recordjson_flat_array(struct array *a, void **data, const cJSON *j,
+                                 struct error *err)
 {
     const cJSON *values = cJSON_GetObjectItemCaseSensitive(j, "data");
     const cJSON *shape = cJSON_GetObjectItemCaseSensitive(j, "shape");
@@ -261,7 +263,7 @@ static int flat_array(struct array *a, void **data, const cJSON *j,
     size_t i = 0, n, listed;
 
     if (!values && cJSON_IsString(text))
-        return nested_array(a, data, text, err);
+        return recordjson_nested_array(a, data, text, err);
     if (!cJSON_IsArray(values) || !cJSON_IsArray(shape) ||
         cJSON_GetArraySize(shape) > 4)
         return error_set(err, EX_DATAERR, "%s has no shape and data (write "
@@ -285,14 +287,14 @@ static int flat_array(struct array *a, void **data, const cJSON *j,
     if (!*data)
         return error_set(err, EX_OSERR, "out of memory");
     for (const cJSON *c = values->child; c; c = c->next)
-        if (put_value(a, *data, i++, c, err))
+        if (recordjson_put_value(a, *data, i++, c, err))
             return -1;
     return 0;
 }
 
 /* Of either form; data is for the caller to free. */
-static int get_array(struct record *rec, void **data, const cJSON *j,
-                     bool nested, struct error *err)
+static int recordjson_get_array(struct record *rec, void **data, const cJSON *j,
+                                bool nested, struct error *err)
 {
     struct array *a = &rec->array[rec->count];
     const char *name = nested ? j->string
@@ -305,10 +307,12 @@ static int get_array(struct record *rec, void **data, const cJSON *j,
                          "(expected 1 to %d letters)", name ? name : "",
                          STREAM_NAME - 1);
     strcpy(a->name, name);
-    if (get_dtype(&a->dtype, rec->type, name,
-                  nested ? NULL : cJSON_GetObjectItem(j, "dtype"), err))
+    if (recordjson_get_dtype(&a->dtype, rec->type, name,
+                             nested ? NULL : cJSON_GetObjectItem(j, "dtype"),
+                             err))
         return -1;
-    if (nested ? nested_array(a, data, j, err) : flat_array(a, data, j, err))
+    if (nested ? recordjson_nested_array(a, data, j, err)
+               : recordjson_flat_array(a, data, j, err))
         return -1;
     a->data = *data;
     rec->count++;
@@ -316,8 +320,8 @@ static int get_array(struct record *rec, void **data, const cJSON *j,
 }
 
 /* Frame and time, given or counted. */
-static int get_place(struct json_reader *r, struct record *rec,
-                     const cJSON *j, struct error *err)
+static int recordjson_get_place(struct json_reader *r, struct record *rec,
+                                const cJSON *j, struct error *err)
 {
     const cJSON *frame = cJSON_GetObjectItemCaseSensitive(j, "frame");
     const cJSON *time = cJSON_GetObjectItemCaseSensitive(j, "time");
@@ -349,8 +353,9 @@ static int get_place(struct json_reader *r, struct record *rec,
 }
 
 /* One object to the sink. */
-static int get_record(struct json_reader *r, const cJSON *j,
-                      record_sink sink, void *context, struct error *err)
+static int recordjson_get_record(struct json_reader *r, const cJSON *j,
+                                 record_sink sink, void *context,
+                                 struct error *err)
 {
     const char *type = cJSON_GetStringValue(cJSON_GetObjectItem(j, "type"));
     const cJSON *arrays = cJSON_GetObjectItemCaseSensitive(j, "arrays");
@@ -361,7 +366,7 @@ static int get_record(struct json_reader *r, const cJSON *j,
         return error_set(err, EX_DATAERR, "a record without a type of four "
                          "letters");
     strcpy(rec.type, type);
-    if (get_place(r, &rec, j, err))
+    if (recordjson_get_place(r, &rec, j, err))
         return error_prefix(err, "%s", type);
     memset(r->data, 0, sizeof r->data);
     for (const cJSON *a = arrays ? arrays->child : NULL; a; a = a->next) {
@@ -370,8 +375,8 @@ static int get_record(struct json_reader *r, const cJSON *j,
                       STREAM_MAX_ARRAYS);
             goto out;
         }
-        if (get_array(&rec, &r->data[rec.count], a, cJSON_IsObject(arrays),
-                      err))
+        if (recordjson_get_array(&rec, &r->data[rec.count], a,
+                                 cJSON_IsObject(arrays), err))
             goto out;
     }
     rc = sink(&rec, context, err);
@@ -383,7 +388,8 @@ out:
 }
 
 /* The whole file as a string. */
-static char *read_text(const char *path, size_t max_bytes, struct error *err)
+static char *recordjson_read_text(const char *path, size_t max_bytes,
+                                  struct error *err)
 {
     FILE *f = strcmp(path, "-") ? fopen(path, "rb") : stdin;
     size_t used = 0, room = 65536, n;
@@ -421,7 +427,7 @@ fail:
 }
 
 /* For messages. */
-static int line_of(const char *text, const char *at)
+static int recordjson_line_of(const char *text, const char *at)
 {
     int line = 1;
 
@@ -431,8 +437,9 @@ static int line_of(const char *text, const char *at)
 }
 
 /* One object or list after the other. */
-static int read_values(struct json_reader *r, const char *text,
-                       record_sink sink, void *context, struct error *err)
+static int recordjson_read_values(struct json_reader *r, const char *text,
+                                  record_sink sink, void *context,
+                                  struct error *err)
 {
     const char *p = text + strspn(text, " \t\r\n"), *end = p;
     cJSON *j;
@@ -442,16 +449,16 @@ static int read_values(struct json_reader *r, const char *text,
         j = cJSON_ParseWithOpts(p, &end, 0);
         if (!j)
             return error_set(err, EX_DATAERR, "line %d: not JSON",
-                             line_of(text, end));
+                             recordjson_line_of(text, end));
         if (cJSON_IsArray(j)) {
             for (const cJSON *c = j->child; c && rc == 0; c = c->next)
-                rc = get_record(r, c, sink, context, err);
+                rc = recordjson_get_record(r, c, sink, context, err);
         } else {
-            rc = get_record(r, j, sink, context, err);
+            rc = recordjson_get_record(r, j, sink, context, err);
         }
         cJSON_Delete(j);
         if (rc)
-            return error_prefix(err, "line %d", line_of(text, p));
+            return error_prefix(err, "line %d", recordjson_line_of(text, p));
         p = end + strspn(end, " \t\r\n");
     }
     return rc;
@@ -461,8 +468,8 @@ int recordjson_read(const char *path, double fps, size_t max_bytes,
                     record_sink sink, void *context, struct error *err)
 {
     struct json_reader r = { .fps = fps };
-    char *text = read_text(path, max_bytes, err);
-    int rc = text ? read_values(&r, text, sink, context, err) : -1;
+    char *text = recordjson_read_text(path, max_bytes, err);
+    int rc = text ? recordjson_read_values(&r, text, sink, context, err) : -1;
 
     free(text);
     return rc ? error_prefix(err, "%s", path) : 0;

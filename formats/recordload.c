@@ -16,7 +16,8 @@
 #define MAX_FILES 4096
 
 /* Type, frame and time of an index row. */
-static int get_head(struct record *rec, const cJSON *row, struct error *err)
+static int recordload_get_head(struct record *rec, const cJSON *row,
+                               struct error *err)
 {
     const char *type = cJSON_GetStringValue(cJSON_GetObjectItem(row, "type"));
     const cJSON *frame = cJSON_GetObjectItem(row, "frame");
@@ -35,8 +36,8 @@ static int get_head(struct record *rec, const cJSON *row, struct error *err)
 }
 
 /* Next free array of rec under that name. */
-static struct array *next_array(struct record *rec, const char *name,
-                                struct error *err)
+static struct array *recordload_next_array(struct record *rec, const char *name,
+                                           struct error *err)
 {
     struct array *a = &rec->array[rec->count];
 
@@ -55,8 +56,9 @@ static struct array *next_array(struct record *rec, const char *name,
 /* ---- safetensors -------------------------------------------------------- */
 
 /* A tensor by name, tried first where the writer put it. */
-static const struct st_tensor *tensor_find(const struct safetensors *st,
-                                           const char *name, size_t *next)
+static const struct st_tensor *
+recordload_tensor_find(const struct safetensors *st, const char *name,
+                       size_t *next)
 {
     size_t i = (*next)++;
 
@@ -66,18 +68,18 @@ static const struct st_tensor *tensor_find(const struct safetensors *st,
 }
 
 /* One array of a record: its tensor, checked against the index. */
-static int st_array(struct record *rec, const struct safetensors *st,
-                    size_t number, const char *name, size_t *next,
-                    struct error *err)
+static int recordload_st_array(struct record *rec, const struct safetensors *st,
+                               size_t number, const char *name, size_t *next,
+                               struct error *err)
 {
-    struct array *a = next_array(rec, name, err);
+    struct array *a = recordload_next_array(rec, name, err);
     const struct st_tensor *t;
     char full[64];
 
     if (!a)
         return -1;
     snprintf(full, sizeof full, "%06zu.%s.%s", number, rec->type, name);
-    t = tensor_find(st, full, next);
+    t = recordload_tensor_find(st, full, next);
     if (!t)
         return error_set(err, EX_DATAERR, "no tensor '%s'", full);
     switch (t->dtype) {
@@ -102,18 +104,19 @@ static int st_array(struct record *rec, const struct safetensors *st,
 }
 
 /* One row of the index to the sink. */
-static int st_record(const struct safetensors *st, size_t number,
-                     const cJSON *row, size_t *next, record_sink sink,
-                     void *context, struct error *err)
+static int recordload_st_record(const struct safetensors *st, size_t number,
+                                const cJSON *row, size_t *next,
+                                record_sink sink, void *context,
+                                struct error *err)
 {
     const cJSON *names = cJSON_GetObjectItem(row, "arrays");
     struct record rec;
 
-    if (get_head(&rec, row, err))
+    if (recordload_get_head(&rec, row, err))
         return -1;
     for (const cJSON *n = names ? names->child : NULL; n; n = n->next)
-        if (st_array(&rec, st, number, cJSON_GetStringValue(n), next,
-                     err))
+        if (recordload_st_array(&rec, st, number, cJSON_GetStringValue(n), next,
+                                err))
             return -1;
     return sink(&rec, context, err);
 }
@@ -133,7 +136,7 @@ int recordfile_read_st(const char *path, record_sink sink, void *context,
         rc = error_set(err, EX_DATAERR, "no list of records in its metadata");
     for (const cJSON *row = index ? index->child : NULL; row && rc == 0;
          row = row->next)
-        rc = st_record(st, number++, row, &next, sink, context, err);
+        rc = recordload_st_record(st, number++, row, &next, sink, context, err);
     cJSON_Delete(index);
     st_close(st);
     return rc ? error_prefix(err, "%s", path) : 0;
@@ -193,10 +196,10 @@ static void cache_release(struct cache *c)
 }
 
 /* One array of a record: a row of its column. */
-static int npy_array(struct record *rec, struct cache *c, const cJSON *item,
-                     struct error *err)
+static int recordload_npy_array(struct record *rec, struct cache *c,
+                                const cJSON *item, struct error *err)
 {
-    struct array *a = next_array(rec, item->string, err);
+    struct array *a = recordload_next_array(rec, item->string, err);
     const cJSON *number = cJSON_GetArrayItem(item, 1);
     const char *file = cJSON_GetStringValue(cJSON_GetArrayItem(item, 0));
     const struct npy *n;
@@ -221,22 +224,23 @@ static int npy_array(struct record *rec, struct cache *c, const cJSON *item,
 }
 
 /* One row of the index to the sink. */
-static int npy_record(struct cache *c, const cJSON *row, record_sink sink,
-                      void *context, struct error *err)
+static int recordload_npy_record(struct cache *c, const cJSON *row,
+                                 record_sink sink, void *context,
+                                 struct error *err)
 {
     const cJSON *arrays = cJSON_GetObjectItem(row, "arrays");
     struct record rec;
 
-    if (get_head(&rec, row, err))
+    if (recordload_get_head(&rec, row, err))
         return -1;
     for (const cJSON *a = arrays ? arrays->child : NULL; a; a = a->next)
-        if (npy_array(&rec, c, a, err))
+        if (recordload_npy_array(&rec, c, a, err))
             return -1;
     return sink(&rec, context, err);
 }
 
 /* The JSON text of records.json. */
-static cJSON *read_index(const char *path, struct error *err)
+static cJSON *recordload_read_index(const char *path, struct error *err)
 {
     FILE *f = fopen(path, "rb");
     cJSON *index = NULL;
@@ -268,11 +272,11 @@ int recordfile_read_npy(const char *dir, record_sink sink, void *context,
     int rc = 0;
 
     snprintf(path, sizeof path, "%s/records.json", dir);
-    index = read_index(path, err);
+    index = recordload_read_index(path, err);
     if (!index)
         return -1;
     for (const cJSON *row = index->child; row && rc == 0; row = row->next)
-        rc = npy_record(&c, row, sink, context, err);
+        rc = recordload_npy_record(&c, row, sink, context, err);
     cJSON_Delete(index);
     cache_release(&c);
     return rc ? error_prefix(err, "%s", dir) : 0;

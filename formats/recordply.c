@@ -22,8 +22,8 @@ int recordply_parse_eye(const char *value, void *dest, struct error *err)
 }
 
 /* One record of three channels to the sink. */
-static int scene_send(const struct ply_scene *s, record_sink sink,
-                      void *context, struct error *err)
+static int recordply_scene_send(const struct ply_scene *s, record_sink sink,
+                                void *context, struct error *err)
 {
     uint8_t *branch = calloc(s->n + 1, 1);
     struct record rec = {.type = "GAUS"};
@@ -63,7 +63,7 @@ int recordply_read(const char *path, const struct recordply_options *opt,
     }
     if (opt->has_eye)
         ply_shade(&s, opt->eye);
-    rc = scene_send(&s, sink, context, err);
+    rc = recordply_scene_send(&s, sink, context, err);
 out:
     ply_release(&s);
     return rc;

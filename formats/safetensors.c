@@ -54,7 +54,7 @@ const char *st_dtype_name(enum st_dtype t)
 /* ---- opening: the file is hostile until every entry has been checked ---- */
 
 /* A JSON number that is a whole number a size_t and a double both hold. */
-static bool json_size(const cJSON *j, size_t *out)
+static bool safetensors_json_size(const cJSON *j, size_t *out)
 {
     if (!cJSON_IsNumber(j) || j->valuedouble < 0 ||
         j->valuedouble > 9007199254740991.0 ||
@@ -65,14 +65,14 @@ static bool json_size(const cJSON *j, size_t *out)
 }
 
 /* Up to eight dimensions whose product does not overflow. */
-static int parse_shape(struct st_tensor *t, const cJSON *shape,
-                       const char *path, struct error *err)
+static int safetensors_parse_shape(struct st_tensor *t, const cJSON *shape,
+                                   const char *path, struct error *err)
 {
     t->count = 1;
     for (const cJSON *d = shape->child; d; d = d->next) {
         size_t n;
 
-        if (t->ndim == 8 || !json_size(d, &n))
+        if (t->ndim == 8 || !safetensors_json_size(d, &n))
             return error_set(err, EX_DATAERR,
                              "%s: tensor '%s': bad shape (expected up to 8 "
                              "whole numbers)", path, t->name);
@@ -87,8 +87,8 @@ static int parse_shape(struct st_tensor *t, const cJSON *shape,
 }
 
 /* By the file's name for it. */
-static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
-                       const char *path, struct error *err)
+static int safetensors_parse_dtype(struct st_tensor *t, const cJSON *dtype,
+                                   const char *path, struct error *err)
 {
     for (size_t i = 0; cJSON_IsString(dtype) && i < DTYPES; i++)
         if (!strcmp(dtype->valuestring, dtypes[i].name)) {
@@ -101,25 +101,26 @@ static int parse_dtype(struct st_tensor *t, const cJSON *dtype,
 }
 
 /* One entry: dtype, shape and bytes agree and lie within the file. */
-static int parse_tensor(struct st_tensor *t, const cJSON *j,
-                        const char *data, size_t room, const char *path,
-                        struct error *err)
+static int safetensors_parse_tensor(struct st_tensor *t, const cJSON *j,
+                                    const char *data, size_t room,
+                                    const char *path, struct error *err)
 {
     const cJSON *shape = cJSON_GetObjectItemCaseSensitive(j, "shape");
     const cJSON *offs = cJSON_GetObjectItemCaseSensitive(j, "data_offsets");
     size_t from, to;
 
     t->name = j->string;
-    if (parse_dtype(t, cJSON_GetObjectItemCaseSensitive(j, "dtype"), path,
-                    err))
+    if (safetensors_parse_dtype(t, cJSON_GetObjectItemCaseSensitive(j, "dtype"),
+                                path, err))
         return -1;
     if (!cJSON_IsArray(shape) || !cJSON_IsArray(offs) ||
-        cJSON_GetArraySize(offs) != 2 || !json_size(offs->child, &from) ||
-        !json_size(offs->child->next, &to))
+        cJSON_GetArraySize(offs) != 2 ||
+        !safetensors_json_size(offs->child, &from) ||
+        !safetensors_json_size(offs->child->next, &to))
         return error_set(err, EX_DATAERR,
                          "%s: tensor '%s': no shape or data_offsets", path,
                          t->name);
-    if (parse_shape(t, shape, path, err))
+    if (safetensors_parse_shape(t, shape, path, err))
         return -1;
     if (from > to || to > room ||
         to - from != t->count * dtypes[t->dtype].size)
@@ -132,7 +133,7 @@ static int parse_tensor(struct st_tensor *t, const cJSON *j,
 }
 
 /* For qsort: the order in the file. */
-static int by_place(const void *a, const void *b)
+static int safetensors_by_place(const void *a, const void *b)
 {
     const struct st_tensor *x = *(const struct st_tensor *const *)a;
     const struct st_tensor *y = *(const struct st_tensor *const *)b;
@@ -141,7 +142,8 @@ static int by_place(const void *a, const void *b)
 }
 
 /* Two tensors that share bytes are refused: no writer makes them. */
-static int check_overlap(const struct safetensors *st, struct error *err)
+static int safetensors_check_overlap(const struct safetensors *st,
+                                     struct error *err)
 {
     const struct st_tensor **order =
         malloc((st->count + 1) * sizeof *order);
@@ -153,7 +155,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
     for (size_t i = 0; i < st->count; i++)
         if (st->tensor[i].count)
             order[n++] = &st->tensor[i];
-    qsort(order, n, sizeof *order, by_place);
+    qsort(order, n, sizeof *order, safetensors_by_place);
     for (size_t i = 1; i < n && !rc; i++) {
         const struct st_tensor *a = order[i - 1], *b = order[i];
         const char *end = (const char *)a->data +
@@ -169,7 +171,7 @@ static int check_overlap(const struct safetensors *st, struct error *err)
 }
 
 /* A map of strings, or nothing. */
-static int parse_metadata(struct safetensors *st, struct error *err)
+static int safetensors_parse_metadata(struct safetensors *st, struct error *err)
 {
     const cJSON *m = cJSON_GetObjectItemCaseSensitive(st->json,
                                                       "__metadata__");
@@ -187,8 +189,8 @@ static int parse_metadata(struct safetensors *st, struct error *err)
 }
 
 /* All entries; no two overlap. */
-static int parse_header(struct safetensors *st, uint64_t n,
-                        struct error *err)
+static int safetensors_parse_header(struct safetensors *st, uint64_t n,
+                                    struct error *err)
 {
     const char *text = (const char *)st->map + 8;
     const char *data = text + n;
@@ -199,7 +201,7 @@ static int parse_header(struct safetensors *st, uint64_t n,
         return error_set(err, EX_DATAERR,
                          "%s: header is not JSON (is this a safetensors "
                          "file?)", st->path);
-    if (parse_metadata(st, err))
+    if (safetensors_parse_metadata(st, err))
         return -1;
     size_t entries = (size_t)cJSON_GetArraySize(st->json);
     st->tensor = calloc(entries + 1, sizeof *st->tensor);
@@ -211,16 +213,16 @@ static int parse_header(struct safetensors *st, uint64_t n,
         if (st_find(st, j->string))
             return error_set(err, EX_DATAERR, "%s: tensor '%s' occurs twice",
                              st->path, j->string);
-        if (parse_tensor(&st->tensor[st->count], j, data, room, st->path,
-                         err))
+        if (safetensors_parse_tensor(&st->tensor[st->count], j, data, room,
+                                     st->path, err))
             return -1;
         st->count++;
     }
-    return check_overlap(st, err);
+    return safetensors_check_overlap(st, err);
 }
 
 /* The whole file, read-only. */
-static int map_file(struct safetensors *st, struct error *err)
+static int safetensors_map_file(struct safetensors *st, struct error *err)
 {
     struct stat sb;
     int fd = open(st->path, O_RDONLY | O_CLOEXEC);
@@ -253,7 +255,7 @@ struct safetensors *st_open(const char *path, struct error *err)
         error_set(err, EX_OSERR, "%s: out of memory", path);
         goto out;
     }
-    if (map_file(st, err))
+    if (safetensors_map_file(st, err))
         goto out;
     if (st->bytes >= 8)
         memcpy(&n, st->map, 8);
@@ -263,7 +265,7 @@ struct safetensors *st_open(const char *path, struct error *err)
                   "a safetensors file?)", path, n, st->bytes);
         goto out;
     }
-    if (parse_header(st, n, err))
+    if (safetensors_parse_header(st, n, err))
         goto out;
     return st;
 out:
@@ -331,8 +333,8 @@ int st_meta_at(const struct safetensors *st, size_t i, const char **key,
 }
 
 /* "[3, 4]", with 0 printed as "any" where wanted. */
-static const char *shape_text(char *out, size_t size, int ndim,
-                              const size_t *dim, bool any)
+static const char *safetensors_shape_text(char *out, size_t size, int ndim,
+                                          const size_t *dim, bool any)
 {
     size_t n = (size_t)snprintf(out, size, "[");
 
@@ -347,10 +349,9 @@ static const char *shape_text(char *out, size_t size, int ndim,
 }
 
 /* The tensor with this shape, or *err with what was found. */
-static const struct st_tensor *tensor_require(const struct safetensors *st,
-                                              const char *name, int ndim,
-                                              const size_t *dims,
-                                              struct error *err)
+static const struct st_tensor *
+safetensors_tensor_require(const struct safetensors *st, const char *name,
+                           int ndim, const size_t *dims, struct error *err)
 {
     const struct st_tensor *t = st_find(st, name);
     char want[200], have[200];
@@ -360,14 +361,15 @@ static const struct st_tensor *tensor_require(const struct safetensors *st,
         same = !dims[i] || dims[i] == t->dim[i];
     if (same)
         return t;
-    shape_text(want, sizeof want, ndim, dims, true);
+    safetensors_shape_text(want, sizeof want, ndim, dims, true);
     if (!t)
         error_set(err, EX_DATAERR, "%s: no tensor '%s' (expected %s)",
                   st->path, name, want);
     else
         error_set(err, EX_DATAERR, "%s: tensor '%s' is %s (expected %s)",
                   st->path, name,
-                  shape_text(have, sizeof have, t->ndim, t->dim, false),
+                  safetensors_shape_text(have, sizeof have, t->ndim, t->dim,
+                                         false),
                   want);
     return NULL;
 }
@@ -375,7 +377,7 @@ static const struct st_tensor *tensor_require(const struct safetensors *st,
 /* ---- converting --------------------------------------------------------- */
 
 /* Element i as a double; unaligned data are legal in a file. */
-static double tensor_element(const struct st_tensor *t, size_t i)
+static double safetensors_tensor_element(const struct st_tensor *t, size_t i)
 {
     const char *p = (const char *)t->data + i * dtypes[t->dtype].size;
     union {
@@ -435,7 +437,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
             }
         else
             for (size_t i = at; i < end; i++)
-                out[i] = (float)tensor_element(t, i);
+                out[i] = (float)safetensors_tensor_element(t, i);
         st_forget(st, (const char *)t->data + at * size, (end - at) * size);
         for (size_t i = at; i < end; i++)
             if (!isfinite(out[i]))
@@ -448,7 +450,8 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
 float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
                    const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
+    const struct st_tensor *t = safetensors_tensor_require(st, name, ndim, dims,
+                                                           err);
     float *out = t ? malloc((t->count + 1) * sizeof *out) : NULL;
 
     if (!t)
@@ -470,7 +473,8 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
                            int ndim, const size_t *dims, float **copy,
                            struct error *err)
 {
-    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
+    const struct st_tensor *t = safetensors_tensor_require(st, name, ndim, dims,
+                                                           err);
 
     *copy = NULL;
     if (!t)
@@ -483,7 +487,8 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
                      const size_t *dims, size_t *count, struct error *err)
 {
-    const struct st_tensor *t = tensor_require(st, name, ndim, dims, err);
+    const struct st_tensor *t = safetensors_tensor_require(st, name, ndim, dims,
+                                                           err);
 
     if (!t)
         return NULL;
@@ -498,7 +503,7 @@ int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,
         return NULL;
     }
     for (size_t i = 0; i < t->count; i++) {
-        double v = tensor_element(t, i);
+        double v = safetensors_tensor_element(t, i);
 
         if (v < INT32_MIN || v > INT32_MAX) {
             error_set(err, EX_DATAERR,

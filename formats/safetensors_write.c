@@ -14,8 +14,8 @@
 #include "lib/base/file.h"
 
 /* The JSON header; offsets count from the first tensor. */
-static cJSON *header_describe(const struct st_tensor *tensors, size_t count,
-                              const char *const *meta)
+static cJSON *write_header_describe(const struct st_tensor *tensors,
+                                    size_t count, const char *const *meta)
 {
     cJSON *root = cJSON_CreateObject();
     size_t at = 0;
@@ -86,7 +86,7 @@ int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
              const char *const *meta, struct error *err)
 {
     struct save save = {.tensors = tensors, .count = count};
-    cJSON *root = header_describe(tensors, count, meta);
+    cJSON *root = write_header_describe(tensors, count, meta);
     char *json = root ? cJSON_PrintUnformatted(root) : NULL;
     int rc = 0;
 
@@ -112,7 +112,7 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
     struct save save = {tensors, count, fetch, context, false};
     size_t len = strlen(path) + 6;
     char *part = malloc(len), *json = NULL;
-    cJSON *root = header_describe(tensors, count, meta);
+    cJSON *root = write_header_describe(tensors, count, meta);
     FILE *f = NULL;
     int rc = -1;
 

@@ -27,8 +27,8 @@ static int weight_heavier(const void *a, const void *b)
 }
 
 /* Indices by opacity times volume, falling. */
-static struct weight *by_weight(size_t n, const float *scale,
-                                const float *opacity)
+static struct weight *splatfile_by_weight(size_t n, const float *scale,
+                                          const float *opacity)
 {
     struct weight *order = malloc((n + 1) * sizeof *order);
 
@@ -44,7 +44,7 @@ static struct weight *by_weight(size_t n, const float *scale,
 }
 
 /* Rounded and clamped to 0 .. 255. */
-static uint8_t splat_byte(float x)
+static uint8_t splatfile_splat_byte(float x)
 {
     return (uint8_t)lrintf(fminf(fmaxf(x, 0), 255));
 }
@@ -55,7 +55,7 @@ int splatfile_write(const char *path, size_t n, const float *mean,
                     struct error *err)
 {
     struct outfile out;
-    struct weight *order = by_weight(n, scale, opacity);
+    struct weight *order = splatfile_by_weight(n, scale, opacity);
 
     if (!order)
         return error_set(err, EX_OSERR, "%s: out of memory", path);
@@ -75,10 +75,11 @@ int splatfile_write(const char *path, size_t n, const float *mean,
         uint8_t b[8];
 
         for (int j = 0; j < 3; j++)
-            b[j] = splat_byte(255 * c[j]);
-        b[3] = splat_byte(255 * opacity[i]);
+            b[j] = splatfile_splat_byte(255 * c[j]);
+        b[3] = splatfile_splat_byte(255 * opacity[i]);
         for (int j = 0; j < 4; j++)
-            b[4 + j] = splat_byte(128 + 128 * turned[j] / fmaxf(norm, 1e-12f));
+            b[4 + j] = splatfile_splat_byte(128 + 128 * turned[j] /
+                                                      fmaxf(norm, 1e-12f));
         fwrite(f, sizeof f, 1, out.file);
         fwrite(b, sizeof b, 1, out.file);
     }
@@ -91,8 +92,8 @@ int splatfile_write(const char *path, size_t n, const float *mean,
 enum { RECORD = 32 };
 
 /* One record into its place in the arrays of a block of 14 n floats. */
-static int record_unpack(float *block, size_t n, size_t i,
-                         const uint8_t *record)
+static int splatfile_record_unpack(float *block, size_t n, size_t i,
+                                   const uint8_t *record)
 {
     float f[6], *mean = block + 3 * i, *scale = block + 3 * (n + i);
     float *quat = block + 6 * n + 4 * i, *color = block + 11 * n + 3 * i;
@@ -142,8 +143,8 @@ int splatfile_read(struct gaussians *g, void **block, const char *path,
     }
     rewind(f);
     for (size_t i = 0; i < n; i++)
-        if (fread(record, RECORD, 1, f) != 1 || record_unpack(x, n, i,
-                                                              record)) {
+        if (fread(record, RECORD, 1, f) != 1 ||
+            splatfile_record_unpack(x, n, i, record)) {
             error_set(err, EX_DATAERR, "%s: Gaussian %zu is cut short or not "
                       "finite", path, i);
             goto out;

@@ -33,7 +33,7 @@ void *tensorfile_own(struct tensorfile *f, size_t bytes, struct error *err)
 }
 
 /* Room for one more tensor. */
-static int table_grow(struct tensorfile *f, struct error *err)
+static int tensorfile_table_grow(struct tensorfile *f, struct error *err)
 {
     size_t room = f->room ? 2 * f->room : 64;
     struct tensorfile_tensor *t;
@@ -72,7 +72,7 @@ int tensorfile_add(struct tensorfile *f, const char *name,
         return error_set(err, EX_DATAERR, "tensor '%s': all tensors together "
                          "take more than %d times the file", name,
                          TENSORFILE_GROWTH);
-    if (table_grow(f, err))
+    if (tensorfile_table_grow(f, err))
         return -1;
     memcpy(t.dim, p->view.dim, sizeof t.dim);
     t.name = strdup(name);
@@ -94,7 +94,7 @@ void tensorfile_add_other(struct tensorfile *f, const char *name,
     f->others++;
 }
 
-static int by_name(const void *a, const void *b, void *context)
+static int tensorfile_by_name(const void *a, const void *b, void *context)
 {
     const struct tensorfile_tensor *t = context;
 
@@ -102,16 +102,17 @@ static int by_name(const void *a, const void *b, void *context)
 }
 
 /* Order by name for tensorfile_find; no two may have the same. */
-static int sort_names(struct tensorfile *f, struct error *err)
+static int tensorfile_sort_names(struct tensorfile *f, struct error *err)
 {
     f->by_name = malloc((f->count + 1) * sizeof *f->by_name);
     if (!f->by_name)
         return error_set(err, EX_OSERR, "out of memory");
     for (size_t i = 0; i < f->count; i++)
         f->by_name[i] = i;
-    qsort_r(f->by_name, f->count, sizeof *f->by_name, by_name, f->tensor);
+    qsort_r(f->by_name, f->count, sizeof *f->by_name, tensorfile_by_name,
+            f->tensor);
     for (size_t i = 1; i < f->count; i++)
-        if (!by_name(&f->by_name[i - 1], &f->by_name[i], f->tensor))
+        if (!tensorfile_by_name(&f->by_name[i - 1], &f->by_name[i], f->tensor))
             return error_set(err, EX_DATAERR, "two tensors are named '%s'",
                              f->tensor[f->by_name[i]].name);
     return 0;
@@ -120,7 +121,8 @@ static int sort_names(struct tensorfile *f, struct error *err)
 /* ---- numpy and safetensors ---------------------------------------------- */
 
 /* The view that an npy header describes; false: no dtype of ours. */
-static bool npy_view(struct array_view *v, const struct npy_header *h)
+static bool tensorfile_npy_view(struct array_view *v,
+                                const struct npy_header *h)
 {
     *v = (struct array_view){.swap = h->swap, .ndim = h->ndim};
     memcpy(v->dim, h->dim, sizeof v->dim);
@@ -129,8 +131,9 @@ static bool npy_view(struct array_view *v, const struct npy_header *h)
 }
 
 /* An array of objects is a pickle behind the header. */
-static int open_objects(struct tensorfile *f, const char *name,
-                        const void *data, size_t bytes, struct error *err)
+static int tensorfile_open_objects(struct tensorfile *f, const char *name,
+                                   const void *data, size_t bytes,
+                                   struct error *err)
 {
     pickle_free(f->pickle[1]);
     f->pickle[1] = pickle_read(data, bytes, NULL, err);
@@ -140,7 +143,8 @@ static int open_objects(struct tensorfile *f, const char *name,
 }
 
 /* "dir/l_eyelid.npy" -> "l_eyelid": what an array without a name is called. */
-static const char *array_stem(char out[TENSORFILE_NAME], const char *path)
+static const char *tensorfile_array_stem(char out[TENSORFILE_NAME],
+                                         const char *path)
 {
     const char *slash = strrchr(path, '/'), *dot;
 
@@ -151,25 +155,27 @@ static const char *array_stem(char out[TENSORFILE_NAME], const char *path)
     return out;
 }
 
-static int open_npy(struct tensorfile *f, struct error *err)
+static int tensorfile_open_npy(struct tensorfile *f, struct error *err)
 {
     struct tensor_place p = {.entry = SIZE_MAX};
     struct npy_header h;
     char name[TENSORFILE_NAME];
 
     f->format = "numpy npy";
-    array_stem(name, f->path);
+    tensorfile_array_stem(name, f->path);
     if (npy_header_read(&h, f->map, f->bytes, f->bytes, err))
         return -1;
     if (h.kind == 'O')
-        return open_objects(f, "", f->map + h.bytes, f->bytes - h.bytes, err);
+        return tensorfile_open_objects(f, "", f->map + h.bytes,
+                                       f->bytes - h.bytes, err);
     p.data = f->map + h.bytes;
-    if (!npy_view(&p.view, &h))
+    if (!tensorfile_npy_view(&p.view, &h))
         return error_set(err, EX_DATAERR, "dtype is not supported");
     return tensorfile_add(f, name, &p, err);
 }
 
-static int open_npz_entry(struct tensorfile *f, size_t i, struct error *err)
+static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
+                                     struct error *err)
 {
     const char *name = ziparchive_name(f->zip, i);
     struct tensor_place p = {.entry = i};
@@ -193,8 +199,9 @@ static int open_npz_entry(struct tensorfile *f, size_t i, struct error *err)
             error_set(err, EX_DATAERR, "a second array of objects, or a "
                       "large one");
         else if (!ziparchive_read(all, f->zip, i, err))
-            rc = open_objects(f, base, all + h.bytes, bytes - h.bytes, err);
-    } else if (npy_view(&p.view, &h)) {
+            rc = tensorfile_open_objects(f, base, all + h.bytes,
+                                         bytes - h.bytes, err);
+    } else if (tensorfile_npy_view(&p.view, &h)) {
         rc = tensorfile_add(f, base, &p, err);
     } else {
         tensorfile_add_other(f, base, "array");
@@ -205,28 +212,28 @@ out:
     return rc ? error_prefix(err, "%s", name) : 0;
 }
 
-static bool ends_in(const char *name, const char *end)
+static bool tensorfile_ends_in(const char *name, const char *end)
 {
     size_t n = strlen(name), k = strlen(end);
 
     return n >= k && !strcmp(name + n - k, end);
 }
 
-static int open_npz(struct tensorfile *f, struct error *err)
+static int tensorfile_open_npz(struct tensorfile *f, struct error *err)
 {
     f->format = "numpy npz";
     for (size_t i = 0; i < ziparchive_count(f->zip); i++) {
-        if (!ends_in(ziparchive_name(f->zip, i), ".npy"))
+        if (!tensorfile_ends_in(ziparchive_name(f->zip, i), ".npy"))
             return error_set(err, EX_DATAERR, "%s: is no array (expected a "
                              "PyTorch checkpoint or .npy entries)",
                              ziparchive_name(f->zip, i));
-        if (open_npz_entry(f, i, err))
+        if (tensorfile_open_npz_entry(f, i, err))
             return -1;
     }
     return 0;
 }
 
-static int open_zip(struct tensorfile *f, struct error *err)
+static int tensorfile_open_zip(struct tensorfile *f, struct error *err)
 {
     size_t found = SIZE_MAX;
 
@@ -238,15 +245,15 @@ static int open_zip(struct tensorfile *f, struct error *err)
         const char *name = ziparchive_name(f->zip, i);
 
         f->source += ziparchive_size(f->zip, i);
-        if (ends_in(name, "/data.pkl") &&
+        if (tensorfile_ends_in(name, "/data.pkl") &&
             strchr(name, '/') == strrchr(name, '/'))
             found = i;
     }
-    return found == SIZE_MAX ? open_npz(f, err)
+    return found == SIZE_MAX ? tensorfile_open_npz(f, err)
                              : tensorfile_torch_zip(f, found, err);
 }
 
-static int open_safetensors(struct tensorfile *f, struct error *err)
+static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
 {
     int rc = 0;
 
@@ -271,7 +278,7 @@ static int open_safetensors(struct tensorfile *f, struct error *err)
 
 /* ---- opening ------------------------------------------------------------ */
 
-static int map_file(struct tensorfile *f, struct error *err)
+static int tensorfile_map_file(struct tensorfile *f, struct error *err)
 {
     struct stat sb;
     int fd = open(f->path, O_RDONLY | O_CLOEXEC);
@@ -294,7 +301,7 @@ static int map_file(struct tensorfile *f, struct error *err)
     return 0;
 }
 
-static void hash_file(struct tensorfile *f)
+static void tensorfile_hash_file(struct tensorfile *f)
 {
     XXH128_hash_t h = XXH3_128bits(f->map, f->bytes);
 
@@ -302,7 +309,7 @@ static void hash_file(struct tensorfile *f)
              (unsigned long long)h.high64, (unsigned long long)h.low64);
 }
 
-static int open_pickle(struct tensorfile *f, struct error *err)
+static int tensorfile_open_pickle(struct tensorfile *f, struct error *err)
 {
     /* The number that the older form of PyTorch begins with. */
     static const unsigned char magic[10] = {0x6c, 0xfc, 0x9c, 0x46, 0xf9,
@@ -325,26 +332,26 @@ static int open_pickle(struct tensorfile *f, struct error *err)
     if (pickle_storages(f->pickle[0])->n)
         return error_set(err, EX_DATAERR, "a pickle with PyTorch storages "
                          "alone (expected the file that holds them too)");
-    return tensorfile_flatten(
-        f, root->kind == PICKLE_ARRAY ? array_stem(name, f->path) : "", root,
-        err);
+    const char *stem = root->kind == PICKLE_ARRAY
+                     ? tensorfile_array_stem(name, f->path) : "";
+    return tensorfile_flatten(f, stem, root, err);
 }
 
 /* The first bytes say what a file is. */
-static int open_contents(struct tensorfile *f, struct error *err)
+static int tensorfile_open_contents(struct tensorfile *f, struct error *err)
 {
     const unsigned char *p = f->map;
 
     if (f->bytes >= 4 && !memcmp(p, "PK", 2) && (p[2] == 3 || p[2] == 5))
-        return open_zip(f, err);
+        return tensorfile_open_zip(f, err);
     if (f->bytes >= 6 && !memcmp(p, "\x93NUMPY", 6))
-        return open_npy(f, err);
+        return tensorfile_open_npy(f, err);
     if (f->bytes >= 10 && p[8] == '{' && !memcmp(p + 4, "\0\0\0", 4))
-        return open_safetensors(f, err);
+        return tensorfile_open_safetensors(f, err);
     if (f->bytes >= 265 && !memcmp(p + 257, "ustar", 5))
         return error_set(err, EX_DATAERR, "PyTorch's tar form of 2016 is not "
                          "read (expected a later one)");
-    return open_pickle(f, err);
+    return tensorfile_open_pickle(f, err);
 }
 
 struct tensorfile *tensorfile_open(const char *path, struct error *err)
@@ -357,13 +364,14 @@ struct tensorfile *tensorfile_open(const char *path, struct error *err)
         return NULL;
     }
     f->cached = SIZE_MAX;
-    if (map_file(f, err) || open_contents(f, err) || sort_names(f, err)) {
+    if (tensorfile_map_file(f, err) || tensorfile_open_contents(f, err) ||
+        tensorfile_sort_names(f, err)) {
         if (!f->named)
             error_prefix(err, "%s", path);
         tensorfile_close(f);
         return NULL;
     }
-    hash_file(f);
+    tensorfile_hash_file(f);
     return f;
 }
 
@@ -457,8 +465,8 @@ const char *tensorfile_other(const struct tensorfile *f, size_t i,
 /* All of an entry, unpacked; the last one is kept.  Tensors that share an
  * entry lie beside each other, so that one is enough; a file where they do
  * not is read again and again, but only so often. */
-static const char *entry_unpacked(struct tensorfile *f, size_t entry,
-                                  struct error *err)
+static const char *tensorfile_entry_unpacked(struct tensorfile *f, size_t entry,
+                                             struct error *err)
 {
     size_t bytes = ziparchive_size(f->zip, entry);
 
@@ -484,7 +492,7 @@ static const char *entry_unpacked(struct tensorfile *f, size_t entry,
 }
 
 /* Whether the elements already lie as they are wanted. */
-static bool is_packed(const struct array_view *v)
+static bool tensorfile_is_packed(const struct array_view *v)
 {
     struct array_view packed = *v;
 
@@ -503,14 +511,14 @@ const void *tensorfile_data(struct tensorfile *f, size_t i, struct error *err)
     if (!p->view.count)
         return "";
     if (!from) {
-        from = entry_unpacked(f, p->entry, err);
+        from = tensorfile_entry_unpacked(f, p->entry, err);
         if (!from) {
             error_prefix(err, "%s: tensor '%s'", f->path, f->tensor[i].name);
             return NULL;
         }
         from += p->skip;
     }
-    if (is_packed(&p->view))
+    if (tensorfile_is_packed(&p->view))
         return from;
     free(f->packed);
     f->packed = malloc(p->view.count * st_dtype_size(p->view.dtype));

@@ -13,7 +13,7 @@ struct path {
 };
 
 /* One UTF-8 character at p, at most n bytes: its length, or 0. */
-static size_t utf8_length(const unsigned char *p, size_t n)
+static size_t flatten_utf8_length(const unsigned char *p, size_t n)
 {
     size_t k = p[0] < 0x80 ? 1 : p[0] >> 5 == 6 ? 2 : p[0] >> 4 == 14 ? 3
                : p[0] >> 3 == 30 ? 4 : 0;
@@ -42,7 +42,7 @@ static bool path_append(struct path *path, const struct pickle_value *v)
     size_t left = v->u.s.n;
 
     while (left) {
-        size_t k = v->kind == PICKLE_TEXT ? utf8_length(p, left) : 1;
+        size_t k = v->kind == PICKLE_TEXT ? flatten_utf8_length(p, left) : 1;
 
         if (!k || *p < 0x20 || *p == 0x7f || path->n + 5 > sizeof path->text)
             return false;
@@ -199,8 +199,8 @@ int tensorfile_flatten(struct tensorfile *f, const char *name,
 /* ---- sparse matrices ---------------------------------------------------- */
 
 /* An array of one dimension as it is packed; malloc'd. */
-static void *packed_row(const struct pickle_array *a, size_t *count,
-                        const char *what, struct error *err)
+static void *flatten_packed_row(const struct pickle_array *a, size_t *count,
+                                const char *what, struct error *err)
 {
     void *out;
 
@@ -248,9 +248,9 @@ static int flatten_sparse(double *out, const struct pickle_sparse *s,
 }
 
 /* The place of an owned matrix of doubles, all 0. */
-static double *full_matrix(struct tensor_place *p, struct tensorfile *f,
-                           const struct pickle_sparse *s, size_t entries,
-                           struct error *err)
+static double *flatten_full_matrix(struct tensor_place *p, struct tensorfile *f,
+                                   const struct pickle_sparse *s,
+                                   size_t entries, struct error *err)
 {
     const size_t most = TENSORFILE_SMALL / sizeof(double) / 8;
     double *out;
@@ -278,11 +278,13 @@ int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
                      const struct pickle_sparse *s, struct error *err)
 {
     size_t entries = 0, places = 0, starts = 0;
-    void *data = packed_row(s->data, &entries, "data", err);
-    void *indices = data ? packed_row(s->indices, &places, "indices", err)
+    void *data = flatten_packed_row(s->data, &entries, "data", err);
+    void *indices = data ? flatten_packed_row(s->indices, &places, "indices",
+                                              err)
                          : NULL;
-    void *start = indices ? packed_row(s->starts, &starts, "indptr", err)
-                          : NULL;
+    void *start = indices
+                      ? flatten_packed_row(s->starts, &starts, "indptr", err)
+                      : NULL;
     double *out = NULL;
     int rc = -1;
 
@@ -295,7 +297,7 @@ int tensorfile_dense(struct tensor_place *p, struct tensorfile *f,
                   s->dim[1], entries, places, starts);
         goto out;
     }
-    out = full_matrix(p, f, s, entries, err);
+    out = flatten_full_matrix(p, f, s, entries, err);
     if (!out)
         goto out;
     rc = flatten_sparse(out, s, data, indices, start, entries);

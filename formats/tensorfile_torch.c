@@ -9,7 +9,7 @@
 /* ---- the zip form ------------------------------------------------------- */
 
 /* "little" (also when absent) or "big". */
-static int read_byte_order(struct tensorfile *f, struct error *err)
+static int torch_read_byte_order(struct tensorfile *f, struct error *err)
 {
     char name[300], text[8] = "";
     size_t i, n;
@@ -42,7 +42,8 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err)
     if (bytes > TENSORFILE_SMALL)
         return error_set(err, EX_DATAERR, "%s: %zu bytes (expected at most "
                          "%zu)", name, bytes, TENSORFILE_SMALL);
-    if (read_byte_order(f, err) || !(text = tensorfile_own(f, bytes, err)) ||
+    if (torch_read_byte_order(f, err) ||
+        !(text = tensorfile_own(f, bytes, err)) ||
         ziparchive_read(text, f->zip, i, err))
         return -1;
     f->pickle[0] = pickle_read(text, bytes, NULL, err);
@@ -53,7 +54,7 @@ int tensorfile_torch_zip(struct tensorfile *f, size_t i, struct error *err)
 }
 
 /* Keys are numbers or words: what else could lead to another entry. */
-static bool key_text(char out[64], struct pickle_text key)
+static bool torch_key_text(char out[64], struct pickle_text key)
 {
     if (!key.n || key.n > 60)
         return false;
@@ -66,13 +67,13 @@ static bool key_text(char out[64], struct pickle_text key)
     return true;
 }
 
-static int zip_storage(struct tensor_place *p, struct tensorfile *f,
-                       const struct pickle_storage *s, struct error *err)
+static int torch_zip_storage(struct tensor_place *p, struct tensorfile *f,
+                             const struct pickle_storage *s, struct error *err)
 {
     char name[400], key[64];
     size_t bytes = st_dtype_size(s->dtype);
 
-    if (!key_text(key, s->key))
+    if (!torch_key_text(key, s->key))
         return error_set(err, EX_DATAERR, "storage with an odd key");
     snprintf(name, sizeof name, "%sdata/%s", f->prefix, key);
     p->entry = ziparchive_find(f->zip, name);
@@ -89,7 +90,7 @@ static int zip_storage(struct tensor_place *p, struct tensorfile *f,
 
 /* ---- the older form ----------------------------------------------------- */
 
-static int compare_keys(struct pickle_text a, struct pickle_text b)
+static int torch_compare_keys(struct pickle_text a, struct pickle_text b)
 {
     size_t n = a.n < b.n ? a.n : b.n;
     int c = n ? memcmp(a.p, b.p, n) : 0;
@@ -97,26 +98,27 @@ static int compare_keys(struct pickle_text a, struct pickle_text b)
     return c ? c : (a.n > b.n) - (a.n < b.n);
 }
 
-static int by_key(const void *a, const void *b)
+static int torch_by_key(const void *a, const void *b)
 {
-    return compare_keys(((const struct legacy_storage *)a)->key,
-                        ((const struct legacy_storage *)b)->key);
+    return torch_compare_keys(((const struct legacy_storage *)a)->key,
+                              ((const struct legacy_storage *)b)->key);
 }
 
-static struct legacy_storage *legacy_find(const struct tensorfile *f,
-                                          struct pickle_text key)
+static struct legacy_storage *torch_legacy_find(const struct tensorfile *f,
+                                                struct pickle_text key)
 {
     struct legacy_storage want = {.key = key};
 
     return f->nlegacy ? bsearch(&want, f->legacy, f->nlegacy,
-                                sizeof *f->legacy, by_key) : NULL;
+                                sizeof *f->legacy, torch_by_key) : NULL;
 }
 
-static int legacy_storage_place(struct tensor_place *p, struct tensorfile *f,
-                                const struct pickle_storage *s,
-                                struct error *err)
+static int torch_legacy_storage_place(struct tensor_place *p,
+                                      struct tensorfile *f,
+                                      const struct pickle_storage *s,
+                                      struct error *err)
 {
-    const struct legacy_storage *l = legacy_find(f, s->key);
+    const struct legacy_storage *l = torch_legacy_find(f, s->key);
 
     if (!l || !l->data)
         return error_set(err, EX_DATAERR, "its storage is not in the file");
@@ -133,12 +135,12 @@ static int legacy_storage_place(struct tensor_place *p, struct tensorfile *f,
 int tensorfile_storage(struct tensor_place *p, struct tensorfile *f,
                        const struct pickle_storage *s, struct error *err)
 {
-    return f->zip ? zip_storage(p, f, s, err)
-                  : legacy_storage_place(p, f, s, err);
+    return f->zip ? torch_zip_storage(p, f, s, err)
+                  : torch_legacy_storage_place(p, f, s, err);
 }
 
 /* The storages that the pickle names, each once, in the order of keys. */
-static int legacy_table(struct tensorfile *f, struct error *err)
+static int torch_legacy_table(struct tensorfile *f, struct error *err)
 {
     const struct pickle_list *named = pickle_storages(f->pickle[0]);
     size_t n = 0;
@@ -151,17 +153,18 @@ static int legacy_table(struct tensorfile *f, struct error *err)
         f->legacy[i].dtype = named->item[i]->u.storage->dtype;
     }
     if (named->n)
-        qsort(f->legacy, named->n, sizeof *f->legacy, by_key);
+        qsort(f->legacy, named->n, sizeof *f->legacy, torch_by_key);
     for (size_t i = 0; i < named->n; i++)
-        if (!n || by_key(&f->legacy[n - 1], &f->legacy[i]))
+        if (!n || torch_by_key(&f->legacy[n - 1], &f->legacy[i]))
             f->legacy[n++] = f->legacy[i];
     f->nlegacy = n;
     return 0;
 }
 
 /* Behind the pickles: for each key, the number of elements and these. */
-static int legacy_data(struct tensorfile *f, const struct pickle_value *keys,
-                       size_t at, struct error *err)
+static int torch_legacy_data(struct tensorfile *f,
+                             const struct pickle_value *keys, size_t at,
+                             struct error *err)
 {
     if (keys->kind != PICKLE_LIST)
         return error_set(err, EX_DATAERR, "list of storages is a %s",
@@ -172,7 +175,7 @@ static int legacy_data(struct tensorfile *f, const struct pickle_value *keys,
         uint64_t count = 0;
 
         if (key->kind == PICKLE_TEXT || key->kind == PICKLE_BYTES)
-            l = legacy_find(f, key->u.s);
+            l = torch_legacy_find(f, key->u.s);
         if (!l || l->data)
             return error_set(err, EX_DATAERR, "byte %zu: storage %zu of the "
                              "list is not one of the tensors', or a second "
@@ -193,8 +196,8 @@ static int legacy_data(struct tensorfile *f, const struct pickle_value *keys,
 }
 
 /* The next pickle of the file; *at moves behind it. */
-static struct pickle *next_pickle(struct tensorfile *f, size_t *at,
-                                  struct error *err)
+static struct pickle *torch_next_pickle(struct tensorfile *f, size_t *at,
+                                        struct error *err)
 {
     size_t used;
     struct pickle *p = pickle_read(f->map + *at, f->bytes - *at, &used, err);
@@ -218,16 +221,17 @@ int tensorfile_torch_legacy(struct tensorfile *f, size_t at,
     pickle_free(f->pickle[0]);
     f->pickle[0] = NULL;
     for (int i = 0; i < 2; i++)
-        if (!(skipped[i] = next_pickle(f, &at, err)))
+        if (!(skipped[i] = torch_next_pickle(f, &at, err)))
             goto out;
     const struct pickle_value *version = pickle_root(skipped[0]);
     if (version->kind != PICKLE_INT || version->u.i != 1001) {
         error_set(err, EX_DATAERR, "PyTorch's version is not 1001");
         goto out;
     }
-    if (!(f->pickle[0] = next_pickle(f, &at, err)) ||
-        !(keys = next_pickle(f, &at, err)) || legacy_table(f, err) ||
-        legacy_data(f, pickle_root(keys), at, err))
+    if (!(f->pickle[0] = torch_next_pickle(f, &at, err)) ||
+        !(keys = torch_next_pickle(f, &at, err)) ||
+        torch_legacy_table(f, err) ||
+        torch_legacy_data(f, pickle_root(keys), at, err))
         goto out;
     rc = tensorfile_flatten(f, "", pickle_root(f->pickle[0]), err);
 out:

@@ -67,7 +67,7 @@ static int lines_bad(const struct lines *in, const char *what,
 }
 
 /* n finite numbers of the text. */
-static bool parse_floats(float *out, int n, const char *text)
+static bool wavefront_parse_floats(float *out, int n, const char *text)
 {
     char *end;
 
@@ -88,8 +88,8 @@ struct mesh_lists {
 };
 
 /* Corners "v", "v/vt" or "v/vt/vn", from 1. */
-static int parse_face(struct mesh_lists *l, const struct lines *in,
-                      struct error *err)
+static int wavefront_parse_face(struct mesh_lists *l, const struct lines *in,
+                                struct error *err)
 {
     const char *p = in->text + 1;
     int32_t v[16], t[16];
@@ -125,8 +125,8 @@ static int parse_face(struct mesh_lists *l, const struct lines *in,
     return 0;
 }
 
-static int parse_line(struct mesh_lists *l, const struct lines *in,
-                      const char *group, struct error *err)
+static int wavefront_parse_line(struct mesh_lists *l, const struct lines *in,
+                                const char *group, struct error *err)
 {
     const char *s = in->text;
     float *p;
@@ -140,17 +140,17 @@ static int parse_line(struct mesh_lists *l, const struct lines *in,
         p = list_add(place ? &l->v : &l->vt);
         if (!p)
             return lines_bad(in, "too many vertices", err);
-        if (!parse_floats(p, place ? 3 : 2, s + 2))
+        if (!wavefront_parse_floats(p, place ? 3 : 2, s + 2))
             return lines_bad(in, "expected finite numbers", err);
     } else if (s[0] == 'f' && s[1] == ' ' && !l->skip) {
-        return parse_face(l, in, err);
+        return wavefront_parse_face(l, in, err);
     }
     return 0;
 }
 
 /* Every corner lies in the lists; texture coordinates all or none. */
-static int check_corners(const struct mesh_lists *l, const char *path,
-                         struct error *err)
+static int wavefront_check_corners(const struct mesh_lists *l, const char *path,
+                                   struct error *err)
 {
     const int32_t *f = (int32_t *)(void *)l->f.data;
     const int32_t *t = (int32_t *)(void *)l->ft.data;
@@ -180,12 +180,12 @@ int wavefront_read(struct wavefront *m, const char *path, const char *group,
     if (lines_open(&in, path, err))
         return -1;
     while (!rc && lines_next(&in))
-        rc = parse_line(&l, &in, group, err);
+        rc = wavefront_parse_line(&l, &in, group, err);
     if (!rc && ferror(in.f))
         rc = error_set(err, EX_IOERR, "%s: cannot be read", path);
     fclose(in.f);
     if (!rc)
-        rc = check_corners(&l, path, err);
+        rc = wavefront_check_corners(&l, path, err);
     *m = (struct wavefront){
         .nv = l.v.count, .nt = l.vt.count, .nf = l.f.count,
         .v = (float *)(void *)l.v.data, .vt = (float *)(void *)l.vt.data,
@@ -208,12 +208,12 @@ void wavefront_release(struct wavefront *m)
 /* ---- .mhclo ------------------------------------------------------------- */
 
 /* "x_scale a b d" */
-static int parse_scale(struct mhclo *m, const struct lines *in, int axis,
-                       size_t nbase, struct error *err)
+static int wavefront_parse_scale(struct mhclo *m, const struct lines *in,
+                                 int axis, size_t nbase, struct error *err)
 {
     float v[3];
 
-    if (!parse_floats(v, 3, in->text + 7) || v[0] < 0 || v[1] < 0
+    if (!wavefront_parse_floats(v, 3, in->text + 7) || v[0] < 0 || v[1] < 0
         || v[0] >= (float)nbase || v[1] >= (float)nbase || v[2] == 0)
         return lines_bad(in, "expected two base vertices and a length", err);
     m->ruler[axis][0] = (int32_t)v[0];
@@ -223,14 +223,14 @@ static int parse_scale(struct mhclo *m, const struct lines *in, int axis,
 }
 
 /* "k" or "k0 k1 k2 w0 w1 w2 dx dy dz" as vertex i. */
-static int parse_vertex(struct mhclo *m, const struct lines *in, size_t i,
-                        size_t nbase, struct error *err)
+static int wavefront_parse_vertex(struct mhclo *m, const struct lines *in,
+                                  size_t i, size_t nbase, struct error *err)
 {
     float v[9] = {0, 0, 0, 1, 0, 0, 0, 0, 0};
 
-    if (!parse_floats(v, 9, in->text)) {
+    if (!wavefront_parse_floats(v, 9, in->text)) {
         float k;
-        if (!parse_floats(&k, 1, in->text))
+        if (!wavefront_parse_floats(&k, 1, in->text))
             return lines_bad(in, "expected numbers", err);
         memset(v, 0, sizeof v);
         v[0] = v[1] = v[2] = k;
@@ -247,7 +247,7 @@ static int parse_vertex(struct mhclo *m, const struct lines *in, size_t i,
 }
 
 /* "a - b c d - e": base vertices that the asset covers. */
-static void parse_hidden(struct mhclo *m, const char *p, size_t nbase)
+static void wavefront_parse_hidden(struct mhclo *m, const char *p, size_t nbase)
 {
     long last = -1;
     bool range = false;
@@ -270,8 +270,8 @@ static void parse_hidden(struct mhclo *m, const char *p, size_t nbase)
     }
 }
 
-static int parse_mhclo(struct mhclo *m, struct lines *in, size_t nbase,
-                       size_t n, struct error *err)
+static int wavefront_parse_mhclo(struct mhclo *m, struct lines *in,
+                                 size_t nbase, size_t n, struct error *err)
 {
     bool verts = false, hidden = false;
 
@@ -285,19 +285,19 @@ static int parse_mhclo(struct mhclo *m, struct lines *in, size_t nbase,
             continue;
         }
         if (hidden) {
-            parse_hidden(m, s, nbase);
+            wavefront_parse_hidden(m, s, nbase);
             continue;
         }
         if (!strncmp(s, "verts ", 6))
             verts = true;
         else if (s[0] >= 'x' && s[0] <= 'z' && !strncmp(s + 1, "_scale", 6)
-                 && parse_scale(m, in, s[0] - 'x', nbase, err))
+                 && wavefront_parse_scale(m, in, s[0] - 'x', nbase, err))
             return -1;
         if (!verts || !number)
             continue;
         if (m->n == n)
             return lines_bad(in, "more vertices than the mesh has", err);
-        if (parse_vertex(m, in, m->n, nbase, err))
+        if (wavefront_parse_vertex(m, in, m->n, nbase, err))
             return -1;
         m->n++;
     }
@@ -328,7 +328,7 @@ int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
         rc = error_set(err, EX_OSERR, "%s: no memory for %zu vertices", path,
                        n);
     else
-        rc = parse_mhclo(m, &in, nbase, n, err);
+        rc = wavefront_parse_mhclo(m, &in, nbase, n, err);
     fclose(in.f);
     if (rc)
         mhclo_release(m);

@@ -14,7 +14,7 @@
 /* ---- the header ------------------------------------------------------- */
 
 /* Kind and siting. */
-static int parse_chroma(struct y4m *y, const char *v, size_t n)
+static int y4m_parse_chroma(struct y4m *y, const char *v, size_t n)
 {
     static const struct {
         const char *name;
@@ -39,7 +39,7 @@ static int parse_chroma(struct y4m *y, const char *v, size_t n)
 }
 
 /* "30000:1001". */
-static int parse_ratio(const char *v, int *num, int *den)
+static int y4m_parse_ratio(const char *v, int *num, int *den)
 {
     int a, b;
 
@@ -51,7 +51,7 @@ static int parse_ratio(const char *v, int *num, int *den)
 }
 
 /* Pixels. */
-static int parse_side(const char *v, size_t *side)
+static int y4m_parse_side(const char *v, size_t *side)
 {
     char *end;
     long n = strtol(v, &end, 10);
@@ -63,14 +63,14 @@ static int parse_side(const char *v, size_t *side)
 }
 
 /* One word of the header by its first letter. */
-static int parse_field(struct y4m *y, const char *p, size_t n)
+static int y4m_parse_field(struct y4m *y, const char *p, size_t n)
 {
     switch (*p) {
-    case 'W': return parse_side(p + 1, &y->width);
-    case 'H': return parse_side(p + 1, &y->height);
-    case 'C': return parse_chroma(y, p + 1, n - 1);
-    case 'F': return parse_ratio(p + 1, &y->rate_num, &y->rate_den);
-    case 'A': return parse_ratio(p + 1, &y->aspect_num, &y->aspect_den);
+    case 'W': return y4m_parse_side(p + 1, &y->width);
+    case 'H': return y4m_parse_side(p + 1, &y->height);
+    case 'C': return y4m_parse_chroma(y, p + 1, n - 1);
+    case 'F': return y4m_parse_ratio(p + 1, &y->rate_num, &y->rate_den);
+    case 'A': return y4m_parse_ratio(p + 1, &y->aspect_num, &y->aspect_den);
     case 'X':
         if (n == 16 && strncmp(p, "XCOLORRANGE=FULL", n) == 0)
             y->full = true;
@@ -96,7 +96,7 @@ int y4m_parse(struct y4m *y, const char *line, struct error *err)
 
         p += strspn(p, " ");
         n = strcspn(p, " ");
-        if (n && parse_field(y, p, n) != 0)
+        if (n && y4m_parse_field(y, p, n) != 0)
             return error_set(err, EX_DATAERR, "Y4M field '%.*s' cannot be "
                              "used (8 bits; 420jpeg, 420mpeg2, 420paldv, 422,"
                              " 444 or mono; sides 1 to %d)", (int)n, p,
@@ -124,7 +124,7 @@ size_t y4m_header(char *line, size_t size, const struct y4m *y)
 }
 
 /* Of a chroma plane; 0 when there is none. */
-static size_t chroma_width(const struct y4m *y)
+static size_t y4m_chroma_width(const struct y4m *y)
 {
     switch (y->chroma) {
     case Y4M_444: return y->width;
@@ -134,14 +134,15 @@ static size_t chroma_width(const struct y4m *y)
 }
 
 /* Of a chroma plane. */
-static size_t chroma_height(const struct y4m *y)
+static size_t y4m_chroma_height(const struct y4m *y)
 {
     return y->chroma == Y4M_420 ? (y->height + 1) / 2 : y->height;
 }
 
 size_t y4m_frame_bytes(const struct y4m *y)
 {
-    return y->width * y->height + 2 * chroma_width(y) * chroma_height(y);
+    return y->width * y->height +
+           2 * y4m_chroma_width(y) * y4m_chroma_height(y);
 }
 
 /* ---- the colours ------------------------------------------------------ */
@@ -170,13 +171,13 @@ static struct matrix matrix_of(const struct y4m *y)
 #define FIX 16                 /* fraction bits of the integer arithmetic */
 
 /* To FIX fractional bits. */
-static int fixed_of(double v)
+static int y4m_fixed_of(double v)
 {
     return (int)lrint(v * (1 << FIX));
 }
 
 /* Rounded beforehand; clamped. */
-static uint8_t fixed_byte(int v)
+static uint8_t y4m_fixed_byte(int v)
 {
     v >>= FIX;
     return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
@@ -188,12 +189,12 @@ static void y4m_weights(int32_t w[3][4], const struct y4m *y)
     const struct matrix m = matrix_of(y);
     const double ys = m.ys / 255, cs = m.cs / 255;
     const double b2 = cs / (2 * (1 - m.kb)), r2 = cs / (2 * (1 - m.kr));
-    const int half = 1 << (FIX - 1), c0 = fixed_of(128) + half;
-    const int yr = fixed_of(m.kr * ys), yb = fixed_of(m.kb * ys);
-    const int br = fixed_of(-m.kr * b2), bb = fixed_of(cs / 2);
-    const int rb = fixed_of(-m.kb * r2), rr = fixed_of(cs / 2);
+    const int half = 1 << (FIX - 1), c0 = y4m_fixed_of(128) + half;
+    const int yr = y4m_fixed_of(m.kr * ys), yb = y4m_fixed_of(m.kb * ys);
+    const int br = y4m_fixed_of(-m.kr * b2), bb = y4m_fixed_of(cs / 2);
+    const int rb = y4m_fixed_of(-m.kb * r2), rr = y4m_fixed_of(cs / 2);
     const int32_t of[3][4] = {
-        {yr, fixed_of(ys) - yr - yb, yb, fixed_of(m.y0) + half},
+        {yr, y4m_fixed_of(ys) - yr - yb, yb, y4m_fixed_of(m.y0) + half},
         {br, -br - bb, bb, c0}, {rr, -rr - rb, rb, c0}};
 
     memcpy(w, of, sizeof of);
@@ -216,17 +217,18 @@ static void y4m_halve_chroma(uint8_t *cb, uint8_t *cr, const uint8_t *rgb,
 
             for (int k = 0; k < 3; k++)
                 t[k] = p[k] + q[k] + r[k] + s[k];
-            *cb++ = fixed_byte((m[1][0] * t[0] + m[1][1] * t[1] +
-                                m[1][2] * t[2]) / 4 + m[1][3]);
-            *cr++ = fixed_byte((m[2][0] * t[0] + m[2][1] * t[1] +
-                                m[2][2] * t[2]) / 4 + m[2][3]);
+            *cb++ = y4m_fixed_byte((m[1][0] * t[0] + m[1][1] * t[1] +
+                                    m[1][2] * t[2]) / 4 + m[1][3]);
+            *cr++ = y4m_fixed_byte((m[2][0] * t[0] + m[2][1] * t[1] +
+                                    m[2][2] * t[2]) / 4 + m[2][3]);
         }
 }
 
 void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
 {
     const size_t N = y->width * y->height;
-    uint8_t *cb = planes + N, *cr = cb + chroma_width(y) * chroma_height(y);
+    uint8_t *cb = planes + N;
+    uint8_t *cr = cb + y4m_chroma_width(y) * y4m_chroma_height(y);
     int32_t m[3][4];
 
     y4m_weights(m, y);
@@ -235,15 +237,15 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
         return;
     }
     for (size_t i = 0; i < N; i++, rgb += 3)
-        planes[i] = fixed_byte(m[0][0] * rgb[0] + m[0][1] * rgb[1] +
-                               m[0][2] * rgb[2] + m[0][3]);
+        planes[i] = y4m_fixed_byte(m[0][0] * rgb[0] + m[0][1] * rgb[1] +
+                                   m[0][2] * rgb[2] + m[0][3]);
     if (y->chroma == Y4M_420)
         y4m_halve_chroma(cb, cr, rgb - 3 * N, y, m);
 }
 
 /* Where chroma is for luma position i: the lower sample and the weight of the
  * next in 1/4 (sites are multiples of half a luma pixel). */
-static size_t chroma_at(size_t i, double site, size_t n, int *weight)
+static size_t y4m_chroma_at(size_t i, double site, size_t n, int *weight)
 {
     double c = ((double)i - site) / 2;
     size_t k;
@@ -263,12 +265,12 @@ static size_t chroma_at(size_t i, double site, size_t n, int *weight)
 
 /* Part of a row of chroma (luma columns u0 to u1) at luma resolution, in 1/16
  * levels. */
-static void chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
-                       size_t v, size_t u0, size_t u1)
+static void y4m_chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
+                           size_t v, size_t u0, size_t u1)
 {
-    const size_t cw = chroma_width(y), ch = chroma_height(y);
+    const size_t cw = y4m_chroma_width(y), ch = y4m_chroma_height(y);
     int wy = 0, wx;
-    size_t r = y->chroma == Y4M_420 ? chroma_at(v, y->site_y, ch, &wy) : v;
+    size_t r = y->chroma == Y4M_420 ? y4m_chroma_at(v, y->site_y, ch, &wy) : v;
     const uint8_t *a = plane + r * cw, *b = wy ? a + cw : a;
 
     for (size_t u = u0; u < u1; u++) {
@@ -276,7 +278,7 @@ static void chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
 
         wx = 0;
         if (y->chroma != Y4M_444)
-            c = chroma_at(u, y->site_x, cw, &wx);
+            c = y4m_chroma_at(u, y->site_x, cw, &wx);
         d = wx ? c + 1 : c;
         *out++ = (a[c] * (4 - wx) + a[d] * wx) * (4 - wy)
                + (b[c] * (4 - wx) + b[d] * wx) * wy;
@@ -287,13 +289,13 @@ void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
 {
     const struct matrix m = matrix_of(y);
     const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
-    const int half = 1 << (FIX - 1), ys = fixed_of(255 / m.ys);
-    const int rv = fixed_of(2 * (1 - m.kr) * c);
-    const int bu = fixed_of(2 * (1 - m.kb) * c);
-    const int gu = fixed_of(-2 * (1 - m.kb) * m.kb / kg * c);
-    const int gv = fixed_of(-2 * (1 - m.kr) * m.kr / kg * c);
+    const int half = 1 << (FIX - 1), ys = y4m_fixed_of(255 / m.ys);
+    const int rv = y4m_fixed_of(2 * (1 - m.kr) * c);
+    const int bu = y4m_fixed_of(2 * (1 - m.kb) * c);
+    const int gu = y4m_fixed_of(-2 * (1 - m.kb) * m.kb / kg * c);
+    const int gv = y4m_fixed_of(-2 * (1 - m.kr) * m.kr / kg * c);
     const size_t W = y->width, H = y->height;
-    const size_t plane = chroma_width(y) * chroma_height(y);
+    const size_t plane = y4m_chroma_width(y) * y4m_chroma_height(y);
     const uint8_t *cb = planes + W * H, *cr = cb + plane;
     int u[256] = {0}, v[256] = {0};
 
@@ -305,14 +307,14 @@ void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
             if (k == 0) {
                 size_t end = x + 256 < W ? x + 256 : W;
 
-                chroma_row(u, cb, y, i / W, x, end);
-                chroma_row(v, cr, y, i / W, x, end);
+                y4m_chroma_row(u, cb, y, i / W, x, end);
+                y4m_chroma_row(v, cr, y, i / W, x, end);
             }
             a = u[k] - 128 * 16;
             b = v[k] - 128 * 16;
         }
-        rgb[0] = fixed_byte(l + rv * b);
-        rgb[1] = fixed_byte(l + gu * a + gv * b);
-        rgb[2] = fixed_byte(l + bu * a);
+        rgb[0] = y4m_fixed_byte(l + rv * b);
+        rgb[1] = y4m_fixed_byte(l + gu * a + gv * b);
+        rgb[2] = y4m_fixed_byte(l + bu * a);
     }
 }

@@ -59,8 +59,8 @@ static int entry_check(struct entry *e, zip_t *zip, size_t i,
 
 /* Entries that lie behind each other need at least this much; where they do
  * not fit, some share bytes. */
-static int check_room(const struct ziparchive *z, uint64_t bytes,
-                      struct error *err)
+static int ziparchive_check_room(const struct ziparchive *z, uint64_t bytes,
+                                 struct error *err)
 {
     unsigned __int128 need = TAIL;
 
@@ -75,27 +75,28 @@ static int check_room(const struct ziparchive *z, uint64_t bytes,
     return 0;
 }
 
-static int by_name(const void *a, const void *b, void *context)
+static int ziparchive_by_name(const void *a, const void *b, void *context)
 {
     const struct entry *e = context;
 
     return strcmp(e[*(const size_t *)a].name, e[*(const size_t *)b].name);
 }
 
-static int sort_names(struct ziparchive *z, struct error *err)
+static int ziparchive_sort_names(struct ziparchive *z, struct error *err)
 {
     for (size_t i = 0; i < z->count; i++)
         z->by_name[i] = i;
-    qsort_r(z->by_name, z->count, sizeof *z->by_name, by_name, z->entry);
+    qsort_r(z->by_name, z->count, sizeof *z->by_name, ziparchive_by_name,
+            z->entry);
     for (size_t i = 1; i < z->count; i++)
-        if (!by_name(&z->by_name[i - 1], &z->by_name[i], z->entry))
+        if (!ziparchive_by_name(&z->by_name[i - 1], &z->by_name[i], z->entry))
             return error_set(err, EX_DATAERR, "%s: occurs twice",
                              z->entry[z->by_name[i]].name);
     return 0;
 }
 
-static int read_directory(struct ziparchive *z, const char *path,
-                          struct error *err)
+static int ziparchive_read_directory(struct ziparchive *z, const char *path,
+                                     struct error *err)
 {
     zip_int64_t n = zip_get_num_entries(z->zip, 0);
     struct stat st;
@@ -112,8 +113,8 @@ static int read_directory(struct ziparchive *z, const char *path,
             return -1;
     if (stat(path, &st))
         return error_set(err, EX_NOINPUT, "cannot be read");
-    return check_room(z, (uint64_t)st.st_size, err) ? -1
-           : sort_names(z, err);
+    return ziparchive_check_room(z, (uint64_t)st.st_size, err) ? -1
+           : ziparchive_sort_names(z, err);
 }
 
 struct ziparchive *ziparchive_open(const char *path, struct error *err)
@@ -136,7 +137,7 @@ struct ziparchive *ziparchive_open(const char *path, struct error *err)
         free(z);
         return NULL;
     }
-    if (read_directory(z, path, err)) {
+    if (ziparchive_read_directory(z, path, err)) {
         ziparchive_close(z);
         return NULL;
     }
@@ -189,7 +190,8 @@ size_t ziparchive_find(const struct ziparchive *z, const char *name)
 }
 
 /* Up to `bytes` bytes; -1 when the archive is damaged. */
-static zip_int64_t read_some(void *out, zip_file_t *f, uint64_t bytes)
+static zip_int64_t ziparchive_read_some(void *out, zip_file_t *f,
+                                        uint64_t bytes)
 {
     uint64_t done = 0;
 
@@ -201,8 +203,8 @@ static zip_int64_t read_some(void *out, zip_file_t *f, uint64_t bytes)
     return n < 0 ? -1 : (zip_int64_t)done;
 }
 
-static zip_file_t *open_entry(struct ziparchive *z, size_t i,
-                              struct error *err)
+static zip_file_t *ziparchive_open_entry(struct ziparchive *z, size_t i,
+                                         struct error *err)
 {
     zip_file_t *f = zip_fopen_index(z->zip, i, 0);
 
@@ -215,8 +217,8 @@ static zip_file_t *open_entry(struct ziparchive *z, size_t i,
 int ziparchive_peek(void *out, size_t bytes, size_t *have,
                     struct ziparchive *z, size_t i, struct error *err)
 {
-    zip_file_t *f = open_entry(z, i, err);
-    zip_int64_t n = f ? read_some(out, f, bytes) : -1;
+    zip_file_t *f = ziparchive_open_entry(z, i, err);
+    zip_int64_t n = f ? ziparchive_read_some(out, f, bytes) : -1;
 
     if (n < 0 && f)
         error_set(err, EX_DATAERR, "%s: %s", z->entry[i].name,
@@ -232,14 +234,14 @@ int ziparchive_read(void *out, struct ziparchive *z, size_t i,
 {
     const struct entry *e = &z->entry[i];
 
-    zip_file_t *f = open_entry(z, i, err);
+    zip_file_t *f = ziparchive_open_entry(z, i, err);
     zip_int64_t done, end = 0;
     char more;
     int rc = 0;
 
     if (!f)
         return -1;
-    done = read_some(out, f, e->size);
+    done = ziparchive_read_some(out, f, e->size);
     if (done >= 0)              /* reading on to the end checks the sum */
         end = zip_fread(f, &more, 1);
     if (done < 0 || end < 0)

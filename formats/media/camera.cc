@@ -16,7 +16,7 @@ extern "C" {
 #include <opencv2/videoio.hpp>
 
 /* OpenCV and ffmpeg print what they think; our messages say it instead. */
-static void opencv_hush()
+static void camera_opencv_hush()
 {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
@@ -104,7 +104,7 @@ struct video_reader *camera_open(const char *path, struct error *err)
 {
     camera *c = nullptr;
 
-    opencv_hush();
+    camera_opencv_hush();
     try {
         c = new camera;
         c->by = &camera_functions;

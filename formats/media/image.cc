@@ -22,7 +22,7 @@ extern "C" {
 /* ---- what the file holds, checked before its pixels are read ---------- */
 
 /* Whatever name the format gives it. */
-static bool is_cmyk(const OIIO::ImageSpec &spec)
+static bool image_is_cmyk(const OIIO::ImageSpec &spec)
 {
     std::string space = spec.get_string_attribute("tiff:ColorSpace");
 
@@ -37,8 +37,8 @@ static bool is_cmyk(const OIIO::ImageSpec &spec)
 }
 
 /* Size and channels, before anything is allocated. */
-static int check_spec(const OIIO::ImageSpec &spec, const char *name,
-                      struct error *err)
+static int image_check_spec(const OIIO::ImageSpec &spec, const char *name,
+                            struct error *err)
 {
     const int w = spec.width, h = spec.height;
 
@@ -50,7 +50,7 @@ static int check_spec(const OIIO::ImageSpec &spec, const char *name,
         return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels is "
                          "too large (at most %d a side and %zu in all)",
                          name, w, h, IMAGE_MAX_SIDE, IMAGE_MAX_PIXELS);
-    if (is_cmyk(spec))
+    if (image_is_cmyk(spec))
         return error_set(err, EX_DATAERR, "%s: CMYK picture (expected grey "
                          "or RGB; convert it with its colour profile first)",
                          name);
@@ -64,7 +64,7 @@ static int check_spec(const OIIO::ImageSpec &spec, const char *name,
 /* ---- pixels ----------------------------------------------------------- */
 
 /* Linear to a byte of sRGB; what is not a number becomes 0. */
-static uint8_t encode_srgb(float v)
+static uint8_t image_encode_srgb(float v)
 {
     if (!(v > 0))
         return 0;
@@ -76,8 +76,8 @@ static uint8_t encode_srgb(float v)
 }
 
 /* All channels as 8 bits, [h,w,nchannels]. */
-static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
-                       const char *name, struct error *err)
+static int image_read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
+                             const char *name, struct error *err)
 {
     const OIIO::ImageSpec &spec = in.spec();
     const size_t n = (size_t)spec.width * (size_t)spec.height
@@ -97,7 +97,8 @@ static int read_levels(std::vector<uint8_t> &out, OIIO::ImageInput &in,
                 bool a = (int)(i % (size_t)spec.nchannels)
                          == spec.alpha_channel;
                 float v = f[i] > 0 ? f[i] < 1 ? f[i] : 1 : 0;
-                out[i] = a ? (uint8_t)(v * 255 + 0.5f) : encode_srgb(f[i]);
+                out[i] = a ? (uint8_t)(v * 255 + 0.5f)
+                           : image_encode_srgb(f[i]);
             }
             return 0;
         }
@@ -143,7 +144,7 @@ static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
 }
 
 /* How OpenImageIO is asked to read: colours not premultiplied, not turned. */
-static OIIO::ImageSpec straight_alpha()
+static OIIO::ImageSpec image_straight_alpha()
 {
     OIIO::ImageSpec config;
     config.attribute("oiio:UnassociatedAlpha", 1);
@@ -152,10 +153,10 @@ static OIIO::ImageSpec straight_alpha()
 }
 
 /* By the file's own reader. */
-static int read_any(struct image *im, const char *path,
-                    OIIO::Filesystem::IOProxy &io, struct error *err)
+static int image_read_any(struct image *im, const char *path,
+                          OIIO::Filesystem::IOProxy &io, struct error *err)
 {
-    OIIO::ImageSpec config = straight_alpha();
+    OIIO::ImageSpec config = image_straight_alpha();
     std::vector<uint8_t> pix;
     auto in = OIIO::ImageInput::open(path, &config, &io);
 
@@ -169,8 +170,8 @@ static int read_any(struct image *im, const char *path,
         return error_set(err, EX_DATAERR, "%s: not a picture that can be "
                          "read", path);
     }
-    if (check_spec(in->spec(), path, err) != 0
-        || read_levels(pix, *in, path, err) != 0)
+    if (image_check_spec(in->spec(), path, err) != 0
+        || image_read_levels(pix, *in, path, err) != 0)
         return -1;
     return image_fill(im, pix, in->spec(), err);
 }
@@ -184,7 +185,7 @@ int image_read(struct image *im, const char *path, struct error *err)
         if (io.size() == 0)
             return error_set(err, EX_DATAERR, "%s: empty file (expected a "
                              "picture)", path);
-        if (read_any(im, path, io, err) == 0)
+        if (image_read_any(im, path, io, err) == 0)
             return 0;
     } catch (const std::exception &e) {
         error_set(err, EX_DATAERR, "%s: %s", path, e.what());

@@ -12,8 +12,8 @@ extern "C" {
 
 #include <OpenImageIO/imageio.h>
 
-static int check_spec(const OIIO::ImageSpec &spec, const char *path,
-                      struct error *err)
+static int panorama_check_spec(const OIIO::ImageSpec &spec, const char *path,
+                               struct error *err)
 {
     if (spec.width != 2 * spec.height || spec.height < 64
         || spec.width > PANORAMA_MAX_SIDE)
@@ -29,8 +29,8 @@ static int check_spec(const OIIO::ImageSpec &spec, const char *path,
 }
 
 /* The pixels of p, checked. */
-static int check_pixels(const struct panorama *p, const char *path,
-                        struct error *err)
+static int panorama_check_pixels(const struct panorama *p, const char *path,
+                                 struct error *err)
 {
     size_t n = 3 * p->width * p->height;
     double sum = 0;
@@ -59,7 +59,7 @@ static int panorama_pixels(struct panorama *p, const char *path,
                          "panorama (%s)", path,
                          OIIO::geterror().substr(0, 200).c_str());
     const OIIO::ImageSpec spec = in->spec();
-    if (check_spec(spec, path, err))
+    if (panorama_check_spec(spec, path, err))
         return -1;
     size_t n = (size_t)spec.width * (size_t)spec.height;
     p->width = (size_t)spec.width;
@@ -71,7 +71,7 @@ static int panorama_pixels(struct panorama *p, const char *path,
     if (!in->read_image(0, 0, 0, 3, OIIO::TypeDesc::FLOAT, p->rgb))
         return error_set(err, EX_DATAERR, "%s: cut or damaged (%s)", path,
                          in->geterror().substr(0, 200).c_str());
-    return check_pixels(p, path, err);
+    return panorama_check_pixels(p, path, err);
 }
 
 extern "C" int panorama_read(struct panorama *p, const char *path,
