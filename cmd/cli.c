@@ -17,7 +17,7 @@
 struct cli cli = { .program = "spid", .output = "-" };
 
 /* "64M" and the like, for --max-bytes. */
-static int option_bytes(const char *value, void *dest, struct error *err)
+static int cli_option_bytes(const char *value, void *dest, struct error *err)
 {
     static const char units[] = "KMGT";
     char *end;
@@ -35,7 +35,7 @@ static int option_bytes(const char *value, void *dest, struct error *err)
 }
 
 /* --no-mark. */
-static int option_no_mark(const char *value, void *dest, struct error *err)
+static int cli_option_no_mark(const char *value, void *dest, struct error *err)
 {
     (void)value;
     (void)dest;
@@ -56,9 +56,9 @@ static const struct cli_option shared[] = {
     OPTION_FLAG("quiet", 'q', &cli.quiet, "no warnings, no progress"),
     OPTION_STRING("stats", 0, &cli.stats, "FILE",
                   "write per-stage times to FILE as TSV"),
-    OPTION_CALL("max-bytes", 0, &max_bytes, "SIZE", option_bytes,
+    OPTION_CALL("max-bytes", 0, &max_bytes, "SIZE", cli_option_bytes,
                 "refuse larger records (default 1G)"),
-    OPTION_CALL("no-mark", 0, NULL, NULL, option_no_mark,
+    OPTION_CALL("no-mark", 0, NULL, NULL, cli_option_no_mark,
                 "do not write into pictures and videos that they are "
                 "synthetic"),
     OPTION_FLAG("help", 0, NULL, "this text"),
@@ -69,8 +69,8 @@ static const struct cli_option shared[] = {
 #define MAX_OPTIONS 64
 
 /* A shared option that the program defines itself gives way to it. */
-static bool option_overridden(const struct cli_option *own, int n,
-                              const struct cli_option *o)
+static bool cli_option_overridden(const struct cli_option *own, int n,
+                                  const struct cli_option *o)
 {
     for (int i = 0; i < n; i++)
         if (strcmp(own[i].name, o->name) == 0)
@@ -82,7 +82,7 @@ static bool option_overridden(const struct cli_option *own, int n,
 #define BAD "--%s=%s: %s (expected %s)"
 
 /* A CLI_INT or CLI_FLOAT from its text, or the end of the program. */
-static void option_number(const struct cli_option *o, const char *value)
+static void cli_option_number(const struct cli_option *o, const char *value)
 {
     char *end, expected[80];
     double v;
@@ -103,7 +103,7 @@ static void option_number(const struct cli_option *o, const char *value)
 }
 
 /* Put value where o says. */
-static void option_set(const struct cli_option *o, const char *value)
+static void cli_option_set(const struct cli_option *o, const char *value)
 {
     struct error err = { 0 };
 
@@ -113,7 +113,7 @@ static void option_set(const struct cli_option *o, const char *value)
         break;
     case CLI_INT:
     case CLI_FLOAT:
-        option_number(o, value);
+        cli_option_number(o, value);
         break;
     case CLI_STRING:
         *(const char **)o->dest = value;
@@ -126,8 +126,8 @@ static void option_set(const struct cli_option *o, const char *value)
 }
 
 /* getopt's two descriptions of the table, made from it. */
-static void option_getopt(struct option *lng, char *letters,
-                          const struct cli_option *all, int n)
+static void cli_option_getopt(struct option *lng, char *letters,
+                              const struct cli_option *all, int n)
 {
     *letters++ = ':';
     for (int i = 0; i < n; i++) {
@@ -146,8 +146,8 @@ static void option_getopt(struct option *lng, char *letters,
 }
 
 /* The option of the n that getopt_long returned value for, or NULL. */
-static const struct cli_option *option_by_value(const struct cli_option *all,
-                                                int n, int value)
+static const struct cli_option *cli_option_by_value(
+    const struct cli_option *all, int n, int value)
 {
     if (value >= 256)
         return &all[value - 256];
@@ -158,7 +158,7 @@ static const struct cli_option *option_by_value(const struct cli_option *all,
 }
 
 /* End with what getopt_long did not like. */
-static void option_misuse(int c, char **argv)
+static void cli_option_misuse(int c, char **argv)
 {
     const char *what = c == ':' ? "needs a value" : "is not an option";
 
@@ -178,7 +178,7 @@ void cli_run_networks(char **argv)
 }
 
 /* What the shared options ask for. */
-static void option_apply_shared(void)
+static void cli_option_apply_shared(void)
 {
     signal(SIGPIPE, SIG_DFL); /* the next program has seen enough: end */
     cli_use_threads(threads);
@@ -200,24 +200,24 @@ int cli_parse(const struct cli_usage *usage, int argc, char **argv)
             all[n++] = *o;
     own = n;
     for (int i = 0; i < SHARED; i++)
-        if (!option_overridden(all, own, &shared[i]))
+        if (!cli_option_overridden(all, own, &shared[i]))
             all[n++] = shared[i];
-    option_getopt(lng, letters, all, n);
+    cli_option_getopt(lng, letters, all, n);
 
     opterr = 0;
     while ((c = getopt_long(argc, argv, letters, lng, NULL)) != -1) {
-        const struct cli_option *o = option_by_value(all, n, c);
+        const struct cli_option *o = cli_option_by_value(all, n, c);
 
         if (c == '?' || c == ':' || !o)
-            option_misuse(c, argv);
+            cli_option_misuse(c, argv);
         if (strcmp(o->name, "help") == 0)
             cli_print_help(usage, all, n);
         if (strcmp(o->name, "version") == 0) {
             printf("%s (SpiD toolkit) %s\n", usage->program, SPID_VERSION);
             exit(fflush(stdout) ? EX_IOERR : 0);
         }
-        option_set(o, optarg);
+        cli_option_set(o, optarg);
     }
-    option_apply_shared();
+    cli_option_apply_shared();
     return optind;
 }

@@ -17,7 +17,7 @@ static struct {
 } bar;
 
 /* Clear the bar's line for what comes next. */
-static void bar_erase(void)
+static void message_bar_erase(void)
 {
     if (bar.width)
         fprintf(stderr, "\r%-*s\r", bar.width, "");
@@ -30,7 +30,7 @@ static void message_print(const char *kind, const char *format, va_list ap)
     char text[1024];
 
     vsnprintf(text, sizeof text, format, ap);
-    bar_erase();
+    message_bar_erase();
     fprintf(stderr, "%s: %s%s\n", cli.program, kind, text);
 }
 
@@ -93,6 +93,6 @@ void progress(const char *what, size_t done, size_t total, const char *note)
 
 void progress_end(void)
 {
-    bar_erase();
+    message_bar_erase();
     bar.begun = 0;
 }

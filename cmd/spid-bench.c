@@ -57,7 +57,7 @@ static const struct stage {
 };
 
 /* By its name, or the program ends. */
-static const struct stage *find_stage(const char *name)
+static const struct stage *bench_find_stage(const char *name)
 {
     char known[256] = "";
 
@@ -73,13 +73,13 @@ static const struct stage *find_stage(const char *name)
 
 /* Run a stage, or all of them; of all, one that finds no model or input is
  * only noted. */
-static void run_stage(struct bench *b, const char *name)
+static void bench_run_stage(struct bench *b, const char *name)
 {
     bool all = !strcmp(name, "all");
     struct error err = {0};
 
     if (!all) {
-        if (find_stage(name)->run(b, &err))
+        if (bench_find_stage(name)->run(b, &err))
             die_error(&err);
         return;
     }
@@ -92,7 +92,7 @@ static void run_stage(struct bench *b, const char *name)
 }
 
 /* To a file or standard output. */
-static void write_text(const char *text, const char *path)
+static void bench_write_text(const char *text, const char *path)
 {
     struct outfile o;
     struct error err = {0};
@@ -110,18 +110,18 @@ static void write_text(const char *text, const char *path)
 }
 
 /* In the form asked for. */
-static void write_report(const struct bench *b)
+static void bench_write_report(const struct bench *b)
 {
     char *text = json ? bench_json(b) : tsv ? bench_tsv(b) : bench_table(b);
 
     if (!text)
         die(EX_OSERR, "out of memory");
-    write_text(text, cli.output);
+    bench_write_text(text, cli.output);
     free(text);
 }
 
 /* True when s is longer than end and ends in it. */
-static bool ends_with(const char *s, const char *end)
+static bool bench_ends_with(const char *s, const char *end)
 {
     size_t n = strlen(s), m = strlen(end);
 
@@ -129,9 +129,9 @@ static bool ends_with(const char *s, const char *end)
 }
 
 /* The picture, by gnuplot; under a .gp name only what would draw it. */
-static void write_plot(const struct bench *b)
+static void bench_write_plot(const struct bench *b)
 {
-    bool script = ends_with(plot, ".gp");
+    bool script = bench_ends_with(plot, ".gp");
     char name[4096], part[4104];
     struct error err = {0};
     int rc = 0;
@@ -148,7 +148,7 @@ static void write_plot(const struct bench *b)
     if (!text)
         die_error(&err);
     if (script) {
-        write_text(text, plot);
+        bench_write_text(text, plot);
     } else {
         signal(SIGPIPE, SIG_IGN);   /* it may end before it has read all */
         FILE *f = popen("command -v gnuplot >/dev/null || exit 127; "
@@ -170,7 +170,7 @@ static void write_plot(const struct bench *b)
 }
 
 /* The files the program itself would find; -m must exist. */
-static void find_model(struct bench *b)
+static void bench_find_model(struct bench *b)
 {
     static char model[4096], head[4096];
     struct error err = {0};
@@ -195,20 +195,20 @@ int main(int argc, char **argv)
         die(EX_USAGE, "--json and --tsv exclude each other");
     for (int i = at; i < argc; i++)
         if (strcmp(argv[i], "all"))
-            find_stage(argv[i]);
+            bench_find_stage(argv[i]);
     bench_init(&b);
     b.seconds = seconds;
     b.threads = cli.threads;
     b.scene = scene;
-    find_model(&b);
+    bench_find_model(&b);
     for (int i = at; i < argc; i++)
-        run_stage(&b, argv[i]);
+        bench_run_stage(&b, argv[i]);
     for (int i = at; i < argc && levels; i++)
         if (bench_levels(&b, argv[i], &err))
             die_error(&err);
-    write_report(&b);
+    bench_write_report(&b);
     if (plot)
-        write_plot(&b);
+        bench_write_plot(&b);
     bench_release(&b);
     stats_write();
     return 0;

@@ -45,10 +45,10 @@ static const struct cli_usage usage = {
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 
-static void print_note(const char *format, ...)
+static void branches_print_note(const char *format, ...)
     __attribute__((format(printf, 1, 2)));
 /* A line on standard error unless -q. */
-static void print_note(const char *format, ...)
+static void branches_print_note(const char *format, ...)
 {
     va_list ap;
 
@@ -72,7 +72,7 @@ struct bake {
 };
 
 /* Networks and head. */
-static void open_model(struct bake *k)
+static void branches_open_model(struct bake *k)
 {
     struct error err = {0};
     struct model model;
@@ -88,7 +88,7 @@ static void open_model(struct bake *k)
 }
 
 /* Everything of the identity but old Gaussians goes on to the avatar. */
-static void copy_identity(struct stream_writer *out, struct bake *k)
+static void branches_copy_identity(struct stream_writer *out, struct bake *k)
 {
     struct error err = {0};
     struct record rec;
@@ -119,7 +119,7 @@ static void copy_identity(struct stream_writer *out, struct bake *k)
 }
 
 /* Leave out what is never drawn, and by --prune what hardly is. */
-static void prune_avatar(struct bake *k)
+static void branches_prune_avatar(struct bake *k)
 {
     struct prune_report r;
     struct error err = {0};
@@ -128,9 +128,8 @@ static void prune_avatar(struct bake *k)
 
     if (!keep_clear) {
         size_t n = baked_drop_clear(&k->baked);
-        print_note(
-            "%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
-            n + k->baked.N);
+        branches_print_note("%zu of %zu Gaussians are never drawn (opacity "
+                            "under 1/255)", n, n + k->baked.N);
     }
     if (prune_eps < 0)
         return;
@@ -141,12 +140,12 @@ static void prune_avatar(struct bake *k)
         die_error(&err);
     identity_release(&id);
     densify_release(&dense);
-    print_note(
-        "pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
-        "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
-        "%.2g; %.1f ms instead of %.1f",
-        prune_eps, r.views, r.after[0], r.before[0], r.after[1], r.before[1],
-        r.after[2], r.before[2], r.psnr, r.max_abs, r.ms_kept, r.ms_full);
+    branches_print_note("pruned at %g over %zu views: dynamic %zu of %zu, "
+                        "static %zu of %zu, mouth %zu of %zu; worst view "
+                        "%.1f dB, largest difference %.2g; %.1f ms instead "
+                        "of %.1f", prune_eps, r.views, r.after[0], r.before[0],
+                        r.after[1], r.before[1], r.after[2], r.before[2],
+                        r.psnr, r.max_abs, r.ms_kept, r.ms_full);
 }
 
 /* --bake: the identity, then its Gaussians. */
@@ -155,8 +154,8 @@ static void bake_avatar(struct stream_writer *out)
     static struct bake k;
     struct error err = {0};
 
-    open_model(&k);
-    copy_identity(out, &k);
+    branches_open_model(&k);
+    branches_copy_identity(out, &k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
         baker_take(&k.baked, &k.baker, &err)) {
@@ -167,16 +166,15 @@ static void bake_avatar(struct stream_writer *out)
     stats_end("bake", begun);
     const struct mouth_branch *mouth = &k.baker.avatar.mouth;
     if (k.baker.config.system == SYSTEM_GAGAVATAR)
-        print_note("%zu Gaussians, %zu of them on vertices", k.baked.N,
-                   k.baked.dynamic);
+        branches_print_note("%zu Gaussians, %zu of them on vertices", k.baked.N,
+                            k.baked.dynamic);
     else
-        print_note(
-            "%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, "
-            "%zu clamped",
-            k.baked.N, mouth->lips.bowl / k.head.scale * 1e3,
-            mouth->lips.lip / k.head.scale * 1e3,
-            mouth->cap / k.head.scale * 1e3, mouth->clamped);
-    prune_avatar(&k);
+        branches_print_note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, "
+                            "cap %.2f mm, %zu clamped", k.baked.N,
+                            mouth->lips.bowl / k.head.scale * 1e3,
+                            mouth->lips.lip / k.head.scale * 1e3,
+                            mouth->cap / k.head.scale * 1e3, mouth->clamped);
+    branches_prune_avatar(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);
         die_error(&err);
@@ -191,7 +189,7 @@ static void bake_avatar(struct stream_writer *out)
 /* ---- Phase B ----------------------------------------------------------- */
 
 /* -i: answer every mesh of the stream. */
-static void move_avatar(struct stream_writer *out, const char *input)
+static void branches_move_avatar(struct stream_writer *out, const char *input)
 {
     static struct mover m;
     struct mover_options opt = {.full = full, .without = without,
@@ -228,7 +226,7 @@ static void move_avatar(struct stream_writer *out, const char *input)
 }
 
 /* What excludes each other. */
-static void check_options(int operands)
+static void branches_check_options(int operands)
 {
     if (!bake_path == !avatar_path)
         die(EX_USAGE, "%s (expected --bake ID to make an avatar, or "
@@ -250,14 +248,14 @@ int main(int argc, char **argv)
     struct error err = {0};
 
     int first = cli_parse_stage(&usage, argc, argv, false);
-    check_options(argc - first);
+    branches_check_options(argc - first);
     struct stream_writer *out = stream_create(cli.output, &err);
     if (!out)
         die_error(&err);
     if (bake_path)
         bake_avatar(out);
     else
-        move_avatar(out, first < argc ? argv[first] : "-");
+        branches_move_avatar(out, first < argc ? argv[first] : "-");
     if (stream_finish(out, &err))
         die_error(&err);
     stats_write();

@@ -24,7 +24,7 @@ static const char *tensor_path, *npy_dir, *ply_path, *only;
 static struct range frames = { 0, UINT64_MAX };
 
 /* "A:B", "A:", ":B" or "A". */
-static int parse_frames(const char *value, void *dest, struct error *err)
+static int dump_parse_frames(const char *value, void *dest, struct error *err)
 {
     struct range *r = dest;
     char none[] = " ";
@@ -62,7 +62,7 @@ static const struct cli_option options[] = {
                   "write all arrays to npy files, frames stacked"),
     OPTION_STRING("ply", 0, &ply_path, "FILE",
                   "write the Gaussians as of the last record chosen"),
-    OPTION_CALL("frames", 0, &frames, "A:B", parse_frames,
+    OPTION_CALL("frames", 0, &frames, "A:B", dump_parse_frames,
                 "only frames A to B - 1"),
     OPTION_STRING("only", 0, &only, "TYPE",
                   "only records of this type, or of several: MOTN,MESH"),
@@ -89,7 +89,7 @@ struct outputs {
 };
 
 /* Everything that is asked for besides standard output. */
-static int open_outputs(struct outputs *out, struct error *err)
+static int dump_open_outputs(struct outputs *out, struct error *err)
 {
     out->text = stdout;
     if (tensor_path && !(out->st = recordfile_create_st(tensor_path, err)))
@@ -105,7 +105,7 @@ static int open_outputs(struct outputs *out, struct error *err)
 }
 
 /* Nothing is left of what was not completed. */
-static void abandon_outputs(struct outputs *out)
+static void dump_abandon_outputs(struct outputs *out)
 {
     recordfile_abandon(out->st);
     recordfile_abandon(out->npy);
@@ -114,7 +114,7 @@ static void abandon_outputs(struct outputs *out)
 }
 
 /* By frame and type. */
-static bool is_wanted(const struct record *rec)
+static bool dump_is_wanted(const struct record *rec)
 {
     const char *p = only;
 
@@ -128,7 +128,7 @@ static bool is_wanted(const struct record *rec)
 }
 
 /* A `json` array as it is, unprintable bytes as '.'. */
-static void print_text(FILE *f, const struct array *a)
+static void dump_print_text(FILE *f, const struct array *a)
 {
     const unsigned char *s = a->data;
 
@@ -139,7 +139,7 @@ static void print_text(FILE *f, const struct array *a)
 }
 
 /* Name, dtype, shape, smallest, mean and largest value. */
-static void print_array(FILE *f, const struct array *a)
+static void dump_print_array(FILE *f, const struct array *a)
 {
     char shape[80] = "";
     struct array_stats s;
@@ -158,17 +158,17 @@ static void print_array(FILE *f, const struct array *a)
         fprintf(f, " %zu not finite", s.nonfinite);
     putc('\n', f);
     if (a->dtype == DTYPE_U8 && strcmp(a->name, "json") == 0)
-        print_text(f, a);
+        dump_print_text(f, a);
 }
 
 /* A line of its own, then one for each array. */
-static void print_record(FILE *f, const struct record *rec)
+static void dump_print_record(FILE *f, const struct record *rec)
 {
     fprintf(f, "%s frame %llu, %.6g s: %d array%s, %zu bytes\n", rec->type,
             (unsigned long long)rec->frame, rec->time, rec->count,
             rec->count == 1 ? "" : "s", rec->payload_bytes);
     for (int i = 0; i < rec->count; i++)
-        print_array(f, &rec->array[i]);
+        dump_print_array(f, &rec->array[i]);
 }
 
 /* The lines that are this program. */
@@ -183,7 +183,7 @@ static int dump_record(struct outputs *out, const struct record *rec,
     if (json)
         recordjson_write(out->text, rec, values);
     else if (!out->st && !out->npy && !ply_path)
-        print_record(out->text, rec);
+        dump_print_record(out->text, rec);
     if (ferror(out->text) || fflush(out->text))
         return error_set(err, EX_IOERR, "%s: cannot write: %s",
                          out->text == stdout ? "<stdout>" : cli.output,
@@ -194,7 +194,7 @@ static int dump_record(struct outputs *out, const struct record *rec,
 }
 
 /* For the line that --check prints. */
-static void count_record(struct tally *t, const struct record *rec)
+static void dump_count_record(struct tally *t, const struct record *rec)
 {
     if (t->records == 0 || rec->frame < t->first)
         t->first = rec->frame;
@@ -218,7 +218,7 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
         stats_end("read", begun);
         if (rc <= 0)
             break;
-        if (!is_wanted(&rec))
+        if (!dump_is_wanted(&rec))
             continue;
         begun = stats_begin();
         rc = dump_record(out, &rec, err);
@@ -229,7 +229,7 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
                              (unsigned long long)rec.frame);
             return -1;
         }
-        count_record(tally, &rec);
+        dump_count_record(tally, &rec);
         if (!check)
             progress("record", tally->records, 0, NULL);
     }
@@ -238,7 +238,7 @@ static int dump_stream(struct stream_reader *in, struct outputs *out,
 }
 
 /* Complete all files. */
-static int finish_outputs(struct outputs *out, struct error *err)
+static int dump_finish_outputs(struct outputs *out, struct error *err)
 {
     struct recordfile *st = out->st, *npy = out->npy;
 
@@ -276,7 +276,7 @@ int main(int argc, char **argv)
     in = stream_open(first < argc ? argv[first] : "-", NULL, &err);
     if (!in)
         die_error(&err);
-    rc = open_outputs(&out, &err);
+    rc = dump_open_outputs(&out, &err);
     if (rc == 0)
         rc = dump_stream(in, &out, &tally, &err);
     if (check && rc == 0 && !cli.quiet)
@@ -288,9 +288,9 @@ int main(int argc, char **argv)
                 (unsigned long long)tally.bytes + 64);
     /* even of a damaged stream what was read is kept */
     if ((rc == 0 || tally.records) &&
-        finish_outputs(&out, rc == 0 ? &err : NULL))
+        dump_finish_outputs(&out, rc == 0 ? &err : NULL))
         rc = -1;
-    abandon_outputs(&out);
+    dump_abandon_outputs(&out);
     stream_close(in);
     if (rc < 0)
         die_error(&err);

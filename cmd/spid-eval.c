@@ -23,7 +23,7 @@ static struct {
 } opt = {.format = "text", .name = "result", .count = 40, .frames = 25,
          .stride = 5, .rows = 8};
 
-static int parse_known(const char *value, void *dest, struct error *err)
+static int eval_parse_known(const char *value, void *dest, struct error *err)
 {
     return reenactor_parse_truth(dest, value, err);
 }
@@ -57,7 +57,7 @@ static const struct cli_option options[] = {
      .help = "--people: leave the ablations out"},
     {.name = "no-cross", .kind = CLI_FLAG, .dest = &opt.no_cross,
      .help = "--people: leave cross-reenactment out"},
-    OPTION_CALL("known", 0, &opt.truth, "WHAT", parse_known,
+    OPTION_CALL("known", 0, &opt.truth, "WHAT", eval_parse_known,
                 "--people: the true shape or motion, not the encoder's"),
     {.name = "sheet", .kind = CLI_STRING, .dest = &opt.sheet, .arg = "FILE",
      .help = "--people: contact sheet (PNG)"},
@@ -86,7 +86,7 @@ struct comparison {
 
 /* The head of --head, or the one that is found; V is 0 when it may be missing
  * and is. */
-static void load_head(struct head *h, bool required)
+static void eval_load_head(struct head *h, bool required)
 {
     struct error err = {0};
 
@@ -96,15 +96,15 @@ static void load_head(struct head *h, bool required)
 }
 
 /* The message on standard error; the exit code. */
-static int print_error(const struct error *err)
+static int eval_print_error(const struct error *err)
 {
     fprintf(stderr, "spid-eval: %s\n", err->text);
     return err->code ? err->code : EX_SOFTWARE;
 }
 
 /* To -o, complete or not at all. */
-static void write_table(const struct table *t, enum table_format format,
-                        const struct comparison *j)
+static void eval_write_table(const struct table *t, enum table_format format,
+                             const struct comparison *j)
 {
     const bool named = strcmp(cli.output, "-") != 0;
     const bool direct = named && file_is_special(cli.output);
@@ -133,8 +133,8 @@ static void write_table(const struct table *t, enum table_format format,
 
 /* Compare one pair into the row; 0, or the exit code after a message.  A list's
  * frames of one person have a null line: their first frame, unchanged. */
-static int compare_pair(struct table *t, const char *row,
-                        const struct pair *p, struct comparison *j)
+static int eval_compare_pair(struct table *t, const char *row,
+                             const struct pair *p, struct comparison *j)
 {
     struct error err = {0};
     struct compare_log log = {.tsv = j->tsv.file, .pair = p->result};
@@ -153,11 +153,11 @@ static int compare_pair(struct table *t, const char *row,
     rc = p->motion ? compare_motions(t, rows.result, p->truth, p->result,
                                      j->head.V ? &j->head : NULL, &log, &err)
                    : compare_frames(t, &rows, p, &j->nets, &log, &err);
-    return rc ? print_error(&err) : 0;
+    return rc ? eval_print_error(&err) : 0;
 }
 
 /* Every pair of --pairs; 0, or the last exit code. */
-static int compare_pairs(struct table *t, struct comparison *j)
+static int eval_compare_pairs(struct table *t, struct comparison *j)
 {
     struct error err = {0};
     struct pairs list;
@@ -173,7 +173,7 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
         snprintf(row, sizeof row, p->protocol ? "%s, %s" : "%s", p->name,
                  p->protocol);
-        rc = compare_pair(t, row, p, j);
+        rc = eval_compare_pair(t, row, p, j);
         failed += rc != 0;
         code = rc ? rc : code;
     }
@@ -186,13 +186,13 @@ static int compare_pairs(struct table *t, struct comparison *j)
 
 /* ---- a model ------------------------------------------------------------ */
 
-static void print_progress(size_t done, size_t total)
+static void eval_print_progress(size_t done, size_t total)
 {
     progress("people", done, total, NULL);
 }
 
 /* --people: 0, or the exit code. */
-static int evaluate_model(struct table *t, const struct head *h)
+static int eval_model(struct table *t, const struct head *h)
 {
     struct error err = {0};
     struct reenactor s;
@@ -207,7 +207,7 @@ static int evaluate_model(struct table *t, const struct head *h)
                                               : opt.rows < opt.count
                                                   ? (size_t)opt.rows
                                                   : (size_t)opt.count,
-                                .progress = print_progress};
+                                .progress = eval_print_progress};
     struct model model;
     int rc;
 
@@ -220,20 +220,20 @@ static int evaluate_model(struct table *t, const struct head *h)
     progress_end();
     reenactor_release(&s);
     if (rc)
-        return print_error(&err);
+        return eval_print_error(&err);
     if (opt.sheet && contact_sheet_save(&sheet, opt.sheet, &err))
         die_error(&err);
     return 0;
 }
 
-static void open_comparison(struct comparison *j)
+static void eval_open_comparison(struct comparison *j)
 {
     struct error err = {0};
     struct model model = {0};
 
     if (opt.frames_tsv && outfile_open(&j->tsv, opt.frames_tsv, &err))
         die_error(&err);
-    load_head(&j->head, opt.people != NULL);
+    eval_load_head(&j->head, opt.people != NULL);
     if (opt.lpips) {
         if (lpips_init(&j->lpips, opt.lpips, &err))
             die_error(&err);
@@ -251,7 +251,7 @@ static void open_comparison(struct comparison *j)
     }
 }
 
-static void close_comparison(struct comparison *j)
+static void eval_close_comparison(struct comparison *j)
 {
     struct error err = {0};
 
@@ -280,20 +280,20 @@ int main(int argc, char **argv)
             need);
     if (opt.source && !opt.arcface)
         die(EX_USAGE, "--source is for --arcface");
-    open_comparison(&j);
+    eval_open_comparison(&j);
     table_init(&t);
     if (opt.people)
-        code = evaluate_model(&t, &j.head);
+        code = eval_model(&t, &j.head);
     else if (opt.pairs)
-        code = compare_pairs(&t, &j);
+        code = eval_compare_pairs(&t, &j);
     else
-        code = compare_pair(&t, opt.name, &(struct pair){
+        code = eval_compare_pair(&t, opt.name, &(struct pair){
             .motion = opt.motion, .truth = argv[first],
             .result = argv[first + 1], .source = opt.source}, &j);
     if (!code || !opt.people)
-        write_table(&t, format, &j);
+        eval_write_table(&t, format, &j);
     table_release(&t);
-    close_comparison(&j);
+    eval_close_comparison(&j);
     stats_write();
     return code;
 }

@@ -54,18 +54,18 @@ static const struct cli_usage usage = {
 };
 
 /* A line of --lint. */
-static void print_finding(void *context, const char *text)
+static void export_print_finding(void *context, const char *text)
 {
     printf("%s: %s\n", (const char *)context, text);
 }
 
 /* Exit 0 for a clean file, EX_DATAERR with a line per finding. */
-static int lint_file(const char *path)
+static int export_lint_file(const char *path)
 {
     struct error err = {0};
     int found = file_ends(path, ".ply")
-                    ? ply_lint(path, print_finding, (void *)path, &err)
-                    : glb_lint(path, print_finding, (void *)path, &err);
+                    ? ply_lint(path, export_print_finding, (void *)path, &err)
+                    : glb_lint(path, export_print_finding, (void *)path, &err);
 
     if (found < 0)
         die_error(&err);
@@ -75,7 +75,7 @@ static int lint_file(const char *path)
 }
 
 /* What came back out of the files, beside our own picture. */
-static void print_drawn(const struct export *x)
+static void export_print_drawn(const struct export *x)
 {
     const char *const name[3] = {opt.ply, opt.splat, opt.glb_splats};
 
@@ -107,7 +107,7 @@ static void print_drawn(const struct export *x)
 }
 
 /* How large the page became. */
-static void print_page(const struct export *x)
+static void export_print_page(const struct export *x)
 {
     if (opt.html && !cli.quiet)
         printf("%s: %zu Gaussians, %zu frames, %.1f MB\n", opt.html,
@@ -115,7 +115,7 @@ static void print_page(const struct export *x)
 }
 
 /* The template of --html. */
-static void open_player(void)
+static void export_open_player(void)
 {
     static char path[4096];
     struct error err = {0};
@@ -129,7 +129,7 @@ static void open_player(void)
 }
 
 /* What the options ask for, with the head where one is needed. */
-static void open_export(struct export *x)
+static void export_open_all(struct export *x)
 {
     struct error err = {0};
     char path[4096] = "";
@@ -143,7 +143,7 @@ static void open_export(struct export *x)
     if (export_needs_head(&opt) && !head_path &&
         cli_find_model("head.safetensors", path, sizeof path, &err))
         die_error(&err);
-    open_player();
+    export_open_player();
     if (export_init(x, &opt, head_path ? head_path : path, &err))
         die_error(&err);
     if (identity_path && x->has_head &&
@@ -181,11 +181,11 @@ int main(int argc, char **argv)
     if (argc - at > 1)
         die(EX_USAGE, "more than one stream");
     if (lint_path)
-        return lint_file(lint_path);
-    open_export(&x);
+        return export_lint_file(lint_path);
+    export_open_all(&x);
     export_stream(&x, at < argc ? argv[at] : "-");
-    print_drawn(&x);
-    print_page(&x);
+    export_print_drawn(&x);
+    export_print_page(&x);
     if (x.coarse)
         warn("only the first three channels were written: the coarse picture "
              "without the refiner");

@@ -20,7 +20,7 @@ static size_t nsame;
 static bool plain;
 
 /* --same A,B */
-static int parse_same(const char *value, void *dest, struct error *err)
+static int fit_parse_same(const char *value, void *dest, struct error *err)
 {
     char *text = strdup(value), *comma = text ? strchr(text, ',') : NULL;
 
@@ -50,7 +50,7 @@ static const struct cli_option options[] = {
                   "folder that DIR of --assets is in)"),
     OPTION_STRING("except", 0, &except_name, "PREFIX",
                   "leave out the names that begin so"),
-    OPTION_CALL("same", 0, &nsame, "A,B", parse_same,
+    OPTION_CALL("same", 0, &nsame, "A,B", fit_parse_same,
                 "these two files show one person"),
     OPTION_INT("size", 0, &size, 64, 2048, "PIXELS",
                "side of the pictures (default 384)"),
@@ -77,7 +77,7 @@ static const struct cli_usage usage = {
 };
 
 /* The landmarks' points on the head. */
-static void open_points(struct face_points *p, const struct head *head)
+static void fit_open_points(struct face_points *p, const struct head *head)
 {
     struct error err = {0};
     struct landmark_map map;
@@ -96,7 +96,7 @@ static void open_points(struct face_points *p, const struct head *head)
 }
 
 /* All labels of the operands, sorted by person. */
-static void open_labels(struct labels *l, char **file, int count)
+static void fit_open_labels(struct labels *l, char **file, int count)
 {
     struct error err = {0};
 
@@ -108,7 +108,7 @@ static void open_labels(struct labels *l, char **file, int count)
 }
 
 /* The fit, round by round. */
-static void run_rounds(struct face_fit *f)
+static void fit_run_rounds(struct face_fit *f)
 {
     struct error err = {0};
 
@@ -128,7 +128,7 @@ static void run_rounds(struct face_fit *f)
 }
 
 /* The table of --agreement. */
-static void write_agreement(const struct face_fit *f)
+static void fit_write_agreement(const struct face_fit *f)
 {
     struct error err = {0};
     FILE *out = strcmp(agreement_path, "-") ? fopen(agreement_path, "w")
@@ -141,7 +141,7 @@ static void write_agreement(const struct face_fit *f)
 }
 
 /* Avatars by the model, at work for r. */
-static void open_reenact(struct reenact *reenact, struct fit_records *r)
+static void fit_open_reenact(struct reenact *reenact, struct fit_records *r)
 {
     struct error err = {0};
     char model[4096], head[4096];
@@ -159,7 +159,7 @@ static void open_reenact(struct reenact *reenact, struct fit_records *r)
 }
 
 /* Everybody's records. */
-static void write_stream(const struct head *head, const struct face_fit *f)
+static void fit_write_stream(const struct head *head, const struct face_fit *f)
 {
     struct error err = {0};
     struct fit_records r;
@@ -171,7 +171,7 @@ static void write_stream(const struct head *head, const struct face_fit *f)
         die_error(&err);
     r.plain = plain;
     if (motions_path)
-        open_reenact(&reenact, &r);
+        fit_open_reenact(&reenact, &r);
     for (size_t k = 0; k < f->count; k++) {
         double begun = stats_begin();
 
@@ -207,14 +207,14 @@ int main(int argc, char **argv)
     }
     if (option_head_load(&head, head_path, &err))
         die_error(&err);
-    open_labels(&labels, argv + operand, argc - operand);
-    open_points(&points, &head);
+    fit_open_labels(&labels, argv + operand, argc - operand);
+    fit_open_points(&points, &head);
     if (face_fit_init(&fit, &points, &labels, &err))
         die_error(&err);
-    run_rounds(&fit);
+    fit_run_rounds(&fit);
     if (agreement_path)
-        write_agreement(&fit);
-    write_stream(&head, &fit);
+        fit_write_agreement(&fit);
+    fit_write_stream(&head, &fit);
     face_fit_release(&fit);
     face_points_release(&points);
     labels_release(&labels);

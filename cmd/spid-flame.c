@@ -36,7 +36,7 @@ struct flame {
 };
 
 /* The head model, and room for its vertices. */
-static void open_head(struct flame *f, const char *path)
+static void flame_open_head(struct flame *f, const char *path)
 {
     struct error err = {0};
 
@@ -49,7 +49,7 @@ static void open_head(struct flame *f, const char *path)
 
 /* beta into the template: of the identity file, or of the stream so far; the
  * mean head without either. */
-static void fold_identity(struct flame *f)
+static void flame_fold_identity(struct flame *f)
 {
     struct error err = {0};
 
@@ -62,18 +62,18 @@ static void fold_identity(struct flame *f)
 }
 
 /* Shape coefficients of an identity stream; without one the mean head. */
-static void open_identity(struct flame *f, const char *path)
+static void flame_open_identity(struct flame *f, const char *path)
 {
     struct error err = {0};
 
     if (path && person_load(&f->person, path, f->head.nexp, &err))
         die_error(&err);
-    fold_identity(f);
+    flame_fold_identity(f);
 }
 
 /* The line that is this program: V_d and T_d of one frame. */
-static int write_mesh(struct stream_writer *out, struct flame *f,
-                      const struct record *rec, struct error *err)
+static int flame_write_mesh(struct stream_writer *out, struct flame *f,
+                            const struct record *rec, struct error *err)
 {
     static const char *const known[] = {"rot", "trans", "exp", "jaw", "lid",
                                         "eye", "crop", NULL};
@@ -96,18 +96,18 @@ static int write_mesh(struct stream_writer *out, struct flame *f,
 
 /* One record of the input; -1 and *err when it is damaged or cannot be
  * written. */
-static int pass_record(struct stream_writer *out, struct flame *f,
-                       const struct record *rec, struct error *err)
+static int flame_pass_record(struct stream_writer *out, struct flame *f,
+                             const struct record *rec, struct error *err)
 {
     if (record_is(rec, "MOTN"))
-        return write_mesh(out, f, rec, err);
+        return flame_write_mesh(out, f, rec, err);
     if (!identity_path && (record_is(rec, "SHAP") || record_is(rec, "CONF"))) {
         int taken = person_take(&f->person, rec, f->head.nexp, err);
 
         if (taken < 0)
             return -1;
         if (record_is(rec, "SHAP"))
-            fold_identity(f);
+            flame_fold_identity(f);
     }
     return stream_copy(out, rec, err);
 }
@@ -124,8 +124,8 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "
             "operand)", argv[first + 1]);
     const char *input = first < argc ? argv[first] : "-";
-    open_head(&f, head_path);
-    open_identity(&f, identity_path);
+    flame_open_head(&f, head_path);
+    flame_open_identity(&f, identity_path);
     struct stream_reader *in = stream_open(input, NULL, &err);
     if (!in)
         die_error(&err);
@@ -133,7 +133,7 @@ int main(int argc, char **argv)
     if (!out)
         die_error(&err);
     while ((rc = stream_read(in, &rec, &err)) > 0)
-        if (pass_record(out, &f, &rec, &err)) {
+        if (flame_pass_record(out, &f, &rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(in),
                          (unsigned long long)rec.frame);
             rc = -1;

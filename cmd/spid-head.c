@@ -38,7 +38,7 @@ static const struct cli_usage usage = {
 };
 
 /* The head in memory: sculpted, then laid on the scans if there are any. */
-static void make_head(struct sculpt *s)
+static void head_make_model(struct sculpt *s)
 {
     struct error err = {0};
     struct scan scan;
@@ -63,7 +63,7 @@ static void make_head(struct sculpt *s)
     scan_release(&scan);
 }
 
-static void write_head(const struct sculpt *s)
+static void head_write_model(const struct sculpt *s)
 {
     struct error err = {0};
 
@@ -73,7 +73,7 @@ static void write_head(const struct sculpt *s)
 }
 
 /* The head that was made, or --head FILE's. */
-static void take_head(struct head *h, const struct sculpt *s)
+static void head_take_model(struct head *h, const struct sculpt *s)
 {
     struct head_arrays a;
     struct error err = {0};
@@ -83,7 +83,7 @@ static void take_head(struct head *h, const struct sculpt *s)
         die_error(&err);
 }
 
-static void compare_heads(const struct head *h)
+static void head_compare_models(const struct head *h)
 {
     static const double active[] = { 0, 0.1, 0.25 };
     struct compare_part part[COMPARE_PARTS];
@@ -119,15 +119,15 @@ int main(int argc, char **argv)
         die(EX_USAGE, "--head is for --sheet and --check (expected no -o and "
             "no --from)");
     if (!head_path)
-        make_head(&s);
+        head_make_model(&s);
     if (writes)
-        write_head(&s);
+        head_write_model(&s);
     if (sheet || check)
-        take_head(&h, &s);
+        head_take_model(&h, &s);
     if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
         die_error(&err);
     if (check)
-        compare_heads(&h);
+        head_compare_models(&h);
     head_release(&h);
     sculpt_release(&s);
     stats_write();

@@ -11,7 +11,7 @@ static const char *kind;
 static struct convert_options with;
 static bool list;
 
-static int parse_kind(const char *value, void *dest, struct error *err)
+static int import_parse_kind(const char *value, void *dest, struct error *err)
 {
     for (size_t i = 0; convert_kinds[i]; i++)
         if (!strcmp(value, convert_kinds[i])) {
@@ -23,7 +23,7 @@ static int parse_kind(const char *value, void *dest, struct error *err)
 }
 
 static const struct cli_option options[] = {
-    OPTION_CALL("as", 0, &kind, "KIND", parse_kind,
+    OPTION_CALL("as", 0, &kind, "KIND", import_parse_kind,
                 "flame, dinov2, smirk, gagavatar, lpips, arcface, "
                 "squeezenet or model"),
     OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
@@ -54,7 +54,7 @@ static const struct cli_usage usage = {
 };
 
 /* One line per tensor: name, type, shape; then what is none. */
-static void print_list(const struct tensorfile *f)
+static void import_print_list(const struct tensorfile *f)
 {
     size_t others = tensorfile_others(f);
     const char *what;
@@ -78,8 +78,8 @@ static void print_list(const struct tensorfile *f)
 }
 
 /* What of one sort the conversion noted. */
-static void print_problems(const struct convert *c, const char *path,
-                           enum convert_problem what, const char *label)
+static void import_print_problems(const struct convert *c, const char *path,
+                                  enum convert_problem what, const char *label)
 {
     size_t n = 0;
 
@@ -90,17 +90,17 @@ static void print_problems(const struct convert *c, const char *path,
         warn("%s: %sand %zu more", path, label, n - LINES);
 }
 
-static void convert_file(struct convert *c, struct tensorfile *f,
-                         struct error *err)
+static void import_convert_file(struct convert *c, struct tensorfile *f,
+                                struct error *err)
 {
     const char *path = tensorfile_path(f);
 
     if (kind ? convert_as(c, f, kind, &with, err) : convert_all(c, f, err))
         die_error(err);
-    print_problems(c, path, CONVERT_MISSING, "missing: ");
-    print_problems(c, path, CONVERT_SHAPE, "wrong shape: ");
-    print_problems(c, path, CONVERT_LEFT, "left over: ");
-    print_problems(c, path, CONVERT_REMARK, "");
+    import_print_problems(c, path, CONVERT_MISSING, "missing: ");
+    import_print_problems(c, path, CONVERT_SHAPE, "wrong shape: ");
+    import_print_problems(c, path, CONVERT_LEFT, "left over: ");
+    import_print_problems(c, path, CONVERT_REMARK, "");
     if (c->wrong)
         die(EX_DATAERR, "%s: not a whole %s: %zu tensors are missing or have "
             "a wrong shape", path, kind, c->wrong);
@@ -124,12 +124,12 @@ int main(int argc, char **argv)
         die_error(&err);
     stats_end("open", begun);
     if (list) {
-        print_list(f);
+        import_print_list(f);
         if (fflush(stdout) || ferror(stdout))
             die(EX_IOERR, "<stdout>: cannot write");
     } else {
         begun = stats_begin();
-        convert_file(&c, f, &err);
+        import_convert_file(&c, f, &err);
         if (convert_save(&c, cli.output, &err))
             die_error(&err);
         stats_end("convert", begun);

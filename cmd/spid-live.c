@@ -53,14 +53,14 @@ struct program {
 /* Set by a signal, or when there are enough frames. */
 static volatile sig_atomic_t stopped;
 
-static void on_signal(int signal)
+static void live_on_signal(int signal)
 {
     (void)signal;
     stopped = 1;
 }
 
 /* Where the pictures go: a name, a pipe or this terminal. */
-static void open_output(struct program *p)
+static void live_open_output(struct program *p)
 {
     struct error err = {0};
     const bool pipe = strcmp(cli.output, "-") == 0;
@@ -78,7 +78,7 @@ static void open_output(struct program *p)
 }
 
 /* The camera, once more; it is opened by its first frame. */
-static struct framesource *open_camera(void *program, struct error *err)
+static struct framesource *live_open_camera(void *program, struct error *err)
 {
     const struct program *p = program;
 
@@ -86,7 +86,7 @@ static struct framesource *open_camera(void *program, struct error *err)
 }
 
 /* It is gone. */
-static void camera_away(void *program, const struct error *why)
+static void live_camera_away(void *program, const struct error *why)
 {
     const struct program *p = program;
 
@@ -97,14 +97,14 @@ static void camera_away(void *program, const struct error *why)
 
 /* Phase A, then the camera until there is a face; standard input ends for
  * good. */
-static int open_driver(struct program *p, const char *source,
-                       struct error *err)
+static int live_open_driver(struct program *p, const char *source,
+                            struct error *err)
 {
     const struct live_follow follow = {
-        .open = open_camera, .away = camera_away, .ctx = p,
+        .open = live_open_camera, .away = live_camera_away, .ctx = p,
         .patience = patience, .stop = &stopped
     };
-    struct sigaction action = {.sa_handler = on_signal};
+    struct sigaction action = {.sa_handler = live_on_signal};
 
     if (animation_open_source(&p->animation, source, err))
         return -1;
@@ -115,7 +115,7 @@ static int open_driver(struct program *p, const char *source,
 }
 
 /* A frame has left: warnings and times; enough of them end the program. */
-static void frame_done(void *program, const struct animate_frame *f)
+static void live_frame_done(void *program, const struct animate_frame *f)
 {
     struct program *p = program;
     struct animation *a = &p->animation;
@@ -146,11 +146,11 @@ int main(int argc, char **argv)
             argc - first);
     p.camera = argv[first + 1];
     module_preload((const char *[]){argv[first], p.camera}, 2);
-    open_output(&p);
+    live_open_output(&p);
     option_animation_load(&models, &opt);
-    rc = open_driver(&p, argv[first], &err);
+    rc = live_open_driver(&p, argv[first], &err);
     if (rc == 0)
-        rc = animation_run(a, frame_done, &p, &err);
+        rc = animation_run(a, live_frame_done, &p, &err);
     if (!cli.quiet && a->report.frames)
         animate_report_print(stderr, &a->report, &a->source,
                              cli.stats != NULL, true);

@@ -78,7 +78,7 @@ struct program {
 };
 
 /* Model, head and whose shape it has. */
-static void open_model(struct program *p)
+static void motion_open_model(struct program *p)
 {
     struct error err = {0};
 
@@ -95,7 +95,7 @@ static void open_model(struct program *p)
 }
 
 /* Frames and tracker. */
-static void open_input(struct program *p, char **name, int count)
+static void motion_open_input(struct program *p, char **name, int count)
 {
     static const char *const standard_input[] = {"-"};
     struct error err = {0};
@@ -110,16 +110,16 @@ static void open_input(struct program *p, char **name, int count)
 }
 
 /* The program ends; of what it began to write whole frames stay. */
-static void __attribute__((noreturn)) give_up(struct program *p,
-                                              const struct error *err)
+static void __attribute__((noreturn)) motion_give_up(struct program *p,
+                                                     const struct error *err)
 {
     motion_output_abandon(&p->out);
     die_error(err);
 }
 
 /* Draw one frame; r is NULL for a frame before the first face. */
-static void draw_overlay(struct program *p, const struct frame *f,
-                         const struct track_result *r)
+static void motion_draw_overlay(struct program *p, const struct frame *f,
+                                const struct track_result *r)
 {
     struct error err = {0};
     int num, den;
@@ -127,20 +127,20 @@ static void draw_overlay(struct program *p, const struct frame *f,
     framesource_rate(p->in, &num, &den);
     if (motion_output_draw(&p->out, f, r, &p->track.window,
                            track_options.size, num, den, &err))
-        give_up(p, &err);
+        motion_give_up(p, &err);
 }
 
 /* A frame in which the face was looked for in vain. */
-static void draw_searched_frame(void *program, const struct frame *f)
+static void motion_draw_searched_frame(void *program, const struct frame *f)
 {
     struct program *p = program;
 
     if (p->out.drawn)
-        draw_overlay(p, f, NULL);
+        motion_draw_overlay(p, f, NULL);
 }
 
 /* --neutral: looked for before anything is written. */
-static void find_neutral(struct program *p, struct motion *rest)
+static void motion_find_neutral(struct program *p, struct motion *rest)
 {
     const struct neutral_clip clip = {
         p->name, p->names, &source_options, &track_options, &p->id,
@@ -149,32 +149,32 @@ static void find_neutral(struct program *p, struct motion *rest)
     struct error err = {0};
 
     if (neutral_find(rest, &neutral, &clip, &err))
-        give_up(p, &err);
+        motion_give_up(p, &err);
 }
 
 /* --relative: the driver's movements, from that person's own motion. */
-static void set_relative(struct program *p)
+static void motion_set_relative(struct program *p)
 {
     struct person source = {0};
     struct motion rest;
     struct error err = {0};
 
     if (person_load(&source, relative_path, p->head.nexp, &err))
-        give_up(p, &err);
+        motion_give_up(p, &err);
     if (!source.has_source) {
         error_set(&err, EX_DATAERR, "--relative=%s: no MOTN record (expected "
                   "an identity, as spid-shape writes it)", relative_path);
-        give_up(p, &err);
+        motion_give_up(p, &err);
     }
     if (neutral.given)
-        find_neutral(p, &rest);
+        motion_find_neutral(p, &rest);
     driver_set_relative(&p->driver, &source.source,
                         neutral.given ? &rest : NULL, p->head.nexp);
     person_release(&source);
 }
 
 /* Find the first face, then write CONF: it holds the window. */
-static void start_tracking(struct program *p)
+static void motion_start_tracking(struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
@@ -184,21 +184,21 @@ static void start_tracking(struct program *p)
         .model = &p->model
     };
 
-    status = driver_start(&p->driver, draw_searched_frame, p, &err);
+    status = driver_start(&p->driver, motion_draw_searched_frame, p, &err);
     if (status != DRIVER_STARTED) {
         if (status == DRIVER_NO_FACE)
             error_prefix(&err, "%s", framesource_name(p->in));
-        give_up(p, &err);
+        motion_give_up(p, &err);
     }
     stats_end("start", begun);
     if (relative_path)
-        set_relative(p);
+        motion_set_relative(p);
     framesource_rate(p->in, &conf.fps_num, &conf.fps_den);
     conf.window = &p->track.window;
     conf.width = p->driver.first.width;
     conf.height = p->driver.first.height;
     if (motion_output_begin(&p->out, &conf, take_path, &err))
-        give_up(p, &err);
+        motion_give_up(p, &err);
     if (p->driver.early_count)
         warn("%s: no face in the first %zu frames: they take the motion of "
              "frame %zu", framesource_name(p->in), p->driver.early_count,
@@ -206,7 +206,7 @@ static void start_tracking(struct program *p)
 }
 
 /* Say when the face is lost and found again. */
-static void report_frame(struct program *p, const struct driver_frame *f)
+static void motion_report_frame(struct program *p, const struct driver_frame *f)
 {
     const unsigned long long n = f->picture.index;
 
@@ -220,7 +220,7 @@ static void report_frame(struct program *p, const struct driver_frame *f)
 }
 
 /* For --stats. */
-static void count_times(const struct driver_frame *f)
+static void motion_count_times(const struct driver_frame *f)
 {
     const double now = stats_begin();
 
@@ -233,7 +233,7 @@ static void count_times(const struct driver_frame *f)
 }
 
 /* What is to be said about a clip that has been read. */
-static void report_clip(const struct program *p)
+static void motion_report_clip(const struct program *p)
 {
     if (p->lost)
         warn("%s: no face in %zu frames in all", framesource_name(p->in),
@@ -256,28 +256,28 @@ int main(int argc, char **argv)
             "FILE)");
     module_preload((const char *const *)argv + first,
                    (size_t)(argc - first));
-    open_model(&p);
-    open_input(&p, argv + first, argc - first);
+    motion_open_model(&p);
+    motion_open_input(&p, argv + first, argc - first);
     if (motion_output_open(&p.out, stream_path, take_path, overlay_path,
                            &p.id, &err))
-        give_up(&p, &err);
-    start_tracking(&p);
+        motion_give_up(&p, &err);
+    motion_start_tracking(&p);
     while ((rc = driver_next(&p.driver, &f, &err)) > 0) {
-        report_frame(&p, &f);
-        count_times(&f);
+        motion_report_frame(&p, &f);
+        motion_count_times(&f);
         if (motion_output_write(&p.out, &f, p.head.nexp, &err)) {
             rc = -1;
             break;
         }
         if (p.out.drawn && f.picture.rgb)
-            draw_overlay(&p, &f.picture, &f.r);
+            motion_draw_overlay(&p, &f.picture, &f.r);
         progress("frames", f.picture.index + 1, framesource_total(p.in),
                  f.r.lost ? "lost" : NULL);
     }
     progress_end();
     if (motion_output_close(&p.out, rc, &err))
         die_error(&err);
-    report_clip(&p);
+    motion_report_clip(&p);
     stats_write();
     driver_release(&p.driver);
     track_release(&p.track);

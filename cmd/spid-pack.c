@@ -79,13 +79,13 @@ struct pack {
 };
 
 /* For times that nobody gives. */
-static double frame_rate(void)
+static double pack_frame_rate(void)
 {
     return fps > 0 ? fps : 25;
 }
 
 /* What the packed records are not asked to say: who made them, and units. */
-static int put_conf(struct pack *p, struct error *err)
+static int pack_put_conf(struct pack *p, struct error *err)
 {
     struct array a = array_make("json", DTYPE_U8, CONF_TEXT, 1,
                                 strlen(CONF_TEXT), 0, 0, 0);
@@ -94,13 +94,13 @@ static int put_conf(struct pack *p, struct error *err)
 }
 
 /* The sink of every source: records go out as they come. */
-static int put_record(const struct record *rec, void *context,
-                      struct error *err)
+static int pack_put_record(const struct record *rec, void *context,
+                           struct error *err)
 {
     struct pack *p = context;
 
     if (p->records++ == 0 && !raw && !record_is(rec, "CONF") &&
-        put_conf(p, err))
+        pack_put_conf(p, err))
         return -1;
     progress("record", p->records, 0, NULL);
     double begun = stats_begin();
@@ -112,9 +112,9 @@ static int put_record(const struct record *rec, void *context,
 /* ---- plain arrays ------------------------------------------------------- */
 
 /* Keep data (owned from here on) of ndim dims under name. */
-static int keep_plain(struct pack *p, const char *name, enum dtype dtype,
-                      int ndim, const size_t *dims, void *data,
-                      struct error *err)
+static int pack_keep_plain(struct pack *p, const char *name, enum dtype dtype,
+                           int ndim, const size_t *dims, void *data,
+                           struct error *err)
 {
     struct plain *a = &p->plain[p->plains];
     size_t n = strlen(name);
@@ -147,7 +147,7 @@ static int keep_plain(struct pack *p, const char *name, enum dtype dtype,
 }
 
 /* NAME=FILE.npy, or FILE.npy whose name is the array's. */
-static int add_npy(struct pack *p, const char *source, struct error *err)
+static int pack_add_npy(struct pack *p, const char *source, struct error *err)
 {
     const char *path = strchr(source, '='), *base;
     char name[256];
@@ -162,37 +162,37 @@ static int add_npy(struct pack *p, const char *source, struct error *err)
         snprintf(name, sizeof name, "%.*s", (int)strlen(base) - 4, base);
     if (npy_load(&a, path, err))
         return -1;
-    return keep_plain(p, name, a.dtype, a.ndim, a.dim, a.data, err)
-               ? error_prefix(err, "%s", path) : 0;
+    return pack_keep_plain(p, name, a.dtype, a.ndim, a.dim, a.data, err)
+                    ? error_prefix(err, "%s", path) : 0;
 }
 
-static int add_tensor(struct pack *p, const struct safetensors *st,
-                      const struct st_tensor *t, struct error *err)
+static int pack_add_tensor(struct pack *p, const struct safetensors *st,
+                           const struct st_tensor *t, struct error *err)
 {
     enum dtype dtype;
     void *data = recordfile_tensor(&dtype, st, t, err);
 
-    return data ? keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err)
+    return data ? pack_keep_plain(p, t->name, dtype, t->ndim, t->dim, data, err)
                 : -1;
 }
 
 /* A dump's records, or plain arrays. */
-static int add_safetensors(struct pack *p, const char *path,
-                           struct error *err)
+static int pack_add_safetensors(struct pack *p, const char *path,
+                                struct error *err)
 {
     struct safetensors *st = st_open(path, err);
     bool dumped = st && st_meta(st, "spid.records");
     int rc = st ? 0 : -1;
 
     for (size_t i = 0; rc == 0 && !dumped && i < st_count(st); i++)
-        if ((rc = add_tensor(p, st, st_at(st, i), err)))
+        if ((rc = pack_add_tensor(p, st, st_at(st, i), err)))
             error_prefix(err, "%s", path);
     st_close(st);
-    return dumped ? recordfile_read_st(path, put_record, p, err) : rc;
+    return dumped ? recordfile_read_st(path, pack_put_record, p, err) : rc;
 }
 
 /* The records of the plain arrays: one, or one per row. */
-static int put_plain(struct pack *p, struct error *err)
+static int pack_put_plain(struct pack *p, struct error *err)
 {
     struct record rec = { .count = p->plains };
     size_t rows = p->plains ? p->plain[0].rows : 0;
@@ -207,7 +207,7 @@ static int put_plain(struct pack *p, struct error *err)
         rec.type[i] = *type ? *type++ : ' ';
     for (size_t row = 0; row < rows; row++) {
         rec.frame = (uint64_t)first_frame + row;
-        rec.time = (double)rec.frame / frame_rate();
+        rec.time = (double)rec.frame / pack_frame_rate();
         for (int i = 0; i < p->plains; i++) {
             const struct plain *a = &p->plain[i];
 
@@ -215,7 +215,7 @@ static int put_plain(struct pack *p, struct error *err)
             rec.array[i].data = (const char *)a->data +
                                 row * array_bytes(&a->like);
         }
-        if (put_record(&rec, p, err))
+        if (pack_put_record(&rec, p, err))
             return -1;
     }
     return 0;
@@ -224,14 +224,14 @@ static int put_plain(struct pack *p, struct error *err)
 /* ---- sources ------------------------------------------------------------ */
 
 /* Its records as they are. */
-static int add_stream(struct pack *p, const char *path, struct error *err)
+static int pack_add_stream(struct pack *p, const char *path, struct error *err)
 {
     struct stream_reader *in = stream_open(path, NULL, err);
     struct record rec;
     int rc = -1;
 
     while (in && (rc = stream_read(in, &rec, err)) > 0)
-        if (put_record(&rec, p, err)) {
+        if (pack_put_record(&rec, p, err)) {
             rc = -1;
             break;
         }
@@ -240,22 +240,23 @@ static int add_stream(struct pack *p, const char *path, struct error *err)
 }
 
 /* By the name's ending. */
-static int add_source(struct pack *p, const char *source, struct error *err)
+static int pack_add_source(struct pack *p, const char *source,
+                           struct error *err)
 {
     struct stat st;
 
     if (file_ends(source, ".npy"))
-        return add_npy(p, source, err);
+        return pack_add_npy(p, source, err);
     if (file_ends(source, ".safetensors"))
-        return add_safetensors(p, source, err);
+        return pack_add_safetensors(p, source, err);
     if (file_ends(source, ".ply"))
-        return recordply_read(source, &ply, put_record, p, err);
+        return recordply_read(source, &ply, pack_put_record, p, err);
     if (file_ends(source, ".json") || file_ends(source, ".jsonl"))
-        return recordjson_read(source, frame_rate(), stream_limit(),
-                               put_record, p, err);
+        return recordjson_read(source, pack_frame_rate(), stream_limit(),
+                               pack_put_record, p, err);
     if (stat(source, &st) == 0 && S_ISDIR(st.st_mode))
-        return recordfile_read_npy(source, put_record, p, err);
-    return add_stream(p, source, err);
+        return recordfile_read_npy(source, pack_put_record, p, err);
+    return pack_add_stream(p, source, err);
 }
 
 int main(int argc, char **argv)
@@ -271,15 +272,15 @@ int main(int argc, char **argv)
     if (!p.out)
         die_error(&err);
     if (ply_path)
-        rc = recordply_read(ply_path, &ply, put_record, &p, &err);
+        rc = recordply_read(ply_path, &ply, pack_put_record, &p, &err);
     if (take_path && rc == 0) {
         rc = take_pack(p.out, take_path, fps, head_path, relative_path, &err);
         p.records++;            /* it has a CONF of its own */
     }
     for (int i = first; i < argc && rc == 0; i++)
-        rc = add_source(&p, argv[i], &err);
+        rc = pack_add_source(&p, argv[i], &err);
     if (rc == 0)
-        rc = put_plain(&p, &err);
+        rc = pack_put_plain(&p, &err);
     progress_end();
     for (int i = 0; i < p.plains; i++)
         free(p.plain[i].data);

@@ -13,7 +13,7 @@ static double min_face = CLIPS_MIN_FACE;
 static enum nn_type precision = OPTION_PRECISION_DEFAULT;
 
 /* "I/N", I from 1 to N. */
-static int parse_part(const char *value, void *dest, struct error *err)
+static int prepare_parse_part(const char *value, void *dest, struct error *err)
 {
     char *end;
     long i = strtol(value, &end, 10), n = *end == '/' ? strtol(end + 1, &end,
@@ -36,7 +36,7 @@ static const struct cli_option options[] = {
                  "smaller faces are not good (default 64)"),
     OPTION_INT("size", 0, &size, 64, 2048, "PIXELS",
                "side of the pictures (default the model's)"),
-    OPTION_CALL("part", 0, &part, "I/N", parse_part,
+    OPTION_CALL("part", 0, &part, "I/N", prepare_parse_part,
                 "every N-th clip, from the I-th on"),
     OPTION_HEAD(&head_path),
     OPTION_PRECISION(&precision, "networks"),

@@ -58,7 +58,7 @@ struct program {
 };
 
 /* The model's refiner. */
-static void open_model(struct program *p)
+static void refine_open_model(struct program *p)
 {
     struct error err = {0};
 
@@ -68,7 +68,7 @@ static void open_model(struct program *p)
 }
 
 /* What is put behind the head. */
-static void open_background(void)
+static void refine_open_background(void)
 {
     struct error err = {0};
     int rc = 0;
@@ -90,7 +90,7 @@ static void open_background(void)
 }
 
 /* Input read ahead, and the output. */
-static void open_streams(struct program *p, const char *input)
+static void refine_open_streams(struct program *p, const char *input)
 {
     struct error err = {0};
 
@@ -112,8 +112,8 @@ static void open_streams(struct program *p, const char *input)
 }
 
 /* What --precision and --roi cost, on the first frame. */
-static void report_precision(const struct program *p,
-                             const struct refine_input *in)
+static void refine_report_precision(const struct program *p,
+                                    const struct refine_input *in)
 {
     struct error err = {0};
     double largest, db;
@@ -129,8 +129,8 @@ static void report_precision(const struct program *p,
 }
 
 /* The lines that are this program: I' = SR(F). */
-static int write_picture(struct program *p, const struct record *rec,
-                         struct error *err)
+static int refine_write_picture(struct program *p, const struct record *rec,
+                                struct error *err)
 {
     struct refine_picture *made = &p->picture;
     struct refine_input in;
@@ -144,7 +144,7 @@ static int write_picture(struct program *p, const struct record *rec,
     stats_end("refine", begun);
     if (!p->compared && (roi || precision == NN_BF16
                          || precision == NN_INT8))
-        report_precision(p, &in);
+        refine_report_precision(p, &in);
     p->compared = true;
     if (refine_picture_finish(made, &p->refine, &in, err))
         return -1;
@@ -160,13 +160,13 @@ static int write_picture(struct program *p, const struct record *rec,
 }
 
 /* FEAT becomes a picture, CONF tells the rate, the rest passes. */
-static int pass_record(struct program *p, const struct record *rec,
-                       struct error *err)
+static int refine_pass_record(struct program *p, const struct record *rec,
+                              struct error *err)
 {
     struct stream_writer *out = framesink_stream(p->out);
 
     if (record_is(rec, "FEAT"))
-        return write_picture(p, rec, err);
+        return refine_write_picture(p, rec, err);
     if (record_is(rec, "SRCI") && size &&
         refine_picture_take(&p->picture, rec, err))
         return -1;
@@ -176,7 +176,7 @@ static int pass_record(struct program *p, const struct record *rec,
 }
 
 /* Every record of the input in turn; -1 and *err naming the frame. */
-static int pass_stream(struct program *p, struct error *err)
+static int refine_pass_stream(struct program *p, struct error *err)
 {
     const struct record *rec;
     double begun;
@@ -184,14 +184,14 @@ static int pass_stream(struct program *p, struct error *err)
 
     while (begun = stats_begin(), (rc = ahead_read(p->ahead, &rec, err)) > 0) {
         stats_end("decode", begun);
-        if (pass_record(p, rec, err))
+        if (refine_pass_record(p, rec, err))
             return error_prefix(err, "%s: frame %llu", stream_name(p->in),
                                 (unsigned long long)rec->frame);
     }
     return rc;
 }
 
-static void close_all(struct program *p)
+static void refine_close_all(struct program *p)
 {
     ahead_close(p->ahead);
     stream_close(p->in);
@@ -211,10 +211,10 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%s: one stream at a time (expected at most one "
             "operand)", argv[first + 1]);
     p.picture.size = (size_t)size;
-    open_model(&p);
-    open_background();
-    open_streams(&p, first < argc ? argv[first] : "-");
-    if (pass_stream(&p, &err) < 0) {    /* a stream gets no END */
+    refine_open_model(&p);
+    refine_open_background();
+    refine_open_streams(&p, first < argc ? argv[first] : "-");
+    if (refine_pass_stream(&p, &err) < 0) {    /* a stream gets no END */
         progress_end();
         framesink_abandon(p.out);
         die_error(&err);
@@ -223,6 +223,6 @@ int main(int argc, char **argv)
     if (framesink_finish(p.out, &err))
         die_error(&err);
     stats_write();
-    close_all(&p);
+    refine_close_all(&p);
     return 0;
 }

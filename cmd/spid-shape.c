@@ -50,7 +50,7 @@ struct program {
 };
 
 /* Model and head. */
-static void open_model(struct program *p)
+static void shape_open_model(struct program *p)
 {
     struct error err = {0};
 
@@ -62,7 +62,7 @@ static void open_model(struct program *p)
 }
 
 /* The picture and its mask. */
-static void read_pictures(struct program *p, const char *path)
+static void shape_read_pictures(struct program *p, const char *path)
 {
     struct error err = {0};
     double begun = stats_begin();
@@ -77,7 +77,7 @@ static void read_pictures(struct program *p, const char *path)
 }
 
 /* The lines that are this program. */
-static void make_identity(struct program *p, const char *path)
+static void shape_make_identity(struct program *p, const char *path)
 {
     struct error err = {0};
     struct source *s = &p->source;
@@ -103,7 +103,7 @@ static void make_identity(struct program *p, const char *path)
 }
 
 /* CONF, SRCI, SHAP and MOTN. */
-static void write_identity(const struct program *p)
+static void shape_write_identity(const struct program *p)
 {
     struct error err = {0};
     double begun = stats_begin();
@@ -127,7 +127,7 @@ static void write_identity(const struct program *p)
 }
 
 /* Dim what the matte says is background, then draw the rest on top. */
-static void dim_background(uint8_t *rgb, const struct program *p)
+static void shape_dim_background(uint8_t *rgb, const struct program *p)
 {
     const size_t W = p->picture.width, H = p->picture.height;
     const size_t S = p->source.person.size;
@@ -147,7 +147,7 @@ static void dim_background(uint8_t *rgb, const struct program *p)
 }
 
 /* The picture of --overlay. */
-static void write_overlay(const struct program *p)
+static void shape_write_overlay(const struct program *p)
 {
     const size_t W = p->picture.width, H = p->picture.height;
     struct error err = {0};
@@ -161,7 +161,7 @@ static void write_overlay(const struct program *p)
         || overlay_init(&o, &id, &err))
         die_error(&err);
     if (dim) {
-        dim_background(dim, p);
+        shape_dim_background(dim, p);
         drawn = overlay_draw(&o, dim, W, H, &p->source.person.source, false,
                              p->source.window, track_options.size,
                              source_matte_name(p->source.how));
@@ -184,12 +184,12 @@ int main(int argc, char **argv)
     if (argc - first != 1)
         die(EX_USAGE, "%d pictures (expected one)", argc - first);
     module_preload((const char *[]){argv[first]}, 1);
-    open_model(&p);
-    read_pictures(&p, argv[first]);
-    make_identity(&p, argv[first]);
-    write_identity(&p);
+    shape_open_model(&p);
+    shape_read_pictures(&p, argv[first]);
+    shape_make_identity(&p, argv[first]);
+    shape_write_identity(&p);
     if (overlay_path)
-        write_overlay(&p);
+        shape_write_overlay(&p);
     stats_write();
     source_release(&p.source);
     image_release(&p.picture);

@@ -25,7 +25,7 @@ static bool straight;
 static enum framesink_format format = FRAMESINK_AUTO;
 
 /* Twelve numbers, row by row, separated by commas or blanks. */
-static int parse_camera(const char *value, void *dest, struct error *err)
+static int splat_parse_camera(const char *value, void *dest, struct error *err)
 {
     struct view_option *v = dest;
     const char *at = value;
@@ -47,7 +47,8 @@ static int parse_camera(const char *value, void *dest, struct error *err)
     return 0;
 }
 
-static int parse_branches(const char *value, void *dest, struct error *err)
+static int splat_parse_branches(const char *value, void *dest,
+                                struct error *err)
 {
     static const char *const name[] = {"dynamic", "static", "mouth"};
     unsigned *bits = dest;
@@ -68,7 +69,7 @@ static int parse_branches(const char *value, void *dest, struct error *err)
     return *bits ? 0 : error_set(err, EX_USAGE, "no branch named");
 }
 
-static int parse_rules(const char *value, void *dest, struct error *err)
+static int splat_parse_rules(const char *value, void *dest, struct error *err)
 {
     if (!strcmp(value, "gsplat"))
         *(enum splat_rules *)dest = SPLAT_GSPLAT;
@@ -85,11 +86,11 @@ static const struct cli_option options[] = {
                "draw N x N pixels (512)"),
     OPTION_INT("channels", 'c', &channels, 1, SPLAT_MAX_CHANNELS, "N",
                "draw the first N colour channels (3)"),
-    OPTION_CALL("camera", 0, &view, "LIST", parse_camera,
+    OPTION_CALL("camera", 0, &view, "LIST", splat_parse_camera,
                 "12 numbers, the rows of [R|t], instead of the stream's"),
     OPTION_FLOAT("focal", 0, &focal, 1e-3, 1e6, "F",
                  "focal length in half pictures (12)"),
-    OPTION_CALL("branch", 0, &branches, "LIST", parse_branches,
+    OPTION_CALL("branch", 0, &branches, "LIST", splat_parse_branches,
                 "only these: dynamic,static,mouth"),
     {"format", 'f', CLI_CALL, &format, 0, 0, "NAME",
      "stream, y4m, png, pam, exr or mp4 (by the name)",
@@ -108,7 +109,7 @@ static const struct cli_option options[] = {
     OPTION_FLAG("bt601", 0, &bt601, "y4m: BT.601 matrix instead of BT.709"),
     OPTION_FLAG("exact", 0, &exact,
                 "double precision without cut-offs: slow, the truth"),
-    OPTION_CALL("rules", 0, &rules, "NAME", parse_rules,
+    OPTION_CALL("rules", 0, &rules, "NAME", splat_parse_rules,
                 "gsplat, or dgr: as the public CUDA rasteriser"),
     OPTION_FLOAT("alpha-cut", 0, &alpha_cut, 1e-7, 0.9, "A",
                  "leave out alphas below A (1/255)"),
@@ -139,12 +140,12 @@ static const struct cli_usage usage = {
 
 /* Features for a refiner travel as they are multiplied, in 16 bits; the truth
  * and what was asked for in float stay float. */
-static bool half_features(void)
+static bool splat_half_features(void)
 {
     return f16 || (channels > SPLAT_COLORS && !f32_products && !exact);
 }
 
-static struct framesink *open_sink(void)
+static struct framesink *splat_open_sink(void)
 {
     struct error err = {0};
     struct framesink *sink = framesink_open(&(struct framesink_options){
@@ -152,8 +153,8 @@ static struct framesink *open_sink(void)
         .covered = covered,
         .bt601 = bt601, .background = &background,
         .record = imag ? FRAMESINK_IMAG
-                       : half_features() ? FRAMESINK_FEAT_F16
-                                         : FRAMESINK_FEAT_F32
+                       : splat_half_features() ? FRAMESINK_FEAT_F16
+                                               : FRAMESINK_FEAT_F32
     }, &err);
 
     if (!sink)
@@ -164,13 +165,13 @@ static struct framesink *open_sink(void)
     return sink;
 }
 
-static void open_renderer(struct render *r, struct framesink *sink)
+static void splat_open_renderer(struct render *r, struct framesink *sink)
 {
     struct render_options o = {
         .splat = splat_defaults((int)size, (int)size, (int)channels),
         .focal = (float)focal, .camera = view.given ? view.rt : NULL,
         .exact = exact, .features = framesink_stream(sink) && !imag,
-        .half = half_features(), .places = places, .begin = stats_begin,
+        .half = splat_half_features(), .places = places, .begin = stats_begin,
         .end = stats_end};
     struct error err = {0};
 
@@ -204,9 +205,9 @@ int main(int argc, char **argv)
 
     if (!in)
         die_error(&err);
-    struct framesink *sink = open_sink();
+    struct framesink *sink = splat_open_sink();
 
-    open_renderer(&r, sink);
+    splat_open_renderer(&r, sink);
     while ((rc = stream_read(in, &rec, &err)) > 0)
         if (render_take(&r, &rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(in),

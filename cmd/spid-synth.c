@@ -24,7 +24,7 @@ static bool without_mesh;
 static enum framesink_format format = FRAMESINK_AUTO;
 
 /* --without: only meshes can be left out. */
-static int parse_without(const char *value, void *dest, struct error *err)
+static int synth_parse_without(const char *value, void *dest, struct error *err)
 {
     if (strcmp(value, "mesh"))
         return error_set(err, EX_USAGE, "'%s' cannot be left out "
@@ -49,7 +49,7 @@ static const struct cli_option options[] = {
     OPTION_FLOAT("effects", 0, &effects, 0, 1, "X",
                  "what the camera adds: 0 nothing to 1 everything (default "
                  "1)"),
-    OPTION_CALL("without", 0, &without_mesh, "mesh", parse_without,
+    OPTION_CALL("without", 0, &without_mesh, "mesh", synth_parse_without,
                 "leave out the MESH records"),
     OPTION_CALL("format", 0, &format, "NAME", framesink_parse_format,
                 "stream, y4m, png, pam or mp4 instead of what -o's name says"),
@@ -73,8 +73,8 @@ static const struct cli_usage usage = {
 };
 
 /* CONF: camera, units, seed, and which head. */
-static int write_conf(struct stream_writer *w, const struct head *head,
-                      struct error *err)
+static int synth_write_conf(struct stream_writer *w, const struct head *head,
+                            struct error *err)
 {
     char json[512];
     int n = snprintf(json, sizeof json,
@@ -89,8 +89,9 @@ static int write_conf(struct stream_writer *w, const struct head *head,
 }
 
 /* SHAP: a person's shape coefficients and number. */
-static int write_person(struct stream_writer *w, const struct synth_frame *f,
-                        uint64_t number, struct error *err)
+static int synth_write_person(struct stream_writer *w,
+                              const struct synth_frame *f, uint64_t number,
+                              struct error *err)
 {
     int32_t who = (int32_t)f->person;
     struct shape s = {.beta = f->beta, .n = f->nbeta, .person = &who};
@@ -99,9 +100,9 @@ static int write_person(struct stream_writer *w, const struct synth_frame *f,
 }
 
 /* MOTN, MESH and IMAG of one frame. */
-static int write_frame(struct stream_writer *w, const struct head *head,
-                       const struct synth_frame *f, uint64_t number,
-                       struct error *err)
+static int synth_write_frame(struct stream_writer *w, const struct head *head,
+                             const struct synth_frame *f, uint64_t number,
+                             struct error *err)
 {
     const struct synth_motion *t = f->motion;
     double time = (double)number / fps;
@@ -138,9 +139,9 @@ static int write_frame(struct stream_writer *w, const struct head *head,
 }
 
 /* Frames into a stream with their truth, or as pictures alone. */
-static int write_output(struct framesink *sink, const struct head *head,
-                        const struct synth_frame *f, uint64_t number,
-                        struct error *err)
+static int synth_write_output(struct framesink *sink, const struct head *head,
+                              const struct synth_frame *f, uint64_t number,
+                              struct error *err)
 {
     struct stream_writer *w = framesink_stream(sink);
     struct framesink_frame picture = {
@@ -150,15 +151,16 @@ static int write_output(struct framesink *sink, const struct head *head,
 
     if (!w)
         return framesink_write(sink, &picture, err);
-    if (number == 0 && write_conf(w, head, err))
+    if (number == 0 && synth_write_conf(w, head, err))
         return -1;
-    if (f->frame == 0 && write_person(w, f, number, err))
+    if (f->frame == 0 && synth_write_person(w, f, number, err))
         return -1;
-    return write_frame(w, head, f, number, err);
+    return synth_write_frame(w, head, f, number, err);
 }
 
 /* A contact sheet as PNG. */
-static void write_sheet(const struct head *head, struct synth_options *opt)
+static void synth_write_sheet(const struct head *head,
+                              struct synth_options *opt)
 {
     struct error err = {0};
     size_t w = SHEET_COLUMNS * (size_t)opt->size;
@@ -174,9 +176,9 @@ static void write_sheet(const struct head *head, struct synth_options *opt)
 }
 
 /* The tables of --statistics; pictures to compare with, named by people. */
-static void write_statistics(const struct head *head,
-                             const struct synth_options *opt, char **picture,
-                             int count)
+static void synth_write_statistics(const struct head *head,
+                                   const struct synth_options *opt,
+                                   char **picture, int count)
 {
     struct error err = {0};
     struct picture_figures f;
@@ -200,7 +202,8 @@ static void write_statistics(const struct head *head,
 }
 
 /* Every frame of opt into the sink. */
-static void write_frames(const struct head *head, struct synth_options *opt)
+static void synth_write_frames(const struct head *head,
+                               struct synth_options *opt)
 {
     struct error err = {0};
     struct synth_frame f;
@@ -219,7 +222,7 @@ static void write_frames(const struct head *head, struct synth_options *opt)
     double begun = stats_begin();
     while ((rc = s ? synth_next(s, &f, &err) : -1) > 0) {
         stats_end("synth", begun);
-        if ((rc = write_output(sink, head, &f, number, &err)))
+        if ((rc = synth_write_output(sink, head, &f, number, &err)))
             break;
         progress("frames", ++number, (size_t)(opt->people * opt->frames),
                  NULL);
@@ -264,11 +267,11 @@ int main(int argc, char **argv)
         die_error(&err);
     opt.assets = assets;
     if (statistics) {
-        write_statistics(&head, &opt, argv + operand, argc - operand);
+        synth_write_statistics(&head, &opt, argv + operand, argc - operand);
     } else if (sheet_path) {
-        write_sheet(&head, &opt);
+        synth_write_sheet(&head, &opt);
     } else {
-        write_frames(&head, &opt);
+        synth_write_frames(&head, &opt);
     }
     scan_close(assets);
     head_release(&head);

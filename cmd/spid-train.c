@@ -25,29 +25,29 @@ static struct {
 
 static volatile sig_atomic_t stop;
 
-static void on_signal(int number)
+static void train_on_signal(int number)
 {
     (void)number;
     stop = 1;
 }
 
-static int add_source(const char *value, bool grow, struct error *err)
+static int train_add_source(const char *value, bool grow, struct error *err)
 {
     if (opt.ninit == MOST_PARTS)
         return error_set(err, EX_USAGE, "more than %d files", MOST_PARTS);
     return checkpoint_source_parse(&opt.init[opt.ninit++], value, grow, err);
 }
 
-static int parse_init(const char *value, void *dest, struct error *err)
+static int train_parse_init(const char *value, void *dest, struct error *err)
 {
     (void)dest;
-    return add_source(value, false, err);
+    return train_add_source(value, false, err);
 }
 
-static int parse_grow(const char *value, void *dest, struct error *err)
+static int train_parse_grow(const char *value, void *dest, struct error *err)
 {
     (void)dest;
-    return add_source(value, true, err);
+    return train_add_source(value, true, err);
 }
 
 static const struct cli_option options[] = {
@@ -64,9 +64,9 @@ static const struct cli_option options[] = {
     OPTION_HEAD(&opt.head),
     OPTION_STRING("shapes", 0, &opt.shapes, "FILE",
                   "people's shapes by FILE's E_beta, not the true ones"),
-    OPTION_CALL("init", 0, NULL, "FILE[:PREFIX[=FROM]]", parse_init,
+    OPTION_CALL("init", 0, NULL, "FILE[:PREFIX[=FROM]]", train_parse_init,
                 "start tensors PREFIX... from FILE's FROM...; repeatable"),
-    OPTION_CALL("grow", 0, NULL, "FILE[:PREFIX[=FROM]]", parse_grow,
+    OPTION_CALL("grow", 0, NULL, "FILE[:PREFIX[=FROM]]", train_parse_grow,
                 "the same from a narrower network"),
     OPTION_STRING("join", 0, &opt.join, "FILE",
                   "no training: join model files into FILE, half precision"),
@@ -82,13 +82,13 @@ static const struct cli_usage usage = {
     .options = options,
 };
 
-static int write_png(const char *path, const uint8_t *rgb, size_t H, size_t W,
-                     struct error *err)
+static int train_write_png(const char *path, const uint8_t *rgb, size_t H,
+                           size_t W, struct error *err)
 {
     return image_write_png(path, rgb, W, H, 3, err);
 }
 
-static void load_head(struct head *h)
+static void train_load_head(struct head *h)
 {
     struct error err = {0};
 
@@ -97,7 +97,7 @@ static void load_head(struct head *h)
 }
 
 /* People of --validation. */
-static void load_validation(struct task *t, struct predicted_shape *shape)
+static void train_load_validation(struct task *t, struct predicted_shape *shape)
 {
     struct error err = {0};
     struct data_reader *r;
@@ -113,7 +113,7 @@ static void load_validation(struct task *t, struct predicted_shape *shape)
 }
 
 /* The model that is trained. */
-static struct avatar_config read_model(const struct train_config *c)
+static struct avatar_config train_read_model(const struct train_config *c)
 {
     struct error err = {0};
     struct avatar_config model;
@@ -125,13 +125,13 @@ static struct avatar_config read_model(const struct train_config *c)
 }
 
 /* The metadata of a model: its configuration, with the head it is for. */
-static char *describe_model(const struct train_config *c)
+static char *train_describe_model(const struct train_config *c)
 {
-    struct avatar_config model = read_model(c);
+    struct avatar_config model = train_read_model(c);
     struct head head;
     char *text;
 
-    load_head(&head);
+    train_load_head(&head);
     memcpy(model.head_hash, head.hash, sizeof model.head_hash);
     head_release(&head);
     text = avatar_config_print(&model);
@@ -140,14 +140,15 @@ static char *describe_model(const struct train_config *c)
     return text;
 }
 
-static int join_models(const struct train_config *c, char **parts, int count)
+static int train_join_models(const struct train_config *c, char **parts,
+                             int count)
 {
     struct error err = {0};
     char *spid;
 
     if (count < 1)
         die(EX_USAGE, "--join: no model files (expected at least one)");
-    spid = describe_model(c);
+    spid = train_describe_model(c);
     if (checkpoint_join(opt.join, (const char *const *)parts, (size_t)count,
                         ST_F16, spid, &err))
         die_error(&err);
@@ -157,16 +158,16 @@ static int join_models(const struct train_config *c, char **parts, int count)
 
 /* The streams to read.  Records of plain clips are made first; the processes
  * of the group share them out. */
-static size_t gather_data(const char **data, char **operand,
-                          const struct train_config *c,
-                          const struct group *group)
+static size_t train_gather_data(const char **data, char **operand,
+                                const struct train_config *c,
+                                const struct group *group)
 {
     static char folder[4096];
     struct error err = {0};
     bool none = false;
     const struct clips_job job = {
         .folder = opt.records ? opt.records : folder, .head_path = opt.head,
-        .precision = OPTION_PRECISION_DEFAULT, .size = read_model(c).size,
+        .precision = OPTION_PRECISION_DEFAULT, .size = train_read_model(c).size,
         .part = (size_t)group->rank, .parts = (size_t)group->size,
         .opt = {.frames = (size_t)opt.frames, .least = CLIPS_LEAST,
                 .min_face = CLIPS_MIN_FACE}};
@@ -179,8 +180,9 @@ static size_t gather_data(const char **data, char **operand,
 }
 
 /* Returns the exit code. */
-static int run_training(const struct train_config *c, const char *const *files,
-                        size_t count, struct group *group)
+static int train_run(const struct train_config *c,
+                     const char *const *files, size_t count,
+                     struct group *group)
 {
     struct error err = {0};
     struct head head = {0};
@@ -196,16 +198,16 @@ static int run_training(const struct train_config *c, const char *const *files,
         .stop = &stop,
         .warn = train_report_warning,
         .report = cli.quiet ? NULL : train_report_step,
-        .write_png = write_png,
+        .write_png = train_write_png,
     };
     int rc;
 
-    load_head(&head);
+    train_load_head(&head);
     if (opt.shapes && predicted_shape_open(&shape, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
     if (!rc) {
-        load_validation(&task, &shape);
+        train_load_validation(&task, &shape);
         if (!group->rank)
             train_report_run(&task);
         loop.reader = data_open(files, count, task.type->margin, &err);
@@ -247,17 +249,17 @@ int main(int argc, char **argv)
     if (opt.steps >= 0)
         config.steps = opt.steps;
     if (opt.join) {
-        rc = join_models(&config, argv + first, argc - first);
+        rc = train_join_models(&config, argv + first, argc - first);
     } else {
         if (!strcmp(cli.output, "-"))
             die(EX_USAGE, "no folder for the model (expected -o DIR)");
-        signal(SIGINT, on_signal);
-        signal(SIGTERM, on_signal);
+        signal(SIGINT, train_on_signal);
+        signal(SIGTERM, train_on_signal);
         const char **data = calloc((size_t)(argc - first) + 1, sizeof *data);
         if (!data)
             die(EX_OSERR, "out of memory");
-        size_t n = gather_data(data, argv + first, &config, &group);
-        rc = run_training(&config, data, n, &group);
+        size_t n = train_gather_data(data, argv + first, &config, &group);
+        rc = train_run(&config, data, n, &group);
         free(data);
     }
     train_config_release(&config);

@@ -21,7 +21,7 @@ static const struct cli_usage usage = {
 };
 
 /* The directory this program lies in, with a slash; "" when unknown. */
-static void own_directory(char *dir, size_t size)
+static void spid_own_directory(char *dir, size_t size)
 {
     ssize_t n = readlink("/proc/self/exe", dir, size - 1);
 
@@ -36,13 +36,13 @@ static void own_directory(char *dir, size_t size)
 /* ---- verbs ------------------------------------------------------------- */
 
 /* For qsort. */
-static int by_name(const void *a, const void *b)
+static int spid_by_name(const void *a, const void *b)
 {
     return strcmp(*(char *const *)a, *(char *const *)b);
 }
 
 /* The programs beside this one. */
-static void list_verbs(FILE *to, const char *dir)
+static void spid_list_verbs(FILE *to, const char *dir)
 {
     char *name[64];
     size_t n = 0;
@@ -54,7 +54,7 @@ static void list_verbs(FILE *to, const char *dir)
         if (strncmp(e->d_name, "spid-", 5) == 0 && !strchr(e->d_name, '.'))
             name[n++] = strdup(e->d_name + 5);
     closedir(d);
-    qsort(name, n, sizeof *name, by_name);
+    qsort(name, n, sizeof *name, spid_by_name);
     fputs("verbs:", to);
     for (size_t i = 0; i < n; i++) {
         fprintf(to, " %s", name[i]);
@@ -64,7 +64,7 @@ static void list_verbs(FILE *to, const char *dir)
 }
 
 /* Become spid-VERB; returns only when there is none. */
-static void run_verb(const char *dir, char **argv)
+static void spid_run_verb(const char *dir, char **argv)
 {
     char path[4200];
 
@@ -80,7 +80,7 @@ static void run_verb(const char *dir, char **argv)
 /* ---- doctor ------------------------------------------------------------ */
 
 /* What /proc/meminfo says. */
-static void print_memory(void)
+static void spid_print_memory(void)
 {
     char line[160];
     FILE *f = fopen("/proc/meminfo", "r");
@@ -93,7 +93,7 @@ static void print_memory(void)
 }
 
 /* One file of the model search: where it is and what it holds. */
-static int print_model(const char *name)
+static int spid_print_model(const char *name)
 {
     struct error err = {0};
     char path[4096];
@@ -119,7 +119,7 @@ static int print_model(const char *name)
 }
 
 /* The shared libraries this system would load for the heavy programs. */
-static void print_library(const char *what, const char *pattern)
+static void spid_print_library(const char *what, const char *pattern)
 {
     static const char *const roots[] = {
         "/usr/lib/x86_64-linux-gnu", "/usr/lib/aarch64-linux-gnu",
@@ -145,7 +145,7 @@ static void print_library(const char *what, const char *pattern)
 }
 
 /* Everything that a bug report should say; not 0 when a file is missing. */
-static int run_doctor(void)
+static int spid_run_doctor(void)
 {
     int bad = 0;
 
@@ -155,14 +155,14 @@ static int run_doctor(void)
            nn_type_native(NN_BF16) ? ", bf16 native" : "");
     printf("threads     %d of %d processors\n", omp_get_max_threads(),
            omp_get_num_procs());
-    print_memory();
-    print_library("oneDNN", "libdnnl.so.");
-    print_library("OpenCV", "libopencv_core.so.");
-    print_library("OpenImageIO", "libOpenImageIO.so.");
-    print_library("libpng", "libpng16.so.");
-    print_library("xxHash", "libxxhash.so.");
-    bad |= print_model("head.safetensors");
-    bad |= print_model("model.safetensors");
+    spid_print_memory();
+    spid_print_library("oneDNN", "libdnnl.so.");
+    spid_print_library("OpenCV", "libopencv_core.so.");
+    spid_print_library("OpenImageIO", "libOpenImageIO.so.");
+    spid_print_library("libpng", "libpng16.so.");
+    spid_print_library("xxHash", "libxxhash.so.");
+    bad |= spid_print_model("head.safetensors");
+    bad |= spid_print_model("model.safetensors");
     return bad ? EX_CONFIG : 0;
 }
 
@@ -170,17 +170,17 @@ int main(int argc, char **argv)
 {
     char dir[4096];
 
-    own_directory(dir, sizeof dir);
+    spid_own_directory(dir, sizeof dir);
     if (argc > 1 && argv[1][0] != '-' && strcmp(argv[1], "doctor")) {
-        run_verb(dir, argv + 1);
-        list_verbs(stderr, dir);
+        spid_run_verb(dir, argv + 1);
+        spid_list_verbs(stderr, dir);
         cli.program = "spid";
         die(EX_USAGE, "%s: no such verb", argv[1]);
     }
     int first = cli_parse(&usage, argc, argv);
     if (first == argc) {
-        list_verbs(stderr, dir);
+        spid_list_verbs(stderr, dir);
         die(EX_USAGE, "no verb (expected one of these)");
     }
-    return run_doctor();
+    return spid_run_doctor();
 }

@@ -12,7 +12,7 @@
 #include "lib/synth/synth.h"
 
 /* A person's clip: pictures, true motion, the shape folded. */
-static int make_clip(struct bench_person *p, struct error *err)
+static int bench_make_clip(struct bench_person *p, struct error *err)
 {
     const struct synth_options opt = {.seed = 11, .people = 1,
                                       .frames = PERSON_FRAMES,
@@ -63,7 +63,7 @@ int bench_person_open(struct bench_person *p, struct bench *b,
                          "head.safetensors (expected -m MODEL)");
     if (model_open(&p->model, b->model, err) ||
         head_load(&p->head, b->head, err) ||
-        make_clip(p, err) ||
+        bench_make_clip(p, err) ||
         densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err))
         return -1;
     p->verts = malloc(3 * p->head.V * sizeof *p->verts);
@@ -88,7 +88,7 @@ void bench_person_close(struct bench_person *p)
 /* ---- flame ------------------------------------------------------------- */
 
 /* Pose the next frame's mesh. */
-static int call_pose(void *context, struct error *err)
+static int bench_call_pose(void *context, struct error *err)
 {
     struct bench_person *p = context;
 
@@ -98,7 +98,7 @@ static int call_pose(void *context, struct error *err)
 }
 
 /* Largest difference from the double reference, over some frames. */
-static double pose_error(struct bench_person *p)
+static double bench_pose_error(struct bench_person *p)
 {
     size_t n = 3 * p->head.V;
     double *ref = malloc(n * sizeof *ref), worst = 0;
@@ -145,10 +145,10 @@ int bench_flame(struct bench *b, struct error *err)
             for (size_t k = 0; k < p->head.nexp; k++)
                 if (p->motion[i].exp[k] == 0)
                     p->motion[i].exp[k] = 1e-3f;
-        double worst = pose_error(p);
+        double worst = bench_pose_error(p);
         snprintf(config, sizeof config, "V=%zu, %zu expressions, jaw, eyes, "
                  "lids", p->head.V, p->head.nexp);
-        rc = bench_time(&t, b->seconds / 4, 300, call_pose, p, err);
+        rc = bench_time(&t, b->seconds / 4, 300, bench_call_pose, p, err);
         if (rc == 0) {
             bench_add(b, "flame", config, "default", 1, &t, worst, NAN);
             bench_note(b, "flame: %.3f micrometres from the double "
@@ -189,7 +189,7 @@ int bench_person_bake(void *person, struct error *err)
 }
 
 /* Move the Gaussians to the next frame. */
-static int call_drive(void *context, struct error *err)
+static int bench_call_drive(void *context, struct error *err)
 {
     struct bench_person *p = context;
     struct head_mouth mouth;
@@ -206,7 +206,7 @@ static int call_drive(void *context, struct error *err)
 
 /* Largest difference of baked_drive's centres from the same sums in double:
  * a vertex, or half of two, bent about the neck. */
-static double drive_error(struct bench_person *p)
+static double bench_drive_error(struct bench_person *p)
 {
     const struct baked *b = &p->baked;
     double worst = 0;
@@ -272,12 +272,12 @@ static int bench_driving(struct bench_person *p, struct error *err)
     char config[96];
 
     if (baked_move_init(&p->move, &p->baked, err) ||
-        bench_time(&t, p->b->seconds / 8, 300, call_drive, p, err))
+        bench_time(&t, p->b->seconds / 8, 300, bench_call_drive, p, err))
         return -1;
     snprintf(config, sizeof config, "N=%zu, plane 296, mouth 32",
              p->baked.N);
     bench_add(p->b, "branches", config, "update (a frame)", 1, &t,
-              drive_error(p), NAN);
+              bench_drive_error(p), NAN);
     return 0;
 }
 

@@ -74,7 +74,7 @@ static int programs_point(struct growth *g, double x, const char *const *args,
 /* ---- frames -------------------------------------------------------------- */
 
 /* n motions into a pipe's end, which is closed. */
-static int frames_feed(int fd, size_t n, struct error *err)
+static int growth_frames_feed(int fd, size_t n, struct error *err)
 {
     struct motion m = {.R = {1, 0, 0, 0, -1, 0, 0, 0, -1}, .t = {0, 0, 12}};
     char path[32];
@@ -97,8 +97,8 @@ static int frames_feed(int fd, size_t n, struct error *err)
 }
 
 /* spid-flame on a pipe of n frames. */
-static int frames_point(struct growth *g, const struct room *r,
-                        const char *program, size_t n, struct error *err)
+static int growth_frames_point(struct growth *g, const struct room *r,
+                               const char *program, size_t n, struct error *err)
 {
     const char *const args[] = {program, "-q", "-j", r->threads, "--head",
                                 g->b->head, "-o", "/dev/null", NULL};
@@ -112,7 +112,7 @@ static int frames_point(struct growth *g, const struct room *r,
     int rc = child < 0 ? -1 : 0;
     if (child < 0)
         close(fd[1]);
-    else if (frames_feed(fd[1], n, err) |
+    else if (growth_frames_feed(fd[1], n, err) |
              process_end(child, program, &cost, err))
         rc = -1;
     return rc ? rc : programs_add(g, (double)n, &cost, err);
@@ -128,7 +128,7 @@ static int growth_frames(struct room *r, struct error *err)
     if (process_find(program, "spid-flame", err))
         return -1;
     for (size_t n = 100; n <= 100000 && growth_goes_on(&g, (double)n); n *= 10)
-        if (frames_point(&g, r, program, n, err))
+        if (growth_frames_point(&g, r, program, n, err))
             return -1;
     growth_note(&g);
     return 0;
@@ -137,8 +137,8 @@ static int growth_frames(struct room *r, struct error *err)
 /* ---- people -------------------------------------------------------------- */
 
 /* A list of n clips of one frame each, every one a person of its own. */
-static int people_list(const struct room *r, const char *list, size_t n,
-                       struct error *err)
+static int growth_people_list(const struct room *r, const char *list, size_t n,
+                              struct error *err)
 {
     FILE *f = fopen(list, "w");
 
@@ -169,7 +169,7 @@ static int growth_people(struct room *r, struct error *err)
         process_run(make, -1, NULL, err))
         return -1;
     for (size_t i = 0; i < 8 && growth_goes_on(&g, (double)count[i]); i++)
-        if (people_list(r, list, count[i], err) ||
+        if (growth_people_list(r, list, count[i], err) ||
             programs_point(&g, (double)count[i], args, err))
             return -1;
     growth_note(&g);

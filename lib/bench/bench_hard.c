@@ -40,7 +40,7 @@ struct turns {
 };
 
 /* All rotations once. */
-static int call_turns(void *context, struct error *err)
+static int hard_call_turns(void *context, struct error *err)
 {
     struct turns *t = context;
 
@@ -54,7 +54,8 @@ static int call_turns(void *context, struct error *err)
 }
 
 /* Axis-angle of that angle; for 6D two columns that angle apart, that long. */
-static void make_turns(struct turns *t, bool six, double angle, double length)
+static void hard_make_turns(struct turns *t, bool six, double angle,
+                            double length)
 {
     struct random r;
 
@@ -79,15 +80,15 @@ static void make_turns(struct turns *t, bool six, double angle, double length)
 }
 
 /* Time of one kind, and its error against double. */
-static int rotation_row(struct bench *b, struct turns *t, const char *name,
-                        double seconds, struct error *err)
+static int hard_rotation_row(struct bench *b, struct turns *t, const char *name,
+                             double seconds, struct error *err)
 {
     double *truth = malloc(TURNS * 9 * sizeof *truth), x[6], worst, psnr;
     struct bench_times m;
     int rc = truth ? 0 : error_set(err, EX_OSERR, "out of memory");
 
     if (rc == 0)
-        rc = bench_time(&m, seconds, 20, call_turns, t, err);
+        rc = bench_time(&m, seconds, 20, hard_call_turns, t, err);
     for (int i = 0; i < TURNS && rc == 0; i++) {
         for (int k = 0; k < 6; k++)
             x[k] = t->x[i][k];
@@ -122,8 +123,8 @@ static int hard_rotations(struct bench *b, double seconds, struct error *err)
     int rc = t ? 0 : error_set(err, EX_OSERR, "out of memory");
 
     for (size_t i = 0; i < sizeof cases / sizeof *cases && rc == 0; i++) {
-        make_turns(t, cases[i].six, cases[i].angle, cases[i].length);
-        rc = rotation_row(b, t, cases[i].name, seconds, err);
+        hard_make_turns(t, cases[i].six, cases[i].angle, cases[i].length);
+        rc = hard_rotation_row(b, t, cases[i].name, seconds, err);
     }
     free(t);
     return rc;
@@ -141,7 +142,7 @@ struct cut {
 };
 
 /* Cut the square. */
-static int call_cut(void *context, struct error *err)
+static int hard_call_cut(void *context, struct error *err)
 {
     struct cut *c = context;
 
@@ -177,7 +178,7 @@ static int hard_crops(struct bench *b, double seconds, struct error *err)
         c.exact[i] = (c.rgb[i] = (uint8_t)random_below(&r, 256)) / 255.0;
     for (size_t i = 0; i < sizeof cases / sizeof *cases && rc == 0; i++) {
         c.q = cases[i].q;
-        rc = bench_time(&t, seconds, 20, call_cut, &c, err);
+        rc = bench_time(&t, seconds, 20, hard_call_cut, &c, err);
         if (rc)
             break;
         crop_sample_ref(c.truth, CROP_NET, c.exact, SIDE, SIDE, c.q);
@@ -207,7 +208,7 @@ struct posing {
 };
 
 /* Pose the head. */
-static int call_posing(void *context, struct error *err)
+static int hard_call_posing(void *context, struct error *err)
 {
     struct posing *p = context;
 
@@ -217,9 +218,9 @@ static int call_posing(void *context, struct error *err)
 }
 
 /* Time of a pose, and its error against double. */
-static int pose_row(struct bench *b, struct posing *p, const struct head *h,
-                    const struct pose_case *c, double seconds,
-                    struct error *err)
+static int hard_pose_row(struct bench *b, struct posing *p,
+                         const struct head *h, const struct pose_case *c,
+                         double seconds, struct error *err)
 {
     float exp[HEAD_MAX_EXP];
     double beta[HEAD_MAX_EXP] = {0}, wide[HEAD_MAX_EXP], worst, psnr;
@@ -240,7 +241,7 @@ static int pose_row(struct bench *b, struct posing *p, const struct head *h,
         d.lid[k] = p->m.lid[k] = (float)c->lid;
     }
     if (rc == 0)
-        rc = bench_time(&t, seconds, 50, call_posing, p, err);
+        rc = bench_time(&t, seconds, 50, hard_call_posing, p, err);
     if (rc == 0) {
         head_pose_d(truth, NULL, h, &d);
         bench_compare(&worst, &psnr, p->verts, truth, 3 * h->V);
@@ -275,7 +276,7 @@ static int hard_poses(struct bench *b, double seconds, struct error *err)
     if (rc == 0 && !p.verts)
         rc = error_set(err, EX_OSERR, "out of memory");
     for (size_t i = 0; i < sizeof cases / sizeof *cases && rc == 0; i++)
-        rc = pose_row(b, &p, &h, &cases[i], seconds, err);
+        rc = hard_pose_row(b, &p, &h, &cases[i], seconds, err);
     identity_release(&p.mean);
     head_release(&h);
     free(p.verts);

@@ -27,7 +27,7 @@ struct crop_case {
 };
 
 /* Cut the face crop. */
-static int call_crop(void *context, struct error *err)
+static int bench_call_crop(void *context, struct error *err)
 {
     struct crop_case *c = context;
 
@@ -56,7 +56,7 @@ static int bench_crop(struct bench *b, struct error *err)
     for (size_t i = 0; i < n; i++)
         exact[i] = (c.rgb[i] = (uint8_t)random_below(&r, 256)) / 255.0;
     crop_sample_ref(truth, CROP_NET, exact, SIDE, SIDE, c.q);
-    if (bench_time(&t, b->seconds / 20, 50, call_crop, &c, err) != 0)
+    if (bench_time(&t, b->seconds / 20, 50, bench_call_crop, &c, err) != 0)
         goto out;
     bench_compare(&most, &psnr, c.out, truth, m);
     if (!bench_add(b, "crop", "287x287 -> 224x224 u8 -> f32", "default", 1,
@@ -83,7 +83,7 @@ struct net_case {
 };
 
 /* One encoder on one crop. */
-static int call_net(void *context, struct error *err)
+static int bench_call_net(void *context, struct error *err)
 {
     struct net_case *c = context;
 
@@ -109,7 +109,7 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     omp_set_num_threads(threads);
     if (encoders_open(&c->e, &c->model, c->shape, type, err))
         return -1;
-    rc = bench_time(&t, b->seconds / 6, 20, call_net, c, err);
+    rc = bench_time(&t, b->seconds / 6, 20, bench_call_net, c, err);
     if (type == NN_F32 && threads == 1) {
         most = 0;               /* the truth itself */
         psnr = INFINITY;
@@ -175,7 +175,7 @@ out:
 /* ---- the heads -------------------------------------------------------- */
 
 /* A hundred decodings. */
-static int call_heads(void *context, struct error *err)
+static int bench_call_heads(void *context, struct error *err)
 {
     struct motion m;
 
@@ -191,7 +191,7 @@ static int bench_heads(struct bench *b, struct error *err)
     float out[MOTION_OUT] = {1, 0, 0, 0, -1, 0, 0, 0, 7};
     struct bench_times t;
 
-    if (bench_time(&t, b->seconds / 40, 20, call_heads, out, err) != 0)
+    if (bench_time(&t, b->seconds / 40, 20, bench_call_heads, out, err) != 0)
         return -1;
     t.min /= 100;
     t.median /= 100;

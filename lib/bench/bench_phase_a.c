@@ -37,7 +37,7 @@ struct phase_a {
 };
 
 /* Every network once, what is between them replaced by copies. */
-static int call_phase_a(void *context, struct error *err)
+static int phase_a_call(void *context, struct error *err)
 {
     static const float dir[3] = {0, 0, 1};
     struct phase_a *a = context;
@@ -176,7 +176,7 @@ static int phase_a_bench(struct bench *b, struct phase_a *a, double *truth,
     if (!rgb)
         return error_set(err, EX_OSERR, "no memory for Phase A's bench");
     if (phase_a_plan(a, type, err) == 0 &&
-        bench_time(&t, b->seconds / 6, 2, call_phase_a, a, err) == 0) {
+        bench_time(&t, b->seconds / 6, 2, phase_a_call, a, err) == 0) {
         for (size_t i = 0; i < 3 * n; i++) {
             rgb[i] = a->out[0].color[i / 3 * C + i % 3];
             truth[i] = type == NN_F32 ? (double)rgb[i] : truth[i];

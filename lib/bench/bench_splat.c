@@ -80,7 +80,7 @@ struct bench_frame {
 };
 
 /* Draw with a camera that moves by less than anybody can see, as in a clip. */
-static int frame_draw_next(void *context, struct error *err)
+static int bench_frame_draw_next(void *context, struct error *err)
 {
     struct bench_frame *f = context;
     struct splat_camera cam = *f->cam;
@@ -95,7 +95,7 @@ static int frame_draw_next(void *context, struct error *err)
 }
 
 /* Have g's colours in half precision; NULL: no memory. */
-static uint16_t *frame_halve_colors(struct gaussians *g)
+static uint16_t *bench_frame_halve_colors(struct gaussians *g)
 {
     size_t values = g->n * (size_t)g->channels;
     uint16_t *h = malloc((values + 1) * sizeof *h);
@@ -108,9 +108,10 @@ static uint16_t *frame_halve_colors(struct gaussians *g)
 }
 
 /* Renderer, picture and Gaussians of one knob. */
-static int frame_open(struct bench_frame *f, const struct splat_options *opt,
-                      const struct stage *st, const struct knob *k,
-                      struct error *err)
+static int bench_frame_open(struct bench_frame *f,
+                            const struct splat_options *opt,
+                            const struct stage *st, const struct knob *k,
+                            struct error *err)
 {
     size_t pixels = (size_t)opt->width * (size_t)opt->height;
     size_t values = pixels * (size_t)opt->channels;
@@ -121,14 +122,14 @@ static int frame_open(struct bench_frame *f, const struct splat_options *opt,
     f->image = calloc(values, sizeof *f->image);
     f->alpha = calloc(pixels, sizeof *f->alpha);
     f->half = k->half ? calloc(values, sizeof *f->half) : NULL;
-    f->color = k->half_colors ? frame_halve_colors(&g) : NULL;
+    f->color = k->half_colors ? bench_frame_halve_colors(&g) : NULL;
     if (!f->image || !f->alpha || (k->half && !f->half) ||
         (k->half_colors && !f->color))
         return error_set(err, EX_OSERR, "out of memory");
     return splat_init(&f->s, opt, err) || splat_load(&f->s, &g, err) ? -1 : 0;
 }
 
-static void frame_close(struct bench_frame *f)
+static void bench_frame_close(struct bench_frame *f)
 {
     splat_release(&f->s);
     free(f->image);
@@ -138,8 +139,9 @@ static void frame_close(struct bench_frame *f)
 }
 
 /* Error of the frame against the first channels of a 32-channel truth. */
-static int frame_error(double *max_abs, double *psnr, struct bench_frame *f,
-                       const double *truth, struct error *err)
+static int bench_frame_error(double *max_abs, double *psnr,
+                             struct bench_frame *f, const double *truth,
+                             struct error *err)
 {
     size_t C = (size_t)f->s.opt.channels;
     size_t pixels = (size_t)f->s.opt.width * (size_t)f->s.opt.height;
@@ -148,7 +150,7 @@ static int frame_error(double *max_abs, double *psnr, struct bench_frame *f,
     if (!want)
         return error_set(err, EX_OSERR, "out of memory");
     f->turn = 1;                    /* the next frame has the true camera */
-    if (frame_draw_next(f, err)) {
+    if (bench_frame_draw_next(f, err)) {
         free(want);
         return -1;
     }
@@ -210,10 +212,10 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
         return 0;
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", SIZE, SIZE,
              st->scene.g.n, k->channels);
-    if (frame_open(&f, &o, st, k, err) ||
-        bench_time(&t, st->part, 10, frame_draw_next, &f, err) ||
-        frame_error(&worst, &psnr, &f, st->exact, err) ||
-        frame_error(&worst_ruled, &psnr_ruled, &f, st->ruled, err))
+    if (bench_frame_open(&f, &o, st, k, err) ||
+        bench_time(&t, st->part, 10, bench_frame_draw_next, &f, err) ||
+        bench_frame_error(&worst, &psnr, &f, st->exact, err) ||
+        bench_frame_error(&worst_ruled, &psnr_ruled, &f, st->ruled, err))
         goto out;
     bench_add(st->b, "splat", config, k->name, threads, &t, worst, psnr);
     if (!strncmp(k->name, "default", 7))
@@ -227,7 +229,7 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
                    f.s.pairs, t.runs);
     rc = 0;
 out:
-    frame_close(&f);
+    bench_frame_close(&f);
     return rc;
 }
 

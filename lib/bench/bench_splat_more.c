@@ -95,8 +95,9 @@ static double job_relative(const float *x, const double *t, size_t n)
 }
 
 /* Say how far the gradients are from double, array by array. */
-static int gradient_note(struct bench *b, struct job *j, const char *config,
-                         const char *level, struct error *err)
+static int bench_gradient_note(struct bench *b, struct job *j,
+                               const char *config, const char *level,
+                               struct error *err)
 {
     size_t N = j->scene.g.n, C = (size_t)j->s.opt.channels;
     size_t all = N * (11 + C) + 12;
@@ -142,8 +143,9 @@ out:
 
 /* Forward and backward at one instruction set; the best's rows have no word
  * for it. */
-static int backward_row(struct bench *b, double seconds, size_t n, int size,
-                        int channels, enum cpu_level level, struct error *err)
+static int bench_backward_row(struct bench *b, double seconds, size_t n,
+                              int size, int channels, enum cpu_level level,
+                              struct error *err)
 {
     struct splat_options opt = splat_defaults(size, size, channels);
     bool best = level == cpu_level();
@@ -170,7 +172,7 @@ static int backward_row(struct bench *b, double seconds, size_t n, int size,
         goto out;
     snprintf(knob, sizeof knob, "forward + backward%s%s", at, name);
     bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
-    rc = gradient_note(b, &j, config, name, err);
+    rc = bench_gradient_note(b, &j, config, name, err);
 out:
     job_close(&j);
     return rc;
@@ -185,8 +187,8 @@ int bench_splat_backward(struct bench *b, double seconds, struct error *err)
     for (size_t i = 0; i < sizeof row / sizeof *row; i++)
         for (int level = (int)cpu_level(); level >= 0; level--)
             if ((level == (int)cpu_level() || row[i].size == 256) &&
-                backward_row(b, seconds, row[i].n, row[i].size,
-                             row[i].channels, (enum cpu_level)level, err))
+                bench_backward_row(b, seconds, row[i].n, row[i].size,
+                                   row[i].channels, (enum cpu_level)level, err))
                 return -1;
     return 0;
 }
@@ -216,8 +218,8 @@ static int job_draw_moved(void *context, struct error *err)
 }
 
 /* Say how long each step of a frame takes at least. */
-static int phase_note(struct bench *b, struct job *j, int threads,
-                      struct error *err)
+static int bench_phase_note(struct bench *b, struct job *j, int threads,
+                            struct error *err)
 {
     double least[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
 
@@ -265,7 +267,7 @@ static int moving_rows(struct bench *b, double seconds, int threads,
             goto out;
         bench_add(b, "splat", config, row[i].name, threads, &t, NAN, NAN);
     }
-    if (phase_note(b, &j, threads, err))
+    if (bench_phase_note(b, &j, threads, err))
         goto out;
     double record = (double)j.scene.g.n * (3 + 3 + 4 + 1 + 3) * sizeof(float);
 
@@ -304,8 +306,8 @@ int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
 /* ---- hard cases ---------------------------------------------------------- */
 
 /* Error against double under the same rules, and whether all is finite. */
-static int hard_error(double *worst, double *psnr, struct job *j,
-                      struct error *err)
+static int bench_hard_error(double *worst, double *psnr, struct job *j,
+                            struct error *err)
 {
     size_t values = (size_t)j->s.opt.width * (size_t)j->s.opt.height * 3;
     double *want = malloc(values * sizeof *want);
@@ -347,7 +349,7 @@ int bench_splat_hard(struct bench *b, double seconds, struct error *err)
             testscene_harden(&j.scene, (unsigned)kind, 2026);
         rc = rc || job_open(&j, &opt, err) ||
              bench_time(&t, seconds, 5, job_draw, &j, err) ||
-             hard_error(&worst, &psnr, &j, err);
+             bench_hard_error(&worst, &psnr, &j, err);
         size_t pairs = j.s.pairs;
 
         job_close(&j);

@@ -34,7 +34,7 @@ enum { BLOCK = 1 << 20 };
 /* ---- what is timed ------------------------------------------------------- */
 
 /* Checksums of all records, no input or output. */
-static int call_hash(void *context, struct error *err)
+static int bench_call_hash(void *context, struct error *err)
 {
     struct traffic *t = context;
     uint64_t sum = 0;
@@ -49,7 +49,7 @@ static int call_hash(void *context, struct error *err)
 }
 
 /* Every record, checked as programs check them. */
-static int read_all(const char *path, struct error *err)
+static int bench_read_all(const char *path, struct error *err)
 {
     struct stream_reader *r = stream_open(path, NULL, err);
     struct record rec;
@@ -63,13 +63,14 @@ static int read_all(const char *path, struct error *err)
     return rc;
 }
 
-static int call_file(void *context, struct error *err)
+static int bench_call_file(void *context, struct error *err)
 {
-    return read_all(((struct traffic *)context)->path, err);
+    return bench_read_all(((struct traffic *)context)->path, err);
 }
 
 /* A child that writes the file's bytes into a pipe, as cat does. */
-static int start_cat(const struct traffic *t, pid_t *child, struct error *err)
+static int bench_start_cat(const struct traffic *t, pid_t *child,
+                           struct error *err)
 {
     int fd[2];
 
@@ -89,7 +90,7 @@ static int start_cat(const struct traffic *t, pid_t *child, struct error *err)
     return fd[0];
 }
 
-static int finish_cat(int fd, pid_t child, int rc)
+static int bench_finish_cat(int fd, pid_t child, int rc)
 {
     int status;
 
@@ -98,34 +99,34 @@ static int finish_cat(int fd, pid_t child, int rc)
     return rc;
 }
 
-static int call_pipe(void *context, struct error *err)
+static int bench_call_pipe(void *context, struct error *err)
 {
     char path[32];
     pid_t child;
-    int fd = start_cat(context, &child, err);
+    int fd = bench_start_cat(context, &child, err);
 
     if (fd < 0)
         return -1;
     snprintf(path, sizeof path, "/dev/fd/%d", fd);
-    return finish_cat(fd, child, read_all(path, err));
+    return bench_finish_cat(fd, child, bench_read_all(path, err));
 }
 
 /* What the pipe costs by itself: bytes are read and forgotten. */
-static int call_count(void *context, struct error *err)
+static int bench_call_count(void *context, struct error *err)
 {
     struct traffic *t = context;
     pid_t child;
-    int fd = start_cat(t, &child, err);
+    int fd = bench_start_cat(t, &child, err);
 
     if (fd < 0)
         return -1;
     while (read(fd, t->block, BLOCK / 8) > 0)
         ;
-    return finish_cat(fd, child, 0);
+    return bench_finish_cat(fd, child, 0);
 }
 
 /* Records written to nowhere. */
-static int call_write(void *context, struct error *err)
+static int bench_call_write(void *context, struct error *err)
 {
     const struct traffic *t = context;
     struct stream_writer *w = stream_create("/dev/null", err);
@@ -143,8 +144,8 @@ static int call_write(void *context, struct error *err)
 
 /* ---- the two kinds of traffic -------------------------------------------- */
 
-static void add_array(struct traffic *t, const char *name, int ndim,
-                      size_t d0, size_t d1)
+static void bench_add_array(struct traffic *t, const char *name, int ndim,
+                            size_t d0, size_t d1)
 {
     struct array a = array_make(name, DTYPE_F32,
                                 t->data + t->bytes / sizeof(float), ndim, d0,
@@ -155,33 +156,33 @@ static void add_array(struct traffic *t, const char *name, int ndim,
 }
 
 /* An avatar of the paper's size, eight times over. */
-static void make_gaussians(struct traffic *t)
+static void bench_make_gaussians(struct traffic *t)
 {
     enum { N = 108658 };
 
     t->type = "GAUS";
     t->records = 8;
-    add_array(t, "mean", 2, N, 3);
-    add_array(t, "scale", 2, N, 3);
-    add_array(t, "quat", 2, N, 4);
-    add_array(t, "opacity", 1, N, 0);
-    add_array(t, "color", 2, N, 32);
+    bench_add_array(t, "mean", 2, N, 3);
+    bench_add_array(t, "scale", 2, N, 3);
+    bench_add_array(t, "quat", 2, N, 4);
+    bench_add_array(t, "opacity", 1, N, 0);
+    bench_add_array(t, "color", 2, N, 32);
 }
 
-static void make_motion(struct traffic *t)
+static void bench_make_motion(struct traffic *t)
 {
     t->type = "MOTN";
     t->records = 2000;
-    add_array(t, "rot", 2, 3, 3);
-    add_array(t, "trans", 1, 3, 0);
-    add_array(t, "exp", 1, 100, 0);
-    add_array(t, "jaw", 1, 3, 0);
-    add_array(t, "lid", 1, 2, 0);
-    add_array(t, "eye", 1, 6, 0);
+    bench_add_array(t, "rot", 2, 3, 3);
+    bench_add_array(t, "trans", 1, 3, 0);
+    bench_add_array(t, "exp", 1, 100, 0);
+    bench_add_array(t, "jaw", 1, 3, 0);
+    bench_add_array(t, "lid", 1, 2, 0);
+    bench_add_array(t, "eye", 1, 6, 0);
 }
 
 /* The traffic as a stream in a temporary file. */
-static int write_file(struct traffic *t, struct error *err)
+static int bench_write_file(struct traffic *t, struct error *err)
 {
     struct stream_writer *w;
     int fd;
@@ -203,16 +204,16 @@ static int write_file(struct traffic *t, struct error *err)
 }
 
 /* Each way of moving the traffic, timed. */
-static int add_rows(struct bench *b, struct traffic *t, struct error *err)
+static int bench_add_rows(struct bench *b, struct traffic *t, struct error *err)
 {
     static const struct {
         const char *knob;
         int (*call)(void *context, struct error *err);
-    } calls[] = { { "checksum alone", call_hash },
-                  { "read and check, file", call_file },
-                  { "read and check, pipe", call_pipe },
-                  { "only count bytes, pipe", call_count },
-                  { "write to /dev/null", call_write } };
+    } calls[] = { { "checksum alone", bench_call_hash },
+                  { "read and check, file", bench_call_file },
+                  { "read and check, pipe", bench_call_pipe },
+                  { "only count bytes, pipe", bench_call_count },
+                  { "write to /dev/null", bench_call_write } };
     char config[96];
 
     snprintf(config, sizeof config, "%s %.1f kB, ms a record", t->type,
@@ -235,8 +236,8 @@ static int add_rows(struct bench *b, struct traffic *t, struct error *err)
 
 int bench_stream(struct bench *b, struct error *err)
 {
-    static void (*const kinds[])(struct traffic *) = { make_gaussians,
-                                                       make_motion };
+    static void (*const kinds[])(struct traffic *) = { bench_make_gaussians,
+                                                       bench_make_motion };
     int rc = 0;
 
     for (size_t k = 0; k < 2 && rc == 0; k++) {
@@ -254,7 +255,8 @@ int bench_stream(struct bench *b, struct error *err)
         t.arrays = 0;
         if (rc == 0) {
             kinds[k](&t);
-            rc = write_file(&t, err) || add_rows(b, &t, err) ? -1 : 0;
+            rc = bench_write_file(&t, err) || bench_add_rows(b, &t, err) ? -1
+                                                                         : 0;
         }
         if (t.path[0])
             unlink(t.path);

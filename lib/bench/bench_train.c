@@ -145,7 +145,7 @@ static int course_person(struct course *c, size_t k, double *t,
 }
 
 /* One step of the whole system. */
-static int call_system(void *context, struct error *err)
+static int bench_call_system(void *context, struct error *err)
 {
     struct course *c = context;
     double t = cpu_seconds();
@@ -176,7 +176,7 @@ static int call_system(void *context, struct error *err)
 /* ---- the parts by themselves -------------------------------------------- */
 
 /* One step of the encoder alone. */
-static int call_encoder(void *context, struct error *err)
+static int bench_call_encoder(void *context, struct error *err)
 {
     struct course *c = context;
 
@@ -190,7 +190,7 @@ static int call_encoder(void *context, struct error *err)
 }
 
 /* The refiner forward and back. */
-static int call_refiner(void *context, struct error *err)
+static int bench_call_refiner(void *context, struct error *err)
 {
     struct course *c = context;
 
@@ -223,7 +223,7 @@ static int bench_encoder(struct course *c, struct error *err)
     for (size_t i = 0; i < ALONE * MOTION_OUT; i++)
         c->dout[i] = 0.01f;
     if (rc == 0)
-        rc = bench_time(&t, c->b->seconds / 8, 5, call_encoder, c, err);
+        rc = bench_time(&t, c->b->seconds / 8, 5, bench_call_encoder, c, err);
     if (rc == 0) {
         bench_add(c->b, "train", "motion encoder, batch 8, f32", "step",
                   c->b->threads, &t, NAN, NAN);
@@ -270,7 +270,7 @@ static int bench_system(struct course *c, struct error *err)
     char config[96];
 
     if (course_open_system(c, err) ||
-        bench_time(&t, c->b->seconds / 2, 3, call_system, c, err))
+        bench_time(&t, c->b->seconds / 2, 3, bench_call_system, c, err))
         return -1;
     snprintf(config, sizeof config, "system, 256x256, batch 2, N=%zu",
              c->tr.avatar.set.n);
@@ -280,7 +280,7 @@ static int bench_system(struct course *c, struct error *err)
     for (int p = 0; p < PARTS; p++)
         bench_note(c->b, "  %-26s %8.1f ms", part_name[p],
                    1e3 * c->spent[p] / (double)c->steps);
-    if (bench_time(&t, c->b->seconds / 8, 5, call_refiner, c, err))
+    if (bench_time(&t, c->b->seconds / 8, 5, bench_call_refiner, c, err))
         return -1;
     bench_add(c->b, "train", "narrow refiner, 256x256, f32",
               "forward + backward", c->b->threads, &t, NAN, NAN);

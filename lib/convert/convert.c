@@ -135,10 +135,11 @@ size_t convert_find(struct convert *c, int file, const char *prefix,
 /* ---- adding ------------------------------------------------------------- */
 
 /* One more output tensor without data; NULL and *err. */
-static struct convert_tensor *add_tensor(struct convert *c, const char *name,
-                                         enum st_dtype dtype, int ndim,
-                                         const size_t *dims,
-                                         struct error *err)
+static struct convert_tensor *convert_add_tensor(struct convert *c,
+                                                 const char *name,
+                                                 enum st_dtype dtype, int ndim,
+                                                 const size_t *dims,
+                                                 struct error *err)
 {
     struct convert_tensor *t = list_grow(c->tensor, &c->room, c->count,
                                          sizeof *t);
@@ -167,7 +168,8 @@ static struct convert_tensor *add_tensor(struct convert *c, const char *name,
 void *convert_add(struct convert *c, const char *name, enum st_dtype dtype,
                   int ndim, const size_t *dims, struct error *err)
 {
-    struct convert_tensor *t = add_tensor(c, name, dtype, ndim, dims, err);
+    struct convert_tensor *t = convert_add_tensor(c, name, dtype, ndim, dims,
+                                                  err);
 
     if (t && !(t->data = calloc(t->count + 1, st_dtype_size(dtype))))
         error_set(err, EX_OSERR, "out of memory");
@@ -185,8 +187,8 @@ int convert_take(struct convert *c, int file, const char *prefix,
     if (i == SIZE_MAX)
         return 0;
     in = tensorfile_at(c->file[file], i);
-    t = add_tensor(c, to, in->dtype == ST_F64 ? ST_F32 : in->dtype, in->ndim,
-                   in->dim, err);
+    t = convert_add_tensor(c, to, in->dtype == ST_F64 ? ST_F32 : in->dtype,
+                           in->ndim, in->dim, err);
     if (!t)
         return -1;
     t->file = file;
@@ -248,8 +250,8 @@ int convert_all(struct convert *c, struct tensorfile *f, struct error *err)
         return -1;
     for (size_t i = 0; i < tensorfile_count(f); i++) {
         const struct tensorfile_tensor *in = tensorfile_at(f, i);
-        struct convert_tensor *t = add_tensor(c, in->name, in->dtype,
-                                              in->ndim, in->dim, err);
+        struct convert_tensor *t = convert_add_tensor(c, in->name, in->dtype,
+                                                      in->ndim, in->dim, err);
         if (!t)
             return -1;
         t->index = i;
@@ -258,7 +260,7 @@ int convert_all(struct convert *c, struct tensorfile *f, struct error *err)
 }
 
 /* What no kind asks for: counts of batches and other buffers of training. */
-static bool is_idle(const char *name)
+static bool convert_is_idle(const char *name)
 {
     const char *dot = strrchr(name, '.');
 
@@ -266,7 +268,7 @@ static bool is_idle(const char *name)
 }
 
 /* Tensors of the input that nothing took, but for those that never matter. */
-static void note_left(struct convert *c)
+static void convert_note_left(struct convert *c)
 {
     char shape[200];
 
@@ -274,7 +276,7 @@ static void note_left(struct convert *c)
         for (size_t i = 0; i < tensorfile_count(c->file[k]); i++) {
             const struct tensorfile_tensor *t = tensorfile_at(c->file[k], i);
 
-            if (!c->used[k][i] && !is_idle(t->name))
+            if (!c->used[k][i] && !convert_is_idle(t->name))
                 convert_note(c, CONVERT_LEFT, "%s %s", t->name,
                              convert_shape(shape, t->ndim, t->dim));
         }
@@ -300,7 +302,7 @@ int convert_as(struct convert *c, struct tensorfile *f, const char *kind,
         snprintf(key, sizeof key, "source_%d_xxh128", i + 1);
         convert_set_meta(c, key, tensorfile_hash(c->file[i]));
     }
-    note_left(c);
+    convert_note_left(c);
     return 0;
 }
 

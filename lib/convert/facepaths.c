@@ -22,12 +22,12 @@ struct face_paths {
     bool *face;         /* (V) connected to the corner of an eye */
 };
 
-static const float *path_vertex(const struct face_paths *p, int32_t v)
+static const float *facepath_vertex(const struct face_paths *p, int32_t v)
 {
     return p->mesh.verts + 3 * (size_t)v;
 }
 
-static double path_distance(const float *a, const float *b)
+static double facepath_distance(const float *a, const float *b)
 {
     double x = a[0] - b[0], y = a[1] - b[1], z = a[2] - b[2];
 
@@ -37,7 +37,7 @@ static double path_distance(const float *a, const float *b)
 /* ---- the graph ---------------------------------------------------------- */
 
 /* Both directions of every edge; edges of two triangles stand there twice. */
-static void link_vertices(struct face_paths *p)
+static void facepath_link_vertices(struct face_paths *p)
 {
     const struct face_mesh *m = &p->mesh;
     size_t *first = p->first;
@@ -82,7 +82,7 @@ struct face_paths *face_paths_open(const struct face_mesh *m,
         error_set(err, EX_OSERR, "out of memory");
         return NULL;
     }
-    link_vertices(p);
+    facepath_link_vertices(p);
     return p;
 }
 
@@ -101,7 +101,8 @@ void face_paths_close(struct face_paths *p)
 }
 
 /* The vertex that a landmark is nearest to in its triangle. */
-static int32_t landmark_vertex(const struct face_paths *p, int landmark)
+static int32_t facepath_landmark_vertex(const struct face_paths *p,
+                                        int landmark)
 {
     const float *b = p->mesh.landmark_bary + 3 * landmark;
     int k = b[1] > b[0] ? 1 : 0;
@@ -114,7 +115,7 @@ static int32_t landmark_vertex(const struct face_paths *p, int landmark)
 /* ---- shortest paths ----------------------------------------------------- */
 
 /* Take the nearest vertex out of the n open ones. */
-static int32_t take_nearest(struct face_paths *p, size_t n)
+static int32_t facepath_take_nearest(struct face_paths *p, size_t n)
 {
     size_t best = 0;
     int32_t v;
@@ -128,7 +129,8 @@ static int32_t take_nearest(struct face_paths *p, size_t n)
 }
 
 /* Dijkstra's search; p->from leads back.  False: not connected, or too far. */
-static bool path_search(struct face_paths *p, int32_t start, int32_t goal)
+static bool facepath_search(struct face_paths *p, int32_t start,
+                            int32_t goal)
 {
     size_t open = 1, passed = 0;
 
@@ -139,15 +141,16 @@ static bool path_search(struct face_paths *p, int32_t start, int32_t goal)
     p->open[0] = start;
     p->cost[start] = 0;
     while (open && passed++ < FAR) {
-        int32_t v = take_nearest(p, open--);
+        int32_t v = facepath_take_nearest(p, open--);
 
         if (v == goal)
             return true;
         p->done[v] = true;
         for (size_t i = p->first[v]; i < p->first[v + 1]; i++) {
             int32_t w = p->next[i];
-            double cost = p->cost[v]
-                          + path_distance(path_vertex(p, v), path_vertex(p, w));
+            double cost = p->cost[v] +
+                          facepath_distance(facepath_vertex(p, v),
+                                            facepath_vertex(p, w));
 
             if (p->done[w] || (p->cost[w] >= 0 && p->cost[w] <= cost))
                 continue;
@@ -161,13 +164,13 @@ static bool path_search(struct face_paths *p, int32_t start, int32_t goal)
 }
 
 /* Append the way from start to goal, without the start, to list (V+..). */
-static int append_way(int32_t **list, size_t *n, struct face_paths *p,
-                      int32_t start, int32_t goal, struct error *err)
+static int facepath_append_way(int32_t **list, size_t *n, struct face_paths *p,
+                               int32_t start, int32_t goal, struct error *err)
 {
     int32_t *more;
     size_t steps = 0;
 
-    if (!path_search(p, start, goal))
+    if (!facepath_search(p, start, goal))
         return error_set(err, EX_DATAERR, "vertices %d and %d of the "
                          "landmarks are not connected", start, goal);
     for (int32_t v = goal; v != start; v = p->from[v])
@@ -185,7 +188,7 @@ static int append_way(int32_t **list, size_t *n, struct face_paths *p,
 int face_paths_trace(int32_t **out, size_t *count, struct face_paths *p,
                      const int *landmarks, size_t n, struct error *err)
 {
-    int32_t at = landmark_vertex(p, landmarks[0]);
+    int32_t at = facepath_landmark_vertex(p, landmarks[0]);
 
     *count = 1;
     *out = malloc(sizeof **out);
@@ -193,9 +196,9 @@ int face_paths_trace(int32_t **out, size_t *count, struct face_paths *p,
         return error_set(err, EX_OSERR, "out of memory");
     **out = at;
     for (size_t i = 1; i < n; i++) {
-        int32_t to = landmark_vertex(p, landmarks[i]);
+        int32_t to = facepath_landmark_vertex(p, landmarks[i]);
 
-        if (append_way(out, count, p, at, to, err)) {
+        if (facepath_append_way(out, count, p, at, to, err)) {
             free(*out);
             *out = NULL;
             return -1;
@@ -229,15 +232,16 @@ static double eye_along(const struct eye *e, const float *x)
 }
 
 /* The lower edge at the place t along the axis. */
-static void lower_at(double out[3], const struct face_paths *p,
-                     const struct eye *e, double t)
+static void facepath_lower_at(double out[3], const struct face_paths *p,
+                              const struct eye *e, double t)
 {
     size_t i = 1;
 
-    while (i + 1 < e->nlower && eye_along(e, path_vertex(p, e->lower[i])) < t)
+    while (i + 1 < e->nlower &&
+           eye_along(e, facepath_vertex(p, e->lower[i])) < t)
         i++;
-    const float *a = path_vertex(p, e->lower[i - 1]);
-    const float *b = path_vertex(p, e->lower[i]);
+    const float *a = facepath_vertex(p, e->lower[i - 1]);
+    const float *b = facepath_vertex(p, e->lower[i]);
     double ta = eye_along(e, a), tb = eye_along(e, b);
     double s = tb > ta ? fmin(fmax((t - ta) / (tb - ta), 0), 1) : 0;
 
@@ -246,14 +250,15 @@ static void lower_at(double out[3], const struct face_paths *p,
 }
 
 /* The nearest vertex of a path, and how far it is. */
-static int32_t nearest_of(double *far, const struct face_paths *p,
-                          const int32_t *path, size_t n, const float *x)
+static int32_t facepath_nearest_of(double *far, const struct face_paths *p,
+                                   const int32_t *path, size_t n,
+                                   const float *x)
 {
     int32_t best = path[0];
 
     *far = INFINITY;
     for (size_t i = 0; i < n; i++) {
-        double d = path_distance(path_vertex(p, path[i]), x);
+        double d = facepath_distance(facepath_vertex(p, path[i]), x);
 
         if (d < *far) {
             *far = d;
@@ -271,20 +276,21 @@ static double eye_radius(const double x[3], const float centre[3])
 }
 
 /* Displacement of vertex x when the upper edge comes down. */
-static void close_vertex(float out[3], const struct face_paths *p,
-                         const struct eye *e, const float *x,
-                         const float centre[3])
+static void facepath_close_vertex(float out[3], const struct face_paths *p,
+                                  const struct eye *e, const float *x,
+                                  const float centre[3])
 {
     double upper, lower, to[3], moved[3], rest[3] = {x[0], x[1], x[2]};
-    const float *edge
-        = path_vertex(p, nearest_of(&upper, p, e->upper, e->nupper, x));
+    const int32_t nearest = facepath_nearest_of(&upper, p, e->upper,
+                                                e->nupper, x);
+    const float *edge = facepath_vertex(p, nearest);
 
-    nearest_of(&lower, p, e->lower, e->nlower, x);
+    facepath_nearest_of(&lower, p, e->lower, e->nlower, x);
     if (upper >= REACH * e->width || lower < upper)
         return;
     double s = upper / (REACH * e->width), w = (1 - s * s) * (1 - s * s);
 
-    lower_at(to, p, e, eye_along(e, edge));
+    facepath_lower_at(to, p, e, eye_along(e, edge));
     for (int c = 0; c < 3; c++)
         moved[c] = x[c] + w * (to[c] - edge[c]);
     double least = fmin(eye_radius(rest, centre), eye_radius(to, centre));
@@ -296,7 +302,7 @@ static void close_vertex(float out[3], const struct face_paths *p,
 }
 
 /* Mark what is connected to vertex v: the skin, not the eyeballs. */
-static void mark_connected(struct face_paths *p, int32_t v)
+static void facepath_mark_connected(struct face_paths *p, int32_t v)
 {
     size_t n = 1;
 
@@ -326,21 +332,22 @@ int face_paths_eyelid(float *out, struct face_paths *p, int side,
     if (face_paths_trace(&e.upper, &e.nupper, p, upper[side], 4, err) ||
         face_paths_trace(&e.lower, &e.nlower, p, lower[side], 4, err))
         goto out;
-    e.corner = path_vertex(p, e.upper[0]);
-    const float *other = path_vertex(p, e.upper[e.nupper - 1]);
+    e.corner = facepath_vertex(p, e.upper[0]);
+    const float *other = facepath_vertex(p, e.upper[e.nupper - 1]);
 
-    e.width = path_distance(e.corner, other);
+    e.width = facepath_distance(e.corner, other);
     for (int c = 0; c < 3; c++)
         e.axis[c] = other[c] - e.corner[c];
     if (!(e.width > 0) || e.nlower < 2) {
         error_set(err, EX_DATAERR, "the corners of an eye are one vertex");
         goto out;
     }
-    mark_connected(p, e.upper[0]);
+    facepath_mark_connected(p, e.upper[0]);
     for (size_t v = 0; v < p->mesh.V; v++)
         if (p->face[v])
-            close_vertex(out + 3 * v, p, &e, path_vertex(p, (int32_t)v),
-                         p->mesh.eye[side]);
+            facepath_close_vertex(out + 3 * v, p, &e,
+                                  facepath_vertex(p, (int32_t)v),
+                                  p->mesh.eye[side]);
     rc = 0;
 out:
     free(e.upper);

@@ -28,7 +28,7 @@ struct flame {
 /* ---- the model's own arrays --------------------------------------------- */
 
 /* Sizes from v_template, f and shapedirs. */
-static bool find_sizes(struct flame *m)
+static bool flame_find_sizes(struct flame *m)
 {
     const size_t rows[3] = {0, 3, 0};
     struct convert *c = m->c;
@@ -50,8 +50,9 @@ static bool find_sizes(struct flame *m)
 }
 
 /* Whole numbers in 0 .. limit-1 from `in` to `out`. */
-static int whole_numbers(int32_t *out, const double *in, size_t n,
-                         size_t limit, const char *name, struct error *err)
+static int flame_whole_numbers(int32_t *out, const double *in, size_t n,
+                               size_t limit, const char *name,
+                               struct error *err)
 {
     for (size_t i = 0; i < n; i++) {
         if (!(in[i] >= 0 && in[i] < (double)limit && in[i] == floor(in[i])))
@@ -64,7 +65,7 @@ static int whole_numbers(int32_t *out, const double *in, size_t n,
 }
 
 /* Triangles, whose numbers must be vertices. */
-static int take_faces(struct flame *m, struct error *err)
+static int flame_take_faces(struct flame *m, struct error *err)
 {
     const size_t dim[2] = {m->F, 3};
     size_t i = convert_find(m->c, 0, m->prefix, "f", 2, dim, false);
@@ -73,14 +74,14 @@ static int take_faces(struct flame *m, struct error *err)
 
     m->f = in ? convert_add(m->c, "f", ST_I32, 2, dim, err) : NULL;
     if (m->f)
-        rc = whole_numbers(m->f, in, 3 * m->F, m->V, "f", err);
+        rc = flame_whole_numbers(m->f, in, 3 * m->F, m->V, "f", err);
     free(in);
     return rc;
 }
 
 /* kintree_table [2,joints]: the first row are the parents, the root's is
  * 2^32 - 1 or -1. */
-static int take_parents(struct flame *m, struct error *err)
+static int flame_take_parents(struct flame *m, struct error *err)
 {
     const size_t dim[2] = {2, HEAD_JOINTS}, n = HEAD_JOINTS;
     size_t i = convert_find(m->c, 0, m->prefix, "kintree_table", 2, dim,
@@ -98,7 +99,7 @@ static int take_parents(struct flame *m, struct error *err)
 }
 
 /* The arrays that are copied as they are, but for their types. */
-static int take_arrays(struct flame *m, struct error *err)
+static int flame_take_arrays(struct flame *m, struct error *err)
 {
     const size_t verts[2] = {m->V, 3}, shape[3] = {m->V, 3, m->K};
     const size_t pose[3] = {m->V, 3, HEAD_POSE_DIRS};
@@ -112,7 +113,7 @@ static int take_arrays(struct flame *m, struct error *err)
     convert_set_meta(c, "scale", "5");
     return convert_take(c, 0, m->prefix, "v_template", "v_template", 2, verts,
                         err) ||
-           take_faces(m, err) ||
+           flame_take_faces(m, err) ||
            convert_take(c, 0, m->prefix, "shapedirs", "shapedirs", 3, shape,
                         err) ||
            convert_take(c, 0, m->prefix, "posedirs", "posedirs", 3, pose,
@@ -121,11 +122,11 @@ static int take_arrays(struct flame *m, struct error *err)
                         joints, err) ||
            convert_take(c, 0, m->prefix, "weights", "weights", 2, skin,
                         err) ||
-           take_parents(m, err) ? -1 : 0;
+           flame_take_parents(m, err) ? -1 : 0;
 }
 
 /* Template and joints as numbers, for what is derived from them. */
-static int load_mesh(struct flame *m, struct error *err)
+static int flame_load_mesh(struct flame *m, struct error *err)
 {
     struct convert *c = m->c;
     const size_t verts[2] = {m->V, 3}, joints[2] = {HEAD_JOINTS, m->V};
@@ -151,17 +152,18 @@ static int load_mesh(struct flame *m, struct error *err)
 
 /* n faces and their barycentric coordinates from tensors of the embedding,
  * `skip` rows into them, to the outputs from `at` on. */
-static int take_embedding(struct flame *m, int file, size_t faces,
-                          size_t bary, size_t skip, size_t at, size_t n,
-                          struct error *err)
+static int flame_take_embedding(struct flame *m, int file, size_t faces,
+                                size_t bary, size_t skip, size_t at, size_t n,
+                                struct error *err)
 {
     double *f = convert_numbers(m->c, file, faces, err);
     double *b = f ? convert_numbers(m->c, file, bary, err) : NULL;
     int rc = -1;
 
     if (b)
-        rc = whole_numbers(m->faces + at, f + skip, n, m->F,
-                           tensorfile_at(m->c->file[file], faces)->name, err);
+        rc = flame_whole_numbers(m->faces + at, f + skip, n, m->F,
+                                 tensorfile_at(m->c->file[file], faces)->name,
+                                 err);
     for (size_t i = 0; !rc && i < 3 * n; i++)
         m->bary[3 * at + i] = (float)b[3 * skip + i];
     free(f);
@@ -175,7 +177,7 @@ static int take_embedding(struct flame *m, int file, size_t faces,
 #define FRONTAL 39
 
 /* All 68, in one table or as 51 fixed ones and the contour from the front. */
-static int take_landmarks(struct flame *m, int file, struct error *err)
+static int flame_take_landmarks(struct flame *m, int file, struct error *err)
 {
     const size_t n = HEAD_LANDMARKS, all[3] = {1, n, 3};
     const size_t inner[2] = {INNER, 3}, outer[3] = {0, CONTOUR, 3};
@@ -193,7 +195,7 @@ static int take_landmarks(struct flame *m, int file, struct error *err)
     f = convert_find(c, file, at, "full_lmk_faces_idx", 2, all, true);
     b = convert_find(c, file, at, "full_lmk_bary_coords", 3, all, true);
     if (f != SIZE_MAX && b != SIZE_MAX)
-        return take_embedding(m, file, f, b, 0, 0, n, err);
+        return flame_take_embedding(m, file, f, b, 0, 0, n, err);
     convert_prefix(at, c, file, "static_lmk_faces_idx");
     f = convert_find(c, file, at, "static_lmk_faces_idx", 1, inner, false);
     b = convert_find(c, file, at, "static_lmk_bary_coords", 2, inner, false);
@@ -207,18 +209,19 @@ static int take_landmarks(struct flame *m, int file, struct error *err)
     if (rows != tensorfile_at(c->file[file], db)->dim[0] || rows == 0)
         return error_set(err, EX_DATAERR, "contour landmarks of %zu rows",
                          rows);
-    if (take_embedding(m, file, df, db,
-                       CONTOUR * (rows > FRONTAL ? FRONTAL : 0), 0, CONTOUR,
-                       err))
+    if (flame_take_embedding(m, file, df, db,
+                             CONTOUR * (rows > FRONTAL ? FRONTAL : 0), 0,
+                             CONTOUR, err))
         return -1;
-    return take_embedding(m, file, f, b, 0, CONTOUR, INNER, err);
+    return flame_take_embedding(m, file, f, b, 0, CONTOUR, INNER, err);
 }
 
 /* ---- what follows from the landmarks ------------------------------------ */
 
 /* A closed path along the edges through landmarks, as a list of vertices. */
-static int take_ring(struct flame *m, struct face_paths *p, const char *name,
-                     const int *landmarks, size_t n, struct error *err)
+static int flame_take_ring(struct flame *m, struct face_paths *p,
+                           const char *name, const int *landmarks, size_t n,
+                           struct error *err)
 {
     int32_t *list, *out;
     size_t count;
@@ -233,8 +236,8 @@ static int take_ring(struct flame *m, struct face_paths *p, const char *name,
 }
 
 /* FLAME has no eyelid shapes: they are made from the mesh (face_paths). */
-static int derive_eyelids(struct flame *m, struct face_paths *p,
-                          struct error *err)
+static int flame_derive_eyelids(struct flame *m, struct face_paths *p,
+                                struct error *err)
 {
     const size_t dim[2] = {m->V, 3};
 
@@ -273,9 +276,9 @@ static int flame_derive(struct flame *m, bool lids, struct error *err)
     p = face_paths_open(&mesh, err);
     if (!p)
         return -1;
-    if (!take_ring(m, p, "lip_inner", inner, 9, err) &&
-        !take_ring(m, p, "lip_upper_outer", outer, 7, err))
-        rc = lids ? derive_eyelids(m, p, err) : 0;
+    if (!flame_take_ring(m, p, "lip_inner", inner, 9, err) &&
+        !flame_take_ring(m, p, "lip_upper_outer", outer, 7, err))
+        rc = lids ? flame_derive_eyelids(m, p, err) : 0;
     face_paths_close(p);
     return rc;
 }
@@ -284,8 +287,8 @@ static int flame_derive(struct flame *m, bool lids, struct error *err)
 
 /* The lid of one side: by name, or with `alone` the file's only tensor; with
  * or without a first dimension of 1. */
-static int take_eyelid(struct flame *m, int file, const char *name,
-                       bool alone, struct error *err)
+static int flame_take_eyelid(struct flame *m, int file, const char *name,
+                             bool alone, struct error *err)
 {
     const size_t flat[2] = {m->V, 3}, batch[3] = {1, m->V, 3};
     struct convert *c = m->c;
@@ -314,7 +317,8 @@ static int take_eyelid(struct flame *m, int file, const char *name,
 }
 
 /* FILE, or LEFT,RIGHT. */
-static int take_eyelids(struct flame *m, const char *path, struct error *err)
+static int flame_take_eyelids(struct flame *m, const char *path,
+                              struct error *err)
 {
     const char *comma = strchr(path, ',');
     char *left = comma ? strndup(path, (size_t)(comma - path)) : NULL;
@@ -333,8 +337,8 @@ static int take_eyelids(struct flame *m, const char *path, struct error *err)
                              tensorfile_path(m->c->file[file]),
                              tensorfile_count(m->c->file[file]));
     }
-    return take_eyelid(m, a, "l_eyelid", comma != NULL, err) ||
-           take_eyelid(m, b, "r_eyelid", comma != NULL, err) ? -1 : 0;
+    return flame_take_eyelid(m, a, "l_eyelid", comma != NULL, err) ||
+           flame_take_eyelid(m, b, "r_eyelid", comma != NULL, err) ? -1 : 0;
 }
 
 /* ---- the whole ---------------------------------------------------------- */
@@ -347,14 +351,14 @@ static int flame_convert(struct flame *m, const struct convert_options *o,
     int file = 0;
 
     convert_prefix(m->prefix, m->c, 0, "v_template");
-    if (!find_sizes(m))
+    if (!flame_find_sizes(m))
         return 0;
-    if (take_arrays(m, err))
+    if (flame_take_arrays(m, err))
         return -1;
     if (o->landmarks && (file = convert_open(m->c, o->landmarks, err)) < 0)
         return -1;
-    if (take_landmarks(m, file, err) ||
-        (o->eyelids && take_eyelids(m, o->eyelids, err)))
+    if (flame_take_landmarks(m, file, err) ||
+        (o->eyelids && flame_take_eyelids(m, o->eyelids, err)))
         return -1;
     if (m->c->wrong) {
         if (!o->landmarks)
@@ -362,7 +366,8 @@ static int flame_convert(struct flame *m, const struct convert_options *o,
                          "their own (expected --landmarks FILE)");
         return 0;
     }
-    return load_mesh(m, err) || flame_derive(m, !o->eyelids, err) ? -1 : 0;
+    return flame_load_mesh(m, err) || flame_derive(m, !o->eyelids, err) ? -1
+                                                                        : 0;
 }
 
 int convert_flame(struct convert *c, const struct convert_options *o,

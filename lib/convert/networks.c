@@ -23,9 +23,9 @@ static const struct dinov2_config transformers[] = {
 
 /* The tensors that a network of this configuration has, under their own
  * names. */
-static int take_transformer(struct convert *c, const char *prefix,
-                            const struct dinov2_config *config,
-                            struct error *err)
+static int network_take_transformer(struct convert *c, const char *prefix,
+                                    const struct dinov2_config *config,
+                                    struct error *err)
 {
     struct dinov2 net;
     struct params ps;
@@ -58,7 +58,7 @@ int convert_dinov2(struct convert *c, const struct convert_options *o,
         return 0;
     for (size_t k = 0; k < sizeof transformers / sizeof *transformers; k++)
         if (transformers[k].embed == tensorfile_at(c->file[0], i)->dim[2])
-            return take_transformer(c, prefix, &transformers[k], err);
+            return network_take_transformer(c, prefix, &transformers[k], err);
     convert_note(c, CONVERT_SHAPE, "tokens of %zu numbers (expected 384, "
                  "vits14, or 768, vitb14)",
                  tensorfile_at(c->file[0], i)->dim[2]);
@@ -73,10 +73,10 @@ int convert_dinov2(struct convert *c, const struct convert_options *o,
 
 /* Rows first.. of SMIRK's last layer (w, b), times gain, plus offset in the
  * bias, into a head of ours of `rows` rows that starts as it is. */
-static int smirk_head(struct convert *c, const struct params *ps,
-                      const char *name, const double *w, const double *b,
-                      size_t first, size_t rows, float gain, float offset,
-                      struct error *err)
+static int network_smirk_head(struct convert *c, const struct params *ps,
+                              const char *name, const double *w,
+                              const double *b, size_t first, size_t rows,
+                              float gain, float offset, struct error *err)
 {
     char text[64];
     float *out;
@@ -102,8 +102,8 @@ static int smirk_head(struct convert *c, const struct params *ps,
 /* E_m on the expression encoder.  Its lids are clamped to [0,1] where ours
  * pass a sigmoid: the same slope and value in the middle.  Pose has an encoder
  * of its own there and other units; ours starts as a new model does. */
-static int smirk_motion(struct convert *c, const char *prefix,
-                        const struct params *ps, struct error *err)
+static int network_smirk_motion(struct convert *c, const char *prefix,
+                                const struct params *ps, struct error *err)
 {
     const size_t features = 960, wd[2] = {SMIRK_OUT, features};
     size_t w = convert_find(c, 0, prefix,
@@ -119,13 +119,15 @@ static int smirk_motion(struct convert *c, const char *prefix,
         return 0;
     if ((weight = convert_numbers(c, 0, w, err)) &&
         (bias = convert_numbers(c, 0, b, err)) &&
-        !smirk_head(c, ps, "rot", NULL, NULL, 0, 0, 1, 0, err) &&
-        !smirk_head(c, ps, "trans", NULL, NULL, 0, 0, 1, 0, err) &&
-        !smirk_head(c, ps, "exp", weight, bias, 0, SMIRK_EXP, 1, 0, err) &&
-        !smirk_head(c, ps, "jaw", weight, bias, SMIRK_EXP + 2, 3, 1, 0,
-                    err) &&
-        !smirk_head(c, ps, "lid", weight, bias, SMIRK_EXP, 2, 4, -2, err) &&
-        !smirk_head(c, ps, "eye", NULL, NULL, 0, 0, 1, 0, err))
+        !network_smirk_head(c, ps, "rot", NULL, NULL, 0, 0, 1, 0, err) &&
+        !network_smirk_head(c, ps, "trans", NULL, NULL, 0, 0, 1, 0, err) &&
+        !network_smirk_head(c, ps, "exp", weight, bias, 0, SMIRK_EXP, 1, 0,
+                            err) &&
+        !network_smirk_head(c, ps, "jaw", weight, bias, SMIRK_EXP + 2, 3, 1, 0,
+                            err) &&
+        !network_smirk_head(c, ps, "lid", weight, bias, SMIRK_EXP, 2, 4, -2,
+                            err) &&
+        !network_smirk_head(c, ps, "eye", NULL, NULL, 0, 0, 1, 0, err))
         rc = 0;
     free(weight);
     free(bias);
@@ -135,8 +137,9 @@ static int smirk_motion(struct convert *c, const char *prefix,
 }
 
 /* Declare E_m and E_beta with SMIRK's network in both. */
-static int smirk_declare(struct params *ps, struct motion_encoder *motion,
-                         struct shape_encoder *shape, struct error *err)
+static int network_smirk_declare(struct params *ps,
+                                 struct motion_encoder *motion,
+                                 struct shape_encoder *shape, struct error *err)
 {
     params_init(ps);
     memset(shape, 0, sizeof *shape);
@@ -149,7 +152,7 @@ static int smirk_declare(struct params *ps, struct motion_encoder *motion,
 }
 
 /* The configuration of a model with these encoders, as its metadata. */
-static int smirk_config(struct convert *c, struct error *err)
+static int network_smirk_config(struct convert *c, struct error *err)
 {
     struct avatar_config config;
     char *text;
@@ -176,11 +179,11 @@ int convert_smirk(struct convert *c, const struct convert_options *o,
 
     (void)o;
     convert_prefix(prefix, c, 0, "shape_encoder.shape_layers.0.weight");
-    if (!smirk_declare(&ps, &motion, &shape, err) &&
-        !smirk_config(c, err) &&
+    if (!network_smirk_declare(&ps, &motion, &shape, err) &&
+        !network_smirk_config(c, err) &&
         !convert_take_params(c, 0, prefix, &ps, "expression_encoder.encoder.",
                              "motion.encoder.", err) &&
-        !smirk_motion(c, prefix, &ps, err) &&
+        !network_smirk_motion(c, prefix, &ps, err) &&
         !convert_take_params(c, 0, prefix, &ps, "shape_encoder.encoder.",
                              "shape.encoder.", err))
         rc = convert_take_params(c, 0, prefix, &ps,
@@ -246,8 +249,8 @@ int convert_lpips(struct convert *c, const struct convert_options *o,
 /* ---- ArcFace ------------------------------------------------------------ */
 
 /* The four tensors of a batch norm. */
-static int take_norm(struct convert *c, const char *prefix, const char *name,
-                     size_t n, struct error *err)
+static int network_take_norm(struct convert *c, const char *prefix,
+                             const char *name, size_t n, struct error *err)
 {
     static const char *const part[] = {"weight", "bias", "running_mean",
                                        "running_var"};
@@ -261,9 +264,9 @@ static int take_norm(struct convert *c, const char *prefix, const char *name,
     return 0;
 }
 
-static int take_plain(struct convert *c, const char *prefix, const char *name,
-                      int ndim, size_t a, size_t b, size_t k,
-                      struct error *err)
+static int network_take_plain(struct convert *c, const char *prefix,
+                              const char *name, int ndim, size_t a, size_t b,
+                              size_t k, struct error *err)
 {
     const size_t dim[4] = {a, b, k, k};
 
@@ -271,8 +274,8 @@ static int take_plain(struct convert *c, const char *prefix, const char *name,
 }
 
 /* One residual block; returns its channels, 0 when there is none, or -1. */
-static long take_block(struct convert *c, const char *prefix, int stage,
-                       int index, size_t in, struct error *err)
+static long network_take_block(struct convert *c, const char *prefix, int stage,
+                               int index, size_t in, struct error *err)
 {
     const size_t any[4] = {0, in, 3, 3};
     char at[40], name[80];
@@ -284,21 +287,21 @@ static long take_block(struct convert *c, const char *prefix, int stage,
     if (i == SIZE_MAX)
         return 0;
     out = tensorfile_at(c->file[0], i)->dim[0];
-    if (take_plain(c, prefix, name, 4, out, in, 3, err))
+    if (network_take_plain(c, prefix, name, 4, out, in, 3, err))
         return -1;
 #define NAMED(...) (snprintf(name, sizeof name, __VA_ARGS__), name)
-    if (take_norm(c, prefix, NAMED("%s.bn1", at), in, err) ||
-        take_norm(c, prefix, NAMED("%s.bn2", at), out, err) ||
-        take_plain(c, prefix, NAMED("%s.prelu.weight", at), 1, out, 0, 0,
-                   err) ||
-        take_plain(c, prefix, NAMED("%s.conv2.weight", at), 4, out, out, 3,
-                   err) ||
-        take_norm(c, prefix, NAMED("%s.bn3", at), out, err))
+    if (network_take_norm(c, prefix, NAMED("%s.bn1", at), in, err) ||
+        network_take_norm(c, prefix, NAMED("%s.bn2", at), out, err) ||
+        network_take_plain(c, prefix, NAMED("%s.prelu.weight", at), 1, out, 0,
+                           0, err) ||
+        network_take_plain(c, prefix, NAMED("%s.conv2.weight", at), 4, out, out,
+                           3, err) ||
+        network_take_norm(c, prefix, NAMED("%s.bn3", at), out, err))
         return -1;
     if (index == 0 &&
-        (take_plain(c, prefix, NAMED("%s.downsample.0.weight", at), 4, out,
-                    in, 1, err) ||
-         take_norm(c, prefix, NAMED("%s.downsample.1", at), out, err)))
+        (network_take_plain(c, prefix, NAMED("%s.downsample.0.weight", at), 4,
+                            out, in, 1, err) ||
+         network_take_norm(c, prefix, NAMED("%s.downsample.1", at), out, err)))
         return -1;
 #undef NAMED
     return (long)out;
@@ -317,13 +320,13 @@ int convert_arcface(struct convert *c, const struct convert_options *o,
     if (i == SIZE_MAX)
         return 0;
     channels = tensorfile_at(c->file[0], i)->dim[0];
-    if (take_plain(c, prefix, "conv1.weight", 4, channels, 3, 3, err) ||
-        take_norm(c, prefix, "bn1", channels, err) ||
-        take_plain(c, prefix, "prelu.weight", 1, channels, 0, 0, err))
+    if (network_take_plain(c, prefix, "conv1.weight", 4, channels, 3, 3, err) ||
+        network_take_norm(c, prefix, "bn1", channels, err) ||
+        network_take_plain(c, prefix, "prelu.weight", 1, channels, 0, 0, err))
         return -1;
     for (int stage = 1; stage <= 4; stage++)
         for (int k = 0;; k++) {
-            long out = take_block(c, prefix, stage, k, channels, err);
+            long out = network_take_block(c, prefix, stage, k, channels, err);
 
             if (out < 0)
                 return -1;
@@ -331,7 +334,7 @@ int convert_arcface(struct convert *c, const struct convert_options *o,
                 break;
             channels = (size_t)out;
         }
-    if (take_norm(c, prefix, "bn2", channels, err))
+    if (network_take_norm(c, prefix, "bn2", channels, err))
         return -1;
     code[1] = channels * 7 * 7;
     i = convert_find(c, 0, prefix, "fc.weight", 2, code, false);
@@ -341,7 +344,7 @@ int convert_arcface(struct convert *c, const struct convert_options *o,
     return convert_take(c, 0, prefix, "fc.weight", "fc.weight", 2, code,
                         err) ||
            convert_take(c, 0, prefix, "fc.bias", "fc.bias", 1, code, err) ||
-           take_norm(c, prefix, "features", code[0], err) ? -1 : 0;
+           network_take_norm(c, prefix, "features", code[0], err) ? -1 : 0;
 }
 
 /* ---- SqueezeNet --------------------------------------------------------- */
@@ -354,22 +357,23 @@ static const size_t fire[][4] = {
     {10, 384, 64, 256}, {12, 512, 64, 256},
 };
 
-static int take_conv(struct convert *c, const char *prefix, const char *name,
-                     size_t out, size_t in, size_t k, struct error *err)
+static int network_take_conv(struct convert *c, const char *prefix,
+                             const char *name, size_t out, size_t in, size_t k,
+                             struct error *err)
 {
     char text[80];
 
     snprintf(text, sizeof text, "%s.weight", name);
-    if (take_plain(c, prefix, text, 4, out, in, k, err))
+    if (network_take_plain(c, prefix, text, 4, out, in, k, err))
         return -1;
     snprintf(text, sizeof text, "%s.bias", name);
-    return take_plain(c, prefix, text, 1, out, 0, 0, err);
+    return network_take_plain(c, prefix, text, 1, out, 0, 0, err);
 }
 
 /* torchvision's network sees (x - mean) / deviation, ours x in [0,1].  The
  * first convolution has no padding, so that its weights can do it exactly. */
-static int squeeze_first(struct convert *c, const char *prefix,
-                         struct error *err)
+static int network_squeeze_first(struct convert *c, const char *prefix,
+                                 struct error *err)
 {
     static const double mean[3] = {0.485, 0.456, 0.406};
     static const double deviation[3] = {0.229, 0.224, 0.225};
@@ -409,20 +413,20 @@ int convert_squeezenet(struct convert *c, const struct convert_options *o,
 
     (void)o;
     convert_prefix(prefix, c, 0, "features.0.weight");
-    if (squeeze_first(c, prefix, err))
+    if (network_squeeze_first(c, prefix, err))
         return -1;
     for (size_t i = 0; i < sizeof fire / sizeof *fire; i++) {
         const size_t *f = fire[i];
 
         snprintf(name, sizeof name, "features.%zu.squeeze", f[0]);
-        if (take_conv(c, prefix, name, f[2], f[1], 1, err))
+        if (network_take_conv(c, prefix, name, f[2], f[1], 1, err))
             return -1;
         snprintf(name, sizeof name, "features.%zu.expand1x1", f[0]);
-        if (take_conv(c, prefix, name, f[3], f[2], 1, err))
+        if (network_take_conv(c, prefix, name, f[3], f[2], 1, err))
             return -1;
         snprintf(name, sizeof name, "features.%zu.expand3x3", f[0]);
-        if (take_conv(c, prefix, name, f[3], f[2], 3, err))
+        if (network_take_conv(c, prefix, name, f[3], f[2], 3, err))
             return -1;
     }
-    return take_conv(c, prefix, "classifier.1", 1000, 512, 1, err);
+    return network_take_conv(c, prefix, "classifier.1", 1000, 512, 1, err);
 }

@@ -80,7 +80,8 @@ static void shape_draw(struct shape *h, size_t n, float largest,
 }
 
 /* A patch's colours, back and forth at its borders. */
-static const float *patch_at(const struct clutter_patch *p, float x, float y)
+static const float *clutter_patch_at(const struct clutter_patch *p, float x,
+                                     float y)
 {
     const float n = (float)p->n;
     float u = fabsf(fmodf(x, 2 * n)), v = fabsf(fmodf(y, 2 * n));
@@ -103,7 +104,9 @@ static void shape_at(float to[3], const struct shape *h,
     for (int c = 0; c < 3; c++)
         to[c] = h->base[c] + w * h->second[c];
     if (h->fill == FILL_PATCH)
-        memcpy(to, patch_at(patch, h->px + h->zoom * u, h->py + h->zoom * v),
+        memcpy(to,
+               clutter_patch_at(patch, h->px + h->zoom * u,
+                                h->py + h->zoom * v),
                3 * sizeof *to);
 }
 

@@ -28,8 +28,8 @@ static void back_release(struct back *b)
 }
 
 /* As a viewer would read it: degree 0, three channels. */
-static int read_ply(struct back *b, const char *path, bool turned,
-                    struct error *err)
+static int drawn_read_ply(struct back *b, const char *path, bool turned,
+                          struct error *err)
 {
     const struct ply_scene *s = &b->ply;
 
@@ -42,8 +42,8 @@ static int read_ply(struct back *b, const char *path, bool turned,
 }
 
 /* Metres become the scene's unit again. */
-static int read_glb(struct back *b, const char *path, float unit,
-                    struct error *err)
+static int drawn_read_glb(struct back *b, const char *path, float unit,
+                          struct error *err)
 {
     struct glb_splats s;
 
@@ -148,11 +148,11 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
     int rc;
 
     switch (format) {
-    case DRAWN_PLY: rc = read_ply(&b, path, turned, err); break;
+    case DRAWN_PLY: rc = drawn_read_ply(&b, path, turned, err); break;
     case DRAWN_SPLAT:
         rc = splatfile_read(&b.g, &b.block, path, err);
         break;
-    default: rc = read_glb(&b, path, unit, err); break;
+    default: rc = drawn_read_glb(&b, path, unit, err); break;
     }
     if (rc == 0 && b.g.n != s->g.n)
         rc = error_set(err, EX_SOFTWARE, "%s: %zu Gaussians read back "
@@ -167,8 +167,9 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
 
 /* A clay picture of the mesh from the front, the middle of `around` in its
  * middle. */
-static int draw_mesh(float *image, const float *verts, const float *around,
-                     const struct head *h, struct error *err)
+static int drawn_mesh(float *image, const float *verts,
+                      const float *around, const struct head *h,
+                      struct error *err)
 {
     const size_t n = (size_t)DRAWN_SIZE * DRAWN_SIZE * 3;
     const struct preview_mesh mesh = {.verts = verts, .faces = h->f,
@@ -220,8 +221,8 @@ static int drawn_measure_mesh(struct drawn_head *d, const char *path,
         error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
-    if (draw_mesh(image, own, own, h, err) ||
-        draw_mesh(image + n, back, own, h, err))
+    if (drawn_mesh(image, own, own, h, err) ||
+        drawn_mesh(image + n, back, own, h, err))
         goto out;
     d->psnr_db = drawn_psnr(&d->max_abs, image, image + n);
     rc = 0;

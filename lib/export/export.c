@@ -17,7 +17,7 @@
 /* ---- names -------------------------------------------------------------- */
 
 /* How many %d-like conversions (%d, %06d) the name has; -1: another % in it. */
-static int name_conversions(const char *name)
+static int export_name_conversions(const char *name)
 {
     int n = 0;
 
@@ -32,10 +32,10 @@ static int name_conversions(const char *name)
 }
 
 /* The name is plain, or (pattern) has one place for the frame's number. */
-static int check_name(const char *option, const char *name, bool pattern,
-                      struct error *err)
+static int export_check_name(const char *option, const char *name, bool pattern,
+                             struct error *err)
 {
-    int n = name ? name_conversions(name) : 0;
+    int n = name ? export_name_conversions(name) : 0;
 
     if (n < 0 || n > (pattern ? 1 : 0))
         return error_set(err, EX_USAGE,
@@ -51,7 +51,7 @@ static bool export_wanted(char *path, size_t size, const struct export *x,
 {
     if (!name)
         return false;
-    if (name_conversions(name) == 1) {
+    if (export_name_conversions(name) == 1) {
 #pragma GCC diagnostic push
 #pragma GCC diagnostic ignored "-Wformat-nonliteral"
         snprintf(path, size, name, (int)rec->frame);
@@ -99,13 +99,15 @@ static int flat_init(struct flat *f, const struct scene *s, float unit,
 }
 
 /* The original layout of 3D Gaussian splatting. */
-static int write_ply(struct export *x, const char *path, struct error *err)
+static int export_write_ply(struct export *x, const char *path,
+                            struct error *err)
 {
     return ply_write(path, &x->scene.g, !x->opt.model_space, err);
 }
 
 /* 32 bytes a Gaussian. */
-static int write_splat(struct export *x, const char *path, struct error *err)
+static int export_write_splat(struct export *x, const char *path,
+                              struct error *err)
 {
     struct flat f = {0};
     int rc = flat_init(&f, &x->scene, 1, err);
@@ -119,16 +121,17 @@ static int write_splat(struct export *x, const char *path, struct error *err)
 }
 
 /* Head units per metre. */
-static float head_scale(const struct export *x)
+static float export_head_scale(const struct export *x)
 {
     return x->has_head ? x->head.scale : 5;
 }
 
 /* KHR_gaussian_splatting, in metres. */
-static int write_glb(struct export *x, const char *path, struct error *err)
+static int export_write_glb(struct export *x, const char *path,
+                            struct error *err)
 {
     struct flat f = {0};
-    int rc = flat_init(&f, &x->scene, 1 / head_scale(x), err);
+    int rc = flat_init(&f, &x->scene, 1 / export_head_scale(x), err);
 
     if (!rc) {
         const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
@@ -142,17 +145,17 @@ static int write_glb(struct export *x, const char *path, struct error *err)
 }
 
 /* The scene as it is now, in every format that wants this frame. */
-static int write_gaussians(struct export *x, const struct record *rec,
-                           struct error *err)
+static int export_write_gaussians(struct export *x, const struct record *rec,
+                                  struct error *err)
 {
     struct {
         const char *name;
         int (*write)(struct export *, const char *, struct error *);
         bool *done;
     } kind[] = {                        /* in the order of drawn_format */
-                {x->opt.ply, write_ply, &x->done.ply},
-                {x->opt.splat, write_splat, &x->done.splat},
-                {x->opt.glb_splats, write_glb, &x->done.glb_splats}};
+                {x->opt.ply, export_write_ply, &x->done.ply},
+                {x->opt.splat, export_write_splat, &x->done.splat},
+                {x->opt.glb_splats, export_write_glb, &x->done.glb_splats}};
     char path[4096];
 
     for (size_t i = 0; i < sizeof kind / sizeof *kind; i++) {
@@ -161,7 +164,7 @@ static int write_gaussians(struct export *x, const struct record *rec,
             continue;
         if (kind[i].write(x, path, err) ||
             drawn_compare(&x->drawn[i], (enum drawn_format)i, path, &x->scene,
-                          !x->opt.model_space, head_scale(x), err))
+                          !x->opt.model_space, export_head_scale(x), err))
             return -1;
         *kind[i].done = true;
         x->files++;
@@ -186,7 +189,7 @@ static int export_fold(struct export *x, struct error *err)
 }
 
 /* The source picture becomes the texture once its motion is known. */
-static int add_texture(struct export *x, struct error *err)
+static int export_add_texture(struct export *x, struct error *err)
 {
     struct person *p = &x->person;
     float cam[12], *verts = NULL;
@@ -222,8 +225,8 @@ out:
 }
 
 /* Our own mesh of the first frame, D (R v + t) as in export_head.c. */
-static int keep_first(struct export *x, const struct export_motion *m,
-                      struct error *err)
+static int export_keep_first(struct export *x, const struct export_motion *m,
+                             struct error *err)
 {
     const size_t V = x->head.V;
     float *verts = malloc(3 * V * sizeof *verts);
@@ -246,27 +249,27 @@ static int keep_first(struct export *x, const struct export_motion *m,
 }
 
 /* One MOTN record: a frame of the animated head. */
-static int take_motion(struct export *x, const struct record *rec,
-                       struct error *err)
+static int export_take_motion(struct export *x, const struct record *rec,
+                              struct error *err)
 {
     struct motion m;
     struct export_motion e = {.time = rec->time};
 
     if (motion_read(&m, rec, x->head.nexp, err) || export_fold(x, err) ||
-        add_texture(x, err))
+        export_add_texture(x, err))
         return -1;
     e.pose = m.pose;
     motion_camera(e.cam, &m);
     if (export_head_frame(&x->skinned, &e, err) ||
-        (!x->shown && keep_first(x, &e, err)))
+        (!x->shown && export_keep_first(x, &e, err)))
         return -1;
     x->frames++;
     return 0;
 }
 
 /* One MESH record, in metres, with normals. */
-static int write_obj(struct export *x, const struct record *rec,
-                     struct error *err)
+static int export_write_obj(struct export *x, const struct record *rec,
+                            struct error *err)
 {
     struct mesh mesh;
     char path[4096];
@@ -307,12 +310,12 @@ int export_init(struct export *x, const struct export_options *opt,
 {
     memset(x, 0, sizeof *x);
     x->opt = *opt;
-    if (check_name("--ply", opt->ply, true, err) ||
-        check_name("--splat", opt->splat, true, err) ||
-        check_name("--glb-splats", opt->glb_splats, true, err) ||
-        check_name("--obj", opt->obj, true, err) ||
-        check_name("--glb-head", opt->glb_head, false, err) ||
-        check_name("--html", opt->html, false, err))
+    if (export_check_name("--ply", opt->ply, true, err) ||
+        export_check_name("--splat", opt->splat, true, err) ||
+        export_check_name("--glb-splats", opt->glb_splats, true, err) ||
+        export_check_name("--obj", opt->obj, true, err) ||
+        export_check_name("--glb-head", opt->glb_head, false, err) ||
+        export_check_name("--html", opt->html, false, err))
         return -1;
     if (!export_needs_head(opt))
         return 0;
@@ -354,7 +357,7 @@ int export_record(struct export *x, const struct record *rec,
     if (change < 0 || (x->opt.html && !own && page_record(&x->page, rec, err)))
         return -1;
     if (change != SCENE_NONE)
-        return write_gaussians(x, rec, err);
+        return export_write_gaussians(x, rec, err);
     if (!x->has_head)
         return 0;
     int taken = 0;
@@ -363,9 +366,9 @@ int export_record(struct export *x, const struct record *rec,
     if (taken)
         return taken < 0 ? -1 : 0;
     if (record_is(rec, "MOTN") && x->opt.glb_head)
-        return take_motion(x, rec, err);
+        return export_take_motion(x, rec, err);
     if (record_is(rec, "MESH") && x->opt.obj)
-        return write_obj(x, rec, err);
+        return export_write_obj(x, rec, err);
     return 0;
 }
 
@@ -385,7 +388,7 @@ int export_finish(struct export *x, struct error *err)
     const struct export_options *o = &x->opt;
 
     if (o->glb_head) {
-        if (export_fold(x, err) || add_texture(x, err) ||
+        if (export_fold(x, err) || export_add_texture(x, err) ||
             export_head_write(&x->skinned, o->glb_head, err) ||
             drawn_head_compare(&x->drawn_head, o->glb_head,
                                x->shown ? x->shown : x->skinned.position,

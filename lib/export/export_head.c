@@ -14,8 +14,9 @@
 #define LIDS 2
 
 /* Unpack rows of a posing-layout direction, in metres. */
-static void target_unblock(float *out, const struct head *h,
-                           const float *blocks, size_t per_block, size_t k)
+static void export_target_unblock(float *out, const struct head *h,
+                                  const float *blocks, size_t per_block,
+                                  size_t k)
 {
     head_direction(out, h, blocks, per_block, k);
     for (size_t i = 0; i < 3 * h->V; i++)
@@ -23,27 +24,29 @@ static void target_unblock(float *out, const struct head *h,
 }
 
 /* Expressions, lids and, if asked for, pose correctives, by name. */
-static void fill_targets(struct export_head *e, const struct identity *id)
+static void export_fill_targets(struct export_head *e,
+                                const struct identity *id)
 {
     const struct head *h = e->head;
     size_t at = 0;
 
     for (size_t k = 0; k < e->opt.expressions; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "exp_%03zu", k);
-        target_unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp, k);
+        export_target_unblock(e->delta + 3 * h->V * at, h, h->exp_dirs, h->nexp,
+                              k);
     }
     for (size_t k = 0; k < LIDS; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "eyelid_%s",
                  k ? "right" : "left");
-        target_unblock(e->delta + 3 * h->V * at, h, id->lids, LIDS, k);
+        export_target_unblock(e->delta + 3 * h->V * at, h, id->lids, LIDS, k);
     }
     static const char *const joint[] = {"neck", "jaw", "eye_left",
                                         "eye_right"};
     for (size_t k = 0; e->opt.correctives && k < HEAD_POSE_DIRS; k++, at++) {
         snprintf(e->name[at], sizeof *e->name, "pose_%s_%zu", joint[k / 9],
                  k % 9);
-        target_unblock(e->delta + 3 * h->V * at, h, h->pose_dirs,
-                       HEAD_POSE_DIRS, k);
+        export_target_unblock(e->delta + 3 * h->V * at, h, h->pose_dirs,
+                              HEAD_POSE_DIRS, k);
     }
 }
 
@@ -75,7 +78,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
         return error_set(err, EX_OSERR, "out of memory for %zu targets",
                          e->targets);
     }
-    target_unblock(e->position, h, id->shaped, 1, 0);
+    export_target_unblock(e->position, h, id->shaped, 1, 0);
     head_normals(e->normal, h, e->position);
     for (size_t v = 0; v < h->V; v++) {        /* a vertex of no face */
         float *n = e->normal + 3 * v;
@@ -85,7 +88,7 @@ int export_head_init(struct export_head *e, const struct identity *id,
     }
     for (size_t i = 0; i < 3 * GLB_JOINTS; i++)
         e->joints[i] = id->joints[i] / h->scale;
-    fill_targets(e, id);
+    export_fill_targets(e, id);
     return 0;
 }
 
@@ -123,7 +126,7 @@ int export_head_texture(struct export_head *e, const float *verts,
 }
 
 /* Room for one frame more. */
-static int frames_grow(struct export_head *e, struct error *err)
+static int export_frames_grow(struct export_head *e, struct error *err)
 {
     size_t room = e->room ? 2 * e->room : 256;
     float **field[] = {&e->time, &e->weight, &e->rotation, &e->translation};
@@ -144,7 +147,7 @@ static int frames_grow(struct export_head *e, struct error *err)
 }
 
 /* glTF order x,y,z,w. */
-static void store_quat(float *out, const float R[9])
+static void export_store_quat(float *out, const float R[9])
 {
     float q[4];
 
@@ -158,8 +161,8 @@ static void store_quat(float *out, const float R[9])
 /* The camera moves the root before a fixed glTF camera (right, up, backward):
  * p = D (R v + t), D = diag(1,-1,-1).  The skin turns about the root joint J,
  * so the root's translation is D (R J + t). */
-static void store_root(float *rotation, float *translation,
-                       const struct export_head *e, const float cam[12])
+static void export_store_root(float *rotation, float *translation,
+                              const struct export_head *e, const float cam[12])
 {
     static const float flip[3] = {1, -1, -1};
     float R[9];
@@ -173,12 +176,12 @@ static void store_root(float *rotation, float *translation,
         }
         translation[i] = flip[i] * t;
     }
-    store_quat(rotation, R);
+    export_store_quat(rotation, R);
 }
 
 /* One frame's weights of the targets, in their order. */
-static void store_weights(float *w, const struct export_head *e,
-                          const struct head_motion *m, float (*R)[9])
+static void export_store_weights(float *w, const struct export_head *e,
+                                 const struct head_motion *m, float (*R)[9])
 {
     size_t at = 0;
 
@@ -200,17 +203,17 @@ int export_head_frame(struct export_head *e, const struct export_motion *m,
         return error_set(err, EX_DATAERR,
                          "time %g follows %g (expected increasing times)",
                          m->time, e->time[t - 1]);
-    if (frames_grow(e, err))
+    if (export_frames_grow(e, err))
         return -1;
     rotation_exp(R[JOINT_NECK], m->pose.neck);
     rotation_exp(R[JOINT_JAW], m->pose.jaw);
     rotation_exp(R[JOINT_EYE_LEFT], m->pose.eye);
     rotation_exp(R[JOINT_EYE_RIGHT], m->pose.eye + 3);
     float *q = e->rotation + 4 * GLB_JOINTS * t;
-    store_root(q, e->translation + 3 * t, e, m->cam);
+    export_store_root(q, e->translation + 3 * t, e, m->cam);
     for (size_t j = 1; j < GLB_JOINTS; j++)
-        store_quat(q + 4 * j, R[j]);
-    store_weights(e->weight + e->targets * t, e, &m->pose, R);
+        export_store_quat(q + 4 * j, R[j]);
+    export_store_weights(e->weight + e->targets * t, e, &m->pose, R);
     e->time[t] = (float)m->time;
     e->frames++;
     return 0;

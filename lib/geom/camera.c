@@ -78,8 +78,8 @@ void camera_project_d(double *uv, double *z, const double cam[12], double size,
 
 /* Gradient of one point's u, v and z with respect to its camera coordinates
  * p; 0 when it is not in front. */
-static int point_backward(double dp[3], double du, double dv, double dz,
-                          const double p[3], double f)
+static int camera_point_backward(double dp[3], double du, double dv, double dz,
+                                 const double p[3], double f)
 {
     if (p[2] <= (double)CAMERA_NEAR)
         return 0;
@@ -102,8 +102,8 @@ void camera_project_backward(float *dx, float dcam[12], const float *duv,
 
         camera_apply(pf, cam, xn);
         double p[3] = {pf[0], pf[1], pf[2]}, dp[3];
-        if (!point_backward(dp, duv[2 * n], duv[2 * n + 1],
-                            dz ? dz[n] : 0, p, f))
+        if (!camera_point_backward(dp, duv[2 * n], duv[2 * n + 1],
+                                   dz ? dz[n] : 0, p, f))
             continue;
         for (int i = 0; i < 3; i++) {
             if (dx)
@@ -132,8 +132,8 @@ void camera_project_backward_d(double *dx, double dcam[12], const double *duv,
         for (int i = 0; i < 3; i++)
             p[i] = cam[4 * i] * xn[0] + cam[4 * i + 1] * xn[1] +
                    cam[4 * i + 2] * xn[2] + cam[4 * i + 3];
-        if (!point_backward(dp, duv[2 * n], duv[2 * n + 1],
-                            dz ? dz[n] : 0, p, f))
+        if (!camera_point_backward(dp, duv[2 * n], duv[2 * n + 1],
+                                   dz ? dz[n] : 0, p, f))
             continue;
         for (int i = 0; i < 3; i++) {
             if (dx)

@@ -144,14 +144,14 @@ void crop_translation_backward(double gtnet[3], double gcrop[3],
 /* ---- sampling --------------------------------------------------------- */
 
 /* Index coordinate of output pixel i of n: pixel centres lie at integers. */
-static double sample_place(double centre, double size, size_t i, size_t n)
+static double crop_sample_place(double centre, double size, size_t i, size_t n)
 {
     return centre + (((double)i + 0.5) / (double)n - 0.5) * size - 0.5;
 }
 
 /* Lower index and weight of the next for coordinate p among n samples; -2
  * when neither is inside. */
-static ptrdiff_t sample_lower(double p, size_t n, float *w)
+static ptrdiff_t crop_sample_lower(double p, size_t n, float *w)
 {
     double f = floor(p);
 
@@ -164,9 +164,9 @@ static ptrdiff_t sample_lower(double p, size_t n, float *w)
 }
 
 /* One pixel, four taps, black outside. */
-static void sample_pixel(double *out, const float *f, const uint8_t *u,
-                         size_t W, size_t H, size_t stride, ptrdiff_t x,
-                         ptrdiff_t y, double wx, double wy)
+static void crop_sample_pixel(double *out, const float *f, const uint8_t *u,
+                              size_t W, size_t H, size_t stride, ptrdiff_t x,
+                              ptrdiff_t y, double wx, double wy)
 {
     out[0] = out[1] = out[2] = 0;
     for (int k = 0; k < 4; k++) {
@@ -184,21 +184,22 @@ static void sample_pixel(double *out, const float *f, const uint8_t *u,
 }
 
 /* The plain version of crop_sample. */
-static void sample_plain(float *out, size_t n, const float *f,
-                         const uint8_t *u, size_t W, size_t H, size_t stride,
-                         struct square q)
+static void crop_sample_plain(float *out, size_t n, const float *f,
+                              const uint8_t *u, size_t W, size_t H,
+                              size_t stride, struct square q)
 {
     for (size_t i = 0; i < n; i++) {
         float wy;
-        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
 
         for (size_t j = 0; j < n; j++, out += 3) {
             double p[3];
             float wx;
-            ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
-                                       &wx);
+            ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
+                                                              n), W, &wx);
 
-            sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
+            crop_sample_pixel(p, f, u, W, H, stride, x, y, wx, wy);
             for (int c = 0; c < 3; c++)
                 out[c] = (float)p[c];
         }
@@ -208,7 +209,7 @@ static void sample_plain(float *out, size_t n, const float *f,
 void crop_sample(float *out, size_t n, const float *rgb, size_t W, size_t H,
                  struct square q)
 {
-    sample_plain(out, n, rgb, NULL, W, H, 0, q);
+    crop_sample_plain(out, n, rgb, NULL, W, H, 0, q);
 }
 
 void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
@@ -216,8 +217,8 @@ void crop_sample_ref(double *out, size_t n, const double *rgb, size_t W,
 {
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++, out += 3) {
-            double px = sample_place(q.x, q.size, j, n);
-            double py = sample_place(q.y, q.size, i, n);
+            double px = crop_sample_place(q.x, q.size, j, n);
+            double py = crop_sample_place(q.y, q.size, i, n);
 
             for (int c = 0; c < 3; c++) {
                 double v = 0;
@@ -244,12 +245,13 @@ void crop_sample_backward(float *grgb, double gq[3], const float *gout,
 
     for (size_t i = 0; i < n; i++) {
         float wy, wx;
-        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
         double v = ((double)i + 0.5) / (double)n - 0.5;
 
         for (size_t j = 0; j < n; j++, gout += 3) {
-            ptrdiff_t x = sample_lower(sample_place(q.x, q.size, j, n), W,
-                                       &wx);
+            ptrdiff_t x = crop_sample_lower(crop_sample_place(q.x, q.size, j,
+                                                              n), W, &wx);
             double u = ((double)j + 0.5) / (double)n - 0.5, dx = 0, dy = 0;
 
             for (int k = 0; k < 4; k++) {
@@ -313,17 +315,17 @@ struct columns {
 };
 
 /* 0, or -1 when the crop is too wide for the buffers. */
-static int find_columns(struct columns *c, size_t n, size_t W,
-                        struct square q)
+static int crop_find_columns(struct columns *c, size_t n, size_t W,
+                             struct square q)
 {
-    double first = floor(sample_place(q.x, q.size, 0, n));
-    double last = floor(sample_place(q.x, q.size, n - 1, n)) + 1;
+    double first = floor(crop_sample_place(q.x, q.size, 0, n));
+    double last = floor(crop_sample_place(q.x, q.size, n - 1, n)) + 1;
 
     if (n > SIDE || !(last - first < SPAN - 4) || !(first > -1e8)
         || !(last < 1e8))
         return -1;
     for (size_t j = 0; j < n; j++) {
-        double p = sample_place(q.x, q.size, j, n), f = floor(p);
+        double p = crop_sample_place(q.x, q.size, j, n), f = floor(p);
 
         c->at[j] = (int32_t)(f - first) * 3;
         c->w[j] = (float)(p - f);
@@ -347,15 +349,16 @@ void crop_sample_u8(float *out, size_t n, const uint8_t *rgb, size_t W,
 
     if (n == 0)
         return;
-    if (find_columns(&c, n, W, q) != 0) {
-        sample_plain(out, n, NULL, rgb, W, H, stride, q);
+    if (crop_find_columns(&c, n, W, q) != 0) {
+        crop_sample_plain(out, n, NULL, rgb, W, H, stride, q);
         return;
     }
-    left = floor(sample_place(q.x, q.size, 0, n));
+    left = floor(crop_sample_place(q.x, q.size, 0, n));
     skip = left < 0 ? (size_t)-left : 0;   /* black columns before the first */
     for (size_t i = 0; i < n; i++, out += 3 * n) {
         float wy;
-        ptrdiff_t y = sample_lower(sample_place(q.y, q.size, i, n), H, &wy);
+        ptrdiff_t y = crop_sample_lower(crop_sample_place(q.y, q.size, i, n), H,
+                                        &wy);
         const uint8_t *a = y >= 0 ? rgb + (size_t)y * stride + 3 * c.x0
                                   : black;
         const uint8_t *b = y >= -1 && y + 1 < (ptrdiff_t)H
@@ -390,7 +393,7 @@ static void filter_make(struct filter *f, double centre, double size,
                         size_t i, size_t n, size_t in, size_t most)
 {
     const double s = size / (double)n, support = s > 1 ? s : 1;
-    const double p = sample_place(centre, size, i, n);
+    const double p = crop_sample_place(centre, size, i, n);
     double first = ceil(p - support), sum = 0;
     size_t m = 0;
 

@@ -15,8 +15,9 @@ struct canvas {
 };
 
 /* Turn, centre and project: x, y in samples, z towards the viewer. */
-static void mesh_project(float *out, const struct preview_mesh *m,
-                         const struct preview_view *v, const struct canvas *c)
+static void preview_mesh_project(float *out, const struct preview_mesh *m,
+                                 const struct preview_view *v,
+                                 const struct canvas *c)
 {
     float a = v->yaw * (float)M_PI / 180, b = v->pitch * (float)M_PI / 180;
     float scale = (float)c->h / v->height, far = 6 * v->height;
@@ -36,8 +37,8 @@ static void mesh_project(float *out, const struct preview_mesh *m,
 }
 
 /* Area-weighted vertex normals in view space (x right, y up, z to viewer). */
-static void mesh_normals(float *n, const float *p,
-                         const struct preview_mesh *m)
+static void preview_mesh_normals(float *n, const float *p,
+                                 const struct preview_mesh *m)
 {
     memset(n, 0, m->nv * 3 * sizeof *n);
     for (size_t i = 0; i < m->nf; i++) {
@@ -55,8 +56,8 @@ static void mesh_normals(float *n, const float *p,
 }
 
 /* Key, fill and rim light with a little gloss; out is linear RGB. */
-static void sample_shade(float *out, float nx, float ny, float nz,
-                         const float *albedo)
+static void preview_sample_shade(float *out, float nx, float ny, float nz,
+                                 const float *albedo)
 {
     static const float clay[3] = { 0.62f, 0.53f, 0.46f };
     const float *base = albedo ? albedo : clay;
@@ -78,18 +79,19 @@ static void sample_shade(float *out, float nx, float ny, float nz,
 }
 
 /* Twice the signed area of (a, b, (x,y)). */
-static float triangle_edge(const float *a, const float *b, float x, float y)
+static float preview_triangle_edge(const float *a, const float *b, float x,
+                                   float y)
 {
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
 /* Depth test, interpolated normal and albedo, and the edges if asked for. */
-static void triangle_draw(struct canvas *c, const float *p, const float *n,
-                          const int32_t *f, const struct preview_mesh *m,
-                          bool wire)
+static void preview_triangle_draw(struct canvas *c, const float *p,
+                                  const float *n, const int32_t *f,
+                                  const struct preview_mesh *m, bool wire)
 {
     const float *q[3] = { p + f[0] * 3, p + f[1] * 3, p + f[2] * 3 };
-    float area = triangle_edge(q[0], q[1], q[2][0], q[2][1]);
+    float area = preview_triangle_edge(q[0], q[1], q[2][0], q[2][1]);
 
     if (fabsf(area) < 1e-6f)
         return;
@@ -110,8 +112,8 @@ static void triangle_draw(struct canvas *c, const float *p, const float *n,
         for (int x = xa; x <= xb; x++) {
             float sx = (float)x + 0.5f, sy = (float)y + 0.5f, w[3];
 
-            w[0] = triangle_edge(q[1], q[2], sx, sy) / area;
-            w[1] = triangle_edge(q[2], q[0], sx, sy) / area;
+            w[0] = preview_triangle_edge(q[1], q[2], sx, sy) / area;
+            w[1] = preview_triangle_edge(q[2], q[0], sx, sy) / area;
             w[2] = 1 - w[0] - w[1];
             if (w[0] < 0 || w[1] < 0 || w[2] < 0)
                 continue;
@@ -127,8 +129,8 @@ static void triangle_draw(struct canvas *c, const float *p, const float *n,
                     if (m->color)
                         al[d] += w[k] * m->color[f[k] * 3 + d];
                 }
-            sample_shade(c->rgb + at * 3, nn[0], nn[1], nn[2],
-                         m->color ? al : NULL);
+            preview_sample_shade(c->rgb + at * 3, nn[0], nn[1], nn[2],
+                                 m->color ? al : NULL);
             for (int k = 0; wire && k < 3; k++)
                 if (w[k] * fabsf(area) < 0.9f * len[k])
                     for (int d = 0; d < 3; d++)
@@ -137,7 +139,7 @@ static void triangle_draw(struct canvas *c, const float *p, const float *n,
 }
 
 /* Linear 0 to 1 as a byte of sRGB. */
-static uint8_t to_srgb(float v)
+static uint8_t preview_to_srgb(float v)
 {
     v = v < 0 ? 0 : v > 1 ? 1 : v;
     v = v <= 0.0031308f ? 12.92f * v : 1.055f * powf(v, 1 / 2.4f) - 0.055f;
@@ -157,7 +159,7 @@ static void canvas_resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
                     s += c->rgb[((y * SS + k / SS) * c->w + x * SS + k % SS) *
                                 3 + d];
                 rgb[((y0 + y) * stride + x0 + x) * 3 + d] =
-                    to_srgb(s / (SS * SS));
+                    preview_to_srgb(s / (SS * SS));
             }
 }
 
@@ -185,10 +187,11 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
         c.rgb[i * 3] = c.rgb[i * 3 + 1] = g;
         c.rgb[i * 3 + 2] = g * 1.1f;
     }
-    mesh_project(p, mesh, view, &c);
-    mesh_normals(nrm, p, mesh);
+    preview_mesh_project(p, mesh, view, &c);
+    preview_mesh_normals(nrm, p, mesh);
     for (size_t i = 0; i < mesh->nf; i++)
-        triangle_draw(&c, p, nrm, mesh->faces + i * 3, mesh, view->wire);
+        preview_triangle_draw(&c, p, nrm, mesh->faces + i * 3, mesh,
+                              view->wire);
     canvas_resolve(rgb, stride, x0, y0, &c);
     rc = 0;
 out:

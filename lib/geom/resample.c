@@ -56,7 +56,7 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
 /* ---- affine grids ----------------------------------------------------- */
 
 /* Coordinate in [-1,1] of pixel i of n. */
-static double axis_coordinate(size_t i, size_t n, bool align)
+static double resample_axis_coordinate(size_t i, size_t n, bool align)
 {
     if (align)
         return n > 1 ? 2 * (double)i / ((double)n - 1) - 1 : 0;
@@ -69,8 +69,8 @@ void affine_grid(float *grid, const float *theta, size_t B, size_t h,
     for (size_t b = 0; b < B; b++, theta += 6)
         for (size_t i = 0; i < h; i++)
             for (size_t j = 0; j < w; j++, grid += 2) {
-                double x = axis_coordinate(j, w, align);
-                double y = axis_coordinate(i, h, align);
+                double x = resample_axis_coordinate(j, w, align);
+                double y = resample_axis_coordinate(i, h, align);
 
                 grid[0] = (float)(theta[0] * x + theta[1] * y + theta[2]);
                 grid[1] = (float)(theta[3] * x + theta[4] * y + theta[5]);
@@ -85,8 +85,8 @@ void affine_grid_backward(float *gtheta, const float *ggrid, size_t B,
 
         for (size_t i = 0; i < h; i++)
             for (size_t j = 0; j < w; j++, ggrid += 2) {
-                double x = axis_coordinate(j, w, align);
-                double y = axis_coordinate(i, h, align);
+                double x = resample_axis_coordinate(j, w, align);
+                double y = resample_axis_coordinate(i, h, align);
 
                 for (int k = 0; k < 2; k++) {
                     s[3 * k] += ggrid[k] * x;
@@ -106,13 +106,13 @@ struct resize {
 };
 
 /* Into 0 .. n - 1. */
-static int32_t clamp_index(double i, size_t n)
+static int32_t resample_clamp_index(double i, size_t n)
 {
     return (int32_t)(i < 0 ? 0 : i > (double)n - 1 ? (double)n - 1 : i);
 }
 
 /* The cubic convolution kernel, A = -0.75, at distance t. */
-static double axis_cubic(double t)
+static double resample_axis_cubic(double t)
 {
     const double A = -0.75;
 
@@ -125,8 +125,8 @@ static double axis_cubic(double t)
 }
 
 /* Place of output i among n inputs, m outputs; factor 0: m / n. */
-static double axis_source(enum resize_kind kind, size_t i, size_t n, size_t m,
-                          double factor)
+static double resample_axis_source(enum resize_kind kind, size_t i, size_t n,
+                                   size_t m, double factor)
 {
     double ratio = factor > 0 ? 1 / factor : (double)n / (double)m, p;
 
@@ -137,7 +137,7 @@ static double axis_source(enum resize_kind kind, size_t i, size_t n, size_t m,
 }
 
 /* Taps and weights of output i: a triangle as wide as the step. */
-static void axis_antialias(struct resize_axis *a, size_t i)
+static void resample_axis_antialias(struct resize_axis *a, size_t i)
 {
     const double s = (double)a->in / (double)a->out;
     const double support = s > 1 ? s : 1, c = s * ((double)i + 0.5);
@@ -151,7 +151,7 @@ static void axis_antialias(struct resize_axis *a, size_t i)
         double w = j < hi
             ? 1 - fabs(((double)j - c + 0.5) / support) : 0;
 
-        a->at[i * a->taps + k] = clamp_index((double)j, a->in);
+        a->at[i * a->taps + k] = resample_clamp_index((double)j, a->in);
         a->weight[i * a->taps + k] = (float)(w > 0 ? w : 0);
         sum += w > 0 ? w : 0;
     }
@@ -161,29 +161,30 @@ static void axis_antialias(struct resize_axis *a, size_t i)
 }
 
 /* Taps and weights of output i: two, or four of the cubic. */
-static void axis_interpolate(struct resize_axis *a, size_t i,
-                             enum resize_kind kind, double factor)
+static void resample_axis_interpolate(struct resize_axis *a, size_t i,
+                                      enum resize_kind kind, double factor)
 {
-    const double p = axis_source(kind, i, a->in, a->out, factor), f = floor(p);
+    const double p = resample_axis_source(kind, i, a->in, a->out, factor),
+                 f = floor(p);
     int32_t *at = a->at + i * a->taps;
     float *w = a->weight + i * a->taps;
 
     if (kind == RESIZE_BICUBIC) {
         for (int k = 0; k < 4; k++) {
-            at[k] = clamp_index(f + k - 1, a->in);
-            w[k] = (float)axis_cubic(p - f - k + 1);
+            at[k] = resample_clamp_index(f + k - 1, a->in);
+            w[k] = (float)resample_axis_cubic(p - f - k + 1);
         }
     } else {
-        at[0] = clamp_index(f, a->in);
-        at[1] = clamp_index(f + 1, a->in);
+        at[0] = resample_clamp_index(f, a->in);
+        at[1] = resample_clamp_index(f + 1, a->in);
         w[1] = (float)(p - f);
         w[0] = (float)(1 - (p - f));
     }
 }
 
 /* All taps of one axis, n inputs to m outputs. */
-static int axis_init(struct resize_axis *a, enum resize_kind kind, size_t n,
-                     size_t m, double factor)
+static int resample_axis_init(struct resize_axis *a, enum resize_kind kind,
+                              size_t n, size_t m, double factor)
 {
     a->in = n;
     a->out = m;
@@ -196,9 +197,9 @@ static int axis_init(struct resize_axis *a, enum resize_kind kind, size_t n,
         return -1;
     for (size_t i = 0; i < m; i++)
         if (kind == RESIZE_ANTIALIAS)
-            axis_antialias(a, i);
+            resample_axis_antialias(a, i);
         else
-            axis_interpolate(a, i, kind, factor);
+            resample_axis_interpolate(a, i, kind, factor);
     return 0;
 }
 
@@ -208,8 +209,8 @@ struct resize *resize_plan(enum resize_kind kind, size_t H, size_t W,
 {
     struct resize *r = calloc(1, sizeof *r);
 
-    if (r && (axis_init(&r->x, kind, W, w, scale_x) != 0
-              || axis_init(&r->y, kind, H, h, scale_y) != 0)) {
+    if (r && (resample_axis_init(&r->x, kind, W, w, scale_x) != 0
+              || resample_axis_init(&r->y, kind, H, h, scale_y) != 0)) {
         resize_release(r);
         r = NULL;
     }

@@ -14,8 +14,8 @@ struct taps {
 
 /* Unnormalised position of a coordinate in [-1,1]; *slope is its derivative
  * by the coordinate, 0 where padding holds it. */
-static inline double grid_position(float g, size_t n, bool align, bool border,
-                                   double *slope)
+static inline double resample_grid_position(float g, size_t n, bool align,
+                                            bool border, double *slope)
 {
     double p;
 
@@ -41,7 +41,8 @@ static inline double grid_position(float g, size_t n, bool align, bool border,
 }
 
 /* Index of a pixel, -1 outside of the picture. */
-static inline ptrdiff_t grid_tap(ptrdiff_t x, ptrdiff_t y, size_t W, size_t H)
+static inline ptrdiff_t resample_grid_tap(ptrdiff_t x, ptrdiff_t y, size_t W,
+                                          size_t H)
 {
     if (x < 0 || y < 0 || x >= (ptrdiff_t)W || y >= (ptrdiff_t)H)
         return -1;
@@ -49,11 +50,12 @@ static inline ptrdiff_t grid_tap(ptrdiff_t x, ptrdiff_t y, size_t W, size_t H)
 }
 
 /* Four pixels around a grid point, their weights, and the weights' slopes. */
-static inline void grid_taps(struct taps *t, double slope[2], const float *g,
-                             size_t W, size_t H, bool align, bool border)
+static inline void resample_grid_taps(struct taps *t, double slope[2],
+                                      const float *g, size_t W, size_t H,
+                                      bool align, bool border)
 {
-    double px = grid_position(g[0], W, align, border, slope);
-    double py = grid_position(g[1], H, align, border, slope + 1);
+    double px = resample_grid_position(g[0], W, align, border, slope);
+    double py = resample_grid_position(g[1], H, align, border, slope + 1);
     double fx = floor(px), fy = floor(py);
     float a = (float)(px - fx), b = (float)(py - fy);
     ptrdiff_t x = (ptrdiff_t)fx, y = (ptrdiff_t)fy;
@@ -61,7 +63,7 @@ static inline void grid_taps(struct taps *t, double slope[2], const float *g,
     for (int k = 0; k < 4; k++) {
         float wx = k & 1 ? a : 1 - a, wy = k & 2 ? b : 1 - b;
 
-        t->at[k] = grid_tap(x + (k & 1), y + (k >> 1), W, H);
+        t->at[k] = resample_grid_tap(x + (k & 1), y + (k >> 1), W, H);
         t->w[k] = wx * wy;
         t->dx[k] = k & 1 ? wy : -wy;
         t->dy[k] = k & 2 ? wx : -wx;
@@ -80,7 +82,7 @@ void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
         struct taps t;
         double slope[2];
 
-        grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
+        resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (size_t c = 0; c < C; c++)
             o[c] = 0;
         for (int k = 0; k < 4; k++) {
@@ -105,7 +107,7 @@ void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
         struct taps t;
         double slope[2], sx = 0, sy = 0;
 
-        grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
+        resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
         for (int k = 0; k < 4; k++) {
             const float *p = xb + (size_t)t.at[k] * C;
             float dot = 0;
@@ -142,7 +144,7 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
             struct taps t;
             double slope[2];
 
-            grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
+            resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
             for (int k = 0; k < 4; k++) {
                 float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
 
@@ -158,8 +160,9 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
 /* ---- separable resizing ----------------------------------------------- */
 
 /* tmp [H,w,C] = columns of x [H,W,C]. */
-static void resize_columns(float *tmp, const float *x,
-                           const struct resize_axis *a, size_t H, size_t C)
+static void resample_resize_columns(float *tmp, const float *x,
+                                    const struct resize_axis *a, size_t H,
+                                    size_t C)
 {
     for (size_t y = 0; y < H; y++, x += a->in * C, tmp += a->out * C)
         for (size_t i = 0; i < a->out; i++) {
@@ -176,8 +179,8 @@ static void resize_columns(float *tmp, const float *x,
 }
 
 /* out [h,n] = rows of tmp [H,n]. */
-static void resize_rows(float *out, const float *tmp,
-                        const struct resize_axis *a, size_t n)
+static void resample_resize_rows(float *out, const float *tmp,
+                                 const struct resize_axis *a, size_t n)
 {
     for (size_t i = 0; i < a->out; i++, out += n) {
         const int32_t *at = a->at + i * a->taps;
@@ -196,12 +199,12 @@ void ISA(resize_forward)(float *out, const float *x,
                          const struct resize_axis *ax,
                          const struct resize_axis *ay, size_t C, float *tmp)
 {
-    resize_columns(tmp, x, ax, ay->in, C);
-    resize_rows(out, tmp, ay, ax->out * C);
+    resample_resize_columns(tmp, x, ax, ay->in, C);
+    resample_resize_rows(out, tmp, ay, ax->out * C);
 }
 
-/* in the forward pass this was: resize_columns(tmp, x), then
- * resize_rows(out, tmp) */
+/* in the forward pass this was: resample_resize_columns(tmp, x), then
+ * resample_resize_rows(out, tmp) */
 void ISA(resize_backward)(float *gx, const float *gout,
                           const struct resize_axis *ax,
                           const struct resize_axis *ay, size_t C, float *tmp)

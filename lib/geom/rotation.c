@@ -22,14 +22,14 @@ static void rotation_cross(double c[3], const double a[3], const double b[3])
 }
 
 /* float to double. */
-static void numbers_widen(double *out, const float *in, int n)
+static void rotation_numbers_widen(double *out, const float *in, int n)
 {
     for (int i = 0; i < n; i++)
         out[i] = in[i];
 }
 
 /* double to float. */
-static void numbers_narrow(float *out, const double *in, int n)
+static void rotation_numbers_narrow(float *out, const double *in, int n)
 {
     for (int i = 0; i < n; i++)
         out[i] = (float)in[i];
@@ -71,7 +71,7 @@ void mat3_mul_tn_d(double C[9], const double A[9], const double B[9])
 /* ---- 6D ---------------------------------------------------------------- */
 
 /* b = v / max(|v|, TINY); returns the divisor. */
-static double vector_normalise(double b[3], const double v[3])
+static double rotation_vector_normalise(double b[3], const double v[3])
 {
     double n = sqrt(rotation_dot(v, v));
 
@@ -83,8 +83,8 @@ static double vector_normalise(double b[3], const double v[3])
 }
 
 /* dv += gradient of b = v / n; n is what normalise returned. */
-static void normalise_backward(double dv[3], const double db[3],
-                               const double b[3], double n)
+static void rotation_normalise_backward(double dv[3], const double db[3],
+                                        const double b[3], double n)
 {
     double along = n > TINY ? rotation_dot(b, db)
                             : 0; /* below the clamp: g / n */
@@ -97,11 +97,11 @@ void rotation_6d_d(double R[9], const double x[6])
 {
     double *b1 = R, *b2 = R + 3, *b3 = R + 6, u[3];
 
-    vector_normalise(b1, x);
+    rotation_vector_normalise(b1, x);
     double c = rotation_dot(b1, x + 3);
     for (int i = 0; i < 3; i++)
         u[i] = x[3 + i] - c * b1[i];
-    vector_normalise(b2, u);
+    rotation_vector_normalise(b2, u);
     rotation_cross(b3, b1, b2);
 }
 
@@ -110,12 +110,12 @@ void rotation_6d_backward_d(double dx[6], const double dR[9],
 {
     const double *a2 = x + 3, *g3 = dR + 6;
     double b1[3], b2[3], u[3], db1[3], db2[3], du[3] = {0};
-    double n1 = vector_normalise(b1, x);
+    double n1 = rotation_vector_normalise(b1, x);
     double c = rotation_dot(b1, a2);
 
     for (int i = 0; i < 3; i++)
         u[i] = a2[i] - c * b1[i];
-    double n2 = vector_normalise(b2, u);
+    double n2 = rotation_vector_normalise(b2, u);
 
     /* b3 = b1 x b2 */
     rotation_cross(db1, b2, g3);
@@ -125,31 +125,31 @@ void rotation_6d_backward_d(double dx[6], const double dR[9],
         db2[i] += dR[3 + i];
     }
     /* b2 = n(u), u = a2 - (b1.a2) b1 */
-    normalise_backward(du, db2, b2, n2);
+    rotation_normalise_backward(du, db2, b2, n2);
     double along = rotation_dot(du, b1);
     for (int i = 0; i < 3; i++) {
         dx[3 + i] += du[i] - along * b1[i];
         db1[i] -= along * a2[i] + c * du[i];
     }
     /* b1 = n(a1) */
-    normalise_backward(dx, db1, b1, n1);
+    rotation_normalise_backward(dx, db1, b1, n1);
 }
 
 void rotation_6d(float R[9], const float x[6])
 {
     double xd[6], Rd[9];
 
-    numbers_widen(xd, x, 6);
+    rotation_numbers_widen(xd, x, 6);
     rotation_6d_d(Rd, xd);
-    numbers_narrow(R, Rd, 9);
+    rotation_numbers_narrow(R, Rd, 9);
 }
 
 void rotation_6d_backward(float dx[6], const float dR[9], const float x[6])
 {
     double xd[6], dRd[9], dxd[6] = {0};
 
-    numbers_widen(xd, x, 6);
-    numbers_widen(dRd, dR, 9);
+    rotation_numbers_widen(xd, x, 6);
+    rotation_numbers_widen(dRd, dR, 9);
     rotation_6d_backward_d(dxd, dRd, xd);
     for (int i = 0; i < 6; i++)
         dx[i] += (float)dxd[i];
@@ -201,7 +201,7 @@ static void rotation_assemble(double R[9], double base, double A, double B,
 }
 
 /* v_k = sum_ij dR_ij d[r]x_ij/dr_k */
-static void skew_backward(double v[3], const double dR[9])
+static void rotation_skew_backward(double v[3], const double dR[9])
 {
     v[0] = dR[7] - dR[5];
     v[1] = dR[2] - dR[6];
@@ -209,8 +209,8 @@ static void skew_backward(double v[3], const double dR[9])
 }
 
 /* v = (dR + dR^T) r; returns r^T dR r. */
-static double outer_backward(double v[3], const double dR[9],
-                             const double r[3])
+static double rotation_outer_backward(double v[3], const double dR[9],
+                                      const double r[3])
 {
     for (int i = 0; i < 3; i++) {
         v[i] = 0;
@@ -235,8 +235,8 @@ void rotation_exp_backward_d(double dr[3], const double dR[9],
     double skew[3], outer[3];
 
     exp_terms(&t, r);
-    skew_backward(skew, dR);
-    double quad = outer_backward(outer, dR, r);
+    rotation_skew_backward(skew, dR);
+    double quad = rotation_outer_backward(outer, dR, r);
     /* R = cos I + A [r]x + B r r^T; d cos = -A r, dA = t.dA r, dB = t.dB r */
     double radial = -t.A * (dR[0] + dR[4] + dR[8]) +
                     t.dA * rotation_dot(skew, r) + t.dB * quad;
@@ -248,25 +248,25 @@ void rotation_exp(float R[9], const float r[3])
 {
     double rd[3], Rd[9];
 
-    numbers_widen(rd, r, 3);
+    rotation_numbers_widen(rd, r, 3);
     rotation_exp_d(Rd, rd);
-    numbers_narrow(R, Rd, 9);
+    rotation_numbers_narrow(R, Rd, 9);
 }
 
 void rotation_exp_backward(float dr[3], const float dR[9], const float r[3])
 {
     double rd[3], dRd[9], drd[3] = {0};
 
-    numbers_widen(rd, r, 3);
-    numbers_widen(dRd, dR, 9);
+    rotation_numbers_widen(rd, r, 3);
+    rotation_numbers_widen(dRd, dR, 9);
     rotation_exp_backward_d(drd, dRd, rd);
     for (int i = 0; i < 3; i++)
         dr[i] += (float)drd[i];
 }
 
 /* Angle with the public code's offset, and k = r / angle. */
-static double rodrigues_axis(double k[3], double shifted[3],
-                             const double r[3])
+static double rotation_rodrigues_axis(double k[3], double shifted[3],
+                                      const double r[3])
 {
     for (int i = 0; i < 3; i++)
         shifted[i] = r[i] + 1e-8;
@@ -280,7 +280,7 @@ static double rodrigues_axis(double k[3], double shifted[3],
 
 void rotation_rodrigues_eps_d(double R[9], const double r[3])
 {
-    double k[3], shifted[3], a = rodrigues_axis(k, shifted, r);
+    double k[3], shifted[3], a = rotation_rodrigues_axis(k, shifted, r);
     double h = sin(0.5 * a), c1 = 2 * h * h;
 
     /* I + sin K + (1-cos) K^2, K^2 = k k^T - |k|^2 I */
@@ -290,12 +290,12 @@ void rotation_rodrigues_eps_d(double R[9], const double r[3])
 void rotation_rodrigues_eps_backward_d(double dr[3], const double dR[9],
                                        const double r[3])
 {
-    double k[3], shifted[3], a = rodrigues_axis(k, shifted, r);
+    double k[3], shifted[3], a = rotation_rodrigues_axis(k, shifted, r);
     double h = sin(0.5 * a), c1 = 2 * h * h;
     double trace = dR[0] + dR[4] + dR[8], skew[3], outer[3], dk[3];
 
-    skew_backward(skew, dR);
-    double quad = outer_backward(outer, dR, k);
+    rotation_skew_backward(skew, dR);
+    double quad = rotation_outer_backward(outer, dR, k);
     for (int i = 0; i < 3; i++)
         dk[i] = sin(a) * skew[i] + c1 * (outer[i] - 2 * trace * k[i]);
     double da = cos(a) * rotation_dot(skew, k) +
@@ -309,7 +309,7 @@ void rotation_rodrigues_eps_backward_d(double dr[3], const double dR[9],
 /* ---- quaternions and logarithm ----------------------------------------- */
 
 /* Shepperd's method: the largest of the four squared components first. */
-static void to_quat(double q[4], const double R[9])
+static void rotation_quat_f64(double q[4], const double R[9])
 {
     double t = R[0] + R[4] + R[8];
 
@@ -339,16 +339,16 @@ void rotation_to_quat(float q[4], const float R[9])
 {
     double Rd[9], qd[4];
 
-    numbers_widen(Rd, R, 9);
-    to_quat(qd, Rd);
-    numbers_narrow(q, qd, 4);
+    rotation_numbers_widen(Rd, R, 9);
+    rotation_quat_f64(qd, Rd);
+    rotation_numbers_narrow(q, qd, 4);
 }
 
 void rotation_log_d(double r[3], const double R[9])
 {
     double q[4];
 
-    to_quat(q, R);
+    rotation_quat_f64(q, R);
     double v = sqrt(rotation_dot(q + 1, q + 1));
     double s = v > 1e-150 ? 2 * atan2(v, q[0]) / v : 2;
     for (int i = 0; i < 3; i++)
@@ -359,9 +359,9 @@ void rotation_log(float r[3], const float R[9])
 {
     double Rd[9], rd[3];
 
-    numbers_widen(Rd, R, 9);
+    rotation_numbers_widen(Rd, R, 9);
     rotation_log_d(rd, Rd);
-    numbers_narrow(r, rd, 3);
+    rotation_numbers_narrow(r, rd, 3);
 }
 
 void rotation_quat_d(double R[9], const double q[4])
@@ -380,9 +380,9 @@ void rotation_quat(float R[9], const float q[4])
 {
     double qd[4], Rd[9];
 
-    numbers_widen(qd, q, 4);
+    rotation_numbers_widen(qd, q, 4);
     rotation_quat_d(Rd, qd);
-    numbers_narrow(R, Rd, 9);
+    rotation_numbers_narrow(R, Rd, 9);
 }
 
 void rotation_quat_backward_d(double dq[4], const double dR[9],
@@ -394,8 +394,8 @@ void rotation_quat_backward_d(double dq[4], const double dR[9],
 
     for (int i = 0; i < 4; i++)
         u[i] = q[i] / d;
-    skew_backward(skew, dR);
-    outer_backward(outer, dR, u + 1);
+    rotation_skew_backward(skew, dR);
+    rotation_outer_backward(outer, dR, u + 1);
     du[0] = 2 * rotation_dot(skew, u + 1);
     for (int i = 0; i < 3; i++)
         du[1 + i] = 2 * u[0] * skew[i] + 2 * outer[i] -
@@ -411,9 +411,9 @@ double rotation_distance(const float A[9], const float B[9])
 {
     double Ad[9], Bd[9], C[9], q[4];
 
-    numbers_widen(Ad, A, 9);
-    numbers_widen(Bd, B, 9);
+    rotation_numbers_widen(Ad, A, 9);
+    rotation_numbers_widen(Bd, B, 9);
     mat3_mul_nt_d(C, Ad, Bd);
-    to_quat(q, C);
+    rotation_quat_f64(q, C);
     return 2 * atan2(sqrt(rotation_dot(q + 1, q + 1)), q[0]);
 }

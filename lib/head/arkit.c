@@ -27,7 +27,7 @@ const char *arkit_name(int k)
 }
 
 /* Whether `name` is component k: 2 when it names both sides. */
-static int name_matches(int k, const char *name)
+static int arkit_name_matches(int k, const char *name)
 {
     const char *ours = names[k], *side = strchr(ours, '_');
     size_t stem = side ? (size_t)(side - ours) : strlen(ours);
@@ -50,7 +50,7 @@ int arkit_find(int component[2], const char *name)
     int n = 0;
 
     for (int k = 0; k < ARKIT_COUNT && n < 2; k++)
-        if (name_matches(k, name))
+        if (arkit_name_matches(k, name))
             component[n++] = k;
     return n;
 }

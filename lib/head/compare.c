@@ -53,8 +53,8 @@ enum { FACE, LIDS, LIPS, REST };
 /* part (SCAN_SKIN): lids and lips are what lies nearest to ours, face the
  * narrow face, -1 what no one sees: nostrils' and mouth's insides, and what
  * lies below the template's trusted neck. */
-static int label_parts(int *part, const struct head *h, const struct scan *s,
-                       struct error *err)
+static int compare_label_parts(int *part, const struct head *h,
+                               const struct scan *s, struct error *err)
 {
     enum { NARROW = 6706 };
     struct nearest t;
@@ -82,7 +82,7 @@ static int label_parts(int *part, const struct head *h, const struct scan *s,
     return 0;
 }
 
-static int by_size(const void *a, const void *b)
+static int compare_by_size(const void *a, const void *b)
 {
     const float *x = a, *y = b;
 
@@ -90,7 +90,7 @@ static int by_size(const void *a, const void *b)
 }
 
 /* Faces that show skin: all but the eyeballs'. */
-static size_t skin_faces(int32_t *f, const struct head *h)
+static size_t compare_skin_faces(int32_t *f, const struct head *h)
 {
     size_t n = 0;
 
@@ -101,9 +101,9 @@ static size_t skin_faces(int32_t *f, const struct head *h)
 }
 
 /* One person's posed head and the scans' face, head units. */
-static int pose_both(float *ours, float *theirs, const struct head *h,
-                     const struct scan *s, uint64_t seed, int person,
-                     double active, struct error *err)
+static int compare_pose_both(float *ours, float *theirs, const struct head *h,
+                             const struct scan *s, uint64_t seed, int person,
+                             double active, struct error *err)
 {
     float identity[SCAN_IDENTITIES], arkit[ARKIT_COUNT];
     float exp[HEAD_MAX_EXP];
@@ -124,7 +124,7 @@ static void compare_summarise(struct compare_part *p, float *d, size_t n)
 {
     double sum = 0;
 
-    qsort(d, n, sizeof *d, by_size);
+    qsort(d, n, sizeof *d, compare_by_size);
     for (size_t i = 0; i < n; i++)
         sum += d[i];
     p->mean = n ? sum / (double)n : 0;
@@ -157,11 +157,11 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
         goto out;
     }
     memcpy(ours, h->v_template, 3 * h->V * sizeof *ours);
-    if (label_parts(label, h, s, err) ||
-        nearest_init(&t, ours, skin, skin_faces(skin, h), err))
+    if (compare_label_parts(label, h, s, err) ||
+        nearest_init(&t, ours, skin, compare_skin_faces(skin, h), err))
         goto out;
     for (int i = 0; i < people; i++) {
-        if (pose_both(ours, theirs, h, s, seed, i, active, err))
+        if (compare_pose_both(ours, theirs, h, s, seed, i, active, err))
             goto out;
         nearest_update(&t);
         for (int32_t v = 0; v < SCAN_SKIN; v++) {

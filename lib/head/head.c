@@ -18,8 +18,8 @@
 /* ---- checking ---------------------------------------------------------- */
 
 /* x[first] .. x[end - 1] */
-static int check_range(const char *name, const float *x, size_t first,
-                       size_t end, struct error *err)
+static int head_check_range(const char *name, const float *x, size_t first,
+                            size_t end, struct error *err)
 {
     for (size_t i = first; i < end; i++)
         if (!isfinite(x[i]))
@@ -28,14 +28,14 @@ static int check_range(const char *name, const float *x, size_t first,
     return 0;
 }
 
-static int check_finite(const char *name, const float *x, size_t n,
-                        struct error *err)
+static int head_check_finite(const char *name, const float *x, size_t n,
+                             struct error *err)
 {
-    return check_range(name, x, 0, n, err);
+    return head_check_range(name, x, 0, n, err);
 }
 
-static int check_indices(const char *name, const int32_t *x, size_t n,
-                         size_t limit, struct error *err)
+static int head_check_indices(const char *name, const int32_t *x, size_t n,
+                              size_t limit, struct error *err)
 {
     for (size_t i = 0; i < n; i++)
         if (x[i] < 0 || (size_t)x[i] >= limit)
@@ -45,8 +45,8 @@ static int check_indices(const char *name, const int32_t *x, size_t n,
 }
 
 /* Each of n rows of m numbers sums to 1. */
-static int check_sums(const char *name, const float *x, size_t n, size_t m,
-                      double tolerance, struct error *err)
+static int head_check_sums(const char *name, const float *x, size_t n, size_t m,
+                           double tolerance, struct error *err)
 {
     for (size_t i = 0; i < n; i++) {
         double sum = 0;
@@ -61,7 +61,7 @@ static int check_sums(const char *name, const float *x, size_t n, size_t m,
     return 0;
 }
 
-static int check_parents(const int32_t *parents, struct error *err)
+static int head_check_parents(const int32_t *parents, struct error *err)
 {
     for (int j = 0; j < HEAD_JOINTS; j++)
         if (j == 0 ? parents[0] != -1
@@ -73,21 +73,21 @@ static int check_parents(const int32_t *parents, struct error *err)
 }
 
 /* The same of the lids that follow the eyes. */
-static int check_lids(const struct head_arrays *a, struct error *err)
+static int head_check_lids(const struct head_arrays *a, struct error *err)
 {
     if (a->nlid_shape > a->nshape)
         return error_set(err, EX_DATAERR, "lid_shapedirs has %zu directions "
                          "(expected at most %zu, the head's)", a->nlid_shape,
                          a->nshape);
-    return check_indices("lid_vertices", a->lid_vertices, a->nlid, a->V,
-                         err) ||
-           check_indices("lid_sides", a->lid_sides, a->nlid, 2, err) ||
-           check_finite("lid_shapedirs", a->lid_shapedirs,
-                        3 * a->nlid * a->nlid_shape, err) ? -1 : 0;
+    return head_check_indices("lid_vertices", a->lid_vertices, a->nlid, a->V,
+                              err) ||
+           head_check_indices("lid_sides", a->lid_sides, a->nlid, 2, err) ||
+           head_check_finite("lid_shapedirs", a->lid_shapedirs,
+                             3 * a->nlid * a->nlid_shape, err) ? -1 : 0;
 }
 
 /* What later code takes for granted: sizes, and indices that stay inside. */
-static int check_arrays(const struct head_arrays *a, struct error *err)
+static int head_check_arrays(const struct head_arrays *a, struct error *err)
 {
     size_t V = a->V;
 
@@ -101,51 +101,55 @@ static int check_arrays(const struct head_arrays *a, struct error *err)
     if (a->scale < 0 || !isfinite(a->scale))
         return error_set(err, EX_DATAERR, "head scale is %f (expected a "
                          "positive number)", (double)a->scale);
-    if (check_finite("v_template", a->v_template, 3 * V, err) ||
-        check_finite("posedirs", a->posedirs, 3 * V * HEAD_POSE_DIRS, err) ||
-        check_finite("J_regressor", a->J_regressor, HEAD_JOINTS * V, err) ||
-        check_finite("weights", a->weights, HEAD_JOINTS * V, err) ||
-        check_finite("l_eyelid", a->l_eyelid, 3 * V, err) ||
-        check_finite("r_eyelid", a->r_eyelid, 3 * V, err) ||
-        check_indices("f", a->f, 3 * a->F, V, err) ||
-        check_indices("lip_inner", a->lip_inner, a->nlip_inner, V, err) ||
-        check_indices("lip_upper_outer", a->lip_upper_outer,
-                      a->nlip_upper_outer, V, err) ||
-        check_sums("weights", a->weights, V, HEAD_JOINTS, 1e-4, err) ||
-        check_sums("J_regressor", a->J_regressor, HEAD_JOINTS, V, 1e-3, err))
+    if (head_check_finite("v_template", a->v_template, 3 * V, err) ||
+        head_check_finite("posedirs", a->posedirs, 3 * V * HEAD_POSE_DIRS,
+                          err) ||
+        head_check_finite("J_regressor", a->J_regressor, HEAD_JOINTS * V,
+                          err) ||
+        head_check_finite("weights", a->weights, HEAD_JOINTS * V, err) ||
+        head_check_finite("l_eyelid", a->l_eyelid, 3 * V, err) ||
+        head_check_finite("r_eyelid", a->r_eyelid, 3 * V, err) ||
+        head_check_indices("f", a->f, 3 * a->F, V, err) ||
+        head_check_indices("lip_inner", a->lip_inner, a->nlip_inner, V, err) ||
+        head_check_indices("lip_upper_outer", a->lip_upper_outer,
+                           a->nlip_upper_outer, V, err) ||
+        head_check_sums("weights", a->weights, V, HEAD_JOINTS, 1e-4, err) ||
+        head_check_sums("J_regressor", a->J_regressor, HEAD_JOINTS, V, 1e-3,
+                        err))
         return -1;
     if (a->landmark_faces &&
-        (check_indices("landmark_faces", a->landmark_faces, HEAD_LANDMARKS,
-                       a->F, err) ||
-         check_finite("landmark_bary", a->landmark_bary, 3 * HEAD_LANDMARKS,
-                      err) ||
-         check_sums("landmark_bary", a->landmark_bary, HEAD_LANDMARKS, 3,
-                    1e-3, err)))
+        (head_check_indices("landmark_faces", a->landmark_faces, HEAD_LANDMARKS,
+                            a->F, err) ||
+         head_check_finite("landmark_bary", a->landmark_bary,
+                           3 * HEAD_LANDMARKS, err) ||
+         head_check_sums("landmark_bary", a->landmark_bary, HEAD_LANDMARKS, 3,
+                         1e-3, err)))
         return -1;
-    if ((a->hair && check_finite("hair", a->hair, V, err)) ||
-        (a->uv && check_finite("uv", a->uv, 2 * V, err)) ||
-        (a->region && check_indices("region", a->region, V, 256, err)))
+    if ((a->hair && head_check_finite("hair", a->hair, V, err)) ||
+        (a->uv && head_check_finite("uv", a->uv, 2 * V, err)) ||
+        (a->region && head_check_indices("region", a->region, V, 256, err)))
         return -1;
-    return check_lids(a, err) || check_parents(a->parents, err) ? -1 : 0;
+    return head_check_lids(a, err) || head_check_parents(a->parents, err) ? -1
+                                                                          : 0;
 }
 
 /* ---- the posing layout ------------------------------------------------- */
 
 /* Where component c of vertex v lies in a row of its block. */
-static size_t block_lane(size_t v, int c)
+static size_t head_block_lane(size_t v, int c)
 {
     return (size_t)c * BLOCK + v % BLOCK;
 }
 
 /* out (blocks, n, 96) of the vertices from .. to - 1 of x (V, 3, stride):
  * columns first..first+n. */
-static void block_rows(float *out, const float *x, size_t from, size_t to,
-                       size_t stride, size_t first, size_t n, float scale)
+static void head_block_rows(float *out, const float *x, size_t from, size_t to,
+                            size_t stride, size_t first, size_t n, float scale)
 {
     for (size_t v = from; v < to; v++)
         for (int c = 0; c < 3; c++) {
             const float *col = x + (3 * v + c) * stride + first;
-            float *row = out + v / BLOCK * n * ROW + block_lane(v, c);
+            float *row = out + v / BLOCK * n * ROW + head_block_lane(v, c);
 
             for (size_t k = 0; k < n; k++)
                 row[k * ROW] = scale * col[k];
@@ -153,16 +157,16 @@ static void block_rows(float *out, const float *x, size_t from, size_t to,
 }
 
 /* The same of all vertices and all n columns. */
-static void block_dirs(float *out, const float *x, size_t V, size_t n,
-                       float scale)
+static void head_block_dirs(float *out, const float *x, size_t V, size_t n,
+                            float scale)
 {
-    block_rows(out, x, 0, V, n, 0, n, scale);
+    head_block_rows(out, x, 0, V, n, 0, n, scale);
 }
 
 /* Bits of the n directions (blocks, n, 96) that move something in a block, in
  * `words` words of a block. */
-static void block_live(uint64_t *live, size_t words, const float *dirs,
-                       size_t blocks, size_t n)
+static void head_block_live(uint64_t *live, size_t words, const float *dirs,
+                            size_t blocks, size_t n)
 {
     for (size_t b = 0; b < blocks; b++)
         for (size_t k = 0; k < n; k++) {
@@ -176,7 +180,7 @@ static void block_live(uint64_t *live, size_t words, const float *dirs,
         }
 }
 
-static void block_skin(float *out, const float *weights, size_t V)
+static void head_block_skin(float *out, const float *weights, size_t V)
 {
     for (size_t v = 0; v < V; v++)
         for (int j = 0; j < HEAD_JOINTS; j++)
@@ -186,7 +190,7 @@ static void block_skin(float *out, const float *weights, size_t V)
 
 /* J of the template.  Regression is linear, so joints of any shape are
  * joint_template + joint_dirs * coefficients. */
-static void regress_template(struct head *h, const struct head_arrays *a)
+static void head_regress_template(struct head *h, const struct head_arrays *a)
 {
     for (int j = 0; j < HEAD_JOINTS; j++)
         for (int c = 0; c < 3; c++) {
@@ -200,8 +204,8 @@ static void regress_template(struct head *h, const struct head_arrays *a)
 }
 
 /* J of every direction: what the vertices from .. to - 1 add to sum (K,15). */
-static void regress_rows(double *sum, const struct head_arrays *a,
-                         size_t from, size_t to)
+static void head_regress_rows(double *sum, const struct head_arrays *a,
+                              size_t from, size_t to)
 {
     size_t K = a->nshape + a->nexp;
 
@@ -222,9 +226,9 @@ static void regress_rows(double *sum, const struct head_arrays *a,
  * out in one pass of a megabyte or two at a time, so that a mapped file
  * (st, NULL for arrays in memory) need not stay there beside what is made of
  * it. */
-static int take_directions(struct head *h, XXH64_state_t *hash,
-                           const struct head_arrays *a,
-                           const struct safetensors *st, struct error *err)
+static int head_take_directions(struct head *h, XXH64_state_t *hash,
+                                const struct head_arrays *a,
+                                const struct safetensors *st, struct error *err)
 {
     const size_t K = a->nshape + a->nexp, run = 8 * BLOCK;
     double *sum = calloc(15 * K + 1, sizeof *sum);
@@ -235,14 +239,14 @@ static int take_directions(struct head *h, XXH64_state_t *hash,
         size_t to = a->V - v < run ? a->V : v + run;
         const float *rows = a->shapedirs + 3 * K * v;
 
-        rc = check_range("shapedirs", a->shapedirs, 3 * K * v, 3 * K * to,
-                         err);
+        rc = head_check_range("shapedirs", a->shapedirs, 3 * K * v, 3 * K * to,
+                              err);
         XXH64_update(hash, rows, 3 * K * (to - v) * sizeof *rows);
-        block_rows(h->shape_dirs, a->shapedirs, v, to, K, 0, a->nshape,
-                   h->scale);
-        block_rows(h->exp_dirs, a->shapedirs, v, to, K, a->nshape, a->nexp,
-                   h->scale);
-        regress_rows(sum, a, v, to);
+        head_block_rows(h->shape_dirs, a->shapedirs, v, to, K, 0, a->nshape,
+                        h->scale);
+        head_block_rows(h->exp_dirs, a->shapedirs, v, to, K, a->nshape, a->nexp,
+                        h->scale);
+        head_regress_rows(sum, a, v, to);
         if (st)
             st_forget(st, rows, 3 * K * (to - v) * sizeof *rows);
     }
@@ -254,8 +258,8 @@ static int take_directions(struct head *h, XXH64_state_t *hash,
     return rc;
 }
 
-static void hash_begin(XXH64_state_t *s, const struct head *h,
-                       const struct head_arrays *a)
+static void head_hash_begin(XXH64_state_t *s, const struct head *h,
+                            const struct head_arrays *a)
 {
     uint64_t sizes[4] = {a->V, a->F, a->nshape, a->nexp};
 
@@ -266,8 +270,8 @@ static void hash_begin(XXH64_state_t *s, const struct head *h,
     XXH64_update(s, a->f, 3 * a->F * sizeof(int32_t));
 }
 
-static void hash_end(struct head *h, XXH64_state_t *s,
-                     const struct head_arrays *a)
+static void head_hash_end(struct head *h, XXH64_state_t *s,
+                          const struct head_arrays *a)
 {
     static const char hex[] = "0123456789abcdef";
 
@@ -355,7 +359,7 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
 }
 
 /* What has a fixed size, or is optional. */
-static void copy_small(struct head *h, const struct head_arrays *a)
+static void head_copy_small(struct head *h, const struct head_arrays *a)
 {
     memcpy(h->parents, a->parents, sizeof h->parents);
     if (a->landmark_faces) {
@@ -369,11 +373,11 @@ static void copy_small(struct head *h, const struct head_arrays *a)
         h->l_eyelid[i] = h->scale * a->l_eyelid[i];
         h->r_eyelid[i] = h->scale * a->r_eyelid[i];
     }
-    block_dirs(h->template_blocks, a->v_template, a->V, 1, h->scale);
-    block_dirs(h->pose_dirs, a->posedirs, a->V, HEAD_POSE_DIRS, h->scale);
+    head_block_dirs(h->template_blocks, a->v_template, a->V, 1, h->scale);
+    head_block_dirs(h->pose_dirs, a->posedirs, a->V, HEAD_POSE_DIRS, h->scale);
     for (size_t v = 0; v < a->V; v++)
         for (int c = 0; c < 3; c++) {
-            float *row = h->lids + v / BLOCK * 2 * ROW + block_lane(v, c);
+            float *row = h->lids + v / BLOCK * 2 * ROW + head_block_lane(v, c);
             row[0] = h->l_eyelid[3 * v + c];
             row[ROW] = h->r_eyelid[3 * v + c];
         }
@@ -382,15 +386,15 @@ static void copy_small(struct head *h, const struct head_arrays *a)
     h->jaw_shape = 1;
     for (size_t v = 0; v < a->V; v++)
         h->jaw_shape &= a->weights[HEAD_JOINTS * v + JOINT_JAW] == 0;
-    block_skin(h->skin, a->weights, a->V);
-    regress_template(h, a);
+    head_block_skin(h->skin, a->weights, a->V);
+    head_regress_template(h, a);
 }
 
 int head_fill(struct head *h, const struct head_arrays *a,
               const struct safetensors *st, struct error *err)
 {
     memset(h, 0, sizeof *h);
-    if (check_arrays(a, err))
+    if (head_check_arrays(a, err))
         return -1;
     h->V = a->V;
     h->F = a->F;
@@ -405,14 +409,14 @@ int head_fill(struct head *h, const struct head_arrays *a,
     if (head_allocate(h, a, err))
         return -1;
     XXH64_state_t *hash = XXH64_createState();
-    hash_begin(hash, h, a);
-    copy_small(h, a);
-    int rc = take_directions(h, hash, a, st, err);
-    hash_end(h, hash, a);
+    head_hash_begin(hash, h, a);
+    head_copy_small(h, a);
+    int rc = head_take_directions(h, hash, a, st, err);
+    head_hash_end(h, hash, a);
     XXH64_freeState(hash);
-    block_live(h->exp_live, HEAD_MAX_EXP / 64, h->exp_dirs, h->blocks,
-               h->nexp);
-    block_live(h->pose_live, 1, h->pose_dirs, h->blocks, HEAD_POSE_DIRS);
+    head_block_live(h->exp_live, HEAD_MAX_EXP / 64, h->exp_dirs, h->blocks,
+                    h->nexp);
+    head_block_live(h->pose_live, 1, h->pose_dirs, h->blocks, HEAD_POSE_DIRS);
     if (rc)
         head_release(h);
     else

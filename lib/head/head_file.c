@@ -21,18 +21,20 @@ struct loaded {
     int nf, ni;
 };
 
-static const float *take_f32(struct loaded *l, const struct safetensors *st,
-                             const char *name, int ndim, size_t d0, size_t d1,
-                             size_t d2, struct error *err)
+static const float *head_take_f32(struct loaded *l,
+                                  const struct safetensors *st,
+                                  const char *name, int ndim, size_t d0,
+                                  size_t d1, size_t d2, struct error *err)
 {
     size_t dims[3] = {d0, d1, d2};
 
     return st_borrow_f32(st, name, ndim, dims, &l->f32[l->nf++], err);
 }
 
-static const int32_t *take_i32(struct loaded *l, const struct safetensors *st,
-                               const char *name, int ndim, size_t d0,
-                               size_t d1, size_t *count, struct error *err)
+static const int32_t *head_take_i32(struct loaded *l,
+                                    const struct safetensors *st,
+                                    const char *name, int ndim, size_t d0,
+                                    size_t d1, size_t *count, struct error *err)
 {
     size_t dims[2] = {d0, d1};
 
@@ -48,8 +50,8 @@ static void loaded_release(struct loaded *l)
 }
 
 /* A number from the metadata, or the default when the key is absent. */
-static int meta_number(double *out, const struct safetensors *st,
-                       const char *key, double fallback, struct error *err)
+static int head_meta_number(double *out, const struct safetensors *st,
+                            const char *key, double fallback, struct error *err)
 {
     const char *text = st_meta(st, key);
     char *end;
@@ -66,17 +68,17 @@ static int meta_number(double *out, const struct safetensors *st,
 
 /* Directions `name` (V,3,K), or the runs of them that a file holds instead:
  * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h). */
-static const float *take_directions_file(struct loaded *l,
-                                         const struct safetensors *st,
-                                         const char *name, size_t V,
-                                         size_t K, struct error *err)
+static const float *head_take_directions_file(struct loaded *l,
+                                              const struct safetensors *st,
+                                              const char *name, size_t V,
+                                              size_t K, struct error *err)
 {
     char runs[64], values[64];
     size_t dims[2] = {0, 3}, n, rows;
 
     snprintf(runs, sizeof runs, "%s_runs", name);
     if (!st_find(st, runs))
-        return take_f32(l, st, name, 3, V, 3, K, err);
+        return head_take_f32(l, st, name, 3, V, 3, K, err);
     snprintf(values, sizeof values, "%s_values", name);
     int32_t *run = st_load_i32(st, runs, 2, dims, &n, err);
     float *value = run ? st_load_f32(st, values, 2, dims, &rows, err) : NULL;
@@ -91,15 +93,15 @@ static const float *take_directions_file(struct loaded *l,
 
 /* K, the number of directions: of the tensor or, when it is packed, by the
  * metadata; -1 when neither is sound. */
-static int read_count(size_t *K, const struct safetensors *st,
-                      struct error *err)
+static int head_read_count(size_t *K, const struct safetensors *st,
+                           struct error *err)
 {
     const struct st_tensor *t = st_find(st, "shapedirs");
     double nshape, nexp;
 
     if (st_find(st, "shapedirs_runs")) {
-        if (meta_number(&nshape, st, "nshape", 300, err) ||
-            meta_number(&nexp, st, "nexp", 100, err))
+        if (head_meta_number(&nshape, st, "nshape", 300, err) ||
+            head_meta_number(&nexp, st, "nexp", 100, err))
             return -1;
         *K = (size_t)(nshape + nexp);
         return *K <= MAX_DIRECTIONS ? 0 : error_set(err, EX_DATAERR,
@@ -115,8 +117,8 @@ static int read_count(size_t *K, const struct safetensors *st,
 }
 
 /* Sizes from the shapes of v_template, f and shapedirs and the metadata. */
-static int read_sizes(struct head_arrays *a, const struct safetensors *st,
-                      struct error *err)
+static int head_read_sizes(struct head_arrays *a, const struct safetensors *st,
+                           struct error *err)
 {
     static const char *const names[2] = {"v_template", "f"};
     const struct st_tensor *t[2];
@@ -131,10 +133,10 @@ static int read_sizes(struct head_arrays *a, const struct safetensors *st,
                              t[i] ? "has a wrong shape" : "is missing",
                              i ? "F" : "V");
     }
-    if (read_count(&K, st, err))
+    if (head_read_count(&K, st, err))
         return -1;
-    if (meta_number(&scale, st, "scale", 5, err) ||
-        meta_number(&nshape, st, "nshape", K < 300 ? (double)K : 300, err))
+    if (head_meta_number(&scale, st, "scale", 5, err) ||
+        head_meta_number(&nshape, st, "nshape", K < 300 ? (double)K : 300, err))
         return -1;
     if (nshape > (double)K)
         return error_set(err, EX_DATAERR, "%s: metadata \"nshape\" is %g "
@@ -152,8 +154,8 @@ static int read_sizes(struct head_arrays *a, const struct safetensors *st,
 }
 
 /* What shapes add to the lids. */
-static int read_lids(struct head_arrays *a, struct loaded *l,
-                     const struct safetensors *st, struct error *err)
+static int head_read_lids(struct head_arrays *a, struct loaded *l,
+                          const struct safetensors *st, struct error *err)
 {
     const struct st_tensor *t = st_find(st, "lid_shapedirs");
 
@@ -162,53 +164,57 @@ static int read_lids(struct head_arrays *a, struct loaded *l,
                          "shape (expected [n,3,m])", st_path(st));
     a->nlid = t->dim[0];
     a->nlid_shape = t->dim[2];
-    return (a->lid_vertices = take_i32(l, st, "lid_vertices", 1, a->nlid, 0,
-                                       NULL, err)) &&
-           (a->lid_sides = take_i32(l, st, "lid_sides", 1, a->nlid, 0, NULL,
-                                    err)) &&
-           (a->lid_shapedirs = take_f32(l, st, "lid_shapedirs", 3, a->nlid, 3,
-                                        a->nlid_shape, err)) ? 0 : -1;
+    return (a->lid_vertices = head_take_i32(l, st, "lid_vertices", 1, a->nlid,
+                                            0, NULL, err)) &&
+                   (a->lid_sides = head_take_i32(l, st, "lid_sides", 1, a->nlid,
+                                                 0, NULL, err)) &&
+                   (a->lid_shapedirs = head_take_f32(l, st, "lid_shapedirs", 3,
+                                                     a->nlid, 3, a->nlid_shape,
+                                                     err))
+               ? 0
+               : -1;
 }
 
 /* Required arrays first, then those that a head may lack. */
-static int read_arrays(struct head_arrays *a, struct loaded *l,
-                       const struct safetensors *st, struct error *err)
+static int head_read_arrays(struct head_arrays *a, struct loaded *l,
+                            const struct safetensors *st, struct error *err)
 {
     size_t V = a->V;
 
-    if (!(a->v_template = take_f32(l, st, "v_template", 2, V, 3, 0, err)) ||
-        !(a->f = take_i32(l, st, "f", 2, a->F, 3, NULL, err)) ||
-        !(a->shapedirs = take_directions_file(l, st, "shapedirs", V,
-                                              a->nshape + a->nexp, err)) ||
-        !(a->posedirs = take_directions_file(l, st, "posedirs", V,
-                                             HEAD_POSE_DIRS, err)) ||
-        !(a->J_regressor = take_f32(l, st, "J_regressor", 2, HEAD_JOINTS, V,
-                                    0, err)) ||
-        !(a->weights = take_f32(l, st, "weights", 2, V, HEAD_JOINTS, 0,
-                                err)) ||
-        !(a->parents = take_i32(l, st, "parents", 1, HEAD_JOINTS, 0, NULL,
-                                err)) ||
-        !(a->l_eyelid = take_f32(l, st, "l_eyelid", 2, V, 3, 0, err)) ||
-        !(a->r_eyelid = take_f32(l, st, "r_eyelid", 2, V, 3, 0, err)) ||
-        !(a->lip_inner = take_i32(l, st, "lip_inner", 1, 0, 0,
-                                  &a->nlip_inner, err)) ||
-        !(a->lip_upper_outer = take_i32(l, st, "lip_upper_outer", 1, 0, 0,
-                                        &a->nlip_upper_outer, err)) ||
-        !(a->landmark_faces = take_i32(l, st, "landmark_faces", 1,
-                                       HEAD_LANDMARKS, 0, NULL, err)) ||
-        !(a->landmark_bary = take_f32(l, st, "landmark_bary", 2,
-                                      HEAD_LANDMARKS, 3, 0, err)))
+    if (!(a->v_template = head_take_f32(l, st, "v_template", 2, V, 3, 0,
+                                        err)) ||
+        !(a->f = head_take_i32(l, st, "f", 2, a->F, 3, NULL, err)) ||
+        !(a->shapedirs = head_take_directions_file(l, st, "shapedirs", V,
+                                                   a->nshape + a->nexp, err)) ||
+        !(a->posedirs = head_take_directions_file(l, st, "posedirs", V,
+                                                  HEAD_POSE_DIRS, err)) ||
+        !(a->J_regressor = head_take_f32(l, st, "J_regressor", 2, HEAD_JOINTS,
+                                         V, 0, err)) ||
+        !(a->weights = head_take_f32(l, st, "weights", 2, V, HEAD_JOINTS, 0,
+                                     err)) ||
+        !(a->parents = head_take_i32(l, st, "parents", 1, HEAD_JOINTS, 0, NULL,
+                                     err)) ||
+        !(a->l_eyelid = head_take_f32(l, st, "l_eyelid", 2, V, 3, 0, err)) ||
+        !(a->r_eyelid = head_take_f32(l, st, "r_eyelid", 2, V, 3, 0, err)) ||
+        !(a->lip_inner = head_take_i32(l, st, "lip_inner", 1, 0, 0,
+                                       &a->nlip_inner, err)) ||
+        !(a->lip_upper_outer = head_take_i32(l, st, "lip_upper_outer", 1, 0, 0,
+                                             &a->nlip_upper_outer, err)) ||
+        !(a->landmark_faces = head_take_i32(l, st, "landmark_faces", 1,
+                                            HEAD_LANDMARKS, 0, NULL, err)) ||
+        !(a->landmark_bary = head_take_f32(l, st, "landmark_bary", 2,
+                                           HEAD_LANDMARKS, 3, 0, err)))
         return -1;
     if (st_find(st, "region") &&
-        !(a->region = take_i32(l, st, "region", 1, V, 0, NULL, err)))
+        !(a->region = head_take_i32(l, st, "region", 1, V, 0, NULL, err)))
         return -1;
     if (st_find(st, "hair") &&
-        !(a->hair = take_f32(l, st, "hair", 1, V, 0, 0, err)))
+        !(a->hair = head_take_f32(l, st, "hair", 1, V, 0, 0, err)))
         return -1;
     if (st_find(st, "uv") &&
-        !(a->uv = take_f32(l, st, "uv", 2, V, 2, 0, err)))
+        !(a->uv = head_take_f32(l, st, "uv", 2, V, 2, 0, err)))
         return -1;
-    if (st_find(st, "lid_shapedirs") && read_lids(a, l, st, err))
+    if (st_find(st, "lid_shapedirs") && head_read_lids(a, l, st, err))
         return -1;
     if (a->nlip_inner < 3 || a->nlip_upper_outer < 2)
         return error_set(err, EX_DATAERR, "%s: lip_inner has %zu and "
@@ -228,7 +234,7 @@ int head_load(struct head *h, const char *path, struct error *err)
     struct safetensors *st = st_open(path, err);
     if (!st)
         return -1;
-    if (read_sizes(&a, st, err) || read_arrays(&a, &l, st, err))
+    if (head_read_sizes(&a, st, err) || head_read_arrays(&a, &l, st, err))
         goto out;
     rc = head_fill(h, &a, st, err);
     if (rc)

@@ -68,8 +68,9 @@ static void sheet_colors(float *c, const struct head *h)
 }
 
 /* The mean head, or a random person, doing what the cell says. */
-static int pose_cell(float *verts, const struct head *h, const struct cell *c,
-                     int expression, struct error *err)
+static int sheet_pose_cell(float *verts, const struct head *h,
+                           const struct cell *c, int expression,
+                           struct error *err)
 {
     float beta[HEAD_MAX_EXP] = { 0 }, exp[HEAD_MAX_EXP] = { 0 };
     float w[ARKIT_COUNT] = { 0 };
@@ -102,8 +103,9 @@ static int pose_cell(float *verts, const struct head *h, const struct cell *c,
 }
 
 /* Poses from a table, then each expression by itself, in rows. */
-static int draw_cells(uint8_t *rgb, float *verts, const float *color,
-                      const struct head *h, size_t size, struct error *err)
+static int sheet_draw_cells(uint8_t *rgb, float *verts, const float *color,
+                            const struct head *h, size_t size,
+                            struct error *err)
 {
     static const struct cell plain = { .close = 3 };
     struct preview_mesh mesh = { verts, h->f, color, h->V, h->F };
@@ -121,7 +123,7 @@ static int draw_cells(uint8_t *rgb, float *verts, const float *color,
             view.centre[2] = 0.08f * h->scale;
             view.height = (c->close == 3 ? 0.19f : 0.11f) * h->scale;
         }
-        if (pose_cell(verts, h, c, expression, err) ||
+        if (sheet_pose_cell(verts, h, c, expression, err) ||
             preview_draw(rgb, ACROSS * size, i % ACROSS * size,
                          i / ACROSS * size, size, size, &mesh, &view, err))
             return -1;
@@ -143,7 +145,7 @@ int head_sheet(const char *path, const struct head *h, size_t size,
         goto out;
     }
     sheet_colors(color, h);
-    if (draw_cells(rgb, verts, color, h, size, err) == 0)
+    if (sheet_draw_cells(rgb, verts, color, h, size, err) == 0)
         rc = image_write_png(path, rgb, ACROSS * size, DOWN * size, 3,
                              err);
 out:

@@ -94,8 +94,8 @@ void lbs_chain_backward(double dR[HEAD_JOINTS][9], double dJ[HEAD_JOINTS][3],
 
 /* The lids that beta closes: the head's own unless it says how they depend on
  * the shape. */
-static int fold_lids(struct identity *id, const struct head *h,
-                     const float *beta, size_t nbeta)
+static int lbs_fold_lids(struct identity *id, const struct head *h,
+                         const float *beta, size_t nbeta)
 {
     size_t n = h->nlid_shape < nbeta ? h->nlid_shape : nbeta;
     size_t bytes = h->blocks * 2 * ROW * sizeof(float);
@@ -125,8 +125,8 @@ static int fold_lids(struct identity *id, const struct head *h,
 }
 
 /* beta (nlid_shape) += gradient of dverts through lids closed by lid. */
-static void fold_lids_backward(float *beta, const float *dverts,
-                               const struct head *h, const float lid[2])
+static void lbs_fold_lids_backward(float *beta, const float *dverts,
+                                   const struct head *h, const float lid[2])
 {
     for (size_t i = 0; i < 3 * h->nlid; i++) {
         float g = lid[h->lid_sides[i / 3]] *
@@ -149,7 +149,7 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
                          "coefficients (expected at most %zu, the head's)",
                          nbeta, h->nshape);
     id->shaped = aligned_alloc(64, bytes);
-    if (!id->shaped || fold_lids(id, h, beta, nbeta)) {
+    if (!id->shaped || lbs_fold_lids(id, h, beta, nbeta)) {
         identity_release(id);
         return error_set(err, EX_OSERR, "no memory for an identity");
     }
@@ -188,7 +188,7 @@ void identity_release(struct identity *id)
 /* ---- a frame ----------------------------------------------------------- */
 
 /* Axis-angle of joint j in a frame's parameters. */
-static const float *joint_angle(const struct head_motion *m, int j)
+static const float *lbs_joint_angle(const struct head_motion *m, int j)
 {
     const float *at[HEAD_JOINTS] = {m->global, m->neck, m->jaw, m->eye,
                                     m->eye + 3};
@@ -196,13 +196,13 @@ static const float *joint_angle(const struct head_motion *m, int j)
     return at[j];
 }
 
-static void chain_of(struct lbs_chain *c, const struct identity *id,
-                     const struct head_motion *m)
+static void lbs_chain_of(struct lbs_chain *c, const struct identity *id,
+                         const struct head_motion *m)
 {
     const struct head *h = id->head;
 
     for (int j = 0; j < HEAD_JOINTS; j++) {
-        const float *r = joint_angle(m, j);
+        const float *r = lbs_joint_angle(m, j);
         double rd[3] = {r[0], r[1], r[2]};
 
         if (h->public_rodrigues)
@@ -222,9 +222,9 @@ static void chain_of(struct lbs_chain *c, const struct identity *id,
 
 /* The active directions and matrices; index and value hold
  * HEAD_MAX_EXP. */
-static void frame_of(struct lbs_frame *fr, int *index, float *value,
-                     const struct lbs_chain *c, const struct identity *id,
-                     const struct head_motion *m)
+static void lbs_frame_of(struct lbs_frame *fr, int *index, float *value,
+                         const struct lbs_chain *c, const struct identity *id,
+                         const struct head_motion *m)
 {
     const struct head *h = id->head;
 
@@ -238,7 +238,7 @@ static void frame_of(struct lbs_frame *fr, int *index, float *value,
             value[fr->nexp++] = m->exp[k];
         }
     for (int j = 1; j < HEAD_JOINTS; j++) {
-        const float *r = joint_angle(m, j);
+        const float *r = lbs_joint_angle(m, j);
 
         if (r[0] == 0 && r[1] == 0 && r[2] == 0)
             continue;           /* R - I = 0: its nine correctives rest */
@@ -263,8 +263,8 @@ void head_pose(float *verts, const struct identity *id,
     int index[HEAD_MAX_EXP];
     float value[HEAD_MAX_EXP];
 
-    chain_of(&c, id, m);
-    frame_of(&fr, index, value, &c, id, m);
+    lbs_chain_of(&c, id, m);
+    lbs_frame_of(&fr, index, value, &c, id, m);
 #ifdef SPID_X86
     if (cpu_level() >= CPU_AVX512) {
         lbs_pose_avx512(verts, &fr);
@@ -288,14 +288,14 @@ void head_pose_joints(float *joints, const struct identity *id,
 {
     struct lbs_chain c;
 
-    chain_of(&c, id, m);
+    lbs_chain_of(&c, id, m);
     for (int i = 0; i < 3 * HEAD_JOINTS; i++)
         joints[i] = (float)c.tg[i / 3][i % 3];
 }
 
 /* The best kernel that the processor has. */
-static void back_kernel(struct lbs_sums *s, const float *dverts,
-                        const struct lbs_frame *fr)
+static void lbs_back_kernel(struct lbs_sums *s, const float *dverts,
+                            const struct lbs_frame *fr)
 {
 #ifdef SPID_X86
     if (cpu_level() >= CPU_AVX512) {
@@ -324,9 +324,9 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
     int index[HEAD_MAX_EXP];
     float value[HEAD_MAX_EXP];
 
-    chain_of(&c, id, m);
-    frame_of(&fr, index, value, &c, id, m);
-    back_kernel(&s, dverts, &fr);
+    lbs_chain_of(&c, id, m);
+    lbs_frame_of(&fr, index, value, &c, id, m);
+    lbs_back_kernel(&s, dverts, &fr);
     for (int j = 0; j < HEAD_JOINTS; j++) {
         for (int i = 0; i < 12; i++)
             dA[j][i] = s.A[j][i];
@@ -338,7 +338,7 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
     }
     lbs_chain_backward(dR, dJ, dA, dtg, &c, h->parents);
     for (int j = 0; j < HEAD_JOINTS; j++) {
-        const float *r = joint_angle(m, j);
+        const float *r = lbs_joint_angle(m, j);
         double rd[3] = {r[0], r[1], r[2]}, back[3] = {0};
 
         if (h->public_rodrigues)
@@ -358,7 +358,7 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
             g->beta[k] += (float)(d * h->joint_shape[15 * k + i]);
     }
     if (g->beta)
-        fold_lids_backward(g->beta, dverts, h, m->lid);
+        lbs_fold_lids_backward(g->beta, dverts, h, m->lid);
     g->lid[0] += s.lid[0];
     g->lid[1] += s.lid[1];
 }

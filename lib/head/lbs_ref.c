@@ -11,14 +11,15 @@
 #define ROW (3 * HEAD_BLOCK)
 
 /* Component c of vertex v in direction k of a block layout of n directions. */
-static double dirs_at(const float *dirs, size_t n, size_t k, size_t v, int c)
+static double lbs_dirs_at(const float *dirs, size_t n, size_t k, size_t v,
+                          int c)
 {
     return dirs[(v / HEAD_BLOCK * n + k) * ROW + (size_t)c * HEAD_BLOCK +
                 v % HEAD_BLOCK];
 }
 
-static void chain_d(struct lbs_chain *c, const struct head *h,
-                    const struct head_motion_d *m)
+static void lbs_chain_d(struct lbs_chain *c, const struct head *h,
+                        const struct head_motion_d *m)
 {
     for (int j = 0; j < HEAD_JOINTS; j++) {
         if (h->public_rodrigues)
@@ -39,23 +40,24 @@ static void chain_d(struct lbs_chain *c, const struct head *h,
 }
 
 /* Vertex v before skinning: T + B_S + B_E + B_P. */
-static void rest_d(double p[3], const struct head *h, const struct lbs_chain *c,
-                   const struct head_motion_d *m, size_t v)
+static void lbs_rest_d(double p[3], const struct head *h,
+                       const struct lbs_chain *c, const struct head_motion_d *m,
+                       size_t v)
 {
     for (int i = 0; i < 3; i++) {
         p[i] = h->v_template[3 * v + i];
         for (size_t k = 0; k < h->nshape; k++)
-            p[i] += m->beta[k] * dirs_at(h->shape_dirs, h->nshape, k, v, i);
+            p[i] += m->beta[k] * lbs_dirs_at(h->shape_dirs, h->nshape, k, v, i);
         for (size_t k = 0; k < h->nexp; k++)
-            p[i] += m->exp[k] * dirs_at(h->exp_dirs, h->nexp, k, v, i);
+            p[i] += m->exp[k] * lbs_dirs_at(h->exp_dirs, h->nexp, k, v, i);
         for (int k = 0; k < HEAD_POSE_DIRS; k++)
             p[i] += (c->R[1 + k / 9][k % 9] - (k % 9 % 4 == 0)) *
-                    dirs_at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
+                    lbs_dirs_at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
     }
 }
 
-static void blend_d(double M[12], const struct head *h,
-                    const struct lbs_chain *c, size_t v)
+static void lbs_blend_d(double M[12], const struct head *h,
+                        const struct lbs_chain *c, size_t v)
 {
     for (int i = 0; i < 12; i++) {
         M[i] = 0;
@@ -65,8 +67,8 @@ static void blend_d(double M[12], const struct head *h,
 }
 
 /* d = the left and the right lid of beta at vertex v. */
-static void lids_d(double d[2][3], const struct head *h, const double *beta,
-                   size_t v)
+static void lbs_lids_d(double d[2][3], const struct head *h, const double *beta,
+                       size_t v)
 {
     for (int i = 0; i < 3; i++) {
         d[0][i] = h->l_eyelid[3 * v + (size_t)i];
@@ -84,14 +86,14 @@ void head_pose_d(double *verts, double *joints, const struct head *h,
 {
     struct lbs_chain c;
 
-    chain_d(&c, h, m);
+    lbs_chain_d(&c, h, m);
     for (size_t v = 0; v < h->V; v++) {
         double p[3], M[12], lid[2][3];
 
-        lids_d(lid, h, m->beta, v);
+        lbs_lids_d(lid, h, m->beta, v);
 
-        rest_d(p, h, &c, m, v);
-        blend_d(M, h, &c, v);
+        lbs_rest_d(p, h, &c, m, v);
+        lbs_blend_d(M, h, &c, v);
         for (int i = 0; i < 3; i++)
             verts[3 * v + i] = M[4 * i] * p[0] + M[4 * i + 1] * p[1] +
                                M[4 * i + 2] * p[2] + M[4 * i + 3] +
@@ -102,18 +104,18 @@ void head_pose_d(double *verts, double *joints, const struct head *h,
 }
 
 /* One vertex of the backward pass: dA, dfeature, coefficients, lids. */
-static void vertex_backward_d(struct head_motion_grad_d *g,
-                              double dA[HEAD_JOINTS][12],
-                              double feature[HEAD_POSE_DIRS],
-                              const double dv[3], const struct head *h,
-                              const struct lbs_chain *c,
-                              const struct head_motion_d *m, size_t v)
+static void lbs_vertex_backward_d(struct head_motion_grad_d *g,
+                                  double dA[HEAD_JOINTS][12],
+                                  double feature[HEAD_POSE_DIRS],
+                                  const double dv[3], const struct head *h,
+                                  const struct lbs_chain *c,
+                                  const struct head_motion_d *m, size_t v)
 {
     double p[3], M[12], lid[2][3];
 
-    rest_d(p, h, c, m, v);
-    blend_d(M, h, c, v);
-    lids_d(lid, h, m->beta, v);
+    lbs_rest_d(p, h, c, m, v);
+    lbs_blend_d(M, h, c, v);
+    lbs_lids_d(lid, h, m->beta, v);
     for (int i = 0; i < 3; i++) {
         double dp = M[i] * dv[0] + M[4 + i] * dv[1] + M[8 + i] * dv[2];
 
@@ -127,12 +129,12 @@ static void vertex_backward_d(struct head_motion_grad_d *g,
             dA[j][4 * i + 3] += w * dv[i];
         }
         for (size_t k = 0; g->exp && k < h->nexp; k++)
-            g->exp[k] += dp * dirs_at(h->exp_dirs, h->nexp, k, v, i);
+            g->exp[k] += dp * lbs_dirs_at(h->exp_dirs, h->nexp, k, v, i);
         for (size_t k = 0; g->beta && k < h->nshape; k++)
-            g->beta[k] += dp * dirs_at(h->shape_dirs, h->nshape, k, v, i);
+            g->beta[k] += dp * lbs_dirs_at(h->shape_dirs, h->nshape, k, v, i);
         for (int k = 0; k < HEAD_POSE_DIRS; k++)
-            feature[k]
-                += dp * dirs_at(h->pose_dirs, HEAD_POSE_DIRS, (size_t)k, v, i);
+            feature[k] += dp * lbs_dirs_at(h->pose_dirs, HEAD_POSE_DIRS,
+                                           (size_t)k, v, i);
     }
 }
 
@@ -145,9 +147,9 @@ void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
     double feature[HEAD_POSE_DIRS] = {0};
     struct lbs_chain c;
 
-    chain_d(&c, h, m);
+    lbs_chain_d(&c, h, m);
     for (size_t v = 0; v < h->V; v++)
-        vertex_backward_d(g, dA, feature, dverts + 3 * v, h, &c, m, v);
+        lbs_vertex_backward_d(g, dA, feature, dverts + 3 * v, h, &c, m, v);
     for (size_t i = 0; g->beta && i < 3 * h->nlid; i++)
         for (size_t k = 0; k < h->nlid_shape; k++)
             g->beta[k] += m->lid[h->lid_sides[i / 3]] *

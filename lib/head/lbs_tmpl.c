@@ -21,8 +21,8 @@
 typedef float vec __attribute__((vector_size(4 * W), may_alias));
 
 /* a += value[i] * rows[index[i]] */
-static inline void add_rows(vec a[NV], const float *rows, const int *index,
-                            const float *value, size_t n)
+static inline void lbs_add_rows(vec a[NV], const float *rows, const int *index,
+                                const float *value, size_t n)
 {
     for (int c = 0; c < NV; c += CHUNK) {
         vec s[CHUNK];
@@ -49,9 +49,9 @@ static inline void add_rows(vec a[NV], const float *rows, const int *index,
 
 /* Of n directions and their values those that move the block; live NULL: all.
  * Returns how many are in at and with. */
-static inline size_t live_rows(int *at, float *with, const int *index,
-                               const float *value, size_t n,
-                               const uint64_t *live)
+static inline size_t lbs_live_rows(int *at, float *with, const int *index,
+                                   const float *value, size_t n,
+                                   const uint64_t *live)
 {
     size_t m = 0;
 
@@ -66,7 +66,8 @@ static inline size_t live_rows(int *at, float *with, const int *index,
 }
 
 /* p = T + B_S + B_E + B_P of block b. */
-static inline void rest_block(vec p[NV], const struct lbs_frame *fr, size_t b)
+static inline void lbs_rest_block(vec p[NV], const struct lbs_frame *fr,
+                                  size_t b)
 {
     const struct head *h = fr->id->head;
     const vec *shaped = (const vec *)(fr->id->shaped + b * ROW);
@@ -76,17 +77,17 @@ static inline void rest_block(vec p[NV], const struct lbs_frame *fr, size_t b)
 
     for (int i = 0; i < NV; i++)
         p[i] = shaped[i];
-    n = live_rows(at, with, fr->exp_index, fr->exp_value, fr->nexp,
-                  h->exp_live ? h->exp_live + b * WORDS : NULL);
-    add_rows(p, h->exp_dirs + b * h->nexp * ROW, at, with, n);
-    n = live_rows(at, with, fr->pose_index, fr->pose_value, fr->npose,
-                  h->pose_live ? h->pose_live + b : NULL);
-    add_rows(p, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, at, with, n);
+    n = lbs_live_rows(at, with, fr->exp_index, fr->exp_value, fr->nexp,
+                      h->exp_live ? h->exp_live + b * WORDS : NULL);
+    lbs_add_rows(p, h->exp_dirs + b * h->nexp * ROW, at, with, n);
+    n = lbs_live_rows(at, with, fr->pose_index, fr->pose_value, fr->npose,
+                      h->pose_live ? h->pose_live + b : NULL);
+    lbs_add_rows(p, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, at, with, n);
 }
 
 /* M (12) = sum_j w_j A_j for vector s of the block. */
-static inline void skin_blend(vec M[12], const struct lbs_frame *fr,
-                              const vec *skin, int s)
+static inline void lbs_skin_blend(vec M[12], const struct lbs_frame *fr,
+                                  const vec *skin, int s)
 {
     vec w = skin[s];
 
@@ -99,8 +100,8 @@ static inline void skin_blend(vec M[12], const struct lbs_frame *fr,
     }
 }
 
-static inline void skin_block(vec q[NV], const vec p[NV],
-                              const struct lbs_frame *fr, size_t b)
+static inline void lbs_skin_block(vec q[NV], const vec p[NV],
+                                  const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
     const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
@@ -108,7 +109,7 @@ static inline void skin_block(vec q[NV], const vec p[NV],
     for (int s = 0; s < HV; s++) {
         vec M[12];
 
-        skin_blend(M, fr, skin, s);
+        lbs_skin_blend(M, fr, skin, s);
         for (int i = 0; i < 3; i++)
             q[HV * i + s] = M[4 * i] * p[s] + M[4 * i + 1] * p[HV + s] +
                             M[4 * i + 2] * p[2 * HV + s] + M[4 * i + 3];
@@ -116,7 +117,7 @@ static inline void skin_block(vec q[NV], const vec p[NV],
 }
 
 /* out (n,3) from a block's rows. */
-static inline void write_block(float *out, const vec q[NV], size_t n)
+static inline void lbs_write_block(float *out, const vec q[NV], size_t n)
 {
     const float *x = (const float *)q, *y = x + B, *z = y + B;
 
@@ -127,7 +128,7 @@ static inline void write_block(float *out, const vec q[NV], size_t n)
     }
 }
 
-static size_t block_length(const struct head *h, size_t b)
+static size_t lbs_block_length(const struct head *h, size_t b)
 {
     size_t left = h->V - b * B;
 
@@ -142,18 +143,18 @@ void ISA(lbs_pose)(float *verts, const struct lbs_frame *fr)
     for (size_t b = 0; b < h->blocks; b++) {
         vec p[NV], q[NV];
 
-        rest_block(p, fr, b);
-        skin_block(q, p, fr, b);
+        lbs_rest_block(p, fr, b);
+        lbs_skin_block(q, p, fr, b);
         if (fr->lid[0] != 0 || fr->lid[1] != 0)
-            add_rows(q, fr->id->lids + b * 2 * ROW, both, fr->lid, 2);
-        write_block(verts + b * ROW, q, block_length(h, b));
+            lbs_add_rows(q, fr->id->lids + b * 2 * ROW, both, fr->lid, 2);
+        lbs_write_block(verts + b * ROW, q, lbs_block_length(h, b));
     }
 }
 
 /* ---- backward ---------------------------------------------------------- */
 
 /* Sum of a vector's lanes, in one order for every width. */
-static inline float sum_lanes(const vec *v)
+static inline float lbs_sum_lanes(const vec *v)
 {
     const float *x = (const float *)v;
     float s[4] = {0};
@@ -164,8 +165,8 @@ static inline float sum_lanes(const vec *v)
 }
 
 /* out[k] += rows[k] . g for the n rows, those alive (NULL: all). */
-static inline void dot_rows(float *out, const float *rows, const vec g[NV],
-                            size_t n, const uint64_t *live)
+static inline void lbs_dot_rows(float *out, const float *rows, const vec g[NV],
+                                size_t n, const uint64_t *live)
 {
     for (size_t k = 0; k < n; k++) {
         const vec *d = (const vec *)(rows + k * ROW);
@@ -178,14 +179,14 @@ static inline void dot_rows(float *out, const float *rows, const vec g[NV],
 #pragma GCC unroll 24
         for (int i = 1; i < NV; i++)
             s += d[i] * g[i];
-        out[k] += sum_lanes(&s);
+        out[k] += lbs_sum_lanes(&s);
     }
 }
 
 /* Undo q = M p: dp = M^T dq, and dA_j += w_j dq [p;1]^T. */
-static inline void skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
-                             const vec dq[NV], const vec p[NV],
-                             const struct lbs_frame *fr, size_t b)
+static inline void lbs_skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
+                                 const vec dq[NV], const vec p[NV],
+                                 const struct lbs_frame *fr, size_t b)
 {
     const struct head *h = fr->id->head;
     const vec *skin = (const vec *)(h->skin + b * HEAD_JOINTS * B);
@@ -193,7 +194,7 @@ static inline void skin_back(vec dp[NV], vec dA[HEAD_JOINTS][12],
     for (int o = 0; o < HV; o++) {
         vec M[12];
 
-        skin_blend(M, fr, skin, o);
+        lbs_skin_blend(M, fr, skin, o);
         for (int c = 0; c < 3; c++)
             dp[HV * c + o] = M[c] * dq[o] + M[4 + c] * dq[HV + o] +
                              M[8 + c] * dq[2 * HV + o];
@@ -216,7 +217,7 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
 
     memset(dA, 0, sizeof dA);
     for (size_t b = 0; b < h->blocks; b++) {
-        size_t n = block_length(h, b);
+        size_t n = lbs_block_length(h, b);
         vec p[NV], dq[NV], dp[NV];
         float *g = (float *)dq;
 
@@ -224,21 +225,21 @@ void ISA(lbs_back)(struct lbs_sums *s, const float *dverts,
         for (size_t i = 0; i < n; i++)
             for (size_t c = 0; c < 3; c++)
                 g[c * B + i] = dverts[b * ROW + 3 * i + c];
-        rest_block(p, fr, b);
+        lbs_rest_block(p, fr, b);
         /* in the forward pass this was q = M p + lid . Delta */
-        dot_rows(s->lid, fr->id->lids + b * 2 * ROW, dq, 2, NULL);
-        skin_back(dp, dA, dq, p, fr, b);
+        lbs_dot_rows(s->lid, fr->id->lids + b * 2 * ROW, dq, 2, NULL);
+        lbs_skin_back(dp, dA, dq, p, fr, b);
         /* p = T + shape + expression + pose correctives */
         if (s->exp)
-            dot_rows(s->exp, h->exp_dirs + b * h->nexp * ROW, dp, h->nexp,
-                     h->exp_live ? h->exp_live + b * WORDS : NULL);
+            lbs_dot_rows(s->exp, h->exp_dirs + b * h->nexp * ROW, dp, h->nexp,
+                         h->exp_live ? h->exp_live + b * WORDS : NULL);
         if (s->beta)
-            dot_rows(s->beta, h->shape_dirs + b * h->nshape * ROW, dp,
-                     h->nshape, NULL);
-        dot_rows(s->pose, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, dp,
-                 HEAD_POSE_DIRS, h->pose_live ? h->pose_live + b : NULL);
+            lbs_dot_rows(s->beta, h->shape_dirs + b * h->nshape * ROW, dp,
+                         h->nshape, NULL);
+        lbs_dot_rows(s->pose, h->pose_dirs + b * HEAD_POSE_DIRS * ROW, dp,
+                     HEAD_POSE_DIRS, h->pose_live ? h->pose_live + b : NULL);
     }
     for (int j = 0; j < HEAD_JOINTS; j++)
         for (int i = 0; i < 12; i++)
-            s->A[j][i] += sum_lanes(&dA[j][i]);
+            s->A[j][i] += lbs_sum_lanes(&dA[j][i]);
 }

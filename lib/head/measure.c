@@ -18,7 +18,7 @@ void head_direction(float *out, const struct head *h, const float *dirs,
 }
 
 /* Whether expression direction k moves nothing. */
-static bool direction_is_zero(const struct head *h, size_t k)
+static bool measure_direction_is_zero(const struct head *h, size_t k)
 {
     for (size_t b = 0; b < h->blocks; b++) {
         const float *d = h->exp_dirs + (b * h->nexp + k) * 3 * HEAD_BLOCK;
@@ -35,7 +35,7 @@ bool head_has_arkit(const struct head *h)
     if (h->nexp < ARKIT_COUNT)
         return 0;
     for (size_t k = 0; k < ARKIT_COUNT; k++)
-        if (direction_is_zero(h, k) != arkit_is_rig((int)k))
+        if (measure_direction_is_zero(h, k) != arkit_is_rig((int)k))
             return 0;
     return 1;
 }

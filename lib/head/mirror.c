@@ -27,7 +27,7 @@ struct place {
     size_t v;
 };
 
-static int by_height(const void *a, const void *b)
+static int mirror_by_height(const void *a, const void *b)
 {
     const struct place *p = a, *q = b;
 
@@ -77,7 +77,7 @@ int head_mirror_vertices(size_t *other, const struct head *h,
         return error_set(err, EX_OSERR, "no memory for %zu vertices", h->V);
     for (size_t v = 0; v < h->V; v++)
         order[v] = (struct place){h->v_template[3 * v + 1], v};
-    qsort(order, h->V, sizeof *order, by_height);
+    qsort(order, h->V, sizeof *order, mirror_by_height);
     for (size_t at = 0; at < h->V; at++)
         other[order[at].v] = mirror_vertex(h, order, at);
     free(order);
@@ -115,7 +115,7 @@ static int mirror_pair(struct head_mirror *m, const struct directions *s,
 }
 
 /* Each direction's mirror image: itself with a sign, or another one. */
-static int find_pairs(struct head_mirror *m, const struct directions *s)
+static int mirror_find_pairs(struct head_mirror *m, const struct directions *s)
 {
     m->n = s->n;
     for (size_t k = 0; k < s->n; k++) {
@@ -154,7 +154,7 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
         for (size_t i = 0; i < 3 * h->V; i++)
             s.square[k] += (double)d[i] * d[i];
     }
-    rc = find_pairs(m, &s);
+    rc = mirror_find_pairs(m, &s);
 out:
     free(s.d);
     free(s.other);

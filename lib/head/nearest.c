@@ -16,7 +16,8 @@ struct nearest_node {
     uint32_t first, count, left;
 };
 
-static void centre_of(double c[3], const struct nearest *t, int32_t face)
+static void nearest_centre_of(double c[3], const struct nearest *t,
+                              int32_t face)
 {
     for (int d = 0; d < 3; d++) {
         c[d] = 0;
@@ -26,7 +27,7 @@ static void centre_of(double c[3], const struct nearest *t, int32_t face)
 }
 
 /* The box about the faces of a node. */
-static void fit_box(struct nearest_node *n, const struct nearest *t)
+static void nearest_fit_box(struct nearest_node *n, const struct nearest *t)
 {
     for (int d = 0; d < 3; d++) {
         n->lo[d] = INFINITY;
@@ -45,7 +46,7 @@ static void fit_box(struct nearest_node *n, const struct nearest *t)
 void nearest_update(struct nearest *t)
 {
     for (size_t i = 0; i < t->nodes; i++)
-        fit_box(&t->node[i], t);
+        nearest_fit_box(&t->node[i], t);
 }
 
 /* Faces of n on the lower side of the middle of its longest axis come first;
@@ -63,14 +64,14 @@ static uint32_t nearest_partition(struct nearest *t,
     for (uint32_t i = 0; i < n->count; i++) {
         double c[3];
 
-        centre_of(c, t, t->order[n->first + i]);
+        nearest_centre_of(c, t, t->order[n->first + i]);
         mean += c[axis] / n->count;
     }
     for (uint32_t i = 0; i < n->count; i++) {
         int32_t *a = &t->order[n->first + i], *b = &t->order[n->first + below];
         double c[3];
 
-        centre_of(c, t, *a);
+        nearest_centre_of(c, t, *a);
         if (c[axis] < mean) {
             int32_t swap = *a;
 
@@ -99,7 +100,7 @@ int nearest_init(struct nearest *t, const float *verts, const int32_t *faces,
     for (size_t i = 0; i < t->nodes; i++) {
         struct nearest_node *n = &t->node[i];
 
-        fit_box(n, t);
+        nearest_fit_box(n, t);
         if (n->count <= LEAF)
             continue;
         uint32_t below = nearest_partition(t, n);
@@ -177,9 +178,9 @@ static double nearest_on_triangle(double bary[3], double x[3][3])
 }
 
 /* Keep a face that is nearer than the best so far, if its normal agrees. */
-static void try_face(struct nearest_hit *hit, const struct nearest *t,
-                     int32_t face, const double p[3], const double *normal,
-                     double least)
+static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
+                             int32_t face, const double p[3],
+                             const double *normal, double least)
 {
     double x[3][3], bary[3];
 
@@ -210,7 +211,8 @@ static void try_face(struct nearest_hit *hit, const struct nearest *t,
     }
 }
 
-static double box_square(const struct nearest_node *n, const double p[3])
+static double nearest_box_square(const struct nearest_node *n,
+                                 const double p[3])
 {
     double sum = 0;
 
@@ -234,15 +236,17 @@ void nearest_find(struct nearest_hit *hit, const struct nearest *t,
     while (top > 0) {
         const struct nearest_node *n = &t->node[stack[--top]];
 
-        if (box_square(n, p) >= hit->square)
+        if (nearest_box_square(n, p) >= hit->square)
             continue;
         if (!n->left || top + 2 > 2 * DEPTH) {
             for (uint32_t i = 0; i < n->count; i++)
-                try_face(hit, t, t->order[n->first + i], p, normal, least);
+                nearest_try_face(hit, t, t->order[n->first + i], p, normal,
+                                 least);
             continue;
         }
         uint32_t a = n->left, b = a + 1;
-        if (box_square(&t->node[a], p) < box_square(&t->node[b], p)) {
+        if (nearest_box_square(&t->node[a], p) <
+            nearest_box_square(&t->node[b], p)) {
             uint32_t swap = a;
 
             a = b;

@@ -19,8 +19,8 @@ static double rim_distance(const float *a, const float *b)
 }
 
 /* Share of its length at which each vertex of a path lies, 0 to 1. */
-static void path_shares(double *share, const int32_t *path, size_t n,
-                        const float *verts)
+static void rim_path_shares(double *share, const int32_t *path, size_t n,
+                            const float *verts)
 {
     share[0] = 0;
     for (size_t i = 1; i < n; i++)
@@ -32,7 +32,7 @@ static void path_shares(double *share, const int32_t *path, size_t n,
 
 /* Where along a path of n vertices `share` of its length is reached: index
  * and fraction. */
-static double path_place(double share, const double *shares, size_t n)
+static double rim_path_place(double share, const double *shares, size_t n)
 {
     size_t i = 0;
 
@@ -42,7 +42,7 @@ static double path_place(double share, const double *shares, size_t n)
                                (shares[i + 1] - shares[i]));
 }
 
-static struct match on_path(const int32_t *path, size_t n, double place)
+static struct match rim_on_path(const int32_t *path, size_t n, double place)
 {
     size_t i = (size_t)fmin(place, (double)n - 2);
     double f = place - (double)i;
@@ -51,7 +51,7 @@ static struct match on_path(const int32_t *path, size_t n, double place)
 }
 
 /* The point of the skin nearest to p, as a match. */
-static struct match on_skin(const struct nearest *t, const double p[3])
+static struct match rim_on_skin(const struct nearest *t, const double p[3])
 {
     struct nearest_hit hit;
 
@@ -65,8 +65,8 @@ static struct match on_skin(const struct nearest *t, const double p[3])
 
 /* Match loop k's vertices 0 to 18 (upper) or 18 to 36 = 0 (lower) to a path
  * from the inner corner to the outer. */
-static void match_lid(struct registration *r, int k, bool upper,
-                      const int32_t *path, size_t n)
+static void rim_match_lid(struct registration *r, int k, bool upper,
+                          const int32_t *path, size_t n)
 {
     enum { HALF = EYE_N / 2 };
     int32_t ours[HALF + 1];
@@ -74,20 +74,20 @@ static void match_lid(struct registration *r, int k, bool upper,
 
     for (int i = 0; i <= HALF; i++)
         ours[i] = r->h->eye[EYE_MARGIN][upper ? i : (EYE_N - i) % EYE_N];
-    path_shares(mine, ours, HALF + 1, r->s->v_template);
-    path_shares(theirs, path, n, r->scan->neutral);
+    rim_path_shares(mine, ours, HALF + 1, r->s->v_template);
+    rim_path_shares(theirs, path, n, r->scan->neutral);
     for (int i = 0; i <= HALF; i++) {
         int v = r->h->eye[k][upper ? i : (EYE_N - i) % EYE_N];
 
-        r->match[v] = on_path(path, n, path_place(mine[i], theirs, n));
+        r->match[v] = rim_on_path(path, n, rim_path_place(mine[i], theirs, n));
     }
 }
 
 /* The skin's border behind the lids as two paths between the corners, which
  * are its vertices nearest to the middle and to the side.  The border runs
  * clockwise or not: `upper` tells by height. */
-static int border_paths(int32_t *path[2], size_t n[2],
-                        const struct registration *r, struct error *err)
+static int rim_border_paths(int32_t *path[2], size_t n[2],
+                            const struct registration *r, struct error *err)
 {
     int32_t loop[LOOP];
     const float *p = r->scan->neutral;
@@ -123,18 +123,18 @@ static int border_paths(int32_t *path[2], size_t n[2],
 
 /* The margin by the scans' lids, the innermost loop by their border, and the
  * one between them on the skin. */
-static int match_eye(struct registration *r, const struct nearest *skin,
-                     struct error *err)
+static int rim_match_eye(struct registration *r, const struct nearest *skin,
+                         struct error *err)
 {
     int32_t room[2][LOOP], *path[2] = {room[0], room[1]};
     size_t n[2] = {0, 0};
 
-    if (border_paths(path, n, r, err))
+    if (rim_border_paths(path, n, r, err))
         return -1;
-    match_lid(r, EYE_MARGIN, 1, scan_lid_upper, SCAN_LID_UPPER);
-    match_lid(r, EYE_MARGIN, 0, scan_lid_lower, SCAN_LID_LOWER);
-    match_lid(r, EYE_RINGS, 1, path[0], n[0]);
-    match_lid(r, EYE_RINGS, 0, path[1], n[1]);
+    rim_match_lid(r, EYE_MARGIN, 1, scan_lid_upper, SCAN_LID_UPPER);
+    rim_match_lid(r, EYE_MARGIN, 0, scan_lid_lower, SCAN_LID_LOWER);
+    rim_match_lid(r, EYE_RINGS, 1, path[0], n[0]);
+    rim_match_lid(r, EYE_RINGS, 0, path[1], n[1]);
     for (int i = 0; i < EYE_N; i++) {   /* between the margin's two edges */
         double a[3], b[3], middle[3];
 
@@ -143,7 +143,7 @@ static int match_eye(struct registration *r, const struct nearest *skin,
         match_point(b, &r->match[r->h->eye[EYE_RINGS][i]], r->scan->neutral);
         for (int c = 0; c < 3; c++)
             middle[c] = 0.55 * a[c] + 0.45 * b[c];
-        r->match[r->h->eye[EYE_INNER][i]] = on_skin(skin, middle);
+        r->match[r->h->eye[EYE_INNER][i]] = rim_on_skin(skin, middle);
     }
     return 0;
 }
@@ -159,7 +159,8 @@ struct lips {
 
 /* The scans' lips as loops from the mouth's border on, all from the upper
  * middle. */
-static int read_lips(struct lips *l, const struct scan *s, struct error *err)
+static int rim_read_lips(struct lips *l, const struct scan *s,
+                         struct error *err)
 {
     int32_t loop[LOOP];
     size_t n = scan_border(loop, LOOP, s, SCAN_MOUTH_BORDER), first = 0;
@@ -206,7 +207,7 @@ static double lip_border(const struct lips *l, double u)
     return mix(13, 12, clamp01((u - corner) / (0.5 * (bottom - corner))));
 }
 
-static struct match on_lips(const struct lips *l, double u, double depth)
+static struct match rim_on_lips(const struct lips *l, double u, double depth)
 {
     size_t i = (size_t)fmin(u, MOUTH_LOOP - 2);
     size_t k = (size_t)fmin(depth, LIP_LOOPS - 2);
@@ -233,17 +234,17 @@ static void lip_columns(double *column, const struct registration *r,
 
         for (int j = 0; j <= MOUTH_CORNER; j++)
             ours[j] = r->h->mouth[LIP_INNER][first + j];
-        path_shares(mine, ours, MOUTH_CORNER + 1, r->s->v_template);
-        path_shares(theirs, l->v[RING] + from, to - from + 1,
-                    r->scan->neutral);
+        rim_path_shares(mine, ours, MOUTH_CORNER + 1, r->s->v_template);
+        rim_path_shares(theirs, l->v[RING] + from, to - from + 1,
+                        r->scan->neutral);
         for (int j = 0; j <= MOUTH_CORNER; j++)
             column[first + j] = (double)from +
-                path_place(mine[j], theirs, to - from + 1);
+                rim_path_place(mine[j], theirs, to - from + 1);
     }
 }
 
 /* Lip loops between the border and the innermost one, column by column. */
-static int match_lips(struct registration *r, struct error *err)
+static int rim_match_lips(struct registration *r, struct error *err)
 {
     /* Share of the way from the border (0) to the inner loop, which lies at
      * INNER where the depth of the inner ring is a typical subject's. */
@@ -252,7 +253,7 @@ static int match_lips(struct registration *r, struct error *err)
     double column[MOUTH_N + 1];
     struct lips l;
 
-    if (read_lips(&l, r->scan, err))
+    if (rim_read_lips(&l, r->scan, err))
         return -1;
     lip_columns(column, r, &l);
     for (int j = 0; j <= MOUTH_N; j++) {
@@ -263,7 +264,7 @@ static int match_lips(struct registration *r, struct error *err)
                 ? mix(border, INNER, way[k - LIP_BORDER])
                 : k == LIP_INNER + 1 ? 4 : 0;
 
-            r->match[r->h->mouth[k][j]] = on_lips(&l, column[j], depth);
+            r->match[r->h->mouth[k][j]] = rim_on_lips(&l, column[j], depth);
         }
     }
     return 0;
@@ -275,7 +276,7 @@ int register_rims(struct registration *r, struct error *err)
 
     if (nearest_init(&skin, r->scan->neutral, r->scan->f, r->scan->nf, err))
         return -1;
-    int rc = match_eye(r, &skin, err) || match_lips(r, err) ? -1 : 0;
+    int rc = rim_match_eye(r, &skin, err) || rim_match_lips(r, err) ? -1 : 0;
     nearest_release(&skin);
     return rc;
 }
@@ -305,8 +306,8 @@ static void rim_outermost(double p[3], const struct scan *s, double y, double z)
     }
 }
 
-static void control_at(struct control *c, const struct registration *r,
-                       int v, const double to[3])
+static void rim_control_at(struct control *c, const struct registration *r,
+                           int v, const double to[3])
 {
     for (int d = 0; d < 3; d++) {
         c->from[d] = r->s->v_template[3 * v + d];
@@ -314,7 +315,7 @@ static void control_at(struct control *c, const struct registration *r,
     }
 }
 
-static void landmark_at(double p[3], const struct sculpt *s, int k)
+static void rim_landmark_at(double p[3], const struct sculpt *s, int k)
 {
     const int32_t *f = s->f + 3 * s->landmark_face[k];
 
@@ -335,7 +336,7 @@ size_t register_controls(struct control *c, size_t room,
         const float *to = r->scan->neutral + 3 * scan_landmarks[k];
         double from[3];
 
-        landmark_at(from, r->s, k);
+        rim_landmark_at(from, r->s, k);
         if (from[0] < 0 || n == room)
             continue;
         for (int d = 0; d < 3; d++) {
@@ -349,14 +350,14 @@ size_t register_controls(struct control *c, size_t room,
         int v = r->h->ear[3][i * EAR_N / 12];
 
         rim_outermost(to, r->scan, ear[i][0], ear[i][1]);
-        control_at(&c[n++], r, v, to);
+        rim_control_at(&c[n++], r, v, to);
     }
     for (int i = 0; i < EYE_N && n < room; i += 2) {
         int v = r->h->eye[EYE_MARGIN][i];
         double to[3];
 
         match_point(to, &r->match[v], r->scan->neutral);
-        control_at(&c[n++], r, v, to);
+        rim_control_at(&c[n++], r, v, to);
     }
     for (int j = 0; j <= MOUTH_N && n < room; j += 2)
         for (int k = LIP_BORDER; k <= LIP_INNER && n < room;
@@ -365,7 +366,7 @@ size_t register_controls(struct control *c, size_t room,
             double to[3];
 
             match_point(to, &r->match[v], r->scan->neutral);
-            control_at(&c[n++], r, v, to);
+            rim_control_at(&c[n++], r, v, to);
         }
     return n;
 }

@@ -77,7 +77,7 @@ void scan_eye_motion(double shift[3], double *grow, const float *neutral,
 /* ---- the file ------------------------------------------------------------ */
 
 /* Row of `name` in the metadata's list of expressions, or -1. */
-static int expression_row(const cJSON *names, const char *name)
+static int scan_expression_row(const cJSON *names, const char *name)
 {
     for (int i = 0; i < cJSON_GetArraySize(names); i++) {
         const cJSON *n = cJSON_GetArrayItem(names, i);
@@ -89,8 +89,8 @@ static int expression_row(const cJSON *names, const char *name)
 }
 
 /* Our 53 of the file's 57 expressions, in our order. */
-static int read_expressions(struct scan *s, const struct safetensors *st,
-                            struct error *err)
+static int scan_read_expressions(struct scan *s, const struct safetensors *st,
+                                 struct error *err)
 {
     const size_t row = 3 * (size_t)SCAN_VERTS;
     size_t dims[3] = {57, SCAN_VERTS, 3};
@@ -109,7 +109,7 @@ static int read_expressions(struct scan *s, const struct safetensors *st,
     if (!all || !s->expression)
         goto out;
     for (int k = 0; k < ARKIT_COUNT; k++) {
-        int from = expression_row(names, arkit_name(k));
+        int from = scan_expression_row(names, arkit_name(k));
 
         if (from < 0 || from >= (int)dims[0]) {
             error_set(err, EX_DATAERR, "%s: no expression \"%s\" (expected "
@@ -128,7 +128,7 @@ out:
 
 /* The scans' centimetres to our frame; shapes are differences and only
  * scale. */
-static void to_metres(struct scan *s)
+static void scan_to_metres(struct scan *s)
 {
     static const double shift[3] = {SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z};
     const size_t row = 3 * (size_t)SCAN_VERTS;
@@ -142,7 +142,7 @@ static void to_metres(struct scan *s)
 }
 
 /* The skin's quads, each as two triangles. */
-static int make_triangles(struct scan *s, struct error *err)
+static int scan_make_triangles(struct scan *s, struct error *err)
 {
     s->f = malloc(6 * (size_t)SCAN_QUADS * sizeof *s->f);
     if (!s->f)
@@ -171,7 +171,7 @@ static int make_triangles(struct scan *s, struct error *err)
 
 struct place { float y; int32_t v; };
 
-static int by_height(const void *a, const void *b)
+static int scan_by_height(const void *a, const void *b)
 {
     const struct place *p = a, *q = b;
 
@@ -179,7 +179,7 @@ static int by_height(const void *a, const void *b)
 }
 
 /* The neutral face is symmetric to within the file's rounding. */
-static int find_mirror(struct scan *s, struct error *err)
+static int scan_find_mirror(struct scan *s, struct error *err)
 {
     const float near = 1e-4f;
     struct place *order = malloc(SCAN_SKIN * sizeof *order);
@@ -191,7 +191,7 @@ static int find_mirror(struct scan *s, struct error *err)
     }
     for (int32_t v = 0; v < SCAN_SKIN; v++)
         order[v] = (struct place){s->neutral[3 * v + 1], v};
-    qsort(order, SCAN_SKIN, sizeof *order, by_height);
+    qsort(order, SCAN_SKIN, sizeof *order, scan_by_height);
     int lost = 0;
     for (int at = 0; at < SCAN_SKIN; at++) {
         const float *p = s->neutral + 3 * order[at].v;
@@ -233,9 +233,9 @@ int scan_load(struct scan *s, const char *path, struct error *err)
         s->identity = st_load_f32(st, "identity", 3, dims, NULL, err);
     if (s->identity)
         s->quads = st_load_i32(st, "quads", 2, quads, NULL, err);
-    if (s->quads && !read_expressions(s, st, err)) {
-        to_metres(s);
-        rc = make_triangles(s, err) || find_mirror(s, err) ? -1 : 0;
+    if (s->quads && !scan_read_expressions(s, st, err)) {
+        scan_to_metres(s);
+        rc = scan_make_triangles(s, err) || scan_find_mirror(s, err) ? -1 : 0;
         if (rc)
             error_prefix(err, "%s", path);
     }
@@ -258,7 +258,7 @@ void scan_release(struct scan *s)
 
 /* ---- loops of vertices --------------------------------------------------- */
 
-static bool is_skin(const int32_t *q)
+static bool scan_is_skin(const int32_t *q)
 {
     return q[0] < SCAN_SKIN && q[1] < SCAN_SKIN && q[2] < SCAN_SKIN &&
            q[3] < SCAN_SKIN;
@@ -266,14 +266,14 @@ static bool is_skin(const int32_t *q)
 
 /* The skin's quad with the edge a to b, *at where a stands in it; NULL when
  * there is none. */
-static const int32_t *quad_at(const struct scan *s, int32_t a, int32_t b,
-                              int *at)
+static const int32_t *scan_quad_at(const struct scan *s, int32_t a, int32_t b,
+                                   int *at)
 {
     for (size_t i = 0; i < SCAN_QUADS; i++) {
         const int32_t *q = s->quads + 4 * i;
 
         for (int k = 0; k < 4; k++)
-            if (q[k] == a && q[(k + 1) % 4] == b && is_skin(q)) {
+            if (q[k] == a && q[(k + 1) % 4] == b && scan_is_skin(q)) {
                 *at = k;
                 return q;
             }
@@ -283,15 +283,15 @@ static const int32_t *quad_at(const struct scan *s, int32_t a, int32_t b,
 
 /* Where the border goes from v: the end of an edge that no face runs back
  * along; -1 when v is not on it. */
-static int32_t border_next(const struct scan *s, int32_t v)
+static int32_t scan_border_next(const struct scan *s, int32_t v)
 {
     for (size_t i = 0; i < SCAN_QUADS; i++) {
         const int32_t *q = s->quads + 4 * i;
         int back;
 
         for (int k = 0; k < 4; k++)
-            if (q[k] == v && is_skin(q) && q[(k + 1) % 4] != v &&
-                !quad_at(s, q[(k + 1) % 4], v, &back))
+            if (q[k] == v && scan_is_skin(q) && q[(k + 1) % 4] != v &&
+                !scan_quad_at(s, q[(k + 1) % 4], v, &back))
                 return q[(k + 1) % 4];
     }
     return -1;
@@ -303,7 +303,7 @@ size_t scan_border(int32_t *loop, size_t room, const struct scan *s,
     size_t n = 0;
 
     for (int32_t v = first; v >= 0 && n < room && (n == 0 || v != first);
-         v = border_next(s, v))
+         v = scan_border_next(s, v))
         loop[n++] = v;
     return n > 2 ? n : 0;
 }
@@ -313,7 +313,7 @@ int scan_next_loop(int32_t *next, const int32_t *loop, size_t n,
 {
     for (size_t i = 0; i < n; i++) {
         int k = 0;
-        const int32_t *q = quad_at(s, loop[i], loop[(i + 1) % n], &k);
+        const int32_t *q = scan_quad_at(s, loop[i], loop[(i + 1) % n], &k);
 
         if (!q || (i > 0 && next[i] != q[(k + 3) % 4]))
             return -1;

@@ -25,7 +25,7 @@ const int32_t scan_lid_lower[SCAN_LID_LOWER] = {
 #define LOWER_FALL 0.0040
 
 /* The vertex of the right half that mirrors v. */
-static int32_t mirror_of(const float *p, int32_t v)
+static int32_t lid_mirror_of(const float *p, int32_t v)
 {
     float least = INFINITY;
     int32_t best = v;
@@ -44,25 +44,25 @@ static int32_t mirror_of(const float *p, int32_t v)
 }
 
 /* Distance in the file's x and y at weight 1 along a line, for meeting. */
-static float closed_x(const float *p, const float *blink, int32_t v)
+static float lid_closed_x(const float *p, const float *blink, int32_t v)
 {
     return fabsf(p[3 * v] + blink[3 * v]);
 }
 
 /* Where each vertex of a meets b: the segment of b that has its x when both
  * are closed. */
-static void find_meetings(struct scan_lid_line *a,
-                          const struct scan_lid_line *b, const float *p,
-                          const float *blink)
+static void lid_find_meetings(struct scan_lid_line *a,
+                              const struct scan_lid_line *b, const float *p,
+                              const float *blink)
 {
     for (int i = 0; i < a->n; i++) {
-        float x = closed_x(p, blink, a->v[i]);
+        float x = lid_closed_x(p, blink, a->v[i]);
         int j = 0;
 
-        while (j + 2 < b->n && closed_x(p, blink, b->v[j + 1]) < x)
+        while (j + 2 < b->n && lid_closed_x(p, blink, b->v[j + 1]) < x)
             j++;
-        float x0 = closed_x(p, blink, b->v[j]);
-        float x1 = closed_x(p, blink, b->v[j + 1]);
+        float x0 = lid_closed_x(p, blink, b->v[j]);
+        float x1 = lid_closed_x(p, blink, b->v[j + 1]);
         float f = x1 > x0 ? (x - x0) / (x1 - x0) : 0;
 
         a->meet[i] = j;
@@ -86,8 +86,8 @@ static float lid_length(const float d[3])
 /* Where the vertices of a line are to lie when closed: as far out as the
  * neutral face's, the upper lid's a little more, because on its straight way
  * it cuts the ball's corner. */
-static void find_distances(struct scan_lid_line *a, const float *p, int side,
-                           int lower, double unit)
+static void lid_find_distances(struct scan_lid_line *a, const float *p,
+                               int side, int lower, double unit)
 {
     float centre[3];
     double eye[3];
@@ -110,8 +110,8 @@ static void find_distances(struct scan_lid_line *a, const float *p, int side,
 }
 
 /* The four lid margins, and where they go in a blink. */
-static void make_lines(struct scan_lids *l, const float *p,
-                       const float *const blink[2], double unit)
+static void lid_make_lines(struct scan_lids *l, const float *p,
+                           const float *const blink[2], double unit)
 {
     for (int k = 0; k < 4; k++) {
         struct scan_lid_line *a = &l->line[k];
@@ -119,22 +119,23 @@ static void make_lines(struct scan_lids *l, const float *p,
 
         a->n = k % 2 ? SCAN_LID_LOWER : SCAN_LID_UPPER;
         for (int i = 0; i < a->n; i++) {
-            a->v[i] = k < 2 ? from[i] : mirror_of(p, from[i]);
+            a->v[i] = k < 2 ? from[i] : lid_mirror_of(p, from[i]);
             a->over[i] = (float)(unit * OVERLAP *
                                  sin(M_PI * i / (a->n - 1)));
         }
     }
     for (int k = 0; k < 4; k++)
-        find_meetings(&l->line[k], &l->line[k ^ 1], p, blink[k / 2]);
+        lid_find_meetings(&l->line[k], &l->line[k ^ 1], p, blink[k / 2]);
     for (int k = 0; k < 4; k++)
-        find_distances(&l->line[k], p, k / 2, k % 2, unit);
+        lid_find_distances(&l->line[k], p, k / 2, k % 2, unit);
 }
 
 /* ---- what follows ------------------------------------------------------- */
 
 /* The place of line a nearest to q; returns the distance. */
-static float nearest_place(int *at, float *part, const struct scan_lid_line *a,
-                           const float *p, const float q[3])
+static float lid_nearest_place(int *at, float *part,
+                               const struct scan_lid_line *a, const float *p,
+                               const float q[3])
 {
     float best = INFINITY;
 
@@ -172,8 +173,8 @@ static struct scan_lid_part lid_follow(const struct scan_lids *l,
     double eye[3];
 
     for (int lower = 0; lower < 2; lower++) {
-        float far = nearest_place(&at, &part, &l->line[2 * side + lower], p,
-                                  q);
+        float far = lid_nearest_place(&at, &part, &l->line[2 * side + lower], p,
+                                      q);
 
         if (far < d) {
             d = far;
@@ -216,7 +217,7 @@ int scan_lids_init(struct scan_lids *l, const float *neutral,
         return error_set(err, EX_OSERR, "no memory for the scans' lids");
     l->neutral = neutral;
     l->unit = unit;
-    make_lines(l, neutral, blink, unit);
+    lid_make_lines(l, neutral, blink, unit);
     for (int32_t v = 0; v < SCAN_VERTS; v++) {
         /* gums, teeth and eyeballs have no part in it */
         if (v >= SCAN_ORBIT_END && v < SCAN_EYE_END)
@@ -235,8 +236,9 @@ void scan_lids_release(struct scan_lids *l)
 
 /* out (SCAN_LID_LINE) = how far the vertices of line k are to go away from the
  * ball, which has moved by `shift` and grown. */
-static void lay_line(float *out, const struct scan_lids *l, int k,
-                     const float *folded, const double shift[3], double grow)
+static void lid_lay_line(float *out, const struct scan_lids *l, int k,
+                         const float *folded, const double shift[3],
+                         double grow)
 {
     const struct scan_lid_line *a = &l->line[k];
     double eye[3];
@@ -260,9 +262,10 @@ static float lid_height(const struct scan_lid_line *a, int i, const float *out,
 }
 
 /* up (SCAN_LID_LINE) = how far each vertex of line k is to rise along the
- * ball; out (4,SCAN_LID_LINE) from lay_line. */
-static void close_line(float *up, const struct scan_lids *l, int k,
-                       const float (*out)[SCAN_LID_LINE], const float *folded)
+ * ball; out (4,SCAN_LID_LINE) from lid_lay_line. */
+static void lid_close_line(float *up, const struct scan_lids *l, int k,
+                           const float (*out)[SCAN_LID_LINE],
+                           const float *folded)
 {
     const struct scan_lid_line *a = &l->line[k], *b = &l->line[k ^ 1];
 
@@ -290,10 +293,10 @@ void scan_lids_add(float *x, const struct scan_lids *l, const float *folded,
         double shift[3], grow;
 
         scan_eye_motion(shift, &grow, l->neutral, folded, l->unit, k / 2);
-        lay_line(out[k], l, k, folded, shift, grow);
+        lid_lay_line(out[k], l, k, folded, shift, grow);
     }
     for (int k = 0; k < 4; k++)
-        close_line(up[k], l, k, (const float (*)[SCAN_LID_LINE])out, folded);
+        lid_close_line(up[k], l, k, (const float(*)[SCAN_LID_LINE])out, folded);
     for (size_t i = 0; i < l->n; i++) {
         const struct scan_lid_part *o = &l->p[i];
         const float *u = up[o->line] + o->at, *a = out[o->line] + o->at;

@@ -93,8 +93,8 @@ static const struct action named[] = {
 };
 enum { NAMED = sizeof named / sizeof *named };
 
-static void store_expression(float *dirs, size_t k, const struct vec *d,
-                             size_t nv)
+static void expression_store(float *dirs, size_t k,
+                             const struct vec *d, size_t nv)
 {
     for (size_t v = 0; v < nv; v++) {
         dirs[(3 * v) * DIRS + k] = (float)(1e-3 * d[v].x);
@@ -104,7 +104,7 @@ static void store_expression(float *dirs, size_t k, const struct vec *d,
 }
 
 /* The mobile face: 1 at mouth and brows, 0 at cranium, ears, eyes. */
-static double face_mobility(const struct full *m, int v)
+static double expression_face_mobility(const struct full *m, int v)
 {
     struct vec p = m->p[v], e = EYE_CENTRE;
     int part = m->h->part[m->src[v]];
@@ -128,12 +128,13 @@ int sculpt_expressions(struct sculpt *s, const struct full *m)
             for (int i = 0; i < MOST; i++)
                 if (named[k].pull[i].reach > 0)
                     field_pull(d, m, &named[k].pull[i], named[k].side, 1);
-            store_expression(s->shapedirs, SCULPT_SHAPES + k, d, s->nv);
+            expression_store(s->shapedirs, SCULPT_SHAPES + k, d,
+                             s->nv);
             continue;
         }
         field_wave(d, m, 1000 + k, 90 - 0.6 * (double)(k - NAMED), k % 3 == 2);
         for (int v = 0; v < m->nv; v++)
-            d[v] = mul(d[v], face_mobility(m, v));
+            d[v] = mul(d[v], expression_face_mobility(m, v));
         field_store(s->shapedirs, DIRS, SCULPT_SHAPES, SCULPT_SHAPES + k, d,
                     s->nv, 1.6 / (1 + 0.02 * (double)(k - NAMED)));
     }

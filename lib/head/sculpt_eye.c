@@ -25,7 +25,7 @@ static void eye_edge(double t, bool upper, double *x, double *y)
 }
 
 /* Along the ring: upper from the inner corner to the outer, then back. */
-static double ring_t(int i, bool *upper)
+static double eye_ring_t(int i, bool *upper)
 {
     *upper = i <= HALF;
     double s = i <= HALF ? (double)i / HALF : (double)(EYE_N - i) / HALF;
@@ -33,7 +33,7 @@ static double ring_t(int i, bool *upper)
 }
 
 /* Outward normal of the edge in front view. */
-static void edge_normal(double t, bool upper, double *nx, double *ny)
+static void eye_edge_normal(double t, bool upper, double *nx, double *ny)
 {
     double x0, y0, x1, y1, e = 0.02;
 
@@ -57,27 +57,27 @@ static const struct { double up, low, corner, dent; } lid[EYE_MARGIN] = {
     [5] = { 3.9, 3.4, 3.0, -0.3 }, [6] = { 1.6, 1.5, 1.4, 0.15 },
 };
 
-static struct vec front_hit(double x, double y)
+static struct vec eye_front_hit(double x, double y)
 {
     return sculpt_surface_ray(vec(x, y, 130), vec(0, 0, -1));
 }
 
 /* Loops about the opening that eye_edge draws, and two tucked in behind its
  * margin. */
-static void place_lids(struct half *h)
+static void eye_place_lids(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
 
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
-        double t = ring_t(i, &upper), x, y, nx, ny;
+        double t = eye_ring_t(i, &upper), x, y, nx, ny;
         eye_edge(t, upper, &x, &y);
-        edge_normal(t, upper, &nx, &ny);
+        eye_edge_normal(t, upper, &nx, &ny);
         double mid = sin(M_PI * t);
         for (int k = 3; k <= EYE_MARGIN; k++) {
             double d = k == EYE_MARGIN ? 0
                      : mix(lid[k].corner, upper ? lid[k].up : lid[k].low, mid);
-            struct vec q = front_hit(x + nx * d, y + ny * d);
+            struct vec q = eye_front_hit(x + nx * d, y + ny * d);
             if (k < EYE_MARGIN)
                 q.z += lid[k].dent * (upper ? 1 : 0.35) * mid;
             int v = h->eye[k][i];
@@ -105,7 +105,7 @@ static const double polar[BALL_RINGS] = { 9.6, 19.5, 29.4, 40, 54, 70, 90,
     115, 145 };
 
 /* A sphere about its own centre; closer rings about the cornea. */
-static void place_ball(struct half *h)
+static void eye_place_ball(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
     int v = h->ball_first;
@@ -125,8 +125,8 @@ static void place_ball(struct half *h)
 
 void sculpt_eye(struct half *h)
 {
-    place_lids(h);
-    place_ball(h);
+    eye_place_lids(h);
+    eye_place_ball(h);
 }
 
 /* How far each ring follows the margin. */
@@ -139,7 +139,7 @@ void sculpt_eyelid(const struct half *h, struct vec *delta)
 
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
-        double t = ring_t(i, &upper), x, yu, yl;
+        double t = eye_ring_t(i, &upper), x, yu, yl;
         eye_edge(t, 1, &x, &yu);
         eye_edge(t, 0, &x, &yl);
         double meet = mix(yu, yl, UPPER_SHARE);

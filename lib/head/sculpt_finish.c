@@ -71,8 +71,9 @@ static double finish_freedom(const struct half *h, int v)
 
 /* Vertices move to the mean of their neighbours, as far as they are not
  * held. */
-static void even_out(struct half *h, struct vec *next, const int (*nbr)[2],
-                     size_t links, const struct smooth *t)
+static void finish_even_out(struct half *h, struct vec *next,
+                            const int (*nbr)[2], size_t links,
+                            const struct smooth *t)
 {
     double *weight = malloc((size_t)h->nv * sizeof *weight);
 
@@ -99,7 +100,7 @@ static void even_out(struct half *h, struct vec *next, const int (*nbr)[2],
 }
 
 /* The nostrils' walls rise from their rims. */
-static void deepen_nostrils(struct half *h)
+static void finish_deepen_nostrils(struct half *h)
 {
     static const double up[NOS_RINGS + 1] = { 0, 2.0, 5.0, 8.0 };
     struct vec middle = vec(0, 0, 0);
@@ -135,7 +136,7 @@ int sculpt_finish(struct half *h)
                 nbr[links][!way] = h->quad[q][(i + 1) % n];
             }
     for (size_t i = 0; i < sizeof smooths / sizeof *smooths; i++)
-        even_out(h, next, (const int (*)[2])nbr, links, &smooths[i]);
+        finish_even_out(h, next, (const int (*)[2])nbr, links, &smooths[i]);
     for (int v = 0; v < h->nv; v++) {
         double out = 0;
         struct vec d = vec(0, 0, 0);
@@ -154,7 +155,7 @@ int sculpt_finish(struct half *h)
     }
     for (int v = 0; v < h->nv; v++)
         h->p[v] = add(h->p[v], next[v]);
-    deepen_nostrils(h);
+    finish_deepen_nostrils(h);
     free(nbr);
     free(next);
     return 0;

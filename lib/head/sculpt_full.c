@@ -54,7 +54,7 @@ static struct vec links_mean(const struct half *h, const struct links *l, int v)
 
 /* Even out the vertices that are not authored, keeping them on the base
  * surface as far as they follow it. */
-static void half_relax(struct half *h, const struct links *l, int rounds)
+static void sculpt_half_relax(struct half *h, const struct links *l, int rounds)
 {
     for (int n = 0; n < rounds; n++)
         for (int v = 0; v < h->nv; v++) {
@@ -75,7 +75,7 @@ static void half_relax(struct half *h, const struct links *l, int rounds)
 }
 
 /* Authored dents along the normal of the free skin. */
-static void add_details(struct half *h)
+static void sculpt_add_details(struct half *h)
 {
     for (int v = 0; v < h->nv; v++) {
         if (h->snap[v] <= 0 || h->part[v] == PART_BALL)
@@ -90,7 +90,8 @@ static void add_details(struct half *h)
 
 /* Cheek, jaw and throat come out of the base surface with more relief than
  * skin has: even them out. */
-static void half_soften(struct half *h, const struct links *l, int rounds)
+static void sculpt_half_soften(struct half *h, const struct links *l,
+                               int rounds)
 {
     for (int n = 0; n < rounds; n++)
         for (int v = 0; v < h->nv; v++) {
@@ -120,16 +121,16 @@ static int sculpt_half(struct half *h)
     sculpt_eye(h);
     sculpt_lips(h);
     links_make(l, h);
-    half_relax(h, l, 14);
-    add_details(h);
-    half_soften(h, l, 12);
+    sculpt_half_relax(h, l, 14);
+    sculpt_add_details(h);
+    sculpt_half_soften(h, l, 12);
     free(l);
     return 0;
 }
 
 /* ---- the whole -------------------------------------------------------- */
 
-static void put_triangle(struct full *m, int a, int b, int c)
+static void sculpt_put_triangle(struct full *m, int a, int b, int c)
 {
     int *f = m->f[m->nf++];
 
@@ -137,25 +138,25 @@ static void put_triangle(struct full *m, int a, int b, int c)
 }
 
 /* Both sides of a quad, cut along its shorter diagonal. */
-static void put_quad(struct full *m, const int *q, const int *mir)
+static void sculpt_put_quad(struct full *m, const int *q, const int *mir)
 {
     const struct vec *p = m->p;
 
     if (q[3] < 0) {
-        put_triangle(m, q[0], q[1], q[2]);
-        put_triangle(m, mir[q[0]], mir[q[2]], mir[q[1]]);
+        sculpt_put_triangle(m, q[0], q[1], q[2]);
+        sculpt_put_triangle(m, mir[q[0]], mir[q[2]], mir[q[1]]);
         return;
     }
     int s = norm(sub(p[q[0]], p[q[2]])) > norm(sub(p[q[1]], p[q[3]])) + 1e-9;
     int a = q[s], b = q[s + 1], c = q[s + 2], d = q[(s + 3) % 4];
-    put_triangle(m, a, b, c);
-    put_triangle(m, a, c, d);
-    put_triangle(m, mir[a], mir[c], mir[b]);
-    put_triangle(m, mir[a], mir[d], mir[c]);
+    sculpt_put_triangle(m, a, b, c);
+    sculpt_put_triangle(m, a, c, d);
+    sculpt_put_triangle(m, mir[a], mir[c], mir[b]);
+    sculpt_put_triangle(m, mir[a], mir[d], mir[c]);
 }
 
 /* Unit normals of the vertices, faces by their area. */
-static void make_normals(struct full *m)
+static void sculpt_make_normals(struct full *m)
 {
     for (int i = 0; i < m->nf; i++) {
         const int *f = m->f[i];
@@ -169,7 +170,7 @@ static void make_normals(struct full *m)
 }
 
 /* Neighbours by edge, each once, in the order the faces name them. */
-static int make_neighbours(struct full *m)
+static int sculpt_make_neighbours(struct full *m)
 {
     int *count = calloc((size_t)m->nv + 1, sizeof *count);
     int *list = malloc((size_t)m->nf * 6 * sizeof *list);
@@ -235,9 +236,9 @@ int sculpt_full_init(struct full *m, const struct half *h)
         m->side[w] = v == w ? 0 : -1;
     }
     for (int q = 0; q < h->nq; q++)
-        put_quad(m, h->quad[q], m->mirror);
-    make_normals(m);
-    return make_neighbours(m);
+        sculpt_put_quad(m, h->quad[q], m->mirror);
+    sculpt_make_normals(m);
+    return sculpt_make_neighbours(m);
 }
 
 void sculpt_full_release(struct full *m)
@@ -288,7 +289,7 @@ static int full_allocate(struct sculpt *s, const struct full *m)
 }
 
 /* Positions of both sides from the half. */
-static void copy_positions(struct sculpt *s, const struct full *m)
+static void sculpt_copy_positions(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
         struct vec p = m->h->p[m->src[v]];
@@ -298,9 +299,9 @@ static void copy_positions(struct sculpt *s, const struct full *m)
     }
 }
 
-static void copy_mesh(struct sculpt *s, const struct full *m)
+static void sculpt_copy_mesh(struct sculpt *s, const struct full *m)
 {
-    copy_positions(s, m);
+    sculpt_copy_positions(s, m);
     for (int v = 0; v < m->nv; v++)
         s->mirror[v] = m->mirror[v];
     for (int i = 0; i < m->nf; i++)
@@ -317,11 +318,11 @@ int sculpt_make(struct sculpt *s, struct error *err)
     int rc = h && !sculpt_half(h) && !sculpt_full_init(&m, h) &&
              !full_allocate(s, &m) ? 0 : -1;
     if (rc == 0) {
-        copy_mesh(s, &m);
+        sculpt_copy_mesh(s, &m);
         rc = sculpt_labels(s, &m) || sculpt_rig(s, &m) ||
              sculpt_shapes(s, &m) || sculpt_expressions(s, &m) ||
              sculpt_finish(h) ? -1 : 0;
-        copy_positions(s, &m);
+        sculpt_copy_positions(s, &m);
     }
     sculpt_full_release(&m);
     free(h);

@@ -48,8 +48,8 @@ static double label_hair(const struct full *m, int v)
     return fmax(front, fmax(side, back));
 }
 
-static void lip_list(int32_t *list, size_t *n, const struct full *m, int ring,
-                     int last, int closed)
+static void label_lip_list(int32_t *list, size_t *n, const struct full *m,
+                           int ring, int last, int closed)
 {
     const struct half *h = m->h;
 
@@ -104,7 +104,7 @@ static void label_pair(struct sculpt *s, const struct full *m, int left,
 
 /* The lid margin's vertex nearest to a place along the eye, t from the inner
  * corner (0) to the outer (1), upper or lower. */
-static int lid_at(const struct half *h, double t, bool upper)
+static int label_lid_at(const struct half *h, double t, bool upper)
 {
     const int *ring = h->eye[EYE_MARGIN];
     double lo = 1e9, hi = -1e9, mid = 0, best = 1e9;
@@ -150,12 +150,12 @@ static void label_landmarks(struct sculpt *s, const struct full *m)
     label_set(s, 33, label_nearest(m, vec(0, -24, 101), skin));
     label_pair(s, m, 34, 32, label_nearest(m, vec(6.5, -22.5, 100), skin));
     label_pair(s, m, 35, 31, label_nearest(m, vec(14, -20, 95), skin));
-    label_pair(s, m, 42, 39, lid_at(h, 0, 1));
-    label_pair(s, m, 43, 38, lid_at(h, 0.33, 1));
-    label_pair(s, m, 44, 37, lid_at(h, 0.67, 1));
-    label_pair(s, m, 45, 36, lid_at(h, 1, 1));
-    label_pair(s, m, 46, 41, lid_at(h, 0.67, 0));
-    label_pair(s, m, 47, 40, lid_at(h, 0.33, 0));
+    label_pair(s, m, 42, 39, label_lid_at(h, 0, 1));
+    label_pair(s, m, 43, 38, label_lid_at(h, 0.33, 1));
+    label_pair(s, m, 44, 37, label_lid_at(h, 0.67, 1));
+    label_pair(s, m, 45, 36, label_lid_at(h, 1, 1));
+    label_pair(s, m, 46, 41, label_lid_at(h, 0.67, 0));
+    label_pair(s, m, 47, 40, label_lid_at(h, 0.33, 0));
     label_set(s, 51, outer[0]);
     label_pair(s, m, 52, 50, outer[4]);
     label_pair(s, m, 53, 49, outer[8]);
@@ -182,13 +182,14 @@ int sculpt_labels(struct sculpt *s, const struct full *m)
         s->uv[2 * v + 1] = (float)clamp01((p.y + 170) / 320);
     }
     /* ring: left corner, upper to right corner, lower back */
-    lip_list(s->lip_inner, &s->n_lip_inner, m, LIP_INNER, MOUTH_CORNER, 0);
+    label_lip_list(s->lip_inner, &s->n_lip_inner, m, LIP_INNER, MOUTH_CORNER,
+                   0);
     for (int j = MOUTH_CORNER + 1; j <= MOUTH_N; j++)
         s->lip_inner[s->n_lip_inner++] = m->mirror[h->mouth[LIP_INNER][j]];
     for (int j = MOUTH_N - 1; j > MOUTH_CORNER; j--)
         s->lip_inner[s->n_lip_inner++] = h->mouth[LIP_INNER][j];
-    lip_list(s->lip_upper_outer, &s->n_lip_upper_outer, m, LIP_BORDER,
-             MOUTH_CORNER, 0);
+    label_lip_list(s->lip_upper_outer, &s->n_lip_upper_outer, m, LIP_BORDER,
+                   MOUTH_CORNER, 0);
     label_landmarks(s, m);
     return 0;
 }

@@ -68,7 +68,7 @@ static double form_rod(struct vec p, const struct form *f)
 }
 
 /* Polynomial smooth minimum with transition width k. */
-static double smooth_min(double a, double b, double k)
+static double surface_smooth_min(double a, double b, double k)
 {
     if (k <= 0)
         return fmin(a, b);
@@ -91,8 +91,8 @@ double sculpt_surface(struct vec p)
         for (int s = 0; s < sides; s++) {
             struct vec q = vec(s ? -p.x : p.x, p.y, p.z);
             double e = form_distance(f, q);
-            d = f->op == CUT ? -smooth_min(-d, e, f->blend)
-                             : smooth_min(d, e, f->blend);
+            d = f->op == CUT ? -surface_smooth_min(-d, e, f->blend)
+                             : surface_smooth_min(d, e, f->blend);
         }
     }
     return d;
@@ -220,7 +220,7 @@ stations[ROWS + 1] = {
 };
 
 /* Lateral distance of the front columns over the half breadth there. */
-static double grid_azimuth(int c)
+static double surface_grid_azimuth(int c)
 {
     static const double x[16] = { 0, 3.5, 7, 10.5, 14, 17.5, 21, 24.5, 28,
         32, 37, 42.5, 48.5, 55, 62.5, 69 };
@@ -233,9 +233,9 @@ static double grid_azimuth(int c)
 }
 
 /* Where the grid starts: an outline at each height, flatter to the front. */
-static struct vec grid_point(int r, int c)
+static struct vec surface_grid_point(int r, int c)
 {
-    double a = grid_azimuth(c), s = sin(a), k = cos(a);
+    double a = surface_grid_azimuth(c), s = sin(a), k = cos(a);
     double x = stations[r].sx * s;
     double nose = 1 - ramp(0.16, 0.34, s);
 
@@ -256,7 +256,7 @@ void sculpt_grid_guess(struct half *h)
             int v = h->grid[r][c];
             if (v < 0)
                 continue;
-            struct vec p = sculpt_surface_project(grid_point(r, c));
+            struct vec p = sculpt_surface_project(surface_grid_point(r, c));
             if (c == 0 || c == COLS)
                 p.x = 0;
             if (r == 0)

@@ -76,8 +76,8 @@ struct system {
 };
 
 /* out += weight (n n^T + along (1 - n n^T)) e of vertex v. */
-static void pull_add(double out[3], const struct system *s, size_t v,
-                     const double e[3])
+static void smooth_pull_add(double out[3], const struct system *s, size_t v,
+                            const double e[3])
 {
     const double *n = s->normal ? s->normal + 3 * v : NULL;
     double a = s->normal ? s->along[v] : 1, en = 0;
@@ -109,7 +109,7 @@ static void system_apply(double *out, const struct system *s, const double *d)
             for (int c = 0; c < 3; c++)
                 out[3 * m->link[i] + c] -=
                     s->stiff * s->bent[3 * v + (size_t)c] / n;
-        pull_add(out + 3 * v, s, v, d + 3 * v);
+        smooth_pull_add(out + 3 * v, s, v, d + 3 * v);
     }
 }
 
@@ -135,7 +135,7 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
     if (!room)
         return error_set(err, EX_OSERR, "no memory for a smooth fit");
     for (size_t v = 0; v < m->nv; v++)
-        pull_add(r + 3 * v, &s, v, target + 3 * v);
+        smooth_pull_add(r + 3 * v, &s, v, target + 3 * v);
     double start = smooth_dot(r, r, n);
     system_apply(q, &s, d);
     for (size_t i = 0; i < n; i++)

@@ -21,7 +21,7 @@ static const double polar[BALL_RINGS] = { 7.8, 15.6, 23.5, 33, 46, 63, 88,
     115, 145 };
 
 /* Both balls' vertices: rings about the axis. */
-static void place_balls(double *at, const struct registration *r)
+static void transfer_place_balls(double *at, const struct registration *r)
 {
     for (int right = 0; right < 2; right++) {
         double eye[3], axis[3];
@@ -53,8 +53,8 @@ static void place_balls(double *at, const struct registration *r)
 /* ---- shapes ------------------------------------------------------------- */
 
 /* Balls of a shape: (SCAN_VERTS,3) the face with it, NULL when they stay. */
-static void move_balls(double *d, const struct registration *r,
-                       const float *face)
+static void transfer_move_balls(double *d, const struct registration *r,
+                                const float *face)
 {
     for (int right = 0; right < 2; right++) {
         double shift[3] = {0}, grow = 0, eye[3];
@@ -103,7 +103,7 @@ int transfer_shape(double *d, const struct registration *r,
                 d[3 * v + c] = pinned && r->at[3 * v + 1] < -0.16 ? 0
                              : mix(mean[c], own[c], trust);
         }
-    move_balls(d, r, balls ? face : NULL);
+    transfer_move_balls(d, r, balls ? face : NULL);
     smooth_mesh_release(&mesh);
     free(face);
     return 0;
@@ -111,7 +111,7 @@ int transfer_shape(double *d, const struct registration *r,
 
 /* The scans' identities are even or odd under mirroring, as are the sculpted
  * head's: what rounding has left of the other kind goes. */
-static void make_pure(double *d, const struct sculpt *s)
+static void transfer_make_pure(double *d, const struct sculpt *s)
 {
     double with = 0;
 
@@ -143,7 +143,7 @@ static void transfer_store(struct sculpt *s, size_t k, const double *d)
 
 /* Where the sculpted head's own variety is kept: skull and neck, not the face
  * and ears. */
-static void extra_mask(double *mask, const struct registration *r)
+static void transfer_extra_mask(double *mask, const struct registration *r)
 {
     for (size_t v = 0; v < r->s->nv; v++) {
         const double *p = r->at + 3 * v;
@@ -159,23 +159,24 @@ static void extra_mask(double *mask, const struct registration *r)
 
 /* The scans' identities, and behind them shapes of skull and neck, which scans
  * lack. */
-static int carry_identities(struct sculpt *s, const struct registration *r,
-                            double *d, struct error *err)
+static int transfer_carry_identities(struct sculpt *s,
+                                     const struct registration *r, double *d,
+                                     struct error *err)
 {
-    extra_mask(d, r);
+    transfer_extra_mask(d, r);
     if (transfer_extras(s, SCAN_IDENTITIES, EXTRA, d, err))
         return -1;
     for (size_t k = SCAN_IDENTITIES; k < SCAN_IDENTITIES + EXTRA; k++) {
         for (size_t i = 0; i < 3 * s->nv; i++)
             d[i] = s->shapedirs[i * DIRS + k];
-        make_pure(d, s);
+        transfer_make_pure(d, s);
         transfer_store(s, k, d);
     }
     for (size_t k = 0; k < SCAN_IDENTITIES; k++) {
         if (transfer_shape(d, r, r->scan->identity + k * 3 * SCAN_VERTS, 0, 1,
                            err))
             return -1;
-        make_pure(d, s);
+        transfer_make_pure(d, s);
         transfer_store(s, k, d);
     }
     for (size_t k = SCAN_IDENTITIES + EXTRA; k < SCULPT_SHAPES; k++)
@@ -184,8 +185,9 @@ static int carry_identities(struct sculpt *s, const struct registration *r,
 }
 
 /* The scans' expressions through the registration, behind the identities. */
-static int carry_expressions(struct sculpt *s, const struct registration *r,
-                             struct error *err)
+static int transfer_carry_expressions(struct sculpt *s,
+                                      const struct registration *r,
+                                      struct error *err)
 {
     double *all = calloc(3 * s->nv * ARKIT_COUNT, sizeof *all);
     int rc = all ? 0 : error_set(err, EX_OSERR, "no memory for expressions");
@@ -207,8 +209,8 @@ static int carry_expressions(struct sculpt *s, const struct registration *r,
 /* ---- landmarks ---------------------------------------------------------- */
 
 /* Landmarks are the scans', on the faces of our skin. */
-static int carry_landmarks(struct sculpt *s, const struct scan *scan,
-                           struct error *err)
+static int transfer_carry_landmarks(struct sculpt *s, const struct scan *scan,
+                                    struct error *err)
 {
     struct nearest t;
     int32_t *skin = malloc(3 * s->nf * sizeof *skin);
@@ -253,12 +255,12 @@ int transfer_head(struct sculpt *s, const struct registration *r,
 
     if (!d)
         return error_set(err, EX_OSERR, "no memory for the scans' head");
-    place_balls(r->at, r);
+    transfer_place_balls(r->at, r);
     for (size_t i = 0; i < 3 * s->nv; i++)
         s->v_template[i] = (float)r->at[i];
-    if (!carry_identities(s, r, d, err) && !carry_expressions(s, r, err) &&
-        !transfer_lids(s, r, err))
-        rc = carry_landmarks(s, r->scan, err);
+    if (!transfer_carry_identities(s, r, d, err) &&
+        !transfer_carry_expressions(s, r, err) && !transfer_lids(s, r, err))
+        rc = transfer_carry_landmarks(s, r->scan, err);
     free(d);
     return rc;
 }

@@ -36,8 +36,8 @@ static void lid_carried(double d[3], const struct registration *r,
 }
 
 /* Left lids lie where x > 0: the mean's correction is added to both. */
-static void add_mean(struct sculpt *s, const struct registration *r,
-                     const float *shape)
+static void lid_add_mean(struct sculpt *s, const struct registration *r,
+                         const float *shape)
 {
     for (size_t v = 0; v < s->nv; v++) {
         float *lid = s->v_template[3 * v] > 0 ? s->l_eyelid : s->r_eyelid;
@@ -51,8 +51,8 @@ static void add_mean(struct sculpt *s, const struct registration *r,
 
 /* Which of our vertices a correction moves by more than a micrometre or two:
  * those that follow the margins for the mean. */
-static int list_vertices(struct sculpt *s, const struct registration *r,
-                         const float *shape)
+static int lid_list_vertices(struct sculpt *s, const struct registration *r,
+                             const float *shape)
 {
     s->lid_vertices = malloc(s->nv * sizeof *s->lid_vertices);
     s->lid_sides = malloc(s->nv * sizeof *s->lid_sides);
@@ -86,10 +86,10 @@ int transfer_lids(struct sculpt *s, const struct registration *r,
     if (scan_lids_init(&l, scan->neutral, blink, blink + ROW, 1, err))
         goto out;
     lid_correction(shape, NULL, scan, &l, NULL);
-    add_mean(s, r, shape);
+    lid_add_mean(s, r, shape);
     /* a shape that opens both eyes moves all that ever follows */
     lid_correction(shape, shape + ROW, scan, &l, scan->identity);
-    if (list_vertices(s, r, shape)) {
+    if (lid_list_vertices(s, r, shape)) {
         error_set(err, EX_OSERR, "no memory for lids");
         goto out;
     }

@@ -57,7 +57,7 @@ void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
 }
 
 /* Luma of pixel i of planar rgb [3,n]. */
-static double luma_at(const float *rgb, size_t n, size_t i)
+static double metric_luma_at(const float *rgb, size_t n, size_t i)
 {
     return 0.2989 * (double)rgb[i] + 0.587 * (double)rgb[n + i] +
            0.114 * (double)rgb[2 * n + i];
@@ -71,9 +71,9 @@ double metric_edges(const float *rgb, size_t H, size_t W)
     for (size_t y = 0; y + 1 < H; y++)
         for (size_t x = 0; x + 1 < W; x++) {
             const size_t i = y * W + x;
-            double here = luma_at(rgb, n, i);
-            double dx = luma_at(rgb, n, i + 1) - here;
-            double dy = luma_at(rgb, n, i + W) - here;
+            double here = metric_luma_at(rgb, n, i);
+            double dx = metric_luma_at(rgb, n, i + 1) - here;
+            double dy = metric_luma_at(rgb, n, i + W) - here;
 
             sum += sqrt(dx * dx + dy * dy);
         }
@@ -119,8 +119,8 @@ static int work_init(struct work *k, size_t n, struct error *err)
 }
 
 /* out = window * (x y). */
-static void blur_product(double *out, const double *x, const double *y,
-                         size_t H, size_t W, struct work *k)
+static void metric_blur_product(double *out, const double *x, const double *y,
+                                size_t H, size_t W, struct work *k)
 {
     for (size_t i = 0; i < H * W; i++)
         k->prod[i] = x[i] * y[i];
@@ -133,14 +133,15 @@ static void work_moments(struct work *k, const double *a, const double *b,
 {
     metric_blur(k->mu_a, a, H, W, k->tmp);
     metric_blur(k->mu_b, b, H, W, k->tmp);
-    blur_product(k->aa, a, a, H, W, k);
-    blur_product(k->bb, b, b, H, W, k);
-    blur_product(k->ab, a, b, H, W, k);
+    metric_blur_product(k->aa, a, a, H, W, k);
+    metric_blur_product(k->bb, b, b, H, W, k);
+    metric_blur_product(k->ab, a, b, H, W, k);
 }
 
 /* Means of ssim and cs over one plane; map may be NULL. */
-static void plane_ssim(double *ssim, double *cs, double *map, const double *a,
-                       const double *b, size_t H, size_t W, struct work *k)
+static void metric_plane_ssim(double *ssim, double *cs, double *map,
+                              const double *a, const double *b, size_t H,
+                              size_t W, struct work *k)
 {
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
     double sum_s = 0, sum_c = 0;
@@ -163,9 +164,9 @@ static void plane_ssim(double *ssim, double *cs, double *map, const double *a,
 }
 
 /* db += gs * d(mean ssim)/db + gc * d(mean cs)/db. */
-static void plane_ssim_backward(double *db, double gs, double gc,
-                                const double *a, const double *b, size_t H,
-                                size_t W, struct work *k)
+static void metric_plane_ssim_backward(double *db, double gs, double gc,
+                                       const double *a, const double *b,
+                                       size_t H, size_t W, struct work *k)
 {
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
@@ -197,7 +198,7 @@ static void plane_ssim_backward(double *db, double gs, double gc,
 }
 
 /* float to double. */
-static void plane_widen(double *out, const float *in, size_t n)
+static void metric_plane_widen(double *out, const float *in, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         out[i] = in[i];
@@ -230,14 +231,14 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
     for (size_t c = 0; c < C; c++) {
         size_t valid = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
-        plane_widen(pa, a + c * n, n);
-        plane_widen(pb, b + c * n, n);
-        plane_ssim(&out->channel[c], &cs, map ? map + c * valid : NULL, pa,
-                   pb, H, W, &k);
+        metric_plane_widen(pa, a + c * n, n);
+        metric_plane_widen(pb, b + c * n, n);
+        metric_plane_ssim(&out->channel[c], &cs, map ? map + c * valid : NULL,
+                          pa, pb, H, W, &k);
         out->mean += out->channel[c] / (double)C;
         if (db)
-            plane_ssim_backward(db + c * n, 1.0 / (double)C, 0, pa, pb, H, W,
-                                &k);
+            metric_plane_ssim_backward(db + c * n, 1.0 / (double)C, 0, pa, pb,
+                                       H, W, &k);
     }
     free(pa);
     free(k.block);
@@ -247,15 +248,17 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
 /* ---- scales ----------------------------------------------------------- */
 
 /* Side of the next level. */
-static size_t half_size(size_t n)
+static size_t metric_half_size(size_t n)
 {
     return (n + 1) / 2; /* an odd side is padded to n + 2, then floored */
 }
 
 /* 2x2 means of in [H,W]; an odd side has a zero before and after it. */
-static void plane_halve(double *out, const double *in, size_t H, size_t W)
+static void metric_plane_halve(double *out, const double *in, size_t H,
+                               size_t W)
 {
-    size_t h = half_size(H), w = half_size(W), py = H % 2, px = W % 2;
+    size_t h = metric_half_size(H), w = metric_half_size(W), py = H % 2,
+           px = W % 2;
 
     memset(out, 0, h * w * sizeof *out);
     for (size_t y = 0; y < H; y++)
@@ -265,10 +268,11 @@ static void plane_halve(double *out, const double *in, size_t H, size_t W)
 }
 
 /* Transpose of halve, added to din. */
-static void halve_backward(double *din, const double *dout, size_t H,
-                           size_t W)
+static void metric_halve_backward(double *din, const double *dout, size_t H,
+                                  size_t W)
 {
-    size_t h = half_size(H), w = half_size(W), py = H % 2, px = W % 2;
+    size_t h = metric_half_size(H), w = metric_half_size(W), py = H % 2,
+           px = W % 2;
 
     for (size_t y = 0; y < H; y++)
         for (size_t x = 0; x < W; x++)
@@ -291,8 +295,8 @@ static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
         p->w[l] = W;
         p->at[l] = p->total;
         p->total += H * W;
-        H = half_size(H);
-        W = half_size(W);
+        H = metric_half_size(H);
+        W = metric_half_size(W);
     }
 }
 
@@ -300,15 +304,15 @@ static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
 static void pyramid_fill(double *pyr, const struct pyramid *p,
                          const float *plane)
 {
-    plane_widen(pyr, plane, p->h[0] * p->w[0]);
+    metric_plane_widen(pyr, plane, p->h[0] * p->w[0]);
     for (int l = 1; l < METRIC_LEVELS; l++)
-        plane_halve(pyr + p->at[l], pyr + p->at[l - 1], p->h[l - 1],
-                    p->w[l - 1]);
+        metric_plane_halve(pyr + p->at[l], pyr + p->at[l - 1], p->h[l - 1],
+                           p->w[l - 1]);
 }
 
 /* Product over the levels of one channel, and its derivative by each. */
-static double level_product(double d[METRIC_LEVELS],
-                            const struct metric_msssim *m, size_t c)
+static double metric_level_product(double d[METRIC_LEVELS],
+                                   const struct metric_msssim *m, size_t c)
 {
     double product = 1;
 
@@ -326,29 +330,29 @@ static double level_product(double d[METRIC_LEVELS],
 }
 
 /* One channel of MS-SSIM; dpyr (as large as a pyramid) and db may be NULL. */
-static void msssim_channel(struct metric_msssim *out, double *db,
-                           double *dpyr, const double *pa, const double *pb,
-                           const struct pyramid *p, size_t c, size_t C,
-                           struct work *k)
+static void metric_msssim_channel(struct metric_msssim *out, double *db,
+                                  double *dpyr, const double *pa,
+                                  const double *pb, const struct pyramid *p,
+                                  size_t c, size_t C, struct work *k)
 {
     double d[METRIC_LEVELS];
 
     for (int l = 0; l < METRIC_LEVELS; l++)
-        plane_ssim(&out->level[l][0][c], &out->level[l][1][c], NULL,
-                   pa + p->at[l], pb + p->at[l], p->h[l], p->w[l], k);
-    out->mean += level_product(d, out, c) / (double)C;
+        metric_plane_ssim(&out->level[l][0][c], &out->level[l][1][c], NULL,
+                          pa + p->at[l], pb + p->at[l], p->h[l], p->w[l], k);
+    out->mean += metric_level_product(d, out, c) / (double)C;
     if (!db)
         return;
     memset(dpyr, 0, p->total * sizeof *dpyr);
     for (int l = METRIC_LEVELS - 1; l >= 0; l--) {
         int last = l == METRIC_LEVELS - 1;
 
-        plane_ssim_backward(dpyr + p->at[l], last ? d[l] / (double)C : 0,
-                            last ? 0 : d[l] / (double)C, pa + p->at[l],
-                            pb + p->at[l], p->h[l], p->w[l], k);
+        metric_plane_ssim_backward(dpyr + p->at[l], last ? d[l] / (double)C : 0,
+                                   last ? 0 : d[l] / (double)C, pa + p->at[l],
+                                   pb + p->at[l], p->h[l], p->w[l], k);
         if (l > 0)
-            halve_backward(dpyr + p->at[l - 1], dpyr + p->at[l],
-                           p->h[l - 1], p->w[l - 1]);
+            metric_halve_backward(dpyr + p->at[l - 1], dpyr + p->at[l],
+                                  p->h[l - 1], p->w[l - 1]);
     }
     memcpy(db, dpyr, p->h[0] * p->w[0] * sizeof *db);
 }
@@ -379,8 +383,9 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
     for (size_t c = 0; c < C; c++) {
         pyramid_fill(pyr, &p, a + c * H * W);
         pyramid_fill(pyr + p.total, &p, b + c * H * W);
-        msssim_channel(out, db ? db + c * H * W : NULL, pyr + 2 * p.total,
-                       pyr, pyr + p.total, &p, c, C, &k);
+        metric_msssim_channel(out, db ? db + c * H * W : NULL,
+                              pyr + 2 * p.total, pyr, pyr + p.total, &p, c, C,
+                              &k);
     }
     free(pyr);
     free(k.block);

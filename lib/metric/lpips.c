@@ -80,13 +80,13 @@ void lpips_release(struct lpips *l)
 }
 
 /* Side of stage i's output for an input of n. */
-static size_t conv_size(int i, size_t n)
+static size_t lpips_conv_size(int i, size_t n)
 {
     return (n + 2 * stage[i].pad - stage[i].kernel) / stage[i].stride + 1;
 }
 
 /* Side after a 3x3 maximum with stride 2, not padded. */
-static size_t pool_size(size_t n)
+static size_t lpips_pool_size(size_t n)
 {
     return (n - 3) / 2 + 1;
 }
@@ -105,13 +105,13 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
         size_t k2 = stage[i].kernel * stage[i].kernel;
 
         if (stage[i].pool) {
-            h = pool_size(h);
-            w = pool_size(w);
+            h = lpips_pool_size(h);
+            w = lpips_pool_size(w);
         }
         if (h * w * stage[i].in > in)
             in = h * w * stage[i].in;
-        l->h[i] = h = conv_size(i, h);
-        l->w[i] = w = conv_size(i, w);
+        l->h[i] = h = lpips_conv_size(i, h);
+        l->w[i] = w = lpips_conv_size(i, w);
         if (h * w * stage[i].out > most)
             most = h * w * stage[i].out;
         if (h * w * k2 * stage[i].in > patches)
@@ -145,10 +145,10 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 }
 
 /* out (h,w,C) = maximum of 3x3, stride 2, of in (H,W,C). */
-static void pool_forward(float *out, const float *in, size_t H, size_t W,
-                         size_t C)
+static void lpips_pool_forward(float *out, const float *in, size_t H, size_t W,
+                               size_t C)
 {
-    size_t h = pool_size(H), w = pool_size(W);
+    size_t h = lpips_pool_size(H), w = lpips_pool_size(W);
 
     for (size_t i = 0; i < h * w; i++)
         for (size_t c = 0; c < C; c++) {
@@ -164,8 +164,8 @@ static void pool_forward(float *out, const float *in, size_t H, size_t W,
 }
 
 /* Patches (h*w, C*k*k), channel slowest as in the weights, zeros outside. */
-static void stage_unfold(float *out, const float *in, size_t H, size_t W,
-                         int i, size_t h, size_t w)
+static void lpips_stage_unfold(float *out, const float *in, size_t H, size_t W,
+                               int i, size_t h, size_t w)
 {
     size_t k = stage[i].kernel, C = stage[i].in;
 
@@ -198,12 +198,12 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
                                lpips_scale[c];
     for (int i = 0; i < LPIPS_STAGES; i++) {
         if (stage[i].pool) {
-            pool_forward(l->in, x, h, w, stage[i].in);
-            h = pool_size(h);
-            w = pool_size(w);
+            lpips_pool_forward(l->in, x, h, w, stage[i].in);
+            h = lpips_pool_size(h);
+            w = lpips_pool_size(w);
             x = l->in;
         }
-        stage_unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
+        lpips_stage_unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
         conv_forward(l->out[which][i], l->patches, &l->conv[i]);
         h = l->h[i];
         w = l->w[i];
@@ -212,7 +212,7 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
 }
 
 /* One over the length of x (C), a pixel's features. */
-static double stage_inverse_length(const float *x, size_t C)
+static double lpips_stage_inverse_length(const float *x, size_t C)
 {
     double sum = 0;
 
@@ -222,14 +222,14 @@ static double stage_inverse_length(const float *x, size_t C)
 }
 
 /* Mean over places of sum_c w_c (a_c/|a| - b_c/|b|)^2. */
-static double stage_distance(const float *a, const float *b, const float *w,
-                             size_t n, size_t C)
+static double lpips_stage_distance(const float *a, const float *b,
+                                   const float *w, size_t n, size_t C)
 {
     double sum = 0;
 
     for (size_t i = 0; i < n; i++) {
-        double na = stage_inverse_length(a + i * C, C);
-        double nb = stage_inverse_length(b + i * C, C);
+        double na = lpips_stage_inverse_length(a + i * C, C);
+        double nb = lpips_stage_inverse_length(b + i * C, C);
 
         for (size_t c = 0; c < C; c++) {
             double d = a[i * C + c] * na - b[i * C + c] * nb;
@@ -252,22 +252,24 @@ int lpips_distance(double *distance, struct lpips *l, const float *a,
     lpips_features(l, 1, b);
     *distance = 0;
     for (int i = 0; i < LPIPS_STAGES; i++)
-        *distance += stage_distance(l->out[0][i], l->out[1][i],
-                                    param_w(&l->ps, l->lin[i]),
-                                    l->h[i] * l->w[i], stage[i].out);
+        *distance += lpips_stage_distance(l->out[0][i], l->out[1][i],
+                                          param_w(&l->ps, l->lin[i]),
+                                          l->h[i] * l->w[i], stage[i].out);
     return 0;
 }
 
 /* ---- the gradient ------------------------------------------------------- */
 
-/* g += gradient of stage_distance by b.  With u = b/|b| and e = 2 w (u - v):
+/* g += gradient of lpips_stage_distance by b.  With u = b/|b| and
+ * e = 2 w (u - v):
  * (e - u (u . e)) / |b|, over n. */
-static void stage_distance_backward(float *g, const float *a, const float *b,
-                                    const float *w, size_t n, size_t C)
+static void lpips_stage_distance_backward(float *g, const float *a,
+                                          const float *b, const float *w,
+                                          size_t n, size_t C)
 {
     for (size_t i = 0; i < n; i++) {
-        double na = stage_inverse_length(a + i * C, C);
-        double nb = stage_inverse_length(b + i * C, C), along = 0;
+        double na = lpips_stage_inverse_length(a + i * C, C);
+        double nb = lpips_stage_inverse_length(b + i * C, C), along = 0;
 
         for (size_t c = 0; c < C; c++) {
             double u = b[i * C + c] * nb;
@@ -283,9 +285,10 @@ static void stage_distance_backward(float *g, const float *a, const float *b,
     }
 }
 
-/* stage_unfold in reverse: in (H,W,C) = the sum of what went to patches. */
-static void stage_fold(float *in, const float *patches, size_t H, size_t W,
-                       int i, size_t h, size_t w)
+/* lpips_stage_unfold in reverse: in (H,W,C) = the sum of what went to
+ * patches. */
+static void lpips_stage_fold(float *in, const float *patches, size_t H,
+                             size_t W, int i, size_t h, size_t w)
 {
     size_t k = stage[i].kernel, C = stage[i].in;
 
@@ -306,12 +309,12 @@ static void stage_fold(float *in, const float *patches, size_t H, size_t W,
     }
 }
 
-/* pool_forward in reverse: din (H,W,C) gets dout where `in` was largest, the
- * first of equals. */
-static void pool_backward(float *din, const float *dout, const float *in,
-                          size_t H, size_t W, size_t C)
+/* lpips_pool_forward in reverse: din (H,W,C) gets dout where `in` was largest,
+ * the first of equals. */
+static void lpips_pool_backward(float *din, const float *dout, const float *in,
+                                size_t H, size_t W, size_t C)
 {
-    size_t h = pool_size(H), w = pool_size(W);
+    size_t h = lpips_pool_size(H), w = lpips_pool_size(W);
 
     memset(din, 0, H * W * C * sizeof *din);
     for (size_t i = 0; i < h * w; i++)
@@ -338,16 +341,18 @@ void lpips_backward(float *db, struct lpips *l)
 
         if (i == LPIPS_STAGES - 1)
             memset(l->dout, 0, h * w * C * sizeof *l->dout);
-        stage_distance_backward(l->dout, l->out[0][i], l->out[1][i],
-                                param_w(&l->ps, l->lin[i]), h * w, C);
+        lpips_stage_distance_backward(l->dout, l->out[0][i], l->out[1][i],
+                                      param_w(&l->ps, l->lin[i]), h * w, C);
         conv_backward(l->dpatches, l->dout, l->out[1][i], l->patches,
                       &l->conv[i]);
         if (!stage[i].pool) {
-            stage_fold(l->dout, l->dpatches, H, W, i, h, w);
+            lpips_stage_fold(l->dout, l->dpatches, H, W, i, h, w);
             continue;
         }
-        stage_fold(l->din, l->dpatches, pool_size(H), pool_size(W), i, h, w);
-        pool_backward(l->dout, l->din, l->out[1][i - 1], H, W, stage[i].in);
+        lpips_stage_fold(l->din, l->dpatches, lpips_pool_size(H),
+                         lpips_pool_size(W), i, h, w);
+        lpips_pool_backward(l->dout, l->din, l->out[1][i - 1], H, W,
+                            stage[i].in);
     }
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)

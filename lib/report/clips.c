@@ -38,7 +38,7 @@ void clip_release(struct clip *c)
 }
 
 /* By reading all of them: not every container says. */
-static size_t count_frames(const char *path, struct error *err)
+static size_t clip_count_frames(const char *path, struct error *err)
 {
     struct framesource_options opt = {0};
     struct framesource *s = framesource_open(&path, 1, &opt, err);
@@ -70,7 +70,7 @@ static int clip_keep(struct clip *c, const struct frame *f)
 int clip_read(struct clip *c, const char *path, struct error *err)
 {
     struct framesource_options opt = {0};
-    size_t total = count_frames(path, err), n = 0;
+    size_t total = clip_count_frames(path, err), n = 0;
     struct framesource *s = framesource_open(&path, 1, &opt, err);
     struct frame frame;
     int rc = s ? 0 : -1;
@@ -98,8 +98,8 @@ int clip_read(struct clip *c, const char *path, struct error *err)
 enum { CELL = REPORT_CELL };
 
 /* Box-filtered copy of a picture into a cell of the sheet. */
-static void sheet_put(uint8_t *sheet, size_t row, size_t column,
-                      const uint8_t *rgb, size_t width, size_t height)
+static void clip_sheet_put(uint8_t *sheet, size_t row, size_t column,
+                           const uint8_t *rgb, size_t width, size_t height)
 {
     const size_t stride = (size_t)REPORT_FRAMES * CELL;
 
@@ -121,8 +121,8 @@ static void sheet_put(uint8_t *sheet, size_t row, size_t column,
 }
 
 /* One row of the sheet: a clip, or the source picture in the first cell. */
-static int put_row(uint8_t *sheet, size_t row, const char *path, bool picture,
-                   struct error *err)
+static int clip_put_row(uint8_t *sheet, size_t row, const char *path,
+                        bool picture, struct error *err)
 {
     struct image im;
     struct clip c;
@@ -130,14 +130,14 @@ static int put_row(uint8_t *sheet, size_t row, const char *path, bool picture,
     if (picture) {
         if (image_read(&im, path, err))
             return -1;
-        sheet_put(sheet, row, 0, im.rgb, im.width, im.height);
+        clip_sheet_put(sheet, row, 0, im.rgb, im.width, im.height);
         image_release(&im);
         return 0;
     }
     if (clip_read(&c, path, err))
         return -1;
     for (size_t i = 0; i < c.count; i++)
-        sheet_put(sheet, row, i, c.rgb[i], c.width, c.height);
+        clip_sheet_put(sheet, row, i, c.rgb[i], c.width, c.height);
     clip_release(&c);
     return 0;
 }
@@ -156,7 +156,7 @@ int report_sheet(const char *path, const char *dir, struct error *err)
 
     for (size_t i = 0; !rc && i < ROWS; i++)
         if (run_find(file, sizeof file, dir, name[i]))
-            rc = put_row(sheet, rows++, file, i == 0, err);
+            rc = clip_put_row(sheet, rows++, file, i == 0, err);
     if (!rc && !rows)
         rc = error_set(err, EX_NOINPUT, "%s: no source and no clip", dir);
     if (!rc)

@@ -154,8 +154,8 @@ static double axis_step(double span)
 }
 
 /* Vertical, spanning all finite values of the curves between round ends. */
-static struct axis value_axis(const struct html_curve *c, size_t count,
-                              size_t n)
+static struct axis html_value_axis(const struct html_curve *c, size_t count,
+                                   size_t n)
 {
     struct axis a = {INFINITY, -INFINITY, HIGH - FOOT, TOP, 1};
 
@@ -176,8 +176,8 @@ static struct axis value_axis(const struct html_curve *c, size_t count,
 }
 
 /* Grid lines with their values, and the ends of the horizontal axis. */
-static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
-                      const char *x_label)
+static void html_draw_axes(FILE *f, const struct axis *x, const struct axis *y,
+                           const char *x_label)
 {
     int lines = (int)lround((y->hi - y->lo) / y->step);
 
@@ -196,9 +196,9 @@ static void draw_axes(FILE *f, const struct axis *x, const struct axis *y,
 }
 
 /* A path that lifts its pen over values that are not finite. */
-static void draw_curve(FILE *f, const struct axis *x, const struct axis *y,
-                       const double *xs, const struct html_curve *c, size_t n,
-                       size_t index)
+static void html_draw_curve(FILE *f, const struct axis *x, const struct axis *y,
+                            const double *xs, const struct html_curve *c,
+                            size_t n, size_t index)
 {
     const char *color = looks[c->look].color, *dash = looks[c->look].dash;
     bool pen = false;
@@ -228,7 +228,7 @@ void html_chart(FILE *f, const char *title, const char *x_label,
 {
     struct axis ax = {n ? x[0] : 0, n ? x[n - 1] : 1, LEFT, WIDE - RIGHT,
                       1};
-    struct axis ay = value_axis(curves, count, n);
+    struct axis ay = html_value_axis(curves, count, n);
 
     fputs("<h3>", f);
     html_text(f, title);
@@ -237,9 +237,9 @@ void html_chart(FILE *f, const char *title, const char *x_label,
     html_text(f, title);
     fprintf(f, "\" data-from=\"%.9g\" data-to=\"%.9g\" data-left=\"%d\" "
             "data-right=\"%d\">", ax.lo, ax.hi, ax.from, ax.to);
-    draw_axes(f, &ax, &ay, x_label);
+    html_draw_axes(f, &ax, &ay, x_label);
     for (size_t k = 0; k < count; k++)
-        draw_curve(f, &ax, &ay, x, &curves[k], n, k);
+        html_draw_curve(f, &ax, &ay, x, &curves[k], n, k);
     fprintf(f, "<line class=\"now\" x1=\"%d\" x2=\"%d\" y1=\"%d\" "
             "y2=\"%d\"/></svg>\n", LEFT, LEFT, TOP, HIGH - FOOT);
 }
@@ -272,8 +272,8 @@ void html_bars(FILE *f, const char *title, const char *unit,
 /* ---- tables ------------------------------------------------------------- */
 
 /* Cells as <td> or <th>, escaped. */
-static void table_row(FILE *f, const char *tag, const char *const *cells,
-                      size_t n)
+static void html_cells(FILE *f, const char *tag, const char *const *cells,
+                       size_t n)
 {
     fputs("<tr>", f);
     for (size_t i = 0; i < n; i++) {
@@ -287,12 +287,12 @@ static void table_row(FILE *f, const char *tag, const char *const *cells,
 void html_table_begin(FILE *f, const char *const *heads, size_t n)
 {
     fputs("<table>\n", f);
-    table_row(f, "th", heads, n);
+    html_cells(f, "th", heads, n);
 }
 
 void html_table_row(FILE *f, const char *const *cells, size_t n)
 {
-    table_row(f, "td", cells, n);
+    html_cells(f, "td", cells, n);
 }
 
 void html_table_end(FILE *f)

@@ -20,7 +20,7 @@
 /* ---- pictures ----------------------------------------------------------- */
 
 /* A line in place of a part whose file is not in the run. */
-static void write_missing(FILE *f, const char *name)
+static void report_write_missing(FILE *f, const char *name)
 {
     fputs("<p><em>", f);
     html_text(f, name);
@@ -28,7 +28,7 @@ static void write_missing(FILE *f, const char *name)
 }
 
 /* The frames kept of it, in a row. */
-static int show_clip(FILE *f, const struct clip *c, struct error *err)
+static int report_show_clip(FILE *f, const struct clip *c, struct error *err)
 {
     int rc = 0;
 
@@ -44,8 +44,8 @@ static int show_clip(FILE *f, const struct clip *c, struct error *err)
 }
 
 /* |a - b| times four, so that small errors are seen. */
-static int show_errors(FILE *f, const struct clip *a, const struct clip *b,
-                       struct error *err)
+static int report_show_errors(FILE *f, const struct clip *a,
+                              const struct clip *b, struct error *err)
 {
     size_t n = a->width * a->height * 3;
     uint8_t *map = malloc(n + 1);
@@ -74,7 +74,7 @@ static int show_errors(FILE *f, const struct clip *a, const struct clip *b,
 }
 
 /* Driver, results and branches, each with its frames side by side. */
-static int write_clips(FILE *f, const char *dir, struct error *err)
+static int report_write_clips(FILE *f, const char *dir, struct error *err)
 {
     static const struct {
         const char *name, *title;
@@ -95,22 +95,22 @@ static int write_clips(FILE *f, const char *dir, struct error *err)
         if (run_find(path, sizeof path, dir, part[i].name)) {
             rc = clip_read(c, path, err);
             if (!rc)
-                rc = show_clip(f, c, err);
+                rc = report_show_clip(f, c, err);
         } else {
-            write_missing(f, part[i].name);
+            report_write_missing(f, part[i].name);
         }
         clip_release(&other);
     }
     if (!rc && driver.count && driver.width == result.width &&
         driver.height == result.height)
-        rc = show_errors(f, &driver, &result, err);
+        rc = report_show_errors(f, &driver, &result, err);
     clip_release(&driver);
     clip_release(&result);
     return rc;
 }
 
 /* The photograph. */
-static int write_source(FILE *f, const char *dir, struct error *err)
+static int report_write_source(FILE *f, const char *dir, struct error *err)
 {
     struct image im;
     char path[4096];
@@ -118,7 +118,7 @@ static int write_source(FILE *f, const char *dir, struct error *err)
 
     html_section(f, "Source", NULL);
     if (!run_find(path, sizeof path, dir, "source")) {
-        write_missing(f, "source.png");
+        report_write_missing(f, "source.png");
         return 0;
     }
     if (image_read(&im, path, err))
@@ -169,7 +169,7 @@ static int motions_read(struct motions *m, const char *dir, struct error *err)
 }
 
 /* What the encoder saw in driver and result, as curves over time. */
-static void write_motion(FILE *f, const struct motions *m)
+static void report_write_motion(FILE *f, const struct motions *m)
 {
     html_section(f, "Motion: driver against result",
                  "The encoder's view of the driver's frames and of the "
@@ -177,19 +177,19 @@ static void write_motion(FILE *f, const struct motions *m)
                  "motion: what an avatar that does not move would show.  "
                  "Click into a chart to see that moment.");
     if (!m->driver.n) {
-        write_missing(f, "motion.spid");
+        report_write_missing(f, "motion.spid");
         return;
     }
     if (!m->result.n)
-        write_missing(f, "result.spid");
+        report_write_missing(f, "result.spid");
     if (!m->still.n)
-        write_missing(f, "me.spid");
+        report_write_missing(f, "me.spid");
     curves_write(f, &m->driver, &m->result, &m->truth, &m->still);
 }
 
 /* Both clips over each other. */
-static int write_wipe(FILE *f, const char *dir, const struct motions *m,
-                      struct error *err)
+static int report_write_wipe(FILE *f, const char *dir, const struct motions *m,
+                             struct error *err)
 {
     char driver[4096], result[4096];
     struct pair p;
@@ -197,7 +197,7 @@ static int write_wipe(FILE *f, const char *dir, const struct motions *m,
     html_section(f, "Driver and result", NULL);
     if (!run_find(driver, sizeof driver, dir, "driver") ||
         !run_find(result, sizeof result, dir, "avatar")) {
-        write_missing(f, "driver and avatar");
+        report_write_missing(f, "driver and avatar");
         return 0;
     }
     if (pair_make(&p, driver, result,
@@ -209,13 +209,13 @@ static int write_wipe(FILE *f, const char *dir, const struct motions *m,
 }
 
 /* What the model's card says it cannot do. */
-static int write_limits(FILE *f, const char *card, struct error *err)
+static int report_write_limits(FILE *f, const char *card, struct error *err)
 {
     html_section(f, "Limits", "What the model's card says:");
     int rc = card ? card_write_limits(f, card, err) : 1;
 
     if (rc > 0)
-        write_missing(f, "Limits of a README.md beside the model");
+        report_write_missing(f, "Limits of a README.md beside the model");
     return rc < 0 ? -1 : 0;
 }
 
@@ -223,7 +223,7 @@ static int write_limits(FILE *f, const char *card, struct error *err)
 
 /* stats.tsv: stage, calls, then times in ms with a header line naming them;
  * the median is shown. */
-static int write_times(FILE *f, const char *dir)
+static int report_write_times(FILE *f, const char *dir)
 {
     enum { MOST = 40 };
     char path[4096], line[512], names[MOST][64];
@@ -237,7 +237,7 @@ static int write_times(FILE *f, const char *dir)
     if (run_find(path, sizeof path, dir, "stats.tsv"))
         in = fopen(path, "r");
     if (!in) {
-        write_missing(f, "stats.tsv");
+        report_write_missing(f, "stats.tsv");
         return 0;
     }
     while (n < MOST && fgets(line, sizeof line, in)) {
@@ -261,7 +261,7 @@ static int write_times(FILE *f, const char *dir)
 }
 
 /* Numbers of a JSON object, nested names joined by dots. */
-static void write_numbers(FILE *f, const cJSON *j, const char *prefix)
+static void report_write_numbers(FILE *f, const cJSON *j, const char *prefix)
 {
     for (j = j ? j->child : NULL; j; j = j->next) {
         char name[200], value[40];
@@ -272,13 +272,13 @@ static void write_numbers(FILE *f, const cJSON *j, const char *prefix)
             snprintf(value, sizeof value, "%.4g", j->valuedouble);
             html_table_row(f, (const char *const[]){name, value}, 2);
         } else if (cJSON_IsObject(j)) {
-            write_numbers(f, j, name);
+            report_write_numbers(f, j, name);
         }
     }
 }
 
 /* A file of at most a megabyte as text; "" when it cannot be opened. */
-static char *read_small(const char *path)
+static char *report_read_small(const char *path)
 {
     enum { MOST = 1 << 20 };
     FILE *in = fopen(path, "r");
@@ -294,22 +294,22 @@ static char *read_small(const char *path)
 }
 
 /* The table of spid-eval's JSON. */
-static int write_metrics(FILE *f, const char *dir, struct error *err)
+static int report_write_metrics(FILE *f, const char *dir, struct error *err)
 {
     char path[4096];
 
     html_section(f, "Metrics", "As defined in spid-eval(1).");
     if (!run_find(path, sizeof path, dir, "metrics.json")) {
-        write_missing(f, "metrics.json");
+        report_write_missing(f, "metrics.json");
         return 0;
     }
-    char *text = read_small(path);
+    char *text = report_read_small(path);
     cJSON *j = text ? cJSON_Parse(text) : NULL;
     free(text);
     if (!j)
         return error_set(err, EX_DATAERR, "%s: not JSON", path);
     html_table_begin(f, (const char *const[]){"figure", "value"}, 2);
-    write_numbers(f, j, "");
+    report_write_numbers(f, j, "");
     html_table_end(f);
     cJSON_Delete(j);
     return 0;
@@ -327,12 +327,12 @@ int report_write(FILE *f, const char *dir, const char *card,
     if (!S_ISDIR(sb.st_mode))
         return error_set(err, EX_NOINPUT, "%s: not a folder", dir);
     html_begin(f, "SpiD run");
-    if (motions_read(&m, dir, err) || write_wipe(f, dir, &m, err) ||
-        write_limits(f, card, err))
+    if (motions_read(&m, dir, err) || report_write_wipe(f, dir, &m, err) ||
+        report_write_limits(f, card, err))
         goto out;
-    write_motion(f, &m);
-    if (write_source(f, dir, err) || write_clips(f, dir, err) ||
-        write_times(f, dir) || write_metrics(f, dir, err))
+    report_write_motion(f, &m);
+    if (report_write_source(f, dir, err) || report_write_clips(f, dir, err) ||
+        report_write_times(f, dir) || report_write_metrics(f, dir, err))
         goto out;
     html_end(f);
     rc = 0;

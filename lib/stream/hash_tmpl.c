@@ -7,19 +7,20 @@
 _Static_assert(sizeof(XXH3_state_t) <= HASH_BYTES, "room for the state");
 
 /* Seed 0. */
-static void state_begin(void *state)
+static void hash_state_begin(void *state)
 {
     XXH3_64bits_reset(state);
 }
 
-static void state_add(void *state, const void *data, size_t bytes)
+static void hash_state_add(void *state, const void *data, size_t bytes)
 {
     XXH3_64bits_update(state, data, bytes);
 }
 
-static uint64_t state_end(const void *state)
+static uint64_t hash_state_end(const void *state)
 {
     return XXH3_64bits_digest(state);
 }
 
-const struct hash_table ISA(hash_table) = {state_begin, state_add, state_end};
+const struct hash_table ISA(hash_table) = {hash_state_begin, hash_state_add,
+                                           hash_state_end};

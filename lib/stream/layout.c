@@ -32,7 +32,7 @@ void layout_put_header(struct layout_header *h, const char *type,
 }
 
 /* Four printable characters, the first no blank. */
-static bool type_is_valid(const char type[4])
+static bool layout_type_is_valid(const char type[4])
 {
     for (int i = 0; i < 4; i++)
         if (type[i] < ' ' || type[i] > '~')
@@ -41,7 +41,8 @@ static bool type_is_valid(const char type[4])
 }
 
 /* The header is what it claims to be, whatever its values. */
-static int check_envelope(const struct layout_header *h, struct error *err)
+static int layout_check_envelope(const struct layout_header *h,
+                                 struct error *err)
 {
     char magic[5];
 
@@ -69,10 +70,10 @@ static int check_envelope(const struct layout_header *h, struct error *err)
 int layout_get_header(struct record *rec, const struct layout_header *h,
                       size_t max_bytes, struct error *err)
 {
-    if (check_envelope(h, err))
+    if (layout_check_envelope(h, err))
         return -1;
     layout_type_text(rec->type, h->type);
-    if (!type_is_valid(h->type))
+    if (!layout_type_is_valid(h->type))
         return error_set(err, EX_DATAERR, "record type '%s' (expected four "
                          "printable letters)", rec->type);
     if (!isfinite(h->time))
@@ -99,7 +100,7 @@ int layout_get_header(struct record *rec, const struct layout_header *h,
 }
 
 /* One to 23 printable characters, then NULs to the end. */
-static bool name_is_valid(const char name[STREAM_NAME])
+static bool layout_name_is_valid(const char name[STREAM_NAME])
 {
     size_t n = strnlen(name, STREAM_NAME);
 
@@ -126,7 +127,7 @@ int layout_put_table(struct layout_entry *table, size_t *payload_bytes,
 
         memset(e, 0, sizeof *e);
         memcpy(e->name, a->name, strnlen(a->name, STREAM_NAME));
-        if (!name_is_valid(e->name))
+        if (!layout_name_is_valid(e->name))
             return error_set(err, EX_SOFTWARE, "array %d has no valid name",
                              i);
         for (int j = 0; j < i; j++)
@@ -150,8 +151,8 @@ int layout_put_table(struct layout_entry *table, size_t *payload_bytes,
 }
 
 /* Bytes of the entry's shape, or -1 when that overflows or exceeds limit. */
-static int shape_bytes(size_t *bytes, const struct layout_entry *e,
-                       size_t limit)
+static int layout_shape_bytes(size_t *bytes, const struct layout_entry *e,
+                              size_t limit)
 {
     unsigned __int128 n = dtype_size((enum dtype)e->dtype);
     bool empty = false;
@@ -169,13 +170,13 @@ static int shape_bytes(size_t *bytes, const struct layout_entry *e,
 }
 
 /* One array's row, whose data must begin at offset and end by end. */
-static int get_entry(struct array *a, const struct layout_entry *e,
-                     const char *type, size_t offset, size_t end,
-                     struct error *err)
+static int layout_get_entry(struct array *a, const struct layout_entry *e,
+                            const char *type, size_t offset, size_t end,
+                            struct error *err)
 {
     size_t bytes;
 
-    if (!name_is_valid(e->name))
+    if (!layout_name_is_valid(e->name))
         return error_set(err, EX_DATAERR, "%s has an array without a valid "
                          "name", type);
     if (e->dtype > DTYPE_F64)
@@ -193,7 +194,7 @@ static int get_entry(struct array *a, const struct layout_entry *e,
         return error_set(err, EX_DATAERR, "%s %s at offset %llu (expected "
                          "%zu)", type, e->name,
                          (unsigned long long)e->offset, offset);
-    if (shape_bytes(&bytes, e, end - offset) || e->bytes != bytes)
+    if (layout_shape_bytes(&bytes, e, end - offset) || e->bytes != bytes)
         return error_set(err, EX_DATAERR, "%s %s of %llu bytes does not fit "
                          "its shape or the %zu bytes left", type, e->name,
                          (unsigned long long)e->bytes, end - offset);
@@ -215,7 +216,7 @@ int layout_get_table(struct record *rec, const struct layout_entry *table,
     for (int i = 0; i < rec->count; i++) {
         struct array *a = &rec->array[i];
 
-        if (get_entry(a, &table[i], rec->type, offset, end, err))
+        if (layout_get_entry(a, &table[i], rec->type, offset, end, err))
             return -1;
         for (int j = 0; j < i; j++)
             if (strcmp(rec->array[j].name, a->name) == 0)

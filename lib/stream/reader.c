@@ -98,7 +98,7 @@ void stream_close(struct stream_reader *r)
 
 /* Map the rest of a regular file.  0 also when mapping is not possible: the
  * file is then read like a pipe. */
-static void map_file(struct stream_reader *r, const struct stat *st)
+static void reader_map_file(struct stream_reader *r, const struct stat *st)
 {
     off_t at = lseek(r->fd, 0, SEEK_CUR);
     void *p;
@@ -116,8 +116,8 @@ static void map_file(struct stream_reader *r, const struct stat *st)
 }
 
 /* Open the path and decide between mapping and reading. */
-static int open_source(struct stream_reader *r, const char *path,
-                       struct error *err)
+static int reader_open_source(struct stream_reader *r, const char *path,
+                              struct error *err)
 {
     bool standard = strcmp(path, "-") == 0;
     struct stat st;
@@ -132,7 +132,7 @@ static int open_source(struct stream_reader *r, const char *path,
         return error_set(err, EX_USAGE, "is a terminal (expected a stream "
                          "from a file or a pipe)");
     if (S_ISREG(st.st_mode))
-        map_file(r, &st);
+        reader_map_file(r, &st);
     else if (S_ISFIFO(st.st_mode))
         (void)!fcntl(r->fd, F_SETPIPE_SZ, (int)BLOCK); /* a wish only */
     return 0;
@@ -145,7 +145,7 @@ struct stream_reader *stream_open(const char *path,
     const char *name = strcmp(path, "-") ? path : "<stdin>";
     struct stream_reader *r = reader_new(name, opt, err);
 
-    if (r && open_source(r, path, err)) {
+    if (r && reader_open_source(r, path, err)) {
         error_prefix(err, "%s", name);
         stream_close(r);
         r = NULL;
@@ -174,8 +174,8 @@ struct stream_reader *stream_open_memory(const void *data, size_t bytes,
 }
 
 /* *base with so much room, what it holds kept. */
-static int buffer_resize(unsigned char **base, size_t *room, size_t want,
-                         struct error *err)
+static int reader_buffer_resize(unsigned char **base, size_t *room, size_t want,
+                                struct error *err)
 {
     void *p = *base ? mremap(*base, *room, want, MREMAP_MAYMOVE)
                     : mmap(NULL, want, PROT_READ | PROT_WRITE,
@@ -193,7 +193,8 @@ static int buffer_resize(unsigned char **base, size_t *room, size_t want,
 
 /* Make room for need bytes from r->begin on, but never much more than twice
  * what has really arrived: a header's word alone allocates nothing. */
-static int make_room(struct stream_reader *r, size_t need, struct error *err)
+static int reader_make_room(struct stream_reader *r, size_t need,
+                            struct error *err)
 {
     size_t have = r->end - r->begin;
     size_t room = r->room;
@@ -208,7 +209,7 @@ static int make_room(struct stream_reader *r, size_t need, struct error *err)
     room = room ? 2 * room : BLOCK;
     if (room > layout_align(need) && need > BLOCK)
         room = (need + 4095) & ~(size_t)4095;
-    return buffer_resize(&r->base, &r->room, room, err);
+    return reader_buffer_resize(&r->base, &r->room, room, err);
 }
 
 /* Read some bytes towards need from r->begin on.  1, 0 at the end, -1. */
@@ -219,7 +220,7 @@ static int reader_fill(struct stream_reader *r, size_t need, struct error *err)
 
     if (r->source != SOURCE_PIPE)
         return 0;
-    if (make_room(r, need, err))
+    if (reader_make_room(r, need, err))
         return -1;
     want = r->room - r->end;
     if (need > BLOCK && want > need - (r->end - r->begin))
@@ -246,7 +247,7 @@ static int reader_ensure(struct stream_reader *r, size_t need,
 
 /* Read on in the other buffer: the record handed out last stays in this one,
  * and what has arrived behind it moves. */
-static int change_buffers(struct stream_reader *r, struct error *err)
+static int reader_change_buffers(struct stream_reader *r, struct error *err)
 {
     size_t left = r->end - r->begin - r->held, room = r->spare_room;
     unsigned char *base = r->spare;
@@ -254,8 +255,8 @@ static int change_buffers(struct stream_reader *r, struct error *err)
 
     while (room < left)
         room = room ? 2 * room : BLOCK;
-    if (room > r->spare_room && buffer_resize(&base, &r->spare_room, room,
-                                              err))
+    if (room > r->spare_room &&
+        reader_buffer_resize(&base, &r->spare_room, room, err))
         return -1;
     if (left)
         memcpy(base, from, left);
@@ -272,7 +273,7 @@ static int change_buffers(struct stream_reader *r, struct error *err)
 static int reader_advance(struct stream_reader *r, struct error *err)
 {
     if (r->pair && r->held && r->source == SOURCE_PIPE)
-        return change_buffers(r, err);
+        return reader_change_buffers(r, err);
     r->begin += r->held;
     r->held = 0;
     if (r->source == SOURCE_MAP && r->begin - r->released >= RELEASE) {
@@ -285,16 +286,16 @@ static int reader_advance(struct stream_reader *r, struct error *err)
 }
 
 /* The error for a stream that ends inside of something. */
-static int cut_short(struct stream_reader *r, const char *what, size_t need,
-                     struct error *err)
+static int reader_cut_short(struct stream_reader *r, const char *what,
+                            size_t need, struct error *err)
 {
     return error_set(err, EX_DATAERR, "%s cut short: %zu of %zu bytes, the "
                      "writer stopped early", what, r->end - r->begin, need);
 }
 
 /* The payload is what the writer wrote. */
-static int check_hash(const struct record *rec, uint64_t hash,
-                      struct error *err)
+static int reader_check_hash(const struct record *rec, uint64_t hash,
+                             struct error *err)
 {
     if (hash == rec->payload_hash)
         return 0;
@@ -306,8 +307,8 @@ static int check_hash(const struct record *rec, uint64_t hash,
 }
 
 /* Wait for the payload behind the header at r->begin, hashing what arrives. */
-static int read_payload(struct stream_reader *r, const struct record *rec,
-                        struct error *err)
+static int reader_read_payload(struct stream_reader *r,
+                               const struct record *rec, struct error *err)
 {
     size_t need = HEADER_BYTES + rec->payload_bytes, done = HEADER_BYTES;
     int rc = 1;
@@ -324,15 +325,15 @@ static int read_payload(struct stream_reader *r, const struct record *rec,
         if ((rc = reader_fill(r, need, err)) < 0)
             return -1;
         if (rc == 0)
-            return cut_short(r, rec->type, need, err);
+            return reader_cut_short(r, rec->type, need, err);
     }
-    return check_hash(rec, r->trust ? rec->payload_hash
-                                    : hash_end(r->hash), err);
+    return reader_check_hash(rec, r->trust ? rec->payload_hash
+                                           : hash_end(r->hash), err);
 }
 
 /* END counts the records before it and nothing follows it. */
-static int read_end(struct stream_reader *r, const struct record *rec,
-                    struct error *err)
+static int reader_read_end(struct stream_reader *r, const struct record *rec,
+                           struct error *err)
 {
     int rc;
 
@@ -350,8 +351,8 @@ static int read_end(struct stream_reader *r, const struct record *rec,
 }
 
 /* Header, table, payload; each is checked before the next is read. */
-static int read_record(struct stream_reader *r, struct record *rec,
-                       struct error *err)
+static int reader_read_record(struct stream_reader *r, struct record *rec,
+                              struct error *err)
 {
     int rc = reader_ensure(r, HEADER_BYTES, err);
     size_t table;
@@ -359,7 +360,7 @@ static int read_record(struct stream_reader *r, struct record *rec,
     if (rc < 0)
         return -1;
     if (rc == 0 && r->end > r->begin)
-        return cut_short(r, "header", HEADER_BYTES, err);
+        return reader_cut_short(r, "header", HEADER_BYTES, err);
     if (rc == 0)
         return r->records
                    ? error_set(err, EX_DATAERR, "no END record, the writer "
@@ -372,17 +373,17 @@ static int read_record(struct stream_reader *r, struct record *rec,
     table = HEADER_BYTES + (size_t)rec->count * ENTRY_BYTES;
     if (r->source != SOURCE_PIPE &&
         r->end - r->begin - HEADER_BYTES < rec->payload_bytes)
-        return cut_short(r, rec->type, HEADER_BYTES + rec->payload_bytes,
-                         err);
+        return reader_cut_short(r, rec->type, HEADER_BYTES + rec->payload_bytes,
+                                err);
     if ((rc = reader_ensure(r, table, err)) <= 0)
-        return rc ? -1 : cut_short(r, rec->type, table, err);
+        return rc ? -1 : reader_cut_short(r, rec->type, table, err);
     if (layout_get_table(rec, (void *)(r->base + r->begin + HEADER_BYTES),
                          err) ||
-        read_payload(r, rec, err) ||
+        reader_read_payload(r, rec, err) ||
         layout_attach(rec, r->base + r->begin + HEADER_BYTES, err))
         return -1;
     if (record_is(rec, "END "))
-        return read_end(r, rec, err);
+        return reader_read_end(r, rec, err);
     r->held = HEADER_BYTES + rec->payload_bytes;
     r->last_frame = rec->frame;
     r->records++;
@@ -396,7 +397,7 @@ int stream_read(struct stream_reader *r, struct record *rec,
 
     if (r->ended)
         return 0;
-    rc = reader_advance(r, err) ? -1 : read_record(r, rec, err);
+    rc = reader_advance(r, err) ? -1 : reader_read_record(r, rec, err);
     if (rc < 0 && r->records)
         return error_prefix(err, "%s: after frame %llu", r->name,
                             (unsigned long long)r->last_frame);

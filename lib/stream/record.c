@@ -64,8 +64,8 @@ const struct array *record_find(const struct record *rec, const char *name)
 }
 
 /* "f32[20018,3]"; a dimension of 0 in an expected shape shows as '*'. */
-static void shape_text(char *text, size_t size, enum dtype dtype, int ndim,
-                       const size_t *dims, bool any)
+static void record_shape_text(char *text, size_t size, enum dtype dtype,
+                              int ndim, const size_t *dims, bool any)
 {
     size_t n = (size_t)snprintf(text, size, "%s[", dtype_name(dtype));
 
@@ -88,7 +88,7 @@ const void *record_get(const struct record *rec, const char *name,
     char found[120], expected[120];
     bool same;
 
-    shape_text(expected, sizeof expected, dtype, ndim, dims, true);
+    record_shape_text(expected, sizeof expected, dtype, ndim, dims, true);
     if (!a) {
         error_set(err, EX_DATAERR, "%s has no array '%s' (expected %s)",
                   rec->type, name, expected);
@@ -98,7 +98,8 @@ const void *record_get(const struct record *rec, const char *name,
     for (int k = 0; same && k < ndim; k++)
         same = dims[k] == 0 || dims[k] == a->dim[k];
     if (!same) {
-        shape_text(found, sizeof found, a->dtype, a->ndim, a->dim, false);
+        record_shape_text(found, sizeof found, a->dtype, a->ndim, a->dim,
+                          false);
         error_set(err, EX_DATAERR, "%s %s is %s (expected %s)", rec->type,
                   name, found, expected);
         return NULL;

@@ -92,8 +92,8 @@ struct letters {
 };
 
 /* Match the shape up to the next "|", binding letters. */
-static bool shape_matches(const char *shape, const struct array *a,
-                          struct letters *l)
+static bool schema_shape_matches(const char *shape, const struct array *a,
+                                 struct letters *l)
 {
     int k = 0;
 
@@ -119,14 +119,14 @@ static bool shape_matches(const char *shape, const struct array *a,
 }
 
 /* The same for each of the shapes; letters are those of the one that fits. */
-static bool some_shape_matches(const char *shapes, const struct array *a,
-                               struct letters *l)
+static bool schema_some_shape_matches(const char *shapes, const struct array *a,
+                                      struct letters *l)
 {
     for (const char *p = shapes; p; p = strchr(p, '|')) {
         struct letters attempt = *l;
 
         p += *p == '|';
-        if (shape_matches(p, a, &attempt)) {
+        if (schema_shape_matches(p, a, &attempt)) {
             *l = attempt;
             return true;
         }
@@ -135,8 +135,8 @@ static bool some_shape_matches(const char *shapes, const struct array *a,
 }
 
 /* One row of the table: the array is there, of a dtype and shape allowed. */
-static int check_array(const struct schema *s, const struct record *rec,
-                       struct letters *l, struct error *err)
+static int schema_check_array(const struct schema *s, const struct record *rec,
+                              struct letters *l, struct error *err)
 {
     const struct array *a = record_find(rec, s->name);
     char found[100];
@@ -148,7 +148,7 @@ static int check_array(const struct schema *s, const struct record *rec,
         return error_set(err, EX_DATAERR, "%s has no array '%s' (expected "
                          "%s[%s])", rec->type, s->name, s->dtypes, s->shape);
     if (strstr(s->dtypes, dtype_name(a->dtype)) &&
-        some_shape_matches(s->shape, a, l))
+        schema_some_shape_matches(s->shape, a, l))
         return 0;
     n = snprintf(found, sizeof found, "%s[", dtype_name(a->dtype));
     for (int k = 0; k < a->ndim; k++)
@@ -164,7 +164,7 @@ int schema_check(const struct record *rec, struct error *err)
 
     for (const struct schema *s = table; s->type; s++)
         if (memcmp(rec->type, s->type, 4) == 0 &&
-            check_array(s, rec, &l, err))
+            schema_check_array(s, rec, &l, err))
             return -1;
     return 0;
 }

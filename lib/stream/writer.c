@@ -49,8 +49,8 @@ static void writer_free(struct stream_writer *w)
 
 /* Open the file for writing: a regular (or new) one as PATH.part, anything
  * else (a fifo, /dev/null) as it is. */
-static int open_file(struct stream_writer *w, const char *path,
-                     struct error *err)
+static int writer_open_file(struct stream_writer *w, const char *path,
+                            struct error *err)
 {
     struct stat st;
     bool special = stat(path, &st) == 0 && !S_ISREG(st.st_mode);
@@ -87,7 +87,7 @@ struct stream_writer *stream_create(const char *path, struct error *err)
         error_set(err, EX_OSERR, "out of memory");
         goto fail;
     }
-    if (!standard && open_file(w, path, err))
+    if (!standard && writer_open_file(w, path, err))
         goto fail;
     if (isatty(w->fd)) {
         error_set(err, EX_USAGE, "will not write binary records to a "
@@ -104,8 +104,8 @@ fail:
 }
 
 /* Write all pieces; iov is used up. */
-static int write_pieces(struct stream_writer *w, struct iovec *iov,
-                        size_t count, struct error *err)
+static int writer_write_pieces(struct stream_writer *w, struct iovec *iov,
+                               size_t count, struct error *err)
 {
     while (count > 0) {
         ssize_t n = writev(w->fd, iov, count < IOV_MAX ? (int)count
@@ -133,7 +133,7 @@ static int write_pieces(struct stream_writer *w, struct iovec *iov,
 }
 
 /* writev wants pointers to non-const; it only reads. */
-static struct iovec iov_piece(const void *data, size_t bytes)
+static struct iovec writer_iov_piece(const void *data, size_t bytes)
 {
     struct iovec v = { (void *)(uintptr_t)data, bytes };
 
@@ -158,7 +158,7 @@ static int writer_room(struct stream_writer *w, size_t pieces,
 }
 
 /* Sum of their lengths. */
-static size_t parts_bytes(const struct iovec *part, size_t parts)
+static size_t writer_parts_bytes(const struct iovec *part, size_t parts)
 {
     size_t sum = 0;
 
@@ -176,7 +176,7 @@ static size_t writer_collect(struct stream_writer *w,
     struct iovec *iov = w->iov;
     size_t n = 1;
 
-    iov[n++] = iov_piece(w->table, (size_t)count * ENTRY_BYTES);
+    iov[n++] = writer_iov_piece(w->table, (size_t)count * ENTRY_BYTES);
     for (int i = 0; i < count; i++) {
         size_t bytes = (size_t)w->table[i].bytes;
 
@@ -184,10 +184,11 @@ static size_t writer_collect(struct stream_writer *w,
             memcpy(iov + n, part, parts * sizeof *iov);
             n += parts;
         } else if (bytes) {
-            iov[n++] = iov_piece(arrays[i].data, bytes);
+            iov[n++] = writer_iov_piece(arrays[i].data, bytes);
         }
         if (bytes % STREAM_ALIGN)
-            iov[n++] = iov_piece(zeros, STREAM_ALIGN - bytes % STREAM_ALIGN);
+            iov[n++] = writer_iov_piece(zeros,
+                                        STREAM_ALIGN - bytes % STREAM_ALIGN);
     }
     return n;
 }
@@ -207,7 +208,8 @@ int stream_write_parts(struct stream_writer *w, const char *type,
     if (layout_put_table(w->table, &payload, arrays, count, err))
         return error_prefix(err, "%s: frame %llu: %s", w->name,
                             (unsigned long long)frame, type);
-    if (part && (count == 0 || parts_bytes(part, parts) != w->table[0].bytes))
+    if (part &&
+        (count == 0 || writer_parts_bytes(part, parts) != w->table[0].bytes))
         return error_set(err, EX_SOFTWARE, "%s: record '%s': parts of another "
                          "length than its first array", w->name, type);
     if (writer_room(w, PIECES + parts, err))
@@ -218,8 +220,8 @@ int stream_write_parts(struct stream_writer *w, const char *type,
         hash_add(w->hash, w->iov[i].iov_base, w->iov[i].iov_len);
     layout_put_header(&header, type, frame, time, count, payload,
                       hash_end(w->hash));
-    w->iov[0] = iov_piece(&header, sizeof header);
-    return write_pieces(w, w->iov, n, err);
+    w->iov[0] = writer_iov_piece(&header, sizeof header);
+    return writer_write_pieces(w, w->iov, n, err);
 }
 
 int stream_write(struct stream_writer *w, const char *type, uint64_t frame,
@@ -241,9 +243,9 @@ int stream_copy(struct stream_writer *w, const struct record *rec,
                             rec->count, err);
     layout_put_header(&header, rec->type, rec->frame, rec->time, rec->count,
                       rec->payload_bytes, rec->payload_hash);
-    iov[0] = iov_piece(&header, sizeof header);
-    iov[1] = iov_piece(rec->payload, rec->payload_bytes);
-    return write_pieces(w, iov, 2, err);
+    iov[0] = writer_iov_piece(&header, sizeof header);
+    iov[1] = writer_iov_piece(rec->payload, rec->payload_bytes);
+    return writer_write_pieces(w, iov, 2, err);
 }
 
 int stream_finish(struct stream_writer *w, struct error *err)

@@ -66,7 +66,7 @@ struct levels {
 };
 
 /* Where each level lies in the scratch. */
-static void pyramid_lay_out(struct levels *l, size_t H, size_t W)
+static void loss_pyramid_lay_out(struct levels *l, size_t H, size_t W)
 {
     l->n = 0;
     l->total = 0;
@@ -87,12 +87,12 @@ size_t loss_pyramid_scratch(size_t H, size_t W)
 {
     struct levels l;
 
-    pyramid_lay_out(&l, H, W);
+    loss_pyramid_lay_out(&l, H, W);
     return 2 * l.total;
 }
 
 /* Taps 1 3 3 1 of pixel i of the halved axis: the four pixels it reads. */
-static void pyramid_taps(size_t tap[4], size_t i, size_t n)
+static void loss_pyramid_taps(size_t tap[4], size_t i, size_t n)
 {
     for (size_t k = 0; k < 4; k++) {
         size_t j = 2 * i + k;           /* 2i - 1 + k, shifted by one */
@@ -103,16 +103,16 @@ static void pyramid_taps(size_t tap[4], size_t i, size_t n)
 static const float tap_weight[4] = {0.125f, 0.375f, 0.375f, 0.125f};
 
 /* small = the picture halved; or, back set, big += its transpose. */
-static void pyramid_halve(float *small, float *big, size_t H, size_t W,
-                          bool back)
+static void loss_pyramid_halve(float *small, float *big, size_t H, size_t W,
+                               bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2, ty[4], tx[4];
 
     for (size_t y = 0; y < h; y++) {
-        pyramid_taps(ty, y, H);
+        loss_pyramid_taps(ty, y, H);
         for (size_t x = 0; x < w; x++) {
             float *s = small + 3 * (y * w + x), v[3] = {0, 0, 0};
-            pyramid_taps(tx, x, W);
+            loss_pyramid_taps(tx, x, W);
             for (int k = 0; k < 16; k++) {
                 float *p = big + 3 * (ty[k / 4] * W + tx[k % 4]);
                 float t = tap_weight[k / 4] * tap_weight[k % 4];
@@ -131,8 +131,8 @@ static void pyramid_halve(float *small, float *big, size_t H, size_t W,
 
 /* big += sign * the small picture doubled (bilinear); or, back set,
  * small += sign * the transpose of that. */
-static void pyramid_double(float *big, float *small, size_t H, size_t W,
-                           float factor, bool back)
+static void loss_pyramid_double(float *big, float *small, size_t H, size_t W,
+                                float factor, bool back)
 {
     size_t h = (H + 1) / 2, w = (W + 1) / 2;
 
@@ -160,7 +160,7 @@ static void pyramid_double(float *big, float *small, size_t H, size_t W,
 }
 
 /* Sum of |x|; x becomes scale * sign(x), the gradient. */
-static double pyramid_absolute(float *x, size_t n, double scale)
+static double loss_pyramid_absolute(float *x, size_t n, double scale)
 {
     double sum = 0;
 
@@ -184,7 +184,7 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
         box = &all;
     if (box->x1 <= box->x0 || box->y1 <= box->y0)
         return 0;
-    pyramid_lay_out(&l, box->y1 - box->y0, box->x1 - box->x0);
+    loss_pyramid_lay_out(&l, box->y1 - box->y0, box->x1 - box->x0);
     low = tmp + l.total;
     for (size_t y = 0, k = 0; y < l.h[0]; y++)
         for (size_t i = 3 * ((box->y0 + y) * W + box->x0), e = i + 3 * l.w[0];
@@ -192,23 +192,25 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
             low[k++] = b[i] - a[i];
     /* Down: band i = low i - doubled low i+1. */
     for (int i = 0; i < l.n; i++) {
-        pyramid_halve(low + l.at[i + 1], low + l.at[i], l.h[i], l.w[i], false);
+        loss_pyramid_halve(low + l.at[i + 1], low + l.at[i], l.h[i], l.w[i],
+                           false);
         memcpy(band + l.at[i], low + l.at[i],
                3 * l.h[i] * l.w[i] * sizeof *band);
-        pyramid_double(band + l.at[i], low + l.at[i + 1], l.h[i], l.w[i], -1,
-                       false);
+        loss_pyramid_double(band + l.at[i], low + l.at[i + 1], l.h[i], l.w[i],
+                            -1, false);
     }
     memcpy(band + l.at[l.n], low + l.at[l.n],
            3 * l.h[l.n] * l.w[l.n] * sizeof *band);
     for (int i = 0; i <= l.n; i++) {
         size_t n = 3 * l.h[i] * l.w[i];
-        loss += pyramid_absolute(band + l.at[i], n, weight / (double)n);
+        loss += loss_pyramid_absolute(band + l.at[i], n, weight / (double)n);
     }
     /* Up: band becomes the gradient of low. */
     for (int i = l.n - 1; i >= 0; i--) {
-        pyramid_double(band + l.at[i], band + l.at[i + 1], l.h[i], l.w[i], -1,
-                       true);
-        pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i], true);
+        loss_pyramid_double(band + l.at[i], band + l.at[i + 1], l.h[i], l.w[i],
+                            -1, true);
+        loss_pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i],
+                           true);
     }
     for (size_t y = 0, k = 0; db && y < l.h[0]; y++)
         for (size_t i = 3 * ((box->y0 + y) * W + box->x0), e = i + 3 * l.w[0];
