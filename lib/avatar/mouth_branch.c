@@ -245,20 +245,22 @@ static void mouth_branch_place(const struct source_picture *picture,
     source_picture_sample(b->pixel, picture, b->place, b->count);
 }
 
-/* Generic teeth, or where the source shows the upper ones as long as those;
- * white: the light in the picture. */
+/* Generic teeth, or where the source shows the upper ones as long and as bright
+ * as those; white: the light in the picture. */
 static void mouth_branch_teeth(const struct source_picture *picture,
                                const float white[3], float r,
                                const struct source_mesh *mesh,
                                struct mouth_branch *b)
 {
+    float light[3] = {white[0], white[1], white[2]};
+
     mouth_branch_place(picture, white, r, 0, mesh, b);
     for (size_t k = 0; k < b->count; k++)
         b->shown[k] = mouth_branch_opening(b, k, r) *
                       branch_likeness(b->pixel + 4 * k, b->teeth[k].color);
-    const float lift = teeth_lift(b->teeth, b->shown, b->K);
-    if (lift > 0)
-        mouth_branch_place(picture, white, r, lift, mesh, b);
+    teeth_light(light, b->teeth, b->shown, b->pixel, b->K);
+    mouth_branch_place(picture, light, r,
+                       teeth_lift(b->teeth, b->shown, b->K), mesh, b);
 }
 
 /* The decoder's input rows [F at g, u, v]. */

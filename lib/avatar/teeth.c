@@ -28,7 +28,7 @@ static const struct teeth_row teeth_rows[2] = {
      {0.9f, 0.82f, 0.62f, 0.38f}, {-2, -1.9f}, -1, 0.06f}
 };
 static const float teeth_enamel[3] = {0.90f, 0.85f, 0.76f};
-static const float teeth_gum[3] = {0.78f, 0.50f, 0.48f};
+static const float teeth_gum[3] = {0.76f, 0.47f, 0.45f};
 static const float teeth_cheek[3] = {0.24f, 0.10f, 0.09f};
 static const float teeth_palate[3] = {0.42f, 0.24f, 0.23f};
 static const float teeth_tongue[3] = {0.66f, 0.42f, 0.38f};
@@ -75,7 +75,7 @@ static void teeth_crown(struct teeth_cell *c, const struct teeth_row *j,
         enamel = 0;
     }
     const float height = up / j->height[t];
-    const float light = j->light[t] * (1 - 0.14f * rim) *
+    const float light = j->light[t] * (1 - 0.14f * rim * enamel) *
                         (1 - 0.18f * fminf(height * height, 1.2f));
     for (int k = 0; k < 3; k++)
         c->color[k] = light * (enamel > 0 ? teeth_enamel[k] : teeth_gum[k]);
@@ -183,6 +183,23 @@ float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K)
             break;
         }
     return found > (float)(K / 8) ? sum / found : 0;
+}
+
+void teeth_light(float light[3], const struct teeth_cell *cells,
+                 const float *like, const float *pixel, size_t K)
+{
+    float seen = 0, there[3] = {0}, own[3] = {1e-6f, 1e-6f, 1e-6f};
+
+    for (size_t k = 0; k < 5 * K / 16 * K; k++) {
+        seen += like[k];
+        for (int c = 0; c < 3; c++) {
+            there[c] += like[k] * pixel[4 * k + c];
+            own[c] += like[k] * cells[k].color[c];
+        }
+    }
+    const float share = branch_ramp(seen, 0.5f * (float)K, (float)K);
+    for (int c = 0; c < 3; c++)
+        light[c] *= 1 + share * (fminf(there[c] / own[c], 2) - 1);
 }
 
 int teeth_hidden(const struct teeth_cell *cells, size_t K, size_t k)

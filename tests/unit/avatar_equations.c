@@ -148,6 +148,28 @@ static void equation_likeness(void)
     expect("nor a gray hood", branch_likeness(gray, skin), 0, 0);
 }
 
+/* Teeth of which the source shows enough tell the light; like: of two rows. */
+static void equation_teeth_light(const struct teeth_cell *c,
+                                 const float *like, size_t K)
+{
+    float *pixel = calloc(4 * K * K, sizeof *pixel);
+    float light[3] = {0.5f, 0.5f, 0.4f}, few[3] = {0.5f, 0.5f, 0.4f};
+    float *less = calloc(K * K, sizeof *less);
+
+    for (size_t k = 0; k < K * K; k++)
+        for (int i = 0; i < 3; i++)
+            pixel[4 * k + i] = (i < 2 ? 1.5f : 3) * c[k].color[i];
+    teeth_light(light, c, like, pixel, K);
+    expect("teeth half as bright again", (double)light[0], 0.75, 1e-5);
+    expect("and no more than twice as bright", (double)light[2], 0.8, 1e-5);
+    for (size_t k = 0; k < K / 2; k++)
+        less[k] = 1;
+    teeth_light(few, c, less, pixel, K);
+    expect("a few cells tell nothing", (double)few[0], 0.5, 0);
+    free(pixel);
+    free(less);
+}
+
 /* The generic teeth: upper edges over the lower ones and below the closed
  * lips' middle, enamel brighter than what is behind, the tongue than the
  * throat. */
@@ -188,6 +210,7 @@ static void equation_teeth(void)
     teeth_make(c, &head, &rest, rest.chin, lift, K);
     expect("lifted by it", (double)(c[middle].mean[1] - low), (double)lift,
            1e-6);
+    equation_teeth_light(c, like, K);
     free(c);
 }
 
