@@ -19,13 +19,14 @@ static int import_parse_kind(const char *value, void *dest, struct error *err)
             return 0;
         }
     return error_set(err, EX_USAGE, "not a kind (expected flame, dinov2, "
-                     "smirk, gagavatar, lpips, arcface, squeezenet or model)");
+                     "smirk, gagavatar, lpips, arcface, squeezenet, fan or "
+                     "model)");
 }
 
 static const struct cli_option options[] = {
     OPTION_CALL("as", 0, &kind, "KIND", import_parse_kind,
                 "flame, dinov2, smirk, gagavatar, lpips, arcface, "
-                "squeezenet or model"),
+                "squeezenet, fan or model"),
     OPTION_STRING("eyelids", 0, &with.eyelids, "FILE",
                   "flame: closing displacements, one file or LEFT,RIGHT"),
     OPTION_STRING("landmarks", 0, &with.landmarks, "FILE",

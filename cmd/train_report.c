@@ -20,7 +20,8 @@ void train_report_run(const struct task *t)
     if (c->stage >= STAGE_AVATAR && !*c->perceptual_file)
         fprintf(stderr, "spid-train: no perceptual network is given: a "
                 "Laplacian pyramid stands in for L_perc\n");
-    if (c->stage == STAGE_MOTION || c->stage == STAGE_ALL)
+    if (c->stage == STAGE_MOTION ||
+        (c->stage == STAGE_ALL && !*c->alignment_file))
         fprintf(stderr, "spid-train: no alignment network is given: "
                 "projected landmarks stand in for L_lmk\n");
 }

@@ -9,13 +9,14 @@
 #   MODEL, HEAD  the model, and its head, whose encoders look at the clips first
 #   PERCEPTUAL for L_perc: torchvision's AlexNet, with LINEAR, LPIPS's alex.pth;
 #              or its SqueezeNet 1.0 alone (without, a pyramid stands in)
+#   ALIGNMENT  for L_lmk: 2D-FAN (without, the head's landmarks stand in)
 #   CONFIG     what is trained (config/paper.json); STEPS of every stage, for a
 #              trial; BATCH of the last one (8), a quarter of the others'
 #   RUN        before every spid-train: mpirun -n 8
 #   JOBS       parts that the clips are prepared in at once (1)
 set -eu
 
-[ $# = 4 ] || { sed -n '2,16s/^# \{0,1\}//p' "$0" >&2; exit 64; }
+[ $# = 4 ] || { sed -n '2,17s/^# \{0,1\}//p' "$0" >&2; exit 64; }
 flame=$1 dino=$2 clips=$3 out=$4
 here=$(dirname "$0")
 landmarks=${LANDMARKS:-$(dirname "$flame")/landmark_embedding.npy}
@@ -40,6 +41,8 @@ if [ -n "${PERCEPTUAL:-}" ] && [ ! -e "$out/perceptual.safetensors" ]; then
     fi
     spid-import -q "$PERCEPTUAL" "$@" -o "$out/perceptual.safetensors"
 fi
+[ -z "${ALIGNMENT:-}" ] || [ -e "$out/alignment.safetensors" ] ||
+    spid-import -q "$ALIGNMENT" --as fan -o "$out/alignment.safetensors"
 # our encoders in FLAME's coefficients
 [ -e "$out/start.safetensors" ] || spid-import "$model" --as model \
     --from-head "$from" --head "$out/head.safetensors" \
@@ -75,7 +78,8 @@ for stage in motion shape; do
         "$config" > "$out/$stage.json"
 done
 sed "s/\"batch\": [0-9]*/\"batch\": $batch/
-     ${PERCEPTUAL:+s|\"seed\"|\"perceptual\": \"$out/perceptual.safetensors\", &|}" \
+     ${PERCEPTUAL:+s|\"seed\"|\"perceptual\": \"$out/perceptual.safetensors\", &|}
+     ${ALIGNMENT:+s|\"seed\"|\"alignment\": \"$out/alignment.safetensors\", &|}" \
     "$config" > "$out/all.json"
 train motion
 train shape

@@ -1,8 +1,9 @@
 /* Python pickles (protocols 0 to 5) as plain data.  Nothing is executed: the
  * machine knows how to fill in a fixed list of things - numpy arrays, dtypes
  * and scalars, PyTorch tensors and storages, scipy's compressed sparse
- * matrices, chumpy's arrays, ordered dictionaries - and refuses every other
- * name at the byte where it stands.  A pickle is hostile until it ends: sizes,
+ * matrices, chumpy's arrays, ordered dictionaries, TorchScript's modules as
+ * dictionaries of what they hold - and refuses every other name at the byte
+ * where it stands.  A pickle is hostile until it ends: sizes,
  * counts, memory and the memo are limited, and every array has been checked
  * against the bytes that are there. */
 #ifndef SPID_FORMATS_PICKLE_H
@@ -87,6 +88,7 @@ struct pickle_sparse {
 struct pickle_value {
     enum pickle_kind kind;
     size_t at;              /* byte of the opcode that made it */
+    bool script;            /* a dict: a TorchScript module, its state */
     union {
         int64_t i;
         double f;

@@ -32,6 +32,10 @@ static const struct {
     {"torch._utils", "_rebuild_parameter", NAME_PARAMETER},
     {"torch", "Size", NAME_SIZE},
     {"torch.storage", "_load_from_bytes", NAME_LOAD},
+    {"torch.jit._pickle", "build_intlist", NAME_LIST},
+    {"torch.jit._pickle", "build_doublelist", NAME_LIST},
+    {"torch.jit._pickle", "build_boollist", NAME_LIST},
+    {"torch.jit._pickle", "build_tensorlist", NAME_LIST},
     {"scipy.sparse.csc", "csc_matrix", NAME_CSC},
     {"scipy.sparse._csc", "csc_matrix", NAME_CSC},
     {"scipy.sparse.csr", "csr_matrix", NAME_CSR},
@@ -55,12 +59,23 @@ static bool pickle_text_is(struct pickle_text s, const char *word)
     return s.n == strlen(word) && !memcmp(s.p, word, s.n);
 }
 
+/* Whether s is word, or word and a dot and more. */
+static bool pickle_text_begins(struct pickle_text s, const char *word)
+{
+    size_t n = strlen(word);
+
+    return s.n >= n && !memcmp(s.p, word, n) && (s.n == n || s.p[n] == '.');
+}
+
 int pickle_lookup(struct pickle_text module, struct pickle_text name)
 {
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (pickle_text_is(name, names[i].name)
             && pickle_text_is(module, names[i].module))
             return names[i].value;
+    /* a class that the same file defines, in code that nobody reads */
+    if (pickle_text_begins(module, "__torch__"))
+        return NAME_SCRIPT;
     return NAME_NONE;
 }
 
@@ -70,7 +85,7 @@ static const char *pickle_name_text(int name)
     for (size_t i = 0; i < sizeof names / sizeof *names; i++)
         if (names[i].value == name)
             return names[i].name;
-    return "?";
+    return name == NAME_SCRIPT ? "a class of TorchScript" : "?";
 }
 
 /* ---- arguments ---------------------------------------------------------- */
@@ -218,6 +233,19 @@ static struct pickle_value *pickle_call_reconstructor(
                               "and None"),
                NULL;
     return pickle_new(m, cls->u.name);
+}
+
+/* TorchScript's lists of one type: the list. */
+static struct pickle_value *pickle_call_list(struct pickle_machine *m,
+                                             const struct pickle_value *args)
+{
+    struct pickle_value *list = pickle_item(args, 0);
+
+    if (pickle_is_kind(list, PICKLE_LIST))
+        return list;
+    pickle_fail(m, "list of a %s (expected a list)",
+                list ? pickle_kind_name(list) : "nothing");
+    return NULL;
 }
 
 /* ---- numpy -------------------------------------------------------------- */
@@ -440,6 +468,11 @@ struct pickle_value *pickle_new(struct pickle_machine *m, int name)
     switch (name) {
     case NAME_ORDERED_DICT:
         return pickle_make(m, PICKLE_DICT);
+    case NAME_SCRIPT:
+        v = pickle_make(m, PICKLE_DICT);
+        if (v)
+            v->script = true;
+        return v;
     case NAME_CHUMPY:
         return pickle_make(m, PICKLE_CHUMPY);
     case NAME_CSC:
@@ -463,6 +496,7 @@ struct pickle_value *pickle_call(struct pickle_machine *m, int name,
     case NAME_ORDERED_DICT: return pickle_call_dict(m, args);
     case NAME_SET: return pickle_call_set(m, args);
     case NAME_ENCODE: return pickle_call_encode(m, args);
+    case NAME_LIST: return pickle_call_list(m, args);
     case NAME_RECONSTRUCTOR: return pickle_call_reconstructor(m, args);
     case NAME_DTYPE: return pickle_call_dtype(m, args);
     case NAME_RECONSTRUCT: return pickle_make_array(m);
@@ -486,9 +520,12 @@ int pickle_build(struct pickle_machine *m, struct pickle_value *object,
     case PICKLE_DTYPE: return pickle_build_dtype(m, object, state);
     case PICKLE_SPARSE: return pickle_build_sparse(m, object, state);
     case PICKLE_CHUMPY: return pickle_build_chumpy(m, object, state);
-    case PICKLE_DICT:                   /* attributes: not data */
-        if (state->kind == PICKLE_DICT)
+    case PICKLE_DICT:                   /* attributes: not data, unless */
+        if (state->kind == PICKLE_DICT) {
+            if (object->script)
+                object->u.list = state->u.list;
             return 0;
+        }
         /* fall through */
     default:
         return pickle_fail(m, "of a %s", pickle_kind_name(object));

@@ -7,6 +7,7 @@
 #include "lib/model/config.h"
 #include "lib/convert/table.h"
 #include "lib/net/dinov2.h"
+#include "lib/net/fan.h"
 #include "lib/net/motion_encoder.h"
 #include "lib/net/shape_encoder.h"
 
@@ -429,4 +430,49 @@ int convert_squeezenet(struct convert *c, const struct convert_options *o,
             return -1;
     }
     return network_take_conv(c, prefix, "classifier.1", 1000, 512, 1, err);
+}
+
+/* ---- FAN ---------------------------------------------------------------- */
+
+/* The tensors of a face alignment network of these sizes; its pictures are RGB
+ * from 0 to 1 as they are. */
+static int network_fan_take(struct convert *c, const char *prefix,
+                            size_t stacks, size_t width, struct error *err)
+{
+    struct params ps;
+    struct fan net;
+    int rc;
+
+    params_init(&ps);
+    fan_init(&net, &ps, stacks, width);
+    rc = convert_take_params(c, 0, prefix, &ps, "", "", err);
+    fan_release(&net);
+    params_release(&ps);
+    return rc;
+}
+
+int convert_fan(struct convert *c, const struct convert_options *o,
+                struct error *err)
+{
+    const size_t any[1] = {0};
+    char prefix[TENSORFILE_NAME], name[40];
+    size_t i, width = 0, stacks = 0;
+
+    (void)o;
+    convert_prefix(prefix, c, 0, "m0.b1_4.bn1.weight");
+    for (; stacks < FAN_STACKS; stacks++) {
+        snprintf(name, sizeof name, "m%zu.b1_4.bn1.weight", stacks);
+        i = convert_find(c, 0, prefix, name, 1, any, stacks > 0);
+        if (i == SIZE_MAX)
+            break;
+        width = tensorfile_at(c->file[0], i)->dim[0];
+    }
+    if (!stacks)
+        return 0;
+    if (!width || width % 16 || width > FAN_WIDEST) {
+        convert_note(c, CONVERT_SHAPE, "hourglasses of %zu channels (expected "
+                     "a multiple of 16 up to %d)", width, FAN_WIDEST);
+        return 0;
+    }
+    return network_fan_take(c, prefix, stacks, width, err);
 }

@@ -147,7 +147,7 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
                               x + r0 * C, n->scale, n->shift, n->batch_mean,
                               (int)n->act, !train, r1 - r0, C);
     }
-    float *dw = param_g(n->ps, n->weight), *db = param_g(n->ps, n->bias);
+    bool learns = !n->ps->tensor[n->weight].frozen;
     float *coef = n->coef;
     for (size_t c = 0; c < C; c++) {
         double s = 0, q = 0, count = (double)rows, rstd = (double)n->rstd[c];
@@ -156,8 +156,10 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
             s += (double)n->part[i * 2 * C + c];
             q += (double)n->part[i * 2 * C + C + c];
         }
-        dw[c] += (float)(q * rstd);
-        db[c] += (float)s;
+        if (learns) {
+            param_g(n->ps, n->weight)[c] += (float)(q * rstd);
+            param_g(n->ps, n->bias)[c] += (float)s;
+        }
         double a = (double)n->scale[c];
         coef[c] = (float)a;
         coef[P + c] = (float)(-a * rstd * rstd * q / count);

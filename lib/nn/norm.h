@@ -33,7 +33,8 @@ void batch_norm_plan(struct batch_norm *n, struct nn_plan *p, size_t rows);
  * running ones by 0.1, and the running ones in NN_FROZEN plans. */
 void batch_norm_forward(float *y, const float *x, const float *res,
                         struct batch_norm *n);
-/* dx (rows,C) from dy; dx may be dy.  x as in the forward. */
+/* dx (rows,C) from dy; dx may be dy.  x as in the forward.  Gradients of
+ * weight and bias are added to ps->g, unless the weight is frozen. */
 void batch_norm_backward(float *dx, const float *dy, const float *x,
                          struct batch_norm *n);
 

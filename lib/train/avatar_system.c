@@ -1,4 +1,4 @@
-/* L_img and L_perc (Section 3.3) through avatar, renderer and refiner: what a
+/* L_img, L_perc and L_lmk (Section 3.3) through avatar, renderer and refiner: what a
  * picture costs, and the gradient back to the Gaussians and the motion. */
 #include "lib/train/avatar_system.h"
 
@@ -13,7 +13,7 @@
 
 const char *const picture_term_name[PICTURE_COUNT] = {
     "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",
-    "square", "mouth"};
+    "square", "mouth", "alignment"};
 
 int avatar_system_init(struct avatar_system *s, struct params *ps,
                        const struct avatar_config *config,
@@ -106,6 +106,17 @@ int avatar_system_perceptual(struct avatar_system *s, const char *path,
     return perceptual_open(&s->perceptual, path, side, err);
 }
 
+int avatar_system_alignment(struct avatar_system *s, const char *path,
+                            struct error *err)
+{
+    /* a small picture shows no more than it has */
+    size_t side = s->image / FAN_MULTIPLE * FAN_MULTIPLE;
+
+    side = side < FAN_MULTIPLE ? FAN_MULTIPLE : side;
+    return alignment_open(&s->alignment, path,
+                          side < FAN_SIDE ? side : FAN_SIDE, err);
+}
+
 void avatar_system_update(struct avatar_system *s)
 {
     avatar_update(&s->avatar);
@@ -121,6 +132,8 @@ void avatar_system_release(struct avatar_system *s)
     avatar_release(&s->avatar);
     if (s->perceptual.side)
         perceptual_release(&s->perceptual);
+    if (s->alignment.side)
+        alignment_release(&s->alignment);
     texture_release(&s->texture);
     free(s->block);
     memset(s, 0, sizeof *s);
@@ -306,6 +319,23 @@ static double avatar_system_perceptual_loss(struct avatar_system *s, float *d,
                       : 0;
 }
 
+/* L_lmk of picture y, its gradient to d. */
+static double avatar_system_alignment_loss(struct avatar_system *s, float *d,
+                                           const float *y,
+                                           const struct data_frame *f,
+                                           double weight)
+{
+    size_t S = s->image;
+    double k = (double)S / (double)f->size;
+    struct square q = {f->crop.x * k, f->crop.y * k,
+                       f->crop.size * k * ALIGNMENT_GROW};
+
+    if (!s->alignment.side || weight == 0)
+        return 0;
+    alignment_target(&s->alignment, s->target, S, S, q);
+    return alignment_loss(d, y, S, S, q, weight, &s->alignment);
+}
+
 /* L_img and L_perc of one picture y, the final or the coarse one; what hides
  * the person costs nothing. */
 static void avatar_system_picture_losses(struct avatar_system *s,
@@ -332,6 +362,9 @@ static void avatar_system_picture_losses(struct avatar_system *s,
     terms[PICTURE_SQUARE] += loss_l2(d, y, s->target, 3 * S * S,
                                      c->square * scale);
     avatar_system_mouth_loss(s, terms, d, y, f, c, scale);
+    if (final == s->config.has_refiner)
+        terms[PICTURE_ALIGNMENT] += avatar_system_alignment_loss(
+            s, d, y, f, c->alignment * scale);
 }
 
 /* Of both pictures, and the silhouette of the final one. */

@@ -19,13 +19,14 @@
 #include "lib/data/data.h"
 #include "lib/train/losses.h"
 #include "lib/texture/texture.h"
+#include "lib/train/alignment.h"
 #include "lib/train/perceptual.h"
 
-/* L_img and L_perc, in the order of the log. */
+/* L_img, L_perc and L_lmk, in the order of the log. */
 enum picture_term {
     PICTURE_COARSE, PICTURE_COARSE_FACE, PICTURE_FINAL, PICTURE_FINAL_FACE,
     PICTURE_PERCEPTUAL, PICTURE_MASK, PICTURE_SQUARE, PICTURE_MOUTH,
-    PICTURE_COUNT
+    PICTURE_ALIGNMENT, PICTURE_COUNT
 };
 extern const char *const picture_term_name[PICTURE_COUNT];
 
@@ -36,6 +37,7 @@ struct avatar_system {
     struct refiner refiner;         /* when config.has_refiner */
     struct splat splat;
     struct perceptual perceptual;   /* side 0: a pyramid stands in for it */
+    struct alignment alignment;     /* side 0: none */
     struct texture texture;         /* of the source, when photo */
     struct splat_place_view view;   /* of the last frame, when photo */
     bool photo;                     /* the refiner is shown the photograph */
@@ -76,6 +78,9 @@ int avatar_system_plan(struct avatar_system *s, size_t image, bool fresh,
 /* L_perc by the network in this file from now on; after avatar_system_plan. */
 int avatar_system_perceptual(struct avatar_system *s, const char *path,
                              struct error *err);
+/* And L_lmk by the network in this one. */
+int avatar_system_alignment(struct avatar_system *s, const char *path,
+                            struct error *err);
 /* The weights changed. */
 void avatar_system_update(struct avatar_system *s);
 /* Free what it holds; zeroed then. */

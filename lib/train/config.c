@@ -65,6 +65,7 @@ static const struct key keys[] = {
     {"loss.refined", KIND_DOUBLE, AT(refined), 0, 1e6, 1},
     {"loss.face", KIND_DOUBLE, AT(face), 0, 1e6, 1},
     {"loss.perceptual", KIND_DOUBLE, AT(perceptual), 0, 1e6, 1},
+    {"loss.alignment", KIND_DOUBLE, AT(alignment), 0, 1e6, 1},
     {"loss.silhouette", KIND_DOUBLE, AT(silhouette), 0, 1e6, 0},
     {"loss.mouth", KIND_DOUBLE, AT(mouth), 0, 1e6, 0},
     {"loss.square", KIND_DOUBLE, AT(square), 0, 1e6, 0},
@@ -164,16 +165,16 @@ static int config_set_names(char *out, const char *name, const cJSON *value,
     return 0;
 }
 
-/* The file of the perceptual network's weights. */
-static int config_set_perceptual(struct train_config *c, const cJSON *value,
-                                 struct error *err)
+/* The file of a network's weights. */
+static int config_set_file(char out[TRAIN_PATH], const char *name,
+                           const cJSON *value, struct error *err)
 {
     const char *s = cJSON_GetStringValue(value);
 
-    if (!s || strlen(s) >= sizeof c->perceptual_file)
-        return error_set(err, EX_CONFIG, "perceptual: expected the name of "
-                         "a file");
-    strcpy(c->perceptual_file, s);
+    if (!s || strlen(s) >= TRAIN_PATH)
+        return error_set(err, EX_CONFIG, "%s: expected the name of a file",
+                         name);
+    strcpy(out, s);
     return 0;
 }
 
@@ -196,7 +197,10 @@ static int config_set_object(struct train_config *c, const cJSON *object,
                                  item, err))
                 return -1;
         } else if (!strcmp(name, "perceptual")) {
-            if (config_set_perceptual(c, item, err))
+            if (config_set_file(c->perceptual_file, name, item, err))
+                return -1;
+        } else if (!strcmp(name, "alignment")) {
+            if (config_set_file(c->alignment_file, name, item, err))
                 return -1;
         } else if (!strcmp(name, "model")) {
             if (!cJSON_IsObject(item))

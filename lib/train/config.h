@@ -41,6 +41,9 @@ struct train_config {
     double perceptual;          /* L_perc of the face crop (lambda_2) */
     char perceptual_file[TRAIN_PATH]; /* SqueezeNet's weights for it; "": a
                                  * Laplacian pyramid's L1 */
+    double alignment;           /* L_lmk of what was drawn (lambda_4) ... */
+    char alignment_file[TRAIN_PATH]; /* ... by this network; "": only the
+                                 * head's own landmarks count */
     double silhouette;          /* alpha against the mask */
     double mouth;               /* L1 and half of L_perc between open lips */
     double square;              /* mean square of the two pictures: what PSNR

@@ -108,6 +108,8 @@ static int avatar_task_target(struct task *t, double *parts,
     struct head_motion truth;
     float cam[12];
 
+    if (*t->config->alignment_file)     /* L_lmk is what the network sees */
+        w.term[TERM_LANDMARK] = 0;
     if (m->with_motion) {
         float *dout = m->dout + i * MOTION_OUT, *out = m->out + i * MOTION_OUT;
         for (int k = 0; k < TERM_COUNT; k++)
@@ -459,7 +461,9 @@ int task_avatar_init(struct task *t, struct error *err)
     if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
                            err) ||
         (*c->perceptual_file &&
-         avatar_system_perceptual(&m->tr, c->perceptual_file, err)))
+         avatar_system_perceptual(&m->tr, c->perceptual_file, err)) ||
+        (*c->alignment_file &&
+         avatar_system_alignment(&m->tr, c->alignment_file, err)))
         return -1;
     if (!m->with_motion)
         return 0;

@@ -103,6 +103,22 @@ import import_read
 import_read.check("c.safetensors", import_read.load("a.safetensors")[0])'
 }
 
+@test "TorchScript: what its modules hold, as a state dictionary has it" {
+    need_torch
+    "$PYTHON" - <<'P'
+import torch
+torch.manual_seed(2)
+net = torch.nn.Sequential(torch.nn.Conv2d(3, 4, 3), torch.nn.Sequential(torch.nn.BatchNorm2d(4))).eval()
+torch.save(net.state_dict(), "state.pth")
+torch.jit.trace(net, torch.ones(1, 3, 5, 5)).save("script.zip")
+P
+    spid-import state.pth -o state.safetensors
+    spid-import script.zip -o script.safetensors
+    "$PYTHON" -c '
+import import_read
+import_read.check("script.safetensors", import_read.load("state.safetensors")[0])'
+}
+
 @test "pickles of all protocols: numpy, scipy, chumpy, strings" {
     need_numpy
     "$PYTHON" - <<'P'

@@ -277,6 +277,32 @@ assert np.abs(y - ours).max() < 1e-5 * np.abs(y).max(), np.abs(y - ours).max()
 P
 }
 
+@test "fan: hourglasses and width follow from the file; what is missing is listed" {
+    fan_names 2 32 | random_npz fan.npz
+    status 0 spid-import fan.npz --as fan -o fan.safetensors
+    [ -z "$output" ]
+    "$PYTHON" - <<'P'
+import numpy as np, import_read
+z = np.load("fan.npz")
+got, _ = import_read.load("fan.safetensors")
+assert sorted(got) == sorted(n for n in z.files if "num_batches" not in n)
+assert all(np.array_equal(got[n], z[n]) for n in got)
+np.savez("bad.npz", extra=np.zeros(3, "f4"), **{n: z[n][:-1] if n == "m1.b2_3.conv2.weight" else z[n]
+    for n in z.files if n != "al0.bias"})
+np.savez("none.npz", a=np.zeros(3))
+np.savez("odd.npz", **{"m0.b1_4.bn1.weight": np.zeros(20, "f4")})
+P
+    status 65 spid-import bad.npz --as fan -o x.safetensors
+    has 'missing: al0.bias (expected [32])'
+    has 'wrong shape: m1.b2_3.conv2.weight [7, 16, 3, 3] (expected [8, 16, 3, 3])'
+    has 'left over: extra [3]'
+    status 65 spid-import none.npz --as fan -o x.safetensors
+    has 'missing: m0.b1_4.bn1.weight'
+    status 65 spid-import odd.npz --as fan -o x.safetensors
+    has 'hourglasses of 20 channels (expected a multiple of 16 up to 1024)'
+    [ ! -e x.safetensors ]
+}
+
 @test "gagavatar: all that is missing is listed, the first twenty by name" {
     "$PYTHON" -c '
 import numpy as np

@@ -60,6 +60,7 @@ runs() {
     vit_names 384 "" | random_npz dino.npz
     alexnet_names | random_npz alexnet.npz
     linear_names | random_npz alex.npz
+    fan_names 1 16 | random_npz fan.npz
     cat >small.json <<'J'
 {
   "stage": "all", "seed": 1, "steps": 500000, "batch": 8, "micro": 1, "rate": 1e-4,
@@ -73,8 +74,13 @@ runs() {
     "rgb_skip": false, "refiner": { "type": "narrow", "width": 16 } }
 }
 J
-    runs STEPS=2 BATCH=2 CONFIG=small.json PERCEPTUAL=alexnet.npz LINEAR=alex.npz
+    runs STEPS=2 BATCH=2 CONFIG=small.json PERCEPTUAL=alexnet.npz LINEAR=alex.npz \
+        ALIGNMENT=fan.npz
     grep -q '"perceptual": "out/perceptual.safetensors"' out/all.json
+    # L_lmk is the network's: a number, and none of the head's own landmarks
+    awk 'NR == 1 { for (i = 1; i <= NF; i++) at[$i] = i }
+        NR > 1 && !($at["alignment"] > 0 && $at["landmark"] == 0) { bad = 1 }
+        END { exit bad || NR < 3 }' out/all/log.tsv
     [ "$(wc -c <me.y4m)" -gt 100000 ]
 }
 

@@ -54,3 +54,33 @@ for i in range(12):
 print(json.dumps({sys.argv[2] + n: s for n, s in names.items()}))
 P
 }
+
+# fan_names STACKS WIDTH: the tensors of a face alignment network, as JSON.
+fan_names() {
+    "$PYTHON" - "$1" "$2" <<'P'
+import json, sys
+stacks, W = map(int, sys.argv[1:])
+out = {}
+def norm(n, c):
+    for k in ("weight", "bias", "running_mean", "running_var"): out[f"{n}.{k}"] = [c]
+    out[n + ".num_batches_tracked"] = []
+def conv(n, o, i, k, bias=False):
+    out[n + ".weight"] = [o, i, k, k]
+    if bias: out[n + ".bias"] = [o]
+def block(n, i, o):
+    for k, (a, b) in enumerate(((i, o // 2), (o // 2, o // 4), (o // 4, o // 4)), 1):
+        norm(f"{n}.bn{k}", a); conv(f"{n}.conv{k}", b, a, 3)
+    if i != o:
+        norm(n + ".downsample.0", i); conv(n + ".downsample.2", o, i, 1)
+conv("conv1", W // 4, 3, 7, True); norm("bn1", W // 4)
+block("conv2", W // 4, W // 2); block("conv3", W // 2, W // 2); block("conv4", W // 2, W)
+for k in range(stacks):
+    for level in 1, 2, 3, 4:
+        for b in 1, 2, 3: block(f"m{k}.b{b}_{level}", W, W)
+    block(f"m{k}.b2_plus_1", W, W); block(f"top_m_{k}", W, W)
+    conv(f"conv_last{k}", W, W, 1, True); norm(f"bn_end{k}", W); conv(f"l{k}", 68, W, 1, True)
+    if k < stacks - 1:
+        conv(f"bl{k}", W, W, 1, True); conv(f"al{k}", W, 68, 1, True)
+print(json.dumps(out))
+P
+}

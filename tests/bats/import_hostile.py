@@ -65,6 +65,13 @@ put("call_object.pkl", b"\x80\x02" + number(7) + b")R.",
 put("call_class.pkl", b"\x80\x02" + name("numpy", "ndarray") + b")R.",
     "REDUCE: ndarray is not a function to call")
 put("setstate.pkl", b"\x80\x02]}b.", "BUILD: of a list")
+put("script_call.pkl", b"\x80\x02" + name("__torch__.os", "system") +
+    text("touch executed") + b"\x85R.",
+    "REDUCE: a class of TorchScript is not a function to call")
+put("script_like.pkl", b"\x80\x02" + name("__torch__os", "system") + b".",
+    "GLOBAL: __torch__os.system is not allowed")
+put("script_list.pkl", b"\x80\x02" + name("torch.jit._pickle", "build_intlist") +
+    number(7) + b"\x85R.", "REDUCE: list of a int")
 put("codec.pkl", b"\x80\x02" + name("_codecs", "encode") + text("x") +
     text("zip") + b"\x86R.", "encode of other than text in latin1")
 put("reconstructor.pkl", name("copy_reg", "_reconstructor") + b"(" +

@@ -1,0 +1,445 @@
+/* The face alignment network, narrow and on small pictures: its heat maps and
+ * the gradient for the picture against plain loops in double with random
+ * weights, the gradient by central differences; and the loss made of it.  Sums
+ * in float: 2e-5 of a map's largest value; the gradient along a direction:
+ * 1e-6 of its length. */
+#include <math.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/base/random.h"
+#include "lib/train/alignment.h"
+#include "tests/check.h"
+#include "tests/folder.h"
+
+#define SIDE 64
+#define STACKS 2
+#define WIDTH 32
+
+/* A map in double, (n,n,C). */
+struct map {
+    size_t n, C;
+    double *v;
+};
+
+static struct map map_of(size_t n, size_t C)
+{
+    struct map m = {n, C, calloc(n * n * C, sizeof(double))};
+
+    if (!m.v)
+        exit(1);
+    return m;
+}
+
+static const struct params *weights;
+
+static const float *fan_tensor(const char *name, const char *part)
+{
+    char buf[120];
+    size_t i = params_find(weights, nn_name(buf, "%s.%s", name, part));
+
+    return i == (size_t)-1 ? NULL : param_w(weights, i);
+}
+
+/* In place; n pixels of C channels. */
+static void plain_norm_relu(struct map *m, const char *name)
+{
+    const float *w = fan_tensor(name, "weight"), *b = fan_tensor(name, "bias");
+    const float *mean = fan_tensor(name, "running_mean");
+    const float *var = fan_tensor(name, "running_var");
+
+    for (size_t i = 0; i < m->n * m->n * m->C; i++) {
+        size_t c = i % m->C;
+        double y = (m->v[i] - (double)mean[c]) * (double)w[c] /
+                       sqrt((double)var[c] + 1e-5) + (double)b[c];
+
+        m->v[i] = fmax(0, y);
+    }
+}
+
+static struct map plain_conv(const struct map *x, const char *name, size_t out,
+                             size_t kernel, size_t stride)
+{
+    struct map y = map_of(x->n / stride, out);
+    const float *w = fan_tensor(name, "weight"), *b = fan_tensor(name, "bias");
+    size_t half = kernel / 2, taps = kernel * kernel;
+
+    for (size_t i = 0; i < y.n * y.n; i++) {
+        double *to = y.v + i * out;
+
+        for (size_t o = 0; o < out; o++)
+            to[o] = b ? (double)b[o] : 0;
+        for (size_t k = 0; k < taps; k++) {
+            size_t row = i / y.n * stride + k / kernel;
+            size_t col = i % y.n * stride + k % kernel;
+
+            if (row < half || row >= x->n + half || col < half ||
+                col >= x->n + half)
+                continue;
+            const double *p = x->v + ((row - half) * x->n + col - half) * x->C;
+            for (size_t o = 0; o < out; o++)
+                for (size_t c = 0; c < x->C; c++)
+                    to[o] += p[c] * (double)w[(o * x->C + c) * taps + k];
+        }
+    }
+    return y;
+}
+
+static struct map plain_copy(const struct map *x)
+{
+    struct map y = map_of(x->n, x->C);
+
+    memcpy(y.v, x->v, x->n * x->n * x->C * sizeof *y.v);
+    return y;
+}
+
+static void plain_add(struct map *y, const struct map *x)
+{
+    for (size_t i = 0; i < y->n * y->n * y->C; i++)
+        y->v[i] += x->v[i];
+}
+
+/* conv(relu(norm x)) */
+static struct map plain_step(const struct map *x, const char *block,
+                             const char *norm, const char *conv, size_t out,
+                             size_t kernel)
+{
+    struct map a = plain_copy(x), y;
+    char buf[120];
+
+    plain_norm_relu(&a, nn_name(buf, "%s.%s", block, norm));
+    y = plain_conv(&a, nn_name(buf, "%s.%s", block, conv), out, kernel, 1);
+    free(a.v);
+    return y;
+}
+
+/* x is freed. */
+static struct map plain_block(struct map x, const char *name, size_t out)
+{
+    static const char *const norm[] = {"bn1", "bn2", "bn3"};
+    static const char *const conv[] = {"conv1", "conv2", "conv3"};
+    struct map y = map_of(x.n, out), in = plain_copy(&x), rest = x;
+    size_t at = 0;
+
+    for (size_t k = 0; k < 3; k++) {
+        size_t C = k ? out / 4 : out / 2;
+        struct map s = plain_step(&in, name, norm[k], conv[k], C, 3);
+
+        for (size_t i = 0; i < x.n * x.n * C; i++)
+            y.v[i / C * out + at + i % C] = s.v[i];
+        at += C;
+        free(in.v);
+        in = s;
+    }
+    free(in.v);
+    if (x.C != out) {
+        rest = plain_step(&x, name, "downsample.0", "downsample.2", out, 1);
+        free(x.v);
+    }
+    plain_add(&y, &rest);
+    free(rest.v);
+    return y;
+}
+
+static struct map plain_half(const struct map *x)
+{
+    struct map y = map_of(x->n / 2, x->C);
+
+    for (size_t i = 0; i < y.n * y.n * y.C; i++) {
+        size_t c = i % y.C, col = i / y.C % y.n * 2, row = i / y.C / y.n * 2;
+
+        for (size_t k = 0; k < 4; k++)
+            y.v[i] += 0.25 * x->v[((row + k / 2) * x->n + col + k % 2) * x->C +
+                                  c];
+    }
+    return y;
+}
+
+/* Level 4 is the outermost, as the tensors have it.  x is freed. */
+static struct map plain_level(struct map x, size_t stack, int level)
+{
+    struct map low = plain_half(&x), y;
+    char buf[120];
+
+    low = plain_block(low, nn_name(buf, "m%zu.b2_%d", stack, level), WIDTH);
+    low = level > 1 ? plain_level(low, stack, level - 1)
+                    : plain_block(low, nn_name(buf, "m%zu.b2_plus_1", stack),
+                                  WIDTH);
+    low = plain_block(low, nn_name(buf, "m%zu.b3_%d", stack, level), WIDTH);
+    y = plain_block(x, nn_name(buf, "m%zu.b1_%d", stack, level), WIDTH);
+    for (size_t i = 0; i < y.n * y.n * y.C; i++) {
+        size_t col = i / y.C % y.n / 2, row = i / y.C / y.n / 2;
+
+        y.v[i] += low.v[(row * low.n + col) * y.C + i % y.C];
+    }
+    free(low.v);
+    return y;
+}
+
+static struct map plain_mix(const struct map *x, const char *name,
+                            size_t stack, size_t out)
+{
+    char buf[120];
+
+    return plain_conv(x, nn_name(buf, "%s%zu", name, stack), out, 1, 1);
+}
+
+/* One stack: heat maps of x, which becomes the next one's. */
+static struct map plain_stack(struct map *x, size_t k)
+{
+    char buf[120];
+    struct map y = plain_level(plain_copy(x), k, 4), f, heat;
+
+    y = plain_block(y, nn_name(buf, "top_m_%zu", k), WIDTH);
+    f = plain_mix(&y, "conv_last", k, WIDTH);
+    plain_norm_relu(&f, nn_name(buf, "bn_end%zu", k));
+    heat = plain_mix(&f, "l", k, FAN_LANDMARKS);
+    free(y.v);
+    if (k + 1 < STACKS) {
+        struct map again = plain_mix(&f, "bl", k, WIDTH);
+        struct map found = plain_mix(&heat, "al", k, WIDTH);
+
+        plain_add(x, &again);
+        plain_add(x, &found);
+        free(again.v);
+        free(found.v);
+    }
+    free(f.v);
+    return heat;
+}
+
+static struct map plain_net(const struct map *rgb)
+{
+    struct map x = plain_conv(rgb, "conv1", WIDTH / 4, 7, 2), half;
+    struct map heat = {0};
+
+    plain_norm_relu(&x, "bn1");
+    x = plain_block(x, "conv2", WIDTH / 2);
+    half = plain_half(&x);
+    free(x.v);
+    x = plain_block(half, "conv3", WIDTH / 2);
+    x = plain_block(x, "conv4", WIDTH);
+    for (size_t k = 0; k < STACKS; k++) {
+        free(heat.v);
+        heat = plain_stack(&x, k);
+    }
+    free(x.v);
+    return heat;
+}
+
+static float *fan_noise(size_t n, uint64_t seed, double from, double to)
+{
+    struct random r;
+    float *x = malloc(n * sizeof *x);
+
+    random_init(&r, seed, "fan");
+    for (size_t i = 0; i < n; i++)
+        x[i] = (float)random_range(&r, from, to);
+    return x;
+}
+
+static double plain_dot(const struct map *rgb, const float *probe)
+{
+    struct map heat = plain_net(rgb);
+    double sum = 0;
+
+    for (size_t i = 0; i < heat.n * heat.n * heat.C; i++)
+        sum += heat.v[i] * (double)probe[i];
+    free(heat.v);
+    return sum;
+}
+
+static void check_heat(const float *heat, const struct map *rgb)
+{
+    struct map truth = plain_net(rgb);
+    size_t n = truth.n * truth.n * truth.C;
+    double most = 0, size = 1e-30;
+
+    check_that("sizes", truth.n == SIDE / 4 && truth.C == FAN_LANDMARKS);
+    for (size_t i = 0; i < n; i++) {
+        double d = fabs((double)heat[i] - truth.v[i]);
+
+        most = d <= most ? most : d;        /* a NaN stays */
+        size = fmax(size, fabs(truth.v[i]));
+    }
+    check("heat maps", most / size, 2e-5);
+    free(truth.v);
+}
+
+/* Along a random direction of the picture. */
+static void check_gradient(struct fan *f, struct map *rgb, uint64_t seed)
+{
+    size_t n = SIDE * SIDE * 3, m = SIDE * SIDE / 16 * FAN_LANDMARKS;
+    float *probe = fan_noise(m, seed, -1, 1), *way = fan_noise(n, seed, -1, 1);
+    float *d = malloc(n * sizeof *d), *dheat = malloc(m * sizeof *dheat);
+    double eps = 1e-7, ours = 0, along = 0, length = 0, size = 0;
+
+    memcpy(dheat, probe, m * sizeof *dheat);
+    fan_backward(d, dheat, f);
+    for (size_t i = 0; i < n; i++) {
+        ours += (double)d[i] * (double)way[i];
+        length += (double)way[i] * (double)way[i];
+        size += (double)d[i] * (double)d[i];
+    }
+    for (int side = -1; side <= 1; side += 2) {
+        for (size_t i = 0; i < n; i++)
+            rgb->v[i] += side * eps * (double)way[i];
+        along += side * plain_dot(rgb, probe) / (2 * eps);
+        for (size_t i = 0; i < n; i++)
+            rgb->v[i] -= side * eps * (double)way[i];
+    }
+    check("gradient along a direction",
+          fabs(along - ours) / sqrt(length * size), 1e-6);
+    check_that("there is a gradient", size > 0);
+    free(probe);
+    free(way);
+    free(d);
+    free(dheat);
+}
+
+/* ---- the loss ----------------------------------------------------------- */
+
+/* Centre of mass within three pixels of map k's largest value; its mass. */
+static double plain_centre(double at[2], const struct map *m, size_t k)
+{
+    size_t most = 0;
+    double mass = 0;
+
+    for (size_t i = 0; i < m->n * m->n; i++)
+        most = m->v[i * m->C + k] > m->v[most * m->C + k] ? i : most;
+    at[0] = at[1] = 0;
+    for (size_t i = 0; i < m->n * m->n; i++) {
+        double x = (double)(i % m->n), y = (double)(i / m->n);
+        double v = fmax(0, m->v[i * m->C + k]);
+
+        if (fabs(x - (double)(most % m->n)) > 3 ||
+            fabs(y - (double)(most / m->n)) > 3)
+            continue;
+        mass += v;
+        at[0] += v * x;
+        at[1] += v * y;
+    }
+    at[0] /= fmax(mass, 1e-300);
+    at[1] /= fmax(mass, 1e-300);
+    return mass;
+}
+
+static double plain_loss(const struct map *rgb, const struct map *target)
+{
+    struct map a = plain_net(rgb), b = plain_net(target);
+    double sum = 0, side = (double)a.n;
+
+    for (size_t k = 0; k < FAN_LANDMARKS; k++) {
+        double p[2], q[2];
+
+        if (plain_centre(p, &a, k) > 0 && plain_centre(q, &b, k) > 0)
+            sum += (p[0] - q[0]) * (p[0] - q[0]) +
+                   (p[1] - q[1]) * (p[1] - q[1]);
+    }
+    free(a.v);
+    free(b.v);
+    return sum / (side * side * FAN_LANDMARKS);
+}
+
+/* The same through a file, of a whole picture: the square is then the
+ * picture itself. */
+static void check_loss(const struct params *ps, const float *x,
+                       struct map *rgb)
+{
+    const char *path = folder_at("fan.safetensors"), *meta[] = {NULL};
+    const struct square q = {SIDE / 2.0, SIDE / 2.0, SIDE};
+    size_t n = SIDE * SIDE * 3;
+    struct alignment a;
+    struct error err = {0};
+    float *y = fan_noise(n, 9, 0, 1), *way = fan_noise(n, 10, -1, 1);
+    float *d = calloc(n, sizeof *d);
+    double eps = 1e-7, ours = 0, along = 0, length = 0, size = 0, loss;
+    struct map target = map_of(SIDE, 3);
+
+    for (size_t i = 0; i < n; i++)
+        target.v[i] = (double)y[i];
+    check_error("file", !params_save(ps, path, ST_F32, meta, &err) &&
+                            !alignment_open(&a, path, SIDE, &err), &err);
+    alignment_target(&a, y, SIDE, SIDE, q);
+    check_that("no distance from itself",
+               alignment_loss(d, y, SIDE, SIDE, q, 1, &a) < 1e-12);
+    memset(d, 0, n * sizeof *d);
+    loss = alignment_loss(d, x, SIDE, SIDE, q, 0.5, &a);
+    check("loss", fabs(2 * loss / plain_loss(rgb, &target) - 1), 1e-5);
+    for (size_t i = 0; i < n; i++) {
+        ours += 2 * (double)d[i] * (double)way[i];
+        length += (double)way[i] * (double)way[i];
+        size += 4 * (double)d[i] * (double)d[i];
+    }
+    for (int side = -1; side <= 1; side += 2) {
+        for (size_t i = 0; i < n; i++)
+            rgb->v[i] += side * eps * (double)way[i];
+        along += side * plain_loss(rgb, &target) / (2 * eps);
+        for (size_t i = 0; i < n; i++)
+            rgb->v[i] -= side * eps * (double)way[i];
+    }
+    check("gradient of the loss along a direction",
+          fabs(along - ours) / sqrt(length * size), 1e-5);
+    check_that("the loss has a gradient", size > 0);
+    alignment_release(&a);
+    free(target.v);
+    free(y);
+    free(way);
+    free(d);
+}
+
+/* Random weights; the norms' too, or they would do nothing. */
+static void fan_fill(struct params *ps)
+{
+    params_randomise(ps, 5);
+    for (size_t t = 0; t < ps->count; t++) {
+        const char *name = ps->tensor[t].name;
+        bool var = strstr(name, "running_var") != NULL;
+        bool mean = strstr(name, "running_mean") != NULL;
+        bool bias = strstr(name, ".bias") != NULL;
+        float *noise = fan_noise(ps->tensor[t].count, t, var ? 0.5 : -0.3,
+                                 var ? 1.5 : 0.3);
+
+        for (size_t i = 0; i < ps->tensor[t].count && (var || mean || bias);
+             i++)
+            param_w(ps, t)[i] = noise[i];
+        free(noise);
+    }
+}
+
+int main(void)
+{
+    const struct nn_options opt = {NN_FROZEN, NN_F32};
+    struct error err = {0};
+    struct params ps;
+    struct fan f;
+
+    params_init(&ps);
+    fan_init(&f, &ps, STACKS, WIDTH);
+    if (params_allocate(&ps, &err))
+        return 1;
+    fan_fill(&ps);
+    weights = &ps;
+    for (size_t i = 0; i < ps.count; i++)
+        if (!ps.tensor[i].frozen)
+            check_that(ps.tensor[i].name, false);
+    check_error("plan", !fan_plan(&f, SIDE, opt, &err), &err);
+    float *x = fan_noise(SIDE * SIDE * 3, 4, 0, 1);
+    struct map rgb = map_of(SIDE, 3);
+    for (size_t i = 0; i < SIDE * SIDE * 3; i++)
+        rgb.v[i] = (double)x[i];
+    check_heat(fan_forward(x, &f), &rgb);
+    check_gradient(&f, &rgb, 30);
+    check_gradient(&f, &rgb, 31);
+    folder_make();
+    check_loss(&ps, x, &rgb);
+    check_that("the folder goes", !folder_remove());
+    check_that("a side that cannot be halved so often is refused",
+               fan_plan(&f, 96, opt, &err) != 0);
+    free(x);
+    free(rgb.v);
+    fan_release(&f);
+    params_release(&ps);
+    return check_status();
+}
