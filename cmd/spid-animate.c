@@ -148,7 +148,7 @@ static int run_clip(const struct job *job, struct error *err)
     int rc = -1;
 
     if (animation_open(&a, &opt, &models, job->out, err) == 0 &&
-        animation_open_source(&a, job->source, err) == 0) {
+        animation_open_source(&a, job->source, job->driver, err) == 0) {
         report_source(&a.source, job->source);
         if (open_driver(&a, job->driver, err) == 0)
             rc = animation_run(&a, frame_done, &a, err);

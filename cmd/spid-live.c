@@ -106,7 +106,7 @@ static int live_open_driver(struct program *p, const char *source,
     };
     struct sigaction action = {.sa_handler = live_on_signal};
 
-    if (animation_open_source(&p->animation, source, err))
+    if (animation_open_source(&p->animation, source, NULL, err))
         return -1;
     sigaction(SIGINT, &action, NULL);
     sigaction(SIGTERM, &action, NULL);

@@ -429,12 +429,7 @@ int st_to_f32(const struct safetensors *st, const struct st_tensor *t,
         if (t->dtype == ST_F32)
             memcpy(out + at, from, (end - at) * sizeof *out);
         else if (t->dtype == ST_F16)        /* as models are kept */
-            for (size_t i = at; i < end; i++, from += size) {
-                uint16_t h;
-
-                memcpy(&h, from, sizeof h);
-                out[i] = half_to_float(h);
-            }
+            half_to_floats(out + at, from, end - at);
         else
             for (size_t i = at; i < end; i++)
                 out[i] = (float)safetensors_tensor_element(t, i);

@@ -2,6 +2,7 @@
  * order, and closed (animation.h). */
 #include "lib/animate/animation.h"
 
+#include <omp.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -44,12 +45,63 @@ int animation_open(struct animation *a, const struct animation_options *opt,
     return a->sink ? 0 : -1;
 }
 
-int animation_open_source(struct animation *a, const char *path,
-                          struct error *err)
+/* Tracker and driver over the frames that read gives. */
+static int animation_init_driver(struct animation *a, driver_read_fn *read,
+                                 void *ctx, struct error *err)
 {
-    const struct prepared *s = &a->source;
+    if (head_fold(&a->mean, &a->models->head, NULL, 0, err) ||
+        track_init(&a->track, &a->mean, &a->models->nets.motion,
+                   &a->opt->track, err))
+        return -1;
+    driver_init(&a->driver, &a->track, read, ctx);
+    return 0;
+}
 
-    if (prepare_source(&a->source, a->models, path, a->opt->mask, err))
+/* The driver up to the first face. */
+static int animation_find_face(struct animation *a, struct error *err)
+{
+    const enum driver_status status = driver_start(&a->driver, NULL, NULL,
+                                                   err);
+
+    if (status == DRIVER_NO_FACE)
+        error_prefix(err, "%s", a->driver_name);
+    return status == DRIVER_STARTED ? 0 : -1;
+}
+
+/* A clip up to its first face, into a->look. */
+static void animation_look(struct animation *a, bool alone)
+{
+    struct error *err = &a->look.err;
+
+    a->look.rc = -1;
+    a->look.done = true;
+    a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
+    if (!a->frames ||
+        animation_init_driver(a, driver_read_source, a->frames, err))
+        return;
+    if (!alone)
+        omp_set_num_threads(1);     /* of what was planned for more */
+    a->look.rc = animation_find_face(a, err);
+}
+
+/* The same as a thread beside Phase A. */
+static void *animation_run_look(void *a)
+{
+    animation_look(a, false);
+    return NULL;
+}
+
+int animation_open_source(struct animation *a, const char *path,
+                          const char *driver, struct error *err)
+{
+    const struct prepare_beside look = {animation_run_look, a};
+    const struct prepared *s = &a->source;
+    const bool clip = driver && !a->opt->live && strcmp(driver, "-") &&
+                      !prepare_is_stream(driver);
+
+    a->driver_name = driver;
+    if (prepare_source(&a->source, a->models, path, a->opt->mask,
+                       clip ? &look : NULL, err))
         return -1;
     a->animate = a->opt->animate;
     a->animate.texture = s->texture.levels ? &s->texture : NULL;
@@ -106,41 +158,28 @@ static int animation_open_records(struct animation *a, struct error *err)
     return opt->relative_records ? animation_set_relative(a, err) : 0;
 }
 
-/* Tracker and driver over the frames that read gives, up to a first face. */
-static int animation_find_face(struct animation *a, driver_read_fn *read,
-                               void *ctx, bool camera, struct error *err)
-{
-    enum driver_status status;
-
-    if (head_fold(&a->mean, &a->models->head, NULL, 0, err) ||
-        track_init(&a->track, &a->mean, &a->models->nets.motion,
-                   &a->opt->track, err))
-        return -1;
-    driver_init(&a->driver, &a->track, read, ctx);
-    a->driver.live = camera;
-    status = driver_start(&a->driver, NULL, NULL, err);
-    if (status == DRIVER_NO_FACE)
-        error_prefix(err, "%s", a->driver_name);
-    if (status != DRIVER_STARTED)
-        return -1;
-    return a->opt->relative ? animation_set_relative(a, err) : 0;
-}
-
 int animation_open_driver(struct animation *a, const char *path,
                           struct error *err)
 {
-    const bool live = a->opt->live;
     int num, den;
 
     a->driver_name = path;
     if (prepare_is_stream(path))
         return animation_open_records(a, err);
-    a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
-    if (!a->frames || (live && live_start(&a->live, a->frames, err)))
+    if (a->opt->live) {
+        a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);
+        if (!a->frames || live_start(&a->live, a->frames, err) ||
+            animation_init_driver(a, live_read, &a->live, err) ||
+            animation_find_face(a, err))
+            return -1;
+    } else if (!a->look.done) {
+        animation_look(a, true);
+    }
+    if (a->look.rc) {
+        *err = a->look.err;
         return -1;
-    if (live ? animation_find_face(a, live_read, &a->live, false, err)
-             : animation_find_face(a, driver_read_source, a->frames, false,
-                                   err))
+    }
+    if (a->opt->relative && animation_set_relative(a, err))
         return -1;
     framesource_rate(a->frames, &num, &den);
     framesink_set_rate(a->sink, num, den);
@@ -159,9 +198,12 @@ int animation_open_camera(struct animation *a, const char *name,
         f.open = NULL;
         a->frames = frames;
     }
-    if (!frames || live_start_follow(&a->live, frames, &f, err))
+    if (!frames || live_start_follow(&a->live, frames, &f, err) ||
+        animation_init_driver(a, live_read, &a->live, err))
         return -1;
-    return animation_find_face(a, live_read, &a->live, true, err);
+    a->driver.live = true;
+    return animation_find_face(a, err) ||
+           (a->opt->relative && animation_set_relative(a, err)) ? -1 : 0;
 }
 
 int animation_run(struct animation *a,

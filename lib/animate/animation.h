@@ -51,6 +51,11 @@ struct animation {
     struct track track;
     struct identity mean;       /* the driver's head: nobody's shape */
     struct driver driver;
+    struct {
+        bool done;              /* the clip has been looked at; if it */
+        int rc;                 /* failed: */
+        struct error err;
+    } look;
     struct animate workers;
     struct framesink *sink;
     struct animate_report report;
@@ -67,9 +72,11 @@ int animation_load(struct prepare *models, struct animation_options *opt,
 int animation_open(struct animation *a, const struct animation_options *opt,
                    struct prepare *models, const char *out,
                    struct error *err);
-/* Phase A of the source at path, and what its pictures will show. */
+/* Phase A of the source at path, and what its pictures will show.  driver: the
+ * path that animation_open_driver will be given, whose first face is looked
+ * for in the meantime; or NULL. */
 int animation_open_source(struct animation *a, const char *path,
-                          struct error *err);
+                          const char *driver, struct error *err);
 /* The driver at path, frames or a stream of motions, up to its first face.
  * The clip's rate becomes the output's. */
 int animation_open_driver(struct animation *a, const char *path,

@@ -12,15 +12,44 @@
 #include "lib/base/cpu.h"
 #include "lib/track/source.h"
 
+/* A head to load, as a thread does it. */
+struct prepare_head {
+    struct prepare *p;
+    const char *path;
+    struct error *err;
+    int rc;
+};
+
+static void *prepare_run_head(void *arg)
+{
+    struct prepare_head *l = arg;
+    struct prepare *p = l->p;
+
+    l->rc = head_load(&p->head, l->path, l->err) ||
+            densify_init(&p->dense, p->head.f, p->head.F, p->head.V, l->err)
+                ? -1 : 0;
+    return NULL;
+}
+
 int prepare_open(struct prepare *p, const char *model, const char *head,
                  struct error *err)
 {
-    if (model_open(&p->model, model, err) ||
-        head_load(&p->head, head, err) ||
-        densify_init(&p->dense, p->head.f, p->head.F, p->head.V, err) ||
-        encoders_open(&p->nets, &p->model, true, p->precision, err))
+    struct prepare_head l = {p, head, err, 0};
+    struct error other;
+    pthread_t thread;
+
+    if (model_open(&p->model, model, err))
         return -1;
-    return 0;
+    const bool two = omp_get_max_threads() > 1 &&
+                     !pthread_create(&thread, NULL, prepare_run_head, &l);
+    if (!two)
+        prepare_run_head(&l);
+    int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
+    if (two)
+        pthread_join(thread, NULL);
+    if (rc && !l.rc)
+        *err = other;
+    return rc || l.rc ? -1 : 0;
 }
 
 void prepare_release(struct prepare *p)
@@ -71,21 +100,39 @@ static int prepare_read_stream(struct prepared *s, struct prepare *p,
     return rc;
 }
 
+/* The person cut out of the picture, beside whatever. */
+static int prepare_cut_out(struct source *src, const struct image *picture,
+                           const struct image *mask, struct prepare *p,
+                           const struct prepare_beside *beside,
+                           struct error *err)
+{
+    pthread_t thread;
+    const bool two = beside && omp_get_max_threads() > 1 &&
+                     !pthread_create(&thread, NULL, beside->run, beside->ctx);
+    int rc = source_cut_out(src, picture, mask, &p->head, &p->nets, err);
+
+    if (two)
+        pthread_join(thread, NULL);
+    return rc;
+}
+
 /* The picture's face, shape, motion and matte, as spid-shape makes them. */
 static int prepare_read_picture(struct prepared *s, struct prepare *p,
                                 const char *path, const char *mask_path,
+                                const struct prepare_beside *beside,
                                 struct error *err)
 {
     const struct track_options opt = {.size = (double)p->model.config.size};
-    struct image mask = {0};
+    struct image mask = {0}, *given = mask_path ? &mask : NULL;
     struct source src = {0};
     int rc = -1;
 
     if (image_read(&s->picture, path, err) ||
-        (mask_path && image_read(&mask, mask_path, err)))
+        (given && image_read(given, mask_path, err)))
         goto out;
-    if (source_make(&src, &s->picture, mask_path ? &mask : NULL, &p->head,
-                    &p->nets, &opt, err)) {
+    if (source_find(&src, &s->picture, given, &p->head, &p->nets, &opt,
+                    err) ||
+        prepare_cut_out(&src, &s->picture, given, p, beside, err)) {
         error_prefix(err, "%s", path);
         goto out;
     }
@@ -165,27 +212,29 @@ fail:
 /* A picture, while another thread loads what bakes it. */
 static int prepare_from_picture(struct prepared *s, struct prepare *p,
                                 const char *path, const char *mask,
+                                const struct prepare_beside *beside,
                                 struct error *err)
 {
     pthread_t thread;
-    const bool beside = omp_get_max_threads() > 1 && !p->has_baker &&
+    const bool opening = omp_get_max_threads() > 1 && !p->has_baker &&
         !pthread_create(&thread, NULL, prepare_run_open_baker, p);
-    int rc = prepare_read_picture(s, p, path, mask, err);
+    int rc = prepare_read_picture(s, p, path, mask, beside, err);
 
-    if (beside)
+    if (opening)
         pthread_join(thread, NULL);
     return rc;
 }
 
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, struct error *err)
+                   const char *mask, const struct prepare_beside *beside,
+                   struct error *err)
 {
     double begun = cpu_seconds();
 
     memset(s, 0, sizeof *s);
     if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
                                 : prepare_from_picture(s, p, path, mask,
-                                                       err)) {
+                                                       beside, err)) {
         prepared_release(s);
         return -1;
     }

@@ -50,10 +50,18 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
 /* Free what it holds; zeroed then. */
 void prepare_release(struct prepare *p);
 
+/* What another thread may do while the person is cut out of a picture, which
+ * leaves E_m and most processors idle.  It is not done for a stream. */
+struct prepare_beside {
+    void *(*run)(void *ctx);
+    void *ctx;
+};
+
 /* From a picture (mask: path or NULL), an identity or an avatar (a stream,
- * told by its magic). */
+ * told by its magic).  beside: NULL for nothing. */
 int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, struct error *err);
+                   const char *mask, const struct prepare_beside *beside,
+                   struct error *err);
 /* From s->person, whose parts were set and all else is 0: folded, baked and,
  * unless no_photo, textured.  On an error s is released. */
 int prepare_person(struct prepared *s, struct prepare *p, struct error *err);

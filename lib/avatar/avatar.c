@@ -85,16 +85,17 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
                                                 : a->dynamic.count;
 
     a->train = opt.mode != NN_INFER;
-    return avatar_allocate(a, err) ||
-                   source_picture_init(&a->picture, c->size, err) ||
-                   source_mesh_init(&a->source, a->head, &a->weights,
-                                    c->plane, err) ||
-                   backbone_plan(&a->backbone, 1, c->size, opt, err) ||
-                   static_branch_plan(&a->plane, opt, err) ||
-                   dynamic_branch_plan(&a->dynamic, points, opt, err) ||
-                   mouth_branch_plan(&a->mouth, opt, err)
-               ? -1
-               : 0;
+    nn_pool_use(&a->pool);      /* one after another, in avatar_bake */
+    int rc = avatar_allocate(a, err) ||
+             source_picture_init(&a->picture, c->size, err) ||
+             source_mesh_init(&a->source, a->head, &a->weights, c->plane,
+                              err) ||
+             backbone_plan(&a->backbone, 1, c->size, opt, err) ||
+             static_branch_plan(&a->plane, opt, err) ||
+             dynamic_branch_plan(&a->dynamic, points, opt, err) ||
+             mouth_branch_plan(&a->mouth, opt, err) ? -1 : 0;
+    nn_pool_use(NULL);
+    return rc;
 }
 
 void avatar_update(struct avatar *a)
@@ -116,6 +117,7 @@ void avatar_release(struct avatar *a)
     backbone_release(&a->backbone);
     mesh_weights_release(&a->weights);
     densify_release(&a->dense);
+    nn_pool_release(&a->pool);
     memset(a, 0, sizeof *a);
 }
 

@@ -44,6 +44,7 @@
 #include "lib/model/config.h"
 #include "lib/net/backbone.h"
 #include "lib/nn/params.h"
+#include "lib/nn/plan.h"
 #include "lib/splat/splat.h"
 
 enum avatar_branch {
@@ -94,6 +95,7 @@ struct avatar {
     float *frame_dmean;                 /* (N,3) of one frame */
     float frame_cam[12];                /* (3,4) */
     float *block;                       /* what the arrays are part of */
+    struct nn_pool pool;                /* maps of its networks */
 };
 
 /* Declare all tensors of the branches ("backbone.", "init.", "static.",

@@ -117,7 +117,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->start.opacity, n2, false}, {&b->start.scale, 3 * n2, false},
         {&b->start.opacity_shift, n2, false},
         {&b->start.scale_shift, n2, false}, {&b->start.visible, n2, false},
-        {&b->init_in, n2 * (Cf + 1), false},
+        {&b->init_in, n2 * (Cf + 1), true},
         {&b->dinit_in, n2 * (Cf + 1), true}, {&b->delta, 2 * n2, false},
         {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
@@ -133,6 +133,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
                         opt.mode != NN_INFER, err))
         return -1;
     b->dsampled = b->sampled;       /* the decoder's input has a copy */
+    if (opt.mode == NN_INFER)
+        b->init_in = b->in;         /* which is made after it was used */
     return plane_init_plan(&b->init, 1, b->n, b->n, opt, err) ||
                    conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err)
                ? -1

@@ -26,24 +26,38 @@ uint16_t float_to_bf16(float f)
     return (uint16_t)((u + 0x7fff + (u >> 16 & 1)) >> 16);
 }
 
-/* A subnormal half is a normal float, hence ldexpf; for the rest the
+/* A subnormal half is a normal float, a multiple of 2^-24; for the rest the
  * exponent's bias changes from 15 to 127. */
-float half_to_float(uint16_t h)
+static inline float half_widen(uint16_t h)
 {
-    uint32_t sign = (uint32_t)(h & 0x8000) << 16, u;
-    int e = h >> 10 & 31;
-    uint32_t m = h & 0x3ff;
+    const uint32_t m = h & 0x3ff, e = h & 0x7c00;
+    const float small = (float)(int32_t)m * 0x1p-24f;
+    uint32_t u = (uint32_t)(h & 0x7fff) << 13, tiny;
     float f;
 
-    if (e == 0) {                                /* zero and subnormals */
-        f = ldexpf((float)m, -24);
-        return sign ? -f : f;
-    }
-    u = e == 31 ? 0x7f800000 | m << 13
-                : ((uint32_t)e + 112) << 23 | m << 13;
-    u |= sign;
+    memcpy(&tiny, &small, 4);
+    u += e == 0x7c00 ? 224u << 23 : 112u << 23;
+    u = (e ? u : tiny) | (uint32_t)(h & 0x8000) << 16;
     memcpy(&f, &u, 4);
     return f;
+}
+
+float half_to_float(uint16_t h)
+{
+    return half_widen(h);
+}
+
+void half_to_floats(float *out, const void *in, size_t n)
+{
+    const char *from = in;
+
+#pragma omp simd
+    for (size_t i = 0; i < n; i++) {
+        uint16_t h;
+
+        memcpy(&h, from + 2 * i, sizeof h);
+        out[i] = half_widen(h);
+    }
 }
 
 /* As float_to_bf16, with the bias changed back; what is below the smallest

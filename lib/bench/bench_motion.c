@@ -109,7 +109,8 @@ static int bench_net(struct bench *b, struct net_case *c, double *truth,
     omp_set_num_threads(threads);
     if (encoders_open(&c->e, &c->model, c->shape, type, err))
         return -1;
-    rc = bench_time(&t, b->seconds / 6, 20, bench_call_net, c, err);
+    rc = motion_encoder_plan(&c->e.motion, 1, c->e.motion.plan.opt, err) ||
+         bench_time(&t, b->seconds / 6, 20, bench_call_net, c, err) ? -1 : 0;
     if (type == NN_F32 && threads == 1) {
         most = 0;               /* the truth itself */
         psnr = INFINITY;

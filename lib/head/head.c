@@ -141,19 +141,23 @@ static size_t head_block_lane(size_t v, int c)
     return (size_t)c * BLOCK + v % BLOCK;
 }
 
-/* out (blocks, n, 96) of the vertices from .. to - 1 of x (V, 3, stride):
- * columns first..first+n. */
+/* out (blocks, n, 96) of the vertices from (a block's first) .. to - 1 of x
+ * (V, 3, stride): columns first..first+n. */
 static void head_block_rows(float *out, const float *x, size_t from, size_t to,
                             size_t stride, size_t first, size_t n, float scale)
 {
-    for (size_t v = from; v < to; v++)
-        for (int c = 0; c < 3; c++) {
-            const float *col = x + (3 * v + c) * stride + first;
-            float *row = out + v / BLOCK * n * ROW + head_block_lane(v, c);
+    const size_t few = 16;      /* columns of a line, rows that stay near */
 
-            for (size_t k = 0; k < n; k++)
-                row[k * ROW] = scale * col[k];
-        }
+    for (size_t b = from / BLOCK; b * BLOCK < to; b++)
+        for (size_t k0 = 0; k0 < n; k0 += few)
+            for (size_t v = b * BLOCK; v < to && v < (b + 1) * BLOCK; v++)
+                for (int c = 0; c < 3; c++) {
+                    const float *col = x + (3 * v + c) * stride + first;
+                    float *row = out + b * n * ROW + head_block_lane(v, c);
+
+                    for (size_t k = k0; k < n && k < k0 + few; k++)
+                        row[k * ROW] = scale * col[k];
+                }
 }
 
 /* The same of all vertices and all n columns. */

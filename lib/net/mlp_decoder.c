@@ -97,7 +97,7 @@ int mlp_decoder_plan(struct mlp_decoder *d, size_t batch, size_t points,
     d->points = points;
     im->padded = (d->width + HARMONIC_OUT + 15) / 16 * 16;
     im->gamma = nn_plan_floats(p, batch * HARMONIC_OUT);
-    im->raw = nn_plan_floats(p, rows * (d->head.colors + 8));
+    im->raw = nn_plan_map(p, rows * (d->head.colors + 8));
     for (int i = 0; i < 4; i++) {
         im->y[i] = nn_plan_map(p, rows * d->width);
         linear_plan(&im->trunk[i], p, rows);

@@ -55,7 +55,7 @@ int plane_init_plan(struct plane_init *p, size_t batch, size_t height,
     for (int i = 0; i < 3; i++) {
         float **y = i < 2 ? &im->y[i] : &im->t;
 
-        *y = nn_plan_floats(pl, pixels * (i < 2 ? p->width : 2));
+        *y = nn_plan_map(pl, pixels * (i < 2 ? p->width : 2));
         conv_plan(&im->conv[i], pl, batch, height, width);
     }
     if (nn_plan_backward(pl)) {

@@ -31,59 +31,13 @@ const char *nn_type_name(enum nn_type type)
     return name[type];
 }
 
-void nn_plan_init(struct nn_plan *p, struct nn_options opt)
-{
-    memset(p, 0, sizeof *p);
-    p->opt = opt;
-    if (opt.type > NN_BF16 && opt.mode != NN_INFER)
-        nn_plan_fail(p, EX_SOFTWARE, "%s is for inference only",
-                     nn_type_name(opt.type));
-}
-
 #define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
 
-/* Bytes that nn_plan_zeros takes from the system for so many; 0: it is left
- * to the heap. */
-static size_t nn_plan_mapped(size_t bytes)
-{
-    return bytes < HUGE / 2 || bytes > SIZE_MAX - 2 * HUGE
-               ? 0 : (bytes + HUGE - 1) & ~(HUGE - 1);
-}
-
-/* Give back what nn_plan_zeros gave, or NULL. */
-static void nn_plan_drop(void *data, size_t bytes)
-{
-    size_t mapped = nn_plan_mapped(bytes);
-
-    if (mapped && data)
-        munmap(data, mapped);
-    else
-        free(data);
-}
-
-void nn_plan_release(struct nn_plan *p)
-{
-    for (size_t i = 0; i < p->chunks; i++)
-        nn_plan_drop(p->chunk[i].data, p->chunk[i].size);
-    free(p->chunk);
-    nn_plan_drop(p->scratch, p->scratch_room);
-    memset(p, 0, sizeof *p);
-}
-
-void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
-{
-    if (p->err.code)
-        return;
-    va_list ap;
-    va_start(ap, format);
-    vsnprintf(p->err.text, sizeof p->err.text, format, ap);
-    va_end(ap);
-    p->err.code = code;
-}
+/* ---- chunks ------------------------------------------------------------ */
 
 /* `mapped` zero bytes (whole huge pages) at a huge page's border, which become
  * memory when they are touched, or NULL. */
-static void *nn_plan_map_zeros(size_t mapped)
+static void *plan_chunk_map(size_t mapped)
 {
     const size_t all = mapped + HUGE;
     char *base = mmap(NULL, all, PROT_READ | PROT_WRITE,
@@ -102,28 +56,78 @@ static void *nn_plan_map_zeros(size_t mapped)
     return base + before;
 }
 
-/* Large buffers in huge pages where the system has them: kernels walk across
- * many rows and planes at once, more than there are entries for small pages. */
-static void *nn_plan_zeros(size_t bytes)
+/* From the heap, not cleared. */
+static struct nn_chunk plan_chunk_of_heap(size_t bytes)
 {
-    const size_t mapped = nn_plan_mapped(bytes);
+    const size_t size = (bytes + 63) & ~(size_t)63;
+
+    return (struct nn_chunk){
+        .data = bytes > SIZE_MAX - 63 ? NULL : aligned_alloc(64, size),
+        .size = bytes
+    };
+}
+
+/* Zeros; large ones in huge pages where the system has them: kernels walk
+ * across many rows and planes at once, more than there are entries for small
+ * pages. */
+static struct nn_chunk plan_chunk_of_zeros(size_t bytes)
+{
+    struct nn_chunk c = {.size = bytes};
 
     if (bytes > SIZE_MAX - 2 * HUGE)
-        return NULL;
-    if (mapped)
-        return nn_plan_map_zeros(mapped);
-    size_t size = (bytes + 63) & ~(size_t)63;
-    void *data = aligned_alloc(64, size);
-    return data ? memset(data, 0, size) : NULL;
+        return c;
+    if (bytes >= HUGE / 2) {
+        c.mapped = (bytes + HUGE - 1) & ~(HUGE - 1);
+        c.data = plan_chunk_map(c.mapped);
+        return c;
+    }
+    c = plan_chunk_of_heap(bytes);
+    if (c.data)
+        memset(c.data, 0, bytes);
+    return c;
+}
+
+static void plan_chunk_drop(struct nn_chunk *c)
+{
+    if (c->mapped && c->data)
+        munmap(c->data, c->mapped);
+    else
+        free(c->data);
+    memset(c, 0, sizeof *c);
+}
+
+/* ---- pools ------------------------------------------------------------- */
+
+static _Thread_local struct nn_pool *plan_pool_in_use;
+
+void nn_pool_use(struct nn_pool *pool)
+{
+    plan_pool_in_use = pool;
+}
+
+/* One more chunk; -1 without memory for its line. */
+static int plan_pool_add(struct nn_pool *pool, struct nn_chunk c)
+{
+    if (pool->chunks == pool->room) {
+        size_t room = pool->room ? 2 * pool->room : 64;
+        void *grown = realloc(pool->chunk, room * sizeof *pool->chunk);
+
+        if (!grown)
+            return -1;
+        pool->chunk = grown;
+        pool->room = room;
+    }
+    pool->chunk[pool->chunks++] = c;
+    return 0;
 }
 
 /* The smallest idle chunk that is large enough. */
-static struct nn_chunk *nn_plan_idle_chunk(struct nn_plan *p, size_t bytes)
+static struct nn_chunk *plan_pool_idle_chunk(struct nn_pool *pool, size_t bytes)
 {
     struct nn_chunk *best = NULL;
 
-    for (size_t i = 0; i < p->chunks; i++) {
-        struct nn_chunk *c = &p->chunk[i];
+    for (size_t i = 0; i < pool->chunks; i++) {
+        struct nn_chunk *c = &pool->chunk[i];
 
         if (c->idle && c->size >= bytes && (!best || c->size < best->size))
             best = c;
@@ -131,29 +135,64 @@ static struct nn_chunk *nn_plan_idle_chunk(struct nn_plan *p, size_t bytes)
     return best;
 }
 
-void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
+void nn_pool_release(struct nn_pool *pool)
+{
+    for (size_t i = 0; i < pool->chunks; i++)
+        plan_chunk_drop(&pool->chunk[i]);
+    free(pool->chunk);
+    memset(pool, 0, sizeof *pool);
+}
+
+/* ---- plans ------------------------------------------------------------- */
+
+void nn_plan_init(struct nn_plan *p, struct nn_options opt)
+{
+    memset(p, 0, sizeof *p);
+    p->opt = opt;
+    p->shared = opt.mode == NN_INFER ? plan_pool_in_use : NULL;
+    if (opt.type > NN_BF16 && opt.mode != NN_INFER)
+        nn_plan_fail(p, EX_SOFTWARE, "%s is for inference only",
+                     nn_type_name(opt.type));
+}
+
+void nn_plan_release(struct nn_plan *p)
+{
+    nn_pool_release(&p->own);
+    plan_chunk_drop(&p->working);
+    memset(p, 0, sizeof *p);
+}
+
+void nn_plan_fail(struct nn_plan *p, int code, const char *format, ...)
 {
     if (p->err.code)
-        return NULL;
-    if (p->chunks == p->room) {
-        size_t room = p->room ? 2 * p->room : 64;
-        void *grown = realloc(p->chunk, room * sizeof *p->chunk);
+        return;
+    va_list ap;
+    va_start(ap, format);
+    vsnprintf(p->err.text, sizeof p->err.text, format, ap);
+    va_end(ap);
+    p->err.code = code;
+}
 
-        if (!grown) {
-            nn_plan_fail(p, EX_OSERR, "out of memory");
-            return NULL;
-        }
-        p->chunk = grown;
-        p->room = room;
-    }
-    bytes = bytes ? bytes : 64;
-    void *data = nn_plan_zeros(bytes);
-    if (!data) {
-        nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
+/* One more chunk of the pool; its bytes. */
+static void *nn_plan_take(struct nn_plan *p, struct nn_pool *pool,
+                          size_t bytes)
+{
+    struct nn_chunk c = {0};
+
+    if (p->err.code)
         return NULL;
-    }
-    p->chunk[p->chunks++] = (struct nn_chunk){ data, bytes, false };
-    return data;
+    bytes = bytes ? bytes : 64;
+    c = pool == &p->own ? plan_chunk_of_zeros(bytes) : plan_chunk_of_heap(bytes);
+    if (c.data && !plan_pool_add(pool, c))
+        return c.data;
+    plan_chunk_drop(&c);
+    nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
+    return NULL;
+}
+
+void *nn_plan_bytes(struct nn_plan *p, size_t bytes)
+{
+    return nn_plan_take(p, &p->own, bytes);
 }
 
 float *nn_plan_floats(struct nn_plan *p, size_t count)
@@ -161,22 +200,31 @@ float *nn_plan_floats(struct nn_plan *p, size_t count)
     return nn_plan_bytes(p, count * sizeof(float));
 }
 
+/* Where its maps come from. */
+static struct nn_pool *nn_plan_maps(struct nn_plan *p)
+{
+    return p->shared ? p->shared : &p->own;
+}
+
 float *nn_plan_map(struct nn_plan *p, size_t count)
 {
     size_t bytes = count * sizeof(float);
-    struct nn_chunk *c = p->err.code ? NULL : nn_plan_idle_chunk(p, bytes);
+    struct nn_chunk *c =
+        p->err.code ? NULL : plan_pool_idle_chunk(nn_plan_maps(p), bytes);
 
     if (!c)
-        return nn_plan_bytes(p, bytes);
+        return nn_plan_take(p, nn_plan_maps(p), bytes);
     c->idle = false;
     return c->data;
 }
 
 void nn_plan_free(struct nn_plan *p, void *map)
 {
-    for (size_t i = 0; i < p->chunks; i++)
-        if (p->chunk[i].data == map)
-            p->chunk[i].idle = true;
+    struct nn_pool *pool = nn_plan_maps(p);
+
+    for (size_t i = 0; i < pool->chunks; i++)
+        if (pool->chunk[i].data == map)
+            pool->chunk[i].idle = true;
 }
 
 void nn_plan_recycle(struct nn_plan *p, void *map)
@@ -193,10 +241,12 @@ void nn_plan_scratch(struct nn_plan *p, size_t bytes)
 
 int nn_plan_finish(struct nn_plan *p, struct error *err)
 {
+    for (size_t i = 0; p->shared && i < p->shared->chunks; i++)
+        p->shared->chunk[i].idle = true;    /* the next network's turn */
     if (!p->err.code) {
-        nn_plan_drop(p->scratch, p->scratch_room);
-        p->scratch_room = p->scratch_size + 64;
-        p->scratch = nn_plan_zeros(p->scratch_room);
+        plan_chunk_drop(&p->working);
+        p->working = plan_chunk_of_zeros(p->scratch_size + 64);
+        p->scratch = p->working.data;
         if (!p->scratch)
             nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes of scratch)",
                          p->scratch_size);

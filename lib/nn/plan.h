@@ -18,18 +18,35 @@
 struct nn_chunk {
     void *data;
     size_t size;
+    size_t mapped;              /* bytes from the system; 0: of the heap */
     bool idle;
+};
+
+/* Buffers of a plan; or maps that plans share whose networks never run at the
+ * same time.  Zeroed: empty. */
+struct nn_pool {
+    struct nn_chunk *chunk;
+    size_t chunks, room;
 };
 
 struct nn_plan {
     struct nn_options opt;
     struct error err;              /* code 0: all well so far */
-    struct nn_chunk *chunk;
-    size_t chunks, room;
+    struct nn_pool own;
+    struct nn_pool *shared;        /* where maps come from; NULL: own */
     size_t scratch_size;           /* wanted so far */
-    size_t scratch_room;           /* of scratch, bytes */
-    char *scratch;                 /* shared by all layers, one at a time */
+    struct nn_chunk working;
+    char *scratch;                 /* working's bytes, shared by all layers,
+                                    * one at a time */
 };
+
+/* The plans for inference that this thread begins from here on take their maps
+ * from the pool, which outlives them; NULL: from memory of their own again.
+ * Whoever shares a pool runs one after another, and keeps nothing in a map
+ * between two passes. */
+void nn_pool_use(struct nn_pool *pool);
+/* Free what it holds; zeroed then. */
+void nn_pool_release(struct nn_pool *pool);
 
 /* An empty plan; NN_F32 or NN_BF16, unless NN_INFER. */
 void nn_plan_init(struct nn_plan *p, struct nn_options opt);
@@ -43,8 +60,8 @@ void *nn_plan_bytes(struct nn_plan *p, size_t bytes);
 /* The same, counted in floats. */
 float *nn_plan_floats(struct nn_plan *p, size_t count);
 
-/* A buffer for one pass, activations or gradients.  It may have been another
- * layer's before, given back. */
+/* A buffer for one pass, activations or gradients, with anything in it.  It may
+ * have been another layer's before, given back. */
 float *nn_plan_map(struct nn_plan *p, size_t count);
 /* The map's content is dead from here on in the order of planning.  Only
  * inference gives anything back. */

@@ -45,12 +45,12 @@ int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
         (with_shape && shape_encoder_init(&e->shape, &e->ps, "shape.",
                                           c->shape_net, err)) ||
         params_allocate(&e->ps, err) || model_load(&e->ps, m, "", err) ||
-        motion_encoder_plan(&e->motion, 1, opt, err) ||
         (with_shape && shape_encoder_plan(&e->shape, 1, opt, err)) ||
         (e->has_matte && matte_net_plan(&e->matte, 1, opt, err))) {
         encoders_release(e);
         return -1;
     }
+    nn_plan_init(&e->motion.plan, opt);
     return 0;
 }
 

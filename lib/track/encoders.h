@@ -1,5 +1,5 @@
-/* E_m and E_beta of a model file, ready to run on one face crop, and the
- * matte network, on one portrait. */
+/* E_m and E_beta of a model file and the matte network: E_beta ready to run on
+ * one face crop, the other on one portrait. */
 #ifndef SPID_TRACK_ENCODERS_H
 #define SPID_TRACK_ENCODERS_H
 
@@ -20,9 +20,10 @@ struct encoders {
     bool has_shape, has_matte;
 };
 
-/* Load the motion encoder, and when with_shape the shape encoder and the
- * matte network, which a model may lack.  The model may be closed afterwards.
- * Errors name file, tensor, expected and found shape; nothing is left
+/* Load the motion encoder, of this type, but without a plan: motion_tta_init
+ * makes one for the crops that it will see at a time.  When with_shape load the
+ * shape encoder and the matte network, which a model may lack.  The model may
+ * be closed afterwards.  Errors name file, tensor, expected and found shape; nothing is left
  * allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);

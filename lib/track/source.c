@@ -39,23 +39,25 @@ static double source_look(struct source *s, struct track *t,
     return found <= 0 ? found : (double)r->sure;
 }
 
-/* The turn that shows the surest face, unless the picture as it is shows a
- * sure one: *quarters.  -1. */
+/* The turn that shows the surest face, *quarters, unless the picture as it is
+ * shows a sure one, which is then *r: 1, else 0; -1. */
 static int source_find_turn(struct source *s, struct track *t,
-                            const struct image *im, int *quarters,
-                            struct error *err)
+                            struct track_result *r, const struct image *im,
+                            int *quarters, struct error *err)
 {
-    struct track_result r = {0};
-    double best = source_look(s, t, &r, im, err);
+    double best = source_look(s, t, r, im, err);
 
     *quarters = 0;
+    if (best >= SOURCE_SURE)
+        return 1;
     for (int k = 1; k < 4 && best >= 0 && best < SOURCE_SURE; k++) {
+        struct track_result other;
         struct image turned;
         double sure;
 
         if (turned_copy(&turned, im, k, err))
             return -1;
-        sure = source_look(s, t, &r, &turned, err);
+        sure = source_look(s, t, &other, &turned, err);
         image_release(&turned);
         if (sure < 0)
             return -1;
@@ -67,15 +69,17 @@ static int source_find_turn(struct source *s, struct track *t,
     return best < 0 ? -1 : 0;
 }
 
-/* The picture, and its mask, upright. */
+/* The picture, and its mask, upright: 1 with *r where it was so, and its face
+ * is sure; 0; -1. */
 static int source_stand_up(struct source *s, struct track *t,
-                           struct image *im, struct image *mask,
-                           struct error *err)
+                           struct track_result *r, struct image *im,
+                           struct image *mask, struct error *err)
 {
     struct image *const each[2] = {im, mask};
+    const int sure = source_find_turn(s, t, r, im, &s->turned, err);
 
-    if (source_find_turn(s, t, im, &s->turned, err))
-        return -1;
+    if (sure)
+        return sure;
     for (int i = 0; i < 2 && s->turned; i++) {
         struct image turned;
 
@@ -91,11 +95,17 @@ static int source_stand_up(struct source *s, struct track *t,
 
 /* The face and its motion, with the mean head's landmarks for the crop. */
 static int source_find_face(struct source *s, struct track *t,
-                            const struct image *im, struct error *err)
+                            struct image *im, struct image *mask,
+                            struct error *err)
 {
+    const bool turns = t->tta.net->sure.ps && !t->opt.has_crop;
     struct track_result r;
-    int found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
+    int found = turns ? source_stand_up(s, t, &r, im, mask, err) : 0;
 
+    if (found)          /* the tracker has looked, and stands there */
+        r.detect_s = 0;
+    else
+        found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);
     if (found < 0)
         return -1;
     if (!found)
@@ -415,15 +425,13 @@ static int source_enlarge(struct source *s, const struct image *im,
     return rc;
 }
 
-int source_make(struct source *s, struct image *im, struct image *mask,
-                const struct head *head,
-                struct encoders *nets, const struct track_options *opt,
-                struct error *err)
+int source_find(struct source *s, struct image *im, struct image *mask,
+                const struct head *head, struct encoders *nets,
+                const struct track_options *opt, struct error *err)
 {
     struct track_options whole = *opt;
     struct identity mean = {0};
     struct track t = {0};
-    int rc = -1;
 
     memset(s, 0, sizeof *s);
     whole.whole = true;
@@ -432,24 +440,36 @@ int source_make(struct source *s, struct image *im, struct image *mask,
         return error_set(err, EX_DATAERR, "picture of %zu x %zu pixels "
                          "(expected at least 16 x 16)", im->width,
                          im->height);
-    if (head_fold(&mean, head, NULL, 0, err) != 0 ||
-        track_init(&t, &mean, &nets->motion, &whole, err) != 0 ||
-        (nets->motion.sure.ps && !opt->has_crop &&
-         source_stand_up(s, &t, im, mask, err) != 0) ||
-        source_find_face(s, &t, im, err) != 0)
-        goto out;
-    if (source_find_shape(s, &t, im, head, nets, err) != 0 ||
-        source_cut_window(s, im, (size_t)opt->size, err) != 0 ||
-        source_make_matte(s, im, mask, head, nets, err) != 0 ||
-        source_enlarge(s, im, mask, err) != 0)
-        goto out;
-    rc = 0;
-out:
+    int rc = head_fold(&mean, head, NULL, 0, err) ||
+             track_init(&t, &mean, &nets->motion, &whole, err) ||
+             source_find_face(s, &t, im, mask, err) ||
+             source_find_shape(s, &t, im, head, nets, err) ||
+             source_cut_window(s, im, (size_t)opt->size, err) ? -1 : 0;
     track_release(&t);
     identity_release(&mean);
-    if (rc != 0)
+    if (rc)
         source_release(s);
     return rc;
+}
+
+int source_cut_out(struct source *s, const struct image *im,
+                   const struct image *mask, const struct head *head,
+                   struct encoders *nets, struct error *err)
+{
+    if (source_make_matte(s, im, mask, head, nets, err) == 0 &&
+        source_enlarge(s, im, mask, err) == 0)
+        return 0;
+    source_release(s);
+    return -1;
+}
+
+int source_make(struct source *s, struct image *im, struct image *mask,
+                const struct head *head,
+                struct encoders *nets, const struct track_options *opt,
+                struct error *err)
+{
+    return source_find(s, im, mask, head, nets, opt, err) ||
+           source_cut_out(s, im, mask, head, nets, err) ? -1 : 0;
 }
 
 void source_release(struct source *s)

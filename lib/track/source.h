@@ -42,6 +42,14 @@ int source_make(struct source *s, struct image *im, struct image *mask,
                 const struct head *head,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err);
+/* Its two halves: face, motion, shape and window; then, with neither the motion
+ * nor the shape encoder, the matte and what is behind the person. */
+int source_find(struct source *s, struct image *im, struct image *mask,
+                const struct head *head, struct encoders *nets,
+                const struct track_options *opt, struct error *err);
+int source_cut_out(struct source *s, const struct image *im,
+                   const struct image *mask, const struct head *head,
+                   struct encoders *nets, struct error *err);
 /* Free what it holds; zeroed then. */
 void source_release(struct source *s);
 /* Move the person out, for whoever keeps them (person_release); set
