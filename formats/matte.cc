@@ -15,6 +15,8 @@ extern "C" {
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
+#include "formats/grabcut.hh"
+
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
 
@@ -149,7 +151,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         cv::Mat out(N, N, CV_8U, matte);
         cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
         cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
-        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), bgm, fgm, small, sh, si;
+        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), small, sh, si;
         if (inside)
             std::memcpy(in.data, inside, n * n);
         cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
@@ -171,8 +173,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         }
         cv::theRNG().state = 0x5eed;
         cv::setRNGSeed(1);
-        cv::grabCut(small(part).clone(), label, cv::Rect(), bgm, fgm, 5,
-                    cv::GC_INIT_WITH_MASK);
+        grabcut_run(label, small(part), 5);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
         cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
@@ -201,7 +202,7 @@ static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
                                 const cv::Mat &core)
 {
     const int w = alpha.cols;
-    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
+    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD));
     cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
 
     cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, matte_brush_disc(w / 50));
@@ -213,8 +214,7 @@ static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
     cv::theRNG().state = 0x5eed;
     cv::setRNGSeed(1);
-    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3,
-                cv::GC_INIT_WITH_MASK);
+    grabcut_run(label, small, 3);
     fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
     fg.convertTo(fg, CV_32F, 1 / 255.0);
     cv::GaussianBlur(fg, fg, cv::Size(), 1.0);

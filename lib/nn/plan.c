@@ -182,7 +182,8 @@ static void *nn_plan_take(struct nn_plan *p, struct nn_pool *pool,
     if (p->err.code)
         return NULL;
     bytes = bytes ? bytes : 64;
-    c = pool == &p->own ? plan_chunk_of_zeros(bytes) : plan_chunk_of_heap(bytes);
+    c = pool == &p->own ? plan_chunk_of_zeros(bytes)
+                        : plan_chunk_of_heap(bytes);
     if (c.data && !plan_pool_add(pool, c))
         return c.data;
     plan_chunk_drop(&c);
