@@ -11,7 +11,7 @@
 
 #define ABOUT_MM 16.0f      /* skin so far from a lid lends its colour */
 #define LENT 0.8f           /* share of that colour at the margin */
-#define LASHES 0.55f        /* lashes are at most so bright, of their lid */
+#define LASHES 0.4f        /* lashes are at most so bright, of their lid */
 
 /* One lid: where it is, and how far it comes down, head units. */
 struct lid_skin_lid {

@@ -22,7 +22,7 @@
 #define SEAM_END_MM 4.0f    /* and not from here on */
 #define DROP 0.4f           /* radians of a mouth wide open, */
 #define DROP_MOST 2.5f      /* and the most that counts of what it stretches */
-#define MARGIN 0.9f         /* and their margin by this share of the most */
+#define MARGIN 0.5f         /* who comes down half as far comes with it */
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
  * point a third of the way from the root to the neck joint. */
@@ -80,17 +80,20 @@ static float mesh_weights_range(const struct head *h, size_t v)
            JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
-/* fold (V): 0 on the lids' margin, which comes down (V) as far as any of its
- * neighbours or nearly so, else 1. */
+/* fold (V): 0 on the lids' margin, which has nothing below it, rather than
+ * beside or behind, that comes down (V) with it; else 1. */
 static void mesh_weights_margin(float *fold, const float *down,
-                                const struct densify *d)
+                                const struct head *h, const struct densify *d)
 {
     for (size_t v = 0; v < d->V; v++)
         fold[v] = 0;
     for (size_t e = 0; e < 2 * d->E; e++) {
         const size_t i = (size_t)d->edge[e], j = (size_t)d->edge[e ^ 1];
+        const float *x = h->v_template + 3 * i, *y = h->v_template + 3 * j;
+        const float below = x[1] - y[1];
 
-        if (down[i] < MARGIN * down[j])
+        if (below > fabsf(x[0] - y[0]) && below > fabsf(x[2] - y[2]) &&
+            down[j] > MARGIN * down[i])
             fold[i] = 1;
     }
 }
@@ -107,7 +110,7 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
         closed[i] = h->v_template[i] + h->l_eyelid[i] + h->r_eyelid[i];
     for (size_t v = 0; v < V; v++)
         w->lid[v] = h->v_template[3 * v + 1] - closed[3 * v + 1];
-    mesh_weights_margin(w->fold, w->lid, d);
+    mesh_weights_margin(w->fold, w->lid, h, d);
     densify_midpoints(w->lid + V, w->lid, d, 1);
     densify_midpoints(w->fold + V, w->fold, d, 1);
     densify_spacing(w->stretch, closed, d);

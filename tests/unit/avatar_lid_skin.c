@@ -71,6 +71,27 @@ static double lid_largest_change(const float *a, const float *b,
     return most;
 }
 
+/* How wide the left margin is, of how wide the lid is that comes down. */
+static double lid_margin_width(const struct head *h,
+                               const struct mesh_weights *w)
+{
+    double lid[2] = {1e6, -1e6}, margin[2] = {1e6, -1e6};
+
+    for (size_t v = 0; v < h->V; v++) {
+        double x = h->v_template[3 * v];
+
+        if (x < 0 || w->lid[v] < 1)
+            continue;
+        lid[0] = fmin(lid[0], x);
+        lid[1] = fmax(lid[1], x);
+        if (w->fold[v] < 1) {
+            margin[0] = fmin(margin[0], x);
+            margin[1] = fmax(margin[1], x);
+        }
+    }
+    return (margin[1] - margin[0]) / (lid[1] - lid[0]);
+}
+
 int main(void)
 {
     struct mesh_weights w;
@@ -102,6 +123,8 @@ int main(void)
                 SHADE + 0.15, SKIN);
     check_range("lashes", lid_mean(rgb, &h, &w, &d, 0.5, 1, true), 0.05,
                 0.5 * SKIN);
+    check_range("of the lid's width there are lashes",
+                lid_margin_width(&h, &w), 0.75, 1);
     expect("beside the lids", lid_largest_change(rgb, before, &w, D, false), 0,
            0);
     memset(trust, 0, D * sizeof *trust);
