@@ -93,7 +93,7 @@ struct lookup {
     const struct lookup_kernels *kernels;
     const float *place, *alpha;
     size_t level, size, across;         /* tiles from left to right */
-    float turned;                       /* texture_turned of the view */
+    struct texture_rim rim;             /* texture_rim of the view */
     struct lookup_view view;
 };
 
@@ -106,7 +106,7 @@ static struct lookup lookup_make(const struct texture *t,
 
     return (struct lookup){
         t, lookup_kernels(), place, alpha, level, size,
-        (size + LOOKUP_WIDE - 1) / LOOKUP_WIDE, texture_turned(v),
+        (size + LOOKUP_WIDE - 1) / LOOKUP_WIDE, texture_rim(v),
         {*v, texture_zoom(v), (float)size, 0.5f * (float)t->side[level]}
     };
 }
@@ -202,8 +202,8 @@ static void lookup_row(float *photo, struct lookup_row *r,
     memset(photo, 0, TEXTURE_PHOTO * t->n * sizeof *photo);
     k->kernels->confide(r, &k->view, t->n);
     lookup_confide_border(r, k, t, y);
-    k->kernels->bicubic(photo, r->u, r->v, r->sure, t->n,
-                        k->t->level[k->level], S, k->turned);
+    k->kernels->bicubic(photo, r->u, r->v, r->sure, r->alpha, t->n,
+                        k->t->level[k->level], S, k->rim);
 }
 
 void texture_lookup(float *photo, const struct texture *t,

@@ -31,12 +31,20 @@ float texture_zoom(const struct splat_place_view *v);
 float texture_stretch(const float *place, const struct splat_place_view *v,
                       float zoom, size_t x, size_t y, size_t size);
 
-/* How far a turned head's view is from the source's but for scale and turns in
- * the picture: 0 at 12 degrees and less, 1 at 25 and more. */
-float texture_turned(const struct splat_place_view *v);
-/* What of the confidence is left where the matte is less than full: a rim of
- * the source, which on a turned head is torn. */
-float texture_whole(float matte, float turned);
+/* How rims are believed, by how far a turned head's view is from the source's
+ * but for scale and turns in the picture. */
+struct texture_rim {
+    float turned;       /* 0 at 12 degrees and less, 1 at 25 and more */
+    float most;         /* times the drawn coverage is the most that the
+                         * photograph covers: any at 0 degrees, twice at 8 and
+                         * more.  Past an outline lie places from anywhere
+                         * beyond it. */
+};
+struct texture_rim texture_rim(const struct splat_place_view *v);
+/* What of the confidence is left where the matte or the coverage is less than
+ * full: a rim of the source, or of what is drawn, which on a turned head is
+ * torn. */
+float texture_whole(float matte, float alpha, float turned);
 
 /* photo (n,5) of pixels from x on in row y as a field with places `step`
  * pixels apart has it: less confidence by its doubt, colours by its gains. */

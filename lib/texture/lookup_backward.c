@@ -3,6 +3,7 @@
 #include "lib/texture/texture.h"
 
 #include <math.h>
+#include <string.h>
 
 #include "lib/texture/lookup.h"
 
@@ -29,17 +30,36 @@ static size_t lookup_clamp(long i, long n)
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
 }
 
+/* c (4) was scaled so that c[3] is `most` at most: dc (4) from d (4); returns
+ * the gradient by `most`. */
+static float lookup_most_backward(float dc[4], const float d[4],
+                                  const float c[4], float most)
+{
+    float sum = 0;
+
+    memcpy(dc, d, 4 * sizeof *dc);
+    if (!(c[3] > most))
+        return 0;
+    for (int k = 0; k < 3; k++) {
+        sum += d[k] * c[k] / c[3];
+        dc[k] *= most / c[3];
+    }
+    dc[3] = -sum * most / c[3];
+    return sum + d[3];
+}
+
 /* duv (2) = gradient by the position (u,v), pixels, of a lookup whose four
- * numbers have gradient d. */
-static void lookup_position_backward(float duv[2], const float d[4],
-                                     const uint8_t *texture, size_t S,
-                                     float u, float v)
+ * numbers have gradient d, where the last is `most` at most; returns the
+ * gradient by that. */
+static float lookup_position_backward(float duv[2], const float d[4],
+                                      const uint8_t *texture, size_t S,
+                                      float u, float v, float most)
 {
     const float end = (float)S;
     float x = fminf(fmaxf(u, -2), end + 2) - 0.5f;
     float y = fminf(fmaxf(v, -2), end + 2) - 0.5f;
     float fx = floorf(x), fy = floorf(y), wx[4], wy[4], dx[4], dy[4];
-    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0};
+    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0}, held[4], dc[4];
 
     lookup_weights(wx, dx, x - fx);
     lookup_weights(wy, dy, y - fy);
@@ -57,12 +77,16 @@ static void lookup_position_backward(float duv[2], const float d[4],
             by_y[c] += dy[j] * wx[i] * value;
         }
     }
+    for (int c = 0; c < 4; c++)
+        held[c] = fminf(fmaxf(sum[c], 0), 1);
+    const float dmost = lookup_most_backward(dc, d, held, most);
     duv[0] = duv[1] = 0;
     for (int c = 0; c < 4; c++)
         if (sum[c] > 0 && sum[c] < 1) {         /* the lookup holds it there */
-            duv[0] += d[c] * by_x[c];
-            duv[1] += d[c] * by_y[c];
+            duv[0] += dc[c] * by_x[c];
+            duv[1] += dc[c] * by_y[c];
         }
+    return dmost;
 }
 
 /* dp (3) += duv through the place p (3), half its picture's side. */
@@ -159,11 +183,13 @@ void texture_lookup_backward(float *dplace, float *dalpha,
     const size_t level = texture_level(t, v, size), S = t->side[level];
     const float step = 2.0f / (float)size, half = 0.5f * (float)S;
     const float *A = v->A, *b = v->b;
-    const float turned = texture_turned(v), zoom = texture_zoom(v);
+    const struct texture_rim rim = texture_rim(v);
+    const float zoom = texture_zoom(v);
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
-        float whole = texture_whole(photo[TEXTURE_PHOTO * i + 3], turned);
+        float whole = texture_whole(photo[TEXTURE_PHOTO * i + 3], alpha[i],
+                                    rim.turned);
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
 
@@ -172,10 +198,11 @@ void texture_lookup_backward(float *dplace, float *dalpha,
                                          alpha[i], d[4] * whole, i % size,
                                          i / size, size) > 0))
             continue;
-        lookup_position_backward(
+        dalpha[i] += rim.most * lookup_position_backward(
             duv, d, t->level[level], S,
             half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
-            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1));
+            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1),
+            rim.most * alpha[i]);
         lookup_place_backward(dplace + 3 * i, duv, p, half);
     }
 }

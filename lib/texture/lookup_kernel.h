@@ -10,6 +10,7 @@
 
 #include "lib/base/isa.h"
 #include "lib/splat/types.h"
+#include "lib/texture/lookup.h"
 
 #define LOOKUP_WIDE 128         /* pixels of a tile's row, */
 #define LOOKUP_HIGH 32          /* ... its rows, */
@@ -53,13 +54,14 @@ typedef void texture_confide_fn(struct lookup_row *row,
                                 const struct lookup_view *k, size_t n);
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
- * Catmull and Rom's bicubic, 0..1, and weight * texture_whole of the matte
- * there; a position's weight of 0 or less leaves its pixel alone.  Border
- * pixels go on outside.  u, v and weight have room for a multiple of 16. */
+ * Catmull and Rom's bicubic, 0..1, its matte no more than rim.most times the
+ * coverage alpha (n), and weight * texture_whole of matte and coverage; a
+ * position's weight of 0 or less leaves its pixel alone.  Border pixels go on
+ * outside.  u, v and weight have room for a multiple of 16. */
 typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,
-                                const float *weight, size_t n,
-                                const uint8_t *texture, size_t S,
-                                float turned);
+                                const float *weight, const float *alpha,
+                                size_t n, const uint8_t *texture, size_t S,
+                                struct texture_rim rim);
 
 /* texture_mix of n pixels of three channels. */
 typedef void texture_mix_fn(float *color, float *alpha, const float *photo,

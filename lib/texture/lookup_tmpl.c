@@ -279,18 +279,18 @@ VEC_INLINE vq lookup_hold(vq c)
 }
 
 /* texture_whole */
-static inline float lookup_whole(float matte, float turned)
+static inline float lookup_whole(float matte, float alpha, float turned)
 {
-    float t = (matte - 0.5f) / 0.45f;
+    float t = ((matte < alpha ? matte : alpha) - 0.5f) / 0.45f;
 
     t = t > 0 ? t < 1 ? t : 1 : 0;
     return 1 - turned * (1 - t);
 }
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
-                                 const float *weight, size_t n,
-                                 const uint8_t *texture, size_t S,
-                                 float turned)
+                                 const float *weight, const float *alpha,
+                                 size_t n, const uint8_t *texture, size_t S,
+                                 struct texture_rim rim)
 {
     const int32_t last = (int32_t)S - 3;
     int32_t x0[VEC], y0[VEC];
@@ -312,8 +312,10 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
         c = lookup_hold(c);
+        photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim.turned);
+        if (c[3] > rim.most * alpha[i])
+            c *= rim.most * alpha[i] / c[3];
         vq_store(photo, c);
-        photo[4] = weight[i] * lookup_whole(c[3], turned);
     }
 }
 

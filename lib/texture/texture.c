@@ -171,7 +171,7 @@ float texture_stretch(const float *place, const struct splat_place_view *v,
     return fminf(fmaxf(t, 0), 1);
 }
 
-float texture_turned(const struct splat_place_view *v)
+struct texture_rim texture_rim(const struct splat_place_view *v)
 {
     const float *A = v->A;
     float square = A[0] * A[0] + A[1] * A[1] + A[2] * A[2] + A[3] * A[3];
@@ -180,12 +180,15 @@ float texture_turned(const struct splat_place_view *v)
     /* (1 - c) / sqrt(c), c the cosine: singular values differ by it */
     float off = sqrtf(fmaxf(square / area - 2, 0));
 
-    return fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1);
+    return (struct texture_rim){
+        .turned = fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1),
+        .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
+    };
 }
 
-float texture_whole(float matte, float turned)
+float texture_whole(float matte, float alpha, float turned)
 {
-    float t = fminf(fmaxf((matte - 0.5f) / 0.45f, 0), 1);
+    float t = fminf(fmaxf((fminf(matte, alpha) - 0.5f) / 0.45f, 0), 1);
 
     return 1 - turned * (1 - t);
 }

@@ -52,7 +52,8 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  * the share of the coverage that has a place, less where the blended places
  * disagree: where they jump from one pixel to the next, as at silhouettes, or
  * hardly move, so that a rim of the photograph would be drawn out; and, on a
- * head that has turned, where the matte is not full. */
+ * head that has turned, where matte or coverage is not full.  There the
+ * photograph may cover no more than twice what is drawn. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);

@@ -212,11 +212,13 @@ static double lookup_loss(const struct texture *t, size_t i)
                               (double)view.b[0] + p[0] / p[2] + 1);
         double v = 0.5 * S * ((double)view.A[2] * nx + (double)view.A[3] * ny +
                               (double)view.b[1] + p[1] / p[2] + 1);
+        double m = lookup_number(t->level[0], u, v, 3);
+        double held = fmin(1, (double)texture_rim(&view).most * cover[j] / m);
 
         if ((k && j == i) || sure <= 0)
             continue;
         for (int c = 0; c < 4; c++)
-            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] *
+            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] * held *
                     lookup_number(t->level[0], u, v, c);
         loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure;
     }
@@ -230,7 +232,7 @@ static void lookup_inputs(void)
         matte[i] = (uint8_t)(55 + random_below(&dice, 200));
         for (size_t c = 0; c < 3; c++)
             rgb8[3 * i + c] = (uint8_t)random_below(&dice, matte[i] + 1u);
-        cover_f[i] = backward_draw(0.6, 1);
+        cover_f[i] = backward_draw(0.3, 1);
         place_f[3 * i + 2] = backward_draw(0.4, 1) * cover_f[i];
         for (size_t c = 0; c < 2; c++)
             place_f[3 * i + c] = backward_draw(-1.6, 1.6) / S
@@ -274,7 +276,8 @@ static void backward_lookup(void)
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
     for (size_t i = 0; i < PIXELS; i++)
         drawn[i] *= (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
-                                          texture_turned(&view));
+                                          cover_f[i],
+                                          texture_rim(&view).turned);
     for (size_t i = 0; i < PIXELS; i++) {
         double sure = backward_confidence(i);
 
