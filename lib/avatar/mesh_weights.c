@@ -199,7 +199,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
         float t = (mm - STILL_MM) / (MOVES_MM - STILL_MM);
         float eye = skin[JOINT_EYE_LEFT] + skin[JOINT_EYE_RIGHT];
 
-        w->moving[v] = fminf(fmaxf(fmaxf(t, eye), 0), 1);
+        w->moving[v] = fmaxf(fmaxf(t, eye), 0);
         w->neck[v] = neck_blend_weight(&w->blend, h->v_template[3 * v + 1]) *
                      (1 - head_jaw_share(h, v));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;

@@ -12,8 +12,8 @@
 struct mesh_weights {
     struct neck_blend blend;    /* of the mean head */
     float *neck;            /* (V+E) neck blend weights */
-    float *moving;          /* (V) 1 where expressions, jaw, lids or gaze move
-                             * the skin, 0 on the skull */
+    float *moving;          /* (V) 1 and more where expressions, jaw, lids or
+                             * gaze move the skin, 0 on the skull */
     float *lining;          /* (V+E) 1 inside the mouth, behind the lips */
     float *lid;             /* (V+E) 1 on upper lids, which come down over the
                              * eyes when those close */

@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/cheek_back.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/slices.h"
 #include "lib/geom/camera.h"
@@ -124,7 +125,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->sampled, n2 * Cf, false}, {&b->in, n2 * b->inputs, false},
         {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->surface, n2, false},
-        {&b->moving, n2, false},
+        {&b->moving, n2, false}, {&b->back, n2, false},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
@@ -294,7 +295,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
     if (out->n == 0)
         return;
     static_branch_surface(b, mesh);
-    for (size_t k = 0; k < b->count; k++)   /* interpolation may pass 1 */
+    for (size_t k = 0; k < b->count; k++)
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
     static_branch_neck(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
@@ -315,6 +316,10 @@ void static_branch_forward(struct branch_set *out, const float *features,
     for (size_t k = 0; k < b->count; k++)
         out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
                      ? 1 - b->moving[k] : 0;
+    if (b->prior) {
+        cheek_back_find(b->back, picture, mesh, b->n);
+        cheek_back_set(out, b->back, picture, mesh, b->n);
+    }
 }
 
 /* Reverse of static_branch_forward, line by line. */
@@ -328,6 +333,8 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
         return;
     memset(b->dU, 0, 2 * b->count * sizeof *b->dU);
     memset(b->dp, 0, b->count * sizeof *b->dp);
+    if (b->prior)
+        cheek_back_backward(dout, b->back);
     static_branch_lift_backward(b->dU, b->dp, dout->mean,
                                 b->prior ? b->surface : NULL, mesh->cam,
                                 mesh->normal, b->count);

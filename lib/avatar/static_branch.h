@@ -44,6 +44,8 @@ struct static_branch {
     float *surface;                     /* (n,n) height of the mesh over the
                                          * plane, head units */
     float *moving;                      /* (n,n) what may not be drawn */
+    float *back;                        /* (n,n) the strip behind the cheeks
+                                         * (cheek_back.h) */
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */

@@ -1,0 +1,115 @@
+/* The strip behind the cheeks: where it is, and its Gaussians
+ * (cheek_back.h). */
+#include "lib/avatar/cheek_back.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "lib/avatar/static_branch.h"
+#include "lib/geom/camera.h"
+
+#define WIDTH 0.05f     /* of the strip, in the picture's half sides */
+#define STEP 2          /* cells from one of its Gaussians to the next */
+#define OVERLAP 0.6f    /* standard deviation over the distance to it, */
+#define SOLID 0.97f     /* and opacity */
+#define SINK 0.06f      /* behind the skin, head units, */
+#define HIGHEST 0.9f    /* and no further before the plane */
+/* By how far the skin about it moves (mesh_weights' moving): not behind the
+ * temples, whose outline stays. */
+#define MOVES 6.0f
+#define MOVES_FAR 9.0f
+
+/* About cell (x,y), at the strip's width from it, the least matte and how far
+ * the mesh moves at most. */
+static void cheek_back_around(float *matte, float *moving,
+                              const struct source_picture *picture,
+                              const struct source_mesh *mesh, size_t n,
+                              size_t x, size_t y)
+{
+    static const float turn[8][2] = {
+        {1, 0}, {0.7071f, 0.7071f}, {0, 1}, {-0.7071f, 0.7071f},
+        {-1, 0}, {-0.7071f, -0.7071f}, {0, -1}, {0.7071f, -0.7071f}
+    };
+    const float half = 0.5f * (float)n, last = (float)(n - 1);
+    float at[16], rgba[32];
+
+    *matte = 1;
+    *moving = 0;
+    for (size_t i = 0; i < 8; i++) {
+        const float u = (float)x + 0.5f + half * WIDTH * turn[i][0];
+        const float v = (float)y + 0.5f + half * WIDTH * turn[i][1];
+        const size_t j = (size_t)fminf(fmaxf(u, 0), last);
+        const size_t k = (size_t)fminf(fmaxf(v, 0), last);
+
+        at[2 * i] = u / half - 1;
+        at[2 * i + 1] = v / half - 1;
+        *moving = fmaxf(*moving, mesh->moving[k * n + j]);
+    }
+    source_picture_sample(rgba, picture, at, 8);
+    for (size_t i = 0; i < 8; i++)
+        *matte = fminf(*matte, rgba[4 * i + 3]);
+}
+
+void cheek_back_find(float *back, const struct source_picture *picture,
+                     const struct source_mesh *mesh, size_t n)
+{
+    float matte, moving;
+
+    memset(back, 0, n * n * sizeof *back);
+    for (size_t y = 0; y < n; y += STEP)
+        for (size_t x = 0; x < n; x += STEP) {
+            if (!(mesh->coverage[y * n + x] > 0))
+                continue;
+            cheek_back_around(&matte, &moving, picture, mesh, n, x, y);
+            back[y * n + x] = (1 - branch_ramp(matte, 0.3f, 0.7f)) *
+                              branch_ramp(moving, MOVES, MOVES_FAR);
+        }
+}
+
+/* Gaussian k of a plane of n by n. */
+static void cheek_back_place(struct branch_set *out, size_t k, float back,
+                             const struct source_picture *picture,
+                             const struct source_mesh *mesh, size_t n)
+{
+    static const float unturned[4] = {1, 0, 0, 0};
+    const float U[2] = {(float)(2 * (k % n) + 1) / (float)n - 1,
+                        (float)(2 * (k / n) + 1) / (float)n - 1};
+    const float cell = 2.0f / (float)n * mesh->cam[11] / CAMERA_FOCAL;
+    const float skin = mesh->cam[11] - mesh->depth[k] - SINK;
+    const float rise = fminf(fmaxf(skin, 0), HIGHEST), p = 0.5f + 0.5f * rise;
+    float rgba[4], *color = out->color + k * out->channels;
+
+    source_picture_sample(rgba, picture, U, 1);
+    static_branch_lift(out->mean + 3 * k, U, &p, &rise, mesh->cam,
+                       mesh->normal, 1);
+    for (size_t i = 0; i < 3; i++)
+        out->scale[3 * k + i] = fminf(OVERLAP * STEP * cell, BRANCH_SCALE_MAX);
+    memcpy(out->quat + 4 * k, unturned, sizeof unturned);
+    memset(color, 0, out->channels * sizeof *color);
+    memcpy(color, rgba, 3 * sizeof *color);
+    out->opacity[k] = SOLID * back * fminf(fmaxf(rgba[3], 0), 1);
+    out->seen[k] = rgba[3] > 0 ? 1 : 0;
+}
+
+void cheek_back_set(struct branch_set *out, const float *back,
+                    const struct source_picture *picture,
+                    const struct source_mesh *mesh, size_t n)
+{
+    for (size_t k = 0; k < out->n; k++)
+        if (back[k] > 0)
+            cheek_back_place(out, k, back[k], picture, mesh, n);
+}
+
+void cheek_back_backward(struct branch_set *dout, const float *back)
+{
+    for (size_t k = 0; k < dout->n; k++) {
+        if (!(back[k] > 0))
+            continue;
+        memset(dout->mean + 3 * k, 0, 3 * sizeof *dout->mean);
+        memset(dout->scale + 3 * k, 0, 3 * sizeof *dout->scale);
+        memset(dout->quat + 4 * k, 0, 4 * sizeof *dout->quat);
+        memset(dout->color + k * dout->channels, 0,
+               dout->channels * sizeof *dout->color);
+        dout->opacity[k] = 0;
+    }
+}
