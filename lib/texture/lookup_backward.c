@@ -9,19 +9,19 @@
 
 /* ---- colours ----------------------------------------------------------- */
 
-/* Catmull and Rom's weights at t in [0,1), and their derivatives. */
+/* Keys's weights at t in [0,1), and their derivatives. */
 static void lookup_weights(float w[4], float dw[4], float t)
 {
     float t2 = t * t, t3 = t2 * t;
 
-    w[0] = -0.5f * t3 + t2 - 0.5f * t;
-    w[1] = 1.5f * t3 - 2.5f * t2 + 1;
-    w[2] = -1.5f * t3 + 2 * t2 + 0.5f * t;
-    w[3] = 0.5f * t3 - 0.5f * t2;
-    dw[0] = -1.5f * t2 + 2 * t - 0.5f;
-    dw[1] = 4.5f * t2 - 5 * t;
-    dw[2] = -4.5f * t2 + 4 * t + 0.5f;
-    dw[3] = 1.5f * t2 - t;
+    w[0] = -0.75f * t3 + 1.5f * t2 - 0.75f * t;
+    w[1] = 1.25f * t3 - 2.25f * t2 + 1;
+    w[2] = -1.25f * t3 + 1.5f * t2 + 0.75f * t;
+    w[3] = 0.75f * t3 - 0.75f * t2;
+    dw[0] = -2.25f * t2 + 3 * t - 0.75f;
+    dw[1] = 3.75f * t2 - 4.5f * t;
+    dw[2] = -3.75f * t2 + 3 * t + 0.75f;
+    dw[3] = 2.25f * t2 - 1.5f * t;
 }
 
 /* Index i of n pixels, held inside. */

@@ -54,10 +54,10 @@ typedef void texture_confide_fn(struct lookup_row *row,
                                 const struct lookup_view *k, size_t n);
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
- * Catmull and Rom's bicubic, 0..1, its matte no more than rim.most times the
- * coverage alpha (n), and weight * texture_whole of matte and coverage; a
- * position's weight of 0 or less leaves its pixel alone.  Border pixels go on
- * outside.  u, v and weight have room for a multiple of 16. */
+ * Keys's bicubic, 0..1, its matte no more than rim.most times the coverage
+ * alpha (n), and weight * texture_whole of matte and coverage; a position's
+ * weight of 0 or less leaves its pixel alone.  Border pixels go on outside.
+ * u, v and weight have room for a multiple of 16. */
 typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,
                                 const float *weight, const float *alpha,
                                 size_t n, const uint8_t *texture, size_t S,

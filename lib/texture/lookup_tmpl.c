@@ -1,6 +1,7 @@
 /* Lookups in the photograph: offsets and confidence of VEC pixels at once, and
- * Catmull and Rom's bicubic (1974) in a picture of four bytes a pixel, where
- * lanes are four neighbours' four channels. */
+ * Keys's bicubic (1981, "Cubic convolution interpolation for digital image
+ * processing") in a picture of four bytes a pixel, where lanes are four
+ * neighbours' four channels. */
 #include "lib/texture/lookup_kernel.h"
 
 #include "lib/splat/vec_shuffle.h"
@@ -142,14 +143,15 @@ static void ISA(texture_confide)(struct lookup_row *row,
 #define PARTS (16 / VEC)        /* vectors that hold four pixels' channels */
 
 /* The four neighbours' weights at t in [0,1) past the second are polynomials:
- * their numbers from the highest power, one for each lane. */
+ * their numbers from the highest power, one for each lane.  Keys's a is -3/4:
+ * of photographs moved by known parts of a pixel it gives back most. */
 static const float weights[4][16] = {
-    {-0.5f, -0.5f, -0.5f, -0.5f, 1.5f, 1.5f, 1.5f, 1.5f,
-     -1.5f, -1.5f, -1.5f, -1.5f, 0.5f, 0.5f, 0.5f, 0.5f},
-    {1, 1, 1, 1, -2.5f, -2.5f, -2.5f, -2.5f,
-     2, 2, 2, 2, -0.5f, -0.5f, -0.5f, -0.5f},
-    {-0.5f, -0.5f, -0.5f, -0.5f, 0, 0, 0, 0,
-     0.5f, 0.5f, 0.5f, 0.5f, 0, 0, 0, 0},
+    {-0.75f, -0.75f, -0.75f, -0.75f, 1.25f, 1.25f, 1.25f, 1.25f,
+     -1.25f, -1.25f, -1.25f, -1.25f, 0.75f, 0.75f, 0.75f, 0.75f},
+    {1.5f, 1.5f, 1.5f, 1.5f, -2.25f, -2.25f, -2.25f, -2.25f,
+     1.5f, 1.5f, 1.5f, 1.5f, -0.75f, -0.75f, -0.75f, -0.75f},
+    {-0.75f, -0.75f, -0.75f, -0.75f, 0, 0, 0, 0,
+     0.75f, 0.75f, 0.75f, 0.75f, 0, 0, 0, 0},
     {0, 0, 0, 0, 1, 1, 1, 1, 0, 0, 0, 0, 0, 0, 0, 0}};
 
 /* Four pixels' bytes. */

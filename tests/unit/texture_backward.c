@@ -155,13 +155,13 @@ static float place_f[3 * PIXELS], cover_f[PIXELS];
 static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
 static float probe[TEXTURE_PHOTO * PIXELS];
 
-/* Catmull and Rom's weight of tap k of four. */
+/* Keys's weight of tap k of four. */
 static double backward_cubic(int k, double t)
 {
     double x = fabs(t + 1 - k);
 
-    return x < 1 ? 1.5 * x * x * x - 2.5 * x * x + 1
-         : x < 2 ? -0.5 * x * x * x + 2.5 * x * x - 4 * x + 2 : 0;
+    return x < 1 ? 1.25 * x * x * x - 2.25 * x * x + 1
+         : x < 2 ? -0.75 * x * x * x + 3.75 * x * x - 6 * x + 3 : 0;
 }
 
 static double lookup_number(const uint8_t *t, double u, double v, int c)

@@ -62,13 +62,13 @@ static void lookup_set_places(float x, float y, float seen, float cover)
 
 /* ---- bicubic ------------------------------------------------------------- */
 
-/* Catmull and Rom's kernel at distance d. */
+/* Keys's kernel at distance d. */
 static double lookup_cubic(double d)
 {
     d = fabs(d);
     if (d < 1)
-        return 1.5 * d * d * d - 2.5 * d * d + 1;
-    return d < 2 ? -0.5 * d * d * d + 2.5 * d * d - 4 * d + 2 : 0;
+        return 1.25 * d * d * d - 2.25 * d * d + 1;
+    return d < 2 ? -0.75 * d * d * d + 3.75 * d * d - 6 * d + 3 : 0;
 }
 
 static double lookup_bicubic(const uint8_t *t, long n, double u, double v,

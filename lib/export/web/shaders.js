@@ -103,11 +103,11 @@ out vec4 color;
 
 const float LEAST = 0.004;
 
-/* Catmull and Rom's weights, as in lib/texture/lookup_tmpl.c. */
+/* Keys's weights, as in lib/texture/lookup_tmpl.c. */
 vec4 weights(float t) {
   float t2 = t * t, t3 = t2 * t;
-  return vec4(-0.5 * t3 + t2 - 0.5 * t, 1.5 * t3 - 2.5 * t2 + 1.0,
-              -1.5 * t3 + 2.0 * t2 + 0.5 * t, 0.5 * t3 - 0.5 * t2);
+  return vec4(-0.75 * t3 + 1.5 * t2 - 0.75 * t, 1.25 * t3 - 2.25 * t2 + 1.0,
+              -1.25 * t3 + 1.5 * t2 + 0.75 * t, 0.75 * t3 - 0.75 * t2);
 }
 
 vec4 bicubic(sampler2D t, vec2 uv) {
@@ -163,14 +163,18 @@ float confidence(vec3 p, float alpha, ivec2 at) {
          clamp((3.0 - jump) / 1.5, 0.0, 1.0) * stretch(p, at);
 }
 
-/* How much of a place is believed whose matte is less than full: less, the
- * more the head has turned. */
-float whole(float matte) {
+/* seen's share of the picture, the more the head has turned the less: less
+ * where matte or coverage is not full, and no more than twice what is drawn
+ * (texture_rim). */
+vec4 believe(vec4 own, vec4 seen, float sure) {
   float square = dot(placeA, placeA);
   float area = max(placeA.x * placeA.w - placeA.y * placeA.z, 1e-6);
   float off = sqrt(max(square / area - 2.0, 0.0));
   float turned = clamp((off - 0.022) / 0.078, 0.0, 1.0);
-  return 1.0 - turned * (1.0 - clamp((matte - 0.5) / 0.45, 0.0, 1.0));
+  float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
+  float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
+  if (seen.a > most) seen *= most / seen.a;
+  return mix(own, seen, sure * (1.0 - turned * (1.0 - rim)));
 }
 
 /* The source's own picture, and its mean colour, dimmed, beyond its edges. */
@@ -200,7 +204,7 @@ void main() {
                 p.xy / p.z + 1.0;
       if (sure > 0.0) {
         vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
-        own = mix(own, seen, sure * whole(seen.a));
+        own = believe(own, seen, sure);
       }
     }
   }
