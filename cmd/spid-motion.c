@@ -169,7 +169,8 @@ static void motion_set_relative(struct program *p)
     if (neutral.given)
         motion_find_neutral(p, &rest);
     driver_set_relative(&p->driver, &source.source,
-                        neutral.given ? &rest : NULL, p->head.nexp);
+                        neutral.given ? &rest : NULL, p->head.nexp,
+                        head_has_arkit(&p->head));
     person_release(&source);
 }
 

@@ -128,7 +128,8 @@ static int animation_set_relative(struct animation *a, struct error *err)
     if (opt->neutral.given && neutral_find(&rest, &opt->neutral, &clip, err))
         return -1;
     driver_set_relative(&a->driver, &a->source.person.source,
-                        opt->neutral.given ? &rest : NULL, nexp);
+                        opt->neutral.given ? &rest : NULL, nexp,
+                        head_has_arkit(&a->models->head));
     return 0;
 }
 

@@ -145,10 +145,11 @@ enum driver_status driver_start(struct driver *d,
 }
 
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         const struct motion *neutral, size_t nexp)
+                         const struct motion *neutral, size_t nexp,
+                         bool arkit)
 {
     relative_init(&d->rest, source, neutral ? neutral : &d->found.motion,
-                  nexp);
+                  nexp, arkit);
     d->relative = true;
 }
 

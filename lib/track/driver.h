@@ -75,10 +75,11 @@ enum driver_status driver_start(struct driver *d,
                                 void *seen_ctx, struct error *err);
 
 /* From now on motions are what the driver does relative to neutral (NULL: its
- * first frame with a face), added to source (nexp components of expression).
+ * first frame with a face), added to source (relative_init).
  * After driver_start. */
 void driver_set_relative(struct driver *d, const struct motion *source,
-                         const struct motion *neutral, size_t nexp);
+                         const struct motion *neutral, size_t nexp,
+                         bool arkit);
 
 /* The next frame and its motion: 1; 0 at the end; -1 (all frames before the
  * fault have been delivered).  Frames before the first face come first, marked

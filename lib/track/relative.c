@@ -7,17 +7,21 @@
 
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
+#include "lib/head/arkit.h"
 
 /* How much a radian of looking away weighs beside a standard deviation of
  * expression. */
 #define RELATIVE_POSE_WEIGHT 2.0
+/* The most a face does: of ARKit's weights, and of jawOpen. */
+#define RELATIVE_MOST 1.2f
 
 void relative_init(struct relative *r, const struct motion *source,
-                   const struct motion *neutral, size_t nexp)
+                   const struct motion *neutral, size_t nexp, bool arkit)
 {
     r->source = *source;
     r->neutral = *neutral;
     r->nexp = nexp;
+    r->arkit = arkit;
     r->source.pose.exp = r->source.exp;
     r->neutral.pose.exp = r->neutral.exp;
 }
@@ -63,11 +67,25 @@ static float relative_lid(float lid, float neutral, float source)
     return fminf(fmaxf(source + way, 0), 1);
 }
 
+/* source + x - neutral; who does more of it than the neutral frame goes the
+ * same share of what is left to the most. */
+static float relative_weight(float x, float neutral, float source, float most)
+{
+    float way = x - neutral;
+
+    if (way > 0 && source > neutral)
+        way *= fmaxf(most - source, 0) / fmaxf(most - neutral, 1e-6f);
+    return source + way;
+}
+
 /* Jaws that are shut shut no further, whatever the neutral frame was, than
  * source or driver themselves do. */
 static float relative_open(float open, float neutral, float source)
 {
-    return fmaxf(source + open - neutral, fminf(fminf(source, open), 0));
+    const float most = RELATIVE_MOST * (float)ARKIT_JAW_OPEN;
+
+    return fmaxf(relative_weight(open, neutral, source, most),
+                 fminf(fminf(source, open), 0));
 }
 
 void relative_apply(struct motion *m, const struct relative *r)
@@ -77,7 +95,9 @@ void relative_apply(struct motion *m, const struct relative *r)
     relative_rotate(m->R, n->R, s->R);
     relative_move(m->t, n->t, s->t);
     for (size_t i = 0; i < r->nexp; i++)
-        m->exp[i] += s->exp[i] - n->exp[i];
+        m->exp[i] = r->arkit ? relative_weight(m->exp[i], n->exp[i],
+                                               s->exp[i], RELATIVE_MOST)
+                             : s->exp[i] + m->exp[i] - n->exp[i];
     m->pose.jaw[0] = relative_open(m->pose.jaw[0], n->pose.jaw[0],
                                    s->pose.jaw[0]);
     for (int i = 1; i < 3; i++)

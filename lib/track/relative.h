@@ -6,6 +6,7 @@
 #ifndef SPID_TRACK_RELATIVE_H
 #define SPID_TRACK_RELATIVE_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/record/motion.h"
@@ -14,18 +15,23 @@ struct relative {
     struct motion source;       /* the source picture's own */
     struct motion neutral;      /* the driver's, at rest */
     size_t nexp;                /* components of expression */
+    bool arkit;                 /* which are weights from 0 to 1 */
 };
 
 /* Motions are to be what has changed since neutral, added to source; nexp
- * components of expression.  Nothing is borrowed. */
+ * components of expression, the head's, which are ARKit's (head_has_arkit) or
+ * not.  Nothing is borrowed. */
 void relative_init(struct relative *r, const struct motion *source,
-                   const struct motion *neutral, size_t nexp);
+                   const struct motion *neutral, size_t nexp, bool arkit);
 
 /* m, a motion of the driver, in place:
  *   rotation     R R_n^T R_s
  *   place        the source's, moved by as many head widths as the driver's;
  *                nearer by the same factor
- *   expression, jaw, eyes   source + driver - neutral
+ *   expression, jaw, eyes   source + driver - neutral; what the source does
+ *                more of than the neutral frame (a smile of ARKit's, an open
+ *                jaw) goes the same share of the way to the most a face does,
+ *                for nobody smiles twice
  *   lids         from the source's opening to the same share of the way to
  *                closed or wide open, so that a closed lid is closed
  * The crop stays. */

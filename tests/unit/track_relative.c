@@ -51,6 +51,42 @@ static double motion_distance(const struct motion *a, const struct motion *b)
     return d;
 }
 
+/* Expression 0 and the jaw of a driver who goes from neutral to driver, done
+ * by a source who smiles by 0.8 more than neutral and has opened the jaw. */
+static void smile_twice(double *smile, double *jaw, double driver, bool arkit)
+{
+    struct motion source = {.R = {1, 0, 0, 0, 1, 0, 0, 0, 1}, .t = {0, 0, 12}};
+    struct motion neutral = source, m;
+    struct relative r;
+
+    neutral.exp[0] = 0.1f;
+    source.exp[0] = 0.9f;
+    source.pose.jaw[0] = 0.15f;
+    relative_init(&r, &source, &neutral, NEXP, arkit);
+    m = neutral;
+    m.exp[0] = (float)driver;
+    m.pose.jaw[0] = 0.45f * (float)driver;
+    relative_apply(&m, &r);
+    *smile = (double)m.exp[0];
+    *jaw = (double)m.pose.jaw[0];
+}
+
+/* Who smiles already does not smile twice; weights of other heads just add. */
+static void check_most(void)
+{
+    double smile, jaw, less;
+
+    smile_twice(&less, &jaw, 0.5, true);
+    smile_twice(&smile, &jaw, 1.0, true);
+    expect("a smile on a smile", smile, 0.9 + 0.9 * 0.3 / 1.1, 1e-6);
+    check_that("half of it is less", less > 0.95 && less < smile - 0.05);
+    check_range("an open jaw on an open one, radians", jaw, 0.45, 0.531);
+    smile_twice(&smile, &jaw, 0, true);
+    expect("less of a smile is as much less", smile, 0.8, 1e-6);
+    smile_twice(&smile, &jaw, 1.0, false);
+    expect("weights that are not ARKit's add", smile, 1.8, 1e-6);
+}
+
 int main(void)
 {
     double rest = 0, same = 0, way = 0, closed = 0;
@@ -64,7 +100,7 @@ int main(void)
         motion_draw(&neutral, &random);
         motion_draw(&driver, &random);
 
-        relative_init(&r, &source, &neutral, NEXP);
+        relative_init(&r, &source, &neutral, NEXP, trial % 2);
         m = neutral;
         relative_apply(&m, &r);
         rest = fmax(rest, motion_distance(&m, &source));
@@ -81,11 +117,12 @@ int main(void)
                       (double)source.t[2];
         way = fmax(way, fabs(went - goes));
 
-        relative_init(&r, &neutral, &neutral, NEXP);
+        relative_init(&r, &neutral, &neutral, NEXP, trial % 2);
         m = driver;
         relative_apply(&m, &r);
         same = fmax(same, motion_distance(&m, &driver));
     }
+    check_most();
     check("the neutral frame is the source", rest, 1e-5);
     check("a driver with the source's own rest is unchanged", same, 1e-5);
     check("moves by as many head widths", way, 1e-5);
