@@ -98,7 +98,7 @@ static void branches_copy_identity(struct stream_writer *out, struct bake *k)
     if (!in)
         die_error(&err);
     while ((rc = stream_read(in, &rec, &err)) > 0) {
-        if (record_is(&rec, "GAUS") || record_is(&rec, "GMOV"))
+        if (record_is(&rec, RECORD_GAUS) || record_is(&rec, RECORD_GMOV))
             continue;
         if (person_take(&k->person, &rec, k->head.nexp, &err) < 0 ||
             stream_copy(out, &rec, &err)) {
@@ -214,7 +214,7 @@ static void branches_move_avatar(struct stream_writer *out, const char *input)
             rc = -1;
             break;
         }
-        if (record_is(&rec, "MESH"))
+        if (record_is(&rec, RECORD_MESH))
             stats_end("branches", begun);
     }
     stream_close(in);

@@ -99,14 +99,15 @@ static int flame_write_mesh(struct stream_writer *out, struct flame *f,
 static int flame_pass_record(struct stream_writer *out, struct flame *f,
                              const struct record *rec, struct error *err)
 {
-    if (record_is(rec, "MOTN"))
+    if (record_is(rec, RECORD_MOTN))
         return flame_write_mesh(out, f, rec, err);
-    if (!identity_path && (record_is(rec, "SHAP") || record_is(rec, "CONF"))) {
+    if (!identity_path &&
+        (record_is(rec, RECORD_SHAP) || record_is(rec, RECORD_CONF))) {
         int taken = person_take(&f->person, rec, f->head.nexp, err);
 
         if (taken < 0)
             return -1;
-        if (record_is(rec, "SHAP"))
+        if (record_is(rec, RECORD_SHAP))
             flame_fold_identity(f);
     }
     return stream_copy(out, rec, err);

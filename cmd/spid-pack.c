@@ -90,7 +90,7 @@ static int pack_put_conf(struct pack *p, struct error *err)
     struct array a = array_make("json", DTYPE_U8, CONF_TEXT, 1,
                                 strlen(CONF_TEXT), 0, 0, 0);
 
-    return stream_write(p->out, "CONF", 0, 0.0, &a, 1, err);
+    return stream_write(p->out, RECORD_CONF, 0, 0.0, &a, 1, err);
 }
 
 /* The sink of every source: records go out as they come. */
@@ -99,7 +99,7 @@ static int pack_put_record(const struct record *rec, void *context,
 {
     struct pack *p = context;
 
-    if (p->records++ == 0 && !raw && !record_is(rec, "CONF") &&
+    if (p->records++ == 0 && !raw && !record_is(rec, RECORD_CONF) &&
         pack_put_conf(p, err))
         return -1;
     progress("record", p->records, 0, NULL);

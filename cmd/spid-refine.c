@@ -165,12 +165,12 @@ static int refine_pass_record(struct program *p, const struct record *rec,
 {
     struct stream_writer *out = framesink_stream(p->out);
 
-    if (record_is(rec, "FEAT"))
+    if (record_is(rec, RECORD_FEAT))
         return refine_write_picture(p, rec, err);
-    if (record_is(rec, "SRCI") && size &&
+    if (record_is(rec, RECORD_SRCI) && size &&
         refine_picture_take(&p->picture, rec, err))
         return -1;
-    if (record_is(rec, "CONF"))
+    if (record_is(rec, RECORD_CONF))
         framesink_take_conf(p->out, rec);
     return out ? stream_copy(out, rec, err) : 0;
 }

@@ -85,7 +85,7 @@ static int synth_write_conf(struct stream_writer *w, const struct head *head,
                      (double)head->scale, size, fps, seed, head->hash);
     struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
 
-    return stream_write(w, "CONF", 0, 0, &a, 1, err);
+    return stream_write(w, RECORD_CONF, 0, 0, &a, 1, err);
 }
 
 /* SHAP: a person's shape coefficients and number. */
@@ -134,7 +134,7 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
     if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
                                number == 0, NULL, 0, err))
         return -1;
-    return stream_write(w, "IMAG", number, time, image, f->alone ? 4 : 3,
+    return stream_write(w, RECORD_IMAG, number, time, image, f->alone ? 4 : 3,
                         err);
 }
 

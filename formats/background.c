@@ -140,7 +140,7 @@ int background_from_identity(struct background *bg, const char *path,
     bool found = false;
 
     while (in && !found && (rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, "SRCI")) {
+        if (record_is(&rec, RECORD_SRCI)) {
             found = true;
             rc = background_from_record(bg, &rec, err);
         }

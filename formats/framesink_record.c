@@ -30,7 +30,7 @@ int framesink_write_imag(struct framesink *s, const struct framesink_frame *f,
         a[n++] = array_make("alpha", DTYPE_U8, s->pixel + 4 * N, 2,
                             f->height, f->width, 0, 0);
     }
-    return stream_write(s->stream, "IMAG", f->frame, f->time, a, n, err);
+    return stream_write(s->stream, RECORD_IMAG, f->frame, f->time, a, n, err);
 }
 
 /* The features as halves: as drawn, or rounded here.  NULL: no memory. */
@@ -115,7 +115,7 @@ int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
     if (f->turned)
         a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
                             RELATIVE_POSE_SIZE, 0, 0, 0);
-    return stream_write_parts(s->stream, "FEAT", f->frame, f->time, a, n,
+    return stream_write_parts(s->stream, RECORD_FEAT, f->frame, f->time, a, n,
                               packed ? c->run : NULL, packed ? c->runs : 0,
                               err);
 }

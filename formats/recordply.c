@@ -26,7 +26,7 @@ static int recordply_scene_send(const struct ply_scene *s, record_sink sink,
                                 void *context, struct error *err)
 {
     uint8_t *branch = calloc(s->n + 1, 1);
-    struct record rec = {.type = "GAUS"};
+    struct record rec = {.type = RECORD_GAUS};
 
     if (!branch)
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians",

@@ -90,7 +90,7 @@ static int prepare_read_stream(struct prepared *s, struct prepare *p,
     if (!in)
         return -1;
     while ((rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, "GAUS")) {
+        if (record_is(&rec, RECORD_GAUS)) {
             rc = baked_read(&s->baked, &rec, p->dense.V + p->dense.E, err);
             if (rc)
                 error_prefix(err, "%s", path);

@@ -74,7 +74,7 @@ static int baker_check(const struct baker *b, const struct person *p,
     if (!p->rgb || !p->has_source)
         return error_set(err, EX_DATAERR, "identity has no %s record "
                          "(expected an identity, as spid-shape writes it)",
-                         p->rgb ? "MOTN" : "SRCI");
+                         p->rgb ? RECORD_MOTN : RECORD_SRCI);
     if (p->size < size || p->size > PERSON_LARGEST)
         return error_set(err, EX_DATAERR, "source picture is %zu pixels wide "
                          "(expected %zu to %d)", p->size, size,

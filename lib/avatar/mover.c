@@ -46,15 +46,15 @@ int mover_open(struct mover *m, const char *path,
     if (!in)
         return -1;
     while (!found && (rc = stream_read(in, &rec, err)) > 0) {
-        if (record_is(&rec, "CONF"))
+        if (record_is(&rec, RECORD_CONF))
             mover_take_hash(m->head, &rec);
-        if (record_is(&rec, "SRCI") &&
+        if (record_is(&rec, RECORD_SRCI) &&
             person_take(&m->person, &rec, 0, err) < 0) {
             error_prefix(err, "%s", path);
             rc = -1;
             break;
         }
-        if (!record_is(&rec, "GAUS"))
+        if (!record_is(&rec, RECORD_GAUS))
             continue;
         found = 1;
         if (baked_read(&m->baked, &rec, 0, err)) {
@@ -141,7 +141,7 @@ static int mover_write(struct stream_writer *out, struct mover *m,
         a[n++] = array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4,
                             0, 0);
     n += record_others(a + n, n, rec, mesh_arrays);
-    return stream_write(out, "GMOV", rec->frame, rec->time, a, n, err);
+    return stream_write(out, RECORD_GMOV, rec->frame, rec->time, a, n, err);
 }
 
 /* mu_D = densified V_d, the mouth's shift, the camera T_d. */
@@ -179,9 +179,9 @@ static int mover_check_head(const struct mover *m, const struct record *rec,
 int mover_apply(struct mover *m, struct stream_writer *out,
                 const struct record *rec, struct error *err)
 {
-    if (record_is(rec, "MESH"))
+    if (record_is(rec, RECORD_MESH))
         return mover_frame(out, m, rec, err);
-    if (record_is(rec, "CONF") && mover_check_head(m, rec, err))
+    if (record_is(rec, RECORD_CONF) && mover_check_head(m, rec, err))
         return -1;
     return stream_copy(out, rec, err);
 }

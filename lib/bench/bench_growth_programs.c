@@ -221,7 +221,7 @@ static int hole_write(const struct hole *h, const char *path, size_t n,
     struct layout_header end;
     bool ok = fd >= 0;
 
-    layout_put_header(&end, "END ", n, 0, 0, 0, h->nothing);
+    layout_put_header(&end, RECORD_END, n, 0, 0, 0, h->nothing);
     for (size_t i = 0; ok && i < n; i++)
         ok = pwrite(fd, &h->header, sizeof h->header,
                     (off_t)(i * step)) == sizeof h->header &&

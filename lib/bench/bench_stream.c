@@ -160,7 +160,7 @@ static void bench_make_gaussians(struct traffic *t)
 {
     enum { N = 108658 };
 
-    t->type = "GAUS";
+    t->type = RECORD_GAUS;
     t->records = 8;
     bench_add_array(t, "mean", 2, N, 3);
     bench_add_array(t, "scale", 2, N, 3);
@@ -171,7 +171,7 @@ static void bench_make_gaussians(struct traffic *t)
 
 static void bench_make_motion(struct traffic *t)
 {
-    t->type = "MOTN";
+    t->type = RECORD_MOTN;
     t->records = 2000;
     bench_add_array(t, "rot", 2, 3, 3);
     bench_add_array(t, "trans", 1, 3, 0);

@@ -327,12 +327,12 @@ static int data_take_record(struct data_reader *r, const struct record *rec,
                             struct data_person *p, bool pictures,
                             struct error *err)
 {
-    if (record_is(rec, "MOTN")) {
+    if (record_is(rec, RECORD_MOTN)) {
         if (!pictures)
             return 0;
         return data_take_motion(r, rec, err) ? data_locate(r, rec, err) : 0;
     }
-    if (!record_is(rec, "IMAG"))
+    if (!record_is(rec, RECORD_IMAG))
         return 0;
     r->ever++;
     if (!pictures) {
@@ -378,7 +378,7 @@ static int data_read_person(struct data_reader *r, struct data_person *p,
             if (p->count)
                 return 0;
             mine = false;
-        } else if (record_is(&rec, "SHAP")) {
+        } else if (record_is(&rec, RECORD_SHAP)) {
             if (data_take_shape(r, &rec, err))
                 return data_locate(r, &rec, err);
             if (p->count)
@@ -387,7 +387,7 @@ static int data_read_person(struct data_reader *r, struct data_person *p,
         } else if (r->have_shape) {
             if (data_take_record(r, &rec, p, pictures, err))
                 return -1;
-        } else if (record_is(&rec, "IMAG")) {
+        } else if (record_is(&rec, RECORD_IMAG)) {
             error_set(err, EX_DATAERR, "picture of nobody (expected a SHAP "
                       "record before it)");
             return data_locate(r, &rec, err);

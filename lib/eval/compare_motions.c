@@ -123,7 +123,7 @@ static int side_read(struct side *s, const char *path, struct error *err)
     s->size = 512;
     while ((rc = stream_read(in, &rec, err)) > 0) {
         const struct array *rgb = record_find(&rec, "rgb");
-        if (record_is(&rec, "IMAG") && rgb && rgb->ndim == 3 && s->size !=
+        if (record_is(&rec, RECORD_IMAG) && rgb && rgb->ndim == 3 && s->size !=
             (double)rgb->dim[0]) {
             /* The size is known only now: bring what came before to 512. */
             double k = s->size / (double)rgb->dim[0];
@@ -132,8 +132,8 @@ static int side_read(struct side *s, const char *path, struct error *err)
                     (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
             s->size = (double)rgb->dim[0];
         }
-        if ((record_is(&rec, "SHAP") && side_fold(s, &rec, err)) ||
-            (record_is(&rec, "MOTN") && side_take(s, &rec, err))) {
+        if ((record_is(&rec, RECORD_SHAP) && side_fold(s, &rec, err)) ||
+            (record_is(&rec, RECORD_MOTN) && side_take(s, &rec, err))) {
             rc = error_prefix(err, "%s: frame %llu", path,
                               (unsigned long long)rec.frame);
             break;

@@ -351,7 +351,7 @@ int export_record(struct export *x, const struct record *rec,
     int change = scene_apply(&x->scene, rec, err);
 
     /* before any mesh or Gaussian, MOTN beside SRCI is the source's own */
-    bool own = record_is(rec, "MOTN") && x->person.rgb &&
+    bool own = record_is(rec, RECORD_MOTN) && x->person.rgb &&
                !x->person.has_source;
 
     if (change < 0 || (x->opt.html && !own && page_record(&x->page, rec, err)))
@@ -361,13 +361,13 @@ int export_record(struct export *x, const struct record *rec,
     if (!x->has_head)
         return 0;
     int taken = 0;
-    if (own || !record_is(rec, "MOTN"))
+    if (own || !record_is(rec, RECORD_MOTN))
         taken = person_take(&x->person, rec, x->head.nexp, err);
     if (taken)
         return taken < 0 ? -1 : 0;
-    if (record_is(rec, "MOTN") && x->opt.glb_head)
+    if (record_is(rec, RECORD_MOTN) && x->opt.glb_head)
         return export_take_motion(x, rec, err);
-    if (record_is(rec, "MESH") && x->opt.obj)
+    if (record_is(rec, RECORD_MESH) && x->opt.obj)
         return export_write_obj(x, rec, err);
     return 0;
 }
@@ -403,11 +403,11 @@ int export_finish(struct export *x, struct error *err)
             return -1;
         x->files++;
     }
-    if (export_lacking("--ply", o->ply, x->done.ply, "GAUS", err) ||
-        export_lacking("--splat", o->splat, x->done.splat, "GAUS", err) ||
+    if (export_lacking("--ply", o->ply, x->done.ply, RECORD_GAUS, err) ||
+        export_lacking("--splat", o->splat, x->done.splat, RECORD_GAUS, err) ||
         export_lacking("--glb-splats", o->glb_splats, x->done.glb_splats,
-                       "GAUS", err) ||
-        export_lacking("--obj", o->obj, x->done.obj, "MESH", err))
+                       RECORD_GAUS, err) ||
+        export_lacking("--obj", o->obj, x->done.obj, RECORD_MESH, err))
         return -1;
     return 0;
 }

@@ -103,10 +103,10 @@ static int page_take_motion(struct page *p, const struct record *rec,
 
 int page_record(struct page *p, const struct record *rec, struct error *err)
 {
-    p->moved |= record_is(rec, "GMOV") || record_is(rec, "MESH");
-    if (record_is(rec, "GAUS"))
+    p->moved |= record_is(rec, RECORD_GMOV) || record_is(rec, RECORD_MESH);
+    if (record_is(rec, RECORD_GAUS))
         return page_take_avatar(p, rec, err);
-    if (record_is(rec, "MOTN"))
+    if (record_is(rec, RECORD_MOTN))
         return page_take_motion(p, rec, err);
     return 0;
 }
@@ -118,7 +118,7 @@ int page_load_avatar(struct page *p, const char *path, struct error *err)
     int rc = in ? 1 : -1;
 
     while (rc > 0 && (rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, "GAUS") && page_take_avatar(p, &rec, err))
+        if (record_is(&rec, RECORD_GAUS) && page_take_avatar(p, &rec, err))
             rc = error_prefix(err, "%s", path);
     stream_close(in);
     return rc;
@@ -408,7 +408,7 @@ static int page_check(const struct page *p, const struct person *person,
         return error_set(err, EX_DATAERR, "no %s record for --html (expected "
                          "an avatar, as spid-branches --bake writes it, in "
                          "the stream or by -i)",
-                         p->has_avatar ? "SHAP" : "GAUS");
+                         p->has_avatar ? RECORD_SHAP : RECORD_GAUS);
     if (p->moved && !p->frames)
         return error_set(err, EX_DATAERR, "this stream has what moved, not "
                          "the motion (expected MOTN records, as spid-motion "

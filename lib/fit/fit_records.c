@@ -26,7 +26,7 @@ static int fit_records_conf(const struct fit_records *r, struct error *err)
                      r->head->hash);
     struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
 
-    return stream_write(r->out, "CONF", 0, 0, &a, 1, err);
+    return stream_write(r->out, RECORD_CONF, 0, 0, &a, 1, err);
 }
 
 int fit_records_open(struct fit_records *r, const char *path,
@@ -157,7 +157,7 @@ static int fit_records_frame(struct fit_records *r, struct motion *m,
     m->pose.exp = m->exp;
     fit_records_landmarks(lmk, r, m);
     if (motion_write(r->out, r->written, time, m, r->head->nexp, &l, 1, err) ||
-        stream_write(r->out, "IMAG", r->written, time, image,
+        stream_write(r->out, RECORD_IMAG, r->written, time, image,
                      alone ? 3 : 2, err))
         return -1;
     r->written++;

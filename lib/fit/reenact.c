@@ -59,7 +59,7 @@ static int reenact_read(struct reenact *r, const char *path,
     if (!in)
         return -1;
     while ((rc = stream_read(in, &rec, err)) > 0)
-        if (record_is(&rec, "MOTN") && (rc = reenact_add(r, &rec, err)))
+        if (record_is(&rec, RECORD_MOTN) && (rc = reenact_add(r, &rec, err)))
             break;
     stream_close(in);
     if (rc == 0 && !r->acts)

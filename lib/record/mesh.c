@@ -67,5 +67,5 @@ int mesh_write(struct stream_writer *w, uint64_t frame, double time,
         a[n++] = array_make("faces", DTYPE_I32, h->f, 2, h->F, 3, 0, 0);
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)
         a[n++] = others[i];
-    return stream_write(w, "MESH", frame, time, a, n, err);
+    return stream_write(w, RECORD_MESH, frame, time, a, n, err);
 }

@@ -74,7 +74,7 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
 
     for (int i = 0; i < nothers && n < STREAM_MAX_ARRAYS; i++)
         a[n++] = others[i];
-    return stream_write(w, "MOTN", frame, time, a, n, err);
+    return stream_write(w, RECORD_MOTN, frame, time, a, n, err);
 }
 
 void motion_camera(float cam[12], const struct motion *m)

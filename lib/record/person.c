@@ -93,13 +93,13 @@ static int person_take_picture(struct person *p, const struct record *rec,
 int person_take(struct person *p, const struct record *rec, size_t nexp,
                 struct error *err)
 {
-    if (record_is(rec, "CONF"))
+    if (record_is(rec, RECORD_CONF))
         return person_take_conf(p, rec);
-    if (record_is(rec, "SHAP"))
+    if (record_is(rec, RECORD_SHAP))
         return person_take_shape(p, rec, err);
-    if (record_is(rec, "SRCI"))
+    if (record_is(rec, RECORD_SRCI))
         return person_take_picture(p, rec, err);
-    if (record_is(rec, "MOTN")) {
+    if (record_is(rec, RECORD_MOTN)) {
         if (motion_read(&p->source, rec, nexp, err))
             return -1;
         p->has_source = true;
@@ -174,7 +174,7 @@ int person_write_picture(struct stream_writer *w, const struct person *p,
         array_make("back", DTYPE_U8, p->back, 3, p->size, p->size, 3, 0)
     };
 
-    return stream_write(w, "SRCI", 0, 0, a, p->back ? 4 : 3, err);
+    return stream_write(w, RECORD_SRCI, 0, 0, a, p->back ? 4 : 3, err);
 }
 
 int person_write(struct stream_writer *w, const struct person *p, size_t nexp,

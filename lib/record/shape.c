@@ -26,5 +26,5 @@ int shape_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("person", DTYPE_I32, s->person, 1, 1, 0, 0, 0)
     };
 
-    return stream_write(w, "SHAP", frame, time, a, s->person ? 2 : 1, err);
+    return stream_write(w, RECORD_SHAP, frame, time, a, s->person ? 2 : 1, err);
 }

@@ -197,17 +197,17 @@ static int render_pass(struct render *r, const struct record *rec,
     /* from here on the sink is ours alone */
     if (async_write_wait(&r->writing, err))
         return -1;
-    if (record_is(rec, "SRCI") && r->opt.splat.place &&
+    if (record_is(rec, RECORD_SRCI) && r->opt.splat.place &&
         render_photo(r, rec, err))
         return -1;
-    if (record_is(rec, "CONF"))
+    if (record_is(rec, RECORD_CONF))
         framesink_take_conf(r->sink, rec);
     return out ? stream_copy(out, rec, err) : 0;
 }
 
 int render_take(struct render *r, const struct record *rec, struct error *err)
 {
-    if (record_is(rec, "GAUS") && render_flush(r, err))
+    if (record_is(rec, RECORD_GAUS) && render_flush(r, err))
         return -1;
     int change = scene_apply(&r->scene, rec, err);
 

@@ -105,9 +105,9 @@ int curves_read(struct curves *c, const char *path, bool first,
     if (!(r = stream_open(path, &opt, err)))
         return -1;
     while ((rc = stream_read(r, &rec, err)) > 0) {
-        if (record_is(&rec, "CONF"))
+        if (record_is(&rec, RECORD_CONF))
             curves_take_window(c, &rec);
-        if (!record_is(&rec, "MOTN") || (first && c->n))
+        if (!record_is(&rec, RECORD_MOTN) || (first && c->n))
             continue;
         if (curves_add(c, &rec, err)) {
             rc = error_prefix(err, "%s: frame %llu", path,

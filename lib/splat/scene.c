@@ -280,9 +280,9 @@ static int scene_move_shoulders(struct scene *s, const struct record *rec,
 /* GAUS replaces all, GMOV moves; other records are nobody's business here. */
 int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
-    if (record_is(rec, "GAUS"))
+    if (record_is(rec, RECORD_GAUS))
         return scene_load(s, rec, err);
-    if (!record_is(rec, "GMOV"))
+    if (!record_is(rec, RECORD_GMOV))
         return SCENE_NONE;
     if (!s->mean)
         return error_set(err, EX_DATAERR, "GMOV before any GAUS");

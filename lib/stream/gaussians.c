@@ -160,5 +160,5 @@ int gaus_write(struct stream_writer *w, uint64_t frame, double time,
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         if (all[i].data)
             a[count++] = all[i];
-    return stream_write(w, "GAUS", frame, time, a, count, err);
+    return stream_write(w, RECORD_GAUS, frame, time, a, count, err);
 }

@@ -382,7 +382,7 @@ static int reader_read_record(struct stream_reader *r, struct record *rec,
         reader_read_payload(r, rec, err) ||
         layout_attach(rec, r->base + r->begin + HEADER_BYTES, err))
         return -1;
-    if (record_is(rec, "END "))
+    if (record_is(rec, RECORD_END))
         return reader_read_end(r, rec, err);
     r->held = HEADER_BYTES + rec->payload_bytes;
     r->last_frame = rec->frame;

@@ -34,8 +34,21 @@ struct array {
 size_t array_count(const struct array *a);   /* product of dims */
 size_t array_bytes(const struct array *a);
 
+/* The types of records that spid-stream(5) knows; their arrays are in
+ * lib/stream/schema.c. */
+#define RECORD_CONF "CONF"     /* first of all: producer, units, camera */
+#define RECORD_SRCI "SRCI"     /* the source picture */
+#define RECORD_SHAP "SHAP"     /* a person's shape */
+#define RECORD_MOTN "MOTN"     /* motion of a frame */
+#define RECORD_MESH "MESH"     /* the head's vertices in a frame */
+#define RECORD_GAUS "GAUS"     /* a whole set of Gaussians */
+#define RECORD_GMOV "GMOV"     /* what of it moved */
+#define RECORD_FEAT "FEAT"     /* drawn features */
+#define RECORD_IMAG "IMAG"     /* a picture */
+#define RECORD_END  "END "     /* last of all */
+
 struct record {
-    char type[5];              /* "MESH", NUL-terminated */
+    char type[5];              /* RECORD_MESH or any, NUL-terminated */
     uint64_t frame;            /* index within the clip, from 0 */
     double time;               /* seconds from the clip's start */
     int count;                 /* of arrays */

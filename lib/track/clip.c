@@ -202,8 +202,8 @@ static int clip_write_frame(struct stream_writer *w,
     camera_project(uv, NULL, cam, (float)S, lmk, HEAD_LANDMARKS);
     return motion_write(w, s->index[i], s->time[i], &p->source, c->head->nexp,
                         &mark, 1, err) ||
-                   stream_write(w, "IMAG", s->index[i], s->time[i], picture, 2,
-                                err)
+                   stream_write(w, RECORD_IMAG, s->index[i], s->time[i],
+                                picture, 2, err)
                ? -1
                : 0;
 }

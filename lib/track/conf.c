@@ -61,7 +61,7 @@ int conf_write(struct stream_writer *w, const struct conf *c,
     if (!text)
         return error_set(err, EX_OSERR, "no memory for CONF");
     a = array_make("json", DTYPE_U8, text, 1, strlen(text), 0, 0, 0);
-    rc = stream_write(w, "CONF", 0, 0, &a, 1, err);
+    rc = stream_write(w, RECORD_CONF, 0, 0, &a, 1, err);
     free(text);
     return rc;
 }

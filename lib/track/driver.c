@@ -36,7 +36,7 @@ static int driver_read_record(struct driver *d, struct driver_frame *f,
 
     memset(f, 0, sizeof *f);
     while ((rc = stream_read(d->records, &rec, err)) == 1) {
-        if (!record_is(&rec, "MOTN"))
+        if (!record_is(&rec, RECORD_MOTN))
             continue;
         f->picture.index = rec.frame;
         f->picture.time = rec.time;
