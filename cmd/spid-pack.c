@@ -11,14 +11,14 @@
 #include "formats/npy.h"
 #include "formats/recordfile.h"
 #include "formats/recordjson.h"
-#include "formats/recordply.h"
 #include "formats/safetensors.h"
 #include "lib/base/cpu.h"
 #include "lib/base/file.h"
+#include "lib/record/gaus_ply.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path, *take_path, *head_path, *relative_path;
-static struct recordply_options ply;
+static struct gaus_ply_options ply;
 static bool stack, raw;
 static double fps;             /* 0: not given */
 static long first_frame;
@@ -41,7 +41,7 @@ static const struct cli_option options[] = {
     OPTION_STRING("relative", 0, &relative_path, "FILE",
                   "its movements, from this identity's own motion"),
     OPTION_HEAD(&head_path),
-    OPTION_CALL("eye", 0, &ply, "X,Y,Z", recordply_parse_eye,
+    OPTION_CALL("eye", 0, &ply, "X,Y,Z", gaus_ply_parse_eye,
                 "where its spherical harmonics are seen from"),
     OPTION_FLAG("flat", 0, &ply.flat,
                 "drop spherical harmonics above degree 0"),
@@ -250,7 +250,7 @@ static int pack_add_source(struct pack *p, const char *source,
     if (file_ends(source, ".safetensors"))
         return pack_add_safetensors(p, source, err);
     if (file_ends(source, ".ply"))
-        return recordply_read(source, &ply, pack_put_record, p, err);
+        return gaus_ply_read(source, &ply, pack_put_record, p, err);
     if (file_ends(source, ".json") || file_ends(source, ".jsonl"))
         return recordjson_read(source, pack_frame_rate(), stream_limit(),
                                pack_put_record, p, err);
@@ -272,7 +272,7 @@ int main(int argc, char **argv)
     if (!p.out)
         die_error(&err);
     if (ply_path)
-        rc = recordply_read(ply_path, &ply, pack_put_record, &p, &err);
+        rc = gaus_ply_read(ply_path, &ply, pack_put_record, &p, &err);
     if (take_path && rc == 0) {
         rc = take_pack(p.out, take_path, fps, head_path, relative_path, &err);
         p.records++;            /* it has a CONF of its own */

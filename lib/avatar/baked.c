@@ -9,7 +9,7 @@
 
 #include "lib/base/half.h"
 #include "lib/geom/neck_blend.h"
-#include "lib/stream/gaussians.h"
+#include "lib/record/gaus.h"
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,

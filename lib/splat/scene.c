@@ -10,7 +10,7 @@
 #include "lib/base/half.h"
 #include "lib/geom/drive.h"
 #include "lib/geom/neck_blend.h"
-#include "lib/stream/gaussians.h"
+#include "lib/record/gaus.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 

@@ -1,6 +1,6 @@
 /* GAUS records: a whole set of Gaussians with what moves them. */
-#ifndef SPID_STREAM_GAUSSIANS_H
-#define SPID_STREAM_GAUSSIANS_H
+#ifndef SPID_RECORD_GAUS_H
+#define SPID_RECORD_GAUS_H
 
 #include <stddef.h>
 #include <stdint.h>
@@ -38,7 +38,9 @@ struct gaus {
 /* -1 and *err naming the array when one is missing, of another type or shape,
  * or not finite. */
 int gaus_read(struct gaus *g, const struct record *rec, struct error *err);
-/* Write the arrays that are not NULL. */
+/* The arrays that are not NULL, into a; returns how many. */
+int gaus_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gaus *g);
+/* Write them. */
 int gaus_write(struct stream_writer *w, uint64_t frame, double time,
                const struct gaus *g, struct error *err);
 

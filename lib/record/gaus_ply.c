@@ -1,5 +1,5 @@
 /* PLY scenes as GAUS records. */
-#include "formats/recordply.h"
+#include "lib/record/gaus_ply.h"
 
 #include <math.h>
 #include <stdio.h>
@@ -7,10 +7,11 @@
 #include <sysexits.h>
 
 #include "formats/ply.h"
+#include "lib/record/gaus.h"
 
-int recordply_parse_eye(const char *value, void *dest, struct error *err)
+int gaus_ply_parse_eye(const char *value, void *dest, struct error *err)
 {
-    struct recordply_options *o = dest;
+    struct gaus_ply_options *o = dest;
     char end;
 
     if (sscanf(value, "%f,%f,%f%c", &o->eye[0], &o->eye[1], &o->eye[2],
@@ -22,32 +23,28 @@ int recordply_parse_eye(const char *value, void *dest, struct error *err)
 }
 
 /* One record of three channels to the sink. */
-static int recordply_scene_send(const struct ply_scene *s, record_sink sink,
-                                void *context, struct error *err)
+static int gaus_ply_send(const struct ply_scene *s, record_sink sink,
+                         void *context, struct error *err)
 {
     uint8_t *branch = calloc(s->n + 1, 1);
+    const struct gaus g = {
+        .n = s->n, .channels = 3, .mean = s->mean, .scale = s->scale,
+        .quat = s->quat, .opacity = s->opacity, .color = s->color,
+        .branch = branch
+    };
     struct record rec = {.type = RECORD_GAUS};
 
     if (!branch)
         return error_set(err, EX_OSERR, "out of memory for %zu Gaussians",
                          s->n);
-    struct array *a = rec.array;
-    a[rec.count++] = array_make("mean", DTYPE_F32, s->mean, 2, s->n, 3, 0, 0);
-    a[rec.count++] = array_make("scale", DTYPE_F32, s->scale, 2, s->n, 3, 0,
-                                0);
-    a[rec.count++] = array_make("quat", DTYPE_F32, s->quat, 2, s->n, 4, 0, 0);
-    a[rec.count++] = array_make("opacity", DTYPE_F32, s->opacity, 1, s->n, 0,
-                                0, 0);
-    a[rec.count++] = array_make("color", DTYPE_F32, s->color, 2, s->n, 3, 0,
-                                0);
-    a[rec.count++] = array_make("branch", DTYPE_U8, branch, 1, s->n, 0, 0, 0);
+    rec.count = gaus_arrays(rec.array, &g);
     int rc = sink(&rec, context, err);
     free(branch);
     return rc;
 }
 
-int recordply_read(const char *path, const struct recordply_options *opt,
-                   record_sink sink, void *context, struct error *err)
+int gaus_ply_read(const char *path, const struct gaus_ply_options *opt,
+                  record_sink sink, void *context, struct error *err)
 {
     struct ply_scene s;
     int rc = -1;
@@ -63,7 +60,7 @@ int recordply_read(const char *path, const struct recordply_options *opt,
     }
     if (opt->has_eye)
         ply_shade(&s, opt->eye);
-    rc = recordply_scene_send(&s, sink, context, err);
+    rc = gaus_ply_send(&s, sink, context, err);
 out:
     ply_release(&s);
     return rc;

@@ -1,5 +1,5 @@
 /* Reading and writing GAUS. */
-#include "lib/stream/gaussians.h"
+#include "lib/record/gaus.h"
 
 #include <string.h>
 #include <sysexits.h>
@@ -127,13 +127,12 @@ int gaus_read(struct gaus *g, const struct record *rec, struct error *err)
     return 0;
 }
 
-int gaus_write(struct stream_writer *w, uint64_t frame, double time,
-               const struct gaus *g, struct error *err)
+int gaus_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gaus *g)
 {
     const size_t n = g->n;
     const void *color = g->color ? (const void *)g->color : g->color_half;
     const enum dtype type = g->color ? DTYPE_F32 : DTYPE_F16;
-    struct array all[] = {
+    const struct array all[] = {
         array_make("mean", DTYPE_F32, g->mean, 2, n, 3, 0, 0),
         array_make("scale", DTYPE_F32, g->scale, 2, n, 3, 0, 0),
         array_make("quat", DTYPE_F32, g->quat, 2, n, 4, 0, 0),
@@ -154,11 +153,19 @@ int gaus_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("reach", DTYPE_F32, g->reach, 1, n, 0, 0, 0),
         array_make("cam", DTYPE_F32, g->cam, 2, 3, 4, 0, 0)
     };
-    struct array a[sizeof all / sizeof *all];
     int count = 0;
 
     for (size_t i = 0; i < sizeof all / sizeof *all; i++)
         if (all[i].data)
             a[count++] = all[i];
-    return stream_write(w, RECORD_GAUS, frame, time, a, count, err);
+    return count;
+}
+
+int gaus_write(struct stream_writer *w, uint64_t frame, double time,
+               const struct gaus *g, struct error *err)
+{
+    struct array a[STREAM_MAX_ARRAYS];
+
+    return stream_write(w, RECORD_GAUS, frame, time, a, gaus_arrays(a, g),
+                        err);
 }
