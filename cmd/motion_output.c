@@ -50,11 +50,7 @@ int motion_output_begin(struct motion_output *o, const struct conf *conf,
 int motion_output_write(struct motion_output *o, const struct driver_frame *f,
                         size_t nexp, struct error *err)
 {
-    static const uint8_t one = 1;
-    struct array other[2] = {
-        array_make("sure", DTYPE_F32, &f->r.sure, 1, 1, 0, 0, 0),
-        array_make("lost", DTYPE_U8, &one, 1, 1, 0, 0, 0)
-    };
+    const struct array other[2] = {motion_sure(&f->r.sure), motion_lost()};
     double begun = stats_begin();
     float value[LIVELINK_CHANNELS];
     int rc = 0;

@@ -15,6 +15,7 @@
 #include "lib/base/cpu.h"
 #include "lib/base/file.h"
 #include "lib/record/gaus_ply.h"
+#include "lib/stream/conf_text.h"
 #include "lib/stream/stream.h"
 
 static const char *type, *ply_path, *take_path, *head_path, *relative_path;
@@ -87,10 +88,7 @@ static double pack_frame_rate(void)
 /* What the packed records are not asked to say: who made them, and units. */
 static int pack_put_conf(struct pack *p, struct error *err)
 {
-    struct array a = array_make("json", DTYPE_U8, CONF_TEXT, 1,
-                                strlen(CONF_TEXT), 0, 0, 0);
-
-    return stream_write(p->out, RECORD_CONF, 0, 0.0, &a, 1, err);
+    return conf_text_write(p->out, CONF_TEXT, err);
 }
 
 /* The sink of every source: records go out as they come. */

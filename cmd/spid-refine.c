@@ -5,6 +5,7 @@
 
 #include "cmd/options.h"
 #include "formats/framesink.h"
+#include "lib/record/person.h"
 #include "lib/refine/refine_picture.h"
 #include "lib/refine/refine_record.h"
 #include "lib/stream/ahead.h"
@@ -71,6 +72,7 @@ static void refine_open_model(struct program *p)
 static void refine_open_background(void)
 {
     struct error err = {0};
+    struct person source;
     int rc = 0;
 
     if (!background_text)
@@ -81,7 +83,10 @@ static void refine_open_background(void)
         die(EX_USAGE, "--background=source: whose picture (expected "
             "-i FILE)");
     } else {
-        rc = background_from_identity(&background, identity_path, &err);
+        rc = person_load_picture(&source, identity_path, &err) ||
+             background_from_source(&background, source.rgb, source.matte,
+                                    source.back, source.size, &err);
+        person_release(&source);
     }
     if (rc) {
         error_prefix(&err, "--background=%s", background_text);

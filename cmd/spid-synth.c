@@ -8,9 +8,11 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/image.h"
+#include "lib/record/imag.h"
 #include "lib/record/mesh.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
+#include "lib/stream/conf_text.h"
 #include "lib/synth/scan.h"
 #include "lib/synth/sheet.h"
 #include "lib/synth/statistics.h"
@@ -77,15 +79,12 @@ static int synth_write_conf(struct stream_writer *w, const struct head *head,
                             struct error *err)
 {
     char json[512];
-    int n = snprintf(json, sizeof json,
-                     "{\"producer\":\"spid-synth\",\"version\":\"%s\","
-                     "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":"
-                     "%ld,\"focal\":12},\"fps\":%.9g,\"seed\":%ld,"
-                     "\"head_hash\":\"%s\"}", SPID_VERSION,
-                     (double)head->scale, size, fps, seed, head->hash);
-    struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
 
-    return stream_write(w, RECORD_CONF, 0, 0, &a, 1, err);
+    snprintf(json, sizeof json, "{\"producer\":\"spid-synth\",\"version\":"
+             "\"%s\",\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":%ld,"
+             "\"focal\":12},\"fps\":%.9g,\"seed\":%ld,\"head_hash\":\"%s\"}",
+             SPID_VERSION, (double)head->scale, size, fps, seed, head->hash);
+    return conf_text_write(w, json, err);
 }
 
 /* SHAP: a person's shape coefficients and number. */
@@ -106,18 +105,15 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
 {
     const struct synth_motion *t = f->motion;
     double time = (double)number / fps;
-    size_t n = (size_t)size;
     struct motion m = {0};
     float cam[12];
     struct array marks[2] = {
-        array_make("lmk", DTYPE_F32, f->lmk, 2, 68, 2, 0, 0),
-        array_make("points", DTYPE_F32, f->points, 2, SYNTH_POINTS, 2, 0, 0)
+        motion_landmarks(f->lmk),
+        motion_points(f->points, SYNTH_POINTS)
     };
-    struct array image[4] = {
-        array_make("rgb", DTYPE_U8, f->rgb, 3, n, n, 3, 0),
-        array_make("mask", DTYPE_U8, f->mask, 2, n, n, 0, 0),
-        array_make("label", DTYPE_U8, f->label, 2, n, n, 0, 0),
-        array_make("alone", DTYPE_U8, f->alone, 3, n, n, 3, 0)
+    const struct imag picture = {
+        .size = (size_t)size, .rgb = f->rgb, .mask = f->mask,
+        .label = f->label, .alone = f->alone
     };
 
     memcpy(m.R, t->rot, sizeof m.R);
@@ -134,8 +130,7 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
     if (f->verts && mesh_write(w, number, time, head, f->verts, cam,
                                number == 0, NULL, 0, err))
         return -1;
-    return stream_write(w, RECORD_IMAG, number, time, image, f->alone ? 4 : 3,
-                        err);
+    return imag_write(w, number, time, &picture, err);
 }
 
 /* Frames into a stream with their truth, or as pictures alone. */

@@ -44,8 +44,7 @@ static int take_put(struct stream_writer *out, uint64_t frame,
                     const struct livelink_frame *f, size_t nexp,
                     const struct relative *r, struct error *err)
 {
-    static const uint8_t one = 1;
-    struct array lost = array_make("lost", DTYPE_U8, &one, 1, 1, 0, 0, 0);
+    const struct array lost = motion_lost();
     struct motion m;
 
     take_to_motion(&m, nexp, f->value);

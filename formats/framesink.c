@@ -16,6 +16,7 @@
 #include "formats/mark.h"
 #include "formats/terminal.h"
 #include "lib/base/file.h"
+#include "lib/stream/conf_text.h"
 
 /* ---- choosing --------------------------------------------------------- */
 
@@ -140,9 +141,9 @@ void framesink_set_rate(struct framesink *s, int num, int den)
 
 void framesink_take_conf(struct framesink *s, const struct record *conf)
 {
-    const struct array *a = record_find(conf, "json");
-    cJSON *json = a && a->dtype == DTYPE_U8
-        ? cJSON_ParseWithLength(a->data, array_count(a)) : NULL;
+    size_t bytes;
+    const char *text = conf_text(&bytes, conf);
+    cJSON *json = text ? cJSON_ParseWithLength(text, bytes) : NULL;
     const cJSON *fps = cJSON_GetObjectItem(json, "fps");
     const cJSON *den = cJSON_GetArrayItem(fps, 1);
 

@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/base/list.h"
+#include "lib/record/imag.h"
 #include "lib/stream/stream.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
@@ -210,27 +211,21 @@ static void data_choose_part(struct data_frame *f, size_t size, double margin)
 #define LABEL_FRONT 15      /* spid-synth(1): something before the person */
 
 /* Of whole pictures: the person alone, and what hides them, if it is there. */
-static int data_take_extras(struct data_frame *f, const struct record *rec,
-                            size_t size, struct error *err)
+static int data_take_extras(struct data_frame *f, const struct imag *im,
+                            struct error *err)
 {
-    const size_t dims[3] = {size, size, 3}, n = size * size;
-    const uint8_t *alone = NULL, *label = NULL;
+    const size_t n = im->size * im->size;
+    const bool hides = im->label && memchr(im->label, LABEL_FRONT, n);
 
-    if ((record_find(rec, "alone") &&
-         !(alone = record_get(rec, "alone", DTYPE_U8, 3, dims, err))) ||
-        (record_find(rec, "label") &&
-         !(label = record_get(rec, "label", DTYPE_U8, 2, dims, err))))
-        return -1;
-    bool hides = label && memchr(label, LABEL_FRONT, n);
-    f->alone = alone ? malloc(3 * n) : NULL;
+    f->alone = im->alone ? malloc(3 * n) : NULL;
     f->hidden = hides ? malloc(n) : NULL;
-    if ((alone && !f->alone) || (hides && !f->hidden))
+    if ((im->alone && !f->alone) || (hides && !f->hidden))
         return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
-                         size, size);
-    if (alone)
-        memcpy(f->alone, alone, 3 * n);
+                         im->size, im->size);
+    if (im->alone)
+        memcpy(f->alone, im->alone, 3 * n);
     for (size_t i = 0; hides && i < n; i++)
-        f->hidden[i] = label[i] == LABEL_FRONT;
+        f->hidden[i] = im->label[i] == LABEL_FRONT;
     return 0;
 }
 
@@ -239,17 +234,12 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
                              struct error *err)
 {
     struct data_frame *f = &r->next;
-    size_t dims[3] = {0, 0, 3}, size;
-    const uint8_t *rgb = record_get(rec, "rgb", DTYPE_U8, 3, dims, err), *m;
+    struct imag im;
     uint8_t *to;
 
-    if (!rgb)
+    if (imag_read(&im, rec, err))
         return -1;
-    size = record_find(rec, "rgb")->dim[0];
-    dims[0] = dims[1] = size;
-    m = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
-    if (!m || !record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
-        return -1;
+    const size_t size = im.size;
     /* crops are sampled at one size from whatever there is */
     if (r->margin == 0 && r->size && size != r->size)
         return error_set(err, EX_DATAERR, "picture of %zux%zu among pictures "
@@ -266,10 +256,10 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
                          size, size);
     for (size_t y = f->y0; y < f->y0 + f->height; y++)
         for (size_t x = f->x0; x < f->x0 + f->width; x++, to += 4) {
-            memcpy(to, rgb + 3 * (y * size + x), 3);
-            to[3] = m[y * size + x];
+            memcpy(to, im.rgb + 3 * (y * size + x), 3);
+            to[3] = im.mask[y * size + x];
         }
-    return r->margin > 0 ? 0 : data_take_extras(f, rec, size, err);
+    return r->margin > 0 ? 0 : data_take_extras(f, &im, err);
 }
 
 /* Append a frame, whose picture moves. */

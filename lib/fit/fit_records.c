@@ -8,7 +8,9 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
+#include "lib/record/imag.h"
 #include "lib/record/shape.h"
+#include "lib/stream/conf_text.h"
 
 #define FIT_RATE 25.0           /* frames a second, of what has no times */
 #define FIT_BETA 300
@@ -18,15 +20,12 @@
 static int fit_records_conf(const struct fit_records *r, struct error *err)
 {
     char json[512];
-    int n = snprintf(json, sizeof json,
-                     "{\"producer\":\"spid-fit\",\"version\":\"%s\","
-                     "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":"
-                     "%zu,\"focal\":12},\"fps\":%g,\"head_hash\":\"%s\"}",
-                     SPID_VERSION, (double)r->head->scale, r->size, FIT_RATE,
-                     r->head->hash);
-    struct array a = array_make("json", DTYPE_U8, json, 1, (size_t)n, 0, 0, 0);
 
-    return stream_write(r->out, RECORD_CONF, 0, 0, &a, 1, err);
+    snprintf(json, sizeof json, "{\"producer\":\"spid-fit\",\"version\":\"%s\","
+             "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":%zu,"
+             "\"focal\":12},\"fps\":%g,\"head_hash\":\"%s\"}", SPID_VERSION,
+             (double)r->head->scale, r->size, FIT_RATE, r->head->hash);
+    return conf_text_write(r->out, json, err);
 }
 
 int fit_records_open(struct fit_records *r, const char *path,
@@ -143,22 +142,16 @@ static int fit_records_frame(struct fit_records *r, struct motion *m,
                              uint8_t *rgb, uint8_t *mask, uint8_t *alone,
                              struct error *err)
 {
-    const size_t n = r->size;
     const double time = (double)r->written / FIT_RATE;
     float lmk[2 * HEAD_LANDMARKS] = {0};
-    struct array l = array_make("lmk", DTYPE_F32, lmk, 2, HEAD_LANDMARKS, 2,
-                                0, 0);
-    struct array image[3] = {
-        array_make("rgb", DTYPE_U8, rgb, 3, n, n, 3, 0),
-        array_make("mask", DTYPE_U8, mask, 2, n, n, 0, 0),
-        array_make("alone", DTYPE_U8, alone, 3, n, n, 3, 0)
-    };
+    const struct array l = motion_landmarks(lmk);
+    const struct imag picture = {.size = r->size, .rgb = rgb, .mask = mask,
+                                 .alone = alone};
 
     m->pose.exp = m->exp;
     fit_records_landmarks(lmk, r, m);
     if (motion_write(r->out, r->written, time, m, r->head->nexp, &l, 1, err) ||
-        stream_write(r->out, RECORD_IMAG, r->written, time, image,
-                     alone ? 3 : 2, err))
+        imag_write(r->out, r->written, time, &picture, err))
         return -1;
     r->written++;
     return 0;

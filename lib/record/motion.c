@@ -77,6 +77,28 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
     return stream_write(w, RECORD_MOTN, frame, time, a, n, err);
 }
 
+struct array motion_landmarks(const float *lmk)
+{
+    return array_make("lmk", DTYPE_F32, lmk, 2, HEAD_LANDMARKS, 2, 0, 0);
+}
+
+struct array motion_points(const float *points, size_t n)
+{
+    return array_make("points", DTYPE_F32, points, 2, n, 2, 0, 0);
+}
+
+struct array motion_sure(const float *sure)
+{
+    return array_make("sure", DTYPE_F32, sure, 1, 1, 0, 0, 0);
+}
+
+struct array motion_lost(void)
+{
+    static const uint8_t one = 1;
+
+    return array_make("lost", DTYPE_U8, &one, 1, 1, 0, 0, 0);
+}
+
 void motion_camera(float cam[12], const struct motion *m)
 {
     camera_make(cam, m->R, m->t);

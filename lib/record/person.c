@@ -9,6 +9,7 @@
 
 #include "lib/geom/crop.h"
 #include "lib/record/shape.h"
+#include "lib/stream/conf_text.h"
 
 /* out = the string under key, when there is one. */
 static void person_take_hash(char out[17], const cJSON *conf, const char *key)
@@ -22,11 +23,12 @@ static void person_take_hash(char out[17], const cJSON *conf, const char *key)
 /* CONF says which head and model the identity was made with. */
 static int person_take_conf(struct person *p, const struct record *rec)
 {
-    const struct array *a = record_find(rec, "json");
+    size_t bytes;
+    const char *text = conf_text(&bytes, rec);
 
-    if (!a || a->dtype != DTYPE_U8)
+    if (!text)
         return 0;
-    cJSON *conf = cJSON_ParseWithLength(a->data, array_bytes(a));
+    cJSON *conf = cJSON_ParseWithLength(text, bytes);
     person_take_hash(p->head, conf, "head_hash");
     person_take_hash(p->model, conf, "model_hash");
     cJSON_Delete(conf);
@@ -134,6 +136,27 @@ int person_load(struct person *p, const char *path, size_t nexp,
         return -1;
     }
     return 0;
+}
+
+int person_load_picture(struct person *p, const char *path,
+                        struct error *err)
+{
+    struct stream_reader *in = stream_open(path, NULL, err);
+    struct record rec;
+    int rc = -1;
+
+    memset(p, 0, sizeof *p);
+    while (in && !p->rgb && (rc = stream_read(in, &rec, err)) > 0)
+        if (record_is(&rec, RECORD_SRCI))
+            rc = person_take_picture(p, &rec, err);
+    if (rc >= 0 && p->size == 0)
+        rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity "
+                       "from spid-shape)");
+    stream_close(in);
+    if (rc >= 0)
+        return 0;
+    person_release(p);
+    return error_prefix(err, "%s", path);
 }
 
 int person_resize(struct person *q, const struct person *p, size_t size,

@@ -39,6 +39,9 @@ int person_take(struct person *p, const struct record *rec, size_t nexp,
 /* Read an identity file up to its END.  Fails when it has no SHAP. */
 int person_load(struct person *p, const char *path, size_t nexp,
                 struct error *err);
+/* Only its source picture (SRCI); fails when it has none. */
+int person_load_picture(struct person *p, const char *path,
+                        struct error *err);
 /* The picture of p and its parts as size by size pixels into q, which has no
  * other parts; the caller releases q. */
 int person_resize(struct person *q, const struct person *p, size_t size,

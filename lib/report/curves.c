@@ -10,6 +10,7 @@
 #include "lib/metric/motion.h"
 #include "lib/record/motion.h"
 #include "lib/report/html.h"
+#include "lib/stream/conf_text.h"
 #include "lib/stream/stream.h"
 
 #define DEGREES (180 / 3.14159265358979323846)
@@ -76,9 +77,9 @@ static int curves_add(struct curves *c, const struct record *rec,
 /* The portrait window that CONF names. */
 static void curves_take_window(struct curves *c, const struct record *rec)
 {
-    const struct array *a = record_find(rec, "json");
-    cJSON *conf = a && a->dtype == DTYPE_U8
-                      ? cJSON_ParseWithLength(a->data, array_bytes(a)) : NULL;
+    size_t bytes;
+    const char *text = conf_text(&bytes, rec);
+    cJSON *conf = text ? cJSON_ParseWithLength(text, bytes) : NULL;
     const cJSON *w = cJSON_GetObjectItem(conf, "window");
     double v[3] = {0};
 

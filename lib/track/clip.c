@@ -10,6 +10,7 @@
 #include "formats/framesource.h"
 #include "formats/image.h"
 #include "lib/head/lbs.h"
+#include "lib/record/imag.h"
 #include "lib/record/person.h"
 #include "lib/record/shape.h"
 #include "lib/track/conf.h"
@@ -188,22 +189,18 @@ static int clip_write_frame(struct stream_writer *w,
                             struct error *err)
 {
     struct person *p = &s->person[i];
-    const int S = (int)p->size;
     float lmk[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS], cam[12];
-    const struct array mark = array_make("lmk", DTYPE_F32, uv, 2,
-                                         HEAD_LANDMARKS, 2, 0, 0);
-    const struct array picture[2] = {
-        array_make("rgb", DTYPE_U8, p->rgb, 3, S, S, 3, 0),
-        array_make("mask", DTYPE_U8, p->matte, 2, S, S, 0, 0)};
+    const struct array mark = motion_landmarks(uv);
+    const struct imag picture = {.size = p->size, .rgb = p->rgb,
+                                 .mask = p->matte};
 
     p->source.pose.exp = p->source.exp;
     landmarks_pose(lmk, l, &p->source.pose);
     motion_camera(cam, &p->source);
-    camera_project(uv, NULL, cam, (float)S, lmk, HEAD_LANDMARKS);
+    camera_project(uv, NULL, cam, (float)p->size, lmk, HEAD_LANDMARKS);
     return motion_write(w, s->index[i], s->time[i], &p->source, c->head->nexp,
                         &mark, 1, err) ||
-                   stream_write(w, RECORD_IMAG, s->index[i], s->time[i],
-                                picture, 2, err)
+                   imag_write(w, s->index[i], s->time[i], &picture, err)
                ? -1
                : 0;
 }

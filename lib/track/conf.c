@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
+#include "lib/stream/conf_text.h"
 
 #define CONF_SIZE 512   /* pixels of a portrait window that no model sets */
 
@@ -55,13 +56,11 @@ int conf_write(struct stream_writer *w, const struct conf *c,
                struct error *err)
 {
     char *text = conf_print(c);
-    struct array a;
     int rc;
 
     if (!text)
         return error_set(err, EX_OSERR, "no memory for CONF");
-    a = array_make("json", DTYPE_U8, text, 1, strlen(text), 0, 0, 0);
-    rc = stream_write(w, RECORD_CONF, 0, 0, &a, 1, err);
+    rc = conf_text_write(w, text, err);
     free(text);
     return rc;
 }

@@ -1,0 +1,53 @@
+/* Reading and writing IMAG. */
+#include "lib/record/imag.h"
+
+#include <string.h>
+
+/* An array of the square picture that may be missing. */
+static int imag_optional(const uint8_t **out, const struct record *rec,
+                         const char *name, int ndim, const size_t *dims,
+                         struct error *err)
+{
+    if (!record_find(rec, name))
+        return 0;
+    *out = record_get(rec, name, DTYPE_U8, ndim, dims, err);
+    return *out ? 0 : -1;
+}
+
+int imag_read(struct imag *im, const struct record *rec, struct error *err)
+{
+    size_t dims[3] = {0, 0, 3};
+
+    memset(im, 0, sizeof *im);
+    if (!record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
+        return -1;
+    im->size = record_find(rec, "rgb")->dim[0];
+    dims[0] = dims[1] = im->size;
+    im->mask = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
+    if (!im->mask)
+        return -1;
+    im->rgb = record_get(rec, "rgb", DTYPE_U8, 3, dims, err);
+    return !im->rgb || imag_optional(&im->label, rec, "label", 2, dims, err) ||
+                   imag_optional(&im->alone, rec, "alone", 3, dims, err)
+               ? -1
+               : 0;
+}
+
+int imag_write(struct stream_writer *w, uint64_t frame, double time,
+               const struct imag *im, struct error *err)
+{
+    const size_t n = im->size;
+    const struct array all[] = {
+        array_make("rgb", DTYPE_U8, im->rgb, 3, n, n, 3, 0),
+        array_make("mask", DTYPE_U8, im->mask, 2, n, n, 0, 0),
+        array_make("label", DTYPE_U8, im->label, 2, n, n, 0, 0),
+        array_make("alone", DTYPE_U8, im->alone, 3, n, n, 3, 0)
+    };
+    struct array a[sizeof all / sizeof *all];
+    int count = 0;
+
+    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
+        if (all[i].data)
+            a[count++] = all[i];
+    return stream_write(w, RECORD_IMAG, frame, time, a, count, err);
+}
