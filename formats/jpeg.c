@@ -66,39 +66,37 @@ static unsigned jpeg_number(const uint8_t *p, int n, bool high_first)
     return v;
 }
 
-/* Tag 0x112 of the first directory of Exif data; 1 where there is none. */
-static int jpeg_exif_orientation(const uint8_t *p, size_t n)
+/* Tag 0x112 of the first directory of Exif data. */
+static enum orientation jpeg_exif_orientation(const uint8_t *p, size_t n)
 {
     size_t at, entries;
     bool high;
 
     if (n < 14 || memcmp(p, "Exif\0\0", 6))
-        return 1;
+        return ORIENT_UPRIGHT;
     p += 6;
     n -= 6;
     high = p[0] == 'M';
     at = jpeg_number(p + 4, 4, high);
     if (at > n - 2)
-        return 1;
+        return ORIENT_UPRIGHT;
     entries = jpeg_number(p + at, 2, high);
     for (at += 2; entries > 0 && at + 12 <= n; entries--, at += 12)
-        if (jpeg_number(p + at, 2, high) == 0x112) {
-            const unsigned o = jpeg_number(p + at + 8, 2, high);
-
-            return o >= 1 && o <= 8 ? (int)o : 1;
-        }
-    return 1;
+        if (jpeg_number(p + at, 2, high) == 0x112)
+            return orient_read(jpeg_number(p + at + 8, 2, high));
+    return ORIENT_UPRIGHT;
 }
 
-static int jpeg_orientation(const struct jpeg_decompress_struct *in)
+static enum orientation jpeg_orientation(const struct jpeg_decompress_struct *in)
 {
     for (jpeg_saved_marker_ptr m = in->marker_list; m; m = m->next) {
-        const int o = jpeg_exif_orientation(m->data, m->data_length);
+        const enum orientation o = jpeg_exif_orientation(m->data,
+                                                         m->data_length);
 
-        if (o != 1)
+        if (o != ORIENT_UPRIGHT)
             return o;
     }
-    return 1;
+    return ORIENT_UPRIGHT;
 }
 
 /* ---- pixels -------------------------------------------------------------- */
@@ -126,10 +124,11 @@ static int jpeg_check(const struct jpeg *j, struct error *err)
 static int jpeg_fill(struct image *im, struct jpeg *j, struct error *err)
 {
     const size_t W = j->in.image_width, H = j->in.image_height;
-    const int o = jpeg_orientation(&j->in);
+    const enum orientation o = jpeg_orientation(&j->in);
+    const bool upright = o == ORIENT_UPRIGHT;
 
-    im->width = o >= 5 ? H : W;
-    im->height = o >= 5 ? W : H;
+    im->width = orient_swaps(o) ? H : W;
+    im->height = orient_swaps(o) ? W : H;
     im->rgb = malloc(3 * W * H);
     j->row = malloc(3 * W);
     if (!im->rgb || !j->row)
@@ -137,10 +136,10 @@ static int jpeg_fill(struct image *im, struct jpeg *j, struct error *err)
     j->in.out_color_space = JCS_RGB;
     jpeg_start_decompress(&j->in);
     for (size_t y = 0; y < H; y++) {
-        JSAMPROW row = o == 1 ? im->rgb + 3 * W * y : j->row;
+        JSAMPROW row = upright ? im->rgb + 3 * W * y : j->row;
 
         jpeg_read_scanlines(&j->in, &row, 1);
-        for (size_t x = 0; o != 1 && x < W; x++)
+        for (size_t x = 0; !upright && x < W; x++)
             memcpy(im->rgb + 3 * orient_pixel(x, y, W, H, o), row + 3 * x, 3);
     }
     im->damaged = j->in.err->num_warnings > 0;

@@ -141,6 +141,32 @@ static void matte_soft_disc(cv::Mat &matte, const cv::Mat &head)
     cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
 }
 
+/* The pictures a matte is made of, [n,n] each, and small ones for deciding. */
+struct matte_pictures {
+    cv::Mat rgb, head, inside;      /* inside: 255 where there is a picture */
+    cv::Mat small, small_head, small_inside;
+};
+
+/* From [n,n] pixels (inside: NULL is everywhere); small ones [w,w]. */
+static matte_pictures matte_pictures_make(const uint8_t *rgb,
+                                          const uint8_t *head,
+                                          const uint8_t *inside, int n, int w)
+{
+    const cv::Size size(w, w);
+    matte_pictures p;
+
+    p.rgb = cv::Mat(n, n, CV_8UC3, const_cast<uint8_t *>(rgb));
+    p.head = cv::Mat(n, n, CV_8U, const_cast<uint8_t *>(head));
+    p.inside = cv::Mat(n, n, CV_8U, cv::Scalar(255));
+    if (inside)
+        std::memcpy(p.inside.data, inside, (size_t)n * (size_t)n);
+    cv::resize(p.rgb, p.small, size, 0, 0, cv::INTER_AREA);
+    cv::resize(p.head, p.small_head, size, 0, 0, cv::INTER_AREA);
+    cv::resize(p.inside, p.small_inside, size, 0, 0, cv::INTER_NEAREST);
+    p.small_head = p.small_head > 127;
+    return p;
+}
+
 int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                   const uint8_t *head, const uint8_t *inside, size_t n,
                   struct error *err)
@@ -149,18 +175,11 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
     try {
         const int N = (int)n, w = std::min(N, WORK);
         cv::Mat out(N, N, CV_8U, matte);
-        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
-        cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
-        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), small, sh, si;
-        if (inside)
-            std::memcpy(in.data, inside, n * n);
-        cv::resize(pic, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        cv::resize(hd, sh, cv::Size(w, w), 0, 0, cv::INTER_AREA);
-        cv::resize(in, si, cv::Size(w, w), 0, 0, cv::INTER_NEAREST);
-        sh = sh > 127;
+        const matte_pictures p = matte_pictures_make(rgb, head, inside, N, w);
+        const cv::Mat &sh = p.small_head;
         /* what lies beyond the picture's border is black, and no background
          * to learn from */
-        const cv::Rect part = cv::boundingRect(si);
+        const cv::Rect part = cv::boundingRect(p.small_inside);
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
@@ -168,12 +187,12 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
-            matte_soft_disc(out, hd);
+            matte_soft_disc(out, p.head);
             return 0;
         }
         cv::theRNG().state = 0x5eed;
         cv::setRNGSeed(1);
-        grabcut_run(label, small(part), 5);
+        grabcut_run(label, p.small(part), 5);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
         cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
@@ -181,14 +200,14 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
         if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;
-            matte_soft_disc(out, hd);
+            matte_soft_disc(out, p.head);
             return 0;
         }
         cv::Mat big;
         cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
-        matte_border_refine(big > 127, pic).copyTo(out);
-        out.setTo(0, in == 0);
+        matte_border_refine(big > 127, p.rgb).copyTo(out);
+        out.setTo(0, p.inside == 0);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
@@ -268,26 +287,18 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
 {
     try {
         const int N = (int)n, W = (int)w;
-        cv::Mat out(N, N, CV_8U, matte), sh, core, fine, small;
-        cv::Mat in(N, N, CV_8U, cv::Scalar(255)), si;
-        cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
-        cv::Mat hd(N, N, CV_8U, const_cast<uint8_t *>(head));
+        cv::Mat out(N, N, CV_8U, matte), core, fine;
+        const matte_pictures p = matte_pictures_make(rgb, head, inside, N, W);
         cv::Mat alpha = cv::Mat(W, W, CV_32F,
                                 const_cast<float *>(coarse)).clone();
-        if (inside)
-            std::memcpy(in.data, inside, n * n);
-        cv::resize(in, si, cv::Size(W, W), 0, 0, cv::INTER_NEAREST);
-        cv::resize(hd, sh, cv::Size(W, W), 0, 0, cv::INTER_AREA);
-        cv::resize(pic, small, cv::Size(W, W), 0, 0, cv::INTER_AREA);
-        sh = sh > 127;
         /* the face itself is the person's, whatever crosses it */
-        const cv::Rect box = cv::boundingRect(sh);
+        const cv::Rect box = cv::boundingRect(p.small_head);
         const int across = std::max(3, std::max(box.width, box.height) / 8);
-        cv::erode(sh, core, matte_brush_disc(across));
-        const cv::Rect part = cv::boundingRect(si);
+        cv::erode(p.small_head, core, matte_brush_disc(across));
+        const cv::Rect part = cv::boundingRect(p.small_inside);
         if (part.area())
-            matte_unsure_settle(alpha(part), small(part), core(part));
-        matte_region_keep(alpha, sh);
+            matte_unsure_settle(alpha(part), p.small(part), core(part));
+        matte_region_keep(alpha, p.small_head);
         const int ha = cv::countNonZero(core);
         const int found = cv::countNonZero(core & (alpha > 0.5f));
         const int area = cv::countNonZero(alpha > 0.5f);
@@ -295,9 +306,9 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         if (*absurd)
             return 0;
         alpha.setTo(1, core);
-        fine = (matte_detail_add(alpha, pic) - 0.06) / 0.88;
+        fine = (matte_detail_add(alpha, p.rgb) - 0.06) / 0.88;
         fine.convertTo(out, CV_8U, 255);
-        out.setTo(0, in == 0);
+        out.setTo(0, p.inside == 0);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

@@ -21,6 +21,9 @@ extern "C" {
 
 /* ---- what the file holds, checked before its pixels are read ---------- */
 
+/* TIFF's PhotometricInterpretation of pictures for printing. */
+#define TIFF_INKS 5
+
 /* Whatever name the format gives it. */
 static bool image_is_cmyk(const OIIO::ImageSpec &spec)
 {
@@ -30,7 +33,7 @@ static bool image_is_cmyk(const OIIO::ImageSpec &spec)
         space += spec.get_string_attribute(key);
     if (space.find("CMYK") != std::string::npos)
         return true;
-    if (spec.get_int_attribute("tiff:PhotometricInterpretation") == 5)
+    if (spec.get_int_attribute("tiff:PhotometricInterpretation") == TIFF_INKS)
         return true;
     return spec.nchannels >= 4 && (spec.channelnames[0] == "C"
                                    || spec.channelnames[0] == "Cyan");
@@ -113,14 +116,15 @@ static int image_fill(struct image *im, const std::vector<uint8_t> &pix,
 {
     const size_t W = (size_t)spec.width, H = (size_t)spec.height;
     const size_t C = (size_t)spec.nchannels;
-    const int o = spec.get_int_attribute("Orientation", 1);
+    const enum orientation o =
+        orient_read((unsigned)spec.get_int_attribute("Orientation", 1));
     size_t ac = spec.alpha_channel >= 0 ? (size_t)spec.alpha_channel : C;
     bool grey = C < 3, opaque = true;
 
     if (ac == C && (C == 2 || C == 4))
         ac = C - 1;
-    im->width = o >= 5 && o <= 8 ? H : W;
-    im->height = o >= 5 && o <= 8 ? W : H;
+    im->width = orient_swaps(o) ? H : W;
+    im->height = orient_swaps(o) ? W : H;
     im->rgb = (uint8_t *)malloc(3 * W * H);
     im->alpha = ac < C ? (uint8_t *)malloc(W * H) : nullptr;
     if (!im->rgb || (ac < C && !im->alpha))

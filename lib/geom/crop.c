@@ -376,7 +376,7 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
 {
     for (size_t y = 0; y < H / 2; y++)
         crop_kernels()->halve(out + y * (W / 2) * 3, rgb + 2 * y * stride,
-                         rgb + (2 * y + 1) * stride, W / 2);
+                              rgb + (2 * y + 1) * stride, W / 2);
 }
 
 /* ---- resizing a square to 8 bits -------------------------------------- */

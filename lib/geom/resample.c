@@ -37,7 +37,7 @@ void grid_sample(float *out, const float *x, const float *grid, size_t B,
                  enum resample_padding pad)
 {
     resample_kernels()->sample(out, x, grid, B, H, W, C, N, align,
-                      pad == RESAMPLE_BORDER);
+                               pad == RESAMPLE_BORDER);
 }
 
 void grid_sample_backward(float *gx, float *ggrid, const float *gout,
@@ -47,10 +47,10 @@ void grid_sample_backward(float *gx, float *ggrid, const float *gout,
 {
     if (ggrid)
         resample_kernels()->dgrid(ggrid, gout, x, grid, B, H, W, C, N, align,
-                         pad == RESAMPLE_BORDER);
+                                  pad == RESAMPLE_BORDER);
     if (gx)
         resample_kernels()->dx(gx, gout, grid, B, H, W, C, N, align,
-                      pad == RESAMPLE_BORDER);
+                               pad == RESAMPLE_BORDER);
 }
 
 /* ---- affine grids ----------------------------------------------------- */
@@ -238,8 +238,8 @@ void resize_forward(const struct resize *r, float *out, const float *x,
 {
     for (size_t b = 0; b < B; b++)
         resample_kernels()->forward(out + b * r->y.out * r->x.out * C,
-                           x + b * r->y.in * r->x.in * C, &r->x, &r->y, C,
-                           tmp);
+                                    x + b * r->y.in * r->x.in * C, &r->x, &r->y,
+                                    C, tmp);
 }
 
 void resize_backward(const struct resize *r, float *gx, const float *gout,
@@ -247,6 +247,6 @@ void resize_backward(const struct resize *r, float *gx, const float *gout,
 {
     for (size_t b = 0; b < B; b++)
         resample_kernels()->backward(gx + b * r->y.in * r->x.in * C,
-                            gout + b * r->y.out * r->x.out * C, &r->x, &r->y,
-                            C, tmp);
+                                     gout + b * r->y.out * r->x.out * C, &r->x,
+                                     &r->y, C, tmp);
 }

@@ -82,7 +82,7 @@ static void lbs_lids_d(double d[2][3], const struct head *h, const double *beta,
 }
 
 void head_pose_d(double *verts, double *joints, const struct head *h,
-                const struct head_motion_d *m)
+                 const struct head_motion_d *m)
 {
     struct lbs_chain c;
 
@@ -139,8 +139,8 @@ static void lbs_vertex_backward_d(struct head_motion_grad_d *g,
 }
 
 void head_pose_backward_d(struct head_motion_grad_d *g, const double *dverts,
-                         const double *djoints, const struct head *h,
-                         const struct head_motion_d *m)
+                          const double *djoints, const struct head *h,
+                          const struct head_motion_d *m)
 {
     double dA[HEAD_JOINTS][12] = {{0}}, dR[HEAD_JOINTS][9] = {{0}};
     double dJ[HEAD_JOINTS][3] = {{0}}, dtg[HEAD_JOINTS][3] = {{0}};

@@ -155,7 +155,7 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     conv_plan(&r->up1, p, B, h / 8, w / 8);
     r->r0 = nn_plan_map(p, a0 * w0);
     rescale_plan(&r->grow0, p, RESCALE_BILINEAR, B, h / 8, w / 8, h / 4, w / 4,
-                w0);
+                 w0);
     r->t0 = nn_plan_map(p, a0 * 2 * w0);
     conv_plan(&r->cond0, p, B, h / 4, w / 4);
     r->y0 = nn_plan_map(p, a0 * w0);

@@ -77,7 +77,7 @@ static void small_backbone_plan_levels(struct small_backbone *s)
     for (size_t i = L - 1; i-- > 0;) {
         n = s->side[i];
         rescale_plan(&s->grow[i], p, RESCALE_BILINEAR, B, s->side[i + 1],
-                    s->side[i + 1], n, n, s->channels[i]);
+                     s->side[i + 1], n, n, s->channels[i]);
         s->u[i] = nn_plan_map(p, B * n * n * s->channels[i]);
         nn_plan_recycle(p, s->v[i + 1]);
         nn_plan_recycle(p, s->b[i]);
@@ -98,7 +98,7 @@ int small_backbone_plan(struct small_backbone *s, size_t batch, size_t input,
     s->batch = batch;
     s->input = input;
     rescale_plan(&s->enlarge, p, RESCALE_ANTIALIAS, batch, input, input, 2 * n,
-                2 * n, 3);
+                 2 * n, 3);
     s->large = nn_plan_map(p, batch * 4 * n * n * 3);
     s->x = nn_plan_map(p, batch * n * n * 12);
     nn_plan_recycle(p, s->large);
@@ -179,7 +179,7 @@ void small_backbone_backward(const float *dfeatures, struct small_backbone *s)
         /* u = b[i] + grow(v[i+1]); v[i] = conv u */
         conv_backward(s->db[i], s->dv[i], s->v[i], s->u[i], &s->up[i]);
         rescale_backward(i + 2 < L ? s->dv[i + 1] : s->db[i + 1], s->db[i],
-                        &s->grow[i]);
+                         &s->grow[i]);
     }
     for (size_t i = L - 1; i > 0; i--) {
         /* b = relu(a + conv a): db becomes the gradient before the relu */

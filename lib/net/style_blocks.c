@@ -9,8 +9,8 @@
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 
 void style_lrelu_conv(struct conv *c, struct params *ps,
-                     const char *name, size_t in, size_t out,
-                     size_t kernel)
+                      const char *name, size_t in, size_t out,
+                      size_t kernel)
 
 {
     conv_init(c, ps, name, in, out, kernel, 1, true);

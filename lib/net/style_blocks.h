@@ -23,8 +23,8 @@ struct style_condition {
 
 /* A convolution with leaky ReLU and the gain that goes with it. */
 void style_lrelu_conv(struct conv *c, struct params *ps,
-                     const char *name, size_t in, size_t out,
-                     size_t kernel);
+                      const char *name, size_t in, size_t out,
+                      size_t kernel);
 /* A residual block that halves the map or doubles it. */
 void style_res_init(struct style_res *r, struct params *ps,
                     const char *at, size_t in, size_t out, bool up);

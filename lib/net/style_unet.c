@@ -88,7 +88,7 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
 
     nn_name(name, "%sconv_body_first%s", prefix, s->halve ? ".0" : "");
     style_lrelu_conv(&s->first, ps, name, s->channels, style_unet_width(s, top),
-                    1);
+                     1);
     if (s->halve)
         style_res_init(&s->first_res, ps,
                        nn_name(name, "%sconv_body_first.1", prefix),
@@ -114,7 +114,7 @@ static void style_unet_encoder_init(struct style_unet *s, const char *prefix)
                              up, 2 * up, 0.0f);
     }
     style_lrelu_conv(&s->final_conv, ps, nn_name(name, "%sfinal_conv", prefix),
-                    C, C, 3);
+                     C, C, 3);
     linear_init(&s->final_linear, ps, nn_name(name, "%sfinal_linear", prefix),
                 16 * C, s->latent, true);
 }

@@ -24,7 +24,7 @@ VF_INLINE void rescale_weighted(float *restrict to, const float *restrict from,
 
 /* Row o of one image; line is a scratch row. */
 void ISA(rescale_line)(float *out, float *line, const float *in,
-                      const struct rescale *r, size_t o)
+                       const struct rescale *r, size_t o)
 {
     const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->in * C;
@@ -50,7 +50,7 @@ void ISA(rescale_line)(float *out, float *line, const float *in,
 
 /* Row i of the input's gradient. */
 void ISA(rescale_line_backward)(float *din, float *line, const float *dout,
-                               const struct rescale *r, size_t i)
+                                const struct rescale *r, size_t i)
 {
     const struct rescale_axis *y = &r->y, *x = &r->x;
     size_t C = r->C, row = x->out * C;

@@ -168,8 +168,8 @@ static void rescale_plan_rest(struct rescale *r, struct nn_plan *p,
 }
 
 void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
-                 size_t batch, size_t h, size_t w, size_t oh, size_t ow,
-                 size_t C)
+                  size_t batch, size_t h, size_t w, size_t oh, size_t ow,
+                  size_t C)
 {
     rescale_plan_axis(&r->y, p, mode, h, oh, (double)h / (double)oh);
     rescale_plan_axis(&r->x, p, mode, w, ow, (double)w / (double)ow);
@@ -177,8 +177,8 @@ void rescale_plan(struct rescale *r, struct nn_plan *p, enum rescale_mode mode,
 }
 
 void rescale_plan_factor(struct rescale *r, struct nn_plan *p, size_t batch,
-                        size_t h, size_t w, size_t oh, size_t ow,
-                        double factor_y, double factor_x, size_t C)
+                         size_t h, size_t w, size_t oh, size_t ow,
+                         double factor_y, double factor_x, size_t C)
 {
     rescale_plan_axis(&r->y, p, RESCALE_BICUBIC, h, oh, 1 / factor_y);
     rescale_plan_axis(&r->x, p, RESCALE_BICUBIC, w, ow, 1 / factor_x);
@@ -199,8 +199,8 @@ void rescale_forward(float *out, const float *in, struct rescale *r)
     for (size_t n = 0; n < r->batch; n++)
         for (size_t o = 0; o < r->y.out; o++)
             k->rescale_line(out + (n * r->y.out + o) * r->x.out * r->C,
-                           rescale_thread_line(r),
-                           in + n * r->y.in * r->x.in * r->C, r, o);
+                            rescale_thread_line(r),
+                            in + n * r->y.in * r->x.in * r->C, r, o);
 }
 
 void rescale_backward(float *din, const float *dout, struct rescale *r)

@@ -179,26 +179,12 @@ refined() {
 # of the chin's mean.
 mouths() {
     rm -rf mesh && spid-dump --npy mesh --only MESH "$1"
-    "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
-import json
-import subprocess
+    PYTHONPATH=$BATS_TEST_DIRNAME "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
 import sys
-import numpy as np
-raw = open(sys.argv[1], 'rb').read()
-n = int.from_bytes(raw[:8], 'little')
-entry = json.loads(raw[8:8 + n])
-def head(name, dtype):
-    a, b = entry[name]['data_offsets']
-    return np.frombuffer(raw[8 + n + a:8 + n + b], dtype).reshape(entry[name]['shape'])
-verts = np.load('mesh/MESH.verts.npy')
-cams = np.load('mesh/MESH.cam.npy').reshape(-1, 3, 4)
-green = np.frombuffer(subprocess.run(
-    ['ffmpeg', '-v', 'error', '-i', sys.argv[2], '-f', 'rawvideo', '-pix_fmt',
-     'rgb24', '-'], capture_output=True, check=True).stdout, 'u1').reshape(-1, 512, 512, 3)[..., 1]
-for v, cam, frame in zip(verts, cams, green):
-    x = (v[head('f', '<i4')[head('landmark_faces', '<i4')]] *
-         head('landmark_bary', '<f4')[:, :, None]).sum(1) @ cam[:, :3].T + cam[:, 3]
-    x, y = (256 * (12 * x[:, :2] / x[:, 2:] + 1)).T
+import faces
+green = faces.pictures(sys.argv[2], 'rgb24')[..., 1]
+for mark, frame in zip(faces.landmarks(sys.argv[1]), green):
+    x, y = mark.T
     middle = slice(round(x[61]), round(x[63]))
     inside = frame[round(y[62]) + 1:round(y[66]), middle].astype(float)
     chin = frame[round(0.5 * (y[57] + y[8])):round(y[8]), middle].mean()
@@ -211,26 +197,12 @@ PY
 # 95 %) between the corners of either eye, where they are in the first frame.
 contrast() {
     rm -rf mesh && spid-dump --npy mesh --only MESH "$1"
-    "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
-import json
-import subprocess
+    PYTHONPATH=$BATS_TEST_DIRNAME "$PYTHON" - "$TOP/examples/model/head.safetensors" "$2" <<'PY'
 import sys
 import numpy as np
-raw = open(sys.argv[1], 'rb').read()
-n = int.from_bytes(raw[:8], 'little')
-entry = json.loads(raw[8:8 + n])
-def head(name, dtype):
-    a, b = entry[name]['data_offsets']
-    return np.frombuffer(raw[8 + n + a:8 + n + b], dtype).reshape(entry[name]['shape'])
-verts = np.load('mesh/MESH.verts.npy')[0].reshape(-1, 3)
-cam = np.load('mesh/MESH.cam.npy')[0].reshape(3, 4)
-x = (verts[head('f', '<i4')[head('landmark_faces', '<i4')]] *
-     head('landmark_bary', '<f4')[:, :, None]).sum(1) @ cam[:, :3].T + cam[:, 3]
-mark = 256 * (12 * x[:, :2] / x[:, 2:] + 1)
-gray = np.frombuffer(subprocess.run(
-    ['ffmpeg', '-v', 'error', '-i', sys.argv[2], '-f', 'rawvideo', '-pix_fmt',
-     'gray', '-'], capture_output=True, check=True).stdout, 'u1').reshape(-1, 512, 512)
-for frame in gray:
+import faces
+mark = faces.landmarks(sys.argv[1])[0]
+for frame in faces.pictures(sys.argv[2], 'gray'):
     line = []
     for eye in mark[36:42], mark[42:48]:
         (x0, y0), (x1, y1) = eye.min(0), eye.max(0)

@@ -50,14 +50,14 @@ static void test_loss(void)
     logit[0] = 300;
     alpha[0] = weight[0] = 1;
     check_that("a sure logit is finite",
-          isfinite(matte_net_loss(d, logit, alpha, weight, 2,
+               isfinite(matte_net_loss(d, logit, alpha, weight, 2,
                                        COUNT)));
 }
 
 /* A disc of one colour before a wall, half of it hidden to the left. */
 static void matte_paint(struct data_frame *f, uint8_t *rgba, uint8_t *alone,
-                  uint8_t *hidden, const uint8_t person[3],
-                  const uint8_t wall[3])
+                        uint8_t *hidden, const uint8_t person[3],
+                        const uint8_t wall[3])
 {
     *f = (struct data_frame){.size = N, .width = N, .height = N, .rgba = rgba,
                              .alone = alone, .hidden = hidden};

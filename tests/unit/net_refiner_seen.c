@@ -70,7 +70,7 @@ static void seen_run(struct result *out, struct narrow_refiner *r,
 }
 
 static void seen_plan(struct narrow_refiner *r, struct params *ps,
-                 enum nn_mode mode, enum nn_type type)
+                      enum nn_mode mode, enum nn_type type)
 {
     params_init(ps);
     narrow_refiner_init(r, ps, "r.", C, 32, true, true);
