@@ -61,7 +61,7 @@ struct strand_point *actor_strand(struct actor *a, enum strand_kind kind,
 }
 
 /* Centre and half axes of the scalp: the hair's ellipsoid. */
-static void measure_skull(struct actor *a)
+static void actor_measure_skull(struct actor *a)
 {
     float lo[3] = { 9, 9, 9 }, hi[3] = { -9, -9, -9 };
     float brow = 0.5f * (a->lmk[19][1] + a->lmk[24][1]);
@@ -127,7 +127,7 @@ static void actor_measure(struct actor *a)
     a->neck_base[1] = lowest;
     a->neck_radius[0] = 0.5f * (hi[0] - lo[0]);
     a->neck_radius[1] = 0.5f * (hi[2] - lo[2]);
-    measure_skull(a);
+    actor_measure_skull(a);
     /* brows are flatter than the model's bone, to each person's taste */
     float flat = 0.45f * (1 - 0.6f * a->look.brow_arch);
     for (int i = 17; i < 27; i++) {
@@ -137,7 +137,7 @@ static void actor_measure(struct actor *a)
 }
 
 /* The head model's own faces and how much of its neck follows the body. */
-static int take_head(struct actor *a, struct error *err)
+static int actor_take_head(struct actor *a, struct error *err)
 {
     const struct head *h = a->head;
     struct head_motion rest = { 0 };
@@ -173,7 +173,7 @@ int actor_init(struct actor *a, const struct head *head,
         return error_set(err, EX_DATAERR,
                          "the head has no landmarks (expected 68)");
     if (head_fold(&a->id, head, p->beta, p->nbeta, err)
-        || take_head(a, err))
+        || actor_take_head(a, err))
         goto out;
     paint_head(a);
     if (mouth_build(a, err) || body_build(a, err) || hair_grow(a, err)

@@ -8,7 +8,8 @@
 #include "lib/synth/vec.h"
 
 /* A plain wall, lit from one side. */
-static void wall_at(float c[3], const struct persona *p, float u, float v)
+static void backdrop_wall_at(float c[3], const struct persona *p, float u,
+                             float v)
 {
     float s = p->skin.shift[0];
     float n = noise_sum(u * 1.5f + s, v * 1.5f, 3, 2);
@@ -19,7 +20,8 @@ static void wall_at(float c[3], const struct persona *p, float u, float v)
 }
 
 /* Discs of light out of focus over a dark or bright room. */
-static void bokeh_at(float c[3], const struct persona *p, float u, float v)
+static void backdrop_bokeh_at(float c[3], const struct persona *p, float u,
+                              float v)
 {
     float s = p->skin.shift[1];
 
@@ -40,7 +42,8 @@ static void bokeh_at(float c[3], const struct persona *p, float u, float v)
 }
 
 /* Leaves: many octaves of greenish noise, soft. */
-static void garden_at(float c[3], const struct persona *p, float u, float v)
+static void backdrop_garden_at(float c[3], const struct persona *p, float u,
+                               float v)
 {
     float s = p->skin.shift[2], n = noise_sum(u * 3 + s, v * 3, 1, 4);
     float sky = ramp(0.1f, -0.8f, v + 0.3f * n);
@@ -53,9 +56,10 @@ static void garden_at(float c[3], const struct persona *p, float u, float v)
 }
 
 /* A room: window, door frame and furniture as soft boxes. */
-static void room_at(float c[3], const struct persona *p, float u, float v)
+static void backdrop_room_at(float c[3], const struct persona *p, float u,
+                             float v)
 {
-    wall_at(c, p, u, v);
+    backdrop_wall_at(c, p, u, v);
     for (int i = 0; i < 7; i++) {
         uint64_t h = random_mix(p->key + 977 + (uint64_t)i * 13);
         float x = (float)(h & 1023) / 512 - 1, y = (float)(h >> 10 & 1023) / 512
@@ -74,7 +78,8 @@ static void room_at(float c[3], const struct persona *p, float u, float v)
 }
 
 /* Shelves of books. */
-static void shelf_at(float c[3], const struct persona *p, float u, float v)
+static void backdrop_shelf_at(float c[3], const struct persona *p, float u,
+                              float v)
 {
     float rows = 4, y = (v + 1.3f) * rows * 0.5f, row = floorf(y);
     float x = u * 11 + row * 3.7f, book = floorf(x), fx = x - book;
@@ -100,13 +105,13 @@ void backdrop_paint(float *wall, const struct persona *p, int n)
             float v = 2 * ((float)y + 0.5f) / (float)n - 1;
             float *c = wall + 3 * (y * n + x);
             switch (p->backdrop) {
-            case SCENERY_BOKEH: bokeh_at(c, p, u, v); break;
-            case SCENERY_GARDEN: garden_at(c, p, u, v); break;
-            case SCENERY_ROOM: room_at(c, p, u, v); break;
-            case SCENERY_SHELF: shelf_at(c, p, u, v); break;
+            case SCENERY_BOKEH: backdrop_bokeh_at(c, p, u, v); break;
+            case SCENERY_GARDEN: backdrop_garden_at(c, p, u, v); break;
+            case SCENERY_ROOM: backdrop_room_at(c, p, u, v); break;
+            case SCENERY_SHELF: backdrop_shelf_at(c, p, u, v); break;
             case SCENERY_WALL:
             case SCENERY_WALL_TOO:
-            case SCENERIES: wall_at(c, p, u, v);
+            case SCENERIES: backdrop_wall_at(c, p, u, v);
             }
             for (int k = 0; k < 3; k++)
                 c[k] = fmaxf(c[k], 0);

@@ -73,7 +73,7 @@ static float body_thickness(const struct persona *p, float d, float phi)
     }
 }
 
-static float ring_t(int r)
+static float body_ring_t(int r)
 {
     float x = (float)r / (RINGS - 1);
 
@@ -134,7 +134,7 @@ int body_build(struct actor *a, struct error *err)
         return -1;
     for (int r = 0; r < RINGS; r++)
         for (int c = 0; c < AROUND; c++)
-            body_vertex(a, v0 + (size_t)(r * AROUND + c), ring_t(r),
+            body_vertex(a, v0 + (size_t)(r * AROUND + c), body_ring_t(r),
                         2 * PI * (float)c / AROUND - PI);
     size_t f = f0;
     for (int r = 0; r + 1 < RINGS; r++)
@@ -145,7 +145,7 @@ int body_build(struct actor *a, struct error *err)
             for (int k = 0; k < 6; k++)
                 a->faces[3 * f + (size_t)k] = quad[k];
             float phi = 2 * PI * ((float)c + 0.5f) / AROUND - PI;
-            float t = 0.5f * (ring_t(r) + ring_t(r + 1));
+            float t = 0.5f * (body_ring_t(r) + body_ring_t(r + 1));
             int cloth = t > body_neckline(a->look.collar, phi);
             for (int k = 0; k < 2; k++, f++) {
                 a->material[f] = cloth ? MATERIAL_CLOTH : MATERIAL_SKIN;

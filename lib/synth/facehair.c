@@ -8,7 +8,7 @@
 #include "lib/base/random.h"
 #include "lib/synth/vec.h"
 
-static int no_memory(struct error *err)
+static int facehair_no_memory(struct error *err)
 {
     return error_set(err, EX_OSERR, "out of memory for strands");
 }
@@ -50,8 +50,8 @@ static int facehair_plant(struct actor *a, enum strand_kind kind, size_t f,
 
 /* Density of brow hair at p of one brow (landmarks first..first+4), and the
  * way it points: outwards along the brow, up at its inner end. */
-static float brow_at(const struct actor *a, const float p[3], int first,
-                     float dir[3])
+static float facehair_brow_at(const struct actor *a, const float p[3],
+                              int first, float dir[3])
 {
     float best = 9, place = 0;
 
@@ -82,7 +82,7 @@ static float brow_at(const struct actor *a, const float p[3], int first,
 }
 
 /* Short strands where brows are painted, as many as the paint is dense. */
-static int grow_brows(struct actor *a, struct random *r)
+static int facehair_grow_brows(struct actor *a, struct random *r)
 {
     const struct head *h = a->head;
 
@@ -107,7 +107,7 @@ static int grow_brows(struct actor *a, struct random *r)
             }
             mad3(p, o, e, s);
             mad3(p, p, g, t);
-            float d = brow_at(a, p, p[0] > 0 ? 22 : 17, dir);
+            float d = facehair_brow_at(a, p, p[0] > 0 ? 22 : 17, dir);
             if (random_uniform(r) > d)
                 continue;
             for (int k = 0; k < 3; k++)
@@ -122,7 +122,7 @@ static int grow_brows(struct actor *a, struct random *r)
 }
 
 /* Strands on faces of the beard's region, as dense as its paint says. */
-static int grow_beard(struct actor *a, struct random *r)
+static int facehair_grow_beard(struct actor *a, struct random *r)
 {
     const struct head *h = a->head;
     float l = a->look.beard_length;
@@ -163,7 +163,7 @@ static int grow_beard(struct actor *a, struct random *r)
 
 /* A lash starts on the lid's edge: between two neighbouring landmarks of the
  * eye, on the nearer one's face. */
-static int grow_lashes(struct actor *a, struct random *r)
+static int facehair_grow_lashes(struct actor *a, struct random *r)
 {
     static const int upper[2][4] = { { 36, 37, 38, 39 }, { 42, 43, 44, 45 } };
 
@@ -202,8 +202,9 @@ int face_hair_grow(struct actor *a, struct error *err)
     struct random r;
 
     random_init(&r, a->look.key, "face hair");
-    if (grow_brows(a, &r) || grow_lashes(a, &r) || grow_beard(a, &r))
-        return no_memory(err);
+    if (facehair_grow_brows(a, &r) || facehair_grow_lashes(a, &r) ||
+        facehair_grow_beard(a, &r))
+        return facehair_no_memory(err);
     return 0;
 }
 
@@ -250,7 +251,7 @@ int glasses_build(struct actor *a, struct error *err)
             p[i][2] = z - 0.25f * fmaxf(out, 0) * fmaxf(out, 0) * 4;
         }
         if (facehair_tube(a, (const float (*)[3])p, AROUND, half))
-            return no_memory(err);
+            return facehair_no_memory(err);
         const float *ear = a->lmk[s ? 0 : 16];
         float temple[4][3] = {
             { c[0] + side * (0.02f + rx), c[1] + 0.02f, z - 0.03f },
@@ -258,7 +259,7 @@ int glasses_build(struct actor *a, struct error *err)
             { ear[0] * 1.04f, c[1] + 0.03f, ear[2] },
             { ear[0] * 1.04f, c[1] - 0.02f, ear[2] - 0.2f } };
         if (facehair_tube(a, (const float (*)[3])temple, 4, half))
-            return no_memory(err);
+            return facehair_no_memory(err);
     }
     float b = apart - rx + 0.02f;
     for (int i = 0; i < 7; i++) {
@@ -267,5 +268,7 @@ int glasses_build(struct actor *a, struct error *err)
         p[i][1] = a->eye[0][1] + 0.03f - 0.02f * x * x;
         p[i][2] = z + 0.02f * (1 - x * x);
     }
-    return facehair_tube(a, (const float(*)[3])p, 7, half) ? no_memory(err) : 0;
+    return facehair_tube(a, (const float(*)[3])p, 7, half)
+               ? facehair_no_memory(err)
+               : 0;
 }

@@ -181,8 +181,8 @@ void stage_shade(struct stage *s, const struct actor *a,
             gather_flush(&g, q);
 }
 
-static uint8_t label_of(const struct stage *s, const struct actor *a,
-                        uint32_t id)
+static uint8_t gather_label_of(const struct stage *s, const struct actor *a,
+                               uint32_t id)
 {
     static const uint8_t kinds[STRAND_KINDS] = { LABEL_HAIR, LABEL_BROW,
         LABEL_LASH, LABEL_BEARD, LABEL_GLASSES };
@@ -208,7 +208,7 @@ void stage_resolve(struct stage *s, const struct actor *a)
                 int v = y * STAGE_GRID + i / STAGE_GRID;
                 size_t at = (size_t)v * (size_t)s->eye.w + (size_t)u;
                 uint32_t id = s->eye.id[at];
-                l[i] = label_of(s, a, id);
+                l[i] = gather_label_of(s, a, id);
                 if (id == RASTER_NONE)
                     continue;
                 hit++;

@@ -44,7 +44,8 @@ static const struct cut cuts[HAIR_STYLES] = {
 };
 
 /* Place of p in the skull's ellipsoid: its radius, 1 on the surface. */
-static float skull_place(const struct actor *a, float d[3], const float p[3])
+static float hair_skull_place(const struct actor *a, float d[3],
+                              const float p[3])
 {
     for (int k = 0; k < 3; k++)
         d[k] = (p[k] - a->skull[k]) / a->skull_radius[k];
@@ -55,10 +56,10 @@ static float skull_place(const struct actor *a, float d[3], const float p[3])
 
 /* p goes out of the skull's ellipsoid, and back to it where it stands off too
  * far. */
-static void keep_outside(const struct actor *a, float p[3], float room,
-                         float slack)
+static void hair_keep_outside(const struct actor *a, float p[3], float room,
+                              float slack)
 {
-    float d[3], r = skull_place(a, d, p), want = 1.0f + room;
+    float d[3], r = hair_skull_place(a, d, p), want = 1.0f + room;
 
     if (r > want + slack && d[1] > -0.35f)
         want = lerpf(r, want + slack, 0.6f);
@@ -71,7 +72,7 @@ static void keep_outside(const struct actor *a, float p[3], float room,
 }
 
 /* Long hair leaves the face free and lies on the shoulders. */
-static void keep_clear(const struct actor *a, float p[3], float depth)
+static void hair_keep_clear(const struct actor *a, float p[3], float depth)
 {
     float eyes = a->eye[0][1], wide = fabsf(a->lmk[1][0]) * 0.97f;
     float front = a->lmk[1][2] - 0.05f;
@@ -142,9 +143,9 @@ static void hair_flow(const struct actor *a, float f[3], const float p[3])
 
 /* From the root along the cut's direction, falling, and never into the
  * skull. */
-static void grow_strand(struct actor *a, struct strand_point *q, int n,
-                        const float root[3], const float normal[3],
-                        const struct cut *cut, struct random *r)
+static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
+                             const float root[3], const float normal[3],
+                             const struct cut *cut, struct random *r)
 {
     const struct hair_look *h = &a->look.hair;
     float top = ramp(0.0f, 0.6f, (root[1] - a->skull[1])
@@ -183,10 +184,10 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
         }
         unit3(d);
         mad3(p, p, d, step);
-        keep_outside(a, p, room * ramp(0, 0.35f, t + 0.1f),
-                     cut->lift * cut->lift * 0.25f + 0.02f);
+        hair_keep_outside(a, p, room * ramp(0, 0.35f, t + 0.1f),
+                          cut->lift * cut->lift * 0.25f + 0.02f);
         if (length > 0.3f && !fringe)
-            keep_clear(a, p, depth);
+            hair_keep_clear(a, p, depth);
     }
     for (int i = 0; i < n; i++) {
         sub3(q[i].n, q[i].p, a->skull);
@@ -200,8 +201,8 @@ static void grow_strand(struct actor *a, struct strand_point *q, int n,
 }
 
 /* A random point of the scalp, picked by area and density. */
-static int pick_root(const struct actor *a, float root[3], float normal[3],
-                     struct random *r)
+static int hair_pick_root(const struct actor *a, float root[3], float normal[3],
+                          struct random *r)
 {
     const struct head *h = a->head;
 
@@ -231,7 +232,7 @@ static int pick_root(const struct actor *a, float root[3], float normal[3],
 }
 
 /* Faces differ in size: the largest with hair bounds the odds. */
-static void measure_roots(struct actor *a)
+static void hair_measure_roots(struct actor *a)
 {
     const struct head *h = a->head;
 
@@ -249,7 +250,7 @@ static void measure_roots(struct actor *a)
 }
 
 /* A knot of hair at the back of the head. */
-static int grow_bun(struct actor *a, struct random *r, struct error *err)
+static int hair_grow_bun(struct actor *a, struct random *r, struct error *err)
 {
     float size = 0.17f * a->look.hair.volume;
     float c[3] = { a->skull[0], a->skull[1] + 0.62f * a->skull_radius[1],
@@ -285,10 +286,10 @@ int hair_grow(struct actor *a, struct error *err)
     struct random r;
 
     random_init(&r, a->look.key, "strands");
-    measure_roots(a);
+    hair_measure_roots(a);
     for (int i = 0; i < cut->count; i++) {
         float root[3], normal[3];
-        if (!pick_root(a, root, normal, &r))
+        if (!hair_pick_root(a, root, normal, &r))
             continue;
         struct strand_point *q = actor_strand(a, STRAND_HAIR, cut->points,
                                               cut->half, 0.45f);
@@ -297,7 +298,7 @@ int hair_grow(struct actor *a, struct error *err)
         struct strand *s = &a->strand[a->nstrand - 1];
         s->random = (float)random_range(&r, -1, 1);
         s->loose = cut->top > 0.8f;
-        grow_strand(a, q, cut->points, root, normal, cut, &r);
+        hair_grow_strand(a, q, cut->points, root, normal, cut, &r);
     }
-    return h->style == HAIR_BUN ? grow_bun(a, &r, err) : 0;
+    return h->style == HAIR_BUN ? hair_grow_bun(a, &r, err) : 0;
 }

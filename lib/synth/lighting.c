@@ -12,8 +12,8 @@
 #define SUN_SHARP 26.0f
 
 /* Height above the map's plane, kept positive for the z-buffer. */
-static struct raster_vertex sun_vertex(const struct shade_shadow *w,
-                                       const float p[3])
+static struct raster_vertex lighting_sun_vertex(const struct shade_shadow *w,
+                                                const float p[3])
 {
     float d[3], half = 0.5f * STAGE_SHADOW;
 
@@ -63,7 +63,7 @@ void stage_shadow(struct stage *s, const struct actor *a,
              1 / (float)((a->head->V + 15) / 16));
     raster_clear(&s->sun);
     for (size_t i = 0; i < a->nv; i++)
-        s->spot[i] = sun_vertex(w, s->place + 3 * i);
+        s->spot[i] = lighting_sun_vertex(w, s->place + 3 * i);
     raster_triangles(&s->sun, s->spot, a->faces, a->nf, 0, 0);
     for (size_t i = 0; i < a->nstrand; i++) {
         const struct strand *t = &a->strand[i];
@@ -71,7 +71,7 @@ void stage_shadow(struct stage *s, const struct actor *a,
             continue;
         for (int j = 0; j < t->points; j++)
             s->tuft_spot[t->first + (size_t)j]
-                = sun_vertex(w, s->tuft + 3 * (t->first + (size_t)j));
+                = lighting_sun_vertex(w, s->tuft + 3 * (t->first + (size_t)j));
         raster_strand(&s->sun, s->tuft_spot + t->first, t->points, t->first,
                       2 * t->half * w->scale, 1);
     }
@@ -97,8 +97,8 @@ static void lighting_unproject(float p[3], const struct stage *s, int x, int y,
 }
 
 /* Interpolated over its face, unit. */
-static void sample_normal(float n[3], const struct stage *s,
-                          const struct actor *a, size_t at)
+static void lighting_sample_normal(float n[3], const struct stage *s,
+                                   const struct actor *a, size_t at)
 {
     const int32_t *f = a->faces + 3 * s->eye.id[at];
     float b1 = s->eye.b1[at], b2 = s->eye.b2[at];
@@ -113,8 +113,8 @@ static void sample_normal(float n[3], const struct stage *s,
 }
 
 /* Share of taps about the sample that something nearer hides. */
-static float occlusion_at(const struct stage *s, const struct actor *a, int x,
-                          int y, float inv_focal)
+static float lighting_occlusion_at(const struct stage *s, const struct actor *a,
+                                   int x, int y, float inv_focal)
 {
     /* a spiral of ten taps, turned from pixel to pixel */
     static const float ring[10] = { .10f, .18f, .27f, .36f, .46f, .56f, .67f,
@@ -122,7 +122,7 @@ static float occlusion_at(const struct stage *s, const struct actor *a, int x,
     size_t at = (size_t)y * (size_t)s->eye.w + (size_t)x;
     float p[3], n[3], sum = 0;
     lighting_unproject(p, s, x, y, inv_focal);
-    sample_normal(n, s, a, at);
+    lighting_sample_normal(n, s, a, at);
     float reach = 0.15f / (p[2] * inv_focal);
     uint32_t h = (uint32_t)(x >> 1) * 0x9e3779b1u
                  ^ (uint32_t)(y >> 1) * 0x85ebca6bu;
@@ -159,8 +159,8 @@ void stage_occlusion(struct stage *s, const struct actor *a)
         for (int x = 0; x < n; x++) {
             int u = x * STAGE_GRID, v = y * STAGE_GRID;
             uint32_t id = s->eye.id[(size_t)v * (size_t)s->eye.w + (size_t)u];
-            s->ao_blur[y * n + x]
-                = id & RASTER_STRAND ? 1 : occlusion_at(s, a, u, v, inv);
+            s->ao_blur[y * n + x] = id & RASTER_STRAND ? 1
+                                  : lighting_occlusion_at(s, a, u, v, inv);
         }
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {

@@ -70,8 +70,9 @@ static uint64_t motion_track(const char *name, int i)
 
 /* The first directions come and go as whole expressions: each is strong in
  * few slots only; the next ones tremble a little. */
-static void sample_expression(struct synth_motion *m, const struct persona *p,
-                              double time, size_t nexp)
+static void motion_sample_expression(struct synth_motion *m,
+                                     const struct persona *p, double time,
+                                     size_t nexp)
 {
     for (size_t i = 0; i < nexp && i < MOTION_EXP_MAX; i++) {
         uint64_t name = motion_track("exp", (int)i);
@@ -92,8 +93,8 @@ static void sample_expression(struct synth_motion *m, const struct persona *p,
 }
 
 /* Speech: syllables at four to six a second inside phrases. */
-static void sample_jaw(struct synth_motion *m, const struct persona *p,
-                       double time)
+static void motion_sample_jaw(struct synth_motion *m, const struct persona *p,
+                              double time)
 {
     uint64_t name = motion_track("speech", 0);
     float phrase = motion_pulse(p, name, time, 3.1, 0.65f, 1.0f);
@@ -116,8 +117,8 @@ static void sample_jaw(struct synth_motion *m, const struct persona *p,
 }
 
 /* Gaze jumps from one target to the next, now and then to the camera. */
-static void sample_eyes(struct synth_motion *m, const struct persona *p,
-                        double time)
+static void motion_sample_eyes(struct synth_motion *m, const struct persona *p,
+                               double time)
 {
     float yaw = 2 * motion_jump(p, motion_track("gaze", 0), time, 0.9, 0.07)
                 - 1;
@@ -211,9 +212,9 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
         drift[k] = p->rest[k]
                    + drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);
     motion_stand(m, drift);
-    sample_expression(m, p, time, nexp);
-    sample_jaw(m, p, time);
+    motion_sample_expression(m, p, time, nexp);
+    motion_sample_jaw(m, p, time);
     for (size_t i = 0; i < 8 && i < nexp; i++)
         m->exp[i] = clampf(m->exp[i], -2.2f, 2.2f);
-    sample_eyes(m, p, time);
+    motion_sample_eyes(m, p, time);
 }

@@ -11,8 +11,9 @@
 #define TONGUE 9
 
 /* A grid of vertices [rows][cols] as two triangles a cell. */
-static void grid_faces(struct actor *a, size_t v0, size_t f0, int rows,
-                       int cols, enum material material, enum synth_label l)
+static void mouth_grid_faces(struct actor *a, size_t v0, size_t f0, int rows,
+                             int cols, enum material material,
+                             enum synth_label l)
 {
     size_t f = f0;
 
@@ -42,8 +43,8 @@ static float mouth_half(const struct actor *a)
 }
 
 /* One arch: enamel from the edge up, then gum.  up is +1 for the upper. */
-static int arch_build(struct actor *a, float up, enum anchor anchor,
-                      struct error *err)
+static int mouth_arch_build(struct actor *a, float up, enum anchor anchor,
+                            struct error *err)
 {
     size_t v0, f0, nv = ARCH * ARCH_ROWS;
     float w = mouth_half(a) * 1.02f, *m = a->mouth;
@@ -70,7 +71,7 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
             float cell = s * 4.25f - floorf(s * 4.25f);
             a->paint[i].k[PAINT_DARK] = cell < 0.13f ? 0.4f : 0;
         }
-    grid_faces(a, v0, f0, ARCH_ROWS, ARCH, MATERIAL_TEETH, LABEL_TEETH);
+    mouth_grid_faces(a, v0, f0, ARCH_ROWS, ARCH, MATERIAL_TEETH, LABEL_TEETH);
     for (size_t f = f0 + 2 * 4 * (ARCH - 1); f < a->nf; f++) {
         a->material[f] = MATERIAL_MOUTH;
         a->label[f] = LABEL_MOUTH;
@@ -79,7 +80,7 @@ static int arch_build(struct actor *a, float up, enum anchor anchor,
 }
 
 /* A patch behind the lower teeth, carried by the jaw. */
-static int tongue_build(struct actor *a, struct error *err)
+static int mouth_tongue_build(struct actor *a, struct error *err)
 {
     size_t v0, f0;
     float w = mouth_half(a) * 0.62f, *m = a->mouth;
@@ -102,7 +103,7 @@ static int tongue_build(struct actor *a, struct error *err)
             a->paint[i].k[PAINT_SHUT] = clampf(0.3f + 0.6f * (1 - t), 0, 1);
             a->paint[i].k[PAINT_LIP] = 2;       /* the tongue's colour */
         }
-    grid_faces(a, v0, f0, TONGUE, TONGUE, MATERIAL_MOUTH, LABEL_MOUTH);
+    mouth_grid_faces(a, v0, f0, TONGUE, TONGUE, MATERIAL_MOUTH, LABEL_MOUTH);
     return 0;
 }
 
@@ -133,7 +134,7 @@ void mouth_pose(float *verts, const struct actor *a)
 }
 
 /* Four rings from the inner lips backwards. */
-static int bowl_build(struct actor *a, struct error *err)
+static int mouth_bowl_build(struct actor *a, struct error *err)
 {
     size_t n = a->head->nlip_inner, v0, f0;
 
@@ -170,8 +171,8 @@ static int bowl_build(struct actor *a, struct error *err)
 int mouth_build(struct actor *a, struct error *err)
 {
     a->bowl = a->nv;
-    if (bowl_build(a, err) || arch_build(a, 1, ANCHOR_HEAD, err)
-        || arch_build(a, -1, ANCHOR_JAW, err))
+    if (mouth_bowl_build(a, err) || mouth_arch_build(a, 1, ANCHOR_HEAD, err)
+        || mouth_arch_build(a, -1, ANCHOR_JAW, err))
         return -1;
-    return tongue_build(a, err);
+    return mouth_tongue_build(a, err);
 }

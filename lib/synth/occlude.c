@@ -25,8 +25,8 @@ static void occlude_lit(float o[3], const struct shade_env *e, const float n[3])
 }
 
 /* A capsule between two points of the picture, in the light of env. */
-static void draw_bar(struct stage *s, const struct bar *b,
-                     const struct shade_env *env)
+static void occlude_draw_bar(struct stage *s, const struct bar *b,
+                             const struct shade_env *env)
 {
     int n = s->size;
     int x0 = (int)(fminf(b->a[0], b->b[0]) - b->r) - 1;
@@ -62,8 +62,8 @@ static void draw_bar(struct stage *s, const struct bar *b,
 }
 
 /* Four fingers and a thumb on the cheek or the chin. */
-static void draw_hand(struct stage *s, const struct persona *p, float u,
-                      float phase)
+static void occlude_draw_hand(struct stage *s, const struct persona *p, float u,
+                              float phase)
 {
     float side = p->yaw > 0 ? 1 : -1, sway = sinf(phase);
     float cx = s->lmk[57][0] + side * u * (0.75f + 0.2f * sway);
@@ -80,13 +80,13 @@ static void draw_hand(struct stage *s, const struct persona *p, float u,
         };
         for (int k = 0; k < 3; k++)
             b.color[k] = p->skin.base[k] * (k == 0 ? 0.96f : 0.86f);
-        draw_bar(s, &b, &p->env);
+        occlude_draw_bar(s, &b, &p->env);
     }
 }
 
 /* A stick and a ball before the chin. */
-static void draw_microphone(struct stage *s, const struct persona *p, float u,
-                            float phase)
+static void occlude_draw_microphone(struct stage *s, const struct persona *p,
+                                    float u, float phase)
 {
     float side = p->yaw > 0 ? 1 : -1;
     float x = s->lmk[57][0] + side * u * (0.15f + 0.1f * sinf(phase));
@@ -97,13 +97,13 @@ static void draw_microphone(struct stage *s, const struct persona *p, float u,
     struct bar ball = { .a = { x, y }, .b = { x + 1, y + 1 }, .r = 0.24f * u,
                         .color = { .10f, .10f, .11f } };
 
-    draw_bar(s, &stick, &p->env);
-    draw_bar(s, &ball, &p->env);
+    occlude_draw_bar(s, &stick, &p->env);
+    occlude_draw_bar(s, &ball, &p->env);
 }
 
 /* Five locks across the brow. */
-static void draw_strands(struct stage *s, const struct persona *p, float u,
-                         float phase)
+static void occlude_draw_strands(struct stage *s, const struct persona *p,
+                                 float u, float phase)
 {
     for (int i = 0; i < 5; i++) {
         float x = s->lmk[27][0] + u * (0.15f * (float)i - 0.5f), y;
@@ -114,7 +114,7 @@ static void draw_strands(struct stage *s, const struct persona *p, float u,
             struct bar b = { .a = { x, y }, .b = { nx, y + 0.24f * u },
                              .r = u * 0.013f };
             copy3(b.color, p->hair.color);
-            draw_bar(s, &b, &p->env);
+            occlude_draw_bar(s, &b, &p->env);
             x = nx;
             y += 0.24f * u;
         }
@@ -129,9 +129,9 @@ void occluder_draw(struct stage *s, const struct persona *p, double time)
 
     u = fmaxf(u, 0.08f * (float)s->size);
     switch (p->lens.occluder) {
-    case OCCLUDER_HAND: draw_hand(s, p, u, phase); break;
-    case OCCLUDER_MICROPHONE: draw_microphone(s, p, u, phase); break;
-    case OCCLUDER_STRANDS: draw_strands(s, p, u, phase); break;
+    case OCCLUDER_HAND: occlude_draw_hand(s, p, u, phase); break;
+    case OCCLUDER_MICROPHONE: occlude_draw_microphone(s, p, u, phase); break;
+    case OCCLUDER_STRANDS: occlude_draw_strands(s, p, u, phase); break;
     case OCCLUDER_NONE: break;
     }
 }

@@ -15,8 +15,8 @@ static float paint_blob(const float p[3], const float c[3], float size)
 }
 
 /* Distance from p to the polyline through landmarks first..last. */
-static float line_distance(const struct actor *a, const float p[3], int first,
-                           int last)
+static float paint_line_distance(const struct actor *a, const float p[3],
+                                 int first, int last)
 {
     float best = 9;
 
@@ -34,7 +34,7 @@ static float line_distance(const struct actor *a, const float p[3], int first,
 
 /* Where a beard grows: below the cheek line, round the mouth, to the throat;
  * not on the lips. */
-static float beard_at(const struct actor *a, const float p[3])
+static float paint_beard_at(const struct actor *a, const float p[3])
 {
     const float *ear = a->lmk[p[0] > 0 ? 15 : 1], *chin = a->lmk[8];
     const float *corner = a->lmk[p[0] > 0 ? 54 : 48], *nose = a->lmk[33];
@@ -71,7 +71,7 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
         lerp3(e, a->lmk[s ? 42 : 36], a->lmk[s ? 45 : 39], 0.5f);
         e[1] -= 0.025f;
         socket += paint_blob(p, e, 0.10f);
-        float d = line_distance(a, p, s ? 22 : 17, s ? 26 : 21);
+        float d = paint_line_distance(a, p, s ? 22 : 17, s ? 26 : 21);
         brow = d < brow ? d : brow;
     }
     float nose = paint_blob(p, a->lmk[30], 0.09f),
@@ -86,7 +86,8 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
         q->k[PAINT_RED] += 0.2f;
     q->k[PAINT_DARK] = front ? 0.45f * clampf(socket, 0, 1) : 0;
     q->k[PAINT_LIP] = region == REGION_LIPS;
-    q->k[PAINT_BEARD] = front || region == REGION_NECK ? beard_at(a, p) : 0;
+    q->k[PAINT_BEARD] = front || region == REGION_NECK ? paint_beard_at(a, p)
+                                                       : 0;
     if (region == REGION_LIPS || region == REGION_EAR)
         q->k[PAINT_BEARD] = 0;
     q->k[PAINT_BROW] = ramp(0.032f, 0.012f, brow);
@@ -103,7 +104,7 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
         q->k[PAINT_SHUT] = 0.85f;
 }
 
-static int label_of(int region)
+static int paint_label_of(int region)
 {
     switch (region) {
     case REGION_LIPS: return LABEL_LIP;
@@ -160,7 +161,7 @@ void paint_head(struct actor *a)
         int32_t v = h->f[3 * f];
         int ball = h->weights[5 * v + JOINT_EYE_LEFT] > 0.99f
                    || h->weights[5 * v + JOINT_EYE_RIGHT] > 0.99f;
-        a->label[f] = (uint8_t)(ball ? LABEL_EYE : label_of(region));
+        a->label[f] = (uint8_t)(ball ? LABEL_EYE : paint_label_of(region));
         a->material[f] = ball ? MATERIAL_EYE
                          : region == REGION_INNER_MOUTH ? MATERIAL_MOUTH
                                                         : MATERIAL_SKIN;

@@ -40,8 +40,8 @@ static void persona_jitter(struct random *r, float c[3], float s)
                       0.95f);
 }
 /* Any colour: hue anywhere, saturation and brightness within bounds. */
-static void any_color(struct random *r, float c[3], float sat, float lo,
-                      float hi)
+static void persona_any_color(struct random *r, float c[3], float sat, float lo,
+                              float hi)
 {
     float h = random_float(r, 0, 6),
           s = sat * random_float(r, 0, 1) * random_float(r, 0.3, 1);
@@ -54,7 +54,7 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
     }
 }
 
-static void sample_shape(struct persona *p, uint64_t key, size_t nshape)
+static void persona_sample_shape(struct persona *p, uint64_t key, size_t nshape)
 {
     struct random r;
 
@@ -70,7 +70,7 @@ static const float skin_row[7][3] = {
 };
 
 /* Tone, blotches, freckles, pores, lips and make-up. */
-static void sample_skin(struct persona *p, uint64_t key)
+static void persona_sample_skin(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_skin *s = &p->skin;
@@ -111,7 +111,7 @@ static const float hair_row[8][3] = {
 };
 
 /* A cut by sex, a colour by age and skin. */
-static void sample_hair(struct persona *p, uint64_t key)
+static void persona_sample_hair(struct persona *p, uint64_t key)
 {
     static const float male[HAIR_STYLES] = { 4, 10, 24, 20, 16, 5, 2, 2, 6, 4,
                                              1, 9 };
@@ -157,7 +157,7 @@ static void sample_hair(struct persona *p, uint64_t key)
 }
 
 /* Brows, lashes, beard, mouth and glasses. */
-static void sample_face(struct persona *p, uint64_t key)
+static void persona_sample_face(struct persona *p, uint64_t key)
 {
     struct random r;
 
@@ -202,7 +202,7 @@ static void sample_face(struct persona *p, uint64_t key)
     if (random_chance(&r, 0.6))
         p->frame_color[0] = p->frame_color[1] = p->frame_color[2] = 0.015f;
     else
-        any_color(&r, p->frame_color, 0.8f, 0.1f, 0.6f);
+        persona_any_color(&r, p->frame_color, 0.8f, 0.1f, 0.6f);
 }
 
 static const float iris_row[7][3] = {
@@ -211,7 +211,7 @@ static const float iris_row[7][3] = {
 };
 
 /* Iris from dark to light, darker with darker skin. */
-static void sample_eyes(struct persona *p, uint64_t key)
+static void persona_sample_eyes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_eye *e = &p->eye;
@@ -236,7 +236,7 @@ static void sample_eyes(struct persona *p, uint64_t key)
 }
 
 /* Collar, weave and colours, and the shoulders under them. */
-static void sample_clothes(struct persona *p, uint64_t key)
+static void persona_sample_clothes(struct persona *p, uint64_t key)
 {
     struct random r;
     struct shade_cloth *c = &p->cloth;
@@ -250,8 +250,9 @@ static void sample_clothes(struct persona *p, uint64_t key)
         c->weave = (enum cloth_weave)random_below(&r, CLOTH_WEAVES);
     if (c->weave == CLOTH_PLAID && p->collar != COLLAR_SHIRT)
         c->weave = CLOTH_KNIT;
-    any_color(&r, c->base, random_chance(&r, 0.5) ? 0.25f : 0.9f, 0.08f, 0.85f);
-    any_color(&r, c->second, 0.7f, 0.1f, 0.9f);
+    persona_any_color(&r, c->base, random_chance(&r, 0.5) ? 0.25f : 0.9f, 0.08f,
+                      0.85f);
+    persona_any_color(&r, c->second, 0.7f, 0.1f, 0.9f);
     if (c->weave == CLOTH_PLAIN || c->weave == CLOTH_KNIT)
         for (int k = 0; k < 3; k++)
             c->second[k] = c->base[k] * 1.25f;
@@ -274,7 +275,7 @@ static void persona_aim(float dir[3], float azimuth, float height)
 }
 
 /* Warm to cool white of the given brightness. */
-static void white_light(float rgb[3], float warmth, float power)
+static void persona_white_light(float rgb[3], float warmth, float power)
 {
     rgb[0] = power * (1 + 0.22f * warmth);
     rgb[1] = power;
@@ -303,7 +304,7 @@ static void persona_meter(struct shade_env *e, float want)
 
 /* A key light, a fill from the other side, often a rim from behind, and the
  * room about them. */
-static void sample_light(struct persona *p, struct random *r)
+static void persona_sample_light(struct persona *p, struct random *r)
 {
     struct shade_env *e = &p->env;
     float side = random_chance(r, 0.5) ? 1 : -1,
@@ -313,23 +314,25 @@ static void sample_light(struct persona *p, struct random *r)
     persona_aim(e->light[0].dir,
                 side * random_float(r, 0.1, studio ? 0.7 : 1.35),
                 random_float(r, 0.15, 1.0));
-    white_light(e->light[0].rgb, random_float(r, -0.5, 0.9), key);
+    persona_white_light(e->light[0].rgb, random_float(r, -0.5, 0.9), key);
     persona_aim(e->light[1].dir, -side * random_float(r, 0.4, 1.4),
                 random_float(r, -0.1, 0.6));
-    white_light(e->light[1].rgb, random_float(r, -0.8, 0.5),
-                key * random_float(r, 0, .45));
+    persona_white_light(e->light[1].rgb, random_float(r, -0.8, 0.5),
+                        key * random_float(r, 0, .45));
     persona_aim(e->light[2].dir,
                 (random_chance(r, 0.5) ? 1 : -1) * random_float(r, 2.1, 2.7),
                 random_float(r, 0.1, 0.7));
-    white_light(e->light[2].rgb, random_float(r, -0.8, 0.8),
-                random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2) : 0);
+    persona_white_light(e->light[2].rgb, random_float(r, -0.8, 0.8),
+                        random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2)
+                                              : 0);
     float amb = random_float(r, 0.2, 0.6), warm = random_float(r, -0.6, 0.6);
     static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
     for (int k = 0; k < 6; k++)
-        white_light(e->cube[k], warm + random_float(r, -0.2, 0.2),
-                    amb * faces[k] * random_float(r, 0.7, 1.3));
+        persona_white_light(e->cube[k], warm + random_float(r, -0.2, 0.2),
+                            amb * faces[k] * random_float(r, 0.7, 1.3));
     /* -y is up: the sky; +y gives back the warm floor and the clothes */
-    white_light(e->cube[3], warm + 0.4f, amb * random_float(r, 0.25, 0.6));
+    persona_white_light(e->cube[3], warm + 0.4f,
+                        amb * random_float(r, 0.25, 0.6));
     persona_meter(e, (1.0f + 0.3f * p->tone) * expf(persona_normal(r) * 0.16f));
 }
 
@@ -338,13 +341,13 @@ void persona_relight(struct persona *p, int k)
     struct random r;
 
     random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
-    sample_light(p, &r);
+    persona_sample_light(p, &r);
     persona_aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
                 k % 3 == 2 ? 0.1f : 0.5f);
 }
 
 /* What the camera does, as much of it as effects says. */
-static void sample_lens(struct persona *p, uint64_t key, float effects)
+static void persona_sample_lens(struct persona *p, uint64_t key, float effects)
 {
     struct random r;
     struct lens_look *l = &p->lens;
@@ -383,19 +386,19 @@ void persona_sample(struct persona *p, uint64_t seed, uint64_t index,
     p->age = random_float(&r, 0, 1) * random_float(&r, 0.3, 1);
     p->male = random_chance(&r, 0.5) ? random_float(&r, 0.6, 1)
                                      : random_float(&r, 0, 0.4);
-    sample_shape(p, p->key, nshape);
-    sample_skin(p, p->key);
-    sample_hair(p, p->key);
-    sample_face(p, p->key);
-    sample_eyes(p, p->key);
-    sample_clothes(p, p->key);
+    persona_sample_shape(p, p->key, nshape);
+    persona_sample_skin(p, p->key);
+    persona_sample_hair(p, p->key);
+    persona_sample_face(p, p->key);
+    persona_sample_eyes(p, p->key);
+    persona_sample_clothes(p, p->key);
     random_init(&r, p->key, "light");
-    sample_light(p, &r);
-    sample_lens(p, p->key, effects);
+    persona_sample_light(p, &r);
+    persona_sample_lens(p, p->key, effects);
     random_init(&r, p->key, "framing");
     p->backdrop = (enum scenery)random_below(&r, SCENERIES);
-    any_color(&r, p->wall, 0.4f, 0.3f, 1.0f);
-    any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
+    persona_any_color(&r, p->wall, 0.4f, 0.3f, 1.0f);
+    persona_any_color(&r, p->accent, 0.8f, 0.1f, 0.9f);
     p->rest[0] = persona_normal(&r) * 0.06f;
     p->rest[1] = persona_normal(&r) * 0.05f - 0.02f;
     p->rest[2] = clampf(11.2f * expf(persona_normal(&r) * 0.12f), 8.6f, 14.5f);

@@ -16,8 +16,8 @@ static void pose_rigid(float o[3], const float r[9], const float t[3],
 }
 
 /* The head's vertices, and ours where their anchors take them. */
-static void place_vertices(struct stage *s, const struct actor *a,
-                           const struct synth_motion *m)
+static void pose_place_vertices(struct stage *s, const struct actor *a,
+                                const struct synth_motion *m)
 {
     struct head_motion hm = { .exp = m->exp };
     const struct head *h = a->head;
@@ -54,7 +54,7 @@ static void place_vertices(struct stage *s, const struct actor *a,
 }
 
 /* Unit normals of all vertices, faces by their area. */
-static void find_normals(struct stage *s, const struct actor *a)
+static void pose_find_normals(struct stage *s, const struct actor *a)
 {
     memset(s->normal, 0, 3 * a->nv * sizeof(float));
     for (size_t f = 0; f < a->nf; f++) {
@@ -71,7 +71,7 @@ static void find_normals(struct stage *s, const struct actor *a)
 }
 
 /* An orthonormal frame on face f of points p, as columns of m. */
-static void face_frame(float m[9], const float *p, const int32_t *f)
+static void pose_face_frame(float m[9], const float *p, const int32_t *f)
 {
     float e[3], g[3], n[3], b[3];
 
@@ -95,8 +95,8 @@ static void pose_ride(struct stage *s, const struct actor *a,
     const int32_t *f = a->head->f + 3 * t->face;
     float rest[9], now[9], turn[9], rt[9];
 
-    face_frame(rest, a->neutral, f);
-    face_frame(now, s->place, f);
+    pose_face_frame(rest, a->neutral, f);
+    pose_face_frame(now, s->place, f);
     for (int i = 0; i < 9; i++)
         rt[i] = rest[3 * (i % 3) + i / 3];
     mul33(turn, now, rt);
@@ -125,8 +125,8 @@ static void pose_ride(struct stage *s, const struct actor *a,
     }
 }
 
-static void landmark_place(float o[3], const struct stage *s,
-                           const struct head *h, int k)
+static void pose_landmark_place(float o[3], const struct stage *s,
+                                const struct head *h, int k)
 {
     const int32_t *f = h->f + 3 * h->landmark_faces[k];
 
@@ -142,8 +142,8 @@ static void pose_lash(struct stage *s, const struct actor *a,
     int k = -2 - t->face;
     float p[3], q[3], shut = m->lid[k < 42 ? 1 : 0];
 
-    landmark_place(p, s, a->head, k);
-    landmark_place(q, s, a->head, k + 1);
+    pose_landmark_place(p, s, a->head, k);
+    pose_landmark_place(q, s, a->head, k + 1);
     lerp3(p, p, q, t->random);
     for (int i = 0; i < t->points; i++) {
         const struct strand_point *o = a->point + t->first + i;
@@ -158,8 +158,8 @@ static void pose_lash(struct stage *s, const struct actor *a,
 
 /* Strands ride on their face, their lid or the head; loose ones go over to the
  * shoulders. */
-static void place_strands(struct stage *s, const struct actor *a,
-                          const struct synth_motion *m)
+static void pose_place_strands(struct stage *s, const struct actor *a,
+                               const struct synth_motion *m)
 {
     float top = a->lmk[8][1], base = a->neck_base[1] - 0.15f;
 
@@ -207,9 +207,9 @@ void stage_pose(struct stage *s, const struct actor *a,
 {
     float cam[12], lmk[68 * 3];
 
-    place_vertices(s, a, m);
-    find_normals(s, a);
-    place_strands(s, a, m);
+    pose_place_vertices(s, a, m);
+    pose_find_normals(s, a);
+    pose_place_strands(s, a, m);
     pose_project(s->spot, s->place, a->nv, (float)s->eye.w);
     pose_project(s->tuft_spot, s->tuft, a->npoint, (float)s->eye.w);
     camera_make(cam, m->rot, m->trans);

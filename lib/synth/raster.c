@@ -71,8 +71,9 @@ static void edge_clip(const struct edge *e, float y, float *lo, float *hi)
 }
 
 /* A row of a triangle; the nearer sample wins. */
-static void fill_span(struct raster *r, int y, int x0, int x1, uint32_t id,
-                      const float q[3], const float b[4], float ox, float oy)
+static void raster_fill_span(struct raster *r, int y, int x0, int x1,
+                             uint32_t id, const float q[3], const float b[4],
+                             float ox, float oy)
 {
     size_t row = (size_t)y * (size_t)r->w;
     float fy = (float)y + 0.5f - oy;
@@ -130,7 +131,7 @@ static void raster_triangle(struct raster *r, const struct raster_vertex *a,
         int x1 = (int)floorf(fminf(hi, (float)r->w) - 0.5f);
         x0 = x0 < 0 ? 0 : x0;
         x1 = x1 >= r->w ? r->w - 1 : x1;
-        fill_span(r, y, x0, x1, id, q, w, a->x, a->y);
+        raster_fill_span(r, y, x0, x1, id, q, w, a->x, a->y);
     }
 }
 

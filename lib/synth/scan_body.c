@@ -16,7 +16,7 @@ enum { BASE_BODY = 13380, BASE_VERTICES = 19158, BASE_EYE_LEFT = 14598,
 
 #define ROUNDS 10
 
-static void mean_of(float o[3], const float *p, int first, int n)
+static void body_mean_of(float o[3], const float *p, int first, int n)
 {
     o[0] = o[1] = o[2] = 0;
     for (int i = first; i < first + n; i++)
@@ -24,13 +24,13 @@ static void mean_of(float o[3], const float *p, int first, int n)
 }
 
 /* Eyes onto eyes, upright. */
-static void lay_on_eyes(float *out, const float *v, size_t n,
-                        const struct scan_face *f)
+static void body_lay_on_eyes(float *out, const float *v, size_t n,
+                             const struct scan_face *f)
 {
     float l[3], r[3], from[3], to[3], d[3], e[3];
 
-    mean_of(l, v, BASE_EYE_LEFT, BASE_EYE);
-    mean_of(r, v, BASE_EYE_RIGHT, BASE_EYE);
+    body_mean_of(l, v, BASE_EYE_LEFT, BASE_EYE);
+    body_mean_of(r, v, BASE_EYE_RIGHT, BASE_EYE);
     sub3(d, l, r);
     sub3(e, f->eye[0], f->eye[1]);
     lerp3(from, l, r, 0.5f);
@@ -96,7 +96,7 @@ static int fit_init(struct fit *t, size_t n)
 }
 
 /* The skin's vertices come to lie on the scans, closest first. */
-static void draw_to_scans(struct body *b, struct fit *t)
+static void body_draw_to_scans(struct body *b, struct fit *t)
 {
     size_t n = b->nbody;
 
@@ -126,8 +126,8 @@ static void draw_to_scans(struct body *b, struct fit *t)
 }
 
 /* Helpers go with the skin near them. */
-static int carry_helpers(struct body *b, const float *before,
-                         struct error *err)
+static int body_carry_helpers(struct body *b, const float *before,
+                              struct error *err)
 {
     struct near_grid g;
 
@@ -171,7 +171,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
         error_set(err, EX_OSERR, "out of memory for the body");
         goto out;
     }
-    lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
+    body_lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
     memcpy(before, b->place, 3 * b->mesh.nv * sizeof *before);
     for (size_t i = 0; i < 3 * b->mesh.nf; i++)
         if (b->mesh.f[i] >= BASE_BODY) {
@@ -186,9 +186,9 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
     if (normal) {
         piece_normals(normal, f->neutral, FACE_VERTICES, f->raw, f->nf);
         b->near.normal = normal;
-        draw_to_scans(b, &t);
+        body_draw_to_scans(b, &t);
         b->near.normal = NULL;
-        rc = carry_helpers(b, before, err);
+        rc = body_carry_helpers(b, before, err);
     }
     free(normal);
 out:

@@ -60,7 +60,8 @@ void scan_gather(struct scan_point *o, const struct scan_stage *s,
 }
 
 /* Skin turns to what the vertices say it is: lips, nose, ears, neck. */
-static uint8_t label_at(const struct scan_stage *s, const struct scan_point *o)
+static uint8_t draw_label_at(const struct scan_stage *s,
+                             const struct scan_point *o)
 {
     const struct figure *f = s->figure;
     const struct figure_part *p = &f->parts[f->part[o->face]];
@@ -93,7 +94,7 @@ void scan_draw(struct scan_stage *s)
         scan_gather(&o, s, s->id[at], s->b1[at], s->b2[at]);
         scan_shade(c, s, &o);
         s->cover[at] = 1;
-        s->label[at] = label_at(s, &o);
+        s->label[at] = draw_label_at(s, &o);
     }
 }
 

@@ -64,8 +64,8 @@ static void quads_release(struct quads *q)
 }
 
 /* The corner of vertex v at coordinate t: each t has one vertex, mostly. */
-static int32_t corner_of(struct scan_face *f, const struct quads *q,
-                         int32_t *of_uv, int32_t v, int32_t t)
+static int32_t face_corner_of(struct scan_face *f, const struct quads *q,
+                              int32_t *of_uv, int32_t v, int32_t t)
 {
     int32_t c = of_uv[t];
 
@@ -80,8 +80,8 @@ static int32_t corner_of(struct scan_face *f, const struct quads *q,
 }
 
 /* Triangles of the quads, corners shared where vertex and place agree. */
-static int make_faces(struct scan_face *f, const struct quads *q,
-                      struct error *err)
+static int face_make_faces(struct scan_face *f, const struct quads *q,
+                           struct error *err)
 {
     int32_t *of_uv = malloc(q->nuv * sizeof *of_uv);
 
@@ -105,7 +105,7 @@ static int make_faces(struct scan_face *f, const struct quads *q,
                 continue;
             for (int c = 0; c < 3; c++) {
                 f->faces[3 * f->nf + (size_t)c]
-                    = corner_of(f, q, of_uv, v[k[c]], t[k[c]]);
+                    = face_corner_of(f, q, of_uv, v[k[c]], t[k[c]]);
                 f->raw[3 * f->nf + (size_t)c] = v[k[c]];
             }
             f->part[f->nf++] = (uint8_t)q->part[i];
@@ -118,7 +118,8 @@ static int make_faces(struct scan_face *f, const struct quads *q,
 /* ---- shapes ------------------------------------------------------------- */
 
 /* The row of the file's shape `name`. */
-static int find_row(const cJSON *names, const char *name, struct error *err)
+static int face_find_row(const cJSON *names, const char *name,
+                         struct error *err)
 {
     int i = 0;
     const cJSON *n;
@@ -132,8 +133,9 @@ static int find_row(const cJSON *names, const char *name, struct error *err)
                      "it)", name);
 }
 
-static int load_expressions(struct scan_face *f, const struct safetensors *st,
-                            struct error *err)
+static int face_load_expressions(struct scan_face *f,
+                                 const struct safetensors *st,
+                                 struct error *err)
 {
     size_t dims[3] = {EXPRESSIONS, FACE_VERTICES, 3}, n;
     size_t one = 3 * (size_t)FACE_VERTICES;
@@ -153,7 +155,7 @@ static int load_expressions(struct scan_face *f, const struct safetensors *st,
         const char *name = k < ARKIT_COUNT ? arkit_name(k)
                            : k == ARKIT_COUNT ? "PupilDilate_L"
                                               : "PupilDilate_R";
-        int row = find_row(names, name, err);
+        int row = face_find_row(names, name, err);
         float *to = k < ARKIT_COUNT ? f->expression + (size_t)k * one
                                     : f->dilate
                                       + (size_t)(k - ARKIT_COUNT) * one;
@@ -169,8 +171,8 @@ static int load_expressions(struct scan_face *f, const struct safetensors *st,
     return rc;
 }
 
-static int load_identities(struct scan_face *f, const struct safetensors *st,
-                           struct error *err)
+static int face_load_identities(struct scan_face *f,
+                                const struct safetensors *st, struct error *err)
 {
     size_t dims[3] = {SCAN_IDENTITIES, FACE_VERTICES, 3}, n;
 
@@ -182,7 +184,7 @@ static int load_identities(struct scan_face *f, const struct safetensors *st,
     return 0;
 }
 
-static void find_eyes(struct scan_face *f)
+static void face_find_eyes(struct scan_face *f)
 {
     for (int e = 0; e < 2; e++) {
         double c[3], axis[3];
@@ -197,7 +199,7 @@ static void find_eyes(struct scan_face *f)
 
 /* Lashes get coordinates of their own: u along the lid, v from the skin
  * (0) to the tip. */
-static void lay_lashes(struct scan_face *f)
+static void face_lay_lashes(struct scan_face *f)
 {
     float reach = 0.06f;
 
@@ -220,19 +222,19 @@ static void lay_lashes(struct scan_face *f)
     }
 }
 
-static int load_shapes(struct scan_face *f, const struct safetensors *st,
-                       struct error *err)
+static int face_load_shapes(struct scan_face *f, const struct safetensors *st,
+                            struct error *err)
 {
     size_t dims[2] = {FACE_VERTICES, 3}, n;
     static const double shift[3] = {SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z};
 
     f->neutral = st_load_f32(st, "neutral", 2, dims, &n, err);
-    if (!f->neutral || load_identities(f, st, err)
-        || load_expressions(f, st, err))
+    if (!f->neutral || face_load_identities(f, st, err)
+        || face_load_expressions(f, st, err))
         return -1;
     for (size_t i = 0; i < n; i++)
         f->neutral[i] = FACE_UNIT * f->neutral[i] + (float)(5 * shift[i % 3]);
-    find_eyes(f);
+    face_find_eyes(f);
     size_t one = 3 * (size_t)FACE_VERTICES;
     return scan_lids_init(&f->lids, f->neutral,
                           f->expression + ARKIT_EYE_BLINK_L * one,
@@ -241,8 +243,8 @@ static int load_shapes(struct scan_face *f, const struct safetensors *st,
 
 /* ---- whole -------------------------------------------------------------- */
 
-static int load_landmarks(struct scan_face *f, const char *dir,
-                          struct error *err)
+static int face_load_landmarks(struct scan_face *f, const char *dir,
+                               struct error *err)
 {
     char path[4096];
     int rc;
@@ -268,15 +270,15 @@ int scan_face_load(struct scan_face *f, const char *dir, struct error *err)
     struct safetensors *st = st_open(path, err);
     if (!st)
         return -1;
-    rc = load_shapes(f, st, err) || quads_load(&q, st, err)
-         || make_faces(f, &q, err);
+    rc = face_load_shapes(f, st, err) || quads_load(&q, st, err)
+         || face_make_faces(f, &q, err);
     if (!rc)
-        lay_lashes(f);
+        face_lay_lashes(f);
     quads_release(&q);
     if (rc)
         error_prefix(err, "%s", path);
     else
-        rc = load_landmarks(f, dir, err);
+        rc = face_load_landmarks(f, dir, err);
     st_close(st);
     if (rc)
         scan_face_release(f);

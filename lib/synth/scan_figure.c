@@ -86,7 +86,7 @@ static enum stuff stuff_of(const struct scan_face *s, size_t i)
     }
 }
 
-static uint8_t label_of(enum stuff s)
+static uint8_t figure_label_of(enum stuff s)
 {
     static const uint8_t label[STUFFS] = {
         LABEL_SKIN, LABEL_SKIN, LABEL_EYE, LABEL_EYE, LABEL_TEETH,
@@ -100,7 +100,8 @@ static uint8_t label_of(enum stuff s)
 
 /* Faces of the scans made of `stuff`, as a part; corners: the first of these
  * parts brings all corners. */
-static int add_scans(struct figure *f, enum stuff stuff, struct error *err)
+static int figure_add_scans(struct figure *f, enum stuff stuff,
+                            struct error *err)
 {
     const struct scan_face *s = &f->assets->face;
     bool first = f->nparts == 0;
@@ -109,7 +110,7 @@ static int add_scans(struct figure *f, enum stuff stuff, struct error *err)
     for (size_t i = 0; i < s->nf; i++)
         n += stuff_of(s, i) == stuff;
     struct figure_part *p = figure_grow(f, first ? s->nc : 0, n, stuff,
-                                        RIDE_FACE, label_of(stuff), err);
+                                        RIDE_FACE, figure_label_of(stuff), err);
     if (!p)
         return -1;
     n = p->f0;
@@ -131,11 +132,11 @@ static int add_scans(struct figure *f, enum stuff stuff, struct error *err)
 
 /* A piece of the assets as a part of the figure, moved to this person's
  * shape. */
-static int add_piece(struct figure *f, const struct piece *q,
-                     enum stuff stuff, enum ride ride, struct error *err)
+static int figure_add_piece(struct figure *f, const struct piece *q,
+                            enum stuff stuff, enum ride ride, struct error *err)
 {
     struct figure_part *p = figure_grow(f, q->nc, q->nf, stuff, ride,
-                                        label_of(stuff), err);
+                                        figure_label_of(stuff), err);
     const float *neutral = f->assets->face.neutral;
 
     if (!p)
@@ -160,8 +161,8 @@ static int add_piece(struct figure *f, const struct piece *q,
 }
 
 /* Hair that would lie under the skin comes out. */
-static void lift_hair(struct figure *f, const struct figure_part *p,
-                      float gap)
+static void figure_lift_hair(struct figure *f, const struct figure_part *p,
+                             float gap)
 {
     for (size_t i = p->c0; i < p->c1; i++) {
         const float *v = f->rest + 3 * f->bind[4 * i];
@@ -175,8 +176,8 @@ static void lift_hair(struct figure *f, const struct figure_part *p,
 }
 
 /* Faces of which every corner is covered lose their area. */
-static void drop_covered(struct figure *f, const struct figure_part *p,
-                         const uint8_t *hidden)
+static void figure_drop_covered(struct figure *f, const struct figure_part *p,
+                                const uint8_t *hidden)
 {
     for (size_t i = p->f0; hidden && i < p->f1; i++) {
         int32_t *v = f->faces + 3 * i;
@@ -189,8 +190,9 @@ static void drop_covered(struct figure *f, const struct figure_part *p,
 }
 
 /* Hair above a hat's brim is under it. */
-static void drop_under_hat(struct figure *f, const struct figure_part *hair,
-                           const struct figure_part *hat)
+static void figure_drop_under_hat(struct figure *f,
+                                  const struct figure_part *hair,
+                                  const struct figure_part *hat)
 {
     for (size_t i = hair->f0; i < hair->f1; i++) {
         int32_t *v = f->faces + 3 * i;
@@ -207,14 +209,15 @@ static void drop_under_hat(struct figure *f, const struct figure_part *hair,
     }
 }
 
-static void color_piece(struct figure_part *p, const float color[3], bool own)
+static void figure_color_piece(struct figure_part *p, const float color[3],
+                               bool own)
 {
     copy3(p->tint, color);
     p->own = own;
 }
 
 /* Torso, clothes, hat. */
-static int add_worn(struct figure *f, struct error *err)
+static int figure_add_worn(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
@@ -222,44 +225,49 @@ static int add_worn(struct figure *f, struct error *err)
     const struct piece *cloth = l->cloth >= 0 ? &a->cloth.piece[l->cloth]
                                               : NULL;
 
-    if (add_piece(f, &a->torso, STUFF_BODY, RIDE_BODY, err))
+    if (figure_add_piece(f, &a->torso, STUFF_BODY, RIDE_BODY, err))
         return -1;
     if (cloth)
-        drop_covered(f, &f->parts[f->nparts - 1], cloth->hidden);
+        figure_drop_covered(f, &f->parts[f->nparts - 1], cloth->hidden);
     if (l->cloth >= 0) {
-        if (add_piece(f, &a->cloth.piece[l->cloth], STUFF_CLOTH, RIDE_BODY,
-                      err))
+        if (figure_add_piece(f, &a->cloth.piece[l->cloth], STUFF_CLOTH,
+                             RIDE_BODY, err))
             return -1;
-        color_piece(&f->parts[f->nparts - 1], l->cloth_color, l->cloth_own);
+        figure_color_piece(&f->parts[f->nparts - 1], l->cloth_color,
+                           l->cloth_own);
     }
     if (l->hat >= 0) {
-        if (add_piece(f, &a->hat.piece[l->hat], STUFF_HAT, RIDE_HEAD, err))
+        if (figure_add_piece(f, &a->hat.piece[l->hat], STUFF_HAT, RIDE_HEAD,
+                             err))
             return -1;
-        color_piece(&f->parts[f->nparts - 1], l->cap_color, false);
+        figure_color_piece(&f->parts[f->nparts - 1], l->cap_color, false);
     }
     return 0;
 }
 
 /* Brows, lashes and the hair of the head, coloured. */
-static int add_hair(struct figure *f, struct error *err)
+static int figure_add_hair(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
 
     if (l->brow >= 0) {
-        if (add_piece(f, &a->brow.piece[l->brow], STUFF_BROW, RIDE_SKIN, err))
+        if (figure_add_piece(f, &a->brow.piece[l->brow], STUFF_BROW, RIDE_SKIN,
+                             err))
             return -1;
-        color_piece(&f->parts[f->nparts - 1], l->brow_color, false);
-        lift_hair(f, &f->parts[f->nparts - 1], 0.006f);
+        figure_color_piece(&f->parts[f->nparts - 1], l->brow_color, false);
+        figure_lift_hair(f, &f->parts[f->nparts - 1], 0.006f);
     }
     if (l->hair >= 0) {
-        if (add_piece(f, &a->hair.piece[l->hair], STUFF_HAIR, RIDE_HEAD, err))
+        if (figure_add_piece(f, &a->hair.piece[l->hair], STUFF_HAIR, RIDE_HEAD,
+                             err))
             return -1;
-        color_piece(&f->parts[f->nparts - 1], l->hair_color, false);
-        lift_hair(f, &f->parts[f->nparts - 1], 0.012f);
+        figure_color_piece(&f->parts[f->nparts - 1], l->hair_color, false);
+        figure_lift_hair(f, &f->parts[f->nparts - 1], 0.012f);
         for (int i = 0; i < f->nparts - 1; i++)
             if (f->parts[i].stuff == STUFF_HAT)
-                drop_under_hat(f, &f->parts[f->nparts - 1], &f->parts[i]);
+                figure_drop_under_hat(f, &f->parts[f->nparts - 1],
+                                      &f->parts[i]);
     }
     return 0;
 }
@@ -267,7 +275,7 @@ static int add_hair(struct figure *f, struct error *err)
 /* ---- light and carriage ------------------------------------------------- */
 
 /* How far a resting place goes with the shoulders. */
-static float neck_share(const struct figure *f, const float *p)
+static float figure_neck_share(const struct figure *f, const float *p)
 {
     const int32_t *lmk = f->assets->face.landmark;
     const float *chin = f->rest + 3 * lmk[8];
@@ -300,7 +308,7 @@ static uint64_t figure_sees(const struct figure *f, const struct figure_part *p,
     return mask;
 }
 
-static void find_moments(struct figure *f)
+static void figure_find_moments(struct figure *f)
 {
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
@@ -312,7 +320,7 @@ static void find_moments(struct figure *f)
 
 /* Corner normals at rest.  Hair has those of the head it grows on, mostly:
  * cards face anywhere. */
-static int find_normals(struct figure *f, struct error *err)
+static int figure_find_normals(struct figure *f, struct error *err)
 {
     const struct scan_face *s = &f->assets->face;
     float *n = malloc(3 * (size_t)FACE_VERTICES * sizeof *n);
@@ -351,8 +359,8 @@ static int find_normals(struct figure *f, struct error *err)
 }
 
 /* Whether a corner sees a place of the sky, head frame. */
-static bool sees_along(const struct figure *f, size_t corner,
-                       const float to[3])
+static bool figure_sees_along(const struct figure *f, size_t corner,
+                              const float to[3])
 {
     uint64_t mask = figure_sees(f, &f->parts[0], corner);
     int best = 0;
@@ -370,7 +378,7 @@ static bool sees_along(const struct figure *f, size_t corner,
 }
 
 /* Mean light e (3) on the face as it looks at the camera. */
-static void face_light(float e[3], const struct figure *f)
+static void figure_face_light(float e[3], const struct figure *f)
 {
     static const float front[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1};
     struct harmonic2 sky[3];
@@ -388,7 +396,7 @@ static void face_light(float e[3], const struct figure *f)
             float d[3], nl;
             rot3(d, front, f->light.lamp[i].dir);
             nl = dot3(d, f->normal + 3 * c);
-            if (nl > 0 && sees_along(f, c, d))
+            if (nl > 0 && figure_sees_along(f, c, d))
                 mad3(e, e, f->light.lamp[i].rgb, 0.318f * nl);
         }
         count += 1;
@@ -405,7 +413,7 @@ static void figure_expose(struct figure *f)
 
     light_init(&f->light, &f->assets->light[f->look.light], f->look.turn,
                f->look.gain);
-    face_light(e, f);
+    figure_face_light(e, f);
     lum = 0.3f * e[0] + 0.59f * e[1] + 0.11f * e[2];
     /* the camera evens out most of the light's colour */
     for (int k = 0; k < 3; k++)
@@ -458,15 +466,14 @@ int figure_init(struct figure *f, const struct scan_assets *a,
     scan_face_fold(f->rest, &a->face, p->beta, SCAN_IDENTITIES);
     skin_paint(f->skin, f->tone, &a->skin, &p->skin);
     for (int i = 0; !rc && i < 7; i++) {
-        rc = add_scans(f, solid[i], err);
+        rc = figure_add_scans(f, solid[i], err);
         if (i == 0 && !rc)
             figure_measure(f);
     }
-    rc = rc || add_worn(f, err) || figure_add_solids(f, err)
-         || figure_add_front(f, err)
-         || add_hair(f, err) || figure_add_veils(f, err)
-         || add_scans(f, STUFF_LASH, err) || add_scans(f, STUFF_TEAR, err)
-         || find_normals(f, err);
+    rc = rc || figure_add_worn(f, err) || figure_add_solids(f, err) ||
+         figure_add_front(f, err) || figure_add_hair(f, err) ||
+         figure_add_veils(f, err) || figure_add_scans(f, STUFF_LASH, err) ||
+         figure_add_scans(f, STUFF_TEAR, err) || figure_find_normals(f, err);
     if (rc) {
         figure_release(f);
         return -1;
@@ -474,8 +481,8 @@ int figure_init(struct figure *f, const struct scan_assets *a,
     for (int i = 0; i < f->nparts; i++)
         for (size_t c = f->parts[i].c0; c < f->parts[i].c1; c++)
             f->neck[c] = f->parts[i].ride == RIDE_BODY
-                         ? 1 : neck_share(f, f->place + 3 * c);
-    find_moments(f);
+                         ? 1 : figure_neck_share(f, f->place + 3 * c);
+    figure_find_moments(f);
     figure_expose(f);
     return 0;
 }

@@ -58,7 +58,7 @@ static void film_defocus(float *out, const float *in, int n, int r)
 }
 
 /* A wall: one colour in the light that falls on it, with a slope. */
-static void paint_wall(float *wall, const struct figure *f, int n)
+static void film_paint_wall(float *wall, const struct figure *f, int n)
 {
     const struct scan_camera *c = &f->look.camera;
     const struct light *l = &f->light;
@@ -92,7 +92,7 @@ void scan_backdrop(float *wall, float *tmp, const struct figure *f, int n)
     size_t plane = (size_t)n * (size_t)n;
 
     if (c->backdrop == BACKDROP_WALL) {
-        paint_wall(wall, f, n);
+        film_paint_wall(wall, f, n);
         return;
     }
     for (int y = 0; y < n; y++)
@@ -308,7 +308,7 @@ static void film_sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
 
 /* ---- the print ---------------------------------------------------------- */
 
-static uint8_t byte_of(float v)
+static uint8_t film_byte_of(float v)
 {
     return (uint8_t)(clampf(v, 0, 1) * 255 + 0.5f);
 }
@@ -328,11 +328,11 @@ static void film_compose(const struct scan_print *out,
             float person = f->layer[k * n + i];
             float v = person + f->layer[(4 + k) * n + i]
                       + f->wall[k * n + i];
-            out->person[3 * i + k] = byte_of(person);
+            out->person[3 * i + k] = film_byte_of(person);
             v = lens_grain(v, (int)k, h, p->camera.noise);
-            out->rgb[3 * i + k] = byte_of(v);
+            out->rgb[3 * i + k] = film_byte_of(v);
         }
-        out->mask[i] = byte_of(f->layer[3 * n + i]);
+        out->mask[i] = film_byte_of(f->layer[3 * n + i]);
         out->label[i] = f->layer[7 * n + i] > 0.02f ? LABEL_OCCLUDER
                                                     : s->tag[i];
     }

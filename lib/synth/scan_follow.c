@@ -18,7 +18,7 @@ static const uint8_t rig[FOLLOW_RIGS] = {
 };
 
 /* Only skin carries skin: eyeballs and the inside of the mouth do not. */
-static bool is_skin(const struct head *h, size_t i)
+static bool follow_is_skin(const struct head *h, size_t i)
 {
     return !h->region || (h->region[i] != REGION_EYEBALL
                           && h->region[i] != REGION_INNER_MOUTH);
@@ -37,7 +37,7 @@ int follow_map_init(struct follow_map *m, const struct scan_face *f,
     m->bind = malloc(4 * FACE_NECK_END * sizeof *m->bind);
     m->weight = malloc(4 * FACE_NECK_END * sizeof *m->weight);
     for (size_t i = 0; p && of && i < h->V; i++)
-        if (is_skin(h, i)) {
+        if (follow_is_skin(h, i)) {
             copy3(p + 3 * n, h->v_template + 3 * i);
             of[n++] = (int32_t)i;
         }
@@ -114,9 +114,9 @@ void follow_release(struct follow *o)
 }
 
 /* Teeth, gums and tongue that the jaw carries turn with it. */
-static void bend_teeth(float *x, const struct follow *o,
-                       const struct scan_face *f, const float *rest,
-                       const float *w)
+static void follow_bend_teeth(float *x, const struct follow *o,
+                              const struct scan_face *f, const float *rest,
+                              const float *w)
 {
     const float *open = f->expression
                         + (size_t)ARKIT_JAW_OPENED * 3 * FACE_VERTICES;
@@ -160,5 +160,5 @@ void follow_bend(float *x, float *scratch, const struct follow *o,
         for (size_t k = 0; k < 4; k++)
             mad3(x + 3 * i, x + 3 * i, scratch + 3 * m->bind[4 * i + k],
                  m->weight[4 * i + k]);
-    bend_teeth(x, o, f, rest, w);
+    follow_bend_teeth(x, o, f, rest, w);
 }

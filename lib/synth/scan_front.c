@@ -19,8 +19,9 @@ enum { WRIST = 14030, WRIST_N = 8 };
 
 /* Principal axes of the hand, columns across, along the fingers, out of the
  * palm: along is known, across is where it spreads most. */
-static void hand_axes(float m[9], const float *v, const int32_t *part,
-                      size_t n, const float wrist[3], const float along[3])
+static void front_hand_axes(float m[9], const float *v, const int32_t *part,
+                            size_t n, const float wrist[3],
+                            const float along[3])
 {
     float across[3] = {0.7f, 0.3f, -0.6f}, out[3];
 
@@ -86,7 +87,7 @@ int hand_make(struct piece *p, const struct body *b, struct error *err)
         if (in[i])
             part[n++] = (int32_t)i;
     }
-    hand_axes(m, v, part, n, wrist, along);
+    front_hand_axes(m, v, part, n, wrist, along);
     for (size_t i = 0; i < b->nbody; i++) {
         float d[3];
         sub3(d, v + 3 * i, wrist);
@@ -110,7 +111,7 @@ out:
 
 /* A hand at the chin, a cheek or the mouth, at a random angle: its fingers
  * seldom reach the eyes. */
-static int add_hand(struct figure *f, struct random *r, struct error *err)
+static int front_add_hand(struct figure *f, struct random *r, struct error *err)
 {
     const struct piece *q = &f->assets->hand;
     struct figure_part *p = figure_grow(f, q->nc, q->nf, STUFF_HAND,
@@ -145,9 +146,9 @@ static int add_hand(struct figure *f, struct random *r, struct error *err)
 #define SIDES 16
 
 /* A body of revolution: n rings of radius r at heights h along an axis. */
-static int add_turned(struct figure *f, const float *h, const float *r, int n,
-                      const float at[3], const float turn[9],
-                      const float color[3], struct error *err)
+static int front_add_turned(struct figure *f, const float *h, const float *r,
+                            int n, const float at[3], const float turn[9],
+                            const float color[3], struct error *err)
 {
     struct figure_part *p = figure_grow(f, (size_t)(n * SIDES),
                                         (size_t)((n - 1) * SIDES * 2),
@@ -177,7 +178,8 @@ static int add_turned(struct figure *f, const float *h, const float *r, int n,
 }
 
 /* A microphone or a cup, turned about its axis. */
-static int add_thing(struct figure *f, struct random *r, struct error *err)
+static int front_add_thing(struct figure *f, struct random *r,
+                           struct error *err)
 {
     static const float mic_h[] = {-.13f, -.12f, -.09f, -.04f, .01f, .06f,
                                   .10f, .13f, .16f, 1.6f};
@@ -197,8 +199,8 @@ static int add_thing(struct figure *f, struct random *r, struct error *err)
                    -0.75f - (float)random_range(r, 0, 0.2)};
     for (int k = 0; k < 3; k++)
         color[k] = mic ? 0.04f : f->look.cap_color[k];
-    return mic ? add_turned(f, mic_h, mic_r, 10, at, turn, color, err)
-               : add_turned(f, cup_h, cup_r, 6, at, turn, color, err);
+    return mic ? front_add_turned(f, mic_h, mic_r, 10, at, turn, color, err)
+               : front_add_turned(f, cup_h, cup_r, 6, at, turn, color, err);
 }
 
 int figure_add_front(struct figure *f, struct error *err)
@@ -208,7 +210,7 @@ int figure_add_front(struct figure *f, struct error *err)
     random_init(&r, f->look.key, "front");
     switch (f->look.front) {
     case FRONT_NONE: return 0;
-    case FRONT_HAND: return add_hand(f, &r, err);
-    default: return add_thing(f, &r, err);
+    case FRONT_HAND: return front_add_hand(f, &r, err);
+    default: return front_add_thing(f, &r, err);
     }
 }

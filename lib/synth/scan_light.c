@@ -32,7 +32,7 @@ static void light_direction(float d[3], int x, int y, int w, int h)
     d[2] = -sinf(theta) * cosf(phi);
 }
 
-static float solid_angle(int y, int w, int h)
+static float light_solid_angle(int y, int w, int h)
 {
     return 2 * PI_F / (float)w
            * (cosf(PI_F * (float)y / (float)h)
@@ -61,13 +61,13 @@ static void light_shrink(float *out, int w, int h, const float *in, int iw,
 }
 
 /* Mean luminance over the sphere. */
-static double mean_light(const float *p, int w, int h)
+static double light_mean(const float *p, int w, int h)
 {
     double sum = 0;
 
     for (int y = 0; y < h; y++)
         for (int x = 0; x < w; x++)
-            sum += (double)(solid_angle(y, w, h)
+            sum += (double)(light_solid_angle(y, w, h)
                             * light_luminance(p + 3 * (y * w + x)));
     return sum / (4 * (double)PI_F);
 }
@@ -75,7 +75,7 @@ static double mean_light(const float *p, int w, int h)
 /* The light within `reach` radians of the brightest place becomes a lamp and
  * leaves p, which keeps the mean of its surroundings there.  Returns whether
  * it was worth a lamp. */
-static int take_lamp(struct lamp *l, float *p, int w, int h)
+static int light_take_lamp(struct lamp *l, float *p, int w, int h)
 {
     float best = 0, peak[3] = {0, 1, 0}, rim[3] = {0, 0, 0}, n = 0;
     const float reach = 0.22f;
@@ -89,7 +89,7 @@ static int take_lamp(struct lamp *l, float *p, int w, int h)
     for (int pass = 0; pass < 2; pass++) {
         float size = 0, all = 0;
         for (int i = 0; i < w * h; i++) {
-            float d[3], *c = p + 3 * i, sa = solid_angle(i / w, w, h);
+            float d[3], *c = p + 3 * i, sa = light_solid_angle(i / w, w, h);
             light_direction(d, i % w, i / w, w, h);
             float angle = acosf(clampf(dot3(d, peak), -1, 1));
             if (pass == 0 && angle > reach && angle < 1.5f * reach) {
@@ -116,7 +116,7 @@ static int take_lamp(struct lamp *l, float *p, int w, int h)
     return light_luminance(l->rgb) > 0.12f;
 }
 
-static float power_of(float x, int n)
+static float light_power_of(float x, int n)
 {
     float p = 1;
 
@@ -127,14 +127,14 @@ static float power_of(float x, int n)
 }
 
 /* Mirrored by a rough surface: every direction's mean under a cosine lobe. */
-static void blur_level(float *out, int w, int h, const float *in, int iw,
-                       int ih, int power)
+static void light_blur_level(float *out, int w, int h, const float *in, int iw,
+                             int ih, int power)
 {
     float *dir = malloc(4 * (size_t)(iw * ih) * sizeof *dir);
     float *area = dir + 3 * iw * ih, least = powf(1e-4f, 1 / (float)power);
 
     for (int i = 0; dir && i < ih; i++)
-        area[i] = solid_angle(i, iw, ih);
+        area[i] = light_solid_angle(i, iw, ih);
     for (int i = 0; dir && i < iw * ih; i++)
         light_direction(dir + 3 * i, i % iw, i / iw, iw, ih);
     for (int i = 0; dir && i < w * h; i++) {
@@ -144,7 +144,7 @@ static void blur_level(float *out, int w, int h, const float *in, int iw,
             float c = dot3(d, dir + 3 * j);
             if (c < least)
                 continue;
-            c = power_of(c, power) * area[j / iw];
+            c = light_power_of(c, power) * area[j / iw];
             mad3(sum, sum, in + 3 * j, c);
             all += c;
         }
@@ -155,7 +155,7 @@ static void blur_level(float *out, int w, int h, const float *in, int iw,
 }
 
 /* Ever smaller and blurrier panoramas, and one without its lamps. */
-static int make_levels(struct light_map *m, const struct panorama *p)
+static int light_make_levels(struct light_map *m, const struct panorama *p)
 {
     int sw = level_width[1], sh = sw / 2;
     float *small = malloc(3 * (size_t)(sw * sh) * sizeof *small);
@@ -177,16 +177,17 @@ static int make_levels(struct light_map *m, const struct panorama *p)
     light_shrink(m->level[0], m->w[0], m->h[0], p->rgb, (int)p->width,
                  (int)p->height);
     light_shrink(small, sw, sh, m->level[0], m->w[0], m->h[0]);
-    double mean = mean_light(small, sw, sh);
+    double mean = light_mean(small, sw, sh);
     for (int i = 0; i < 3 * m->w[0] * m->h[0]; i++)
         m->level[0][i] = (float)((double)m->level[0][i] / mean);
     for (int i = 0; i < 3 * sw * sh; i++)
         m->calm[i] = small[i] = (float)((double)small[i] / mean);
     while (m->nlamp < LIGHT_LAMPS
-           && take_lamp(&m->lamp[m->nlamp], m->calm, sw, sh))
+           && light_take_lamp(&m->lamp[m->nlamp], m->calm, sw, sh))
         m->nlamp++;
     for (int k = 1; k < LIGHT_LEVELS; k++)
-        blur_level(m->level[k], m->w[k], m->h[k], m->calm, sw, sh, lobe[k]);
+        light_blur_level(m->level[k], m->w[k], m->h[k], m->calm, sw, sh,
+                         lobe[k]);
     free(small);
     return 0;
 }
@@ -201,7 +202,7 @@ int light_map_load(struct light_map *m, const char *path, struct error *err)
     strncpy(m->name, base ? base + 1 : path, sizeof m->name - 1);
     if (panorama_read(&p, path, err))
         return -1;
-    rc = make_levels(m, &p);
+    rc = light_make_levels(m, &p);
     if (rc) {
         light_map_release(m);
         error_set(err, EX_OSERR, "%s: out of memory", path);
@@ -278,7 +279,7 @@ void harmonic2_turn(struct harmonic2 *o, const struct harmonic2 *h,
 /* ---- one person's light ------------------------------------------------- */
 
 /* World to camera at turn t, and back. */
-static void to_camera(float o[3], const float d[3], float t)
+static void light_to_camera(float o[3], const float d[3], float t)
 {
     float c = cosf(t), s = sinf(t);
 
@@ -305,17 +306,17 @@ void light_init(struct light *l, const struct light_map *m, float turn,
     for (int i = 0; i < w * h; i++) {
         float d[3], c[3];
         light_direction(d, i % w, i / w, w, h);
-        to_camera(c, d, turn);
+        light_to_camera(c, d, turn);
         float rgb[3];
         copy3(rgb, m->calm + 3 * i);
         light_pale(rgb);
         for (int k = 0; k < 3; k++)
             harmonic2_add(&l->sky[k], c, gain[k] * rgb[k]
-                                         * solid_angle(i / w, w, h));
+                                         * light_solid_angle(i / w, w, h));
     }
     for (int i = 0; i < m->nlamp; i++) {
         l->lamp[i] = m->lamp[i];
-        to_camera(l->lamp[i].dir, m->lamp[i].dir, turn);
+        light_to_camera(l->lamp[i].dir, m->lamp[i].dir, turn);
         light_pale(l->lamp[i].rgb);
         for (int k = 0; k < 3; k++)
             l->lamp[i].rgb[k] *= gain[k];
@@ -323,8 +324,8 @@ void light_init(struct light *l, const struct light_map *m, float turn,
 }
 
 /* Bilinear in a level at texture place (u, v) in 0..1. */
-static void sample_level(float o[3], const float *p, int w, int h, float u,
-                         float v)
+static void light_sample_level(float o[3], const float *p, int w, int h,
+                               float u, float v)
 {
     float x = u * (float)w - 0.5f, y = v * (float)h - 0.5f;
     int x0 = (int)floorf(x), y0 = (int)floorf(y);
@@ -342,7 +343,7 @@ static void sample_level(float o[3], const float *p, int w, int h, float u,
 }
 
 /* Arc tangent of y / x over 2 pi, -0.5..0.5, within 1e-4 of a turn. */
-static float turn_of(float y, float x)
+static float light_turn_of(float y, float x)
 {
     float ax = fabsf(x), ay = fabsf(y);
     float a = fminf(ax, ay) / fmaxf(fmaxf(ax, ay), 1e-20f);
@@ -362,17 +363,17 @@ void light_mirror(float rgb[3], const struct light *l, const float d[3],
     float flat = sqrtf(d[0] * d[0] + d[2] * d[2]);
 
     /* camera (x, z) -> world at turn 0: phi is measured from -z */
-    float u = turn_of(d[0], d[2]) + l->turn / (2 * PI_F) + 0.5f;
-    float v = 2 * turn_of(flat, -d[1]);
+    float u = light_turn_of(d[0], d[2]) + l->turn / (2 * PI_F) + 0.5f;
+    float v = 2 * light_turn_of(flat, -d[1]);
     int a = (int)level;
 
     u -= floorf(u);
     a = a < 0 ? 0 : a > LIGHT_LEVELS - 1 ? LIGHT_LEVELS - 1 : a;
-    sample_level(rgb, m->level[a], m->w[a], m->h[a], u, v);
+    light_sample_level(rgb, m->level[a], m->w[a], m->h[a], u, v);
     float f = level - (float)a;
     if (f > 0.01f && a < LIGHT_LEVELS - 1) {
         float o[3];
-        sample_level(o, m->level[a + 1], m->w[a + 1], m->h[a + 1], u, v);
+        light_sample_level(o, m->level[a + 1], m->w[a + 1], m->h[a + 1], u, v);
         lerp3(rgb, rgb, o, f);
     }
     for (int k = 0; k < 3; k++)

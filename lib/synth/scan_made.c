@@ -45,19 +45,19 @@ static void made_tube(struct figure *f, size_t c, size_t i,
         }
 }
 
-static size_t tube_corners(int n)
+static size_t made_tube_corners(int n)
 {
     return (size_t)n * TUBE_SIDES;
 }
 
-static size_t tube_faces(int n, bool closed)
+static size_t made_tube_faces(int n, bool closed)
 {
     return (size_t)(closed ? n : n - 1) * TUBE_SIDES * 2;
 }
 
 /* Every corner of a part sees the sky as the vertex of the face nearest to
  * it does. */
-static void bind_part(struct figure *f, const struct figure_part *p)
+static void made_bind_part(struct figure *f, const struct figure_part *p)
 {
     for (size_t c = p->c0; c < p->c1; c++)
         near_bind(f->bind + 4 * c, f->weight + 4 * c,
@@ -73,7 +73,7 @@ struct spectacles {
 };
 
 /* Where rims lie on this face: before the brows, on the nose. */
-static void measure_glasses(struct spectacles *g, const struct figure *f)
+static void made_measure_glasses(struct spectacles *g, const struct figure *f)
 {
     const int32_t *lmk = f->assets->face.landmark;
     uint64_t key = f->look.key >> 8;
@@ -99,7 +99,7 @@ static void measure_glasses(struct spectacles *g, const struct figure *f)
                                               * (float)(key >> 12 & 15) / 15;
 }
 
-static void rim_point(float o[3], const struct spectacles *g, int e, int k)
+static void made_rim_point(float o[3], const struct spectacles *g, int e, int k)
 {
     float t = 2 * PI_F * (float)k / RIM, c = cosf(t), s = sinf(t);
     float m = 2 / g->square;
@@ -111,27 +111,28 @@ static void rim_point(float o[3], const struct spectacles *g, int e, int k)
 }
 
 /* Rims, bridge and temples as tubes about the eyes. */
-static int add_frame(struct figure *f, struct error *err)
+static int made_add_frame(struct figure *f, struct error *err)
 {
     struct spectacles g;
     float at[RIM][3];
-    size_t nc = 2 * tube_corners(RIM) + tube_corners(4) + 2 * tube_corners(5);
-    size_t nf = 2 * tube_faces(RIM, true) + tube_faces(4, false)
-                + 2 * tube_faces(5, false);
+    size_t nc = 2 * made_tube_corners(RIM) + made_tube_corners(4) +
+                2 * made_tube_corners(5);
+    size_t nf = 2 * made_tube_faces(RIM, true) + made_tube_faces(4, false)
+                + 2 * made_tube_faces(5, false);
     struct figure_part *p = figure_grow(f, nc, nf, STUFF_FRAME, RIDE_HEAD,
                                         LABEL_GLASSES, err);
 
     if (!p)
         return -1;
-    measure_glasses(&g, f);
+    made_measure_glasses(&g, f);
     copy3(p->tint, f->look.glass_color);
     size_t c = p->c0, i = p->f0;
     for (int e = 0; e < 2; e++) {
         for (int k = 0; k < RIM; k++)
-            rim_point(at[k], &g, e, k);
+            made_rim_point(at[k], &g, e, k);
         made_tube(f, c, i, at, RIM, true, g.r);
-        c += tube_corners(RIM);
-        i += tube_faces(RIM, true);
+        c += made_tube_corners(RIM);
+        i += made_tube_faces(RIM, true);
     }
     for (int k = 0; k < 4; k++) {       /* the bridge */
         float t = (float)k / 3, inner = g.centre[0][0] - g.half[0];
@@ -141,8 +142,8 @@ static int add_frame(struct figure *f, struct error *err)
         at[k][2] = g.centre[0][2] + 0.004f;
     }
     made_tube(f, c, i, at, 4, false, g.r);
-    c += tube_corners(4);
-    i += tube_faces(4, false);
+    c += made_tube_corners(4);
+    i += made_tube_faces(4, false);
     const int32_t *lmk = f->assets->face.landmark;
     for (int e = 0; e < 2; e++) {       /* the temples, to the ears */
         float side = e ? -1 : 1, *ear = f->rest + 3 * lmk[e ? 0 : 16];
@@ -157,15 +158,15 @@ static int add_frame(struct figure *f, struct error *err)
                              ear[2] - 0.25f, t);
         }
         made_tube(f, c, i, at, 5, false, g.r * 0.9f);
-        c += tube_corners(5);
-        i += tube_faces(5, false);
+        c += made_tube_corners(5);
+        i += made_tube_faces(5, false);
     }
-    bind_part(f, p);
+    made_bind_part(f, p);
     return 0;
 }
 
 /* A fan of faces in each rim. */
-static int add_lenses(struct figure *f, struct error *err)
+static int made_add_lenses(struct figure *f, struct error *err)
 {
     struct spectacles g;
     struct figure_part *p = figure_grow(f, 2 * (RIM + 1), 2 * RIM,
@@ -174,7 +175,7 @@ static int add_lenses(struct figure *f, struct error *err)
 
     if (!p)
         return -1;
-    measure_glasses(&g, f);
+    made_measure_glasses(&g, f);
     for (int e = 0; e < 2; e++) {
         size_t c = p->c0 + (size_t)(e * (RIM + 1));
         float *mid = f->place + 3 * (c + RIM);
@@ -183,12 +184,12 @@ static int add_lenses(struct figure *f, struct error *err)
         for (int k = 0; k < RIM; k++) {
             int32_t tri[3] = {(int32_t)c + k, (int32_t)c + (k + 1) % RIM,
                               (int32_t)c + RIM};
-            rim_point(f->place + 3 * (c + (size_t)k), &g, e, k);
+            made_rim_point(f->place + 3 * (c + (size_t)k), &g, e, k);
             memcpy(f->faces + 3 * (p->f0 + (size_t)(e * RIM + k)), tri,
                    sizeof tri);
         }
     }
-    bind_part(f, p);
+    made_bind_part(f, p);
     return 0;
 }
 
@@ -198,7 +199,7 @@ static int add_lenses(struct figure *f, struct error *err)
 
 /* How densely short hair grows on a corner: beard below, cropped hair above;
  * its length, head units. */
-static float fur_density(const struct figure *f, size_t c, bool beard)
+static float made_fur_density(const struct figure *f, size_t c, bool beard)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
@@ -219,8 +220,8 @@ static float fur_density(const struct figure *f, size_t c, bool beard)
 
 /* The faces of the scans' skin and scalp whose corners grow hair, lifted in
  * layers.  u, v: as below; extra: the layer plus its density. */
-static int add_fur(struct figure *f, bool beard, float length,
-                   const float color[3], struct error *err)
+static int made_add_fur(struct figure *f, bool beard, float length,
+                        const float color[3], struct error *err)
 {
     size_t n = 0;
     size_t last = f->parts[1].f1;       /* skin, then scalp */
@@ -228,7 +229,7 @@ static int add_fur(struct figure *f, bool beard, float length,
 
     for (size_t i = 0; i < last; i++)
         for (int k = 0; k < 3; k++)
-            if (fur_density(f, (size_t)f->faces[3 * i + (size_t)k], beard)
+            if (made_fur_density(f, (size_t)f->faces[3 * i + (size_t)k], beard)
                 > least) {
                 n++;
                 break;
@@ -245,7 +246,7 @@ static int add_fur(struct figure *f, bool beard, float length,
         const int32_t *v = f->faces + 3 * i;
         float d[3], most = 0;
         for (int k = 0; k < 3; k++) {
-            d[k] = fur_density(f, (size_t)v[k], beard);
+            d[k] = made_fur_density(f, (size_t)v[k], beard);
             most = fmaxf(most, d[k]);
         }
         for (int l = 0; most > least && l < LAYERS; l++, at++)
@@ -272,10 +273,10 @@ static int add_fur(struct figure *f, bool beard, float length,
 #define RING 10
 
 /* A ring through each lobe, the ear's lowest vertex. */
-static int add_earrings(struct figure *f, struct error *err)
+static int made_add_earrings(struct figure *f, struct error *err)
 {
-    struct figure_part *p = figure_grow(f, 2 * tube_corners(RING),
-                                        2 * tube_faces(RING, true),
+    struct figure_part *p = figure_grow(f, 2 * made_tube_corners(RING),
+                                        2 * made_tube_faces(RING, true),
                                         STUFF_METAL, RIDE_HEAD, LABEL_EAR,
                                         err);
     const struct scan_face *s = &f->assets->face;
@@ -302,11 +303,11 @@ static int add_earrings(struct figure *f, struct error *err)
             at[k][1] = lobe[1] + 0.012f - r + r * cosf(t);
             at[k][2] = lobe[2] + r * sinf(t);
         }
-        made_tube(f, p->c0 + (size_t)e * tube_corners(RING),
-                  p->f0 + (size_t)e * tube_faces(RING, true), at, RING, true,
-                  0.006f);
+        made_tube(f, p->c0 + (size_t)e * made_tube_corners(RING),
+                  p->f0 + (size_t)e * made_tube_faces(RING, true), at, RING,
+                  true, 0.006f);
     }
-    bind_part(f, p);
+    made_bind_part(f, p);
     return 0;
 }
 
@@ -314,9 +315,9 @@ int figure_add_solids(struct figure *f, struct error *err)
 {
     const struct scan_person *l = &f->look;
 
-    if (l->glasses && add_frame(f, err))
+    if (l->glasses && made_add_frame(f, err))
         return -1;
-    return l->earring ? add_earrings(f, err) : 0;
+    return l->earring ? made_add_earrings(f, err) : 0;
 }
 
 int figure_add_veils(struct figure *f, struct error *err)
@@ -324,12 +325,12 @@ int figure_add_veils(struct figure *f, struct error *err)
     const struct scan_person *l = &f->look;
 
     if ((l->beard > 0 || l->moustache > 0)
-        && add_fur(f, true, 0.006f + 0.035f * l->beard_length
-                            * l->beard_length, l->brow_color, err))
+        && made_add_fur(f, true, 0.006f + 0.035f * l->beard_length
+                                 * l->beard_length, l->brow_color, err))
         return -1;
     if (l->hair < 0 && l->buzz > 0.12f
-        && add_fur(f, false, 0.004f + 0.05f * l->buzz * l->buzz,
-                   l->hair_color, err))
+        && made_add_fur(f, false, 0.004f + 0.05f * l->buzz * l->buzz,
+                        l->hair_color, err))
         return -1;
-    return l->glasses ? add_lenses(f, err) : 0;
+    return l->glasses ? made_add_lenses(f, err) : 0;
 }

@@ -8,18 +8,18 @@
 
 #include "lib/synth/vec.h"
 
-static int cell_of(const struct near_grid *g, const float x[3], int k)
+static int near_cell_of(const struct near_grid *g, const float x[3], int k)
 {
     int c = (int)floorf((x[k] - g->lo[k]) / g->cell);
 
     return c < 0 ? 0 : c >= g->dim[k] ? g->dim[k] - 1 : c;
 }
 
-static size_t slot_of(const struct near_grid *g, const float x[3])
+static size_t near_slot_of(const struct near_grid *g, const float x[3])
 {
-    return ((size_t)cell_of(g, x, 2) * (size_t)g->dim[1]
-            + (size_t)cell_of(g, x, 1)) * (size_t)g->dim[0]
-           + (size_t)cell_of(g, x, 0);
+    return ((size_t)near_cell_of(g, x, 2) * (size_t)g->dim[1]
+            + (size_t)near_cell_of(g, x, 1)) * (size_t)g->dim[0]
+           + (size_t)near_cell_of(g, x, 0);
 }
 
 int near_init(struct near_grid *g, const float *p, size_t n, float cell,
@@ -46,11 +46,11 @@ int near_init(struct near_grid *g, const float *p, size_t n, float cell,
         return error_set(err, EX_OSERR, "out of memory for %zu points", n);
     }
     for (size_t i = 0; i < n; i++)
-        g->start[slot_of(g, p + 3 * i) + 1]++;
+        g->start[near_slot_of(g, p + 3 * i) + 1]++;
     for (size_t i = 0; i < cells; i++)
         g->start[i + 1] += g->start[i];
     for (size_t i = n; i-- > 0;)
-        g->item[--g->start[slot_of(g, p + 3 * i) + 1]] = (int32_t)i;
+        g->item[--g->start[near_slot_of(g, p + 3 * i) + 1]] = (int32_t)i;
     /* starts have moved down by one slot */
     memmove(g->start, g->start + 1, cells * sizeof *g->start);
     g->start[cells] = (int32_t)n;
@@ -125,7 +125,7 @@ int near_find(int32_t *index, float *d2, const struct near_grid *g,
 
     k = k > NEAR_MAX ? NEAR_MAX : k;
     for (int a = 0; a < 3; a++) {
-        at[a] = cell_of(g, x, a);
+        at[a] = near_cell_of(g, x, a);
         widest = g->dim[a] > widest ? g->dim[a] : widest;
     }
     rings = rings > widest ? widest : rings;

@@ -87,8 +87,8 @@ static int piece_cut(struct piece *p, const float *place, size_t nv,
     return 0;
 }
 
-static int bind_corners(struct piece *p, const struct body *b,
-                        struct error *err)
+static int piece_bind_corners(struct piece *p, const struct body *b,
+                              struct error *err)
 {
     p->bind = malloc(4 * (p->nc + 1) * sizeof *p->bind);
     p->weight = malloc(4 * (p->nc + 1) * sizeof *p->weight);
@@ -101,7 +101,7 @@ static int bind_corners(struct piece *p, const struct body *b,
 }
 
 /* Mean of the picture by alpha, linear light. */
-static void measure_picture(struct piece *p)
+static void piece_measure_picture(struct piece *p)
 {
     double sum[4] = {0, 0, 0, 1e-9};
     const struct bitmap *t = &p->picture;
@@ -168,8 +168,8 @@ int piece_load(struct piece *p, const struct body *b, const char *dir,
         && bitmap_load(&p->picture, path, err))
         goto out;
     rc = piece_cut(p, place, w.nv, w.f, w.vt, w.ft, w.nf, above, err)
-         || bind_corners(p, b, err);
-    measure_picture(p);
+         || piece_bind_corners(p, b, err);
+    piece_measure_picture(p);
     p->hidden = m.hidden;
     m.hidden = NULL;
 out:
@@ -187,9 +187,9 @@ int piece_make(struct piece *p, const struct body *b, const char *name,
 {
     *p = (struct piece){0};
     snprintf(p->name, sizeof p->name, "%s", name);
-    measure_picture(p);
+    piece_measure_picture(p);
     if (piece_cut(p, place, nv, faces, NULL, NULL, nf, above, err)
-        || bind_corners(p, b, err)) {
+        || piece_bind_corners(p, b, err)) {
         piece_release(p);
         return -1;
     }

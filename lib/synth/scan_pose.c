@@ -12,7 +12,7 @@
 /* ---- the face ----------------------------------------------------------- */
 
 /* Eyeballs turn about their centres; the scans' gazes move lids alone. */
-static void turn_eyes(struct scan_stage *s)
+static void pose_turn_eyes(struct scan_stage *s)
 {
     const struct figure *f = s->figure;
     static const size_t range[2][2] = {
@@ -33,7 +33,7 @@ static void turn_eyes(struct scan_stage *s)
 }
 
 /* How much shorter the edges at a vertex have become. */
-static void find_folds(struct scan_stage *s)
+static void pose_find_folds(struct scan_stage *s)
 {
     const struct scan_face *f = &s->figure->assets->face;
     const float *rest = s->figure->rest;
@@ -67,7 +67,7 @@ static void find_folds(struct scan_stage *s)
 
 /* Corners where their part rides: on the face, the skull, the body or
  * nothing. */
-static void place_corners(struct scan_stage *s)
+static void pose_place_corners(struct scan_stage *s)
 {
     const struct figure *f = s->figure;
 
@@ -98,8 +98,8 @@ struct twist {
 
 /* Transforms from the head's (0) to the shoulders' (TWIST), about the pivot
  * that both leave in place. */
-static void make_twist(struct twist *o, const struct scan_view *v,
-                       const float pivot[3])
+static void pose_make_twist(struct twist *o, const struct scan_view *v,
+                            const float pivot[3])
 {
     float rel[9], bt[9], w[3], at[3];
 
@@ -125,7 +125,7 @@ static void make_twist(struct twist *o, const struct scan_view *v,
 }
 
 /* What stands before the camera sways about the head's middle. */
-static void place_front(struct scan_stage *s, const struct figure_part *p)
+static void pose_place_front(struct scan_stage *s, const struct figure_part *p)
 {
     const struct figure *f = s->figure;
     float focal = s->view.focal * (float)s->grid, half = 0.5f * (float)s->grid;
@@ -143,13 +143,13 @@ static void place_front(struct scan_stage *s, const struct figure_part *p)
 }
 
 /* To pixels, parts of the neck turned by their share. */
-static void to_camera(struct scan_stage *s)
+static void pose_to_camera(struct scan_stage *s)
 {
     const struct figure *f = s->figure;
     struct twist t;
     float focal = s->view.focal * (float)s->grid, half = 0.5f * (float)s->grid;
 
-    make_twist(&t, &s->view, f->pivot);
+    pose_make_twist(&t, &s->view, f->pivot);
     for (size_t c = 0; c < f->nc; c++) {
         float x = f->neck[c] * TWIST, *o = s->place + 3 * c;
         int i = (int)x;
@@ -173,7 +173,7 @@ static void to_camera(struct scan_stage *s)
 /* ---- light -------------------------------------------------------------- */
 
 /* Share of the light between the lips that reaches a point in the mouth. */
-static float mouth_light(const struct scan_stage *s, const float *p)
+static float pose_mouth_light(const struct scan_stage *s, const float *p)
 {
     const int32_t *lmk = s->figure->assets->face.landmark;
     const float *up = s->face + 3 * lmk[62], *low = s->face + 3 * lmk[66];
@@ -189,7 +189,7 @@ static float mouth_light(const struct scan_stage *s, const float *p)
 
 /* Per corner and channel, the sky's light over what a free surface with that
  * normal would get; a little comes back from the skin around. */
-static void find_light(struct scan_stage *s)
+static void pose_find_light(struct scan_stage *s)
 {
     static const float bounce[3] = {0.50f, 0.32f, 0.26f};
     const struct figure *f = s->figure;
@@ -219,7 +219,7 @@ static void find_light(struct scan_stage *s)
                           && (f->bind[4 * c] < FACE_SOCKET_END
                               || (f->bind[4 * c] >= FACE_ORBIT_END
                                   && f->bind[4 * c] < FACE_TEETH_END));
-            float in = inside ? mouth_light(s, s->head + 3 * c) : 1;
+            float in = inside ? pose_mouth_light(s, s->head + 3 * c) : 1;
             for (int k = 0; k < 3; k++) {
                 float free = fmaxf(harmonic2_diffuse(&h[k], n), 1e-3f);
                 float b = inside ? in
@@ -245,11 +245,11 @@ void scan_pose(struct scan_stage *s)
     scan_face_express(s->face, &f->assets->face, f->rest, s->act->weight);
     follow_bend(s->face, s->bend, s->follow, &f->assets->face, f->rest,
                 s->verts, s->act->weight);
-    turn_eyes(s);
+    pose_turn_eyes(s);
     scan_face_normals(s->face_normal, s->face, &f->assets->face);
-    find_folds(s);
-    place_corners(s);
-    find_light(s);
+    pose_find_folds(s);
+    pose_place_corners(s);
+    pose_find_light(s);
     /* normals in the head's frame, turned in place */
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
@@ -258,8 +258,8 @@ void scan_pose(struct scan_stage *s)
                                   ? s->face_normal + 3 * f->bind[4 * c]
                                   : f->normal + 3 * c);
     }
-    to_camera(s);
+    pose_to_camera(s);
     for (int i = 0; i < f->nparts; i++)
         if (f->parts[i].ride == RIDE_FREE)
-            place_front(s, &f->parts[i]);
+            pose_place_front(s, &f->parts[i]);
 }

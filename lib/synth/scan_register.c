@@ -98,8 +98,9 @@ static void register_place(float *p, const struct registration *r,
 }
 
 /* A step of the pose: small rotation, shift, relative scale. */
-static void step_pose(struct registration *r, const struct register_map *m,
-                      const float *p, const float *point)
+static void register_step_pose(struct registration *r,
+                               const struct register_map *m, const float *p,
+                               const float *point)
 {
     double a[36] = {0}, b[6] = {0};
 
@@ -134,9 +135,10 @@ static void step_pose(struct registration *r, const struct register_map *m,
 }
 
 /* Identity and expression under the pose. */
-static int step_terms(struct registration *r, const struct register_map *m,
-                      const struct scan_face *f, const float *point,
-                      bool calm)
+static int register_step_terms(struct registration *r,
+                               const struct register_map *m,
+                               const struct scan_face *f, const float *point,
+                               bool calm)
 {
     enum { N = REGISTER_TERMS };
     double *a = calloc(N * N + N, sizeof *a), *b = a + N * N;
@@ -198,8 +200,8 @@ int register_fit(struct registration *r, const struct register_map *m,
     for (int round = 0; round < ROUNDS; round++) {
         register_place(p, r, m, f);
         for (int k = 0; k < (round ? 3 : 10); k++)
-            step_pose(r, m, p, point);
-        if (step_terms(r, m, f, point, calm))
+            register_step_pose(r, m, p, point);
+        if (register_step_terms(r, m, f, point, calm))
             return -1;
     }
     register_place(p, r, m, f);

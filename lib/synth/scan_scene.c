@@ -123,8 +123,8 @@ static void scene_solve6(double x[6], double a[6][6], const double b[6])
 
 /* One step of Gauss and Newton: rot, trans under focal CAMERA_FOCAL / 2 that
  * put verts where the view does.  Rotation by a small vector on the left. */
-static void camera_step(float rot[9], float trans[3], const float *verts,
-                        const struct head *h, const struct scan_view *v)
+static void scene_camera_step(float rot[9], float trans[3], const float *verts,
+                              const struct head *h, const struct scan_view *v)
 {
     double a[6][6] = {{0}}, b[6] = {0}, x[6];
     double f = 0.5 * (double)CAMERA_FOCAL;
@@ -166,9 +166,9 @@ static void camera_step(float rot[9], float trans[3], const float *verts,
 
 /* The true motion as the toolkit's camera has it: exact for a far camera, the
  * nearest fit for a near one. */
-static void find_camera(struct synth_motion *m, const float *verts,
-                        const struct head *h, const struct figure *f,
-                        const struct scan_view *v)
+static void scene_find_camera(struct synth_motion *m, const float *verts,
+                              const struct head *h, const struct figure *f,
+                              const struct scan_view *v)
 {
     float nearer = 2 * v->focal / CAMERA_FOCAL;
 
@@ -180,12 +180,12 @@ static void find_camera(struct synth_motion *m, const float *verts,
         return;
     m->trans[2] /= nearer;
     for (int i = 0; i < 6; i++)
-        camera_step(m->rot, m->trans, verts, h, v);
+        scene_camera_step(m->rot, m->trans, verts, h, v);
 }
 
 /* The head's motion during the exposure, pixels. */
-static void find_move(float move[2], const struct scan_scene *c,
-                      const struct act *now, double time)
+static void scene_find_move(float move[2], const struct scan_scene *c,
+                            const struct act *now, double time)
 {
     const struct scan_person *p = &c->figure.look;
     struct act before;
@@ -228,7 +228,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     memcpy(hm.lid, m->lid, sizeof hm.lid);
     head_pose(worker->verts, &c->id, &hm);
     scene_stand(&v, f, &act);
-    find_camera(m, worker->verts, h, f, &v);
+    scene_find_camera(m, worker->verts, h, f, &v);
     m->yaw = act.yaw;
     m->pitch = act.pitch;
     m->roll = act.roll;
@@ -237,7 +237,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     worker->stage.bend = worker->bend;
     if (scan_stage_render(&worker->stage, f, &act, &v, err))
         return -1;
-    find_move(move, c, &act, time);
+    scene_find_move(move, c, &act, time);
     scan_expose(out, &worker->film, &worker->stage, c->wall, frame, time, move);
     head_landmarks(at, h, worker->verts);
     for (int k = 0; k < 68; k++) {

@@ -26,8 +26,8 @@ static float shade_fresnel(float f0, float c)
 }
 
 /* Highlight of a lamp: GGX with Kelemen's visibility. */
-static float lamp_gloss(const struct scan_point *o, const struct lamp *l,
-                        float rough, float f0)
+static float shade_lamp_gloss(const struct scan_point *o, const struct lamp *l,
+                              float rough, float f0)
 {
     float h[3], a = shade_square(rough) + 0.4f * l->size;
 
@@ -42,9 +42,9 @@ static float lamp_gloss(const struct scan_point *o, const struct lamp *l,
 }
 
 /* Light mirrored: the sky's and the lamps', where `open` of it is free. */
-static void add_gloss(float rgb[3], const struct scan_stage *s,
-                      const struct scan_point *o, const struct gloss *g,
-                      const float shadow[LIGHT_LAMPS])
+static void shade_add_gloss(float rgb[3], const struct scan_stage *s,
+                            const struct scan_point *o, const struct gloss *g,
+                            const float shadow[LIGHT_LAMPS])
 {
     const struct light *l = &s->figure->light;
     float r[3], c[3], nv = dot3(o->n, o->view);
@@ -62,7 +62,7 @@ static void add_gloss(float rgb[3], const struct scan_stage *s,
             continue;
         mad3(rgb, rgb, l->lamp[i].rgb,
              g->amount * shadow[i] * nl
-             * fminf(lamp_gloss(o, &l->lamp[i], g->rough, g->f0), 12));
+             * fminf(shade_lamp_gloss(o, &l->lamp[i], g->rough, g->f0), 12));
     }
 }
 
@@ -99,8 +99,8 @@ static const float skin_wrap[3] = {0.28f, 0.12f, 0.07f};
 /* ---- skin --------------------------------------------------------------- */
 
 /* Bilinear in the person's texture: albedo linear, slope of the height. */
-static void skin_look(float c[3], float slope[2], const uint8_t *skin,
-                      float u, float v)
+static void shade_skin_look(float c[3], float slope[2], const uint8_t *skin,
+                            float u, float v)
 {
     float x = clampf(u * SKIN_SIZE - 0.5f, 0, SKIN_SIZE - 1.001f);
     float y = clampf((1 - v) * SKIN_SIZE - 0.5f, 0, SKIN_SIZE - 1.001f);
@@ -143,7 +143,7 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
 
     copy3(c, f->tone);
     if (textured) {
-        skin_look(c, slope, f->skin, o->u, o->v);
+        shade_skin_look(c, slope, f->skin, o->u, o->v);
         shade_tilt(o->n, s->view.rot, slope, 0.004f);
     }
     shade_diffuse(e, shadow, s, o, skin_wrap);
@@ -151,15 +151,15 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
         rgb[k] = c[k] * e[k];
     struct gloss broad = {0.85f * f->look.gloss, 0.46f, 0.028f};
     struct gloss oily = {0.35f * f->look.gloss, 0.26f, 0.028f};
-    add_gloss(rgb, s, o, &broad, shadow);
-    add_gloss(rgb, s, o, &oily, shadow);
+    shade_add_gloss(rgb, s, o, &broad, shadow);
+    shade_add_gloss(rgb, s, o, &oily, shadow);
 }
 
 /* ---- eyes --------------------------------------------------------------- */
 
 /* The eye's own frame in the camera's: columns right, up, axis. */
-static void eye_frame(float m[9], float centre[3], const struct scan_stage *s,
-                      int e)
+static void shade_eye_frame(float m[9], float centre[3],
+                            const struct scan_stage *s, int e)
 {
     const struct figure *f = s->figure;
     float exp[ARKIT_EXP], jaw[3], lid[2], eye[6], r[9], a[3], t[9];
@@ -183,8 +183,8 @@ static void eye_frame(float m[9], float centre[3], const struct scan_stage *s,
 
 /* Colour of the iris at (x, y) in iris radii, or of the white at angle radii
  * outside it. */
-static void eye_color(float c[3], const struct figure *f, float x, float y,
-                      float pupil)
+static void shade_eye_color(float c[3], const struct figure *f, float x,
+                            float y, float pupil)
 {
     const struct scan_person *l = &f->look;
     float r = sqrtf(x * x + y * y), rgba[4];
@@ -219,7 +219,7 @@ static void shade_eye(float rgb[3], const struct scan_stage *s,
     float shadow[LIGHT_LAMPS], radius = 0.0300f * f->look.iris_size;
     float pupil = 0.36f + 0.12f * s->act->pupil;
 
-    eye_frame(m, centre, s, e);
+    shade_eye_frame(m, centre, s, e);
     sub3(d, o->p, centre);
     for (int k = 0; k < 3; k++) {
         p[k] = m[k] * d[0] + m[3 + k] * d[1] + m[6 + k] * d[2];
@@ -241,12 +241,12 @@ static void shade_eye(float rgb[3], const struct scan_stage *s,
             y += bent[1] / -bent[2] * deep;
         }
     }
-    eye_color(c, f, x / radius, y / radius, pupil);
+    shade_eye_color(c, f, x / radius, y / radius, pupil);
     shade_diffuse(light, shadow, s, o, (float[3]){0.25f, 0.2f, 0.18f});
     for (int k = 0; k < 3; k++)
         rgb[k] = c[k] * light[k] * (r > radius ? 0.88f : 1);
     struct gloss wet = {1, 0.03f, 0.025f};
-    add_gloss(rgb, s, o, &wet, shadow);
+    shade_add_gloss(rgb, s, o, &wet, shadow);
 }
 
 /* ---- the rest ----------------------------------------------------------- */
@@ -261,12 +261,12 @@ static void shade_plain(float rgb[3], const struct scan_stage *s,
     for (int k = 0; k < 3; k++)
         rgb[k] = color[k] * e[k];
     if (g)
-        add_gloss(rgb, s, o, g, shadow);
+        shade_add_gloss(rgb, s, o, g, shadow);
 }
 
 /* The part's picture over its mean, in the part's colour. */
-static float piece_color(float c[3], const struct figure_part *p, float u,
-                         float v)
+static float shade_piece_color(float c[3], const struct figure_part *p, float u,
+                               float v)
 {
     float t[4];
 
@@ -318,7 +318,7 @@ void scan_shade(float rgb[3], const struct scan_stage *s,
         shade_plain(rgb, s, o, p->tint, &polish, no_wrap);
         break;
     default:
-        piece_color(c, p, o->u, o->v);
+        shade_piece_color(c, p, o->u, o->v);
         shade_plain(rgb, s, o, c, NULL, no_wrap);
     }
 }
@@ -385,7 +385,7 @@ static float shade_lens(float rgb[3], const struct scan_stage *s,
 }
 
 /* Lashes stand in rows: u runs along the lid, v from root to tip. */
-static float lash_cover(const struct scan_point *o, float thick)
+static float shade_lash_cover(const struct scan_point *o, float thick)
 {
     float x = o->u * 46 + 2.5f * sinf(9 * o->u) * o->v, f = x - floorf(x);
     float d = fabsf(f - 0.5f) / (0.26f * thick * (1.05f - o->v));
@@ -395,7 +395,7 @@ static float lash_cover(const struct scan_point *o, float thick)
 
 /* Opacity of a layer of short hair: tufts and single hairs, fewer the farther
  * out. */
-static float fur_cover(const struct scan_point *o)
+static float shade_fur_cover(const struct scan_point *o)
 {
     float layer = floorf(o->extra), dense = (o->extra - layer) / 0.99f;
     float x = o->u * 420, y = o->v * 420 + 1.5f * layer;
@@ -414,7 +414,8 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
 {
     const struct figure *f = s->figure;
     const struct figure_part *p = &f->parts[f->part[o->face]];
-    float c[3], shadow[LIGHT_LAMPS], e[3], a = piece_color(c, p, o->u, o->v);
+    float c[3], shadow[LIGHT_LAMPS], e[3],
+        a = shade_piece_color(c, p, o->u, o->v);
     struct gloss wet = {1, 0.04f, 0.03f};
 
     if (a <= 0.004f)
@@ -424,11 +425,11 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
     switch (p->stuff) {
     case STUFF_LASH:
         rgb[0] = rgb[1] = rgb[2] = 0.012f;
-        return lash_cover(o, f->look.lash);
+        return shade_lash_cover(o, f->look.lash);
     case STUFF_TEAR:
         shade_diffuse(e, shadow, s, o, no_wrap);
         rgb[0] = rgb[1] = rgb[2] = 0;
-        add_gloss(rgb, s, o, &wet, shadow);
+        shade_add_gloss(rgb, s, o, &wet, shadow);
         for (int k = 0; k < 3; k++)
             rgb[k] = rgb[k] / 0.15f + 0.3f * e[k];
         return 0.15f;
@@ -436,7 +437,7 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
         shade_plain(rgb, s, o, c, NULL, skin_wrap);
         return 1 - powf(1 - a, 0.6f + 2.4f * f->look.brow_weight);
     case STUFF_FUR:
-        a = fur_cover(o);
+        a = shade_fur_cover(o);
         shade_hair(rgb, s, o, c);
         return a;
     case STUFF_GLASS:

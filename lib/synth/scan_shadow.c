@@ -10,8 +10,8 @@
 #define REACH 1.3f              /* half the width of what a map covers */
 #define SHARP 34.0f
 
-static struct raster_vertex sun_place(const struct scan_shadow *w,
-                                      const float p[3])
+static struct raster_vertex shadow_sun_place(const struct scan_shadow *w,
+                                             const float p[3])
 {
     float d[3], half = 0.5f * SCAN_SHADOW;
 
@@ -22,8 +22,8 @@ static struct raster_vertex sun_place(const struct scan_shadow *w,
 }
 
 /* Opacity of a part at the first corner of a face: cheap, and enough here. */
-static bool is_hole(const struct figure *f, const struct figure_part *p,
-                    const int32_t *v, const float w[3])
+static bool shadow_is_hole(const struct figure *f, const struct figure_part *p,
+                           const int32_t *v, const float w[3])
 {
     float c[4], u = 0, t = 0;
 
@@ -38,7 +38,7 @@ static bool is_hole(const struct figure *f, const struct figure_part *p,
 }
 
 /* The nearest depths to the lamp, but for what pictures leave clear. */
-static void draw_face(struct scan_stage *s, float *map, size_t i)
+static void shadow_draw_face(struct scan_stage *s, float *map, size_t i)
 {
     const struct figure *f = s->figure;
     const int32_t *v = f->faces + 3 * i;
@@ -57,14 +57,14 @@ static void draw_face(struct scan_stage *s, float *map, size_t i)
                           t.w[2] * dx + t.w[3] * dy};
             w[0] = 1 - w[1] - w[2];
             if (q > map[y * n + x]
-                && !is_hole(f, &f->parts[f->part[i]], v, w))
+                && !shadow_is_hole(f, &f->parts[f->part[i]], v, w))
                 map[y * n + x] = q;
         }
     }
 }
 
 /* A box of 2 r + 1 texels, twice along each axis. */
-static void blur_map(float *map, float *tmp, int n, int r)
+static void shadow_blur_map(float *map, float *tmp, int n, int r)
 {
     float w = 1 / (float)(2 * r + 1);
 
@@ -106,20 +106,20 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
         mad3(w->centre, w->centre, s->place + 3 * i,
              1 / (float)((f->parts[0].c1 + 63) / 64));
     for (size_t i = 0; i < f->nc; i++)
-        s->sun[i] = sun_place(w, s->place + 3 * i);
+        s->sun[i] = shadow_sun_place(w, s->place + 3 * i);
     memset(w->map, 0, n * sizeof *w->map);
     for (size_t i = 0; i < f->nf; i++) {
         enum stuff k = (enum stuff)f->stuff[i];
         if (k == STUFF_BROW || k == STUFF_LASH || k == STUFF_TEAR
             || k == STUFF_GLASS || k == STUFF_TEETH || k == STUFF_GUM)
             continue;
-        draw_face(s, w->map, i);
+        shadow_draw_face(s, w->map, i);
     }
     for (size_t i = 0; i < n; i++) {
         float h = w->map[i] > 0 ? w->map[i] - 8 : -2;
         w->map[i] = expf(SHARP * clampf(h, -2, 2));
     }
-    blur_map(w->map, s->flat, SCAN_SHADOW, 1 + (int)(l->size * 18));
+    shadow_blur_map(w->map, s->flat, SCAN_SHADOW, 1 + (int)(l->size * 18));
 }
 
 void scan_shadows(struct scan_stage *s)
@@ -135,7 +135,7 @@ float scan_shadow_at(const struct scan_stage *s, int i, const float p[3],
     float at[3];
 
     mad3(at, p, n, 0.012f);
-    struct raster_vertex v = sun_place(w, at);
+    struct raster_vertex v = shadow_sun_place(w, at);
     float x = v.x - 0.5f, y = v.y - 0.5f;
     int x0 = (int)x, y0 = (int)y, m = SCAN_SHADOW;
     if (x < 0 || y < 0 || x0 >= m - 1 || y0 >= m - 1)

@@ -29,8 +29,8 @@ static int skin_memory(struct error *err)
 /* ---- the texture square ------------------------------------------------- */
 
 /* Which triangle of the skin each texel lies on. */
-static int chart_init(struct skin_chart *c, const struct scan_face *f,
-                      struct error *err)
+static int skin_chart_init(struct skin_chart *c, const struct scan_face *f,
+                           struct error *err)
 {
     struct raster_vertex *at = malloc(f->nc * sizeof *at);
 
@@ -69,7 +69,7 @@ static int chart_init(struct skin_chart *c, const struct scan_face *f,
 }
 
 /* The texel of a vertex of the scans. */
-static void texel_of(float o[2], const struct scan_face *f, int32_t vertex)
+static void skin_texel_of(float o[2], const struct scan_face *f, int32_t vertex)
 {
     o[0] = o[1] = 0;
     for (size_t i = 0; i < f->nc; i++)
@@ -81,14 +81,14 @@ static void texel_of(float o[2], const struct scan_face *f, int32_t vertex)
 }
 
 /* Fill a polygon of landmarks in mask with 255; grow: texels further out. */
-static void fill_polygon(uint8_t *mask, const struct scan_face *f,
-                         const struct register_map *m, const int *lmk, int n,
-                         float grow)
+static void skin_fill_polygon(uint8_t *mask, const struct scan_face *f,
+                              const struct register_map *m, const int *lmk,
+                              int n, float grow)
 {
     float p[40][2], mid[2] = {0, 0};
 
     for (int i = 0; i < n; i++) {
-        texel_of(p[i], f, m->vertex[lmk[i]]);
+        skin_texel_of(p[i], f, m->vertex[lmk[i]]);
         mid[0] += p[i][0] / (float)n;
         mid[1] += p[i][1] / (float)n;
     }
@@ -118,8 +118,8 @@ static void fill_polygon(uint8_t *mask, const struct scan_face *f,
 
 /* Shares of brows, lids and lips on the chart, from the landmarks that outline
  * them. */
-static int make_masks(struct skin_model *s, const struct scan_face *f,
-                      const struct register_map *m, struct error *err)
+static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
+                           const struct register_map *m, struct error *err)
 {
     static const int brow[2][10] = {
         {70, 63, 105, 66, 107, 55, 65, 52, 53, 46},
@@ -140,15 +140,15 @@ static int make_masks(struct skin_model *s, const struct scan_face *f,
     if (!s->brow || !s->lip || !s->beard || !s->eye)
         return skin_memory(err);
     for (int i = 0; i < 2; i++) {
-        fill_polygon(s->brow, f, m, brow[i], 10, 9);
-        fill_polygon(s->eye, f, m, lid[i], 16, 5);
+        skin_fill_polygon(s->brow, f, m, brow[i], 10, 9);
+        skin_fill_polygon(s->eye, f, m, lid[i], 16, 5);
     }
-    fill_polygon(s->lip, f, m, outer, 20, 0);
+    skin_fill_polygon(s->lip, f, m, outer, 20, 0);
     float nose[2], chin[2], ear[2], mouth[2];
-    texel_of(nose, f, m->vertex[2]);
-    texel_of(chin, f, m->vertex[152]);
-    texel_of(ear, f, m->vertex[234]);
-    texel_of(mouth, f, m->vertex[13]);
+    skin_texel_of(nose, f, m->vertex[2]);
+    skin_texel_of(chin, f, m->vertex[152]);
+    skin_texel_of(ear, f, m->vertex[234]);
+    skin_texel_of(mouth, f, m->vertex[13]);
     for (int y = 0; y < N; y++)
         for (int x = 0; x < N; x++) {
             float side = fabsf((float)x - 0.5f * N)
@@ -230,8 +230,8 @@ static int skin_compare(const void *a, const void *b)
 /* Texels that are no skin lose their weight: hair, which is far darker than
  * the person's skin or of another colour.  Returns the person's mean log
  * colour in `mean`. */
-static int drop_hair(struct skin_sample *o, const struct skin_model *s,
-                     float mean[3])
+static int skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
+                          float mean[3])
 {
     float *v = malloc(N * N * sizeof *v);
 
@@ -267,7 +267,7 @@ static int drop_hair(struct skin_sample *o, const struct skin_model *s,
 
 /* JPEG readers make grey of what is missing: a photograph must end as one
  * does. */
-static int check_whole(const char *path, struct error *err)
+static int skin_check_whole(const char *path, struct error *err)
 {
     FILE *f = fopen(path, "rb");
     uint8_t b[4] = {0};
@@ -299,7 +299,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         table[i] = skin_decode((uint8_t)i);
     if (!shape)
         return skin_memory(err);
-    if (check_whole(path, err) || image_read(&im, path, err))
+    if (skin_check_whole(path, err) || image_read(&im, path, err))
         goto out;
     if (register_fit(&r, m, f, point, true)) {
         skin_memory(err);
@@ -308,7 +308,7 @@ int skin_sample_take(struct skin_sample *o, const struct skin_model *s,
         register_shape(shape, f, &r);
         scan_face_normals(normal, shape, f);
         skin_unwrap(o, &im, f, c, &r, shape, normal, table);
-        rc = drop_hair(o, s, mean) ? skin_memory(err) : 0;
+        rc = skin_drop_hair(o, s, mean) ? skin_memory(err) : 0;
         copy3(o->mean, mean);
         o->rms = r.rms;
     }
@@ -321,8 +321,8 @@ out:
 /* ---- all of them -------------------------------------------------------- */
 
 /* Names and points of the neutral London photographs. */
-static int list_photographs(struct skin_list *l, const char *dir,
-                            struct error *err)
+static int skin_list_photographs(struct skin_list *l, const char *dir,
+                                 struct error *err)
 {
     char path[4096];
     size_t dims[3] = {0, 478, 3}, n;
@@ -356,10 +356,11 @@ static int list_photographs(struct skin_list *l, const char *dir,
 }
 
 /* Every photograph of the list by itself, in parallel. */
-static int take_all(struct skin_fit *t, const struct skin_model *s,
-                    const struct scan_face *f, const struct register_map *m,
-                    const struct skin_list *l, const char *dir, int threads,
-                    struct error *err)
+static int skin_take_all(struct skin_fit *t, const struct skin_model *s,
+                         const struct scan_face *f,
+                         const struct register_map *m,
+                         const struct skin_list *l, const char *dir,
+                         int threads, struct error *err)
 {
     int failed = 0;
 
@@ -392,12 +393,12 @@ int skin_model_fit(struct skin_model *s, const struct scan_face *f,
     struct skin_fit t = {0};
 
     *s = (struct skin_model){0};
-    int rc = register_map_load(&m, f, dir, err)
-             || list_photographs(&l, dir, err) || make_masks(s, f, &m, err)
-             || chart_init(&t.chart, f, err)
-             || skin_fit_init(&t, l.n, err)
-             || take_all(&t, s, f, &m, &l, dir, threads, err)
-             || skin_fit_finish(s, &t, threads, err);
+    int rc = register_map_load(&m, f, dir, err) ||
+             skin_list_photographs(&l, dir, err) ||
+             skin_make_masks(s, f, &m, err) ||
+             skin_chart_init(&t.chart, f, err) || skin_fit_init(&t, l.n, err) ||
+             skin_take_all(&t, s, f, &m, &l, dir, threads, err) ||
+             skin_fit_finish(s, &t, threads, err);
     skin_fit_release(&t);
     register_map_release(&m);
     free(l.row);

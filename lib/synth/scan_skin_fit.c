@@ -82,7 +82,7 @@ static void skin_box(float *v, float *tmp, int r)
 }
 
 /* What is finer than about a centimetre in the luminance. */
-static int take_grain(int8_t *grain, const struct skin_sample *o)
+static int skin_take_grain(int8_t *grain, const struct skin_sample *o)
 {
     float *v = malloc(3 * N * N * sizeof *v), *w = v + N * N;
     float *tmp = w + N * N;
@@ -110,8 +110,8 @@ static int take_grain(int8_t *grain, const struct skin_sample *o)
 }
 
 /* Weighted means over STEP x STEP texels, against the person's mean. */
-static void take_slow(struct skin_fit *t, size_t i,
-                      const struct skin_sample *o)
+static void skin_take_slow(struct skin_fit *t, size_t i,
+                           const struct skin_sample *o)
 {
     for (int y = 0; y < M; y++)
         for (int x = 0; x < M; x++) {
@@ -143,9 +143,9 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
     if (!rc)
         rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
     if (!rc) {
-        take_slow(t, i, &o);
+        skin_take_slow(t, i, &o);
         copy3(t->mean[i], o.mean);
-        if (take_grain(t->grain + i * N * N, &o))
+        if (skin_take_grain(t->grain + i * N * N, &o))
             rc = fit_memory(err);
     }
     free(room);
@@ -198,7 +198,7 @@ static void skin_fill(float *v, float *w, int c, int m)
 }
 
 /* Mean over people (M,M,3) and its weight. */
-static void find_mean(float *mean, float *weight, const struct skin_fit *t)
+static void skin_find_mean(float *mean, float *weight, const struct skin_fit *t)
 {
     for (size_t p = 0; p < PLANE; p++) {
         float sum[3] = {0, 0, 0}, all = 0;
@@ -215,7 +215,7 @@ static void find_mean(float *mean, float *weight, const struct skin_fit *t)
 
 #define LIGHT_TERMS 9
 
-static void light_terms(double o[LIGHT_TERMS], const float n[3])
+static void skin_light_terms(double o[LIGHT_TERMS], const float n[3])
 {
     double x = (double)n[0], y = (double)n[1], z = (double)n[2];
     const double t[LIGHT_TERMS] = {1, x, y, z, x * x - y * y,
@@ -243,9 +243,9 @@ static void skin_eliminate(double *a, double *b, int n)
 
 /* The studio's light: what of the mean follows the normals.  out: its log on
  * a normal of each texel, without the constant. */
-static void find_light(double light[3][LIGHT_TERMS], const float *mean,
-                       const float *weight, const struct skin_fit *t,
-                       const struct skin_model *s)
+static void skin_find_light(double light[3][LIGHT_TERMS], const float *mean,
+                            const float *weight, const struct skin_fit *t,
+                            const struct skin_model *s)
 {
     for (int c = 0; c < 3; c++) {
         double a[LIGHT_TERMS * LIGHT_TERMS] = {0};
@@ -260,7 +260,7 @@ static void find_light(double light[3][LIGHT_TERMS], const float *mean,
                 mad3(n, n, t->normal + 3 * (i * PLANE + p),
                      t->weight[i * PLANE + p]);
             unit3(n);
-            light_terms(v, n);
+            skin_light_terms(v, n);
             double w = (double)weight[p];
             for (int u = 0; u < LIGHT_TERMS; u++) {
                 for (int k = 0; k < LIGHT_TERMS; k++)
@@ -275,19 +275,19 @@ static void find_light(double light[3][LIGHT_TERMS], const float *mean,
 }
 
 /* Divide the light out of everyone: by luminance, so that colours stay. */
-static void divide_light(struct skin_fit *t, double light[3][LIGHT_TERMS])
+static void skin_divide_light(struct skin_fit *t, double light[3][LIGHT_TERMS])
 {
     double front[LIGHT_TERMS], mean[LIGHT_TERMS];
     const float z[3] = {0, 0, 1};
 
-    light_terms(front, z);
+    skin_light_terms(front, z);
     for (int u = 0; u < LIGHT_TERMS; u++)
         mean[u] = 0.3 * light[0][u] + 0.5 * light[1][u] + 0.2 * light[2][u];
     for (size_t i = 0; i < t->n * PLANE; i++) {
         double v[LIGHT_TERMS], s = 0;
         if (t->weight[i] <= 0)
             continue;
-        light_terms(v, t->normal + 3 * i);
+        skin_light_terms(v, t->normal + 3 * i);
         for (int u = 1; u < LIGHT_TERMS; u++)
             s += mean[u] * (v[u] - front[u]);
         for (size_t k = 0; k < 3; k++)
@@ -297,7 +297,8 @@ static void divide_light(struct skin_fit *t, double light[3][LIGHT_TERMS])
 
 /* Everyone as a difference from the mean, with holes filled, and in a mirror:
  * row 2 i + 1 of x (2n, M,M,3). */
-static void spread_out(float *x, const struct skin_fit *t, const float *mean)
+static void skin_spread_out(float *x, const struct skin_fit *t,
+                            const float *mean)
 {
     for (size_t i = 0; i < t->n; i++) {
         float *o = x + 2 * i * 3 * PLANE, *w = t->weight + i * PLANE;
@@ -329,8 +330,8 @@ static void skin_eigen(double *g, double *v, size_t n)
 
 /* Principal components of the rows of x (n, 3 PLANE), which have their mean
  * taken off: s->part, per deviation, largest first. */
-static int find_parts(struct skin_model *s, const float *x, size_t n,
-                      int threads, struct error *err)
+static int skin_find_parts(struct skin_model *s, const float *x, size_t n,
+                           int threads, struct error *err)
 {
     size_t d = 3 * PLANE;
     double *g = malloc(2 * n * n * sizeof *g), *v = g + n * n;
@@ -398,8 +399,8 @@ static void skin_center(struct skin_model *s, float *x, size_t n,
 
 /* What the grain of all has in common, evened over the sides, comes off it
  * into s->crease. */
-static int split_grain(struct skin_model *s, struct skin_fit *t,
-                       struct error *err)
+static int skin_split_grain(struct skin_model *s, struct skin_fit *t,
+                            struct error *err)
 {
     s->crease = calloc(N * N, sizeof *s->crease);
     if (!s->crease)
@@ -435,15 +436,17 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
         fit_memory(err);
         goto out;
     }
-    find_mean(mean, weight, t);
-    find_light(light, mean, weight, t, s);
-    divide_light(t, light);
-    find_mean(mean, weight, t);
+    skin_find_mean(mean, weight, t);
+    skin_find_light(light, mean, weight, t, s);
+    skin_divide_light(t, light);
+    skin_find_mean(mean, weight, t);
     skin_fill(mean, weight, 3, M);
-    spread_out(x, t, mean);
+    skin_spread_out(x, t, mean);
     skin_center(s, x, 2 * t->n, mean);
-    rc = find_parts(s, x, 2 * t->n, threads, err) || split_grain(s, t, err)
-         ? -1 : 0;
+    rc = skin_find_parts(s, x, 2 * t->n, threads, err) ||
+                 skin_split_grain(s, t, err)
+             ? -1
+             : 0;
     s->people = t->n;
     s->grain = t->grain;
     t->grain = NULL;

@@ -15,7 +15,7 @@
 #define FAIREST 0.40f           /* luminance */
 
 /* Mean log luminance about the middle of the face. */
-static float mean_log(const float *o)
+static float skin_mean_log(const float *o)
 {
     float sum = 0;
 
@@ -29,7 +29,7 @@ static float mean_log(const float *o)
 
 /* Skin is redder than green and greener than blue, by as much as people's
  * is: the whole is shifted where the draw has left that. */
-static void keep_hue(float *o)
+static void skin_keep_hue(float *o)
 {
     float mean[3] = {0, 0, 0};
 
@@ -46,8 +46,8 @@ static void keep_hue(float *o)
 }
 
 /* Log albedo (M,M,3): mean, components, melanin and blood. */
-static void slow_colour(float *o, const struct skin_model *m,
-                        const struct skin_look *l)
+static void skin_slow_colour(float *o, const struct skin_model *m,
+                             const struct skin_look *l)
 {
     static const float melanin[3] = {0.80f, 1.06f, 1.35f};
     static const float blood[3] = {0.035f, -0.050f, -0.030f};
@@ -59,15 +59,15 @@ static void slow_colour(float *o, const struct skin_model *m,
             o[p] += l->z[k] * m->part[(size_t)k * d + p];
     for (size_t p = 0; p < d; p++)
         o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
-    keep_hue(o);
+    skin_keep_hue(o);
     /* no skin is whiter than FAIREST; redness of its own stays */
-    float mean = mean_log(o), over = mean - logf(FAIREST);
+    float mean = skin_mean_log(o), over = mean - logf(FAIREST);
     for (size_t p = 0; over > 0 && p < d; p++)
         o[p] -= over;
 }
 
 /* Mean colour of cheeks, nose and forehead, linear. */
-static void find_tone(float tone[3], const float *slow)
+static void skin_find_tone(float tone[3], const float *slow)
 {
     float n = 0;
 
@@ -84,8 +84,8 @@ static void find_tone(float tone[3], const float *slow)
 
 /* Fine log luminance (N,N): many people's grain at once, with random signs
  * of side and random shares. */
-static void mix_grain(float *o, const struct skin_model *m,
-                      const struct skin_look *l)
+static void skin_mix_grain(float *o, const struct skin_model *m,
+                           const struct skin_look *l)
 {
     struct random r;
     float w[DONORS], sum = 0;
@@ -110,8 +110,8 @@ static void mix_grain(float *o, const struct skin_model *m,
 }
 
 /* Dark spots: k of them, radii up to `size` texels, depth up to `deep`. */
-static void add_spots(float *o, struct random *r, int k, float size,
-                      float deep)
+static void skin_add_spots(float *o, struct random *r, int k, float size,
+                           float deep)
 {
     for (int i = 0; i < k; i++) {
         float cx = (float)random_range(r, 0.18, 0.82) * N;
@@ -182,12 +182,12 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
     memset(out, 128, 4 * N * N);
     if (!slow || !fine)
         goto out;
-    slow_colour(slow, m, l);
-    mix_grain(fine, m, l);
+    skin_slow_colour(slow, m, l);
+    skin_mix_grain(fine, m, l);
     random_init(&r, l->key, "spots");
-    add_spots(fine, &r, (int)(400 * l->freckle), 2.6f, 0.25f);
-    add_spots(fine, &r, (int)(7 * l->mole), 3.2f, 0.9f);
-    find_tone(tone, slow);
+    skin_add_spots(fine, &r, (int)(400 * l->freckle), 2.6f, 0.25f);
+    skin_add_spots(fine, &r, (int)(7 * l->mole), 3.2f, 0.9f);
+    skin_find_tone(tone, slow);
     for (int i = 0; i < N * N; i++) {
         uint64_t h = random_mix(l->key + (uint64_t)i);
         float hair = (float)(h & 255) / 255, c[3];

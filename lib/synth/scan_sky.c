@@ -15,7 +15,7 @@
 
 static float sky[SKY_DIRECTIONS][3];
 
-static void make_direction(float d[3], int k)
+static void sky_make_direction(float d[3], int k)
 {
     float y = 1 - 2 * ((float)k + 0.5f) / SKY_DIRECTIONS;
     float r = sqrtf(1 - y * y), t = 2.39996323f * (float)k;
@@ -55,9 +55,9 @@ static struct raster_vertex view_place(const struct view *o, const float p[3])
 }
 
 /* Faces into a depth map; texels whose alpha is low are holes. */
-static void draw_depth(float *map, const struct raster_vertex *at,
-                       const int32_t *faces, size_t nf, const float *uv,
-                       const struct bitmap *picture)
+static void sky_draw_depth(float *map, const struct raster_vertex *at,
+                           const int32_t *faces, size_t nf, const float *uv,
+                           const struct bitmap *picture)
 {
     for (size_t i = 0; i < nf; i++) {
         const int32_t *v = faces + 3 * i;
@@ -92,7 +92,7 @@ static void draw_depth(float *map, const struct raster_vertex *at,
 }
 
 /* Whether the map leaves a point free. */
-static bool is_free(const float *map, const struct raster_vertex *p)
+static bool sky_is_free(const float *map, const struct raster_vertex *p)
 {
     int x = (int)p->x, y = (int)p->y;
 
@@ -131,20 +131,21 @@ static void look_at_piece(struct look *l, struct piece *p, int k)
     for (size_t i = 0; i < p->nc; i++)
         l->worn[i] = view_place(&l->view, p->place + 3 * i);
     memset(l->map, 0, MAP * MAP * sizeof *l->map);
-    draw_depth(l->map, l->worn, p->faces, p->nf, p->uv, &p->picture);
+    sky_draw_depth(l->map, l->worn, p->faces, p->nf, p->uv, &p->picture);
     for (int i = 0; i < FACE_VERTICES; i++)
-        if (!is_free(l->map, &l->face[i])) {
+        if (!sky_is_free(l->map, &l->face[i])) {
 #pragma omp atomic
             p->shade[i] |= bit;
         }
     for (size_t i = 0; i < p->nc; i++)
-        if (is_free(l->map, &l->worn[i]) && is_free(l->bald, &l->worn[i])) {
+        if (sky_is_free(l->map, &l->worn[i]) &&
+            sky_is_free(l->bald, &l->worn[i])) {
 #pragma omp atomic
             p->seen[i] |= bit;
         }
 }
 
-static int piece_room(struct piece *p)
+static int sky_piece_room(struct piece *p)
 {
     p->seen = calloc(p->nc + 1, sizeof *p->seen);
     p->shade = calloc(FACE_VERTICES, sizeof *p->shade);
@@ -164,9 +165,9 @@ static void look_along(struct look *l, struct scan_assets *a,
     memset(l->bald, 0, MAP * MAP * sizeof *l->bald);
     for (size_t i = 0; i < f->nf; i++)      /* skin and neck are opaque */
         if (f->raw[3 * i] < FACE_NECK_END)
-            draw_depth(l->bald, l->face, f->raw + 3 * i, 1, NULL, NULL);
+            sky_draw_depth(l->bald, l->face, f->raw + 3 * i, 1, NULL, NULL);
     for (int i = 0; i < FACE_VERTICES; i++)
-        if (is_free(l->bald, &l->face[i])) {
+        if (sky_is_free(l->bald, &l->face[i])) {
 #pragma omp atomic
             a->seen[i] |= bit;
         }
@@ -183,13 +184,13 @@ int sky_look(struct scan_assets *a, int threads, struct error *err)
     bool failed = false;
 
     for (int k = 0; k < SKY_DIRECTIONS; k++)
-        make_direction(sky[k], k);
+        sky_make_direction(sky[k], k);
     a->seen = calloc(FACE_VERTICES, sizeof *a->seen);
-    failed = !a->seen || piece_room(&a->torso);
+    failed = !a->seen || sky_piece_room(&a->torso);
     for (int r = 0; r < 3; r++)
         for (size_t i = 0; i < rack[r]->n; i++) {
             struct piece *p = &rack[r]->piece[i];
-            failed = failed || piece_room(p);
+            failed = failed || sky_piece_room(p);
             most = p->nc > most ? p->nc : most;
         }
 #pragma omp parallel num_threads(threads)

@@ -49,7 +49,7 @@ int scan_stage_init(struct scan_stage *s, int size, struct error *err)
 }
 
 /* What was sized by the last figure. */
-static void release_figure(struct scan_stage *s)
+static void stage_release_figure(struct scan_stage *s)
 {
     free(s->head);
     free(s->place);
@@ -65,7 +65,7 @@ static void release_figure(struct scan_stage *s)
 
 void scan_stage_release(struct scan_stage *s)
 {
-    release_figure(s);
+    stage_release_figure(s);
     free(s->order);
     free(s->face);
     free(s->face_normal);
@@ -88,12 +88,12 @@ void scan_stage_release(struct scan_stage *s)
 }
 
 /* Room for this figure. */
-static int fit_figure(struct scan_stage *s, const struct figure *f,
-                      struct error *err)
+static int stage_fit_figure(struct scan_stage *s, const struct figure *f,
+                            struct error *err)
 {
     if (f->nc > s->room) {
         size_t n = f->nc + f->nc / 8;
-        release_figure(s);
+        stage_release_figure(s);
         s->head = malloc(3 * n * sizeof *s->head);
         s->place = malloc(3 * n * sizeof *s->place);
         s->normal = malloc(3 * n * sizeof *s->normal);
@@ -120,7 +120,7 @@ int scan_stage_render(struct scan_stage *s, const struct figure *f,
                       const struct act *act, const struct scan_view *v,
                       struct error *err)
 {
-    if (fit_figure(s, f, err))
+    if (stage_fit_figure(s, f, err))
         return -1;
     s->figure = f;
     s->act = act;

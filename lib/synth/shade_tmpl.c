@@ -40,7 +40,7 @@ static inline float shade_step01(float a, float b, float x)
 }
 
 /* 2^x within 2e-4 relative, for x in -126..126. */
-static inline float exp2_fast(float x)
+static inline float shade_exp2_fast(float x)
 {
     x = x > -126 ? x : -126;
     x = x < 126 ? x : 126;
@@ -50,14 +50,14 @@ static inline float exp2_fast(float x)
     union { int i; float f; } bits = { .i = (e + 127) << 23 };
     return bits.f * m;
 }
-static inline float exp_fast(float x)
+static inline float shade_exp_fast(float x)
 {
-    return exp2_fast(x * 1.44269504f);
+    return shade_exp2_fast(x * 1.44269504f);
 }
 
 /* noise4 of noise.h for a block. */
-static void noise_block(lane out[4], const lane p[3], const float shift[3],
-                        float scale)
+static void shade_noise_block(lane out[4], const lane p[3],
+                              const float shift[3], float scale)
 {
     const uint32_t *lattice = noise_lattice_data;
 
@@ -92,7 +92,7 @@ static void noise_block(lane out[4], const lane p[3], const float shift[3],
     }
 }
 
-static void unit_block(lane v[3])
+static void shade_unit_block(lane v[3])
 {
     LANES {
         float l = v[0][i] * v[0][i] + v[1][i] * v[1][i] + v[2][i] * v[2][i];
@@ -104,8 +104,8 @@ static void unit_block(lane v[3])
 }
 
 /* How much of light 0 arrives: 1 lit, 0 in shadow. */
-static void shadow_block(lane lit, const struct shade_block *b,
-                         const struct shade_shadow *s, float bias)
+static void shade_shadow_block(lane lit, const struct shade_block *b,
+                               const struct shade_shadow *s, float bias)
 {
     const float *map = s->map;
     float top = (float)(s->n - 2);
@@ -128,13 +128,14 @@ static void shadow_block(lane lit, const struct shade_block *b,
         float m = shade_mix(shade_mix(map[at], map[at + 1], fu),
                             shade_mix(map[at + s->n], map[at + s->n + 1], fu),
                             fv);
-        lit[i] = shade_clamp01(exp_fast(s->sharp * (h + bias)) / (m + 1e-30f));
+        lit[i] = shade_clamp01(shade_exp_fast(s->sharp * (h + bias)) /
+                               (m + 1e-30f));
     }
 }
 
 /* Ambient light on normals n. */
-static void ambient_block(lane out[3], const lane n[3],
-                          const struct shade_env *env)
+static void shade_ambient_block(lane out[3], const lane n[3],
+                                const struct shade_env *env)
 {
     LANES {
         float w[6];
@@ -152,9 +153,9 @@ static void ambient_block(lane out[3], const lane n[3],
 
 /* Lobes of one light about normals n, towards the eye v: a sum of two
  * exponentials in (1 - n.h), with Fresnel. */
-static void gloss_block(lane out, const lane n[3], const lane v[3],
-                        const struct shade_light *l, float broad, float tight,
-                        float share)
+static void shade_gloss_block(lane out, const lane n[3], const lane v[3],
+                              const struct shade_light *l, float broad,
+                              float tight, float share)
 {
     LANES {
         float h0 = l->dir[0] + v[0][i], h1 = l->dir[1] + v[1][i];
@@ -167,23 +168,23 @@ static void gloss_block(lane out, const lane n[3], const lane v[3],
         float g = 1 - shade_clamp01(vh), f = 0.04f + 0.96f * g * g * g * g * g;
         float e = shade_clamp01(nh) - 1;
         out[i] = f * shade_clamp01(nl * 4)
-                 * (broad * 0.2f * exp_fast(broad * e)
-                    + share * tight * 0.2f * exp_fast(tight * e));
+                 * (broad * 0.2f * shade_exp_fast(broad * e)
+                    + share * tight * 0.2f * shade_exp_fast(tight * e));
     }
 }
 
 /* The direction to the eye. */
-static void view_block(lane v[3], const struct shade_block *b)
+static void shade_view_block(lane v[3], const struct shade_block *b)
 {
     for (int k = 0; k < 3; k++)
         LANES v[k][i] = -b->p[k][i];
-    unit_block(v);
+    shade_unit_block(v);
 }
 
 /* Diffuse light that crept under the surface: red wraps furthest round the
  * terminator and into the shadow's edge.  Adds to out. */
-static void skin_light(lane out[3], const lane n[3], const lane lit,
-                       const struct shade_light *l)
+static void shade_skin_light(lane out[3], const lane n[3], const lane lit,
+                             const struct shade_light *l)
 {
     static const float wrap[3] = { 0.32f, 0.14f, 0.08f };
 
@@ -199,9 +200,9 @@ static void skin_light(lane out[3], const lane n[3], const lane lit,
 }
 
 /* Base colour, redder, darker and shaven where the paint says, with noise. */
-static void skin_albedo(lane a[3], const struct shade_block *b,
-                        const struct shade_skin *s, const lane low[4],
-                        const lane mid[4], const lane spots)
+static void shade_skin_albedo(lane a[3], const struct shade_block *b,
+                              const struct shade_skin *s, const lane low[4],
+                              const lane mid[4], const lane spots)
 {
     static const float blood[3] = { 1.06f, 0.74f, 0.72f };
     static const float shade[3] = { 0.80f, 0.66f, 0.62f };
@@ -238,18 +239,18 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
     lane low[4], mid[4], fine[4], a[3], v[3], n[3], lit, sum[3], amb[3], g;
     lane shine;
 
-    noise_block(low, b->c, s->shift, 7);
-    noise_block(mid, b->c, s->shift, 46);
-    noise_block(fine, b->c, s->shift, 170);
-    unit_block(b->n);
-    view_block(v, b);
-    skin_albedo(a, b, s, low, mid, fine[2]);
+    shade_noise_block(low, b->c, s->shift, 7);
+    shade_noise_block(mid, b->c, s->shift, 46);
+    shade_noise_block(fine, b->c, s->shift, 170);
+    shade_unit_block(b->n);
+    shade_view_block(v, b);
+    shade_skin_albedo(a, b, s, low, mid, fine[2]);
     for (int k = 0; k < 3; k++)
         LANES n[k][i] = b->n[k][i] + s->pores * (fine[k + 1][i]
                         + 0.7f * mid[k + 1][i]) + 0.02f * low[k + 1][i];
-    unit_block(n);
-    shadow_block(lit, b, &env->shadow, 0.012f);
-    ambient_block(amb, n, env);
+    shade_unit_block(n);
+    shade_shadow_block(lit, b, &env->shadow, 0.012f);
+    shade_ambient_block(amb, n, env);
     LANES shine[i] = s->oil * (0.4f + b->k[PAINT_OIL][i])
                      * (1 + 0.4f * fine[0][i]) * (1 - b->k[PAINT_HAIR][i])
                      + s->gloss * b->k[PAINT_LIP][i];
@@ -263,14 +264,14 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
     for (int l = 0; l < SHADE_LIGHTS; l++) {
         if (l == 1)
             LANES lit[i] = shade_mix(0.35f, 1, b->ao[i]);
-        skin_light(sum, n, lit, &env->light[l]);
+        shade_skin_light(sum, n, lit, &env->light[l]);
     }
     for (int c = 0; c < 3; c++)
         LANES b->rgb[c][i] = sum[c][i] * a[c][i];
     for (int l = 0; l < SHADE_LIGHTS; l++) {
-        gloss_block(g, n, v, &env->light[l], 9, 45, 0.5f);
+        shade_gloss_block(g, n, v, &env->light[l], 9, 45, 0.5f);
         if (l == 0)
-            shadow_block(lit, b, &env->shadow, 0.012f);
+            shade_shadow_block(lit, b, &env->shadow, 0.012f);
         for (int c = 0; c < 3; c++)
             LANES b->rgb[c][i] += g[i] * shine[i] * env->light[l].rgb[c]
                                   * (l == 0 ? lit[i] : b->ao[i]);
@@ -286,9 +287,9 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
 }
 
 /* Iris, pupil, limbal ring and white at direction e of the eyeball. */
-static void eye_albedo(lane a[3], lane wet, const lane e[3],
-                       const lane streak[4], const lane vein[4],
-                       const struct shade_eye *s)
+static void shade_eye_albedo(lane a[3], lane wet, const lane e[3],
+                             const lane streak[4], const lane vein[4],
+                             const struct shade_eye *s)
 {
     float ri = s->iris_radius, rp = s->pupil;
 
@@ -322,29 +323,29 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
             float o = shade_mix(s->centre[0][k], s->centre[1][k], right);
             e[k][i] = b->c[k][i] - o;
         }
-    unit_block(e);
+    shade_unit_block(e);
     LANES {
         float r = sqrtf(e[0][i] * e[0][i] + e[1][i] * e[1][i]) + 1e-6f;
         polar[0][i] = e[0][i] / r * 7;
         polar[1][i] = e[1][i] / r * 7;
         polar[2][i] = r * 3;
     }
-    noise_block(streak, polar, s->shift, 1.6f);
-    noise_block(vein, b->c, s->shift, 90);
-    eye_albedo(a, wet, e, streak, vein, s);
-    unit_block(b->n);
-    view_block(v, b);
+    shade_noise_block(streak, polar, s->shift, 1.6f);
+    shade_noise_block(vein, b->c, s->shift, 90);
+    shade_eye_albedo(a, wet, e, streak, vein, s);
+    shade_unit_block(b->n);
+    shade_view_block(v, b);
     /* the cornea bulges: its normal turns outwards near the iris' edge */
     for (int k = 0; k < 3; k++)
         LANES n[k][i] = b->n[k][i];
-    shadow_block(lit, b, &env->shadow, 0.02f);
-    ambient_block(amb, n, env);
+    shade_shadow_block(lit, b, &env->shadow, 0.02f);
+    shade_ambient_block(amb, n, env);
     LANES {
         float nv = n[0][i] * v[0][i] + n[1][i] * v[1][i] + n[2][i] * v[2][i];
         for (int k = 0; k < 3; k++)
             refl[k][i] = 2 * nv * n[k][i] - v[k][i];
     }
-    ambient_block(mirror, refl, env);
+    shade_ambient_block(mirror, refl, env);
     for (int c = 0; c < 3; c++)
         LANES {
             float open = b->ao[i] * b->ao[i] * (1 - b->k[PAINT_SHUT][i]);
@@ -354,7 +355,7 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
     for (int l = 0; l < SHADE_LIGHTS; l++) {
         const struct shade_light *q = &env->light[l];
         LANES lit[i] = l == 0 ? shade_max(lit[i], 0.15f) : b->ao[i];
-        gloss_block(g, n, v, q, 120, 900, 1);
+        shade_gloss_block(g, n, v, q, 120, 900, 1);
         for (int c = 0; c < 3; c++)
             LANES {
                 float nl = n[0][i] * q->dir[0] + n[1][i] * q->dir[1]
@@ -367,8 +368,9 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
 }
 
 /* Pattern of the cloth: how much of the second colour, and a height. */
-static void weave_block(lane second, lane height, const struct shade_block *b,
-                        const struct shade_cloth *s, const lane mid[4])
+static void shade_weave_block(lane second, lane height,
+                              const struct shade_block *b,
+                              const struct shade_cloth *s, const lane mid[4])
 {
     float k = s->scale;
     float stripe = s->weave == CLOTH_STRIPES ? 1 : 0;
@@ -395,17 +397,17 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
 {
     lane low[4], mid[4], n[3], v[3], second, height, lit, amb[3], g;
 
-    noise_block(low, b->c, s->shift, 5);
-    noise_block(mid, b->c, s->shift, 60);
-    unit_block(b->n);
-    view_block(v, b);
-    weave_block(second, height, b, s, mid);
+    shade_noise_block(low, b->c, s->shift, 5);
+    shade_noise_block(mid, b->c, s->shift, 60);
+    shade_unit_block(b->n);
+    shade_view_block(v, b);
+    shade_weave_block(second, height, b, s, mid);
     for (int k = 0; k < 3; k++)
         LANES n[k][i] = b->n[k][i] + s->bump * (0.5f * low[k + 1][i]
                                                 + 0.35f * mid[k + 1][i]);
-    unit_block(n);
-    shadow_block(lit, b, &env->shadow, 0.03f);
-    ambient_block(amb, n, env);
+    shade_unit_block(n);
+    shade_shadow_block(lit, b, &env->shadow, 0.03f);
+    shade_ambient_block(amb, n, env);
     for (int c = 0; c < 3; c++)
         LANES {
             float open = b->ao[i] * (1 - b->k[PAINT_SHUT][i]);
@@ -430,8 +432,8 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
             b->rgb[c][i] *= a * (1 - 0.75f * b->k[PAINT_DARK][i]);
         }
     for (int l = 0; l < SHADE_LIGHTS; l++) {
-        gloss_block(g, n, v, &env->light[l], shade_mix(8, 60, s->wet), 300,
-                    s->wet);
+        shade_gloss_block(g, n, v, &env->light[l], shade_mix(8, 60, s->wet),
+                          300, s->wet);
         for (int c = 0; c < 3; c++)
             LANES b->rgb[c][i] += g[i] * s->gloss * env->light[l].rgb[c]
                                   * (l == 0 ? lit[i] : 1) * b->ao[i];
@@ -443,10 +445,10 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
 {
     lane v[3], lit, amb[3], sum[3];
 
-    unit_block(b->n);
-    unit_block(b->c);
-    view_block(v, b);
-    shadow_block(lit, b, &env->shadow, 0.03f);
+    shade_unit_block(b->n);
+    shade_unit_block(b->c);
+    shade_view_block(v, b);
+    shade_shadow_block(lit, b, &env->shadow, 0.03f);
     /* the strand is round: its normal turns sideways across the width */
     LANES {
         float t0 = b->c[0][i], t1 = b->c[1][i], t2 = b->c[2][i];
@@ -458,8 +460,8 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
         b->n[1][i] += k * x1;
         b->n[2][i] += k * x2;
     }
-    unit_block(b->n);
-    ambient_block(amb, b->n, env);
+    shade_unit_block(b->n);
+    shade_ambient_block(amb, b->n, env);
     for (int c = 0; c < 3; c++)
         LANES sum[c][i] = s->base[c] * (1 + s->spread * b->k[0][i])
                           * amb[c][i] * b->k[2][i] * (0.4f + 0.6f * b->ao[i]);
@@ -484,8 +486,8 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
             float e1 = shade_clamp01(cone + 0.02f + jitter) - 1;
             float e2 = shade_clamp01(cone - 0.04f - jitter) - 1;
             float w = shade_clamp01(nl * 2 + 0.2f) * open;
-            float white = s->gloss * w * exp_fast(60 * e1);
-            float tint = s->tint * w * exp_fast(22 * e2);
+            float white = s->gloss * w * shade_exp_fast(60 * e1);
+            float tint = s->tint * w * shade_exp_fast(22 * e2);
             for (int c = 0; c < 3; c++) {
                 float a = s->base[c] * (1 + s->spread * b->k[0][i]);
                 sum[c][i] += q->rgb[c] * (a * (d + tint)

@@ -15,7 +15,7 @@ enum { PEOPLE = 64, EXPRESSIONS = 24, LIGHTS = 12,
 
 /* The face of cell k of the expressions: the named directions one by one,
  * then jaw, lids and gaze. */
-static void pull_face(struct synth_motion *m, int k, size_t nexp)
+static void sheet_pull_face(struct synth_motion *m, int k, size_t nexp)
 {
     memset(m->exp, 0, sizeof m->exp);
     memset(m->jaw, 0, sizeof m->jaw);
@@ -38,8 +38,8 @@ static void pull_face(struct synth_motion *m, int k, size_t nexp)
 }
 
 /* A person, an expression or a pose, by the number of the cell. */
-static int draw_cell(struct stage *s, int cell, const struct head *head,
-                     const struct synth_options *opt, struct error *err)
+static int sheet_draw_cell(struct stage *s, int cell, const struct head *head,
+                           const struct synth_options *opt, struct error *err)
 {
     size_t n = (size_t)opt->size;
     struct persona p;
@@ -61,8 +61,8 @@ static int draw_cell(struct stage *s, int cell, const struct head *head,
         synth_motion(&m, &p, 0, head->nexp);
         if (cell >= PEOPLE) {
             synth_still(&m, &p);
-            pull_face(&m, cell < PEOPLE + EXPRESSIONS ? cell - PEOPLE : 0,
-                      head->nexp);
+            sheet_pull_face(&m, cell < PEOPLE + EXPRESSIONS ? cell - PEOPLE : 0,
+                            head->nexp);
         }
         rc = stage_render(s, &a, &m, err);
         backdrop_paint(wall, &p, opt->size);
@@ -94,7 +94,7 @@ int synth_sheet(uint8_t *rgb, const struct head *head,
         struct error mine = { 0 };
         if (failed)
             continue;
-        if (draw_cell(s, i, head, opt, &mine)) {
+        if (sheet_draw_cell(s, i, head, opt, &mine)) {
 #pragma omp critical(sheet_failed)
             {
                 failed = 1;

@@ -40,7 +40,7 @@ out:
 }
 
 /* What was sized by the last actor. */
-static void release_actor(struct stage *s)
+static void stage_release_actor(struct stage *s)
 {
     free(s->verts);
     free(s->place);
@@ -60,7 +60,7 @@ void stage_release(struct stage *s)
 {
     raster_release(&s->eye);
     raster_release(&s->sun);
-    release_actor(s);
+    stage_release_actor(s);
     free(s->shadow);
     free(s->blur);
     free(s->ao);
@@ -81,7 +81,7 @@ static int stage_fit(struct stage *s, const struct actor *a, struct error *err)
     if (a->nv <= s->room_v && a->npoint <= s->room_p && s->verts)
         return 0;
     size_t v = a->nv + 64, p = a->npoint + a->npoint / 4 + 64;
-    release_actor(s);
+    stage_release_actor(s);
     s->verts = malloc(3 * v * sizeof(float));
     s->place = malloc(3 * v * sizeof(float));
     s->normal = malloc(3 * v * sizeof(float));

@@ -37,7 +37,8 @@ static void statistics_add(struct table *t, const char *name, double v)
     r->hi = v > r->hi ? v : r->hi;
 }
 
-static void add_row(struct table *t, const char *name, const float *v, int n)
+static void statistics_add_row(struct table *t, const char *name,
+                               const float *v, int n)
 {
     char full[24];
 
@@ -48,13 +49,13 @@ static void add_row(struct table *t, const char *name, const float *v, int n)
 }
 
 /* What a person adds to it. */
-static void add_persona(struct table *t, const struct persona *p)
+static void statistics_add_persona(struct table *t, const struct persona *p)
 {
     double beta = 0, rest = 0;
 
     for (size_t i = 0; i < p->nbeta; i++)
         *(i < 50 ? &beta : &rest) += (double)p->beta[i] * (double)p->beta[i];
-    add_row(t, "beta", p->beta, p->nbeta < 4 ? (int)p->nbeta : 4);
+    statistics_add_row(t, "beta", p->beta, p->nbeta < 4 ? (int)p->nbeta : 4);
     statistics_add(t, "beta rms 0..49", sqrt(beta / 50));
     if (p->nbeta > 50)
         statistics_add(t, "beta rms 50..",
@@ -62,20 +63,20 @@ static void add_persona(struct table *t, const struct persona *p)
     statistics_add(t, "age", (double)p->age);
     statistics_add(t, "male", (double)p->male);
     statistics_add(t, "skin tone", (double)p->tone);
-    add_row(t, "skin", p->skin.base, 3);
-    add_row(t, "lip", p->skin.lip, 3);
-    add_row(t, "hair", p->hair.color, 3);
+    statistics_add_row(t, "skin", p->skin.base, 3);
+    statistics_add_row(t, "lip", p->skin.lip, 3);
+    statistics_add_row(t, "hair", p->hair.color, 3);
     statistics_add(t, "hair style", p->hair.style);
     statistics_add(t, "hair gray", (double)p->hair.gray);
-    add_row(t, "iris", p->eye.iris, 3);
+    statistics_add_row(t, "iris", p->eye.iris, 3);
     statistics_add(t, "pupil", (double)p->eye.pupil);
     statistics_add(t, "beard", (double)p->beard);
     statistics_add(t, "makeup", (double)p->makeup);
     statistics_add(t, "glasses", p->glasses != 0);
     statistics_add(t, "collar", p->collar);
-    add_row(t, "cloth", p->cloth.base, 3);
-    add_row(t, "key light", p->env.light[0].rgb, 3);
-    add_row(t, "key from", p->env.light[0].dir, 3);
+    statistics_add_row(t, "cloth", p->cloth.base, 3);
+    statistics_add_row(t, "key light", p->env.light[0].rgb, 3);
+    statistics_add_row(t, "key from", p->env.light[0].dir, 3);
     statistics_add(t, "backdrop", p->backdrop);
     statistics_add(t, "exposure", (double)p->lens.exposure);
     statistics_add(t, "gamma", (double)p->lens.gamma);
@@ -86,8 +87,8 @@ static void add_persona(struct table *t, const struct persona *p)
 }
 
 /* What a motion adds to the table. */
-static void add_motion(struct table *t, const struct synth_motion *m,
-                       size_t nexp)
+static void statistics_add_motion(struct table *t, const struct synth_motion *m,
+                                  size_t nexp)
 {
     const float degrees = 57.29578f;
     double small = 0, named = 0, rest = 0;
@@ -95,17 +96,17 @@ static void add_motion(struct table *t, const struct synth_motion *m,
     statistics_add(t, "yaw degrees", (double)(m->yaw * degrees));
     statistics_add(t, "pitch degrees", (double)(m->pitch * degrees));
     statistics_add(t, "roll degrees", (double)(m->roll * degrees));
-    add_row(t, "trans", m->trans, 3);
+    statistics_add_row(t, "trans", m->trans, 3);
     for (size_t i = 0; i < nexp; i++)
         *(i < 28 ? &named : i < 40 ? &small : &rest)
             += (double)m->exp[i] * (double)m->exp[i];
-    add_row(t, "exp", m->exp, nexp < 4 ? (int)nexp : 4);
+    statistics_add_row(t, "exp", m->exp, nexp < 4 ? (int)nexp : 4);
     statistics_add(t, "exp rms 0..27", sqrt(named / 28));
     statistics_add(t, "exp rms 28..39", sqrt(small / 12));
     statistics_add(t, "exp rms 40..", sqrt(rest / 60));
-    add_row(t, "jaw", m->jaw, 3);
-    add_row(t, "lid", m->lid, 2);
-    add_row(t, "eye", m->eye, 6);
+    statistics_add_row(t, "jaw", m->jaw, 3);
+    statistics_add_row(t, "lid", m->lid, 2);
+    statistics_add_row(t, "eye", m->eye, 6);
 }
 
 int synth_statistics(FILE *out, const struct head *head,
@@ -119,10 +120,10 @@ int synth_statistics(FILE *out, const struct head *head,
     for (uint64_t i = 0; i < opt->people; i++) {
         persona_sample(&p, opt->seed, opt->first + i, head->nshape,
                        opt->effects);
-        add_persona(&t, &p);
+        statistics_add_persona(&t, &p);
         for (uint64_t f = 0; f < opt->frames; f++) {
             synth_motion(&m, &p, (double)f / opt->fps, head->nexp);
-            add_motion(&t, &m, head->nexp);
+            statistics_add_motion(&t, &m, head->nexp);
         }
     }
     fprintf(out, "%-18s %9s %9s %9s %9s %9s\n", "parameter", "mean",

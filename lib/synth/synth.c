@@ -43,7 +43,7 @@ struct synth {
     struct scan_worker *worker;     /* (threads), with assets */
 };
 
-static int picture_init(struct synth_picture *t, const struct synth *s)
+static int synth_picture_init(struct synth_picture *t, const struct synth *s)
 {
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;
 
@@ -84,7 +84,7 @@ struct synth *synth_open(const struct head *head,
             goto memory;
     }
     for (size_t i = 0; i < s->batch; i++)
-        if (picture_init(&s->picture[i], s))
+        if (synth_picture_init(&s->picture[i], s))
             goto memory;
     for (int i = 0; i < s->opt.threads; i++)
         if (opt->assets ? scan_worker_init(&s->worker[i], head, opt->size, err)
@@ -129,7 +129,8 @@ void synth_close(struct synth *s)
 }
 
 /* Person `index` onto their slot. */
-static int scene_prepare(struct synth *s, uint64_t index, struct error *err)
+static int synth_scene_prepare(struct synth *s, uint64_t index,
+                               struct error *err)
 {
     struct synth_scene *c = &s->scene[index % s->slots];
     struct persona p;
@@ -158,7 +159,7 @@ static int scene_prepare(struct synth *s, uint64_t index, struct error *err)
     return 0;
 }
 
-static void picture_crop(struct synth_picture *t)
+static void synth_picture_crop(struct synth_picture *t)
 {
     struct square q = crop_from_landmarks(&t->lmk[0][0], 68);
 
@@ -168,8 +169,9 @@ static void picture_crop(struct synth_picture *t)
 }
 
 /* The same with assets. */
-static int picture_render_scan(struct synth *s, struct synth_picture *t,
-                               struct scan_worker *worker, struct error *err)
+static int synth_picture_render_scan(struct synth *s, struct synth_picture *t,
+                                     struct scan_worker *worker,
+                                     struct error *err)
 {
     uint64_t frame = t->number % s->opt.frames;
     struct scan_print out = { t->rgb, t->alone, t->mask, t->label };
@@ -179,15 +181,15 @@ static int picture_render_scan(struct synth *s, struct synth_picture *t,
                           &t->scene->scan, frame,
                           (double)frame / s->opt.fps, err))
         return -1;
-    picture_crop(t);
+    synth_picture_crop(t);
     if (t->verts)
         memcpy(t->verts, worker->verts, 3 * s->head->V * sizeof(float));
     return 0;
 }
 
 /* One frame of a sculpted person. */
-static int picture_render(struct synth *s, struct synth_picture *t,
-                          struct stage *stage, struct error *err)
+static int synth_picture_render(struct synth *s, struct synth_picture *t,
+                                struct stage *stage, struct error *err)
 {
     uint64_t person = t->number / s->opt.frames;
     uint64_t frame = t->number % s->opt.frames;
@@ -208,7 +210,7 @@ static int picture_render(struct synth *s, struct synth_picture *t,
                + 0.45f * (t->motion.pitch - before.pitch);
     lens_expose(stage, p, c->wall, frame, time, dx * f, dy * f);
     memcpy(t->lmk, stage->lmk, sizeof t->lmk);
-    picture_crop(t);
+    synth_picture_crop(t);
     t->scene = c;
     memcpy(t->rgb, stage->rgb, 3 * n);
     memcpy(t->mask, stage->mask, n);
@@ -219,7 +221,7 @@ static int picture_render(struct synth *s, struct synth_picture *t,
 }
 
 /* Make the next batch: first its people, then its frames. */
-static int make_batch(struct synth *s, struct error *err)
+static int synth_make_batch(struct synth *s, struct error *err)
 {
     uint64_t left = s->total - s->next;
     uint64_t first = s->next / s->opt.frames, room;
@@ -236,7 +238,7 @@ static int make_batch(struct synth *s, struct error *err)
 #pragma omp for schedule(dynamic, 1)
         for (uint64_t i = first; i <= last; i++) {
             struct error mine = { 0 };
-            if (scene_prepare(s, i, &mine))
+            if (synth_scene_prepare(s, i, &mine))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;
@@ -250,10 +252,10 @@ static int make_batch(struct synth *s, struct error *err)
             int me = omp_get_thread_num();
             if (!failed
                 && (s->opt.assets
-                        ? picture_render_scan(s, &s->picture[i],
-                                              &s->worker[me], &mine)
-                        : picture_render(s, &s->picture[i], &s->stage[me],
-                                         &mine)))
+                        ? synth_picture_render_scan(s, &s->picture[i],
+                                                    &s->worker[me], &mine)
+                        : synth_picture_render(s, &s->picture[i], &s->stage[me],
+                                               &mine)))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;
@@ -275,7 +277,7 @@ int synth_next(struct synth *s, struct synth_frame *frame, struct error *err)
     if (s->given == s->made) {
         if (s->next == s->total)
             return 0;
-        if (make_batch(s, err))
+        if (synth_make_batch(s, err))
             return -1;
     }
     const struct synth_picture *t = &s->picture[s->given++];
