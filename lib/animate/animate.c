@@ -25,6 +25,7 @@ static int worker_open_renderer(struct animate_worker *w, int channels,
     opt.rules = a->opt.rules;
     opt.threads = threads;
     opt.place = a->opt.texture;
+    opt.kept = true;
     opt.fixed16 = opt.fixed16 && !a->opt.f32;
     return splat_init(&w->splat, &opt, err) ||
            splat_load(&w->splat, &g, err) ? -1 : 0;

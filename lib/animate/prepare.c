@@ -100,6 +100,14 @@ static int prepare_read_stream(struct prepared *s, struct prepare *p,
     return rc;
 }
 
+/* Whether a thread does it. */
+static bool prepare_start_beside(pthread_t *thread,
+                                 const struct prepare_beside *beside)
+{
+    return beside && omp_get_max_threads() > 1 &&
+           !pthread_create(thread, NULL, beside->run, beside->ctx);
+}
+
 /* The person cut out of the picture, beside whatever. */
 static int prepare_cut_out(struct source *src, const struct image *picture,
                            const struct image *mask, struct prepare *p,
@@ -107,8 +115,7 @@ static int prepare_cut_out(struct source *src, const struct image *picture,
                            struct error *err)
 {
     pthread_t thread;
-    const bool two = beside && omp_get_max_threads() > 1 &&
-                     !pthread_create(&thread, NULL, beside->run, beside->ctx);
+    const bool two = prepare_start_beside(&thread, beside);
     int rc = source_cut_out(src, picture, mask, &p->head, &p->nets, err);
 
     if (two)
@@ -225,16 +232,15 @@ static int prepare_from_picture(struct prepared *s, struct prepare *p,
     return rc;
 }
 
-int prepare_source(struct prepared *s, struct prepare *p, const char *path,
-                   const char *mask, const struct prepare_beside *beside,
-                   struct error *err)
+/* The source at path, and the Gaussians and whatever else is made of it. */
+static int prepare_all(struct prepared *s, struct prepare *p, bool stream,
+                       const char *path, const char *mask,
+                       const struct prepare_beside *beside, struct error *err)
 {
     double begun = cpu_seconds();
 
-    memset(s, 0, sizeof *s);
-    if (prepare_is_stream(path) ? prepare_read_stream(s, p, path, err)
-                                : prepare_from_picture(s, p, path, mask,
-                                                       beside, err)) {
+    if (stream ? prepare_read_stream(s, p, path, err)
+               : prepare_from_picture(s, p, path, mask, beside, err)) {
         prepared_release(s);
         return -1;
     }
@@ -249,6 +255,21 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
         return error_prefix(err, "%s", path);
     s->bake_s += opening;
     return 0;
+}
+
+int prepare_source(struct prepared *s, struct prepare *p, const char *path,
+                   const char *mask, const struct prepare_beside *beside,
+                   struct error *err)
+{
+    const bool stream = prepare_is_stream(path);
+    pthread_t thread;
+    const bool two = stream && prepare_start_beside(&thread, beside);
+
+    memset(s, 0, sizeof *s);
+    int rc = prepare_all(s, p, stream, path, mask, beside, err);
+    if (two)
+        pthread_join(thread, NULL);
+    return rc;
 }
 
 void prepared_release(struct prepared *s)

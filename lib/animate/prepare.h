@@ -50,8 +50,9 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
 /* Free what it holds; zeroed then. */
 void prepare_release(struct prepare *p);
 
-/* What another thread may do while the person is cut out of a picture, which
- * leaves E_m and most processors idle.  It is not done for a stream. */
+/* What another thread may do while the person is cut out of a picture or read
+ * from a stream, which leaves E_m and most processors idle.  It may be left
+ * undone. */
 struct prepare_beside {
     void *(*run)(void *ctx);
     void *ctx;

@@ -27,6 +27,7 @@ struct drawing {
     uint32_t least[SPLAT_MAX_THREADS], most[SPLAT_MAX_THREADS];
     size_t room;               /* of the tile lists */
     bool failed;
+    bool kept;                 /* the last frame is still in the pictures */
     double clock;              /* when the last phase ended */
 };
 
@@ -338,6 +339,16 @@ static void frame_fill_lists(struct drawing *f, int t)
 
 /* ---- a frame ------------------------------------------------------------- */
 
+/* Whether the tile is bare in the pictures, and has to be. */
+static bool frame_tile_stays(const struct drawing *f, uint32_t t)
+{
+    struct splat_state *st = f->s->state;
+    const bool was = st->bare[t];
+
+    st->bare[t] = st->start[t] == st->end[t];
+    return f->kept && was && st->bare[t];
+}
+
 /* Draw: runs of neighbouring tiles go to whichever thread is free. */
 static void frame_draw_tiles(struct drawing *f, int t)
 {
@@ -348,7 +359,8 @@ static void frame_draw_tiles(struct drawing *f, int t)
 
 #pragma omp for schedule(dynamic, TILES) nowait
     for (uint32_t i = 0; i < tiles; i++)
-        f->k->tile(f->s, w, st->zorder[i], f->out);
+        if (!frame_tile_stays(f, st->zorder[i]))
+            f->k->tile(f->s, w, st->zorder[i], f->out);
 }
 
 /* Gaussians to sorted lists.  With all Gaussians in place but those of
@@ -406,6 +418,8 @@ int frame_draw(struct splat *s, const struct target *out, struct error *err)
         first = min_size(st->dirty0 / PAD * PAD, s->n);
         last = st->dirty1;
     }
+    f.kept = s->opt.kept && !s->opt.gradients && !out->background &&
+             !memcmp(&st->drawn_to, out, sizeof *out);
     memset(s->ms, 0, sizeof s->ms);
 #pragma omp parallel num_threads(st->threads)
     {
@@ -420,6 +434,7 @@ int frame_draw(struct splat *s, const struct target *out, struct error *err)
     }
     frame_note_phase(&f, 0, SPLAT_DRAW);
     st->projected = !f.failed;
+    st->drawn_to = f.failed ? (struct target){0} : *out;
     st->dirty0 = SIZE_MAX;
     st->dirty1 = 0;
     if (f.failed)

@@ -46,6 +46,7 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     st->start = state_carve(base, &used, tiles * sizeof *st->start);
     st->end = state_carve(base, &used, tiles * sizeof *st->end);
     st->zorder = state_carve(base, &used, tiles * sizeof *st->zorder);
+    st->bare = state_carve(base, &used, tiles * sizeof *st->bare);
     st->count = state_carve(base, &used, T * cells * sizeof *st->count);
     st->histogram = state_carve(base, &used, T * 2048 * sizeof *st->histogram);
     st->work = state_carve(base, &used, T * st->work_size);

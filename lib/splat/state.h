@@ -61,6 +61,17 @@ struct splat_tether {
 
 struct splat_gradient_state;
 
+/* Where a frame goes. */
+struct target {
+    float *image;
+    uint16_t *half;
+    float *alpha, *depth, *place;
+    float *final_T;            /* for backward: T at the end, ... */
+    float *background_free;    /* ... and the image without background ... */
+    float *kept_place;         /* ... and the places */
+    const float *background;
+};
+
 struct splat_state {
     enum cpu_level level;
     size_t work_size;          /* bytes of a struct splat_work */
@@ -95,6 +106,9 @@ struct splat_state {
     void *screen;
     uint32_t *start, *end;     /* (tiles) list of each tile */
     uint32_t *zorder;          /* (tiles) in Z order */
+    bool *bare;                /* (tiles) nothing was in it when it was last
+                                * drawn, ... */
+    struct target drawn_to;    /* ... to here */
     int32_t *count;            /* (threads, tiles + border), of each tile */
     uint32_t *histogram;       /* (threads, 2048) */
     void *work;                /* (threads) struct work, of the kernels */
@@ -103,17 +117,6 @@ struct splat_state {
     size_t list_room;
 
     struct splat_gradient_state *gradient;
-};
-
-/* Where a frame goes. */
-struct target {
-    float *image;
-    uint16_t *half;
-    float *alpha, *depth, *place;
-    float *final_T;            /* for backward: T at the end, ... */
-    float *background_free;    /* ... and the image without background ... */
-    float *kept_place;         /* ... and the places */
-    const float *background;
 };
 
 /* Memory for free(), aligned to 64 bytes; large blocks ask for huge pages: the

@@ -52,6 +52,10 @@ struct splat_options {
     bool depth;                   /* splat_forward may be asked for depth */
     bool covered;                 /* splat_forward_half may leave pixels of
                                    * alpha 0 as they were, not write zeros */
+    bool kept;                    /* whoever has the pictures leaves pixels of
+                                   * alpha 0 as they are: parts where nothing
+                                   * is, nor was in the last frame into the
+                                   * same pictures, are not written again */
     bool gradients;               /* splat_backward will be called */
     float prune;                  /* Gaussians of a lower opacity are left
                                    * out; default 0: none.  Each changes a
