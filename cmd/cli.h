@@ -75,6 +75,8 @@ int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
  * for them, and threads do not spin at every barrier, which on a busy machine
  * takes four times the processor time.  May start the program again. */
 void cli_run_networks(char **argv);
+/* For who is about to become a program that does: it need not start again. */
+void cli_expect_networks(void);
 
 /* "program: text", then exit with code.  Never returns. */
 void die(int code, const char *format, ...)

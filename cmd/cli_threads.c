@@ -65,10 +65,18 @@ static void threads_wait_asleep(char **argv)
         threads_start_again(argv, "OMP_WAIT_POLICY", "passive");
 }
 
+#define THREADS_TURNS "1000"    /* before one that waits goes to sleep */
+
 void cli_wait_briefly(char **argv)
 {
     if (threads_processors() > 1)
-        threads_start_again(argv, "GOMP_SPINCOUNT", "1000");
+        threads_start_again(argv, "GOMP_SPINCOUNT", THREADS_TURNS);
+}
+
+void cli_expect_networks(void)
+{
+    if (!getenv("OMP_WAIT_POLICY"))
+        setenv("GOMP_SPINCOUNT", THREADS_TURNS, 0);
 }
 
 /* Two programs of a pipe have most of the work, spid-splat and spid-refine,
