@@ -34,7 +34,7 @@ float texture_stretch(const float *place, const struct splat_place_view *v,
 /* How rims are believed, by how far a turned head's view is from the source's
  * but for scale and turns in the picture. */
 struct texture_rim {
-    float turned;       /* 0 at 12 degrees and less, 1 at 25 and more */
+    float turned;       /* 0 at 6 degrees and less, 1 at 12 and more */
     float most;         /* times the drawn coverage is the most that the
                          * photograph covers: any at 0 degrees, twice at 8 and
                          * more.  Past an outline lie places from anywhere

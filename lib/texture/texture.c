@@ -181,7 +181,7 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
     float off = sqrtf(fmaxf(square / area - 2, 0));
 
     return (struct texture_rim){
-        .turned = fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1),
+        .turned = fminf(fmaxf((off - 0.006f) / (0.022f - 0.006f), 0), 1),
         .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
     };
 }

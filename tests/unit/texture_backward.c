@@ -149,8 +149,8 @@ static uint8_t rgb8[3 * PIXELS], matte[PIXELS], back[3 * PIXELS];
 static const struct splat_place_view view = {{0.9f, 0.1f, -0.1f, 0.95f},
                                              {0.02f, -0.03f}};
 static double place[3 * PIXELS], cover[PIXELS];
-static double drawn[PIXELS];    /* how much the photograph is drawn out, and on
-                                 * a rim: held */
+static double drawn[PIXELS];    /* how much the photograph is drawn out: held */
+static double whole[PIXELS];    /* what a rim leaves of the confidence: held */
 static float place_f[3 * PIXELS], cover_f[PIXELS];
 static float dplace[3 * PIXELS], dcover[PIXELS], photo[TEXTURE_PHOTO * PIXELS];
 static float probe[TEXTURE_PHOTO * PIXELS];
@@ -220,7 +220,7 @@ static double lookup_loss(const struct texture *t, size_t i)
         for (int c = 0; c < 4; c++)
             loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] * held *
                     lookup_number(t->level[0], u, v, c);
-        loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure;
+        loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure * whole[j];
     }
     return loss;
 }
@@ -275,11 +275,11 @@ static void backward_lookup(void)
     REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
     for (size_t i = 0; i < PIXELS; i++)
-        drawn[i] *= (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
-                                          cover_f[i],
-                                          texture_rim(&view).turned);
+        whole[i] = (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
+                                         cover_f[i],
+                                         texture_rim(&view).turned);
     for (size_t i = 0; i < PIXELS; i++) {
-        double sure = backward_confidence(i);
+        double sure = whole[i] * backward_confidence(i);
 
         off = fmax(off, fabs(sure - (double)photo[TEXTURE_PHOTO * i + 4]));
         doubted += sure > 0 && sure < 1;
