@@ -50,20 +50,25 @@ static void cheek_back_around(float *matte, float *moving,
         *matte = fminf(*matte, rgba[4 * i + 3]);
 }
 
-void cheek_back_find(float *back, const struct source_picture *picture,
-                     const struct source_mesh *mesh, size_t n)
+float cheek_back_at(const struct source_picture *picture,
+                    const struct source_mesh *mesh, size_t x, size_t y)
 {
     float matte, moving;
 
+    if (!(mesh->coverage[y * mesh->n + x] > 0))
+        return 0;
+    cheek_back_around(&matte, &moving, picture, mesh, mesh->n, x, y);
+    return (1 - branch_ramp(matte, 0.3f, 0.7f)) *
+           branch_ramp(moving, MOVES, MOVES_FAR);
+}
+
+void cheek_back_find(float *back, const struct source_picture *picture,
+                     const struct source_mesh *mesh, size_t n)
+{
     memset(back, 0, n * n * sizeof *back);
     for (size_t y = 0; y < n; y += STEP)
-        for (size_t x = 0; x < n; x += STEP) {
-            if (!(mesh->coverage[y * n + x] > 0))
-                continue;
-            cheek_back_around(&matte, &moving, picture, mesh, n, x, y);
-            back[y * n + x] = (1 - branch_ramp(matte, 0.3f, 0.7f)) *
-                              branch_ramp(moving, MOVES, MOVES_FAR);
-        }
+        for (size_t x = 0; x < n; x += STEP)
+            back[y * n + x] = cheek_back_at(picture, mesh, x, y);
 }
 
 /* Gaussian k of a plane of n by n. */

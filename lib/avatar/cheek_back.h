@@ -13,8 +13,11 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 
-/* back (n,n): how far each cell of a plane of n by n belongs to it, 0..1, 0
- * for most. */
+/* How far the strip covers cell (x,y) of the mesh's maps, 0..1. */
+float cheek_back_at(const struct source_picture *picture,
+                    const struct source_mesh *mesh, size_t x, size_t y);
+/* back (n,n), n the mesh's: how far each cell belongs to it, 0..1, 0 for
+ * most. */
 void cheek_back_find(float *back, const struct source_picture *picture,
                      const struct source_mesh *mesh, size_t n);
 /* The Gaussians of cells with a back become the strip's: round, dense, the

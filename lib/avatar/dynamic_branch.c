@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/cheek_back.h"
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
@@ -21,6 +22,8 @@
 #define REACH 2.0f      /* standard deviations that they are seen to */
 #define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
+#define STRAY_MM 1.0f   /* skin at the jaw's angle goes further, */
+#define STRAY_MOST_MM 20.0f     /* and not so far, as the chin's does */
 
 /* ---- colours for hidden vertices --------------------------------------- */
 
@@ -333,6 +336,32 @@ static void dynamic_branch_white(float white[3],
     }
 }
 
+/* How far Gaussian k would stand out beside the neck if the jaw dropped, 0..1:
+ * skin at the jaw's angle, which in life goes backwards there, and before the
+ * strip (cheek_back.h), which shows the same. */
+static float dynamic_branch_stray(const struct source_picture *picture,
+                                  const struct source_mesh *mesh,
+                                  const struct dynamic_branch *b, size_t k)
+{
+    const float *x = b->verts + 3 * k, *drop = mesh->weights->drop + 3 * k;
+    const float to[3] = {x[0] + drop[0], x[1] + drop[1], x[2] + drop[2]};
+    const float mm = sqrtf(drop[0] * drop[0] + drop[1] * drop[1] +
+                           drop[2] * drop[2]) * 1e3f / mesh->head->scale;
+    const float n = (float)mesh->n, last = n - 1, *at = b->place + 2 * k;
+    float place[2], rgba[4];
+
+    if (!(mm > STRAY_MM) || mm > STRAY_MOST_MM)
+        return 0;
+    source_mesh_project(place, to, 1, mesh->cam);
+    source_picture_sample(rgba, picture, place, 1);
+    return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
+           branch_ramp(mm, STRAY_MM, 2 * STRAY_MM) *
+           (1 - branch_ramp(mm, 0.6f * STRAY_MOST_MM, STRAY_MOST_MM)) *
+           cheek_back_at(picture, mesh,
+                         (size_t)fminf(fmaxf(0.5f * n * (at[0] + 1), 0), last),
+                         (size_t)fminf(fmaxf(0.5f * n * (at[1] + 1), 0), last));
+}
+
 /* The prior: visibility, coverage and matte of every densified vertex, into
  * the extra columns of the decoder's input; colours and shifts. */
 static void dynamic_branch_start(const struct source_picture *picture,
@@ -364,7 +393,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
         b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                              branch_ramp(matte, 0, 0.4f);
+                              branch_ramp(matte, 0, 0.4f) *
+                              (1 - dynamic_branch_stray(picture, mesh, b, k));
         b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);

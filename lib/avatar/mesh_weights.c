@@ -149,8 +149,8 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
     densify_midpoints(w->seam + h->V, w->seam, d, 1);
 }
 
-/* What the mean head's skin stretches by when the jaw drops; rest (V+E): its
- * spacing, posed (V,3) and wide (V+E) are scratch. */
+/* Where the mean head's skin goes when the jaw drops, and what it stretches by;
+ * rest (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
 static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
                              const struct densify *d, const float *rest,
                              float *posed, float *wide, struct error *err)
@@ -168,6 +168,9 @@ static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
 
         w->stretch[k] = fmaxf(w->stretch[k], fminf(by, DROP_MOST));
     }
+    for (size_t i = 0; i < 3 * h->V; i++)
+        posed[i] -= h->v_template[i];
+    densify_forward(w->drop, posed, d, 3);
     return 0;
 }
 
@@ -187,9 +190,11 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->fold = malloc(D * sizeof *w->fold);
     w->reach = malloc(D * sizeof *w->reach);
     w->seam = malloc(D * sizeof *w->seam);
+    w->drop = malloc(3 * D * sizeof *w->drop);
     float *rest = malloc((2 * D + 3 * V) * sizeof *rest);
     if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
-        !w->stretch || !w->fold || !w->reach || !w->seam || !rest) {
+        !w->stretch || !w->fold || !w->reach || !w->seam || !w->drop ||
+        !rest) {
         free(rest);
         return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
     }
@@ -228,5 +233,6 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->reach);
     free(w->seam);
     free(w->stretch);
+    free(w->drop);
     memset(w, 0, sizeof *w);
 }

@@ -27,6 +27,8 @@ struct mesh_weights {
     float *stretch;         /* (V+E) neighbours' distance there on closed lids
                              * and at a dropped jaw over that at rest, at
                              * least 1 */
+    float *drop;            /* (V+E,3) where a dropped jaw takes it, head
+                             * units */
     size_t *mirror;         /* (V) the vertex across the face */
 };
 

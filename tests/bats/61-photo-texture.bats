@@ -241,6 +241,22 @@ PY
     awk '$1 < 70 || $2 < 20 { bad = 1 } END { exit bad || NR != 3 }' mouths
 }
 
+@test "a dropped jaw leaves neither notch nor spur beside the neck" {
+    command -v ffmpeg >/dev/null || skip "no ffmpeg"
+    export SPID_MODEL=$TOP/examples/model
+    spid-shape -q "$TOP/examples/photo.jpg" -o own.spid
+    posed jaw 0 0.35
+    spid-splat -q --channels 32 gaus.spid |
+        spid-dump --npy feat --only FEAT
+    "$PYTHON" - >pixels <<'PY'
+import numpy as np
+rest, dropped = np.load('feat/FEAT.alpha.npy').reshape(2, -1).astype(float)
+print(((rest > 0.9) & (dropped < 0.5)).sum(), ((rest < 0.1) & (dropped > 0.5)).sum())
+PY
+    cat pixels
+    awk '{ exit !($1 <= 8 && $2 <= 8) }' pixels
+}
+
 @test "eyes that the photograph shows shut open onto iris and white" {
     command -v ffmpeg >/dev/null || skip "no ffmpeg"
     export SPID_MODEL=$TOP/examples/model
