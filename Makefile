@@ -292,6 +292,9 @@ install: all
 # Debian's clang.
 FUZZ_SECONDS ?= 120
 FUZZ := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
+FUZZ_CC := clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE \
+	  -DSPID_VERSION='"$(VERSION)"' $(JSON_CFLAGS) \
+	  -DISA_ONE -DISA_BASELINE -DISA_NAME=baseline -fno-sanitize-recover=all
 fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 	set -e; mkdir -p tests/fuzz/found; for f in $(FUZZ); do \
 	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus; \
@@ -307,14 +310,22 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
                    formats/png.[ch] formats/mark.[ch] formats/ply.[ch] \
                    formats/outfile.[ch] \
                    formats/pickle*.[ch] formats/tensorfile*.[ch] \
-                   formats/arrayview.[ch] formats/ziparchive.[ch]) \
-                 tests/fuzz/memory_file.h
+                   formats/arrayview.[ch] formats/ziparchive.[ch] \
+                   formats/jpeg.[ch] formats/image.[ch] formats/module.[ch] \
+                   formats/video.[ch] formats/video_name.c) \
+                 tests/fuzz/memory_file.h $(BUILD)/fuzz/video.so
 	@mkdir -p $(@D)
 	$(SAY) FUZZ $@
-	clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' $(JSON_CFLAGS) \
-	  -DISA_ONE -DISA_BASELINE -DISA_NAME=baseline \
-	  -fsanitize=fuzzer,address,undefined -fno-sanitize-recover=all \
-	  $(filter %.c,$^) -lxxhash -lcjson -lpng -lzip -lm -o $@
+	$(FUZZ_CC) -fsanitize=fuzzer,address,undefined $(filter %.c,$^) \
+	  -lxxhash -lcjson -lpng -ljpeg -lzip -lm -o $@
+
+# The videos' module, where formats/module.c looks for it.
+$(BUILD)/fuzz/video.so: $(wildcard formats/video/*.[ch])
+	@mkdir -p $(@D)
+	$(SAY) FUZZ $@
+	$(FUZZ_CC) -fsanitize=fuzzer-no-link,address,undefined -shared -fPIC \
+	  -fopenmp $(filter %.c,$^) $(VIDEO_LIBS) -o $@
+
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).
 $(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)

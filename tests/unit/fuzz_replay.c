@@ -38,6 +38,14 @@
 #undef put
 #undef LLVMFuzzerTestOneInput
 
+#define LLVMFuzzerTestOneInput fuzz_jpeg
+#include "tests/fuzz/fuzz_jpeg.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_video
+#include "tests/fuzz/fuzz_video.c"
+#undef LLVMFuzzerTestOneInput
+
 static const struct {
     const char *name;
     int (*run)(const uint8_t *data, size_t size);
@@ -48,7 +56,9 @@ static const struct {
                 { "fuzz_frames", fuzz_frames },
                 { "fuzz_pickle", fuzz_pickle },
                 { "fuzz_zip", fuzz_zip },
-                { "fuzz_npz", fuzz_npz } };
+                { "fuzz_npz", fuzz_npz },
+                { "fuzz_jpeg", fuzz_jpeg },
+                { "fuzz_video", fuzz_video } };
 
 static int fuzz_replay(const char *path, int (*run)(const uint8_t *, size_t))
 {
