@@ -102,14 +102,14 @@ static void raster_triangle(struct raster *r, const struct raster_vertex *a,
 
     if (area == 0 || (!flip && cull) || a->q <= 0 || b->q <= 0 || c->q <= 0)
         return;
-    float ymin = fminf(a->y, fminf(b->y, c->y));
-    float ymax = fmaxf(a->y, fmaxf(b->y, c->y));
-    float xmin = fminf(a->x, fminf(b->x, c->x));
-    float xmax = fmaxf(a->x, fmaxf(b->x, c->x));
+    float ymin = minf(a->y, minf(b->y, c->y));
+    float ymax = maxf(a->y, maxf(b->y, c->y));
+    float xmin = minf(a->x, minf(b->x, c->x));
+    float xmax = maxf(a->x, maxf(b->x, c->x));
     if (!(ymax > 0 && xmax > 0 && ymin < (float)r->h && xmin < (float)r->w))
         return;
-    int y0 = (int)ceilf(fmaxf(ymin, 0) - 0.5f);
-    int y1 = (int)floorf(fminf(ymax, (float)r->h) - 0.5f);
+    int y0 = ceil_int(maxf(ymin, 0) - 0.5f);
+    int y1 = floor_int(minf(ymax, (float)r->h) - 0.5f);
     y0 = y0 < 0 ? 0 : y0;
     y1 = y1 >= r->h ? r->h - 1 : y1;
     float inv = 1 / area;
@@ -127,8 +127,8 @@ static void raster_triangle(struct raster *r, const struct raster_vertex *a,
             edge_clip(&e[i], fy, &lo, &hi);
         if (!(hi >= 0 && lo <= (float)r->w && hi >= lo))
             continue;
-        int x0 = (int)ceilf(fmaxf(lo, 0) - 0.5f);
-        int x1 = (int)floorf(fminf(hi, (float)r->w) - 0.5f);
+        int x0 = ceil_int(maxf(lo, 0) - 0.5f);
+        int x1 = floor_int(minf(hi, (float)r->w) - 0.5f);
         x0 = x0 < 0 ? 0 : x0;
         x1 = x1 >= r->w ? r->w - 1 : x1;
         raster_fill_span(r, y, x0, x1, id, q, w, a->x, a->y);
@@ -186,11 +186,11 @@ static void raster_segment(struct raster *r, const struct raster_vertex *a,
     if (a->q <= 0 || b->q <= 0 || fabsf(major) < 1e-6f)
         return;
     float slope = minor / major, grow = sqrtf(1 + slope * slope);
-    float from = fminf(pa, pa + major), to = fmaxf(pa, pa + major);
+    float from = minf(pa, pa + major), to = maxf(pa, pa + major);
     if (!(to > 0 && from < (float)limit))
         return;
-    int p0 = (int)ceilf(fmaxf(from, 0) - 0.5f);
-    int p1 = (int)ceilf(fminf(to, (float)limit) - 0.5f);
+    int p0 = ceil_int(maxf(from, 0) - 0.5f);
+    int p1 = ceil_int(minf(to, (float)limit) - 0.5f);
     for (int p = p0; p < p1; p++) {
         float along = (float)p + 0.5f - pa, t = along / major;
         float half = lerpf(wa, wb, t) * grow, mid = oa + slope * along;
@@ -200,8 +200,8 @@ static void raster_segment(struct raster *r, const struct raster_vertex *a,
                 continue;
             half = 0.5f;
         }
-        int lo = (int)ceilf(mid - half - 0.5f);
-        int hi = (int)ceilf(mid + half - 0.5f);
+        int lo = ceil_int(mid - half - 0.5f);
+        int hi = ceil_int(mid + half - 0.5f);
         for (int o = lo; o < hi; o++) {
             float u = ((float)o + 0.5f - mid) / half;
             raster_put(r, steep ? o : p, steep ? p : o, q, id, t, u);

@@ -1,212 +1,13 @@
-/* Kinds of expression fitted to the labels of the assets; from them
- * expressions, speech, blinks, gaze and turns at any time. */
+/* What a person does at any time: expressions of the kinds that were seen,
+ * speech, blinks, gaze and turns. */
 #include "lib/synth/scan_act.h"
 
-#include <cjson/cJSON.h>
 #include <math.h>
 #include <stdbool.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
-#include "formats/safetensors.h"
 #include "lib/base/random.h"
 #include "lib/synth/vec.h"
-
-#define LABELS 52
-
-/* ---- the mixture, from labels ------------------------------------------- */
-
-struct seen {                   /* weights of pictures, one after another */
-    float (*w)[ARKIT_COUNT];
-    size_t n;
-};
-
-/* How the labels' scale differs from a weight of 1: their full blink is 0.6,
- * talking jaws 0.4. */
-static float label_gain(int k)
-{
-    if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
-        return 1.5f;
-    return k == ARKIT_JAW_OPENED ? 1.25f : 1.1f;
-}
-
-/* Pictures of one person or clip share the name before '#', or, of photographs,
- * before '_'. */
-static size_t act_stem(const char *name)
-{
-    const char *hash = strchr(name, '#'), *base = strrchr(name, '/');
-    const char *line = base ? strrchr(base, '_') : NULL;
-    bool clip = strstr(name, "clips/") != NULL;
-
-    if (!clip && line)
-        return (size_t)(line - name);
-    return hash ? (size_t)(hash - name) : strlen(name);
-}
-
-static int act_compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return x < y ? -1 : x > y;
-}
-
-/* The rows lo..hi-1 of one person become changes against their calm: the
- * fifth smallest of a hundred. */
-static void take_calm(float (*w)[ARKIT_COUNT], size_t n)
-{
-    float *v = malloc((n + 1) * sizeof *v);
-
-    for (int k = 0; v && k < ARKIT_COUNT; k++) {
-        for (size_t i = 0; i < n; i++)
-            v[i] = w[i][k];
-        qsort(v, n, sizeof *v, act_compare);
-        float calm = v[n / 20];
-        for (size_t i = 0; i < n; i++)
-            w[i][k] = clampf(label_gain(k) * (w[i][k] - calm), 0, 1);
-    }
-    free(v);
-}
-
-/* Columns of the labels that our components take. */
-static int find_columns(int column[ARKIT_COUNT], const struct safetensors *st,
-                        struct error *err)
-{
-    const char *text = st_meta(st, "blendshape_names");
-    cJSON *names = text ? cJSON_Parse(text) : NULL;
-    int rc = cJSON_GetArraySize(names) == LABELS ? 0 : -1;
-
-    for (int k = 0; k < ARKIT_COUNT; k++)
-        column[k] = -1;
-    for (int i = 0; !rc && i < LABELS; i++) {
-        const cJSON *n = cJSON_GetArrayItem(names, i);
-        int c[2], m = cJSON_IsString(n) ? arkit_find(c, n->valuestring) : 0;
-        for (int j = 0; j < m; j++)
-            column[c[j]] = i;
-    }
-    cJSON_Delete(names);
-    return rc ? error_set(err, EX_DATAERR, "%s: no %d blendshape_names "
-                          "(expected ARKit's)", st_path(st), LABELS) : 0;
-}
-
-/* The rows of a labels file, as weights of the expressions. */
-static int add_labels(struct seen *s, const struct safetensors *st,
-                      struct error *err)
-{
-    size_t dims[2] = {0, LABELS}, n;
-    int column[ARKIT_COUNT];
-    const char *text = st_meta(st, "names");
-
-    if (find_columns(column, st, err))
-        return -1;
-    float *b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
-    cJSON *names = text ? cJSON_Parse(text) : NULL;
-    n /= LABELS;
-    float (*w)[ARKIT_COUNT] = b ? realloc(s->w, (s->n + n + 1) * sizeof *w)
-                                : NULL;
-    int rc = 0;
-    if (!w || (size_t)cJSON_GetArraySize(names) != n) {
-        rc = b ? error_set(err, EX_DATAERR, "%s: names: expected a list of "
-                           "%zu", st_path(st), n) : -1;
-    }
-    if (w)
-        s->w = w;
-    size_t first = s->n;
-    const char *last = "";
-    const cJSON *name = rc ? NULL : names->child;
-    for (size_t i = 0; !rc && i < n; i++, name = name->next) {
-        const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
-        if (strncmp(last, t, act_stem(t) + 1)) {
-            take_calm(s->w + first, s->n - first);
-            first = s->n;
-            last = t;
-        }
-        if (!strncmp(t, "real/", 5))
-            continue;
-        for (int k = 0; k < ARKIT_COUNT; k++)
-            s->w[s->n][k] = column[k] < 0 ? 0
-                            : b[i * LABELS + (size_t)column[k]];
-        s->n++;
-    }
-    take_calm(s->w + first, s->n - first);
-    cJSON_Delete(names);
-    free(b);
-    return rc;
-}
-
-/* Lloyd's rounds from pictures spread over the list; then means, deviations
- * and shares. */
-static void fit_kinds(struct act_model *m, const struct seen *s)
-{
-    float count[ACT_KINDS], share = 0;
-
-    m->kinds = s->n < ACT_KINDS ? (int)s->n : ACT_KINDS;
-    for (int c = 0; c < m->kinds; c++)
-        memcpy(m->mean[c], s->w[(size_t)c * s->n / (size_t)m->kinds],
-               sizeof m->mean[c]);
-    for (int round = 0; round < 12; round++) {
-        float sum[ACT_KINDS][ARKIT_COUNT] = {{0}};
-        float two[ACT_KINDS][ARKIT_COUNT] = {{0}};
-        memset(count, 0, sizeof count);
-        for (size_t i = 0; i < s->n; i++) {
-            int best = 0;
-            float least = 1e9f;
-            for (int c = 0; c < m->kinds; c++) {
-                float d = 0;
-                for (int k = 0; k < ARKIT_COUNT; k++)
-                    d += (s->w[i][k] - m->mean[c][k])
-                         * (s->w[i][k] - m->mean[c][k]);
-                if (d < least) {
-                    least = d;
-                    best = c;
-                }
-            }
-            count[best] += 1;
-            for (int k = 0; k < ARKIT_COUNT; k++) {
-                sum[best][k] += s->w[i][k];
-                two[best][k] += s->w[i][k] * s->w[i][k];
-            }
-        }
-        for (int c = 0; c < m->kinds; c++)
-            for (int k = 0; count[c] > 0 && k < ARKIT_COUNT; k++) {
-                float mean = sum[c][k] / count[c];
-                m->mean[c][k] = mean;
-                m->spread[c][k] = sqrtf(fmaxf(two[c][k] / count[c]
-                                              - mean * mean, 0));
-            }
-    }
-    for (int c = 0; c < m->kinds; c++) {
-        /* rare kinds come up more often than they were seen */
-        count[c] = sqrtf(count[c]);
-        share += count[c];
-    }
-    for (int c = 0; c < m->kinds; c++)
-        m->share[c] = (c ? m->share[c - 1] : 0) + count[c] / share;
-}
-
-int act_model_fit(struct act_model *m, const char *dir, struct error *err)
-{
-    static const char *const file[2] = {"photos", "clips"};
-    struct seen s = {0};
-    int rc = 0;
-
-    memset(m, 0, sizeof *m);
-    for (int i = 0; !rc && i < 2; i++) {
-        char path[4096];
-        snprintf(path, sizeof path, "%s/labels/%s.safetensors", dir, file[i]);
-        struct safetensors *st = st_open(path, err);
-        rc = st ? add_labels(&s, st, err) : -1;
-        st_close(st);
-    }
-    if (!rc && s.n < ACT_KINDS)
-        rc = error_set(err, EX_DATAERR, "%s/labels: %zu pictures (expected "
-                       "at least %d)", dir, s.n, ACT_KINDS);
-    if (!rc)
-        fit_kinds(m, &s);
-    free(s.w);
-    return rc;
-}
 
 /* ---- tracks of time ------------------------------------------------------ */
 
@@ -236,18 +37,30 @@ static float act_wander(uint64_t t, double time, double period)
                     + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
 }
 
+/* The slot of `period` seconds that events of track t lie in, and how far
+ * through it the time is (0..1). */
+static int64_t act_period(float *through, uint64_t t, double time,
+                          double period)
+{
+    double x = time / period + 1000 + (double)act_slot(t, -9);
+    int64_t i = (int64_t)floor(x);
+
+    *through = (float)(x - (double)i);
+    return i;
+}
+
 /* An event now and then: rises to 1 and falls again.  chance is that of a
  * slot of `period` seconds to have one, width its share of the slot. */
 static float act_pulse(uint64_t t, double time, double period, float chance,
                        float width)
 {
-    double x = time / period + 1000 + (double)act_slot(t, -9);
-    int64_t i = (int64_t)floor(x);
-    float f = (float)(x - (double)i);
+    float f;
+    int64_t i = act_period(&f, t, time, period);
 
     if (act_slot(t, i) > chance)
         return 0;
-    float half = 0.5f * width * (0.7f + 0.6f * act_slot(t ^ 9, i));
+    /* within its slot, so that none breaks off */
+    float half = minf(0.5f * width * (0.7f + 0.6f * act_slot(t ^ 9, i)), 0.5f);
     float mid = half + (1 - 2 * half) * act_slot(t ^ 5, i);
     float d = fabsf(f - mid) / half;
     return d < 1 ? ramp(1, 0.25f, d) : 0;
@@ -320,7 +133,7 @@ static void add_kind(float *w, const struct act_model *m, struct random *r,
     for (int k = 0; k < ARKIT_COUNT; k++) {
         float v = m->mean[c][k]
                   + m->spread[c][k] * clampf((float)random_normal(r), -2, 2);
-        w[k] += gain * fmaxf(v, 0);
+        w[k] += gain * maxf(v, 0);
     }
 }
 
@@ -414,8 +227,8 @@ static void add_speech(float *w, const struct act_look *l, double time)
     }
     /* the jaw leads its lips: some of its opening is closed by them */
     w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
-                                * fmaxf(act_wander(t ^ 31, time, 0.8), 0);
-    w[ARKIT_BROW_INNER_UP_R] = fmaxf(w[ARKIT_BROW_INNER_UP_R],
+                                * maxf(act_wander(t ^ 31, time, 0.8), 0);
+    w[ARKIT_BROW_INNER_UP_R] = maxf(w[ARKIT_BROW_INNER_UP_R],
                                      w[ARKIT_BROW_INNER_UP_L]);
 }
 
@@ -444,11 +257,11 @@ static void add_gaze(struct act *a, const struct act_look *l, double time)
     for (int e = 0; e < 2; e++) {
         float y = yaw + (e ? verge : -verge);
         float out = e ? -y : y;
-        w[ARKIT_EYE_LOOK_OUT_L + e] = fmaxf(out, 0) / (float)ARKIT_EYE_OUT;
-        w[ARKIT_EYE_LOOK_IN_L + e] = fmaxf(-out, 0) / (float)ARKIT_EYE_IN;
-        w[ARKIT_EYE_LOOK_DOWN_L + e] = fmaxf(pitch, 0)
+        w[ARKIT_EYE_LOOK_OUT_L + e] = maxf(out, 0) / (float)ARKIT_EYE_OUT;
+        w[ARKIT_EYE_LOOK_IN_L + e] = maxf(-out, 0) / (float)ARKIT_EYE_IN;
+        w[ARKIT_EYE_LOOK_DOWN_L + e] = maxf(pitch, 0)
                                        / (float)ARKIT_EYE_DOWN;
-        w[ARKIT_EYE_LOOK_UP_L + e] = fmaxf(-pitch, 0) / (float)ARKIT_EYE_UP;
+        w[ARKIT_EYE_LOOK_UP_L + e] = maxf(-pitch, 0) / (float)ARKIT_EYE_UP;
     }
 }
 
@@ -465,8 +278,8 @@ static void add_blinks(float *w, const struct act_look *l, double time)
         float wink = act_pulse(act_track(l, "wink", e), time, 6.7, 0.16f,
                                0.25f);
         float *lid = &w[ARKIT_EYE_BLINK_L + e];
-        *lid = clampf(fmaxf(*lid * 0.5f + droop,
-                            fmaxf(fmaxf(fmaxf(blink, held), doze), wink)), 0,
+        *lid = clampf(maxf(*lid * 0.5f + droop,
+                            maxf(maxf(maxf(blink, held), doze), wink)), 0,
                       1);
         if (wink > 0) {
             w[ARKIT_CHEEK_SQUINT_L + e] += 0.7f * wink;
@@ -477,9 +290,8 @@ static void add_blinks(float *w, const struct act_look *l, double time)
 
 /* What comes on top of a mood, each in its own time. */
 static const struct { uint8_t k; float chance, top; } accents[] = {
-    {ARKIT_BROW_INNER_UP_L, 0.26f, 1}, {ARKIT_BROW_OUTER_UP_L, 0.26f, 1},
-    {ARKIT_BROW_DOWN_L, 0.26f, 1}, {ARKIT_MOUTH_SMILE_L, 0.22f, 1},
-    {ARKIT_MOUTH_PUCKER, 0.17f, 1}, {ARKIT_JAW_OPENED, 0.26f, 0.85f},
+    {ARKIT_MOUTH_SMILE_L, 0.38f, 1},
+    {ARKIT_MOUTH_PUCKER, 0.22f, 1}, {ARKIT_JAW_OPENED, 0.26f, 0.85f},
     {ARKIT_EYE_SQUINT_L, 0.14f, 1}, {ARKIT_EYE_WIDE_L, 0.12f, 1},
     {ARKIT_MOUTH_FUNNEL, 0.08f, 1}, {ARKIT_MOUTH_FROWN_L, 0.10f, 0.9f},
     {ARKIT_NOSE_SNEER_L, 0.08f, 0.9f}, {ARKIT_MOUTH_STRETCH_L, 0.08f, 0.8f},
@@ -489,28 +301,102 @@ static const struct { uint8_t k; float chance, top; } accents[] = {
     {ARKIT_JAW_LEFT, 0.05f, 0.8f}, {ARKIT_JAW_RIGHT, 0.05f, 0.8f},
     {ARKIT_MOUTH_PRESS_L, 0.08f, 0.8f}, {ARKIT_MOUTH_DIMPLE_L, 0.06f, 0.7f}
 };
+#define ACCENT_PERIOD 2.7       /* seconds */
+
+/* *w goes the share v of what it lacks to 1. */
+static void act_raise(float *w, float v)
+{
+    *w += (1 - clampf(*w, 0, 1)) * v;
+}
+
+/* Whether event i of a track is of one side only, with this chance: 1 the
+ * left, -1 the right; else what the person always is. */
+static float act_lean(uint64_t t, int64_t i, float chance, float own)
+{
+    if (act_slot(t ^ 11, i) >= chance)
+        return own;
+    return act_slot(t ^ 12, i) < 0.5f ? 1 : -1;
+}
 
 /* Single movements on top, nearly half of them of one side: a motion encoder
  * that sees few of these takes all faces for even. */
-static void add_accents(float *w, const struct act_look *l, double time)
+static void act_add_accents(float *w, const struct act_look *l, double time)
 {
     for (size_t i = 0; i < sizeof accents / sizeof *accents; i++) {
         uint64_t t = act_track(l, "accent", (int)i);
-        float v = act_pulse(t, time, 2.7, accents[i].chance, 1.1f);
-        int64_t n = (int64_t)floor(time / 2.7);
-        float lean = act_slot(t ^ 11, n) < 0.45f
-                         ? act_slot(t ^ 12, n) < 0.5f ? 1 : -1
-                         : 0.4f * l->lean;
+        float v = act_pulse(t, time, ACCENT_PERIOD, accents[i].chance, 1.1f);
+        float f;
+        int64_t n = act_period(&f, t, time, ACCENT_PERIOD);
+        float lean = act_lean(t, n, 0.45f, 0.4f * l->lean);
+        bool pair = arkit_is_left(accents[i].k);
+
         v *= accents[i].top * (0.35f + 0.65f * act_slot(t ^ 13, n));
-        if (v <= 0)
-            continue;
-        /* on top, as far as there is room */
-        for (int e = 0; e <= arkit_is_left(accents[i].k); e++) {
-            float *o = &w[accents[i].k + e];
-            *o += (1 - clampf(*o, 0, 1)) * v
-                  * (arkit_is_left(accents[i].k)
-                     ? clampf(1 + (e ? -lean : lean), 0, 1) : 1);
+        for (int e = 0; e <= pair && v > 0; e++)
+            act_raise(&w[accents[i].k + e],
+                      pair ? v * clampf(1 + (e ? -lean : lean), 0, 1) : v);
+    }
+}
+
+/* What brows do, one thing at a time; share is cumulative. */
+static const struct brow_way {
+    float share, inner, outer, down, single;    /* single: of one side */
+} brow_ways[] = {
+    {0.34f, 0.9f, 1, 0, 0.2f},          /* raised */
+    {0.48f, 1, 0.1f, 0, 0.2f},          /* worried: the inner ends alone */
+    {0.60f, 0.1f, 1, 0, 0.5f},          /* the outer ends, often one: cocked */
+    {1, 0, 0, 1, 0}                     /* drawn down */
+};
+
+/* Brows move as a whole: inner and outer ends rise together, and what draws
+ * them down lets neither up. */
+static void act_add_brows(float *w, const struct act_look *l, double time)
+{
+    uint64_t t = act_track(l, "brows", 0);
+    float f, v = act_pulse(t, time, ACCENT_PERIOD, 0.95f, 1.3f);
+    int64_t n = act_period(&f, t, time, ACCENT_PERIOD);
+    const struct brow_way *way = brow_ways;
+
+    while (act_slot(t ^ 21, n) > way->share)
+        way++;
+    float lean = act_lean(t, n, way->single, 0.3f * l->lean);
+    v *= 0.4f + 0.6f * act_slot(t ^ 13, n);
+    for (int e = 0; e < 2; e++) {
+        float side = v * clampf(1 + (e ? -lean : lean), 0, 1);
+        float *inner = &w[ARKIT_BROW_INNER_UP_L + e];
+        float *outer = &w[ARKIT_BROW_OUTER_UP_L + e];
+        float *down = &w[ARKIT_BROW_DOWN_L + e];
+
+        if (way->down > 0) {
+            *inner *= 1 - side;
+            *outer *= 1 - side;
+        } else {
+            *down *= 1 - side;
         }
+        act_raise(inner, side * way->inner);
+        act_raise(outer, side * way->outer);
+        act_raise(down, side * way->down);
+    }
+}
+
+/* A mouth is wide or round, and its corners go up or down: of two that undo
+ * each other the stronger stays. */
+static void act_settle_mouth(float *w)
+{
+    for (int e = 0; e < 2; e++) {
+        float *smile = &w[ARKIT_MOUTH_SMILE_L + e];
+        float *frown = &w[ARKIT_MOUTH_FROWN_L + e];
+        float up = *smile, down = *frown;
+
+        *smile *= 1 - down;
+        *frown *= 1 - up;
+    }
+    float round = minf(w[ARKIT_MOUTH_PUCKER] + w[ARKIT_MOUTH_FUNNEL], 1);
+    float wide = 0.5f * (w[ARKIT_MOUTH_SMILE_L] + w[ARKIT_MOUTH_SMILE_R]);
+    w[ARKIT_MOUTH_PUCKER] *= 1 - wide;
+    w[ARKIT_MOUTH_FUNNEL] *= 1 - wide;
+    for (int e = 0; e < 2; e++) {
+        w[ARKIT_MOUTH_SMILE_L + e] *= 1 - round;
+        w[ARKIT_MOUTH_STRETCH_L + e] *= 1 - round;
     }
 }
 
@@ -525,22 +411,18 @@ static void act_settle(float *w)
         w[ARKIT_EYE_SQUINT_L + e] *= 1 - 0.6f * shut;
         w[ARKIT_CHEEK_SQUINT_L + e] *= 1 - 0.3f * shut;
         w[ARKIT_EYE_BLINK_L + e]
-            = fminf(shut, 1 - 0.85f * w[ARKIT_EYE_LOOK_DOWN_L + e] * 0.6f);
+            = minf(shut, 1 - 0.85f * w[ARKIT_EYE_LOOK_DOWN_L + e] * 0.6f);
         w[ARKIT_BROW_INNER_UP_L + e]
             *= 1 - 0.5f * w[ARKIT_BROW_DOWN_L + e];
         w[ARKIT_BROW_OUTER_UP_L + e]
             *= 1 - 0.7f * w[ARKIT_BROW_DOWN_L + e];
     }
-    w[ARKIT_MOUTH_CLOSE] = fminf(w[ARKIT_MOUTH_CLOSE],
+    w[ARKIT_MOUTH_CLOSE] = minf(w[ARKIT_MOUTH_CLOSE],
                                  0.9f * w[ARKIT_JAW_OPENED]);
     float side = w[ARKIT_JAW_LEFT] - w[ARKIT_JAW_RIGHT];
-    w[ARKIT_JAW_LEFT] = fmaxf(side, 0);
-    w[ARKIT_JAW_RIGHT] = fmaxf(-side, 0);
-    float round = w[ARKIT_MOUTH_PUCKER] + w[ARKIT_MOUTH_FUNNEL];
-    for (int e = 0; e < 2 && round > 0.5f; e++) {
-        w[ARKIT_MOUTH_SMILE_L + e] *= clampf(1.5f - round, 0.3f, 1);
-        w[ARKIT_MOUTH_STRETCH_L + e] *= clampf(1.5f - round, 0.3f, 1);
-    }
+    w[ARKIT_JAW_LEFT] = maxf(side, 0);
+    w[ARKIT_JAW_RIGHT] = maxf(-side, 0);
+    act_settle_mouth(w);
     w[ARKIT_MOUTH_ROLL_LOWER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
     w[ARKIT_MOUTH_ROLL_UPPER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
 }
@@ -571,10 +453,11 @@ void act_at(struct act *a, const struct act_model *m,
         a->weight[k]
             = lerpf(from[k], to[k], f)
               + 0.05f
-                    * fmaxf(act_wander(act_track(l, "tremble", k), time, 0.9),
+                    * maxf(act_wander(act_track(l, "tremble", k), time, 0.9),
                             0);
     add_speech(a->weight, l, time);
-    add_accents(a->weight, l, time);
+    act_add_accents(a->weight, l, time);
+    act_add_brows(a->weight, l, time);
     add_blinks(a->weight, l, time);
     add_gaze(a, l, time);
     act_settle(a->weight);

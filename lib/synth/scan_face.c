@@ -215,7 +215,7 @@ static void face_lay_lashes(struct scan_face *f)
             if (fabsf(q[0] - p[0]) > reach || fabsf(q[1] - p[1]) > reach)
                 continue;
             sub3(d, q, p);
-            least = fminf(least, dot3(d, d));
+            least = minf(least, dot3(d, d));
         }
         f->uv[2 * i] = (p[0] - f->eye[p[0] < 0][0]) / 0.16f + 0.5f;
         f->uv[2 * i + 1] = sqrtf(least) / 0.045f;

@@ -202,7 +202,7 @@ static void figure_drop_under_hat(struct figure *f,
         for (size_t c = hat->c0; c < hat->c1; c++) {
             const float *q = f->place + 3 * c;
             if (q[0] * p[0] + q[2] * p[2] > 0.9f * flat * hypotf(q[0], q[2]))
-                low = fminf(low, q[1]);
+                low = minf(low, q[1]);
         }
         if (p[1] > low + 0.02f)
             v[1] = v[2] = v[0];
@@ -391,7 +391,7 @@ static void figure_face_light(float e[3], const struct figure *f)
         if (f->bind[4 * c] >= 6706)     /* narrow face */
             continue;
         for (int k = 0; k < 3; k++)
-            e[k] += fmaxf(harmonic2_moments(&sky[k], f->moment + 10 * c), 0);
+            e[k] += maxf(harmonic2_moments(&sky[k], f->moment + 10 * c), 0);
         for (int i = 0; i < f->light.nlamp; i++) {
             float d[3], nl;
             rot3(d, front, f->light.lamp[i].dir);
@@ -402,7 +402,7 @@ static void figure_face_light(float e[3], const struct figure *f)
         count += 1;
     }
     for (int k = 0; k < 3; k++)
-        e[k] = fmaxf(e[k] / count, 0.02f);
+        e[k] = maxf(e[k] / count, 0.02f);
 }
 
 /* What exposure and white balance suit the light on the face. */

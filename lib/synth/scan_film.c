@@ -68,10 +68,10 @@ static void film_paint_wall(float *wall, const struct figure *f, int n)
     float sy = (float)(key >> 10 & 1023) / 1023 - 0.5f;
 
     for (int k = 0; k < 3; k++) {
-        e[k] = fmaxf(harmonic2_diffuse(&l->sky[k], to), 0.05f);
+        e[k] = maxf(harmonic2_diffuse(&l->sky[k], to), 0.05f);
         for (int i = 0; i < l->nlamp; i++)
             e[k] += l->lamp[i].rgb[k] * 0.318f
-                    * fmaxf(dot3(l->lamp[i].dir, to), 0.1f);
+                    * maxf(dot3(l->lamp[i].dir, to), 0.1f);
     }
     for (int y = 0; y < n; y++)
         for (int x = 0; x < n; x++) {
@@ -81,7 +81,7 @@ static void film_paint_wall(float *wall, const struct figure *f, int n)
                       + 0.05f * noise_sum(3 * u + 9 * sx, 3 * v, 2, 3);
             for (int k = 0; k < 3; k++)
                 wall[(k * n + y) * n + x] = c->wall[k] * e[k]
-                                            * fmaxf(g, 0.1f);
+                                            * maxf(g, 0.1f);
         }
 }
 
@@ -103,7 +103,7 @@ void scan_backdrop(float *wall, float *tmp, const struct figure *f, int n)
             light_mirror(rgb, &f->light, d, 0);
             for (int k = 0; k < 3; k++)
                 wall[((size_t)k * plane) + (size_t)(y * n + x)]
-                    = fminf(rgb[k], 14 / f->exposure);
+                    = minf(rgb[k], 14 / f->exposure);
         }
     if (r < 1)
         return;
@@ -163,7 +163,7 @@ static void tone_apply(float c[3], const struct tone *t, float vignette)
     float gray;
 
     for (int k = 0; k < 3; k++)
-        c[k] = film_encode(t->table, film_shoulder(fmaxf(c[k], 0) * t->gain[k]
+        c[k] = film_encode(t->table, film_shoulder(maxf(c[k], 0) * t->gain[k]
                                                    * vignette));
     gray = 0.30f * c[0] + 0.59f * c[1] + 0.11f * c[2];
     for (int k = 0; k < 3; k++) {
@@ -235,7 +235,7 @@ static void film_soften(float *p, float *tmp, int n, float sigma)
 /* Mean along a short straight way. */
 static void film_smear(float *p, float *tmp, int n, const float move[2])
 {
-    int taps = (int)ceilf(fmaxf(fabsf(move[0]), fabsf(move[1]))) + 1;
+    int taps = (int)ceilf(maxf(fabsf(move[0]), fabsf(move[1]))) + 1;
 
     taps = taps > 11 ? 11 : taps;
     memset(tmp, 0, (size_t)n * (size_t)n * sizeof *tmp);

@@ -99,7 +99,7 @@ static int light_take_lamp(struct lamp *l, float *p, int w, int h)
             if (pass == 0 || angle > reach)
                 continue;
             for (int k = 0; k < 3; k++) {
-                float over = fmaxf(c[k] - rim[k], 0);
+                float over = maxf(c[k] - rim[k], 0);
                 l->rgb[k] += over * sa;
                 mad3(l->dir, l->dir, d, over * sa);
                 size += over * sa * angle;
@@ -108,8 +108,8 @@ static int light_take_lamp(struct lamp *l, float *p, int w, int h)
             }
         }
         for (int k = 0; pass == 0 && k < 3; k++)
-            rim[k] /= fmaxf(n, 1e-6f);
-        l->size = clampf(size / fmaxf(all, 1e-9f), 0.01f, reach);
+            rim[k] /= maxf(n, 1e-6f);
+        l->size = clampf(size / maxf(all, 1e-9f), 0.01f, reach);
     }
     unit3(l->dir);
     /* the whole sphere at mean luminance 1 gives irradiance pi */
@@ -149,7 +149,7 @@ static void light_blur_level(float *out, int w, int h, const float *in, int iw,
             all += c;
         }
         for (int k = 0; k < 3; k++)
-            out[3 * i + k] = sum[k] / fmaxf(all, 1e-9f);
+            out[3 * i + k] = sum[k] / maxf(all, 1e-9f);
     }
     free(dir);
 }
@@ -346,7 +346,7 @@ static void light_sample_level(float o[3], const float *p, int w, int h,
 static float light_turn_of(float y, float x)
 {
     float ax = fabsf(x), ay = fabsf(y);
-    float a = fminf(ax, ay) / fmaxf(fmaxf(ax, ay), 1e-20f);
+    float a = minf(ax, ay) / maxf(maxf(ax, ay), 1e-20f);
     float s = a * a;
     float r = ((-0.0464964749f * s + 0.15931422f) * s - 0.327622764f) * s * a
               + a;

@@ -81,7 +81,7 @@ static void made_measure_glasses(struct spectacles *g, const struct figure *f)
 
     /* clear of the brows, resting on the nose */
     for (int k = 18; k < 26; k++)
-        front = fmaxf(front, f->rest[3 * lmk[k] + 2]);
+        front = maxf(front, f->rest[3 * lmk[k] + 2]);
     float wide = fabsf(f->eye[0][0] - f->eye[1][0]);
     for (int e = 0; e < 2; e++) {
         g->centre[e][0] = f->eye[e][0] * 1.03f;
@@ -148,7 +148,7 @@ static int made_add_frame(struct figure *f, struct error *err)
     for (int e = 0; e < 2; e++) {       /* the temples, to the ears */
         float side = e ? -1 : 1, *ear = f->rest + 3 * lmk[e ? 0 : 16];
         float outer = g.centre[e][0] + side * g.half[0];
-        float wide = side * fmaxf(fabsf(ear[0]) + 0.02f, fabsf(outer));
+        float wide = side * maxf(fabsf(ear[0]) + 0.02f, fabsf(outer));
         for (int k = 0; k < 5; k++) {
             float t = (float)k / 4;
             at[k][0] = lerpf(outer, wide, ramp(0, 0.4f, t));
@@ -247,7 +247,7 @@ static int made_add_fur(struct figure *f, bool beard, float length,
         float d[3], most = 0;
         for (int k = 0; k < 3; k++) {
             d[k] = made_fur_density(f, (size_t)v[k], beard);
-            most = fmaxf(most, d[k]);
+            most = maxf(most, d[k]);
         }
         for (int l = 0; most > least && l < LAYERS; l++, at++)
             for (int k = 0; k < 3; k++, c++) {

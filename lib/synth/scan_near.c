@@ -32,8 +32,8 @@ int near_init(struct near_grid *g, const float *p, size_t n, float cell,
     for (int k = 0; k < 3; k++) {
         g->lo[k] = hi[k] = p[k];
         for (size_t i = 1; i < n; i++) {
-            g->lo[k] = fminf(g->lo[k], p[3 * i + (size_t)k]);
-            hi[k] = fmaxf(hi[k], p[3 * i + (size_t)k]);
+            g->lo[k] = minf(g->lo[k], p[3 * i + (size_t)k]);
+            hi[k] = maxf(hi[k], p[3 * i + (size_t)k]);
         }
         g->dim[k] = (int)((hi[k] - g->lo[k]) / cell) + 1;
         g->dim[k] = g->dim[k] > 256 ? 256 : g->dim[k];
@@ -109,7 +109,7 @@ static float near_outside(const struct near_grid *g, const float x[3])
     for (int k = 0; k < 3; k++) {
         float below = g->lo[k] - x[k];
         float above = -below - (float)g->dim[k] * g->cell;
-        float out = fmaxf(fmaxf(below, above), 0);
+        float out = maxf(maxf(below, above), 0);
         sum += out * out;
     }
     return sum;

@@ -89,8 +89,8 @@ static const float hair_rows[9][3] = {
     {118, 86, 58}, {160, 124, 84}, {192, 162, 116}, {120, 56, 30}
 };
 
-/* Whether hair hangs over a brow of a face seen from the front: most faces in
- * photographs show both. */
+/* Whether hair hangs over a brow of a face seen about from the front: most
+ * faces in photographs show both. */
 static bool hides_brow(const struct piece *hair, const struct scan_face *face)
 {
     uint64_t front = 0;
@@ -104,8 +104,7 @@ static bool hides_brow(const struct piece *hair, const struct scan_face *face)
             front |= (uint64_t)1 << k;
     }
     for (int k = 17; k < 27; k++) {
-        uint64_t shut = hair->shade[face->landmark[k]] & front;
-        hidden += shut && shut == front;
+        hidden += (hair->shade[face->landmark[k]] & front) != 0;
     }
     return hidden > 1;
 }
@@ -130,11 +129,11 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
     p->hair_gloss = random_float(&r, 0.3, 1.3);
     p->hair = one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
     /* long hair and short hair change hands now and then */
-    for (int k = 0; k < 6 && p->hair >= 0; k++) {
+    for (int k = 0; k < 12 && p->hair >= 0; k++) {
         const struct piece *q = &a->hair.piece[p->hair];
         bool is_short = !strncmp(q->name, "short", 5);
         if ((is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
-            && (!hides_brow(q, &a->face) || random_chance(&r, 0.25)))
+            && (!hides_brow(q, &a->face) || random_chance(&r, 0.05)))
             break;
         p->hair = one_of(&r, a->hair.n, 0);
     }
@@ -208,7 +207,7 @@ static void draw_camera(struct scan_person *p, float effects)
     p->rest[2] = 12 * expf(0.28f * person_normal(&r, 2) + 0.04f);
     c->distance = p->rest[2];
     if (far < 0.45f)            /* an arm's length, or a desk's */
-        c->distance = fminf(c->distance, 5 * random_float(&r, 0.32, 1.6));
+        c->distance = minf(c->distance, 5 * random_float(&r, 0.32, 1.6));
     else if (far < 0.5f)        /* a telephone at 15 to 32 cm from the face */
         c->distance = 5 * random_float(&r, 0.24, 0.36);
     p->rest[0] = 0.13f * person_normal(&r, 2) * p->rest[2] / 12;

@@ -59,8 +59,8 @@ static int piece_cut(struct piece *p, const float *place, size_t nv,
         first[i] = -1;
     for (size_t i = 0; i < nf; i++) {
         const int32_t *v = f + 3 * i;
-        float top = fminf(place[3 * v[0] + 1],
-                          fminf(place[3 * v[1] + 1], place[3 * v[2] + 1]));
+        float top = minf(place[3 * v[0] + 1],
+                          minf(place[3 * v[1] + 1], place[3 * v[2] + 1]));
         if (top < above)
             continue;
         for (size_t k = 0; k < 3; k++) {

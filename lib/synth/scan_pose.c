@@ -50,7 +50,7 @@ static void pose_find_folds(struct scan_stage *s)
             sub3(d, rest + 3 * b, rest + 3 * a);
             sub3(e, s->face + 3 * b, s->face + 3 * a);
             float l = dot3(d, d), m = dot3(e, e);
-            float c = fmaxf(1 - m / (l + 1e-9f), 0);
+            float c = maxf(1 - m / (l + 1e-9f), 0);
             sum[2 * a] += c;
             sum[2 * a + 1] += 1;
             sum[2 * b] += c;
@@ -177,9 +177,9 @@ static float pose_mouth_light(const struct scan_stage *s, const float *p)
 {
     const int32_t *lmk = s->figure->assets->face.landmark;
     const float *up = s->face + 3 * lmk[62], *low = s->face + 3 * lmk[66];
-    float gap = fmaxf(up[1] - low[1], 0), mid = 0.5f * (up[1] + low[1]);
-    float deep = fmaxf(0.5f * (up[2] + low[2]) - p[2], 0);
-    float off = fmaxf(fabsf(p[1] - mid) - 0.5f * gap, 0);
+    float gap = maxf(up[1] - low[1], 0), mid = 0.5f * (up[1] + low[1]);
+    float deep = maxf(0.5f * (up[2] + low[2]) - p[2], 0);
+    float off = maxf(fabsf(p[1] - mid) - 0.5f * gap, 0);
     float side = fabsf(p[0] - up[0]);
     float open = 0.8f * gap + 0.016f;
 
@@ -221,16 +221,16 @@ static void pose_find_light(struct scan_stage *s)
                                   && f->bind[4 * c] < FACE_TEETH_END));
             float in = inside ? pose_mouth_light(s, s->head + 3 * c) : 1;
             for (int k = 0; k < 3; k++) {
-                float free = fmaxf(harmonic2_diffuse(&h[k], n), 1e-3f);
+                float free = maxf(harmonic2_diffuse(&h[k], n), 1e-3f);
                 float b = inside ? in
                           : clampf(harmonic2_moments(&h[k], m) / free, 0.02f,
                                    1.1f);
                 if (f->bind[4 * c] >= FACE_TEETH_END
                     && f->bind[4 * c] < FACE_EYE_RIGHT_END
                     && p->ride == RIDE_FACE)
-                    b = fmaxf(b, 0.25f);
+                    b = maxf(b, 0.25f);
                 s->bright[3 * c + (size_t)k]
-                    = b / (1 - bounce[k] * (1 - fminf(b, 1)));
+                    = b / (1 - bounce[k] * (1 - minf(b, 1)));
             }
         }
     }

@@ -34,7 +34,7 @@ static float shade_lamp_gloss(const struct scan_point *o, const struct lamp *l,
     for (int k = 0; k < 3; k++)
         h[k] = l->dir[k] + o->view[k];
     unit3(h);
-    float nh = fmaxf(dot3(o->n, h), 0), lh = fmaxf(dot3(l->dir, h), 0.1f);
+    float nh = maxf(dot3(o->n, h), 0), lh = maxf(dot3(l->dir, h), 0.1f);
     float a2 = shade_square(a), d = shade_square(nh) * (a2 - 1) + 1;
 
     return a2 / (3.14159f * shade_square(d) + 1e-7f) * shade_fresnel(f0, lh)
@@ -53,16 +53,16 @@ static void shade_add_gloss(float rgb[3], const struct scan_stage *s,
     for (int k = 0; k < 3; k++)
         r[k] = 2 * nv * o->n[k] - o->view[k];
     /* rough surfaces reach their full mirror only at grazing views */
-    float f = shade_fresnel(g->f0, fmaxf(nv, 0.02f) + 0.15f * g->rough);
+    float f = shade_fresnel(g->f0, maxf(nv, 0.02f) + 0.15f * g->rough);
     light_mirror(c, l, r, g->rough * 5);
-    mad3(rgb, rgb, c, g->amount * fminf(f, 0.35f) * open * open);
+    mad3(rgb, rgb, c, g->amount * minf(f, 0.35f) * open * open);
     for (int i = 0; i < l->nlamp; i++) {
         float nl = dot3(o->n, l->lamp[i].dir);
         if (nl <= 0 || shadow[i] <= 0)
             continue;
         mad3(rgb, rgb, l->lamp[i].rgb,
              g->amount * shadow[i] * nl
-             * fminf(shade_lamp_gloss(o, &l->lamp[i], g->rough, g->f0), 12));
+             * minf(shade_lamp_gloss(o, &l->lamp[i], g->rough, g->f0), 12));
     }
 }
 
@@ -74,7 +74,7 @@ static void shade_diffuse(float e[3], float shadow[LIGHT_LAMPS],
     const struct light *l = &s->figure->light;
 
     for (int k = 0; k < 3; k++)
-        e[k] = fmaxf(harmonic2_diffuse(&l->sky[k], o->n), 0.01f)
+        e[k] = maxf(harmonic2_diffuse(&l->sky[k], o->n), 0.01f)
                * o->bright[k];
     for (int i = 0; i < l->nlamp; i++) {
         float nl = dot3(o->n, l->lamp[i].dir);
@@ -83,7 +83,7 @@ static void shade_diffuse(float e[3], float shadow[LIGHT_LAMPS],
             continue;
         shadow[i] = scan_shadow_at(s, i, o->p, o->n);
         for (int k = 0; k < 3; k++) {
-            float w = wrap[k], d = fmaxf((nl + w) / (1 + w), 0);
+            float w = wrap[k], d = maxf((nl + w) / (1 + w), 0);
             /* light bleeds into the edge of a shadow, red the farthest */
             float t = clampf(shadow[i] + w * 2.2f * shadow[i]
                              * (1 - shadow[i]), 0, 1);
@@ -229,13 +229,13 @@ static void shade_eye(float rgb[3], const struct scan_stage *s,
     float r = sqrtf(p[0] * p[0] + p[1] * p[1]), x = p[0], y = p[1];
     if (p[2] > 0 && r < 1.2f * radius) {
         /* bent by the cornea, down to the iris behind it */
-        float deep = fmaxf(p[2] - 0.0685f, 0), n[3], bent[3];
+        float deep = maxf(p[2] - 0.0685f, 0), n[3], bent[3];
         for (int k = 0; k < 3; k++)
             n[k] = m[k] * o->n[0] + m[3 + k] * o->n[1] + m[6 + k] * o->n[2];
         float eta = 1 / 1.336f, ci = -dot3(v, n);
         float k2 = 1 - eta * eta * (1 - ci * ci);
         for (int k = 0; k < 3; k++)
-            bent[k] = eta * v[k] + (eta * ci - sqrtf(fmaxf(k2, 0))) * n[k];
+            bent[k] = eta * v[k] + (eta * ci - sqrtf(maxf(k2, 0))) * n[k];
         if (bent[2] < -0.1f) {
             x += bent[0] / -bent[2] * deep;
             y += bent[1] / -bent[2] * deep;
@@ -280,7 +280,7 @@ static float shade_piece_color(float c[3], const struct figure_part *p, float u,
         lum += w[k] * shade_square(t[k]);
         mean += w[k] * p->piece->mean[k];
     }
-    float g = powf(clampf(lum / fmaxf(mean, 0.004f), 0.05f, 6), 0.55f);
+    float g = powf(clampf(lum / maxf(mean, 0.004f), 0.05f, 6), 0.55f);
     for (int k = 0; k < 3; k++)
         c[k] = p->own ? shade_square(t[k]) : clampf(c[k] * g, 0, 0.95f);
     return t[3];
@@ -336,13 +336,13 @@ static void shade_hair(float rgb[3], const struct scan_stage *s,
     mad3(t, t, o->n, -dot3(t, o->n));
     unit3(t);
     for (int k = 0; k < 3; k++)
-        e[k] = fmaxf(harmonic2_diffuse(&l->sky[k], o->n), 0.01f)
+        e[k] = maxf(harmonic2_diffuse(&l->sky[k], o->n), 0.01f)
                * o->bright[k];
     float shine[3] = {0, 0, 0}, r[3], c[3];
     for (int i = 0; i < l->nlamp; i++) {
         const struct lamp *a = &l->lamp[i];
         float tl = dot3(t, a->dir), tv = dot3(t, o->view);
-        float sl = sqrtf(fmaxf(1 - tl * tl, 0));
+        float sl = sqrtf(maxf(1 - tl * tl, 0));
         float shadow = scan_shadow_at(s, i, o->p, o->n);
         float nl = clampf(0.5f + 0.5f * dot3(o->n, a->dir), 0, 1);
         float g1 = tl + tv - 0.10f, g2 = tl + tv + 0.18f;
@@ -370,7 +370,7 @@ static float shade_lens(float rgb[3], const struct scan_stage *s,
                         struct scan_point *o)
 {
     const struct figure *f = s->figure;
-    float nv = fmaxf(dot3(o->n, o->view), 0), r[3], c[3];
+    float nv = maxf(dot3(o->n, o->view), 0), r[3], c[3];
     const bool sun = f->look.glasses == GLASSES_SUN;
     float a = sun ? 0.88f : 0.05f;
 
@@ -379,7 +379,7 @@ static float shade_lens(float rgb[3], const struct scan_stage *s,
     light_mirror(c, &f->light, r, 0);
     float g = shade_fresnel(sun ? 0.05f : 0.035f, nv);
     for (int k = 0; k < 3; k++)
-        rgb[k] = fminf(c[k], 40) * g / a
+        rgb[k] = minf(c[k], 40) * g / a
                  + (sun ? 0.01f : 0.02f);
     return a;
 }

@@ -63,26 +63,51 @@ static void shadow_draw_face(struct scan_stage *s, float *map, size_t i)
     }
 }
 
-/* A box of 2 r + 1 texels, twice along each axis. */
-static void shadow_blur_map(float *map, float *tmp, int n, int r)
+/* Row a of a map, or the nearest that there is. */
+static const float *shadow_row(const float *map, int a)
 {
-    float w = 1 / (float)(2 * r + 1);
+    return map + (a < 0 ? 0 : a < SCAN_SHADOW ? a : SCAN_SHADOW - 1)
+                     * SCAN_SHADOW;
+}
 
-    for (int pass = 0; pass < 4; pass++) {
-        const float *in = pass & 1 ? tmp : map;
-        float *out = pass & 1 ? map : tmp;
-        int step = pass < 2 ? 1 : n, across = pass < 2 ? n : 1;
-        for (int j = 0; j < n; j++) {
-            float sum = 0;
-            for (int i = -r; i <= r; i++)
-                sum += in[j * across + (i < 0 ? 0 : i) * step];
-            for (int i = 0; i < n; i++) {
-                int a = i - r < 0 ? 0 : i - r;
-                int b = i + r + 1 >= n ? n - 1 : i + r + 1;
-                out[j * across + i * step] = sum * w;
-                sum += in[j * across + b * step] - in[j * across + a * step];
-            }
+/* The mean of 2 r + 1 rows; the sums of all columns go down side by side. */
+static void shadow_blur_down(float *out, const float *in, int r)
+{
+    float sum[SCAN_SHADOW] = {0}, w = 1 / (float)(2 * r + 1);
+
+    for (int i = -r; i <= r; i++)
+        for (int j = 0; j < SCAN_SHADOW; j++)
+            sum[j] += shadow_row(in, i)[j];
+    for (int i = 0; i < SCAN_SHADOW; i++) {
+        const float *next = shadow_row(in, i + r + 1);
+        const float *last = shadow_row(in, i - r);
+
+        for (int j = 0; j < SCAN_SHADOW; j++) {
+            out[i * SCAN_SHADOW + j] = sum[j] * w;
+            sum[j] += next[j] - last[j];
         }
+    }
+}
+
+/* Rows become columns. */
+static void shadow_turn(float *out, const float *in)
+{
+    enum { N = SCAN_SHADOW, TILE = 16 };
+
+    for (int t = 0; t < N * N / TILE; t += TILE)
+        for (int y = t / N * TILE; y < t / N * TILE + TILE; y++)
+            for (int x = t % N; x < t % N + TILE; x++)
+                out[x * N + y] = in[y * N + x];
+}
+
+/* A box of 2 r + 1 texels, twice along each axis. */
+static void shadow_blur(float *map, float *tmp, int r)
+{
+    for (int axis = 0; axis < 2; axis++) {      /* across, then down */
+        shadow_turn(tmp, map);
+        shadow_blur_down(map, tmp, r);
+        shadow_blur_down(tmp, map, r);
+        memcpy(map, tmp, SCAN_SHADOW * SCAN_SHADOW * sizeof *map);
     }
 }
 
@@ -119,7 +144,7 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
         float h = w->map[i] > 0 ? w->map[i] - 8 : -2;
         w->map[i] = expf(SHARP * clampf(h, -2, 2));
     }
-    shadow_blur_map(w->map, s->flat, SCAN_SHADOW, 1 + (int)(l->size * 18));
+    shadow_blur(w->map, s->flat, 1 + (int)(l->size * 18));
 }
 
 void scan_shadows(struct scan_stage *s)

@@ -106,7 +106,7 @@ static void skin_fill_polygon(uint8_t *mask, const struct scan_face *f,
                 float ex = p[j][0] - p[i][0], ey = p[j][1] - p[i][1];
                 float t = clampf(((px - p[i][0]) * ex + (py - p[i][1]) * ey)
                                  / (ex * ex + ey * ey + 1e-6f), 0, 1);
-                near = fminf(near, hypotf(px - p[i][0] - t * ex,
+                near = minf(near, hypotf(px - p[i][0] - t * ex,
                                           py - p[i][1] - t * ey));
             }
             float v = in ? 1 : grow > 0 ? clampf(1.5f - near / grow, 0, 1)
@@ -163,7 +163,7 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
             float m2 = ramp(nose[1] + 2, nose[1] + 9, (float)y)
                        * ramp(mouth[1] + 25, mouth[1], (float)y)
                        * ramp(0.36f, 0.22f, side);
-            v = fmaxf(v, m2) * (1 - s->lip[y * N + x] / 255.0f);
+            v = maxf(v, m2) * (1 - s->lip[y * N + x] / 255.0f);
             s->beard[y * N + x] = (uint8_t)(255 * v);
         }
     return 0;
@@ -213,7 +213,7 @@ static void skin_unwrap(struct skin_sample *o, const struct image *im,
         for (int k = 0; k < 3; k++) {
             float l = lerpf(lerpf(table[a[k]], table[a[k + 3]], fx),
                             lerpf(table[b[k]], table[b[k + 3]], fx), fy);
-            o->log[3 * i + k] = logf(fmaxf(l, 0.002f));
+            o->log[3 * i + k] = logf(maxf(l, 0.002f));
         }
         copy3(o->normal + 3 * i, q);
         o->weight[i] = ramp(0.12f, 0.5f, q[2]);

@@ -171,8 +171,8 @@ static void skin_fill(float *v, float *w, int c, int m)
     }
     for (int i = 0; cv && cw && i < h * h; i++) {
         for (int k = 0; k < c; k++)
-            cv[i * c + k] /= fmaxf(cw[i], 1e-6f);
-        cw[i] = fminf(cw[i], 1);
+            cv[i * c + k] /= maxf(cw[i], 1e-6f);
+        cw[i] = minf(cw[i], 1);
     }
     if (cv && cw)
         skin_fill(cv, cw, c, h);

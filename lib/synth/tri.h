@@ -3,10 +3,10 @@
 #ifndef SPID_SYNTH_TRI_H
 #define SPID_SYNTH_TRI_H
 
-#include <math.h>
 #include <stdbool.h>
 
 #include "lib/synth/raster.h"
+#include "lib/synth/vec.h"
 
 struct tri {
     int y0, y1;
@@ -26,17 +26,17 @@ static inline bool tri_setup(struct tri *t, const struct raster_vertex *a,
 {
     const struct raster_vertex *v[4] = {a, b, c, a};
     float area = (b->x - a->x) * (c->y - a->y) - (c->x - a->x) * (b->y - a->y);
-    float ymin = fminf(a->y, fminf(b->y, c->y));
-    float ymax = fmaxf(a->y, fmaxf(b->y, c->y));
+    float ymin = minf(a->y, minf(b->y, c->y));
+    float ymax = maxf(a->y, maxf(b->y, c->y));
 
-    t->xmin = fminf(a->x, fminf(b->x, c->x));
-    t->xmax = fmaxf(a->x, fmaxf(b->x, c->x));
+    t->xmin = minf(a->x, minf(b->x, c->x));
+    t->xmax = maxf(a->x, maxf(b->x, c->x));
     if (!(area != 0) || a->q <= 0 || b->q <= 0 || c->q <= 0
         || !(ymax > 0 && t->xmax > 0 && ymin < (float)h
              && t->xmin < (float)w))
         return false;
-    t->y0 = (int)ceilf(fmaxf(ymin, 0) - 0.5f);
-    t->y1 = (int)floorf(fminf(ymax, (float)h) - 0.5f);
+    t->y0 = ceil_int(maxf(ymin, 0) - 0.5f);
+    t->y1 = floor_int(minf(ymax, (float)h) - 0.5f);
     t->y0 = t->y0 < 0 ? 0 : t->y0;
     t->y1 = t->y1 >= h ? h - 1 : t->y1;
     float inv = 1 / area, sign = area < 0 ? -1 : 1;
@@ -67,16 +67,16 @@ static inline bool tri_row(const struct tri *t, int y, int w, int *x0,
     for (int i = 0; i < 3; i++) {
         float rest = t->b[i] * fy + t->c[i];
         if (t->a[i] > 0)
-            lo = fmaxf(lo, -rest / t->a[i]);
+            lo = maxf(lo, -rest / t->a[i]);
         else if (t->a[i] < 0)
-            hi = fminf(hi, -rest / t->a[i]);
+            hi = minf(hi, -rest / t->a[i]);
         else if (rest < 0)
             return false;
     }
     if (!(hi >= 0 && lo <= (float)w && hi >= lo))
         return false;
-    *x0 = (int)ceilf(fmaxf(lo, 0) - 0.5f);
-    *x1 = (int)floorf(fminf(hi, (float)w) - 0.5f);
+    *x0 = ceil_int(maxf(lo, 0) - 0.5f);
+    *x1 = floor_int(minf(hi, (float)w) - 0.5f);
     *x0 = *x0 < 0 ? 0 : *x0;
     *x1 = *x1 >= w ? w - 1 : *x1;
     return *x0 <= *x1;

@@ -4,6 +4,28 @@
 
 #include <math.h>
 
+/* As fmaxf and fminf, which are calls; b where a is not a number. */
+static inline float maxf(float a, float b)
+{
+    return a > b ? a : b;
+}
+static inline float minf(float a, float b)
+{
+    return a < b ? a : b;
+}
+/* As (int)ceilf and (int)floorf, for what an int holds. */
+static inline int ceil_int(float x)
+{
+    int i = (int)x;
+
+    return i + (x > (float)i);
+}
+static inline int floor_int(float x)
+{
+    int i = (int)x;
+
+    return i - (x < (float)i);
+}
 static inline float clampf(float x, float lo, float hi)
 {
     return x < lo ? lo : x > hi ? hi : x;
