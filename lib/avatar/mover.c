@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/record/gmov.h"
 #include "lib/record/mesh.h"
 #include "lib/record/person.h"
 
@@ -110,15 +111,13 @@ static int mover_write(struct stream_writer *out, struct mover *m,
                        const struct record *rec, const float *cam,
                        struct error *err)
 {
-    static const int32_t first = 0;
-    struct array a[STREAM_MAX_ARRAYS] = {
-        array_make("cam", DTYPE_F32, cam, 2, 3, 4, 0, 0),
-        array_make("first", DTYPE_I32, &first, 1, 1, 0, 0, 0),
-        array_make("mean", DTYPE_F32, m->move.mean, 2, m->baked.dynamic, 3,
-                   0, 0),
-        array_make("shift", DTYPE_F32, m->move.frame.to, 1, 3, 0, 0, 0)
+    const struct gmov moved = {
+        .cam = cam, .mean = m->move.mean, .count = m->baked.dynamic,
+        .shift = m->move.frame.to,
+        .chin = m->baked.has_jaw ? m->move.frame.chin : NULL,
+        .body = m->baked.blended ? m->move.frame.plane : NULL
     };
-    int n = 4;
+    struct array a[STREAM_MAX_ARRAYS];
 
     /* places are of no use without the photograph */
     if (!m->sent && m->person.back && baked_has_places(&m->baked) &&
@@ -134,12 +133,7 @@ static int mover_write(struct stream_writer *out, struct mover *m,
                                 NULL, err))
         return -1;
     m->sent = true;
-    if (m->baked.has_jaw)
-        a[n++] = array_make("chin", DTYPE_F32, m->move.frame.chin, 1, 3, 0, 0,
-                            0);
-    if (m->baked.blended)
-        a[n++] = array_make("body", DTYPE_F32, m->move.frame.plane, 2, 3, 4,
-                            0, 0);
+    int n = gmov_arrays(a, &moved);
     n += record_others(a + n, n, rec, mesh_arrays);
     return stream_write(out, RECORD_GMOV, rec->frame, rec->time, a, n, err);
 }

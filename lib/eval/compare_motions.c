@@ -9,6 +9,7 @@
 #include "lib/base/list.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/motion.h"
+#include "lib/record/imag.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
 
@@ -122,15 +123,15 @@ static int side_read(struct side *s, const char *path, struct error *err)
         return -1;
     s->size = 512;
     while ((rc = stream_read(in, &rec, err)) > 0) {
-        const struct array *rgb = record_find(&rec, "rgb");
-        if (record_is(&rec, RECORD_IMAG) && rgb && rgb->ndim == 3 && s->size !=
-            (double)rgb->dim[0]) {
+        const double side = record_is(&rec, RECORD_IMAG)
+                          ? (double)imag_size(&rec) : 0;
+        if (side > 0 && side != s->size) {
             /* The size is known only now: bring what came before to 512. */
-            double k = s->size / (double)rgb->dim[0];
+            double k = s->size / side;
             for (size_t i = 0; i < s->clip.count; i++)
                 for (int j = 0; j < 136; j++)
                     (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
-            s->size = (double)rgb->dim[0];
+            s->size = side;
         }
         if ((record_is(&rec, RECORD_SHAP) && side_fold(s, &rec, err)) ||
             (record_is(&rec, RECORD_MOTN) && side_take(s, &rec, err))) {

@@ -33,6 +33,13 @@ int imag_read(struct imag *im, const struct record *rec, struct error *err)
                : 0;
 }
 
+size_t imag_size(const struct record *rec)
+{
+    const struct array *rgb = record_find(rec, "rgb");
+
+    return rgb && rgb->ndim == 3 ? rgb->dim[0] : 0;
+}
+
 int imag_write(struct stream_writer *w, uint64_t frame, double time,
                const struct imag *im, struct error *err)
 {

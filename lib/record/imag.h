@@ -22,6 +22,8 @@ struct imag {
 /* -1 and *err naming the array when the picture or its mask is missing, or one
  * is of another type or not square. */
 int imag_read(struct imag *im, const struct record *rec, struct error *err);
+/* Its pixels a side, by its height; 0: it has no picture. */
+size_t imag_size(const struct record *rec);
 /* Write the arrays that are not NULL. */
 int imag_write(struct stream_writer *w, uint64_t frame, double time,
                const struct imag *im, struct error *err);

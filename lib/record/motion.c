@@ -48,6 +48,13 @@ int motion_read(struct motion *m, const struct record *rec, size_t nexp,
     return 0;
 }
 
+size_t motion_expressions(const struct record *rec)
+{
+    const struct array *exp = record_find(rec, "exp");
+
+    return exp && exp->ndim == 1 ? exp->dim[0] : 0;
+}
+
 int motion_read_landmarks(float lmk[HEAD_LANDMARKS][2],
                           const struct record *rec, struct error *err)
 {

@@ -22,6 +22,8 @@ struct motion {
  * size or not finite. */
 int motion_read(struct motion *m, const struct record *rec, size_t nexp,
                 struct error *err);
+/* How many expression coefficients the record has. */
+size_t motion_expressions(const struct record *rec);
 /* The record's landmarks (68,2), pixels of the portrait window.  1; 0: it has
  * none; -1 when they are of another shape. */
 int motion_read_landmarks(float lmk[HEAD_LANDMARKS][2],

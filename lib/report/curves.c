@@ -48,8 +48,7 @@ static int curves_grow(struct curves *c, struct error *err)
 static int curves_add(struct curves *c, const struct record *rec,
                       struct error *err)
 {
-    const struct array *exp = record_find(rec, "exp");
-    size_t nexp = exp && exp->ndim == 1 ? exp->dim[0] : 0, i = c->n;
+    size_t nexp = motion_expressions(rec), i = c->n;
     struct motion m;
     double angles[3];
 

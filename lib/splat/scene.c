@@ -11,6 +11,7 @@
 #include "lib/geom/drive.h"
 #include "lib/geom/neck_blend.h"
 #include "lib/record/gaus.h"
+#include "lib/record/gmov.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 
@@ -108,22 +109,6 @@ static void scene_find_blended(struct scene *s)
     neck_blend_range(&s->blended, &s->blended_count, s->neck, 0, n);
 }
 
-/* The optional camera. */
-static int scene_take_camera(struct scene *s, const struct record *rec,
-                             struct error *err)
-{
-    static const size_t dims[2] = {3, 4};
-    const float *cam;
-
-    if (!record_find(rec, "cam"))
-        return 0;
-    if (!(cam = record_get(rec, "cam", DTYPE_F32, 2, dims, err)))
-        return -1;
-    memcpy(s->cam, cam, sizeof s->cam);
-    s->has_cam = 1;
-    return 0;
-}
-
 /* Copies of the arrays of a GAUS record. */
 static int scene_copy_arrays(struct scene *s, const struct gaus *g,
                              struct error *err)
@@ -189,27 +174,21 @@ static int scene_load(struct scene *s, const struct record *rec,
 }
 
 /* The centres that GMOV brings as they are. */
-static int scene_move_means(struct scene *s, const struct record *rec,
+static int scene_move_means(struct scene *s, const struct gmov *m,
                             struct error *err)
 {
-    static const size_t one[1] = {1}, any[2] = {0, 3};
-    const struct array *a = record_find(rec, "mean");
-
     s->first = s->count = 0;
-    if (!a)
+    if (!m->mean)
         return 0;
-    const int32_t *first = record_get(rec, "first", DTYPE_I32, 1, one, err);
-    const float *mean = record_get(rec, "mean", DTYPE_F32, 2, any, err);
-    if (!first || !mean)
-        return -1;
-    if (*first < 0 || (size_t)*first > s->g.n ||
-        a->dim[0] > s->g.n - (size_t)*first)
+    if (m->first < 0 || (size_t)m->first > s->g.n ||
+        m->count > s->g.n - (size_t)m->first)
         return error_set(err, EX_DATAERR,
                          "GMOV moves Gaussians %d to %zu (expected within "
-                         "%zu)", *first, (size_t)*first + a->dim[0], s->g.n);
-    s->first = (size_t)*first;
-    s->count = a->dim[0];
-    memcpy(s->mean + 3 * s->first, mean, 3 * s->count * sizeof *mean);
+                         "%zu)", m->first, (size_t)m->first + m->count,
+                         s->g.n);
+    s->first = (size_t)m->first;
+    s->count = m->count;
+    memcpy(s->mean + 3 * s->first, m->mean, 3 * s->count * sizeof *m->mean);
     return 0;
 }
 
@@ -222,59 +201,54 @@ static struct drive scene_drive(const struct scene *s)
     };
 }
 
-/* A shift (3) of GMOV that may be left out: 1, 0 without it, or -1. */
-static int scene_take_shift(float out[3], const struct record *rec,
-                            const char *name, struct error *err)
-{
-    static const size_t three[1] = {3};
-    const float *shift;
-
-    if (!record_find(rec, name))
-        return 0;
-    if (!(shift = record_get(rec, name, DTYPE_F32, 1, three, err)))
-        return -1;
-    memcpy(out, shift, 3 * sizeof *out);
-    return 1;
-}
-
 /* The mouth goes by l_d - l_s as a whole, or with the chin. */
-static int scene_move_mouth(struct scene *s, const struct record *rec,
-                            struct error *err)
+static void scene_move_mouth(struct scene *s, const struct gmov *m)
 {
     const struct drive d = scene_drive(s);
     struct drive_frame f = {.from = {0}};
-    int shift = scene_take_shift(f.to, rec, "shift", err);
-    int chin = scene_take_shift(f.chin, rec, "chin", err);
 
-    s->mouth_moved = shift > 0 || (chin > 0 && s->jaw);
-    if (shift < 0 || chin < 0)
-        return -1;
+    s->mouth_moved = m->shift || (m->chin && s->jaw);
     if (!s->mouth_moved)
-        return 0;
+        return;
+    if (m->shift)
+        memcpy(f.to, m->shift, sizeof f.to);
+    if (m->chin)
+        memcpy(f.chin, m->chin, sizeof f.chin);
     drive_mouth(s->mean + 3 * s->mouth, &d, &f);
-    return 0;
 }
 
 /* Static Gaussians follow the shoulders. */
-static int scene_move_shoulders(struct scene *s, const struct record *rec,
-                                struct error *err)
+static void scene_move_shoulders(struct scene *s, const struct gmov *m)
 {
-    static const size_t dims[2] = {3, 4};
     const struct drive d = scene_drive(s);
     struct drive_frame f;
-    const float *body;
 
-    s->neck_moved = 0;
-    if (!record_find(rec, "body") || !s->blended_count)
-        return 0;
-    if (!(body = record_get(rec, "body", DTYPE_F32, 2, dims, err)))
-        return -1;
-    memcpy(f.plane, body, sizeof f.plane);
+    s->neck_moved = m->body && s->blended_count;
+    if (!s->neck_moved)
+        return;
+    memcpy(f.plane, m->body, sizeof f.plane);
     for (size_t i = s->blended; i < s->blended + s->blended_count; i++)
         if (s->neck[i] != 0)    /* others may have moved otherwise */
             drive_static(s->mean + 3 * i, &d, &f, i, 1);
-    s->neck_moved = 1;
-    return 0;
+}
+
+/* A GMOV record. */
+static int scene_move(struct scene *s, const struct record *rec,
+                      struct error *err)
+{
+    struct gmov m;
+
+    if (!s->mean)
+        return error_set(err, EX_DATAERR, "GMOV before any GAUS");
+    if (gmov_read(&m, rec, err) || scene_move_means(s, &m, err))
+        return -1;
+    if (m.cam) {
+        memcpy(s->cam, m.cam, sizeof s->cam);
+        s->has_cam = 1;
+    }
+    scene_move_shoulders(s, &m);
+    scene_move_mouth(s, &m);
+    return SCENE_MOVED;
 }
 
 /* GAUS replaces all, GMOV moves; other records are nobody's business here. */
@@ -282,15 +256,7 @@ int scene_apply(struct scene *s, const struct record *rec, struct error *err)
 {
     if (record_is(rec, RECORD_GAUS))
         return scene_load(s, rec, err);
-    if (!record_is(rec, RECORD_GMOV))
-        return SCENE_NONE;
-    if (!s->mean)
-        return error_set(err, EX_DATAERR, "GMOV before any GAUS");
-    if (record_check_finite(rec, err) || scene_take_camera(s, rec, err) ||
-        scene_move_means(s, rec, err) || scene_move_shoulders(s, rec, err) ||
-        scene_move_mouth(s, rec, err))
-        return -1;
-    return SCENE_MOVED;
+    return record_is(rec, RECORD_GMOV) ? scene_move(s, rec, err) : SCENE_NONE;
 }
 
 /* Ranges that moved, in the order that scene_apply applied them. */

@@ -99,9 +99,7 @@ static void lens_smear(float *img, float *tmp, int n, int channels, float dx,
     memcpy(img, tmp, bytes);
 }
 
-/* A coarser sensor: means over cells of 1/low pixels, read back bilinear. */
-static void lens_coarsen(float *img, float *tmp, int n, int channels,
-                         float low)
+void lens_coarsen(float *img, float *tmp, int n, int channels, float low)
 {
     int m = (int)((float)n * low);
 

@@ -28,6 +28,10 @@ float lens_grain(float v, int k, uint64_t h, float noise);
  * to 1; returns r, 1 to `most`. */
 int lens_blur_weights(float *w, int most, float sigma);
 
+/* A coarser sensor: img (n,n,channels) becomes means over cells of 1/low
+ * pixels, read back bilinear; tmp is as large. */
+void lens_coarsen(float *img, float *tmp, int n, int channels, float low);
+
 /* Draw the persona's occluder, if any, over light; takes it out of cover and
  * labels it. */
 void occluder_draw(struct stage *s, const struct persona *p, double time);

@@ -252,36 +252,6 @@ static void film_smear(float *p, float *tmp, int n, const float move[2])
     memcpy(p, tmp, (size_t)n * (size_t)n * sizeof *p);
 }
 
-/* A coarser sensor: means over cells, read back bilinear. */
-static void film_coarsen(float *p, float *tmp, int n, float low)
-{
-    int m = (int)((float)n * low);
-
-    m = m < 8 ? 8 : m;
-    float step = (float)n / (float)m;
-    for (int y = 0; y < m; y++)
-        for (int x = 0; x < m; x++) {
-            int u = (int)(((float)x + 0.25f) * step);
-            int v = (int)(((float)y + 0.25f) * step);
-            int u1 = (int)(((float)x + 0.75f) * step);
-            int v1 = (int)(((float)y + 0.75f) * step);
-            tmp[y * m + x] = 0.25f * (p[v * n + u] + p[v * n + u1]
-                                      + p[v1 * n + u] + p[v1 * n + u1]);
-        }
-    for (int y = 0; y < n; y++)
-        for (int x = 0; x < n; x++) {
-            float fu = clampf(((float)x + 0.5f) / step - 0.5f, 0,
-                              (float)(m - 1) - 0.001f);
-            float fv = clampf(((float)y + 0.5f) / step - 0.5f, 0,
-                              (float)(m - 1) - 0.001f);
-            int u = (int)fu, v = (int)fv;
-            const float *q = tmp + v * m + u;
-            p[y * n + x] = lerpf(lerpf(q[0], q[1], fu - (float)u),
-                                 lerpf(q[m], q[m + 1], fu - (float)u),
-                                 fv - (float)v);
-        }
-}
-
 static void film_optics(float *p, float *tmp, int n,
                         const struct scan_camera *c, const float move[2])
 {
@@ -292,7 +262,7 @@ static void film_optics(float *p, float *tmp, int n,
     if (blur > 0.3f)
         film_soften(p, tmp, n, blur);
     if (c->low < 0.95f)
-        film_coarsen(p, tmp, n, c->low);
+        lens_coarsen(p, tmp, n, 1, c->low);
 }
 
 /* p += amount (p - its blur): what cameras do to their pictures. */
