@@ -19,7 +19,8 @@ static const char *list_path;
 static bool relative, absolute;
 
 /* A colour or a picture, or the word source. */
-static int parse_background(const char *value, void *dest, struct error *err)
+static int animate_parse_background(const char *value, void *dest,
+                                    struct error *err)
 {
     opt.framing.background_given = true;
     opt.framing.source_background = strcmp(value, "source") == 0;
@@ -45,7 +46,8 @@ static const struct cli_option options[] = {
                 "keep Gaussians of opacity under 1/255"),
     OPTION_FLOAT("closed", 0, &opt.closed_mm, 0, 100, "MM",
                  "lips open less than this hide the mouth (default 0.5)"),
-    OPTION_CALL("background", 'b', &opt.background, "WHAT", parse_background,
+    OPTION_CALL("background", 'b', &opt.background, "WHAT",
+                animate_parse_background,
                 "R,G,B, a name, a picture, or source (a picture's default)"),
     OPTION_FLAG("into-source", 0, &opt.framing.into_source,
                 "the driven head in the whole photograph, moving from where "
@@ -82,7 +84,7 @@ static const struct cli_usage usage = {
 };
 
 /* Operands and options that exclude each other. */
-static void check_usage(int operands)
+static void animate_check_usage(int operands)
 {
     const struct framing_options *f = &opt.framing;
 
@@ -101,7 +103,7 @@ static void check_usage(int operands)
 }
 
 /* What is to be said of a source that was read. */
-static void report_source(const struct prepared *s, const char *name)
+static void animate_report_source(const struct prepared *s, const char *name)
 {
     if (s->damaged)
         warn("%s: the picture is damaged or cut short: what is missing is grey",
@@ -116,7 +118,7 @@ static void report_source(const struct prepared *s, const char *name)
 }
 
 /* A frame has left: warnings, times and the line of progress. */
-static void frame_done(void *ctx, const struct animate_frame *f)
+static void animate_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct animation *a = ctx;
 
@@ -130,8 +132,8 @@ static void frame_done(void *ctx, const struct animate_frame *f)
 }
 
 /* The driver up to its first face. */
-static int open_driver(struct animation *a, const char *path,
-                       struct error *err)
+static int animate_open_driver(struct animation *a, const char *path,
+                               struct error *err)
 {
     if (animation_open_driver(a, path, err))
         return -1;
@@ -142,16 +144,16 @@ static int open_driver(struct animation *a, const char *path,
 }
 
 /* The lines that are this program. */
-static int run_clip(const struct job *job, struct error *err)
+static int animate_run_clip(const struct job *job, struct error *err)
 {
     static struct animation a;
     int rc = -1;
 
     if (animation_open(&a, &opt, &models, job->out, err) == 0 &&
         animation_open_source(&a, job->source, job->driver, err) == 0) {
-        report_source(&a.source, job->source);
-        if (open_driver(&a, job->driver, err) == 0)
-            rc = animation_run(&a, frame_done, &a, err);
+        animate_report_source(&a.source, job->source);
+        if (animate_open_driver(&a, job->driver, err) == 0)
+            rc = animation_run(&a, animate_frame_done, &a, err);
     }
     progress_end();
     if (rc == 0 && !cli.quiet)
@@ -165,7 +167,7 @@ static int run_clip(const struct job *job, struct error *err)
 }
 
 /* Clips whose output exists are done already. */
-static int run_list(void)
+static int animate_run_list(void)
 {
     struct joblist list;
     struct error err = {0};
@@ -181,7 +183,7 @@ static int run_list(void)
             continue;
         }
         err = (struct error){0};
-        if (run_clip(job, &err)) {
+        if (animate_run_clip(job, &err)) {
             warn("%s: %s", job->out, err.text);
             failed++;
         }
@@ -201,17 +203,17 @@ int main(int argc, char **argv)
 
     cli_run_networks(argv);
     first = cli_parse(&usage, argc, argv);
-    check_usage(argc - first);
+    animate_check_usage(argc - first);
     if (!list_path)
         module_preload((const char *[]){argv[first], argv[first + 1],
                                         cli.output}, 3);
     option_animation_load(&models, &opt);
     if (list_path) {
-        rc = run_list();
+        rc = animate_run_list();
     } else {
         const struct job job = {argv[first], argv[first + 1], cli.output};
 
-        if (run_clip(&job, &err))
+        if (animate_run_clip(&job, &err))
             die_error(&err);
     }
     stats_write();

@@ -14,8 +14,8 @@
 /* ---- workers ----------------------------------------------------------- */
 
 /* With the Gaussians loaded. */
-static int worker_open_renderer(struct animate_worker *w, int channels,
-                                int threads, struct error *err)
+static int animate_worker_open_renderer(struct animate_worker *w, int channels,
+                                        int threads, struct error *err)
 {
     const struct animate *a = w->owner;
     struct splat_options opt = splat_defaults((int)a->opt.size,
@@ -32,7 +32,7 @@ static int worker_open_renderer(struct animate_worker *w, int channels,
 }
 
 /* Eq. SR's input: as spid-splat writes it, so that the bytes are the same. */
-static bool worker_open_features(struct animate_worker *w)
+static bool animate_worker_open_features(struct animate_worker *w)
 {
     const struct animate *a = w->owner;
     size_t n = (a->opt.size * a->opt.size * a->baked->C + 31) / 32 * 32;
@@ -45,7 +45,8 @@ static bool worker_open_features(struct animate_worker *w)
 }
 
 /* What the portrait is cut to, or set into. */
-static int worker_open_frame(struct animate_worker *w, struct error *err)
+static int animate_worker_open_frame(struct animate_worker *w,
+                                     struct error *err)
 {
     const struct animate_part *part = w->owner->opt.part;
     const struct inset *inset = w->owner->opt.inset;
@@ -66,7 +67,7 @@ static int worker_open_frame(struct animate_worker *w, struct error *err)
 }
 
 /* Buffers, renderer and refiner of one worker. */
-static int worker_open(struct animate_worker *w, struct error *err)
+static int animate_worker_open(struct animate_worker *w, struct error *err)
 {
     const struct animate *a = w->owner;
     size_t pixels = a->opt.size * a->opt.size;
@@ -82,17 +83,17 @@ static int worker_open(struct animate_worker *w, struct error *err)
              ? malloc(TEXTURE_PHOTO * pixels * sizeof *w->photo) : NULL;
     if (!w->verts || !w->image || !w->alpha ||
         (a->opt.texture && (!w->place || (!a->opt.star && !w->photo))) ||
-        (!a->opt.star && !worker_open_features(w)))
+        (!a->opt.star && !animate_worker_open_features(w)))
         return error_set(err, EX_OSERR, "no memory for a picture of %zu "
                          "pixels", a->opt.size);
     if (baked_move_init(&w->move, a->baked, err))
         return -1;
-    if (worker_open_renderer(w, channels, threads, err))
+    if (animate_worker_open_renderer(w, channels, threads, err))
         return -1;
     if (a->opt.picture > a->opt.size &&
         zoom_init(&w->zoom, a->opt.size, a->opt.picture, a->opt.texture, err))
         return -1;
-    if (worker_open_frame(w, err))
+    if (animate_worker_open_frame(w, err))
         return -1;
     if (a->opt.star)
         return 0;
@@ -120,7 +121,7 @@ int animate_init(struct animate *a, const struct animate_options *opt,
                          a->opt.workers);
     for (int i = 0; i < a->opt.workers; i++) {
         a->worker[i].owner = a;
-        if (worker_open(&a->worker[i], err)) {
+        if (animate_worker_open(&a->worker[i], err)) {
             animate_release(a);
             return -1;
         }
@@ -161,9 +162,9 @@ void animate_release(struct animate *a)
 /* ---- a frame ----------------------------------------------------------- */
 
 /* Eq. SR on what was drawn, and what the photograph shows of it. */
-static int worker_refine(struct animate_worker *w,
-                         const struct splat_place_view *view,
-                         struct error *err)
+static int animate_worker_refine(struct animate_worker *w,
+                                 const struct splat_place_view *view,
+                                 struct error *err)
 {
     const struct animate *a = w->owner;
     struct refine_input in = {
@@ -185,9 +186,9 @@ static int worker_refine(struct animate_worker *w,
 
 /* Eq. C: colours for SpiD*, features for the refiner; places, too, where
  * there is a photograph to look them up in. */
-static int worker_splat(struct animate_worker *w,
-                        const struct splat_place_view *v,
-                        const float cam[12], struct error *err)
+static int animate_worker_splat(struct animate_worker *w,
+                                const struct splat_place_view *v,
+                                const float cam[12], struct error *err)
 {
     const struct animate *a = w->owner;
     const struct splat_camera c =
@@ -201,8 +202,8 @@ static int worker_splat(struct animate_worker *w,
 }
 
 /* The photograph over what was drawn, at the picture's size. */
-static void worker_show(struct animate_worker *w,
-                        const struct splat_place_view *v)
+static void animate_worker_show(struct animate_worker *w,
+                                const struct splat_place_view *v)
 {
     const struct animate *a = w->owner;
 
@@ -242,12 +243,12 @@ int animate_draw(struct animate_worker *w, struct animate_times *t,
     double t2 = cpu_seconds();
     place_view_make(&view, b->view, cam);
     if (baked_move_scene(&w->splat, &w->move, b, err) ||
-        worker_splat(w, &view, cam, err))
+        animate_worker_splat(w, &view, cam, err))
         return -1;
     double t3 = cpu_seconds();
-    if (!a->opt.star && worker_refine(w, &view, err))
+    if (!a->opt.star && animate_worker_refine(w, &view, err))
         return -1;
-    worker_show(w, &view);
+    animate_worker_show(w, &view);
     w->shoulders = inset_motion(b->pivot, w->move.frame.stay, b->view, cam);
     t->flame = t1 - t0;
     t->branches = t2 - t1;
@@ -298,8 +299,9 @@ static int animate_take(struct animate *a, struct driver_frame *f,
 }
 
 /* The part of the portrait that is written. */
-static void worker_cut(struct animate_worker *w, struct framesink_frame *g,
-                       const struct animate_part *part)
+static void animate_worker_cut(struct animate_worker *w,
+                               struct framesink_frame *g,
+                               const struct animate_part *part)
 {
     for (size_t y = 0; y < part->height; y++) {
         const size_t from = (y + part->top) * g->width + part->left;
@@ -318,8 +320,8 @@ static void worker_cut(struct animate_worker *w, struct framesink_frame *g,
 
 /* The frame as it is written: the portrait, part of it, or the photograph
  * with it. */
-static struct framesink_frame worker_frame(struct animate_worker *w,
-                                           const struct frame *of)
+static struct framesink_frame animate_worker_frame(struct animate_worker *w,
+                                                   const struct frame *of)
 {
     const struct animate_options *opt = &w->owner->opt;
     const struct animate_picture p = animate_picture(w);
@@ -336,7 +338,7 @@ static struct framesink_frame worker_frame(struct animate_worker *w,
         g.color = g.alpha = NULL;
         g.rgb = w->whole;
     } else if (opt->part) {
-        worker_cut(w, &g, opt->part);
+        animate_worker_cut(w, &g, opt->part);
     }
     return g;
 }
@@ -348,7 +350,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
                            double arrived)
 {
     struct animate *a = w->owner;
-    const struct framesink_frame g = worker_frame(w, &f->picture);
+    const struct framesink_frame g = animate_worker_frame(w, &f->picture);
     struct error err = {0};
     int rc = 0;
 
@@ -379,7 +381,7 @@ static int animate_deliver(struct animate_worker *w, struct driver_frame *f,
 }
 
 /* A thread: frames until there are no more. */
-static void *worker_run(void *arg)
+static void *animate_worker_run(void *arg)
 {
     struct animate_worker *w = arg;
     struct animate *a = w->owner;
@@ -424,10 +426,10 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->ended = false;
     a->failed = false;
     if (a->opt.workers == 1)
-        worker_run(&a->worker[0]);
+        animate_worker_run(&a->worker[0]);
     for (int i = 0; a->opt.workers > 1 && i < a->opt.workers; i++)
-        started += pthread_create(&a->worker[i].thread, NULL, worker_run,
-                                  &a->worker[i]) == 0;
+        started += pthread_create(&a->worker[i].thread, NULL,
+                                  animate_worker_run, &a->worker[i]) == 0;
     for (int i = 0; i < started; i++)
         pthread_join(a->worker[i].thread, NULL);
     if (a->opt.workers > 1 && started == 0)

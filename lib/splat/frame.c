@@ -42,7 +42,7 @@ static void frame_note_phase(struct drawing *f, int t, enum splat_phase p)
     f->clock = now;
 }
 
-static size_t min_size(size_t a, size_t b)
+static size_t frame_min_size(size_t a, size_t b)
 {
     return a < b ? a : b;
 }
@@ -91,7 +91,7 @@ static void frame_project(struct drawing *f, int t, size_t first, size_t last)
     f->least[t] = UINT32_MAX;
     f->most[t] = 0;
     for (; i < end; i += BATCH) {
-        size_t stop = min_size(i + BATCH, end);
+        size_t stop = frame_min_size(i + BATCH, end);
 
         f->k->project(st, i, stop);
         frame_collect(f, t, i, stop);
@@ -415,7 +415,7 @@ int frame_draw(struct splat *s, const struct target *out, struct error *err)
     size_t first = 0, last = s->n;
 
     if (st->projected) {
-        first = min_size(st->dirty0 / PAD * PAD, s->n);
+        first = frame_min_size(st->dirty0 / PAD * PAD, s->n);
         last = st->dirty1;
     }
     f.kept = s->opt.kept && !s->opt.gradients && !out->background &&

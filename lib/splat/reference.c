@@ -142,7 +142,8 @@ void reference_rotation(double R[9], const double *quat,
 }
 
 /* The CUDA rasteriser's tiles: whole 16x16 ones within 3 sigma. */
-static void dgr_tiles(struct reference_point *p, const struct reference *t)
+static void reference_dgr_tiles(struct reference_point *p,
+                                const struct reference *t)
 {
     double mid = 0.5 * (p->cov[0] + p->cov[2]);
     double r = ceil(3 * sqrt(mid + sqrt(fmax(0.1, mid * mid - p->det))));
@@ -219,5 +220,5 @@ void reference_project(struct reference_point *p, const struct reference *t,
     p->conic[1] = -p->cov[1] / p->det;
     p->conic[2] = p->cov[0] / p->det;
     if (t->rules == SPLAT_DGR)
-        dgr_tiles(p, t);
+        reference_dgr_tiles(p, t);
 }
