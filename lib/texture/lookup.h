@@ -34,17 +34,21 @@ float texture_stretch(const float *place, const struct splat_place_view *v,
 /* How rims are believed, by how far a turned head's view is from the source's
  * but for scale and turns in the picture. */
 struct texture_rim {
-    float turned;       /* 0 at 6 degrees and less, 1 at 12 and more */
+    float turned;       /* 0 at 12 degrees and less, 1 at 25 and more: rims are
+                         * doubted */
+    float least;        /* 0 at 6 degrees and less, 1 at 12 and more: so are
+                         * those of the source that lie before what is drawn
+                         * solid, and would be slits in it */
     float most;         /* times the drawn coverage is the most that the
                          * photograph covers: any at 0 degrees, twice at 8 and
                          * more.  Past an outline lie places from anywhere
                          * beyond it. */
 };
 struct texture_rim texture_rim(const struct splat_place_view *v);
-/* What of the confidence is left where the matte or the coverage is less than
- * full: a rim of the source, or of what is drawn, which on a turned head is
- * torn. */
-float texture_whole(float matte, float alpha, float turned);
+/* What of the confidence is left where the matte or the coverage alpha is less
+ * than full, or the matte much less than the coverage: there a turned head's
+ * rim is torn. */
+float texture_whole(float matte, float alpha, struct texture_rim rim);
 
 /* photo (n,5) of pixels from x on in row y as a field with places `step`
  * pixels apart has it: less confidence by its doubt, colours by its gains. */

@@ -189,7 +189,7 @@ void texture_lookup_backward(float *dplace, float *dalpha,
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
         float whole = texture_whole(photo[TEXTURE_PHOTO * i + 3], alpha[i],
-                                    rim.turned);
+                                    rim);
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
 

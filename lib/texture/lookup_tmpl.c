@@ -281,12 +281,15 @@ VEC_INLINE vq lookup_hold(vq c)
 }
 
 /* texture_whole */
-static inline float lookup_whole(float matte, float alpha, float turned)
+static inline float lookup_whole(float matte, float alpha,
+                                 struct texture_rim rim)
 {
+    const float least = 0.95f * rim.least * (2 * alpha - 1);
     float t = ((matte < alpha ? matte : alpha) - 0.5f) / 0.45f;
 
     t = t > 0 ? t < 1 ? t : 1 : 0;
-    return 1 - turned * (1 - t);
+    t = 1 - rim.turned * (1 - t);
+    return matte < least ? t * matte / least : t;
 }
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
@@ -314,7 +317,7 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
         c = lookup_hold(c);
-        photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim.turned);
+        photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim);
         if (c[3] > rim.most * alpha[i])
             c *= rim.most * alpha[i] / c[3];
         vq_store(photo, c);

@@ -181,14 +181,17 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
     float off = sqrtf(fmaxf(square / area - 2, 0));
 
     return (struct texture_rim){
-        .turned = fminf(fmaxf((off - 0.006f) / (0.022f - 0.006f), 0), 1),
+        .turned = fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1),
+        .least = fminf(fmaxf((off - 0.006f) / (0.022f - 0.006f), 0), 1),
         .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
     };
 }
 
-float texture_whole(float matte, float alpha, float turned)
+float texture_whole(float matte, float alpha, struct texture_rim rim)
 {
+    const float least = 0.95f * rim.least * (2 * alpha - 1);
     float t = fminf(fmaxf((fminf(matte, alpha) - 0.5f) / 0.45f, 0), 1);
 
-    return 1 - turned * (1 - t);
+    t = 1 - rim.turned * (1 - t);
+    return matte < least ? t * matte / least : t;
 }

@@ -277,7 +277,7 @@ static void backward_lookup(void)
     for (size_t i = 0; i < PIXELS; i++)
         whole[i] = (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
                                          cover_f[i],
-                                         texture_rim(&view).turned);
+                                         texture_rim(&view));
     for (size_t i = 0; i < PIXELS; i++) {
         double sure = whole[i] * backward_confidence(i);
 

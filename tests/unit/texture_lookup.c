@@ -92,7 +92,7 @@ static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
 static void against_double(size_t n)
 {
     enum { AT = 500, STRIDE = TEXTURE_PHOTO };
-    const struct texture_rim rim = {0.6f, 1.5f};
+    const struct texture_rim rim = {0.6f, 0.8f, 1.5f};
     static uint8_t t[4 * 65 * 65];
     static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
     static float cover[AT];
@@ -124,7 +124,7 @@ static void against_double(size_t n)
             if (weight[i] == 0) {
                 kept = kept && got == -3;
             } else if (c == 4) {
-                double whole = texture_whole((float)m, cover[i], rim.turned);
+                double whole = texture_whole((float)m, cover[i], rim);
 
                 worst = fmax(worst, fabs(got - weight[i] * whole));
             } else {

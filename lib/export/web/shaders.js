@@ -170,9 +170,12 @@ vec4 believe(vec4 own, vec4 seen, float sure) {
   float square = dot(placeA, placeA);
   float area = max(placeA.x * placeA.w - placeA.y * placeA.z, 1e-6);
   float off = sqrt(max(square / area - 2.0, 0.0));
-  float turned = clamp((off - 0.006) / 0.016, 0.0, 1.0);
+  float turned = clamp((off - 0.022) / 0.078, 0.0, 1.0);
+  float least = 0.95 * clamp((off - 0.006) / 0.016, 0.0, 1.0) *
+                (2.0 * own.a - 1.0);
   float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
   float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
+  if (seen.a < least) sure *= seen.a / least;
   if (seen.a > most) seen *= most / seen.a;
   return mix(own, seen, sure * (1.0 - turned * (1.0 - rim)));
 }
