@@ -27,8 +27,9 @@ static int scan_compare(const void *a, const void *b)
 }
 
 /* Names in dir that end in `end`, sorted; a NULL-terminated list that the
- * caller frees with list_free.  NULL and *err when there are none. */
-static char **list_names(const char *dir, const char *end, struct error *err)
+ * caller frees with scan_list_free.  NULL and *err when there are none. */
+static char **scan_list_names(const char *dir, const char *end,
+                              struct error *err)
 {
     DIR *d = opendir(dir);
     char **list = NULL;
@@ -61,7 +62,7 @@ static char **list_names(const char *dir, const char *end, struct error *err)
     return list;
 }
 
-static void list_free(char **list)
+static void scan_list_free(char **list)
 {
     for (size_t i = 0; list && list[i]; i++)
         free(list[i]);
@@ -72,15 +73,16 @@ static void list_free(char **list)
 
 /* One piece of each folder in DIR/makehuman/kind.  The picture is the PNG that
  * ends in `picture`; NULL: it has none. */
-static int load_rack(struct scan_rack *r, const struct body *b,
-                     const char *dir, const char *kind, const char *picture,
-                     const char *only, float above, struct error *err)
+static int scan_load_rack(struct scan_rack *r, const struct body *b,
+                          const char *dir, const char *kind,
+                          const char *picture, const char *only, float above,
+                          struct error *err)
 {
     char path[PATH];
     int rc = 0;
 
     snprintf(path, sizeof path, "%s/makehuman/%s", dir, kind);
-    char **name = list_names(path, "", err);
+    char **name = scan_list_names(path, "", err);
     if (!name)
         return -1;
     for (size_t i = 0; !rc && name[i] && r->n < SCAN_PIECES; i++) {
@@ -94,48 +96,48 @@ static int load_rack(struct scan_rack *r, const struct body *b,
             rc = error_set(err, EX_DATAERR, "%s: name too long", path);
             break;
         }
-        char **bind = list_names(base, ".mhclo", err);
+        char **bind = scan_list_names(base, ".mhclo", err);
         rc = bind ? 0 : -1;
         for (size_t k = 0; !rc && bind[k] && r->n < SCAN_PIECES; k++) {
             bind[k][strlen(bind[k]) - 6] = 0;
             rc = piece_load(&r->piece[r->n++], b, base, bind[k],
                             bind[k], picture ? file : NULL, above, err);
         }
-        list_free(bind);
+        scan_list_free(bind);
     }
-    list_free(name);
+    scan_list_free(name);
     return rc;
 }
 
 /* The pictures of irises. */
-static int load_irises(struct scan_assets *a, const char *dir,
-                       struct error *err)
+static int scan_load_irises(struct scan_assets *a, const char *dir,
+                            struct error *err)
 {
     char path[PATH], file[PATH + 300];
     int rc = 0;
 
     snprintf(path, sizeof path, "%s/makehuman/eyes/materials", dir);
-    char **name = list_names(path, ".png", err);
+    char **name = scan_list_names(path, ".png", err);
     if (!name)
         return -1;
     for (size_t i = 0; !rc && name[i] && a->niris < SCAN_PIECES; i++) {
         snprintf(file, sizeof file, "%s/%s", path, name[i]);
         rc = bitmap_load(&a->iris[a->niris++], file, err);
     }
-    list_free(name);
+    scan_list_free(name);
     return rc;
 }
 
 /* All panoramas, each made ready by a thread. */
-static int load_lights(struct scan_assets *a, const char *dir, int threads,
-                       struct error *err)
+static int scan_load_lights(struct scan_assets *a, const char *dir, int threads,
+                            struct error *err)
 {
     char path[PATH];
     size_t n = 0;
     int failed = 0;
 
     snprintf(path, sizeof path, "%s/hdri", dir);
-    char **name = list_names(path, ".hdr", err);
+    char **name = scan_list_names(path, ".hdr", err);
     if (!name)
         return -1;
     while (name[n])
@@ -156,12 +158,12 @@ static int load_lights(struct scan_assets *a, const char *dir, int threads,
             *err = mine;
         }
     }
-    list_free(name);
+    scan_list_free(name);
     return failed;
 }
 
 /* The body's skin from the neck down. */
-static int make_torso(struct scan_assets *a, struct error *err)
+static int scan_make_torso(struct scan_assets *a, struct error *err)
 {
     const struct body *b = &a->body;
     int32_t *f = malloc(3 * b->mesh.nf * sizeof *f);
@@ -196,7 +198,7 @@ static int make_torso(struct scan_assets *a, struct error *err)
 
 /* Height of the scans' brows at x: along their landmarks, and lower by as much
  * as a landmarker finds the brows of photographs nearer to the eyes. */
-static float brow_height(const struct scan_face *f, float x)
+static float scan_brow_height(const struct scan_face *f, float x)
 {
     const float *p = NULL, *q = NULL;
 
@@ -212,7 +214,7 @@ static float brow_height(const struct scan_face *f, float x)
 
 /* MakeHuman's brows lie low, slanted and thin on the scans' bones: their mean
  * comes up to the landmarks and they grow; each keeps its own way. */
-static int raise_brows(struct scan_assets *a, struct error *err)
+static int scan_raise_brows(struct scan_assets *a, struct error *err)
 {
     enum { BINS = 6 };
     float *n = malloc(3 * FACE_VERTICES * sizeof *n);
@@ -225,7 +227,7 @@ static int raise_brows(struct scan_assets *a, struct error *err)
         for (size_t c = 0; c < a->brow.piece[i].nc; c++) {
             const float *p = a->brow.piece[i].place + 3 * c;
             int b = (int)clampf(fabsf(p[0]) / BROW_BIN, 0, BINS);
-            dy[b] += brow_height(&a->face, fabsf(p[0])) - p[1];
+            dy[b] += scan_brow_height(&a->face, fabsf(p[0])) - p[1];
             count[b] += 1;
         }
     for (int b = 0; b <= BINS; b++)
@@ -242,8 +244,8 @@ static int raise_brows(struct scan_assets *a, struct error *err)
 }
 
 /* What the vertices are, after the nearest of the head's. */
-static int find_labels(struct scan_assets *a, const struct head *h,
-                       struct error *err)
+static int scan_find_labels(struct scan_assets *a, const struct head *h,
+                            struct error *err)
 {
     struct near_grid g;
 
@@ -273,8 +275,8 @@ static int find_labels(struct scan_assets *a, const struct head *h,
 }
 
 /* The corners that the labels' landmarks mean. */
-static int find_points(struct scan_assets *a, const char *dir,
-                       struct error *err)
+static int scan_find_points(struct scan_assets *a, const char *dir,
+                            struct error *err)
 {
     int32_t vertex[REGISTER_POINTS];
 
@@ -291,8 +293,8 @@ static int find_points(struct scan_assets *a, const char *dir,
 
 /* The truth is told in the head's terms: its landmarks must lie on the scans'.
  */
-static int check_head(const struct scan_assets *a, const struct head *h,
-                      struct error *err)
+static int scan_check_head(const struct scan_assets *a, const struct head *h,
+                           struct error *err)
 {
     float at[3 * HEAD_LANDMARKS], sum = 0;
 
@@ -328,25 +330,25 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
         return NULL;
     }
     snprintf(path, sizeof path, "%s/ict", dir);
-    rc = scan_face_load(&a->face, path, err) || check_head(a, head, err)
-         || find_labels(a, head, err) || find_points(a, dir, err)
+    rc = scan_face_load(&a->face, path, err) || scan_check_head(a, head, err)
+         || scan_find_labels(a, head, err) || scan_find_points(a, dir, err)
          || follow_map_init(&a->follow, &a->face, head, err);
     snprintf(path, sizeof path, "%s/makehuman", dir);
-    rc = rc || body_load(&a->body, &a->face, path, err)
-         || make_torso(a, err) || hand_make(&a->hand, &a->body, err)
-         || load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
-                      -9, err)
-         || load_rack(&a->brow, &a->body, dir, "eyebrows", ".png", NULL, -9,
-                      err)
-         || raise_brows(a, err)
-         || load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01",
-                      -9, err)
-         || load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
-                      NULL, LOWEST, err)
-         || load_irises(a, dir, err) || load_lights(a, dir, threads, err)
-         || sky_look(a, threads, err)
-         || skin_model_fit(&a->skin, &a->face, dir, threads, err)
-         || act_model_fit(&a->act, dir, err);
+    rc = rc || body_load(&a->body, &a->face, path, err) ||
+         scan_make_torso(a, err) || hand_make(&a->hand, &a->body, err) ||
+         scan_load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
+                        -9, err) ||
+         scan_load_rack(&a->brow, &a->body, dir, "eyebrows", ".png", NULL, -9,
+                        err) ||
+         scan_raise_brows(a, err) ||
+         scan_load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01", -9,
+                        err) ||
+         scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
+                        NULL, LOWEST, err) ||
+         scan_load_irises(a, dir, err) ||
+         scan_load_lights(a, dir, threads, err) || sky_look(a, threads, err) ||
+         skin_model_fit(&a->skin, &a->face, dir, threads, err) ||
+         act_model_fit(&a->act, dir, err);
     if (rc) {
         scan_close(a);
         return NULL;
@@ -354,7 +356,7 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
     return a;
 }
 
-static void rack_release(struct scan_rack *r)
+static void scan_rack_release(struct scan_rack *r)
 {
     for (size_t i = 0; i < r->n; i++)
         piece_release(&r->piece[i]);
@@ -369,10 +371,10 @@ void scan_close(struct scan_assets *a)
     body_release(&a->body);
     piece_release(&a->torso);
     piece_release(&a->hand);
-    rack_release(&a->hair);
-    rack_release(&a->brow);
-    rack_release(&a->hat);
-    rack_release(&a->cloth);
+    scan_rack_release(&a->hair);
+    scan_rack_release(&a->brow);
+    scan_rack_release(&a->hat);
+    scan_rack_release(&a->cloth);
     for (size_t i = 0; i < a->niris; i++)
         free(a->iris[i].rgba);
     for (size_t i = 0; i < a->nlight; i++)

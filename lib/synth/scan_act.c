@@ -114,7 +114,7 @@ static const struct recipe recipes[] = {
 };
 
 /* w[k] += v, on both sides with one-sidedness `lean` (-1..1). */
-static void add_both(float *w, int k, float v, float lean)
+static void act_add_both(float *w, int k, float v, float lean)
 {
     w[k] += v * clampf(1 + lean, 0, 1.2f);
     if (arkit_is_left(k))
@@ -122,8 +122,8 @@ static void add_both(float *w, int k, float v, float lean)
 }
 
 /* One of the kinds of expression that were seen, drawn by its share. */
-static void add_kind(float *w, const struct act_model *m, struct random *r,
-                     float gain)
+static void act_add_kind(float *w, const struct act_model *m, struct random *r,
+                         float gain)
 {
     float u = (float)random_uniform(r);
     int c = 0;
@@ -138,8 +138,8 @@ static void add_kind(float *w, const struct act_model *m, struct random *r,
 }
 
 /* The expression of slot i. */
-static void draw_expression(float *w, const struct act_model *m,
-                            const struct act_look *l, int64_t i)
+static void act_draw_expression(float *w, const struct act_model *m,
+                                const struct act_look *l, int64_t i)
 {
     struct random r;
     float lean;
@@ -152,17 +152,17 @@ static void draw_expression(float *w, const struct act_model *m,
     if (random_uniform(&r) < 0.12)
         lean = random_uniform(&r) < 0.5 ? 1 : -1;
     if (kind < 0.38f) {
-        add_kind(w, m, &r, size);
+        act_add_kind(w, m, &r, size);
     } else if (kind < 0.50f) {
-        add_kind(w, m, &r, 0.3f * size);
+        act_add_kind(w, m, &r, 0.3f * size);
     } else if (kind < 0.76f) {
         uint32_t n = sizeof recipes / sizeof *recipes;
         const struct recipe *q = &recipes[random_below(&r, n)];
         for (int k = 0; k < 7 && q->part[k].w > 0; k++)
-            add_both(w, q->part[k].k,
-                     q->part[k].w * size
-                     * (float)random_range(&r, 0.6, 1.1), lean);
-        add_kind(w, m, &r, 0.25f);
+            act_add_both(w, q->part[k].k,
+                         q->part[k].w * size
+                         * (float)random_range(&r, 0.6, 1.1), lean);
+        act_add_kind(w, m, &r, 0.25f);
     } else {
         int n = 1 + (int)random_below(&r, 4);
         for (int k = 0; k < n; k++) {
@@ -173,7 +173,7 @@ static void draw_expression(float *w, const struct act_model *m,
             if (!arkit_is_left(c) && c > 0 && arkit_is_left(c - 1)
                 && random_uniform(&r) < 0.6)
                 c--;
-            add_both(w, c, v, arkit_is_left(c) ? lean : 0);
+            act_add_both(w, c, v, arkit_is_left(c) ? lean : 0);
         }
     }
 }
@@ -197,7 +197,7 @@ static const struct viseme visemes[] = {
 };
 
 /* Syllables within phrases, mouths blended from one to the next. */
-static void add_speech(float *w, const struct act_look *l, double time)
+static void act_add_speech(float *w, const struct act_look *l, double time)
 {
     uint64_t t = act_track(l, "speech", 0);
     float phrase = act_pulse(t, time, 3.3, l->talk, 1.3f);
@@ -217,13 +217,13 @@ static void add_speech(float *w, const struct act_look *l, double time)
         w[ARKIT_JAW_OPENED] += g * v->jaw;
         w[ARKIT_MOUTH_FUNNEL] += g * v->funnel;
         w[ARKIT_MOUTH_PUCKER] += g * v->pucker;
-        add_both(w, ARKIT_MOUTH_SMILE_L, g * v->smile * 0.6f, 0);
-        add_both(w, ARKIT_MOUTH_LOWER_DOWN_L, g * v->lower, 0.3f * l->lean);
-        add_both(w, ARKIT_MOUTH_UPPER_UP_L, g * v->upper, 0.3f * l->lean);
-        add_both(w, ARKIT_MOUTH_PRESS_L, g * v->press, 0);
+        act_add_both(w, ARKIT_MOUTH_SMILE_L, g * v->smile * 0.6f, 0);
+        act_add_both(w, ARKIT_MOUTH_LOWER_DOWN_L, g * v->lower, 0.3f * l->lean);
+        act_add_both(w, ARKIT_MOUTH_UPPER_UP_L, g * v->upper, 0.3f * l->lean);
+        act_add_both(w, ARKIT_MOUTH_PRESS_L, g * v->press, 0);
         w[ARKIT_MOUTH_ROLL_LOWER] += g * v->roll;
         w[ARKIT_MOUTH_ROLL_UPPER] += g * v->roll * 0.5f;
-        add_both(w, ARKIT_MOUTH_STRETCH_L, g * v->stretch * 0.7f, 0);
+        act_add_both(w, ARKIT_MOUTH_STRETCH_L, g * v->stretch * 0.7f, 0);
     }
     /* the jaw leads its lips: some of its opening is closed by them */
     w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
@@ -233,7 +233,7 @@ static void add_speech(float *w, const struct act_look *l, double time)
 }
 
 /* Looks jump, keep, and take the lids along. */
-static void add_gaze(struct act *a, const struct act_look *l, double time)
+static void act_add_gaze(struct act *a, const struct act_look *l, double time)
 {
     uint64_t t = act_track(l, "gaze", 0);
     float *w = a->weight, to[2], keep[2];
@@ -266,7 +266,7 @@ static void add_gaze(struct act *a, const struct act_look *l, double time)
 }
 
 /* Blinks, eyes that stay shut or fall half shut, and winks. */
-static void add_blinks(float *w, const struct act_look *l, double time)
+static void act_add_blinks(float *w, const struct act_look *l, double time)
 {
     float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
     float doze = 0.7f
@@ -447,18 +447,18 @@ void act_at(struct act *a, const struct act_model *m,
     a->roll = clampf(l->roll + pose[2], -0.35f, 0.35f);
     a->pupil = act_wander(act_track(l, "pupil", 0), time, 4);
     float f = act_moving(act_track(l, "mood", 0), time, 1.3, 0.35f, &i);
-    draw_expression(from, m, l, i - 1);
-    draw_expression(to, m, l, i);
+    act_draw_expression(from, m, l, i - 1);
+    act_draw_expression(to, m, l, i);
     for (int k = 0; k < ARKIT_COUNT; k++)
         a->weight[k]
             = lerpf(from[k], to[k], f)
               + 0.05f
                     * maxf(act_wander(act_track(l, "tremble", k), time, 0.9),
                             0);
-    add_speech(a->weight, l, time);
+    act_add_speech(a->weight, l, time);
     act_add_accents(a->weight, l, time);
     act_add_brows(a->weight, l, time);
-    add_blinks(a->weight, l, time);
-    add_gaze(a, l, time);
+    act_add_blinks(a->weight, l, time);
+    act_add_gaze(a, l, time);
     act_settle(a->weight);
 }

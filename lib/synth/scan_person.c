@@ -12,7 +12,7 @@ static float person_normal(struct random *r, float limit)
     return clampf((float)random_normal(r), -limit, limit);
 }
 /* One of n, or -1 with the chance of none. */
-static int one_of(struct random *r, size_t n, double none)
+static int person_one_of(struct random *r, size_t n, double none)
 {
     bool without = random_chance(r, none);
     uint32_t k = random_below(r, n ? (uint32_t)n : 1);
@@ -33,8 +33,8 @@ static void person_color(struct random *r, float out[3], const float srgb[3],
     }
 }
 /* Any colour: hue anywhere, saturation and brightness within bounds. */
-static void any_color(struct random *r, float c[3], float sat, float lo,
-                      float hi)
+static void person_any_color(struct random *r, float c[3], float sat, float lo,
+                             float hi)
 {
     float h = random_float(r, 0, 6), s = sat * random_float(r, 0, 1),
           v = random_float(r, lo, hi);
@@ -46,7 +46,7 @@ static void any_color(struct random *r, float c[3], float sat, float lo,
 }
 
 /* Components of the photographs' skin statistics, and a tone. */
-static void draw_skin(struct scan_person *p)
+static void person_draw_skin(struct scan_person *p)
 {
     struct random r;
     struct skin_look *s = &p->skin;
@@ -91,7 +91,8 @@ static const float hair_rows[9][3] = {
 
 /* Whether hair hangs over a brow of a face seen about from the front: most
  * faces in photographs show both. */
-static bool hides_brow(const struct piece *hair, const struct scan_face *face)
+static bool person_hides_brow(const struct piece *hair,
+                              const struct scan_face *face)
 {
     uint64_t front = 0;
     int hidden = 0;
@@ -110,7 +111,7 @@ static bool hides_brow(const struct piece *hair, const struct scan_face *face)
 }
 
 /* Colour, cut, hat, brows and beard. */
-static void draw_hair(struct scan_person *p, const struct scan_assets *a)
+static void person_draw_hair(struct scan_person *p, const struct scan_assets *a)
 {
     struct random r;
 
@@ -123,29 +124,29 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
                        ? random_float(&r, 0.1, 1) * p->age
                        : 0;
     if (random_chance(&r, 0.04))
-        any_color(&r, p->hair_color, 0.9f, 0.3f, 0.8f);
+        person_any_color(&r, p->hair_color, 0.9f, 0.3f, 0.8f);
     float gray[3] = {0.42f, 0.41f, 0.40f};
     lerp3(p->hair_color, p->hair_color, gray, p->hair_gray);
     p->hair_gloss = random_float(&r, 0.3, 1.3);
-    p->hair = one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
+    p->hair = person_one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
     /* long hair and short hair change hands now and then */
     for (int k = 0; k < 12 && p->hair >= 0; k++) {
         const struct piece *q = &a->hair.piece[p->hair];
         bool is_short = !strncmp(q->name, "short", 5);
         if ((is_short == (p->male > 0.5f) || random_chance(&r, 0.15))
-            && (!hides_brow(q, &a->face) || random_chance(&r, 0.05)))
+            && (!person_hides_brow(q, &a->face) || random_chance(&r, 0.05)))
             break;
-        p->hair = one_of(&r, a->hair.n, 0);
+        p->hair = person_one_of(&r, a->hair.n, 0);
     }
     p->buzz = p->hair < 0 ? random_float(&r, 0, 1) : 0;
-    p->hat = one_of(&r, a->hat.n, 0.955);
+    p->hat = person_one_of(&r, a->hat.n, 0.955);
     p->cap = p->hat < 0 && random_chance(&r, 0.05)
                  ? 1 + (int)random_below(&r, 2)
                  : 0;
     if (p->hat >= 0 || p->cap)
         p->hair = p->male > 0.5f || random_chance(&r, 0.3) ? -1 : p->hair;
-    any_color(&r, p->cap_color, 0.8f, 0.1f, 0.9f);
-    p->brow = one_of(&r, a->brow.n, 0);
+    person_any_color(&r, p->cap_color, 0.8f, 0.1f, 0.9f);
+    p->brow = person_one_of(&r, a->brow.n, 0);
     p->brow_weight = random_float(&r, 0.55, 1.0);
     for (int k = 0; k < 3; k++)
         p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.11f)
@@ -161,12 +162,13 @@ static void draw_hair(struct scan_person *p, const struct scan_assets *a)
 }
 
 /* Irises, lashes, teeth, glasses and what is worn. */
-static void draw_features(struct scan_person *p, const struct scan_assets *a)
+static void person_draw_features(struct scan_person *p,
+                                 const struct scan_assets *a)
 {
     struct random r;
 
     random_init(&r, p->key, "features");
-    p->iris = one_of(&r, a->niris, 0);
+    p->iris = person_one_of(&r, a->niris, 0);
     p->iris_size = random_float(&r, 0.94, 1.06);
     /* most of the world's eyes are brown; the pictures' are mostly blue */
     float brown[3] = {random_float(&r, 50, 110), random_float(&r, 32, 62),
@@ -187,17 +189,17 @@ static void draw_features(struct scan_person *p, const struct scan_assets *a)
                      : GLASSES_NONE;
     if (random_chance(&r, 0.012))
         p->glasses = GLASSES_SUN;
-    any_color(&r, p->glass_color, 0.5f, 0.05f, 0.5f);
+    person_any_color(&r, p->glass_color, 0.5f, 0.05f, 0.5f);
     if (random_chance(&r, 0.5))
         p->glass_color[0] = p->glass_color[1] = p->glass_color[2] = 0.02f;
     p->earring = p->male < 0.5f && random_chance(&r, 0.3);
-    p->cloth = one_of(&r, a->cloth.n, 0);
+    p->cloth = person_one_of(&r, a->cloth.n, 0);
     p->cloth_own = random_chance(&r, 0.3);
-    any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
+    person_any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
 }
 
 /* Distance, exposure, noise, blur and codec. */
-static void draw_camera(struct scan_person *p, float effects)
+static void person_draw_camera(struct scan_person *p, float effects)
 {
     struct random r;
     struct scan_camera *c = &p->camera;
@@ -236,26 +238,28 @@ static void draw_camera(struct scan_person *p, float effects)
     c->backdrop = random_chance(&r, 0.72) ? BACKDROP_ROOM : BACKDROP_WALL;
     c->view = random_float(&r, 0.35, 1.15);
     c->tilt = 0.12f * person_normal(&r, 2);
-    any_color(&r, c->wall, random_chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f, 0.95f);
+    person_any_color(&r, c->wall, random_chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f,
+                     0.95f);
     p->front = FRONT_NONE;
     if (e > 0 && random_chance(&r, 0.09))
         p->front = random_chance(&r, 0.6) ? FRONT_HAND
                    : random_chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
 }
 
-static void draw_light(struct scan_person *p, const struct scan_assets *a)
+static void person_draw_light(struct scan_person *p,
+                              const struct scan_assets *a)
 {
     struct random r;
 
     random_init(&r, p->key, "light");
-    p->light = one_of(&r, a->nlight, 0);
+    p->light = person_one_of(&r, a->nlight, 0);
     p->turn = random_float(&r, 0, 6.2831853);
     for (int k = 0; k < 3; k++)
         p->gain[k] = 1;
 }
 
 /* How lively, how talkative, how far they turn. */
-static void draw_act(struct scan_person *p)
+static void person_draw_act(struct scan_person *p)
 {
     struct random r;
     struct act_look *l = &p->act;
@@ -285,10 +289,10 @@ void scan_person_draw(struct scan_person *p, const struct scan_assets *a,
     random_init(&r, p->key, "shape");
     for (int k = 0; k < SCAN_IDENTITIES; k++)
         p->beta[k] = person_normal(&r, 2.5f);
-    draw_skin(p);
-    draw_hair(p, a);
-    draw_features(p, a);
-    draw_light(p, a);
-    draw_act(p);
-    draw_camera(p, effects);
+    person_draw_skin(p);
+    person_draw_hair(p, a);
+    person_draw_features(p, a);
+    person_draw_light(p, a);
+    person_draw_act(p);
+    person_draw_camera(p, effects);
 }
