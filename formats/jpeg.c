@@ -87,7 +87,8 @@ static enum orientation jpeg_exif_orientation(const uint8_t *p, size_t n)
     return ORIENT_UPRIGHT;
 }
 
-static enum orientation jpeg_orientation(const struct jpeg_decompress_struct *in)
+static enum orientation
+jpeg_orientation(const struct jpeg_decompress_struct *in)
 {
     for (jpeg_saved_marker_ptr m = in->marker_list; m; m = m->next) {
         const enum orientation o = jpeg_exif_orientation(m->data,

@@ -15,8 +15,6 @@ extern "C" {
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
 
-#include "formats/grabcut.hh"
-
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
 
@@ -183,7 +181,7 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone();
+        cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone(), bgm, fgm;
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
@@ -192,7 +190,8 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         }
         cv::theRNG().state = 0x5eed;
         cv::setRNGSeed(1);
-        grabcut_run(label, p.small(part), 5);
+        cv::grabCut(p.small(part).clone(), label, cv::Rect(), bgm, fgm, 5,
+                    cv::GC_INIT_WITH_MASK);
         cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
         fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
         cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
@@ -221,7 +220,7 @@ static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
                                 const cv::Mat &core)
 {
     const int w = alpha.cols;
-    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD));
+    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
     cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
 
     cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, matte_brush_disc(w / 50));
@@ -233,7 +232,8 @@ static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
     cv::theRNG().state = 0x5eed;
     cv::setRNGSeed(1);
-    grabcut_run(label, small, 3);
+    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3,
+                cv::GC_INIT_WITH_MASK);
     fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
     fg.convertTo(fg, CV_32F, 1 / 255.0);
     cv::GaussianBlur(fg, fg, cv::Size(), 1.0);

@@ -23,8 +23,8 @@ struct encoders {
 /* Load the motion encoder, of this type, but without a plan: motion_tta_init
  * makes one for the crops that it will see at a time.  When with_shape load the
  * shape encoder and the matte network, which a model may lack.  The model may
- * be closed afterwards.  Errors name file, tensor, expected and found shape; nothing is left
- * allocated then. */
+ * be closed afterwards.  Errors name file, tensor, expected and found shape;
+ * nothing is left allocated then. */
 int encoders_open(struct encoders *e, const struct model *m, bool with_shape,
                   enum nn_type type, struct error *err);
 /* Free what it holds; zeroed then. */

@@ -1,5 +1,6 @@
-/* L_img, L_perc and L_lmk (Section 3.3) through avatar, renderer and refiner: what a
- * picture costs, and the gradient back to the Gaussians and the motion. */
+/* L_img, L_perc and L_lmk (Section 3.3) through avatar, renderer and refiner:
+ * what a picture costs, and the gradient back to the Gaussians and the
+ * motion. */
 #include "lib/train/avatar_system.h"
 
 #include <stdlib.h>

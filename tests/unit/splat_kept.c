@@ -1,5 +1,5 @@
-/* Pictures that are kept from frame to frame (opt.kept) are those that are drawn
- * anew, whatever comes, goes and stays bare. */
+/* Pictures that are kept from frame to frame (opt.kept) are those that are
+ * drawn anew, whatever comes, goes and stays bare. */
 #include "tests/unit/splat_scene.h"
 
 enum { SIZE = 200, N = 300, P = SIZE * SIZE };
