@@ -113,7 +113,7 @@ static void cheek_placed(const struct source_mesh *m)
 
 int main(void)
 {
-    struct source_picture p;
+    struct source_picture p = {0};
     struct source_mesh m;
     struct error err = {0};
     struct branch_set set = {
