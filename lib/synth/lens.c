@@ -35,7 +35,9 @@ static float lens_shoulder(float x)
     return x < 0.55f ? x : 0.55f + 0.45f * (1 - 1 / (1 + (x - 0.55f) * 2.2f));
 }
 
-int lens_blur_weights(float *w, int most, float sigma)
+/* The weights w (2 r + 1) of a blur by a Gaussian of sigma pixels, which sum
+ * to 1; returns r, 1 to `most`. */
+static int lens_blur_weights(float *w, int most, float sigma)
 {
     int r = (int)ceilf(2.5f * sigma);
     float sum = 0;
@@ -48,40 +50,39 @@ int lens_blur_weights(float *w, int most, float sigma)
     return r;
 }
 
-/* Separable blur of (n,n,channels) by a Gaussian of sigma pixels, in place. */
-static void lens_soften(float *img, float *tmp, int n, int channels,
-                        float sigma)
+void lens_soften(float *img, float *tmp, int n, int channels, int most,
+                 float sigma)
 {
-    float w[15];
-    int r = lens_blur_weights(w, 7, sigma);
+    float w[2 * LENS_BLUR_MOST + 1];
+    const int row = channels * n, r = lens_blur_weights(w, most, sigma);
 
-    for (int pass = 0; pass < 2; pass++) {
-        const float *in = pass ? tmp : img;
-        float *out = pass ? img : tmp;
-        for (int y = 0; y < n; y++) {
-            memset(out + channels * y * n, 0,
-                   (size_t)(channels * n) * sizeof *out);
-            for (int i = -r; i <= r; i++)
-                for (int x = 0; x < n; x++) {
-                    int u = pass ? x : x + i, v = pass ? y + i : y;
-                    u = u < 0 ? 0 : u >= n ? n - 1 : u;
-                    v = v < 0 ? 0 : v >= n ? n - 1 : v;
-                    for (int k = 0; k < channels; k++)
-                        out[channels * (y * n + x) + k]
-                            += w[i + r] * in[channels * (v * n + u) + k];
+    for (int y = 0; y < n; y++)                         /* across */
+        for (int x = 0; x < n; x++)
+            for (int k = 0; k < channels; k++) {
+                float v = 0;
+                for (int i = -r; i <= r; i++) {
+                    int u = x + i < 0 ? 0 : x + i >= n ? n - 1 : x + i;
+                    v += w[i + r] * img[row * y + channels * u + k];
                 }
+                tmp[row * y + channels * x + k] = v;
+            }
+    for (int y = 0; y < n; y++) {                       /* down */
+        memset(img + row * y, 0, (size_t)row * sizeof *img);
+        for (int i = -r; i <= r; i++) {
+            int v = y + i < 0 ? 0 : y + i >= n ? n - 1 : y + i;
+            for (int x = 0; x < row; x++)
+                img[row * y + x] += w[i + r] * tmp[row * v + x];
         }
     }
 }
 
-/* Mean along a short straight way: a hand-held or moving head. */
-static void lens_smear(float *img, float *tmp, int n, int channels, float dx,
-                       float dy)
+void lens_smear(float *img, float *tmp, int n, int channels, int most,
+                float dx, float dy)
 {
     const size_t bytes = (size_t)(channels * n * n) * sizeof *img;
     int taps = (int)ceilf(fmaxf(fabsf(dx), fabsf(dy))) + 1;
 
-    taps = taps > 9 ? 9 : taps;
+    taps = taps > most ? most : taps;
     memset(tmp, 0, bytes);
     for (int i = 0; i < taps; i++) {
         float t = taps > 1 ? (float)i / (float)(taps - 1) - 0.5f : 0;
@@ -141,8 +142,9 @@ static void lens_optics(float *img, float *tmp, int n, int channels,
                         const struct lens_look *l, float dx, float dy)
 {
     if (l->shutter > 0 && fabsf(dx) + fabsf(dy) > 1)
-        lens_smear(img, tmp, n, channels, dx, dy);
-    lens_soften(img, tmp, n, channels, (0.42f + l->blur) * (float)n / 256);
+        lens_smear(img, tmp, n, channels, 9, dx, dy);
+    lens_soften(img, tmp, n, channels, 7,
+                (0.42f + l->blur) * (float)n / 256);
 }
 
 /* Linear light to encoded colours: balance, vignette, tone, saturation. */

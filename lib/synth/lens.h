@@ -24,9 +24,17 @@ void lens_expose(struct stage *s, const struct persona *p, const float *wall,
 /* v of channel k with the sensor's noise; h: the pixel's random number. */
 float lens_grain(float v, int k, uint64_t h, float noise);
 
-/* The weights w (2 r + 1) of a blur by a Gaussian of sigma pixels, which sum
- * to 1; returns r, 1 to `most`. */
-int lens_blur_weights(float *w, int most, float sigma);
+#define LENS_BLUR_MOST 16       /* the widest blur's, pixels to a side */
+
+/* Blur img (n,n,channels) by a Gaussian of sigma pixels, cut off at `most` of
+ * them (no more than LENS_BLUR_MOST), in place; tmp is as large. */
+void lens_soften(float *img, float *tmp, int n, int channels, int most,
+                 float sigma);
+
+/* Mean of img (n,n,channels) along a straight way of (dx,dy) pixels, in place:
+ * a hand-held camera or a moving head; `most` samples at the most. */
+void lens_smear(float *img, float *tmp, int n, int channels, int most,
+                float dx, float dy);
 
 /* A coarser sensor: img (n,n,channels) becomes means over cells of 1/low
  * pixels, read back bilinear; tmp is as large. */

@@ -11,18 +11,6 @@
 #define SUN_REACH 1.35f         /* half the width of what it sees */
 #define SUN_SHARP 26.0f
 
-/* Height above the map's plane, kept positive for the z-buffer. */
-static struct raster_vertex lighting_sun_vertex(const struct shade_shadow *w,
-                                                const float p[3])
-{
-    float d[3], half = 0.5f * STAGE_SHADOW;
-
-    sub3(d, p, w->centre);
-    return (struct raster_vertex){ dot3(d, w->u) * w->scale + half,
-                                   dot3(d, w->v) * w->scale + half,
-                                   dot3(d, w->w) + 8 };
-}
-
 /* Three-texel box, twice: about the softness of a small window. */
 static void lighting_soften(float *map, float *tmp, int n)
 {
@@ -46,24 +34,16 @@ void stage_shadow(struct stage *s, const struct actor *a,
                   struct shade_env *env)
 {
     struct shade_shadow *w = &env->shadow;
-    float up[3] = { 0, -1, 0 };
+    const float up[3] = { 0, -1, 0 };
     size_t n = (size_t)STAGE_SHADOW * STAGE_SHADOW;
 
     *w = (struct shade_shadow){ .map = s->shadow, .n = STAGE_SHADOW,
-                                .scale = STAGE_SHADOW / (2 * SUN_REACH),
                                 .sharp = SUN_SHARP };
-    copy3(w->w, env->light[0].dir);
-    cross3(w->u, up, w->w);
-    unit3(w->u);
-    cross3(w->v, w->w, w->u);
-    for (int k = 0; k < 3; k++)
-        w->centre[k] = 0;
-    for (size_t i = 0; i < a->head->V; i += 16)
-        mad3(w->centre, w->centre, s->place + 3 * i,
-             1 / (float)((a->head->V + 15) / 16));
+    sun_aim(&w->sun, env->light[0].dir, up, STAGE_SHADOW, SUN_REACH);
+    sun_centre(&w->sun, s->place, a->head->V, 16);
     raster_clear(&s->sun);
     for (size_t i = 0; i < a->nv; i++)
-        s->spot[i] = lighting_sun_vertex(w, s->place + 3 * i);
+        s->spot[i] = sun_place(&w->sun, s->place + 3 * i);
     raster_triangles(&s->sun, s->spot, a->faces, a->nf, 0, 0);
     for (size_t i = 0; i < a->nstrand; i++) {
         const struct strand *t = &a->strand[i];
@@ -71,12 +51,12 @@ void stage_shadow(struct stage *s, const struct actor *a,
             continue;
         for (int j = 0; j < t->points; j++)
             s->tuft_spot[t->first + (size_t)j]
-                = lighting_sun_vertex(w, s->tuft + 3 * (t->first + (size_t)j));
+                = sun_place(&w->sun, s->tuft + 3 * (t->first + (size_t)j));
         raster_strand(&s->sun, s->tuft_spot + t->first, t->points, t->first,
-                      2 * t->half * w->scale, 1);
+                      2 * t->half * w->sun.scale, 1);
     }
     for (size_t i = 0; i < n; i++) {
-        float h = s->sun.q[i] > 0 ? s->sun.q[i] - 8 : -2;
+        float h = s->sun.q[i] > 0 ? s->sun.q[i] - SUN_FAR : -2;
         s->shadow[i] = expf(SUN_SHARP * clampf(h, -2, 2));
     }
     lighting_soften(s->shadow, s->blur, STAGE_SHADOW);

@@ -127,13 +127,11 @@ static void draw_veil(struct scan_stage *s, uint32_t i)
         if (!tri_row(&t, y, n, &x0, &x1))
             continue;
         for (int x = x0; x <= x1; x++) {
-            float dx = (float)x + 0.5f - t.ox, dy = (float)y + 0.5f - t.oy;
-            float q = t.q[0] * dx + t.q[1] * dy + t.q[2], rgb[3];
+            float w[3], q = tri_at(w, &t, x, y), rgb[3];
             size_t at = (size_t)(y * n + x);
             if (q < s->q[at] * slack)
                 continue;
-            scan_gather(&o, s, i, t.w[0] * dx + t.w[1] * dy,
-                        t.w[2] * dx + t.w[3] * dy);
+            scan_gather(&o, s, i, w[1], w[2]);
             float a = scan_shade_veil(rgb, s, &o), *c = s->color + 3 * at;
             if (a <= 0.004f)
                 continue;

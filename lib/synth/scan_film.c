@@ -207,60 +207,15 @@ static void film_develop(struct scan_film *film, const struct scan_stage *s,
 
 /* ---- optics, plane by plane --------------------------------------------- */
 
-/* Separable blur by a Gaussian of sigma pixels, in place. */
-static void film_soften(float *p, float *tmp, int n, float sigma)
-{
-    float w[33];
-    int r = lens_blur_weights(w, 16, sigma);
-
-    for (int y = 0; y < n; y++)
-        for (int x = 0; x < n; x++) {
-            float v = 0;
-            for (int i = -r; i <= r; i++) {
-                int u = x + i < 0 ? 0 : x + i >= n ? n - 1 : x + i;
-                v += w[i + r] * p[y * n + u];
-            }
-            tmp[y * n + x] = v;
-        }
-    for (int y = 0; y < n; y++) {
-        memset(p + y * n, 0, (size_t)n * sizeof *p);
-        for (int i = -r; i <= r; i++) {
-            int v = y + i < 0 ? 0 : y + i >= n ? n - 1 : y + i;
-            for (int x = 0; x < n; x++)
-                p[y * n + x] += w[i + r] * tmp[v * n + x];
-        }
-    }
-}
-
-/* Mean along a short straight way. */
-static void film_smear(float *p, float *tmp, int n, const float move[2])
-{
-    int taps = (int)ceilf(maxf(fabsf(move[0]), fabsf(move[1]))) + 1;
-
-    taps = taps > 11 ? 11 : taps;
-    memset(tmp, 0, (size_t)n * (size_t)n * sizeof *tmp);
-    for (int i = 0; i < taps; i++) {
-        float t = taps > 1 ? (float)i / (float)(taps - 1) - 0.5f : 0;
-        int u = (int)lrintf(t * move[0]), v = (int)lrintf(t * move[1]);
-        for (int y = 0; y < n; y++)
-            for (int x = 0; x < n; x++) {
-                int a = x + u < 0 ? 0 : x + u >= n ? n - 1 : x + u;
-                int b = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
-                tmp[y * n + x] += p[b * n + a] / (float)taps;
-            }
-    }
-    memcpy(p, tmp, (size_t)n * (size_t)n * sizeof *p);
-}
-
 static void film_optics(float *p, float *tmp, int n,
                         const struct scan_camera *c, const float move[2])
 {
     float blur = (0.40f + c->blur) * (float)n / 256;
 
     if (fabsf(move[0]) + fabsf(move[1]) > 0.7f)
-        film_smear(p, tmp, n, move);
+        lens_smear(p, tmp, n, 1, 11, move[0], move[1]);
     if (blur > 0.3f)
-        film_soften(p, tmp, n, blur);
+        lens_soften(p, tmp, n, 1, LENS_BLUR_MOST, blur);
     if (c->low < 0.95f)
         lens_coarsen(p, tmp, n, 1, c->low);
 }
@@ -271,7 +226,7 @@ static void film_sharpen(float *p, float *tmp, float *tmp2, int n, float amount)
     size_t m = (size_t)n * (size_t)n;
 
     memcpy(tmp, p, m * sizeof *p);
-    film_soften(tmp, tmp2, n, 1.0f * (float)n / 256);
+    lens_soften(tmp, tmp2, n, 1, LENS_BLUR_MOST, 1.0f * (float)n / 256);
     for (size_t i = 0; i < m; i++)
         p[i] += amount * (p[i] - tmp[i]);
 }

@@ -10,17 +10,6 @@
 #define REACH 1.3f              /* half the width of what a map covers */
 #define SHARP 34.0f
 
-static struct raster_vertex shadow_sun_place(const struct scan_shadow *w,
-                                             const float p[3])
-{
-    float d[3], half = 0.5f * SCAN_SHADOW;
-
-    sub3(d, p, w->centre);
-    return (struct raster_vertex){dot3(d, w->u) * w->scale + half,
-                                  dot3(d, w->v) * w->scale + half,
-                                  dot3(d, w->w) + 8};
-}
-
 /* Opacity of a part at the first corner of a face: cheap, and enough here. */
 static bool shadow_is_hole(const struct figure *f, const struct figure_part *p,
                            const int32_t *v, const float w[3])
@@ -51,11 +40,7 @@ static void shadow_draw_face(struct scan_stage *s, float *map, size_t i)
         if (!tri_row(&t, y, n, &x0, &x1))
             continue;
         for (int x = x0; x <= x1; x++) {
-            float dx = (float)x + 0.5f - t.ox, dy = (float)y + 0.5f - t.oy;
-            float q = t.q[0] * dx + t.q[1] * dy + t.q[2];
-            float w[3] = {0, t.w[0] * dx + t.w[1] * dy,
-                          t.w[2] * dx + t.w[3] * dy};
-            w[0] = 1 - w[1] - w[2];
+            float w[3], q = tri_at(w, &t, x, y);
             if (q > map[y * n + x]
                 && !shadow_is_hole(f, &f->parts[f->part[i]], v, w))
                 map[y * n + x] = q;
@@ -119,19 +104,12 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
     float up[3] = {0, -1, 0};
     size_t n = (size_t)SCAN_SHADOW * SCAN_SHADOW;
 
-    copy3(w->w, l->dir);
-    if (fabsf(w->w[1]) > 0.97f)
+    if (fabsf(l->dir[1]) > 0.97f)
         up[0] = 1, up[1] = 0;
-    cross3(w->u, up, w->w);
-    unit3(w->u);
-    cross3(w->v, w->w, w->u);
-    w->scale = SCAN_SHADOW / (2 * REACH);
-    w->centre[0] = w->centre[1] = w->centre[2] = 0;
-    for (size_t i = 0; i < f->parts[0].c1; i += 64)
-        mad3(w->centre, w->centre, s->place + 3 * i,
-             1 / (float)((f->parts[0].c1 + 63) / 64));
+    sun_aim(&w->sun, l->dir, up, SCAN_SHADOW, REACH);
+    sun_centre(&w->sun, s->place, f->parts[0].c1, 64);
     for (size_t i = 0; i < f->nc; i++)
-        s->sun[i] = shadow_sun_place(w, s->place + 3 * i);
+        s->sun[i] = sun_place(&w->sun, s->place + 3 * i);
     memset(w->map, 0, n * sizeof *w->map);
     for (size_t i = 0; i < f->nf; i++) {
         enum stuff k = (enum stuff)f->stuff[i];
@@ -141,7 +119,7 @@ static void shadow_make(struct scan_stage *s, struct scan_shadow *w,
         shadow_draw_face(s, w->map, i);
     }
     for (size_t i = 0; i < n; i++) {
-        float h = w->map[i] > 0 ? w->map[i] - 8 : -2;
+        float h = w->map[i] > 0 ? w->map[i] - SUN_FAR : -2;
         w->map[i] = expf(SHARP * clampf(h, -2, 2));
     }
     shadow_blur(w->map, s->flat, 1 + (int)(l->size * 18));
@@ -160,7 +138,7 @@ float scan_shadow_at(const struct scan_stage *s, int i, const float p[3],
     float at[3];
 
     mad3(at, p, n, 0.012f);
-    struct raster_vertex v = shadow_sun_place(w, at);
+    struct raster_vertex v = sun_place(&w->sun, at);
     float x = v.x - 0.5f, y = v.y - 0.5f;
     int x0 = (int)x, y0 = (int)y, m = SCAN_SHADOW;
     if (x < 0 || y < 0 || x0 >= m - 1 || y0 >= m - 1)
@@ -168,7 +146,7 @@ float scan_shadow_at(const struct scan_stage *s, int i, const float p[3],
     float fx = x - (float)x0, fy = y - (float)y0;
     const float *q = w->map + y0 * m + x0;
     float mean = lerpf(lerpf(q[0], q[1], fx), lerpf(q[m], q[m + 1], fx), fy);
-    float lit = expf(SHARP * clampf(v.q - 8 + 0.006f, -2, 2)) / mean;
+    float lit = expf(SHARP * clampf(v.q - SUN_FAR + 0.006f, -2, 2)) / mean;
 
     return lit >= 1 ? 1 : clampf((lit - 0.08f) / 0.92f, 0, 1);
 }

@@ -69,19 +69,16 @@ static void sky_draw_depth(float *map, const struct raster_vertex *at,
             if (!tri_row(&t, y, MAP, &x0, &x1))
                 continue;
             for (int x = x0; x <= x1; x++) {
-                float dx = (float)x + 0.5f - t.ox;
-                float dy = (float)y + 0.5f - t.oy;
-                float q = t.q[0] * dx + t.q[1] * dy + t.q[2], c[4];
-                float b1 = t.w[0] * dx + t.w[1] * dy;
-                float b2 = t.w[2] * dx + t.w[3] * dy, b0 = 1 - b1 - b2;
+                float w[3], q = tri_at(w, &t, x, y), c[4];
                 if (q <= map[y * MAP + x])
                     continue;
                 if (picture && picture->rgba) {
                     bitmap_look(c, picture,
-                                 b0 * uv[2 * v[0]] + b1 * uv[2 * v[1]]
-                                 + b2 * uv[2 * v[2]],
-                                 b0 * uv[2 * v[0] + 1] + b1 * uv[2 * v[1] + 1]
-                                 + b2 * uv[2 * v[2] + 1]);
+                                w[0] * uv[2 * v[0]] + w[1] * uv[2 * v[1]]
+                                + w[2] * uv[2 * v[2]],
+                                w[0] * uv[2 * v[0] + 1]
+                                + w[1] * uv[2 * v[1] + 1]
+                                + w[2] * uv[2 * v[2] + 1]);
                     if (c[3] < 0.5f)
                         continue;
                 }

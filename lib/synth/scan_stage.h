@@ -5,6 +5,7 @@
 
 #include "lib/synth/raster.h"
 #include "lib/synth/scan_figure.h"
+#include "lib/synth/sun.h"
 
 #define SCAN_GRID 2             /* samples per pixel and axis */
 #define SCAN_SHADOW 256         /* side of a lamp's depth map */
@@ -19,7 +20,7 @@ struct scan_view {
 
 struct scan_shadow {            /* blurred exp(SHARP height) seen from a lamp */
     float *map;
-    float u[3], v[3], w[3], centre[3], scale;
+    struct sun sun;
 };
 
 struct scan_stage {

@@ -6,6 +6,8 @@
 
 #include <stdint.h>
 
+#include "lib/synth/sun.h"
+
 #define SHADE_N 64
 #define SHADE_LIGHTS 3
 
@@ -42,8 +44,7 @@ struct shade_light {
 struct shade_shadow {
     const float *map;
     int n;
-    float u[3], v[3], w[3], centre[3];
-    float scale;                      /* texels per head unit */
+    struct sun sun;
     float sharp;
 };
 

@@ -107,17 +107,19 @@ static void shade_unit_block(lane v[3])
 static void shade_shadow_block(lane lit, const struct shade_block *b,
                                const struct shade_shadow *s, float bias)
 {
+    const struct sun *sun = &s->sun;
     const float *map = s->map;
     float top = (float)(s->n - 2);
 
     LANES {
-        float x = b->p[0][i] - s->centre[0], y = b->p[1][i] - s->centre[1];
-        float z = b->p[2][i] - s->centre[2];
-        float u = x * s->u[0] + y * s->u[1] + z * s->u[2];
-        float v = x * s->v[0] + y * s->v[1] + z * s->v[2];
-        float h = x * s->w[0] + y * s->w[1] + z * s->w[2];
-        u = u * s->scale + 0.5f * (float)s->n - 0.5f;
-        v = v * s->scale + 0.5f * (float)s->n - 0.5f;
+        float x = b->p[0][i] - sun->centre[0];
+        float y = b->p[1][i] - sun->centre[1];
+        float z = b->p[2][i] - sun->centre[2];
+        float u = x * sun->u[0] + y * sun->u[1] + z * sun->u[2];
+        float v = x * sun->v[0] + y * sun->v[1] + z * sun->v[2];
+        float h = x * sun->w[0] + y * sun->w[1] + z * sun->w[2];
+        u = u * sun->scale + sun->half - 0.5f;
+        v = v * sun->scale + sun->half - 0.5f;
         u = u > 0 ? u : 0;
         v = v > 0 ? v : 0;
         u = u < top ? u : top;

@@ -82,4 +82,15 @@ static inline bool tri_row(const struct tri *t, int y, int w, int *x0,
     return *x0 <= *x1;
 }
 
+/* Sample (x,y): its 1/z, and the weights w (3) of the corners. */
+static inline float tri_at(float w[3], const struct tri *t, int x, int y)
+{
+    float dx = (float)x + 0.5f - t->ox, dy = (float)y + 0.5f - t->oy;
+
+    w[1] = t->w[0] * dx + t->w[1] * dy;
+    w[2] = t->w[2] * dx + t->w[3] * dy;
+    w[0] = 1 - w[1] - w[2];
+    return t->q[0] * dx + t->q[1] * dy + t->q[2];
+}
+
 #endif

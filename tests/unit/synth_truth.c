@@ -241,9 +241,9 @@ static void check_shaders(void)
     random_init(&r, 4, "blocks");
     for (int i = 0; i < 64 * 64; i++)
         map[i] = (float)random_range(&r, 1, 1e4);
-    p.env.shadow = (struct shade_shadow){.map = map, .n = 64, .scale = 20,
-        .sharp = 20, .u = {1, 0, 0}, .v = {0, 1, 0}, .w = {0, 0, -1},
-        .centre = {0, 0, 12}};
+    p.env.shadow = (struct shade_shadow){.map = map, .n = 64, .sharp = 20,
+        .sun = {.u = {1, 0, 0}, .v = {0, 1, 0}, .w = {0, 0, -1},
+                .centre = {0, 0, 12}, .scale = 20, .half = 32}};
     for (int n = 0; n < 40; n++) {
         random_block(&in, &r);
         for (int k = 0; k <= (int)cpu_level(); k++) {
