@@ -33,6 +33,23 @@ static const float teeth_cheek[3] = {0.24f, 0.10f, 0.09f};
 static const float teeth_palate[3] = {0.42f, 0.24f, 0.23f};
 static const float teeth_tongue[3] = {0.66f, 0.42f, 0.38f};
 
+/* Rows of a grid of K by K: the upper teeth's, and the lower ones', below. */
+static size_t teeth_upper_rows(size_t K)
+{
+    return 5 * K / 16;
+}
+
+static size_t teeth_lower_rows(size_t K)
+{
+    return K / 4;
+}
+
+/* Of a jaw's rows those of its crowns; the others are gums. */
+static size_t teeth_crown_rows(size_t rows)
+{
+    return (7 * rows + 9) / 10;
+}
+
 /* x, mm, at length a along the parabola, by Newton's method. */
 static float teeth_along(float a)
 {
@@ -61,7 +78,7 @@ static void teeth_crown(struct teeth_cell *c, const struct teeth_row *j,
                         float u, size_t r, size_t n, float columns)
 {
     float across, a = 0, up, enamel = 1;
-    const size_t t = teeth_tooth(&across, u), crown = (7 * n + 9) / 10;
+    const size_t t = teeth_tooth(&across, u), crown = teeth_crown_rows(n);
     const float step = j->height[t] / (float)crown;
 
     for (size_t i = 0; i < t; i++)
@@ -111,14 +128,16 @@ static void teeth_behind(struct teeth_cell *c, float u, float v, float step,
     c->scale[2] = 0.5f;
 }
 
+/* Cell (i,j) of K by K as teeth_crown and teeth_behind place it, and its share
+ * of the jaw's way. */
 static struct teeth_cell teeth_cell_make(float *share, size_t i, size_t j,
                                          size_t K)
 {
-    const size_t upper = 5 * K / 16, lower = K / 4;
+    const size_t upper = teeth_upper_rows(K), lower = teeth_lower_rows(K);
     const float n = (float)K, u = (float)(2 * j + 1) / n - 1;
     struct teeth_cell c = {.quat = {1}, .layer = TEETH_UPPER};
 
-    *share = TEETH_TELL;
+    *share = TEETH_UPPER_SHARE;
     if (i < upper) {
         teeth_crown(&c, &teeth_rows[0], u, i, upper, n);
     } else if (i < upper + lower) {
@@ -170,7 +189,7 @@ void teeth_make(struct teeth_cell *cells, const struct head *h,
  * are as high as the first one's. */
 float teeth_lift(const struct teeth_cell *cells, const float *like, size_t K)
 {
-    const size_t rows = 5 * K / 16, crown = (7 * rows + 9) / 10;
+    const size_t crown = teeth_crown_rows(teeth_upper_rows(K));
     float sum = 0, found = 0;
 
     for (size_t j = 3 * K / 8; j < K - 3 * K / 8; j++)
@@ -190,7 +209,7 @@ void teeth_light(float light[3], const struct teeth_cell *cells,
 {
     float seen = 0, there[3] = {0}, own[3] = {1e-6f, 1e-6f, 1e-6f};
 
-    for (size_t k = 0; k < 5 * K / 16 * K; k++) {
+    for (size_t k = 0; k < teeth_upper_rows(K) * K; k++) {
         seen += like[k];
         for (int c = 0; c < 3; c++) {
             there[c] += like[k] * pixel[4 * k + c];
@@ -204,7 +223,7 @@ void teeth_light(float light[3], const struct teeth_cell *cells,
 
 int teeth_hidden(const struct teeth_cell *cells, size_t K, size_t k)
 {
-    const size_t column = k % K, lower = 5 * K / 16 * K;
+    const size_t column = k % K, lower = teeth_upper_rows(K) * K;
     const float y = cells[k].mean[1];
 
     return (cells[k].layer != TEETH_UPPER && y > cells[column].mean[1]) ||

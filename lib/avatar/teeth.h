@@ -10,9 +10,11 @@
 
 #include "lib/head/head.h"
 
-/* The upper teeth's share of the jaw's way: too little to be seen, but a reach
- * (gaussian_seen) tells by it that the jaw has moved. */
-#define TEETH_TELL 0.02f
+/* The upper teeth's share of the jaw's way.  In life they stay; this is too
+ * little to be seen, but their reach (gaussian_seen) goes by how far a cell has
+ * moved: with it a jaw that drops ends the belief in what the photograph shows
+ * in their place, the lips that were before them. */
+#define TEETH_UPPER_SHARE 0.02f
 
 enum teeth_layer { TEETH_UPPER, TEETH_LOWER, TEETH_BACK };
 

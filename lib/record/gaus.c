@@ -153,12 +153,8 @@ int gaus_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gaus *g)
         array_make("reach", DTYPE_F32, g->reach, 1, n, 0, 0, 0),
         array_make("cam", DTYPE_F32, g->cam, 2, 3, 4, 0, 0)
     };
-    int count = 0;
 
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        if (all[i].data)
-            a[count++] = all[i];
-    return count;
+    return array_present(a, all, sizeof all / sizeof *all);
 }
 
 int gaus_write(struct stream_writer *w, uint64_t frame, double time,

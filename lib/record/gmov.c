@@ -59,10 +59,6 @@ int gmov_arrays(struct array a[STREAM_MAX_ARRAYS], const struct gmov *m)
         array_make("chin", DTYPE_F32, m->chin, 1, 3, 0, 0, 0),
         array_make("body", DTYPE_F32, m->body, 2, 3, 4, 0, 0)
     };
-    int count = 0;
 
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        if (all[i].data)
-            a[count++] = all[i];
-    return count;
+    return array_present(a, all, sizeof all / sizeof *all);
 }

@@ -51,10 +51,7 @@ int imag_write(struct stream_writer *w, uint64_t frame, double time,
         array_make("alone", DTYPE_U8, im->alone, 3, n, n, 3, 0)
     };
     struct array a[sizeof all / sizeof *all];
-    int count = 0;
 
-    for (size_t i = 0; i < sizeof all / sizeof *all; i++)
-        if (all[i].data)
-            a[count++] = all[i];
-    return stream_write(w, RECORD_IMAG, frame, time, a, count, err);
+    return stream_write(w, RECORD_IMAG, frame, time, a,
+                        array_present(a, all, sizeof all / sizeof *all), err);
 }

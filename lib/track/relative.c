@@ -58,23 +58,31 @@ static void relative_move(float t[3], const float neutral[3],
     t[2] = depth;
 }
 
+/* What a step from neutral becomes at source, for the same share of what is
+ * left to the most; neutral is below that. */
+static float relative_share(float neutral, float source, float most)
+{
+    return fmaxf(most - source, 0) / (most - neutral);
+}
+
+/* source + lid - neutral; what closes it closes the same share. */
 static float relative_lid(float lid, float neutral, float source)
 {
     float way = lid - neutral;
 
     if (way > 0 && neutral < 1)
-        way *= (1 - source) / (1 - neutral);
+        way *= relative_share(neutral, source, 1);
     return fminf(fmaxf(source + way, 0), 1);
 }
 
-/* source + x - neutral; who does more of it than the neutral frame goes the
- * same share of what is left to the most. */
+/* source + x - neutral; a source that does more of it than the neutral frame
+ * goes the same share. */
 static float relative_weight(float x, float neutral, float source, float most)
 {
     float way = x - neutral;
 
     if (way > 0 && source > neutral)
-        way *= fmaxf(most - source, 0) / fmaxf(most - neutral, 1e-6f);
+        way *= neutral < most ? relative_share(neutral, source, most) : 0;
     return source + way;
 }
 

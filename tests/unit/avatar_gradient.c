@@ -301,7 +301,7 @@ static void reference_teeth(struct world *w)
     const struct avatar *a = &w->a;
     const float *hinge = w->head.joint_template + 3 * JOINT_JAW;
     double complex from, to, rest;
-    const double tell = (double)TEETH_TELL;
+    const double share = (double)TEETH_UPPER_SHARE;
     double worst = 0, moved = 0;
     float cs[3], cd[3], cr[3];
 
@@ -319,8 +319,8 @@ static void reference_teeth(struct world *w)
         double complex q = y[2] - hinge[2] + I * (y[1] - hinge[1]);
 
         if (a->mouth.teeth[k].layer == TEETH_UPPER)
-            worst = fmax(worst, cabs(q - p - p * (to - from) * tell /
-                                     (rest + tell * (from - rest))));
+            worst = fmax(worst, cabs(q - p - p * (to - from) * share /
+                                     (rest + share * (from - rest))));
         if (a->mouth.teeth[k].layer == TEETH_LOWER) {
             worst = fmax(worst, cabs(q - p * to / from));
             moved = fmax(moved, cabs(q - p));
