@@ -19,6 +19,7 @@
 #define OVERLAP 0.6f    /* standard deviation over the spacing */
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
+#define LEAST 0.4f      /* the same of any, at least */
 #define REACH 2.0f      /* standard deviations that they are seen to */
 #define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
@@ -430,6 +431,13 @@ static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
            (1 - b->lid[k]) * (1 - b->seam[k]);
 }
 
+/* What Gaussian k measures at least: the decoder draws thin what faces the
+ * camera, and when the head turns its rows would part and show the back. */
+static float dynamic_branch_least(const struct dynamic_branch *b, size_t k)
+{
+    return fminf(LEAST * b->spacing[k], BRANCH_SCALE_MAX);
+}
+
 /* What the source does not show is the prior's alone, dense and round: the
  * decoder would paint the back of everybody's head as in its training people,
  * and leave what they seldom turned to the camera half clear.  Features beyond
@@ -440,6 +448,7 @@ static void dynamic_branch_unseen(struct branch_set *out,
     for (size_t k = 0; k < out->n; k++) {
         float w = dynamic_branch_shown(b, k), *scale = out->scale + 3 * k;
         float v = dynamic_branch_ahead(b, k);
+        float least = dynamic_branch_least(b, k);
         float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
         float *color = out->color + k * out->channels;
 
@@ -447,7 +456,7 @@ static void dynamic_branch_unseen(struct branch_set *out,
             float own = 1 / (1 + expf(-b->logit[3 * k + c]));
 
             color[c] = w * color[c] + (1 - w) * own;
-            scale[c] = v * scale[c] + (1 - v) * round;
+            scale[c] = v * fmaxf(scale[c], least) + (1 - v) * round;
         }
         for (size_t c = 3; c < out->channels; c++)
             color[c] *= w;
@@ -455,6 +464,14 @@ static void dynamic_branch_unseen(struct branch_set *out,
                           (1 - v) * SOLID * fmaxf(b->hull[k], b->lid[k]) *
                               b->start.visible[k];
     }
+}
+
+/* The decoder's scale i, three a Gaussian, as branch_prior_forward has it. */
+static float dynamic_branch_drawn(const struct dynamic_branch *b, size_t i)
+{
+    return BRANCH_SCALE_MAX *
+           attribute_shift(b->start.scale[i] / BRANCH_SCALE_MAX,
+                           b->start.scale_shift[i / 3]);
 }
 
 /* Reverse of dynamic_branch_unseen, in place. */
@@ -466,8 +483,9 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
 
         for (size_t c = 0; c < dout->channels; c++)
             dout->color[k * dout->channels + c] *= w;
-        for (size_t c = 0; c < 3; c++)
-            dout->scale[3 * k + c] *= v;
+        for (size_t i = 3 * k; i < 3 * k + 3; i++)
+            dout->scale[i] *= dynamic_branch_drawn(b, i) >
+                              dynamic_branch_least(b, k) ? v : 0;
         dout->opacity[k] *= v;
     }
 }
