@@ -384,25 +384,32 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
 /* Add weight times the triangle-filtered row to acc [n,C]. */
 struct filter {
     size_t lo, count;          /* input samples inside the picture */
-    float w[];                 /* of each; all of them sum to 1 with the
-                                * ones outside */
+    float w[];                 /* of each; they sum to 1 */
 };
 
-/* Filter of output i; room for `most` weights. */
+/* Filter of output i; room for `most` weights.  None where its middle lies
+ * outside the picture, as square_inside has it: what is inside takes nothing
+ * of the black about it, or a window larger than the picture shows a frame. */
 static void filter_make(struct filter *f, double centre, double size,
                         size_t i, size_t n, size_t in, size_t most)
 {
     const double s = size / (double)n, support = s > 1 ? s : 1;
     const double p = crop_sample_place(centre, size, i, n);
-    double first = ceil(p - support), sum = 0;
+    const double first = fmax(ceil(p - support), 0);
+    double sum = 0;
     size_t m = 0;
 
-    for (double j = first; j < p + support; j++)
-        sum += fmax(0, 1 - fabs(j - p) / support);
-    f->lo = first > 0 ? (size_t)fmin(first, (double)in) : 0;
-    for (double j = fmax(first, 0); j < p + support && j < (double)in
-         && m < most; j++)
-        f->w[m++] = (float)(fmax(0, 1 - fabs(j - p) / support) / sum);
+    f->lo = (size_t)fmin(first, (double)in);
+    f->count = 0;
+    if (p < -0.5 || p >= (double)in - 0.5)
+        return;
+    for (double j = first; j < p + support && j < (double)in && m < most;
+         j++) {
+        f->w[m] = (float)fmax(0, 1 - fabs(j - p) / support);
+        sum += (double)f->w[m++];
+    }
+    for (size_t k = 0; k < m; k++)
+        f->w[k] = (float)((double)f->w[k] / sum);
     f->count = m;
 }
 

@@ -74,8 +74,9 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
                 size_t stride);
 
 /* The square of an 8-bit picture as n x n 8-bit pixels, antialiased when it
- * shrinks, black outside: the portrait window and the source crop.  channels
- * is 1 to 4.  -1 when out of memory. */
+ * shrinks, black where square_inside is 0 and nowhere mixed with it: the
+ * portrait window and the source crop.  channels is 1 to 4.  -1 when out of
+ * memory. */
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                    size_t H, size_t stride, int channels, struct square q);
 

@@ -240,8 +240,7 @@ static void source_smear(struct source *s, size_t x, size_t y, size_t from)
 }
 
 /* What the window shows beyond the picture is nobody: but shoulders that leave
- * the picture below go on as they left it, three rows above its edge, where no
- * black is mixed in. */
+ * the picture below go on as they left it, a row above its edge. */
 static void source_continue_body(struct source *s)
 {
     const size_t n = s->person.size;
@@ -249,9 +248,9 @@ static void source_continue_body(struct source *s)
 
     while (end > 0 && !memchr(s->inside + (end - 1) * n, 255, n))
         end--;
-    for (size_t y = end - 2; end > 3 && end < n && y < n; y++)
+    for (size_t y = end; end > 1 && end < n && y < n; y++)
         for (size_t x = 0; x < n; x++)
-            source_smear(s, x, y, end - 3);
+            source_smear(s, x, y, end - 2);
 }
 
 static bool source_guessed(const struct source *s)
