@@ -17,6 +17,7 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
+#define TINT 0.1f       /* how far a colour may be from the photograph's */
 #define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
 
 /* ---- the equations ----------------------------------------------------- */
@@ -124,7 +125,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
         {&b->sampled, n2 * Cf, false}, {&b->in, n2 * b->inputs, false},
         {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
-        {&b->dlogit, 3 * n2, true}, {&b->surface, n2, false},
+        {&b->dlogit, 3 * n2, true}, {&b->held, 3 * n2, false},
+        {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
@@ -286,6 +288,38 @@ static void static_branch_inputs_backward(struct static_branch *b)
     }
 }
 
+/* The Gaussians' colours are near the photograph's: a decoder that has not
+ * seen such cloth tints its rims, where a turned head shows them. */
+static void static_branch_hold(struct branch_set *out,
+                               const struct static_branch *b)
+{
+    for (size_t k = 0; k < out->n; k++)
+        for (size_t c = 0; c < 3; c++) {
+            const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
+            float *color = out->color + k * out->channels + c;
+
+            b->held[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
+            *color = fminf(fmaxf(*color, own - TINT), own + TINT);
+        }
+}
+
+/* Reverse of static_branch_hold, in place: what is held follows the picture
+ * alone, held (n*n,3) is the gradient of its logits. */
+static void static_branch_hold_backward(struct branch_set *dout,
+                                        struct static_branch *b)
+{
+    for (size_t k = 0; k < dout->n; k++)
+        for (size_t c = 0; c < 3; c++) {
+            float *own = b->held + 3 * k + c;
+            float *d = dout->color + k * dout->channels + c;
+
+            if (!(*own > 0))
+                continue;
+            *own = *d * *own * (1 - *own);
+            *d = 0;
+        }
+}
+
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
@@ -308,6 +342,8 @@ void static_branch_forward(struct branch_set *out, const float *features,
     conv_decoder_forward(&raw, b->in, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
+    if (b->prior)
+        static_branch_hold(out, b);
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
                            : b->p_raw[k];
@@ -342,10 +378,14 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
         b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k],
                                             b->p_shift[k]);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
+    if (b->prior)
+        static_branch_hold_backward(dout, b);
     struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
     conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,
                           mesh->normal, b->prior ? b->logit : NULL,
                           &b->decoder);
+    for (size_t i = 0; b->prior && i < 3 * b->count; i++)
+        b->dlogit[i] += b->held[i];
     static_branch_inputs_backward(b);
     if (b->prior)
         source_picture_sample_backward(b->dU, b->dpixel, picture, b->U,

@@ -41,6 +41,9 @@ struct static_branch {
     float *sampled, *dsampled;          /* (n,n,Cf) F at U; one memory */
     float *in, *din;                    /* (n,n,inputs) */
     float *logit, *dlogit;              /* (n,n,3) RGB to start from */
+    float *held;                        /* (n,n,3) colours that are held near
+                                         * the picture's, 0 elsewhere; their
+                                         * gradients */
     float *surface;                     /* (n,n) height of the mesh over the
                                          * plane, head units */
     float *moving;                      /* (n,n) what may not be drawn */
