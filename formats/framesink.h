@@ -71,8 +71,6 @@ struct framesink_options {
     const struct background *background;    /* NULL: black; borrowed */
 };
 
-#define FRAMESINK_PHOTO 5   /* numbers of a pixel of photo */
-
 /* One rendered frame.  Colours are as the splatter leaves them: alpha-weighted
  * sums over black, sRGB-encoded, 0..1 (values beyond are clamped). */
 struct framesink_frame {

@@ -6,6 +6,9 @@
 
 #include "formats/compose.h"
 #include "formats/framesink_impl.h"
+#include "lib/stream/feat.h"
+
+_Static_assert(FEAT_TURN == RELATIVE_POSE_SIZE, "a turn is a relative pose");
 
 /* RGBA in place to RGB, and the alphas apart. */
 static void framesink_split_alpha(uint8_t *pixel, uint8_t *alpha, size_t n)
@@ -17,7 +20,7 @@ static void framesink_split_alpha(uint8_t *pixel, uint8_t *alpha, size_t n)
 }
 
 int framesink_write_imag(struct framesink *s, const struct framesink_frame *f,
-                                struct error *err)
+                         struct error *err)
 {
     const size_t N = f->width * f->height;
     struct array a[2];
@@ -58,64 +61,46 @@ static const float *framesink_packed_photo(struct framesink *s,
     const size_t N = f->width * f->height;
     float *to;
 
-    if (s->photo_count < FRAMESINK_PHOTO * N) {
+    if (s->photo_count < FEAT_PHOTO * N) {
         free(s->photo);
-        s->photo = malloc(FRAMESINK_PHOTO * N * sizeof *s->photo);
-        s->photo_count = s->photo ? FRAMESINK_PHOTO * N : 0;
+        s->photo = malloc(FEAT_PHOTO * N * sizeof *s->photo);
+        s->photo_count = s->photo ? FEAT_PHOTO * N : 0;
     }
     to = s->photo;
     for (size_t i = 0; to && i < N; i++)
         if (f->alpha[i] != 0) {
-            memcpy(to, f->photo + FRAMESINK_PHOTO * i,
-                   FRAMESINK_PHOTO * sizeof *to);
-            to += FRAMESINK_PHOTO;
+            memcpy(to, f->photo + FEAT_PHOTO * i,
+                   FEAT_PHOTO * sizeof *to);
+            to += FEAT_PHOTO;
         }
     return s->photo;
 }
 
 int framesink_write_feat(struct framesink *s, const struct framesink_frame *f,
-                                struct error *err)
+                         struct error *err)
 {
     const bool half = s->opt.record == FRAMESINK_FEAT_F16;
     const size_t C = (size_t)f->channels, N = f->width * f->height;
     const bool packed = s->opt.covered && f->alpha;
-    const enum dtype type = half ? DTYPE_F16 : DTYPE_F32;
     const void *feat = half ? (const void *)framesink_half_features(s, f, N * C)
                             : f->color;
     const struct covered *c = &s->covered;
-    const float *photo = f->photo && packed ? framesink_packed_photo(s, f)
-                                            : f->photo;
-    struct array a[7];
-    int n = 1;
 
-    if (!feat || !photo != !f->photo
+    if (!feat
         || (packed
             && covered_find(&s->covered, feat, f->alpha, N,
-                            C * dtype_size(type))))
+                            C * dtype_size(half ? DTYPE_F16 : DTYPE_F32))))
         return error_set(err, EX_OSERR, "out of memory");
-    a[0] = packed ? array_make("feat", type, NULL, 2, c->pixels, C, 0, 0)
-                  : array_make("feat", type, feat, 3, f->height, f->width, C,
-                               0);
-    if (f->alpha)
-        a[n++] = array_make("alpha", DTYPE_F32, f->alpha, 2, f->height,
-                            f->width, 0, 0);
-    if (f->depth)
-        a[n++] = array_make("depth", DTYPE_F32, f->depth, 2, f->height,
-                            f->width, 0, 0);
-    if (photo)
-        a[n++] = packed ? array_make("photo", DTYPE_F32, photo, 2, c->pixels,
-                                     FRAMESINK_PHOTO, 0, 0)
-                        : array_make("photo", DTYPE_F32, photo, 3, f->height,
-                                     f->width, FRAMESINK_PHOTO, 0);
-    if (f->place) {
-        a[n++] = array_make("place", DTYPE_F32, f->place, 3, f->height,
-                            f->width, 3, 0);
-        a[n++] = array_make("map", DTYPE_F32, f->map, 1, 6, 0, 0, 0);
-    }
-    if (f->turned)
-        a[n++] = array_make("turn", DTYPE_F32, f->turn, 1,
-                            RELATIVE_POSE_SIZE, 0, 0, 0);
-    return stream_write_parts(s->stream, RECORD_FEAT, f->frame, f->time, a, n,
-                              packed ? c->run : NULL, packed ? c->runs : 0,
-                              err);
+    const struct feat record = {
+        .height = f->height, .width = f->width, .channels = C,
+        .f32 = half ? NULL : feat, .f16 = half ? feat : NULL,
+        .packed = packed, .pixels = packed ? c->pixels : 0,
+        .alpha = f->alpha, .depth = f->depth,
+        .photo = f->photo && packed ? framesink_packed_photo(s, f) : f->photo,
+        .place = f->place, .map = f->map, .turn = f->turned ? f->turn : NULL
+    };
+    if (!record.photo != !f->photo)
+        return error_set(err, EX_OSERR, "out of memory");
+    return feat_write(s->stream, f->frame, f->time, &record,
+                      packed ? c->run : NULL, packed ? c->runs : 0, err);
 }

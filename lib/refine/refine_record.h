@@ -7,9 +7,7 @@
 #include "lib/stream/stream.h"
 
 /* *in points into rec, which must stay.  Features that came without the pixels
- * that nothing covers are packed.  EX_DATAERR naming the array for shapes that
- * do not agree, numbers that are not finite, and packed features that stand
- * for more than --max-bytes. */
+ * that nothing covers are packed.  Errors as feat_read's. */
 int refine_read_record(struct refine_input *in, const struct record *rec,
                        struct error *err);
 
