@@ -12,11 +12,11 @@
 #include "lib/record/mesh.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
-#include "lib/stream/conf_text.h"
 #include "lib/synth/scan.h"
 #include "lib/synth/sheet.h"
 #include "lib/synth/statistics.h"
 #include "lib/synth/synth.h"
+#include "lib/track/conf.h"
 
 static long people = 1, frames = 1, seed = 1, first, size = 512;
 static double fps = 25, effects = 1;
@@ -78,13 +78,11 @@ static const struct cli_usage usage = {
 static int synth_write_conf(struct stream_writer *w, const struct head *head,
                             struct error *err)
 {
-    char json[512];
+    const struct conf conf = {.producer = "spid-synth", .head = head,
+                              .size = (size_t)size, .rate = fps,
+                              .seed = &seed};
 
-    snprintf(json, sizeof json, "{\"producer\":\"spid-synth\",\"version\":"
-             "\"%s\",\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":%ld,"
-             "\"focal\":12},\"fps\":%.9g,\"seed\":%ld,\"head_hash\":\"%s\"}",
-             SPID_VERSION, (double)head->scale, size, fps, seed, head->hash);
-    return conf_text_write(w, json, err);
+    return conf_write(w, &conf, err);
 }
 
 /* SHAP: a person's shape coefficients and number. */

@@ -55,6 +55,7 @@ struct video_module {
 /* The modules' tables; NULL and EX_UNAVAILABLE when one cannot be loaded.
  * From any thread. */
 const struct media_module *module_media(struct error *err);
+/* The same of videos. */
 const struct video_module *module_video(struct error *err);
 
 /* Start to load what these files (NULL: none) want by their names, in another

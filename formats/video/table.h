@@ -4,15 +4,19 @@
 
 #include "formats/module.h"
 
-/* As video_open, video_create and so on promise (formats/video.h). */
+/* What formats/video.h promises of video_open. */
 struct video_reader *reader_open(const char *path, bool bt601,
                                  struct error *err);
+/* video_create's. */
 struct video_writer *writer_create(const char *path, size_t width,
                                    size_t height, double rate,
                                    struct error *err);
+/* video_write's. */
 int writer_write(struct video_writer *v, const uint8_t *rgb,
                  struct error *err);
+/* video_finish's. */
 int writer_finish(struct video_writer *v, struct error *err);
+/* video_abandon's. */
 void writer_abandon(struct video_writer *v);
 
 /* "file:" and the path, to be freed: a name with a colon is no address.  NULL

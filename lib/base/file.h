@@ -23,9 +23,9 @@ bool file_ends(const char *name, const char *ending);
  * 0, or -1 and errno. */
 int file_rename(const char *part, const char *path);
 
+#define FILE_TEMPORARY 256
 /* path [FILE_TEMPORARY] = the folder for temporary files (TMPDIR, or /tmp) and
  * name, a template for mkdtemp(3) and its kin. */
-#define FILE_TEMPORARY 256
 void file_temporary(char *path, const char *name);
 
 /* All of a file of at most `most` bytes, ended by a 0; the caller frees.  NULL

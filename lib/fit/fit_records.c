@@ -10,7 +10,7 @@
 #include "lib/geom/camera.h"
 #include "lib/record/imag.h"
 #include "lib/record/shape.h"
-#include "lib/stream/conf_text.h"
+#include "lib/track/conf.h"
 
 #define FIT_RATE 25.0           /* frames a second, of what has no times */
 #define FIT_BETA 300
@@ -19,13 +19,10 @@
 /* CONF: camera, units, which head. */
 static int fit_records_conf(const struct fit_records *r, struct error *err)
 {
-    char json[512];
+    const struct conf conf = {.producer = "spid-fit", .head = r->head,
+                              .size = r->size, .rate = FIT_RATE};
 
-    snprintf(json, sizeof json, "{\"producer\":\"spid-fit\",\"version\":\"%s\","
-             "\"units\":\"head\",\"scale\":%g,\"camera\":{\"size\":%zu,"
-             "\"focal\":12},\"fps\":%g,\"head_hash\":\"%s\"}", SPID_VERSION,
-             (double)r->head->scale, r->size, FIT_RATE, r->head->hash);
-    return conf_text_write(r->out, json, err);
+    return conf_write(r->out, &conf, err);
 }
 
 int fit_records_open(struct fit_records *r, const char *path,

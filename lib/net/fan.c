@@ -32,11 +32,13 @@ int fan_size(size_t *stacks, size_t *width, const struct safetensors *st,
     return 0;
 }
 
+/* Its weights do not learn. */
 static void fan_freeze_norm(struct batch_norm *n)
 {
     n->ps->tensor[n->weight].frozen = n->ps->tensor[n->bias].frozen = true;
 }
 
+/* norm, relu and a convolution without bias, none of which learns. */
 static void fan_step_init(struct fan_step *s, struct params *ps,
                           const char *norm, const char *conv, size_t in,
                           size_t out, size_t kernel)
@@ -48,6 +50,7 @@ static void fan_step_init(struct fan_step *s, struct params *ps,
     ps->tensor[s->conv.weight].frozen = true;
 }
 
+/* Of a half, a quarter and a quarter of the channels that it gives. */
 static void fan_block_init(struct fan_block *b, struct params *ps,
                            const char *name, size_t in, size_t out)
 {
@@ -75,6 +78,7 @@ static void fan_mix_init(struct conv *c, struct params *ps, const char *name,
     ps->tensor[c->weight].frozen = ps->tensor[c->bias].frozen = true;
 }
 
+/* The k-th hourglass and what follows it; the last one hands nothing on. */
 static void fan_stack_init(struct fan *f, size_t k)
 {
     struct fan_stack *s = &f->stack[k];
@@ -127,6 +131,7 @@ void fan_init(struct fan *f, struct params *ps, size_t stacks, size_t width)
 
 /* ---- planning ----------------------------------------------------------- */
 
+/* On maps of side x side pixels, as all of these. */
 static void fan_step_plan(struct fan_step *s, struct nn_plan *p, size_t side)
 {
     size_t rows = side * side;
@@ -202,6 +207,7 @@ static void fan_block_update(struct fan_block *b)
         conv_update(&b->wide.conv, NULL);
 }
 
+/* Every layer takes its weights, with the norms behind them folded in. */
 static void fan_update(struct fan *f)
 {
     conv_update(&f->stem, &f->stem_norm);
@@ -307,6 +313,7 @@ static const float *fan_step_forward(const float *x, struct fan_step *s)
     return s->y;
 }
 
+/* Returns b->y; pair, of half its channels, is scratch. */
 static const float *fan_block_forward(const float *x, struct fan_block *b,
                                       float *pair)
 {
@@ -344,6 +351,7 @@ static const float *fan_level_forward(const float *x, struct fan *f,
     return h->y[i];
 }
 
+/* What the next stack sees, or the last one's heat maps. */
 static const float *fan_stack_forward(const float *x, struct fan *f, size_t k)
 {
     struct fan_stack *s = &f->stack[k];

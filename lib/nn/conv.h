@@ -77,8 +77,8 @@ void conv_forward(float *out, const float *in, struct conv *c);
 void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c);
 
-/* A planned layer's Winograd, where that is how it is computed; or NULL. */
 struct winograd;
+/* A planned layer's Winograd, where that is how it is computed; or NULL. */
 struct winograd *conv_winograd(struct conv *c);
 
 /* Name of oneDNN's implementation of the forward, for benches. */

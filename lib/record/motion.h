@@ -34,10 +34,11 @@ int motion_write(struct stream_writer *w, uint64_t frame, double time,
                  const struct array *others, int nothers, struct error *err);
 
 /* What a MOTN record may have besides, for motion_write's others; the data are
- * the caller's.  lmk (68,2), points (n,2): pixels of the portrait window;
- * sure (1): how sure the encoder is, 0 to 1. */
+ * the caller's.  lmk (68,2): pixels of the portrait window. */
 struct array motion_landmarks(const float *lmk);
+/* points (n,2): pixels of the portrait window. */
 struct array motion_points(const float *points, size_t n);
+/* sure (1): how sure the encoder is, 0 to 1. */
 struct array motion_sure(const float *sure);
 /* No face: the last motion is held. */
 struct array motion_lost(void);

@@ -32,11 +32,14 @@ static char *conf_print(const struct conf *c)
     cJSON_AddStringToObject(j, "units", "head");
     cJSON_AddNumberToObject(j, "scale", c->head->scale);
     camera = cJSON_AddObjectToObject(j, "camera");
-    cJSON_AddNumberToObject(camera, "size", c->model
-                            ? (double)c->model->config.size : CONF_SIZE);
+    cJSON_AddNumberToObject(camera, "size", (double)(
+                            c->size ? c->size
+                            : c->model ? c->model->config.size : CONF_SIZE));
     cJSON_AddNumberToObject(camera, "focal", CAMERA_FOCAL);
     if (c->fps_num > 0)
         cJSON_AddItemToObject(j, "fps", conf_pair(c->fps_num, c->fps_den));
+    else if (c->rate > 0)
+        cJSON_AddNumberToObject(j, "fps", c->rate);
     if (c->width)
         cJSON_AddItemToObject(j, "picture",
                               conf_pair((double)c->width, (double)c->height));
@@ -44,6 +47,8 @@ static char *conf_print(const struct conf *c)
         const double q[3] = {c->window->x, c->window->y, c->window->size};
         cJSON_AddItemToObject(j, "window", cJSON_CreateDoubleArray(q, 3));
     }
+    if (c->seed)
+        cJSON_AddNumberToObject(j, "seed", (double)*c->seed);
     cJSON_AddStringToObject(j, "head_hash", c->head->hash);
     if (c->model)
         cJSON_AddStringToObject(j, "model_hash", c->model->hash);

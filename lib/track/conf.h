@@ -15,14 +15,18 @@ struct conf {
     const char *producer;           /* "spid-motion" */
     const struct head *head;
     const struct model *model;      /* NULL: the stream is of no network */
-    int fps_num, fps_den;           /* 0: left out */
+    size_t size;                    /* pixels of the camera's picture; 0: the
+                                     * model's, or 512 */
+    int fps_num, fps_den;           /* frames a second; 0: left out, or */
+    double rate;                    /* as one number */
+    const long *seed;               /* NULL: left out */
     const struct square *window;    /* picture pixels; NULL: left out */
     size_t width, height;           /* of the picture */
 };
 
 /* Write CONF: {"producer","version","units":"head","scale","camera":{"size",
- * "focal"},"fps":[n,d],"picture":[w,h],"window":[x,y,size],"head_hash",
- * "model_hash"}. */
+ * "focal"},"fps":[n,d] or rate,"picture":[w,h],"window":[x,y,size],"seed",
+ * "head_hash","model_hash"}. */
 int conf_write(struct stream_writer *w, const struct conf *c,
                struct error *err);
 

@@ -42,11 +42,12 @@ int source_make(struct source *s, struct image *im, struct image *mask,
                 const struct head *head,
                 struct encoders *nets, const struct track_options *opt,
                 struct error *err);
-/* Its two halves: face, motion, shape and window; then, with neither the motion
- * nor the shape encoder, the matte and what is behind the person. */
+/* Its first half: face, motion, shape and window. */
 int source_find(struct source *s, struct image *im, struct image *mask,
                 const struct head *head, struct encoders *nets,
                 const struct track_options *opt, struct error *err);
+/* Its second half: the matte and what is behind the person.  Leaves the motion
+ * and the shape encoder alone, which may be at work elsewhere. */
 int source_cut_out(struct source *s, const struct image *im,
                    const struct image *mask, const struct head *head,
                    struct encoders *nets, struct error *err);

@@ -8,10 +8,10 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/base/random.h"
 #include "lib/train/alignment.h"
 #include "tests/check.h"
 #include "tests/folder.h"
+#include "tests/unit/noise.h"
 
 #define SIDE 64
 #define STACKS 2
@@ -228,17 +228,6 @@ static struct map plain_net(const struct map *rgb)
     return heat;
 }
 
-static float *fan_noise(size_t n, uint64_t seed, double from, double to)
-{
-    struct random r;
-    float *x = malloc(n * sizeof *x);
-
-    random_init(&r, seed, "fan");
-    for (size_t i = 0; i < n; i++)
-        x[i] = (float)random_range(&r, from, to);
-    return x;
-}
-
 static double plain_dot(const struct map *rgb, const float *probe)
 {
     struct map heat = plain_net(rgb);
@@ -271,7 +260,8 @@ static void check_heat(const float *heat, const struct map *rgb)
 static void check_gradient(struct fan *f, struct map *rgb, uint64_t seed)
 {
     size_t n = SIDE * SIDE * 3, m = SIDE * SIDE / 16 * FAN_LANDMARKS;
-    float *probe = fan_noise(m, seed, -1, 1), *way = fan_noise(n, seed, -1, 1);
+    float *probe = noise_make("fan", m, seed, -1, 1);
+    float *way = noise_make("fan", n, seed, -1, 1);
     float *d = malloc(n * sizeof *d), *dheat = malloc(m * sizeof *dheat);
     double eps = 1e-7, ours = 0, along = 0, length = 0, size = 0;
 
@@ -352,7 +342,8 @@ static void check_loss(const struct params *ps, const float *x,
     size_t n = SIDE * SIDE * 3;
     struct alignment a;
     struct error err = {0};
-    float *y = fan_noise(n, 9, 0, 1), *way = fan_noise(n, 10, -1, 1);
+    float *y = noise_make("fan", n, 9, 0, 1);
+    float *way = noise_make("fan", n, 10, -1, 1);
     float *d = calloc(n, sizeof *d);
     double eps = 1e-7, ours = 0, along = 0, length = 0, size = 0, loss;
     struct map target = map_of(SIDE, 3);
@@ -398,8 +389,8 @@ static void fan_fill(struct params *ps)
         bool var = strstr(name, "running_var") != NULL;
         bool mean = strstr(name, "running_mean") != NULL;
         bool bias = strstr(name, ".bias") != NULL;
-        float *noise = fan_noise(ps->tensor[t].count, t, var ? 0.5 : -0.3,
-                                 var ? 1.5 : 0.3);
+        float *noise = noise_make("fan", ps->tensor[t].count, t,
+                                  var ? 0.5 : -0.3, var ? 1.5 : 0.3);
 
         for (size_t i = 0; i < ps->tensor[t].count && (var || mean || bias);
              i++)
@@ -425,7 +416,7 @@ int main(void)
         if (!ps.tensor[i].frozen)
             check_that(ps.tensor[i].name, false);
     check_error("plan", !fan_plan(&f, SIDE, opt, &err), &err);
-    float *x = fan_noise(SIDE * SIDE * 3, 4, 0, 1);
+    float *x = noise_make("fan", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(SIDE, 3);
     for (size_t i = 0; i < SIDE * SIDE * 3; i++)
         rgb.v[i] = (double)x[i];

@@ -10,9 +10,9 @@
 #include <string.h>
 
 #include "formats/safetensors.h"
-#include "lib/base/random.h"
 #include "lib/net/squeezenet.h"
 #include "tests/check.h"
+#include "tests/unit/noise.h"
 
 #define SIDE 33
 
@@ -131,17 +131,6 @@ static double squeezenet_relative(const float *x, const double *truth, size_t n)
     return most / size;
 }
 
-static float *squeezenet_noise(size_t n, uint64_t seed, double from, double to)
-{
-    struct random r;
-    float *x = malloc(n * sizeof *x);
-
-    random_init(&r, seed, "squeezenet");
-    for (size_t i = 0; i < n; i++)
-        x[i] = (float)random_range(&r, from, to);
-    return x;
-}
-
 static void check_layers(struct squeezenet *s, const struct map *rgb)
 {
     struct map layer[SQUEEZENET_LAYERS];
@@ -172,11 +161,12 @@ static void check_gradient(struct squeezenet *s, struct map *rgb)
         squeezenet_layer(shape, s, (enum squeezenet_layer)k);
         /* some layers have no part in a loss */
         probe[k] = k % 3 == 1 ? NULL
-            : squeezenet_noise(shape[1] * shape[2] * shape[3], 10 + k, -1, 1);
+            : noise_make("squeezenet", shape[1] * shape[2] * shape[3],
+                         10 + k, -1, 1);
     }
     squeezenet_backward(drgb, (const float *const *)probe, s);
     for (uint64_t d = 0; d < 3; d++) {
-        float *way = squeezenet_noise(n, 30 + d, -1, 1);
+        float *way = noise_make("squeezenet", n, 30 + d, -1, 1);
         double eps = 1e-7, ours = 0, along, length = 0, size = 0;
 
         for (size_t i = 0; i < n; i++) {
@@ -215,7 +205,7 @@ static void check_random(void)
         for (size_t i = 0; i < ps.tensor[t].count; i++)
             param_w(&ps, t)[i] *= 1.5f;
     check_error("plan", !squeezenet_plan(&s, 1, SIDE, SIDE, opt, &err), &err);
-    float *x = squeezenet_noise(SIDE * SIDE * 3, 4, 0, 1);
+    float *x = noise_make("squeezenet", SIDE * SIDE * 3, 4, 0, 1);
     struct map rgb = map_of(SIDE, SIDE, 3);
     for (size_t i = 0; i < SIDE * SIDE * 3; i++)
         rgb.v[i] = (double)x[i];

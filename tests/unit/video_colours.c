@@ -88,7 +88,7 @@ static void to_ffmpeg(const char *dir)
 }
 
 /* A clip of a telephone that was held upright: as ffmpeg turns it. */
-static void turned(const char *dir)
+static void colours_turned(const char *dir)
 {
     static uint8_t seen[3 * 64 * 48];
     char command[900], path[300];
@@ -145,6 +145,6 @@ int main(void)
     from_ffmpeg(folder, "hd-601.mov", "1280x720", "bt601", tags601);
     from_ffmpeg(folder, "hd-601.mkv", "1280x720", "bt601", tags601);
     to_ffmpeg(folder);
-    turned(folder);
+    colours_turned(folder);
     return folder_remove() || check_status();
 }
