@@ -427,9 +427,10 @@ int animate_run(struct animate *a, struct driver *d, struct live *live,
     a->failed = false;
     if (a->opt.workers == 1)
         animate_worker_run(&a->worker[0]);
-    for (int i = 0; a->opt.workers > 1 && i < a->opt.workers; i++)
-        started += pthread_create(&a->worker[i].thread, NULL,
-                                  animate_worker_run, &a->worker[i]) == 0;
+    while (a->opt.workers > 1 && started < a->opt.workers &&
+           !pthread_create(&a->worker[started].thread, NULL,
+                           animate_worker_run, &a->worker[started]))
+        started++;
     for (int i = 0; i < started; i++)
         pthread_join(a->worker[i].thread, NULL);
     if (a->opt.workers > 1 && started == 0)

@@ -10,7 +10,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
 #include "lib/geom/resample.h"

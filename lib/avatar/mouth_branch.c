@@ -6,7 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 #include "lib/geom/resample.h"
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */

@@ -6,7 +6,7 @@
 #include <string.h>
 
 #include "lib/avatar/coverage.h"
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
 

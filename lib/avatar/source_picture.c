@@ -5,7 +5,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 #include "lib/geom/resample.h"
 
 #define PADDING 12      /* pixels that colours run on over the matte's edge */

@@ -8,7 +8,7 @@
 
 #include "lib/avatar/cheek_back.h"
 #include "lib/avatar/coverage.h"
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
 #include "lib/geom/resample.h"
@@ -119,11 +119,9 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->start.opacity, n2, false}, {&b->start.scale, 3 * n2, false},
         {&b->start.opacity_shift, n2, false},
         {&b->start.scale_shift, n2, false}, {&b->start.visible, n2, false},
-        {&b->init_in, n2 * (Cf + 1), true},
         {&b->dinit_in, n2 * (Cf + 1), true}, {&b->delta, 2 * n2, false},
         {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
-        {&b->sampled, n2 * Cf, false}, {&b->in, n2 * b->inputs, false},
         {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->held, 3 * n2, false},
         {&b->surface, n2, false},
@@ -135,13 +133,16 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
                         opt.mode != NN_INFER, err))
         return -1;
+    /* what a network reads is other networks' memory at other times */
+    nn_plan_init(&b->rows, opt);
+    b->init_in = nn_plan_map(&b->rows, n2 * (Cf + 1));
+    if (plane_init_plan(&b->init, 1, b->n, b->n, opt, err))
+        return -1;
+    b->sampled = nn_plan_map(&b->rows, n2 * Cf);
     b->dsampled = b->sampled;       /* the decoder's input has a copy */
-    if (opt.mode == NN_INFER)
-        b->init_in = b->in;         /* which is made after it was used */
-    return plane_init_plan(&b->init, 1, b->n, b->n, opt, err) ||
-                   conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err)
-               ? -1
-               : 0;
+    b->in = nn_plan_map(&b->rows, n2 * b->inputs);
+    return conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err) ||
+           nn_plan_finish(&b->rows, err) ? -1 : 0;
 }
 
 void static_branch_update(struct static_branch *b)
@@ -154,6 +155,7 @@ void static_branch_release(struct static_branch *b)
 {
     plane_init_release(&b->init);
     conv_decoder_release(&b->decoder);
+    nn_plan_release(&b->rows);
     free(b->block);
     memset(b, 0, sizeof *b);
 }

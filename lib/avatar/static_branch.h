@@ -19,6 +19,7 @@
 #include "lib/model/config.h"
 #include "lib/net/conv_decoder.h"
 #include "lib/net/plane_init.h"
+#include "lib/nn/plan.h"
 
 /* Numbers a cell the decoder gets beyond the paper's, with the prior:
  * coverage, matte, surface depth, whether there is a surface. */
@@ -52,7 +53,8 @@ struct static_branch {
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */
-    float *block;                       /* what the arrays are part of */
+    float *block;                       /* what the arrays are part of, but */
+    struct nn_plan rows;                /* for sampled, in and init_in */
 };
 
 /* Declare "init." and "static." in ps. */

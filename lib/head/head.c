@@ -10,6 +10,7 @@
 #include <xxhash.h>
 
 #include "formats/safetensors.h"
+#include "lib/base/slices.h"
 #include "lib/head/head_fill.h"
 
 #define BLOCK HEAD_BLOCK
@@ -17,14 +18,14 @@
 
 /* ---- checking ---------------------------------------------------------- */
 
-/* x[first] .. x[end - 1] */
+/* x (n): numbers first to first + n - 1 of name. */
 static int head_check_range(const char *name, const float *x, size_t first,
-                            size_t end, struct error *err)
+                            size_t n, struct error *err)
 {
-    for (size_t i = first; i < end; i++)
+    for (size_t i = 0; i < n; i++)
         if (!isfinite(x[i]))
             return error_set(err, EX_DATAERR, "%s[%zu] is %f (expected a "
-                             "finite number)", name, i, (double)x[i]);
+                             "finite number)", name, first + i, (double)x[i]);
     return 0;
 }
 
@@ -141,46 +142,57 @@ static size_t head_block_lane(size_t v, int c)
     return (size_t)c * BLOCK + v % BLOCK;
 }
 
-/* out (blocks, n, 96) of the vertices from (a block's first) .. to - 1 of x
- * (V, 3, stride): columns first..first+n. */
-static void head_block_rows(float *out, const float *x, size_t from, size_t to,
-                            size_t stride, size_t first, size_t n, float scale)
+/* Where n columns of directions go: out (blocks, n, 96), zeros at first, and
+ * in `words` words of a block (0: not asked for) the bits of those that move
+ * something in it. */
+struct head_layout {
+    float *out;
+    size_t first, n;            /* columns */
+    uint64_t *live;
+    size_t words;
+};
+
+/* A block's rows k0 .. k0 + few - 1, those that are not zero. */
+static void head_block_put(const struct head_layout *l,
+                           const float rows[][ROW], size_t b, size_t k0,
+                           size_t few)
 {
-    const size_t few = 16;      /* columns of a line, rows that stay near */
+    for (size_t k = 0; k < few; k++) {
+        size_t i = 0;
+
+        while (i < ROW && rows[k][i] == 0)
+            i++;
+        if (i == ROW)
+            continue;           /* pages of zeros stay untouched */
+        memcpy(l->out + (b * l->n + k0 + k) * ROW, rows[k], sizeof rows[k]);
+        if (l->words)
+            l->live[b * l->words + (k0 + k) / 64] |=
+                (uint64_t)1 << (k0 + k) % 64;
+    }
+}
+
+/* Of x (to - from, 3, stride) of the vertices from (a block's first) to
+ * to - 1. */
+static void head_block_rows(const struct head_layout *l, const float *x,
+                            size_t from, size_t to, size_t stride, float scale)
+{
+    enum { FEW = 16 };          /* columns of a line, rows that stay near */
+    float rows[FEW][ROW];
 
     for (size_t b = from / BLOCK; b * BLOCK < to; b++)
-        for (size_t k0 = 0; k0 < n; k0 += few)
+        for (size_t k0 = 0; k0 < l->n; k0 += FEW) {
+            const size_t few = l->n - k0 < FEW ? l->n - k0 : FEW;
+
+            memset(rows, 0, sizeof rows);
             for (size_t v = b * BLOCK; v < to && v < (b + 1) * BLOCK; v++)
                 for (int c = 0; c < 3; c++) {
-                    const float *col = x + (3 * v + c) * stride + first;
-                    float *row = out + b * n * ROW + head_block_lane(v, c);
+                    const float *col = x + (3 * (v - from) + (size_t)c)
+                                           * stride + l->first + k0;
 
-                    for (size_t k = k0; k < n && k < k0 + few; k++)
-                        row[k * ROW] = scale * col[k];
+                    for (size_t k = 0; k < few; k++)
+                        rows[k][head_block_lane(v, c)] = scale * col[k];
                 }
-}
-
-/* The same of all vertices and all n columns. */
-static void head_block_dirs(float *out, const float *x, size_t V, size_t n,
-                            float scale)
-{
-    head_block_rows(out, x, 0, V, n, 0, n, scale);
-}
-
-/* Bits of the n directions (blocks, n, 96) that move something in a block, in
- * `words` words of a block. */
-static void head_block_live(uint64_t *live, size_t words, const float *dirs,
-                            size_t blocks, size_t n)
-{
-    for (size_t b = 0; b < blocks; b++)
-        for (size_t k = 0; k < n; k++) {
-            const float *d = dirs + (b * n + k) * ROW;
-            size_t i = 0;
-
-            while (i < ROW && d[i] == 0)
-                i++;
-            if (i < ROW)
-                live[b * words + k / 64] |= (uint64_t)1 << k % 64;
+            head_block_put(l, (const float (*)[ROW])rows, b, k0, few);
         }
 }
 
@@ -207,9 +219,10 @@ static void head_regress_template(struct head *h, const struct head_arrays *a)
         }
 }
 
-/* J of every direction: what the vertices from .. to - 1 add to sum (K,15). */
+/* J of every direction: what the vertices from .. to - 1, whose directions
+ * are rows, add to sum (K,15). */
 static void head_regress_rows(double *sum, const struct head_arrays *a,
-                              size_t from, size_t to)
+                              const float *rows, size_t from, size_t to)
 {
     size_t K = a->nshape + a->nexp;
 
@@ -222,42 +235,63 @@ static void head_regress_rows(double *sum, const struct head_arrays *a,
             for (size_t c = 0; c < 3; c++)
                 for (size_t k = 0; k < K; k++)
                     sum[15 * k + 3 * j + c] +=
-                        w * a->shapedirs[(3 * v + c) * K + k];
+                        w * rows[(3 * (v - from) + c) * K + k];
         }
 }
 
-/* The directions, nine tenths of a model: checked, hashed, regressed and laid
- * out in one pass of a megabyte or two at a time, so that a mapped file
- * (st, NULL for arrays in memory) need not stay there beside what is made of
- * it. */
+/* Some vertices' directions: checked, hashed, regressed and laid out. */
+static int head_take_rows(struct head *h, double *sum, XXH64_state_t *hash,
+                          const struct head_arrays *a, const float *rows,
+                          size_t from, size_t to, struct error *err)
+{
+    const size_t K = a->nshape + a->nexp, n = 3 * K * (to - from);
+    const struct head_layout layout[2] = {
+        {.out = h->shape_dirs, .n = a->nshape},
+        {h->exp_dirs, a->nshape, a->nexp, h->exp_live, HEAD_MAX_EXP / 64}
+    };
+
+    if (head_check_range("shapedirs", rows, 3 * K * from, n, err))
+        return -1;
+    XXH64_update(hash, rows, n * sizeof *rows);
+    for (int i = 0; i < 2; i++)
+        head_block_rows(&layout[i], rows, from, to, K, h->scale);
+    head_regress_rows(sum, a, rows, from, to);
+    return 0;
+}
+
+/* The directions, nine tenths of a model, in one pass of some hundred
+ * kilobytes at a time, so that neither a mapped file (st, NULL for arrays in
+ * memory) nor what is unpacked need stay beside what is made of it. */
 static int head_take_directions(struct head *h, XXH64_state_t *hash,
                                 const struct head_arrays *a,
+                                const struct runs_read *packed,
                                 const struct safetensors *st, struct error *err)
 {
-    const size_t K = a->nshape + a->nexp, run = 8 * BLOCK;
+    const size_t K = a->nshape + a->nexp, some = 2 * BLOCK;
     double *sum = calloc(15 * K + 1, sizeof *sum);
-    int rc = sum ? 0 : error_set(err, EX_OSERR, "no memory for %zu "
-                                 "directions", K);
+    float *window = packed ? malloc(3 * K * some * sizeof *window) : NULL;
+    int rc = sum && (window || !packed)
+                 ? 0 : error_set(err, EX_OSERR, "no memory for %zu directions",
+                                 K);
 
-    for (size_t v = 0; !rc && v < a->V; v += run) {
-        size_t to = a->V - v < run ? a->V : v + run;
-        const float *rows = a->shapedirs + 3 * K * v;
+    for (size_t v = 0; !rc && v < a->V; v += some) {
+        const size_t to = a->V - v < some ? a->V : v + some;
+        const size_t n = 3 * K * (to - v);
+        const float *rows = packed ? window : a->shapedirs + 3 * K * v;
 
-        rc = head_check_range("shapedirs", a->shapedirs, 3 * K * v, 3 * K * to,
-                              err);
-        XXH64_update(hash, rows, 3 * K * (to - v) * sizeof *rows);
-        head_block_rows(h->shape_dirs, a->shapedirs, v, to, K, 0, a->nshape,
-                        h->scale);
-        head_block_rows(h->exp_dirs, a->shapedirs, v, to, K, a->nshape, a->nexp,
-                        h->scale);
-        head_regress_rows(sum, a, v, to);
-        if (st)
-            st_forget(st, rows, 3 * K * (to - v) * sizeof *rows);
+        if (packed) {
+            memset(window, 0, n * sizeof *window);
+            runs_unpack_some(window, packed, v, to);
+        }
+        rc = head_take_rows(h, sum, hash, a, rows, v, to, err);
+        if (st && !packed)
+            st_forget(st, rows, n * sizeof *rows);
     }
     for (size_t k = 0; !rc && k < 15 * K; k++)
         *(k < 15 * a->nshape ? h->joint_shape + k
                              : h->joint_exp + k - 15 * a->nshape) =
             (float)(h->scale * sum[k]);
+    free(window);
     free(sum);
     return rc;
 }
@@ -324,6 +358,11 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
 {
     size_t V = a->V, B = h->blocks;
     int failed = 0;
+    const struct slice directions[] = {
+        {&h->shape_dirs, B * a->nshape * ROW, false},
+        {&h->exp_dirs, B * a->nexp * ROW, false},
+        {&h->pose_dirs, B * HEAD_POSE_DIRS * ROW, false}
+    };
 
     h->v_template = head_zeroed(3 * V, &failed);
     h->f = head_copy(a->f, 3 * a->F * sizeof *h->f, &failed);
@@ -343,9 +382,9 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
     h->lid_sides = head_copy(a->lid_sides, a->nlid * sizeof(int32_t), &failed);
     h->lid_shapedirs = head_copy(a->lid_shapedirs, 3 * a->nlid * a->nlid_shape *
                                  sizeof(float), &failed);
-    h->shape_dirs = head_zeroed(B * a->nshape * ROW, &failed);
-    h->exp_dirs = head_zeroed(B * a->nexp * ROW, &failed);
-    h->pose_dirs = head_zeroed(B * HEAD_POSE_DIRS * ROW, &failed);
+    failed |= slices_allocate(&h->directions, directions,
+                              sizeof directions / sizeof *directions, false,
+                              err) != 0;
     h->exp_live = calloc(B * HEAD_MAX_EXP / 64, sizeof *h->exp_live);
     h->pose_live = calloc(B, sizeof *h->pose_live);
     failed |= !h->exp_live || !h->pose_live;
@@ -365,6 +404,9 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
 /* What has a fixed size, or is optional. */
 static void head_copy_small(struct head *h, const struct head_arrays *a)
 {
+    const struct head_layout pose = {h->pose_dirs, 0, HEAD_POSE_DIRS,
+                                     h->pose_live, 1};
+
     memcpy(h->parents, a->parents, sizeof h->parents);
     if (a->landmark_faces) {
         memcpy(h->landmark_faces, a->landmark_faces,
@@ -377,8 +419,9 @@ static void head_copy_small(struct head *h, const struct head_arrays *a)
         h->l_eyelid[i] = h->scale * a->l_eyelid[i];
         h->r_eyelid[i] = h->scale * a->r_eyelid[i];
     }
-    head_block_dirs(h->template_blocks, a->v_template, a->V, 1, h->scale);
-    head_block_dirs(h->pose_dirs, a->posedirs, a->V, HEAD_POSE_DIRS, h->scale);
+    head_block_rows(&(struct head_layout){.out = h->template_blocks, .n = 1},
+                    a->v_template, 0, a->V, 1, h->scale);
+    head_block_rows(&pose, a->posedirs, 0, a->V, HEAD_POSE_DIRS, h->scale);
     for (size_t v = 0; v < a->V; v++)
         for (int c = 0; c < 3; c++) {
             float *row = h->lids + v / BLOCK * 2 * ROW + head_block_lane(v, c);
@@ -395,7 +438,8 @@ static void head_copy_small(struct head *h, const struct head_arrays *a)
 }
 
 int head_fill(struct head *h, const struct head_arrays *a,
-              const struct safetensors *st, struct error *err)
+              const struct runs_read *packed, const struct safetensors *st,
+              struct error *err)
 {
     memset(h, 0, sizeof *h);
     if (head_check_arrays(a, err))
@@ -415,12 +459,9 @@ int head_fill(struct head *h, const struct head_arrays *a,
     XXH64_state_t *hash = XXH64_createState();
     head_hash_begin(hash, h, a);
     head_copy_small(h, a);
-    int rc = head_take_directions(h, hash, a, st, err);
+    int rc = head_take_directions(h, hash, a, packed, st, err);
     head_hash_end(h, hash, a);
     XXH64_freeState(hash);
-    head_block_live(h->exp_live, HEAD_MAX_EXP / 64, h->exp_dirs, h->blocks,
-                    h->nexp);
-    head_block_live(h->pose_live, 1, h->pose_dirs, h->blocks, HEAD_POSE_DIRS);
     if (rc)
         head_release(h);
     else
@@ -430,15 +471,15 @@ int head_fill(struct head *h, const struct head_arrays *a,
 
 int head_init(struct head *h, const struct head_arrays *a, struct error *err)
 {
-    return head_fill(h, a, NULL, err);
+    return head_fill(h, a, NULL, NULL, err);
 }
 
 void head_release(struct head *h)
 {
     float *blocks[] = {h->v_template, h->weights, h->l_eyelid, h->r_eyelid,
-                       h->hair, h->uv, h->shape_dirs, h->exp_dirs,
-                       h->pose_dirs, h->skin, h->lids, h->template_blocks,
-                       h->joint_shape, h->joint_exp, h->lid_shapedirs};
+                       h->hair, h->uv, h->directions, h->skin, h->lids,
+                       h->template_blocks, h->joint_shape, h->joint_exp,
+                       h->lid_shapedirs};
 
     for (size_t i = 0; i < sizeof blocks / sizeof *blocks; i++)
         free(blocks[i]);

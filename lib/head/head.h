@@ -109,6 +109,7 @@ struct head {
     /* Posing layout: block b holds x[32], y[32], z[32] of vertices 32b..,
      * zero beyond V; directions lie inside the block, so that one pass over
      * memory poses the head. */
+    float *directions;          /* what the next three lie in */
     float *shape_dirs;          /* (blocks, nshape, 96) */
     float *exp_dirs;            /* (blocks, nexp, 96) */
     float *pose_dirs;           /* (blocks, 36, 96) */

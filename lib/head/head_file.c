@@ -66,29 +66,57 @@ static int head_meta_number(double *out, const struct safetensors *st,
     return 0;
 }
 
-/* Directions `name` (V,3,K), or the runs of them that a file holds instead:
- * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h). */
-static const float *head_take_directions_file(struct loaded *l,
-                                              const struct safetensors *st,
-                                              const char *name, size_t V,
-                                              size_t K, struct error *err)
+/* The runs of directions `name` (V,3,K) that a file may hold in their place:
+ * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h), checked.
+ * 1: taken; 0: it has none. */
+static int head_take_runs(struct runs_read *r, struct loaded *l,
+                          const struct safetensors *st, const char *name,
+                          size_t V, size_t K, struct error *err)
 {
     char runs[64], values[64];
     size_t dims[2] = {0, 3}, n, rows;
 
     snprintf(runs, sizeof runs, "%s_runs", name);
     if (!st_find(st, runs))
-        return head_take_f32(l, st, name, 3, V, 3, K, err);
+        return 0;
     snprintf(values, sizeof values, "%s_values", name);
-    int32_t *run = st_load_i32(st, runs, 2, dims, &n, err);
+    int32_t *run = l->i32[l->ni++] = st_load_i32(st, runs, 2, dims, &n, err);
     float *value = run ? st_load_f32(st, values, 2, dims, &rows, err) : NULL;
-    float *dirs = value ? runs_unpack(run, n / 3, value, rows / 3, V, K, err)
-                        : NULL;
-    if (value && !dirs)
+    l->f32[l->nf++] = value;
+    if (!value)
+        return -1;
+    *r = (struct runs_read){run, n / 3, value, rows / 3, V, K};
+    if (runs_check(r, err)) {
         error_prefix(err, "%s: %s", st_path(st), runs);
-    free(run);
-    free(value);
-    return l->f32[l->nf++] = dirs;
+        return -1;
+    }
+    return 1;
+}
+
+/* The shape directions, dense or packed. */
+static int head_take_shapes(struct head_arrays *a, struct runs_read *packed,
+                            struct loaded *l, const struct safetensors *st,
+                            struct error *err)
+{
+    const size_t K = a->nshape + a->nexp;
+    int rc = head_take_runs(packed, l, st, "shapedirs", a->V, K, err);
+
+    if (rc == 0)
+        a->shapedirs = head_take_f32(l, st, "shapedirs", 3, a->V, 3, K, err);
+    return rc < 0 || (rc == 0 && !a->shapedirs) ? -1 : 0;
+}
+
+/* The pose correctives, which are few. */
+static const float *head_take_posedirs(struct loaded *l,
+                                       const struct safetensors *st, size_t V,
+                                       struct error *err)
+{
+    struct runs_read r;
+    int rc = head_take_runs(&r, l, st, "posedirs", V, HEAD_POSE_DIRS, err);
+
+    if (rc == 0)
+        return head_take_f32(l, st, "posedirs", 3, V, 3, HEAD_POSE_DIRS, err);
+    return rc < 0 ? NULL : (l->f32[l->nf++] = runs_unpack(&r, err));
 }
 
 /* K, the number of directions: of the tensor or, when it is packed, by the
@@ -176,18 +204,17 @@ static int head_read_lids(struct head_arrays *a, struct loaded *l,
 }
 
 /* Required arrays first, then those that a head may lack. */
-static int head_read_arrays(struct head_arrays *a, struct loaded *l,
-                            const struct safetensors *st, struct error *err)
+static int head_read_arrays(struct head_arrays *a, struct runs_read *packed,
+                            struct loaded *l, const struct safetensors *st,
+                            struct error *err)
 {
     size_t V = a->V;
 
     if (!(a->v_template = head_take_f32(l, st, "v_template", 2, V, 3, 0,
                                         err)) ||
         !(a->f = head_take_i32(l, st, "f", 2, a->F, 3, NULL, err)) ||
-        !(a->shapedirs = head_take_directions_file(l, st, "shapedirs", V,
-                                                   a->nshape + a->nexp, err)) ||
-        !(a->posedirs = head_take_directions_file(l, st, "posedirs", V,
-                                                  HEAD_POSE_DIRS, err)) ||
+        head_take_shapes(a, packed, l, st, err) ||
+        !(a->posedirs = head_take_posedirs(l, st, V, err)) ||
         !(a->J_regressor = head_take_f32(l, st, "J_regressor", 2, HEAD_JOINTS,
                                          V, 0, err)) ||
         !(a->weights = head_take_f32(l, st, "weights", 2, V, HEAD_JOINTS, 0,
@@ -227,6 +254,7 @@ static int head_read_arrays(struct head_arrays *a, struct loaded *l,
 int head_load(struct head *h, const char *path, struct error *err)
 {
     struct head_arrays a = {0};
+    struct runs_read packed = {0};
     struct loaded l = {0};
     int rc = -1;
 
@@ -234,9 +262,10 @@ int head_load(struct head *h, const char *path, struct error *err)
     struct safetensors *st = st_open(path, err);
     if (!st)
         return -1;
-    if (head_read_sizes(&a, st, err) || head_read_arrays(&a, &l, st, err))
+    if (head_read_sizes(&a, st, err) ||
+        head_read_arrays(&a, &packed, &l, st, err))
         goto out;
-    rc = head_fill(h, &a, st, err);
+    rc = head_fill(h, &a, packed.run ? &packed : NULL, st, err);
     if (rc)
         error_prefix(err, "%s", path);
 out:

@@ -6,6 +6,9 @@
 #include <stdlib.h>
 #include <sysexits.h>
 
+/* Of a block of the posing layout, and where it has y and z. */
+enum { ROW = 3 * HEAD_BLOCK, Y = HEAD_BLOCK, Z = 2 * HEAD_BLOCK };
+
 /* Cosine of directions that are one: what keeps lips apart leaves some of the
  * built-in head's expressions symmetric to 0.986 only. */
 #define SAME 0.98
@@ -13,11 +16,12 @@
  * expressions are of different people's halves. */
 #define ALIKE 0.1
 
-/* Directions (n,V,3) and where their vertices lie across. */
+/* Directions in the posing layout (head.h): where their vertices, and those
+ * across from them, lie in it. */
 struct directions {
     size_t V, n;
-    float *d;
-    size_t *other;          /* (V) */
+    const float *d;         /* (blocks,n,96) */
+    size_t *own, *across;   /* (V) of x, in direction 0 */
     double *square;         /* (n) lengths squared */
 };
 
@@ -87,13 +91,13 @@ int head_mirror_vertices(size_t *other, const struct head *h,
 /* Inner product of direction k with the mirror image of direction j. */
 static double mirror_product(const struct directions *s, size_t k, size_t j)
 {
-    const float *a = s->d + k * 3 * s->V, *b = s->d + j * 3 * s->V;
+    const float *a = s->d + k * ROW, *b = s->d + j * ROW;
     double sum = 0;
 
     for (size_t v = 0; v < s->V; v++) {
-        const float *p = a + 3 * v, *q = b + 3 * s->other[v];
+        const float *p = a + s->own[v], *q = b + s->across[v];
 
-        sum += (double)p[1] * q[1] + (double)p[2] * q[2] - (double)p[0] * q[0];
+        sum += (double)p[Y] * q[Y] + (double)p[Z] * q[Z] - (double)p[0] * q[0];
     }
     return sum;
 }
@@ -129,35 +133,54 @@ static int mirror_find_pairs(struct head_mirror *m, const struct directions *s)
     return 1;
 }
 
-/* Directions as rows, their energies, then the pairs; 0 when one has none. */
+/* Direction k's length squared. */
+static double mirror_square(const struct directions *s, size_t k)
+{
+    double sum = 0;
+
+    for (size_t v = 0; v < s->V; v++) {
+        const float *p = s->d + k * ROW + s->own[v];
+
+        for (size_t i = 0; i < ROW; i += HEAD_BLOCK)
+            sum += (double)p[i] * p[i];
+    }
+    return sum;
+}
+
+/* Where vertex v's x lies in direction 0 of n. */
+static size_t mirror_place(size_t v, size_t n)
+{
+    return v / HEAD_BLOCK * n * ROW + v % HEAD_BLOCK;
+}
+
+/* Places and energies, then the pairs; 0 when one has none. */
 static int mirror_make(struct head_mirror *m, const struct head *h,
                        const float *dirs, size_t n, struct error *err)
 {
-    struct directions s = {.V = h->V, .n = n};
+    struct directions s = {.V = h->V, .n = n, .d = dirs};
     int rc = -1;
 
     if (n > HEAD_MAX_EXP)
         return 0;
-    s.d = malloc((n + 1) * 3 * h->V * sizeof *s.d);
-    s.other = malloc(h->V * sizeof *s.other);
+    s.own = malloc(h->V * sizeof *s.own);
+    s.across = malloc(h->V * sizeof *s.across);
     s.square = calloc(n + 1, sizeof *s.square);
-    if (!s.d || !s.other || !s.square) {
+    if (!s.own || !s.across || !s.square) {
         error_set(err, EX_OSERR, "no memory for %zu directions", n);
         goto out;
     }
-    if (head_mirror_vertices(s.other, h, err))
+    if (head_mirror_vertices(s.across, h, err))
         goto out;
-    for (size_t k = 0; k < n; k++) {
-        float *d = s.d + k * 3 * h->V;
-
-        head_direction(d, h, dirs, n, k);
-        for (size_t i = 0; i < 3 * h->V; i++)
-            s.square[k] += (double)d[i] * d[i];
+    for (size_t v = 0; v < h->V; v++) {
+        s.own[v] = mirror_place(v, n);
+        s.across[v] = mirror_place(s.across[v], n);
     }
+    for (size_t k = 0; k < n; k++)
+        s.square[k] = mirror_square(&s, k);
     rc = mirror_find_pairs(m, &s);
 out:
-    free(s.d);
-    free(s.other);
+    free(s.own);
+    free(s.across);
     free(s.square);
     return rc;
 }

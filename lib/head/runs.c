@@ -71,36 +71,53 @@ void runs_release(struct runs *r)
     memset(r, 0, sizeof *r);
 }
 
-float *runs_unpack(const int32_t *run, size_t n, const float *value,
-                   size_t rows, size_t V, size_t K, struct error *err)
+int runs_check(const struct runs_read *r, struct error *err)
 {
-    float *dirs = calloc(3 * V * K + 1, sizeof *dirs);
+    const int32_t *run = r->run;
     size_t at = 0;
 
-    if (!dirs) {
-        error_set(err, EX_OSERR, "no memory for %zu directions", K);
-        return NULL;
-    }
-    for (size_t i = 0; i < n; i++, run += 3) {
+    for (size_t i = 0; i < r->n; i++, run += 3) {
         size_t k = (size_t)run[0], v = (size_t)run[1], m = (size_t)run[2];
 
-        if (run[0] < 0 || run[1] < 0 || run[2] < 1 || k >= K || v >= V ||
-            m > V - v || m > rows - at) {
-            error_set(err, EX_DATAERR, "run %zu is %d %d %d (expected a "
-                      "direction under %zu and vertices under %zu, %zu values "
-                      "left)", i, run[0], run[1], run[2], K, V, rows - at);
-            free(dirs);
-            return NULL;
-        }
-        for (; m > 0; m--, v++, at++)
+        if (run[0] < 0 || run[1] < 0 || run[2] < 1 || k >= r->K ||
+            v >= r->V || m > r->V - v || m > r->rows - at)
+            return error_set(err, EX_DATAERR, "run %zu is %d %d %d (expected "
+                             "a direction under %zu and vertices under %zu, "
+                             "%zu values left)", i, run[0], run[1], run[2],
+                             r->K, r->V, r->rows - at);
+        at += m;
+    }
+    return at == r->rows ? 0 : error_set(err, EX_DATAERR, "runs use %zu "
+        "values (expected %zu, all)", at, r->rows);
+}
+
+void runs_unpack_some(float *dirs, const struct runs_read *r, size_t from,
+                      size_t to)
+{
+    const int32_t *run = r->run;
+    const float *value = r->value;
+
+    for (size_t i = 0; i < r->n; i++, run += 3) {
+        size_t k = (size_t)run[0], v = (size_t)run[1];
+        const size_t begin = v, end = v + (size_t)run[2];
+
+        for (v = v < from ? from : v; v < end && v < to; v++)
             for (size_t c = 0; c < 3; c++)
-                dirs[(3 * v + c) * K + k] = value[3 * at + c];
+                dirs[(3 * (v - from) + c) * r->K + k] =
+                    value[3 * (v - begin) + c];
+        value += 3 * (end - begin);
     }
-    if (at != rows) {
-        error_set(err, EX_DATAERR, "runs use %zu values (expected %zu, all)",
-                  at, rows);
-        free(dirs);
+}
+
+float *runs_unpack(const struct runs_read *r, struct error *err)
+{
+    if (runs_check(r, err))
         return NULL;
-    }
+    float *dirs = calloc(3 * r->V * r->K + 1, sizeof *dirs);
+
+    if (dirs)
+        runs_unpack_some(dirs, r, 0, r->V);
+    else
+        error_set(err, EX_OSERR, "no memory for %zu directions", r->K);
     return dirs;
 }

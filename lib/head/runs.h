@@ -24,9 +24,23 @@ int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
 /* Free what it holds; zeroed then. */
 void runs_release(struct runs *r);
 
-/* dirs (V,3,K), freshly allocated (the caller frees), from run (n,3) and value
- * (rows,3).  NULL and *err naming the run that leaves V or K or the values. */
-float *runs_unpack(const int32_t *run, size_t n, const float *value,
-                   size_t rows, size_t V, size_t K, struct error *err);
+/* Packed directions as they are read: run (n,3) of value (rows,3), for V
+ * vertices and K directions. */
+struct runs_read {
+    const int32_t *run;
+    size_t n;
+    const float *value;
+    size_t rows, V, K;
+};
+
+/* -1 and *err naming the run that leaves V or K or the values. */
+int runs_check(const struct runs_read *r, struct error *err);
+/* dirs (to - from,3,K), zeros at first, of checked runs: vertices from to
+ * to - 1. */
+void runs_unpack_some(float *dirs, const struct runs_read *r, size_t from,
+                      size_t to);
+/* dirs (V,3,K), freshly allocated (the caller frees); NULL and *err when the
+ * runs fail their check. */
+float *runs_unpack(const struct runs_read *r, struct error *err);
 
 #endif

@@ -33,7 +33,7 @@ static float *runs_back(const struct runs *r, const int32_t *run, size_t n,
         exit(1);
     for (size_t i = 0; i < 3 * r->rows; i++)
         value[i] = half_to_float(r->value[i]);
-    dirs = runs_unpack(run, n, value, r->rows, V, K, err);
+    dirs = runs_unpack(&(struct runs_read){run, n, value, r->rows, V, K}, err);
     free(value);
     return dirs;
 }
@@ -51,6 +51,34 @@ static void test_round_trip(const float *dirs, const struct runs *r)
     check_range("off by", worst, 0, 4e-6);
     check_range("rows, of 97 x 11", (double)r->rows, 97, 500);
     free(d);
+}
+
+/* Some vertices at a time, windows that cut runs: the same directions. */
+static void test_windows(const struct runs *r)
+{
+    enum { SOME = 5 };
+    struct error err = { 0 };
+    float *whole = runs_back(r, r->run, r->n, &err), window[3 * SOME * K];
+    float *value = malloc((3 * r->rows + 1) * sizeof *value);
+    const struct runs_read in = { r->run, r->n, value, r->rows, V, K };
+    int same = 0;
+
+    if (!whole || !value)
+        exit(1);
+    for (size_t i = 0; i < 3 * r->rows; i++)
+        value[i] = half_to_float(r->value[i]);
+    for (size_t v = 0; v < V; v += SOME) {
+        const size_t to = v + SOME < V ? v + SOME : V;
+
+        memset(window, 0, sizeof window);
+        runs_unpack_some(window, &in, v, to);
+        same += !memcmp(window, whole + 3 * v * K,
+                        3 * (to - v) * K * sizeof *window);
+    }
+    check_range("windows that agree", same, (V + SOME - 1) / SOME,
+                (V + SOME - 1) / SOME);
+    free(value);
+    free(whole);
 }
 
 /* One number of one run changed. */
@@ -97,6 +125,7 @@ int main(void)
     if (runs_pack(&r, dirs, V, K, 1e-6, NULL))
         return 1;
     test_round_trip(dirs, &r);
+    test_windows(&r);
     test_damage(&r);
     runs_release(&r);
     free(dirs);

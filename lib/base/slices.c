@@ -1,9 +1,11 @@
 /* One block of memory handed out to many arrays. */
-#include "lib/avatar/slices.h"
+#include "lib/base/slices.h"
 
+#include <stdint.h>
 #include <stdlib.h>
-#include <string.h>
 #include <sysexits.h>
+
+#define ALIGN 64
 
 /* Hand out parts of one block; with block NULL only count. */
 static size_t slices_deal(const struct slice *slices, size_t count,
@@ -28,11 +30,12 @@ int slices_allocate(float **block, const struct slice *slices, size_t count,
                    sizeof(float);
 
     free(*block);
-    *block = aligned_alloc(64, bytes ? bytes : 64);
+    *block = calloc(1, bytes + ALIGN);
     if (!*block)
-        return error_set(err, EX_OSERR, "no memory for an avatar (%zu MB)",
+        return error_set(err, EX_OSERR, "no memory for %zu MB of arrays",
                          bytes >> 20);
-    memset(*block, 0, bytes);
-    slices_deal(slices, count, training, *block);
+    const size_t past = (uintptr_t)*block % ALIGN;
+    slices_deal(slices, count, training,
+                *block + (ALIGN - past) % ALIGN / sizeof **block);
     return 0;
 }
