@@ -15,8 +15,9 @@ struct slice {
 };
 
 /* Allocate one zeroed block, whose pages become memory when they are touched,
- * and point the slices into it, each at 64 bytes; those with `train` only when training, the others keep their pointer.
- * *block is freed first; the caller frees it with free(). */
+ * and point the slices into it, each at 64 bytes; those with `train` only when
+ * training, the others keep their pointer.  *block is freed first; the caller
+ * frees it with free(). */
 int slices_allocate(float **block, const struct slice *slices, size_t count,
                     bool training, struct error *err);
 
