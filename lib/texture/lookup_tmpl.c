@@ -12,11 +12,24 @@
 /* Numbers k, k + 3, k + 6 ... of the 3 VEC in a, b and c. */
 VEC_INLINE vf lookup_every_third(vf a, vf b, vf c, const int k)
 {
+#ifdef __clang__        /* has no shuffle by a vector, but finds one here */
+    float all[3 * VEC];
+    vf r;
+
+    vf_store(all, a);
+    vf_store(all + VEC, b);
+    vf_store(all + 2 * VEC, c);
+#pragma GCC unroll 16
+    for (int i = 0; i < VEC; i++)
+        r[i] = all[3 * i + k];
+    return r;
+#else
     const vi at = 3 * vi_iota() + k;
     const vi first = at < 2 * VEC;
 
     a = __builtin_shuffle(a, b, at & first);
     return __builtin_shuffle(a, c, (vi_iota() & first) | ((at - VEC) & ~first));
+#endif
 }
 
 static bool ISA(texture_offsets)(float *x, float *y, float *w,
