@@ -44,6 +44,41 @@ static void mesh_weights_neck(struct neck_blend *b, const struct head *h)
         b->bottom = b->top - 1;
 }
 
+/* Behind, the neck begins higher than at the chin: at the corners of the mouth,
+ * and all the more the farther back from the ears to the neck joint.  A nape
+ * that turned with the head would stand beside it as a slab. */
+struct mesh_weights_nape {
+    struct neck_blend blend;
+    float front, back;          /* depths where it counts not at all, in full */
+};
+
+static void mesh_weights_nape_init(struct mesh_weights_nape *n,
+                                   const struct neck_blend *b,
+                                   const struct head *h)
+{
+    float at[HEAD_LANDMARKS * 3] = {0};
+
+    n->blend = *b;
+    n->front = n->back = h->joint_template[3 * JOINT_NECK + 2];
+    if (!h->has_landmarks)
+        return;
+    head_landmarks(at, h, h->v_template);
+    n->blend.top = fmaxf(b->top, at[3 * 48 + 1]);
+    n->blend.bottom = 0.5f * (b->top + b->bottom);
+    n->front = fmaxf(n->front, at[2]);
+}
+
+static float mesh_weights_nape_at(const struct mesh_weights_nape *n,
+                                  const float x[3])
+{
+    const float deep = n->front - n->back;
+
+    if (!(deep > 0))
+        return 0;
+    return neck_blend_weight(&n->blend, x[1]) *
+           fminf(fmaxf((n->front - x[2]) / deep, 0), 1);
+}
+
 /* Root mean square movement of vertex v, head units, when every expression
  * coefficient is drawn from N(0,1). */
 static float mesh_weights_expression(const struct head *h, size_t v)
@@ -179,8 +214,10 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err)
 {
     size_t V = h->V, D = V + d->E;
+    struct mesh_weights_nape nape;
 
     mesh_weights_neck(&w->blend, h);
+    mesh_weights_nape_init(&nape, &w->blend, h);
     w->neck = malloc(D * sizeof *w->neck);
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);
@@ -200,13 +237,15 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     }
     for (size_t v = 0; v < V; v++) {
         const float *skin = h->weights + HEAD_JOINTS * v;
+        const float *x = h->v_template + 3 * v;
         float mm = mesh_weights_range(h, v) / h->scale * 1e3f;
         float t = (mm - STILL_MM) / (MOVES_MM - STILL_MM);
         float eye = skin[JOINT_EYE_LEFT] + skin[JOINT_EYE_RIGHT];
 
         w->moving[v] = fmaxf(fmaxf(t, eye), 0);
-        w->neck[v] = neck_blend_weight(&w->blend, h->v_template[3 * v + 1]) *
+        w->neck[v] = neck_blend_weight(&w->blend, x[1]) *
                      (1 - head_jaw_share(h, v));
+        w->neck[v] = fmaxf(w->neck[v], mesh_weights_nape_at(&nape, x));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
     densify_midpoints(w->neck + V, w->neck, d, 1);
