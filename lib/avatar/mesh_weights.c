@@ -24,26 +24,6 @@
 #define DROP_MOST 2.5f      /* and the most that counts of what it stretches */
 #define MARGIN 0.5f         /* who comes down half as far comes with it */
 
-/* The neck blend goes from under the chin to the model's lower edge, about a
- * point a third of the way from the root to the neck joint. */
-static void mesh_weights_neck(struct neck_blend *b, const struct head *h)
-{
-    const float *root = h->joint_template + 3 * JOINT_ROOT;
-    const float *neck = h->joint_template + 3 * JOINT_NECK;
-    float chin[HEAD_LANDMARKS * 3] = {0};
-
-    for (int i = 0; i < 3; i++)
-        b->pivot[i] = root[i] + (neck[i] - root[i]) / 3;
-    b->bottom = h->v_template[1];
-    for (size_t v = 1; v < h->V; v++)
-        b->bottom = fminf(b->bottom, h->v_template[3 * v + 1]);
-    if (h->has_landmarks)
-        head_landmarks(chin, h, h->v_template);
-    b->top = h->has_landmarks ? chin[3 * 8 + 1] : neck[1];
-    if (!(b->top > b->bottom))          /* a head without a neck */
-        b->bottom = b->top - 1;
-}
-
 /* Behind, the neck begins higher than at the chin: at the corners of the mouth,
  * and all the more the farther back from the ears to the neck joint.  A nape
  * that turned with the head would stand beside it as a slab. */
@@ -52,20 +32,32 @@ struct mesh_weights_nape {
     float front, back;          /* depths where it counts not at all, in full */
 };
 
-static void mesh_weights_nape_init(struct mesh_weights_nape *n,
-                                   const struct neck_blend *b,
-                                   const struct head *h)
+/* The neck blend goes from under the chin to the model's lower edge, about a
+ * point a third of the way from the root to the neck joint. */
+static void mesh_weights_neck(struct neck_blend *b, struct mesh_weights_nape *n,
+                              const struct head *h)
 {
-    float at[HEAD_LANDMARKS * 3] = {0};
+    const float *root = h->joint_template + 3 * JOINT_ROOT;
+    const float *neck = h->joint_template + 3 * JOINT_NECK;
+    float mark[HEAD_LANDMARKS * 3] = {0};
 
+    for (int i = 0; i < 3; i++)
+        b->pivot[i] = root[i] + (neck[i] - root[i]) / 3;
+    b->bottom = h->v_template[1];
+    for (size_t v = 1; v < h->V; v++)
+        b->bottom = fminf(b->bottom, h->v_template[3 * v + 1]);
+    if (h->has_landmarks)
+        head_landmarks(mark, h, h->v_template);
+    b->top = h->has_landmarks ? mark[3 * 8 + 1] : neck[1];
+    if (!(b->top > b->bottom))          /* a head without a neck */
+        b->bottom = b->top - 1;
     n->blend = *b;
-    n->front = n->back = h->joint_template[3 * JOINT_NECK + 2];
+    n->front = n->back = neck[2];
     if (!h->has_landmarks)
         return;
-    head_landmarks(at, h, h->v_template);
-    n->blend.top = fmaxf(b->top, at[3 * 48 + 1]);
+    n->blend.top = fmaxf(b->top, mark[3 * 48 + 1]);
     n->blend.bottom = 0.5f * (b->top + b->bottom);
-    n->front = fmaxf(n->front, at[2]);
+    n->front = fmaxf(n->front, mark[2]);
 }
 
 static float mesh_weights_nape_at(const struct mesh_weights_nape *n,
@@ -216,8 +208,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     size_t V = h->V, D = V + d->E;
     struct mesh_weights_nape nape;
 
-    mesh_weights_neck(&w->blend, h);
-    mesh_weights_nape_init(&nape, &w->blend, h);
+    mesh_weights_neck(&w->blend, &nape, h);
     w->neck = malloc(D * sizeof *w->neck);
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);

@@ -68,6 +68,12 @@ check_frames() {
     [ "$1" = 4 ] || [ $(((size - head) % frame)) -eq 0 ]
 }
 
+# take_whole: the take stands under its own name, and it is all there.  So it
+# does where a signal finds a program whose last record has left it.
+take_whole() {
+    [ -e out/take.y4m ] && cmp out/take.y4m whole.y4m
+}
+
 # check_codes K SIGNAL: who wrote to the dead one ends by SIGPIPE, who read
 # from it says in a line that the stream is cut off.
 check_codes() {
@@ -98,7 +104,7 @@ kill_one() {
     began=$(milliseconds)
     settle
     took=$(($(milliseconds) - began))
-    if [ "${code[$1]}" -ne $((128 + signal)) ]; then    # it had ended before
+    if [ "${code[$1]}" -ne $((128 + signal)) ] || take_whole; then
         echo "too late: ${code[*]}"
         return
     fi

@@ -431,6 +431,19 @@ static void gradient_run(bool skip, unsigned without)
     gradient_release(&w);
 }
 
+/* Back from the loss just taken, along these groups (NULL ends them); w's
+ * last use. */
+static void gradient_follow(struct world *w, const char *const *group)
+{
+    float *dverts = calloc(3 * w->head.V, sizeof *dverts), dcam[12] = {0};
+
+    gradient_backward(w, dverts, dcam);
+    for (; *group; group++)
+        gradient_direction(w, *group);
+    free(dverts);
+    gradient_release(w);
+}
+
 /* However thin the decoder draws the face, its rows overlap; what that holds
  * has no gradient, the rest has its own. */
 static void gradient_thin(void)
@@ -440,7 +453,6 @@ static void gradient_thin(void)
 
     printf("-- a thin face\n");
     gradient_make(&w, true, 0);
-    float *dverts = calloc(3 * w.head.V, sizeof *dverts), dcam[12] = {0};
     float *bias = param_w(&w.ps,
                           params_find(&w.ps, "dynamic.scale_layers.2.bias"));
     for (size_t i = 0; i < 3; i++)      /* two axes of three */
@@ -452,10 +464,7 @@ static void gradient_thin(void)
                                      BRANCH_SCALE_MAX) - w.a.set.scale[i]);
     check("scales of the face: what is missing to 0.4 of their spacing",
           missing, 1e-7);
-    gradient_backward(&w, dverts, dcam);
-    gradient_direction(&w, "dynamic.");
-    free(dverts);
-    gradient_release(&w);
+    gradient_follow(&w, (const char *const[]){"dynamic.", NULL});
 }
 
 /* Whatever colours the decoder gives the plane, they stay near the picture's,
@@ -467,7 +476,6 @@ static void gradient_tinted(void)
 
     printf("-- a tinted plane\n");
     gradient_make(&w, true, 0);
-    float *dverts = calloc(3 * w.head.V, sizeof *dverts), dcam[12] = {0};
     float *bias = param_w(&w.ps, params_find(&w.ps,
                                              "static.gaussian_conv.6.bias"));
     bias[1] += 3;
@@ -480,11 +488,7 @@ static void gradient_tinted(void)
                                  w.a.set.color[C * (w.a.first[1] + k) + c]));
     check("colours of the plane from the picture's, over 0.1",
           fmax(off - 0.1, 0), 1e-5);
-    gradient_backward(&w, dverts, dcam);
-    gradient_direction(&w, "static.");
-    gradient_direction(&w, "init.");
-    free(dverts);
-    gradient_release(&w);
+    gradient_follow(&w, (const char *const[]){"static.", "init.", NULL});
 }
 
 int main(void)
