@@ -46,8 +46,10 @@ struct texture_rim {
 };
 struct texture_rim texture_rim(const struct splat_place_view *v);
 /* What of the confidence is left where the matte or the coverage alpha is less
- * than full, or the matte much less than the coverage: there a turned head's
- * rim is torn. */
+ * than full, or the matte less than the coverage: there a turned head's rim is
+ * torn.  The matte's share of the coverage counts by its fourth power: by the
+ * share alone, a quarter of the background would shine through what is drawn
+ * solid. */
 float texture_whole(float matte, float alpha, struct texture_rim rim);
 
 /* photo (n,5) of pixels from x on in row y as a field with places `step`

@@ -302,7 +302,10 @@ static inline float lookup_whole(float matte, float alpha,
 
     t = t > 0 ? t < 1 ? t : 1 : 0;
     t = 1 - rim.turned * (1 - t);
-    return matte < least ? t * matte / least : t;
+    if (!(matte < least))
+        return t;
+    const float share = matte * matte / (least * least);
+    return t * share * share;
 }
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,

@@ -193,5 +193,8 @@ float texture_whole(float matte, float alpha, struct texture_rim rim)
     float t = fminf(fmaxf((fminf(matte, alpha) - 0.5f) / 0.45f, 0), 1);
 
     t = 1 - rim.turned * (1 - t);
-    return matte < least ? t * matte / least : t;
+    if (!(matte < least))
+        return t;
+    const float share = matte * matte / (least * least);
+    return t * share * share;
 }

@@ -271,6 +271,26 @@ static void test_turned(void)
     texture_release(&t);
 }
 
+/* The source's outline within a turned head's: what is drawn solid there lets
+ * no more than a tenth of the background through, whatever the matte. */
+static void test_slit(void)
+{
+    const struct texture_rim rim = {.turned = 0, .least = 1, .most = 2};
+    const struct texture_rim still = {.turned = 0, .least = 0, .most = 2};
+    double through = 0, kept = 1;
+
+    for (int i = 1; i < 255; i++) {
+        const float share = (float)i / 255;
+
+        through = fmax(through, (double)(texture_whole(share, 1, rim) *
+                                         (1 - share)));
+        kept = fmin(kept, (double)texture_whole(share, 1, still));
+    }
+    check("what a slit lets through", through, 0.11);
+    check("the source's own rims are the photograph's", 1 - kept, 0);
+    check("so is a turned head's inside", 1 - texture_whole(1, 1, rim), 0);
+}
+
 /* One step of a pixel to the right in the source. */
 static void test_shifted(void)
 {
@@ -494,6 +514,7 @@ static int at_level(void)
     test_mix();
     test_identity();
     test_turned();
+    test_slit();
     test_outline();
     test_shifted();
     straight_colours();

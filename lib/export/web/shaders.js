@@ -175,7 +175,7 @@ vec4 believe(vec4 own, vec4 seen, float sure) {
                 (2.0 * own.a - 1.0);
   float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
   float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
-  if (seen.a < least) sure *= seen.a / least;
+  if (seen.a < least) sure *= pow(seen.a / least, 4.0);
   if (seen.a > most) seen *= most / seen.a;
   return mix(own, seen, sure * (1.0 - turned * (1.0 - rim)));
 }
