@@ -19,47 +19,50 @@
 #define MOVES 6.0f
 #define MOVES_FAR 9.0f
 
-/* About cell (x,y), at the strip's width from it, the least matte and how far
- * the mesh moves at most. */
-static void cheek_back_around(float *matte, float *moving,
-                              const struct source_picture *picture,
-                              const struct source_mesh *mesh, size_t n,
-                              size_t x, size_t y)
-{
-    static const float turn[8][2] = {
-        {1, 0}, {0.7071f, 0.7071f}, {0, 1}, {-0.7071f, 0.7071f},
-        {-1, 0}, {-0.7071f, -0.7071f}, {0, -1}, {0.7071f, -0.7071f}
-    };
-    const float half = 0.5f * (float)n, last = (float)(n - 1);
-    float at[16], rgba[32];
+/* Directions of the places about a cell. */
+#define AROUND 8
+static const float cheek_back_turn[AROUND][2] = {
+    {1, 0}, {0.7071f, 0.7071f}, {0, 1}, {-0.7071f, 0.7071f},
+    {-1, 0}, {-0.7071f, -0.7071f}, {0, -1}, {0.7071f, -0.7071f}
+};
 
-    *matte = 1;
-    *moving = 0;
-    for (size_t i = 0; i < 8; i++) {
-        const float u = (float)x + 0.5f + half * WIDTH * turn[i][0];
-        const float v = (float)y + 0.5f + half * WIDTH * turn[i][1];
+/* The places (8,2) about cell (x,y), at the strip's width from it; returns how
+ * far the mesh moves there at most. */
+static float cheek_back_around(float *at, const struct source_mesh *mesh,
+                               size_t x, size_t y)
+{
+    const float half = 0.5f * (float)mesh->n, last = (float)(mesh->n - 1);
+    float moving = 0;
+
+    for (size_t i = 0; i < AROUND; i++) {
+        const float *turn = cheek_back_turn[i];
+        const float u = (float)x + 0.5f + half * WIDTH * turn[0];
+        const float v = (float)y + 0.5f + half * WIDTH * turn[1];
         const size_t j = (size_t)fminf(fmaxf(u, 0), last);
         const size_t k = (size_t)fminf(fmaxf(v, 0), last);
 
         at[2 * i] = u / half - 1;
         at[2 * i + 1] = v / half - 1;
-        *moving = fmaxf(*moving, mesh->moving[k * n + j]);
+        moving = fmaxf(moving, mesh->moving[k * mesh->n + j]);
     }
-    source_picture_sample(rgba, picture, at, 8);
-    for (size_t i = 0; i < 8; i++)
-        *matte = fminf(*matte, rgba[4 * i + 3]);
+    return moving;
 }
 
 float cheek_back_at(const struct source_picture *picture,
                     const struct source_mesh *mesh, size_t x, size_t y)
 {
-    float matte, moving;
+    float at[2 * AROUND], rgba[4 * AROUND], matte = 1;
 
     if (!(mesh->coverage[y * mesh->n + x] > 0))
         return 0;
-    cheek_back_around(&matte, &moving, picture, mesh, mesh->n, x, y);
-    return (1 - branch_ramp(matte, 0.3f, 0.7f)) *
-           branch_ramp(moving, MOVES, MOVES_FAR);
+    const float moves = branch_ramp(cheek_back_around(at, mesh, x, y), MOVES,
+                                    MOVES_FAR);
+    if (!(moves > 0))           /* most: their matte is not looked up */
+        return 0;
+    source_picture_sample(rgba, picture, at, AROUND);
+    for (size_t i = 0; i < AROUND; i++)
+        matte = fminf(matte, rgba[4 * i + 3]);
+    return (1 - branch_ramp(matte, 0.3f, 0.7f)) * moves;
 }
 
 void cheek_back_find(float *back, const struct source_picture *picture,

@@ -70,30 +70,44 @@ static inline void resample_grid_taps(struct taps *t, double slope[2],
     }
 }
 
+#define FEW 65536              /* numbers that one thread writes by itself */
+
+/* o (C): what lies at place g (2) of picture x (H,W,C). */
+static inline void resample_grid_point(float *o, const float *x,
+                                       const float *g, size_t H, size_t W,
+                                       size_t C, bool align, bool border)
+{
+    struct taps t;
+    double slope[2];
+
+    resample_grid_taps(&t, slope, g, W, H, align, border);
+    for (size_t c = 0; c < C; c++)
+        o[c] = 0;
+    for (int k = 0; k < 4; k++) {
+        const float *p = x + (size_t)t.at[k] * C, w = t.w[k];
+
+        if (t.at[k] < 0)
+            continue;
+        for (size_t c = 0; c < C; c++)
+            o[c] += w * p[c];
+    }
+}
+
 /* out (B,N,C): the picture at each point, 0 outside. */
 void ISA(grid_sample)(float *out, const float *x, const float *grid, size_t B,
                       size_t H, size_t W, size_t C, size_t N, bool align,
                       bool border)
 {
-#pragma omp parallel for schedule(static) if (B * N * C > 65536)
-    for (size_t i = 0; i < B * N; i++) {
-        const float *xb = x + i / N * H * W * C;
-        float *o = out + i * C;
-        struct taps t;
-        double slope[2];
-
-        resample_grid_taps(&t, slope, grid + 2 * i, W, H, align, border);
-        for (size_t c = 0; c < C; c++)
-            o[c] = 0;
-        for (int k = 0; k < 4; k++) {
-            const float *p = xb + (size_t)t.at[k] * C, w = t.w[k];
-
-            if (t.at[k] < 0)
-                continue;
-            for (size_t c = 0; c < C; c++)
-                o[c] += w * p[c];
-        }
+    if (B * N * C <= FEW) {     /* a team of one costs more than a point */
+        for (size_t i = 0; i < B * N; i++)
+            resample_grid_point(out + i * C, x + i / N * H * W * C,
+                                grid + 2 * i, H, W, C, align, border);
+        return;
     }
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < B * N; i++)
+        resample_grid_point(out + i * C, x + i / N * H * W * C, grid + 2 * i,
+                            H, W, C, align, border);
 }
 
 /* in the forward pass this was: o[c] += w(grid) * p[c] */
@@ -101,7 +115,7 @@ void ISA(grid_sample_dgrid)(float *ggrid, const float *gout, const float *x,
                             const float *grid, size_t B, size_t H, size_t W,
                             size_t C, size_t N, bool align, bool border)
 {
-#pragma omp parallel for schedule(static) if (B * N * C > 65536)
+#pragma omp parallel for schedule(static) if (B * N * C > FEW)
     for (size_t i = 0; i < B * N; i++) {
         const float *xb = x + i / N * H * W * C, *g = gout + i * C;
         struct taps t;
@@ -133,7 +147,7 @@ void ISA(grid_sample_dx)(float *gx, const float *gout, const float *grid,
 {
     const size_t slices = (C + SLICE - 1) / SLICE;
 
-#pragma omp parallel for schedule(static) if (B * N * C > 65536)
+#pragma omp parallel for schedule(static) if (B * N * C > FEW)
     for (size_t j = 0; j < B * slices; j++) {
         const size_t b = j / slices, c0 = j % slices * SLICE;
         const size_t n = C - c0 < SLICE ? C - c0 : SLICE;
