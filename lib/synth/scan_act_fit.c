@@ -15,15 +15,17 @@
 #include "lib/synth/vec.h"
 
 #define LABELS 52
+#define ROUNDS 12               /* of the clustering */
 
-struct seen {                   /* weights of pictures, one after another */
+struct act_seen {               /* weights of pictures, one after another */
     float (*w)[ARKIT_COUNT];
+    float *column;              /* as long: of one weight, to be sorted */
     size_t n;
 };
 
 /* How the labels' scale differs from a weight of 1: their full blink is 0.6,
  * talking jaws 0.4. */
-static float label_gain(int k)
+static float act_label_gain(int k)
 {
     if (k == ARKIT_EYE_BLINK_L || k == ARKIT_EYE_BLINK_R)
         return 1.5f;
@@ -50,26 +52,26 @@ static int act_compare(const void *a, const void *b)
     return x < y ? -1 : x > y;
 }
 
-/* The rows lo..hi-1 of one person become changes against their calm: the
- * fifth smallest of a hundred. */
-static void take_calm(float (*w)[ARKIT_COUNT], size_t n)
+/* The rows from `first` on, of one person, become changes against their calm:
+ * the fifth smallest of a hundred. */
+static void act_take_calm(struct act_seen *s, size_t first)
 {
-    float *v = malloc((n + 1) * sizeof *v);
+    const size_t n = s->n - first;
+    float (*w)[ARKIT_COUNT] = s->w + first;
 
-    for (int k = 0; v && k < ARKIT_COUNT; k++) {
+    for (int k = 0; n && k < ARKIT_COUNT; k++) {
         for (size_t i = 0; i < n; i++)
-            v[i] = w[i][k];
-        qsort(v, n, sizeof *v, act_compare);
-        float calm = v[n / 20];
+            s->column[i] = w[i][k];
+        qsort(s->column, n, sizeof *s->column, act_compare);
+        const float calm = s->column[n / 20];
         for (size_t i = 0; i < n; i++)
-            w[i][k] = clampf(label_gain(k) * (w[i][k] - calm), 0, 1);
+            w[i][k] = clampf(act_label_gain(k) * (w[i][k] - calm), 0, 1);
     }
-    free(v);
 }
 
 /* Columns of the labels that our components take. */
-static int find_columns(int column[ARKIT_COUNT], const struct safetensors *st,
-                        struct error *err)
+static int act_columns(int column[ARKIT_COUNT], const struct safetensors *st,
+                       struct error *err)
 {
     const char *text = st_meta(st, "blendshape_names");
     cJSON *names = text ? cJSON_Parse(text) : NULL;
@@ -88,54 +90,128 @@ static int find_columns(int column[ARKIT_COUNT], const struct safetensors *st,
                           "(expected ARKit's)", st_path(st), LABELS) : 0;
 }
 
-/* The rows of a labels file, as weights of the expressions. */
-static int add_labels(struct seen *s, const struct safetensors *st,
-                      struct error *err)
+/* Room for n more pictures. */
+static int act_grow(struct act_seen *s, size_t n, struct error *err)
 {
-    size_t dims[2] = {0, LABELS}, n;
-    int column[ARKIT_COUNT];
-    const char *text = st_meta(st, "names");
+    const size_t most = s->n + n + 1;
+    float (*w)[ARKIT_COUNT] = realloc(s->w, most * sizeof *w);
+    float *column;
 
-    if (find_columns(column, st, err))
-        return -1;
-    float *b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
-    cJSON *names = text ? cJSON_Parse(text) : NULL;
-    n /= LABELS;
-    float (*w)[ARKIT_COUNT] = b ? realloc(s->w, (s->n + n + 1) * sizeof *w)
-                                : NULL;
-    int rc = 0;
-    if (!w || (size_t)cJSON_GetArraySize(names) != n) {
-        rc = b ? error_set(err, EX_DATAERR, "%s: names: expected a list of "
-                           "%zu", st_path(st), n) : -1;
-    }
     if (w)
         s->w = w;
-    size_t first = s->n;
+    column = w ? realloc(s->column, most * sizeof *column) : NULL;
+    if (!column)
+        return error_set(err, EX_OSERR, "out of memory (%zu pictures)", n);
+    s->column = column;
+    return 0;
+}
+
+/* The rows b (n,52) of pictures with these names, person by person; those of
+ * `real/` are left out. */
+static void act_add_rows(struct act_seen *s, const float *b, const int *column,
+                         const cJSON *names)
+{
+    const cJSON *name;
     const char *last = "";
-    const cJSON *name = rc ? NULL : names->child;
-    for (size_t i = 0; !rc && i < n; i++, name = name->next) {
+    size_t first = s->n;
+
+    cJSON_ArrayForEach(name, names) {
         const char *t = cJSON_IsString(name) ? name->valuestring : "real/";
+        const float *row = b;
+
+        b += LABELS;
         if (strncmp(last, t, act_stem(t) + 1)) {
-            take_calm(s->w + first, s->n - first);
+            act_take_calm(s, first);
             first = s->n;
             last = t;
         }
         if (!strncmp(t, "real/", 5))
             continue;
         for (int k = 0; k < ARKIT_COUNT; k++)
-            s->w[s->n][k] = column[k] < 0 ? 0
-                            : b[i * LABELS + (size_t)column[k]];
+            s->w[s->n][k] = column[k] < 0 ? 0 : row[column[k]];
         s->n++;
     }
-    take_calm(s->w + first, s->n - first);
+    act_take_calm(s, first);
+}
+
+/* The rows of a labels file, as weights of the expressions. */
+static int act_add_labels(struct act_seen *s, const struct safetensors *st,
+                          struct error *err)
+{
+    size_t dims[2] = {0, LABELS}, n;
+    int column[ARKIT_COUNT], rc;
+    const char *text = st_meta(st, "names");
+    float *b;
+    cJSON *names;
+
+    if (act_columns(column, st, err))
+        return -1;
+    b = st_load_f32(st, "blendshapes", 2, dims, &n, err);
+    if (!b)
+        return -1;
+    n /= LABELS;
+    names = text ? cJSON_Parse(text) : NULL;
+    rc = cJSON_IsArray(names) && (size_t)cJSON_GetArraySize(names) == n
+             ? act_grow(s, n, err)
+             : error_set(err, EX_DATAERR, "%s: names: expected a list of %zu",
+                         st_path(st), n);
+    if (!rc)
+        act_add_rows(s, b, column, names);
     cJSON_Delete(names);
     free(b);
     return rc;
 }
 
-/* Lloyd's rounds from pictures spread over the list; then means, deviations
- * and shares. */
-static void fit_kinds(struct act_model *m, const struct seen *s)
+/* The kind whose mean is nearest to weights w. */
+static int act_nearest(const struct act_model *m, const float *w)
+{
+    float least = 1e9f;
+    int best = 0;
+
+    for (int c = 0; c < m->kinds; c++) {
+        float d = 0;
+
+        for (int k = 0; k < ARKIT_COUNT; k++)
+            d += (w[k] - m->mean[c][k]) * (w[k] - m->mean[c][k]);
+        if (d < least) {
+            least = d;
+            best = c;
+        }
+    }
+    return best;
+}
+
+/* One of Lloyd's rounds: means and deviations of what is nearest to each kind,
+ * and how many those are. */
+static void act_lloyd(struct act_model *m, float *count,
+                      const struct act_seen *s)
+{
+    float sum[ACT_KINDS][ARKIT_COUNT] = {{0}};
+    float two[ACT_KINDS][ARKIT_COUNT] = {{0}};
+
+    memset(count, 0, ACT_KINDS * sizeof *count);
+    for (size_t i = 0; i < s->n; i++) {
+        const float *w = s->w[i];
+        const int c = act_nearest(m, w);
+
+        count[c] += 1;
+        for (int k = 0; k < ARKIT_COUNT; k++) {
+            sum[c][k] += w[k];
+            two[c][k] += w[k] * w[k];
+        }
+    }
+    for (int c = 0; c < m->kinds; c++)
+        for (int k = 0; count[c] > 0 && k < ARKIT_COUNT; k++) {
+            const float mean = sum[c][k] / count[c];
+
+            m->mean[c][k] = mean;
+            m->spread[c][k] = sqrtf(maxf(two[c][k] / count[c] - mean * mean,
+                                         0));
+        }
+}
+
+/* Lloyd's rounds from pictures spread over the list, and the kinds' shares. */
+static void act_fit_kinds(struct act_model *m, const struct act_seen *s)
 {
     float count[ACT_KINDS], share = 0;
 
@@ -143,37 +219,8 @@ static void fit_kinds(struct act_model *m, const struct seen *s)
     for (int c = 0; c < m->kinds; c++)
         memcpy(m->mean[c], s->w[(size_t)c * s->n / (size_t)m->kinds],
                sizeof m->mean[c]);
-    for (int round = 0; round < 12; round++) {
-        float sum[ACT_KINDS][ARKIT_COUNT] = {{0}};
-        float two[ACT_KINDS][ARKIT_COUNT] = {{0}};
-        memset(count, 0, sizeof count);
-        for (size_t i = 0; i < s->n; i++) {
-            int best = 0;
-            float least = 1e9f;
-            for (int c = 0; c < m->kinds; c++) {
-                float d = 0;
-                for (int k = 0; k < ARKIT_COUNT; k++)
-                    d += (s->w[i][k] - m->mean[c][k])
-                         * (s->w[i][k] - m->mean[c][k]);
-                if (d < least) {
-                    least = d;
-                    best = c;
-                }
-            }
-            count[best] += 1;
-            for (int k = 0; k < ARKIT_COUNT; k++) {
-                sum[best][k] += s->w[i][k];
-                two[best][k] += s->w[i][k] * s->w[i][k];
-            }
-        }
-        for (int c = 0; c < m->kinds; c++)
-            for (int k = 0; count[c] > 0 && k < ARKIT_COUNT; k++) {
-                float mean = sum[c][k] / count[c];
-                m->mean[c][k] = mean;
-                m->spread[c][k] = sqrtf(maxf(two[c][k] / count[c]
-                                              - mean * mean, 0));
-            }
-    }
+    for (int round = 0; round < ROUNDS; round++)
+        act_lloyd(m, count, s);
     for (int c = 0; c < m->kinds; c++) {
         /* rare kinds come up more often than they were seen */
         count[c] = sqrtf(count[c]);
@@ -186,7 +233,7 @@ static void fit_kinds(struct act_model *m, const struct seen *s)
 int act_model_fit(struct act_model *m, const char *dir, struct error *err)
 {
     static const char *const file[2] = {"photos", "clips"};
-    struct seen s = {0};
+    struct act_seen s = {0};
     int rc = 0;
 
     memset(m, 0, sizeof *m);
@@ -194,14 +241,15 @@ int act_model_fit(struct act_model *m, const char *dir, struct error *err)
         char path[4096];
         snprintf(path, sizeof path, "%s/labels/%s.safetensors", dir, file[i]);
         struct safetensors *st = st_open(path, err);
-        rc = st ? add_labels(&s, st, err) : -1;
+        rc = st ? act_add_labels(&s, st, err) : -1;
         st_close(st);
     }
     if (!rc && s.n < ACT_KINDS)
         rc = error_set(err, EX_DATAERR, "%s/labels: %zu pictures (expected "
                        "at least %d)", dir, s.n, ACT_KINDS);
     if (!rc)
-        fit_kinds(m, &s);
+        act_fit_kinds(m, &s);
+    free(s.column);
     free(s.w);
     return rc;
 }
