@@ -8,7 +8,7 @@
 #include "cmd/cli_parts.h"
 
 /* One option: its names and value, then what it does. */
-static void help_option(const struct cli_option *o)
+static void cli_help_option(const struct cli_option *o)
 {
     char left[80];
 
@@ -23,7 +23,7 @@ static void help_option(const struct cli_option *o)
 
 /* "Usage: program words", broken before a word outside all brackets so that
  * no line is longer than 79. */
-static void help_usage(const struct cli_usage *u)
+static void cli_help_usage(const struct cli_usage *u)
 {
     int indent = 8 + (int)strlen(u->program), at = indent - 1;
     const char *p = u->synopsis;
@@ -48,10 +48,10 @@ static void help_usage(const struct cli_usage *u)
 void cli_print_help(const struct cli_usage *u,
                     const struct cli_option *all, int n)
 {
-    help_usage(u);
+    cli_help_usage(u);
     printf("\n\n%s\n\n", u->purpose);
     for (int i = 0; i < n; i++)
-        help_option(&all[i]);
+        cli_help_option(&all[i]);
     printf("\nSee %s(1) for the rest.\n", u->program);
     if (fflush(stdout))
         die(EX_IOERR, "<stdout>: cannot write: %s", strerror(errno));

@@ -17,7 +17,7 @@ static struct {
 } bar;
 
 /* Clear the bar's line for what comes next. */
-static void message_bar_erase(void)
+static void cli_bar_erase(void)
 {
     if (bar.width)
         fprintf(stderr, "\r%-*s\r", bar.width, "");
@@ -25,12 +25,12 @@ static void message_bar_erase(void)
 }
 
 /* "program: KIND text" on a line of its own. */
-static void message_print(const char *kind, const char *format, va_list ap)
+static void cli_message_print(const char *kind, const char *format, va_list ap)
 {
     char text[1024];
 
     vsnprintf(text, sizeof text, format, ap);
-    message_bar_erase();
+    cli_bar_erase();
     fprintf(stderr, "%s: %s%s\n", cli.program, kind, text);
 }
 
@@ -39,7 +39,7 @@ void die(int code, const char *format, ...)
     va_list ap;
 
     va_start(ap, format);
-    message_print("", format, ap);
+    cli_message_print("", format, ap);
     va_end(ap);
     exit(code);
 }
@@ -56,7 +56,7 @@ void warn(const char *format, ...)
     if (cli.quiet)
         return;
     va_start(ap, format);
-    message_print("warning: ", format, ap);
+    cli_message_print("warning: ", format, ap);
     va_end(ap);
 }
 
@@ -93,6 +93,6 @@ void progress(const char *what, size_t done, size_t total, const char *note)
 
 void progress_end(void)
 {
-    message_bar_erase();
+    cli_bar_erase();
     bar.begun = 0;
 }

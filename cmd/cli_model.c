@@ -16,7 +16,7 @@ struct search {
 };
 
 /* Does dir/name open, or dir itself when it is the file (whole)? */
-static bool search_try(struct search *s, const char *dir, bool whole)
+static bool cli_search_try(struct search *s, const char *dir, bool whole)
 {
     size_t used = strlen(s->tried);
 
@@ -31,26 +31,26 @@ static bool search_try(struct search *s, const char *dir, bool whole)
 
 /* -m or $SPID_MODEL names the model file itself, whose directory then holds
  * the others, or a directory. */
-static bool search_given(struct search *s, const char *given)
+static bool cli_search_given(struct search *s, const char *given)
 {
     char dir[512];
     char *slash;
 
-    if (search_try(s, given, false))
+    if (cli_search_try(s, given, false))
         return true;
     if (!file_ends(given, ".safetensors"))
         return false;
     if (strcmp(s->name, "model.safetensors") == 0)
-        return search_try(s, given, true);
+        return cli_search_try(s, given, true);
     snprintf(dir, sizeof dir, "%s", given);
     slash = strrchr(dir, '/');
     if (slash)
         *slash = '\0';
-    return search_try(s, slash ? dir : ".", false);
+    return cli_search_try(s, slash ? dir : ".", false);
 }
 
 /* Directory of the running binary plus suffix, for an uninstalled tree. */
-static bool search_beside(struct search *s, const char *suffix)
+static bool cli_search_beside(struct search *s, const char *suffix)
 {
     char exe[400], dir[512];
     ssize_t n = readlink("/proc/self/exe", exe, sizeof exe - 1);
@@ -63,7 +63,7 @@ static bool search_beside(struct search *s, const char *suffix)
     if (slash)
         *slash = '\0';
     snprintf(dir, sizeof dir, "%s/%s", exe, suffix);
-    return search_try(s, dir, false);
+    return cli_search_try(s, dir, false);
 }
 
 int cli_find_model(const char *name, char *path, size_t size,
@@ -75,21 +75,22 @@ int cli_find_model(const char *name, char *path, size_t size,
     const char *home = getenv("HOME");
     char dir[300];
 
-    if (cli.model && search_given(&s, cli.model))
+    if (cli.model && cli_search_given(&s, cli.model))
         return 0;
     /* A model asked for by name is not quietly replaced by another; only the
      * files that go with every model are still looked for. */
     if (cli.model && strcmp(name, "model.safetensors") == 0)
         goto fail;
-    if (env && search_given(&s, env))
+    if (env && cli_search_given(&s, env))
         return 0;
     if (data && *data)
         snprintf(dir, sizeof dir, "%s/spid", data);
     else
         snprintf(dir, sizeof dir, "%s/.local/share/spid", home ? home : "");
-    if (search_try(&s, dir, false) || search_try(&s, SPID_DATADIR, false) ||
-        search_beside(&s, "../share/spid") ||
-        search_beside(&s, "../../examples/model"))
+    if (cli_search_try(&s, dir, false) ||
+        cli_search_try(&s, SPID_DATADIR, false) ||
+        cli_search_beside(&s, "../share/spid") ||
+        cli_search_beside(&s, "../../examples/model"))
         return 0;
 fail:
     return error_set(err, EX_NOINPUT, "%s not found (tried %s)", name,

@@ -40,7 +40,7 @@ void stats_end(const char *name, double begun)
 }
 
 /* For qsort: the shorter time first. */
-static int stats_compare(const void *a, const void *b)
+static int cli_stats_compare(const void *a, const void *b)
 {
     double x = *(const double *)a, y = *(const double *)b;
 
@@ -61,7 +61,7 @@ void stats_write(void)
     for (struct stage *s = stages; s < stages + MAX_STAGES && s->count; s++) {
         double total = 0;
 
-        qsort(s->ms, s->count, sizeof *s->ms, stats_compare);
+        qsort(s->ms, s->count, sizeof *s->ms, cli_stats_compare);
         for (size_t i = 0; i < s->count; i++)
             total += s->ms[i];
         fprintf(f, "%s\t%zu\t%.3f\t%.4f\t%.4f\t%.4f\n", s->name, s->count,

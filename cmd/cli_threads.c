@@ -11,7 +11,7 @@
 static bool threads_given;     /* by -j or OMP_NUM_THREADS */
 
 /* Of this machine, at least 1. */
-static int threads_processors(void)
+static int cli_processors(void)
 {
     long n = sysconf(_SC_NPROCESSORS_ONLN);
 
@@ -27,13 +27,13 @@ void cli_use_threads(long wanted)
     else if (environment)
         cli.threads = omp_get_max_threads();
     else
-        cli.threads = threads_processors();
+        cli.threads = cli_processors();
     threads_given = wanted || environment;
     omp_set_num_threads(cli.threads);
 }
 
 /* Is fd one end of a pipe? */
-static bool threads_pipe(int fd)
+static bool cli_is_pipe(int fd)
 {
     struct stat st;
 
@@ -44,8 +44,8 @@ static bool threads_pipe(int fd)
  * keeps others from the very work that is waited for.  The library reads how
  * to wait before main begins, hence another start with the variable set;
  * whoever set one decides for himself. */
-static void threads_start_again(char **argv, const char *name,
-                                const char *value)
+static void cli_start_again(char **argv, const char *name,
+                            const char *value)
 {
     char path[4096];
     ssize_t n = readlink("/proc/self/exe", path, sizeof path - 1);
@@ -59,18 +59,18 @@ static void threads_start_again(char **argv, const char *name,
 
 /* The programs of a pipe share the processors; spinning, they would run at a
  * third of their speed. */
-static void threads_wait_asleep(char **argv)
+static void cli_wait_asleep(char **argv)
 {
-    if (threads_pipe(STDIN_FILENO) || threads_pipe(STDOUT_FILENO))
-        threads_start_again(argv, "OMP_WAIT_POLICY", "passive");
+    if (cli_is_pipe(STDIN_FILENO) || cli_is_pipe(STDOUT_FILENO))
+        cli_start_again(argv, "OMP_WAIT_POLICY", "passive");
 }
 
 #define THREADS_TURNS "1000"    /* before one that waits goes to sleep */
 
 void cli_wait_briefly(char **argv)
 {
-    if (threads_processors() > 1)
-        threads_start_again(argv, "GOMP_SPINCOUNT", THREADS_TURNS);
+    if (cli_processors() > 1)
+        cli_start_again(argv, "GOMP_SPINCOUNT", THREADS_TURNS);
 }
 
 void cli_expect_networks(void)
@@ -84,13 +84,13 @@ void cli_expect_networks(void)
  * passes records on, or takes in what another one works as hard for, leaves it
  * half of the processors: with all of them each, the threads of one would wait
  * for those of the other at every barrier. */
-static void threads_share(bool hard_input)
+static void cli_share_threads(bool hard_input)
 {
     const bool passes_on = strcmp(cli.output, "-") == 0 &&
-                           threads_pipe(STDOUT_FILENO);
+                           cli_is_pipe(STDOUT_FILENO);
 
     if (threads_given ||
-        !(passes_on || (hard_input && threads_pipe(STDIN_FILENO))))
+        !(passes_on || (hard_input && cli_is_pipe(STDIN_FILENO))))
         return;
     cli.threads = (cli.threads + 1) / 2;
     omp_set_num_threads(cli.threads);
@@ -101,8 +101,8 @@ int cli_parse_stage(const struct cli_usage *usage, int argc, char **argv,
 {
     int first;
 
-    threads_wait_asleep(argv);
+    cli_wait_asleep(argv);
     first = cli_parse(usage, argc, argv);
-    threads_share(hard_input);
+    cli_share_threads(hard_input);
     return first;
 }

@@ -8,8 +8,8 @@
 #include "formats/mark.h"
 #include "lib/record/take.h"
 
-static int output_open_overlay(struct motion_output *o, const char *path,
-                               const struct identity *id, struct error *err)
+static int motion_output_overlay(struct motion_output *o, const char *path,
+                                 const struct identity *id, struct error *err)
 {
     mark_off();                 /* it is a recording, drawn upon */
     o->drawn = framesink_open(&(struct framesink_options){
@@ -33,7 +33,7 @@ int motion_output_open(struct motion_output *o, const char *stream,
         stream = "-";
     if (stream && !(o->stream = stream_create(stream, err)))
         return -1;
-    return overlay ? output_open_overlay(o, overlay, id, err) : 0;
+    return overlay ? motion_output_overlay(o, overlay, id, err) : 0;
 }
 
 int motion_output_begin(struct motion_output *o, const struct conf *conf,

@@ -149,7 +149,7 @@ static void branches_prune_avatar(struct bake *k)
 }
 
 /* --bake: the identity, then its Gaussians. */
-static void bake_avatar(struct stream_writer *out)
+static void branches_bake(struct stream_writer *out)
 {
     static struct bake k;
     struct error err = {0};
@@ -253,7 +253,7 @@ int main(int argc, char **argv)
     if (!out)
         die_error(&err);
     if (bake_path)
-        bake_avatar(out);
+        branches_bake(out);
     else
         branches_move_avatar(out, first < argc ? argv[first] : "-");
     if (stream_finish(out, &err))

@@ -41,7 +41,7 @@ static void draw_blended(struct canvas *c, const struct pen &pen, F what)
 }
 
 /* Whole pixels, as OpenCV wants it. */
-static int pen_thickness(const struct pen &pen)
+static int draw_thickness(const struct pen &pen)
 {
     return std::max(1, (int)std::lrint(pen.width));
 }
@@ -60,7 +60,7 @@ void draw_segments(struct canvas *c, const float *xy, size_t n,
             if (draw_point_usable(xy) && draw_point_usable(xy + 2))
                 cv::line(m, draw_fixed_point(xy[0], xy[1]),
                          draw_fixed_point(xy[2], xy[3]), color,
-                         pen_thickness(pen), cv::LINE_AA, SHIFT);
+                         draw_thickness(pen), cv::LINE_AA, SHIFT);
     });
 }
 

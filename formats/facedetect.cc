@@ -78,8 +78,9 @@ void facedetect_close(struct facedetect *d)
 }
 
 /* The largest face no smaller than a `part`-th of the shorter side. */
-static bool cascade_largest(cv::CascadeClassifier &c, cv::Rect &box,
-                            const cv::Mat &grey, int neighbours, int part = 12)
+static bool facedetect_largest(cv::CascadeClassifier &c, cv::Rect &box,
+                               const cv::Mat &grey, int neighbours,
+                               int part = 12)
 {
     std::vector<cv::Rect> found;
     int least = std::max(24, std::min(grey.cols, grey.rows) / part);
@@ -103,18 +104,18 @@ static bool facedetect_detector_find(facedetect *d, cv::Rect &box,
 {
     std::string tried;
 
-    if (cascade_largest(d->frontal, box, grey, 4))
+    if (facedetect_largest(d->frontal, box, grey, 4))
         return true;
     if (!d->has_profile)
         facedetect_cascade_load(d->profile, "haarcascade_profileface.xml",
                                 tried);
     d->has_profile = true;
-    if (cascade_largest(d->profile, box, grey, 4))
+    if (facedetect_largest(d->profile, box, grey, 4))
         return true;
     cv::Mat turned;
     cv::flip(grey, turned, 1);
-    if (!cascade_largest(d->profile, box, turned, 4))
-        return cascade_largest(d->frontal, box, grey, 2);
+    if (!facedetect_largest(d->profile, box, turned, 4))
+        return facedetect_largest(d->frontal, box, grey, 2);
     box.x = grey.cols - box.x - box.width;
     return true;
 }
@@ -144,7 +145,7 @@ int facedetect_find(struct facedetect *d, struct square *face,
                    stride), grey;
         cv::Rect box;
         double k = facedetect_shrink_grey(grey, in, QUICK_SIDE);
-        if (!cascade_largest(d->frontal, box, grey, 4, 5)) {
+        if (!facedetect_largest(d->frontal, box, grey, 4, 5)) {
             k = facedetect_shrink_grey(grey, in, SEARCH_SIDE);
             if (!facedetect_detector_find(d, box, grey))
                 return 0;

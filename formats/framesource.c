@@ -201,7 +201,7 @@ static void framesource_set_rate(struct framesource *s, double rate)
 }
 
 /* What a pipe carries, by its first bytes. */
-static enum kind kind_of_bytes(const unsigned char *b, size_t n)
+static enum kind framesource_kind_of(const unsigned char *b, size_t n)
 {
     if (n >= 9 && memcmp(b, "YUV4MPEG2", 9) == 0)
         return KIND_Y4M;
@@ -298,7 +298,7 @@ static int framesource_open_file(struct framesource *s, const char *path,
         return error_set(err, EX_DATAERR, "%s: empty file (expected frames)",
                          path);
     }
-    s->kind = kind_of_bytes(b, n);
+    s->kind = framesource_kind_of(b, n);
     if (s->kind == KIND_Y4M || s->kind == KIND_PNM) {
         rewind(fp);
         s->fp = fp;
@@ -482,7 +482,7 @@ static int framesource_read_any(struct framesource *s, struct frame *f,
 
 /* Times: the video's own, shifted to follow the inputs before; otherwise by
  * the rate. */
-static void frame_stamp(struct framesource *s, struct frame *f)
+static void framesource_stamp(struct framesource *s, struct frame *f)
 {
     double step;
 
@@ -523,7 +523,7 @@ int framesource_read(struct framesource *s, struct frame *f,
         memset(f, 0, sizeof *f);
         rc = framesource_read_any(s, f, err);
         if (rc > 0)
-            frame_stamp(s, f);
+            framesource_stamp(s, f);
         if (rc != 0)
             return rc;
         framesource_close_input(s);

@@ -30,8 +30,8 @@ int pickle_fail(struct pickle_machine *m, const char *format, ...)
                      text);
 }
 
-static struct pickle_block *machine_block_make(struct pickle_machine *m,
-                                               size_t size)
+static struct pickle_block *pickle_block_make(struct pickle_machine *m,
+                                              size_t size)
 {
     struct pickle_block *b = calloc(1, sizeof *b + size);
 
@@ -54,7 +54,7 @@ void *pickle_alloc(struct pickle_machine *m, size_t bytes)
                         PICKLE_MAX_MEMORY >> 20);
             return NULL;
         }
-        b = machine_block_make(m, size);
+        b = pickle_block_make(m, size);
         if (!b)
             return NULL;
         a->used += size;
@@ -77,7 +77,7 @@ char *pickle_alloc_string(struct pickle_machine *m, size_t bytes)
     }
     if (bytes <= BLOCK / 4 || !top)
         return pickle_alloc(m, bytes + 1);
-    b = machine_block_make(m, bytes + 1);
+    b = pickle_block_make(m, bytes + 1);
     if (!b)
         return NULL;
     b->next = top->next;        /* behind the block that is being filled */
@@ -190,7 +190,7 @@ int pickle_number_line(struct pickle_machine *m, char out[PICKLE_LINE])
 /* ---- stack and memo ----------------------------------------------------- */
 
 /* v may be NULL: a mark. */
-static int machine_stack_push(struct pickle_machine *m, struct pickle_value *v)
+static int pickle_stack_push(struct pickle_machine *m, struct pickle_value *v)
 {
     struct pickle_value **s;
 
@@ -207,12 +207,12 @@ static int machine_stack_push(struct pickle_machine *m, struct pickle_value *v)
 
 int pickle_push(struct pickle_machine *m, struct pickle_value *v)
 {
-    return v ? machine_stack_push(m, v) : -1;
+    return v ? pickle_stack_push(m, v) : -1;
 }
 
 int pickle_push_mark(struct pickle_machine *m)
 {
-    return machine_stack_push(m, NULL);
+    return pickle_stack_push(m, NULL);
 }
 
 struct pickle_value *pickle_top(struct pickle_machine *m)
@@ -257,7 +257,7 @@ int pickle_move(struct pickle_machine *m, struct pickle_list *l, size_t from)
 }
 
 /* Room for entry i. */
-static int machine_memo_grow(struct pickle_machine *m, uint64_t i)
+static int pickle_memo_grow(struct pickle_machine *m, uint64_t i)
 {
     size_t room = m->memo_room ? 2 * m->memo_room : 256;
     struct pickle_value **memo;
@@ -282,7 +282,7 @@ int pickle_memo_put(struct pickle_machine *m, uint64_t i)
     if (i >= PICKLE_MAX_ITEMS)
         return pickle_fail(m, "memo entry %llu (expected at most %zu)",
                            (unsigned long long)i, PICKLE_MAX_ITEMS - 1);
-    if (i >= m->memo_room && machine_memo_grow(m, i))
+    if (i >= m->memo_room && pickle_memo_grow(m, i))
         return -1;
     if (!m->memo[i])
         m->memoized++;
@@ -295,7 +295,7 @@ int pickle_memo_get(struct pickle_machine *m, uint64_t i)
     if (i >= m->memo_room || !m->memo[i])
         return pickle_fail(m, "memo entry %llu is empty",
                            (unsigned long long)i);
-    return machine_stack_push(m, m->memo[i]);
+    return pickle_stack_push(m, m->memo[i]);
 }
 
 /* ---- looking at values -------------------------------------------------- */

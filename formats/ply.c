@@ -171,8 +171,8 @@ static int ply_add_property(struct header *h, const char *type,
 }
 
 /* Any line of the header; seen: the vertices' element was there. */
-static int header_line(struct header *h, char *line, bool *in_vertex,
-                       bool *seen, const char *path, struct error *err)
+static int ply_header_line(struct header *h, char *line, bool *in_vertex,
+                           bool *seen, const char *path, struct error *err)
 {
     char type[LINE], name[LINE];
     unsigned long long n;
@@ -214,15 +214,15 @@ static int ply_read_header(struct header *h, FILE *f, const char *path,
         line[strcspn(line, "\r\n")] = 0;
         if (!strcmp(line, "end_header"))
             return seen ? 0 : ply_bad_file(err, path, "no vertex element");
-        if (header_line(h, line, &in_vertex, &seen, path, err))
+        if (ply_header_line(h, line, &in_vertex, &seen, path, err))
             return -1;
     }
     return ply_bad_file(err, path, "the header does not end");
 }
 
 /* The property of that name, or NULL. */
-static const struct property *header_find(const struct header *h,
-                                          const char *name)
+static const struct property *ply_header_find(const struct header *h,
+                                              const char *name)
 {
     for (size_t i = 0; i < h->count; i++)
         if (!strcmp(h->property[i].name, name))
@@ -265,7 +265,7 @@ static int ply_find_layout(struct layout *l, const struct header *h,
 {
     memset(l, 0, sizeof *l);
     for (int i = 0; i < FIELDS; i++) {
-        l->field[i] = header_find(h, field_name[i]);
+        l->field[i] = ply_header_find(h, field_name[i]);
         if (!l->field[i] && (i < 3 || i > 5))
             return ply_bad_file(err, path,
                                 "no property %s (is this a mesh or a point "
@@ -276,7 +276,7 @@ static int ply_find_layout(struct layout *l, const struct header *h,
         char name[20];
 
         snprintf(name, sizeof name, "f_rest_%d", l->nrest);
-        if (!(l->rest[l->nrest] = header_find(h, name)))
+        if (!(l->rest[l->nrest] = ply_header_find(h, name)))
             break;
     }
     if (l->nrest && l->nrest != 9 && l->nrest != 24 && l->nrest != 45)
@@ -491,11 +491,13 @@ struct lint {
     int found;
 };
 
-static void lint_report(struct lint *l, size_t count, const char *format, ...)
+static void ply_lint_report(struct lint *l, size_t count, const char *format,
+                            ...)
     __attribute__((format(printf, 3, 4)));
 
 /* A line when count is not 0. */
-static void lint_report(struct lint *l, size_t count, const char *format, ...)
+static void ply_lint_report(struct lint *l, size_t count, const char *format,
+                            ...)
 {
     char text[300];
     va_list args;
@@ -510,7 +512,7 @@ static void lint_report(struct lint *l, size_t count, const char *format, ...)
 }
 
 /* Order, types and names of the properties. */
-static void lint_layout(struct lint *l, const struct header *h)
+static void ply_lint_layout(struct lint *l, const struct header *h)
 {
     size_t at = 0, order = 0, types = 0, extra = 0;
 
@@ -528,24 +530,25 @@ static void lint_layout(struct lint *l, const struct header *h)
             at = k;
         }
     }
-    lint_report(l, types, "%zu properties are not float: several viewers read "
-                "float32 only", types);
-    lint_report(l, order,
-                "properties are not in the usual order: viewers that read "
-                "by position will show noise");
-    lint_report(l, extra,
-                "%zu extra properties: viewers that read by position will "
-                "show noise",
-                extra);
-    lint_report(l, !header_find(h, "nx"),
-                "no normals: viewers that read by position expect nx ny nz");
-    lint_report(l, h->n == 0, "no Gaussians");
+    ply_lint_report(l, types, "%zu properties are not float: several viewers "
+                    "read float32 only", types);
+    ply_lint_report(l, order,
+                    "properties are not in the usual order: viewers that read "
+                    "by position will show noise");
+    ply_lint_report(l, extra,
+                    "%zu extra properties: viewers that read by position will "
+                    "show noise",
+                    extra);
+    ply_lint_report(l, !ply_header_find(h, "nx"),
+                    "no normals: viewers that read by position expect "
+                    "nx ny nz");
+    ply_lint_report(l, h->n == 0, "no Gaussians");
 }
 
 /* Counts what one row has wrong. */
-static void lint_row(const char *row, const struct layout *y, size_t *not_unit,
-                     size_t *infinite, size_t *linear_opacity,
-                     size_t *linear_scale)
+static void ply_lint_row(const char *row, const struct layout *y,
+                         size_t *not_unit, size_t *infinite,
+                         size_t *linear_opacity, size_t *linear_scale)
 {
     double q = 0;
 
@@ -577,18 +580,18 @@ int ply_lint(const char *path, void (*say)(void *context, const char *text),
             fclose(f);
         return f ? error_set(err, EX_OSERR, "%s: out of memory", path) : -1;
     }
-    lint_layout(&l, &h);
+    ply_lint_layout(&l, &h);
     for (size_t i = 0; i < h.n && fread(row, h.stride, 1, f) == 1; i++)
-        lint_row(row, &y, &not_unit, &infinite, &opacity, &scale);
-    lint_report(&l, infinite, "%zu Gaussians have values that are not finite: "
-                "viewers show nothing or crash", infinite);
-    lint_report(&l, not_unit, "%zu rotations are not unit quaternions: some "
-                "viewers do not normalise them", not_unit);
-    lint_report(&l, h.n && opacity == h.n,
-                "every opacity lies in 0..1: are they linear? the layout "
-                "wants logits");
-    lint_report(&l, h.n && scale == h.n, "every scale is positive: are they "
-                "linear? the layout wants logarithms");
+        ply_lint_row(row, &y, &not_unit, &infinite, &opacity, &scale);
+    ply_lint_report(&l, infinite, "%zu Gaussians have values that are not "
+                    "finite: viewers show nothing or crash", infinite);
+    ply_lint_report(&l, not_unit, "%zu rotations are not unit quaternions: "
+                    "some viewers do not normalise them", not_unit);
+    ply_lint_report(&l, h.n && opacity == h.n,
+                    "every opacity lies in 0..1: are they linear? the layout "
+                    "wants logits");
+    ply_lint_report(&l, h.n && scale == h.n, "every scale is positive: are "
+                    "they linear? the layout wants logarithms");
     fclose(f);
     free(row);
     return l.found;

@@ -13,7 +13,7 @@ struct header {
 };
 
 /* The next number of a P5 or P6 header, comments skipped; 0 on failure. */
-static size_t header_number(FILE *fp)
+static size_t pnm_header_number(FILE *fp)
 {
     size_t n = 0;
     int c = getc(fp), digits = 0;
@@ -70,9 +70,9 @@ static int pnm_read_header(FILE *fp, struct header *h, size_t most,
     memset(h, 0, sizeof *h);
     if (p == 'P' && (k == '5' || k == '6')) {
         h->depth = k == '6' ? 3 : 1;
-        h->width = header_number(fp);
-        h->height = header_number(fp);
-        h->maxval = header_number(fp);
+        h->width = pnm_header_number(fp);
+        h->height = pnm_header_number(fp);
+        h->maxval = pnm_header_number(fp);
     } else if (p != 'P' || k != '7' || pnm_read_pam(fp, h) != 0) {
         return error_set(err, EX_DATAERR, "not a PPM, PGM or PAM picture "
                          "(expected P5, P6 or P7)");

@@ -155,8 +155,8 @@ struct cache {
 };
 
 /* The file, read at its first use. */
-static const struct npy *cache_get(struct cache *c, const char *file,
-                                   struct error *err)
+static const struct npy *recordload_cache_get(struct cache *c, const char *file,
+                                              struct error *err)
 {
     char path[PATH_ROOM];
     struct loaded *l;
@@ -186,7 +186,7 @@ static const struct npy *cache_get(struct cache *c, const char *file,
 }
 
 /* Every file read. */
-static void cache_release(struct cache *c)
+static void recordload_cache_release(struct cache *c)
 {
     for (size_t i = 0; i < c->count; i++) {
         free(c->loaded[i].file);
@@ -210,7 +210,7 @@ static int recordload_npy_array(struct record *rec, struct cache *c,
     if (!file || !cJSON_IsNumber(number))
         return error_set(err, EX_DATAERR, "%s: expected [file, row]",
                          item->string);
-    if (!(n = cache_get(c, file, err)))
+    if (!(n = recordload_cache_get(c, file, err)))
         return -1;
     row = number->valuedouble;
     if (n->ndim < 1 || !(row >= 0 && row < (double)n->dim[0]))
@@ -278,7 +278,7 @@ int recordfile_read_npy(const char *dir, record_sink sink, void *context,
     for (const cJSON *row = index->child; row && rc == 0; row = row->next)
         rc = recordload_npy_record(&c, row, sink, context, err);
     cJSON_Delete(index);
-    cache_release(&c);
+    recordload_cache_release(&c);
     return rc ? error_prefix(err, "%s", dir) : 0;
 }
 

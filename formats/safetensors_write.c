@@ -14,8 +14,8 @@
 #include "lib/base/file.h"
 
 /* The JSON header; offsets count from the first tensor. */
-static cJSON *write_header_describe(const struct st_tensor *tensors,
-                                    size_t count, const char *const *meta)
+static cJSON *st_describe_header(const struct st_tensor *tensors,
+                                 size_t count, const char *const *meta)
 {
     cJSON *root = cJSON_CreateObject();
     size_t at = 0;
@@ -54,8 +54,8 @@ struct save {
 };
 
 /* Blanks after the JSON put the first tensor on a 64-byte boundary. */
-static bool write_all(FILE *f, const char *json, struct save *s,
-                      struct error *err)
+static bool st_write_all(FILE *f, const char *json, struct save *s,
+                         struct error *err)
 {
     size_t len = strlen(json);
     uint64_t n = (len + 8 + 63) / 64 * 64 - 8;
@@ -77,7 +77,7 @@ static bool write_all(FILE *f, const char *json, struct save *s,
 }
 
 /* A device or a pipe has nothing to sync (EINVAL). */
-static bool write_sync(FILE *f)
+static bool st_write_sync(FILE *f)
 {
     return !fsync(fileno(f)) || errno == EINVAL;
 }
@@ -86,13 +86,13 @@ int st_write(FILE *f, const struct st_tensor *tensors, size_t count,
              const char *const *meta, struct error *err)
 {
     struct save save = {.tensors = tensors, .count = count};
-    cJSON *root = write_header_describe(tensors, count, meta);
+    cJSON *root = st_describe_header(tensors, count, meta);
     char *json = root ? cJSON_PrintUnformatted(root) : NULL;
     int rc = 0;
 
     if (!json)
         rc = error_set(err, EX_OSERR, "out of memory");
-    else if (!write_all(f, json, &save, err))
+    else if (!st_write_all(f, json, &save, err))
         rc = error_set(err, EX_IOERR, "%s", strerror(errno));
     cJSON_Delete(root);
     cJSON_free(json);
@@ -112,7 +112,7 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
     struct save save = {tensors, count, fetch, context, false};
     size_t len = strlen(path) + 6;
     char *part = malloc(len), *json = NULL;
-    cJSON *root = write_header_describe(tensors, count, meta);
+    cJSON *root = st_describe_header(tensors, count, meta);
     FILE *f = NULL;
     int rc = -1;
 
@@ -127,7 +127,7 @@ int st_save_from(const char *path, const struct st_tensor *tensors,
         error_set(err, EX_CANTCREAT, "%s: %s", part, strerror(errno));
         goto out;
     }
-    bool ok = write_all(f, json, &save, err) && write_sync(f);
+    bool ok = st_write_all(f, json, &save, err) && st_write_sync(f);
     int why = errno;
     ok = !fclose(f) && ok;
     if (!ok || (!special && file_rename(part, path))) {

@@ -17,7 +17,7 @@ struct weight {
 };
 
 /* Heaviest first, ties by index: one order for one input. */
-static int weight_heavier(const void *a, const void *b)
+static int splatfile_heavier(const void *a, const void *b)
 {
     const struct weight *x = a, *y = b;
 
@@ -39,7 +39,7 @@ static struct weight *splatfile_by_weight(size_t n, const float *scale,
         order[i].index = (uint32_t)i;
     }
     if (order)
-        qsort(order, n, sizeof *order, weight_heavier);
+        qsort(order, n, sizeof *order, splatfile_heavier);
     return order;
 }
 

@@ -36,7 +36,7 @@ static size_t flatten_utf8_length(const unsigned char *p, size_t n)
 
 /* Append a string to the name: text as it is, Python 2's bytes as latin1.
  * False when it does not fit or holds what no name should. */
-static bool path_append(struct path *path, const struct pickle_value *v)
+static bool flatten_path_append(struct path *path, const struct pickle_value *v)
 {
     const unsigned char *p = (const unsigned char *)v->u.s.p;
     size_t left = v->u.s.n;
@@ -61,7 +61,7 @@ static bool path_append(struct path *path, const struct pickle_value *v)
 }
 
 /* Go down by a key; false: it cannot be in a name. */
-static bool path_down(struct path *path, const struct pickle_value *key)
+static bool flatten_path_down(struct path *path, const struct pickle_value *key)
 {
     if (path->n + 24 > sizeof path->text)
         return false;
@@ -74,7 +74,7 @@ static bool path_down(struct path *path, const struct pickle_value *key)
     }
     path->text[path->n] = 0;
     return (key->kind == PICKLE_TEXT || key->kind == PICKLE_BYTES) &&
-           path_append(path, key);
+           flatten_path_append(path, key);
 }
 
 static int flatten_value(struct tensorfile *f, struct path *path,
@@ -93,7 +93,7 @@ static int flatten_items(struct tensorfile *f, struct path *path,
         struct pickle_value index = {.kind = PICKLE_INT,
                                      .u.i = (int64_t)i};
 
-        if (path_down(path, step == 2 ? l->item[i] : &index))
+        if (flatten_path_down(path, step == 2 ? l->item[i] : &index))
             rc = flatten_value(f, path, l->item[i + step - 1], depth + 1, err);
         else
             tensorfile_add_other(f, path->text, "value under an odd key");

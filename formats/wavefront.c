@@ -20,7 +20,7 @@ struct list {
 };
 
 /* Room for one more item, NULL when memory or VERTICES_MAX is used up. */
-static void *list_add(struct list *l)
+static void *wavefront_list_add(struct list *l)
 {
     if (l->count == l->room) {
         size_t room = l->room ? 2 * l->room : 1024;
@@ -41,7 +41,7 @@ struct lines {
     char text[1024];
 };
 
-static int lines_open(struct lines *in, const char *path, struct error *err)
+static int wavefront_open(struct lines *in, const char *path, struct error *err)
 {
     in->f = fopen(path, "r");
     in->path = path;
@@ -51,7 +51,7 @@ static int lines_open(struct lines *in, const char *path, struct error *err)
 }
 
 /* The next line: 1, or 0 at the end. */
-static bool lines_next(struct lines *in)
+static bool wavefront_next(struct lines *in)
 {
     if (!fgets(in->text, sizeof in->text, in->f))
         return false;
@@ -59,8 +59,8 @@ static bool lines_next(struct lines *in)
     return true;
 }
 
-static int lines_bad(const struct lines *in, const char *what,
-                     struct error *err)
+static int wavefront_bad(const struct lines *in, const char *what,
+                         struct error *err)
 {
     return error_set(err, EX_DATAERR, "%s: line %zu: %s", in->path,
                      in->number, what);
@@ -109,16 +109,17 @@ static int wavefront_parse_face(struct mesh_lists *l, const struct lines *in,
             p++;
         if (a < 1 || a > (long)VERTICES_MAX || b < 0
             || b > (long)VERTICES_MAX)
-            return lines_bad(in, "corner out of range", err);
+            return wavefront_bad(in, "corner out of range", err);
         v[n] = (int32_t)a - 1;
         t[n] = (int32_t)b - 1;
     }
     if (n < 3)
-        return lines_bad(in, "face of fewer than three corners", err);
+        return wavefront_bad(in, "face of fewer than three corners", err);
     for (int i = 1; i + 1 < n; i++) {
-        int32_t *f = list_add(&l->f), *ft = list_add(&l->ft);
+        int32_t *f = wavefront_list_add(&l->f);
+        int32_t *ft = wavefront_list_add(&l->ft);
         if (!f || !ft)
-            return lines_bad(in, "too many faces", err);
+            return wavefront_bad(in, "too many faces", err);
         f[0] = v[0], f[1] = v[i], f[2] = v[i + 1];
         ft[0] = t[0], ft[1] = t[i], ft[2] = t[i + 1];
     }
@@ -137,11 +138,11 @@ static int wavefront_parse_line(struct mesh_lists *l, const struct lines *in,
                             || (s[2 + n] && !strchr(" \r\n", s[2 + n])));
     } else if (s[0] == 'v' && (s[1] == ' ' || s[1] == 't')) {
         bool place = s[1] == ' ';
-        p = list_add(place ? &l->v : &l->vt);
+        p = wavefront_list_add(place ? &l->v : &l->vt);
         if (!p)
-            return lines_bad(in, "too many vertices", err);
+            return wavefront_bad(in, "too many vertices", err);
         if (!wavefront_parse_floats(p, place ? 3 : 2, s + 2))
-            return lines_bad(in, "expected finite numbers", err);
+            return wavefront_bad(in, "expected finite numbers", err);
     } else if (s[0] == 'f' && s[1] == ' ' && !l->skip) {
         return wavefront_parse_face(l, in, err);
     }
@@ -177,9 +178,9 @@ int wavefront_read(struct wavefront *m, const char *path, const char *group,
     int rc = 0;
 
     *m = (struct wavefront){0};
-    if (lines_open(&in, path, err))
+    if (wavefront_open(&in, path, err))
         return -1;
-    while (!rc && lines_next(&in))
+    while (!rc && wavefront_next(&in))
         rc = wavefront_parse_line(&l, &in, group, err);
     if (!rc && ferror(in.f))
         rc = error_set(err, EX_IOERR, "%s: cannot be read", path);
@@ -215,7 +216,8 @@ static int wavefront_parse_scale(struct mhclo *m, const struct lines *in,
 
     if (!wavefront_parse_floats(v, 3, in->text + 7) || v[0] < 0 || v[1] < 0
         || v[0] >= (float)nbase || v[1] >= (float)nbase || v[2] == 0)
-        return lines_bad(in, "expected two base vertices and a length", err);
+        return wavefront_bad(in, "expected two base vertices and a length",
+                             err);
     m->ruler[axis][0] = (int32_t)v[0];
     m->ruler[axis][1] = (int32_t)v[1];
     m->length[axis] = v[2];
@@ -231,14 +233,14 @@ static int wavefront_parse_vertex(struct mhclo *m, const struct lines *in,
     if (!wavefront_parse_floats(v, 9, in->text)) {
         float k;
         if (!wavefront_parse_floats(&k, 1, in->text))
-            return lines_bad(in, "expected numbers", err);
+            return wavefront_bad(in, "expected numbers", err);
         memset(v, 0, sizeof v);
         v[0] = v[1] = v[2] = k;
         v[3] = 1;
     }
     for (int k = 0; k < 3; k++) {
         if (v[k] < 0 || v[k] >= (float)nbase)
-            return lines_bad(in, "base vertex out of range", err);
+            return wavefront_bad(in, "base vertex out of range", err);
         m->index[3 * i + (size_t)k] = (int32_t)v[k];
         m->weight[3 * i + (size_t)k] = v[3 + k];
         m->offset[3 * i + (size_t)k] = v[6 + k];
@@ -275,7 +277,7 @@ static int wavefront_parse_mhclo(struct mhclo *m, struct lines *in,
 {
     bool verts = false, hidden = false;
 
-    while (lines_next(in)) {
+    while (wavefront_next(in)) {
         const char *s = in->text;
         while (*s == ' ' || *s == '\t')
             s++;
@@ -296,7 +298,7 @@ static int wavefront_parse_mhclo(struct mhclo *m, struct lines *in,
         if (!verts || !number)
             continue;
         if (m->n == n)
-            return lines_bad(in, "more vertices than the mesh has", err);
+            return wavefront_bad(in, "more vertices than the mesh has", err);
         if (wavefront_parse_vertex(m, in, m->n, nbase, err))
             return -1;
         m->n++;
@@ -318,7 +320,7 @@ int mhclo_read(struct mhclo *m, const char *path, size_t nbase, size_t n,
     int rc;
 
     *m = (struct mhclo){0};
-    if (lines_open(&in, path, err))
+    if (wavefront_open(&in, path, err))
         return -1;
     m->index = malloc((n + 1) * 3 * sizeof *m->index);
     m->weight = malloc((n + 1) * 3 * sizeof *m->weight);

@@ -153,7 +153,7 @@ struct matrix {
 };
 
 /* BT.709 or BT.601, studio or full range. */
-static struct matrix matrix_of(const struct y4m *y)
+static struct matrix y4m_matrix_of(const struct y4m *y)
 {
     struct matrix m = {0.2126, 0.0722, 16, 219, 224};
 
@@ -186,7 +186,7 @@ static uint8_t y4m_fixed_byte(int v)
 /* m (3,4): Y, Cb and Cr from red, green, blue and 1, rounding included. */
 static void y4m_weights(int32_t w[3][4], const struct y4m *y)
 {
-    const struct matrix m = matrix_of(y);
+    const struct matrix m = y4m_matrix_of(y);
     const double ys = m.ys / 255, cs = m.cs / 255;
     const double b2 = cs / (2 * (1 - m.kb)), r2 = cs / (2 * (1 - m.kr));
     const int half = 1 << (FIX - 1), c0 = y4m_fixed_of(128) + half;
@@ -287,7 +287,7 @@ static void y4m_chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
 
 void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
 {
-    const struct matrix m = matrix_of(y);
+    const struct matrix m = y4m_matrix_of(y);
     const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
     const int half = 1 << (FIX - 1), ys = y4m_fixed_of(255 / m.ys);
     const int rv = y4m_fixed_of(2 * (1 - m.kr) * c);

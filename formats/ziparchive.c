@@ -25,8 +25,8 @@ struct ziparchive {
 
 /* ---- opening ------------------------------------------------------------ */
 
-static int entry_check(struct entry *e, zip_t *zip, size_t i,
-                       struct error *err)
+static int ziparchive_check_entry(struct entry *e, zip_t *zip, size_t i,
+                                  struct error *err)
 {
     const uint64_t want = ZIP_STAT_NAME | ZIP_STAT_SIZE | ZIP_STAT_COMP_SIZE |
                           ZIP_STAT_COMP_METHOD | ZIP_STAT_ENCRYPTION_METHOD;
@@ -109,7 +109,7 @@ static int ziparchive_read_directory(struct ziparchive *z, const char *path,
     if (!z->entry || !z->by_name)
         return error_set(err, EX_OSERR, "out of memory");
     for (z->count = 0; z->count < (size_t)n; z->count++)
-        if (entry_check(&z->entry[z->count], z->zip, z->count, err))
+        if (ziparchive_check_entry(&z->entry[z->count], z->zip, z->count, err))
             return -1;
     if (stat(path, &st))
         return error_set(err, EX_NOINPUT, "cannot be read");

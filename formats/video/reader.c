@@ -260,7 +260,7 @@ static void reader_turn(uint8_t *out, const uint8_t *rows, size_t stride,
 }
 
 /* Room for a frame, a vector's width past each row's end. */
-static int reader_make_room(struct reader *r, size_t stride, size_t h,
+static int reader_make_rows(struct reader *r, size_t stride, size_t h,
                             struct error *err)
 {
     const size_t n = (stride * h + 64 + 2) / 3;
@@ -305,7 +305,7 @@ static int reader_read(struct video_reader *v, const uint8_t **rgb,
     if (w > IMAGE_MAX_SIDE || h > IMAGE_MAX_SIDE || w * h > IMAGE_MAX_PIXELS)
         return error_set(err, EX_DATAERR, "%s: frame %zu: %zu x %zu pixels "
                          "are too many", r->path, r->count, w, h);
-    if (reader_make_room(r, stride, h, err) || reader_convert(r, stride, err))
+    if (reader_make_rows(r, stride, h, err) || reader_convert(r, stride, err))
         return -1;
     *rgb = r->rows;
     if (r->turns || stride != 3 * w) {

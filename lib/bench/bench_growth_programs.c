@@ -27,7 +27,7 @@ struct room {
     char dir[FILE_TEMPORARY], threads[16];
 };
 
-static int room_open(struct room *r, struct bench *b, struct error *err)
+static int growth_room_open(struct room *r, struct bench *b, struct error *err)
 {
     r->b = b;
     snprintf(r->threads, sizeof r->threads, "%d", b->threads);
@@ -38,13 +38,14 @@ static int room_open(struct room *r, struct bench *b, struct error *err)
 }
 
 /* path [ROOM] of a name in it. */
-static const char *room_at(char *path, const struct room *r, const char *name)
+static const char *growth_room_at(char *path, const struct room *r,
+                                  const char *name)
 {
     snprintf(path, ROOM, "%s/%s", r->dir, name);
     return path;
 }
 
-static void room_close(struct room *r)
+static void growth_room_close(struct room *r)
 {
     const char *const args[] = {"rm", "-rf", r->dir, NULL};
 
@@ -52,8 +53,9 @@ static void room_close(struct room *r)
 }
 
 /* What a program used in one run, as a point of the curve. */
-static int programs_add(struct growth *g, double x,
-                        const struct process_cost *cost, struct error *err)
+static int growth_add_program(struct growth *g, double x,
+                              const struct process_cost *cost,
+                              struct error *err)
 {
     const double ms = 1e3 * cost->seconds;
     const struct bench_times t = {1, ms, ms, ms};
@@ -62,13 +64,13 @@ static int programs_add(struct growth *g, double x,
 }
 
 /* A program run: a point. */
-static int programs_point(struct growth *g, double x, const char *const *args,
-                          struct error *err)
+static int growth_add_point(struct growth *g, double x, const char *const *args,
+                            struct error *err)
 {
     struct process_cost cost;
 
     return process_run(args, -1, &cost, err) ||
-           programs_add(g, x, &cost, err) ? -1 : 0;
+           growth_add_program(g, x, &cost, err) ? -1 : 0;
 }
 
 /* ---- frames -------------------------------------------------------------- */
@@ -115,7 +117,7 @@ static int growth_frames_point(struct growth *g, const struct room *r,
     else if (growth_frames_feed(fd[1], n, err) |
              process_end(child, program, &cost, err))
         rc = -1;
-    return rc ? rc : programs_add(g, (double)n, &cost, err);
+    return rc ? rc : growth_add_program(g, (double)n, &cost, err);
 }
 
 static int growth_frames(struct room *r, struct error *err)
@@ -157,10 +159,11 @@ static int growth_people(struct room *r, struct error *err)
                        .how = "spid-animate --list, a frame each"};
     char synth[PROCESS_PATH], animate[PROCESS_PATH], me[ROOM], list[ROOM];
     const char *const make[] = {synth, "-q", "--head", r->b->head, "-o",
-                                room_at(me, r, "me.png"), NULL};
+                                growth_room_at(me, r, "me.png"), NULL};
     const char *const args[] = {animate, "-q", "-j", r->threads, "-m",
                                 r->b->model, "--head", r->b->head, "--star",
-                                "--list", room_at(list, r, "list"), NULL};
+                                "--list", growth_room_at(list, r, "list"),
+                                NULL};
 
     if (!r->b->model || !r->b->head)
         return 0;
@@ -170,7 +173,7 @@ static int growth_people(struct room *r, struct error *err)
         return -1;
     for (size_t i = 0; i < 8 && growth_goes_on(&g, (double)count[i]); i++)
         if (growth_people_list(r, list, count[i], err) ||
-            programs_point(&g, (double)count[i], args, err))
+            growth_add_point(&g, (double)count[i], args, err))
             return -1;
     growth_note(&g);
     return 0;
@@ -186,7 +189,7 @@ struct hole {
     uint64_t nothing;
 };
 
-static int hole_init(struct hole *h, struct error *err)
+static int growth_hole_init(struct hole *h, struct error *err)
 {
     const struct array a = array_make("zeros", DTYPE_U8, NULL, 1, CHUNK, 0, 0,
                                       0);
@@ -213,8 +216,8 @@ static int hole_init(struct hole *h, struct error *err)
 }
 
 /* n records of which the file holds the first 128 bytes each. */
-static int hole_write(const struct hole *h, const char *path, size_t n,
-                      struct error *err)
+static int growth_hole_write(const struct hole *h, const char *path, size_t n,
+                             struct error *err)
 {
     const size_t step = sizeof h->header + h->header.payload_bytes;
     int fd = open(path, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
@@ -240,17 +243,18 @@ static int growth_bytes(struct room *r, struct error *err)
                        .how = "spid-dump --check, a sparse file"};
     char program[PROCESS_PATH], path[ROOM];
     const char *const args[] = {program, "-q", "--check",
-                                room_at(path, r, "sparse.spid"), NULL};
+                                growth_room_at(path, r, "sparse.spid"), NULL};
     struct hole h;
-    int rc = process_find(program, "spid-dump", err) || hole_init(&h, err)
+    int rc = process_find(program, "spid-dump", err) ||
+                     growth_hole_init(&h, err)
                  ? -1 : 0;
 
     for (size_t i = 0; rc == 0 && i < 4 && growth_goes_on(&g, count[i]); i++) {
         size_t n = (size_t)ceil(count[i] / (double)CHUNK);
 
-        rc = hole_write(&h, path, n, err);
+        rc = growth_hole_write(&h, path, n, err);
         if (rc == 0)
-            rc = programs_point(&g, (double)(n * CHUNK), args, err);
+            rc = growth_add_point(&g, (double)(n * CHUNK), args, err);
         unlink(path);
     }
     growth_note(&g);
@@ -261,10 +265,10 @@ int growth_of_programs(struct bench *b, struct error *err)
 {
     struct room r;
 
-    if (room_open(&r, b, err))
+    if (growth_room_open(&r, b, err))
         return -1;
     int rc = growth_frames(&r, err) || growth_bytes(&r, err) ||
              growth_people(&r, err) ? -1 : 0;
-    room_close(&r);
+    growth_room_close(&r);
     return rc;
 }

@@ -34,7 +34,8 @@ struct pipeline {
 };
 
 /* A decoded frame from memory, as the driver reads it. */
-static int pipe_read_memory(void *context, struct frame *f, struct error *err)
+static int pipeline_read_memory(void *context, struct frame *f,
+                                struct error *err)
 {
     struct pipeline *l = context;
     struct bench_person *s = &l->person;
@@ -92,8 +93,8 @@ struct pipe {
 
 /* A finished picture, as floats or as bytes, becomes the truth or is held
  * against it. */
-static void pipe_take_picture(struct pipe *p, uint64_t index,
-                              const float *color, const uint8_t *rgb)
+static void pipeline_take_picture(struct pipe *p, uint64_t index,
+                                  const float *color, const uint8_t *rgb)
 {
     const size_t i = index % PERSON_FRAMES;
     float *want = p->truth + i / EVERY * FRAME_VALUES;
@@ -115,7 +116,7 @@ static void pipe_take_picture(struct pipe *p, uint64_t index,
 }
 
 /* A finished frame's times and picture. */
-static void pipe_frame_done(void *ctx, const struct animate_frame *f)
+static void pipeline_frame_done(void *ctx, const struct animate_frame *f)
 {
     struct pipe *p = ctx;
     const double t[STAGES] = {f->t.crop, f->t.network + f->t.heads,
@@ -125,20 +126,20 @@ static void pipe_frame_done(void *ctx, const struct animate_frame *f)
     for (int i = 0; i < STAGES; i++)
         p->sum[i] += 1e3 * t[i];
     p->frames++;
-    pipe_take_picture(p, f->index, f->color, NULL);
+    pipeline_take_picture(p, f->index, f->color, NULL);
 }
 
 /* One run through the whole pipeline. */
-static int pipe_call(void *context, struct error *err)
+static int pipeline_call(void *context, struct error *err)
 {
     struct pipe *p = context;
     struct driver d;
 
     p->l->left = p->part;
-    driver_init(&d, &p->track, pipe_read_memory, p->l);
+    driver_init(&d, &p->track, pipeline_read_memory, p->l);
     int rc = driver_start(&d, NULL, NULL, err) ||
                      animate_run(&p->animate, &d, NULL, p->sink,
-                                 pipe_frame_done, p, err)
+                                 pipeline_frame_done, p, err)
                  ? -1
                  : 0;
     driver_release(&d);
@@ -146,7 +147,7 @@ static int pipe_call(void *context, struct error *err)
 }
 
 /* The same from a video file to a video file. */
-static int pipe_call_video(void *context, struct error *err)
+static int pipeline_call_video(void *context, struct error *err)
 {
     struct pipe *p = context;
     const char *const clip = p->clip;
@@ -161,7 +162,7 @@ static int pipe_call_video(void *context, struct error *err)
         goto out;
     driver_init(&d, &p->track, driver_read_source, in);
     rc = driver_start(&d, NULL, NULL, err) ||
-                 animate_run(&p->animate, &d, NULL, out, pipe_frame_done, p,
+                 animate_run(&p->animate, &d, NULL, out, pipeline_frame_done, p,
                              err)
              ? -1
              : 0;
@@ -176,7 +177,7 @@ out:
 }
 
 /* PART frames as a video in a directory of our own. */
-static int pipe_make_video(struct pipe *p, struct error *err)
+static int pipeline_make_video(struct pipe *p, struct error *err)
 {
     file_temporary(p->dir, "spid-bench-XXXXXX");
     if (!mkdtemp(p->dir)) {
@@ -206,7 +207,7 @@ static int pipe_make_video(struct pipe *p, struct error *err)
 }
 
 /* Every worker's renderer again, without cut-offs. */
-static int pipe_make_exact(struct animate *a, struct error *err)
+static int pipeline_make_exact(struct animate *a, struct error *err)
 {
     const struct gaussians g = baked_set(a->baked);
 
@@ -226,8 +227,8 @@ static int pipe_make_exact(struct animate *a, struct error *err)
 }
 
 /* Encoder, tracker and workers as a variant wants them. */
-static int pipe_open(struct pipe *p, struct pipeline *l,
-                     const struct variant *v, struct error *err)
+static int pipeline_open(struct pipe *p, struct pipeline *l,
+                         const struct variant *v, struct error *err)
 {
     struct bench_person *s = &l->person;
     const double middle = PERSON_SIZE / 2.0;
@@ -255,14 +256,14 @@ static int pipe_open(struct pipe *p, struct pipeline *l,
     if (!p->sink || encoders_open(&p->nets, &s->model, false, motion, err) ||
         head_fold(&p->mean, &s->head, NULL, 0, err) ||
         track_init(&p->track, &p->mean, &p->nets.motion, &track, err) ||
-        (v->video && pipe_make_video(p, err)) ||
+        (v->video && pipeline_make_video(p, err)) ||
         animate_init(&p->animate, &opt, &s->id, &s->baked, &s->dense, err))
         return -1;
-    return v->exact ? pipe_make_exact(&p->animate, err) : 0;
+    return v->exact ? pipeline_make_exact(&p->animate, err) : 0;
 }
 
 /* And the video's files. */
-static void pipe_close(struct pipe *p)
+static void pipeline_close(struct pipe *p)
 {
     animate_release(&p->animate);
     track_release(&p->track);
@@ -277,7 +278,7 @@ static void pipe_close(struct pipe *p)
 }
 
 /* The pictures of the video that was made last. */
-static int pipe_read_video(struct pipe *p, struct error *err)
+static int pipeline_read_video(struct pipe *p, struct error *err)
 {
     const char *const made = p->made;
     struct framesource *in = framesource_open(&made, 1, NULL, err);
@@ -285,17 +286,17 @@ static int pipe_read_video(struct pipe *p, struct error *err)
     int rc = in ? 1 : -1;
 
     while (rc > 0 && (rc = framesource_read(in, &f, err)) > 0)
-        pipe_take_picture(p, f.index, NULL, f.rgb);
+        pipeline_take_picture(p, f.index, NULL, f.rgb);
     framesource_close(in);
     return rc;
 }
 
 /* Once more, looking at the pictures. */
-static int pipe_compare(struct pipe *p, const struct variant *v,
-                        double *max_abs, double *psnr_db, struct error *err)
+static int pipeline_compare(struct pipe *p, const struct variant *v,
+                            double *max_abs, double *psnr_db, struct error *err)
 {
     p->pictures = v->exact ? PICTURES_KEEP : PICTURES_COMPARE;
-    if (v->video ? pipe_read_video(p, err) : pipe_call(p, err))
+    if (v->video ? pipeline_read_video(p, err) : pipeline_call(p, err))
         return -1;
     *max_abs = *psnr_db = NAN;
     if (v->exact)
@@ -306,8 +307,8 @@ static int pipe_compare(struct pipe *p, const struct variant *v,
 }
 
 /* The numbers of a row that programs look for. */
-static void pipe_report(struct bench *b, const struct pipe *p,
-                        const struct variant *v, double median)
+static void pipeline_report(struct bench *b, const struct pipe *p,
+                            const struct variant *v, double median)
 {
     char key[24];
 
@@ -326,8 +327,8 @@ static void pipe_report(struct bench *b, const struct pipe *p,
 }
 
 /* A row: time it, then run once more for the error. */
-static int bench_variant(struct pipeline *l, const struct variant *v,
-                         struct error *err)
+static int pipeline_variant(struct pipeline *l, const struct variant *v,
+                            struct error *err)
 {
     struct bench *b = l->person.b;
     struct pipe *p = calloc(1, sizeof *p);
@@ -335,15 +336,15 @@ static int bench_variant(struct pipeline *l, const struct variant *v,
     struct bench_times t;
     char config[96];
     int rc =
-        p ? pipe_open(p, l, v, err) : error_set(err, EX_OSERR, "no memory");
+        p ? pipeline_open(p, l, v, err) : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
         rc = bench_time(&t, b->seconds / 8, v->exact ? 1 : 300 / PART,
-                        v->video ? pipe_call_video : pipe_call, p, err);
+                        v->video ? pipeline_call_video : pipeline_call, p, err);
     if (rc == 0 && v->report)
-        pipe_report(b, p, v, t.median / (double)p->part);
+        pipeline_report(b, p, v, t.median / (double)p->part);
     if (rc == 0)
-        rc = pipe_compare(p, v, &most, &psnr, err);
+        rc = pipeline_compare(p, v, &most, &psnr, err);
     if (rc == 0) {
         t.min /= (double)p->part;
         t.median /= (double)p->part;
@@ -354,13 +355,13 @@ static int bench_variant(struct pipeline *l, const struct variant *v,
         bench_add(b, "pipeline", config, v->knob, b->threads, &t, most, psnr);
     }
     if (p)
-        pipe_close(p);
+        pipeline_close(p);
     free(p);
     return rc;
 }
 
 /* Fewer and fewer Gaussians. */
-static int bench_fewer(struct pipeline *l, struct error *err)
+static int pipeline_fewer(struct pipeline *l, struct error *err)
 {
     static const double eps[] = {0.1, 1, 10};
     struct bench_person *s = &l->person;
@@ -370,21 +371,21 @@ static int bench_fewer(struct pipeline *l, struct error *err)
 
     baked_drop_clear(&s->baked);
     snprintf(knob, sizeof knob, "without the clear: %zu", s->baked.N);
-    if (bench_variant(l, &v, err))
+    if (pipeline_variant(l, &v, err))
         return -1;
     for (size_t i = 0; i < sizeof eps / sizeof *eps; i++) {
         if (prune_views(&s->baked, &r, &s->dense, &s->id, PERSON_SIZE, eps[i],
                         err))
             return -1;
         snprintf(knob, sizeof knob, "--prune %g: %zu", eps[i], s->baked.N);
-        if (bench_variant(l, &v, err))
+        if (pipeline_variant(l, &v, err))
             return -1;
     }
     return 0;
 }
 
 /* The first frame as texture; what the person hides is taken for black. */
-static int pipe_make_texture(struct bench_person *s, struct error *err)
+static int pipeline_make_texture(struct bench_person *s, struct error *err)
 {
     uint8_t *back = calloc(FRAME_VALUES, 1);
     int rc = back ? texture_init(&s->texture, s->rgb, s->mask, back,
@@ -396,7 +397,7 @@ static int pipe_make_texture(struct bench_person *s, struct error *err)
 }
 
 /* Every variant, then fewer Gaussians. */
-static int bench_all(struct pipeline *l, struct error *err)
+static int pipeline_all(struct pipeline *l, struct error *err)
 {
     static const struct variant variants[] = {
         {"f32, no cut-offs", true, .exact = true, .type = NN_F32},
@@ -429,13 +430,13 @@ static int bench_all(struct pipeline *l, struct error *err)
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
         baker_take(&s->baked, &s->baker, err) ||
-        pipe_make_texture(s, err))
+        pipeline_make_texture(s, err))
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
-        if (bench_variant(l, &variants[i], err))
+        if (pipeline_variant(l, &variants[i], err))
             return -1;
-    return bench_fewer(l, err);
+    return pipeline_fewer(l, err);
 }
 
 int bench_pipeline(struct bench *b, struct error *err)
@@ -446,7 +447,7 @@ int bench_pipeline(struct bench *b, struct error *err)
                : error_set(err, EX_OSERR, "no memory");
 
     if (rc == 0)
-        rc = bench_all(l, err);
+        rc = pipeline_all(l, err);
     if (rc == 0) {
         bench_note(b, "pipeline: errors are of the finished pictures (every "
                    "third frame) against the first row of the same kind: all "

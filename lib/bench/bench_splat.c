@@ -165,7 +165,8 @@ static int bench_frame_error(double *max_abs, double *psnr,
 }
 
 /* The options that a knob stands for. */
-static struct splat_options knob_options(const struct knob *k, int threads)
+static struct splat_options bench_knob_options(const struct knob *k,
+                                               int threads)
 {
     struct splat_options o = splat_defaults(SIZE, SIZE, k->channels);
 
@@ -185,7 +186,7 @@ static struct splat_options knob_options(const struct knob *k, int threads)
 }
 
 /* What the rules cost where nothing else does: both truths compared. */
-static double stage_rules_psnr(const struct stage *st, int channels)
+static double bench_rules_psnr(const struct stage *st, int channels)
 {
     double sum = 0;
 
@@ -198,10 +199,10 @@ static double stage_rules_psnr(const struct stage *st, int channels)
 }
 
 /* Time one knob, and hold its picture against both references. */
-static int knob_row(struct stage *st, const struct knob *k, int threads,
-                    struct error *err)
+static int bench_knob_row(struct stage *st, const struct knob *k, int threads,
+                          struct error *err)
 {
-    struct splat_options o = knob_options(k, threads);
+    struct splat_options o = bench_knob_options(k, threads);
     struct bench_times t;
     struct bench_frame f;
     char config[96];
@@ -225,7 +226,7 @@ static int knob_row(struct stage *st, const struct knob *k, int threads,
                    "in double: %.1f dB); %zu drawn, %zu tile pairs; %zu "
                    "frames",
                    k->channels, threads, threads > 1 ? "s" : "", psnr_ruled,
-                   psnr, stage_rules_psnr(st, k->channels), f.s.drawn,
+                   psnr, bench_rules_psnr(st, k->channels), f.s.drawn,
                    f.s.pairs, t.runs);
     rc = 0;
 out:
@@ -235,8 +236,8 @@ out:
 
 /* The picture in double under those rules, all channels; the caller frees
  * *out. */
-static int stage_truth(double **out, struct stage *st, enum splat_rules rules,
-                       struct error *err)
+static int bench_stage_truth(double **out, struct stage *st,
+                             enum splat_rules rules, struct error *err)
 {
     struct reference t;
     int rc;
@@ -260,7 +261,7 @@ struct scalar {
 };
 
 /* For bench_time. */
-static int scalar_draw(void *context, struct error *err)
+static int bench_scalar_draw(void *context, struct error *err)
 {
     struct scalar *p = context;
 
@@ -269,7 +270,7 @@ static int scalar_draw(void *context, struct error *err)
 }
 
 /* The scalar renderer's row, and how much faster the kernels are. */
-static int scalar_row(struct stage *st, struct error *err)
+static int bench_scalar_row(struct stage *st, struct error *err)
 {
     size_t pixels = (size_t)SIZE * SIZE;
     struct scalar p = {st, calloc(pixels * 3, sizeof(float)),
@@ -283,7 +284,7 @@ static int scalar_row(struct stage *st, struct error *err)
         error_set(err, EX_OSERR, "out of memory");
         goto out;
     }
-    if (bench_time(&t, st->part, 3, scalar_draw, &p, err))
+    if (bench_time(&t, st->part, 3, bench_scalar_draw, &p, err))
         goto out;
     for (size_t i = 0; i < pixels * 3; i++)
         want[i] = st->exact[i / 3 * 32 + i % 3];
@@ -311,15 +312,15 @@ out:
 /* ---- the stage ----------------------------------------------------------- */
 
 /* Every knob on one thread, then on all. */
-static int stage_all_knobs(struct stage *st, struct error *err)
+static int bench_all_knobs(struct stage *st, struct error *err)
 {
     size_t first = st->b->rows;
 
     for (int pass = 0; pass < (st->b->threads > 1 ? 2 : 1); pass++)
         for (size_t k = 0; k < sizeof knobs / sizeof *knobs; k++)
-            if (knob_row(st, &knobs[k], pass ? st->b->threads : 1, err))
+            if (bench_knob_row(st, &knobs[k], pass ? st->b->threads : 1, err))
                 return -1;
-    if (scalar_row(st, err))
+    if (bench_scalar_row(st, err))
         return -1;
     bench_pareto(st->b, first);
     return 0;
@@ -338,9 +339,9 @@ int bench_splat(struct bench *b, struct error *err)
     bench_note(b, "splat scene: %s, %zu Gaussians, %zu (pixel, Gaussian) "
                "pairs with alpha >= 1/255", b->scene ? b->scene : "seed 2026",
                st.scene.g.n, testscene_pairs(&st.scene, SIZE, err));
-    if (stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
-        stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
-        stage_all_knobs(&st, err) ||
+    if (bench_stage_truth(&st.exact, &st, SPLAT_EXACT, err) ||
+        bench_stage_truth(&st.ruled, &st, SPLAT_GSPLAT, err) ||
+        bench_all_knobs(&st, err) ||
         bench_splat_moving(b, st.part, err) ||
         bench_splat_backward(b, st.part, err))
         goto out;

@@ -23,8 +23,8 @@ struct job {
 };
 
 /* Buffers, a random gradient of the picture, and the renderer, loaded. */
-static int job_open(struct job *j, const struct splat_options *opt,
-                    struct error *err)
+static int bench_job_open(struct job *j, const struct splat_options *opt,
+                          struct error *err)
 {
     size_t pixels = (size_t)opt->width * (size_t)opt->height;
     size_t C = (size_t)opt->channels, N = j->scene.g.n;
@@ -49,7 +49,7 @@ static int job_open(struct job *j, const struct splat_options *opt,
     return 0;
 }
 
-static void job_close(struct job *j)
+static void bench_job_close(struct job *j)
 {
     splat_release(&j->s);
     testscene_release(&j->scene);
@@ -61,7 +61,7 @@ static void job_close(struct job *j)
 }
 
 /* For bench_time: a frame, the camera moved by a hair. */
-static int job_draw(void *context, struct error *err)
+static int bench_job_draw(void *context, struct error *err)
 {
     struct job *j = context;
     struct splat_camera cam = j->cam;
@@ -72,18 +72,18 @@ static int job_draw(void *context, struct error *err)
 }
 
 /* And its gradients. */
-static int job_draw_and_back(void *context, struct error *err)
+static int bench_job_draw_and_back(void *context, struct error *err)
 {
     struct job *j = context;
 
-    return job_draw(j, err) ||
+    return bench_job_draw(j, err) ||
            splat_backward(&j->s, &j->g, j->d_image, NULL, err);
 }
 
 /* ---- backward ------------------------------------------------------------ */
 
 /* ||x - t|| / ||t|| */
-static double job_relative(const float *x, const double *t, size_t n)
+static double bench_job_relative(const float *x, const double *t, size_t n)
 {
     double d = 0, s = 0;
 
@@ -118,7 +118,7 @@ static int bench_gradient_note(struct bench *b, struct job *j,
         d[i] = j->d_image[i];
     memset(j->gradient, 0, all * sizeof *j->gradient);
     j->turn = 1;
-    if (job_draw_and_back(j, err) ||
+    if (bench_job_draw_and_back(j, err) ||
         reference_init(&truth, &j->scene.g, &j->cam, j->s.opt.width,
                        j->s.opt.height, (int)C, SPLAT_GSPLAT, 0, err) ||
         reference_backward(&g, &truth, d, NULL, err))
@@ -127,12 +127,12 @@ static int bench_gradient_note(struct bench *b, struct job *j,
                "splat %s%s%s gradients, relative L2 against double: mean "
                "%.1e scale %.1e quat %.1e opacity %.1e color %.1e camera %.1e",
                config, *level ? " " : "", level,
-               job_relative(j->g.mean, g.mean, 3 * N),
-               job_relative(j->g.scale, g.scale, 3 * N),
-               job_relative(j->g.quat, g.quat, 4 * N),
-               job_relative(j->g.opacity, g.opacity, N),
-               job_relative(j->g.color, g.color, C * N),
-               job_relative(j->g.rt, g.rt, 12));
+               bench_job_relative(j->g.mean, g.mean, 3 * N),
+               bench_job_relative(j->g.scale, g.scale, 3 * N),
+               bench_job_relative(j->g.quat, g.quat, 4 * N),
+               bench_job_relative(j->g.opacity, g.opacity, N),
+               bench_job_relative(j->g.color, g.color, C * N),
+               bench_job_relative(j->g.rt, g.rt, 12));
     rc = 0;
 out:
     reference_release(&truth);
@@ -163,18 +163,19 @@ static int bench_backward_row(struct bench *b, double seconds, size_t n,
     opt.level = level;
     snprintf(config, sizeof config, "%dx%d N=%zu C=%d f32", size, size, n,
              channels);
-    if (testscene_make(&j.scene, n, 2026, err) || job_open(&j, &opt, err) ||
-        bench_time(&t, seconds, 10, job_draw, &j, err))
+    if (testscene_make(&j.scene, n, 2026, err) ||
+        bench_job_open(&j, &opt, err) ||
+        bench_time(&t, seconds, 10, bench_job_draw, &j, err))
         goto out;
     snprintf(knob, sizeof knob, "forward%s%s", at, name);
     bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
-    if (bench_time(&t, seconds, 10, job_draw_and_back, &j, err))
+    if (bench_time(&t, seconds, 10, bench_job_draw_and_back, &j, err))
         goto out;
     snprintf(knob, sizeof knob, "forward + backward%s%s", at, name);
     bench_add(b, "splat", config, knob, b->threads, &t, NAN, NAN);
     rc = bench_gradient_note(b, &j, config, name, err);
 out:
-    job_close(&j);
+    bench_job_close(&j);
     return rc;
 }
 
@@ -204,7 +205,7 @@ struct moving {
 };
 
 /* For bench_time: some Gaussians move, the camera stays. */
-static int job_draw_moved(void *context, struct error *err)
+static int bench_job_draw_moved(void *context, struct error *err)
 {
     struct moving *m = context;
     struct job *j = m->job;
@@ -223,10 +224,10 @@ static int bench_phase_note(struct bench *b, struct job *j, int threads,
 {
     double least[SPLAT_PHASES] = {1e9, 1e9, 1e9, 1e9};
 
-    if (job_draw(j, err))          /* the camera may be where it was */
+    if (bench_job_draw(j, err))          /* the camera may be where it was */
         return -1;
     for (int run = 0; run < 40; run++) {
-        if (job_draw(j, err))
+        if (bench_job_draw(j, err))
             return -1;
         for (int k = 0; k < SPLAT_PHASES; k++)
             least[k] = fmin(least[k], j->s.ms[k]);
@@ -239,8 +240,8 @@ static int bench_phase_note(struct bench *b, struct job *j, int threads,
 }
 
 /* Rows for all, some and no Gaussians moved; phases and memory. */
-static int moving_rows(struct bench *b, double seconds, int threads,
-                       struct error *err)
+static int bench_moving_rows(struct bench *b, double seconds, int threads,
+                             struct error *err)
 {
     struct splat_options opt = splat_defaults(512, 512, 3);
     struct bench_times t;
@@ -250,7 +251,7 @@ static int moving_rows(struct bench *b, double seconds, int threads,
 
     opt.threads = threads;
     if (testscene_make(&j.scene, TESTSCENE_N, 2026, err) ||
-        job_open(&j, &opt, err))
+        bench_job_open(&j, &opt, err))
         goto out;
     size_t dynamic = j.scene.g.n * 20018 / TESTSCENE_N;
     struct { const char *name; size_t count; } row[] = {
@@ -258,12 +259,12 @@ static int moving_rows(struct bench *b, double seconds, int threads,
     struct moving m = {&j, (float *)j.scene.g.mean, 0};
 
     snprintf(config, sizeof config, "512x512 N=%zu C=3 f32", j.scene.g.n);
-    if (bench_time(&t, seconds, 10, job_draw, &j, err))
+    if (bench_time(&t, seconds, 10, bench_job_draw, &j, err))
         goto out;
     bench_add(b, "splat", config, "camera moved", threads, &t, NAN, NAN);
     for (size_t i = 0; i < 2; i++) {
         m.count = row[i].count;
-        if (bench_time(&t, seconds, 10, job_draw_moved, &m, err))
+        if (bench_time(&t, seconds, 10, bench_job_draw_moved, &m, err))
             goto out;
         bench_add(b, "splat", config, row[i].name, threads, &t, NAN, NAN);
     }
@@ -277,14 +278,14 @@ static int moving_rows(struct bench *b, double seconds, int threads,
                record / 1e6);
     rc = 0;
 out:
-    job_close(&j);
+    bench_job_close(&j);
     return rc;
 }
 
 int bench_splat_moving(struct bench *b, double seconds, struct error *err)
 {
-    return moving_rows(b, seconds, 1, err) ||
-           (b->threads > 1 && moving_rows(b, seconds, b->threads, err));
+    return bench_moving_rows(b, seconds, 1, err) ||
+           (b->threads > 1 && bench_moving_rows(b, seconds, b->threads, err));
 }
 
 /* ---- growth -------------------------------------------------------------- */
@@ -297,9 +298,9 @@ int bench_splat_time(struct bench_times *t, double seconds, size_t n, int size,
 
     opt.threads = threads;
     int rc = testscene_make(&j.scene, n, 2026, err) ||
-             job_open(&j, &opt, err) ||
-             bench_time(t, seconds, 5, job_draw, &j, err) ? -1 : 0;
-    job_close(&j);
+             bench_job_open(&j, &opt, err) ||
+             bench_time(t, seconds, 5, bench_job_draw, &j, err) ? -1 : 0;
+    bench_job_close(&j);
     return rc;
 }
 
@@ -317,7 +318,7 @@ static int bench_hard_error(double *worst, double *psnr, struct job *j,
     j->turn = 1;
     if (!want)
         error_set(err, EX_OSERR, "out of memory");
-    else if (!job_draw(j, err) &&
+    else if (!bench_job_draw(j, err) &&
              !reference_init(&t, &j->scene.g, &j->cam, j->s.opt.width,
                              j->s.opt.height, 3, SPLAT_GSPLAT, 0, err) &&
              !reference_forward(want, NULL, NULL, NULL, &t, err)) {
@@ -347,12 +348,12 @@ int bench_splat_hard(struct bench *b, double seconds, struct error *err)
 
         if (!rc && kind >= 0)
             testscene_harden(&j.scene, (unsigned)kind, 2026);
-        rc = rc || job_open(&j, &opt, err) ||
-             bench_time(&t, seconds, 5, job_draw, &j, err) ||
+        rc = rc || bench_job_open(&j, &opt, err) ||
+             bench_time(&t, seconds, 5, bench_job_draw, &j, err) ||
              bench_hard_error(&worst, &psnr, &j, err);
         size_t pairs = j.s.pairs;
 
-        job_close(&j);
+        bench_job_close(&j);
         if (rc)
             return -1;
         snprintf(config, sizeof config, "%dx%d N=%d C=3 f32", HARD_SIZE,

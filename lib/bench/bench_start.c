@@ -30,8 +30,8 @@ static const char *const start_part[PARTS] = {
 };
 
 /* The synthetic person's first frame as a file. */
-static int start_write_picture(struct start *s, const uint8_t *rgb,
-                               struct error *err)
+static int bench_start_write(struct start *s, const uint8_t *rgb,
+                             struct error *err)
 {
     const size_t bytes = 3 * PERSON_SIZE * PERSON_SIZE;
     FILE *f;
@@ -54,7 +54,7 @@ static int start_write_picture(struct start *s, const uint8_t *rgb,
 }
 
 /* What the run said of its parts. */
-static void start_read_stats(struct start *s)
+static void bench_start_read(struct start *s)
 {
     char line[256];
     FILE *f = fopen(s->stats, "r");
@@ -74,7 +74,7 @@ static void start_read_stats(struct start *s)
 }
 
 /* One frame of the picture driven by itself. */
-static int start_call(void *context, struct error *err)
+static int bench_start_call(void *context, struct error *err)
 {
     struct start *s = context;
     const char *const args[] = {
@@ -85,11 +85,11 @@ static int start_call(void *context, struct error *err)
 
     if (process_run(args, -1, NULL, err))
         return -1;
-    start_read_stats(s);
+    bench_start_read(s);
     return 0;
 }
 
-static int start_compare(const void *a, const void *b)
+static int bench_start_compare(const void *a, const void *b)
 {
     const double x = *(const double *)a, y = *(const double *)b;
 
@@ -97,19 +97,19 @@ static int start_compare(const void *a, const void *b)
 }
 
 /* A part's row. */
-static bool start_add_part(struct bench *b, struct start *s, int i)
+static bool bench_start_add_part(struct bench *b, struct start *s, int i)
 {
     const size_t n = s->runs < 64 ? s->runs : 64;
     double *t = s->part[i];
 
-    qsort(t, n, sizeof *t, start_compare);
+    qsort(t, n, sizeof *t, bench_start_compare);
     const struct bench_times times = {n, t[0], t[n / 2],
                                       t[(n - 1) * 95 / 100]};
     return bench_add(b, "start", i < 2 ? "Phase A" : "first frame",
                      start_part[i], b->threads, &times, NAN, NAN) != NULL;
 }
 
-static void start_close(struct start *s)
+static void bench_start_close(struct start *s)
 {
     if (!s->dir[0])
         return;
@@ -129,14 +129,14 @@ int bench_start(struct bench *b, struct error *err)
     snprintf(s.threads, sizeof s.threads, "%d", b->threads);
     int rc = bench_person_open(p, b, err) ||
              process_find(s.program, "spid-animate", err) ||
-             start_write_picture(&s, p->rgb, err) ||
-             bench_time(&t, b->seconds, 7, start_call, &s, err) ? -1 : 0;
+             bench_start_write(&s, p->rgb, err) ||
+             bench_time(&t, b->seconds, 7, bench_start_call, &s, err) ? -1 : 0;
     if (rc == 0 && !bench_add(b, "start", "spid-animate, photo to first frame",
                               "default", b->threads, &t, NAN, NAN))
         rc = -1;
     for (int i = 0; i < PARTS && rc == 0; i++)
-        rc = start_add_part(b, &s, i) ? 0 : -1;
-    start_close(&s);
+        rc = bench_start_add_part(b, &s, i) ? 0 : -1;
+    bench_start_close(&s);
     bench_person_close(p);
     free(p);
     return rc;

@@ -49,7 +49,7 @@ struct course {
 /* ---- people ------------------------------------------------------------- */
 
 /* A synthetic frame as training data. */
-static int course_keep_frame(struct data_frame *f, const struct synth_frame *s,
+static int bench_train_frame(struct data_frame *f, const struct synth_frame *s,
                              size_t size, struct error *err)
 {
     const struct synth_motion *m = s->motion;
@@ -74,7 +74,7 @@ static int course_keep_frame(struct data_frame *f, const struct synth_frame *s,
 }
 
 /* Two people of two frames, their shapes folded. */
-static int course_make_people(struct course *c, size_t size, struct error *err)
+static int bench_train_people(struct course *c, size_t size, struct error *err)
 {
     const struct synth_options opt = {
         .seed = 9, .people = PEOPLE, .frames = FRAMES, .size = (int)size,
@@ -91,7 +91,7 @@ static int course_make_people(struct course *c, size_t size, struct error *err)
         if (!p->frame)
             rc = error_set(err, EX_OSERR, "no memory for people");
         else if ((rc = synth_next(s, &f, err)) > 0 &&
-                 course_keep_frame(&p->frame[p->count++], &f, size, err))
+                 bench_train_frame(&p->frame[p->count++], &f, size, err))
             rc = -1;
         if (rc > 0 && p->count == 1)
             rc = head_fold(&c->id[i / FRAMES], &c->head, f.beta, f.nbeta, err)
@@ -104,7 +104,7 @@ static int course_make_people(struct course *c, size_t size, struct error *err)
 /* ---- one step ----------------------------------------------------------- */
 
 /* Now; the time since *t goes to a part. */
-static void course_lap(struct course *c, enum part p, double *t)
+static void bench_train_lap(struct course *c, enum part p, double *t)
 {
     double now = cpu_seconds();
 
@@ -113,8 +113,8 @@ static void course_lap(struct course *c, enum part p, double *t)
 }
 
 /* A person of the batch: source frame 0, target frame 1. */
-static int course_person(struct course *c, size_t k, double *t,
-                         struct error *err)
+static int bench_train_person(struct course *c, size_t k, double *t,
+                              struct error *err)
 {
     struct avatar_system *tr = &c->tr;
     const struct data_frame *f = &c->who[k].frame[1];
@@ -123,24 +123,24 @@ static int course_person(struct course *c, size_t k, double *t,
 
     if (avatar_system_bake(tr, &c->who[k].frame[0], &c->id[k], NULL, NULL, err))
         return -1;
-    course_lap(c, BAKE, t);
+    bench_train_lap(c, BAKE, t);
     c->loss.id = &c->id[k];
     motion_loss(c->dout + k * MOTION_OUT, terms, &s, c->out + k * MOTION_OUT,
                 f, f->crop, &c->config.geometry, 1.0 / PEOPLE, &c->loss);
-    course_lap(c, LOSSES, t);
+    bench_train_lap(c, LOSSES, t);
     if (avatar_system_draw(tr, s.verts, s.cam, err))
         return -1;
-    course_lap(c, DRAW, t);
+    bench_train_lap(c, DRAW, t);
     if (avatar_system_losses(tr, picture, f, &c->config, 1.0 / PEOPLE, err))
         return -1;
-    course_lap(c, LOSSES, t);
+    bench_train_lap(c, LOSSES, t);
     if (avatar_system_draw_backward(tr, err))
         return -1;
     motion_decode_backward(c->dout + k * MOTION_OUT, tr->dverts, tr->dcam, &s,
                            c->out + k * MOTION_OUT, f, f->crop, &c->id[k]);
-    course_lap(c, DRAW_BACK, t);
+    bench_train_lap(c, DRAW_BACK, t);
     avatar_system_bake_backward(tr);
-    course_lap(c, BAKE_BACK, t);
+    bench_train_lap(c, BAKE_BACK, t);
     return 0;
 }
 
@@ -157,18 +157,18 @@ static int bench_call_system(void *context, struct error *err)
                         &c->who[k].frame[1], c->who[k].frame[1].crop, NULL,
                         NULL, err))
             return -1;
-    course_lap(c, CROPS, &t);
+    bench_train_lap(c, CROPS, &t);
     motion_encoder_forward(c->out, c->rgb, &c->net);
-    course_lap(c, ENCODER, &t);
+    bench_train_lap(c, ENCODER, &t);
     for (size_t k = 0; k < PEOPLE; k++)
-        if (course_person(c, k, &t, err))
+        if (bench_train_person(c, k, &t, err))
             return -1;
     motion_encoder_backward(NULL, c->dout, &c->net);
-    course_lap(c, ENCODER_BACK, &t);
+    bench_train_lap(c, ENCODER_BACK, &t);
     adam_update(&c->adam, &c->ps, 0, adam_norm(&c->ps));
     motion_encoder_update(&c->net);
     avatar_system_update(&c->tr);
-    course_lap(c, UPDATE, &t);
+    bench_train_lap(c, UPDATE, &t);
     c->steps++;
     return 0;
 }
@@ -237,7 +237,7 @@ static int bench_encoder(struct course *c, struct error *err)
 }
 
 /* People, networks and optimiser. */
-static int course_open_system(struct course *c, struct error *err)
+static int bench_train_open(struct course *c, struct error *err)
 {
     static const char losses[] = "{\"stage\":\"all\",\"batch\":2,\"micro\":1}";
     struct nn_options train = {NN_TRAIN, NN_F32}, fixed = {NN_FROZEN, NN_F32};
@@ -246,7 +246,7 @@ static int course_open_system(struct course *c, struct error *err)
     avatar_config_shipped(&model);
     params_init(&c->ps);
     if (train_config_parse(&c->config, losses, "bench", err) ||
-        course_make_people(c, model.size, err) ||
+        bench_train_people(c, model.size, err) ||
         avatar_system_init(&c->tr, &c->ps, &model, &c->head, err) ||
         motion_encoder_init(&c->net, &c->ps, "motion.", model.motion_net,
                             err) ||
@@ -269,7 +269,7 @@ static int bench_system(struct course *c, struct error *err)
     struct bench_times t;
     char config[96];
 
-    if (course_open_system(c, err) ||
+    if (bench_train_open(c, err) ||
         bench_time(&t, c->b->seconds / 2, 3, bench_call_system, c, err))
         return -1;
     snprintf(config, sizeof config, "system, 256x256, batch 2, N=%zu",
@@ -288,7 +288,7 @@ static int bench_system(struct course *c, struct error *err)
 }
 
 /* All of it. */
-static void course_close(struct course *c)
+static void bench_train_close(struct course *c)
 {
     for (size_t k = 0; k < PEOPLE; k++) {
         data_person_release(&c->who[k]);
@@ -326,6 +326,6 @@ int bench_train(struct bench *b, struct error *err)
     if (!head_load(&c->head, b->head, err) && !bench_encoder(c, err) &&
         !bench_system(c, err))
         rc = 0;
-    course_close(c);
+    bench_train_close(c);
     return rc;
 }

@@ -17,8 +17,8 @@ struct shape {
     float rim;                  /* how much darker the last pixels are */
 };
 
-static void shape_colour(struct shape *h, const float own[3],
-                         struct random *r)
+static void clutter_shape_colour(struct shape *h, const float own[3],
+                                 struct random *r)
 {
     float grey = random_float(r, 0, 1), vivid = random_float(r, 0, 1);
     bool wears = random_chance(r, 0.2);
@@ -35,8 +35,8 @@ static void shape_colour(struct shape *h, const float own[3],
 }
 
 /* Size by a power law, about upright more often than not. */
-static void shape_place(struct shape *h, size_t n, float largest,
-                        struct random *r)
+static void clutter_shape_place(struct shape *h, size_t n, float largest,
+                                struct random *r)
 {
     const float side = (float)n;
     float size = largest * side * powf(random_float(r, 0.02, 1), 1.2f);
@@ -58,15 +58,15 @@ static void shape_place(struct shape *h, size_t n, float largest,
     h->s = sinf(turn);
 }
 
-static void shape_draw(struct shape *h, size_t n, float largest,
-                       const struct clutter_patch *patch, const float own[3],
-                       struct random *r)
+static void clutter_shape_draw(struct shape *h, size_t n, float largest,
+                               const struct clutter_patch *patch,
+                               const float own[3], struct random *r)
 {
     float fill = random_float(r, 0, 1);
     float wave = expf(random_float(r, -3.2, 0.3));
 
-    shape_place(h, n, largest, r);
-    shape_colour(h, own, r);
+    clutter_shape_place(h, n, largest, r);
+    clutter_shape_colour(h, own, r);
     h->fill = fill < 0.45f ? FILL_SLOPE
               : fill < 0.6f ? FILL_STRIPES
               : fill < 0.75f || !patch->rgb ? FILL_RIPPLE : FILL_PATCH;
@@ -92,8 +92,9 @@ static const float *clutter_patch_at(const struct clutter_patch *p, float x,
 }
 
 /* The shape's colour at (u,v), pixels along its own axes. */
-static void shape_at(float to[3], const struct shape *h,
-                     const struct clutter_patch *patch, float u, float v)
+static void clutter_shape_at(float to[3], const struct shape *h,
+                             const struct clutter_patch *patch, float u,
+                             float v)
 {
     float w = 0.5f * v / h->half[1];
 
@@ -111,7 +112,7 @@ static void shape_at(float to[3], const struct shape *h,
 }
 
 /* How deep inside the shape (u,v) lies, pixels or so; negative outside. */
-static float shape_depth(const struct shape *h, float u, float v)
+static float clutter_shape_depth(const struct shape *h, float u, float v)
 {
     float a = fabsf(u) / h->half[0], b = fabsf(v) / h->half[1];
 
@@ -120,30 +121,30 @@ static float shape_depth(const struct shape *h, float u, float v)
     return fminf((1 - a) * h->half[0], (1 - b) * h->half[1]);
 }
 
-static size_t shape_clip(float x, size_t n)
+static size_t clutter_clip(float x, size_t n)
 {
     return x < 0 ? 0 : x > (float)n ? n : (size_t)x;
 }
 
-static void shape_paint(float *wall, size_t n, const struct shape *h,
-                        const struct clutter_patch *patch)
+static void clutter_shape_paint(float *wall, size_t n, const struct shape *h,
+                                const struct clutter_patch *patch)
 {
     float rx = fabsf(h->c) * h->half[0] + fabsf(h->s) * h->half[1] + 1;
     float ry = fabsf(h->s) * h->half[0] + fabsf(h->c) * h->half[1] + 1;
-    size_t x0 = shape_clip(h->x - rx, n), x1 = shape_clip(h->x + rx + 1, n);
-    size_t y0 = shape_clip(h->y - ry, n), y1 = shape_clip(h->y + ry + 1, n);
+    size_t x0 = clutter_clip(h->x - rx, n), x1 = clutter_clip(h->x + rx + 1, n);
+    size_t y0 = clutter_clip(h->y - ry, n), y1 = clutter_clip(h->y + ry + 1, n);
 
     for (size_t y = y0; y < y1; y++)
         for (size_t x = x0; x < x1; x++) {
             float dx = (float)x - h->x, dy = (float)y - h->y, rgb[3];
             float u = h->c * dx + h->s * dy, v = h->c * dy - h->s * dx;
-            float depth = shape_depth(h, u, v) + 0.5f;
+            float depth = clutter_shape_depth(h, u, v) + 0.5f;
             float a = fminf(depth, 1);
             float *to = wall + 3 * (y * n + x);
 
             if (a <= 0)
                 continue;
-            shape_at(rgb, h, patch, u, v);
+            clutter_shape_at(rgb, h, patch, u, v);
             for (int c = 0; c < 3; c++) {
                 float shade = depth < 3 ? rgb[c] * (1 - h->rim) : rgb[c];
                 to[c] += a * (fminf(fmaxf(shade, 0), 1) - to[c]);
@@ -157,15 +158,15 @@ void clutter_paint(float *wall, size_t n, const struct clutter_patch *patch,
     uint32_t count = 2 + random_below(r, random_chance(r, 0.5) ? 12 : 59);
     struct shape h;
 
-    shape_draw(&h, n, 1, patch, own, r);
+    clutter_shape_draw(&h, n, 1, patch, own, r);
     h.form = SHAPE_BOX;
     h.half[0] = h.half[1] = 4 * (float)n;
-    shape_paint(wall, n, &h, patch);
+    clutter_shape_paint(wall, n, &h, patch);
     for (uint32_t i = 0; i < count; i++) {
         float left = 1 - (float)i / (float)count;
 
-        shape_draw(&h, n, 0.08f + 0.5f * left * left, patch, own, r);
-        shape_paint(wall, n, &h, patch);
+        clutter_shape_draw(&h, n, 0.08f + 0.5f * left * left, patch, own, r);
+        clutter_shape_paint(wall, n, &h, patch);
     }
 }
 

@@ -231,7 +231,7 @@ struct light {
     float gain[3], curve;
 };
 
-static void light_draw(struct light *l, float amount, struct random *r)
+static void portrait_light_draw(struct light *l, float amount, struct random *r)
 {
     float all = expf(amount * random_float(r, -0.5, 0.3));
 
@@ -241,7 +241,8 @@ static void light_draw(struct light *l, float amount, struct random *r)
 }
 
 /* to: colour c of the person's layer in that light, times the mask m. */
-static float light_on(const struct light *l, float x, float m, size_t c)
+static float portrait_light_on(const struct light *l, float x, float m,
+                               size_t c)
 {
     float v = m > 0.004f ? fminf(x / m * l->gain[c], 1) : 0;
 
@@ -257,7 +258,7 @@ static void portrait_compose(struct portrait *p, const struct light *l)
         float *to = p->picture + 4 * i, open = truth[1] * (1 - truth[0]);
 
         for (size_t c = 0; c < 3; c++) {
-            float x = light_on(l, own[c], own[3], c) +
+            float x = portrait_light_on(l, own[c], own[3], c) +
                       (1 - own[3]) * truth[1] * p->wall[3 * i + c];
             to[c] += open * (x - to[c]);
         }
@@ -334,7 +335,7 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
         portrait_draw_wall(&p, r);
         if (how->colour > 0 && random_chance(r, 0.5))
             portrait_dye(&p, portrait_chin(f, q, n), r);
-        light_draw(&l, how->colour, r);
+        portrait_light_draw(&l, how->colour, r);
         portrait_compose(&p, &l);
     }
     portrait_truth(alpha, weight, &p, mirror);

@@ -44,8 +44,8 @@ void data_turn(struct data_frame *out, const struct data_frame *f,
 }
 
 /* lo to hi, in pixels, inside a picture of `image` pixels a side. */
-static struct box data_clip(const double lo[2], const double hi[2],
-                            size_t image)
+static struct box truth_clip(const double lo[2], const double hi[2],
+                             size_t image)
 {
     size_t a[2], b[2];
 
@@ -60,9 +60,9 @@ struct box data_face(const struct data_frame *f, size_t image)
 {
     double k = (double)image / (double)f->size, half = 0.5 * f->crop.size * k;
 
-    return data_clip((double[2]){f->crop.x * k - half, f->crop.y * k - half},
-                     (double[2]){f->crop.x * k + half, f->crop.y * k + half},
-                     image);
+    return truth_clip((double[2]){f->crop.x * k - half, f->crop.y * k - half},
+                      (double[2]){f->crop.x * k + half, f->crop.y * k + half},
+                      image);
 }
 
 struct box data_mouth(const struct data_frame *f, size_t image)
@@ -81,5 +81,5 @@ struct box data_mouth(const struct data_frame *f, size_t image)
             hi[i] = fmax(hi[i], (double)f->lmk[j][i] * k);
         }
     }
-    return data_clip(lo, hi, image);
+    return truth_clip(lo, hi, image);
 }

@@ -40,7 +40,7 @@ struct side {
 };
 
 /* Append a pose. */
-static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
+static int motions_keep(struct clip *c, const struct pose *p, struct error *err)
 {
     struct pose *grown = list_grow(c->pose, &c->room, c->count,
                                    sizeof *grown);
@@ -53,8 +53,8 @@ static int clip_keep(struct clip *c, const struct pose *p, struct error *err)
 }
 
 /* The stream's shape into the head. */
-static int side_fold(struct side *s, const struct record *rec,
-                     struct error *err)
+static int motions_side_fold(struct side *s, const struct record *rec,
+                             struct error *err)
 {
     struct shape shape;
 
@@ -69,8 +69,8 @@ static int side_fold(struct side *s, const struct record *rec,
 }
 
 /* Landmarks of the head with this motion, pixels of a 512 picture. */
-static int side_project(struct side *s, struct pose *p, const struct motion *m,
-                        struct error *err)
+static int motions_side_project(struct side *s, struct pose *p,
+                                const struct motion *m, struct error *err)
 {
     float cam[12], x[68 * 3];
 
@@ -91,8 +91,8 @@ static int side_project(struct side *s, struct pose *p, const struct motion *m,
 }
 
 /* The pose of a MOTN record. */
-static int side_take(struct side *s, const struct record *rec,
-                     struct error *err)
+static int motions_side_take(struct side *s, const struct record *rec,
+                             struct error *err)
 {
     size_t nexp = s->head ? s->head->nexp : 100;
     struct motion m;
@@ -107,13 +107,14 @@ static int side_take(struct side *s, const struct record *rec,
     for (int i = 0; p.has_lmk && i < 68; i++)
         for (int k = 0; k < 2; k++)
             p.lmk[i][k] *= (float)(512 / s->size);
-    if (!p.has_lmk && side_project(s, &p, &m, err))
+    if (!p.has_lmk && motions_side_project(s, &p, &m, err))
         return -1;
-    return clip_keep(&s->clip, &p, err);
+    return motions_keep(&s->clip, &p, err);
 }
 
 /* All poses of a stream. */
-static int side_read(struct side *s, const char *path, struct error *err)
+static int motions_side_read(struct side *s, const char *path,
+                             struct error *err)
 {
     struct stream_reader *in = stream_open(path, NULL, err);
     struct record rec;
@@ -133,8 +134,8 @@ static int side_read(struct side *s, const char *path, struct error *err)
                     (&s->clip.pose[i].lmk[0][0])[j] *= (float)k;
             s->size = side;
         }
-        if ((record_is(&rec, RECORD_SHAP) && side_fold(s, &rec, err)) ||
-            (record_is(&rec, RECORD_MOTN) && side_take(s, &rec, err))) {
+        if ((record_is(&rec, RECORD_SHAP) && motions_side_fold(s, &rec, err)) ||
+            (record_is(&rec, RECORD_MOTN) && motions_side_take(s, &rec, err))) {
             rc = error_prefix(err, "%s: frame %llu", path,
                               (unsigned long long)rec.frame);
             break;
@@ -146,8 +147,8 @@ static int side_read(struct side *s, const char *path, struct error *err)
     return rc;
 }
 
-/* What side_read left. */
-static void side_release(struct side *s)
+/* What motions_side_read left. */
+static void motions_side_release(struct side *s)
 {
     identity_release(&s->id);
     free(s->verts);
@@ -238,7 +239,7 @@ int compare_motions(struct table *t, size_t row, const char *truth,
     struct side a = {.head = h}, b = {.head = h};
     int rc = -1;
 
-    if (side_read(&a, truth, err) || side_read(&b, result, err))
+    if (motions_side_read(&a, truth, err) || motions_side_read(&b, result, err))
         goto out;
     if (a.clip.count != b.clip.count)
         error_set(err, EX_DATAERR, "%s: %zu motions, %s: %zu (expected as "
@@ -246,7 +247,7 @@ int compare_motions(struct table *t, size_t row, const char *truth,
     else
         rc = motions_compare(t, row, &a.clip, &b.clip, log, err);
 out:
-    side_release(&a);
-    side_release(&b);
+    motions_side_release(&a);
+    motions_side_release(&b);
     return rc;
 }

@@ -20,7 +20,7 @@ struct back {
     float *scaled;              /* GLB: mean and scale out of metres */
 };
 
-static void back_release(struct back *b)
+static void drawn_back_release(struct back *b)
 {
     ply_release(&b->ply);
     free(b->block);
@@ -159,7 +159,7 @@ int drawn_compare(struct drawn *d, enum drawn_format format, const char *path,
                        "(expected %zu)", path, b.g.n, s->g.n);
     if (rc == 0)
         rc = drawn_measure(d, format, path, &b.g, s, err);
-    back_release(&b);
+    drawn_back_release(&b);
     return rc;
 }
 

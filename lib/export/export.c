@@ -70,7 +70,7 @@ struct flat {
     float *mean, *scale, *color;
 };
 
-static void flat_release(struct flat *f)
+static void export_flat_release(struct flat *f)
 {
     free(f->mean);
     free(f->scale);
@@ -78,8 +78,8 @@ static void flat_release(struct flat *f)
 }
 
 /* The scene in the file's unit, with the first three channels as colours. */
-static int flat_init(struct flat *f, const struct scene *s, float unit,
-                     struct error *err)
+static int export_flat_init(struct flat *f, const struct scene *s, float unit,
+                            struct error *err)
 {
     size_t n = s->g.n;
 
@@ -110,13 +110,13 @@ static int export_write_splat(struct export *x, const char *path,
                               struct error *err)
 {
     struct flat f = {0};
-    int rc = flat_init(&f, &x->scene, 1, err);
+    int rc = export_flat_init(&f, &x->scene, 1, err);
 
     if (!rc)
         rc = splatfile_write(path, x->scene.g.n, f.mean, f.scale,
                              x->scene.quat, x->scene.opacity, f.color, 3,
                              err);
-    flat_release(&f);
+    export_flat_release(&f);
     return rc;
 }
 
@@ -131,7 +131,7 @@ static int export_write_glb(struct export *x, const char *path,
                             struct error *err)
 {
     struct flat f = {0};
-    int rc = flat_init(&f, &x->scene, 1 / export_head_scale(x), err);
+    int rc = export_flat_init(&f, &x->scene, 1 / export_head_scale(x), err);
 
     if (!rc) {
         const struct glb_splats g = {x->scene.g.n, 3, f.mean, f.scale,
@@ -140,7 +140,7 @@ static int export_write_glb(struct export *x, const char *path,
 
         rc = glb_write_splats(path, &g, err);
     }
-    flat_release(&f);
+    export_flat_release(&f);
     return rc;
 }
 

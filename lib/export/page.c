@@ -137,15 +137,16 @@ struct pack {
     bool failed;                /* memory was short */
 };
 
-static void pack_release(struct pack *k)
+static void page_pack_release(struct pack *k)
 {
     for (size_t i = 0; i < k->count; i++)
         free(k->owned[i]);
 }
 
 /* An array (d0, d1) of `bytes`, copied; d1 0: one dimension. */
-static void *pack_add(struct pack *k, const char *name, enum st_dtype dtype,
-                      size_t d0, size_t d1, const void *data)
+static void *page_pack_add(struct pack *k, const char *name,
+                           enum st_dtype dtype, size_t d0, size_t d1,
+                           const void *data)
 {
     const size_t count = d0 * (d1 ? d1 : 1);
     const size_t bytes = count * st_dtype_size(dtype), i = k->count;
@@ -168,8 +169,8 @@ static void *pack_add(struct pack *k, const char *name, enum st_dtype dtype,
 
 /* Ends of what 16 bits will tell apart; 0 has a number of its own, so that
  * what does not move stays where it is. */
-static void pack_range(float range[2], const float *x, size_t n,
-                       size_t stride)
+static void page_pack_range(float range[2], const float *x, size_t n,
+                            size_t stride)
 {
     float lo = n ? x[0] : 0, hi = lo;
 
@@ -188,20 +189,20 @@ static void pack_range(float range[2], const float *x, size_t n,
 /* Columns of x (n rows of `stride` numbers, the first K of them) one after the
  * other: name (K,n) in 16 bits, from 0 for range[k][0] to 65534 for
  * range[k][1] of name.range (K,2). */
-static void pack_columns(struct pack *k, const char *name, const float *x,
-                         size_t n, size_t stride, size_t K)
+static void page_pack_columns(struct pack *k, const char *name, const float *x,
+                              size_t n, size_t stride, size_t K)
 {
     char range_name[24];
 
     snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = pack_add(k, name, ST_U16, K, n, NULL);
-    float *range = pack_add(k, range_name, ST_F32, K, 2, NULL);
+    uint16_t *to = page_pack_add(k, name, ST_U16, K, n, NULL);
+    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
     if (!to || !range)
         return;
     for (size_t c = 0; c < K; c++) {
         float *r = range + 2 * c;
 
-        pack_range(r, x + c, n, stride);
+        page_pack_range(r, x + c, n, stride);
         double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
         for (size_t i = 0; i < n; i++)
             to[c * n + i] = (uint16_t)lrint((x[i * stride + c] - r[0]) *
@@ -210,21 +211,22 @@ static void pack_columns(struct pack *k, const char *name, const float *x,
 }
 
 /* Directions of the head's posing layout, each a row: name (K,3V). */
-static void pack_directions(struct pack *k, const char *name,
-                            const struct head *h, const float *dirs, size_t K)
+static void page_pack_directions(struct pack *k, const char *name,
+                                 const struct head *h, const float *dirs,
+                                 size_t K)
 {
     char range_name[24];
     float *row = malloc((3 * h->V + 1) * sizeof *row);
 
     snprintf(range_name, sizeof range_name, "%s.range", name);
-    uint16_t *to = pack_add(k, name, ST_U16, K, 3 * h->V, NULL);
-    float *range = pack_add(k, range_name, ST_F32, K, 2, NULL);
+    uint16_t *to = page_pack_add(k, name, ST_U16, K, 3 * h->V, NULL);
+    float *range = page_pack_add(k, range_name, ST_F32, K, 2, NULL);
     k->failed |= !row;
     for (size_t d = 0; to && range && row && d < K; d++) {
         float *r = range + 2 * d;
 
         head_direction(row, h, dirs, K, d);
-        pack_range(r, row, 3 * h->V, 1);
+        page_pack_range(r, row, 3 * h->V, 1);
         double step = r[1] > r[0] ? 65534 / ((double)r[1] - r[0]) : 0;
         for (size_t i = 0; i < 3 * h->V; i++)
             to[3 * h->V * d + i] = (uint16_t)lrint((row[i] - r[0]) * step);
@@ -234,10 +236,10 @@ static void pack_directions(struct pack *k, const char *name,
 
 /* Pixels as what each differs by from the one on its left: half the size when
  * deflated. */
-static void pack_picture(struct pack *k, const char *name,
-                         const uint8_t *pixel, size_t S, size_t channels)
+static void page_pack_picture(struct pack *k, const char *name,
+                              const uint8_t *pixel, size_t S, size_t channels)
 {
-    uint8_t *to = pack_add(k, name, ST_U8, S, S * channels, NULL);
+    uint8_t *to = page_pack_add(k, name, ST_U8, S, S * channels, NULL);
 
     for (size_t y = 0; to && y < S; y++)
         for (size_t x = 0; x < S * channels; x++) {
@@ -258,7 +260,7 @@ static int page_pack_rides(struct pack *k, const struct baked *b,
 
     if (densify_init(&d, h->f, h->F, h->V, err))
         return -1;
-    int32_t *to = pack_add(k, "rides", ST_I32, b->dynamic, 2, NULL);
+    int32_t *to = page_pack_add(k, "rides", ST_I32, b->dynamic, 2, NULL);
     int rc = 0;
     for (size_t i = 0; to && !rc && i < b->dynamic; i++) {
         size_t v = (size_t)b->vertex[i], end[2];
@@ -285,24 +287,24 @@ static void page_pack_gaussians(struct pack *k, const struct baked *b)
                                (int32_t)(b->N - b->dynamic - b->mouth),
                                (int32_t)b->mouth};
 
-    pack_add(k, "counts", ST_I32, 3, 0, counts);
+    page_pack_add(k, "counts", ST_I32, 3, 0, counts);
     /* the others ride on the mesh */
-    pack_columns(k, "mean", b->mean + 3 * b->dynamic, b->N - b->dynamic, 3,
-                 3);
-    pack_columns(k, "scale", b->scale, b->N, 3, 3);
-    pack_columns(k, "quat", b->quat, b->N, 4, 4);
-    pack_columns(k, "opacity", b->opacity, b->N, 1, 1);
-    pack_columns(k, "color", b->color, b->N, b->C, b->C < 3 ? b->C : 3);
-    pack_columns(k, "bend", b->neck, b->N, 1, 1);
-    pack_add(k, "pivot", ST_F32, 3, 0, b->pivot);
+    page_pack_columns(k, "mean", b->mean + 3 * b->dynamic, b->N - b->dynamic, 3,
+                      3);
+    page_pack_columns(k, "scale", b->scale, b->N, 3, 3);
+    page_pack_columns(k, "quat", b->quat, b->N, 4, 4);
+    page_pack_columns(k, "opacity", b->opacity, b->N, 1, 1);
+    page_pack_columns(k, "color", b->color, b->N, b->C, b->C < 3 ? b->C : 3);
+    page_pack_columns(k, "bend", b->neck, b->N, 1, 1);
+    page_pack_add(k, "pivot", ST_F32, 3, 0, b->pivot);
     if (baked_has_places(b))
-        pack_add(k, "view", ST_F32, 3, 4, b->view);
-    pack_add(k, "shoulders", ST_F32, 3, 3, b->source);
-    pack_add(k, "lip", ST_F32, 3, 0, b->lip);
+        page_pack_add(k, "view", ST_F32, 3, 4, b->view);
+    page_pack_add(k, "shoulders", ST_F32, 3, 3, b->source);
+    page_pack_add(k, "lip", ST_F32, 3, 0, b->lip);
     if (!b->has_jaw)
         return;
-    pack_columns(k, "jaw", b->jaw + 3 * (b->N - b->mouth), b->mouth, 3, 3);
-    pack_add(k, "chin", ST_F32, 3, 0, b->chin);
+    page_pack_columns(k, "jaw", b->jaw + 3 * (b->N - b->mouth), b->mouth, 3, 3);
+    page_pack_add(k, "chin", ST_F32, 3, 0, b->chin);
 }
 
 /* The identity's head: Eq. M with beta folded in. */
@@ -313,17 +315,18 @@ static void page_pack_head(struct pack *k, const struct identity *id)
 
     for (int i = 0; i < 3 * HEAD_JOINTS; i++)
         joints[i] = (float)id->joints[i];
-    pack_directions(k, "shaped", h, id->shaped, 1);
-    pack_directions(k, "lids", h, id->lids, 2);
-    pack_directions(k, "exp_dirs", h, h->exp_dirs, h->nexp);
-    pack_directions(k, "pose_dirs", h, h->pose_dirs, HEAD_POSE_DIRS);
-    pack_columns(k, "weights", h->weights, h->V, HEAD_JOINTS, HEAD_JOINTS);
-    pack_add(k, "joints", ST_F32, HEAD_JOINTS, 3, joints);
-    pack_add(k, "joint_exp", ST_F32, h->nexp, 3 * HEAD_JOINTS, h->joint_exp);
-    pack_add(k, "parents", ST_I32, HEAD_JOINTS, 0, h->parents);
-    pack_add(k, "faces", ST_I32, h->F, 3, h->f);
-    pack_add(k, "lip_inner", ST_I32, h->nlip_inner, 0, h->lip_inner);
-    pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
+    page_pack_directions(k, "shaped", h, id->shaped, 1);
+    page_pack_directions(k, "lids", h, id->lids, 2);
+    page_pack_directions(k, "exp_dirs", h, h->exp_dirs, h->nexp);
+    page_pack_directions(k, "pose_dirs", h, h->pose_dirs, HEAD_POSE_DIRS);
+    page_pack_columns(k, "weights", h->weights, h->V, HEAD_JOINTS, HEAD_JOINTS);
+    page_pack_add(k, "joints", ST_F32, HEAD_JOINTS, 3, joints);
+    page_pack_add(k, "joint_exp", ST_F32, h->nexp, 3 * HEAD_JOINTS,
+                  h->joint_exp);
+    page_pack_add(k, "parents", ST_I32, HEAD_JOINTS, 0, h->parents);
+    page_pack_add(k, "faces", ST_I32, h->F, 3, h->f);
+    page_pack_add(k, "lip_inner", ST_I32, h->nlip_inner, 0, h->lip_inner);
+    page_pack_add(k, "chin_vertices", ST_I32, h->nchin, 0, h->chin);
 }
 
 /* The clip's frames, and the source's own motion for the page to start
@@ -333,11 +336,11 @@ static void page_pack_motion(struct pack *k, const struct page *p,
 {
     const size_t width = PAGE_POSE + p->nexp;
 
-    pack_add(k, "motion", ST_F32, p->frames, width, p->motion);
-    pack_add(k, "time", ST_F64, p->frames, 0, p->time);
+    page_pack_add(k, "motion", ST_F32, p->frames, width, p->motion);
+    page_pack_add(k, "time", ST_F64, p->frames, 0, p->time);
     if (!person->has_source)
         return;
-    float *to = pack_add(k, "source", ST_F32, 1, width, NULL);
+    float *to = page_pack_add(k, "source", ST_F32, 1, width, NULL);
     if (to)
         page_store_motion(to, &person->source, p->nexp);
 }
@@ -350,7 +353,7 @@ static void page_pack_reach(struct pack *k, const struct baked *b)
 
     for (size_t i = 0; i < b->N; i++)
         n += b->reach[i] > 0;
-    float *to = n ? pack_add(k, "reach", ST_F32, n, 5, NULL) : NULL;
+    float *to = n ? page_pack_add(k, "reach", ST_F32, n, 5, NULL) : NULL;
     for (size_t i = 0; to && i < b->N; i++) {
         if (!(b->reach[i] > 0))
             continue;
@@ -374,15 +377,15 @@ static int page_pack_photograph(struct pack *k, const struct baked *b,
         return error_set(err, EX_DATAERR, "SRCI has %zu x %zu pixels "
                          "(expected 2 to %d in a page)", S, S,
                          PAGE_MOST_PIXELS);
-    pack_picture(k, "rgb", person->rgb, S, 3);
-    pack_picture(k, "matte", person->matte, S, 1);
+    page_pack_picture(k, "rgb", person->rgb, S, 3);
+    page_pack_picture(k, "matte", person->matte, S, 1);
     if (!person->back)
         return 0;
-    pack_picture(k, "back", person->back, S, 3);
+    page_pack_picture(k, "back", person->back, S, 3);
     if (!baked_has_places(b))
         return 0;
-    pack_columns(k, "uv", b->uv, b->N, 2, 2);
-    pack_columns(k, "seen", b->seen, b->N, 1, 1);
+    page_pack_columns(k, "uv", b->uv, b->N, 2, 2);
+    page_pack_columns(k, "seen", b->seen, b->N, 1, 1);
     page_pack_reach(k, b);
     return 0;
 }
@@ -443,7 +446,7 @@ int page_write(const struct page *p, const char *path,
 out:
     cJSON_free(names);
     if (k)
-        pack_release(k);
+        page_pack_release(k);
     free(k);
     return rc;
 }

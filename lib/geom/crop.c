@@ -390,8 +390,8 @@ struct filter {
 /* Filter of output i; room for `most` weights.  None where its middle lies
  * outside the picture, as square_inside has it: what is inside takes nothing
  * of the black about it, or a window larger than the picture shows a frame. */
-static void filter_make(struct filter *f, double centre, double size,
-                        size_t i, size_t n, size_t in, size_t most)
+static void crop_filter_make(struct filter *f, double centre, double size,
+                             size_t i, size_t n, size_t in, size_t most)
 {
     const double s = size / (double)n, support = s > 1 ? s : 1;
     const double p = crop_sample_place(centre, size, i, n);
@@ -414,8 +414,8 @@ static void filter_make(struct filter *f, double centre, double size,
 }
 
 /* One row under an antialiasing filter for each output pixel. */
-static void filter_row(float *out, const uint8_t *row, const char *filters,
-                       size_t bytes, size_t n, size_t C)
+static void crop_filter_row(float *out, const uint8_t *row, const char *filters,
+                            size_t bytes, size_t n, size_t C)
 {
     for (size_t j = 0; j < n; j++, out += C) {
         const struct filter *f = (const void *)(filters + j * bytes);
@@ -451,8 +451,8 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
         return -1;
     }
     for (size_t i = 0; i < n; i++) {
-        filter_make((void *)(fx + i * bytes), q.x, q.size, i, n, W, most);
-        filter_make((void *)(fy + i * bytes), q.y, q.size, i, n, H, most);
+        crop_filter_make((void *)(fx + i * bytes), q.x, q.size, i, n, W, most);
+        crop_filter_make((void *)(fy + i * bytes), q.y, q.size, i, n, H, most);
     }
     /* each picture row is filtered once and added to the rows it reaches */
     for (size_t y = 0; y < H; y++) {
@@ -469,7 +469,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                 continue;
             }
             if (!filtered++)
-                filter_row(row, rgb + y * stride, fx, bytes, n, C);
+                crop_filter_row(row, rgb + y * stride, fx, bytes, n, C);
             w = f->w[y - f->lo];
             for (size_t k = 0; k < line; k++)
                 acc[i * line + k] += w * row[k];

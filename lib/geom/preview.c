@@ -147,8 +147,8 @@ static uint8_t preview_to_srgb(float v)
 }
 
 /* Means of the samples, encoded. */
-static void canvas_resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
-                           const struct canvas *c)
+static void preview_resolve(uint8_t *rgb, size_t stride, size_t x0, size_t y0,
+                            const struct canvas *c)
 {
     for (size_t y = 0; y < c->h / SS; y++)
         for (size_t x = 0; x < c->w / SS; x++)
@@ -192,7 +192,7 @@ int preview_draw(uint8_t *rgb, size_t stride, size_t x0, size_t y0, size_t w,
     for (size_t i = 0; i < mesh->nf; i++)
         preview_triangle_draw(&c, p, nrm, mesh->faces + i * 3, mesh,
                               view->wire);
-    canvas_resolve(rgb, stride, x0, y0, &c);
+    preview_resolve(rgb, stride, x0, y0, &c);
     rc = 0;
 out:
     free(p);

@@ -14,7 +14,7 @@
 enum { MAX_DIRECTIONS = 4096 };     /* of a packed file, which could lie */
 
 /* What had to be converted or copied of a file's arrays, owned until
- * loaded_release. */
+ * head_loaded_release. */
 struct loaded {
     float *f32[16];
     int32_t *i32[12];
@@ -41,7 +41,7 @@ static const int32_t *head_take_i32(struct loaded *l,
     return l->i32[l->ni++] = st_load_i32(st, name, ndim, dims, count, err);
 }
 
-static void loaded_release(struct loaded *l)
+static void head_loaded_release(struct loaded *l)
 {
     for (int i = 0; i < l->nf; i++)
         free(l->f32[i]);
@@ -269,7 +269,7 @@ int head_load(struct head *h, const char *path, struct error *err)
     if (rc)
         error_prefix(err, "%s", path);
 out:
-    loaded_release(&l);
+    head_loaded_release(&l);
     st_close(st);
     return rc;
 }

@@ -146,8 +146,8 @@ static void register_match_all(struct fit *f, double least, double most)
 
 /* One step: the smooth displacement from the start that lies near the
  * matches. */
-static int fit_step(struct fit *f, double stiff, double slide,
-                    struct error *err)
+static int register_step(struct fit *f, double stiff, double slide,
+                         struct error *err)
 {
     struct registration *r = f->r;
 
@@ -190,7 +190,7 @@ static bool register_is_nostril(const struct half *h, size_t v)
 
 /* How close together vertices should lie: closer where the skin bends more,
  * on the nose. */
-static double fit_density(const double p[3])
+static double register_density(const double p[3])
 {
     double y = p[1] + 0.012, z = p[2] - 0.100;
     double square = p[0] * p[0] + y * y + z * z;
@@ -199,7 +199,7 @@ static double fit_density(const double p[3])
 }
 
 /* The middle of v's neighbours, each with its density. */
-static void fit_dense_mean(double out[3], const struct fit *f, size_t v)
+static void register_dense_mean(double out[3], const struct fit *f, size_t v)
 {
     const struct smooth_mesh *m = &f->mesh;
     double sum = 0;
@@ -207,7 +207,7 @@ static void fit_dense_mean(double out[3], const struct fit *f, size_t v)
     memset(out, 0, 3 * sizeof *out);
     for (int32_t i = m->at[v]; i < m->at[v + 1]; i++) {
         const double *p = f->r->at + 3 * m->link[i];
-        double w = fit_density(p);
+        double w = register_density(p);
 
         sum += w;
         for (int c = 0; c < 3; c++)
@@ -218,7 +218,7 @@ static void fit_dense_mean(double out[3], const struct fit *f, size_t v)
 }
 
 /* Free skin slides to the middle of its neighbours, along the surface. */
-static void fit_even_out(struct fit *f, double much)
+static void register_even_out(struct fit *f, double much)
 {
     struct registration *r = f->r;
     const struct half *h = r->h;
@@ -234,7 +234,7 @@ static void fit_even_out(struct fit *f, double much)
 
         if (stays)
             continue;
-        fit_dense_mean(mean, f, v);
+        register_dense_mean(mean, f, v);
         for (size_t c = 0; c < 3; c++)
             p[c] = mix(r->at[3 * v + c], mean[c], much);
         if (h->seam[v])
@@ -247,7 +247,7 @@ static void fit_even_out(struct fit *f, double much)
 }
 
 /* Trusted vertices lie where they are matched. */
-static void fit_settle(struct fit *f)
+static void register_settle(struct fit *f)
 {
     struct registration *r = f->r;
 
@@ -264,7 +264,7 @@ static void fit_settle(struct fit *f)
 }
 
 /* The extent of the neck's cut: half its width, its back and its front. */
-static void fit_cut_extent(double e[3], const struct registration *r)
+static void register_cut_extent(double e[3], const struct registration *r)
 {
     e[0] = 0, e[1] = INFINITY, e[2] = -INFINITY;
     for (int c = 0; c <= COLS; c++) {
@@ -278,12 +278,12 @@ static void fit_cut_extent(double e[3], const struct registration *r)
 
 /* The neck's cut without the folds of the sculpted throat: evened out along
  * itself, then as wide and deep as it was. */
-static void fit_smooth_cut(struct registration *r)
+static void register_smooth_cut(struct registration *r)
 {
     const int *row = r->h->grid[0];
     double was[3], is[3];
 
-    fit_cut_extent(was, r);
+    register_cut_extent(was, r);
     for (int round = 0; round < 120; round++)
         for (int c = 0; c <= COLS; c++) {
             const double *a = r->at + 3 * row[c ? c - 1 : 1];
@@ -294,7 +294,7 @@ static void fit_smooth_cut(struct registration *r)
                 x[0] = mix(x[0], (a[0] + b[0]) / 2, 0.5);
             x[2] = mix(x[2], (a[2] + b[2]) / 2, 0.5);
         }
-    fit_cut_extent(is, r);
+    register_cut_extent(is, r);
     for (int c = 0; c <= COLS; c++) {
         double *x = r->at + 3 * row[c];
 
@@ -305,11 +305,11 @@ static void fit_smooth_cut(struct registration *r)
 }
 
 /* Below the scans the neck is a thin plate between them and its own cut. */
-static int fit_fill_neck(struct fit *f, struct error *err)
+static int register_fill_neck(struct fit *f, struct error *err)
 {
     struct registration *r = f->r;
 
-    fit_smooth_cut(r);
+    register_smooth_cut(r);
     for (size_t v = 0; v < r->s->nv; v++) {
         size_t u = register_left(r, v);
         bool cut = r->h->part[u] == PART_GRID && r->h->row[u] == 0;
@@ -346,7 +346,7 @@ static bool register_is_still(const struct registration *r, size_t v)
 /* Flat faces cut the corners of a round surface: raise the vertices until the
  * scans' own lie as much outside of our faces as inside.  At most a
  * millimetre; rims stay where they are. */
-static int fit_swell(struct fit *f, struct error *err)
+static int register_swell(struct fit *f, struct error *err)
 {
     enum { ROUNDS = 8 };
     struct registration *r = f->r;
@@ -403,7 +403,7 @@ static int fit_swell(struct fit *f, struct error *err)
 
 /* Towards their corners the scans' lips lie in each other by a tenth of a
  * millimetre: there the loops where they touch are drawn a little apart. */
-static void fit_part_lips(struct registration *r)
+static void register_part_lips(struct registration *r)
 {
     const double least = 0.00025;
 
@@ -422,7 +422,7 @@ static void fit_part_lips(struct registration *r)
 
 /* Stiff at first, then less and less; at the end what the scans do not
  * reach. */
-static int fit_all(struct fit *f, struct error *err)
+static int register_all(struct fit *f, struct error *err)
 {
     enum { STEPS = 24 };
 
@@ -430,18 +430,18 @@ static int fit_all(struct fit *f, struct error *err)
         double t = (double)i / (STEPS - 1);
 
         register_match_all(f, 0.35, 0.02);
-        if (fit_step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
+        if (register_step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
             return -1;
     }
-    fit_settle(f);
+    register_settle(f);
     for (int i = 0; i < 30; i++)
-        fit_even_out(f, 0.4);
-    if (fit_fill_neck(f, err))
+        register_even_out(f, 0.4);
+    if (register_fill_neck(f, err))
         return -1;
     memcpy(f->d, f->r->at, 3 * f->r->s->nv * sizeof *f->d);
-    if (fit_swell(f, err))
+    if (register_swell(f, err))
         return -1;
-    fit_part_lips(f->r);
+    register_part_lips(f->r);
     return 0;
 }
 
@@ -470,7 +470,7 @@ static int register_bend_template(struct registration *r, struct error *err)
     return 0;
 }
 
-static void fit_release(struct fit *f)
+static void register_fit_release(struct fit *f)
 {
     smooth_mesh_release(&f->mesh);
     nearest_release(&f->skin);
@@ -478,7 +478,8 @@ static void fit_release(struct fit *f)
 }
 
 /* Memory, neighbours, and the search tree over the scans. */
-static int fit_init(struct fit *f, struct registration *r, struct error *err)
+static int register_fit_init(struct fit *f, struct registration *r,
+                             struct error *err)
 {
     size_t n = 3 * r->s->nv;
 
@@ -517,9 +518,9 @@ int registration_init(struct registration *r, const struct sculpt *s,
     for (size_t i = 0; i < 3 * s->nv; i++)
         r->at[i] = s->v_template[i];
     if (!register_rims(r, err) && !register_bend_template(r, err)
-        && !fit_init(&f, r, err))
-        rc = fit_all(&f, err);
-    fit_release(&f);
+        && !register_fit_init(&f, r, err))
+        rc = register_all(&f, err);
+    register_fit_release(&f);
     if (rc)
         registration_release(r);
     return rc;

@@ -196,7 +196,7 @@ static int rim_read_lips(struct lips *l, const struct scan *s,
 }
 
 /* Loop of the vermilion border at column u, through the outer landmarks. */
-static double lip_border(const struct lips *l, double u)
+static double rim_lip_border(const struct lips *l, double u)
 {
     const double top = (double)l->top, corner = (double)l->corner;
     const double bottom = (double)l->bottom, t = u - top;
@@ -220,8 +220,8 @@ static struct match rim_on_lips(const struct lips *l, double u, double depth)
 
 /* Column of each of our places along the lips, by arc length of the inner
  * loop between middle and corner. */
-static void lip_columns(double *column, const struct registration *r,
-                        const struct lips *l)
+static void rim_lip_columns(double *column, const struct registration *r,
+                            const struct lips *l)
 {
     enum { RING = 7 };                  /* of theirs, where lips touch */
 
@@ -255,9 +255,9 @@ static int rim_match_lips(struct registration *r, struct error *err)
 
     if (rim_read_lips(&l, r->scan, err))
         return -1;
-    lip_columns(column, r, &l);
+    rim_lip_columns(column, r, &l);
     for (int j = 0; j <= MOUTH_N; j++) {
-        double border = lip_border(&l, column[j]);
+        double border = rim_lip_border(&l, column[j]);
 
         for (int k = LIP_BORDER; k <= MOUTH_RINGS; k++) {
             double depth = k <= LIP_INNER

@@ -9,8 +9,8 @@
 /* A gap this short costs less than a new run. */
 enum { GAP = 2 };
 
-static int run_moves(const float *dirs, size_t K, size_t v, size_t k,
-                     double least)
+static int runs_moves(const float *dirs, size_t K, size_t v, size_t k,
+                      double least)
 {
     double x = dirs[3 * v * K + k], y = dirs[(3 * v + 1) * K + k];
     double z = dirs[(3 * v + 2) * K + k];
@@ -19,13 +19,13 @@ static int run_moves(const float *dirs, size_t K, size_t v, size_t k,
 }
 
 /* The end of the run of direction k that begins at v. */
-static size_t run_end(const float *dirs, size_t V, size_t K, size_t v,
-                      size_t k, double least)
+static size_t runs_end(const float *dirs, size_t V, size_t K, size_t v,
+                       size_t k, double least)
 {
     size_t end = v + 1;
 
     for (size_t u = v + 1; u < V && u <= end + GAP; u++)
-        if (run_moves(dirs, K, u, k, least))
+        if (runs_moves(dirs, K, u, k, least))
             end = u + 1;
     return end;
 }
@@ -38,9 +38,9 @@ int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
 
         for (size_t k = 0; k < K; k++)
             for (size_t v = 0; v < V; v++) {
-                if (!run_moves(dirs, K, v, k, least))
+                if (!runs_moves(dirs, K, v, k, least))
                     continue;
-                size_t end = run_end(dirs, V, K, v, k, least);
+                size_t end = runs_end(dirs, V, K, v, k, least);
                 if (pass) {
                     r->run[3 * n] = (int32_t)k;
                     r->run[3 * n + 1] = (int32_t)v;

@@ -15,7 +15,7 @@ static const double canthus_in[2] = { 16.3, 23.6 }, canthus_out[2] = { 46.6,
 #define INNER_RADIUS 12.8     /* inner edge of the lid margin, open */
 
 /* Edge of the fissure at t from the inner to the outer corner. */
-static void eye_edge(double t, bool upper, double *x, double *y)
+static void sculpt_eye_edge(double t, bool upper, double *x, double *y)
 {
     *x = mix(canthus_in[0], canthus_out[0], t);
     double line = mix(canthus_in[1], canthus_out[1], t);
@@ -25,7 +25,7 @@ static void eye_edge(double t, bool upper, double *x, double *y)
 }
 
 /* Along the ring: upper from the inner corner to the outer, then back. */
-static double eye_ring_t(int i, bool *upper)
+static double sculpt_eye_ring_t(int i, bool *upper)
 {
     *upper = i <= HALF;
     double s = i <= HALF ? (double)i / HALF : (double)(EYE_N - i) / HALF;
@@ -33,12 +33,12 @@ static double eye_ring_t(int i, bool *upper)
 }
 
 /* Outward normal of the edge in front view. */
-static void eye_edge_normal(double t, bool upper, double *nx, double *ny)
+static void sculpt_eye_edge_normal(double t, bool upper, double *nx, double *ny)
 {
     double x0, y0, x1, y1, e = 0.02;
 
-    eye_edge(clamp01(t - e), upper, &x0, &y0);
-    eye_edge(clamp01(t + e), upper, &x1, &y1);
+    sculpt_eye_edge(clamp01(t - e), upper, &x0, &y0);
+    sculpt_eye_edge(clamp01(t + e), upper, &x1, &y1);
     double dx = x1 - x0, dy = y1 - y0, l = hypot(dx, dy);
     *nx = (upper ? -dy : dy) / l;
     *ny = (upper ? dx : -dx) / l;
@@ -57,27 +57,27 @@ static const struct { double up, low, corner, dent; } lid[EYE_MARGIN] = {
     [5] = { 3.9, 3.4, 3.0, -0.3 }, [6] = { 1.6, 1.5, 1.4, 0.15 },
 };
 
-static struct vec eye_front_hit(double x, double y)
+static struct vec sculpt_eye_front(double x, double y)
 {
     return sculpt_surface_ray(vec(x, y, 130), vec(0, 0, -1));
 }
 
-/* Loops about the opening that eye_edge draws, and two tucked in behind its
- * margin. */
-static void eye_place_lids(struct half *h)
+/* Loops about the opening that sculpt_eye_edge draws, and two tucked in behind
+ * its margin. */
+static void sculpt_eye_place_lids(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
 
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
-        double t = eye_ring_t(i, &upper), x, y, nx, ny;
-        eye_edge(t, upper, &x, &y);
-        eye_edge_normal(t, upper, &nx, &ny);
+        double t = sculpt_eye_ring_t(i, &upper), x, y, nx, ny;
+        sculpt_eye_edge(t, upper, &x, &y);
+        sculpt_eye_edge_normal(t, upper, &nx, &ny);
         double mid = sin(M_PI * t);
         for (int k = 3; k <= EYE_MARGIN; k++) {
             double d = k == EYE_MARGIN ? 0
                      : mix(lid[k].corner, upper ? lid[k].up : lid[k].low, mid);
-            struct vec q = eye_front_hit(x + nx * d, y + ny * d);
+            struct vec q = sculpt_eye_front(x + nx * d, y + ny * d);
             if (k < EYE_MARGIN)
                 q.z += lid[k].dent * (upper ? 1 : 0.35) * mid;
             int v = h->eye[k][i];
@@ -105,7 +105,7 @@ static const double polar[BALL_RINGS] = { 9.6, 19.5, 29.4, 40, 54, 70, 90,
     115, 145 };
 
 /* A sphere about its own centre; closer rings about the cornea. */
-static void eye_place_ball(struct half *h)
+static void sculpt_eye_place_ball(struct half *h)
 {
     const struct vec e = EYE_CENTRE;
     int v = h->ball_first;
@@ -125,8 +125,8 @@ static void eye_place_ball(struct half *h)
 
 void sculpt_eye(struct half *h)
 {
-    eye_place_lids(h);
-    eye_place_ball(h);
+    sculpt_eye_place_lids(h);
+    sculpt_eye_place_ball(h);
 }
 
 /* How far each ring follows the margin. */
@@ -139,9 +139,9 @@ void sculpt_eyelid(const struct half *h, struct vec *delta)
 
     for (int i = 0; i < EYE_N; i++) {
         bool upper;
-        double t = eye_ring_t(i, &upper), x, yu, yl;
-        eye_edge(t, 1, &x, &yu);
-        eye_edge(t, 0, &x, &yl);
+        double t = sculpt_eye_ring_t(i, &upper), x, yu, yl;
+        sculpt_eye_edge(t, 1, &x, &yu);
+        sculpt_eye_edge(t, 0, &x, &yl);
         double meet = mix(yu, yl, UPPER_SHARE);
         double way = upper ? meet - yu : meet - yl;
         for (int k = 2; k <= EYE_RINGS; k++) {

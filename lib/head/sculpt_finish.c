@@ -46,7 +46,7 @@ static const struct touch {
 };
 
 /* exp(-|(p - c) / r|^2) */
-static double finish_bell(struct vec p, const double *c, const double *r)
+static double sculpt_finish_bell(struct vec p, const double *c, const double *r)
 {
     double x = (p.x - c[0]) / r[0], y = (p.y - c[1]) / r[1],
            z = (p.z - c[2]) / r[2];
@@ -55,7 +55,7 @@ static double finish_bell(struct vec p, const double *c, const double *r)
 }
 
 /* Lips, lid margins and the ear's relief are authored to the point. */
-static double finish_freedom(const struct half *h, int v)
+static double sculpt_finish_freedom(const struct half *h, int v)
 {
     int k = h->ring[v];
 
@@ -71,9 +71,9 @@ static double finish_freedom(const struct half *h, int v)
 
 /* Vertices move to the mean of their neighbours, as far as they are not
  * held. */
-static void finish_even_out(struct half *h, struct vec *next,
-                            const int (*nbr)[2], size_t links,
-                            const struct smooth *t)
+static void sculpt_finish_even_out(struct half *h, struct vec *next,
+                                   const int (*nbr)[2], size_t links,
+                                   const struct smooth *t)
 {
     double *weight = malloc((size_t)h->nv * sizeof *weight);
 
@@ -87,8 +87,8 @@ static void finish_even_out(struct half *h, struct vec *next,
             weight[a] += w;
         }
         for (int v = 0; v < h->nv; v++) {
-            double w = 0.5 * finish_freedom(h, v)
-                       * finish_bell(h->p[v], t->c, t->r);
+            double w = 0.5 * sculpt_finish_freedom(h, v)
+                       * sculpt_finish_bell(h->p[v], t->c, t->r);
             if (weight[v] <= 0 || (h->part[v] == PART_GRID && !h->row[v]))
                 continue;
             h->p[v] = lerp(h->p[v], mul(next[v], 1 / weight[v]), w);
@@ -100,7 +100,7 @@ static void finish_even_out(struct half *h, struct vec *next,
 }
 
 /* The nostrils' walls rise from their rims. */
-static void finish_deepen_nostrils(struct half *h)
+static void sculpt_finish_nostrils(struct half *h)
 {
     static const double up[NOS_RINGS + 1] = { 0, 2.0, 5.0, 8.0 };
     struct vec middle = vec(0, 0, 0);
@@ -136,13 +136,14 @@ int sculpt_finish(struct half *h)
                 nbr[links][!way] = h->quad[q][(i + 1) % n];
             }
     for (size_t i = 0; i < sizeof smooths / sizeof *smooths; i++)
-        finish_even_out(h, next, (const int (*)[2])nbr, links, &smooths[i]);
+        sculpt_finish_even_out(h, next, (const int (*)[2])nbr, links,
+                               &smooths[i]);
     for (int v = 0; v < h->nv; v++) {
         double out = 0;
         struct vec d = vec(0, 0, 0);
         for (size_t i = 0; i < sizeof touches / sizeof *touches; i++) {
             const struct touch *t = &touches[i];
-            double w = finish_bell(h->p[v], t->c, t->r);
+            double w = sculpt_finish_bell(h->p[v], t->c, t->r);
             out += w * t->out;
             d = add(d, vec(w * t->v[0], w * t->v[1], w * t->v[2]));
         }
@@ -151,11 +152,11 @@ int sculpt_finish(struct half *h)
             d.x = 0;
         if (h->part[v] == PART_GRID && h->row[v] == 0)
             d.y = 0;
-        next[v] = mul(d, finish_freedom(h, v));
+        next[v] = mul(d, sculpt_finish_freedom(h, v));
     }
     for (int v = 0; v < h->nv; v++)
         h->p[v] = add(h->p[v], next[v]);
-    finish_deepen_nostrils(h);
+    sculpt_finish_nostrils(h);
     free(nbr);
     free(next);
     return 0;

@@ -11,7 +11,7 @@
 /* Neighbour lists of the half's quads, each edge once per direction. */
 struct links { int n[HALF_VERTS]; int to[HALF_VERTS][20]; };
 
-static void link_add(struct links *l, int a, int b)
+static void sculpt_link(struct links *l, int a, int b)
 {
     for (int i = 0; i < l->n[a]; i++)
         if (l->to[a][i] == b)
@@ -21,21 +21,22 @@ static void link_add(struct links *l, int a, int b)
 }
 
 /* Edges of the half's faces, both ways. */
-static void links_make(struct links *l, const struct half *h)
+static void sculpt_make_links(struct links *l, const struct half *h)
 {
     memset(l->n, 0, sizeof l->n);
     for (int q = 0; q < h->nq; q++) {
         int n = h->quad[q][3] < 0 ? 3 : 4;
         for (int i = 0; i < n; i++) {
             int a = h->quad[q][i], b = h->quad[q][(i + 1) % n];
-            link_add(l, a, b);
-            link_add(l, b, a);
+            sculpt_link(l, a, b);
+            sculpt_link(l, b, a);
         }
     }
 }
 
 /* Mean of the neighbours; on the midline also of their mirror images. */
-static struct vec links_mean(const struct half *h, const struct links *l, int v)
+static struct vec sculpt_links_mean(const struct half *h, const struct links *l,
+                                    int v)
 {
     struct vec s = vec(0, 0, 0);
     double w = 0;
@@ -62,7 +63,7 @@ static void sculpt_half_relax(struct half *h, const struct links *l, int rounds)
                 continue;
             bool cut = h->part[v] == PART_GRID && h->row[v] == 0;
             double y = h->p[v].y;
-            struct vec p = lerp(h->p[v], links_mean(h, l, v),
+            struct vec p = lerp(h->p[v], sculpt_links_mean(h, l, v),
                                 0.5 * (1 - h->hold[v]));
             if (h->snap[v] > 0)
                 p = lerp(p, sculpt_surface_project(p), h->snap[v]);
@@ -101,7 +102,7 @@ static void sculpt_half_soften(struct half *h, const struct links *l,
             if (h->snap[v] <= 0 || h->hold[v] > 0.4 ||
                 h->part[v] == PART_EYE || w <= 0 || h->row[v] == 0)
                 continue;
-            h->p[v] = lerp(p, links_mean(h, l, v), 0.5 * w);
+            h->p[v] = lerp(p, sculpt_links_mean(h, l, v), 0.5 * w);
             if (h->seam[v])
                 h->p[v].x = 0;
         }
@@ -120,7 +121,7 @@ static int sculpt_half(struct half *h)
     sculpt_ear(h);
     sculpt_eye(h);
     sculpt_lips(h);
-    links_make(l, h);
+    sculpt_make_links(l, h);
     sculpt_half_relax(h, l, 14);
     sculpt_add_details(h);
     sculpt_half_soften(h, l, 12);
@@ -256,32 +257,32 @@ void sculpt_full_release(struct full *m)
 
 /* ---- the file's arrays --------------------------------------------------- */
 
-static void *full_array(size_t n, size_t size)
+static void *sculpt_array(size_t n, size_t size)
 {
     return calloc(n ? n : 1, size);
 }
 
 /* Every array of the sculpted head, zeroed. */
-static int full_allocate(struct sculpt *s, const struct full *m)
+static int sculpt_allocate(struct sculpt *s, const struct full *m)
 {
     size_t v = s->nv = (size_t)m->nv;
 
     s->nf = (size_t)m->nf;
-    s->v_template = full_array(v * 3, sizeof *s->v_template);
-    s->f = full_array(s->nf * 3, sizeof *s->f);
-    s->shapedirs = full_array(v * 3 * (SCULPT_SHAPES + SCULPT_EXPRESSIONS),
-                              sizeof *s->shapedirs);
-    s->posedirs = full_array(v * 3 * SCULPT_POSES, sizeof *s->posedirs);
-    s->j_regressor = full_array(v * SCULPT_JOINTS, sizeof *s->j_regressor);
-    s->weights = full_array(v * SCULPT_JOINTS, sizeof *s->weights);
-    s->l_eyelid = full_array(v * 3, sizeof *s->l_eyelid);
-    s->r_eyelid = full_array(v * 3, sizeof *s->r_eyelid);
-    s->lip_inner = full_array(2 * MOUTH_N, sizeof *s->lip_inner);
-    s->lip_upper_outer = full_array(2 * MOUTH_N, sizeof *s->lip_upper_outer);
-    s->region = full_array(v, sizeof *s->region);
-    s->mirror = full_array(v, sizeof *s->mirror);
-    s->hair = full_array(v, sizeof *s->hair);
-    s->uv = full_array(v * 2, sizeof *s->uv);
+    s->v_template = sculpt_array(v * 3, sizeof *s->v_template);
+    s->f = sculpt_array(s->nf * 3, sizeof *s->f);
+    s->shapedirs = sculpt_array(v * 3 * (SCULPT_SHAPES + SCULPT_EXPRESSIONS),
+                                sizeof *s->shapedirs);
+    s->posedirs = sculpt_array(v * 3 * SCULPT_POSES, sizeof *s->posedirs);
+    s->j_regressor = sculpt_array(v * SCULPT_JOINTS, sizeof *s->j_regressor);
+    s->weights = sculpt_array(v * SCULPT_JOINTS, sizeof *s->weights);
+    s->l_eyelid = sculpt_array(v * 3, sizeof *s->l_eyelid);
+    s->r_eyelid = sculpt_array(v * 3, sizeof *s->r_eyelid);
+    s->lip_inner = sculpt_array(2 * MOUTH_N, sizeof *s->lip_inner);
+    s->lip_upper_outer = sculpt_array(2 * MOUTH_N, sizeof *s->lip_upper_outer);
+    s->region = sculpt_array(v, sizeof *s->region);
+    s->mirror = sculpt_array(v, sizeof *s->mirror);
+    s->hair = sculpt_array(v, sizeof *s->hair);
+    s->uv = sculpt_array(v * 2, sizeof *s->uv);
     return s->v_template && s->f && s->shapedirs && s->posedirs &&
            s->j_regressor && s->weights && s->l_eyelid && s->r_eyelid &&
            s->lip_inner && s->lip_upper_outer && s->region && s->mirror &&
@@ -316,7 +317,7 @@ int sculpt_make(struct sculpt *s, struct error *err)
 
     memset(s, 0, sizeof *s);
     int rc = h && !sculpt_half(h) && !sculpt_full_init(&m, h) &&
-             !full_allocate(s, &m) ? 0 : -1;
+             !sculpt_allocate(s, &m) ? 0 : -1;
     if (rc == 0) {
         sculpt_copy_mesh(s, &m);
         rc = sculpt_labels(s, &m) || sculpt_rig(s, &m) ||

@@ -4,7 +4,7 @@
 #include <stdlib.h>
 
 /* By the part a vertex belongs to, and on the skin by where it lies. */
-static int label_region(const struct full *m, int v)
+static int sculpt_label_region(const struct full *m, int v)
 {
     const struct half *h = m->h;
     int s = m->src[v], part = h->part[s], ring = h->ring[s];
@@ -35,7 +35,7 @@ static int label_region(const struct full *m, int v)
 
 /* Density behind a hairline that runs over the forehead, past the temples,
  * round the ears and down to the nape. */
-static double label_hair(const struct full *m, int v)
+static double sculpt_label_hair(const struct full *m, int v)
 {
     struct vec p = m->p[v];
     int part = m->h->part[m->src[v]];
@@ -48,8 +48,8 @@ static double label_hair(const struct full *m, int v)
     return fmax(front, fmax(side, back));
 }
 
-static void label_lip_list(int32_t *list, size_t *n, const struct full *m,
-                           int ring, int last, int closed)
+static void sculpt_label_lips(int32_t *list, size_t *n, const struct full *m,
+                              int ring, int last, int closed)
 {
     const struct half *h = m->h;
 
@@ -63,7 +63,7 @@ static void label_lip_list(int32_t *list, size_t *n, const struct full *m,
 
 /* ---- landmarks ----------------------------------------------------------- */
 
-static int label_nearest(const struct full *m, struct vec q, int parts)
+static int sculpt_label_nearest(const struct full *m, struct vec q, int parts)
 {
     int best = 0;
 
@@ -84,7 +84,7 @@ static const struct vec brow[5] = {     /* inner to outer */
     { 11, 40, 92 }, { 20, 45, 91 }, { 30, 46.5, 87 }, { 40, 44, 80 },
     { 50, 38, 68 } };
 
-static void label_set(struct sculpt *s, int k, int v)
+static void sculpt_label_set(struct sculpt *s, int k, int v)
 {
     for (size_t i = 0; i < s->nf; i++)
         for (int c = 0; c < 3; c++)
@@ -95,16 +95,16 @@ static void label_set(struct sculpt *s, int k, int v)
             }
 }
 
-static void label_pair(struct sculpt *s, const struct full *m, int left,
-                       int right, int v)
+static void sculpt_label_pair(struct sculpt *s, const struct full *m, int left,
+                              int right, int v)
 {
-    label_set(s, left, v);
-    label_set(s, right, m->mirror[v]);
+    sculpt_label_set(s, left, v);
+    sculpt_label_set(s, right, m->mirror[v]);
 }
 
 /* The lid margin's vertex nearest to a place along the eye, t from the inner
  * corner (0) to the outer (1), upper or lower. */
-static int label_lid_at(const struct half *h, double t, bool upper)
+static int sculpt_label_lid(const struct half *h, double t, bool upper)
 {
     const int *ring = h->eye[EYE_MARGIN];
     double lo = 1e9, hi = -1e9, mid = 0, best = 1e9;
@@ -132,7 +132,7 @@ static int label_lid_at(const struct half *h, double t, bool upper)
 
 /* The 68 points: nearest skin to places on the face, lips and lids by their
  * loops. */
-static void label_landmarks(struct sculpt *s, const struct full *m)
+static void sculpt_label_landmarks(struct sculpt *s, const struct full *m)
 {
     const struct half *h = m->h;
     const int skin = 1 << PART_GRID | 1 << PART_MOUTH | 1 << PART_NOSTRIL |
@@ -140,34 +140,39 @@ static void label_landmarks(struct sculpt *s, const struct full *m)
     const int *outer = h->mouth[LIP_BORDER], *inner = h->mouth[LIP_INNER];
 
     for (int k = 0; k < 8; k++)
-        label_pair(s, m, 16 - k, k, label_nearest(m, jaw[k], skin));
-    label_set(s, 8, label_nearest(m, vec(0, -95, 84), skin));
+        sculpt_label_pair(s, m, 16 - k, k,
+                          sculpt_label_nearest(m, jaw[k], skin));
+    sculpt_label_set(s, 8, sculpt_label_nearest(m, vec(0, -95, 84), skin));
     for (int k = 0; k < 5; k++)
-        label_pair(s, m, 22 + k, 21 - k, label_nearest(m, brow[k], skin));
+        sculpt_label_pair(s, m, 22 + k, 21 - k,
+                          sculpt_label_nearest(m, brow[k], skin));
     for (int k = 0; k < 4; k++)
-        label_set(s, 27 + k,
-                  label_nearest(m, vec(0, 22 - 12.5 * k, 97 + 5.5 * k), skin));
-    label_set(s, 33, label_nearest(m, vec(0, -24, 101), skin));
-    label_pair(s, m, 34, 32, label_nearest(m, vec(6.5, -22.5, 100), skin));
-    label_pair(s, m, 35, 31, label_nearest(m, vec(14, -20, 95), skin));
-    label_pair(s, m, 42, 39, label_lid_at(h, 0, 1));
-    label_pair(s, m, 43, 38, label_lid_at(h, 0.33, 1));
-    label_pair(s, m, 44, 37, label_lid_at(h, 0.67, 1));
-    label_pair(s, m, 45, 36, label_lid_at(h, 1, 1));
-    label_pair(s, m, 46, 41, label_lid_at(h, 0.67, 0));
-    label_pair(s, m, 47, 40, label_lid_at(h, 0.33, 0));
-    label_set(s, 51, outer[0]);
-    label_pair(s, m, 52, 50, outer[4]);
-    label_pair(s, m, 53, 49, outer[8]);
-    label_pair(s, m, 54, 48, outer[MOUTH_CORNER]);
-    label_pair(s, m, 55, 59, outer[MOUTH_N - 8]);
-    label_pair(s, m, 56, 58, outer[MOUTH_N - 4]);
-    label_set(s, 57, outer[MOUTH_N]);
-    label_set(s, 62, inner[0]);
-    label_pair(s, m, 63, 61, inner[6]);
-    label_pair(s, m, 64, 60, inner[MOUTH_CORNER]);
-    label_pair(s, m, 65, 67, inner[MOUTH_N - 6]);
-    label_set(s, 66, inner[MOUTH_N]);
+        sculpt_label_set(s, 27 + k,
+                         sculpt_label_nearest(
+                             m, vec(0, 22 - 12.5 * k, 97 + 5.5 * k), skin));
+    sculpt_label_set(s, 33, sculpt_label_nearest(m, vec(0, -24, 101), skin));
+    sculpt_label_pair(s, m, 34, 32,
+                      sculpt_label_nearest(m, vec(6.5, -22.5, 100), skin));
+    sculpt_label_pair(s, m, 35, 31,
+                      sculpt_label_nearest(m, vec(14, -20, 95), skin));
+    sculpt_label_pair(s, m, 42, 39, sculpt_label_lid(h, 0, 1));
+    sculpt_label_pair(s, m, 43, 38, sculpt_label_lid(h, 0.33, 1));
+    sculpt_label_pair(s, m, 44, 37, sculpt_label_lid(h, 0.67, 1));
+    sculpt_label_pair(s, m, 45, 36, sculpt_label_lid(h, 1, 1));
+    sculpt_label_pair(s, m, 46, 41, sculpt_label_lid(h, 0.67, 0));
+    sculpt_label_pair(s, m, 47, 40, sculpt_label_lid(h, 0.33, 0));
+    sculpt_label_set(s, 51, outer[0]);
+    sculpt_label_pair(s, m, 52, 50, outer[4]);
+    sculpt_label_pair(s, m, 53, 49, outer[8]);
+    sculpt_label_pair(s, m, 54, 48, outer[MOUTH_CORNER]);
+    sculpt_label_pair(s, m, 55, 59, outer[MOUTH_N - 8]);
+    sculpt_label_pair(s, m, 56, 58, outer[MOUTH_N - 4]);
+    sculpt_label_set(s, 57, outer[MOUTH_N]);
+    sculpt_label_set(s, 62, inner[0]);
+    sculpt_label_pair(s, m, 63, 61, inner[6]);
+    sculpt_label_pair(s, m, 64, 60, inner[MOUTH_CORNER]);
+    sculpt_label_pair(s, m, 65, 67, inner[MOUTH_N - 6]);
+    sculpt_label_set(s, 66, inner[MOUTH_N]);
 }
 
 int sculpt_labels(struct sculpt *s, const struct full *m)
@@ -176,20 +181,20 @@ int sculpt_labels(struct sculpt *s, const struct full *m)
 
     for (int v = 0; v < m->nv; v++) {
         struct vec p = m->p[v];
-        s->region[v] = label_region(m, v);
-        s->hair[v] = (float)label_hair(m, v);
+        s->region[v] = sculpt_label_region(m, v);
+        s->hair[v] = (float)sculpt_label_hair(m, v);
         s->uv[2 * v] = (float)(0.5 + atan2(p.x, p.z + 10) / (2 * M_PI));
         s->uv[2 * v + 1] = (float)clamp01((p.y + 170) / 320);
     }
     /* ring: left corner, upper to right corner, lower back */
-    label_lip_list(s->lip_inner, &s->n_lip_inner, m, LIP_INNER, MOUTH_CORNER,
-                   0);
+    sculpt_label_lips(s->lip_inner, &s->n_lip_inner, m, LIP_INNER, MOUTH_CORNER,
+                      0);
     for (int j = MOUTH_CORNER + 1; j <= MOUTH_N; j++)
         s->lip_inner[s->n_lip_inner++] = m->mirror[h->mouth[LIP_INNER][j]];
     for (int j = MOUTH_N - 1; j > MOUTH_CORNER; j--)
         s->lip_inner[s->n_lip_inner++] = h->mouth[LIP_INNER][j];
-    label_lip_list(s->lip_upper_outer, &s->n_lip_upper_outer, m, LIP_BORDER,
-                   MOUTH_CORNER, 0);
-    label_landmarks(s, m);
+    sculpt_label_lips(s->lip_upper_outer, &s->n_lip_upper_outer, m, LIP_BORDER,
+                      MOUTH_CORNER, 0);
+    sculpt_label_landmarks(s, m);
     return 0;
 }

@@ -26,7 +26,7 @@ static const struct loop loops[MOUTH_RINGS + 1] = {
 
 /* A point of a lip loop: height and depth as functions of how far out it
  * is. */
-static struct vec loop_point(const struct loop *l, int j)
+static struct vec lips_loop_point(const struct loop *l, int j)
 {
     bool upper = j <= MOUTH_CORNER;
     double s = (double)(upper ? j : MOUTH_N - j) / MOUTH_CORNER;
@@ -48,7 +48,7 @@ void sculpt_lips(struct half *h)
     for (int k = 3; k <= MOUTH_RINGS; k++)
         for (int j = 0; j <= MOUTH_N; j++) {
             int v = h->mouth[k][j];
-            h->p[v] = loop_point(&loops[k], j);
+            h->p[v] = lips_loop_point(&loops[k], j);
             h->hold[v] = k == 3 ? 0.6 : 1;
             h->snap[v] = 0;
         }

@@ -33,7 +33,7 @@ double sculpt_jaw_weight(const struct half *h, int src, struct vec p)
 }
 
 /* Balls by their eyes; skin between neck, head and jaw by place. */
-static void rig_weights(struct sculpt *s, const struct full *m)
+static void sculpt_rig_weights(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
         float *w = s->weights + SCULPT_JOINTS * v;
@@ -52,7 +52,7 @@ static void rig_weights(struct sculpt *s, const struct full *m)
 
 /* Does joint j hang on vertex v: eyes on their ball, the others on the skin of
  * about their height. */
-static int rig_carries(const struct full *m, int j, int v)
+static int sculpt_rig_carries(const struct full *m, int j, int v)
 {
     int part = m->h->part[m->src[v]];
 
@@ -67,20 +67,20 @@ static int rig_carries(const struct full *m, int j, int v)
  * Weights linear in the distance from the plain mean u move it to its place
  * and keep the sum: w = (1 + (x - u) . A^-1 (at - u)) / n, A the covariance,
  * taken as diagonal and repeated until the place is met. */
-static void rig_regressor(struct sculpt *s, const struct full *m)
+static void sculpt_rig_regressor(struct sculpt *s, const struct full *m)
 {
     for (int j = 0; j < SCULPT_JOINTS; j++) {
         float *row = s->j_regressor + (size_t)j * s->nv;
         struct vec u = vec(0, 0, 0), q = vec(1, 1, 1), k = vec(0, 0, 0);
         double n = 0;
         for (int v = 0; v < m->nv; v++)
-            if (rig_carries(m, j, v)) {
+            if (sculpt_rig_carries(m, j, v)) {
                 u = add(u, m->p[v]);
                 n++;
             }
         u = mul(u, 1 / n);
         for (int v = 0; v < m->nv; v++)
-            if (rig_carries(m, j, v)) {
+            if (sculpt_rig_carries(m, j, v)) {
                 struct vec d = sub(m->p[v], u);
                 q = add(q, mul(vec(d.x * d.x, d.y * d.y, d.z * d.z), 1 / n));
             }
@@ -88,7 +88,7 @@ static void rig_regressor(struct sculpt *s, const struct full *m)
             struct vec c = vec(0, 0, 0);
             for (int v = 0; v < m->nv; v++) {
                 row[v] = 0;
-                if (!rig_carries(m, j, v))
+                if (!sculpt_rig_carries(m, j, v))
                     continue;
                 row[v] = (float)((1 + dot(sub(m->p[v], u), k)) / n);
                 c = add(c, mul(m->p[v], row[v]));
@@ -102,7 +102,7 @@ static void rig_regressor(struct sculpt *s, const struct full *m)
 /* Opening the jaw draws the cheek in and the corner of the mouth back: the
  * entries of R_jaw - I that grow with a turn about x are (1,1) and (2,2),
  * falling, and (2,1), rising. */
-static void rig_correctives(struct sculpt *s, const struct full *m)
+static void sculpt_rig_correctives(struct sculpt *s, const struct full *m)
 {
     for (int v = 0; v < m->nv; v++) {
         struct vec p = m->p[v];
@@ -118,7 +118,7 @@ static void rig_correctives(struct sculpt *s, const struct full *m)
 }
 
 /* What closes a lid, of either side, in metres. */
-static int rig_eyelids(struct sculpt *s, const struct full *m)
+static int sculpt_rig_eyelids(struct sculpt *s, const struct full *m)
 {
     struct vec *delta = calloc((size_t)m->nhalf, sizeof *delta);
 
@@ -142,8 +142,8 @@ int sculpt_rig(struct sculpt *s, const struct full *m)
 
     for (int j = 0; j < SCULPT_JOINTS; j++)
         s->parents[j] = parents[j];
-    rig_weights(s, m);
-    rig_regressor(s, m);
-    rig_correctives(s, m);
-    return rig_eyelids(s, m);
+    sculpt_rig_weights(s, m);
+    sculpt_rig_regressor(s, m);
+    sculpt_rig_correctives(s, m);
+    return sculpt_rig_eyelids(s, m);
 }

@@ -21,9 +21,9 @@ struct save_list {
 };
 
 /* One more, of up to three dimensions; those that are 0 are left out. */
-static void save_add(struct save_list *l, const char *name,
-                     enum st_dtype type, const void *data, size_t a, size_t b,
-                     size_t c)
+static void sculpt_save_add(struct save_list *l, const char *name,
+                            enum st_dtype type, const void *data, size_t a,
+                            size_t b, size_t c)
 {
     l->tensor[l->count++] = (struct st_tensor){
         .name = name, .dtype = type, .data = data,
@@ -33,30 +33,30 @@ static void save_add(struct save_list *l, const char *name,
 }
 
 /* The mesh, which comes before its directions ... */
-static void save_mesh(struct save_list *l, const struct sculpt *s)
+static void sculpt_save_mesh(struct save_list *l, const struct sculpt *s)
 {
-    save_add(l, "v_template", ST_F32, s->v_template, s->nv, 3, 0);
-    save_add(l, "f", ST_I32, s->f, s->nf, 3, 0);
+    sculpt_save_add(l, "v_template", ST_F32, s->v_template, s->nv, 3, 0);
+    sculpt_save_add(l, "f", ST_I32, s->f, s->nf, 3, 0);
 }
 
 /* ... and what follows them: rig, lip rings, landmarks, regions. */
-static void save_rig(struct save_list *l, const struct sculpt *s)
+static void sculpt_save_rig(struct save_list *l, const struct sculpt *s)
 {
     const size_t V = s->nv, J = SCULPT_JOINTS, L = SCULPT_LANDMARKS;
 
-    save_add(l, "J_regressor", ST_F32, s->j_regressor, J, V, 0);
-    save_add(l, "weights", ST_F32, s->weights, V, J, 0);
-    save_add(l, "parents", ST_I32, s->parents, J, 0, 0);
-    save_add(l, "l_eyelid", ST_F32, s->l_eyelid, V, 3, 0);
-    save_add(l, "r_eyelid", ST_F32, s->r_eyelid, V, 3, 0);
-    save_add(l, "lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0);
-    save_add(l, "lip_upper_outer", ST_I32, s->lip_upper_outer,
-             s->n_lip_upper_outer, 0, 0);
-    save_add(l, "landmark_faces", ST_I32, s->landmark_face, L, 0, 0);
-    save_add(l, "landmark_bary", ST_F32, s->landmark_bary, L, 3, 0);
-    save_add(l, "region", ST_I32, s->region, V, 0, 0);
-    save_add(l, "hair", ST_F32, s->hair, V, 0, 0);
-    save_add(l, "uv", ST_F32, s->uv, V, 2, 0);
+    sculpt_save_add(l, "J_regressor", ST_F32, s->j_regressor, J, V, 0);
+    sculpt_save_add(l, "weights", ST_F32, s->weights, V, J, 0);
+    sculpt_save_add(l, "parents", ST_I32, s->parents, J, 0, 0);
+    sculpt_save_add(l, "l_eyelid", ST_F32, s->l_eyelid, V, 3, 0);
+    sculpt_save_add(l, "r_eyelid", ST_F32, s->r_eyelid, V, 3, 0);
+    sculpt_save_add(l, "lip_inner", ST_I32, s->lip_inner, s->n_lip_inner, 0, 0);
+    sculpt_save_add(l, "lip_upper_outer", ST_I32, s->lip_upper_outer,
+                    s->n_lip_upper_outer, 0, 0);
+    sculpt_save_add(l, "landmark_faces", ST_I32, s->landmark_face, L, 0, 0);
+    sculpt_save_add(l, "landmark_bary", ST_F32, s->landmark_bary, L, 3, 0);
+    sculpt_save_add(l, "region", ST_I32, s->region, V, 0, 0);
+    sculpt_save_add(l, "hair", ST_F32, s->hair, V, 0, 0);
+    sculpt_save_add(l, "uv", ST_F32, s->uv, V, 2, 0);
 }
 
 void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
@@ -81,7 +81,7 @@ void sculpt_arrays(struct head_arrays *a, const struct sculpt *s)
 }
 
 /* The names of the ARKit shapes as a JSON list. */
-static void save_expression_names(char *out, size_t room)
+static void sculpt_save_names(char *out, size_t room)
 {
     size_t n = (size_t)snprintf(out, room, "[");
 
@@ -130,7 +130,7 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
     struct save_list l = {.count = 0};
     int rc = -1;
 
-    save_expression_names(names, sizeof names);
+    sculpt_save_names(names, sizeof names);
     snprintf(place, sizeof place, "{\"scale\":%g,\"shift\":[%g,%g,%g]}",
              SCAN_SCALE, SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z);
     snprintf(angles, sizeof angles, "{\"jawOpen\":%.9g,\"jawLeft\":%.9g,"
@@ -148,16 +148,18 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
                   LEAST, err) ||
         runs_pack(&pose, s->posedirs, V, SCULPT_POSES, LEAST, err))
         goto out;
-    save_mesh(&l, s);
-    save_add(&l, "shapedirs_runs", ST_I32, shape.run, shape.n, 3, 0);
-    save_add(&l, "shapedirs_values", ST_F16, shape.value, shape.rows, 3, 0);
-    save_add(&l, "posedirs_runs", ST_I32, pose.run, pose.n, 3, 0);
-    save_add(&l, "posedirs_values", ST_F16, pose.value, pose.rows, 3, 0);
-    save_rig(&l, s);
-    save_add(&l, "lid_vertices", ST_I32, s->lid_vertices, s->n_lid, 0, 0);
-    save_add(&l, "lid_sides", ST_I32, s->lid_sides, s->n_lid, 0, 0);
-    save_add(&l, "lid_shapedirs", ST_F16, lid, s->n_lid, 3,
-             SCULPT_LID_SHAPES);
+    sculpt_save_mesh(&l, s);
+    sculpt_save_add(&l, "shapedirs_runs", ST_I32, shape.run, shape.n, 3, 0);
+    sculpt_save_add(&l, "shapedirs_values", ST_F16, shape.value, shape.rows, 3,
+                    0);
+    sculpt_save_add(&l, "posedirs_runs", ST_I32, pose.run, pose.n, 3, 0);
+    sculpt_save_add(&l, "posedirs_values", ST_F16, pose.value, pose.rows, 3, 0);
+    sculpt_save_rig(&l, s);
+    sculpt_save_add(&l, "lid_vertices", ST_I32, s->lid_vertices, s->n_lid, 0,
+                    0);
+    sculpt_save_add(&l, "lid_sides", ST_I32, s->lid_sides, s->n_lid, 0, 0);
+    sculpt_save_add(&l, "lid_shapedirs", ST_F16, lid, s->n_lid, 3,
+                    SCULPT_LID_SHAPES);
     rc = st_save(path, l.tensor, l.count, meta, err);
 out:
     free(lid);
@@ -172,10 +174,11 @@ int sculpt_save(const struct sculpt *s, const char *path, struct error *err)
         "nshape", "300", "unit", "metre", NULL };
     struct save_list l = {.count = 0};
 
-    save_mesh(&l, s);
-    save_add(&l, "shapedirs", ST_F32, s->shapedirs, s->nv, 3,
-             SCULPT_SHAPES + SCULPT_EXPRESSIONS);
-    save_add(&l, "posedirs", ST_F32, s->posedirs, s->nv, 3, SCULPT_POSES);
-    save_rig(&l, s);
+    sculpt_save_mesh(&l, s);
+    sculpt_save_add(&l, "shapedirs", ST_F32, s->shapedirs, s->nv, 3,
+                    SCULPT_SHAPES + SCULPT_EXPRESSIONS);
+    sculpt_save_add(&l, "posedirs", ST_F32, s->posedirs, s->nv, 3,
+                    SCULPT_POSES);
+    sculpt_save_rig(&l, s);
     return st_save(path, l.tensor, l.count, meta, err);
 }

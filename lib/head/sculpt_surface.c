@@ -48,7 +48,7 @@ static const struct form forms[] = {
     { "columella", ROD, 4, { 0, -17, 102 }, { 0, -21, 92 }, 3.8, 4.4 },
 };
 
-static double form_ellipsoid(struct vec p, const double *c, const double *r)
+static double surface_ellipsoid(struct vec p, const double *c, const double *r)
 {
     struct vec d = sub(p, vec(c[0], c[1], c[2]));
     struct vec q = vec(d.x / r[0], d.y / r[1], d.z / r[2]);
@@ -58,7 +58,7 @@ static double form_ellipsoid(struct vec p, const double *c, const double *r)
     return l > 1e-9 ? k * (k - 1) / l : -fmin(r[0], fmin(r[1], r[2]));
 }
 
-static double form_rod(struct vec p, const struct form *f)
+static double surface_rod(struct vec p, const struct form *f)
 {
     struct vec a = vec(f->a[0], f->a[1], f->a[2]);
     struct vec ab = sub(vec(f->b[0], f->b[1], f->b[2]), a), ap = sub(p, a);
@@ -76,9 +76,9 @@ static double surface_smooth_min(double a, double b, double k)
     return fmin(a, b) - h * h * h * k / 6;
 }
 
-static double form_distance(const struct form *f, struct vec p)
+static double surface_form_distance(const struct form *f, struct vec p)
 {
-    return f->op == ROD ? form_rod(p, f) : form_ellipsoid(p, f->a, f->b);
+    return f->op == ROD ? surface_rod(p, f) : surface_ellipsoid(p, f->a, f->b);
 }
 
 double sculpt_surface(struct vec p)
@@ -90,7 +90,7 @@ double sculpt_surface(struct vec p)
         int sides = f->a[0] != 0 || (f->op == ROD && f->b[0] != 0) ? 2 : 1;
         for (int s = 0; s < sides; s++) {
             struct vec q = vec(s ? -p.x : p.x, p.y, p.z);
-            double e = form_distance(f, q);
+            double e = surface_form_distance(f, q);
             d = f->op == CUT ? -surface_smooth_min(-d, e, f->blend)
                              : surface_smooth_min(d, e, f->blend);
         }

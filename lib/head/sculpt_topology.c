@@ -87,7 +87,8 @@ static void topology_make_cap(struct half *h)
 
 /* Border of a block, clockwise from outside, starting in the middle of the
  * column nearest the front: up, back, down, forward. */
-static void block_border(const struct half *h, const struct block *b, int *ring)
+static void topology_block_border(const struct half *h, const struct block *b,
+                                  int *ring)
 {
     int n = 0, mid = (b->r0 + b->r1) / 2;
 
@@ -176,14 +177,14 @@ void sculpt_topology(struct half *h)
     memset(h, 0, sizeof *h);
     topology_make_grid(h);
     topology_make_cap(h);
-    block_border(h, &blocks[0], h->eye[0]);
+    topology_block_border(h, &blocks[0], h->eye[0]);
     topology_make_rings(h, h->eye[0], EYE_N, EYE_N, 0, EYE_RINGS, PART_EYE);
     topology_make_mouth(h);
-    block_border(h, &blocks[2], h->ear[0]);
+    topology_block_border(h, &blocks[2], h->ear[0]);
     topology_make_rings(h, h->ear[0], EAR_N, EAR_N, 0, EAR_RINGS, PART_EAR);
     topology_make_fill(h, &blocks[2], h->ear[EAR_RINGS], h->ear_fill[0],
                        PART_EAR, EAR_RINGS + 1);
-    block_border(h, &blocks[3], h->nostril[0]);
+    topology_block_border(h, &blocks[3], h->nostril[0]);
     topology_make_rings(h, h->nostril[0], NOS_N, NOS_N, 0, NOS_RINGS,
                         PART_NOSTRIL);
     topology_make_fill(h, &blocks[3], h->nostril[NOS_RINGS], h->nostril_fill[0],

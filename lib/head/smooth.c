@@ -89,7 +89,8 @@ static void smooth_pull_add(double out[3], const struct system *s, size_t v,
 }
 
 /* out = A d: weights and stiff L^T L. */
-static void system_apply(double *out, const struct system *s, const double *d)
+static void smooth_system_apply(double *out, const struct system *s,
+                                const double *d)
 {
     const struct smooth_mesh *m = s->m;
 
@@ -137,7 +138,7 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
     for (size_t v = 0; v < m->nv; v++)
         smooth_pull_add(r + 3 * v, &s, v, target + 3 * v);
     double start = smooth_dot(r, r, n);
-    system_apply(q, &s, d);
+    smooth_system_apply(q, &s, d);
     for (size_t i = 0; i < n; i++)
         r[i] -= q[i];
     double before = 0;
@@ -149,7 +150,7 @@ int smooth_fit(double *d, const struct smooth_mesh *m, const double *target,
         for (size_t i = 0; i < n; i++)
             p[i] = z[i] + (round ? rz / before * p[i] : 0);
         before = rz;
-        system_apply(q, &s, p);
+        smooth_system_apply(q, &s, p);
         double step = rz / smooth_dot(p, q, n);
         for (size_t i = 0; i < n; i++) {
             d[i] += step * p[i];

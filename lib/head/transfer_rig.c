@@ -24,13 +24,13 @@ static const double joint_neck[3] = { 0, -0.062, -0.022 };
 static const double joint_jaw[3] = { 0, -0.01647, 0.00519 };
 
 /* Column of posedirs: entry (row, column) of R - I of joint j. */
-static size_t rig_posedir_column(int j, int row, int column)
+static size_t transfer_posedir_column(int j, int row, int column)
 {
     return (size_t)(9 * (j - 1) + 3 * row + column);
 }
 
 /* Skin hangs on root and neck. */
-static void rig_set_weights(struct sculpt *s)
+static void transfer_weights(struct sculpt *s)
 {
     for (size_t v = 0; v < s->nv; v++) {
         float *w = s->weights + SCULPT_JOINTS * v;
@@ -44,8 +44,8 @@ static void rig_set_weights(struct sculpt *s)
 
 /* Whether joint j hangs on vertex v: eyes on their ball; the others on skin of
  * about their height that no expression moves. */
-static int rig_joint_carries(const struct sculpt *s, int j, size_t v,
-                             const double *still, const double at[3])
+static int transfer_joint_carries(const struct sculpt *s, int j, size_t v,
+                                  const double *still, const double at[3])
 {
     const float *p = s->v_template + 3 * v;
 
@@ -58,14 +58,14 @@ static int rig_joint_carries(const struct sculpt *s, int j, size_t v,
 
 /* Weights linear in the distance from the carriers' mean move it to `at` and
  * keep their sum: w = (1 + (x - u) . k) / n. */
-static int rig_regress_joint(float *row, const struct sculpt *s, int j,
-                             const double *still, const double at[3])
+static int transfer_regress_joint(float *row, const struct sculpt *s, int j,
+                                  const double *still, const double at[3])
 {
     double u[3] = {0}, q[3] = {1e-9, 1e-9, 1e-9}, k[3] = {0}, n = 0;
     const float *p = s->v_template;
 
     for (size_t v = 0; v < s->nv; v++)
-        if (rig_joint_carries(s, j, v, still, at)) {
+        if (transfer_joint_carries(s, j, v, still, at)) {
             for (size_t c = 0; c < 3; c++)
                 u[c] += p[3 * v + c];
             n++;
@@ -73,7 +73,8 @@ static int rig_regress_joint(float *row, const struct sculpt *s, int j,
     for (int c = 0; n > 0 && c < 3; c++)
         u[c] /= n;
     for (size_t v = 0; v < s->nv; v++)
-        for (size_t c = 0; rig_joint_carries(s, j, v, still, at) && c < 3; c++)
+        for (size_t c = 0; transfer_joint_carries(s, j, v, still, at) &&
+             c < 3; c++)
             q[c] += (p[3 * v + c] - u[c]) * (p[3 * v + c] - u[c]) / n;
     for (int round = 0; round < 200; round++) {
         double got[3] = {0};
@@ -82,7 +83,7 @@ static int rig_regress_joint(float *row, const struct sculpt *s, int j,
             double w = 1;
 
             row[v] = 0;
-            if (!rig_joint_carries(s, j, v, still, at))
+            if (!transfer_joint_carries(s, j, v, still, at))
                 continue;
             for (size_t c = 0; c < 3; c++)
                 w += (p[3 * v + c] - u[c]) * k[c];
@@ -97,8 +98,8 @@ static int rig_regress_joint(float *row, const struct sculpt *s, int j,
 }
 
 /* still (nv): how far the strongest expression moves each vertex. */
-static int rig_set_joints(struct sculpt *s, const double *expressions,
-                          struct error *err)
+static int transfer_joints(struct sculpt *s, const double *expressions,
+                           struct error *err)
 {
     double *still = calloc(s->nv, sizeof *still);
     double left[3], right[3];
@@ -118,8 +119,8 @@ static int rig_set_joints(struct sculpt *s, const double *expressions,
     const double *at[SCULPT_JOINTS] = {joint_root, joint_neck, joint_jaw,
                                        left, right};
     for (int j = 0; j < SCULPT_JOINTS && !rc; j++)
-        if (rig_regress_joint(s->j_regressor + (size_t)j * s->nv, s, j, still,
-                              at[j]))
+        if (transfer_regress_joint(s->j_regressor + (size_t)j * s->nv, s, j,
+                                   still, at[j]))
             rc = error_set(err, EX_DATAERR, "joint %d hangs on nothing "
                            "(expected skin that stays still)", j);
     free(still);
@@ -150,14 +151,14 @@ static const struct drive drives[] = {
 
 /* The two columns of posedirs of a drive: p = sin A + (cos - 1) B at both
  * angles. */
-static void rig_set_corrections(struct sculpt *s, const struct drive *d,
-                                const double *expressions)
+static void transfer_corrections(struct sculpt *s, const struct drive *d,
+                                 const double *expressions)
 {
     /* the sine of a turn about x stands at (2,1), about y at (0,2) */
-    size_t sine = d->axis ? rig_posedir_column(d->joint, 0, 2)
-                          : rig_posedir_column(d->joint, 2, 1);
-    size_t cosine = d->axis ? rig_posedir_column(d->joint, 0, 0)
-                            : rig_posedir_column(d->joint, 1, 1);
+    size_t sine = d->axis ? transfer_posedir_column(d->joint, 0, 2)
+                          : transfer_posedir_column(d->joint, 2, 1);
+    size_t cosine = d->axis ? transfer_posedir_column(d->joint, 0, 0)
+                            : transfer_posedir_column(d->joint, 1, 1);
     double m[2][2], det;
 
     for (int i = 0; i < 2; i++) {
@@ -187,12 +188,12 @@ int transfer_rig(struct sculpt *s, const double *expressions,
 {
     size_t n = 3 * s->nv;
 
-    if (rig_set_joints(s, expressions, err))
+    if (transfer_joints(s, expressions, err))
         return -1;
-    rig_set_weights(s);
+    transfer_weights(s);
     memset(s->posedirs, 0, n * SCULPT_POSES * sizeof *s->posedirs);
     for (size_t i = 0; i < sizeof drives / sizeof *drives; i++)
-        rig_set_corrections(s, &drives[i], expressions);
+        transfer_corrections(s, &drives[i], expressions);
     for (size_t i = 0; i < n; i++) {
         s->l_eyelid[i] = (float)expressions[n * ARKIT_EYE_BLINK_L + i];
         s->r_eyelid[i] = (float)expressions[n * ARKIT_EYE_BLINK_R + i];

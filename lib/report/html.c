@@ -138,7 +138,7 @@ struct axis {
 };
 
 /* Where the value v lies, in pixels. */
-static double axis_place(const struct axis *a, double v)
+static double html_axis_place(const struct axis *a, double v)
 {
     double span = a->hi > a->lo ? a->hi - a->lo : 1;
 
@@ -146,7 +146,7 @@ static double axis_place(const struct axis *a, double v)
 }
 
 /* A round number (1, 2 or 5 times a power of ten) near span / 4. */
-static double axis_step(double span)
+static double html_axis_step(double span)
 {
     double step = pow(10, floor(log10(span / 4))), rest = span / 4 / step;
 
@@ -169,7 +169,7 @@ static struct axis html_value_axis(const struct html_curve *c, size_t count,
         a.lo = a.hi = 0;
     if (!(a.hi - a.lo > 1e-6 * fmax(fabs(a.lo), 1e-3)))
         a.hi = a.lo + fmax(fabs(a.lo), 1e-3);
-    a.step = axis_step(a.hi - a.lo);
+    a.step = html_axis_step(a.hi - a.lo);
     a.lo = floor(a.lo / a.step + 1e-9) * a.step;
     a.hi = ceil(a.hi / a.step - 1e-9) * a.step;
     return a;
@@ -183,7 +183,7 @@ static void html_draw_axes(FILE *f, const struct axis *x, const struct axis *y,
 
     for (int k = 0; k <= lines; k++) {
         double v = (round(y->lo / y->step) + k) * y->step;
-        double at = axis_place(y, v);
+        double at = html_axis_place(y, v);
 
         fprintf(f, "<line x1=\"%d\" x2=\"%d\" y1=\"%.1f\" y2=\"%.1f\" "
                 "stroke=\"#ddd\"/><text x=\"%d\" y=\"%.1f\" "
@@ -209,8 +209,8 @@ static void html_draw_curve(FILE *f, const struct axis *x, const struct axis *y,
             pen = false;
             continue;
         }
-        fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', axis_place(x, xs[i]),
-                axis_place(y, c->y[i]));
+        fprintf(f, "%c%.1f %.1f", pen ? 'L' : 'M', html_axis_place(x, xs[i]),
+                html_axis_place(y, c->y[i]));
         pen = true;
     }
     fprintf(f, "\" stroke=\"%s\" stroke-dasharray=\"%s\"/>"

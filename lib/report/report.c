@@ -137,7 +137,7 @@ struct motions {
     struct curves driver, result, truth, still;
 };
 
-static void motions_release(struct motions *m)
+static void report_motions_release(struct motions *m)
 {
     curves_release(&m->driver);
     curves_release(&m->result);
@@ -147,7 +147,8 @@ static void motions_release(struct motions *m)
 
 /* motion.spid, result.spid, truth.spid; the source's own motion is in the
  * identity or the avatar. */
-static int motions_read(struct motions *m, const char *dir, struct error *err)
+static int report_motions_read(struct motions *m, const char *dir,
+                               struct error *err)
 {
     const struct {
         const char *name;
@@ -327,8 +328,8 @@ int report_write(FILE *f, const char *dir, const char *card,
     if (!S_ISDIR(sb.st_mode))
         return error_set(err, EX_NOINPUT, "%s: not a folder", dir);
     html_begin(f, "SpiD run");
-    if (motions_read(&m, dir, err) || report_write_wipe(f, dir, &m, err) ||
-        report_write_limits(f, card, err))
+    if (report_motions_read(&m, dir, err) ||
+        report_write_wipe(f, dir, &m, err) || report_write_limits(f, card, err))
         goto out;
     report_write_motion(f, &m);
     if (report_write_source(f, dir, err) || report_write_clips(f, dir, err) ||
@@ -337,6 +338,6 @@ int report_write(FILE *f, const char *dir, const char *card,
     html_end(f);
     rc = 0;
 out:
-    motions_release(&m);
+    report_motions_release(&m);
     return rc;
 }

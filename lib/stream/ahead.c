@@ -25,7 +25,7 @@ struct ahead {
 };
 
 /* Until the slot is the caller's (full) or the thread's again. */
-static void slot_wait(struct ahead *a, const struct slot *s, bool full)
+static void ahead_slot_wait(struct ahead *a, const struct slot *s, bool full)
 {
     pthread_mutex_lock(&a->lock);
     while (s->full != full)
@@ -34,7 +34,7 @@ static void slot_wait(struct ahead *a, const struct slot *s, bool full)
 }
 
 /* Hand the slot over. */
-static void slot_set(struct ahead *a, struct slot *s, bool full)
+static void ahead_slot_set(struct ahead *a, struct slot *s, bool full)
 {
     pthread_mutex_lock(&a->lock);
     s->full = full;
@@ -51,9 +51,9 @@ static void *ahead_thread(void *arg)
     for (int k = 0; rc > 0; k = !k) {
         struct slot *s = &a->slot[k];
 
-        slot_wait(a, s, false);
+        ahead_slot_wait(a, s, false);
         rc = s->rc = stream_read(a->in, &s->rec, &s->err);
-        slot_set(a, s, true);
+        ahead_slot_set(a, s, true);
     }
     return NULL;
 }
@@ -84,9 +84,9 @@ int ahead_read(struct ahead *a, const struct record **rec, struct error *err)
     struct slot *s = &a->slot[a->next];
 
     if (a->held)
-        slot_set(a, &a->slot[!a->next], false);
+        ahead_slot_set(a, &a->slot[!a->next], false);
     a->held = false;
-    slot_wait(a, s, true);
+    ahead_slot_wait(a, s, true);
     if (s->rc > 0) {
         a->held = true;
         a->next = !a->next;

@@ -46,14 +46,15 @@ struct edge {
     float a, b, c;
 };
 
-static struct edge edge_of(const struct raster_vertex *p,
-                           const struct raster_vertex *q)
+static struct edge raster_edge_of(const struct raster_vertex *p,
+                                  const struct raster_vertex *q)
 {
     return (struct edge){ p->y - q->y, q->x - p->x, p->x * q->y - q->x * p->y };
 }
 
 /* Narrow [lo, hi] to where the edge is >= 0 on the row at y. */
-static void edge_clip(const struct edge *e, float y, float *lo, float *hi)
+static void raster_edge_clip(const struct edge *e, float y, float *lo,
+                             float *hi)
 {
     float rest = e->b * y + e->c;
 
@@ -118,13 +119,14 @@ static void raster_triangle(struct raster *r, const struct raster_vertex *a,
                    -(b->y - a->y) * inv, (b->x - a->x) * inv };
     float q[3] = { w[0] * (b->q - a->q) + w[2] * (c->q - a->q),
                    w[1] * (b->q - a->q) + w[3] * (c->q - a->q), a->q };
-    struct edge e[3] = { edge_of(a, b), edge_of(b, c), edge_of(c, a) };
+    struct edge e[3] = { raster_edge_of(a, b), raster_edge_of(b, c),
+                        raster_edge_of(c, a) };
     for (int i = 0; flip && i < 3; i++)
         e[i] = (struct edge){ -e[i].a, -e[i].b, -e[i].c };
     for (int y = y0; y <= y1; y++) {
         float lo = xmin, hi = xmax, fy = (float)y + 0.5f;
         for (int i = 0; i < 3; i++)
-            edge_clip(&e[i], fy, &lo, &hi);
+            raster_edge_clip(&e[i], fy, &lo, &hi);
         if (!(hi >= 0 && lo <= (float)r->w && hi >= lo))
             continue;
         int x0 = ceil_int(maxf(lo, 0) - 0.5f);

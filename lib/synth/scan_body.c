@@ -86,7 +86,7 @@ struct fit {
     float *normal, *d, *next, *goal, *w, *count;
 };
 
-static int fit_init(struct fit *t, size_t n)
+static int body_fit_init(struct fit *t, size_t n)
 {
     float *p = calloc(n * 14, sizeof *p);
 
@@ -167,7 +167,7 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
     }
     b->place = malloc(3 * b->mesh.nv * sizeof *b->place);
     before = malloc(3 * b->mesh.nv * sizeof *before);
-    if (!b->place || !before || fit_init(&t, b->nbody)) {
+    if (!b->place || !before || body_fit_init(&t, b->nbody)) {
         error_set(err, EX_OSERR, "out of memory for the body");
         goto out;
     }

@@ -27,8 +27,8 @@ struct quads {
     size_t n, nuv;
 };
 
-static int quads_load(struct quads *q, const struct safetensors *st,
-                      struct error *err)
+static int face_quads_load(struct quads *q, const struct safetensors *st,
+                           struct error *err)
 {
     size_t two[2] = {0, 4}, n, m, pairs[2] = {0, 2};
 
@@ -55,7 +55,7 @@ static int quads_load(struct quads *q, const struct safetensors *st,
     return 0;
 }
 
-static void quads_release(struct quads *q)
+static void face_quads_release(struct quads *q)
 {
     free(q->v);
     free(q->t);
@@ -270,11 +270,11 @@ int scan_face_load(struct scan_face *f, const char *dir, struct error *err)
     struct safetensors *st = st_open(path, err);
     if (!st)
         return -1;
-    rc = face_load_shapes(f, st, err) || quads_load(&q, st, err)
+    rc = face_load_shapes(f, st, err) || face_quads_load(&q, st, err)
          || face_make_faces(f, &q, err);
     if (!rc)
         face_lay_lashes(f);
-    quads_release(&q);
+    face_quads_release(&q);
     if (rc)
         error_prefix(err, "%s", path);
     else

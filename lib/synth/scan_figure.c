@@ -67,7 +67,7 @@ struct figure_part *figure_grow(struct figure *f, size_t nc, size_t nf,
 /* ---- the scans' own geometry -------------------------------------------- */
 
 /* What face i of the scans is made of; STUFFS: not drawn. */
-static enum stuff stuff_of(const struct scan_face *s, size_t i)
+static enum stuff figure_stuff_of(const struct scan_face *s, size_t i)
 {
     int32_t v = s->raw[3 * i];
 
@@ -108,14 +108,14 @@ static int figure_add_scans(struct figure *f, enum stuff stuff,
     size_t n = 0;
 
     for (size_t i = 0; i < s->nf; i++)
-        n += stuff_of(s, i) == stuff;
+        n += figure_stuff_of(s, i) == stuff;
     struct figure_part *p = figure_grow(f, first ? s->nc : 0, n, stuff,
                                         RIDE_FACE, figure_label_of(stuff), err);
     if (!p)
         return -1;
     n = p->f0;
     for (size_t i = 0; i < s->nf; i++)
-        if (stuff_of(s, i) == stuff)
+        if (figure_stuff_of(s, i) == stuff)
             memcpy(f->faces + 3 * n++, s->faces + 3 * i,
                    3 * sizeof *f->faces);
     for (size_t i = 0; first && i < s->nc; i++) {

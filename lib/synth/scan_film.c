@@ -136,7 +136,7 @@ struct tone {
 };
 
 /* The curve as a table, and exposure as it wanders with time. */
-static void tone_init(struct tone *t, const struct figure *f, double time)
+static void film_tone_init(struct tone *t, const struct figure *f, double time)
 {
     const struct scan_camera *c = &f->look.camera;
     float phase = (float)(f->look.key & 255);
@@ -158,7 +158,7 @@ static void tone_init(struct tone *t, const struct figure *f, double time)
 }
 
 /* Gain, shoulder, encoding, saturation and contrast, in place. */
-static void tone_apply(float c[3], const struct tone *t, float vignette)
+static void film_tone_apply(float c[3], const struct tone *t, float vignette)
 {
     float gray;
 
@@ -192,14 +192,14 @@ static void film_develop(struct scan_film *film, const struct scan_stage *s,
             for (int k = 0; k < 3; k++)
                 c[k] = a > 0 ? light[3 * i + (size_t)k] / a : 0;
             if (a > 0)
-                tone_apply(c, t, dim);
+                film_tone_apply(c, t, dim);
             for (size_t k = 0; k < 3; k++)
                 o[k * n + i] = c[k] * a;
             o[3 * n + i] = a;
         }
         for (size_t k = 0; k < 3; k++)
             c[k] = wall[k * n + i];
-        tone_apply(c, t, dim);
+        film_tone_apply(c, t, dim);
         for (size_t k = 0; k < 3; k++)
             film->wall[k * n + i] = c[k];
     }
@@ -273,7 +273,7 @@ void scan_expose(const struct scan_print *out, struct scan_film *f,
     bool front = s->figure->look.front != FRONT_NONE;
     struct tone t;
 
-    tone_init(&t, s->figure, time);
+    film_tone_init(&t, s->figure, time);
     film_develop(f, s, wall, &t);
     for (size_t k = 0; k < (front ? 8u : 4u); k++)
         film_optics(f->layer + k * n, f->tmp, f->size, c, move);

@@ -84,9 +84,9 @@ static int near_insert(int32_t *index, float *d2, int have, int k, int32_t i,
 
 /* Take those of a cell's points that are near enough and whose normals agree
  * into the k nearest. */
-static int scan_slot(int32_t *index, float *d2, int have, int k,
-                     const struct near_grid *g, size_t slot, const float x[3],
-                     const float *n, float limit)
+static int near_scan_slot(int32_t *index, float *d2, int have, int k,
+                          const struct near_grid *g, size_t slot,
+                          const float x[3], const float *n, float limit)
 {
     for (int32_t j = g->start[slot]; j < g->start[slot + 1]; j++) {
         int32_t i = g->item[j];
@@ -146,8 +146,8 @@ int near_find(int32_t *index, float *d2, const struct near_grid *g,
                         continue;
                     size_t slot = ((size_t)z * (size_t)g->dim[1] + (size_t)y)
                                   * (size_t)g->dim[0] + (size_t)u;
-                    have = scan_slot(index, d, have, k, g, slot, x, n,
-                                     reach * reach);
+                    have = near_scan_slot(index, d, have, k, g, slot, x, n,
+                                          reach * reach);
                 }
             }
     }

@@ -15,7 +15,7 @@
 #define STEP (N / M)
 #define PLANE ((size_t)M * M)
 
-static int fit_memory(struct error *err)
+static int skin_fit_memory(struct error *err)
 {
     return error_set(err, EX_OSERR, "out of memory for skin");
 }
@@ -29,7 +29,7 @@ int skin_fit_init(struct skin_fit *t, size_t n, struct error *err)
     t->grain = malloc(n * N * N);
     t->mean = malloc(n * sizeof *t->mean);
     return t->slow && t->weight && t->normal && t->grain && t->mean
-           ? 0 : fit_memory(err);
+           ? 0 : skin_fit_memory(err);
 }
 
 void skin_fit_release(struct skin_fit *t)
@@ -138,7 +138,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
     float *room = calloc(7 * N * N, sizeof *room);
     struct skin_sample o = {room, room + 3 * N * N, room + 6 * N * N,
                             {0, 0, 0}, 0};
-    int rc = room ? 0 : fit_memory(err);
+    int rc = room ? 0 : skin_fit_memory(err);
 
     if (!rc)
         rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
@@ -146,7 +146,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
         skin_take_slow(t, i, &o);
         copy3(t->mean[i], o.mean);
         if (skin_take_grain(t->grain + i * N * N, &o))
-            rc = fit_memory(err);
+            rc = skin_fit_memory(err);
     }
     free(room);
     return rc;
@@ -339,7 +339,7 @@ static int skin_find_parts(struct skin_model *s, const float *x, size_t n,
     s->part = calloc(SKIN_PARTS * d, sizeof *s->part);
     if (!g || !s->part) {
         free(g);
-        return fit_memory(err);
+        return skin_fit_memory(err);
     }
 #pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
     for (size_t i = 0; i < n; i++)
@@ -404,7 +404,7 @@ static int skin_split_grain(struct skin_model *s, struct skin_fit *t,
 {
     s->crease = calloc(N * N, sizeof *s->crease);
     if (!s->crease)
-        return fit_memory(err);
+        return skin_fit_memory(err);
     for (size_t i = 0; i < t->n; i++)
         for (int p = 0; p < N * N; p++)
             s->crease[p] += 0.5f / 256 / (float)t->n
@@ -433,7 +433,7 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
 
     s->mean = malloc(3 * PLANE * sizeof *s->mean);
     if (!x || !mean || !weight || !s->mean) {
-        fit_memory(err);
+        skin_fit_memory(err);
         goto out;
     }
     skin_find_mean(mean, weight, t);

@@ -34,7 +34,7 @@ struct view {
     float u[3], v[3], w[3];
 };
 
-static void view_make(struct view *o, int k)
+static void sky_view_make(struct view *o, int k)
 {
     float up[3] = {0, 1, 0};
 
@@ -46,7 +46,8 @@ static void view_make(struct view *o, int k)
     cross3(o->v, o->w, o->u);
 }
 
-static struct raster_vertex view_place(const struct view *o, const float p[3])
+static struct raster_vertex sky_view_place(const struct view *o,
+                                           const float p[3])
 {
     return (struct raster_vertex){
         (dot3(p, o->u) / REACH + 1) * (0.5f * MAP),
@@ -103,7 +104,7 @@ struct look {
     struct raster_vertex *face, *worn;
 };
 
-static int look_init(struct look *l, size_t worn)
+static int sky_look_init(struct look *l, size_t worn)
 {
     l->bald = malloc(MAP * MAP * sizeof *l->bald);
     l->map = malloc(MAP * MAP * sizeof *l->map);
@@ -112,7 +113,7 @@ static int look_init(struct look *l, size_t worn)
     return l->bald && l->map && l->face && l->worn ? 0 : -1;
 }
 
-static void look_release(struct look *l)
+static void sky_look_release(struct look *l)
 {
     free(l->bald);
     free(l->map);
@@ -121,12 +122,12 @@ static void look_release(struct look *l)
 }
 
 /* Direction k of a piece: what it shuts off, and what it sees itself. */
-static void look_at_piece(struct look *l, struct piece *p, int k)
+static void sky_look_at_piece(struct look *l, struct piece *p, int k)
 {
     uint64_t bit = (uint64_t)1 << k;
 
     for (size_t i = 0; i < p->nc; i++)
-        l->worn[i] = view_place(&l->view, p->place + 3 * i);
+        l->worn[i] = sky_view_place(&l->view, p->place + 3 * i);
     memset(l->map, 0, MAP * MAP * sizeof *l->map);
     sky_draw_depth(l->map, l->worn, p->faces, p->nf, p->uv, &p->picture);
     for (int i = 0; i < FACE_VERTICES; i++)
@@ -150,15 +151,15 @@ static int sky_piece_room(struct piece *p)
 }
 
 /* Direction k of everything. */
-static void look_along(struct look *l, struct scan_assets *a,
-                       struct scan_rack *const rack[], int racks, int k)
+static void sky_look_along(struct look *l, struct scan_assets *a,
+                           struct scan_rack *const rack[], int racks, int k)
 {
     const struct scan_face *f = &a->face;
     uint64_t bit = (uint64_t)1 << k;
 
-    view_make(&l->view, k);
+    sky_view_make(&l->view, k);
     for (int i = 0; i < FACE_VERTICES; i++)
-        l->face[i] = view_place(&l->view, f->neutral + 3 * i);
+        l->face[i] = sky_view_place(&l->view, f->neutral + 3 * i);
     memset(l->bald, 0, MAP * MAP * sizeof *l->bald);
     for (size_t i = 0; i < f->nf; i++)      /* skin and neck are opaque */
         if (f->raw[3 * i] < FACE_NECK_END)
@@ -170,8 +171,8 @@ static void look_along(struct look *l, struct scan_assets *a,
         }
     for (int r = 0; r < racks; r++)
         for (size_t i = 0; i < rack[r]->n; i++)
-            look_at_piece(l, &rack[r]->piece[i], k);
-    look_at_piece(l, &a->torso, k);
+            sky_look_at_piece(l, &rack[r]->piece[i], k);
+    sky_look_at_piece(l, &a->torso, k);
 }
 
 int sky_look(struct scan_assets *a, int threads, struct error *err)
@@ -193,17 +194,17 @@ int sky_look(struct scan_assets *a, int threads, struct error *err)
 #pragma omp parallel num_threads(threads)
     {
         struct look l = {.bald = NULL};
-        bool mine = look_init(&l, most) != 0;
+        bool mine = sky_look_init(&l, most) != 0;
 #pragma omp for schedule(dynamic, 1)
         for (int k = 0; k < SKY_DIRECTIONS; k++) {
             if (mine || failed) {
 #pragma omp atomic write
                 failed = true;
             } else {
-                look_along(&l, a, rack, 3, k);
+                sky_look_along(&l, a, rack, 3, k);
             }
         }
-        look_release(&l);
+        sky_look_release(&l);
     }
     return failed ? error_set(err, EX_OSERR, "out of memory for the sky") : 0;
 }

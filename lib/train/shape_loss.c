@@ -18,8 +18,8 @@ struct points {
 };
 
 /* Room for P points and n directions. */
-static int points_init(struct points *p, size_t P, size_t n,
-                       struct error *err)
+static int shape_points_init(struct points *p, size_t P, size_t n,
+                             struct error *err)
 {
     p->P = P;
     p->n = n;
@@ -31,7 +31,7 @@ static int points_init(struct points *p, size_t P, size_t n,
 }
 
 /* a (count) without its part along a vector of length 1. */
-static void points_subtract(double *a, const double *unit, size_t count)
+static void shape_points_subtract(double *a, const double *unit, size_t count)
 {
     double along = 0;
 
@@ -42,7 +42,7 @@ static void points_subtract(double *a, const double *unit, size_t count)
 }
 
 /* The points' centroid. */
-static void points_middle(double mean[3], const struct points *p)
+static void shape_points_middle(double mean[3], const struct points *p)
 {
     memset(mean, 0, 3 * sizeof *mean);
     for (size_t i = 0; i < 3 * p->P; i++)
@@ -51,12 +51,12 @@ static void points_middle(double mean[3], const struct points *p)
 
 /* unit (4,P*3): what moving the points and making them larger do to them,
  * each of length 1 and square to the others. */
-static void points_similarities(double *unit, const struct points *p)
+static void shape_points_similarities(double *unit, const struct points *p)
 {
     size_t count = 3 * p->P;
     double mean[3];
 
-    points_middle(mean, p);
+    shape_points_middle(mean, p);
     for (size_t i = 0; i < count; i++) {
         unit[i % 3 * count + i] = 1 / sqrt((double)p->P);
         unit[3 * count + i] = p->x[i] - mean[i % 3];
@@ -81,10 +81,10 @@ static int shape_loss_fill(struct shape_loss *l, const struct points *p,
         free(unit);
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     }
-    points_similarities(unit, p);
+    shape_points_similarities(unit, p);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < SIMILARITIES; k++)
-            points_subtract(p->d + i * count, unit + k * count, count);
+            shape_points_subtract(p->d + i * count, unit + k * count, count);
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
             double sum = 0;
@@ -97,15 +97,15 @@ static int shape_loss_fill(struct shape_loss *l, const struct points *p,
 }
 
 /* Floats as doubles. */
-static void points_put(double *to, const float *from, size_t count)
+static void shape_points_put(double *to, const float *from, size_t count)
 {
     for (size_t i = 0; i < count; i++)
         to[i] = from[i];
 }
 
 /* The landmarks, or every vertex. */
-static int points_take(struct points *p, const struct head *h, size_t n,
-                       bool landmarks, struct error *err)
+static int shape_points_take(struct points *p, const struct head *h, size_t n,
+                             bool landmarks, struct error *err)
 {
     size_t P = landmarks ? HEAD_LANDMARKS : h->V;
     float *verts = malloc(3 * h->V * sizeof *verts);
@@ -113,7 +113,7 @@ static int points_take(struct points *p, const struct head *h, size_t n,
 
     if (!verts)
         return error_set(err, EX_OSERR, "out of memory (%zu vertices)", h->V);
-    if (points_init(p, P, n, err)) {
+    if (shape_points_init(p, P, n, err)) {
         free(verts);
         return -1;
     }
@@ -123,7 +123,7 @@ static int points_take(struct points *p, const struct head *h, size_t n,
             head_direction(verts, h, h->shape_dirs, h->nshape, k - 1);
         if (landmarks)
             head_landmarks(lmk, h, from);
-        points_put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
+        shape_points_put(p->x + k * 3 * P, landmarks ? lmk : from, 3 * P);
     }
     free(verts);
     return 0;
@@ -137,7 +137,8 @@ static int shape_loss_init(struct shape_loss *l, const struct head *h,
     int rc;
 
     memset(l, 0, sizeof *l);
-    rc = points_take(&p, h, n, landmarks, err) || shape_loss_fill(l, &p, err);
+    rc = shape_points_take(&p, h, n, landmarks, err) ||
+        shape_loss_fill(l, &p, err);
     free(p.x);
     return rc ? -1 : 0;
 }
@@ -188,7 +189,7 @@ static void shape_place_fill(struct shape_place *out, const struct points *p)
 {
     double spread = 0;
 
-    points_middle(out->centre, p);
+    shape_points_middle(out->centre, p);
     for (size_t i = 0; i < 3 * p->P; i++)
         spread += (p->x[i] - out->centre[i % 3]) *
                   (p->x[i] - out->centre[i % 3]);
@@ -214,7 +215,7 @@ int shape_place_init(struct shape_place *p, const struct head *h, size_t n,
     if (!p->along)
         return error_set(err, EX_OSERR, "out of memory (%zu directions)", n);
     if (h->has_landmarks)
-        rc = points_take(&points, h, n, true, err);
+        rc = shape_points_take(&points, h, n, true, err);
     if (h->has_landmarks && !rc)
         shape_place_fill(p, &points);
     free(points.x);

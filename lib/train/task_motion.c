@@ -151,10 +151,10 @@ struct score {
 };
 
 /* Add what was predicted for a frame; truth (V,3) is its true mesh. */
-static void score_add(struct score *s, const float *out,
-                      const struct motion_state *st,
-                      const struct data_frame *f, const struct head *h,
-                      const float *truth)
+static void motion_task_score_add(struct score *s, const float *out,
+                                  const struct motion_state *st,
+                                  const struct data_frame *f,
+                                  const struct head *h, const float *truth)
 {
     float x[68 * 3], uv[68][2];
     double e[3], et[3], eye = metric_eye_distance((const float(*)[2])f->lmk);
@@ -219,7 +219,7 @@ static int motion_task_validate_person(struct task *t, struct score *s,
             break;
         data_truth(&truth, cam, f);
         head_pose(m->loss.truth, &id, &truth);
-        score_add(s, out, &st, f, t->head, m->loss.truth);
+        motion_task_score_add(s, out, &st, f, t->head, m->loss.truth);
     }
     identity_release(&id);
     return rc;
