@@ -8,10 +8,10 @@
 #include "cmd/options.h"
 #include "formats/framesink.h"
 #include "formats/image.h"
-#include "lib/record/imag.h"
 #include "lib/record/mesh.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
+#include "lib/stream/imag.h"
 #include "lib/synth/scan.h"
 #include "lib/synth/sheet.h"
 #include "lib/synth/statistics.h"
@@ -110,8 +110,8 @@ static int synth_write_frame(struct stream_writer *w, const struct head *head,
         motion_points(f->points, SYNTH_POINTS)
     };
     const struct imag picture = {
-        .size = (size_t)size, .rgb = f->rgb, .mask = f->mask,
-        .label = f->label, .alone = f->alone
+        .height = (size_t)size, .width = (size_t)size, .rgb = f->rgb,
+        .mask = f->mask, .label = f->label, .alone = f->alone
     };
 
     memcpy(m.R, t->rot, sizeof m.R);

@@ -7,6 +7,7 @@
 #include "formats/compose.h"
 #include "formats/framesink_impl.h"
 #include "lib/stream/feat.h"
+#include "lib/stream/imag.h"
 
 _Static_assert(FEAT_TURN == RELATIVE_POSE_SIZE, "a turn is a relative pose");
 
@@ -23,17 +24,14 @@ int framesink_write_imag(struct framesink *s, const struct framesink_frame *f,
                          struct error *err)
 {
     const size_t N = f->width * f->height;
-    struct array a[2];
-    int n = 1;
+    const struct imag picture = {
+        .height = f->height, .width = f->width, .rgb = s->pixel,
+        .alpha = s->opt.alpha ? s->pixel + 4 * N : NULL
+    };
 
-    a[0] = array_make("rgb", DTYPE_U8, s->pixel, 3, f->height, f->width, 3,
-                      0);
-    if (s->opt.alpha) {
+    if (s->opt.alpha)
         framesink_split_alpha(s->pixel, s->pixel + 4 * N, N);
-        a[n++] = array_make("alpha", DTYPE_U8, s->pixel + 4 * N, 2,
-                            f->height, f->width, 0, 0);
-    }
-    return stream_write(s->stream, RECORD_IMAG, f->frame, f->time, a, n, err);
+    return imag_write(s->stream, f->frame, f->time, &picture, err);
 }
 
 /* The features as halves: as drawn, or rounded here.  NULL: no memory. */

@@ -11,10 +11,10 @@
 #include <sysexits.h>
 
 #include "lib/base/list.h"
-#include "lib/record/imag.h"
-#include "lib/stream/stream.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
+#include "lib/stream/imag.h"
+#include "lib/stream/stream.h"
 
 struct data_reader {
     const char *const *names;  /* as given: files, folders, "-" */
@@ -214,14 +214,14 @@ static void data_choose_part(struct data_frame *f, size_t size, double margin)
 static int data_take_extras(struct data_frame *f, const struct imag *im,
                             struct error *err)
 {
-    const size_t n = im->size * im->size;
+    const size_t n = im->height * im->width;
     const bool hides = im->label && memchr(im->label, LABEL_FRONT, n);
 
     f->alone = im->alone ? malloc(3 * n) : NULL;
     f->hidden = hides ? malloc(n) : NULL;
     if ((im->alone && !f->alone) || (hides && !f->hidden))
         return error_set(err, EX_OSERR, "out of memory (picture of %zux%zu)",
-                         im->size, im->size);
+                         im->height, im->width);
     if (im->alone)
         memcpy(f->alone, im->alone, 3 * n);
     for (size_t i = 0; hides && i < n; i++)
@@ -239,7 +239,7 @@ static int data_take_picture(struct data_reader *r, const struct record *rec,
 
     if (imag_read(&im, rec, err))
         return -1;
-    const size_t size = im.size;
+    const size_t size = im.width;
     /* crops are sampled at one size from whatever there is */
     if (r->margin == 0 && r->size && size != r->size)
         return error_set(err, EX_DATAERR, "picture of %zux%zu among pictures "

@@ -5,13 +5,13 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/eval/compare.h"
 #include "lib/base/list.h"
+#include "lib/eval/compare.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/motion.h"
-#include "lib/record/imag.h"
 #include "lib/record/motion.h"
 #include "lib/record/shape.h"
+#include "lib/stream/imag.h"
 
 enum { AKD, AED, APD, POSE, YAW, PITCH, ROLL, LANDMARK, JAW, BLINK, COUNT };
 static const char *const name[COUNT] = {

@@ -8,8 +8,8 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/record/imag.h"
 #include "lib/record/shape.h"
+#include "lib/stream/imag.h"
 #include "lib/track/conf.h"
 
 #define FIT_RATE 25.0           /* frames a second, of what has no times */
@@ -142,8 +142,8 @@ static int fit_records_frame(struct fit_records *r, struct motion *m,
     const double time = (double)r->written / FIT_RATE;
     float lmk[2 * HEAD_LANDMARKS] = {0};
     const struct array l = motion_landmarks(lmk);
-    const struct imag picture = {.size = r->size, .rgb = rgb, .mask = mask,
-                                 .alone = alone};
+    const struct imag picture = {.height = r->size, .width = r->size,
+                                 .rgb = rgb, .mask = mask, .alone = alone};
 
     m->pose.exp = m->exp;
     fit_records_landmarks(lmk, r, m);

@@ -9,14 +9,14 @@
 
 #include "formats/framesource.h"
 #include "formats/image.h"
+#include "lib/geom/camera.h"
 #include "lib/head/lbs.h"
-#include "lib/record/imag.h"
 #include "lib/record/person.h"
 #include "lib/record/shape.h"
+#include "lib/stream/imag.h"
 #include "lib/track/conf.h"
 #include "lib/track/landmarks.h"
 #include "lib/track/source.h"
-#include "lib/geom/camera.h"
 
 /* What is known of a clip while it is read. */
 struct clip_state {
@@ -191,8 +191,8 @@ static int clip_write_frame(struct stream_writer *w,
     struct person *p = &s->person[i];
     float lmk[3 * HEAD_LANDMARKS], uv[2 * HEAD_LANDMARKS], cam[12];
     const struct array mark = motion_landmarks(uv);
-    const struct imag picture = {.size = p->size, .rgb = p->rgb,
-                                 .mask = p->matte};
+    const struct imag picture = {.height = p->size, .width = p->size,
+                                 .rgb = p->rgb, .mask = p->matte};
 
     p->source.pose.exp = p->source.exp;
     landmarks_pose(lmk, l, &p->source.pose);

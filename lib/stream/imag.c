@@ -1,5 +1,5 @@
 /* Reading and writing IMAG. */
-#include "lib/record/imag.h"
+#include "lib/stream/imag.h"
 
 #include <string.h>
 
@@ -21,8 +21,8 @@ int imag_read(struct imag *im, const struct record *rec, struct error *err)
     memset(im, 0, sizeof *im);
     if (!record_get(rec, "rgb", DTYPE_U8, 3, dims, err))
         return -1;
-    im->size = record_find(rec, "rgb")->dim[0];
-    dims[0] = dims[1] = im->size;
+    im->height = im->width = record_find(rec, "rgb")->dim[0];
+    dims[0] = dims[1] = im->height;
     im->mask = record_get(rec, "mask", DTYPE_U8, 2, dims, err);
     if (!im->mask)
         return -1;
@@ -43,12 +43,13 @@ size_t imag_size(const struct record *rec)
 int imag_write(struct stream_writer *w, uint64_t frame, double time,
                const struct imag *im, struct error *err)
 {
-    const size_t n = im->size;
+    const size_t h = im->height, width = im->width;
     const struct array all[] = {
-        array_make("rgb", DTYPE_U8, im->rgb, 3, n, n, 3, 0),
-        array_make("mask", DTYPE_U8, im->mask, 2, n, n, 0, 0),
-        array_make("label", DTYPE_U8, im->label, 2, n, n, 0, 0),
-        array_make("alone", DTYPE_U8, im->alone, 3, n, n, 3, 0)
+        array_make("rgb", DTYPE_U8, im->rgb, 3, h, width, 3, 0),
+        array_make("alpha", DTYPE_U8, im->alpha, 2, h, width, 0, 0),
+        array_make("mask", DTYPE_U8, im->mask, 2, h, width, 0, 0),
+        array_make("label", DTYPE_U8, im->label, 2, h, width, 0, 0),
+        array_make("alone", DTYPE_U8, im->alone, 3, h, width, 3, 0)
     };
     struct array a[sizeof all / sizeof *all];
 
