@@ -128,6 +128,23 @@ int framesink_write_video(struct framesink *s, struct error *err)
     return video_write(s->video, s->pixel, err);
 }
 
+/* pixel (N,all): colour, alpha and depth of f beside each other. */
+static void framesink_interleave(float *pixel, const struct framesink_frame *f,
+                                 size_t C)
+{
+    const size_t N = f->width * f->height;
+
+    for (size_t i = 0; i < N; i++) {
+        for (size_t k = 0; k < C; k++)
+            *pixel++ = f->color ? f->color[i * C + k]
+                                : (float)f->rgb[3 * i + k] / 255.0f;
+        if (f->alpha)
+            *pixel++ = f->alpha[i];
+        if (f->depth)
+            *pixel++ = f->depth[i];
+    }
+}
+
 /* Write all to a part beside the file, which it becomes when it is whole. */
 static int framesink_write_channels(struct framesink *s, const char *path,
                                     const struct framesink_frame *f,
@@ -157,17 +174,7 @@ static int framesink_write_channels(struct framesink *s, const char *path,
         free(part);
         return error_set(err, EX_OSERR, "out of memory");
     }
-    for (size_t i = 0; i < N; i++) {
-        float *p = s->plane + i * all;
-
-        for (size_t k = 0; k < C; k++)
-            *p++ = f->color ? f->color[i * C + k]
-                            : (float)f->rgb[3 * i + k] / 255.0f;
-        if (f->alpha)
-            *p++ = f->alpha[i];
-        if (f->depth)
-            *p = f->depth[i];
-    }
+    framesink_interleave(s->plane, f, C);
     strcat(strcpy(part, path), ".part");
     rc = exr_write(part, s->plane, f->width, f->height, (int)all, names, err);
     if (rc == 0 && file_rename(part, path) != 0)

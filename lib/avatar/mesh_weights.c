@@ -201,14 +201,9 @@ static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
     return 0;
 }
 
-/* One pass over the vertices, then means for the midpoints. */
-int mesh_weights_init(struct mesh_weights *w, const struct head *h,
-                      const struct densify *d, struct error *err)
+/* All arrays for V vertices, D with their midpoints; false without memory. */
+static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
 {
-    size_t V = h->V, D = V + d->E;
-    struct mesh_weights_nape nape;
-
-    mesh_weights_neck(&w->blend, &nape, h);
     w->neck = malloc(D * sizeof *w->neck);
     w->moving = malloc(V * sizeof *w->moving);
     w->lining = calloc(D, sizeof *w->lining);
@@ -219,14 +214,16 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     w->reach = malloc(D * sizeof *w->reach);
     w->seam = malloc(D * sizeof *w->seam);
     w->drop = malloc(3 * D * sizeof *w->drop);
-    float *rest = malloc((2 * D + 3 * V) * sizeof *rest);
-    if (!w->neck || !w->moving || !w->lining || !w->mirror || !w->lid ||
-        !w->stretch || !w->fold || !w->reach || !w->seam || !w->drop ||
-        !rest) {
-        free(rest);
-        return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
-    }
-    for (size_t v = 0; v < V; v++) {
+    return w->neck && w->moving && w->lining && w->mirror && w->lid &&
+           w->stretch && w->fold && w->reach && w->seam && w->drop;
+}
+
+/* What each vertex says for itself: how far it moves against the skull, how
+ * much of it hangs on the neck, whether it lines the mouth. */
+static void mesh_weights_vertices(struct mesh_weights *w, const struct head *h,
+                                  const struct mesh_weights_nape *nape)
+{
+    for (size_t v = 0; v < h->V; v++) {
         const float *skin = h->weights + HEAD_JOINTS * v;
         const float *x = h->v_template + 3 * v;
         float mm = mesh_weights_range(h, v) / h->scale * 1e3f;
@@ -236,9 +233,25 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
         w->moving[v] = fmaxf(fmaxf(t, eye), 0);
         w->neck[v] = neck_blend_weight(&w->blend, x[1]) *
                      (1 - head_jaw_share(h, v));
-        w->neck[v] = fmaxf(w->neck[v], mesh_weights_nape_at(&nape, x));
+        w->neck[v] = fmaxf(w->neck[v], mesh_weights_nape_at(nape, x));
         w->lining[v] = h->region && h->region[v] == REGION_INNER_MOUTH;
     }
+}
+
+/* One pass over the vertices, then means for the midpoints. */
+int mesh_weights_init(struct mesh_weights *w, const struct head *h,
+                      const struct densify *d, struct error *err)
+{
+    size_t V = h->V, D = V + d->E;
+    struct mesh_weights_nape nape;
+
+    mesh_weights_neck(&w->blend, &nape, h);
+    float *rest = malloc((2 * D + 3 * V) * sizeof *rest);
+    if (!mesh_weights_allocate(w, V, D) || !rest) {
+        free(rest);
+        return error_set(err, EX_OSERR, "no memory for %zu vertices", V);
+    }
+    mesh_weights_vertices(w, h, &nape);
     densify_midpoints(w->neck + V, w->neck, d, 1);
     densify_midpoints(w->lining + V, w->lining, d, 1);
     for (size_t k = V; k < D; k++)      /* no edge to the lips hangs out */

@@ -418,6 +418,35 @@ static int people_allocate(struct people *e, struct error *err)
     return 0;
 }
 
+/* Each person of `in`, driven by the next one too; two are in memory at a
+ * time. */
+static int people_evaluate_all(struct people *e, struct data_reader *in,
+                               struct error *err)
+{
+    const struct people_options *opt = e->opt;
+    struct data_person p[2] = {{0}, {0}};
+    int end;
+
+    data_once(in);
+    for (end = data_next(in, &p[0], err); !end;) {
+        struct data_person *now = &p[e->person % 2];
+        struct data_person *next = &p[(e->person + 1) % 2];
+
+        end = e->person + 1 < opt->people ? data_next(in, next, err) : 1;
+        if (end < 0 || people_evaluate_one(e, now, end ? NULL : next, err)) {
+            end = -1;
+            break;
+        }
+        data_person_release(now);
+        e->person++;
+        if (opt->progress)
+            opt->progress(e->person, opt->people);
+    }
+    data_person_release(&p[0]);
+    data_person_release(&p[1]);
+    return end < 0 ? -1 : 0;
+}
+
 int people_evaluate(struct table *t, struct contact_sheet *sheet,
                     struct reenactor *s, const struct people_options *opt,
                     struct error *err)
@@ -428,8 +457,7 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
                        .S = s->config.size,
                        .sheet = opt->sheet_rows ? sheet : NULL};
     struct data_reader *in = data_open(&opt->stream, 1, 0, err);
-    struct data_person p[2] = {{0}, {0}};
-    int rc = -1, end;
+    int rc = -1;
 
     if (!in || people_allocate(&e, err)) {
         data_close(in);
@@ -438,22 +466,7 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
     if (e.sheet && contact_sheet_init(sheet, opt->sheet_rows,
                                       PEOPLE_SHEET_COLS, e.S, err))
         goto out;
-    data_once(in);
-    for (end = data_next(in, &p[0], err); !end;) {
-        struct data_person *now = &p[e.person % 2];
-        struct data_person *next = &p[(e.person + 1) % 2];
-        if (e.person + 1 < opt->people)
-            end = data_next(in, next, err);
-        else
-            end = 1;
-        if (end < 0 || people_evaluate_one(&e, now, end ? NULL : next, err))
-            goto out;
-        data_person_release(now);
-        e.person++;
-        if (opt->progress)
-            opt->progress(e.person, opt->people);
-    }
-    if (end < 0)
+    if (people_evaluate_all(&e, in, err))
         goto out;
     people_add(&e, "SpiD", "jaw_corr", 1,
                metric_correlation(e.curve[0], e.curve[1], e.n));
@@ -463,8 +476,6 @@ int people_evaluate(struct table *t, struct contact_sheet *sheet,
 out:
     if (rc && e.sheet)
         contact_sheet_release(sheet);
-    data_person_release(&p[0]);
-    data_person_release(&p[1]);
     data_close(in);
     free(e.truth);
     free(e.curve[0]);

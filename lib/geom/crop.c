@@ -4,6 +4,7 @@
 
 #include <assert.h>
 #include <math.h>
+#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -381,7 +382,7 @@ void crop_halve(uint8_t *out, const uint8_t *rgb, size_t W, size_t H,
 
 /* ---- resizing a square to 8 bits -------------------------------------- */
 
-/* Add weight times the triangle-filtered row to acc [n,C]. */
+/* What one output pixel takes along an axis: a triangle, antialiased. */
 struct filter {
     size_t lo, count;          /* input samples inside the picture */
     float w[];                 /* of each; they sum to 1 */
@@ -430,6 +431,40 @@ static void crop_filter_row(float *out, const uint8_t *row, const char *filters,
     }
 }
 
+/* acc (n,n,C) from the picture, each of whose rows is filtered once, into row
+ * (n,C), and added to the rows that it reaches; fx, fy: n filters of `bytes`
+ * each. */
+static void crop_filter_picture(float *acc, float *row, const uint8_t *rgb,
+                                size_t H, size_t stride, const char *fx,
+                                const char *fy, size_t bytes, size_t n,
+                                size_t C)
+{
+    const size_t line = n * C;
+    size_t first = 0;               /* output row that may still take */
+
+    for (size_t y = 0; y < H && first < n; y++) {
+        bool filtered = false;
+
+        for (size_t i = first; i < n; i++) {
+            const struct filter *f = (const void *)(fy + i * bytes);
+            float w;
+
+            if (f->lo > y)
+                break;
+            if (f->lo + f->count <= y) {
+                first = i == first ? i + 1 : first;
+                continue;
+            }
+            if (!filtered)
+                crop_filter_row(row, rgb + y * stride, fx, bytes, n, C);
+            filtered = true;
+            w = f->w[y - f->lo];
+            for (size_t k = 0; k < line; k++)
+                acc[i * line + k] += w * row[k];
+        }
+    }
+}
+
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                    size_t H, size_t stride, int channels, struct square q)
 {
@@ -442,7 +477,6 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
     char *fx = calloc(2 * n, bytes), *fy = fx ? fx + n * bytes : NULL;
     float *acc = calloc(n * line + line, sizeof *acc);
     float *row = acc ? acc + n * line : NULL;
-    size_t first = 0;
 
     assert(C >= 1 && C <= 4);
     if (!fx || !acc) {
@@ -454,29 +488,7 @@ int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
         crop_filter_make((void *)(fx + i * bytes), q.x, q.size, i, n, W, most);
         crop_filter_make((void *)(fy + i * bytes), q.y, q.size, i, n, H, most);
     }
-    /* each picture row is filtered once and added to the rows it reaches */
-    for (size_t y = 0; y < H; y++) {
-        int filtered = 0;
-
-        for (size_t i = first; i < n; i++) {
-            const struct filter *f = (const void *)(fy + i * bytes);
-            float w;
-
-            if (f->lo > y)
-                break;
-            if (f->lo + f->count <= y) {
-                first = i == first ? i + 1 : first;
-                continue;
-            }
-            if (!filtered++)
-                crop_filter_row(row, rgb + y * stride, fx, bytes, n, C);
-            w = f->w[y - f->lo];
-            for (size_t k = 0; k < line; k++)
-                acc[i * line + k] += w * row[k];
-        }
-        if (first >= n)
-            break;
-    }
+    crop_filter_picture(acc, row, rgb, H, stride, fx, fy, bytes, n, C);
     for (size_t k = 0; k < n * line; k++) {
         float v = acc[k] + 0.5f;
 

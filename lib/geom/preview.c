@@ -85,7 +85,25 @@ static float preview_triangle_edge(const float *a, const float *b, float x,
     return (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
 }
 
-/* Depth test, interpolated normal and albedo, and the edges if asked for. */
+/* Sample `at` inside triangle f by its weights w: normal and albedo, shaded. */
+static void preview_triangle_shade(struct canvas *c, size_t at,
+                                   const float w[3], const float *n,
+                                   const int32_t *f,
+                                   const struct preview_mesh *m)
+{
+    float nn[3] = { 0 }, al[3] = { 0 };
+
+    for (int k = 0; k < 3; k++)
+        for (int d = 0; d < 3; d++) {
+            nn[d] += w[k] * n[f[k] * 3 + d];
+            if (m->color)
+                al[d] += w[k] * m->color[f[k] * 3 + d];
+        }
+    preview_sample_shade(c->rgb + at * 3, nn[0], nn[1], nn[2],
+                         m->color ? al : NULL);
+}
+
+/* Every sample of a triangle that nothing hides, and the edges if asked for. */
 static void preview_triangle_draw(struct canvas *c, const float *p,
                                   const float *n, const int32_t *f,
                                   const struct preview_mesh *m, bool wire)
@@ -122,15 +140,7 @@ static void preview_triangle_draw(struct canvas *c, const float *p,
             if (z <= c->depth[at])
                 continue;
             c->depth[at] = z;
-            float nn[3] = { 0 }, al[3] = { 0 };
-            for (int k = 0; k < 3; k++)
-                for (int d = 0; d < 3; d++) {
-                    nn[d] += w[k] * n[f[k] * 3 + d];
-                    if (m->color)
-                        al[d] += w[k] * m->color[f[k] * 3 + d];
-                }
-            preview_sample_shade(c->rgb + at * 3, nn[0], nn[1], nn[2],
-                                 m->color ? al : NULL);
+            preview_triangle_shade(c, at, w, n, f, m);
             for (int k = 0; wire && k < 3; k++)
                 if (w[k] * fabsf(area) < 0.9f * len[k])
                     for (int d = 0; d < 3; d++)

@@ -120,6 +120,7 @@ static int compare_pose_both(float *ours, float *theirs, const struct head *h,
     return 0;
 }
 
+/* Mean, 95th percentile and largest of n distances, which it sorts. */
 static void compare_summarise(struct compare_part *p, float *d, size_t n)
 {
     double sum = 0;
@@ -130,6 +131,24 @@ static void compare_summarise(struct compare_part *p, float *d, size_t n)
     p->mean = n ? sum / (double)n : 0;
     p->p95 = n ? d[(n - 1) * 95 / 100] : 0;
     p->worst = n ? d[n - 1] : 0;
+}
+
+/* Millimetres from each labelled vertex of a scan (SCAN_VERTS,3) to our skin,
+ * after those that are in d (COMPARE_PARTS,all); count[k]: in part k. */
+static void compare_measure(float *d, size_t count[COMPARE_PARTS], size_t all,
+                            const struct nearest *t, const float *theirs,
+                            const int *label, double scale)
+{
+    for (int32_t v = 0; v < SCAN_SKIN; v++) {
+        double p[3] = {theirs[3 * v], theirs[3 * v + 1], theirs[3 * v + 2]};
+        struct nearest_hit hit;
+
+        if (label[v] < 0)
+            continue;
+        nearest_find(&hit, t, p, NULL, 0, 1e3);
+        d[(size_t)label[v] * all + count[label[v]]++] =
+            (float)(1e3 / scale * sqrt(hit.square));
+    }
 }
 
 int compare_faces(struct compare_part part[COMPARE_PARTS],
@@ -164,17 +183,7 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
         if (compare_pose_both(ours, theirs, h, s, seed, i, active, err))
             goto out;
         nearest_update(&t);
-        for (int32_t v = 0; v < SCAN_SKIN; v++) {
-            double p[3] = {theirs[3 * v], theirs[3 * v + 1],
-                           theirs[3 * v + 2]};
-            struct nearest_hit hit;
-
-            if (label[v] < 0)
-                continue;
-            nearest_find(&hit, &t, p, NULL, 0, 1e3);
-            d[(size_t)label[v] * all + count[label[v]]++] =
-                (float)(1e3 / h->scale * sqrt(hit.square));
-        }
+        compare_measure(d, count, all, &t, theirs, label, h->scale);
     }
     for (int k = 0; k < COMPARE_PARTS; k++) {
         part[k].name = names[k];

@@ -115,6 +115,19 @@ static const char licence[] =
     "OF OR IN CONNECTION WITH THE SOFTWARE OR THE USE OR OTHER DEALINGS IN "
     "THE SOFTWARE.";
 
+/* Where the scans lie in the head's metres, and the angles at which the ARKit
+ * shapes that turn a joint are fully on, as JSON. */
+static void sculpt_save_places(char *place, size_t room, char *angles,
+                               size_t angle_room)
+{
+    snprintf(place, room, "{\"scale\":%g,\"shift\":[%g,%g,%g]}",
+             SCAN_SCALE, SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z);
+    snprintf(angles, angle_room, "{\"jawOpen\":%.9g,\"jawLeft\":%.9g,"
+             "\"eyeLookUp\":%.9g,\"eyeLookDown\":%.9g,\"eyeLookIn\":%.9g,"
+             "\"eyeLookOut\":%.9g}", ARKIT_JAW_OPEN, ARKIT_JAW_SIDE,
+             ARKIT_EYE_UP, ARKIT_EYE_DOWN, ARKIT_EYE_IN, ARKIT_EYE_OUT);
+}
+
 int sculpt_save_scans(const struct sculpt *s, const char *path,
                       struct error *err)
 {
@@ -131,12 +144,7 @@ int sculpt_save_scans(const struct sculpt *s, const char *path,
     int rc = -1;
 
     sculpt_save_names(names, sizeof names);
-    snprintf(place, sizeof place, "{\"scale\":%g,\"shift\":[%g,%g,%g]}",
-             SCAN_SCALE, SCAN_SHIFT_X, SCAN_SHIFT_Y, SCAN_SHIFT_Z);
-    snprintf(angles, sizeof angles, "{\"jawOpen\":%.9g,\"jawLeft\":%.9g,"
-             "\"eyeLookUp\":%.9g,\"eyeLookDown\":%.9g,\"eyeLookIn\":%.9g,"
-             "\"eyeLookOut\":%.9g}", ARKIT_JAW_OPEN, ARKIT_JAW_SIDE,
-             ARKIT_EYE_UP, ARKIT_EYE_DOWN, ARKIT_EYE_IN, ARKIT_EYE_OUT);
+    sculpt_save_places(place, sizeof place, angles, sizeof angles);
     size_t n = 3 * s->n_lid * SCULPT_LID_SHAPES;
     uint16_t *lid = malloc((n + 1) * sizeof *lid);
 

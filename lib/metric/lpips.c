@@ -91,8 +91,26 @@ static size_t lpips_pool_size(size_t n)
     return (n - 3) / 2 + 1;
 }
 
-/* Layers are linear over patches of k*k*in numbers: the weight tensor
- * (out,in,k,k) read as (out, in*k*k). */
+/* Stage i over an image of h x w: linear over patches of k*k*in numbers, the
+ * weight tensor (out,in,k,k) read as (out, in*k*k). */
+static void lpips_plan_stage(struct lpips *l, int i, size_t h, size_t w)
+{
+    struct conv *c = &l->conv[i];
+
+    memset(c, 0, sizeof *c);
+    c->ps = &l->ps;
+    c->weight = 3 * (size_t)i;
+    c->bias = 3 * (size_t)i + 1;
+    c->in = stage[i].in * stage[i].kernel * stage[i].kernel;
+    c->out = stage[i].out;
+    c->kernel = c->stride = 1;
+    c->act = ACT_RELU;
+    linear_plan(c, &l->plan, h * w);
+    for (int k = 0; k < 2; k++)
+        l->out[k][i] = nn_plan_floats(&l->plan, h * w * stage[i].out);
+}
+
+/* All stages, and room for the largest of what they take and give. */
 static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
 {
     struct nn_options opt = {l->learns ? NN_FROZEN : NN_INFER, NN_F32};
@@ -101,7 +119,6 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
     lpips_drop_plan(l);
     nn_plan_init(&l->plan, opt);
     for (int i = 0; i < LPIPS_STAGES; i++) {
-        struct conv *c = &l->conv[i];
         size_t k2 = stage[i].kernel * stage[i].kernel;
 
         if (stage[i].pool) {
@@ -116,17 +133,7 @@ static int lpips_plan(struct lpips *l, size_t H, size_t W, struct error *err)
             most = h * w * stage[i].out;
         if (h * w * k2 * stage[i].in > patches)
             patches = h * w * k2 * stage[i].in;
-        memset(c, 0, sizeof *c);
-        c->ps = &l->ps;
-        c->weight = 3 * (size_t)i;
-        c->bias = 3 * (size_t)i + 1;
-        c->in = stage[i].in * k2;
-        c->out = stage[i].out;
-        c->kernel = c->stride = 1;
-        c->act = ACT_RELU;
-        linear_plan(c, &l->plan, h * w);
-        for (int k = 0; k < 2; k++)
-            l->out[k][i] = nn_plan_floats(&l->plan, h * w * stage[i].out);
+        lpips_plan_stage(l, i, h, w);
     }
     l->patches = nn_plan_floats(&l->plan, patches);
     l->in = nn_plan_floats(&l->plan, in);

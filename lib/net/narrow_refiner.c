@@ -106,8 +106,9 @@ static void narrow_refiner_convs(struct conv *c[18], struct narrow_refiner *r)
     memcpy(c, all, sizeof all);
 }
 
-/* The maps and layers in the order of the forward pass. */
-static void narrow_refiner_plan_forward(struct narrow_refiner *r)
+/* The way down: the features, to a quarter in size with the photograph beside
+ * them, to an eighth, to a sixteenth. */
+static void narrow_refiner_plan_down(struct narrow_refiner *r)
 {
     struct nn_plan *p = &r->plan;
     size_t B = r->batch, h = r->h, w = r->w, w0 = r->width, w2 = 2 * w0;
@@ -132,6 +133,15 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     conv_plan(&r->down1, p, B, h / 4, w / 4);
     r->e2 = nn_plan_map(p, a2 * w2);
     conv_plan(&r->down2, p, B, h / 8, w / 8);
+}
+
+/* At a sixteenth: the middle, its mean as a style, and the style's use. */
+static void narrow_refiner_plan_middle(struct narrow_refiner *r)
+{
+    struct nn_plan *p = &r->plan;
+    size_t B = r->batch, h = r->h, w = r->w, w2 = 2 * r->width;
+    size_t a2 = B * h * w / 256;
+
     r->m = nn_plan_map(p, a2 * w2);
     conv_plan(&r->mid, p, B, h / 16, w / 16);
     r->pool = nn_plan_floats(p, B * w2);
@@ -141,6 +151,15 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     linear_plan(&r->style1, p, B);
     linear_plan(&r->style2, p, B);
     r->ms = nn_plan_map(p, a2 * w2);
+}
+
+/* The way up: each scale grown, conditioned on the way down's, and drawn. */
+static void narrow_refiner_plan_up(struct narrow_refiner *r)
+{
+    struct nn_plan *p = &r->plan;
+    size_t B = r->batch, h = r->h, w = r->w, w0 = r->width;
+    size_t w1 = w0 * 3 / 2, a0 = B * h * w / 16, a1 = a0 / 4, a2 = a1 / 4;
+
     r->c1 = nn_plan_map(p, a2 * w1);
     conv_plan(&r->up2, p, B, h / 16, w / 16);
     r->r1 = nn_plan_map(p, a1 * w1);
@@ -163,8 +182,19 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     conv_plan(&r->body0, p, B, h / 4, w / 4);
     r->d = nn_plan_map(p, a0 * 48);
     conv_plan(&r->rgb, p, B, h / 4, w / 4);
+}
+
+/* The maps and layers in the order of the forward pass. */
+static void narrow_refiner_plan_forward(struct narrow_refiner *r)
+{
+    struct nn_plan *p = &r->plan;
+    size_t B = r->batch, h = r->h, w = r->w;
+
+    narrow_refiner_plan_down(r);
+    narrow_refiner_plan_middle(r);
+    narrow_refiner_plan_up(r);
     if (r->photos) {
-        r->k = nn_plan_map(p, a0 * NARROW_REFINER_FIELD);
+        r->k = nn_plan_map(p, B * h * w / 16 * NARROW_REFINER_FIELD);
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL, p);

@@ -81,11 +81,7 @@ static void pose_face_frame(float m[9], const float *p, const int32_t *f)
     unit3(n);
     unit3(e);
     cross3(b, n, e);
-    for (int k = 0; k < 3; k++) {
-        m[3 * k] = e[k];
-        m[3 * k + 1] = b[k];
-        m[3 * k + 2] = n[k];
-    }
+    columns33(m, e, b, n);
 }
 
 /* A strand that rides on a face of the skin. */

@@ -148,23 +148,35 @@ static int body_carry_helpers(struct body *b, const float *before,
     return 0;
 }
 
+/* The body's mesh, which has its numbers of vertices and no others. */
+static int body_read(struct body *b, const char *dir, struct error *err)
+{
+    char path[4096];
+
+    snprintf(path, sizeof path, "%s/base.obj", dir);
+    if (wavefront_read(&b->mesh, path, "body", err))
+        return -1;
+    if (b->mesh.nv != BASE_VERTICES)
+        return error_set(err, EX_DATAERR, "%s: %zu vertices (expected %d)",
+                         path, b->mesh.nv, BASE_VERTICES);
+    for (size_t i = 0; i < 3 * b->mesh.nf; i++)
+        if (b->mesh.f[i] >= BASE_BODY)
+            return error_set(err, EX_DATAERR, "%s: group body has vertex %d "
+                             "(expected less than %d)", path,
+                             b->mesh.f[i] + 1, BASE_BODY);
+    return 0;
+}
+
 int body_load(struct body *b, const struct scan_face *f, const char *dir,
               struct error *err)
 {
-    char path[4096];
     struct fit t = {0};
     float *before = NULL;
     int rc = -1;
 
     *b = (struct body){.nbody = BASE_BODY};
-    snprintf(path, sizeof path, "%s/base.obj", dir);
-    if (wavefront_read(&b->mesh, path, "body", err))
-        return -1;
-    if (b->mesh.nv != BASE_VERTICES) {
-        error_set(err, EX_DATAERR, "%s: %zu vertices (expected %d)", path,
-                  b->mesh.nv, BASE_VERTICES);
+    if (body_read(b, dir, err))
         goto out;
-    }
     b->place = malloc(3 * b->mesh.nv * sizeof *b->place);
     before = malloc(3 * b->mesh.nv * sizeof *before);
     if (!b->place || !before || body_fit_init(&t, b->nbody)) {
@@ -173,13 +185,6 @@ int body_load(struct body *b, const struct scan_face *f, const char *dir,
     }
     body_lay_on_eyes(b->place, b->mesh.v, b->mesh.nv, f);
     memcpy(before, b->place, 3 * b->mesh.nv * sizeof *before);
-    for (size_t i = 0; i < 3 * b->mesh.nf; i++)
-        if (b->mesh.f[i] >= BASE_BODY) {
-            error_set(err, EX_DATAERR, "%s: group body has vertex %d "
-                      "(expected less than %d)", path, b->mesh.f[i] + 1,
-                      BASE_BODY);
-            goto out;
-        }
     if (near_init(&b->near, f->neutral, FACE_NECK_END, 0.05f, err))
         goto out;
     float *normal = malloc(3 * FACE_VERTICES * sizeof *normal);

@@ -49,26 +49,17 @@ static void front_hand_axes(float m[9], const float *v, const int32_t *part,
     }
 }
 
-/* The body's left hand and forearm, in the hand's own axes, the wrist at the
- * origin. */
-int hand_make(struct piece *p, const struct body *b, struct error *err)
+/* From the wrist, the mean of its joint, to the farthest finger tip. */
+static void front_hand_along(float along[3], float wrist[3],
+                             const struct body *b)
 {
     const float *v = b->mesh.v;
-    float wrist[3] = {0, 0, 0}, along[3], far = 0, m[9];
-    int32_t *part = malloc(b->nbody * sizeof *part);
-    int32_t *faces = malloc(3 * b->mesh.nf * sizeof *faces);
-    float *place = malloc(3 * b->nbody * sizeof *place);
-    uint8_t *in = calloc(b->nbody, 1);
-    size_t n = 0, nf = 0;
-    int rc = -1;
+    float far = 0;
 
-    if (!part || !faces || !place || !in) {
-        error_set(err, EX_OSERR, "out of memory for a hand");
-        goto out;
-    }
+    memset(wrist, 0, 3 * sizeof *wrist);
     for (int i = WRIST; i < WRIST + WRIST_N; i++)
         mad3(wrist, wrist, v + 3 * i, 1.0f / WRIST_N);
-    for (size_t i = 0; i < b->nbody; i++) {     /* the farthest finger tip */
+    for (size_t i = 0; i < b->nbody; i++) {
         float d[3] = {v[3 * i] - wrist[0], v[3 * i + 1] - wrist[1],
                       v[3 * i + 2] - wrist[2]};
         if (v[3 * i] > 3.5f && v[3 * i + 1] < wrist[1] && length3(d) > far
@@ -78,6 +69,16 @@ int hand_make(struct piece *p, const struct body *b, struct error *err)
         }
     }
     unit3(along);
+}
+
+/* The vertices within a tube about the hand and forearm: their list, its
+ * length, and in (nbody) 1 for each. */
+static size_t front_hand_part(int32_t *part, uint8_t *in, const struct body *b,
+                              const float wrist[3], const float along[3])
+{
+    const float *v = b->mesh.v;
+    size_t n = 0;
+
     for (size_t i = 0; i < b->nbody; i++) {
         float d[3];
         sub3(d, v + 3 * i, wrist);
@@ -87,7 +88,29 @@ int hand_make(struct piece *p, const struct body *b, struct error *err)
         if (in[i])
             part[n++] = (int32_t)i;
     }
-    front_hand_axes(m, v, part, n, wrist, along);
+    return n;
+}
+
+/* The body's left hand and forearm, in the hand's own axes, the wrist at the
+ * origin. */
+int hand_make(struct piece *p, const struct body *b, struct error *err)
+{
+    const float *v = b->mesh.v;
+    float wrist[3], along[3], m[9];
+    int32_t *part = malloc(b->nbody * sizeof *part);
+    int32_t *faces = malloc(3 * b->mesh.nf * sizeof *faces);
+    float *place = malloc(3 * b->nbody * sizeof *place);
+    uint8_t *in = calloc(b->nbody, 1);
+    size_t nf = 0;
+    int rc = -1;
+
+    if (!part || !faces || !place || !in) {
+        error_set(err, EX_OSERR, "out of memory for a hand");
+        goto out;
+    }
+    front_hand_along(along, wrist, b);
+    front_hand_axes(m, v, part, front_hand_part(part, in, b, wrist, along),
+                    wrist, along);
     for (size_t i = 0; i < b->nbody; i++) {
         float d[3];
         sub3(d, v + 3 * i, wrist);

@@ -110,6 +110,37 @@ static void made_rim_point(float o[3], const struct spectacles *g, int e, int k)
     o[2] = g->centre[e][2] - 0.35f * o[0] * o[0];
 }
 
+/* The bridge's line, from one rim to the other and a little arched. */
+static void made_bridge(float at[4][3], const struct spectacles *g)
+{
+    for (int k = 0; k < 4; k++) {
+        float t = (float)k / 3, inner = g->centre[0][0] - g->half[0];
+        at[k][0] = inner * (1 - 2 * t);
+        at[k][1] = g->centre[0][1] + 0.3f * g->half[1]
+                   + 0.012f * sinf(PI_F * t);
+        at[k][2] = g->centre[0][2] + 0.004f;
+    }
+}
+
+/* The line of temple e, from the rim outwards and back to the ear. */
+static void made_temple(float at[5][3], const struct spectacles *g,
+                        const struct figure *f, int e)
+{
+    const int32_t *lmk = f->assets->face.landmark;
+    float side = e ? -1 : 1, *ear = f->rest + 3 * lmk[e ? 0 : 16];
+    float outer = g->centre[e][0] + side * g->half[0];
+    float wide = side * maxf(fabsf(ear[0]) + 0.02f, fabsf(outer));
+
+    for (int k = 0; k < 5; k++) {
+        float t = (float)k / 4;
+        at[k][0] = lerpf(outer, wide, ramp(0, 0.4f, t));
+        at[k][1] = g->centre[e][1] + 0.3f * g->half[1] - 0.02f * t
+                   - 0.08f * ramp(0.8f, 1, t);
+        at[k][2] = lerpf(g->centre[e][2] - 0.35f * outer * outer,
+                         ear[2] - 0.25f, t);
+    }
+}
+
 /* Rims, bridge and temples as tubes about the eyes. */
 static int made_add_frame(struct figure *f, struct error *err)
 {
@@ -134,29 +165,12 @@ static int made_add_frame(struct figure *f, struct error *err)
         c += made_tube_corners(RIM);
         i += made_tube_faces(RIM, true);
     }
-    for (int k = 0; k < 4; k++) {       /* the bridge */
-        float t = (float)k / 3, inner = g.centre[0][0] - g.half[0];
-        at[k][0] = inner * (1 - 2 * t);
-        at[k][1] = g.centre[0][1] + 0.3f * g.half[1]
-                   + 0.012f * sinf(PI_F * t);
-        at[k][2] = g.centre[0][2] + 0.004f;
-    }
+    made_bridge(at, &g);
     made_tube(f, c, i, at, 4, false, g.r);
     c += made_tube_corners(4);
     i += made_tube_faces(4, false);
-    const int32_t *lmk = f->assets->face.landmark;
-    for (int e = 0; e < 2; e++) {       /* the temples, to the ears */
-        float side = e ? -1 : 1, *ear = f->rest + 3 * lmk[e ? 0 : 16];
-        float outer = g.centre[e][0] + side * g.half[0];
-        float wide = side * maxf(fabsf(ear[0]) + 0.02f, fabsf(outer));
-        for (int k = 0; k < 5; k++) {
-            float t = (float)k / 4;
-            at[k][0] = lerpf(outer, wide, ramp(0, 0.4f, t));
-            at[k][1] = g.centre[e][1] + 0.3f * g.half[1] - 0.02f * t
-                       - 0.08f * ramp(0.8f, 1, t);
-            at[k][2] = lerpf(g.centre[e][2] - 0.35f * outer * outer,
-                             ear[2] - 0.25f, t);
-        }
+    for (int e = 0; e < 2; e++) {
+        made_temple(at, &g, f, e);
         made_tube(f, c, i, at, 5, false, g.r * 0.9f);
         c += made_tube_corners(5);
         i += made_tube_faces(5, false);

@@ -110,24 +110,50 @@ static bool person_hides_brow(const struct piece *hair,
     return hidden > 1;
 }
 
+/* The darker the skin, the darker the hair, mostly; gray by age, and dyed now
+ * and then. */
+static void person_draw_hair_color(struct scan_person *p, struct random *r)
+{
+    const float gray[3] = {0.42f, 0.41f, 0.40f};
+    int rows = p->skin.tone < -0.5f && random_chance(r, 0.85) ? 3 : 9;
+
+    person_color(r, p->hair_color, hair_rows[random_below(r, (uint32_t)rows)],
+                 0.12f);
+    p->hair_gray = random_chance(r, p->age * 0.9)
+                       ? random_float(r, 0.1, 1) * p->age
+                       : 0;
+    if (random_chance(r, 0.04))
+        person_any_color(r, p->hair_color, 0.9f, 0.3f, 0.8f);
+    lerp3(p->hair_color, p->hair_color, gray, p->hair_gray);
+    p->hair_gloss = random_float(r, 0.3, 1.3);
+}
+
+/* Brows, beard and moustache, in the hair's colour. */
+static void person_draw_beard(struct scan_person *p, struct random *r,
+                              const struct scan_assets *a)
+{
+    p->brow = person_one_of(r, a->brow.n, 0);
+    p->brow_weight = random_float(r, 0.55, 1.0);
+    for (int k = 0; k < 3; k++)
+        p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.11f)
+                           * random_float(r, 0.5, 0.9);
+    p->beard = p->male > 0.5f && random_chance(r, 0.35)
+                   ? random_float(r, 0.3, 1)
+                   : 0;
+    p->moustache = p->male > 0.5f
+                           && random_chance(r, p->beard > 0 ? 0.85 : 0.08)
+                       ? random_float(r, 0.4, 1)
+                       : 0;
+    p->beard_length = random_float(r, 0.1, 1);
+}
+
 /* Colour, cut, hat, brows and beard. */
 static void person_draw_hair(struct scan_person *p, const struct scan_assets *a)
 {
     struct random r;
 
     random_init(&r, p->key, "hair");
-    /* the darker the skin, the darker the hair, mostly */
-    int rows = p->skin.tone < -0.5f && random_chance(&r, 0.85) ? 3 : 9;
-    person_color(&r, p->hair_color, hair_rows[random_below(&r, (uint32_t)rows)],
-                 0.12f);
-    p->hair_gray = random_chance(&r, p->age * 0.9)
-                       ? random_float(&r, 0.1, 1) * p->age
-                       : 0;
-    if (random_chance(&r, 0.04))
-        person_any_color(&r, p->hair_color, 0.9f, 0.3f, 0.8f);
-    float gray[3] = {0.42f, 0.41f, 0.40f};
-    lerp3(p->hair_color, p->hair_color, gray, p->hair_gray);
-    p->hair_gloss = random_float(&r, 0.3, 1.3);
+    person_draw_hair_color(p, &r);
     p->hair = person_one_of(&r, a->hair.n, p->male > 0.5f ? 0.12 : 0.02);
     /* long hair and short hair change hands now and then */
     for (int k = 0; k < 12 && p->hair >= 0; k++) {
@@ -146,19 +172,7 @@ static void person_draw_hair(struct scan_person *p, const struct scan_assets *a)
     if (p->hat >= 0 || p->cap)
         p->hair = p->male > 0.5f || random_chance(&r, 0.3) ? -1 : p->hair;
     person_any_color(&r, p->cap_color, 0.8f, 0.1f, 0.9f);
-    p->brow = person_one_of(&r, a->brow.n, 0);
-    p->brow_weight = random_float(&r, 0.55, 1.0);
-    for (int k = 0; k < 3; k++)
-        p->brow_color[k] = clampf(p->hair_color[k], 0.004f, 0.11f)
-                           * random_float(&r, 0.5, 0.9);
-    p->beard = p->male > 0.5f && random_chance(&r, 0.35)
-                   ? random_float(&r, 0.3, 1)
-                   : 0;
-    p->moustache = p->male > 0.5f
-                           && random_chance(&r, p->beard > 0 ? 0.85 : 0.08)
-                       ? random_float(&r, 0.4, 1)
-                       : 0;
-    p->beard_length = random_float(&r, 0.1, 1);
+    person_draw_beard(p, &r, a);
 }
 
 /* Irises, lashes, teeth, glasses and what is worn. */

@@ -30,9 +30,38 @@ void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v)
                    + w[3] * c[4 + k]) * (1 / 255.0f);
 }
 
+/* Where there is no memory for the named piece. */
 static int piece_memory(struct error *err, const char *name)
 {
     return error_set(err, EX_OSERR, "%s: out of memory", name);
+}
+
+/* Corners by the vertex that they stand for. */
+struct corners {
+    int32_t *first;     /* (nv) of a vertex, or -1 */
+    int32_t *next;      /* (corners) of the same vertex */
+    int32_t *texel;     /* (corners) texture place's index */
+};
+
+/* The corner of vertex v at texture place t, made where there is none. */
+static int32_t piece_corner(struct piece *p, struct corners *k, int32_t v,
+                            int32_t t, const float *place, const float *vt)
+{
+    int32_t c = k->first[v];
+
+    while (c >= 0 && k->texel[c] != t)
+        c = k->next[c];
+    if (c >= 0)
+        return c;
+    c = (int32_t)p->nc++;
+    k->texel[c] = t;
+    k->next[c] = k->first[v];
+    k->first[v] = c;
+    p->origin[c] = v;
+    copy3(p->place + 3 * c, place + 3 * v);
+    p->uv[2 * c] = vt ? vt[2 * t] : 0;
+    p->uv[2 * c + 1] = vt ? vt[2 * t + 1] : 0;
+    return c;
 }
 
 /* Corners of faces above a height, split where texture places part. */
@@ -40,51 +69,41 @@ static int piece_cut(struct piece *p, const float *place, size_t nv,
                      const int32_t *f, const float *vt, const int32_t *ft,
                      size_t nf, float above, struct error *err)
 {
-    int32_t *first = malloc(nv * sizeof *first);
+    struct corners c = {
+        .first = malloc(nv * sizeof *c.first),
+        .next = malloc(3 * nf * sizeof *c.next),
+        .texel = malloc(3 * nf * sizeof *c.texel)
+    };
+    int rc = -1;
 
     p->place = malloc(9 * nf * sizeof *p->place);
     p->uv = malloc(6 * nf * sizeof *p->uv);
     p->faces = malloc(3 * nf * sizeof *p->faces);
     p->origin = malloc(3 * nf * sizeof *p->origin);
-    int32_t *t_of = malloc(3 * nf * sizeof *t_of);
-    int32_t *chain = malloc(3 * nf * sizeof *chain);
-    if (!first || !p->place || !p->uv || !p->faces || !p->origin || !t_of
-        || !chain) {
-        free(first);
-        free(t_of);
-        free(chain);
-        return piece_memory(err, p->name);
+    if (!c.first || !c.next || !c.texel || !p->place || !p->uv || !p->faces
+        || !p->origin) {
+        piece_memory(err, p->name);
+        goto out;
     }
     for (size_t i = 0; i < nv; i++)
-        first[i] = -1;
+        c.first[i] = -1;
     for (size_t i = 0; i < nf; i++) {
         const int32_t *v = f + 3 * i;
         float top = minf(place[3 * v[0] + 1],
                           minf(place[3 * v[1] + 1], place[3 * v[2] + 1]));
         if (top < above)
             continue;
-        for (size_t k = 0; k < 3; k++) {
-            int32_t t = vt ? ft[3 * i + k] : 0, c = first[v[k]];
-            while (c >= 0 && t_of[c] != t)
-                c = chain[c];
-            if (c < 0) {
-                c = (int32_t)p->nc++;
-                t_of[c] = t;
-                p->origin[c] = v[k];
-                chain[c] = first[v[k]];
-                first[v[k]] = c;
-                copy3(p->place + 3 * c, place + 3 * v[k]);
-                p->uv[2 * c] = vt ? vt[2 * t] : 0;
-                p->uv[2 * c + 1] = vt ? vt[2 * t + 1] : 0;
-            }
-            p->faces[3 * p->nf + k] = c;
-        }
+        for (size_t k = 0; k < 3; k++)
+            p->faces[3 * p->nf + k] =
+                piece_corner(p, &c, v[k], vt ? ft[3 * i + k] : 0, place, vt);
         p->nf++;
     }
-    free(first);
-    free(t_of);
-    free(chain);
-    return 0;
+    rc = 0;
+out:
+    free(c.first);
+    free(c.next);
+    free(c.texel);
+    return rc;
 }
 
 static int piece_bind_corners(struct piece *p, const struct body *b,

@@ -171,11 +171,7 @@ static void shade_eye_frame(float m[9], float centre[3],
     cross3(up, a, right);
     unit3(up);
     cross3(right, up, a);
-    for (int k = 0; k < 3; k++) {
-        t[3 * k] = right[k];
-        t[3 * k + 1] = up[k];
-        t[3 * k + 2] = a[k];
-    }
+    columns33(t, right, up, a);
     mul33(m, s->view.rot, t);
     rot3(centre, s->view.rot, f->eye[e]);
     mad3(centre, centre, s->view.trans, 1);

@@ -116,8 +116,38 @@ static void skin_fill_polygon(uint8_t *mask, const struct scan_face *f,
         }
 }
 
-/* Shares of brows, lids and lips on the chart, from the landmarks that outline
- * them. */
+/* Where a beard grows: cheeks under a line from the mouth to the ears, chin and
+ * upper lip, but no lips. */
+static void skin_make_beard(struct skin_model *s, const struct scan_face *f,
+                            const struct register_map *m)
+{
+    float nose[2], chin[2], ear[2], mouth[2];
+
+    skin_texel_of(nose, f, m->vertex[2]);
+    skin_texel_of(chin, f, m->vertex[152]);
+    skin_texel_of(ear, f, m->vertex[234]);
+    skin_texel_of(mouth, f, m->vertex[13]);
+    for (int y = 0; y < N; y++)
+        for (int x = 0; x < N; x++) {
+            float side = fabsf((float)x - 0.5f * N)
+                         / fabsf(ear[0] - 0.5f * N);
+            /* the cheek's edge climbs from the mouth to the ears */
+            float top = lerpf(mouth[1] + 14, ear[1] - 6, ramp(0.3f, 1, side));
+            float low = chin[1] + 42 - 30 * side;
+            float v = ramp(top - 10, top + 14, (float)y)
+                      * ramp(low + 16, low - 10, (float)y)
+                      * ramp(1.04f, 0.93f, side);
+            /* the upper lip's, under the nose */
+            float m2 = ramp(nose[1] + 2, nose[1] + 9, (float)y)
+                       * ramp(mouth[1] + 25, mouth[1], (float)y)
+                       * ramp(0.36f, 0.22f, side);
+            v = maxf(v, m2) * (1 - s->lip[y * N + x] / 255.0f);
+            s->beard[y * N + x] = (uint8_t)(255 * v);
+        }
+}
+
+/* Shares of brows, lids, lips and beard on the chart, from the landmarks that
+ * outline them. */
 static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
                            const struct register_map *m, struct error *err)
 {
@@ -144,28 +174,7 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
         skin_fill_polygon(s->eye, f, m, lid[i], 16, 5);
     }
     skin_fill_polygon(s->lip, f, m, outer, 20, 0);
-    float nose[2], chin[2], ear[2], mouth[2];
-    skin_texel_of(nose, f, m->vertex[2]);
-    skin_texel_of(chin, f, m->vertex[152]);
-    skin_texel_of(ear, f, m->vertex[234]);
-    skin_texel_of(mouth, f, m->vertex[13]);
-    for (int y = 0; y < N; y++)
-        for (int x = 0; x < N; x++) {
-            float side = fabsf((float)x - 0.5f * N)
-                         / fabsf(ear[0] - 0.5f * N);
-            /* the cheek's edge climbs from the mouth to the ears */
-            float top = lerpf(mouth[1] + 14, ear[1] - 6, ramp(0.3f, 1, side));
-            float low = chin[1] + 42 - 30 * side;
-            float v = ramp(top - 10, top + 14, (float)y)
-                      * ramp(low + 16, low - 10, (float)y)
-                      * ramp(1.04f, 0.93f, side);
-            /* the upper lip's, under the nose */
-            float m2 = ramp(nose[1] + 2, nose[1] + 9, (float)y)
-                       * ramp(mouth[1] + 25, mouth[1], (float)y)
-                       * ramp(0.36f, 0.22f, side);
-            v = maxf(v, m2) * (1 - s->lip[y * N + x] / 255.0f);
-            s->beard[y * N + x] = (uint8_t)(255 * v);
-        }
+    skin_make_beard(s, f, m);
     return 0;
 }
 

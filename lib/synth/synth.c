@@ -220,6 +220,15 @@ static int synth_picture_render(struct synth *s, struct synth_picture *t,
     return 0;
 }
 
+/* One frame, with assets or of a sculpted person, by thread `me`. */
+static int synth_picture_make(struct synth *s, struct synth_picture *t, int me,
+                              struct error *err)
+{
+    return s->opt.assets
+               ? synth_picture_render_scan(s, t, &s->worker[me], err)
+               : synth_picture_render(s, t, &s->stage[me], err);
+}
+
 /* Make the next batch: first its people, then its frames. */
 static int synth_make_batch(struct synth *s, struct error *err)
 {
@@ -249,13 +258,8 @@ static int synth_make_batch(struct synth *s, struct error *err)
         for (size_t i = 0; i < s->made; i++) {
             struct error mine = { 0 };
             s->picture[i].number = s->next + i;
-            int me = omp_get_thread_num();
-            if (!failed
-                && (s->opt.assets
-                        ? synth_picture_render_scan(s, &s->picture[i],
-                                                    &s->worker[me], &mine)
-                        : synth_picture_render(s, &s->picture[i], &s->stage[me],
-                                               &mine)))
+            if (!failed && synth_picture_make(s, &s->picture[i],
+                                              omp_get_thread_num(), &mine))
 #pragma omp critical(synth_failed)
             {
                 failed = 1;

@@ -106,6 +106,16 @@ static inline void mul33(float o[9], const float a[9], const float b[9])
             o[3 * i + j] = a[3 * i] * b[j] + a[3 * i + 1] * b[3 + j]
                            + a[3 * i + 2] * b[6 + j];
 }
+/* o with these columns */
+static inline void columns33(float o[9], const float a[3], const float b[3],
+                             const float c[3])
+{
+    for (int k = 0; k < 3; k++) {
+        o[3 * k] = a[k];
+        o[3 * k + 1] = b[k];
+        o[3 * k + 2] = c[k];
+    }
+}
 /* Rotation by angle (radians) about one axis: 0 x, 1 y, 2 z. */
 static inline void axis33(float o[9], int axis, float angle)
 {
