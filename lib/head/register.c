@@ -343,6 +343,53 @@ static bool register_is_still(const struct registration *r, size_t v)
            (h->part[v] == PART_MOUTH && h->ring[v] > 7);
 }
 
+/* For each vertex, from the scans' that lie on its faces: how far outside they
+ * are along its normal, summed into f->weight, and their shares in f->along. */
+static void register_swell_measure(struct fit *f, const struct nearest *ours)
+{
+    const struct registration *r = f->r;
+
+    memset(f->weight, 0, r->s->nv * sizeof *f->weight);
+    memset(f->along, 0, r->s->nv * sizeof *f->along);
+    for (int32_t v = 0; v < SCAN_SKIN; v++) {
+        const float *q = r->scan->neutral + 3 * v;
+        double p[3] = {q[0], q[1], q[2]};
+        struct nearest_hit hit;
+
+        nearest_find(&hit, ours, p, NULL, 0, 0.002);
+        for (int k = 0; hit.face >= 0 && k < 3; k++) {
+            size_t u = (size_t)r->s->f[3 * hit.face + k];
+            const double *n = f->normal + 3 * u;
+
+            f->along[u] += hit.bary[k];
+            for (int c = 0; c < 3; c++)
+                f->weight[u] += hit.bary[k] * n[c] * (p[c] - hit.at[c]);
+        }
+    }
+}
+
+/* Move each vertex along its normal by most of what was measured, a millimetre
+ * from home (f->d) at the most. */
+static void register_swell_move(struct fit *f)
+{
+    struct registration *r = f->r;
+
+    for (size_t v = 0; v < r->s->nv; v++) {
+        const double *home = f->d + 3 * v, *n = f->normal + 3 * v;
+        double *x = r->at + 3 * v, up = 0;
+
+        if (register_is_still(r, v) || register_is_ball(r, v)
+            || r->match[v].trust < 1 || f->along[v] < 0.5)
+            continue;
+        for (int c = 0; c < 3; c++)
+            up += n[c] * (x[c] - home[c]);
+        up = fmax(-0.001, fmin(0.001, up + 0.6 * f->weight[v] / f->along[v]));
+        for (int c = 0; c < 3; c++)
+            x[c] = home[c] + up * n[c];
+    }
+    register_mirror(r->at, r);
+}
+
 /* Flat faces cut the corners of a round surface: raise the vertices until the
  * scans' own lie as much outside of our faces as inside.  At most a
  * millimetre; rims stay where they are. */
@@ -352,7 +399,6 @@ static int register_swell(struct fit *f, struct error *err)
     struct registration *r = f->r;
     size_t nv = r->s->nv;
     float *verts = malloc(3 * nv * sizeof *verts);
-    double *sum = f->weight, *count = f->along;
     struct nearest ours = {0};
     int rc = verts ? 0 : error_set(err, EX_OSERR, "no memory to swell");
 
@@ -361,37 +407,8 @@ static int register_swell(struct fit *f, struct error *err)
     if (!rc)
         rc = nearest_init(&ours, verts, r->s->f, r->s->nf, err);
     for (int round = 0; !rc && round < ROUNDS; round++) {
-        memset(sum, 0, nv * sizeof *sum);
-        memset(count, 0, nv * sizeof *count);
-        for (int32_t v = 0; v < SCAN_SKIN; v++) {
-            const float *q = r->scan->neutral + 3 * v;
-            double p[3] = {q[0], q[1], q[2]};
-            struct nearest_hit hit;
-
-            nearest_find(&hit, &ours, p, NULL, 0, 0.002);
-            for (int k = 0; hit.face >= 0 && k < 3; k++) {
-                size_t u = (size_t)r->s->f[3 * hit.face + k];
-                const double *n = f->normal + 3 * u;
-
-                count[u] += hit.bary[k];
-                for (int c = 0; c < 3; c++)
-                    sum[u] += hit.bary[k] * n[c] * (p[c] - hit.at[c]);
-            }
-        }
-        for (size_t v = 0; v < nv; v++) {
-            const double *home = f->d + 3 * v, *n = f->normal + 3 * v;
-            double *x = r->at + 3 * v, up = 0;
-
-            if (register_is_still(r, v) || register_is_ball(r, v)
-                || r->match[v].trust < 1 || count[v] < 0.5)
-                continue;
-            for (int c = 0; c < 3; c++)
-                up += n[c] * (x[c] - home[c]);
-            up = fmax(-0.001, fmin(0.001, up + 0.6 * sum[v] / count[v]));
-            for (int c = 0; c < 3; c++)
-                x[c] = home[c] + up * n[c];
-        }
-        register_mirror(r->at, r);
+        register_swell_measure(f, &ours);
+        register_swell_move(f);
         for (size_t i = 0; i < 3 * nv; i++)
             verts[i] = (float)r->at[i];
         nearest_update(&ours);

@@ -63,7 +63,8 @@ static struct vec ear_point(double p, double q, double w)
     return vec(base + w, y, z);
 }
 
-void sculpt_ear(struct half *h)
+/* The ear's loops, from the skin of the skull over the rim into the concha. */
+static void ear_make_rings(struct half *h)
 {
     double op[12], oq[12], of[12], og[12];
 
@@ -99,9 +100,14 @@ void sculpt_ear(struct half *h)
             h->snap[v] = k == 0;
         }
     }
-    /* floor of the concha: Coons patch from its border */
+}
+
+/* The floor of the concha: a Coons patch from its border, hollowed. */
+static void ear_make_floor(struct half *h)
+{
     int w = EAR_C1 - EAR_C0, t = EAR_R1 - EAR_R0;
     int (*f)[EAR_C1 - EAR_C0 + 1] = h->ear_fill;
+
     for (int r = 1; r < t; r++)
         for (int c = 1; c < w; c++) {
             double a = (double)c / w, b = (double)r / t;
@@ -115,6 +121,12 @@ void sculpt_ear(struct half *h)
             h->hold[f[r][c]] = 1;
             h->snap[f[r][c]] = 0;
         }
+}
+
+void sculpt_ear(struct half *h)
+{
+    ear_make_rings(h);
+    ear_make_floor(h);
 }
 
 /* Nostril: an oval on the underside of the nose, three loops inwards. */

@@ -165,6 +165,21 @@ static void dinov2_plan_position(struct dinov2 *d, size_t height, size_t width)
                             ((double)d->grid_w + OFFSET) / (double)G, E);
 }
 
+/* What the backward pass needs besides, for rows tokens of E numbers. */
+static void dinov2_plan_backward(struct dinov2 *d, size_t rows, size_t E)
+{
+    struct dinov2_impl *im = d->impl;
+    struct nn_plan *p = &im->plan;
+    const size_t G = d->config.grid;
+
+    im->dx = nn_plan_floats(p, rows * E);
+    im->ds = nn_plan_floats(p, rows * E);
+    im->dn = nn_plan_floats(p, rows * E);
+    im->dwide = nn_plan_floats(p, 2 * rows * 4 * E);
+    im->dpos = nn_plan_floats(p, (d->tokens + G * G) * E);
+    im->sums = nn_plan_floats(p, NN_SUMS * 2 * E);
+}
+
 int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
                 struct nn_options opt, struct error *err)
 {
@@ -201,14 +216,8 @@ int dinov2_plan(struct dinov2 *d, size_t batch, size_t height, size_t width,
         im->given[i] = nn_plan_floats(p, rows * E);
         im->given_stat[i] = nn_plan_floats(p, 2 * rows);
     }
-    if (nn_plan_backward(p)) {
-        im->dx = nn_plan_floats(p, rows * E);
-        im->ds = nn_plan_floats(p, rows * E);
-        im->dn = nn_plan_floats(p, rows * E);
-        im->dwide = nn_plan_floats(p, 2 * rows * 4 * E);
-        im->dpos = nn_plan_floats(p, (d->tokens + c->grid * c->grid) * E);
-        im->sums = nn_plan_floats(p, NN_SUMS * 2 * E);
-    }
+    if (nn_plan_backward(p))
+        dinov2_plan_backward(d, rows, E);
     if (nn_plan_finish(p, err))
         return -1;
     dinov2_update(d);

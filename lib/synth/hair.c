@@ -141,6 +141,23 @@ static void hair_flow(const struct actor *a, float f[3], const float p[3])
     }
 }
 
+/* Normals of a strand, mostly away from the skull, and how open to the sky its
+ * points lie: the tips and what is far out are. */
+static void hair_finish_strand(struct strand_point *q, int n,
+                               const struct actor *a, const float normal[3],
+                               float depth)
+{
+    for (int i = 0; i < n; i++) {
+        sub3(q[i].n, q[i].p, a->skull);
+        if (q[i].n[1] < 0)
+            q[i].n[1] *= 0.2f;
+        unit3(q[i].n);
+        lerp3(q[i].n, q[i].n, normal, 0.25f);
+        float t = (float)i / (float)(n - 1);
+        q[i].open = lerpf(0.35f, 1, ramp(0, 0.7f, t)) * (0.55f + 0.45f * depth);
+    }
+}
+
 /* From the root along the cut's direction, falling, and never into the
  * skull. */
 static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
@@ -189,15 +206,7 @@ static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
         if (length > 0.3f && !fringe)
             hair_keep_clear(a, p, depth);
     }
-    for (int i = 0; i < n; i++) {
-        sub3(q[i].n, q[i].p, a->skull);
-        if (q[i].n[1] < 0)
-            q[i].n[1] *= 0.2f;
-        unit3(q[i].n);
-        lerp3(q[i].n, q[i].n, normal, 0.25f);
-        float t = (float)i / (float)(n - 1);
-        q[i].open = lerpf(0.35f, 1, ramp(0, 0.7f, t)) * (0.55f + 0.45f * depth);
-    }
+    hair_finish_strand(q, n, a, normal, depth);
 }
 
 /* A random point of the scalp, picked by area and density. */

@@ -100,8 +100,6 @@ static void paint_vertex(struct actor *a, size_t i, const float normal[3])
     float under = clampf(-normal[1], 0, 1) * ramp(a->lmk[8][1] + 0.15f,
                                                   a->lmk[8][1] - 0.1f, p[1]);
     q->k[PAINT_SHUT] = clampf(0.45f * under, 0, 0.9f);
-    if (region == 10)
-        q->k[PAINT_SHUT] = 0.85f;
 }
 
 static int paint_label_of(int region)
