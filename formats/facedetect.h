@@ -16,8 +16,8 @@ struct facedetect *facedetect_open(struct error *err);
 void facedetect_close(struct facedetect *d);     /* NULL is allowed */
 
 /* The largest face of the picture [H,W,3], stride bytes a row: frontal
- * first, then profile of either side.  1 and *face (the detector's box, in
- * picture pixels); 0: none. */
+ * first, then profile of either side, then frontal and tilted either way.  1
+ * and *face (the detector's box, in picture pixels); 0: none. */
 int facedetect_find(struct facedetect *d, struct square *face,
                     const uint8_t *rgb, size_t W, size_t H, size_t stride);
 

@@ -40,6 +40,45 @@ END
         <(spid-dump --json --values --only SHAP b.spid)
 }
 
+# tilted DEGREES IN OUT: a PPM rolled about its middle, edges drawn out.
+tilted() {
+    "$PYTHON" - "$@" <<'END'
+import sys
+import numpy as np
+head, size, _, body = open(sys.argv[2], 'rb').read().split(b'\n', 3)
+a, w, h = np.radians(float(sys.argv[1])), *map(int, size.split())
+y, x = np.mgrid[:h, :w] - np.array([h, w]).reshape(2, 1, 1) / 2
+u = np.rint(np.cos(a) * x - np.sin(a) * y + w / 2).clip(0, w - 1).astype(int)
+v = np.rint(np.sin(a) * x + np.cos(a) * y + h / 2).clip(0, h - 1).astype(int)
+picture = np.frombuffer(body, np.uint8).reshape(h, w, 3)[v, u]
+open(sys.argv[3], 'wb').write(b'P6 %d %d 255\n' % (w, h) + picture.tobytes())
+END
+}
+
+@test "a head tilted by 35 degrees either way is found, and as tilted" {
+    need_sure
+    spid-synth -q -s 3 --effects 0 -o a.pam
+    turned 0 a.pam a.ppm
+    sed -i '1s/^P6 \([0-9]* [0-9]*\) 255$/P6\n\1\n255/' a.ppm
+    spid-shape -q a.ppm -o a.spid
+    spid-dump -q --only MOTN --npy a a.spid
+    for tilt in -35 35; do
+        tilted $tilt a.ppm b.ppm
+        spid-shape -q b.ppm -o b.spid
+        spid-dump -q --only MOTN --npy b b.spid
+        "$PYTHON" - $tilt <<'END'
+import sys
+import numpy as np
+a, b = (np.load(d + '/MOTN.rot.npy').reshape(-1, 3, 3)[0] for d in 'ab')
+turn = b @ a.T
+roll = np.degrees(np.arctan2(turn[1, 0], turn[0, 0]))
+print(f'rolled by {roll:.1f} degrees')
+sys.exit(int(abs(abs(roll) - 35) > 8 or roll * float(sys.argv[1]) > 0))
+END
+        rm -r b
+    done
+}
+
 @test "motions say how sure the encoder is" {
     need_sure
     spid-synth -q -s 3 --frames 3 --effects 0 -o a.y4m
