@@ -7,6 +7,7 @@
 #include "cmd/cli.h"
 #include "lib/base/cpu.h"
 #include "lib/base/list.h"
+#include "lib/base/sort.h"
 
 #define MAX_STAGES 32
 
@@ -39,14 +40,6 @@ void stats_end(const char *name, double begun)
     s->ms[s->count++] = 1e3 * (cpu_seconds() - begun);
 }
 
-/* For qsort: the shorter time first. */
-static int cli_stats_compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 void stats_write(void)
 {
     FILE *f;
@@ -61,7 +54,7 @@ void stats_write(void)
     for (struct stage *s = stages; s < stages + MAX_STAGES && s->count; s++) {
         double total = 0;
 
-        qsort(s->ms, s->count, sizeof *s->ms, cli_stats_compare);
+        sort_doubles(s->ms, s->count);
         for (size_t i = 0; i < s->count; i++)
             total += s->ms[i];
         fprintf(f, "%s\t%zu\t%.3f\t%.4f\t%.4f\t%.4f\n", s->name, s->count,

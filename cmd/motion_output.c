@@ -8,6 +8,7 @@
 #include "formats/mark.h"
 #include "lib/record/take.h"
 
+/* The picture or video that the motion is drawn upon. */
 static int motion_output_overlay(struct motion_output *o, const char *path,
                                  const struct identity *id, struct error *err)
 {

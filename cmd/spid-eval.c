@@ -226,6 +226,7 @@ static int eval_model(struct table *t, const struct head *h)
     return 0;
 }
 
+/* The file of frames, the head and the networks that were asked for. */
 static void eval_open_comparison(struct comparison *j)
 {
     struct error err = {0};

@@ -83,6 +83,8 @@ static void head_take_model(struct head *h, const struct sculpt *s)
         die_error(&err);
 }
 
+/* --check: a table of distances, for faces at rest and two shares of their
+ * expressions on. */
 static void head_compare_models(const struct head *h)
 {
     static const double active[] = { 0, 0.1, 0.25 };

@@ -91,6 +91,8 @@ static void import_print_problems(const struct convert *c, const char *path,
         warn("%s: %sand %zu more", path, label, n - LINES);
 }
 
+/* Convert, tell what does not fit, and end the program unless all of the
+ * kind was there. */
 static void import_convert_file(struct convert *c, struct tensorfile *f,
                                 struct error *err)
 {

@@ -164,6 +164,7 @@ static int pack_add_npy(struct pack *p, const char *source, struct error *err)
                     ? error_prefix(err, "%s", path) : 0;
 }
 
+/* Keep a tensor of a file as an array of its name. */
 static int pack_add_tensor(struct pack *p, const struct safetensors *st,
                            const struct st_tensor *t, struct error *err)
 {

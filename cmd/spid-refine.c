@@ -196,6 +196,7 @@ static int refine_pass_stream(struct program *p, struct error *err)
     return rc;
 }
 
+/* In the order in which one may still use the other. */
 static void refine_close_all(struct program *p)
 {
     ahead_close(p->ahead);

@@ -47,6 +47,7 @@ static int splat_parse_camera(const char *value, void *dest, struct error *err)
     return 0;
 }
 
+/* A bit for each branch named. */
 static int splat_parse_branches(const char *value, void *dest,
                                 struct error *err)
 {
@@ -145,6 +146,7 @@ static bool splat_half_features(void)
     return f16 || (channels > SPLAT_COLORS && !f32_products && !exact);
 }
 
+/* Where frames go; pictures need their colours. */
 static struct framesink *splat_open_sink(void)
 {
     struct error err = {0};

@@ -140,6 +140,8 @@ static char *train_describe_model(const struct train_config *c)
     return text;
 }
 
+/* --join: the named model files as one, with the configuration's
+ * description. */
 static int train_join_models(const struct train_config *c, char **parts,
                              int count)
 {

@@ -28,6 +28,8 @@ static inline vf compose_load(const float *p)
     return v;
 }
 
+/* As many bytes as a vector has lanes, as floats: neither SSE2 nor NEON does
+ * it from memory in one instruction. */
 static inline vf compose_load_bytes(const uint8_t *p)
 {
 #if defined(ISA_BASELINE) && defined(__SSE2__)

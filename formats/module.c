@@ -59,6 +59,7 @@ static const void *module_beside(const struct module *m)
     return table;
 }
 
+/* Once, whoever asks first; a failure is tried again at the next call. */
 static const void *module_load(struct module *m, struct error *err)
 {
     const char *own = getenv("SPID_MODULES");

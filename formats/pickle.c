@@ -87,6 +87,7 @@ static int pickle_op_add(struct pickle_machine *m, int kind, size_t n)
 
 /* ---- opcodes: the stack and the memo ------------------------------------ */
 
+/* POP: the topmost value goes, or a mark. */
 static int pickle_op_pop(struct pickle_machine *m, int kind, size_t n)
 {
     (void)kind, (void)n;
@@ -96,6 +97,7 @@ static int pickle_op_pop(struct pickle_machine *m, int kind, size_t n)
     return 0;
 }
 
+/* POP_MARK: all down to the last mark goes, and the mark. */
 static int pickle_op_pop_mark(struct pickle_machine *m, int kind, size_t n)
 {
     size_t from = pickle_marked(m);
@@ -127,6 +129,7 @@ static int pickle_memo_index(struct pickle_machine *m, size_t n, uint64_t *i)
     return 0;
 }
 
+/* PUT and its kin: the topmost value is remembered under a number. */
 static int pickle_op_put(struct pickle_machine *m, int kind, size_t n)
 {
     uint64_t i;
@@ -135,6 +138,7 @@ static int pickle_op_put(struct pickle_machine *m, int kind, size_t n)
     return pickle_memo_index(m, n, &i) ? -1 : pickle_memo_put(m, i);
 }
 
+/* GET and its kin: what was remembered, once more. */
 static int pickle_op_get(struct pickle_machine *m, int kind, size_t n)
 {
     uint64_t i;
@@ -162,6 +166,7 @@ static const char *pickle_printable(char out[64], struct pickle_text s)
     return out;
 }
 
+/* Only what is listed may be named: nothing is ever imported or run. */
 static int pickle_refuse_name(struct pickle_machine *m,
                               struct pickle_text module,
                               struct pickle_text name)
@@ -173,6 +178,7 @@ static int pickle_refuse_name(struct pickle_machine *m,
                        pickle_printable(b, name));
 }
 
+/* A class or function by its number in the list. */
 static int pickle_push_name(struct pickle_machine *m, struct pickle_text module,
                             struct pickle_text name)
 {
@@ -187,6 +193,7 @@ static int pickle_push_name(struct pickle_machine *m, struct pickle_text module,
     return pickle_push(m, v);
 }
 
+/* GLOBAL: module and name, a line each. */
 static int pickle_op_global(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_text module, name;
@@ -197,6 +204,7 @@ static int pickle_op_global(struct pickle_machine *m, int kind, size_t n)
     return pickle_push_name(m, module, name);
 }
 
+/* STACK_GLOBAL: module and name from the stack. */
 static int pickle_op_stack_global(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_value *name = pickle_pop(m);
@@ -249,6 +257,7 @@ static int pickle_op_call(struct pickle_machine *m, int kind, size_t n)
     return pickle_push(m, pickle_new(m, name->u.name));
 }
 
+/* BUILD: give the object below its state. */
 static int pickle_op_build(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_value *state = pickle_pop(m);
@@ -258,6 +267,7 @@ static int pickle_op_build(struct pickle_machine *m, int kind, size_t n)
     return object ? pickle_build(m, object, state) : -1;
 }
 
+/* BINPERSID: what the identifier stands for, a storage of PyTorch's. */
 static int pickle_op_binpersid(struct pickle_machine *m, int kind, size_t n)
 {
     struct pickle_value *id = pickle_pop(m);
@@ -268,6 +278,7 @@ static int pickle_op_binpersid(struct pickle_machine *m, int kind, size_t n)
 
 /* ---- opcodes: the file -------------------------------------------------- */
 
+/* PROTO: a version that there was when this was written. */
 static int pickle_op_proto(struct pickle_machine *m, int kind, size_t n)
 {
     uint64_t version;
@@ -280,6 +291,7 @@ static int pickle_op_proto(struct pickle_machine *m, int kind, size_t n)
     return 0;
 }
 
+/* FRAME: only a promise of bytes, which must be there. */
 static int pickle_op_frame(struct pickle_machine *m, int kind, size_t n)
 {
     uint64_t bytes;
@@ -293,6 +305,7 @@ static int pickle_op_frame(struct pickle_machine *m, int kind, size_t n)
     return 0;
 }
 
+/* STOP: the last value on the stack is the pickle's. */
 static int pickle_op_stop(struct pickle_machine *m, int kind, size_t n)
 {
     (void)kind, (void)n;
@@ -383,6 +396,7 @@ static const struct {
     [0x98] = {"READONLY_BUFFER", pickle_op_refused, 0, 0},
 };
 
+/* Opcodes one by one until STOP. */
 static int pickle_run(struct pickle_machine *m)
 {
     while (!m->stopped) {
@@ -403,6 +417,7 @@ static int pickle_run(struct pickle_machine *m)
     return 0;
 }
 
+/* A pickle from its first opcode; `inner`: one in a string of another. */
 static struct pickle *pickle_read_any(const void *data, size_t size,
                                       size_t *used, bool inner,
                                       struct error *err)

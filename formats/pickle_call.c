@@ -164,6 +164,7 @@ static struct pickle_value *pickle_call_dict(struct pickle_machine *m,
     return v;
 }
 
+/* set(list): its items, shared with the list. */
 static struct pickle_value *pickle_call_set(struct pickle_machine *m,
                                             const struct pickle_value *args)
 {
@@ -220,6 +221,7 @@ static struct pickle_value *pickle_call_encode(struct pickle_machine *m,
     return v;
 }
 
+/* copyreg._reconstructor(class, object, None): an object without state. */
 static struct pickle_value *pickle_call_reconstructor(
     struct pickle_machine *m, const struct pickle_value *args)
 {
@@ -421,6 +423,7 @@ static const struct pickle_array *pickle_state_array(
     return pickle_is_kind(v, PICKLE_ARRAY) ? v->u.array : NULL;
 }
 
+/* scipy's compressed matrices: three arrays and a shape. */
 static int pickle_build_sparse(struct pickle_machine *m,
                                struct pickle_value *object,
                                const struct pickle_value *state)
@@ -444,6 +447,7 @@ static int pickle_build_sparse(struct pickle_machine *m,
     return 0;
 }
 
+/* chumpy's Ch: the array that it wraps as x. */
 static int pickle_build_chumpy(struct pickle_machine *m,
                                struct pickle_value *object,
                                const struct pickle_value *state)

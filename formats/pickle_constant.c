@@ -5,6 +5,7 @@
 
 #include "formats/pickle_machine.h"
 
+/* Text or bytes that lie elsewhere; p NULL: an error was set already. */
 static int pickle_push_text(struct pickle_machine *m, enum pickle_kind kind,
                             const void *p, size_t n)
 {
@@ -125,6 +126,7 @@ int pickle_op_string(struct pickle_machine *m, int kind, size_t n)
     return pickle_push_text(m, kind, pickle_bytes(m, bytes), (size_t)bytes);
 }
 
+/* Its value, or -1. */
 static int pickle_hex_digit(int c)
 {
     return c >= '0' && c <= '9' ? c - '0'
@@ -149,6 +151,7 @@ static long pickle_hex_number(const char *p, const char *end, int n)
     return v;
 }
 
+/* Code point c as UTF-8; returns its bytes. */
 static size_t pickle_put_utf8(char *out, unsigned long c)
 {
     size_t n = c < 0x80 ? 1 : c < 0x800 ? 2 : c < 0x10000 ? 3 : 4;

@@ -30,6 +30,7 @@ int pickle_fail(struct pickle_machine *m, const char *format, ...)
                      text);
 }
 
+/* Room for small values of a pickle, zeroed. */
 static struct pickle_block *pickle_block_make(struct pickle_machine *m,
                                               size_t size)
 {

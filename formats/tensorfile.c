@@ -155,6 +155,7 @@ static const char *tensorfile_array_stem(char out[TENSORFILE_NAME],
     return out;
 }
 
+/* One array, named as the file; arrays of objects hold a pickle. */
 static int tensorfile_open_npy(struct tensorfile *f, struct error *err)
 {
     struct tensor_place p = {.entry = SIZE_MAX};
@@ -174,6 +175,7 @@ static int tensorfile_open_npy(struct tensorfile *f, struct error *err)
     return tensorfile_add(f, name, &p, err);
 }
 
+/* Only the header is read now: the numbers stay packed until they are taken. */
 static int tensorfile_open_npz_entry(struct tensorfile *f, size_t i,
                                      struct error *err)
 {
@@ -219,6 +221,7 @@ static bool tensorfile_ends_in(const char *name, const char *end)
     return n >= k && !strcmp(name + n - k, end);
 }
 
+/* Each entry is an array. */
 static int tensorfile_open_npz(struct tensorfile *f, struct error *err)
 {
     f->format = "numpy npz";
@@ -233,6 +236,7 @@ static int tensorfile_open_npz(struct tensorfile *f, struct error *err)
     return 0;
 }
 
+/* A zip with a data.pkl one folder down is PyTorch's, any other numpy's. */
 static int tensorfile_open_zip(struct tensorfile *f, struct error *err)
 {
     size_t found = SIZE_MAX;
@@ -253,6 +257,7 @@ static int tensorfile_open_zip(struct tensorfile *f, struct error *err)
                              : tensorfile_torch_zip(f, found, err);
 }
 
+/* Tensors lie in the file as they are, C order. */
 static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
 {
     int rc = 0;
@@ -278,6 +283,7 @@ static int tensorfile_open_safetensors(struct tensorfile *f, struct error *err)
 
 /* ---- opening ------------------------------------------------------------ */
 
+/* All of a regular file, read-only. */
 static int tensorfile_map_file(struct tensorfile *f, struct error *err)
 {
     struct stat sb;

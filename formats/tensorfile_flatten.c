@@ -81,6 +81,7 @@ static int flatten_value(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
                          struct error *err);
 
+/* Each item under its key or number, one step further down the path. */
 static int flatten_items(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
                          struct error *err)
@@ -142,6 +143,8 @@ static int flatten_array(struct tensorfile *f, struct path *path,
     return tensorfile_add(f, path->text, &p, err);
 }
 
+/* Any value; nesting and the number of values are bounded, since shared ones
+ * can make a small pickle endless. */
 static int flatten_value(struct tensorfile *f, struct path *path,
                          const struct pickle_value *v, int depth,
                          struct error *err)

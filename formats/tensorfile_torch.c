@@ -67,6 +67,7 @@ static bool torch_key_text(char out[64], struct pickle_text key)
     return true;
 }
 
+/* The zip's entry that holds storage s, large enough for what is wanted. */
 static int torch_zip_storage(struct tensor_place *p, struct tensorfile *f,
                              const struct pickle_storage *s, struct error *err)
 {
@@ -90,6 +91,7 @@ static int torch_zip_storage(struct tensor_place *p, struct tensorfile *f,
 
 /* ---- the older form ----------------------------------------------------- */
 
+/* As memcmp, the shorter one first. */
 static int torch_compare_keys(struct pickle_text a, struct pickle_text b)
 {
     size_t n = a.n < b.n ? a.n : b.n;
@@ -104,6 +106,7 @@ static int torch_by_key(const void *a, const void *b)
                               ((const struct legacy_storage *)b)->key);
 }
 
+/* By bisection, for files may have thousands; NULL: not there. */
 static struct legacy_storage *torch_legacy_find(const struct tensorfile *f,
                                                 struct pickle_text key)
 {
@@ -113,6 +116,7 @@ static struct legacy_storage *torch_legacy_find(const struct tensorfile *f,
                                 sizeof *f->legacy, torch_by_key) : NULL;
 }
 
+/* Where the older format holds storage s, checked likewise. */
 static int torch_legacy_storage_place(struct tensor_place *p,
                                       struct tensorfile *f,
                                       const struct pickle_storage *s,

@@ -126,6 +126,7 @@ static int wavefront_parse_face(struct mesh_lists *l, const struct lines *in,
     return 0;
 }
 
+/* Groups, vertices, texture places and faces; other lines are passed over. */
 static int wavefront_parse_line(struct mesh_lists *l, const struct lines *in,
                                 const char *group, struct error *err)
 {
@@ -272,6 +273,7 @@ static void wavefront_parse_hidden(struct mhclo *m, const char *p, size_t nbase)
     }
 }
 
+/* Scales, then a row for each vertex of the mesh, then what it hides. */
 static int wavefront_parse_mhclo(struct mhclo *m, struct lines *in,
                                  size_t nbase, size_t n, struct error *err)
 {

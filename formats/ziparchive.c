@@ -25,6 +25,8 @@ struct ziparchive {
 
 /* ---- opening ------------------------------------------------------------ */
 
+/* What is stored as it is or deflated, not encrypted, and no bomb: a few
+ * bytes that claim to be many. */
 static int ziparchive_check_entry(struct entry *e, zip_t *zip, size_t i,
                                   struct error *err)
 {
@@ -82,6 +84,7 @@ static int ziparchive_by_name(const void *a, const void *b, void *context)
     return strcmp(e[*(const size_t *)a].name, e[*(const size_t *)b].name);
 }
 
+/* The index by which entries are found; no name may stand twice. */
 static int ziparchive_sort_names(struct ziparchive *z, struct error *err)
 {
     for (size_t i = 0; i < z->count; i++)
@@ -95,6 +98,7 @@ static int ziparchive_sort_names(struct ziparchive *z, struct error *err)
     return 0;
 }
 
+/* All entries, checked, and an index by name. */
 static int ziparchive_read_directory(struct ziparchive *z, const char *path,
                                      struct error *err)
 {

@@ -59,6 +59,7 @@ static bool camera_cut(const struct video_reader *)
     return false;
 }
 
+/* As video_read; a camera that sends nothing has ended. */
 static int camera_read(struct video_reader *v, const uint8_t **rgb,
                        size_t *width, size_t *height, double *time,
                        struct error *err)

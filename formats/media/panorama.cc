@@ -12,13 +12,13 @@ extern "C" {
 
 #include <OpenImageIO/imageio.h>
 
+/* Twice as wide as high, and colours: checked before memory is asked for. */
 static int panorama_check_spec(const OIIO::ImageSpec &spec, const char *path,
                                struct error *err)
 {
     if (spec.width != 2 * spec.height || spec.height < 64
         || spec.width > PANORAMA_MAX_SIDE)
         return error_set(err, EX_DATAERR, "%s: picture of %d x %d pixels "
-                         ""
                          "(expected a panorama twice as wide as high, at "
                          "least 128 x 64)", path,
                          spec.width, spec.height);
@@ -49,6 +49,7 @@ static int panorama_check_pixels(const struct panorama *p, const char *path,
     return 0;
 }
 
+/* All pixels as floats, checked. */
 static int panorama_pixels(struct panorama *p, const char *path,
                            struct error *err)
 {

@@ -154,6 +154,7 @@ static int reader_open_codec(struct reader *r)
     return avcodec_open2(r->codec, codec, NULL);
 }
 
+/* As video_close. */
 static void reader_close(struct video_reader *v)
 {
     struct reader *r = reader_of(v);
@@ -291,6 +292,7 @@ static double reader_time(struct reader *r)
     return r->last = t;
 }
 
+/* As video_read: decoded, converted, and turned as the file asks for. */
 static int reader_read(struct video_reader *v, const uint8_t **rgb,
                        size_t *width, size_t *height, double *time,
                        struct error *err)

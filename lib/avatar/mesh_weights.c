@@ -60,6 +60,7 @@ static void mesh_weights_neck(struct neck_blend *b, struct mesh_weights_nape *n,
     n->front = fmaxf(n->front, mark[2]);
 }
 
+/* The nape's share: by height, and the more the further back. */
 static float mesh_weights_nape_at(const struct mesh_weights_nape *n,
                                   const float x[3])
 {

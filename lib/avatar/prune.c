@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/sort.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
 
@@ -39,14 +40,6 @@ static void prune_view_camera(float cam[12], size_t v)
     mat3_mul(A, X, Y);
     mat3_mul(R, F, A);
     camera_make(cam, R, t);
-}
-
-/* Order of qsort. */
-static int prune_by_value(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
 }
 
 /* Draw view v of b; the time in ms is kept. */
@@ -134,7 +127,7 @@ static int prune_draw_all(struct prune *p, const struct densify *d,
             r->psnr = fmin(r->psnr, -10 * log10(sum / (double)n + 1e-20));
     }
     splat_release(&s);
-    qsort(p->ms, VIEWS, sizeof *p->ms, prune_by_value);
+    sort_doubles(p->ms, VIEWS);
     *median = p->ms[VIEWS / 2];
     return rc;
 }

@@ -98,6 +98,7 @@ const char *cpu_name(void)
 #ifdef __aarch64__
 #define FPCR_FZ ((uint64_t)1 << 24)
 
+/* The floating-point control register. */
 static uint64_t cpu_fpcr(void)
 {
     uint64_t x;

@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "lib/base/cpu.h"
+#include "lib/base/sort.h"
 
 void bench_init(struct bench *b)
 {
@@ -23,14 +24,6 @@ void bench_release(struct bench *b)
     free(b->pair);
     free(b->notes);
     memset(b, 0, sizeof *b);
-}
-
-/* Order of qsort: ascending. */
-static int bench_by_value(const void *a, const void *b)
-{
-    double p = *(const double *)a, q = *(const double *)b;
-
-    return p < q ? -1 : p > q;
 }
 
 int bench_time(struct bench_times *t, double seconds, size_t least,
@@ -54,7 +47,7 @@ int bench_time(struct bench_times *t, double seconds, size_t least,
             goto out;
         ms[t->runs++] = (cpu_seconds() - start) * 1e3;
     }
-    qsort(ms, t->runs, sizeof *ms, bench_by_value);
+    sort_doubles(ms, t->runs);
     t->min = ms[0];
     t->median = ms[t->runs / 2];
     t->p95 = ms[t->runs * 95 / 100];

@@ -112,6 +112,7 @@ static int growth_draw(struct growth *g, double x, size_t n, int side,
            growth_add(g, x, &t, NAN, threads, err) ? -1 : 0;
 }
 
+/* Time over Gaussians, at one size. */
 static int growth_gaussians(struct bench *b, struct error *err)
 {
     static const size_t count[] = {10000, 30000, 100000, 300000, 1000000};
@@ -126,6 +127,7 @@ static int growth_gaussians(struct bench *b, struct error *err)
     return 0;
 }
 
+/* Time over pixels, with the same Gaussians. */
 static int growth_pixels(struct bench *b, struct error *err)
 {
     struct growth g = {.b = b, .of = "pixels",
@@ -143,6 +145,7 @@ static int growth_pixels(struct bench *b, struct error *err)
     return 0;
 }
 
+/* Time over threads; a doubling should halve it. */
 static int growth_threads(struct bench *b, struct error *err)
 {
     struct growth g = {.b = b, .of = "threads",

@@ -120,6 +120,7 @@ static int growth_frames_point(struct growth *g, const struct room *r,
     return rc ? rc : growth_add_program(g, (double)n, &cost, err);
 }
 
+/* spid-flame's time and memory over frames. */
 static int growth_frames(struct room *r, struct error *err)
 {
     struct growth g = {.b = r->b, .of = "frames", .how = "spid-flame, a pipe"};
@@ -152,6 +153,7 @@ static int growth_people_list(const struct room *r, const char *list, size_t n,
     return 0;
 }
 
+/* spid-animate's over people, each of whom is drawn once. */
 static int growth_people(struct room *r, struct error *err)
 {
     static const size_t count[] = {1, 2, 5, 10, 20, 50, 100, 200};
@@ -189,6 +191,8 @@ struct hole {
     uint64_t nothing;
 };
 
+/* A record of zeros as long as CHUNK, its checksum with it, to be written as
+ * a hole that no disk has to hold. */
 static int growth_hole_init(struct hole *h, struct error *err)
 {
     const struct array a = array_make("zeros", DTYPE_U8, NULL, 1, CHUNK, 0, 0,
@@ -236,6 +240,7 @@ static int growth_hole_write(const struct hole *h, const char *path, size_t n,
     return ok ? 0 : error_set(err, EX_IOERR, "%s: cannot be written", path);
 }
 
+/* spid-dump's over bytes, to a hundred billion. */
 static int growth_bytes(struct room *r, struct error *err)
 {
     static const double count[] = {1e8, 1e9, 1e10, 1e11};

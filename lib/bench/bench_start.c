@@ -1,5 +1,6 @@
 /* From a photograph to the first frame: spid-animate as a process, its start,
  * Phase A and one picture; files are in the page cache. */
+#include "lib/base/sort.h"
 #include "lib/bench/bench.h"
 
 #include <fcntl.h>
@@ -89,20 +90,13 @@ static int bench_start_call(void *context, struct error *err)
     return 0;
 }
 
-static int bench_start_compare(const void *a, const void *b)
-{
-    const double x = *(const double *)a, y = *(const double *)b;
-
-    return (x > y) - (x < y);
-}
-
 /* A part's row. */
 static bool bench_start_add_part(struct bench *b, struct start *s, int i)
 {
     const size_t n = s->runs < 64 ? s->runs : 64;
     double *t = s->part[i];
 
-    qsort(t, n, sizeof *t, bench_start_compare);
+    sort_doubles(t, n);
     const struct bench_times times = {n, t[0], t[n / 2],
                                       t[(n - 1) * 95 / 100]};
     return bench_add(b, "start", i < 2 ? "Phase A" : "first frame",

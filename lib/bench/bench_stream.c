@@ -90,6 +90,7 @@ static int bench_start_cat(const struct traffic *t, pid_t *child,
     return fd[0];
 }
 
+/* End the other end of the pipe; rc is passed on. */
 static int bench_finish_cat(int fd, pid_t child, int rc)
 {
     int status;
@@ -99,6 +100,7 @@ static int bench_finish_cat(int fd, pid_t child, int rc)
     return rc;
 }
 
+/* Read it all again, through a pipe. */
 static int bench_call_pipe(void *context, struct error *err)
 {
     char path[32];

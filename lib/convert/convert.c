@@ -233,6 +233,7 @@ double *convert_numbers(struct convert *c, int file, size_t index,
 
 /* ---- the whole ---------------------------------------------------------- */
 
+/* An empty result, which says what it is made from. */
 static int convert_begin(struct convert *c, struct tensorfile *f,
                          struct error *err)
 {

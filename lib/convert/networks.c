@@ -265,6 +265,7 @@ static int network_take_norm(struct convert *c, const char *prefix,
     return 0;
 }
 
+/* A tensor under the same name. */
 static int network_take_plain(struct convert *c, const char *prefix,
                               const char *name, int ndim, size_t a, size_t b,
                               size_t k, struct error *err)
@@ -358,6 +359,7 @@ static const size_t fire[][4] = {
     {10, 384, 64, 256}, {12, 512, 64, 256},
 };
 
+/* Weight and bias of a convolution under the same names. */
 static int network_take_conv(struct convert *c, const char *prefix,
                              const char *name, size_t out, size_t in, size_t k,
                              struct error *err)

@@ -17,6 +17,8 @@ struct shape {
     float rim;                  /* how much darker the last pixels are */
 };
 
+/* One in five wears the person's own colours, the rest any: a matte must not
+ * go by colour alone. */
 static void clutter_shape_colour(struct shape *h, const float own[3],
                                  struct random *r)
 {
@@ -58,6 +60,7 @@ static void clutter_shape_place(struct shape *h, size_t n, float largest,
     h->s = sinf(turn);
 }
 
+/* Place, colours and filling, all at random. */
 static void clutter_shape_draw(struct shape *h, size_t n, float largest,
                                const struct clutter_patch *patch,
                                const float own[3], struct random *r)
@@ -126,6 +129,7 @@ static size_t clutter_clip(float x, size_t n)
     return x < 0 ? 0 : x > (float)n ? n : (size_t)x;
 }
 
+/* Over the wall, antialiased at its edge, which may be darker or paler. */
 static void clutter_shape_paint(float *wall, size_t n, const struct shape *h,
                                 const struct clutter_patch *patch)
 {

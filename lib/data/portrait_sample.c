@@ -20,6 +20,7 @@ struct portrait {
     float *row;         /* (n,3) */
 };
 
+/* All planes in one block. */
 static int portrait_init(struct portrait *p, size_t n, struct error *err)
 {
     const size_t plane = 4 * n * n;
@@ -77,6 +78,7 @@ static void portrait_person_pixel(uint8_t to[4], const struct data_frame *f,
     to[3] = p[3];
 }
 
+/* As a layer: what hides the person, and whether the truth is known here. */
 static void portrait_truth_pixel(uint8_t to[4], const struct data_frame *f,
                                  size_t i)
 {
@@ -168,6 +170,7 @@ static void portrait_picture_wall(struct portrait *p, struct random *r)
         }
 }
 
+/* Plain, a picture, or clutter; every other one out of focus. */
 static void portrait_draw_wall(struct portrait *p, struct random *r)
 {
     const struct clutter_patch patch = {p->behind, p->n, 4};
@@ -231,6 +234,7 @@ struct light {
     float gain[3], curve;
 };
 
+/* How the light on the person differs from the wall's. */
 static void portrait_light_draw(struct light *l, float amount, struct random *r)
 {
     float all = expf(amount * random_float(r, -0.5, 0.3));
@@ -294,6 +298,7 @@ static int portrait_finish(float *rgb, const struct portrait *p, bool mirror,
     return rc;
 }
 
+/* Coverage, and 0 for the weight of pixels whose truth is not known. */
 static void portrait_truth(float *alpha, float *weight,
                            const struct portrait *p, bool mirror)
 {

@@ -71,6 +71,7 @@ struct agreement_sums {
     double n, x, y, xx, xy, yy;
 };
 
+/* Sums from which mean, spread and correlation follow. */
 static void agreement_add(struct agreement_sums *s, double x, double y)
 {
     s->n += 1;

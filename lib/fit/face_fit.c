@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/sort.h"
 #include "lib/geom/camera.h"
 
 #define N LANDMARK_FACE
@@ -65,13 +66,6 @@ static double fit_unrest(const struct label *l)
     return sum;
 }
 
-static int fit_compare(const void *a, const void *b)
-{
-    double x = *(const double *)a, y = *(const double *)b;
-
-    return x < y ? -1 : x > y;
-}
-
 /* The calmest quarter of a person's frames, at least one, and with it what
  * the blendshapes' changes mean.  scratch (count). */
 static void fit_find_calm(struct fit_frame *frame, size_t n, double *scratch)
@@ -81,7 +75,7 @@ static void fit_find_calm(struct fit_frame *frame, size_t n, double *scratch)
 
     for (size_t i = 0; i < n; i++)
         scratch[i] = fit_unrest(frame[i].label);
-    qsort(scratch, n, sizeof *scratch, fit_compare);
+    sort_doubles(scratch, n);
     most = scratch[n > FIT_CALM ? n / FIT_CALM - 1 : 0];
     for (size_t i = 0; i < n; i++) {
         frame[i].calm = fit_unrest(frame[i].label) <= most;
@@ -125,7 +119,7 @@ static void fit_find_closed(struct fit_frame *frame, size_t n, double *scratch)
             down[1] /= length;
             scratch[i] = frame[i].closed[side] = fit_lid_gap(at, side, down);
         }
-        qsort(scratch, n, sizeof *scratch, fit_compare);
+        sort_doubles(scratch, n);
         double open = fmax(scratch[n - 1 - (n - 1) / 4], 0.05);
         for (size_t i = 0; i < n; i++)
             frame[i].closed[side] = fmin(fmax(
@@ -261,6 +255,7 @@ static int fit_everyone(struct face_fit *f,
     return rc;
 }
 
+/* The shape with the poses held, then the poses with the shape held. */
 static int fit_identity_and_pose(struct face_fit *f, struct fit_person *p,
                                  struct error *err)
 {

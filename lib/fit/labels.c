@@ -297,6 +297,7 @@ static int labels_join(struct labels *l, const char *const pair[2],
     return 0;
 }
 
+/* By person, clip, frame. */
 static int label_order(const void *a, const void *b)
 {
     const struct label *x = a, *y = b;

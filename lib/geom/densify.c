@@ -7,13 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
-/* Order of qsort. */
-static int densify_by_key(const void *a, const void *b)
-{
-    uint64_t x = *(const uint64_t *)a, y = *(const uint64_t *)b;
-
-    return (x > y) - (x < y);
-}
+#include "lib/base/sort.h"
 
 /* All sides of all faces as sorted 64-bit keys; doubles are dropped. */
 int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
@@ -33,7 +27,7 @@ int densify_init(struct densify *d, const int32_t *faces, size_t F, size_t V,
             if (i != j)
                 key[n++] = i < j ? i << 32 | j : j << 32 | i;
         }
-    qsort(key, n, sizeof *key, densify_by_key);
+    sort_keys(key, n);
     size_t E = 0;
     for (size_t i = 0; i < n; i++)
         if (i == 0 || key[i] != key[i - 1])

@@ -7,6 +7,7 @@
 #include <sysexits.h>
 
 #include "lib/base/random.h"
+#include "lib/base/sort.h"
 #include "lib/head/arkit.h"
 #include "lib/head/lbs.h"
 #include "lib/head/nearest.h"
@@ -82,13 +83,6 @@ static int compare_label_parts(int *part, const struct head *h,
     return 0;
 }
 
-static int compare_by_size(const void *a, const void *b)
-{
-    const float *x = a, *y = b;
-
-    return (*x > *y) - (*x < *y);
-}
-
 /* Faces that show skin: all but the eyeballs'. */
 static size_t compare_skin_faces(int32_t *f, const struct head *h)
 {
@@ -125,7 +119,7 @@ static void compare_summarise(struct compare_part *p, float *d, size_t n)
 {
     double sum = 0;
 
-    qsort(d, n, sizeof *d, compare_by_size);
+    sort_floats(d, n);
     for (size_t i = 0; i < n; i++)
         sum += d[i];
     p->mean = n ? sum / (double)n : 0;

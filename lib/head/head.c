@@ -35,6 +35,7 @@ static int head_check_finite(const char *name, const float *x, size_t n,
     return head_check_range(name, x, 0, n, err);
 }
 
+/* Indices into an array of `limit`. */
 static int head_check_indices(const char *name, const int32_t *x, size_t n,
                               size_t limit, struct error *err)
 {
@@ -62,6 +63,7 @@ static int head_check_sums(const char *name, const float *x, size_t n, size_t m,
     return 0;
 }
 
+/* A joint's parent comes before it; the first is the root. */
 static int head_check_parents(const int32_t *parents, struct error *err)
 {
     for (int j = 0; j < HEAD_JOINTS; j++)
@@ -196,6 +198,7 @@ static void head_block_rows(const struct head_layout *l, const float *x,
         }
 }
 
+/* Skinning weights by blocks of vertices, as the posing kernel reads them. */
 static void head_block_skin(float *out, const float *weights, size_t V)
 {
     for (size_t v = 0; v < V; v++)
@@ -296,6 +299,7 @@ static int head_take_directions(struct head *h, XXH64_state_t *hash,
     return rc;
 }
 
+/* The hash covers what decides where vertices go, in this order. */
 static void head_hash_begin(XXH64_state_t *s, const struct head *h,
                             const struct head_arrays *a)
 {
@@ -308,6 +312,7 @@ static void head_hash_begin(XXH64_state_t *s, const struct head *h,
     XXH64_update(s, a->f, 3 * a->F * sizeof(int32_t));
 }
 
+/* What follows the directions, and the digest as 16 hexadecimal digits. */
 static void head_hash_end(struct head *h, XXH64_state_t *s,
                           const struct head_arrays *a)
 {
@@ -341,6 +346,7 @@ static float *head_zeroed(size_t n, int *failed)
     return p;
 }
 
+/* A copy to own; NULL stays NULL. */
 static void *head_copy(const void *from, size_t bytes, int *failed)
 {
     void *p = from ? malloc(bytes ? bytes : 1) : NULL;

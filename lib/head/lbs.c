@@ -196,6 +196,7 @@ static const float *lbs_joint_angle(const struct head_motion *m, int j)
     return at[j];
 }
 
+/* The joints' rotations and places of a motion, and their chain. */
 static void lbs_chain_of(struct lbs_chain *c, const struct identity *id,
                          const struct head_motion *m)
 {

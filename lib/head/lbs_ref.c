@@ -18,6 +18,7 @@ static double lbs_dirs_at(const float *dirs, size_t n, size_t k, size_t v,
                 v % HEAD_BLOCK];
 }
 
+/* As lbs.c's, in double and from the arrays themselves. */
 static void lbs_chain_d(struct lbs_chain *c, const struct head *h,
                         const struct head_motion_d *m)
 {
@@ -56,6 +57,7 @@ static void lbs_rest_d(double p[3], const struct head *h,
     }
 }
 
+/* A vertex' mean of the joints' transforms. */
 static void lbs_blend_d(double M[12], const struct head *h,
                         const struct lbs_chain *c, size_t v)
 {

@@ -100,6 +100,7 @@ static inline void lbs_skin_blend(vec M[12], const struct lbs_frame *fr,
     }
 }
 
+/* q = M p with the blended transform of each vertex of block b. */
 static inline void lbs_skin_block(vec q[NV], const vec p[NV],
                                   const struct lbs_frame *fr, size_t b)
 {

@@ -92,6 +92,8 @@ static void map_find(struct head_map *m, size_t v, const struct nearest *t,
         m->trust[v] = (float)exp(-hit.square / (NEAR * NEAR));
 }
 
+/* Each vertex of the one head on the other's surface, which is bent onto it
+ * first. */
 static int map_points(struct head_map *m, struct error *err)
 {
     const size_t n = 3 * m->from->V;

@@ -31,6 +31,7 @@ struct place {
     size_t v;
 };
 
+/* By height, then by number: a fixed order. */
 static int mirror_by_height(const void *a, const void *b)
 {
     const struct place *p = a, *q = b;

@@ -211,6 +211,7 @@ static void nearest_try_face(struct nearest_hit *hit, const struct nearest *t,
     }
 }
 
+/* Squared distance from a node's box, 0 inside. */
 static double nearest_box_square(const struct nearest_node *n,
                                  const double p[3])
 {

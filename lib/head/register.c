@@ -119,6 +119,7 @@ static bool register_is_rim(const struct registration *r, size_t v)
            (h->part[v] == PART_MOUTH && h->ring[v] >= LIP_BORDER);
 }
 
+/* The mirror image's match, by the scans' own symmetry. */
 static void register_mirror_match(struct match *out, const struct match *m,
                                   const struct scan *s)
 {

@@ -42,6 +42,7 @@ static double rim_path_place(double share, const double *shares, size_t n)
                                (shares[i + 1] - shares[i]));
 }
 
+/* A match on the edge of the path at that place, counted in its vertices. */
 static struct match rim_on_path(const int32_t *path, size_t n, double place)
 {
     size_t i = (size_t)fmin(place, (double)n - 2);
@@ -207,6 +208,7 @@ static double rim_lip_border(const struct lips *l, double u)
     return mix(13, 12, clamp01((u - corner) / (0.5 * (bottom - corner))));
 }
 
+/* A match on the grid of lip loops, u along and depth across them. */
 static struct match rim_on_lips(const struct lips *l, double u, double depth)
 {
     size_t i = (size_t)fmin(u, MOUTH_LOOP - 2);

@@ -9,6 +9,7 @@
 /* A gap this short costs less than a new run. */
 enum { GAP = 2 };
 
+/* Whether direction k moves vertex v by `least` or more. */
 static int runs_moves(const float *dirs, size_t K, size_t v, size_t k,
                       double least)
 {

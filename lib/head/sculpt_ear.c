@@ -39,6 +39,7 @@ static const struct { double size, lift, rise; } rings[EAR_RINGS + 1] = {
     { 0.32, 0, -5.0 },
 };
 
+/* Closed Catmull-Rom spline through twelve values, t in 0..12. */
 static double ear_spline(const double *y, double t)
 {
     int i = (int)floor(t);

@@ -126,6 +126,7 @@ struct size {
     size_t column;
 };
 
+/* The largest norm first; ties by column, for a fixed order. */
 static int field_larger(const void *a, const void *b)
 {
     const struct size *x = a, *y = b;

@@ -48,6 +48,7 @@ static double sculpt_label_hair(const struct full *m, int v)
     return fmax(front, fmax(side, back));
 }
 
+/* A ring of the mouth as one list, both halves of it. */
 static void sculpt_label_lips(int32_t *list, size_t *n, const struct full *m,
                               int ring, int last, int closed)
 {
@@ -63,6 +64,7 @@ static void sculpt_label_lips(int32_t *list, size_t *n, const struct full *m,
 
 /* ---- landmarks ----------------------------------------------------------- */
 
+/* The vertex nearest to q among those of these parts (bits). */
 static int sculpt_label_nearest(const struct full *m, struct vec q, int parts)
 {
     int best = 0;
@@ -84,6 +86,7 @@ static const struct vec brow[5] = {     /* inner to outer */
     { 11, 40, 92 }, { 20, 45, 91 }, { 30, 46.5, 87 }, { 40, 44, 80 },
     { 50, 38, 68 } };
 
+/* Landmark k at vertex v: the corner of any of its faces. */
 static void sculpt_label_set(struct sculpt *s, int k, int v)
 {
     for (size_t i = 0; i < s->nf; i++)
@@ -95,6 +98,7 @@ static void sculpt_label_set(struct sculpt *s, int k, int v)
             }
 }
 
+/* Two landmarks that mirror each other. */
 static void sculpt_label_pair(struct sculpt *s, const struct full *m, int left,
                               int right, int v)
 {

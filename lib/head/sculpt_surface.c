@@ -48,6 +48,7 @@ static const struct form forms[] = {
     { "columella", ROD, 4, { 0, -17, 102 }, { 0, -21, 92 }, 3.8, 4.4 },
 };
 
+/* About how far p is outside an ellipsoid: exact on it and far away. */
 static double surface_ellipsoid(struct vec p, const double *c, const double *r)
 {
     struct vec d = sub(p, vec(c[0], c[1], c[2]));
@@ -58,6 +59,7 @@ static double surface_ellipsoid(struct vec p, const double *c, const double *r)
     return l > 1e-9 ? k * (k - 1) / l : -fmin(r[0], fmin(r[1], r[2]));
 }
 
+/* How far p is outside a rod whose radius changes along it. */
 static double surface_rod(struct vec p, const struct form *f)
 {
     struct vec a = vec(f->a[0], f->a[1], f->a[2]);

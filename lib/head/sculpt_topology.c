@@ -138,6 +138,7 @@ static void topology_make_fill(struct half *h, const struct block *b,
         }
 }
 
+/* Loops from the hole in the grid inwards, over the lips into the mouth. */
 static void topology_make_mouth(struct half *h)
 {
     int n = 0;

@@ -1,6 +1,7 @@
 /* One thread for one framesink_write. */
 #include "lib/render/async_write.h"
 
+/* The thread: one frame. */
 static void *async_write_run(void *arg)
 {
     struct async_write *w = arg;

@@ -11,6 +11,7 @@
 #include <sysexits.h>
 
 #include "lib/base/half.h"
+#include "lib/base/sort.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"
 #include "lib/splat/kernels.h"
@@ -73,14 +74,6 @@ static uint64_t splat_morton(uint32_t x, uint32_t y)
     return z;
 }
 
-/* For qsort. */
-static int splat_by_value(const void *a, const void *b)
-{
-    uint64_t p = *(const uint64_t *)a, q = *(const uint64_t *)b;
-
-    return p < q ? -1 : p > q;
-}
-
 /* The tiles along a Z curve: neighbours share Gaussians.  -1: no memory. */
 static int splat_make_zorder(struct splat_state *st)
 {
@@ -91,7 +84,7 @@ static int splat_make_zorder(struct splat_state *st)
         return -1;
     for (uint32_t t = 0; t < tx * ty; t++)
         z[t] = splat_morton(t % tx, t / tx) << 24 | t;
-    qsort(z, (size_t)tx * ty, sizeof *z, splat_by_value);
+    sort_keys(z, (size_t)tx * ty);
     for (uint32_t t = 0; t < tx * ty; t++)
         st->zorder[t] = (uint32_t)(z[t] & 0xffffff);
     free(z);

@@ -73,6 +73,7 @@ static float body_thickness(const struct persona *p, float d, float phi)
     }
 }
 
+/* Rings lie closer together at the neck than down the chest. */
 static float body_ring_t(int r)
 {
     float x = (float)r / (RINGS - 1);

@@ -181,6 +181,7 @@ void stage_shade(struct stage *s, const struct actor *a,
             gather_flush(&g, q);
 }
 
+/* The region of what was drawn. */
 static uint8_t gather_label_of(const struct stage *s, const struct actor *a,
                                uint32_t id)
 {

@@ -17,6 +17,7 @@ const uint32_t *noise_lattice(void)
     return noise_lattice_data;
 }
 
+/* The lattice repeats itself. */
 static uint32_t noise_cell(int x, int y, int z)
 {
     int m = NOISE_N - 1;

@@ -267,6 +267,7 @@ static void persona_sample_clothes(struct persona *p, uint64_t key)
     p->build = random_float(&r, 0.85, 1.2);
 }
 
+/* A direction to a lamp: azimuth 0 is straight ahead. */
 static void persona_aim(float dir[3], float azimuth, float height)
 {
     dir[0] = sinf(azimuth) * cosf(height);

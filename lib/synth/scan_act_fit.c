@@ -1,5 +1,6 @@
 /* Kinds of expression fitted to the labels of the assets' photographs and
  * clips. */
+#include "lib/base/sort.h"
 #include "lib/synth/scan_act.h"
 
 #include <cjson/cJSON.h>
@@ -45,13 +46,6 @@ static size_t act_stem(const char *name)
     return hash ? (size_t)(hash - name) : strlen(name);
 }
 
-static int act_compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return x < y ? -1 : x > y;
-}
-
 /* The rows from `first` on, of one person, become changes against their calm:
  * the fifth smallest of a hundred. */
 static void act_take_calm(struct act_seen *s, size_t first)
@@ -62,7 +56,7 @@ static void act_take_calm(struct act_seen *s, size_t first)
     for (int k = 0; n && k < ARKIT_COUNT; k++) {
         for (size_t i = 0; i < n; i++)
             s->column[i] = w[i][k];
-        qsort(s->column, n, sizeof *s->column, act_compare);
+        sort_floats(s->column, n);
         const float calm = s->column[n / 20];
         for (size_t i = 0; i < n; i++)
             w[i][k] = clampf(act_label_gain(k) * (w[i][k] - calm), 0, 1);

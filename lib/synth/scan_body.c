@@ -86,6 +86,7 @@ struct fit {
     float *normal, *d, *next, *goal, *w, *count;
 };
 
+/* All arrays of a fit in one block. */
 static int body_fit_init(struct fit *t, size_t n)
 {
     float *p = calloc(n * 14, sizeof *p);

@@ -36,6 +36,7 @@ static void codec_mend(float *p, int d, float limit)
     p[3 * d] -= 0.125f * step;
 }
 
+/* Across all borders of blocks, the upright ones first. */
 static void codec_deblock(float *p, int n, float limit)
 {
     for (int y = 0; y < n; y++)

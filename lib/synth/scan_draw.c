@@ -3,11 +3,14 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/base/sort.h"
 #include "lib/synth/actor.h"
 #include "lib/synth/scan_stage.h"
 #include "lib/synth/tri.h"
 #include "lib/synth/vec.h"
 
+/* Into the grid what is nearer than what is there: which face, and where on
+ * it. */
 static void draw_solid(struct scan_stage *s, uint32_t i)
 {
     const int32_t *v = s->figure->faces + 3 * i;
@@ -100,15 +103,8 @@ void scan_draw(struct scan_stage *s)
 
 /* ---- veils -------------------------------------------------------------- */
 
-static int draw_compare(const void *a, const void *b)
-{
-    uint64_t x, y;
-
-    memcpy(&x, a, sizeof x);
-    memcpy(&y, b, sizeof y);
-    return x < y ? -1 : x > y;
-}
-
+/* Over what is drawn, what one can see through in part: hair, brows, lashes,
+ * beards, lenses; they come sorted from back to front. */
 static void draw_veil(struct scan_stage *s, uint32_t i)
 {
     const struct figure *f = s->figure;
@@ -161,7 +157,7 @@ void scan_veils(struct scan_stage *s)
         memcpy(&key, &q, sizeof key);
         s->order[n++] = (uint64_t)key << 32 | i;
     }
-    qsort(s->order, n, sizeof *s->order, draw_compare);
+    sort_keys(s->order, n);
     for (size_t k = 0; k < n; k++)
         draw_veil(s, (uint32_t)s->order[k]);
 }

@@ -27,6 +27,7 @@ struct quads {
     size_t n, nuv;
 };
 
+/* The scans' quads, their texture places and parts, all within range. */
 static int face_quads_load(struct quads *q, const struct safetensors *st,
                            struct error *err)
 {
@@ -133,6 +134,7 @@ static int face_find_row(const cJSON *names, const char *name,
                      "it)", name);
 }
 
+/* Those that ARKit names, in its order, and the pupils' widening. */
 static int face_load_expressions(struct scan_face *f,
                                  const struct safetensors *st,
                                  struct error *err)
@@ -222,6 +224,7 @@ static void face_lay_lashes(struct scan_face *f)
     }
 }
 
+/* The neutral face, identities and expressions, in the head's own frame. */
 static int face_load_shapes(struct scan_face *f, const struct safetensors *st,
                             struct error *err)
 {
@@ -243,6 +246,7 @@ static int face_load_shapes(struct scan_face *f, const struct safetensors *st,
 
 /* ---- whole -------------------------------------------------------------- */
 
+/* Vertices of the 68 landmarks. */
 static int face_load_landmarks(struct scan_face *f, const char *dir,
                                struct error *err)
 {

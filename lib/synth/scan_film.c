@@ -207,6 +207,7 @@ static void film_develop(struct scan_film *film, const struct scan_stage *s,
 
 /* ---- optics, plane by plane --------------------------------------------- */
 
+/* What the lens and the shutter do: smeared by motion, softened, coarse. */
 static void film_optics(float *p, float *tmp, int n,
                         const struct scan_camera *c, const float move[2])
 {

@@ -32,6 +32,7 @@ static void light_direction(float d[3], int x, int y, int w, int h)
     d[2] = -sinf(theta) * cosf(phi);
 }
 
+/* Of a pixel in row y of a panorama. */
 static float light_solid_angle(int y, int w, int h)
 {
     return 2 * PI_F / (float)w

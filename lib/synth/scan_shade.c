@@ -18,6 +18,7 @@ static float shade_square(float x)
     return x * x;
 }
 
+/* Schlick's approximation. */
 static float shade_fresnel(float f0, float c)
 {
     float m = 1 - clampf(c, 0, 1);

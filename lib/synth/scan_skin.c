@@ -13,6 +13,7 @@
 
 #include "formats/image.h"
 #include "formats/safetensors.h"
+#include "lib/base/sort.h"
 #include "lib/synth/scan_register.h"
 #include "lib/synth/scan_skin_fit.h"
 #include "lib/synth/tri.h"
@@ -229,13 +230,6 @@ static void skin_unwrap(struct skin_sample *o, const struct image *im,
     }
 }
 
-static int skin_compare(const void *a, const void *b)
-{
-    float x = *(const float *)a, y = *(const float *)b;
-
-    return x < y ? -1 : x > y;
-}
-
 /* Texels that are no skin lose their weight: hair, which is far darker than
  * the person's skin or of another colour.  Returns the person's mean log
  * colour in `mean`. */
@@ -254,7 +248,7 @@ static int skin_drop_hair(struct skin_sample *o, const struct skin_model *s,
                 if (o->weight[y * N + x] > 0.5f && !s->brow[y * N + x]
                     && !s->lip[y * N + x])
                     v[n++] = o->log[3 * (y * N + x) + k];
-        qsort(v, n, sizeof *v, skin_compare);
+        sort_floats(v, n);
         mean[k] = n ? v[n / 2] : -1;
     }
     free(v);

@@ -215,6 +215,7 @@ static void skin_find_mean(float *mean, float *weight, const struct skin_fit *t)
 
 #define LIGHT_TERMS 9
 
+/* Spherical harmonics of the first three bands, not normalised. */
 static void skin_light_terms(double o[LIGHT_TERMS], const float n[3])
 {
     double x = (double)n[0], y = (double)n[1], z = (double)n[2];

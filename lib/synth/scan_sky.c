@@ -15,6 +15,7 @@
 
 static float sky[SKY_DIRECTIONS][3];
 
+/* Evenly over the sphere: a golden spiral. */
 static void sky_make_direction(float d[3], int k)
 {
     float y = 1 - 2 * ((float)k + 0.5f) / SKY_DIRECTIONS;
@@ -34,6 +35,7 @@ struct view {
     float u[3], v[3], w[3];
 };
 
+/* Axes of a parallel projection along direction k. */
 static void sky_view_make(struct view *o, int k)
 {
     float up[3] = {0, 1, 0};

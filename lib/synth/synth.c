@@ -43,6 +43,7 @@ struct synth {
     struct scan_worker *worker;     /* (threads), with assets */
 };
 
+/* Room for a frame and what is to be known of it. */
 static int synth_picture_init(struct synth_picture *t, const struct synth *s)
 {
     size_t n = (size_t)s->opt.size * (size_t)s->opt.size;

@@ -45,6 +45,7 @@ void alignment_release(struct alignment *a)
 /* The pixels around the largest value of map k, rows y0 <= y < y1. */
 struct alignment_reach { size_t x0, x1, y0, y1; };
 
+/* The window of landmark k's heat map about its highest value. */
 static struct alignment_reach alignment_peak(const float *heat, size_t n,
                                              size_t k)
 {

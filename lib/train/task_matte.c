@@ -56,6 +56,7 @@ static int matte_task_draw(struct task *t, size_t i, struct random *r,
                            &t->config->augment, r, err);
 }
 
+/* Samples of this step, their loss, and the gradients of the weights. */
 static int matte_task_pass(struct task *t, double *parts, uint64_t step,
                            size_t micro, struct error *err)
 {
