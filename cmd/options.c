@@ -4,7 +4,6 @@
 
 #include <string.h>
 
-#include "lib/nn/nn.h"
 #include "lib/track/conf.h"
 #include "lib/track/track.h"
 
@@ -26,6 +25,14 @@ int option_precision_refine(const char *value, void *dest, struct error *err)
         return 0;
     return error_set(err, EX_USAGE, "unknown precision (expected f32, fast, "
                      "bf16 or int8)");
+}
+
+void option_precision_settle(enum nn_type *type)
+{
+    if (*type != NN_INT8 || nn_type_native(NN_INT8))
+        return;
+    warn("no products of 8-bit values on this processor: fast, not int8");
+    *type = NN_FAST;
 }
 
 int option_crop(const char *value, void *dest, struct error *err)

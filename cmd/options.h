@@ -4,6 +4,7 @@
 
 #include "cmd/cli.h"
 #include "lib/head/head.h"
+#include "lib/nn/nn.h"
 
 struct animate_frame;
 struct animation_options;
@@ -76,6 +77,9 @@ struct prepare;
 int option_precision(const char *value, void *dest, struct error *err);
 /* The same with int8, for what runs a refiner. */
 int option_precision_refine(const char *value, void *dest, struct error *err);
+/* Once all options are known: int8 where the processor has none is NN_FAST,
+ * and a warning says so. */
+void option_precision_settle(enum nn_type *type);
 /* dest: a struct track_options, whose crop is set and marked as given. */
 int option_crop(const char *value, void *dest, struct error *err);
 /* The same for its portrait window. */

@@ -12,6 +12,7 @@ void option_animation_load(struct prepare *models,
     struct error err = {0};
     const int workers = cli.threads > 0 ? cli.threads : omp_get_max_threads();
 
+    option_precision_settle(&opt->animate.precision);
     if (cli_find_model("model.safetensors", model, sizeof model, &err) ||
         (!opt->head && cli_find_model("head.safetensors", head, sizeof head,
                                       &err)) ||

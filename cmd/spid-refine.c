@@ -63,6 +63,7 @@ static void refine_open_model(struct program *p)
 {
     struct error err = {0};
 
+    option_precision_settle(&precision);
     if (option_model_open(&p->model, &err)
         || refine_open(&p->refine, &p->model, precision, roi, &err))
         die_error(&err);

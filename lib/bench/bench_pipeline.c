@@ -434,7 +434,8 @@ static int pipeline_all(struct pipeline *l, struct error *err)
         return -1;
     l->all = s->baked.N;
     for (size_t i = 0; i < sizeof variants / sizeof *variants; i++)
-        if (pipeline_variant(l, &variants[i], err))
+        if ((variants[i].type != NN_INT8 || nn_type_native(NN_INT8)) &&
+            pipeline_variant(l, &variants[i], err))
             return -1;
     return pipeline_fewer(l, err);
 }

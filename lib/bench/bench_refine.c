@@ -166,20 +166,27 @@ static int refine_case_choose(struct refine_case *c, struct error *err)
     return 0;
 }
 
+static const enum nn_type refine_types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
+
+/* How many of these there are: int8 only where the processor has it. */
+static int refine_type_count(void)
+{
+    return nn_type_native(NN_INT8) ? 4 : 3;
+}
+
 /* The narrow refiner in every precision. */
 static int refine_case_narrow(struct refine_case *c, struct error *err)
 {
-    static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
     const int threads = c->b->threads;
 
     if (refine_case_choose(c, err))
         return -1;
     snprintf(c->config, sizeof c->config, "narrow %zu, 512x512x32 %s",
              c->refiner.width, c->trained ? "model" : "untrained");
-    for (int i = 0; i < 4; i++)
-        if (refine_case_bench(c, types[i], 1, i == 0, err) ||
+    for (int i = 0; i < refine_type_count(); i++)
+        if (refine_case_bench(c, refine_types[i], 1, i == 0, err) ||
             (threads > 1 &&
-             refine_case_bench(c, types[i], threads, false, err)))
+             refine_case_bench(c, refine_types[i], threads, false, err)))
             return -1;
     return 0;
 }
@@ -187,16 +194,14 @@ static int refine_case_narrow(struct refine_case *c, struct error *err)
 /* StyleUNet in every precision. */
 static int refine_case_unet(struct refine_case *c, struct error *err)
 {
-    static const enum nn_type types[] = {NN_F32, NN_FAST, NN_BF16, NN_INT8};
-
     c->refiner = (struct refiner_config){
         .type = REFINER_STYLE_UNET, .channels = CHANNELS, .multiplier = 1,
         .size = SIDE
     };
     c->trained = false;
     snprintf(c->config, sizeof c->config, "StyleUNet, 512x512x32 untrained");
-    for (int i = 0; i < 4; i++)
-        if (refine_case_bench(c, types[i], c->b->threads, i == 0, err))
+    for (int i = 0; i < refine_type_count(); i++)
+        if (refine_case_bench(c, refine_types[i], c->b->threads, i == 0, err))
             return -1;
     return 0;
 }
