@@ -297,6 +297,110 @@ static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
     return out;
 }
 
+/* The settled colours about a place. */
+struct layers_about {
+    cv::Vec3d back;         /* the background's mean */
+    cv::Matx33d vary;       /* and covariance */
+    cv::Vec3d line;         /* from that mean to the person's colour */
+};
+
+/* Those in a square of pixels: the background's further than `rim` from the
+ * matte, and the person's, which fits matte x line = colour - back best.  false
+ * where there is too little of either. */
+static bool layers_look(struct layers_about *at, const cv::Rect &square,
+                        const cv::Mat &mat, const cv::Mat &far,
+                        const cv::Mat &colour, int rim)
+{
+    cv::Vec3d back(0, 0, 0), person(0, 0, 0);
+    cv::Matx33d two = cv::Matx33d::zeros();
+    const int step = std::max(1, rim / 3);
+    double n = 0, sum = 0, sum2 = 0;
+
+    for (int y = square.y; y < square.y + square.height; y += step)
+        for (int x = square.x; x < square.x + square.width; x += step) {
+            const cv::Vec3d c = colour.at<cv::Vec3f>(y, x);
+            const double m = mat.at<uchar>(y, x) / 255.0;
+            if (m > 0) {
+                person += m * c;
+                sum += m;
+                sum2 += m * m;
+            } else if (far.at<float>(y, x) > (float)rim) {
+                back += c;
+                two += c * c.t();
+                n++;
+            }
+        }
+    if (n < 16 || sum2 < 4)
+        return false;
+    at->back = back / n;
+    at->vary = two * (1 / n) - at->back * at->back.t();
+    at->line = (person - sum * at->back) / sum2;
+    return true;
+}
+
+/* The share of the person in a colour there: 0 unless it lies further from the
+ * background than that varies, and that on the way to a person who can be told
+ * apart. */
+static double layers_spilt(const struct layers_about &at, const cv::Vec3d &c)
+{
+    const cv::Vec3d off = c - at.back;
+    const double length = cv::norm(at.line);
+
+    if (length < 24)
+        return 0;
+    const cv::Vec3d way = at.line / length;
+    const double along = off.dot(way);
+    const double usual = std::sqrt(std::max(0.0, way.dot(at.vary * way)));
+    const double any = std::sqrt(std::max(0.0, cv::trace(at.vary)));
+    if (along < 2 * usual + 2
+        || cv::norm(off - along * way) > 0.5 * along + any)
+        return 0;
+    return along / length;
+}
+
+/* A block of pixels that lie just outside of the matte or where it is thin:
+ * those whose colours are mixed with the person's gain the matte that explains
+ * them. */
+static void layers_gain(cv::Mat &mat, const cv::Mat &before,
+                        const cv::Mat &mixed, const cv::Mat &far,
+                        const cv::Mat &colour, cv::Rect block)
+{
+    const int rim = block.width, reach = 4 * rim;
+    const cv::Rect whole(0, 0, mat.cols, mat.rows);
+    struct layers_about at;
+
+    block &= whole;
+    if (cv::countNonZero(mixed(block)) == 0
+        || !layers_look(&at, (block + cv::Size(2 * reach, 2 * reach)
+                              - cv::Point(reach, reach)) & whole,
+                        before, far, colour, rim))
+        return;
+    for (int y = block.y; y < block.y + block.height; y++)
+        for (int x = block.x; x < block.x + block.width; x++)
+            if (mixed.at<uchar>(y, x))
+                mat.at<uchar>(y, x) = std::max(
+                    mat.at<uchar>(y, x), cv::saturate_cast<uchar>(
+                        255 * layers_spilt(at, colour.at<cv::Vec3f>(y, x))));
+}
+
+/* The person's colours that reach past the matte: with no matte of their own
+ * they would stay on the wall when the person moves. */
+static void layers_gather(cv::Mat &mat, const cv::Mat &colour,
+                          const cv::Mat &in)
+{
+    const int rim = std::max(2, (3 * mat.rows + 256) / 512);
+    const cv::Mat before = mat.clone();
+    cv::Mat far;
+
+    cv::distanceTransform(before == 0, far, cv::DIST_L2, 3);
+    const cv::Mat mixed = (before < 250) & (far <= rim) & in;
+    far.setTo(0, in == 0);
+    for (int y = 0; y < mat.rows; y += rim)
+        for (int x = 0; x < mat.cols; x += rim)
+            layers_gain(mat, before, mixed, far, colour,
+                        cv::Rect(x, y, rim, rim));
+}
+
 /* The least matte by which a pixel can be a mixture of this background and of
  * some colour. */
 static float layers_least(const cv::Vec3f &pixel, const cv::Vec3f &back)
@@ -369,6 +473,7 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         layers_unmix(mat, colour, layers_background(pic, sure, filled), in,
                      rim);
         cv::max(mat, locks, mat);
+        layers_gather(mat, colour, in);
         cv::Mat fill = layers_background(pic, (mat == 0) & in, filled);
         fill.convertTo(out, CV_8U);
         out.copyTo(pic, in == 0);
@@ -449,6 +554,7 @@ int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
             const cv::Mat fore = layers_foreground(weight, small, mat_s);
             layers_sharpen(mat, colour, behind, layers_up(fore, N),
                            layers_up(weight, N));
+            layers_gather(mat, colour, ~out);
         }
         colour.copyTo(behind, mat == 0);
         layers_balance(behind, mat, colour);

@@ -22,7 +22,9 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
 /* The matte's border made what the colours say, and the background.
  *   matte [n,n] in: about the person's outline; out: soft along it, so that
  *               rgb between the colours to both sides is that much of the
- *               person, and reaches as far as colours of the person do
+ *               person, and reaches as far as colours of the person do:
+ *               beside it, what is a mixture of the settled background
+ *               further out and of the person gains the share that this is
  *   back [n,n,3] out: as layers_fill, changed where need be so that
  *               rgb = person + (1 - matte) back holds with a person whose
  *               colours are in range
@@ -34,8 +36,9 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
 /* Layers found at s by s pixels for the same picture at n by n, n > s.  Small
  * (_s): matte, back and rgb as layers_split or layers_fill left them.
  *   rgb [n,n,3]   in; out: outside of the picture what rgb_s has there
- *   matte [n,n]   out: matte_s, and along its border what the finer colours
- *                 say; or in, when it is known: then only changed outside
+ *   matte [n,n]   out: matte_s, and along its border and beside it what the
+ *                 finer colours say; or in, when it is known: then only changed
+ *                 outside
  *   back [n,n,3]  out: rgb where matte is 0, back_s elsewhere; such that
  *                 rgb = person + (1 - matte) back
  *   inside [n,n]  0 where the square lies outside the picture */

@@ -1,0 +1,138 @@
+/* What of a person reaches past the matte: an edge softer than the matte's
+ * leaves neither a ghost on the wall nor a picture that is not the sum of its
+ * layers; and a patterned wall, which no share of the person explains, stays as
+ * it is. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "formats/layers.h"
+#include "lib/base/random.h"
+#include "tests/check.h"
+
+enum { N = 512 };
+
+static const double wall[3] = {226, 222, 214}, hair[3] = {46, 34, 52};
+
+struct drawing {
+    uint8_t rgb[3 * N * N], matte[N * N], back[3 * N * N], inside[N * N];
+    double person[N * N], wall[3 * N * N];
+};
+
+/* How far a pixel lies inside an ellipse, in pixels, about. */
+static double rim_depth(size_t i)
+{
+    return (1 - hypot(((double)(i % N) - 256) / 120,
+                      ((double)(i / N) - 250) / 150)) * 120;
+}
+
+/* The wall, plain or of blobs that swing by 12 levels. */
+static double rim_wall(size_t i, size_t c, bool pattern)
+{
+    const double x = (double)(i % N), y = (double)(i / N);
+
+    return wall[c] - (pattern ? 24 - 12 * sin(x / 3 + c) * sin(y / 4) : 0);
+}
+
+/* A person whose share falls from 1 to 0 between these depths, the nearer to 0
+ * the slower, and a matte that is `narrow` pixels narrower. */
+static void rim_draw(struct drawing *d, bool pattern, double from, double to,
+                     double narrow)
+{
+    struct random r;
+
+    random_init(&r, 7, "rim");
+    memset(d->inside, 255, sizeof d->inside);
+    for (size_t i = 0; i < N * N; i++) {
+        const double depth = rim_depth(i);
+        const double t = fmin(1, fmax(0, (depth - to) / (from - to)));
+        const double a = d->person[i] = t * t;
+
+        d->matte[i] = depth > narrow + 0.5 ? 255 : depth < narrow - 0.5 ? 0
+                      : 128;
+        for (size_t c = 0; c < 3; c++) {
+            d->wall[3 * i + c] = fmin(255, rim_wall(i, c, pattern) +
+                                               1.5 * random_normal(&r));
+            d->rgb[3 * i + c] = (uint8_t)lrint(
+                a * hair[c] + (1 - a) * d->wall[3 * i + c]);
+        }
+    }
+}
+
+static void rim_split(struct drawing *d)
+{
+    struct error err = {0};
+
+    REQUIRE(layers_split(d->matte, d->back, d->rgb, d->inside, N, &err) == 0,
+            "%s", err.text);
+}
+
+/* Most by which a channel of the background misses the wall. */
+static double rim_off(const struct drawing *d, size_t i)
+{
+    double most = 0;
+
+    for (size_t c = 3 * i; c < 3 * i + 3; c++)
+        most = fmax(most, fabs(d->back[c] - d->wall[c]));
+    return most;
+}
+
+/* Most by which a channel of the picture misses any sum of both layers. */
+static double rim_missing(const struct drawing *d, size_t i)
+{
+    double most = 0;
+
+    for (size_t c = 3 * i; c < 3 * i + 3; c++) {
+        const double own = d->rgb[c] -
+                           (255 - d->matte[i]) * d->back[c] / 255.0;
+        most = fmax(most, fmax(-own, own - d->matte[i]));
+    }
+    return most;
+}
+
+static void rim_test_soft_edge(void)
+{
+    static struct drawing d;
+    double ghost = 0, error = 0, sum = 0, pixels = 0;
+
+    rim_draw(&d, false, 4, -5, 2);
+    rim_split(&d);
+    for (size_t i = 0; i < N * N; i++) {
+        sum = fmax(sum, rim_missing(&d, i));
+        if (d.person[i] <= 0 || d.person[i] > 0.4)
+            continue;
+        ghost += rim_off(&d, i) > 10;
+        error += fabs(d.matte[i] / 255.0 - d.person[i]);
+        pixels++;
+    }
+    check("a soft edge: share of its pixels with a ghost", ghost / pixels,
+          0.01);
+    check("the matte there, mean error", error / pixels, 0.02);
+    check("levels by which both layers miss the picture", sum, 1.01);
+}
+
+static void rim_test_pattern(void)
+{
+    static struct drawing d;
+    double changed = 0, pixels = 0;
+
+    rim_draw(&d, true, 0.5, -0.5, 0);
+    rim_split(&d);
+    for (size_t i = 0; i < N * N; i++) {
+        const double depth = rim_depth(i);
+
+        if (depth > -1 || depth < -6)
+            continue;
+        changed += rim_off(&d, i) > 2;
+        pixels++;
+    }
+    check("a patterned wall: share of pixels beside him that change",
+          changed / pixels, 0.01);
+}
+
+int main(void)
+{
+    rim_test_soft_edge();
+    rim_test_pattern();
+    return check_status();
+}
