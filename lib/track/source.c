@@ -10,6 +10,7 @@
 #include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
+#include "lib/track/beyond.h"
 #include "lib/track/tta.h"
 #include "lib/track/turned.h"
 #include "lib/track/overlay.h"
@@ -213,46 +214,6 @@ static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
 }
 
-/* Pixel (x,y) as row `from` above it has it: of the person, the mean over a
- * stretch that grows with the distance, before the background. */
-static void source_smear(struct source *s, size_t x, size_t y, size_t from)
-{
-    const size_t n = s->person.size, r = (y - from) / 4;
-    const size_t lo = x > r ? x - r : 0, hi = x + r < n ? x + r : n - 1;
-    const uint8_t *matte = s->person.matte + from * n;
-    const uint8_t *above = s->person.rgb + 3 * from * n;
-    const uint8_t *back = s->person.back + 3 * (y * n + x);
-    uint8_t *rgb = s->person.rgb + 3 * (y * n + x);
-    unsigned sum[3] = {0}, weight = 0, m = matte[x];
-
-    s->person.matte[y * n + x] = matte[x];
-    memcpy(rgb, back, 3);
-    if (!matte[x])
-        return;
-    for (size_t k = lo; k <= hi; k++) {
-        weight += matte[k];
-        for (size_t c = 0; c < 3; c++)
-            sum[c] += (unsigned)matte[k] * above[3 * k + c];
-    }
-    for (size_t c = 0; c < 3; c++)
-        rgb[c] = (uint8_t)((m * sum[c] / weight + (255 - m) * back[c] + 127) /
-                           255);
-}
-
-/* What the window shows beyond the picture is nobody: but shoulders that leave
- * the picture below go on as they left it, a row above its edge. */
-static void source_continue_body(struct source *s)
-{
-    const size_t n = s->person.size;
-    size_t end = n;
-
-    while (end > 0 && !memchr(s->inside + (end - 1) * n, 255, n))
-        end--;
-    for (size_t y = end; end > 1 && end < n && y < n; y++)
-        for (size_t x = 0; x < n; x++)
-            source_smear(s, x, y, end - 2);
-}
-
 static bool source_guessed(const struct source *s)
 {
     return s->how >= SOURCE_NETWORK;
@@ -274,7 +235,7 @@ static int source_split(struct source *s, struct error *err)
              : layers_fill(p->back, p->rgb, p->matte, s->inside, p->size,
                            err);
     if (rc == 0)
-        source_continue_body(s);
+        beyond_continue(p, s->inside);
     return rc;
 }
 

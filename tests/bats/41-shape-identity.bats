@@ -53,7 +53,7 @@ crop=--crop=50,40,30
     has "2 pictures are damaged or cut short"
 }
 
-@test "the matte is the mask where the picture is, and goes on below alone" {
+@test "the matte is the mask where the picture is, and goes on beyond its edges" {
     need_numpy
     ppm 100 80 abcdefg >me.ppm
     printf 'P5 100 80 255\n' >mask.pgm
@@ -63,15 +63,19 @@ crop=--crop=50,40,30
     "$PYTHON" - <<'PY'
 import numpy as np
 m = np.load('SRCI.matte.npy').reshape(512, 512)
-# 100 x 80 of 160 x 160 pixels are inside; a body goes on below, as it left
-# the picture three rows above its end
+# 100 x 80 of 160 x 160 pixels are inside
 x, y = (30 * 3.2, 130 * 3.2), (40 * 3.2, 120 * 3.2)
-assert not m[:int(y[0]) - 1].any()
-assert not m[:, :int(x[0]) - 1].any() and not m[:, int(x[1]) + 2:].any()
-inside = slice(int(y[0]) + 4, int(y[1]) - 4), slice(int(x[0]) + 4, int(x[1]) - 4)
-assert (m[inside] == 255).all()
-assert (m[int(y[1]) + 1:, inside[1]] >= 250).all()
-assert abs(m.mean() / 255 - 100 * 120 / 160**2) < 0.005, m.mean()
+left, right, top, bottom = int(x[0]) + 4, int(x[1]) - 4, int(y[0]) + 4, int(y[1]) - 4
+assert (m[top:bottom, left:right] == 255).all()
+# shoulders fall to the sides, one row by two columns
+for column, fall in (80, 8), (40, 28), (431, 7.5), (471, 27.5):
+    begin = np.argmax(m[:, column] > 128)
+    assert abs(begin - (y[0] + fall)) < 4, (column, begin)
+# with them the body below leaves the window
+assert (m[bottom + 8:] == 255).all()
+# a dome above, 0.35 as high as wide, in the middle
+assert abs(y[0] - np.argmax(m[:, 256] > 128) - min(0.35 * 320, y[0])) < 4
+assert np.argmax(m[:, 120] > 128) > 60 and not m[:60, 100].any()
 PY
 }
 
@@ -143,9 +147,12 @@ import numpy as np
 m = np.load('SRCI.matte.npy').reshape(512, 512)
 c = np.load('SRCI.rgb.npy').reshape(512, 512, 3).astype(int)
 below, edge = m[430:] > 200, m[425] > 200
-print(edge.sum(), below.sum(), c[430:][below].sum(1).min())
+wide = below.sum(1)
+print(edge.sum(), wide, c[430:][below].sum(1).min())
 assert edge.sum() > 200
-assert abs(below.sum() - 82 * edge.sum()) < 0.1 * below.sum()
+# a body that widens by a quarter of a row to each side, unless the window ends
+for row in 0, 40, 81:
+    assert abs(wide[row] - min(edge.sum() + 0.5 * row, 512)) < 8, wide[row]
 # as the edge has it, not the black of what is not there
 mean = lambda part, who: part[who].mean(0)
 assert np.abs(mean(c[430:], below) - mean(c[425], edge)).max() < 12
