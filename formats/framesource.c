@@ -432,18 +432,18 @@ static int framesource_read_image(struct framesource *s, struct frame *f,
 }
 
 /* Decoders stop at a fault as they do at the end: compare with what the
- * container promised (its estimate may be off by a frame or two). */
+ * container promised (which may be off by a frame or two). */
 static int framesource_check_video_end(struct framesource *s, struct error *err)
 {
-    size_t all = video_frames(s->video);
+    const size_t missing = video_missing(s->video);
 
     if (s->here == 0)
         return error_set(err, EX_DATAERR, "%s: no frame could be decoded",
                          s->name);
-    if (all > s->here + 2 + all / 100)
+    if (missing > 2 + s->here / 100)
         return error_set(err, EX_DATAERR, "%s: frame %zu: damaged or cut "
-                         "short (%zu frames announced)", s->name, s->here,
-                         all);
+                         "short (about %zu more frames announced)", s->name,
+                         s->here, missing);
     if (video_cut(s->video))
         return error_set(err, EX_DATAERR, "%s: frame %zu: cut short inside a "
                          "packet", s->name, s->here);

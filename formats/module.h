@@ -21,6 +21,7 @@ struct video_reader {
 struct video_reading {
     double (*rate)(const struct video_reader *v);
     size_t (*frames)(const struct video_reader *v);
+    size_t (*missing)(const struct video_reader *v);
     bool (*cut)(const struct video_reader *v);
     int (*read)(struct video_reader *v, const uint8_t **rgb, size_t *width,
                 size_t *height, double *time, struct error *err);

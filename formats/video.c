@@ -29,6 +29,11 @@ size_t video_frames(const struct video_reader *v)
     return v->by->frames(v);
 }
 
+size_t video_missing(const struct video_reader *v)
+{
+    return v->by->missing(v);
+}
+
 bool video_cut(const struct video_reader *v)
 {
     return v->by->cut(v);

@@ -24,8 +24,11 @@ struct video_reader *video_open(const char *path, bool bt601,
                                 struct error *err);
 /* Frames a second; 0 when unknown. */
 double video_rate(const struct video_reader *v);
-/* Frames the container announces; 0 when unknown. */
+/* Frames the container announces, about; 0 when unknown. */
 size_t video_frames(const struct video_reader *v);
+/* At the end: about how many frames could not be decoded, or are not there
+ * though the container announces pictures for longer. */
+size_t video_missing(const struct video_reader *v);
 /* Whether the file ends inside a packet of MPEG-TS: it was cut short, which
  * nothing else in that container tells. */
 bool video_cut(const struct video_reader *v);

@@ -47,7 +47,7 @@ static double camera_rate(const struct video_reader *v)
     return static_cast<const camera *>(v)->rate;
 }
 
-/* It announces nothing, ... */
+/* It announces nothing, so nothing is missing, ... */
 static size_t camera_frames(const struct video_reader *)
 {
     return 0;
@@ -98,7 +98,8 @@ static void camera_close(struct video_reader *v)
 }
 
 static const struct video_reading camera_functions = {
-    camera_rate, camera_frames, camera_cut, camera_read, camera_close
+    camera_rate, camera_frames, camera_frames, camera_cut, camera_read,
+    camera_close
 };
 
 struct video_reader *camera_open(const char *path, struct error *err)

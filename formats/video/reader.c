@@ -12,6 +12,7 @@
 #include <libavcodec/avcodec.h>
 #include <libavformat/avformat.h>
 #include <libavutil/display.h>
+#include <libavutil/parseutils.h>
 #include <libswscale/swscale.h>
 
 #include "formats/video/table.h"
@@ -32,8 +33,12 @@ struct reader {
     int turns;                  /* quarters, clockwise */
     uint8_t *rows, *rgb;        /* as converted; packed and upright */
     size_t room;                /* pixels of both */
-    double rate, last;
-    size_t frames, count;
+    double rate;                /* frames a second */
+    double seconds;             /* that the container announces; 0: none */
+    double last, pause;         /* time of the last frame; the longest time
+                                 * between two */
+    size_t frames;              /* announced */
+    size_t count, faults;       /* frames read; packets that no decoder takes */
     bool drained;               /* no packet is left */
 };
 
@@ -92,22 +97,50 @@ static size_t reader_frames(const struct video_reader *v)
     return reader_of(v)->frames;
 }
 
-/* Frames a second, and how many the container announces. */
+/* By time, for cameras and screens are recorded at a rate that varies, and a
+ * last picture may stay as long as any before it. */
+static size_t reader_missing(const struct video_reader *v)
+{
+    const struct reader *r = reader_of(v);
+    const double end = r->last + fmax(r->pause, r->rate > 0 ? 1 / r->rate : 0);
+    const double mean = r->last > 0 ? (double)(r->count - 1) / r->last : r->rate;
+    const double n = fmax(r->seconds - end, 0) * mean;
+
+    return r->faults + (n < 1e12 ? (size_t)n : 0);
+}
+
+/* How long the pictures last, as the container says; 0 where it does not.
+ * Sound may go on longer than they do, so a whole file's length is theirs only
+ * where they are alone in it. */
+static double reader_seconds(const struct reader *r)
+{
+    const AVStream *s = r->stream;
+    const AVDictionaryEntry *tag = av_dict_get(s->metadata, "DURATION", NULL,
+                                               0);
+    int64_t micros;
+
+    if (s->duration != AV_NOPTS_VALUE)
+        return (double)s->duration * av_q2d(s->time_base);
+    if (tag && av_parse_time(&micros, tag->value, 1) == 0)  /* Matroska's */
+        return (double)micros / AV_TIME_BASE;
+    if (r->file->nb_streams == 1 && r->file->duration != AV_NOPTS_VALUE)
+        return (double)r->file->duration / AV_TIME_BASE;
+    return 0;
+}
+
+/* Frames a second, for how long, and how many of them. */
 static void reader_announced(struct reader *r)
 {
     const AVStream *s = r->stream;
     double rate = av_q2d(av_guess_frame_rate(r->file, r->stream, NULL));
-    double seconds = 0, n = (double)s->nb_frames;
+    double n = (double)s->nb_frames;
 
     if (!(rate > 0))
         rate = av_q2d(s->avg_frame_rate);
     r->rate = rate > 0 && rate < 100000 ? rate : 0;
-    if (r->file->duration != AV_NOPTS_VALUE)
-        seconds = (double)r->file->duration / AV_TIME_BASE;
-    else if (s->duration != AV_NOPTS_VALUE)
-        seconds = (double)s->duration * av_q2d(s->time_base);
+    r->seconds = reader_seconds(r);
     if (!(n > 0))
-        n = floor(seconds * r->rate + 0.5);
+        n = floor(r->seconds * r->rate + 0.5);
     r->frames = n > 0 && n < 1e12 ? (size_t)n : 0;
 }
 
@@ -173,7 +206,7 @@ static void reader_close(struct video_reader *v)
 /* ---- frames -------------------------------------------------------------- */
 
 /* The next decoded frame: 1, or 0 at the end.  What cannot be decoded is
- * passed over: the caller counts. */
+ * passed over, and counted. */
 static int reader_decode(struct reader *r)
 {
     for (;;) {
@@ -185,12 +218,14 @@ static int reader_decode(struct reader *r)
             return 0;
         if (rc != AVERROR(EAGAIN) && rc != AVERROR_INVALIDDATA)
             return 0;
+        r->faults += rc == AVERROR_INVALIDDATA;
         do {
             av_packet_unref(r->packet);
             rc = av_read_frame(r->file, r->packet);
         } while (rc == 0 && r->packet->stream_index != r->stream->index);
         r->drained = rc < 0;
-        avcodec_send_packet(r->codec, rc < 0 ? NULL : r->packet);
+        r->faults += avcodec_send_packet(r->codec, rc < 0 ? NULL : r->packet)
+                     == AVERROR_INVALIDDATA;
     }
 }
 
@@ -289,6 +324,8 @@ static double reader_time(struct reader *r)
             av_q2d(r->stream->time_base);
     if (!(t > r->last) || !isfinite(t))
         t = r->last < 0 ? 0 : r->last + 1 / (r->rate > 0 ? r->rate : 25);
+    if (r->last >= 0)
+        r->pause = fmax(r->pause, t - r->last);
     return r->last = t;
 }
 
@@ -323,7 +360,8 @@ static int reader_read(struct video_reader *v, const uint8_t **rgb,
 }
 
 static const struct video_reading reader_functions = {
-    reader_rate, reader_frames, reader_cut, reader_read, reader_close
+    reader_rate, reader_frames, reader_missing, reader_cut, reader_read,
+    reader_close
 };
 
 struct video_reader *reader_open(const char *path, bool bt601,

@@ -27,7 +27,7 @@ int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
         if (sum + rgb[3 * width * height - 1] == SIZE_MAX)
             break;
     }
-    if (v)
+    if (v && video_missing(v) == 0)
         (void)video_cut(v);
     video_close(v);
     close(fd);

@@ -1,5 +1,6 @@
 /* Frames in: every kind of input, its times, and what happens at a fault. */
 #include <math.h>
+#include <stdbool.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -206,6 +207,50 @@ static void test_transport(void)
                 &r.err);
 }
 
+/* ffmpeg's file of that name: 60 frames of two seconds, of which `select`
+ * stay; with sound of `sound` seconds. */
+static bool input_by_ffmpeg(const char *name, const char *select, double sound)
+{
+    char cmd[1024];
+
+    snprintf(cmd, sizeof cmd, "ffmpeg -nostdin -v error -y -f lavfi -i "
+             "testsrc=s=128x96:d=2:r=30 -f lavfi -i sine=d=%g -vf "
+             "\"select='%s'\" -fps_mode vfr -c:v mpeg4 -q:v 2 %s", sound,
+             select, folder_at(name));
+    return system(cmd) == 0;
+}
+
+/* What recorders make: sound that outlasts the pictures, and pictures at a
+ * rate that varies.  Neither is damage; a file without its end is. */
+static void test_recorded(void)
+{
+    static const char *const name[] = {"r.mkv", "r.mp4", "r.mov", "r.avi",
+                                       "r.ts"};
+    struct seen r;
+
+    if (system("command -v ffmpeg >/dev/null 2>&1") != 0) {
+        printf("no ffmpeg here: recordings left out\n");
+        return;
+    }
+    for (size_t i = 0; i < sizeof name / sizeof *name; i++) {
+        check_error(name[i], input_by_ffmpeg(name[i], "1", 6),
+                    &(struct error){0});
+        r = see_one(name[i]);
+        check_error("sound longer than the pictures",
+                    r.rc == 0 && r.frames == 60, &r.err);
+        check_error(name[i], input_by_ffmpeg(name[i], "lt(n,20)+not(mod(n,4))",
+                                             2), &(struct error){0});
+        r = see_one(name[i]);
+        check_error("a rate that varies", r.rc == 0 && r.frames == 30, &r.err);
+    }
+    input_by_ffmpeg("r.mkv", "1", 2);
+    input_cut("r.mkv", "cut.mkv", 0.7);
+    r = see_one("cut.mkv");
+    printf("cut.mkv: %zu frames before the fault\n", r.frames);
+    check_error("Matroska cut short", r.rc == -1 && r.err.code == EX_DATAERR &&
+                r.frames >= 1 && r.frames < 60, &r.err);
+}
+
 static void write_text(const char *name, const char *text, size_t n)
 {
     FILE *fp = fopen(folder_at(name), "wb");
@@ -299,6 +344,7 @@ int main(void)
     test_lists();
     test_faults();
     test_transport();
+    test_recorded();
     test_hostile();
     test_images();
     return folder_remove() || check_status();
