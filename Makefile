@@ -287,14 +287,26 @@ install: all
 	  [ ! -e "$$f" ] || install -m 644 "$$f" "$(DESTDIR)$(PREFIX)/share/spid"; \
 	done
 
-# libFuzzer over the readers, FUZZ_SECONDS each.  What it finds is kept in
-# tests/fuzz/found and goes through its target again in make check.  Needs
-# Debian's clang.
+# libFuzzer over the readers, FUZZ_SECONDS each, or over those of FUZZ="fuzz_ply
+# fuzz_glb" alone.  What it finds is kept in tests/fuzz/found and goes through
+# its target again in make check.  Needs Debian's clang.
 FUZZ_SECONDS ?= 120
 FUZZ := $(patsubst tests/fuzz/%.c,%,$(wildcard tests/fuzz/*.c))
-FUZZ_CC := clang -std=gnu17 -g -O1 -I. -D_GNU_SOURCE \
-	  -DSPID_VERSION='"$(VERSION)"' $(JSON_CFLAGS) \
-	  -DISA_ONE -DISA_BASELINE -DISA_NAME=baseline -fno-sanitize-recover=all
+FUZZ_FLAGS := -g -O1 -I. -D_GNU_SOURCE -DSPID_VERSION='"$(VERSION)"' \
+	  $(JSON_CFLAGS) -DISA_ONE -DISA_BASELINE -DISA_NAME=baseline -MMD -MP \
+	  -fno-sanitize-recover=all -fPIC
+FUZZ_CC := clang -std=gnu17 $(FUZZ_FLAGS)
+FUZZ_CXX := clang++ -std=c++17 $(FUZZ_FLAGS) $(OPENCV_CFLAGS) $(OIIO_CFLAGS)
+FUZZ_PART := -fsanitize=fuzzer-no-link,address,undefined
+# The readers, and what they need.
+FUZZ_READERS := $(wildcard lib/base/*.c lib/stream/*.c formats/record*.c \
+	  formats/safetensors*.c formats/compose*.c formats/ply*.c \
+	  formats/livelink*.c formats/pickle*.c formats/tensorfile*.c \
+	  formats/video_name.c $(patsubst %,formats/%.c,npy y4m pnm png jpeg mark \
+	  image module video outfile arrayview ziparchive wavefront) \
+	  formats/glb_read.cc formats/glb_pose.cc)
+fuzz_objects = $(patsubst %,$(BUILD)/fuzz/obj/%.o,$(basename $(wildcard $(1))))
+
 fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 	set -e; mkdir -p tests/fuzz/found; for f in $(FUZZ); do \
 	  echo "$$f"; mkdir -p $(BUILD)/fuzz/$$f.corpus; \
@@ -303,29 +315,35 @@ fuzz: $(FUZZ:%=$(BUILD)/fuzz/%)
 	    -print_final_stats=1 -verbosity=0 \
 	    $(BUILD)/fuzz/$$f.corpus tests/fuzz/seed/$$f; done
 
-$(BUILD)/fuzz/%: tests/fuzz/%.c $(wildcard lib/base/*.[ch] lib/stream/*.[ch]) \
-                 $(wildcard formats/record*.[ch] formats/safetensors*.[ch] \
-                   formats/npy.[ch] formats/y4m.[ch] formats/pnm.[ch] \
-                   formats/compose.[ch] formats/compose_tmpl.c \
-                   formats/png.[ch] formats/mark.[ch] formats/ply.[ch] \
-                   formats/outfile.[ch] \
-                   formats/pickle*.[ch] formats/tensorfile*.[ch] \
-                   formats/arrayview.[ch] formats/ziparchive.[ch] \
-                   formats/jpeg.[ch] formats/image.[ch] formats/module.[ch] \
-                   formats/video.[ch] formats/video_name.c) \
-                 tests/fuzz/memory_file.h $(BUILD)/fuzz/video.so
+$(BUILD)/fuzz/obj/%.o: %.c
 	@mkdir -p $(@D)
-	$(SAY) FUZZ $@
-	$(FUZZ_CC) -fsanitize=fuzzer,address,undefined $(filter %.c,$^) \
-	  -lxxhash -lcjson -lpng -ljpeg -lzip -lm -o $@
-
-# The videos' module, where formats/module.c looks for it.
-$(BUILD)/fuzz/video.so: $(wildcard formats/video/*.[ch])
+	$(FUZZ_CC) $(FUZZ_PART) -c $< -o $@
+$(BUILD)/fuzz/obj/%.o: %.cc
 	@mkdir -p $(@D)
-	$(SAY) FUZZ $@
-	$(FUZZ_CC) -fsanitize=fuzzer-no-link,address,undefined -shared -fPIC \
-	  -fopenmp $(filter %.c,$^) $(VIDEO_LIBS) -o $@
+	$(FUZZ_CXX) $(FUZZ_PART) -c $< -o $@
 
+$(BUILD)/fuzz/readers.a: $(call fuzz_objects,$(FUZZ_READERS))
+	rm -f $@
+	$(SAY) AR $@
+	$(AR) rcs $@ $^
+
+$(BUILD)/fuzz/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
+                 $(BUILD)/fuzz/video.so $(BUILD)/fuzz/media.so
+	$(SAY) FUZZ $@
+	$(FUZZ_CC) -fsanitize=fuzzer,address,undefined $(filter %.c %.a,$^) \
+	  -Wl,--as-needed -lxxhash -lcjson -lpng -ljpeg -lzip -ltinygltf \
+	  -fsanitize-link-c++-runtime -lstdc++ -lm -o $@
+
+# The modules, where formats/module.c looks for them.
+$(call fuzz_objects,formats/video/*.c): FUZZ_PART += -fopenmp
+$(BUILD)/fuzz/video.so: $(call fuzz_objects,formats/video/*.c)
+	$(SAY) FUZZ $@
+	$(FUZZ_CC) $(FUZZ_PART) -shared -fopenmp $^ $(VIDEO_LIBS) -o $@
+
+$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.cc)
+	$(SAY) FUZZ $@
+	$(FUZZ_CXX) $(FUZZ_PART) -shared $^ $(MEDIA_LIBS) -o $@
+-include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)
 
 # The table of Winograd against direct convolutions (lib/nn/tune.c).
 $(BUILD)/tests/tune: $(BUILD)/obj/tests/bench/tune.o $(LIB)

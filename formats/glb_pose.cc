@@ -17,6 +17,9 @@ using namespace tinygltf;
 
 namespace {
 
+/* Numbers of an accessor that no bytes stand for: 128 MB of them. */
+const size_t MOST_ZEROS = size_t(1) << 24;
+
 typedef std::array<double, 12> Matrix;      /* rows of a 3x4 */
 
 const Matrix IDENTITY = {1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0};
@@ -60,14 +63,18 @@ std::vector<double> numbers(const Model &m, int view, size_t offset, size_t n,
 {
     const BufferView &v = at(m.bufferViews, view);
     const std::vector<unsigned char> &b = at(m.buffers, v.buffer).data;
-    const size_t one = size_t(GetComponentSizeInBytes(uint32_t(type)));
+    const int bytes = GetComponentSizeInBytes(uint32_t(type));
+    if (bytes <= 0)
+        throw not_there();
+    const size_t one = size_t(bytes);
     const size_t step = v.byteStride ? v.byteStride : one * width;
     const size_t from = v.byteOffset + offset;
-    std::vector<double> out(n * width);
 
-    if (n && (from > b.size() || step > b.size() ||
-              from + (n - 1) * step + one * width > b.size()))
+    /* before memory is asked for */
+    if (from > b.size() || one * width > b.size() - from ||
+        (n && n - 1 > (b.size() - from - one * width) / step))
         throw not_there();
+    std::vector<double> out(n * width);
     for (size_t i = 0; i < n; i++)
         for (size_t k = 0; k < width; k++)
             out[i * width + k] = number(&b[from + i * step + k * one], type);
@@ -78,14 +85,19 @@ std::vector<double> numbers(const Model &m, int view, size_t offset, size_t n,
 std::vector<double> values(const Model &m, int accessor)
 {
     const Accessor &a = at(m.accessors, accessor);
-    const size_t width = size_t(GetNumComponentsInType(uint32_t(a.type)));
+    const int components = GetNumComponentsInType(uint32_t(a.type));
     std::vector<double> out;
 
+    if (components <= 0)
+        throw not_there();
+    const size_t width = size_t(components);
     if (a.bufferView >= 0)
         out = numbers(m, a.bufferView, a.byteOffset, a.count, width,
                       a.componentType);
-    else
+    else if (a.count <= MOST_ZEROS / width)
         out.assign(a.count * width, 0);
+    else
+        throw not_there();
     if (!a.sparse.isSparse)
         return out;
     const auto &s = a.sparse;
@@ -97,7 +109,7 @@ std::vector<double> values(const Model &m, int accessor)
         numbers(m, s.values.bufferView, size_t(s.values.byteOffset), n, width,
                 a.componentType);
     for (size_t i = 0; i < n; i++) {
-        if (!(index[i] < double(a.count)))
+        if (!(index[i] >= 0 && index[i] < double(a.count)))
             throw not_there();
         std::copy(&value[i * width], &value[i * width] + width,
                   &out[size_t(index[i]) * width]);
@@ -173,16 +185,16 @@ Matrix local(const Model &m, int node)
             1 - 2 * (x * x + y * y), t[2]};
 }
 
-/* Where every node is in the scene. */
+/* Where every node is in the scene; left: nodes that were not met yet. */
 void place(const Model &m, int node, const Matrix &parent,
-           std::vector<Matrix> &world, size_t depth)
+           std::vector<Matrix> &world, size_t &left)
 {
-    if (depth > m.nodes.size())
-        throw not_there();              /* a node below itself */
+    if (left-- == 0)
+        throw not_there();              /* a node below itself, or twice */
     const Matrix here = multiply(parent, local(m, node));
     world[size_t(node)] = here;
     for (int child : m.nodes[size_t(node)].children)
-        place(m, child, here, world, depth + 1);
+        place(m, child, here, world, left);
 }
 
 /* The skin's matrices: where a joint is, from where it was bound. */
@@ -190,11 +202,12 @@ std::vector<Matrix> joints(const Model &m, const Skin &s)
 {
     std::vector<Matrix> world(m.nodes.size(), IDENTITY), out;
     std::vector<double> bind = values(m, s.inverseBindMatrices);
+    size_t left = m.nodes.size();
 
     if (bind.size() != 16 * s.joints.size() || m.scenes.empty())
         throw not_there();
     for (int root : m.scenes[0].nodes)
-        place(m, root, IDENTITY, world, 0);
+        place(m, root, IDENTITY, world, left);
     for (size_t j = 0; j < s.joints.size(); j++) {
         Matrix b;                       /* glTF's are by columns */
         for (size_t i = 0; i < 12; i++)
@@ -241,7 +254,9 @@ void skinned(float *out, const Model &m, const Node &n, int node)
         for (size_t i = 0; i < 3; i++) {
             double sum = 0;
             for (size_t k = 4 * v; k < 4 * v + 4; k++) {
-                const Matrix &t = at(turn, int(joint[k]));
+                if (!(joint[k] >= 0 && joint[k] < double(turn.size())))
+                    throw not_there();
+                const Matrix &t = turn[size_t(joint[k])];
                 sum += weight[k] * (t[4 * i] * x[3 * v] +
                                     t[4 * i + 1] * x[3 * v + 1] +
                                     t[4 * i + 2] * x[3 * v + 2] +
@@ -273,6 +288,9 @@ int read_posed(float *verts, int32_t *faces, size_t V, size_t F,
         std::vector<double> f = values(m, p.indices);
         if (f.size() != 3 * F)
             throw not_there();
+        for (double corner : f)
+            if (!(corner >= 0 && corner < double(V)))
+                throw not_there();
         std::copy(f.begin(), f.end(), faces);
         skinned(verts, m, n, int(i));
         return 0;

@@ -15,6 +15,7 @@
 #define MAX_COLUMNS 512
 #define DEFAULT_RATE 60.0       /* the app's timecodes, in a pipe */
 #define LONGEST_GAP 60.0        /* seconds made up at most */
+#define SHORTEST_STEP 0.125     /* frames from one that is made up to the next */
 #define DAY 86400.0
 #define WEIGHT_MAX 10.0         /* beyond it a file means something else */
 
@@ -335,13 +336,14 @@ static int livelink_row(struct livelink *l, struct error *err)
 }
 
 /* Is the row to come too late to be the next one?  Rows that are none made up
- * between teach the usual step. */
+ * between teach the usual step, but not one so short that a gap would be
+ * filled for ever. */
 static bool livelink_gap(struct livelink *l)
 {
     double step = l->next.frame - l->last;
 
     if (!l->pending && (l->step == 0 || step < 0.75 * l->step))
-        l->step = step;
+        l->step = fmax(step, SHORTEST_STEP);
     return step > 1.5 * l->step;
 }
 

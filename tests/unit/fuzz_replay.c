@@ -46,6 +46,26 @@
 #include "tests/fuzz/fuzz_video.c"
 #undef LLVMFuzzerTestOneInput
 
+#define LLVMFuzzerTestOneInput fuzz_ply
+#include "tests/fuzz/fuzz_ply.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_wavefront
+#include "tests/fuzz/fuzz_wavefront.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_livelink
+#include "tests/fuzz/fuzz_livelink.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_glb
+#include "tests/fuzz/fuzz_glb.c"
+#undef LLVMFuzzerTestOneInput
+
+#define LLVMFuzzerTestOneInput fuzz_pictures
+#include "tests/fuzz/fuzz_pictures.c"
+#undef LLVMFuzzerTestOneInput
+
 static const struct {
     const char *name;
     int (*run)(const uint8_t *data, size_t size);
@@ -58,7 +78,12 @@ static const struct {
                 { "fuzz_zip", fuzz_zip },
                 { "fuzz_npz", fuzz_npz },
                 { "fuzz_jpeg", fuzz_jpeg },
-                { "fuzz_video", fuzz_video } };
+                { "fuzz_video", fuzz_video },
+                { "fuzz_ply", fuzz_ply },
+                { "fuzz_wavefront", fuzz_wavefront },
+                { "fuzz_livelink", fuzz_livelink },
+                { "fuzz_glb", fuzz_glb },
+                { "fuzz_pictures", fuzz_pictures } };
 
 static int fuzz_replay(const char *path, int (*run)(const uint8_t *, size_t))
 {

@@ -1,0 +1,45 @@
+/* libFuzzer target: meshes as Wavefront OBJ, and MakeHuman's bindings. */
+#include "formats/wavefront.h"
+#include "tests/fuzz/memory_file.h"
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
+
+#define BASE_VERTICES 8
+#define ASSET_VERTICES 3
+
+/* 1 when a corner lies outside of the lists. */
+static int wavefront_outside(const struct wavefront *m)
+{
+    for (size_t i = 0; i < 3 * m->nf; i++)
+        if ((size_t)m->f[i] >= m->nv
+            || (m->nt && (size_t)m->ft[i] >= m->nt))
+            return 1;
+    return 0;
+}
+
+int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)
+{
+    static const float base[3 * BASE_VERTICES];
+    const char *const group[] = { NULL, "body" };
+    float out[3 * ASSET_VERTICES];
+    struct wavefront m;
+    struct mhclo binding;
+    struct error err;
+    char path[40];
+    int bad = 0;
+    const int fd = memory_file(path, data, size);
+
+    if (fd < 0)
+        return 0;
+    for (int i = 0; i < 2; i++)
+        if (wavefront_read(&m, path, group[i], &err) == 0) {
+            bad |= wavefront_outside(&m);
+            wavefront_release(&m);
+        }
+    if (mhclo_read(&binding, path, BASE_VERTICES, ASSET_VERTICES, &err) == 0) {
+        mhclo_place(out, &binding, base);
+        mhclo_release(&binding);
+    }
+    close(fd);
+    return bad;
+}
