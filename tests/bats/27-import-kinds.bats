@@ -31,6 +31,38 @@ P
     cmp sculpted.safetensors.d/MESH.verts.npy flame.safetensors.d/MESH.verts.npy
 }
 
+@test "flame: of 2019, 2020 or 2023, whichever arrays are chumpy's or sparse" {
+    local year
+    flame_files
+    "$PYTHON" - "$HEAD" <<'P'
+import pickle, sys
+import numpy as np, import_read
+chumpy, sparse = import_read.classes()
+r, _ = import_read.load(sys.argv[1])
+tree = {n: r[n].astype("f8") for n in ("v_template", "shapedirs", "posedirs", "weights", "J_regressor")}
+rest = {"f": r["f"].astype("u4"), "kintree_table": np.array([[2**32 - 1, 0, 1, 1, 1], range(5)], "u4")}
+def write(year, protocol, wrapped, regressor):
+    d = {n: chumpy(x) if n in wrapped else x for n, x in tree.items()}
+    pickle.dump({**d, **rest, "J_regressor": regressor(tree["J_regressor"])}, open(year + ".pkl", "wb"), protocol=protocol)
+write("2019", 0, ("v_template", "shapedirs", "posedirs", "weights"), sparse)
+write("2020", 2, ("v_template", "shapedirs"), sparse)
+write("2023", 4, (), lambda x: sparse(x, rows=True))
+write("dense", 5, (), lambda x: x)
+P
+    for year in 2019 2020 2023 dense; do
+        spid-import -q $year.pkl --as flame --landmarks landmarks.npy -o $year.safetensors
+    done
+    "$PYTHON" - "$HEAD" <<'P'
+import sys, numpy as np, import_read
+want, _ = import_read.load(sys.argv[1])
+for year in "2019", "2020", "2023", "dense":
+    got, meta = import_read.load(year + ".safetensors")
+    assert meta["kind"] == "flame"
+    for n in ("v_template", "f", "shapedirs", "posedirs", "weights", "J_regressor", "parents"):
+        assert np.array_equal(got[n], want[n]), (year, n)
+P
+}
+
 @test "flame: landmarks of two tables, lids made from the landmarks" {
     flame_files
     spid-import -q flame.pkl --as flame --landmarks parts.npy -o a.safetensors
