@@ -1,10 +1,10 @@
 /* --stats: how long each stage of a program took, as TSV. */
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "cmd/cli.h"
+#include "formats/outfile.h"
 #include "lib/base/cpu.h"
 #include "lib/base/list.h"
 #include "lib/base/sort.h"
@@ -40,16 +40,9 @@ void stats_end(const char *name, double begun)
     s->ms[s->count++] = 1e3 * (cpu_seconds() - begun);
 }
 
-void stats_write(void)
+/* A row for each stage, which is then forgotten. */
+static void stats_print(FILE *f)
 {
-    FILE *f;
-
-    if (!cli.stats)
-        return;
-    f = strcmp(cli.stats, "-") ? fopen(cli.stats, "w") : stderr;
-    if (!f)
-        die(EX_CANTCREAT, "%s: cannot create: %s", cli.stats,
-            strerror(errno));
     fprintf(f, "stage\tcalls\ttotal_ms\tmean_ms\tmedian_ms\tp95_ms\n");
     for (struct stage *s = stages; s < stages + MAX_STAGES && s->count; s++) {
         double total = 0;
@@ -63,6 +56,22 @@ void stats_write(void)
         free(s->ms);
         *s = (struct stage){ 0 };
     }
-    if (f != stderr && fclose(f))
-        die(EX_IOERR, "%s: cannot write: %s", cli.stats, strerror(errno));
+}
+
+void stats_write(void)
+{
+    struct outfile out;
+    struct error err = { 0 };
+
+    if (!cli.stats)
+        return;
+    if (!strcmp(cli.stats, "-")) {
+        stats_print(stderr);
+        return;
+    }
+    if (outfile_open(&out, cli.stats, &err))
+        die_error(&err);
+    stats_print(out.file);
+    if (outfile_close(&out, &err))
+        die_error(&err);
 }

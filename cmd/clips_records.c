@@ -11,6 +11,7 @@
 #include <xxhash.h>
 
 #include "cmd/options.h"
+#include "formats/outfile.h"
 #include "lib/base/file.h"
 #include "lib/model/model.h"
 
@@ -57,16 +58,20 @@ static void clips_note(const char *folder, const char *clip,
 }
 
 /* The reason beside where the records would be, so that it is not tried
- * again. */
+ * again; it is there whole or, on a full disk, not at all. */
 static void clips_note_bad(const char *folder, const char *clip,
                            const char *why)
 {
     char path[2 * CLIPS_LONGEST];
+    struct outfile out;
+    struct error err = {0};
 
     clips_record_path(path, sizeof path, folder, clip, "bad");
-    FILE *f = fopen(path, "w");
-    if (!f || fprintf(f, "%s\n", why) < 0 || fclose(f))
-        die(EX_IOERR, "%s: cannot write: %s", path, strerror(errno));
+    if (outfile_open(&out, path, &err))
+        die_error(&err);
+    fprintf(out.file, "%s\n", why);
+    if (outfile_close(&out, &err))
+        die_error(&err);
 }
 
 /* One clip; whether it was good. */

@@ -1,10 +1,10 @@
 /* spid-fit: labelled pictures of real people as training data. */
-#include <errno.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
 #include "cmd/options.h"
+#include "formats/outfile.h"
 #include "lib/fit/agreement.h"
 #include "lib/fit/face_fit.h"
 #include "lib/fit/fit_records.h"
@@ -131,13 +131,16 @@ static void fit_run_rounds(struct face_fit *f)
 static void fit_write_agreement(const struct face_fit *f)
 {
     struct error err = {0};
-    FILE *out = strcmp(agreement_path, "-") ? fopen(agreement_path, "w")
-                                            : stdout;
+    struct outfile out;
 
-    if (!out)
-        die(EX_CANTCREAT, "%s: %s", agreement_path, strerror(errno));
-    if (agreement_write(out, f, &err) || (out != stdout && fclose(out)))
-        die(EX_IOERR, "%s: cannot write", agreement_path);
+    if (outfile_open(&out, agreement_path, &err))
+        die_error(&err);
+    if (agreement_write(out.file, f, &err)) {
+        outfile_abandon(&out);
+        die_error(&err);
+    }
+    if (outfile_close(&out, &err))
+        die_error(&err);
 }
 
 /* Avatars by the model, at work for r. */

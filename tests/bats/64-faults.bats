@@ -182,11 +182,24 @@ spid-export --obj @.obj mesh.spid
 spid-eval drive.y4m drive.y4m -o @.txt
 spid-eval drive.y4m drive.y4m --frames-tsv @.tsv
 spid-import table.npy -o @.safetensors
+spid-splat -q -m model gaus.spid -o @.exr
+spid-splat -q -m model gaus.spid -o @.mkv
+spid-synth -q -n 1 --frames 1 --size 64 --head model/head.safetensors -o @.png
+spid-head -q -o @.safetensors
+spid-prepare -q -m model --frames 3 --least 2 --min-face 20 -o @ drive.y4m
+spid-prepare -q -m model -o @ bad.mp4
+spid-train -q -c motion.json --head model/head.safetensors -o @ people.spid
+spid-report -q runs -o @.html
+spid-report -q runs --sheet @.png -o /dev/null
+spid-bench -q --tsv -s 0.1 -o @.tsv stream
+spid-bench -q -j 1 -s 0.2 --plot @.gp -o /dev/null hard
+spid-flame -q -m model -i avatar.spid motion.spid -o /dev/null --stats @.tsv
 END
 }
 
 # refused LIMIT TARGET: every writer ends with 73 or 74 and one line, and
-# leaves nothing under TARGET's name; whole frames may stay in TARGET.part.
+# leaves nothing under TARGET's name; whole frames may stay in TARGET.part, and
+# in a folder its log, to which a line is added at a time.
 # LIMIT, if not empty, is how many kilobytes a file may have.
 refused() {
     local line rc bad=0 left
@@ -198,7 +211,8 @@ refused() {
             timeout 60 bash -c "$line" 2>&1 >/dev/null
         ) </dev/null | cat >said || true
         rc=${PIPESTATUS[0]}
-        left=$(find "$2"* -type f ! \( -name '*.part*' -size +0 \) 2>/dev/null) || true
+        left=$(find "$2"* -type f ! \( -name '*.part*' -size +0 \) \
+            ! -name log.tsv ! -name held.tsv ! -name clips.tsv 2>/dev/null) || true
         [[ $rc = 7[34] && $(wc -l <said) -eq 1 && -z $left ]] || {
             echo "status $rc, said: $(cat said); left: $left"
             echo "    $line"
@@ -217,6 +231,16 @@ streams() {
     spid-splat -q -m model --channels 8 --covered gaus.spid -o feat.spid
     spid-dump --npy arrays motion.spid
     cp "$(find arrays -name '*.npy' | head -n 1)" table.npy
+    spid-synth -q --people 2 --frames 2 --size 64 \
+        --head model/head.safetensors -o people.spid
+    cat >motion.json <<'END'
+{"stage": "motion", "steps": 1, "batch": 2, "micro": 2, "rate": 1e-3,
+ "pool": 2, "checkpoint_every": 1, "log_every": 1}
+END
+    echo 'no video' >bad.mp4
+    mkdir runs
+    cp drive.y4m runs/driver.y4m
+    cp source.png runs
 }
 
 @test "no writer writes where nothing can be written" {
