@@ -24,7 +24,8 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
  *               rgb between the colours to both sides is that much of the
  *               person, and reaches as far as colours of the person do:
  *               beside it, what is a mixture of the settled background
- *               further out and of the person gains the share that this is
+ *               further out and of the person gains the share that this is;
+ *               0 at small pieces apart from the person
  *   back [n,n,3] out: as layers_fill, changed where need be so that
  *               rgb = person + (1 - matte) back holds with a person whose
  *               colours are in range

@@ -130,8 +130,41 @@ static void rim_test_pattern(void)
           changed / pixels, 0.01);
 }
 
+/* A square of `side` pixels of the hair's colour that the matte takes for the
+ * person. */
+static void rim_add_piece(struct drawing *d, size_t x, size_t y, size_t side)
+{
+    for (size_t i = 0; i < side * side; i++) {
+        const size_t at = (y + i / side) * N + x + i % side;
+
+        d->matte[at] = 255;
+        for (size_t c = 0; c < 3; c++)
+            d->rgb[3 * at + c] = (uint8_t)hair[c];
+    }
+}
+
+/* Small pieces away from the person are no part of it; a body that something
+ * crosses is, and so is a lock beside the head. */
+static void rim_test_pieces(void)
+{
+    static struct drawing d;
+    const size_t far = 100 * N + 460, body = 470 * N + 100;
+    const size_t lock = 250 * N + 383;
+
+    rim_draw(&d, false, 2, -2, 0);
+    rim_add_piece(&d, 450, 90, 20);
+    rim_add_piece(&d, 60, 430, 80);
+    rim_add_piece(&d, 381, 248, 5);
+    rim_split(&d);
+    check_that("a piece away from the person goes", d.matte[far] == 0 &&
+               memcmp(d.back + 3 * far, d.rgb + 3 * far, 3) == 0);
+    check_that("a large one stays", d.matte[body] > 240);
+    check_that("and a close one", d.matte[lock] > 200);
+}
+
 int main(void)
 {
+    rim_test_pieces();
     rim_test_soft_edge();
     rim_test_pattern();
     return check_status();
