@@ -12,7 +12,9 @@
 #define STEP 2          /* cells from one of its Gaussians to the next */
 #define OVERLAP 0.6f    /* standard deviation over the distance to it, */
 #define SOLID 0.97f     /* and opacity */
-#define SINK 0.06f      /* behind the skin, head units, */
+#define WITHIN 0.5f     /* its share of the way from the skin to where that turns
+                         * away, */
+#define DEEPEST 0.15f   /* which is no further behind, head units, */
 #define HIGHEST 0.9f    /* and no further before the plane */
 /* By how far the skin about it moves (mesh_weights' moving): not behind the
  * temples, whose outline stays. */
@@ -74,6 +76,30 @@ void cheek_back_find(float *back, const struct source_picture *picture,
             back[y * n + x] = cheek_back_at(picture, mesh, x, y);
 }
 
+/* Camera depth of the strip at cell k: half way from the skin there to where it
+ * turns away, the farthest skin about it.  That is inside the jaw, which hides
+ * it on turned heads, too. */
+static float cheek_back_depth(const struct source_mesh *mesh, size_t k)
+{
+    const float half = 0.5f * (float)mesh->n, last = (float)(mesh->n - 1);
+    const float own = mesh->depth[k];
+    float deepest = own;
+
+    for (size_t i = 0; i < 2 * AROUND; i++) {
+        const float *turn = cheek_back_turn[i / 2];
+        const float way = half * WIDTH * (i % 2 ? 1 : 0.5f);
+        const float x = (float)(k % mesh->n) + way * turn[0];
+        const float y = (float)(k / mesh->n) + way * turn[1];
+        const size_t at = (size_t)fminf(fmaxf(y, 0), last) * mesh->n +
+                          (size_t)fminf(fmaxf(x, 0), last);
+        const float depth = mesh->depth[at];
+
+        if (isfinite(depth))
+            deepest = fmaxf(deepest, fminf(depth, own + DEEPEST));
+    }
+    return own + WITHIN * (deepest - own);
+}
+
 /* Gaussian k of a plane of n by n. */
 static void cheek_back_place(struct branch_set *out, size_t k, float back,
                              const struct source_picture *picture,
@@ -83,7 +109,7 @@ static void cheek_back_place(struct branch_set *out, size_t k, float back,
     const float U[2] = {(float)(2 * (k % n) + 1) / (float)n - 1,
                         (float)(2 * (k / n) + 1) / (float)n - 1};
     const float cell = 2.0f / (float)n * mesh->cam[11] / CAMERA_FOCAL;
-    const float skin = mesh->cam[11] - mesh->depth[k] - SINK;
+    const float skin = mesh->cam[11] - cheek_back_depth(mesh, k);
     const float rise = fminf(fmaxf(skin, 0), HIGHEST), p = 0.5f + 0.5f * rise;
     float rgba[4], *color = out->color + k * out->channels;
 

@@ -2,8 +2,9 @@
  * cheeks' outline in, and the plane is empty where skin moves: the wall behind
  * the person would show between cheek and neck, where in life the jaw's angle
  * hardly moves.  So the plane keeps a strip along the outline that the
- * photograph has, as the photograph shows it, a little behind the skin.
- * Nobody sees it while the cheeks are where they were. */
+ * photograph has, as the photograph shows it, behind the skin but inside the
+ * jaw: nobody sees it while the cheeks are where they were, however the head
+ * turns. */
 #ifndef SPID_AVATAR_CHEEK_BACK_H
 #define SPID_AVATAR_CHEEK_BACK_H
 

@@ -1,6 +1,6 @@
 /* The strip behind the cheeks: on a disc for a face, whose lower half moves,
- * it follows that half's outline, lies a little behind the skin where the
- * picture has it, and takes no gradient; other Gaussians stay. */
+ * it follows that half's outline, lies between the skin and where that turns
+ * away as the picture has it, and takes no gradient; other Gaussians stay. */
 #include <math.h>
 #include <stdio.h>
 #include <string.h>
@@ -83,8 +83,8 @@ static void cheek_found(void)
 /* What its Gaussians are, and the others. */
 static void cheek_placed(const struct source_mesh *m)
 {
-    double off = 0, deep = 0;
-    bool others = true, dense = true;
+    double off = 0, before = 0, beyond = 0;
+    bool others = true, dense = true, deeper = true;
     double y;
 
     for (size_t k = 0; k < N * N; k++) {
@@ -98,15 +98,21 @@ static void cheek_placed(const struct source_mesh *m)
         camera_project(at, &z, m->cam, 2, all.mean + 3 * k, 1);
         off = fmax(off, fabs(at[0] - (2.0 * (double)(k % N) + 1) / N));
         off = fmax(off, fabs(at[1] - (2.0 * (double)(k / N) + 1) / N));
-        if (isfinite(all.depth[k]) && z < 11.99f)
-            deep = fmax(deep, fabs(z - all.depth[k] - 0.06));
+        if (isfinite(all.depth[k]) && z < 11.99f) {
+            before = fmax(before, all.depth[k] - z);
+            beyond = fmax(beyond, z - (11.2 + RADIUS + 0.02));
+        }
+        deeper = deeper && (cheek_radius(k, &y) > RADIUS - 0.04 ||
+                            z > all.depth[k] + 0.01f);
         if (cheek_radius(k, &y) < RADIUS - 0.04 && all.back[k] == 1)
             dense = dense && all.opacity[k] > 0.9f && all.seen[k] == 1 &&
                     fabs(all.color[CHANNELS * k] - 128.0 / 255) < 0.01 &&
                     all.color[CHANNELS * k + 3] == 0;
     }
     check("each where its cell is", off, 1e-5);
-    check("0.06 behind the skin", deep, 1e-5);
+    check("never before the skin", before, 1e-5);
+    check("nor beyond where it turns away", beyond, 1e-5);
+    check_that("inside the outline, behind the skin", deeper);
     check_that("dense, of the picture's colour", dense);
     check_that("other Gaussians are as they were", others);
 }
