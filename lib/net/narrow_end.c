@@ -11,13 +11,13 @@
  */
 
 void narrow_end_plan(struct narrow_end *e, struct conv *rgb,
-                     struct conv *field, struct nn_plan *p)
+                     struct conv *field, float most, struct nn_plan *p)
 {
     const size_t out = rgb->out + (field ? field->out : 0);
     const size_t cells = rgb->h * rgb->w;
     struct conv both = *rgb;
 
-    *e = (struct narrow_end){.rgb = rgb, .field = field};
+    *e = (struct narrow_end){.rgb = rgb, .field = field, .most = most};
     if (p->err.code || nn_plan_backward(p) || !conv_winograd(rgb) ||
         rgb->h % TILE || rgb->w % TILE)
         return;
@@ -144,12 +144,17 @@ void narrow_end_cover(struct narrow_end *e, struct conv *before,
 /* ---- running ---------------------------------------------------------------
  */
 
-/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers. */
-static void narrow_end_add(float *rgb, size_t line, const float *cell)
+/* rgb (4,4,3), rows `line` floats apart, += a cell's numbers, each `most` at
+ * most. */
+static void narrow_end_add(float *rgb, size_t line, const float *cell,
+                           float most)
 {
     for (size_t y = 0; y < CELL; y++, rgb += line, cell += 3 * CELL)
-        for (size_t i = 0; i < 3 * CELL; i++)
-            rgb[i] += cell[i];
+        for (size_t i = 0; i < 3 * CELL; i++) {
+            const float up = cell[i] < most ? cell[i] : most;
+
+            rgb[i] += up > -most ? up : -most;
+        }
 }
 
 void narrow_end_forward(float *rgb, float *field, const float *before,
@@ -170,6 +175,6 @@ void narrow_end_forward(float *rgb, float *field, const float *before,
                        said * sizeof *field);
             if (!e->some || e->cell[y * w + x])
                 narrow_end_add(rgb + y * CELL * line + x * 3 * CELL, line,
-                               cell);
+                               cell, e->most);
         }
 }

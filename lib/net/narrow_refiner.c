@@ -2,6 +2,7 @@
  * and the same lines backwards. */
 #include "lib/net/narrow_refiner.h"
 
+#include <math.h>
 #include <string.h>
 #include <sysexits.h>
 
@@ -197,7 +198,8 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
         r->k = nn_plan_map(p, B * h * w / 16 * NARROW_REFINER_FIELD);
         conv_plan(&r->field, p, B, h / 4, w / 4);
     }
-    narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL, p);
+    narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,
+                    r->photos ? NARROW_REFINER_MOST : INFINITY, p);
     if (r->turns) {
         conditional_conv_plan(&r->vary1, p);
         conditional_conv_plan(&r->vary0, p);
@@ -354,14 +356,34 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->z0, r->y0, &r->body0);
 }
 
+/* Corrections d (n) held to what a refiner of the photograph may add. */
+static void narrow_refiner_hold(float *d, size_t n)
+{
+    const float most = NARROW_REFINER_MOST;
+
+#pragma omp parallel for schedule(static)
+    for (size_t i = 0; i < n; i++)
+        d[i] = d[i] < -most ? -most : d[i] > most ? most : d[i];
+}
+
+/* dd = 0 where d was held. */
+static void narrow_refiner_hold_backward(float *dd, const float *d, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        if (fabsf(d[i]) >= NARROW_REFINER_MOST)
+            dd[i] = 0;
+}
+
 /* The picture's corrections, added to rgb, and the field. */
 static void narrow_refiner_forward_end(float *rgb, const float *coarse,
                                        size_t channels,
                                        struct narrow_refiner *r)
 {
     conv_forward(r->d, r->z0, &r->rgb);
-    if (r->photos)
+    if (r->photos) {
         conv_forward(r->k, r->z0, &r->field);
+        narrow_refiner_hold(r->d, 3 * r->batch * r->h * r->w);
+    }
     depth_to_space_add(rgb, coarse, channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
 }
@@ -435,6 +457,8 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     float *dz0 = r->g0[1], *dy0 = r->g0[2];
 
     depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
+    if (r->photos)
+        narrow_refiner_hold_backward(r->dd, r->d, 3 * B * h * w);
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     if (r->photos) {
         memcpy(r->dk, dfield, a0 * NARROW_REFINER_FIELD * sizeof *r->dk);

@@ -48,6 +48,11 @@ struct narrow_refiner {
 
 #define NARROW_REFINER_PHOTO 5  /* numbers of a pixel of the photograph */
 #define NARROW_REFINER_FIELD 4  /* numbers of the field */
+/* With a photograph, the most that is added to a colour or taken from it.  Where
+ * the photograph is not believed is what a turned head uncovers, and the rims
+ * of what has moved; there the refiner has little to go by, and draws dark
+ * lines along white shoulders. */
+#define NARROW_REFINER_MOST 0.03f
 
 /* Declare the tensors; turns: the conditions depend on the relative pose;
  * photos: there is a photograph. */
@@ -62,7 +67,8 @@ void narrow_refiner_update(struct narrow_refiner *r);
 /* Free what _init and _plan allocated; zeroed then. */
 void narrow_refiner_release(struct narrow_refiner *r);
 /* rgb (B,h,w,3) from feat (B,h,w,channels), not clamped; with photos also from
- * r->photo, which must be set, and r->k (B,h/4,w/4,4) is the field. */
+ * r->photo, which must be set, and r->k (B,h/4,w/4,4) is the field; it adds no
+ * more than NARROW_REFINER_MOST then. */
 void narrow_refiner_forward(float *rgb, const float *feat,
                             struct narrow_refiner *r);
 /* The same from half floats, or from a part of a larger image: the view's

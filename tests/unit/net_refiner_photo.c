@@ -5,11 +5,14 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/net/narrow_refiner.h"
 #include "lib/net/refiner.h"
 #include "tests/check.h"
 
 enum { S = 32, C = 8, PHOTO = 5, FIELD = 4, N = S * S,
        OUT = 3 * N + FIELD * N / 16 };
+
+#define SMALL 1e-3f     /* nothing reaches NARROW_REFINER_MOST */
 
 static float feat[C * N], photo[PHOTO * N], rgb[3 * N], probe[OUT];
 static float dfeat[C * N], dphoto[PHOTO * N], turn[RELATIVE_POSE_SIZE];
@@ -39,6 +42,15 @@ static void photo_make(struct refiner *r, struct params *ps, bool shown,
     params_randomise(ps, 3);
     REQUIRE(refiner_plan(r, 1, S, S, (struct nn_options){mode, NN_F32},
                          &err) == 0, "%s", err.text);
+}
+
+/* The last layer's weights times `by`, so that what it adds is small or not. */
+static void photo_scale_rgb(struct params *ps, float by)
+{
+    for (size_t k = 0; k < ps->count; k++)
+        for (size_t i = 0; strstr(ps->tensor[k].name, "r.rgb.") &&
+                           i < ps->tensor[k].count; i++)
+            param_w(ps, k)[i] *= by;
 }
 
 static double photo_loss(struct refiner *r)
@@ -88,6 +100,7 @@ static void photo_gradients(void)
 
     photo_make(&r, &ps, true, NN_TRAIN);
     photo_fill(ps.w, ps.total, "weights", 0.2);
+    photo_scale_rgb(&ps, SMALL);
     photo_loss(&r);
     memset(ps.g, 0, ps.total * sizeof *ps.g);
     refiner_backward(&(struct refiner_gradients){dfeat, NULL, dphoto}, probe,
@@ -102,6 +115,40 @@ static void photo_gradients(void)
                 &r);
     photo_along("photograph", photo, dphoto, PHOTO * N, &r);
     photo_along("features", feat, dfeat, C * N, &r);
+    refiner_release(&r);
+    params_release(&ps);
+}
+
+/* What it adds is held, in training and in use, and has no gradient then. */
+static void photo_held(enum nn_mode mode)
+{
+    struct refiner r;
+    struct params ps;
+    double most = 0, least = 1, slope = 0;
+
+    photo_make(&r, &ps, true, mode);
+    photo_fill(ps.w, ps.total, "weights", 0.2);
+    photo_scale_rgb(&ps, 1e6f);
+    photo_loss(&r);
+    for (size_t i = 0; i < 3 * N; i++) {
+        const double added = fabs((double)rgb[i] -
+                                  (double)feat[i / 3 * C + i % 3]);
+
+        most = fmax(most, added);
+        least = fmin(least, added);
+    }
+    check("held to the most", most - (double)NARROW_REFINER_MOST, 1e-6);
+    check("all of it", (double)NARROW_REFINER_MOST - least, 1e-6);
+    if (mode == NN_TRAIN) {
+        const size_t k = params_find(&ps, "r.rgb.bias");
+
+        memset(ps.g, 0, ps.total * sizeof *ps.g);
+        refiner_backward(&(struct refiner_gradients){dfeat, NULL, dphoto},
+                         probe, probe + 3 * N, &r);
+        for (size_t i = 0; i < ps.tensor[k].count; i++)
+            slope = fmax(slope, fabs((double)param_g(&ps, k)[i]));
+        check("no gradient beyond it", slope, 0);
+    }
     refiner_release(&r);
     params_release(&ps);
 }
@@ -123,6 +170,8 @@ static void begins_the_same(void)
         memcpy(param_w(&pb, i), param_w(&pa, k),
                pa.tensor[k].count * sizeof(float));
     }
+    photo_scale_rgb(&pa, SMALL);
+    photo_scale_rgb(&pb, SMALL);
     refiner_update(&a);
     refiner_turn(&a, turn);
     refiner_forward(plain, feat, &a);
@@ -147,6 +196,8 @@ int main(void)
     photo_fill(probe, OUT, "probe", 1);
     photo_fill(turn, RELATIVE_POSE_SIZE, "turn", 0.3);
     begins_the_same();
+    photo_held(NN_INFER);
+    photo_held(NN_TRAIN);
     photo_gradients();
     return check_status();
 }
