@@ -232,3 +232,27 @@ P
     one_line
     [ ! -e x.safetensors ]
 }
+
+@test "an imported FLAME runs the whole of it: one process and the pipe give the same bytes" {
+    need_numpy
+    load flame
+    export PYTHONPATH=$BATS_TEST_DIRNAME
+    local own=$HEAD
+    HEAD=sculpted.safetensors           # its arrays are not packed
+    spid-head -q -o "$HEAD"
+    flame_files
+    # lids and rings of the lips by the landmarks
+    spid-import -q flame.pkl --as flame --landmarks landmarks.npy -o flame.safetensors
+    spid-import -q model/model.safetensors --as model --from-head "$own" \
+        --head flame.safetensors -o moved.safetensors
+    spid-shape -q -m moved.safetensors --head flame.safetensors source.png -o me.g
+    spid-branches -q -m moved.safetensors --head flame.safetensors --bake me.g -o avatar.g
+    spid-animate -q --absolute -b black -m moved.safetensors --head flame.safetensors \
+        source.png drive.y4m -o one.y4m
+    set -o pipefail
+    spid-motion -q -m moved.safetensors --head flame.safetensors drive.y4m |
+        spid-flame --head flame.safetensors -i avatar.g | spid-branches -i avatar.g |
+        spid-splat -q --size 128 --channels 8 |
+        spid-refine -q -m moved.safetensors -o pipe.y4m
+    cmp one.y4m pipe.y4m
+}
