@@ -336,11 +336,13 @@ $(BUILD)/fuzz/%: tests/fuzz/%.c $(BUILD)/fuzz/readers.a \
 
 # The modules, where formats/module.c looks for them.
 $(call fuzz_objects,formats/video/*.c): FUZZ_PART += -fopenmp
-$(BUILD)/fuzz/video.so: $(call fuzz_objects,formats/video/*.c)
+$(BUILD)/fuzz/video.so: $(call fuzz_objects,formats/video/*.c \
+                          lib/base/error.c lib/base/file.c)
 	$(SAY) FUZZ $@
 	$(FUZZ_CC) $(FUZZ_PART) -shared -fopenmp $^ $(VIDEO_LIBS) -o $@
 
-$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.cc)
+$(BUILD)/fuzz/media.so: $(call fuzz_objects,formats/media/*.cc \
+                          lib/base/error.c formats/video_name.c)
 	$(SAY) FUZZ $@
 	$(FUZZ_CXX) $(FUZZ_PART) -shared $^ $(MEDIA_LIBS) -o $@
 -include $(shell find $(BUILD)/fuzz -name '*.d' 2>/dev/null)

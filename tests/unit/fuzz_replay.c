@@ -43,7 +43,9 @@
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_video
+#define LLVMFuzzerInitialize fuzz_video_begin
 #include "tests/fuzz/fuzz_video.c"
+#undef LLVMFuzzerInitialize
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_ply
@@ -63,7 +65,9 @@
 #undef LLVMFuzzerTestOneInput
 
 #define LLVMFuzzerTestOneInput fuzz_pictures
+#define LLVMFuzzerInitialize fuzz_pictures_begin
 #include "tests/fuzz/fuzz_pictures.c"
+#undef LLVMFuzzerInitialize
 #undef LLVMFuzzerTestOneInput
 
 static const struct {
