@@ -20,7 +20,7 @@
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
 #define LEAST 0.4f      /* the same of any, at least */
-#define REACH 2.0f      /* standard deviations that they are seen to */
+#define REACH 2.7f      /* standard deviations that they are seen to */
 #define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 #define STRAY_MM 1.0f   /* skin at the jaw's angle goes further, */
@@ -526,8 +526,7 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
         /* beside the person too: there the photograph's matte is clear; and
          * on the face's very outline, which nothing else could show */
         out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
-                                  branch_ramp(b->facing[k], -0.2f,
-                                                      0.05f)
+                                  branch_ramp(b->facing[k], -0.4f, -0.1f)
                                 : 0;
     }
 }

@@ -184,7 +184,7 @@ static double backward_confidence(size_t i)
     const double *p = place + 3 * i;
     const long step[4] = {i % S ? -1 : 0, i % S + 1 < S ? 1 : 0,
                           i >= S ? -S : 0, i + S < PIXELS ? S : 0};
-    double jump = 0, own = 1.25 * p[2] / cover[i] - 0.15;
+    double jump = 0, own = 1.6 * p[2] / cover[i] - 0.2;
 
     for (int k = 0; k < 4; k++) {
         const double *q = p + 3 * step[k];

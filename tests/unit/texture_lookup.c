@@ -403,7 +403,7 @@ static void test_jumps(const struct texture *t)
 static void test_shares(const struct texture *t)
 {
     static const struct { float seen, alpha, sure; } at[] = {
-        {0.9f, 1, 0.975f}, {0.52f, 1, 0.5f}, {0.26f, 0.5f, 0.5f},
+        {0.75f, 1, 1}, {0.5f, 1, 0.6f}, {0.25f, 0.5f, 0.6f},
         {0.1f, 1, 0}, {1, 1, 1}, {0.5f, 0.5f, 1}};
 
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {

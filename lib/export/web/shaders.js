@@ -159,7 +159,7 @@ float stretch(vec3 p, ivec2 at) {
 float confidence(vec3 p, float alpha, ivec2 at) {
   float jump = max(max(change(p, at + ivec2(1, 0)), change(p, at - ivec2(1, 0))),
                    max(change(p, at + ivec2(0, 1)), change(p, at - ivec2(0, 1))));
-  return clamp(1.25 * p.z / max(alpha, LEAST) - 0.15, 0.0, 1.0) *
+  return clamp(1.6 * p.z / max(alpha, LEAST) - 0.2, 0.0, 1.0) *
          clamp((3.0 - jump) / 1.5, 0.0, 1.0) * stretch(p, at);
 }
 
