@@ -74,12 +74,13 @@ struct bake {
 /* Networks and head. */
 static void branches_open_model(struct bake *k)
 {
+    const struct baker_options opt = {.without = without, .type = precision};
     struct error err = {0};
     struct model model;
 
     if (option_model_open(&model, &err) ||
         option_head_load(&k->head, head_path, &err) ||
-        baker_open(&k->baker, &model, &k->head, without, precision, &err))
+        baker_open(&k->baker, &model, &k->head, &opt, &err))
         die_error(&err);
     model_close(&model);
     k->verts = malloc(3 * k->head.V * sizeof *k->verts);
@@ -158,7 +159,7 @@ static void branches_bake(struct stream_writer *out)
     branches_copy_identity(out, &k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
-        baker_take(&k.baked, &k.baker, &err)) {
+        baker_take(&k.baked, &k.baker, false, &err)) {
         stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
         die_error(&err);

@@ -14,6 +14,7 @@ int animation_load(struct prepare *models, struct animation_options *opt,
 
     /* 8 bits are the refiner's alone */
     models->precision = a->precision == NN_INT8 ? NN_FAST : a->precision;
+    models->star = a->star;
     if (prepare_open(models, model, head, err))
         return -1;
     opt->track.size = (double)models->model.config.size;

@@ -158,8 +158,13 @@ out:
 /* The networks of Phase A, loaded when first needed. */
 static int prepare_open_baker(struct prepare *p, struct error *err)
 {
-    if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head,
-                                    p->without, p->precision, err))
+    const struct baker_options opt = {
+        .without = p->without, .type = p->precision,
+        /* what is pruned is what both kinds of picture hardly show */
+        .colors = p->star && p->prune < 0 ? 3 : 0
+    };
+
+    if (!p->has_baker && baker_open(&p->baker, &p->model, &p->head, &opt, err))
         return -1;
     p->has_baker = true;
     return 0;
@@ -182,10 +187,8 @@ static int prepare_bake(struct prepared *s, struct prepare *p,
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
     int rc = baker_bake(&p->baker, verts, &s->person, err) ||
-             baker_take(&s->baked, &p->baker, err) ? -1 : 0;
+             baker_take(&s->baked, &p->baker, !p->keep_clear, err) ? -1 : 0;
     free(verts);
-    if (rc == 0 && !p->keep_clear)
-        baked_drop_clear(&s->baked);
     if (rc == 0 && p->prune >= 0)
         rc = prune_views(&s->baked, &s->report, &p->dense, &s->id,
                          p->model.config.size, p->prune, err);

@@ -27,6 +27,8 @@ struct prepare {
     double prune;               /* negative: no pruning */
     bool keep_clear;
     bool no_photo;              /* baked colours alone, no texture */
+    bool star;                  /* SpiD*: features beyond the colours are not
+                                 * needed */
 };
 
 /* One source. */

@@ -53,7 +53,8 @@ void avatar_init_weights(struct avatar *a)
 static int avatar_allocate(struct avatar *a, struct error *err)
 {
     const struct avatar_config *c = &a->config;
-    size_t D = a->dynamic.count, n2 = a->plane.count, C = c->channels;
+    size_t D = a->dynamic.count, n2 = a->plane.count;
+    size_t C = a->colors ? a->colors : c->channels;
     size_t N = D + n2 + a->mouth.count;
     struct branch_set *s = &a->all, *d = &a->dall;
     const struct slice slices[] = {
@@ -85,13 +86,17 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
                                                 : a->dynamic.count;
 
     a->train = opt.mode != NN_INFER;
-    nn_pool_use(&a->pool);      /* one after another, in avatar_bake */
+    a->dynamic.decoder.head.kept = a->plane.decoder.head.kept =
+        a->mouth.decoder.head.kept = a->colors;
+    /* one after another, in avatar_bake; the largest maps come first, and the
+     * others' are parts of them */
+    nn_pool_use(&a->pool);
     int rc = avatar_allocate(a, err) ||
              source_picture_init(&a->picture, c->size, err) ||
              source_mesh_init(&a->source, a->head, &a->weights, c->plane,
                               err) ||
-             backbone_plan(&a->backbone, 1, c->size, opt, err) ||
              static_branch_plan(&a->plane, opt, err) ||
+             backbone_plan(&a->backbone, 1, c->size, opt, err) ||
              dynamic_branch_plan(&a->dynamic, points, opt, err) ||
              mouth_branch_plan(&a->mouth, opt, err) ? -1 : 0;
     nn_pool_use(NULL);

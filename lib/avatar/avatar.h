@@ -73,6 +73,8 @@ struct avatar {
     struct mouth_branch mouth;
     unsigned without;       /* enum avatar_without; set before avatar_plan,
                              * may change before any avatar_bake */
+    size_t colors;          /* kept of each Gaussian, 0: all; set before
+                             * avatar_plan, for inference only */
     bool train;             /* planned for a backward */
 
     /* Set by avatar_bake. */

@@ -49,50 +49,106 @@ static void baked_find_blended(struct baked *b)
                      b->N - b->mouth);
 }
 
+/* How many of [from, to) are kept; keep NULL: all. */
+static size_t baked_count_kept(const uint8_t *keep, size_t from, size_t to)
+{
+    size_t n = 0;
+
+    for (size_t i = from; keep && i < to; i++)
+        n += keep[i] != 0;
+    return keep ? n : to - from;
+}
+
+/* Rows of x (N,width) with keep[i], or all of them (NULL), one after another
+ * to `to`, which may be x. */
+static void baked_keep_rows(float *to, const float *x, size_t width,
+                            const uint8_t *keep, size_t N)
+{
+    if (!keep) {
+        memcpy(to, x, N * width * sizeof *x);
+        return;
+    }
+    for (size_t i = 0; i < N; i++)
+        if (keep[i]) {
+            memmove(to, x + i * width, width * sizeof *x);
+            to += width;
+        }
+}
+
 int baked_from_set(struct baked *b, const struct gaussians *g, size_t dynamic,
-                   struct error *err)
+                   const uint8_t *keep, struct error *err)
 {
     const size_t N = g->n, C = (size_t)g->channels;
+    size_t out = 0;
 
-    if (baked_allocate(b, N, C, dynamic, err))
+    if (baked_allocate(b, baked_count_kept(keep, 0, N), C,
+                       baked_count_kept(keep, 0, dynamic), err))
         return -1;
-    memcpy(b->mean, g->mean, 3 * N * sizeof *b->mean);
-    memcpy(b->scale, g->scale, 3 * N * sizeof *b->scale);
-    memcpy(b->quat, g->quat, 4 * N * sizeof *b->quat);
-    memcpy(b->opacity, g->opacity, N * sizeof *b->opacity);
-    memcpy(b->color, g->color, N * C * sizeof *b->color);
-    memcpy(b->branch, g->branch, N);
-    for (size_t i = 0; i < b->dynamic; i++)
-        b->vertex[i] = (int32_t)i;
+    baked_keep_rows(b->mean, g->mean, 3, keep, N);
+    baked_keep_rows(b->scale, g->scale, 3, keep, N);
+    baked_keep_rows(b->quat, g->quat, 4, keep, N);
+    baked_keep_rows(b->opacity, g->opacity, 1, keep, N);
+    baked_keep_rows(b->color, g->color, C, keep, N);
+    for (size_t i = 0; i < N; i++) {
+        if (keep && !keep[i])
+            continue;
+        b->branch[out] = g->branch[i];
+        if (i < dynamic)
+            b->vertex[out] = (int32_t)i;
+        out++;
+    }
     return 0;
 }
 
-int baked_from_avatar(struct baked *b, const struct avatar *a,
-                      struct error *err)
+/* The Gaussians that the rules may draw: opacity of 1/255 and more. */
+static uint8_t *baked_find_drawn(const float *opacity, size_t N)
 {
-    const size_t N = a->set.n;
+    uint8_t *keep = malloc(N + 1);
 
-    if (baked_from_set(b, &a->set, a->first[BRANCH_STATIC], err))
-        return -1;
-    b->mouth = N - a->first[BRANCH_MOUTH];
+    for (size_t i = 0; keep && i < N; i++)
+        keep[i] = opacity[i] >= 1.0f / 255;
+    return keep;
+}
+
+/* What moves and shows a's Gaussians that are kept. */
+static void baked_take_motion(struct baked *b, const struct avatar *a,
+                              const uint8_t *keep)
+{
+    const size_t N = a->set.n, mouth = a->first[BRANCH_MOUTH];
+
+    b->mouth = baked_count_kept(keep, mouth, N);
     memcpy(b->lip, a->mouth.lips.centre, sizeof b->lip);
     b->has_jaw = a->drive.jaw != NULL;
     if (b->has_jaw)
-        memcpy(b->jaw + 3 * (N - b->mouth), a->drive.jaw,
-               3 * b->mouth * sizeof *b->jaw);
+        baked_keep_rows(b->jaw + 3 * (b->N - b->mouth), a->drive.jaw, 3,
+                        keep ? keep + mouth : NULL, N - mouth);
     memcpy(b->chin, a->mouth.lips.chin, sizeof b->chin);
-    memcpy(b->neck, a->drive.weight, N * sizeof *b->neck);
+    baked_keep_rows(b->neck, a->drive.weight, 1, keep, N);
     memcpy(b->pivot, a->drive.pivot, sizeof b->pivot);
     memcpy(b->source, a->drive.source, sizeof b->source);
     memcpy(b->light, a->light, sizeof b->light);
     if (a->config.rgb_skip) {
-        memcpy(b->uv, a->uv, 2 * N * sizeof *b->uv);
-        memcpy(b->seen, a->all.seen, N * sizeof *b->seen);
-        memcpy(b->reach, a->reach, N * sizeof *b->reach);
+        baked_keep_rows(b->uv, a->uv, 2, keep, N);
+        baked_keep_rows(b->seen, a->all.seen, 1, keep, N);
+        baked_keep_rows(b->reach, a->reach, 1, keep, N);
         memcpy(b->view, a->source.cam, sizeof b->view);
     }
     baked_find_blended(b);
-    return 0;
+}
+
+int baked_from_avatar(struct baked *b, const struct avatar *a, bool drawn,
+                      struct error *err)
+{
+    const size_t N = a->set.n;
+    uint8_t *keep = drawn ? baked_find_drawn(a->set.opacity, N) : NULL;
+    int rc = drawn && !keep
+        ? error_set(err, EX_OSERR, "no memory for %zu Gaussians", N)
+        : baked_from_set(b, &a->set, a->first[BRANCH_STATIC], keep, err);
+
+    if (rc == 0)
+        baked_take_motion(b, a, keep);
+    free(keep);
+    return rc;
 }
 
 void baked_release(struct baked *b)
@@ -277,33 +333,20 @@ int baked_write(struct stream_writer *w, uint64_t frame, double time,
 
 /* ---- leaving out ------------------------------------------------------- */
 
-/* Rows of x (N,width) with keep[i], moved to the front in order. */
-static void baked_keep_rows(float *x, size_t width, const uint8_t *keep,
-                            size_t N)
-{
-    size_t out = 0;
-
-    for (size_t i = 0; i < N; i++)
-        if (keep[i]) {
-            memmove(x + out * width, x + i * width, width * sizeof *x);
-            out++;
-        }
-}
-
 void baked_keep(struct baked *b, const uint8_t *keep)
 {
     size_t out = 0, dynamic = 0, mouth = 0;
 
-    baked_keep_rows(b->mean, 3, keep, b->N);
-    baked_keep_rows(b->scale, 3, keep, b->N);
-    baked_keep_rows(b->quat, 4, keep, b->N);
-    baked_keep_rows(b->opacity, 1, keep, b->N);
-    baked_keep_rows(b->neck, 1, keep, b->N);
-    baked_keep_rows(b->uv, 2, keep, b->N);
-    baked_keep_rows(b->seen, 1, keep, b->N);
-    baked_keep_rows(b->reach, 1, keep, b->N);
-    baked_keep_rows(b->jaw, 3, keep, b->N);
-    baked_keep_rows(b->color, b->C, keep, b->N);
+    baked_keep_rows(b->mean, b->mean, 3, keep, b->N);
+    baked_keep_rows(b->scale, b->scale, 3, keep, b->N);
+    baked_keep_rows(b->quat, b->quat, 4, keep, b->N);
+    baked_keep_rows(b->opacity, b->opacity, 1, keep, b->N);
+    baked_keep_rows(b->neck, b->neck, 1, keep, b->N);
+    baked_keep_rows(b->uv, b->uv, 2, keep, b->N);
+    baked_keep_rows(b->seen, b->seen, 1, keep, b->N);
+    baked_keep_rows(b->reach, b->reach, 1, keep, b->N);
+    baked_keep_rows(b->jaw, b->jaw, 3, keep, b->N);
+    baked_keep_rows(b->color, b->color, b->C, keep, b->N);
     for (size_t i = 0; i < b->N; i++) {
         if (!keep[i])
             continue;
@@ -326,11 +369,9 @@ void baked_drop_neck(struct baked *b)
 
 size_t baked_drop_clear(struct baked *b)
 {
-    uint8_t *keep = malloc(b->N + 1);
+    uint8_t *keep = baked_find_drawn(b->opacity, b->N);
     size_t before = b->N;
 
-    for (size_t i = 0; keep && i < b->N; i++)
-        keep[i] = b->opacity[i] >= 1.0f / 255;
     if (keep)
         baked_keep(b, keep);
     free(keep);

@@ -43,13 +43,14 @@ struct baked {
     float *block;           /* what the float arrays are part of */
 };
 
-/* A copy of what avatar_bake made. */
-int baked_from_avatar(struct baked *b, const struct avatar *a,
+/* A copy of what avatar_bake made; drawn: as baked_drop_clear leaves it. */
+int baked_from_avatar(struct baked *b, const struct avatar *a, bool drawn,
                       struct error *err);
 /* A copy of a set whose first `dynamic` Gaussians sit on as many vertices
- * while the others stay: no mouth, no neck blend, no places. */
+ * while the others stay: no mouth, no neck blend, no places.  Of Gaussians i
+ * where keep[i] is not 0, or of all (NULL). */
 int baked_from_set(struct baked *b, const struct gaussians *g, size_t dynamic,
-                   struct error *err);
+                   const uint8_t *keep, struct error *err);
 /* From a GAUS record: checks order of branches, sizes, finite numbers, and
  * that vertex indices are under `vertices` (V + E; 0: unknown).  A record
  * without `vertex` has its dynamic Gaussians in order. */

@@ -15,15 +15,17 @@ static bool baker_is_gagavatar(const struct baker *b)
 }
 
 /* Declare the networks. */
-static int baker_declare(struct baker *b, unsigned without, struct error *err)
+static int baker_declare(struct baker *b, const struct baker_options *opt,
+                         struct error *err)
 {
     if (!baker_is_gagavatar(b)) {
         int rc = avatar_init(&b->avatar, &b->ps, &b->config, b->head, err);
 
-        b->avatar.without = without;
+        b->avatar.without = opt->without;
+        b->avatar.colors = opt->colors;
         return rc;
     }
-    if (without)
+    if (opt->without)
         return error_set(err, EX_USAGE, "a gagavatar has none of SpiD's parts "
                          "to leave out (expected no --without)");
     return model_check_head(&b->config, b->head, err) ||
@@ -34,22 +36,22 @@ static int baker_declare(struct baker *b, unsigned without, struct error *err)
 }
 
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
-               unsigned without, enum nn_type type, struct error *err)
+               const struct baker_options *opt, struct error *err)
 {
-    const struct nn_options opt = {NN_INFER, type};
+    const struct nn_options run = {NN_INFER, opt->type};
 
     memset(b, 0, sizeof *b);
     params_init(&b->ps);
     memcpy(b->hash, m->hash, sizeof b->hash);
     b->config = m->config;
     b->head = h;
-    if (baker_declare(b, without, err)) {
+    if (baker_declare(b, opt, err)) {
         error_prefix(err, "%s", model_path(m));
         goto fail;
     }
     if (params_allocate(&b->ps, err) || model_load(&b->ps, m, "", err) ||
-        (baker_is_gagavatar(b) ? gagavatar_plan(&b->gagavatar, type, err)
-                               : avatar_plan(&b->avatar, opt, err)))
+        (baker_is_gagavatar(b) ? gagavatar_plan(&b->gagavatar, run.type, err)
+                               : avatar_plan(&b->avatar, run, err)))
         goto fail;
     return 0;
 fail:
@@ -160,11 +162,12 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     return rc;
 }
 
-int baker_take(struct baked *out, struct baker *b, struct error *err)
+int baker_take(struct baked *out, struct baker *b, bool drawn,
+               struct error *err)
 {
     if (!baker_is_gagavatar(b))
-        return baked_from_avatar(out, &b->avatar, err);
-    if (baked_from_set(out, &b->gagavatar.set, b->gagavatar.V, err))
+        return baked_from_avatar(out, &b->avatar, drawn, err);
+    if (baked_from_set(out, &b->gagavatar.set, b->gagavatar.V, NULL, err))
         return -1;
     gagavatar_unit_rotations(out->scale, out->quat, out->N);
     return 0;

@@ -21,12 +21,17 @@ struct baker {
     struct gagavatar gagavatar; /* SYSTEM_GAGAVATAR */
 };
 
-/* Load the avatar's weights for head h (borrowed); `without` is enum
- * avatar_without (gagavatar: 0).  The model may be closed afterwards.  Errors
- * name file, tensor, expected and found shape; EX_CONFIG when the model was
- * made for another head. */
+struct baker_options {
+    unsigned without;           /* enum avatar_without (gagavatar: 0) */
+    size_t colors;              /* kept of each of SpiD's Gaussians; 0: all */
+    enum nn_type type;
+};
+
+/* Load the avatar's weights for head h (borrowed).  The model may be closed
+ * afterwards.  Errors name file, tensor, expected and found shape; EX_CONFIG
+ * when the model was made for another head. */
 int baker_open(struct baker *b, const struct model *m, const struct head *h,
-               unsigned without, enum nn_type type, struct error *err);
+               const struct baker_options *opt, struct error *err);
 /* Free what it holds; zeroed then. */
 void baker_release(struct baker *b);
 
@@ -36,7 +41,9 @@ void baker_release(struct baker *b);
  * was made with another model or head. */
 int baker_bake(struct baker *b, float *verts, const struct person *p,
                struct error *err);
-/* What the last baker_bake made, for Phase B; released by baked_release. */
-int baker_take(struct baked *out, struct baker *b, struct error *err);
+/* What the last baker_bake made, for Phase B; released by baked_release.
+ * drawn: without SpiD's Gaussians that are never drawn (baked_drop_clear). */
+int baker_take(struct baked *out, struct baker *b, bool drawn,
+               struct error *err);
 
 #endif

@@ -171,7 +171,8 @@ int bench_person_avatar(struct bench_person *p, enum nn_type type,
     larger.config.plane = larger.config.backbone.size = 296;
     larger.config.mouth = 32;
     larger.config.size = PERSON_SIZE;
-    return baker_open(&p->baker, &larger, &p->head, 0, type, err);
+    return baker_open(&p->baker, &larger, &p->head,
+                      &(struct baker_options){.type = type}, err);
 }
 
 int bench_person_bake(void *person, struct error *err)
@@ -246,7 +247,7 @@ static int bench_baking(struct bench_person *p, enum nn_type type,
     baked_release(&p->baked);
     if (bench_person_avatar(p, type, err) ||
         bench_time(&t, p->b->seconds / 6, 3, bench_person_bake, p, err) ||
-        baked_from_avatar(&p->baked, &p->baker.avatar, err))
+        baked_from_avatar(&p->baked, &p->baker.avatar, false, err))
         return -1;
     size_t n = p->baked.N * p->baked.C;
     if (*truth) {

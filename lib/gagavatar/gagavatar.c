@@ -14,9 +14,11 @@ int gagavatar_init(struct gagavatar *g, struct params *ps,
                    struct error *err)
 {
     const struct gaussian_head on_vertex = {
-        c->channels, GAUSSIAN_POSITION_NONE, false, c->public_quirks};
+        .colors = c->channels, .position = GAUSSIAN_POSITION_NONE,
+        .quirk_rotation = c->public_quirks};
     const struct gaussian_head on_plane = {
-        c->channels, GAUSSIAN_POSITION_DEPTH, c->public_quirks, false};
+        .colors = c->channels, .position = GAUSSIAN_POSITION_DEPTH,
+        .quirk_columns = c->public_quirks};
     const size_t base[2] = {V, c->vertex_width};
     const size_t in = c->vertex_width + c->backbone.embed;
 

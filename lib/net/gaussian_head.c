@@ -37,10 +37,10 @@ static void gaussian_forward(struct gaussian_out *o, const float *raw,
                              const float *logit, const struct gaussian_head *h,
                              size_t at, size_t n, size_t image_w)
 {
-    size_t C = h->colors;
-    float *color = o->color + at * C;
+    const size_t C = h->colors, kept = h->kept ? h->kept : C;
+    float *color = o->color + at * kept;
 
-    for (size_t c = 0; c < C; c++) {
+    for (size_t c = 0; c < kept; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
 
         color[c] = gaussian_squashed(h, n, c, image_w) ? math_sigmoid(x) : x;

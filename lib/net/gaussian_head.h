@@ -9,7 +9,7 @@
 
 /* A view of caller's memory; N Gaussians. */
 struct gaussian_out {
-    float *color;      /* (N,colors) */
+    float *color;      /* (N,colors), or those that are kept */
     float *opacity;    /* (N) */
     float *scale;      /* (N,3) */
     float *quat;       /* (N,4) w first, unit */
@@ -25,6 +25,8 @@ enum gaussian_position {
 
 struct gaussian_head {
     size_t colors;                   /* 32; the first three are RGB */
+    size_t kept;                     /* of them, the first so many are written,
+                                      * by the forward alone; 0: all */
     enum gaussian_position position;
     /* The public base code's slips (golden README, 5.2 and 5.3): the first
      * three image columns' sigmoid (width > 0 is the image's), or rotation

@@ -89,7 +89,9 @@ static void run_conv(struct golden *g, struct params *ps,
 {
     size_t B = generators_config(json, "B"), h = generators_config(json, "h");
     size_t wide = generators_config(json, "w"), n = B * h * wide;
-    struct gaussian_head head = { 32, GAUSSIAN_POSITION_DEPTH, true, false };
+    struct gaussian_head head = { .colors = 32,
+                                  .position = GAUSSIAN_POSITION_DEPTH,
+                                  .quirk_columns = true };
     struct conv_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };
@@ -148,7 +150,9 @@ static void run_linear(struct golden *g, struct params *ps,
 {
     size_t B = generators_config(json, "B"), N = generators_config(json, "N"),
            n = B * N;
-    struct gaussian_head head = { 32, GAUSSIAN_POSITION_NONE, false, true };
+    struct gaussian_head head = { .colors = 32,
+                                  .position = GAUSSIAN_POSITION_NONE,
+                                  .quirk_rotation = true };
     struct mlp_decoder d;
     struct error err = { 0 };
     struct nn_options opt = { NN_TRAIN, NN_F32 };

@@ -136,8 +136,64 @@ static double model_likeness(struct baker *m, const float *verts)
     return -10 * log10(sum / (3.0 * S * S));
 }
 
+/* Rows of a float array with so many columns differ. */
+static int model_differs(const float *a, size_t of_a, const float *b,
+                         size_t of_b, size_t n)
+{
+    const size_t least = of_a < of_b ? of_a : of_b;
+    int bad = 0;
+
+    for (size_t i = 0; i < n; i++)
+        bad |= memcmp(a + i * of_a, b + i * of_b, least * sizeof *a) != 0;
+    return bad;
+}
+
+/* Three colours and what is drawn are those of a full bake, to the bit. */
+static int model_part_test(struct baker *full, const struct model *model,
+                           const struct head *h, const float *verts)
+{
+    const struct baker_options opt = {.type = NN_F32, .colors = 3};
+    struct baked all, part;
+    struct error err = {0};
+    struct baker m;
+
+    for (size_t i = 0; i < full->avatar.set.n; i += 3)
+        full->avatar.all.opacity[i] = 0;    /* some that are never drawn */
+    if (baked_from_avatar(&all, &full->avatar, false, &err) ||
+        baker_open(&m, model, h, &opt, &err))
+        give_up(&err);
+    model_likeness(&m, verts);
+    for (size_t i = 0; i < m.avatar.set.n; i += 3)
+        m.avatar.all.opacity[i] = 0;
+    if (baked_from_avatar(&part, &m.avatar, true, &err))
+        give_up(&err);
+    size_t dropped = baked_drop_clear(&all), N = all.N;
+    int bad = dropped == 0 || part.C != 3 || part.N != N ||
+              part.dynamic != all.dynamic || part.mouth != all.mouth ||
+              part.first != all.first || part.blended != all.blended;
+    bad = bad || model_differs(all.mean, 3, part.mean, 3, N) ||
+          model_differs(all.scale, 3, part.scale, 3, N) ||
+          model_differs(all.quat, 4, part.quat, 4, N) ||
+          model_differs(all.opacity, 1, part.opacity, 1, N) ||
+          model_differs(all.neck, 1, part.neck, 1, N) ||
+          model_differs(all.uv, 2, part.uv, 2, N) ||
+          model_differs(all.seen, 1, part.seen, 1, N) ||
+          model_differs(all.reach, 1, part.reach, 1, N) ||
+          model_differs(all.jaw, 3, part.jaw, 3, N) ||
+          model_differs(all.color, all.C, part.color, 3, N) ||
+          memcmp(all.branch, part.branch, N) ||
+          memcmp(all.vertex, part.vertex, all.dynamic * sizeof *all.vertex);
+    printf("three colours of what is drawn: %zu of %zu Gaussians, %s\n",
+           part.N, N + dropped, bad ? "other ones" : "the same");
+    baked_release(&all);
+    baked_release(&part);
+    baker_release(&m);
+    return bad;
+}
+
 static int model_test(void)
 {
+    const struct baker_options opt = {.type = NN_F32};
     struct head h;
     struct identity id;
     struct model model;
@@ -153,7 +209,7 @@ static int model_test(void)
     sphere_head(&h, 20, 30);
     write_model(path, &h, "small");
     if (model_open(&model, path, &err) ||
-        baker_open(&m, &model, &h, 0, NN_F32, &err) ||
+        baker_open(&m, &model, &h, &opt, &err) ||
         head_fold(&id, &h, NULL, 0, &err))
         give_up(&err);
     unlink(path);
@@ -162,12 +218,13 @@ static int model_test(void)
     double psnr = model_likeness(&m, verts);
     printf("untrained avatar against its source: %.1f dB (at least 22)\n",
            psnr);
+    int bad = model_part_test(&m, &model, &h, verts);
     free(verts);
     identity_release(&id);
     baker_release(&m);
     model_close(&model);
     head_release(&h);
-    return !(psnr >= 22);
+    return !(psnr >= 22) || bad;
 }
 
 int main(int argc, char **argv)
