@@ -95,6 +95,7 @@ void branch_prior_forward(struct branch_set *out, const struct branch_prior *p,
         memcpy(out->scale, p->scale, 3 * out->n * sizeof *out->scale);
         return;
     }
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < out->n; i++) {
         out->opacity[i] = p->visible[i] *
                           attribute_shift(p->opacity[i], p->opacity_shift[i]);

@@ -96,6 +96,7 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
 {
     size_t S = p->size;
 
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < S * S; i++) {
         float m = matte ? (float)matte[i] / 255 : 1;
 
@@ -107,6 +108,7 @@ void source_picture_set(struct source_picture *p, const uint8_t *rgb,
         }
         p->rgba[4 * i + 3] = m;
     }
+#pragma omp parallel for schedule(static)
     for (size_t i = 0; i < S * S; i++)
         p->padded[i] = source_picture_inside(p->rgba, S, i);
     for (uint8_t step = 1; step <= PADDING && pad; step++)

@@ -122,7 +122,8 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->dinit_in, n2 * (Cf + 1), true}, {&b->delta, 2 * n2, false},
         {&b->U, 2 * n2, false}, {&b->dU, 2 * n2, true},
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
-        {&b->din, n2 * b->inputs, true}, {&b->logit, 3 * n2, false},
+        {&b->din, n2 * b->inputs, true}, {&b->dsampled, n2 * Cf, true},
+        {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->held, 3 * n2, false},
         {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
@@ -133,15 +134,12 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
     if (slices_allocate(&b->block, slices, sizeof slices / sizeof *slices,
                         opt.mode != NN_INFER, err))
         return -1;
+    if (conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err))
+        return -1;
     /* what a network reads is other networks' memory at other times */
     nn_plan_init(&b->rows, opt);
     b->init_in = nn_plan_map(&b->rows, n2 * (Cf + 1));
-    if (plane_init_plan(&b->init, 1, b->n, b->n, opt, err))
-        return -1;
-    b->sampled = nn_plan_map(&b->rows, n2 * Cf);
-    b->dsampled = b->sampled;       /* the decoder's input has a copy */
-    b->in = nn_plan_map(&b->rows, n2 * b->inputs);
-    return conv_decoder_plan(&b->decoder, 1, b->n, b->n, opt, err) ||
+    return plane_init_plan(&b->init, 1, b->n, b->n, opt, err) ||
            nn_plan_finish(&b->rows, err) ? -1 : 0;
 }
 
@@ -214,6 +212,7 @@ static void static_branch_deform(const float *features,
     static_branch_grid(b->U, b->n);
     if (b->uniform)
         return;
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
         float *row = b->init_in + k * (Cf + 1);
 
@@ -240,18 +239,22 @@ static void static_branch_deform_backward(float *dfeatures,
 }
 
 /* The decoder's input rows [F at U, U, extras], and the prior. */
-static void static_branch_inputs(const struct source_mesh *mesh,
+static void static_branch_inputs(const float *features,
+                                 const struct source_mesh *mesh,
                                  struct static_branch *b)
 {
-    size_t Cf = b->feature;
+    size_t Cf = b->feature, stride;
+    float *rows = conv_decoder_rows(&stride, &b->decoder);
     float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
     float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < b->count; k++) {
-        float *row = b->in + k * b->inputs;
+        float *row = rows + k * stride;
         const float *pixel = b->pixel + 4 * k;
 
-        memcpy(row, b->sampled + k * Cf, Cf * sizeof *row);
+        grid_sample(row, features, b->U + 2 * k, 1, b->n, b->n, Cf, 1, false,
+                    RESAMPLE_BORDER);
         row[Cf] = b->U[2 * k];
         row[Cf + 1] = b->U[2 * k + 1];
         if (!b->prior)
@@ -295,6 +298,7 @@ static void static_branch_inputs_backward(struct static_branch *b)
 static void static_branch_hold(struct branch_set *out,
                                const struct static_branch *b)
 {
+#pragma omp parallel for schedule(static)
     for (size_t k = 0; k < out->n; k++)
         for (size_t c = 0; c < 3; c++) {
             const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
@@ -335,13 +339,11 @@ void static_branch_forward(struct branch_set *out, const float *features,
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
     static_branch_neck(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
-    grid_sample(b->sampled, features, b->U, 1, b->n, b->n, b->feature,
-                b->count, false, RESAMPLE_BORDER);
     if (b->prior)
         source_picture_sample(b->pixel, picture, b->U, b->count);
-    static_branch_inputs(mesh, b);
+    static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
-    conv_decoder_forward(&raw, b->in, mesh->normal,
+    conv_decoder_forward(&raw, NULL, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
     if (b->prior)

@@ -39,8 +39,8 @@ struct static_branch {
     float *delta;                       /* (n,n,2) Delta U */
     float *U, *dU;                      /* (n,n,2) in [-1,1], x then y */
     float *pixel, *dpixel;              /* (n,n,4) source picture at U */
-    float *sampled, *dsampled;          /* (n,n,Cf) F at U; one memory */
-    float *in, *din;                    /* (n,n,inputs) */
+    float *dsampled;                    /* (n,n,Cf) of F at U */
+    float *din;                         /* (n,n,inputs) */
     float *logit, *dlogit;              /* (n,n,3) RGB to start from */
     float *held;                        /* (n,n,3) colours that are held near
                                          * the picture's, 0 elsewhere; their
@@ -54,7 +54,7 @@ struct static_branch {
     float *p, *dp;                      /* (n,n) after the shift */
     float *dvisible;                    /* (n,n) */
     float *block;                       /* what the arrays are part of, but */
-    struct nn_plan rows;                /* for sampled, in and init_in */
+    struct nn_plan rows;                /* for init_in */
 };
 
 /* Declare "init." and "static." in ps. */

@@ -100,6 +100,12 @@ void conv_decoder_release(struct conv_decoder *d)
     memset(d, 0, sizeof *d);
 }
 
+float *conv_decoder_rows(size_t *stride, const struct conv_decoder *d)
+{
+    *stride = d->impl->padded;
+    return d->impl->x;
+}
+
 void conv_decoder_forward(struct gaussian_out *out, const float *features,
                           const float *dir, const float *rgb_logit,
                           struct conv_decoder *d)

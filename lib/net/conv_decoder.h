@@ -31,8 +31,13 @@ void conv_decoder_update(struct conv_decoder *d);
 /* Free what _init and _plan allocated; zeroed then. */
 void conv_decoder_release(struct conv_decoder *d);
 
-/* out (B,h*w,...) from features (B,h,w,in), dir (B,3) the viewing direction,
- * rgb_logit (B,h*w,3) or NULL. */
+/* Where a caller may write the features itself, (B,h,w) rows of `in` floats and
+ * *stride from one to the next; until the next network's forward. */
+float *conv_decoder_rows(size_t *stride, const struct conv_decoder *d);
+
+/* out (B,h*w,...) from features (B,h,w,in), or NULL: those in
+ * conv_decoder_rows; dir (B,3) the viewing direction, rgb_logit (B,h*w,3) or
+ * NULL. */
 void conv_decoder_forward(struct gaussian_out *out, const float *features,
                           const float *dir, const float *rgb_logit,
                           struct conv_decoder *d);

@@ -63,7 +63,8 @@ void concat_forward(float *out, const float *a, const float *b, size_t rows,
     for (size_t r = 0; r < rows; r++) {
         float *to = out + r * C;
 
-        memcpy(to, a + r * A, A * sizeof *to);
+        if (a)
+            memcpy(to, a + r * A, A * sizeof *to);
         memcpy(to + A, b + r / group * Bc, Bc * sizeof *to);
         memset(to + A + Bc, 0, (C - A - Bc) * sizeof *to);
     }

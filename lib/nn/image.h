@@ -22,7 +22,7 @@ void sft_backward(float *dx, float *dst, const float *dy, const float *x,
                   const float *st, float one, size_t rows, size_t C);
 
 /* out (rows,C) = [a (rows,A), b (rows / group,Bc), 0]: one row of b for every
- * `group` rows (the pixels of an image). */
+ * `group` rows (the pixels of an image).  a NULL: its part is there. */
 void concat_forward(float *out, const float *a, const float *b, size_t rows,
                     size_t A, size_t Bc, size_t C, size_t group);
 /* da (rows,A) written, or NULL; db (rows / group,Bc) added to, or NULL. */

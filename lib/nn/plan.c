@@ -32,6 +32,7 @@ const char *nn_type_name(enum nn_type type)
 }
 
 #define HUGE ((size_t)2 << 20)   /* bytes of a huge page */
+#define SPLIT 65536              /* bytes; fewer are not split off */
 
 /* ---- chunks ------------------------------------------------------------ */
 
@@ -91,7 +92,7 @@ static void plan_chunk_drop(struct nn_chunk *c)
 {
     if (c->mapped && c->data)
         munmap(c->data, c->mapped);
-    else
+    else if (!c->rest)
         free(c->data);
     memset(c, 0, sizeof *c);
 }
@@ -105,8 +106,8 @@ void nn_pool_use(struct nn_pool *pool)
     plan_pool_in_use = pool;
 }
 
-/* One more chunk; -1 without memory for its line. */
-static int plan_pool_add(struct nn_pool *pool, struct nn_chunk c)
+/* One more chunk, number `at`; -1 without memory for its line. */
+static int plan_pool_insert(struct nn_pool *pool, size_t at, struct nn_chunk c)
 {
     if (pool->chunks == pool->room) {
         size_t room = pool->room ? 2 * pool->room : 64;
@@ -117,22 +118,63 @@ static int plan_pool_add(struct nn_pool *pool, struct nn_chunk c)
         pool->chunk = grown;
         pool->room = room;
     }
-    pool->chunk[pool->chunks++] = c;
+    memmove(pool->chunk + at + 1, pool->chunk + at,
+            (pool->chunks - at) * sizeof *pool->chunk);
+    pool->chunk[at] = c;
+    pool->chunks++;
     return 0;
 }
 
-/* The smallest idle chunk that is large enough. */
-static struct nn_chunk *plan_pool_idle_chunk(struct nn_pool *pool, size_t bytes)
+/* Keep `bytes` of an idle chunk; what is left of it is the next one, idle, if
+ * that is worth a line. */
+static void plan_pool_split(struct nn_pool *pool, size_t i, size_t bytes)
 {
-    struct nn_chunk *best = NULL;
+    struct nn_chunk *c = &pool->chunk[i];
+    const size_t kept = (bytes + 63) & ~(size_t)63;
+
+    if (c->size < kept + SPLIT)
+        return;
+    const struct nn_chunk left = {.data = (char *)c->data + kept,
+                                  .size = c->size - kept, .idle = true,
+                                  .rest = true};
+    if (plan_pool_insert(pool, i + 1, left) == 0)
+        pool->chunk[i].size = kept;
+}
+
+/* Idle neighbours of one memory become one chunk. */
+static void plan_pool_join(struct nn_pool *pool)
+{
+    size_t n = 0;
 
     for (size_t i = 0; i < pool->chunks; i++) {
-        struct nn_chunk *c = &pool->chunk[i];
+        struct nn_chunk *last = n ? &pool->chunk[n - 1] : NULL;
+        const struct nn_chunk c = pool->chunk[i];
 
-        if (c->idle && c->size >= bytes && (!best || c->size < best->size))
-            best = c;
+        if (c.rest && c.idle && last->idle)
+            last->size += c.size;
+        else
+            pool->chunk[n++] = c;
     }
-    return best;
+    pool->chunks = n;
+}
+
+/* So many bytes of the smallest idle chunk that is large enough; or NULL. */
+static void *plan_pool_reuse(struct nn_pool *pool, size_t bytes)
+{
+    size_t best = SIZE_MAX;
+
+    for (size_t i = 0; i < pool->chunks; i++) {
+        const struct nn_chunk *c = &pool->chunk[i];
+
+        if (c->idle && c->size >= bytes &&
+            (best == SIZE_MAX || c->size < pool->chunk[best].size))
+            best = i;
+    }
+    if (best == SIZE_MAX)
+        return NULL;
+    plan_pool_split(pool, best, bytes);
+    pool->chunk[best].idle = false;
+    return pool->chunk[best].data;
 }
 
 void nn_pool_release(struct nn_pool *pool)
@@ -184,7 +226,7 @@ static void *nn_plan_take(struct nn_plan *p, struct nn_pool *pool,
     bytes = bytes ? bytes : 64;
     c = pool == &p->own ? plan_chunk_of_zeros(bytes)
                         : plan_chunk_of_heap(bytes);
-    if (c.data && !plan_pool_add(pool, c))
+    if (c.data && !plan_pool_insert(pool, pool->chunks, c))
         return c.data;
     plan_chunk_drop(&c);
     nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
@@ -210,13 +252,9 @@ static struct nn_pool *nn_plan_maps(struct nn_plan *p)
 float *nn_plan_map(struct nn_plan *p, size_t count)
 {
     size_t bytes = count * sizeof(float);
-    struct nn_chunk *c =
-        p->err.code ? NULL : plan_pool_idle_chunk(nn_plan_maps(p), bytes);
+    float *map = p->err.code ? NULL : plan_pool_reuse(nn_plan_maps(p), bytes);
 
-    if (!c)
-        return nn_plan_take(p, nn_plan_maps(p), bytes);
-    c->idle = false;
-    return c->data;
+    return map ? map : nn_plan_take(p, nn_plan_maps(p), bytes);
 }
 
 void nn_plan_free(struct nn_plan *p, void *map)
@@ -226,6 +264,7 @@ void nn_plan_free(struct nn_plan *p, void *map)
     for (size_t i = 0; i < pool->chunks; i++)
         if (pool->chunk[i].data == map)
             pool->chunk[i].idle = true;
+    plan_pool_join(pool);
 }
 
 void nn_plan_recycle(struct nn_plan *p, void *map)
@@ -244,6 +283,8 @@ int nn_plan_finish(struct nn_plan *p, struct error *err)
 {
     for (size_t i = 0; p->shared && i < p->shared->chunks; i++)
         p->shared->chunk[i].idle = true;    /* the next network's turn */
+    if (p->shared)
+        plan_pool_join(p->shared);
     if (!p->err.code) {
         plan_chunk_drop(&p->working);
         p->working = plan_chunk_of_zeros(p->scratch_size + 64);

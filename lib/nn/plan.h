@@ -20,6 +20,8 @@ struct nn_chunk {
     size_t size;
     size_t mapped;              /* bytes from the system; 0: of the heap */
     bool idle;
+    bool rest;                  /* of the memory that the chunk before it
+                                 * begins */
 };
 
 /* Buffers of a plan; or maps that plans share whose networks never run at the
