@@ -167,7 +167,7 @@ static int framesink_write_any(struct framesink *s,
                    ? framesink_write_imag(s, f, err)
                    : framesink_write_feat(s, f, err);
     if (s->opt.format == FRAMESINK_VIDEO)
-        return framesink_write_video(s, err);
+        return framesink_write_video(s, f->time, err);
     if (s->opt.format == FRAMESINK_TERMINAL)
         return framesink_write_terminal(s, err);
     if (s->opt.format == FRAMESINK_DEVICE)

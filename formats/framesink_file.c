@@ -104,7 +104,7 @@ static int framesink_write_y4m(struct framesink *s)
         ? 0 : -1;
 }
 
-int framesink_write_video(struct framesink *s, struct error *err)
+int framesink_write_video(struct framesink *s, double time, struct error *err)
 {
     if (s->count == 0) {
         FILE *fp;
@@ -125,7 +125,7 @@ int framesink_write_video(struct framesink *s, struct error *err)
             return -1;
         }
     }
-    return video_write(s->video, s->pixel, err);
+    return video_write(s->video, s->pixel, time, err);
 }
 
 /* pixel (N,all): colour, alpha and depth of f beside each other. */

@@ -58,7 +58,8 @@ int framesink_write_picture(struct framesink *s,
                             struct error *err);
 /* The composed frame into a video, which is opened at the first one, when the
  * size is known. */
-int framesink_write_video(struct framesink *s, struct error *err);
+int framesink_write_video(struct framesink *s, double time,
+                          struct error *err);
 /* f's floats as a file of its own: channels R G B, then f.03 to f.31, A and
  * Z. */
 int framesink_write_exr(struct framesink *s, const struct framesink_frame *f,

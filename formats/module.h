@@ -47,7 +47,7 @@ struct video_module {
     struct video_writer *(*create)(const char *path, size_t width,
                                    size_t height, double rate,
                                    struct error *err);
-    int (*write)(struct video_writer *v, const uint8_t *rgb,
+    int (*write)(struct video_writer *v, const uint8_t *rgb, double time,
                  struct error *err);
     int (*finish)(struct video_writer *v, struct error *err);
     void (*abandon)(struct video_writer *v);

@@ -63,9 +63,10 @@ struct video_writer *video_create(const char *path, size_t width,
 
 /* Whoever has a writer has the module. */
 
-int video_write(struct video_writer *v, const uint8_t *rgb, struct error *err)
+int video_write(struct video_writer *v, const uint8_t *rgb, double time,
+                struct error *err)
 {
-    return module_video(NULL)->write(v, rgb, err);
+    return module_video(NULL)->write(v, rgb, time, err);
 }
 
 int video_finish(struct video_writer *v, struct error *err)

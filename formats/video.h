@@ -48,8 +48,9 @@ struct video_writer;
 struct video_writer *video_create(const char *path, size_t width,
                                   size_t height, double rate,
                                   struct error *err);
-/* One frame more, rgb (height,width,3). */
-int video_write(struct video_writer *v, const uint8_t *rgb,
+/* One frame more, rgb (height,width,3), shown from `time` seconds on, in steps
+ * of the rate: a driver whose rate varies is followed in its own time. */
+int video_write(struct video_writer *v, const uint8_t *rgb, double time,
                 struct error *err);
 /* Write what is left and close: -1 when not all could be written. */
 int video_finish(struct video_writer *v, struct error *err);

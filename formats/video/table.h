@@ -12,7 +12,7 @@ struct video_writer *writer_create(const char *path, size_t width,
                                    size_t height, double rate,
                                    struct error *err);
 /* video_write's. */
-int writer_write(struct video_writer *v, const uint8_t *rgb,
+int writer_write(struct video_writer *v, const uint8_t *rgb, double time,
                  struct error *err);
 /* video_finish's. */
 int writer_finish(struct video_writer *v, struct error *err);

@@ -1,6 +1,7 @@
 /* Video files out by ffmpeg's libraries: H.264, or the next best that is
  * there, in the container that the name says. */
 #include <errno.h>
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -16,6 +17,8 @@
 struct video_writer {
     char *path;
     size_t width, height, count;
+    double first;               /* time of the first frame */
+    int64_t next;               /* the earliest step of the next */
     AVFormatContext *file;
     AVCodecContext *codec;
     struct SwsContext *convert;
@@ -211,7 +214,20 @@ static const uint8_t *writer_even(struct video_writer *v, const uint8_t *rgb)
     return v->even;
 }
 
-int writer_write(struct video_writer *v, const uint8_t *rgb,
+/* In steps of the rate from the first frame on; no frame before another. */
+static int64_t writer_step(struct video_writer *v, double time)
+{
+    if (v->count == 0)
+        v->first = time;
+    const double step = (time - v->first) / av_q2d(v->codec->time_base);
+    const int64_t at = step > (double)v->next && step < 1e15 ? llround(step)
+                                                             : v->next;
+
+    v->next = at + 1;
+    return at;
+}
+
+int writer_write(struct video_writer *v, const uint8_t *rgb, double time,
                  struct error *err)
 {
     const uint8_t *from[4] = {v->even ? writer_even(v, rgb) : rgb};
@@ -221,7 +237,7 @@ int writer_write(struct video_writer *v, const uint8_t *rgb,
     if (rc >= 0) {
         sws_scale(v->convert, from, stride, 0, v->codec->height,
                   v->frame->data, v->frame->linesize);
-        v->frame->pts = (int64_t)v->count;
+        v->frame->pts = writer_step(v, time);
         rc = avcodec_send_frame(v->codec, v->frame);
     }
     if (rc >= 0)

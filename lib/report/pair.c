@@ -98,7 +98,7 @@ static int pair_step(struct pair *p, struct pairing *g,
         return -1;
     if (pair_put(g->both, g->half, p->size, 0, &a, window, err) ||
         pair_put(g->both, g->half, p->size, 1, &b, NULL, err) ||
-        video_write(g->video, g->both, err))
+        video_write(g->video, g->both, a.time, err))
         return -1;
     p->frames++;
     return 1;

@@ -68,7 +68,8 @@ static void to_ffmpeg(const char *dir)
         frame[i] = (uint8_t)colour[i % 3];
     snprintf(path, sizeof path, "%s/ours.mp4", dir);
     struct video_writer *v = video_create(path, 1280, 720, 25, &err);
-    if (!v || video_write(v, frame, &err) || video_write(v, frame, &err) ||
+    if (!v || video_write(v, frame, 0, &err) ||
+        video_write(v, frame, 0.04, &err) ||
         video_finish(v, &err)) {
         check_error("ours.mp4", false, &err);
         return;
