@@ -38,7 +38,8 @@ watch() {
 @test "driven for long: memory flat, no frame lost, the same bytes at the end" {
     seconds=$(awk "BEGIN { print int(60 * ${SPID_SOAK:-0.15}) }")
     mkfifo frames pictures
-    LOOPS=-1 camera -t "$seconds" >frames &
+    # -re alone is early at each loop's end
+    LOOPS=-1 camera -t "$seconds" -vf realtime >frames &
     hashes <pictures >shown &
     sink=$!
     spid-live -m model -s -j 1 --patience 0 avatar.spid - <frames >pictures \
