@@ -99,13 +99,3 @@ void draw_text(struct canvas *c, const char *text, double x, double y,
         cv::putText(m, text, at, font, scale, color, w, cv::LINE_AA);
     });
 }
-
-void draw_mask(struct canvas *c, const uint8_t *mask, struct pen pen)
-{
-    for (size_t i = 0; i < c->width * c->height; i++)
-        for (int k = 0; mask[i] && k < 3; k++) {
-            uint8_t *p = c->rgb + 3 * i + k;
-            double a = pen.alpha * mask[i] / 255;
-            *p = (uint8_t)(*p * (1 - a) + pen.color[k] * a + 0.5);
-        }
-}

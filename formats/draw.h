@@ -32,7 +32,5 @@ void draw_dots(struct canvas *c, const float *xy, size_t n, double radius,
  * keeps them readable on any ground. */
 void draw_text(struct canvas *c, const char *text, double x, double y,
                double height, struct pen pen);
-/* Tint the pixels where mask [height,width] is set. */
-void draw_mask(struct canvas *c, const uint8_t *mask, struct pen pen);
 
 #endif

@@ -133,20 +133,6 @@ int npy_finish(struct npy_writer *w, struct error *err)
     return rc;
 }
 
-int npy_save(const char *path, const struct array *a, struct error *err)
-{
-    struct npy_writer *w = npy_create(path, a->dtype, a->ndim, a->dim, false,
-                                      err);
-
-    if (!w)
-        return -1;
-    if (npy_append(w, a->data, err)) {
-        npy_abandon(w);
-        return -1;
-    }
-    return npy_finish(w, err);
-}
-
 /* ---- reading ---------------------------------------------------------- */
 
 /* Text after 'key': in a header, or NULL. */

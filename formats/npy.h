@@ -58,9 +58,6 @@ int npy_append(struct npy_writer *w, const void *data, struct error *err);
 int npy_finish(struct npy_writer *w, struct error *err);
 void npy_abandon(struct npy_writer *w);      /* nothing is left; NULL is fine */
 
-/* One array to one file. */
-int npy_save(const char *path, const struct array *a, struct error *err);
-
 #ifdef __cplusplus
 }
 #endif

@@ -318,20 +318,6 @@ const char *st_meta(const struct safetensors *st, const char *key)
     return v ? v->valuestring : NULL;
 }
 
-int st_meta_at(const struct safetensors *st, size_t i, const char **key,
-               const char **value)
-{
-    const cJSON *v = st->meta ? st->meta->child : NULL;
-
-    for (; v && i; i--)
-        v = v->next;
-    if (!v)
-        return 0;
-    *key = v->string;
-    *value = v->valuestring;
-    return 1;
-}
-
 /* "[3, 4]", with 0 printed as "any" where wanted. */
 static const char *safetensors_shape_text(char *out, size_t size, int ndim,
                                           const size_t *dim, bool any)

@@ -44,9 +44,6 @@ const struct st_tensor *st_find(const struct safetensors *st,
                                 const char *name);     /* NULL: absent */
 /* Value of a __metadata__ key, or NULL. */
 const char *st_meta(const struct safetensors *st, const char *key);
-/* The i-th metadata pair; 0 past the end. */
-int st_meta_at(const struct safetensors *st, size_t i, const char **key,
-               const char **value);
 
 /* Convert a tensor to float (any floating or integer dtype) into out[count].
  * Fails on NaN or infinity, naming the tensor and the index. */

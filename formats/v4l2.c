@@ -23,7 +23,11 @@ static uint8_t v4l2_round(int v)
     return (uint8_t)((v + 32768) >> 16);
 }
 
-void v4l2_pack(uint8_t *yuyv, const uint8_t *rgb, size_t width, size_t height)
+/* yuyv [height,width,2] of rgb [height,width,3], BT.601 in limited range, as
+ * cameras send it; the colour of two pixels is their mean.  An odd width's
+ * last pixel has its own. */
+static void v4l2_pack(uint8_t *yuyv, const uint8_t *rgb, size_t width,
+                      size_t height)
 {
     for (size_t y = 0; y < height; y++)
         for (size_t x = 0; x < width; x++) {

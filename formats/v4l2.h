@@ -18,10 +18,4 @@ struct v4l2_sink *v4l2_open(const char *path, size_t width, size_t height,
 int v4l2_write(struct v4l2_sink *v, const uint8_t *rgb, struct error *err);
 void v4l2_close(struct v4l2_sink *v);         /* NULL is allowed */
 
-/* yuyv [height,width,2] of rgb [height,width,3], BT.601 in limited range, as
- * cameras send it; the colour of two pixels is their mean.  An odd width's
- * last pixel has its own. */
-void v4l2_pack(uint8_t *yuyv, const uint8_t *rgb, size_t width,
-               size_t height);
-
 #endif

@@ -39,7 +39,8 @@ void convert_note(struct convert *c, enum convert_problem what,
     va_end(args);
 }
 
-const char *convert_shape(char out[200], int ndim, const size_t *dims)
+/* "[3, any, 4]": a dimension of 0 is "any". */
+static const char *convert_shape(char out[200], int ndim, const size_t *dims)
 {
     size_t n = (size_t)snprintf(out, 200, "[");
 
@@ -52,8 +53,9 @@ const char *convert_shape(char out[200], int ndim, const size_t *dims)
     return out;
 }
 
-void convert_missing(struct convert *c, const char *from, int ndim,
-                     const size_t *dims)
+/* Note that the tensor `from` with these dimensions is missing. */
+static void convert_missing(struct convert *c, const char *from, int ndim,
+                            const size_t *dims)
 {
     char want[200];
 

@@ -13,12 +13,6 @@ int convert_open(struct convert *c, const char *path, struct error *err);
 void convert_note(struct convert *c, enum convert_problem what,
                   const char *format, ...)
     __attribute__((format(printf, 3, 4)));
-/* Note that the tensor `from` with these dimensions is missing. */
-void convert_missing(struct convert *c, const char *from, int ndim,
-                     const size_t *dims);
-
-/* "[3, any, 4]": a dimension of 0 is "any". */
-const char *convert_shape(char out[200], int ndim, const size_t *dims);
 
 /* What stands before the name `key` in a file: "model." when it has
  * "model.key" and not "key"; "" when it has neither. */

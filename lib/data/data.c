@@ -410,7 +410,8 @@ void data_once(struct data_reader *r)
     r->once = true;
 }
 
-int data_skip(struct data_reader *r, uint64_t n, struct error *err)
+/* Pass over n people; their pictures are not looked at. */
+static int data_skip(struct data_reader *r, uint64_t n, struct error *err)
 {
     for (uint64_t i = 0; i < n; i++) {
         struct data_person p = {0};

@@ -77,8 +77,6 @@ int data_next(struct data_reader *r, struct data_person *p,
               struct error *err);
 /* One pass only: data_next returns 1, *p empty, after the last person. */
 void data_once(struct data_reader *r);
-/* Pass over n people; their pictures are not looked at. */
-int data_skip(struct data_reader *r, uint64_t n, struct error *err);
 
 /* ---- the pool ---------------------------------------------------------- */
 

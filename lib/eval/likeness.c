@@ -63,9 +63,11 @@ void likeness_release(struct likeness *l)
 
 /* ---- alignment ---------------------------------------------------------- */
 
-/* Least squares of x -> a x - b y + tx, y -> b x + a y + ty from the template
- * (the five points of the public training crops) to the points. */
-void likeness_align(double M[6], const double points[10])
+/* The similarity M (2,3), from aligned to picture pixels, that takes the five
+ * points of the public training crops closest to these (5,2): eyes (left in
+ * the picture first), nose, corners of the mouth.  Least squares of
+ * x -> a x - b y + tx, y -> b x + a y + ty. */
+static void likeness_align(double M[6], const double points[10])
 {
     static const double at[10] = {38.2946, 51.6963, 73.5318, 51.5014,
                                   56.0252, 71.7366, 41.5493, 92.3655,

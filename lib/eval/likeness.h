@@ -51,9 +51,4 @@ double likeness_pair(const struct likeness *l);
 /* Of clip 1 with the source; NaN without one. */
 double likeness_source(const struct likeness *l);
 
-/* The similarity M (2,3), from aligned to picture pixels, that takes the five
- * points of an aligned face closest to these (5,2): eyes (left in the picture
- * first), nose, corners of the mouth. */
-void likeness_align(double M[6], const double points[10]);
-
 #endif

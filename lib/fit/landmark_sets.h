@@ -7,14 +7,13 @@ enum {
     LANDMARK_COUNT = 478,
     LANDMARK_FACE = 468,        /* on the skin; then five of each iris */
     LANDMARK_LID = 16, LANDMARK_LIP = 40, LANDMARK_OVAL = 36,
-    LANDMARK_BROW = 20, LANDMARK_BOX = 41, LANDMARK_SPANS = 11,
+    LANDMARK_BOX = 41, LANDMARK_SPANS = 11,
     LANDMARK_GAP = 4
 };
 
 extern const int landmark_lid[2][LANDMARK_LID];     /* loops, left, right */
 extern const int landmark_lip[LANDMARK_LIP];        /* outer, inner loop */
 extern const int landmark_oval[LANDMARK_OVAL];
-extern const int landmark_brow[LANDMARK_BROW];
 extern const int landmark_box[LANDMARK_BOX];        /* brows, cheeks, chin: the
                                                      * extent of the 68 */
 extern const int landmark_iris[2];                  /* centres */

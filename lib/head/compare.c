@@ -12,8 +12,9 @@
 #include "lib/head/lbs.h"
 #include "lib/head/nearest.h"
 
-void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
-                    double active)
+/* A random face's weights, as compare_faces says. */
+static void compare_sample(float *identity, float *arkit, uint64_t seed,
+                           int person, double active)
 {
     struct random r;
 
@@ -28,8 +29,10 @@ void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
     arkit_draw_side(arkit, &r);
 }
 
-void compare_scan(float *verts, const struct scan *s, const float *identity,
-                  const float *arkit, float scale)
+/* verts (SCAN_VERTS,3) = the scans' face, head units. */
+static void compare_scan(float *verts, const struct scan *s,
+                         const float *identity, const float *arkit,
+                         float scale)
 {
     const size_t row = 3 * (size_t)SCAN_VERTS;
 

@@ -24,12 +24,4 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
                   const struct head *h, const struct scan *s, int people,
                   double active, uint64_t seed, struct error *err);
 
-/* A random face's weights, as above. */
-void compare_sample(float *identity, float *arkit, uint64_t seed, int person,
-                    double active);
-
-/* verts (SCAN_VERTS,3) = the scans' face, head units. */
-void compare_scan(float *verts, const struct scan *s, const float *identity,
-                  const float *arkit, float scale);
-
 #endif

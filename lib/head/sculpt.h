@@ -64,10 +64,4 @@ int sculpt_save(const struct sculpt *s, const char *path, struct error *err);
 int sculpt_save_scans(const struct sculpt *s, const char *path,
                       struct error *err);
 
-/* Short names of direction k for tables and pictures: "smile left", or
- * "smooth" for one of the unnamed surface modes. */
-const char *sculpt_shape_name(size_t k);
-/* The same of expression directions. */
-const char *sculpt_expression_name(size_t k);
-
 #endif

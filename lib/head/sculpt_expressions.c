@@ -8,7 +8,7 @@
 enum { DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS, MOST = 6 };
 
 struct action {
-    const char *name;
+    const char *name;           /* of the row, for who reads the table */
     enum half_side side;
     struct pull pull[MOST];
 };
@@ -140,9 +140,4 @@ int sculpt_expressions(struct sculpt *s, const struct full *m)
     }
     free(d);
     return 0;
-}
-
-const char *sculpt_expression_name(size_t k)
-{
-    return k < NAMED ? named[k].name : "smooth";
 }

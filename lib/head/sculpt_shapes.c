@@ -9,7 +9,7 @@ enum { DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS, MOST = 4 };
 
 /* A proportion: pulls on both halves, or a stretch of the whole head. */
 struct proportion {
-    const char *name;
+    const char *name;           /* of the row, for who reads the table */
     struct vec stretch;         /* mm per mm from (0, 0, 0) */
     struct pull pull[MOST];
 };
@@ -117,9 +117,4 @@ int sculpt_shapes(struct sculpt *s, const struct full *m)
     }
     free(d);
     return field_sort(s->shapedirs, DIRS, 0, SCULPT_SHAPES, s->nv);
-}
-
-const char *sculpt_shape_name(size_t k)
-{
-    return k < NAMED ? named[k].name : "smooth";
 }

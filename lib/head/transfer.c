@@ -72,9 +72,12 @@ static void transfer_move_balls(double *d, const struct registration *r,
     }
 }
 
-int transfer_shape(double *d, const struct registration *r,
-                   const float *shape, int pinned, int balls,
-                   struct error *err)
+/* A shape of the scans (SCAN_VERTS,3) on our vertices: d (nv,3).  Balls move
+ * rigidly and grow when `balls`, else stay.  Beyond the scans d is harmonic,
+ * and goes to 0 at the neck's cut when `pinned`. */
+static int transfer_shape(double *d, const struct registration *r,
+                          const float *shape, int pinned, int balls,
+                          struct error *err)
 {
     enum { ROUNDS = 300 };      /* the neck below the scans is 12 rows high */
     size_t nv = r->s->nv;

@@ -19,13 +19,6 @@ int transfer_head(struct sculpt *s, const struct registration *r,
 
 /* ---- parts, for transfer_head -------------------------------------------- */
 
-/* A shape of the scans (SCAN_VERTS,3) on our vertices: d (nv,3).  Balls move
- * rigidly and grow when `balls`, else stay.  Beyond the scans d is harmonic,
- * and goes to 0 at the neck's cut when `pinned`. */
-int transfer_shape(double *d, const struct registration *r,
-                   const float *shape, int pinned, int balls,
-                   struct error *err);
-
 /* Columns first.. of s->shapedirs (of `columns`), from mask (nv) times its
  * present columns of identity, the strongest principal components of them. */
 int transfer_extras(struct sculpt *s, size_t first, size_t count,

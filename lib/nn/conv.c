@@ -247,19 +247,18 @@ static void conv_forward_direct(float *out, const float *in, struct conv *c)
 
 /* In the order in which they are asked; the last takes any layer. */
 static const struct conv_method conv_methods[] = {
-    { NULL, int8_wanted, conv_plan_int8, conv_update_int8,
-      conv_forward_int8 },
-    { "pointwise", pointwise_wanted, conv_plan_pointwise,
-      conv_update_pointwise, conv_forward_pointwise },
-    { NULL, conv_half_wanted, conv_plan_half, conv_update_direct,
+    { int8_wanted, conv_plan_int8, conv_update_int8, conv_forward_int8 },
+    { pointwise_wanted, conv_plan_pointwise, conv_update_pointwise,
+      conv_forward_pointwise },
+    { conv_half_wanted, conv_plan_half, conv_update_direct,
       conv_forward_direct },
-    { "small linear", small_linear_wanted, conv_plan_small_linear,
-      conv_update_small_linear, conv_forward_small_linear },
-    { "im2col", im2col_wanted, conv_plan_im2col, conv_update_im2col,
+    { small_linear_wanted, conv_plan_small_linear, conv_update_small_linear,
+      conv_forward_small_linear },
+    { im2col_wanted, conv_plan_im2col, conv_update_im2col,
       conv_forward_im2col },
-    { "winograd", winograd_wanted, conv_plan_winograd, conv_update_winograd,
+    { winograd_wanted, conv_plan_winograd, conv_update_winograd,
       conv_forward_winograd },
-    { NULL, conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
+    { conv_direct_wanted, conv_onednn_plan_forward, conv_update_direct,
       conv_forward_direct },
 };
 
@@ -324,7 +323,6 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
     while (!m->wanted(c))
         m++;
     im->method = m;
-    im->name = m->name;
     m->plan(c, &s);
     im->bias = nn_plan_floats(p, c->out);
     im->stage = nn_plan_floats(p, conv_weight_count(c));
@@ -363,11 +361,6 @@ struct winograd *conv_winograd(struct conv *c)
 {
     return c->impl && c->impl->method->plan == conv_plan_winograd
                ? &c->impl->winograd : NULL;
-}
-
-const char *conv_kernel(const struct conv *c)
-{
-    return c->impl && c->impl->name ? c->impl->name : "none";
 }
 
 /* ---- running --------------------------------------------------------------

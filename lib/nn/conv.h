@@ -81,9 +81,6 @@ struct winograd;
 /* A planned layer's Winograd, where that is how it is computed; or NULL. */
 struct winograd *conv_winograd(struct conv *c);
 
-/* Name of oneDNN's implementation of the forward, for benches. */
-const char *conv_kernel(const struct conv *c);
-
 /* buf <- formatted name. */
 const char *nn_name(char buf[120], const char *format, ...)
     __attribute__((format(printf, 2, 3)));

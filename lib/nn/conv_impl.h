@@ -19,7 +19,6 @@ struct conv_shape {
 
 /* One way to compute the forward pass. */
 struct conv_method {
-    const char *name;            /* NULL: oneDNN's own word for what it does */
     bool (*wanted)(const struct conv *c);
     void (*plan)(struct conv *c, const struct conv_shape *s);
     /* new weights w (out,in_data,k,k), the bias in impl->bias */
@@ -47,7 +46,6 @@ struct conv_impl {
     dnnl_data_type_t input, weights;     /* what it multiplies */
     struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;
     void *w_fwd, *w_bwd;         /* weights as the primitives want them */
-    const char *name;            /* of the forward's implementation */
     size_t half_at;              /* of the input as bf16 or bytes, in the
                                   * scratch */
     size_t back_at;              /* of a backward's bf16 values, there too */

@@ -234,7 +234,6 @@ void conv_onednn_plan_forward(struct conv *c, const struct conv_shape *s)
                                                      dnnl_query_weights_md);
     im->w_fwd = nn_plan_bytes(p, dnnl_memory_desc_get_size(md));
     conv_onednn_plan_reorder(&im->to_fwd, c, md, false);
-    dnnl_primitive_desc_query(pd, dnnl_query_impl_info_str, 0, &im->name);
     dnnl_primitive_desc_destroy(pd);
 }
 

@@ -108,18 +108,11 @@ void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,
         nn_plan_fail(p, EX_OSERR, "oneDNN could not make a primitive");
 }
 
-void nn_call_share(struct nn_call *c, const struct nn_call *from)
-{
-    memset(c, 0, sizeof *c);
-    c->prim = from->prim;
-    c->shared = true;
-}
-
 void nn_call_release(struct nn_call *c)
 {
     for (int i = 0; i < c->count; i++)
         dnnl_memory_destroy(c->arg[i].memory);
-    if (c->prim && !c->shared)
+    if (c->prim)
         dnnl_primitive_destroy(c->prim);
     memset(c, 0, sizeof *c);
 }

@@ -14,7 +14,6 @@ struct nn_call {
     dnnl_exec_arg_t arg[NN_ARGS];
     void *data[NN_ARGS];         /* what each argument points to now */
     int count;
-    bool shared;                 /* prim belongs to another call */
 };
 
 /* NULL when oneDNN cannot make one. */
@@ -26,8 +25,6 @@ bool nn_bf16_products(void);
 /* Make the primitive of pd; pd stays the caller's.  Failures go to p. */
 void nn_call_init(struct nn_call *c, const_dnnl_primitive_desc_t pd,
                   struct nn_plan *p);
-/* The same primitive with arguments of its own, for another thread. */
-void nn_call_share(struct nn_call *c, const struct nn_call *from);
 /* Free what _init and _plan allocated; zeroed then. */
 void nn_call_release(struct nn_call *c);
 /* Declare argument `id` (DNNL_ARG_SRC, ...); returns its index. */

@@ -257,20 +257,14 @@ float *nn_plan_map(struct nn_plan *p, size_t count)
     return map ? map : nn_plan_take(p, nn_plan_maps(p), bytes);
 }
 
-void nn_plan_free(struct nn_plan *p, void *map)
+void nn_plan_recycle(struct nn_plan *p, void *map)
 {
     struct nn_pool *pool = nn_plan_maps(p);
 
-    for (size_t i = 0; i < pool->chunks; i++)
+    for (size_t i = 0; !nn_plan_backward(p) && i < pool->chunks; i++)
         if (pool->chunk[i].data == map)
             pool->chunk[i].idle = true;
     plan_pool_join(pool);
-}
-
-void nn_plan_recycle(struct nn_plan *p, void *map)
-{
-    if (!nn_plan_backward(p))
-        nn_plan_free(p, map);
 }
 
 void nn_plan_scratch(struct nn_plan *p, size_t bytes)

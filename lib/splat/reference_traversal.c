@@ -161,8 +161,9 @@ void traversal_release(struct traversal *w)
     memset(w, 0, sizeof *w);
 }
 
-size_t traversal_tile(const struct traversal *w, int x, int y,
-                      const uint32_t **list)
+/* Entries of the list that serves pixel (x,y). */
+static size_t traversal_tile(const struct traversal *w, int x, int y,
+                             const uint32_t **list)
 {
     size_t at = (size_t)(y / TILE) * (size_t)w->tx + (size_t)(x / TILE);
 

@@ -31,9 +31,6 @@ int traversal_init(struct traversal *w, const struct reference *t,
 void traversal_release(struct traversal *w);
 /* Entries of the longest list: room for what a pixel can have. */
 size_t traversal_longest(const struct traversal *w);
-/* Entries of the list that serves pixel (x,y). */
-size_t traversal_tile(const struct traversal *w, int x, int y,
-                      const uint32_t **list);
 /* The contributions to pixel (x,y), front to back; found has room for
  * traversal_longest.  T_final is what is left of the light behind them,
  * ambiguous (or NULL) is set to 1 as reference_forward says. */

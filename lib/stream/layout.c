@@ -7,7 +7,8 @@
 #include <sysexits.h>
 #include <xxhash.h>
 
-void layout_type_text(char text[5], const char type[4])
+/* A record's type for a message: unprintable letters shown as '?'. */
+static void layout_type_text(char text[5], const char type[4])
 {
     for (int i = 0; i < 4; i++)
         text[i] = type[i] >= ' ' && type[i] <= '~' ? type[i] : '?';

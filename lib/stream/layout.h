@@ -69,7 +69,4 @@ int layout_get_table(struct record *rec, const struct layout_entry *table,
 int layout_attach(struct record *rec, const unsigned char *payload,
                   struct error *err);
 
-/* A record's type for a message: unprintable letters shown as '?'. */
-void layout_type_text(char text[5], const char type[4]);
-
 #endif

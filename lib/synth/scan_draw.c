@@ -36,8 +36,10 @@ static void draw_solid(struct scan_stage *s, uint32_t i)
     }
 }
 
-void scan_gather(struct scan_point *o, const struct scan_stage *s,
-                 uint32_t face, float b1, float b2)
+/* What a point of a face, at weights b1 and b2 of its second and third corner,
+ * is made of. */
+static void scan_draw_gather(struct scan_point *o, const struct scan_stage *s,
+                             uint32_t face, float b1, float b2)
 {
     const struct figure *f = s->figure;
     const int32_t *v = f->faces + 3 * face;
@@ -94,7 +96,7 @@ void scan_draw(struct scan_stage *s)
             s->label[at] = LABEL_NONE;
             continue;
         }
-        scan_gather(&o, s, s->id[at], s->b1[at], s->b2[at]);
+        scan_draw_gather(&o, s, s->id[at], s->b1[at], s->b2[at]);
         scan_shade(c, s, &o);
         s->cover[at] = 1;
         s->label[at] = draw_label_at(s, &o);
@@ -127,7 +129,7 @@ static void draw_veil(struct scan_stage *s, uint32_t i)
             size_t at = (size_t)(y * n + x);
             if (q < s->q[at] * slack)
                 continue;
-            scan_gather(&o, s, i, w[1], w[2]);
+            scan_draw_gather(&o, s, i, w[1], w[2]);
             float a = scan_shade_veil(rgb, s, &o), *c = s->color + 3 * at;
             if (a <= 0.004f)
                 continue;

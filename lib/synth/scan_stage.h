@@ -98,10 +98,6 @@ struct scan_point {
     float w[3];                 /* weights of the corners */
 };
 
-/* What a point of a face, at weights b1 and b2 of its second and third corner,
- * is made of. */
-void scan_gather(struct scan_point *o, const struct scan_stage *s,
-                 uint32_t face, float b1, float b2);
 /* Share of lamp i's light that reaches p. */
 float scan_shadow_at(const struct scan_stage *s, int i, const float p[3],
                      const float n[3]);

@@ -84,21 +84,6 @@ int group_sum_double(const struct group *g, double *x, size_t n,
     return group_sum_type(g, x, n, sizeof *x, MPI_DOUBLE, err);
 }
 
-int group_copy(const struct group *g, float *x, size_t n, struct error *err)
-{
-    size_t most = 1 << 24;
-
-    if (g->size < 2)
-        return 0;
-    for (size_t at = 0; at < n; at += most) {
-        int count = (int)(n - at < most ? n - at : most);
-        if (group_check(MPI_Bcast(x + at, count, MPI_FLOAT, 0, MPI_COMM_WORLD),
-                        "copy", err))
-            return -1;
-    }
-    return 0;
-}
-
 int group_any(const struct group *g, bool *flag, struct error *err)
 {
     int x = *flag;
@@ -142,12 +127,6 @@ int group_sum(const struct group *g, float *x, size_t n, struct error *err)
 
 int group_sum_double(const struct group *g, double *x, size_t n,
                      struct error *err)
-{
-    (void)g, (void)x, (void)n, (void)err;
-    return 0;
-}
-
-int group_copy(const struct group *g, float *x, size_t n, struct error *err)
 {
     (void)g, (void)x, (void)n, (void)err;
     return 0;

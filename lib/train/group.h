@@ -23,8 +23,6 @@ int group_sum(const struct group *g, float *x, size_t n, struct error *err);
 /* The same of doubles. */
 int group_sum_double(const struct group *g, double *x, size_t n,
                      struct error *err);
-/* Rank 0's x for everybody. */
-int group_copy(const struct group *g, float *x, size_t n, struct error *err);
 /* Everybody's flag or-ed together: true when any process says stop. */
 int group_any(const struct group *g, bool *flag, struct error *err);
 /* End every process of the group with this exit code. */

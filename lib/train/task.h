@@ -17,7 +17,6 @@
 struct task;
 
 struct task_type {
-    const char *prefixes;       /* of its tensors, for messages */
     double margin;              /* of the pictures it wants: see data_open */
     void (*release)(struct task *t);
     /* Pass `micro` of a step: adds losses to parts, divided by the number of

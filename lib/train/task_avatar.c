@@ -386,7 +386,6 @@ static int avatar_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 }
 
 static const struct task_type avatar_task_type = {
-    "backbone., init., static., dynamic., mouth., refine.",
     0,
     avatar_task_release,
     avatar_task_pass,

@@ -172,7 +172,7 @@ static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 }
 
 static const struct task_type matte_task_type = {
-    "matte.", -1, matte_task_release, matte_task_pass, matte_task_update,
+    -1, matte_task_release, matte_task_pass, matte_task_update,
     matte_task_validate, matte_task_sheet
 };
 

@@ -313,8 +313,9 @@ static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 /* ---- making it ---------------------------------------------------------- */
 
 static const struct task_type motion_task_type = {
-    "motion.", 1.5, motion_task_release, motion_task_pass,
-    motion_task_update, motion_task_validate, motion_task_sheet};
+    1.5, motion_task_release, motion_task_pass, motion_task_update,
+    motion_task_validate, motion_task_sheet
+};
 
 /* Declare, fill and plan the network and its copy for validation. */
 static int motion_task_networks(struct task *t, struct error *err)

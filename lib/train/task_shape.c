@@ -183,8 +183,9 @@ static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 /* ---- making it ---------------------------------------------------------- */
 
 static const struct task_type shape_task_type = {
-    "shape.", 1.5, shape_task_release, shape_task_pass, shape_task_update,
-    shape_task_validate, shape_task_sheet};
+    1.5, shape_task_release, shape_task_pass, shape_task_update,
+    shape_task_validate, shape_task_sheet
+};
 
 /* Declare, fill and plan the network and its copy for validation. */
 static int shape_task_networks(struct task *t, struct error *err)

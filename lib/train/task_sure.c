@@ -167,7 +167,7 @@ static int sure_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
 }
 
 static const struct task_type sure_task_type = {
-    "motion.encoder.", 0, sure_task_release, sure_task_pass, sure_task_update,
+    0, sure_task_release, sure_task_pass, sure_task_update,
     sure_task_validate, sure_task_sheet
 };
 

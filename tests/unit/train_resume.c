@@ -165,7 +165,7 @@ static void resume_nothing(struct task *t)
 
 static void check_guard(const char *data)
 {
-    static const struct task_type type = {"", 1.5, resume_nothing, poison_pass,
+    static const struct task_type type = {1.5, resume_nothing, poison_pass,
                                           resume_nothing, NULL, NULL};
     struct train_config c;
     struct task task = {.type = &type, .config = &c};
