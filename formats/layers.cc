@@ -100,8 +100,8 @@ static cv::Mat layers_inpaint(const cv::Mat &rgb, const cv::Mat &hole)
 
 /* What the filled picture is off by at the hole's edge goes into it, less
  * and less, from fine to coarse. */
-static void layers_settle(cv::Mat &fill, const cv::Mat &colour,
-                          const cv::Mat &known)
+static void layers_spread_error(cv::Mat &fill, const cv::Mat &colour,
+                                const cv::Mat &known)
 {
     for (double reach = fill.rows / 256.0; reach <= fill.rows / 16.0;
          reach *= 4) {
@@ -122,7 +122,7 @@ static cv::Mat layers_background(const cv::Mat &rgb, const cv::Mat &seen,
     rgb.convertTo(colour, CV_32F);
     filled.convertTo(fill, CV_32F);
     seen.convertTo(known, CV_32F, 1 / 255.0);
-    layers_settle(fill, colour, known);
+    layers_spread_error(fill, colour, known);
     colour.copyTo(fill, seen);
     return fill;
 }
@@ -341,7 +341,7 @@ static bool layers_look(struct layers_about *at, const cv::Rect &square,
 /* The share of the person in a colour there: 0 unless it lies further from the
  * background than that varies, and that on the way to a person who can be told
  * apart. */
-static double layers_spilt(const struct layers_about &at, const cv::Vec3d &c)
+static double layers_spill(const struct layers_about &at, const cv::Vec3d &c)
 {
     const cv::Vec3d off = c - at.back;
     const double length = cv::norm(at.line);
@@ -380,7 +380,7 @@ static void layers_gain(cv::Mat &mat, const cv::Mat &before,
             if (mixed.at<uchar>(y, x))
                 mat.at<uchar>(y, x) = std::max(
                     mat.at<uchar>(y, x), cv::saturate_cast<uchar>(
-                        255 * layers_spilt(at, colour.at<cv::Vec3f>(y, x))));
+                        255 * layers_spill(at, colour.at<cv::Vec3f>(y, x))));
 }
 
 /* The person's colours that reach past the matte: with no matte of their own

@@ -216,8 +216,8 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
 /* Where alpha is undecided over more than a rim, the colours of what is decided
  * settle it: GrabCut with that as seeds.  All pictures of one size, which show
  * the photograph alone. */
-static void matte_unsure_settle(cv::Mat alpha, const cv::Mat &small,
-                                const cv::Mat &core)
+static void matte_cut_unsure(cv::Mat alpha, const cv::Mat &small,
+                             const cv::Mat &core)
 {
     const int w = alpha.cols;
     cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
@@ -297,7 +297,7 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         cv::erode(p.small_head, core, matte_brush_disc(across));
         const cv::Rect part = cv::boundingRect(p.small_inside);
         if (part.area())
-            matte_unsure_settle(alpha(part), p.small(part), core(part));
+            matte_cut_unsure(alpha(part), p.small(part), core(part));
         matte_region_keep(alpha, p.small_head);
         const int ha = cv::countNonZero(core);
         const int found = cv::countNonZero(core & (alpha > 0.5f));

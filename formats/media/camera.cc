@@ -16,7 +16,7 @@ extern "C" {
 #include <opencv2/videoio.hpp>
 
 /* OpenCV and ffmpeg print what they think; our messages say it instead. */
-static void camera_opencv_hush()
+static void camera_opencv_silence()
 {
     cv::utils::logging::setLogLevel(cv::utils::logging::LOG_LEVEL_SILENT);
     setenv("OPENCV_FFMPEG_LOGLEVEL", "-8", 0);
@@ -106,7 +106,7 @@ struct video_reader *camera_open(const char *path, struct error *err)
 {
     camera *c = nullptr;
 
-    camera_opencv_hush();
+    camera_opencv_silence();
     try {
         c = new camera;
         c->by = &camera_functions;

@@ -8,8 +8,8 @@
 #define ALIGN 64
 
 /* Hand out parts of one block; with block NULL only count. */
-static size_t slices_deal(const struct slice *slices, size_t count,
-                          bool training, float *block)
+static size_t slices_lay_out(const struct slice *slices, size_t count,
+                             bool training, float *block)
 {
     size_t total = 0;
 
@@ -26,7 +26,7 @@ static size_t slices_deal(const struct slice *slices, size_t count,
 int slices_allocate(float **block, const struct slice *slices, size_t count,
                     bool training, struct error *err)
 {
-    size_t bytes = slices_deal(slices, count, training, NULL) *
+    size_t bytes = slices_lay_out(slices, count, training, NULL) *
                    sizeof(float);
 
     free(*block);
@@ -35,7 +35,7 @@ int slices_allocate(float **block, const struct slice *slices, size_t count,
         return error_set(err, EX_OSERR, "no memory for %zu MB of arrays",
                          bytes >> 20);
     const size_t past = (uintptr_t)*block % ALIGN;
-    slices_deal(slices, count, training,
-                *block + (ALIGN - past) % ALIGN / sizeof **block);
+    slices_lay_out(slices, count, training,
+                   *block + (ALIGN - past) % ALIGN / sizeof **block);
     return 0;
 }

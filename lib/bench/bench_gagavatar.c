@@ -59,7 +59,7 @@ static int gagavatar_bench_refine(void *context, struct error *err)
 
 /* Random weights give no picture of a head: opaque Gaussians as large as the
  * planes' spacing stand in for a trained model's. */
-static void gagavatar_bench_dress(struct gagavatar_bench *g)
+static void gagavatar_bench_make_opaque(struct gagavatar_bench *g)
 {
     const float s = SPACING * 2 / (float)g->config.plane;
 
@@ -185,7 +185,7 @@ int bench_gagavatar(struct bench *b, struct error *err)
                    err) == 0 &&
         bench_add(b, "gagavatar", "Phase A, ViT-B/14 at 518, 2 planes of 296",
                   "fast", b->threads, &bake, NAN, NAN)) {
-        gagavatar_bench_dress(&g);
+        gagavatar_bench_make_opaque(&g);
         rc = gagavatar_bench_splat(&draw, b, &g, err) ||
                      gagavatar_bench_unet(&refine, b, &g, err)
                  ? -1

@@ -155,8 +155,8 @@ int data_portrait(float *rgb, float *mask, size_t n,
 /* What hides the person says nothing about them: there, and two pixels about,
  * target (n,n,channels) becomes what was drawn, so that no loss and no figure
  * counts it.  Whether there is anything. */
-bool data_excuse(float *target, const float *drawn, size_t channels, size_t n,
-                 const struct data_frame *f);
+bool data_mask_occluded(float *target, const float *drawn, size_t channels,
+                        size_t n, const struct data_frame *f);
 
 /* ---- truth -------------------------------------------------------------- */
 

@@ -382,8 +382,8 @@ static bool sample_is_hidden(const struct data_frame *f, size_t x, size_t y)
     return false;
 }
 
-bool data_excuse(float *target, const float *drawn, size_t channels, size_t n,
-                 const struct data_frame *f)
+bool data_mask_occluded(float *target, const float *drawn, size_t channels,
+                        size_t n, const struct data_frame *f)
 {
     size_t k = n ? f->size / n : 0;
 

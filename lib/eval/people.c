@@ -213,8 +213,8 @@ static int people_walk(struct people *e, const struct data_person *p,
             data_portrait(e->truth, NULL, e->S, f, err))
             return -1;
         /* what hides the person counts for neither */
-        data_excuse(e->truth, e->s->rgb, 3, e->S, f);
-        data_excuse(e->s->coarse, e->s->rgb, 3, e->S, f);
+        data_mask_occluded(e->truth, e->s->rgb, 3, e->S, f);
+        data_mask_occluded(e->s->coarse, e->s->rgb, 3, e->S, f);
         people_planar(e->a, e->truth, e->S * e->S);
         if (visit(e, &st, f, i, err))
             return -1;

@@ -56,7 +56,7 @@ static void fit_window(struct fit_frame *frame, size_t n)
 }
 
 /* How much a frame's face does. */
-static double fit_unrest(const struct label *l)
+static double fit_expression_sum(const struct label *l)
 {
     double sum = 0;
 
@@ -74,11 +74,11 @@ static void fit_find_calm(struct fit_frame *frame, size_t n, double *scratch)
     size_t calm = 0;
 
     for (size_t i = 0; i < n; i++)
-        scratch[i] = fit_unrest(frame[i].label);
+        scratch[i] = fit_expression_sum(frame[i].label);
     sort_doubles(scratch, n);
     most = scratch[n > FIT_CALM ? n / FIT_CALM - 1 : 0];
     for (size_t i = 0; i < n; i++) {
-        frame[i].calm = fit_unrest(frame[i].label) <= most;
+        frame[i].calm = fit_expression_sum(frame[i].label) <= most;
         calm += frame[i].calm;
         for (int k = 0; frame[i].calm && k < ARKIT_COUNT; k++)
             base[k] += frame[i].label->blend[k];
@@ -234,9 +234,9 @@ static int fit_person_frames(const struct face_fit *f,
 }
 
 /* fn of every person, in any order; the first error is kept. */
-static int fit_everyone(struct face_fit *f,
-                        int (*fn)(struct face_fit *, struct fit_person *,
-                                  struct error *), struct error *err)
+static int fit_each_person(struct face_fit *f,
+                           int (*fn)(struct face_fit *, struct fit_person *,
+                                     struct error *), struct error *err)
 {
     int rc = 0;
 
@@ -274,10 +274,10 @@ static int fit_frames(struct face_fit *f, struct fit_person *p,
 
 int face_fit_round(struct face_fit *f, struct error *err)
 {
-    if (fit_everyone(f, fit_identity_and_pose, err) || fit_offsets(f, err))
+    if (fit_each_person(f, fit_identity_and_pose, err) || fit_offsets(f, err))
         return -1;
     fit_iris(f);
-    return fit_everyone(f, fit_frames, err);
+    return fit_each_person(f, fit_frames, err);
 }
 
 double face_fit_error(const struct face_fit *f)

@@ -248,7 +248,7 @@ static void register_even_out(struct fit *f, double much)
 }
 
 /* Trusted vertices lie where they are matched. */
-static void register_settle(struct fit *f)
+static void register_pin_trusted(struct fit *f)
 {
     struct registration *r = f->r;
 
@@ -451,7 +451,7 @@ static int register_all(struct fit *f, struct error *err)
         if (register_step(f, 60 * pow(0.01 / 60, t), mix(0.3, 0.05, t), err))
             return -1;
     }
-    register_settle(f);
+    register_pin_trusted(f);
     for (int i = 0; i < 30; i++)
         register_even_out(f, 0.4);
     if (register_fill_neck(f, err))

@@ -51,7 +51,7 @@ static float lid_closed_x(const float *p, const float *blink, int32_t v)
 
 /* Where each vertex of a meets b: the segment of b that has its x when both
  * are closed. */
-static void lid_find_meetings(struct scan_lid_line *a,
+static void lid_find_contacts(struct scan_lid_line *a,
                               const struct scan_lid_line *b, const float *p,
                               const float *blink)
 {
@@ -125,7 +125,7 @@ static void lid_make_lines(struct scan_lids *l, const float *p,
         }
     }
     for (int k = 0; k < 4; k++)
-        lid_find_meetings(&l->line[k], &l->line[k ^ 1], p, blink[k / 2]);
+        lid_find_contacts(&l->line[k], &l->line[k ^ 1], p, blink[k / 2]);
     for (int k = 0; k < 4; k++)
         lid_find_distances(&l->line[k], p, k / 2, k % 2, unit);
 }

@@ -17,8 +17,8 @@ size_t gaussian_head_width(const struct gaussian_head *h)
 }
 
 /* Whether colour channel c of point n goes through the sigmoid. */
-static bool gaussian_squashed(const struct gaussian_head *h, size_t n,
-                              size_t c, size_t image_w)
+static bool gaussian_color_sigmoid(const struct gaussian_head *h, size_t n,
+                                   size_t c, size_t image_w)
 {
     return h->quirk_columns ? n % image_w < 3 : c < 3;
 }
@@ -43,7 +43,8 @@ static void gaussian_forward(struct gaussian_out *o, const float *raw,
     for (size_t c = 0; c < kept; c++) {
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
 
-        color[c] = gaussian_squashed(h, n, c, image_w) ? math_sigmoid(x) : x;
+        color[c] = gaussian_color_sigmoid(h, n, c, image_w) ? math_sigmoid(x)
+                                                            : x;
     }
     o->opacity[at] = math_sigmoid(raw[C]);
     for (size_t i = 0; i < 3; i++)
@@ -130,7 +131,7 @@ static void gaussian_backward(float *draw, float *dlogit,
         float x = raw[c] + (logit && c < 3 ? logit[c] : 0.0f);
         float g = d->color ? d->color[at * C + c] : 0.0f;
 
-        draw[c] = gaussian_squashed(h, n, c, image_w)
+        draw[c] = gaussian_color_sigmoid(h, n, c, image_w)
                       ? g * gaussian_sigmoid_slope(x) : g;
         if (dlogit && c < 3)
             dlogit[c] = draw[c];

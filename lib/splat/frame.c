@@ -101,8 +101,8 @@ static void frame_project(struct drawing *f, int t, size_t first, size_t last)
 /* ---- sort: radix of 11 bits over (bits of z - least), stable ------------ */
 
 /* How many keys have each value of the digit at shift. */
-static void frame_tally(uint32_t *h, const uint64_t *in, size_t n,
-                        uint32_t least, int shift)
+static void frame_histogram(uint32_t *h, const uint64_t *in, size_t n,
+                            uint32_t least, int shift)
 {
     memset(h, 0, RADIX * sizeof *h);
     for (size_t i = 0; i < n; i++)
@@ -160,7 +160,7 @@ static uint64_t *frame_sort(struct drawing *f, int t)
         bool last = shift == 22 || (most - least) >> (shift + 11) == 0;
         uint64_t *swap = from;
 
-        frame_tally(st->histogram + t * RADIX, from + lo, n, least, shift);
+        frame_histogram(st->histogram + t * RADIX, from + lo, n, least, shift);
 #pragma omp barrier
         frame_offsets(at, st->histogram, t, f->threads);
         frame_scatter(to, at, from + lo, n, least, shift);
@@ -216,7 +216,7 @@ static int frame_by_tail(const void *a, const void *b, void *tail)
 }
 
 /* Order Gaussians of the same float depth by what float has lost of it. */
-static void frame_settle_ties(struct splat_state *st, size_t n)
+static void frame_sort_ties(struct splat_state *st, size_t n)
 {
     uint64_t *e = st->order;
 
@@ -391,7 +391,7 @@ static void frame_make_lists(struct drawing *f, int t, size_t first,
         st->order = some ? other : sorted;
         *(some ? to : own) = old;
         if (st->fine[2])
-            frame_settle_ties(st, f->s->drawn);
+            frame_sort_ties(st, f->s->drawn);
     }
 #pragma omp barrier
     frame_note_phase(f, t, SPLAT_SORT);

@@ -6,34 +6,30 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/synth/noise.h"
 #include "lib/synth/vec.h"
+
+/* The person's own track of a name. */
+static uint64_t motion_key(const struct persona *p, uint64_t name)
+{
+    return random_mix(p->key ^ name);
+}
 
 /* Random number 0..1 of track `name` in slot i. */
 static float motion_slot(const struct persona *p, uint64_t name, int64_t i)
 {
-    uint64_t u = random_mix(random_mix(p->key ^ name) + (uint64_t)i);
-
-    return (float)(u >> 40) * (1.0f / 16777216.0f);
+    return noise_slot(motion_key(p, name), i);
 }
 
 /* Smooth noise in -1..1 that takes a new value every `period` seconds. */
-static float motion_wander(const struct persona *p, uint64_t name, double time,
-                           double period)
+static float motion_noise(const struct persona *p, uint64_t name, double time,
+                          double period)
 {
-    double x = time / period + 1000 + motion_slot(p, name, -7);
-    int64_t i = (int64_t)floor(x);
-    float f = (float)(x - (double)i), y[4];
-
-    for (int k = 0; k < 4; k++)
-        y[k] = 2 * motion_slot(p, name, i - 1 + k) - 1;
-    /* cubic B-spline: two continuous derivatives */
-    float g = 1 - f, f2 = f * f, f3 = f2 * f;
-    return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
-                    + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
+    return noise_time(motion_key(p, name), time, period);
 }
 
-/* Holds a value for `period` seconds and then moves on within `move` of it;
- * in 0..1, the same value with chance `keep`. */
+/* In 0..1: holds a value for `period` seconds and then moves on within `move`
+ * of them. */
 static float motion_jump(const struct persona *p, uint64_t name, double time,
                          double period, double move)
 {
@@ -84,9 +80,9 @@ static void motion_sample_expression(struct synth_motion *m,
                   - 1;
             size = (size < 0 ? -1 : 1) * (0.35f + 1.15f * fabsf(size));
             v = on * size * p->lively
-                + 0.10f * motion_wander(p, name ^ 1, time, 1.1);
+                + 0.10f * motion_noise(p, name ^ 1, time, 1.1);
         } else if (i < 40) {
-            v = 0.25f * motion_wander(p, name, time, 1.7);
+            v = 0.25f * motion_noise(p, name, time, 1.7);
         }
         m->exp[i] = clampf(v, -2, 2);
     }
@@ -99,21 +95,21 @@ static void motion_sample_jaw(struct synth_motion *m, const struct persona *p,
     uint64_t name = motion_track("speech", 0);
     float phrase = motion_pulse(p, name, time, 3.1, 0.65f, 1.0f);
     float rate = 0.17f + 0.08f * motion_slot(p, name, -3);
-    float syllable = 0.5f + 0.5f * motion_wander(p, name ^ 2, time, rate);
+    float syllable = 0.5f + 0.5f * motion_noise(p, name ^ 2, time, rate);
     float open = 0.22f * phrase * syllable * p->lively;
 
     open += 0.42f
             * motion_pulse(p, motion_track("yawn", 0), time, 4.3, 0.28f, 0.7f)
             * (0.4f + 0.6f * motion_slot(p, name, (int64_t)(time / 4.3)));
     m->jaw[0] = clampf(open, 0, 0.42f);
-    m->jaw[1] = 0.06f * motion_wander(p, motion_track("jaw", 1), time, 0.9)
+    m->jaw[1] = 0.06f * motion_noise(p, motion_track("jaw", 1), time, 0.9)
                 * ramp(0, 0.1f, open);
-    m->jaw[2] = 0.02f * motion_wander(p, motion_track("jaw", 2), time, 0.9)
+    m->jaw[2] = 0.02f * motion_noise(p, motion_track("jaw", 2), time, 0.9)
                 * ramp(0, 0.1f, open);
     /* the lips shape the sounds: the first directions, quickly */
     for (int i = 0; i < 8; i++)
         m->exp[i] += 0.45f * phrase
-                     * motion_wander(p, motion_track("viseme", i), time, rate);
+                     * motion_noise(p, motion_track("viseme", i), time, rate);
 }
 
 /* Gaze jumps from one target to the next, now and then to the camera. */
@@ -143,7 +139,7 @@ static void motion_sample_eyes(struct synth_motion *m, const struct persona *p,
                                 0.8f);
     float down = clampf(pitch * 0.9f, -0.1f, 0.3f);
     float base = clampf(
-        0.13f + 0.08f * motion_wander(p, motion_track("lid", 0), time, 2)
+        0.13f + 0.08f * motion_noise(p, motion_track("lid", 0), time, 2)
             + down,
         0, 1);
     float both = base + (1 - base) * fmaxf(blink, doze);
@@ -196,11 +192,11 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
 
     memset(m, 0, sizeof *m);
     for (int k = 0; k < 3; k++) {
-        float slow = motion_wander(p, motion_track("pose", k), time, 2.2);
-        float fast = motion_wander(p, motion_track("nod", k), time, 0.7);
+        float slow = motion_noise(p, motion_track("pose", k), time, 2.2);
+        float fast = motion_noise(p, motion_track("nod", k), time, 0.7);
         pose[k] = size[k] * p->lively * (slow * fabsf(slow) * 0.6f
                                          + slow * 0.4f + 0.12f * fast);
-        drift[k] = motion_wander(p, motion_track("drift", k), time, 3.1);
+        drift[k] = motion_noise(p, motion_track("drift", k), time, 3.1);
     }
     m->yaw = clampf(p->yaw + pose[0], -MOTION_YAW, MOTION_YAW);
     m->pitch = clampf(p->pitch + pose[1], -MOTION_PITCH, MOTION_PITCH);

@@ -1,4 +1,4 @@
-/* The lattice and its trilinear weights. */
+/* The lattice and its trilinear weights; splines through a track's slots. */
 #include "lib/synth/noise.h"
 
 #include <math.h>
@@ -63,4 +63,24 @@ float noise_sum(float x, float y, float z, int octaves)
         z *= 2;
     }
     return sum;
+}
+
+float noise_slot(uint64_t track, int64_t i)
+{
+    return (float)(random_mix(track + (uint64_t)i) >> 40)
+           * (1.0f / 16777216.0f);
+}
+
+float noise_time(uint64_t track, double time, double period)
+{
+    double x = time / period + 1000 + (double)noise_slot(track, -7);
+    int64_t i = (int64_t)floor(x);
+    float f = (float)(x - (double)i), y[4];
+
+    for (int k = 0; k < 4; k++)
+        y[k] = 2 * noise_slot(track, i - 1 + k) - 1;
+    /* cubic B-spline: two continuous derivatives */
+    float g = 1 - f, f2 = f * f, f3 = f2 * f;
+    return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
+                    + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
 }

@@ -1,5 +1,6 @@
-/* Smooth noise in space: one shared lattice of four random bytes a cell,
- * repeated every NOISE_N cells, read with smooth trilinear weights. */
+/* Smooth noise.  In space: one shared lattice of four random bytes a cell,
+ * repeated every NOISE_N cells, read with smooth trilinear weights.  In time:
+ * random numbers by slot of a track, joined by splines. */
 #ifndef SPID_SYNTH_NOISE_H
 #define SPID_SYNTH_NOISE_H
 
@@ -17,5 +18,10 @@ void noise4(float out[4], const float p[3]);
 
 /* Channel 0 only, octaves halving in size and weight; about -1..1. */
 float noise_sum(float x, float y, float z, int octaves);
+
+/* Random number 0..1 of a track in slot i. */
+float noise_slot(uint64_t track, int64_t i);
+/* In -1..1, with a new value every `period` seconds. */
+float noise_time(uint64_t track, double time, double period);
 
 #endif

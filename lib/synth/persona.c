@@ -268,7 +268,7 @@ static void persona_sample_clothes(struct persona *p, uint64_t key)
 }
 
 /* A direction to a lamp: azimuth 0 is straight ahead. */
-static void persona_aim(float dir[3], float azimuth, float height)
+static void persona_light_direction(float dir[3], float azimuth, float height)
 {
     dir[0] = sinf(azimuth) * cosf(height);
     dir[1] = -sinf(height);
@@ -312,17 +312,18 @@ static void persona_sample_light(struct persona *p, struct random *r)
           key = random_float(r, 0.5, 2.1);
     int studio = random_chance(r, 0.35);
 
-    persona_aim(e->light[0].dir,
-                side * random_float(r, 0.1, studio ? 0.7 : 1.35),
-                random_float(r, 0.15, 1.0));
+    persona_light_direction(e->light[0].dir,
+                            side * random_float(r, 0.1, studio ? 0.7 : 1.35),
+                            random_float(r, 0.15, 1.0));
     persona_white_light(e->light[0].rgb, random_float(r, -0.5, 0.9), key);
-    persona_aim(e->light[1].dir, -side * random_float(r, 0.4, 1.4),
-                random_float(r, -0.1, 0.6));
+    persona_light_direction(e->light[1].dir, -side * random_float(r, 0.4, 1.4),
+                            random_float(r, -0.1, 0.6));
     persona_white_light(e->light[1].rgb, random_float(r, -0.8, 0.5),
                         key * random_float(r, 0, .45));
-    persona_aim(e->light[2].dir,
-                (random_chance(r, 0.5) ? 1 : -1) * random_float(r, 2.1, 2.7),
-                random_float(r, 0.1, 0.7));
+    persona_light_direction(e->light[2].dir,
+                            (random_chance(r, 0.5) ? 1 : -1) *
+                                random_float(r, 2.1, 2.7),
+                            random_float(r, 0.1, 0.7));
     persona_white_light(e->light[2].rgb, random_float(r, -0.8, 0.8),
                         random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2)
                                               : 0);
@@ -343,8 +344,8 @@ void persona_relight(struct persona *p, int k)
 
     random_init(&r, p->key + (uint64_t)k * 77, "sheet light");
     persona_sample_light(p, &r);
-    persona_aim(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
-                k % 3 == 2 ? 0.1f : 0.5f);
+    persona_light_direction(p->env.light[0].dir, -1.4f + 2.8f * (float)k / 11,
+                            k % 3 == 2 ? 0.1f : 0.5f);
 }
 
 /* What the camera does, as much of it as effects says. */

@@ -85,8 +85,8 @@ static void pose_face_frame(float m[9], const float *p, const int32_t *f)
 }
 
 /* A strand that rides on a face of the skin. */
-static void pose_ride(struct stage *s, const struct actor *a,
-                      const struct strand *t)
+static void pose_strand(struct stage *s, const struct actor *a,
+                        const struct strand *t)
 {
     const int32_t *f = a->head->f + 3 * t->face;
     float rest[9], now[9], turn[9], rt[9];
@@ -164,7 +164,7 @@ static void pose_place_strands(struct stage *s, const struct actor *a,
         for (int j = 0; j < t->points; j++)
             s->owner[t->first + (size_t)j] = (uint32_t)i;
         if (t->face >= 0) {
-            pose_ride(s, a, t);
+            pose_strand(s, a, t);
             continue;
         }
         if (t->face < -1) {

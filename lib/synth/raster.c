@@ -149,7 +149,7 @@ void raster_triangles(struct raster *r, const struct raster_vertex *v,
 }
 
 /* A cheap hash to thin out strands that are narrower than a sample. */
-static float raster_sprinkle(uint32_t id, int step)
+static float raster_hash_strand(uint32_t id, int step)
 {
     uint32_t h = id * 0x9e3779b1u ^ (uint32_t)step * 0x85ebca6bu;
 
@@ -198,7 +198,7 @@ static void raster_segment(struct raster *r, const struct raster_vertex *a,
         float half = lerpf(wa, wb, t) * grow, mid = oa + slope * along;
         float q = lerpf(a->q, b->q, t);
         if (half < 0.5f) {
-            if (raster_sprinkle(id, p) > 2 * half)
+            if (raster_hash_strand(id, p) > 2 * half)
                 continue;
             half = 0.5f;
         }

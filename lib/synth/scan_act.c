@@ -7,6 +7,7 @@
 #include <string.h>
 
 #include "lib/base/random.h"
+#include "lib/synth/noise.h"
 #include "lib/synth/vec.h"
 
 /* ---- tracks of time ------------------------------------------------------ */
@@ -16,33 +17,12 @@ static uint64_t act_track(const struct act_look *l, const char *name, int i)
     return random_mix((l->key ^ random_name(name)) + (uint64_t)i);
 }
 
-/* Random number 0..1 of a track in slot i. */
-static float act_slot(uint64_t track, int64_t i)
-{
-    return (float)(random_mix(track + (uint64_t)i) >> 40)
-           * (1.0f / 16777216.0f);
-}
-
-/* Smooth noise in -1..1 that takes a new value every `period` seconds. */
-static float act_wander(uint64_t t, double time, double period)
-{
-    double x = time / period + 1000 + (double)act_slot(t, -7);
-    int64_t i = (int64_t)floor(x);
-    float f = (float)(x - (double)i), y[4];
-
-    for (int k = 0; k < 4; k++)
-        y[k] = 2 * act_slot(t, i - 1 + k) - 1;
-    float g = 1 - f, f2 = f * f, f3 = f2 * f;
-    return 1.35f * (g * g * g * y[0] + (3 * f3 - 6 * f2 + 4) * y[1]
-                    + (-3 * f3 + 3 * f2 + 3 * f + 1) * y[2] + f3 * y[3]) / 6;
-}
-
 /* The slot of `period` seconds that events of track t lie in, and how far
  * through it the time is (0..1). */
 static int64_t act_period(float *through, uint64_t t, double time,
                           double period)
 {
-    double x = time / period + 1000 + (double)act_slot(t, -9);
+    double x = time / period + 1000 + (double)noise_slot(t, -9);
     int64_t i = (int64_t)floor(x);
 
     *through = (float)(x - (double)i);
@@ -57,11 +37,12 @@ static float act_pulse(uint64_t t, double time, double period, float chance,
     float f;
     int64_t i = act_period(&f, t, time, period);
 
-    if (act_slot(t, i) > chance)
+    if (noise_slot(t, i) > chance)
         return 0;
     /* within its slot, so that none breaks off */
-    float half = minf(0.5f * width * (0.7f + 0.6f * act_slot(t ^ 9, i)), 0.5f);
-    float mid = half + (1 - 2 * half) * act_slot(t ^ 5, i);
+    float half = minf(0.5f * width * (0.7f + 0.6f * noise_slot(t ^ 9, i)),
+                      0.5f);
+    float mid = half + (1 - 2 * half) * noise_slot(t ^ 5, i);
     float d = fabsf(f - mid) / half;
     return d < 1 ? ramp(1, 0.25f, d) : 0;
 }
@@ -70,10 +51,10 @@ static float act_pulse(uint64_t t, double time, double period, float chance,
 static float act_moving(uint64_t t, double time, double period, float move,
                         int64_t *i)
 {
-    double x = time / period + 1000 + (double)act_slot(t, -11);
+    double x = time / period + 1000 + (double)noise_slot(t, -11);
 
     *i = (int64_t)floor(x);
-    float start = act_slot(t ^ 0x51, *i) * (1 - move);
+    float start = noise_slot(t ^ 0x51, *i) * (1 - move);
     return ramp(start, start + move, (float)(x - (double)*i));
 }
 
@@ -201,7 +182,7 @@ static void act_add_speech(float *w, const struct act_look *l, double time)
 {
     uint64_t t = act_track(l, "speech", 0);
     float phrase = act_pulse(t, time, 3.3, l->talk, 1.3f);
-    double rate = 0.12 + 0.06 * (double)act_slot(t, -3);
+    double rate = 0.12 + 0.06 * (double)noise_slot(t, -3);
     double x = time / rate + 1000;
     int64_t i = (int64_t)floor(x);
     float f = ramp(0, 1, (float)(x - (double)i));
@@ -211,7 +192,8 @@ static void act_add_speech(float *w, const struct act_look *l, double time)
         return;
     for (int k = 0; k < 2; k++) {
         int64_t s = i + k;
-        float g = phrase * (k ? f : 1 - f) * (0.6f + 0.6f * act_slot(t ^ 7, s));
+        float g = phrase * (k ? f : 1 - f)
+                  * (0.6f + 0.6f * noise_slot(t ^ 7, s));
         const struct viseme *v
             = &visemes[random_mix((t ^ 3) + (uint64_t)s) % n];
         w[ARKIT_JAW_OPENED] += g * v->jaw;
@@ -227,7 +209,7 @@ static void act_add_speech(float *w, const struct act_look *l, double time)
     }
     /* the jaw leads its lips: some of its opening is closed by them */
     w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
-                                * maxf(act_wander(t ^ 31, time, 0.8), 0);
+                                * maxf(noise_time(t ^ 31, time, 0.8), 0);
     w[ARKIT_BROW_INNER_UP_R] = maxf(w[ARKIT_BROW_INNER_UP_R],
                                      w[ARKIT_BROW_INNER_UP_L]);
 }
@@ -242,18 +224,18 @@ static void act_add_gaze(struct act *a, const struct act_look *l, double time)
 
     for (int k = 0; k < 2; k++) {
         /* half of the looks go to the camera, the rest mostly near it */
-        float where = act_slot(t ^ 77, i - 1 + k);
+        float where = noise_slot(t ^ 77, i - 1 + k);
         bool camera = where < 0.5f;
         float far = where > 0.8f ? 1 : 0.45f;
-        float yaw = far * (2 * act_slot(t ^ 1, i - 1 + k) - 1);
-        float pitch = far * (2 * act_slot(t ^ 2, i - 1 + k) - 1);
+        float yaw = far * (2 * noise_slot(t ^ 1, i - 1 + k) - 1);
+        float pitch = far * (2 * noise_slot(t ^ 2, i - 1 + k) - 1);
         to[k] = camera ? -0.9f * a->yaw : 0.52f * yaw;
         keep[k] = camera ? -0.9f * a->pitch
                          : pitch > 0 ? 0.5f * pitch : 0.42f * pitch;
     }
     float yaw = clampf(lerpf(to[0], to[1], f), -0.52f, 0.52f);
     float pitch = clampf(lerpf(keep[0], keep[1], f), -0.42f, 0.5f);
-    float verge = 0.012f + 0.03f * act_slot(t, -5);
+    float verge = 0.012f + 0.03f * noise_slot(t, -5);
     for (int e = 0; e < 2; e++) {
         float y = yaw + (e ? verge : -verge);
         float out = e ? -y : y;
@@ -271,7 +253,7 @@ static void act_add_blinks(float *w, const struct act_look *l, double time)
     float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
     float doze = 0.7f
                  * act_pulse(act_track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
-    float droop = 0.06f * act_slot(act_track(l, "droop", 0), 0);
+    float droop = 0.06f * noise_slot(act_track(l, "droop", 0), 0);
     float held = act_pulse(act_track(l, "held", 0), time, 6.1, 0.45f, 0.35f);
 
     for (int e = 0; e < 2; e++) {
@@ -311,11 +293,11 @@ static void act_raise(float *w, float v)
 
 /* Whether event i of a track is of one side only, with this chance: 1 the
  * left, -1 the right; else what the person always is. */
-static float act_lean(uint64_t t, int64_t i, float chance, float own)
+static float act_event_side(uint64_t t, int64_t i, float chance, float own)
 {
-    if (act_slot(t ^ 11, i) >= chance)
+    if (noise_slot(t ^ 11, i) >= chance)
         return own;
-    return act_slot(t ^ 12, i) < 0.5f ? 1 : -1;
+    return noise_slot(t ^ 12, i) < 0.5f ? 1 : -1;
 }
 
 /* Single movements on top, nearly half of them of one side: a motion encoder
@@ -327,10 +309,10 @@ static void act_add_accents(float *w, const struct act_look *l, double time)
         float v = act_pulse(t, time, ACCENT_PERIOD, accents[i].chance, 1.1f);
         float f;
         int64_t n = act_period(&f, t, time, ACCENT_PERIOD);
-        float lean = act_lean(t, n, 0.45f, 0.4f * l->lean);
+        float lean = act_event_side(t, n, 0.45f, 0.4f * l->lean);
         bool pair = arkit_is_left(accents[i].k);
 
-        v *= accents[i].top * (0.35f + 0.65f * act_slot(t ^ 13, n));
+        v *= accents[i].top * (0.35f + 0.65f * noise_slot(t ^ 13, n));
         for (int e = 0; e <= pair && v > 0; e++)
             act_raise(&w[accents[i].k + e],
                       pair ? v * clampf(1 + (e ? -lean : lean), 0, 1) : v);
@@ -356,10 +338,10 @@ static void act_add_brows(float *w, const struct act_look *l, double time)
     int64_t n = act_period(&f, t, time, ACCENT_PERIOD);
     const struct brow_way *way = brow_ways;
 
-    while (act_slot(t ^ 21, n) > way->share)
+    while (noise_slot(t ^ 21, n) > way->share)
         way++;
-    float lean = act_lean(t, n, way->single, 0.3f * l->lean);
-    v *= 0.4f + 0.6f * act_slot(t ^ 13, n);
+    float lean = act_event_side(t, n, way->single, 0.3f * l->lean);
+    v *= 0.4f + 0.6f * noise_slot(t ^ 13, n);
     for (int e = 0; e < 2; e++) {
         float side = v * clampf(1 + (e ? -lean : lean), 0, 1);
         float *inner = &w[ARKIT_BROW_INNER_UP_L + e];
@@ -380,7 +362,7 @@ static void act_add_brows(float *w, const struct act_look *l, double time)
 
 /* A mouth is wide or round, and its corners go up or down: of two that undo
  * each other the stronger stays. */
-static void act_settle_mouth(float *w)
+static void act_resolve_mouth(float *w)
 {
     for (int e = 0; e < 2; e++) {
         float *smile = &w[ARKIT_MOUTH_SMILE_L + e];
@@ -401,7 +383,7 @@ static void act_settle_mouth(float *w)
 }
 
 /* Weights within 0..1, and none that undo or cross each other. */
-static void act_settle(float *w)
+static void act_resolve_conflicts(float *w)
 {
     for (int k = 0; k < ARKIT_COUNT; k++)
         w[k] = clampf(w[k], 0, 1);
@@ -422,7 +404,7 @@ static void act_settle(float *w)
     float side = w[ARKIT_JAW_LEFT] - w[ARKIT_JAW_RIGHT];
     w[ARKIT_JAW_LEFT] = maxf(side, 0);
     w[ARKIT_JAW_RIGHT] = maxf(-side, 0);
-    act_settle_mouth(w);
+    act_resolve_mouth(w);
     w[ARKIT_MOUTH_ROLL_LOWER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
     w[ARKIT_MOUTH_ROLL_UPPER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
 }
@@ -436,16 +418,16 @@ void act_at(struct act *a, const struct act_model *m,
 
     memset(a, 0, sizeof *a);
     for (int k = 0; k < 3; k++) {
-        float slow = act_wander(act_track(l, "pose", k), time, 2.2);
-        float fast = act_wander(act_track(l, "nod", k), time, 0.7);
+        float slow = noise_time(act_track(l, "pose", k), time, 2.2);
+        float fast = noise_time(act_track(l, "nod", k), time, 0.7);
         pose[k] = (k ? size[k] : l->turn) * l->lively
                   * (slow * fabsf(slow) * 0.6f + slow * 0.4f + 0.10f * fast);
-        a->drift[k] = act_wander(act_track(l, "drift", k), time, 3.1);
+        a->drift[k] = noise_time(act_track(l, "drift", k), time, 3.1);
     }
     a->yaw = clampf(l->yaw + pose[0], -1.05f, 1.05f);
     a->pitch = clampf(l->pitch + pose[1], -0.44f, 0.44f);
     a->roll = clampf(l->roll + pose[2], -0.35f, 0.35f);
-    a->pupil = act_wander(act_track(l, "pupil", 0), time, 4);
+    a->pupil = noise_time(act_track(l, "pupil", 0), time, 4);
     float f = act_moving(act_track(l, "mood", 0), time, 1.3, 0.35f, &i);
     act_draw_expression(from, m, l, i - 1);
     act_draw_expression(to, m, l, i);
@@ -453,12 +435,12 @@ void act_at(struct act *a, const struct act_model *m,
         a->weight[k]
             = lerpf(from[k], to[k], f)
               + 0.05f
-                    * maxf(act_wander(act_track(l, "tremble", k), time, 0.9),
+                    * maxf(noise_time(act_track(l, "tremble", k), time, 0.9),
                             0);
     act_add_speech(a->weight, l, time);
     act_add_accents(a->weight, l, time);
     act_add_brows(a->weight, l, time);
     act_add_blinks(a->weight, l, time);
     act_add_gaze(a, l, time);
-    act_settle(a->weight);
+    act_resolve_conflicts(a->weight);
 }

@@ -24,7 +24,7 @@ static void codec_round(float b[64], const void *slowest)
 
 /* The four values about a border, at p, p + d, ...: a step smaller than the
  * limit is a fault of the blocks, and goes. */
-static void codec_mend(float *p, int d, float limit)
+static void codec_smooth_border(float *p, int d, float limit)
 {
     float step = p[2 * d] - p[d];
 
@@ -41,10 +41,10 @@ static void codec_deblock(float *p, int n, float limit)
 {
     for (int y = 0; y < n; y++)
         for (int x = BLOCK; x + 2 <= n; x += BLOCK)
-            codec_mend(p + y * n + x - 2, 1, limit);
+            codec_smooth_border(p + y * n + x - 2, 1, limit);
     for (int y = BLOCK; y + 2 <= n; y += BLOCK)
         for (int x = 0; x < n; x++)
-            codec_mend(p + (y - 2) * n + x, n, limit);
+            codec_smooth_border(p + (y - 2) * n + x, n, limit);
 }
 
 void codec_damage(uint8_t *rgb, float *scratch, int n, int q)

@@ -217,7 +217,7 @@ static void figure_color_piece(struct figure_part *p, const float color[3],
 }
 
 /* Torso, clothes, hat. */
-static int figure_add_worn(struct figure *f, struct error *err)
+static int figure_add_body(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
@@ -470,7 +470,7 @@ int figure_init(struct figure *f, const struct scan_assets *a,
         if (i == 0 && !rc)
             figure_measure(f);
     }
-    rc = rc || figure_add_worn(f, err) || figure_add_solids(f, err) ||
+    rc = rc || figure_add_body(f, err) || figure_add_solids(f, err) ||
          figure_add_front(f, err) || figure_add_hair(f, err) ||
          figure_add_veils(f, err) || figure_add_scans(f, STUFF_LASH, err) ||
          figure_add_scans(f, STUFF_TEAR, err) || figure_find_normals(f, err);

@@ -190,7 +190,7 @@ static void beyond_dome(struct person *p, const struct edge *e, struct run r,
 }
 
 /* To a side: runs that leave the picture below too are shoulders. */
-static void beyond_aside(struct person *p, const struct edge *e)
+static void beyond_extend_side(struct person *p, const struct edge *e)
 {
     struct run r = {0, 0};
 
@@ -257,9 +257,10 @@ void beyond_continue(struct person *p, const uint8_t *inside)
     const size_t rows = q.y[1] - q.y[0], top = q.y[0] * n;
 
     /* the sides first: the lines below and above go across the window */
-    beyond_aside(p, &(struct edge){top + q.x[0] + 1, row, -1, rows, q.x[0]});
-    beyond_aside(p, &(struct edge){top + q.x[1] - 2, row, 1, rows,
-                                   n - q.x[1]});
+    beyond_extend_side(p, &(struct edge){top + q.x[0] + 1, row, -1, rows,
+                                         q.x[0]});
+    beyond_extend_side(p, &(struct edge){top + q.x[1] - 2, row, 1, rows,
+                                         n - q.x[1]});
     beyond_above(p, &(struct edge){top + n, 1, -row, n, q.y[0]});
     beyond_body(p, &(struct edge){(q.y[1] - 2) * n, 1, row, n, n - q.y[1]});
 }

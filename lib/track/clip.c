@@ -231,7 +231,7 @@ static int clip_write(struct stream_writer *w, const struct clip_state *s,
 }
 
 /* Whether enough is good; the score. */
-static int clip_judge(struct clip_report *r, const struct clip_state *s,
+static int clip_score(struct clip_report *r, const struct clip_state *s,
                       const struct clip *c, const char *path,
                       struct error *err)
 {
@@ -268,7 +268,7 @@ int clip_prepare(struct stream_writer *w, struct clip_report *r,
     if (rc < 0 && err->code != EX_OSERR)
         rc = 1;                 /* damaged: bad, and said so */
     if (rc == 0)
-        rc = clip_judge(r, &s, c, path, err);
+        rc = clip_score(r, &s, c, path, err);
     if (rc == 0)
         rc = clip_write(w, &s, r->kept, c, err);
     clip_state_release(&s, r->kept);

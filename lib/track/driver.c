@@ -160,17 +160,17 @@ static int driver_follow(struct driver *d, struct driver_frame *f,
                          struct error *err)
 {
     const struct frame *p = &f->picture;
-    const bool first = p->restart && !d->astray;
+    const bool first = p->restart && !d->faceless;
     int found;
 
-    if (!p->restart && !d->astray)
+    if (!p->restart && !d->faceless)
         return track_step(d->track, &f->r, p->rgb, p->width, p->height,
                           p->time, err);
     found = track_start(d->track, &f->r, p->rgb, p->width, p->height, p->time,
                         err);
     if (found < 0)
         return -1;
-    d->astray = !found;
+    d->faceless = !found;
     f->r.lost = !found;
     f->r.event = found ? TRACK_FOUND : first ? TRACK_LOST : TRACK_NOTHING;
     f->r.why = "the source has started again";

@@ -43,7 +43,7 @@ struct driver {
     bool live;                  /* set by the caller before driver_start: looks
                                  * for a face as long as there are frames, and
                                  * delivers none from before it */
-    bool astray;                /* live: the source has started again, and no
+    bool faceless;              /* live: the source has started again, and no
                                  * face was found in it yet */
     struct motion held;         /* live: the last one */
     bool relative;              /* motions are relative to the first */

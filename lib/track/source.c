@@ -214,7 +214,7 @@ static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
 }
 
-static bool source_guessed(const struct source *s)
+static bool source_matte_estimated(const struct source *s)
 {
     return s->how >= SOURCE_NETWORK;
 }
@@ -229,7 +229,7 @@ static int source_split(struct source *s, struct error *err)
     for (size_t i = 0; i < p->size * p->size; i++)
         if (!s->inside[i])
             p->matte[i] = 0;
-    rc = source_guessed(s)
+    rc = source_matte_estimated(s)
              ? layers_split(p->matte, p->back, p->rgb, s->inside, p->size,
                             err)
              : layers_fill(p->back, p->rgb, p->matte, s->inside, p->size,
@@ -357,11 +357,11 @@ static int source_refine(struct source *s, const struct person *small,
 {
     struct person *p = &s->person;
 
-    if (!source_guessed(s) && source_matte_given(s, im, mask, err))
+    if (!source_matte_estimated(s) && source_matte_given(s, im, mask, err))
         return -1;
     return layers_enlarge(p->matte, p->back, p->rgb, p->size, small->matte,
                           small->back, small->rgb, small->size, s->inside,
-                          !source_guessed(s), err);
+                          !source_matte_estimated(s), err);
 }
 
 /* Where the photograph is finer than what networks see, all of it once more at

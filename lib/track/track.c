@@ -299,7 +299,7 @@ static int track_detect(struct track *t, struct track_result *r,
 
 /* Run the network on a first guess (window pixels) until its own projection
  * agrees; a projection far from the guess is not followed. */
-static int track_settle_crop(struct track *t, struct track_result *r,
+static int track_refine_crop(struct track *t, struct track_result *r,
                              const uint8_t *rgb, size_t W, size_t H,
                              struct square guess, struct error *err)
 {
@@ -411,7 +411,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
             return -1;
         t->crop = crop;
         t->last = r->motion;
-    } else if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0) {
+    } else if (track_refine_crop(t, r, rgb, W, H, crop, err) != 0) {
         return -1;
     } else if (r->sure < SURE_ENOUGH) {
         return 0;
@@ -464,7 +464,7 @@ static int track_search(struct track *t, struct track_result *r,
     if (found) {
         struct motion last = t->last;
 
-        if (track_settle_crop(t, r, rgb, W, H, crop, err) != 0)
+        if (track_refine_crop(t, r, rgb, W, H, crop, err) != 0)
             return -1;
         found = r->sure >= SURE_ENOUGH;
         if (!found)

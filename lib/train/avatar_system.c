@@ -351,7 +351,7 @@ static void avatar_system_picture_losses(struct avatar_system *s,
     const float *y = final ? s->rgb : s->coarse;
     double weight = final ? c->refined : c->coarse;
 
-    data_excuse(s->target, y, 3, S, f);
+    data_mask_occluded(s->target, y, 3, S, f);
     terms[final ? PICTURE_FINAL : PICTURE_COARSE] +=
         loss_l1(d, y, s->target, S, S, NULL, weight * scale);
     terms[final ? PICTURE_FINAL_FACE : PICTURE_COARSE_FACE] +=
@@ -385,7 +385,7 @@ int avatar_system_losses(struct avatar_system *s, double *terms,
         avatar_system_smooth_losses(s, terms, c, scale);
         return 0;
     }
-    data_excuse(s->mask, s->rgb_alpha, 1, S, f);
+    data_mask_occluded(s->mask, s->rgb_alpha, 1, S, f);
     terms[PICTURE_MASK] += loss_mask(s->drgb_alpha, s->rgb_alpha, s->mask, n,
                                      c->silhouette * scale);
     if (!s->fixed)

@@ -275,9 +275,9 @@ static int avatar_task_validate_person(struct task *t, double *sum,
             data_portrait(tr->target, tr->mask, S, f, err))
             goto out;
         /* what hides the person counts for nobody */
-        data_excuse(tr->target, tr->rgb, 3, S, f);
-        data_excuse(tr->coarse, tr->rgb, 3, S, f);
-        data_excuse(source, tr->rgb, 3, S, f);
+        data_mask_occluded(tr->target, tr->rgb, 3, S, f);
+        data_mask_occluded(tr->coarse, tr->rgb, 3, S, f);
+        data_mask_occluded(source, tr->rgb, 3, S, f);
         if (avatar_task_compare(&sum[FIGURE_PSNR], &sum[FIGURE_SSIM],
                                 &sum[FIGURE_L1], tr->rgb, tr->target, S, tmp,
                                 err) ||

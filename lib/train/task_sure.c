@@ -1,11 +1,11 @@
 /* E_m's sure head (lib/net/sure_head.h): logistic regression on the pooled
- * features of the encoder as it is, from crops in place against crops that
- * are astray. */
+ * features of the encoder as it is, from crops in place against negative
+ * samples. */
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/data/astray.h"
+#include "lib/data/negative.h"
 #include "lib/data/contact_sheet.h"
 #include "lib/geom/crop.h"
 #include "lib/net/mobilenet.h"
@@ -26,7 +26,7 @@ struct impl {
     bool folded;                /* net has seen its weights */
     size_t batch;
     float *rgb, *pooled;        /* (B,224,224,3), (B,features) */
-    enum astray *how;           /* (B) */
+    enum negative *how;         /* (B) */
 };
 
 static void sure_task_release(struct task *t)
@@ -43,10 +43,11 @@ static void sure_task_release(struct task *t)
 }
 
 /* Half of the crops are in place. */
-static enum astray sure_task_kind(struct random *r)
+static enum negative sure_task_kind(struct random *r)
 {
     return random_uniform(r) < 0.5
-        ? ASTRAY_NOT : (enum astray)(1 + random_below(r, ASTRAY_COUNT - 1));
+        ? NEGATIVE_NONE
+        : (enum negative)(1 + random_below(r, NEGATIVE_COUNT - 1));
 }
 
 /* The features of the crops in m->rgb. */
@@ -58,7 +59,7 @@ static void sure_task_forward(struct impl *m)
     mobilenet_forward(m->pooled, m->rgb, &m->net);
 }
 
-/* Faces in place and crops gone astray, with the truth of each. */
+/* Faces in place and negative samples, with the truth of each. */
 static int sure_task_pass(struct task *t, double *parts, uint64_t step,
                           size_t micro, struct error *err)
 {
@@ -73,14 +74,14 @@ static int sure_task_pass(struct task *t, double *parts, uint64_t step,
         data_random(&r, (uint64_t)c->seed, step, micro * m->batch + i);
         f = data_pool_draw(t->pool, &who, &r);
         m->how[i] = sure_task_kind(&r);
-        if (astray_sample(m->rgb + i * CROP, f, m->how[i], &c->augment, &r,
-                          err))
+        if (negative_sample(m->rgb + i * CROP, f, m->how[i], &c->augment, &r,
+                            err))
             return -1;
     }
     sure_task_forward(m);
     for (size_t i = 0; i < m->batch; i++)
         parts[0] += sure_head_loss(&m->head, m->pooled + i * m->net.features,
-                                   m->how[i] == ASTRAY_NOT,
+                                   m->how[i] == NEGATIVE_NONE,
                                    1.0 / (double)c->batch);
     return 0;
 }
@@ -101,20 +102,20 @@ static int sure_task_take(struct task *t, size_t i, size_t n,
 
     data_random(&r, (uint64_t)t->config->seed, UINT64_MAX, n);
     m->how[i] = n / t->nvalidation % 2
-        ? (enum astray)(1 + n / t->nvalidation / 2 % (ASTRAY_COUNT - 1))
-        : ASTRAY_NOT;
-    return astray_sample(m->rgb + i * CROP,
-                         &p->frame[random_below(&r, (uint32_t)p->count)],
-                         m->how[i], &t->config->augment, &r, err);
+        ? (enum negative)(1 + n / t->nvalidation / 2 % (NEGATIVE_COUNT - 1))
+        : NEGATIVE_NONE;
+    return negative_sample(m->rgb + i * CROP,
+                           &p->frame[random_below(&r, (uint32_t)p->count)],
+                           m->how[i], &t->config->augment, &r, err);
 }
 
-/* Of crops in place and astray, the share on the wrong side of a half. */
+/* Of crops in place and of negatives, the share on the wrong side of a half. */
 static int sure_task_validate(struct task *t, double *figures,
                               struct error *err)
 {
     struct impl *m = t->impl;
     size_t count[2] = {0}, wrong[2] = {0};
-    size_t n = 2 * t->nvalidation * (ASTRAY_COUNT - 1);
+    size_t n = 2 * t->nvalidation * (NEGATIVE_COUNT - 1);
 
     for (size_t k = 0; k + m->batch <= n; k += m->batch) {
         for (size_t i = 0; i < m->batch; i++)
@@ -124,7 +125,7 @@ static int sure_task_validate(struct task *t, double *figures,
         for (size_t i = 0; i < m->batch; i++) {
             float sure = sure_head_forward(&m->head, m->pooled +
                                            i * m->net.features);
-            int bad = m->how[i] != ASTRAY_NOT;
+            int bad = m->how[i] != NEGATIVE_NONE;
 
             count[bad]++;
             wrong[bad] += bad ? sure >= 0.5f : sure < 0.5f;
@@ -144,18 +145,18 @@ static int sure_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     struct random r;
     int rc = 0;
 
-    if (contact_sheet_init(&sh, ASTRAY_COUNT, SHEET_COLS, CROP_NET, err))
+    if (contact_sheet_init(&sh, NEGATIVE_COUNT, SHEET_COLS, CROP_NET, err))
         return -1;
-    for (size_t i = 0; i < ASTRAY_COUNT * SHEET_COLS && !rc; i++) {
+    for (size_t i = 0; i < NEGATIVE_COUNT * SHEET_COLS && !rc; i++) {
         const struct data_person *p =
             &t->validation[i % (t->nvalidation ? t->nvalidation : 1)];
 
         if (!t->nvalidation)
             break;
         data_random(&r, 0, UINT64_MAX - 1, i);
-        rc = astray_sample(m->rgb, &p->frame[0],
-                           (enum astray)(i / SHEET_COLS), &t->config->augment,
-                           &r, err);
+        rc = negative_sample(m->rgb, &p->frame[0],
+                             (enum negative)(i / SHEET_COLS),
+                             &t->config->augment, &r, err);
         contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->rgb,
                               NULL);
     }

@@ -1,9 +1,9 @@
 /* How sure the encoder is: the logistic unit's gradient against differences,
- * pictures turned, and crops that are astray. */
+ * pictures turned, and negative samples. */
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/data/astray.h"
+#include "lib/data/negative.h"
 #include "lib/geom/crop.h"
 #include "lib/net/sure_head.h"
 #include "lib/track/turned.h"
@@ -83,7 +83,7 @@ static void test_turned(void)
 }
 
 /* A frame with a bright square for a face. */
-static void test_astray(void)
+static void test_negative(void)
 {
     static uint8_t rgba[SIDE * SIDE * 4];
     static float a[CROP], b[CROP];
@@ -92,7 +92,7 @@ static void test_astray(void)
         .rgba = rgba
     };
     struct data_augment none = {0};
-    double middle[ASTRAY_COUNT] = {0};
+    double middle[NEGATIVE_COUNT] = {0};
     struct random r, again;
     struct error err = {0};
     bool same = true, inside = true;
@@ -103,13 +103,14 @@ static void test_astray(void)
         memset(rgba + 4 * i, abs(x - 48) < 20 && abs(y - 48) < 20 ? 255 : 20,
                4);
     }
-    for (int how = 0; how < ASTRAY_COUNT; how++)
+    for (int how = 0; how < NEGATIVE_COUNT; how++)
         for (uint64_t n = 0; n < 20; n++) {
             data_random(&r, 1, n, (uint64_t)how);
             data_random(&again, 1, n, (uint64_t)how);
-            REQUIRE(!astray_sample(a, &f, (enum astray)how, &none, &r, &err) &&
-                    !astray_sample(b, &f, (enum astray)how, &none, &again,
-                                   &err), "%s", err.text);
+            REQUIRE(!negative_sample(a, &f, (enum negative)how, &none, &r,
+                                     &err) &&
+                    !negative_sample(b, &f, (enum negative)how, &none, &again,
+                                     &err), "%s", err.text);
             same = same && !memcmp(a, b, sizeof a);
             for (int i = 0; i < CROP; i++)
                 inside = inside && a[i] >= 0 && a[i] <= 1;
@@ -118,17 +119,17 @@ static void test_astray(void)
         }
     check_that("the same crop from the same numbers", same);
     check_that("colours in range", inside);
-    check_range("in place: the face in the middle", middle[ASTRAY_NOT], 0.99,
+    check_range("in place: the face in the middle", middle[NEGATIVE_NONE], 0.99,
                 1.0001);
-    check_range("turned: there, too", middle[ASTRAY_TURNED], 0.99,
+    check_range("turned: there, too", middle[NEGATIVE_TURNED], 0.99,
                 1.0001);
-    check_range("missed: not there", middle[ASTRAY_MISSED], 0, 0.1);
+    check_range("missed: not there", middle[NEGATIVE_MISSED], 0, 0.1);
 }
 
 int main(void)
 {
     test_head();
     test_turned();
-    test_astray();
+    test_negative();
     return check_failures != 0;
 }

@@ -1,7 +1,7 @@
 /* What a tracker's crop shows when it has lost its face: another place of the
  * picture, a face too large or small, one lying down.  Each is drawn from a
  * person's own pictures, as often as the others. */
-#include "lib/data/astray.h"
+#include "lib/data/negative.h"
 
 #include <math.h>
 #include <stdlib.h>
@@ -15,7 +15,7 @@
 #define DEGREE (M_PI / 180)
 
 /* The crop moved by `far` of its side in some direction. */
-static void astray_move(struct square *q, double far, struct random *r)
+static void negative_move(struct square *q, double far, struct random *r)
 {
     double angle = random_range(r, 0, 2 * M_PI);
 
@@ -24,25 +24,26 @@ static void astray_move(struct square *q, double far, struct random *r)
 }
 
 /* Where the crop lies, and how far it is turned. */
-static double astray_place(struct square *q, const struct data_frame *f,
-                           enum astray how, float jitter, struct random *r)
+static double negative_place(struct square *q, const struct data_frame *f,
+                             enum negative how, float jitter,
+                             struct random *r)
 {
     double upright = 10 * DEGREE * random_normal(r);
 
     *q = data_jitter(f, jitter, r);
     switch (how) {
-    case ASTRAY_MISSED:
+    case NEGATIVE_MISSED:
         q->size *= exp(random_range(r, -0.6, 0.5));
-        astray_move(q, random_range(r, 0.75, 1.5), r);
+        negative_move(q, random_range(r, 0.75, 1.5), r);
         return random_range(r, -M_PI, M_PI);
-    case ASTRAY_HALF:
-        astray_move(q, random_range(r, 0.42, 0.65), r);
+    case NEGATIVE_HALF:
+        negative_move(q, random_range(r, 0.42, 0.65), r);
         return upright;
-    case ASTRAY_TURNED:
+    case NEGATIVE_TURNED:
         return random_uniform(r) < 0.6
             ? upright + 90 * DEGREE * (double)(1 + random_below(r, 3))
             : random_range(r, 65, 295) * DEGREE;
-    case ASTRAY_SIZE:
+    case NEGATIVE_SIZE:
         q->size *= random_uniform(r) < 0.5 ? random_range(r, 0.25, 0.42)
                                            : random_range(r, 2.3, 4);
         return upright;
@@ -52,7 +53,7 @@ static double astray_place(struct square *q, const struct data_frame *f,
 }
 
 /* out (224,224,3) = the middle of wide (320,320,3) turned by angle. */
-static void astray_turn(float *out, const float *wide, double angle)
+static void negative_turn(float *out, const float *wide, double angle)
 {
     const double c = cos(angle), s = sin(angle), middle = WIDE / 2.0 - 0.5;
 
@@ -73,7 +74,7 @@ static void astray_turn(float *out, const float *wide, double angle)
 }
 
 /* Rows and columns go round, so that the face's parts change places. */
-static void astray_shuffle(float *rgb, float *scratch, struct random *r)
+static void negative_shuffle(float *rgb, float *scratch, struct random *r)
 {
     size_t dx = N / 4 + random_below(r, (uint32_t)N / 2);
     size_t dy = N / 4 + random_below(r, (uint32_t)N / 2);
@@ -86,13 +87,13 @@ static void astray_shuffle(float *rgb, float *scratch, struct random *r)
                    3 * sizeof *rgb);
 }
 
-int astray_sample(float *rgb, const struct data_frame *f, enum astray how,
-                  const struct data_augment *augment, struct random *r,
-                  struct error *err)
+int negative_sample(float *rgb, const struct data_frame *f, enum negative how,
+                    const struct data_augment *augment, struct random *r,
+                    struct error *err)
 {
     float *wide = malloc(3 * WIDE * WIDE * sizeof *wide);
     struct square q;
-    double angle = astray_place(&q, f, how, augment->jitter, r);
+    double angle = negative_place(&q, f, how, augment->jitter, r);
     int rc;
 
     if (!wide)
@@ -100,9 +101,9 @@ int astray_sample(float *rgb, const struct data_frame *f, enum astray how,
     q.size *= (double)WIDE / (double)N;
     rc = data_sample(wide, WIDE, f, q, augment, r, err);
     if (!rc) {
-        astray_turn(rgb, wide, angle);
-        if (how == ASTRAY_PIECES)
-            astray_shuffle(rgb, wide, r);
+        negative_turn(rgb, wide, angle);
+        if (how == NEGATIVE_PIECES)
+            negative_shuffle(rgb, wide, r);
     }
     free(wide);
     return rc;
