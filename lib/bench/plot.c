@@ -342,9 +342,9 @@ static void plot_put_axes(FILE *f, const struct panel *p)
             "reverse\n", p->frame.x0 / WIDE, (p->frame.y0 - 62) / HIGH);
 }
 
-/* A panel: points filled on the Pareto front, hollow off it, a line along the
- * front, a diamond for the reference. */
-static void plot_put_panel(FILE *f, struct panel *p, const char *name)
+/* gnuplot's command: points filled on the Pareto front, hollow off it, a line
+ * along the front, a diamond for the reference; a title for each group. */
+static void plot_put_curves(FILE *f, const struct panel *p, const char *name)
 {
     static const char *const color[] = {"#0072b2", "#d55e00", "#009e73",
                                         "#cc79a7", "#7a5c00", "#56b4e9",
@@ -352,20 +352,7 @@ static void plot_put_panel(FILE *f, struct panel *p, const char *name)
     static const int point[3] = {6, 7, 12};
     static const enum kind order[3] = {FRONT, BEHIND, NONE};
     const char *mark = "plot";
-    char full[40];
 
-    plot_put_axes(f, p);
-    for (int front = 1; front >= 0; front--)    /* the front chooses first */
-        for (size_t i = 0; i < p->marks; i++)
-            if (p->mark[i].row->pareto == front)
-                plot_put_label(f, p, &p->mark[i]);
-    qsort(p->mark, p->marks, sizeof *p->mark, plot_by_time);
-    for (int g = 0; g < p->groups; g++)
-        for (int kind = 0; kind < 3; kind++) {
-            snprintf(full, sizeof full, "%s%c", name, "oxr"[kind]);
-            if (plot_has_kind(p, g, kind))
-                plot_put_points(f, p, g, kind, full);
-        }
     for (int g = 0; g < p->groups; g++) {
         const struct bench_row *r = p->group[g];
         bool titled = false;
@@ -389,6 +376,26 @@ static void plot_put_panel(FILE *f, struct panel *p, const char *name)
         }
     }
     fputc('\n', f);
+}
+
+/* A panel: axes, labels, the points as data blocks, then what draws them. */
+static void plot_put_panel(FILE *f, struct panel *p, const char *name)
+{
+    char full[40];
+
+    plot_put_axes(f, p);
+    for (int front = 1; front >= 0; front--)    /* the front chooses first */
+        for (size_t i = 0; i < p->marks; i++)
+            if (p->mark[i].row->pareto == front)
+                plot_put_label(f, p, &p->mark[i]);
+    qsort(p->mark, p->marks, sizeof *p->mark, plot_by_time);
+    for (int g = 0; g < p->groups; g++)
+        for (int kind = 0; kind < 3; kind++) {
+            snprintf(full, sizeof full, "%s%c", name, "oxr"[kind]);
+            if (plot_has_kind(p, g, kind))
+                plot_put_points(f, p, g, kind, full);
+        }
+    plot_put_curves(f, p, name);
 }
 
 /* gnuplot's terminal for the name's ending. */

@@ -222,7 +222,7 @@ struct eye {
 };
 
 /* Where along the axis a point lies: 0 at the first corner, 1 at the other. */
-static double eye_along(const struct eye *e, const float *x)
+static double facepath_along(const struct eye *e, const float *x)
 {
     double sum = 0;
 
@@ -238,11 +238,11 @@ static void facepath_lower_at(double out[3], const struct face_paths *p,
     size_t i = 1;
 
     while (i + 1 < e->nlower &&
-           eye_along(e, facepath_vertex(p, e->lower[i])) < t)
+           facepath_along(e, facepath_vertex(p, e->lower[i])) < t)
         i++;
     const float *a = facepath_vertex(p, e->lower[i - 1]);
     const float *b = facepath_vertex(p, e->lower[i]);
-    double ta = eye_along(e, a), tb = eye_along(e, b);
+    double ta = facepath_along(e, a), tb = facepath_along(e, b);
     double s = tb > ta ? fmin(fmax((t - ta) / (tb - ta), 0), 1) : 0;
 
     for (int c = 0; c < 3; c++)
@@ -268,7 +268,7 @@ static int32_t facepath_nearest_of(double *far, const struct face_paths *p,
     return best;
 }
 
-static double eye_radius(const double x[3], const float centre[3])
+static double facepath_radius(const double x[3], const float centre[3])
 {
     double a = x[0] - centre[0], b = x[1] - centre[1], c = x[2] - centre[2];
 
@@ -290,11 +290,12 @@ static void facepath_close_vertex(float out[3], const struct face_paths *p,
         return;
     double s = upper / (REACH * e->width), w = (1 - s * s) * (1 - s * s);
 
-    facepath_lower_at(to, p, e, eye_along(e, edge));
+    facepath_lower_at(to, p, e, facepath_along(e, edge));
     for (int c = 0; c < 3; c++)
         moved[c] = x[c] + w * (to[c] - edge[c]);
-    double least = fmin(eye_radius(rest, centre), eye_radius(to, centre));
-    double r = eye_radius(moved, centre);
+    double least = fmin(facepath_radius(rest, centre),
+                        facepath_radius(to, centre));
+    double r = facepath_radius(moved, centre);
     double grow = r > 0 && r < least ? least / r : 1;
 
     for (int c = 0; c < 3; c++)

@@ -155,6 +155,17 @@ static bool frames_wanted(const struct frames *p, int k)
     }
 }
 
+/* The log's names, where there is a log. */
+static void frames_log_names(const struct compare_log *log)
+{
+    if (!log || !log->tsv)
+        return;
+    fputs("pair\tframe", log->tsv);
+    for (int k = 0; k < COUNT; k++)
+        fprintf(log->tsv, "\t%s", name[k]);
+    fputc('\n', log->tsv);
+}
+
 /* Figures into the table and the log. */
 static void frames_record(struct table *t, size_t row, const double v[COUNT],
                           const struct frames *p,
@@ -203,12 +214,7 @@ int compare_frames(struct table *t, const struct compare_rows *rows,
         if (!p.in[k])
             goto out;
     }
-    if (log && log->tsv) {
-        fputs("pair\tframe", log->tsv);
-        for (int k = 0; k < COUNT; k++)
-            fprintf(log->tsv, "\t%s", name[k]);
-        fputc('\n', log->tsv);
-    }
+    frames_log_names(log);
     while ((rc = frames_next(&p, err)) > 0) {
         bytes = 3 * p.H * p.W * sizeof(float);
         if (!p.frames)

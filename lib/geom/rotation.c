@@ -170,7 +170,7 @@ struct exp_terms {
 };
 
 /* sin(a)/a, (1 - cos(a))/a^2 and their derivatives, by series near 0. */
-static void exp_terms(struct exp_terms *t, const double r[3])
+static void rotation_exp_terms(struct exp_terms *t, const double r[3])
 {
     double s = rotation_dot(r, r), a = sqrt(s), h = sin(0.5 * a);
 
@@ -224,7 +224,7 @@ void rotation_exp_d(double R[9], const double r[3])
 {
     struct exp_terms t;
 
-    exp_terms(&t, r);
+    rotation_exp_terms(&t, r);
     rotation_assemble(R, t.cosine, t.A, t.B, r);
 }
 
@@ -234,7 +234,7 @@ void rotation_exp_backward_d(double dr[3], const double dR[9],
     struct exp_terms t;
     double skew[3], outer[3];
 
-    exp_terms(&t, r);
+    rotation_exp_terms(&t, r);
     rotation_skew_backward(skew, dR);
     double quad = rotation_outer_backward(outer, dR, r);
     /* R = cos I + A [r]x + B r r^T; d cos = -A r, dA = t.dA r, dB = t.dB r */

@@ -42,11 +42,17 @@ double metric_psnr(double mse)
     return mse > 0 ? -10 * log10(mse) : INFINITY;
 }
 
+/* Luma (BT.601) of pixel i of planar rgb [3,n]. */
+static double metric_luma_at(const float *rgb, size_t n, size_t i)
+{
+    return 0.2989 * (double)rgb[i] + 0.587 * (double)rgb[n + i] +
+           0.114 * (double)rgb[2 * n + i];
+}
+
 void metric_gray(float *gray, const float *rgb, size_t n)
 {
     for (size_t i = 0; i < n; i++)
-        gray[i] = (float)(0.2989 * rgb[i] + 0.587 * rgb[n + i] +
-                          0.114 * rgb[2 * n + i]);
+        gray[i] = (float)metric_luma_at(rgb, n, i);
 }
 
 void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
@@ -54,13 +60,6 @@ void metric_planar_u8(float *planar, const uint8_t *rgb, size_t n)
     for (size_t c = 0; c < 3; c++)
         for (size_t i = 0; i < n; i++)
             planar[c * n + i] = (float)rgb[3 * i + c] / 255.0f;
-}
-
-/* Luma of pixel i of planar rgb [3,n]. */
-static double metric_luma_at(const float *rgb, size_t n, size_t i)
-{
-    return 0.2989 * (double)rgb[i] + 0.587 * (double)rgb[n + i] +
-           0.114 * (double)rgb[2 * n + i];
 }
 
 double metric_edges(const float *rgb, size_t H, size_t W)
@@ -102,7 +101,7 @@ struct work {
 };
 
 /* Eight planes of n pixels in one block. */
-static int work_init(struct work *k, size_t n, struct error *err)
+static int metric_work_init(struct work *k, size_t n, struct error *err)
 {
     k->block = malloc(8 * n * sizeof *k->block);
     if (!k->block)
@@ -128,8 +127,8 @@ static void metric_blur_product(double *out, const double *x, const double *y,
 }
 
 /* Means, and means of squares and of the product, under the window. */
-static void work_moments(struct work *k, const double *a, const double *b,
-                         size_t H, size_t W)
+static void metric_moments(struct work *k, const double *a, const double *b,
+                           size_t H, size_t W)
 {
     metric_blur(k->mu_a, a, H, W, k->tmp);
     metric_blur(k->mu_b, b, H, W, k->tmp);
@@ -146,7 +145,7 @@ static void metric_plane_ssim(double *ssim, double *cs, double *map,
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
     double sum_s = 0, sum_c = 0;
 
-    work_moments(k, a, b, H, W);
+    metric_moments(k, a, b, H, W);
     for (size_t i = 0; i < n; i++) {
         double ma = k->mu_a[i], mb = k->mu_b[i];
         double va = k->aa[i] - ma * ma, vb = k->bb[i] - mb * mb;
@@ -170,7 +169,7 @@ static void metric_plane_ssim_backward(double *db, double gs, double gc,
 {
     size_t n = (H - METRIC_WINDOW + 1) * (W - METRIC_WINDOW + 1);
 
-    work_moments(k, a, b, H, W);
+    metric_moments(k, a, b, H, W);
     for (size_t i = 0; i < n; i++) {
         double ma = k->mu_a[i], mb = k->mu_b[i];
         double a1 = 2 * ma * mb + C1, b1 = ma * ma + mb * mb + C1;
@@ -217,7 +216,7 @@ int metric_ssim(struct metric_ssim *out, double *map, double *db,
         return error_set(err, EX_DATAERR,
                          "ssim of %zux%zux%zu (expected sides of 11 or more "
                          "and 1 to 4 channels)", C, H, W);
-    if (work_init(&k, n, err))
+    if (metric_work_init(&k, n, err))
         return -1;
     pa = malloc(2 * n * sizeof *pa);
     if (!pa) {
@@ -287,7 +286,7 @@ struct pyramid {
 };
 
 /* Sizes of the five levels of an H x W picture and where each begins. */
-static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
+static void metric_pyramid_layout(struct pyramid *p, size_t H, size_t W)
 {
     p->total = 0;
     for (int l = 0; l < METRIC_LEVELS; l++) {
@@ -301,8 +300,8 @@ static void pyramid_layout(struct pyramid *p, size_t H, size_t W)
 }
 
 /* One channel and its halved copies. */
-static void pyramid_fill(double *pyr, const struct pyramid *p,
-                         const float *plane)
+static void metric_pyramid_fill(double *pyr, const struct pyramid *p,
+                                const float *plane)
 {
     metric_plane_widen(pyr, plane, p->h[0] * p->w[0]);
     for (int l = 1; l < METRIC_LEVELS; l++)
@@ -371,9 +370,9 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
                          "ms-ssim of %zux%zux%zu (expected sides of %d or "
                          "more and 1 to 4 channels)", C, H, W,
                          METRIC_MSSSIM_MIN);
-    if (work_init(&k, H * W, err))
+    if (metric_work_init(&k, H * W, err))
         return -1;
-    pyramid_layout(&p, H, W);
+    metric_pyramid_layout(&p, H, W);
     pyr = malloc(3 * p.total * sizeof *pyr);
     if (!pyr) {
         free(k.block);
@@ -381,8 +380,8 @@ int metric_msssim(struct metric_msssim *out, double *db, const float *a,
     }
     memset(out, 0, sizeof *out);
     for (size_t c = 0; c < C; c++) {
-        pyramid_fill(pyr, &p, a + c * H * W);
-        pyramid_fill(pyr + p.total, &p, b + c * H * W);
+        metric_pyramid_fill(pyr, &p, a + c * H * W);
+        metric_pyramid_fill(pyr + p.total, &p, b + c * H * W);
         metric_msssim_channel(out, db ? db + c * H * W : NULL,
                               pyr + 2 * p.total, pyr, pyr + p.total, &p, c, C,
                               &k);

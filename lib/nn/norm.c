@@ -130,6 +130,33 @@ void batch_norm_forward(float *y, const float *x, const float *res,
     }
 }
 
+/* From the parts' sums: the gradients of weight and bias, and what
+ * norm_backward_apply makes dx of. */
+static void norm_backward_coefficients(struct batch_norm *n, size_t parts)
+{
+    const size_t C = n->channels, P = n->period;
+    const bool learns = !n->ps->tensor[n->weight].frozen;
+    float *coef = n->coef;
+
+    for (size_t c = 0; c < C; c++) {
+        double s = 0, q = 0, count = (double)n->rows;
+        double rstd = (double)n->rstd[c], a = (double)n->scale[c];
+
+        for (size_t i = 0; i < parts; i++) {
+            s += (double)n->part[i * 2 * C + c];
+            q += (double)n->part[i * 2 * C + C + c];
+        }
+        if (learns) {
+            param_g(n->ps, n->weight)[c] += (float)(q * rstd);
+            param_g(n->ps, n->bias)[c] += (float)s;
+        }
+        coef[c] = (float)a;
+        coef[P + c] = (float)(-a * rstd * rstd * q / count);
+        coef[2 * P + c] = (float)(-a * s / count);
+        coef[3 * P + c] = n->batch_mean[c];
+    }
+}
+
 /* In the forward pass this was, with hat = (x - mean) rstd:
  *   y = act(hat weight + bias)                                              */
 void batch_norm_backward(float *dx, const float *dy, const float *x,
@@ -147,35 +174,17 @@ void batch_norm_backward(float *dx, const float *dy, const float *x,
                               x + r0 * C, n->scale, n->shift, n->batch_mean,
                               (int)n->act, !train, r1 - r0, C);
     }
-    bool learns = !n->ps->tensor[n->weight].frozen;
-    float *coef = n->coef;
-    for (size_t c = 0; c < C; c++) {
-        double s = 0, q = 0, count = (double)rows, rstd = (double)n->rstd[c];
-
-        for (size_t i = 0; i < parts; i++) {
-            s += (double)n->part[i * 2 * C + c];
-            q += (double)n->part[i * 2 * C + C + c];
-        }
-        if (learns) {
-            param_g(n->ps, n->weight)[c] += (float)(q * rstd);
-            param_g(n->ps, n->bias)[c] += (float)s;
-        }
-        double a = (double)n->scale[c];
-        coef[c] = (float)a;
-        coef[P + c] = (float)(-a * rstd * rstd * q / count);
-        coef[2 * P + c] = (float)(-a * s / count);
-        coef[3 * P + c] = n->batch_mean[c];
-    }
+    norm_backward_coefficients(n, parts);
     if (!train)
         return;
     for (size_t i = 0; i < 4; i++)
-        norm_repeat_channels(coef + i * P, C, P);
+        norm_repeat_channels(n->coef + i * P, C, P);
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < rows; r += step) {
         size_t m = rows - r < step ? rows - r : step;
 
-        k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, coef, P,
-                               m * C);
+        k->norm_backward_apply(dx + r * C, dx + r * C, x + r * C, n->coef,
+                               P, m * C);
     }
 }
 

@@ -156,6 +156,26 @@ static void persona_sample_hair(struct persona *p, uint64_t key)
     p->skin.shaved = h->style == HAIR_SHAVED ? random_float(&r, 0.55, 1) : 0;
 }
 
+/* A man's beard, moustache and stubble. */
+static void persona_sample_beard(struct persona *p, struct random *r)
+{
+    p->skin.stubble = random_float(r, 0.1, 1) * random_float(r, 0.3, 0.9);
+    int kind = (int)random_below(r, 10);
+    if (kind < 3) {
+        p->beard = random_float(r, 0.5, 1);
+        p->moustache = 1;
+        p->beard_length = random_float(r, 0.015, 0.05);
+        p->skin.stubble = 0.85f;
+    } else if (kind < 5) {
+        p->beard = p->moustache = random_float(r, 0.3, 0.8);
+        p->beard_length = random_float(r, 0.006, 0.014);
+        p->skin.stubble = 0.6f;
+    } else if (kind == 5) {
+        p->moustache = random_float(r, 0.6, 1);
+        p->beard_length = random_float(r, 0.02, 0.04);
+    }
+}
+
 /* Brows, lashes, beard, mouth and glasses. */
 static void persona_sample_face(struct persona *p, uint64_t key)
 {
@@ -171,23 +191,8 @@ static void persona_sample_face(struct persona *p, uint64_t key)
     }
     p->lash = random_float(&r, 0.5, 0.9) + (p->male < 0.5f ? 0.5f : 0)
               * random_float(&r, 0.3, 1);
-    if (p->male > 0.5f) {
-        p->skin.stubble = random_float(&r, 0.1, 1) * random_float(&r, 0.3, 0.9);
-        int kind = (int)random_below(&r, 10);
-        if (kind < 3) {
-            p->beard = random_float(&r, 0.5, 1);
-            p->moustache = 1;
-            p->beard_length = random_float(&r, 0.015, 0.05);
-            p->skin.stubble = 0.85f;
-        } else if (kind < 5) {
-            p->beard = p->moustache = random_float(&r, 0.3, 0.8);
-            p->beard_length = random_float(&r, 0.006, 0.014);
-            p->skin.stubble = 0.6f;
-        } else if (kind == 5) {
-            p->moustache = random_float(&r, 0.6, 1);
-            p->beard_length = random_float(&r, 0.02, 0.04);
-        }
-    }
+    if (p->male > 0.5f)
+        persona_sample_beard(p, &r);
     float yellow = random_float(&r, 0, 0.25);
     float tooth[3] = { 0.74f, 0.69f - 0.1f * yellow, 0.58f - 0.5f * yellow };
     float gum[3] = { 0.40f, 0.12f, 0.12f }, tongue[3] = { 0.42f, .13f, .13f };

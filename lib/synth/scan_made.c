@@ -232,6 +232,33 @@ static float made_fur_density(const struct figure *f, size_t c, bool beard)
     return m * lerpf(l->beard, l->moustache, above);
 }
 
+#define FUR_LEAST 0.02f          /* density of a face that has some */
+
+/* d <- the density of fur at the corners of a face; the largest. */
+static float made_fur_corners(float d[3], const struct figure *f,
+                              const int32_t *face, bool beard)
+{
+    for (int k = 0; k < 3; k++)
+        d[k] = made_fur_density(f, (size_t)face[k], beard);
+    return maxf(maxf(d[0], d[1]), d[2]);
+}
+
+/* Corner c of layer `layer`: a copy of corner `from`, lifted off the skin. */
+static void made_lift_fur(struct figure *f, size_t c, size_t from, int layer,
+                          float density, bool beard, float length)
+{
+    const int32_t vertex = f->bind[4 * from];
+
+    mad3(f->place + 3 * c, f->rest + 3 * vertex, f->normal + 3 * vertex,
+         0.002f + length * (float)(layer + 1) / LAYERS
+                  * clampf(2 * density, 0.1f, 1));
+    f->uv[2 * c] = f->uv[2 * from] + (beard ? 0 : 2);
+    f->uv[2 * c + 1] = f->uv[2 * from + 1];
+    f->bind[4 * c] = vertex;
+    f->weight[4 * c] = 1;
+    f->extra[c] = (float)layer + 0.99f * clampf(density, 0, 1);
+}
+
 /* The faces of the scans' skin and scalp whose corners grow hair, lifted in
  * layers.  u, v: as below; extra: the layer plus its density. */
 static int made_add_fur(struct figure *f, bool beard, float length,
@@ -239,15 +266,10 @@ static int made_add_fur(struct figure *f, bool beard, float length,
 {
     size_t n = 0;
     size_t last = f->parts[1].f1;       /* skin, then scalp */
-    static const float least = 0.02f;
+    float d[3];
 
     for (size_t i = 0; i < last; i++)
-        for (int k = 0; k < 3; k++)
-            if (made_fur_density(f, (size_t)f->faces[3 * i + (size_t)k], beard)
-                > least) {
-                n++;
-                break;
-            }
+        n += made_fur_corners(d, f, f->faces + 3 * i, beard) > FUR_LEAST;
     struct figure_part *p = figure_grow(f, 3 * n * LAYERS, n * LAYERS,
                                         STUFF_FUR, RIDE_SKIN,
                                         beard ? LABEL_BEARD : LABEL_HAIR,
@@ -258,24 +280,11 @@ static int made_add_fur(struct figure *f, bool beard, float length,
     size_t c = p->c0, at = p->f0;
     for (size_t i = 0; i < last; i++) {
         const int32_t *v = f->faces + 3 * i;
-        float d[3], most = 0;
-        for (int k = 0; k < 3; k++) {
-            d[k] = made_fur_density(f, (size_t)v[k], beard);
-            most = maxf(most, d[k]);
-        }
-        for (int l = 0; most > least && l < LAYERS; l++, at++)
+        if (made_fur_corners(d, f, v, beard) <= FUR_LEAST)
+            continue;
+        for (int l = 0; l < LAYERS; l++, at++)
             for (int k = 0; k < 3; k++, c++) {
-                size_t from = (size_t)v[k];
-                int32_t vertex = f->bind[4 * from];
-                mad3(f->place + 3 * c, f->rest + 3 * vertex,
-                     f->normal + 3 * vertex,
-                     0.002f + length * (float)(l + 1) / LAYERS
-                     * clampf(2 * d[k], 0.1f, 1));
-                f->uv[2 * c] = f->uv[2 * from] + (beard ? 0 : 2);
-                f->uv[2 * c + 1] = f->uv[2 * from + 1];
-                f->bind[4 * c] = vertex;
-                f->weight[4 * c] = 1;
-                f->extra[c] = (float)l + 0.99f * clampf(d[k], 0, 1);
+                made_lift_fur(f, c, (size_t)v[k], l, d[k], beard, length);
                 f->faces[3 * at + (size_t)k] = (int32_t)c;
             }
     }

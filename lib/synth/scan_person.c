@@ -212,14 +212,44 @@ static void person_draw_features(struct scan_person *p,
     person_any_color(&r, p->cloth_color, 0.8f, 0.08f, 0.92f);
 }
 
-/* Distance, exposure, noise, blur and codec. */
+/* Exposure, colour, blur, noise and codec; all but the first weaker where
+ * effects is, and none at 0. */
+static void person_draw_picture(struct scan_camera *c, struct random *r,
+                                float effects)
+{
+    const float e = effects;
+
+    c->exposure = random_float(r, 0.72, 1.28);
+    c->contrast = 1 + e * 0.16f * person_normal(r, 2);
+    c->saturation = 1 + e * 0.18f * person_normal(r, 2);
+    for (int k = 0; k < 3; k++)
+        c->balance[k] = 1 + e * (k == 1 ? 0.02f : 0.09f) * person_normal(r, 2);
+    c->blur = random_chance(r, 0.5)   ? e * random_float(r, 0, 0.5)
+              : random_chance(r, 0.4) ? e * random_float(r, 0.3, 1.6)
+                                      : 0;
+    c->sharpen = random_chance(r, 0.4) ? e * random_float(r, 0.2, 0.9) : 0;
+    c->shutter = e * (random_chance(r, 0.6) ? random_float(r, 0, 0.012)
+                                            : random_float(r, 0.01, 0.035));
+    c->noise = e * (random_chance(r, 0.6) ? random_float(r, 0.001, 0.012)
+                                          : random_float(r, 0.01, 0.035));
+    c->vignette = e * (random_chance(r, 0.4) ? random_float(r, 0, 0.5) : 0);
+    c->low = e > 0 && random_chance(r, 0.35) ? random_float(r, 0.35, 0.9) : 1;
+    c->jpeg = e > 0 && random_chance(r, 0.5) ? (int)random_float(r, 30, 96)
+                                             : 0;
+    c->codec = e > 0 && random_chance(r, 0.4) ? (int)random_float(r, 20, 36)
+                                              : 0;
+    c->drift = e * (random_chance(r, 0.4) ? random_float(r, 0, 1) : 0);
+}
+
+/* Where the camera is, what its pictures are like, and what is behind and
+ * before the person. */
 static void person_draw_camera(struct scan_person *p, float effects)
 {
     struct random r;
     struct scan_camera *c = &p->camera;
 
     random_init(&r, p->key, "camera");
-    float far = random_float(&r, 0, 1), e = effects;
+    float far = random_float(&r, 0, 1);
     p->rest[2] = 12 * expf(0.28f * person_normal(&r, 2) + 0.04f);
     c->distance = p->rest[2];
     if (far < 0.45f)            /* an arm's length, or a desk's */
@@ -228,26 +258,7 @@ static void person_draw_camera(struct scan_person *p, float effects)
         c->distance = 5 * random_float(&r, 0.24, 0.36);
     p->rest[0] = 0.13f * person_normal(&r, 2) * p->rest[2] / 12;
     p->rest[1] = (0.10f * person_normal(&r, 2) - 0.02f) * p->rest[2] / 12;
-    c->exposure = random_float(&r, 0.72, 1.28);
-    c->contrast = 1 + e * 0.16f * person_normal(&r, 2);
-    c->saturation = 1 + e * 0.18f * person_normal(&r, 2);
-    for (int k = 0; k < 3; k++)
-        c->balance[k] = 1 + e * (k == 1 ? 0.02f : 0.09f) * person_normal(&r, 2);
-    c->blur = random_chance(&r, 0.5)   ? e * random_float(&r, 0, 0.5)
-              : random_chance(&r, 0.4) ? e * random_float(&r, 0.3, 1.6)
-                                       : 0;
-    c->sharpen = random_chance(&r, 0.4) ? e * random_float(&r, 0.2, 0.9) : 0;
-    c->shutter = e * (random_chance(&r, 0.6) ? random_float(&r, 0, 0.012)
-                                      : random_float(&r, 0.01, 0.035));
-    c->noise = e * (random_chance(&r, 0.6) ? random_float(&r, 0.001, 0.012)
-                                    : random_float(&r, 0.01, 0.035));
-    c->vignette = e * (random_chance(&r, 0.4) ? random_float(&r, 0, 0.5) : 0);
-    c->low = e > 0 && random_chance(&r, 0.35) ? random_float(&r, 0.35, 0.9) : 1;
-    c->jpeg = e > 0 && random_chance(&r, 0.5) ? (int)random_float(&r, 30, 96)
-                                              : 0;
-    c->codec = e > 0 && random_chance(&r, 0.4) ? (int)random_float(&r, 20, 36)
-                                               : 0;
-    c->drift = e * (random_chance(&r, 0.4) ? random_float(&r, 0, 1) : 0);
+    person_draw_picture(c, &r, effects);
     c->depth = random_chance(&r, 0.8) ? random_float(&r, 0.2, 1) : 0.05f;
     c->backdrop = random_chance(&r, 0.72) ? BACKDROP_ROOM : BACKDROP_WALL;
     c->view = random_float(&r, 0.35, 1.15);
@@ -255,7 +266,7 @@ static void person_draw_camera(struct scan_person *p, float effects)
     person_any_color(&r, c->wall, random_chance(&r, 0.5) ? 0.12f : 0.7f, 0.15f,
                      0.95f);
     p->front = FRONT_NONE;
-    if (e > 0 && random_chance(&r, 0.09))
+    if (effects > 0 && random_chance(&r, 0.09))
         p->front = random_chance(&r, 0.6) ? FRONT_HAND
                    : random_chance(&r, 0.5) ? FRONT_MICROPHONE : FRONT_CUP;
 }

@@ -187,11 +187,38 @@ static float pose_mouth_light(const struct scan_stage *s, const float *p)
                                   + 5 * side * side), 0.02f, 1);
 }
 
-/* Per corner and channel, the sky's light over what a free surface with that
- * normal would get; a little comes back from the skin around. */
-static void pose_find_light(struct scan_stage *s)
+/* Per channel of corner c, the sky's light h over what a free surface with
+ * that normal would get; a little comes back from the skin around. */
+static void pose_light_corner(struct scan_stage *s, size_t c,
+                              enum ride ride,
+                              const struct harmonic2 h[3])
 {
     static const float bounce[3] = {0.50f, 0.32f, 0.26f};
+    const struct figure *f = s->figure;
+    const float *n = f->normal + 3 * c, *m = f->moment + 10 * c;
+    const int32_t vertex = f->bind[4 * c];
+    const bool face = ride == RIDE_FACE;
+    const bool inside = face && vertex >= FACE_NECK_END
+                        && (vertex < FACE_SOCKET_END
+                            || (vertex >= FACE_ORBIT_END
+                                && vertex < FACE_TEETH_END));
+    const bool eye = face && vertex >= FACE_TEETH_END
+                     && vertex < FACE_EYE_RIGHT_END;
+    const float in = inside ? pose_mouth_light(s, s->head + 3 * c) : 1;
+
+    for (size_t k = 0; k < 3; k++) {
+        float free = maxf(harmonic2_diffuse(&h[k], n), 1e-3f);
+        float b = inside ? in
+                  : clampf(harmonic2_moments(&h[k], m) / free, 0.02f, 1.1f);
+        if (eye)
+            b = maxf(b, 0.25f);
+        s->bright[3 * c + k] = b / (1 - bounce[k] * (1 - minf(b, 1)));
+    }
+}
+
+/* The light on every corner; what is free of the head has its own. */
+static void pose_find_light(struct scan_stage *s)
+{
     const struct figure *f = s->figure;
     struct harmonic2 sky[3], body[3];
     float back[9], upright[9];
@@ -207,32 +234,12 @@ static void pose_find_light(struct scan_stage *s)
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         const struct harmonic2 *h = p->ride == RIDE_BODY ? body : sky;
-        for (size_t c = p->c0; p->ride == RIDE_FREE && c < p->c1; c++)
-            for (size_t k = 0; k < 3; k++)
-                s->bright[3 * c + k] = 0.9f;
-        if (p->ride == RIDE_FREE)
-            continue;
-        for (size_t c = p->c0; c < p->c1; c++) {
-            const float *n = f->normal + 3 * c, *m = f->moment + 10 * c;
-            bool inside = p->ride == RIDE_FACE
-                          && f->bind[4 * c] >= FACE_NECK_END
-                          && (f->bind[4 * c] < FACE_SOCKET_END
-                              || (f->bind[4 * c] >= FACE_ORBIT_END
-                                  && f->bind[4 * c] < FACE_TEETH_END));
-            float in = inside ? pose_mouth_light(s, s->head + 3 * c) : 1;
-            for (int k = 0; k < 3; k++) {
-                float free = maxf(harmonic2_diffuse(&h[k], n), 1e-3f);
-                float b = inside ? in
-                          : clampf(harmonic2_moments(&h[k], m) / free, 0.02f,
-                                   1.1f);
-                if (f->bind[4 * c] >= FACE_TEETH_END
-                    && f->bind[4 * c] < FACE_EYE_RIGHT_END
-                    && p->ride == RIDE_FACE)
-                    b = maxf(b, 0.25f);
-                s->bright[3 * c + (size_t)k]
-                    = b / (1 - bounce[k] * (1 - minf(b, 1)));
-            }
-        }
+        for (size_t c = p->c0; c < p->c1; c++)
+            if (p->ride == RIDE_FREE)
+                s->bright[3 * c] = s->bright[3 * c + 1]
+                    = s->bright[3 * c + 2] = 0.9f;
+            else
+                pose_light_corner(s, c, p->ride, h);
     }
 }
 
