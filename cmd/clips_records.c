@@ -4,7 +4,6 @@
 #include <errno.h>
 #include <fcntl.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -12,7 +11,6 @@
 
 #include "cmd/options.h"
 #include "formats/outfile.h"
-#include "lib/base/file.h"
 #include "lib/model/model.h"
 
 /* "FOLDER/clip-0123abcd.ENDING": its name, and a hash of its whole path. */

@@ -1,7 +1,6 @@
 /* spid-animate: one picture driven by another's video, the whole pipeline in
  * one process (Phase A, then Phase B of the paper). */
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
 

@@ -7,7 +7,6 @@
 
 #include "cmd/cli.h"
 #include "formats/outfile.h"
-#include "lib/base/cpu.h"
 #include "lib/bench/bench.h"
 
 static double seconds = 20;

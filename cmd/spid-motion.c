@@ -1,8 +1,6 @@
 /* spid-motion: frames in, motion parameters out.  Phase B of the paper up to
  * Theta_d: crop, E_m and its six heads (Eqs. rot to eye). */
-#include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "cmd/motion_output.h"

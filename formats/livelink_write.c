@@ -2,7 +2,6 @@
  * rows. */
 #include "formats/livelink.h"
 
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,11 +1,8 @@
 /* Wavefront OBJ, text. */
 #include "formats/obj.h"
 
-#include <errno.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "formats/outfile.h"
 

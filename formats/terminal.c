@@ -2,10 +2,8 @@
  * the background's. */
 #include "formats/terminal.h"
 
-#include <stdbool.h>
 #include <stdlib.h>
 #include <sys/ioctl.h>
-#include <unistd.h>
 
 #define HALF_BLOCK "\xe2\x96\x80"       /* U+2580 */
 

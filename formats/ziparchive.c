@@ -1,7 +1,6 @@
 /* The directory is read and checked whole before the first entry is. */
 #include "formats/ziparchive.h"
 
-#include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/stat.h>

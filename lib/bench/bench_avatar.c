@@ -8,7 +8,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/geom/camera.h"
 #include "lib/synth/synth.h"
 
 /* A person's clip: pictures, true motion, the shape folded. */

@@ -10,11 +10,9 @@
 
 #include "lib/base/random.h"
 #include "lib/bench/bench_splat.h"
-#include "lib/bench/testscene.h"
 #include "lib/geom/crop.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/lbs.h"
-#include "lib/splat/reference.h"
 
 /* A row among the hard cases. */
 static int hard_add(struct bench *b, const char *stage, const char *config,

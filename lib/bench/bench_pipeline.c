@@ -17,7 +17,6 @@
 #include "lib/avatar/prune.h"
 #include "lib/base/file.h"
 #include "lib/bench/bench_avatar.h"
-#include "lib/geom/camera.h"
 #include "lib/track/encoders.h"
 
 #define PART 60             /* frames of one timed run, or of the truth: */

@@ -3,7 +3,6 @@
 #include "lib/fit/agreement.h"
 
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 

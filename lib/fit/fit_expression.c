@@ -1,5 +1,4 @@
 /* A frame's expression under its camera. */
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -2,7 +2,6 @@
  * one sum after the other, nothing skipped. */
 #include "lib/head/lbs.h"
 
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/geom/rotation.h"

@@ -2,7 +2,6 @@
  * lips, landmarks and ears. */
 #include "lib/head/register.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 

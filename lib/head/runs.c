@@ -1,7 +1,6 @@
 /* Runs out of dense directions and dense directions out of runs, checked. */
 #include "lib/head/runs.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -1,8 +1,6 @@
 /* Regions, hair, texture coordinates, lip lists and landmarks of the head. */
 #include "lib/head/sculpt_impl.h"
 
-#include <stdlib.h>
-
 /* By the part a vertex belongs to, and on the skin by where it lies. */
 static int sculpt_label_region(const struct full *m, int v)
 {

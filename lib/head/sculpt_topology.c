@@ -3,7 +3,6 @@
 #include "lib/head/sculpt_impl.h"
 
 #include <assert.h>
-#include <stdlib.h>
 #include <string.h>
 
 /* A vertex of the half; its number. */

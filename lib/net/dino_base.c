@@ -2,7 +2,6 @@
  * fused from coarse to fine (DPT, Ranftl et al. 2021). */
 #include "lib/net/dino_base.h"
 
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
 

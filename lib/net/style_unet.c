@@ -2,12 +2,8 @@
  * in style_unet_pass.c. */
 #include "lib/net/style_unet.h"
 
-#include <math.h>
-#include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
-
-#include "lib/nn/image.h"
 
 #define LRELU_GAIN 1.3867505f     /* sqrt(2 / (1 + 0.2^2)) */
 

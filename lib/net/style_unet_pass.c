@@ -1,8 +1,6 @@
 /* StyleUNet, one pass through it and the same backwards. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
-#include <sysexits.h>
 
 #include "lib/net/style_unet.h"
 #include "lib/nn/image.h"

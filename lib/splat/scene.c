@@ -2,7 +2,6 @@
  * moved as lib/geom/drive.h says. */
 #include "lib/splat/scene.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

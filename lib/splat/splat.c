@@ -10,7 +10,6 @@
 #include <string.h>
 #include <sysexits.h>
 
-#include "lib/base/half.h"
 #include "lib/base/sort.h"
 #include "lib/splat/backward.h"
 #include "lib/splat/frame.h"

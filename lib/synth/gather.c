@@ -1,7 +1,6 @@
 /* From samples to shaders and back: blocks of one material at a time. */
 #include "lib/synth/stage.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "lib/synth/vec.h"

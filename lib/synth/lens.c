@@ -6,7 +6,6 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/synth/noise.h"
 #include "lib/synth/vec.h"
 
 /* sRGB-encoded value of linear x (0..1), from a table over the square root. */

@@ -12,7 +12,6 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
-#include "lib/base/random.h"
 #include "lib/synth/vec.h"
 
 #define LABELS 52

@@ -1,6 +1,5 @@
 /* The z-buffer of a figure: what each sample sees, its light, and veils over
  * it from far to near. */
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/base/sort.h"

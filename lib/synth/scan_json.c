@@ -1,7 +1,6 @@
 /* A file parsed whole by cJSON, and its values by name; errors say which. */
 #include "lib/synth/scan_json.h"
 
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -4,7 +4,6 @@
 #include <string.h>
 
 #include "lib/base/random.h"
-#include "lib/synth/noise.h"
 #include "lib/synth/scan_skin.h"
 #include "lib/synth/vec.h"
 

@@ -1,7 +1,6 @@
 /* The actor posed, drawn into the z-buffer, gathered and shaded. */
 #include "lib/synth/stage.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

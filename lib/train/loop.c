@@ -10,7 +10,6 @@
 #include <string.h>
 #include <sys/stat.h>
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "lib/base/cpu.h"
 #include "lib/train/checkpoint.h"

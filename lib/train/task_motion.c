@@ -1,7 +1,6 @@
 /* E_m alone (Section 3.3): supervised by the true motions of rendered crops
  * through L_aux and L_lmk. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>

@@ -1,5 +1,4 @@
 /* Case 01: MobileNetV3 features, forward and backward. */
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

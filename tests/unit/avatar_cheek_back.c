@@ -2,7 +2,6 @@
  * it follows that half's outline, lies between the skin and where that turns
  * away as the picture has it, and takes no gradient; other Gaussians stay. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/avatar/cheek_back.h"

@@ -1,6 +1,5 @@
 /* The branches' equations, each on a case worked by hand. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

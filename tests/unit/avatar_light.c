@@ -2,7 +2,6 @@
  * skin that is shaded by it, also where another third is hair, or black; no
  * light where nothing is seen or all is as bright. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/avatar/light.h"

@@ -1,7 +1,6 @@
 /* Where the neck begins: under the chin in front, at the mouth's height behind,
  * nowhere above that, and with the shoulders at the model's lower edge. */
 #include <math.h>
-#include <stdlib.h>
 
 #include "lib/avatar/mesh_weights.h"
 #include "lib/head/head.h"

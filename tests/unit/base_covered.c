@@ -3,7 +3,6 @@
  * beyond the buffers (the sanitizers see to that).  Rows begin where counting
  * pixel by pixel says. */
 #include <stdint.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

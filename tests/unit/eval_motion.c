@@ -1,7 +1,6 @@
 /* Two motion streams: landmarks from the head agree with those stored, a
  * turned head is that many degrees off, different lengths are refused. */
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "lib/eval/compare.h"
 #include "tests/check.h"

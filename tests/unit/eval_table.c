@@ -1,7 +1,6 @@
 /* Means, failures and the four ways to write a table. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/eval/table.h"

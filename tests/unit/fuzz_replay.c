@@ -1,7 +1,6 @@
 /* Every input that fuzzing ever found (tests/fuzz/found) and every seed
  * (tests/fuzz/seed) goes through its target again. */
 #include <glob.h>
-#include <stdlib.h>
 #include <string.h>
 
 #define LLVMFuzzerTestOneInput fuzz_stream

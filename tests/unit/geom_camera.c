@@ -1,7 +1,6 @@
 /* The camera: a case worked by hand, rays against projection, gradients
  * against central differences, points behind. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/random.h"

@@ -1,7 +1,6 @@
 /* Rotations: gradients against central differences of the double code, round
  * trips, degenerate inputs. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/random.h"

@@ -2,7 +2,6 @@
 #include "lib/head/arkit.h"
 
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/random.h"

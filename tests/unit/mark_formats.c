@@ -5,7 +5,6 @@
 #include <string.h>
 #include <unistd.h>
 
-#include "formats/exr.h"
 #include "formats/framesink.h"
 #include "formats/image.h"
 #include "formats/mark.h"

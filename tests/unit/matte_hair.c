@@ -4,7 +4,6 @@
  * out by the wall's colour. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "formats/layers.h"

@@ -3,8 +3,6 @@
  * is the truth's composite, rooms and windows), and a coarse matte brought to
  * the picture's size. */
 #include <math.h>
-#include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "formats/matte.h"

@@ -3,7 +3,6 @@
  * layers; and a patterned wall, which no share of the person explains, stays as
  * it is. */
 #include <math.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "formats/layers.h"

@@ -1,7 +1,6 @@
 /* SSIM against its definition written out pixel by pixel, and the gradients
  * of SSIM and MS-SSIM against central differences. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 
 #include "lib/base/random.h"

@@ -1,6 +1,5 @@
 /* Landmark, rotation and curve metrics on values worked out by hand. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/metric/motion.h"

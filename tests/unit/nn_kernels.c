@@ -5,7 +5,6 @@
  * and its speed as a share of the widest one's. */
 #include <math.h>
 #include <stdio.h>
-#include <stdlib.h>
 #include <string.h>
 
 #include "lib/base/random.h"

@@ -5,7 +5,6 @@
 #include <omp.h>
 #include <string.h>
 
-#include "lib/base/cpu.h"
 #include "lib/base/random.h"
 #include "lib/texture/lookup.h"
 #include "lib/texture/lookup_kernel.h"

@@ -2,7 +2,6 @@
  * frames stay what they are, a movement is as large relative to the head, and
  * a closed lid is closed. */
 #include <math.h>
-#include <stdio.h>
 #include <string.h>
 
 #include "lib/base/random.h"

@@ -1,5 +1,4 @@
 /* Configurations that must be refused, and what the message names. */
-#include <math.h>
 #include <stdio.h>
 #include <string.h>
 

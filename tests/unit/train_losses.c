@@ -1,7 +1,6 @@
 /* Every picture loss against central differences, and Adam against its
  * formulas in double. */
 #include <math.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 

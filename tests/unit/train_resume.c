@@ -3,10 +3,8 @@
  * the motion loss's gradient agrees with central differences; a gradient that
  * is not finite is named and its step skipped. */
 #include <sysexits.h>
-#include <unistd.h>
 
 #include "lib/net/motion_encoder.h"
-#include "lib/train/checkpoint.h"
 #include "lib/train/loop.h"
 #include "tests/check.h"
 #include "tests/unit/train_toy.h"

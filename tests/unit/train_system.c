@@ -7,7 +7,6 @@
  * ten-thousandth of it.  The seed is one at which no two static Gaussians of
  * the toy change places in depth within the shortest step (at others the
  * loss jumps where it is looked at, and no step helps). */
-#include <unistd.h>
 
 #include "lib/train/loop.h"
 #include "tests/unit/train_toy.h"
