@@ -148,6 +148,16 @@ static void compare_measure(float *d, size_t count[COMPARE_PARTS], size_t all,
     }
 }
 
+/* Whether the head has the scans' directions. */
+static int compare_check_head(const struct head *h, struct error *err)
+{
+    if (h->nshape >= SCAN_IDENTITIES && h->nexp >= ARKIT_COUNT)
+        return 0;
+    return error_set(err, EX_DATAERR, "head has %zu shape and %zu expression "
+                     "directions (expected at least %d and %d)", h->nshape,
+                     h->nexp, SCAN_IDENTITIES, ARKIT_COUNT);
+}
+
 int compare_faces(struct compare_part part[COMPARE_PARTS],
                   const struct head *h, const struct scan *s, int people,
                   double active, uint64_t seed, struct error *err)
@@ -162,12 +172,8 @@ int compare_faces(struct compare_part part[COMPARE_PARTS],
     size_t count[COMPARE_PARTS] = {0};
     struct nearest t = {0};
 
-    if (h->nshape < SCAN_IDENTITIES || h->nexp < ARKIT_COUNT) {
-        error_set(err, EX_DATAERR, "head has %zu shape and %zu expression "
-                  "directions (expected at least %d and %d)", h->nshape,
-                  h->nexp, SCAN_IDENTITIES, ARKIT_COUNT);
+    if (compare_check_head(h, err))
         goto out;
-    }
     if (!ours || !theirs || !d || !skin || !label) {
         error_set(err, EX_OSERR, "no memory for %d faces", people);
         goto out;

@@ -203,6 +203,24 @@ static int head_read_lids(struct head_arrays *a, struct loaded *l,
                : -1;
 }
 
+/* What a head may lack. */
+static int head_read_optional(struct head_arrays *a, struct loaded *l,
+                              const struct safetensors *st, struct error *err)
+{
+    const size_t V = a->V;
+
+    if (st_find(st, "region") &&
+        !(a->region = head_take_i32(l, st, "region", 1, V, 0, NULL, err)))
+        return -1;
+    if (st_find(st, "hair") &&
+        !(a->hair = head_take_f32(l, st, "hair", 1, V, 0, 0, err)))
+        return -1;
+    if (st_find(st, "uv") &&
+        !(a->uv = head_take_f32(l, st, "uv", 2, V, 2, 0, err)))
+        return -1;
+    return st_find(st, "lid_shapedirs") ? head_read_lids(a, l, st, err) : 0;
+}
+
 /* Required arrays first, then those that a head may lack. */
 static int head_read_arrays(struct head_arrays *a, struct runs_read *packed,
                             struct loaded *l, const struct safetensors *st,
@@ -230,18 +248,8 @@ static int head_read_arrays(struct head_arrays *a, struct runs_read *packed,
         !(a->landmark_faces = head_take_i32(l, st, "landmark_faces", 1,
                                             HEAD_LANDMARKS, 0, NULL, err)) ||
         !(a->landmark_bary = head_take_f32(l, st, "landmark_bary", 2,
-                                           HEAD_LANDMARKS, 3, 0, err)))
-        return -1;
-    if (st_find(st, "region") &&
-        !(a->region = head_take_i32(l, st, "region", 1, V, 0, NULL, err)))
-        return -1;
-    if (st_find(st, "hair") &&
-        !(a->hair = head_take_f32(l, st, "hair", 1, V, 0, 0, err)))
-        return -1;
-    if (st_find(st, "uv") &&
-        !(a->uv = head_take_f32(l, st, "uv", 2, V, 2, 0, err)))
-        return -1;
-    if (st_find(st, "lid_shapedirs") && head_read_lids(a, l, st, err))
+                                           HEAD_LANDMARKS, 3, 0, err)) ||
+        head_read_optional(a, l, st, err))
         return -1;
     if (a->nlip_inner < 3 || a->nlip_upper_outer < 2)
         return error_set(err, EX_DATAERR, "%s: lip_inner has %zu and "

@@ -34,21 +34,13 @@ static void narrow_refiner_declare(const struct narrow_refiner_row *row,
     ps->tensor[c->weight].gain = c->act == ACT_LRELU ? LRELU_GAIN : 0.1f;
 }
 
-void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
-                         const char *prefix, size_t channels, size_t width,
-                         bool turns, bool photos)
+/* All of them, those of the photograph last. */
+static void narrow_refiner_declare_all(struct narrow_refiner *r,
+                                       struct params *ps, const char *prefix)
 {
-    char name[120];
-    size_t w0 = width, w1 = width * 3 / 2, w2 = 2 * width;
-
-    memset(r, 0, sizeof *r);
-    r->ps = ps;
-    r->channels = channels;
-    r->width = width;
-    r->turns = turns;
-    r->photos = photos;
+    const size_t w0 = r->width, w1 = r->width * 3 / 2, w2 = 2 * r->width;
     const struct narrow_refiner_row rows[] = {
-        { &r->stem0, "fold.0", channels, w0 / 2, 2, 2, ACT_LRELU },
+        { &r->stem0, "fold.0", r->channels, w0 / 2, 2, 2, ACT_LRELU },
         { &r->stem1, "fold.1", w0 / 2, w0, 2, 2, ACT_LRELU },
         { &r->down1, "down.1", w0, w1, 3, 2, ACT_LRELU },
         { &r->down2, "down.2", w1, w2, 3, 2, ACT_LRELU },
@@ -67,14 +59,31 @@ void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
         { &r->photo1, "photo.1", w0 / 2, w0, 2, 2, ACT_LRELU },
         { &r->field, "field", w0, NARROW_REFINER_FIELD, 3, 1, ACT_NONE },
     };
-    for (size_t i = 0; i < sizeof rows / sizeof *rows - (photos ? 0 : 3); i++)
+    const size_t count = sizeof rows / sizeof *rows - (r->photos ? 0 : 3);
+
+    for (size_t i = 0; i < count; i++)
         narrow_refiner_declare(&rows[i], ps, prefix);
+}
+
+void narrow_refiner_init(struct narrow_refiner *r, struct params *ps,
+                         const char *prefix, size_t channels, size_t width,
+                         bool turns, bool photos)
+{
+    char name[120];
+
+    memset(r, 0, sizeof *r);
+    r->ps = ps;
+    r->channels = channels;
+    r->width = width;
+    r->turns = turns;
+    r->photos = photos;
+    narrow_refiner_declare_all(r, ps, prefix);
     r->mid.add = true;
     if (turns) {
-        conditional_conv_init(&r->vary1, &r->cond1,
+        conditional_conv_init(&r->conditional1, &r->cond1,
                               nn_name(name, "%scondition.1", prefix),
                               RELATIVE_POSE_SIZE);
-        conditional_conv_init(&r->vary0, &r->cond0,
+        conditional_conv_init(&r->conditional0, &r->cond0,
                               nn_name(name, "%scondition.0", prefix),
                               RELATIVE_POSE_SIZE);
     }
@@ -201,8 +210,8 @@ static void narrow_refiner_plan_forward(struct narrow_refiner *r)
     narrow_end_plan(&r->end, &r->rgb, r->photos ? &r->field : NULL,
                     r->photos ? NARROW_REFINER_MOST : INFINITY, p);
     if (r->turns) {
-        conditional_conv_plan(&r->vary1, p);
-        conditional_conv_plan(&r->vary0, p);
+        conditional_conv_plan(&r->conditional1, p);
+        conditional_conv_plan(&r->conditional0, p);
     }
 }
 
@@ -255,8 +264,8 @@ static void narrow_refiner_set_turn(struct narrow_refiner *r)
 {
     if (!r->turns)
         return;
-    conditional_conv_set(&r->vary1, r->turn);
-    conditional_conv_set(&r->vary0, r->turn);
+    conditional_conv_set(&r->conditional1, r->turn);
+    conditional_conv_set(&r->conditional0, r->turn);
 }
 
 void narrow_refiner_update(struct narrow_refiner *r)
@@ -468,14 +477,14 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
     conv_backward(dy0, dz0, r->z0, r->y0, &r->body0);
     sft_backward(dy0, r->dst0, dy0, r->r0, r->t0, 1.0f, a0, w0);
     narrow_refiner_condition_backward(de0, r->dst0, r->t0, r->e0, &r->cond0,
-                                      &r->vary0, r);
+                                      &r->conditional0, r);
     float *dc0 = r->g1[1], *dz1 = r->g1[2], *dy1 = r->g1[3];
     rescale_backward(dc0, dy0, &r->grow0);
     conv_backward(dz1, dc0, r->c0, r->z1, &r->up1);
     conv_backward(dy1, dz1, r->z1, r->y1, &r->body1);
     sft_backward(dy1, r->dst1, dy1, r->r1, r->t1, 1.0f, a1, w1);
     narrow_refiner_condition_backward(de1, r->dst1, r->t1, r->e1, &r->cond1,
-                                      &r->vary1, r);
+                                      &r->conditional1, r);
     rescale_backward(r->g2[1], dy1, &r->grow1);
     conv_backward(dm, r->g2[1], r->c1, r->ms, &r->up2);
 }

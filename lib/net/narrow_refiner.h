@@ -28,7 +28,8 @@ struct narrow_refiner {
     struct conv mid, style1, style2, up2;
     struct conv cond1, body1, up1, cond0, body0, rgb;
     struct conv photo0, photo1, field;      /* when photos */
-    struct conditional_conv vary1, vary0;    /* of cond1, cond0; when turns */
+    struct conditional_conv conditional1, conditional0; /* of cond1, cond0;
+                                                         * when turns */
     struct fused_stem stem;       /* stem0 in inference, where it fits */
     struct narrow_end end;        /* rgb and field, the same */
     bool fused, turns, photos;

@@ -86,20 +86,13 @@ static void actor_measure_skull(struct actor *a)
     a->skull_radius[1] = hi[1] - a->skull[1];
 }
 
-/* Places of the neutral head that other parts are built on: landmarks, lips,
- * eyes, skull. */
-static void actor_measure(struct actor *a)
+/* Radius of the left eyeball, and the neck just above the rim of the model. */
+static void actor_measure_eye_and_neck(struct actor *a)
 {
     const struct head *h = a->head;
-    float r2 = 0, lowest = 9;
+    float r2 = 0, lowest = 9, lo[3] = { 9, 9, 9 }, hi[3] = { -9, -9, -9 };
     size_t n = 0;
 
-    head_landmarks(&a->lmk[0][0], h, a->neutral);
-    head_lip_centroid(a->mouth, h, a->neutral);
-    for (int k = 0; k < 3; k++) {
-        a->eye[0][k] = (float)a->id.joints[3 * JOINT_EYE_LEFT + k];
-        a->eye[1][k] = (float)a->id.joints[3 * JOINT_EYE_RIGHT + k];
-    }
     for (size_t i = 0; i < h->V; i++) {
         if (a->neutral[3 * i + 1] < lowest)
             lowest = a->neutral[3 * i + 1];
@@ -111,8 +104,6 @@ static void actor_measure(struct actor *a)
         n++;
     }
     a->eye_radius = n ? r2 / (float)n : 0.06f;
-    /* the neck just above the rim of the model */
-    float lo[3] = { 9, 9, 9 }, hi[3] = { -9, -9, -9 };
     for (size_t i = 0; i < h->V; i++)
         for (int k = 0; k < 3; k++) {
             float v = a->neutral[3 * i + (size_t)k];
@@ -127,6 +118,21 @@ static void actor_measure(struct actor *a)
     a->neck_base[1] = lowest;
     a->neck_radius[0] = 0.5f * (hi[0] - lo[0]);
     a->neck_radius[1] = 0.5f * (hi[2] - lo[2]);
+}
+
+/* Places of the neutral head that other parts are built on: landmarks, lips,
+ * eyes, skull. */
+static void actor_measure(struct actor *a)
+{
+    const struct head *h = a->head;
+
+    head_landmarks(&a->lmk[0][0], h, a->neutral);
+    head_lip_centroid(a->mouth, h, a->neutral);
+    for (int k = 0; k < 3; k++) {
+        a->eye[0][k] = (float)a->id.joints[3 * JOINT_EYE_LEFT + k];
+        a->eye[1][k] = (float)a->id.joints[3 * JOINT_EYE_RIGHT + k];
+    }
+    actor_measure_eye_and_neck(a);
     actor_measure_skull(a);
     /* brows are flatter than the model's bone, to each person's taste */
     float flat = 0.45f * (1 - 0.6f * a->look.brow_arch);

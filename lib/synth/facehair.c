@@ -225,6 +225,21 @@ static int facehair_tube(struct actor *a, const float (*p)[3], int n,
     return 0;
 }
 
+/* The bridge over the nose, from -half to half, a tube of radius `radius`. */
+static int glasses_add_bridge(struct actor *a, float half, float z,
+                              float radius)
+{
+    float p[7][3];
+
+    for (int i = 0; i < 7; i++) {
+        float x = (float)i / 3 - 1;
+        p[i][0] = x * half;
+        p[i][1] = a->eye[0][1] + 0.03f - 0.02f * x * x;
+        p[i][2] = z + 0.02f * (1 - x * x);
+    }
+    return facehair_tube(a, (const float (*)[3])p, 7, radius);
+}
+
 int glasses_build(struct actor *a, struct error *err)
 {
     enum { AROUND = 33 };
@@ -261,14 +276,7 @@ int glasses_build(struct actor *a, struct error *err)
         if (facehair_tube(a, (const float (*)[3])temple, 4, half))
             return facehair_no_memory(err);
     }
-    float b = apart - rx + 0.02f;
-    for (int i = 0; i < 7; i++) {
-        float x = (float)i / 3 - 1;
-        p[i][0] = x * b;
-        p[i][1] = a->eye[0][1] + 0.03f - 0.02f * x * x;
-        p[i][2] = z + 0.02f * (1 - x * x);
-    }
-    return facehair_tube(a, (const float(*)[3])p, 7, half)
+    return glasses_add_bridge(a, apart - rx + 0.02f, z, half)
                ? facehair_no_memory(err)
                : 0;
 }

@@ -442,6 +442,20 @@ static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
     return t->has_thumb && (!had || same < CUT_CORRELATION);
 }
 
+/* No face in this frame: the last motion stays. */
+static void track_deliver_lost(struct track *t, struct track_result *r,
+                               double time, const char *why)
+{
+    r->motion = t->last;
+    r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
+    r->why = why;
+    if (!t->lost)
+        t->has_thumb = false;
+    t->lost = true;
+    t->lost_frames++;
+    track_deliver(t, r, time);
+}
+
 /* Look for the face again; hold the last motion when there is none. */
 static int track_search(struct track *t, struct track_result *r,
                         const uint8_t *rgb, size_t W, size_t H, double time,
@@ -471,14 +485,7 @@ static int track_search(struct track *t, struct track_result *r,
             t->last = last;
     }
     if (!found) {
-        r->motion = t->last;
-        r->event = t->lost ? TRACK_NOTHING : TRACK_LOST;
-        r->why = why;
-        if (!t->lost)
-            t->has_thumb = false;
-        t->lost = true;
-        t->lost_frames++;
-        track_deliver(t, r, time);
+        track_deliver_lost(t, r, time, why);
         return 0;
     }
     track_align(t, r, W, H);
