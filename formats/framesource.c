@@ -442,7 +442,7 @@ static int framesource_check_video_end(struct framesource *s, struct error *err)
                          s->name);
     if (missing > 2 + s->here / 100)
         return error_set(err, EX_DATAERR, "%s: frame %zu: damaged or cut "
-                         "short (about %zu more frames announced)", s->name,
+                         "short (about %zu frames are missing)", s->name,
                          s->here, missing);
     if (video_cut(s->video))
         return error_set(err, EX_DATAERR, "%s: frame %zu: cut short inside a "

@@ -2,13 +2,13 @@
  * filled in from beyond the person, the matte's border unmixed. */
 extern "C" {
 #include "formats/layers.h"
+#include "formats/layers_islands.h"
 }
 
 #include <sysexits.h>
 
 #include <algorithm>
 #include <cmath>
-#include <vector>
 
 #include <opencv2/core.hpp>
 #include <opencv2/imgproc.hpp>
@@ -456,34 +456,6 @@ static void layers_balance(cv::Mat &back, cv::Mat &mat, const cv::Mat &colour)
         }
 }
 
-/* Small pieces away from the person go: things that a matte's network takes
- * for hair, once thin bridges to them have come out faint.  Left in, they would
- * stand before the wall when the head moves. */
-static void layers_islands(cv::Mat &mat, int rim)
-{
-    cv::Mat solid = mat > 40, label, stats, at, near, about, rest;
-    const int n = cv::connectedComponentsWithStats(solid, label, stats, at, 8);
-    cv::Mat person(mat.size(), CV_8U);
-    std::vector<uchar> keep((size_t)n, 0);
-    const int *piece = label.ptr<int>();
-
-    for (int i = 1; i < n; i++)
-        if (stats.at<int>(i, cv::CC_STAT_AREA) >= mat.rows * mat.rows / 50)
-            keep[(size_t)i] = 255;
-    /* first the large ones; then flying hair and ears, which are not far */
-    for (int pass = 0; pass < 2; pass++) {
-        for (size_t i = 0; pass && i < label.total(); i++)
-            if (near.data[i] && piece[i])
-                keep[(size_t)piece[i]] = 255;
-        for (size_t i = 0; i < label.total(); i++)
-            person.data[i] = keep[(size_t)piece[i]];
-        cv::dilate(person, near, layers_disc(2 * rim));
-    }
-    cv::dilate(person, about, layers_disc(8 * rim));
-    cv::dilate(solid & ~person, rest, layers_disc(rim));
-    mat.setTo(0, (rest & ~near) | (about == 0));
-}
-
 int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
                  const uint8_t *inside, size_t n, struct error *err)
 {
@@ -502,7 +474,7 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
                      rim);
         cv::max(mat, locks, mat);
         layers_gather(mat, colour, in);
-        layers_islands(mat, rim);
+        layers_islands(matte, n);
         cv::Mat fill = layers_background(pic, (mat == 0) & in, filled);
         fill.convertTo(out, CV_8U);
         out.copyTo(pic, in == 0);
@@ -584,7 +556,7 @@ int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
             layers_sharpen(mat, colour, behind, layers_up(fore, N),
                            layers_up(weight, N));
             layers_gather(mat, colour, ~out);
-            layers_islands(mat, std::max(2, N / 64));
+            layers_islands(matte, n);
         }
         colour.copyTo(behind, mat == 0);
         layers_balance(behind, mat, colour);

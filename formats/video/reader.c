@@ -37,7 +37,9 @@ struct reader {
     double seconds;             /* that the container announces; 0: none */
     double last, pause;         /* time of the last frame; the longest time
                                  * between two */
-    size_t frames;              /* announced */
+    size_t frames;              /* announced; counted: by a table of them all,
+                                 * not as an AVI counts, with empty ones */
+    bool counted;
     size_t count, faults;       /* frames read; packets that no decoder takes */
     bool drained;               /* no packet is left */
 };
@@ -105,8 +107,11 @@ static size_t reader_missing(const struct video_reader *v)
     const double end = r->last + fmax(r->pause, r->rate > 0 ? 1 / r->rate : 0);
     const double mean = r->last > 0 ? (double)(r->count - 1) / r->last : r->rate;
     const double n = fmax(r->seconds - end, 0) * mean;
+    const size_t lost = r->faults + (n < 1e12 ? (size_t)n : 0);
+    const size_t counted = r->counted && r->frames > r->count
+                         ? r->frames - r->count : 0;
 
-    return r->faults + (n < 1e12 ? (size_t)n : 0);
+    return counted > lost ? counted : lost;
 }
 
 /* How long the pictures last, as the container says; 0 where it does not.
@@ -139,6 +144,7 @@ static void reader_announced(struct reader *r)
         rate = av_q2d(s->avg_frame_rate);
     r->rate = rate > 0 && rate < 100000 ? rate : 0;
     r->seconds = reader_seconds(r);
+    r->counted = n > 0 && strstr(r->file->iformat->name, "mp4");
     if (!(n > 0))
         n = floor(r->seconds * r->rate + 0.5);
     r->frames = n > 0 && n < 1e12 ? (size_t)n : 0;

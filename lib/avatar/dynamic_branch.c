@@ -20,7 +20,8 @@
 #define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
 #define SOLID 0.97f     /* and their opacity, */
 #define LEAST 0.4f      /* the same of any, at least */
-#define REACH 2.7f      /* standard deviations that they are seen to */
+#define REACH 2.7f      /* standard deviations that they are seen to: at 2 a
+                         * seventh of them still stood before the wall */
 #define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
 #define STRAY_MM 1.0f   /* skin at the jaw's angle goes further, */

@@ -1,7 +1,5 @@
 /* libFuzzer target: pictures of all kinds, most of them by OpenImageIO through
  * the module, which is instrumented where it is ours. */
-#include <stdlib.h>
-
 #include "formats/image.h"
 #include "formats/module.h"
 #include "formats/panorama.h"
@@ -10,18 +8,15 @@
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* The module's 250 libraries are none of the first input's time; without it
- * there would be nothing to look for. */
+/* The module's 250 libraries are none of the first input's time. */
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     struct error err;
 
     (void)argc;
     (void)argv;
-    if (module_media(&err))
-        return 0;
-    fprintf(stderr, "%s\n", err.text);
-    exit(1);
+    need_module(module_media(&err), &err);
+    return 0;
 }
 
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size)

@@ -1,6 +1,4 @@
 /* libFuzzer target: frames of video files, through the module. */
-#include <stdlib.h>
-
 #include "formats/module.h"
 #include "formats/video.h"
 #include "tests/fuzz/memory_file.h"
@@ -8,17 +6,14 @@
 int LLVMFuzzerInitialize(int *argc, char ***argv);
 int LLVMFuzzerTestOneInput(const uint8_t *data, size_t size);
 
-/* Without the module there would be nothing to look for. */
 int LLVMFuzzerInitialize(int *argc, char ***argv)
 {
     struct error err;
 
     (void)argc;
     (void)argv;
-    if (module_video(&err))
-        return 0;
-    fprintf(stderr, "%s\n", err.text);
-    exit(1);
+    need_module(module_video(&err), &err);
+    return 0;
 }
 
 /* The first few frames; a damaged file may announce any number. */

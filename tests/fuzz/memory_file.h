@@ -6,9 +6,11 @@
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
+#include <stdlib.h>
 #include <sys/mman.h>
 #include <unistd.h>
 
+#include "lib/base/error.h"
 #include "lib/stream/stream.h"
 
 /* Returns a descriptor to close, or -1; path gets its name. */
@@ -21,6 +23,16 @@ static inline int memory_file(char path[40], const uint8_t *data, size_t size)
     lseek(fd, 0, SEEK_SET);
     snprintf(path, 40, "/proc/self/fd/%d", fd);
     return fd;
+}
+
+/* Ends the program where a module that it needs is not there: there would be
+ * nothing to look for. */
+static inline void need_module(const void *module, const struct error *err)
+{
+    if (module)
+        return;
+    fprintf(stderr, "%s\n", err->text);
+    exit(1);
 }
 
 /* A record_sink (formats/recordjson.h): adds all bytes of rec's arrays to the
