@@ -52,12 +52,6 @@ const struct align_kernels *align_kernels(void)
                     &align_kernels_avx512);
 }
 
-/* A whole number of the kernels' vectors. */
-static size_t align_room(size_t n)
-{
-    return (n + ALIGN_ROOM - 1) / ALIGN_ROOM * ALIGN_ROOM;
-}
-
 /* ---- points ------------------------------------------------------------- */
 
 /* Squared distance, head units, that vertex v goes in expressions, blinks. */
@@ -144,12 +138,16 @@ int align_init(struct align *a, const struct identity *id, struct error *err)
     head_normals(normal, h, rest);
     align_choose(a, h, rest, jaw, normal);
     free(rest);
-    return 0;
+    if (align_face_init(&a->face, id, err) == 0)
+        return 0;
+    align_release(a);
+    return -1;
 }
 
 void align_release(struct align *a)
 {
     align_restart(a);
+    align_face_release(&a->face);
     free(a->point);
     free(a->picture);
     free(a->work);
@@ -158,8 +156,10 @@ void align_release(struct align *a)
 
 void align_restart(struct align *a)
 {
-    while (a->keys)
+    while (a->keys) {
         free(a->key[--a->keys].sight);
+        free(a->key[a->keys].face);
+    }
     a->misses = 0;
 }
 
@@ -383,6 +383,10 @@ static void align_keep(struct align *a, const struct motion *m,
         return;
     a->keys++;
     k->room = room;
+    k->face = a->face.codes ? malloc(2 * a->face.room * sizeof *k->face)
+                            : NULL;
+    if (k->face)
+        align_face_show(k->face, &a->face, m, a->picture, &look);
     memcpy(k->R, m->R, sizeof k->R);
     memcpy(k->t, m->t, sizeof k->t);
     for (size_t i = 0, to = 0; i < a->count; i++) {
@@ -393,6 +397,19 @@ static void align_keep(struct align *a, const struct motion *m,
         k->sight[3 * room + to] = level[i];
         k->sight[4 * room + to++] = weight[i];
     }
+}
+
+/* m's expression, its pose p being aligned with keyframe k. */
+static void align_lay_face(struct motion *m, struct align *a,
+                                const struct align_keyframe *k,
+                                const struct align_pose *p,
+                                const struct align_view *v)
+{
+    const struct align_look look = align_look(p, v);
+
+    if (k->face)
+        align_face_fit(&a->face, m, k->face, a->picture, &look,
+                       (float)p->gain, (float)p->bias);
 }
 
 bool align_step(struct align *a, struct motion *m, const float *rgb,
@@ -426,6 +443,7 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
             m->R[k] = (float)p.R[k];
         for (int k = 0; k < 3; k++)
             m->t[k] = (float)p.t[k];
+        align_lay_face(m, a, nearest, &p, &v);
         least = align_distance(nearest, m->R, m->t);
     }
     a->misses = 0;

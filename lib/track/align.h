@@ -4,7 +4,8 @@
  * nose) is therefore laid over the picture of a keyframe, by Gauss-Newton
  * steps on the pose's six numbers and on the light's gain and bias (Lucas and
  * Kanade 1981, with the head as the model of how points move), held near
- * E_m's pose.  Poses then differ from the keyframe's by what was seen. */
+ * E_m's pose.  Poses then differ from the keyframe's by what was seen; then so
+ * does the expression (align_face.h). */
 #ifndef SPID_TRACK_ALIGN_H
 #define SPID_TRACK_ALIGN_H
 
@@ -15,12 +16,9 @@
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"
 #include "lib/record/motion.h"
+#include "lib/track/align_face.h"
 
-#define ALIGN_SIDE (CROP_NET / 2)       /* pixels of what is compared */
 #define ALIGN_KEYFRAMES 32
-
-/* Level of a pixel and its slopes to the right and down, 0 to 255. */
-typedef float align_pixel __attribute__((vector_size(16)));
 
 /* A frame whose pose later ones are laid over. */
 struct align_keyframe {
@@ -28,6 +26,8 @@ struct align_keyframe {
     size_t room;
     float *sight;               /* (5,room): points that it shows well, at
                                  * rest (3), their levels, their weights */
+    float *face;                /* what it shows of the face (align_face_show),
+                                 * or NULL */
 };
 
 struct align {
@@ -40,6 +40,7 @@ struct align {
     size_t misses;              /* frames in a row that lay over nothing */
     align_pixel *picture;       /* (ALIGN_SIDE,ALIGN_SIDE) of this frame */
     float *work;                /* for it, and for a keyframe's points */
+    struct align_face face;
 };
 
 /* Choose the points of a head at rest; id is not kept. */
@@ -54,10 +55,10 @@ struct align_bounds {
     double left, top, right, bottom;
 };
 
-/* m->R, m->t: E_m's pose of the crop rgb (224,224,3), square q of a portrait
- * window of `size` pixels; replaced by the aligned one.  The first frame is a
- * keyframe and stays as it is.  false: it could not be laid over any, and m is
- * left alone. */
+/* m->R, m->t, m->exp: E_m's pose and expression of the crop rgb (224,224,3),
+ * square q of a portrait window of `size` pixels; replaced by the aligned
+ * ones.  The first frame is a keyframe and stays as it is.  false: it could not
+ * be laid over any, and m is left alone. */
 bool align_step(struct align *a, struct motion *m, const float *rgb,
                 struct square q, struct align_bounds in, double size);
 

@@ -8,10 +8,23 @@
 #include <stddef.h>
 
 #include "lib/base/isa.h"
-#include "lib/track/align.h"
+#include "lib/geom/crop.h"
 
+#define ALIGN_SIDE (CROP_NET / 2)       /* pixels of what is compared */
 #define ALIGN_ROOM 16
 #define ALIGN_UNKNOWNS 8        /* turn, move, gain, bias */
+#define ALIGN_FACE_CODES 62     /* numbers of an expression, at most */
+#define ALIGN_FACE_LIGHT 2      /* gain, bias: before them */
+#define ALIGN_FACE_UNKNOWNS (ALIGN_FACE_LIGHT + ALIGN_FACE_CODES)
+
+/* Level of a pixel and its slopes to the right and down, 0 to 255. */
+typedef float align_pixel __attribute__((vector_size(16)));
+
+/* A whole number of the kernels' vectors. */
+static inline size_t align_room(size_t n)
+{
+    return (n + ALIGN_ROOM - 1) / ALIGN_ROOM * ALIGN_ROOM;
+}
 
 /* A pose and what it is seen through: pixels of the picture = focal *
  * normalised position + corner. */
@@ -36,6 +49,22 @@ struct align_sums {
     double x, y, xx, xy, yy;    /* for the correlation */
 };
 
+/* Points whose expression is sought. */
+struct align_face_points {
+    const float *point;         /* (3,room) by E_m's expression */
+    const float *direction;     /* (codes,3,room) */
+    const float *level, *weight;    /* (room) what a keyframe shows there */
+    size_t room, codes;
+};
+
+/* What they say; unknowns that no code belongs to have rows of 0. */
+struct align_face_sums {
+    double a[ALIGN_FACE_UNKNOWNS * ALIGN_FACE_UNKNOWNS];    /* J^T W J
+                                 * (unknowns,unknowns), lower triangle */
+    double b[ALIGN_FACE_UNKNOWNS];  /* J^T W r */
+    double weight, off;         /* as above */
+};
+
 /* picture (N,N) = grey levels of rgb (2N,2N,3) at half its size, blurred twice
  * (an expression moves fine detail first), and their slopes; N = ALIGN_SIDE.
  * work (2,N,N). */
@@ -56,10 +85,19 @@ typedef void align_sum_fn(struct align_sums *s, const float *sight,
                           const struct align_look *look,
                           const struct align_residual *r, bool step);
 
+/* s = sums over points moved by x (unknowns, a multiple of 4): gain, bias, and
+ * how much of each direction; sigma as above. */
+typedef void align_face_fn(struct align_face_sums *s,
+                           const struct align_face_points *points,
+                           const float *x, size_t unknowns,
+                           const align_pixel *picture,
+                           const struct align_look *look, float sigma);
+
 struct align_kernels {
     align_picture_fn *picture;
     align_show_fn *show;
     align_sum_fn *sum;
+    align_face_fn *face;
 };
 
 /* The widest that the processor has (cpu_level). */

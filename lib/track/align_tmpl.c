@@ -308,6 +308,143 @@ static void ISA(align_sum)(struct align_sums *s, const float *sight,
     }
 }
 
+/* ---- a face -------------------------------------------------------------- */
+
+/* The same of a face: its points, moved, and their rows. */
+struct align_face_block {
+    float at[3][BLOCK];
+    _Alignas(64) float row[ALIGN_FACE_UNKNOWNS][BLOCK];
+    float off[BLOCK], weight[BLOCK];
+};
+
+/* Points from `from` on, to i of the block, moved by x (codes). */
+VEC_INLINE void align_face_move(struct align_face_block *b, size_t i,
+                                const struct align_face_points *f,
+                                size_t from, const float *x)
+{
+    vf q[3];
+
+    for (size_t c = 0; c < 3; c++)
+        q[c] = vf_load(f->point + c * f->room + from);
+    for (size_t k = 0; k < f->codes; k++)
+        for (size_t c = 0; c < 3; c++)
+            q[c] += x[k] * vf_load(f->direction + (3 * k + c) * f->room + from);
+    for (size_t c = 0; c < 3; c++)
+        vf_store(b->at[c] + i, q[c]);
+}
+
+/* Rows of the points p: how their levels change with light and directions. */
+VEC_INLINE void align_face_rows(struct align_face_block *b, size_t i,
+                                const struct align_points *p,
+                                const struct align_face_points *f,
+                                size_t from, const struct align_look *look,
+                                float gain)
+{
+    const vf *s = p->level;
+    const vf share = gain * look->focal / p->x[2];
+    const vf g[3] = {share * s[1], share * s[2],
+                     -share * (s[1] * p->x[0] + s[2] * p->x[1]) / p->x[2]};
+    vf h[3];
+
+    for (size_t c = 0; c < 3; c++)
+        h[c] = vf_keep(p->inside, look->R[c] * g[0] + look->R[3 + c] * g[1] +
+                                      look->R[6 + c] * g[2]);
+    vf_store(b->row[0] + i, s[0]);
+    vf_store(b->row[1] + i, vf_set(1));
+    for (size_t k = 0; k < f->codes; k++) {
+        const float *d = f->direction + 3 * k * f->room + from;
+
+        vf_store(b->row[ALIGN_FACE_LIGHT + k] + i,
+                 h[0] * vf_load(d) + h[1] * vf_load(d + f->room) +
+                     h[2] * vf_load(d + 2 * f->room));
+    }
+}
+
+/* Rows m and m + 1 of s->a by columns k to k + 3: row (2,BLOCK) has the rows'
+ * weights in. */
+VEC_INLINE void align_face_tile(struct align_face_sums *s,
+                                const struct align_face_block *b,
+                                const float row[2][BLOCK], size_t n,
+                                size_t unknowns, size_t m, size_t k)
+{
+    vf a[2][4] = {{{0}}};
+
+    for (size_t i = 0; i < n; i += VEC) {
+        const vf one = vf_load(row[0] + i), two = vf_load(row[1] + i);
+
+#pragma GCC unroll 4
+        for (size_t j = 0; j < 4; j++) {
+            const vf column = vf_load(b->row[k + j] + i);
+
+            a[0][j] += one * column;
+            a[1][j] += two * column;
+        }
+    }
+    for (size_t j = 0; j < 4; j++) {
+        s->a[unknowns * m + k + j] += (double)vf_sum(a[0][j]);
+        s->a[unknowns * (m + 1) + k + j] += (double)vf_sum(a[1][j]);
+    }
+}
+
+/* s += the block's n points. */
+static void align_face_product(struct align_face_sums *s,
+                               const struct align_face_block *b, size_t n,
+                               size_t unknowns)
+{
+    for (size_t m = 0; m < unknowns; m += 2) {
+        float row[2][BLOCK];
+        vf off[2] = {{0}};
+
+        for (size_t i = 0; i < n; i += VEC)
+            for (size_t j = 0; j < 2; j++) {
+                const vf w = vf_load(b->weight + i) *
+                             vf_load(b->row[m + j] + i);
+
+                vf_store(row[j] + i, w);
+                off[j] += w * vf_load(b->off + i);
+            }
+        for (size_t j = 0; j < 2; j++)
+            s->b[m + j] += (double)vf_sum(off[j]);
+        for (size_t k = 0; k <= m + 1; k += 4)
+            align_face_tile(s, b, row, n, unknowns, m, k);
+    }
+}
+
+static void ISA(align_face)(struct align_face_sums *s,
+                            const struct align_face_points *f, const float *x,
+                            size_t unknowns, const align_pixel *picture,
+                            const struct align_look *look, float sigma)
+{
+    const float narrow = 1 / (4 * sigma * sigma);
+    struct align_face_block b;
+
+    memset(s, 0, sizeof *s);
+    for (size_t k = ALIGN_FACE_LIGHT + f->codes; k < unknowns; k++)
+        memset(b.row[k], 0, sizeof b.row[k]);
+    for (size_t at = 0; at < f->room; at += BLOCK) {
+        const size_t n = f->room - at < BLOCK ? f->room - at : BLOCK;
+        vf weight = vf_set(0), away = vf_set(0);
+
+        for (size_t i = 0; i < n; i += VEC) {
+            struct align_points p;
+            vf w, off;
+
+            align_face_move(&b, i, f, at + i, x + ALIGN_FACE_LIGHT);
+            align_see(&p, b.at[0] + i, BLOCK, picture, look);
+            w = vf_keep(p.inside, vf_load(f->weight + at + i));
+            off = x[0] * p.level[0] + x[1] - vf_load(f->level + at + i);
+            weight += w;
+            away += w * vf_abs(off);
+            align_face_rows(&b, i, &p, f, at + i, look, x[0]);
+            vf_store(b.off + i, off);
+            vf_store(b.weight + i, w / (1 + off * off * narrow));
+        }
+        s->weight += (double)vf_sum(weight);
+        s->off += (double)vf_sum(away);
+        align_face_product(s, &b, n, unknowns);
+    }
+}
+
 const struct align_kernels ISA(align_kernels) = {
-    ISA(align_picture), ISA(align_show), ISA(align_sum)
+    ISA(align_picture), ISA(align_show), ISA(align_sum), ISA(align_face)
 };

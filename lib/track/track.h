@@ -32,7 +32,7 @@ struct track_options {
                                  * pixels */
     bool no_tta;                /* E_m on the crop alone, not its mirror
                                  * image, too */
-    bool no_align;              /* poses as E_m says them, not aligned with
+    bool no_align;              /* motions as E_m says them, not aligned with
                                  * keyframes (align.h) */
     bool still;                 /* a photograph, on which all that follows
                                  * rests: E_m is not hurried (tta.h); nothing

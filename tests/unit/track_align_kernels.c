@@ -14,6 +14,8 @@
 #define U ALIGN_UNKNOWNS
 #define POINTS 1050             /* two blocks of the kernel's and a bit */
 #define ROOM 1056
+#define CODES 7                 /* directions of a face */
+#define FACE 12                 /* with the light's, a multiple of 4 */
 
 /* A picture, points that it shows, and a pose. */
 struct scene {
@@ -21,6 +23,7 @@ struct scene {
     float sight[5 * ROOM], normal[3 * ROOM];
     struct align_look look;
     struct align_residual r;
+    float direction[3 * CODES * ROOM], x[FACE];
 };
 
 static int reference_clamp(int i)
@@ -50,7 +53,13 @@ static void scene_make(struct scene *s)
             s->sight[2 * ROOM + i] = 12;
         s->sight[3 * ROOM + i] = (float)(255 * random_uniform(&rand));
         s->sight[4 * ROOM + i] = (float)random_uniform(&rand);
+        for (size_t k = 0; k < 3 * CODES; k++)
+            s->direction[k * ROOM + i] = (float)(0.02 * random_normal(&rand));
     }
+    s->x[0] = s->r.gain;
+    s->x[1] = s->r.bias;
+    for (size_t k = 0; k < CODES; k++)
+        s->x[ALIGN_FACE_LIGHT + k] = (float)random_normal(&rand);
 }
 
 /* Line of binomial weights along one axis, dx + dy = 1. */
@@ -198,6 +207,82 @@ static double sums_apart(const struct align_sums *a,
     return worst;
 }
 
+/* s's points, moved by its directions. */
+static void reference_move(struct scene *moved, const struct scene *s)
+{
+    *moved = *s;
+    for (size_t i = 0; i < POINTS; i++)
+        for (size_t k = 0; k < 3 * CODES; k++)
+            moved->sight[k % 3 * ROOM + i] +=
+                s->x[ALIGN_FACE_LIGHT + k / 3] * s->direction[k * ROOM + i];
+}
+
+/* How the level changes with light and directions of point i. */
+static void reference_face_row(double row[FACE], const struct scene *s,
+                               const double x[3], const double level[3],
+                               size_t i)
+{
+    double own[U];
+
+    reference_row(own, s, x, level);
+    memset(row, 0, FACE * sizeof *row);
+    row[0] = level[0];
+    row[1] = 1;
+    for (size_t k = 0; k < 3 * CODES; k++)
+        for (size_t c = 0; c < 3; c++)
+            row[ALIGN_FACE_LIGHT + k / 3] +=
+                own[3 + c] * s->look.R[3 * c + k % 3] *
+                s->direction[k * ROOM + i];
+}
+
+static void reference_face(struct align_face_sums *to, const struct scene *s,
+                           const double *picture)
+{
+    static struct scene moved;
+
+    reference_move(&moved, s);
+    memset(to, 0, sizeof *to);
+    for (size_t i = 0; i < POINTS; i++) {
+        const double w = s->sight[4 * ROOM + i];
+        double x[3], level[3], row[FACE];
+
+        if (!reference_see(x, level, &moved, picture, i))
+            continue;
+        const double r = s->r.gain * level[0] + s->r.bias -
+                         s->sight[3 * ROOM + i];
+        const double narrow = w / (1 + r * r / (4 * s->r.sigma * s->r.sigma));
+
+        to->weight += w;
+        to->off += w * fabs(r);
+        reference_face_row(row, s, x, level, i);
+        for (int m = 0; m < FACE; m++) {
+            to->b[m] += narrow * row[m] * r;
+            for (int n = 0; n <= m; n++)
+                to->a[FACE * m + n] += narrow * row[m] * row[n];
+        }
+    }
+}
+
+/* Largest difference of a face's sums, each by its own size. */
+static double face_apart(const struct align_face_sums *a,
+                         const struct align_face_sums *b)
+{
+    double worst = fmax(fabs(a->weight - b->weight) / b->weight,
+                        fabs(a->off - b->off) / b->off);
+
+    for (int m = 0; m < FACE; m++) {
+        const double own = sqrt(b->a[FACE * m + m]);
+
+        for (int n = 0; n <= m; n++)
+            worst = fmax(worst, fabs(a->a[FACE * m + n] -
+                                     b->a[FACE * m + n]) /
+                                    (own * sqrt(b->a[FACE * n + n]) + 1e-9));
+        worst = fmax(worst, fabs(a->b[m] - b->b[m]) /
+                                (own * sqrt(b->a[0]) + 1e-9));
+    }
+    return worst;
+}
+
 static double show_apart(const struct align_kernels *k, const struct scene *s,
                          const align_pixel *picture, const double *exact)
 {
@@ -219,6 +304,23 @@ static double show_apart(const struct align_kernels *k, const struct scene *s,
         worst = fmax(worst, fabs(facing[i] - along));
     }
     return worst;
+}
+
+/* A face's sums of one version. */
+static void test_face(const struct align_kernels *k, const char *name,
+                      const struct scene *s, const align_pixel *picture,
+                      const double *exact)
+{
+    static struct align_face_sums sums, truth;
+    const struct align_face_points points = {
+        s->sight, s->direction, s->sight + 3 * ROOM, s->sight + 4 * ROOM,
+        ROOM, CODES};
+    char title[64];
+
+    k->face(&sums, &points, s->x, FACE, picture, &s->look, s->r.sigma);
+    reference_face(&truth, s, exact);
+    snprintf(title, sizeof title, "%s: a face's sums", name);
+    check(title, face_apart(&sums, &truth), 1e-5);
 }
 
 /* One version's functions. */
@@ -248,6 +350,7 @@ static void test_kernels(const struct align_kernels *k, const char *name,
     snprintf(title, sizeof title, "%s: without a step the same sums", name);
     check_that(title, brief.weight == sums.weight && brief.off == sums.off &&
                           brief.xy == sums.xy && brief.a[0] == 0);
+    test_face(k, name, s, picture, exact);
 }
 
 int main(void)

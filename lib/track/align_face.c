@@ -1,0 +1,300 @@
+/* Laying an expression over a keyframe's: the points, the directions, and the
+ * Gauss-Newton steps (align_face.h). */
+#include "lib/track/align_face.h"
+
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+#include <sysexits.h>
+
+#include "lib/geom/cholesky.h"
+
+#define SPREAD 0.15f            /* of E_m about the truth, per component */
+#define HOLD 16.0               /* so many times it holds: neighbouring points
+                                 * say the same and count as fewer */
+#define GAP_SPREAD 3e-4f        /* metres, of E_m's opening of the mouth */
+#define GAIN_SPREAD 0.1
+#define EDGE 2.5e-3f            /* metres from the lips' inner edge, where a picture shows
+                                 * the mouth or the line between closed lips */
+#define STEPS 2                 /* more change nothing that is seen */
+#define LID_SHARE 0.5           /* a direction of the lids is not sought: what
+                                 * lies under them is no skin */
+#define MOVES 1e-3              /* metres: a point that goes no further in all
+                                 * directions is not looked at */
+#define STILL 0.02              /* of the fastest direction's movement: less is
+                                 * not seen */
+#define FACING 0.2f             /* cosine to the camera: seen well */
+#define LIP_UPPER 61            /* landmarks of the upper lip's inner edge, */
+#define LIP_LOWER 67            /* and of the lower one's, backwards */
+
+/* Whether vertex v is skin that expressions move. */
+static bool align_face_is_skin(const struct head *h, size_t v)
+{
+    switch (h->region[v]) {
+    case REGION_SKIN:
+    case REGION_FACE:
+    case REGION_NOSE:
+    case REGION_BROW:
+    case REGION_LIPS:
+        return true;
+    default:
+        return false;
+    }
+}
+
+/* Whether v of verts (V,3) is so near the lips' inner edge that a picture shows
+ * the mouth's inside there, or the line between closed lips. */
+static bool align_face_at_edge(const struct head *h, const float *verts,
+                               size_t v)
+{
+    const float near = EDGE * h->scale;
+
+    for (size_t i = 0; i < h->nlip_inner; i++) {
+        const float *p = verts + 3 * v, *q = verts + 3 * h->lip_inner[i];
+        const float d[3] = {p[0] - q[0], p[1] - q[1], p[2] - q[2]};
+
+        if (d[0] * d[0] + d[1] * d[1] + d[2] * d[2] < near * near)
+            return true;
+    }
+    return false;
+}
+
+/* Squared movement of a direction (V,3): of all vertices, and of the lids'. */
+static void align_face_moves(double out[2], const struct head *h,
+                             const float *d)
+{
+    out[0] = out[1] = 0;
+    for (size_t v = 0; v < h->V; v++) {
+        const double square = (double)d[3 * v] * d[3 * v] +
+                              (double)d[3 * v + 1] * d[3 * v + 1] +
+                              (double)d[3 * v + 2] * d[3 * v + 2];
+
+        out[0] += square;
+        if (h->region[v] == REGION_EYELID || h->region[v] == REGION_EYEBALL)
+            out[1] += square;
+    }
+}
+
+/* How direction d (V,3) opens the mouth, in spreads of its opening. */
+static void align_face_gaps(struct align_face *f, size_t k, const float *d)
+{
+    const struct head *h = f->id->head;
+
+    for (int j = 0; h->has_landmarks && j < ALIGN_FACE_GAPS; j++) {
+        const int lip[2] = {LIP_UPPER + j, LIP_LOWER - j};
+
+        for (int side = 0; side < 2; side++) {
+            const int32_t *face = h->f + 3 * h->landmark_faces[lip[side]];
+            const float *share = h->landmark_bary + 3 * lip[side];
+
+            for (int c = 0; c < 3; c++)
+                f->gap[j][k] += (side ? -1.0 : 1.0) * share[c] *
+                                d[3 * face[c] + 1] * SPREAD /
+                                (GAP_SPREAD * h->scale);
+        }
+    }
+}
+
+/* The components that are sought, and how far each vertex goes in them, moves
+ * (V), squared; d (V,3) is scratch. */
+static void align_face_choose(struct align_face *f, double *moves, float *d)
+{
+    const struct head *h = f->id->head;
+    double whole[2], most = 0;
+
+    for (int pass = 0; pass < 2; pass++)
+        for (size_t k = 0; k < h->nexp && f->codes < ALIGN_FACE_CODES; k++) {
+            head_direction(d, h, h->exp_dirs, h->nexp, k);
+            align_face_moves(whole, h, d);
+            if (pass == 0)
+                most = fmax(most, whole[0]);
+            if (pass == 0 || whole[0] < STILL * STILL * most ||
+                whole[1] > LID_SHARE * whole[0])
+                continue;
+            for (size_t i = 0; i < 3 * h->V; i++)
+                moves[i / 3] += (double)d[i] * d[i];
+            f->code[f->codes++] = (int)k;
+        }
+}
+
+/* The points: skin that moves. */
+static void align_face_points(struct align_face *f, const double *moves)
+{
+    const struct head *h = f->id->head;
+    const double least = MOVES * h->scale;
+
+    identity_rest(f->verts, f->id);
+    for (size_t v = 0; v < h->V; v++)
+        if (align_face_is_skin(h, v) && moves[v] > least * least &&
+            !align_face_at_edge(h, f->verts, v))
+            f->vertex[f->count++] = (int32_t)v;
+    f->room = align_room(f->count);
+}
+
+/* The directions of the points; d (V,3) is scratch. */
+static void align_face_direct(struct align_face *f, float *d)
+{
+    const struct head *h = f->id->head;
+
+    for (size_t k = 0; k < f->codes; k++) {
+        float *to = f->direction + 3 * f->room * k;
+
+        head_direction(d, h, h->exp_dirs, h->nexp, (size_t)f->code[k]);
+        for (size_t i = 0; i < f->count; i++)
+            for (size_t c = 0; c < 3; c++)
+                to[c * f->room + i] = SPREAD * d[3 * f->vertex[i] + c];
+        align_face_gaps(f, k, d);
+    }
+}
+
+/* Points and directions of f's head; moves (V) is 0. */
+static int align_face_prepare(struct align_face *f, double *moves)
+{
+    align_face_choose(f, moves, f->verts);
+    align_face_points(f, moves);
+    f->unknowns = (ALIGN_FACE_LIGHT + f->codes + 3) / 4 * 4;
+    f->point = calloc(6 * f->room + 1, sizeof *f->point);
+    f->direction = calloc(3 * f->room * f->codes + 1, sizeof *f->direction);
+    if (!f->point || !f->direction)
+        return -1;
+    f->facing = f->point + 3 * f->room;
+    align_face_direct(f, f->verts);
+    return 0;
+}
+
+int align_face_init(struct align_face *f, const struct identity *id,
+                    struct error *err)
+{
+    const struct head *h = id->head;
+    double *moves = calloc(h->V, sizeof *moves);
+    int rc = -1;
+
+    memset(f, 0, sizeof *f);
+    f->id = id;
+    f->vertex = malloc(h->V * sizeof *f->vertex);
+    f->verts = malloc(6 * h->V * sizeof *f->verts);
+    if (moves && f->vertex && f->verts) {
+        f->normal = f->verts + 3 * h->V;
+        rc = h->region ? align_face_prepare(f, moves) : 0;
+    }
+    free(moves);
+    if (rc == 0)
+        return 0;
+    align_face_release(f);
+    return error_set(err, EX_OSERR, "no memory to align expressions");
+}
+
+void align_face_release(struct align_face *f)
+{
+    free(f->vertex);
+    free(f->verts);
+    free(f->point);
+    free(f->direction);
+    memset(f, 0, sizeof *f);
+}
+
+/* to (3,room) = the points of (V,3). */
+static void align_face_gather(float *to, const struct align_face *f,
+                              const float *from)
+{
+    for (size_t i = 0; i < f->count; i++)
+        for (size_t c = 0; c < 3; c++)
+            to[c * f->room + i] = from[3 * f->vertex[i] + c];
+}
+
+/* The points of m. */
+static void align_face_pose(struct align_face *f, const struct motion *m)
+{
+    struct head_motion pose = m->pose;
+
+    pose.exp = m->exp;
+    head_pose(f->verts, f->id, &pose);
+    align_face_gather(f->point, f, f->verts);
+}
+
+void align_face_show(float *shown, struct align_face *f,
+                     const struct motion *m, const align_pixel *picture,
+                     const struct align_look *look)
+{
+    float *weight = shown + f->room;
+
+    align_face_pose(f, m);
+    head_normals(f->normal, f->id->head, f->verts);
+    align_face_gather(f->facing, f, f->normal);
+    align_kernels()->show(shown, weight, f->point, f->facing, f->room,
+                          picture, look);
+    for (size_t i = 0; i < f->room; i++)
+        if (i >= f->count || weight[i] < FACING)
+            weight[i] = 0;
+}
+
+/* Hold the expression x near E_m's, and its opening of the mouth more. */
+static void align_face_hold(struct align_face_sums *s,
+                            const struct align_face *f, const float *x,
+                            double sigma)
+{
+    const size_t U = f->unknowns, first = ALIGN_FACE_LIGHT;
+    const double hold = HOLD * sigma * sigma;
+
+    for (size_t k = first; k < U; k++) {
+        s->a[U * k + k] += hold;
+        s->b[k] += hold * x[k];
+    }
+    for (int j = 0; j < ALIGN_FACE_GAPS; j++) {
+        const double *gap = f->gap[j];
+        double open = 0;
+
+        for (size_t k = 0; k < f->codes; k++)
+            open += gap[k] * x[first + k];
+        for (size_t k = 0; k < f->codes; k++) {
+            s->b[first + k] += hold * open * gap[k];
+            for (size_t i = 0; i <= k; i++)
+                s->a[U * (first + k) + first + i] += hold * gap[k] * gap[i];
+        }
+    }
+}
+
+/* x (unknowns): gain, bias and the expression beyond E_m's, in spreads; true
+ * when a step was made. */
+static bool align_face_improve(float *x, struct align_face_sums *s,
+                               const struct align_face *f, double gain)
+{
+    const size_t U = f->unknowns;
+    const double sigma = fmax(1.2533 * s->off / s->weight, 1);
+    const double hold = sigma * sigma / (GAIN_SPREAD * GAIN_SPREAD);
+
+    if (!(s->weight > 0))
+        return false;
+    align_face_hold(s, f, x, sigma);
+    s->a[0] += hold;
+    s->b[0] += hold * (x[0] - gain);
+    cholesky_solve(s->b, s->a, U);
+    for (size_t k = 0; k < U; k++)
+        x[k] -= (float)s->b[k];
+    return true;
+}
+
+void align_face_fit(struct align_face *f, struct motion *m,
+                    const float *shown, const align_pixel *picture,
+                    const struct align_look *look, float gain, float bias)
+{
+    const struct align_face_points points = {
+        f->point, f->direction, shown, shown + f->room, f->room, f->codes};
+    float x[ALIGN_FACE_UNKNOWNS] = {gain, bias};
+    struct align_face_sums s;
+    double sigma = 255;
+
+    if (f->codes == 0)
+        return;
+    align_face_pose(f, m);
+    for (int step = 0; step < STEPS; step++) {
+        align_kernels()->face(&s, &points, x, f->unknowns, picture, look,
+                              (float)sigma);
+        if (!align_face_improve(x, &s, f, gain))
+            return;
+        sigma = fmax(1.2533 * s.off / s.weight, 1);
+    }
+    for (size_t k = 0; k < f->codes; k++)
+        if (isfinite(x[ALIGN_FACE_LIGHT + k]))
+            m->exp[f->code[k]] += SPREAD * x[ALIGN_FACE_LIGHT + k];
+}
