@@ -6,7 +6,6 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
-#include "formats/module.h"
 #include "lib/animate/animation.h"
 #include "lib/animate/joblist.h"
 
@@ -203,9 +202,11 @@ int main(int argc, char **argv)
     cli_run_networks(argv);
     first = cli_parse(&usage, argc, argv);
     animate_check_usage(argc - first);
+    models.once = !list_path;
     if (!list_path)
-        module_preload((const char *[]){argv[first], argv[first + 1],
-                                        cli.output}, 3);
+        memcpy(models.soon, (const char *[]){argv[first], argv[first + 1],
+                                             cli.output},
+               sizeof models.soon);
     option_animation_load(&models, &opt);
     if (list_path) {
         rc = animate_run_list();

@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "cmd/options.h"
-#include "formats/module.h"
 #include "lib/animate/animation.h"
 
 static struct animation_options opt = {
@@ -145,7 +144,9 @@ int main(int argc, char **argv)
         die(EX_USAGE, "%d operands (expected SOURCE and CAMERA)",
             argc - first);
     p.camera = argv[first + 1];
-    module_preload((const char *[]){argv[first], p.camera}, 2);
+    models.once = true;
+    models.soon[0] = argv[first];
+    models.soon[1] = p.camera;
     live_open_output(&p);
     option_animation_load(&models, &opt);
     rc = live_open_driver(&p, argv[first], &err);

@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "formats/image.h"
+#include "formats/module.h"
 #include "lib/base/cpu.h"
 #include "lib/track/source.h"
 
@@ -42,6 +43,8 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
         return -1;
     const bool two = omp_get_max_threads() > 1 &&
                      !pthread_create(&thread, NULL, prepare_run_head, &l);
+    /* no thread starts while the dynamic loader is at work */
+    module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
     if (!two)
         prepare_run_head(&l);
     int rc = encoders_open(&p->nets, &p->model, true, p->precision, &other);
@@ -52,10 +55,17 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
     return rc || l.rc ? -1 : 0;
 }
 
-void prepare_release(struct prepare *p)
+/* The networks of Phase A go. */
+static void prepare_close_baker(struct prepare *p)
 {
     if (p->has_baker)
         baker_release(&p->baker);
+    p->has_baker = false;
+}
+
+void prepare_release(struct prepare *p)
+{
+    prepare_close_baker(p);
     encoders_release(&p->nets);
     model_close(&p->model);
     densify_release(&p->dense);
@@ -208,6 +218,8 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err)
     if (s->baked.N == 0 &&
         (prepare_open_baker(p, err) || prepare_bake(s, p, err)))
         goto fail;
+    if (p->once)
+        prepare_close_baker(p);
     if (!p->no_photo && s->person.back && baked_has_places(&s->baked) &&
         texture_init(&s->texture, s->person.rgb, s->person.matte,
                      s->person.back, s->person.size, err))

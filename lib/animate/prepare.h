@@ -29,6 +29,10 @@ struct prepare {
     bool no_photo;              /* baked colours alone, no texture */
     bool star;                  /* SpiD*: features beyond the colours are not
                                  * needed */
+    bool once;                  /* one source: what bakes it goes then, and
+                                 * its memory serves what follows */
+    const char *soon[3];        /* files that will be opened, or NULL: their
+                                 * modules are loaded beside the head */
 };
 
 /* One source. */
