@@ -399,7 +399,8 @@ void st_forget(const struct safetensors *st, const void *from, size_t bytes)
     if ((uintptr_t)from < map || first + bytes > st->bytes)
         return;                 /* a converted copy: not of this file */
     first = (first + page - 1) / page * page;
-    if (first < end)
+    /* the call costs more than a few pages are worth */
+    if (first + 64 * page < end)
         madvise((char *)st->map + first, end - first, MADV_DONTNEED);
 }
 
@@ -463,6 +464,23 @@ const float *st_borrow_f32(const struct safetensors *st, const char *name,
     if (t->dtype == ST_F32 && (uintptr_t)t->data % sizeof(float) == 0)
         return t->data;
     return *copy = st_load_f32(st, name, ndim, dims, NULL, err);
+}
+
+const void *st_borrow_f16(const struct safetensors *st, const char *name,
+                          int ndim, const size_t *dims, size_t *count,
+                          struct error *err)
+{
+    const struct st_tensor *t = safetensors_tensor_require(st, name, ndim, dims,
+                                                           err);
+
+    if (!t)
+        return NULL;
+    *count = t->count;
+    if (t->dtype == ST_F16)
+        return t->data;
+    error_set(err, EX_DATAERR, "%s: tensor '%s' is of %s (expected F16)",
+              st->path, name, st_dtype_name(t->dtype));
+    return NULL;
 }
 
 int32_t *st_load_i32(const struct safetensors *st, const char *name, int ndim,

@@ -62,6 +62,11 @@ float *st_load_f32(const struct safetensors *st, const char *name, int ndim,
 const float *st_borrow_f32(const struct safetensors *st, const char *name,
                            int ndim, const size_t *dims, float **copy,
                            struct error *err);
+/* An F16 tensor where it lies in the file, valid until st_close: halves that
+ * may lie at any address and need not be finite.  NULL on failure. */
+const void *st_borrow_f16(const struct safetensors *st, const char *name,
+                          int ndim, const size_t *dims, size_t *count,
+                          struct error *err);
 /* The bytes from .. from + bytes of the mapped file have been used: let their
  * pages go.  Reading them again is allowed, and costs a page fault.  Memory
  * outside of the file is left alone. */

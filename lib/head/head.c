@@ -248,7 +248,7 @@ static int head_take_rows(struct head *h, double *sum, XXH64_state_t *hash,
 {
     const size_t K = a->nshape + a->nexp, n = 3 * K * (to - from);
     const struct head_layout layout[2] = {
-        {.out = h->shape_dirs, .n = a->nshape},
+        {h->shape_dirs, 0, a->nshape, h->shape_live, (a->nshape + 63) / 64},
         {h->exp_dirs, a->nshape, a->nexp, h->exp_live, HEAD_MAX_EXP / 64}
     };
 
@@ -390,9 +390,11 @@ static int head_allocate(struct head *h, const struct head_arrays *a,
     failed |= slices_allocate(&h->directions, directions,
                               sizeof directions / sizeof *directions, false,
                               err) != 0;
+    h->shape_live = calloc(B * ((a->nshape + 63) / 64) + 1,
+                           sizeof *h->shape_live);
     h->exp_live = calloc(B * HEAD_MAX_EXP / 64, sizeof *h->exp_live);
     h->pose_live = calloc(B, sizeof *h->pose_live);
-    failed |= !h->exp_live || !h->pose_live;
+    failed |= !h->shape_live || !h->exp_live || !h->pose_live;
     h->skin = head_zeroed(B * HEAD_JOINTS * BLOCK, &failed);
     h->lids = head_zeroed(B * 2 * ROW, &failed);
     h->template_blocks = head_zeroed(B * ROW, &failed);
@@ -494,6 +496,7 @@ void head_release(struct head *h)
     free(h->region);
     free(h->lid_vertices);
     free(h->lid_sides);
+    free(h->shape_live);
     free(h->exp_live);
     free(h->pose_live);
     memset(h, 0, sizeof *h);

@@ -113,8 +113,11 @@ struct head {
     float *shape_dirs;          /* (blocks, nshape, 96) */
     float *exp_dirs;            /* (blocks, nexp, 96) */
     float *pose_dirs;           /* (blocks, 36, 96) */
-    uint64_t *exp_live;         /* (blocks, HEAD_MAX_EXP / 64) bit k: direction
-                                 * k moves something in the block; or NULL */
+    uint64_t *shape_live;       /* (blocks, (nshape + 63) / 64) bit k:
+                                 * direction k moves something in the block;
+                                 * or NULL */
+    uint64_t *exp_live;         /* (blocks, HEAD_MAX_EXP / 64) the same of
+                                 * exp_dirs, or NULL */
     uint64_t *pose_live;        /* (blocks) the same of pose_dirs, or NULL */
     float *skin;                /* (blocks, 5, 32) weights */
     float *lids;                /* (blocks, 2, 96) left, right; the mean
@@ -183,5 +186,14 @@ void head_chin_centroid_backward(float *dverts, const float dc[3],
 /* Unit vertex normals (V,3) of verts (V,3), area weighted; 0 where a vertex
  * has no face. */
 void head_normals(float *normals, const struct head *h, const float *verts);
+
+/* Whether shape direction k moves anything in block b.  Where it does not, its
+ * pages of zeros have never been touched, and reading them is not free. */
+static inline bool head_shape_moves(const struct head *h, size_t b, size_t k)
+{
+    const size_t words = (h->nshape + 63) / 64;
+
+    return !h->shape_live || h->shape_live[b * words + k / 64] >> k % 64 & 1;
+}
 
 #endif

@@ -67,8 +67,9 @@ static int head_meta_number(double *out, const struct safetensors *st,
 }
 
 /* The runs of directions `name` (V,3,K) that a file may hold in their place:
- * name_runs i32 [n,3] and name_values [rows,3] (lib/head/runs.h), checked.
- * 1: taken; 0: it has none. */
+ * name_runs i32 [n,3] and name_values f16 [rows,3] (lib/head/runs.h), checked
+ * but for being finite; the values stay in the file.  1: taken; 0: it has
+ * none. */
 static int head_take_runs(struct runs_read *r, struct loaded *l,
                           const struct safetensors *st, const char *name,
                           size_t V, size_t K, struct error *err)
@@ -81,8 +82,8 @@ static int head_take_runs(struct runs_read *r, struct loaded *l,
         return 0;
     snprintf(values, sizeof values, "%s_values", name);
     int32_t *run = l->i32[l->ni++] = st_load_i32(st, runs, 2, dims, &n, err);
-    float *value = run ? st_load_f32(st, values, 2, dims, &rows, err) : NULL;
-    l->f32[l->nf++] = value;
+    const void *value = run ? st_borrow_f16(st, values, 2, dims, &rows, err)
+                            : NULL;
     if (!value)
         return -1;
     *r = (struct runs_read){run, n / 3, value, rows / 3, V, K};

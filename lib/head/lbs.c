@@ -168,7 +168,7 @@ int head_fold(struct identity *id, const struct head *h, const float *beta,
         for (size_t k = 0; k < nbeta; k++) {
             const float *d = h->shape_dirs + (b * h->nshape + k) * ROW;
 
-            if (beta[k] != 0)
+            if (beta[k] != 0 && head_shape_moves(h, b, k))
                 for (int i = 0; i < ROW; i++)
                     sum[i] += (double)beta[k] * d[i];
         }

@@ -4,6 +4,7 @@
 
 #include <math.h>
 #include <stdlib.h>
+#include <string.h>
 #include <sysexits.h>
 
 /* Of a block of the posing layout, and where it has y and z. */
@@ -16,12 +17,15 @@ enum { ROW = 3 * HEAD_BLOCK, Y = HEAD_BLOCK, Z = 2 * HEAD_BLOCK };
  * expressions are of different people's halves. */
 #define ALIKE 0.1
 
-/* Directions in the posing layout (head.h): where their vertices, and those
- * across from them, lie in it. */
+/* Directions in the posing layout (head.h). */
 struct directions {
-    size_t V, n;
+    size_t V, n, blocks;
     const float *d;         /* (blocks,n,96) */
-    size_t *own, *across;   /* (V) of x, in direction 0 */
+    const uint64_t *live;   /* (blocks,words) bits of those that are not
+                             * zero there; NULL: any */
+    size_t words;
+    size_t *across;         /* (V) the vertex on the other side */
+    float *image;           /* (blocks,96) a direction's mirror image */
     double *square;         /* (n) lengths squared */
 };
 
@@ -89,21 +93,48 @@ int head_mirror_vertices(size_t *other, const struct head *h,
     return 0;
 }
 
-/* Inner product of direction k with the mirror image of direction j. */
-static double mirror_product(const struct directions *s, size_t k, size_t j)
+/* Direction k in block b, or NULL where it is zero: its pages may never have
+ * been touched, and stay so. */
+static const float *mirror_row(const struct directions *s, size_t k, size_t b)
 {
-    const float *a = s->d + k * ROW, *b = s->d + j * ROW;
+    return !s->live || s->live[b * s->words + k / 64] >> k % 64 & 1
+               ? s->d + (b * s->n + k) * ROW : NULL;
+}
+
+/* The mirror image of direction k. */
+static void mirror_image(struct directions *s, size_t k)
+{
+    memset(s->image, 0, s->blocks * ROW * sizeof *s->image);
+    for (size_t v = 0; v < s->V; v++) {
+        const float *from = mirror_row(s, k, v / HEAD_BLOCK);
+        const size_t w = s->across[v];
+        float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+
+        if (!from)
+            continue;
+        from += v % HEAD_BLOCK;
+        to[0] -= from[0];
+        to[Y] += from[Y];
+        to[Z] += from[Z];
+    }
+}
+
+/* Inner product of direction j with the image. */
+static double mirror_product(const struct directions *s, size_t j)
+{
     double sum = 0;
 
-    for (size_t v = 0; v < s->V; v++) {
-        const float *p = a + s->own[v], *q = b + s->across[v];
+    for (size_t b = 0; b < s->blocks; b++) {
+        const float *p = mirror_row(s, j, b), *q = s->image + b * ROW;
 
-        sum += (double)p[Y] * q[Y] + (double)p[Z] * q[Z] - (double)p[0] * q[0];
+        for (size_t i = 0; p && i < ROW; i++)
+            sum += (double)p[i] * q[i];
     }
     return sum;
 }
 
-/* Whether k's mirror image is j, or j with the other sign. */
+/* Whether k's mirror image, which is s->image, is j, or j with the other
+ * sign. */
 static int mirror_pair(struct head_mirror *m, const struct directions *s,
                        size_t k, size_t j)
 {
@@ -111,7 +142,7 @@ static int mirror_pair(struct head_mirror *m, const struct directions *s,
 
     if (fabs(a - b) > ALIKE * (a + b))
         return 0;
-    with = mirror_product(s, k, j);
+    with = mirror_product(s, j);
     if (fabs(with) < SAME * sqrt(a * b))
         return 0;
     m->from[k] = (int)j;
@@ -120,10 +151,11 @@ static int mirror_pair(struct head_mirror *m, const struct directions *s,
 }
 
 /* Each direction's mirror image: itself with a sign, or another one. */
-static int mirror_find_pairs(struct head_mirror *m, const struct directions *s)
+static int mirror_find_pairs(struct head_mirror *m, struct directions *s)
 {
     m->n = s->n;
     for (size_t k = 0; k < s->n; k++) {
+        mirror_image(s, k);
         int found = mirror_pair(m, s, k, k);
 
         for (size_t j = 0; j < s->n && !found; j++)
@@ -139,49 +171,40 @@ static double mirror_square(const struct directions *s, size_t k)
 {
     double sum = 0;
 
-    for (size_t v = 0; v < s->V; v++) {
-        const float *p = s->d + k * ROW + s->own[v];
+    for (size_t b = 0; b < s->blocks; b++) {
+        const float *p = mirror_row(s, k, b);
 
-        for (size_t i = 0; i < ROW; i += HEAD_BLOCK)
+        for (size_t i = 0; p && i < ROW; i++)
             sum += (double)p[i] * p[i];
     }
     return sum;
 }
 
-/* Where vertex v's x lies in direction 0 of n. */
-static size_t mirror_place(size_t v, size_t n)
-{
-    return v / HEAD_BLOCK * n * ROW + v % HEAD_BLOCK;
-}
-
-/* Places and energies, then the pairs; 0 when one has none. */
+/* Opposite vertices and energies, then the pairs; 0 when one has none. */
 static int mirror_make(struct head_mirror *m, const struct head *h,
-                       const float *dirs, size_t n, struct error *err)
+                       struct directions s, struct error *err)
 {
-    struct directions s = {.V = h->V, .n = n, .d = dirs};
     int rc = -1;
 
-    if (n > HEAD_MAX_EXP)
+    if (s.n > HEAD_MAX_EXP)
         return 0;
-    s.own = malloc(h->V * sizeof *s.own);
+    s.V = h->V;
+    s.blocks = h->blocks;
     s.across = malloc(h->V * sizeof *s.across);
-    s.square = calloc(n + 1, sizeof *s.square);
-    if (!s.own || !s.across || !s.square) {
-        error_set(err, EX_OSERR, "no memory for %zu directions", n);
+    s.image = malloc(h->blocks * ROW * sizeof *s.image);
+    s.square = calloc(s.n + 1, sizeof *s.square);
+    if (!s.across || !s.image || !s.square) {
+        error_set(err, EX_OSERR, "no memory for %zu directions", s.n);
         goto out;
     }
     if (head_mirror_vertices(s.across, h, err))
         goto out;
-    for (size_t v = 0; v < h->V; v++) {
-        s.own[v] = mirror_place(v, n);
-        s.across[v] = mirror_place(s.across[v], n);
-    }
-    for (size_t k = 0; k < n; k++)
+    for (size_t k = 0; k < s.n; k++)
         s.square[k] = mirror_square(&s, k);
     rc = mirror_find_pairs(m, &s);
 out:
-    free(s.own);
     free(s.across);
+    free(s.image);
     free(s.square);
     return rc;
 }
@@ -189,13 +212,19 @@ out:
 int head_mirror_shape(struct head_mirror *m, const struct head *h,
                       struct error *err)
 {
-    return mirror_make(m, h, h->shape_dirs, h->nshape, err);
+    return mirror_make(m, h, (struct directions){
+        .n = h->nshape, .d = h->shape_dirs, .live = h->shape_live,
+        .words = (h->nshape + 63) / 64
+    }, err);
 }
 
 int head_mirror_exp(struct head_mirror *m, const struct head *h,
                     struct error *err)
 {
-    return mirror_make(m, h, h->exp_dirs, h->nexp, err);
+    return mirror_make(m, h, (struct directions){
+        .n = h->nexp, .d = h->exp_dirs, .live = h->exp_live,
+        .words = HEAD_MAX_EXP / 64
+    }, err);
 }
 
 void head_mirror_apply(float *out, const float *c,

@@ -91,21 +91,38 @@ int runs_check(const struct runs_read *r, struct error *err)
         "values (expected %zu, all)", at, r->rows);
 }
 
+/* Column k of dirs (n,3,K) from n vertices' halves. */
+static void runs_unpack_column(float *dirs, size_t K, size_t k,
+                               const char *half, size_t n)
+{
+    enum { SOME = 64 };
+    float value[3 * SOME];
+
+    for (size_t v = 0; v < n; v += SOME) {
+        const size_t some = n - v < SOME ? n - v : SOME;
+
+        half_to_floats(value, half + 6 * v, 3 * some);
+        for (size_t i = 0; i < 3 * some; i++)
+            dirs[(3 * v + i) * K + k] = value[i];
+    }
+}
+
 void runs_unpack_some(float *dirs, const struct runs_read *r, size_t from,
                       size_t to)
 {
     const int32_t *run = r->run;
-    const float *value = r->value;
+    const char *half = r->value;
 
     for (size_t i = 0; i < r->n; i++, run += 3) {
-        size_t k = (size_t)run[0], v = (size_t)run[1];
-        const size_t begin = v, end = v + (size_t)run[2];
+        const size_t begin = (size_t)run[1], end = begin + (size_t)run[2];
+        const size_t v = begin < from ? from : begin;
+        const size_t stop = end < to ? end : to;
 
-        for (v = v < from ? from : v; v < end && v < to; v++)
-            for (size_t c = 0; c < 3; c++)
-                dirs[(3 * (v - from) + c) * r->K + k] =
-                    value[3 * (v - begin) + c];
-        value += 3 * (end - begin);
+        if (v < stop)
+            runs_unpack_column(dirs + 3 * (v - from) * r->K, r->K,
+                               (size_t)run[0], half + 6 * (v - begin),
+                               stop - v);
+        half += 6 * (end - begin);
     }
 }
 

@@ -24,12 +24,12 @@ int runs_pack(struct runs *r, const float *dirs, size_t V, size_t K,
 /* Free what it holds; zeroed then. */
 void runs_release(struct runs *r);
 
-/* Packed directions as they are read: run (n,3) of value (rows,3), for V
- * vertices and K directions. */
+/* Packed directions as they are read: run (n,3) of value (rows,3), half
+ * floats that may lie at any address, for V vertices and K directions. */
 struct runs_read {
     const int32_t *run;
     size_t n;
-    const float *value;
+    const void *value;
     size_t rows, V, K;
 };
 

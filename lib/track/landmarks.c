@@ -68,7 +68,7 @@ int landmarks_init(struct landmarks *l, const struct identity *id,
     s->skin = landmarks_gather(h->skin, HEAD_JOINTS, 1, pick, n);
     s->lids = landmarks_gather(id->lids, 2, 3, pick, n);
     s->nlid = 0;
-    s->exp_live = s->pose_live = NULL;
+    s->shape_live = s->exp_live = s->pose_live = NULL;
     l->id = *id;
     l->id.head = s;
     l->id.lids = s->lids;

@@ -23,27 +23,12 @@ static void runs_draw(float *dirs, struct random *r)
         }
 }
 
-/* The values of r in float, to be freed. */
-static float *runs_values(const struct runs *r)
-{
-    float *value = malloc((3 * r->rows + 1) * sizeof *value);
-
-    if (!value)
-        exit(1);
-    for (size_t i = 0; i < 3 * r->rows; i++)
-        value[i] = half_to_float(r->value[i]);
-    return value;
-}
-
 /* The directions that r's values and n runs stand for; NULL: refused. */
 static float *runs_back(const struct runs *r, const int32_t *run, size_t n,
                         struct error *err)
 {
-    float *value = runs_values(r), *dirs;
-
-    dirs = runs_unpack(&(struct runs_read){run, n, value, r->rows, V, K}, err);
-    free(value);
-    return dirs;
+    return runs_unpack(&(struct runs_read){run, n, r->value, r->rows, V, K},
+                       err);
 }
 
 static void test_round_trip(const float *dirs, const struct runs *r)
@@ -67,8 +52,7 @@ static void test_windows(const struct runs *r)
     enum { SOME = 5 };
     struct error err = { 0 };
     float *whole = runs_back(r, r->run, r->n, &err), window[3 * SOME * K];
-    float *value = runs_values(r);
-    const struct runs_read in = { r->run, r->n, value, r->rows, V, K };
+    const struct runs_read in = { r->run, r->n, r->value, r->rows, V, K };
     int same = 0;
 
     if (!whole)
@@ -83,7 +67,6 @@ static void test_windows(const struct runs *r)
     }
     check_range("windows that agree", same, (V + SOME - 1) / SOME,
                 (V + SOME - 1) / SOME);
-    free(value);
     free(whole);
 }
 
