@@ -37,6 +37,47 @@ static int layers_coarseness(double reach)
     return k;
 }
 
+/* colour of n channels times known, and known itself. */
+template <int n>
+static cv::Mat layers_weigh(const cv::Mat &colour, const cv::Mat &known)
+{
+    cv::Mat both(colour.size(), CV_32FC(n + 1));
+
+    for (int y = 0; y < colour.rows; y++) {
+        const float *c = colour.ptr<float>(y), *k = known.ptr<float>(y);
+        float *to = both.ptr<float>(y);
+
+        for (int x = 0; x < colour.cols; x++, c += n, to += n + 1) {
+            for (int i = 0; i < n; i++)
+                to[i] = c[i] * k[x];
+            to[n] = k[x];
+        }
+    }
+    return both;
+}
+
+/* The reverse: n channels over the last one, which is weight. */
+template <int n>
+static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
+{
+    cv::Mat mean(both.size(), CV_32FC(n));
+
+    weight.create(both.size(), CV_32F);
+    for (int y = 0; y < both.rows; y++) {
+        const float *from = both.ptr<float>(y);
+        float *to = mean.ptr<float>(y), *w = weight.ptr<float>(y);
+
+        for (int x = 0; x < both.cols; x++, from += n + 1, to += n) {
+            const float least = std::max(from[n], 1e-6f);
+
+            for (int i = 0; i < n; i++)
+                to[i] = from[i] / least;
+            w[x] = from[n];
+        }
+    }
+    return mean;
+}
+
 /* colour (float) where known (0 or 1, float) says, averaged over its
  * surroundings, and how much of them is known. */
 static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
@@ -44,28 +85,19 @@ static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
 {
     const int k = layers_coarseness(reach);
     const cv::Size small((colour.cols + k - 1) / k, (colour.rows + k - 1) / k);
-    const size_t n = (size_t)colour.channels();
-    cv::Mat part[4], mean[4], both, blurred;
+    const bool grey = colour.channels() == 1;
+    cv::Mat both = grey ? layers_weigh<1>(colour, known)
+                        : layers_weigh<3>(colour, known), less;
 
-    cv::split(colour, part);
-    for (size_t c = 0; c < n; c++)
-        cv::multiply(part[c], known, part[c]);
-    part[n] = known;
-    cv::merge(part, n + 1, both);
     if (k > 1) {
-        cv::resize(both, blurred, small, 0, 0, cv::INTER_AREA);
-        cv::GaussianBlur(blurred, both, cv::Size(), reach / k);
-        cv::resize(both, blurred, colour.size(), 0, 0, cv::INTER_LINEAR);
+        cv::resize(both, less, small, 0, 0, cv::INTER_AREA);
+        cv::GaussianBlur(less, less, cv::Size(), reach / k);
+        cv::resize(less, both, colour.size(), 0, 0, cv::INTER_LINEAR);
     } else {
-        cv::GaussianBlur(both, blurred, cv::Size(), reach);
+        cv::GaussianBlur(both, both, cv::Size(), reach);
     }
-    cv::split(blurred, mean);
-    weight = mean[n];
-    const cv::Mat least = cv::max(weight, 1e-6);
-    for (size_t c = 0; c < n; c++)
-        cv::divide(mean[c], least, mean[c]);
-    cv::merge(mean, n, both);
-    return both;
+    return grey ? layers_unweigh<1>(weight, both)
+                : layers_unweigh<3>(weight, both);
 }
 
 /* rgb at a small size, and of which of its pixels the background is known. */
