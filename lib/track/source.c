@@ -11,6 +11,7 @@
 #include "formats/matte.h"
 #include "lib/base/cpu.h"
 #include "lib/track/beyond.h"
+#include "lib/track/outline.h"
 #include "lib/track/tta.h"
 #include "lib/track/turned.h"
 #include "lib/track/overlay.h"
@@ -349,6 +350,18 @@ static int source_make_matte(struct source *s, const struct image *im,
     return rc;
 }
 
+/* The shape once more, by the matte. */
+static int source_fit_outline(struct source *s, const struct head *head,
+                              struct error *err)
+{
+    struct outline_report found;
+    const double begun = cpu_seconds();
+    const int rc = outline_fit(&found, &s->person, head, err);
+
+    s->shape_s += cpu_seconds() - begun;
+    return rc;
+}
+
 /* The window's picture as fine as it is in the photograph, from what was
  * found at the networks' size (small). */
 static int source_refine(struct source *s, const struct person *small,
@@ -417,6 +430,7 @@ int source_cut_out(struct source *s, const struct image *im,
                    struct encoders *nets, struct error *err)
 {
     if (source_make_matte(s, im, mask, head, nets, err) == 0 &&
+        source_fit_outline(s, head, err) == 0 &&
         source_enlarge(s, im, mask, err) == 0)
         return 0;
     source_release(s);

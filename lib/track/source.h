@@ -46,7 +46,8 @@ int source_make(struct source *s, struct image *im, struct image *mask,
 int source_find(struct source *s, struct image *im, struct image *mask,
                 const struct head *head, struct encoders *nets,
                 const struct track_options *opt, struct error *err);
-/* Its second half: the matte and what is behind the person.  Leaves the motion
+/* Its second half: the matte, what is behind the person, and the shape whose
+ * outline the matte's is (outline.h).  Leaves the motion
  * and the shape encoder alone, which may be at work elsewhere. */
 int source_cut_out(struct source *s, const struct image *im,
                    const struct image *mask, const struct head *head,
