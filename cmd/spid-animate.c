@@ -204,9 +204,7 @@ int main(int argc, char **argv)
     animate_check_usage(argc - first);
     models.once = !list_path;
     if (!list_path)
-        memcpy(models.soon, (const char *[]){argv[first], argv[first + 1],
-                                             cli.output},
-               sizeof models.soon);
+        models.soon[0] = argv[first];
     option_animation_load(&models, &opt);
     if (list_path) {
         rc = animate_run_list();

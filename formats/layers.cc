@@ -61,7 +61,6 @@ template <int n>
 static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
 {
     cv::Mat mean(both.size(), CV_32FC(n));
-
     weight.create(both.size(), CV_32F);
     for (int y = 0; y < both.rows; y++) {
         const float *from = both.ptr<float>(y);
@@ -69,7 +68,6 @@ static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
 
         for (int x = 0; x < both.cols; x++, from += n + 1, to += n) {
             const float least = std::max(from[n], 1e-6f);
-
             for (int i = 0; i < n; i++)
                 to[i] = from[i] / least;
             w[x] = from[n];
@@ -104,8 +102,7 @@ static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
 static cv::Mat layers_shrink(cv::Mat &unknown, const cv::Mat &rgb,
                              const cv::Mat &hole, int w)
 {
-    cv::Mat small, some;
-    cv::Mat known = rgb.clone();
+    cv::Mat small, some, known = rgb.clone();
 
     known.setTo(cv::Scalar(0, 0, 0), hole);
     cv::resize(known, small, cv::Size(w, w), 0, 0, cv::INTER_AREA);
@@ -427,10 +424,13 @@ static void layers_gather(cv::Mat &mat, const cv::Mat &colour,
     cv::distanceTransform(before == 0, far, cv::DIST_L2, 3);
     const cv::Mat mixed = (before < 250) & (far <= rim) & in;
     far.setTo(0, in == 0);
-    for (int y = 0; y < mat.rows; y += rim)
-        for (int x = 0; x < mat.cols; x += rim)
-            layers_gain(mat, before, mixed, far, colour,
-                        cv::Rect(x, y, rim, rim));
+    cv::parallel_for_(cv::Range(0, (mat.rows + rim - 1) / rim),
+                      [&](const cv::Range &rows) {
+        for (int y = rows.start; y < rows.end; y++)
+            for (int x = 0; x < mat.cols; x += rim)
+                layers_gain(mat, before, mixed, far, colour,
+                            cv::Rect(x, rim * y, rim, rim));
+    });
 }
 
 /* The least matte by which a pixel can be a mixture of this background and of

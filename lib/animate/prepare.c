@@ -43,7 +43,6 @@ int prepare_open(struct prepare *p, const char *model, const char *head,
         return -1;
     const bool two = omp_get_max_threads() > 1 &&
                      !pthread_create(&thread, NULL, prepare_run_head, &l);
-    /* no thread starts while the dynamic loader is at work */
     module_preload(p->soon, sizeof p->soon / sizeof *p->soon);
     if (!two)
         prepare_run_head(&l);

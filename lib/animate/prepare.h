@@ -31,8 +31,10 @@ struct prepare {
                                  * needed */
     bool once;                  /* one source: what bakes it goes then, and
                                  * its memory serves what follows */
-    const char *soon[3];        /* files that will be opened, or NULL: their
-                                 * modules are loaded beside the head */
+    const char *soon[2];        /* files that are opened first, or NULL: their
+                                 * modules are loaded beside the head.  No
+                                 * thread starts meanwhile: what is opened
+                                 * beside the matte is loaded there */
 };
 
 /* One source. */
