@@ -1,5 +1,6 @@
 /* From a photograph to the first frame: spid-animate as a process, its start,
- * Phase A and one picture; files are in the page cache. */
+ * Phase A and one picture; files are in the page cache.  The photograph is of
+ * the networks' size, then of the largest that is taken as it is. */
 #include "lib/base/sort.h"
 #include "lib/bench/bench.h"
 
@@ -18,7 +19,7 @@
 #define PARTS 3
 
 struct start {
-    const struct bench *b;
+    struct bench *b;
     char program[PROCESS_PATH], threads[16];
     char dir[FILE_TEMPORARY];
     char picture[FILE_TEMPORARY + 16], stats[FILE_TEMPORARY + 16];
@@ -30,13 +31,9 @@ static const char *const start_part[PARTS] = {
     "A: shape", "A: branches", "encoder"
 };
 
-/* The synthetic person's first frame as a file. */
-static int bench_start_write(struct start *s, const uint8_t *rgb,
-                             struct error *err)
+/* The folder, and the files' names. */
+static int bench_start_open(struct start *s, struct error *err)
 {
-    const size_t bytes = 3 * PERSON_SIZE * PERSON_SIZE;
-    FILE *f;
-
     file_temporary(s->dir, "spid-bench-XXXXXX");
     if (!mkdtemp(s->dir)) {
         error_set(err, EX_CANTCREAT, "%s: no room for a picture", s->dir);
@@ -45,9 +42,26 @@ static int bench_start_write(struct start *s, const uint8_t *rgb,
     }
     snprintf(s->picture, sizeof s->picture, "%s/me.ppm", s->dir);
     snprintf(s->stats, sizeof s->stats, "%s/stats.tsv", s->dir);
-    f = fopen(s->picture, "wb");
-    bool ok = f && fprintf(f, "P6 %d %d 255\n", PERSON_SIZE, PERSON_SIZE) > 0
-        && fwrite(rgb, 1, bytes, f) == bytes;
+    return 0;
+}
+
+/* The synthetic person's first frame as a file, so many times larger: what
+ * each pixel says is said of a square. */
+static int bench_start_write(struct start *s, const uint8_t *rgb, size_t times,
+                             struct error *err)
+{
+    const size_t side = times * PERSON_SIZE;
+    uint8_t *row = malloc(3 * side);
+    FILE *f = fopen(s->picture, "wb");
+    bool ok = row && f && fprintf(f, "P6 %zu %zu 255\n", side, side) > 0;
+
+    for (size_t y = 0; ok && y < side; y++) {
+        for (size_t x = 0; x < side; x++)
+            memcpy(row + 3 * x, rgb + 3 * (y / times * PERSON_SIZE +
+                                           x / times), 3);
+        ok = fwrite(row, 3, side, f) == side;
+    }
+    free(row);
     if ((f && fclose(f)) || !ok)
         return error_set(err, EX_CANTCREAT, "%s: cannot be written",
                          s->picture);
@@ -112,24 +126,35 @@ static void bench_start_close(struct start *s)
     rmdir(s->dir);
 }
 
+/* The row of a photograph so many times larger than the networks see. */
+static int bench_start_time(struct start *s, const uint8_t *rgb, size_t times,
+                            const char *name, struct error *err)
+{
+    struct bench *b = s->b;
+    struct bench_times t;
+
+    return bench_start_write(s, rgb, times, err) ||
+           bench_time(&t, b->seconds, 7, bench_start_call, s, err) ||
+           !bench_add(b, "start", "spid-animate, photo to first frame", name,
+                      b->threads, &t, NAN, NAN) ? -1 : 0;
+}
+
 int bench_start(struct bench *b, struct error *err)
 {
     struct bench_person *p = calloc(1, sizeof *p);
     struct start s = {.b = b};
-    struct bench_times t;
 
     if (!p)
         return error_set(err, EX_OSERR, "no memory");
     snprintf(s.threads, sizeof s.threads, "%d", b->threads);
     int rc = bench_person_open(p, b, err) ||
              process_find(s.program, "spid-animate", err) ||
-             bench_start_write(&s, p->rgb, err) ||
-             bench_time(&t, b->seconds, 7, bench_start_call, &s, err) ? -1 : 0;
-    if (rc == 0 && !bench_add(b, "start", "spid-animate, photo to first frame",
-                              "default", b->threads, &t, NAN, NAN))
-        rc = -1;
+             bench_start_open(&s, err) ||
+             bench_start_time(&s, p->rgb, 1, "default", err) ? -1 : 0;
     for (int i = 0; i < PARTS && rc == 0; i++)
         rc = bench_start_add_part(b, &s, i) ? 0 : -1;
+    if (rc == 0)
+        rc = bench_start_time(&s, p->rgb, 4, "photo of 2048", err);
     bench_start_close(&s);
     bench_person_close(p);
     free(p);
