@@ -165,6 +165,9 @@ $(VIDEO): $(VIDEO_O)
 	$(SAY) LD $@
 	$(CC) -shared $(BASE) $(LDFLAGS) $^ $(VIDEO_LIBS) -o $@
 
+# People are shaded by plain loops, a tenth faster so; the bytes are the same.
+$(BUILD)/obj/lib/synth/%.o: CFLAGS_ALL += $(if $(filter -O2,$(OPT)),-O3)
+
 # A page's style and script as C strings.
 $(BUILD)/gen/report_%.inc: lib/report/%
 	@mkdir -p $(@D)

@@ -247,14 +247,17 @@ static void act_add_gaze(struct act *a, const struct act_look *l, double time)
     }
 }
 
-/* Blinks, eyes that stay shut or fall half shut, and winks. */
+/* Blinks, eyes that stay shut or now and then fall half shut, and winks.  Lids
+ * that stay shut get there as fast as blinking ones: eyes are open or shut
+ * nearly always, and open in most pictures. */
 static void act_add_blinks(float *w, const struct act_look *l, double time)
 {
-    float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.8f, 0.15f);
+    float blink = act_pulse(act_track(l, "blink", 0), time, 2.1, 0.6f, 0.15f);
     float doze = 0.7f
-                 * act_pulse(act_track(l, "doze", 0), time, 5.1, 0.2f, 0.8f);
+                 * act_pulse(act_track(l, "doze", 0), time, 5.1, 0.03f, 0.8f);
     float droop = 0.06f * noise_slot(act_track(l, "droop", 0), 0);
-    float held = act_pulse(act_track(l, "held", 0), time, 6.1, 0.45f, 0.35f);
+    float held = minf(3 * act_pulse(act_track(l, "held", 0), time, 6.1, 0.25f,
+                                    0.35f), 1);
 
     for (int e = 0; e < 2; e++) {
         float wink = act_pulse(act_track(l, "wink", e), time, 6.7, 0.16f,
@@ -357,6 +360,8 @@ static void act_add_brows(float *w, const struct act_look *l, double time)
         act_raise(inner, side * way->inner);
         act_raise(outer, side * way->outer);
         act_raise(down, side * way->down);
+        /* who frowns narrows the eyes */
+        act_raise(&w[ARKIT_EYE_SQUINT_L + e], 0.6f * side * way->down);
     }
 }
 
