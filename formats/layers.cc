@@ -4,6 +4,7 @@ extern "C" {
 #include "formats/layers.h"
 #include "formats/layers_islands.h"
 }
+#include "formats/layers_parts.h"
 
 #include <sysexits.h>
 
@@ -21,7 +22,7 @@ static const float LAYERS_WHOLE = 0.98f;
 /* A background may be off by so many levels for the sum's sake. */
 static const float LAYERS_GHOST = 16;
 
-static cv::Mat layers_disc(int side)
+cv::Mat layers_disc(int side)
 {
     return cv::getStructuringElement(cv::MORPH_ELLIPSE,
                                      cv::Size(side | 1, side | 1));
@@ -76,10 +77,8 @@ static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
     return mean;
 }
 
-/* colour (float) where known (0 or 1, float) says, averaged over its
- * surroundings, and how much of them is known. */
-static cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
-                           const cv::Mat &known, double reach)
+cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
+                    const cv::Mat &known, double reach)
 {
     const int k = layers_coarseness(reach);
     const cv::Size small((colour.cols + k - 1) / k, (colour.rows + k - 1) / k);
@@ -156,7 +155,7 @@ static cv::Mat layers_background(const cv::Mat &rgb, const cv::Mat &seen,
     return fill;
 }
 
-static cv::Mat layers_inside(const uint8_t *inside, int n)
+cv::Mat layers_inside(const uint8_t *inside, int n)
 {
     return inside ? cv::Mat(n, n, CV_8U, const_cast<uint8_t *>(inside)) > 0
                   : cv::Mat(n, n, CV_8U, cv::Scalar(255));
@@ -181,11 +180,8 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
     }
 }
 
-/* How much of a pixel is the person's by its colour: *share 0 as the
- * background, 1 as the person; returns the trust in it, 0 where the two look
- * alike or the pixel is no mixture of them. */
-static float layers_share(float *share, const cv::Vec3f &pixel,
-                          const cv::Vec3f &back, const cv::Vec3f &fore)
+float layers_share(float *share, const cv::Vec3f &pixel,
+                   const cv::Vec3f &back, const cv::Vec3f &fore)
 {
     const cv::Vec3f line = fore - back;
     const double length = cv::norm(line), alike = 24;
@@ -338,7 +334,7 @@ struct layers_about {
  * where there is too little of either. */
 static bool layers_look(struct layers_about *at, const cv::Rect &square,
                         const cv::Mat &mat, const cv::Mat &far,
-                        const cv::Mat &colour, int rim)
+                        const cv::Mat &rgb, int rim)
 {
     cv::Vec3d back(0, 0, 0), person(0, 0, 0);
     cv::Matx33d two = cv::Matx33d::zeros();
@@ -347,7 +343,7 @@ static bool layers_look(struct layers_about *at, const cv::Rect &square,
 
     for (int y = square.y; y < square.y + square.height; y += step)
         for (int x = square.x; x < square.x + square.width; x += step) {
-            const cv::Vec3d c = colour.at<cv::Vec3f>(y, x);
+            const cv::Vec3d c = rgb.at<cv::Vec3b>(y, x);
             const double m = mat.at<uchar>(y, x) / 255.0;
             if (m > 0) {
                 person += m * c;
@@ -392,7 +388,7 @@ static double layers_spill(const struct layers_about &at, const cv::Vec3d &c)
  * them. */
 static void layers_gain(cv::Mat &mat, const cv::Mat &before,
                         const cv::Mat &mixed, const cv::Mat &far,
-                        const cv::Mat &colour, cv::Rect block)
+                        const cv::Mat &rgb, cv::Rect block)
 {
     const int rim = block.width, reach = 4 * rim;
     const cv::Rect whole(0, 0, mat.cols, mat.rows);
@@ -402,20 +398,17 @@ static void layers_gain(cv::Mat &mat, const cv::Mat &before,
     if (cv::countNonZero(mixed(block)) == 0
         || !layers_look(&at, (block + cv::Size(2 * reach, 2 * reach)
                               - cv::Point(reach, reach)) & whole,
-                        before, far, colour, rim))
+                        before, far, rgb, rim))
         return;
     for (int y = block.y; y < block.y + block.height; y++)
         for (int x = block.x; x < block.x + block.width; x++)
             if (mixed.at<uchar>(y, x))
                 mat.at<uchar>(y, x) = std::max(
                     mat.at<uchar>(y, x), cv::saturate_cast<uchar>(
-                        255 * layers_spill(at, colour.at<cv::Vec3f>(y, x))));
+                        255 * layers_spill(at, cv::Vec3f(rgb.at<cv::Vec3b>(y, x)))));
 }
 
-/* The person's colours that reach past the matte: with no matte of their own
- * they would stay on the wall when the person moves. */
-static void layers_gather(cv::Mat &mat, const cv::Mat &colour,
-                          const cv::Mat &in)
+void layers_gather(cv::Mat &mat, const cv::Mat &rgb, const cv::Mat &in)
 {
     const int rim = std::max(2, (3 * mat.rows + 256) / 512);
     const cv::Mat before = mat.clone();
@@ -428,7 +421,7 @@ static void layers_gather(cv::Mat &mat, const cv::Mat &colour,
                       [&](const cv::Range &rows) {
         for (int y = rows.start; y < rows.end; y++)
             for (int x = 0; x < mat.cols; x += rim)
-                layers_gain(mat, before, mixed, far, colour,
+                layers_gain(mat, before, mixed, far, rgb,
                             cv::Rect(x, rim * y, rim, rim));
     });
 }
@@ -462,11 +455,7 @@ static cv::Vec3f layers_behind(const cv::Vec3f &pixel, const cv::Vec3f &back,
     return out;
 }
 
-/* back where the person's colour would have to be below 0 or above what its
- * matte allows: what makes the sum right again.  If that is another colour than
- * the background's about it, a part of the person that the matte took for less
- * than it is would stay behind on the wall: it gains matte instead. */
-static void layers_balance(cv::Mat &back, cv::Mat &mat, const cv::Mat &colour)
+void layers_balance(cv::Mat &back, cv::Mat &mat, const cv::Mat &colour)
 {
     for (int y = 0; y < mat.rows; y++)
         for (int x = 0; x < mat.cols; x++) {
@@ -505,7 +494,7 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         layers_unmix(mat, colour, layers_background(pic, sure, filled), in,
                      rim);
         cv::max(mat, locks, mat);
-        layers_gather(mat, colour, in);
+        layers_gather(mat, pic, in);
         layers_islands(matte, n);
         cv::Mat fill = layers_background(pic, (mat == 0) & in, filled);
         fill.convertTo(out, CV_8U);
@@ -513,86 +502,6 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         pic.convertTo(colour, CV_32F);
         layers_balance(fill, mat, colour);
         fill.convertTo(out, CV_8U);
-        return 0;
-    } catch (const std::exception &e) {
-        return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
-    }
-}
-
-/* ---- the same, larger -------------------------------------------------- */
-
-static cv::Mat layers_up(const cv::Mat &small, int n)
-{
-    cv::Mat big;
-
-    cv::resize(small, big, cv::Size(n, n), 0, 0, cv::INTER_LINEAR);
-    return big;
-}
-
-/* The person's colours about each pixel of the small picture, and how many
- * there are. */
-static cv::Mat layers_foreground(cv::Mat &weight, const cv::Mat &rgb,
-                                 const cv::Mat &mat)
-{
-    const int rim = std::max(2, rgb.rows / 64);
-    cv::Mat own, known, colour;
-
-    cv::erode(mat > 250, own, layers_disc(rim));
-    own.convertTo(known, CV_32F, 1 / 255.0);
-    rgb.convertTo(colour, CV_32F);
-    return layers_mean(weight, colour, known, rim);
-}
-
-/* A matte that was enlarged, where it is neither 0 nor whole: what the finer
- * colours say, as far as they can be told apart. */
-static void layers_sharpen(cv::Mat &mat, const cv::Mat &colour,
-                           const cv::Mat &back, const cv::Mat &fore,
-                           const cv::Mat &weight)
-{
-    for (int y = 0; y < mat.rows; y++)
-        for (int x = 0; x < mat.cols; x++) {
-            uchar &m = mat.at<uchar>(y, x);
-            if (m == 0 || m == 255 || weight.at<float>(y, x) < 1e-3f)
-                continue;
-            float share;
-            const float trust = layers_share(&share,
-                                             colour.at<cv::Vec3f>(y, x),
-                                             back.at<cv::Vec3f>(y, x),
-                                             fore.at<cv::Vec3f>(y, x));
-            const float want = std::clamp((share - 0.05f) * 1.1f, 0.0f, 1.0f);
-            m = cv::saturate_cast<uchar>(m + trust * (255 * want - m));
-        }
-}
-
-int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
-                   const uint8_t *matte_s, const uint8_t *back_s,
-                   const uint8_t *rgb_s, size_t s, const uint8_t *inside,
-                   bool known, struct error *err)
-{
-    try {
-        const int N = (int)n, S = (int)s;
-        const cv::Mat small(S, S, CV_8UC3, const_cast<uint8_t *>(rgb_s));
-        const cv::Mat mat_s(S, S, CV_8U, const_cast<uint8_t *>(matte_s));
-        const cv::Mat rear(S, S, CV_8UC3, const_cast<uint8_t *>(back_s));
-        const cv::Mat out = layers_inside(inside, N) == 0;
-        cv::Mat pic(N, N, CV_8UC3, rgb), mat(N, N, CV_8U, matte);
-        cv::Mat fill(N, N, CV_8UC3, back), colour, behind, weight;
-        layers_up(small, N).copyTo(pic, out);
-        pic.convertTo(colour, CV_32F);
-        layers_up(rear, N).convertTo(behind, CV_32F);
-        if (known) {
-            layers_up(mat_s, N).copyTo(mat, out);
-        } else {
-            layers_up(mat_s, N).copyTo(mat);
-            const cv::Mat fore = layers_foreground(weight, small, mat_s);
-            layers_sharpen(mat, colour, behind, layers_up(fore, N),
-                           layers_up(weight, N));
-            layers_gather(mat, colour, ~out);
-            layers_islands(matte, n);
-        }
-        colour.copyTo(behind, mat == 0);
-        layers_balance(behind, mat, colour);
-        behind.convertTo(fill, CV_8U);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());
