@@ -19,6 +19,8 @@
 #define OVERLAP 0.6f
 #define TINT 0.1f       /* how far a colour may be from the photograph's */
 #define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
+#define NECK_SIDE 0.05f /* metres from the middle: beside it shoulders begin */
+#define SHOULDER_FALL 40    /* and count as so many times lower per metre */
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -172,6 +174,20 @@ static void static_branch_surface(struct static_branch *b,
     }
 }
 
+/* Neck blend weight of a point at height y, so far from the neck's middle.
+ * Beside the neck shoulders and their cloth come higher than the neck's foot:
+ * they do not lean with the head. */
+static float static_branch_neck_weight(const struct source_mesh *mesh, float y,
+                                       float aside)
+{
+    const struct neck_blend *blend = &mesh->weights->blend;
+    const float scale = mesh->head->scale;
+    const float beside = fmaxf(aside / scale - NECK_SIDE, 0);
+
+    return neck_blend_weight(blend, blend->top - (blend->top - y) *
+                                        (1 + SHOULDER_FALL * beside));
+}
+
 /* Neck blend weights (n*n), from where the uniform grid lies on the surface: a
  * point that is all shoulders stood at B^-1 x when the neck was straight.
  * mean (n*n,3) is used up. */
@@ -198,7 +214,8 @@ static void static_branch_neck(float *neck, float *mean,
         const float *x = mean + 3 * k;
         float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
-        neck[k] = neck_blend_weight(blend, 0.5f * (x[1] + y));
+        neck[k] = static_branch_neck_weight(mesh, 0.5f * (x[1] + y),
+                                            fabsf(x[0] - blend->pivot[0]));
     }
 }
 
