@@ -94,6 +94,14 @@ assert 0.1 < np.mean(aside > 0.1) < 0.6, aside'
     [ ! -e x.spid ]
 }
 
+@test "a full disk is noticed, and leaves nothing" {
+    has_labels
+    run bash -c "$(declare -f fit); trap '' XFSZ; ulimit -f 0; fit -o full.spid"
+    [ "$status" -eq 74 ]
+    has full.spid
+    [ -z "$(ls full.spid* 2>/dev/null)" ]
+}
+
 @test "labels and scans that are missing or something else are named" {
     status 66 spid-fit --assets . nothing.safetensors -o x.spid
     has nothing.safetensors

@@ -95,6 +95,12 @@ refused() {
     [ -s page.html ]
 }
 
+@test "a full disk is noticed" {
+    need_player
+    refused 74 page.html bash -c "trap '' XFSZ; ulimit -f 0
+        spid-export -q -i avatar.spid motion.spid --html page.html"
+}
+
 @test "what makes no page is one line and no file" {
     need_player
     spid-flame -i avatar.spid motion.spid >mesh.spid
