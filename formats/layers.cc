@@ -4,7 +4,7 @@ extern "C" {
 #include "formats/layers.h"
 #include "formats/layers_islands.h"
 }
-#include "formats/layers_parts.h"
+#include "formats/layers_parts.hh"
 
 #include <sysexits.h>
 

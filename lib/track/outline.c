@@ -15,7 +15,7 @@
 #define STEPS 3
 #define SPREAD 0.7              /* of E_beta's numbers about the truth */
 #define RIM_SPREAD 2.0          /* of the rim about the edge, pixels of 512, */
-#define STAY_SPREAD 1.0         /* and of landmarks about where they were */
+#define STAY_SPREAD 0.5         /* and of landmarks about where they were */
 #define RIM 0.3f                /* cosine to the camera: at most, of the rim */
 #define REACH 0.035             /* from the rim to the edge, of the side */
 #define UNLIKE 40.0             /* levels: more, and the edge is not the skin's
