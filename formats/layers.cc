@@ -402,10 +402,12 @@ static void layers_gain(cv::Mat &mat, const cv::Mat &before,
         return;
     for (int y = block.y; y < block.y + block.height; y++)
         for (int x = block.x; x < block.x + block.width; x++)
-            if (mixed.at<uchar>(y, x))
-                mat.at<uchar>(y, x) = std::max(
-                    mat.at<uchar>(y, x), cv::saturate_cast<uchar>(
-                        255 * layers_spill(at, cv::Vec3f(rgb.at<cv::Vec3b>(y, x)))));
+            if (mixed.at<uchar>(y, x)) {
+                const cv::Vec3f c = rgb.at<cv::Vec3b>(y, x);
+                uchar &m = mat.at<uchar>(y, x);
+                m = std::max(m, cv::saturate_cast<uchar>(
+                                    255 * layers_spill(at, c)));
+            }
 }
 
 void layers_gather(cv::Mat &mat, const cv::Mat &rgb, const cv::Mat &in)

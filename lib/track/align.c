@@ -28,7 +28,6 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
                                        0.003, 0.003, 0.02};
 #define HOLD 4.0
 #define HOLD_FAR 10.0           /* more of it, per square of the distance */
-#define GAIN_SPREAD 0.1
 /* Heads mostly keep still, and what a smile moves looks much like a turn: one
  * of less than STILL radians since the keyframe must be seen clearly, so many
  * times as clearly as what E_m says; larger ones are free (Cauchy's
@@ -308,7 +307,7 @@ static double align_improve(struct align_pose *p, struct align_sums *s,
     for (int m = 0; m < UNKNOWNS; m++) {
         double spread = m < 3   ? align_spread[m]
                         : m < 6 ? align_spread[m] * c0[2]
-                        : m == 6 ? GAIN_SPREAD : INFINITY;
+                        : m == 6 ? ALIGN_GAIN_SPREAD : INFINITY;
         double hold = sigma * sigma * (m < 6 ? times : 1) / (spread * spread);
         double apart = m < 6 ? e[m] : m == 6 ? p->gain - 1 : 0;
 
@@ -342,7 +341,7 @@ static double align_fit(struct align_pose *p, const struct align *a,
         align_sum(&s, a, k, p, v, c, sigma, true);
         if (s.weight <= 0)
             return 0;
-        sigma = fmax(1.2533 * s.off / s.weight, 1);
+        sigma = align_sigma(s.off, s.weight);
         align_still(&s, p, k, sigma);
         small = align_improve(p, &s, &from, c, c0, sigma, hold) < SMALL;
     }
@@ -401,9 +400,9 @@ static void align_keep(struct align *a, const struct motion *m,
 
 /* m's expression, its pose p being aligned with keyframe k. */
 static void align_lay_face(struct motion *m, struct align *a,
-                                const struct align_keyframe *k,
-                                const struct align_pose *p,
-                                const struct align_view *v)
+                           const struct align_keyframe *k,
+                           const struct align_pose *p,
+                           const struct align_view *v)
 {
     const struct align_look look = align_look(p, v);
 

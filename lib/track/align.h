@@ -43,7 +43,7 @@ struct align {
     struct align_face face;
 };
 
-/* Choose the points of a head at rest; id is not kept. */
+/* Choose the points of a head at rest; id is borrowed. */
 int align_init(struct align *a, const struct identity *id, struct error *err);
 /* Free what it holds; zeroed then. */
 void align_release(struct align *a);

@@ -13,9 +13,9 @@
 #define HOLD 16.0               /* so many times it holds: neighbouring points
                                  * say the same and count as fewer */
 #define GAP_SPREAD 3e-4f        /* metres, of E_m's opening of the mouth */
-#define GAIN_SPREAD 0.1
-#define EDGE 2.5e-3f            /* metres from the lips' inner edge, where a picture shows
-                                 * the mouth or the line between closed lips */
+#define EDGE 2.5e-3f            /* metres from the lips' inner edge, where a
+                                 * picture shows the mouth or the line between
+                                 * closed lips */
 #define STEPS 2                 /* more change nothing that is seen */
 #define LID_SHARE 0.5           /* a direction of the lids is not sought: what
                                  * lies under them is no skin */
@@ -254,24 +254,22 @@ static void align_face_hold(struct align_face_sums *s,
     }
 }
 
-/* x (unknowns): gain, bias and the expression beyond E_m's, in spreads; true
- * when a step was made. */
-static bool align_face_improve(float *x, struct align_face_sums *s,
-                               const struct align_face *f, double gain)
+/* One step of x (unknowns): gain, bias and the expression beyond E_m's, in
+ * spreads. */
+static void align_face_improve(float *x, struct align_face_sums *s,
+                               const struct align_face *f, double gain,
+                               double sigma)
 {
     const size_t U = f->unknowns;
-    const double sigma = fmax(1.2533 * s->off / s->weight, 1);
-    const double hold = sigma * sigma / (GAIN_SPREAD * GAIN_SPREAD);
+    const double hold = sigma * sigma /
+                        (ALIGN_GAIN_SPREAD * ALIGN_GAIN_SPREAD);
 
-    if (!(s->weight > 0))
-        return false;
     align_face_hold(s, f, x, sigma);
     s->a[0] += hold;
     s->b[0] += hold * (x[0] - gain);
     cholesky_solve(s->b, s->a, U);
     for (size_t k = 0; k < U; k++)
         x[k] -= (float)s->b[k];
-    return true;
 }
 
 void align_face_fit(struct align_face *f, struct motion *m,
@@ -290,9 +288,10 @@ void align_face_fit(struct align_face *f, struct motion *m,
     for (int step = 0; step < STEPS; step++) {
         align_kernels()->face(&s, &points, x, f->unknowns, picture, look,
                               (float)sigma);
-        if (!align_face_improve(x, &s, f, gain))
+        if (!(s.weight > 0))
             return;
-        sigma = fmax(1.2533 * s.off / s.weight, 1);
+        sigma = align_sigma(s.off, s.weight);
+        align_face_improve(x, &s, f, gain, sigma);
     }
     for (size_t k = 0; k < f->codes; k++)
         if (isfinite(x[ALIGN_FACE_LIGHT + k]))

@@ -4,6 +4,7 @@
 #ifndef SPID_TRACK_ALIGN_KERNEL_H
 #define SPID_TRACK_ALIGN_KERNEL_H
 
+#include <math.h>
 #include <stdbool.h>
 #include <stddef.h>
 
@@ -15,6 +16,7 @@
 #define ALIGN_UNKNOWNS 8        /* turn, move, gain, bias */
 #define ALIGN_FACE_CODES 62     /* numbers of an expression, at most */
 #define ALIGN_FACE_LIGHT 2      /* gain, bias: before them */
+#define ALIGN_GAIN_SPREAD 0.1   /* of the light's gain about 1 */
 #define ALIGN_FACE_UNKNOWNS (ALIGN_FACE_LIGHT + ALIGN_FACE_CODES)
 
 /* Level of a pixel and its slopes to the right and down, 0 to 255. */
@@ -24,6 +26,13 @@ typedef float align_pixel __attribute__((vector_size(16)));
 static inline size_t align_room(size_t n)
 {
     return (n + ALIGN_ROOM - 1) / ALIGN_ROOM * ALIGN_ROOM;
+}
+
+/* Standard deviation of residuals, levels, from sums of weights and of weighted
+ * |residual|; of pictures it is never under 1. */
+static inline double align_sigma(double off, double weight)
+{
+    return fmax(1.2533 * off / weight, 1);
 }
 
 /* A pose and what it is seen through: pixels of the picture = focal *

@@ -279,6 +279,8 @@ static void outline_derive(double *g, const struct outline *o,
         camera_project_backward(dx, NULL, duv, NULL, o->cam, (float)o->n,
                                 o->verts + 3 * v, 1);
         for (size_t k = 0; k < o->shapes; k++) {
+            if (!head_shape_moves(h, b, k))
+                continue;
             const float *d = h->shape_dirs +
                              (b * h->nshape + k) * 3 * HEAD_BLOCK +
                              v % HEAD_BLOCK;
