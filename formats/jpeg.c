@@ -29,7 +29,7 @@ struct jpeg {
     const char *name;
 };
 
-static void jpeg_leave(j_common_ptr in)
+static void jpeg_on_error(j_common_ptr in)
 {
     struct jpeg_faults *f = (struct jpeg_faults *)in->err;
 
@@ -38,7 +38,7 @@ static void jpeg_leave(j_common_ptr in)
 }
 
 /* Warnings are counted by num_warnings, and not printed. */
-static void jpeg_hush(j_common_ptr in)
+static void jpeg_on_message(j_common_ptr in)
 {
     (void)in;
 }
@@ -158,8 +158,8 @@ int jpeg_read(struct image *im, FILE *fp, const char *name, struct error *err)
         return error_set(err, EX_OSERR, "%s: out of memory", name);
     j->name = name;
     j->in.err = jpeg_std_error(&j->faults.base);
-    j->faults.base.error_exit = jpeg_leave;
-    j->faults.base.output_message = jpeg_hush;
+    j->faults.base.error_exit = jpeg_on_error;
+    j->faults.base.output_message = jpeg_on_message;
     j->progress.progress_monitor = jpeg_progress;
     if (setjmp(j->faults.back)) {
         rc = begun ? error_set(err, EX_DATAERR, "%s: damaged picture: %s",

@@ -323,18 +323,18 @@ static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
 }
 
 /* The settled colours about a place. */
-struct layers_about {
+struct layers_statistics {
     cv::Vec3d back;         /* the background's mean */
-    cv::Matx33d vary;       /* and covariance */
+    cv::Matx33d covariance; /* and covariance */
     cv::Vec3d line;         /* from that mean to the person's colour */
 };
 
 /* Those in a square of pixels: the background's further than `rim` from the
  * matte, and the person's, which fits matte x line = colour - back best.  false
  * where there is too little of either. */
-static bool layers_look(struct layers_about *at, const cv::Rect &square,
-                        const cv::Mat &mat, const cv::Mat &far,
-                        const cv::Mat &rgb, int rim)
+static bool layers_measure(struct layers_statistics *at, const cv::Rect &square,
+                           const cv::Mat &mat, const cv::Mat &far,
+                           const cv::Mat &rgb, int rim)
 {
     cv::Vec3d back(0, 0, 0), person(0, 0, 0);
     cv::Matx33d two = cv::Matx33d::zeros();
@@ -358,7 +358,7 @@ static bool layers_look(struct layers_about *at, const cv::Rect &square,
     if (n < 16 || sum2 < 4)
         return false;
     at->back = back / n;
-    at->vary = two * (1 / n) - at->back * at->back.t();
+    at->covariance = two * (1 / n) - at->back * at->back.t();
     at->line = (person - sum * at->back) / sum2;
     return true;
 }
@@ -366,7 +366,8 @@ static bool layers_look(struct layers_about *at, const cv::Rect &square,
 /* The share of the person in a colour there: 0 unless it lies further from the
  * background than that varies, and that on the way to a person who can be told
  * apart. */
-static double layers_spill(const struct layers_about &at, const cv::Vec3d &c)
+static double layers_spill(const struct layers_statistics &at,
+                           const cv::Vec3d &c)
 {
     const cv::Vec3d off = c - at.back;
     const double length = cv::norm(at.line);
@@ -375,8 +376,8 @@ static double layers_spill(const struct layers_about &at, const cv::Vec3d &c)
         return 0;
     const cv::Vec3d way = at.line / length;
     const double along = off.dot(way);
-    const double usual = std::sqrt(std::max(0.0, way.dot(at.vary * way)));
-    const double any = std::sqrt(std::max(0.0, cv::trace(at.vary)));
+    const double usual = std::sqrt(std::max(0.0, way.dot(at.covariance * way)));
+    const double any = std::sqrt(std::max(0.0, cv::trace(at.covariance)));
     if (along < 2 * usual + 2
         || cv::norm(off - along * way) > 0.5 * along + any)
         return 0;
@@ -392,13 +393,13 @@ static void layers_gain(cv::Mat &mat, const cv::Mat &before,
 {
     const int rim = block.width, reach = 4 * rim;
     const cv::Rect whole(0, 0, mat.cols, mat.rows);
-    struct layers_about at;
+    struct layers_statistics at;
 
     block &= whole;
     if (cv::countNonZero(mixed(block)) == 0
-        || !layers_look(&at, (block + cv::Size(2 * reach, 2 * reach)
-                              - cv::Point(reach, reach)) & whole,
-                        before, far, rgb, rim))
+        || !layers_measure(&at, (block + cv::Size(2 * reach, 2 * reach)
+                                 - cv::Point(reach, reach)) & whole,
+                           before, far, rgb, rim))
         return;
     for (int y = block.y; y < block.y + block.height; y++)
         for (int x = block.x; x < block.x + block.width; x++)
@@ -430,7 +431,7 @@ void layers_gather(cv::Mat &mat, const cv::Mat &rgb, const cv::Mat &in)
 
 /* The least matte by which a pixel can be a mixture of this background and of
  * some colour. */
-static float layers_least(const cv::Vec3f &pixel, const cv::Vec3f &back)
+static float layers_min_matte(const cv::Vec3f &pixel, const cv::Vec3f &back)
 {
     float least = 0;
 
@@ -472,7 +473,7 @@ void layers_balance(cv::Mat &back, cv::Mat &mat, const cv::Mat &colour)
                 continue;
             }
             mat.at<uchar>(y, x) = cv::saturate_cast<uchar>(
-                255 * std::max(m, 1.2f * layers_least(pixel, b)));
+                255 * std::max(m, 1.2f * layers_min_matte(pixel, b)));
             m = (float)mat.at<uchar>(y, x) / 255;
             if (m <= LAYERS_WHOLE)
                 b = layers_behind(pixel, b, m);

@@ -92,7 +92,8 @@ static void layers_enlarge_matte(cv::Mat &mat, const cv::Mat &mat_s,
 
 /* rear, enlarged, becomes the background: as the picture where there is no
  * matte, and elsewhere such that the sum is right. */
-static void layers_settle(cv::Mat &rear, cv::Mat &mat, const cv::Mat &pic)
+static void layers_balance_enlarged(cv::Mat &rear, cv::Mat &mat,
+                                    const cv::Mat &pic)
 {
     layers_each_band(mat.rows, [&](const cv::Range &rows) {
         cv::Mat part = mat.rowRange(rows), out = rear.rowRange(rows);
@@ -124,7 +125,7 @@ int layers_enlarge(uint8_t *matte, uint8_t *back, uint8_t *rgb, size_t n,
             layers_up(mat_s, N).copyTo(mat, out);
         else
             layers_enlarge_matte(mat, mat_s, pic, small, fill, in);
-        layers_settle(fill, mat, pic);
+        layers_balance_enlarged(fill, mat, pic);
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

@@ -180,7 +180,7 @@ static int animate_worker_refine(struct animate_worker *w,
         return -1;
     if (!w->zoom.to)
         return refine_photo(w->image, w->alpha, &w->refine, &in, err);
-    texture_hold(w->image, 3, w->alpha, a->opt.size * a->opt.size);
+    texture_clamp_to_alpha(w->image, 3, w->alpha, a->opt.size * a->opt.size);
     return refine_field(&w->field, &w->refine, &in, err);
 }
 

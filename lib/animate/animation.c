@@ -70,7 +70,7 @@ static int animation_find_face(struct animation *a, struct error *err)
 }
 
 /* A clip up to its first face, into a->look. */
-static void animation_look(struct animation *a, bool alone)
+static void animation_read_to_face(struct animation *a, bool alone)
 {
     struct error *err = &a->look.err;
 
@@ -86,16 +86,16 @@ static void animation_look(struct animation *a, bool alone)
 }
 
 /* The same as a thread beside Phase A. */
-static void *animation_run_look(void *a)
+static void *animation_run_read_to_face(void *a)
 {
-    animation_look(a, false);
+    animation_read_to_face(a, false);
     return NULL;
 }
 
 int animation_open_source(struct animation *a, const char *path,
                           const char *driver, struct error *err)
 {
-    const struct prepare_beside look = {animation_run_look, a};
+    const struct prepare_beside look = {animation_run_read_to_face, a};
     const struct prepared *s = &a->source;
     const bool clip = driver && !a->opt->live && strcmp(driver, "-") &&
                       !prepare_is_stream(driver);
@@ -175,7 +175,7 @@ int animation_open_driver(struct animation *a, const char *path,
             animation_find_face(a, err))
             return -1;
     } else if (!a->look.done) {
-        animation_look(a, true);
+        animation_read_to_face(a, true);
     }
     if (a->look.rc) {
         *err = a->look.err;

@@ -31,7 +31,7 @@ static int live_keep(struct live_slot *s, const struct frame *f)
 }
 
 /* Has the program been asked to end? */
-static bool live_asked(const struct live *l)
+static bool live_stop_requested(const struct live *l)
 {
     return l->stop || (l->follow.stop && *l->follow.stop);
 }
@@ -68,7 +68,7 @@ static int live_next(struct live *l, struct frame *f, struct error *err)
             l->restart |= away;
             return 1;
         }
-        if (!l->follow.open || live_asked(l) ||
+        if (!l->follow.open || live_stop_requested(l) ||
             cpu_seconds() - left > l->follow.patience)
             return rc;
         if (!away)
@@ -115,7 +115,7 @@ static void *live_reader(void *arg)
         l->status = rc;
         if (rc < 0)
             l->err = err;
-        if (live_asked(l))
+        if (live_stop_requested(l))
             rc = 0;
         pthread_cond_broadcast(&l->changed);
         pthread_mutex_unlock(&l->lock);
@@ -161,12 +161,12 @@ int live_read(void *live, struct frame *f, struct error *err)
     int rc = 1;
 
     pthread_mutex_lock(&l->lock);
-    while (!l->fresh && l->status == 1 && !live_asked(l)) {
+    while (!l->fresh && l->status == 1 && !live_stop_requested(l)) {
         struct timespec soon = live_moment(100);    /* a signal wakes nobody */
 
         pthread_cond_timedwait(&l->changed, &l->lock, &soon);
     }
-    if (live_asked(l)) {
+    if (live_stop_requested(l)) {
         rc = 0;
     } else if (l->fresh) {
         struct live_slot t = l->current;

@@ -30,8 +30,8 @@ static const float cheek_back_turn[AROUND][2] = {
 
 /* The places (8,2) about cell (x,y), at the strip's width from it; returns how
  * far the mesh moves there at most. */
-static float cheek_back_around(float *at, const struct source_mesh *mesh,
-                               size_t x, size_t y)
+static float cheek_back_neighbours(float *at, const struct source_mesh *mesh,
+                                   size_t x, size_t y)
 {
     const float half = 0.5f * (float)mesh->n, last = (float)(mesh->n - 1);
     float moving = 0;
@@ -57,8 +57,8 @@ float cheek_back_at(const struct source_picture *picture,
 
     if (!(mesh->coverage[y * mesh->n + x] > 0))
         return 0;
-    const float moves = branch_ramp(cheek_back_around(at, mesh, x, y), MOVES,
-                                    MOVES_FAR);
+    const float moves = branch_ramp(cheek_back_neighbours(at, mesh, x, y),
+                                    MOVES, MOVES_FAR);
     if (!(moves > 0))           /* most: their matte is not looked up */
         return 0;
     source_picture_sample(rgba, picture, at, AROUND);

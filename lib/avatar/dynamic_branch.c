@@ -234,8 +234,8 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
 
 /* Whether the mesh, as the source's camera sees it, lies before a point at
  * place (2) of depth z. */
-static bool dynamic_branch_behind(const struct source_mesh *mesh,
-                                  const float place[2], float z)
+static bool dynamic_branch_is_occluded(const struct source_mesh *mesh,
+                                       const float place[2], float z)
 {
     const float n = (float)mesh->n;
     float x = 0.5f * n * (place[0] + 1), y = 0.5f * n * (place[1] + 1);
@@ -267,7 +267,7 @@ static void dynamic_branch_hull(const struct source_picture *picture,
 
         source_picture_sample(rgba, picture, at, 4);
         for (int i = 0; i < 4; i++)
-            least = dynamic_branch_behind(mesh, at + 2 * i, z)
+            least = dynamic_branch_is_occluded(mesh, at + 2 * i, z)
                   ? fminf(least, rgba[4 * i + 3]) : 0;
         b->hull[k] = branch_ramp(least, 0.5f, 0.95f);
     }
@@ -290,8 +290,8 @@ static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
 
 /* What of the neck shows cloth or hair keeps that to itself: what the jaw
  * hides is skin. */
-static void dynamic_branch_bare(const struct source_mesh *mesh,
-                                struct dynamic_branch *b)
+static void dynamic_branch_set_skin(const struct source_mesh *mesh,
+                                    struct dynamic_branch *b)
 {
     const int32_t *regions = mesh->head->region;
     float skin[3];
@@ -313,9 +313,9 @@ static void dynamic_branch_bare(const struct source_mesh *mesh,
  * brighter half of the eyeballs' visible vertices, twice over, or where none
  * are, from the skin; and no less than what makes the palest skin as bright as
  * the face. */
-static void dynamic_branch_white(float white[3],
-                                 const struct source_mesh *mesh,
-                                 const struct dynamic_branch *b)
+static void dynamic_branch_white_point(float white[3],
+                                       const struct source_mesh *mesh,
+                                       const struct dynamic_branch *b)
 {
     static const float pale[3] = {0.9f, 0.78f, 0.68f};
     const int32_t *regions = mesh->head->region;
@@ -341,9 +341,9 @@ static void dynamic_branch_white(float white[3],
 /* How far Gaussian k would stand out beside the neck if the jaw dropped, 0..1:
  * skin at the jaw's angle, which in life goes backwards there, and before the
  * strip (cheek_back.h), which shows the same. */
-static float dynamic_branch_stray(const struct source_picture *picture,
-                                  const struct source_mesh *mesh,
-                                  const struct dynamic_branch *b, size_t k)
+static float dynamic_branch_protrusion(const struct source_picture *picture,
+                                       const struct source_mesh *mesh,
+                                       const struct dynamic_branch *b, size_t k)
 {
     const float *x = b->verts + 3 * k, *drop = mesh->weights->drop + 3 * k;
     const float to[3] = {x[0] + drop[0], x[1] + drop[1], x[2] + drop[2]};
@@ -394,21 +394,21 @@ static void dynamic_branch_start(const struct source_picture *picture,
                       (1 - b->seam[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
-        b->start.visible[k] = (1 - mesh->weights->lining[k]) *
-                              branch_ramp(matte, 0, 0.4f) *
-                              (1 - dynamic_branch_stray(picture, mesh, b, k));
+        b->start.visible[k] =
+            (1 - mesh->weights->lining[k]) * branch_ramp(matte, 0, 0.4f) *
+            (1 - dynamic_branch_protrusion(picture, mesh, b, k));
         b->start.opacity_shift[k] = -OUTSIDE * b->seen[k] * (1 - matte);
         b->start.scale_shift[k] = attribute_logit(OVERLAP * b->spacing[k] /
                                                   BRANCH_SCALE_MAX);
     }
-    dynamic_branch_bare(mesh, b);
+    dynamic_branch_set_skin(mesh, b);
     dynamic_branch_spread(rgb, b->skin, mesh->weights->mirror, b->dense,
                           b->level, b->tmp);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] += (b->trust[i / 3] - b->skin[i / 3]) *
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
     lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense, b->tmp);
-    dynamic_branch_white(b->white, mesh, b);
+    dynamic_branch_white_point(b->white, mesh, b);
     shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
@@ -416,7 +416,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
 
 /* How far the source shows Gaussian k, as dynamic_branch_start wrote it, and
  * in what light it will be. */
-static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
+static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
            (1 - b->seam[k]);
@@ -426,7 +426,7 @@ static float dynamic_branch_shown(const struct dynamic_branch *b, size_t k)
  * outline included: there nothing may hide what is beside the head.  Upper lids
  * do not count: closed, they must hide the eyeballs, which the decoder has not
  * learned; nor the lips' inner edge, which must be one against the teeth. */
-static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
+static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
 {
     return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
            (1 - b->lid[k]) * (1 - b->seam[k]);
@@ -434,7 +434,7 @@ static float dynamic_branch_ahead(const struct dynamic_branch *b, size_t k)
 
 /* What Gaussian k measures at least: the decoder draws thin what faces the
  * camera, and when the head turns its rows would part and show the back. */
-static float dynamic_branch_least(const struct dynamic_branch *b, size_t k)
+static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
 {
     return fminf(LEAST * b->spacing[k], BRANCH_SCALE_MAX);
 }
@@ -447,9 +447,9 @@ static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < out->n; k++) {
-        float w = dynamic_branch_shown(b, k), *scale = out->scale + 3 * k;
-        float v = dynamic_branch_ahead(b, k);
-        float least = dynamic_branch_least(b, k);
+        float w = dynamic_branch_visibility(b, k), *scale = out->scale + 3 * k;
+        float v = dynamic_branch_front(b, k);
+        float least = dynamic_branch_min_scale(b, k);
         float round = fminf(CLOSED * b->spacing[k], BRANCH_SCALE_MAX);
         float *color = out->color + k * out->channels;
 
@@ -468,7 +468,7 @@ static void dynamic_branch_unseen(struct branch_set *out,
 }
 
 /* The decoder's scale i, three a Gaussian, as branch_prior_forward has it. */
-static float dynamic_branch_drawn(const struct dynamic_branch *b, size_t i)
+static float dynamic_branch_net_scale(const struct dynamic_branch *b, size_t i)
 {
     return BRANCH_SCALE_MAX *
            attribute_shift(b->start.scale[i] / BRANCH_SCALE_MAX,
@@ -480,13 +480,14 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < dout->n; k++) {
-        float w = dynamic_branch_shown(b, k), v = dynamic_branch_ahead(b, k);
+        float w = dynamic_branch_visibility(b, k);
+        float v = dynamic_branch_front(b, k);
 
         for (size_t c = 0; c < dout->channels; c++)
             dout->color[k * dout->channels + c] *= w;
         for (size_t i = 3 * k; i < 3 * k + 3; i++)
-            dout->scale[i] *= dynamic_branch_drawn(b, i) >
-                              dynamic_branch_least(b, k) ? v : 0;
+            dout->scale[i] *= dynamic_branch_net_scale(b, i) >
+                              dynamic_branch_min_scale(b, k) ? v : 0;
         dout->opacity[k] *= v;
     }
 }

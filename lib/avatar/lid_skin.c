@@ -20,9 +20,10 @@ struct lid_skin_lid {
 };
 
 /* Whether vertex or midpoint k is of that lid. */
-static bool lid_skin_on(const struct lid_skin_lid *lid, size_t k,
-                        const struct head *h, const struct mesh_weights *w,
-                        const struct densify *d)
+static bool lid_skin_is_on_lid(const struct lid_skin_lid *lid, size_t k,
+                               const struct head *h,
+                               const struct mesh_weights *w,
+                               const struct densify *d)
 {
     size_t end[2];
 
@@ -31,8 +32,8 @@ static bool lid_skin_on(const struct lid_skin_lid *lid, size_t k,
 }
 
 /* How far vertex or midpoint k comes down when both eyes close, head units. */
-static float lid_skin_down(size_t k, const struct head *h,
-                           const struct densify *d)
+static float lid_skin_descent(size_t k, const struct head *h,
+                              const struct densify *d)
 {
     const float *l = h->l_eyelid + 1, *r = h->r_eyelid + 1;
     size_t end[2];
@@ -52,11 +53,11 @@ static bool lid_skin_find(struct lid_skin_lid *lid, const float *verts,
     lid->most = 0;
     memset(lid->middle, 0, sizeof lid->middle);
     for (size_t v = 0; v < d->V; v++)
-        if (lid_skin_on(lid, v, h, w, d)) {
+        if (lid_skin_is_on_lid(lid, v, h, w, d)) {
             sum += w->lid[v];
             for (int c = 0; c < 3; c++)
                 lid->middle[c] += w->lid[v] * verts[3 * v + c];
-            lid->most = fmaxf(lid->most, lid_skin_down(v, h, d));
+            lid->most = fmaxf(lid->most, lid_skin_descent(v, h, d));
         }
     for (int c = 0; c < 3; c++)
         lid->middle[c] /= fmaxf(sum, 1e-6f);
@@ -65,9 +66,9 @@ static bool lid_skin_find(struct lid_skin_lid *lid, const float *verts,
 
 /* weight (V): how far vertices about x (3) say what skin is there; neither
  * brows nor eyes do. */
-static void lid_skin_about(float *weight, const float x[3],
-                           const struct lid_skin_source *s,
-                           const struct head *h)
+static void lid_skin_weights_near(float *weight, const float x[3],
+                                  const struct lid_skin_source *s,
+                                  const struct head *h)
 {
     const float far = ABOUT_MM * 1e-3f * h->scale;
 
@@ -95,9 +96,9 @@ static void lid_skin_paint(float *rgb, const struct lid_skin_lid *lid,
     for (size_t k = 0; k < d->V + d->E; k++) {
         float down, lash;
 
-        if (!lid_skin_on(lid, k, h, w, d))
+        if (!lid_skin_is_on_lid(lid, k, h, w, d))
             continue;
-        down = fmaxf(lid_skin_down(k, h, d) / lid->most, 0);
+        down = fmaxf(lid_skin_descent(k, h, d) / lid->most, 0);
         lash = w->lid[k] - w->fold[k];
         for (int c = 0; c < 3; c++) {
             float *own = rgb + 3 * k + c;
@@ -118,7 +119,7 @@ void lid_skin(float *rgb, const struct lid_skin_source *s,
 
         if (!lid_skin_find(&lid, s->verts, h, w, d))
             continue;
-        lid_skin_about(tmp, lid.middle, s, h);
+        lid_skin_weights_near(tmp, lid.middle, s, h);
         if (branch_mean_color(skin, s->pixel, tmp, h->V, 0) < 1)
             continue;
         branch_mean_color(skin, s->pixel, tmp, h->V,

@@ -43,8 +43,8 @@ static double light_residual(const struct fit *f, double light,
 }
 
 /* What is left of a vertex's weight, by what the last round found. */
-static double light_trust(const struct fit *f, const float color[4],
-                          const float n[3])
+static double light_robust_weight(const struct fit *f, const float color[4],
+                                  const float n[3])
 {
     double r = light_residual(f, (double)color[0], n) / (2 * f->spread);
     double off = 0;
@@ -91,7 +91,7 @@ static bool light_fit_again(struct fit *f, const float *colors,
 
         if (light < 0 || !(weight[v] > 0))
             continue;
-        w = (double)weight[v] * light_trust(f, color, n);
+        w = (double)weight[v] * light_robust_weight(f, color, n);
         sum += w;
         spread += w * fabs(light_residual(f, light, n));
         for (int i = 0; i < 4; i++) {

@@ -179,9 +179,9 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
 
 /* Where the mean head's skin goes when the jaw drops, and what it stretches by;
  * rest (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
-static int mesh_weights_drop(struct mesh_weights *w, const struct head *h,
-                             const struct densify *d, const float *rest,
-                             float *posed, float *wide, struct error *err)
+static int mesh_weights_jaw_drop(struct mesh_weights *w, const struct head *h,
+                                 const struct densify *d, const float *rest,
+                                 float *posed, float *wide, struct error *err)
 {
     const struct head_motion drop = {.jaw = {DROP}};
     struct identity mean;
@@ -260,7 +260,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     float *wide = rest + D, *posed = wide + D;
     densify_spacing(rest, h->v_template, d);
     mesh_weights_lids(w, h, d, rest, posed);
-    int rc = mesh_weights_drop(w, h, d, rest, posed, wide, err);
+    int rc = mesh_weights_jaw_drop(w, h, d, rest, posed, wide, err);
     free(rest);
     mesh_weights_seam(w, h, d);
     return rc ? -1 : head_mirror_vertices(w->mirror, h, err);

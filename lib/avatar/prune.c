@@ -83,8 +83,8 @@ static int prune_open_renderer(struct splat *s, const struct prune *p,
 }
 
 /* Largest summed weight of every Gaussian over the views. */
-static int prune_weigh(struct prune *p, const struct densify *d,
-                       const struct head *h, struct error *err)
+static int prune_measure(struct prune *p, const struct densify *d,
+                         const struct head *h, struct error *err)
 {
     struct splat_gradients g = {.color = p->weight};
     struct splat s = {0};
@@ -190,7 +190,7 @@ int prune_views(struct baked *b, struct prune_report *r,
     head_pose(p.verts, id, &rest);
     head_pose(p.verts + 3 * id->head->V, id, &open);
     prune_count(r->before, b);
-    if (prune_weigh(&p, d, id->head, err) ||
+    if (prune_measure(&p, d, id->head, err) ||
         prune_draw_all(&p, d, id->head, NULL, &r->ms_full, err))
         goto out;
     for (size_t i = 0; i < b->N; i++)

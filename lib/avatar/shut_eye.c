@@ -26,8 +26,8 @@ static const struct shut_eye_look shut_eye_anybody = {
 };
 
 /* What of the way lid (V,3) the vertices have gone, by least squares. */
-static float shut_eye_way(const float *posed, const float *rest,
-                          const float *lid, size_t V)
+static float shut_eye_closure(const float *posed, const float *rest,
+                              const float *lid, size_t V)
 {
     double gone = 0, all = 1e-12;
 
@@ -42,14 +42,16 @@ struct shut_eye shut_eye_find(const float *posed, const float *rest,
                               const struct head *h)
 {
     return (struct shut_eye){
-        branch_ramp(shut_eye_way(posed, rest, h->l_eyelid, h->V), OPEN, SHUT),
-        branch_ramp(shut_eye_way(posed, rest, h->r_eyelid, h->V), OPEN, SHUT)
+        branch_ramp(shut_eye_closure(posed, rest, h->l_eyelid, h->V),
+                    OPEN, SHUT),
+        branch_ramp(shut_eye_closure(posed, rest, h->r_eyelid, h->V),
+                    OPEN, SHUT)
     };
 }
 
 /* Whether vertex or midpoint k is of an eyeball; x (3) of the mean head. */
-static bool shut_eye_on(float x[3], size_t k, const struct head *h,
-                        const struct densify *d)
+static bool shut_eye_is_ball(float x[3], size_t k, const struct head *h,
+                             const struct densify *d)
 {
     size_t end[2];
 
@@ -68,7 +70,7 @@ void shut_eye_stretch(float *spacing, const struct shut_eye *s,
     float x[3];
 
     for (size_t k = 0; k < d->V + d->E; k++) {
-        shut_eye_on(x, k, h, d);
+        shut_eye_is_ball(x, k, h, d);
         spacing[k] *= 1 + (stretch[k] - 1) *
                           (1 - (x[0] > 0 ? s->left : s->right));
     }
@@ -80,13 +82,13 @@ void shut_eye_hide(float *seen, const struct shut_eye *s, const struct head *h,
     float x[3];
 
     for (size_t k = 0; k < d->V + d->E; k++)
-        if (shut_eye_on(x, k, h, d))
+        if (shut_eye_is_ball(x, k, h, d))
             seen[k] *= 1 - (x[0] > 0 ? s->left : s->right);
 }
 
 /* Unit vector (3) from the middle of an eyeball to x. */
-static void shut_eye_way_out(float out[3], const float x[3],
-                             const struct head *h, bool left)
+static void shut_eye_direction(float out[3], const float x[3],
+                               const struct head *h, bool left)
 {
     const float *c = h->joint_template +
                      3 * (left ? JOINT_EYE_LEFT : JOINT_EYE_RIGHT);
@@ -113,7 +115,7 @@ static void shut_eye_axis(float axis[3], const struct head *h, bool left)
             most = x;
     }
     if (most)
-        shut_eye_way_out(axis, most, h, left);
+        shut_eye_direction(axis, most, h, left);
 }
 
 /* Degrees of a point x (3) of an eyeball from the axis that it looks along. */
@@ -122,7 +124,7 @@ static float shut_eye_angle(const float x[3], const float axis[3],
 {
     float out[3];
 
-    shut_eye_way_out(out, x, h, x[0] > 0);
+    shut_eye_direction(out, x, h, x[0] > 0);
     const float cosine = out[0] * axis[0] + out[1] * axis[1] +
                          out[2] * axis[2];
     return acosf(fminf(fmaxf(cosine, -1), 1)) * 57.29578f;
@@ -138,7 +140,7 @@ static void shut_eye_mean(float rgb[3], float low, float high, bool left,
     float sum[4] = {0}, x[3];
 
     for (size_t k = 0; k < d->V + d->E; k++) {
-        if (!shut_eye_on(x, k, h, d) || (x[0] > 0) != left)
+        if (!shut_eye_is_ball(x, k, h, d) || (x[0] > 0) != left)
             continue;
         const float angle = shut_eye_angle(x, axis, h);
         const float w = angle > low && angle < high ? trust[k] : 0;
@@ -189,7 +191,7 @@ void shut_eye_paint(float *rgb, const struct shut_eye *s,
     for (int left = 0; left < 2; left++)
         look[left] = shut_eye_choose(left, axis, s, by, h, d);
     for (size_t k = 0; k < d->V + d->E; k++) {
-        if (!shut_eye_on(x, k, h, d))
+        if (!shut_eye_is_ball(x, k, h, d))
             continue;
         const bool left = x[0] > 0;
         const float shut = left ? s->left : s->right;

@@ -126,7 +126,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->pixel, 4 * n2, false}, {&b->dpixel, 4 * n2, true},
         {&b->din, n2 * b->inputs, true}, {&b->dsampled, n2 * Cf, true},
         {&b->logit, 3 * n2, false},
-        {&b->dlogit, 3 * n2, true}, {&b->held, 3 * n2, false},
+        {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
         {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
@@ -312,8 +312,8 @@ static void static_branch_inputs_backward(struct static_branch *b)
 
 /* The Gaussians' colours are near the photograph's: a decoder that has not
  * seen such cloth tints its rims, where a turned head shows them. */
-static void static_branch_hold(struct branch_set *out,
-                               const struct static_branch *b)
+static void static_branch_clamp_tint(struct branch_set *out,
+                                     const struct static_branch *b)
 {
 #pragma omp parallel for schedule(static)
     for (size_t k = 0; k < out->n; k++)
@@ -321,19 +321,19 @@ static void static_branch_hold(struct branch_set *out,
             const float own = 1 / (1 + expf(-b->logit[3 * k + c]));
             float *color = out->color + k * out->channels + c;
 
-            b->held[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
+            b->clamped[3 * k + c] = fabsf(*color - own) > TINT ? own : 0;
             *color = fminf(fmaxf(*color, own - TINT), own + TINT);
         }
 }
 
-/* Reverse of static_branch_hold, in place: what is held follows the picture
- * alone, held (n*n,3) is the gradient of its logits. */
-static void static_branch_hold_backward(struct branch_set *dout,
-                                        struct static_branch *b)
+/* Reverse of static_branch_clamp_tint, in place: what was clamped follows the
+ * picture alone, clamped (n*n,3) is the gradient of its logits. */
+static void static_branch_clamp_tint_backward(struct branch_set *dout,
+                                              struct static_branch *b)
 {
     for (size_t k = 0; k < dout->n; k++)
         for (size_t c = 0; c < 3; c++) {
-            float *own = b->held + 3 * k + c;
+            float *own = b->clamped + 3 * k + c;
             float *d = dout->color + k * dout->channels + c;
 
             if (!(*own > 0))
@@ -364,7 +364,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
     if (b->prior)
-        static_branch_hold(out, b);
+        static_branch_clamp_tint(out, b);
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
                            : b->p_raw[k];
@@ -400,13 +400,13 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
                                             b->p_shift[k]);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
     if (b->prior)
-        static_branch_hold_backward(dout, b);
+        static_branch_clamp_tint_backward(dout, b);
     struct gaussian_out draw = branch_decoder_gradient(dout, b->dp);
     conv_decoder_backward(b->din, NULL, b->prior ? b->dlogit : NULL, &draw,
                           mesh->normal, b->prior ? b->logit : NULL,
                           &b->decoder);
     for (size_t i = 0; b->prior && i < 3 * b->count; i++)
-        b->dlogit[i] += b->held[i];
+        b->dlogit[i] += b->clamped[i];
     static_branch_inputs_backward(b);
     if (b->prior)
         source_picture_sample_backward(b->dU, b->dpixel, picture, b->U,

@@ -42,7 +42,7 @@ struct static_branch {
     float *dsampled;                    /* (n,n,Cf) of F at U */
     float *din;                         /* (n,n,inputs) */
     float *logit, *dlogit;              /* (n,n,3) RGB to start from */
-    float *held;                        /* (n,n,3) colours that are held near
+    float *clamped;                     /* (n,n,3) colours that are kept near
                                          * the picture's, 0 elsewhere; their
                                          * gradients */
     float *surface;                     /* (n,n) height of the mesh over the

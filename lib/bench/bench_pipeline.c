@@ -360,7 +360,7 @@ static int pipeline_variant(struct pipeline *l, const struct variant *v,
 }
 
 /* Fewer and fewer Gaussians. */
-static int pipeline_fewer(struct pipeline *l, struct error *err)
+static int pipeline_reduced(struct pipeline *l, struct error *err)
 {
     static const double eps[] = {0.1, 1, 10};
     struct bench_person *s = &l->person;
@@ -436,7 +436,7 @@ static int pipeline_all(struct pipeline *l, struct error *err)
         if ((variants[i].type != NN_INT8 || nn_type_native(NN_INT8)) &&
             pipeline_variant(l, &variants[i], err))
             return -1;
-    return pipeline_fewer(l, err);
+    return pipeline_reduced(l, err);
 }
 
 int bench_pipeline(struct bench *b, struct error *err)

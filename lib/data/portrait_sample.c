@@ -195,7 +195,8 @@ static void portrait_draw_wall(struct portrait *p, struct random *r)
 
 /* Clothes dyed: what is below the chin and about as coloured as a pixel at the
  * bottom becomes another colour, striped one time in three. */
-static void portrait_dye(struct portrait *p, float chin, struct random *r)
+static void portrait_recolour_clothes(struct portrait *p, float chin,
+                                      struct random *r)
 {
     const size_t n = p->n;
     const float *cloth = NULL;
@@ -339,7 +340,7 @@ int portrait_sample(float *rgb, float *alpha, float *weight, size_t n,
             goto out;
         portrait_draw_wall(&p, r);
         if (how->colour > 0 && random_chance(r, 0.5))
-            portrait_dye(&p, portrait_chin(f, q, n), r);
+            portrait_recolour_clothes(&p, portrait_chin(f, q, n), r);
         portrait_light_draw(&l, how->colour, r);
         portrait_compose(&p, &l);
     }

@@ -191,10 +191,10 @@ static size_t people_frames(const struct people *e,
 
 /* Source p, with parts left out, driven by d: every frame is tracked, every
  * stride-th drawn and visited. */
-static int people_walk(struct people *e, const struct data_person *p,
-                       const struct data_person *d, unsigned without,
-                       size_t stride, people_visit_fn *visit,
-                       struct error *err)
+static int people_visit_frames(struct people *e, const struct data_person *p,
+                               const struct data_person *d, unsigned without,
+                               size_t stride, people_visit_fn *visit,
+                               struct error *err)
 {
     size_t count = people_frames(e, d);
     struct square q = d->frame[0].crop;
@@ -285,7 +285,7 @@ static int people_self(struct people *e, const struct data_person *p,
     if (head_fold(&e->id, e->s->head, p->shape, e->s->head->nshape, err) ==
             0 &&
         data_portrait(e->source, NULL, e->S, &p->frame[0], err) == 0)
-        rc = people_walk(e, p, p, 0, 1, people_visit_self, err);
+        rc = people_visit_frames(e, p, p, 0, 1, people_visit_self, err);
     identity_release(&e->id);
     return rc;
 }
@@ -307,8 +307,8 @@ static int people_ablate(struct people *e, const struct data_person *p,
 {
     for (size_t k = 0; k < sizeof ablation / sizeof *ablation; k++) {
         e->row = ablation[k].name;
-        if (people_walk(e, p, p, ablation[k].without, e->opt->stride,
-                        people_visit_ablation, err))
+        if (people_visit_frames(e, p, p, ablation[k].without, e->opt->stride,
+                                people_visit_ablation, err))
             return -1;
     }
     return 0;
@@ -371,7 +371,8 @@ static int people_cross(struct people *e, const struct data_person *p,
         return -1;
     people_colour(e->source_colour, e->source, e->S,
                   data_face(&p->frame[0], e->S));
-    return people_walk(e, p, d, 0, e->opt->stride, people_visit_cross, err);
+    return people_visit_frames(e, p, d, 0, e->opt->stride, people_visit_cross,
+                               err);
 }
 
 /* ---- all of them -------------------------------------------------------- */

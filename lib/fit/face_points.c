@@ -246,7 +246,8 @@ static void face_take_eye(struct face_points *p, float *scratch,
 }
 
 /* Spread lowers trust, as do points that are placed alike on everybody. */
-static void face_weigh(struct face_points *p, const struct landmark_map *m)
+static void face_set_weights(struct face_points *p,
+                             const struct landmark_map *m)
 {
     double sum = 0;
 
@@ -309,7 +310,7 @@ int face_points_init(struct face_points *p, const struct head *head,
     face_take_lids(p, scratch, head, place);
     for (int side = 0; side < 2; side++)
         face_take_eye(p, scratch, head, side);
-    face_weigh(p, m);
+    face_set_weights(p, m);
     free(scratch);
     return 0;
 }

@@ -22,17 +22,18 @@ const double metric_taps[METRIC_WINDOW] = {
 
 typedef void filter_fn(double *, const double *, size_t, size_t, double *);
 
-filter_fn metric_blur_baseline, metric_spread_baseline;
+filter_fn metric_blur_baseline, metric_blur_transpose_baseline;
 #ifdef SPID_X86
-filter_fn metric_blur_avx2, metric_spread_avx2;
-filter_fn metric_blur_avx512, metric_spread_avx512;
+filter_fn metric_blur_avx2, metric_blur_avx512;
+filter_fn metric_blur_transpose_avx2, metric_blur_transpose_avx512;
 static filter_fn *const blur[] = {metric_blur_baseline, metric_blur_avx2,
                                   metric_blur_avx512};
-static filter_fn *const spread[] = {
-    metric_spread_baseline, metric_spread_avx2, metric_spread_avx512};
+static filter_fn *const transpose[] = {metric_blur_transpose_baseline,
+                                       metric_blur_transpose_avx2,
+                                       metric_blur_transpose_avx512};
 #else
 static filter_fn *const blur[] = {metric_blur_baseline};
-static filter_fn *const spread[] = {metric_spread_baseline};
+static filter_fn *const transpose[] = {metric_blur_transpose_baseline};
 #endif
 
 void metric_blur(double *out, const double *in, size_t H, size_t W,
@@ -41,8 +42,8 @@ void metric_blur(double *out, const double *in, size_t H, size_t W,
     blur[cpu_level()](out, in, H, W, tmp);
 }
 
-void metric_spread(double *out, const double *in, size_t H, size_t W,
-                   double *tmp)
+void metric_blur_transpose(double *out, const double *in, size_t H, size_t W,
+                           double *tmp)
 {
-    spread[cpu_level()](out, in, H, W, tmp);
+    transpose[cpu_level()](out, in, H, W, tmp);
 }

@@ -16,7 +16,7 @@ void metric_blur(double *out, const double *in, size_t H, size_t W,
 
 /* Transpose of metric_blur: in [H-10,W-10] is spread to out [H,W], which is
  * overwritten; tmp as above. */
-void metric_spread(double *out, const double *in, size_t H, size_t W,
-                   double *tmp);
+void metric_blur_transpose(double *out, const double *in, size_t H, size_t W,
+                           double *tmp);
 
 #endif

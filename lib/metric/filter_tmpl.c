@@ -7,8 +7,8 @@
 
 void ISA(metric_blur)(double *out, const double *in, size_t H, size_t W,
                       double *tmp);
-void ISA(metric_spread)(double *out, const double *in, size_t H, size_t W,
-                        double *tmp);
+void ISA(metric_blur_transpose)(double *out, const double *in, size_t H,
+                                size_t W, double *tmp);
 
 /* y[0..n) += a * x[0..n) */
 static void filter_axpy(double *restrict y, const double *restrict x, double a,
@@ -35,8 +35,8 @@ void ISA(metric_blur)(double *out, const double *in, size_t H, size_t W,
 }
 
 /* The transpose of metric_blur, for gradients: columns, then rows. */
-void ISA(metric_spread)(double *out, const double *in, size_t H, size_t W,
-                        double *tmp)
+void ISA(metric_blur_transpose)(double *out, const double *in, size_t H,
+                                size_t W, double *tmp)
 {
     size_t w = W - METRIC_WINDOW + 1, h = H - METRIC_WINDOW + 1;
 

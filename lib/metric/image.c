@@ -185,13 +185,13 @@ static void metric_plane_ssim_backward(double *db, double gs, double gc,
         k->bb[i] = dvb;
         k->ab[i] = dvab;
     }
-    metric_spread(k->spread, k->mu_b, H, W, k->tmp);
+    metric_blur_transpose(k->spread, k->mu_b, H, W, k->tmp);
     for (size_t i = 0; i < H * W; i++)
         db[i] += k->spread[i];
-    metric_spread(k->spread, k->bb, H, W, k->tmp);
+    metric_blur_transpose(k->spread, k->bb, H, W, k->tmp);
     for (size_t i = 0; i < H * W; i++)
         db[i] += 2 * b[i] * k->spread[i];
-    metric_spread(k->spread, k->ab, H, W, k->tmp);
+    metric_blur_transpose(k->spread, k->ab, H, W, k->tmp);
     for (size_t i = 0; i < H * W; i++)
         db[i] += a[i] * k->spread[i];
 }

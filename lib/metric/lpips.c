@@ -171,8 +171,8 @@ static void lpips_pool_forward(float *out, const float *in, size_t H, size_t W,
 }
 
 /* Patches (h*w, C*k*k), channel slowest as in the weights, zeros outside. */
-static void lpips_stage_unfold(float *out, const float *in, size_t H, size_t W,
-                               int i, size_t h, size_t w)
+static void lpips_im2col(float *out, const float *in, size_t H, size_t W,
+                         int i, size_t h, size_t w)
 {
     size_t k = stage[i].kernel, C = stage[i].in;
 
@@ -210,7 +210,7 @@ static void lpips_features(struct lpips *l, int which, const float *rgb)
             w = lpips_pool_size(w);
             x = l->in;
         }
-        lpips_stage_unfold(l->patches, x, h, w, i, l->h[i], l->w[i]);
+        lpips_im2col(l->patches, x, h, w, i, l->h[i], l->w[i]);
         conv_forward(l->out[which][i], l->patches, &l->conv[i]);
         h = l->h[i];
         w = l->w[i];
@@ -292,10 +292,10 @@ static void lpips_stage_distance_backward(float *g, const float *a,
     }
 }
 
-/* lpips_stage_unfold in reverse: in (H,W,C) = the sum of what went to
+/* lpips_im2col in reverse: in (H,W,C) = the sum of what went to
  * patches. */
-static void lpips_stage_fold(float *in, const float *patches, size_t H,
-                             size_t W, int i, size_t h, size_t w)
+static void lpips_col2im(float *in, const float *patches, size_t H,
+                         size_t W, int i, size_t h, size_t w)
 {
     size_t k = stage[i].kernel, C = stage[i].in;
 
@@ -353,11 +353,11 @@ void lpips_backward(float *db, struct lpips *l)
         conv_backward(l->dpatches, l->dout, l->out[1][i], l->patches,
                       &l->conv[i]);
         if (!stage[i].pool) {
-            lpips_stage_fold(l->dout, l->dpatches, H, W, i, h, w);
+            lpips_col2im(l->dout, l->dpatches, H, W, i, h, w);
             continue;
         }
-        lpips_stage_fold(l->din, l->dpatches, lpips_pool_size(H),
-                         lpips_pool_size(W), i, h, w);
+        lpips_col2im(l->din, l->dpatches, lpips_pool_size(H),
+                     lpips_pool_size(W), i, h, w);
         lpips_pool_backward(l->dout, l->din, l->out[1][i - 1], H, W,
                             stage[i].in);
     }

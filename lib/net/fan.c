@@ -278,8 +278,8 @@ void fan_release(struct fan *f)
 /* ---- half and twice ----------------------------------------------------- */
 
 /* y (n,n,C) = scale * the sums of 2x2 pixels of x (2n,2n,C). */
-static void fan_gather(float *y, const float *x, size_t n, size_t C,
-                       float scale)
+static void fan_pool_sum(float *y, const float *x, size_t n, size_t C,
+                         float scale)
 {
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < n * n; r++) {
@@ -292,8 +292,8 @@ static void fan_gather(float *y, const float *x, size_t n, size_t C,
 }
 
 /* y (2n,2n,C) += scale * x (n,n,C), each pixel four times. */
-static void fan_spread(float *y, const float *x, size_t n, size_t C,
-                       float scale)
+static void fan_upsample_add(float *y, const float *x, size_t n, size_t C,
+                             float scale)
 {
 #pragma omp parallel for schedule(static)
     for (size_t r = 0; r < 4 * n * n; r++) {
@@ -339,7 +339,7 @@ static const float *fan_level_forward(const float *x, struct fan *f,
     size_t C = f->width;
     const float *inside;
 
-    fan_gather(h->half[i], x, n / 2, C, 0.25f);
+    fan_pool_sum(h->half[i], x, n / 2, C, 0.25f);
     inside = fan_block_forward(h->half[i], &h->down[i], f->g[0]);
     inside = i + 1 < FAN_LEVELS
                  ? fan_level_forward(inside, f, h, i + 1, n / 2)
@@ -347,7 +347,7 @@ static const float *fan_level_forward(const float *x, struct fan *f,
     inside = fan_block_forward(inside, &h->back[i], f->g[0]);
     memcpy(h->y[i], fan_block_forward(x, &h->outer[i], f->g[0]),
            n * n * C * sizeof *x);
-    fan_spread(h->y[i], inside, n / 2, C, 1);
+    fan_upsample_add(h->y[i], inside, n / 2, C, 1);
     return h->y[i];
 }
 
@@ -376,7 +376,7 @@ const float *fan_forward(const float *rgb, struct fan *f)
     f->rgb = rgb;
     conv_forward(f->first, rgb, &f->stem);
     x = fan_block_forward(f->first, &f->block[0], f->g[0]);
-    fan_gather(f->half, x, f->side / 4, f->width / 2, 0.25f);
+    fan_pool_sum(f->half, x, f->side / 4, f->width / 2, 0.25f);
     x = fan_block_forward(f->half, &f->block[1], f->g[0]);
     x = fan_block_forward(x, &f->block[2], f->g[0]);
     for (size_t k = 0; k < f->stacks; k++)
@@ -423,7 +423,7 @@ static void fan_level_backward(float *d, struct fan *f,
     size_t bytes = inside * inside * C * sizeof *d;
     float *low = f->low[i], *t = f->g[3];
 
-    fan_gather(t, d, inside, C, 1);
+    fan_pool_sum(t, d, inside, C, 1);
     fan_block_backward(low, t, &h->back[i], f);
     if (i + 1 < FAN_LEVELS) {
         fan_level_backward(low, f, h, i + 1, inside);
@@ -435,7 +435,7 @@ static void fan_level_backward(float *d, struct fan *f,
     memcpy(low, t, bytes);
     fan_block_backward(t, d, &h->outer[i], f);
     memcpy(d, t, n * n * C * sizeof *d);
-    fan_spread(d, low, inside, C, 0.25f);
+    fan_upsample_add(d, low, inside, C, 0.25f);
 }
 
 /* From the gradients of the next stack's x (d; for the last stack zeros) and
@@ -472,7 +472,7 @@ void fan_backward(float *drgb, float *dheat, struct fan *f)
     fan_block_backward(t, d, &f->block[2], f);
     fan_block_backward(d, t, &f->block[1], f);
     memset(t, 0, 4 * n * n * W / 2 * sizeof *t);
-    fan_spread(t, d, n, W / 2, 0.25f);
+    fan_upsample_add(t, d, n, W / 2, 0.25f);
     fan_block_backward(d, t, &f->block[0], f);
     conv_backward(drgb, d, f->first, f->rgb, &f->stem);
 }

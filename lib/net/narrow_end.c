@@ -84,7 +84,7 @@ static void narrow_end_mark_cell(struct narrow_end *e, size_t y, size_t x)
 }
 
 /* Each tile that is wanted wants the eight about it of the layer before. */
-static void narrow_end_spread(uint8_t *before, const uint8_t *tile,
+static void narrow_end_dilate(uint8_t *before, const uint8_t *tile,
                               size_t high, size_t across)
 {
     for (size_t y = 0; y < high; y++)
@@ -108,8 +108,8 @@ static size_t narrow_end_list(uint32_t *list, const uint8_t *tile, size_t n)
     return count;
 }
 
-void narrow_end_cover(struct narrow_end *e, struct conv *before,
-                      const float *alpha, size_t stride)
+void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
+                             const float *alpha, size_t stride)
 {
     struct winograd *g = conv_winograd(before);
 
@@ -136,7 +136,7 @@ void narrow_end_cover(struct narrow_end *e, struct conv *before,
     e->joint.list = e->list[0];
     if (!g)
         return;
-    narrow_end_spread(e->tile + tiles, e->tile, h / TILE, across);
+    narrow_end_dilate(e->tile + tiles, e->tile, h / TILE, across);
     g->listed = narrow_end_list(e->list[1], e->tile + tiles, tiles);
     g->list = e->list[1];
 }

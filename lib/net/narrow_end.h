@@ -36,12 +36,12 @@ void narrow_end_update(struct narrow_end *e);
 /* What the next passes have to compute, of joint and of `before`, whose map
  * joint reads: what pixels see whose alpha is not 0, rows `stride` apart; all
  * of it where alpha is NULL or the batch not 1. */
-void narrow_end_cover(struct narrow_end *e, struct conv *before,
-                      const float *alpha, size_t stride);
+void narrow_end_set_coverage(struct narrow_end *e, struct conv *before,
+                             const float *alpha, size_t stride);
 
 /* rgb (B,4h,4w,3) += what the map before (B,h,w,in) makes; field (B,h,w,4)
- * written, unless there is none.  Where narrow_end_cover says that nobody
- * looks, both stay. */
+ * written, unless there is none.  Where narrow_end_set_coverage says that
+ * nobody looks, both stay. */
 void narrow_end_forward(float *rgb, float *field, const float *before,
                         struct narrow_end *e);
 

@@ -365,8 +365,8 @@ static void narrow_refiner_forward_quarter(struct narrow_refiner *r)
     conv_forward(r->z0, r->y0, &r->body0);
 }
 
-/* Corrections d (n) held to what a refiner of the photograph may add. */
-static void narrow_refiner_hold(float *d, size_t n)
+/* Corrections d (n) clamped to what a refiner of the photograph may add. */
+static void narrow_refiner_clamp(float *d, size_t n)
 {
     const float most = NARROW_REFINER_MOST;
 
@@ -375,8 +375,8 @@ static void narrow_refiner_hold(float *d, size_t n)
         d[i] = d[i] < -most ? -most : d[i] > most ? most : d[i];
 }
 
-/* dd = 0 where d was held. */
-static void narrow_refiner_hold_backward(float *dd, const float *d, size_t n)
+/* dd = 0 where d was clamped. */
+static void narrow_refiner_clamp_backward(float *dd, const float *d, size_t n)
 {
     for (size_t i = 0; i < n; i++)
         if (fabsf(d[i]) >= NARROW_REFINER_MOST)
@@ -391,7 +391,7 @@ static void narrow_refiner_forward_end(float *rgb, const float *coarse,
     conv_forward(r->d, r->z0, &r->rgb);
     if (r->photos) {
         conv_forward(r->k, r->z0, &r->field);
-        narrow_refiner_hold(r->d, 3 * r->batch * r->h * r->w);
+        narrow_refiner_clamp(r->d, 3 * r->batch * r->h * r->w);
     }
     depth_to_space_add(rgb, coarse, channels, r->d, r->batch, r->h / 4,
                        r->w / 4, 3, 4);
@@ -417,8 +417,8 @@ void narrow_refiner_forward_view(float *rgb, const struct feature_view *feat,
 {
     fused_stem_forward(r->f0, rgb, feat, &r->stem);
     narrow_refiner_forward_stem(r);
-    narrow_end_cover(&r->end, &r->body0, feat->alpha,
-                     feat->stride / r->channels);
+    narrow_end_set_coverage(&r->end, &r->body0, feat->alpha,
+                            feat->stride / r->channels);
     narrow_refiner_forward_quarter(r);
     if (r->end.joint.u)
         narrow_end_forward(rgb, r->k, r->z0, &r->end);
@@ -467,7 +467,7 @@ static void narrow_refiner_decoder_backward(float *de0, float *de1, float *dm,
 
     depth_to_space_backward(r->dd, drgb, B, h / 4, w / 4, 3, 4);
     if (r->photos)
-        narrow_refiner_hold_backward(r->dd, r->d, 3 * B * h * w);
+        narrow_refiner_clamp_backward(r->dd, r->d, 3 * B * h * w);
     conv_backward(dz0, r->dd, r->d, r->z0, &r->rgb);
     if (r->photos) {
         memcpy(r->dk, dfield, a0 * NARROW_REFINER_FIELD * sizeof *r->dk);

@@ -49,7 +49,7 @@ void fused_stem_update(struct fused_stem *f)
 
 /* n pixels of a packed row into wide, zeros where none is; how many there
  * were.  at: the first one's place. */
-static size_t fused_stem_spread(float *wide, const struct feature_view *in,
+static size_t fused_stem_unpack(float *wide, const struct feature_view *in,
                                 const float *alpha, size_t at, size_t n,
                                 size_t C)
 {
@@ -107,7 +107,7 @@ static bool fused_stem_gather(struct fused_stem_rows *rows, float *wide,
         rows->row[y] = to;
         rows->step = 16 * (in->f32 ? sizeof *in->f32 : sizeof *in->f16);
         if (in->start) {
-            size_t took = fused_stem_spread(to, in, in->alpha + from / C,
+            size_t took = fused_stem_unpack(to, in, in->alpha + from / C,
                                             at[y], 2 * n, C);
 
             some += took;

@@ -88,7 +88,7 @@ static struct nn_chunk plan_chunk_of_zeros(size_t bytes)
     return c;
 }
 
-static void plan_chunk_drop(struct nn_chunk *c)
+static void plan_chunk_release(struct nn_chunk *c)
 {
     if (c->mapped && c->data)
         munmap(c->data, c->mapped);
@@ -180,7 +180,7 @@ static void *plan_pool_reuse(struct nn_pool *pool, size_t bytes)
 void nn_pool_release(struct nn_pool *pool)
 {
     for (size_t i = 0; i < pool->chunks; i++)
-        plan_chunk_drop(&pool->chunk[i]);
+        plan_chunk_release(&pool->chunk[i]);
     free(pool->chunk);
     memset(pool, 0, sizeof *pool);
 }
@@ -200,7 +200,7 @@ void nn_plan_init(struct nn_plan *p, struct nn_options opt)
 void nn_plan_release(struct nn_plan *p)
 {
     nn_pool_release(&p->own);
-    plan_chunk_drop(&p->working);
+    plan_chunk_release(&p->working);
     memset(p, 0, sizeof *p);
 }
 
@@ -228,7 +228,7 @@ static void *nn_plan_take(struct nn_plan *p, struct nn_pool *pool,
                         : plan_chunk_of_heap(bytes);
     if (c.data && !plan_pool_insert(pool, pool->chunks, c))
         return c.data;
-    plan_chunk_drop(&c);
+    plan_chunk_release(&c);
     nn_plan_fail(p, EX_OSERR, "out of memory (%zu bytes more)", bytes);
     return NULL;
 }
@@ -280,7 +280,7 @@ int nn_plan_finish(struct nn_plan *p, struct error *err)
     if (p->shared)
         plan_pool_join(p->shared);
     if (!p->err.code) {
-        plan_chunk_drop(&p->working);
+        plan_chunk_release(&p->working);
         p->working = plan_chunk_of_zeros(p->scratch_size + 64);
         p->scratch = p->working.data;
         if (!p->scratch)

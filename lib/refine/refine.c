@@ -429,7 +429,7 @@ int refine_photo(float *rgb, float *alpha, struct refine *r,
     struct texture_field field;
 
     if (!r->shown) {
-        texture_hold(rgb, 3, alpha, in->height * in->width);
+        texture_clamp_to_alpha(rgb, 3, alpha, in->height * in->width);
         return 0;
     }
     if (refine_field(&field, r, in, err))

@@ -57,7 +57,7 @@ static int refine_picture_enlarge(struct refine_picture *p,
     }
     if (refine_field(&field, r, in, err))
         return -1;
-    texture_hold(p->rgb, 3, in->alpha, in->height * in->width);
+    texture_clamp_to_alpha(p->rgb, 3, in->alpha, in->height * in->width);
     zoom_picture(z, p->rgb, in->alpha, photo ? in->place : NULL, &in->view,
                  &p->texture, &field);
     p->height = p->width = z->to;

@@ -123,12 +123,6 @@ static int backward_make_room(struct splat *s, struct error *err)
                      "out of memory", s->pairs);
 }
 
-/* First of n that thread t works on. */
-static size_t backward_share(size_t n, int t, int threads)
-{
-    return n * (size_t)t / (size_t)threads;
-}
-
 /* Number the pairs Gaussian by Gaussian; every thread its part, which begins
  * where the parts before it end. */
 static void backward_number_pairs(const struct splat *s, uint32_t *part)
@@ -136,8 +130,8 @@ static void backward_number_pairs(const struct splat *s, uint32_t *part)
     const struct splat_state *st = s->state;
     struct splat_gradient_state *b = st->gradient;
     int t = omp_get_thread_num(), threads = omp_get_num_threads();
-    size_t first = backward_share(s->n, t, threads);
-    size_t last = backward_share(s->n, t + 1, threads);
+    size_t first = state_share(s->n, t, threads);
+    size_t last = state_share(s->n, t + 1, threads);
     uint32_t sum = 0, at = 0;
 
     for (size_t i = first; i < last; i++) {
@@ -154,9 +148,9 @@ static void backward_number_pairs(const struct splat *s, uint32_t *part)
         at += part[k];
     for (size_t i = first; at && i < last; i++)
         b->range[i].origin += at;
-    first = backward_share(s->pairs, t, threads);
+    first = state_share(s->pairs, t, threads);
     memset(b->seen + first, 0,
-           backward_share(s->pairs, t + 1, threads) - first);
+           state_share(s->pairs, t + 1, threads) - first);
 #pragma omp barrier
 }
 

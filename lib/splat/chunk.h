@@ -104,8 +104,8 @@ VEC_INLINE void chunk_gather(vf g[8], const struct projected_gaussian *record,
  * columns from its leftmost to its rightmost point, or where the row's edge
  * cuts it.  The ellipse is taken a little too large, so that rounding loses
  * none. */
-VEC_INLINE void chunk_sieve(struct splat_work *w, const vf g[8], vf u, vf v,
-                            uint32_t at, uint32_t valid, float cut)
+VEC_INLINE void chunk_cull(struct splat_work *w, const vf g[8], vf u, vf v,
+                           uint32_t at, uint32_t valid, float cut)
 {
     vf room = vf_fma(g[FTOP] - vf_set(cut), vf_set(1.003f), vf_set(0.01f));
     vf peak = g[FSX] * g[FWIDE], tiny = vf_set(1e-20f);
@@ -239,7 +239,7 @@ chunk_build(struct splat_work *w, const struct splat_state *s,
                 w->fourth[i + k] = s->row ? 0 : s->color[one][3];
             chunk_build_rows(w, i + k, &t, k);
         }
-        chunk_sieve(w, g, u, v, i, (1u << left) - 1, s->view.cut);
+        chunk_cull(w, g, u, v, i, (1u << left) - 1, s->view.cut);
     }
     /* lists end with entries that add nothing, for loops that take four */
     for (int y = 0; y < 4; y++)

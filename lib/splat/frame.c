@@ -47,12 +47,6 @@ static size_t frame_min_size(size_t a, size_t b)
     return a < b ? a : b;
 }
 
-/* First of n that thread t works on. */
-static size_t frame_share(size_t n, int t, int threads)
-{
-    return n * (size_t)t / (size_t)threads;
-}
-
 /* ---- projection ---------------------------------------------------------- */
 
 /* Append the visible of [i, end) to the thread's part of the sort input. */
@@ -82,9 +76,9 @@ static void frame_project(struct drawing *f, int t, size_t first, size_t last)
 {
     struct splat_state *st = f->s->state;
     size_t n = last - first;
-    size_t i = first + frame_share(n, t, f->threads) / PAD * PAD;
+    size_t i = first + state_share(n, t, f->threads) / PAD * PAD;
     size_t end = t + 1 == f->threads ? last
-        : first + frame_share(n, t + 1, f->threads) / PAD * PAD;
+        : first + state_share(n, t + 1, f->threads) / PAD * PAD;
 
     f->lo[t] = i - first;
     f->count[t] = 0;
@@ -169,8 +163,8 @@ static uint64_t *frame_sort(struct drawing *f, int t)
         to = swap;
         if (last)
             break;
-        lo = frame_share(all, t, f->threads);
-        n = frame_share(all, t + 1, f->threads) - lo;
+        lo = state_share(all, t, f->threads);
+        n = state_share(all, t + 1, f->threads) - lo;
     }
     return from;
 }
@@ -236,13 +230,13 @@ static void frame_sort_ties(struct splat_state *st, size_t n)
 static void frame_count_tiles(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
-    size_t end = frame_share(f->s->drawn, t + 1, f->threads);
+    size_t end = state_share(f->s->drawn, t + 1, f->threads);
     int tx = st->view.tx, ty = st->view.ty, stride = tx + 1;
     size_t cells = (size_t)stride * (size_t)(ty + 1);
     int32_t *c = st->count + (size_t)t * cells;
 
     memset(c, 0, cells * sizeof *c);
-    for (size_t k = frame_share(f->s->drawn, t, f->threads); k < end; k++) {
+    for (size_t k = state_share(f->s->drawn, t, f->threads); k < end; k++) {
         struct rect r = st->rect[(uint32_t)st->order[k]];
 
         if (k + AHEAD < end)
@@ -307,13 +301,13 @@ static void frame_fill_lists(struct drawing *f, int t)
 {
     struct splat_state *st = f->s->state;
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
-    size_t last = frame_share(f->s->drawn, t + 1, f->threads);
+    size_t last = state_share(f->s->drawn, t + 1, f->threads);
     int stride = st->view.tx + 1;
     int32_t *end = st->count + (size_t)t * cells;
     int32_t spare = (int32_t)(f->room + SPARE * (size_t)t);
     uint32_t *list = st->list;
 
-    for (size_t k = frame_share(f->s->drawn, t, f->threads); k < last; k++) {
+    for (size_t k = state_share(f->s->drawn, t, f->threads); k < last; k++) {
         uint32_t i = (uint32_t)st->order[k];
         struct rect r = st->ordered[k];
 
@@ -339,14 +333,14 @@ static void frame_fill_lists(struct drawing *f, int t)
 
 /* ---- a frame ------------------------------------------------------------- */
 
-/* Whether the tile is bare in the pictures, and has to be. */
+/* Whether the tile is empty in the pictures, and has to be. */
 static bool frame_tile_stays(const struct drawing *f, uint32_t t)
 {
     struct splat_state *st = f->s->state;
-    const bool was = st->bare[t];
+    const bool was = st->empty[t];
 
-    st->bare[t] = st->start[t] == st->end[t];
-    return f->kept && was && st->bare[t];
+    st->empty[t] = st->start[t] == st->end[t];
+    return f->kept && was && st->empty[t];
 }
 
 /* Draw: runs of neighbouring tiles go to whichever thread is free. */

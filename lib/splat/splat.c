@@ -130,8 +130,8 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     if (!st->screen)
         goto out;
     state_screen_layout(st, st->screen);
-    memset(st->bare, 0, (size_t)st->view.tx * (size_t)st->view.ty *
-                            sizeof *st->bare);
+    memset(st->empty, 0, (size_t)st->view.tx * (size_t)st->view.ty *
+                            sizeof *st->empty);
     if (splat_make_zorder(st) || (opt->gradients && backward_init(s)))
         goto out;
     return 0;

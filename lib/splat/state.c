@@ -29,7 +29,7 @@ void *state_block(size_t bytes)
 }
 
 /* Take bytes of a block; with base NULL only count. */
-static void *state_carve(char *base, size_t *used, size_t bytes)
+static void *state_reserve(char *base, size_t *used, size_t bytes)
 {
     void *p = base ? base + *used : NULL;
 
@@ -43,13 +43,14 @@ size_t state_screen_layout(struct splat_state *st, char *base)
     size_t cells = (size_t)(st->view.tx + 1) * (size_t)(st->view.ty + 1);
     size_t T = (size_t)st->threads;
 
-    st->start = state_carve(base, &used, tiles * sizeof *st->start);
-    st->end = state_carve(base, &used, tiles * sizeof *st->end);
-    st->zorder = state_carve(base, &used, tiles * sizeof *st->zorder);
-    st->bare = state_carve(base, &used, tiles * sizeof *st->bare);
-    st->count = state_carve(base, &used, T * cells * sizeof *st->count);
-    st->histogram = state_carve(base, &used, T * 2048 * sizeof *st->histogram);
-    st->work = state_carve(base, &used, T * st->work_size);
+    st->start = state_reserve(base, &used, tiles * sizeof *st->start);
+    st->end = state_reserve(base, &used, tiles * sizeof *st->end);
+    st->zorder = state_reserve(base, &used, tiles * sizeof *st->zorder);
+    st->empty = state_reserve(base, &used, tiles * sizeof *st->empty);
+    st->count = state_reserve(base, &used, T * cells * sizeof *st->count);
+    st->histogram = state_reserve(base, &used,
+                                  T * 2048 * sizeof *st->histogram);
+    st->work = state_reserve(base, &used, T * st->work_size);
     return used;
 }
 
@@ -59,33 +60,33 @@ size_t state_cloud_layout(struct splat *s, char *base, size_t n)
     size_t used = 0, row = n * sizeof(float);
 
     for (int k = 0; k < 3; k++) {
-        st->cloud.mean[k] = state_carve(base, &used, row);
-        st->cloud.scale[k] = state_carve(base, &used, row);
+        st->cloud.mean[k] = state_reserve(base, &used, row);
+        st->cloud.scale[k] = state_reserve(base, &used, row);
     }
     for (int k = 0; k < 4; k++)
-        st->cloud.quat[k] = state_carve(base, &used, row);
-    st->cloud.top = state_carve(base, &used, row);
-    st->projection = state_carve(base, &used, n * sizeof *st->projection);
-    st->color = state_carve(base, &used, n * sizeof *st->color);
+        st->cloud.quat[k] = state_reserve(base, &used, row);
+    st->cloud.top = state_reserve(base, &used, row);
+    st->projection = state_reserve(base, &used, n * sizeof *st->projection);
+    st->color = state_reserve(base, &used, n * sizeof *st->color);
     st->place = NULL;
     for (int k = 0; k < 3 && s->opt.place; k++)
         *(k < 2 ? &st->cloud.uv[k] : &st->cloud.seen) =
-            state_carve(base, &used, row);
+            state_reserve(base, &used, row);
     if (s->opt.place)
-        st->place = state_carve(base, &used, n * sizeof *st->place);
-    st->key = state_carve(base, &used, n * sizeof *st->key);
+        st->place = state_reserve(base, &used, n * sizeof *st->place);
+    st->key = state_reserve(base, &used, n * sizeof *st->key);
     for (int k = 0; k < 3; k++)
-        st->fine[k] = s->opt.gradients ? state_carve(base, &used, row) : NULL;
-    st->rect = state_carve(base, &used, n * sizeof *st->rect);
-    st->sort0 = state_carve(base, &used, n * sizeof *st->sort0);
-    st->sort1 = state_carve(base, &used, n * sizeof *st->sort1);
-    st->order = state_carve(base, &used, n * sizeof *st->order);
-    st->ordered = state_carve(base, &used, n * sizeof *st->ordered);
+        st->fine[k] = s->opt.gradients ? state_reserve(base, &used, row) : NULL;
+    st->rect = state_reserve(base, &used, n * sizeof *st->rect);
+    st->sort0 = state_reserve(base, &used, n * sizeof *st->sort0);
+    st->sort1 = state_reserve(base, &used, n * sizeof *st->sort1);
+    st->order = state_reserve(base, &used, n * sizeof *st->order);
+    st->ordered = state_reserve(base, &used, n * sizeof *st->ordered);
     st->table = NULL;
     st->fixed = NULL;
     if (st->row && s->opt.fixed16 && SPLAT_FIXED16)
-        st->fixed = state_carve(base, &used, n * 32 * sizeof *st->fixed);
+        st->fixed = state_reserve(base, &used, n * 32 * sizeof *st->fixed);
     if (st->row && (!st->fixed || s->opt.gradients))
-        st->table = state_carve(base, &used, (size_t)st->row * row);
+        st->table = state_reserve(base, &used, (size_t)st->row * row);
     return used;
 }

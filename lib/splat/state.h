@@ -106,7 +106,7 @@ struct splat_state {
     void *screen;
     uint32_t *start, *end;     /* (tiles) list of each tile */
     uint32_t *zorder;          /* (tiles) in Z order */
-    bool *bare;                /* (tiles) nothing was in it when it was last
+    bool *empty;               /* (tiles) nothing was in it when it was last
                                 * drawn, ... */
     struct target drawn_to;    /* ... to here */
     int32_t *count;            /* (threads, tiles + border), of each tile */
@@ -128,5 +128,11 @@ void *state_block(size_t bytes);
 size_t state_screen_layout(struct splat_state *st, char *block);
 /* The same of what the number of Gaussians decides; n is padded to PAD. */
 size_t state_cloud_layout(struct splat *s, char *block, size_t n);
+
+/* First of n that thread t works on. */
+static inline size_t state_share(size_t n, int t, int threads)
+{
+    return n * (size_t)t / (size_t)threads;
+}
 
 #endif

@@ -164,7 +164,7 @@ void synth_face_rotation(float rot[9], float yaw, float pitch, float roll)
 }
 
 /* Shoulders at place `at`; the head turns about the top of the neck. */
-static void motion_stand(struct synth_motion *m, const float at[3])
+static void motion_place_body(struct synth_motion *m, const float at[3])
 {
     static const float pivot[3] = { 0, -0.50f, -0.16f };
     float a[3], b[3];
@@ -182,7 +182,7 @@ void synth_still(struct synth_motion *m, const struct persona *p)
 {
     m->yaw = m->pitch = m->roll = 0;
     synth_face_rotation(m->body, 0, 0, 0);
-    motion_stand(m, p->rest);
+    motion_place_body(m, p->rest);
 }
 
 void synth_motion(struct synth_motion *m, const struct persona *p, double time,
@@ -207,7 +207,7 @@ void synth_motion(struct synth_motion *m, const struct persona *p, double time,
     for (int k = 0; k < 3; k++)
         drift[k] = p->rest[k]
                    + drift[k] * (k < 2 ? 0.035f : 0.02f * p->rest[2]);
-    motion_stand(m, drift);
+    motion_place_body(m, drift);
     motion_sample_expression(m, p, time, nexp);
     motion_sample_jaw(m, p, time);
     for (size_t i = 0; i < 8 && i < nexp; i++)

@@ -346,7 +346,8 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
          scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
                         NULL, LOWEST, err) ||
          scan_load_irises(a, dir, err) ||
-         scan_load_lights(a, dir, threads, err) || sky_look(a, threads, err) ||
+         scan_load_lights(a, dir, threads, err) ||
+         sky_measure(a, threads, err) ||
          skin_model_fit(&a->skin, &a->face, dir, threads, err) ||
          act_model_fit(&a->act, dir, err);
     if (rc) {

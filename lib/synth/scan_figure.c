@@ -286,8 +286,9 @@ static float figure_neck_share(const struct figure *f, const float *p)
 }
 
 /* Directions a corner sees, given what is worn. */
-static uint64_t figure_sees(const struct figure *f, const struct figure_part *p,
-                            size_t corner)
+static uint64_t figure_visible_directions(const struct figure *f,
+                                          const struct figure_part *p,
+                                          size_t corner)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
@@ -313,7 +314,7 @@ static void figure_find_moments(struct figure *f)
     for (int i = 0; i < f->nparts; i++) {
         const struct figure_part *p = &f->parts[i];
         for (size_t c = p->c0; c < p->c1; c++)
-            sky_moments(f->moment + 10 * c, figure_sees(f, p, c),
+            sky_moments(f->moment + 10 * c, figure_visible_directions(f, p, c),
                         f->normal + 3 * c);
     }
 }
@@ -359,10 +360,10 @@ static int figure_find_normals(struct figure *f, struct error *err)
 }
 
 /* Whether a corner sees a place of the sky, head frame. */
-static bool figure_sees_along(const struct figure *f, size_t corner,
-                              const float to[3])
+static bool figure_sky_is_visible(const struct figure *f, size_t corner,
+                                  const float to[3])
 {
-    uint64_t mask = figure_sees(f, &f->parts[0], corner);
+    uint64_t mask = figure_visible_directions(f, &f->parts[0], corner);
     int best = 0;
     float most = -2;
 
@@ -396,7 +397,7 @@ static void figure_face_light(float e[3], const struct figure *f)
             float d[3], nl;
             rot3(d, front, f->light.lamp[i].dir);
             nl = dot3(d, f->normal + 3 * c);
-            if (nl > 0 && figure_sees_along(f, c, d))
+            if (nl > 0 && figure_sky_is_visible(f, c, d))
                 mad3(e, e, f->light.lamp[i].rgb, 0.318f * nl);
         }
         count += 1;

@@ -11,7 +11,7 @@
 #include "formats/image.h"
 #include "lib/synth/vec.h"
 
-void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v)
+void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v)
 {
     if (!t->rgba) {
         rgba[0] = rgba[1] = rgba[2] = rgba[3] = 1;

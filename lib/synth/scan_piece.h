@@ -18,7 +18,7 @@ struct bitmap {
 };
 
 /* Colour and alpha (0..1, as encoded) at (u, v), bilinear, clamped. */
-void bitmap_look(float rgba[4], const struct bitmap *t, float u, float v);
+void bitmap_sample(float rgba[4], const struct bitmap *t, float u, float v);
 
 /* Read a picture of at least 2 x 2 pixels. */
 int bitmap_load(struct bitmap *t, const char *path, struct error *err);

@@ -75,8 +75,8 @@ void scan_scene_release(struct scan_scene *c)
 /* ---- where the head is -------------------------------------------------- */
 
 /* Camera of head and shoulders: the head turns about the top of the neck. */
-static void scene_stand(struct scan_view *v, const struct figure *f,
-                        const struct act *act)
+static void scene_place_body(struct scan_view *v, const struct figure *f,
+                             const struct act *act)
 {
     const struct scan_person *p = &f->look;
     float at[3], pivot[3];
@@ -227,7 +227,7 @@ int scan_scene_render(const struct scan_print *out, struct synth_motion *m,
     memcpy(hm.eye, m->eye, sizeof hm.eye);
     memcpy(hm.lid, m->lid, sizeof hm.lid);
     head_pose(worker->verts, &c->id, &hm);
-    scene_stand(&v, f, &act);
+    scene_place_body(&v, f, &act);
     scene_find_camera(m, worker->verts, h, f, &v);
     m->yaw = act.yaw;
     m->pitch = act.pitch;

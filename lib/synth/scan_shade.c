@@ -100,8 +100,8 @@ static const float skin_wrap[3] = {0.28f, 0.12f, 0.07f};
 /* ---- skin --------------------------------------------------------------- */
 
 /* Bilinear in the person's texture: albedo linear, slope of the height. */
-static void shade_skin_look(float c[3], float slope[2], const uint8_t *skin,
-                            float u, float v)
+static void shade_skin_sample(float c[3], float slope[2], const uint8_t *skin,
+                              float u, float v)
 {
     float x = clampf(u * SKIN_SIZE - 0.5f, 0, SKIN_SIZE - 1.001f);
     float y = clampf((1 - v) * SKIN_SIZE - 0.5f, 0, SKIN_SIZE - 1.001f);
@@ -144,7 +144,7 @@ static void shade_skin(float rgb[3], const struct scan_stage *s,
 
     copy3(c, f->tone);
     if (textured) {
-        shade_skin_look(c, slope, f->skin, o->u, o->v);
+        shade_skin_sample(c, slope, f->skin, o->u, o->v);
         shade_tilt(o->n, s->view.rot, slope, 0.004f);
     }
     shade_diffuse(e, shadow, s, o, skin_wrap);
@@ -191,7 +191,7 @@ static void shade_eye_color(float c[3], const struct figure *f, float x,
                                 : 0.30f + (r - pupil) * 0.70f / (1 - pupil)
                     : r;
     float g = r > 1e-5f ? t / r : 1;
-    bitmap_look(rgba, &f->assets->iris[l->iris < 0 ? 0 : l->iris],
+    bitmap_sample(rgba, &f->assets->iris[l->iris < 0 ? 0 : l->iris],
                  0.70f + 0.115f * x * g, 0.70f + 0.115f * y * g);
     for (int k = 0; k < 3; k++)
         c[k] = shade_square(rgba[k]);
@@ -270,7 +270,7 @@ static float shade_piece_color(float c[3], const struct figure_part *p, float u,
     copy3(c, p->tint);
     if (!p->piece || !p->piece->picture.rgba)
         return 1;
-    bitmap_look(t, &p->piece->picture, u, v);
+    bitmap_sample(t, &p->piece->picture, u, v);
     float lum = 0, mean = 0;
     static const float w[3] = {0.3f, 0.59f, 0.11f};
     for (int k = 0; k < 3; k++) {

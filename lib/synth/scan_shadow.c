@@ -22,7 +22,7 @@ static bool shadow_is_hole(const struct figure *f, const struct figure_part *p,
         u += w[k] * f->uv[2 * v[k]];
         t += w[k] * f->uv[2 * v[k] + 1];
     }
-    bitmap_look(c, &p->piece->picture, u, t);
+    bitmap_sample(c, &p->piece->picture, u, t);
     return c[3] < 0.45f;
 }
 

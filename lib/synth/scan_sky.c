@@ -76,12 +76,12 @@ static void sky_draw_depth(float *map, const struct raster_vertex *at,
                 if (q <= map[y * MAP + x])
                     continue;
                 if (picture && picture->rgba) {
-                    bitmap_look(c, picture,
-                                w[0] * uv[2 * v[0]] + w[1] * uv[2 * v[1]]
-                                + w[2] * uv[2 * v[2]],
-                                w[0] * uv[2 * v[0] + 1]
-                                + w[1] * uv[2 * v[1] + 1]
-                                + w[2] * uv[2 * v[2] + 1]);
+                    bitmap_sample(c, picture,
+                                  w[0] * uv[2 * v[0]] + w[1] * uv[2 * v[1]]
+                                  + w[2] * uv[2 * v[2]],
+                                  w[0] * uv[2 * v[0] + 1]
+                                  + w[1] * uv[2 * v[1] + 1]
+                                  + w[2] * uv[2 * v[2] + 1]);
                     if (c[3] < 0.5f)
                         continue;
                 }
@@ -177,7 +177,7 @@ static void sky_look_along(struct look *l, struct scan_assets *a,
     sky_look_at_piece(l, &a->torso, k);
 }
 
-int sky_look(struct scan_assets *a, int threads, struct error *err)
+int sky_measure(struct scan_assets *a, int threads, struct error *err)
 {
     struct scan_rack *const rack[] = {&a->hair, &a->hat, &a->cloth};
     size_t most = a->torso.nc;

@@ -9,7 +9,7 @@
 #include "lib/texture/lookup_kernel.h"
 
 /* The smaller one, a where b is not a number: fminf is a call. */
-static inline float compose_least(float a, float b)
+static inline float compose_min(float a, float b)
 {
     return b < a ? b : a;
 }
@@ -33,13 +33,14 @@ void texture_mix(float *color, size_t channels, float *alpha,
     }
 }
 
-void texture_hold(float *color, size_t channels, const float *alpha, size_t n)
+void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
+                            size_t n)
 {
 #pragma omp parallel for schedule(static)
     for (size_t i = 0; i < n; i++)
         for (size_t c = 0; c < 3; c++)
-            color[channels * i + c] = compose_least(color[channels * i + c],
-                                                    alpha[i]);
+            color[channels * i + c] = compose_min(color[channels * i + c],
+                                                  alpha[i]);
 }
 
 /* ---- the field --------------------------------------------------------- */
@@ -91,7 +92,7 @@ void texture_field_row(float *photo, const struct texture_field *f,
             continue;
         at = compose_field_at(f, ty, compose_tap_make(x + i, f->width, step));
         photo[4] *= 1 - at[0];
-        photo[4] = photo[4] > 0 ? compose_least(photo[4], 1) : 0;
+        photo[4] = photo[4] > 0 ? compose_min(photo[4], 1) : 0;
         for (int c = 0; c < 3; c++)
             photo[c] *= 1 + at[c + 1];
     }
@@ -146,7 +147,7 @@ static inline void compose_pixel(float *rgb, float *alpha, const float *p,
     float b = p[4] * (1 - f[0]);
 
     memcpy(&photo, p, sizeof photo);
-    b = b > 0 ? compose_least(b, 1) : 0;
+    b = b > 0 ? compose_min(b, 1) : 0;
     photo = was + b * (photo * gain - was);
     for (size_t c = 0; c < 3; c++)
         rgb[c] = photo[c];
@@ -168,7 +169,7 @@ static void compose_run(float *rgb, float *alpha, const float *photo,
             compose_pixel(rgb, alpha, photo,
                           line[k] + w * (line[k + 1] - line[k]));
         for (size_t c = 0; c < 3; c++)
-            rgb[c] = compose_least(rgb[c], *alpha);
+            rgb[c] = compose_min(rgb[c], *alpha);
     }
 }
 

@@ -172,8 +172,9 @@ static bool lookup_fill(struct lookup_planes *p, const struct lookup *k,
 }
 
 /* Pixels of a row too near the border for the kernel, one by one. */
-static void lookup_confide_border(struct lookup_row *r, const struct lookup *k,
-                                  const struct lookup_tile *t, size_t y)
+static void lookup_confidence_border(struct lookup_row *r,
+                                     const struct lookup *k,
+                                     const struct lookup_tile *t, size_t y)
 {
     const size_t most = k->size - TEXTURE_ACROSS;
     const bool row = y < TEXTURE_ACROSS || y >= most ||
@@ -201,7 +202,7 @@ static void lookup_row(float *photo, struct lookup_row *r,
     memcpy(r->alpha, k->alpha + y * k->size + t->x0, t->n * sizeof *r->alpha);
     memset(photo, 0, TEXTURE_PHOTO * t->n * sizeof *photo);
     k->kernels->confide(r, &k->view, t->n);
-    lookup_confide_border(r, k, t, y);
+    lookup_confidence_border(r, k, t, y);
     k->kernels->bicubic(photo, r->u, r->v, r->sure, r->alpha, t->n,
                         k->t->level[k->level], S, k->rim);
 }
@@ -274,5 +275,5 @@ void texture_apply_field(float *color, float *alpha, const struct texture *t,
     const struct lookup k = lookup_make(t, v, place, alpha, size);
 
     lookup_apply(color, 3, alpha, &k, field, step);
-    texture_hold(color, 3, alpha, size * size);
+    texture_clamp_to_alpha(color, 3, alpha, size * size);
 }

@@ -24,7 +24,7 @@ static void lookup_weights(float w[4], float dw[4], float t)
     dw[3] = 2.25f * t2 - 1.5f * t;
 }
 
-/* Index i of n pixels, held inside. */
+/* Index i of n pixels, clamped inside. */
 static size_t lookup_clamp(long i, long n)
 {
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
@@ -59,7 +59,7 @@ static float lookup_position_backward(float duv[2], const float d[4],
     float x = fminf(fmaxf(u, -2), end + 2) - 0.5f;
     float y = fminf(fmaxf(v, -2), end + 2) - 0.5f;
     float fx = floorf(x), fy = floorf(y), wx[4], wy[4], dx[4], dy[4];
-    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0}, held[4], dc[4];
+    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0}, clamped[4], dc[4];
 
     lookup_weights(wx, dx, x - fx);
     lookup_weights(wy, dy, y - fy);
@@ -78,11 +78,11 @@ static float lookup_position_backward(float duv[2], const float d[4],
         }
     }
     for (int c = 0; c < 4; c++)
-        held[c] = fminf(fmaxf(sum[c], 0), 1);
-    const float dmost = lookup_most_backward(dc, d, held, most);
+        clamped[c] = fminf(fmaxf(sum[c], 0), 1);
+    const float dmost = lookup_most_backward(dc, d, clamped, most);
     duv[0] = duv[1] = 0;
     for (int c = 0; c < 4; c++)
-        if (sum[c] > 0 && sum[c] < 1) {         /* the lookup holds it there */
+        if (sum[c] > 0 && sum[c] < 1) {         /* the rest is clamped */
             duv[0] += dc[c] * by_x[c];
             duv[1] += dc[c] * by_y[c];
         }
@@ -153,22 +153,22 @@ static float lookup_confidence_backward(float *dplace, float *dalpha,
     float own = TEXTURE_SHARE(p[2] / cover);
     long to = lookup_jump(&jump, place, x, y, size);
     float sure = (TEXTURE_LEAP - jump) / (TEXTURE_LEAP - TEXTURE_JUMP);
-    float held = fminf(fmaxf(sure, 0), 1), most = fminf(fmaxf(own, 0), 1);
+    float clamped = fminf(fmaxf(sure, 0), 1), most = fminf(fmaxf(own, 0), 1);
     float drawn = texture_stretch(place, v, zoom, x, y, size);
 
     d *= drawn;
     if (own > 0 && own < 1) {
         const float slope = TEXTURE_SHARE(1) - TEXTURE_SHARE(0);
 
-        dplace[3 * i + 2] += d * held * slope / cover;
+        dplace[3 * i + 2] += d * clamped * slope / cover;
         if (alpha > TEXTURE_LEAST)
-            dalpha[i] -= d * held * slope * p[2] / (cover * cover);
+            dalpha[i] -= d * clamped * slope * p[2] / (cover * cover);
     }
     if (sure > 0 && sure < 1)
         lookup_jump_backward(dplace + 3 * i, dplace + 3 * i + 3 * to, p,
                              p + 3 * to,
                              -d * most / (TEXTURE_LEAP - TEXTURE_JUMP), size);
-    return most * held * drawn;
+    return most * clamped * drawn;
 }
 
 /* ---- all --------------------------------------------------------------- */

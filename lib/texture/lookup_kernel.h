@@ -50,8 +50,8 @@ typedef bool texture_offsets_fn(float *x, float *y, float *w,
 
 /* row->sure, u and v of n pixels, up to the next multiple of 16, whose
  * neighbours TEXTURE_ACROSS pixels away lie in the picture, too. */
-typedef void texture_confide_fn(struct lookup_row *row,
-                                const struct lookup_view *k, size_t n);
+typedef void lookup_confidence_fn(struct lookup_row *row,
+                                  const struct lookup_view *k, size_t n);
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
  * Keys's bicubic, 0..1, its matte no more than rim.most times the coverage
@@ -69,7 +69,7 @@ typedef void texture_mix_fn(float *color, float *alpha, const float *photo,
 
 struct lookup_kernels {
     texture_offsets_fn *offsets;
-    texture_confide_fn *confide;
+    lookup_confidence_fn *confide;
     texture_bicubic_fn *bicubic;
     texture_mix_fn *mix;
 };

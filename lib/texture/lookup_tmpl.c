@@ -115,8 +115,8 @@ VEC_INLINE vf lookup_stretch(const struct lookup_here *h,
 }
 
 /* VEC pixels from the row's pixel i on. */
-VEC_INLINE void lookup_confide(struct lookup_row *r,
-                               const struct lookup_view *k, size_t i)
+VEC_INLINE void lookup_confidence(struct lookup_row *r,
+                                  const struct lookup_view *k, size_t i)
 {
     const struct lookup_here h = {r->x + i, r->y + i, r->w + i,
                                   vf_load(r->x + i), vf_load(r->y + i)};
@@ -143,11 +143,11 @@ VEC_INLINE void lookup_confide(struct lookup_row *r,
     vf_store(r->v + i, k->half * (A[2] * nx + A[3] * r->ny + b[1] + h.oy + 1));
 }
 
-static void ISA(texture_confide)(struct lookup_row *row,
-                                 const struct lookup_view *k, size_t n)
+static void ISA(lookup_confidence_row)(struct lookup_row *row,
+                                       const struct lookup_view *k, size_t n)
 {
     for (size_t i = 0; i < n; i += VEC)
-        lookup_confide(row, k, i);
+        lookup_confidence(row, k, i);
 }
 
 /* ---- bicubic --------------------------------------------------------------
@@ -248,7 +248,7 @@ VEC_INLINE vq lookup_cubic(const uint8_t *row, size_t stride, float tx,
     return lookup_sum(sum);
 }
 
-/* Index i of n pixels, held inside. */
+/* Index i of n pixels, clamped inside. */
 static inline size_t lookup_clamp(int32_t i, int32_t n)
 {
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
@@ -268,8 +268,8 @@ static vq lookup_border(const uint8_t *texture, size_t S, int32_t x0,
     return lookup_cubic(near[0], sizeof near[0], tx, ty);
 }
 
-/* Pixels before the positions p (VEC), held near the texture, and how far past
- * the second of the four.  What is far outside is the border's anyway; NaN
+/* Pixels before the positions p (VEC), clamped near the texture, and how far
+ * past the second of the four.  What is far outside is the border's anyway; NaN
  * becomes the corner. */
 VEC_INLINE void lookup_split(int32_t first[VEC], float past[VEC],
                              const float *p, float end)
@@ -282,8 +282,8 @@ VEC_INLINE void lookup_split(int32_t first[VEC], float past[VEC],
     vf_store(past, x - __builtin_convertvector(i, vf));
 }
 
-/* Each lane of c / 255 held between 0 and 1: the cubic overshoots at edges. */
-VEC_INLINE vq lookup_hold(vq c)
+/* Each lane of c / 255 clamped to 0..1: the cubic overshoots at edges. */
+VEC_INLINE vq lookup_saturate(vq c)
 {
     const vq one = {1, 1, 1, 1};
 
@@ -332,7 +332,7 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                      4 * S, tx[k], ty[k])
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
-        c = lookup_hold(c);
+        c = lookup_saturate(c);
         photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim);
         if (c[3] > rim.most * alpha[i])
             c *= rim.most * alpha[i] / c[3];
@@ -399,6 +399,6 @@ static void ISA(texture_mix)(float *color, float *alpha, const float *photo,
 }
 
 const struct lookup_kernels ISA(lookup_kernels) = {
-    ISA(texture_offsets), ISA(texture_confide), ISA(texture_bicubic),
+    ISA(texture_offsets), ISA(lookup_confidence_row), ISA(texture_bicubic),
     ISA(texture_mix)
 };

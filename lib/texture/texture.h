@@ -76,7 +76,7 @@ struct texture_field {
 
 /* The mixture of a whole picture, with a field: rgb (height,width,3) and alpha
  * (height,width) in place, photo (height,width,5).  A pixel believes b =
- * confidence (1 - doubt), held in 0..1, and becomes rgb + b (photograph
+ * confidence (1 - doubt), clamped to 0..1, and becomes rgb + b (photograph
  * (1 + gain) - rgb), but no more than the alpha it ends with. */
 void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
@@ -103,7 +103,8 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 /* No more light than alpha (n) lets through: color (n,channels: the first
  * three, premultiplied) at most alpha, in place.  A refiner that adds to a
  * picture may otherwise make the background shine. */
-void texture_hold(float *color, size_t channels, const float *alpha, size_t n);
+void texture_clamp_to_alpha(float *color, size_t channels, const float *alpha,
+                            size_t n);
 
 /* Both for a whole picture, without keeping what was looked up: color
  * (size,size,channels) and alpha (size,size) in place. */

@@ -262,9 +262,9 @@ static double align_correlation(const struct align_sums *s)
 
 /* How far p is from E_m's pose: a turn and the way of the middle, which is
  * c (3) now and was at c0 (3). */
-static void align_apart(double e[6], const struct align_pose *p,
-                        const struct align_pose *from, const double c[3],
-                        const double c0[3])
+static void align_difference(double e[6], const struct align_pose *p,
+                             const struct align_pose *from, const double c[3],
+                             const double c0[3])
 {
     double turn[9];
 
@@ -275,8 +275,9 @@ static void align_apart(double e[6], const struct align_pose *p,
 }
 
 /* Hold a small turn of p since its keyframe near none. */
-static void align_still(struct align_sums *s, const struct align_pose *p,
-                        const struct align_keyframe *k, double sigma)
+static void align_add_still_prior(struct align_sums *s,
+                                  const struct align_pose *p,
+                                  const struct align_keyframe *k, double sigma)
 {
     double R[9], turn[9], r[3];
 
@@ -303,7 +304,7 @@ static double align_improve(struct align_pose *p, struct align_sums *s,
 {
     double x[UNKNOWNS], e[6], size = 0;
 
-    align_apart(e, p, from, c, c0);
+    align_difference(e, p, from, c, c0);
     for (int m = 0; m < UNKNOWNS; m++) {
         double spread = m < 3   ? align_spread[m]
                         : m < 6 ? align_spread[m] * c0[2]
@@ -342,7 +343,7 @@ static double align_fit(struct align_pose *p, const struct align *a,
         if (s.weight <= 0)
             return 0;
         sigma = align_sigma(s.off, s.weight);
-        align_still(&s, p, k, sigma);
+        align_add_still_prior(&s, p, k, sigma);
         small = align_improve(p, &s, &from, c, c0, sigma, hold) < SMALL;
     }
     align_sum(&s, a, k, p, v, c, sigma, false);

@@ -229,9 +229,9 @@ void align_face_show(float *shown, struct align_face *f,
 }
 
 /* Hold the expression x near E_m's, and its opening of the mouth more. */
-static void align_face_hold(struct align_face_sums *s,
-                            const struct align_face *f, const float *x,
-                            double sigma)
+static void align_face_add_priors(struct align_face_sums *s,
+                                  const struct align_face *f, const float *x,
+                                  double sigma)
 {
     const size_t U = f->unknowns, first = ALIGN_FACE_LIGHT;
     const double hold = HOLD * sigma * sigma;
@@ -264,7 +264,7 @@ static void align_face_improve(float *x, struct align_face_sums *s,
     const double hold = sigma * sigma /
                         (ALIGN_GAIN_SPREAD * ALIGN_GAIN_SPREAD);
 
-    align_face_hold(s, f, x, sigma);
+    align_face_add_priors(s, f, x, sigma);
     s->a[0] += hold;
     s->b[0] += hold * (x[0] - gain);
     cholesky_solve(s->b, s->a, U);

@@ -25,7 +25,7 @@ VEC_INLINE void align_line(float *line, const float *row)
     }
 }
 
-/* Row y, held inside. */
+/* Row y, clamped inside. */
 VEC_INLINE const float *align_row(const float *plane, ptrdiff_t y)
 {
     return plane + N * (y < 0 ? 0 : y >= N ? N - 1 : y);
@@ -148,9 +148,9 @@ VEC_INLINE vf align_turn(const struct align_look *look, int k, const vf q[3])
 }
 
 /* Points point[0], point[room], point[2 room] and on. */
-VEC_INLINE void align_see(struct align_points *p, const float *point,
-                          size_t room, const align_pixel *picture,
-                          const struct align_look *look)
+VEC_INLINE void align_project_points(struct align_points *p, const float *point,
+                                     size_t room, const align_pixel *picture,
+                                     const struct align_look *look)
 {
     const vf q[3] = {vf_load(point), vf_load(point + room),
                      vf_load(point + 2 * room)};
@@ -181,7 +181,7 @@ static void ISA(align_show)(float *level, float *facing, const float *point,
         struct align_points p;
         vf along = vf_set(0), square = vf_set(0);
 
-        align_see(&p, point + i, room, picture, look);
+        align_project_points(&p, point + i, room, picture, look);
         for (int k = 0; k < 3; k++) {
             along -= p.x[k] * align_turn(look, k, n);
             square += p.x[k] * p.x[k];
@@ -240,7 +240,7 @@ VEC_INLINE void align_add(struct align_lanes *l, struct align_block *b,
     struct align_points p;
     vf w, off, x, y;
 
-    align_see(&p, sight, room, picture, look);
+    align_project_points(&p, sight, room, picture, look);
     w = vf_keep(p.inside, vf_load(sight + 4 * room));
     off = r->gain * p.level[0] + r->bias - seen;
     x = w * p.level[0];
@@ -430,7 +430,7 @@ static void ISA(align_face)(struct align_face_sums *s,
             vf w, off;
 
             align_face_move(&b, i, f, at + i, x + ALIGN_FACE_LIGHT);
-            align_see(&p, b.at[0] + i, BLOCK, picture, look);
+            align_project_points(&p, b.at[0] + i, BLOCK, picture, look);
             w = vf_keep(p.inside, vf_load(f->weight + at + i));
             off = x[0] * p.level[0] + x[1] - vf_load(f->level + at + i);
             weight += w;

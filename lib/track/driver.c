@@ -175,7 +175,7 @@ static int driver_follow(struct driver *d, struct driver_frame *f,
     f->r.event = found ? TRACK_FOUND : first ? TRACK_LOST : TRACK_NOTHING;
     f->r.why = "the source has started again";
     if (!found)
-        f->r.motion = d->held;
+        f->r.motion = d->last;
     return 0;
 }
 
@@ -201,7 +201,7 @@ static int driver_track(struct driver *d, struct driver_frame *f,
         f->picture = d->first;
         f->r = d->found;
         f->r.motion.pose.exp = f->r.motion.exp;
-        d->held = f->r.motion;
+        d->last = f->r.motion;
         return 1;
     }
     if (d->records)
@@ -213,7 +213,7 @@ static int driver_track(struct driver *d, struct driver_frame *f,
         return rc;
     if (driver_follow(d, f, err) != 0)
         return -1;
-    d->held = f->r.motion;
+    d->last = f->r.motion;
     f->r.motion.pose.exp = f->r.motion.exp;
     return 1;
 }

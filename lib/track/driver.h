@@ -45,7 +45,7 @@ struct driver {
                                  * delivers none from before it */
     bool faceless;              /* live: the source has started again, and no
                                  * face was found in it yet */
-    struct motion held;         /* live: the last one */
+    struct motion last;         /* live: for frames without a face */
     bool relative;              /* motions are relative to the first */
     struct relative rest;
 };

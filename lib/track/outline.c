@@ -109,8 +109,8 @@ static int outline_at(const uint8_t *picture, size_t n, double x, double y)
 }
 
 /* How unlike the picture's colours at two places are, 0 to 255. */
-static double outline_unlike(const struct outline *o, const double a[2],
-                             const double b[2])
+static double outline_colour_distance(const struct outline *o,
+                                      const double a[2], const double b[2])
 {
     double sum = 0;
 
@@ -200,7 +200,7 @@ static bool outline_bounds(const struct outline *o, const float at[2],
            outline_at(matte, o->n, out[0], out[1]) < 64 &&
            outline_at(matte, o->n, rim[0], rim[1]) > 64 &&
            outline_at(matte, o->n, in[0], in[1]) > 192 &&
-           outline_unlike(o, rim, in) < UNLIKE;
+           outline_colour_distance(o, rim, in) < UNLIKE;
 }
 
 /* The rows of the rim. */

@@ -31,9 +31,9 @@ const char *source_matte_name(enum source_matte how)
 
 /* How sure E_m is of the face in a picture that it sees turned; 0 when there
  * is none, -1. */
-static double source_look(struct source *s, struct track *t,
-                          struct track_result *r, const struct image *im,
-                          struct error *err)
+static double source_encode_turn(struct source *s, struct track *t,
+                                 struct track_result *r, const struct image *im,
+                                 struct error *err)
 {
     int found = track_start(t, r, im->rgb, im->width, im->height, 0, err);
 
@@ -47,7 +47,7 @@ static int source_find_turn(struct source *s, struct track *t,
                             struct track_result *r, const struct image *im,
                             int *quarters, struct error *err)
 {
-    double best = source_look(s, t, r, im, err);
+    double best = source_encode_turn(s, t, r, im, err);
 
     *quarters = 0;
     if (best >= SOURCE_SURE)
@@ -59,7 +59,7 @@ static int source_find_turn(struct source *s, struct track *t,
 
         if (turned_copy(&turned, im, k, err))
             return -1;
-        sure = source_look(s, t, &other, &turned, err);
+        sure = source_encode_turn(s, t, &other, &turned, err);
         image_release(&turned);
         if (sure < 0)
             return -1;
@@ -73,9 +73,9 @@ static int source_find_turn(struct source *s, struct track *t,
 
 /* The picture, and its mask, upright: 1 with *r where it was so, and its face
  * is sure; 0; -1. */
-static int source_stand_up(struct source *s, struct track *t,
-                           struct track_result *r, struct image *im,
-                           struct image *mask, struct error *err)
+static int source_find_upright(struct source *s, struct track *t,
+                               struct track_result *r, struct image *im,
+                               struct image *mask, struct error *err)
 {
     struct image *const each[2] = {im, mask};
     const int sure = source_find_turn(s, t, r, im, &s->turned, err);
@@ -102,7 +102,7 @@ static int source_find_face(struct source *s, struct track *t,
 {
     const bool turns = t->tta.net->sure.ps && !t->opt.has_crop;
     struct track_result r;
-    int found = turns ? source_stand_up(s, t, &r, im, mask, err) : 0;
+    int found = turns ? source_find_upright(s, t, &r, im, mask, err) : 0;
 
     if (found)          /* the tracker has looked, and stands there */
         r.detect_s = 0;

@@ -89,8 +89,8 @@ static void matte_task_update(struct task *t)
 
 /* The validation network sees frame k of person p into the first item; its
  * logits are in m->logit then. */
-static int matte_task_look(struct task *t, size_t p, size_t k,
-                           struct error *err)
+static int matte_task_predict(struct task *t, size_t p, size_t k,
+                              struct error *err)
 {
     const struct data_augment plain = {0};
     struct impl *m = t->impl;
@@ -123,7 +123,7 @@ static int matte_task_validate(struct task *t, double *figures,
     matte_task_copy(m, t);
     for (size_t p = 0; p < t->nvalidation; p++)
         for (size_t k = 0; k < t->validation[p].count; k++) {
-            if (matte_task_look(t, p, k, err))
+            if (matte_task_predict(t, p, k, err))
                 return -1;
             for (size_t i = 0; i < PIXELS; i++) {
                 bool found = m->logit[i] > 0, is = m->alpha[i] > 0.5f;
@@ -154,7 +154,7 @@ static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     matte_task_copy(m, t);
     for (size_t i = 0; i < SHEET_ROWS * SHEET_COLS && i < t->nvalidation;
          i++) {
-        if (matte_task_look(t, i, 0, err)) {
+        if (matte_task_predict(t, i, 0, err)) {
             contact_sheet_release(&sh);
             return -1;
         }

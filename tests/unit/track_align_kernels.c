@@ -186,8 +186,8 @@ static void reference_sum(struct align_sums *to, const struct scene *s,
 }
 
 /* Largest difference of the sums, each by its own size. */
-static double sums_apart(const struct align_sums *a,
-                         const struct align_sums *b)
+static double align_sums_difference(const struct align_sums *a,
+                                    const struct align_sums *b)
 {
     const double one[7] = {a->weight, a->off, a->x, a->y, a->xx, a->xy, a->yy};
     const double two[7] = {b->weight, b->off, b->x, b->y, b->xx, b->xy, b->yy};
@@ -264,8 +264,8 @@ static void reference_face(struct align_face_sums *to, const struct scene *s,
 }
 
 /* Largest difference of a face's sums, each by its own size. */
-static double face_apart(const struct align_face_sums *a,
-                         const struct align_face_sums *b)
+static double align_face_sums_difference(const struct align_face_sums *a,
+                                         const struct align_face_sums *b)
 {
     double worst = fmax(fabs(a->weight - b->weight) / b->weight,
                         fabs(a->off - b->off) / b->off);
@@ -320,7 +320,7 @@ static void test_face(const struct align_kernels *k, const char *name,
     k->face(&sums, &points, s->x, FACE, picture, &s->look, s->r.sigma);
     reference_face(&truth, s, exact);
     snprintf(title, sizeof title, "%s: a face's sums", name);
-    check(title, face_apart(&sums, &truth), 1e-5);
+    check(title, align_face_sums_difference(&sums, &truth), 1e-5);
 }
 
 /* One version's functions. */
@@ -345,7 +345,7 @@ static void test_kernels(const struct align_kernels *k, const char *name,
     k->sum(&sums, s->sight, ROOM, picture, &s->look, &s->r, true);
     reference_sum(&truth, s, exact);
     snprintf(title, sizeof title, "%s: sums", name);
-    check(title, sums_apart(&sums, &truth), 1e-5);
+    check(title, align_sums_difference(&sums, &truth), 1e-5);
     k->sum(&brief, s->sight, ROOM, picture, &s->look, &s->r, false);
     snprintf(title, sizeof title, "%s: without a step the same sums", name);
     check_that(title, brief.weight == sums.weight && brief.off == sums.off &&
