@@ -242,6 +242,18 @@ static void motion_report_clip(const struct program *p)
              framesource_damaged(p->in));
 }
 
+static void motion_release(struct program *p)
+{
+    driver_release(&p->driver);
+    track_release(&p->track);
+    encoders_release(&p->nets);
+    model_close(&p->model);
+    framesource_close(p->in);
+    identity_release(&p->id);
+    person_release(&p->person);
+    head_release(&p->head);
+}
+
 int main(int argc, char **argv)
 {
     static struct program p;
@@ -278,13 +290,6 @@ int main(int argc, char **argv)
         die_error(&err);
     motion_report_clip(&p);
     stats_write();
-    driver_release(&p.driver);
-    track_release(&p.track);
-    encoders_release(&p.nets);
-    model_close(&p.model);
-    framesource_close(p.in);
-    identity_release(&p.id);
-    person_release(&p.person);
-    head_release(&p.head);
+    motion_release(&p);
     return 0;
 }

@@ -181,6 +181,27 @@ static size_t train_gather_data(const char **data, char **operand,
     return n;
 }
 
+/* Train l's task on the data, the main process reporting. */
+static int train_loop(struct loop *l, struct predicted_shape *shape,
+                      const char *const *files, size_t count,
+                      struct error *err)
+{
+    const bool main_process = !l->group->rank;
+
+    train_load_validation(l->task, shape);
+    if (main_process)
+        train_report_run(l->task);
+    l->reader = data_open(files, count, l->task->type->margin, err);
+    if (l->reader && opt.shapes)
+        data_reshape(l->reader, predicted_shape_apply, shape);
+    int rc = l->reader ? loop_run(l, err) : -1;
+
+    progress_end();
+    if (main_process)
+        train_report_cost(&l->cost);
+    return rc;
+}
+
 /* Returns the exit code. */
 static int train_run(const struct train_config *c,
                      const char *const *files, size_t count,
@@ -208,18 +229,8 @@ static int train_run(const struct train_config *c,
     if (opt.shapes && predicted_shape_open(&shape, opt.shapes, &head, &err))
         die_error(&err);
     rc = task_init(&task, c, &head, &err);
-    if (!rc) {
-        train_load_validation(&task, &shape);
-        if (!group->rank)
-            train_report_run(&task);
-        loop.reader = data_open(files, count, task.type->margin, &err);
-        if (loop.reader && opt.shapes)
-            data_reshape(loop.reader, predicted_shape_apply, &shape);
-        rc = loop.reader ? loop_run(&loop, &err) : -1;
-        progress_end();
-        if (!group->rank)
-            train_report_cost(&loop.cost);
-    }
+    if (!rc)
+        rc = train_loop(&loop, &shape, files, count, &err);
     if (rc) {
         fprintf(stderr, "spid-train: %s\n", err.text);
         group_abort(group, err.code);

@@ -165,6 +165,23 @@ static matte_pictures matte_pictures_make(const uint8_t *rgb,
     return p;
 }
 
+/* GrabCut from seeds in label, which belongs to part of the small picture:
+ * 255 where the person is, one piece without holes. */
+static cv::Mat matte_foreground(cv::Mat label, const matte_pictures &p,
+                                const cv::Rect &part)
+{
+    cv::Mat fg(p.small.size(), CV_8U, cv::Scalar(0)), background, foreground;
+
+    cv::theRNG().state = 0x5eed;
+    cv::setRNGSeed(1);
+    cv::grabCut(p.small(part).clone(), label, cv::Rect(), background,
+                foreground, 5, cv::GC_INIT_WITH_MASK);
+    fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
+    cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
+    matte_region_clean(fg, p.small_head);
+    return fg;
+}
+
 int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
                   const uint8_t *head, const uint8_t *inside, size_t n,
                   struct error *err)
@@ -181,21 +198,14 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
         if (!(part & cv::boundingRect(sh)).area())
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
-        cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone(), bgm, fgm;
+        cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone();
         if (!cv::countNonZero((label == cv::GC_BGD)
                               | (label == cv::GC_PR_BGD))) {
             *fallback = 1;             /* nothing but the face to be seen */
             matte_soft_disc(out, p.head);
             return 0;
         }
-        cv::theRNG().state = 0x5eed;
-        cv::setRNGSeed(1);
-        cv::grabCut(p.small(part).clone(), label, cv::Rect(), bgm, fgm, 5,
-                    cv::GC_INIT_WITH_MASK);
-        cv::Mat fg(w, w, CV_8U, cv::Scalar(0));
-        fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
-        cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
-        matte_region_clean(fg, sh);
+        cv::Mat fg = matte_foreground(label, p, part);
         int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
         if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
             *fallback = 1;

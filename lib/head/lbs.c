@@ -311,12 +311,48 @@ static void lbs_back_kernel(struct lbs_sums *s, const float *dverts,
     lbs_back_baseline(s, dverts, fr);
 }
 
+/* From the joints' places to what they depend on: J = J(beta) + joint_exp
+ * psi. */
+static void lbs_joints_backward(struct head_motion_grad *g,
+                                double dJ[HEAD_JOINTS][3],
+                                const struct head *h)
+{
+    for (int i = 0; i < 3 * HEAD_JOINTS; i++) {
+        double d = dJ[i / 3][i % 3];
+
+        for (size_t k = 0; g->exp && k < h->nexp; k++)
+            g->exp[k] += (float)(d * h->joint_exp[15 * k + i]);
+        for (size_t k = 0; g->beta && k < h->nshape; k++)
+            g->beta[k] += (float)(d * h->joint_shape[15 * k + i]);
+    }
+}
+
+/* From the joints' rotations to their angles. */
+static void lbs_angles_backward(struct head_motion_grad *g,
+                                double dR[HEAD_JOINTS][9],
+                                const struct head *h,
+                                const struct head_motion *m)
+{
+    float *dr[HEAD_JOINTS] = {g->global, g->neck, g->jaw, g->eye, g->eye + 3};
+
+    for (int j = 0; j < HEAD_JOINTS; j++) {
+        const float *r = lbs_joint_angle(m, j);
+        double rd[3] = {r[0], r[1], r[2]}, back[3] = {0};
+
+        if (h->public_rodrigues)
+            rotation_rodrigues_eps_backward_d(back, dR[j], rd);
+        else
+            rotation_exp_backward_d(back, dR[j], rd);
+        for (int i = 0; i < 3; i++)
+            dr[j][i] += (float)back[i];
+    }
+}
+
 void head_pose_backward(struct head_motion_grad *g, const float *dverts,
                         const float *djoints, const struct identity *id,
                         const struct head_motion *m)
 {
     const struct head *h = id->head;
-    float *dr[HEAD_JOINTS] = {g->global, g->neck, g->jaw, g->eye, g->eye + 3};
     double dA[HEAD_JOINTS][12], dR[HEAD_JOINTS][9] = {{0}};
     double dJ[HEAD_JOINTS][3] = {{0}}, dtg[HEAD_JOINTS][3] = {{0}};
     struct lbs_chain c;
@@ -338,26 +374,8 @@ void head_pose_backward(struct head_motion_grad *g, const float *dverts,
             dR[j][i] = s.pose[9 * (j - 1) + i];
     }
     lbs_chain_backward(dR, dJ, dA, dtg, &c, h->parents);
-    for (int j = 0; j < HEAD_JOINTS; j++) {
-        const float *r = lbs_joint_angle(m, j);
-        double rd[3] = {r[0], r[1], r[2]}, back[3] = {0};
-
-        if (h->public_rodrigues)
-            rotation_rodrigues_eps_backward_d(back, dR[j], rd);
-        else
-            rotation_exp_backward_d(back, dR[j], rd);
-        for (int i = 0; i < 3; i++)
-            dr[j][i] += (float)back[i];
-    }
-    /* J = J(beta) + joint_exp psi */
-    for (int i = 0; i < 3 * HEAD_JOINTS; i++) {
-        double d = dJ[i / 3][i % 3];
-
-        for (size_t k = 0; g->exp && k < h->nexp; k++)
-            g->exp[k] += (float)(d * h->joint_exp[15 * k + i]);
-        for (size_t k = 0; g->beta && k < h->nshape; k++)
-            g->beta[k] += (float)(d * h->joint_shape[15 * k + i]);
-    }
+    lbs_angles_backward(g, dR, h, m);
+    lbs_joints_backward(g, dJ, h);
     if (g->beta)
         lbs_fold_lids_backward(g->beta, dverts, h, m->lid);
     g->lid[0] += s.lid[0];

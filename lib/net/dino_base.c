@@ -157,6 +157,22 @@ static void dino_fusion_plan(struct dino_base *d, size_t i)
     nn_plan_recycle(p, f->c);
 }
 
+/* The five buffers of gradients, each as large as the largest map, of which
+ * the caller knows one. */
+static void dino_base_plan_gradients(struct dino_base *d, size_t most)
+{
+    for (size_t k = 0; k < DINO_LEVELS; k++) {
+        const struct dino_level *l = &d->level[k];
+        size_t n = d->batch * l->h * l->w * l->join.in_data;
+        size_t up = d->batch * d->vit.grid_h * d->vit.grid_w * l->channels;
+
+        most = n > most ? n : most;
+        most = up > most ? up : most;
+    }
+    for (int i = 0; i < 5; i++)
+        d->g[i] = nn_plan_floats(&d->plan, most);
+}
+
 int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
                    size_t input_w, size_t h, size_t w, size_t size,
                    struct nn_options opt, struct error *err)
@@ -189,16 +205,8 @@ int dino_base_plan(struct dino_base *d, size_t batch, size_t input_h,
     if (d->resize_out)
         rescale_plan(&d->final, p, RESCALE_ALIGNED, batch, oh, ow, size, size,
                      d->out);
-    for (size_t k = 0; k < DINO_LEVELS; k++) {
-        const struct dino_level *l = &d->level[k];
-        size_t n = batch * l->h * l->w * l->join.in_data;
-        size_t up = batch * d->vit.grid_h * d->vit.grid_w * l->channels;
-
-        most = n > most ? n : most;
-        most = up > most ? up : most;
-    }
-    for (int i = 0; i < 5 && nn_plan_backward(p); i++)
-        d->g[i] = nn_plan_floats(p, most);
+    if (nn_plan_backward(p))
+        dino_base_plan_gradients(d, most);
     if (nn_plan_finish(p, err))
         return -1;
     dino_base_update(d);

@@ -159,8 +159,32 @@ static void reference_dgr_tiles(struct reference_point *p,
     }
 }
 
-/* Camera coordinates, R S, the 3D covariance, then U = J W R S with cov = U
- * U^T + 0.3; the determinant from cross products, which do not cancel. */
+/* The screen's covariance U U^T + 0.3, its inverse and its determinant from
+ * cross products, which do not cancel. */
+static void reference_set_conic(struct reference_point *p, const double U[2][3])
+{
+    double xx = 0, xy = 0, yy = 0, n2 = 0;
+
+    for (int k = 0; k < 3; k++) {
+        int l = (k + 1) % 3;
+        double cross = U[0][k] * U[1][l] - U[0][l] * U[1][k];
+
+        xx += U[0][k] * U[0][k];
+        xy += U[0][k] * U[1][k];
+        yy += U[1][k] * U[1][k];
+        n2 += cross * cross;
+    }
+    p->det_sharp = n2;                      /* xx yy - xy^2, no cancelling */
+    p->det = n2 + 0.3 * (xx + yy) + 0.09;
+    p->cov[0] = xx + 0.3;
+    p->cov[1] = xy;
+    p->cov[2] = yy + 0.3;
+    p->conic[0] = p->cov[2] / p->det;
+    p->conic[1] = -p->cov[1] / p->det;
+    p->conic[2] = p->cov[0] / p->det;
+}
+
+/* Camera coordinates, R S, the 3D covariance, then U = J W R S. */
 void reference_project(struct reference_point *p, const struct reference *t,
                        size_t i)
 {
@@ -200,25 +224,7 @@ void reference_project(struct reference_point *p, const struct reference *t,
             U[1][k] += jy * (P[4 + l] - v * P[8 + l]) * a[l][k];
         }
     }
-    double xx = 0, xy = 0, yy = 0, n2 = 0;
-
-    for (int k = 0; k < 3; k++) {
-        int l = (k + 1) % 3;
-        double cross = U[0][k] * U[1][l] - U[0][l] * U[1][k];
-
-        xx += U[0][k] * U[0][k];
-        xy += U[0][k] * U[1][k];
-        yy += U[1][k] * U[1][k];
-        n2 += cross * cross;
-    }
-    p->det_sharp = n2;                      /* xx yy - xy^2, no cancelling */
-    p->det = n2 + 0.3 * (xx + yy) + 0.09;
-    p->cov[0] = xx + 0.3;
-    p->cov[1] = xy;
-    p->cov[2] = yy + 0.3;
-    p->conic[0] = p->cov[2] / p->det;
-    p->conic[1] = -p->cov[1] / p->det;
-    p->conic[2] = p->cov[0] / p->det;
+    reference_set_conic(p, U);
     if (t->rules == SPLAT_DGR)
         reference_dgr_tiles(p, t);
 }

@@ -195,7 +195,8 @@ static void reference_gaussian_backward(struct gradient *out,
 }
 
 /* Row i of to, which may be NULL. */
-static void reference_store(double *to, const double *from, size_t i, size_t n)
+static void reference_store_row(double *to, const double *from, size_t i,
+                                size_t n)
 {
     if (to)
         memcpy(to + i * n, from, n * sizeof *to);
@@ -211,6 +212,29 @@ static void reference_place_backward(struct screen *s, const double *d_color,
 
     s->x += 2.0 / t->width * (A[0] * u + A[2] * v);
     s->y += 2.0 / t->height * (A[1] * u + A[3] * v);
+}
+
+/* Gaussian i's gradients to their rows of g, the camera's added to g's. */
+static void reference_store(const struct reference_gradients *g,
+                            struct screen *s, const struct reference_point *p,
+                            const struct reference *t, size_t i)
+{
+    struct gradient one = {0};
+
+    if (t->seen && g->color)
+        reference_place_backward(s, g->color, t, i);
+    const double center[2] = {s->x, s->y};
+
+    if (p->front)
+        reference_gaussian_backward(&one, s, p, t, i);
+    reference_store_row(g->mean, one.mean, i, 3);
+    reference_store_row(g->scale, one.scale, i, 3);
+    reference_store_row(g->quat, one.quat, i, 4);
+    reference_store_row(g->opacity, &s->opacity, i, 1);
+    reference_store_row(g->center, center, i, 2);
+    reference_store_row(g->conic, s->conic, i, 3);
+    for (int k = 0; g->rt && k < 12; k++)
+        g->rt[k] += one.rt[k];
 }
 
 int reference_backward(const struct reference_gradients *g,
@@ -245,24 +269,8 @@ int reference_backward(const struct reference_gradients *g,
         }
     if (g->rt)
         memset(g->rt, 0, 12 * sizeof *g->rt);
-    for (size_t i = 0; i < t->n; i++) {
-        struct gradient one = {0};
-
-        if (t->seen && g->color)
-            reference_place_backward(&s[i], g->color, t, i);
-        double center[2] = {s[i].x, s[i].y};
-
-        if (w.point[i].front)
-            reference_gaussian_backward(&one, &s[i], &w.point[i], t, i);
-        reference_store(g->mean, one.mean, i, 3);
-        reference_store(g->scale, one.scale, i, 3);
-        reference_store(g->quat, one.quat, i, 4);
-        reference_store(g->opacity, &s[i].opacity, i, 1);
-        reference_store(g->center, center, i, 2);
-        reference_store(g->conic, s[i].conic, i, 3);
-        for (int k = 0; g->rt && k < 12; k++)
-            g->rt[k] += one.rt[k];
-    }
+    for (size_t i = 0; i < t->n; i++)
+        reference_store(g, &s[i], &w.point[i], t, i);
     rc = 0;
 out:
     free(found);

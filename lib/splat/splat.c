@@ -90,16 +90,10 @@ static int splat_make_zorder(struct splat_state *st)
     return 0;
 }
 
-int splat_init(struct splat *s, const struct splat_options *opt,
-               struct error *err)
+/* The options that others imply, and what of the state they decide. */
+static void splat_settle_options(struct splat *s, struct splat_state *st,
+                                 const struct splat_options *opt)
 {
-    memset(s, 0, sizeof *s);
-    if (splat_check_options(opt, err))
-        return -1;
-    struct splat_state *st = calloc(1, sizeof *st);
-
-    if (!st)
-        return error_set(err, EX_OSERR, "out of memory");
     s->opt = *opt;
     if (!opt->exp_degree)
         s->opt.exp_degree = opt->gradients ? 5 : 3;
@@ -107,7 +101,6 @@ int splat_init(struct splat *s, const struct splat_options *opt,
         s->opt.fixed16 = false;
         s->opt.exp_degree = s->opt.exp_degree <= 3 ? 3 : 5;
     }
-    s->state = st;
     st->level = opt->level_set ? opt->level : cpu_level();
     st->work_size = splat_kernels(st->level)->work_size();
     st->threads = opt->threads > 0 ? opt->threads : omp_get_max_threads();
@@ -125,6 +118,20 @@ int splat_init(struct splat *s, const struct splat_options *opt,
     st->view.near = opt->near > 0 ? opt->near : st->view.dgr ? 0.2f : 0.01f;
     st->view.cut = log2f(opt->alpha_cut);
     st->view.t_cut = opt->t_cut;
+}
+
+int splat_init(struct splat *s, const struct splat_options *opt,
+               struct error *err)
+{
+    memset(s, 0, sizeof *s);
+    if (splat_check_options(opt, err))
+        return -1;
+    struct splat_state *st = calloc(1, sizeof *st);
+
+    if (!st)
+        return error_set(err, EX_OSERR, "out of memory");
+    s->state = st;
+    splat_settle_options(s, st, opt);
     s->bytes = state_screen_layout(st, NULL);
     st->screen = state_block(s->bytes);
     if (!st->screen)

@@ -158,6 +158,35 @@ static void hair_finish_strand(struct strand_point *q, int n,
     }
 }
 
+/* The direction d at share t of a strand's length, from the one before:
+ * the cut's lift, comb, waves and weight. */
+static void hair_direct(float d[3], const struct actor *a, const float p[3],
+                        const float root[3], const float normal[3],
+                        const struct cut *cut, float length, float phase,
+                        float t)
+{
+    const struct hair_look *h = &a->look.hair;
+    float f[3], w[4], fine[4];
+    float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t, root[2] * 9 };
+    float s2[3] = { root[0] * 31, root[1] * 31,
+                    root[2] * 31 + 9 * length * t };
+
+    hair_flow(a, f, p);
+    noise4(w, s);
+    noise4(fine, s2);
+    for (int k = 0; k < 3; k++)
+        d[k] = 0.55f * d[k] + cut->lift * normal[k] * (1 - t)
+               + cut->comb * f[k] + cut->wave * (0.5f * w[k + 1]
+                                                 + 0.4f * fine[k + 1]);
+    d[1] -= cut->gravity * (0.4f + 1.2f * t);
+    if (h->style == HAIR_WAVY || h->style == HAIR_CURLY) {
+        float turn = phase + t * length * (10 + 14 * h->curl);
+        d[0] += cut->wave * 0.7f * sinf(turn);
+        d[2] += cut->wave * 0.7f * cosf(turn);
+    }
+    unit3(d);
+}
+
 /* From the root along the cut's direction, falling, and never into the
  * skull. */
 static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
@@ -167,7 +196,7 @@ static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
     const struct hair_look *h = &a->look.hair;
     float top = ramp(0.0f, 0.6f, (root[1] - a->skull[1])
                                  / a->skull_radius[1]);
-    float vary = (float)random_range(r, 0.72, 1.08), p[3], d[3], w[4], f[3];
+    float vary = (float)random_range(r, 0.72, 1.08), p[3], d[3];
     float length = lerpf(cut->side, cut->top, top) * h->length * vary;
     float depth = (float)random_uniform(r), room = depth * cut->thick
                   * h->volume * lerpf(0.6f, 1, top);
@@ -182,24 +211,7 @@ static void hair_grow_strand(struct actor *a, struct strand_point *q, int n,
     for (int i = 0; i < n; i++) {
         float t = (float)i / (float)(n - 1);
         copy3(q[i].p, p);
-        hair_flow(a, f, p);
-        float s[3] = { root[0] * 9, root[1] * 9 + 5 * length * t,
-                       root[2] * 9 };
-        noise4(w, s);
-        float fine[4], s2[3] = { root[0] * 31, root[1] * 31,
-                                 root[2] * 31 + 9 * length * t };
-        noise4(fine, s2);
-        for (int k = 0; k < 3; k++)
-            d[k] = 0.55f * d[k] + cut->lift * normal[k] * (1 - t)
-                   + cut->comb * f[k] + cut->wave * (0.5f * w[k + 1]
-                                                     + 0.4f * fine[k + 1]);
-        d[1] -= cut->gravity * (0.4f + 1.2f * t);
-        if (h->style == HAIR_WAVY || h->style == HAIR_CURLY) {
-            float turn = phase + t * length * (10 + 14 * h->curl);
-            d[0] += cut->wave * 0.7f * sinf(turn);
-            d[2] += cut->wave * 0.7f * cosf(turn);
-        }
-        unit3(d);
+        hair_direct(d, a, p, root, normal, cut, length, phase, t);
         mad3(p, p, d, step);
         hair_keep_outside(a, p, room * ramp(0, 0.35f, t + 0.1f),
                           cut->lift * cut->lift * 0.25f + 0.02f);

@@ -171,6 +171,32 @@ static double loss_pyramid_absolute(float *x, size_t n, double scale)
     return sum * scale;
 }
 
+/* Down: band i = low i - doubled low i+1; low 0 is there. */
+static void loss_pyramid_bands(float *band, float *low, const struct levels *l)
+{
+    for (int i = 0; i < l->n; i++) {
+        loss_pyramid_halve(low + l->at[i + 1], low + l->at[i], l->h[i],
+                           l->w[i], false);
+        memcpy(band + l->at[i], low + l->at[i],
+               3 * l->h[i] * l->w[i] * sizeof *band);
+        loss_pyramid_double(band + l->at[i], low + l->at[i + 1], l->h[i],
+                            l->w[i], -1, false);
+    }
+    memcpy(band + l->at[l->n], low + l->at[l->n],
+           3 * l->h[l->n] * l->w[l->n] * sizeof *band);
+}
+
+/* Up: band becomes the gradient of low. */
+static void loss_pyramid_bands_backward(float *band, const struct levels *l)
+{
+    for (int i = l->n - 1; i >= 0; i--) {
+        loss_pyramid_double(band + l->at[i], band + l->at[i + 1], l->h[i],
+                            l->w[i], -1, true);
+        loss_pyramid_halve(band + l->at[i + 1], band + l->at[i], l->h[i],
+                           l->w[i], true);
+    }
+}
+
 double loss_pyramid(float *db, const float *b, const float *a, size_t H,
                     size_t W, const struct box *box, double weight,
                     float *tmp)
@@ -190,28 +216,12 @@ double loss_pyramid(float *db, const float *b, const float *a, size_t H,
         for (size_t i = 3 * ((box->y0 + y) * W + box->x0), e = i + 3 * l.w[0];
              i < e; i++)
             low[k++] = b[i] - a[i];
-    /* Down: band i = low i - doubled low i+1. */
-    for (int i = 0; i < l.n; i++) {
-        loss_pyramid_halve(low + l.at[i + 1], low + l.at[i], l.h[i], l.w[i],
-                           false);
-        memcpy(band + l.at[i], low + l.at[i],
-               3 * l.h[i] * l.w[i] * sizeof *band);
-        loss_pyramid_double(band + l.at[i], low + l.at[i + 1], l.h[i], l.w[i],
-                            -1, false);
-    }
-    memcpy(band + l.at[l.n], low + l.at[l.n],
-           3 * l.h[l.n] * l.w[l.n] * sizeof *band);
+    loss_pyramid_bands(band, low, &l);
     for (int i = 0; i <= l.n; i++) {
         size_t n = 3 * l.h[i] * l.w[i];
         loss += loss_pyramid_absolute(band + l.at[i], n, weight / (double)n);
     }
-    /* Up: band becomes the gradient of low. */
-    for (int i = l.n - 1; i >= 0; i--) {
-        loss_pyramid_double(band + l.at[i], band + l.at[i + 1], l.h[i], l.w[i],
-                            -1, true);
-        loss_pyramid_halve(band + l.at[i + 1], band + l.at[i], l.h[i], l.w[i],
-                           true);
-    }
+    loss_pyramid_bands_backward(band, &l);
     for (size_t y = 0, k = 0; db && y < l.h[0]; y++)
         for (size_t i = 3 * ((box->y0 + y) * W + box->x0), e = i + 3 * l.w[0];
              i < e; i++)

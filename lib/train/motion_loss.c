@@ -272,6 +272,29 @@ void motion_error(struct motion_error *e, const float *out,
     }
 }
 
+/* What E_m says number by number: dout, parts as in motion_loss. */
+static void motion_loss_code(float *dout, double *parts, const float *out,
+                             const struct data_frame *f, struct square q,
+                             const struct motion_weights *w, double scale,
+                             const struct motion_error *p)
+{
+    const struct data_motion *m = &f->motion;
+    float translation[3];
+
+    motion_loss_true_translation(translation, f, q);
+    motion_loss_numbers(dout + MOTION_TRANS, parts, TERM_TRANSLATION,
+                        out + MOTION_TRANS, translation, 3,
+                        p ? p->translation : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_EYE, parts, TERM_EYE, out + MOTION_EYE,
+                        m->eye, 6, p ? p->eye : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_EXP, parts, TERM_EXP, out + MOTION_EXP,
+                        m->exp, DATA_EXP, p ? p->exp : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_JAW, parts, TERM_JAW, out + MOTION_JAW,
+                        m->jaw, 3, p ? p->jaw : NULL, w, scale);
+    motion_loss_numbers(dout + MOTION_LID, parts, TERM_LID, out + MOTION_LID,
+                        m->lid, 2, p ? p->lid : NULL, w, scale);
+}
+
 double motion_loss(float *dout, double *parts, struct motion_state *s,
                    const float *out, const struct data_frame *f,
                    struct square q, const struct motion_weights *w,
@@ -280,7 +303,7 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     const struct data_motion *m = &f->motion;
     const struct motion_error *p = l->partner;
     const struct head *h = l->id->head;
-    float dcam[12] = {0}, dR[9] = {0}, translation[3];
+    float dcam[12] = {0}, dR[9] = {0};
     double before = 0, after = 0;
 
     for (int i = 0; i < TERM_COUNT; i++)
@@ -306,19 +329,7 @@ double motion_loss(float *dout, double *parts, struct motion_state *s,
     if (h->has_landmarks && w->term[TERM_FEATURE] > 0)
         motion_loss_features(l->dverts, parts, s, w, scale, l);
     motion_decode_backward(dout, l->dverts, dcam, s, out, f, q, l->id);
-
-    motion_loss_true_translation(translation, f, q);
-    motion_loss_numbers(dout + MOTION_TRANS, parts, TERM_TRANSLATION,
-                        out + MOTION_TRANS, translation, 3,
-                        p ? p->translation : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_EYE, parts, TERM_EYE, out + MOTION_EYE,
-                        m->eye, 6, p ? p->eye : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_EXP, parts, TERM_EXP, out + MOTION_EXP,
-                        m->exp, DATA_EXP, p ? p->exp : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_JAW, parts, TERM_JAW, out + MOTION_JAW,
-                        m->jaw, 3, p ? p->jaw : NULL, w, scale);
-    motion_loss_numbers(dout + MOTION_LID, parts, TERM_LID, out + MOTION_LID,
-                        m->lid, 2, p ? p->lid : NULL, w, scale);
+    motion_loss_code(dout, parts, out, f, q, w, scale, p);
     for (int i = 0; i < TERM_COUNT; i++)
         after += parts[i];
     return after - before;

@@ -427,13 +427,34 @@ static int avatar_task_config(struct avatar_config *model,
     return 0;
 }
 
-int task_avatar_init(struct task *t, struct error *err)
+/* Plan the avatar, its losses' networks and E_m, whose weights are there. */
+static int avatar_task_plan(struct task *t, struct impl *m, struct error *err)
 {
     const struct train_config *c = t->config;
-
     /* differences of smooth losses are taken: every digit counts */
     enum nn_type type = c->smooth ? NN_F32 : NN_BF16;
     struct nn_options train = {NN_TRAIN, type}, fixed = {NN_FROZEN, type};
+
+    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
+                           err) ||
+        (*c->perceptual_file &&
+         avatar_system_perceptual(&m->tr, c->perceptual_file, err)) ||
+        (*c->alignment_file &&
+         avatar_system_alignment(&m->tr, c->alignment_file, err)))
+        return -1;
+    if (!m->with_motion)
+        return 0;
+    motion_encoder_init_weights(&m->net);
+    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
+        motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
+                        strcmp(c->freeze, "motion.") == 0, false, err))
+        return -1;
+    return motion_loss_init(&m->loss, t->head, err);
+}
+
+int task_avatar_init(struct task *t, struct error *err)
+{
+    const struct train_config *c = t->config;
     struct impl *m = calloc(1, sizeof *m);
     struct avatar_config model;
 
@@ -457,19 +478,5 @@ int task_avatar_init(struct task *t, struct error *err)
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);
     m->tr.fixed = !strncmp(c->learn, "refine.", strlen("refine."));
-    if (avatar_system_plan(&m->tr, (size_t)c->image, 1, c->smooth, train,
-                           err) ||
-        (*c->perceptual_file &&
-         avatar_system_perceptual(&m->tr, c->perceptual_file, err)) ||
-        (*c->alignment_file &&
-         avatar_system_alignment(&m->tr, c->alignment_file, err)))
-        return -1;
-    if (!m->with_motion)
-        return 0;
-    motion_encoder_init_weights(&m->net);
-    if (motion_encoder_plan(&m->net, (size_t)c->targets + 1, fixed, err) ||
-        motion_tta_init(&m->tta, &m->net, (size_t)c->targets + 1, t->head,
-                        strcmp(c->freeze, "motion.") == 0, false, err))
-        return -1;
-    return motion_loss_init(&m->loss, t->head, err);
+    return avatar_task_plan(t, m, err);
 }
