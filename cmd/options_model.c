@@ -1,7 +1,7 @@
 /* Apart from options.c: what programs with a model have in common. */
 #include "cmd/options.h"
+#include "lib/avatar/ablation.h"
 
-#include "lib/avatar/avatar.h"
 #include "lib/model/model.h"
 
 int option_model_open(struct model *m, struct error *err)

@@ -7,6 +7,7 @@
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
+#include "lib/avatar/ablation.h"
 #include "lib/avatar/baked.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/mover.h"

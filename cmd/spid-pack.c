@@ -1,5 +1,4 @@
 /* spid-pack: any records from standard array files, JSON or other streams. */
-#include <ctype.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>

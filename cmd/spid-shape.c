@@ -5,7 +5,6 @@
 #include <string.h>
 
 #include "cmd/options.h"
-#include "formats/draw.h"
 #include "formats/image.h"
 #include "formats/mark.h"
 #include "formats/module.h"

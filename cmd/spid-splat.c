@@ -5,6 +5,7 @@
 
 #include "cmd/cli.h"
 #include "lib/render/render.h"
+#include "lib/splat/splat.h"
 #include "lib/stream/stream.h"
 
 /* --camera: overrides what the stream says. */

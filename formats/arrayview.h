@@ -10,7 +10,6 @@ extern "C" {
 
 #include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 
 #include "formats/safetensors.h"
 

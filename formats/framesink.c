@@ -11,7 +11,6 @@
 #include <sysexits.h>
 #include <unistd.h>
 
-#include "formats/compose.h"
 #include "formats/framesink_impl.h"
 #include "formats/mark.h"
 #include "formats/terminal.h"

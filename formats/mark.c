@@ -3,6 +3,7 @@
 #include "formats/mark.h"
 
 #include <errno.h>
+#include <stdbool.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <string.h>

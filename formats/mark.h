@@ -9,8 +9,6 @@
 extern "C" {
 #endif
 
-#include <stdbool.h>
-
 #include "lib/base/error.h"
 
 /* Off for the rest of the process: --no-mark, and programs that draw upon

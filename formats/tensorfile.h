@@ -12,7 +12,6 @@ extern "C" {
 #endif
 
 #include <stddef.h>
-#include <stdint.h>
 
 #include "formats/arrayview.h"
 #include "lib/base/error.h"

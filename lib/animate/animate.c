@@ -10,6 +10,8 @@
 #include "lib/base/cpu.h"
 #include "lib/geom/camera.h"
 #include "lib/record/motion.h"
+#include "lib/splat/splat.h"
+#include "lib/texture/place.h"
 
 /* ---- workers ----------------------------------------------------------- */
 

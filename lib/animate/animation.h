@@ -5,7 +5,6 @@
 #define SPID_ANIMATE_ANIMATION_H
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "formats/framesink.h"
 #include "formats/framesource.h"

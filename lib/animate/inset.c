@@ -7,7 +7,6 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/geom/crop.h"
 #include "lib/geom/resample.h"
 
 /* In windows: over how much of it what moves comes to rest towards an edge,

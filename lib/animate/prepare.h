@@ -9,9 +9,9 @@
 #include "lib/geom/densify.h"
 #include "lib/avatar/baker.h"
 #include "lib/avatar/prune.h"
+#include "lib/model/model.h"
 #include "lib/record/person.h"
 #include "lib/track/encoders.h"
-#include "lib/track/track.h"
 #include "lib/texture/texture.h"
 
 /* What every clip shares: model files, loaded once. */

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/avatar/ablation.h"
 #include "lib/base/slices.h"
 #include "lib/model/model.h"
 #include "lib/texture/place.h"

@@ -29,7 +29,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-#include "lib/avatar/ablation.h"
+#include "lib/avatar/branch.h"
 #include "lib/avatar/dynamic_branch.h"
 #include "lib/avatar/mesh_weights.h"
 #include "lib/avatar/mouth_branch.h"
@@ -45,7 +45,7 @@
 #include "lib/net/backbone.h"
 #include "lib/nn/params.h"
 #include "lib/nn/plan.h"
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 enum avatar_branch {
     BRANCH_DYNAMIC, BRANCH_STATIC, BRANCH_MOUTH, BRANCH_COUNT

@@ -2,7 +2,6 @@
  * Phase B by lib/geom/drive.h. */
 #include "lib/avatar/baked.h"
 
-#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -10,6 +9,7 @@
 #include "lib/base/half.h"
 #include "lib/geom/neck_blend.h"
 #include "lib/record/gaus.h"
+#include "lib/splat/splat.h"
 
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,

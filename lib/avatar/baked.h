@@ -12,7 +12,8 @@
 #include "lib/base/error.h"
 #include "lib/geom/densify.h"
 #include "lib/geom/drive.h"
-#include "lib/splat/splat.h"
+#include "lib/geom/relative_pose.h"
+#include "lib/splat/types.h"
 #include "lib/stream/stream.h"
 
 /* Opening of the inner lips, head units, under which they hide the mouth:

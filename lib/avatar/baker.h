@@ -8,7 +8,7 @@
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"
 #include "lib/gagavatar/gagavatar.h"
-#include "lib/head/lbs.h"
+#include "lib/model/config.h"
 #include "lib/model/model.h"
 #include "lib/record/person.h"
 

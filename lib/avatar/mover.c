@@ -6,6 +6,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/avatar/ablation.h"
 #include "lib/record/gmov.h"
 #include "lib/record/mesh.h"
 #include "lib/record/person.h"

@@ -11,6 +11,7 @@
 #include "lib/base/sort.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"
+#include "lib/splat/splat.h"
 
 enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };
 

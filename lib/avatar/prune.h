@@ -4,7 +4,6 @@
 #define SPID_AVATAR_PRUNE_H
 
 #include <stddef.h>
-#include <stdint.h>
 
 #include "lib/avatar/baked.h"
 #include "lib/base/error.h"

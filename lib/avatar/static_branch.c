@@ -7,7 +7,6 @@
 #include <string.h>
 
 #include "lib/avatar/cheek_back.h"
-#include "lib/avatar/coverage.h"
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"

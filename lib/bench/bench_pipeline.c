@@ -4,6 +4,7 @@
  * pictures are held against those of the slowest way: float everywhere, no
  * cut-offs, every Gaussian. */
 #include "lib/bench/bench.h"
+#include "lib/splat/splat.h"
 
 #include <math.h>
 #include <stdio.h>

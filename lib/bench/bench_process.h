@@ -2,8 +2,6 @@
 #ifndef SPID_BENCH_BENCH_PROCESS_H
 #define SPID_BENCH_BENCH_PROCESS_H
 
-#include <stddef.h>
-
 #include "lib/base/error.h"
 
 #define PROCESS_PATH 4096

@@ -2,6 +2,8 @@
  * two pictures in double, without cut-offs and with the same rules. */
 #include "lib/base/half.h"
 #include "lib/bench/bench.h"
+#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 #include <math.h>
 #include <stdio.h>

@@ -1,6 +1,8 @@
 /* The renderer's stage of spid-bench, further rows: gradients, moving scenes,
  * growth with Gaussians and pixels, hard scenes. */
 #include "lib/bench/bench_splat.h"
+#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 
 #include <math.h>
 #include <stdio.h>

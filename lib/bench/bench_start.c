@@ -4,7 +4,6 @@
 #include "lib/base/sort.h"
 #include "lib/bench/bench.h"
 
-#include <fcntl.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

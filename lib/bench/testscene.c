@@ -10,6 +10,7 @@
 #include "formats/safetensors.h"
 #include "lib/base/random.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
 
 #define CHANNELS 32
 

@@ -3,7 +3,8 @@
 #ifndef SPID_BENCH_TESTSCENE_H
 #define SPID_BENCH_TESTSCENE_H
 
-#include "lib/splat/splat.h"
+#include "lib/base/error.h"
+#include "lib/base/gaussians.h"
 
 #define TESTSCENE_N 108658
 

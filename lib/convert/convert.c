@@ -9,6 +9,7 @@
 
 #include "lib/base/list.h"
 #include "lib/convert/table.h"
+#include "lib/nn/params.h"
 
 const char *const convert_kinds[] = {"flame",     "dinov2", "smirk",
                                      "gagavatar", "lpips",  "arcface",

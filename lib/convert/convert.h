@@ -11,7 +11,6 @@
 #include "formats/safetensors.h"
 #include "formats/tensorfile.h"
 #include "lib/base/error.h"
-#include "lib/nn/params.h"
 
 #define CONVERT_FILES 4
 #define CONVERT_META 16

@@ -5,6 +5,7 @@
 #define SPID_CONVERT_TABLE_H
 
 #include "lib/convert/convert.h"
+#include "lib/nn/params.h"
 
 /* Open one more file; its number, or -1. */
 int convert_open(struct convert *c, const char *path, struct error *err);

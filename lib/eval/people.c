@@ -8,6 +8,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/avatar/ablation.h"
 #include "lib/geom/camera.h"
 #include "lib/metric/image.h"
 #include "lib/metric/motion.h"

@@ -4,7 +4,6 @@
 #define SPID_EVAL_PEOPLE_H
 
 #include <stddef.h>
-#include <stdint.h>
 
 #include "lib/base/error.h"
 #include "lib/eval/reenactor.h"

@@ -9,6 +9,8 @@
 
 #include "lib/geom/camera.h"
 #include "lib/net/motion_code.h"
+#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 #include "lib/texture/place.h"
 
 #define N MOTION_ENCODER_SIZE

@@ -16,7 +16,7 @@
 #include "lib/net/motion_encoder.h"
 #include "lib/net/refiner.h"
 #include "lib/net/shape_encoder.h"
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 #include "lib/texture/texture.h"
 #include "lib/track/tta.h"
 

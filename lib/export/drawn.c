@@ -11,6 +11,7 @@
 #include "formats/ply.h"
 #include "formats/splatfile.h"
 #include "lib/geom/preview.h"
+#include "lib/splat/splat.h"
 
 /* What a file gave back, in head units. */
 struct back {

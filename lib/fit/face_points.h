@@ -3,8 +3,6 @@
 #ifndef SPID_FIT_FACE_POINTS_H
 #define SPID_FIT_FACE_POINTS_H
 
-#include <stddef.h>
-
 #include "lib/base/error.h"
 #include "lib/fit/landmark_sets.h"
 #include "lib/head/arkit.h"

@@ -8,8 +8,6 @@
 #include <stdbool.h>
 #include <stddef.h>
 
-#include "lib/base/error.h"
-
 enum resample_padding { RESAMPLE_ZEROS, RESAMPLE_BORDER };
 
 /* out [B,N,C] = x [B,H,W,C] bilinearly at grid [B,N,2] (x then y in [-1,1];

@@ -5,6 +5,8 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/base/half.h"
+
 /* A gap this short costs less than a new run. */
 enum { GAP = 2 };
 

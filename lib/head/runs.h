@@ -7,7 +7,6 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/base/half.h"
 
 /* run[i] = direction, first vertex, how many; their values follow one another
  * in value (rows,3), half floats. */

@@ -1,5 +1,6 @@
 /* The sculpted head as a file: every array of it under the name that spid-
  * head(1) gives, and the metadata that say what it is. */
+#include "lib/base/half.h"
 #include "lib/head/sculpt.h"
 
 #include <stdio.h>

@@ -6,7 +6,6 @@
 
 #include <stddef.h>
 
-#include "formats/safetensors.h"
 #include "lib/nn/conv.h"
 #include "lib/nn/norm.h"
 #include "lib/nn/params.h"

@@ -4,7 +4,6 @@
 #ifndef SPID_NET_SURE_HEAD_H
 #define SPID_NET_SURE_HEAD_H
 
-#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/nn/params.h"

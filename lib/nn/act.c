@@ -5,6 +5,7 @@
 #include <math.h>
 
 #include "lib/nn/kernels.h"
+#include "lib/nn/plan.h"
 
 #define CHUNK 16384
 

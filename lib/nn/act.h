@@ -2,7 +2,7 @@
 #ifndef SPID_NN_ACT_H
 #define SPID_NN_ACT_H
 
-#include "lib/nn/plan.h"
+#include <stddef.h>
 
 enum nn_act {
     ACT_NONE,

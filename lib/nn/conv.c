@@ -14,6 +14,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/nn/act.h"
 #include "lib/nn/conv_impl.h"
 #include "lib/nn/image.h"
 

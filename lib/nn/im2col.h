@@ -4,7 +4,6 @@
 #ifndef SPID_NN_IM2COL_H
 #define SPID_NN_IM2COL_H
 
-#include "lib/nn/act.h"
 #include "lib/nn/plan.h"
 
 struct conv;

@@ -8,7 +8,6 @@
 #include <stdint.h>
 
 #include "lib/base/cpu.h"
-#include "lib/base/isa.h"
 
 /* Before a loop: no round of it reads what another one writes, which GCC
  * cannot see of its pointers.  Clang compares them when the loop begins, and

@@ -10,8 +10,6 @@
 #include <sys/mman.h>
 #include <sysexits.h>
 
-#include "lib/nn/engine.h"
-
 int nn_type_parse(enum nn_type *type, const char *word)
 {
     for (int i = NN_F32; i <= NN_INT8; i++)

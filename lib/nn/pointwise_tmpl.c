@@ -2,6 +2,8 @@
  * the summed dimension lie in one 32-bit word, the first in its lower half,
  * as the processor's instruction for it wants them; 12 rows by 32 columns of
  * the result stay in registers. */
+#include <stdbool.h>
+
 #include "lib/nn/kernels.h"
 #include "lib/nn/pointwise_kernel.h"
 #include "lib/nn/vector.h"

@@ -4,7 +4,10 @@
 
 #include <string.h>
 
+#include "lib/nn/act.h"
+#include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
+#include "lib/nn/params.h"
 
 void squeeze_excite_init(struct squeeze_excite *s, struct params *ps,
                          const char *name, size_t channels, size_t hidden)

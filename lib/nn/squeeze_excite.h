@@ -2,7 +2,8 @@
 #ifndef SPID_NN_SQUEEZE_EXCITE_H
 #define SPID_NN_SQUEEZE_EXCITE_H
 
-#include "lib/nn/conv.h"
+#include "lib/nn/params.h"
+#include "lib/nn/plan.h"
 
 struct squeeze_excite {
     struct params *ps;

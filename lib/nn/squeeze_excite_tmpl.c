@@ -1,5 +1,4 @@
 /* Small products with per-channel vectors. */
-#include "lib/nn/act.h"
 #include "lib/nn/kernels.h"
 #include "lib/nn/vector.h"
 

@@ -4,6 +4,7 @@
 #include <math.h>
 #include <string.h>
 
+#include "formats/livelink.h"
 #include "lib/geom/rotation.h"
 #include "lib/head/arkit.h"
 

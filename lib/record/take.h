@@ -12,7 +12,6 @@
 
 #include <stddef.h>
 
-#include "formats/livelink.h"
 #include "lib/record/motion.h"
 
 #define TAKE_DISTANCE 12.0f     /* camera to head, head units */

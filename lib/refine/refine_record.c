@@ -5,6 +5,7 @@
 
 #include "lib/geom/relative_pose.h"
 #include "lib/stream/feat.h"
+#include "lib/texture/place.h"
 #include "lib/texture/texture.h"
 
 _Static_assert(FEAT_PHOTO == TEXTURE_PHOTO && FEAT_PLACE == PLACE_CHANNELS &&

@@ -5,6 +5,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/texture/place.h"
 #include "lib/texture/texture.h"
 
 static int canvas_too_large(const struct canvas *c, struct error *err)

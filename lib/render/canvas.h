@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/texture/place.h"
+#include "lib/splat/types.h"
 
 /* N = size; every buffer is owned. */
 struct canvas {

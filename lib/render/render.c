@@ -8,6 +8,8 @@
 #include "lib/geom/camera.h"
 #include "lib/geom/relative_pose.h"
 #include "lib/splat/reference.h"
+#include "lib/splat/splat.h"
+#include "lib/texture/place.h"
 
 int render_init(struct render *r, const struct render_options *opt,
                 struct framesink *sink, struct error *err)

@@ -12,7 +12,7 @@
 #include "lib/render/async_write.h"
 #include "lib/render/canvas.h"
 #include "lib/splat/scene.h"
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 #include "lib/texture/texture.h"
 
 struct render_options {

@@ -2,7 +2,6 @@
 #ifndef SPID_REPORT_CLIPS_H
 #define SPID_REPORT_CLIPS_H
 
-#include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
 

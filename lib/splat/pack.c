@@ -5,6 +5,7 @@
 #include <string.h>
 
 #include "lib/base/half.h"
+#include "lib/splat/state.h"
 
 /* Channel c of Gaussian i. */
 static float pack_color(const struct gaussians *g, size_t i, int c)

@@ -3,7 +3,7 @@
 #ifndef SPID_SPLAT_PACK_H
 #define SPID_SPLAT_PACK_H
 
-#include "lib/splat/state.h"
+#include "lib/splat/types.h"
 
 /* Fill the arrays of s->state, which have room for g; numbers are checked. */
 void pack_gaussians(struct splat *s, const struct gaussians *g);

@@ -11,6 +11,7 @@
 #include "lib/geom/neck_blend.h"
 #include "lib/record/gaus.h"
 #include "lib/record/gmov.h"
+#include "lib/splat/splat.h"
 
 enum { STATIC = 1, MOUTH = 2 };
 

@@ -7,7 +7,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/splat/splat.h"
+#include "lib/splat/types.h"
 #include "lib/stream/stream.h"
 
 enum scene_change {

@@ -8,7 +8,6 @@
 
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"
-#include "lib/synth/motion.h"
 #include "lib/synth/persona.h"
 
 /* Values of the stream's `label` array. */

@@ -3,7 +3,6 @@
 #ifndef SPID_SYNTH_LENS_H
 #define SPID_SYNTH_LENS_H
 
-#include <stddef.h>
 #include <stdint.h>
 
 #include "lib/synth/persona.h"

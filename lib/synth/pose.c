@@ -1,4 +1,5 @@
 /* Everything of an actor into the camera's frame. */
+#include "lib/synth/motion.h"
 #include "lib/synth/stage.h"
 
 #include <math.h>

@@ -3,7 +3,6 @@
 #ifndef SPID_SYNTH_SCAN_ACT_H
 #define SPID_SYNTH_SCAN_ACT_H
 
-#include <stddef.h>
 #include <stdint.h>
 
 #include "lib/base/error.h"

@@ -9,6 +9,7 @@
 #include <sysexits.h>
 
 #include "formats/safetensors.h"
+#include "lib/head/arkit.h"
 #include "lib/synth/scan_json.h"
 #include "lib/synth/vec.h"
 

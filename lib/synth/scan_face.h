@@ -7,7 +7,6 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/head/arkit.h"
 #include "lib/head/scan.h"
 #include "lib/head/scan_lids.h"
 

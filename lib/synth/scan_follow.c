@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "lib/head/arkit.h"
 #include "lib/synth/scan_near.h"
 #include "lib/synth/vec.h"
 

@@ -5,8 +5,6 @@
 #ifndef SPID_SYNTH_SCAN_FOLLOW_H
 #define SPID_SYNTH_SCAN_FOLLOW_H
 
-#include <stdbool.h>
-
 #include "lib/head/lbs.h"
 #include "lib/synth/scan_face.h"
 

@@ -7,8 +7,6 @@
 #ifndef SPID_SYNTH_SCAN_LIGHT_H
 #define SPID_SYNTH_SCAN_LIGHT_H
 
-#include <stddef.h>
-
 #include "lib/base/error.h"
 
 #define LIGHT_LAMPS 3

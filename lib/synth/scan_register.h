@@ -5,6 +5,7 @@
 
 #include <stdbool.h>
 
+#include "lib/head/arkit.h"
 #include "lib/synth/scan_face.h"
 
 #define REGISTER_POINTS 468

@@ -4,8 +4,6 @@
 #ifndef SPID_SYNTH_SHADE_H
 #define SPID_SYNTH_SHADE_H
 
-#include <stdint.h>
-
 #include "lib/synth/sun.h"
 
 #define SHADE_N 64

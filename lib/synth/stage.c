@@ -6,7 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/camera.h"
-#include "lib/synth/vec.h"
+#include "lib/synth/motion.h"
 
 int stage_init(struct stage *s, int size, struct error *err)
 {

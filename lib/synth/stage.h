@@ -8,6 +8,7 @@
 
 #include "lib/base/error.h"
 #include "lib/synth/actor.h"
+#include "lib/synth/motion.h"
 #include "lib/synth/raster.h"
 
 #define STAGE_GRID 2            /* samples per pixel and axis */

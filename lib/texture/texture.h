@@ -15,7 +15,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
-#include "lib/texture/place.h"
+#include "lib/splat/types.h"
 
 #define TEXTURE_LEVELS 6        /* at most */
 

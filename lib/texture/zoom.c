@@ -6,6 +6,7 @@
 #include <sysexits.h>
 
 #include "lib/geom/resample.h"
+#include "lib/texture/place.h"
 
 int zoom_init(struct zoom *z, size_t from, size_t to, bool place,
               struct error *err)

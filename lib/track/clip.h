@@ -4,9 +4,7 @@
 #ifndef SPID_TRACK_CLIP_H
 #define SPID_TRACK_CLIP_H
 
-#include <stdbool.h>
 #include <stddef.h>
-#include <stdint.h>
 
 #include "lib/base/error.h"
 #include "lib/head/head.h"

@@ -7,6 +7,7 @@
 #include <string.h>
 #include <sysexits.h>
 
+#include "formats/draw.h"
 #include "lib/geom/camera.h"
 
 int overlay_init(struct overlay *o, const struct identity *id,

@@ -4,7 +4,6 @@
 
 #include <stdint.h>
 
-#include "formats/draw.h"
 #include "lib/base/error.h"
 #include "lib/geom/crop.h"
 #include "lib/head/lbs.h"

@@ -3,8 +3,6 @@
 #ifndef SPID_TRACK_SOURCE_H
 #define SPID_TRACK_SOURCE_H
 
-#include <stdbool.h>
-#include <stddef.h>
 #include <stdint.h>
 
 #include "formats/image.h"

@@ -10,7 +10,9 @@
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/nn/image.h"
+#include "lib/splat/splat.h"
 #include "lib/texture/place.h"
+#include "lib/train/losses.h"
 
 const char *const picture_term_name[PICTURE_COUNT] = {
     "coarse", "coarse_face", "final", "final_face", "perceptual", "mask",

@@ -7,7 +7,6 @@
 #include <stdio.h>
 
 #include "lib/base/error.h"
-#include "lib/train/adam.h"
 #include "lib/train/checkpoint.h"
 #include "lib/train/config.h"
 #include "lib/train/group.h"

@@ -6,7 +6,6 @@
 
 #include <stddef.h>
 
-#include "lib/base/error.h"
 #include "lib/geom/box.h"
 
 /* Mean |b - a| over the box (NULL: everything): L_img's four terms. */

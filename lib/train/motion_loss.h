@@ -5,7 +5,6 @@
 #define SPID_TRAIN_MOTION_LOSS_H
 
 #include <stdbool.h>
-#include <stddef.h>
 
 #include "lib/base/error.h"
 #include "lib/head/lbs.h"

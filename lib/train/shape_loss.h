@@ -3,7 +3,6 @@
 #ifndef SPID_TRAIN_SHAPE_LOSS_H
 #define SPID_TRAIN_SHAPE_LOSS_H
 
-#include <stdbool.h>
 #include <stddef.h>
 
 #include "lib/base/error.h"

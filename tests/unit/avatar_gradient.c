@@ -8,6 +8,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/ablation.h"
 #include "lib/avatar/avatar.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/rotation.h"

@@ -1,6 +1,5 @@
 /* Every output format written and read back; pure red stays red, in our own
  * reader and, where it is installed, through ffmpeg. */
-#include <errno.h>
 #include <math.h>
 #include <stdio.h>
 #include <stdlib.h>

@@ -1,5 +1,6 @@
 /* Takes of Live Link Face: a motion to a file and back; gaps; which way the
  * angles turn; files that are none. */
+#include "formats/livelink.h"
 #include "lib/record/take.h"
 
 #include <math.h>

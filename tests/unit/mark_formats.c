@@ -3,10 +3,8 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-#include <unistd.h>
 
 #include "formats/framesink.h"
-#include "formats/image.h"
 #include "formats/mark.h"
 #include "formats/video.h"
 #include "tests/check.h"

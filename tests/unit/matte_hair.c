@@ -9,7 +9,6 @@
 #include "formats/layers.h"
 #include "formats/matte.h"
 #include "lib/base/random.h"
-#include "lib/texture/texture.h"
 #include "tests/check.h"
 
 enum { N = 256, LOCKS = 6 };

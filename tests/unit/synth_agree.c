@@ -11,9 +11,10 @@
 #include "lib/geom/camera.h"
 #include "lib/head/sculpt.h"
 #include "lib/synth/lens.h"
+#include "lib/synth/motion.h"
 #include "lib/synth/noise.h"
 #include "lib/synth/scan_film.h"
-#include "lib/synth/synth.h"
+#include "lib/synth/stage.h"
 #include "tests/check.h"
 
 enum { S = 96 };

@@ -14,6 +14,7 @@
 #include "lib/head/sculpt.h"
 #include "lib/synth/lens.h"
 #include "lib/synth/noise.h"
+#include "lib/synth/stage.h"
 #include "lib/synth/synth.h"
 #include "tests/check.h"
 

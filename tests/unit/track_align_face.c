@@ -4,8 +4,6 @@
 #include <stdlib.h>
 #include <string.h>
 
-#include "lib/base/random.h"
-#include "lib/geom/camera.h"
 #include "lib/track/align_face.h"
 #include "tests/check.h"
 #include "tests/unit/sphere_head.h"
