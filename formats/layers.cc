@@ -5,6 +5,7 @@ extern "C" {
 #include "formats/layers_islands.h"
 }
 #include "formats/layers_parts.hh"
+#include "formats/mask.hh"
 
 #include <sysexits.h>
 
@@ -21,12 +22,6 @@ static const int LAYERS_SMALL = 112;
 static const float LAYERS_WHOLE = 0.98f;
 /* A background may be off by so many levels for the sum's sake. */
 static const float LAYERS_GHOST = 16;
-
-cv::Mat layers_disc(int side)
-{
-    return cv::getStructuringElement(cv::MORPH_ELLIPSE,
-                                     cv::Size(side | 1, side | 1));
-}
 
 /* How many times smaller a picture may be for its mean over such a reach. */
 static int layers_coarseness(double reach)
@@ -170,7 +165,7 @@ int layers_fill(uint8_t *back, const uint8_t *rgb, const uint8_t *matte,
         const cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
         const cv::Mat mat(N, N, CV_8U, const_cast<uint8_t *>(matte));
         const cv::Mat in = layers_inside(inside, N);
-        cv::dilate(mat > 0, wide, layers_disc(std::max(3, N / 64)));
+        cv::dilate(mat > 0, wide, mask_disc(std::max(3, N / 64)));
         layers_background(pic, (mat == 0) & in,
                           layers_inpaint(pic, (wide != 0) | (in == 0)))
             .convertTo(out, CV_8U);
@@ -208,8 +203,8 @@ static void layers_unmix(cv::Mat &mat, const cv::Mat &colour,
     cv::Mat inner, outer, known, weight, far;
 
     /* where the picture ends is no border of the person's */
-    cv::erode((mat > 127) | (in == 0), inner, layers_disc(2 * rim));
-    cv::dilate(mat > 127, outer, layers_disc(2 * rim));
+    cv::erode((mat > 127) | (in == 0), inner, mask_disc(2 * rim));
+    cv::dilate(mat > 127, outer, mask_disc(2 * rim));
     cv::distanceTransform(mat <= 127, far, cv::DIST_L2, 3);
     cv::Mat own = inner & in;
     own.convertTo(known, CV_32F, 1 / 255.0);
@@ -258,22 +253,12 @@ static cv::Mat layers_attached(const cv::Mat &strange, const cv::Mat &person)
     cv::Mat wide, far, label;
 
     cv::morphologyEx(strange & ~person, wide, cv::MORPH_OPEN,
-                     layers_disc(std::max(5, n / 40)));
+                     mask_disc(std::max(5, n / 40)));
     cv::distanceTransform(~person, far, cv::DIST_L2, 5);
     const cv::Mat thin = (strange & ~wide & (far <= n / 8)) | person;
     const int count = cv::connectedComponents(thin, label, 8);
-    std::vector<uchar> own((size_t)count, 0);
-    for (int y = 0; y < n; y++)
-        for (int x = 0; x < n; x++)
-            if (person.at<uchar>(y, x))
-                own[(size_t)label.at<int>(y, x)] = 255;
-    own[0] = 0;
-    cv::Mat out(n, n, CV_8U, cv::Scalar(0));
-    for (int y = 0; y < n; y++)
-        for (int x = 0; x < n; x++)
-            if (thin.at<uchar>(y, x) && !person.at<uchar>(y, x))
-                out.at<uchar>(y, x) = own[(size_t)label.at<int>(y, x)];
-    return out;
+    return mask_of_labels(label, mask_touched(label, count, person))
+           & ~person;
 }
 
 /* The locks' colours without the background's share: as the strangest of
@@ -298,14 +283,14 @@ static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
     const cv::Mat person = mat > 127;
     /* twice: what looked strange is no measure of the background */
     cv::Mat strange = layers_strange(expected, away, colour, sure) & in;
-    cv::dilate(strange, hidden, layers_disc(3));
+    cv::dilate(strange, hidden, mask_disc(3));
     strange = layers_strange(expected, away, colour, sure & ~hidden) & in;
     const cv::Mat locks = layers_attached(strange, person);
     if (cv::countNonZero(locks) == 0)
         return out;
-    cv::dilate(locks, hidden, layers_disc(5));
+    cv::dilate(locks, hidden, mask_disc(5));
     sure &= ~hidden;
-    cv::dilate(person, near, layers_disc(2 * rim));
+    cv::dilate(person, near, mask_disc(2 * rim));
     hidden &= in & ~near;
     const cv::Mat fore = layers_lock_colour(colour, away, locks);
     for (int y = 0; y < mat.rows; y++)
@@ -490,7 +475,7 @@ int layers_split(uint8_t *matte, uint8_t *back, uint8_t *rgb,
         const cv::Mat in = layers_inside(inside, N);
         pic.convertTo(colour, CV_32F);
         /* the background as beyond all doubt, then up to the matte's edge */
-        cv::dilate(mat > 8, wide, layers_disc(2 * rim));
+        cv::dilate(mat > 8, wide, mask_disc(2 * rim));
         cv::Mat sure = (wide == 0) & in;
         const cv::Mat locks = layers_locks(sure, mat, colour, in, rim);
         const cv::Mat filled = layers_inpaint(pic, sure == 0);

@@ -5,6 +5,7 @@ extern "C" {
 #include "formats/layers_islands.h"
 }
 #include "formats/layers_parts.hh"
+#include "formats/mask.hh"
 
 #include <sysexits.h>
 
@@ -28,7 +29,7 @@ static cv::Mat layers_foreground(cv::Mat &weight, const cv::Mat &rgb,
     const int rim = std::max(2, rgb.rows / 64);
     cv::Mat own, known, colour;
 
-    cv::erode(mat > 250, own, layers_disc(rim));
+    cv::erode(mat > 250, own, mask_disc(rim));
     own.convertTo(known, CV_32F, 1 / 255.0);
     rgb.convertTo(colour, CV_32F);
     return layers_mean(weight, colour, known, rim);

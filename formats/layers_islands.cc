@@ -3,6 +3,7 @@
 extern "C" {
 #include "formats/layers_islands.h"
 }
+#include "formats/mask.hh"
 
 #include <algorithm>
 #include <vector>
@@ -23,18 +24,6 @@ static cv::Mat islands_distance(const cv::Mat &mask)
     return away;
 }
 
-/* 255 where a piece of label lies that is kept. */
-static cv::Mat islands_kept(const cv::Mat &label,
-                            const std::vector<uchar> &keep)
-{
-    const int *piece = label.ptr<int>();
-    cv::Mat out(label.size(), CV_8U);
-
-    for (size_t i = 0; i < label.total(); i++)
-        out.data[i] = keep[(size_t)piece[i]];
-    return out;
-}
-
 void layers_islands(uint8_t *matte, size_t n)
 {
     const int N = (int)n, near = std::max(2, N / 64);
@@ -48,11 +37,11 @@ void layers_islands(uint8_t *matte, size_t n)
     for (int i = 1; i < pieces; i++)
         if (stats.at<int>(i, cv::CC_STAT_AREA) >= N * N / ISLANDS_LARGE)
             keep[(size_t)i] = 255;
-    away = islands_distance(islands_kept(label, keep));
+    away = islands_distance(mask_of_labels(label, keep));
     for (size_t i = 0; i < label.total(); i++)
         if (piece[i] && away.ptr<float>()[i] <= (float)near)
             keep[(size_t)piece[i]] = 255;
-    const cv::Mat person = islands_kept(label, keep);
+    const cv::Mat person = mask_of_labels(label, keep);
     away = islands_distance(person);
     const cv::Mat about = islands_distance(solid & ~person) <= near / 2;
     mat.setTo(0, (about & (away > near)) | (away > 4 * near));

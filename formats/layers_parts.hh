@@ -7,9 +7,6 @@
 
 #include <opencv2/core.hpp>
 
-/* A brush of odd width, side or one more. */
-cv::Mat layers_disc(int side);
-
 /* 255 where a square of n by n pixels lies in its picture; inside NULL:
  * everywhere. */
 cv::Mat layers_inside(const uint8_t *inside, int n);

@@ -4,6 +4,7 @@
 extern "C" {
 #include "formats/matte.h"
 }
+#include "formats/mask.hh"
 
 #include <sysexits.h>
 
@@ -18,13 +19,6 @@ extern "C" {
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
 
-/* For dilating and eroding. */
-static cv::Mat matte_brush_disc(int side)
-{
-    return cv::getStructuringElement(cv::MORPH_ELLIPSE,
-                                     cv::Size(side | 1, side | 1));
-}
-
 /* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
  * square lies in its picture. */
 static cv::Mat matte_grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
@@ -35,11 +29,11 @@ static cv::Mat matte_grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
     cv::Mat label(n, n, CV_8U, cv::Scalar(cv::GC_BGD)), core, hair;
 
     /* hair and headgear reach about a third of the head beyond it */
-    cv::dilate(head, hair, matte_brush_disc(size * 2 / 3));
+    cv::dilate(head, hair, mask_disc(size * 2 / 3));
     label.setTo(cv::GC_PR_BGD, hair);
-    cv::dilate(head, hair, matte_brush_disc(size / 5));
+    cv::dilate(head, hair, mask_disc(size / 5));
     label.setTo(cv::GC_PR_FGD, hair);
-    cv::erode(head, core, matte_brush_disc(std::max(3, size / 12)));
+    cv::erode(head, core, mask_disc(std::max(3, size / 12)));
     label.setTo(cv::GC_FGD, core);
     /* neck and shoulders: a widening region below the chin */
     const int chin = box.y + box.height * 3 / 4, cx = box.x + box.width / 2;
@@ -77,21 +71,11 @@ static cv::Mat matte_grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
 static void matte_region_clean(cv::Mat &fg, const cv::Mat &head)
 {
     cv::Mat label, stats, centres;
-    int n = cv::connectedComponentsWithStats(fg, label, stats, centres, 8);
-    int best = 0, most = 0;
 
-    for (int i = 1; i < n; i++) {
-        int in = cv::countNonZero((label == i) & (head > 0));
-        if (in > most) {
-            most = in;
-            best = i;
-        }
-    }
-    fg = label == best;
-    if (best == 0)
-        fg.setTo(0);
-    cv::Mat bg = fg == 0;
-    n = cv::connectedComponentsWithStats(bg, label, stats, centres, 4);
+    fg = mask_piece_of_head(fg, head);
+    const cv::Mat bg = fg == 0;
+    const int n = cv::connectedComponentsWithStats(bg, label, stats, centres,
+                                                   4);
     for (int i = 1; i < n; i++)
         if (stats.at<int>(i, cv::CC_STAT_AREA) < fg.rows * fg.cols / 50
             && stats.at<int>(i, cv::CC_STAT_TOP) > 0
@@ -121,8 +105,8 @@ static cv::Mat matte_border_refine(const cv::Mat &mask, const cv::Mat &rgb)
     cv::Mat q = a.mul(I) + b, out;
     /* only the border may be soft */
     cv::Mat inner, outer;
-    cv::erode(mask, inner, matte_brush_disc(2 * r));
-    cv::dilate(mask, outer, matte_brush_disc(2 * r));
+    cv::erode(mask, inner, mask_disc(2 * r));
+    cv::dilate(mask, outer, mask_disc(2 * r));
     q = (q - 0.1) / 0.8;
     q.convertTo(out, CV_8U, 255);
     out.setTo(255, inner);
@@ -135,7 +119,7 @@ static void matte_soft_disc(cv::Mat &matte, const cv::Mat &head)
 {
     cv::Mat m;
 
-    cv::dilate(head, m, matte_brush_disc(head.rows / 12));
+    cv::dilate(head, m, mask_disc(head.rows / 12));
     cv::GaussianBlur(m, matte, cv::Size(), head.rows / 80.0);
 }
 
@@ -177,7 +161,7 @@ static cv::Mat matte_foreground(cv::Mat label, const matte_pictures &p,
     cv::grabCut(p.small(part).clone(), label, cv::Rect(), background,
                 foreground, 5, cv::GC_INIT_WITH_MASK);
     fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
-    cv::morphologyEx(fg, fg, cv::MORPH_OPEN, matte_brush_disc(3));
+    cv::morphologyEx(fg, fg, cv::MORPH_OPEN, mask_disc(3));
     matte_region_clean(fg, p.small_head);
     return fg;
 }
@@ -233,10 +217,10 @@ static void matte_cut_unsure(cv::Mat alpha, const cv::Mat &small,
     cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
     cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
 
-    cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, matte_brush_disc(w / 50));
+    cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, mask_disc(w / 50));
     if (cv::countNonZero(unsure) < w * w / 200)
         return;
-    cv::dilate(unsure, unsure, matte_brush_disc(w / 40));
+    cv::dilate(unsure, unsure, mask_disc(w / 40));
     label.setTo(cv::GC_PR_FGD, alpha > 0.5f);
     label.setTo(cv::GC_BGD, alpha < 0.05f);
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
@@ -256,17 +240,10 @@ static void matte_region_keep(cv::Mat &alpha, const cv::Mat &head)
 {
     cv::Mat label;
     const int n = cv::connectedComponents(alpha > 0.25f, label, 8);
-    std::vector<uchar> keep((size_t)n, 0);
+    std::vector<uchar> keep = mask_touched(label, n, head);
 
-    keep[0] = 1;                /* too faint to be a piece */
-    for (int y = 0; y < head.rows; y++)
-        for (int x = 0; x < head.cols; x++)
-            if (head.at<uchar>(y, x))
-                keep[(size_t)label.at<int>(y, x)] = 1;
-    for (int y = 0; y < head.rows; y++)
-        for (int x = 0; x < head.cols; x++)
-            if (!keep[(size_t)label.at<int>(y, x)])
-                alpha.at<float>(y, x) = 0;
+    keep[0] = 255;              /* too faint to be a piece */
+    alpha.setTo(0, mask_of_labels(label, keep) == 0);
 }
 
 /* alpha at the picture's size: enlarged, and where neighbouring pixels say
@@ -304,7 +281,7 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         /* the face itself is the person's, whatever crosses it */
         const cv::Rect box = cv::boundingRect(p.small_head);
         const int across = std::max(3, std::max(box.width, box.height) / 8);
-        cv::erode(p.small_head, core, matte_brush_disc(across));
+        cv::erode(p.small_head, core, mask_disc(across));
         const cv::Rect part = cv::boundingRect(p.small_inside);
         if (part.area())
             matte_cut_unsure(alpha(part), p.small(part), core(part));

@@ -4,6 +4,7 @@
 extern "C" {
 #include "formats/matte.h"
 }
+#include "formats/mask.hh"
 
 #include <sysexits.h>
 
@@ -18,12 +19,6 @@ extern "C" {
 static const int TERMS = 6;             /* of a quadratic in x and y */
 static const double PLAIN = 0.85;       /* share of the surroundings */
 static const double ROUGH = 8;          /* levels that a wall may vary by */
-
-static cv::Mat wall_disc(int side)
-{
-    return cv::getStructuringElement(cv::MORPH_ELLIPSE,
-                                     cv::Size(side | 1, side | 1));
-}
 
 /* The monomials at pixel (x,y) of n. */
 static void wall_terms(double t[TERMS], int x, int y, int n)
@@ -110,7 +105,7 @@ static bool wall_find(cv::Mat &wall, cv::Mat &d, float *spread,
     const int size = std::max(box.width, box.height);
     cv::Mat around, seed, use;
 
-    cv::dilate(head, around, wall_disc(size / 3));
+    cv::dilate(head, around, mask_disc(size / 3));
     seed = in & ~around;
     seed.rowRange(std::min(box.br().y, seed.rows), seed.rows).setTo(0);
     const int count = cv::countNonZero(seed);
@@ -144,7 +139,7 @@ static void wall_drop_small(cv::Mat &mask, int least)
 /* What hangs together with the wall's border above the shoulders. */
 static cv::Mat wall_reach(const cv::Mat &like, int shoulders)
 {
-    cv::Mat label, out = cv::Mat::zeros(like.size(), CV_8U);
+    cv::Mat label;
     const int n = cv::connectedComponents(like, label, 8), last = like.cols - 1;
     std::vector<uchar> keep((size_t)n, 0);
 
@@ -154,10 +149,7 @@ static cv::Mat wall_reach(const cv::Mat &like, int shoulders)
         keep[(size_t)label.at<int>(y, 0)] =
             keep[(size_t)label.at<int>(y, last)] = 255;
     keep[0] = 0;
-    for (int y = 0; y < like.rows; y++)
-        for (int x = 0; x <= last; x++)
-            out.at<uchar>(y, x) = keep[(size_t)label.at<int>(y, x)];
-    return out;
+    return mask_of_labels(label, keep);
 }
 
 /* 255 where somebody stands, rim included: not the wall's colour, or where no
@@ -167,26 +159,16 @@ static cv::Mat wall_person(const cv::Mat &d, const cv::Mat &head,
 {
     const cv::Rect box = cv::boundingRect(head);
     const int n = d.rows, below = std::min(n, box.y + box.height * 19 / 20);
-    cv::Mat like = (d < near) & in, solid, person, label, stats, centres;
+    cv::Mat like = (d < near) & in, solid, person;
 
-    cv::dilate(head, solid, wall_disc(n / 40));
+    cv::dilate(head, solid, mask_disc(n / 40));
     solid.rowRange(below, n).setTo(255);
     wall_drop_small(like, n * n / 4000);
     person = in & ~(wall_reach(like, below) |
                     (like & ~solid));
-    cv::morphologyEx(person, person, cv::MORPH_OPEN, wall_disc(3));
-    int best = 0, most = 0;
-    const int count = cv::connectedComponentsWithStats(person, label, stats,
-                                                       centres, 8);
-    for (int i = 1; i < count; i++) {
-        int own = cv::countNonZero((label == i) & head);
-        if (own > most) {
-            most = own;
-            best = i;
-        }
-    }
-    person = best ? cv::Mat(label == best) : cv::Mat::zeros(n, n, CV_8U);
-    cv::morphologyEx(person, person, cv::MORPH_CLOSE, wall_disc(n / 64));
+    cv::morphologyEx(person, person, cv::MORPH_OPEN, mask_disc(3));
+    person = mask_piece_of_head(person, head);
+    cv::morphologyEx(person, person, cv::MORPH_CLOSE, mask_disc(n / 64));
     return person;
 }
 
@@ -211,14 +193,14 @@ static cv::Mat wall_matte(const cv::Mat &d, const cv::Mat &person,
     cv::Mat far, a, inner, core, outer, own = cv::Mat::zeros(n, n, CV_32F);
 
     d.copyTo(own, person);
-    cv::dilate(own, far, wall_disc(n / 42));
+    cv::dilate(own, far, mask_disc(n / 42));
     cv::GaussianBlur(far, far, cv::Size(), n / 192.0);
     far = cv::max(0.8 * far - floor, 6.0);
     cv::divide(d - floor, far, a);
     a = cv::min(cv::max(a, 0.0), 1.0);
-    cv::erode(person, inner, wall_disc(2 * rim));
-    cv::erode(head, core, wall_disc(2 * rim));
-    cv::dilate(person, outer, wall_disc(2 * rim));
+    cv::erode(person, inner, mask_disc(2 * rim));
+    cv::erode(head, core, mask_disc(2 * rim));
+    cv::dilate(person, outer, mask_disc(2 * rim));
     a.setTo(1, inner | (core & person));
     a.setTo(0, ~outer);
     return a;
