@@ -10,6 +10,7 @@
 #include <unistd.h>
 
 #include "lib/base/file.h"
+#include "lib/stream/stream.h"
 
 /* Append a clip. */
 static void clips_append(struct clips *c, const char *name)
@@ -96,17 +97,12 @@ static int clips_is_record(const struct dirent *d)
     return file_ends(d->d_name, ".spid") || !strcmp(d->d_name, "clips.tsv");
 }
 
-/* Whether a regular file begins as a stream does, or is to be one. */
+/* Whether a regular file begins as a stream does, or is to be one; what cannot
+ * be opened, too: whoever reads it says what is wrong. */
 static bool clips_is_stream(const char *path)
 {
-    char magic[4] = "";
-    FILE *f = file_ends(path, ".spid") ? NULL : fopen(path, "rb");
-
-    if (!f)
-        return true;            /* whoever reads it says what is wrong */
-    size_t n = fread(magic, 1, sizeof magic, f);
-    fclose(f);
-    return n == sizeof magic && !memcmp(magic, "SPID", sizeof magic);
+    return file_ends(path, ".spid") || access(path, R_OK) ||
+           stream_probe(path);
 }
 
 /* Whether the operand names plain clips: "@FILE", a folder that holds no

@@ -98,7 +98,7 @@ int animation_open_source(struct animation *a, const char *path,
     const struct prepare_beside look = {animation_run_read_to_face, a};
     const struct prepared *s = &a->source;
     const bool clip = driver && !a->opt->live && strcmp(driver, "-") &&
-                      !prepare_is_stream(driver);
+                      !stream_probe(driver);
 
     a->driver_name = driver;
     if (prepare_source(&a->source, a->models, path, a->opt->mask,
@@ -166,7 +166,7 @@ int animation_open_driver(struct animation *a, const char *path,
     int num, den;
 
     a->driver_name = path;
-    if (prepare_is_stream(path))
+    if (stream_probe(path))
         return animation_open_records(a, err);
     if (a->opt->live) {
         a->frames = framesource_open(&a->driver_name, 1, &a->opt->source, err);

@@ -3,7 +3,6 @@
 
 #include <omp.h>
 #include <pthread.h>
-#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sysexits.h>
@@ -73,18 +72,6 @@ void prepare_release(struct prepare *p)
 }
 
 /* ---- reading a source -------------------------------------------------- */
-
-bool prepare_is_stream(const char *path)
-{
-    char magic[4] = "";
-    FILE *f = fopen(path, "rb");
-
-    if (!f)
-        return false;
-    size_t n = fread(magic, 1, sizeof magic, f);
-    fclose(f);
-    return n == sizeof magic && memcmp(magic, "SPID", 4) == 0;
-}
 
 /* Identity and, when there is one, the baked GAUS of a stream. */
 static int prepare_read_stream(struct prepared *s, struct prepare *p,
@@ -275,7 +262,7 @@ int prepare_source(struct prepared *s, struct prepare *p, const char *path,
                    const char *mask, const struct prepare_beside *beside,
                    struct error *err)
 {
-    const bool stream = prepare_is_stream(path);
+    const bool stream = stream_probe(path);
     pthread_t thread;
     const bool two = stream && prepare_start_beside(&thread, beside);
 

@@ -77,7 +77,4 @@ int prepare_person(struct prepared *s, struct prepare *p, struct error *err);
 /* Free what it holds; zeroed then. */
 void prepared_release(struct prepared *s);
 
-/* Whether the file is a record stream: its first four letters say. */
-bool prepare_is_stream(const char *path);
-
 #endif

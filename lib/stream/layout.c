@@ -20,7 +20,7 @@ void layout_put_header(struct layout_header *h, const char *type,
                        size_t payload_bytes, uint64_t payload_hash)
 {
     memset(h, 0, sizeof *h);
-    memcpy(h->magic, "SPID", 4);
+    memcpy(h->magic, STREAM_MAGIC, sizeof h->magic);
     h->version = STREAM_VERSION;
     h->bytes = HEADER_BYTES;
     memcpy(h->type, type, 4);
@@ -47,10 +47,10 @@ static int layout_check_envelope(const struct layout_header *h,
 {
     char magic[5];
 
-    if (memcmp(h->magic, "SPID", 4) != 0) {
+    if (memcmp(h->magic, STREAM_MAGIC, sizeof h->magic) != 0) {
         layout_type_text(magic, h->magic);
         return error_set(err, EX_DATAERR, "not a record: it starts with '%s' "
-                         "(expected 'SPID')", magic);
+                         "(expected '" STREAM_MAGIC "')", magic);
     }
     if (h->check != XXH3_64bits(h, HEADER_HASHED))
         return error_set(err, EX_DATAERR, "header checksum %016llx does not "

@@ -14,7 +14,7 @@
 #define HEADER_HASHED 48       /* bytes covered by header.check */
 
 struct layout_header {
-    char magic[4];             /* "SPID" */
+    char magic[4];             /* STREAM_MAGIC */
     uint16_t version;          /* STREAM_VERSION */
     uint16_t bytes;            /* HEADER_BYTES */
     char type[4];

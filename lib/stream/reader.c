@@ -138,6 +138,19 @@ static int reader_open_source(struct stream_reader *r, const char *path,
     return 0;
 }
 
+bool stream_probe(const char *path)
+{
+    char magic[sizeof STREAM_MAGIC - 1];
+    struct stat st;
+    const int fd = stat(path, &st) == 0 && S_ISREG(st.st_mode)
+                       ? open(path, O_RDONLY | O_CLOEXEC) : -1;
+    const ssize_t n = fd < 0 ? -1 : read(fd, magic, sizeof magic);
+
+    if (fd >= 0)
+        close(fd);
+    return n == sizeof magic && memcmp(magic, STREAM_MAGIC, sizeof magic) == 0;
+}
+
 struct stream_reader *stream_open(const char *path,
                                   const struct stream_options *opt,
                                   struct error *err)

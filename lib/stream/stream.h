@@ -10,6 +10,7 @@
 
 #include "lib/base/error.h"
 
+#define STREAM_MAGIC "SPID"    /* how every record begins */
 #define STREAM_VERSION 1
 #define STREAM_ALIGN 64        /* arrays start at multiples of this */
 #define STREAM_MAX_ARRAYS 64   /* per record */
@@ -99,6 +100,10 @@ struct stream_options {
 void stream_set_limit(size_t max_bytes);
 /* What it is now, bytes. */
 size_t stream_limit(void);
+
+/* Whether a regular file begins as a stream does.  Nothing else is looked at:
+ * what a pipe has given is gone. */
+bool stream_probe(const char *path);
 
 /* Open path ("-" is standard input).  A regular file is mapped, a pipe read in
  * large blocks.  Refuses a directory, and a terminal.  NULL on failure. */

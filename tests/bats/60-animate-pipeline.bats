@@ -22,6 +22,12 @@ prepare() { animate_files; }
     cmp one.y4m pipe.y4m
 }
 
+@test "the driver may be a pipe with a name: no byte of it is lost" {
+    spid-animate -q -m model -s avatar.spid drive.y4m -o file.y4m
+    spid-animate -q -m model -s avatar.spid <(cat drive.y4m) -o pipe.y4m
+    cmp file.y4m pipe.y4m
+}
+
 @test "the pipe's features say how the head has turned" {
     spid-synth -q -n 1 --frames 3 -s 7 --fps 1 --size 64 --without mesh \
         --head "$HEAD" -o truth.spid
