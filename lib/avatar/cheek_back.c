@@ -8,7 +8,9 @@
 #include "lib/avatar/static_branch.h"
 #include "lib/geom/camera.h"
 
-#define WIDTH 0.05f     /* of the strip, in the picture's half sides */
+#define WIDTH 0.05f     /* of the strip, in the picture's half sides, */
+#define INSET 0.02f     /* and as far from the outline, so that no Gaussian of
+                         * it stands out from a turned head's cheek */
 #define STEP 2          /* cells from one of its Gaussians to the next */
 #define OVERLAP 0.6f    /* standard deviation over the distance to it, */
 #define SOLID 0.97f     /* and opacity */
@@ -28,18 +30,18 @@ static const float cheek_back_turn[AROUND][2] = {
     {-1, 0}, {-0.7071f, -0.7071f}, {0, -1}, {0.7071f, -0.7071f}
 };
 
-/* The places (8,2) about cell (x,y), at the strip's width from it; returns how
- * far the mesh moves there at most. */
+/* The places (8,2) at this distance from cell (x,y); returns how far the mesh
+ * moves there at most. */
 static float cheek_back_neighbours(float *at, const struct source_mesh *mesh,
-                                   size_t x, size_t y)
+                               size_t x, size_t y, float distance)
 {
     const float half = 0.5f * (float)mesh->n, last = (float)(mesh->n - 1);
     float moving = 0;
 
     for (size_t i = 0; i < AROUND; i++) {
         const float *turn = cheek_back_turn[i];
-        const float u = (float)x + 0.5f + half * WIDTH * turn[0];
-        const float v = (float)y + 0.5f + half * WIDTH * turn[1];
+        const float u = (float)x + 0.5f + half * distance * turn[0];
+        const float v = (float)y + 0.5f + half * distance * turn[1];
         const size_t j = (size_t)fminf(fmaxf(u, 0), last);
         const size_t k = (size_t)fminf(fmaxf(v, 0), last);
 
@@ -50,21 +52,35 @@ static float cheek_back_neighbours(float *at, const struct source_mesh *mesh,
     return moving;
 }
 
-float cheek_back_at(const struct source_picture *picture,
-                    const struct source_mesh *mesh, size_t x, size_t y)
+/* The least matte at the places (8,2). */
+static float cheek_back_matte(const struct source_picture *picture,
+                              const float *at)
 {
-    float at[2 * AROUND], rgba[4 * AROUND], matte = 1;
+    float rgba[4 * AROUND], matte = 1;
 
-    if (!(mesh->coverage[y * mesh->n + x] > 0))
-        return 0;
-    const float moves = branch_ramp(cheek_back_neighbours(at, mesh, x, y),
-                                    MOVES, MOVES_FAR);
-    if (!(moves > 0))           /* most: their matte is not looked up */
-        return 0;
     source_picture_sample(rgba, picture, at, AROUND);
     for (size_t i = 0; i < AROUND; i++)
         matte = fminf(matte, rgba[4 * i + 3]);
-    return (1 - branch_ramp(matte, 0.3f, 0.7f)) * moves;
+    return matte;
+}
+
+float cheek_back_at(const struct source_picture *picture,
+                    const struct source_mesh *mesh, size_t x, size_t y)
+{
+    float at[2 * AROUND];
+
+    if (!(mesh->coverage[y * mesh->n + x] > 0))
+        return 0;
+    const float moves = branch_ramp(cheek_back_neighbours(at, mesh, x, y, WIDTH),
+                                    MOVES, MOVES_FAR);
+    if (!(moves > 0))           /* most: their matte is not looked up */
+        return 0;
+    const float back = moves * (1 - branch_ramp(cheek_back_matte(picture, at),
+                                                0.3f, 0.7f));
+    if (!(back > 0))
+        return 0;
+    cheek_back_neighbours(at, mesh, x, y, INSET);
+    return back * branch_ramp(cheek_back_matte(picture, at), 0.6f, 0.95f);
 }
 
 void cheek_back_find(float *back, const struct source_picture *picture,

@@ -18,6 +18,9 @@
 #define OVERLAP 0.6f
 #define TINT 0.1f       /* how far a colour may be from the photograph's */
 #define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
+#define RIM 0.027f      /* half sides of the picture: the mesh's own Gaussians
+                         * reach so far beyond its outline */
+#define RIM_MATTE 0.3f  /* of what is beside the person, at most */
 #define NECK_SIDE 0.05f /* metres from the middle: beside it shoulders begin */
 #define SHOULDER_FALL 40    /* and count as so many times lower per metre */
 
@@ -218,6 +221,47 @@ static void static_branch_neck(float *neck, float *mean,
     }
 }
 
+/* Whether cell (x,y), beside the mesh, is of a rim of the person no wider than
+ * RIM: on one side of it is the mesh, on another one nobody. */
+static bool static_branch_is_rim(const struct static_branch *b,
+                                 const struct source_mesh *mesh, long x, long y)
+{
+    const long n = (long)b->n, far = lroundf(0.5f * RIM * (float)n);
+    const long near = lroundf(0.7071f * (float)far);
+    const long step[8][2] = {{far, 0}, {near, near}, {0, far}, {-near, near},
+                             {-far, 0}, {-near, -near}, {0, -far},
+                             {near, -near}};
+    bool face = false, nobody = false;
+
+    for (int i = 0; i < 8; i++) {
+        const long u = x + step[i][0], v = y + step[i][1];
+
+        if (u < 0 || v < 0 || u >= n || v >= n)
+            continue;
+        face |= mesh->coverage[v * n + u] >= OUTLINE;
+        nobody |= b->pixel[4 * (v * n + u) + 3] < RIM_MATTE;
+    }
+    return face && nobody;
+}
+
+/* What may not be drawn: where the mesh moves; and thin rims beside it, which
+ * stay in the picture's plane and would be shreds before a turned head. */
+static void static_branch_leave(struct static_branch *b,
+                                const struct source_mesh *mesh)
+{
+    const long n = (long)b->n;
+
+    for (size_t k = 0; k < b->count; k++)
+        b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
+    if (!b->prior)
+        return;
+#pragma omp parallel for schedule(static)
+    for (long k = 0; k < n * n; k++)
+        if (b->pixel[4 * k + 3] > 0 && mesh->coverage[k] < OUTLINE &&
+            static_branch_is_rim(b, mesh, k % n, k / n))
+            b->moving[k] = 1;
+}
+
 /* U = U_0 + Phi_init([F, C]). */
 static void static_branch_deform(const float *features,
                                  const struct source_mesh *mesh,
@@ -351,12 +395,11 @@ void static_branch_forward(struct branch_set *out, const float *features,
     if (out->n == 0)
         return;
     static_branch_surface(b, mesh);
-    for (size_t k = 0; k < b->count; k++)
-        b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
     static_branch_neck(out->neck, out->mean, mesh, b);
     static_branch_deform(features, mesh, b);
     if (b->prior)
         source_picture_sample(b->pixel, picture, b->U, b->count);
+    static_branch_leave(b, mesh);
     static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
     conv_decoder_forward(&raw, NULL, mesh->normal,

@@ -9,11 +9,11 @@
 /* How a place may change from pixel to pixel, beside the view's own change,
  * before it is doubted, and when it is not believed at all. */
 #define TEXTURE_JUMP 1.5f
-#define TEXTURE_LEAP 3.0f
+#define TEXTURE_LEAP 6.0f
 /* How many of the photograph's pixels a pixel must show to be believed, and
  * below how few it is not at all: a cheek seen from the side and now from the
  * front would be its outline, drawn out.  Measured across so many pixels. */
-#define TEXTURE_SHARP 0.3f
+#define TEXTURE_SHARP 0.55f
 #define TEXTURE_STRETCHED 0.12f
 #define TEXTURE_ACROSS 3
 /* The confidence by the share of the coverage that has a place.  Full from three
@@ -40,7 +40,7 @@ struct texture_rim {
                          * doubted */
     float least;        /* 0 at 6 degrees and less, 1 at 12 and more: so are
                          * those of the source that lie before what is drawn
-                         * solid, and would be slits in it */
+                         * solid, and would be slits in it: closed, too */
     float most;         /* times the drawn coverage is the most that the
                          * photograph covers: any at 0 degrees, twice at 8 and
                          * more.  Past an outline lie places from anywhere
@@ -53,6 +53,11 @@ struct texture_rim texture_rim(const struct splat_place_view *v);
  * share alone, a quarter of the background would shine through what is drawn
  * solid. */
 float texture_whole(float matte, float alpha, struct texture_rim rim);
+/* What a looked-up pixel's colours and matte are multiplied by: they cover no
+ * more than rim.most times the drawn coverage alpha; and on a turned head, to
+ * whose old outline a matte below alpha belongs, as much as is drawn, but no
+ * more than twice their own: a colour of little matte is not known. */
+float texture_cover(float matte, float alpha, struct texture_rim rim);
 
 /* photo (n,5) of pixels from x on in row y as a field with places `step`
  * pixels apart has it: less confidence by its doubt, colours by its gains. */

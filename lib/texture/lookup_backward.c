@@ -30,36 +30,52 @@ static size_t lookup_clamp(long i, long n)
     return (size_t)(i < 0 ? 0 : i >= n ? n - 1 : i);
 }
 
-/* c (4) was scaled so that c[3] is `most` at most: dc (4) from d (4); returns
- * the gradient by `most`. */
-static float lookup_most_backward(float dc[4], const float d[4],
-                                  const float c[4], float most)
+/* The derivatives of texture_cover by matte and alpha. */
+static void lookup_cover_slopes(float slope[2], float matte, float alpha,
+                                struct texture_rim rim)
 {
-    float sum = 0;
-
-    memcpy(dc, d, 4 * sizeof *dc);
-    if (!(c[3] > most))
-        return 0;
-    for (int k = 0; k < 3; k++) {
-        sum += d[k] * c[k] / c[3];
-        dc[k] *= most / c[3];
+    slope[0] = slope[1] = 0;
+    if (matte > rim.most * alpha) {
+        slope[0] = -rim.most * alpha / (matte * matte);
+        slope[1] = rim.most / matte;
+    } else if (matte < alpha && alpha < 2 * matte) {
+        slope[0] = -rim.least * alpha / (matte * matte);
+        slope[1] = rim.least / matte;
     }
-    dc[3] = -sum * most / c[3];
-    return sum + d[3];
 }
 
-/* duv (2) = gradient by the position (u,v), pixels, of a lookup whose four
- * numbers have gradient d, where the last is `most` at most; returns the
- * gradient by that. */
-static float lookup_position_backward(float duv[2], const float d[4],
-                                      const uint8_t *texture, size_t S,
-                                      float u, float v, float most)
+/* c (4) was multiplied by texture_cover: dc (4) from d (4); returns the
+ * gradient by alpha. */
+static float lookup_cover_backward(float dc[4], const float d[4],
+                                   const float c[4], float alpha,
+                                   struct texture_rim rim)
+{
+    const float by = texture_cover(c[3], alpha, rim);
+    float slope[2], sum = 0;
+
+    lookup_cover_slopes(slope, c[3], alpha, rim);
+    for (int k = 0; k < 4; k++) {
+        sum += d[k] * c[k];
+        dc[k] = by * d[k];
+    }
+    dc[3] += sum * slope[0];
+    return sum * slope[1];
+}
+
+/* A lookup's four numbers, and how they change along the two axes. */
+struct lookup_sample {
+    float sum[4], by_x[4], by_y[4];
+};
+
+/* At the position (u,v), pixels, of texture (S,S,4). */
+static struct lookup_sample lookup_sample_at(const uint8_t *texture, size_t S,
+                                             float u, float v)
 {
     const float end = (float)S;
     float x = fminf(fmaxf(u, -2), end + 2) - 0.5f;
     float y = fminf(fmaxf(v, -2), end + 2) - 0.5f;
     float fx = floorf(x), fy = floorf(y), wx[4], wy[4], dx[4], dy[4];
-    float sum[4] = {0}, by_x[4] = {0}, by_y[4] = {0}, clamped[4], dc[4];
+    struct lookup_sample s = {0};
 
     lookup_weights(wx, dx, x - fx);
     lookup_weights(wy, dy, y - fy);
@@ -72,21 +88,32 @@ static float lookup_position_backward(float duv[2], const float d[4],
         for (int c = 0; c < 4; c++) {
             float value = (float)p[c] / 255;
 
-            sum[c] += wy[j] * wx[i] * value;
-            by_x[c] += wy[j] * dx[i] * value;
-            by_y[c] += dy[j] * wx[i] * value;
+            s.sum[c] += wy[j] * wx[i] * value;
+            s.by_x[c] += wy[j] * dx[i] * value;
+            s.by_y[c] += dy[j] * wx[i] * value;
         }
     }
+    return s;
+}
+
+/* duv (2) = gradient by the position of a lookup whose four numbers have
+ * gradient d; returns the gradient by the coverage alpha. */
+static float lookup_position_backward(float duv[2], const float d[4],
+                                      const struct lookup_sample *s,
+                                      float alpha, struct texture_rim rim)
+{
+    float clamped[4], dc[4];
+
     for (int c = 0; c < 4; c++)
-        clamped[c] = fminf(fmaxf(sum[c], 0), 1);
-    const float dmost = lookup_most_backward(dc, d, clamped, most);
+        clamped[c] = fminf(fmaxf(s->sum[c], 0), 1);
+    const float dalpha = lookup_cover_backward(dc, d, clamped, alpha, rim);
     duv[0] = duv[1] = 0;
     for (int c = 0; c < 4; c++)
-        if (sum[c] > 0 && sum[c] < 1) {         /* the rest is clamped */
-            duv[0] += dc[c] * by_x[c];
-            duv[1] += dc[c] * by_y[c];
+        if (s->sum[c] > 0 && s->sum[c] < 1) {   /* the rest is clamped */
+            duv[0] += dc[c] * s->by_x[c];
+            duv[1] += dc[c] * s->by_y[c];
         }
-    return dmost;
+    return dalpha;
 }
 
 /* dp (3) += duv through the place p (3), half its picture's side. */
@@ -174,8 +201,7 @@ static float lookup_confidence_backward(float *dplace, float *dalpha,
 /* ---- all --------------------------------------------------------------- */
 
 void texture_lookup_backward(float *dplace, float *dalpha,
-                             const float *dphoto, const float *photo,
-                             const struct texture *t,
+                             const float *dphoto, const struct texture *t,
                              const struct splat_place_view *v,
                              const float *place, const float *alpha,
                              size_t size)
@@ -188,21 +214,22 @@ void texture_lookup_backward(float *dplace, float *dalpha,
 
     for (size_t i = 0; i < size * size; i++) {
         const float *p = place + 3 * i, *d = dphoto + TEXTURE_PHOTO * i;
-        float whole = texture_whole(photo[TEXTURE_PHOTO * i + 3], alpha[i],
-                                    rim);
         float nx = ((float)(i % size) + 0.5f) * step - 1;
         float ny = ((float)(i / size) + 0.5f) * step - 1, duv[2];
 
-        if (!(p[2] > TEXTURE_LEAST) ||
-            !(lookup_confidence_backward(dplace, dalpha, place, v, zoom,
+        if (!(p[2] > TEXTURE_LEAST))
+            continue;
+        const struct lookup_sample s = lookup_sample_at(
+            t->level[level], S,
+            half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
+            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1));
+        const float whole = texture_whole(fminf(fmaxf(s.sum[3], 0), 1),
+                                          alpha[i], rim);
+        if (!(lookup_confidence_backward(dplace, dalpha, place, v, zoom,
                                          alpha[i], d[4] * whole, i % size,
                                          i / size, size) > 0))
             continue;
-        dalpha[i] += rim.most * lookup_position_backward(
-            duv, d, t->level[level], S,
-            half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
-            half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1),
-            rim.most * alpha[i]);
+        dalpha[i] += lookup_position_backward(duv, d, &s, alpha[i], rim);
         lookup_place_backward(dplace + 3 * i, duv, p, half);
     }
 }

@@ -54,9 +54,8 @@ typedef void lookup_confidence_fn(struct lookup_row *row,
                                   const struct lookup_view *k, size_t n);
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
- * Keys's bicubic, 0..1, its matte no more than rim.most times the coverage
- * alpha (n), and weight * texture_whole of matte and coverage; a position's
- * weight of 0 or less leaves its pixel alone.  Border pixels go on outside.
+ * Keys's bicubic, 0..1, times texture_cover of its matte and the coverage alpha
+ * (n), and weight * texture_whole of the same; a position's weight of 0 or less leaves its pixel alone.  Border pixels go on outside.
  * u, v and weight have room for a multiple of 16. */
 typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,
                                 const float *weight, const float *alpha,

@@ -308,6 +308,17 @@ static inline float lookup_whole(float matte, float alpha,
     return t * share * share;
 }
 
+/* texture_cover */
+static inline float lookup_cover(float matte, float alpha,
+                                 struct texture_rim rim)
+{
+    if (matte > rim.most * alpha)
+        return rim.most * alpha / matte;
+    if (!(matte < alpha))
+        return 1;
+    return 1 + rim.least * (alpha < 2 * matte ? alpha / matte - 1 : 1);
+}
+
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                  const float *weight, const float *alpha,
                                  size_t n, const uint8_t *texture, size_t S,
@@ -334,8 +345,7 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
 
         c = lookup_saturate(c);
         photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim);
-        if (c[3] > rim.most * alpha[i])
-            c *= rim.most * alpha[i] / c[3];
+        c *= lookup_cover(c[3], alpha[i], rim);
         vq_store(photo, c);
     }
 }

@@ -198,3 +198,12 @@ float texture_whole(float matte, float alpha, struct texture_rim rim)
     const float share = matte * matte / (least * least);
     return t * share * share;
 }
+
+float texture_cover(float matte, float alpha, struct texture_rim rim)
+{
+    if (matte > rim.most * alpha)
+        return rim.most * alpha / matte;
+    if (!(matte < alpha))
+        return 1;
+    return 1 + rim.least * (fminf(alpha / matte, 2) - 1);
+}

@@ -53,7 +53,8 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  * disagree: where they jump from one pixel to the next, as at silhouettes, or
  * hardly move, so that a rim of the photograph would be drawn out; and, on a
  * head that has turned, where matte or coverage is not full.  There the
- * photograph may cover no more than twice what is drawn. */
+ * photograph covers no more than twice what is drawn, and no less where the
+ * matte is half of it and more: the old outline is no gap in the new picture. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);
@@ -91,11 +92,10 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                               size_t height, size_t width);
 
 /* dplace (size,size,3) and dalpha (size,size) += the gradient of dphoto
- * (size,size,5), that of photo, what texture_lookup gave; the view is held, and
- * how much the photograph is drawn out or on a rim. */
+ * (size,size,5), what texture_lookup gave; the view is held, and how much the
+ * photograph is drawn out or on a rim. */
 void texture_lookup_backward(float *dplace, float *dalpha,
-                             const float *dphoto, const float *photo,
-                             const struct texture *t,
+                             const float *dphoto, const struct texture *t,
                              const struct splat_place_view *v,
                              const float *place, const float *alpha,
                              size_t size);

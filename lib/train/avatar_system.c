@@ -479,7 +479,7 @@ int avatar_system_draw_backward(struct avatar_system *s, struct error *err)
     avatar_system_coarse_backward(s);
     if (s->photo) {
         memset(s->dplace, 0, 3 * n * sizeof *s->dplace);
-        texture_lookup_backward(s->dplace, s->dalpha, s->dshown, s->shown,
+        texture_lookup_backward(s->dplace, s->dalpha, s->dshown,
                                 &s->texture, &s->view, s->place, s->alpha,
                                 s->image);
     }

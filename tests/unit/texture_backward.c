@@ -192,8 +192,31 @@ static double backward_confidence(size_t i)
         jump = fmax(jump, 0.5 * S * hypot(q[0] / q[2] - p[0] / p[2],
                                           q[1] / q[2] - p[1] / p[2]));
     }
-    return fmin(fmax(own, 0), 1) * fmin(fmax((3 - jump) / 1.5, 0), 1) *
+    return fmin(fmax(own, 0), 1) * fmin(fmax((6 - jump) / 4.5, 0), 1) *
            drawn[i];
+}
+
+/* What a pixel of this matte is multiplied by where alpha is drawn. */
+static double backward_cover(double m, double alpha)
+{
+    const struct texture_rim rim = texture_rim(&view);
+
+    if (m > (double)rim.most * alpha)
+        return (double)rim.most * alpha / m;
+    return m < alpha ? 1 + (double)rim.least * (fmin(alpha / m, 2) - 1) : 1;
+}
+
+/* Where pixel j's place lies, pixels. */
+static void backward_position(double uv[2], size_t j)
+{
+    const double *p = place + 3 * j;
+    const double n[2] = {(2.0 * (double)(j % S) + 1) / S - 1,
+                         (2.0 * (double)(j / S) + 1) / S - 1};
+
+    for (int k = 0; k < 2; k++)
+        uv[k] = 0.5 * S * ((double)view.A[2 * k] * n[0] +
+                           (double)view.A[2 * k + 1] * n[1] +
+                           (double)view.b[k] + p[k] / p[2] + 1);
 }
 
 /* What pixel i and its neighbours add to the loss. */
@@ -205,21 +228,18 @@ static double lookup_loss(const struct texture *t, size_t i)
 
     for (int k = 0; k < 5; k++) {
         const size_t j = at[k];
-        const double *p = place + 3 * j, sure = backward_confidence(j);
-        double nx = (2.0 * (double)(j % S) + 1) / S - 1;
-        double ny = (2.0 * (double)(j / S) + 1) / S - 1;
-        double u = 0.5 * S * ((double)view.A[0] * nx + (double)view.A[1] * ny +
-                              (double)view.b[0] + p[0] / p[2] + 1);
-        double v = 0.5 * S * ((double)view.A[2] * nx + (double)view.A[3] * ny +
-                              (double)view.b[1] + p[1] / p[2] + 1);
-        double m = lookup_number(t->level[0], u, v, 3);
-        double held = fmin(1, (double)texture_rim(&view).most * cover[j] / m);
+        const double sure = backward_confidence(j);
+        double uv[2];
+
+        backward_position(uv, j);
+        double m = lookup_number(t->level[0], uv[0], uv[1], 3);
+        double by = backward_cover(m, cover[j]);
 
         if ((k && j == i) || sure <= 0)
             continue;
         for (int c = 0; c < 4; c++)
-            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] * held *
-                    lookup_number(t->level[0], u, v, c);
+            loss += (double)probe[TEXTURE_PHOTO * j + (size_t)c] * by *
+                    lookup_number(t->level[0], uv[0], uv[1], c);
         loss += (double)probe[TEXTURE_PHOTO * j + 4] * sure * whole[j];
     }
     return loss;
@@ -274,10 +294,14 @@ static void backward_lookup(void)
     lookup_inputs();
     REQUIRE(texture_init(&t, rgb8, matte, back, S, &err) == 0, "%s", err.text);
     texture_lookup(photo, &t, &view, place_f, cover_f, S);
-    for (size_t i = 0; i < PIXELS; i++)
-        whole[i] = (double)texture_whole(photo[TEXTURE_PHOTO * i + 3],
-                                         cover_f[i],
-                                         texture_rim(&view));
+    for (size_t i = 0; i < PIXELS; i++) {
+        double uv[2];
+
+        backward_position(uv, i);
+        whole[i] = (double)texture_whole(
+            (float)lookup_number(t.level[0], uv[0], uv[1], 3), cover_f[i],
+            texture_rim(&view));
+    }
     for (size_t i = 0; i < PIXELS; i++) {
         double sure = whole[i] * backward_confidence(i);
 
@@ -286,7 +310,7 @@ static void backward_lookup(void)
     }
     check("confidence", off, 1e-5);
     check_that("most pixels are doubted a little", doubted > PIXELS / 3);
-    texture_lookup_backward(dplace, dcover, probe, photo, &t, &view, place_f,
+    texture_lookup_backward(dplace, dcover, probe, &t, &view, place_f,
                             cover_f, S);
     worst = 0;
     for (size_t i = 0; i < PIXELS; i++) {
