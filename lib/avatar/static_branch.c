@@ -6,6 +6,7 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "lib/avatar/beside.h"
 #include "lib/avatar/cheek_back.h"
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
@@ -17,12 +18,7 @@
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
 #define TINT 0.1f       /* how far a colour may be from the photograph's */
-#define OUTLINE 0.97f   /* a cell that the mesh covers less of lies on it */
-#define RIM 0.027f      /* half sides of the picture: the mesh's own Gaussians
-                         * reach so far beyond its outline */
-#define RIM_MATTE 0.3f  /* of what is beside the person, at most */
-#define NECK_SIDE 0.05f /* metres from the middle: beside it shoulders begin */
-#define SHOULDER_FALL 40    /* and count as so many times lower per metre */
+#define SHOULDER_FALL 40    /* so many times lower shoulders count per metre */
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -171,20 +167,21 @@ static void static_branch_surface(struct static_branch *b,
     for (size_t k = 0; k < b->count; k++) {
         float h = mesh->cam[11] - mesh->depth[k];
 
-        b->surface[k] = isfinite(h) && mesh->coverage[k] >= OUTLINE
+        b->surface[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
                       ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
     }
 }
 
-/* Neck blend weight of a point at height y, so far from the neck's middle.
+/* Neck blend weight of a point at height y, so far beside the mesh (cells).
  * Beside the neck shoulders and their cloth come higher than the neck's foot:
  * they do not lean with the head. */
-static float static_branch_neck_weight(const struct source_mesh *mesh, float y,
+static float static_branch_neck_weight(const struct static_branch *b,
+                                       const struct source_mesh *mesh, float y,
                                        float aside)
 {
     const struct neck_blend *blend = &mesh->weights->blend;
-    const float scale = mesh->head->scale;
-    const float beside = fmaxf(aside / scale - NECK_SIDE, 0);
+    const float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
+    const float beside = aside * cell / mesh->head->scale;
 
     return neck_blend_weight(blend, blend->top - (blend->top - y) *
                                         (1 + SHOULDER_FALL * beside));
@@ -212,54 +209,25 @@ static void static_branch_neck(float *neck, float *mean,
         b->p[k] = 0.5f + 0.5f * b->surface[k];
     static_branch_lift(mean, b->U, b->p, b->surface, mesh->cam, mesh->normal,
                        b->count);
+    beside_distance(neck, mesh->coverage, b->n);
     for (size_t k = 0; k < b->count; k++) {
         const float *x = mean + 3 * k;
         float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
-        neck[k] = static_branch_neck_weight(mesh, 0.5f * (x[1] + y),
-                                            fabsf(x[0] - blend->pivot[0]));
+        /* neck held the distances */
+        neck[k] = static_branch_neck_weight(b, mesh, 0.5f * (x[1] + y),
+                                            neck[k]);
     }
 }
 
-/* Whether cell (x,y), beside the mesh, is of a rim of the person no wider than
- * RIM: on one side of it is the mesh, on another one nobody. */
-static bool static_branch_is_rim(const struct static_branch *b,
-                                 const struct source_mesh *mesh, long x, long y)
-{
-    const long n = (long)b->n, far = lroundf(0.5f * RIM * (float)n);
-    const long near = lroundf(0.7071f * (float)far);
-    const long step[8][2] = {{far, 0}, {near, near}, {0, far}, {-near, near},
-                             {-far, 0}, {-near, -near}, {0, -far},
-                             {near, -near}};
-    bool face = false, nobody = false;
-
-    for (int i = 0; i < 8; i++) {
-        const long u = x + step[i][0], v = y + step[i][1];
-
-        if (u < 0 || v < 0 || u >= n || v >= n)
-            continue;
-        face |= mesh->coverage[v * n + u] >= OUTLINE;
-        nobody |= b->pixel[4 * (v * n + u) + 3] < RIM_MATTE;
-    }
-    return face && nobody;
-}
-
-/* What may not be drawn: where the mesh moves; and thin rims beside it, which
- * stay in the picture's plane and would be shreds before a turned head. */
+/* What may not be drawn: where the mesh moves, and thin rims beside it. */
 static void static_branch_leave(struct static_branch *b,
                                 const struct source_mesh *mesh)
 {
-    const long n = (long)b->n;
-
     for (size_t k = 0; k < b->count; k++)
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
-    if (!b->prior)
-        return;
-#pragma omp parallel for schedule(static)
-    for (long k = 0; k < n * n; k++)
-        if (b->pixel[4 * k + 3] > 0 && mesh->coverage[k] < OUTLINE &&
-            static_branch_is_rim(b, mesh, k % n, k / n))
-            b->moving[k] = 1;
+    if (b->prior)
+        beside_rim(b->moving, b->pixel, mesh->coverage, b->n);
 }
 
 /* U = U_0 + Phi_init([F, C]). */

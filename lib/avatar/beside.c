@@ -1,0 +1,59 @@
+/* The mesh's outline on the plane: distances along rows, and thin rims by what
+ * lies around a cell (beside.h). */
+#include "lib/avatar/beside.h"
+
+#include <math.h>
+#include <stdbool.h>
+
+#define RIM 0.027f      /* half sides of the picture */
+#define NOBODY 0.3f     /* matte of what is beside the person, at most */
+
+void beside_distance(float *out, const float *coverage, size_t n)
+{
+    for (size_t row = 0; row < n * n; row += n) {
+        float left = INFINITY, right = INFINITY;
+
+        for (size_t k = row; k < row + n; k++)
+            out[k] = left = coverage[k] >= BESIDE_OUTLINE ? 0 : left + 1;
+        for (size_t k = row + n; k-- > row; ) {
+            right = coverage[k] >= BESIDE_OUTLINE ? 0 : right + 1;
+            out[k] = fminf(out[k], right);
+            out[k] = isfinite(out[k]) ? out[k] : 0;
+        }
+    }
+}
+
+/* Whether cell (x,y) has the mesh on one side, nobody on another. */
+static bool beside_is_rim(const float *rgba, const float *coverage, long n,
+                          long x, long y)
+{
+    const long far = lroundf(0.5f * RIM * (float)n);
+    const long near = lroundf(0.7071f * (float)far);
+    const long step[8][2] = {
+        {far, 0}, {near, near}, {0, far}, {-near, near},
+        {-far, 0}, {-near, -near}, {0, -far}, {near, -near}
+    };
+    bool mesh = false, nobody = false;
+
+    for (int i = 0; i < 8; i++) {
+        const long u = x + step[i][0], v = y + step[i][1];
+
+        if (u < 0 || v < 0 || u >= n || v >= n)
+            continue;
+        mesh |= coverage[v * n + u] >= BESIDE_OUTLINE;
+        nobody |= rgba[4 * (v * n + u) + 3] < NOBODY;
+    }
+    return mesh && nobody;
+}
+
+void beside_rim(float *value, const float *rgba, const float *coverage,
+                size_t n)
+{
+    const long side = (long)n;
+
+#pragma omp parallel for schedule(static)
+    for (long k = 0; k < side * side; k++)
+        if (rgba[4 * k + 3] > 0 && coverage[k] < BESIDE_OUTLINE &&
+            beside_is_rim(rgba, coverage, side, k % side, k / side))
+            value[k] = 1;
+}
