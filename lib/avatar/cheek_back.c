@@ -33,7 +33,7 @@ static const float cheek_back_turn[AROUND][2] = {
 /* The places (8,2) at this distance from cell (x,y); returns how far the mesh
  * moves there at most. */
 static float cheek_back_neighbours(float *at, const struct source_mesh *mesh,
-                               size_t x, size_t y, float distance)
+                                   size_t x, size_t y, float distance)
 {
     const float half = 0.5f * (float)mesh->n, last = (float)(mesh->n - 1);
     float moving = 0;
@@ -71,8 +71,8 @@ float cheek_back_at(const struct source_picture *picture,
 
     if (!(mesh->coverage[y * mesh->n + x] > 0))
         return 0;
-    const float moves = branch_ramp(cheek_back_neighbours(at, mesh, x, y, WIDTH),
-                                    MOVES, MOVES_FAR);
+    const float moves = branch_ramp(
+        cheek_back_neighbours(at, mesh, x, y, WIDTH), MOVES, MOVES_FAR);
     if (!(moves > 0))           /* most: their matte is not looked up */
         return 0;
     const float back = moves * (1 - branch_ramp(cheek_back_matte(picture, at),

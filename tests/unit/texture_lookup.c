@@ -70,12 +70,12 @@ static double lookup_cubic(double d)
     return d < 2 ? -0.75 * d * d * d + 3.75 * d * d - 6 * d + 3 : 0;
 }
 
-/* What a pixel of this matte is multiplied by where alpha is drawn. */
-static double lookup_cover(double m, double alpha, struct texture_rim rim)
+/* What a pixel of this matte is multiplied by where so much is drawn. */
+static double lookup_cover(double m, double drawn, struct texture_rim rim)
 {
-    if (m > (double)rim.most * alpha)
-        return (double)rim.most * alpha / m;
-    return m < alpha ? 1 + (double)rim.least * (fmin(alpha / m, 2) - 1) : 1;
+    if (m > (double)rim.most * drawn)
+        return (double)rim.most * drawn / m;
+    return m < drawn ? 1 + (double)rim.least * (fmin(drawn / m, 2) - 1) : 1;
 }
 
 static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
