@@ -9,7 +9,7 @@
 #include "lib/geom/camera.h"
 
 #define WIDTH 0.05f     /* of the strip, in the picture's half sides, */
-#define INSET 0.02f     /* and as far from the outline, so that no Gaussian of
+#define INSET 0.01f     /* and as far from the outline, so that no Gaussian of
                          * it stands out from a turned head's cheek */
 #define STEP 2          /* cells from one of its Gaussians to the next */
 #define OVERLAP 0.6f    /* standard deviation over the distance to it, */
@@ -75,12 +75,18 @@ float cheek_back_at(const struct source_picture *picture,
         cheek_back_neighbours(at, mesh, x, y, WIDTH), MOVES, MOVES_FAR);
     if (!(moves > 0))           /* most: their matte is not looked up */
         return 0;
-    const float back = moves * (1 - branch_ramp(cheek_back_matte(picture, at),
-                                                0.3f, 0.7f));
-    if (!(back > 0))
-        return 0;
+    return moves * (1 - branch_ramp(cheek_back_matte(picture, at), 0.3f, 0.7f));
+}
+
+/* How far cell (x,y) lies inside the outline, 0..1. */
+static float cheek_back_inside(const struct source_picture *picture,
+                               const struct source_mesh *mesh, size_t x,
+                               size_t y)
+{
+    float at[2 * AROUND];
+
     cheek_back_neighbours(at, mesh, x, y, INSET);
-    return back * branch_ramp(cheek_back_matte(picture, at), 0.6f, 0.95f);
+    return branch_ramp(cheek_back_matte(picture, at), 0.6f, 0.95f);
 }
 
 void cheek_back_find(float *back, const struct source_picture *picture,
@@ -89,7 +95,8 @@ void cheek_back_find(float *back, const struct source_picture *picture,
     memset(back, 0, n * n * sizeof *back);
     for (size_t y = 0; y < n; y += STEP)
         for (size_t x = 0; x < n; x += STEP)
-            back[y * n + x] = cheek_back_at(picture, mesh, x, y);
+            if ((back[y * n + x] = cheek_back_at(picture, mesh, x, y)) > 0)
+                back[y * n + x] *= cheek_back_inside(picture, mesh, x, y);
 }
 
 /* Camera depth of the strip at cell k: half way from the skin there to where it

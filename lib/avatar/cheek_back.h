@@ -14,7 +14,8 @@
 #include "lib/avatar/source_mesh.h"
 #include "lib/avatar/source_picture.h"
 
-/* How far the strip covers cell (x,y) of the mesh's maps, 0..1. */
+/* How far cell (x,y) of the mesh's maps is of the outline along which the strip
+ * runs, 0..1. */
 float cheek_back_at(const struct source_picture *picture,
                     const struct source_mesh *mesh, size_t x, size_t y);
 /* back (n,n), n the mesh's: how far each cell belongs to it, 0..1, 0 for
