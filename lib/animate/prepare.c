@@ -12,7 +12,7 @@
 #include "lib/base/cpu.h"
 #include "lib/track/source.h"
 
-/* A head to load, as a thread does it. */
+/* What prepare_run_head loads, and what became of it. */
 struct prepare_head {
     struct prepare *p;
     const char *path;
@@ -20,6 +20,7 @@ struct prepare_head {
     int rc;
 };
 
+/* The head and its edges, as a thread or not. */
 static void *prepare_run_head(void *arg)
 {
     struct prepare_head *l = arg;

@@ -24,14 +24,14 @@
                          * seventh of them still stood before the wall */
 #define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
 #define SLACK 0.03f     /* a vertex this far behind the surface is seen */
-#define STRAY_MM 1.0f   /* skin at the jaw's angle goes further, */
-#define STRAY_MOST_MM 20.0f     /* and not so far, as the chin's does */
+#define DROP_MM 1.0f    /* skin at the jaw's angle goes further, */
+#define DROP_MOST_MM 20.0f      /* and not so far, as the chin's does */
 
 /* ---- colours for hidden vertices --------------------------------------- */
 
-/* Ring by ring from the shown vertices: a vertex of the next ring takes the
- * mean of its coloured neighbours.  Returns nothing; vertices no edge leads
- * to keep the mean of all shown ones. */
+/* Ring by ring from the shown vertices (level 0): a vertex of the next ring
+ * takes the mean of its coloured neighbours.  Those no edge leads to stay at
+ * level -1. */
 static void dynamic_branch_rings(float *rgb, const struct densify *d,
                                  int *level, float *sum)
 {
@@ -352,13 +352,13 @@ static float dynamic_branch_protrusion(const struct source_picture *picture,
     const float n = (float)mesh->n, last = n - 1, *at = b->place + 2 * k;
     float place[2], rgba[4];
 
-    if (!(mm > STRAY_MM) || mm > STRAY_MOST_MM)
+    if (!(mm > DROP_MM) || mm > DROP_MOST_MM)
         return 0;
     source_mesh_project(place, to, 1, mesh->cam);
     source_picture_sample(rgba, picture, place, 1);
     return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
-           branch_ramp(mm, STRAY_MM, 2 * STRAY_MM) *
-           (1 - branch_ramp(mm, 0.6f * STRAY_MOST_MM, STRAY_MOST_MM)) *
+           branch_ramp(mm, DROP_MM, 2 * DROP_MM) *
+           (1 - branch_ramp(mm, 0.6f * DROP_MOST_MM, DROP_MOST_MM)) *
            cheek_back_at(picture, mesh,
                          (size_t)fminf(fmaxf(0.5f * n * (at[0] + 1), 0), last),
                          (size_t)fminf(fmaxf(0.5f * n * (at[1] + 1), 0), last));

@@ -42,7 +42,8 @@ static double light_residual(const struct fit *f, double light,
            f->a[2] * (double)n[1] - f->a[3] * (double)n[2];
 }
 
-/* What is left of a vertex's weight, by what the last round found. */
+/* What is left of a vertex's weight, by what the last round found: Cauchy's
+ * weights of its residual and of its chroma. */
 static double light_robust_weight(const struct fit *f, const float color[4],
                                   const float n[3])
 {

@@ -21,19 +21,22 @@ static void mover_take_hash(char hash[17], const struct record *rec)
 }
 
 /* Leave out branches and midpoints of an avatar that was baked with them. */
-static void mover_drop_branches(struct baked *b, unsigned without, size_t V)
+static int mover_drop_branches(struct baked *b, unsigned without, size_t V,
+                               struct error *err)
 {
     uint8_t *keep = malloc(b->N + 1);
 
-    for (size_t i = 0; keep && i < b->N; i++)
+    if (!keep)
+        return error_set(err, EX_OSERR, "no memory for %zu Gaussians", b->N);
+    for (size_t i = 0; i < b->N; i++)
         keep[i] = !(without >> b->branch[i] & 1) &&
                   !(without & WITHOUT_INTERP && i < b->dynamic &&
                     (size_t)b->vertex[i] >= V);
-    if (keep)
-        baked_keep(b, keep);
+    baked_keep(b, keep);
     if (without & WITHOUT_NECK)
         baked_drop_neck(b);
     free(keep);
+    return 0;
 }
 
 /* Up to the first GAUS record; the rest of the file is not read. */
@@ -91,9 +94,9 @@ static int mover_first_mesh(struct mover *m, const struct record *rec,
 
     if (mesh_read_faces(&f, &F, rec, err))
         return -1;
-    if (densify_init(&m->dense, f, F, V, err))
+    if (densify_init(&m->dense, f, F, V, err) ||
+        mover_drop_branches(&m->baked, m->opt.without, V, err))
         return -1;
-    mover_drop_branches(&m->baked, m->opt.without, V);
     for (size_t i = 0; i < m->baked.dynamic; i++)
         if ((size_t)m->baked.vertex[i] >= V + m->dense.E)
             return error_set(err, EX_DATAERR, "MESH has %zu vertices and %zu "

@@ -94,7 +94,6 @@ static int prune_measure(struct prune *p, const struct densify *d,
     for (size_t v = 0; rc == 0 && v < VIEWS; v++) {
         memset(p->weight, 0, p->b->N * sizeof *p->weight);
         rc = prune_draw(p, &s, d, h, p->image, v, err);
-        /* the gradient of the picture's sum by a colour is its weight */
         if (rc == 0)
             rc = splat_backward(&s, &g, p->ones, NULL, err);
         for (size_t i = 0; i < p->b->N; i++)
