@@ -10,6 +10,7 @@
 #include "lib/geom/resample.h"
 
 #define SOLID 0.97f     /* the prior's opacity: no holes */
+#define BACK_LIKE 0.5f  /* what is behind the teeth is seen so well at most */
 #define JAW_MM 4.5f     /* of the chin's way change what is between the lips */
 
 /* ---- the equations ----------------------------------------------------- */
@@ -144,12 +145,15 @@ static float mouth_branch_opening(const struct mouth_branch *b, size_t k,
 }
 
 /* A cell in which the photograph shows something else, lips or their shadow,
- * is like the photograph only while the jaw is where it was. */
+ * is like the photograph only while the jaw is where it was; what is behind the
+ * teeth shows a little more of itself for every millimetre. */
 static float mouth_branch_reach(const struct teeth_cell *t, float mm,
                                 float like)
 {
     const float still = hypotf(t->jaw[1], t->jaw[2]) * JAW_MM * mm;
 
+    if (t->layer == TEETH_BACK)
+        return still / (1 - fminf(like, BACK_LIKE));
     return like < 0.99f ? still / (1 - like) : 0;
 }
 

@@ -2,13 +2,15 @@
 #include "lib/avatar/teeth.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/avatar/cavity.h"
 #include "lib/geom/drive.h"
 
 #define SIDE 4              /* teeth of a side */
-#define ARCH 0.031f         /* of the parabola z = -ARCH x^2, 1 / mm */
+#define BETWEEN 0.4f        /* of the light is lost between two teeth */
 #define HALF 22.0f          /* mm: half the width of the scans' inner lips */
 
 /* One jaw's crowns from the middle, mm: width, height, how far the edge stays
@@ -25,13 +27,10 @@ static const struct teeth_row teeth_rows[2] = {
     {{8.5f, 6.5f, 7.5f, 7}, {10.5f, 9, 10, 8.5f}, {0, 0.7f, 0.2f, 1.2f},
      {1, 0.88f, 0.64f, 0.4f}, {-3.5f, 0.2f}, 1, 0.12f},
     {{5.3f, 5.9f, 6.8f, 7}, {8.8f, 9, 10, 8.5f}, {0, 0, 0.1f, 0.6f},
-     {0.9f, 0.82f, 0.62f, 0.38f}, {-2, -1.9f}, -1, 0.06f}
+     {0.9f, 0.82f, 0.62f, 0.38f}, {-0.6f, -1.9f}, -1, 0.06f}
 };
 static const float teeth_enamel[3] = {0.90f, 0.85f, 0.76f};
 static const float teeth_gum[3] = {0.76f, 0.47f, 0.45f};
-static const float teeth_cheek[3] = {0.24f, 0.10f, 0.09f};
-static const float teeth_palate[3] = {0.42f, 0.24f, 0.23f};
-static const float teeth_tongue[3] = {0.66f, 0.42f, 0.38f};
 
 /* Rows of a grid of K by K: the upper teeth's, and the lower ones', below. */
 static size_t teeth_upper_rows(size_t K)
@@ -56,9 +55,9 @@ static float teeth_along(float a)
     float x = 0.9f * a;
 
     for (int i = 0; i < 6; i++) {
-        float slope = 2 * ARCH * x, root = sqrtf(1 + slope * slope);
+        float slope = 2 * TEETH_ARCH * x, root = sqrtf(1 + slope * slope);
 
-        x -= (0.5f * x * root + asinhf(slope) / (4 * ARCH) - a) / root;
+        x -= (0.5f * x * root + asinhf(slope) / (4 * TEETH_ARCH) - a) / root;
     }
     return x;
 }
@@ -72,60 +71,73 @@ static size_t teeth_tooth(float *across, float u)
     return (size_t)t;
 }
 
+/* A jaw's light at `across` of tooth t: from the middle of one to that of the
+ * next. */
+static float teeth_light_at(const struct teeth_row *j, size_t t, float across)
+{
+    const float at = (float)t + across - 0.5f;
+    const size_t k = at > 0 ? (size_t)at : 0, next = k + 1 < SIDE ? k + 1 : k;
+
+    return j->light[k] + fmaxf(at - (float)k, 0) *
+                         (j->light[next] - j->light[k]);
+}
+
+/* How bright a crown is at `across` (0..1) of it and `height` over its edge:
+ * round, in the shade of its neighbours at both sides and of the lip above. */
+static float teeth_shade(float across, float height)
+{
+    const float side = fabsf(2 * across - 1);
+
+    return (1 - BETWEEN * side * side * side) *
+           (1 - 0.18f * fminf(height * height, 1.2f));
+}
+
 /* Column u of a jaw's row r of n: place in mm from the lips' centroid, size
  * and colour. */
 static void teeth_crown(struct teeth_cell *c, const struct teeth_row *j,
                         float u, size_t r, size_t n, float columns)
 {
-    float across, a = 0, up, enamel = 1;
+    float across, a = 0, up;
     const size_t t = teeth_tooth(&across, u), crown = teeth_crown_rows(n);
     const float step = j->height[t] / (float)crown;
+    const bool enamel = r < crown;
 
     for (size_t i = 0; i < t; i++)
         a += j->width[i];
     const float x = copysignf(teeth_along(a + across * j->width[t]), u);
     const float rim = fabsf(across - 0.5f) > 0.25f ? 1 : 0;
-    if (r < crown) {
+    if (enamel)
         up = ((float)r + 0.5f) * step + (r == 0 ? 0.4f * rim : 0);
-    } else {
+    else
         up = j->height[t] + ((float)(r - crown) + 0.3f) * 2.2f;
-        enamel = 0;
-    }
-    const float height = up / j->height[t];
-    const float light = j->light[t] * (1 - 0.14f * rim * enamel) *
-                        (1 - 0.18f * fminf(height * height, 1.2f));
+    const float light = teeth_light_at(j, t, across) *
+                        teeth_shade(enamel ? across : 0.5f,
+                                    up / j->height[t]);
     for (int k = 0; k < 3; k++)
-        c->color[k] = light * (enamel > 0 ? teeth_enamel[k] : teeth_gum[k]);
+        c->color[k] = light * (enamel ? teeth_enamel[k] : teeth_gum[k]);
     c->mean[0] = x;
     c->mean[1] = j->edge[0] + j->way * (j->raise[t] + up);
-    c->mean[2] = j->edge[1] - ARCH * x * x - j->lean * up;
-    const float turn = 0.5f * atanf(2 * ARCH * x);
+    c->mean[2] = j->edge[1] - TEETH_ARCH * x * x - j->lean * up;
+    const float turn = 0.5f * atanf(2 * TEETH_ARCH * x);
     c->quat[0] = cosf(turn);
     c->quat[2] = sinf(turn);
-    c->scale[0] = 0.55f * SIDE * 2 * j->width[t] / columns;
-    c->scale[1] = enamel > 0 ? 0.6f * step : 1.4f;
+    c->scale[0] = 0.5f * SIDE * 2 * j->width[t] / columns;
+    c->scale[1] = enamel ? 0.6f * step : 1.4f;
     c->scale[2] = 0.35f;
 }
 
-/* Row r of n behind the teeth, v from the palate (1) down (-1). */
-static void teeth_behind(struct teeth_cell *c, float u, float v, float step,
-                         float columns)
+/* Row i of n behind the teeth, as cavity.h has it. */
+static void teeth_behind(struct teeth_cell *c, float *share, float u,
+                         size_t i, size_t n, float columns)
 {
-    const float x = 27 * u;
-    const float middle = branch_ramp(-fabsf(u), -0.75f, -0.3f);
-    const float tongue = branch_ramp(-v, -0.05f, 0.45f) * middle;
+    const float rows = n > 1 ? (float)(n - 1) : 1, v = (float)i / rows;
+    struct cavity_place p;
 
-    for (int k = 0; k < 3; k++) {
-        c->color[k] = teeth_cheek[k] +
-                      middle * (teeth_palate[k] - teeth_cheek[k]);
-        c->color[k] += tongue * (teeth_tongue[k] - c->color[k]);
-    }
-    c->mean[0] = x;
-    c->mean[1] = v > 0 ? 16 * v : 24 * v;
-    c->mean[2] = -ARCH * x * x - 10 - 12 * (1 - u * u) + 6 * tongue;
-    c->scale[0] = 0.75f * 54 / columns;
-    c->scale[1] = 1.2f * 24 * step;
-    c->scale[2] = 0.5f;
+    cavity_place(&p, u, v);
+    memcpy(c->mean, p.at, sizeof c->mean);
+    memcpy(c->color, p.color, sizeof c->color);
+    *share = p.share;
+    cavity_cover(c->scale, c->quat, u, v, 2 / columns, 1 / rows);
 }
 
 /* Cell (i,j) of K by K as teeth_crown and teeth_behind place it, and its share
@@ -145,12 +157,8 @@ static struct teeth_cell teeth_cell_make(float *share, size_t i, size_t j,
         *share = 1;
         teeth_crown(&c, &teeth_rows[1], u, i - upper, lower, n);
     } else {
-        const float rows = (float)(K - upper - lower);
-        const float v = 1 - (float)(2 * (i - upper - lower) + 1) / rows;
-
         c.layer = TEETH_BACK;
-        *share = 0.5f - 0.5f * v;
-        teeth_behind(&c, u, v, 2 / rows, n);
+        teeth_behind(&c, share, u, i - upper - lower, K - upper - lower, n);
     }
     return c;
 }

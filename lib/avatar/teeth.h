@@ -1,7 +1,7 @@
 /* A mouth's inside where no picture shows it: a generic set of teeth with gums,
- * and what is dark behind them, as a grid of Gaussians in place of the mouth
- * branch's flat one.  Widths and heights of crowns are what adults' teeth
- * roughly have; the arch and where it lies behind the lips are measured on the
+ * and what is behind them (cavity.h), as a grid of Gaussians in place of the
+ * mouth branch's flat one.  Widths and heights of crowns are what adults'
+ * teeth roughly have; the arch and where it lies behind the lips are measured on the
  * mean of the ICT scans. */
 #ifndef SPID_AVATAR_TEETH_H
 #define SPID_AVATAR_TEETH_H
@@ -9,6 +9,9 @@
 #include <stddef.h>
 
 #include "lib/head/head.h"
+
+#define TEETH_ARCH 0.031f   /* of the parabola z = -TEETH_ARCH x^2 along which
+                             * teeth stand, 1 / mm */
 
 /* The upper teeth's share of the jaw's way.  In life they stay; this is too
  * little to be seen, but their reach (gaussian_seen) goes by how far a cell has

@@ -179,7 +179,8 @@ static void equation_teeth(void)
     const struct head_mouth rest = {.radius = 0.11f};
     struct teeth_cell *c = malloc(K * K * sizeof *c);
     const size_t middle = K / 2, lower = 5 * K / 16 * K + middle;
-    const size_t palate = lower + K / 4 * K, tongue = K * (K - 1) + middle;
+    const size_t throat = lower + (K / 4 + 4) * K;
+    const size_t tongue = K * (K - 3) + middle;
 
     float like[K * K] = {0};
 
@@ -194,8 +195,8 @@ static void equation_teeth(void)
                c[middle].color[1] > 2 * c[0].color[1]);
     check_that("teeth are brighter than the tongue",
                c[middle].color[1] > 1.5f * c[tongue].color[1]);
-    check_that("the tongue is brighter than the palate",
-               c[tongue].color[0] > 1.3f * c[palate].color[0]);
+    check_that("the tongue is brighter than the throat",
+               c[tongue].color[0] > 3 * c[throat].color[0]);
     check_that("and redder than the teeth",
                c[tongue].color[0] * c[middle].color[1] >
                1.2f * c[tongue].color[1] * c[middle].color[0]);
