@@ -10,6 +10,7 @@
 #include "lib/avatar/coverage.h"
 #include "lib/avatar/lid_skin.h"
 #include "lib/avatar/light.h"
+#include "lib/avatar/lip_lining.h"
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
@@ -409,6 +410,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
                   (b->pixel[i / 3 * 4 + i % 3] - rgb[i]);
     lid_skin(rgb, &lids, mesh->head, mesh->weights, b->dense, b->tmp);
     dynamic_branch_white_point(b->white, mesh, b);
+    lip_lining_paint(rgb, b->seam, b->normals, b->white, b->count);
     shut_eye_paint(rgb, &b->shut, &light, mesh->head, b->dense);
     for (size_t i = 0; i < 3 * b->count; i++)
         rgb[i] = attribute_logit(rgb[i]);
@@ -519,8 +521,10 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     mlp_decoder_forward(&raw, b->in, mesh->normal,
                         b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
-    if (b->prior)
+    if (b->prior) {
         dynamic_branch_unseen(out, b);
+        lip_lining_shade(out, b->verts, mesh, b->white);
+    }
     /* mu_k = densified vertex */
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
@@ -543,8 +547,10 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 
     if (dout->n == 0)
         return;
-    if (b->prior)
+    if (b->prior) {
+        lip_lining_shade_backward(dout, mesh);
         dynamic_branch_unseen_backward(dout, b);
+    }
     branch_prior_backward(dout, NULL, &b->start, b->prior);
     struct gaussian_out draw = branch_decoder_gradient(dout, NULL);
     mlp_decoder_backward(b->din, NULL, NULL, &draw, mesh->normal,
@@ -565,8 +571,11 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
 void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                           const struct dynamic_branch *b)
 {
+    const float closed = lip_lining_closed(mesh);
+
     for (size_t k = 0; k < b->count; k++) {
-        const float seam = b->seam[k];
+        const float seam = fmaxf(b->seam[k],
+                                 closed * mesh->weights->crease[k]);
 
         reach[k] = mesh->weights->reach[k];
         if (seam > 0.1f && !(reach[k] > 0))

@@ -20,6 +20,8 @@
 #define LID_REACH_MM 1.5f   /* and so much, for brows pull at them */
 #define SEAM_MM 1.0f        /* lips are in the other's shadow so near to it, */
 #define SEAM_END_MM 4.0f    /* and not from here on */
+#define CORNER_MM 3.0f      /* the mouth's corners have their crease so far, */
+#define CORNER_END_MM 7.0f  /* and not from here on */
 #define DROP 0.4f           /* radians of a mouth wide open, */
 #define DROP_MOST 2.5f      /* and the most that counts of what it stretches */
 #define MARGIN 0.5f         /* who comes down half as far comes with it */
@@ -95,6 +97,14 @@ static float mesh_weights_norm(const float *d)
     return sqrtf(d[0] * d[0] + d[1] * d[1] + d[2] * d[2]);
 }
 
+/* Distance of x (3) and y (3). */
+static float mesh_weights_apart(const float *x, const float *y)
+{
+    const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
+
+    return mesh_weights_norm(off);
+}
+
 /* Expressions, lids and jaw of vertex v together, head units. */
 static float mesh_weights_range(const struct head *h, size_t v)
 {
@@ -157,24 +167,40 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
     }
 }
 
+/* The inner lips' vertices furthest to either side; NULL without lips. */
+static void mesh_weights_corners(const float *corner[2], const struct head *h)
+{
+    corner[0] = corner[1] = NULL;
+    for (size_t i = 0; i < h->nlip_inner; i++) {
+        const float *x = h->v_template + 3 * (size_t)h->lip_inner[i];
+
+        corner[0] = !corner[0] || x[0] < corner[0][0] ? x : corner[0];
+        corner[1] = !corner[1] || x[0] > corner[1][0] ? x : corner[1];
+    }
+}
+
 /* By the distance to the nearest vertex of the inner lips' ring. */
 static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
                               const struct densify *d)
 {
+    const float *corner[2], mm = 1e3f / h->scale;
+
+    mesh_weights_corners(corner, h);
     for (size_t v = 0; v < h->V; v++) {
         const float *x = h->v_template + 3 * v;
-        float nearest = 1e6f;
+        float nearest = 1e6f, aside = 1e6f;
 
-        for (size_t i = 0; i < h->nlip_inner; i++) {
-            const float *y = h->v_template + 3 * (size_t)h->lip_inner[i];
-            const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
-
-            nearest = fminf(nearest, mesh_weights_norm(off));
-        }
-        w->seam[v] = 1 - branch_ramp(nearest / h->scale * 1e3f, SEAM_MM,
-                                     SEAM_END_MM);
+        for (size_t i = 0; i < h->nlip_inner; i++)
+            nearest = fminf(nearest, mesh_weights_apart(
+                x, h->v_template + 3 * (size_t)h->lip_inner[i]));
+        for (int i = 0; i < 2 && corner[i]; i++)
+            aside = fminf(aside, mesh_weights_apart(x, corner[i]));
+        w->seam[v] = 1 - branch_ramp(nearest * mm, SEAM_MM, SEAM_END_MM);
+        w->crease[v] = fmaxf(w->seam[v], 1 - branch_ramp(
+            aside * mm, CORNER_MM, CORNER_END_MM));
     }
     densify_midpoints(w->seam + h->V, w->seam, d, 1);
+    densify_midpoints(w->crease + h->V, w->crease, d, 1);
 }
 
 /* Where the mean head's skin goes when the jaw drops, and what it stretches by;
@@ -214,9 +240,10 @@ static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
     w->fold = malloc(D * sizeof *w->fold);
     w->reach = malloc(D * sizeof *w->reach);
     w->seam = malloc(D * sizeof *w->seam);
+    w->crease = malloc(D * sizeof *w->crease);
     w->drop = malloc(3 * D * sizeof *w->drop);
     return w->neck && w->moving && w->lining && w->mirror && w->lid &&
-           w->stretch && w->fold && w->reach && w->seam && w->drop;
+           w->stretch && w->fold && w->reach && w->seam && w->crease && w->drop;
 }
 
 /* What each vertex says for itself: how far it moves against the skull, how
@@ -276,6 +303,7 @@ void mesh_weights_release(struct mesh_weights *w)
     free(w->fold);
     free(w->reach);
     free(w->seam);
+    free(w->crease);
     free(w->stretch);
     free(w->drop);
     memset(w, 0, sizeof *w);

@@ -24,6 +24,8 @@ struct mesh_weights {
                              * not believed (gaussian_seen); 0 elsewhere */
     float *seam;            /* (V+E) 1 where the lips meet, 0 a few mm from
                              * there */
+    float *crease;          /* (V+E) the same, and 1 at the mouth's corners,
+                             * from which the lips' line goes on */
     float *stretch;         /* (V+E) neighbours' distance there on closed lids
                              * and at a dropped jaw over that at rest, at
                              * least 1 */

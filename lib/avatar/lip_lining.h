@@ -1,0 +1,29 @@
+/* Lips behind the line where they meet, which no photograph of closed ones
+ * shows, and the shade in which they leave what is behind them. */
+#ifndef SPID_AVATAR_LIP_LINING_H
+#define SPID_AVATAR_LIP_LINING_H
+
+#include "lib/avatar/branch.h"
+#include "lib/avatar/source_mesh.h"
+
+/* rgb (n,3): the colours found for seam (n, mesh_weights.h) become redder and,
+ * the more the less their normals (n,3) look upwards, darker; white (3): what
+ * is white in the picture. */
+void lip_lining_paint(float *rgb, const float *seam, const float *normals,
+                      const float white[3], size_t n);
+
+/* 1 where the source's lips are closed, 0 where they are open. */
+float lip_lining_closed(const struct source_mesh *mesh);
+
+/* The mesh's Gaussians behind the lips (mesh_weights.h, lining), which are not
+ * drawn themselves, become a dark veil before teeth and tongue: the occlusion
+ * by the lips, which it follows, so that it is deepest in a mouth that is
+ * hardly open.  Where the source's lips are open its picture has that shade,
+ * and there is no veil.  verts (out->n,3): the source's densified vertices. */
+void lip_lining_shade(struct branch_set *out, const float *verts,
+                      const struct source_mesh *mesh, const float white[3]);
+/* Nothing that the decoder gave shows in the veil: its rows of dout to 0. */
+void lip_lining_shade_backward(struct branch_set *dout,
+                               const struct source_mesh *mesh);
+
+#endif

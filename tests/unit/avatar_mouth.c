@@ -1,0 +1,207 @@
+/* The inside of a mouth that the source shows shut: palate, throat and tongue
+ * behind the teeth, teeth that can be told apart, the lips' inside and the
+ * shade in which they leave all that. */
+#include <math.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "lib/avatar/cavity.h"
+#include "lib/avatar/lip_lining.h"
+#include "lib/avatar/mouth_branch.h"
+#include "lib/avatar/teeth.h"
+#include "tests/check.h"
+
+enum { K = 32, BACK = 14 };     /* the shipped model's grid; rows of its back */
+
+static float mouth_light(const float rgb[3])
+{
+    return rgb[0] + rgb[1] + rgb[2];
+}
+
+/* v of row i behind the teeth. */
+static float mouth_row(size_t i)
+{
+    return (float)i / (BACK - 1);
+}
+
+/* Nothing stands out before the teeth or through a cheek; both sides are
+ * alike. */
+static void mouth_sheet(void)
+{
+    struct cavity_place p, q;
+    double front = -1e3, wide = 0, uneven = 0;
+
+    for (size_t k = 0; k < BACK * K; k++) {
+        const float u = (float)(2 * (k % K) + 1) / K - 1;
+
+        cavity_place(&p, u, mouth_row(k / K));
+        cavity_place(&q, -u, mouth_row(k / K));
+        front = fmax(front, (double)(p.at[2] + TEETH_ARCH * p.at[0] *
+                                                   p.at[0]));
+        wide = fmax(wide, fabs((double)p.at[0]));
+        uneven = fmax(uneven, fabs((double)(p.at[0] + q.at[0])) +
+                                  fabs((double)(p.color[0] - q.color[0])));
+    }
+    check_range("the sheet stays behind the arch, mm", front, -9, -6.9);
+    check_range("it reaches to the cheeks and no further, mm", wide, 24, 27);
+    expect("left and right are alike", uneven, 0, 1e-5);
+    cavity_place(&p, 0, 0);
+    cavity_place(&q, 0, mouth_row(11));
+    expect("the palate stays with the skull", (double)p.share, 0, 0);
+    expect("the tongue's tip goes with the jaw", (double)q.share, 1, 0);
+}
+
+/* Deeper is darker, a tongue round and furrowed. */
+static void mouth_shading(void)
+{
+    struct cavity_place p;
+    float last = 0;
+    int brighter = 0;
+
+    expect("light at the lips", (double)cavity_light(0), 1, 0);
+    expect("half of it, in sRGB, as deep as the opening's radius",
+           (double)cavity_light(18), pow(0.5, 1 / 2.2), 1e-6);
+    for (size_t i = 4; i <= 11; i++) {
+        cavity_place(&p, 0.2f, mouth_row(i));
+        brighter += mouth_light(p.color) > last;
+        last = mouth_light(p.color);
+    }
+    expect("every row from the throat to the tip is brighter", brighter, 8, 0);
+    cavity_place(&p, 0.2f, mouth_row(4));
+    check_range("the throat over the tongue's tip",
+                (double)(mouth_light(p.color) / last), 0.05, 0.3);
+    cavity_place(&p, 0, mouth_row(10));
+    const float furrow = mouth_light(p.color);
+    cavity_place(&p, 0.25f, mouth_row(10));
+    const float top = mouth_light(p.color);
+    cavity_place(&p, 0.7f, mouth_row(10));
+    const float side = mouth_light(p.color);
+    check_range("the furrow over what is beside it", (double)(furrow / top),
+                0.7, 0.9);
+    check_range("a tongue's side over its top", (double)(side / top), 0.3,
+                0.7);
+}
+
+/* Neighbours overlap when the jaw has dropped: the distance of two rows is no
+ * more than three of their standard deviations. */
+static void mouth_cover(void)
+{
+    double worst = 0;
+
+    for (size_t i = 0; i + 1 < BACK; i++) {
+        struct cavity_place p, q;
+        float a[3], b[3], quat[4];
+
+        cavity_place(&p, 0.1f, mouth_row(i));
+        cavity_place(&q, 0.1f, mouth_row(i + 1));
+        cavity_cover(a, quat, 0.1f, mouth_row(i), 2.f / K, 1.f / (BACK - 1));
+        cavity_cover(b, quat, 0.1f, mouth_row(i + 1), 2.f / K,
+                     1.f / (BACK - 1));
+        /* the throat's part of the way of a jaw wide open */
+        const double y = (double)(p.at[1] - q.at[1] +
+                                  12 * (q.share - p.share));
+        worst = fmax(worst, hypot(y, (double)(p.at[2] - q.at[2])) /
+                                (0.5 * (double)(a[1] + b[1])));
+        check_that("turns are of unit length",
+                   fabs(hypot((double)quat[0], (double)quat[1]) - 1) < 1e-6);
+    }
+    check_range("rows' distance over their deviation", worst, 1, 3);
+}
+
+/* Between two teeth it is darker than on them, and the more the further from
+ * the middle; the lower ones' edges are just under the closed lips. */
+static void mouth_teeth(void)
+{
+    struct head head = {.scale = 5};
+    const struct head_mouth rest = {.radius = 0.11f};
+    struct teeth_cell *c = malloc(K * K * sizeof *c);
+    const size_t middle = K / 2, lower = 5 * K / 16 * K + middle;
+
+    teeth_make(c, &head, &rest, rest.chin, 0, K);
+    for (size_t t = 0; t < 3; t++) {
+        const float *at = c[middle + 4 * t + 1].color;
+        const float *between = c[middle + 4 * t + 3].color;
+        const float *next = c[middle + 4 * t + 5].color;
+
+        check_range("between two teeth over their mean",
+                    2 * (double)(mouth_light(between) /
+                                 (mouth_light(at) + mouth_light(next))),
+                    0.75, 0.92);
+        check_that("the next one is darker",
+                   mouth_light(next) < 0.98f * mouth_light(at));
+    }
+    check_range("the lower front teeth's highest row, mm from the closed lips",
+                200 * (double)c[lower].mean[1], -2.5, -0.6);
+    free(c);
+}
+
+/* The lips' inside. */
+static void mouth_paint(void)
+{
+    float rgb[9], normal[9] = {0, -1, 0, 0, 1, 0, 0, 1, 0};
+    const float seam[3] = {1, 1, 0}, white[3] = {0.9f, 0.9f, 0.9f};
+
+    for (int k = 0; k < 9; k++)
+        rgb[k] = 0.5f;
+    lip_lining_paint(rgb, seam, normal, white, 3);
+    check_that("the upper lip's is darker than the lower's",
+               mouth_light(rgb) < 0.9f * mouth_light(rgb + 3));
+    check_that("both are redder than lips of grey",
+               rgb[0] > 1.1f * rgb[1] && rgb[3] > 1.1f * rgb[4]);
+    expect("what is before the seam keeps its colour", (double)rgb[6], 0.5, 0);
+}
+
+/* Lips of four vertices, `gap` apart, and two of the lining behind them, the
+ * upper one first, whose opacities go to veil. */
+static void mouth_veil(float veil[2], float gap)
+{
+    int32_t ring[4] = {0, 1, 2, 3};
+    const float y = 0.5f * gap;
+    const float verts[18] = {-0.1f, 0, 0, 0, y, 0, 0.1f, 0, 0, 0, -y, 0,
+                             0, 0.02f, -0.02f, 0, -0.02f, -0.02f};
+    float lining[6] = {0, 0, 0, 0, 1, 1}, scale[18], color[24], opacity[6];
+    const float white[3] = {1, 1, 1};
+    struct head head = {.scale = 5, .lip_inner = ring, .nlip_inner = 4};
+    struct mesh_weights weights = {.lining = lining};
+    const struct source_mesh mesh = {.head = &head, .weights = &weights,
+                                     .posed = verts};
+    struct branch_set out = {.n = 6, .channels = 4, .scale = scale,
+                             .opacity = opacity, .color = color};
+
+    for (int k = 0; k < 24; k++)
+        color[k] = 0.7f;
+    for (int k = 0; k < 6; k++)
+        opacity[k] = k < 4 ? 0.9f : 0;
+    lip_lining_shade(&out, verts, &mesh, white);
+    check_that("the veil is dark, and has no features",
+               color[16] < 0.2f && color[17] < color[16] && color[19] == 0);
+    expect("lips keep their colour", (double)color[0], 0.7f, 0);
+    memcpy(veil, opacity + 4, 2 * sizeof *veil);
+    lip_lining_shade_backward(&out, &mesh);
+    check_that("what is constant has no gradient",
+               color[16] == 0 && scale[12] == 0 && opacity[4] == 0 &&
+                   color[0] == 0.7f && opacity[0] == 0.9f);
+}
+
+/* It is there when the source's lips are closed, and weaker below. */
+static void mouth_shade(void)
+{
+    float shut[2], open[2];
+
+    mouth_veil(shut, 0);
+    mouth_veil(open, 0.02f);
+    check_range("the upper lip's veil", (double)shut[0], 0.04, 0.2);
+    check_range("the lower lip's", (double)shut[1], 0.01, 0.04);
+    expect("open lips have none", (double)(open[0] + open[1]), 0, 0);
+}
+
+int main(void)
+{
+    mouth_sheet();
+    mouth_shading();
+    mouth_cover();
+    mouth_teeth();
+    mouth_paint();
+    mouth_shade();
+    return check_status();
+}
