@@ -215,7 +215,7 @@ static void matte_cut_unsure(cv::Mat alpha, const cv::Mat &small,
 {
     const int w = alpha.cols;
     cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
-    cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.88f), fg;
+    cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.97f), fg;
 
     cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, mask_disc(w / 50));
     if (cv::countNonZero(unsure) < w * w / 200)
@@ -242,8 +242,11 @@ static void matte_region_keep(cv::Mat &alpha, const cv::Mat &head)
     const int n = cv::connectedComponents(alpha > 0.25f, label, 8);
     std::vector<uchar> keep = mask_touched(label, n, head);
 
-    keep[0] = 255;              /* too faint to be a piece */
-    alpha.setTo(0, mask_of_labels(label, keep) == 0);
+    cv::Mat kept = mask_of_labels(label, keep), near;
+
+    /* what is too faint to be a piece is of the nearest */
+    cv::dilate(kept, near, mask_disc(alpha.cols / 40));
+    alpha.setTo(0, (near == 0) | ((alpha > 0.25f) & (kept == 0)));
 }
 
 /* alpha at the picture's size: enlarged, and where neighbouring pixels say
