@@ -32,8 +32,7 @@ int avatar_init(struct avatar *a, struct params *ps,
                          "(expected the list lip_inner)");
     if (densify_init(&a->dense, head->f, head->F, head->V, err) ||
         mesh_weights_init(&a->weights, head, &a->dense, err) ||
-        backbone_init(&a->backbone, ps, "backbone.", &config->backbone,
-                      err) ||
+        backbone_init(&a->backbone, ps, "backbone.", &config->backbone, err) ||
         static_branch_init(&a->plane, ps, config, err) ||
         mouth_branch_init(&a->mouth, ps, config, err) ||
         dynamic_branch_init(&a->dynamic, ps, config, head, &a->dense, err)) {
@@ -64,8 +63,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
         {&s->mean, 3 * N, false}, {&s->scale, 3 * N, false},
         {&s->quat, 4 * N, false}, {&s->opacity, N, false},
         {&s->color, C * N, false}, {&s->neck, N, false},
-        {&s->seen, N, false}, {&a->uv, 2 * N, false},
-        {&a->reach, N, false},
+        {&s->seen, N, false}, {&a->uv, 2 * N, false}, {&a->reach, N, false},
         {&d->mean, 3 * N, true}, {&d->scale, 3 * N, true},
         {&d->quat, 4 * N, true}, {&d->opacity, N, true},
         {&d->color, C * N, true}, {&a->frame_dmean, 3 * N, true},
@@ -83,8 +81,7 @@ static int avatar_allocate(struct avatar *a, struct error *err)
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
 {
     const struct avatar_config *c = &a->config;
-    size_t points = a->without & WITHOUT_INTERP ? a->head->V
-                                                : a->dynamic.count;
+    size_t points = a->without & WITHOUT_INTERP ? a->head->V : a->dynamic.count;
 
     a->train = opt.mode != NN_INFER;
     a->dynamic.decoder.head.kept = a->plane.decoder.head.kept =
@@ -188,8 +185,7 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     struct branch_set mouth = avatar_part(a, &a->all, BRANCH_MOUTH);
     static const float grey[3] = {0.8f, 0.8f, 0.8f};
 
-    source_picture_set(&a->picture, src->rgb, src->matte,
-                       a->config.rgb_skip);
+    source_picture_set(&a->picture, src->rgb, src->matte, a->config.rgb_skip);
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
     backbone_forward(a->features, a->picture.rgb, &a->backbone);

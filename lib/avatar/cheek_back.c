@@ -14,8 +14,8 @@
 #define STEP 2          /* cells from one of its Gaussians to the next */
 #define OVERLAP 0.6f    /* standard deviation over the distance to it, */
 #define SOLID 0.97f     /* and opacity */
-#define WITHIN 0.5f     /* its share of the way from the skin to where that turns
-                         * away, */
+#define WITHIN 0.5f     /* its share of the way from the skin to where that
+                         * turns away, */
 #define DEEPEST 0.15f   /* which is no further behind, head units, */
 #define HIGHEST 0.9f    /* and no further before the plane */
 /* By how far the skin about it moves (mesh_weights' moving): not behind the

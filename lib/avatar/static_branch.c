@@ -214,7 +214,7 @@ static void static_branch_neck(float *neck, float *mean,
         const float *x = mean + 3 * k;
         float y = back[4] * x[0] + back[5] * x[1] + back[6] * x[2] + back[7];
 
-        /* neck held the distances */
+        /* neck has the distances till here */
         neck[k] = static_branch_neck_weight(b, mesh, 0.5f * (x[1] + y),
                                             neck[k]);
     }
