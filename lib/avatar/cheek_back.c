@@ -94,9 +94,13 @@ void cheek_back_find(float *back, const struct source_picture *picture,
 {
     memset(back, 0, n * n * sizeof *back);
     for (size_t y = 0; y < n; y += STEP)
-        for (size_t x = 0; x < n; x += STEP)
-            if ((back[y * n + x] = cheek_back_at(picture, mesh, x, y)) > 0)
-                back[y * n + x] *= cheek_back_inside(picture, mesh, x, y);
+        for (size_t x = 0; x < n; x += STEP) {
+            float *at = back + y * n + x;
+
+            *at = cheek_back_at(picture, mesh, x, y);
+            if (*at > 0)
+                *at *= cheek_back_inside(picture, mesh, x, y);
+        }
 }
 
 /* Camera depth of the strip at cell k: half way from the skin there to where it

@@ -52,12 +52,33 @@ struct texture_rim texture_rim(const struct splat_place_view *v);
  * torn.  The matte's share of the coverage counts by its fourth power: by the
  * share alone, a quarter of the background would shine through what is drawn
  * solid. */
-float texture_whole(float matte, float alpha, struct texture_rim rim);
+static inline float texture_whole(float matte, float alpha,
+                                  struct texture_rim rim)
+{
+    const float least = 0.95f * rim.least * (2 * alpha - 1);
+    float t = ((matte < alpha ? matte : alpha) - 0.5f) / 0.45f;
+
+    t = t > 0 ? t < 1 ? t : 1 : 0;      /* fminf would be a call */
+    t = 1 - rim.turned * (1 - t);
+    if (!(matte < least))
+        return t;
+    const float share = matte * matte / (least * least);
+    return t * share * share;
+}
+
 /* What a looked-up pixel's colours and matte are multiplied by: they cover no
  * more than rim.most times the drawn coverage alpha; and on a turned head, to
  * whose old outline a matte below alpha belongs, as much as is drawn, but no
  * more than twice their own: a colour of little matte is not known. */
-float texture_cover(float matte, float alpha, struct texture_rim rim);
+static inline float texture_cover(float matte, float alpha,
+                                  struct texture_rim rim)
+{
+    if (matte > rim.most * alpha)
+        return rim.most * alpha / matte;
+    if (!(matte < alpha))
+        return 1;
+    return 1 + rim.least * (alpha < 2 * matte ? alpha / matte - 1 : 1);
+}
 
 /* photo (n,5) of pixels from x on in row y as a field with places `step`
  * pixels apart has it: less confidence by its doubt, colours by its gains. */

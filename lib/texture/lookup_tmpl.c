@@ -293,32 +293,6 @@ VEC_INLINE vq lookup_saturate(vq c)
     return (vq)((big & (typeof(big))one) | (~big & (typeof(big))c));
 }
 
-/* texture_whole */
-static inline float lookup_whole(float matte, float alpha,
-                                 struct texture_rim rim)
-{
-    const float least = 0.95f * rim.least * (2 * alpha - 1);
-    float t = ((matte < alpha ? matte : alpha) - 0.5f) / 0.45f;
-
-    t = t > 0 ? t < 1 ? t : 1 : 0;
-    t = 1 - rim.turned * (1 - t);
-    if (!(matte < least))
-        return t;
-    const float share = matte * matte / (least * least);
-    return t * share * share;
-}
-
-/* texture_cover */
-static inline float lookup_cover(float matte, float alpha,
-                                 struct texture_rim rim)
-{
-    if (matte > rim.most * alpha)
-        return rim.most * alpha / matte;
-    if (!(matte < alpha))
-        return 1;
-    return 1 + rim.least * (alpha < 2 * matte ? alpha / matte - 1 : 1);
-}
-
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                  const float *weight, const float *alpha,
                                  size_t n, const uint8_t *texture, size_t S,
@@ -344,8 +318,8 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
         c = lookup_saturate(c);
-        photo[4] = weight[i] * lookup_whole(c[3], alpha[i], rim);
-        c *= lookup_cover(c[3], alpha[i], rim);
+        photo[4] = weight[i] * texture_whole(c[3], alpha[i], rim);
+        c *= texture_cover(c[3], alpha[i], rim);
         vq_store(photo, c);
     }
 }

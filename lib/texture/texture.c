@@ -186,24 +186,3 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
         .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
     };
 }
-
-float texture_whole(float matte, float alpha, struct texture_rim rim)
-{
-    const float least = 0.95f * rim.least * (2 * alpha - 1);
-    float t = fminf(fmaxf((fminf(matte, alpha) - 0.5f) / 0.45f, 0), 1);
-
-    t = 1 - rim.turned * (1 - t);
-    if (!(matte < least))
-        return t;
-    const float share = matte * matte / (least * least);
-    return t * share * share;
-}
-
-float texture_cover(float matte, float alpha, struct texture_rim rim)
-{
-    if (matte > rim.most * alpha)
-        return rim.most * alpha / matte;
-    if (!(matte < alpha))
-        return 1;
-    return 1 + rim.least * (fminf(alpha / matte, 2) - 1);
-}
