@@ -83,8 +83,10 @@ void die(int code, const char *format, ...)
     __attribute__((format(printf, 2, 3), noreturn));
 /* die with the error's own code (EX_SOFTWARE when it has none). */
 void die_error(const struct error *err) __attribute__((noreturn));
-/* "program: warning: text" unless -q. */
+/* "program: warning: text" on standard error unless -q. */
 void warn(const char *format, ...) __attribute__((format(printf, 1, 2)));
+/* "program: text", likewise: what was done, in numbers. */
+void notice(const char *format, ...) __attribute__((format(printf, 1, 2)));
 
 /* A bar on stderr when that is a terminal and the work is long; total 0 when
  * unknown.  note (may be NULL) is shown at the end of the line. */
@@ -97,7 +99,9 @@ void progress_end(void);
 double stats_begin(void);
 /* Add the time since stats_begin returned `begun` to the named stage. */
 void stats_end(const char *stage, double begun);
-void stats_write(void);     /* at exit of a program; no-op without --stats */
+/* Write the table of --stats, at the end of a program; ends it when that fails.
+ * Nothing without --stats. */
+void stats_write(void);
 
 /* The model search order: -m, $SPID_MODEL, $XDG_DATA_HOME/spid, datadir/spid
  * (and examples/model beside an uninstalled binary).  Fills path with the

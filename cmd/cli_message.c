@@ -60,6 +60,17 @@ void warn(const char *format, ...)
     va_end(ap);
 }
 
+void notice(const char *format, ...)
+{
+    va_list ap;
+
+    if (cli.quiet)
+        return;
+    va_start(ap, format);
+    cli_message_print("", format, ap);
+    va_end(ap);
+}
+
 void progress(const char *what, size_t done, size_t total, const char *note)
 {
     static int terminal = -1;

@@ -124,9 +124,8 @@ static size_t clips_prepare_each(const struct clips *names,
             bad++;
     }
     progress_end();
-    if (!cli.quiet)
-        fprintf(stderr, "%s: %zu clips: %zu made, %zu were there, %zu bad\n",
-                cli.program, mine, made, there + old_bad, bad);
+    notice("%zu clips: %zu made, %zu were there, %zu bad", mine, made,
+           there + old_bad, bad);
     *all = mine;
     return made + there;
 }

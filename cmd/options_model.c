@@ -1,7 +1,8 @@
-/* Apart from options.c: what programs with a model have in common. */
+/* -m and --without, apart from options.c: programs without networks do not link
+ * this. */
 #include "cmd/options.h"
-#include "lib/avatar/ablation.h"
 
+#include "lib/avatar/ablation.h"
 #include "lib/model/model.h"
 
 int option_model_open(struct model *m, struct error *err)

@@ -186,10 +186,8 @@ static int animate_run_list(void)
             failed++;
         }
     }
-    if (!cli.quiet)
-        fprintf(stderr, "spid-animate: %zu clips: %zu made, %zu were there, "
-                "%zu failed\n", list.count, list.count - done - failed, done,
-                failed);
+    notice("%zu clips: %zu made, %zu were there, %zu failed", list.count,
+           list.count - done - failed, done, failed);
     joblist_release(&list);
     return failed ? EX_DATAERR : 0;
 }

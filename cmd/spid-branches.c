@@ -1,9 +1,6 @@
 /* spid-branches: the three Gaussian branches (section 3.2 of the paper).
  * With --bake, an identity becomes an avatar; without, meshes move one. */
-#include <stdarg.h>
-#include <stdio.h>
 #include <stdlib.h>
-#include <string.h>
 
 #include "cmd/cli.h"
 #include "cmd/options.h"
@@ -46,22 +43,6 @@ static const struct cli_usage usage = {
     "bake an avatar's Gaussians, or move them by driven meshes", options
 };
 
-static void branches_print_note(const char *format, ...)
-    __attribute__((format(printf, 1, 2)));
-/* A line on standard error unless -q. */
-static void branches_print_note(const char *format, ...)
-{
-    va_list ap;
-
-    if (cli.quiet)
-        return;
-    va_start(ap, format);
-    fputs("spid-branches: ", stderr);
-    vfprintf(stderr, format, ap);
-    fputc('\n', stderr);
-    va_end(ap);
-}
-
 /* ---- Phase A ----------------------------------------------------------- */
 
 struct bake {
@@ -102,7 +83,7 @@ static void branches_copy_identity(struct stream_writer *out, struct bake *k)
     while ((rc = stream_read(in, &rec, &err)) > 0) {
         if (record_is(&rec, RECORD_GAUS) || record_is(&rec, RECORD_GMOV))
             continue;
-        if (person_take(&k->person, &rec, k->head.nexp, &err) < 0 ||
+        if (person_read_record(&k->person, &rec, k->head.nexp, &err) < 0 ||
             stream_copy(out, &rec, &err)) {
             error_prefix(&err, "%s", stream_name(in));
             rc = -1;
@@ -130,8 +111,8 @@ static void branches_prune_avatar(struct bake *k)
 
     if (!keep_clear) {
         size_t n = baked_drop_clear(&k->baked);
-        branches_print_note("%zu of %zu Gaussians are never drawn (opacity "
-                            "under 1/255)", n, n + k->baked.N);
+        notice("%zu of %zu Gaussians are never drawn (opacity under 1/255)", n,
+               n + k->baked.N);
     }
     if (prune_eps < 0)
         return;
@@ -142,12 +123,11 @@ static void branches_prune_avatar(struct bake *k)
         die_error(&err);
     identity_release(&id);
     densify_release(&dense);
-    branches_print_note("pruned at %g over %zu views: dynamic %zu of %zu, "
-                        "static %zu of %zu, mouth %zu of %zu; worst view "
-                        "%.1f dB, largest difference %.2g; %.1f ms instead "
-                        "of %.1f", prune_eps, r.views, r.after[0], r.before[0],
-                        r.after[1], r.before[1], r.after[2], r.before[2],
-                        r.psnr, r.max_abs, r.ms_kept, r.ms_full);
+    notice("pruned at %g over %zu views: dynamic %zu of %zu, static %zu of "
+           "%zu, mouth %zu of %zu; worst view %.1f dB, largest difference "
+           "%.2g; %.1f ms instead of %.1f", prune_eps, r.views, r.after[0],
+           r.before[0], r.after[1], r.before[1], r.after[2], r.before[2],
+           r.psnr, r.max_abs, r.ms_kept, r.ms_full);
 }
 
 /* --bake: the identity, then its Gaussians. */
@@ -160,7 +140,7 @@ static void branches_bake(struct stream_writer *out)
     branches_copy_identity(out, &k);
     double begun = stats_begin();
     if (baker_bake(&k.baker, k.verts, &k.person, &err) ||
-        baker_take(&k.baked, &k.baker, false, &err)) {
+        baker_copy(&k.baked, &k.baker, false, &err)) {
         stream_abandon(out);
         error_prefix(&err, "%s", bake_path);
         die_error(&err);
@@ -168,14 +148,13 @@ static void branches_bake(struct stream_writer *out)
     stats_end("bake", begun);
     const struct mouth_branch *mouth = &k.baker.avatar.mouth;
     if (k.baker.config.system == SYSTEM_GAGAVATAR)
-        branches_print_note("%zu Gaussians, %zu of them on vertices", k.baked.N,
-                            k.baked.dynamic);
+        notice("%zu Gaussians, %zu of them on vertices", k.baked.N,
+               k.baked.dynamic);
     else
-        branches_print_note("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, "
-                            "cap %.2f mm, %zu clamped", k.baked.N,
-                            mouth->lips.bowl / k.head.scale * 1e3,
-                            mouth->lips.lip / k.head.scale * 1e3,
-                            mouth->cap / k.head.scale * 1e3, mouth->clamped);
+        notice("%zu Gaussians; mouth: bowl %.2f mm, lip %.2f mm, cap %.2f mm, "
+               "%zu clamped", k.baked.N, mouth->lips.bowl / k.head.scale * 1e3,
+               mouth->lips.lip / k.head.scale * 1e3,
+               mouth->cap / k.head.scale * 1e3, mouth->clamped);
     branches_prune_avatar(&k);
     if (baked_write(out, 0, 0, &k.baked, NULL, NULL, &err)) {
         stream_abandon(out);

@@ -103,7 +103,7 @@ static int flame_pass_record(struct stream_writer *out, struct flame *f,
         return flame_write_mesh(out, f, rec, err);
     if (!identity_path &&
         (record_is(rec, RECORD_SHAP) || record_is(rec, RECORD_CONF))) {
-        int taken = person_take(&f->person, rec, f->head.nexp, err);
+        int taken = person_read_record(&f->person, rec, f->head.nexp, err);
 
         if (taken < 0)
             return -1;

@@ -73,7 +73,7 @@ static void head_write_model(const struct sculpt *s)
 }
 
 /* The head that was made, or --head FILE's. */
-static void head_take_model(struct head *h, const struct sculpt *s)
+static void head_open_model(struct head *h, const struct sculpt *s)
 {
     struct head_arrays a;
     struct error err = {0};
@@ -125,7 +125,7 @@ int main(int argc, char **argv)
     if (writes)
         head_write_model(&s);
     if (sheet || check)
-        head_take_model(&h, &s);
+        head_open_model(&h, &s);
     if (sheet && head_sheet(sheet, &h, (size_t)size, &err))
         die_error(&err);
     if (check)

@@ -24,9 +24,10 @@ static const struct cli_option options[] = {
                 "refine only the part of the picture where the head is"),
     OPTION_INT("size", 0, &size, 1, PERSON_LARGEST, "N",
                "pictures of N by N pixels (default FEAT's size)"),
-    {"format", 0, CLI_CALL, &sink_options.format, 0, 0, "FORMAT",
-     "stream, y4m, png, pam, exr or mp4 (default by the output's name)",
-     framesink_parse_format},
+    OPTION_CALL("format", 0, &sink_options.format, "FORMAT",
+                framesink_parse_format,
+                "stream, y4m, png, pam, exr or mp4 (default by the output's "
+                "name)"),
     OPTION_STRING("background", 0, &background_text, "WHAT",
                   "R,G,B, #RRGGBB, a name, a picture, or source (default "
                   "black)"),
@@ -127,11 +128,11 @@ static void refine_report_precision(const struct program *p,
     if (cli.quiet || refine_picture_compare(&largest, &db, &p->picture,
                                             &p->refine, in, &err))
         return;
-    fprintf(stderr, "%s: %s%s, %zu x %zu of %zu x %zu pixels refined: "
-            "largest error %.2g, %.1f dB against all of it in f32 (first "
-            "frame)\n", cli.program, nn_type_name(precision),
-            roi ? ", --roi" : "", p->refine.plan.width,
-            p->refine.plan.height, in->width, in->height, largest, db);
+    notice("%s%s, %zu x %zu of %zu x %zu pixels refined: largest error %.2g, "
+           "%.1f dB against all of it in f32 (first frame)",
+           nn_type_name(precision), roi ? ", --roi" : "",
+           p->refine.plan.width, p->refine.plan.height, in->width, in->height,
+           largest, db);
 }
 
 /* The lines that are this program: I' = SR(F). */
@@ -174,10 +175,10 @@ static int refine_pass_record(struct program *p, const struct record *rec,
     if (record_is(rec, RECORD_FEAT))
         return refine_write_picture(p, rec, err);
     if (record_is(rec, RECORD_SRCI) && size &&
-        refine_picture_take(&p->picture, rec, err))
+        refine_picture_read_source(&p->picture, rec, err))
         return -1;
     if (record_is(rec, RECORD_CONF))
-        framesink_take_conf(p->out, rec);
+        framesink_read_conf(p->out, rec);
     return out ? stream_copy(out, rec, err) : 0;
 }
 

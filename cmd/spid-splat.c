@@ -94,9 +94,8 @@ static const struct cli_option options[] = {
                  "focal length in half pictures (12)"),
     OPTION_CALL("branch", 0, &branches, "LIST", splat_parse_branches,
                 "only these: dynamic,static,mouth"),
-    {"format", 'f', CLI_CALL, &format, 0, 0, "NAME",
-     "stream, y4m, png, pam, exr or mp4 (by the name)",
-     framesink_parse_format},
+    OPTION_CALL("format", 'f', &format, "NAME", framesink_parse_format,
+                "stream, y4m, png, pam, exr or mp4 (by the name)"),
     OPTION_CALL("background", 'b', &background, "R,G,B|FILE", background_parse,
                 "behind the pictures (black)"),
     OPTION_FLAG("alpha", 0, &straight,
@@ -212,7 +211,7 @@ int main(int argc, char **argv)
 
     splat_open_renderer(&r, sink);
     while ((rc = stream_read(in, &rec, &err)) > 0)
-        if (render_take(&r, &rec, &err)) {
+        if (render_record(&r, &rec, &err)) {
             error_prefix(&err, "%s: frame %llu", stream_name(in),
                          (unsigned long long)rec.frame);
             rc = -1;

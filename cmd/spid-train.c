@@ -76,10 +76,9 @@ static const struct cli_option options[] = {
 };
 
 static const struct cli_usage usage = {
-    .program = "spid-train",
-    .synopsis = "-c CONFIG -o DIR [OPTION ...] [STREAM|CLIP|FOLDER|@LIST ...]",
-    .purpose = "train the encoders and the avatar through the renderer",
-    .options = options,
+    "spid-train",
+    "-c CONFIG -o DIR [OPTION ...] [STREAM|CLIP|FOLDER|@LIST ...]",
+    "train the encoders and the avatar through the renderer", options
 };
 
 static int train_write_png(const char *path, const uint8_t *rgb, size_t H,

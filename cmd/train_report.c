@@ -11,19 +11,17 @@ void train_report_run(const struct task *t)
     const struct train_config *c = t->config;
     size_t learning = 0;
 
-    if (cli.quiet)
-        return;
     for (size_t i = 0; i < t->ps.count; i++)
         learning += t->ps.tensor[i].frozen ? 0 : t->ps.tensor[i].count;
-    fprintf(stderr, "spid-train: stage %s, %zu weights learn, batch %lld\n",
-            train_stage_name(c->stage), learning, (long long)c->batch);
+    notice("stage %s, %zu weights learn, batch %lld",
+           train_stage_name(c->stage), learning, (long long)c->batch);
     if (c->stage >= STAGE_AVATAR && !*c->perceptual_file)
-        fprintf(stderr, "spid-train: no perceptual network is given: a "
-                "Laplacian pyramid stands in for L_perc\n");
+        notice("no perceptual network is given: a Laplacian pyramid stands in "
+               "for L_perc");
     if (c->stage == STAGE_MOTION ||
         (c->stage == STAGE_ALL && !*c->alignment_file))
-        fprintf(stderr, "spid-train: no alignment network is given: "
-                "projected landmarks stand in for L_lmk\n");
+        notice("no alignment network is given: projected landmarks stand in "
+               "for L_lmk");
 }
 
 void train_report_step(const struct loop_report *r)
@@ -52,12 +50,11 @@ void train_report_cost(const struct loop_cost *c)
     double steps = (double)c->steps, passes = (double)c->passes;
     struct rusage use;
 
-    if (cli.quiet || !c->steps || getrusage(RUSAGE_SELF, &use))
+    if (!c->steps || getrusage(RUSAGE_SELF, &use))
         return;
-    fprintf(stderr, "spid-train: %.0f steps, %.2f s a step (%.1f passes of "
-            "%.2f s, %.1f MB summed in %.2f s), at most %.2f GB\n", steps,
-            c->seconds / steps, passes / steps,
-            passes > 0 ? c->pass_seconds / passes : 0,
-            (double)c->sum_bytes / 1e6, c->sum_seconds / steps,
-            (double)use.ru_maxrss / 1e6);
+    notice("%.0f steps, %.2f s a step (%.1f passes of %.2f s, %.1f MB summed "
+           "in %.2f s), at most %.2f GB", steps, c->seconds / steps,
+           passes / steps, passes > 0 ? c->pass_seconds / passes : 0,
+           (double)c->sum_bytes / 1e6, c->sum_seconds / steps,
+           (double)use.ru_maxrss / 1e6);
 }

@@ -138,7 +138,7 @@ void framesink_set_rate(struct framesink *s, int num, int den)
     }
 }
 
-void framesink_take_conf(struct framesink *s, const struct record *conf)
+void framesink_read_conf(struct framesink *s, const struct record *conf)
 {
     size_t bytes;
     const char *text = conf_text(&bytes, conf);

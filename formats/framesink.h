@@ -110,7 +110,7 @@ struct stream_writer *framesink_stream(struct framesink *s);
 void framesink_set_rate(struct framesink *s, int num, int den);
 
 /* The rate as CONF's "fps" gives it: [numerator, denominator] or a number. */
-void framesink_take_conf(struct framesink *s, const struct record *conf);
+void framesink_read_conf(struct framesink *s, const struct record *conf);
 
 /* Compose and write one frame.  All frames of a Y4M or video must have the
  * size of the first. */

@@ -18,6 +18,52 @@ extern "C" {
 
 /* GrabCut works at this side: its cost grows faster than the pixels. */
 static const int WORK = 256;
+/* Percent of the picture: a person who covers more is absurd. */
+static const int MOST = 97;
+
+/* ---- what both ways share ---------------------------------------------- */
+
+/* GrabCut of rgb from the seeds in label, the same every time: 255 where the
+ * person is. */
+static cv::Mat matte_grabcut_run(const cv::Mat &rgb, cv::Mat &label, int rounds)
+{
+    cv::Mat background, foreground;
+
+    cv::theRNG().state = 0x5eed;
+    cv::setRNGSeed(1);
+    cv::grabCut(rgb.clone(), label, cv::Rect(), background, foreground, rounds,
+                cv::GC_INIT_WITH_MASK);
+    return (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
+}
+
+/* The picture's luminance, 0..1. */
+static cv::Mat matte_luminance(const cv::Mat &rgb)
+{
+    cv::Mat out;
+
+    cv::cvtColor(rgb, out, cv::COLOR_RGB2GRAY);
+    out.convertTo(out, CV_32F, 1 / 255.0);
+    return out;
+}
+
+/* The lines p = a I + b of a guided filter (He et al. 2010) in windows k of I
+ * and p, ridge on a; mean_I and mean_p: their means there. */
+static cv::Mat matte_guided_slope(cv::Mat &mean_I, cv::Mat &mean_p,
+                                  const cv::Mat &I, const cv::Mat &p,
+                                  const cv::Size &k, double ridge)
+{
+    cv::Mat mean_Ip, mean_II, a;
+
+    cv::blur(I, mean_I, k);
+    cv::blur(p, mean_p, k);
+    cv::blur(I.mul(p), mean_Ip, k);
+    cv::blur(I.mul(I), mean_II, k);
+    cv::divide(mean_Ip - mean_I.mul(mean_p),
+               mean_II - mean_I.mul(mean_I) + ridge, a);
+    return a;
+}
+
+/* ---- by GrabCut ---------------------------------------------------------- */
 
 /* Seeds from the head's silhouette: labels of cv::grabCut.  part: where the
  * square lies in its picture. */
@@ -89,17 +135,12 @@ static cv::Mat matte_border_refine(const cv::Mat &mask, const cv::Mat &rgb)
 {
     const int r = std::max(3, mask.rows / 100);
     const cv::Size k(2 * r + 1, 2 * r + 1);
-    cv::Mat I, p, mI, mp, mIp, mII, a, b;
+    const cv::Mat I = matte_luminance(rgb);
+    cv::Mat p, mean_I, mean_p, a, b;
 
-    cv::cvtColor(rgb, I, cv::COLOR_RGB2GRAY);
-    I.convertTo(I, CV_32F, 1 / 255.0);
     mask.convertTo(p, CV_32F, 1 / 255.0);
-    cv::blur(I, mI, k);
-    cv::blur(p, mp, k);
-    cv::blur(I.mul(p), mIp, k);
-    cv::blur(I.mul(I), mII, k);
-    cv::divide(mIp - mI.mul(mp), mII - mI.mul(mI) + 1e-4, a);
-    b = mp - a.mul(mI);
+    a = matte_guided_slope(mean_I, mean_p, I, p, k, 1e-4);
+    b = mean_p - a.mul(mean_I);
     cv::blur(a, a, k);
     cv::blur(b, b, k);
     cv::Mat q = a.mul(I) + b, out;
@@ -114,7 +155,7 @@ static cv::Mat matte_border_refine(const cv::Mat &mask, const cv::Mat &rgb)
     return out;
 }
 
-/* What is used when the colours decide nothing: the head, widened. */
+/* The matte when colours decide nothing: the head, widened. */
 static void matte_soft_disc(cv::Mat &matte, const cv::Mat &head)
 {
     cv::Mat m;
@@ -154,23 +195,28 @@ static matte_pictures matte_pictures_make(const uint8_t *rgb,
 static cv::Mat matte_foreground(cv::Mat label, const matte_pictures &p,
                                 const cv::Rect &part)
 {
-    cv::Mat fg(p.small.size(), CV_8U, cv::Scalar(0)), background, foreground;
+    cv::Mat fg(p.small.size(), CV_8U, cv::Scalar(0));
 
-    cv::theRNG().state = 0x5eed;
-    cv::setRNGSeed(1);
-    cv::grabCut(p.small(part).clone(), label, cv::Rect(), background,
-                foreground, 5, cv::GC_INIT_WITH_MASK);
-    fg(part).setTo(255, (label == cv::GC_FGD) | (label == cv::GC_PR_FGD));
+    fg(part).setTo(255, matte_grabcut_run(p.small(part), label, 5));
     cv::morphologyEx(fg, fg, cv::MORPH_OPEN, mask_disc(3));
     matte_region_clean(fg, p.small_head);
     return fg;
 }
 
-int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
+/* Whether a foreground is less than most of the head, or almost all of the
+ * `pixels` that there are. */
+static bool matte_is_absurd(const cv::Mat &fg, const cv::Mat &head, int pixels)
+{
+    const int area = cv::countNonZero(fg);
+
+    return area < cv::countNonZero(head) * 8 / 10 || area > pixels * MOST / 100;
+}
+
+int matte_grabcut(uint8_t *matte, bool *fallback, const uint8_t *rgb,
                   const uint8_t *head, const uint8_t *inside, size_t n,
                   struct error *err)
 {
-    *fallback = 0;
+    *fallback = false;
     try {
         const int N = (int)n, w = std::min(N, WORK);
         cv::Mat out(N, N, CV_8U, matte);
@@ -183,20 +229,17 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
             return error_set(err, EX_DATAERR, "the head lies outside the "
                              "picture (give --crop X,Y,SIZE or --mask FILE)");
         cv::Mat label = matte_grabcut_seeds(sh, part)(part).clone();
-        if (!cv::countNonZero((label == cv::GC_BGD)
-                              | (label == cv::GC_PR_BGD))) {
-            *fallback = 1;             /* nothing but the face to be seen */
+        const bool background = cv::countNonZero((label == cv::GC_BGD) |
+                                                 (label == cv::GC_PR_BGD)) > 0;
+        cv::Mat fg, big;
+
+        if (background)
+            fg = matte_foreground(label, p, part);
+        *fallback = !background || matte_is_absurd(fg, sh(part), part.area());
+        if (*fallback) {
             matte_soft_disc(out, p.head);
             return 0;
         }
-        cv::Mat fg = matte_foreground(label, p, part);
-        int area = cv::countNonZero(fg), ha = cv::countNonZero(sh(part));
-        if (area < ha * 8 / 10 || area > part.area() * 97 / 100) {
-            *fallback = 1;
-            matte_soft_disc(out, p.head);
-            return 0;
-        }
-        cv::Mat big;
         cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
         cv::resize(fg, big, cv::Size(N, N), 0, 0, cv::INTER_CUBIC);
         matte_border_refine(big > 127, p.rgb).copyTo(out);
@@ -207,14 +250,16 @@ int matte_grabcut(uint8_t *matte, int *fallback, const uint8_t *rgb,
     }
 }
 
-/* Where alpha is undecided over more than a rim, the colours of what is decided
- * settle it: GrabCut with that as seeds.  All pictures of one size, which show
- * the photograph alone. */
+/* ---- from a network's matte ---------------------------------------------- */
+
+/* Where alpha is undecided over more than a rim, colours decide: GrabCut with
+ * what is decided as seeds.  All pictures have one size and show nothing beyond
+ * the photograph. */
 static void matte_cut_unsure(cv::Mat alpha, const cv::Mat &small,
                              const cv::Mat &core)
 {
     const int w = alpha.cols;
-    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD)), bgm, fgm;
+    cv::Mat label(alpha.size(), CV_8U, cv::Scalar(cv::GC_PR_BGD));
     cv::Mat unsure = (alpha > 0.12f) & (alpha < 0.97f), fg;
 
     cv::morphologyEx(unsure, unsure, cv::MORPH_OPEN, mask_disc(w / 50));
@@ -224,18 +269,14 @@ static void matte_cut_unsure(cv::Mat alpha, const cv::Mat &small,
     label.setTo(cv::GC_PR_FGD, alpha > 0.5f);
     label.setTo(cv::GC_BGD, alpha < 0.05f);
     label.setTo(cv::GC_FGD, (alpha > 0.95f) | core);
-    cv::theRNG().state = 0x5eed;
-    cv::setRNGSeed(1);
-    cv::grabCut(small.clone(), label, cv::Rect(), bgm, fgm, 3,
-                cv::GC_INIT_WITH_MASK);
-    fg = (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
+    fg = matte_grabcut_run(small, label, 3);
     fg.convertTo(fg, CV_32F, 1 / 255.0);
     cv::GaussianBlur(fg, fg, cv::Size(), 1.0);
     fg.copyTo(alpha, unsure);
 }
 
-/* What hangs together with the head: pieces of more than a quarter elsewhere
- * are other people or things. */
+/* Keep what is connected with the head: other pieces, of alpha over 1/4, are
+ * other people or things. */
 static void matte_region_keep(cv::Mat &alpha, const cv::Mat &head)
 {
     cv::Mat label;
@@ -244,34 +285,28 @@ static void matte_region_keep(cv::Mat &alpha, const cv::Mat &head)
 
     cv::Mat kept = mask_of_labels(label, keep), near;
 
-    /* what is too faint to be a piece is of the nearest */
+    /* fainter pixels belong to the nearest piece */
     cv::dilate(kept, near, mask_disc(alpha.cols / 40));
     alpha.setTo(0, (near == 0) | ((alpha > 0.25f) & (kept == 0)));
 }
 
-/* alpha at the picture's size: enlarged, and where neighbouring pixels say
- * that it goes with the brightness, with the brightness's fine part (the lines
- * of a guided filter, He et al. 2010). */
+/* alpha at the picture's size: enlarged, with the fine detail of the luminance
+ * where alpha follows that among neighbouring pixels. */
 static cv::Mat matte_detail_add(const cv::Mat &alpha, const cv::Mat &rgb)
 {
     const cv::Size k(5, 5);
-    cv::Mat I, small, coarse, a, mI, mp, mIp, mII, big;
+    const cv::Mat I = matte_luminance(rgb);
+    cv::Mat small, coarse, a, mean_I, mean_p, big;
 
-    cv::cvtColor(rgb, I, cv::COLOR_RGB2GRAY);
-    I.convertTo(I, CV_32F, 1 / 255.0);
     cv::resize(I, small, alpha.size(), 0, 0, cv::INTER_AREA);
-    cv::blur(small, mI, k);
-    cv::blur(alpha, mp, k);
-    cv::blur(small.mul(alpha), mIp, k);
-    cv::blur(small.mul(small), mII, k);
-    cv::divide(mIp - mI.mul(mp), mII - mI.mul(mI) + 2e-3, a);
+    a = matte_guided_slope(mean_I, mean_p, small, alpha, k, 2e-3);
     cv::resize(alpha, big, rgb.size(), 0, 0, cv::INTER_LINEAR);
     cv::resize(a, a, rgb.size(), 0, 0, cv::INTER_LINEAR);
     cv::resize(small, coarse, rgb.size(), 0, 0, cv::INTER_LINEAR);
     return big + a.mul(I - coarse);
 }
 
-int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
+int matte_refine(uint8_t *matte, bool *absurd, const float *coarse, size_t w,
                  const uint8_t *rgb, const uint8_t *head,
                  const uint8_t *inside, size_t n, struct error *err)
 {
@@ -292,7 +327,7 @@ int matte_refine(uint8_t *matte, int *absurd, const float *coarse, size_t w,
         const int ha = cv::countNonZero(core);
         const int found = cv::countNonZero(core & (alpha > 0.5f));
         const int area = cv::countNonZero(alpha > 0.5f);
-        *absurd = !ha || found < ha * 7 / 10 || area > W * W * 97 / 100;
+        *absurd = !ha || found < ha * 7 / 10 || area > W * W * MOST / 100;
         if (*absurd)
             return 0;
         alpha.setTo(1, core);

@@ -95,8 +95,9 @@ static float wall_median(const cv::Mat &d, const cv::Mat &seed)
     return v[v.size() / 2];
 }
 
-/* The wall beside and above the head, fitted again without what is not of
- * it.  spread: how many levels it varies by; false: it is not plain. */
+/* The wall beside and above the head, fitted repeatedly without the pixels that
+ * do not belong to it.  spread: levels that it varies by; d: every pixel's
+ * distance from it; false: it is not plain. */
 static bool wall_find(cv::Mat &wall, cv::Mat &d, float *spread,
                       const cv::Mat &pic, const cv::Mat &head,
                       const cv::Mat &in)
@@ -136,7 +137,7 @@ static void wall_drop_small(cv::Mat &mask, int least)
             mask.setTo(0, label == i);
 }
 
-/* What hangs together with the wall's border above the shoulders. */
+/* The pieces of `like` that touch the picture's border above the shoulders. */
 static cv::Mat wall_reach(const cv::Mat &like, int shoulders)
 {
     cv::Mat label;
@@ -206,11 +207,11 @@ static cv::Mat wall_matte(const cv::Mat &d, const cv::Mat &person,
     return a;
 }
 
-int matte_wall(uint8_t *matte, int *plain, const uint8_t *rgb,
+int matte_wall(uint8_t *matte, bool *plain, const uint8_t *rgb,
                const uint8_t *head, const uint8_t *inside, size_t n,
                struct error *err)
 {
-    *plain = 0;
+    *plain = false;
     try {
         const int N = (int)n;
         cv::Mat pic(N, N, CV_8UC3, const_cast<uint8_t *>(rgb));
@@ -229,7 +230,7 @@ int matte_wall(uint8_t *matte, int *plain, const uint8_t *rgb,
             return 0;
         wall_matte(d, person, hd, floor).convertTo(out, CV_8U, 255);
         out.setTo(0, in == 0);
-        *plain = 1;
+        *plain = true;
         return 0;
     } catch (const std::exception &e) {
         return error_set(err, EX_SOFTWARE, "matte: %s", e.what());

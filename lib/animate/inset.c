@@ -57,7 +57,7 @@ static void inset_edges(struct inset *s)
 /* ---- setting up -------------------------------------------------------- */
 
 /* The portrait and its background, N by N. */
-static int inset_take_person(struct inset *s, const struct person *p,
+static int inset_copy_person(struct inset *s, const struct person *p,
                              struct error *err)
 {
     struct person q;
@@ -104,7 +104,7 @@ int inset_init(struct inset *s, const struct image *photo,
     s->hold_y = s->fade + side;
     s->fade_y = s->hold_y + side;
     inset_edges(s);
-    if (inset_take_person(s, p, err)) {
+    if (inset_copy_person(s, p, err)) {
         inset_release(s);
         return -1;
     }

@@ -141,7 +141,7 @@ static int prepare_read_picture(struct prepared *s, struct prepare *p,
         goto out;
     }
     s->disc = src.how == SOURCE_DISC;
-    s->person = source_take_person(&src);
+    s->person = source_move_person(&src);
     s->damaged = s->picture.damaged;
     rc = 0;
 out:
@@ -184,7 +184,7 @@ static int prepare_bake(struct prepared *s, struct prepare *p,
     if (!verts)
         return error_set(err, EX_OSERR, "no memory for a mesh");
     int rc = baker_bake(&p->baker, verts, &s->person, err) ||
-             baker_take(&s->baked, &p->baker, !p->keep_clear, err) ? -1 : 0;
+             baker_copy(&s->baked, &p->baker, !p->keep_clear, err) ? -1 : 0;
     free(verts);
     if (rc == 0 && p->prune >= 0)
         rc = prune_views(&s->baked, &s->report, &p->dense, &s->id,

@@ -86,8 +86,8 @@ int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err)
     a->train = opt.mode != NN_INFER;
     a->dynamic.decoder.head.kept = a->plane.decoder.head.kept =
         a->mouth.decoder.head.kept = a->colors;
-    /* one after another, in avatar_bake; the largest maps come first, and the
-     * others' are parts of them */
+    /* the networks run one after another (avatar_bake): the first plan has the
+     * largest maps, and the others' are parts of its memory */
     nn_pool_use(&a->pool);
     int rc = avatar_allocate(a, err) ||
              source_picture_init(&a->picture, c->size, err) ||
@@ -189,7 +189,8 @@ void avatar_bake(struct avatar *a, const struct avatar_source *src)
     source_mesh_set(&a->source, src->verts, src->rest, src->cam,
                     !(a->without & WITHOUT_NECK));
     backbone_forward(a->features, a->picture.rgb, &a->backbone);
-    /* in this order: see dynamic_branch_forward's rows */
+    /* the dynamic branch first: its decoder may write rows beyond its own,
+     * which the others then write over */
     dynamic_branch_forward(&dynamic, a->features, &a->picture, &a->source,
                            &a->dynamic);
     static_branch_forward(&plane, a->features, &a->picture, &a->source,

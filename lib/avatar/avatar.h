@@ -110,9 +110,11 @@ int avatar_init(struct avatar *a, struct params *ps,
  * model draws opaque Gaussians about as large as their spacing. */
 void avatar_init_weights(struct avatar *a);
 /* Buffers for one source picture at the configured sizes, for inference or for
- * training. */
+ * training.  EX_OSERR; what was allocated waits for avatar_release. */
 int avatar_plan(struct avatar *a, struct nn_options opt, struct error *err);
-void avatar_update(struct avatar *a);   /* after every optimiser step */
+/* The weights in ps changed: after every optimiser step. */
+void avatar_update(struct avatar *a);
+/* Free what _init and _plan allocated; zeroed then.  ps and head stay. */
 void avatar_release(struct avatar *a);
 
 /* Phase A: fill a->set and what stands beside it. */

@@ -11,6 +11,8 @@
 #include "lib/record/gaus.h"
 #include "lib/splat/splat.h"
 
+#define FLOATS 19       /* of a Gaussian beside its colours: mean to jaw */
+
 /* N Gaussians of C colours, the first `dynamic` on the mesh; no neck blend. */
 static int baked_allocate(struct baked *b, size_t N, size_t C,
                           size_t dynamic, struct error *err)
@@ -19,7 +21,7 @@ static int baked_allocate(struct baked *b, size_t N, size_t C,
     b->N = N;
     b->C = C;
     b->dynamic = dynamic;
-    b->block = malloc((N * (19 + C) + 1) * sizeof *b->block);
+    b->block = malloc((N * (FLOATS + C) + 1) * sizeof *b->block);
     b->branch = malloc(N + 1);
     b->vertex = malloc((dynamic + 1) * sizeof *b->vertex);
     if (!b->block || !b->branch || !b->vertex) {
@@ -110,8 +112,8 @@ static uint8_t *baked_find_drawn(const float *opacity, size_t N)
     return keep;
 }
 
-/* What moves and shows a's Gaussians that are kept. */
-static void baked_take_motion(struct baked *b, const struct avatar *a,
+/* Motion and places of a's Gaussians that are kept. */
+static void baked_copy_motion(struct baked *b, const struct avatar *a,
                               const uint8_t *keep)
 {
     const size_t N = a->set.n, mouth = a->first[BRANCH_MOUTH];
@@ -146,7 +148,7 @@ int baked_from_avatar(struct baked *b, const struct avatar *a, bool drawn,
         : baked_from_set(b, &a->set, a->first[BRANCH_STATIC], keep, err);
 
     if (rc == 0)
-        baked_take_motion(b, a, keep);
+        baked_copy_motion(b, a, keep);
     free(keep);
     return rc;
 }
@@ -286,7 +288,8 @@ int baked_read(struct baked *b, const struct record *rec, size_t vertices,
     return 0;
 }
 
-/* What is left of seen (N) where the Gaussians have gone to means. */
+/* *seen (N, freed by the caller): how far the photograph still shows Gaussians
+ * that moved to means. */
 static int baked_seen(float **seen, const struct baked *b, const float *means,
                       struct error *err)
 {
@@ -401,8 +404,8 @@ void baked_move_release(struct baked_move *m)
     memset(m, 0, sizeof *m);
 }
 
-/* How b moves. */
-static struct drive baked_how(const struct baked *b)
+/* b as lib/geom/drive.h moves it; views of b's arrays. */
+static struct drive baked_drive_of(const struct baked *b)
 {
     struct drive d = {
         .dynamic = b->dynamic, .mouth = b->N - b->mouth,
@@ -423,12 +426,12 @@ void baked_drive(struct baked_move *m, const struct baked *b,
                  const float lip[3], const float *chin, float gap,
                  float closed, const float cam[12])
 {
-    const struct drive d = baked_how(b);
+    const struct drive d = baked_drive_of(b);
 
     drive_bodies(&m->frame, &d, cam);
     drive_dynamic(m->mean, m->mean, &d, &m->frame, mesh, verts);
     relative_pose(m->relative_pose, b->source, b->light, cam);
-    /* a hidden mouth goes 1000 units behind */
+    /* a hidden mouth goes 1000 head units behind the camera */
     for (int c = 0; c < 3; c++) {
         m->frame.to[c] = gap < closed ? -1000 * cam[8 + c]
                          : b->has_jaw ? 0 : lip[c] - b->lip[c];
@@ -440,7 +443,7 @@ void baked_drive(struct baked_move *m, const struct baked *b,
 int baked_move_scene(struct splat *s, struct baked_move *m,
                      const struct baked *b, struct error *err)
 {
-    const struct drive d = baked_how(b);
+    const struct drive d = baked_drive_of(b);
 
     drive_static(m->blended, &d, &m->frame, b->first, b->blended);
     drive_mouth(m->mouth, &d, &m->frame);
@@ -456,7 +459,7 @@ int baked_move_scene(struct splat *s, struct baked_move *m,
 void baked_means(float *means, const struct baked *b,
                  const struct baked_move *m)
 {
-    const struct drive d = baked_how(b);
+    const struct drive d = baked_drive_of(b);
 
     memcpy(means, m->mean, 3 * b->dynamic * sizeof *means);
     drive_static(means + 3 * b->dynamic, &d, &m->frame, b->dynamic,

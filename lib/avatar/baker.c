@@ -162,7 +162,7 @@ int baker_bake(struct baker *b, float *verts, const struct person *p,
     return rc;
 }
 
-int baker_take(struct baked *out, struct baker *b, bool drawn,
+int baker_copy(struct baked *out, struct baker *b, bool drawn,
                struct error *err)
 {
     if (!baker_is_gagavatar(b))

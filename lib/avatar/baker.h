@@ -41,9 +41,10 @@ void baker_release(struct baker *b);
  * was made with another model or head. */
 int baker_bake(struct baker *b, float *verts, const struct person *p,
                struct error *err);
-/* What the last baker_bake made, for Phase B; released by baked_release.
- * drawn: without SpiD's Gaussians that are never drawn (baked_drop_clear). */
-int baker_take(struct baked *out, struct baker *b, bool drawn,
+/* A copy of what the last baker_bake made, for Phase B; the caller releases it
+ * (baked_release).  drawn: without SpiD's Gaussians that are never drawn
+ * (baked_drop_clear). */
+int baker_copy(struct baked *out, struct baker *b, bool drawn,
                struct error *err);
 
 #endif

@@ -5,8 +5,8 @@
 #include <math.h>
 #include <stdbool.h>
 
-#define RIM 0.027f      /* half sides of the picture */
-#define NOBODY 0.3f     /* matte of what is beside the person, at most */
+#define RIM 0.027f      /* a rim's largest width, half sides of the picture */
+#define NOBODY 0.3f     /* the largest matte that is background */
 
 void beside_distance(float *out, const float *coverage, size_t n)
 {

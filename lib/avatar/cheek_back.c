@@ -8,18 +8,22 @@
 #include "lib/avatar/static_branch.h"
 #include "lib/geom/camera.h"
 
-#define WIDTH 0.05f     /* of the strip, in the picture's half sides, */
-#define INSET 0.01f     /* and as far from the outline, so that no Gaussian of
-                         * it stands out from a turned head's cheek */
-#define STEP 2          /* cells from one of its Gaussians to the next */
-#define OVERLAP 0.6f    /* standard deviation over the distance to it, */
-#define SOLID 0.97f     /* and opacity */
-#define WITHIN 0.5f     /* its share of the way from the skin to where that
-                         * turns away, */
-#define DEEPEST 0.15f   /* which is no further behind, head units, */
-#define HIGHEST 0.9f    /* and no further before the plane */
-/* By how far the skin about it moves (mesh_weights' moving): not behind the
- * temples, whose outline stays. */
+/* The strip: its width and its distance from the outline, so that none of its
+ * Gaussians stands out from a turned head's cheek; half sides of the
+ * picture. */
+#define WIDTH 0.05f
+#define INSET 0.01f
+/* Its Gaussians: cells from one to the next, standard deviation over that
+ * distance, opacity. */
+#define STEP 2
+#define OVERLAP 0.6f
+#define SOLID 0.97f
+/* Its depth: this share of the way from the skin to where that turns away,
+ * which counts as DEEPEST head units behind the skin at most. */
+#define WITHIN 0.5f
+#define DEEPEST 0.15f
+/* How far the skin about it moves (mesh_weights.h, moving) where there is none
+ * of it and where all is: none behind the temples, whose outline stays. */
 #define MOVES 6.0f
 #define MOVES_FAR 9.0f
 
@@ -127,7 +131,7 @@ static float cheek_back_depth(const struct source_mesh *mesh, size_t k)
     return own + WITHIN * (deepest - own);
 }
 
-/* Gaussian k of a plane of n by n. */
+/* Cell k of n by n becomes a Gaussian of the strip. */
 static void cheek_back_place(struct branch_set *out, size_t k, float back,
                              const struct source_picture *picture,
                              const struct source_mesh *mesh, size_t n)
@@ -137,7 +141,8 @@ static void cheek_back_place(struct branch_set *out, size_t k, float back,
                         (float)(2 * (k / n) + 1) / (float)n - 1};
     const float cell = 2.0f / (float)n * mesh->cam[11] / CAMERA_FOCAL;
     const float skin = mesh->cam[11] - cheek_back_depth(mesh, k);
-    const float rise = fminf(fmaxf(skin, 0), HIGHEST), p = 0.5f + 0.5f * rise;
+    const float rise = fminf(fmaxf(skin, 0), STATIC_BRANCH_HEIGHT);
+    const float p = 0.5f + 0.5f * rise;
     float rgba[4], *color = out->color + k * out->channels;
 
     source_picture_sample(rgba, picture, U, 1);

@@ -4,38 +4,38 @@
 #include "lib/avatar/coverage.h"
 
 #include <math.h>
+#include <stdbool.h>
 #include <string.h>
 
 #include "lib/geom/camera.h"
 
 #define SUB 8   /* sample rows and columns of a cell: one byte holds a row */
 
-/* A triangle's corners in cells (x, y) and camera depth; 0 when a corner is
- * not in front of the camera. */
+/* A corner of a triangle: cells (x, y) and camera depth. */
 struct corner {
     float x, y, z;
 };
 
-/* Corners of face f on a map of n x n cells; 0 when one is behind the
+/* Corners of face f on a map of n x n cells; false when one is behind the
  * camera. */
-static int coverage_triangle(struct corner c[3], const float *verts,
-                             const int32_t *f, const float cam[12], size_t n)
+static bool coverage_triangle(struct corner c[3], const float *verts,
+                              const int32_t *f, const float cam[12], size_t n)
 {
     for (int k = 0; k < 3; k++) {
         float uv[2], z;
 
         camera_project(uv, &z, cam, (float)n, verts + 3 * (size_t)f[k], 1);
         if (!(z > CAMERA_NEAR))
-            return 0;
+            return false;
         c[k] = (struct corner){uv[0], uv[1], z};
     }
-    return 1;
+    return true;
 }
 
-/* Where the triangle meets the horizontal line y: x from lo to hi; 0 when it
- * does not. */
-static int coverage_span(float *lo, float *hi, const struct corner c[3],
-                         float y)
+/* Where the triangle meets the horizontal line y: x from lo to hi; false when
+ * it does not. */
+static bool coverage_span(float *lo, float *hi, const struct corner c[3],
+                          float y)
 {
     *lo = INFINITY;
     *hi = -INFINITY;
@@ -87,14 +87,12 @@ size_t coverage_scratch(size_t n)
 }
 
 /* One bit for each of a cell's 64 points, set by scan lines, then counted. */
-void coverage_fraction(float *C, const float *verts, size_t V,
-                       const int32_t *faces, size_t F, const float cam[12],
-                       size_t n, void *scratch)
+void coverage_fraction(float *C, const float *verts, const int32_t *faces,
+                       size_t F, const float cam[12], size_t n, void *scratch)
 {
     uint8_t *bits = scratch;
     size_t m = SUB * n;
 
-    (void)V;
     memset(bits, 0, m * n);
     for (size_t f = 0; f < F; f++) {
         struct corner c[3];
@@ -111,7 +109,7 @@ void coverage_fraction(float *C, const float *verts, size_t V,
         for (size_t y = rows[0]; y < rows[1]; y++)
             if (coverage_span(&lo, &hi, c, (float)y + 0.5f))
                 coverage_set_bits(bits + y * n, coverage_first_centre(lo, m),
-                         coverage_first_centre(hi, m));
+                                  coverage_first_centre(hi, m));
     }
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j < n; j++) {
@@ -157,13 +155,12 @@ void coverage_blur(float *out, const float *x, size_t n, float sigma,
     coverage_blur_pass(out, tmp, n, w, r);
 }
 
-void coverage_map(float *C, const float *verts, size_t V,
-                  const int32_t *faces, size_t F, const float cam[12],
-                  size_t n, void *scratch)
+void coverage_map(float *C, const float *verts, const int32_t *faces, size_t F,
+                  const float cam[12], size_t n, void *scratch)
 {
     float *fraction = scratch;
 
-    coverage_fraction(C, verts, V, faces, F, cam, n, scratch);
+    coverage_fraction(C, verts, faces, F, cam, n, scratch);
     memcpy(fraction, C, n * n * sizeof *C);
     coverage_blur(C, fraction, n, 1, fraction + n * n);
     for (size_t i = 0; i < n * n; i++)

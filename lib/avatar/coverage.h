@@ -10,15 +10,13 @@
  * covers, counted on 8 x 8 points per cell, then a Gaussian of one cell.
  *   verts (V,3), faces (F,3), cam (3,4)
  *   scratch  coverage_scratch(n) bytes */
-void coverage_map(float *C, const float *verts, size_t V,
-                  const int32_t *faces, size_t F, const float cam[12],
-                  size_t n, void *scratch);
+void coverage_map(float *C, const float *verts, const int32_t *faces, size_t F,
+                  const float cam[12], size_t n, void *scratch);
 /* Bytes of scratch that maps of n x n need. */
 size_t coverage_scratch(size_t n);
 /* The fractions before the Gaussian. */
-void coverage_fraction(float *C, const float *verts, size_t V,
-                       const int32_t *faces, size_t F, const float cam[12],
-                       size_t n, void *scratch);
+void coverage_fraction(float *C, const float *verts, const int32_t *faces,
+                       size_t F, const float cam[12], size_t n, void *scratch);
 /* out = x (n,n) convolved with a normalised Gaussian of sigma cells, zero
  * outside; tmp holds n*n floats. */
 void coverage_blur(float *out, const float *x, size_t n, float sigma,

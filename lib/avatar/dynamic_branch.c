@@ -16,17 +16,25 @@
 #include "lib/geom/neck_blend.h"
 #include "lib/geom/resample.h"
 
-#define OUTSIDE 6.0f    /* opacity logits fall where the matte is empty */
-#define OVERLAP 0.6f    /* standard deviation over the spacing */
-#define CLOSED 0.6f     /* the same of hidden ones, which must have no holes, */
-#define SOLID 0.97f     /* and their opacity, */
-#define LEAST 0.4f      /* the same of any, at least */
-#define REACH 2.7f      /* standard deviations that they are seen to: at 2 a
-                         * seventh of them still stood before the wall */
-#define SEAM_MM 4.5f    /* the photograph's seam is seen so far from home */
-#define SLACK 0.03f     /* a vertex this far behind the surface is seen */
-#define DROP_MM 1.0f    /* skin at the jaw's angle goes further, */
-#define DROP_MOST_MM 20.0f      /* and not so far, as the chin's does */
+#define OUTSIDE 6.0f    /* opacity logits fall by this where the matte is 0 */
+/* Standard deviation over the spacing: where the decoder starts, of hidden
+ * Gaussians, which must leave no holes, and the least of any. */
+#define OVERLAP 0.6f
+#define CLOSED 0.6f
+#define LEAST 0.4f
+#define SOLID 0.97f     /* opacity of hidden Gaussians */
+#define REACH 2.7f      /* their standard deviations that may be seen: with 2 a
+                         * seventh of them stood out before the background */
+#define SEAM_MM 4.5f    /* the photograph is used for lips moved less than this
+                         * from where it shows them */
+#define SLACK 0.03f     /* a vertex is visible if no further behind the surface,
+                         * head units */
+/* A dropped jaw takes skin at its angle further than the one, and less far than
+ * the other, as it takes the chin. */
+#define DROP_MM 1.0f
+#define DROP_MOST_MM 20.0f
+#define WHITE_LIGHT 1.3f        /* of eyeballs, which lids shade, to white */
+#define WHITE_EYES 8    /* visible vertices of eyeballs that suffice */
 
 /* ---- colours for hidden vertices --------------------------------------- */
 
@@ -61,8 +69,8 @@ static void dynamic_branch_rings(float *rgb, const struct densify *d,
     }
 }
 
-/* A sweep of averaging: what trust does not keep moves to the neighbours'
- * mean. */
+/* A sweep of averaging: the mean of the neighbours counts as far as trust does
+ * not keep the own colour. */
 static void dynamic_branch_smooth(float *rgb, const float *own,
                                   const float *trust,
                                   const struct densify *d, float *sum)
@@ -246,9 +254,9 @@ static bool dynamic_branch_is_occluded(const struct source_mesh *mesh,
     return mesh->depth[(size_t)y * mesh->n + (size_t)x] < z + SLACK;
 }
 
-/* The least matte about every densified vertex, as far as a hidden Gaussian
- * reaches; 0 where the mesh does not hide it that far: what stood out beside
- * the face in the picture would be seen there (a visual hull of one view,
+/* hull: the least matte around every densified vertex, within the reach of a
+ * hidden Gaussian, or 0 where the mesh does not cover all of that: there the
+ * Gaussian would stand out beside the face (a visual hull of one view,
  * Laurentini 1994). */
 static void dynamic_branch_hull(const struct source_picture *picture,
                                 const struct source_mesh *mesh,
@@ -289,8 +297,8 @@ static float dynamic_branch_mean(float rgb[3], const struct dynamic_branch *b,
     return branch_mean_color(rgb, b->pixel, weight, b->dense->V, least);
 }
 
-/* What of the neck shows cloth or hair keeps that to itself: what the jaw
- * hides is skin. */
+/* skin: trust, less where the neck shows cloth or hair: those colours do not
+ * spread to what the jaw hides, which is skin. */
 static void dynamic_branch_set_skin(const struct source_mesh *mesh,
                                     struct dynamic_branch *b)
 {
@@ -310,10 +318,10 @@ static void dynamic_branch_set_skin(const struct source_mesh *mesh,
     }
 }
 
-/* How bright and of what colour white things are in the picture: from the
- * brighter half of the eyeballs' visible vertices, twice over, or where none
- * are, from the skin; and no less than what makes the palest skin as bright as
- * the face. */
+/* The colour of white things in the picture: the mean of the brighter eyeball
+ * vertices that are visible (above the mean, twice over), or of all skin where
+ * too few are; and at least so bright that the palest skin would be as bright
+ * as the face. */
 static void dynamic_branch_white_point(float white[3],
                                        const struct source_mesh *mesh,
                                        const struct dynamic_branch *b)
@@ -322,7 +330,7 @@ static void dynamic_branch_white_point(float white[3],
     const int32_t *regions = mesh->head->region;
     float skin[3], gray = 0;
     float n = dynamic_branch_mean(white, b, regions, REGION_EYEBALL, 0);
-    const bool eyes = n > 8;
+    const bool eyes = n > WHITE_EYES;
 
     for (int i = 0; i < 2 && eyes; i++)
         dynamic_branch_mean(white, b, regions, REGION_EYEBALL,
@@ -332,16 +340,16 @@ static void dynamic_branch_white_point(float white[3],
     for (int c = 0; c < 3; c++)
         gray += white[c] / 3;
     dynamic_branch_mean(skin, b, regions, REGION_FACE, 0);
-    for (int c = 0; c < 3; c++) {   /* lids shade the one, the other is tan */
-        white[c] = fmaxf(1.3f * (0.5f * white[c] + 0.5f * gray),
+    for (int c = 0; c < 3; c++) {   /* half of its tint: skin is tan */
+        white[c] = fmaxf(WHITE_LIGHT * (0.5f * white[c] + 0.5f * gray),
                          skin[c] / pale[c]);
         white[c] = fminf(fmaxf(white[c], 0.2f), 1);
     }
 }
 
-/* How far Gaussian k would stand out beside the neck if the jaw dropped, 0..1:
- * skin at the jaw's angle, which in life goes backwards there, and before the
- * strip (cheek_back.h), which shows the same. */
+/* How far Gaussian k would stand out beside the neck when the jaw drops, 0..1:
+ * skin at the jaw's angle, which in life moves backwards; the strip behind the
+ * cheeks (cheek_back.h) shows it instead. */
 static float dynamic_branch_protrusion(const struct source_picture *picture,
                                        const struct source_mesh *mesh,
                                        const struct dynamic_branch *b, size_t k)
@@ -416,8 +424,8 @@ static void dynamic_branch_start(const struct source_picture *picture,
         rgb[i] = attribute_logit(rgb[i]);
 }
 
-/* How far the source shows Gaussian k, as dynamic_branch_start wrote it, and
- * in what light it will be. */
+/* How far the source shows Gaussian k (written by dynamic_branch_start) in the
+ * light that it will be seen in, 0..1. */
 static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
@@ -425,26 +433,28 @@ static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 }
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
- * outline included: there nothing may hide what is beside the head.  Upper lids
- * do not count: closed, they must hide the eyeballs, which the decoder has not
- * learned; nor the lips' inner edge, which must be one against the teeth. */
+ * outline included, 0..1: there it must not cover what is beside the head.  0
+ * on upper lids, which must cover the eyeballs when they close (the decoder has
+ * not learned that), and on the lips' inner edge, which must have no holes
+ * before the teeth. */
 static float dynamic_branch_front(const struct dynamic_branch *b, size_t k)
 {
     return b->seen[k] * branch_ramp(b->facing[k], -0.4f, -0.1f) *
            (1 - b->lid[k]) * (1 - b->seam[k]);
 }
 
-/* What Gaussian k measures at least: the decoder draws thin what faces the
- * camera, and when the head turns its rows would part and show the back. */
+/* The least standard deviation of Gaussian k: the decoder makes those that face
+ * the camera so thin that gaps would open between their rows on a turned
+ * head. */
 static float dynamic_branch_min_scale(const struct dynamic_branch *b, size_t k)
 {
     return fminf(LEAST * b->spacing[k], BRANCH_SCALE_MAX);
 }
 
-/* What the source does not show is the prior's alone, dense and round: the
- * decoder would paint the back of everybody's head as in its training people,
- * and leave what they seldom turned to the camera half clear.  Features beyond
- * the colour are 0: a refiner adds nothing of its own there. */
+/* Where the source does not show a Gaussian the prior replaces the decoder,
+ * dense and round: the decoder would give every head the back of its training
+ * people, and half clear parts that those seldom turned to the camera.
+ * Features beyond the colour become 0, so that a refiner adds nothing there. */
 static void dynamic_branch_unseen(struct branch_set *out,
                                   const struct dynamic_branch *b)
 {
@@ -529,8 +539,8 @@ void dynamic_branch_forward(struct branch_set *out, const float *features,
     memcpy(out->mean, b->verts, 3 * out->n * sizeof *out->mean);
     for (size_t k = 0; k < out->n; k++) {
         out->neck[k] = mesh->blend ? mesh->weights->neck[k] : 0;
-        /* beside the person too: there the photograph's matte is clear; and
-         * on the face's very outline, which nothing else could show */
+        /* also beside the person, where the photograph's matte is 0, and on
+         * the very outline of the face, which nothing else shows */
         out->seen[k] = b->prior ? b->start.visible[k] * b->seen[k] *
                                   branch_ramp(b->facing[k], -0.4f, -0.1f)
                                 : 0;

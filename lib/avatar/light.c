@@ -7,20 +7,21 @@
 #include <stdbool.h>
 #include <string.h>
 
-#define ROUNDS 8
-#define RIDGE 1e-3      /* of the weights' sum, on l */
-#define OTHER 0.05      /* distance of chroma that halves a vertex's say */
-#define DARK 0.05f      /* sums of colours that say nothing */
+#define ROUNDS 8        /* of reweighting */
+#define RIDGE 1e-3      /* regularisation of l, share of the weights' sum */
+#define OTHER 0.05      /* distance of chroma that halves a vertex's weight */
+#define DARK 0.05f      /* a smaller sum of r, g and b tells nothing */
 
-struct fit {
+/* Luminance as a linear function of the normal, and how well it fits. */
+struct light_model {
     double a[4];        /* luminance a[0] + a[1..3].n */
     double chroma[3];   /* mean */
     double spread;      /* mean absolute residual */
     bool begun;
 };
 
-/* Luminance of linear light, negative if too dark to say anything, and
- * chroma of an sRGB colour. */
+/* Luminance of linear light, negative if too dark to tell, and chroma of an
+ * sRGB colour. */
 static void light_split(float out[4], const float rgb[3])
 {
     float sum = rgb[0] + rgb[1] + rgb[2];
@@ -34,18 +35,18 @@ static void light_split(float out[4], const float rgb[3])
         out[0] = -1;
 }
 
-/* Luminance less what the fit says at normal n. */
-static double light_residual(const struct fit *f, double light,
+/* Luminance less the fit's at normal n. */
+static double light_residual(const struct light_model *f, double light,
                              const float n[3])
 {
     return light - f->a[0] - f->a[1] * (double)n[0] -
            f->a[2] * (double)n[1] - f->a[3] * (double)n[2];
 }
 
-/* What is left of a vertex's weight, by what the last round found: Cauchy's
- * weights of its residual and of its chroma. */
-static double light_robust_weight(const struct fit *f, const float color[4],
-                                  const float n[3])
+/* The factor of a vertex's weight after the last round: Cauchy's weights of its
+ * residual and of its chroma. */
+static double light_robust_weight(const struct light_model *f,
+                                  const float color[4], const float n[3])
 {
     double r = light_residual(f, (double)color[0], n) / (2 * f->spread);
     double off = 0;
@@ -79,11 +80,11 @@ static void light_solve(double x[4], double M[4][4], double y[4])
 
 /* One round: weights by the last fit, a new fit by the weights.  false: there
  * is nothing to see. */
-static bool light_fit_again(struct fit *f, const float *colors,
+static bool light_fit_again(struct light_model *f, const float *colors,
                             const float *normal, const float *weight, size_t V)
 {
     double M[4][4] = {{0}}, y[4] = {0}, sum = 0, spread = 0;
-    struct fit next = {.begun = true};
+    struct light_model next = {.begun = true};
 
     for (size_t v = 0; v < V; v++) {
         const float *n = normal + 3 * v, *color = colors + 4 * v;
@@ -119,7 +120,7 @@ static bool light_fit_again(struct fit *f, const float *colors,
 void light_fit(float l[3], const float *rgba, const float *normal,
                const float *weight, size_t V, float *tmp)
 {
-    struct fit f = {.begun = false};
+    struct light_model f = {.begun = false};
     double length = 0;
 
     memset(l, 0, 3 * sizeof *l);

@@ -11,27 +11,36 @@
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
 
-#define JAW_ANGLE 0.2f      /* radians the jaw is thought to open */
-#define STILL_MM 0.5f       /* who moves less than this belongs to the skull */
+#define JAW_ANGLE 0.2f      /* radians that the jaw opens, for `moving` */
+/* `moving` is 0 where skin moves less than the one, 1 at the other. */
+#define STILL_MM 0.5f
 #define MOVES_MM 2.0f
-#define LID_LEAST_MM 1.0f   /* upper lids come down by more than this */
+/* `lid` is 0 where closing eyes lower skin less than the one, 1 at the other.
+ * */
+#define LID_LEAST_MM 1.0f
 #define LID_MM 2.0f
-#define LID_REACH 0.3f      /* of their way is seen in the photograph, */
-#define LID_REACH_MM 1.5f   /* and so much, for brows pull at them */
-#define SEAM_MM 1.0f        /* lips are in the other's shadow so near to it, */
-#define SEAM_END_MM 4.0f    /* and not from here on */
-#define CORNER_MM 3.0f      /* the mouth's corners have their crease so far, */
-#define CORNER_END_MM 7.0f  /* and not from here on */
-#define DROP 0.4f           /* radians of a mouth wide open, */
-#define DROP_MOST 2.5f      /* and the most that counts of what it stretches */
-#define MARGIN 0.5f         /* who comes down half as far comes with it */
+/* Lids are believed to be where the photograph shows them over this share of
+ * their way, and over so much at least, since brows pull at them. */
+#define LID_REACH 0.3f
+#define LID_REACH_MM 1.5f
+/* `seam` is 1 up to the one distance from the inner lips, 0 from the other on;
+ * `crease` the same about the mouth's corners. */
+#define SEAM_MM 1.0f
+#define SEAM_END_MM 4.0f
+#define CORNER_MM 3.0f
+#define CORNER_END_MM 7.0f
+#define DROP 0.4f           /* radians of a mouth wide open */
+#define DROP_MOST 2.5f      /* the most that counts of what it stretches by */
+#define MARGIN 0.5f         /* a vertex moves with one above it if it comes down
+                             * by this share of its way */
 
-/* Behind, the neck begins higher than at the chin: at the corners of the mouth,
- * and all the more the farther back from the ears to the neck joint.  A nape
- * that turned with the head would stand beside it as a slab. */
+/* The neck blend behind the ears.  There the neck begins higher than at the
+ * chin, at the height of the mouth's corners; the share of this grows from the
+ * ears back to the neck joint.  A nape that turned with the head would stand
+ * out beside the neck. */
 struct mesh_weights_nape {
     struct neck_blend blend;
-    float front, back;          /* depths where it counts not at all, in full */
+    float front, back;          /* depths z where its share is 0, and 1 */
 };
 
 /* The neck blend goes from under the chin to the model's lower edge, about a
@@ -98,7 +107,7 @@ static float mesh_weights_norm(const float *d)
 }
 
 /* Distance of x (3) and y (3). */
-static float mesh_weights_apart(const float *x, const float *y)
+static float mesh_weights_distance(const float *x, const float *y)
 {
     const float off[3] = {x[0] - y[0], x[1] - y[1], x[2] - y[2]};
 
@@ -118,8 +127,8 @@ static float mesh_weights_range(const struct head *h, size_t v)
            JAW_ANGLE * arm * head_jaw_share(h, v);
 }
 
-/* fold (V): 0 on the lids' margin, which has nothing below it, rather than
- * beside or behind, that comes down (V) with it; else 1. */
+/* fold (V): 0 on the lids' margin, where no neighbour below comes down (V) with
+ * the vertex; else 1.  Neighbours beside and behind do not count. */
 static void mesh_weights_margin(float *fold, const float *down,
                                 const struct head *h, const struct densify *d)
 {
@@ -191,10 +200,10 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
         float nearest = 1e6f, aside = 1e6f;
 
         for (size_t i = 0; i < h->nlip_inner; i++)
-            nearest = fminf(nearest, mesh_weights_apart(
+            nearest = fminf(nearest, mesh_weights_distance(
                 x, h->v_template + 3 * (size_t)h->lip_inner[i]));
         for (int i = 0; i < 2 && corner[i]; i++)
-            aside = fminf(aside, mesh_weights_apart(x, corner[i]));
+            aside = fminf(aside, mesh_weights_distance(x, corner[i]));
         w->seam[v] = 1 - branch_ramp(nearest * mm, SEAM_MM, SEAM_END_MM);
         w->crease[v] = fmaxf(w->seam[v], 1 - branch_ramp(
             aside * mm, CORNER_MM, CORNER_END_MM));
@@ -246,8 +255,8 @@ static bool mesh_weights_allocate(struct mesh_weights *w, size_t V, size_t D)
            w->stretch && w->fold && w->reach && w->seam && w->crease && w->drop;
 }
 
-/* What each vertex says for itself: how far it moves against the skull, how
- * much of it hangs on the neck, whether it lines the mouth. */
+/* Of each vertex: how far it moves against the skull, its share of the neck
+ * blend, whether it lines the mouth. */
 static void mesh_weights_vertices(struct mesh_weights *w, const struct head *h,
                                   const struct mesh_weights_nape *nape)
 {
@@ -282,7 +291,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     mesh_weights_vertices(w, h, &nape);
     densify_midpoints(w->neck + V, w->neck, d, 1);
     densify_midpoints(w->lining + V, w->lining, d, 1);
-    for (size_t k = V; k < D; k++)      /* no edge to the lips hangs out */
+    for (size_t k = V; k < D; k++)      /* edges from the lips to it, too */
         w->lining[k] = w->lining[k] > 0;
     float *wide = rest + D, *posed = wide + D;
     densify_spacing(rest, h->v_template, d);

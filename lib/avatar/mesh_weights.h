@@ -35,7 +35,7 @@ struct mesh_weights {
 };
 
 /* From h's skinning weights, directions and regions; the edges are d's.
- * EX_OSERR. */
+ * EX_OSERR; what was allocated then waits for mesh_weights_release. */
 int mesh_weights_init(struct mesh_weights *w, const struct head *h,
                       const struct densify *d, struct error *err);
 /* Free what it holds; zeroed then. */

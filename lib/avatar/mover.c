@@ -12,11 +12,11 @@
 #include "lib/record/person.h"
 
 /* The head's hash of a CONF record; hash stays when it names none. */
-static void mover_take_hash(char hash[17], const struct record *rec)
+static void mover_read_hash(char hash[17], const struct record *rec)
 {
     struct person p = {0};
 
-    if (person_take(&p, rec, 0, NULL) == 1)
+    if (person_read_record(&p, rec, 0, NULL) == 1)
         memcpy(hash, p.head, 17);
 }
 
@@ -52,9 +52,9 @@ int mover_open(struct mover *m, const char *path,
         return -1;
     while (!found && (rc = stream_read(in, &rec, err)) > 0) {
         if (record_is(&rec, RECORD_CONF))
-            mover_take_hash(m->head, &rec);
+            mover_read_hash(m->head, &rec);
         if (record_is(&rec, RECORD_SRCI) &&
-            person_take(&m->person, &rec, 0, err) < 0) {
+            person_read_record(&m->person, &rec, 0, err) < 0) {
             error_prefix(err, "%s", path);
             rc = -1;
             break;
@@ -166,7 +166,7 @@ static int mover_check_head(const struct mover *m, const struct record *rec,
 {
     char hash[17] = "";
 
-    mover_take_hash(hash, rec);
+    mover_read_hash(hash, rec);
     if (hash[0] && m->head[0] && strcmp(hash, m->head))
         return error_set(err, EX_DATAERR, "%s: avatar belongs to head %s "
                          "(expected %s, the stream's)", m->path, m->head,

@@ -27,7 +27,8 @@ struct mover {
     bool sent;              /* the GAUS record */
 };
 
-/* Read the avatar.  -1 and *err when the file has none. */
+/* Read the avatar.  -1 and *err when the file has none; what was read waits for
+ * mover_release. */
 int mover_open(struct mover *m, const char *path,
                const struct mover_options *opt, struct error *err);
 /* Free what it holds; zeroed then. */

@@ -15,6 +15,11 @@
 
 enum { YAWS = 5, NODS = 3, POSES = 2, VIEWS = YAWS * NODS * POSES };
 
+#define STEP 20.0f          /* degrees from one yaw or nod to the next */
+#define DISTANCE 12.0f      /* of the camera, head units: a picture's half side
+                             * is one head unit there */
+#define JAW_OPEN 0.35f      /* radians, of the second pose */
+
 struct prune {
     const struct baked *b;
     size_t size;
@@ -28,12 +33,12 @@ struct prune {
     double ms[VIEWS];
 };
 
-/* The camera of view v, turned about the head's origin at distance 12. */
+/* The camera of view v, turned about the head's origin. */
 static void prune_view_camera(float cam[12], size_t v)
 {
-    const float degree = 0.01745329f, t[3] = {0, 0, 12};
-    float yaw = ((float)(v % YAWS) - 2) * 20 * degree;
-    float nod = ((float)(v / YAWS % NODS) - 1) * 20 * degree;
+    const float degree = 0.01745329f, t[3] = {0, 0, DISTANCE};
+    float yaw = ((float)(v % YAWS) - 2) * STEP * degree;
+    float nod = ((float)(v / YAWS % NODS) - 1) * STEP * degree;
     float Y[9], X[9], R[9], F[9] = {1, 0, 0, 0, -1, 0, 0, 0, -1}, A[9];
 
     rotation_exp(Y, (const float[3]){0, yaw, 0});
@@ -151,6 +156,7 @@ static int prune_allocate(struct prune *p, size_t V, struct error *err)
     return baked_move_init(&p->move, p->b, err);
 }
 
+/* Free what it holds. */
 static void prune_release(struct prune *p)
 {
     free(p->verts);
@@ -176,7 +182,7 @@ int prune_views(struct baked *b, struct prune_report *r,
                 size_t size, double eps, struct error *err)
 {
     struct prune p = {.b = b, .size = size};
-    struct head_motion open = {.jaw = {0.35f, 0, 0}}, rest = {0};
+    struct head_motion open = {.jaw = {JAW_OPEN, 0, 0}}, rest = {0};
     uint8_t *keep = malloc(b->N + 1);
     int rc = -1;
 

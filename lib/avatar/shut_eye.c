@@ -9,23 +9,24 @@
 
 #include "lib/avatar/branch.h"
 
-#define OPEN 0.6f           /* of the lid's way: nothing is taken for shut, */
-#define SHUT 0.85f          /* ... and here all is */
-#define PUPIL 9.0f          /* degrees from the middle, */
-#define IRIS 23.5f
-#define SOFT 2.0f           /* and over how many one goes into the next */
+#define OPEN 0.6f           /* share of the lid's way: open up to here, */
+#define SHUT 0.85f          /* shut from here on */
+#define PUPIL 9.0f          /* radius, degrees about the eyeball's middle */
+#define IRIS 23.5f          /* likewise */
+#define SOFT 2.0f           /* half the width of the borders, degrees */
 
 /* What an eye's parts look like. */
 struct shut_eye_look {
     float pupil[3], iris[3], sclera[3];
 };
 
-/* Anybody's, in white light. */
+/* A common eye in white light: brown. */
 static const struct shut_eye_look shut_eye_anybody = {
     {0.03f, 0.03f, 0.03f}, {0.32f, 0.21f, 0.13f}, {0.86f, 0.82f, 0.79f}
 };
 
-/* What of the way lid (V,3) the vertices have gone, by least squares. */
+/* The share of the way lid (V,3) that the vertices have gone from rest, by
+ * least squares. */
 static float shut_eye_closure(const float *posed, const float *rest,
                               const float *lid, size_t V)
 {
@@ -118,7 +119,8 @@ static void shut_eye_axis(float axis[3], const struct head *h, bool left)
         shut_eye_direction(axis, most, h, left);
 }
 
-/* Degrees of a point x (3) of an eyeball from the axis that it looks along. */
+/* Degrees between x (3), a point of an eyeball, and the axis that it looks
+ * along. */
 static float shut_eye_angle(const float x[3], const float axis[3],
                             const struct head *h)
 {

@@ -91,8 +91,7 @@ void source_mesh_set(struct source_mesh *m, const float *posed,
     head_normals(m->normals, h, m->verts);
     head_lip_centroid(m->verts + 3 * h->V, h, m->verts);
     const size_t F = h->F + h->nlip_inner;
-    coverage_map(m->coverage, m->verts, h->V + 1, m->faces, F, cam, m->n,
-                 m->raster);
+    coverage_map(m->coverage, m->verts, m->faces, F, cam, m->n, m->raster);
     coverage_depth(m->depth, m->moving, m->verts, m->moving_verts, m->faces,
                    F, cam, m->n);
 }

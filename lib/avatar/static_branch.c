@@ -17,8 +17,11 @@
 #define COVERED 6.0f
 /* Standard deviation of a Gaussian over the distance to the next one. */
 #define OVERLAP 0.6f
-#define TINT 0.1f       /* how far a colour may be from the photograph's */
-#define SHOULDER_FALL 40    /* so many times lower shoulders count per metre */
+/* How far a colour may be from the photograph's, of 0..1. */
+#define TINT 0.1f
+/* By how many times its distance below the chin grows for the neck blend, for
+ * every metre beside the mesh. */
+#define SHOULDER_FALL 40
 
 /* ---- the equations ----------------------------------------------------- */
 
@@ -165,16 +168,17 @@ static void static_branch_surface(struct static_branch *b,
                                   const struct source_mesh *mesh)
 {
     for (size_t k = 0; k < b->count; k++) {
-        float h = mesh->cam[11] - mesh->depth[k];
+        const float h = mesh->cam[11] - mesh->depth[k];
+        const float most = STATIC_BRANCH_HEIGHT;
 
         b->surface[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
-                      ? fminf(fmaxf(h, -0.9f), 0.9f) : 0;
+                      ? fminf(fmaxf(h, -most), most) : 0;
     }
 }
 
-/* Neck blend weight of a point at height y, so far beside the mesh (cells).
- * Beside the neck shoulders and their cloth come higher than the neck's foot:
- * they do not lean with the head. */
+/* Neck blend weight of a point at height y, `aside` cells beside the mesh.
+ * Shoulders and cloth beside the neck reach higher than the neck's foot and do
+ * not lean with the head. */
 static float static_branch_neck_weight(const struct static_branch *b,
                                        const struct source_mesh *mesh, float y,
                                        float aside)
@@ -220,9 +224,10 @@ static void static_branch_neck(float *neck, float *mean,
     }
 }
 
-/* What may not be drawn: where the mesh moves, and thin rims beside it. */
-static void static_branch_leave(struct static_branch *b,
-                                const struct source_mesh *mesh)
+/* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
+ * it. */
+static void static_branch_mask(struct static_branch *b,
+                               const struct source_mesh *mesh)
 {
     for (size_t k = 0; k < b->count; k++)
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
@@ -321,8 +326,8 @@ static void static_branch_inputs_backward(struct static_branch *b)
     }
 }
 
-/* The Gaussians' colours are near the photograph's: a decoder that has not
- * seen such cloth tints its rims, where a turned head shows them. */
+/* Keep colours near the photograph's: the decoder tints cloth that it has not
+ * seen in training, which shows at rims when the head turns. */
 static void static_branch_clamp_tint(struct branch_set *out,
                                      const struct static_branch *b)
 {
@@ -367,7 +372,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
     static_branch_deform(features, mesh, b);
     if (b->prior)
         source_picture_sample(b->pixel, picture, b->U, b->count);
-    static_branch_leave(b, mesh);
+    static_branch_mask(b, mesh);
     static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
     conv_decoder_forward(&raw, NULL, mesh->normal,

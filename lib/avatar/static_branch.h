@@ -26,6 +26,10 @@
  * coverage, matte, surface depth, whether there is a surface. */
 #define STATIC_BRANCH_EXTRA 4
 
+/* The mesh's height over the plane counts up to this, head units: offsets are
+ * 2 p - 1 with p a sigmoid, so that 1 is never reached. */
+#define STATIC_BRANCH_HEIGHT 0.9f
+
 struct static_branch {
     struct plane_init init;             /* Phi_init */
     struct conv_decoder decoder;        /* Phi_S */

@@ -429,7 +429,7 @@ static int pipeline_all(struct pipeline *l, struct error *err)
             return error_set(err, EX_OSERR, "no memory for pictures");
     }
     if (bench_person_avatar(s, NN_FAST, err) || bench_person_bake(s, err) ||
-        baker_take(&s->baked, &s->baker, false, err) ||
+        baker_copy(&s->baked, &s->baker, false, err) ||
         pipeline_make_texture(s, err))
         return -1;
     l->all = s->baked.N;

@@ -86,8 +86,8 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
     }
 }
 
-void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H,
-                        size_t *W)
+void contact_sheet_detach(struct contact_sheet *s, uint8_t **rgb, size_t *H,
+                          size_t *W)
 {
     *rgb = s->rgb;
     *H = s->rows * s->side;

@@ -37,7 +37,7 @@ void contact_sheet_points(struct contact_sheet *s, size_t row, size_t col,
 int contact_sheet_save(struct contact_sheet *s, const char *path,
                        struct error *err);
 /* Hand the pixels over (the caller frees). */
-void contact_sheet_take(struct contact_sheet *s, uint8_t **rgb, size_t *H,
-                        size_t *W);
+void contact_sheet_detach(struct contact_sheet *s, uint8_t **rgb, size_t *H,
+                          size_t *W);
 
 #endif

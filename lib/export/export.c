@@ -362,7 +362,7 @@ int export_record(struct export *x, const struct record *rec,
         return 0;
     int taken = 0;
     if (own || !record_is(rec, RECORD_MOTN))
-        taken = person_take(&x->person, rec, x->head.nexp, err);
+        taken = person_read_record(&x->person, rec, x->head.nexp, err);
     if (taken)
         return taken < 0 ? -1 : 0;
     if (record_is(rec, RECORD_MOTN) && x->opt.glb_head)

@@ -55,7 +55,7 @@ static int portrait_silhouette(uint8_t *silhouette, size_t size,
 static int portrait_grabcut(struct portrait *p, const uint8_t *silhouette,
                             const uint8_t *inside, struct error *err)
 {
-    int fallback;
+    bool fallback;
 
     if (matte_grabcut(p->mask, &fallback, p->rgb, silhouette, inside, p->size,
                       err))
@@ -70,7 +70,7 @@ static int portrait_grabcut(struct portrait *p, const uint8_t *silhouette,
 static int portrait_split(struct portrait *p, const uint8_t *silhouette,
                           const uint8_t *inside, struct error *err)
 {
-    int plain;
+    bool plain;
 
     if (matte_wall(p->mask, &plain, p->rgb, silhouette, inside, p->size, err))
         return -1;

@@ -14,7 +14,7 @@
 /* Where each head lies in a row of the output. */
 enum motion_out {
     MOTION_ROT = 0,     /* 6: two rows of R before Gram-Schmidt */
-    MOTION_TRANS = 6,   /* 3: relative to the crop (design.md, 3) */
+    MOTION_TRANS = 6,   /* 3: relative to the crop (motion_code.h) */
     MOTION_EXP = 9,     /* 100 */
     MOTION_JAW = 109,   /* 3: axis-angle */
     MOTION_LID = 112,   /* 2: after the sigmoid, 0 open .. 1 closed */

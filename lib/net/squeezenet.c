@@ -29,13 +29,12 @@ static void squeezenet_conv(struct conv *c, struct params *ps,
     ps->tensor[c->weight].frozen = ps->tensor[c->bias].frozen = true;
 }
 
-int squeezenet_init(struct squeezenet *s, struct params *ps,
-                    const char *prefix, struct error *err)
+void squeezenet_init(struct squeezenet *s, struct params *ps,
+                     const char *prefix)
 {
     char name[120];
     size_t in = FIRST;
 
-    (void)err;
     memset(s, 0, sizeof *s);
     s->ps = ps;
     squeezenet_conv(&s->first, ps, nn_name(name, "%sfeatures.0", prefix), 3,
@@ -60,7 +59,6 @@ int squeezenet_init(struct squeezenet *s, struct params *ps,
                         few, out, 3);
         in = 2 * out;
     }
-    return 0;
 }
 
 /* A fire module on maps (h,w), which become the pooled ones. */

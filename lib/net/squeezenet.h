@@ -42,9 +42,9 @@ struct squeezenet {
     float *g[4];                  /* gradients on their way */
 };
 
-/* Declare the tensors, all frozen. */
-int squeezenet_init(struct squeezenet *s, struct params *ps,
-                    const char *prefix, struct error *err);
+/* Declare the tensors, "<prefix>features.0.weight" and on, all frozen. */
+void squeezenet_init(struct squeezenet *s, struct params *ps,
+                     const char *prefix);
 /* Pictures of SQUEEZENET_LEAST pixels a side or more. */
 int squeezenet_plan(struct squeezenet *s, size_t batch, size_t height,
                     size_t width, struct nn_options opt, struct error *err);

@@ -12,7 +12,7 @@
 #include "lib/stream/conf_text.h"
 
 /* out = the string under key, when there is one. */
-static void person_take_hash(char out[17], const cJSON *conf, const char *key)
+static void person_read_hash(char out[17], const cJSON *conf, const char *key)
 {
     const cJSON *v = cJSON_GetObjectItem(conf, key);
 
@@ -21,7 +21,7 @@ static void person_take_hash(char out[17], const cJSON *conf, const char *key)
 }
 
 /* CONF says which head and model the identity was made with. */
-static int person_take_conf(struct person *p, const struct record *rec)
+static int person_read_conf(struct person *p, const struct record *rec)
 {
     size_t bytes;
     const char *text = conf_text(&bytes, rec);
@@ -29,14 +29,14 @@ static int person_take_conf(struct person *p, const struct record *rec)
     if (!text)
         return 0;
     cJSON *conf = cJSON_ParseWithLength(text, bytes);
-    person_take_hash(p->head, conf, "head_hash");
-    person_take_hash(p->model, conf, "model_hash");
+    person_read_hash(p->head, conf, "head_hash");
+    person_read_hash(p->model, conf, "model_hash");
     cJSON_Delete(conf);
     return 1;
 }
 
 /* SHAP: a copy of beta. */
-static int person_take_shape(struct person *p, const struct record *rec,
+static int person_read_shape(struct person *p, const struct record *rec,
                              struct error *err)
 {
     struct shape s;
@@ -54,7 +54,7 @@ static int person_take_shape(struct person *p, const struct record *rec,
 }
 
 /* SRCI: a square picture, its matte and where it was cut from. */
-static int person_take_picture(struct person *p, const struct record *rec,
+static int person_read_picture(struct person *p, const struct record *rec,
                                struct error *err)
 {
     size_t any[3] = {0, 0, 3}, three[1] = {3};
@@ -92,15 +92,15 @@ static int person_take_picture(struct person *p, const struct record *rec,
     return 1;
 }
 
-int person_take(struct person *p, const struct record *rec, size_t nexp,
-                struct error *err)
+int person_read_record(struct person *p, const struct record *rec, size_t nexp,
+                       struct error *err)
 {
     if (record_is(rec, RECORD_CONF))
-        return person_take_conf(p, rec);
+        return person_read_conf(p, rec);
     if (record_is(rec, RECORD_SHAP))
-        return person_take_shape(p, rec, err);
+        return person_read_shape(p, rec, err);
     if (record_is(rec, RECORD_SRCI))
-        return person_take_picture(p, rec, err);
+        return person_read_picture(p, rec, err);
     if (record_is(rec, RECORD_MOTN)) {
         if (motion_read(&p->source, rec, nexp, err))
             return -1;
@@ -121,7 +121,7 @@ int person_load(struct person *p, const char *path, size_t nexp,
     if (!r)
         return -1;
     while ((rc = stream_read(r, &rec, err)) > 0) {
-        taken = person_take(p, &rec, nexp, err);
+        taken = person_read_record(p, &rec, nexp, err);
         if (taken < 0) {
             error_prefix(err, "%s", path);
             break;
@@ -148,7 +148,7 @@ int person_load_picture(struct person *p, const char *path,
     memset(p, 0, sizeof *p);
     while (in && !p->rgb && (rc = stream_read(in, &rec, err)) > 0)
         if (record_is(&rec, RECORD_SRCI))
-            rc = person_take_picture(p, &rec, err);
+            rc = person_read_picture(p, &rec, err);
     if (rc >= 0 && p->size == 0)
         rc = error_set(err, EX_DATAERR, "no SRCI record (expected an identity "
                        "from spid-shape)");

@@ -34,8 +34,8 @@ struct person {
 
 /* Take what one record holds; 1: it was part of an identity, 0: another
  * record, -1: damaged.  nexp as in motion_read. */
-int person_take(struct person *p, const struct record *rec, size_t nexp,
-                struct error *err);
+int person_read_record(struct person *p, const struct record *rec, size_t nexp,
+                       struct error *err);
 /* Read an identity file up to its END.  Fails when it has no SHAP. */
 int person_load(struct person *p, const char *path, size_t nexp,
                 struct error *err);

@@ -6,10 +6,10 @@
 #include <string.h>
 #include <sysexits.h>
 
-int refine_picture_take(struct refine_picture *p, const struct record *srci,
-                        struct error *err)
+int refine_picture_read_source(struct refine_picture *p,
+                               const struct record *srci, struct error *err)
 {
-    if (person_take(&p->person, srci, 0, err) < 0)
+    if (person_read_record(&p->person, srci, 0, err) < 0)
         return -1;
     texture_release(&p->texture);
     return p->person.back

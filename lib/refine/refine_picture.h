@@ -28,8 +28,8 @@ struct refine_picture {
 
 /* Take the photograph that places are places of; a record without one takes
  * the last away. */
-int refine_picture_take(struct refine_picture *p, const struct record *srci,
-                        struct error *err);
+int refine_picture_read_source(struct refine_picture *p,
+                               const struct record *srci, struct error *err);
 
 /* Room for a frame, and r's refined colours into p->rgb. */
 int refine_picture_refine(struct refine_picture *p, struct refine *r,

@@ -182,7 +182,7 @@ static int render_flush(struct render *r, struct error *err)
 static int render_photo(struct render *r, const struct record *rec,
                         struct error *err)
 {
-    if (person_take(&r->person, rec, 0, err) < 0)
+    if (person_read_record(&r->person, rec, 0, err) < 0)
         return -1;
     texture_release(&r->texture);
     return r->person.back
@@ -203,11 +203,11 @@ static int render_pass(struct render *r, const struct record *rec,
         render_photo(r, rec, err))
         return -1;
     if (record_is(rec, RECORD_CONF))
-        framesink_take_conf(r->sink, rec);
+        framesink_read_conf(r->sink, rec);
     return out ? stream_copy(out, rec, err) : 0;
 }
 
-int render_take(struct render *r, const struct record *rec, struct error *err)
+int render_record(struct render *r, const struct record *rec, struct error *err)
 {
     if (record_is(rec, RECORD_GAUS) && render_flush(r, err))
         return -1;

@@ -55,8 +55,8 @@ void render_release(struct render *r);
 
 /* Take the next record: draw what it changes, pass on what is not ours.
  * EX_DATAERR for a picture without camera and what scene_apply refuses. */
-int render_take(struct render *r, const struct record *rec,
-                struct error *err);
+int render_record(struct render *r, const struct record *rec,
+                  struct error *err);
 
 /* Draw what still waits, and wait until it is out. */
 int render_finish(struct render *r, struct error *err);

@@ -66,9 +66,9 @@ VEC_INLINE vd within_double(vd x, float most)
 #define literal_double(x) (x)
 #include "lib/splat/project_math.inc"
 
-/* First tile and one past the last, along one axis, of pixel centres within
- * [c - r, c + r]. */
-VEC_INLINE vm project_tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
+/* First and last pixel, along an axis of `size`, whose centre lies within
+ * [c - r, c + r]; where there is one. */
+VEC_INLINE vm project_pixels(vf *lo, vf *hi, vf c, vf r, int size)
 {
     vf p = vf_clamp(c - r, vf_set(-1), vf_set((float)size));
     vf q = vf_clamp(c + r, vf_set(-1), vf_set((float)size));
@@ -82,7 +82,6 @@ VEC_INLINE vm project_tiles(vf *lo, vf *hi, vf c, vf r, int size, int count)
 
     *lo = p;
     *hi = q;
-    (void)count;
     return some;
 }
 
@@ -217,8 +216,8 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         row[FROOT] = vf_sqrt(vf_keep(sane, l.square));
         vm ok = vm_and(l.ok, vf_ge(room, zero));
 
-        ok = vm_and(ok, project_tiles(&x0, &x1, l.x, rx, v->width, v->tx));
-        ok = vm_and(ok, project_tiles(&y0, &y1, l.y, ry, v->height, v->ty));
+        ok = vm_and(ok, project_pixels(&x0, &x1, l.x, rx, v->width));
+        ok = vm_and(ok, project_pixels(&y0, &y1, l.y, ry, v->height));
         vi tx0 = vf_round(x0) >> 4, tx1 = (vf_round(x1) >> 4) + 1;
         vi ty0 = vf_round(y0) >> 4, ty1 = (vf_round(y1) >> 4) + 1;
 

@@ -9,8 +9,8 @@
 
 #include "lib/splat/types.h"
 
-/* Camera of a picture of size x size: f = focal * size / 2 (focal 12 in
- * design.md), centre size / 2. */
+/* Camera of a picture of size x size: f = focal * size / 2 (the toolkit's
+ * focal is CAMERA_FOCAL, 12), centre size / 2. */
 struct splat_camera splat_camera_square(const float rt[12], int size,
                                         float focal);
 

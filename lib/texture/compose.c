@@ -241,7 +241,7 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                           sizeof *dfield);
     for (size_t y = 0; y < height; y++) {
         struct compose_tap ty = compose_tap_make(y, field->height,
-                                                    TEXTURE_FIELD_STEP);
+                                                 TEXTURE_FIELD_STEP);
 
         for (size_t x = 0, i = y * width; x < width; x++, i++) {
             struct compose_tap tx = compose_tap_make(x, field->width,

@@ -23,8 +23,8 @@ const struct lookup_kernels *lookup_kernels(void)
 
 /* The level whose pixels are nearest to the picture's in size, rather a finer
  * one: one that is much finer would flicker. */
-size_t texture_level(const struct texture *t,
-                            const struct splat_place_view *v, size_t size)
+size_t texture_level(const struct texture *t, const struct splat_place_view *v,
+                     size_t size)
 {
     const float zoom = sqrtf(fabsf(v->A[0] * v->A[3] - v->A[1] * v->A[2])) /
                        (float)size;

@@ -198,7 +198,7 @@ static float lookup_confidence_backward(float *dplace, float *dalpha,
     return most * clamped * drawn;
 }
 
-/* ---- all --------------------------------------------------------------- */
+/* ---- the whole lookup --------------------------------------------------- */
 
 void texture_lookup_backward(float *dplace, float *dalpha,
                              const float *dphoto, const struct texture *t,

@@ -16,12 +16,12 @@
 
 /* The picture's part of the window: columns x[0] to x[1], rows y[0] to y[1],
  * the ends not included. */
-struct rectangle {
+struct beyond_rectangle {
     size_t x[2], y[2];
 };
 
 /* One edge of the picture, as steps in pixels of the window. */
-struct edge {
+struct beyond_edge {
     size_t first;               /* the pixel at its start, a line within the
                                  * picture's last: that may be a dark rim */
     ptrdiff_t along, outward;
@@ -30,37 +30,38 @@ struct edge {
 };
 
 /* Part of an edge where the person leaves the picture: [begin, end). */
-struct run {
+struct beyond_run {
     size_t begin, end;
 };
 
 /* Pixel i of the edge's line. */
-static size_t edge_at(const struct edge *e, size_t i)
+static size_t beyond_at(const struct beyond_edge *e, size_t i)
 {
     return (size_t)((ptrdiff_t)e->first + (ptrdiff_t)i * e->along);
 }
 
 /* The pixel d lines beyond the picture (from 1) at i along it. */
-static size_t edge_beyond(const struct edge *e, size_t i, size_t d)
+static size_t beyond_outside(const struct beyond_edge *e, size_t i, size_t d)
 {
-    return (size_t)((ptrdiff_t)edge_at(e, i) + (ptrdiff_t)(d + 1) * e->outward);
+    return (size_t)((ptrdiff_t)beyond_at(e, i) +
+                    (ptrdiff_t)(d + 1) * e->outward);
 }
 
 /* The matte of the edge's line between its pixels, 0 to 255. */
-static double edge_matte(const struct edge *e, const struct person *p,
-                         double at)
+static double beyond_matte(const struct beyond_edge *e, const struct person *p,
+                           double at)
 {
     if (!(at >= 0 && at <= (double)(e->length - 1)))
         return 0;
     const size_t i = (size_t)at, j = i + 1 < e->length ? i + 1 : i;
     const double t = at - (double)i;
 
-    return (1 - t) * p->matte[edge_at(e, i)] + t * p->matte[edge_at(e, j)];
+    return (1 - t) * p->matte[beyond_at(e, i)] + t * p->matte[beyond_at(e, j)];
 }
 
 /* The person's mean colour on the edge's line, `reach` pixels to both sides. */
-static void edge_colour(double colour[3], const struct edge *e,
-                        const struct person *p, double at, double reach)
+static void beyond_colour(double colour[3], const struct beyond_edge *e,
+                          const struct person *p, double at, double reach)
 {
     const double last = (double)(e->length - 1);
     const size_t lo = (size_t)fmax(round(at - reach), 0);
@@ -69,7 +70,7 @@ static void edge_colour(double colour[3], const struct edge *e,
 
     memset(colour, 0, 3 * sizeof *colour);
     for (size_t i = lo; i <= hi; i++) {
-        const size_t q = edge_at(e, i);
+        const size_t q = beyond_at(e, i);
 
         weight += p->matte[q];
         for (size_t c = 0; c < 3; c++)
@@ -80,15 +81,15 @@ static void edge_colour(double colour[3], const struct edge *e,
 }
 
 /* The next run of the person from *r's end on; false when there is none. */
-static bool edge_next_run(struct run *r, const struct edge *e,
-                          const struct person *p)
+static bool beyond_next_run(struct beyond_run *r, const struct beyond_edge *e,
+                            const struct person *p)
 {
     size_t i = r->end;
 
-    while (i < e->length && p->matte[edge_at(e, i)] < 128)
+    while (i < e->length && p->matte[beyond_at(e, i)] < 128)
         i++;
     r->begin = i;
-    while (i < e->length && p->matte[edge_at(e, i)] >= 128)
+    while (i < e->length && p->matte[beyond_at(e, i)] >= 128)
         i++;
     r->end = i;
     return r->begin < r->end;
@@ -96,16 +97,16 @@ static bool edge_next_run(struct run *r, const struct edge *e,
 
 /* Pixel (i,d) beyond the edge is what its line has at `at`, with `share` of
  * another colour. */
-static void beyond_put(struct person *p, const struct edge *e, size_t i,
+static void beyond_put(struct person *p, const struct beyond_edge *e, size_t i,
                        size_t d, double at, const double *other, double share)
 {
-    const size_t q = edge_beyond(e, i, d);
-    const double m = edge_matte(e, p, at) / 255;
+    const size_t q = beyond_outside(e, i, d);
+    const double m = beyond_matte(e, p, at) / 255;
     double colour[3];
 
     if (m <= 0)
         return;
-    edge_colour(colour, e, p, at, BEYOND_BLUR * (double)d);
+    beyond_colour(colour, e, p, at, BEYOND_BLUR * (double)d);
     for (size_t c = 0; c < 3; c++) {
         const double person = (1 - share) * colour[c] + share * other[c];
         const double back = p->back[3 * q + c];
@@ -116,11 +117,11 @@ static void beyond_put(struct person *p, const struct edge *e, size_t i,
 }
 
 /* A body below the picture: as wide as it left it, and widening. */
-static void beyond_body(struct person *p, const struct edge *e)
+static void beyond_body(struct person *p, const struct beyond_edge *e)
 {
-    struct run r = {0, 0}, all = {e->length, 0};
+    struct beyond_run r = {0, 0}, all = {e->length, 0};
 
-    while (edge_next_run(&r, e, p)) {
+    while (beyond_next_run(&r, e, p)) {
         all.begin = r.begin < all.begin ? r.begin : all.begin;
         all.end = r.end;
     }
@@ -141,8 +142,8 @@ static void beyond_body(struct person *p, const struct edge *e)
 }
 
 /* Shoulders beside the picture: their outline falls. */
-static void beyond_shoulder(struct person *p, const struct edge *e,
-                            struct run r)
+static void beyond_shoulder(struct person *p, const struct beyond_edge *e,
+                            struct beyond_run r)
 {
     for (size_t d = 1; d <= e->depth; d++)
         for (size_t i = r.begin; i < e->length; i++) {
@@ -155,21 +156,21 @@ static void beyond_shoulder(struct person *p, const struct edge *e,
 
 /* What the ends of a run have: beside a cut forehead that is the hair. */
 static void beyond_sides(double colour[3], const struct person *p,
-                         const struct edge *e, struct run r)
+                         const struct beyond_edge *e, struct beyond_run r)
 {
     const double width = (double)(r.end - r.begin), reach = BEYOND_SIDE * width;
     double end[2][3];
 
-    edge_colour(end[0], e, p, (double)r.begin + 0.5 * reach, 0.5 * reach);
-    edge_colour(end[1], e, p, (double)r.end - 1 - 0.5 * reach, 0.5 * reach);
+    beyond_colour(end[0], e, p, (double)r.begin + 0.5 * reach, 0.5 * reach);
+    beyond_colour(end[1], e, p, (double)r.end - 1 - 0.5 * reach, 0.5 * reach);
     for (size_t c = 0; c < 3; c++)
         colour[c] = 0.5 * (end[0][c] + end[1][c]);
 }
 
 /* A head that the edge cuts: half an ellipse, which turns into `other` by its
  * middle (NULL: keeps the edge's colours). */
-static void beyond_dome(struct person *p, const struct edge *e, struct run r,
-                        const double *other)
+static void beyond_dome(struct person *p, const struct beyond_edge *e,
+                        struct beyond_run r, const double *other)
 {
     const double middle = 0.5 * (double)(r.begin + r.end - 1);
     const double height = BEYOND_DOME * (double)(r.end - r.begin);
@@ -190,11 +191,11 @@ static void beyond_dome(struct person *p, const struct edge *e, struct run r,
 }
 
 /* To a side: runs that leave the picture below too are shoulders. */
-static void beyond_extend_side(struct person *p, const struct edge *e)
+static void beyond_extend_side(struct person *p, const struct beyond_edge *e)
 {
-    struct run r = {0, 0};
+    struct beyond_run r = {0, 0};
 
-    while (edge_next_run(&r, e, p))
+    while (beyond_next_run(&r, e, p))
         if (r.end == e->length)
             beyond_shoulder(p, e, r);
         else
@@ -202,12 +203,12 @@ static void beyond_extend_side(struct person *p, const struct edge *e)
 }
 
 /* Above the picture: heads. */
-static void beyond_above(struct person *p, const struct edge *e)
+static void beyond_above(struct person *p, const struct beyond_edge *e)
 {
-    struct run r = {0, 0};
+    struct beyond_run r = {0, 0};
     double hair[3];
 
-    while (edge_next_run(&r, e, p)) {
+    while (beyond_next_run(&r, e, p)) {
         beyond_sides(hair, p, e, r);
         beyond_dome(p, e, r, hair);
     }
@@ -215,10 +216,10 @@ static void beyond_above(struct person *p, const struct edge *e)
 
 /* The picture's rectangle; false where the window shows less than two lines
  * of it. */
-static bool beyond_rectangle(struct rectangle *q, const uint8_t *inside,
+static bool beyond_rectangle(struct beyond_rectangle *q, const uint8_t *inside,
                              size_t n)
 {
-    *q = (struct rectangle){{n, 0}, {n, 0}};
+    *q = (struct beyond_rectangle){{n, 0}, {n, 0}};
     for (size_t y = 0; y < n; y++) {
         const uint8_t *row = inside + y * n, *x = memchr(row, 255, n);
 
@@ -249,7 +250,7 @@ void beyond_continue(struct person *p, const uint8_t *inside)
 {
     const size_t n = p->size;
     const ptrdiff_t row = (ptrdiff_t)n;
-    struct rectangle q;
+    struct beyond_rectangle q;
 
     beyond_empty(p, inside);
     if (!beyond_rectangle(&q, inside, n))
@@ -257,10 +258,15 @@ void beyond_continue(struct person *p, const uint8_t *inside)
     const size_t rows = q.y[1] - q.y[0], top = q.y[0] * n;
 
     /* the sides first: the lines below and above go across the window */
-    beyond_extend_side(p, &(struct edge){top + q.x[0] + 1, row, -1, rows,
-                                         q.x[0]});
-    beyond_extend_side(p, &(struct edge){top + q.x[1] - 2, row, 1, rows,
-                                         n - q.x[1]});
-    beyond_above(p, &(struct edge){top + n, 1, -row, n, q.y[0]});
-    beyond_body(p, &(struct edge){(q.y[1] - 2) * n, 1, row, n, n - q.y[1]});
+    const struct beyond_edge left = {top + q.x[0] + 1, row, -1, rows, q.x[0]};
+    const struct beyond_edge right = {top + q.x[1] - 2, row, 1, rows,
+                                      n - q.x[1]};
+    const struct beyond_edge above = {top + n, 1, -row, n, q.y[0]};
+    const struct beyond_edge below = {(q.y[1] - 2) * n, 1, row, n,
+                                      n - q.y[1]};
+
+    beyond_extend_side(p, &left);
+    beyond_extend_side(p, &right);
+    beyond_above(p, &above);
+    beyond_body(p, &below);
 }

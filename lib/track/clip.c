@@ -88,9 +88,9 @@ static int clip_copy(struct image *im, const struct frame *f,
 
 /* A frame's picture, face and matte; a frame without a good face is passed
  * over.  -1 only when memory is short. */
-static int clip_take(struct clip_state *s, struct clip_report *r,
-                     const struct clip *c, const struct frame *f,
-                     struct error *err)
+static int clip_add_frame(struct clip_state *s, struct clip_report *r,
+                          const struct clip *c, const struct frame *f,
+                          struct error *err)
 {
     struct image im;
     struct track_options opt = c->opt.track;
@@ -125,7 +125,7 @@ static int clip_take(struct clip_state *s, struct clip_report *r,
     s->face += face;
     s->time[r->kept] = f->time;
     s->index[r->kept] = f->index;
-    s->person[r->kept] = source_take_person(&src);
+    s->person[r->kept] = source_move_person(&src);
     source_release(&src);
     return clip_resize(&s->person[r->kept++], (size_t)c->opt.track.size, err);
 }
@@ -160,7 +160,7 @@ static int clip_read(struct clip_state *s, struct clip_report *r,
     while ((rc = framesource_read(in, &f, err)) == 1) {
         framesource_rate(in, &s->fps_num, &s->fps_den);
         if (r->read++ % step == 0 && r->kept < s->room &&
-            clip_take(s, r, c, &f, err))
+            clip_add_frame(s, r, c, &f, err))
             return -1;
     }
     if (rc < 0 && r->kept >= c->opt.least)

@@ -18,7 +18,7 @@ void oneeuro_init(struct oneeuro *f, double cutoff)
 
 void oneeuro_reset(struct oneeuro *f)
 {
-    f->started = 0;
+    f->started = false;
 }
 
 /* Weight of the new sample after dt seconds of an exponential filter. */
@@ -41,7 +41,7 @@ void oneeuro_step(struct oneeuro *f, float *x, const float *beta, size_t n,
     if (!f->started) {
         memcpy(f->x, x, n * sizeof *x);
         memset(f->dx, 0, sizeof f->dx);
-        f->started = 1;
+        f->started = true;
         return;
     }
     if (!(dt > 1e-6))

@@ -5,13 +5,14 @@
 #ifndef SPID_TRACK_ONEEURO_H
 #define SPID_TRACK_ONEEURO_H
 
+#include <stdbool.h>
 #include <stddef.h>
 
 #define ONEEURO_MAX 160
 
 struct oneeuro {
     double cutoff;              /* Hz at rest; 0: off */
-    int started;
+    bool started;
     double time;                /* of the last sample */
     float x[ONEEURO_MAX];       /* last output */
     float dx[ONEEURO_MAX];      /* smoothed derivative, per second */

@@ -1,11 +1,11 @@
-/* The head's outline laid over the person's.  E_beta hears of a face's width,
- * but finds little of it; the matte shows where cheeks, jaw, ears and neck
- * end.  A mesh that is wider than the person leaves skin beyond the photograph's
- * outline that no pixel colours, and an outline that slides with the skin
- * instead of staying where the head turns away.  So the shape's numbers are
- * sought with which the mesh's rim lies on the matte's edge, while the
- * landmarks of brows, eyes, nose and mouth stay where they are: Gauss-Newton
- * steps held near E_beta's shape, as in shape from silhouettes. */
+/* The head's outline fitted to the person's.  E_beta estimates the width of a
+ * face poorly, while the matte shows where cheeks, jaw, ears and neck end.  A
+ * mesh wider than the person has skin beyond the photograph's outline, for
+ * which no pixel gives a colour, and its outline slides with the skin when the
+ * head turns.  So the shape coefficients are sought with which the mesh's rim
+ * lies on the matte's edge, while the landmarks of brows, eyes, nose and mouth
+ * stay where they are: Gauss-Newton steps with E_beta's shape as prior, as in
+ * shape from silhouettes. */
 #ifndef SPID_TRACK_OUTLINE_H
 #define SPID_TRACK_OUTLINE_H
 

@@ -25,8 +25,8 @@ int overlay_init(struct overlay *o, const struct identity *id,
 void overlay_release(struct overlay *o);
 
 /* A copy of the picture [H,W,3] with, from a motion in the window of `size`
- * pixels: the front of the mesh as wire, landmarks, face crop (green; red and
- * crossed out when lost) and window (blue), and a line of text (may be NULL).
+ * pixels: the front of the mesh as wire, landmarks, face crop (green; red
+ * when lost) and window (blue), and a line of text (may be NULL).
  * m NULL draws the text only.  The copy belongs to the overlay; NULL when out
  * of memory. */
 const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,

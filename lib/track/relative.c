@@ -12,6 +12,9 @@
 /* How much a radian of looking away weighs beside a standard deviation of
  * expression. */
 #define RELATIVE_POSE_WEIGHT 2.0
+/* The same of a radian of the jaw, and of closing an eye. */
+#define RELATIVE_JAW_WEIGHT 25.0
+#define RELATIVE_LID_WEIGHT 4.0
 /* The most a face does: of ARKit's weights, and of jawOpen. */
 #define RELATIVE_MOST 1.2f
 
@@ -126,9 +129,11 @@ double relative_tension(const struct motion *m, size_t nexp)
     for (size_t i = 0; i < nexp; i++)
         sum += (double)m->exp[i] * (double)m->exp[i];
     for (int i = 0; i < 3; i++)
-        sum += 25 * (double)m->pose.jaw[i] * (double)m->pose.jaw[i];
+        sum += RELATIVE_JAW_WEIGHT * (double)m->pose.jaw[i] *
+               (double)m->pose.jaw[i];
     for (int i = 0; i < 2; i++)
-        sum += 4 * (double)m->pose.lid[i] * (double)m->pose.lid[i];
+        sum += RELATIVE_LID_WEIGHT * (double)m->pose.lid[i] *
+               (double)m->pose.lid[i];
     camera_frontal(frontal, 1);
     const float upright[9] = {frontal[0], frontal[1], frontal[2],
                               frontal[4], frontal[5], frontal[6],

@@ -12,9 +12,9 @@
 #include "lib/base/cpu.h"
 #include "lib/track/beyond.h"
 #include "lib/track/outline.h"
+#include "lib/track/overlay.h"
 #include "lib/track/tta.h"
 #include "lib/track/turned.h"
-#include "lib/track/overlay.h"
 
 #define SOURCE_SURE 0.8         /* surer than this, other turns are not tried */
 #define SOURCE_TURN 0.6         /* and a turn must be surer than this */
@@ -130,16 +130,17 @@ static int source_find_face(struct source *s, struct track *t,
 }
 
 /* What shape_tta_forward needs to cut a crop of window pixels. */
-struct view {
+struct source_view {
     struct track *t;
     const struct image *im;
 };
 
-/* The tracker's cut of square q: a tta_crop_fn, ctx is a struct view. */
+/* The tracker's cut of square q: a tta_crop_fn, ctx is a
+ * struct source_view. */
 static int source_crop(void *ctx, float *rgb, struct square q,
                        struct error *err)
 {
-    const struct view *v = ctx;
+    const struct source_view *v = ctx;
 
     return track_cut(rgb, v->t, v->im->rgb, v->im->width, v->im->height, q,
                       err);
@@ -153,7 +154,7 @@ static int source_find_shape(struct source *s, struct track *t,
     double begun = cpu_seconds();
     float beta[SHAPE_ENCODER_OUT];
     const float *c = s->person.source.crop;
-    struct view v = {t, im};
+    struct source_view v = {t, im};
     struct shape_tta l;
     int rc = -1;
 
@@ -162,7 +163,7 @@ static int source_find_shape(struct source *s, struct track *t,
                           source_crop, &v, err))
         goto out;
     s->person.nshape = head->nshape < SHAPE_ENCODER_OUT ? head->nshape
-                                                 : SHAPE_ENCODER_OUT;
+                                                        : SHAPE_ENCODER_OUT;
     s->person.shape = malloc((s->person.nshape + 1) * sizeof *beta);
     if (!s->person.shape) {
         error_set(err, EX_OSERR, "no memory for an identity");
@@ -215,6 +216,7 @@ static int source_matte_plane(struct source *s, const uint8_t *plane, size_t W,
     return rc == 0 ? 0 : error_set(err, EX_OSERR, "no memory for the matte");
 }
 
+/* Whether the matte was found in the picture, not given. */
 static bool source_matte_estimated(const struct source *s)
 {
     return s->how >= SOURCE_NETWORK;
@@ -264,7 +266,8 @@ static int source_matte_network(struct source *s, const uint8_t *silhouette,
     const double half = 0.5 * (double)S;
     uint8_t *small = malloc(3 * pixels);
     float *rgb = malloc(4 * pixels * sizeof *rgb);
-    int absurd = 0, rc = -1;
+    bool absurd = false;
+    int rc = -1;
 
     if (!small || !rgb ||
         crop_resize_u8(small, n, s->person.rgb, S, S, 3 * S, 3,
@@ -293,7 +296,8 @@ static int source_matte_found(struct source *s, const struct head *head,
 {
     const size_t S = s->person.size;
     uint8_t *silhouette = malloc(S * S);
-    int fallback = 0, found = 0, rc = -1;
+    bool fallback = false;
+    int found = 0, rc = -1;
 
     if (!silhouette)
         return error_set(err, EX_OSERR, "no memory for the matte");
@@ -438,9 +442,8 @@ int source_cut_out(struct source *s, const struct image *im,
 }
 
 int source_make(struct source *s, struct image *im, struct image *mask,
-                const struct head *head,
-                struct encoders *nets, const struct track_options *opt,
-                struct error *err)
+                const struct head *head, struct encoders *nets,
+                const struct track_options *opt, struct error *err)
 {
     return source_find(s, im, mask, head, nets, opt, err) ||
            source_cut_out(s, im, mask, head, nets, err) ? -1 : 0;
@@ -453,7 +456,7 @@ void source_release(struct source *s)
     memset(s, 0, sizeof *s);
 }
 
-struct person source_take_person(struct source *s)
+struct person source_move_person(struct source *s)
 {
     struct person p = s->person;
 

@@ -37,16 +37,15 @@ struct source {
  * when the model says how sure it is of a face.  EX_DATAERR with what was
  * tried when there is no face. */
 int source_make(struct source *s, struct image *im, struct image *mask,
-                const struct head *head,
-                struct encoders *nets, const struct track_options *opt,
-                struct error *err);
+                const struct head *head, struct encoders *nets,
+                const struct track_options *opt, struct error *err);
 /* Its first half: face, motion, shape and window. */
 int source_find(struct source *s, struct image *im, struct image *mask,
                 const struct head *head, struct encoders *nets,
                 const struct track_options *opt, struct error *err);
 /* Its second half: the matte, what is behind the person, and the shape whose
- * outline the matte's is (outline.h).  Leaves the motion
- * and the shape encoder alone, which may be at work elsewhere. */
+ * outline the matte's is (outline.h).  Does not use the encoders of motion and
+ * shape, which another thread may use meanwhile. */
 int source_cut_out(struct source *s, const struct image *im,
                    const struct image *mask, const struct head *head,
                    struct encoders *nets, struct error *err);
@@ -54,7 +53,7 @@ int source_cut_out(struct source *s, const struct image *im,
 void source_release(struct source *s);
 /* Move the person out, for whoever keeps them (person_release); set
  * source.pose.exp of the copy to its own exp. */
-struct person source_take_person(struct source *s);
+struct person source_move_person(struct source *s);
 
 /* In words, for messages. */
 const char *source_matte_name(enum source_matte how);

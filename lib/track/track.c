@@ -19,6 +19,13 @@
 #define CUT_CORRELATION 0.3    /* of thumbnails: below it is another scene */
 #define SURE_ENOUGH 0.35       /* E_m less sure than this of a face has none */
 #define FLAT_DEVIATION 0.01    /* a crop with less contrast shows nothing */
+#define JUMP 0.5               /* of the crop's side: heads move less a frame */
+#define GROWTH 1.6             /* factor of its side, likewise */
+#define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
+#define FRONTAL 0.85           /* from here on the detector knows faces */
+#define VISIBLE 0.4            /* least share of the crop in the picture */
+#define DOUBTS 3               /* failed checks until the face is lost */
+#define DEPTH_SCALE 10         /* depth is known less well than x and y */
 
 int track_init(struct track *t, const struct identity *id,
                struct motion_encoder *net, const struct track_options *opt,
@@ -98,7 +105,7 @@ static int track_shrink(struct track *t, const uint8_t **rgb, size_t *W,
 }
 
 int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
-               size_t H, struct square crop, struct error *err)
+              size_t H, struct square crop, struct error *err)
 {
     struct square q = square_out_of(crop, t->window, t->opt.size);
     size_t stride = 3 * W;
@@ -107,13 +114,6 @@ int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
         return error_set(err, EX_OSERR, "no memory to shrink a frame");
     crop_sample_u8(out, CROP_NET, rgb, W, H, stride, q);
     return 0;
-}
-
-/* The crop into t->input. */
-static int track_take_crop(struct track *t, const uint8_t *rgb, size_t W,
-                           size_t H, struct square crop, struct error *err)
-{
-    return track_cut(t->input, t, rgb, W, H, crop, err);
 }
 
 /* ---- what the network says -------------------------------------------- */
@@ -178,7 +178,7 @@ static int track_encode(struct track *t, struct track_result *r,
     float out[MOTION_OUT];
     double t0 = cpu_seconds(), t1, t2;
 
-    if (track_take_crop(t, rgb, W, H, crop, err) != 0)
+    if (track_cut(t->input, t, rgb, W, H, crop, err) != 0)
         return -1;
     t1 = cpu_seconds();
     motion_tta_forward(out, &t->tta, t->input);
@@ -223,6 +223,16 @@ static double track_make_thumb(float *thumb, const float *input)
     return sqrt(square / (double)(n * n));
 }
 
+/* Correlation of a thumbnail with the last frame's. */
+static double track_correlate_thumb(const struct track *t, const float *thumb)
+{
+    double sum = 0;
+
+    for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
+        sum += (double)thumb[i] * t->thumb[i];
+    return sum;
+}
+
 /* Area of the crop that lies inside the picture, as a fraction. */
 static double track_visible(const struct track *t, struct square crop,
                             size_t W, size_t H)
@@ -245,13 +255,13 @@ static const char *track_implausible(const struct track *t,
     if (!isfinite(next.x) || !isfinite(next.y) || !isfinite(next.size)
         || !(m->t[2] > 1))
         return "no sensible position";
-    if (move > 0.5 * used.size)
+    if (move > JUMP * used.size)
         return "it jumped";
-    if (next.size > 1.6 * used.size || next.size < used.size / 1.6)
+    if (next.size > GROWTH * used.size || next.size < used.size / GROWTH)
         return "its size jumped";
-    if (-m->R[8] < -0.2)
+    if (-m->R[8] < BEHIND)
         return "it turned away";
-    if (track_visible(t, next, W, H) < 0.4)
+    if (track_visible(t, next, W, H) < VISIBLE)
         return "it left the picture";
     return NULL;
 }
@@ -266,7 +276,7 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
     if (t->opt.has_crop || !t->detector || ++t->since_check < CHECK_EVERY)
         return NULL;
     t->since_check = 0;
-    if (-m->R[8] < 0.85)               /* a profile: the detector cannot say */
+    if (-m->R[8] < FRONTAL)
         return NULL;
     q = square_out_of(t->crop, t->window, t->opt.size);
     if (facedetect_confirm(t->detector, rgb, W, H, 3 * W, q)) {
@@ -274,7 +284,7 @@ static const char *track_doubtful(struct track *t, const struct motion *m,
         return NULL;
     }
     t->since_check = CHECK_EVERY - CHECK_AGAIN;
-    return ++t->misses >= 3 ? "no face where it was" : NULL;
+    return ++t->misses >= DOUBTS ? "no face where it was" : NULL;
 }
 
 /* ---- detection -------------------------------------------------------- */
@@ -326,48 +336,43 @@ static int track_refine_crop(struct track *t, struct track_result *r,
 
 /* ---- smoothing -------------------------------------------------------- */
 
-/* R, t, exp, jaw, lid, eye in one row, smoothed.  Rotations are filtered as
- * two rows and made orthonormal again. */
+/* What a motion has, smoothed as one row in E_m's order.  Rotations are
+ * filtered as two rows and made orthonormal again. */
 static void track_smooth(struct track *t, struct motion *m, double time)
 {
-    enum { R6 = 6, ALL = 6 + 3 + 100 + 3 + 2 + 6 };
-    const int first = !t->filter.started;
-    float x[ALL], beta[ALL];
-    const float kind[6] = {2, 4, 0.7f, 1.5f, 6, 2};
-    const size_t end[6] = {6, 9, 109, 112, 114, 120};
+    static const size_t end[6] = {MOTION_TRANS, MOTION_EXP, MOTION_JAW,
+                                  MOTION_LID, MOTION_EYE, MOTION_OUT};
+    static const float speed[6] = {2, 4, 0.7f, 1.5f, 6, 2};     /* beta, Hz */
+    const size_t exp = MOTION_JAW - MOTION_EXP;
+    const bool first = !t->filter.started;
+    float x[MOTION_OUT], beta[MOTION_OUT];
 
     if (t->filter.cutoff <= 0)
         return;
-    for (size_t i = 0, k = 0; i < ALL; i++) {
+    for (size_t i = 0, k = 0; i < MOTION_OUT; i++) {
         k += i == end[k];
-        beta[i] = kind[k];
+        beta[i] = speed[k];
     }
-    rotation_to_6d(x, m->R);
-    memcpy(x + R6, m->t, sizeof m->t);
-    x[8] /= 10;                        /* depth is known less well */
-    memcpy(x + 9, m->exp, 100 * sizeof *x);
-    memcpy(x + 109, m->pose.jaw, 3 * sizeof *x);
-    memcpy(x + 112, m->pose.lid, 2 * sizeof *x);
-    memcpy(x + 114, m->pose.eye, 6 * sizeof *x);
-    oneeuro_step(&t->filter, x, beta, ALL, time);
+    rotation_to_6d(x + MOTION_ROT, m->R);
+    memcpy(x + MOTION_TRANS, m->t, sizeof m->t);
+    x[MOTION_TRANS + 2] /= DEPTH_SCALE;
+    memcpy(x + MOTION_EXP, m->exp, exp * sizeof *x);
+    memcpy(x + MOTION_JAW, m->pose.jaw, sizeof m->pose.jaw);
+    memcpy(x + MOTION_LID, m->pose.lid, sizeof m->pose.lid);
+    memcpy(x + MOTION_EYE, m->pose.eye, sizeof m->pose.eye);
+    oneeuro_step(&t->filter, x, beta, MOTION_OUT, time);
     if (first)
         return;                        /* as it is, to the bit */
-    motion_code_rotation(m->R, x);
-    memcpy(m->t, x + R6, sizeof m->t);
-    m->t[2] *= 10;
-    memcpy(m->exp, x + 9, 100 * sizeof *x);
-    memcpy(m->pose.jaw, x + 109, 3 * sizeof *x);
-    memcpy(m->pose.lid, x + 112, 2 * sizeof *x);
-    memcpy(m->pose.eye, x + 114, 6 * sizeof *x);
+    motion_code_rotation(m->R, x + MOTION_ROT);
+    memcpy(m->t, x + MOTION_TRANS, sizeof m->t);
+    m->t[2] *= DEPTH_SCALE;
+    memcpy(m->exp, x + MOTION_EXP, exp * sizeof *x);
+    memcpy(m->pose.jaw, x + MOTION_JAW, sizeof m->pose.jaw);
+    memcpy(m->pose.lid, x + MOTION_LID, sizeof m->pose.lid);
+    memcpy(m->pose.eye, x + MOTION_EYE, sizeof m->pose.eye);
 }
 
 /* ---- frames ----------------------------------------------------------- */
-
-/* Nothing spent, nothing found. */
-static void track_clear_result(struct track_result *r)
-{
-    memset(r, 0, sizeof *r);
-}
 
 /* Copies of a motion point at their own expression. */
 static void track_deliver(struct track *t, struct track_result *r, double time)
@@ -396,7 +401,7 @@ int track_start(struct track *t, struct track_result *r, const uint8_t *rgb,
 {
     struct square crop = t->opt.crop;
 
-    track_clear_result(r);
+    memset(r, 0, sizeof *r);
     if (W == 0 || H == 0)
         return 0;
     if (!t->opt.has_crop) {
@@ -431,13 +436,12 @@ static bool track_changed(struct track *t, const uint8_t *rgb, size_t W,
 {
     float thumb[TRACK_THUMB * TRACK_THUMB];
     const bool had = t->has_thumb;
-    double same = 0;
+    double same;
 
-    if (track_take_crop(t, rgb, W, H, t->crop, NULL) != 0)
+    if (track_cut(t->input, t, rgb, W, H, t->crop, NULL) != 0)
         return false;
     t->has_thumb = track_make_thumb(thumb, t->input) > FLAT_DEVIATION;
-    for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
-        same += (double)thumb[i] * t->thumb[i];
+    same = track_correlate_thumb(t, thumb);
     memcpy(t->thumb, thumb, sizeof thumb);
     return t->has_thumb && (!had || same < CUT_CORRELATION);
 }
@@ -499,41 +503,47 @@ static int track_search(struct track *t, struct track_result *r,
     return 0;
 }
 
+/* NULL, or why E_m's motion of the crop in t->input cannot be that of the head
+ * that was followed: blank, another scene, implausible, doubted by the detector
+ * or by E_m itself. */
+static const char *track_find_fault(struct track *t,
+                                    const struct track_result *r,
+                                    const uint8_t *rgb, size_t W, size_t H)
+{
+    float thumb[TRACK_THUMB * TRACK_THUMB];
+    const struct square next = track_next_crop(t, &r->motion);
+    const char *why;
+
+    if (track_make_thumb(thumb, t->input) < FLAT_DEVIATION)
+        return "the picture is blank there";
+    if (t->has_thumb && track_correlate_thumb(t, thumb) < CUT_CORRELATION) {
+        align_restart(&t->align);
+        return "the scene changed";
+    }
+    why = track_implausible(t, &r->motion, next, t->crop, W, H);
+    if (!why)
+        why = track_doubtful(t, &r->motion, rgb, W, H);
+    if (!why && r->sure < SURE_ENOUGH)
+        why = "no whole, upright face is seen";
+    if (why)
+        return why;
+    memcpy(t->thumb, thumb, sizeof thumb);
+    t->has_thumb = true;
+    return NULL;
+}
+
 int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
                size_t W, size_t H, double time, struct error *err)
 {
-    float thumb[TRACK_THUMB * TRACK_THUMB];
-    struct square next;
-    const char *why = NULL;
-    double same = 0, contrast;
+    const char *why;
 
-    track_clear_result(r);
+    memset(r, 0, sizeof *r);
     if (t->lost)
         return track_search(t, r, rgb, W, H, time, "still no face", err);
     if (track_encode(t, r, rgb, W, H, t->crop, err) != 0)
         return -1;
-    if (!t->opt.has_crop) {
-        next = track_next_crop(t, &r->motion);
-        contrast = track_make_thumb(thumb, t->input);
-        for (size_t i = 0; i < TRACK_THUMB * TRACK_THUMB; i++)
-            same += (double)thumb[i] * t->thumb[i];
-        if (contrast < FLAT_DEVIATION)
-            why = "the picture is blank there";
-        else if (t->has_thumb && same < CUT_CORRELATION) {
-            align_restart(&t->align);
-            why = "the scene changed";
-        }
-        else
-            why = track_implausible(t, &r->motion, next, t->crop, W, H);
-        if (!why)
-            why = track_doubtful(t, &r->motion, rgb, W, H);
-        if (!why && r->sure < SURE_ENOUGH)
-            why = "no whole, upright face is seen";
-        if (why)
-            return track_search(t, r, rgb, W, H, time, why, err);
-        memcpy(t->thumb, thumb, sizeof thumb);
-        t->has_thumb = true;
-    }
+    if (!t->opt.has_crop && (why = track_find_fault(t, r, rgb, W, H)))
+        return track_search(t, r, rgb, W, H, time, why, err);
     track_align(t, r, W, H);
     if (!t->opt.has_crop)
         t->crop = track_next_crop(t, &r->motion);

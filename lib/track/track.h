@@ -17,8 +17,8 @@
 #include "lib/record/motion.h"
 #include "lib/track/align.h"
 #include "lib/track/landmarks.h"
-#include "lib/track/tta.h"
 #include "lib/track/oneeuro.h"
+#include "lib/track/tta.h"
 
 #define TRACK_THUMB 28          /* side of the picture that cuts are seen in */
 
@@ -99,7 +99,7 @@ int track_step(struct track *t, struct track_result *r, const uint8_t *rgb,
 /* out (224,224,3) = a crop (window pixels) of the picture [H,W,3], as the
  * networks see it.  -1 only when memory is short. */
 int track_cut(float *out, struct track *t, const uint8_t *rgb, size_t W,
-               size_t H, struct square crop, struct error *err);
+              size_t H, struct square crop, struct error *err);
 
 /* Motion from one row of the encoder's output and the crop it saw: 6D to R
  * (always a rotation: motion_code.h says how), t' to t.  m->pose.exp is left

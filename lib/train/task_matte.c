@@ -167,7 +167,7 @@ static int matte_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
         }
         contact_sheet_picture(&sh, row + 1, col, m->rgb, m->alpha);
     }
-    contact_sheet_take(&sh, rgb, H, W);
+    contact_sheet_detach(&sh, rgb, H, W);
     return 0;
 }
 

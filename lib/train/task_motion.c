@@ -305,7 +305,7 @@ static int motion_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
     if (rc)
         contact_sheet_release(&sh);
     else
-        contact_sheet_take(&sh, rgb, H, W);
+        contact_sheet_detach(&sh, rgb, H, W);
     return rc;
 }
 

@@ -176,7 +176,7 @@ static int shape_task_sheet(struct task *t, uint8_t **rgb, size_t *H,
         contact_sheet_picture(&sh, i / SHEET_COLS, i % SHEET_COLS, m->e.rgb,
                               NULL);
     }
-    contact_sheet_take(&sh, rgb, H, W);
+    contact_sheet_detach(&sh, rgb, H, W);
     return 0;
 }
 

@@ -115,11 +115,11 @@ static void equation_coverage(void)
     const float points[9] = {0.5f, 0, 0.3f, 0.5f, 0, -0.3f, 5, 0, 0};
 
     camera_frontal(cam, 12);
-    coverage_fraction(C, verts, 4, faces, 2, cam, 5, scratch);
+    coverage_fraction(C, verts, faces, 2, cam, 5, scratch);
     expect("cell left of the square", C[10], 0, 0);
     expect("middle cell: the edge is at its centre", C[12], 0.5, 0);
     expect("cell inside", C[14], 1, 0);
-    coverage_map(C, verts, 4, faces, 2, cam, 5, scratch);
+    coverage_map(C, verts, faces, 2, cam, 5, scratch);
     expect("after the Gaussian: the edge stays about half", C[12], 0.5, 0.02);
     expect("after the Gaussian: some of it spills left", C[11] > 0.05, 1, 0);
     coverage_depth(z, value, verts, attribute, faces, 2, cam, 5);

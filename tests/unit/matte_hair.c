@@ -136,7 +136,7 @@ static void hair_test_wall(void)
     static uint8_t matte[N * N];
     struct error err = {0};
     struct random r;
-    int plain;
+    bool plain;
 
     for (int k = 0; k < 2; k++) {
         double error = 0;
@@ -216,7 +216,7 @@ int main(void)
 
     for (int k = 0; k < 2; k++) {
         struct error err = {0};
-        int fallback;
+        bool fallback;
         char text[80];
 
         hair_draw(&d, &palette[k]);

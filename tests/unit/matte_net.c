@@ -184,7 +184,7 @@ static void test_refine(void)
     static float coarse[N * N];
     struct error err = {0};
     double error = 0, elsewhere = 0;
-    int absurd = 0;
+    bool absurd = false;
 
     for (int i = 0; i < BIG * BIG; i++) {
         double x = i % BIG, y = i / BIG;

@@ -142,7 +142,7 @@ static void person_find(uint8_t *matte, uint8_t *rgb, const struct drawing *d)
 {
     static uint8_t back[3 * N * N], picture[3 * N * N];
     struct error err = {0};
-    int fallback;
+    bool fallback;
     double before;
 
     memcpy(picture, d->rgb, sizeof picture);
@@ -172,7 +172,8 @@ static void only_the_face(const struct drawing *whole)
     static struct drawing d;
     static uint8_t matte[N * N];
     struct error err = {0};
-    int fallback = 0, rc;
+    bool fallback = false;
+    int rc;
 
     d = *whole;
     for (int i = 0; i < N * N; i++)

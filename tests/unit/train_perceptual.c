@@ -26,7 +26,8 @@ static void write_weights(const char *path)
     struct error err = { 0 };
 
     params_init(&ps);
-    if (squeezenet_init(&s, &ps, "", &err) || params_allocate(&ps, &err))
+    squeezenet_init(&s, &ps, "");
+    if (params_allocate(&ps, &err))
         exit(1);
     params_randomise(&ps, 6);
     if (params_save(&ps, path, ST_F32, NULL, &err)) {
