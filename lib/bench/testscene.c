@@ -116,8 +116,9 @@ static void testscene_on_sheet(struct testscene *t, size_t i, size_t k,
     double relief = -0.55 + 1.1 * exp(-2.2 * (x * x + y * y)) +
                     0.01 * random_normal(r);
 
-    testscene_put_mean(t, i, x + 0.3 * cell * random_normal(r),
-                       y + 0.3 * cell * random_normal(r), relief);
+    y += 0.3 * cell * random_normal(r);
+    x += 0.3 * cell * random_normal(r);
+    testscene_put_mean(t, i, x, y, relief);
 }
 
 /* Cell k of the mouth sheet's grid. */

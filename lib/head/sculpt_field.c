@@ -33,6 +33,15 @@ void field_pull(struct vec *d, const struct full *m, const struct pull *p,
     }
 }
 
+/* Three normal numbers, drawn from z to x.  One statement each: C does not say
+ * in which order arguments are evaluated, and compilers differ. */
+static struct vec field_draw(struct random *r)
+{
+    const double z = random_normal(r), y = random_normal(r);
+
+    return vec(random_normal(r), y, z);
+}
+
 void field_wave(struct vec *d, const struct full *m, uint64_t k, double wave,
                 int odd)
 {
@@ -40,10 +49,7 @@ void field_wave(struct vec *d, const struct full *m, uint64_t k, double wave,
 
     random_init(&r, k, "head.wave");
     for (int n = 0; n < 6; n++) {
-        struct vec dir = unit(vec(random_normal(&r), random_normal(&r),
-                                  random_normal(&r)));
-        struct vec by = vec(random_normal(&r), random_normal(&r),
-                            random_normal(&r));
+        struct vec dir = unit(field_draw(&r)), by = field_draw(&r);
         double f = 2 * M_PI / (wave * random_range(&r, 0.8, 1.3));
         double phase = random_range(&r, 0, 2 * M_PI);
         for (int v = 0; v < m->nv; v++) {

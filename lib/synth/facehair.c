@@ -112,9 +112,10 @@ static int facehair_grow_brows(struct actor *a, struct random *r)
                 continue;
             for (int k = 0; k < 3; k++)
                 dir[k] += (float)random_range(r, -0.3, 0.3);
-            if (facehair_plant(a, STRAND_BROW, f, s, t, dir,
-                               (float)random_range(r, 0.025, 0.045), 0.0017f,
-                               (float)random_range(r, -1, 1), 0.007f))
+            float curl = (float)random_range(r, -1, 1);
+            float length = (float)random_range(r, 0.025, 0.045);
+            if (facehair_plant(a, STRAND_BROW, f, s, t, dir, length, 0.0017f,
+                               curl, 0.007f))
                 return -1;
         }
     }
@@ -152,9 +153,10 @@ static int facehair_grow_beard(struct actor *a, struct random *r)
             float dir[3] = { (float)random_range(r, -.4, .4)
                              + (upper > 0 ? copysignf(0.8f, o[0]) : 0), -1,
                              (float)random_range(r, -.2, .3) };
-            if (facehair_plant(a, STRAND_BEARD, f, s, t, dir,
-                               l * (float)random_range(r, 0.6, 1.3), 0.0017f,
-                               (float)random_range(r, -1, 1), l * 0.6f))
+            float curl = (float)random_range(r, -1, 1);
+            float length = l * (float)random_range(r, 0.6, 1.3);
+            if (facehair_plant(a, STRAND_BEARD, f, s, t, dir, length, 0.0017f,
+                               curl, l * 0.6f))
                 return -1;
         }
     }

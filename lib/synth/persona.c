@@ -308,6 +308,37 @@ static void persona_meter(struct shade_env *e, float want)
     }
 }
 
+/* A direction from within a range of heights, then sideways: to `side`, or to
+ * either side (0). */
+static void persona_sample_direction(float dir[3], struct random *r, float side,
+                                     double from, double to, double low,
+                                     double high)
+{
+    const float height = random_float(r, low, high);
+
+    if (side == 0)
+        side = random_chance(r, 0.5) ? 1 : -1;
+    persona_light_direction(dir, side * random_float(r, from, to), height);
+}
+
+/* The light that comes back from the room, by its six sides. */
+static void persona_sample_room(struct shade_env *e, struct random *r)
+{
+    static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
+    const float amb = random_float(r, 0.2, 0.6);
+    const float warm = random_float(r, -0.6, 0.6);
+
+    for (int k = 0; k < 6; k++) {
+        const float power = amb * faces[k] * random_float(r, 0.7, 1.3);
+
+        persona_white_light(e->cube[k], warm + random_float(r, -0.2, 0.2),
+                            power);
+    }
+    /* -y is up: the sky; +y gives back the warm floor and the clothes */
+    persona_white_light(e->cube[3], warm + 0.4f,
+                        amb * random_float(r, 0.25, 0.6));
+}
+
 /* A key light, a fill from the other side, often a rim from behind, and the
  * room about them. */
 static void persona_sample_light(struct persona *p, struct random *r)
@@ -315,31 +346,19 @@ static void persona_sample_light(struct persona *p, struct random *r)
     struct shade_env *e = &p->env;
     float side = random_chance(r, 0.5) ? 1 : -1,
           key = random_float(r, 0.5, 2.1);
-    int studio = random_chance(r, 0.35);
+    const bool studio = random_chance(r, 0.35);
+    float power;
 
-    persona_light_direction(e->light[0].dir,
-                            side * random_float(r, 0.1, studio ? 0.7 : 1.35),
-                            random_float(r, 0.15, 1.0));
+    persona_sample_direction(e->light[0].dir, r, side, 0.1,
+                             studio ? 0.7 : 1.35, 0.15, 1.0);
     persona_white_light(e->light[0].rgb, random_float(r, -0.5, 0.9), key);
-    persona_light_direction(e->light[1].dir, -side * random_float(r, 0.4, 1.4),
-                            random_float(r, -0.1, 0.6));
-    persona_white_light(e->light[1].rgb, random_float(r, -0.8, 0.5),
-                        key * random_float(r, 0, .45));
-    persona_light_direction(e->light[2].dir,
-                            (random_chance(r, 0.5) ? 1 : -1) *
-                                random_float(r, 2.1, 2.7),
-                            random_float(r, 0.1, 0.7));
-    persona_white_light(e->light[2].rgb, random_float(r, -0.8, 0.8),
-                        random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2)
-                                              : 0);
-    float amb = random_float(r, 0.2, 0.6), warm = random_float(r, -0.6, 0.6);
-    static const float faces[6] = { 0.9f, 0.9f, 1.5f, 0.5f, 1.1f, 0.8f };
-    for (int k = 0; k < 6; k++)
-        persona_white_light(e->cube[k], warm + random_float(r, -0.2, 0.2),
-                            amb * faces[k] * random_float(r, 0.7, 1.3));
-    /* -y is up: the sky; +y gives back the warm floor and the clothes */
-    persona_white_light(e->cube[3], warm + 0.4f,
-                        amb * random_float(r, 0.25, 0.6));
+    persona_sample_direction(e->light[1].dir, r, -side, 0.4, 1.4, -0.1, 0.6);
+    power = key * random_float(r, 0, .45);
+    persona_white_light(e->light[1].rgb, random_float(r, -0.8, 0.5), power);
+    persona_sample_direction(e->light[2].dir, r, 0, 2.1, 2.7, 0.1, 0.7);
+    power = random_chance(r, 0.5) ? key * random_float(r, 0.2, 1.2) : 0;
+    persona_white_light(e->light[2].rgb, random_float(r, -0.8, 0.8), power);
+    persona_sample_room(e, r);
     persona_meter(e, (1.0f + 0.3f * p->tone) * expf(persona_normal(r) * 0.16f));
 }
 

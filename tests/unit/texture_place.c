@@ -118,8 +118,9 @@ static void round_trip(void)
         place_turned(source, a, (float)random_range(&r, -1, 1), 12);
         for (int i = 0; i < 3; i++)
             a[i] += (float)random_range(&r, -0.6, 0.6);
-        place_turned(cam, a, (float)random_range(&r, -1, 1),
-                     (float)random_range(&r, 8, 20));
+        float far = (float)random_range(&r, 8, 20);
+
+        place_turned(cam, a, (float)random_range(&r, -1, 1), far);
         place_facing(mean, source, 0.6, &r);
         for (size_t i = 0; i < N; i++) {
             uv[2 * i] = (float)random_uniform(&r);
