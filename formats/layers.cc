@@ -22,6 +22,8 @@ static const int LAYERS_SMALL = 112;
 static const float LAYERS_WHOLE = 0.98f;
 /* A background may be off by so many levels for the sum's sake. */
 static const float LAYERS_GHOST = 16;
+/* Rows that one thread takes at a time. */
+static const int LAYERS_BAND = 128;
 
 /* How many times smaller a picture may be for its mean over such a reach. */
 static int layers_coarseness(double reach)
@@ -33,13 +35,12 @@ static int layers_coarseness(double reach)
     return k;
 }
 
-/* colour of n channels times known, and known itself. */
+/* Rows of both: colour of n channels times known, and known itself. */
 template <int n>
-static cv::Mat layers_weigh(const cv::Mat &colour, const cv::Mat &known)
+static void layers_weigh(cv::Mat &both, const cv::Mat &colour,
+                         const cv::Mat &known, const cv::Range &rows)
 {
-    cv::Mat both(colour.size(), CV_32FC(n + 1));
-
-    for (int y = 0; y < colour.rows; y++) {
+    for (int y = rows.start; y < rows.end; y++) {
         const float *c = colour.ptr<float>(y), *k = known.ptr<float>(y);
         float *to = both.ptr<float>(y);
 
@@ -49,16 +50,14 @@ static cv::Mat layers_weigh(const cv::Mat &colour, const cv::Mat &known)
             to[n] = k[x];
         }
     }
-    return both;
 }
 
 /* The reverse: n channels over the last one, which is weight. */
 template <int n>
-static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
+static void layers_unweigh(cv::Mat &mean, cv::Mat &weight, const cv::Mat &both,
+                           const cv::Range &rows)
 {
-    cv::Mat mean(both.size(), CV_32FC(n));
-    weight.create(both.size(), CV_32F);
-    for (int y = 0; y < both.rows; y++) {
+    for (int y = rows.start; y < rows.end; y++) {
         const float *from = both.ptr<float>(y);
         float *to = mean.ptr<float>(y), *w = weight.ptr<float>(y);
 
@@ -69,7 +68,18 @@ static cv::Mat layers_unweigh(cv::Mat &weight, const cv::Mat &both)
             w[x] = from[n];
         }
     }
-    return mean;
+}
+
+/* A Gaussian's mean; bands see their neighbours' rows. */
+static cv::Mat layers_blur(const cv::Mat &in, double sigma)
+{
+    cv::Mat out(in.size(), in.type());
+
+    layers_each_band(in.rows, LAYERS_BAND, [&](const cv::Range &rows) {
+        cv::Mat part = out.rowRange(rows);
+        cv::GaussianBlur(in.rowRange(rows), part, cv::Size(), sigma);
+    });
+    return out;
 }
 
 cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
@@ -78,18 +88,26 @@ cv::Mat layers_mean(cv::Mat &weight, const cv::Mat &colour,
     const int k = layers_coarseness(reach);
     const cv::Size small((colour.cols + k - 1) / k, (colour.rows + k - 1) / k);
     const bool grey = colour.channels() == 1;
-    cv::Mat both = grey ? layers_weigh<1>(colour, known)
-                        : layers_weigh<3>(colour, known), less;
+    cv::Mat both(colour.size(), grey ? CV_32FC2 : CV_32FC4), less;
+    cv::Mat mean(colour.size(), colour.type());
 
+    weight.create(colour.size(), CV_32F);
+    layers_each_band(colour.rows, LAYERS_BAND, [&](const cv::Range &rows) {
+        grey ? layers_weigh<1>(both, colour, known, rows)
+             : layers_weigh<3>(both, colour, known, rows);
+    });
     if (k > 1) {
         cv::resize(both, less, small, 0, 0, cv::INTER_AREA);
-        cv::GaussianBlur(less, less, cv::Size(), reach / k);
-        cv::resize(less, both, colour.size(), 0, 0, cv::INTER_LINEAR);
+        cv::resize(layers_blur(less, reach / k), both, colour.size(), 0, 0,
+                   cv::INTER_LINEAR);
     } else {
-        cv::GaussianBlur(both, both, cv::Size(), reach);
+        both = layers_blur(both, reach);
     }
-    return grey ? layers_unweigh<1>(weight, both)
-                : layers_unweigh<3>(weight, both);
+    layers_each_band(colour.rows, LAYERS_BAND, [&](const cv::Range &rows) {
+        grey ? layers_unweigh<1>(mean, weight, both, rows)
+             : layers_unweigh<3>(mean, weight, both, rows);
+    });
+    return mean;
 }
 
 /* rgb at a small size, and of which of its pixels the background is known. */
@@ -305,113 +323,6 @@ static cv::Mat layers_locks(cv::Mat &sure, const cv::Mat &mat,
                 255 * std::clamp((share - 0.05f) * 1.1f, 0.0f, 1.0f));
         }
     return out;
-}
-
-/* The settled colours about a place. */
-struct layers_statistics {
-    cv::Vec3d back;         /* the background's mean */
-    cv::Matx33d covariance; /* and covariance */
-    cv::Vec3d line;         /* from that mean to the person's colour */
-};
-
-/* Those in a square of pixels: the background's further than `rim` from the
- * matte, and the person's, which fits matte x line = colour - back best.  false
- * where there is too little of either. */
-static bool layers_measure(struct layers_statistics *at, const cv::Rect &square,
-                           const cv::Mat &mat, const cv::Mat &far,
-                           const cv::Mat &rgb, int rim)
-{
-    cv::Vec3d back(0, 0, 0), person(0, 0, 0);
-    cv::Matx33d two = cv::Matx33d::zeros();
-    const int step = std::max(1, rim / 3);
-    double n = 0, sum = 0, sum2 = 0;
-
-    for (int y = square.y; y < square.y + square.height; y += step)
-        for (int x = square.x; x < square.x + square.width; x += step) {
-            const cv::Vec3d c = rgb.at<cv::Vec3b>(y, x);
-            const double m = mat.at<uchar>(y, x) / 255.0;
-            if (m > 0) {
-                person += m * c;
-                sum += m;
-                sum2 += m * m;
-            } else if (far.at<float>(y, x) > (float)rim) {
-                back += c;
-                two += c * c.t();
-                n++;
-            }
-        }
-    if (n < 16 || sum2 < 4)
-        return false;
-    at->back = back / n;
-    at->covariance = two * (1 / n) - at->back * at->back.t();
-    at->line = (person - sum * at->back) / sum2;
-    return true;
-}
-
-/* The share of the person in a colour there: 0 unless it lies further from the
- * background than that varies, and that on the way to a person who can be told
- * apart. */
-static double layers_spill(const struct layers_statistics &at,
-                           const cv::Vec3d &c)
-{
-    const cv::Vec3d off = c - at.back;
-    const double length = cv::norm(at.line);
-
-    if (length < 24)
-        return 0;
-    const cv::Vec3d way = at.line / length;
-    const double along = off.dot(way);
-    const double usual = std::sqrt(std::max(0.0, way.dot(at.covariance * way)));
-    const double any = std::sqrt(std::max(0.0, cv::trace(at.covariance)));
-    if (along < 2 * usual + 2
-        || cv::norm(off - along * way) > 0.5 * along + any)
-        return 0;
-    return along / length;
-}
-
-/* A block of pixels that lie just outside of the matte or where it is thin:
- * those whose colours are mixed with the person's gain the matte that explains
- * them. */
-static void layers_gain(cv::Mat &mat, const cv::Mat &before,
-                        const cv::Mat &mixed, const cv::Mat &far,
-                        const cv::Mat &rgb, cv::Rect block)
-{
-    const int rim = block.width, reach = 4 * rim;
-    const cv::Rect whole(0, 0, mat.cols, mat.rows);
-    struct layers_statistics at;
-
-    block &= whole;
-    if (cv::countNonZero(mixed(block)) == 0
-        || !layers_measure(&at, (block + cv::Size(2 * reach, 2 * reach)
-                                 - cv::Point(reach, reach)) & whole,
-                           before, far, rgb, rim))
-        return;
-    for (int y = block.y; y < block.y + block.height; y++)
-        for (int x = block.x; x < block.x + block.width; x++)
-            if (mixed.at<uchar>(y, x)) {
-                const cv::Vec3f c = rgb.at<cv::Vec3b>(y, x);
-                uchar &m = mat.at<uchar>(y, x);
-                m = std::max(m, cv::saturate_cast<uchar>(
-                                    255 * layers_spill(at, c)));
-            }
-}
-
-void layers_gather(cv::Mat &mat, const cv::Mat &rgb, const cv::Mat &in)
-{
-    const int rim = std::max(2, (3 * mat.rows + 256) / 512);
-    const cv::Mat before = mat.clone();
-    cv::Mat far;
-
-    cv::distanceTransform(before == 0, far, cv::DIST_L2, 3);
-    const cv::Mat mixed = (before < 250) & (far <= rim) & in;
-    far.setTo(0, in == 0);
-    cv::parallel_for_(cv::Range(0, (mat.rows + rim - 1) / rim),
-                      [&](const cv::Range &rows) {
-        for (int y = rows.start; y < rows.end; y++)
-            for (int x = 0; x < mat.cols; x += rim)
-                layers_gain(mat, before, mixed, far, rgb,
-                            cv::Rect(x, rim * y, rim, rim));
-    });
 }
 
 /* The least matte by which a pixel can be a mixture of this background and of

@@ -13,6 +13,9 @@ extern "C" {
 
 #include <opencv2/imgproc.hpp>
 
+/* Rows whose floats fit into a cache. */
+static const int LAYERS_CACHED = 32;
+
 static cv::Mat layers_up(const cv::Mat &small, int n)
 {
     cv::Mat big;
@@ -56,18 +59,6 @@ static void layers_sharpen(cv::Mat &mat, const cv::Mat &colour,
         }
 }
 
-/* f of the rows in bands whose floats fit into a cache, by all threads. */
-template <class F> static void layers_each_band(int rows, F f)
-{
-    const int band = 32;
-
-    cv::parallel_for_(cv::Range(0, (rows + band - 1) / band),
-                      [&](const cv::Range &some) {
-        for (int i = some.start; i < some.end; i++)
-            f(cv::Range(band * i, std::min(rows, band * (i + 1))));
-    });
-}
-
 /* A matte that was guessed at the small picture's size, as the larger one's
  * colours have it. */
 static void layers_enlarge_matte(cv::Mat &mat, const cv::Mat &mat_s,
@@ -80,7 +71,7 @@ static void layers_enlarge_matte(cv::Mat &mat, const cv::Mat &mat_s,
     const cv::Mat fore = layers_up(fore_s, n), weight = layers_up(weight_s, n);
 
     layers_up(mat_s, n).copyTo(mat);
-    layers_each_band(n, [&](const cv::Range &rows) {
+    layers_each_band(n, LAYERS_CACHED, [&](const cv::Range &rows) {
         cv::Mat part = mat.rowRange(rows), colour, behind;
         pic.rowRange(rows).convertTo(colour, CV_32F);
         rear.rowRange(rows).convertTo(behind, CV_32F);
@@ -96,7 +87,7 @@ static void layers_enlarge_matte(cv::Mat &mat, const cv::Mat &mat_s,
 static void layers_balance_enlarged(cv::Mat &rear, cv::Mat &mat,
                                     const cv::Mat &pic)
 {
-    layers_each_band(mat.rows, [&](const cv::Range &rows) {
+    layers_each_band(mat.rows, LAYERS_CACHED, [&](const cv::Range &rows) {
         cv::Mat part = mat.rowRange(rows), out = rear.rowRange(rows);
         cv::Mat colour, behind;
         pic.rowRange(rows).convertTo(colour, CV_32F);

@@ -42,7 +42,11 @@ void layers_islands(uint8_t *matte, size_t n)
         if (piece[i] && away.ptr<float>()[i] <= (float)near)
             keep[(size_t)piece[i]] = 255;
     const cv::Mat person = mask_of_labels(label, keep);
-    away = islands_distance(person);
-    const cv::Mat about = islands_distance(solid & ~person) <= near / 2;
-    mat.setTo(0, (about & (away > near)) | (away > 4 * near));
+    const cv::Mat other = solid & ~person;
+    cv::Mat about;
+    cv::parallel_for_(cv::Range(0, 2), [&](const cv::Range &some) {
+        for (int i = some.start; i < some.end; i++)
+            (i ? about : away) = islands_distance(i ? other : person);
+    });
+    mat.setTo(0, ((about <= near / 2) & (away > near)) | (away > 4 * near));
 }

@@ -3,9 +3,20 @@
 #ifndef SPID_FORMATS_LAYERS_PARTS_H
 #define SPID_FORMATS_LAYERS_PARTS_H
 
+#include <algorithm>
 #include <cstdint>
 
 #include <opencv2/core.hpp>
+
+/* f of ranges of so many rows each, by all threads. */
+template <class F> void layers_each_band(int rows, int band, F f)
+{
+    cv::parallel_for_(cv::Range(0, (rows + band - 1) / band),
+                      [&](const cv::Range &some) {
+        for (int i = some.start; i < some.end; i++)
+            f(cv::Range(band * i, std::min(rows, band * (i + 1))));
+    });
+}
 
 /* 255 where a square of n by n pixels lies in its picture; inside NULL:
  * everywhere. */

@@ -45,8 +45,8 @@ static bool coverage_span(float *lo, float *hi, const struct corner c[3],
         if ((a->y <= y) == (b->y <= y))
             continue;
         float x = a->x + (y - a->y) / (b->y - a->y) * (b->x - a->x);
-        *lo = fminf(*lo, x);
-        *hi = fmaxf(*hi, x);
+        *lo = x < *lo ? x : *lo;
+        *hi = x > *hi ? x : *hi;
     }
     return *lo < *hi;
 }
@@ -69,14 +69,18 @@ static void coverage_rows(size_t rows[2], const struct corner c[3], size_t n)
 /* Set bits a..b-1 of a row of bytes. */
 static void coverage_set_bits(uint8_t *row, size_t a, size_t b)
 {
-    for (; a < b && a % SUB; a++)
-        row[a / SUB] |= (uint8_t)(1 << a % SUB);
-    if (b > a + SUB) {
-        memset(row + a / SUB, 0xff, b / SUB - a / SUB);
-        a = b / SUB * SUB;
+    if (a >= b)
+        return;
+    const size_t first = a / SUB, last = (b - 1) / SUB;
+    const int from = 0xff << a % SUB, to = 0xff >> (SUB - 1 - (b - 1) % SUB);
+
+    if (first == last) {
+        row[first] |= (uint8_t)(from & to);
+        return;
     }
-    for (; a < b; a++)
-        row[a / SUB] |= (uint8_t)(1 << a % SUB);
+    row[first] |= (uint8_t)from;
+    memset(row + first + 1, 0xff, last - first - 1);
+    row[last] |= (uint8_t)to;
 }
 
 size_t coverage_scratch(size_t n)
@@ -84,6 +88,35 @@ size_t coverage_scratch(size_t n)
     size_t bits = SUB * n * n, blur = 2 * n * n * sizeof(float);
 
     return bits > blur ? bits : blur;
+}
+
+/* The number of bits in each byte of a word. */
+static uint64_t coverage_bits(uint64_t x)
+{
+    x -= x >> 1 & 0x5555555555555555;
+    x = (x & 0x3333333333333333) + (x >> 2 & 0x3333333333333333);
+    return (x + (x >> 4)) & 0x0f0f0f0f0f0f0f0f;
+}
+
+/* C (n): the share of a row of cells' bits that are set; SUB rows of n
+ * bytes. */
+static void coverage_count(float *C, const uint8_t *bits, size_t n)
+{
+    for (size_t j = 0; j < n; j += sizeof(uint64_t)) {
+        const size_t some = n - j < sizeof(uint64_t) ? n - j : sizeof(uint64_t);
+        uint64_t sum = 0;           /* of 64 at most in each byte */
+        uint8_t count[sizeof sum];
+
+        for (size_t s = 0; s < SUB; s++) {
+            uint64_t row = 0;
+
+            memcpy(&row, bits + s * n + j, some);
+            sum += coverage_bits(row);
+        }
+        memcpy(count, &sum, sizeof sum);
+        for (size_t k = 0; k < some; k++)
+            C[j + k] = (float)count[k] / (SUB * SUB);
+    }
 }
 
 /* One bit for each of a cell's 64 points, set by scan lines, then counted. */
@@ -112,13 +145,7 @@ void coverage_fraction(float *C, const float *verts, const int32_t *faces,
                                   coverage_first_centre(hi, m));
     }
     for (size_t i = 0; i < n; i++)
-        for (size_t j = 0; j < n; j++) {
-            int count = 0;
-
-            for (size_t s = 0; s < SUB; s++)
-                count += __builtin_popcount(bits[(i * SUB + s) * n + j]);
-            C[i * n + j] = (float)count / (SUB * SUB);
-        }
+        coverage_count(C + i * n, bits + i * SUB * n, n);
 }
 
 /* One pass of the separable filter: rows of x into columns of out. */

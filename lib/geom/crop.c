@@ -4,6 +4,7 @@
 
 #include <assert.h>
 #include <math.h>
+#include <omp.h>
 #include <stdbool.h>
 #include <stdlib.h>
 #include <string.h>
@@ -288,9 +289,14 @@ struct kernels {
     crop_blend_fn *blend;
     crop_gather_fn *gather;
     crop_halve_fn *halve;
+    crop_widen_fn *widen;
+    crop_round_fn *round;
 };
 
-#define KERNELS(isa) { crop_blend_##isa, crop_gather_##isa, crop_halve_##isa }
+#define KERNELS(isa) { \
+    crop_blend_##isa, crop_gather_##isa, crop_halve_##isa, crop_widen_##isa, \
+    crop_round_##isa \
+}
 
 /* The versions for this processor. */
 static const struct kernels *crop_kernels(void)
@@ -414,40 +420,91 @@ static void crop_filter_make(struct filter *f, double centre, double size,
     f->count = m;
 }
 
-/* One row under an antialiasing filter for each output pixel. */
-static void crop_filter_row(float *out, const uint8_t *row, const char *filters,
-                            size_t bytes, size_t n, size_t C)
-{
-    for (size_t j = 0; j < n; j++, out += C) {
-        const struct filter *f = (const void *)(filters + j * bytes);
-        const uint8_t *p = row + f->lo * C;
-        float v[4] = {0};
+typedef float v4f __attribute__((vector_size(16)));
 
-        for (size_t k = 0; k < f->count; k++, p += C)
-            for (size_t c = 0; c < C; c++)
-                v[c] += f->w[k] * p[c];
-        for (size_t c = 0; c < C; c++)
-            out[c] = v[c];
+/* A resizing: an n x n picture of C channels, and the filters, of `bytes`
+ * each, that make it: n across and n down.  Those across take samples from to
+ * end of a picture's row. */
+struct resizing {
+    size_t n, C, bytes, from, end;
+    const char *fx, *fy;
+    void *filters;              /* all of them */
+};
+
+/* Filter i of an axis's. */
+static const struct filter *crop_filter_at(const struct resizing *r,
+                                           const char *axis, size_t i)
+{
+    return (const void *)(axis + i * r->bytes);
+}
+
+/* One row (floats of samples r->from to r->end, and one more) under an
+ * antialiasing filter for each output pixel, of C channels; out has room for 3
+ * floats more. */
+static inline void crop_filter_pixels(float *out, const float *row,
+                                      const struct resizing *r, size_t C)
+{
+    for (size_t j = 0; j < r->n; j++, out += C) {
+        const struct filter *f = crop_filter_at(r, r->fx, j);
+        const float *p = row + (f->lo - r->from) * C;
+        v4f v = {0}, in;
+
+        for (size_t k = 0; k < f->count; k++, p += C) {
+            memcpy(&in, p, sizeof in);
+            v += f->w[k] * in;
+        }
+        memcpy(out, &v, sizeof v);      /* what is too much is overwritten */
     }
 }
 
-/* acc (n,n,C) from the picture, each of whose rows is filtered once, into row
- * (n,C), and added to the rows that it reaches; fx, fy: n filters of `bytes`
- * each. */
-static void crop_filter_picture(float *acc, float *row, const uint8_t *rgb,
-                                size_t H, size_t stride, const char *fx,
-                                const char *fy, size_t bytes, size_t n,
-                                size_t C)
+/* The same of bytes, by way of floats in wide, with a number of channels that
+ * the compiler knows. */
+static void crop_filter_row(float *out, float *wide, const uint8_t *row,
+                            const struct resizing *r)
 {
-    const size_t line = n * C;
-    size_t first = 0;               /* output row that may still take */
+    crop_kernels()->widen(wide, row + r->from * r->C,
+                          (r->end - r->from) * r->C);
+    if (r->C == 3)
+        crop_filter_pixels(out, wide, r, 3);
+    else if (r->C == 1)
+        crop_filter_pixels(out, wide, r, 1);
+    else
+        crop_filter_pixels(out, wide, r, r->C);
+}
 
-    for (size_t y = 0; y < H && first < n; y++) {
+/* acc (n) += w row. */
+static void crop_filter_add(float *acc, const float *row, float w, size_t n)
+{
+    size_t k = 0;
+
+    for (; k + 4 <= n; k += 4) {
+        v4f a, r;
+
+        memcpy(&a, acc + k, sizeof a);
+        memcpy(&r, row + k, sizeof r);
+        a += w * r;
+        memcpy(acc + k, &a, sizeof a);
+    }
+    for (; k < n; k++)
+        acc[k] += w * row[k];
+}
+
+/* Rows first to end of acc (n,n,C) from the picture, each of whose rows is
+ * filtered once, into row (n,C and 3 more), and added to the rows that it
+ * reaches. */
+static void crop_filter_rows(float *acc, float *row, float *wide,
+                             const uint8_t *rgb, size_t H, size_t stride,
+                             const struct resizing *r, size_t first,
+                             size_t end)
+{
+    const size_t line = r->n * r->C;        /* first: may still take */
+
+    for (size_t y = crop_filter_at(r, r->fy, first)->lo; y < H && first < end;
+         y++) {
         bool filtered = false;
 
-        for (size_t i = first; i < n; i++) {
-            const struct filter *f = (const void *)(fy + i * bytes);
-            float w;
+        for (size_t i = first; i < end; i++) {
+            const struct filter *f = crop_filter_at(r, r->fy, i);
 
             if (f->lo > y)
                 break;
@@ -456,45 +513,74 @@ static void crop_filter_picture(float *acc, float *row, const uint8_t *rgb,
                 continue;
             }
             if (!filtered)
-                crop_filter_row(row, rgb + y * stride, fx, bytes, n, C);
+                crop_filter_row(row, wide, rgb + y * stride, r);
             filtered = true;
-            w = f->w[y - f->lo];
-            for (size_t k = 0; k < line; k++)
-                acc[i * line + k] += w * row[k];
+            crop_filter_add(acc + i * line, row, f->w[y - f->lo], line);
         }
     }
+}
+
+/* The filters for a square of a picture of W x H; r->filters is the caller's to
+ * free.  -1 without memory. */
+static int crop_filters_make(struct resizing *r, size_t W, size_t H,
+                             struct square q)
+{
+    const double s = q.size / (double)r->n;
+    const size_t most = (size_t)fmin(2 * ceil(s > 1 ? s : 1) + 2,
+                                     (double)(W > H ? W : H) + 2);
+    const size_t n = r->n, bytes = (sizeof(struct filter) +
+                                    most * sizeof(float) + 15) / 16 * 16;
+    char *f = calloc(2 * n, bytes);
+
+    if (!f)
+        return -1;
+    for (size_t i = 0; i < n; i++) {
+        crop_filter_make((void *)(f + i * bytes), q.x, q.size, i, n, W, most);
+        crop_filter_make((void *)(f + (n + i) * bytes), q.y, q.size, i, n, H,
+                         most);
+    }
+    r->bytes = bytes;
+    r->filters = f;
+    r->fx = f;
+    r->fy = f + n * bytes;
+    r->from = n ? crop_filter_at(r, f, 0)->lo : 0;
+    r->end = r->from;
+    for (size_t i = 0; i < n; i++) {
+        const struct filter *x = crop_filter_at(r, f, i);
+
+        r->end = x->count ? x->lo + x->count : r->end;
+    }
+    return 0;
 }
 
 int crop_resize_u8(uint8_t *out, size_t n, const uint8_t *rgb, size_t W,
                    size_t H, size_t stride, int channels, struct square q)
 {
-    const size_t C = (size_t)channels, line = n * C;
-    const double s = q.size / (double)n;
-    const size_t most = (size_t)fmin(2 * ceil(s > 1 ? s : 1) + 2,
-                                     (double)(W > H ? W : H) + 2);
-    const size_t bytes = (sizeof(struct filter) + most * sizeof(float) + 15)
-                         / 16 * 16;
-    char *fx = calloc(2 * n, bytes), *fy = fx ? fx + n * bytes : NULL;
-    float *acc = calloc(n * line + line, sizeof *acc);
-    float *row = acc ? acc + n * line : NULL;
+    struct resizing r = {.n = n, .C = (size_t)channels};
+    const size_t line = n * r.C, threads = (size_t)omp_get_max_threads();
 
-    assert(C >= 1 && C <= 4);
-    if (!fx || !acc) {
-        free(fx);
-        free(acc);
+    assert(r.C >= 1 && r.C <= 4);
+    if (crop_filters_make(&r, W, H, q))
+        return -1;
+    const size_t wide = (r.end - r.from) * r.C, own = line + wide + 8;
+    float *acc = calloc(n * line + threads * own, sizeof *acc);
+
+    if (!acc) {
+        free(r.filters);
         return -1;
     }
-    for (size_t i = 0; i < n; i++) {
-        crop_filter_make((void *)(fx + i * bytes), q.x, q.size, i, n, W, most);
-        crop_filter_make((void *)(fy + i * bytes), q.y, q.size, i, n, H, most);
-    }
-    crop_filter_picture(acc, row, rgb, H, stride, fx, fy, bytes, n, C);
-    for (size_t k = 0; k < n * line; k++) {
-        float v = acc[k] + 0.5f;
+#pragma omp parallel for schedule(static, 1)
+    for (size_t t = 0; t < threads; t++) {
+        const size_t first = n * t / threads, end = n * (t + 1) / threads;
+        float *row = acc + n * line + t * own;
 
-        out[k] = (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
+        if (first < end)
+            crop_filter_rows(acc, row, row + line + 4, rgb, H, stride, &r,
+                             first, end);
+        crop_kernels()->round(out + first * line, acc + first * line,
+                              (end - first) * line);
     }
-    free(fx);
+    free(r.filters);
     free(acc);
     return 0;
 }

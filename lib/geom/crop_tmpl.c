@@ -37,3 +37,20 @@ void ISA(crop_halve)(uint8_t *out, const uint8_t *a, const uint8_t *b,
         for (int k = 0; k < 3; k++)
             out[k] = (uint8_t)((a[k] + a[k + 3] + b[k] + b[k + 3] + 2) >> 2);
 }
+
+/* Bytes to floats. */
+void ISA(crop_widen)(float *out, const uint8_t *in, size_t n)
+{
+    for (size_t i = 0; i < n; i++)
+        out[i] = in[i];
+}
+
+/* Floats to bytes. */
+void ISA(crop_round)(uint8_t *out, const float *in, size_t n)
+{
+    for (size_t i = 0; i < n; i++) {
+        const float up = in[i] + 0.5f;
+
+        out[i] = (uint8_t)(int)(up < 0 ? 0 : up > 255 ? 255 : up);
+    }
+}

@@ -101,22 +101,49 @@ static const float *mirror_row(const struct directions *s, size_t k, size_t b)
                ? s->d + (b * s->n + k) * ROW : NULL;
 }
 
-/* The mirror image of direction k. */
+/* The mirror image of direction k is added to the image, where it has any. */
 static void mirror_image(struct directions *s, size_t k)
 {
-    memset(s->image, 0, s->blocks * ROW * sizeof *s->image);
-    for (size_t v = 0; v < s->V; v++) {
-        const float *from = mirror_row(s, k, v / HEAD_BLOCK);
-        const size_t w = s->across[v];
-        float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+    for (size_t b = 0; b < s->blocks; b++) {
+        const float *from = mirror_row(s, k, b);
+        const size_t first = b * HEAD_BLOCK, rest = s->V - first;
 
-        if (!from)
-            continue;
-        from += v % HEAD_BLOCK;
-        to[0] -= from[0];
-        to[Y] += from[Y];
-        to[Z] += from[Z];
+        for (size_t i = 0; from && i < HEAD_BLOCK && i < rest; i++, from++) {
+            const size_t w = s->across[first + i];
+            float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+
+            to[0] -= from[0];
+            to[Y] += from[Y];
+            to[Z] += from[Z];
+        }
     }
+}
+
+/* Zeros where direction k's was added: most are small parts of a head. */
+static void mirror_clear(struct directions *s, size_t k)
+{
+    for (size_t b = 0; b < s->blocks; b++) {
+        const size_t first = b * HEAD_BLOCK, rest = s->V - first;
+
+        for (size_t i = 0; mirror_row(s, k, b) && i < HEAD_BLOCK && i < rest;
+             i++) {
+            const size_t w = s->across[first + i];
+            float *to = s->image + w / HEAD_BLOCK * ROW + w % HEAD_BLOCK;
+
+            to[0] = to[Y] = to[Z] = 0;
+        }
+    }
+}
+
+/* Inner product of two rows, by four sums that do not wait for each other. */
+static double mirror_row_product(const float *p, const float *q)
+{
+    double sum[4] = {0};
+
+    for (size_t i = 0; i < ROW; i += 4)
+        for (size_t k = 0; k < 4; k++)
+            sum[k] += (double)p[i + k] * q[i + k];
+    return sum[0] + sum[1] + (sum[2] + sum[3]);
 }
 
 /* Inner product of direction j with the image. */
@@ -125,10 +152,9 @@ static double mirror_product(const struct directions *s, size_t j)
     double sum = 0;
 
     for (size_t b = 0; b < s->blocks; b++) {
-        const float *p = mirror_row(s, j, b), *q = s->image + b * ROW;
+        const float *p = mirror_row(s, j, b);
 
-        for (size_t i = 0; p && i < ROW; i++)
-            sum += (double)p[i] * q[i];
+        sum += p ? mirror_row_product(p, s->image + b * ROW) : 0;
     }
     return sum;
 }
@@ -160,6 +186,7 @@ static int mirror_find_pairs(struct head_mirror *m, struct directions *s)
 
         for (size_t j = 0; j < s->n && !found; j++)
             found = mirror_pair(m, s, k, j);
+        mirror_clear(s, k);
         if (!found)
             return 0;
     }
@@ -174,8 +201,7 @@ static double mirror_square(const struct directions *s, size_t k)
     for (size_t b = 0; b < s->blocks; b++) {
         const float *p = mirror_row(s, k, b);
 
-        for (size_t i = 0; p && i < ROW; i++)
-            sum += (double)p[i] * p[i];
+        sum += p ? mirror_row_product(p, p) : 0;
     }
     return sum;
 }
@@ -191,7 +217,7 @@ static int mirror_make(struct head_mirror *m, const struct head *h,
     s.V = h->V;
     s.blocks = h->blocks;
     s.across = malloc(h->V * sizeof *s.across);
-    s.image = malloc(h->blocks * ROW * sizeof *s.image);
+    s.image = calloc(h->blocks * ROW, sizeof *s.image);
     s.square = calloc(s.n + 1, sizeof *s.square);
     if (!s.across || !s.image || !s.square) {
         error_set(err, EX_OSERR, "no memory for %zu directions", s.n);

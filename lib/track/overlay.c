@@ -155,23 +155,34 @@ const uint8_t *overlay_draw(struct overlay *o, const uint8_t *rgb, size_t W,
     return o->rgb;
 }
 
+/* The least of three, where fminf would be called for what may be no number. */
+static float overlay_least(float a, float b, float c)
+{
+    const float least = a < b ? a : b;
+
+    return least < c ? least : c;
+}
+
 /* Fill a triangle: pixels whose centre lies inside. */
 static void overlay_fill(uint8_t *mask, size_t n, const float *a,
                          const float *b, const float *c)
 {
     const float top = (float)n;
-    float x0 = fmaxf(0, floorf(fminf(a[0], fminf(b[0], c[0]))));
-    float y0 = fmaxf(0, floorf(fminf(a[1], fminf(b[1], c[1]))));
-    float x1 = fminf(top, ceilf(fmaxf(a[0], fmaxf(b[0], c[0]))) + 1);
-    float y1 = fminf(top, ceilf(fmaxf(a[1], fmaxf(b[1], c[1]))) + 1);
+    float x0 = fmaxf(0, floorf(overlay_least(a[0], b[0], c[0])));
+    float y0 = fmaxf(0, floorf(overlay_least(a[1], b[1], c[1])));
+    float x1 = fminf(top, ceilf(-overlay_least(-a[0], -b[0], -c[0])) + 1);
+    float y1 = fminf(top, ceilf(-overlay_least(-a[1], -b[1], -c[1])) + 1);
 
     for (float y = y0 + 0.5f; y < y1; y++)
         for (float x = x0 + 0.5f; x < x1; x++) {
+            uint8_t *pixel = mask + (size_t)y * n + (size_t)x;
+            if (*pixel)
+                continue;
             float u = (b[0] - a[0]) * (y - a[1]) - (b[1] - a[1]) * (x - a[0]);
             float v = (c[0] - b[0]) * (y - b[1]) - (c[1] - b[1]) * (x - b[0]);
             float w = (a[0] - c[0]) * (y - c[1]) - (a[1] - c[1]) * (x - c[0]);
             if ((u <= 0 && v <= 0 && w <= 0) || (u >= 0 && v >= 0 && w >= 0))
-                mask[(size_t)y * n + (size_t)x] = 255;
+                *pixel = 255;
         }
 }
 
