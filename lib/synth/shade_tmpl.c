@@ -235,10 +235,26 @@ static void shade_skin_albedo(lane a[3], const struct shade_block *b,
         }
 }
 
+/* Oil and gloss of skin, `shine` strong, in every light; lit: the first one's
+ * shadow. */
+static void shade_skin_gloss(struct shade_block *b, const lane n[3],
+                             const lane v[3], const lane lit, const lane shine,
+                             const struct shade_env *env)
+{
+    lane g;
+
+    for (int l = 0; l < SHADE_LIGHTS; l++) {
+        shade_gloss_block(g, n, v, &env->light[l], 9, 45, 0.5f);
+        for (int c = 0; c < 3; c++)
+            LANES b->rgb[c][i] += g[i] * shine[i] * env->light[l].rgb[c]
+                                  * (l == 0 ? lit[i] : b->ao[i]);
+    }
+}
+
 void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
                      const struct shade_skin *s)
 {
-    lane low[4], mid[4], fine[4], a[3], v[3], n[3], lit, sum[3], amb[3], g;
+    lane low[4], mid[4], fine[4], a[3], v[3], n[3], lit, sum[3], amb[3];
     lane shine;
 
     shade_noise_block(low, b->c, s->shift, 7);
@@ -270,14 +286,8 @@ void ISA(shade_skin)(struct shade_block *b, const struct shade_env *env,
     }
     for (int c = 0; c < 3; c++)
         LANES b->rgb[c][i] = sum[c][i] * a[c][i];
-    for (int l = 0; l < SHADE_LIGHTS; l++) {
-        shade_gloss_block(g, n, v, &env->light[l], 9, 45, 0.5f);
-        if (l == 0)
-            shade_shadow_block(lit, b, &env->shadow, 0.012f);
-        for (int c = 0; c < 3; c++)
-            LANES b->rgb[c][i] += g[i] * shine[i] * env->light[l].rgb[c]
-                                  * (l == 0 ? lit[i] : b->ao[i]);
-    }
+    shade_shadow_block(lit, b, &env->shadow, 0.012f);
+    shade_skin_gloss(b, n, v, lit, shine, env);
     LANES {
         float nv = shade_clamp01(n[0][i] * v[0][i] + n[1][i] * v[1][i]
                                  + n[2][i] * v[2][i]);
@@ -313,12 +323,12 @@ static void shade_eye_albedo(lane a[3], lane wet, const lane e[3],
         }
 }
 
-void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
-                    const struct shade_eye *s)
+/* e: directions from the eyeballs' centres; polar: where the iris' streaks are
+ * looked up, around the pupil and outwards. */
+static void shade_eye_directions(lane e[3], lane polar[3],
+                                 const struct shade_block *b,
+                                 const struct shade_eye *s)
 {
-    lane e[3], polar[3], streak[4], vein[4], a[3], wet, v[3], n[3], lit, g;
-    lane amb[3], refl[3], mirror[3];
-
     for (int k = 0; k < 3; k++)
         LANES {
             float right = b->c[0][i] < 0 ? 1 : 0;
@@ -332,6 +342,15 @@ void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
         polar[1][i] = e[1][i] / r * 7;
         polar[2][i] = r * 3;
     }
+}
+
+void ISA(shade_eye)(struct shade_block *b, const struct shade_env *env,
+                    const struct shade_eye *s)
+{
+    lane e[3], polar[3], streak[4], vein[4], a[3], wet, v[3], n[3], lit, g;
+    lane amb[3], refl[3], mirror[3];
+
+    shade_eye_directions(e, polar, b, s);
     shade_noise_block(streak, polar, s->shift, 1.6f);
     shade_noise_block(vein, b->c, s->shift, 90);
     shade_eye_albedo(a, wet, e, streak, vein, s);
@@ -442,10 +461,44 @@ void ISA(shade_cloth)(struct shade_block *b, const struct shade_env *env,
     }
 }
 
+/* What a strand reflects of light q, added to sum; open: how far that reaches
+ * it. */
+static void shade_strand_light(lane sum[3], const struct shade_block *b,
+                               const lane v[3], const lane open,
+                               const struct shade_strand *s,
+                               const struct shade_light *q)
+{
+    LANES {
+        float tl = 0, tv = 0, nl = 0;
+        for (int k = 0; k < 3; k++) {
+            tl += b->c[k][i] * q->dir[k];
+            tv += b->c[k][i] * v[k][i];
+            nl += b->n[k][i] * q->dir[k];
+        }
+        float sl = sqrtf(shade_clamp01(1 - tl * tl));
+        float sv = sqrtf(shade_clamp01(1 - tv * tv));
+        float face = shade_clamp01(nl * 0.75f + 0.25f + s->soft);
+        float d = sl * face * open[i];
+        /* Kajiya and Kay's cone, shifted to root and tip */
+        float cone = sl * sv - tl * tv;
+        float jitter = 0.10f * b->k[0][i];
+        float e1 = shade_clamp01(cone + 0.02f + jitter) - 1;
+        float e2 = shade_clamp01(cone - 0.04f - jitter) - 1;
+        float w = shade_clamp01(nl * 2 + 0.2f) * open[i];
+        float white = s->gloss * w * shade_exp_fast(60 * e1);
+        float tint = s->tint * w * shade_exp_fast(22 * e2);
+        for (int c = 0; c < 3; c++) {
+            float a = s->base[c] * (1 + s->spread * b->k[0][i]);
+            sum[c][i] += q->rgb[c] * (a * (d + tint)
+                                      + (0.02f + 0.1f * a) * white);
+        }
+    }
+}
+
 void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
                        const struct shade_strand *s)
 {
-    lane v[3], lit, amb[3], sum[3];
+    lane v[3], lit, open, amb[3], sum[3];
 
     shade_unit_block(b->n);
     shade_unit_block(b->c);
@@ -468,34 +521,9 @@ void ISA(shade_strand)(struct shade_block *b, const struct shade_env *env,
         LANES sum[c][i] = s->base[c] * (1 + s->spread * b->k[0][i])
                           * amb[c][i] * b->k[2][i] * (0.4f + 0.6f * b->ao[i]);
     for (int l = 0; l < SHADE_LIGHTS; l++) {
-        const struct shade_light *q = &env->light[l];
-        LANES {
-            float tl = 0, tv = 0, nl = 0;
-            for (int k = 0; k < 3; k++) {
-                tl += b->c[k][i] * q->dir[k];
-                tv += b->c[k][i] * v[k][i];
-                nl += b->n[k][i] * q->dir[k];
-            }
-            float sl = sqrtf(shade_clamp01(1 - tl * tl));
-            float sv = sqrtf(shade_clamp01(1 - tv * tv));
-            float open = (l == 0 ? shade_mix(lit[i], sqrtf(lit[i]), 0.6f) : 1)
-                         * b->k[2][i];
-            float face = shade_clamp01(nl * 0.75f + 0.25f + s->soft);
-            float d = sl * face * open;
-            /* Kajiya and Kay's cone, shifted to root and tip */
-            float cone = sl * sv - tl * tv;
-            float jitter = 0.10f * b->k[0][i];
-            float e1 = shade_clamp01(cone + 0.02f + jitter) - 1;
-            float e2 = shade_clamp01(cone - 0.04f - jitter) - 1;
-            float w = shade_clamp01(nl * 2 + 0.2f) * open;
-            float white = s->gloss * w * shade_exp_fast(60 * e1);
-            float tint = s->tint * w * shade_exp_fast(22 * e2);
-            for (int c = 0; c < 3; c++) {
-                float a = s->base[c] * (1 + s->spread * b->k[0][i]);
-                sum[c][i] += q->rgb[c] * (a * (d + tint)
-                                          + (0.02f + 0.1f * a) * white);
-            }
-        }
+        LANES open[i] = (l == 0 ? shade_mix(lit[i], sqrtf(lit[i]), 0.6f) : 1)
+                        * b->k[2][i];
+        shade_strand_light(sum, b, v, open, s, &env->light[l]);
     }
     memcpy(b->rgb, sum, sizeof sum);
 }
