@@ -165,6 +165,8 @@ void clutter_paint(float *wall, size_t n, const struct clutter_patch *patch,
     clutter_shape_draw(&h, n, 1, patch, own, r);
     h.form = SHAPE_BOX;
     h.half[0] = h.half[1] = 4 * (float)n;
+    /* shapes are mixed with what is there, the first one, too */
+    memset(wall, 0, 3 * n * n * sizeof *wall);
     clutter_shape_paint(wall, n, &h, patch);
     for (uint32_t i = 0; i < count; i++) {
         float left = 1 - (float)i / (float)count;
