@@ -170,9 +170,9 @@ static void cli_option_misuse(int c, char **argv)
     die(EX_USAGE, "%s %s (see --help)", argv[optind - 1], what);
 }
 
-/* Addresses for what networks and pictures take, in huge pages where the
- * system has some: a small page costs more to come by than to use, and there
- * were 60,000 to a first frame.  Untouched ones cost nothing. */
+/* Reserve addresses for networks and pictures, in huge pages where the system
+ * has some: getting a small page costs more than using it, and a first frame
+ * took 60,000 of them.  Addresses that are not touched cost nothing. */
 static void cli_reserve_heap(void)
 {
     const uintptr_t page = (uintptr_t)2 << 20;

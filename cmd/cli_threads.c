@@ -40,10 +40,10 @@ static bool cli_is_pipe(int fd)
     return fstat(fd, &st) == 0 && S_ISFIFO(st.st_mode);
 }
 
-/* OpenMP's threads wait for each other by spinning, milliseconds long, which
- * keeps others from the very work that is waited for.  The library reads how
- * to wait before main begins, hence another start with the variable set;
- * whoever set one decides for himself. */
+/* OpenMP's threads wait for each other by spinning for milliseconds, which
+ * keeps processors from the work that is waited for.  The library reads how to
+ * wait before main begins; so the program starts again with the variable set,
+ * unless the user has set one. */
 static void cli_start_again(char **argv, const char *name,
                             const char *value)
 {
@@ -57,8 +57,8 @@ static void cli_start_again(char **argv, const char *name,
     execv(path, argv);         /* if it fails: slower, not wrong */
 }
 
-/* The programs of a pipe share the processors; spinning, they would run at a
- * third of their speed. */
+/* The programs of a pipe share the processors; with threads that spin they run
+ * at a third of their speed. */
 static void cli_wait_asleep(char **argv)
 {
     if (cli_is_pipe(STDIN_FILENO) || cli_is_pipe(STDOUT_FILENO))
@@ -79,10 +79,10 @@ void cli_expect_networks(void)
         setenv("GOMP_SPINCOUNT", THREADS_TURNS, 0);
 }
 
-/* Two programs of a pipe have most of the work, spid-splat and spid-refine,
- * and all of them work on different frames at the same time.  A program that
- * passes records on, or takes in what another one works as hard for, leaves it
- * half of the processors: with all of them each, the threads of one would wait
+/* All programs of a pipe work at the same time, on different frames; most of
+ * the work is spid-splat's and spid-refine's.  A program that passes records
+ * on, or whose input is as much work as its own, leaves half of the processors
+ * to the other one.  With all processors each, the threads of one would wait
  * for those of the other at every barrier. */
 static void cli_share_threads(bool hard_input)
 {

@@ -97,8 +97,8 @@ static int clips_is_record(const struct dirent *d)
     return file_ends(d->d_name, ".spid") || !strcmp(d->d_name, "clips.tsv");
 }
 
-/* Whether a regular file begins as a stream does, or is to be one; what cannot
- * be opened, too: whoever reads it says what is wrong. */
+/* Whether a regular file is a stream by its name or its first bytes; also when
+ * it cannot be opened, as the reader then says what is wrong. */
 static bool clips_is_stream(const char *path)
 {
     return file_ends(path, ".spid") || access(path, R_OK) ||

@@ -90,14 +90,14 @@ static cv::Mat matte_grabcut_seeds(const cv::Mat &head, const cv::Rect &part)
             int d = std::abs(x - cx);
             if (l == cv::GC_BGD && d < reach)
                 l = cv::GC_PR_FGD;
-            /* nobody is without shoulders: their colours are needed */
+            /* everybody has shoulders, and their colours are needed */
             int below = y - (box.y + box.height * 9 / 10);
             if (below > 0 && d < std::min(tight + below, box.width * 9 / 10))
                 l = cv::GC_FGD;
         }
     }
-    /* the picture's borders above the shoulders show no one as long as the
-     * head is away from them */
+    /* borders above the shoulders are background if the head is away from
+     * them */
     const int margin = std::max(2, n / 64), away = n / 6;
     const int beside = std::max(0, chin - part.y);
     cv::Mat here = label(part);
@@ -316,7 +316,7 @@ int matte_refine(uint8_t *matte, bool *absurd, const float *coarse, size_t w,
         const matte_pictures p = matte_pictures_make(rgb, head, inside, N, W);
         cv::Mat alpha = cv::Mat(W, W, CV_32F,
                                 const_cast<float *>(coarse)).clone();
-        /* the face itself is the person's, whatever crosses it */
+        /* the middle of the face is the person, whatever crosses it */
         const cv::Rect box = cv::boundingRect(p.small_head);
         const int across = std::max(3, std::max(box.width, box.height) / 8);
         cv::erode(p.small_head, core, mask_disc(across));

@@ -153,8 +153,8 @@ static cv::Mat wall_reach(const cv::Mat &like, int shoulders)
     return mask_of_labels(label, keep);
 }
 
-/* 255 where somebody stands, rim included: not the wall's colour, or where no
- * wall can be seen through, which is the head and below it. */
+/* 255 where the person is, rim included: other than the wall's colour, or where
+ * no wall can show through, in the head and below it. */
 static cv::Mat wall_person(const cv::Mat &d, const cv::Mat &head,
                            const cv::Mat &in, float near)
 {
@@ -173,9 +173,8 @@ static cv::Mat wall_person(const cv::Mat &d, const cv::Mat &head,
     return person;
 }
 
-/* Whether the person, whom the picture's lowest row shows, is whole there:
- * shoulders only widen downwards, and white clothes before a white wall are
- * not told apart. */
+/* Whether the person in the picture's lowest row is complete: shoulders only
+ * widen downwards, but white clothes before a white wall are not found. */
 static bool wall_shoulders(const cv::Mat &person, const cv::Mat &in)
 {
     const cv::Rect part = cv::boundingRect(in), box = cv::boundingRect(person);

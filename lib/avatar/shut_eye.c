@@ -21,7 +21,7 @@ struct shut_eye_look {
 };
 
 /* A common eye in white light: brown. */
-static const struct shut_eye_look shut_eye_anybody = {
+static const struct shut_eye_look shut_eye_common = {
     {0.03f, 0.03f, 0.03f}, {0.32f, 0.21f, 0.13f}, {0.86f, 0.82f, 0.79f}
 };
 
@@ -155,15 +155,15 @@ static void shut_eye_mean(float rgb[3], float low, float high, bool left,
         rgb[c] = sum[c] / sum[3];
 }
 
-/* Of the left eye or the right: anybody's in this light, or as far as the other
- * one is open, with that one's colours. */
+/* Of the left eye or the right: a common one in this light, with the other
+ * eye's colours where that one is open. */
 static struct shut_eye_look shut_eye_choose(bool left, float axis[2][3],
                                             const struct shut_eye *s,
                                             const struct shut_eye_light *by,
                                             const struct head *h,
                                             const struct densify *d)
 {
-    struct shut_eye_look look = shut_eye_anybody;
+    struct shut_eye_look look = shut_eye_common;
 
     for (int c = 0; c < 3; c++) {
         look.pupil[c] *= by->white[c];

@@ -1,13 +1,14 @@
-/* Eyes that the source has shut: the photograph shows lids where an avatar that
- * opens them needs eyeballs.  They get the white, iris and pupil of an eye that
- * could be anybody's, as the mouth has teeth that could be. */
+/* Eyes that are shut in the source: the photograph shows lids where an avatar
+ * that opens them needs eyeballs.  Those get the white, iris and pupil of a
+ * common eye, as the mouth gets generic teeth. */
 #ifndef SPID_AVATAR_SHUT_EYE_H
 #define SPID_AVATAR_SHUT_EYE_H
 
 #include "lib/geom/densify.h"
 #include "lib/head/head.h"
 
-/* How far each eye is shut, 0 up to well over half of the lid's way to 1. */
+/* How far each eye is shut: 0 over more than half of the lid's way, then up to
+ * 1. */
 struct shut_eye {
     float left, right;          /* the subject's */
 };

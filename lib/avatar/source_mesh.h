@@ -1,6 +1,6 @@
-/* The source's mesh as its camera sees it: what Phase A knows of geometry.
- * Everything here follows from vertices and camera alone and is constant for
- * the backward. */
+/* The source's mesh as its camera sees it: the geometry that Phase A works
+ * with. Everything here follows from vertices and camera alone and is constant
+ * for the backward. */
 #ifndef SPID_AVATAR_SOURCE_MESH_H
 #define SPID_AVATAR_SOURCE_MESH_H
 

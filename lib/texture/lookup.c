@@ -21,8 +21,8 @@ const struct lookup_kernels *lookup_kernels(void)
     return &lookup_kernels_baseline;
 }
 
-/* The level whose pixels are nearest to the picture's in size, rather a finer
- * one: one that is much finer would flicker. */
+/* The level whose pixels are nearest to the picture's in size, with a slight
+ * preference for finer ones; much finer ones would flicker. */
 size_t texture_level(const struct texture *t, const struct splat_place_view *v,
                      size_t size)
 {
@@ -45,8 +45,8 @@ size_t texture_level(const struct texture *t, const struct splat_place_view *v,
 /* ---- pixels at the picture's border ---------------------------------------
  */
 
-/* How much the offset changes from this pixel to the one `step` further, in
- * units of the step; 0 where one of the two has no place. */
+/* Change of the offset from pixel p to the one `step` further, pixels; 0 where
+ * that one has no place. */
 static float texture_change(const float *p, long step, float size)
 {
     const float *q = p + 3 * step;
@@ -57,7 +57,7 @@ static float texture_change(const float *p, long step, float size)
     return 0.5f * size * sqrtf(x * x + y * y);
 }
 
-/* How far pixel (x,y) is to be believed. */
+/* The confidence in pixel (x,y), which has a place. */
 static float texture_confidence(const float *place,
                                 const struct splat_place_view *v, float zoom,
                                 const float *alpha, size_t x, size_t y,

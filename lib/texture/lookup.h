@@ -4,21 +4,22 @@
 
 #include "lib/texture/texture.h"
 
-/* Below this blended weight there is no place to speak of. */
+/* A pixel with this blended weight or less has no place. */
 #define TEXTURE_LEAST 0.004f
-/* How a place may change from pixel to pixel, beside the view's own change,
- * before it is doubted, and when it is not believed at all. */
+/* Change of the offset from pixel to pixel, in pixels: the confidence falls
+ * from the one on and is 0 from the other on. */
 #define TEXTURE_JUMP 1.5f
 #define TEXTURE_LEAP 6.0f
-/* How many of the photograph's pixels a pixel must show to be believed, and
- * below how few it is not at all: a cheek seen from the side and now from the
- * front would be its outline, drawn out.  Measured across so many pixels. */
+/* Area of the photograph that a pixel shows, over that of the view: the
+ * confidence is whole from the one on and 0 below the other, or a cheek that
+ * the photograph shows from the side would be its stretched outline when seen
+ * from the front.  Measured over so many pixels to either side. */
 #define TEXTURE_SHARP 0.55f
 #define TEXTURE_STRETCHED 0.12f
 #define TEXTURE_ACROSS 3
-/* The confidence by the share of the coverage that has a place.  Full from three
- * quarters on: along an outline a little of the coverage never has one, and
- * would stand beside the person where the photograph has nobody. */
+/* The confidence by the share of the coverage that has a place: whole from
+ * three quarters on, since along an outline some of the coverage never has
+ * one. */
 #define TEXTURE_SHARE(share) (1.6f * (share) - 0.2f)
 
 /* Which level of t a picture of size by size pixels is looked up in. */
@@ -28,30 +29,30 @@ size_t texture_level(const struct texture *t, const struct splat_place_view *v,
 /* What the view enlarges by, without its turn: A's smaller singular value,
  * squared. */
 float texture_zoom(const struct splat_place_view *v);
-/* Less than 1 where the places about pixel (x,y), which has one, draw the
- * photograph out or fold it over.  The backward holds it. */
+/* Factor of the confidence, under 1 where the places around pixel (x,y), which
+ * has one, stretch the photograph or fold it.  A constant for the backward. */
 float texture_stretch(const float *place, const struct splat_place_view *v,
                       float zoom, size_t x, size_t y, size_t size);
 
-/* How rims are believed, by how far a turned head's view is from the source's
- * but for scale and turns in the picture. */
+/* How much the photograph is believed at rims, by how far the head has turned
+ * since the source (turns in the picture's plane do not count). */
 struct texture_rim {
-    float turned;       /* 0 at 12 degrees and less, 1 at 25 and more: rims are
-                         * doubted */
-    float least;        /* 0 at 6 degrees and less, 1 at 12 and more: so are
-                         * those of the source that lie before what is drawn
-                         * solid, and would be slits in it: closed, too */
-    float most;         /* times the drawn coverage is the most that the
-                         * photograph covers: any at 0 degrees, twice at 8 and
-                         * more.  Past an outline lie places from anywhere
-                         * beyond it. */
+    float turned;       /* 0 up to 12 degrees, 1 from 25 on: how much rims, of
+                         * little matte or coverage, are doubted */
+    float least;        /* 0 up to 6 degrees, 1 from 12 on: how much rims of
+                         * the source that lie inside the drawn head are
+                         * doubted and filled; they would be slits */
+    float most;         /* the photograph covers at most so many times what is
+                         * drawn: without limit at 0 degrees, 2 from 8 on.  Past
+                         * an outline lie places from anywhere beyond it */
 };
+/* Of the view to a frame. */
 struct texture_rim texture_rim(const struct splat_place_view *v);
-/* What of the confidence is left where the matte or the coverage alpha is less
- * than full, or the matte less than the coverage: there a turned head's rim is
- * torn.  The matte's share of the coverage counts by its fourth power: by the
- * share alone, a quarter of the background would shine through what is drawn
- * solid. */
+/* Factor of the confidence by matte and drawn coverage alpha: less where either
+ * is less than full, or the matte less than the coverage, as there a turned
+ * head's rim is torn.  The matte's share of the coverage counts by its fourth
+ * power; by the share alone a quarter of the background would shine through
+ * what is drawn solid. */
 static inline float texture_whole(float matte, float alpha,
                                   struct texture_rim rim)
 {
@@ -66,10 +67,10 @@ static inline float texture_whole(float matte, float alpha,
     return t * share * share;
 }
 
-/* What a looked-up pixel's colours and matte are multiplied by: they cover no
- * more than rim.most times the drawn coverage alpha; and on a turned head, to
- * whose old outline a matte below alpha belongs, as much as is drawn, but no
- * more than twice their own: a colour of little matte is not known. */
+/* Factor of a looked-up pixel's colours and matte.  They cover at most rim.most
+ * times the drawn coverage alpha.  On a turned head a matte below alpha is the
+ * old outline's: there they cover as much as is drawn, but at most twice what
+ * they did, as the colour is not known where the matte is small. */
 static inline float texture_cover(float matte, float alpha,
                                   struct texture_rim rim)
 {
@@ -80,8 +81,8 @@ static inline float texture_cover(float matte, float alpha,
     return 1 + rim.least * (alpha < 2 * matte ? alpha / matte - 1 : 1);
 }
 
-/* photo (n,5) of pixels from x on in row y as a field with places `step`
- * pixels apart has it: less confidence by its doubt, colours by its gains. */
+/* Apply a field with places `step` pixels apart to photo (n,5), pixels from x
+ * on in row y: confidence times 1 - doubt, colours times 1 + gain. */
 void texture_field_row(float *photo, const struct texture_field *f,
                        float step, size_t x, size_t n, size_t y);
 

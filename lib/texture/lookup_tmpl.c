@@ -157,7 +157,8 @@ static void ISA(lookup_confidence_row)(struct lookup_row *row,
 
 /* The four neighbours' weights at t in [0,1) past the second are polynomials:
  * their numbers from the highest power, one for each lane.  Keys's a is -3/4:
- * of photographs moved by known parts of a pixel it gives back most. */
+ * it restores photographs best that were moved by known fractions of a
+ * pixel. */
 static const float weights[4][16] = {
     {-0.75f, -0.75f, -0.75f, -0.75f, 1.25f, 1.25f, 1.25f, 1.25f,
      -1.25f, -1.25f, -1.25f, -1.25f, 0.75f, 0.75f, 0.75f, 0.75f},

@@ -1,5 +1,5 @@
-/* The photograph as texture.  Faces learned from afar are soft; the source
- * picture is not.  Each Gaussian knows its place in the source picture
+/* The photograph as texture.  Decoded colours are soft; the source picture is
+ * not.  Each Gaussian knows its place in the source picture
  * (place.h), the renderer blends places as it blends colours, and each pixel
  * then takes its colour from the photograph at the blended place: deferred
  * texturing, after Deering et al. 1988 ("The triangle processor and normal
@@ -51,15 +51,15 @@ void texture_straight(uint8_t *out, const uint8_t *rgb, const uint8_t *matte,
  * A pixel that no Gaussian with a place covers gets zeros.  The confidence is
  * the share of the coverage that has a place, less where the blended places
  * disagree: where they jump from one pixel to the next, as at silhouettes, or
- * hardly move, so that a rim of the photograph would be drawn out; and, on a
- * head that has turned, where matte or coverage is not full.  There the
- * photograph covers no more than twice what is drawn, and no less where the
- * matte is half of it and more: the old outline is no gap in the new picture. */
+ * hardly change, which would stretch a rim of the photograph; and, on a head
+ * that has turned, where matte or coverage is not full.  There the photograph
+ * covers at most twice what is drawn, and as much where the matte is at least
+ * half of that, so that the old outline leaves no gap in the new picture. */
 void texture_lookup(float *photo, const struct texture *t,
                     const struct splat_place_view *v, const float *place,
                     const float *alpha, size_t size);
 
-/* Colour = confidence x photograph + rest x today's colour, alpha likewise:
+/* Colour = confidence x photograph + (1 - confidence) x colour, alpha likewise:
  * n pixels of color (n,channels: the first three, premultiplied) and alpha
  * (n), in place. */
 void texture_mix(float *color, size_t channels, float *alpha,
@@ -92,8 +92,8 @@ void texture_compose_backward(float *drgb, float *dalpha, float *dphoto,
                               size_t height, size_t width);
 
 /* dplace (size,size,3) and dalpha (size,size) += the gradient of dphoto
- * (size,size,5), what texture_lookup gave; the view is held, and how much the
- * photograph is drawn out or on a rim. */
+ * (size,size,5), what texture_lookup gave.  Constants are the view, the level,
+ * and the confidence's factors for stretching and rims. */
 void texture_lookup_backward(float *dplace, float *dalpha,
                              const float *dphoto, const struct texture *t,
                              const struct splat_place_view *v,

@@ -1,5 +1,5 @@
-/* A person whom the photograph's edges cut, beyond them: as a portrait window
- * that reaches past the picture shows them. */
+/* A person who is cut by the photograph's edges, continued beyond them, for a
+ * portrait window that reaches past the picture. */
 #ifndef SPID_TRACK_BEYOND_H
 #define SPID_TRACK_BEYOND_H
 

@@ -147,7 +147,7 @@ static size_t clip_length(const char *path, const struct framesource *in)
     return n;
 }
 
-/* All frames through; every so many-th is looked at. */
+/* Read all frames; every step-th is tried. */
 static int clip_read(struct clip_state *s, struct clip_report *r,
                      const struct clip *c, const char *path,
                      struct framesource *in, struct error *err)
@@ -164,7 +164,7 @@ static int clip_read(struct clip_state *s, struct clip_report *r,
             return -1;
     }
     if (rc < 0 && r->kept >= c->opt.least)
-        rc = 0;                 /* a cut video's whole frames will do */
+        rc = 0;                 /* a video cut short: its frames suffice */
     return rc;
 }
 
@@ -266,7 +266,7 @@ int clip_prepare(struct stream_writer *w, struct clip_report *r,
     rc = clip_read(&s, r, c, path, in, err);
     framesource_close(in);
     if (rc < 0 && err->code != EX_OSERR)
-        rc = 1;                 /* damaged: bad, and said so */
+        rc = 1;                 /* damaged: bad, *err says why */
     if (rc == 0)
         rc = clip_score(r, &s, c, path, err);
     if (rc == 0)

@@ -18,7 +18,7 @@ struct oneeuro {
     float dx[ONEEURO_MAX];      /* smoothed derivative, per second */
 };
 
-/* cutoff: Hz at rest. */
+/* cutoff: Hz at rest; 0: samples are left as they are. */
 void oneeuro_init(struct oneeuro *f, double cutoff);
 /* Forget the past: after a lost face. */
 void oneeuro_reset(struct oneeuro *f);

@@ -1,8 +1,7 @@
 /* Relative motion: what the driver does, done from where the source is.  A
  * frame's pose and expression are taken relative to the driver's own neutral
- * frame and added to the source's: two people's faces at rest differ, and
- * that difference is nobody's movement (as Siarohin et al. 2019 do with
- * keypoints). */
+ * frame and added to the source's: two people's faces at rest differ, and that
+ * difference is no movement (as Siarohin et al. 2019 do with keypoints). */
 #ifndef SPID_TRACK_RELATIVE_H
 #define SPID_TRACK_RELATIVE_H
 
@@ -31,7 +30,7 @@ void relative_init(struct relative *r, const struct motion *source,
  *   expression, jaw, eyes   source + driver - neutral; what the source does
  *                more of than the neutral frame (a smile of ARKit's, an open
  *                jaw) goes the same share of the way to the most a face does,
- *                for nobody smiles twice
+ *                so that nothing is done twice
  *   lids         from the source's opening to the same share of the way to
  *                closed or wide open, so that a closed lid is closed
  * The crop stays. */

@@ -29,8 +29,8 @@ const char *source_matte_name(enum source_matte how)
     return name[how];
 }
 
-/* How sure E_m is of the face in a picture that it sees turned; 0 when there
- * is none, -1. */
+/* How sure E_m is of the face in a (turned) picture; 0 when there is none, -1
+ * on an error. */
 static double source_encode_turn(struct source *s, struct track *t,
                                  struct track_result *r, const struct image *im,
                                  struct error *err)
@@ -41,8 +41,8 @@ static double source_encode_turn(struct source *s, struct track *t,
     return found <= 0 ? found : (double)r->sure;
 }
 
-/* The turn that shows the surest face, *quarters, unless the picture as it is
- * shows a sure one, which is then *r: 1, else 0; -1. */
+/* 1 when the picture as it is shows a sure face, then *r; else 0, and *quarters
+ * is the turn that shows the surest one; -1 on an error. */
 static int source_find_turn(struct source *s, struct track *t,
                             struct track_result *r, const struct image *im,
                             int *quarters, struct error *err)
@@ -71,8 +71,8 @@ static int source_find_turn(struct source *s, struct track *t,
     return best < 0 ? -1 : 0;
 }
 
-/* The picture, and its mask, upright: 1 with *r where it was so, and its face
- * is sure; 0; -1. */
+/* Turn the picture and its mask upright.  1: it was, its face is sure, and *r
+ * is set; 0; -1 on an error. */
 static int source_find_upright(struct source *s, struct track *t,
                                struct track_result *r, struct image *im,
                                struct image *mask, struct error *err)
@@ -104,7 +104,7 @@ static int source_find_face(struct source *s, struct track *t,
     struct track_result r;
     int found = turns ? source_find_upright(s, t, &r, im, mask, err) : 0;
 
-    if (found)          /* the tracker has looked, and stands there */
+    if (found)          /* the tracker has looked, and follows that face */
         r.detect_s = 0;
     else
         found = track_start(t, &r, im->rgb, im->width, im->height, 0, err);

@@ -51,7 +51,7 @@ int source_cut_out(struct source *s, const struct image *im,
                    struct encoders *nets, struct error *err);
 /* Free what it holds; zeroed then. */
 void source_release(struct source *s);
-/* Move the person out, for whoever keeps them (person_release); set
+/* Move the person out of s; the caller releases it (person_release) and sets
  * source.pose.exp of the copy to its own exp. */
 struct person source_move_person(struct source *s);
 

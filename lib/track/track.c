@@ -22,7 +22,7 @@
 #define JUMP 0.5               /* of the crop's side: heads move less a frame */
 #define GROWTH 1.6             /* factor of its side, likewise */
 #define BEHIND (-0.2)          /* cosine of a head's turn: its back is shown */
-#define FRONTAL 0.85           /* from here on the detector knows faces */
+#define FRONTAL 0.85           /* from here on the detector finds faces */
 #define VISIBLE 0.4            /* least share of the crop in the picture */
 #define DOUBTS 3               /* failed checks until the face is lost */
 #define DEPTH_SCALE 10         /* depth is known less well than x and y */
@@ -141,7 +141,7 @@ void track_project(float *uv, struct track *t, const struct motion *m)
     camera_project(uv, NULL, cam, (float)t->opt.size, lmk, HEAD_LANDMARKS);
 }
 
-/* What E_m said of the crop in t->input, laid over earlier frames. */
+/* Align E_m's motion of the crop in t->input with earlier frames. */
 static void track_align(struct track *t, struct track_result *r, size_t W,
                         size_t H)
 {
@@ -191,7 +191,7 @@ static int track_encode(struct track *t, struct track_result *r,
     return 0;
 }
 
-/* ---- doubts ----------------------------------------------------------- */
+/* ---- plausibility ------------------------------------------------------- */
 
 /* Mean-free grey picture of the crop, unit length; returns its standard
  * deviation before. */
@@ -460,7 +460,7 @@ static void track_deliver_lost(struct track *t, struct track_result *r,
     track_deliver(t, r, time);
 }
 
-/* Look for the face again; hold the last motion when there is none. */
+/* Look for the face again; repeat the last motion when there is none. */
 static int track_search(struct track *t, struct track_result *r,
                         const uint8_t *rgb, size_t W, size_t H, double time,
                         const char *why, struct error *err)

@@ -1,7 +1,7 @@
 /* From frames to motion (Phase B's first half): which crop the motion encoder
  * sees, what its output means, and what happens when the face is lost.  The
  * crop of a frame comes from the last frame's projected head; the detector is
- * for the start, for doubts, and after a loss.  spid-motion, spid-shape and
+ * used at the start, for checks, and after a loss.  spid-motion, spid-shape and
  * spid animate all call this, so that they see the same. */
 #ifndef SPID_TRACK_TRACK_H
 #define SPID_TRACK_TRACK_H
@@ -34,9 +34,9 @@ struct track_options {
                                  * image, too */
     bool no_align;              /* motions as E_m says them, not aligned with
                                  * keyframes (align.h) */
-    bool still;                 /* a photograph, on which all that follows
-                                 * rests: E_m is not hurried (tta.h); nothing
-                                 * to align it with */
+    bool still;                 /* a photograph: E_m keeps its precision
+                                 * (tta.h), and there is nothing to align it
+                                 * with */
 };
 
 enum track_event {

@@ -126,7 +126,7 @@ void motion_mirror_mean(float *out, const float *mirrored,
         out[k] = 0.5f * (out[k] + m->sign[k] * mirrored[m->from[k]]);
 }
 
-/* net for so many crops, of the type that is wanted, unless it is so. */
+/* Plan net for `batch` crops and the type that is wanted, if it is not yet. */
 static int motion_tta_plan(struct motion_encoder *net, size_t batch,
                            bool quick, struct error *err)
 {

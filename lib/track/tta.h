@@ -25,7 +25,7 @@ typedef int tta_crop_fn(void *ctx, float *rgb, struct square q,
 struct shape_tta {
     struct shape_encoder *net;          /* borrowed, planned for one crop */
     struct head_mirror across;
-    bool mirror;                        /* across is of use */
+    bool mirror;                        /* whether `across` is set */
     float *rgb;                         /* (224,224,3) */
 };
 
@@ -61,14 +61,15 @@ struct motion_tta {
     struct motion_encoder *net;         /* borrowed */
     size_t batch;                       /* B crops at a time */
     struct motion_mirror across;
-    bool mirror;                        /* across is of use, and wanted */
+    bool mirror;                        /* `across` is set, and wanted */
     float *rgb, *raw;                   /* (2B,224,224,3); (2B,120) */
 };
 
 /* wanted false: the crops alone.  quick: a net of type NN_FAST multiplies in
- * bfloat16 where the processor does so by itself, whose rounding is a sixth of
- * what poses tremble by from frame to frame anyway.  net has been planned; it
- * is planned again where its batch or type is not what this needs. */
+ * bfloat16 where the processor has instructions for that; its rounding is a
+ * sixth of the noise of poses from frame to frame.  net, which has been
+ * planned, is planned again where its batch or type is not what this needs.
+ * EX_OSERR. */
 int motion_tta_init(struct motion_tta *t, struct motion_encoder *net,
                     size_t batch, const struct head *h, bool wanted,
                     bool quick, struct error *err);
