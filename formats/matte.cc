@@ -4,6 +4,7 @@
 extern "C" {
 #include "formats/matte.h"
 }
+#include "formats/grabcut.hh"
 #include "formats/mask.hh"
 
 #include <sysexits.h>
@@ -27,12 +28,9 @@ static const int MOST = 97;
  * person is. */
 static cv::Mat matte_grabcut_run(const cv::Mat &rgb, cv::Mat &label, int rounds)
 {
-    cv::Mat background, foreground;
-
     cv::theRNG().state = 0x5eed;
     cv::setRNGSeed(1);
-    cv::grabCut(rgb.clone(), label, cv::Rect(), background, foreground, rounds,
-                cv::GC_INIT_WITH_MASK);
+    grabcut_run(label, rgb, rounds);
     return (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
 }
 
