@@ -588,7 +588,7 @@ void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                                  closed * mesh->weights->crease[k]);
 
         reach[k] = mesh->weights->reach[k];
-        if (seam > 0.1f && !(reach[k] > 0))
+        if (seam > 0.1f && reach[k] == 0)
             reach[k] = SEAM_MM * 1e-3f * mesh->head->scale / seam;
     }
 }

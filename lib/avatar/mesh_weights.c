@@ -170,7 +170,7 @@ static void mesh_weights_lids(struct mesh_weights *w, const struct head *h,
         w->fold[k] *= w->lid[k];
         w->reach[k] = 0;
         if (w->lid[k] > 0)
-            w->reach[k] = fmaxf(LID_REACH * mm, LID_REACH_MM) * 1e-3f *
+            w->reach[k] = -fmaxf(LID_REACH * mm, LID_REACH_MM) * 1e-3f *
                           h->scale / w->lid[k];
         w->stretch[k] = 1 + w->fold[k] * fmaxf(wider, 0);
     }

@@ -24,24 +24,30 @@ struct gaussians {
     const float *seen;            /* (N)   0..1: how much of that is so; or
                                    * NULL with uv: nothing is */
     const float *reach;           /* (N) how far from home the photograph still
-                                   * shows it, head units; 0: anywhere; or
-                                   * NULL: all of them anywhere */
+                                   * shows it, head units; negative: so far but
+                                   * for the way up (+y), which does not count;
+                                   * 0: anywhere; or NULL: all of them
+                                   * anywhere */
     const float *home;            /* (N,3) centres when it was seen; NULL:
                                    * mean */
 };
 
 /* What is left of a Gaussian's seen when it has gone from home (3) to mean (3):
- * all up to a third of its reach, nothing from there on. */
+ * all up to a third of its reach, nothing from the whole of it on. */
 static inline float gaussian_seen(float seen, float reach, const float home[3],
                                   const float mean[3])
 {
     float square = 0, t;
 
-    if (!(reach > 0))
+    if (reach == 0)
         return seen;
-    for (int k = 0; k < 3; k++)
-        square += (mean[k] - home[k]) * (mean[k] - home[k]);
-    t = 1.5f * (1 - sqrtf(square) / reach);
+    for (int k = 0; k < 3; k++) {
+        const float way = mean[k] - home[k];
+
+        if (k != 1 || reach > 0 || way < 0)
+            square += way * way;
+    }
+    t = 1.5f * (1 - sqrtf(square) / fabsf(reach));
     t = t < 0 ? 0 : t > 1 ? 1 : t;
     return seen * t * t * (3 - 2 * t);
 }

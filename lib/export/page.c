@@ -352,10 +352,10 @@ static void page_pack_reach(struct pack *k, const struct baked *b)
     size_t n = 0;
 
     for (size_t i = 0; i < b->N; i++)
-        n += b->reach[i] > 0;
+        n += b->reach[i] != 0;
     float *to = n ? page_pack_add(k, "reach", ST_F32, n, 5, NULL) : NULL;
     for (size_t i = 0; to && i < b->N; i++) {
-        if (!(b->reach[i] > 0))
+        if (b->reach[i] == 0)
             continue;
         to[0] = (float)i;
         memcpy(to + 1, b->mean + 3 * i, 3 * sizeof *to);

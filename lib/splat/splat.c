@@ -206,9 +206,8 @@ static int splat_check_gaussians(const struct splat *s,
                                      "-1e6 to 1e6", err)) ||
          (g->seen && splat_check_array(g->seen, g->n, 1, "seen", 0, 1,
                                        "0 to 1", err)) ||
-         (g->reach && splat_check_array(g->reach, g->n, 1, "reach", 0, WIDEST,
-                                        "a finite number, not negative",
-                                        err))))
+         (g->reach && splat_check_array(g->reach, g->n, 1, "reach", -WIDEST,
+                                        WIDEST, "a finite number", err))))
         return -1;
     if (g->color)
         return splat_check_array(g->color, g->n, (size_t)g->channels, "color",
@@ -229,7 +228,7 @@ static int splat_load_tethers(struct splat *s, const struct gaussians *g,
     size_t n = 0;
 
     for (size_t i = 0; i < g->n && some; i++)
-        n += g->reach[i] > 0;
+        n += g->reach[i] != 0;
     free(st->tether);
     st->tether = NULL;
     st->tethers = 0;
@@ -241,7 +240,7 @@ static int splat_load_tethers(struct splat *s, const struct gaussians *g,
     for (size_t i = 0; i < g->n; i++) {
         const float *home = (g->home ? g->home : g->mean) + 3 * i;
 
-        if (g->reach[i] > 0)
+        if (g->reach[i] != 0)
             st->tether[st->tethers++] = (struct splat_tether){
                 i, g->seen[i], g->reach[i], {home[0], home[1], home[2]}};
     }

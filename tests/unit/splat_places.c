@@ -124,17 +124,24 @@ static void places_reach(void)
         {0, 1}, {1.0 / 3, 1}, {0.5, 0.84375}, {2.0 / 3, 0.5}, {1, 0}, {9, 0}
     };
     const float home[3] = {0.1f, -0.2f, 0.3f};
-    double worst = 0;
+    double worst = 0, lid = 0;
 
     for (size_t k = 0; k < sizeof at / sizeof *at; k++) {
-        const float mean[3] = {0.1f, -0.2f + (float)(0.03 * at[k].way),
-                               0.3f + (float)(0.04 * at[k].way)};
+        const float up = (float)(0.03 * at[k].way);
+        const float aside = (float)(0.04 * at[k].way);
+        const float risen[3] = {0.1f, -0.2f + up, 0.3f + aside};
+        const float sunk[3] = {0.1f, -0.2f - up, 0.3f + aside};
 
         worst = fmax(worst, fabs(0.8 * at[k].left -
-                                 gaussian_seen(0.8f, 0.05f, home, mean)));
-        worst = fmax(worst, fabs(0.8 - gaussian_seen(0.8f, 0, home, mean)));
+                                 gaussian_seen(0.8f, 0.05f, home, risen)));
+        worst = fmax(worst, fabs(0.8 - gaussian_seen(0.8f, 0, home, risen)));
+        lid = fmax(lid, fabs(0.8 * at[k].left -
+                             gaussian_seen(0.8f, -0.05f, home, sunk)));
+        lid = fmax(lid, fabs(0.8 * at[k].left -
+                             gaussian_seen(0.8f, -0.04f, home, risen)));
     }
     check("seen within reach of home", worst, 1e-5);
+    check("of a lid: the way up does not count", lid, 1e-5);
 }
 
 /* Gaussians move, some beyond their reach, and the view changes, while the
@@ -157,7 +164,7 @@ static void places_moving(void)
     places_scene(&t, N, 43);
     memcpy(home, t.g.mean, 3 * N * sizeof *home);
     for (size_t i = 0; i < N; i += 2)
-        reach[i] = 0.001f * (float)(i % 60);
+        reach[i] = (i % 4 ? 0.001f : -0.001f) * (float)(i % 60);
     t.g.home = home;
     t.g.reach = reach;
     o.place = true;

@@ -102,9 +102,11 @@ export class Drive {
     for (let i = 3; i < out.length; i += 4) out[i] = 1;
     for (let k = 0; k < (reach?.length ?? 0); k += 5) {
       const at = 4 * reach[k];
-      const way = Math.hypot(out[at] - reach[k + 1], out[at + 1] - reach[k + 2],
+      const up = out[at + 1] - reach[k + 2], most = reach[k + 4];
+      const way = Math.hypot(out[at] - reach[k + 1],
+                             most < 0 ? Math.min(up, 0) : up,
                              out[at + 2] - reach[k + 3]);
-      const t = Math.min(Math.max(1.5 * (1 - way / reach[k + 4]), 0), 1);
+      const t = Math.min(Math.max(1.5 * (1 - way / Math.abs(most)), 0), 1);
       out[at + 3] = t * t * (3 - 2 * t);
     }
   }
