@@ -9,7 +9,8 @@
 
 #include "lib/geom/cholesky.h"
 
-#define SPREAD 0.15f            /* of E_m about the truth, per component */
+#define SPREAD 0.15f            /* of E_m about the truth, per component, */
+#define LID_SPREAD 0.25f        /* of lids and of what moves them most */
 #define HOLD 16.0               /* so many times it holds: neighbouring points
                                  * say the same and count as fewer */
 #define GAP_SPREAD 3e-4f        /* metres, of E_m's opening of the mouth */
@@ -17,8 +18,7 @@
                                  * picture shows the mouth or the line between
                                  * closed lips */
 #define STEPS 2                 /* more change nothing that is seen */
-#define LID_SHARE 0.5           /* a direction of the lids is not sought: what
-                                 * lies under them is no skin */
+#define LID_SHARE 0.5           /* of what a direction of the lids moves */
 #define MOVES 1e-3              /* metres: a point that goes no further in all
                                  * directions is not looked at */
 #define STILL 0.02              /* of the fastest direction's movement: less is
@@ -33,6 +33,7 @@ static bool align_face_is_skin(const struct head *h, size_t v)
     switch (h->region[v]) {
     case REGION_SKIN:
     case REGION_FACE:
+    case REGION_EYELID:
     case REGION_NOSE:
     case REGION_BROW:
     case REGION_LIPS:
@@ -57,6 +58,18 @@ static bool align_face_at_edge(const struct head *h, const float *verts,
             return true;
     }
     return false;
+}
+
+/* d (V,3) = how one of a lid or of a component moves the head. */
+static void align_face_get_direction(float *d, const struct align_face *f,
+                                     int code)
+{
+    const struct head *h = f->id->head;
+
+    if (code < 0)
+        head_direction(d, h, f->id->lids, 2, (size_t)ALIGN_FACE_LID(code));
+    else
+        head_direction(d, h, h->exp_dirs, h->nexp, (size_t)code);
 }
 
 /* Squared movement of a direction (V,3): of all vertices, and of the lids'. */
@@ -89,7 +102,7 @@ static void align_face_gaps(struct align_face *f, size_t k, const float *d)
 
             for (int c = 0; c < 3; c++)
                 f->gap[j][k] += (side ? -1.0 : 1.0) * share[c] *
-                                d[3 * face[c] + 1] * SPREAD /
+                                d[3 * face[c] + 1] * f->spread[k] /
                                 (GAP_SPREAD * h->scale);
         }
     }
@@ -103,17 +116,19 @@ static void align_face_choose(struct align_face *f, double *moves, float *d)
     double whole[2], most = 0;
 
     for (int pass = 0; pass < 2; pass++)
-        for (size_t k = 0; k < h->nexp && f->codes < ALIGN_FACE_CODES; k++) {
-            head_direction(d, h, h->exp_dirs, h->nexp, k);
+        for (int k = ALIGN_FACE_LID(1);
+             k < (int)h->nexp && f->codes < ALIGN_FACE_CODES; k++) {
+            align_face_get_direction(d, f, k);
             align_face_moves(whole, h, d);
-            if (pass == 0)
+            if (pass == 0 && k >= 0)
                 most = fmax(most, whole[0]);
-            if (pass == 0 || whole[0] < STILL * STILL * most ||
-                whole[1] > LID_SHARE * whole[0])
+            if (pass == 0 || whole[0] < STILL * STILL * most)
                 continue;
             for (size_t i = 0; i < 3 * h->V; i++)
                 moves[i / 3] += (double)d[i] * d[i];
-            f->code[f->codes++] = (int)k;
+            f->lid[f->codes] = k < 0 || whole[1] > LID_SHARE * whole[0];
+            f->spread[f->codes] = f->lid[f->codes] ? LID_SPREAD : SPREAD;
+            f->code[f->codes++] = k;
         }
 }
 
@@ -134,15 +149,13 @@ static void align_face_points(struct align_face *f, const double *moves)
 /* The directions of the points; d (V,3) is scratch. */
 static void align_face_direct(struct align_face *f, float *d)
 {
-    const struct head *h = f->id->head;
-
     for (size_t k = 0; k < f->codes; k++) {
         float *to = f->direction + 3 * f->room * k;
 
-        head_direction(d, h, h->exp_dirs, h->nexp, (size_t)f->code[k]);
+        align_face_get_direction(d, f, f->code[k]);
         for (size_t i = 0; i < f->count; i++)
             for (size_t c = 0; c < 3; c++)
-                to[c * f->room + i] = SPREAD * d[3 * f->vertex[i] + c];
+                to[c * f->room + i] = f->spread[k] * d[3 * f->vertex[i] + c];
         align_face_gaps(f, k, d);
     }
 }
@@ -272,6 +285,24 @@ static void align_face_improve(float *x, struct align_face_sums *s,
         x[k] -= (float)s->b[k];
 }
 
+/* m's numbers, from what the steps found beyond them, x (codes) in spreads. */
+static void align_face_store(struct motion *m, const struct align_face *f,
+                             const float *x)
+{
+    float *lid = m->pose.lid;
+    const float open = 1 - fmaxf(lid[0], lid[1]);
+
+    for (size_t k = 0; k < f->codes; k++) {
+        const int code = f->code[k];
+        float *to = code < 0 ? &lid[ALIGN_FACE_LID(code)] : &m->exp[code];
+
+        if (isfinite(x[k]))
+            *to += (f->lid[k] ? open : 1) * f->spread[k] * x[k];
+    }
+    for (int side = 0; side < 2; side++)
+        lid[side] = fminf(fmaxf(lid[side], 0), 1);
+}
+
 void align_face_fit(struct align_face *f, struct motion *m,
                     const float *shown, const align_pixel *picture,
                     const struct align_look *look, float gain, float bias)
@@ -293,7 +324,5 @@ void align_face_fit(struct align_face *f, struct motion *m,
         sigma = align_sigma(s.off, s.weight);
         align_face_improve(x, &s, f, gain, sigma);
     }
-    for (size_t k = 0; k < f->codes; k++)
-        if (isfinite(x[ALIGN_FACE_LIGHT + k]))
-            m->exp[f->code[k]] += SPREAD * x[ALIGN_FACE_LIGHT + k];
+    align_face_store(m, f, x + ALIGN_FACE_LIGHT);
 }
