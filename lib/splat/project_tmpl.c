@@ -139,7 +139,7 @@ VEC_INLINE void project_place_fine(struct lanes *l, struct splat_state *s,
     for (size_t part = 0; part < VEC; part += HALF) {
         struct lanes_double d;
 
-        place_double(&d, s, i + part);
+        project_place_double(&d, s, i + part);
         const vd *from[] = {&d.x, &d.y, &d.z, &d.xx, &d.xy, &d.yy, &d.det,
                             &d.falloff, &d.square, &d.sx, &d.sy};
 
@@ -186,6 +186,23 @@ VEC_INLINE void project_channels(struct splat_state *s, size_t i,
     vf_put_rows(s->place[i], row, 4);
 }
 
+/* The tiles of VEC Gaussians from i on by the rules of dgr; a Gaussian that has
+ * none is hidden. */
+VEC_INLINE void project_dgr_rects(struct splat_state *s, size_t i,
+                                  const struct lanes *l)
+{
+    for (size_t k = 0; k < VEC; k++) {
+        struct rect *r = &s->rect[i + k];
+
+        if (s->key[i + k] == HIDDEN)
+            continue;
+        project_dgr_rect(r, l->x[k], l->y[k], l->xx[k], l->yy[k], l->det[k],
+                         &s->view);
+        if (r->x0 >= r->x1 || r->y0 >= r->y1)
+            s->key[i + k] = HIDDEN;
+    }
+}
+
 void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
 {
     const struct view *v = &s->view;
@@ -198,7 +215,7 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         if (s->fine[0])
             project_place_fine(&l, s, i);
         else
-            place(&l, s, i);
+            project_place(&l, s, i);
         /* beyond float's range a Gaussian is flat over any picture */
         vm sane = vf_gt(big, l.det);
         vf top = vf_load(s->cloud.top + i), room = top - vf_set(v->cut);
@@ -225,15 +242,8 @@ void ISA(splat_project)(struct splat_state *s, size_t first, size_t last)
         if (s->place)
             project_channels(s, i, &l);
         vi_put_pairs(&s->rect[i], tx0 | tx1 << 16, ty0 | ty1 << 16);
-        for (size_t k = 0; v->dgr && k < VEC; k++) {
-            struct rect *r = &s->rect[i + k];
-
-            if (s->key[i + k] == HIDDEN)
-                continue;
-            project_dgr_rect(r, l.x[k], l.y[k], l.xx[k], l.yy[k], l.det[k], v);
-            if (r->x0 >= r->x1 || r->y0 >= r->y1)
-                s->key[i + k] = HIDDEN;
-        }
+        if (v->dgr)
+            project_dgr_rects(s, i, &l);
         project_store(s, i, row);
     }
 }
