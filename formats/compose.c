@@ -56,20 +56,32 @@ void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
         }
 }
 
+void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
+                   const int32_t *v, size_t n, const int32_t m[3][4])
+{
+    for (size_t i = 0; i < n; i++, rgb += 3)
+        for (int j = 0; j < 3; j++) {
+            int x = (m[j][0] * luma[i] + m[j][1] * u[i] + m[j][2] * v[i] +
+                     m[j][3]) >> 16;
+
+            rgb[j] = (uint8_t)(x < 0 ? 0 : x > 255 ? 255 : x);
+        }
+}
+
 const struct compose_table *compose_table(void)
 {
     static const struct compose_table baseline = {
         compose_baseline, compose_quantise_baseline, compose_half_baseline,
-        compose_widen_baseline, compose_planes_baseline
+        compose_widen_baseline, compose_planes_baseline, compose_rgb_baseline
     };
 #ifdef SPID_X86
     static const struct compose_table avx2 = {
         compose_avx2, compose_quantise_avx2, compose_half_avx2,
-        compose_widen_avx2, compose_planes_avx2
+        compose_widen_avx2, compose_planes_avx2, compose_rgb_avx2
     };
     static const struct compose_table avx512 = {
         compose_avx512, compose_quantise_avx512, compose_half_avx512,
-        compose_widen_avx512, compose_planes_avx512
+        compose_widen_avx512, compose_planes_avx512, compose_rgb_avx512
     };
 
     switch (cpu_level()) {

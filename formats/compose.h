@@ -24,6 +24,11 @@ typedef void compose_widen_fn(float *out, const uint16_t *x, size_t n);
  * rgb (n,3): Y4M's three planes. */
 typedef void compose_planes_fn(uint8_t *const plane[3], const uint8_t *rgb,
                                size_t n, const int32_t m[3][4]);
+/* rgb (n,3): channel j = clamp((m[j][0] y + m[j][1] u + m[j][2] v + m[j][3]) >>
+ * 16) of luma y (n) and chroma u, v (n): the reverse. */
+typedef void compose_rgb_fn(uint8_t *rgb, const uint8_t *luma,
+                            const int32_t *u, const int32_t *v, size_t n,
+                            const int32_t m[3][4]);
 
 /* Plainly, one number at a time: for what is left of a row, and for tests. */
 void compose_c(uint8_t *out, const float *color, const float *alpha,
@@ -34,21 +39,26 @@ void compose_quantise_c(uint8_t *out, const float *x, size_t n);
 void compose_half_c(uint16_t *out, const float *x, size_t n);
 /* ... compose_widen_fn ... */
 void compose_widen_c(float *out, const uint16_t *x, size_t n);
-/* ... and compose_planes_fn. */
+/* ... compose_planes_fn ... */
 void compose_planes_c(uint8_t *const plane[3], const uint8_t *rgb, size_t n,
                       const int32_t m[3][4]);
+/* ... and compose_rgb_fn. */
+void compose_rgb_c(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
+                   const int32_t *v, size_t n, const int32_t m[3][4]);
 
 compose_fn compose_baseline;
 compose_quantise_fn compose_quantise_baseline;
 compose_half_fn compose_half_baseline;
 compose_widen_fn compose_widen_baseline;
 compose_planes_fn compose_planes_baseline;
+compose_rgb_fn compose_rgb_baseline;
 #ifdef SPID_X86
 compose_fn compose_avx2, compose_avx512;
 compose_quantise_fn compose_quantise_avx2, compose_quantise_avx512;
 compose_half_fn compose_half_avx2, compose_half_avx512;
 compose_widen_fn compose_widen_avx2, compose_widen_avx512;
 compose_planes_fn compose_planes_avx2, compose_planes_avx512;
+compose_rgb_fn compose_rgb_avx2, compose_rgb_avx512;
 #endif
 
 /* The versions for this machine. */
@@ -58,6 +68,7 @@ struct compose_table {
     compose_half_fn *half;
     compose_widen_fn *widen;
     compose_planes_fn *planes;
+    compose_rgb_fn *rgb;
 };
 /* Those of the best instruction set that cpu_level allows. */
 const struct compose_table *compose_table(void);

@@ -172,6 +172,15 @@ static inline void compose_channels(__m256i c[3], const uint8_t *rgb)
                          _mm_shuffle_epi8(last, from[k][1])));
 }
 
+/* Eight numbers as bytes, clamped. */
+static inline __m128i compose_clamp_bytes(vi v)
+{
+    const __m128i h = _mm_packs_epi32(_mm256_castsi256_si128((__m256i)v),
+                                      _mm256_extracti128_si256((__m256i)v, 1));
+
+    return _mm_packus_epi16(h, h);
+}
+
 void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
                          size_t n, const int32_t m[3][4])
 {
@@ -184,18 +193,65 @@ void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
         for (int j = 0; j < 3; j++) {
             vi v = (m[j][0] * (vi)c[0] + m[j][1] * (vi)c[1] +
                     m[j][2] * (vi)c[2] + m[j][3]) >> 16;
-            __m128i h = _mm_packs_epi32(
-                _mm256_castsi256_si128((__m256i)v),
-                _mm256_extracti128_si256((__m256i)v, 1));
 
             _mm_storel_epi64((__m128i *)(plane[j] + i),
-                             _mm_packus_epi16(h, h));
+                             compose_clamp_bytes(v));
         }
     }
     compose_planes_c((uint8_t *[3]){plane[0] + i, plane[1] + i, plane[2] + i},
                      rgb + 3 * i, n - i, m);
 }
+
+/* Eight pixels from their channels' bytes: the first sixteen bytes, and the
+ * last eight. */
+static inline void compose_store_pixels(uint8_t *rgb, const __m128i c[3])
+{
+    const __m128i rg = _mm_unpacklo_epi8(c[0], c[1]);
+    const __m128i first[2] = {
+        _mm_setr_epi8(0, 1, -1, 2, 3, -1, 4, 5, -1, 6, 7, -1, 8, 9, -1, 10),
+        _mm_setr_epi8(-1, -1, 0, -1, -1, 1, -1, -1, 2, -1, -1, 3, -1, -1, 4,
+                      -1)};
+    const __m128i last[2] = {
+        _mm_setr_epi8(11, -1, 12, 13, -1, 14, 15, -1,
+                      -1, -1, -1, -1, -1, -1, -1, -1),
+        _mm_setr_epi8(-1, 5, -1, -1, 6, -1, -1, 7,
+                      -1, -1, -1, -1, -1, -1, -1, -1)};
+
+    _mm_storeu_si128((__m128i *)rgb,
+                     _mm_or_si128(_mm_shuffle_epi8(rg, first[0]),
+                                  _mm_shuffle_epi8(c[2], first[1])));
+    _mm_storel_epi64((__m128i *)(rgb + 16),
+                     _mm_or_si128(_mm_shuffle_epi8(rg, last[0]),
+                                  _mm_shuffle_epi8(c[2], last[1])));
+}
+
+void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
+                      const int32_t *v, size_t n, const int32_t m[3][4])
+{
+    size_t i = 0;
+
+    for (; i + 8 <= n; i += 8) {
+        const vi y = (vi)_mm256_cvtepu8_epi32(
+            _mm_loadl_epi64((const __m128i *)(luma + i)));
+        vi a, b;
+        __m128i c[3];
+
+        memcpy(&a, u + i, sizeof a);
+        memcpy(&b, v + i, sizeof b);
+        for (int j = 0; j < 3; j++)
+            c[j] = compose_clamp_bytes((m[j][0] * y + m[j][1] * a +
+                                        m[j][2] * b + m[j][3]) >> 16);
+        compose_store_pixels(rgb + 3 * i, c);
+    }
+    compose_rgb_c(rgb + 3 * i, luma + i, u + i, v + i, n - i, m);
+}
 #else
+void ISA(compose_rgb)(uint8_t *rgb, const uint8_t *luma, const int32_t *u,
+                      const int32_t *v, size_t n, const int32_t m[3][4])
+{
+    compose_rgb_c(rgb, luma, u, v, n, m);
+}
+
 void ISA(compose_planes)(uint8_t *const plane[3], const uint8_t *rgb,
                          size_t n, const int32_t m[3][4])
 {

@@ -243,8 +243,8 @@ void y4m_from_rgb(uint8_t *planes, const uint8_t *rgb, const struct y4m *y)
         y4m_halve_chroma(cb, cr, rgb - 3 * N, y, m);
 }
 
-/* Where chroma is for luma position i: the lower sample and the weight of the
- * next in 1/4 (sites are multiples of half a luma pixel). */
+/* Where a row of chroma lies for luma row i: the upper of two, and the weight
+ * of the lower in 1/4 (sites are multiples of half a luma pixel). */
 static size_t y4m_chroma_at(size_t i, double site, size_t n, int *weight)
 {
     double c = ((double)i - site) / 2;
@@ -263,58 +263,100 @@ static size_t y4m_chroma_at(size_t i, double site, size_t n, int *weight)
     return k;
 }
 
-/* Part of a row of chroma (luma columns u0 to u1) at luma resolution, in 1/16
- * levels. */
-static void y4m_chroma_row(int *out, const uint8_t *plane, const struct y4m *y,
-                           size_t v, size_t u0, size_t u1)
+/* A row of chroma between two of a plane's, in 1/4 levels. */
+struct chroma {
+    const uint8_t *upper, *lower;
+    int weight;                 /* of the lower, in 1/4 */
+};
+
+/* Its sample i of n, clamped inside. */
+static int y4m_chroma_sample(const struct chroma *c, size_t i, size_t n)
 {
-    const size_t cw = y4m_chroma_width(y), ch = y4m_chroma_height(y);
-    int wy = 0, wx;
-    size_t r = y->chroma == Y4M_420 ? y4m_chroma_at(v, y->site_y, ch, &wy) : v;
-    const uint8_t *a = plane + r * cw, *b = wy ? a + cw : a;
+    i = i < n ? i : n - 1;
+    return c->upper[i] * (4 - c->weight) + c->lower[i] * c->weight;
+}
 
-    for (size_t u = u0; u < u1; u++) {
-        size_t c = u, d;
+/* The row at luma row v. */
+static struct chroma y4m_chroma_row(const uint8_t *plane, const struct y4m *y,
+                                    size_t v)
+{
+    const size_t cw = y4m_chroma_width(y);
+    struct chroma c = {.weight = 0};
 
-        wx = 0;
-        if (y->chroma != Y4M_444)
-            c = y4m_chroma_at(u, y->site_x, cw, &wx);
-        d = wx ? c + 1 : c;
-        *out++ = (a[c] * (4 - wx) + a[d] * wx) * (4 - wy)
-               + (b[c] * (4 - wx) + b[d] * wx) * wy;
+    if (y->chroma == Y4M_420)
+        v = y4m_chroma_at(v, y->site_y, y4m_chroma_height(y), &c.weight);
+    c.upper = plane + v * cw;
+    c.lower = c.weight ? c.upper + cw : c.upper;
+    return c;
+}
+
+/* Part of it (luma columns u0, which is even, to u1) at luma resolution, in
+ * 1/16 levels from the middle: where chroma is halved, the first of two pixels
+ * lies between its sample and the one before, the second between that and the
+ * next. */
+static void y4m_chroma_widen(int32_t *out, const struct chroma *c,
+                             const struct y4m *y, size_t u0, size_t u1)
+{
+    const size_t cw = y4m_chroma_width(y);
+    const int before = (int)lrint(2 * y->site_x), after = 2 - before;
+    const int middle = 128 * 16;
+
+    if (y->chroma == Y4M_444) {
+        for (size_t u = u0; u < u1; u++)
+            *out++ = 4 * y4m_chroma_sample(c, u, cw) - middle;
+        return;
+    }
+    int left = y4m_chroma_sample(c, u0 ? u0 / 2 - 1 : 0, cw);
+    int own = y4m_chroma_sample(c, u0 / 2, cw);
+    for (size_t u = u0; u < u1; u += 2) {
+        const int right = y4m_chroma_sample(c, u / 2 + 1, cw);
+
+        *out++ = left * before + own * (4 - before) - middle;
+        if (u + 1 < u1)
+            *out++ = own * (4 - after) + right * after - middle;
+        left = own;
+        own = right;
     }
 }
 
-void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
+/* Red, green and blue from luma, chroma in 1/16 levels from its middle, and 1,
+ * rounding included. */
+static void y4m_weights_back(int32_t w[3][4], const struct y4m *y)
 {
     const struct matrix m = y4m_matrix_of(y);
     const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
-    const int half = 1 << (FIX - 1), ys = y4m_fixed_of(255 / m.ys);
+    const int ys = y4m_fixed_of(255 / m.ys);
     const int rv = y4m_fixed_of(2 * (1 - m.kr) * c);
     const int bu = y4m_fixed_of(2 * (1 - m.kb) * c);
     const int gu = y4m_fixed_of(-2 * (1 - m.kb) * m.kb / kg * c);
     const int gv = y4m_fixed_of(-2 * (1 - m.kr) * m.kr / kg * c);
+    const int l = (1 << (FIX - 1)) - (int)m.y0 * ys;
+    const int32_t of[3][4] = {{ys, 0, rv, l}, {ys, gu, gv, l}, {ys, bu, 0, l}};
+
+    memcpy(w, of, sizeof of);
+}
+
+#define RUN 256                 /* pixels at a time; even */
+
+void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
+{
     const size_t W = y->width, H = y->height;
     const size_t plane = y4m_chroma_width(y) * y4m_chroma_height(y);
     const uint8_t *cb = planes + W * H, *cr = cb + plane;
-    int u[256] = {0}, v[256] = {0};
+    int32_t m[3][4], u[RUN] = {0}, v[RUN] = {0};
 
-    for (size_t i = 0; i < W * H; i++, rgb += 3) {
-        const size_t x = i % W, k = x % 256;
-        int l = (planes[i] - (int)m.y0) * ys + half, a = 0, b = 0;
+    y4m_weights_back(m, y);
+    for (size_t i = 0; i < H; i++)
+        for (size_t x = 0; x < W; x += RUN) {
+            const size_t end = x + RUN < W ? x + RUN : W, at = i * W + x;
 
-        if (plane) {
-            if (k == 0) {
-                size_t end = x + 256 < W ? x + 256 : W;
+            if (plane) {
+                const struct chroma b = y4m_chroma_row(cb, y, i);
+                const struct chroma r = y4m_chroma_row(cr, y, i);
 
-                y4m_chroma_row(u, cb, y, i / W, x, end);
-                y4m_chroma_row(v, cr, y, i / W, x, end);
+                y4m_chroma_widen(u, &b, y, x, end);
+                y4m_chroma_widen(v, &r, y, x, end);
             }
-            a = u[k] - 128 * 16;
-            b = v[k] - 128 * 16;
+            compose_table()->rgb(rgb + 3 * at, planes + at, u, v, end - x, m);
         }
-        rgb[0] = y4m_fixed_byte(l + rv * b);
-        rgb[1] = y4m_fixed_byte(l + gu * a + gv * b);
-        rgb[2] = y4m_fixed_byte(l + bu * a);
-    }
 }

@@ -102,6 +102,33 @@ static void test_planes(void)
                apart == 0);
 }
 
+/* And back. */
+static void test_rgb(void)
+{
+    static const int32_t m[3][4] = {{76309, 0, 7344, -1188176},
+                                    {76309, -874, -2183, -1188176},
+                                    {76309, 8653, 0, -1188176}};
+    static uint8_t luma[N], a[3 * N + 8], b[3 * N + 8];
+    static int32_t u[N], v[N];
+    struct random r;
+    int apart = 0;
+
+    random_init(&r, 9, "rgb");
+    for (size_t i = 0; i < N; i++) {
+        luma[i] = (uint8_t)random_below(&r, 256);
+        u[i] = (int32_t)random_below(&r, 4096) - 2048;
+        v[i] = (int32_t)random_below(&r, 4096) - 2048;
+    }
+    for (size_t n = 0; n <= N; n = n < 40 ? n + 1 : n + 331) {
+        memset(a, 0xa5, sizeof a);
+        memset(b, 0xa5, sizeof b);
+        compose_rgb_c(a, luma, u, v, n, m);
+        compose_table()->rgb(b, luma, u, v, n, m);
+        apart += memcmp(a, b, sizeof a) != 0;
+    }
+    check_that("pixels of planes likewise", apart == 0);
+}
+
 static void test_formulas(void)
 {
     float color[2 * 32] = {0}, alpha[2] = {1, 0.5f};
@@ -157,6 +184,7 @@ static void at_level(const char *level)
         setenv("SPID_CPU", level, 1);
         test_versions();
         test_planes();
+        test_rgb();
         fflush(stdout);
         _exit(check_status());
     }
