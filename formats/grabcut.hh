@@ -1,14 +1,16 @@
-/* GrabCut (Rother, Kolmogorov and Blake 2004): a person and a background told
- * apart by colours, of which some pixels are seeds.  May throw what OpenCV
+/* GrabCut (Rother, Kolmogorov and Blake 2004): a person segmented from the
+ * background by colour, given some pixels of each.  May throw what OpenCV
  * throws. */
 #ifndef SPID_FORMATS_GRABCUT_H
 #define SPID_FORMATS_GRABCUT_H
 
 #include <opencv2/core.hpp>
 
-/* What cv::grabCut does to label (its GC_ classes, some of either side) with
- * GC_INIT_WITH_MASK, to the pixel: rgb of bytes, as large.  In half its time,
- * for only pixels that are undecided are cut, along shortest paths. */
+/* What cv::grabCut does with GC_INIT_WITH_MASK, to the pixel, in half its time:
+ * the cut is of undecided pixels only.
+ *   label   (H, W) CV_8U, its GC_ classes, both sides present; updated
+ *   rgb     (H, W) CV_8UC3
+ *   rounds  of fitting the colours and cutting */
 void grabcut_run(cv::Mat &label, const cv::Mat &rgb, int rounds);
 
 #endif

@@ -1,4 +1,5 @@
-/* The inner loops of crop_sample_u8 and crop_resize_u8, one version per instruction set. */
+/* The inner loops of crop_sample_u8 and crop_resize_u8, one version per
+ * instruction set. */
 #ifndef SPID_GEOM_CROP_KERNEL_H
 #define SPID_GEOM_CROP_KERNEL_H
 

@@ -1,5 +1,5 @@
 /* The minimum cut of a grid against a plain one (paths by breadth-first search
- * over a matrix of capacities), on small grids of random ties: the cut's
+ * over a matrix of capacities), on small grids of random capacities: the cut's
  * capacity is the flow's, and where it is the only one the sides are the
  * same. */
 #include <string.h>
@@ -12,42 +12,42 @@ enum { MOST = 30, NODES = MOST + 2 };   /* pixels; and the terminals */
 
 struct grid {
     size_t w, h;
-    int32_t tie[NODES][NODES];          /* source MOST, sink MOST + 1 */
+    int32_t capacity[NODES][NODES];     /* source MOST, sink MOST + 1 */
 };
 
-/* The neighbour of (x,y) that way, or MOST beyond the border. */
-static size_t grid_neighbour(const struct grid *g, size_t x, size_t y, int way)
+/* The neighbour of (x,y) in that direction, or MOST beyond the border. */
+static size_t grid_neighbour(const struct grid *g, size_t x, size_t y, int dir)
 {
-    static const int dx[GRID_CUT_WAYS] = {-1, 0, 1, -1, 1, -1, 0, 1};
-    static const int dy[GRID_CUT_WAYS] = {-1, -1, -1, 0, 0, 1, 1, 1};
-    const size_t u = x + (size_t)dx[way], v = y + (size_t)dy[way];
+    static const int dx[GRID_CUT_NEIGHBOURS] = {-1, 0, 1, -1, 1, -1, 0, 1};
+    static const int dy[GRID_CUT_NEIGHBOURS] = {-1, -1, -1, 0, 0, 1, 1, 1};
+    const size_t u = x + (size_t)dx[dir], v = y + (size_t)dy[dir];
 
     return u < g->w && v < g->h ? v * g->w + u : MOST;
 }
 
-/* Random ties, of both descriptions alike; some pixels have none to a
+/* The same random edges in both; some pixels have none to a
  * terminal. */
 static void grid_draw(struct grid *g, struct grid_cut *cut, struct random *r,
                       uint32_t largest)
 {
-    memset(g->tie, 0, sizeof g->tie);
+    memset(g->capacity, 0, sizeof g->capacity);
     for (size_t i = 0; i < g->w * g->h; i++) {
         const size_t x = i % g->w, y = i / g->w;
         int32_t to = random_below(r, 3) ? (int32_t)random_below(r, 2 * largest)
                                         : (int32_t)largest;
 
         to -= (int32_t)largest;
-        g->tie[MOST][i] = to > 0 ? to : 0;
-        g->tie[i][MOST + 1] = to < 0 ? -to : 0;
-        grid_cut_tie_terminal(cut, x, y, to);
-        for (int way = 0; way < GRID_CUT_WAYS / 2; way++) {
-            const size_t j = grid_neighbour(g, x, y, way);
-            const int32_t tie = (int32_t)random_below(r, largest);
+        g->capacity[MOST][i] = to > 0 ? to : 0;
+        g->capacity[i][MOST + 1] = to < 0 ? -to : 0;
+        grid_cut_link_terminal(cut, x, y, to);
+        for (int dir = 0; dir < GRID_CUT_NEIGHBOURS / 2; dir++) {
+            const size_t j = grid_neighbour(g, x, y, dir);
+            const int32_t capacity = (int32_t)random_below(r, largest);
 
             if (j == MOST)
                 continue;
-            g->tie[i][j] = g->tie[j][i] = tie;
-            grid_cut_tie(cut, x, y, way, tie);
+            g->capacity[i][j] = g->capacity[j][i] = capacity;
+            grid_cut_link(cut, x, y, dir, capacity);
         }
     }
 }
@@ -100,7 +100,7 @@ static int64_t cut_capacity(const struct grid *g, const struct grid_cut *cut)
         source[i] = grid_cut_is_source(cut, i % g->w, i / g->w);
     for (size_t i = 0; i < NODES; i++)
         for (size_t j = 0; j < NODES; j++)
-            sum += source[i] && !source[j] ? g->tie[i][j] : 0;
+            sum += source[i] && !source[j] ? g->capacity[i][j] : 0;
     return sum;
 }
 
@@ -148,7 +148,7 @@ static size_t cut_check_size(size_t w, size_t h, uint32_t largest,
         REQUIRE(grid_cut_run(&cut, &err) == 0, "%s", err.text);
         int32_t left[NODES][NODES];
 
-        memcpy(left, g.tie, sizeof left);
+        memcpy(left, g.capacity, sizeof left);
         bad += plain_flow(left) != cut_capacity(&g, &cut);
         bad += cut_differs(&g, &cut, left);
     }
@@ -168,7 +168,7 @@ int main(void)
         for (uint32_t largest = 4; largest <= 4000000; largest *= 1000) {
             char what[80];
 
-            snprintf(what, sizeof what, "%zu x %zu, ties under %u: cuts that "
+            snprintf(what, sizeof what, "%zu x %zu, capacity < %u: cuts that "
                      "differ", size[i][0], size[i][1], largest);
             check(what, (double)cut_check_size(size[i][0], size[i][1], largest,
                                                &r), 0);
