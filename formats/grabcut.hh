@@ -6,8 +6,9 @@
 
 #include <opencv2/core.hpp>
 
-/* What cv::grabCut does with GC_INIT_WITH_MASK, to the pixel, in half its time:
- * the cut is of undecided pixels only.
+/* What cv::grabCut does with GC_INIT_WITH_MASK, in half its time: the cut is of
+ * undecided pixels only.  The same labels, but where several cuts are equally
+ * good, as in a picture of one colour.
  *   label   (H, W) CV_8U, its GC_ classes, both sides present; updated
  *   rgb     (H, W) CV_8UC3
  *   rounds  of fitting the colours and cutting */
