@@ -90,10 +90,10 @@ void dynamic_branch_backward(float *dfeatures, struct branch_set *dout,
                              const struct source_mesh *mesh,
                              struct dynamic_branch *b);
 
-/* reach (D) of gaussian_seen, head units: of lids that close (negative); of
- * lips where they meet, for the photograph shows them in each other's shadow or
- * beside teeth; and, of closed ones, of their corners, where it shows a crease
- * and what is wet. */
+/* reach (D) of gaussian_seen, head units.  It is not 0 where the photograph
+ * shows what a movement changes: on lids (negative); where the lips meet, in
+ * each other's shadow or beside teeth; and at the corners of closed lips, which
+ * are creased and wet. */
 void dynamic_branch_reach(float *reach, const struct source_mesh *mesh,
                           const struct dynamic_branch *b);
 

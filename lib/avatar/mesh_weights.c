@@ -19,8 +19,8 @@
  * */
 #define LID_LEAST_MM 1.0f
 #define LID_MM 2.0f
-/* Lids are believed to be where the photograph shows them over this share of
- * their way, and over so much at least, since brows pull at them. */
+/* Reach of lids: this share of the distance by which they close, and so many
+ * mm at least, since brows move them too. */
 #define LID_REACH 0.3f
 #define LID_REACH_MM 1.5f
 /* `seam` is 1 up to the one distance from the inner lips, 0 from the other on;

@@ -19,10 +19,9 @@ struct mesh_weights {
                              * eyes when those close */
     float *fold;            /* (V+E) the same but for their margin: skin that
                              * comes out of the crease */
-    float *reach;           /* (V+E) how far lids may come down, head units,
-                             * before the photograph, which shows them in
-                             * folds, is not believed (gaussian_seen, so
-                             * negative); 0 elsewhere */
+    float *reach;           /* (V+E) of gaussian_seen, head units: of lids
+                             * negative, since the photograph shows their
+                             * skin folded once they come down; 0 elsewhere */
     float *seam;            /* (V+E) 1 where the lips meet, 0 a few mm from
                              * there */
     float *crease;          /* (V+E) the same, and 1 at the mouth's corners,

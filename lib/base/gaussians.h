@@ -23,17 +23,16 @@ struct gaussians {
                                    * 0..1 across, or NULL */
     const float *seen;            /* (N)   0..1: how much of that is so; or
                                    * NULL with uv: nothing is */
-    const float *reach;           /* (N) how far from home the photograph still
-                                   * shows it, head units; negative: so far but
-                                   * for the way up (+y), which does not count;
-                                   * 0: anywhere; or NULL: all of them
-                                   * anywhere */
-    const float *home;            /* (N,3) centres when it was seen; NULL:
-                                   * mean */
+    const float *reach;           /* (N) head units: the distance from home at
+                                   * which seen falls to 0; negative: the same,
+                                   * movement up (+y) not counted; 0, or NULL
+                                   * for all: seen stays as it is */
+    const float *home;            /* (N,3) centres in the photograph's pose;
+                                   * NULL: mean */
 };
 
-/* What is left of a Gaussian's seen when it has gone from home (3) to mean (3):
- * all up to a third of its reach, nothing from the whole of it on. */
+/* seen of a Gaussian that has moved from home (3) to mean (3): unchanged up to
+ * a third of its reach, 0 from its reach on. */
 static inline float gaussian_seen(float seen, float reach, const float home[3],
                                   const float mean[3])
 {

@@ -20,7 +20,7 @@ int contact_sheet_init(struct contact_sheet *s, size_t rows, size_t cols,
 void contact_sheet_release(struct contact_sheet *s);
 
 /* Put rgb (side,side,3), values clamped to [0,1], into a place; with alpha
- * (side,side) it is laid over grey. */
+ * (side,side) it is composed over grey. */
 void contact_sheet_picture(struct contact_sheet *s, size_t row, size_t col,
                            const float *rgb, const float *alpha);
 /* The difference |a - b|, four times enlarged. */

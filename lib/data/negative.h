@@ -1,4 +1,4 @@
-/* Negative samples: crops that a tracker should not believe, drawn from people
+/* Negative samples: crops that a tracker should refuse, drawn from people
  * with known faces.  E_m learns from them to be unsure. */
 #ifndef SPID_DATA_NEGATIVE_H
 #define SPID_DATA_NEGATIVE_H
@@ -7,7 +7,7 @@
 #include "lib/data/data.h"
 
 enum negative {
-    NEGATIVE_NONE,        /* upright, whole and in place: believed */
+    NEGATIVE_NONE,        /* upright, whole and in place: accepted */
     NEGATIVE_MISSED,      /* beside the face: hair, clothes, wall */
     NEGATIVE_HALF,        /* half of the face is cut off */
     NEGATIVE_TURNED,      /* by 60 degrees and more, often by 90 or 180 */

@@ -10,8 +10,8 @@
 #define FIT_TOGETHER_UP (0.7 * FIT_DEGREE)      /* eyes apart, up and down */
 #define FIT_TOGETHER_SIDE (2 * FIT_DEGREE)      /* and to the sides */
 #define FIT_WANDER (12 * FIT_DEGREE)    /* from half way to the camera */
-#define FIT_IRIS_OWN 0.5        /* how much of a person's own iris offset is
-                                 * believed: the rest is gaze */
+#define FIT_IRIS_OWN 0.5        /* share of an iris offset that is the
+                                 * person's own: the rest is gaze */
 #define FIT_SHUT 0.03           /* gap of closed lids in the labels, of the
                                  * eye's width */
 

@@ -6,9 +6,8 @@
  * 32.
  *
  * With a photograph (lib/texture), what it shows of every pixel enters beside
- * the features, and at a quarter of the size comes out how far it is to be
- * believed and brightened: the field of texture_compose.  Behind
- * lib/net/refiner.h. */
+ * the features, and at a quarter of the size comes out how far it is doubted
+ * and brightened: the field of texture_compose.  Behind lib/net/refiner.h. */
 #ifndef SPID_NET_NARROW_REFINER_H
 #define SPID_NET_NARROW_REFINER_H
 
@@ -49,10 +48,10 @@ struct narrow_refiner {
 
 #define NARROW_REFINER_PHOTO 5  /* numbers of a pixel of the photograph */
 #define NARROW_REFINER_FIELD 4  /* numbers of the field */
-/* With a photograph, the most that is added to a colour or taken from it.  Where
- * the photograph is not believed is what a turned head uncovers, and the rims
- * of what has moved; there the refiner has little to go by, and draws dark
- * lines along white shoulders. */
+/* With a photograph, the most that is added to a colour or subtracted.  Where
+ * confidence in the photograph is low (what a turned head uncovers, the rims of
+ * what has moved), the refiner has little to go by and would draw dark lines
+ * along white shoulders. */
 #define NARROW_REFINER_MOST 0.03f
 
 /* Declare the tensors; turns: the conditions depend on the relative pose;

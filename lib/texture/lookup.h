@@ -34,7 +34,7 @@ float texture_zoom(const struct splat_place_view *v);
 float texture_stretch(const float *place, const struct splat_place_view *v,
                       float zoom, size_t x, size_t y, size_t size);
 
-/* How much the photograph is believed at rims, by how far the head has turned
+/* Confidence in the photograph at rims, by how far the head has turned
  * since the source (turns in the picture's plane do not count). */
 struct texture_rim {
     float turned;       /* 0 up to 12 degrees, 1 from 25 on: how much rims, of

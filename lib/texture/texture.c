@@ -1,5 +1,5 @@
 /* The photograph as texture (texture.h): the person cut out of the source
- * picture in several sizes, and where it is to be believed. */
+ * picture in several sizes and its confidence. */
 #include "lib/texture/texture.h"
 
 #include <math.h>

@@ -6,7 +6,7 @@
  * vector shader") and image-based rendering since.
  *
  * What is looked up is the person alone: colours without their background and
- * multiplied by the matte, so that they are laid over any other background,
+ * multiplied by the matte, so that they compose over any other background,
  * and interpolated, without a rim of the old one (Porter and Duff 1984). */
 #ifndef SPID_TEXTURE_TEXTURE_H
 #define SPID_TEXTURE_TEXTURE_H
@@ -76,9 +76,9 @@ struct texture_field {
 };
 
 /* The mixture of a whole picture, with a field: rgb (height,width,3) and alpha
- * (height,width) in place, photo (height,width,5).  A pixel believes b =
- * confidence (1 - doubt), clamped to 0..1, and becomes rgb + b (photograph
- * (1 + gain) - rgb), but no more than the alpha it ends with. */
+ * (height,width) in place, photo (height,width,5).  A pixel becomes
+ * rgb + b (photograph (1 + gain) - rgb), b = confidence (1 - doubt) clamped to
+ * 0..1, but no more than the alpha it ends with. */
 void texture_compose(float *rgb, float *alpha, const float *photo,
                      const struct texture_field *field, size_t height,
                      size_t width);

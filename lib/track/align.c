@@ -40,7 +40,7 @@ static const double align_spread[6] = {0.026, 0.026, 0.013,
 #define MOVES 8.0               /* millimetres: such a point counts half */
 #define STEADY 0.05             /* what moves more is not looked at */
 #define FACING 0.2              /* cosine to the camera: seen well */
-#define AGREEMENT 0.8           /* correlation of what is laid over */
+#define AGREEMENT 0.8           /* correlation of aligned points, at least */
 #define TURN_ON 0.08            /* radians to the nearest keyframe, and ... */
 #define SCALE_ON 0.2            /* ... change of distance: a new one */
 #define MISSES 10               /* in a row: the keyframes are of no use */

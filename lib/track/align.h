@@ -1,11 +1,10 @@
-/* Photometric alignment of a driven head.  E_m knows where a head is to about
- * half a pixel, and an expression that is not even pulls its pose along: the
- * avatar trembles and sways.  What of a head keeps its form (skull, hairline,
- * nose) is therefore laid over the picture of a keyframe, by Gauss-Newton
- * steps on the pose's six numbers and on the light's gain and bias (Lucas and
- * Kanade 1981, with the head as the model of how points move), held near
- * E_m's pose.  Poses then differ from the keyframe's by what was seen; then so
- * does the expression (align_face.h). */
+/* Photometric alignment of a driven head.  E_m finds a head to about half a
+ * pixel, and one-sided expressions bias its pose: the avatar would tremble and
+ * sway.  The rigid parts of the head (skull, hairline, nose) are therefore
+ * aligned with the picture of a keyframe, by Gauss-Newton steps on the pose's
+ * six parameters and the light's gain and bias (Lucas and Kanade 1981; points
+ * move with the head), with E_m's pose as the prior.  The expression is aligned
+ * after that (align_face.h). */
 #ifndef SPID_TRACK_ALIGN_H
 #define SPID_TRACK_ALIGN_H
 
@@ -20,7 +19,7 @@
 
 #define ALIGN_KEYFRAMES 32
 
-/* A frame whose pose later ones are laid over. */
+/* A frame with which later ones are aligned. */
 struct align_keyframe {
     float R[9], t[3];
     size_t room;
@@ -37,7 +36,7 @@ struct align {
     double middle[3];           /* of the points: what the head turns about */
     struct align_keyframe key[ALIGN_KEYFRAMES];
     size_t keys;
-    size_t misses;              /* frames in a row that lay over nothing */
+    size_t misses;              /* frames in a row that matched no keyframe */
     align_pixel *picture;       /* (ALIGN_SIDE,ALIGN_SIDE) of this frame */
     float *work;                /* for it, and for a keyframe's points */
     struct align_face face;
@@ -57,8 +56,8 @@ struct align_bounds {
 
 /* m->R, m->t, m->exp: E_m's pose and expression of the crop rgb (224,224,3),
  * square q of a portrait window of `size` pixels; replaced by the aligned
- * ones.  The first frame is a keyframe and stays as it is.  false: it could not
- * be laid over any, and m is left alone. */
+ * ones.  The first frame is a keyframe and stays as it is.  false: no keyframe
+ * matched, and m is unchanged. */
 bool align_step(struct align *a, struct motion *m, const float *rgb,
                 struct square q, struct align_bounds in, double size);
 

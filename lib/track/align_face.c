@@ -1,5 +1,5 @@
-/* Laying an expression over a keyframe's: the points, the directions, and the
- * Gauss-Newton steps (align_face.h). */
+/* Alignment of an expression with a keyframe's: the points, the directions, and
+ * the Gauss-Newton steps (align_face.h). */
 #include "lib/track/align_face.h"
 
 #include <math.h>
@@ -9,21 +9,23 @@
 
 #include "lib/geom/cholesky.h"
 
-#define SPREAD 0.15f            /* of E_m about the truth, per component, */
-#define LID_SPREAD 0.25f        /* of lids and of what moves them most */
-#define HOLD 16.0               /* so many times it holds: neighbouring points
-                                 * say the same and count as fewer */
-#define GAP_SPREAD 3e-4f        /* metres, of E_m's opening of the mouth */
+/* Standard deviations of E_m's error: */
+#define SPREAD 0.15f            /* of a component of the expression */
+#define LID_SPREAD 0.25f        /* of lids, and of components that move them */
+#define GAP_SPREAD 3e-4f        /* metres, of the mouth's opening */
+#define PRIOR 16.0              /* factor of the prior: errors of neighbouring
+                                 * points are correlated, so they count less */
 #define EDGE 2.5e-3f            /* metres from the lips' inner edge, where a
                                  * picture shows the mouth or the line between
                                  * closed lips */
-#define STEPS 2                 /* more change nothing that is seen */
-#define LID_SHARE 0.5           /* of what a direction of the lids moves */
-#define MOVES 1e-3              /* metres: a point that goes no further in all
-                                 * directions is not looked at */
-#define STILL 0.02              /* of the fastest direction's movement: less is
-                                 * not seen */
-#define FACING 0.2f             /* cosine to the camera: seen well */
+#define STEPS 2                 /* more make no visible difference */
+#define LID_SHARE 0.5           /* of a direction's squared movement, that makes
+                                 * it one of the lids */
+#define MOVES 1e-3              /* metres: points that no direction moves
+                                 * further are not used */
+#define STILL 0.02              /* share of the strongest direction's movement:
+                                 * directions of less are not used */
+#define FACING 0.2f             /* least cosine to the camera of a point */
 #define LIP_UPPER 61            /* landmarks of the upper lip's inner edge, */
 #define LIP_LOWER 67            /* and of the lower one's, backwards */
 
@@ -60,7 +62,7 @@ static bool align_face_at_edge(const struct head *h, const float *verts,
     return false;
 }
 
-/* d (V,3) = how one of a lid or of a component moves the head. */
+/* d (V,3): how the head moves with a parameter, per unit. */
 static void align_face_get_direction(float *d, const struct align_face *f,
                                      int code)
 {
@@ -241,13 +243,13 @@ void align_face_show(float *shown, struct align_face *f,
             weight[i] = 0;
 }
 
-/* Hold the expression x near E_m's, and its opening of the mouth more. */
+/* Add the priors on the expression x and on the mouth's opening. */
 static void align_face_add_priors(struct align_face_sums *s,
                                   const struct align_face *f, const float *x,
                                   double sigma)
 {
     const size_t U = f->unknowns, first = ALIGN_FACE_LIGHT;
-    const double hold = HOLD * sigma * sigma;
+    const double hold = PRIOR * sigma * sigma;
 
     for (size_t k = first; k < U; k++) {
         s->a[U * k + k] += hold;
@@ -285,7 +287,7 @@ static void align_face_improve(float *x, struct align_face_sums *s,
         x[k] -= (float)s->b[k];
 }
 
-/* m's numbers, from what the steps found beyond them, x (codes) in spreads. */
+/* Add the steps' result, x (codes) in spreads, to m's parameters. */
 static void align_face_store(struct motion *m, const struct align_face *f,
                              const float *x)
 {

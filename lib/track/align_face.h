@@ -1,12 +1,12 @@
-/* Photometric alignment of a driven face: where its pose is known, its
- * expression is laid over the keyframe, too.  E_m says which expression it is,
- * and how much of it less exactly, above all of a mouth drawn wide or narrow;
- * the skin shows that as movement.  Gauss-Newton steps on the expression's
- * numbers and on the light (Lucas and Kanade 1981, with the head's expression
- * directions as the model of how points move), held near E_m's expression and
- * to its opening of the mouth, whose inside is no skin.  Lids are sought with
- * it, the less the more E_m finds them shut: the skin that comes out of their
- * crease then is none that the keyframe shows. */
+/* Photometric alignment of a driven face: once its pose is aligned (align.h),
+ * so is its expression.  E_m tells which expression it is better than how
+ * strong, above all of a mouth drawn wide or narrow; the movement of the skin
+ * tells how strong.  Gauss-Newton steps on the expression's components and on
+ * the light (Lucas and Kanade 1981; points move in the head's expression
+ * directions), with E_m's expression as the prior.  Its opening of the mouth is
+ * a prior, too, since the inside of the mouth is not tracked.  Lids move the
+ * less, the more E_m finds them shut: the skin that then comes out of their
+ * crease is not in the keyframe. */
 #ifndef SPID_TRACK_ALIGN_FACE_H
 #define SPID_TRACK_ALIGN_FACE_H
 
@@ -19,21 +19,21 @@
 #include "lib/record/motion.h"
 #include "lib/track/align_kernel.h"
 
-#define ALIGN_FACE_GAPS 3       /* places where the mouth's opening is held */
-#define ALIGN_FACE_LID(side) (-1 - (side))  /* 0 left, 1 right; and the way
-                                             * back */
+#define ALIGN_FACE_GAPS 3       /* places of the prior on the mouth's opening */
+/* The code of a lid (side 0 left, 1 right), and the side of a code. */
+#define ALIGN_FACE_LID(side) (-1 - (side))
 
 struct align_face {
     const struct identity *id;
     size_t count, room;         /* points; numbers of a plane of them */
     int32_t *vertex;            /* (count) */
-    size_t codes;               /* numbers that are sought; 0: the head says
-                                 * too little, nothing is done */
+    size_t codes;               /* parameters of the face; 0: the head has too
+                                 * few directions, nothing is done */
     size_t unknowns;            /* with the light's, a multiple of 4 */
-    int code[ALIGN_FACE_CODES]; /* which component of an expression each is,
-                                 * or which lid (ALIGN_FACE_LID) */
-    float spread[ALIGN_FACE_CODES]; /* of E_m about the truth */
-    bool lid[ALIGN_FACE_CODES]; /* it moves lids more than all else */
+    int code[ALIGN_FACE_CODES]; /* each parameter's component of the expression
+                                 * or, negative, lid (ALIGN_FACE_LID) */
+    float spread[ALIGN_FACE_CODES]; /* standard deviation of E_m's error */
+    bool lid[ALIGN_FACE_CODES]; /* it moves lids most of all */
     float *direction;           /* (codes,3,room) head units per spread */
     double gap[ALIGN_FACE_GAPS][ALIGN_FACE_CODES];  /* of the lips, in spreads
                                                      * per spread */
@@ -47,8 +47,8 @@ int align_face_init(struct align_face *f, const struct identity *id,
 /* Free what it holds; zeroed then. */
 void align_face_release(struct align_face *f);
 
-/* shown (2,room): levels of m's points in the picture, and what each counts
- * when other frames are laid over this one. */
+/* shown (2,room): levels of m's points in the picture, and each one's weight
+ * when other frames are aligned with this one. */
 void align_face_show(float *shown, struct align_face *f,
                      const struct motion *m, const align_pixel *picture,
                      const struct align_look *look);
