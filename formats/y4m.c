@@ -183,7 +183,8 @@ static uint8_t y4m_fixed_byte(int v)
     return (uint8_t)(v < 0 ? 0 : v > 255 ? 255 : v);
 }
 
-/* m (3,4): Y, Cb and Cr from red, green, blue and 1, rounding included. */
+/* w (3,4), fixed point: Y, Cb and Cr from red, green, blue and 1, rounding
+ * included. */
 static void y4m_weights(int32_t w[3][4], const struct y4m *y)
 {
     const struct matrix m = y4m_matrix_of(y);
@@ -319,9 +320,9 @@ static void y4m_chroma_widen(int32_t *out, const struct chroma *c,
     }
 }
 
-/* Red, green and blue from luma, chroma in 1/16 levels from its middle, and 1,
- * rounding included. */
-static void y4m_weights_back(int32_t w[3][4], const struct y4m *y)
+/* The reverse of y4m_weights, in fixed point: red, green and blue from luma, two
+ * chroma values in 1/16 levels from their middle, and 1. */
+static void y4m_inverse_weights(int32_t w[3][4], const struct y4m *y)
 {
     const struct matrix m = y4m_matrix_of(y);
     const double kg = 1 - m.kr - m.kb, c = 255 / m.cs / 16;
@@ -336,19 +337,20 @@ static void y4m_weights_back(int32_t w[3][4], const struct y4m *y)
     memcpy(w, of, sizeof of);
 }
 
-#define RUN 256                 /* pixels at a time; even */
+#define CHROMA_RUN 256          /* pixels of a row at a time; even */
 
 void y4m_to_rgb(uint8_t *rgb, const uint8_t *planes, const struct y4m *y)
 {
     const size_t W = y->width, H = y->height;
     const size_t plane = y4m_chroma_width(y) * y4m_chroma_height(y);
     const uint8_t *cb = planes + W * H, *cr = cb + plane;
-    int32_t m[3][4], u[RUN] = {0}, v[RUN] = {0};
+    int32_t m[3][4], u[CHROMA_RUN] = {0}, v[CHROMA_RUN] = {0};
 
-    y4m_weights_back(m, y);
+    y4m_inverse_weights(m, y);
     for (size_t i = 0; i < H; i++)
-        for (size_t x = 0; x < W; x += RUN) {
-            const size_t end = x + RUN < W ? x + RUN : W, at = i * W + x;
+        for (size_t x = 0; x < W; x += CHROMA_RUN) {
+            const size_t end = x + CHROMA_RUN < W ? x + CHROMA_RUN : W;
+            const size_t at = i * W + x;
 
             if (plane) {
                 const struct chroma b = y4m_chroma_row(cb, y, i);

@@ -16,34 +16,38 @@
 
 #define N ALIGN_SIDE
 #define UNKNOWNS ALIGN_UNKNOWNS
-#define STEPS 8                 /* at most, and ... */
-#define SMALL 0.003             /* of E_m's spread: such a step is the last */
+#define STEPS 8                 /* at most */
+#define SMALL 0.003             /* a step of this share of E_m's deviations is
+                                 * the last */
 #define MARGIN 3.0              /* pixels from the picture's border */
 
-/* E_m's spread about the truth: turns in radians, moves in shares of the
- * distance.  Half of each holds the aligned pose, as neighbouring points say
- * the same and count as fewer; far from its keyframe, where a shape and a light
- * not known show, less does. */
+/* Standard deviations of E_m's error: rotations in radians, translations as
+ * shares of the distance. */
 static const double align_spread[6] = {0.026, 0.026, 0.013,
                                        0.003, 0.003, 0.02};
-#define HOLD 4.0
-#define HOLD_FAR 10.0           /* more of it, per square of the distance */
-/* Heads mostly keep still, and what a smile moves looks much like a turn: one
- * of less than STILL radians since the keyframe must be seen clearly, so many
- * times as clearly as what E_m says; larger ones are free (Cauchy's
- * weights). */
+/* Factor of the prior on the pose, above 1 since errors of neighbouring points
+ * are correlated; it grows with the square of the distance to the keyframe,
+ * where errors of the shape and the light show. */
+#define PRIOR 4.0
+#define PRIOR_FAR 10.0
+/* Heads mostly keep still, and a smile moves points much as a rotation does.
+ * So rotations since the keyframe have a prior about 0, too, with Cauchy's
+ * weights: strong below STILL radians, weak above. */
 #define STILL 0.0087
-#define STILL_HOLD (20 * HOLD)
+#define STILL_PRIOR (20 * PRIOR)
 
-#define ACT 0.6                 /* of an expression, to see what moves */
-#define JAW_ACT 0.15            /* radians */
-#define MOVES 8.0               /* millimetres: such a point counts half */
-#define STEADY 0.05             /* what moves more is not looked at */
-#define FACING 0.2              /* cosine to the camera: seen well */
+#define ACT 0.6                 /* size of the expressions, ... */
+#define JAW_ACT 0.15            /* ... radians of the jaw, that tell which
+                                 * points move */
+#define MOVES 8.0               /* millimetres: a point that moves so far has
+                                 * half the weight */
+#define STEADY 0.05             /* least weight of a point that is used */
+#define FACING 0.2              /* its least cosine to the camera */
 #define AGREEMENT 0.8           /* correlation of aligned points, at least */
-#define TURN_ON 0.08            /* radians to the nearest keyframe, and ... */
-#define SCALE_ON 0.2            /* ... change of distance: a new one */
-#define MISSES 10               /* in a row: the keyframes are of no use */
+/* A frame becomes a keyframe when its distance to the nearest one is 1: */
+#define TURN_ON 0.08            /* radians of rotation per unit, and ... */
+#define SCALE_ON 0.2            /* ... logarithm of the depths' ratio */
+#define MISSES 10               /* in a row: the keyframes are discarded */
 
 const struct align_kernels *align_kernels(void)
 {
@@ -286,7 +290,7 @@ static void align_add_still_prior(struct align_sums *s,
     mat3_mul_nt_d(turn, p->R, R);
     rotation_log_d(r, turn);
     const double square = r[0] * r[0] + r[1] * r[1] + r[2] * r[2];
-    const double hold = STILL_HOLD * sigma * sigma /
+    const double hold = STILL_PRIOR * sigma * sigma /
                         (1 + square / (STILL * STILL));
     for (int m = 0; m < 3; m++) {
         const double w = hold / (align_spread[m] * align_spread[m]);
@@ -296,8 +300,8 @@ static void align_add_still_prior(struct align_sums *s,
     }
 }
 
-/* One step of p, held near `from` so many times; returns its size in E_m's
- * spreads. */
+/* One step of p, with `from` as the prior, `times` as strong as E_m's
+ * deviations say; returns its size in those deviations. */
 static double align_improve(struct align_pose *p, struct align_sums *s,
                             const struct align_pose *from, const double c[3],
                             const double c0[3], double sigma, double times)
@@ -325,13 +329,14 @@ static double align_improve(struct align_pose *p, struct align_sums *s,
     return size;
 }
 
-/* Lay p over a keyframe so far away; the correlation then. */
+/* Align p with a keyframe at distance `far` (align_distance); returns the
+ * correlation. */
 static double align_fit(struct align_pose *p, const struct align *a,
                         const struct align_keyframe *k, double far,
                         const struct align_view *v)
 {
     const struct align_pose from = *p;
-    const double hold = HOLD * (1 + HOLD_FAR * far * far);
+    const double hold = PRIOR * (1 + PRIOR_FAR * far * far);
     double c0[3], c[3], sigma = 255;
     struct align_sums s;
     bool small = false;
@@ -352,7 +357,7 @@ static double align_fit(struct align_pose *p, const struct align *a,
 
 /* ---- keyframes ---------------------------------------------------------- */
 
-/* How far p is from a keyframe: from 1 on it wants one of its own. */
+/* The distance of a pose from a keyframe: above 1, a new keyframe is made. */
 static double align_distance(const struct align_keyframe *k, const float R[9],
                              const float t[3])
 {
@@ -361,8 +366,8 @@ static double align_distance(const struct align_keyframe *k, const float R[9],
 }
 
 /* Keep this frame as a keyframe, if memory can be had. */
-static void align_keep(struct align *a, const struct motion *m,
-                       const struct align_pose *p, const struct align_view *v)
+static void align_add_keyframe(struct align *a, const struct motion *m,
+                               const struct align_pose *p, const struct align_view *v)
 {
     struct align_keyframe *k = &a->key[a->keys];
     const struct align_look look = align_look(p, v);
@@ -400,7 +405,7 @@ static void align_keep(struct align *a, const struct motion *m,
 }
 
 /* m's expression, its pose p being aligned with keyframe k. */
-static void align_lay_face(struct motion *m, struct align *a,
+static void align_fit_face(struct motion *m, struct align *a,
                            const struct align_keyframe *k,
                            const struct align_pose *p,
                            const struct align_view *v)
@@ -443,11 +448,11 @@ bool align_step(struct align *a, struct motion *m, const float *rgb,
             m->R[k] = (float)p.R[k];
         for (int k = 0; k < 3; k++)
             m->t[k] = (float)p.t[k];
-        align_lay_face(m, a, nearest, &p, &v);
+        align_fit_face(m, a, nearest, &p, &v);
         least = align_distance(nearest, m->R, m->t);
     }
     a->misses = 0;
     if (!nearest || least > 1)
-        align_keep(a, m, &p, &v);
+        align_add_keyframe(a, m, &p, &v);
     return true;
 }
