@@ -320,8 +320,8 @@ static void y4m_chroma_widen(int32_t *out, const struct chroma *c,
     }
 }
 
-/* The reverse of y4m_weights, in fixed point: red, green and blue from luma, two
- * chroma values in 1/16 levels from their middle, and 1. */
+/* The reverse of y4m_weights, in fixed point: red, green and blue from luma,
+ * two chroma values in 1/16 levels from their middle, and 1. */
 static void y4m_inverse_weights(int32_t w[3][4], const struct y4m *y)
 {
     const struct matrix m = y4m_matrix_of(y);
