@@ -8,6 +8,7 @@
 
 #include "lib/avatar/beside.h"
 #include "lib/avatar/cheek_back.h"
+#include "lib/avatar/edge_scale.h"
 #include "lib/base/slices.h"
 #include "lib/geom/camera.h"
 #include "lib/geom/neck_blend.h"
@@ -130,6 +131,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
         {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
+        {&b->edge, n2, false}, {&b->enlarged, 3 * n2, true},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
@@ -359,6 +361,17 @@ static void static_branch_clamp_tint_backward(struct branch_set *dout,
         }
 }
 
+/* Keep Gaussians inside the person's edge. */
+static void static_branch_clamp_scale(struct branch_set *out,
+                                      const struct source_mesh *mesh,
+                                      struct static_branch *b)
+{
+    const float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
+
+    edge_scale_find(b->edge, b->pixel, OVERLAP, b->n);
+    edge_scale_clamp(out->scale, b->enlarged, b->edge, cell, b->count);
+}
+
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
@@ -378,8 +391,10 @@ void static_branch_forward(struct branch_set *out, const float *features,
     conv_decoder_forward(&raw, NULL, mesh->normal,
                          b->prior ? b->logit : NULL, &b->decoder);
     branch_prior_forward(out, &b->start, b->prior);
-    if (b->prior)
+    if (b->prior) {
         static_branch_clamp_tint(out, b);
+        static_branch_clamp_scale(out, mesh, b);
+    }
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])
                            : b->p_raw[k];
@@ -413,6 +428,8 @@ void static_branch_backward(float *dfeatures, struct branch_set *dout,
     for (size_t k = 0; b->prior && k < b->count; k++)
         b->dp[k] = attribute_shift_backward(b->dp[k], b->p_raw[k],
                                             b->p_shift[k]);
+    if (b->prior)
+        edge_scale_clamp_backward(dout->scale, b->enlarged, b->count);
     branch_prior_backward(dout, b->dvisible, &b->start, b->prior);
     if (b->prior)
         static_branch_clamp_tint_backward(dout, b);

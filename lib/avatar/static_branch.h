@@ -53,6 +53,9 @@ struct static_branch {
     float *surface;                     /* (n,n) height of the mesh over the
                                          * plane, head units */
     float *moving;                      /* (n,n) what may not be drawn */
+    float *edge;                        /* (n,n) edge_scale_find */
+    float *enlarged;                    /* (n,n,3) 1: larger than that allows;
+                                         * in training alone */
     float *back;                        /* (n,n) the strip behind the cheeks
                                          * (cheek_back.h) */
     float *p_raw, *p_shift;             /* (n,n) depth: decoder's, shift */
