@@ -1,6 +1,6 @@
-/* Pieces of a matte apart from the person: what a matte's network took for
- * hair, once thin bridges to it have come out faint.  Left in, a piece of a door
- * would stand before the wall when the head moves. */
+/* Parts of a matte that are not connected to the person: background that the
+ * matte's network takes for hair.  Left in, a piece of a door would stand
+ * before the wall when the head moves. */
 #ifndef SPID_FORMATS_LAYERS_ISLANDS_H
 #define SPID_FORMATS_LAYERS_ISLANDS_H
 

@@ -15,7 +15,7 @@
 #define MAX_COLUMNS 512
 #define DEFAULT_RATE 60.0       /* the app's timecodes, in a pipe */
 #define LONGEST_GAP 60.0        /* seconds made up at most */
-#define SHORTEST_STEP 0.125     /* frames from one that is made up to the next */
+#define SHORTEST_STEP 0.125     /* frames between interpolated ones */
 #define DAY 86400.0
 #define WEIGHT_MAX 10.0         /* beyond it a file means something else */
 

@@ -105,7 +105,8 @@ static size_t reader_missing(const struct video_reader *v)
 {
     const struct reader *r = reader_of(v);
     const double end = r->last + fmax(r->pause, r->rate > 0 ? 1 / r->rate : 0);
-    const double mean = r->last > 0 ? (double)(r->count - 1) / r->last : r->rate;
+    const double mean = r->last > 0 ? (double)(r->count - 1) / r->last
+                                    : r->rate;
     const double n = fmax(r->seconds - end, 0) * mean;
     const size_t lost = r->faults + (n < 1e12 ? (size_t)n : 0);
     const size_t counted = r->counted && r->frames > r->count

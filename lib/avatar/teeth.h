@@ -1,8 +1,8 @@
 /* A mouth's inside where no picture shows it: a generic set of teeth with gums,
  * and what is behind them (cavity.h), as a grid of Gaussians in place of the
  * mouth branch's flat one.  Widths and heights of crowns are what adults'
- * teeth roughly have; the arch and where it lies behind the lips are measured on the
- * mean of the ICT scans. */
+ * teeth roughly have; the arch and its place behind the lips are measured on
+ * the mean of the ICT scans. */
 #ifndef SPID_AVATAR_TEETH_H
 #define SPID_AVATAR_TEETH_H
 

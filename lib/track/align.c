@@ -367,7 +367,8 @@ static double align_distance(const struct align_keyframe *k, const float R[9],
 
 /* Keep this frame as a keyframe, if memory can be had. */
 static void align_add_keyframe(struct align *a, const struct motion *m,
-                               const struct align_pose *p, const struct align_view *v)
+                               const struct align_pose *p,
+                               const struct align_view *v)
 {
     struct align_keyframe *k = &a->key[a->keys];
     const struct align_look look = align_look(p, v);

@@ -11,7 +11,7 @@
 #include "lib/head/lbs.h"
 #include "lib/track/overlay.h"
 
-#define SHAPES 128              /* numbers of a shape that are sought, at most */
+#define SHAPES 128              /* parameters of a shape that are fitted */
 #define STEPS 3
 #define SPREAD 0.7              /* of E_beta's numbers about the truth */
 #define RIM_SPREAD 2.0          /* of the rim about the edge, pixels of 512, */

@@ -1,6 +1,5 @@
-/* Videos that are written keep their frames' times: a driver that is recorded at
- * a rate that varies is followed in its own time, and one at a constant rate in
- * equal steps. */
+/* Videos that are written keep their frames' times: a driver of a variable rate
+ * is followed in its own time, one of a constant rate in equal steps. */
 #include <math.h>
 #include <stdio.h>
 
