@@ -42,12 +42,29 @@ struct texture_rim {
     float least;        /* 0 up to 6 degrees, 1 from 12 on: how much rims of
                          * the source that lie inside the drawn head are
                          * doubted and filled; they would be slits */
+    float inner;        /* the same well inside the drawn head: 0 up to 3
+                         * degrees, 1 from 8 on */
     float most;         /* the photograph covers at most so many times what is
                          * drawn: without limit at 0 degrees, 2 from 8 on.  Past
                          * an outline lie places from anywhere beyond it */
 };
 /* Of the view to a frame. */
 struct texture_rim texture_rim(const struct splat_place_view *v);
+/* The least drawn coverage alpha (size,size) to either side, above and below
+ * pixel (x,y), farther away than an outline is soft. */
+float texture_inside(const float *alpha, size_t x, size_t y, size_t size);
+/* rim at a pixel of that texture_inside: well inside the drawn head, where no
+ * hair is thin, what the source shows as a rim is doubted sooner.  A constant
+ * for the backward. */
+static inline struct texture_rim texture_rim_at(struct texture_rim rim,
+                                                float inside)
+{
+    const float solid = (inside - 0.8f) / 0.15f;
+    const float least = rim.inner * (solid > 0 ? solid < 1 ? solid : 1 : 0);
+
+    rim.least = least > rim.least ? least : rim.least;
+    return rim;
+}
 /* Factor of the confidence by matte and drawn coverage alpha: less where either
  * is less than full, or the matte less than the coverage, as there a turned
  * head's rim is torn.  The matte's share of the coverage counts by its fourth

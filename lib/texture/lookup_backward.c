@@ -223,13 +223,15 @@ void texture_lookup_backward(float *dplace, float *dalpha,
             t->level[level], S,
             half * (A[0] * nx + A[1] * ny + b[0] + p[0] / p[2] + 1),
             half * (A[2] * nx + A[3] * ny + b[1] + p[1] / p[2] + 1));
+        const struct texture_rim here = texture_rim_at(
+            rim, texture_inside(alpha, i % size, i / size, size));
         const float whole = texture_whole(fminf(fmaxf(s.sum[3], 0), 1),
-                                          alpha[i], rim);
+                                          alpha[i], here);
         if (!(lookup_confidence_backward(dplace, dalpha, place, v, zoom,
                                          alpha[i], d[4] * whole, i % size,
                                          i / size, size) > 0))
             continue;
-        dalpha[i] += lookup_position_backward(duv, d, &s, alpha[i], rim);
+        dalpha[i] += lookup_position_backward(duv, d, &s, alpha[i], here);
         lookup_place_backward(dplace + 3 * i, duv, p, half);
     }
 }

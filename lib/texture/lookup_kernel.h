@@ -39,6 +39,7 @@ struct lookup_row {
                                  * centre, and to the next one's */
     _Alignas(64) float alpha[LOOKUP_WIDE];      /* coverage, beyond the picture
                                                  * anything */
+    float inside[LOOKUP_WIDE];  /* texture_inside */
     float sure[LOOKUP_WIDE];    /* confidence, 0 without a place */
     float u[LOOKUP_WIDE], v[LOOKUP_WIDE];   /* places, the texture's pixels */
 };
@@ -55,12 +56,13 @@ typedef void lookup_confidence_fn(struct lookup_row *row,
 
 /* photo (n,5) = texture (S,S,4) at positions (u,v), pixels from the corner, by
  * Keys's bicubic, 0..1, times texture_cover of its matte and the coverage alpha
- * (n), and weight * texture_whole of the same; a position's weight of 0 or less
- * leaves its pixel alone.  Border pixels go on outside.  u, v and weight have
- * room for a multiple of 16. */
+ * (n), and weight * texture_whole of the same, by texture_rim_at of inside (n);
+ * a position's weight of 0 or less leaves its pixel alone.  Border pixels go on
+ * outside.  u, v and weight have room for a multiple of 16. */
 typedef void texture_bicubic_fn(float *photo, const float *u, const float *v,
                                 const float *weight, const float *alpha,
-                                size_t n, const uint8_t *texture, size_t S,
+                                const float *inside, size_t n,
+                                const uint8_t *texture, size_t S,
                                 struct texture_rim rim);
 
 /* texture_mix of n pixels of three channels. */

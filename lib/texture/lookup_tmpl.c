@@ -296,7 +296,8 @@ VEC_INLINE vq lookup_saturate(vq c)
 
 static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
                                  const float *weight, const float *alpha,
-                                 size_t n, const uint8_t *texture, size_t S,
+                                 const float *inside, size_t n,
+                                 const uint8_t *texture, size_t S,
                                  struct texture_rim rim)
 {
     const int32_t last = (int32_t)S - 3;
@@ -312,15 +313,16 @@ static void ISA(texture_bicubic)(float *photo, const float *u, const float *v,
         }
         if (!(weight[i] > 0))
             continue;
-        bool inside = x0[k] >= 0 && y0[k] >= 0 && x0[k] < last && y0[k] < last;
-        vq c = inside ? lookup_cubic(texture + 4 * ((size_t)y0[k] * S +
+        bool within = x0[k] >= 0 && y0[k] >= 0 && x0[k] < last && y0[k] < last;
+        vq c = within ? lookup_cubic(texture + 4 * ((size_t)y0[k] * S +
                                                     (size_t)x0[k]),
                                      4 * S, tx[k], ty[k])
                       : lookup_border(texture, S, x0[k], y0[k], tx[k], ty[k]);
 
         c = lookup_saturate(c);
-        photo[4] = weight[i] * texture_whole(c[3], alpha[i], rim);
-        c *= texture_cover(c[3], alpha[i], rim);
+        const struct texture_rim here = texture_rim_at(rim, inside[i]);
+        photo[4] = weight[i] * texture_whole(c[3], alpha[i], here);
+        c *= texture_cover(c[3], alpha[i], here);
         vq_store(photo, c);
     }
 }

@@ -183,6 +183,18 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
     return (struct texture_rim){
         .turned = fminf(fmaxf((off - 0.022f) / (0.1f - 0.022f), 0), 1),
         .least = fminf(fmaxf((off - 0.006f) / (0.022f - 0.006f), 0), 1),
+        .inner = fminf(fmaxf((off - 0.0014f) / (0.0098f - 0.0014f), 0), 1),
         .most = 2 / fminf(fmaxf(off / 0.01f, 1e-6f), 1)
     };
+}
+
+float texture_inside(const float *alpha, size_t x, size_t y, size_t size)
+{
+    const size_t far = size / 85, last = size - 1;
+    const size_t left = x > far ? x - far : 0, up = y > far ? y - far : 0;
+    const size_t right = x + far < last ? x + far : last;
+    const size_t down = y + far < last ? y + far : last;
+
+    return fminf(fminf(alpha[y * size + left], alpha[y * size + right]),
+                 fminf(alpha[up * size + x], alpha[down * size + x]));
 }

@@ -99,10 +99,11 @@ static double lookup_bicubic(const uint8_t *t, long n, double u, double v,
 static void against_double(size_t n)
 {
     enum { AT = 500, STRIDE = TEXTURE_PHOTO };
-    const struct texture_rim rim = {0.6f, 0.8f, 1.5f};
+    const struct texture_rim rim = {
+        .turned = 0.6f, .least = 0.5f, .inner = 0.8f, .most = 1.5f};
     static uint8_t t[4 * 65 * 65];
     static float uv[2][(AT + 15) / 16 * 16], weight[AT], out[STRIDE * AT];
-    static float cover[AT];
+    static float cover[AT], inside[AT];
     struct random r;
     double worst = 0;
     bool kept = true;
@@ -114,16 +115,18 @@ static void against_double(size_t n)
     for (size_t i = 0; i < AT; i++) {
         weight[i] = i % 5 ? 1 - (float)i / AT : 0;
         cover[i] = (float)random_uniform(&r);
+        inside[i] = i % 3 ? (float)random_range(&r, 0.7, 1) : 0;
         for (size_t k = 0; k < 2; k++)
             uv[k][i] = (float)random_range(&r, -1.5, (double)n + 1.5);
         for (size_t k = 0; k < STRIDE; k++)
             out[STRIDE * i + k] = -3;
     }
-    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, cover, AT, t, n,
-                              rim);
+    lookup_kernels()->bicubic(out, uv[0], uv[1], weight, cover, inside,
+                              AT, t, n, rim);
     for (size_t i = 0; i < AT; i++) {
         double m = lookup_bicubic(t, (long)n, uv[0][i], uv[1][i], 3);
-        double by = lookup_cover(m, cover[i], rim);
+        const struct texture_rim here = texture_rim_at(rim, inside[i]);
+        double by = lookup_cover(m, cover[i], here);
 
         for (int c = 0; c < STRIDE; c++) {
             float got = out[STRIDE * i + (size_t)c];
@@ -131,7 +134,7 @@ static void against_double(size_t n)
             if (weight[i] == 0) {
                 kept = kept && got == -3;
             } else if (c == 4) {
-                double whole = texture_whole((float)m, cover[i], rim);
+                double whole = texture_whole((float)m, cover[i], here);
 
                 worst = fmax(worst, fabs(got - weight[i] * whole));
             } else {
