@@ -17,6 +17,8 @@
 #define TEXTURE_SHARP 0.55f
 #define TEXTURE_STRETCHED 0.12f
 #define TEXTURE_ACROSS 3
+/* An outline is softer than a picture's side over this nowhere. */
+#define TEXTURE_SOFT 86
 /* The confidence by the share of the coverage that has a place: whole from
  * three quarters on, since along an outline some of the coverage never has
  * one. */

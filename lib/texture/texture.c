@@ -190,7 +190,8 @@ struct texture_rim texture_rim(const struct splat_place_view *v)
 
 float texture_inside(const float *alpha, size_t x, size_t y, size_t size)
 {
-    const size_t far = size / 85, last = size - 1;
+    const size_t far = (size + TEXTURE_SOFT - 1) / TEXTURE_SOFT;
+    const size_t last = size - 1;
     const size_t left = x > far ? x - far : 0, up = y > far ? y - far : 0;
     const size_t right = x + far < last ? x + far : last;
     const size_t down = y + far < last ? y + far : last;

@@ -287,6 +287,43 @@ static void test_turned(void)
     texture_release(&t);
 }
 
+/* A head turned by 5.7 degrees: where the matte is half, well inside what is
+ * drawn the photograph covers more than that; at what is drawn thin it does
+ * not. */
+static void test_inside(void)
+{
+    const struct splat_place_view side = {{1.005f, 0, 0, 1}, {0, 0}};
+    struct texture t;
+    double covers[2] = {0}, rims[2] = {0};
+
+    lookup_draw_photograph(2);
+    texture_of_photograph(&t);
+    const size_t level = texture_level(&t, &side, S), n = t.side[level];
+    for (int thin = 0; thin < 2; thin++) {
+        lookup_set_places(0, 0, 1, 1);
+        for (size_t i = 0; thin && i < PIXELS; i++)
+            alpha[i] = i % 3 ? 0 : 1;
+        texture_lookup(photo, &t, &side, place, alpha, S);
+        for (size_t i = 0; i < PIXELS; i += 3) {
+            const double x = (2.0 * (double)(i % S) + 1) / S - 1;
+            const double y = (2.0 * (double)(i / S) + 1) / S - 1;
+            const double m = lookup_bicubic(
+                t.level[level], (long)n,
+                0.5 * (double)n * ((double)side.A[0] * x + 1),
+                0.5 * (double)n * (y + 1), 3);
+
+            if (m > 0.3 && m < 0.7 && photo[TEXTURE_PHOTO * i + 4] > 0) {
+                rims[thin]++;
+                covers[thin] += photo[TEXTURE_PHOTO * i + 3] / m;
+            }
+        }
+    }
+    check_range("turned a little, inside: times the matte",
+                covers[0] / rims[0], 1.2, 1.6);
+    check_range("drawn thin", covers[1] / rims[1], 0.999, 1.001);
+    texture_release(&t);
+}
+
 /* The source's outline within a turned head's: what is drawn solid there lets
  * no more than a hundredth of the background through, whatever the matte. */
 static void test_slit(void)
@@ -532,6 +569,7 @@ static int at_level(void)
     test_mix();
     test_identity();
     test_turned();
+    test_inside();
     test_slit();
     test_outline();
     test_shifted();
