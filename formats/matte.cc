@@ -4,7 +4,6 @@
 extern "C" {
 #include "formats/matte.h"
 }
-#include "formats/grabcut.hh"
 #include "formats/mask.hh"
 
 #include <sysexits.h>
@@ -28,9 +27,12 @@ static const int MOST = 97;
  * person is. */
 static cv::Mat matte_grabcut_run(const cv::Mat &rgb, cv::Mat &label, int rounds)
 {
+    cv::Mat background, foreground;
+
     cv::theRNG().state = 0x5eed;
     cv::setRNGSeed(1);
-    grabcut_run(label, rgb, rounds);
+    cv::grabCut(rgb.clone(), label, cv::Rect(), background, foreground, rounds,
+                cv::GC_INIT_WITH_MASK);
     return (label == cv::GC_FGD) | (label == cv::GC_PR_FGD);
 }
 
