@@ -25,6 +25,10 @@
                                  * further are not used */
 #define STILL 0.02              /* share of the strongest direction's movement:
                                  * directions of less are not used */
+#define OPEN 0.35f              /* lids of a keyframe whose eyelids are fully
+                                 * used, ... */
+#define SHUT 0.6f               /* and from which on they are not: skin that
+                                 * goes into the crease when they open */
 #define FACING 0.2f             /* least cosine to the camera of a point */
 #define LIP_UPPER 61            /* landmarks of the upper lip's inner edge, */
 #define LIP_LOWER 67            /* and of the lower one's, backwards */
@@ -227,10 +231,19 @@ static void align_face_pose(struct align_face *f, const struct motion *m)
     align_face_gather(f->point, f, f->verts);
 }
 
+/* How well a keyframe with these lids (2) shows the skin about an open eye. */
+static float align_face_openness(const float *lid)
+{
+    const float t = (SHUT - fmaxf(lid[0], lid[1])) / (SHUT - OPEN);
+
+    return fminf(fmaxf(t, 0), 1);
+}
+
 void align_face_show(float *shown, struct align_face *f,
                      const struct motion *m, const align_pixel *picture,
                      const struct align_look *look)
 {
+    const float open = align_face_openness(m->pose.lid);
     float *weight = shown + f->room;
 
     align_face_pose(f, m);
@@ -241,6 +254,8 @@ void align_face_show(float *shown, struct align_face *f,
     for (size_t i = 0; i < f->room; i++)
         if (i >= f->count || weight[i] < FACING)
             weight[i] = 0;
+        else if (f->id->head->region[f->vertex[i]] == REGION_EYELID)
+            weight[i] *= open;
 }
 
 /* Add the priors on the expression x and on the mouth's opening. */

@@ -116,6 +116,26 @@ static double face_error(size_t k, bool lid, const struct identity *id)
            fabs((double)given[k] - truth[k]);
 }
 
+/* What the points of a keyframe with these lids weigh together. */
+static double face_weight(float lid, const struct identity *id)
+{
+    static _Alignas(64) align_pixel picture[N * N];
+    const struct motion m = {.pose.lid = {0, lid}};
+    struct align_face f;
+    struct error err = {0};
+    double sum = 0;
+
+    REQUIRE(align_face_init(&f, id, &err) == 0, "%s", err.text);
+    float *shown = malloc(2 * f.room * sizeof *shown);
+    REQUIRE(shown, "out of memory");
+    align_face_show(shown, &f, &m, picture, &look);
+    for (size_t i = 0; i < f.room; i++)
+        sum += (double)shown[f.room + i];
+    free(shown);
+    align_face_release(&f);
+    return sum;
+}
+
 /* Landmarks of the lips at places that the second direction parts. */
 static void face_lips(struct head *h)
 {
@@ -165,6 +185,13 @@ int main(void)
     check_range("a lid goes its open share (0.72) of the way",
                 face_error(1, true, &id), 0.22, 0.34);
     face_directions(&h, false);
+    for (size_t v = 0; v < h.V; v++)
+        h.region[v] = REGION_EYELID;
+    check_range("half shut eyes of a keyframe: weight of their lids",
+                face_weight(0.5f, &id) / face_weight(0, &id), 0.3, 0.5);
+    check("shut ones", face_weight(0.7f, &id), 0);
+    for (size_t v = 0; v < h.V; v++)
+        h.region[v] = REGION_FACE;
     face_lips(&h);
     check("across, with lips", face_error(0, false, &id), 0.2);
     check_range("what opens the mouth is held", face_error(1, false, &id), 0.7,
