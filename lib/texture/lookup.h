@@ -75,15 +75,15 @@ static inline struct texture_rim texture_rim_at(struct texture_rim rim,
 static inline float texture_whole(float matte, float alpha,
                                   struct texture_rim rim)
 {
-    const float least = 0.95f * rim.least * (2 * alpha - 1);
+    const float whole = 0.95f * (2 * alpha - 1);
     float t = ((matte < alpha ? matte : alpha) - 0.5f) / 0.45f;
 
     t = t > 0 ? t < 1 ? t : 1 : 0;      /* fminf would be a call */
     t = 1 - rim.turned * (1 - t);
-    if (!(matte < least))
+    if (!(matte < whole))
         return t;
-    const float share = matte * matte / (least * least);
-    return t * share * share;
+    const float share = matte * matte / (whole * whole);
+    return t * (1 - rim.least * (1 - share * share));
 }
 
 /* Factor of a looked-up pixel's colours and matte.  They cover at most rim.most

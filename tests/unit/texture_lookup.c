@@ -330,7 +330,8 @@ static void test_slit(void)
 {
     const struct texture_rim rim = {.turned = 0, .least = 1, .most = 2};
     const struct texture_rim still = {.turned = 0, .least = 0, .most = 2};
-    double through = 0, kept = 1;
+    const struct texture_rim hardly = {.turned = 0, .least = 0.01f, .most = 2};
+    double through = 0, kept = 1, jump = 0;
 
     for (int i = 1; i < 255; i++) {
         const float share = (float)i / 255;
@@ -340,9 +341,12 @@ static void test_slit(void)
                                           texture_cover(share, 1, rim))));
         kept = fmin(kept, (double)(texture_whole(share, 1, still) *
                                    texture_cover(share, 1, still)));
+        jump = fmax(jump, fabs((double)(texture_whole(share, 1, hardly) -
+                                        texture_whole(share, 1, still))));
     }
     check("what a slit lets through", through, 0.01);
     check("the source's own rims are the photograph's", 1 - kept, 0);
+    check("a head that hardly turns: nearly so", jump, 0.011);
     check("so is a turned head's inside", 1 - texture_whole(1, 1, rim), 0);
 }
 
