@@ -15,8 +15,8 @@
 /* `moving` is 0 where skin moves less than the one, 1 at the other. */
 #define STILL_MM 0.5f
 #define MOVES_MM 2.0f
-/* `lid` is 0 where closing eyes lower skin less than the one, 1 at the other.
- * */
+/* `lid` is 0 where closing eyes lower skin less than the one, 1 from the other
+ * on. */
 #define LID_LEAST_MM 1.0f
 #define LID_MM 2.0f
 /* Reach of lids: this share of the distance by which they close, and so many

@@ -200,12 +200,12 @@ static void lookup_row(float *photo, struct lookup_row *r,
     r->nx = ((float)t->x0 + 0.5f) * r->step - 1;
     r->ny = ((float)y + 0.5f) * r->step - 1;
     memcpy(r->alpha, k->alpha + y * k->size + t->x0, t->n * sizeof *r->alpha);
-    for (size_t i = 0; i < t->n; i++)
-        r->inside[i] = k->rim.inner > 0
-                     ? texture_inside(k->alpha, t->x0 + i, y, k->size) : 0;
     memset(photo, 0, TEXTURE_PHOTO * t->n * sizeof *photo);
     k->kernels->confide(r, &k->view, t->n);
     lookup_confidence_border(r, k, t, y);
+    for (size_t i = 0; i < t->n; i++)
+        r->inside[i] = k->rim.inner > 0 && r->sure[i] > 0
+                     ? texture_inside(k->alpha, t->x0 + i, y, k->size) : 0;
     k->kernels->bicubic(photo, r->u, r->v, r->sure, r->alpha, r->inside,
                         t->n, k->t->level[k->level], S, k->rim);
 }

@@ -67,7 +67,7 @@ refused() {
         db=$(ffmpeg -nostdin -i pose_$n.png -i "own_$(printf %06d $n).png" -lavfi psnr -f null - 2>&1 |
             sed -n 's/.*average:\([0-9.inf]*\).*/\1/p')
         echo "pose $n: $db dB"
-        awk -v db="$db" 'BEGIN { exit !(db == "inf" || db >= 35) }'
+        awk -v db="$db" 'BEGIN { exit !(db == "inf" || db >= 40) }'
     done
 }
 

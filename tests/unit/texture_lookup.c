@@ -253,6 +253,19 @@ static void test_outline(void)
     texture_release(&t);
 }
 
+/* The matte of t at pixel i of a picture seen from `view`, places exact. */
+static double lookup_matte(const struct texture *t,
+                           const struct splat_place_view *view, size_t i)
+{
+    const size_t level = texture_level(t, view, S), n = t->side[level];
+    const double x = (2.0 * (double)(i % S) + 1) / S - 1;
+    const double y = (2.0 * (double)(i / S) + 1) / S - 1;
+
+    return lookup_bicubic(t->level[level], (long)n,
+                          0.5 * (double)n * ((double)view->A[0] * x + 1),
+                          0.5 * (double)n * (y + 1), 3);
+}
+
 /* A head that has turned: rims of the photograph, where the matte is not
  * full, are not believed, nor what is drawn out of a few of its pixels. */
 static void test_turned(void)
@@ -265,15 +278,9 @@ static void test_turned(void)
     texture_of_photograph(&t);
     lookup_set_places(0, 0, 1, 1);
     texture_lookup(photo, &t, &side, place, alpha, S);
-    const size_t level = texture_level(&t, &side, S), n = t.side[level];
     for (size_t i = 0; i < PIXELS; i++) {
         const float sure = photo[TEXTURE_PHOTO * i + 4];
-        const double x = (2.0 * (double)(i % S) + 1) / S - 1;
-        const double y = (2.0 * (double)(i / S) + 1) / S - 1;
-        const double m = lookup_bicubic(
-            t.level[level], (long)n,
-            0.5 * (double)n * ((double)side.A[0] * x + 1),
-            0.5 * (double)n * (y + 1), 3);
+        const double m = lookup_matte(&t, &side, i);
 
         rims = rims && (m > 0.4999 || sure == 0) && (m < 0.9501 || sure == 1);
     }
@@ -298,19 +305,13 @@ static void test_inside(void)
 
     lookup_draw_photograph(2);
     texture_of_photograph(&t);
-    const size_t level = texture_level(&t, &side, S), n = t.side[level];
     for (int thin = 0; thin < 2; thin++) {
         lookup_set_places(0, 0, 1, 1);
         for (size_t i = 0; thin && i < PIXELS; i++)
             alpha[i] = i % 3 ? 0 : 1;
         texture_lookup(photo, &t, &side, place, alpha, S);
         for (size_t i = 0; i < PIXELS; i += 3) {
-            const double x = (2.0 * (double)(i % S) + 1) / S - 1;
-            const double y = (2.0 * (double)(i / S) + 1) / S - 1;
-            const double m = lookup_bicubic(
-                t.level[level], (long)n,
-                0.5 * (double)n * ((double)side.A[0] * x + 1),
-                0.5 * (double)n * (y + 1), 3);
+            const double m = lookup_matte(&t, &side, i);
 
             if (m > 0.3 && m < 0.7 && photo[TEXTURE_PHOTO * i + 4] > 0) {
                 rims[thin]++;

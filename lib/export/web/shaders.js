@@ -101,7 +101,9 @@ uniform vec4 placeA;
 uniform vec2 placeB;
 out vec4 color;
 
-const float LEAST = 0.004;
+/* As in lib/texture/lookup.h. */
+const float LEAST = 0.004, JUMP = 1.5, LEAP = 6.0, SHARP = 0.55,
+            STRETCHED = 0.12, SOFT = 86.0;
 
 /* Keys's weights, as in lib/texture/lookup_tmpl.c. */
 vec4 weights(float t) {
@@ -153,30 +155,47 @@ float stretch(vec3 p, ivec2 at) {
                                         0.0)));
   float area = (placeA.x + dx.x) * (placeA.w + dy.y) -
                (placeA.y + dy.x) * (placeA.z + dx.y);
-  return clamp((area / max(zoom, 1e-6) - 0.12) / 0.18, 0.0, 1.0);
+  return clamp((area / max(zoom, 1e-6) - STRETCHED) / (SHARP - STRETCHED),
+               0.0, 1.0);
 }
 
 float confidence(vec3 p, float alpha, ivec2 at) {
   float jump = max(max(change(p, at + ivec2(1, 0)), change(p, at - ivec2(1, 0))),
                    max(change(p, at + ivec2(0, 1)), change(p, at - ivec2(0, 1))));
   return clamp(1.6 * p.z / max(alpha, LEAST) - 0.2, 0.0, 1.0) *
-         clamp((3.0 - jump) / 1.5, 0.0, 1.0) * stretch(p, at);
+         clamp((LEAP - jump) / (LEAP - JUMP), 0.0, 1.0) * stretch(p, at);
+}
+
+/* texture_inside: the least coverage about a place. */
+float inside(ivec2 at) {
+  ivec2 last = ivec2(size) - 1, far = ivec2(ceil(span / SOFT), 0);
+  float least = 1.0;
+  for (int i = 0; i < 4; i++) {
+    ivec2 way = (i < 2 ? far : far.yx) * (i % 2 * 2 - 1);
+    least = min(least, texelFetch(colors, clamp(at + way, ivec2(0), last),
+                                  0).a);
+  }
+  return least;
 }
 
 /* seen's share of the picture, the more the head has turned the less: less
- * where matte or coverage is not full, and no more than twice what is drawn
- * (texture_rim). */
-vec4 believe(vec4 own, vec4 seen, float sure) {
+ * where matte or coverage is not full (texture_whole, texture_rim_at), no more
+ * than twice what is drawn, and as much on an old outline (texture_cover). */
+vec4 believe(vec4 own, vec4 seen, float sure, ivec2 at) {
   float square = dot(placeA, placeA);
   float area = max(placeA.x * placeA.w - placeA.y * placeA.z, 1e-6);
   float off = sqrt(max(square / area - 2.0, 0.0));
   float turned = clamp((off - 0.022) / 0.078, 0.0, 1.0);
-  float least = 0.95 * clamp((off - 0.006) / 0.016, 0.0, 1.0) *
-                (2.0 * own.a - 1.0);
+  float inner = clamp((off - 0.0014) / 0.0084, 0.0, 1.0);
+  float least = max(clamp((off - 0.006) / 0.016, 0.0, 1.0),
+                    inner * clamp((inside(at) - 0.8) / 0.15, 0.0, 1.0));
+  float whole = 0.95 * (2.0 * own.a - 1.0);
   float most = 2.0 / clamp(off / 0.01, 1e-6, 1.0) * own.a;
   float rim = clamp((min(seen.a, own.a) - 0.5) / 0.45, 0.0, 1.0);
-  if (seen.a < least) sure *= pow(seen.a / least, 4.0);
+  if (seen.a < whole) sure *= 1.0 - least * (1.0 - pow(seen.a / whole, 4.0));
   if (seen.a > most) seen *= most / seen.a;
+  else if (seen.a < own.a)
+    seen *= 1.0 + least * min(own.a / max(seen.a, 1e-6) - 1.0, 1.0);
   return mix(own, seen, sure * (1.0 - turned * (1.0 - rim)));
 }
 
@@ -192,10 +211,10 @@ void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
   vec2 down = vec2(gl_FragCoord.x, size.y - gl_FragCoord.y);
   vec2 n = (down - 0.5 * size) * 2.0 / span;
-  bool inside = all(lessThanEqual(abs(n), vec2(1.0)));
+  bool within = all(lessThanEqual(abs(n), vec2(1.0)));
   if (original) {
     vec2 uv = (0.5 * n + 0.5) * vec2(textureSize(backdrop, 0));
-    color = vec4(inside ? bicubic(backdrop, uv).rgb : background, 1.0);
+    color = vec4(within ? bicubic(backdrop, uv).rgb : background, 1.0);
     return;
   }
   vec4 own = texelFetch(colors, at, 0);
@@ -207,7 +226,7 @@ void main() {
                 p.xy / p.z + 1.0;
       if (sure > 0.0) {
         vec4 seen = bicubic(person, 0.5 * uv * vec2(textureSize(person, 0)));
-        own = believe(own, seen, sure);
+        own = believe(own, seen, sure, at);
       }
     }
   }
