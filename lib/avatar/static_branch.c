@@ -129,9 +129,11 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->din, n2 * b->inputs, true}, {&b->dsampled, n2 * Cf, true},
         {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
-        {&b->surface, n2, false},
+        {(float **)&b->cell, n2, false}, {&b->own, 4 * n2, false},
+        {&b->height, n2, false}, {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
-        {&b->edge, n2, false}, {&b->enlarged, 3 * n2, true},
+        {&b->edge, n2, false}, {&b->most, n2, false},
+        {&b->enlarged, 3 * n2, true},
         {&b->p_raw, n2, false}, {&b->p_shift, n2, false}, {&b->p, n2, false},
         {&b->dp, n2, true}, {&b->dvisible, n2, true}
     };
@@ -163,6 +165,8 @@ void static_branch_release(struct static_branch *b)
     memset(b, 0, sizeof *b);
 }
 
+/* ---- what the plane's cells lie on --------------------------------------- */
+
 /* Where the mesh lies over the plane, towards the camera; 0 beside it and on
  * its very outline, where a cell may have the colour of what is behind: at the
  * skin's depth, a turn to the side would show a line of specks. */
@@ -173,8 +177,8 @@ static void static_branch_surface(struct static_branch *b,
         const float h = mesh->cam[11] - mesh->depth[k];
         const float most = STATIC_BRANCH_HEIGHT;
 
-        b->surface[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
-                      ? fminf(fmaxf(h, -most), most) : 0;
+        b->height[k] = isfinite(h) && mesh->coverage[k] >= BESIDE_OUTLINE
+                     ? fminf(fmaxf(h, -most), most) : 0;
     }
 }
 
@@ -193,9 +197,9 @@ static float static_branch_neck_weight(const struct static_branch *b,
                                         (1 + SHOULDER_FALL * beside));
 }
 
-/* Neck blend weights (n*n), from where the uniform grid lies on the surface: a
- * point that is all shoulders stood at B^-1 x when the neck was straight.
- * mean (n*n,3) is used up. */
+/* Neck blend weights (n*n), from where the cells lie on the surface: a point
+ * that is all shoulders stood at B^-1 x when the neck was straight.  b->U are
+ * the cells' centres; mean (n*n,3) is used up. */
 static void static_branch_neck(float *neck, float *mean,
                                const struct source_mesh *mesh,
                                struct static_branch *b)
@@ -210,10 +214,9 @@ static void static_branch_neck(float *neck, float *mean,
     for (int i = 0; i < 9; i++)
         R[i] = mesh->body[4 * (i % 3) + i / 3];
     neck_blend_body(back, blend->pivot, R, straight);
-    static_branch_grid(b->U, b->n);
     for (size_t k = 0; k < b->count; k++)
-        b->p[k] = 0.5f + 0.5f * b->surface[k];
-    static_branch_lift(mean, b->U, b->p, b->surface, mesh->cam, mesh->normal,
+        b->p[k] = 0.5f + 0.5f * b->height[k];
+    static_branch_lift(mean, b->U, b->p, b->height, mesh->cam, mesh->normal,
                        b->count);
     beside_distance(neck, mesh->coverage, b->n);
     for (size_t k = 0; k < b->count; k++) {
@@ -227,15 +230,54 @@ static void static_branch_neck(float *neck, float *mean,
 }
 
 /* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
- * it. */
+ * it.  b->edge, how large Gaussians inside the person's edge may be. */
 static void static_branch_mask(struct static_branch *b,
+                               const struct source_picture *picture,
                                const struct source_mesh *mesh)
 {
     for (size_t k = 0; k < b->count; k++)
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
-    if (b->prior)
-        beside_rim(b->moving, b->pixel, mesh->coverage, b->n);
+    if (!b->prior)
+        return;
+    source_picture_sample(b->own, picture, b->U, b->count);
+    beside_rim(b->moving, b->own, mesh->coverage, b->n);
+    edge_scale_find(b->edge, b->own, OVERLAP, b->n);
 }
+
+/* The maps of the cells, before they move. */
+static void static_branch_map(float *neck, float *mean,
+                              const struct source_picture *picture,
+                              const struct source_mesh *mesh,
+                              struct static_branch *b)
+{
+    static_branch_grid(b->U, b->n);
+    static_branch_surface(b, mesh);
+    static_branch_neck(neck, mean, mesh, b);
+    static_branch_mask(b, picture, mesh);
+}
+
+/* Where the Gaussians have moved to: the cells they lie in now, and what the
+ * maps say there.  scratch (n*n). */
+static void static_branch_locate(float *neck, float *scratch,
+                                 struct static_branch *b)
+{
+    const float half = 0.5f * (float)b->n, last = (float)(b->n - 1);
+
+    memcpy(scratch, neck, b->count * sizeof *neck);
+    for (size_t k = 0; k < b->count; k++) {
+        const float x = half * (b->U[2 * k] + 1);
+        const float y = half * (b->U[2 * k + 1] + 1);
+        const size_t at = (size_t)fminf(fmaxf(y, 0), last) * b->n +
+                          (size_t)fminf(fmaxf(x, 0), last);
+
+        b->cell[k] = (uint32_t)at;
+        b->surface[k] = b->height[at];
+        b->most[k] = b->edge[at];
+        neck[k] = scratch[at];
+    }
+}
+
+/* ---- forward and backward ------------------------------------------------ */
 
 /* U = U_0 + Phi_init([F, C]). */
 static void static_branch_deform(const float *features,
@@ -244,7 +286,6 @@ static void static_branch_deform(const float *features,
 {
     size_t Cf = b->feature;
 
-    static_branch_grid(b->U, b->n);
     if (b->uniform)
         return;
 #pragma omp parallel for schedule(static)
@@ -287,6 +328,7 @@ static void static_branch_inputs(const float *features,
     for (size_t k = 0; k < b->count; k++) {
         float *row = rows + k * stride;
         const float *pixel = b->pixel + 4 * k;
+        const size_t at = b->cell[k];
 
         grid_sample(row, features, b->U + 2 * k, 1, b->n, b->n, Cf, 1, false,
                     RESAMPLE_BORDER);
@@ -294,14 +336,14 @@ static void static_branch_inputs(const float *features,
         row[Cf + 1] = b->U[2 * k + 1];
         if (!b->prior)
             continue;
-        row[Cf + 2] = mesh->coverage[k];
+        row[Cf + 2] = mesh->coverage[at];
         row[Cf + 3] = pixel[3];
         row[Cf + 4] = b->surface[k];
-        row[Cf + 5] = isfinite(mesh->depth[k]) ? 1 : 0;
+        row[Cf + 5] = isfinite(mesh->depth[at]) ? 1 : 0;
         for (int c = 0; c < 3; c++)
             b->logit[3 * k + c] = attribute_logit(pixel[c]);
-        b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[k]);
-        b->start.opacity_shift[k] = -COVERED * mesh->coverage[k];
+        b->start.visible[k] = fminf(pixel[3], 1) * (1 - b->moving[at]);
+        b->start.opacity_shift[k] = -COVERED * mesh->coverage[at];
         b->start.scale_shift[k] = size_shift;
         b->p_shift[k] = attribute_logit(0.5f + 0.5f * b->surface[k]);
     }
@@ -321,7 +363,7 @@ static void static_branch_inputs_backward(struct static_branch *b)
         if (!b->prior)
             continue;
         b->dpixel[4 * k + 3] = row[Cf + 3] +
-                               b->dvisible[k] * (1 - b->moving[k]);
+                               b->dvisible[k] * (1 - b->moving[b->cell[k]]);
         for (int c = 0; c < 3; c++)
             b->dpixel[4 * k + c] = attribute_logit_backward(
                 b->dlogit[3 * k + c], b->pixel[4 * k + c]);
@@ -368,8 +410,7 @@ static void static_branch_clamp_scale(struct branch_set *out,
 {
     const float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
 
-    edge_scale_find(b->edge, b->pixel, OVERLAP, b->n);
-    edge_scale_clamp(out->scale, b->enlarged, b->edge, cell, b->count);
+    edge_scale_clamp(out->scale, b->enlarged, b->most, cell, b->count);
 }
 
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
@@ -380,12 +421,11 @@ void static_branch_forward(struct branch_set *out, const float *features,
 {
     if (out->n == 0)
         return;
-    static_branch_surface(b, mesh);
-    static_branch_neck(out->neck, out->mean, mesh, b);
+    static_branch_map(out->neck, out->mean, picture, mesh, b);
     static_branch_deform(features, mesh, b);
+    static_branch_locate(out->neck, b->p, b);
     if (b->prior)
         source_picture_sample(b->pixel, picture, b->U, b->count);
-    static_branch_mask(b, mesh);
     static_branch_inputs(features, mesh, b);
     struct gaussian_out raw = branch_decoder_out(out, &b->start, b->p_raw);
     conv_decoder_forward(&raw, NULL, mesh->normal,
@@ -402,7 +442,7 @@ void static_branch_forward(struct branch_set *out, const float *features,
                        mesh->cam, mesh->normal, b->count);
     for (size_t k = 0; k < b->count; k++)
         out->seen[k] = b->prior && b->pixel[4 * k + 3] > 0
-                     ? 1 - b->moving[k] : 0;
+                     ? 1 - b->moving[b->cell[k]] : 0;
     if (b->prior) {
         cheek_back_find(b->back, picture, mesh, b->n);
         cheek_back_set(out, b->back, picture, mesh, b->n);

@@ -13,6 +13,7 @@
 
 #include <stdbool.h>
 #include <stddef.h>
+#include <stdint.h>
 
 #include "lib/avatar/branch.h"
 #include "lib/avatar/source_mesh.h"
@@ -50,10 +51,15 @@ struct static_branch {
     float *clamped;                     /* (n,n,3) colours that are kept near
                                          * the picture's, 0 elsewhere; their
                                          * gradients */
-    float *surface;                     /* (n,n) height of the mesh over the
-                                         * plane, head units */
+    /* Of the cells, before they move: */
+    float *own;                         /* (n,n,4) source picture there */
+    float *height;                      /* (n,n) of the mesh over the plane,
+                                         * head units */
     float *moving;                      /* (n,n) what may not be drawn */
     float *edge;                        /* (n,n) edge_scale_find */
+    /* Where a Gaussian has moved to: */
+    uint32_t *cell;                     /* (n,n) the cell there, */
+    float *surface, *most;              /* (n,n) height and edge of it */
     float *enlarged;                    /* (n,n,3) 1: larger than that allows;
                                          * in training alone */
     float *back;                        /* (n,n) the strip behind the cheeks
