@@ -233,6 +233,7 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
     densify_forward(b->normals, mesh->normals, b->dense, 3);
     densify_spacing(b->spacing, mesh->verts, b->dense);
     b->lid = mesh->weights->lid;
+    b->fold = mesh->weights->fold;
     b->seam = mesh->weights->seam;
     b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
     if (b->prior)
@@ -400,7 +401,7 @@ static void dynamic_branch_start(const struct source_picture *picture,
         extra[3] = matte;
         b->trust[k] = extra[2] * branch_ramp(matte, 0.5f, 0.9f) *
                       (1 - b->lid[k]) * (1 - mesh->weights->lining[k]) *
-                      (1 - b->seam[k]);
+                      (1 - b->seam[k]) * (1 - b->fold[k]);
         memcpy(rgb + 3 * k, pixel, 3 * sizeof *rgb);
         /* what lies beside the person in the picture is not the person */
         b->start.visible[k] =
@@ -425,11 +426,11 @@ static void dynamic_branch_start(const struct source_picture *picture,
 }
 
 /* How far the source shows Gaussian k (written by dynamic_branch_start) in the
- * light that it will be seen in, 0..1. */
+ * light that it will be seen in, 0..1; 0 on lids, which the decoder tints. */
 static float dynamic_branch_visibility(const struct dynamic_branch *b, size_t k)
 {
     return b->in[(k + 1) * b->inputs - DYNAMIC_BRANCH_EXTRA + 2] *
-           (1 - b->seam[k]);
+           (1 - b->seam[k]) * (1 - b->fold[k]);
 }
 
 /* How far Gaussian k lies on the side of the head that the source shows, its
@@ -492,8 +493,7 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < dout->n; k++) {
-        float w = dynamic_branch_visibility(b, k);
-        float v = dynamic_branch_front(b, k);
+        float w = dynamic_branch_visibility(b, k), v = dynamic_branch_front(b, k);
 
         for (size_t c = 0; c < dout->channels; c++)
             dout->color[k * dout->channels + c] *= w;

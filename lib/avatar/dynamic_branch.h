@@ -49,8 +49,9 @@ struct dynamic_branch {
     float *logit;                       /* (D,3) RGB to start from */
     float *hull;                        /* (D) 1 where all of a Gaussian lies
                                          * on the person in the picture */
-    const float *lid, *seam;            /* (D) upper lids, where lips meet: the
-                                         * mesh's weights */
+    const float *lid, *fold, *seam;     /* (D) upper lids, those but their
+                                         * margin, where lips meet: the mesh's
+                                         * weights */
     float *trust;                       /* (D) in the sampled colour, */
     float *skin;                        /* (D) and in its being skin */
     struct shut_eye shut;               /* which eyes the source has shut */

@@ -8,6 +8,7 @@
 #include <sysexits.h>
 
 #include "lib/avatar/branch.h"
+#include "lib/head/arkit.h"
 #include "lib/head/lbs.h"
 #include "lib/head/mirror.h"
 
@@ -30,7 +31,9 @@
 #define CORNER_MM 3.0f
 #define CORNER_END_MM 7.0f
 #define DROP 0.4f           /* radians of a mouth wide open */
-#define DROP_MOST 2.5f      /* the most that counts of what it stretches by */
+#define BROWS_PART 0.6f     /* of what brows stretch by: with more of it lids
+                             * would cover the eyes' rims */
+#define STRETCH_MOST 2.5f   /* the most that counts of what skin stretches by */
 #define MARGIN 0.5f         /* a vertex moves with one above it if it comes down
                              * by this share of its way */
 
@@ -212,25 +215,49 @@ static void mesh_weights_seam(struct mesh_weights *w, const struct head *h,
     densify_midpoints(w->crease + h->V, w->crease, d, 1);
 }
 
-/* Where the mean head's skin goes when the jaw drops, and what it stretches by;
- * rest (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
-static int mesh_weights_jaw_drop(struct mesh_weights *w, const struct head *h,
-                                 const struct densify *d, const float *rest,
-                                 float *posed, float *wide, struct error *err)
+/* Into the stretch goes a part of what the skin of posed (V,3) stretches by;
+ * rest (V+E): the mean head's spacing, wide (V+E) is scratch. */
+static void mesh_weights_add_stretch(struct mesh_weights *w,
+                                     const struct densify *d,
+                                     const float *rest, const float *posed,
+                                     float *wide, float part)
 {
+    densify_spacing(wide, posed, d);
+    for (size_t k = 0; k < d->V + d->E; k++) {
+        const float by = wide[k] / fmaxf(rest[k], 1e-6f);
+
+        w->stretch[k] = fmaxf(w->stretch[k],
+                              1 + part * (fminf(by, STRETCH_MOST) - 1));
+    }
+}
+
+/* Where the mean head's skin goes when the jaw drops, and what that and raised
+ * brows stretch it by, which draw it out of the upper lids' crease; rest
+ * (V+E): its spacing, posed (V,3) and wide (V+E) are scratch. */
+static int mesh_weights_poses(struct mesh_weights *w, const struct head *h,
+                              const struct densify *d, const float *rest,
+                              float *posed, float *wide, struct error *err)
+{
+    float *raised = calloc(h->nexp + 1, sizeof *raised);
+    const struct head_motion brows = {.exp = raised};
     const struct head_motion drop = {.jaw = {DROP}};
     struct identity mean;
 
-    if (head_fold(&mean, h, NULL, 0, err))
-        return -1;
+    if (!raised || head_fold(&mean, h, NULL, 0, err)) {
+        free(raised);
+        return raised ? -1 : error_set(err, EX_OSERR, "out of memory");
+    }
+    if (head_has_arkit(h)) {
+        for (int e = 0; e < 2; e++)
+            raised[ARKIT_BROW_INNER_UP_L + e] =
+                raised[ARKIT_BROW_OUTER_UP_L + e] = 1;
+        head_pose(posed, &mean, &brows);
+        mesh_weights_add_stretch(w, d, rest, posed, wide, BROWS_PART);
+    }
     head_pose(posed, &mean, &drop);
     identity_release(&mean);
-    densify_spacing(wide, posed, d);
-    for (size_t k = 0; k < h->V + d->E; k++) {
-        const float by = wide[k] / fmaxf(rest[k], 1e-6f);
-
-        w->stretch[k] = fmaxf(w->stretch[k], fminf(by, DROP_MOST));
-    }
+    free(raised);
+    mesh_weights_add_stretch(w, d, rest, posed, wide, 1);
     for (size_t i = 0; i < 3 * h->V; i++)
         posed[i] -= h->v_template[i];
     densify_forward(w->drop, posed, d, 3);
@@ -296,7 +323,7 @@ int mesh_weights_init(struct mesh_weights *w, const struct head *h,
     float *wide = rest + D, *posed = wide + D;
     densify_spacing(rest, h->v_template, d);
     mesh_weights_lids(w, h, d, rest, posed);
-    int rc = mesh_weights_jaw_drop(w, h, d, rest, posed, wide, err);
+    int rc = mesh_weights_poses(w, h, d, rest, posed, wide, err);
     free(rest);
     mesh_weights_seam(w, h, d);
     return rc ? -1 : head_mirror_vertices(w->mirror, h, err);

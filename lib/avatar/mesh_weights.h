@@ -26,9 +26,9 @@ struct mesh_weights {
                              * there */
     float *crease;          /* (V+E) the same, and 1 at the mouth's corners,
                              * from which the lips' line goes on */
-    float *stretch;         /* (V+E) neighbours' distance there on closed lids
-                             * and at a dropped jaw over that at rest, at
-                             * least 1 */
+    float *stretch;         /* (V+E) neighbours' distance there on closed lids,
+                             * at a dropped jaw and under raised brows over
+                             * that at rest, at least 1 */
     float *drop;            /* (V+E,3) where a dropped jaw takes it, head
                              * units */
     size_t *mirror;         /* (V) the vertex across the face */

@@ -404,13 +404,14 @@ static void test_corners(const struct head *h)
 
 /* ---- what an avatar takes from it ---------------------------------------- */
 
-/* Where lips meet, and what a dropped jaw stretches: corners, not the brow. */
+/* Where lips meet, and what stretches: the mouth's corners when the jaw drops,
+ * the lids when brows rise, neither nose nor the skull. */
 static void test_mouth(const struct head *h)
 {
     struct densify d;
     struct mesh_weights w;
     struct error err = { 0 };
-    float corner = 0, ring = 1, far = 0, most = 0;
+    float corner = 0, ring = 1, far = 0, most = 0, crease = 0;
 
     if (densify_init(&d, h->f, h->F, h->V, &err) ||
         mesh_weights_init(&w, h, &d, &err)) {
@@ -425,12 +426,15 @@ static void test_mouth(const struct head *h)
     }
     for (size_t v = 0; v < h->V; v++) {
         most = fmaxf(most, w.stretch[v]);
-        if (h->region[v] == REGION_NOSE || h->region[v] == REGION_BROW)
+        if (h->region[v] == REGION_NOSE || w.moving[v] == 0)
             far = fmaxf(far, fmaxf(w.seam[v], w.stretch[v] - 1));
+        if (h->region[v] == REGION_BROW)
+            crease = fmaxf(crease, w.stretch[v]);
     }
     expect("seam on the inner lips", (double)ring, 1, 0);
     check_range("stretch of the lips' corners", (double)corner, 1.5, 2.5);
-    check("nose and brows: neither seam nor stretch", (double)far, 0.3);
+    check("nose and skull: neither seam nor stretch", (double)far, 0.3);
+    check_range("stretch below the brows", (double)crease, 1.4, 2.5);
     check_range("most stretch", (double)most, 1.5, 4);
     mesh_weights_release(&w);
     densify_release(&d);
