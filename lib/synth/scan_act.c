@@ -29,8 +29,11 @@ static int64_t act_period(float *through, uint64_t t, double time,
     return i;
 }
 
-/* An event now and then: rises to 1 and falls again.  chance is that of a
- * slot of `period` seconds to have one, width its share of the slot. */
+#define PULSE_FULL 0.6f         /* of an event: faces get there in half a
+                                 * second and stay longer */
+
+/* An event now and then: rises to 1, stays, and falls again.  chance is that
+ * of a slot of `period` seconds to have one, width its share of the slot. */
 static float act_pulse(uint64_t t, double time, double period, float chance,
                        float width)
 {
@@ -44,7 +47,7 @@ static float act_pulse(uint64_t t, double time, double period, float chance,
                       0.5f);
     float mid = half + (1 - 2 * half) * noise_slot(t ^ 5, i);
     float d = fabsf(f - mid) / half;
-    return d < 1 ? ramp(1, 0.25f, d) : 0;
+    return d < 1 ? ramp(1, PULSE_FULL, d) : 0;
 }
 
 /* Place between slots i - 1 and i (0..1): holds, then moves within `move`. */
@@ -256,7 +259,7 @@ static void act_add_blinks(float *w, const struct act_look *l, double time)
     float doze = 0.7f
                  * act_pulse(act_track(l, "doze", 0), time, 5.1, 0.03f, 0.8f);
     float droop = 0.06f * noise_slot(act_track(l, "droop", 0), 0);
-    float held = minf(3 * act_pulse(act_track(l, "held", 0), time, 6.1, 0.25f,
+    float held = minf(3 * act_pulse(act_track(l, "held", 0), time, 6.1, 0.2f,
                                     0.35f), 1);
 
     for (int e = 0; e < 2; e++) {
@@ -315,7 +318,7 @@ static void act_add_accents(float *w, const struct act_look *l, double time)
         float lean = act_event_side(t, n, 0.45f, 0.4f * l->lean);
         bool pair = arkit_is_left(accents[i].k);
 
-        v *= accents[i].top * (0.35f + 0.65f * noise_slot(t ^ 13, n));
+        v *= accents[i].top * (0.45f + 0.55f * noise_slot(t ^ 13, n));
         for (int e = 0; e <= pair && v > 0; e++)
             act_raise(&w[accents[i].k + e],
                       pair ? v * clampf(1 + (e ? -lean : lean), 0, 1) : v);
@@ -344,7 +347,7 @@ static void act_add_brows(float *w, const struct act_look *l, double time)
     while (noise_slot(t ^ 21, n) > way->share)
         way++;
     float lean = act_event_side(t, n, way->single, 0.3f * l->lean);
-    v *= 0.4f + 0.6f * noise_slot(t ^ 13, n);
+    v *= 0.5f + 0.5f * noise_slot(t ^ 13, n);
     for (int e = 0; e < 2; e++) {
         float side = v * clampf(1 + (e ? -lean : lean), 0, 1);
         float *inner = &w[ARKIT_BROW_INNER_UP_L + e];
@@ -362,6 +365,39 @@ static void act_add_brows(float *w, const struct act_look *l, double time)
         act_raise(down, side * way->down);
         /* who frowns narrows the eyes */
         act_raise(&w[ARKIT_EYE_SQUINT_L + e], 0.6f * side * way->down);
+    }
+}
+
+/* Lips that stay closed, pressed, rolled in or pushed up, while the jaw drops
+ * behind them: a motion encoder that never sees it takes every dropped chin
+ * for an open mouth. */
+static void act_add_closed_lips(float *w, const struct act_look *l,
+                                double time)
+{
+    static const uint8_t open[] = {
+        ARKIT_MOUTH_LOWER_DOWN_L, ARKIT_MOUTH_LOWER_DOWN_R,
+        ARKIT_MOUTH_UPPER_UP_L, ARKIT_MOUTH_UPPER_UP_R, ARKIT_MOUTH_FUNNEL
+    };
+    static const uint8_t shut[] = {
+        ARKIT_MOUTH_ROLL_LOWER, ARKIT_MOUTH_ROLL_UPPER,
+        ARKIT_MOUTH_SHRUG_LOWER, ARKIT_MOUTH_SHRUG_UPPER,
+        ARKIT_MOUTH_PRESS_L, ARKIT_MOUTH_PUCKER
+    };
+    uint64_t t = act_track(l, "closed lips", 0);
+    float f, v = act_pulse(t, time, ACCENT_PERIOD, 0.22f, 1.2f);
+    int64_t n = act_period(&f, t, time, ACCENT_PERIOD);
+    float *jaw = &w[ARKIT_JAW_OPENED];
+
+    *jaw += v * (0.75f * noise_slot(t ^ 1, n) - *jaw);
+    w[ARKIT_MOUTH_CLOSE] += v * (*jaw - w[ARKIT_MOUTH_CLOSE]);
+    for (size_t k = 0; k < sizeof open; k++)
+        w[open[k]] *= 1 - v;
+    for (size_t k = 0; k < sizeof shut; k++) {
+        float far = maxf(2 * noise_slot(t ^ (2 + k), n) - 1, 0);
+
+        act_raise(&w[shut[k]], v * far);
+        if (arkit_is_left(shut[k]))
+            act_raise(&w[shut[k] + 1], v * far);
     }
 }
 
@@ -384,7 +420,12 @@ static void act_resolve_mouth(float *w)
     for (int e = 0; e < 2; e++) {
         w[ARKIT_MOUTH_SMILE_L + e] *= 1 - round;
         w[ARKIT_MOUTH_STRETCH_L + e] *= 1 - round;
+        w[ARKIT_MOUTH_DIMPLE_L + e] *= 1 - round;
+        w[ARKIT_MOUTH_PRESS_L + e] *= 1 - round;
     }
+    /* lips are pushed out or rolled in */
+    w[ARKIT_MOUTH_ROLL_LOWER] *= 1 - round;
+    w[ARKIT_MOUTH_ROLL_UPPER] *= 1 - round;
 }
 
 /* Weights within 0..1, and none that undo or cross each other. */
@@ -404,14 +445,11 @@ static void act_resolve_conflicts(float *w)
         w[ARKIT_BROW_OUTER_UP_L + e]
             *= 1 - 0.7f * w[ARKIT_BROW_DOWN_L + e];
     }
-    w[ARKIT_MOUTH_CLOSE] = minf(w[ARKIT_MOUTH_CLOSE],
-                                 0.9f * w[ARKIT_JAW_OPENED]);
+    w[ARKIT_MOUTH_CLOSE] = minf(w[ARKIT_MOUTH_CLOSE], w[ARKIT_JAW_OPENED]);
     float side = w[ARKIT_JAW_LEFT] - w[ARKIT_JAW_RIGHT];
     w[ARKIT_JAW_LEFT] = maxf(side, 0);
     w[ARKIT_JAW_RIGHT] = maxf(-side, 0);
     act_resolve_mouth(w);
-    w[ARKIT_MOUTH_ROLL_LOWER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
-    w[ARKIT_MOUTH_ROLL_UPPER] *= 1 - 0.7f * w[ARKIT_MOUTH_FUNNEL];
 }
 
 void act_at(struct act *a, const struct act_model *m,
@@ -445,6 +483,7 @@ void act_at(struct act *a, const struct act_model *m,
     act_add_speech(a->weight, l, time);
     act_add_accents(a->weight, l, time);
     act_add_brows(a->weight, l, time);
+    act_add_closed_lips(a->weight, l, time);
     act_add_blinks(a->weight, l, time);
     act_add_gaze(a, l, time);
     act_resolve_conflicts(a->weight);

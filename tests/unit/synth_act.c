@@ -1,6 +1,6 @@
 /* What people of the scans do over time: eyes are open in most pictures, half
  * shut in few, and shut often enough to learn from; who frowns narrows the
- * eyes. */
+ * eyes, and the jaw drops behind closed lips now and then. */
 #include <stdio.h>
 
 #include "lib/base/random.h"
@@ -38,7 +38,7 @@ int main(void)
     static const struct act_model calm = {.kinds = 1, .share = {1}};
     struct act_look look = {.lively = 1, .turn = 0.4f, .talk = 0.4f};
     struct squint squint = {{0}, {0}};
-    int open = 0, half = 0, shut = 0;
+    int open = 0, half = 0, shut = 0, closed = 0, dropped = 0;
 
     for (int i = 0; i < PEOPLE; i++) {
         look.key = random_mix((uint64_t)i + 1);
@@ -53,6 +53,9 @@ int main(void)
             half += lid > 0.25f && lid < 0.75f;
             shut += lid >= 0.75f;
             squint_add(&squint, w);
+            const float jaw = w[ARKIT_JAW_OPENED];
+            dropped += jaw > 0.3f;
+            closed += jaw > 0.3f && w[ARKIT_MOUTH_CLOSE] > 0.9f * jaw;
         }
     }
     const double n = PEOPLE * TIMES;
@@ -62,6 +65,10 @@ int main(void)
     act_check(open > 0.78 * n, "eyes are open in most pictures");
     act_check(half < 0.12 * n, "eyes are seldom half shut");
     act_check(shut > 0.05 * n, "eyes are shut now and then");
+    printf("jaw open %.1f %%, with closed lips %.1f %%\n", 100 * dropped / n,
+           100 * closed / n);
+    act_check(closed > 0.02 * n && closed < 0.15 * n,
+              "lips stay closed over an open jaw now and then");
     printf("squint: %.2f, frowning %.2f\n", squint.sum[0] / squint.n[0],
            squint.sum[1] / squint.n[1]);
     act_check(squint.sum[1] / squint.n[1] > squint.sum[0] / squint.n[0] + 0.2,
