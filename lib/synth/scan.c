@@ -14,9 +14,6 @@
 #include "lib/synth/vec.h"
 
 #define PATH 4096
-#define BROW_LOW 0.038f         /* head units */
-#define BROW_BIN 0.06f
-#define BROW_LEAST 0.07f        /* of their picture: MakeHuman's are plucked */
 #define LOWEST (-2.6f)          /* of clothes, head units */
 
 /* ---- folders ------------------------------------------------------------ */
@@ -196,53 +193,6 @@ static int scan_make_torso(struct scan_assets *a, struct error *err)
     return rc;
 }
 
-/* Height of the scans' brows at x: along their landmarks, and lower by as much
- * as a landmarker finds the brows of photographs nearer to the eyes. */
-static float scan_brow_height(const struct scan_face *f, float x)
-{
-    const float *p = NULL, *q = NULL;
-
-    for (int k = 22; k < 26; k++) {
-        p = f->neutral + 3 * f->landmark[k];
-        q = f->neutral + 3 * f->landmark[k + 1];
-        if (x < q[0])
-            break;
-    }
-    return lerpf(p[1], q[1], clampf((x - p[0]) / (q[0] - p[0]), 0, 1))
-           - lerpf(BROW_LOW, 0.4f * BROW_LOW, ramp(0.19f, 0.29f, x));
-}
-
-/* MakeHuman's brows lie low, slanted and thin on the scans' bones: their mean
- * comes up to the landmarks and they grow; each keeps its own way. */
-static int scan_raise_brows(struct scan_assets *a, struct error *err)
-{
-    enum { BINS = 6 };
-    float *n = malloc(3 * FACE_VERTICES * sizeof *n);
-    float dy[BINS + 1] = {0}, count[BINS + 1] = {0};
-
-    if (!n)
-        return error_set(err, EX_OSERR, "out of memory");
-    scan_face_normals(n, a->face.neutral, &a->face);
-    for (size_t i = 0; i < a->brow.n; i++)
-        for (size_t c = 0; c < a->brow.piece[i].nc; c++) {
-            const float *p = a->brow.piece[i].place + 3 * c;
-            int b = (int)clampf(fabsf(p[0]) / BROW_BIN, 0, BINS);
-            dy[b] += scan_brow_height(&a->face, fabsf(p[0])) - p[1];
-            count[b] += 1;
-        }
-    for (int b = 0; b <= BINS; b++)
-        dy[b] = count[b] > 0 ? dy[b] / count[b] : BROW_LOW;
-    dy[0] = count[0] > 8 ? dy[0] : dy[1];
-    int rc = 0;
-    for (size_t i = 0; !rc && i < a->brow.n; i++) {
-        struct piece *p = &a->brow.piece[i];
-        piece_slide(p, &a->body, n, dy, BINS, BROW_BIN);
-        rc = piece_thicken(p, BROW_LEAST + 0.25f * piece_share(p), err);
-    }
-    free(n);
-    return rc;
-}
-
 /* What the vertices are, after the nearest of the head's. */
 static int scan_find_labels(struct scan_assets *a, const struct head *h,
                             struct error *err)
@@ -338,9 +288,6 @@ struct scan_assets *scan_open(const char *dir, const struct head *head,
          scan_make_torso(a, err) || hand_make(&a->hand, &a->body, err) ||
          scan_load_rack(&a->hair, &a->body, dir, "hair", "_diffuse.png", NULL,
                         -9, err) ||
-         scan_load_rack(&a->brow, &a->body, dir, "eyebrows", ".png", NULL, -9,
-                        err) ||
-         scan_raise_brows(a, err) ||
          scan_load_rack(&a->hat, &a->body, dir, "clothes", NULL, "fedora01", -9,
                         err) ||
          scan_load_rack(&a->cloth, &a->body, dir, "clothes", "_diffuse.png",
@@ -373,7 +320,6 @@ void scan_close(struct scan_assets *a)
     piece_release(&a->torso);
     piece_release(&a->hand);
     scan_rack_release(&a->hair);
-    scan_rack_release(&a->brow);
     scan_rack_release(&a->hat);
     scan_rack_release(&a->cloth);
     for (size_t i = 0; i < a->niris; i++)

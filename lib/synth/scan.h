@@ -29,7 +29,7 @@ struct scan_assets {
     struct body body;
     struct piece torso;         /* the body's own skin below the chin */
     struct piece hand;          /* its left hand */
-    struct scan_rack hair, brow, hat, cloth;
+    struct scan_rack hair, hat, cloth;
     struct bitmap iris[SCAN_PIECES];
     size_t niris;
     struct light_map *light;

@@ -245,19 +245,12 @@ static int figure_add_body(struct figure *f, struct error *err)
     return 0;
 }
 
-/* Brows, lashes and the hair of the head, coloured. */
+/* The hair of the head, coloured. */
 static int figure_add_hair(struct figure *f, struct error *err)
 {
     const struct scan_assets *a = f->assets;
     const struct scan_person *l = &f->look;
 
-    if (l->brow >= 0) {
-        if (figure_add_piece(f, &a->brow.piece[l->brow], STUFF_BROW, RIDE_SKIN,
-                             err))
-            return -1;
-        figure_color_piece(&f->parts[f->nparts - 1], l->brow_color, false);
-        figure_lift_hair(f, &f->parts[f->nparts - 1], 0.006f);
-    }
     if (l->hair >= 0) {
         if (figure_add_piece(f, &a->hair.piece[l->hair], STUFF_HAIR, RIDE_HEAD,
                              err))
@@ -460,12 +453,14 @@ int figure_init(struct figure *f, const struct scan_assets *a,
     *f = (struct figure){.look = *p, .assets = a};
     f->rest = malloc(3 * (size_t)FACE_VERTICES * sizeof *f->rest);
     f->skin = malloc(4 * (size_t)SKIN_SIZE * SKIN_SIZE);
-    if (!f->rest || !f->skin) {
+    f->brow = malloc(2 * BROW_PLANE);
+    if (!f->rest || !f->skin || !f->brow) {
         figure_release(f);
         return figure_memory(err);
     }
     scan_face_fold(f->rest, &a->face, p->beta, SCAN_IDENTITIES);
     skin_paint(f->skin, f->tone, &a->skin, &p->skin);
+    brow_paint(f->brow, &a->skin.brows, p->brow);
     for (int i = 0; !rc && i < 7; i++) {
         rc = figure_add_scans(f, solid[i], err);
         if (i == 0 && !rc)
@@ -503,5 +498,6 @@ void figure_release(struct figure *f)
     free(f->part);
     free(f->stuff);
     free(f->skin);
+    free(f->brow);
     *f = (struct figure){0};
 }

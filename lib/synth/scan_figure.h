@@ -56,6 +56,7 @@ struct figure {
     struct figure_part parts[FIGURE_PARTS];
     int nparts;
     uint8_t *skin;              /* texture (SKIN_SIZE,SKIN_SIZE,4) */
+    uint8_t *brow;              /* (2,BROW_H,BROW_W) */
     float tone[3];              /* mean albedo of the skin, linear */
     float eye[2][3];
     float lip[3];               /* between the lips */

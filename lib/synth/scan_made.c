@@ -291,6 +291,56 @@ static int made_add_fur(struct figure *f, bool beard, float length,
     return 0;
 }
 
+/* ---- brows -------------------------------------------------------------- */
+
+#define BROW_LIFT 0.004f        /* head units over the skin */
+
+/* Whether hair of a brow may grow on a face of the skin. */
+static bool made_has_brow(const struct figure *f, const int32_t *face)
+{
+    int seen = 0;
+
+    for (int k = 0; k < 3; k++) {
+        const float *uv = f->uv + 2 * face[k];
+        int x = (int)(uv[0] * SKIN_SIZE), y = (int)((1 - uv[1]) * SKIN_SIZE);
+
+        x = x >= SKIN_SIZE / 2 ? SKIN_SIZE - 1 - x : x;
+        seen += x >= BROW_X && y >= BROW_Y && y < BROW_Y + BROW_H;
+    }
+    return seen == 3;
+}
+
+/* The faces of the skin that brows grow on, lifted. */
+static int made_add_brows(struct figure *f, struct error *err)
+{
+    size_t n = 0, last = f->parts[0].f1;
+
+    for (size_t i = 0; i < last; i++)
+        n += made_has_brow(f, f->faces + 3 * i);
+    struct figure_part *p = figure_grow(f, 3 * n, n, STUFF_BROW, RIDE_SKIN,
+                                        LABEL_BROW, err);
+    if (!p)
+        return -1;
+    copy3(p->tint, f->look.brow_color);
+    size_t c = p->c0, at = p->f0;
+    for (size_t i = 0; i < last; i++) {
+        const int32_t *v = f->faces + 3 * i;
+
+        for (int k = 0; made_has_brow(f, v) && k < 3; k++, c++) {
+            const int32_t vertex = f->bind[4 * v[k]];
+
+            mad3(f->place + 3 * c, f->rest + 3 * vertex,
+                 f->normal + 3 * vertex, BROW_LIFT);
+            memcpy(f->uv + 2 * c, f->uv + 2 * v[k], 2 * sizeof *f->uv);
+            f->bind[4 * c] = vertex;
+            f->weight[4 * c] = 1;
+            f->faces[3 * at + (size_t)k] = (int32_t)c;
+        }
+        at += made_has_brow(f, v);
+    }
+    return 0;
+}
+
 /* ---- rings -------------------------------------------------------------- */
 
 #define RING 10
@@ -347,6 +397,8 @@ int figure_add_veils(struct figure *f, struct error *err)
 {
     const struct scan_person *l = &f->look;
 
+    if (made_add_brows(f, err))
+        return -1;
     if ((l->beard > 0 || l->moustache > 0)
         && made_add_fur(f, true, 0.006f + 0.035f * l->beard_length
                                  * l->beard_length, l->brow_color, err))

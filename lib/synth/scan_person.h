@@ -29,8 +29,9 @@ struct scan_person {
     float beta[SCAN_IDENTITIES];
     float male, age;            /* 0..1, what the looks go by */
     struct skin_look skin;
-    int hair, brow, hat, cloth, iris;   /* -1: none */
+    int hair, hat, cloth, iris; /* -1: none */
     float hair_color[3], hair_gray, hair_gloss;
+    float brow[2][BROW_PARTS];  /* deviations of either brow */
     float brow_color[3], brow_weight;
     float cap_color[3];
     int cap;                    /* 0 none, 1 knitted cap, 2 head scarf */

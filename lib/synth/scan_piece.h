@@ -77,17 +77,4 @@ void piece_release(struct piece *p);
  * fingers, z out of the palm, the wrist at the origin. */
 int hand_make(struct piece *p, const struct body *b, struct error *err);
 
-/* Move a piece that lies on the skin up, keeping its distance from it: by
- * dy[k] (bins + 1) at |x| = (k + 0.5) bin, between them by interpolation.
- * normal (FACE_VERTICES,3) is the scans'. */
-void piece_slide(struct piece *p, const struct body *b, const float *normal,
-                 const float *dy, int bins, float bin);
-
-/* Grow what its picture shows, as if by more hairs of the same, until they
- * cover `share` of it (mean alpha).  0, or -1 when memory is short. */
-int piece_thicken(struct piece *p, float share, struct error *err);
-
-/* Mean alpha of its picture; 1 without one. */
-float piece_share(const struct piece *p);
-
 #endif

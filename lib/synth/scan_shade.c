@@ -406,6 +406,22 @@ static float shade_fur_cover(const struct scan_point *o)
                   * (0.55f + 0.6f * fine + 0.25f * n[0]), 0, 1);
 }
 
+/* Opacity of a brow: hairs that lean outwards. */
+static float shade_brow_cover(const struct scan_stage *s,
+                              const struct scan_point *o)
+{
+    const struct figure *f = s->figure;
+    float side = o->u > 0.5f ? -1 : 1, dense = brow_density(f->brow, o->u, o->v);
+    float x = o->u * 512 * side, y = o->v * 512, n[4];
+    float p[3] = {0.16f * x - 0.08f * y, 0.7f * y + 0.35f * x, side};
+
+    if (dense <= 0)
+        return 0;
+    noise4(n, p);
+    dense *= 1 + 0.5f * (1 - dense) * n[0] + 0.15f * n[1];
+    return clampf(dense * f->look.brow_weight, 0, 1);
+}
+
 float scan_shade_veil(float rgb[3], const struct scan_stage *s,
                       struct scan_point *o)
 {
@@ -431,8 +447,10 @@ float scan_shade_veil(float rgb[3], const struct scan_stage *s,
             rgb[k] = rgb[k] / 0.15f + 0.3f * e[k];
         return 0.15f;
     case STUFF_BROW:
-        shade_plain(rgb, s, o, c, NULL, skin_wrap);
-        return 1 - powf(1 - a, 0.6f + 2.4f * f->look.brow_weight);
+        a = shade_brow_cover(s, o);
+        if (a > 0)
+            shade_plain(rgb, s, o, c, NULL, skin_wrap);
+        return a;
     case STUFF_FUR:
         a = shade_fur_cover(o);
         shade_hair(rgb, s, o, c);

@@ -164,17 +164,23 @@ static int skin_make_masks(struct skin_model *s, const struct scan_face *f,
                                   375, 291, 409, 270, 269, 267, 0, 37, 39,
                                   40, 185};
 
+    static const int inner[20] = {78, 95, 88, 178, 87, 14, 317, 402, 318,
+                                  324, 308, 415, 310, 311, 312, 13, 82, 81,
+                                  80, 191};
+
     s->brow = calloc(N * N, 1);
     s->lip = calloc(N * N, 1);
     s->beard = calloc(N * N, 1);
     s->eye = calloc(N * N, 1);
-    if (!s->brow || !s->lip || !s->beard || !s->eye)
+    s->mouth = calloc(N * N, 1);
+    if (!s->brow || !s->lip || !s->mouth || !s->beard || !s->eye)
         return skin_memory(err);
     for (int i = 0; i < 2; i++) {
         skin_fill_polygon(s->brow, f, m, brow[i], 10, 9);
         skin_fill_polygon(s->eye, f, m, lid[i], 16, 5);
     }
     skin_fill_polygon(s->lip, f, m, outer, 20, 0);
+    skin_fill_polygon(s->mouth, f, m, inner, 20, 0);
     skin_make_beard(s, f, m);
     return 0;
 }
@@ -419,9 +425,11 @@ void skin_model_release(struct skin_model *s)
     free(s->grain);
     free(s->brow);
     free(s->lip);
+    free(s->mouth);
     free(s->beard);
     free(s->line);
     free(s->crease);
     free(s->eye);
+    brow_model_release(&s->brows);
     *s = (struct skin_model){0};
 }

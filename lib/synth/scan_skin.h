@@ -7,6 +7,7 @@
 #include <stdint.h>
 
 #include "lib/base/error.h"
+#include "lib/synth/scan_brow.h"
 
 #define SKIN_SIZE 512           /* side of a person's texture */
 #define SKIN_SLOW 128           /* side of the slow colours */
@@ -23,9 +24,11 @@ struct skin_model {
                                  * luminance, 1/256; mixed at random only */
     float *crease;              /* (SKIN_SIZE,SKIN_SIZE) the grain's mean */
     uint8_t *brow, *lip, *beard;    /* (SKIN_SIZE,SKIN_SIZE) where they are */
+    uint8_t *mouth;             /* what lies between the lips, likewise */
     uint8_t *eye;               /* lids and what lies between them */
     uint8_t *line;              /* wrinkles: (SKIN_SIZE,SKIN_SIZE,4) heights
                                  * of brow, frown, crow's feet, nose folds */
+    struct brow_model brows;
     float tone[3];              /* mean albedo of the face, linear */
 };
 

@@ -28,8 +28,9 @@ int skin_fit_init(struct skin_fit *t, size_t n, struct error *err)
     t->normal = calloc(3 * n * PLANE, sizeof *t->normal);
     t->grain = malloc(n * N * N);
     t->mean = malloc(n * sizeof *t->mean);
-    return t->slow && t->weight && t->normal && t->grain && t->mean
-           ? 0 : skin_fit_memory(err);
+    if (!t->slow || !t->weight || !t->normal || !t->grain || !t->mean)
+        return skin_fit_memory(err);
+    return brow_fit_init(&t->brows, n, err);
 }
 
 void skin_fit_release(struct skin_fit *t)
@@ -41,6 +42,7 @@ void skin_fit_release(struct skin_fit *t)
     free(t->normal);
     free(t->grain);
     free(t->mean);
+    brow_fit_release(&t->brows);
     *t = (struct skin_fit){.n = 0};
 }
 
@@ -144,6 +146,7 @@ int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
         rc = skin_sample_take(&o, s, &t->chart, f, m, path, point, err);
     if (!rc) {
         skin_take_slow(t, i, &o);
+        brow_fit_add(&t->brows, i, o.log, s->brow);
         copy3(t->mean[i], o.mean);
         if (skin_take_grain(t->grain + i * N * N, &o))
             rc = skin_fit_memory(err);
@@ -329,32 +332,29 @@ static void skin_eigen(double *g, double *v, size_t n)
         jacobi_sweep(g, v, n);
 }
 
-/* Principal components of the rows of x (n, 3 PLANE), which have their mean
- * taken off: s->part, per deviation, largest first. */
-static int skin_find_parts(struct skin_model *s, const float *x, size_t n,
-                           int threads, struct error *err)
+float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
+                       int parts, int threads, struct error *err)
 {
-    size_t d = 3 * PLANE;
     double *g = malloc(2 * n * n * sizeof *g), *v = g + n * n;
+    float *part = calloc((size_t)parts * d, sizeof *part);
 
-    s->part = calloc(SKIN_PARTS * d, sizeof *s->part);
-    if (!g || !s->part) {
+    if (!g || !part) {
         free(g);
-        return skin_fit_memory(err);
+        free(part);
+        skin_fit_memory(err);
+        return NULL;
     }
 #pragma omp parallel for schedule(dynamic, 4) num_threads(threads)
     for (size_t i = 0; i < n; i++)
         for (size_t j = 0; j <= i; j++) {
             float sum = 0;
             const float *a = x + i * d, *b = x + j * d;
-            /* every third texel will do */
-            for (size_t p = 0; p < d; p += 9)
+            for (size_t p = 0; p + 2 < d; p += 3 * every)
                 sum += a[p] * b[p] + a[p + 1] * b[p + 1] + a[p + 2] * b[p + 2];
             g[i * n + j] = g[j * n + i] = (double)sum;
         }
     skin_eigen(g, v, n);
-    s->parts = SKIN_PARTS < (int)n ? SKIN_PARTS : (int)n;
-    for (int k = 0; k < s->parts; k++) {
+    for (int k = 0; k < parts; k++) {
         size_t best = 0;
         for (size_t i = 1; i < n; i++)
             if (g[i * n + i] > g[best * n + best])
@@ -362,13 +362,13 @@ static int skin_find_parts(struct skin_model *s, const float *x, size_t n,
         g[best * n + best] = -1;
         for (size_t i = 0; i < n; i++) {
             float w = (float)(v[i * n + best] / sqrt((double)n));
-            float *o = s->part + (size_t)k * d;
+            float *o = part + (size_t)k * d;
             for (size_t p = 0; p < d; p++)
                 o[p] += w * x[i * d + p];
         }
     }
     free(g);
-    return 0;
+    return part;
 }
 
 /* Take the mean off the rows, into s->mean with the studio's mean added. */
@@ -444,8 +444,12 @@ int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
     skin_fill(mean, weight, 3, M);
     skin_spread_out(x, t, mean);
     skin_center(s, x, 2 * t->n, mean);
-    rc = skin_find_parts(s, x, 2 * t->n, threads, err) ||
-                 skin_split_grain(s, t, err)
+    s->parts = SKIN_PARTS < (int)(2 * t->n) ? SKIN_PARTS : (int)(2 * t->n);
+    /* every third texel will do */
+    s->part = skin_find_parts(x, 2 * t->n, 3 * PLANE, 3, s->parts, threads,
+                              err);
+    rc = !s->part || skin_split_grain(s, t, err)
+                 || brow_fit_finish(&s->brows, &t->brows, threads, err)
              ? -1
              : 0;
     s->people = t->n;

@@ -32,6 +32,7 @@ struct skin_fit {
     float *normal;              /* (SLOW,SLOW,3) summed over people */
     int8_t *grain;              /* (n,SIZE,SIZE) */
     float (*mean)[3];           /* (n) */
+    struct brow_fit brows;
 };
 
 /* The skin of the photograph at path, whose landmarks are point, laid on the
@@ -49,6 +50,11 @@ void skin_fit_release(struct skin_fit *t);
 int skin_fit_add(struct skin_fit *t, size_t i, const struct skin_model *s,
                  const struct scan_face *f, const struct register_map *m,
                  const char *path, const float *point, struct error *err);
+/* Principal components (parts,d) of the rows of x (n,d), which have their mean
+ * taken off: per deviation, largest first.  One of `every` triples of columns
+ * tells how alike rows are.  NULL and *err when memory is short. */
+float *skin_find_parts(const float *x, size_t n, size_t d, size_t every,
+                       int parts, int threads, struct error *err);
 /* Mean, parts and grain into s. */
 int skin_fit_finish(struct skin_model *s, struct skin_fit *t, int threads,
                     struct error *err);

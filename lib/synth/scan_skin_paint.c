@@ -11,6 +11,7 @@
 #define M SKIN_SLOW
 #define DONORS 12
 
+#define MOUTH_SHADE 0.5f
 #define FAIREST 0.40f           /* luminance */
 
 /* Mean log luminance about the middle of the face. */
@@ -44,6 +45,52 @@ static void skin_keep_hue(float *o)
     }
 }
 
+/* lip[k] <- how much lighter lips are than the middle of the face, per channel
+ * of log albedo (M,M,3). */
+static void skin_lip_difference(float lip[3], const float *o,
+                                const struct skin_model *m)
+{
+    float skin[3] = {0, 0, 0}, n = 0, count = 0;
+
+    lip[0] = lip[1] = lip[2] = 0;
+    for (int y = 0; y < M; y++)
+        for (int x = M / 4; x < M * 3 / 4; x++) {
+            const float *p = o + 3 * (y * M + x);
+            int at = (y * N + x) * (N / M);
+
+            if (m->lip[at] == 255 && !m->mouth[at]) {
+                mad3(lip, lip, p, 1);
+                n += 1;
+            } else if (y >= M * 3 / 8 && y < M * 5 / 8 && !m->lip[at]) {
+                mad3(skin, skin, p, 1);
+                count += 1;
+            }
+        }
+    for (int k = 0; k < 3; k++)
+        lip[k] = lip[k] / n - skin[k] / count;
+}
+
+/* Lips are redder and darker than the skin about them, by as much as people's
+ * are. */
+static void skin_keep_lips(float *o, const struct skin_model *m)
+{
+    float lip[3];
+
+    skin_lip_difference(lip, o, m);
+    float red = lip[0] - lip[1], lum = 0.5f * (lip[0] + lip[1]);
+    float more = 0.5f * (clampf(red, 0.24f, 0.6f) - red);
+    float dark = clampf(lum, -0.65f, -0.14f) - lum;
+    for (int y = 0; y < M; y++)
+        for (int x = 0; x < M; x++) {
+            float a = m->lip[(y * N + x) * (N / M)] / 255.0f;
+            float *p = o + 3 * (y * M + x);
+
+            p[0] += a * (dark + more);
+            p[1] += a * (dark - more);
+            p[2] += a * dark;
+        }
+}
+
 /* Log albedo (M,M,3): mean, components, melanin and blood. */
 static void skin_slow_colour(float *o, const struct skin_model *m,
                              const struct skin_look *l)
@@ -59,6 +106,7 @@ static void skin_slow_colour(float *o, const struct skin_model *m,
     for (size_t p = 0; p < d; p++)
         o[p] += l->tone * melanin[p % 3] + l->red * blood[p % 3];
     skin_keep_hue(o);
+    skin_keep_lips(o, m);
     /* no skin is whiter than FAIREST; redness of its own stays */
     float mean = skin_mean_log(o), over = mean - logf(FAIREST);
     for (size_t p = 0; over > 0 && p < d; p++)
@@ -154,6 +202,10 @@ static void skin_decorate(float c[3], const struct skin_model *m,
     }
     if (l->lipstick > 0 && lip > 0)
         lerp3(c, c, l->lip, 0.8f * lip * l->lipstick);
+    /* lips shade each other where they meet */
+    float between = m->mouth[i] / 255.0f;
+    for (int k = 0; k < 3; k++)
+        c[k] *= 1 - MOUTH_SHADE * between * between;
     float side = fabsf(x - 0.5f);
     if (l->shadow > 0) {
         /* over the eyes */
