@@ -49,22 +49,41 @@ static int lens_blur_weights(float *w, int most, float sigma)
     return r;
 }
 
+/* One pixel of a row blurred across: ends are repeated. */
+static void lens_soften_end(float *to, const float *row, int x, int n,
+                            int channels, const float *w, int r)
+{
+    for (int k = 0; k < channels; k++) {
+        float v = 0;
+        for (int i = -r; i <= r; i++) {
+            int u = x + i < 0 ? 0 : x + i >= n ? n - 1 : x + i;
+            v += w[i + r] * row[channels * u + k];
+        }
+        to[channels * x + k] = v;
+    }
+}
+
 void lens_soften(float *img, float *tmp, int n, int channels, int most,
                  float sigma)
 {
     float w[2 * LENS_BLUR_MOST + 1];
     const int row = channels * n, r = lens_blur_weights(w, most, sigma);
+    const int edge = r < (n + 1) / 2 ? r : (n + 1) / 2;
 
-    for (int y = 0; y < n; y++)                         /* across */
-        for (int x = 0; x < n; x++)
-            for (int k = 0; k < channels; k++) {
-                float v = 0;
-                for (int i = -r; i <= r; i++) {
-                    int u = x + i < 0 ? 0 : x + i >= n ? n - 1 : x + i;
-                    v += w[i + r] * img[row * y + channels * u + k];
-                }
-                tmp[row * y + channels * x + k] = v;
-            }
+    for (int y = 0; y < n; y++) {                       /* across */
+        const float *from = img + row * y;
+        float *to = tmp + row * y;
+
+        for (int x = 0; x < edge; x++) {
+            lens_soften_end(to, from, x, n, channels, w, r);
+            lens_soften_end(to, from, n - 1 - x, n, channels, w, r);
+        }
+        for (int x = channels * edge; x < channels * (n - edge); x++)
+            to[x] = 0;
+        for (int i = -r; i <= r; i++)
+            for (int x = channels * edge; x < channels * (n - edge); x++)
+                to[x] += w[i + r] * from[x + channels * i];
+    }
     for (int y = 0; y < n; y++) {                       /* down */
         memset(img + row * y, 0, (size_t)row * sizeof *img);
         for (int i = -r; i <= r; i++) {
