@@ -225,31 +225,35 @@ static void person_draw_features(struct scan_person *p,
 }
 
 /* Exposure, colour, blur, noise and codec; all but the first weaker where
- * effects is, and none at 0. */
+ * effects is, and none at 0.  A poor camera is poor in all of them, and most
+ * are good; white is missed towards amber or blue. */
 static void person_draw_picture(struct scan_camera *c, struct random *r,
                                 float effects)
 {
     const float e = effects;
+    float poor = random_float(r, 0, 1), white;
 
+    poor *= poor;
     c->exposure = random_float(r, 0.72, 1.28);
-    c->contrast = 1 + e * 0.16f * person_normal(r, 2);
-    c->saturation = 1 + e * 0.18f * person_normal(r, 2);
+    c->contrast = 1 + e * 0.14f * person_normal(r, 2);
+    c->saturation = 1 + e * 0.14f * person_normal(r, 2);
+    white = person_normal(r, 2);
     for (int k = 0; k < 3; k++)
-        c->balance[k] = 1 + e * (k == 1 ? 0.02f : 0.09f) * person_normal(r, 2);
+        c->balance[k] = 1 + e * (0.07f * (float)(1 - k) * white
+                                 + 0.02f * person_normal(r, 2));
     c->blur = random_chance(r, 0.5)   ? e * random_float(r, 0, 0.5)
-              : random_chance(r, 0.4) ? e * random_float(r, 0.3, 1.6)
+              : random_chance(r, 0.4) ? e * lerpf(0.3f, 1.6f, poor)
                                       : 0;
     c->sharpen = random_chance(r, 0.4) ? e * random_float(r, 0.2, 0.9) : 0;
     c->shutter = e * (random_chance(r, 0.6) ? random_float(r, 0, 0.012)
                                             : random_float(r, 0.01, 0.035));
-    c->noise = e * (random_chance(r, 0.6) ? random_float(r, 0.001, 0.012)
-                                          : random_float(r, 0.01, 0.035));
+    c->noise = e * random_float(r, 0.001, 0.006 + 0.029 * (double)poor);
     c->vignette = e * (random_chance(r, 0.4) ? random_float(r, 0, 0.5) : 0);
-    c->low = e > 0 && random_chance(r, 0.35) ? random_float(r, 0.35, 0.9) : 1;
-    c->jpeg = e > 0 && random_chance(r, 0.5) ? (int)random_float(r, 30, 96)
-                                             : 0;
-    c->codec = e > 0 && random_chance(r, 0.4) ? (int)random_float(r, 20, 36)
-                                              : 0;
+    c->low = e > 0 && random_chance(r, 0.35) ? lerpf(0.9f, 0.35f, poor) : 1;
+    c->jpeg = e > 0 && random_chance(r, 0.5)
+                  ? (int)lerpf(96, 30, poor * random_float(r, 0.5, 1)) : 0;
+    c->codec = e > 0 && random_chance(r, 0.4)
+                   ? (int)lerpf(20, 36, poor * random_float(r, 0.5, 1)) : 0;
     c->drift = e * (random_chance(r, 0.4) ? random_float(r, 0, 1) : 0);
 }
 

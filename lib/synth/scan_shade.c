@@ -418,7 +418,7 @@ static float shade_brow_cover(const struct scan_stage *s,
     if (dense <= 0)
         return 0;
     noise4(n, p);
-    dense *= 1 + 0.5f * (1 - dense) * n[0] + 0.15f * n[1];
+    dense *= 1 + 0.4f * (1 - dense) * n[0] + 0.15f * n[1];
     return clampf(dense * f->look.brow_weight, 0, 1);
 }
 

@@ -149,10 +149,13 @@ static void skin_mix_grain(float *o, const struct skin_model *m,
     for (int k = 0; k < DONORS; k++) {
         const int8_t *g = m->grain + (size_t)(who[k] / 2) * N * N;
         float a = l->grain * w[k] / (sqrtf(sum) * 256);
-        for (int y = 0; y < N; y++)
-            for (int x = 0; x < N; x++)
-                o[y * N + x] += a * (float)g[y * N
-                                             + (who[k] & 1 ? N - 1 - x : x)];
+        for (int y = 0; y < N; y++, g += N)
+            if (who[k] & 1)
+                for (int x = 0; x < N; x++)
+                    o[y * N + x] += a * (float)g[N - 1 - x];
+            else
+                for (int x = 0; x < N; x++)
+                    o[y * N + x] += a * (float)g[x];
     }
 }
 
@@ -174,17 +177,19 @@ static void skin_add_spots(float *o, struct random *r, int k, float size,
     }
 }
 
-static float skin_bilinear(const float *p, int x, int y, int k)
+/* o (3) <- the slow colour p (M,M,3) at a texel of N. */
+static void skin_bilinear(float o[3], const float *p, int x, int y)
 {
     float fx = clampf(((float)x + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
     float fy = clampf(((float)y + 0.5f) * M / N - 0.5f, 0, M - 1.001f);
     int u = (int)fx, v = (int)fy;
-    const float *q = p + 3 * (v * M + u) + k;
+    const float *q = p + 3 * (v * M + u);
 
     fx -= (float)u;
     fy -= (float)v;
-    return lerpf(lerpf(q[0], q[3], fx), lerpf(q[3 * M], q[3 * M + 3], fx),
-                 fy);
+    for (int k = 0; k < 3; k++)
+        o[k] = lerpf(lerpf(q[k], q[k + 3], fx),
+                     lerpf(q[k + 3 * M], q[k + 3 * M + 3], fx), fy);
 }
 
 /* Stubble and make-up on one texel's colour. */
@@ -242,9 +247,9 @@ void skin_paint(uint8_t *out, float tone[3], const struct skin_model *m,
     for (int i = 0; i < N * N; i++) {
         uint64_t h = random_mix(l->key + (uint64_t)i);
         float hair = (float)(h & 255) / 255, c[3];
+        skin_bilinear(c, slow, i % N, i / N);
         for (int k = 0; k < 3; k++)
-            c[k] = clampf(expf(skin_bilinear(slow, i % N, i / N, k)
-                               + share[k] * fine[i]), 0.01f, 0.93f);
+            c[k] = clampf(expf(c[k] + share[k] * fine[i]), 0.01f, 0.93f);
         /* where the scans' photographs end, the rest of the head begins */
         float x = fabsf((float)(i % N) / N - 0.5f), y = (float)(i / N) / N;
         float in = ramp(0.5f, 0.42f, x) * ramp(0, 0.10f, y)
