@@ -37,24 +37,60 @@ void scan_film_release(struct scan_film *f)
 
 /* ---- background --------------------------------------------------------- */
 
-/* Mean over a disc of radius r pixels, of one plane. */
-static void film_defocus(float *out, const float *in, int n, int r)
+/* Half the width of a disc of radius r, v rows from its middle. */
+static int film_disc(int r, int v)
 {
-    for (int y = 0; y < n; y++)
-        for (int x = 0; x < n; x++) {
-            float sum = 0;
-            int count = 0;
-            for (int v = -r; v <= r; v++) {
-                int half = (int)sqrtf((float)(r * r - v * v) + 0.5f);
-                int row = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
-                int a = x - half < 0 ? 0 : x - half;
-                int b = x + half >= n ? n - 1 : x + half;
-                for (int u = a; u <= b; u++)
-                    sum += in[row * n + u];
-                count += b - a + 1;
-            }
-            out[y * n + x] = sum / (float)count;
+    return (int)sqrtf((float)(r * r - v * v) + 0.5f);
+}
+
+/* Mean over the disc about (x, y), of what lies in the plane. */
+static float film_defocus_end(const float *in, int n, int r, int x, int y)
+{
+    float sum = 0;
+    int count = 0;
+
+    for (int v = -r; v <= r; v++) {
+        int half = film_disc(r, v);
+        int row = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
+        int a = x - half < 0 ? 0 : x - half;
+        int b = x + half >= n ? n - 1 : x + half;
+        for (int u = a; u <= b; u++)
+            sum += in[row * n + u];
+        count += b - a + 1;
+    }
+    return sum / (float)count;
+}
+
+/* Mean over a disc of radius r pixels, of one plane: of a row's pixels at once,
+ * but for those whose disc reaches past an end. */
+static void film_defocus(float *restrict out, const float *restrict in,
+                         int n, int r)
+{
+    const int edge = r < (n + 1) / 2 ? r : (n + 1) / 2;
+    int count = 0;
+
+    for (int v = -r; v <= r; v++)
+        count += 2 * film_disc(r, v) + 1;
+    for (int y = 0; y < n; y++) {
+        float *to = out + y * n;
+
+        for (int x = 0; x < edge; x++) {
+            to[x] = film_defocus_end(in, n, r, x, y);
+            to[n - 1 - x] = film_defocus_end(in, n, r, n - 1 - x, y);
         }
+        for (int x = edge; x < n - edge; x++)
+            to[x] = 0;
+        for (int v = -r; v <= r; v++) {
+            const int half = film_disc(r, v);
+            const int row = y + v < 0 ? 0 : y + v >= n ? n - 1 : y + v;
+
+            for (int u = -half; u <= half; u++)
+                for (int x = edge; x < n - edge; x++)
+                    to[x] += in[row * n + x + u];
+        }
+        for (int x = edge; x < n - edge; x++)
+            to[x] /= (float)count;
+    }
 }
 
 /* A wall: one colour in the light that falls on it, with a slope. */

@@ -13,7 +13,10 @@
 #define REACH 1.15f             /* head units, half of what it covers */
 #define SLACK 0.018f            /* head units that a point may lie deeper */
 
+#define SKY_MOMENTS 12          /* 10, and two that stay 0 */
+
 static float sky[SKY_DIRECTIONS][3];
+static float sky_terms[SKY_DIRECTIONS][SKY_MOMENTS];    /* harmonic2_moments */
 
 /* Evenly over the sphere: a golden spiral. */
 static void sky_make_direction(float d[3], int k)
@@ -24,6 +27,19 @@ static void sky_make_direction(float d[3], int k)
     d[0] = r * cosf(t);
     d[1] = y;
     d[2] = r * sinf(t);
+}
+
+/* What moments multiply by for light from d. */
+static void sky_make_terms(float o[SKY_MOMENTS], const float d[3])
+{
+    o[0] = 1;
+    for (int j = 0; j < 3; j++) {
+        o[1 + j] = d[j];
+        o[4 + j] = d[j] * d[j] - 1 / 3.0f;
+    }
+    o[7] = d[0] * d[1];
+    o[8] = d[0] * d[2];
+    o[9] = d[1] * d[2];
 }
 
 void sky_direction(float d[3], int k)
@@ -183,8 +199,10 @@ int sky_measure(struct scan_assets *a, int threads, struct error *err)
     size_t most = a->torso.nc;
     bool failed = false;
 
-    for (int k = 0; k < SKY_DIRECTIONS; k++)
+    for (int k = 0; k < SKY_DIRECTIONS; k++) {
         sky_make_direction(sky[k], k);
+        sky_make_terms(sky_terms[k], sky[k]);
+    }
     a->seen = calloc(FACE_VERTICES, sizeof *a->seen);
     failed = !a->seen || sky_piece_room(&a->torso);
     for (int r = 0; r < 3; r++)
@@ -213,22 +231,14 @@ int sky_measure(struct scan_assets *a, int threads, struct error *err)
 
 void sky_moments(float m[10], uint64_t mask, const float n[3])
 {
-    memset(m, 0, 10 * sizeof *m);
-    for (int k = 0; k < SKY_DIRECTIONS; k++) {
-        const float *d = sky[k];
-        float c;
-        if (!(mask >> k & 1))
-            continue;
-        c = dot3(d, n) * (4.0f / SKY_DIRECTIONS);
-        if (c <= 0)
-            continue;
-        m[0] += c;
-        for (int j = 0; j < 3; j++) {
-            m[1 + j] += c * d[j];
-            m[4 + j] += c * (d[j] * d[j] - 1 / 3.0f);
-        }
-        m[7] += c * d[0] * d[1];
-        m[8] += c * d[0] * d[2];
-        m[9] += c * d[1] * d[2];
+    float sum[SKY_MOMENTS] = {0};
+
+    for (; mask; mask &= mask - 1) {
+        const int k = __builtin_ctzll(mask);
+        const float c = dot3(sky[k], n) * (4.0f / SKY_DIRECTIONS);
+
+        for (int j = 0; c > 0 && j < SKY_MOMENTS; j++)
+            sum[j] += c * sky_terms[k][j];
     }
+    memcpy(m, sum, 10 * sizeof *m);
 }
