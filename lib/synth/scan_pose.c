@@ -183,8 +183,8 @@ static float pose_mouth_light(const struct scan_stage *s, const float *p)
     float side = fabsf(p[0] - up[0]);
     float open = 0.8f * gap + 0.016f;
 
-    return clampf(0.85f * open / (open + 1.0f * deep + 1.2f * off
-                                  + 5 * side * side), 0.02f, 1);
+    return clampf(0.8f * open / (open + 2.5f * deep + 1.2f * off
+                                 + 5 * side * side), 0.02f, 1);
 }
 
 /* Per channel of corner c, the sky's light h over what a free surface with
