@@ -232,8 +232,7 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
                           mesh->body);
     densify_forward(b->normals, mesh->normals, b->dense, 3);
     densify_spacing(b->spacing, mesh->verts, b->dense);
-    b->lid = mesh->weights->lid;
-    b->fold = mesh->weights->fold;
+    b->lid = mesh->weights->lid, b->fold = mesh->weights->fold;
     b->seam = mesh->weights->seam;
     b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
     if (b->prior)
@@ -493,7 +492,8 @@ static void dynamic_branch_unseen_backward(struct branch_set *dout,
                                            const struct dynamic_branch *b)
 {
     for (size_t k = 0; k < dout->n; k++) {
-        float w = dynamic_branch_visibility(b, k), v = dynamic_branch_front(b, k);
+        float v = dynamic_branch_front(b, k);
+        float w = dynamic_branch_visibility(b, k);
 
         for (size_t c = 0; c < dout->channels; c++)
             dout->color[k * dout->channels + c] *= w;
