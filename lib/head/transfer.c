@@ -9,6 +9,8 @@
 #include "lib/head/nearest.h"
 #include "lib/head/smooth.h"
 
+#define NECK_HOLD 0.85          /* share of its widening that is taken away */
+
 enum {
     DIRS = SCULPT_SHAPES + SCULPT_EXPRESSIONS,
     EXTRA = TRANSFER_EXTRA
@@ -187,6 +189,21 @@ static int transfer_carry_identities(struct sculpt *s,
     return 0;
 }
 
+/* Below the jaw's angle a jaw that opens widens the scans' necks by 6 mm on
+ * either side, and they would stand out like wings beside the cheeks, which it
+ * draws in.  A neck keeps its width. */
+static void transfer_hold_neck(double *open, const struct registration *r)
+{
+    for (size_t v = 0; v < r->s->nv; v++) {
+        const double *p = r->at + 3 * v;
+        const double aside = ramp(0.025, 0.035, fabs(p[0]));
+        const double below = ramp(-0.050, -0.070, p[1]);
+
+        if (open[3 * v] * p[0] > 0)
+            open[3 * v] *= 1 - NECK_HOLD * aside * below;
+    }
+}
+
 /* The scans' expressions through the registration, behind the identities. */
 static int transfer_carry_expressions(struct sculpt *s,
                                       const struct registration *r,
@@ -198,6 +215,8 @@ static int transfer_carry_expressions(struct sculpt *s,
     for (size_t k = 0; !rc && k < ARKIT_COUNT; k++)
         rc = transfer_shape(all + 3 * s->nv * k, r, r->scan->expression +
                             k * 3 * SCAN_VERTS, 1, 0, err);
+    if (!rc)
+        transfer_hold_neck(all + 3 * s->nv * ARKIT_JAW_OPENED, r);
     for (size_t k = 0; !rc && k < SCULPT_EXPRESSIONS; k++)
         transfer_store(s, SCULPT_SHAPES + k,
                        k < ARKIT_COUNT && !arkit_is_rig((int)k)

@@ -144,12 +144,28 @@ static double lips_apart(const struct head *h, const float *v)
     return MM * (up / nup - down / ndown);
 }
 
+/* How far v (V,3) lies outside of the head at rest beside the neck, mm. */
+static double neck_widening(const struct head *h, const float *v)
+{
+    const float mm = (float)MM;
+    double most = 0;
+
+    for (size_t i = 0; i < h->V; i++) {
+        const float *x = h->v_template + 3 * i;
+
+        if (h->region[i] == REGION_NECK && mm * fabsf(x[0]) > 35 &&
+            mm * x[1] < -70)
+            most = fmax(most, MM * (fabsf(v[3 * i]) - fabsf(x[0])));
+    }
+    return most;
+}
+
 static void test_jaw(const struct head *h)
 {
     float w[ARKIT_COUNT] = { 0 }, *v = scans_room(3 * h->V, sizeof *v);
     struct head_mouth open, rest;
     struct identity id;
-    double upper = 0;
+    double upper = 0, neck;
 
     scans_fold(&id, h, 0);
     pose_arkit(v, &id, w);
@@ -158,6 +174,7 @@ static void test_jaw(const struct head *h)
     w[ARKIT_JAW_OPENED] = 1;
     pose_arkit(v, &id, w);
     head_mouth(&open, h, v);
+    neck = neck_widening(h, v);
     for (size_t i = 0; i < h->V; i++)
         if (h->v_template[3 * i + 1] > 0.05f)
             for (size_t c = 0; c < 3; c++)
@@ -167,6 +184,7 @@ static void test_jaw(const struct head *h)
     pose_arkit(v, &id, w);
     check_range("jawOpen opens by, mm", MM * (open.gap - rest.gap), 20, 45);
     check_range("and moves brows and forehead by, mm", upper, 0, 1.5);
+    check_range("and widens the neck by, mm a side", neck, 0, 1.5);
     /* shapes add up as the scans' do, whose lips then cross by 6.2 mm in the
      * middle and 9.3 mm at the landmarks to its sides */
     check_range("mouthClose closes it again and more, mm",
