@@ -106,6 +106,7 @@ kill_one() {
     took=$(($(milliseconds) - began))
     if [ "${code[$1]}" -ne $((128 + signal)) ] || take_whole; then
         echo "too late: ${code[*]}"
+        whole=$((whole / 2))    # the machine is less busy than it was
         return
     fi
     killed=$((killed + 1))
