@@ -132,7 +132,12 @@ static cv::Mat layers_inpaint(const cv::Mat &rgb, const cv::Mat &hole)
 
     if (cv::countNonZero(unknown) == w * w)
         return cv::Mat(n, n, CV_8UC3, cv::mean(rgb));
+    /* OpenCV neither fills a picture's outermost pixels nor starts from them */
+    for (cv::Mat *m : {&small, &unknown})
+        cv::copyMakeBorder(*m, *m, 1, 1, 1, 1, cv::BORDER_REPLICATE);
     cv::inpaint(small, unknown, filled, w / 20.0, cv::INPAINT_TELEA);
+    filled = filled(cv::Rect(1, 1, w, w)).clone();
+    unknown = unknown(cv::Rect(1, 1, w, w)).clone();
     cv::GaussianBlur(filled, blur, cv::Size(), w / 40.0);
     blur.copyTo(filled, unknown);
     cv::resize(filled, big, cv::Size(n, n), 0, 0, cv::INTER_CUBIC);

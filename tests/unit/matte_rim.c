@@ -1,7 +1,7 @@
 /* What of a person reaches past the matte: an edge softer than the matte's
  * leaves neither a ghost on the wall nor a picture that is not the sum of its
- * layers; and a patterned wall, which no share of the person explains, stays as
- * it is. */
+ * layers; a patterned wall, which no share of the person explains, stays as it
+ * is; and the wall goes on behind a person who reaches the edges. */
 #include <math.h>
 #include <string.h>
 
@@ -161,9 +161,27 @@ static void rim_test_pieces(void)
     check_that("and a close one", d.matte[lock] > 200);
 }
 
+/* What is behind a person who reaches the edges of the picture is the wall,
+ * there, too. */
+static void rim_test_edges(void)
+{
+    static struct drawing d;
+    double off = 0;
+
+    rim_draw(&d, false, 2, -2, 0);
+    rim_add_piece(&d, 156, 14, 200);   /* hair nearly up to the upper edge, */
+    rim_add_piece(&d, 106, 362, 150);   /* shoulders to the lower one */
+    rim_add_piece(&d, 256, 362, 150);
+    rim_split(&d);
+    for (size_t i = 0; i < N * N; i++)
+        off = fmax(off, rim_off(&d, i));
+    check("behind who reaches the edges: the wall, levels", off, 12);
+}
+
 int main(void)
 {
     rim_test_pieces();
+    rim_test_edges();
     rim_test_soft_edge();
     rim_test_pattern();
     return check_status();
