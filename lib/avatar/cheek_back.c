@@ -139,7 +139,7 @@ static void cheek_back_place(struct branch_set *out, size_t k, float back,
     static const float unturned[4] = {1, 0, 0, 0};
     const float U[2] = {(float)(2 * (k % n) + 1) / (float)n - 1,
                         (float)(2 * (k / n) + 1) / (float)n - 1};
-    const float cell = 2.0f / (float)n * mesh->cam[11] / CAMERA_FOCAL;
+    const float cell = source_mesh_spacing(mesh, n);
     const float skin = mesh->cam[11] - cheek_back_depth(mesh, k);
     const float rise = fminf(fmaxf(skin, 0), STATIC_BRANCH_HEIGHT);
     const float p = 0.5f + 0.5f * rise;

@@ -232,7 +232,8 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
                           mesh->body);
     densify_forward(b->normals, mesh->normals, b->dense, 3);
     densify_spacing(b->spacing, mesh->verts, b->dense);
-    b->lid = mesh->weights->lid, b->fold = mesh->weights->fold;
+    b->lid = mesh->weights->lid;
+    b->fold = mesh->weights->fold;
     b->seam = mesh->weights->seam;
     b->shut = shut_eye_find(mesh->posed, mesh->rest, mesh->head);
     if (b->prior)
@@ -246,12 +247,7 @@ static void dynamic_branch_geometry(const struct source_mesh *mesh,
 static bool dynamic_branch_is_occluded(const struct source_mesh *mesh,
                                        const float place[2], float z)
 {
-    const float n = (float)mesh->n;
-    float x = 0.5f * n * (place[0] + 1), y = 0.5f * n * (place[1] + 1);
-
-    x = fminf(fmaxf(x, 0), n - 1);
-    y = fminf(fmaxf(y, 0), n - 1);
-    return mesh->depth[(size_t)y * mesh->n + (size_t)x] < z + SLACK;
+    return mesh->depth[source_mesh_cell(place, mesh->n)] < z + SLACK;
 }
 
 /* hull: the least matte around every densified vertex, within the reach of a
@@ -358,7 +354,7 @@ static float dynamic_branch_protrusion(const struct source_picture *picture,
     const float to[3] = {x[0] + drop[0], x[1] + drop[1], x[2] + drop[2]};
     const float mm = sqrtf(drop[0] * drop[0] + drop[1] * drop[1] +
                            drop[2] * drop[2]) * 1e3f / mesh->head->scale;
-    const float n = (float)mesh->n, last = n - 1, *at = b->place + 2 * k;
+    const size_t cell = source_mesh_cell(b->place + 2 * k, mesh->n);
     float place[2], rgba[4];
 
     if (!(mm > DROP_MM) || mm > DROP_MOST_MM)
@@ -368,9 +364,7 @@ static float dynamic_branch_protrusion(const struct source_picture *picture,
     return (1 - branch_ramp(rgba[3], 0.3f, 0.7f)) *
            branch_ramp(mm, DROP_MM, 2 * DROP_MM) *
            (1 - branch_ramp(mm, 0.6f * DROP_MOST_MM, DROP_MOST_MM)) *
-           cheek_back_at(picture, mesh,
-                         (size_t)fminf(fmaxf(0.5f * n * (at[0] + 1), 0), last),
-                         (size_t)fminf(fmaxf(0.5f * n * (at[1] + 1), 0), last));
+           cheek_back_at(picture, mesh, cell % mesh->n, cell / mesh->n);
 }
 
 /* The prior: visibility, coverage and matte of every densified vertex, into

@@ -2,6 +2,7 @@
  * depth maps. */
 #include "lib/avatar/source_mesh.h"
 
+#include <math.h>
 #include <stdlib.h>
 #include <string.h>
 
@@ -69,6 +70,20 @@ void source_mesh_project(float *place, const float *x, size_t N,
     camera_project(place, NULL, cam, 2, x, N);
     for (size_t i = 0; i < 2 * N; i++)
         place[i] -= 1;
+}
+
+size_t source_mesh_cell(const float place[2], size_t n)
+{
+    const float half = 0.5f * (float)n, last = (float)(n - 1);
+    const float x = half * (place[0] + 1), y = half * (place[1] + 1);
+
+    return (size_t)fminf(fmaxf(y, 0), last) * n +
+           (size_t)fminf(fmaxf(x, 0), last);
+}
+
+float source_mesh_spacing(const struct source_mesh *m, size_t n)
+{
+    return 2.0f / (float)n * m->cam[11] / CAMERA_FOCAL;
 }
 
 /* Blend, then normals and maps of what the camera sees. */

@@ -57,4 +57,11 @@ void source_mesh_normal(float normal[3], const float cam[12]);
 void source_mesh_project(float *place, const float *x, size_t N,
                          const float cam[12]);
 
+/* The cell of n x n maps that a place in [-1,1] lies in, or the nearest. */
+size_t source_mesh_cell(const float place[2], size_t n);
+
+/* From one cell of n x n to the next at the depth of the head's origin, head
+ * units. */
+float source_mesh_spacing(const struct source_mesh *m, size_t n);
+
 #endif

@@ -129,7 +129,7 @@ int static_branch_plan(struct static_branch *b, struct nn_options opt,
         {&b->din, n2 * b->inputs, true}, {&b->dsampled, n2 * Cf, true},
         {&b->logit, 3 * n2, false},
         {&b->dlogit, 3 * n2, true}, {&b->clamped, 3 * n2, false},
-        {(float **)&b->cell, n2, false}, {&b->own, 4 * n2, false},
+        {(float **)&b->cell, n2, false},
         {&b->height, n2, false}, {&b->surface, n2, false},
         {&b->moving, n2, false}, {&b->back, n2, false},
         {&b->edge, n2, false}, {&b->most, n2, false},
@@ -190,8 +190,8 @@ static float static_branch_neck_weight(const struct static_branch *b,
                                        float aside)
 {
     const struct neck_blend *blend = &mesh->weights->blend;
-    const float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
-    const float beside = aside * cell / mesh->head->scale;
+    const float beside = aside * source_mesh_spacing(mesh, b->n) /
+                         mesh->head->scale;
 
     return neck_blend_weight(blend, blend->top - (blend->top - y) *
                                         (1 + SHOULDER_FALL * beside));
@@ -230,7 +230,8 @@ static void static_branch_neck(float *neck, float *mean,
 }
 
 /* b->moving, what may not be drawn: where the mesh moves, and thin rims beside
- * it.  b->edge, how large Gaussians inside the person's edge may be. */
+ * it.  b->edge, how large Gaussians inside the person's edge may be.  b->pixel
+ * is the picture at the cells meanwhile. */
 static void static_branch_mask(struct static_branch *b,
                                const struct source_picture *picture,
                                const struct source_mesh *mesh)
@@ -239,9 +240,9 @@ static void static_branch_mask(struct static_branch *b,
         b->moving[k] = fminf(fmaxf(mesh->moving[k], 0), 1);
     if (!b->prior)
         return;
-    source_picture_sample(b->own, picture, b->U, b->count);
-    beside_rim(b->moving, b->own, mesh->coverage, b->n);
-    edge_scale_find(b->edge, b->own, OVERLAP, b->n);
+    source_picture_sample(b->pixel, picture, b->U, b->count);
+    beside_rim(b->moving, b->pixel, mesh->coverage, b->n);
+    edge_scale_find(b->edge, b->pixel, OVERLAP, b->n);
 }
 
 /* The maps of the cells, before they move. */
@@ -261,14 +262,9 @@ static void static_branch_map(float *neck, float *mean,
 static void static_branch_locate(float *neck, float *scratch,
                                  struct static_branch *b)
 {
-    const float half = 0.5f * (float)b->n, last = (float)(b->n - 1);
-
     memcpy(scratch, neck, b->count * sizeof *neck);
     for (size_t k = 0; k < b->count; k++) {
-        const float x = half * (b->U[2 * k] + 1);
-        const float y = half * (b->U[2 * k + 1] + 1);
-        const size_t at = (size_t)fminf(fmaxf(y, 0), last) * b->n +
-                          (size_t)fminf(fmaxf(x, 0), last);
+        const size_t at = source_mesh_cell(b->U + 2 * k, b->n);
 
         b->cell[k] = (uint32_t)at;
         b->surface[k] = b->height[at];
@@ -321,7 +317,7 @@ static void static_branch_inputs(const float *features,
 {
     size_t Cf = b->feature, stride;
     float *rows = conv_decoder_rows(&stride, &b->decoder);
-    float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
+    float cell = source_mesh_spacing(mesh, b->n);
     float size_shift = attribute_logit(OVERLAP * cell / BRANCH_SCALE_MAX);
 
 #pragma omp parallel for schedule(static)
@@ -403,16 +399,6 @@ static void static_branch_clamp_tint_backward(struct branch_set *dout,
         }
 }
 
-/* Keep Gaussians inside the person's edge. */
-static void static_branch_clamp_scale(struct branch_set *out,
-                                      const struct source_mesh *mesh,
-                                      struct static_branch *b)
-{
-    const float cell = 2.0f / (float)b->n * mesh->cam[11] / CAMERA_FOCAL;
-
-    edge_scale_clamp(out->scale, b->enlarged, b->most, cell, b->count);
-}
-
 /* Rows [F at U, U, extras] through Phi_S, lifted from the plane. */
 void static_branch_forward(struct branch_set *out, const float *features,
                            const struct source_picture *picture,
@@ -433,7 +419,8 @@ void static_branch_forward(struct branch_set *out, const float *features,
     branch_prior_forward(out, &b->start, b->prior);
     if (b->prior) {
         static_branch_clamp_tint(out, b);
-        static_branch_clamp_scale(out, mesh, b);
+        edge_scale_clamp(out->scale, b->enlarged, b->most,
+                         source_mesh_spacing(mesh, b->n), b->count);
     }
     for (size_t k = 0; k < b->count; k++)
         b->p[k] = b->prior ? attribute_shift(b->p_raw[k], b->p_shift[k])

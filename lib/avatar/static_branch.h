@@ -52,7 +52,6 @@ struct static_branch {
                                          * the picture's, 0 elsewhere; their
                                          * gradients */
     /* Of the cells, before they move: */
-    float *own;                         /* (n,n,4) source picture there */
     float *height;                      /* (n,n) of the mesh over the plane,
                                          * head units */
     float *moving;                      /* (n,n) what may not be drawn */

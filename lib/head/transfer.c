@@ -189,8 +189,8 @@ static int transfer_carry_identities(struct sculpt *s,
     return 0;
 }
 
-/* Below the jaw's angle a jaw that opens widens the scans' necks by 6 mm on
- * either side, and they would stand out like wings beside the cheeks, which it
+/* Below the jaw's angle a jaw that opens widens the scans' necks by up to 8 mm
+ * on either side, and they would stand out like wings beside the cheeks, which it
  * draws in.  A neck keeps its width. */
 static void transfer_hold_neck(double *open, const struct registration *r)
 {

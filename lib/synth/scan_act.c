@@ -210,7 +210,6 @@ static void act_add_speech(float *w, const struct act_look *l, double time)
         w[ARKIT_MOUTH_ROLL_UPPER] += g * v->roll * 0.5f;
         act_add_both(w, ARKIT_MOUTH_STRETCH_L, g * v->stretch * 0.7f, 0);
     }
-    /* the jaw leads its lips: some of its opening is closed by them */
     w[ARKIT_BROW_INNER_UP_L] += 0.2f * phrase
                                 * maxf(noise_time(t ^ 31, time, 0.8), 0);
     w[ARKIT_BROW_INNER_UP_R] = maxf(w[ARKIT_BROW_INNER_UP_R],
