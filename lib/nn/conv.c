@@ -472,6 +472,15 @@ static void conv_backward_weights(struct conv *c, const float *dout,
     memset(im->stage, 0, conv_weight_count(c) * sizeof *im->stage);
 }
 
+/* din of the gradient before the activation. */
+static void conv_backward_data(float *din, const float *dout, struct conv *c)
+{
+    if (conv_pointwise(c))
+        pointwise_backward_data(din, dout, &c->impl->pointwise);
+    else
+        conv_onednn_backward_data(din, dout, c);
+}
+
 void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c)
 {
@@ -490,16 +499,21 @@ void conv_backward(float *din, float *dout, const float *out, const float *in,
         for (size_t o = 0, O = c->out / (c->shuffle * c->shuffle);
              o < c->out; o++)
             param_g(c->ps, c->bias)[o % O] += each[o];
-    if (conv_pointwise(c)) {
-        if (!c->ps->tensor[c->weight].frozen)
+    if (!c->ps->tensor[c->weight].frozen) {
+        if (conv_pointwise(c))
             pointwise_backward_weights(param_g(c->ps, c->weight), dout, in,
                                        &im->pointwise);
-        if (din)
-            pointwise_backward_data(din, dout, &im->pointwise);
-        return;
+        else
+            conv_backward_weights(c, dout, in);
     }
-    if (!c->ps->tensor[c->weight].frozen)
-        conv_backward_weights(c, dout, in);
     if (din)
-        conv_onednn_backward_data(din, dout, c);
+        conv_backward_data(din, dout, c);
+}
+
+void conv_backward_input(float *din, float *dout, const float *out,
+                         struct conv *c)
+{
+    act_bias_backward(NULL, dout, c->impl->sums, out, c->act,
+                      c->batch * c->oh * c->ow, c->out);
+    conv_backward_data(din, dout, c);
 }

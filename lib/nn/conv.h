@@ -76,6 +76,9 @@ void conv_forward(float *out, const float *in, struct conv *c);
  * activation. */
 void conv_backward(float *din, float *dout, const float *out, const float *in,
                    struct conv *c);
+/* The same for din alone: no gradient of weight or bias. */
+void conv_backward_input(float *din, float *dout, const float *out,
+                         struct conv *c);
 
 struct winograd;
 /* A planned layer's Winograd, where that is how it is computed; or NULL. */

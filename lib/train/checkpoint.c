@@ -20,8 +20,22 @@ static uint64_t checkpoint_mix(uint64_t h, uint64_t x)
     return random_mix(h ^ x);
 }
 
+/* Names, shapes and freezes of tensors into a digest. */
+static uint64_t checkpoint_mix_tensors(uint64_t h, const struct params *ps)
+{
+    for (size_t i = 0; i < ps->count; i++) {
+        const struct param *p = &ps->tensor[i];
+        h = checkpoint_mix(h, random_name(p->name));
+        h = checkpoint_mix(h, p->frozen);
+        for (int k = 0; k < p->ndim; k++)
+            h = checkpoint_mix(h, p->dim[k]);
+    }
+    return h;
+}
+
 void checkpoint_fingerprint(char text[17], const struct train_config *c,
-                            const struct params *ps)
+                            const struct params *ps,
+                            const struct params *opponent)
 {
     uint64_t h = checkpoint_mix(random_name(train_stage_name(c->stage)),
                                 (uint64_t)c->seed);
@@ -30,13 +44,9 @@ void checkpoint_fingerprint(char text[17], const struct train_config *c,
     h = checkpoint_mix(h, (uint64_t)c->micro);
     h = checkpoint_mix(h, (uint64_t)c->pool);
     h = checkpoint_mix(h, (uint64_t)(c->people_per_step * 1e6));
-    for (size_t i = 0; i < ps->count; i++) {
-        const struct param *p = &ps->tensor[i];
-        h = checkpoint_mix(h, random_name(p->name));
-        h = checkpoint_mix(h, p->frozen);
-        for (int k = 0; k < p->ndim; k++)
-            h = checkpoint_mix(h, p->dim[k]);
-    }
+    h = checkpoint_mix_tensors(h, ps);
+    if (opponent)
+        h = checkpoint_mix_tensors(h, opponent);
     snprintf(text, 17, "%016" PRIx64, h);
 }
 
@@ -50,24 +60,52 @@ static struct st_tensor checkpoint_block(const char *name, const float *x,
     return t;
 }
 
-int checkpoint_save(const char *path, const struct params *ps,
-                    const struct adam *a, uint64_t step, uint64_t skipped,
-                    const char *fingerprint, struct error *err)
+/* What a part has to say; names of the opponent's tensors begin with it. */
+static const struct {
+    const char *w, *m, *v, *average, *updates;
+} checkpoint_names[2] = {
+    {"w", "m", "v", "average", "updates"},
+    {"opponent.w", "opponent.m", "opponent.v", "opponent.average",
+     "opponent.updates"}
+};
+
+/* A part's tensors into t; how many. */
+static size_t checkpoint_part_tensors(struct st_tensor t[4],
+                                      const struct checkpoint_part *p,
+                                      int which)
 {
-    struct st_tensor t[4];
-    char s[24], k[24], u[24];
-    const char *meta[] = {"spid-train", fingerprint, "step", s, "skipped", k,
-                          "updates", u, NULL};
+    const struct adam *a = p->adam;
     size_t n = 0;
 
-    snprintf(s, sizeof s, "%" PRIu64, step);
-    snprintf(k, sizeof k, "%" PRIu64, skipped);
-    snprintf(u, sizeof u, "%" PRIu64, a->step);
-    t[n++] = checkpoint_block("w", ps->w, ps->total);
-    t[n++] = checkpoint_block("m", a->m, a->total);
-    t[n++] = checkpoint_block("v", a->v, a->total);
+    if (!p->ps)
+        return 0;
+    t[n++] = checkpoint_block(checkpoint_names[which].w, p->ps->w,
+                              p->ps->total);
+    t[n++] = checkpoint_block(checkpoint_names[which].m, a->m, a->total);
+    t[n++] = checkpoint_block(checkpoint_names[which].v, a->v, a->total);
     if (a->average)
-        t[n++] = checkpoint_block("average", a->average, a->total);
+        t[n++] = checkpoint_block(checkpoint_names[which].average, a->average,
+                                  a->total);
+    return n;
+}
+
+int checkpoint_save(const char *path, const struct checkpoint *c,
+                    struct error *err)
+{
+    struct st_tensor t[8];
+    char s[24], k[24], u[24], o[24];
+    const char *meta[] = {"spid-train", c->fingerprint, "step", s, "skipped",
+                          k, checkpoint_names[0].updates, u,
+                          c->opponent.ps ? checkpoint_names[1].updates : NULL,
+                          o, NULL};
+    size_t n = checkpoint_part_tensors(t, &c->model, 0);
+
+    n += checkpoint_part_tensors(t + n, &c->opponent, 1);
+    snprintf(s, sizeof s, "%" PRIu64, c->step);
+    snprintf(k, sizeof k, "%" PRIu64, c->skipped);
+    snprintf(u, sizeof u, "%" PRIu64, c->model.adam->step);
+    snprintf(o, sizeof o, "%" PRIu64,
+             c->opponent.ps ? c->opponent.adam->step : 0);
     return st_save(path, t, n, meta, err);
 }
 
@@ -94,9 +132,28 @@ static uint64_t checkpoint_number(const struct safetensors *st,
     return s ? strtoull(s, NULL, 10) : 0;
 }
 
-int checkpoint_load(const char *path, struct params *ps, struct adam *a,
-                    uint64_t *step, uint64_t *skipped,
-                    const char *fingerprint, struct error *err)
+/* A part's tensors and updates. */
+static int checkpoint_take_part(struct checkpoint_part *p,
+                                const struct safetensors *st, int which,
+                                struct error *err)
+{
+    struct adam *a = p->adam;
+
+    if (!p->ps)
+        return 0;
+    if (checkpoint_take(p->ps->w, st, checkpoint_names[which].w, p->ps->total,
+                        err) ||
+        checkpoint_take(a->m, st, checkpoint_names[which].m, a->total, err) ||
+        checkpoint_take(a->v, st, checkpoint_names[which].v, a->total, err) ||
+        (a->average &&
+         checkpoint_take(a->average, st, checkpoint_names[which].average,
+                         a->total, err)))
+        return -1;
+    a->step = checkpoint_number(st, checkpoint_names[which].updates);
+    return 0;
+}
+
+int checkpoint_load(const char *path, struct checkpoint *c, struct error *err)
 {
     struct safetensors *st;
     const char *print;
@@ -108,21 +165,17 @@ int checkpoint_load(const char *path, struct params *ps, struct adam *a,
     if (!st)
         return -1;
     print = st_meta(st, "spid-train");
-    if (!print || strcmp(print, fingerprint)) {
+    if (!print || strcmp(print, c->fingerprint)) {
         error_set(err, EX_CONFIG, "%s: checkpoint of another configuration "
                   "(%s, expected %s)", path, print ? print : "none",
-                  fingerprint);
+                  c->fingerprint);
         goto out;
     }
-    if (checkpoint_take(ps->w, st, "w", ps->total, err) ||
-        checkpoint_take(a->m, st, "m", a->total, err) ||
-        checkpoint_take(a->v, st, "v", a->total, err) ||
-        (a->average &&
-         checkpoint_take(a->average, st, "average", a->total, err)))
+    if (checkpoint_take_part(&c->model, st, 0, err) ||
+        checkpoint_take_part(&c->opponent, st, 1, err))
         goto out;
-    *step = checkpoint_number(st, "step");
-    *skipped = checkpoint_number(st, "skipped");
-    a->step = checkpoint_number(st, "updates");
+    c->step = checkpoint_number(st, "step");
+    c->skipped = checkpoint_number(st, "skipped");
     rc = 1;
 out:
     st_close(st);

@@ -11,22 +11,36 @@
 #include "lib/train/adam.h"
 #include "lib/train/config.h"
 
+/* Tensors that learn together, and their Adam; ps NULL: there are none. */
+struct checkpoint_part {
+    struct params *ps;
+    struct adam *adam;
+};
+
+/* A run between two steps. */
+struct checkpoint {
+    struct checkpoint_part model, opponent;     /* see task.h */
+    uint64_t step;              /* the next one to do */
+    uint64_t skipped;
+    char fingerprint[17];
+};
+
 /* Hex digest of what a checkpoint must share with a run: stage, seed, batch,
- * micro, pool, people_per_step and every tensor's name, shape and freeze. */
+ * micro, pool, people_per_step and every tensor's name, shape and freeze, those
+ * of the opponent (or NULL) too. */
 void checkpoint_fingerprint(char text[17], const struct train_config *c,
-                            const struct params *ps);
+                            const struct params *ps,
+                            const struct params *opponent);
 
 /* Write PATH beside its final name, then rename: a failure or a kill at any
- * moment leaves the last one.  step is the next step to do. */
-int checkpoint_save(const char *path, const struct params *ps,
-                    const struct adam *a, uint64_t step, uint64_t skipped,
-                    const char *fingerprint, struct error *err);
+ * moment leaves the last one. */
+int checkpoint_save(const char *path, const struct checkpoint *c,
+                    struct error *err);
 
-/* 1 and *step set when read; 0 when PATH does not exist; -1 on a damaged file
- * or one of another configuration. */
-int checkpoint_load(const char *path, struct params *ps, struct adam *a,
-                    uint64_t *step, uint64_t *skipped,
-                    const char *fingerprint, struct error *err);
+/* 1 when read: both parts, step and skipped are set; 0 when PATH does not
+ * exist; -1 on a damaged file or one whose fingerprint is not c's. */
+int checkpoint_load(const char *path, struct checkpoint *c,
+                    struct error *err);
 
 /* A model file to start from. */
 struct checkpoint_source {

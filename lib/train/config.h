@@ -44,6 +44,12 @@ struct train_config {
     double alignment;           /* L_lmk of what was drawn (lambda_4) ... */
     char alignment_file[TRAIN_PATH]; /* ... by this network; "": only the
                                  * head's own landmarks count */
+    double adversarial;         /* what a patch discriminator of the face
+                                 * makes of the final picture; 0: there is
+                                 * none */
+    int64_t adversarial_from;   /* the step at which it begins */
+    double adversarial_rate;    /* its own Adam's */
+    double adversarial_penalty; /* its gradient penalty, gamma of R1 */
     double silhouette;          /* alpha against the mask */
     double mouth;               /* L1 and half of L_perc between open lips */
     double square;              /* mean square of the two pictures: what PSNR

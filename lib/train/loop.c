@@ -17,12 +17,11 @@
 /* One run's working state. */
 struct run {
     struct loop *l;
-    struct adam adam;
+    struct adam adam, opponent;         /* the second of task->opponent */
     struct data_pool pool;
     float *base, *sum;      /* running statistics before the step, and their
                              * sum over its passes: laid out as ps.w */
     FILE *log, *figures;    /* log.tsv, held.tsv */
-    char fingerprint[17];
     uint64_t skipped_row;   /* bad steps in a row */
     double begun;
     uint64_t first;         /* step of this process */
@@ -115,7 +114,7 @@ static int loop_open_logs(struct run *r, struct error *err)
     if (!fresh)
         return 0;
     fprintf(r->log, "step\tloss");
-    for (int i = 0; i < t->nparts; i++)
+    for (int i = 0; i < t->nparts + t->nwatched; i++)
         fprintf(r->log, "\t%s", t->part_name[i]);
     fprintf(r->log, "\tnorm\trate\tseconds\n");
     fprintf(r->figures, "step");
@@ -136,6 +135,20 @@ static void loop_swap_average(struct run *r)
     }
 }
 
+/* The run as its checkpoint has it. */
+static struct checkpoint loop_state(struct run *r)
+{
+    struct loop *l = r->l;
+    struct params *opponent = l->task->opponent;
+    struct checkpoint c = {
+        .model = {&l->task->ps, &r->adam},
+        .opponent = {opponent, opponent ? &r->opponent : NULL},
+        .step = l->step, .skipped = l->skipped};
+
+    checkpoint_fingerprint(c.fingerprint, l->config, &l->task->ps, opponent);
+    return c;
+}
+
 /* The checkpoint, and the averaged weights as a model. */
 static int loop_save(struct run *r, struct error *err)
 {
@@ -143,13 +156,13 @@ static int loop_save(struct run *r, struct error *err)
     char path[TRAIN_PATH];
     const char *meta[] = {"spid-stage", train_stage_name(l->config->stage),
                           NULL};
+    const struct checkpoint state = loop_state(r);
     int rc;
 
     if (l->group->rank)
         return 0;
     loop_path(path, sizeof path, l, "checkpoint.safetensors");
-    if (checkpoint_save(path, &l->task->ps, &r->adam, l->step, l->skipped,
-                        r->fingerprint, err))
+    if (checkpoint_save(path, &state, err))
         return -1;
     loop_path(path, sizeof path, l, "model.safetensors");
     loop_swap_average(r);
@@ -234,15 +247,28 @@ static int loop_sum(struct run *r, float *x, bool statistics,
     return 0;
 }
 
+/* The opponent's gradients likewise; none of its tensors is frozen. */
+static int loop_sum_opponent(struct run *r, struct error *err)
+{
+    const struct params *ps = r->l->task->opponent;
+
+    if (!ps)
+        return 0;
+    r->l->cost.sum_bytes += ps->total * sizeof *ps->g;
+    return group_sum(r->l->group, ps->g, ps->total, err);
+}
+
 /* Losses and gradients of the whole batch, over all processes. */
 static int loop_gather(struct run *r, double *parts, struct error *err)
 {
     struct loop *l = r->l;
-    struct params *ps = &l->task->ps;
+    struct params *ps = &l->task->ps, *opponent = l->task->opponent;
     size_t passes = (size_t)(l->config->batch / l->config->micro);
     double begun = cpu_seconds();
 
     memset(ps->g, 0, ps->total * sizeof *ps->g);
+    if (opponent)
+        memset(opponent->g, 0, opponent->total * sizeof *opponent->g);
     memset(parts, 0, TASK_PARTS * sizeof *parts);
     loop_statistics(r, STATISTICS_KEEP, 0);
     for (size_t k = 0; k < passes; k++) {
@@ -258,6 +284,7 @@ static int loop_gather(struct run *r, double *parts, struct error *err)
     l->cost.pass_seconds += summed - begun;
     l->cost.sum_bytes = 0;
     if (loop_sum(r, ps->g, false, err) || loop_sum(r, r->sum, true, err) ||
+        loop_sum_opponent(r, err) ||
         group_sum_double(l->group, parts, TASK_PARTS, err))
         return -1;
     l->cost.sum_seconds += cpu_seconds() - summed;
@@ -284,13 +311,21 @@ static int loop_skip(struct run *r, const char *what, const char *name,
     return 0;
 }
 
+/* The name of the first tensor whose gradient is not finite. */
+static const char *loop_bad_name(const struct params *ps)
+{
+    const size_t bad = adam_first_bad(ps, 0);
+
+    return bad < ps->count ? ps->tensor[bad].name : "all";
+}
+
 /* Losses and gradients of a batch, then the update. */
 static int loop_step(struct run *r, double *parts, double *loss, double *norm,
                      struct error *err)
 {
     struct loop *l = r->l;
-    struct params *ps = &l->task->ps;
-    size_t bad;
+    struct params *ps = &l->task->ps, *opponent = l->task->opponent;
+    double against = 0;
 
     if (loop_gather(r, parts, err))
         return -1;
@@ -298,15 +333,16 @@ static int loop_step(struct run *r, double *parts, double *loss, double *norm,
     for (int i = 0; i < l->task->nparts; i++)
         *loss += parts[i];
     *norm = adam_norm(ps);
-    if (!isfinite(*norm)) {
-        bad = adam_first_bad(ps, 0);
-        return loop_skip(r, "gradient of",
-                         bad < ps->count ? ps->tensor[bad].name : "all", err);
-    }
+    if (!isfinite(*norm))
+        return loop_skip(r, "gradient of", loop_bad_name(ps), err);
+    if (opponent && !isfinite(against = adam_norm(opponent)))
+        return loop_skip(r, "gradient of", loop_bad_name(opponent), err);
     if (!isfinite(*loss))
         return loop_skip(r, "the", "loss", err);
     r->skipped_row = 0;
     adam_update(&r->adam, ps, train_rate(l->config, l->step), *norm);
+    if (opponent && l->step >= l->task->opponent_from)
+        adam_update(&r->opponent, opponent, l->task->opponent_rate, against);
     l->task->type->update(l->task);
     return 0;
 }
@@ -333,7 +369,7 @@ static void loop_write_log(struct run *r, const double *parts, double loss,
     if (l->step % (uint64_t)l->config->log_every)
         return;
     fprintf(r->log, "%" PRIu64 "\t%.9g", l->step, loss);
-    for (int i = 0; i < l->task->nparts; i++)
+    for (int i = 0; i < l->task->nparts + l->task->nwatched; i++)
         fprintf(r->log, "\t%.6g", parts[i]);
     fprintf(r->log, "\t%.5g\t%.4g\t%.2f\n", norm, rep.rate, now);
     fflush(r->log);
@@ -381,14 +417,41 @@ static int loop_steps(struct run *r, struct error *err)
 
 /* ---- the run ------------------------------------------------------------ */
 
+/* What moves the weights; what of the opponent's moves has little memory, for
+ * what it learns against changes (Radford et al. 2016). */
+static int loop_start_adam(struct run *r, struct error *err)
+{
+    const struct train_config *c = r->l->config;
+    const struct params *opponent = r->l->task->opponent;
+
+    if (adam_init(&r->adam, &r->l->task->ps, (float)c->clip,
+                  (float)c->average, err) ||
+        (opponent && adam_init(&r->opponent, opponent, 0, 0, err)))
+        return -1;
+    r->opponent.beta1 = 0.5f;
+    return 0;
+}
+
+/* The checkpoint, where there is one. */
+static int loop_resume(struct run *r, struct error *err)
+{
+    struct checkpoint state = loop_state(r);
+    char path[TRAIN_PATH];
+
+    loop_path(path, sizeof path, r->l, "checkpoint.safetensors");
+    if (checkpoint_load(path, &state, err) < 0)
+        return -1;
+    r->l->step = state.step;
+    r->l->skipped = state.skipped;
+    return 0;
+}
+
 /* Folder, weights, checkpoint, pool and logs. */
 static int loop_start(struct run *r, struct error *err)
 {
     struct loop *l = r->l;
     struct params *ps = &l->task->ps;
-    char path[TRAIN_PATH];
     uint64_t people;
-    int rc;
 
     if (mkdir(l->folder, 0777) && errno != EEXIST)
         return error_set(err, EX_CANTCREAT, "%s: %s", l->folder,
@@ -396,14 +459,7 @@ static int loop_start(struct run *r, struct error *err)
     for (size_t i = 0; i < l->ninit; i++)
         if (checkpoint_import(ps, &l->init[i], err))
             return -1;
-    if (adam_init(&r->adam, ps, (float)l->config->clip,
-                  (float)l->config->average, err))
-        return -1;
-    checkpoint_fingerprint(r->fingerprint, l->config, ps);
-    loop_path(path, sizeof path, l, "checkpoint.safetensors");
-    rc = checkpoint_load(path, ps, &r->adam, &l->step, &l->skipped,
-                         r->fingerprint, err);
-    if (rc < 0)
+    if (loop_start_adam(r, err) || loop_resume(r, err))
         return -1;
     l->task->type->update(l->task);
     people = (uint64_t)l->config->pool;
@@ -443,6 +499,7 @@ int loop_run(struct loop *l, struct error *err)
         fclose(r.figures);
     data_pool_release(&r.pool);
     adam_release(&r.adam);
+    adam_release(&r.opponent);
     free(r.base);
     free(r.sum);
     return rc;

@@ -12,7 +12,7 @@
 #include "lib/train/config.h"
 #include "lib/data/data.h"
 
-#define TASK_PARTS 20
+#define TASK_PARTS 24
 
 struct task;
 
@@ -20,7 +20,7 @@ struct task_type {
     double margin;              /* of the pictures it wants: see data_open */
     void (*release)(struct task *t);
     /* Pass `micro` of a step: adds losses to parts, divided by the number of
-     * passes, and gradients to ps->g likewise. */
+     * passes, and gradients to ps->g (and opponent->g) likewise. */
     int (*pass)(struct task *t, double *parts, uint64_t step, size_t micro,
                 struct error *err);
     /* The weights changed. */
@@ -40,7 +40,13 @@ struct task {
     struct data_person *validation; /* people never trained on */
     size_t nvalidation;
     struct params ps;
-    int nparts, nfigures;
+    struct params *opponent;    /* of a network that learns against ps, with an
+                                 * Adam of its own, from opponent_from on, and
+                                 * that no model file has; NULL: none */
+    uint64_t opponent_from;     /* a step */
+    double opponent_rate;
+    int nparts, nfigures;       /* the loss is the sum of the parts; */
+    int nwatched;               /* so many more follow in the log */
     const char *part_name[TASK_PARTS];
     const char *figure_name[TASK_PARTS];
     void *impl;

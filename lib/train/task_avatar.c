@@ -13,6 +13,7 @@
 #include "lib/data/contact_sheet.h"
 #include "lib/train/task.h"
 #include "lib/train/avatar_system.h"
+#include "lib/train/discriminator.h"
 
 #define N MOTION_ENCODER_SIZE
 
@@ -22,6 +23,7 @@ struct impl {
     struct motion_encoder net;
     struct motion_loss loss;
     struct motion_tta tta;          /* of E_m, unless it learns */
+    struct discriminator discriminator;     /* when t->opponent */
     float *crops, *out, *dout;      /* (targets + 1,...): the source last */
 };
 
@@ -39,6 +41,8 @@ static void avatar_task_release(struct task *t)
     if (!m)
         return;
     avatar_system_release(&m->tr);
+    discriminator_release(&m->discriminator);
+    t->opponent = NULL;
     if (m->with_motion) {
         motion_tta_release(&m->tta);
         motion_encoder_release(&m->net);
@@ -93,6 +97,26 @@ static int avatar_sample_draw(struct avatar_sample *l, struct task *t,
     return head_fold(&l->id, t->head, l->who->shape, t->head->nshape, err);
 }
 
+/* What the discriminator makes of the picture drawn for frame f, whose gradient
+ * joins the others, and what it learns from it. */
+static void avatar_task_oppose(struct task *t, double *parts,
+                               const struct data_frame *f, uint64_t step,
+                               double scale)
+{
+    struct impl *m = t->impl;
+    struct avatar_system *tr = &m->tr;
+    const struct train_config *c = t->config;
+    const struct box face = data_face(f, tr->image);
+    double *own = parts + t->nparts - 1;    /* the watched ones follow */
+
+    if (!t->opponent || step < t->opponent_from)
+        return;
+    *own += discriminator_fool(tr->drgb, tr->rgb, &face,
+                               c->adversarial * scale, &m->discriminator);
+    discriminator_learn(own + 1, tr->rgb, tr->target, &face,
+                        c->adversarial_penalty, scale, &m->discriminator);
+}
+
 /* Draw target i, add its losses, and go back to the encoder's numbers. */
 static int avatar_task_target(struct task *t, double *parts,
                               const struct avatar_sample *l, size_t i,
@@ -125,8 +149,10 @@ static int avatar_task_target(struct task *t, double *parts,
     }
     if (avatar_system_draw(tr, m->with_motion ? s.verts : tr->verts, cam,
                            err) ||
-        avatar_system_losses(tr, parts, f, t->config, scale, err) ||
-        avatar_system_draw_backward(tr, err))
+        avatar_system_losses(tr, parts, f, t->config, scale, err))
+        return -1;
+    avatar_task_oppose(t, parts, f, step, scale);
+    if (avatar_system_draw_backward(tr, err))
         return -1;
     if (m->with_motion)
         motion_decode_backward(m->dout + i * MOTION_OUT, tr->dverts, tr->dcam,
@@ -182,6 +208,8 @@ static void avatar_task_update(struct task *t)
     struct impl *m = t->impl;
 
     avatar_system_update(&m->tr);
+    if (t->opponent)
+        discriminator_update(&m->discriminator);
     if (m->with_motion)
         motion_encoder_update(&m->net);
 }
@@ -414,6 +442,27 @@ static int avatar_task_add_motion(struct task *t, const char *net,
     return motion_encoder_init(&m->net, &t->ps, "motion.", net, err);
 }
 
+/* The discriminator and its terms, behind all others. */
+static int avatar_task_add_discriminator(struct task *t, struct error *err)
+{
+    const struct train_config *c = t->config;
+    struct impl *m = t->impl;
+
+    if (c->adversarial == 0)
+        return 0;
+    if (discriminator_init(&m->discriminator, (size_t)c->image,
+                           (uint64_t)c->seed, err))
+        return -1;
+    t->opponent = &m->discriminator.ps;
+    t->opponent_from = (uint64_t)c->adversarial_from;
+    t->opponent_rate = c->adversarial_rate;
+    t->part_name[t->nparts++] = "adversarial";
+    t->nwatched = DISCRIMINATOR_TERMS;
+    memcpy(t->part_name + t->nparts, discriminator_term_name,
+           sizeof discriminator_term_name);
+    return 0;
+}
+
 /* The model's configuration, the shipped one by default. */
 static int avatar_task_config(struct avatar_config *model,
                               const struct train_config *c, struct error *err)
@@ -474,6 +523,7 @@ int task_avatar_init(struct task *t, struct error *err)
         avatar_system_init(&m->tr, &t->ps, &model, t->head, err) ||
         (c->stage == STAGE_ALL &&
          avatar_task_add_motion(t, model.motion_net, err)) ||
+        avatar_task_add_discriminator(t, err) ||
         params_allocate(&t->ps, err) || params_allocate_gradients(&t->ps, err))
         return -1;
     params_randomise(&t->ps, (uint64_t)c->seed);

@@ -54,6 +54,71 @@ train() {
         print $2, $(n + 2); if (d > 3e-4) bad = 1 } END { exit bad }'
 }
 
+# small_avatar LOSSES: a configuration of stage avatar, its losses added to
+small_avatar() {
+    cat <<J
+{"stage":"avatar","steps":5,"batch":2,"micro":1,"rate":1e-3,"pool":2,
+ "people_per_step":0.5,"checkpoint_every":1,"log_every":1,"image":64,
+ "targets":1,"loss":{"silhouette":1$1},
+ "model":{"size":64,"plane":16,"mouth":4,"channels":8,"feature":8,
+  "backbone":{"type":"small","width":4},"init":{"width":8},
+  "static":{"width":8},"dynamic":{"width":8,"head":8,"vertex":8},
+  "mouth_decoder":{"width":8},"rgb_skip":true,
+  "refiner":{"type":"narrow","width":16}}}
+J
+}
+
+@test "a discriminator joins late, goes on to the same bytes, and ships nowhere" {
+    cd "$BATS_TEST_TMPDIR"
+    spid-synth --people 3 --frames 2 --size 64 --seed 7 -q -o p.spid
+    small_avatar ',"adversarial":0.1,"adversarial_from":2' >with.json
+    small_avatar '' >without.json
+    train -q -c with.json -o whole p.spid
+    for steps in 1 3 4 5; do
+        train -q -c with.json -o cut --steps $steps p.spid
+    done
+    cmp whole/checkpoint.safetensors cut/checkpoint.safetensors
+    cmp whole/model.safetensors cut/model.safetensors
+    cmp <(cut -f 1-14 whole/log.tsv) <(cut -f 1-14 cut/log.tsv)
+    # no verdict before its step; then what is learned differs
+    awk -F '\t' 'NR == 1 { for (i = 1; $i != "adversarial"; i++);
+            if ($(i + 1) != "hinge" || $(i + 2) != "penalty") exit 1 }
+        NR > 1 && NR < 4 && ($i || $(i + 1) || $(i + 2)) { exit 1 }
+        NR > 3 && !($i && $(i + 1) > 0 && $(i + 2) > 0) { exit 1 }' \
+        whole/log.tsv
+    train -q -c with.json -o early --steps 2 p.spid
+    train -q -c without.json -o none --steps 2 p.spid
+    cmp early/model.safetensors none/model.safetensors
+    train -q -c without.json -o none p.spid
+    run cmp -s whole/model.safetensors none/model.safetensors
+    [ "$status" = 1 ]
+    # its tensors are in the checkpoint alone
+    grep -q opponent.w whole/checkpoint.safetensors
+    [ "$(cat whole/model.safetensors none/checkpoint.safetensors |
+        grep -Ec 'opponent|discriminator')" = 0 ]
+    [ "$(grep -c hinge none/log.tsv)" = 0 ]
+    run train -q -c without.json -o cut p.spid
+    [ "$status" = 78 ]
+    [[ $output == *another\ configuration* ]]
+}
+
+@test "two processes teach one discriminator" {
+    command -v mpirun || skip "no mpirun"
+    ldd "$(command -v spid-train)" | grep -q libmpi || skip "built without MPI"
+    cd "$BATS_TEST_TMPDIR"
+    spid-synth --people 3 --frames 2 --size 64 --seed 7 -q -o p.spid
+    small_avatar ',"adversarial":0.1' | sed 's/1e-3/1e-4/' >with.json
+    train -q -c with.json -o one p.spid
+    export ASAN_OPTIONS=$ASAN_OPTIONS:detect_leaks=0
+    mpirun --allow-run-as-root --oversubscribe -n 2 spid-train --head "$HEAD" \
+        -q -c with.json -o two p.spid
+    # all columns but the last, the time
+    paste one/log.tsv two/log.tsv | awk 'NR > 1 { n = NF / 2
+        for (i = 2; i < n; i++) { d = $i - $(n + i); if (d < 0) d = -d
+            if (d > 1e-6 + 3e-4 * ($i < 0 ? -$i : $i)) {
+                print i, $i, $(n + i); bad = 1 } } } END { exit bad }'
+}
+
 @test "people may have the shapes that E_beta sees" {
     local model=$TOP/examples/model/model.safetensors
     train -q -c "$DIR/m.json" -o "$DIR/true" --steps 1 "$DIR/p.spid"
