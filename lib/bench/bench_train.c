@@ -240,7 +240,7 @@ static int bench_encoder(struct course *c, struct error *err)
 static int bench_train_open(struct course *c, struct error *err)
 {
     static const char losses[] = "{\"stage\":\"all\",\"batch\":2,\"micro\":1}";
-    struct nn_options train = {NN_TRAIN, NN_F32}, fixed = {NN_FROZEN, NN_F32};
+    struct nn_options train = {NN_TRAIN, NN_BF16}, fixed = {NN_FROZEN, NN_BF16};
     struct avatar_config model;
 
     avatar_config_shipped(&model);
