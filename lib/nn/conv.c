@@ -293,6 +293,16 @@ static void conv_pad_axis(size_t *before, size_t *after, size_t *out,
     }
 }
 
+/* The weights' gradient by our products, or by oneDNN's. */
+static void conv_plan_backward_weights(struct conv *c,
+                                       const struct conv_shape *s)
+{
+    if (wgrad_wanted(c))
+        wgrad_plan(&c->impl->wgrad, c, s);
+    else
+        conv_onednn_plan_backward_weights(c, s);
+}
+
 void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
                size_t w)
 {
@@ -332,7 +342,7 @@ void conv_plan(struct conv *c, struct nn_plan *p, size_t batch, size_t h,
         if (!c->no_din && !conv_pointwise(c))
             conv_onednn_plan_backward_data(c, &s);
         if (!conv_pointwise(c) && !c->ps->tensor[c->weight].frozen)
-            conv_onednn_plan_backward_weights(c, &s);
+            conv_plan_backward_weights(c, &s);
     }
 }
 
@@ -447,6 +457,20 @@ void conv_forward(float *out, const float *in, struct conv *c)
     c->impl->method->forward(out, in, c);
 }
 
+/* dw (out,in_data,k,k) += the weights' gradient. */
+static void conv_add_gradient(float *dw, const float *dout, const float *in,
+                              struct conv *c)
+{
+    if (c->impl->wgrad.dw) {
+        wgrad_add(dw, dout, in, &c->impl->wgrad);
+        return;
+    }
+    assert(c->impl->parts);      /* frozen when it was planned, now no more */
+    const float *sum = conv_onednn_backward_weights(dout, in, c);
+
+    conv_onednn_reorder(&c->impl->add_dw, dw, sum, c);
+}
+
 /* The weights' gradient, added to ps->g in the checkpoint's layout. */
 static void conv_backward_weights(struct conv *c, const float *dout,
                                   const float *in)
@@ -454,16 +478,13 @@ static void conv_backward_weights(struct conv *c, const float *dout,
     struct conv_impl *im = c->impl;
     float *g = param_g(c->ps, c->weight);
 
-    assert(im->parts);           /* frozen when it was planned, now no more */
-    const float *sum = conv_onednn_backward_weights(dout, in, c);
-
     if (c->in_data == c->in && !c->shuffle) {
-        conv_onednn_reorder(&im->add_dw, g, sum, c);
+        conv_add_gradient(g, dout, in, c);
         return;
     }
     size_t taps = c->kernel * c->kernel;
     memset(im->stage, 0, conv_weight_count(c) * sizeof *im->stage);
-    conv_onednn_reorder(&im->add_dw, im->stage, sum, c);
+    conv_add_gradient(im->stage, dout, in, c);
     if (c->shuffle)
         conv_shuffle_weights(c, g, true);
     for (size_t o = 0; o < c->out && !c->shuffle; o++)

@@ -9,6 +9,7 @@
 #include "lib/nn/int8.h"
 #include "lib/nn/pointwise.h"
 #include "lib/nn/small_linear.h"
+#include "lib/nn/wgrad.h"
 #include "lib/nn/winograd.h"
 
 /* A convolution of n images h x w, padded, to oh x ow. */
@@ -42,6 +43,7 @@ struct conv_impl {
         struct pointwise pointwise;
         struct int8 int8;
     };
+    struct wgrad wgrad;          /* its dw is NULL where oneDNN's is used */
     /* oneDNN's */
     dnnl_data_type_t input, weights;     /* what it multiplies */
     struct nn_call fwd, bwd_data, to_fwd, to_bwd, add_dw;

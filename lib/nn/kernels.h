@@ -22,6 +22,7 @@ struct depthwise;
 struct fused_stem_rows;
 struct max_pool;
 struct rescale;
+struct wgrad;
 struct winograd;
 
 /* Result type, name, arguments. */
@@ -123,6 +124,9 @@ struct winograd;
     X(void, pointwise_weights, (float *dw, const float *dout,                \
                                 const float *in, uint32_t *pairs, size_t M,  \
                                 size_t out, size_t channels))                \
+    X(void, wgrad_rows, (float *dw, const float *dout, const float *in,      \
+                         uint32_t *room, const struct wgrad *g, size_t y,    \
+                         size_t rows))                                       \
     X(void, softmax, (float *p, size_t rows, size_t n, size_t ld,            \
                       float scale))                                          \
     X(void, max_pool_row, (float *out, float *which, const float *in,        \

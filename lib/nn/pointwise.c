@@ -6,7 +6,7 @@
 
 #include "lib/nn/conv.h"
 #include "lib/nn/kernels.h"
-#include "lib/nn/pointwise_kernel.h"
+#include "lib/nn/pairs_size.h"
 
 bool pointwise_wanted(const struct conv *c)
 {
@@ -20,7 +20,7 @@ bool pointwise_wanted(const struct conv *c)
 /* n up to whole panels. */
 static size_t pointwise_panels(size_t n)
 {
-    return (n + POINTWISE_PANEL - 1) / POINTWISE_PANEL * POINTWISE_PANEL;
+    return (n + PAIRS_PANEL - 1) / PAIRS_PANEL * PAIRS_PANEL;
 }
 
 void pointwise_plan(struct pointwise *t, const struct conv *c,
@@ -33,12 +33,12 @@ void pointwise_plan(struct pointwise *t, const struct conv *c,
     t->rows = c->batch * c->h * c->w;
     t->in = in;
     t->out = out;
-    t->band = 8 * POINTWISE_ROWS;
+    t->band = 8 * PAIRS_ROWS;
     t->forward = nn_plan_bytes(p, in / 2 * pointwise_panels(out) * 4);
     t->back = nn_plan_bytes(p, out / 2 * wide * 4);
     t->dw = nn_plan_floats(p, NN_PARTS * out * wide);
-    t->half_size = (POINTWISE_ROWS * most * 2 + 63) / 64 * 64;
-    t->pairs_size = ((pointwise_panels(out) + wide) * R + POINTWISE_ROWS) * 4;
+    t->half_size = (PAIRS_ROWS * most * 2 + 63) / 64 * 64;
+    t->pairs_size = ((pointwise_panels(out) + wide) * R + PAIRS_ROWS) * 4;
     t->pairs_size = (t->pairs_size + 63) / 64 * 64;
     nn_plan_scratch(p, t->half_size * (size_t)omp_get_max_threads());
     nn_plan_scratch(p, t->pairs_size * NN_PARTS);

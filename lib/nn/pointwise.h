@@ -9,6 +9,8 @@
 
 #include "lib/nn/plan.h"
 
+#define POINTWISE_PAIRS 64   /* pairs of rows summed before they are stored */
+
 struct conv;
 
 struct pointwise {

@@ -44,6 +44,11 @@ static const struct shape shapes[] = {
     { 1, 33, 16, 80, 33, 3, 1, CONV_SAME, ACT_NONE, HALVES },
     { 3, 15, 7, 54, 30, 1, 1, CONV_HALF, ACT_NONE, HALVES },
     { 1, 1, 1, 8, 72, 1, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 1, 331, 1, 27, 40, 1, 1, CONV_HALF, ACT_NONE, HALVES },   /* strips */
+    { 2, 150, 1, 12, 9, 1, 1, CONV_HALF, ACT_NONE, HALVES },
+    { 2, 46, 150, 33, 17, 3, 1, CONV_HALF, ACT_NONE, HALVES },  /* chunks */
+    { 1, 34, 62, 12, 16, 2, 2, CONV_NONE, ACT_NONE, HALVES },
+    { 1, 40, 41, 48, 50, 5, 2, CONV_SAME, ACT_NONE, HALVES },
     { 2, 13, 10, 20, 20, 3, 1, CONV_HALF, ACT_NONE, DEPTHWISE },
     { 1, 15, 9, 24, 24, 5, 2, CONV_HALF, ACT_NONE, DEPTHWISE },
     { 4, 7, 7, 40, 40, 5, 1, CONV_SAME, ACT_NONE, DEPTHWISE },
